@@ -1,0 +1,26 @@
+# Debian 12's packages, found once. Targets of ours link them by their imported names.
+
+find_package(absl CONFIG REQUIRED)
+find_package(OpenSSL REQUIRED)
+find_package(nlohmann_json CONFIG REQUIRED)
+find_package(Threads REQUIRED)
+find_package(TBB CONFIG REQUIRED)
+find_package(zstd CONFIG REQUIRED)
+find_package(SQLite3 REQUIRED)
+find_package(TinyGLTF CONFIG REQUIRED)
+find_package(draco CONFIG REQUIRED)
+find_package(meshoptimizer CONFIG REQUIRED)
+find_package(CLI11 CONFIG REQUIRED)
+find_package(spdlog CONFIG REQUIRED)
+
+# OpenImageIO's package names an OpenCV include folder that need not exist.
+find_package(OpenImageIO CONFIG REQUIRED)
+foreach(target OpenImageIO::OpenImageIO OpenImageIO::OpenImageIO_Util)
+  set_target_properties(${target} PROPERTIES INTERFACE_INCLUDE_DIRECTORIES /usr/include)
+endforeach()
+
+if(TESSERA_WITH_GRPC)
+  find_package(Protobuf REQUIRED)  # CMake's module: Debian ships no protobuf-config.cmake
+  find_package(gRPC CONFIG REQUIRED)
+  find_program(GRPC_CPP_PLUGIN grpc_cpp_plugin REQUIRED)
+endif()

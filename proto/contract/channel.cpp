@@ -1,0 +1,53 @@
+#include "proto/contract/channel.h"
+
+#include <grpcpp/create_channel.h>
+#include <grpcpp/security/credentials.h>
+
+#include "absl/status/status.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+
+namespace tessera::contract {
+namespace {
+
+std::string host_of(const std::string& address) {
+  if (absl::StartsWith(address, "[")) return address.substr(0, address.find(']') + 1);
+  return address.substr(0, address.rfind(':'));
+}
+
+}  // namespace
+
+bool is_local_address(const std::string& address) {
+  if (absl::StartsWith(address, "unix:")) return true;
+  const std::string host = host_of(address);
+  if (host == "localhost" || host == "[::1]") return true;
+  // 127.0.0.0/8 in digits; a name such as 127.example is not an address.
+  return absl::StartsWith(host, "127.") &&
+         host.find_first_not_of("0123456789.") == std::string::npos;
+}
+
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address) {
+  if (!is_local_address(address)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "server address ", address,
+        " is not on this machine; this version talks over Unix sockets and loopback only"));
+  }
+  grpc::ChannelArguments arguments;
+  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
+  arguments.SetMaxSendMessageSize(kMaxMessageBytes);
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 100);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);
+  // Channels of one process share connections unless told otherwise; a worker wants its own.
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+}
+
+void prepare_call(grpc::ClientContext& context, const std::string& token,
+                  std::chrono::milliseconds timeout) {
+  if (timeout.count() > 0) context.set_deadline(std::chrono::system_clock::now() + timeout);
+  if (!token.empty()) context.AddMetadata(kTokenKey, token);
+}
+
+}  // namespace tessera::contract

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+namespace tessera::contract {
+
+/// One pass of the schedule: samples [first_sample, first_sample + sample_count) of every pixel.
+struct Pass {
+  std::int32_t first_sample = 0, sample_count = 0;
+  bool operator==(const Pass&) const = default;
+};
+
+/// `spp` rounded up to whole rounds of the replicates. Requires 1 <= spp <= kMaxSpp.
+std::int32_t rounded_spp(std::int32_t spp);
+
+inline constexpr std::int32_t kMaxSpp = 1 << 20;
+
+/// The passes of a fixed sample count: 8 for a preview, then up to 64, then up to 512 in all, then
+/// 512 at a time; the last is cut. A function of the sample setting alone: blocks are rounded per
+/// pass, so this decides bits. Few passes keep a job under half a megabyte shipped per core second
+/// (farm.md, section 10). Requires 1 <= spp <= kMaxSpp.
+std::vector<Pass> fixed_schedule(std::int32_t spp);
+
+}  // namespace tessera::contract

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <compare>
+#include <cstdint>
+
+namespace tessera::contract {
+
+/// The key of a unit of work within its job; results commit by it.
+struct Unit {
+  std::int32_t frame = 0;  // frame number
+  std::int32_t tile = 0;   // index along the curve
+  std::int32_t pass = 0;
+  auto operator<=>(const Unit&) const = default;
+};
+
+}  // namespace tessera::contract

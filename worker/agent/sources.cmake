@@ -1,0 +1,1 @@
+# tessera-worker and its agent: the only worker code that includes grpcpp.

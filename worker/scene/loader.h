@@ -1,0 +1,57 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "proto/contract/render_settings.h"
+#include "worker/scene/scene.h"
+
+namespace tessera::render {
+
+/// Where a scene's bytes come from. The loader opens nothing itself: `inspect` reads a folder,
+/// the renderer reads the descriptors it was given.
+class ResourceReader {
+ public:
+  virtual ~ResourceReader() = default;
+  /// The bytes named by `uri`, as written in the glTF file (percent-decoded), valid as long as
+  /// the reader lives. Errors: NotFound, PermissionDenied (a path that leaves the scene's folder).
+  virtual absl::StatusOr<std::span<const std::byte>> read(std::string_view uri) = 0;
+};
+
+/// One thing wrong with, or notable about, a file.
+struct Problem {
+  enum class Severity { error, warning, note };
+  Severity severity = Severity::error;
+  std::string element;  // e.g. "accessors[12]", "extensionsRequired"; empty: the file
+  std::string message;  // fault, value, and what to do
+};
+
+/// A parsed glTF file and its sky, decoded and checked, not yet posed at a time.
+class SceneFile {
+ public:
+  virtual ~SceneFile() = default;
+  /// Warnings and notes met so far; errors are returned as statuses.
+  virtual const std::vector<Problem>& problems() const = 0;
+  /// URIs of all resources the file names (buffers, images), in order, without data URIs.
+  virtual const std::vector<std::string>& resources() const = 0;
+  /// The scene at frame `frame` of `settings` (time frame / fps), with its camera, variant and
+  /// environment. Errors: InvalidArgument naming file, element and fault.
+  virtual absl::StatusOr<Scene> pose(const contract::RenderSettings& settings,
+                                     std::int32_t frame) const = 0;
+};
+
+/// Reads `uri` (.gltf or .glb, told by content) and everything it needs; `settings.environment`
+/// is read through the same reader. Every input is hostile: limits of farm.md, section 9.
+///
+/// Errors: InvalidArgument or Unimplemented (an unknown required extension) or NotFound, as
+/// "FILE: ELEMENT: FAULT".
+absl::StatusOr<std::unique_ptr<SceneFile>> load_scene_file(std::string_view uri,
+                                                           const contract::RenderSettings& settings,
+                                                           ResourceReader& reader);
+
+}  // namespace tessera::render

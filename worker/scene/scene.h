@@ -1,0 +1,168 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "worker/math/transform.h"
+#include "worker/math/vector.h"
+
+namespace tessera::render {
+
+/// A frame's scene: plain data, everything decoded, posed at one time and recentred. Made by
+/// scene/loader.h; read by accel/, light/, shading/ and render/, which never see glTF.
+
+inline constexpr std::int32_t kNone = -1;
+
+/// Decoded pixels, row-major from the top, level 0 only.
+struct Image {
+  enum class Storage : std::uint8_t {
+    u8,   // 8-bit codes; sRGB or linear is the reader's business (TextureRef::srgb)
+    u16,  // 16-bit codes
+    f32,  // linear floats
+  };
+  std::string name;  // URI or image index, for messages
+  std::int32_t width = 0, height = 0;
+  std::int32_t channels =
+      0;  // 1 to 4; fewer than 4: missing G, B repeat as the decoder says, A is 1
+  Storage storage = Storage::u8;
+  std::vector<std::uint8_t> u8;
+  std::vector<std::uint16_t> u16;
+  std::vector<float> f32;
+};
+
+enum class Wrap : std::uint8_t { repeat, clamp, mirror };
+
+/// An image with its sampler.
+struct Texture {
+  std::int32_t image = kNone;
+  Wrap wrap_u = Wrap::repeat, wrap_v = Wrap::repeat;
+  bool nearest = false;  // magnification filter NEAREST; else bilinear
+};
+
+/// How a material reads a texture. uv' = matrix * (u, v, 1) (KHR_texture_transform).
+struct TextureRef {
+  std::int32_t texture = kNone;
+  std::int32_t uv_set = 0;  // 0 or 1
+  bool srgb = false;        // decode sRGB codes to linear before filtering
+  bool has_transform = false;
+  std::array<float, 6> uv_matrix = {1, 0, 0, 0, 1, 0};  // rows of a 2x3
+
+  explicit operator bool() const { return texture != kNone; }
+};
+
+enum class AlphaMode : std::uint8_t { opaque, mask, blend };
+
+/// A glTF material with its extensions folded in; factors multiply textures as the
+/// specification says. Further extensions add members here and a bit in scene/needs.h.
+struct Material {
+  std::string name;
+
+  bool specular_glossiness = false;  // KHR_materials_pbrSpecularGlossiness instead of metal-rough
+  Vec4f base_color = {1, 1, 1, 1};   // or diffuse factor
+  TextureRef base_color_texture;     // sRGB; or diffuse texture
+  float metallic = 1, roughness = 1;
+  TextureRef metallic_roughness_texture;  // B metallic, G roughness
+  Vec3f specular_f0 = {1, 1, 1};          // specular-glossiness only
+  float glossiness = 1;
+  TextureRef specular_glossiness_texture;  // RGB (sRGB) specular, A glossiness
+
+  TextureRef normal_texture;
+  float normal_scale = 1;
+  Vec3f emission;               // nits: emissiveFactor * KHR_materials_emissive_strength
+  TextureRef emissive_texture;  // sRGB
+
+  AlphaMode alpha_mode = AlphaMode::opaque;
+  float alpha_cutoff = 0.5f;
+  bool double_sided = false;
+  bool unlit = false;
+
+  float ior = 1.5f;  // 0 means F = 1 (KHR_materials_ior)
+  float specular = 1;
+  TextureRef specular_texture;  // A
+  Vec3f specular_color = {1, 1, 1};
+  TextureRef specular_color_texture;  // sRGB
+
+  float transmission = 0;
+  TextureRef transmission_texture;  // R
+  bool has_volume = false;          // thicknessFactor > 0: a solid, not a thin sheet
+  Vec3f attenuation_color = {1, 1, 1};
+  float attenuation_distance = std::numeric_limits<float>::infinity();  // metres
+};
+
+/// One glTF primitive, as triangles. Optional arrays are empty or as long as `positions`.
+struct Primitive {
+  std::vector<Vec3f> positions;                         // object space; finite, |x| <= 1e18
+  std::vector<std::array<std::uint32_t, 3>> triangles;  // indices in range
+  std::vector<Vec3f> normals;                           // unit; empty: flat shading
+  std::vector<Vec4f> tangents;                          // only if a normal map needs them; w = +-1
+  std::array<std::vector<Vec2f>, 2> uv;                 // only the sets the material reads
+  std::vector<Vec4f> colors;                            // linear COLOR_0
+  std::int32_t material = 0;                            // index into Scene::materials, always valid
+  std::int32_t id = 0;                                  // index of the primitive in its glTF mesh
+};
+
+/// One glTF mesh, or one skinned or morphed copy of it.
+struct Mesh {
+  std::string name;
+  std::vector<Primitive> primitives;
+};
+
+/// A placed mesh. The index in Scene::instances is the instance id of "One hit": nodes in
+/// depth-first order, then the index within EXT_mesh_gpu_instancing.
+struct Instance {
+  std::int32_t mesh = 0;
+  std::int32_t node = 0;       // glTF node index
+  Affine3d object_to_world;    // world is recentred: metres minus Scene::center
+  Affine3d world_to_object;    // its exact-as-possible inverse; singular nodes are dropped at load
+  bool flips_winding = false;  // negative determinant
+};
+
+struct PunctualLight {
+  enum class Kind : std::uint8_t { point, spot, directional };
+  Kind kind = Kind::point;
+  std::string name;
+  std::int32_t node = 0;
+  Vec3f intensity;               // colour * intensity: candela, or lux for directional lights
+  Vec3d position;                // recentred world
+  Vec3f direction = {0, 0, -1};  // unit, the way light travels, world
+  float range = std::numeric_limits<float>::infinity();  // metres
+  float cos_inner = 1, cos_outer = 0.70710678f;          // spot cone
+};
+
+struct Camera {
+  enum class Kind : std::uint8_t { perspective, orthographic };
+  Kind kind = Kind::perspective;
+  std::string name;
+  double yfov = 0.69813170079773184;  // radians, full vertical angle (perspective)
+  double ymag = 1;                    // half height, metres (orthographic)
+  double znear = 0;                   // metres; nothing nearer is seen
+  double zfar = std::numeric_limits<double>::infinity();
+  Affine3d camera_to_world;  // recentred; orthonormal axes; looks down -Z, +Y up
+};
+
+/// The sky, latitude-longitude, linear (design.md, "Environment").
+struct Environment {
+  std::int32_t image = kNone;  // index into Scene::images (f32); kNone: constant
+  Vec3f constant;              // radiance when there is no image
+  double rotation_degrees = 0;
+  float strength = 1;
+};
+
+struct Scene {
+  std::vector<Image> images;
+  std::vector<Texture> textures;
+  std::vector<Material> materials;  // at least one: glTF's default material is last
+  std::vector<Mesh> meshes;
+  std::vector<Instance> instances;
+  std::vector<PunctualLight> lights;
+  Camera camera;
+  bool has_environment = false;  // lights the scene, whether camera rays see it or not
+  Environment environment;
+  Vec3d center;                  // added back to recentred positions in AOVs
+  Vec3d bounds_min, bounds_max;  // recentred world box of all instances
+};
+
+}  // namespace tessera::render
