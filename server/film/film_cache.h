@@ -1,0 +1,123 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <list>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "proto/contract/film_block.h"
+#include "proto/contract/render_settings.h"
+#include "proto/contract/tile_grid.h"
+#include "server/film/merge.h"
+
+namespace tessera::server {
+
+/// One frame of one job.
+struct FrameKey {
+  std::string job_id;
+  std::int32_t frame = 0;
+  auto operator<=>(const FrameKey&) const = default;
+};
+
+/// Reads a committed block back: (tile, pass) of the frame it was made for.
+using BlockReader =
+    std::function<absl::StatusOr<contract::FilmBlock>(std::int32_t tile, std::int32_t pass)>;
+
+/// The film of all open frames: sums per tile as a cache over the committed blocks, which are the
+/// only truth. Memory stays at the budget (least recently used tiles go first, and are rebuilt
+/// through the frame's BlockReader); per tile it keeps the passes' error sums, 48 bytes each.
+///
+/// Thread-safe: one lock of its own around every call. A call may read blocks under it, so do not
+/// call with the coordinator's lock held, and a BlockReader must not call back into the cache.
+class FilmCache {
+ public:
+  /// `budget_bytes`: --film-memory. One tile is held however small it is.
+  explicit FilmCache(std::int64_t budget_bytes);
+
+  /// Begins a frame. `passes` is the job's schedule. Requires that it is not open.
+  void open_frame(const FrameKey& key, const contract::RenderSettings& settings,
+                  std::vector<contract::Pass> passes, BlockReader reader);
+  /// Forgets a frame (finished or cancelled). Harmless if it is not open.
+  void close_frame(const FrameKey& key);
+  bool is_open(const FrameKey& key) const;
+
+  /// Tells of a durably committed block. In any order; repeats are harmless. A block ahead of
+  /// its tile's passes is only noted, and read back once its turn comes.
+  ///
+  /// Errors: NotFound, the frame is not open; InvalidArgument, no such tile or pass, or the block
+  /// has another shape; whatever the BlockReader gives.
+  absl::Status add(const FrameKey& key, std::int32_t tile, std::int32_t pass,
+                   const contract::FilmBlock& block);
+  /// The same after a restart, for a unit of the journal, without reading anything yet.
+  absl::Status note_committed(const FrameKey& key, std::int32_t tile, std::int32_t pass);
+
+  /// m: mean luminance of the frame after pass 0 of every tile, folded in tile order. Reads
+  /// blocks of pass 0 that this process has not seen.
+  ///
+  /// Errors: NotFound; FailedPrecondition, pass 0 of a tile is missing; the BlockReader's.
+  absl::StatusOr<double> mean_luminance(const FrameKey& key);
+
+  /// The sums of a tile over its committed passes 0, 1, … up to the first gap; rebuilt if
+  /// needed. pass_count() is 0 if pass 0 is missing. `tile` leaves it in the cache, `take_tile`
+  /// removes it (for writing a finished frame).
+  absl::StatusOr<TileSum> tile(const FrameKey& key, std::int32_t tile);
+  absl::StatusOr<TileSum> take_tile(const FrameKey& key, std::int32_t tile);
+
+  /// Estimated error of the frame so far, for progress: over the tiles measured, each at its
+  /// newest pass. pixels is 0 before pass 0 of every tile is there. Cheap: reads no blocks.
+  ErrorEstimate running_estimate(const FrameKey& key) const;
+  /// The frame's error had it stopped after `pass`, over the tiles measured at it: the points of
+  /// the report's curve. Complete once every tile was rebuilt or merged with m known.
+  ErrorEstimate estimate_after_pass(const FrameKey& key, std::int32_t pass) const;
+
+  /// Memory of the cached sums.
+  std::int64_t used_bytes() const;
+
+ private:
+  struct Tile {
+    std::vector<bool> committed;                  // by pass
+    std::optional<double> luminance_sum;          // after pass 0
+    std::vector<std::optional<ErrorSums>> error;  // after each pass, once m is known
+  };
+  struct Frame {
+    contract::TileGrid grid;
+    std::uint32_t aovs;
+    std::vector<contract::Pass> passes;
+    BlockReader reader;
+    std::vector<Tile> tiles;
+    std::int32_t tiles_without_luminance;
+    std::optional<double> mean_luminance;
+  };
+  using TileKey = std::pair<FrameKey, std::int32_t>;
+  struct Entry {
+    TileKey key;
+    TileSum sum;
+  };
+  using Entries = std::list<Entry>;  // most recently used first
+
+  absl::StatusOr<Frame*> find(const FrameKey& key, std::int32_t tile, std::int32_t pass);
+  Entry& fetch_entry(const FrameKey& key, Frame& frame, std::int32_t tile);
+  absl::Status advance(Frame& frame, Entry& entry, const contract::FilmBlock* block,
+                       std::int32_t block_pass);
+  void after_pass(Frame& frame, const Entry& entry);
+  void measure_cached(const FrameKey& key, Frame& frame);
+  absl::StatusOr<TileSum> rebuilt(const FrameKey& key, std::int32_t tile, bool keep);
+  void drop_entry(Entries::iterator entry);
+  void evict(const Entry* keep);
+
+  mutable std::mutex mutex_;
+  const std::int64_t budget_bytes_;
+  std::int64_t used_bytes_ = 0;
+  std::map<FrameKey, Frame> frames_;
+  Entries entries_;
+  std::map<TileKey, Entries::iterator> index_;
+};
+
+}  // namespace tessera::server

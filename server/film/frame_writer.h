@@ -1,0 +1,87 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "proto/contract/digest.h"
+#include "proto/contract/render_settings.h"
+#include "server/film/merge.h"
+
+namespace tessera::server {
+
+/// What a frame's file says of itself. No times, no host names: the file is a function of the job.
+struct FrameSpec {
+  contract::RenderSettings settings;
+  std::int32_t frame = 0;
+  std::string job_id;  // attribute only
+  std::string name;    // attribute only
+  /// m, from FilmCache::mean_luminance; nullopt for a partial frame that does not know it.
+  std::optional<double> mean_luminance;
+  /// Write tiles without any pass as transparent black and list them, instead of failing.
+  bool allow_missing = false;
+};
+
+/// The sums of a tile by index. Called once per tile, tile row by tile row from the top.
+using TileReader = std::function<absl::StatusOr<TileSum>(std::int32_t tile)>;
+
+/// The part of a report's frames[] entry that comes from the film.
+struct FrameStatistics {
+  std::int32_t frame = 0, width = 0, height = 0;  // of the window
+  double spp_mean = 0;
+  std::int32_t spp_max = 0;
+  std::int64_t samples = 0;  // over all pixels, dropped ones included
+  std::optional<double> mean_luminance;
+  ErrorEstimate estimated;      // error and error_upper95 mean nothing unless mean_luminance > 0
+  double heavy_tail_share = 0;  // of Σ scaled error, held by the top 0.1 % of pixels (at least 1)
+  double unseen_event_bound = 0;  // 3 / N, N the samples of the tile with fewest
+  std::int64_t dropped_samples = 0;
+  double clamped_energy = 0;
+  std::uint64_t transparency_limit_count = 0;
+  std::int64_t half_overflow_count = 0;  // values held at 65504 in a half file
+};
+
+struct FrameResult {
+  contract::Digest pixels_sha256;  // float32 RGBA, little endian, row by row from the top
+  contract::Digest file_sha256;
+  std::int64_t file_bytes = 0;
+  FrameStatistics statistics;
+  std::vector<contract::PixelRect> missing_tiles;  // frame coordinates; only with allow_missing
+};
+
+/// Writes a frame's window as OpenEXR (one part, scanlines, ZIP) to `path`, which the caller makes
+/// visible under its final name. Works in bands of one row of tiles: memory is a band of all
+/// layers, whatever the frame's height.
+///
+/// Layers: R, G, B, A; albedo.{R,G,B}; normal.{X,Y,Z}; depth.Z; position.{X,Y,Z};
+/// ids.{node,material,primitive} and samples as UINT; stderr.{R,G,B}. With `half`, R, G, B, A,
+/// albedo and normal are half floats, values beyond ±65504 held there and counted; the others stay
+/// 32 bit. displayWindow is the full frame, dataWindow the crop. Equal arguments give equal bytes.
+///
+/// Errors: FailedPrecondition, a tile has no pass and allow_missing is not set; the TileReader's;
+/// Unavailable, the file cannot be written (the message says why). A partly written file is left.
+absl::StatusOr<FrameResult> write_frame(const FrameSpec& spec, const TileReader& read_tile,
+                                        const std::string& path);
+
+/// A point of the curve in a report's frames[] entry.
+struct CurvePoint {
+  double cpu_seconds = 0, wall_seconds = 0;
+  std::int64_t samples = 0;
+  double relmse = 0;
+  std::optional<double> error;
+};
+
+/// The frames[] entry of the report (design.md, section 4) as a JSON object. `file` is the output's
+/// name, `status` DONE for a fixed sample count. `true` is null: no reference is known here, and
+/// truncated_energy is null as it is not measured yet.
+std::string frame_entry_json(const FrameResult& result, const std::string& file,
+                             const std::string& status, const std::vector<CurvePoint>& curve);
+
+/// Warnings for the report about this frame, for people: dropped samples, clamped energy, half
+/// overflow, paths cut at the transparency limit.
+std::vector<std::string> frame_warnings(const FrameStatistics& statistics);
+
+}  // namespace tessera::server

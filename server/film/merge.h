@@ -1,0 +1,109 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "proto/contract/film_block.h"
+#include "proto/contract/pass_schedule.h"
+#include "proto/contract/render_settings.h"
+#include "proto/contract/version.h"
+
+namespace tessera::server {
+
+/// Sums of the film's estimated squared error over some pixels (design.md, section 4, "Report").
+/// Adding is exact bookkeeping only when done in a fixed order: fold tiles in tile order.
+struct ErrorSums {
+  std::int64_t pixels = 0;
+  double squared = 0;   // Σ over pixels, R, G, B of the variance of the mean
+  double relative = 0;  // the same, each term over x̄₋ᵣ² + 0.01
+  double scaled = 0;    // the same, each term over x̄₋ᵣ² + 0.01 m²; 0 without m
+  /// Over pixels: the square of a pixel's scaled sum, for n_eff and the bound.
+  double scaled_squares = 0;
+
+  void add(const ErrorSums& other);
+};
+
+/// Estimated errors of the pixels in some ErrorSums.
+struct ErrorEstimate {
+  double rmse = 0, relmse = 0;
+  double error = 0;          // √mean of the scaled terms: the contract's error
+  double error_upper95 = 0;  // √(mean + 1.645 standard errors of that mean over pixels)
+  double n_eff = 0;          // (Σc)² / Σc² over the pixels' scaled sums c; 0 if all are 0
+  std::int64_t pixels = 0;   // covered by the estimate; 0: there is none
+};
+ErrorEstimate estimate_error(const ErrorSums& sums);
+
+/// Sums of all passes over one tile, in double: the film of farm.md, section 1.
+///
+/// A pure function of the blocks added: passes come in order, each block's floats are widened
+/// exactly and added in pass order. Nothing here depends on when a block arrived.
+class TileSum {
+ public:
+  /// An empty tile. Requires 1 <= width, height <= 256.
+  TileSum(std::int32_t width, std::int32_t height, std::uint32_t aovs);
+
+  /// Adds the block of the next pass, which rendered samples `pass` of every pixel.
+  ///
+  /// Errors: InvalidArgument, the block has another shape, or `pass` does not follow on the
+  /// samples added so far. The tile is unchanged then.
+  absl::Status add(const contract::FilmBlock& block, const contract::Pass& pass);
+
+  std::int32_t width() const { return width_; }
+  std::int32_t height() const { return height_; }
+  std::int64_t pixel_count() const { return std::int64_t{width_} * height_; }
+  std::uint32_t aovs() const { return aovs_; }
+  std::int32_t pass_count() const { return pass_count_; }
+  /// Samples per pixel of the passes so far, dropped ones included.
+  std::int32_t sample_count() const { return sample_count_; }
+  std::int64_t dropped_count() const { return dropped_count_; }
+  double clamped_energy() const { return clamped_energy_; }
+  std::uint64_t transparency_limit_count() const { return transparency_limit_count_; }
+  /// Memory held, about.
+  std::int64_t bytes() const;
+
+  /// Samples of `pixel` (row-major) that count in its mean.
+  std::int32_t kept(std::int64_t pixel) const;
+  /// R, G, B, A: float32 of (double sum ÷ kept samples); zeros where nothing was kept.
+  void rgba(std::int64_t pixel, std::span<float, 4> out) const;
+  /// Standard errors of the pixel's R, G, B from the spread of its replicates; 0 with fewer than
+  /// two replicates.
+  void standard_error(std::int64_t pixel, std::span<float, 3> out) const;
+  /// Albedo or normal: sum over camera hits ÷ hits, 0 without hits. Require their Aov bit.
+  void albedo(std::int64_t pixel, std::span<float, 3> out) const;
+  void normal(std::int64_t pixel, std::span<float, 3> out) const;
+  /// Layers of sample 0; zeros before pass 0. Empty without their Aov bit.
+  const std::vector<float>& depth() const { return depth_; }
+  const std::vector<float>& position() const { return position_; }
+  const std::vector<std::uint32_t>& ids() const { return ids_; }
+
+  /// Sum over pixels of the luminance 0.2126 R + 0.7152 G + 0.0722 B of their means. After pass 0
+  /// of every tile, folded in tile order and divided by the pixels, this gives m.
+  double luminance_sum() const;
+
+  /// Estimated error of the tile by the estimator of design.md, section 4. `mean_luminance` is m,
+  /// >= 0. If `per_pixel` is not null, each pixel's scaled sum is appended to it, row-major.
+  ErrorSums error_sums(double mean_luminance, std::vector<double>* per_pixel = nullptr) const;
+
+ private:
+  /// Samples of replicate `r` of `pixel` that were kept.
+  std::int32_t kept(std::int64_t pixel, int r) const;
+  void over_hits(const std::vector<double>& sums, std::int64_t pixel,
+                 std::span<float, 3> out) const;
+
+  std::int32_t width_, height_;
+  std::uint32_t aovs_;
+  std::int32_t pass_count_ = 0, sample_count_ = 0;
+  std::int64_t dropped_count_ = 0;
+  double clamped_energy_ = 0;
+  std::uint64_t transparency_limit_count_ = 0;
+  std::vector<double> rgb_;    // [pixel][replicate][channel]
+  std::vector<double> alpha_;  // [pixel]
+  std::vector<double> albedo_, normal_, hits_;
+  std::vector<float> depth_, position_;
+  std::vector<std::uint32_t> ids_;
+  std::vector<std::int32_t> dropped_;  // [pixel][replicate]; empty while nothing was dropped
+};
+
+}  // namespace tessera::server
