@@ -1,0 +1,69 @@
+#!/usr/bin/env bash
+# Installs the Debian 12 packages Tessera is built from. Idempotent; asks apt only for what lacks.
+#
+#   deploy/install-deps.sh           all: to build, test, lint and fuzz
+#   deploy/install-deps.sh --build   only what building and running the three programs takes
+#   deploy/install-deps.sh --list    print the names and change nothing
+set -euo pipefail
+
+build_packages=(
+  # Tools.
+  g++ cmake ninja-build ccache pkg-config
+  # Between programs: RPC, digests, compression, journal.
+  libgrpc++-dev libgrpc-dev protobuf-compiler protobuf-compiler-grpc libprotobuf-dev libabsl-dev
+  libssl-dev libzstd-dev libsqlite3-dev
+  # Scenes and images. libopenimageio-dev does not pull in OpenEXR's headers, nor its tools.
+  libtinygltf-dev nlohmann-json3-dev libdraco-dev libmeshoptimizer-dev
+  libopenimageio-dev libopenexr-dev openimageio-tools
+  # Threads, command lines, logs.
+  libtbb-dev libcli11-dev libspdlog-dev
+)
+test_packages=(
+  libgtest-dev libbenchmark-dev
+  clang-14 libclang-rt-14-dev clang-format-14 clang-tidy-14
+  git python3
+)
+
+packages=("${build_packages[@]}" "${test_packages[@]}")
+case "${1:-}" in
+  "") ;;
+  --build) packages=("${build_packages[@]}") ;;
+  --list)
+    printf '%s\n' "${packages[@]}"
+    exit 0
+    ;;
+  *)
+    echo "usage: $0 [--build | --list]" >&2
+    exit 2
+    ;;
+esac
+
+if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
+  echo "install-deps: this script knows Debian's apt only; the packages are:" "${packages[@]}" >&2
+  exit 1
+fi
+
+missing=()
+for package in "${packages[@]}"; do
+  state=$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null || true)
+  [ "$state" = installed ] || missing+=("$package")
+done
+if [ "${#missing[@]}" -eq 0 ]; then
+  echo "install-deps: all ${#packages[@]} packages are installed"
+  exit 0
+fi
+
+as_root=()
+if [ "$(id -u)" -ne 0 ]; then
+  if ! command -v sudo >/dev/null; then
+    echo "install-deps: needs root (or sudo) to install:" "${missing[@]}" >&2
+    exit 1
+  fi
+  as_root=(sudo)
+fi
+
+echo "install-deps: installing ${#missing[@]} packages and what they need:" "${missing[@]}"
+"${as_root[@]}" apt-get update -qq
+"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+  apt-get install -y -qq --no-install-recommends -o Dpkg::Use-Pty=0 "${missing[@]}" </dev/null >/dev/null
+echo "install-deps: done"

@@ -1,0 +1,38 @@
+#!/usr/bin/env bash
+# From a clean clone to a picture: installs what is missing, builds Release, renders on a farm of
+# two workers on this machine, and says where the result is.
+#
+#   deploy/quickstart.sh [SCENE.gltf|SCENE.glb] [render options]
+#
+# Without a scene: a box of our own with a glass ball. Files go to the current folder as
+# SCENE.exr, SCENE.png and SCENE.report.json. Render options: `tessera render --help`.
+set -euo pipefail
+source_folder=$(cd "$(dirname "$0")/.." && pwd)
+
+scene=$source_folder/tests/scenes/quickstart.gltf
+options=("$@")
+if [ "$#" -gt 0 ] && [ "${1#-}" = "$1" ]; then
+  scene=$1
+  options=("${@:2}")
+elif [ "$#" -eq 0 ]; then
+  options=(--size 960x720 --spp 256)
+fi
+[ -f "$scene" ] || { echo "quickstart: no such scene: $scene" >&2; exit 2; }
+
+"$source_folder/deploy/install-deps.sh" --build
+cmake -S "$source_folder" --preset release -B "$source_folder/build/release" >/dev/null
+cmake --build "$source_folder/build/release"
+
+name=$(basename "${scene%.*}")
+PATH=$source_folder/build/release/bin:$PATH
+tessera render "$scene" --output "$PWD/$name.exr" --report "$PWD/$name.report.json" --workers 2 \
+  "${options[@]}"
+oiiotool "$PWD/$name.exr" --ch R,G,B --clamp:min=0:max=1 --colorconvert linear sRGB -d uint8 \
+  -o "$PWD/$name.png"
+
+# One value of the report, which has a key a line.
+value() { sed -n "s/^ *\"$1\": *\([^,]*\),*$/\1/p" "$PWD/$name.report.json" | head -n 1; }
+echo "image:   $PWD/$name.exr"
+echo "as PNG:  $PWD/$name.png"
+echo "result:  $(value width)x$(value height), $(value spp_mean) samples per pixel," \
+  "estimated error $(value error), $(value wall_seconds) s"

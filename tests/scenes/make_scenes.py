@@ -1,0 +1,335 @@
+#!/usr/bin/env python3
+"""Writes the project's own scenes: tests/scenes/*.gltf, each one file with data URIs.
+
+    make_scenes.py            writes them
+    make_scenes.py --check    exits with 1 if a file differs from what would be written
+
+Only arithmetic decides the bytes: coordinates are rounded to six decimals, so that the last bit
+of a machine's sin() does not show.
+"""
+
+import base64
+import json
+import math
+import struct
+import sys
+import zlib
+from pathlib import Path
+
+FOLDER = Path(__file__).resolve().parent
+FLOAT, UNSIGNED_SHORT = 5126, 5123
+VERTICES, INDICES = 34962, 34963
+
+
+class Gltf:
+    """A glTF document with one buffer that grows as meshes are added."""
+
+    def __init__(self):
+        self.bytes = bytearray()
+        self.doc = {
+            "asset": {"version": "2.0", "generator": "Tessera tests/scenes/make_scenes.py"},
+            "scene": 0,
+            "scenes": [{"nodes": []}],
+            "nodes": [],
+            "meshes": [],
+            "materials": [],
+            "accessors": [],
+            "bufferViews": [],
+            "buffers": [],
+        }
+
+    def add(self, kind, item):
+        """Appends to one of the document's arrays and returns the index."""
+        self.doc.setdefault(kind, []).append(item)
+        return len(self.doc[kind]) - 1
+
+    def view(self, payload, target=None):
+        while len(self.bytes) % 4:
+            self.bytes.append(0)
+        view = {"buffer": 0, "byteOffset": len(self.bytes), "byteLength": len(payload)}
+        if target:
+            view["target"] = target
+        self.bytes += payload
+        return self.add("bufferViews", view)
+
+    def floats(self, rows, kind, bounds=False, target=VERTICES):
+        flat = [value for row in rows for value in row]
+        packed = struct.pack(f"<{len(flat)}f", *flat)
+        accessor = {"bufferView": self.view(packed, target), "componentType": FLOAT,
+                    "count": len(rows), "type": kind}
+        if bounds:
+            exact = struct.unpack(f"<{len(flat)}f", packed)
+            width = len(rows[0])
+            accessor["min"] = [min(exact[k::width]) for k in range(width)]
+            accessor["max"] = [max(exact[k::width]) for k in range(width)]
+        return self.add("accessors", accessor)
+
+    def mesh(self, shape, material):
+        """Adds a mesh of one primitive; `shape` is what quad(), sphere() and torus() return."""
+        positions, normals, uvs, triangles = shape
+        flat = [index for triangle in triangles for index in triangle]
+        primitive = {
+            "attributes": {"POSITION": self.floats(positions, "VEC3", bounds=True),
+                           "NORMAL": self.floats(normals, "VEC3"),
+                           "TEXCOORD_0": self.floats(uvs, "VEC2")},
+            "indices": self.add("accessors", {
+                "bufferView": self.view(struct.pack(f"<{len(flat)}H", *flat), INDICES),
+                "componentType": UNSIGNED_SHORT, "count": len(flat), "type": "SCALAR"}),
+            "material": material,
+        }
+        return self.add("meshes", {"primitives": [primitive]})
+
+    def node(self, **item):
+        index = self.add("nodes", item)
+        self.doc["scenes"][0]["nodes"].append(index)
+        return index
+
+    def texture(self, png):
+        uri = "data:image/png;base64," + base64.b64encode(png).decode()
+        image = self.add("images", {"uri": uri})
+        return self.add("textures", {"source": image})
+
+    def use(self, *extensions):
+        self.doc["extensionsUsed"] = sorted({*self.doc.get("extensionsUsed", []), *extensions})
+
+    def text(self):
+        uri = "data:application/octet-stream;base64," + base64.b64encode(self.bytes).decode()
+        self.doc["buffers"] = [{"uri": uri, "byteLength": len(self.bytes)}]
+        return json.dumps({k: v for k, v in self.doc.items() if v or k == "scene"}, indent=1) + "\n"
+
+
+def rounded(*values):
+    return [round(value, 6) + 0.0 for value in values]
+
+
+def quad(origin, edge_u, edge_v, repeat=1):
+    """A parallelogram; front side towards edge_u x edge_v."""
+    normal = [edge_u[1] * edge_v[2] - edge_u[2] * edge_v[1],
+              edge_u[2] * edge_v[0] - edge_u[0] * edge_v[2],
+              edge_u[0] * edge_v[1] - edge_u[1] * edge_v[0]]
+    length = math.sqrt(sum(x * x for x in normal))
+    normal = rounded(*(x / length for x in normal))
+    corners, uvs = [], []
+    for u, v in ((0, 0), (1, 0), (1, 1), (0, 1)):
+        corners.append(rounded(*(o + u * a + v * b for o, a, b in zip(origin, edge_u, edge_v))))
+        uvs.append([float(u * repeat), float((1 - v) * repeat)])
+    return corners, [normal] * 4, uvs, [(0, 1, 2), (0, 2, 3)]
+
+
+def grid(rows, columns, point):
+    """A closed surface over (u, v) in [0,1]^2; point(u, v) gives position and normal."""
+    positions, normals, uvs = [], [], []
+    for row in range(rows + 1):
+        for column in range(columns + 1):
+            u, v = column / columns, row / rows
+            position, normal = point(u, v)
+            positions.append(rounded(*position))
+            normals.append(rounded(*normal))
+            uvs.append(rounded(u, v))
+    triangles = []
+    for row in range(rows):
+        for column in range(columns):
+            a = row * (columns + 1) + column
+            b = a + columns + 1
+            for triangle in ((a, a + 1, b), (a + 1, b + 1, b)):
+                if len({tuple(positions[i]) for i in triangle}) == 3:  # none of no area at the poles
+                    triangles.append(triangle)
+    return positions, normals, uvs, triangles
+
+
+def sphere(radius, rows):
+    def point(u, v):
+        theta, phi = math.pi * v, 2 * math.pi * u
+        normal = (math.sin(theta) * math.cos(phi), math.cos(theta),
+                  -math.sin(theta) * math.sin(phi))
+        return [radius * x for x in normal], normal
+    return grid(rows, 2 * rows, lambda u, v: flipped(point, u, v))
+
+
+def torus(major, minor, rows):
+    def point(u, v):
+        around, across = 2 * math.pi * u, 2 * math.pi * v
+        normal = (math.cos(across) * math.cos(around), math.sin(across),
+                  math.cos(across) * math.sin(around))
+        centre = (major * math.cos(around), 0, major * math.sin(around))
+        return [c + minor * n for c, n in zip(centre, normal)], normal
+    return grid(rows, 2 * rows, lambda u, v: flipped(point, u, v))
+
+
+def flipped(point, u, v):
+    """Runs v the other way, so that grid()'s triangles wind counter-clockwise seen from outside."""
+    return point(u, 1 - v)
+
+
+def png(width, height, rgb):
+    """An 8-bit PNG of rgb(x, y), without a library."""
+    rows = b"".join(b"\0" + bytes(c for x in range(width) for c in rgb(x, y)) for y in range(height))
+
+    def chunk(kind, payload):
+        return (struct.pack(">I", len(payload)) + kind + payload +
+                struct.pack(">I", zlib.crc32(kind + payload)))
+    return (b"\x89PNG\r\n\x1a\n" +
+            chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2 if len(rgb(0, 0)) == 3 else 6,
+                                       0, 0, 0)) +
+            chunk(b"IDAT", zlib.compress(rows, 9)) + chunk(b"IEND", b""))
+
+
+def mosaic(x, y):
+    """A floor of tesserae: 16 x 16 small stones of 8 x 8 pixels with joints between them."""
+    if x % 8 == 0 or y % 8 == 0:
+        return (58, 54, 50)
+    column, row = x // 8, y // 8
+    ring = int(math.sqrt((column - 7.5) ** 2 + (row - 7.5) ** 2))
+    base = [(196, 88, 56), (222, 202, 164), (46, 92, 122), (222, 202, 164), (150, 160, 110)][ring % 5]
+    shade = 0.82 + 0.18 * ((column * 7 + row * 13 + column * row * 3) % 11) / 10
+    return tuple(int(value * shade) for value in base)
+
+
+def plain(red, green, blue, **more):
+    return {"pbrMetallicRoughness": {"baseColorFactor": [red, green, blue, 1],
+                                     "metallicFactor": 0, "roughnessFactor": 1}, **more}
+
+
+def metal(red, green, blue, roughness):
+    return {"pbrMetallicRoughness": {"baseColorFactor": [red, green, blue, 1],
+                                     "metallicFactor": 1, "roughnessFactor": roughness}}
+
+
+def glass(tint):
+    return {"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 0},
+            "extensions": {"KHR_materials_transmission": {"transmissionFactor": 1},
+                           "KHR_materials_ior": {"ior": 1.5},
+                           "KHR_materials_volume": {"thicknessFactor": 1,
+                                                    "attenuationDistance": 1,
+                                                    "attenuationColor": tint}}}
+
+
+def look_at(eye, target):
+    """Rotation quaternion (x, y, z, w) of a camera that looks from eye to target, up near +Y."""
+    back = [e - t for e, t in zip(eye, target)]
+    length = math.sqrt(sum(x * x for x in back))
+    back = [x / length for x in back]
+    yaw = math.atan2(back[0], back[2])
+    pitch = -math.asin(back[1])
+    sy, cy, sp, cp = math.sin(yaw / 2), math.cos(yaw / 2), math.sin(pitch / 2), math.cos(pitch / 2)
+    return rounded(cy * sp, sy * cp, -sy * sp, cy * cp)
+
+
+def room(gltf, floor):
+    """Five walls of a box 4 x 3 x 4 m, open towards +Z, and a lamp of 1.2 x 1.2 m under its ceiling."""
+    white = gltf.add("materials", plain(0.75, 0.73, 0.7))
+    red = gltf.add("materials", plain(0.62, 0.12, 0.08))
+    blue = gltf.add("materials", plain(0.1, 0.2, 0.5))
+    gltf.use("KHR_materials_emissive_strength")
+    lamp = gltf.add("materials", plain(0, 0, 0, emissiveFactor=[1, 0.86, 0.66], extensions={
+        "KHR_materials_emissive_strength": {"emissiveStrength": 16}}))
+    for shape, material in (
+            (quad((-2, 0, 2), (4, 0, 0), (0, 0, -4)), floor),
+            (quad((-2, 3, -2), (4, 0, 0), (0, 0, 4)), white),
+            (quad((-2, 0, -2), (4, 0, 0), (0, 3, 0)), white),
+            (quad((-2, 0, 2), (0, 0, -4), (0, 3, 0)), red),
+            (quad((2, 0, -2), (0, 0, 4), (0, 3, 0)), blue),
+            (quad((-0.6, 2.99, -0.6), (1.2, 0, 0), (0, 0, 1.2)), lamp)):
+        gltf.node(mesh=gltf.mesh(shape, material))
+
+
+def camera(gltf, eye, target, yfov):
+    index = gltf.add("cameras", {"type": "perspective",
+                                 "perspective": {"yfov": yfov, "znear": 0.01}})
+    gltf.node(camera=index, translation=list(eye), rotation=look_at(eye, target))
+
+
+def quickstart():
+    """The scene of deploy/quickstart.sh: a box with a mosaic floor, a glass ball, metal rings."""
+    gltf = Gltf()
+    texture = gltf.texture(png(128, 128, mosaic))
+    gltf.use("KHR_materials_transmission", "KHR_materials_ior", "KHR_materials_volume")
+    floor = gltf.add("materials", {"pbrMetallicRoughness": {
+        "baseColorTexture": {"index": texture}, "metallicFactor": 0, "roughnessFactor": 0.35}})
+    room(gltf, floor)
+    clear = gltf.add("materials", glass([0.75, 0.95, 0.85]))
+    gold = gltf.add("materials", metal(1.0, 0.72, 0.32, 0.18))
+    steel = gltf.add("materials", metal(0.62, 0.63, 0.65, 0.45))
+    gltf.node(mesh=gltf.mesh(sphere(0.62, 32), clear), translation=[0.85, 0.63, 0.75])
+    gltf.node(mesh=gltf.mesh(torus(0.72, 0.2, 28), gold), translation=[-0.75, 0.93, -0.35],
+              rotation=rounded(0.64, 0.18, 0.05, math.sqrt(1 - 0.64**2 - 0.18**2 - 0.05**2)))
+    gltf.node(mesh=gltf.mesh(sphere(0.36, 20), steel), translation=[-0.85, 0.36, 0.95])
+    camera(gltf, (0, 1.62, 6.6), (0, 1.36, 0), 0.62)
+    return gltf
+
+
+def same_bits():
+    """What same-bits tests render: many features, few triangles."""
+    gltf = Gltf()
+    stripes = gltf.texture(png(16, 16, lambda x, y: (230, 200, 40) if (x // 4) % 2 else (40, 60, 160)))
+    holes = gltf.texture(png(16, 16, lambda x, y: (90, 200, 90, 255 if (x // 4 + y // 4) % 2 else 60)))
+    gltf.use("KHR_materials_transmission", "KHR_materials_ior", "KHR_materials_volume",
+             "KHR_lights_punctual")
+    floor = gltf.add("materials", {"pbrMetallicRoughness": {
+        "baseColorTexture": {"index": stripes}, "metallicFactor": 0, "roughnessFactor": 0.3}})
+    room(gltf, floor)
+    leaf = {"baseColorTexture": {"index": holes}, "metallicFactor": 0, "roughnessFactor": 0.8}
+    mask = gltf.add("materials", {"pbrMetallicRoughness": leaf, "alphaMode": "MASK",
+                                  "alphaCutoff": 0.5, "doubleSided": True})
+    blend = gltf.add("materials", {"pbrMetallicRoughness": leaf, "alphaMode": "BLEND",
+                                   "doubleSided": True})
+    ball = gltf.mesh(sphere(0.5, 8), gltf.add("materials", glass([0.9, 0.6, 0.6])))
+    ring = gltf.mesh(torus(0.5, 0.2, 6), gltf.add("materials", metal(0.9, 0.9, 0.8, 0.25)))
+    gltf.node(mesh=ball, translation=[0.9, 0.55, 0.6])
+    gltf.node(mesh=ring, translation=[-0.8, 1.0, -0.4], rotation=[0.6, 0, 0, 0.8])
+    moving = gltf.node(mesh=ring, translation=[0.2, 0.4, 1.1], scale=[0.5, -0.5, 0.5])
+    gltf.node(mesh=gltf.mesh(quad((-1.6, 0.2, 1.2), (1, 0, 0.2), (0, 1, 0)), mask))
+    gltf.node(mesh=gltf.mesh(quad((0.1, 1.4, 0.2), (1, 0, 0.2), (0, 1, 0)), blend))
+    gltf.doc["extensions"] = {"KHR_lights_punctual": {"lights": [
+        {"type": "point", "intensity": 12, "color": [0.6, 0.8, 1]}]}}
+    gltf.node(translation=[1.2, 2.4, 1.4], extensions={"KHR_lights_punctual": {"light": 0}})
+    times = gltf.floats([[0.0], [1.0]], "SCALAR", bounds=True, target=None)
+    places = gltf.floats([[0.2, 0.4, 1.1], [-0.6, 0.9, 1.1]], "VEC3", target=None)
+    gltf.add("animations", {"name": "hop",
+                            "samplers": [{"input": times, "output": places}],
+                            "channels": [{"sampler": 0,
+                                          "target": {"node": moving, "path": "translation"}}]})
+    camera(gltf, (0, 1.62, 6.6), (0, 1.36, 0), 0.62)
+    return gltf
+
+
+def lit_square():
+    """The smallest scene with a light: one diffuse square under one lamp, for tests of the farm."""
+    gltf = Gltf()
+    grey = gltf.add("materials", plain(0.5, 0.5, 0.5))
+    gltf.node(mesh=gltf.mesh(quad((-1, 0, 1), (2, 0, 0), (0, 0, -2)), grey))
+    gltf.use("KHR_lights_punctual")
+    gltf.doc["extensions"] = {"KHR_lights_punctual": {"lights": [
+        {"type": "point", "intensity": 3}]}}
+    gltf.node(translation=[0, 1, 0], extensions={"KHR_lights_punctual": {"light": 0}})
+    camera(gltf, (0, 3, 0.001), (0, 0, 0), 0.9)
+    return gltf
+
+
+def missing_texture():
+    """lit_square with a texture that is not there: refused before the first unit."""
+    gltf = lit_square()
+    image = gltf.add("images", {"uri": "not-here.png"})
+    texture = gltf.add("textures", {"source": image})
+    gltf.doc["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": texture}
+    return gltf
+
+
+def main():
+    check = "--check" in sys.argv[1:]
+    stale = []
+    for make in (quickstart, same_bits, lit_square, missing_texture):
+        path = FOLDER / f"{make.__name__}.gltf"
+        text = make().text()
+        if check:
+            if not path.exists() or path.read_text() != text:
+                stale.append(path.name)
+        else:
+            path.write_text(text)
+            print(f"{path.name}: {len(text)} bytes")
+    if stale:
+        sys.exit(f"make_scenes.py: not what this script writes: {', '.join(stale)}")
+
+
+if __name__ == "__main__":
+    main()
