@@ -87,8 +87,15 @@ class TileSum {
   ErrorSums error_sums(double mean_luminance, std::vector<double>* per_pixel = nullptr) const;
 
  private:
+  /// Means of one channel of a pixel, one per replicate that kept a sample.
+  struct ReplicateMeans {
+    double value[contract::kReplicates];
+    int count = 0;
+  };
+
   /// Samples of replicate `r` of `pixel` that were kept.
   std::int32_t kept(std::int64_t pixel, int r) const;
+  ReplicateMeans replicate_means(std::int64_t pixel, int channel) const;
   void over_hits(const std::vector<double>& sums, std::int64_t pixel,
                  std::span<float, 3> out) const;
 

@@ -1,0 +1,263 @@
+#include "server/film/merge.h"
+
+#include <cmath>
+#include <limits>
+
+#include "absl/strings/str_cat.h"
+
+namespace tessera::server {
+namespace {
+
+using contract::kReplicates;
+
+constexpr int kChannels = 3;
+constexpr int kRgbPerPixel = kReplicates * kChannels;
+
+std::size_t at(std::int64_t index) {
+  return static_cast<std::size_t>(index);
+}
+
+/// The nearest float, held at the largest finite one: a mean of few kept samples may exceed it.
+float to_float(double value) {
+  constexpr double kLargest = std::numeric_limits<float>::max();
+  if (value > kLargest) value = kLargest;
+  if (value < -kLargest) value = -kLargest;
+  return static_cast<float>(value);
+}
+
+template <typename Sum>
+void add_plane(const std::vector<float>& plane, std::vector<Sum>& sums) {
+  for (std::size_t i = 0; i < plane.size(); ++i) sums[i] += plane[i];
+}
+
+/// Samples [first, first + count) that belong to replicate `r`.
+std::int32_t samples_of_replicate(std::int32_t first, std::int32_t count, int r) {
+  const auto below = [r](std::int32_t end) { return (end + kReplicates - 1 - r) / kReplicates; };
+  return below(first + count) - below(first);
+}
+
+/// Sums over the replicates of one channel: (x_r − x̄)², bare and over the two denominators, each
+/// ÷ R(R−1).
+struct ChannelError {
+  double squared = 0, relative = 0, scaled = 0;
+};
+
+/// Requires at least two means.
+ChannelError channel_error(std::span<const double> means, double floor_scaled) {
+  constexpr double kFloorRelative = 0.01;
+  const auto n = static_cast<double>(means.size());
+  double mean = 0;
+  for (const double value : means) mean += value;
+  mean /= n;
+  ChannelError sums;
+  for (std::size_t i = 0; i < means.size(); ++i) {
+    const double difference = means[i] - mean;
+    const double square = difference * difference;
+    if (square == 0) continue;
+    // The mean of the others: with its own value below it, a firefly divides by itself.
+    double others = 0;
+    for (std::size_t k = 0; k < means.size(); ++k) {
+      if (k != i) others += means[k];
+    }
+    others /= n - 1;
+    sums.squared += square;
+    sums.relative += square / (others * others + kFloorRelative);
+    if (floor_scaled > 0) sums.scaled += square / (others * others + floor_scaled);
+  }
+  const double pairs = n * (n - 1);
+  return {sums.squared / pairs, sums.relative / pairs, sums.scaled / pairs};
+}
+
+}  // namespace
+
+void ErrorSums::add(const ErrorSums& other) {
+  pixels += other.pixels;
+  squared += other.squared;
+  relative += other.relative;
+  scaled += other.scaled;
+  scaled_squares += other.scaled_squares;
+}
+
+ErrorEstimate estimate_error(const ErrorSums& sums) {
+  ErrorEstimate estimate;
+  estimate.pixels = sums.pixels;
+  if (sums.pixels == 0) return estimate;
+  const auto pixels = static_cast<double>(sums.pixels);
+  const double terms = kChannels * pixels;
+  estimate.rmse = std::sqrt(sums.squared / terms);
+  estimate.relmse = sums.relative / terms;
+  const double mean = sums.scaled / terms;
+  estimate.error = std::sqrt(mean);
+  // One look, one sided: the 95 % quantile of the normal distribution. Pixels are independent, as
+  // their scrambles are.
+  constexpr double kQuantile95 = 1.6448536269514722;
+  double standard_error = mean;  // a single pixel says nothing of its spread
+  if (sums.pixels > 1) {
+    const double per_pixel = sums.scaled / pixels;
+    const double spread = sums.scaled_squares / pixels - per_pixel * per_pixel;
+    standard_error = spread > 0 ? std::sqrt(spread / (pixels - 1)) / kChannels : 0;
+  }
+  estimate.error_upper95 = std::sqrt(mean + kQuantile95 * standard_error);
+  if (sums.scaled_squares > 0) estimate.n_eff = sums.scaled * sums.scaled / sums.scaled_squares;
+  return estimate;
+}
+
+TileSum::TileSum(std::int32_t width, std::int32_t height, std::uint32_t aovs)
+    : width_(width), height_(height), aovs_(aovs) {
+  const std::size_t pixels = at(pixel_count());
+  rgb_.resize(kRgbPerPixel * pixels);
+  alpha_.resize(pixels);
+  if (aovs & contract::kAovAlbedo) albedo_.resize(3 * pixels);
+  if (aovs & contract::kAovNormal) normal_.resize(3 * pixels);
+  if (aovs & (contract::kAovAlbedo | contract::kAovNormal)) hits_.resize(pixels);
+  if (aovs & contract::kAovDepth) depth_.resize(pixels);
+  if (aovs & contract::kAovPosition) position_.resize(3 * pixels);
+  if (aovs & contract::kAovIds) ids_.resize(3 * pixels);
+}
+
+absl::Status TileSum::add(const contract::FilmBlock& block, const contract::Pass& pass) {
+  const contract::FilmBlockShape expected{width_, height_, aovs_, pass_count_ == 0};
+  if (block.shape != expected) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("film: a block of ", block.shape.width, "x", block.shape.height, " pixels",
+                     block.shape.first_pass ? ", pass 0," : "", " does not fit a tile of ", width_,
+                     "x", height_, " after ", pass_count_, " passes"));
+  }
+  if (pass.first_sample != sample_count_ || pass.sample_count < 1) {
+    return absl::InvalidArgumentError(absl::StrCat("film: a pass of samples [", pass.first_sample,
+                                                   ", ", pass.first_sample + pass.sample_count,
+                                                   ") does not follow on sample ", sample_count_));
+  }
+  add_plane(block.rgb, rgb_);
+  add_plane(block.alpha, alpha_);
+  add_plane(block.albedo, albedo_);
+  add_plane(block.normal, normal_);
+  add_plane(block.hits, hits_);
+  if (pass_count_ == 0) {
+    depth_ = block.depth;
+    position_ = block.position;
+    ids_ = block.ids;
+  }
+  if (!block.dropped.empty() && dropped_.empty()) {
+    dropped_.resize(kReplicates * at(pixel_count()));
+  }
+  for (const contract::DroppedSamples& entry : block.dropped) {
+    dropped_[std::size_t{entry.pixel} * kReplicates + entry.replicate] +=
+        static_cast<std::int32_t>(entry.count);
+    dropped_count_ += entry.count;
+  }
+  clamped_energy_ += block.clamped_energy;
+  transparency_limit_count_ += block.transparency_limit_count;
+  sample_count_ += pass.sample_count;
+  ++pass_count_;
+  return absl::OkStatus();
+}
+
+std::int64_t TileSum::bytes() const {
+  const std::size_t doubles =
+      rgb_.size() + alpha_.size() + albedo_.size() + normal_.size() + hits_.size();
+  const std::size_t words = depth_.size() + position_.size() + ids_.size() + dropped_.size();
+  return static_cast<std::int64_t>(sizeof *this + 8 * doubles + 4 * words);
+}
+
+std::int32_t TileSum::kept(std::int64_t pixel, int r) const {
+  const std::int32_t scheduled = samples_of_replicate(0, sample_count_, r);
+  return dropped_.empty() ? scheduled : scheduled - dropped_[at(pixel * kReplicates + r)];
+}
+
+std::int32_t TileSum::kept(std::int64_t pixel) const {
+  std::int32_t count = sample_count_;
+  if (dropped_.empty()) return count;
+  for (int r = 0; r < kReplicates; ++r) count -= dropped_[at(pixel * kReplicates + r)];
+  return count;
+}
+
+TileSum::ReplicateMeans TileSum::replicate_means(std::int64_t pixel, int channel) const {
+  ReplicateMeans means;
+  for (int r = 0; r < kReplicates; ++r) {
+    const std::int32_t count = kept(pixel, r);
+    if (count <= 0) continue;
+    means.value[means.count++] = rgb_[at(pixel * kRgbPerPixel + kChannels * r + channel)] / count;
+  }
+  return means;
+}
+
+void TileSum::rgba(std::int64_t pixel, std::span<float, 4> out) const {
+  const std::int32_t count = kept(pixel);
+  if (count <= 0) {
+    for (float& value : out) value = 0;
+    return;
+  }
+  const double* sums = &rgb_[at(pixel * kRgbPerPixel)];
+  for (int channel = 0; channel < kChannels; ++channel) {
+    double sum = 0;
+    for (int r = 0; r < kReplicates; ++r) sum += sums[kChannels * r + channel];
+    out[at(channel)] = to_float(sum / count);
+  }
+  out[3] = to_float(alpha_[at(pixel)] / count);
+}
+
+void TileSum::standard_error(std::int64_t pixel, std::span<float, 3> out) const {
+  for (int channel = 0; channel < kChannels; ++channel) {
+    const ReplicateMeans means = replicate_means(pixel, channel);
+    out[at(channel)] =
+        means.count < 2
+            ? 0.0f
+            : to_float(std::sqrt(channel_error({means.value, at(means.count)}, 0).squared));
+  }
+}
+
+void TileSum::over_hits(const std::vector<double>& sums, std::int64_t pixel,
+                        std::span<float, 3> out) const {
+  const double hits = hits_[at(pixel)];
+  for (std::size_t k = 0; k < 3; ++k) {
+    out[k] = hits > 0 ? to_float(sums[3 * at(pixel) + k] / hits) : 0.0f;
+  }
+}
+
+void TileSum::albedo(std::int64_t pixel, std::span<float, 3> out) const {
+  over_hits(albedo_, pixel, out);
+}
+
+void TileSum::normal(std::int64_t pixel, std::span<float, 3> out) const {
+  over_hits(normal_, pixel, out);
+}
+
+double TileSum::luminance_sum() const {
+  double total = 0;
+  for (std::int64_t pixel = 0; pixel < pixel_count(); ++pixel) {
+    const std::int32_t count = kept(pixel);
+    if (count <= 0) continue;
+    double sum[kChannels] = {};
+    for (int r = 0; r < kReplicates; ++r) {
+      for (int channel = 0; channel < kChannels; ++channel) {
+        sum[channel] += rgb_[at(pixel * kRgbPerPixel + kChannels * r + channel)];
+      }
+    }
+    total += (0.2126 * sum[0] + 0.7152 * sum[1] + 0.0722 * sum[2]) / count;
+  }
+  return total;
+}
+
+ErrorSums TileSum::error_sums(double mean_luminance, std::vector<double>* per_pixel) const {
+  const double floor_scaled = 0.01 * mean_luminance * mean_luminance;
+  ErrorSums sums;
+  sums.pixels = pixel_count();
+  for (std::int64_t pixel = 0; pixel < pixel_count(); ++pixel) {
+    double scaled = 0;
+    for (int channel = 0; channel < kChannels; ++channel) {
+      const ReplicateMeans means = replicate_means(pixel, channel);
+      if (means.count < 2) continue;
+      const ChannelError error = channel_error({means.value, at(means.count)}, floor_scaled);
+      sums.squared += error.squared;
+      sums.relative += error.relative;
+      scaled += error.scaled;
+    }
+    sums.scaled += scaled;
+    sums.scaled_squares += scaled * scaled;
+    if (per_pixel != nullptr) per_pixel->push_back(scaled);
+  }
+  return sums;
+}
+
+}  // namespace tessera::server
