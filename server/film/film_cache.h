@@ -65,8 +65,9 @@ class FilmCache {
   absl::StatusOr<double> mean_luminance(const FrameKey& key);
 
   /// The sums of a tile over its committed passes 0, 1, … up to the first gap; rebuilt if
-  /// needed. pass_count() is 0 if pass 0 is missing. `tile` leaves it in the cache, `take_tile`
-  /// removes it (for writing a finished frame).
+  /// needed. pass_count() is 0 if pass 0 is missing. `tile` leaves it in the cache; `take_tile`
+  /// removes it, for writing a finished frame, and first rebuilds a tile that was not measured
+  /// after each pass because m came later.
   absl::StatusOr<TileSum> tile(const FrameKey& key, std::int32_t tile);
   absl::StatusOr<TileSum> take_tile(const FrameKey& key, std::int32_t tile);
 
@@ -74,7 +75,7 @@ class FilmCache {
   /// newest pass. pixels is 0 before pass 0 of every tile is there. Cheap: reads no blocks.
   ErrorEstimate running_estimate(const FrameKey& key) const;
   /// The frame's error had it stopped after `pass`, over the tiles measured at it: the points of
-  /// the report's curve. Complete once every tile was rebuilt or merged with m known.
+  /// the report's curve. Covers every tile once each has been taken with m known.
   ErrorEstimate estimate_after_pass(const FrameKey& key, std::int32_t pass) const;
 
   /// Memory of the cached sums.
@@ -105,7 +106,8 @@ class FilmCache {
   absl::StatusOr<Frame*> find(const FrameKey& key, std::int32_t tile, std::int32_t pass);
   Entry& fetch_entry(const FrameKey& key, Frame& frame, std::int32_t tile);
   absl::Status advance(Frame& frame, Entry& entry, const contract::FilmBlock* block,
-                       std::int32_t block_pass);
+                       std::int32_t end);
+  bool is_measured(const Frame& frame, const FrameKey& key, std::int32_t tile) const;
   void after_pass(Frame& frame, const Entry& entry);
   void measure_cached(const FrameKey& key, Frame& frame);
   absl::StatusOr<TileSum> rebuilt(const FrameKey& key, std::int32_t tile, bool keep);

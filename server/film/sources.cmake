@@ -2,7 +2,7 @@
 add_library(tessera_film)
 add_library(tessera::film ALIAS tessera_film)
 target_sources(tessera_film
-  PRIVATE film/merge.cpp
+  PRIVATE film/film_cache.cpp film/merge.cpp
   PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
     FILES film/film_cache.h film/frame_writer.h film/image_export.h film/merge.h)
 target_link_libraries(tessera_film PUBLIC tessera::flags tessera::contract absl::status absl::statusor
