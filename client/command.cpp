@@ -1,0 +1,53 @@
+#include "client/command.h"
+
+#include <sys/stat.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <cstdlib>
+
+namespace tessera::client {
+
+void add_connection_options(CLI::App& command, Connection& connection) {
+  command.add_option("--server", connection.server,
+                     "Farm to talk to: unix:PATH or HOST:PORT (TESSERA_SERVER; default: the "
+                     "socket in $XDG_RUNTIME_DIR/tessera, else 127.0.0.1:7420)");
+  command
+      .add_option("--token", connection.token_file,
+                  "File with the farm's token (or put the token itself into TESSERA_TOKEN)")
+      ->type_name("FILE");
+}
+
+std::string default_server() {
+  if (const char* folder = std::getenv("XDG_RUNTIME_DIR"); folder != nullptr && *folder != 0) {
+    const std::string path = std::string(folder) + "/tessera/server.sock";
+    struct stat info {};
+    if (::stat(path.c_str(), &info) == 0 && S_ISSOCK(info.st_mode)) return "unix:" + path;
+  }
+  return "127.0.0.1:7420";
+}
+
+int exit_code(const absl::Status& status) {
+  switch (status.code()) {
+    case absl::StatusCode::kOk:
+      return kExitDone;
+    case absl::StatusCode::kCancelled:
+      return kExitInterrupted;
+    case absl::StatusCode::kInvalidArgument:
+    case absl::StatusCode::kNotFound:
+    case absl::StatusCode::kAlreadyExists:
+    case absl::StatusCode::kFailedPrecondition:
+    case absl::StatusCode::kOutOfRange:
+    case absl::StatusCode::kUnimplemented:
+      return kExitBadInput;
+    default:
+      return kExitUnreachable;
+  }
+}
+
+int fail(const absl::Status& status) {
+  std::fprintf(stderr, "tessera: %s\n", std::string(status.message()).c_str());
+  return exit_code(status);
+}
+
+}  // namespace tessera::client

@@ -1,0 +1,119 @@
+#include "client/job_fate.h"
+
+#include <chrono>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/time.h"
+#include "client/progress.h"
+
+namespace tessera::client {
+namespace {
+
+constexpr std::chrono::milliseconds kWatchInterval{500};
+
+double seconds(const google::protobuf::Duration& span) {
+  return static_cast<double>(span.seconds()) + 1e-9 * span.nanos();
+}
+
+std::string rfc3339(const google::protobuf::Timestamp& moment) {
+  return absl::FormatTime(
+      "%Y-%m-%dT%H:%M:%E3SZ",
+      absl::FromUnixSeconds(moment.seconds()) + absl::Nanoseconds(moment.nanos()),
+      absl::UTCTimeZone());
+}
+
+nlohmann::ordered_json progress_document(const v1::JobProgress& progress) {
+  nlohmann::ordered_json document = {{"units", progress.unit_count()},
+                                     {"units_committed", progress.committed_unit_count()},
+                                     {"units_leased", progress.leased_unit_count()},
+                                     {"frames", progress.frame_count()},
+                                     {"frames_finished", progress.finished_frame_count()},
+                                     {"samples", progress.sample_count()},
+                                     {"samples_committed", progress.committed_sample_count()},
+                                     {"workers", progress.worker_count()},
+                                     {"cpu_seconds", progress.cpu_seconds()},
+                                     {"elapsed_seconds", seconds(progress.elapsed())},
+                                     {"remaining_seconds", nullptr},
+                                     {"estimated_error", nullptr}};
+  if (progress.has_remaining()) document["remaining_seconds"] = seconds(progress.remaining());
+  if (progress.has_estimated_error()) document["estimated_error"] = progress.estimated_error();
+  return document;
+}
+
+}  // namespace
+
+std::string state_name(v1::Job::State state) {
+  switch (state) {
+    case v1::Job::STATE_QUEUED:
+      return "queued";
+    case v1::Job::STATE_RUNNING:
+      return "running";
+    case v1::Job::STATE_PAUSED:
+      return "paused";
+    case v1::Job::STATE_DONE:
+      return "done";
+    case v1::Job::STATE_FAILED:
+      return "failed";
+    case v1::Job::STATE_CANCELLED:
+      return "cancelled";
+    default:
+      return "unknown";
+  }
+}
+
+bool has_ended(const v1::Job& job) {
+  return job.state() == v1::Job::STATE_DONE || job.state() == v1::Job::STATE_FAILED ||
+         job.state() == v1::Job::STATE_CANCELLED;
+}
+
+int fate_of(const v1::Job& job) {
+  return job.state() == v1::Job::STATE_DONE ? kExitDone : kExitJobFailed;
+}
+
+nlohmann::ordered_json job_document(const v1::Job& job) {
+  nlohmann::ordered_json document = {{"schema", "tessera.job/1"},
+                                     {"id", job.id()},
+                                     {"name", job.name()},
+                                     {"owner", job.owner()},
+                                     {"state", state_name(job.state())},
+                                     {"reason", job.reason()},
+                                     {"priority", job.priority()},
+                                     {"max_workers", job.max_worker_count()},
+                                     {"required_tag", job.required_tag()},
+                                     {"created", rfc3339(job.create_time())},
+                                     {"ended", nullptr},
+                                     {"progress", progress_document(job.progress())}};
+  if (job.has_end_time()) document["ended"] = rfc3339(job.end_time());
+  return document;
+}
+
+int watch_to_the_end(FarmClient& client, Interrupts& interrupts, const std::string& job_id,
+                     bool json) {
+  const InterruptAction action(interrupts, [&client] { client.cancel(); });
+  ProgressBar bar;
+  const auto job = client.watch_job(job_id, kWatchInterval, [&](const v1::Job& now) {
+    if (json) {
+      std::printf("%s\n", job_document(now).dump().c_str());
+      std::fflush(stdout);
+    } else {
+      bar.show(now);
+    }
+    return true;
+  });
+  bar.clear();
+  if (absl::IsCancelled(job.status())) {
+    std::fprintf(stderr, "tessera: job %s goes on; `tessera watch %s` follows it again\n",
+                 job_id.c_str(), job_id.c_str());
+    return kExitInterrupted;
+  }
+  if (!job.ok()) return fail(job.status());
+  if (!json) {
+    std::fprintf(stderr, "job %s %s%s%s\n", job_id.c_str(), state_name(job->state()).c_str(),
+                 job->reason().empty() ? "" : ": ", job->reason().c_str());
+  }
+  return fate_of(*job);
+}
+
+}  // namespace tessera::client

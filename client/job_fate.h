@@ -1,0 +1,29 @@
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "client/farm_client.h"
+#include "client/interrupt.h"
+
+namespace tessera::client {
+
+/// "queued", "running", "paused", "done", "failed" or "cancelled".
+std::string state_name(v1::Job::State state);
+
+/// Whether the job is done, failed or cancelled.
+bool has_ended(const v1::Job& job);
+
+/// The exit code an ended job stands for.
+int fate_of(const v1::Job& job);
+
+/// The job as a document, schema tessera.job/1.
+nlohmann::ordered_json job_document(const v1::Job& job);
+
+/// Follows a job to its end on stderr's terminal, or as lines of JSON on stdout. On an interrupt it
+/// says that the job goes on. Returns the exit code.
+int watch_to_the_end(FarmClient& client, Interrupts& interrupts, const std::string& job_id,
+                     bool json);
+
+}  // namespace tessera::client
