@@ -1,0 +1,4 @@
+# Benchmarks: built with the tests, run by hand (each folder has a run.sh).
+if(TESSERA_WITH_GRPC)
+  include(bench/coordinator/sources.cmake)
+endif()

@@ -1,0 +1,90 @@
+/// bench_simulated_workers: simulated workers in a process of their own. Runs until SIGTERM or the
+/// end of stdin, then prints one JSON line of what they did.
+#include <grpcpp/grpcpp.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <cstdio>
+#include <thread>
+#include <vector>
+
+#include "proto/contract/digest.h"
+#include "tests/bench/coordinator/simulated_worker.h"
+
+namespace {
+
+struct Options {
+  std::string server, token, numerics, name = "sim";
+  int workers = 1;
+  int credits = 64;
+};
+
+/// A channel with a connection of its own, as a worker on a machine of its own would have.
+std::shared_ptr<grpc::Channel> own_channel(const std::string& server) {
+  grpc::ChannelArguments arguments;
+  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  return grpc::CreateCustomChannel(server, grpc::InsecureChannelCredentials(), arguments);
+}
+
+int run(const Options& options) {
+  using tessera::bench::SimulatedWorker;
+  const auto numerics = tessera::contract::Digest::from_hex(options.numerics);
+  if (!numerics) {
+    fprintf(stderr, "--numerics: 64 hexadecimal digits\n");
+    return 2;
+  }
+  tessera::bench::Counters counters;
+  tessera::bench::FilmShelf shelf(own_channel(options.server), options.token);
+  std::vector<std::unique_ptr<SimulatedWorker>> workers;
+  for (int i = 0; i < options.workers; ++i) {
+    workers.push_back(std::make_unique<SimulatedWorker>(
+        own_channel(options.server),
+        tessera::bench::SimulatedWorkerOptions{.id = options.name + "-" + std::to_string(i),
+                                               .token = options.token,
+                                               .numerics = numerics->binary(),
+                                               .credits = options.credits},
+        shelf, counters));
+    workers.back()->start();
+  }
+  std::atomic<bool> stop = false;
+  std::thread heartbeats([&] {
+    while (!stop) {
+      std::this_thread::sleep_for(std::chrono::seconds(1));
+      for (auto& worker : workers) worker->send_heartbeat();
+    }
+  });
+  char byte = 0;
+  while (read(STDIN_FILENO, &byte, 1) > 0) {
+  }
+  stop = true;
+  heartbeats.join();
+  printf(
+      "{\"workers\": %d, \"welcomed\": %lld, \"closed\": %lld, \"committed\": %lld, "
+      "\"duplicate\": %lld, \"unwanted\": %lld, \"rejected\": %lld, \"bytes\": %lld, "
+      "\"first_lease_us\": %lld, \"last_commit_us\": %lld}\n",
+      options.workers, static_cast<long long>(counters.welcomed),
+      static_cast<long long>(counters.closed), static_cast<long long>(counters.committed),
+      static_cast<long long>(counters.duplicate), static_cast<long long>(counters.unwanted),
+      static_cast<long long>(counters.rejected), static_cast<long long>(counters.committed_bytes),
+      static_cast<long long>(counters.first_lease_us),
+      static_cast<long long>(counters.last_commit_us));
+  fflush(stdout);
+  _exit(0);  // streams are still open: a worker's crash is part of the protocol
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Options options;
+  CLI::App app("Simulated workers for tests/bench/coordinator.");
+  app.add_option("--server", options.server, "unix:PATH or HOST:PORT")->required();
+  app.add_option("--token", options.token, "the server's token");
+  app.add_option("--numerics", options.numerics, "numerics hash to show")->required();
+  app.add_option("--name", options.name, "start of the workers' ids");
+  app.add_option("--workers", options.workers, "how many");
+  app.add_option("--credits", options.credits, "units in flight, each");
+  CLI11_PARSE(app, argc, argv);
+  return run(options);
+}

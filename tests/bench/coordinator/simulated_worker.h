@@ -1,0 +1,82 @@
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "tessera/v1/worker_service.grpc.pb.h"
+#include "tests/bench/coordinator/simulated_block.h"
+
+namespace tessera::bench {
+
+/// What all simulated workers of a process count together.
+struct Counters {
+  std::atomic<std::int64_t> welcomed = 0, committed = 0, duplicate = 0, unwanted = 0, rejected = 0;
+  std::atomic<std::int64_t> committed_bytes = 0;
+  std::atomic<std::int64_t> first_lease_us = 0, last_commit_us = 0;  // monotonic clock
+  std::atomic<std::int64_t> closed = 0;                              // streams the server ended
+};
+
+/// Films by job id, made when a job is first seen.
+class FilmShelf {
+ public:
+  FilmShelf(std::shared_ptr<grpc::Channel> channel, std::string token);
+  /// Null if the server does not know the job.
+  const SimulatedFilm* film(const std::string& job_id);
+
+ private:
+  std::unique_ptr<v1::WorkerService::Stub> stub_;
+  std::string token_;
+  std::mutex mutex_;
+  std::map<std::string, std::unique_ptr<SimulatedFilm>> films_;
+};
+
+struct SimulatedWorkerOptions {
+  std::string id;
+  std::string token;
+  std::string numerics;  // 32 bytes
+  std::int32_t credits = 64;
+};
+
+/// A worker that renders nothing: it answers each lease at once with fabricated blocks, over a
+/// connection and the two streams of its own.
+class SimulatedWorker {
+ public:
+  SimulatedWorker(std::shared_ptr<grpc::Channel> channel, SimulatedWorkerOptions options,
+                  FilmShelf& shelf, Counters& counters);
+  ~SimulatedWorker();
+  void start();
+  void send_heartbeat();
+
+ private:
+  class WorkStream;
+  class DeliverStream;
+  struct PendingUnit {
+    v1::Lease lease;
+    std::int32_t tile = 0;
+  };
+
+  void on_event(const v1::WorkResponse& event);
+  void on_acknowledgements(const v1::AcknowledgementBatch& batch);
+  bool next_delivery(v1::DeliverRequest& message);  // false: nothing to send now
+
+  std::shared_ptr<grpc::Channel> channel_;
+  std::unique_ptr<v1::WorkerService::Stub> stub_;
+  const SimulatedWorkerOptions options_;
+  FilmShelf& shelf_;
+  Counters& counters_;
+
+  std::mutex mutex_;
+  std::deque<PendingUnit> pending_;
+  std::string open_block_;  // too long for one message; sent up to open_offset_
+  std::size_t open_offset_ = 0;
+  std::unique_ptr<WorkStream> work_;
+  std::unique_ptr<DeliverStream> deliver_;
+};
+
+}  // namespace tessera::bench

@@ -1,0 +1,134 @@
+/// bench_coordinator_job: makes a job for simulated workers, waits for its end, and compares the
+/// hash of the merged pixels with the one that follows from the fabricated blocks.
+#include <grpcpp/grpcpp.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "proto/contract/channel.h"
+#include "proto/contract/digest.h"
+#include "proto/contract/settings_message.h"
+#include "tessera/v1/asset_service.grpc.pb.h"
+#include "tessera/v1/job_service.grpc.pb.h"
+#include "tests/bench/coordinator/simulated_block.h"
+
+namespace {
+
+using tessera::contract::RenderSettings;
+namespace v1 = tessera::v1;
+
+struct Options {
+  std::string server, token;
+  int width = 2048, height = 1024, tile = 8, spp = 8;
+};
+
+bool upload(std::shared_ptr<grpc::Channel> channel, const std::string& token,
+            const std::string& bytes) {
+  grpc::ClientContext context;
+  tessera::contract::prepare_call(context, token, std::chrono::seconds(20));
+  v1::UploadAssetResponse response;
+  auto writer = v1::AssetService::NewStub(channel)->UploadAsset(&context, &response);
+  v1::UploadAssetRequest part;
+  part.mutable_asset()->set_sha256(tessera::contract::sha256(bytes).binary());
+  part.mutable_asset()->set_size_bytes(static_cast<std::int64_t>(bytes.size()));
+  writer->Write(part);
+  part.set_chunk(bytes);
+  writer->Write(part);
+  writer->WritesDone();
+  const grpc::Status status = writer->Finish();
+  if (!status.ok()) fprintf(stderr, "upload: %s\n", status.error_message().c_str());
+  return status.ok();
+}
+
+v1::CreateJobRequest job_request(const RenderSettings& settings, const std::string& scene) {
+  v1::CreateJobRequest request;
+  request.set_request_id("bench-" + std::to_string(getpid()));
+  request.set_name("bench");
+  *request.mutable_settings() = tessera::contract::to_message(settings);
+  request.mutable_manifest()->set_scene_uri("bench.gltf");
+  v1::ManifestEntry& entry = *request.mutable_manifest()->add_assets();
+  entry.set_uri("bench.gltf");
+  entry.mutable_asset()->set_sha256(tessera::contract::sha256(scene).binary());
+  entry.mutable_asset()->set_size_bytes(static_cast<std::int64_t>(scene.size()));
+  return request;
+}
+
+/// Watches until the job has ended; the state it ended in.
+v1::Job watch(v1::JobService::Stub& jobs, const std::string& id, const std::string& token) {
+  grpc::ClientContext context;
+  context.AddMetadata(tessera::contract::kTokenKey, token);
+  v1::WatchJobRequest request;
+  request.set_job_id(id);
+  auto reader = jobs.WatchJob(&context, request);
+  v1::WatchJobResponse message;
+  v1::Job last;
+  while (reader->Read(&message)) last = message.job();
+  reader->Finish();
+  return last;
+}
+
+int run(const Options& options) {
+  RenderSettings settings;
+  settings.width = options.width;
+  settings.height = options.height;
+  settings.tile = options.tile;
+  settings.spp = options.spp;
+  auto channel = tessera::contract::open_channel(options.server);
+  if (!channel.ok()) {
+    fprintf(stderr, "%s\n", std::string(channel.status().message()).c_str());
+    return 2;
+  }
+  const std::string scene = "{\"asset\": {\"version\": \"2.0\"}}";
+  if (!upload(*channel, options.token, scene)) return 1;
+  const auto jobs = v1::JobService::NewStub(*channel);
+  grpc::ClientContext context;
+  tessera::contract::prepare_call(context, options.token, std::chrono::seconds(20));
+  v1::CreateJobResponse created;
+  const auto start = std::chrono::steady_clock::now();
+  const grpc::Status status = jobs->CreateJob(&context, job_request(settings, scene), &created);
+  if (!status.ok()) {
+    fprintf(stderr, "CreateJob: %s\n", status.error_message().c_str());
+    return 1;
+  }
+  const v1::Job job = watch(*jobs, created.job().id(), options.token);
+  const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
+
+  grpc::ClientContext report_context;
+  tessera::contract::prepare_call(report_context, options.token, std::chrono::seconds(60));
+  v1::GetJobReportRequest report_request;
+  v1::GetJobReportResponse report;
+  report_request.set_job_id(created.job().id());
+  jobs->GetJobReport(&report_context, report_request, &report);
+  const auto json = nlohmann::json::parse(report.report_json(), nullptr, false);
+  std::string pixels;
+  if (json.is_object() && json.contains("frames") && !json["frames"].empty()) {
+    pixels = json["frames"][0].value("pixels_sha256", "");
+  }
+  const tessera::bench::SimulatedFilm film(settings);
+  const bool right = pixels == film.expected_pixels().hex();
+  printf(
+      "{\"job\": \"%s\", \"state\": %d, \"units\": %lld, \"block_bytes\": %lld, "
+      "\"wall_seconds\": %.3f, \"pixels_right\": %s}\n",
+      created.job().id().c_str(), static_cast<int>(job.state()),
+      static_cast<long long>(film.unit_count()), static_cast<long long>(film.block_bytes()),
+      wall.count(), right ? "true" : "false");
+  return job.state() == v1::Job::STATE_DONE && right ? 0 : 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Options options;
+  CLI::App app("A job of fabricated blocks for tests/bench/coordinator.");
+  app.add_option("--server", options.server, "unix:PATH or HOST:PORT")->required();
+  app.add_option("--token", options.token, "the server's token");
+  app.add_option("--width", options.width, "pixels, a multiple of the tile");
+  app.add_option("--height", options.height, "pixels, a multiple of the tile");
+  app.add_option("--tile", options.tile, "pixels, a power of two");
+  app.add_option("--spp", options.spp, "samples a pixel");
+  CLI11_PARSE(app, argc, argv);
+  return run(options);
+}
