@@ -12,6 +12,7 @@ find_package(draco CONFIG REQUIRED)
 find_package(meshoptimizer CONFIG REQUIRED)
 find_package(CLI11 CONFIG REQUIRED)
 find_package(spdlog CONFIG REQUIRED)
+find_package(OpenEXR CONFIG REQUIRED)
 
 # OpenImageIO's package names an OpenCV include folder that need not exist.
 find_package(OpenImageIO CONFIG REQUIRED)

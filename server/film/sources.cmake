@@ -2,8 +2,10 @@
 add_library(tessera_film)
 add_library(tessera::film ALIAS tessera_film)
 target_sources(tessera_film
-  PRIVATE film/film_cache.cpp film/merge.cpp
+  PRIVATE film/exr_file.cpp film/film_cache.cpp film/frame_entry.cpp film/frame_writer.cpp
+          film/image_export.cpp
+          film/merge.cpp
   PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
-    FILES film/film_cache.h film/frame_writer.h film/image_export.h film/merge.h)
+    FILES film/exr_file.h film/film_cache.h film/frame_writer.h film/image_export.h film/merge.h)
 target_link_libraries(tessera_film PUBLIC tessera::flags tessera::contract absl::status absl::statusor
-  PRIVATE OpenImageIO::OpenImageIO nlohmann_json::nlohmann_json)
+  PRIVATE OpenEXR::OpenEXR OpenImageIO::OpenImageIO nlohmann_json::nlohmann_json)

@@ -1,0 +1,179 @@
+#include "server/film/exr_file.h"
+
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfFrameBuffer.h>
+#include <OpenEXR/ImfHeader.h>
+#include <OpenEXR/ImfIO.h>
+#include <OpenEXR/ImfIntAttribute.h>
+#include <OpenEXR/ImfOutputFile.h>
+#include <OpenEXR/ImfStringAttribute.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <stdexcept>
+
+#include "absl/strings/str_cat.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr float kLargestHalf = 65504;
+
+absl::Status failure(const std::string& path, const char* reason) {
+  return absl::UnavailableError(absl::StrCat(path, ": ", reason));
+}
+
+Imath::Box2i box(const contract::PixelRect& rect) {
+  return {{rect.x, rect.y}, {rect.x + rect.width - 1, rect.y + rect.height - 1}};
+}
+
+Imf::PixelType pixel_type(ExrType type) {
+  switch (type) {
+    case ExrType::half:
+      return Imf::HALF;
+    case ExrType::float32:
+      return Imf::FLOAT;
+    case ExrType::uint32:
+      return Imf::UINT;
+  }
+  return Imf::FLOAT;
+}
+
+/// Writes through stdio and remembers failure: OpenEXR completes a file in a destructor, where
+/// its own errors are lost.
+class Sink : public Imf::OStream {
+ public:
+  explicit Sink(const std::string& path)
+      : OStream(path.c_str()), file_(std::fopen(path.c_str(), "wb")) {
+    if (file_ == nullptr) fail();
+  }
+  ~Sink() override { finish(); }
+  Sink(const Sink&) = delete;
+  Sink& operator=(const Sink&) = delete;
+
+  void write(const char bytes[], int count) override {
+    const auto size = static_cast<std::size_t>(count);
+    if (file_ == nullptr || std::fwrite(bytes, 1, size, file_) != size) {
+      fail();
+      throw std::runtime_error(reason_);
+    }
+  }
+  std::uint64_t tellp() override {
+    return file_ == nullptr ? 0 : static_cast<std::uint64_t>(std::ftell(file_));
+  }
+  void seekp(std::uint64_t position) override {
+    if (file_ == nullptr || std::fseek(file_, static_cast<long>(position), SEEK_SET) != 0) {
+      fail();
+      throw std::runtime_error(reason_);
+    }
+  }
+  /// Empty if every byte went out. Nothing may be written afterwards.
+  const std::string& finish() {
+    if (file_ != nullptr && std::fclose(file_) != 0) fail();
+    file_ = nullptr;
+    return reason_;
+  }
+
+ private:
+  void fail() {
+    if (reason_.empty()) reason_ = errno != 0 ? std::strerror(errno) : "write failed";
+  }
+
+  std::FILE* file_;
+  std::string reason_;
+};
+
+}  // namespace
+
+class ExrWriter::File {
+ public:
+  File(const std::string& path, const Imf::Header& header)
+      : path_(path), sink_(path), output_(std::make_unique<Imf::OutputFile>(sink_, header, 0)) {}
+
+  void write(const Imf::FrameBuffer& frame_buffer, int rows) {
+    output_->setFrameBuffer(frame_buffer);
+    output_->writePixels(rows);
+  }
+  const std::string& finish() {
+    output_.reset();
+    return sink_.finish();
+  }
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+  Sink sink_;
+  std::unique_ptr<Imf::OutputFile> output_;
+};
+
+ExrWriter::ExrWriter() = default;
+ExrWriter::~ExrWriter() = default;
+
+absl::StatusOr<std::unique_ptr<ExrWriter>> ExrWriter::open(const std::string& path,
+                                                           const ExrHeader& header,
+                                                           const std::vector<ExrPlane>& planes) {
+  try {
+    Imf::Header exr(box(header.display_window), box(header.data_window));
+    exr.compression() = Imf::ZIP_COMPRESSION;
+    for (const ExrPlane& plane : planes) {
+      exr.channels().insert(plane.name, Imf::Channel(pixel_type(plane.type)));
+    }
+    for (const auto& [name, text] : header.texts) exr.insert(name, Imf::StringAttribute(text));
+    for (const auto& [name, number] : header.numbers) exr.insert(name, Imf::IntAttribute(number));
+    std::unique_ptr<ExrWriter> writer(new ExrWriter);
+    writer->window_ = header.data_window;
+    writer->file_ = std::make_unique<File>(path, exr);
+    return writer;
+  } catch (const std::exception& error) {
+    return failure(path, error.what());
+  }
+}
+
+absl::Status ExrWriter::write_rows(std::int32_t rows, const std::vector<ExrPlane>& planes) {
+  const std::int64_t values = std::int64_t{rows} * window_.width;
+  std::vector<std::vector<Imath::half>> halves;
+  halves.reserve(planes.size());
+  // OpenEXR addresses a buffer from the file's pixel (0, 0): step back to where that would be.
+  const std::int64_t origin =
+      window_.x + std::int64_t{window_.y + rows_written_} * std::int64_t{window_.width};
+  const auto slice = [&](Imf::PixelType type, const void* data, std::int64_t size) {
+    const auto base =
+        reinterpret_cast<std::uintptr_t>(data) - static_cast<std::uintptr_t>(origin * size);
+    return Imf::Slice(type, reinterpret_cast<char*>(base), static_cast<std::size_t>(size),
+                      static_cast<std::size_t>(size * window_.width));
+  };
+  Imf::FrameBuffer frame_buffer;
+  for (const ExrPlane& plane : planes) {
+    if (plane.type == ExrType::uint32) {
+      frame_buffer.insert(plane.name, slice(Imf::UINT, plane.words.data(), 4));
+    } else if (plane.type == ExrType::float32) {
+      frame_buffer.insert(plane.name, slice(Imf::FLOAT, plane.values.data(), 4));
+    } else {
+      std::vector<Imath::half>& out = halves.emplace_back(static_cast<std::size_t>(values));
+      for (std::size_t i = 0; i < out.size(); ++i) {
+        float value = plane.values[i];
+        if (value > kLargestHalf || value < -kLargestHalf) {
+          value = value > 0 ? kLargestHalf : -kLargestHalf;
+          ++half_overflow_count_;
+        }
+        out[i] = Imath::half(value);
+      }
+      frame_buffer.insert(plane.name, slice(Imf::HALF, out.data(), 2));
+    }
+  }
+  try {
+    file_->write(frame_buffer, rows);
+  } catch (const std::exception& error) {
+    return failure(file_->path(), error.what());
+  }
+  rows_written_ += rows;
+  return absl::OkStatus();
+}
+
+absl::Status ExrWriter::close() {
+  const std::string& reason = file_->finish();
+  return reason.empty() ? absl::OkStatus() : failure(file_->path(), reason.c_str());
+}
+
+}  // namespace tessera::server

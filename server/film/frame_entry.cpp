@@ -1,0 +1,86 @@
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "server/film/frame_writer.h"
+
+namespace tessera::server {
+namespace {
+
+using nlohmann::ordered_json;
+
+ordered_json number_or_null(const std::optional<double>& value) {
+  return value ? ordered_json(*value) : ordered_json(nullptr);
+}
+
+}  // namespace
+
+std::string frame_entry_json(const FrameResult& result, const std::string& file,
+                             const std::string& status, const std::vector<CurvePoint>& curve) {
+  const FrameStatistics& s = result.statistics;
+  // With m = 0 or unknown nothing scale-free can be said (design.md, section 4).
+  const bool has_scale = s.mean_luminance.value_or(0) > 0 && s.estimated.pixels > 0;
+  const auto if_scaled = [&](double value) {
+    return has_scale ? ordered_json(value) : ordered_json(nullptr);
+  };
+  ordered_json points = ordered_json::array();
+  for (const CurvePoint& point : curve) {
+    points.push_back({{"cpu_seconds", point.cpu_seconds},
+                      {"wall_seconds", point.wall_seconds},
+                      {"samples", point.samples},
+                      {"relmse", point.relmse},
+                      {"error", number_or_null(point.error)},
+                      {"error_true", nullptr}});
+  }
+  const ordered_json entry = {{"frame", s.frame},
+                              {"file", file},
+                              {"width", s.width},
+                              {"height", s.height},
+                              {"pixels_sha256", result.pixels_sha256.hex()},
+                              {"file_sha256", result.file_sha256.hex()},
+                              {"spp_mean", s.spp_mean},
+                              {"spp_max", s.spp_max},
+                              {"samples", s.samples},
+                              {"status", status},
+                              {"mean_luminance", number_or_null(s.mean_luminance)},
+                              {"estimated",
+                               {{"rmse", s.estimated.rmse},
+                                {"relmse", s.estimated.relmse},
+                                {"error", if_scaled(s.estimated.error)},
+                                {"error_upper95", if_scaled(s.estimated.error_upper95)},
+                                {"n_eff", if_scaled(s.estimated.n_eff)}}},
+                              {"true", nullptr},
+                              {"heavy_tail_share", if_scaled(s.heavy_tail_share)},
+                              {"unseen_event_bound", s.unseen_event_bound},
+                              {"dropped_samples", s.dropped_samples},
+                              {"clamped_energy", s.clamped_energy},
+                              {"truncated_energy", nullptr},
+                              {"transparency_limit_count", s.transparency_limit_count},
+                              {"half_overflow_count", s.half_overflow_count},
+                              {"curve", points}};
+  return entry.dump();
+}
+
+std::vector<std::string> frame_warnings(const FrameStatistics& s) {
+  std::vector<std::string> warnings;
+  const std::string frame = absl::StrCat("frame ", s.frame, ": ");
+  if (s.dropped_samples > 0) {
+    warnings.push_back(absl::StrCat(frame, s.dropped_samples,
+                                    " samples were not finite and were left out; the error "
+                                    "estimate does not cover them"));
+  }
+  if (s.clamped_energy > 0) {
+    warnings.push_back(absl::StrCat(frame, "--clamp removed radiance ", s.clamped_energy,
+                                    " in all; the error estimate does not cover it"));
+  }
+  if (s.transparency_limit_count > 0) {
+    warnings.push_back(absl::StrCat(frame, s.transparency_limit_count,
+                                    " paths met 1,024 transparent surfaces and were ended"));
+  }
+  if (s.half_overflow_count > 0) {
+    warnings.push_back(
+        absl::StrCat(frame, s.half_overflow_count, " values above 65504 were held there (--half)"));
+  }
+  return warnings;
+}
+
+}  // namespace tessera::server

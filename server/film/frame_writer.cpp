@@ -1,0 +1,286 @@
+#include "server/film/frame_writer.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <functional>
+#include <memory>
+#include <span>
+
+#include "absl/strings/str_cat.h"
+#include "proto/contract/tile_grid.h"
+#include "proto/contract/version.h"
+#include "server/film/exr_file.h"
+
+namespace tessera::server {
+namespace {
+
+using contract::PixelRect;
+using contract::RenderSettings;
+
+std::size_t at(std::int64_t index) {
+  return static_cast<std::size_t>(index);
+}
+
+/// Sum of the largest values among many, in memory of a given number of them.
+class LargestValues {
+ public:
+  explicit LargestValues(std::int64_t count) : count_(at(count)) {}
+
+  void add(double value) {
+    if (heap_.size() == count_) {
+      if (value <= heap_.front()) return;
+      std::pop_heap(heap_.begin(), heap_.end(), std::greater<>());
+      heap_.back() = value;
+    } else {
+      heap_.push_back(value);
+    }
+    std::push_heap(heap_.begin(), heap_.end(), std::greater<>());
+  }
+  double sum() {
+    std::sort(heap_.begin(), heap_.end());  // the sum does not depend on how they arrived
+    double total = 0;
+    for (const double value : heap_) total += value;
+    return total;
+  }
+
+ private:
+  std::size_t count_;
+  std::vector<double> heap_;  // smallest first
+};
+
+/// The layers of one row of tiles, and where each begins among the planes.
+class Band {
+ public:
+  Band(const RenderSettings& settings, std::int32_t rows)
+      : aovs_(settings.aovs), width_(settings.window().width) {
+    const ExrType colour = settings.half ? ExrType::half : ExrType::float32;
+    add_layer({"R", "G", "B", "A"}, colour);
+    if (aovs_ & contract::kAovAlbedo) add_layer({"albedo.R", "albedo.G", "albedo.B"}, colour);
+    if (aovs_ & contract::kAovNormal) add_layer({"normal.X", "normal.Y", "normal.Z"}, colour);
+    if (aovs_ & contract::kAovDepth) add_layer({"depth.Z"}, ExrType::float32);
+    if (aovs_ & contract::kAovPosition) {
+      add_layer({"position.X", "position.Y", "position.Z"}, ExrType::float32);
+    }
+    if (aovs_ & contract::kAovIds) {
+      add_layer({"ids.node", "ids.material", "ids.primitive"}, ExrType::uint32);
+    }
+    if (aovs_ & contract::kAovSamples) add_layer({"samples"}, ExrType::uint32);
+    if (aovs_ & contract::kAovStdError) {
+      add_layer({"stderr.R", "stderr.G", "stderr.B"}, ExrType::float32);
+    }
+    for (ExrPlane& plane : planes_) {
+      const std::size_t size = at(std::int64_t{rows} * width_);
+      if (plane.type == ExrType::uint32) {
+        plane.words.resize(size);
+      } else {
+        plane.values.resize(size);
+      }
+    }
+  }
+
+  const std::vector<ExrPlane>& planes() const { return planes_; }
+
+  void clear() {
+    for (ExrPlane& plane : planes_) {
+      std::fill(plane.values.begin(), plane.values.end(), 0.0f);
+      std::fill(plane.words.begin(), plane.words.end(), 0u);
+    }
+  }
+
+  /// Puts a tile's pixels at column `x` of the band.
+  void put(const TileSum& tile, std::int32_t x) {
+    std::int64_t pixel = 0;
+    for (std::int32_t row = 0; row < tile.height(); ++row) {
+      for (std::int32_t column = 0; column < tile.width(); ++column, ++pixel) {
+        put_pixel(tile, pixel, at(std::int64_t{row} * width_ + x + column));
+      }
+    }
+  }
+
+  /// R, G, B, A of the band's first `rows` rows go into `hasher`, pixel by pixel.
+  void hash(std::int32_t rows, contract::Hasher& hasher) {
+    row_.resize(4 * at(width_));
+    for (std::int32_t row = 0; row < rows; ++row) {
+      for (std::int32_t x = 0; x < width_; ++x) {
+        for (std::size_t c = 0; c < 4; ++c) {
+          row_[4 * at(x) + c] = planes_[c].values[at(std::int64_t{row} * width_ + x)];
+        }
+      }
+      hasher.update(std::as_bytes(std::span(row_)));
+    }
+  }
+
+ private:
+  void add_layer(std::initializer_list<const char*> names, ExrType type) {
+    for (const char* name : names) planes_.push_back({name, type, {}, {}});
+  }
+
+  void put_pixel(const TileSum& tile, std::int64_t pixel, std::size_t to) {
+    std::size_t plane = 0;
+    const auto put_values = [&](std::span<const float> values) {
+      for (const float value : values) planes_[plane++].values[to] = value;
+    };
+    float rgba[4];
+    tile.rgba(pixel, rgba);
+    put_values(rgba);
+    float xyz[3];
+    if (aovs_ & contract::kAovAlbedo) {
+      tile.albedo(pixel, xyz);
+      put_values(xyz);
+    }
+    if (aovs_ & contract::kAovNormal) {
+      tile.normal(pixel, xyz);
+      put_values(xyz);
+    }
+    if (aovs_ & contract::kAovDepth) put_values({&tile.depth()[at(pixel)], 1});
+    if (aovs_ & contract::kAovPosition) put_values({&tile.position()[3 * at(pixel)], 3});
+    if (aovs_ & contract::kAovIds) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        planes_[plane++].words[to] = tile.ids()[3 * at(pixel) + k];
+      }
+    }
+    if (aovs_ & contract::kAovSamples) {
+      planes_[plane++].words[to] = static_cast<std::uint32_t>(tile.kept(pixel));
+    }
+    if (aovs_ & contract::kAovStdError) {
+      tile.standard_error(pixel, xyz);
+      put_values(xyz);
+    }
+  }
+
+  std::uint32_t aovs_;
+  std::int32_t width_;
+  std::vector<ExrPlane> planes_;  // R, G, B, A first
+  std::vector<float> row_;
+};
+
+/// Gathers a frame's statistics from its tiles.
+class Gatherer {
+ public:
+  Gatherer(const FrameSpec& spec, const contract::TileGrid& grid)
+      : mean_luminance_(spec.mean_luminance.value_or(0)),
+        error_(at(grid.tile_count())),
+        clamped_(error_.size()),
+        largest_(std::max<std::int64_t>(
+            1, std::int64_t{grid.window().width} * grid.window().height / 1000)) {
+    statistics_.frame = spec.frame;
+    statistics_.width = grid.window().width;
+    statistics_.height = grid.window().height;
+    statistics_.mean_luminance = spec.mean_luminance;
+  }
+
+  void add(std::int32_t index, const TileSum& tile) {
+    const std::int64_t samples = tile.pixel_count() * tile.sample_count();
+    statistics_.samples += samples;
+    statistics_.spp_max = std::max(statistics_.spp_max, tile.sample_count());
+    fewest_samples_ = fewest_samples_ < 0 ? samples : std::min(fewest_samples_, samples);
+    statistics_.dropped_samples += tile.dropped_count();
+    statistics_.transparency_limit_count += tile.transparency_limit_count();
+    clamped_[at(index)] = tile.clamped_energy();
+    per_pixel_.clear();
+    error_[at(index)] = tile.error_sums(mean_luminance_, &per_pixel_);
+    for (const double value : per_pixel_) largest_.add(value);
+  }
+
+  /// Sums are folded in tile order, whatever the order the tiles came in.
+  FrameStatistics finish() {
+    ErrorSums sums;
+    for (const ErrorSums& tile : error_) sums.add(tile);
+    for (const double energy : clamped_) statistics_.clamped_energy += energy;
+    statistics_.estimated = estimate_error(sums);
+    if (sums.scaled > 0) statistics_.heavy_tail_share = largest_.sum() / sums.scaled;
+    const double pixels = static_cast<double>(statistics_.width) * statistics_.height;
+    statistics_.spp_mean = static_cast<double>(statistics_.samples) / pixels;
+    if (fewest_samples_ > 0) {
+      statistics_.unseen_event_bound = 3.0 / static_cast<double>(fewest_samples_);
+    }
+    return statistics_;
+  }
+
+ private:
+  double mean_luminance_;
+  FrameStatistics statistics_;
+  std::vector<ErrorSums> error_;  // by tile
+  std::vector<double> clamped_;   // by tile
+  std::int64_t fewest_samples_ = -1;
+  LargestValues largest_;
+  std::vector<double> per_pixel_;
+};
+
+ExrHeader header_of(const FrameSpec& spec, const PixelRect& window) {
+  const RenderSettings& settings = spec.settings;
+  ExrHeader header;
+  header.data_window = window;
+  header.display_window = {0, 0, settings.width, settings.height};
+  header.texts = {{"tessera:job", spec.job_id}, {"tessera:name", spec.name}};
+  if (!settings.camera.empty()) header.texts.emplace_back("tessera:camera", settings.camera);
+  header.numbers = {{"tessera:contract", contract::kRenderContract},
+                    {"tessera:frame", spec.frame},
+                    {"tessera:samples", contract::rounded_spp(settings.spp)}};
+  return header;
+}
+
+/// SHA-256 and size of a file.
+absl::Status hash_file(const std::string& path, FrameResult& result) {
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"),
+                                                             &std::fclose);
+  if (file == nullptr) return absl::UnavailableError(absl::StrCat(path, ": cannot be read back"));
+  contract::Hasher hasher;
+  std::vector<std::byte> bytes(1 << 20);
+  std::size_t size = 0;
+  while ((size = std::fread(bytes.data(), 1, bytes.size(), file.get())) > 0) {
+    hasher.update(std::span(bytes).first(size));
+    result.file_bytes += static_cast<std::int64_t>(size);
+  }
+  if (std::ferror(file.get()) != 0) {
+    return absl::UnavailableError(absl::StrCat(path, ": cannot be read back"));
+  }
+  result.file_sha256 = hasher.finish();
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<FrameResult> write_frame(const FrameSpec& spec, const TileReader& read_tile,
+                                        const std::string& path) {
+  const contract::TileGrid grid(spec.settings);
+  const PixelRect& window = grid.window();
+  Band band(spec.settings, std::min(spec.settings.tile, window.height));
+  Gatherer gatherer(spec, grid);
+  contract::Hasher pixels;
+  FrameResult result;
+  auto writer = ExrWriter::open(path, header_of(spec, window), band.planes());
+  if (!writer.ok()) return writer.status();
+  for (std::int32_t row = 0; row < grid.rows(); ++row) {
+    if (spec.allow_missing) band.clear();
+    std::int32_t rows = 0;
+    for (std::int32_t column = 0; column < grid.columns(); ++column) {
+      const std::int32_t index = grid.index_at(column, row);
+      const PixelRect rect = grid.rect(index);
+      rows = rect.height;
+      const absl::StatusOr<TileSum> tile = read_tile(index);
+      if (!tile.ok()) return tile.status();
+      if (tile->pass_count() == 0) {
+        if (!spec.allow_missing) {
+          return absl::FailedPreconditionError(
+              absl::StrCat("frame ", spec.frame, ": tile ", index, " has no pass yet"));
+        }
+        result.missing_tiles.push_back(rect);
+        continue;
+      }
+      band.put(*tile, rect.x - window.x);
+      gatherer.add(index, *tile);
+    }
+    band.hash(rows, pixels);
+    const absl::Status written = (*writer)->write_rows(rows, band.planes());
+    if (!written.ok()) return written;
+  }
+  if (absl::Status status = (*writer)->close(); !status.ok()) return status;
+  result.pixels_sha256 = pixels.finish();
+  result.statistics = gatherer.finish();
+  result.statistics.half_overflow_count = (*writer)->half_overflow_count();
+  if (absl::Status status = hash_file(path, result); !status.ok()) return status;
+  return result;
+}
+
+}  // namespace tessera::server
