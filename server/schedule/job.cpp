@@ -1,0 +1,41 @@
+#include "server/schedule/job.h"
+
+#include <algorithm>
+
+namespace tessera::server {
+
+bool Trouble::failed_on(const std::string& worker_id) const {
+  return std::any_of(failures.begin(), failures.end(),
+                     [&](const Failure& failure) { return failure.worker_id == worker_id; });
+}
+
+void UnitTimes::add(double cpu_seconds, std::int32_t sample_count) {
+  const double value = cpu_seconds / std::max(sample_count, 1);
+  if (per_sample_.size() < kWindow) {
+    per_sample_.push_back(value);
+  } else {
+    per_sample_[next_++ % kWindow] = value;
+  }
+}
+
+std::optional<double> UnitTimes::median(std::int32_t sample_count) const {
+  if (per_sample_.empty()) return std::nullopt;
+  std::vector<double> sorted = per_sample_;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  return *middle * sample_count;
+}
+
+JobPlan& Job::open_plan() {
+  if (!plan) {
+    const contract::RenderSettings& settings = spec->settings;
+    const contract::PixelRect window = settings.window();
+    const std::int32_t columns = (window.width + settings.tile - 1) / settings.tile;
+    const std::int32_t rows = (window.height + settings.tile - 1) / settings.tile;
+    plan.emplace(contract::frame_list(settings.frames), columns * rows,
+                 contract::fixed_schedule(settings.spp));
+  }
+  return *plan;
+}
+
+}  // namespace tessera::server

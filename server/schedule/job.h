@@ -1,0 +1,93 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "server/schedule/job_plan.h"
+#include "server/schedule/job_spec.h"
+
+namespace tessera::server {
+
+/// A worker's report that it could not render a unit.
+struct Failure {
+  std::string worker_id;
+  std::string message;
+  std::string log_tail;
+};
+
+/// What went wrong with a unit that is not committed yet.
+struct Trouble {
+  std::vector<Failure> failures;
+  std::int32_t losses = 0;
+  bool failed_on(const std::string& worker_id) const;
+};
+
+/// What a worker has done for a job.
+struct Contribution {
+  std::int64_t units = 0;
+  double cpu_seconds = 0;
+};
+
+/// CPU seconds a sample takes, from the units committed last.
+class UnitTimes {
+ public:
+  void add(double cpu_seconds, std::int32_t sample_count);
+  /// Median seconds of a unit with so many samples a pixel; nullopt before the first.
+  std::optional<double> median(std::int32_t sample_count) const;
+
+ private:
+  static constexpr std::size_t kWindow = 63;
+  std::vector<double> per_sample_;
+  std::size_t next_ = 0;
+};
+
+/// Counters for the report. Those marked * survive a crash exactly, the others as lower bounds.
+struct JobCounters {
+  double cpu_seconds = 0;         // * of committed units
+  double wasted_cpu_seconds = 0;  // of duplicates and unwanted results
+  std::int64_t retried = 0;       // units leased again after a failure or a loss
+  std::int64_t duplicated = 0;    // results of units that were committed already
+  std::int64_t mismatched = 0;    // of those, with other bytes
+  double load_seconds = 0, build_seconds = 0;
+  std::int64_t peak_rss_bytes = 0;
+};
+
+/// A job and all that is known of it in memory.
+struct Job {
+  JobKey key = 0;
+  std::shared_ptr<const JobSpec> spec;  // owners: the job and whoever is reading it now
+  JobState state = JobState::queued;
+  std::string reason;
+  std::int64_t unit_count = 0;  // of the whole job
+  std::int32_t frame_count = 0;
+  std::optional<JobPlan> plan;  // exists from the first lease
+  std::map<contract::Unit, Trouble> troubles;
+  std::map<WorkerKey, std::int32_t> holders;  // units each worker holds
+  std::set<WorkerKey> touched;                // workers that were ever leased units of it
+  std::map<std::string, Contribution> contributions;
+  UnitTimes times;
+  double leased_seconds = 0;  // expected CPU seconds of the units in flight
+  JobCounters counters;
+  double wall_seconds_before = 0;  // running time up to `running_since`
+  std::optional<Time> running_since;
+  std::int64_t create_time_us = 0, end_time_us = 0;
+
+  double wall_seconds(Time now) const {
+    return wall_seconds_before + (running_since ? seconds(now - *running_since) : 0);
+  }
+  /// Whether a worker could be leased something: wanted, and units are waiting.
+  bool is_runnable() const {
+    return (state == JobState::queued || state == JobState::running) &&
+           (!plan || plan->waiting_count() > 0);
+  }
+  /// Makes the plan if there is none yet.
+  JobPlan& open_plan();
+};
+
+}  // namespace tessera::server

@@ -1,0 +1,193 @@
+#include "server/schedule/job_plan.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace tessera::server {
+
+using contract::Unit;
+
+JobPlan::JobPlan(std::vector<std::int32_t> frames, std::int32_t tile_count,
+                 std::vector<contract::Pass> passes)
+    : frames_(std::move(frames)),
+      tile_count_(tile_count),
+      passes_(std::move(passes)),
+      finished_(frames_.size(), false) {}
+
+std::int64_t JobPlan::unit_count() const {
+  return static_cast<std::int64_t>(frames_.size()) * tile_count_ *
+         static_cast<std::int64_t>(passes_.size());
+}
+
+InFlight* JobPlan::find_in_flight(const Unit& unit) {
+  const auto found = in_flight_.find(unit);
+  return found == in_flight_.end() ? nullptr : &found->second;
+}
+
+std::size_t JobPlan::index_of(std::int32_t frame) const {
+  const auto found = std::lower_bound(frames_.begin(), frames_.end(), frame);
+  if (found == frames_.end() || *found != frame) return frames_.size();
+  return static_cast<std::size_t>(found - frames_.begin());
+}
+
+bool JobPlan::contains(const Unit& unit) const {
+  return unit.tile >= 0 && unit.tile < tile_count_ && unit.pass >= 0 &&
+         unit.pass < static_cast<std::int32_t>(passes_.size()) &&
+         index_of(unit.frame) != frames_.size();
+}
+
+bool JobPlan::is_finished(std::int32_t frame) const {
+  const std::size_t index = index_of(frame);
+  return index != frames_.size() && finished_[index];
+}
+
+bool JobPlan::is_committed(const Unit& unit) const {
+  const auto found = open_.find(unit.frame);
+  if (found == open_.end()) return is_finished(unit.frame);
+  const auto& bits = found->second.committed[static_cast<std::size_t>(unit.pass)];
+  return !bits.empty() && bits[static_cast<std::size_t>(unit.tile)];
+}
+
+bool JobPlan::is_complete(std::int32_t frame) const {
+  const auto found = open_.find(frame);
+  if (found == open_.end()) return is_finished(frame);
+  return found->second.count == tile_count_ * static_cast<std::int64_t>(passes_.size());
+}
+
+bool JobPlan::is_taken(const Unit& unit) const {
+  return is_committed(unit) || in_flight_.count(unit) > 0;
+}
+
+Unit JobPlan::at_cursor() const {
+  return {frames_[cursor_frame_], cursor_tile_, cursor_pass_};
+}
+
+void JobPlan::advance_cursor() {
+  if (++cursor_tile_ < tile_count_) return;
+  cursor_tile_ = 0;
+  if (++cursor_pass_ < static_cast<std::int32_t>(passes_.size())) return;
+  cursor_pass_ = 0;
+  ++cursor_frame_;
+}
+
+void JobPlan::skip_taken() {
+  while (!cursor_at_end()) {
+    if (finished_[cursor_frame_]) {
+      ++cursor_frame_;
+      cursor_pass_ = cursor_tile_ = 0;
+    } else if (is_taken(at_cursor())) {
+      advance_cursor();
+    } else {
+      return;
+    }
+  }
+}
+
+Run JobPlan::extend_run(const Unit& first, std::int32_t most,
+                        const std::function<bool(const Unit&)>& may_take) const {
+  Run run{first.frame, first.pass, first.tile, 1};
+  while (run.tile_count < most && run.first_tile + run.tile_count < tile_count_) {
+    const Unit next{first.frame, run.first_tile + run.tile_count, first.pass};
+    if (is_taken(next) || !may_take(next)) break;
+    ++run.tile_count;
+  }
+  return run;
+}
+
+std::optional<Run> JobPlan::next_run(std::int32_t most,
+                                     const std::function<bool(const Unit&)>& may_take) {
+  for (const auto& [frame, pass, tile] : returned_) {
+    const Unit unit{frame, tile, pass};
+    if (may_take(unit)) return extend_run(unit, most, may_take);
+  }
+  for (skip_taken(); !cursor_at_end(); skip_taken()) {
+    const Unit unit = at_cursor();
+    if (may_take(unit)) return extend_run(unit, most, may_take);
+    returned_.insert(position(unit));  // for another worker
+    advance_cursor();
+  }
+  return std::nullopt;
+}
+
+void JobPlan::hold(const Unit& unit, const Holder& holder) {
+  returned_.erase(position(unit));
+  in_flight_[unit].holders.push_back(holder);
+}
+
+std::optional<Holder> JobPlan::release(const Unit& unit, WorkerKey worker) {
+  const auto found = in_flight_.find(unit);
+  if (found == in_flight_.end()) return std::nullopt;
+  auto& holders = found->second.holders;
+  const auto holder = std::find_if(holders.begin(), holders.end(),
+                                   [&](const Holder& h) { return h.worker == worker; });
+  if (holder == holders.end()) return std::nullopt;
+  const Holder released = *holder;
+  holders.erase(holder);
+  if (holders.empty()) {
+    in_flight_.erase(found);
+    returned_.insert(position(unit));
+  }
+  return released;
+}
+
+std::vector<Holder> JobPlan::commit(const Unit& unit) {
+  FrameBits& frame = open_[unit.frame];
+  frame.committed.resize(passes_.size());
+  auto& bits = frame.committed[static_cast<std::size_t>(unit.pass)];
+  if (bits.empty()) bits.resize(static_cast<std::size_t>(tile_count_), false);
+  bits[static_cast<std::size_t>(unit.tile)] = true;
+  ++frame.count;
+  ++committed_count_;
+  returned_.erase(position(unit));
+  const auto found = in_flight_.find(unit);
+  if (found == in_flight_.end()) return {};
+  std::vector<Holder> holders = std::move(found->second.holders);
+  in_flight_.erase(found);
+  return holders;
+}
+
+void JobPlan::finish(std::int32_t frame) {
+  const std::size_t index = index_of(frame);
+  if (index == frames_.size() || finished_[index]) return;
+  const auto found = open_.find(frame);
+  const std::int64_t counted = found == open_.end() ? 0 : found->second.count;
+  if (found != open_.end()) open_.erase(found);
+  finished_[index] = true;
+  ++finished_count_;
+  committed_count_ += tile_count_ * static_cast<std::int64_t>(passes_.size()) - counted;
+}
+
+std::vector<std::pair<Unit, Holder>> JobPlan::extend(std::vector<contract::Pass> passes) {
+  std::size_t same = 0;
+  while (same < passes_.size() && same < passes.size() && passes_[same] == passes[same]) ++same;
+  passes_ = std::move(passes);
+  std::vector<std::pair<Unit, Holder>> gone;
+  const auto is_gone = [&](std::int32_t pass) { return static_cast<std::size_t>(pass) >= same; };
+  for (auto it = in_flight_.begin(); it != in_flight_.end();) {
+    if (is_gone(it->first.pass)) {
+      for (const Holder& holder : it->second.holders) gone.emplace_back(it->first, holder);
+      it = in_flight_.erase(it);
+    } else {
+      ++it;
+    }
+  }
+  committed_count_ = 0;
+  for (auto& [number, frame] : open_) {
+    frame.count = 0;
+    frame.committed.resize(passes_.size());
+    for (std::size_t pass = 0; pass < passes_.size(); ++pass) {
+      auto& bits = frame.committed[pass];
+      if (pass >= same) bits.clear();
+      frame.count += std::count(bits.begin(), bits.end(), true);
+    }
+    committed_count_ += frame.count;
+  }
+  finished_.assign(frames_.size(), false);
+  finished_count_ = 0;
+  returned_.clear();
+  cursor_frame_ = 0;
+  cursor_pass_ = cursor_tile_ = 0;
+  return gone;
+}
+
+}  // namespace tessera::server

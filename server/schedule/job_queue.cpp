@@ -1,0 +1,54 @@
+#include "server/schedule/job_queue.h"
+
+#include <algorithm>
+
+namespace tessera::server {
+
+void JobQueue::insert(JobKey job, std::int32_t priority, const std::string& owner) {
+  jobs_[priority][owner].insert(job);
+}
+
+void JobQueue::erase(JobKey job, std::int32_t priority, const std::string& owner) {
+  const auto level = jobs_.find(priority);
+  if (level == jobs_.end()) return;
+  const auto own = level->second.find(owner);
+  if (own == level->second.end()) return;
+  own->second.erase(job);
+  if (own->second.empty()) level->second.erase(own);
+  if (level->second.empty()) jobs_.erase(level);
+}
+
+double JobQueue::usage(const std::string& owner) const {
+  const auto found = usage_.find(owner);
+  return found == usage_.end() ? 0 : found->second;
+}
+
+JobKey JobQueue::next(const std::function<bool(JobKey)>& may_work_for) const {
+  for (const auto& [priority, owners] : jobs_) {
+    JobKey best = 0;
+    double least = 0;
+    for (const auto& [owner, jobs] : owners) {
+      const double used = usage(owner);
+      if (best != 0 && used >= least) continue;
+      const auto job = std::find_if(jobs.begin(), jobs.end(), may_work_for);
+      if (job == jobs.end()) continue;
+      best = *job;
+      least = used;
+    }
+    if (best != 0) return best;
+  }
+  return 0;
+}
+
+bool JobQueue::has_above(std::int32_t priority,
+                         const std::function<bool(JobKey)>& may_work_for) const {
+  for (const auto& [level, owners] : jobs_) {
+    if (level <= priority) return false;
+    for (const auto& [owner, jobs] : owners) {
+      if (std::any_of(jobs.begin(), jobs.end(), may_work_for)) return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace tessera::server

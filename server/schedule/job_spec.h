@@ -1,0 +1,61 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "proto/contract/digest.h"
+#include "proto/contract/render_settings.h"
+
+namespace tessera::server {
+
+using Time = std::chrono::steady_clock::time_point;
+using Span = std::chrono::steady_clock::duration;
+
+/// Seconds in a span.
+inline double seconds(Span span) {
+  return std::chrono::duration<double>(span).count();
+}
+
+/// A job's place in the order of submission; never reused.
+using JobKey = std::int64_t;
+
+/// Where a job stands; the numbers are those of v1.Job.State and of the journal.
+enum class JobState : std::int32_t {
+  queued = 1,
+  running = 2,
+  paused = 3,
+  done = 4,
+  failed = 5,
+  cancelled = 6
+};
+
+/// Whether nothing more happens to the job by itself.
+inline bool has_ended(JobState state) {
+  return state == JobState::done || state == JobState::failed || state == JobState::cancelled;
+}
+
+/// A file the scene names, and the asset behind it.
+struct ManifestEntry {
+  std::string uri;
+  contract::Digest digest;
+  std::int64_t size_bytes = 0;
+};
+
+/// What a client asked for. Plain data, fixed once the job is made (but for `extend`).
+struct JobSpec {
+  std::string id;
+  std::string request_id;
+  std::string name;
+  std::string owner;
+  std::int32_t priority = 0;     // higher first
+  std::int32_t max_workers = 0;  // 0: no limit
+  std::string required_tag;      // empty: every worker
+  contract::RenderSettings settings;
+  std::string scene_uri;
+  std::vector<ManifestEntry> assets;
+  std::string request;  // as it came over the wire; opaque here
+};
+
+}  // namespace tessera::server

@@ -1,0 +1,82 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "proto/contract/unit.h"
+#include "server/schedule/job_plan.h"
+#include "server/schedule/job_spec.h"
+#include "server/schedule/lease.h"
+
+namespace tessera::server {
+
+/// A unit with the job it belongs to, as the wire names it.
+struct UnitName {
+  std::string job_id;
+  contract::Unit unit;
+  auto operator<=>(const UnitName&) const = default;
+};
+
+/// What became of a delivered block.
+enum class Verdict : std::uint8_t { committed = 1, duplicate = 2, unwanted = 3, rejected = 4 };
+
+struct Acknowledgement {
+  UnitName unit;
+  Verdict verdict = Verdict::committed;
+  std::string reason;
+};
+
+/// What is to be told to a worker. Filled under the coordinator's lock, sent outside it.
+struct Mail {
+  std::vector<Lease> leases;
+  std::vector<UnitName> revoked;
+  std::vector<Acknowledgement> acknowledgements;
+  std::vector<std::string> ended_jobs;
+
+  bool empty() const {
+    return leases.empty() && revoked.empty() && acknowledgements.empty() && ended_jobs.empty();
+  }
+};
+
+/// What a worker says of itself when it connects.
+struct Hello {
+  std::string worker_id, name, host, isa;
+  std::int32_t thread_count = 1;
+  std::vector<std::string> tags;
+  std::int32_t credit_count = 0;
+  std::string store_id;  // of the leases below
+  std::vector<Lease> leases;
+  std::vector<UnitName> running, held;
+};
+
+/// A worker that is connected, or was lately. Units it holds are named by (job, unit).
+struct Worker {
+  WorkerKey key = 0;
+  std::string id, name, host, isa;
+  std::int32_t thread_count = 1;
+  std::set<std::string> tags;
+  bool connected = false;  // has a stream; without one it is lost after the time-out
+  bool lost = false;
+  bool leaving = false;
+  bool set_aside = false;  // fails units that succeed elsewhere
+  Time heard;              // last sign of life
+  std::int32_t credits = 0;
+  std::set<std::pair<JobKey, contract::Unit>> held;
+  JobKey current_job = 0;
+  double seconds_in_job = 0;           // CPU seconds committed since it turned to current_job
+  std::optional<double> load_seconds;  // of current_job's scene here, once it is loaded
+  std::int64_t committed_count = 0;
+  double cpu_seconds = 0;
+  std::int64_t rss_bytes = 0;
+  std::int32_t disproved_failures = 0;  // units it failed that succeeded elsewhere
+  Mail mail;
+
+  /// Whether it may be leased units, credits apart.
+  bool is_working() const { return connected && !lost && !leaving && !set_aside; }
+};
+
+}  // namespace tessera::server
