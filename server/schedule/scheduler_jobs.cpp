@@ -190,8 +190,8 @@ bool Scheduler::wants(const Job& job, const Lease& lease, const Unit& unit) cons
          lease.sample_count == pass.sample_count && !job.plan->is_finished(unit.frame);
 }
 
-void Scheduler::commit(Job& job, const Unit& unit, const std::string& worker_id, double cpu_seconds,
-                       Time now) {
+void Scheduler::commit(Job& job, const Unit& unit, const std::string& worker_id,
+                       double cpu_seconds) {
   JobPlan& plan = job.open_plan();
   for (const Holder& holder : plan.commit(unit)) {
     forget_hold(job, unit, holder);
