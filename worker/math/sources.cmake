@@ -1,2 +1,5 @@
+# Vectors, transforms, and elementary functions with the same bits everywhere.
 target_sources(tessera_render
-  PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR} FILES math/transform.h math/vector.h)
+  PRIVATE math/elementary_double.cpp math/elementary_float.cpp math/huge_angle.cpp
+  PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
+    FILES math/elementary.h math/elementary_kernels.h math/transform.h math/vector.h)
