@@ -3,7 +3,6 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -54,6 +53,19 @@ struct Commit {
   std::string block;  // encoded film block
 };
 
+/// What an operator may turn, and what a test replaces.
+struct StoreOptions {
+  /// A segment file at least this long gets a successor.
+  std::int64_t segment_bytes = std::int64_t{256} << 20;
+  /// Pages of SQLite's write-ahead log at which it is copied into the database file.
+  int checkpoint_pages = 2000;
+  /// Wall clock, µs since 1970; empty: the machine's. Only the age of assets hangs on it.
+  std::function<std::int64_t()> now_us;
+  /// Called with a message when a sync fails; must not return except in a test, where every later
+  /// write is refused (DataLoss). Empty: the message goes to stderr and the process exits with 1.
+  std::function<void(const std::string&)> fatal;
+};
+
 /// Everything a coordinator must not forget, in one folder: SQLite rows, append-only segment files
 /// of film blocks per job, assets, and finished images.
 ///
@@ -62,12 +74,14 @@ struct Commit {
 /// writing functions; reading functions may be called from any thread.
 class Store {
  public:
-  /// Opens or makes the store in `folder` and locks it (flock).
+  /// Opens or makes the store in `folder`, whose parent must exist, and locks it (flock). What
+  /// earlier processes left unfinished is removed. `filesystem` must outlive the store.
   ///
   /// Errors: FailedPrecondition, another process holds it, or it was written by a newer version;
   /// DataLoss, what is there is damaged (the message says what); PermissionDenied, Unavailable.
   static absl::StatusOr<std::unique_ptr<Store>> open(const std::string& folder,
-                                                     Filesystem& filesystem);
+                                                     Filesystem& filesystem,
+                                                     StoreOptions options = {});
   virtual ~Store() = default;
 
   /// Random 128-bit id of the store, hexadecimal, and its secret key (32 bytes) for seals.
@@ -78,22 +92,30 @@ class Store {
 
   // Jobs.
   /// Adds a job and sets its sequence; durable on return. Errors: AlreadyExists, its id or
-  /// request_id is there already.
+  /// request_id is there already, or was and its job is removed; InvalidArgument, its id is no
+  /// plain file name ([A-Za-z0-9._-], not starting with a dot). An empty request_id never clashes.
   virtual absl::Status add_job(JobRecord& job) = 0;
-  /// Rewrites state, reason, request, times of a job.
+  /// Rewrites name, owner, state, reason, request and times of a job. Errors: NotFound.
   virtual absl::Status update_job(const JobRecord& job) = 0;
-  /// Deletes the job's rows, segments and outputs. Its id is remembered as used.
+  /// Deletes the job's rows, segments and outputs. Its id is remembered as used. Errors: NotFound.
   virtual absl::Status remove_job(const std::string& job_id) = 0;
   /// All jobs in order of sequence.
   virtual absl::StatusOr<std::vector<JobRecord>> jobs() const = 0;
 
   // Units.
   /// Appends and commits many units as one group; durable on return. Fills in where they lie.
+  ///
+  /// All or nothing. Errors: NotFound, a job is not there; AlreadyExists, a unit is committed
+  /// already; ResourceExhausted, the disk is full.
   virtual absl::Status commit(std::vector<Commit>& group) = 0;
-  /// Calls visit for each committed unit of a job in order of (frame, tile, pass).
+  /// Calls visit for each committed unit of a job in order of (frame, tile, pass). `visit` must not
+  /// call the store. A job that is not there has no units.
   virtual absl::Status for_each_unit(const std::string& job_id,
                                      const std::function<void(const UnitRecord&)>& visit) const = 0;
-  /// The encoded block of a committed unit, verified against its digest. Errors: DataLoss.
+  /// The encoded block of a committed unit, verified against its digest.
+  ///
+  /// Errors: DataLoss, it is damaged (drop the unit and render it again); NotFound, the job is gone
+  /// or its blocks were released.
   virtual absl::StatusOr<std::string> read_block(const std::string& job_id,
                                                  const UnitRecord& record) const = 0;
   /// Forgets units (redo): rows first, durable on return.
@@ -101,30 +123,40 @@ class Store {
                                   const std::vector<contract::Unit>& units) = 0;
 
   // Finished frames.
-  /// Where outputs of a job are written; made if needed.
+  /// Where outputs of a job are written; made if needed. Any thread. Errors: InvalidArgument, the
+  /// id cannot be a job's.
   virtual absl::StatusOr<std::string> output_folder(const std::string& job_id) = 0;
   /// Records a finished frame whose file is complete in the output folder; syncs the file and
-  /// folder first; durable on return.
+  /// folder first; durable on return. A frame finished before is replaced.
+  ///
+  /// Errors: NotFound, no such job or file; InvalidArgument, `file` is no plain file name.
   virtual absl::Status finish_frame(const std::string& job_id, const FrameRecord& frame) = 0;
   virtual absl::StatusOr<std::vector<FrameRecord>> frames(const std::string& job_id) const = 0;
-  /// Unlinks the segments of a job all of whose frames are finished.
+  /// Unlinks the segments of a job all of whose frames are finished. Its rows of units stay; units
+  /// committed later start new segments. Errors: NotFound.
   virtual absl::Status release_segments(const std::string& job_id) = 0;
 
   // Assets.
   virtual bool has_asset(const contract::Digest& digest) const = 0;
   /// A file to write an upload to; visible only after keep_asset.
   virtual absl::StatusOr<std::string> new_upload_path() = 0;
-  /// Makes a complete, verified upload visible: fsync, rename, fsync of the folder.
+  /// Makes a complete, verified upload visible: fsync, rename, fsync of the folder. From then it is
+  /// safe from collect_assets() for an hour. The upload's file is gone afterwards.
   virtual absl::Status keep_asset(const std::string& upload_path,
                                   const contract::Digest& digest) = 0;
   virtual std::string asset_path(const contract::Digest& digest) const = 0;
+  /// Deletes the assets uploaded longest ago until all take at most `quota_bytes`, but none that
+  /// was uploaded within the last hour before `now_us` and none that is `named` by a job.
+  virtual absl::Status collect_assets(std::int64_t now_us, std::int64_t quota_bytes,
+                                      const std::vector<contract::Digest>& named) = 0;
 
   // Small durable facts: the roster of workers.
   virtual absl::Status remember_worker(const std::string& worker_id, const std::string& name) = 0;
   virtual absl::Status forget_worker(const std::string& worker_id) = 0;
   virtual absl::StatusOr<std::vector<std::string>> roster() const = 0;
 
-  /// Bytes the store's files take, from its own book-keeping (no folder walk).
+  /// Bytes the store's files take, from its own book-keeping (no folder walk): segments, assets,
+  /// finished frames and database, without unfinished uploads. Any thread.
   virtual std::int64_t used_bytes() const = 0;
 };
 

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "proto/contract/digest.h"
+#include "server/store/durable_files.h"
+#include "server/store/journal.h"
+
+namespace tessera::server {
+
+/// Assets by digest: FOLDER/ab/cdef…, each with a row; a file without a row is not there.
+///
+/// One thread may write; any thread may ask has() and path().
+class AssetFiles {
+ public:
+  AssetFiles(DurableFiles& files, Journal& journal, std::string folder,
+             std::function<std::int64_t()> now_us);
+
+  /// Unlinks files without rows and unfinished uploads; adds up what there is.
+  absl::Status clean_up();
+
+  bool has(const contract::Digest& digest) const;
+  std::string path(const contract::Digest& digest) const;
+  absl::StatusOr<std::string> new_upload_path(std::int64_t boot_count);
+  absl::Status keep(const std::string& upload_path, const contract::Digest& digest);
+  absl::Status collect(std::int64_t now_us, std::int64_t quota_bytes,
+                       const std::vector<contract::Digest>& named);
+
+  std::int64_t used_bytes() const { return used_bytes_; }
+
+ private:
+  absl::Status make_visible(const std::string& upload_path, const contract::Digest& digest);
+  absl::Status clean_folder(const std::string& name, const std::set<contract::Digest>& known);
+
+  DurableFiles& files_;
+  Journal& journal_;
+  std::string folder_;
+  std::function<std::int64_t()> now_us_;
+  std::int64_t upload_count_ = 0;
+  std::atomic<std::int64_t> used_bytes_ = 0;
+};
+
+}  // namespace tessera::server

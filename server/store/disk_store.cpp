@@ -1,0 +1,413 @@
+#include "server/store/disk_store.h"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "server/store/names.h"
+
+namespace tessera::server {
+namespace {
+
+Blob blob(const contract::Digest& digest) {
+  return {{reinterpret_cast<const char*>(digest.bytes.data()), digest.bytes.size()}};
+}
+
+absl::Status read_digest(std::string_view bytes, contract::Digest& digest) {
+  const auto read = contract::Digest::from_binary(bytes);
+  if (!read.has_value()) return absl::DataLossError("a digest in the store's rows is damaged");
+  digest = *read;
+  return absl::OkStatus();
+}
+
+absl::Status no_such_job(const std::string& job_id) {
+  return absl::NotFoundError(absl::StrCat("no job ", job_id, " in the store"));
+}
+
+/// A request id, or NULL where there is none: those never clash.
+SqlValue optional_text(const std::string& text) {
+  if (text.empty()) return std::monostate();
+  return std::string_view(text);
+}
+
+JobRecord read_job(const SqlRow& row) {
+  JobRecord job;
+  job.sequence = row.integer(0);
+  job.id = row.text(1);
+  job.request_id = row.text(2);
+  job.name = row.text(3);
+  job.owner = row.text(4);
+  job.request = row.text(5);
+  job.state = static_cast<std::int32_t>(row.integer(6));
+  job.reason = row.text(7);
+  job.create_time_us = row.integer(8);
+  job.end_time_us = row.integer(9);
+  job.wall_seconds = row.real(10);
+  return job;
+}
+
+absl::Status read_unit(const SqlRow& row, UnitRecord& record) {
+  record.unit.frame = static_cast<std::int32_t>(row.integer(0));
+  record.unit.tile = static_cast<std::int32_t>(row.integer(1));
+  record.unit.pass = static_cast<std::int32_t>(row.integer(2));
+  record.segment = row.integer(3);
+  record.offset = row.integer(4);
+  record.size_bytes = row.integer(5);
+  record.stored_bytes = row.integer(6);
+  record.worker_id = row.text(8);
+  record.cpu_seconds = row.real(9);
+  return read_digest(row.bytes(7), record.sha256);
+}
+
+}  // namespace
+
+absl::Status DiskStore::add_job(JobRecord& job) {
+  if (!is_plain_name(job.id)) {
+    return absl::InvalidArgumentError(absl::StrCat("\"", job.id, "\" cannot name a job"));
+  }
+  return journal_->write([&](Database& rows) {
+    const absl::Status added = rows.run(
+        "INSERT INTO jobs(id, request_id, name, owner, request, state, reason, create_time_us, "
+        "end_time_us, wall_seconds) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        {job.id, optional_text(job.request_id), job.name, job.owner, Blob{job.request}, job.state,
+         job.reason, job.create_time_us, job.end_time_us, job.wall_seconds});
+    if (absl::IsAlreadyExists(added)) {
+      return absl::AlreadyExistsError(
+          absl::StrCat("job ", job.id, " or its request ", job.request_id, " was seen before"));
+    }
+    if (added.ok()) job.sequence = rows.last_row_id();
+    return added;
+  });
+}
+
+absl::Status DiskStore::update_job(const JobRecord& job) {
+  return journal_->write([&](Database& rows) {
+    const absl::Status updated = rows.run(
+        "UPDATE jobs SET name=?, owner=?, request=?, state=?, reason=?, create_time_us=?, "
+        "end_time_us=?, wall_seconds=? WHERE id=? AND removed=0",
+        {job.name, job.owner, Blob{job.request}, job.state, job.reason, job.create_time_us,
+         job.end_time_us, job.wall_seconds, job.id});
+    return updated.ok() && rows.changes() == 0 ? no_such_job(job.id) : updated;
+  });
+}
+
+absl::Status DiskStore::remove_job(const std::string& job_id) {
+  const auto job = find_job(job_id);
+  if (!job.ok()) return job.status();
+  const auto freed = sum_bytes(
+      "SELECT (SELECT TOTAL(bytes) FROM segments WHERE job=?1) + "
+      "(SELECT TOTAL(bytes) FROM frames WHERE job=?1)",
+      job->sequence);
+  if (!freed.ok()) return freed.status();
+  absl::Status status = journal_->write([&](Database& rows) {
+    for (const std::string_view sql :
+         {"DELETE FROM units WHERE job=?", "DELETE FROM segments WHERE job=?",
+          "DELETE FROM frames WHERE job=?",
+          "UPDATE jobs SET removed=1, name='', owner='', request='', reason='' WHERE sequence=?"}) {
+      if (absl::Status gone = rows.run(sql, {job->sequence}); !gone.ok()) return gone;
+    }
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  content_bytes_ -= *freed;
+  status = segments_.remove_job(job_id);
+  const absl::Status outputs = files_.remove_folder(absl::StrCat(folder_, "/outputs/", job_id));
+  return status.ok() ? outputs : status;
+}
+
+absl::StatusOr<std::vector<JobRecord>> DiskStore::jobs() const {
+  std::vector<JobRecord> jobs;
+  const absl::Status status = journal_->read([&](Database& rows) {
+    return rows.each(
+        "SELECT sequence, id, request_id, name, owner, request, state, reason, create_time_us, "
+        "end_time_us, wall_seconds FROM jobs WHERE removed=0 ORDER BY sequence",
+        {}, [&](const SqlRow& row) { jobs.push_back(read_job(row)); });
+  });
+  if (!status.ok()) return status;
+  return jobs;
+}
+
+absl::Status DiskStore::commit(std::vector<Commit>& group) {
+  if (absl::Status healthy = files_.check_healthy(); !healthy.ok()) return healthy;
+  if (group.empty()) return absl::OkStatus();
+  std::map<std::string, std::vector<Commit*>> by_job;
+  for (Commit& commit : group) by_job[commit.job_id].push_back(&commit);
+  std::map<std::string, JobRow> jobs;
+  for (const auto& [job_id, units] : by_job) {
+    const auto job = find_job(job_id);
+    if (!job.ok()) return job.status();
+    jobs[job_id] = *job;
+  }
+  for (auto& [job_id, units] : by_job) {
+    absl::Status appended = append_job(job_id, jobs[job_id], units);
+    if (!appended.ok()) return appended;
+  }
+  std::int64_t added = 0;
+  for (const Commit& commit : group) added += commit.record.stored_bytes;
+  const absl::Status status = journal_->write([&](Database& rows) {
+    for (const auto& [job_id, units] : by_job) {
+      absl::Status inserted = insert_units(rows, jobs[job_id], units);
+      if (!inserted.ok()) return inserted;
+    }
+    return absl::OkStatus();
+  });
+  if (status.ok()) content_bytes_ += added;
+  return status;
+}
+
+absl::Status DiskStore::append_job(const std::string& job_id, const JobRow& job,
+                                   const std::vector<Commit*>& units) {
+  std::vector<std::string_view> blocks;
+  std::vector<SegmentPlace> places(units.size());
+  blocks.reserve(units.size());
+  for (const Commit* unit : units) blocks.emplace_back(unit->block);
+  absl::Status appended = segments_.append(job_id, job.next_segment, blocks, places);
+  if (!appended.ok()) return appended;
+  for (std::size_t i = 0; i < units.size(); ++i) {
+    UnitRecord& record = units[i]->record;
+    record.segment = places[i].segment;
+    record.offset = places[i].offset;
+    record.size_bytes = static_cast<std::int64_t>(blocks[i].size());
+    record.stored_bytes = record.size_bytes;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status DiskStore::insert_units(Database& rows, const JobRow& job,
+                                     const std::vector<Commit*>& units) {
+  std::int64_t bytes = 0;
+  for (const Commit* commit : units) {
+    const UnitRecord& record = commit->record;
+    bytes += record.stored_bytes;
+    const absl::Status inserted = rows.run(
+        "INSERT INTO units(job, frame, tile, pass, segment, offset, size_bytes, stored_bytes, "
+        "sha256, worker, cpu_seconds) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        {job.sequence, record.unit.frame, record.unit.tile, record.unit.pass, record.segment,
+         record.offset, record.size_bytes, record.stored_bytes, blob(record.sha256),
+         record.worker_id, record.cpu_seconds});
+    if (absl::IsAlreadyExists(inserted)) {
+      return absl::AlreadyExistsError(
+          absl::StrCat("unit (", record.unit.frame, ", ", record.unit.tile, ", ", record.unit.pass,
+                       ") of job ", commit->job_id, " is committed already"));
+    }
+    if (!inserted.ok()) return inserted;
+  }
+  return rows.run(
+      "INSERT INTO segments(job, segment, bytes) VALUES(?1, ?2, ?3) "
+      "ON CONFLICT(job, segment) DO UPDATE SET bytes=bytes+?3",
+      {job.sequence, units.front()->record.segment, bytes});
+}
+
+absl::Status DiskStore::for_each_unit(const std::string& job_id,
+                                      const std::function<void(const UnitRecord&)>& visit) const {
+  absl::Status damage;
+  const absl::Status status = journal_->read([&](Database& rows) {
+    return rows.each(
+        "SELECT frame, tile, pass, segment, offset, size_bytes, stored_bytes, sha256, worker, "
+        "cpu_seconds FROM units "
+        "WHERE job=(SELECT sequence FROM jobs WHERE id=?) ORDER BY frame, tile, pass",
+        {job_id}, [&](const SqlRow& row) {
+          UnitRecord record;
+          if (absl::Status read = read_unit(row, record); !read.ok()) {
+            damage = read;
+          } else {
+            visit(record);
+          }
+        });
+  });
+  return status.ok() ? damage : status;
+}
+
+absl::StatusOr<std::string> DiskStore::read_block(const std::string& job_id,
+                                                  const UnitRecord& record) const {
+  auto block = segments_.read(job_id, {record.segment, record.offset}, record.stored_bytes);
+  const std::string unit =
+      absl::StrCat("block of unit (", record.unit.frame, ", ", record.unit.tile, ", ",
+                   record.unit.pass, ") of job ", job_id);
+  if (block.ok() && contract::sha256(*block) == record.sha256) return block;
+  if (block.ok()) {
+    return absl::DataLossError(absl::StrCat(unit, ": does not have the digest of its row"));
+  }
+  if (absl::IsOutOfRange(block.status())) {
+    return absl::DataLossError(absl::StrCat(unit, ": ", std::string(block.status().message())));
+  }
+  if (!absl::IsNotFound(block.status())) return block.status();
+  bool wanted = false;
+  const absl::Status status = journal_->read([&](Database& rows) {
+    return rows.each("SELECT 1 FROM jobs WHERE id=? AND removed=0 AND first_segment<=?",
+                     {job_id, record.segment}, [&](const SqlRow&) { wanted = true; });
+  });
+  if (!status.ok()) return status;
+  if (wanted) return absl::DataLossError(absl::StrCat(unit, ": its segment is missing"));
+  return absl::NotFoundError(absl::StrCat(unit, " was released"));
+}
+
+absl::Status DiskStore::drop_units(const std::string& job_id,
+                                   const std::vector<contract::Unit>& units) {
+  const auto job = find_job(job_id);
+  if (!job.ok()) return job.status();
+  // Their bytes stay in the segments, and in the count, until those are released.
+  return journal_->write([&](Database& rows) {
+    for (const contract::Unit& unit : units) {
+      absl::Status dropped =
+          rows.run("DELETE FROM units WHERE job=? AND frame=? AND tile=? AND pass=?",
+                   {job->sequence, unit.frame, unit.tile, unit.pass});
+      if (!dropped.ok()) return dropped;
+    }
+    return absl::OkStatus();
+  });
+}
+
+absl::StatusOr<std::string> DiskStore::output_folder(const std::string& job_id) {
+  if (!is_plain_name(job_id)) {
+    return absl::InvalidArgumentError(absl::StrCat("\"", job_id, "\" cannot name a job"));
+  }
+  const std::string outputs = absl::StrCat(folder_, "/outputs");
+  if (absl::Status made = files_.ensure_folder(outputs, job_id); !made.ok()) return made;
+  return absl::StrCat(outputs, "/", job_id);
+}
+
+absl::Status DiskStore::finish_frame(const std::string& job_id, const FrameRecord& frame) {
+  if (absl::Status healthy = files_.check_healthy(); !healthy.ok()) return healthy;
+  const auto job = find_job(job_id);
+  if (!job.ok()) return job.status();
+  const auto bytes = make_output_durable(job_id, frame.file);
+  if (!bytes.ok()) return bytes.status();
+  std::int64_t replaced = 0;
+  const absl::Status status = journal_->write([&](Database& rows) {
+    absl::Status read =
+        rows.each("SELECT bytes FROM frames WHERE job=? AND frame=?", {job->sequence, frame.frame},
+                  [&](const SqlRow& row) { replaced = row.integer(0); });
+    if (!read.ok()) return read;
+    return rows.run(
+        "INSERT OR REPLACE INTO frames(job, frame, file, bytes, file_sha256, pixels_sha256, "
+        "statistics_json) VALUES(?, ?, ?, ?, ?, ?, ?)",
+        {job->sequence, frame.frame, frame.file, *bytes, blob(frame.file_sha256),
+         blob(frame.pixels_sha256), frame.statistics_json});
+  });
+  if (status.ok()) content_bytes_ += *bytes - replaced;
+  return status;
+}
+
+absl::StatusOr<std::int64_t> DiskStore::make_output_durable(const std::string& job_id,
+                                                            const std::string& file) {
+  if (!is_plain_name(file)) {
+    return absl::InvalidArgumentError(absl::StrCat("\"", file, "\" cannot name an output"));
+  }
+  const auto folder = output_folder(job_id);
+  if (!folder.ok()) return folder.status();
+  auto output = files_.filesystem().open_existing(absl::StrCat(*folder, "/", file));
+  if (!output.ok()) return output.status();
+  if (absl::Status synced = files_.sync(**output); !synced.ok()) return synced;
+  if (absl::Status synced = files_.sync_folder(*folder); !synced.ok()) return synced;
+  return (*output)->size();
+}
+
+absl::StatusOr<std::vector<FrameRecord>> DiskStore::frames(const std::string& job_id) const {
+  std::vector<FrameRecord> frames;
+  absl::Status damage;
+  const absl::Status status = journal_->read([&](Database& rows) {
+    return rows.each(
+        "SELECT frame, file, file_sha256, pixels_sha256, statistics_json FROM frames "
+        "WHERE job=(SELECT sequence FROM jobs WHERE id=?) ORDER BY frame",
+        {job_id}, [&](const SqlRow& row) {
+          FrameRecord& frame = frames.emplace_back();
+          frame.frame = static_cast<std::int32_t>(row.integer(0));
+          frame.file = row.text(1);
+          damage.Update(read_digest(row.bytes(2), frame.file_sha256));
+          damage.Update(read_digest(row.bytes(3), frame.pixels_sha256));
+          frame.statistics_json = row.text(4);
+        });
+  });
+  if (!status.ok()) return status;
+  if (!damage.ok()) return damage;
+  return frames;
+}
+
+absl::Status DiskStore::release_segments(const std::string& job_id) {
+  const auto job = find_job(job_id);
+  if (!job.ok()) return job.status();
+  const auto freed = sum_bytes("SELECT TOTAL(bytes) FROM segments WHERE job=?", job->sequence);
+  if (!freed.ok()) return freed.status();
+  const absl::Status status = journal_->write([&](Database& rows) {
+    absl::Status moved = rows.run("UPDATE jobs SET first_segment=? WHERE sequence=?",
+                                  {job->next_segment, job->sequence});
+    if (!moved.ok()) return moved;
+    return rows.run("DELETE FROM segments WHERE job=?", {job->sequence});
+  });
+  if (!status.ok()) return status;
+  content_bytes_ -= *freed;
+  return segments_.release(job_id, job->next_segment);
+}
+
+absl::StatusOr<std::string> DiskStore::new_upload_path() {
+  return assets_->new_upload_path(boot_count_);
+}
+
+absl::Status DiskStore::keep_asset(const std::string& upload_path, const contract::Digest& digest) {
+  return assets_->keep(upload_path, digest);
+}
+
+std::string DiskStore::asset_path(const contract::Digest& digest) const {
+  return assets_->path(digest);
+}
+
+absl::Status DiskStore::collect_assets(std::int64_t now_us, std::int64_t quota_bytes,
+                                       const std::vector<contract::Digest>& named) {
+  return assets_->collect(now_us, quota_bytes, named);
+}
+
+absl::Status DiskStore::remember_worker(const std::string& worker_id, const std::string& name) {
+  return journal_->write([&](Database& rows) {
+    return rows.run("INSERT OR REPLACE INTO workers(id, name) VALUES(?, ?)", {worker_id, name});
+  });
+}
+
+absl::Status DiskStore::forget_worker(const std::string& worker_id) {
+  return journal_->write(
+      [&](Database& rows) { return rows.run("DELETE FROM workers WHERE id=?", {worker_id}); });
+}
+
+absl::StatusOr<std::vector<std::string>> DiskStore::roster() const {
+  std::vector<std::string> ids;
+  const absl::Status status = journal_->read([&](Database& rows) {
+    return rows.each("SELECT id FROM workers ORDER BY id", {},
+                     [&](const SqlRow& row) { ids.push_back(row.text(0)); });
+  });
+  if (!status.ok()) return status;
+  return ids;
+}
+
+std::int64_t DiskStore::used_bytes() const {
+  return content_bytes_ + assets_->used_bytes() + journal_->used_bytes();
+}
+
+absl::StatusOr<DiskStore::JobRow> DiskStore::find_job(const std::string& job_id) const {
+  JobRow job;
+  bool found = false;
+  const absl::Status status = journal_->read_as_writer([&](Database& rows) {
+    return rows.each(
+        "SELECT sequence, MAX(first_segment, "
+        "IFNULL((SELECT MAX(segment) + 1 FROM segments WHERE job=sequence), 0)) "
+        "FROM jobs WHERE id=? AND removed=0",
+        {job_id}, [&](const SqlRow& row) {
+          found = true;
+          job = {row.integer(0), row.integer(1)};
+        });
+  });
+  if (!status.ok()) return status;
+  if (!found) return no_such_job(job_id);
+  return job;
+}
+
+absl::StatusOr<std::int64_t> DiskStore::sum_bytes(std::string_view sql, std::int64_t job) const {
+  std::int64_t sum = 0;
+  const absl::Status status = journal_->read_as_writer([&](Database& rows) {
+    return rows.each(sql, {job}, [&](const SqlRow& row) { sum = row.integer(0); });
+  });
+  if (!status.ok()) return status;
+  return sum;
+}
+
+}  // namespace tessera::server

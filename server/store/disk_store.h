@@ -1,0 +1,99 @@
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/store/asset_files.h"
+#include "server/store/durable_files.h"
+#include "server/store/journal.h"
+#include "server/store/segments.h"
+#include "server/store/store.h"
+
+namespace tessera::server {
+
+/// The store in a folder (see Store):
+///
+///   lock               held by the process that uses the store
+///   store.db           rows; -wal and -shm beside it are SQLite's
+///   segments/JOB/N.seg film blocks
+///   assets/ab/cdef…    assets by digest; assets/upload: not complete yet
+///   outputs/JOB/…      finished images
+///
+/// Rows decide. A file is durable before its row is written and unlinked after its row is gone, so
+/// what has no row is litter, swept up at the next open.
+class DiskStore final : public Store {
+ public:
+  static absl::StatusOr<std::unique_ptr<Store>> open(const std::string& folder,
+                                                     Filesystem& filesystem, StoreOptions options);
+
+  const std::string& id() const override { return id_; }
+  const std::string& key() const override { return key_; }
+  std::int64_t boot_count() const override { return boot_count_; }
+
+  absl::Status add_job(JobRecord& job) override;
+  absl::Status update_job(const JobRecord& job) override;
+  absl::Status remove_job(const std::string& job_id) override;
+  absl::StatusOr<std::vector<JobRecord>> jobs() const override;
+
+  absl::Status commit(std::vector<Commit>& group) override;
+  absl::Status for_each_unit(const std::string& job_id,
+                             const std::function<void(const UnitRecord&)>& visit) const override;
+  absl::StatusOr<std::string> read_block(const std::string& job_id,
+                                         const UnitRecord& record) const override;
+  absl::Status drop_units(const std::string& job_id,
+                          const std::vector<contract::Unit>& units) override;
+
+  absl::StatusOr<std::string> output_folder(const std::string& job_id) override;
+  absl::Status finish_frame(const std::string& job_id, const FrameRecord& frame) override;
+  absl::StatusOr<std::vector<FrameRecord>> frames(const std::string& job_id) const override;
+  absl::Status release_segments(const std::string& job_id) override;
+
+  bool has_asset(const contract::Digest& digest) const override { return assets_->has(digest); }
+  absl::StatusOr<std::string> new_upload_path() override;
+  absl::Status keep_asset(const std::string& upload_path, const contract::Digest& digest) override;
+  std::string asset_path(const contract::Digest& digest) const override;
+  absl::Status collect_assets(std::int64_t now_us, std::int64_t quota_bytes,
+                              const std::vector<contract::Digest>& named) override;
+
+  absl::Status remember_worker(const std::string& worker_id, const std::string& name) override;
+  absl::Status forget_worker(const std::string& worker_id) override;
+  absl::StatusOr<std::vector<std::string>> roster() const override;
+
+  std::int64_t used_bytes() const override;
+
+ private:
+  /// What the writing functions need of a job's row.
+  struct JobRow {
+    std::int64_t sequence = 0;
+    std::int64_t next_segment = 0;  // free, and above every released one
+  };
+
+  DiskStore(std::string folder, Filesystem& filesystem, StoreOptions options);
+  absl::Status make_folders();
+  absl::Status start();
+  absl::Status clean_up();
+  absl::Status clean_outputs();
+  absl::StatusOr<JobRow> find_job(const std::string& job_id) const;
+  absl::Status append_job(const std::string& job_id, const JobRow& job,
+                          const std::vector<Commit*>& units);
+  static absl::Status insert_units(Database& rows, const JobRow& job,
+                                   const std::vector<Commit*>& units);
+  absl::StatusOr<std::int64_t> make_output_durable(const std::string& job_id,
+                                                   const std::string& file);
+  absl::StatusOr<std::int64_t> sum_bytes(std::string_view sql, std::int64_t job) const;
+
+  StoreOptions options_;
+  std::string folder_;
+  DurableFiles files_;
+  std::unique_ptr<FileLock> lock_;
+  std::unique_ptr<Journal> journal_;
+  Segments segments_;
+  std::unique_ptr<AssetFiles> assets_;
+  std::string id_, key_;
+  std::int64_t boot_count_ = 0;
+  std::atomic<std::int64_t> content_bytes_ = 0;  // segments and finished frames
+};
+
+}  // namespace tessera::server

@@ -1,0 +1,17 @@
+#pragma once
+
+#include <string_view>
+
+namespace tessera::server {
+
+/// Whether `name` is one plain file name: [A-Za-z0-9._-]+, at most 200, not starting with a dot.
+inline bool is_plain_name(std::string_view name) {
+  if (name.empty() || name.size() > 200 || name.front() == '.') return false;
+  for (const char c : name) {
+    const bool letter = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
+    if (!letter && !(c >= '0' && c <= '9') && c != '.' && c != '_' && c != '-') return false;
+  }
+  return true;
+}
+
+}  // namespace tessera::server

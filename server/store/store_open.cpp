@@ -1,0 +1,169 @@
+// How a store comes up: lock, rows, boot count, and the sweeping up of what was left unfinished.
+#include <sys/random.h>
+
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <set>
+#include <utility>
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/str_cat.h"
+#include "server/store/disk_store.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr std::size_t kIdBytes = 16;
+constexpr std::size_t kKeyBytes = 32;
+
+std::int64_t machine_time_us() {
+  return std::chrono::duration_cast<std::chrono::microseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+void exit_with(const std::string& message) {
+  std::fprintf(stderr, "tessera-server: %s\n", message.c_str());
+  std::_Exit(1);  // no destructors: they would write, and closing SQLite would sync again
+}
+
+StoreOptions with_defaults(StoreOptions options) {
+  if (!options.now_us) options.now_us = machine_time_us;
+  if (!options.fatal) options.fatal = exit_with;
+  return options;
+}
+
+absl::StatusOr<std::string> random_bytes(std::size_t count) {
+  std::string bytes(count, '\0');
+  if (::getentropy(bytes.data(), bytes.size()) != 0) {
+    return absl::UnavailableError("the kernel has no random bytes");
+  }
+  return bytes;
+}
+
+std::string parent_of(const std::string& folder) {
+  const std::size_t slash = folder.find_last_of('/');
+  if (slash == std::string::npos) return ".";
+  return slash == 0 ? "/" : folder.substr(0, slash);
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<Store>> Store::open(const std::string& folder,
+                                                   Filesystem& filesystem, StoreOptions options) {
+  return DiskStore::open(folder, filesystem, with_defaults(std::move(options)));
+}
+
+absl::StatusOr<std::unique_ptr<Store>> DiskStore::open(const std::string& folder,
+                                                       Filesystem& filesystem,
+                                                       StoreOptions options) {
+  std::string clean = folder;
+  while (clean.size() > 1 && clean.back() == '/') clean.pop_back();
+  if (clean.empty()) return absl::InvalidArgumentError("a store needs a folder");
+  std::unique_ptr<DiskStore> store(new DiskStore(clean, filesystem, std::move(options)));
+  absl::Status status = store->make_folders();
+  if (status.ok()) status = store->start();
+  if (status.ok()) status = store->clean_up();
+  if (!status.ok()) {
+    return absl::Status(status.code(),
+                        absl::StrCat("store ", clean, ": ", std::string(status.message())));
+  }
+  return store;
+}
+
+DiskStore::DiskStore(std::string folder, Filesystem& filesystem, StoreOptions options)
+    : options_(std::move(options)),
+      folder_(std::move(folder)),
+      files_(filesystem, options_.fatal),
+      segments_(files_, absl::StrCat(folder_, "/segments"), options_.segment_bytes) {}
+
+absl::Status DiskStore::make_folders() {
+  Filesystem& filesystem = files_.filesystem();
+  if (absl::Status made = filesystem.make_folder(folder_); !made.ok()) return made;
+  auto lock = filesystem.lock(absl::StrCat(folder_, "/lock"));
+  if (!lock.ok()) return lock.status();
+  lock_ = *std::move(lock);
+  // No sync of folder_ for these: SQLite syncs it with the first commit of every process, which
+  // comes below, since its log may be new there.
+  for (const char* name : {"/segments", "/assets", "/outputs"}) {
+    absl::Status made = filesystem.make_folder(absl::StrCat(folder_, name));
+    if (!made.ok()) return made;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status DiskStore::start() {
+  auto journal =
+      Journal::open(absl::StrCat(folder_, "/store.db"), files_, options_.checkpoint_pages);
+  if (!journal.ok()) return journal.status();
+  journal_ = *std::move(journal);
+  const auto id = random_bytes(kIdBytes);
+  const auto key = random_bytes(kKeyBytes);
+  if (!id.ok()) return id.status();
+  if (!key.ok()) return key.status();
+  const auto read = [&] {
+    return journal_->read_as_writer([&](Database& rows) {
+      return rows.each("SELECT id, key, boot_count FROM store", {}, [&](const SqlRow& row) {
+        id_ = row.text(0);
+        key_ = row.text(1);
+        boot_count_ = row.integer(2);
+      });
+    });
+  };
+  if (absl::Status status = read(); !status.ok()) return status;
+  if (boot_count_ == 0) {
+    absl::Status synced = files_.sync_folder(parent_of(folder_));
+    if (!synced.ok()) return synced;
+  }
+  // This commit also makes durable what a killed process committed but did not live to sync.
+  const absl::Status counted = journal_->write([&](Database& rows) {
+    return rows.run(
+        "INSERT INTO store(one, id, key, boot_count) VALUES(1, ?, ?, 1) "
+        "ON CONFLICT(one) DO UPDATE SET boot_count=boot_count+1",
+        {absl::BytesToHexString(*id), Blob{*key}});
+  });
+  return counted.ok() ? read() : counted;
+}
+
+absl::Status DiskStore::clean_up() {
+  assets_ = std::make_unique<AssetFiles>(files_, *journal_, absl::StrCat(folder_, "/assets"),
+                                         options_.now_us);
+  if (absl::Status cleaned = assets_->clean_up(); !cleaned.ok()) return cleaned;
+  std::set<std::pair<std::string, std::int64_t>> known_segments;
+  absl::Status status = journal_->read([&](Database& rows) {
+    return rows.each("SELECT id, segment, bytes FROM segments JOIN jobs ON job=sequence", {},
+                     [&](const SqlRow& row) {
+                       known_segments.emplace(row.text(0), row.integer(1));
+                       content_bytes_ += row.integer(2);
+                     });
+  });
+  if (!status.ok()) return status;
+  status = segments_.remove_strays([&](const std::string& job_id, std::int64_t segment) {
+    return known_segments.count({job_id, segment}) != 0;
+  });
+  return status.ok() ? clean_outputs() : status;
+}
+
+absl::Status DiskStore::clean_outputs() {
+  std::set<std::string> live_jobs;
+  absl::Status status = journal_->read([&](Database& rows) {
+    absl::Status listed = rows.each("SELECT id FROM jobs WHERE removed=0", {},
+                                    [&](const SqlRow& row) { live_jobs.insert(row.text(0)); });
+    if (!listed.ok()) return listed;
+    return rows.each("SELECT TOTAL(bytes) FROM frames", {},
+                     [&](const SqlRow& row) { content_bytes_ += row.integer(0); });
+  });
+  if (!status.ok()) return status;
+  const std::string outputs = absl::StrCat(folder_, "/outputs");
+  const auto names = files_.filesystem().list(outputs);
+  if (!names.ok()) return names.status();
+  for (const std::string& name : *names) {
+    if (live_jobs.count(name) != 0) continue;
+    status = files_.remove_folder(absl::StrCat(outputs, "/", name));
+    if (!status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace tessera::server
