@@ -1,1 +1,13 @@
-# Tests of this folder (see ../CMakeLists.txt).
+# End-to-end tests: real programs in private folders. They need tests/e2e/farm.sh and no network.
+if(TESSERA_WITH_GRPC)
+  # tessera_e2e(NAME SECONDS): runs e2e/NAME.sh. Sanitizer builds run smaller jobs.
+  function(tessera_e2e name seconds)
+    add_test(NAME e2e.${name} COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/e2e/${name}.sh)
+    set(environment TESSERA_BIN=${CMAKE_RUNTIME_OUTPUT_DIRECTORY})
+    if(CMAKE_CXX_FLAGS MATCHES "sanitize")
+      list(APPEND environment TESSERA_E2E_SMALL=1)
+    endif()
+    set_tests_properties(e2e.${name} PROPERTIES LABELS e2e TIMEOUT ${seconds} PROCESSORS 2
+      ENVIRONMENT "${environment}")
+  endfunction()
+endif()

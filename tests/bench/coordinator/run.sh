@@ -1,0 +1,136 @@
+#!/usr/bin/env bash
+# What one coordinator carries: small results and bulk a second, made durable; memory a connected
+# worker; a 16k x 16k frame within 2 GiB. Simulated workers are processes of their own and speak
+# real gRPC; every image is checked against the pixels its fabricated blocks imply.
+#
+#   tests/bench/coordinator/run.sh [small|bulk|connected|large]…    default: the first three
+#
+# BIN: folder of tessera-server and the bench programs (build/dev/bin). STORE: an empty folder to
+# make the stores in, on a real file system (tmpfs has no disk to be durable on, and is refused).
+set -euo pipefail
+cd "$(dirname "$0")/../../.."
+BIN=${BIN:-$PWD/build/dev/bin}
+STORE=${STORE:-$PWD/build/bench-store}
+mkdir -p "$STORE"
+case "$(stat -f -c %T "$STORE")" in
+  tmpfs | ramfs)
+    echo "bench: $STORE is $(stat -f -c %T "$STORE"); set STORE to a folder on a disk" >&2
+    exit 2
+    ;;
+esac
+ulimit -n "$(ulimit -Hn)"
+
+folder=$(mktemp -d "$STORE/run.XXXXXX")
+server_pid=
+simulators=()
+cleanup() {
+  for pid in $server_pid "${simulators[@]}"; do kill -KILL "$pid" 2>/dev/null || true; done
+  wait 2>/dev/null || true
+  rm -rf "$folder"
+}
+trap cleanup EXIT
+
+server() {
+  "$BIN/tessera-server" --listen "unix:$folder/s" --store "$folder/store" >"$folder/server.log" 2>&1 &
+  server_pid=$!
+  until [ -S "$folder/s" ]; do sleep 0.05; done
+}
+
+# simulate PROCESSES WORKERS CREDITS: that many processes, workers a process, units in flight a
+# worker. They stop when the pipe is closed.
+simulate() {
+  simulators=()
+  mkfifo "$folder/hold"
+  for ((i = 0; i < $1; ++i)); do
+    "$BIN/bench_simulated_workers" --server "unix:$folder/s" --name "sim$i" --workers "$2" \
+      --credits "$3" --numerics "$numerics" <"$folder/hold" >"$folder/sim$i.json" 2>"$folder/sim$i.log" &
+    simulators+=($!)
+  done
+  exec 3>"$folder/hold"
+}
+
+stop_all() {
+  exec 3>&-
+  wait "${simulators[@]}" || true
+  simulators=()
+  rss_peak=$(awk '/VmHWM/ {print int($2 / 1024)}' "/proc/$server_pid/status")
+  kill -TERM "$server_pid"
+  wait "$server_pid" || true
+  server_pid=
+}
+
+rss_mb() { awk '/VmRSS/ {print $2 / 1024}' "/proc/$server_pid/status"; }
+
+# summary: units and megabytes a second between first lease and last acknowledgement.
+summary() {
+  python3 - "$folder" "$1" "$rss_peak" <<'PY'
+import glob, json, sys
+folder, what, peak = sys.argv[1:]
+sims = [json.load(open(p)) for p in glob.glob(folder + "/sim*.json")]
+job = json.load(open(folder + "/job.json"))
+start = min(s["first_lease_us"] for s in sims if s["first_lease_us"])
+end = max(s["last_commit_us"] for s in sims)
+seconds = (end - start) / 1e6
+units = sum(s["committed"] for s in sims)
+assert units == job["units"], f"{units} acknowledged of {job['units']} units"
+assert job["pixels_right"], "the merged image is not what the blocks imply"
+bad = {k: sum(s[k] for s in sims) for k in ("duplicate", "unwanted", "rejected")}
+print(f"{what}: {units} blocks of {job['block_bytes']} bytes durable in {seconds:.2f} s: "
+      f"{units / seconds:.0f}/s, {units * job['block_bytes'] / seconds / 1e6:.0f} MB/s; "
+      f"server at most {peak} MiB; pixels right; {bad}")
+PY
+  rm -rf "$folder"/*
+}
+
+job() { "$BIN/bench_coordinator_job" --server "unix:$folder/s" "$@" >"$folder/job.json"; }
+
+bench_small() {
+  server
+  simulate 2 4 512
+  job --width 4096 --height 1024 --tile 8 --spp 8
+  stop_all
+  summary "small results (8x8 tiles)"
+}
+
+bench_bulk() {
+  server
+  simulate 2 4 16
+  job --width 8192 --height 4096 --tile 64 --spp 8
+  stop_all
+  summary "bulk (64x64 tiles)"
+}
+
+bench_large() {
+  server
+  simulate 2 4 16
+  job --width 16384 --height 16384 --tile 64 --spp 8
+  stop_all
+  summary "a frame of 16384 x 16384"
+}
+
+bench_connected() {
+  local before after count=1000
+  server
+  before=$(rss_mb)
+  simulate 4 $((count / 4)) 4
+  sleep 15
+  after=$(rss_mb)
+  stop_all
+  python3 - "$folder" "$before" "$after" <<'PY'
+import glob, json, sys
+sims = [json.load(open(p)) for p in glob.glob(sys.argv[1] + "/sim*.json")]
+welcomed = sum(s["welcomed"] for s in sims)
+closed = sum(s["closed"] for s in sims)
+grown = float(sys.argv[3]) - float(sys.argv[2])
+print(f"connected: {welcomed} workers welcomed, {closed} streams closed since; "
+      f"{grown * 1024 / welcomed:.0f} KiB each ({grown:.0f} MiB in all)")
+PY
+  rm -rf "$folder"/*
+}
+
+# The server lets in who shows the numerics hash of this build's renderer.
+numerics=$("$BIN/tessera-worker" inspect --numerics 2>/dev/null || printf '0%.0s' {1..64})
+echo "machine: $(nproc) cores, $(awk -F': ' '/model name/ {print $2; exit}' /proc/cpuinfo), store on $(stat -f -c %T "$STORE")"
+for bench in "${@:-small bulk connected}"; do
+  for name in $bench; do "bench_$name"; done
+done

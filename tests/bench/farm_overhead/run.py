@@ -1,0 +1,90 @@
+#!/usr/bin/env python3
+"""What the farm costs: CPU time of `tessera render` with one worker over the same frame rendered
+by tessera_render linked alone (tessera_render_once), and the time from command to first merged
+unit on a small scene.
+
+    tests/bench/farm_overhead/run.py [--bin build/dev/bin] [--rounds 3] [--spp N]
+
+Both sides run one thread, by turns, so that the machine's moods hit both; the least time of each
+side counts. Targets: at most 1.03 on a job of at least 30 s, and at most 0.5 s.
+"""
+
+import argparse
+import ctypes
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[3]
+PR_SET_CHILD_SUBREAPER = 36
+
+
+def cpu_seconds(command, cwd):
+    """CPU seconds of a command and of everything it starts, orphans included."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(command, cwd=cwd, check=True, stdout=subprocess.DEVNULL,
+                   stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL)
+    while True:  # we are a subreaper: what the command left running is our child now
+        try:
+            os.waitpid(-1, 0)
+        except ChildProcessError:
+            break
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def first_unit_seconds(tessera, scene, cwd):
+    """Wall seconds from starting `tessera render` to its first line that counts a committed unit."""
+    start = time.monotonic()
+    process = subprocess.Popen(
+        [tessera, "render", scene, "-o", "first.exr", "--size", "256x256", "--spp", "64",
+         "--tile", "16", "--workers", "1", "--threads", "1", "--json"],
+        cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    seconds = None
+    for line in process.stdout:
+        if seconds is None and json.loads(line).get("units", {}).get("committed", 0) > 0:
+            seconds = time.monotonic() - start
+    process.wait()
+    return seconds
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--bin", default=ROOT / "build/dev/bin", type=Path)
+    parser.add_argument("--rounds", default=3, type=int)
+    parser.add_argument("--spp", default=512, type=int)
+    parser.add_argument("--size", default="480x360")
+    options = parser.parse_args()
+    ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+    scene = str(ROOT / "tests/scenes/quickstart.gltf")
+    job = [scene, "--size", options.size, "--spp", str(options.spp)]
+    tessera = str(options.bin.resolve() / "tessera")
+    alone = str(options.bin.resolve() / "tessera_render_once")
+    with tempfile.TemporaryDirectory() as folder:
+        farm_times, alone_times = [], []
+        for _ in range(options.rounds):
+            alone_times.append(cpu_seconds([alone, *job], folder))
+            farm_times.append(cpu_seconds(
+                [tessera, "render", *job, "-o", "farm.exr", "--workers", "1", "--threads", "1"],
+                folder))
+            os.remove(f"{folder}/farm.exr")
+        ratio = min(farm_times) / min(alone_times)
+        print(f"alone {min(alone_times):.2f} CPU s, farm {min(farm_times):.2f} CPU s: "
+              f"ratio {ratio:.3f} (all: {[round(t, 2) for t in alone_times]} "
+              f"{[round(t, 2) for t in farm_times]})")
+        small = str(ROOT / "tests/scenes/same_bits.gltf")
+        first = [first_unit_seconds(tessera, small, folder) for _ in range(5)]
+        print(f"command to first merged unit: {sorted(first)[2]:.2f} s "
+              f"(of five: {[round(t, 2) for t in first]})")
+    if min(alone_times) < 30:
+        print("note: the job took less than 30 s; raise --spp for a figure to quote")
+    sys.exit(0 if ratio <= 1.03 and sorted(first)[2] <= 0.5 else 1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,133 @@
+# Sourced by the end-to-end tests: a private folder, a farm of real processes, and checks.
+#
+# TESSERA_BIN names the folder of the three programs (ctest sets it). Servers listen on Unix sockets
+# in the private folder only. Whatever a test starts through here is stopped when it ends.
+# shellcheck shell=bash
+set -euo pipefail
+
+: "${TESSERA_BIN:?folder of tessera, tessera-server and tessera-worker}"
+PATH=$TESSERA_BIN:$PATH
+scenes=$(cd "$(dirname "${BASH_SOURCE[0]}")/../scenes" && pwd)
+work=$(mktemp -d "${TMPDIR:-/tmp}/tessera-e2e.XXXXXX")
+socket=unix:$work/server.sock
+unset TESSERA_SERVER TESSERA_TOKEN TESSERA_CERTS
+export XDG_RUNTIME_DIR=$work/run XDG_CONFIG_HOME=$work/config XDG_CACHE_HOME=$work/cache
+mkdir -m 700 "$XDG_RUNTIME_DIR" "$XDG_CONFIG_HOME" "$XDG_CACHE_HOME"
+server_pid=
+declare -A worker_pid=()
+checks=0
+
+cleanup() {
+  local status=$? pid
+  for pid in ${server_pid:-} "${worker_pid[@]}"; do
+    kill -CONT "$pid" 2>/dev/null || true
+    kill -KILL "$pid" 2>/dev/null || true
+  done
+  if [ "$status" -ne 0 ]; then
+    echo "--- logs of the failed test" >&2
+    tail -n 25 "$work"/*.log >&2 2>/dev/null || true
+  fi
+  wait 2>/dev/null || true
+  [ -n "${KEEP:-}" ] && echo "kept: $work" >&2 || rm -rf "$work"
+}
+trap cleanup EXIT
+
+fail() {
+  echo "FAILED: $*" >&2
+  exit 1
+}
+
+# say TEXT: a line about a check that has passed.
+say() {
+  checks=$((checks + 1))
+  echo "ok $checks - $*"
+}
+
+# wait_until SECONDS WHAT COMMAND…: runs COMMAND until it succeeds.
+wait_until() {
+  local limit=$1 what=$2 end
+  shift 2
+  end=$((SECONDS + limit))
+  until "$@"; do
+    [ "$SECONDS" -lt "$end" ] || fail "after $limit s still not: $what"
+    sleep 0.05
+  done
+}
+
+gone() { ! kill -0 "$1" 2>/dev/null; }
+
+# start_server [OPTIONS]: on $socket with the store $work/store.
+start_server() {
+  rm -f "$work/server.sock"
+  tessera-server --listen "$socket" --store "$work/store" "$@" >>"$work/server.log" 2>&1 &
+  server_pid=$!
+  wait_until 20 "the server listens" test -S "$work/server.sock"
+}
+
+kill_server() {
+  kill -KILL "$server_pid"
+  wait "$server_pid" 2>/dev/null || true
+  server_pid=
+}
+
+# start_worker NAME [OPTIONS]: one thread unless OPTIONS say otherwise.
+start_worker() {
+  local name=$1
+  shift
+  tessera-worker --server "$socket" --name "$name" --threads 1 --cache "$work/cache-$name" "$@" \
+    >>"$work/worker-$name.log" 2>&1 &
+  worker_pid[$name]=$!
+}
+
+kill_worker() {
+  kill -KILL "${worker_pid[$1]}"
+  wait "${worker_pid[$1]}" 2>/dev/null || true
+  unset "worker_pid[$1]"
+}
+
+# farm COMMAND…: a client command on this farm.
+farm() { tessera "$1" --server "$socket" "${@:2}"; }
+
+# json FILE EXPRESSION: a Python expression over the document `d`; lists print space-separated.
+json() {
+  python3 -c '
+import json, sys
+d = json.load(open(sys.argv[1]))
+value = eval(sys.argv[2])
+print(*value) if isinstance(value, list) else print(value)' "$1" "$2"
+}
+
+pixels() { json "$1" 'd["frames"][0]["pixels_sha256"]'; }
+
+# equal WHAT A B
+equal() {
+  [ "$2" = "$3" ] || fail "$1: '$2' is not '$3'"
+  say "$1"
+}
+
+# exits CODE COMMAND…: COMMAND ends with CODE; its output is in $work/out and $work/err.
+exits() {
+  local want=$1 status=0
+  shift
+  "$@" >"$work/out" 2>"$work/err" </dev/null || status=$?
+  [ "$status" -eq "$want" ] || {
+    cat "$work/out" "$work/err" >&2
+    fail "exit code $status, not $want: $*"
+  }
+}
+
+# says TEXT: the last `exits` printed it, on either stream.
+says() {
+  grep -qF -- "$1" "$work/out" "$work/err" || {
+    cat "$work/out" "$work/err" >&2
+    fail "nothing was said of '$1'"
+  }
+}
+
+# committed JOB: units committed so far.
+committed() {
+  farm status "$1" --json >"$work/status.json" 2>/dev/null || { echo 0; return; }
+  json "$work/status.json" 'd["units"]["committed"]'
+}
+
+committed_at_least() { [ "$(committed "$1")" -ge "$2" ]; }

@@ -1,0 +1,64 @@
+#!/usr/bin/env bash
+# The image is a function of the job alone: not of workers, threads, tiles or the compiler.
+. "$(dirname "$0")/farm.sh"
+
+# At least 256 units in three passes: 90 tiles, samples 8 + 56 + 16. Sanitizer builds: 27 units.
+size=160x144
+workers="1 2 4 8"
+if [ -n "${TESSERA_E2E_SMALL:-}" ]; then
+  size=48x48
+  workers="1 2"
+fi
+job=(--size "$size" --spp 80 --max-depth 5 --frames 12 --seed 7)
+
+# draw NAME OPTIONS…: renders, leaves NAME.exr and NAME.json.
+draw() {
+  local name=$1
+  shift
+  tessera render "$scenes/same_bits.gltf" --output "$work/$name.exr" --report "$work/$name.json" \
+    "${job[@]}" "$@" >"$work/$name.log" 2>&1 </dev/null || fail "render $name: status $?"
+}
+
+draw reference --tile 16 --workers 1 --threads 1
+reference=$(pixels "$work/reference.json")
+units=$(json "$work/reference.json" 'd["units"]["total"]')
+[ -n "${TESSERA_E2E_SMALL:-}" ] || [ "$units" -ge 256 ] || fail "only $units units"
+say "the reference is $reference, of $units units"
+
+for count in $workers; do
+  [ "$count" = 1 ] && continue
+  draw workers --tile 16 --workers "$count" --threads 1
+  equal "$count workers" "$(pixels "$work/workers.json")" "$reference"
+  busy=$(json "$work/workers.json" 'sum(w["units"] > 0 for w in d["workers"])')
+  equal "each of $count workers committed units" "$busy" "$count"
+done
+
+draw threads --tile 16 --workers 1 --threads 2
+equal "two threads" "$(pixels "$work/threads.json")" "$reference"
+for tile in 32 64; do
+  draw tile --tile "$tile" --workers 2 --threads 1
+  equal "tiles of $tile pixels" "$(pixels "$work/tile.json")" "$reference"
+done
+draw one_tile --tile 256 --workers 1 --threads 2
+equal "one tile" "$(pixels "$work/one_tile.json")" "$reference"
+equal "one tile is one unit a pass" "$(json "$work/one_tile.json" 'd["units"]["total"]')" 3
+
+# A crop holds the same pixels as that part of the whole.
+draw crop --tile 16 --workers 2 --threads 1 --crop 11,5,30,26
+oiiotool "$work/reference.exr" --ch R,G,B,A --cut 30x26+11+5 -o "$work/part.exr"
+oiiotool "$work/crop.exr" --ch R,G,B,A --cut 30x26+11+5 -o "$work/cropped.exr"
+oiiotool "$work/part.exr" "$work/cropped.exr" --fail 0 --failpercent 0 --hardfail 0 --diff \
+  >"$work/crop.log" 2>&1 || fail "a crop differs from that part of the whole: $(cat "$work/crop.log")"
+say "a crop"
+
+draw seed --tile 16 --workers 2 --threads 1 --seed 8
+[ "$(pixels "$work/seed.json")" != "$reference" ] || fail "another seed gave the same pixels"
+say "another seed gives other pixels"
+
+# The other compiler's programs, where ctest was told of them.
+if [ -n "${TESSERA_OTHER_BIN:-}" ]; then
+  PATH=$TESSERA_OTHER_BIN:$PATH draw compiler --tile 16 --workers 2 --threads 1
+  equal "another compiler" "$(pixels "$work/compiler.json")" "$reference"
+else
+  echo "# no other compiler's programs (TESSERA_OTHER_BIN): the asan stage of .ci/run compares them"
+fi

@@ -1,0 +1,53 @@
+#!/usr/bin/env bash
+# The image is a function of the job alone: not of crashes, restarts, joins or duplicates.
+. "$(dirname "$0")/farm.sh"
+
+size=160x144
+if [ -n "${TESSERA_E2E_SMALL:-}" ]; then size=64x64; fi
+job=(--size "$size" --spp 80 --max-depth 5 --frames 12 --seed 7 --tile 8)
+
+# undisturbed hash, of a run of its own
+tessera render "$scenes/same_bits.gltf" --output "$work/reference.exr" \
+  --report "$work/reference.json" "${job[@]}" --workers 2 --threads 1 >"$work/reference.log" 2>&1
+reference=$(pixels "$work/reference.json")
+units=$(json "$work/reference.json" 'd["units"]["total"]')
+
+start_server
+start_worker a
+start_worker b
+id=$(farm submit "$scenes/same_bits.gltf" "${job[@]}")
+
+# A worker that holds leases dies, and comes back under another name half-way.
+wait_until 60 "some units are committed" committed_at_least "$id" $((units / 10))
+kill_worker b
+say "killed a worker that held leases"
+start_worker c
+wait_until 60 "more units are committed" committed_at_least "$id" $((units / 4))
+
+# The coordinator dies in mid-job and starts again on its store.
+kill_server
+start_server
+say "killed the coordinator and started it again"
+farm watch "$id" --json </dev/null >"$work/watch.log" || fail "watch: status $?"
+farm report "$id" --json >"$work/report.json"
+equal "the same pixels after both" "$(pixels "$work/report.json")" "$reference"
+equal "every unit was committed" "$(json "$work/report.json" 'd["units"]["total"]')" "$units"
+[ "$(json "$work/report.json" 'sum(w["units"] > 0 for w in d["workers"])')" -ge 3 ] ||
+  fail "the worker that joined half-way committed nothing"
+say "the worker that joined half-way took part"
+
+# A worker stops breathing for longer than the time-out; its units go to another; then it comes
+# back with what it held, which is committed already: duplicates, bit-equal.
+kill_worker c
+id=$(farm submit "$scenes/same_bits.gltf" "${job[@]}" --name duplicate)
+wait_until 60 "some units are committed" committed_at_least "$id" 5
+kill -STOP "${worker_pid[a]}"
+before=$(committed "$id")
+start_worker d
+wait_until 60 "another took over" committed_at_least "$id" $((before + units / 2))
+kill -CONT "${worker_pid[a]}"
+farm watch "$id" --json </dev/null >"$work/watch.log" || fail "watch: status $?"
+farm report "$id" --json >"$work/report.json"
+equal "the same pixels after duplicates" "$(pixels "$work/report.json")" "$reference"
+[ "$(json "$work/report.json" 'd["units"]["duplicated"]')" -ge 1 ] || fail "no duplicate came"
+say "duplicates were delivered: $(json "$work/report.json" 'd["units"]["duplicated"]')"
