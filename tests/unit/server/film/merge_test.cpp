@@ -1,0 +1,256 @@
+#include "server/film/merge.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "tests/unit/server/film/made_blocks.h"
+
+namespace tessera::server {
+namespace {
+
+using contract::FilmBlock;
+using contract::kReplicates;
+
+/// A one-pixel block whose replicates sum to `red` in the red channel, grey alpha 1 a sample.
+FilmBlock one_pixel(const std::vector<float>& red, std::int32_t samples, bool first) {
+  FilmBlock block = FilmBlock::zeros({1, 1, 0, first});
+  for (std::size_t r = 0; r < red.size(); ++r) block.rgb[3 * r] = red[r];
+  block.alpha[0] = static_cast<float>(samples);
+  return block;
+}
+
+float red_of(const TileSum& tile) {
+  float rgba[4];
+  tile.rgba(0, rgba);
+  return rgba[0];
+}
+
+TEST(TileSum, MeanIsTheDoubleSumOverKeptSamplesRoundedOnce) {
+  TileSum tile(1, 1, 0);
+  // 2^24 and 1: float sums would lose the ones; double keeps them until the division.
+  ASSERT_TRUE(tile.add(one_pixel({0x1p24f, 1, 1, 1}, 4, true), {0, 4}).ok());
+  ASSERT_TRUE(tile.add(one_pixel({1, 1, 1, 1}, 4, false), {4, 4}).ok());
+  EXPECT_EQ(red_of(tile), static_cast<float>((0x1p24 + 7.0) / 8));
+  EXPECT_NE(red_of(tile), static_cast<float>((0x1p24 + 4.0) / 8));
+}
+
+TEST(TileSum, LongSumsStayWithinTheRoundingOfTheBlocks) {
+  // Hard case 67: 0.1 a sample, 512 samples a pass, 2,000 passes. Each block rounds once to 2^-24.
+  TileSum tile(1, 1, 0);
+  const float block_sum = static_cast<float>(0.1 * 128);
+  for (int pass = 0; pass < 2000; ++pass) {
+    const FilmBlock block = one_pixel({block_sum, block_sum, block_sum, block_sum}, 512, pass == 0);
+    ASSERT_TRUE(tile.add(block, {512 * pass, 512}).ok());
+  }
+  EXPECT_NEAR(red_of(tile), 0.1, 0.1 * 2 * 0x1p-24);
+}
+
+TEST(TileSum, DroppedSamplesLeaveTheMeanOfTheOthers) {
+  // Hard case 70: one of replicate 1's two samples was not finite.
+  FilmBlock block = one_pixel({2, 1, 2, 2}, 7, true);
+  block.dropped = {{0, 1, 1}};
+  TileSum tile(1, 1, 0);
+  ASSERT_TRUE(tile.add(block, {0, 8}).ok());
+  EXPECT_EQ(red_of(tile), 1.0f);  // 7 ÷ 7
+  EXPECT_EQ(tile.kept(0), 7);
+  EXPECT_EQ(tile.dropped_count(), 1);
+  float error[3];
+  tile.standard_error(0, error);
+  EXPECT_EQ(error[0], 0.0f) << "each replicate's mean divides by what it kept";
+}
+
+TEST(TileSum, PixelWithEverySampleDroppedIsBlackNotNan) {
+  FilmBlock block = one_pixel({0, 0, 0, 0}, 0, true);
+  for (std::uint32_t r = 0; r < kReplicates; ++r) block.dropped.push_back({0, r, 1});
+  TileSum tile(1, 1, 0);
+  ASSERT_TRUE(tile.add(block, {0, 4}).ok());
+  float rgba[4];
+  tile.rgba(0, rgba);
+  for (const float value : rgba) EXPECT_EQ(value, 0.0f);
+  const ErrorSums sums = tile.error_sums(1);
+  EXPECT_EQ(sums.scaled, 0);
+  EXPECT_EQ(sums.squared, 0);
+}
+
+TEST(TileSum, MeanBeyondFloatIsHeldFinite) {
+  const float huge = std::numeric_limits<float>::max();
+  FilmBlock block = one_pixel({huge, huge, huge, huge}, 1, true);
+  block.dropped = {{0, 0, 1}, {0, 1, 1}, {0, 2, 1}};
+  TileSum tile(1, 1, 0);
+  ASSERT_TRUE(tile.add(block, {0, 4}).ok());
+  EXPECT_EQ(red_of(tile), huge);
+}
+
+TEST(TileSum, RefusesPassesOutOfOrderAndOtherShapes) {
+  TileSum tile(1, 1, 0);
+  EXPECT_FALSE(tile.add(one_pixel({1, 1, 1, 1}, 4, false), {0, 4}).ok()) << "not a first pass";
+  EXPECT_FALSE(tile.add(one_pixel({1, 1, 1, 1}, 4, true), {4, 4}).ok()) << "a gap";
+  EXPECT_FALSE(tile.add(FilmBlock::zeros({2, 1, 0, true}), {0, 4}).ok()) << "too wide";
+  EXPECT_EQ(tile.pass_count(), 0);
+  ASSERT_TRUE(tile.add(one_pixel({1, 1, 1, 1}, 4, true), {0, 4}).ok());
+  EXPECT_FALSE(tile.add(one_pixel({1, 1, 1, 1}, 4, true), {0, 4}).ok()) << "a repeat";
+  EXPECT_EQ(tile.sample_count(), 4);
+  EXPECT_EQ(red_of(tile), 1.0f);
+}
+
+TEST(TileSum, AovMeansAreOverHitsAndSampleZeroLayersComeFromPassZero) {
+  const std::uint32_t aovs = contract::kAovAlbedo | contract::kAovNormal | contract::kAovDepth |
+                             contract::kAovPosition | contract::kAovIds;
+  FilmBlock first = FilmBlock::zeros({1, 1, aovs, true});
+  first.albedo = {1, 2, 3};
+  first.normal = {0, -2, 0};
+  first.hits = {2};
+  first.depth = {7};
+  first.position = {1, 2, 3};
+  first.ids = {4000000001u, 2, 3};
+  FilmBlock second = FilmBlock::zeros({1, 1, aovs, false});
+  second.albedo = {1, 0, 0};
+  second.hits = {2};
+  TileSum tile(1, 1, aovs);
+  ASSERT_TRUE(tile.add(first, {0, 4}).ok());
+  ASSERT_TRUE(tile.add(second, {4, 4}).ok());
+  float xyz[3];
+  tile.albedo(0, xyz);
+  EXPECT_EQ(xyz[0], 0.5f);
+  EXPECT_EQ(xyz[2], 0.75f);
+  tile.normal(0, xyz);
+  EXPECT_EQ(xyz[1], -0.5f);
+  EXPECT_EQ(tile.depth()[0], 7.0f);
+  EXPECT_EQ(tile.position()[2], 3.0f);
+  EXPECT_EQ(tile.ids()[0], 4000000001u);
+}
+
+TEST(TileSum, AovOfAPixelWithoutHitsIsZero) {
+  TileSum tile(1, 1, contract::kAovNormal);
+  ASSERT_TRUE(tile.add(FilmBlock::zeros({1, 1, contract::kAovNormal, true}), {0, 4}).ok());
+  float xyz[3] = {1, 1, 1};
+  tile.normal(0, xyz);
+  EXPECT_EQ(xyz[0], 0.0f);
+}
+
+/// The estimator of design.md, section 4, written out for one channel, in long double.
+struct BruteForce {
+  long double squared = 0, relative = 0, scaled = 0;
+};
+BruteForce brute_force(const std::vector<long double>& x, long double m) {
+  const auto n = static_cast<long double>(x.size());
+  long double all = 0;
+  for (const long double v : x) all += v;
+  BruteForce sums;
+  for (const long double v : x) {
+    const long double square = (v - all / n) * (v - all / n), others = (all - v) / (n - 1);
+    sums.squared += square / (n * (n - 1));
+    sums.relative += square / (others * others + 0.01L) / (n * (n - 1));
+    sums.scaled += square / (others * others + 0.01L * m * m) / (n * (n - 1));
+  }
+  return sums;
+}
+
+TEST(ErrorSums, AgreeWithTheFormulaWrittenOut) {
+  constexpr std::int32_t kSide = 8;
+  const contract::Pass pass{0, 8};
+  const FilmBlock block = made_block(whole_tile(kSide), 0, 0, pass);
+  TileSum tile(kSide, kSide, 0);
+  ASSERT_TRUE(tile.add(block, pass).ok());
+  const double m = 0.7;
+  BruteForce expected;
+  std::vector<long double> per_pixel_expected;
+  for (std::size_t pixel = 0; pixel < kSide * kSide; ++pixel) {
+    long double scaled = 0;
+    for (std::size_t c = 0; c < 3; ++c) {
+      std::vector<long double> x;
+      for (std::size_t r = 0; r < kReplicates; ++r) {
+        x.push_back(block.rgb[pixel * 3 * kReplicates + 3 * r + c] / 2.0L);
+      }
+      const BruteForce one = brute_force(x, m);
+      expected.squared += one.squared;
+      expected.relative += one.relative;
+      scaled += one.scaled;
+    }
+    expected.scaled += scaled;
+    per_pixel_expected.push_back(scaled);
+  }
+  std::vector<double> per_pixel;
+  const ErrorSums sums = tile.error_sums(m, &per_pixel);
+  EXPECT_EQ(sums.pixels, kSide * kSide);
+  EXPECT_NEAR(sums.squared, static_cast<double>(expected.squared), 1e-12);
+  EXPECT_NEAR(sums.relative, static_cast<double>(expected.relative), 1e-12);
+  EXPECT_NEAR(sums.scaled, static_cast<double>(expected.scaled), 1e-12);
+  ASSERT_EQ(per_pixel.size(), per_pixel_expected.size());
+  for (std::size_t i = 0; i < per_pixel.size(); ++i) {
+    EXPECT_NEAR(per_pixel[i], static_cast<double>(per_pixel_expected[i]), 1e-13);
+  }
+}
+
+TEST(ErrorSums, VarianceOfNearlyEqualReplicatesDoesNotCancel) {
+  // Hard case 68: 1000 ± 0.1. Σ(x − x̄)² / (4·3) of {1000.1, 999.9, 1000.1, 999.9} = 0.04 / 12.
+  TileSum tile(1, 1, 0);
+  ASSERT_TRUE(tile.add(one_pixel({1000.1f, 999.9f, 1000.1f, 999.9f}, 4, true), {0, 4}).ok());
+  EXPECT_NEAR(tile.error_sums(1).squared, 0.04 / 12, 0.04 / 12 * 0.01);
+}
+
+TEST(ErrorSums, FireflyDoesNotDivideByItself) {
+  TileSum tile(1, 1, 0);
+  ASSERT_TRUE(tile.add(one_pixel({1e4f, 0, 0, 0}, 4, true), {0, 4}).ok());
+  // Its own term stands over 0.01 m² alone: (7500)² / 0.01 / 12.
+  EXPECT_GT(tile.error_sums(1).scaled, 7500.0 * 7500.0 / 0.01 / 12);
+}
+
+TEST(ErrorSums, BlackFrameHasNoErrorAndNoNan) {
+  TileSum tile(1, 1, 0);
+  ASSERT_TRUE(tile.add(one_pixel({0, 0, 0, 0}, 4, true), {0, 4}).ok());
+  const ErrorEstimate estimate = estimate_error(tile.error_sums(0));
+  EXPECT_EQ(estimate.error, 0);
+  EXPECT_EQ(estimate.relmse, 0);
+  EXPECT_EQ(estimate.n_eff, 0);
+  EXPECT_EQ(estimate.pixels, 1);
+}
+
+TEST(ErrorEstimate, FollowsFromSumsOfKnownContributions) {
+  // Four pixels with scaled sums 3, 3, 3, 6 over three channels each.
+  ErrorSums sums;
+  sums.pixels = 4;
+  sums.squared = 48;
+  sums.relative = 6;
+  sums.scaled = 15;
+  sums.scaled_squares = 9 + 9 + 9 + 36;
+  const ErrorEstimate estimate = estimate_error(sums);
+  EXPECT_DOUBLE_EQ(estimate.rmse, 2);
+  EXPECT_DOUBLE_EQ(estimate.relmse, 0.5);
+  EXPECT_DOUBLE_EQ(estimate.error, std::sqrt(1.25));
+  EXPECT_DOUBLE_EQ(estimate.n_eff, 225.0 / 63);
+  // Means over channels 1, 1, 1, 2: sample deviation 0.5, standard error 0.25.
+  EXPECT_NEAR(estimate.error_upper95, std::sqrt(1.25 + 1.6448536269514722 * 0.25), 1e-12);
+}
+
+TEST(ErrorEstimate, MeasuresTheTrueErrorOfNoiseOnAverage) {
+  // Normal noise of known variance on a grey tile: the pooled estimate meets the truth within 5
+  // standard errors (variance of an R = 4 variance estimate is 2σ⁴/3 a value).
+  constexpr std::int32_t kSide = 64;
+  std::mt19937 rng(7);
+  std::normal_distribution<double> noise(0, 0.1);
+  FilmBlock block = FilmBlock::zeros({kSide, kSide, 0, true});
+  for (float& value : block.rgb) value = static_cast<float>(1 + noise(rng));
+  TileSum tile(kSide, kSide, 0);
+  ASSERT_TRUE(tile.add(block, {0, 4}).ok());
+  const ErrorEstimate estimate = estimate_error(tile.error_sums(1));
+  const double truth = 0.01 / 4, values = 3.0 * kSide * kSide;
+  EXPECT_NEAR(estimate.rmse * estimate.rmse, truth, 5 * truth * std::sqrt(2.0 / 3 / values));
+}
+
+TEST(TileSum, LuminanceIsOfTheMeans) {
+  FilmBlock block = FilmBlock::zeros({1, 1, 0, true});
+  for (std::size_t r = 0; r < kReplicates; ++r) {
+    block.rgb[3 * r] = 1;
+    block.rgb[3 * r + 1] = 2;
+    block.rgb[3 * r + 2] = 3;
+  }
+  TileSum tile(1, 1, 0);
+  ASSERT_TRUE(tile.add(block, {0, 4}).ok());
+  EXPECT_NEAR(tile.luminance_sum(), 0.2126 + 2 * 0.7152 + 3 * 0.0722, 1e-15);
+}
+
+}  // namespace
+}  // namespace tessera::server
