@@ -1,0 +1,50 @@
+#!/usr/bin/env bash
+# Proves that a clone is enough: makes a minimal Debian 12 in a folder, copies a clone of HEAD into
+# it, and runs tests/run.sh and deploy/quickstart.sh there, with nothing else installed.
+#
+#   tests/fresh_machine.sh FOLDER [LOG]      as root, with debootstrap and git; FOLDER must not exist
+#
+# MIRROR: where to take Debian from (default: what this machine's apt uses). LOG (Markdown) keeps what
+# was printed, the build's progress lines left out.
+set -euo pipefail
+root=$(cd "$(dirname "$0")/.." && pwd)
+folder=${1:?where to make the machine}
+log=${2:-/dev/null}
+[ ! -e "$folder" ] || { echo "fresh_machine: $folder exists" >&2; exit 2; }
+mirror=${MIRROR:-$(apt-get indextargets --format '$(REPO_URI)' 'Codename: bookworm' | head -n 1)}
+
+debootstrap --variant=minbase bookworm "$folder" "$mirror" >/dev/null
+cp /etc/resolv.conf "$folder/etc/"
+find /etc/apt/sources.list.d -name 'debian*.sources' -exec cp {} "$folder/etc/apt/sources.list.d/" \;
+git clone -q "$root" "$folder/root/tessera"
+mount -t proc proc "$folder/proc"
+trap 'umount "$folder/proc"' EXIT
+
+inside() {
+  chroot "$folder" /usr/bin/env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin LANG=C.UTF-8 \
+    bash -c "cd /root/tessera && $1" </dev/null 2>&1
+}
+
+{
+  echo "# A fresh machine"
+  echo
+  echo "What \`tests/fresh_machine.sh\` printed: a minimal Debian 12 (debootstrap, $(
+    inside 'dpkg-query -f . -W | wc -c') packages), $(nproc) cores, a clone of commit"
+  echo "$(git -C "$root" rev-parse --short HEAD), nothing else installed. Build progress is left out."
+  for command in tests/run.sh "deploy/quickstart.sh"; do
+    echo
+    echo "## \`$command\`"
+    echo
+    echo '```'
+    start=$SECONDS
+    status=0
+    inside "$command" >"$folder/root/log" || status=$?
+    # ninja's progress, apt's chatter and passed tests one by one would be thousands of lines.
+    grep -vE '^\[[0-9]+/[0-9]+\]|^ *[0-9]+/[0-9]+ Test|^ +Start +[0-9]+:|^debconf|invoke-rc.d|https?://' \
+      "$folder/root/log" | sed 's/\r/\n/g' | tail -n 60
+    echo '```'
+    echo
+    echo "Exit code $status after $((SECONDS - start)) s."
+    [ "$status" -eq 0 ] || { tail -n 80 "$folder/root/log" >&2; exit "$status"; }
+  done
+} | tee "$log"
