@@ -1,1 +1,4 @@
-# Sources and headers of worker/light: target_sources(tessera_render PRIVATE … PUBLIC FILE_SET HEADERS …).
+target_sources(tessera_render
+  PRIVATE light/emissive_power.cpp light/environment_map.cpp
+  PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
+    FILES light/emissive_power.h light/environment_map.h light/light_table.h light/punctual.h)

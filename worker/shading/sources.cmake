@@ -1,1 +1,5 @@
-# Sources and headers of worker/shading: target_sources(tessera_render PRIVATE … PUBLIC FILE_SET HEADERS …).
+target_sources(tessera_render
+  PRIVATE shading/albedo_table.cpp shading/shading_scene.cpp shading/srgb.cpp shading/texture.cpp
+  PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
+    FILES shading/albedo_table.h shading/bsdf.h shading/fresnel.h shading/microfacet.h
+          shading/shading_scene.h shading/srgb.h shading/surface.h shading/texture.h)

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "worker/math/vector.h"
+#include "worker/scene/scene.h"
+
+namespace tessera::render {
+
+/// The sky: latitude-longitude, bilinear, importance-sampled; or one constant radiance.
+///
+/// u = 0.5 + atan2(d.z, d.x) / 2 pi + rotation / 360, v = acos(d.y) / pi from the top. Points into
+/// the scene, which must outlive it. Negative texels count as black.
+class EnvironmentMap {
+ public:
+  /// Requires scene.has_environment.
+  explicit EnvironmentMap(const Scene& scene);
+
+  /// Radiance from direction `d` (unit, world).
+  Vec3f radiance(const Vec3f& d) const;
+
+  /// Whether directions are better left to the BSDF: the sky is the same everywhere, or black.
+  bool is_constant() const { return image_ == nullptr || !(total_ > 0); }
+
+  struct Sample {
+    Vec3f direction;  // unit
+    Vec3f radiance;
+    float pdf = 0;  // over solid angle
+  };
+  /// A direction with density proportional to the brightness around it; u1 and u2 in [0, 1) with
+  /// 32 bits or more, so that no texel's share falls between two of them. Not for constant skies.
+  Sample sample(double u1, double u2) const;
+
+  /// Density of sample() at `d`; positive wherever radiance is.
+  float pdf(const Vec3f& d) const;
+
+  /// Flux through a disc of unit area, summed over all directions: integral of luminance.
+  double power() const;
+
+  std::int64_t memory_bytes() const;
+
+ private:
+  struct Texel {
+    double x, y;  // texel coordinates: centres at half-integers
+  };
+  Texel texel_at(const Vec3f& d) const;
+  Vec3f fetch(std::int32_t x, std::int32_t y) const;
+  Vec3f bilinear(double x, double y) const;
+  void build();
+
+  const Image* image_ = nullptr;
+  Vec3f constant_;
+  float strength_ = 1;
+  double turn_ = 0;  // rotation in turns
+  std::int32_t width_ = 0, height_ = 0;
+  std::vector<double> row_cosines_;  // height + 1: cos of the polar angle at each row's edge
+  std::vector<double> row_cdf_;      // height + 1, from 0 to 1
+  std::vector<double> cdf_;          // [row][width + 1], from 0 to 1 in each row
+  std::vector<float> density_;       // [row][column]: pdf over solid angle
+  double total_ = 0;                 // integral of luminance over the sphere, before strength
+};
+
+}  // namespace tessera::render

@@ -1,0 +1,90 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "worker/accel/scene_accel.h"
+#include "worker/light/environment_map.h"
+#include "worker/math/vector.h"
+#include "worker/scene/scene.h"
+#include "worker/shading/shading_scene.h"
+
+namespace tessera::render {
+
+/// Random numbers for one light sample.
+struct LightRandom {
+  double select = 0;  // [0, 1), at least 32 bits
+  double u1 = 0, u2 = 0;
+};
+
+/// One way light may reach a point, before it is known whether anything stands between.
+struct LightSample {
+  Vec3f direction;  // unit, towards the light
+  Vec3f target;     // world, where the light is; unused if `distant`
+  bool distant = false;
+  TriangleId triangle;      // the emitter, which does not shadow itself
+  Vec3f radiance_over_pdf;  // radiance (or irradiance of delta lights) / density
+  float pdf = 0;            // over solid angle, selection included; 0 for delta lights
+};
+
+/// All lights of a scene and how to choose among them: by power, in double. A point of an emitter
+/// has positive density wherever it gives light.
+class LightTable {
+ public:
+  /// Both must outlive the table.
+  LightTable(const Scene& scene, const ShadingScene& shading);
+
+  /// Whether sample() can ever give light: false leaves everything to chance hits.
+  bool samples_anything() const { return environment_share_ > 0 || !cdf_.empty(); }
+
+  /// A light seen from `point`. False when the draw gives no light there.
+  bool sample(const Vec3f& point, const LightRandom& u, LightSample* sample) const;
+
+  /// Density with which sample() would have drawn the emissive triangle that a ray of unit
+  /// `direction` met after `distance`; 0 if never. `cos_light` is the absolute cosine there.
+  float emitter_pdf(const TriangleId& id, float distance, float cos_light) const;
+  /// The same for the sky.
+  float environment_pdf(const Vec3f& direction) const {
+    return environment_share_ > 0 ? environment_share_ * environment_->pdf(direction) : 0;
+  }
+
+  /// Null without a sky.
+  const EnvironmentMap* environment() const { return environment_.get(); }
+  std::int64_t memory_bytes() const;
+
+ private:
+  /// An emissive triangle or a punctual light.
+  struct Entry {
+    TriangleId triangle;
+    std::int32_t punctual = kNone;
+    float density = 0;  // triangles: probability / area; punctual: probability
+  };
+
+  void add_emitters(const Scene& scene);
+  void add_punctual(const Scene& scene);
+  void add_entry(const Entry& entry, double power);
+  void normalise();
+  bool sample_environment(const LightRandom& u, LightSample* sample) const;
+  bool sample_emitter(const Entry& entry, const Vec3f& point, const LightRandom& u,
+                      LightSample* sample) const;
+  bool sample_point_light(const Entry& entry, const Vec3f& point, LightSample* sample) const;
+
+  const ShadingScene& shading_;
+  const std::vector<PunctualLight>& punctual_;
+  std::unique_ptr<EnvironmentMap> environment_;
+  float environment_share_ = 0;  // probability of sampling the sky
+  std::vector<Entry> entries_;
+  std::vector<double> cdf_;                // entries + 1, empty without local lights
+  std::vector<std::uint32_t> slot_first_;  // per instance: first of its primitives' slots
+  std::vector<std::int64_t> slots_;        // per instance and primitive: first entry or kNone
+};
+
+/// Veach's power heuristic for a sample of density `pdf` against one other strategy, from the
+/// ratio, so that no square of a density overflows. Requires pdf > 0.
+inline float power_heuristic(float pdf, float other) {
+  const float r = other / pdf;
+  return 1 / (1 + r * r);
+}
+
+}  // namespace tessera::render

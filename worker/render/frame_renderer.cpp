@@ -1,0 +1,214 @@
+#include "worker/render/frame_renderer.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "proto/contract/hilbert.h"
+#include "worker/light/light_table.h"
+#include "worker/render/camera_rays.h"
+#include "worker/render/float_control.h"
+#include "worker/render/path_tracer.h"
+#include "worker/render/pixel_sums.h"
+#include "worker/shading/shading_scene.h"
+
+namespace tessera::render {
+namespace {
+
+constexpr std::int64_t kPixelsPerChunk = 64;  // fixed: what a body of the parallel loop renders
+
+/// What the pixels of a chunk count, added up in chunk order so that threads do not matter.
+struct ChunkTotals {
+  double clamped_energy = 0;
+  std::int64_t limit_count = 0;
+  std::vector<contract::DroppedSamples> dropped;
+};
+
+/// One unit being rendered.
+struct UnitWork {
+  contract::PixelRect rect;
+  contract::Pass pass;
+  std::vector<contract::GridPoint> order;  // along the Hilbert curve
+  contract::FilmBlock* block;
+};
+
+/// A wrong MXCSR would silently change pixels: a library that sets it is our bug to catch.
+void check_float_control() {
+  if (has_ieee_floats()) return;
+  std::fprintf(stderr, "tessera: this thread flushes denormals or rounds unusually (MXCSR)\n");
+  std::abort();
+}
+
+class PathTracingFrame final : public FrameRenderer {
+ public:
+  PathTracingFrame(Scene scene, const contract::RenderSettings& settings, std::int32_t frame,
+                   const ParallelFor& parallel_for);
+
+  contract::FilmBlock render(const contract::PixelRect& rect, const contract::Pass& pass,
+                             std::int32_t pass_index,
+                             const ParallelFor& parallel_for) const override;
+  Timings timings() const override { return timings_; }
+
+ private:
+  void render_chunk(const UnitWork& unit, std::int64_t chunk, ChunkTotals* totals) const;
+  void render_pixel(const UnitWork& unit, contract::GridPoint at, PathScratch* scratch,
+                    ChunkTotals* totals) const;
+  void store_first_hit(const PathResult& path, std::size_t pixel, contract::FilmBlock* block) const;
+
+  const Scene scene_;
+  const ShadingScene shading_;
+  const SceneAccel accel_;
+  const LightTable lights_;
+  const CameraRays camera_;
+  const FrameContext context_;
+  const float clamp_at_;
+  const std::uint32_t aovs_;
+  Timings timings_;
+};
+
+FrameContext context_of(const contract::RenderSettings& settings, std::int32_t frame,
+                        const FrameContext& parts) {
+  FrameContext context = parts;
+  const auto& c = settings.background_color;
+  context.background = settings.background;
+  context.background_color = {c[0], c[1], c[2]};
+  context.max_depth = settings.max_depth;
+  context.cull_backfaces = settings.cull_backfaces;
+  context.seed = settings.seed;
+  context.frame = frame;
+  context.filter = settings.filter;
+  context.filter_width = settings.filter_width;
+  return context;
+}
+
+std::int64_t scene_bytes(const Scene& scene) {
+  std::size_t bytes = 0;
+  for (const Image& image : scene.images) {
+    bytes += image.u8.size() + image.u16.size() * 2 + image.f32.size() * 4;
+  }
+  for (const Mesh& mesh : scene.meshes) {
+    for (const Primitive& p : mesh.primitives) {
+      bytes += p.positions.size() * sizeof(Vec3f) + p.triangles.size() * sizeof(p.triangles[0]) +
+               p.normals.size() * sizeof(Vec3f) + p.tangents.size() * sizeof(Vec4f) +
+               (p.uv[0].size() + p.uv[1].size()) * sizeof(Vec2f) + p.colors.size() * sizeof(Vec4f);
+    }
+  }
+  return static_cast<std::int64_t>(bytes + scene.instances.size() * sizeof(Instance));
+}
+
+PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& settings,
+                                   std::int32_t frame, const ParallelFor& parallel_for)
+    : scene_(std::move(scene)),
+      shading_(scene_),
+      accel_(scene_, parallel_for),
+      lights_(scene_, shading_),
+      camera_(scene_.camera, settings.width, settings.height),
+      context_(context_of(settings, frame, {shading_, accel_, lights_, camera_})),
+      clamp_at_(static_cast<float>(settings.clamp)),
+      aovs_(settings.aovs) {}
+
+contract::FilmBlock PathTracingFrame::render(const contract::PixelRect& rect,
+                                             const contract::Pass& pass, std::int32_t pass_index,
+                                             const ParallelFor& parallel_for) const {
+  contract::FilmBlockShape shape;
+  shape.width = rect.width;
+  shape.height = rect.height;
+  shape.aovs = aovs_;
+  shape.first_pass = pass_index == 0;
+  contract::FilmBlock block = contract::FilmBlock::zeros(shape);
+  const UnitWork unit{rect, pass, contract::hilbert_curve(rect.width, rect.height), &block};
+  const std::int64_t chunks = (shape.pixel_count() + kPixelsPerChunk - 1) / kPixelsPerChunk;
+  std::vector<ChunkTotals> totals(static_cast<std::size_t>(chunks));
+  parallel_for(chunks, [&](std::int64_t chunk) {
+    render_chunk(unit, chunk, &totals[static_cast<std::size_t>(chunk)]);
+  });
+  for (const ChunkTotals& t : totals) {
+    block.clamped_energy += t.clamped_energy;
+    block.transparency_limit_count += static_cast<std::uint64_t>(t.limit_count);
+    block.dropped.insert(block.dropped.end(), t.dropped.begin(), t.dropped.end());
+  }
+  std::sort(block.dropped.begin(), block.dropped.end(), [](const auto& a, const auto& b) {
+    return std::tie(a.pixel, a.replicate) < std::tie(b.pixel, b.replicate);
+  });
+  return block;
+}
+
+void PathTracingFrame::render_chunk(const UnitWork& unit, std::int64_t chunk,
+                                    ChunkTotals* totals) const {
+  check_float_control();
+  PathScratch scratch;
+  const auto first = static_cast<std::size_t>(chunk * kPixelsPerChunk);
+  const std::size_t last = std::min(first + kPixelsPerChunk, unit.order.size());
+  for (std::size_t i = first; i < last; ++i) render_pixel(unit, unit.order[i], &scratch, totals);
+  check_float_control();
+}
+
+void PathTracingFrame::render_pixel(const UnitWork& unit, contract::GridPoint at,
+                                    PathScratch* scratch, ChunkTotals* totals) const {
+  const std::int32_t x = unit.rect.x + at.x, y = unit.rect.y + at.y;
+  const auto pixel = static_cast<std::size_t>(at.y) * static_cast<std::size_t>(unit.rect.width) +
+                     static_cast<std::size_t>(at.x);
+  PixelSums sums;
+  for (std::int32_t i = 0; i < unit.pass.sample_count; ++i) {
+    const std::int32_t sample = unit.pass.first_sample + i;
+    const PathResult path = trace_path(context_, x, y, sample, scratch);
+    if (sample == 0 && unit.block->shape.first_pass) store_first_hit(path, pixel, unit.block);
+    sums.add(path, sample, clamp_at_);
+  }
+  sums.store(pixel, unit.block);
+  totals->clamped_energy += sums.clamped_energy();
+  totals->limit_count += sums.limit_count();
+  for (int r = 0; r < contract::kReplicates; ++r) {
+    if (sums.dropped(r) == 0) continue;
+    totals->dropped.push_back(
+        {static_cast<std::uint32_t>(pixel), static_cast<std::uint32_t>(r), sums.dropped(r)});
+  }
+}
+
+/// Depth, position and ids of sample 0; misses stay 0.
+void PathTracingFrame::store_first_hit(const PathResult& path, std::size_t pixel,
+                                       contract::FilmBlock* block) const {
+  const CameraHit& hit = path.hit;
+  if (!hit.present) return;
+  if (!block->depth.empty()) block->depth[pixel] = static_cast<float>(camera_.depth(hit.position));
+  if (!block->position.empty()) {
+    const Vec3f p = Vec3f(Vec3d(hit.position) + scene_.center);
+    block->position[3 * pixel] = p.x;
+    block->position[3 * pixel + 1] = p.y;
+    block->position[3 * pixel + 2] = p.z;
+  }
+  if (!block->ids.empty()) {
+    block->ids[3 * pixel] = static_cast<std::uint32_t>(hit.node) + 1;
+    block->ids[3 * pixel + 1] = static_cast<std::uint32_t>(hit.material) + 1;
+    block->ids[3 * pixel + 2] = static_cast<std::uint32_t>(hit.primitive) + 1;
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<FrameRenderer>> FrameRenderer::create(
+    Scene scene, const contract::RenderSettings& settings, std::int32_t frame,
+    const ParallelFor& parallel_for) {
+  if (settings.width < 1 || settings.height < 1) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("render settings: size ", settings.width, "x", settings.height));
+  }
+  if (settings.max_depth < 1 || settings.max_depth > 255) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("render settings: max depth ", settings.max_depth, " is not in [1, 255]"));
+  }
+  if (!(settings.filter_width > 0) || !(settings.filter_width <= 64)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("render settings: filter width ", settings.filter_width, " px"));
+  }
+  if (scene.materials.empty()) {
+    return absl::InvalidArgumentError("scene: no materials, not even the default one");
+  }
+  return std::make_unique<PathTracingFrame>(std::move(scene), settings, frame, parallel_for);
+}
+
+}  // namespace tessera::render

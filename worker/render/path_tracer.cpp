@@ -1,0 +1,294 @@
+#include "worker/render/path_tracer.h"
+
+#include <cmath>
+#include <limits>
+
+#include "worker/geometry/offset_origin.h"
+#include "worker/sampling/dimensions.h"
+#include "worker/sampling/pixel_filter.h"
+#include "worker/sampling/sampler.h"
+
+namespace tessera::render {
+namespace {
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr std::int32_t kRouletteDepth = 3;  // scattering events before paths may end by chance
+
+/// The low 20 bits as a number in [0, 1).
+double fraction(std::uint64_t bits) {
+  return static_cast<double>(bits & 0xfffffu) * 0x1p-20;
+}
+
+/// Where a path is: the ray that has not been traced yet, and what it carries.
+struct Path {
+  Ray ray;  // unit direction
+  Vec3f throughput{1, 1, 1};
+  PathResult result;
+  std::int32_t depth = 0;                // scattering events so far
+  std::int32_t passed = 0;               // transparent surfaces so far
+  bool from_camera = true;               // nothing but alpha holes so far
+  bool by_chance = true;                 // no light sampling could have made this ray: no MIS
+  float pdf = 0;                         // of the last scattering, over solid angle
+  Vec3f scattered_at;                    // where that was
+  const MaterialView* medium = nullptr;  // the absorbing solid the ray is in
+};
+
+class PathTracer {
+ public:
+  PathTracer(const FrameContext& frame, Sampler sampler, PathScratch* scratch)
+      : frame_(frame), sampler_(sampler), scratch_(scratch) {}
+
+  PathResult trace(std::int32_t x, std::int32_t y);
+
+ private:
+  void start(std::int32_t x, std::int32_t y);
+  bool find_hit(Hit* hit);
+  bool step(const Hit& hit);
+  void add_sky();
+  void record(const SurfacePoint& point, const SurfacePosition& position, const Vec4f& base);
+  void absorb(const SurfacePoint& point, float distance);
+  void add_emission(const SurfacePoint& point, const TriangleId& id, const Vec3f& position);
+  bool goes_straight(const Bsdf& bsdf, const Hit& hit, const SurfacePosition& position);
+  void add_direct(const Bsdf& bsdf, const TriangleId& id, const SurfacePosition& position);
+  Vec3f light_through(const Ray& ray, const LightSample& light);
+  bool scatter(const SurfacePoint& point, const Bsdf& bsdf, const TriangleId& id,
+               const SurfacePosition& position);
+  std::uint32_t bounce() const { return static_cast<std::uint32_t>(path_.depth); }
+
+  const FrameContext& frame_;
+  Sampler sampler_;
+  PathScratch* scratch_;
+  Path path_;
+};
+
+void PathTracer::start(std::int32_t x, std::int32_t y) {
+  const Vec2f u = sampler_.get_2d(dimensions::kFilter);
+  const Vec2d offset = sample_pixel_filter(frame_.filter, frame_.filter_width, u);
+  const CameraRay camera = frame_.camera.ray(x + 0.5 + offset.x, y + 0.5 + offset.y);
+  path_.ray.origin = camera.origin;
+  path_.ray.direction = camera.direction;
+  path_.ray.t_max = camera.t_max;
+}
+
+PathResult PathTracer::trace(std::int32_t x, std::int32_t y) {
+  start(x, y);
+  for (;;) {
+    Hit hit;
+    if (!find_hit(&hit)) {
+      add_sky();
+      break;
+    }
+    if (path_.passed > kTransparencyLimit) {
+      ++path_.result.limit_count;
+      break;
+    }
+    if (!step(hit)) break;
+  }
+  return path_.result;
+}
+
+void PathTracer::hit_limit() {
+  ++path_.result.limit_count;
+}
+
+bool PathTracer::find_hit(Hit* hit) {
+  const bool camera = path_.depth == 0;
+  unsigned traits = kTraitAlpha;
+  if (!camera) traits |= kTraitUnlit;
+  if (camera && frame_.cull_backfaces) traits |= kTraitOneSided;
+  traits &= frame_.shading.traits;
+  if (traits == 0) return frame_.accel.closest_hit(path_.ray, AcceptAll{}, hit);
+  ClosestFilter filter{frame_.shading,
+                       {sampler_, bounce(), RayKind::path},
+                       path_.ray.direction,
+                       static_cast<std::uint8_t>(traits)};
+  const bool found = frame_.accel.closest_hit(path_.ray, filter, hit);
+  path_.passed += filter.passed;
+  return found;
+}
+
+/// One surface: emission, direct light, and the next ray. False when the path ends.
+bool PathTracer::step(const Hit& hit) {
+  const SurfacePoint point =
+      surface_at(frame_.shading, hit.id, hit.b1, hit.b2, path_.ray.direction);
+  const SurfacePosition position = surface_position(point, hit);
+  absorb(point, hit.t);
+  const Vec4f base = base_color_at(frame_.shading, point);
+  if (path_.depth == 0 && !path_.result.hit.present) record(point, position, base);
+  if (point.material->source->unlit) {
+    path_.result.radiance += path_.throughput * base.xyz();
+    return false;
+  }
+  add_emission(point, hit.id, position.point);
+  const bool last = path_.depth == frame_.max_depth;
+  if (last && point.material->interface != Interface::thin) return false;
+  const Bsdf bsdf = bsdf_at(frame_.shading, point, base, -path_.ray.direction);
+  if (goes_straight(bsdf, hit, position)) return true;
+  if (last) return false;
+  add_direct(bsdf, hit.id, position);
+  return scatter(point, bsdf, hit.id, position);
+}
+
+void PathTracer::add_sky() {
+  const EnvironmentMap* sky = frame_.lights.environment();
+  if (path_.from_camera) {
+    switch (frame_.background) {
+      case contract::Background::color:
+        path_.result.radiance += path_.throughput * frame_.background_color;
+        return;
+      case contract::Background::none:
+        path_.result.alpha = 0;
+        return;
+      case contract::Background::automatic:
+        if (sky == nullptr) path_.result.alpha = 0;
+        break;
+    }
+  }
+  if (sky == nullptr) return;
+  Vec3f light = path_.throughput * sky->radiance(path_.ray.direction);
+  if (!path_.by_chance) {
+    light *= power_heuristic(path_.pdf, frame_.lights.environment_pdf(path_.ray.direction));
+  }
+  path_.result.radiance += light;
+}
+
+void PathTracer::record(const SurfacePoint& point, const SurfacePosition& position,
+                        const Vec4f& base) {
+  CameraHit& hit = path_.result.hit;
+  hit.present = true;
+  hit.albedo = base.xyz();
+  const Vec3f normal = shading_normal_at(frame_.shading, point);
+  hit.normal = point.front ? normal : -normal;
+  hit.position = position.point;
+  hit.node = point.instance->node;
+  hit.material = point.primitive->material;
+  hit.primitive = point.primitive->id;
+}
+
+/// Beer's law along the ray that just ended. A solid's inner side tells the medium by itself, so
+/// that cameras may start inside one.
+void PathTracer::absorb(const SurfacePoint& point, float distance) {
+  const MaterialView* medium = path_.medium;
+  if (!point.front && point.material->interface == Interface::solid) medium = point.material;
+  if (medium == nullptr || !medium->absorbs) return;
+  path_.throughput *= beer_transmittance(medium->extinction, distance);
+}
+
+void PathTracer::add_emission(const SurfacePoint& point, const TriangleId& id,
+                              const Vec3f& position) {
+  if (!point.material->emissive) return;
+  Vec3f light = path_.throughput * emission_at(frame_.shading, point);
+  if (!path_.by_chance) {
+    const float distance = length(position - path_.scattered_at);
+    const float cosine = std::fabs(dot(point.geometric_normal, path_.ray.direction));
+    light *= power_heuristic(path_.pdf, frame_.lights.emitter_pdf(id, distance, cosine));
+  }
+  path_.result.radiance += light;
+}
+
+/// Thin sheets let light pass without an event: not counted as depth, no roulette, and the density
+/// of the last real scattering stays.
+bool PathTracer::goes_straight(const Bsdf& bsdf, const Hit& hit, const SurfacePosition& position) {
+  const Vec3f share = straight_transmittance(bsdf);
+  const float straight = luminance(share);
+  if (!(straight > 0)) return false;
+  const float probability = straight / (straight + scattered_albedo(bsdf));
+  if (!(straight_chance(sampler_, bounce(), hit.id) < probability)) {
+    path_.throughput = path_.throughput / (1 - probability);
+    return false;
+  }
+  path_.throughput *= share / probability;
+  path_.from_camera = false;
+  ++path_.passed;
+  path_.ray.origin = offset_origin(position, path_.ray.direction);
+  path_.ray.t_max = path_.ray.t_max - hit.t;
+  path_.ray.leaves = hit.id;
+  return true;
+}
+
+void PathTracer::add_direct(const Bsdf& bsdf, const TriangleId& id,
+                            const SurfacePosition& position) {
+  if (!frame_.lights.samples_anything() || !has_smooth_density(bsdf)) return;
+  LightRandom u;
+  const Vec4f x = sampler_.get_4d(dimensions::light(bounce()));
+  // 20 more bits each: a texel of the sky or a lamp among millions may be narrower than 2^-24.
+  const std::uint64_t bits = sampler_.hash(dimensions::light(bounce()));
+  u.u1 = x.x + fraction(bits) * 0x1p-24;
+  u.u2 = x.y + fraction(bits >> 20) * 0x1p-24;
+  u.select = x.z + fraction(bits >> 40) * 0x1p-24;
+  LightSample light;
+  if (!frame_.lights.sample(position.point, u, &light)) return;
+  const BsdfValue value = evaluate_bsdf(bsdf, light.direction);
+  if (!(max_component(value.f_cos) > 0)) return;
+  Ray ray;
+  ray.origin = offset_origin(position, light.direction);
+  ray.leaves = id;
+  ray.direction = light.distant ? light.direction : light.target - ray.origin;
+  ray.t_max = light.distant ? kInfinity : 1.0f;
+  const Vec3f open = light_through(ray, light);
+  if (!(max_component(open) > 0)) return;
+  const float weight = light.pdf > 0 ? power_heuristic(light.pdf, value.pdf) : 1.0f;
+  path_.result.radiance += path_.throughput * value.f_cos * light.radiance_over_pdf * open * weight;
+}
+
+/// Share of a light sample's radiance that arrives: 0 behind anything opaque.
+Vec3f PathTracer::light_through(const Ray& ray, const LightSample& light) {
+  const auto traits = static_cast<std::uint8_t>(frame_.shading.traits &
+                                                (kTraitAlpha | kTraitUnlit | kTraitStraight));
+  ShadowFilter filter{frame_.shading,
+                      {sampler_, bounce(), RayKind::shadow},
+                      light.direction,
+                      light.triangle,
+                      traits};
+  filter.sheets = &scratch_->sheets;
+  if (frame_.accel.any_hit(ray, filter)) return {};
+  if (filter.passed > kTransparencyLimit) {
+    ++path_.result.limit_count;
+    return {};
+  }
+  Vec3f open = filter.transmittance();
+  if (path_.medium != nullptr) {
+    const float distance = light.distant ? kInfinity : length(ray.direction);
+    open *= beer_transmittance(path_.medium->extinction, distance);
+  }
+  return open;
+}
+
+bool PathTracer::scatter(const SurfacePoint& point, const Bsdf& bsdf, const TriangleId& id,
+                         const SurfacePosition& position) {
+  const Vec4f u = sampler_.get_4d(dimensions::bsdf(bounce()));
+  BsdfSample next;
+  if (!sample_bsdf(bsdf, u.z, {u.x, u.y}, &next)) return false;
+  path_.throughput *= next.weight;
+  ++path_.depth;
+  if (path_.depth > kRouletteDepth) {
+    const float survival = max_component(path_.throughput);
+    if (!(survival > 0)) return false;
+    if (survival < 1) {
+      if (!(u.w < survival)) return false;
+      path_.throughput = path_.throughput / survival;
+    }
+  }
+  if (next.transmitted && bsdf.interface == Interface::solid) {
+    path_.medium = point.front && point.material->absorbs ? point.material : nullptr;
+  }
+  path_.from_camera = false;
+  path_.by_chance = next.delta;
+  path_.pdf = next.pdf;
+  path_.scattered_at = position.point;
+  path_.ray = Ray{};
+  path_.ray.origin = offset_origin(position, next.wi);
+  path_.ray.direction = next.wi;
+  path_.ray.leaves = id;
+  return true;
+}
+
+}  // namespace
+
+PathResult trace_path(const FrameContext& frame, std::int32_t x, std::int32_t y,
+                      std::int32_t sample, PathScratch* scratch) {
+  PathTracer tracer(frame, Sampler(frame.seed, frame.frame, x, y, sample), scratch);
+  return tracer.trace(x, y);
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "proto/contract/render_settings.h"
+#include "worker/accel/scene_accel.h"
+#include "worker/light/light_table.h"
+#include "worker/math/vector.h"
+#include "worker/render/camera_rays.h"
+#include "worker/render/transparency.h"
+#include "worker/shading/shading_scene.h"
+#include "worker/shading/surface.h"
+
+namespace tessera::render {
+
+/// What all paths of a frame share. Immutable while paths are traced.
+struct FrameContext {
+  const ShadingScene& shading;
+  const SceneAccel& accel;
+  const LightTable& lights;
+  const CameraRays& camera;
+  contract::Background background = contract::Background::automatic;
+  Vec3f background_color;
+  std::int32_t max_depth = 16;
+  bool cull_backfaces = false;
+  std::uint32_t seed = 0;
+  std::int32_t frame = 0;
+  contract::PixelFilter filter = contract::PixelFilter::box;
+  double filter_width = 1;
+};
+
+/// Memory a thread lends to the paths it traces, so that none allocates.
+struct PathScratch {
+  std::array<Sheet, kTransparencyLimit> sheets;
+};
+
+/// The first surface a camera path met.
+struct CameraHit {
+  bool present = false;
+  Vec3f albedo;    // base colour
+  Vec3f normal;    // shading normal on the viewer's side
+  Vec3f position;  // recentred world
+  std::int32_t node = 0, material = 0, primitive = 0;
+};
+
+/// One sample of a pixel.
+struct PathResult {
+  Vec3f radiance;
+  float alpha = 1;
+  CameraHit hit;
+  std::int32_t limit_count = 0;  // times kTransparencyLimit was met
+};
+
+/// Traces sample `sample` of pixel (x, y), full-frame coordinates. A function of the frame and
+/// these three numbers alone. The radiance may be non-finite: the film drops such samples.
+PathResult trace_path(const FrameContext& frame, std::int32_t x, std::int32_t y,
+                      std::int32_t sample, PathScratch* scratch);
+
+}  // namespace tessera::render

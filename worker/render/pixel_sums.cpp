@@ -1,0 +1,60 @@
+#include "worker/render/pixel_sums.h"
+
+#include <limits>
+
+namespace tessera::render {
+namespace {
+
+float limited(float value, float limit, double* removed) {
+  if (!(value > limit)) return value;
+  *removed += static_cast<double>(value) - limit;
+  return limit;
+}
+
+/// Rounded once; sums beyond a float stay its largest, so that no infinity reaches the film.
+float rounded(double sum) {
+  constexpr double kLargest = std::numeric_limits<float>::max();
+  return static_cast<float>(clamp(sum, -kLargest, kLargest));
+}
+
+void store_vector(const Vec3d& sum, std::size_t pixel, std::vector<float>* plane) {
+  (*plane)[3 * pixel] = rounded(sum.x);
+  (*plane)[3 * pixel + 1] = rounded(sum.y);
+  (*plane)[3 * pixel + 2] = rounded(sum.z);
+}
+
+}  // namespace
+
+void PixelSums::add(const PathResult& path, std::int32_t sample, float clamp_at) {
+  const auto replicate = static_cast<std::size_t>(sample % contract::kReplicates);
+  limit_count_ += path.limit_count;
+  const CameraHit& hit = path.hit;
+  if (!is_finite(path.radiance) || !is_finite(hit.albedo) || !is_finite(hit.normal)) {
+    ++dropped_[replicate];
+    return;
+  }
+  Vec3f c = path.radiance;
+  if (clamp_at > 0) {
+    c.x = limited(c.x, clamp_at, &clamped_energy_);
+    c.y = limited(c.y, clamp_at, &clamped_energy_);
+    c.z = limited(c.z, clamp_at, &clamped_energy_);
+  }
+  rgb_[replicate] += Vec3d(c);
+  alpha_ += path.alpha;
+  if (!hit.present) return;
+  hits_ += 1;
+  albedo_ += Vec3d(hit.albedo);
+  normal_ += Vec3d(hit.normal);
+}
+
+void PixelSums::store(std::size_t pixel, contract::FilmBlock* block) const {
+  for (std::size_t r = 0; r < contract::kReplicates; ++r) {
+    store_vector(rgb_[r], contract::kReplicates * pixel + r, &block->rgb);
+  }
+  block->alpha[pixel] = static_cast<float>(alpha_);
+  if (!block->albedo.empty()) store_vector(albedo_, pixel, &block->albedo);
+  if (!block->normal.empty()) store_vector(normal_, pixel, &block->normal);
+  if (!block->hits.empty()) block->hits[pixel] = static_cast<float>(hits_);
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,112 @@
+#pragma once
+
+#include <cstdint>
+
+#include "worker/math/vector.h"
+#include "worker/shading/albedo_table.h"
+
+namespace tessera::render {
+
+/// Below this alpha a microfacet lobe is a mirror: D would need more digits than a float has.
+inline constexpr float kMirrorAlpha = 1e-3f;
+
+/// What a surface separates.
+enum class Interface : std::uint8_t {
+  opaque,
+  thin,   // a sheet: light that is not reflected goes straight on (KHR_materials_transmission)
+  solid,  // a boundary of a volume: exact Fresnel, refraction (KHR_materials_volume)
+};
+
+/// The material at one point, as the glTF specification's layers leave it. Input of make_bsdf().
+struct BsdfParameters {
+  Vec3f base = {1, 1, 1};  // base colour, linear; diffuse colour in specular-glossiness
+  float metallic = 0;
+  float roughness = 1;  // perceptual; alpha is its square
+  float ior = 1.5f;
+  Vec3f f0 = {0.04f, 0.04f, 0.04f};  // dielectric reflectance at normal incidence, [0, 1]
+  float specular_weight = 1;
+  float transmission = 0;
+  bool specular_glossiness = false;  // diffuse is scaled by 1 - F per channel, not by its maximum
+  bool front = true;                 // the viewer is on the outside
+  Interface interface = Interface::opaque;
+};
+
+/// Albedo tables a BSDF may need; those it does not need may be null.
+struct BsdfTables {
+  const AlbedoTable* reflector = nullptr;
+  const AlbedoTable* entering = nullptr;  // dielectric(ior): transmissive solids seen from outside
+  const AlbedoTable* leaving = nullptr;   // dielectric(1 / ior)
+};
+
+/// Orthonormal shading frame with the viewer on the +z side of both normals.
+struct BsdfFrame {
+  Vec3f tangent, bitangent, normal;
+  Vec3f geometric_normal;  // unit, on the viewer's side
+};
+
+/// Everything about scattering at one point for one viewer. Plain data, made per hit.
+struct Bsdf {
+  BsdfFrame frame;
+  Vec3f wo;  // unit, in the frame, z > 0
+
+  Vec3f diffuse;   // (1 - metallic)(1 - transmission) base
+  Vec3f transmit;  // (1 - metallic) transmission base: weight of what the Fresnel layer lets pass
+  Vec3f f0;
+  Vec3f metal_f0;
+  Vec3f metal_multiple;  // Kulla-Conty: factor of 1 - E(wi); zero when there is nothing to mend
+  float specular_weight = 0;
+  float metallic = 0;
+  float alpha = 1, roughness = 1;
+  float eta = 1;  // n(far side) / n(viewer's side) of a solid
+  float root_o = 1;
+  float reflect_gain = 1, transmit_gain = 1;  // what multiple scattering gives back in glass
+  float cosine_probability = 1;               // of sampling the cosine lobe
+  Interface interface = Interface::opaque;
+  bool mirror = false;  // the microfacet lobe is a delta
+  bool channelwise = false;
+  bool plain_fresnel = true;  // f0 follows from eta and the weight is 1
+  const AlbedoTable* reflector = nullptr;
+};
+
+struct BsdfValue {
+  Vec3f f_cos;    // BSDF times |cos| of wi to the shading normal; delta lobes left out
+  float pdf = 0;  // of sample_bsdf, over solid angle, delta lobes left out
+};
+
+struct BsdfSample {
+  Vec3f wi;      // world
+  Vec3f weight;  // f cos / pdf
+  float pdf = 0;
+  bool delta = false;
+  bool transmitted = false;  // wi is on the far side
+};
+
+/// Prepares scattering for a viewer in direction `wo` (world, unit, on the side of both normals).
+Bsdf make_bsdf(const BsdfParameters& parameters, const BsdfTables& tables, const BsdfFrame& frame,
+               const Vec3f& wo);
+
+/// Value and density for `wi` (world, unit).
+///
+/// Reflection is the specification's BRDF (glTF 2.0, appendix B; KHR_materials_specular, _ior,
+/// _transmission, pbrSpecularGlossiness), metals with Kulla & Conty's multiple-scattering lobe.
+/// Transmission through solids is Walter et al. 2007, equation 21, without the change of radiance
+/// by eta^2, which cancels for closed solids; rough glass is divided by its single-scattering
+/// albedo at wo, so reciprocity holds for it up to that factor.
+BsdfValue evaluate_bsdf(const Bsdf& bsdf, const Vec3f& wi);
+
+/// Draws a direction: `u_lobe` in [0, 1) chooses, `u` places. False when the sample is lost (below
+/// the surface, or nothing scatters). Light going straight through a thin mirror-smooth sheet is
+/// left out: see straight_transmittance().
+bool sample_bsdf(const Bsdf& bsdf, float u_lobe, const Vec2f& u, BsdfSample* sample);
+
+/// Share of light that goes straight through a thin, smooth, transmissive sheet; 0 for others.
+Vec3f straight_transmittance(const Bsdf& bsdf);
+
+/// Estimate of the albedo sample_bsdf() scatters with, for choosing between that and going
+/// straight.
+float scattered_albedo(const Bsdf& bsdf);
+
+/// Whether a light of zero size, or next-event estimation at all, can contribute.
+bool has_smooth_density(const Bsdf& bsdf);
+
+}  // namespace tessera::render

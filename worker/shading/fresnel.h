@@ -1,0 +1,63 @@
+#pragma once
+
+#include "worker/math/vector.h"
+
+namespace tessera::render {
+
+/// (1 - cos)^5, Schlick's weight of the grazing colour. Requires 0 <= cos_theta <= 1.
+constexpr float schlick_weight(float cos_theta) {
+  const float m = clamp(1 - cos_theta, 0.0f, 1.0f);
+  const float m2 = m * m;
+  return m2 * m2 * m;
+}
+
+/// f0 + (1 - f0) (1 - cos)^5 per channel.
+constexpr Vec3f schlick(const Vec3f& f0, float cos_theta) {
+  return f0 + (Vec3f{1, 1, 1} - f0) * schlick_weight(cos_theta);
+}
+
+/// Reflectance at normal incidence between air and an index of refraction; 1 for ior 0
+/// (KHR_materials_ior).
+constexpr float f0_from_ior(float ior) {
+  const float r = (ior - 1) / (ior + 1);
+  return r * r;
+}
+
+/// Reflectance of unpolarised light at a smooth dielectric interface, exact. `cos_i` is the
+/// absolute cosine on the side the light comes from, `eta` = n(other side) / n(this side) > 0.
+/// 1 beyond the critical angle; always within [0, 1].
+///
+/// The cosine of the refracted ray is formed from (cos_i, eta) as refract() forms it, so both
+/// agree on who is totally reflected. Source: Born & Wolf, section 1.5.2, in g = eta cos_t.
+inline float fresnel_dielectric(float cos_i, float eta) {
+  const float c = clamp(cos_i, 0.0f, 1.0f);
+  const float g2 = (eta - 1) * (eta + 1) + c * c;  // (eta cos_t)^2, without 1 - (1 - c^2)
+  if (!(g2 > 0)) return 1;
+  const float g = std::sqrt(g2);
+  // g - c = (eta^2 - 1) / (g + c): no cancellation for matched indices.
+  const float a = (eta - 1) * (eta + 1) / ((g + c) * (g + c));
+  // ((c (g + c) - 1) / (c (g - c) + 1))^2 with g - c as above: the parallel/perpendicular ratio.
+  const float numerator = c * (g + c) - 1;
+  const float denominator = c * (g - c) + 1;
+  const float b = numerator / denominator;
+  return clamp(0.5f * a * a * (1 + b * b), 0.0f, 1.0f);
+}
+
+/// Refracts `w` (unit, pointing away from the surface) about the unit normal `n` on w's side.
+/// False if all light is reflected; else `wt` points to the other side. `eta` as above.
+inline bool refract(const Vec3f& w, const Vec3f& n, float eta, Vec3f* wt) {
+  const float c = dot(w, n);
+  const float g2 = (eta - 1) * (eta + 1) + c * c;
+  if (!(g2 > 0)) return false;
+  const float g = std::sqrt(g2);
+  *wt = (n * (c - g) - w) / eta;
+  return true;
+}
+
+/// Average of the dielectric Fresnel reflectance of Schlick's form over the cosine-weighted
+/// hemisphere: f0 + (1 - f0) / 21.
+constexpr Vec3f schlick_average(const Vec3f& f0) {
+  return f0 + (Vec3f{1, 1, 1} - f0) * (1.0f / 21);
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,159 @@
+#include "worker/shading/shading_scene.h"
+
+#include <cmath>
+
+#include "worker/math/elementary.h"
+#include "worker/shading/fresnel.h"
+
+namespace tessera::render {
+namespace {
+
+/// Smallest alpha an image can give: bilinear filtering stays within its texels.
+float smallest_alpha(const Image& image) {
+  if (image.channels != 2 && image.channels != 4) return 1;
+  const auto step = static_cast<std::size_t>(image.channels);
+  float least = 1;
+  for (std::size_t i = step - 1; i < image.u8.size(); i += step) {
+    least = std::min(least, static_cast<float>(image.u8[i]) / 255);
+  }
+  for (std::size_t i = step - 1; i < image.u16.size(); i += step) {
+    least = std::min(least, static_cast<float>(image.u16[i]) / 65535);
+  }
+  for (std::size_t i = step - 1; i < image.f32.size(); i += step) {
+    least = std::min(least, image.f32[i]);
+  }
+  return least;
+}
+
+/// Whether some point of the material may let rays through as a hole.
+bool has_holes(const Material& material, const Scene& scene) {
+  if (material.alpha_mode == AlphaMode::opaque) return false;
+  float least = material.base_color.w;
+  if (material.base_color_texture) {
+    const auto index = static_cast<std::size_t>(material.base_color_texture.texture);
+    const std::int32_t image = scene.textures[index].image;
+    if (image != kNone) least *= smallest_alpha(scene.images[static_cast<std::size_t>(image)]);
+  }
+  return material.alpha_mode == AlphaMode::mask ? !(least >= material.alpha_cutoff) : !(least >= 1);
+}
+
+Vec3f extinction_of(const Material& material) {
+  Vec3f sigma;
+  for (int k = 0; k < 3; ++k) {
+    const float c = material.attenuation_color[k];
+    const bool clear = !(c < 1) || !(material.attenuation_distance < INFINITY);
+    if (clear) continue;
+    sigma[k] = c > 0 ? -elementary::log(c) / material.attenuation_distance : INFINITY;
+  }
+  return sigma;
+}
+
+std::uint8_t traits_of(const Material& material, const MaterialView& view, const Scene& scene) {
+  unsigned traits = 0;
+  if (has_holes(material, scene)) traits |= kTraitAlpha;
+  if (material.unlit) traits |= kTraitUnlit;
+  if (view.interface == Interface::thin) traits |= kTraitStraight;
+  if (view.emissive) traits |= kTraitEmissive;
+  if (!material.double_sided && !material.has_volume) traits |= kTraitOneSided;
+  return static_cast<std::uint8_t>(traits);
+}
+
+PrimitiveView view_of(const Primitive& p) {
+  PrimitiveView v;
+  v.positions = p.positions.data();
+  v.triangles = p.triangles.data();
+  if (!p.normals.empty()) v.normals = p.normals.data();
+  if (!p.tangents.empty()) v.tangents = p.tangents.data();
+  for (std::size_t k = 0; k < 2; ++k) {
+    if (!p.uv[k].empty()) v.uv[k] = p.uv[k].data();
+  }
+  if (!p.colors.empty()) v.colors = p.colors.data();
+  v.triangle_count = static_cast<std::uint32_t>(p.triangles.size());
+  v.material = p.material;
+  v.id = p.id;
+  return v;
+}
+
+/// Vertex colours can lower alpha below what material and texture give.
+bool colors_make_holes(const Primitive& p, const Material& material) {
+  if (material.alpha_mode == AlphaMode::opaque) return false;
+  for (const Vec4f& c : p.colors) {
+    if (!(c.w >= 1)) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+ShadingScene::ShadingScene(const Scene& scene) : textures(scene) {
+  add_materials(scene);
+  std::vector<std::uint32_t> first;
+  for (const Mesh& mesh : scene.meshes) {
+    first.push_back(static_cast<std::uint32_t>(primitives.size()));
+    for (const Primitive& p : mesh.primitives) {
+      PrimitiveView view = view_of(p);
+      const MaterialView& material = materials[static_cast<std::size_t>(p.material)];
+      view.traits = material.traits;
+      if (colors_make_holes(p, *material.source)) view.traits |= kTraitAlpha;
+      traits |= view.traits;
+      primitives.push_back(view);
+    }
+  }
+  for (const Instance& instance : scene.instances) {
+    const auto mesh = static_cast<std::size_t>(instance.mesh);
+    InstanceView view;
+    view.object_to_world = Affine3f(instance.object_to_world);
+    view.world_to_object = Affine3f(instance.world_to_object);
+    view.first_primitive = first[mesh];
+    view.primitive_count = static_cast<std::uint32_t>(scene.meshes[mesh].primitives.size());
+    view.node = instance.node;
+    view.handedness = instance.flips_winding ? -1.0f : 1.0f;
+    instances.push_back(view);
+  }
+  memory_bytes = textures.memory_bytes() +
+                 static_cast<std::int64_t>(primitives.size() * sizeof(PrimitiveView) +
+                                           instances.size() * sizeof(InstanceView) +
+                                           materials.size() * sizeof(MaterialView) +
+                                           glass_.size() * sizeof(GlassTables));
+}
+
+void ShadingScene::add_materials(const Scene& scene) {
+  materials.reserve(scene.materials.size());
+  for (const Material& m : scene.materials) {
+    MaterialView view;
+    view.source = &m;
+    const float f0 = f0_from_ior(m.ior);
+    view.f0 = m.specular_glossiness ? m.specular_f0 : m.specular_color * f0;
+    view.extinction = extinction_of(m);
+    view.absorbs = m.has_volume && max_component(view.extinction) > 0;
+    view.emissive = !m.unlit && max_component(m.emission) > 0;
+    if (m.transmission > 0 && !m.unlit) {
+      view.interface = m.has_volume ? Interface::solid : Interface::thin;
+    }
+    const bool metal = m.metallic > 0 && !m.specular_glossiness;
+    if (metal || view.interface == Interface::thin) {
+      if (!reflector_) reflector_ = std::make_unique<AlbedoTable>(AlbedoTable::reflector());
+      view.tables.reflector = reflector_.get();
+    }
+    if (view.interface == Interface::solid && m.ior > 0 && m.roughness > 0) add_glass_tables(&view);
+    view.traits = traits_of(m, view, scene);
+    materials.push_back(view);
+  }
+}
+
+void ShadingScene::add_glass_tables(MaterialView* view) {
+  const float ior = view->source->ior;
+  for (const auto& tables : glass_) {
+    if (tables->ior == ior) {
+      view->tables.entering = &tables->entering;
+      view->tables.leaving = &tables->leaving;
+      return;
+    }
+  }
+  glass_.push_back(std::make_unique<GlassTables>(
+      GlassTables{ior, AlbedoTable::dielectric(ior), AlbedoTable::dielectric(1.0 / ior)}));
+  view->tables.entering = &glass_.back()->entering;
+  view->tables.leaving = &glass_.back()->leaving;
+}
+
+}  // namespace tessera::render

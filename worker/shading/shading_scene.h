@@ -1,0 +1,88 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "worker/accel/scene_accel.h"
+#include "worker/scene/scene.h"
+#include "worker/shading/albedo_table.h"
+#include "worker/shading/bsdf.h"
+#include "worker/shading/texture.h"
+
+namespace tessera::render {
+
+/// Why a hit on a primitive needs a second look; what a scene does not use costs nothing.
+enum SurfaceTrait : std::uint8_t {
+  kTraitAlpha = 1u << 0,     // alphaMode MASK or BLEND, and some alpha is below 1
+  kTraitUnlit = 1u << 1,     // seen by camera rays only
+  kTraitStraight = 1u << 2,  // may let light go straight through (thin transmission)
+  kTraitEmissive = 1u << 3,
+  kTraitOneSided = 1u << 4,  // --cull-backfaces hides its back from camera rays
+};
+
+/// One glTF primitive as the hot code reads it. Null where the file has no such attribute.
+struct PrimitiveView {
+  const Vec3f* positions = nullptr;
+  const std::array<std::uint32_t, 3>* triangles = nullptr;
+  const Vec3f* normals = nullptr;
+  const Vec4f* tangents = nullptr;
+  std::array<const Vec2f*, 2> uv = {nullptr, nullptr};
+  const Vec4f* colors = nullptr;
+  std::uint32_t triangle_count = 0;
+  std::int32_t material = 0;
+  std::int32_t id = 0;  // glTF primitive
+  std::uint8_t traits = 0;
+};
+
+struct InstanceView {
+  Affine3f object_to_world, world_to_object;
+  std::uint32_t first_primitive = 0;  // of its mesh, into ShadingScene::primitives
+  std::uint32_t primitive_count = 0;
+  std::int32_t node = 0;
+  float handedness = 1;  // -1 for mirrored instances
+};
+
+/// A material with everything that does not vary over the surface worked out.
+struct MaterialView {
+  const Material* source = nullptr;
+  Vec3f f0;          // dielectric, before specularColorTexture
+  Vec3f extinction;  // -ln(attenuationColor) / attenuationDistance, 1/m; may be infinite
+  bool absorbs = false;
+  bool emissive = false;
+  Interface interface = Interface::opaque;
+  BsdfTables tables;
+  std::uint8_t traits = 0;
+};
+
+/// A scene flattened for shading: views into `Scene`, which must outlive it.
+struct ShadingScene {
+  explicit ShadingScene(const Scene& scene);
+  ShadingScene(const ShadingScene&) = delete;
+  ShadingScene& operator=(const ShadingScene&) = delete;
+
+  const PrimitiveView& primitive(const TriangleId& id) const {
+    return primitives[instances[id.instance].first_primitive + id.primitive];
+  }
+
+  TextureTable textures;
+  std::vector<PrimitiveView> primitives;
+  std::vector<InstanceView> instances;
+  std::vector<MaterialView> materials;
+  std::uint8_t traits = 0;  // of any primitive
+  std::int64_t memory_bytes = 0;
+
+ private:
+  void add_materials(const Scene& scene);
+  void add_glass_tables(MaterialView* view);
+
+  struct GlassTables {
+    float ior = 0;
+    AlbedoTable entering, leaving;
+  };
+  std::unique_ptr<AlbedoTable> reflector_;           // if any metal or thin sheet needs it
+  std::vector<std::unique_ptr<GlassTables>> glass_;  // one per index of refraction
+};
+
+}  // namespace tessera::render
