@@ -1,1 +1,4 @@
-# Sources and headers of worker/sampling: target_sources(tessera_render PRIVATE … PUBLIC FILE_SET HEADERS …).
+# Sample points, and maps from them to directions, triangles, filters and tables.
+target_sources(tessera_render
+  PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
+    FILES sampling/dimensions.h sampling/hash.h sampling/sampler.h sampling/sobol.h)

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <cstdint>
+
+/// Which set of four sample dimensions serves what. A set is one shuffled and scrambled 4-D
+/// Sobol' sequence, independent of every other set; its components x and y alone are a
+/// (0, 2)-sequence, so they take what is two-dimensional. Part of the render contract.
+namespace tessera::render::dimensions {
+
+/// Camera: x, y position in the pixel filter; z, w reserved (time, wavelength).
+inline constexpr std::uint32_t kFilter = 0;
+/// Camera: x, y reserved for the lens.
+inline constexpr std::uint32_t kLens = 1;
+
+inline constexpr std::uint32_t kFirstBounceSet = 2;
+inline constexpr std::uint32_t kSetsPerBounce = 4;
+
+/// Scattering event `bounce` (0 is the first hit). x, y: direction; z: lobe; w: roulette.
+constexpr std::uint32_t bsdf(std::uint32_t bounce) {
+  return kFirstBounceSet + bounce * kSetsPerBounce;
+}
+/// x, y: place on the light; z: which light; w: spare (a mixture inside the light).
+constexpr std::uint32_t light(std::uint32_t bounce) {
+  return bsdf(bounce) + 1;
+}
+/// For media and subsurface; unused so far.
+constexpr std::uint32_t medium(std::uint32_t bounce) {
+  return bsdf(bounce) + 2;
+}
+constexpr std::uint32_t spare(std::uint32_t bounce) {
+  return bsdf(bounce) + 3;
+}
+
+}  // namespace tessera::render::dimensions

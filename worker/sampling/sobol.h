@@ -1,0 +1,101 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+namespace tessera::render {
+
+/// Four 32-bit lanes, one for each dimension. Integer arithmetic only, so lanes change no bits.
+using Lanes4 = std::uint32_t __attribute__((vector_size(16)));
+
+/// Reverses the 32 bits of each lane.
+inline Lanes4 reverse_bits(Lanes4 x) {
+  x = ((x >> 1) & 0x55555555u) | ((x & 0x55555555u) << 1);
+  x = ((x >> 2) & 0x33333333u) | ((x & 0x33333333u) << 2);
+  x = ((x >> 4) & 0x0f0f0f0fu) | ((x & 0x0f0f0f0fu) << 4);
+  x = ((x >> 8) & 0x00ff00ffu) | ((x & 0x00ff00ffu) << 8);
+  return (x >> 16) | (x << 16);
+}
+
+constexpr std::uint32_t reverse_bits(std::uint32_t x) {
+  x = ((x >> 1) & 0x55555555u) | ((x & 0x55555555u) << 1);
+  x = ((x >> 2) & 0x33333333u) | ((x & 0x33333333u) << 2);
+  x = ((x >> 4) & 0x0f0f0f0fu) | ((x & 0x0f0f0f0fu) << 4);
+  x = ((x >> 8) & 0x00ff00ffu) | ((x & 0x00ff00ffu) << 8);
+  return (x >> 16) | (x << 16);
+}
+
+/// The permutation at the heart of hashed Owen scrambling: bit i of the result depends on bits
+/// 0..i of `x` only, so on bit-reversed numbers it is a nested uniform scramble. `T` is
+/// std::uint32_t or Lanes4. Source: Laine & Karras 2011; constants: N. Vegdahl, "Building a
+/// better LK hash", 2021.
+template <typename T>
+constexpr T laine_karras(T x, T seed) {
+  x ^= x * 0x3d20adeau;
+  x += seed;
+  x *= (seed >> 16) | 1u;
+  x ^= x * 0x05526c56u;
+  x ^= x * 0x53a22864u;
+  return x;
+}
+
+/// The Sobol' sequence in 4 dimensions, bit-reversed (bit 0 is worth 1/2), as one table entry
+/// per value of each nibble of the index.
+struct SobolTable {
+  alignas(16) std::array<std::array<std::array<std::uint32_t, 4>, 16>, 8> nibbles;
+};
+
+/// Direction numbers of S. Joe & F. Kuo, "new-joe-kuo-6", dimensions 1 to 4. Dimensions 0 and 1
+/// form a (0, 2)-sequence.
+constexpr SobolTable make_sobol_table() {
+  std::array<std::array<std::uint32_t, 4>, 32> direction{};  // [bit of the index][dimension]
+  struct Polynomial {
+    std::uint32_t degree, coefficients;
+    std::array<std::uint32_t, 3> m;
+  };
+  constexpr std::array<Polynomial, 3> kPolynomials = {
+      Polynomial{1, 0, {1, 0, 0}}, Polynomial{2, 1, {1, 3, 0}}, Polynomial{3, 1, {1, 3, 1}}};
+  for (std::uint32_t bit = 0; bit < 32; ++bit) direction[bit][0] = 1u << bit;
+  for (std::uint32_t d = 0; d < 3; ++d) {
+    const Polynomial& p = kPolynomials[d];
+    std::array<std::uint32_t, 32> v{};
+    for (std::uint32_t i = 0; i < 32; ++i) {
+      if (i < p.degree) {
+        v[i] = p.m[i] << (31 - i);
+        continue;
+      }
+      v[i] = v[i - p.degree] ^ (v[i - p.degree] >> p.degree);
+      for (std::uint32_t k = 1; k < p.degree; ++k) {
+        if ((p.coefficients >> (p.degree - 1 - k) & 1) != 0) v[i] ^= v[i - k];
+      }
+    }
+    for (std::uint32_t i = 0; i < 32; ++i) direction[i][d + 1] = reverse_bits(v[i]);
+  }
+  SobolTable table{};
+  for (std::uint32_t nibble = 0; nibble < 8; ++nibble) {
+    for (std::uint32_t value = 0; value < 16; ++value) {
+      for (std::uint32_t bit = 0; bit < 4; ++bit) {
+        if ((value >> bit & 1) == 0) continue;
+        for (std::uint32_t d = 0; d < 4; ++d) {
+          table.nibbles[nibble][value][d] ^= direction[nibble * 4 + bit][d];
+        }
+      }
+    }
+  }
+  return table;
+}
+
+inline constexpr SobolTable kSobolTable = make_sobol_table();
+
+/// Point `index` of the sequence, bit-reversed: dimension 0 is `index` itself.
+inline Lanes4 reversed_sobol(std::uint32_t index) {
+  Lanes4 x = {0, 0, 0, 0};
+  for (int nibble = 0; nibble < 8; ++nibble) {
+    const auto& entry = kSobolTable.nibbles[nibble][index & 15u];
+    x ^= Lanes4{entry[0], entry[1], entry[2], entry[3]};
+    index >>= 4;
+  }
+  return x;
+}
+
+}  // namespace tessera::render
