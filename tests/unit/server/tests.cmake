@@ -1,2 +1,3 @@
 # Tests of this folder (see ../CMakeLists.txt).
 include(unit/server/film/tests.cmake)
+include(unit/server/store/tests.cmake)

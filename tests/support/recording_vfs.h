@@ -1,0 +1,30 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "tests/support/disk_model.h"
+
+namespace tessera::testing {
+
+/// An SQLite VFS over the default one that reports what is done to the disk, as full paths.
+///
+/// Syncs are reported and not passed on. SQLite's Unix VFS syncs the folder of a journal or log
+/// together with the first sync of the file after each opening; that is reported too.
+class RecordingVfs {
+ public:
+  explicit RecordingVfs(std::function<void(DiskEvent)> report);
+  ~RecordingVfs();
+  RecordingVfs(const RecordingVfs&) = delete;
+  RecordingVfs& operator=(const RecordingVfs&) = delete;
+
+  /// Its name within SQLite, unique in the process.
+  const std::string& name() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace tessera::testing

@@ -1,0 +1,420 @@
+// A power cut at every step: the disk is rebuilt from what was synced, and the store must still
+// have all it answered for. Then each kind of sync is taken out in turn, and must be missed.
+
+#include "tests/support/power_cut.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <map>
+#include <random>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "server/store/store.h"
+#include "tests/support/disk_model.h"
+#include "tests/unit/server/store/promises.h"
+
+namespace tessera::server {
+namespace {
+
+using testing::DiskEvent;
+using testing::DiskImage;
+using testing::DiskModel;
+using testing::PowerCutDisk;
+
+constexpr std::int64_t kHourUs = std::int64_t{3600} * 1'000'000;
+
+/// A folder that is gone afterwards. In memory where there is such a place: here the model decides
+/// what is durable, and a busy disk would only cost time.
+class ScratchFolder {
+ public:
+  ScratchFolder() : path_("/dev/shm/store-XXXXXX") {
+    if (::mkdtemp(path_.data()) != nullptr) return;
+    path_ = ::testing::TempDir() + "store-XXXXXX";
+    if (::mkdtemp(path_.data()) == nullptr) std::abort();
+  }
+  ~ScratchFolder() { std::filesystem::remove_all(path_); }
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+std::string some_bytes(int seed, int count) {
+  std::mt19937 rng(static_cast<std::mt19937::result_type>(seed));
+  std::string bytes(static_cast<std::size_t>(count), '\0');
+  for (char& byte : bytes) byte = static_cast<char>(rng() & 0xff);
+  return bytes;
+}
+
+StoreOptions small_options() {
+  StoreOptions options;
+  options.segment_bytes = 3000;   // a few blocks
+  options.checkpoint_pages = 24;  // a few commits
+  options.now_us = [] { return kHourUs; };
+  options.fatal = [](const std::string& message) { ADD_FAILURE() << message; };
+  return options;
+}
+
+/// Uses a store on a recording disk and notes what it answers for.
+class Coordinator {
+ public:
+  Coordinator(PowerCutDisk& disk, std::string root, Promises& promises)
+      : disk_(disk), root_(std::move(root)), promises_(promises) {}
+
+  Store& store() { return *store_; }
+  int step() const { return static_cast<int>(disk_.events().size()); }
+
+  void open() {
+    auto store = Store::open(root_ + "/store", disk_, small_options());
+    ASSERT_TRUE(store.ok()) << store.status();
+    store_ = *std::move(store);
+    promises_.make("boot", step(),
+                   booted_before(store_->boot_count(), store_->id(), store_->key()));
+  }
+
+  void close() { store_.reset(); }
+
+  void add_job(const std::string& id) {
+    JobRecord job;
+    job.id = id;
+    job.request_id = "request of " + id;
+    job.request = some_bytes(1, 300);
+    ASSERT_TRUE(store_->add_job(job).ok());
+    promises_.make("job " + id, step(), job_is_there(job));
+    promises_.make("id of " + id, step(), id_is_taken(id));
+    promises_.make("sequence of " + id, step(), sequence_was_used(job.sequence));
+    jobs_[id] = job;
+  }
+
+  void update_job(const std::string& id, std::int32_t state) {
+    JobRecord& job = jobs_[id];
+    job.state = state;
+    job.reason = "state " + std::to_string(state);
+    job.wall_seconds += 1.5;
+    promises_.end("job " + id, step());
+    ASSERT_TRUE(store_->update_job(job).ok());
+    promises_.make("job " + id, step(), job_is_there(job));
+  }
+
+  void remove_job(const std::string& id) {
+    for (const char* kind : {"job ", "unit ", "frame "}) promises_.end_all(kind + id, step());
+    ASSERT_TRUE(store_->remove_job(id).ok());
+  }
+
+  /// Commits tiles [first, first + count) of pass `pass` to each of `ids`, as one group.
+  void commit(const std::vector<std::string>& ids, int first, int count, int pass) {
+    std::vector<Commit> group;
+    for (const std::string& id : ids) {
+      for (int tile = first; tile < first + count; ++tile) {
+        group.push_back(make_commit(id, {0, tile, pass}, some_bytes(++block_seed_, 700)));
+      }
+    }
+    ASSERT_TRUE(store_->commit(group).ok());
+    for (const Commit& commit : group) {
+      promises_.make(unit_key(commit.job_id, commit.record.unit), step(),
+                     unit_is_there(commit.job_id, commit.record.unit, commit.block));
+    }
+  }
+
+  void drop(const std::string& id, contract::Unit unit) {
+    promises_.end(unit_key(id, unit), step());
+    ASSERT_TRUE(store_->drop_units(id, {unit}).ok());
+  }
+
+  void finish_frame(const std::string& id, int frame) {
+    const std::string bytes = some_bytes(100 + frame, 2000);
+    FrameRecord record;
+    record.frame = frame;
+    record.file = "image." + std::to_string(frame) + ".exr";
+    record.file_sha256 = contract::sha256(bytes);
+    record.pixels_sha256 = contract::sha256("pixels");
+    record.statistics_json = "{}";
+    const auto folder = store_->output_folder(id);
+    ASSERT_TRUE(folder.ok());
+    const std::string part = *folder + "/" + record.file + ".part";
+    auto file = disk_.open(part);
+    ASSERT_TRUE(file.ok());
+    ASSERT_TRUE((*file)->append(bytes).ok());
+    ASSERT_TRUE(disk_.rename(part, *folder + "/" + record.file).ok());
+    ASSERT_TRUE(store_->finish_frame(id, record).ok());
+    promises_.make("frame " + id + " " + record.file, step(), frame_is_there(id, record, bytes));
+  }
+
+  void release_segments(const std::string& id) {
+    promises_.end_all("unit " + id, step());
+    ASSERT_TRUE(store_->release_segments(id).ok());
+  }
+
+  void upload(const std::string& bytes) {
+    const auto path = store_->new_upload_path();
+    ASSERT_TRUE(path.ok());
+    auto file = disk_.open(*path);
+    ASSERT_TRUE(file.ok());
+    const std::size_t half = bytes.size() / 2;
+    ASSERT_TRUE((*file)->append(std::string_view(bytes).substr(0, half)).ok());
+    ASSERT_TRUE((*file)->append(std::string_view(bytes).substr(half)).ok());
+    ASSERT_TRUE(store_->keep_asset(*path, contract::sha256(bytes)).ok());
+    promises_.make("asset " + contract::sha256(bytes).hex(), step(), asset_is_there(bytes));
+  }
+
+  void collect_all_assets_but(const std::string& kept, const std::vector<std::string>& evicted) {
+    for (const std::string& bytes : evicted) {
+      promises_.end("asset " + contract::sha256(bytes).hex(), step());
+    }
+    const std::int64_t now = 3 * kHourUs;
+    ASSERT_TRUE(store_->collect_assets(now, 0, {contract::sha256(kept)}).ok());
+  }
+
+  void remember_worker(const std::string& id) {
+    ASSERT_TRUE(store_->remember_worker(id, "name").ok());
+    promises_.make("worker " + id, step(), worker_is_known(id));
+  }
+
+  void forget_worker(const std::string& id) {
+    promises_.end("worker " + id, step());
+    ASSERT_TRUE(store_->forget_worker(id).ok());
+  }
+
+ private:
+  static std::string unit_key(const std::string& id, const contract::Unit& unit) {
+    return "unit " + id + " " + std::to_string(unit.tile) + "." + std::to_string(unit.pass);
+  }
+
+  PowerCutDisk& disk_;
+  std::string root_;
+  Promises& promises_;
+  std::unique_ptr<Store> store_;
+  std::map<std::string, JobRecord> jobs_;
+  int block_seed_ = 0;
+};
+
+/// Two assets whose digests start with the same byte share a folder, one does not.
+std::vector<std::string> make_assets() {
+  std::vector<std::string> assets = {some_bytes(1000, 900)};
+  const int byte = contract::sha256(assets[0]).bytes[0];
+  bool has_other = false;
+  for (int seed = 1001; assets.size() < 3; ++seed) {
+    std::string bytes = some_bytes(seed, 900);
+    const bool shares = contract::sha256(bytes).bytes[0] == byte;
+    if (!shares && has_other) continue;
+    has_other = has_other || !shares;
+    assets.push_back(std::move(bytes));
+  }
+  return assets;
+}
+
+/// A day in the life of a store: everything it can do, on a disk that remembers each step.
+struct Recording {
+  std::vector<DiskEvent> events;
+  Promises promises;
+  std::vector<std::string> assets = make_assets();
+};
+
+void use_everything(Coordinator& farm, const std::vector<std::string>& assets) {
+  farm.open();
+  farm.add_job("a");
+  farm.upload(assets[0]);
+  farm.remember_worker("w1");
+  farm.commit({"a"}, 0, 3, 0);
+  farm.add_job("b");
+  farm.commit({"a", "b"}, 3, 2, 0);
+  farm.update_job("a", 2);
+  farm.drop("a", {0, 1, 0});
+  farm.commit({"a"}, 1, 1, 0);
+  farm.upload(assets[1]);
+  farm.finish_frame("a", 0);
+  farm.release_segments("a");
+  farm.commit({"a"}, 0, 2, 1);
+  farm.close();
+
+  farm.open();
+  farm.commit({"a", "b"}, 5, 2, 1);
+  farm.remove_job("b");
+  farm.add_job("c");
+  farm.remember_worker("w2");
+  farm.forget_worker("w1");
+  for (int i = 0; i < 8; ++i) farm.commit({"c"}, i, 1, 0);
+  farm.upload(assets[2]);
+  farm.collect_all_assets_but(assets[2], {assets[0], assets[1]});
+  farm.upload(assets[0]);
+  farm.finish_frame("c", 7);
+  farm.update_job("c", 4);
+  farm.close();
+}
+
+Recording record_a_day() {
+  Recording recording;
+  const ScratchFolder folder;
+  PowerCutDisk disk(folder.path());
+  Coordinator farm(disk, folder.path(), recording.promises);
+  use_everything(farm, recording.assets);
+  recording.events = disk.events();
+  return recording;
+}
+
+/// Names the place in the program that a sync comes from: what it syncs, with ids left out.
+std::string sync_site(const DiskEvent& event, bool is_first_of_path) {
+  std::vector<std::string> parts;
+  for (const auto& part : std::filesystem::path(event.path)) parts.push_back(part.string());
+  if (parts.size() > 2) parts[2] = parts[1] == "assets" ? "AB" : "JOB";
+  if (parts.size() > 3) parts[3] = "FILE";
+  std::string site = event.kind == DiskEvent::Kind::sync_file ? "file" : "folder";
+  for (const std::string& part : parts) site += "/" + part;
+  // SQLite syncs this one when the database is born, and at each checkpoint.
+  if (event.path == "store/store.db") site += is_first_of_path ? " (birth)" : " (checkpoint)";
+  return site;
+}
+
+bool is_sync(const DiskEvent& event) {
+  return event.kind == DiskEvent::Kind::sync_file || event.kind == DiskEvent::Kind::sync_folder;
+}
+
+/// Opens a store on a disk image and says what is wrong with it.
+class Inspector {
+ public:
+  explicit Inspector(const Recording& recording) : recording_(recording) {}
+
+  std::string check(const DiskImage& image, int step) {
+    testing::restore_image(image, folder_.path());
+    PowerCutDisk disk(folder_.path());
+    auto store = Store::open(folder_.path() + "/store", disk, small_options());
+    if (!store.ok()) return "cannot be opened: " + store.status().ToString();
+    if (std::string wrong = check_store(**store, recording_.assets); !wrong.empty()) return wrong;
+    if (std::string wrong = recording_.promises.check(**store, step); !wrong.empty()) return wrong;
+    return can_go_on(**store);
+  }
+
+ private:
+  static std::string can_go_on(Store& store) {
+    JobRecord job;
+    job.id = "afterwards";
+    if (absl::Status added = store.add_job(job); !added.ok()) return added.ToString();
+    std::vector<Commit> group = {make_commit(job.id, {1, 2, 3}, "a block")};
+    if (absl::Status added = store.commit(group); !added.ok()) return added.ToString();
+    return unit_is_there(job.id, {1, 2, 3}, "a block")(store);
+  }
+
+  const Recording& recording_;
+  ScratchFolder folder_;
+};
+
+/// The site of each event; empty for those that are no sync.
+std::vector<std::string> sync_sites(const Recording& recording) {
+  std::vector<std::string> sites;
+  std::set<std::string> seen_paths;
+  for (const DiskEvent& event : recording.events) {
+    if (!is_sync(event)) {
+      sites.emplace_back();
+      continue;
+    }
+    sites.push_back(sync_site(event, seen_paths.insert(event.path).second));
+  }
+  return sites;
+}
+
+/// Steps at which a missing sync is most likely to show: just before and after any sync, and when
+/// the store has just answered for something.
+std::set<int> telling_steps(const Recording& recording) {
+  const std::vector<int> promised = recording.promises.steps();
+  std::set<int> steps(promised.begin(), promised.end());
+  for (std::size_t i = 0; i < recording.events.size(); ++i) {
+    if (!is_sync(recording.events[i])) continue;
+    steps.insert(static_cast<int>(i));
+    steps.insert(static_cast<int>(i) + 1);
+  }
+  return steps;
+}
+
+/// What the store loses when a power cut comes just after some step and the syncs of `site` never
+/// happened. Empty when it loses nothing.
+std::string loss_without(const Recording& recording, const std::string& site) {
+  constexpr std::uint64_t kRounds = 12;
+  Inspector inspector(recording);
+  const std::set<int> steps = telling_steps(recording);
+  const std::vector<std::string> sites = sync_sites(recording);
+  for (std::uint64_t round = 0; round < kRounds; ++round) {
+    DiskModel disk;
+    for (std::size_t i = 0; i < recording.events.size(); ++i) {
+      if (sites[i] != site) disk.apply(recording.events[i]);
+      const int step = static_cast<int>(i) + 1;
+      if (steps.count(step) == 0) continue;
+      const DiskImage image = round == 0 ? disk.synced() : disk.torn(round * 10'000 + i);
+      const std::string wrong = inspector.check(image, step);
+      if (!wrong.empty()) return "step " + std::to_string(step) + ": " + wrong;
+    }
+  }
+  return "";
+}
+
+TEST(PowerCut, AtAnyStepLosesNothingThatWasAnsweredFor) {
+  const Recording recording = record_a_day();
+  Inspector inspector(recording);
+  DiskModel disk;
+  for (std::size_t i = 0; i < recording.events.size(); ++i) {
+    disk.apply(recording.events[i]);
+    const int step = static_cast<int>(i) + 1;
+    ASSERT_EQ(inspector.check(disk.synced(), step), "") << "step " << step;
+    for (std::uint64_t seed = 0; seed < 2; ++seed) {
+      ASSERT_EQ(inspector.check(disk.torn(2 * i + seed), step), "")
+          << "step " << step << " torn by " << 2 * i + seed;
+    }
+  }
+}
+
+TEST(PowerCut, EverySyncIsNeeded) {
+  const Recording recording = record_a_day();
+  const std::vector<std::string> all_sites = sync_sites(recording);
+  std::set<std::string> sites(all_sites.begin(), all_sites.end());
+  sites.erase("");
+  for (const std::string& site : sites) {
+    const std::string loss = loss_without(recording, site);
+    EXPECT_NE(loss, "") << site << " can be left out and nothing is lost";
+    std::printf("without %-34s %s\n", site.c_str(), loss.substr(0, 120).c_str());
+  }
+}
+
+TEST(PowerCut, AfterAKillLosesNothingThatTheNextProcessSaw) {
+  const Recording recording = record_a_day();
+  const ScratchFolder killed_folder;
+  const ScratchFolder cut_folder;
+  DiskModel disk;
+  for (std::size_t i = 0; i < recording.events.size(); ++i) {
+    disk.apply(recording.events[i]);
+    testing::restore_image(disk.visible(), killed_folder.path());
+    DiskModel second_disk = disk;
+    Promises promises;
+    std::vector<std::string> seen;
+    {
+      PowerCutDisk second(killed_folder.path());
+      Coordinator farm(second, killed_folder.path(), promises);
+      farm.open();
+      seen = facts(farm.store());
+      farm.add_job("late");
+      farm.commit({"late"}, 0, 1, 0);
+      farm.upload(recording.assets[1]);
+      farm.finish_frame("late", 0);
+      for (const DiskEvent& event : second.events()) second_disk.apply(event);
+      ASSERT_FALSE(HasFatalFailure());
+    }
+    testing::restore_image(second_disk.synced(), cut_folder.path());
+    PowerCutDisk third(cut_folder.path());
+    auto store = Store::open(cut_folder.path() + "/store", third, small_options());
+    ASSERT_TRUE(store.ok()) << store.status() << " at step " << i + 1;
+    ASSERT_EQ(check_store(**store, recording.assets), "") << "step " << i + 1;
+    ASSERT_EQ(promises.check(**store, 1 << 30), "") << "step " << i + 1;
+    const std::vector<std::string> kept = facts(**store);
+    const std::set<std::string> kept_set(kept.begin(), kept.end());
+    for (const std::string& fact : seen) {
+      ASSERT_EQ(kept_set.count(fact), 1U) << fact << " was shown and lost, step " << i + 1;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace tessera::server
