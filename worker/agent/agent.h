@@ -1,0 +1,40 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+
+namespace tessera::agent {
+
+struct AgentOptions {
+  std::string server;  // unix:PATH or HOST:PORT on this machine
+  std::string token;
+  std::string worker_id;  // empty: a random one
+  std::string name;       // for people; empty: the host's
+  std::vector<std::string> tags;
+  int thread_count = 1;
+  std::string cache_folder;
+  std::int64_t cache_bytes = 20'000'000'000;
+  std::int64_t buffer_bytes = 256'000'000;  // of blocks without a verdict
+  std::int64_t memory_bytes = 0;            // limit of the renderer's address space; 0: none
+  std::chrono::seconds unit_timeout{3600};
+  std::chrono::seconds grace{20};  // from SIGTERM to the end
+  std::string unit_log;            // file; empty: none
+  std::string crash_on;            // fault injection: FRAME:TILE:PASS, passed to the renderer
+  bool deliver_twice = false;      // fault injection
+};
+
+/// Works for a server until SIGTERM, SIGINT, a Drain, or a refusal.
+///
+/// On the first signal it says Leaving, hands back what it has not started, and ends once the rest
+/// is acknowledged or `grace` is over; a second signal ends it at once. Call from the main thread,
+/// before any other thread is started.
+///
+/// Errors: what the server refused the worker with; InvalidArgument, an option is unusable;
+/// FailedPrecondition, the cache folder cannot be used; Internal, no renderer can be started.
+absl::Status run_agent(const AgentOptions& options);
+
+}  // namespace tessera::agent

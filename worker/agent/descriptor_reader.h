@@ -1,0 +1,35 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "tessera/v1/render_settings.pb.h"
+#include "worker/agent/descriptor.h"
+#include "worker/scene/loader.h"
+
+namespace tessera::agent {
+
+/// Reads a scene's resources from descriptors that were handed over: nothing else exists for it.
+class DescriptorReader : public render::ResourceReader {
+ public:
+  /// `descriptors` are those of the manifest's assets, in its order; they are closed once mapped.
+  DescriptorReader(const v1::SceneManifest& manifest, std::vector<Descriptor> descriptors);
+  ~DescriptorReader() override;
+  DescriptorReader(const DescriptorReader&) = delete;
+  DescriptorReader& operator=(const DescriptorReader&) = delete;
+
+  /// Errors: NotFound, the manifest does not name `uri`; DataLoss, the file has another size than
+  /// the manifest says; ResourceExhausted, it cannot be mapped.
+  absl::StatusOr<std::span<const std::byte>> read(std::string_view uri) override;
+
+ private:
+  struct Resource {
+    Descriptor descriptor;
+    std::size_t size = 0;
+    const std::byte* bytes = nullptr;  // mapped; null before the first read
+  };
+  std::map<std::string, Resource, std::less<>> resources_;
+};
+
+}  // namespace tessera::agent

@@ -1,0 +1,317 @@
+#include "worker/agent/render_desk.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "absl/strings/str_cat.h"
+#include "proto/contract/film_block.h"
+
+namespace tessera::agent {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr milliseconds kFirstRestartPause{100}, kLongestRestartPause{5'000};
+constexpr int kMostDeathsInARow = 5;        // without ever getting ready
+constexpr std::size_t kLookAhead = 32;      // units
+constexpr double kShortUnitSeconds = 0.05;  // below it every thread gets a spare unit
+
+double seconds_between(Time from, Time to) {
+  return std::chrono::duration<double>(to - from).count();
+}
+
+UnitKey key_of(const v1::RenderUnit& unit) {
+  return {unit.job_id(), {unit.frame(), unit.tile(), unit.pass()}};
+}
+
+}  // namespace
+
+RenderDesk::RenderDesk(RenderDeskOptions options, UnitQueue& queue, UnitLog& log, Mailbox& mailbox,
+                       Outlet outlet)
+    : options_(std::move(options)),
+      queue_(queue),
+      log_(log),
+      mailbox_(mailbox),
+      outlet_(std::move(outlet)) {}
+
+std::int64_t RenderDesk::renderer_rss_bytes() const {
+  return renderer_ == nullptr ? 0 : resident_bytes(renderer_->pid());
+}
+
+void RenderDesk::start_renderer(Time now) {
+  if (renderer_ != nullptr || now < start_at_) return;
+  const std::int64_t generation = ++generation_;
+  RendererProcess::Listener listener;
+  listener.on_event = [this, generation](v1::RendererEvent event) {
+    mailbox_.post([this, generation, event = std::move(event)]() mutable {
+      on_event(generation, std::move(event));
+    });
+  };
+  listener.on_death = [this, generation](RendererProcess::Death death) {
+    mailbox_.post([this, generation, death = std::move(death)] { on_death(generation, death); });
+  };
+  auto started = RendererProcess::start(options_.program, options_.arguments, std::move(listener));
+  if (!started.ok()) {
+    outlet_.broken(started.status());
+    return;
+  }
+  renderer_ = *std::move(started);
+}
+
+void RenderDesk::on_event(std::int64_t generation, v1::RendererEvent event) {
+  if (generation != generation_ || renderer_ == nullptr) return;
+  switch (event.event_case()) {
+    case v1::RendererEvent::kReady:
+      ready_ = std::move(*event.mutable_ready());
+      if (!ready_->error().empty()) {
+        outlet_.broken(absl::InternalError(
+            absl::StrCat("the renderer fails its numerics check: ", ready_->error())));
+      }
+      break;
+    case v1::RendererEvent::kScene:
+      on_scene(event.scene());
+      break;
+    case v1::RendererEvent::kStarted:
+      taken_up_[key_of(event.started())] = Clock::now();
+      log_.write("started", key_of(event.started()));
+      break;
+    case v1::RendererEvent::kUnit:
+      on_unit(std::move(*event.mutable_unit()));
+      break;
+    default:
+      break;
+  }
+}
+
+void RenderDesk::on_death(std::int64_t generation, const RendererProcess::Death& death) {
+  if (generation != generation_) return;
+  std::fprintf(stderr, "tessera-worker: the renderer was %s\n", death.reason.c_str());
+  const bool was_ready = ready_ && !taken_up_.empty();
+  renderer_.reset();
+  deaths_in_a_row_ = was_ready ? 1 : deaths_in_a_row_ + 1;
+  if (!ready_ && deaths_in_a_row_ >= kMostDeathsInARow) {
+    outlet_.broken(absl::InternalError(
+        absl::StrCat("the renderer dies at its start: ", death.reason, "\n", death.log_tail)));
+    return;
+  }
+  blame(death);
+  frames_.clear();
+  const milliseconds pause = kFirstRestartPause * (1 << std::min(deaths_in_a_row_ - 1, 10));
+  start_at_ = Clock::now() + std::min(pause, kLongestRestartPause);
+}
+
+/// The units it was at failed; those it had not taken up wait again. If it was at none, it died of
+/// a scene it was loading: the next unit of that frame stands for it.
+void RenderDesk::blame(const RendererProcess::Death& death) {
+  const std::string message = absl::StrCat("the renderer was ", death.reason);
+  for (const UnitKey& key : queue_.started()) {
+    if (taken_up_.contains(key)) {
+      fail(key, message, death.log_tail, false);
+    } else {
+      queue_.put_back(key);
+    }
+  }
+  const bool was_rendering = !taken_up_.empty();
+  taken_up_.clear();
+  if (was_rendering) return;
+  for (const auto& [frame, state] : frames_) {
+    if (state.loaded || !state.error.empty()) continue;
+    for (const UnitKey& key : queue_.waiting()) {
+      if (key.job_id != frame.first || key.unit.frame != frame.second) continue;
+      fail(UnitKey(key), absl::StrCat(message, " while it loaded the scene"), death.log_tail,
+           false);
+      break;
+    }
+  }
+}
+
+void RenderDesk::on_scene(const v1::SceneOutcome& outcome) {
+  const auto found = frames_.find({outcome.job_id(), outcome.frame()});
+  if (found == frames_.end()) return;  // its job has ended
+  found->second.error = outcome.error();
+  found->second.loaded = outcome.error().empty();
+  if (!found->second.loaded) return;  // pump() fails its units
+  v1::SceneLoaded loaded;
+  loaded.set_job_id(outcome.job_id());
+  loaded.set_frame(outcome.frame());
+  loaded.set_load_seconds(outcome.load_seconds());
+  loaded.set_build_seconds(outcome.build_seconds());
+  loaded.set_peak_rss_bytes(outcome.peak_rss_bytes());
+  outlet_.scene_loaded(std::move(loaded));
+}
+
+void RenderDesk::on_unit(v1::UnitOutcome outcome) {
+  const UnitKey key = key_of(outcome.unit());
+  const auto taken_up = taken_up_.find(key);
+  if (taken_up != taken_up_.end()) {
+    const double seconds = seconds_between(taken_up->second, Clock::now());
+    unit_seconds_ = unit_seconds_ == 0 ? seconds : 0.75 * unit_seconds_ + 0.25 * seconds;
+    taken_up_.erase(taken_up);
+  }
+  deaths_in_a_row_ = 0;
+  if (!outcome.error().empty()) {
+    fail(key, outcome.error(), "", false);
+    return;
+  }
+  const contract::Digest sha256 = contract::sha256(outcome.block());
+  if (!queue_.finish(key, std::move(*outcome.mutable_block()), sha256, outcome.cpu_seconds())) {
+    return;
+  }
+  log_.write("finished", key, sha256.hex());
+  outlet_.unit_finished();
+}
+
+void RenderDesk::fail(const UnitKey& key, const std::string& message, const std::string& log_tail,
+                      bool bad_scene) {
+  auto failure = queue_.fail(key, message, log_tail, bad_scene);
+  if (!failure) return;
+  log_.write("failed", key, message);
+  outlet_.failed(*std::move(failure));
+}
+
+void RenderDesk::job_fetched(const std::string& job_id, absl::StatusOr<JobFiles> files) {
+  const auto found = jobs_.find(job_id);
+  if (found == jobs_.end()) return;  // it ended meanwhile
+  if (!files.ok()) {
+    found->second.error = files.status();
+    return;
+  }
+  const contract::FilmBlockShape largest{files->settings.tile, files->settings.tile,
+                                         files->settings.aovs, true};
+  block_bytes_ = std::max(block_bytes_, contract::film_block_bytes(largest));
+  found->second.files = *std::move(files);
+}
+
+void RenderDesk::job_ended(const std::string& job_id) {
+  jobs_.erase(job_id);
+  std::erase_if(frames_, [&](const auto& entry) { return entry.first.first == job_id; });
+  if (renderer_ == nullptr) return;
+  v1::RendererCommand command;
+  command.mutable_forget_scene()->set_job_id(job_id);
+  (void)renderer_->send(command);  // a renderer that is dead has forgotten it
+}
+
+void RenderDesk::pump(Time now) {
+  start_renderer(now);
+  if (renderer_ == nullptr || !ready_) return;
+  for (const auto& [key, since] : taken_up_) {
+    if (now - since < options_.unit_timeout) continue;
+    std::fprintf(stderr, "tessera-worker: unit %s hangs; the renderer is killed\n",
+                 to_string(key).c_str());
+    renderer_->kill();
+    return;
+  }
+  // In the order of leases, but past units whose scene is not there yet.
+  const std::vector<UnitKey> waiting(queue_.waiting().begin(), queue_.waiting().end());
+  std::size_t handed_out = queue_.started().size();
+  std::size_t beyond = 0;  // a look ahead, to load what comes next in time
+  for (const UnitKey& key : waiting) {
+    const bool room = handed_out < most_handed_out();
+    if (!room && ++beyond > kLookAhead) break;
+    if (!prepare(key, now) || !room) continue;
+    hand_out(key, now);
+    ++handed_out;
+  }
+}
+
+/// One unit a thread, and a few more, so that no thread waits for us.
+std::size_t RenderDesk::most_handed_out() const {
+  const int spare =
+      unit_seconds_ > 0 && unit_seconds_ < kShortUnitSeconds ? options_.thread_count : 1;
+  return static_cast<std::size_t>(options_.thread_count + spare);
+}
+
+/// Whether the unit's frame is loaded; does what is needed to get there.
+bool RenderDesk::prepare(const UnitKey& key, Time now) {
+  if (!prepare_job(key)) return false;
+  const FrameKey frame_key{key.job_id, key.unit.frame};
+  const auto frame = frames_.find(frame_key);
+  if (frame == frames_.end()) {
+    load_frame(frame_key, *jobs_.at(key.job_id).files, now);
+    return false;
+  }
+  if (!frame->second.error.empty()) {
+    fail(key, frame->second.error, "", true);
+    return false;
+  }
+  frame->second.used = now;
+  return frame->second.loaded;
+}
+
+bool RenderDesk::prepare_job(const UnitKey& key) {
+  const auto [place, is_new] = jobs_.try_emplace(key.job_id);
+  const Job& job = place->second;
+  if (is_new) outlet_.want_job(key.job_id);
+  if (job.files) return true;
+  if (absl::IsNotFound(job.error)) {
+    queue_.revoke({key});
+    outlet_.given_up({key});
+  } else if (!job.error.ok()) {
+    fail(key, absl::StrCat("assets: ", std::string(job.error.message())), "", false);
+  }
+  if (!job.error.ok()) jobs_.erase(place);  // asked for again with the next lease
+  return false;
+}
+
+bool RenderDesk::load_frame(const FrameKey& key, const JobFiles& files, Time now) {
+  if (!make_room(key)) return false;
+  v1::RendererCommand command;
+  v1::LoadScene& load = *command.mutable_load_scene();
+  load.set_job_id(key.first);
+  load.set_frame(key.second);
+  *load.mutable_settings() = files.message;
+  *load.mutable_manifest() = files.manifest;
+  std::vector<int> descriptors;
+  for (const Descriptor& descriptor : files.descriptors) descriptors.push_back(descriptor.get());
+  if (!renderer_->send(command, descriptors).ok()) return false;
+  frames_[key].used = now;
+  return true;
+}
+
+/// Forgets loaded frames, least recently used first, that no unit is being rendered of and that the
+/// first in line does not need. False if all must stay.
+bool RenderDesk::make_room(const FrameKey& wanted) {
+  while (true) {
+    std::size_t count = 0;
+    auto oldest = frames_.end();
+    for (auto frame = frames_.begin(); frame != frames_.end(); ++frame) {
+      if (!frame->second.error.empty()) continue;  // takes no memory
+      ++count;
+      const FrameKey& key = frame->first;
+      bool busy = !frame->second.loaded;
+      for (const UnitKey& unit : queue_.started()) {
+        busy |= unit.job_id == key.first && unit.unit.frame == key.second;
+      }
+      if (!queue_.waiting().empty()) {
+        const UnitKey& head = queue_.waiting().front();
+        busy |= head.job_id == key.first && head.unit.frame == key.second;
+      }
+      if (!busy && (oldest == frames_.end() || frame->second.used < oldest->second.used)) {
+        oldest = frame;
+      }
+    }
+    if (count < static_cast<std::size_t>(options_.loaded_frames)) return true;
+    if (oldest == frames_.end() || oldest->first == wanted) return false;
+    v1::RendererCommand command;
+    command.mutable_forget_scene()->set_job_id(oldest->first.first);
+    command.mutable_forget_scene()->set_frame(oldest->first.second);
+    (void)renderer_->send(command);
+    frames_.erase(oldest);
+  }
+}
+
+void RenderDesk::hand_out(const UnitKey& key, Time now) {
+  const v1::Lease& lease = *queue_.lease_of(key);
+  v1::RendererCommand command;
+  v1::RenderUnit& unit = *command.mutable_render_unit();
+  unit.set_job_id(key.job_id);
+  unit.set_frame(key.unit.frame);
+  unit.set_tile(key.unit.tile);
+  unit.set_pass(key.unit.pass);
+  unit.set_first_sample(lease.first_sample());
+  unit.set_sample_count(lease.sample_count());
+  queue_.start(key, now);
+  (void)renderer_->send(command);  // if it is dead, on_death puts the unit back
+}
+
+}  // namespace tessera::agent

@@ -1,0 +1,109 @@
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "worker/agent/job_files.h"
+#include "worker/agent/mailbox.h"
+#include "worker/agent/renderer_process.h"
+#include "worker/agent/unit_log.h"
+#include "worker/agent/unit_queue.h"
+
+namespace tessera::agent {
+
+struct RenderDeskOptions {
+  std::string program = "/proc/self/exe";  // what is started as the renderer
+  std::vector<std::string> arguments;      // its arguments
+  int thread_count = 1;
+  std::chrono::seconds unit_timeout{3600};  // a unit that takes longer hangs
+  int loaded_frames = 2;                    // at most, at once
+};
+
+/// Feeds the renderer process: sees to it that the scenes of leased units are there and loaded,
+/// that every thread has a unit, and that a renderer that dies is started again and its units
+/// reported.
+///
+/// Lives on the agent's thread; what happens elsewhere comes through the mailbox.
+class RenderDesk {
+ public:
+  /// Where the desk's news go.
+  struct Outlet {
+    std::function<void(const std::string& job_id)> want_job;  // answer with job_fetched()
+    std::function<void(v1::UnitFailure)> failed;
+    std::function<void(std::vector<UnitKey>)> given_up;  // units of a job that is gone
+    std::function<void(v1::SceneLoaded)> scene_loaded;
+    std::function<void()> unit_finished;       // its block is in the queue
+    std::function<void(absl::Status)> broken;  // no renderer can be had at all
+  };
+
+  /// All references must outlive the desk.
+  RenderDesk(RenderDeskOptions options, UnitQueue& queue, UnitLog& log, Mailbox& mailbox,
+             Outlet outlet);
+
+  /// Starts the renderer if there is none and it is time to; kills one that hangs; loads scenes and
+  /// hands out units. Call after every change and at least once a second.
+  void pump(Time now);
+  void job_fetched(const std::string& job_id, absl::StatusOr<JobFiles> files);
+  void job_ended(const std::string& job_id);
+
+  /// What the renderer said of itself; nullptr before it has.
+  const v1::RendererReady* ready() const { return ready_ ? &*ready_ : nullptr; }
+  /// Wall time of a unit on its thread, smoothed; 0: none finished yet.
+  double unit_seconds() const { return unit_seconds_; }
+  /// The largest block of the jobs at hand.
+  std::int64_t block_bytes() const { return block_bytes_; }
+  /// Resident memory of the renderer.
+  std::int64_t renderer_rss_bytes() const;
+
+ private:
+  using FrameKey = std::pair<std::string, std::int32_t>;
+  struct Job {
+    std::optional<JobFiles> files;  // absent while they are fetched
+    absl::Status error;             // why they cannot be
+  };
+  struct Frame {
+    bool loaded = false;
+    std::string error;  // what is wrong with the scene
+    Time used;
+  };
+
+  void start_renderer(Time now);
+  void on_event(std::int64_t generation, v1::RendererEvent event);
+  void on_death(std::int64_t generation, const RendererProcess::Death& death);
+  void blame(const RendererProcess::Death& death);
+  void on_scene(const v1::SceneOutcome& outcome);
+  void on_unit(v1::UnitOutcome outcome);
+  void fail(const UnitKey& key, const std::string& message, const std::string& log_tail,
+            bool bad_scene);
+  bool prepare(const UnitKey& key, Time now);
+  bool prepare_job(const UnitKey& key);
+  bool load_frame(const FrameKey& key, const JobFiles& files, Time now);
+  bool make_room(const FrameKey& wanted);
+  void hand_out(const UnitKey& key, Time now);
+  std::size_t most_handed_out() const;
+
+  const RenderDeskOptions options_;
+  UnitQueue& queue_;
+  UnitLog& log_;
+  Mailbox& mailbox_;
+  const Outlet outlet_;
+
+  std::unique_ptr<RendererProcess> renderer_;
+  std::int64_t generation_ = 0;  // of renderers; events of earlier ones are void
+  std::optional<v1::RendererReady> ready_;
+  Time start_at_{};  // not before, after a death
+  int deaths_in_a_row_ = 0;
+
+  std::map<std::string, Job> jobs_;
+  std::map<FrameKey, Frame> frames_;  // loaded, loading or refused
+  std::map<UnitKey, Time> taken_up_;  // units a thread of the renderer is at, since when
+  double unit_seconds_ = 0;
+  std::int64_t block_bytes_ = 0;
+};
+
+}  // namespace tessera::agent

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "proto/contract/unit.h"
+
+namespace tessera::agent {
+
+struct RendererOptions {
+  int fd = 3;                     // socket to the agent
+  int thread_count = 1;           // units rendered at once
+  std::int64_t memory_bytes = 0;  // limit of address space; 0: none
+  /// Fault injection for tests: dies by SIGSEGV when it takes up this unit.
+  std::optional<contract::Unit> crash_on;
+};
+
+/// The renderer process: loads scenes from the descriptors it is given, renders units, and answers,
+/// until the agent closes the socket. It opens no path and no connection. Returns the exit code.
+int run_renderer(const RendererOptions& options);
+
+}  // namespace tessera::agent

@@ -1,0 +1,244 @@
+#include "worker/agent/server_link.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+
+namespace tessera::agent {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr milliseconds kFirstPause{50}, kLongestPause{5'000};
+constexpr seconds kHelloTimeout{5};     // from Hello to Welcome
+constexpr seconds kVerdictTimeout{30};  // after which blocks are sent again
+constexpr std::size_t kChunkBytes = 64 << 10;
+
+std::chrono::nanoseconds span_of(const google::protobuf::Duration& span,
+                                 std::chrono::nanoseconds least) {
+  return std::max(least, seconds(span.seconds()) + std::chrono::nanoseconds(span.nanos()));
+}
+
+bool is_final(const absl::Status& status) {
+  switch (status.code()) {
+    case absl::StatusCode::kFailedPrecondition:
+    case absl::StatusCode::kInvalidArgument:
+    case absl::StatusCode::kUnauthenticated:
+    case absl::StatusCode::kPermissionDenied:
+    case absl::StatusCode::kUnimplemented:
+    case absl::StatusCode::kAborted:  // another process has this worker's id
+      return true;
+    default:
+      return false;
+  }
+}
+
+}  // namespace
+
+ServerLink::ServerLink(v1::WorkerService::Stub& stub, Options options, UnitQueue& queue,
+                       Mailbox& mailbox, Outlet outlet)
+    : stub_(stub),
+      options_(std::move(options)),
+      queue_(queue),
+      mailbox_(mailbox),
+      outlet_(std::move(outlet)),
+      random_(std::random_device{}()),
+      interval_(seconds(1)),
+      timeout_(kHelloTimeout),
+      pause_(kFirstPause) {}
+
+void ServerLink::pump(Time now) {
+  check_silence(now);
+  if (work_ == nullptr && deliver_ == nullptr && !finishing_ && now >= connect_at_) connect(now);
+  if (!welcomed_) return;
+  if (const std::int32_t grant = queue_.credits_to_grant(outlet_.window()); grant > 0) {
+    v1::WorkRequest request;
+    request.mutable_credits()->set_unit_count(grant);
+    work_->send(std::move(request));
+  }
+  if (now >= beat_at_) {
+    v1::WorkRequest request;
+    for (const UnitKey& key : queue_.started()) {
+      *request.mutable_heartbeat()->add_started() = id_of(key);
+    }
+    request.mutable_heartbeat()->set_rss_bytes(outlet_.rss_bytes());
+    work_->send(std::move(request));
+    beat_at_ = now + std::chrono::duration_cast<Clock::duration>(interval_);
+  }
+  deliver(now);
+}
+
+Time ServerLink::next_due() const {
+  if (work_ == nullptr) return deliver_ == nullptr ? connect_at_ : Time::max();
+  const Time silent = heard_ + std::chrono::duration_cast<Clock::duration>(timeout_);
+  return welcomed_ ? std::min(beat_at_, silent) : silent;
+}
+
+void ServerLink::connect(Time now) {
+  WorkStream::Listener listener;
+  listener.on_response = [this](v1::WorkResponse response) {
+    mailbox_.post(
+        [this, response = std::move(response)]() mutable { on_response(std::move(response)); });
+  };
+  // The stream is gone when this has run: there is never more than one, and no message after it.
+  listener.on_closed = [this, &mailbox = mailbox_](const absl::Status& status) {
+    mailbox.post([this, status] { on_closed(status); });
+  };
+  work_ = std::make_unique<WorkStream>(stub_, options_.token, std::move(listener));
+  v1::WorkRequest request;
+  *request.mutable_hello() = outlet_.hello();
+  queue_.describe(*request.mutable_hello(), outlet_.window());
+  work_->send(std::move(request));
+  heard_ = now;
+  timeout_ = kHelloTimeout;
+}
+
+void ServerLink::open_deliver() {
+  DeliverStream::Listener listener;
+  listener.on_room = [this] { mailbox_.post([this] { deliver(Clock::now()); }); };
+  listener.on_closed = [this, &mailbox = mailbox_](const absl::Status& status) {
+    mailbox.post([this, status] {
+      if (!status.ok() && welcomed_ && !deliver_cancelled_) {
+        std::fprintf(stderr, "tessera-worker: delivery broke off: %s\n",
+                     std::string(status.message()).c_str());
+      }
+      deliver_.reset();
+    });
+  };
+  deliver_ = std::make_unique<DeliverStream>(stub_, options_.token, std::move(listener));
+  names_itself_ = true;
+  deliver_cancelled_ = false;
+  sending_.reset();
+  unanswered_.reset();
+  queue_.offer_all_again();
+}
+
+void ServerLink::on_response(v1::WorkResponse response) {
+  heard_ = Clock::now();
+  if (response.event_case() != v1::WorkResponse::kWelcome) {
+    outlet_.on_response(std::move(response));
+    return;
+  }
+  queue_.welcome(response.welcome().store_id());
+  interval_ = span_of(response.welcome().heartbeat_interval(), milliseconds(50));
+  timeout_ = span_of(response.welcome().timeout(), milliseconds(500));
+  welcomed_ = true;
+  pause_ = kFirstPause;
+  beat_at_ = heard_;
+}
+
+void ServerLink::on_closed(const absl::Status& status) {
+  work_.reset();
+  const bool was_welcome = std::exchange(welcomed_, false);
+  if (deliver_ != nullptr) {
+    deliver_cancelled_ = true;
+    deliver_->cancel();
+  }
+  if (finishing_) return;
+  if (is_final(status)) {
+    outlet_.refused(status);
+    return;
+  }
+  std::uniform_int_distribution<std::int64_t> jitter(pause_.count() / 2, pause_.count());
+  connect_at_ = Clock::now() + milliseconds(jitter(random_));
+  pause_ = std::min(2 * pause_, kLongestPause);
+  if (was_welcome) {
+    std::fprintf(stderr, "tessera-worker: the server is gone (%s); connecting again\n",
+                 std::string(status.message()).c_str());
+  }
+}
+
+void ServerLink::check_silence(Time now) {
+  if (work_ != nullptr && now - heard_ >= timeout_) {
+    heard_ = now;  // once is enough; on_closed follows
+    work_->cancel();
+  }
+  if (welcomed_ && unanswered_ && now - *unanswered_ > kVerdictTimeout && deliver_ != nullptr) {
+    deliver_cancelled_ = true;  // its end opens another one, on which all is sent again
+    unanswered_.reset();
+    deliver_->cancel();
+  }
+}
+
+void ServerLink::send(v1::WorkRequest request) {
+  if (welcomed_) work_->send(std::move(request));
+}
+
+void ServerLink::finish() {
+  finishing_ = true;
+  if (work_ != nullptr) work_->finish();
+  if (deliver_ != nullptr) deliver_->finish();
+}
+
+void ServerLink::cancel() {
+  finishing_ = true;
+  if (work_ != nullptr) work_->cancel();
+  if (deliver_ != nullptr) deliver_->cancel();
+}
+
+void ServerLink::note_verdict(Time now) {
+  if (!unanswered_) return;
+  const double trip = std::chrono::duration<double>(now - *unanswered_).count();
+  round_trip_seconds_ = round_trip_seconds_ == 0 ? trip : 0.75 * round_trip_seconds_ + 0.25 * trip;
+  unanswered_.reset();
+}
+
+void ServerLink::deliver(Time now) {
+  if (!welcomed_ || finishing_) return;
+  if (deliver_ == nullptr) open_deliver();
+  while (deliver_->has_room()) {
+    v1::DeliverRequest request;
+    add_parts(request);
+    if (request.parts().empty()) return;
+    if (std::exchange(names_itself_, false)) {
+      request.set_worker_id(outlet_.hello().worker_id());
+    }
+    deliver_->send(std::move(request));
+    if (!unanswered_) unanswered_ = now;
+  }
+}
+
+/// Fills a message: the rest of the block begun, or as many blocks as fit.
+void ServerLink::add_parts(v1::DeliverRequest& request) {
+  std::size_t room = kChunkBytes;
+  while (room > 0) {
+    const bool begins = !sending_;
+    if (begins) {
+      sending_ = queue_.next_block();
+      if (!sending_) return;
+      sent_bytes_ = 0;
+    }
+    const std::string& bytes = *sending_->bytes;
+    // A block that does not fit behind others starts a message of its own.
+    if (sent_bytes_ == 0 && !request.parts().empty() && bytes.size() > room) return;
+    v1::BlockPart& part = *request.add_parts();
+    if (sent_bytes_ == 0) {
+      v1::BlockHeader& header = *part.mutable_header();
+      *header.mutable_lease() = *sending_->lease;
+      header.set_tile(sending_->key.unit.tile);
+      header.set_size_bytes(static_cast<std::int64_t>(bytes.size()));
+      header.set_wire_size_bytes(static_cast<std::int64_t>(bytes.size()));
+      header.set_sha256(sending_->sha256.binary());
+      header.set_cpu_seconds(sending_->cpu_seconds);
+    }
+    const std::size_t count = std::min(room, bytes.size() - sent_bytes_);
+    part.set_chunk(bytes.substr(sent_bytes_, count));
+    sent_bytes_ += count;
+    room -= count;
+    if (sent_bytes_ < bytes.size()) return;  // a message with a part of a block has nothing else
+    if (options_.deliver_twice && !sent_once_) {
+      sent_once_ = true;
+      sent_bytes_ = 0;
+      if (bytes.size() > room) return;
+      continue;
+    }
+    sent_once_ = false;
+    sending_.reset();
+    if (!begins || count == kChunkBytes) return;
+  }
+}
+
+}  // namespace tessera::agent

@@ -1,0 +1,87 @@
+#pragma once
+
+#include <grpcpp/channel.h>
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <random>
+#include <string>
+
+#include "worker/agent/mailbox.h"
+#include "worker/agent/unit_queue.h"
+#include "worker/agent/worker_streams.h"
+
+namespace tessera::agent {
+
+/// The worker's two streams to its server: opens them, says Hello, beats, delivers blocks, and
+/// connects again with back-off and jitter when they break or fall silent (farm.md, section 2).
+///
+/// Lives on the agent's thread; gRPC's callbacks come through the mailbox.
+class ServerLink {
+ public:
+  struct Options {
+    std::string token;
+    bool deliver_twice = false;  // fault injection for tests: every block is sent a second time
+  };
+  struct Outlet {
+    std::function<v1::WorkerHello()> hello;             // all but what the queue describes
+    std::function<std::int32_t()> window;               // credits wanted, in all
+    std::function<std::int64_t()> rss_bytes;            // for heartbeats
+    std::function<void(v1::WorkResponse)> on_response;  // but Welcome
+    std::function<void(absl::Status)> refused;          // connecting again is useless
+  };
+
+  /// All references must outlive the link.
+  ServerLink(v1::WorkerService::Stub& stub, Options options, UnitQueue& queue, Mailbox& mailbox,
+             Outlet outlet);
+
+  /// Connects, beats and delivers as is due. Call after every change and at next_due().
+  void pump(Time now);
+  Time next_due() const;
+  /// Queues a message; dropped without a connection, as Hello says it all again.
+  void send(v1::WorkRequest request);
+  bool connected() const { return welcomed_; }
+  /// Closes both streams in order. No others are opened.
+  void finish();
+  /// Whether both streams are gone.
+  bool closed() const { return work_ == nullptr && deliver_ == nullptr; }
+  /// Breaks off both streams.
+  void cancel();
+  /// Time from the end of a block's delivery to its verdict, smoothed, seconds.
+  double round_trip_seconds() const { return round_trip_seconds_; }
+  /// A verdict came.
+  void note_verdict(Time now);
+
+ private:
+  void connect(Time now);
+  void open_deliver();
+  void on_response(v1::WorkResponse response);
+  void on_closed(const absl::Status& status);
+  void deliver(Time now);
+  void add_parts(v1::DeliverRequest& request);
+  void check_silence(Time now);
+
+  v1::WorkerService::Stub& stub_;
+  const Options options_;
+  UnitQueue& queue_;
+  Mailbox& mailbox_;
+  const Outlet outlet_;
+  std::mt19937 random_;  // jitter only
+
+  std::unique_ptr<WorkStream> work_;
+  std::unique_ptr<DeliverStream> deliver_;
+  bool welcomed_ = false, finishing_ = false;
+  bool deliver_cancelled_ = false, names_itself_ = false;
+  std::chrono::nanoseconds interval_, timeout_;
+  std::chrono::milliseconds pause_;
+  Time connect_at_{}, heard_{}, beat_at_{};
+
+  std::optional<UnitQueue::Block> sending_;  // block of which a part has been queued
+  std::size_t sent_bytes_ = 0;
+  bool sent_once_ = false;          // of deliver_twice
+  std::optional<Time> unanswered_;  // when the block was sent that waits longest for a verdict
+  double round_trip_seconds_ = 0;
+};
+
+}  // namespace tessera::agent

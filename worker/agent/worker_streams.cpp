@@ -1,0 +1,148 @@
+#include "worker/agent/worker_streams.h"
+
+#include <chrono>
+#include <utility>
+
+#include "proto/contract/channel.h"
+#include "proto/contract/rpc_status.h"
+
+namespace tessera::agent {
+namespace {
+
+constexpr std::chrono::milliseconds kNoDeadline{0};  // streams live by heartbeats
+
+}  // namespace
+
+// A hold keeps the reactor alive while messages may still be written from outside its callbacks; it
+// is given back when writing is over: after finish(), or when the stream has broken.
+
+WorkStream::WorkStream(v1::WorkerService::Stub& stub, const std::string& token, Listener listener)
+    : listener_(std::move(listener)) {
+  contract::prepare_call(context_, token, kNoDeadline);
+  stub.async()->Work(&context_, this);
+  AddHold();
+  StartRead(&response_);
+  StartCall();
+}
+
+void WorkStream::send(v1::WorkRequest request) {
+  const std::lock_guard lock(mutex_);
+  if (broken_ || finishing_) return;
+  queue_.push_back(std::move(request));
+  if (queue_.size() == 1) write_next();
+}
+
+void WorkStream::finish() {
+  const std::lock_guard lock(mutex_);
+  if (broken_ || finishing_) return;
+  finishing_ = true;
+  if (queue_.empty()) write_next();
+}
+
+void WorkStream::write_next() {
+  if (!queue_.empty()) {
+    StartWrite(&queue_.front());
+  } else if (finishing_) {
+    StartWritesDone();
+    release_hold();
+  }
+}
+
+void WorkStream::release_hold() {
+  if (std::exchange(holding_, false)) RemoveHold();
+}
+
+void WorkStream::OnReadDone(bool ok) {
+  if (ok) {
+    listener_.on_response(std::move(response_));
+    response_.Clear();
+    StartRead(&response_);
+    return;
+  }
+  const std::lock_guard lock(mutex_);
+  broken_ = true;
+  release_hold();
+}
+
+void WorkStream::OnWriteDone(bool ok) {
+  const std::lock_guard lock(mutex_);
+  queue_.pop_front();
+  if (ok && !broken_) write_next();
+  // Not ok: the read fails as well, and ends the stream.
+}
+
+void WorkStream::OnDone(const grpc::Status& status) {
+  const auto on_closed = std::move(listener_.on_closed);  // it may lead to our destruction
+  on_closed(contract::from_rpc(status));
+}
+
+DeliverStream::DeliverStream(v1::WorkerService::Stub& stub, const std::string& token,
+                             Listener listener)
+    : listener_(std::move(listener)) {
+  contract::prepare_call(context_, token, kNoDeadline);
+  stub.async()->Deliver(&context_, &response_, this);
+  AddHold();
+  StartCall();
+}
+
+bool DeliverStream::has_room() {
+  const std::lock_guard lock(mutex_);
+  return !broken_ && !finishing_ && queue_.size() < kMostQueued;
+}
+
+void DeliverStream::send(v1::DeliverRequest request) {
+  const std::lock_guard lock(mutex_);
+  if (broken_ || finishing_) return;
+  queue_.push_back(std::move(request));
+  if (queue_.size() == 1) write_next();
+}
+
+void DeliverStream::finish() {
+  const std::lock_guard lock(mutex_);
+  if (broken_ || finishing_) return;
+  finishing_ = true;
+  if (queue_.empty()) write_next();
+}
+
+void DeliverStream::write_next() {
+  if (!queue_.empty()) {
+    StartWrite(&queue_.front());
+  } else if (finishing_) {
+    StartWritesDone();
+    release_hold();
+  }
+}
+
+void DeliverStream::release_hold() {
+  if (std::exchange(holding_, false)) RemoveHold();
+}
+
+void DeliverStream::cancel() {
+  context_.TryCancel();
+  const std::lock_guard lock(mutex_);
+  broken_ = true;
+  release_hold();
+}
+
+void DeliverStream::OnWriteDone(bool ok) {
+  bool room = false;
+  {
+    const std::lock_guard lock(mutex_);
+    queue_.pop_front();
+    if (ok && !broken_) {
+      write_next();
+      room = !finishing_ && queue_.size() + 1 == kMostQueued;
+    } else {
+      broken_ = true;
+      release_hold();
+    }
+  }
+  if (room) listener_.on_room();
+}
+
+void DeliverStream::OnDone(const grpc::Status& status) {
+  const auto on_closed = std::move(listener_.on_closed);  // it may lead to our destruction
+  on_closed(contract::from_rpc(status));
+}
+
+}  // namespace tessera::agent

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <variant>
+
+#include "worker/agent/agent.h"
+#include "worker/agent/renderer.h"
+
+namespace tessera::worker {
+
+/// tessera-worker inspect SCENE [--json].
+struct InspectConfig {
+  std::string scene;
+  std::string environment;  // sky file to check along with it; empty: none
+};
+
+/// What the command line asks for.
+using Config = std::variant<agent::AgentOptions, agent::RendererOptions, InspectConfig>;
+
+/// The parsed command line; an exit code when there is nothing to do: 0 after --help and --version,
+/// 2 after wrong usage (the message has been printed).
+std::variant<Config, int> parse_command_line(int argc, char** argv);
+
+}  // namespace tessera::worker
