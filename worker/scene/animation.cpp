@@ -1,0 +1,171 @@
+#include "worker/scene/animation.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "absl/strings/str_cat.h"
+#include "worker/math/elementary.h"
+#include "worker/scene/accessor_reader.h"
+#include "worker/scene/selection.h"
+
+namespace tessera::render {
+
+namespace {
+
+/// The keys of a channel.
+struct Track {
+  std::vector<float> times;
+  std::vector<float> values;  // `width` a key, three times that for cubic splines
+  int width = 0;
+  Interpolation interpolation = Interpolation::linear;
+};
+
+/// Morph targets of the mesh a weights channel drives.
+int target_count(const Document& document, std::int32_t node) {
+  const std::int32_t mesh = document.nodes[node].mesh;
+  if (mesh == kNone || document.meshes[mesh].primitives.empty()) return 0;
+  return static_cast<int>(document.meshes[mesh].primitives.front().targets.size());
+}
+
+bool all_finite(const std::vector<float>& values) {
+  return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
+}
+
+absl::StatusOr<Track> read_track(const Document& document, const AnimationChannel& channel,
+                                 const std::string& where) {
+  const auto fault = [&](const std::string& message) {
+    return absl::InvalidArgumentError(absl::StrCat(where, ": ", message));
+  };
+  Track track;
+  track.interpolation = channel.interpolation;
+  auto times = read_floats(document, channel.input, 1);
+  if (!times.ok()) return times.status();
+  track.times = *std::move(times);
+  const bool rotation = channel.path == AnimationPath::rotation;
+  const bool weights = channel.path == AnimationPath::weights;
+  track.width = weights ? target_count(document, channel.node) : rotation ? 4 : 3;
+  auto values = read_floats(document, channel.output, weights ? 1 : track.width);
+  if (!values.ok()) return values.status();
+  track.values = *std::move(values);
+  const std::size_t per_key = static_cast<std::size_t>(track.width) *
+                              (channel.interpolation == Interpolation::cubic_spline ? 3 : 1);
+  if (track.values.size() != track.times.size() * per_key) {
+    return fault(absl::StrCat("output has ", track.values.size(), " numbers, want ",
+                              track.times.size() * per_key));
+  }
+  if (!all_finite(track.values) || !all_finite(track.times)) return fault("has NaN or infinity");
+  for (std::size_t i = 1; i < track.times.size(); ++i) {
+    if (!(track.times[i] > track.times[i - 1])) return fault("key times do not increase");
+  }
+  return track;
+}
+
+/// Value of the track at time t. `spherical`: the four numbers are a quaternion.
+std::vector<double> evaluate(const Track& track, double t, bool spherical) {
+  const auto width = static_cast<std::size_t>(track.width);
+  const bool cubic = track.interpolation == Interpolation::cubic_spline;
+  const std::size_t per_key = width * (cubic ? 3 : 1);
+  const std::size_t middle = cubic ? width : 0;
+  const std::size_t last = track.times.size() - 1;
+  const auto value = [&](std::size_t key, std::size_t k) {
+    return static_cast<double>(track.values[key * per_key + k]);
+  };
+  // The key at or before t; beyond the ends the end keys hold.
+  const auto after =
+      std::upper_bound(track.times.begin(), track.times.end(), t,
+                       [](double x, float key) { return x < static_cast<double>(key); });
+  const auto index = static_cast<std::size_t>(after - track.times.begin());
+  const std::size_t key = index == 0 ? 0 : index - 1;
+  std::vector<double> out(width);
+  if (index == 0 || key == last || track.interpolation == Interpolation::step) {
+    for (std::size_t k = 0; k < width; ++k) out[k] = value(key, middle + k);
+    return out;
+  }
+  const double begin = track.times[key], span = track.times[key + 1] - begin;
+  const double f = (t - begin) / span;
+  if (!cubic && spherical) {
+    const Vec4d q =
+        slerp({value(key, 0), value(key, 1), value(key, 2), value(key, 3)},
+              {value(key + 1, 0), value(key + 1, 1), value(key + 1, 2), value(key + 1, 3)}, f);
+    return {q.x, q.y, q.z, q.w};
+  }
+  const double f2 = f * f, f3 = f2 * f;
+  for (std::size_t k = 0; k < width; ++k) {
+    const double a = value(key, middle + k), b = value(key + 1, middle + k);
+    const double out_tangent = cubic ? value(key, 2 * width + k) * span : 0;
+    const double in_tangent = cubic ? value(key + 1, k) * span : 0;
+    out[k] = cubic ? (2 * f3 - 3 * f2 + 1) * a + (f3 - 2 * f2 + f) * out_tangent +
+                         (3 * f2 - 2 * f3) * b + (f3 - f2) * in_tangent
+                   : a + f * (b - a);
+  }
+  return out;
+}
+
+std::string channel_path(std::int32_t animation, std::size_t channel) {
+  return absl::StrCat("animations[", animation, "].channels[", channel, "]");
+}
+
+}  // namespace
+
+Vec4d slerp(const Vec4d& a, Vec4d b, double f) {
+  if (a.x * b.x + a.y * b.y + a.z * b.z + a.w * b.w < 0) b = b * -1.0;
+  const Vec4d difference = b - a, sum = a + b;
+  const auto norm = [](const Vec4d& v) {
+    return std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z + v.w * v.w);
+  };
+  // Accurate at small angles, where acos of the dot product is not. Source: Kahan.
+  const double angle = 2 * elementary::atan2(norm(difference), norm(sum));
+  const double sine = elementary::sin(angle);
+  if (!(sine > 0)) return a + difference * f;
+  return a * (elementary::sin((1 - f) * angle) / sine) + b * (elementary::sin(f * angle) / sine);
+}
+
+absl::StatusOr<std::vector<std::int32_t>> choose_animations(const Document& document,
+                                                            const std::string& selection) {
+  std::vector<std::int32_t> chosen;
+  if (selection == "none" || (selection.empty() && document.animations.empty())) return chosen;
+  if (selection.empty()) return std::vector<std::int32_t>{0};
+  std::vector<std::string> names;
+  for (const Animation& a : document.animations) names.push_back(a.name);
+  if (selection == "all" && std::find(names.begin(), names.end(), "all") == names.end()) {
+    for (std::size_t i = 0; i < names.size(); ++i) chosen.push_back(static_cast<std::int32_t>(i));
+    return chosen;
+  }
+  const auto index = choose(names, selection, "animation");
+  if (!index.ok()) return index.status();
+  chosen.push_back(*index);
+  return chosen;
+}
+
+absl::Status check_animations(const Document& document) {
+  for (std::size_t i = 0; i < document.animations.size(); ++i) {
+    const auto& channels = document.animations[i].channels;
+    for (std::size_t k = 0; k < channels.size(); ++k) {
+      const auto track =
+          read_track(document, channels[k], channel_path(static_cast<std::int32_t>(i), k));
+      if (!track.ok()) return track.status();
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status animate(const Document& document, std::int32_t animation, double seconds,
+                     std::vector<Node>& nodes) {
+  const auto& channels = document.animations[animation].channels;
+  for (std::size_t k = 0; k < channels.size(); ++k) {
+    const AnimationChannel& channel = channels[k];
+    const auto track = read_track(document, channel, channel_path(animation, k));
+    if (!track.ok()) return track.status();
+    Node& node = nodes[channel.node];
+    const bool rotation = channel.path == AnimationPath::rotation;
+    const std::vector<double> v = evaluate(*track, seconds, rotation);
+    if (channel.path != AnimationPath::weights) node.matrix.reset();
+    if (channel.path == AnimationPath::translation) node.translation = {v[0], v[1], v[2]};
+    if (channel.path == AnimationPath::scale) node.scale = {v[0], v[1], v[2]};
+    if (rotation) node.rotation = {v[0], v[1], v[2], v[3]};
+    if (channel.path == AnimationPath::weights) node.weights = v;
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "worker/scene/document.h"
+
+namespace tessera::render {
+
+/// Animations chosen by `selection`: a name, an index, "all", "none", or empty for the first.
+/// Errors: InvalidArgument when there is no such animation.
+absl::StatusOr<std::vector<std::int32_t>> choose_animations(const Document& document,
+                                                            const std::string& selection);
+
+/// Checks what posing relies on: key times are finite and increase, outputs have the right shape
+/// and are finite. Errors: InvalidArgument "animations[i].channels[k]: ...".
+absl::Status check_animations(const Document& document);
+
+/// Sets the animated properties of `nodes` to their values at `seconds`, clamped to each
+/// channel's keys. Step, linear (spherical for rotations) and cubic spline interpolation as the
+/// glTF 2.0 specification, appendix C, defines them. Requires check_animations().
+absl::Status animate(const Document& document, std::int32_t animation, double seconds,
+                     std::vector<Node>& nodes);
+
+/// Quaternion from a to b along the shorter arc, f in [0, 1]; unit when a and b are.
+Vec4d slerp(const Vec4d& a, Vec4d b, double f);
+
+}  // namespace tessera::render

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "absl/status/status.h"
+#include "worker/scene/document.h"
+
+namespace tessera::render {
+
+/// Reads what tinygltf does not know or is not shown: images, textures, and the extensions of
+/// nodes and meshes (lights, visibility, instancing, variants). Requires read_core_model().
+/// Errors: InvalidArgument "ELEMENT: FAULT".
+absl::Status read_node_extensions(const nlohmann::json& root, Document& document);
+
+/// Images (data URIs decoded, views resolved, files only named) and textures.
+/// Errors: InvalidArgument.
+absl::Status read_images(const nlohmann::json& root, Document& document);
+
+/// Folds the material extensions into document.materials. Errors: InvalidArgument.
+absl::Status read_material_extensions(const nlohmann::json& root, Document& document);
+
+}  // namespace tessera::render

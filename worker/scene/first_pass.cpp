@@ -1,0 +1,334 @@
+#include "worker/scene/first_pass.h"
+
+#include <algorithm>
+#include <array>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "worker/scene/json_view.h"
+#include "worker/scene/limits.h"
+#include "worker/scene/uri.h"
+
+namespace tessera::render {
+
+using nlohmann::json;
+
+namespace {
+
+constexpr std::array<std::string_view, 17> kKnownExtensions = {
+    "EXT_mesh_gpu_instancing", "EXT_meshopt_compression",
+    "EXT_texture_webp",        "KHR_draco_mesh_compression",
+    "KHR_lights_punctual",     "KHR_materials_emissive_strength",
+    "KHR_materials_ior",       "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_specular",  "KHR_materials_transmission",
+    "KHR_materials_unlit",     "KHR_materials_variants",
+    "KHR_materials_volume",    "KHR_mesh_quantization",
+    "KHR_node_visibility",
+    "KHR_texture_basisu",  // the fallback image; see choose_images()
+    "KHR_texture_transform"};
+
+bool is_known(std::string_view name) {
+  return std::find(kKnownExtensions.begin(), kKnownExtensions.end(), name) !=
+         kKnownExtensions.end();
+}
+
+/// What tinygltf expects under a key of the core specification, wherever it stands.
+enum Kind : unsigned {
+  kInteger = 1,  // [0, 2^31)
+  kSize = 2,     // an integer up to 2^40
+  kNumber = 4,
+  kNumbers = 8,
+  kIntegers = 16,
+  kText = 32,
+  kFlag = 64,
+  kObject = 128,
+  kObjects = 256,
+};
+
+struct KeyKind {
+  std::string_view key;
+  unsigned kinds;
+};
+
+constexpr KeyKind kSchema[] = {
+    {"accessors", kObjects},
+    {"alphaCutoff", kNumber},
+    {"alphaMode", kText},
+    {"animations", kObjects},
+    {"aspectRatio", kNumber},
+    {"asset", kObject},
+    {"attributes", kObject},
+    {"baseColorFactor", kNumbers},
+    {"baseColorTexture", kObject},
+    {"buffer", kInteger},
+    {"bufferView", kInteger},
+    {"bufferViews", kObjects},
+    {"buffers", kObjects},
+    {"byteLength", kSize},
+    {"byteOffset", kSize},
+    {"byteStride", kInteger},
+    {"camera", kInteger},
+    {"cameras", kObjects},
+    {"channels", kObjects},
+    {"children", kIntegers},
+    {"componentType", kInteger},
+    {"count", kSize},
+    {"doubleSided", kFlag},
+    {"emissiveFactor", kNumbers},
+    {"emissiveTexture", kObject},
+    {"images", kObjects},
+    {"index", kInteger},
+    {"indices", kInteger | kObject},
+    {"input", kInteger},
+    {"interpolation", kText},
+    {"inverseBindMatrices", kInteger},
+    {"joints", kIntegers},
+    {"magFilter", kInteger},
+    {"material", kInteger},
+    {"materials", kObjects},
+    {"matrix", kNumbers},
+    {"max", kNumbers},
+    {"mesh", kInteger},
+    {"meshes", kObjects},
+    {"metallicFactor", kNumber},
+    {"metallicRoughnessTexture", kObject},
+    {"min", kNumbers},
+    {"minFilter", kInteger},
+    {"mode", kInteger},
+    {"name", kText},
+    {"node", kInteger},
+    {"nodes", kObjects | kIntegers},
+    {"normalTexture", kObject},
+    {"normalized", kFlag},
+    {"occlusionTexture", kObject},
+    {"orthographic", kObject},
+    {"output", kInteger},
+    {"path", kText},
+    {"pbrMetallicRoughness", kObject},
+    {"perspective", kObject},
+    {"primitives", kObjects},
+    {"rotation", kNumbers},
+    {"roughnessFactor", kNumber},
+    {"sampler", kInteger},
+    {"samplers", kObjects},
+    {"scale", kNumber | kNumbers},
+    {"scene", kInteger},
+    {"scenes", kObjects},
+    {"skeleton", kInteger},
+    {"skin", kInteger},
+    {"skins", kObjects},
+    {"source", kInteger},
+    {"sparse", kObject},
+    {"strength", kNumber},
+    {"target", kInteger | kObject},
+    {"targets", kObjects},
+    {"texCoord", kInteger},
+    {"textures", kObjects},
+    {"translation", kNumbers},
+    {"type", kText},
+    {"uri", kText},
+    {"values", kObject},
+    {"version", kText},
+    {"weights", kNumbers},
+    {"wrapS", kInteger},
+    {"wrapT", kInteger},
+    {"xmag", kNumber},
+    {"yfov", kNumber},
+    {"ymag", kNumber},
+    {"zfar", kNumber},
+    {"znear", kNumber},
+};
+
+unsigned expected_kinds(std::string_view key) {
+  const auto it = std::lower_bound(std::begin(kSchema), std::end(kSchema), key,
+                                   [](const KeyKind& k, std::string_view v) { return k.key < v; });
+  return it != std::end(kSchema) && it->key == key ? it->kinds : 0;
+}
+
+bool is_integer_up_to(const json& value, double most) {
+  return value.is_number_integer() && value.get<double>() >= 0 && value.get<double>() <= most;
+}
+
+template <typename Predicate>
+bool all_of(const json& value, Predicate predicate) {
+  return value.is_array() && std::all_of(value.begin(), value.end(), predicate);
+}
+
+bool matches(const json& value, unsigned kinds) {
+  const auto is_index = [](const json& v) { return is_integer_up_to(v, 2147483647.0); };
+  return ((kinds & kInteger) != 0 && is_index(value)) ||
+         ((kinds & kSize) != 0 && is_integer_up_to(value, 1099511627776.0)) ||
+         ((kinds & kNumber) != 0 && value.is_number()) ||
+         ((kinds & kNumbers) != 0 && all_of(value, [](const json& v) { return v.is_number(); })) ||
+         ((kinds & kIntegers) != 0 && all_of(value, is_index)) ||
+         ((kinds & kText) != 0 && value.is_string()) ||
+         ((kinds & kFlag) != 0 && value.is_boolean()) ||
+         ((kinds & kObject) != 0 && value.is_object()) ||
+         ((kinds & kObjects) != 0 && all_of(value, [](const json& v) { return v.is_object(); }));
+}
+
+std::string expected_text(unsigned kinds) {
+  if ((kinds & (kInteger | kSize)) != 0) return "a non-negative integer in range";
+  if ((kinds & kNumber) != 0) return "a number";
+  if ((kinds & kNumbers) != 0) return "an array of numbers";
+  if ((kinds & kObjects) != 0) return "an array of objects";
+  if ((kinds & kIntegers) != 0) return "an array of non-negative integers in range";
+  if ((kinds & kText) != 0) return "a string";
+  if ((kinds & kFlag) != 0) return "true or false";
+  return "an object";
+}
+
+/// Whole numbers written as 3.0 become integers, as the specification allows them to be read.
+json as_integer_if_whole(const json& value) {
+  if (!value.is_number_float()) return value;
+  const double number = value.get<double>();
+  if (number >= -9e15 && number <= 9e15 &&
+      number == static_cast<double>(static_cast<std::int64_t>(number))) {
+    return static_cast<std::int64_t>(number);
+  }
+  return value;
+}
+
+/// A copy of `value` without extensions and extras. Depth is bounded by split_container().
+json stripped(const json& value, const std::string& path, bool integers, JsonFault& fault) {
+  if (value.is_object()) {
+    json out = json::object();
+    for (const auto& item : value.items()) {
+      if (item.key() == "extensions" || item.key() == "extras") continue;
+      const std::string where = path.empty() ? item.key() : path + "." + item.key();
+      // Attribute names are the file's own; all members of `attributes` and of targets are indices.
+      const bool attribute = integers && !item.value().is_structured();
+      const unsigned kinds = attribute ? kInteger : expected_kinds(item.key());
+      const bool whole = (kinds & (kInteger | kSize)) != 0;
+      const json checked = whole ? as_integer_if_whole(item.value()) : json();
+      const json& member = whole ? checked : item.value();
+      if (kinds != 0 && !matches(member, kinds)) {
+        fault.report(where, "must be " + expected_text(kinds));
+        return out;
+      }
+      const bool inner = item.key() == "attributes" || item.key() == "targets";
+      out[item.key()] = stripped(member, where, inner, fault);
+    }
+    return out;
+  }
+  if (!value.is_array()) return value;
+  json out = json::array();
+  for (std::size_t i = 0; i < value.size(); ++i) {
+    if (!value[i].is_structured()) {
+      out.push_back(value[i]);
+    } else {
+      out.push_back(stripped(value[i], absl::StrCat(path, "[", i, "]"), integers, fault));
+    }
+  }
+  return out;
+}
+
+absl::StatusOr<std::span<const std::byte>> buffer_bytes(const JsonView& buffer,
+                                                        const GltfContainer& container, bool first,
+                                                        ResourceReader& reader,
+                                                        Document& document) {
+  const std::string uri = buffer.text("uri");
+  const auto at_buffer = [&](const absl::Status& s) {
+    return absl::Status(s.code(), absl::StrCat(buffer.path(), ": ", s.message()));
+  };
+  if (uri.empty()) {
+    if (first && container.has_bin) return container.bin;
+    return absl::InvalidArgumentError(
+        absl::StrCat(buffer.path(), ": no uri, and the file has no binary chunk for it"));
+  }
+  if (is_data_uri(uri)) {
+    auto data = decode_data_uri(uri);
+    if (!data.ok()) return at_buffer(data.status());
+    document.owned.push_back(*std::move(data));
+    return std::span<const std::byte>(document.owned.back());
+  }
+  const auto path = relative_path(uri);
+  if (!path.ok()) return at_buffer(path.status());
+  document.resources.push_back(*path);
+  const auto bytes = reader.read(*path);
+  if (!bytes.ok()) return at_buffer(bytes.status());
+  return *bytes;
+}
+
+bool is_fallback(const JsonView& buffer) {
+  const JsonView extension = buffer.extension("EXT_meshopt_compression");
+  return extension.present() && extension.boolean("fallback", false);
+}
+
+}  // namespace
+
+absl::StatusOr<json> parse_json(std::string_view text) {
+  try {
+    json root = json::parse(text.begin(), text.end());
+    if (!root.is_object()) return absl::InvalidArgumentError("JSON: the root is not an object");
+    return root;
+  } catch (const json::exception& e) {
+    return absl::InvalidArgumentError(absl::StrCat("JSON: ", e.what()));
+  }
+}
+
+absl::Status check_extensions(const json& root, Document& document) {
+  JsonFault fault;
+  const JsonView view(root, "", fault);
+  for (const JsonView& item : view["extensionsRequired"].items()) {
+    const std::string name = item.as_text();
+    if (!name.empty() && !is_known(name)) {
+      return absl::UnimplementedError(
+          absl::StrCat("extensionsRequired: ", name, " is not supported"));
+    }
+  }
+  for (const JsonView& item : view["extensionsUsed"].items()) {
+    const std::string name = item.as_text();
+    if (!name.empty() && !is_known(name)) {
+      document.problems.push_back({Problem::Severity::warning, "extensionsUsed",
+                                   name + " is not supported; what it says is ignored"});
+    }
+  }
+  return fault.status();
+}
+
+absl::Status resolve_buffers(const json& root, const GltfContainer& container,
+                             ResourceReader& reader, Document& document) {
+  JsonFault fault;
+  const std::vector<JsonView> buffers = JsonView(root, "", fault)["buffers"].items();
+  for (std::size_t i = 0; i < buffers.size() && fault.status().ok(); ++i) {
+    const JsonView& buffer = buffers[i];
+    const std::int64_t length = buffer.integer("byteLength", std::int64_t{1} << 40);
+    if (is_fallback(buffer) && buffer.text("uri").empty()) {
+      document.buffers.emplace_back();
+      continue;
+    }
+    auto bytes = buffer_bytes(buffer, container, i == 0, reader, document);
+    if (!fault.status().ok()) break;
+    if (!bytes.ok()) return bytes.status();
+    if (length < 1) fault.report(buffer.path() + ".byteLength", "is missing or 0");
+    if (length > 0 && static_cast<std::uint64_t>(length) > bytes->size()) {
+      fault.report(buffer.path(), absl::StrCat("byteLength ", length, ", but there are only ",
+                                               bytes->size(), " bytes: truncated?"));
+    } else if (length > 0) {
+      document.buffers.push_back(bytes->first(static_cast<std::size_t>(length)));
+    }
+  }
+  return fault.status();
+}
+
+absl::StatusOr<std::string> core_text(const json& root) {
+  JsonFault fault;
+  const auto nodes = root.find("nodes");
+  if (nodes != root.end() && nodes->is_array() && nodes->size() > kMaxNodes) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("nodes: ", nodes->size(), ", more than the limit of ", kMaxNodes));
+  }
+  json core = json::object();
+  for (const auto& item : root.items()) {
+    if (item.key() == "buffers" || item.key() == "images") continue;
+    if (item.key() == "extensions" || item.key() == "extras") continue;
+    core[item.key()] = item.value();
+  }
+  core = stripped(core, "", false, fault);
+  const absl::Status valid = fault.status();
+  if (!valid.ok()) return valid;
+  return core.dump();
+}
+
+}  // namespace tessera::render

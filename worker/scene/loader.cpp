@@ -1,0 +1,150 @@
+#include "worker/scene/loader.h"
+
+#include <algorithm>
+#include <mutex>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "worker/scene/accessor_reader.h"
+#include "worker/scene/animation.h"
+#include "worker/scene/compression.h"
+#include "worker/scene/container.h"
+#include "worker/scene/core_model.h"
+#include "worker/scene/document.h"
+#include "worker/scene/extension_reader.h"
+#include "worker/scene/first_pass.h"
+#include "worker/scene/image_decoder.h"
+#include "worker/scene/scene_builder.h"
+
+namespace tessera::render {
+
+namespace {
+
+absl::Status in_file(const std::string& file, const absl::Status& status) {
+  return absl::Status(status.code(), absl::StrCat(file, ": ", status.message()));
+}
+
+class LoadedScene final : public SceneFile {
+ public:
+  explicit LoadedScene(std::string name) : name_(std::move(name)) {}
+
+  const std::vector<Problem>& problems() const override { return document_.problems; }
+  const std::vector<std::string>& resources() const override { return document_.resources; }
+
+  absl::StatusOr<Scene> pose(const contract::RenderSettings& settings,
+                             std::int32_t frame) const override {
+    const PoseInput input{document_, has_sky_ ? &sky_ : nullptr, settings, frame};
+    std::vector<Problem> met;
+    auto scene = build_scene(input, met);
+    remember(met);
+    if (!scene.ok()) return in_file(name_, scene.status());
+    return scene;
+  }
+
+  absl::Status load(const contract::RenderSettings& settings, ResourceReader& reader) {
+    absl::Status status = read_document(reader);
+    if (status.ok() && !settings.environment.empty()) status = read_sky(settings, reader);
+    return status;
+  }
+
+ private:
+  absl::Status read_document(ResourceReader& reader) {
+    const auto file = reader.read(name_);
+    if (!file.ok()) return in_file(name_, file.status());
+    const absl::Status status = read_gltf(*file, reader);
+    return status.ok() ? status : in_file(name_, status);
+  }
+
+  absl::Status read_gltf(std::span<const std::byte> file, ResourceReader& reader) {
+    const auto container = split_container(file);
+    if (!container.ok()) return container.status();
+    auto root = parse_json(container->json);
+    if (!root.ok()) return root.status();
+    absl::Status status = check_extensions(*root, document_);
+    if (status.ok()) status = resolve_buffers(*root, *container, reader, document_);
+    if (status.ok()) status = expand_meshopt(*root, document_);
+    if (status.ok()) status = expand_draco(*root, document_);
+    if (!status.ok()) return status;
+    const auto core = core_text(*root);
+    if (!core.ok()) return core.status();
+    status = read_core_model(*core, document_);
+    if (status.ok()) status = check_views(document_);
+    for (std::size_t i = 0; i < document_.accessors.size() && status.ok(); ++i) {
+      status = check_accessor(document_, static_cast<std::int32_t>(i));
+    }
+    if (status.ok()) status = read_images(*root, document_);
+    if (status.ok()) status = read_material_extensions(*root, document_);
+    if (status.ok()) status = read_node_extensions(*root, document_);
+    if (status.ok()) status = check_animations(document_);
+    if (status.ok()) status = fetch_images(reader);
+    return status;
+  }
+
+  /// Reads the files of the images that materials name.
+  absl::Status fetch_images(ResourceReader& reader) {
+    for (Material& material : document_.materials) {
+      for (const TextureRef* ref : texture_refs(material)) {
+        if (!*ref) continue;
+        const TextureSource& texture = document_.texture_sources[ref->texture];
+        if (texture.basisu_only) {
+          return absl::UnimplementedError(
+              absl::StrCat("textures[", ref->texture,
+                           "]: KHR_texture_basisu without a fallback image is not supported"));
+        }
+        if (texture.image != kNone) document_.images[texture.image].needed = true;
+      }
+    }
+    for (ImageSource& image : document_.images) {
+      if (!image.needed || image.uri.empty()) continue;
+      auto& resources = document_.resources;
+      if (std::find(resources.begin(), resources.end(), image.uri) == resources.end()) {
+        resources.push_back(image.uri);
+      }
+      const auto bytes = reader.read(image.uri);
+      if (!bytes.ok()) return in_file(image.name, bytes.status());
+      image.bytes = *bytes;
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status read_sky(const contract::RenderSettings& settings, ResourceReader& reader) {
+    const auto file = reader.read(settings.environment);
+    if (!file.ok()) return in_file(settings.environment, file.status());
+    auto sky = decode_environment(*file, settings.environment);
+    if (!sky.ok()) return in_file(settings.environment, sky.status());
+    sky_ = *std::move(sky);
+    has_sky_ = true;
+    return absl::OkStatus();
+  }
+
+  /// Adds what has not been said before.
+  void remember(const std::vector<Problem>& met) const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    for (const Problem& problem : met) {
+      const bool known =
+          std::any_of(document_.problems.begin(), document_.problems.end(), [&](const Problem& p) {
+            return p.element == problem.element && p.message == problem.message;
+          });
+      if (!known) document_.problems.push_back(problem);
+    }
+  }
+
+  std::string name_;
+  mutable std::mutex mutex_;   // guards document_.problems
+  mutable Document document_;  // after load() only `problems` changes
+  Image sky_;
+  bool has_sky_ = false;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<SceneFile>> load_scene_file(std::string_view uri,
+                                                           const contract::RenderSettings& settings,
+                                                           ResourceReader& reader) {
+  auto scene = std::make_unique<LoadedScene>(std::string(uri));
+  const absl::Status status = scene->load(settings, reader);
+  if (!status.ok()) return status;
+  return std::unique_ptr<SceneFile>(std::move(scene));
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,168 @@
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "worker/math/elementary.h"
+#include "worker/scene/extension_reader.h"
+#include "worker/scene/json_view.h"
+
+namespace tessera::render {
+
+namespace {
+
+constexpr double kLargest = 1e30;
+
+/// Folds one material's extensions into `out`.
+class MaterialReader {
+ public:
+  MaterialReader(const JsonView& material, Document& document, JsonFault& fault, Material& out)
+      : look_(material), document_(document), fault_(fault), out_(out) {}
+
+  void read() {
+    const JsonView pbr = look_["pbrMetallicRoughness"];
+    transform(pbr["baseColorTexture"], out_.base_color_texture);
+    transform(pbr["metallicRoughnessTexture"], out_.metallic_roughness_texture);
+    transform(look_["normalTexture"], out_.normal_texture);
+    transform(look_["emissiveTexture"], out_.emissive_texture);
+    if (!look_["extensions"].present()) return;
+    out_.unlit = look_.extension("KHR_materials_unlit").present();
+    read_specular_glossiness(look_.extension("KHR_materials_pbrSpecularGlossiness"));
+    const double strength = look_.extension("KHR_materials_emissive_strength")
+                                .number("emissiveStrength", 1, 0, kLargest);
+    out_.emission *= static_cast<float>(strength);
+    out_.ior = static_cast<float>(look_.extension("KHR_materials_ior").number("ior", 1.5, 0, 1e6));
+    if (out_.ior > 0 && out_.ior < 1) {
+      fault_.report(look_.path() + ".extensions.KHR_materials_ior.ior", "must be 0 or at least 1");
+    }
+    read_specular(look_.extension("KHR_materials_specular"));
+    read_transmission(look_.extension("KHR_materials_transmission"));
+    read_volume(look_.extension("KHR_materials_volume"));
+  }
+
+ private:
+  /// A texture an extension names.
+  TextureRef texture(const JsonView& info, bool srgb) {
+    TextureRef ref;
+    if (!info.present()) return ref;
+    ref.texture = info.index("index", document_.texture_sources.size());
+    if (!info["index"].present()) fault_.report(info.path(), "has no index");
+    const std::int64_t set = info.integer("texCoord", 1 << 20);
+    ref.uv_set = set < 0 ? 0 : static_cast<std::int32_t>(set);
+    ref.srgb = srgb;
+    transform(info, ref);
+    return ref;
+  }
+
+  /// KHR_texture_transform: uv' = T * R * S * uv, as its specification's matrices.
+  void transform(const JsonView& info, TextureRef& ref) {
+    const JsonView t = info.extension("KHR_texture_transform");
+    if (!t.present()) return;
+    const std::vector<double> offset = t.numbers("offset", {0, 0});
+    const std::vector<double> scale = t.numbers("scale", {1, 1});
+    const double rotation = t.number("rotation", 0, -1e6, 1e6);
+    const auto [s, c] = elementary::sincos(rotation);
+    ref.has_transform = true;
+    ref.uv_matrix = {static_cast<float>(scale[0] * c), static_cast<float>(scale[1] * s),
+                     static_cast<float>(offset[0]),    static_cast<float>(scale[0] * -s),
+                     static_cast<float>(scale[1] * c), static_cast<float>(offset[1])};
+    for (const float f : ref.uv_matrix) {
+      if (!std::isfinite(f)) fault_.report(t.path(), "is too large");
+    }
+    const std::int64_t set = t.integer("texCoord", 1 << 20);
+    if (set >= 0) ref.uv_set = static_cast<std::int32_t>(set);
+  }
+
+  float unit(const JsonView& from, const char* key, double fallback) {
+    const double value = from.number(key, fallback, -1e6, 1e6);
+    return static_cast<float>(value < 0 ? 0 : value > 1 ? 1 : value);
+  }
+
+  Vec3f color(const JsonView& from, const char* key, float most) {
+    const Vec3f c = from.vec3(key, {1, 1, 1});
+    for (int k = 0; k < 3; ++k) {
+      if (!(c[k] >= 0 && c[k] <= most)) {
+        fault_.report(from.path() + "." + key, absl::StrCat("is not in [0, ", most, "]"));
+      }
+    }
+    return c;
+  }
+
+  void read_specular_glossiness(const JsonView& sg) {
+    if (!sg.present()) return;
+    out_.specular_glossiness = true;
+    const std::vector<double> diffuse = sg.numbers("diffuseFactor", {1, 1, 1, 1});
+    for (int k = 0; k < 4; ++k) {
+      const double d = diffuse[static_cast<std::size_t>(k)];
+      out_.base_color[k] = static_cast<float>(d < 0 ? 0 : d > 1 ? 1 : d);
+    }
+    out_.base_color_texture = texture(sg["diffuseTexture"], true);
+    out_.specular_f0 = color(sg, "specularFactor", 1);
+    out_.glossiness = unit(sg, "glossinessFactor", 1);
+    out_.specular_glossiness_texture = texture(sg["specularGlossinessTexture"], true);
+  }
+
+  void read_specular(const JsonView& specular) {
+    if (!specular.present()) return;
+    out_.specular = unit(specular, "specularFactor", 1);
+    out_.specular_texture = texture(specular["specularTexture"], false);
+    out_.specular_color = color(specular, "specularColorFactor", 1e6f);
+    out_.specular_color_texture = texture(specular["specularColorTexture"], true);
+  }
+
+  void read_transmission(const JsonView& transmission) {
+    if (!transmission.present()) return;
+    out_.transmission = unit(transmission, "transmissionFactor", 0);
+    out_.transmission_texture = texture(transmission["transmissionTexture"], false);
+  }
+
+  void read_volume(const JsonView& volume) {
+    if (!volume.present()) return;
+    out_.has_volume = volume.number("thicknessFactor", 0, 0, kLargest) > 0;
+    out_.attenuation_color = color(volume, "attenuationColor", 1);
+    if (volume["attenuationDistance"].present()) {
+      out_.attenuation_distance =
+          static_cast<float>(volume.number("attenuationDistance", 1, 0, kLargest));
+      if (!(out_.attenuation_distance > 0)) {
+        fault_.report(volume.path() + ".attenuationDistance", "must be above 0");
+      }
+    }
+  }
+
+  const JsonView& look_;
+  Document& document_;
+  JsonFault& fault_;
+  Material& out_;
+};
+
+/// Uses of texture coordinates we do not read.
+void drop_far_uv_sets(Material& material, const std::string& element, Document& document) {
+  for (TextureRef* ref : texture_refs(material)) {
+    if (!*ref || ref->uv_set <= 1) continue;
+    document.problems.push_back(
+        {Problem::Severity::warning, element,
+         absl::StrCat("texCoord ", ref->uv_set, ": only sets 0 and 1 are read; texture ignored")});
+    *ref = TextureRef();
+  }
+}
+
+}  // namespace
+
+std::array<TextureRef*, 8> texture_refs(Material& m) {
+  return {&m.base_color_texture,     &m.metallic_roughness_texture, &m.specular_glossiness_texture,
+          &m.normal_texture,         &m.emissive_texture,           &m.specular_texture,
+          &m.specular_color_texture, &m.transmission_texture};
+}
+
+absl::Status read_material_extensions(const nlohmann::json& root, Document& document) {
+  JsonFault fault;
+  const std::vector<JsonView> materials = JsonView(root, "", fault)["materials"].items();
+  for (std::size_t i = 0; i < materials.size() && i < document.materials.size(); ++i) {
+    Material& out = document.materials[i];
+    MaterialReader(materials[i], document, fault, out).read();
+    if (!is_finite(out.emission)) fault.report(materials[i].path(), "emission is too large");
+    drop_far_uv_sets(out, materials[i].path(), document);
+  }
+  return fault.status();
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,432 @@
+#include "worker/scene/scene_builder.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "worker/scene/accessor_reader.h"
+#include "worker/scene/animation.h"
+#include "worker/scene/camera_setup.h"
+#include "worker/scene/deform.h"
+#include "worker/scene/geometry_reader.h"
+#include "worker/scene/hierarchy.h"
+#include "worker/scene/image_decoder.h"
+#include "worker/scene/limits.h"
+#include "worker/scene/selection.h"
+
+namespace tessera::render {
+
+namespace {
+
+/// A box in double; empty until something is added.
+struct Box {
+  Vec3d low = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, high = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
+
+  void add(const Vec3d& p) {
+    low = min(low, p);
+    high = max(high, p);
+  }
+  [[nodiscard]] bool is_empty() const { return !(low.x <= high.x); }
+};
+
+/// Box of the transformed box, corner by corner.
+Box transformed(const Affine3d& m, const Box& box) {
+  Box out;
+  for (unsigned corner = 0; corner < 8 && !box.is_empty(); ++corner) {
+    out.add(transform_point(m, Vec3d{(corner & 1) != 0 ? box.high.x : box.low.x,
+                                     (corner & 2) != 0 ? box.high.y : box.low.y,
+                                     (corner & 4) != 0 ? box.high.z : box.low.z}));
+  }
+  return out;
+}
+
+class SceneBuilder {
+ public:
+  SceneBuilder(const PoseInput& input, std::vector<Problem>& problems)
+      : document_(input.document), input_(input), problems_(problems) {}
+
+  absl::StatusOr<Scene> build() {
+    absl::Status status = pose_nodes();
+    if (status.ok()) status = read_materials();
+    for (const std::int32_t node : order_) {
+      if (status.ok()) status = place(node);
+    }
+    if (status.ok()) status = recenter();
+    if (status.ok()) status = add_textures();
+    if (!status.ok()) return status;
+    add_environment();
+    return std::move(scene_);
+  }
+
+ private:
+  void warn(const std::string& element, const std::string& message) {
+    problems_.push_back({Problem::Severity::warning, element, message});
+  }
+
+  absl::StatusOr<std::vector<std::int32_t>> roots() {
+    const std::int32_t wanted = input_.settings.scene;
+    if (wanted >= 0 && static_cast<std::size_t>(wanted) >= document_.scenes.size()) {
+      return absl::InvalidArgumentError(absl::StrCat("scene: there is no scene ", wanted,
+                                                     "; the file has ", document_.scenes.size()));
+    }
+    if (!document_.scenes.empty()) {
+      const std::int32_t fallback = document_.default_scene == kNone ? 0 : document_.default_scene;
+      return document_.scenes[wanted >= 0 ? wanted : fallback].roots;
+    }
+    std::vector<std::int32_t> all;
+    for (std::size_t i = 0; i < document_.nodes.size(); ++i) {
+      if (document_.nodes[i].parent == kNone) all.push_back(static_cast<std::int32_t>(i));
+    }
+    return all;
+  }
+
+  absl::Status pose_nodes() {
+    nodes_ = document_.nodes;
+    const auto animations = choose_animations(document_, input_.settings.animation);
+    if (!animations.ok()) return animations.status();
+    const double seconds = static_cast<double>(input_.frame) / input_.settings.fps;
+    for (const std::int32_t animation : *animations) {
+      const absl::Status status = animate(document_, animation, seconds, nodes_);
+      if (!status.ok()) return status;
+    }
+    const auto scene_roots = roots();
+    if (!scene_roots.ok()) return scene_roots.status();
+    world_ = world_transforms(nodes_);
+    order_ = depth_first(nodes_, *scene_roots);
+    return absl::OkStatus();
+  }
+
+  absl::Status read_materials() {
+    scene_.materials = document_.materials;
+    scene_.materials.emplace_back();
+    used_.assign(scene_.materials.size(), false);
+    if (input_.settings.variant.empty()) return absl::OkStatus();
+    const auto variant = choose(document_.variants, input_.settings.variant, "variant");
+    if (!variant.ok()) return variant.status();
+    variant_ = *variant;
+    return absl::OkStatus();
+  }
+
+  /// Material of a primitive under the chosen variant.
+  [[nodiscard]] std::int32_t material_of(const PrimitiveSource& source) const {
+    for (const VariantMapping& mapping : source.mappings) {
+      const auto& v = mapping.variants;
+      if (variant_ != kNone && std::find(v.begin(), v.end(), variant_) != v.end()) {
+        return mapping.material == kNone ? source.material : mapping.material;
+      }
+    }
+    return source.material == kNone ? static_cast<std::int32_t>(scene_.materials.size()) - 1
+                                    : source.material;
+  }
+
+  VertexNeeds needs_of(std::int32_t material) {
+    VertexNeeds needs;
+    Material& m = scene_.materials[material];
+    for (const TextureRef* ref : texture_refs(m)) {
+      if (*ref) needs.uv[static_cast<std::size_t>(ref->uv_set)] = true;
+    }
+    needs.tangents = static_cast<bool>(m.normal_texture) && !m.unlit;
+    needs.tangent_uv_set = m.normal_texture.uv_set;
+    return needs;
+  }
+
+  /// Reads and poses all primitives of a mesh; with `joints`, skinned.
+  absl::StatusOr<std::int32_t> add_mesh(std::int32_t source, const std::vector<double>& weights,
+                                        const std::vector<Affine3d>* joints, bool& mirrored) {
+    Mesh mesh{document_.meshes[source].name, {}};
+    const auto index = static_cast<std::int32_t>(scene_.meshes.size());
+    std::vector<std::vector<Vec3d>> worlds;
+    Box box;
+    for (std::size_t k = 0; k < document_.meshes[source].primitives.size(); ++k) {
+      const std::int32_t material = material_of(document_.meshes[source].primitives[k]);
+      auto base = read_primitive(document_, source, k, needs_of(material), problems_);
+      if (!base.ok()) return base.status();
+      if (!*base || (*base)->primitive.triangles.empty()) continue;
+      const std::string where = absl::StrCat("meshes[", source, "].primitives[", k, "]");
+      Primitive posed = morph(**base, weights);
+      if (joints != nullptr) {
+        auto skinned = skin(**base, std::move(posed), *joints);
+        if (!skinned.ok()) {
+          return absl::Status(skinned.status().code(),
+                              absl::StrCat(where, ": ", skinned.status().message()));
+        }
+        posed = std::move(skinned->primitive);
+        mirrored = mirrored || skinned->mirrored;
+        for (std::size_t v = 0; v < posed.positions.size(); ++v) {
+          posed.positions[v] = Vec3f(skinned->world_positions[v]);
+        }
+        worlds.push_back(std::move(skinned->world_positions));
+      }
+      if (const std::size_t gone = drop_wild_triangles(posed); gone > 0) {
+        warn(where, absl::StrCat(gone,
+                                 " triangles left the range of floats when posed; "
+                                 "they are left out"));
+      }
+      posed.material = material;
+      used_[material] = used_[material] || !posed.triangles.empty();
+      for (const auto& t : posed.triangles) {
+        for (const std::uint32_t v : t) {
+          box.add(joints != nullptr ? worlds.back()[v] : Vec3d(posed.positions[v]));
+        }
+      }
+      mesh.primitives.push_back(std::move(posed));
+    }
+    scene_.meshes.push_back(std::move(mesh));
+    boxes_.push_back(box);
+    if (joints != nullptr) skinned_.push_back({index, std::move(worlds)});
+    return index;
+  }
+
+  /// The scene mesh of a glTF mesh at given weights; shared by the nodes that use it so.
+  absl::StatusOr<std::int32_t> shared_mesh(std::int32_t source,
+                                           const std::vector<double>& weights) {
+    const auto key = std::make_pair(source, weights);
+    const auto known = shared_.find(key);
+    if (known != shared_.end()) return known->second;
+    bool mirrored = false;
+    const auto made = add_mesh(source, weights, nullptr, mirrored);
+    if (made.ok()) shared_[key] = *made;
+    return made;
+  }
+
+  [[nodiscard]] std::vector<double> weights_of(const Node& node) const {
+    const MeshSource& mesh = document_.meshes[node.mesh];
+    const bool morphs = std::any_of(mesh.primitives.begin(), mesh.primitives.end(),
+                                    [](const PrimitiveSource& p) { return !p.targets.empty(); });
+    if (!morphs) return {};
+    return node.weights.empty() ? mesh.weights : node.weights;
+  }
+
+  absl::Status place(std::int32_t index) {
+    const Node& node = nodes_[index];
+    if (node.light != kNone) place_light(index);
+    if (node.mesh == kNone) return absl::OkStatus();
+    if (node.skin != kNone && has_influences(document_.meshes[node.mesh])) {
+      const auto joints = joint_matrices(document_, node.skin, world_);
+      if (!joints.ok()) return joints.status();
+      bool mirrored = false;
+      const auto mesh = add_mesh(node.mesh, weights_of(node), &*joints, mirrored);
+      if (!mesh.ok()) return mesh.status();
+      add_instance(*mesh, index, Affine3d());
+      if (!scene_.instances.empty() && scene_.instances.back().mesh == *mesh) {
+        scene_.instances.back().flips_winding = mirrored;
+      }
+      return absl::OkStatus();
+    }
+    const auto mesh = shared_mesh(node.mesh, weights_of(node));
+    if (!mesh.ok()) return mesh.status();
+    if (node.instancing.empty()) {
+      add_instance(*mesh, index, world_[index]);
+      return absl::OkStatus();
+    }
+    return place_instances(*mesh, index);
+  }
+
+  static bool has_influences(const MeshSource& mesh) {
+    return std::any_of(mesh.primitives.begin(), mesh.primitives.end(), [](const auto& p) {
+      return p.attributes.contains("JOINTS_0") && p.attributes.contains("WEIGHTS_0");
+    });
+  }
+
+  /// EXT_mesh_gpu_instancing: one instance an element, TRS beneath the node.
+  absl::Status place_instances(std::int32_t mesh, std::int32_t index) {
+    const auto attribute = [&](const char* name) {
+      const auto it = nodes_[index].instancing.find(name);
+      return it == nodes_[index].instancing.end() ? kNone : it->second;
+    };
+    const std::int32_t t = attribute("TRANSLATION"), r = attribute("ROTATION"),
+                       s = attribute("SCALE");
+    std::vector<Vec3f> translations, scales;
+    std::vector<Vec4f> rotations;
+    const auto read = [](auto values, auto& to) {
+      if (values.ok()) to = *std::move(values);
+      return values.status();
+    };
+    absl::Status status;
+    if (t != kNone) status = read(read_vec3(document_, t), translations);
+    if (status.ok() && r != kNone) status = read(read_vec4(document_, r), rotations);
+    if (status.ok() && s != kNone) status = read(read_vec3(document_, s), scales);
+    if (!status.ok()) return status;
+    const auto first = nodes_[index].instancing.begin()->second;
+    const auto count = static_cast<std::size_t>(document_.accessors[first].count);
+    if (count + scene_.instances.size() > kMaxInstances) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("nodes[", index, "]: more than ", kMaxInstances, " instances"));
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+      Node local;
+      if (t != kNone) local.translation = Vec3d(translations[i]);
+      if (s != kNone) local.scale = Vec3d(scales[i]);
+      if (r != kNone) {
+        local.rotation = {rotations[i].x, rotations[i].y, rotations[i].z, rotations[i].w};
+      }
+      add_instance(mesh, index, world_[index] * local_transform(local));
+    }
+    return absl::OkStatus();
+  }
+
+  void add_instance(std::int32_t mesh, std::int32_t node, const Affine3d& world) {
+    if (boxes_[mesh].is_empty()) return;
+    const std::string where = absl::StrCat("nodes[", node, "]");
+    const auto inverted = inverse(world);
+    if (!inverted) return warn(where, "its transform is singular or not finite; left out");
+    const Box box = transformed(world, boxes_[mesh]);
+    if (!(max_abs(box.low) <= kMaxCoordinate && max_abs(box.high) <= kMaxCoordinate)) {
+      return warn(where, "lies farther than 1e18 from the origin; left out");
+    }
+    bounds_.add(box.low);
+    bounds_.add(box.high);
+    scene_.instances.push_back({mesh, node, world, *inverted, determinant(world) < 0});
+  }
+
+  void place_light(std::int32_t index) {
+    PunctualLight light = document_.lights[nodes_[index].light];
+    light.node = index;
+    light.position = world_[index].translation;
+    const Vec3d towards = normalize(transform_vector(world_[index], Vec3d{0, 0, -1}));
+    light.direction = Vec3f(towards);
+    if (!(max_abs(light.position) <= kMaxCoordinate) || !is_finite(light.direction) ||
+        (towards == Vec3d{} && light.kind != PunctualLight::Kind::point)) {
+      return warn(absl::StrCat("nodes[", index, "]"),
+                  "its light has no finite position and direction; left out");
+    }
+    if (light.intensity == Vec3f{}) return;
+    scene_.lights.push_back(std::move(light));
+  }
+
+  absl::Status recenter() {
+    if (bounds_.is_empty()) {
+      warn("", "the scene has no triangles");
+      bounds_ = {{0, 0, 0}, {0, 0, 0}};
+    }
+    const Vec3d center = (bounds_.low + bounds_.high) * 0.5;
+    scene_.center = center;
+    scene_.bounds_min = bounds_.low - center;
+    scene_.bounds_max = bounds_.high - center;
+    for (const SkinnedMesh& s : skinned_) {
+      auto& primitives = scene_.meshes[s.mesh].primitives;
+      for (std::size_t k = 0; k < primitives.size(); ++k) {
+        for (std::size_t v = 0; v < s.worlds[k].size(); ++v) {
+          const Vec3d p = s.worlds[k][v] - center;
+          const bool finite = max_abs(p) <= kMaxCoordinate && std::isfinite(p.x + p.y + p.z);
+          primitives[k].positions[v] = finite ? Vec3f(p) : Vec3f{};
+        }
+      }
+    }
+    for (Instance& instance : scene_.instances) {
+      if (is_skinned(instance.mesh)) continue;  // its vertices have been moved
+      instance.object_to_world.translation = instance.object_to_world.translation - center;
+      instance.world_to_object.translation =
+          -transform_vector(instance.world_to_object, instance.object_to_world.translation);
+    }
+    for (PunctualLight& light : scene_.lights) light.position = light.position - center;
+    auto camera =
+        set_up_camera(document_, input_.settings,
+                      {order_, world_, center, scene_.bounds_min, scene_.bounds_max}, problems_);
+    if (!camera.ok()) return camera.status();
+    scene_.camera = *std::move(camera);
+    return absl::OkStatus();
+  }
+
+  [[nodiscard]] bool is_skinned(std::int32_t mesh) const {
+    return std::any_of(skinned_.begin(), skinned_.end(),
+                       [mesh](const SkinnedMesh& s) { return s.mesh == mesh; });
+  }
+
+  /// Decodes each image a used material reads, once; other references are cleared.
+  absl::Status add_textures() {
+    for (const TextureSource& source : document_.texture_sources) {
+      Texture texture;
+      if (source.sampler != kNone) texture = document_.samplers[source.sampler];
+      texture.image = kNone;
+      scene_.textures.push_back(texture);
+    }
+    std::map<std::int32_t, std::int32_t> decoded;  // glTF image -> Scene::images
+    for (std::size_t m = 0; m < scene_.materials.size(); ++m) {
+      for (TextureRef* ref : texture_refs(scene_.materials[m])) {
+        if (!*ref) continue;
+        const std::int32_t image = document_.texture_sources[ref->texture].image;
+        if (!used_[m] || image == kNone) {
+          if (used_[m]) warn(absl::StrCat("textures[", ref->texture, "]"), "has no image");
+          *ref = TextureRef();
+          continue;
+        }
+        if (!decoded.contains(image)) {
+          const absl::Status status = add_image(document_.images[image]);
+          if (!status.ok()) return status;
+          decoded[image] = static_cast<std::int32_t>(scene_.images.size()) - 1;
+        }
+        scene_.textures[ref->texture].image = decoded[image];
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status add_image(const ImageSource& source) {
+    auto image = decode_image(source.bytes, source.name);
+    if (!image.ok()) {
+      return absl::Status(image.status().code(),
+                          absl::StrCat(source.name, ": ", image.status().message()));
+    }
+    scene_.images.push_back(*std::move(image));
+    return absl::OkStatus();
+  }
+
+  [[nodiscard]] bool has_emitters() const {
+    for (std::size_t m = 0; m < scene_.materials.size(); ++m) {
+      const Material& material = scene_.materials[m];
+      if (used_[m] && !material.unlit && max_component(material.emission) > 0) return true;
+    }
+    return false;
+  }
+
+  void add_environment() {
+    const contract::RenderSettings& settings = input_.settings;
+    Environment& sky = scene_.environment;
+    if (input_.sky != nullptr) {
+      scene_.has_environment = true;
+      sky.image = static_cast<std::int32_t>(scene_.images.size());
+      sky.rotation_degrees = settings.environment_rotation;
+      sky.strength = static_cast<float>(settings.environment_strength);
+      scene_.images.push_back(*input_.sky);
+    } else if (settings.background == contract::Background::color) {
+      scene_.has_environment = true;
+      const auto& c = settings.background_color;
+      sky.constant = {c[0], c[1], c[2]};
+    } else if (scene_.lights.empty() && !has_emitters()) {
+      scene_.has_environment = true;
+      sky.constant = {1, 1, 1};
+      problems_.push_back({Problem::Severity::note, "",
+                           "the scene has no light; a white environment of radiance 1 lights it"});
+    }
+  }
+
+  struct SkinnedMesh {
+    std::int32_t mesh = kNone;
+    std::vector<std::vector<Vec3d>> worlds;  // by primitive
+  };
+
+  const Document& document_;
+  const PoseInput& input_;
+  std::vector<Problem>& problems_;
+  Scene scene_;
+  std::vector<Node> nodes_;  // posed
+  std::vector<Affine3d> world_;
+  std::vector<std::int32_t> order_;
+  std::int32_t variant_ = kNone;
+  std::vector<bool> used_;  // materials
+  std::vector<Box> boxes_;  // by scene mesh; of skinned ones in world space
+  std::map<std::pair<std::int32_t, std::vector<double>>, std::int32_t> shared_;
+  std::vector<SkinnedMesh> skinned_;
+  Box bounds_;
+};
+
+}  // namespace
+
+absl::StatusOr<Scene> build_scene(const PoseInput& input, std::vector<Problem>& problems) {
+  return SceneBuilder(input, problems).build();
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+
+namespace tessera::render {
+
+/// Index of the element of `names` that `wanted` is the name of, or else the index of.
+/// Errors: InvalidArgument naming `kind` and what there is.
+absl::StatusOr<std::int32_t> choose(const std::vector<std::string>& names,
+                                    const std::string& wanted, const std::string& kind);
+
+}  // namespace tessera::render

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/statusor.h"
+
+namespace tessera::render {
+
+/// Whether `uri` holds its data itself.
+bool is_data_uri(std::string_view uri);
+
+/// The bytes of a data URI, base64 or percent-encoded. Errors: InvalidArgument.
+absl::StatusOr<std::vector<std::byte>> decode_data_uri(std::string_view uri);
+
+/// The path a relative URI names, percent-decoded. Errors: InvalidArgument for schemes, absolute
+/// paths, `..`, backslashes, control characters, bad escapes and queries.
+absl::StatusOr<std::string> relative_path(std::string_view uri);
+
+}  // namespace tessera::render
