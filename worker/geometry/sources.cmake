@@ -1,1 +1,6 @@
-# Sources and headers of worker/geometry: target_sources(tessera_render PRIVATE … PUBLIC FILE_SET HEADERS …).
+# Rays, boxes, triangles: what "One hit" is made of.
+target_sources(tessera_render
+  PRIVATE geometry/surface_point.cpp
+  PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
+    FILES geometry/bounds.h geometry/frame.h geometry/object_ray.h geometry/ray.h
+      geometry/surface_point.h geometry/triangle.h)

@@ -52,6 +52,12 @@ inline Affine<T> operator*(const Affine<T>& a, const Affine<T>& b) {
   return c;
 }
 
+/// Whether m maps every point to itself.
+template <typename T>
+inline bool is_identity(const Affine<T>& m) {
+  return m == Affine<T>{};
+}
+
 /// Determinant of the 3x3 part.
 template <typename T>
 inline T determinant(const Affine<T>& m) {

@@ -1,0 +1,58 @@
+#pragma once
+
+#include "worker/geometry/object_ray.h"
+#include "worker/geometry/ray.h"
+#include "worker/geometry/triangle.h"
+#include "worker/scene/scene.h"
+
+namespace tessera::render {
+
+/// The oracle of "One hit": every triangle of every instance in turn, with the scalar test. Slow.
+/// Calls take(hit) for each triangle met with 0 <= t < t_max, in id order.
+template <typename Take>
+void brute_force_hits(const Scene& scene, const Ray& ray, Take&& take) {
+  if (!is_finite(ray.origin) || !is_finite(ray.direction) || !(ray.t_max > 0)) return;
+  for (std::uint32_t i = 0; i < scene.instances.size(); ++i) {
+    const Instance& instance = scene.instances[i];
+    const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
+    Box3f bounds;
+    for (const Primitive& primitive : mesh.primitives) {
+      for (const auto& triangle : primitive.triangles) {
+        for (const std::uint32_t vertex : triangle) bounds.extend(primitive.positions[vertex]);
+      }
+    }
+    Vec3f origin = ray.origin, direction = ray.direction;
+    if (!is_identity(instance.world_to_object)) {
+      transform_ray(instance.world_to_object, ray.origin, ray.direction, origin, direction);
+    }
+    ObjectRay object_ray;
+    if (!make_object_ray(origin, direction, bounds, object_ray)) continue;
+    for (std::uint32_t p = 0; p < mesh.primitives.size(); ++p) {
+      const Primitive& primitive = mesh.primitives[p];
+      for (std::uint32_t t = 0; t < primitive.triangles.size(); ++t) {
+        const auto& [i0, i1, i2] = primitive.triangles[t];
+        const TriangleId id = {i, p, t};
+        TriangleHit hit{};
+        if (id == ray.leaves ||
+            !intersect_triangle(object_ray, primitive.positions[i0], primitive.positions[i1],
+                                primitive.positions[i2], hit)) {
+          continue;
+        }
+        if (hit.t >= 0 && hit.t < ray.t_max) take(Hit{hit.t, id, hit.b0, hit.b1, hit.b2});
+      }
+    }
+  }
+}
+
+/// What SceneAccel::closest_hit must return.
+inline bool brute_force_closest(const Scene& scene, const Ray& ray, Hit& hit) {
+  bool found = false;
+  brute_force_hits(scene, ray, [&](const Hit& candidate) {
+    if (found && !precedes(candidate, hit)) return;
+    hit = candidate;
+    found = true;
+  });
+  return found;
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <immintrin.h>
+
+#include <cstdint>
+
+namespace tessera::render {
+
+/// Eight floats; AVX2 and FMA are part of the baseline. Each lane sees the same IEEE operations
+/// as a scalar would, so results have the same bits.
+using Lanes = __m256;
+
+inline Lanes load(const float* p) {
+  return _mm256_load_ps(p);
+}
+inline Lanes splat(float x) {
+  return _mm256_set1_ps(x);
+}
+
+/// b < a ? b : a and b > a ? b : a: a where either is NaN.
+inline Lanes lesser(Lanes a, Lanes b) {
+  return _mm256_min_ps(b, a);
+}
+inline Lanes greater(Lanes a, Lanes b) {
+  return _mm256_max_ps(b, a);
+}
+
+inline Lanes fused_multiply_add(Lanes a, Lanes b, Lanes c) {
+  return _mm256_fmadd_ps(a, b, c);
+}
+
+/// difference_of_products() of vector.h in lanes.
+inline Lanes difference_of_products(Lanes a, Lanes b, Lanes c, Lanes d) {
+  const Lanes cd = _mm256_mul_ps(c, d);
+  const Lanes error = _mm256_fnmadd_ps(c, d, cd);
+  return _mm256_add_ps(_mm256_fmsub_ps(a, b, cd), error);
+}
+
+/// One bit a lane.
+inline std::uint32_t bits(Lanes mask) {
+  return static_cast<std::uint32_t>(_mm256_movemask_ps(mask));
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,198 @@
+#include "worker/accel/scene_accel.h"
+
+#include <cmath>
+
+namespace tessera::render {
+namespace {
+
+bool is_identity(const Affine3d& m) {
+  return m == Affine3d{};
+}
+
+Vec3d absolute(const Vec3d& v) {
+  return {std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)};
+}
+
+/// Largest row sum of |m|'s 3x3 part.
+double norm(const Affine3d& m) {
+  const Vec3d one = {1, 1, 1};
+  return std::fmax(dot(absolute(m.rows[0]), one),
+                   std::fmax(dot(absolute(m.rows[1]), one), dot(absolute(m.rows[2]), one)));
+}
+
+/// World box of an object-space box, by its corners.
+Box3d transform_box(const Affine3d& m, const Box3f& box) {
+  Box3d world;
+  for (int corner = 0; corner < 8; ++corner) {
+    const Vec3d p = {(corner & 1) != 0 ? box.hi.x : box.lo.x,
+                     (corner & 2) != 0 ? box.hi.y : box.lo.y,
+                     (corner & 4) != 0 ? box.hi.z : box.lo.z};
+    world.extend(transform_point(m, p));
+  }
+  return world;
+}
+
+double reach(const Box3d& box) {
+  return std::fmax(max_abs(box.lo), max_abs(box.hi));
+}
+
+/// How far the box of an instance must be padded, per world axis, so that no ray with |origin| <=
+/// `reach` per axis is culled by it that hits one of its triangles in object space.
+///
+/// Let W, F be world-to-object and object-to-world, u = 2^-24, and D the largest component of
+/// (box plane - object-space origin): D <= |W| reach + |t_W| + |box|.
+/// - A hit at t lies, per axis, within D (2^-20 + 2^-21 + 8 u) < D 2^-19 of the mesh's box: t is
+///   clamped to the triangle's [enter, leave], leave being widened (enter_leave), and each slab
+///   distance rounds three times.
+/// - The object-space ray is off by u |o'| <= u (D + |box|) at its origin and by u D at t (one
+///   rounding to float), and by the double arithmetic before it: 2^-50 (|W| reach + |t_W|) and,
+///   as |t d| <= |F| D in the world, 2^-50 |W||F| D. That W F is not quite the identity adds a
+///   term of the last kind.
+/// So in object space e = (D + |box|) (2^-18 + 2^-47 |W||F|) is ample, and |F| e in the world.
+/// There the slab test itself rounds by 3 u (reach + |world box|), and the corners by 2^-50.
+Vec3d world_pad(const Instance& instance, const Box3f& mesh, const Box3d& world, double origin) {
+  const Affine3d& w = instance.world_to_object;
+  const Affine3d& f = instance.object_to_world;
+  const double box = reach({Vec3d(mesh.lo), Vec3d(mesh.hi)});
+  const double object_origin = norm(w) * origin + max_abs(w.translation);
+  const double e = (object_origin + 2 * box) * (0x1p-18 + 0x1p-47 * norm(w) * norm(f));
+  const double slab =
+      0x1p-22 * (origin + reach(world)) + 0x1p-48 * (norm(f) * box + max_abs(f.translation));
+  const Vec3d all = {e, e, e};
+  return Vec3d{dot(absolute(f.rows[0]), all), dot(absolute(f.rows[1]), all),
+               dot(absolute(f.rows[2]), all)} +
+         Vec3d{slab, slab, slab};
+}
+
+/// The float at most (or, for `up`, at least) x; finite, so that areas stay numbers.
+float round_outward(double x, bool up) {
+  constexpr double kFar = 0x1p126;
+  if (!(x > -kFar)) return static_cast<float>(-kFar);
+  if (!(x < kFar)) return static_cast<float>(kFar);
+  const auto f = static_cast<float>(x);
+  const double wide = f;
+  if (up ? wide >= x : wide <= x) return f;
+  const float step = std::fabs(f) * 0x1p-23f + 0x1p-149f;
+  return up ? f + step : f - step;
+}
+
+Box3f padded(const Box3d& box, const Vec3d& pad) {
+  Box3f out;
+  for (int k = 0; k < 3; ++k) {
+    const double lo = box.lo[k] - pad[k], hi = box.hi[k] + pad[k];
+    // A pad that is NaN or infinite pads by everything.
+    out.lo[k] = round_outward(lo < hi ? lo : -0x1p126, false);
+    out.hi[k] = round_outward(lo < hi ? hi : 0x1p126, true);
+  }
+  return out;
+}
+
+}  // namespace
+
+SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for) {
+  meshes_.resize(scene.meshes.size());
+  for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
+    meshes_[i] = build_mesh(scene.meshes[i], parallel_for);
+  }
+  build_top(scene, parallel_for);
+}
+
+SceneAccel::MeshTree SceneAccel::build_mesh(const Mesh& mesh, const ParallelFor& parallel_for) {
+  std::vector<Box3f> boxes;
+  std::vector<std::array<std::uint32_t, 2>> ids;
+  for (std::uint32_t p = 0; p < mesh.primitives.size(); ++p) {
+    const Primitive& primitive = mesh.primitives[p];
+    for (std::uint32_t t = 0; t < primitive.triangles.size(); ++t) {
+      Box3f box;
+      bool finite = true;
+      for (const std::uint32_t vertex : primitive.triangles[t]) {
+        box.extend(primitive.positions[vertex]);
+        finite = finite && is_finite(primitive.positions[vertex]);
+      }
+      if (!finite) continue;
+      boxes.push_back(box);
+      ids.push_back({p, t});
+    }
+  }
+  WideBvh bvh = build_wide_bvh(boxes, 8, parallel_for);
+  MeshTree tree;
+  tree.nodes = std::move(bvh.nodes);
+  tree.bounds = bvh.bounds;
+  tree.blocks.resize(bvh.leaves.size());
+  for (std::size_t b = 0; b < bvh.leaves.size(); ++b) {
+    TriangleBlock& block = tree.blocks[b];
+    block = {};
+    for (std::uint32_t lane = 0; lane < bvh.leaves[b].count; ++lane) {
+      const auto [p, t] = ids[bvh.order[bvh.leaves[b].first + lane]];
+      const Primitive& primitive = mesh.primitives[p];
+      for (std::size_t vertex = 0; vertex < 3; ++vertex) {
+        const Vec3f& v = primitive.positions[primitive.triangles[t][vertex]];
+        for (int axis = 0; axis < 3; ++axis) {
+          block.v[vertex][static_cast<std::size_t>(axis)][lane] = v[axis];
+        }
+      }
+      block.primitive[lane] = p;
+      block.triangle[lane] = t;
+    }
+  }
+  return tree;
+}
+
+void SceneAccel::build_top(const Scene& scene, const ParallelFor& parallel_for) {
+  // Origins: the camera, and points on or just off the instances.
+  double origin = max_abs(scene.camera.camera_to_world.translation);
+  std::vector<std::uint32_t> used;
+  std::vector<Box3d> worlds;
+  for (std::size_t i = 0; i < scene.instances.size(); ++i) {
+    const Instance& instance = scene.instances[i];
+    const MeshTree& mesh = meshes_[static_cast<std::size_t>(instance.mesh)];
+    if (mesh.blocks.empty()) continue;
+    used.push_back(static_cast<std::uint32_t>(i));
+    worlds.push_back(transform_box(instance.object_to_world, mesh.bounds));
+    origin = std::fmax(origin, reach(worlds.back()));
+  }
+  origin_limit_ = round_outward(origin * 1.0625, false);
+  std::vector<Box3f> boxes;
+  for (std::size_t i = 0; i < used.size(); ++i) {
+    const Instance& instance = scene.instances[used[i]];
+    const MeshTree& mesh = meshes_[static_cast<std::size_t>(instance.mesh)];
+    const bool identity = is_identity(instance.world_to_object);
+    boxes.push_back(
+        identity ? mesh.bounds
+                 : padded(worlds[i], world_pad(instance, mesh.bounds, worlds[i], origin_limit_)));
+  }
+  WideBvh bvh = build_wide_bvh(boxes, 1, parallel_for);
+  nodes_ = std::move(bvh.nodes);
+  bounds_ = bvh.bounds;
+  for (const BvhLeaf& leaf : bvh.leaves) {
+    const std::uint32_t index = used[bvh.order[leaf.first]];
+    const Instance& instance = scene.instances[index];
+    placed_.push_back({instance.world_to_object, static_cast<std::uint32_t>(instance.mesh), index,
+                       is_identity(instance.world_to_object)});
+  }
+}
+
+bool SceneAccel::valid(const Ray& ray) {
+  return is_finite(ray.origin) && is_finite(ray.direction) && max_abs(ray.direction) > 0 &&
+         ray.t_max > 0;
+}
+
+bool SceneAccel::closest_hit(const Ray& ray, Hit& hit) const {
+  return closest_hit(ray, hit, AcceptAll());
+}
+
+bool SceneAccel::any_hit(const Ray& ray) const {
+  return any_hit(ray, AcceptAll());
+}
+
+std::int64_t SceneAccel::memory_bytes() const {
+  std::size_t bytes =
+      nodes_.capacity() * sizeof(WideNode) + placed_.capacity() * sizeof(PlacedMesh);
+  for (const MeshTree& mesh : meshes_) {
+    bytes +=
+        mesh.nodes.capacity() * sizeof(WideNode) + mesh.blocks.capacity() * sizeof(TriangleBlock);
+  }
+  return static_cast<std::int64_t>(bytes);
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,81 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+
+#include "worker/accel/lanes.h"
+#include "worker/accel/wide_bvh.h"
+#include "worker/geometry/object_ray.h"
+
+namespace tessera::render {
+
+/// Eight boxes at once by enter_leave() of geometry/object_ray.h: the lanes with
+/// enter <= min(leave, limit) and leave >= 0. `enters` gets max(enter, 0).
+class NodeTest {
+ public:
+  explicit NodeTest(const ObjectRay& ray)
+      : origin_{splat(ray.origin.x), splat(ray.origin.y), splat(ray.origin.z)},
+        inverse_{splat(ray.inverse.x), splat(ray.inverse.y), splat(ray.inverse.z)},
+        slack_(splat(ray.slack)),
+        near_{ray.backwards[0], ray.backwards[1], ray.backwards[2]} {}
+
+  std::uint32_t operator()(const WideNode& node, float limit, float* enters) const {
+    Lanes enter = _mm256_setzero_ps();
+    Lanes leave = splat(std::numeric_limits<float>::infinity());
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Lanes near = load(node.planes[k][near_[k]].data());
+      const Lanes far = load(node.planes[k][1 - near_[k]].data());
+      enter = greater(enter, (near - origin_[k]) * inverse_[k]);
+      leave = lesser(leave, (far - origin_[k]) * inverse_[k]);
+    }
+    leave = fused_multiply_add(leave, splat(kLeaveScale), slack_);
+    _mm256_store_ps(enters, enter);
+    return bits(_mm256_cmp_ps(enter, lesser(leave, splat(limit)), _CMP_LE_OQ));
+  }
+
+ private:
+  Lanes origin_[3], inverse_[3];
+  Lanes slack_;
+  std::size_t near_[3];
+};
+
+/// Walks the nodes the ray meets, nearest child first, without recursion. `limit` is read anew at
+/// every step: nodes are culled only if they are entered after it. `leaf(index)` is called for
+/// each leaf met; true ends the walk, and is returned. `visit()` is called once a node.
+template <typename Leaf, typename Visit>
+bool traverse(const WideNode* nodes, const ObjectRay& ray, const float& limit, Leaf&& leaf,
+              Visit&& visit) {
+  struct Entry {
+    float enter;
+    std::uint32_t child;
+  };
+  Entry stack[kStackSize];
+  int top = 0;
+  stack[top++] = {0, 0};
+  const NodeTest test(ray);
+  while (top > 0) {
+    const Entry entry = stack[--top];
+    if (entry.enter > limit) continue;
+    if ((entry.child & kLeafBit) != 0) {
+      if (leaf(entry.child & ~kLeafBit)) return true;
+      continue;
+    }
+    visit();
+    const WideNode& node = nodes[entry.child];
+    alignas(32) float enters[kWidth];
+    std::uint32_t met = test(node, limit, enters);
+    const int base = top;
+    for (; met != 0; met &= met - 1) {
+      const int lane = __builtin_ctz(met);
+      int place = top++;
+      for (; place > base && stack[place - 1].enter < enters[lane]; --place) {
+        stack[place] = stack[place - 1];
+      }
+      stack[place] = {enters[lane], node.children[static_cast<std::size_t>(lane)]};
+    }
+  }
+  return false;
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <compare>
+#include <cstdint>
+#include <limits>
+
+#include "worker/math/vector.h"
+
+namespace tessera::render {
+
+/// Names a triangle; ordered as the tie rule of "One hit" wants.
+struct TriangleId {
+  std::uint32_t instance = UINT32_MAX, primitive = UINT32_MAX, triangle = UINT32_MAX;
+  auto operator<=>(const TriangleId&) const = default;
+};
+
+/// A world-space ray; the direction need not be unit. Hits have 0 <= t < t_max in multiples of it.
+struct Ray {
+  Vec3f origin, direction;
+  float t_max = std::numeric_limits<float>::infinity();
+  TriangleId leaves;  // the flat primitive it starts on, which it cannot hit again
+};
+
+struct Hit {
+  float t = 0;
+  TriangleId id;
+  float b0 = 0, b1 = 0, b2 = 0;  // barycentrics of the triangle's three vertices, sum 1 (rounded)
+};
+
+/// The order of "One hit": by t, then by id.
+inline bool precedes(const Hit& a, const Hit& b) {
+  return a.t < b.t || (a.t == b.t && a.id < b.id);
+}
+
+}  // namespace tessera::render

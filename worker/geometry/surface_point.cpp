@@ -1,0 +1,88 @@
+#include "worker/geometry/surface_point.h"
+
+#include <bit>
+#include <cmath>
+#include <cstdint>
+
+namespace tessera::render {
+namespace {
+
+constexpr double kUnitRoundoff = 0x1p-24;
+
+/// The next float away from zero on the side of `toward`'s sign.
+float step(float x, float toward) {
+  if (x == 0) return std::copysign(std::bit_cast<float>(std::uint32_t{1}), toward);
+  const auto bits = std::bit_cast<std::uint32_t>(x);
+  const bool outward = (x > 0) == (toward > 0);
+  return std::bit_cast<float>(outward ? bits + 1 : bits - 1);
+}
+
+Vec3d absolute(const Vec3d& v) {
+  return {std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)};
+}
+
+/// |M| v without translation, for v >= 0.
+Vec3d absolute_transform(const Affine3d& m, const Vec3d& v) {
+  return {dot(absolute(m.rows[0]), v), dot(absolute(m.rows[1]), v), dot(absolute(m.rows[2]), v)};
+}
+
+}  // namespace
+
+SurfacePoint surface_point(const PlacedTriangle& triangle, float b1, float b2) {
+  const Vec3d origin(triangle.v0);
+  const Vec3d e1 = Vec3d(triangle.v1) - origin, e2 = Vec3d(triangle.v2) - origin;
+  const Vec3d p = origin + (e1 * static_cast<double>(b1) + e2 * static_cast<double>(b2));
+  const Vec3d world = transform_point(triangle.object_to_world, p);
+  const Vec3d extent = max(absolute(e1), absolute(e2));
+  const Vec3d object_error = (absolute(p) * 2.0 + extent * 6.0) * kUnitRoundoff;
+  SurfacePoint point;
+  point.position = Vec3f(world);
+  point.tolerance = Vec3f(absolute_transform(triangle.object_to_world, object_error) +
+                          absolute(world) * kUnitRoundoff);
+  point.normal =
+      Vec3f(normalize(transform_normal(triangle.world_to_object, normalize(cross(e1, e2)))));
+  return point;
+}
+
+double world_area(const PlacedTriangle& triangle) {
+  const Vec3d origin(triangle.v0);
+  const Vec3d e1 = transform_vector(triangle.object_to_world, Vec3d(triangle.v1) - origin);
+  const Vec3d e2 = transform_vector(triangle.object_to_world, Vec3d(triangle.v2) - origin);
+  return 0.5 * length(cross(e1, e2));
+}
+
+Vec3f offset_ray_origin(const SurfacePoint& point, const Vec3f& direction) {
+  const Vec3f& n = point.normal;
+  const float distance = std::fabs(n.x) * point.tolerance.x + std::fabs(n.y) * point.tolerance.y +
+                         std::fabs(n.z) * point.tolerance.z;
+  const float side = dot(direction, n) < 0 ? -distance : distance;
+  Vec3f origin;
+  for (int k = 0; k < 3; ++k) {
+    const float shift = n[k] * side;
+    const float moved = point.position[k] + shift;
+    origin[k] = shift == 0 ? moved : step(moved, shift);
+  }
+  return origin;
+}
+
+Ray spawn_ray(const SurfacePoint& point, const TriangleId& id, const Vec3f& direction) {
+  Ray ray;
+  ray.origin = offset_ray_origin(point, direction);
+  ray.direction = direction;
+  ray.leaves = id;
+  return ray;
+}
+
+Ray spawn_ray_to(const SurfacePoint& from, const TriangleId& id, const SurfacePoint& to) {
+  const Vec3f target = offset_ray_origin(to, from.position - to.position);
+  return spawn_ray_to(from, id, target);
+}
+
+Ray spawn_ray_to(const SurfacePoint& from, const TriangleId& id, const Vec3f& to) {
+  Ray ray = spawn_ray(from, id, to - from.position);
+  ray.direction = to - ray.origin;
+  ray.t_max = 1;
+  return ray;
+}
+
+}  // namespace tessera::render
