@@ -127,7 +127,30 @@ says() {
 # committed JOB: units committed so far.
 committed() {
   farm status "$1" --json >"$work/status.json" 2>/dev/null || { echo 0; return; }
-  json "$work/status.json" 'd["units"]["committed"]'
+  json "$work/status.json" 'd["progress"]["units_committed"]'
 }
 
 committed_at_least() { [ "$(committed "$1")" -ge "$2" ]; }
+
+# start_interruptible NAME COMMAND…: COMMAND in the background, with SIGINT as a terminal gives it
+# (bash would have a background job ignore it). Output: $work/NAME.out and .err; pid: $started.
+start_interruptible() {
+  local name=$1
+  shift
+  python3 -c '
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+os.execvp(sys.argv[1], sys.argv[1:])' "$@" >"$work/$name.out" 2>"$work/$name.err" </dev/null &
+  started=$!
+}
+
+# interrupted NAME PID: sends SIGINT and checks that the command ends with 130.
+interrupted() {
+  local status=0
+  kill -INT "$2"
+  wait "$2" || status=$?
+  [ "$status" -eq 130 ] || {
+    cat "$work/$1.err" >&2
+    fail "$1: Ctrl-C gave exit code $status, not 130"
+  }
+}

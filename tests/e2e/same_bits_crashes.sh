@@ -36,9 +36,19 @@ equal "every unit was committed" "$(json "$work/report.json" 'd["units"]["total"
   fail "the worker that joined half-way committed nothing"
 say "the worker that joined half-way took part"
 
+# Every block is delivered twice on purpose.
+kill_worker c
+start_worker twice --deliver-twice
+id=$(farm submit "$scenes/same_bits.gltf" "${job[@]}" --name twice)
+farm watch "$id" --json </dev/null >"$work/watch.log" || fail "watch: status $?"
+farm report "$id" --json >"$work/report.json"
+equal "the same pixels after deliveries on purpose" "$(pixels "$work/report.json")" "$reference"
+[ "$(json "$work/report.json" 'd["units"]["duplicated"]')" -ge 1 ] || fail "no duplicate was counted"
+say "delivered twice on purpose: $(json "$work/report.json" 'd["units"]["duplicated"]') duplicates"
+kill_worker twice
+
 # A worker stops breathing for longer than the time-out; its units go to another; then it comes
 # back with what it held, which is committed already: duplicates, bit-equal.
-kill_worker c
 id=$(farm submit "$scenes/same_bits.gltf" "${job[@]}" --name duplicate)
 wait_until 60 "some units are committed" committed_at_least "$id" 5
 kill -STOP "${worker_pid[a]}"

@@ -47,7 +47,7 @@ def first_unit_seconds(tessera, scene, cwd):
         cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     seconds = None
     for line in process.stdout:
-        if seconds is None and json.loads(line).get("units", {}).get("committed", 0) > 0:
+        if seconds is None and json.loads(line).get("progress", {}).get("units_committed", 0) > 0:
             seconds = time.monotonic() - start
     process.wait()
     return seconds

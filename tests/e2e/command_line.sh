@@ -1,0 +1,114 @@
+#!/usr/bin/env bash
+# Exit codes, what goes to stdout, JSON documents, and the life of a job from the command line.
+. "$(dirname "$0")/farm.sh"
+
+job=(--size 64x48 --spp 8 --tile 16)
+square=$scenes/lit_square.gltf
+
+# Wrong usage and bad input: 2. No farm: 3.
+exits 2 tessera
+exits 2 tessera render "$square" --no-such-option
+exits 2 tessera render "$square" --size 0x10
+exits 2 tessera render "$square" --tile 12
+exits 2 tessera render "$work/nothing.gltf"
+says nothing.gltf
+echo '{"asset":' >"$work/broken.gltf"
+exits 2 tessera render "$work/broken.gltf"
+says broken.gltf
+exits 3 tessera list --server "unix:$work/nobody"
+exits 2 tessera list --server 192.0.2.1:7420
+exits 2 tessera-server --listen 0.0.0.0:0 --store "$work/refused"
+[ ! -e "$work/refused/token" ] || fail "a server on a foreign address made a store"
+say "exit codes of wrong usage, bad input and no farm"
+
+for program in tessera tessera-server tessera-worker; do
+  exits 0 "$program" --version
+  exits 0 "$program" --help
+done
+for shell in bash zsh fish; do
+  exits 0 tessera completion "$shell"
+  says render
+done
+exits 0 tessera completion bash
+bash -n "$work/out" || fail "bash cannot read its completion script"
+say "versions, help and completion"
+
+start_server
+# Alone, a job waits; pause, resume and cancel work without a worker.
+id=$(farm submit "$square" "${job[@]}" --name first)
+[[ $id =~ ^[a-z0-9]+$ ]] || fail "stdout of submit is not a job id: $id"
+farm status "$id" --json >"$work/status.json"
+equal "a job without workers is queued" "$(json "$work/status.json" 'd["state"]')" queued
+exits 0 farm pause first
+exits 0 farm pause first
+equal "paused" "$(farm status last --json | python3 -c 'import json,sys; print(json.load(sys.stdin)["state"])')" paused
+exits 0 farm resume "$id"
+exits 0 farm cancel "$id"
+exits 1 farm watch "$id"
+exits 2 farm status nosuchjob
+exits 2 farm fetch "$id" -o "$work/none"
+say "pause, resume, cancel; a cancelled job's fate is 1"
+exits 0 farm retry "$id"
+start_worker a
+exits 0 farm watch "$id" --json
+tail -n 1 "$work/out" >"$work/last.json"
+equal "retry finishes a cancelled job" "$(json "$work/last.json" 'd["state"]')" done
+
+# Results: report and files; a second fetch leaves them alone, another file needs --force.
+exits 0 farm report "$id" --json
+cp "$work/out" "$work/report.json"
+equal "the report's schema" "$(json "$work/report.json" 'd["schema"]')" tessera.report/1
+exits 0 farm fetch "$id" -o "$work/files" --json
+equal "one file was written" "$(json "$work/out" '[f["state"] for f in d["frames"]]')" written
+exits 0 farm fetch "$id" -o "$work/files" --json
+equal "a second fetch leaves it" "$(json "$work/out" '[f["state"] for f in d["frames"]]')" present
+echo spoiled >"$work/files/first.exr"
+exits 2 farm fetch "$id" -o "$work/files"
+exits 0 farm fetch "$id" -o "$work/files" --force
+[ -z "$(find "$work/files" -name '*.part')" ] || fail "a .part file was left"
+exits 0 farm fetch "$id" -o "$work/files" --format png
+[ "$(head -c 4 "$work/files/first.png" | tail -c 3)" = PNG ] || fail "the PNG is none"
+say "fetch: files, digests, --force, PNG"
+
+# compare: equal images, a limit, images of different sizes.
+exits 0 tessera compare "$work/files/first.exr" "$work/files/first.exr" --fail-above rmse=0 --json
+equal "an image is itself" "$(json "$work/out" 'd["rmse"]')" 0.0
+exits 0 farm submit "$square" "${job[@]}" --seed 9 --name other --wait
+exits 0 farm fetch other -o "$work/files"
+exits 1 tessera compare "$work/files/first.exr" "$work/files/other.exr" --fail-above rmse=1e-9
+exits 2 tessera compare "$work/files/first.exr" "$scenes/lit_square.gltf"
+say "compare"
+
+# Every document for programs says what it is.
+for words in "list" "workers" "status $id" "report $id"; do
+  # shellcheck disable=SC2086
+  exits 0 farm $words --json
+  schema=$(json "$work/out" 'd["schema"]')
+  [[ $schema =~ ^tessera\.[a-z]+/1$ ]] || fail "$words --json: schema '$schema'"
+done
+exits 0 tessera inspect "$square" --json
+[[ $(json "$work/out" 'd["schema"]') =~ ^tessera\.[a-z]+/1$ ]] || fail "inspect --json: no schema"
+say "JSON documents have a schema"
+
+# Several frames are numbered; extend needs the blocks, which a finished job no longer has.
+exits 0 farm submit "$scenes/same_bits.gltf" "${job[@]}" --max-depth 2 --frames 0-4x2 --name clip --wait
+exits 0 farm fetch clip -o "$work/clip"
+equal "frames get numbers" "$(cd "$work/clip" && echo *.exr)" "clip.0000.exr clip.0002.exr clip.0004.exr"
+exits 0 farm remove clip
+exits 2 farm status clip
+say "several frames, remove"
+
+# Ctrl-C in watch and submit --wait leaves the job running, and says so.
+kill_worker a
+id=$(farm submit "$square" "${job[@]}" --name patient)
+start_interruptible watch tessera watch --server "$socket" "$id" --json
+wait_until 10 "watch has begun" test -s "$work/watch.out"
+interrupted watch "$started"
+grep -q 'goes on' "$work/watch.err" || fail "watch did not say that the job goes on"
+start_interruptible submit tessera submit "$square" --server "$socket" "${job[@]}" --wait
+wait_until 10 "the job is submitted" test -s "$work/submit.out"
+interrupted submit "$started"
+grep -q 'goes on' "$work/submit.err" || fail "submit --wait did not say that the job goes on"
+exits 0 farm status "$id" --json
+equal "the job is still there" "$(json "$work/out" 'd["state"]')" queued
+say "Ctrl-C in watch and submit --wait"

@@ -1,0 +1,58 @@
+#!/usr/bin/env bash
+# What must fail fails early and says why; what must not fail a job does not.
+. "$(dirname "$0")/farm.sh"
+
+job=(--size 64x64 --spp 8 --tile 16)  # 16 units of one pass
+poisoned=0:5:0
+
+# A missing file ends a job before anything is uploaded or leased.
+exits 2 tessera render "$scenes/missing_texture.gltf" --output "$work/x.exr" "${job[@]}"
+says "not-here.png"
+[ ! -e "$work/x.exr" ] || fail "an image was written"
+say "a missing texture is refused with exit code 2 before the first unit, and named"
+
+start_server
+exits 2 farm submit "$scenes/missing_texture.gltf" "${job[@]}"
+says "not-here.png"
+exits 0 farm list --json
+equal "nothing was submitted" "$(json "$work/out" 'len(d["jobs"])')" 0
+
+# A worker whose numerics differ is refused by name; the farm goes on without it.
+start_worker honest
+wait_until 20 "the worker is there" bash -c \
+  "tessera workers --server '$socket' --json | grep -q '\"name\": *\"honest\"'"
+other_hash=$(printf 'ab%.0s' {1..32})
+bench_simulated_workers --server "$socket" --name stranger --numerics "$other_hash" \
+  >"$work/stranger.out" 2>"$work/stranger.log" < <(sleep 2)
+grep -qi numerics "$work/stranger.log" || fail "refused without naming its numerics"
+grep -q '"welcomed": 0' "$work/stranger.out" || fail "a worker with other numerics was let in"
+say "a worker with another numerics hash is refused: $(head -n 1 "$work/stranger.log")"
+
+# A poison unit: its renderer dies each time. Three failures end the job, on one worker or on four.
+kill_worker honest
+for names in "p1" "p1 p2 p3 p4"; do
+  for name in $names; do start_worker "$name" --crash-on "$poisoned"; done
+  id=$(farm submit "$scenes/lit_square.gltf" "${job[@]}" --name "poison")
+  exits 1 farm watch "$id" --json
+  farm status "$id" --json >"$work/status.json"
+  equal "the poisoned job failed" "$(json "$work/status.json" 'd["state"]')" failed
+  reason=$(json "$work/status.json" 'd["reason"]')
+  failures=$(grep -c '^failed' "$work"/units-*.log 2>/dev/null || true)
+  equal "$(wc -w <<<"$names") worker(s): the reason names three failures" \
+    "$(grep -o 'SIGSEGV\|signal 11' <<<"$reason" | wc -l)" 3
+  echo "# $(head -c 300 <<<"$reason")"
+  for name in $names; do kill_worker "$name"; done
+done
+
+# A worker that is killed again and again is a loss each time, never a failure.
+job=(--size 128x128 --spp 600 --tile 32)
+id=$(farm submit "$scenes/lit_square.gltf" "${job[@]}" --name losses)
+for attempt in $(seq 10); do
+  start_worker "mortal$attempt" --id mortal
+  wait_until 30 "it holds leases" bash -c "tessera status '$id' --server '$socket' --json |
+    grep -q '\"units_leased\": [1-9]'"
+  kill_worker "mortal$attempt"
+done
+start_worker survivor --id mortal
+farm watch "$id" --json </dev/null >"$work/watch.log" || fail "ten kills failed the job"
+say "a worker killed ten times did not fail the job"

@@ -1,0 +1,95 @@
+#!/usr/bin/env bash
+# `tessera render` leaves nothing behind, however it ends; with --store it goes on where it stopped.
+. "$(dirname "$0")/farm.sh"
+
+export TMPDIR=$work/tmp
+mkdir "$TMPDIR"
+scene=$scenes/same_bits.gltf
+long=(--size 256x256 --spp 4000 --tile 16)
+
+# descendants PID: pids of all its descendants, from /proc.
+descendants() {
+  python3 -c '
+import os, sys
+parent = {}
+for pid in filter(str.isdigit, os.listdir("/proc")):
+    try:
+        parent[int(pid)] = int(open(f"/proc/{pid}/stat").read().rsplit(")", 1)[1].split()[1])
+    except OSError:
+        pass
+found = {int(sys.argv[1])}
+while True:
+    more = {p for p, q in parent.items() if q in found} - found
+    if not more:
+        break
+    found |= more
+print(*sorted(found - {int(sys.argv[1])}))' "$1"
+}
+
+has_children() { [ "$(descendants "$1" | wc -w)" -ge "$2" ]; }
+all_gone() {
+  local pid
+  for pid in "$@"; do gone "$pid" || return 1; done
+}
+nothing_left() { [ -z "$(ls -A "$TMPDIR" "$XDG_RUNTIME_DIR")" ]; }
+
+for signal in INT KILL; do
+  start_interruptible "$signal" tessera render "$scene" -o "$work/never.exr" "${long[@]}" --workers 2
+  pid=$started
+  # A server, two agents, two renderers.
+  wait_until 20 "server, agents and renderers run" has_children "$pid" 5
+  sleep 0.5
+  children=$(descendants "$pid")
+  if [ "$signal" = INT ]; then
+    interrupted INT "$pid"
+  else
+    kill -KILL "$pid"
+    wait "$pid" 2>/dev/null || true
+  fi
+  # shellcheck disable=SC2086
+  wait_until 10 "every process of it is gone after SIG$signal" all_gone $children
+  wait_until 5 "its private folder is gone after SIG$signal" nothing_left
+  [ ! -e "$work/never.exr" ] && [ -z "$(find "$work" -name '*.part')" ] || fail "a file was left"
+  say "SIG$signal: $(wc -w <<<"$children") processes gone, no folder, no file"
+done
+
+# A store keeps what was committed; the same command finishes the job, with the same pixels.
+spp=400
+[ -z "${TESSERA_E2E_SMALL:-}" ] || spp=80
+job=(--size 96x96 --spp "$spp" --tile 8 --workers 1 --threads 1)
+tessera render "$scene" -o "$work/straight.exr" "${job[@]}" --report "$work/straight.json" \
+  >"$work/straight.log" 2>&1
+start_interruptible first tessera render "$scene" -o "$work/out.exr" "${job[@]}" --store "$work/store"
+pid=$started
+rows() {
+  python3 -c '
+import glob, sqlite3, sys
+for path in glob.glob(sys.argv[1] + "/*.db") + glob.glob(sys.argv[1] + "/*.sqlite*"):
+    try:
+        print(sqlite3.connect(f"file:{path}?mode=ro", uri=True).execute(
+            "select count(*) from units").fetchone()[0])
+        break
+    except sqlite3.Error:
+        pass
+else:
+    print(0)' "$work/store"
+}
+some_rows() { [ "$(rows)" -ge 40 ]; }
+wait_until 30 "some units are committed" some_rows
+children=$(descendants "$pid")
+kill -KILL "$pid"
+wait "$pid" 2>/dev/null || true
+# shellcheck disable=SC2086
+wait_until 10 "its processes are gone" all_gone $children
+before=$(rows)
+total=$(json "$work/straight.json" 'd["units"]["total"]')
+[ "$before" -lt "$total" ] || fail "the job was over before it could be killed"
+tessera render "$scene" -o "$work/out.exr" "${job[@]}" --store "$work/store" \
+  --report "$work/resumed.json" >"$work/resumed.log" 2>&1 </dev/null || fail "the second run failed"
+equal "a resumed render has the same pixels" "$(pixels "$work/resumed.json")" \
+  "$(pixels "$work/straight.json")"
+equal "no unit was rendered twice" \
+  "$(json "$work/resumed.json" 'sum(w["units"] for w in d["workers"])')" "$total"
+second=$(json "$work/resumed.json" 'd["workers"][-1]["units"]')
+[ "$second" -le $((total - before)) ] || fail "the second run rendered $second of $total, $before were done"
+say "the second run did the $((total - before)) units that were not committed"
