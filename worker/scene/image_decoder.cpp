@@ -20,20 +20,20 @@ bool begins_with(std::span<const std::byte> file, std::string_view magic, std::s
          std::memcmp(file.data() + at, magic.data(), magic.size()) == 0;
 }
 
-const char* plugin_file_name(ImageFormat format) {
+const char* plugin_name(ImageFormat format) {
   switch (format) {
     case ImageFormat::png:
-      return "memory.png";
+      return "png";
     case ImageFormat::jpeg:
-      return "memory.jpg";
+      return "jpeg";
     case ImageFormat::webp:
-      return "memory.webp";
+      return "webp";
     case ImageFormat::exr:
-      return "memory.exr";
+      return "openexr";
     case ImageFormat::hdr:
-      return "memory.hdr";
+      return "hdr";
     default:
-      return nullptr;
+      return "";
   }
 }
 
@@ -82,10 +82,15 @@ absl::StatusOr<OpenImage> open_image(std::span<const std::byte> file) {
   OpenImage open;
   open.bytes = std::make_unique<OIIO::Filesystem::IOMemReader>(const_cast<std::byte*>(file.data()),
                                                                file.size());
-  OIIO::ImageSpec config;
+  // Created by format name, so that no other plugin ever looks at the bytes.
+  open.input = OIIO::ImageInput::create(plugin_name(format));
+  if (open.input == nullptr || !open.input->set_ioproxy(open.bytes.get())) {
+    return absl::UnimplementedError(
+        absl::StrCat("OpenImageIO cannot read ", plugin_name(format), " images from memory"));
+  }
+  OIIO::ImageSpec config, header;
   config["oiio:UnassociatedAlpha"] = 1;
-  open.input = OIIO::ImageInput::open(plugin_file_name(format), &config, open.bytes.get());
-  if (open.input == nullptr) return damaged(OIIO::geterror());
+  if (!open.input->open("memory", header, config)) return damaged(open.input->geterror());
   const absl::Status valid = check_header(open.input->spec());
   if (!valid.ok()) return valid;
   return open;
