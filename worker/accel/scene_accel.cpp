@@ -1,6 +1,9 @@
 #include "worker/accel/scene_accel.h"
 
+#include <algorithm>
 #include <cmath>
+
+#include "worker/math/float_bits.h"
 
 namespace tessera::render {
 namespace {
@@ -16,8 +19,8 @@ Vec3d absolute(const Vec3d& v) {
 /// Largest row sum of |m|'s 3x3 part.
 double norm(const Affine3d& m) {
   const Vec3d one = {1, 1, 1};
-  return std::fmax(dot(absolute(m.rows[0]), one),
-                   std::fmax(dot(absolute(m.rows[1]), one), dot(absolute(m.rows[2]), one)));
+  return max_abs(Vec3d{dot(absolute(m.rows[0]), one), dot(absolute(m.rows[1]), one),
+                       dot(absolute(m.rows[2]), one)});
 }
 
 /// World box of an object-space box, by its corners.
@@ -33,7 +36,8 @@ Box3d transform_box(const Affine3d& m, const Box3f& box) {
 }
 
 double reach(const Box3d& box) {
-  return std::fmax(max_abs(box.lo), max_abs(box.hi));
+  const double lo = max_abs(box.lo), hi = max_abs(box.hi);
+  return lo > hi ? lo : hi;
 }
 
 /// How far the box of an instance must be padded, per world axis, so that no ray with |origin| <=
@@ -72,8 +76,7 @@ float round_outward(double x, bool up) {
   const auto f = static_cast<float>(x);
   const double wide = f;
   if (up ? wide >= x : wide <= x) return f;
-  const float step = std::fabs(f) * 0x1p-23f + 0x1p-149f;
-  return up ? f + step : f - step;
+  return up ? next_up(f) : next_down(f);
 }
 
 Box3f padded(const Box3d& box, const Vec3d& pad) {
@@ -149,7 +152,7 @@ void SceneAccel::build_top(const Scene& scene, const ParallelFor& parallel_for) 
     if (mesh.blocks.empty()) continue;
     used.push_back(static_cast<std::uint32_t>(i));
     worlds.push_back(transform_box(instance.object_to_world, mesh.bounds));
-    origin = std::fmax(origin, reach(worlds.back()));
+    origin = std::max(origin, reach(worlds.back()));
   }
   origin_limit_ = round_outward(origin * 1.0625, false);
   std::vector<Box3f> boxes;

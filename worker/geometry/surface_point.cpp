@@ -1,21 +1,13 @@
 #include "worker/geometry/surface_point.h"
 
-#include <bit>
 #include <cmath>
-#include <cstdint>
+
+#include "worker/math/float_bits.h"
 
 namespace tessera::render {
 namespace {
 
 constexpr double kUnitRoundoff = 0x1p-24;
-
-/// The next float away from zero on the side of `toward`'s sign.
-float step(float x, float toward) {
-  if (x == 0) return std::copysign(std::bit_cast<float>(std::uint32_t{1}), toward);
-  const auto bits = std::bit_cast<std::uint32_t>(x);
-  const bool outward = (x > 0) == (toward > 0);
-  return std::bit_cast<float>(outward ? bits + 1 : bits - 1);
-}
 
 Vec3d absolute(const Vec3d& v) {
   return {std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)};
@@ -60,7 +52,7 @@ Vec3f offset_ray_origin(const SurfacePoint& point, const Vec3f& direction) {
   for (int k = 0; k < 3; ++k) {
     const float shift = n[k] * side;
     const float moved = point.position[k] + shift;
-    origin[k] = shift == 0 ? moved : step(moved, shift);
+    origin[k] = shift > 0 ? next_up(moved) : shift < 0 ? next_down(moved) : moved;
   }
   return origin;
 }

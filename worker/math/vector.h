@@ -130,10 +130,13 @@ inline T length(const Vec3<T>& a) {
   return std::sqrt(dot(a, a));
 }
 
-/// Largest absolute component; NaN components are ignored.
+/// Largest absolute component; NaN components count as 0.
 template <typename T>
 inline T max_abs(const Vec3<T>& a) {
-  return std::fmax(std::fabs(a.x), std::fmax(std::fabs(a.y), std::fabs(a.z)));
+  const T x = std::fabs(a.x), y = std::fabs(a.y), z = std::fabs(a.z);
+  T largest = x > 0 ? x : 0;
+  largest = y > largest ? y : largest;
+  return z > largest ? z : largest;
 }
 
 /// Unit vector along a, at any scale: components are first divided by the largest one, so that

@@ -27,7 +27,12 @@ constexpr float unit_float(std::uint32_t bits) {
   return static_cast<float>(static_cast<std::int32_t>(bits >> 8)) * 0x1p-24f;
 }
 
-/// The same from the top bits of a 64-bit hash.
+/// All 32 bits, at the middles of their intervals: in (0, 1).
+constexpr double unit_double(std::uint32_t bits) {
+  return (static_cast<double>(bits) + 0.5) * 0x1p-32;
+}
+
+/// unit_float() of the top bits of a 64-bit hash.
 constexpr float unit_float(std::uint64_t hash) {
   return unit_float(static_cast<std::uint32_t>(hash >> 32));
 }

@@ -41,6 +41,12 @@ class Sampler {
     return {unit_float(x[0]), unit_float(x[1]), unit_float(x[2]), unit_float(x[3])};
   }
 
+  /// The same in steps of 2^-32, in (0, 1): to choose from large tables.
+  Vec4d get_4d_fine(std::uint32_t set) const {
+    const Lanes4 x = scrambled(set);
+    return {unit_double(x[0]), unit_double(x[1]), unit_double(x[2]), unit_double(x[3])};
+  }
+
   /// Components x and y of the set.
   Vec2f get_2d(std::uint32_t set) const {
     const Lanes4 x = scrambled(set);

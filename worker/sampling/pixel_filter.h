@@ -1,0 +1,31 @@
+#pragma once
+
+#include <vector>
+
+#include "proto/contract/render_settings.h"
+#include "worker/math/vector.h"
+
+namespace tessera::render {
+
+/// Importance sampling of the pixel filter: samples are placed with the filter as their density,
+/// so that each has the weight 1 and belongs to one pixel.
+///
+/// All filters are products of two equal one-dimensional ones, positive on their support of
+/// `width` pixels: box (constant), gaussian (sigma = width / 6, cut at 3 sigma) and Blackman-Harris
+/// (4 terms). Those but the box are inverted by a table of their distribution function.
+class PixelFilterSampler {
+ public:
+  /// Requires width > 0, in pixels.
+  PixelFilterSampler(contract::PixelFilter filter, double width);
+
+  /// Offset from the pixel's centre, in pixels, in [-width / 2, width / 2) per axis.
+  Vec2f sample(Vec2f u) const;
+
+ private:
+  float invert(float u) const;
+
+  float width_;
+  std::vector<float> edges_;  // quantiles k / (size - 1), in [-1/2, 1/2]; empty for the box
+};
+
+}  // namespace tessera::render
