@@ -24,6 +24,17 @@ void add_render_command(CLI::App& app, Invocation& invocation);
 void add_submit_command(CLI::App& app, Invocation& invocation);
 void add_watch_command(CLI::App& app, Invocation& invocation);
 
+void add_list_command(CLI::App& app, Invocation& invocation);
+void add_status_command(CLI::App& app, Invocation& invocation);
+void add_report_command(CLI::App& app, Invocation& invocation);
+void add_fetch_command(CLI::App& app, Invocation& invocation);
+/// pause, resume, cancel, retry and remove.
+void add_job_control_commands(CLI::App& app, Invocation& invocation);
+void add_extend_command(CLI::App& app, Invocation& invocation);
+void add_workers_command(CLI::App& app, Invocation& invocation);
+void add_compare_command(CLI::App& app, Invocation& invocation);
+void add_completion_command(CLI::App& app, Invocation& invocation);
+
 void add_all_commands(CLI::App& app, Invocation& invocation);
 
 }  // namespace tessera::client

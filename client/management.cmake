@@ -1,0 +1,14 @@
+# Commands over jobs, workers and files, completion, and the man pages.
+target_sources(tessera_client
+  PRIVATE compare.cpp completion.cpp extend.cpp fetch.cpp image_file.cpp job_control.cpp list.cpp
+          report.cpp status.cpp table.cpp workers.cpp
+  PUBLIC FILE_SET HEADERS FILES completion.h image_file.h table.h)
+target_link_libraries(tessera_client PRIVATE OpenImageIO::OpenImageIO)
+
+# `ninja man` writes man/*.1, read off the parser as --help is.
+add_executable(tessera_manual EXCLUDE_FROM_ALL manual.cpp)
+target_link_libraries(tessera_manual PRIVATE tessera::client CLI11::CLI11)
+add_custom_target(man
+  COMMAND ${CMAKE_COMMAND} -E make_directory ${PROJECT_BINARY_DIR}/man
+  COMMAND tessera_manual ${PROJECT_BINARY_DIR}/man
+  COMMENT "Writing man pages")

@@ -1,0 +1,139 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "client/commands.h"
+#include "client/farm_client.h"
+#include "client/progress.h"
+#include "client/table.h"
+
+namespace tessera::client {
+namespace {
+
+using nlohmann::ordered_json;
+
+struct ReportOptions {
+  std::string job;
+  bool json = false, csv = false;
+};
+
+/// The number at `pointer` as "%.*g", "-" if it is null or not there.
+std::string figure(const ordered_json& document, const char* pointer, int digits = 4) {
+  const ordered_json::json_pointer path(pointer);
+  if (!document.contains(path) || !document[path].is_number()) return "-";
+  return absl::StrFormat("%.*g", digits, document[path].get<double>());
+}
+
+std::string text_at(const ordered_json& document, const char* key) {
+  const auto found = document.find(key);
+  return found != document.end() && found->is_string() ? found->get<std::string>() : "-";
+}
+
+double number_at(const ordered_json& document, const char* key) {
+  const auto found = document.find(key);
+  return found != document.end() && found->is_number() ? found->get<double>() : 0;
+}
+
+std::string frames_table(const ordered_json& report) {
+  Table table({"FRAME", "STATUS", "SIZE", "SPP", "ERROR", "<= 95 %", "RELMSE", "RMSE", "TOP 0.1 %",
+               "DROPPED", "PIXELS"});
+  for (const ordered_json& frame : report.value("frames", ordered_json::array())) {
+    table.add({figure(frame, "/frame", 9), text_at(frame, "status"),
+               absl::StrCat(figure(frame, "/width"), "x", figure(frame, "/height")),
+               figure(frame, "/spp_mean", 6), figure(frame, "/estimated/error"),
+               figure(frame, "/estimated/error_upper95"), figure(frame, "/estimated/relmse"),
+               figure(frame, "/estimated/rmse"), figure(frame, "/heavy_tail_share", 3),
+               figure(frame, "/dropped_samples", 9),
+               text_at(frame, "pixels_sha256").substr(0, 12)});
+  }
+  return table.text();
+}
+
+std::string workers_table(const ordered_json& report) {
+  Table table({"WORKER", "ISA", "THREADS", "UNITS", "CPU S"});
+  for (const ordered_json& worker : report.value("workers", ordered_json::array())) {
+    table.add({text_at(worker, "id"), text_at(worker, "isa"), figure(worker, "/threads"),
+               figure(worker, "/units", 12), figure(worker, "/cpu_seconds")});
+  }
+  return table.text();
+}
+
+std::string text_of(const ordered_json& report) {
+  std::string text = absl::StrCat("job ", text_at(report, "job"), "  ", text_at(report, "status"),
+                                  ", contract ", figure(report, "/contract"), ", scene ",
+                                  text_at(report, "scene_sha256").substr(0, 12), "\n");
+  for (const char* list : {"reasons", "warnings"}) {
+    for (const ordered_json& line : report.value(list, ordered_json::array())) {
+      if (line.is_string()) absl::StrAppend(&text, "  ! ", line.get<std::string>(), "\n");
+    }
+  }
+  absl::StrAppend(&text, "\n", frames_table(report), "\n", workers_table(report), "\n");
+  absl::StrAppend(&text, "cpu ", figure(report, "/cpu_seconds"), " s (",
+                  figure(report, "/cpu_seconds_wasted"), " s wasted), wall ",
+                  format_seconds(number_at(report, "wall_seconds")), ", load ",
+                  figure(report, "/load_seconds"), " s, build ", figure(report, "/build_seconds"),
+                  " s, render ", figure(report, "/render_seconds"), " s, overhead ",
+                  format_share(number_at(report, "overhead_fraction"), 1), ", peak memory ",
+                  format_bytes(number_at(report, "peak_rss_bytes")), "\n");
+  absl::StrAppend(&text, "units ", figure(report, "/units/total", 12), ", retried ",
+                  figure(report, "/units/retried", 12), ", duplicated ",
+                  figure(report, "/units/duplicated", 12), ", audited ",
+                  figure(report, "/units/audited", 12), ", mismatched ",
+                  figure(report, "/units/mismatched", 12), "\n");
+  return text;
+}
+
+/// The error curves of all frames, one point a line.
+std::string csv_of(const ordered_json& report) {
+  std::string text = "frame,cpu_seconds,wall_seconds,samples,relmse,error,error_true\n";
+  for (const ordered_json& frame : report.value("frames", ordered_json::array())) {
+    for (const ordered_json& point : frame.value("curve", ordered_json::array())) {
+      absl::StrAppend(&text, figure(frame, "/frame", 9));
+      for (const char* key :
+           {"/cpu_seconds", "/wall_seconds", "/samples", "/relmse", "/error", "/error_true"}) {
+        const std::string value = figure(point, key, 17);
+        absl::StrAppend(&text, ",", value == "-" ? "" : value);
+      }
+      text += '\n';
+    }
+  }
+  return text;
+}
+
+int run(const ReportOptions& options, const Connection& connection) {
+  const auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+  const auto job = (*client)->get_job(options.job);
+  if (!job.ok()) return fail(job.status());
+  const auto bytes = (*client)->get_report(job->id());
+  if (!bytes.ok()) return fail(bytes.status());
+  const ordered_json report = ordered_json::parse(*bytes, nullptr, false);
+  if (!report.is_object()) return fail(absl::InternalError("the farm's report is not JSON"));
+  const std::string text = options.json  ? report.dump(2) + "\n"
+                           : options.csv ? csv_of(report)
+                                         : text_of(report);
+  std::fputs(text.c_str(), stdout);
+  return kExitDone;
+}
+
+}  // namespace
+
+void add_report_command(CLI::App& app, Invocation& invocation) {
+  auto options = std::make_shared<ReportOptions>();
+  CLI::App* command = app.add_subcommand("report", "Say what a job reached and what it cost");
+  add_connection_options(*command, invocation.connection);
+  command->add_option("job", options->job, "Id, unique prefix, name, or last")->required();
+  CLI::Option* json =
+      command->add_flag("--json", options->json, "Print the JSON document (tessera.report/1)");
+  command->add_flag("--csv", options->csv, "Print the error curves, a point a line")
+      ->excludes(json);
+  command->footer("Examples:\n  tessera report last\n  tessera report last --json > report.json");
+  command->callback([options, &invocation] {
+    invocation.run = [options, &invocation] { return run(*options, invocation.connection); };
+  });
+}
+
+}  // namespace tessera::client

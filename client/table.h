@@ -1,0 +1,26 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace tessera::client {
+
+/// Rows of text in aligned columns, two spaces apart; the last column is not padded.
+class Table {
+ public:
+  explicit Table(std::vector<std::string> header) : rows_{std::move(header)} {}
+  /// Requires as many cells as the header has.
+  void add(std::vector<std::string> row) { rows_.push_back(std::move(row)); }
+  std::string text() const;
+
+ private:
+  std::vector<std::vector<std::string>> rows_;
+};
+
+/// 1536 -> "1.5 KiB", at most one decimal.
+std::string format_bytes(double bytes);
+
+/// A share as "12.3 %"; "-" when `total` is 0.
+std::string format_share(double part, double total);
+
+}  // namespace tessera::client
