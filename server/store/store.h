@@ -35,7 +35,7 @@ struct UnitRecord {
   std::string worker_id;
   double cpu_seconds = 0;
   std::int64_t segment = 0, offset = 0, size_bytes = 0;  // set by the store
-  std::int64_t stored_bytes = 0;                         // on disk; may be compressed
+  std::int64_t stored_bytes = 0;                         // on disk
 };
 
 /// A finished frame: its output file is durable and its blocks may be gone.

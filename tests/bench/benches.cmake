@@ -2,3 +2,4 @@
 if(TESSERA_WITH_GRPC)
   include(bench/coordinator/sources.cmake)
 endif()
+include(bench/store/sources.cmake)

@@ -45,7 +45,10 @@ bool exists(const std::string& path) {
 PowerCutDisk::PowerCutDisk(std::string root)
     : root_(std::move(root)),
       disk_(server::real_filesystem()),
-      vfs_(std::make_unique<RecordingVfs>([this](DiskEvent event) { record(std::move(event)); })) {}
+      vfs_(std::make_unique<RecordingVfs>([this](DiskEvent event) {
+        record(std::move(event));
+        return true;
+      })) {}
 
 PowerCutDisk::~PowerCutDisk() = default;
 

@@ -15,7 +15,7 @@ using Kind = DiskEvent::Kind;
 struct RecordedFile {
   sqlite3_file base;
   sqlite3_file* real;
-  std::function<void(DiskEvent)>* report;
+  DiskReport* report;
   std::string* path;         // null for files without a name
   bool sync_folder_as_well;  // at the next sync
 };
@@ -29,10 +29,10 @@ sqlite3_file* real(sqlite3_file* file) {
   return recorded(file)->real;
 }
 
-void report(sqlite3_file* file, Kind kind, std::int64_t offset = 0, std::string bytes = {}) {
+bool report(sqlite3_file* file, Kind kind, std::int64_t offset = 0, std::string bytes = {}) {
   RecordedFile* const self = recorded(file);
-  if (self->path == nullptr) return;
-  (*self->report)({kind, *self->path, "", offset, std::move(bytes)});
+  return self->path == nullptr ||
+         (*self->report)({kind, *self->path, "", offset, std::move(bytes)});
 }
 
 std::string folder_of(const std::string& path) {
@@ -62,7 +62,7 @@ int truncate_file(sqlite3_file* file, sqlite3_int64 size) {
 
 int sync_file(sqlite3_file* file, int /*flags*/) {
   RecordedFile* const self = recorded(file);
-  report(file, Kind::sync_file);
+  if (!report(file, Kind::sync_file)) return SQLITE_IOERR_FSYNC;
   if (self->sync_folder_as_well) {
     (*self->report)({Kind::sync_folder, folder_of(*self->path), "", 0, ""});
     self->sync_folder_as_well = false;
@@ -127,7 +127,7 @@ struct RecordingVfs::State {
   sqlite3_vfs vfs{};
   sqlite3_vfs* real = nullptr;
   std::string name;
-  std::function<void(DiskEvent)> report;
+  DiskReport report;
 
   static State& of(sqlite3_vfs* vfs) { return *static_cast<State*>(vfs->pAppData); }
 
@@ -170,8 +170,7 @@ struct RecordingVfs::State {
   static void report_event(DiskEvent event, State& state) { state.report(std::move(event)); }
 };
 
-RecordingVfs::RecordingVfs(std::function<void(DiskEvent)> report_to)
-    : state_(std::make_unique<State>()) {
+RecordingVfs::RecordingVfs(DiskReport report_to) : state_(std::make_unique<State>()) {
   State& state = *state_;
   state.report = std::move(report_to);
   state.real = sqlite3_vfs_find(nullptr);

@@ -8,13 +8,16 @@
 
 namespace tessera::testing {
 
+/// Hears what is about to be done; false makes it fail, if it is a sync.
+using DiskReport = std::function<bool(DiskEvent)>;
+
 /// An SQLite VFS over the default one that reports what is done to the disk, as full paths.
 ///
 /// Syncs are reported and not passed on. SQLite's Unix VFS syncs the folder of a journal or log
 /// together with the first sync of the file after each opening; that is reported too.
 class RecordingVfs {
  public:
-  explicit RecordingVfs(std::function<void(DiskEvent)> report);
+  explicit RecordingVfs(DiskReport report);
   ~RecordingVfs();
   RecordingVfs(const RecordingVfs&) = delete;
   RecordingVfs& operator=(const RecordingVfs&) = delete;

@@ -16,6 +16,7 @@
 #include "server/store/store.h"
 #include "tests/support/disk_model.h"
 #include "tests/unit/server/store/promises.h"
+#include "tests/unit/server/store/scratch_folder.h"
 
 namespace tessera::server {
 namespace {
@@ -26,24 +27,6 @@ using testing::DiskModel;
 using testing::PowerCutDisk;
 
 constexpr std::int64_t kHourUs = std::int64_t{3600} * 1'000'000;
-
-/// A folder that is gone afterwards. In memory where there is such a place: here the model decides
-/// what is durable, and a busy disk would only cost time.
-class ScratchFolder {
- public:
-  ScratchFolder() : path_("/dev/shm/store-XXXXXX") {
-    if (::mkdtemp(path_.data()) != nullptr) return;
-    path_ = ::testing::TempDir() + "store-XXXXXX";
-    if (::mkdtemp(path_.data()) == nullptr) std::abort();
-  }
-  ~ScratchFolder() { std::filesystem::remove_all(path_); }
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
 
 std::string some_bytes(int seed, int count) {
   std::mt19937 rng(static_cast<std::mt19937::result_type>(seed));

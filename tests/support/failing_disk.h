@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/store/filesystem.h"
+
+namespace tessera::testing {
+
+class RecordingVfs;
+
+/// The real disk, until it is told to fail. One thread at a time.
+class FailingDisk final : public server::Filesystem {
+ public:
+  FailingDisk();
+  ~FailingDisk() override;
+
+  /// Appends fail with "no space" once this many more bytes are written; the rest of the append
+  /// that meets the limit is lost.
+  void fail_write_after(std::int64_t bytes);
+  /// Every sync of a file or folder outside SQLite fails with an I/O error.
+  void fail_syncs();
+  /// Every sync by SQLite of the file of this name fails with an I/O error.
+  void fail_sqlite_syncs(const std::string& name);
+  /// All goes well again.
+  void recover();
+  /// Syncs outside SQLite that were asked for after one had failed.
+  int syncs_after_failure() const { return syncs_after_failure_; }
+
+  /// What an append of `bytes` may write now.
+  std::int64_t grant_bytes(std::int64_t bytes);
+  absl::Status grant_sync();
+
+  absl::Status make_folder(const std::string& path) override;
+  absl::StatusOr<std::unique_ptr<server::File>> open(const std::string& path) override;
+  absl::StatusOr<std::unique_ptr<server::File>> open_existing(const std::string& path) override;
+  absl::Status rename(const std::string& from, const std::string& to) override;
+  absl::Status remove(const std::string& path) override;
+  absl::StatusOr<std::vector<std::string>> list(const std::string& folder) const override;
+  absl::Status sync_folder(const std::string& path) override;
+  absl::StatusOr<std::unique_ptr<server::FileLock>> lock(const std::string& path) override;
+  std::string sqlite_vfs() const override;
+
+ private:
+  server::Filesystem& disk_;
+  std::unique_ptr<RecordingVfs> vfs_;
+  std::int64_t bytes_left_;
+  bool syncs_fail_ = false;
+  bool has_failed_ = false;
+  int syncs_after_failure_ = 0;
+  std::string failing_sqlite_file_;
+};
+
+}  // namespace tessera::testing

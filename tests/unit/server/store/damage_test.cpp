@@ -1,0 +1,245 @@
+// Stores that were damaged, disks that fail: what is wrong is said, and nothing is made worse.
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/match.h"
+#include "server/store/database.h"
+#include "server/store/store.h"
+#include "tests/support/failing_disk.h"
+#include "tests/unit/server/store/promises.h"
+#include "tests/unit/server/store/scratch_folder.h"
+
+namespace tessera::server {
+namespace {
+
+using testing::FailingDisk;
+
+class DamageTest : public ::testing::Test {
+ protected:
+  std::string path() const { return folder_.path() + "/store"; }
+  std::string segment() const { return path() + "/segments/a/0.seg"; }
+
+  absl::StatusOr<std::unique_ptr<Store>> open(Filesystem& filesystem = real_filesystem()) {
+    StoreOptions options;
+    options.fatal = [this](const std::string& message) { deaths_.push_back(message); };
+    options.checkpoint_pages = checkpoint_pages_;
+    return Store::open(path(), filesystem, options);
+  }
+
+  static std::vector<Commit> some_units(int frame) {
+    return {make_commit("a", {frame, 0, 0}, std::string(5000, 'x')),
+            make_commit("a", {frame, 1, 0}, std::string(5000, 'y'))};
+  }
+
+  /// A store with job "a" and two units, closed.
+  std::vector<Commit> make_store() {
+    auto store = open();
+    EXPECT_TRUE(store.ok()) << store.status();
+    JobRecord job;
+    job.id = "a";
+    EXPECT_TRUE((*store)->add_job(job).ok());
+    std::vector<Commit> group = some_units(0);
+    EXPECT_TRUE((*store)->commit(group).ok());
+    return group;
+  }
+
+  static void overwrite(const std::string& file, std::int64_t offset, const std::string& bytes) {
+    std::fstream stream(file, std::ios::in | std::ios::out | std::ios::binary);
+    ASSERT_TRUE(stream.is_open()) << file;
+    stream.seekp(offset);
+    stream << bytes;
+  }
+
+  ScratchFolder folder_;
+  std::vector<std::string> deaths_;
+  int checkpoint_pages_ = 2000;
+};
+
+TEST_F(DamageTest, AFlippedByteInABlockIsFound) {
+  const std::vector<Commit> group = make_store();
+  overwrite(segment(), group[1].record.offset + 77, "z");
+  const auto store = open();
+  ASSERT_TRUE(store.ok()) << store.status();
+  EXPECT_TRUE((*store)->read_block("a", group[0].record).ok());
+  const auto block = (*store)->read_block("a", group[1].record);
+  EXPECT_TRUE(absl::IsDataLoss(block.status())) << block.status();
+}
+
+TEST_F(DamageTest, ATruncatedSegmentIsFoundAndItsUnitsCanBeRenderedAgain) {
+  const std::vector<Commit> group = make_store();
+  std::filesystem::resize_file(segment(), 7000);
+  const auto store = open();
+  ASSERT_TRUE(store.ok()) << store.status();
+  EXPECT_TRUE((*store)->read_block("a", group[0].record).ok());
+  EXPECT_TRUE(absl::IsDataLoss((*store)->read_block("a", group[1].record).status()));
+  ASSERT_TRUE((*store)->drop_units("a", {group[1].record.unit}).ok());
+  std::vector<Commit> again = {group[1]};
+  ASSERT_TRUE((*store)->commit(again).ok());
+  EXPECT_EQ(*(*store)->read_block("a", again[0].record), group[1].block);
+}
+
+TEST_F(DamageTest, AMissingSegmentIsNotTakenForAReleasedOne) {
+  const std::vector<Commit> group = make_store();
+  std::filesystem::remove(segment());
+  const auto store = open();
+  ASSERT_TRUE(store.ok()) << store.status();
+  EXPECT_TRUE(absl::IsDataLoss((*store)->read_block("a", group[0].record).status()));
+}
+
+TEST_F(DamageTest, ARecordWithAWildSizeAllocatesNothing) {
+  const std::vector<Commit> group = make_store();
+  const auto store = open();
+  ASSERT_TRUE(store.ok());
+  UnitRecord record = group[0].record;
+  record.stored_bytes = std::int64_t{1} << 60;
+  EXPECT_TRUE(absl::IsDataLoss((*store)->read_block("a", record).status()));
+  record.stored_bytes = -1;
+  EXPECT_TRUE(absl::IsDataLoss((*store)->read_block("a", record).status()));
+}
+
+TEST_F(DamageTest, AFileThatIsNoDatabaseIsRefused) {
+  make_store();
+  overwrite(path() + "/store.db", 0, std::string(100, '#'));
+  const auto store = open();
+  EXPECT_TRUE(absl::IsDataLoss(store.status())) << store.status();
+  EXPECT_TRUE(absl::StrContains(store.status().message(), "store.db")) << store.status();
+}
+
+TEST_F(DamageTest, RowsThatCannotBeReadAreReportedAndNotTakenForNone) {
+  make_store();
+  const auto size = std::filesystem::file_size(path() + "/store.db");
+  for (std::uintmax_t page = 1; page * 4096 < size; ++page) {
+    overwrite(path() + "/store.db", static_cast<std::int64_t>(page * 4096),
+              std::string(64, '\xee'));
+  }
+  const auto store = open();
+  EXPECT_TRUE(absl::IsDataLoss(store.status())) << store.status();
+  EXPECT_TRUE(std::filesystem::exists(segment())) << "a damaged table must not look like litter";
+}
+
+TEST_F(DamageTest, ANewerSchemaIsRefusedAndLeftAlone) {
+  const std::vector<Commit> group = make_store();
+  {
+    auto database = Database::open(path() + "/store.db", "", Database::Mode::writer);
+    ASSERT_TRUE(database.ok()) << database.status();
+    ASSERT_TRUE((*database)->script("PRAGMA user_version=1000").ok());
+  }
+  const auto store = open();
+  EXPECT_TRUE(absl::IsFailedPrecondition(store.status())) << store.status();
+  EXPECT_TRUE(absl::StrContains(store.status().message(), "newer")) << store.status();
+  EXPECT_TRUE(std::filesystem::exists(segment()));
+}
+
+TEST_F(DamageTest, AForeignDatabaseIsRefused) {
+  std::filesystem::create_directory(path());
+  {
+    auto database = Database::open(path() + "/store.db", "", Database::Mode::writer);
+    ASSERT_TRUE(database.ok()) << database.status();
+    ASSERT_TRUE((*database)->script("CREATE TABLE theirs(x); PRAGMA user_version=1").ok());
+  }
+  const auto store = open();
+  EXPECT_TRUE(absl::IsDataLoss(store.status())) << store.status();
+}
+
+TEST_F(DamageTest, AFullDiskFailsTheGroupAndNothingElse) {
+  const std::vector<Commit> before = make_store();
+  FailingDisk disk;
+  const auto store = open(disk);
+  ASSERT_TRUE(store.ok()) << store.status();
+  disk.fail_write_after(7000);  // in the middle of the second block
+  std::vector<Commit> group = some_units(1);
+  const absl::Status full = (*store)->commit(group);
+  EXPECT_TRUE(absl::IsResourceExhausted(full)) << full;
+  disk.recover();
+  ASSERT_TRUE((*store)->commit(group).ok());
+  for (const Commit& commit : group) {
+    EXPECT_EQ(*(*store)->read_block("a", commit.record), commit.block);
+  }
+  EXPECT_TRUE((*store)->read_block("a", before[0].record).ok());
+  EXPECT_TRUE(deaths_.empty());
+}
+
+TEST_F(DamageTest, AFailedSyncOfASegmentEndsTheProcess) {
+  make_store();
+  FailingDisk disk;
+  const auto store = open(disk);
+  ASSERT_TRUE(store.ok()) << store.status();
+  disk.fail_syncs();
+  std::vector<Commit> group = some_units(1);
+  EXPECT_TRUE(absl::IsDataLoss((*store)->commit(group)));
+  ASSERT_EQ(deaths_.size(), 1U);
+  disk.recover();
+  EXPECT_TRUE(absl::IsDataLoss((*store)->commit(group))) << "no second try";
+  EXPECT_EQ(disk.syncs_after_failure(), 0);
+  int count = 0;
+  EXPECT_TRUE((*store)->for_each_unit("a", [&](const UnitRecord&) { ++count; }).ok());
+  EXPECT_EQ(count, 2);
+}
+
+TEST_F(DamageTest, AFailedSyncOfAnAssetOrAnImageEndsTheProcess) {
+  make_store();
+  FailingDisk disk;
+  {
+    const auto store = open(disk);
+    ASSERT_TRUE(store.ok()) << store.status();
+    const std::string upload = *(*store)->new_upload_path();
+    std::ofstream(upload) << "texture";
+    disk.fail_syncs();
+    EXPECT_TRUE(absl::IsDataLoss((*store)->keep_asset(upload, contract::sha256("texture"))));
+    EXPECT_FALSE((*store)->has_asset(contract::sha256("texture")));
+    EXPECT_EQ(deaths_.size(), 1U);
+  }
+  disk.recover();
+  const auto store = open(disk);
+  ASSERT_TRUE(store.ok()) << store.status();
+  FrameRecord frame;
+  frame.file = "image.exr";
+  std::ofstream(*(*store)->output_folder("a") + "/image.exr") << "image";
+  disk.fail_syncs();
+  EXPECT_TRUE(absl::IsDataLoss((*store)->finish_frame("a", frame)));
+  EXPECT_EQ(deaths_.size(), 2U);
+  EXPECT_TRUE((*store)->frames("a")->empty());
+}
+
+TEST_F(DamageTest, AFailedSyncWithinSqliteEndsTheProcess) {
+  make_store();
+  FailingDisk disk;
+  const auto store = open(disk);
+  ASSERT_TRUE(store.ok()) << store.status();
+  disk.fail_sqlite_syncs("store.db-wal");
+  EXPECT_TRUE(absl::IsDataLoss((*store)->remember_worker("w", "w")));
+  EXPECT_EQ(deaths_.size(), 1U);
+}
+
+TEST_F(DamageTest, AFailedSyncOfACheckpointEndsTheProcess) {
+  checkpoint_pages_ = 1;
+  make_store();
+  FailingDisk disk;
+  const auto store = open(disk);
+  ASSERT_TRUE(store.ok()) << store.status();
+  disk.fail_sqlite_syncs("store.db");
+  EXPECT_TRUE(absl::IsDataLoss((*store)->remember_worker("w", "w")));
+  EXPECT_EQ(deaths_.size(), 1U);
+}
+
+TEST(DamageDeathTest, WithoutATestsAnswerTheProcessExitsWithAMessage) {
+  ::testing::FLAGS_gtest_death_test_style = "threadsafe";
+  const ScratchFolder folder;
+  const auto die = [&] {
+    FailingDisk disk;
+    auto store = Store::open(folder.path() + "/store", disk);
+    disk.fail_sqlite_syncs("store.db-wal");
+    if (store.ok()) (*store)->remember_worker("w", "w").IgnoreError();
+    std::exit(0);
+  };
+  EXPECT_EXIT(die(), ::testing::ExitedWithCode(1), "cannot make data durable");
+}
+
+}  // namespace
+}  // namespace tessera::server

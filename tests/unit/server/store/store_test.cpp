@@ -1,0 +1,485 @@
+#include "server/store/store.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "tests/unit/server/store/promises.h"
+#include "tests/unit/server/store/scratch_folder.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr std::int64_t kHourUs = std::int64_t{3600} * 1'000'000;
+
+class StoreTest : public ::testing::Test {
+ protected:
+  StoreTest() { open(); }
+
+  void open() {
+    store_.reset();
+    StoreOptions options;
+    options.segment_bytes = segment_bytes_;
+    options.now_us = [this] { return now_us_; };
+    auto store = Store::open(path(), real_filesystem(), options);
+    ASSERT_TRUE(store.ok()) << store.status();
+    store_ = *std::move(store);
+  }
+
+  std::string path() const { return folder_.path() + "/store"; }
+  Store& store() { return *store_; }
+
+  JobRecord add_job(const std::string& id) {
+    JobRecord job;
+    job.id = id;
+    job.request_id = "request-" + id;
+    job.name = "a name, with 'quotes'";
+    job.owner = "owner";
+    job.request = std::string("\0bytes\xff", 7);
+    job.create_time_us = 1234567;
+    EXPECT_TRUE(store().add_job(job).ok());
+    return job;
+  }
+
+  std::vector<Commit> commit(const std::string& job_id, int frame, int tile_count,
+                             std::size_t block_bytes = 100) {
+    std::vector<Commit> group;
+    for (int tile = 0; tile < tile_count; ++tile) {
+      const char letter = static_cast<char>('a' + tile % 26);
+      group.push_back(make_commit(job_id, {frame, tile, 0}, std::string(block_bytes, letter)));
+    }
+    const absl::Status status = store().commit(group);
+    EXPECT_TRUE(status.ok()) << status;
+    return group;
+  }
+
+  std::vector<UnitRecord> units(const std::string& job_id) {
+    std::vector<UnitRecord> records;
+    const absl::Status status =
+        store().for_each_unit(job_id, [&](const UnitRecord& record) { records.push_back(record); });
+    EXPECT_TRUE(status.ok()) << status;
+    return records;
+  }
+
+  void write_file(const std::string& file, const std::string& bytes) {
+    std::ofstream(file, std::ios::binary) << bytes;
+  }
+
+  FrameRecord finish_frame(const std::string& job_id, int frame, const std::string& bytes) {
+    FrameRecord record;
+    record.frame = frame;
+    record.file = "image." + std::to_string(frame) + ".exr";
+    record.file_sha256 = contract::sha256(bytes);
+    record.pixels_sha256 = contract::sha256("pixels");
+    record.statistics_json = R"({"frame": 1})";
+    write_file(*store().output_folder(job_id) + "/" + record.file, bytes);
+    EXPECT_TRUE(store().finish_frame(job_id, record).ok());
+    return record;
+  }
+
+  contract::Digest upload(const std::string& bytes) {
+    const std::string upload = *store().new_upload_path();
+    write_file(upload, bytes);
+    EXPECT_TRUE(store().keep_asset(upload, contract::sha256(bytes)).ok());
+    EXPECT_FALSE(std::filesystem::exists(upload));
+    return contract::sha256(bytes);
+  }
+
+  ScratchFolder folder_;
+  std::unique_ptr<Store> store_;
+  std::int64_t segment_bytes_ = 1 << 20;
+  std::int64_t now_us_ = 100 * kHourUs;
+};
+
+TEST_F(StoreTest, KeepsItsIdAndKeyAndCountsItsBoots) {
+  const std::string id = store().id();
+  const std::string key = store().key();
+  EXPECT_EQ(id.size(), 32U);
+  EXPECT_EQ(key.size(), 32U);
+  EXPECT_EQ(store().boot_count(), 1);
+  open();
+  EXPECT_EQ(store().id(), id);
+  EXPECT_EQ(store().key(), key);
+  EXPECT_EQ(store().boot_count(), 2);
+  const ScratchFolder other_folder;
+  const auto other = Store::open(other_folder.path() + "/store", real_filesystem());
+  ASSERT_TRUE(other.ok());
+  EXPECT_NE((*other)->id(), id);
+  EXPECT_NE((*other)->key(), key);
+}
+
+TEST_F(StoreTest, LetsNobodyElseReadTheKey) {
+  for (const char* name : {"", "/store.db", "/store.db-wal"}) {
+    struct stat info {};
+    ASSERT_EQ(::stat((path() + name).c_str(), &info), 0) << name;
+    EXPECT_EQ(info.st_mode & 077, 0U) << name;
+  }
+}
+
+TEST_F(StoreTest, RefusesASecondOpener) {
+  const auto second = Store::open(path(), real_filesystem());
+  EXPECT_TRUE(absl::IsFailedPrecondition(second.status())) << second.status();
+  EXPECT_EQ(store().boot_count(), 1);
+}
+
+TEST_F(StoreTest, RefusesAFolderWhoseParentIsMissing) {
+  const auto store = Store::open(folder_.path() + "/no/store", real_filesystem());
+  EXPECT_TRUE(absl::IsNotFound(store.status())) << store.status();
+}
+
+TEST_F(StoreTest, GivesJobsBackAsTheyWereInOrderOfSubmission) {
+  JobRecord second = add_job("z");
+  const JobRecord first = add_job("a");
+  EXPECT_LT(second.sequence, first.sequence);
+  second.state = 3;
+  second.reason = "because";
+  second.end_time_us = std::numeric_limits<std::int64_t>::max();
+  second.wall_seconds = 0.1;
+  ASSERT_TRUE(store().update_job(second).ok());
+  open();
+  const auto jobs = store().jobs();
+  ASSERT_TRUE(jobs.ok());
+  ASSERT_EQ(jobs->size(), 2U);
+  const JobRecord& found = jobs->front();
+  EXPECT_EQ(found.id, "z");
+  EXPECT_EQ(found.sequence, second.sequence);
+  EXPECT_EQ(found.request_id, "request-z");
+  EXPECT_EQ(found.name, second.name);
+  EXPECT_EQ(found.owner, "owner");
+  EXPECT_EQ(found.request, second.request);
+  EXPECT_EQ(found.state, 3);
+  EXPECT_EQ(found.reason, "because");
+  EXPECT_EQ(found.create_time_us, 1234567);
+  EXPECT_EQ(found.end_time_us, second.end_time_us);
+  EXPECT_EQ(found.wall_seconds, 0.1);
+  EXPECT_EQ(jobs->back().id, "a");
+}
+
+TEST_F(StoreTest, RefusesAJobThatWasSeenBefore) {
+  add_job("a");
+  JobRecord same_id;
+  same_id.id = "a";
+  EXPECT_TRUE(absl::IsAlreadyExists(store().add_job(same_id)));
+  JobRecord same_request;
+  same_request.id = "b";
+  same_request.request_id = "request-a";
+  EXPECT_TRUE(absl::IsAlreadyExists(store().add_job(same_request)));
+  EXPECT_EQ(store().jobs()->size(), 1U);
+}
+
+TEST_F(StoreTest, TakesManyJobsWithoutARequestId) {
+  for (const char* id : {"a", "b"}) {
+    JobRecord job;
+    job.id = id;
+    EXPECT_TRUE(store().add_job(job).ok());
+  }
+}
+
+TEST_F(StoreTest, RefusesAnIdThatIsNoFileName) {
+  for (const std::string id : {"", ".", "..", "../a", "a/b", ".hidden", "a b", "ä"}) {
+    JobRecord job;
+    job.id = id;
+    EXPECT_TRUE(absl::IsInvalidArgument(store().add_job(job))) << id;
+    EXPECT_TRUE(absl::IsInvalidArgument(store().output_folder(id).status())) << id;
+  }
+}
+
+TEST_F(StoreTest, NeverGivesOutTheIdOfARemovedJob) {
+  const JobRecord job = add_job("a");
+  ASSERT_TRUE(store().remove_job("a").ok());
+  open();
+  EXPECT_TRUE(store().jobs()->empty());
+  JobRecord again = job;
+  EXPECT_TRUE(absl::IsAlreadyExists(store().add_job(again)));
+  JobRecord retried = job;
+  retried.id = "b";
+  EXPECT_TRUE(absl::IsAlreadyExists(store().add_job(retried)));
+  EXPECT_GT(add_job("c").sequence, job.sequence);
+}
+
+TEST_F(StoreTest, KnowsNothingOfAJobThatIsNotThere) {
+  JobRecord job;
+  job.id = "nobody";
+  std::vector<Commit> group = {make_commit("nobody", {0, 0, 0}, "block")};
+  EXPECT_TRUE(absl::IsNotFound(store().update_job(job)));
+  EXPECT_TRUE(absl::IsNotFound(store().remove_job("nobody")));
+  EXPECT_TRUE(absl::IsNotFound(store().commit(group)));
+  EXPECT_TRUE(absl::IsNotFound(store().drop_units("nobody", {})));
+  EXPECT_TRUE(absl::IsNotFound(store().finish_frame("nobody", {})));
+  EXPECT_TRUE(absl::IsNotFound(store().release_segments("nobody")));
+  EXPECT_TRUE(units("nobody").empty());
+  EXPECT_TRUE(store().frames("nobody")->empty());
+}
+
+TEST_F(StoreTest, GivesBlocksBackAfterARestartInOrderOfTheirUnits) {
+  add_job("a");
+  add_job("b");
+  std::vector<Commit> group;
+  for (const contract::Unit unit : {contract::Unit{1, 0, 0}, {0, 2, 1}, {0, 2, 0}, {0, 1, 0}}) {
+    const std::string bytes = std::to_string(unit.frame) + std::to_string(unit.tile) +
+                              std::to_string(unit.pass) + std::string(500'000, 'x');
+    group.push_back(make_commit("a", unit, bytes));
+    group.push_back(make_commit("b", unit, "b" + bytes));
+  }
+  ASSERT_TRUE(store().commit(group).ok());
+  open();
+  const std::vector<UnitRecord> found = units("a");
+  ASSERT_EQ(found.size(), 4U);
+  EXPECT_EQ(found[0].unit, (contract::Unit{0, 1, 0}));
+  EXPECT_EQ(found[1].unit, (contract::Unit{0, 2, 0}));
+  EXPECT_EQ(found[2].unit, (contract::Unit{0, 2, 1}));
+  EXPECT_EQ(found[3].unit, (contract::Unit{1, 0, 0}));
+  for (const Commit& commit : group) {
+    const auto block = store().read_block(commit.job_id, commit.record);
+    ASSERT_TRUE(block.ok()) << block.status();
+    EXPECT_EQ(*block, commit.block);
+    EXPECT_EQ(commit.record.size_bytes, static_cast<std::int64_t>(commit.block.size()));
+  }
+  EXPECT_EQ(found[0].worker_id, "worker");
+  EXPECT_EQ(found[0].cpu_seconds, 0.25);
+}
+
+TEST_F(StoreTest, CommitsAllOfAGroupOrNothing) {
+  add_job("a");
+  commit("a", 0, 1);
+  std::vector<Commit> group = {make_commit("a", {0, 7, 0}, "new"),
+                               make_commit("a", {0, 0, 0}, "a second result")};
+  EXPECT_TRUE(absl::IsAlreadyExists(store().commit(group)));
+  ASSERT_EQ(units("a").size(), 1U);
+  EXPECT_EQ(*store().read_block("a", units("a")[0]), std::string(100, 'a'));
+  group.pop_back();
+  EXPECT_TRUE(store().commit(group).ok());
+  EXPECT_EQ(*store().read_block("a", group[0].record), "new");
+}
+
+TEST_F(StoreTest, BeginsANewSegmentWhenOneIsLongEnoughAndAfterARestart) {
+  segment_bytes_ = 1000;
+  open();
+  add_job("a");
+  commit("a", 0, 5, 300);  // a group stays together
+  commit("a", 1, 1, 300);
+  open();
+  commit("a", 2, 1, 300);
+  const std::vector<UnitRecord> found = units("a");
+  ASSERT_EQ(found.size(), 7U);
+  EXPECT_EQ(found[4].segment, 0);
+  EXPECT_EQ(found[4].offset, 1200);
+  EXPECT_EQ(found[5].segment, 1);
+  EXPECT_EQ(found[6].segment, 2);
+  for (const UnitRecord& unit : found) EXPECT_TRUE(store().read_block("a", unit).ok());
+}
+
+TEST_F(StoreTest, WritesToMoreJobsThanItKeepsFilesOpen) {
+  std::vector<Commit> last;
+  for (int round = 0; round < 2; ++round) {
+    for (int job = 0; job < 80; ++job) {
+      const std::string id = "job" + std::to_string(job);
+      if (round == 0) add_job(id);
+      last = commit(id, round, 1);
+    }
+  }
+  for (int job = 0; job < 80; ++job) {
+    for (const UnitRecord& unit : units("job" + std::to_string(job))) {
+      EXPECT_EQ(unit.segment, 0);
+      EXPECT_TRUE(store().read_block("job" + std::to_string(job), unit).ok());
+    }
+  }
+}
+
+TEST_F(StoreTest, ForgetsDroppedUnitsAndTakesThemAgain) {
+  add_job("a");
+  commit("a", 0, 3);
+  ASSERT_TRUE(store().drop_units("a", {{0, 0, 0}, {0, 2, 0}, {9, 9, 9}}).ok());
+  open();
+  ASSERT_EQ(units("a").size(), 1U);
+  std::vector<Commit> again = {make_commit("a", {0, 2, 0}, "better")};
+  ASSERT_TRUE(store().commit(again).ok());
+  EXPECT_EQ(*store().read_block("a", again[0].record), "better");
+}
+
+TEST_F(StoreTest, RecordsFinishedFrames) {
+  add_job("a");
+  const FrameRecord second = finish_frame("a", 2, "second");
+  const FrameRecord first = finish_frame("a", 1, "first");
+  open();
+  const auto frames = store().frames("a");
+  ASSERT_TRUE(frames.ok());
+  ASSERT_EQ(frames->size(), 2U);
+  EXPECT_EQ(frames->front().frame, 1);
+  EXPECT_EQ(frames->front().file, first.file);
+  EXPECT_EQ(frames->back().file_sha256, second.file_sha256);
+  EXPECT_EQ(frames->back().pixels_sha256, second.pixels_sha256);
+  EXPECT_EQ(frames->back().statistics_json, second.statistics_json);
+}
+
+TEST_F(StoreTest, RefusesAFrameWithoutItsFile) {
+  add_job("a");
+  FrameRecord frame;
+  frame.file = "missing.exr";
+  EXPECT_TRUE(absl::IsNotFound(store().finish_frame("a", frame)));
+  frame.file = "../store.db";
+  EXPECT_TRUE(absl::IsInvalidArgument(store().finish_frame("a", frame)));
+  EXPECT_TRUE(store().frames("a")->empty());
+}
+
+TEST_F(StoreTest, ReleasesBlocksButKeepsTheirRows) {
+  add_job("a");
+  commit("a", 0, 3);
+  ASSERT_TRUE(store().release_segments("a").ok());
+  EXPECT_TRUE(std::filesystem::is_empty(path() + "/segments/a"));
+  ASSERT_EQ(units("a").size(), 3U);
+  EXPECT_TRUE(absl::IsNotFound(store().read_block("a", units("a")[0]).status()));
+  const std::vector<Commit> later = commit("a", 1, 1);
+  EXPECT_EQ(*store().read_block("a", later[0].record), later[0].block);
+  open();
+  EXPECT_TRUE(absl::IsNotFound(store().read_block("a", units("a")[0]).status()));
+  EXPECT_EQ(*store().read_block("a", later[0].record), later[0].block);
+}
+
+TEST_F(StoreTest, RemovesAllThatAJobHad) {
+  add_job("a");
+  const std::vector<Commit> group = commit("a", 0, 3);
+  finish_frame("a", 0, "image");
+  ASSERT_TRUE(store().remove_job("a").ok());
+  EXPECT_FALSE(std::filesystem::exists(path() + "/segments/a"));
+  EXPECT_FALSE(std::filesystem::exists(path() + "/outputs/a"));
+  EXPECT_TRUE(units("a").empty());
+  EXPECT_TRUE(absl::IsNotFound(store().read_block("a", group[0].record).status()));
+}
+
+TEST_F(StoreTest, SweepsUpWhatHasNoRow) {
+  add_job("a");
+  commit("a", 0, 1);
+  const contract::Digest kept = upload("kept");
+  write_file(path() + "/segments/a/7.seg", "written, never committed");
+  std::filesystem::create_directory(path() + "/segments/gone");
+  write_file(path() + "/segments/gone/0.seg", "of a removed job");
+  std::filesystem::create_directory(path() + "/outputs/gone");
+  write_file(path() + "/outputs/gone/image.exr", "of a removed job");
+  const std::string stray = store().asset_path(contract::sha256("stray"));
+  std::filesystem::create_directories(std::filesystem::path(stray).parent_path());
+  write_file(stray, "stray");
+  const std::string upload = *store().new_upload_path();
+  write_file(upload, "half an upl");
+  open();
+  EXPECT_FALSE(std::filesystem::exists(path() + "/segments/a/7.seg"));
+  EXPECT_FALSE(std::filesystem::exists(path() + "/segments/gone"));
+  EXPECT_FALSE(std::filesystem::exists(path() + "/outputs/gone"));
+  EXPECT_FALSE(std::filesystem::exists(stray));
+  EXPECT_FALSE(std::filesystem::exists(upload));
+  EXPECT_TRUE(store().has_asset(kept));
+  EXPECT_TRUE(store().read_block("a", units("a")[0]).ok());
+}
+
+TEST_F(StoreTest, ShowsAnAssetOnceItIsKept) {
+  const contract::Digest digest = contract::sha256("texture");
+  const std::string upload_path = *store().new_upload_path();
+  EXPECT_NE(*store().new_upload_path(), upload_path);
+  write_file(upload_path, "texture");
+  EXPECT_FALSE(store().has_asset(digest));
+  EXPECT_FALSE(std::filesystem::exists(store().asset_path(digest)));
+  ASSERT_TRUE(store().keep_asset(upload_path, digest).ok());
+  EXPECT_EQ(upload("texture"), digest);  // a second upload of the same is no harm
+  open();
+  EXPECT_TRUE(store().has_asset(digest));
+  EXPECT_EQ(read_file(store().asset_path(digest)), "texture");
+}
+
+TEST_F(StoreTest, RefusesToKeepAnUploadThatIsNotThere) {
+  const auto status = store().keep_asset(*store().new_upload_path(), contract::sha256("x"));
+  EXPECT_TRUE(absl::IsNotFound(status)) << status;
+  EXPECT_FALSE(store().has_asset(contract::sha256("x")));
+}
+
+TEST_F(StoreTest, CollectsTheOldestAssetsThatNobodyNeeds) {
+  const contract::Digest named = upload(std::string(100, 'n'));
+  const contract::Digest oldest = upload(std::string(100, 'o'));
+  now_us_ += 1;
+  const contract::Digest older = upload(std::string(100, 'p'));
+  now_us_ += 2 * kHourUs;
+  const contract::Digest fresh = upload(std::string(100, 'f'));
+  ASSERT_TRUE(store().collect_assets(now_us_, 400, {}).ok());
+  EXPECT_TRUE(store().has_asset(oldest)) << "the quota is kept";
+  ASSERT_TRUE(store().collect_assets(now_us_, 301, {named}).ok());
+  EXPECT_FALSE(store().has_asset(oldest));
+  EXPECT_FALSE(std::filesystem::exists(store().asset_path(oldest)));
+  EXPECT_TRUE(store().has_asset(older));
+  ASSERT_TRUE(store().collect_assets(now_us_, 0, {named}).ok());
+  EXPECT_FALSE(store().has_asset(older));
+  EXPECT_TRUE(store().has_asset(fresh)) << "uploaded within the hour";
+  EXPECT_TRUE(store().has_asset(named));
+  now_us_ += kHourUs;
+  upload(std::string(100, 'f'));  // pins it for another hour
+  ASSERT_TRUE(store().collect_assets(now_us_, 0, {named}).ok());
+  EXPECT_TRUE(store().has_asset(fresh));
+}
+
+TEST_F(StoreTest, RemembersItsWorkers) {
+  ASSERT_TRUE(store().remember_worker("w2", "second").ok());
+  ASSERT_TRUE(store().remember_worker("w1", "first").ok());
+  ASSERT_TRUE(store().remember_worker("w1", "first again").ok());
+  ASSERT_TRUE(store().remember_worker("w3", "third").ok());
+  ASSERT_TRUE(store().forget_worker("w3").ok());
+  ASSERT_TRUE(store().forget_worker("nobody").ok());
+  open();
+  EXPECT_EQ(*store().roster(), (std::vector<std::string>{"w1", "w2"}));
+}
+
+TEST_F(StoreTest, CountsTheBytesItUses) {
+  const auto count_files = [&] {
+    std::int64_t bytes = 0;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(path())) {
+      const std::string name = entry.path().filename().string();
+      const bool is_log = name == "store.db-wal" || name == "store.db-shm" || name == "store.db";
+      if (entry.is_regular_file() && !is_log) bytes += static_cast<std::int64_t>(entry.file_size());
+    }
+    return bytes;
+  };
+  const std::int64_t empty = store().used_bytes();
+  EXPECT_GT(empty, 0);
+  add_job("a");
+  add_job("b");
+  commit("a", 0, 4, 100'000);
+  commit("b", 0, 2, 50'000);
+  upload(std::string(70'000, 'u'));
+  upload(std::string(70'000, 'u'));
+  finish_frame("a", 0, std::string(30'000, 'f'));
+  finish_frame("a", 0, std::string(20'000, 'g'));
+  EXPECT_EQ(count_files(), 400'000 + 100'000 + 70'000 + 20'000);
+  EXPECT_EQ(store().used_bytes(), empty + count_files());
+  open();
+  EXPECT_EQ(store().used_bytes(), empty + count_files());
+  ASSERT_TRUE(store().release_segments("b").ok());
+  EXPECT_EQ(store().used_bytes(), empty + count_files());
+  ASSERT_TRUE(store().remove_job("a").ok());
+  now_us_ += 2 * kHourUs;
+  ASSERT_TRUE(store().collect_assets(now_us_, 0, {}).ok());
+  EXPECT_EQ(count_files(), 0);
+  EXPECT_EQ(store().used_bytes(), empty);
+}
+
+TEST_F(StoreTest, CanBeReadWhileItIsWrittenTo) {
+  add_job("a");
+  std::thread reader([&] {
+    for (int i = 0; i < 50; ++i) {
+      for (const UnitRecord& unit : units("a")) {
+        EXPECT_TRUE(store().read_block("a", unit).ok());
+      }
+      EXPECT_FALSE(store().has_asset(contract::sha256("x")));
+      EXPECT_GT(store().used_bytes(), 0);
+    }
+  });
+  for (int frame = 0; frame < 50; ++frame) commit("a", frame, 3);
+  reader.join();
+  EXPECT_EQ(units("a").size(), 150U);
+}
+
+}  // namespace
+}  // namespace tessera::server
