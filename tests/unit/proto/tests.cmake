@@ -1,1 +1,9 @@
 # Tests of this folder (see ../CMakeLists.txt).
+tessera_test(NAME contract KIND unit
+  SOURCES unit/proto/digest_test.cpp unit/proto/film_block_test.cpp unit/proto/hilbert_test.cpp
+          unit/proto/image_metrics_test.cpp unit/proto/pass_schedule_test.cpp
+          unit/proto/tile_grid_test.cpp
+  LINKS tessera::contract)
+if(TESSERA_WITH_GRPC)
+  tessera_test(NAME settings KIND unit SOURCES unit/proto/settings_test.cpp LINKS tessera::channel)
+endif()
