@@ -1,7 +1,6 @@
 #include "worker/sampling/pixel_filter.h"
 
-#include <cstddef>
-#include <cstdint>
+#include <vector>
 
 #include "worker/math/elementary.h"
 
@@ -9,8 +8,7 @@ namespace tessera::render {
 namespace {
 
 constexpr double kPi = 0x1.921fb54442d18p+1;
-constexpr int kQuantiles = 1024;     // linear between them
-constexpr int kIntegration = 65536;  // midpoint rule
+constexpr int kSteps = 1024;
 
 /// The filter over its support, x in [-1/2, 1/2]; any scale.
 double value(contract::PixelFilter filter, double x) {
@@ -26,29 +24,18 @@ double value(contract::PixelFilter filter, double x) {
 PixelFilterSampler::PixelFilterSampler(contract::PixelFilter filter, double width)
     : width_(static_cast<float>(width)) {
   if (filter == contract::PixelFilter::box) return;
-  const double step = 1.0 / kIntegration;
-  std::vector<double> cdf = {0};
-  cdf.reserve(kIntegration + 1);
-  for (int i = 0; i < kIntegration; ++i) {
-    cdf.push_back(cdf.back() + value(filter, -0.5 + (i + 0.5) * step));
-  }
-  edges_.resize(kQuantiles + 1);
-  std::size_t cell = 0;
-  for (int q = 0; q <= kQuantiles; ++q) {
-    const double wanted = cdf.back() * q / kQuantiles;
-    while (cell + 1 < kIntegration && cdf[cell + 1] < wanted) ++cell;
-    const double inside = (wanted - cdf[cell]) / (cdf[cell + 1] - cdf[cell]);
-    const double x = -0.5 + (static_cast<double>(cell) + inside) * step;
-    edges_[static_cast<std::size_t>(q)] = static_cast<float>(clamp(x, -0.5, 0.5));
-  }
+  std::vector<double> weights;
+  for (int i = 0; i < kSteps; ++i) weights.push_back(value(filter, (i + 0.5) / kSteps - 0.5));
+  steps_ = DiscreteDistribution(weights);
 }
 
 float PixelFilterSampler::invert(float u) const {
-  if (edges_.empty()) return u - 0.5f;
-  const float scaled = u * kQuantiles;
-  const auto cell = static_cast<std::size_t>(
-      static_cast<std::int32_t>(clamp(scaled, 0.0f, static_cast<float>(kQuantiles - 1))));
-  return lerp(edges_[cell], edges_[cell + 1], scaled - static_cast<float>(cell));
+  if (steps_.empty()) return u - 0.5f;
+  const DiscreteDistribution::Choice step = steps_.sample(static_cast<double>(u));
+  // Exact up to its last step: multiples of 2^-10 and a fraction of one.
+  const float x = (static_cast<float>(step.index - kSteps / 2) + step.remapped) / kSteps;
+  constexpr float kBelowHalf = 0x1.fffffep-2f;
+  return x < kBelowHalf ? x : kBelowHalf;
 }
 
 Vec2f PixelFilterSampler::sample(Vec2f u) const {

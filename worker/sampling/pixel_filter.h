@@ -1,9 +1,8 @@
 #pragma once
 
-#include <vector>
-
 #include "proto/contract/render_settings.h"
 #include "worker/math/vector.h"
+#include "worker/sampling/distribution.h"
 
 namespace tessera::render {
 
@@ -12,7 +11,7 @@ namespace tessera::render {
 ///
 /// All filters are products of two equal one-dimensional ones, positive on their support of
 /// `width` pixels: box (constant), gaussian (sigma = width / 6, cut at 3 sigma) and Blackman-Harris
-/// (4 terms). Those but the box are inverted by a table of their distribution function.
+/// (4 terms). Those but the box are tables of 1024 steps over the support.
 class PixelFilterSampler {
  public:
   /// Requires width > 0, in pixels.
@@ -25,7 +24,7 @@ class PixelFilterSampler {
   float invert(float u) const;
 
   float width_;
-  std::vector<float> edges_;  // quantiles k / (size - 1), in [-1/2, 1/2]; empty for the box
+  DiscreteDistribution steps_;  // empty for the box
 };
 
 }  // namespace tessera::render
