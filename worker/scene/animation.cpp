@@ -137,6 +137,15 @@ absl::StatusOr<std::vector<std::int32_t>> choose_animations(const Document& docu
   return chosen;
 }
 
+double clip_seconds(const Document& document, std::int32_t animation) {
+  double last = 0;
+  for (const AnimationChannel& channel : document.animations[animation].channels) {
+    const auto times = read_floats(document, channel.input, 1);
+    if (times.ok() && !times->empty() && times->back() > last) last = times->back();
+  }
+  return last;
+}
+
 absl::Status check_animations(const Document& document) {
   for (std::size_t i = 0; i < document.animations.size(); ++i) {
     const auto& channels = document.animations[i].channels;

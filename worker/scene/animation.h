@@ -14,6 +14,9 @@ namespace tessera::render {
 absl::StatusOr<std::vector<std::int32_t>> choose_animations(const Document& document,
                                                             const std::string& selection);
 
+/// Time of an animation's last key, seconds. Requires check_animations().
+double clip_seconds(const Document& document, std::int32_t animation);
+
 /// Checks what posing relies on: key times are finite and increase, outputs have the right shape
 /// and are finite. Errors: InvalidArgument "animations[i].channels[k]: ...".
 absl::Status check_animations(const Document& document);

@@ -155,6 +155,7 @@ struct Document {
   std::vector<SceneSource> scenes;
   std::int32_t default_scene = kNone;
   std::vector<std::string> variants;
+  std::vector<std::string> extensions_used, extensions_required;
   std::vector<std::string> resources;
   std::vector<Problem> problems;
 };

@@ -272,6 +272,7 @@ absl::Status check_extensions(const json& root, Document& document) {
   const JsonView view(root, "", fault);
   for (const JsonView& item : view["extensionsRequired"].items()) {
     const std::string name = item.as_text();
+    document.extensions_required.push_back(name);
     if (!name.empty() && !is_known(name)) {
       return absl::UnimplementedError(
           absl::StrCat("extensionsRequired: ", name, " is not supported"));
@@ -279,6 +280,7 @@ absl::Status check_extensions(const json& root, Document& document) {
   }
   for (const JsonView& item : view["extensionsUsed"].items()) {
     const std::string name = item.as_text();
+    document.extensions_used.push_back(name);
     if (!name.empty() && !is_known(name)) {
       document.problems.push_back({Problem::Severity::warning, "extensionsUsed",
                                    name + " is not supported; what it says is ignored"});

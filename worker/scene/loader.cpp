@@ -31,6 +31,20 @@ class LoadedScene final : public SceneFile {
   const std::vector<Problem>& problems() const override { return document_.problems; }
   const std::vector<std::string>& resources() const override { return document_.resources; }
 
+  SceneContents contents() const override {
+    SceneContents out;
+    for (const SceneSource& s : document_.scenes) out.scenes.push_back(s.name);
+    for (const Camera& c : document_.cameras) out.cameras.push_back(c.name);
+    for (std::size_t i = 0; i < document_.animations.size(); ++i) {
+      out.animations.push_back(
+          {document_.animations[i].name, clip_seconds(document_, static_cast<std::int32_t>(i))});
+    }
+    out.variants = document_.variants;
+    out.extensions_used = document_.extensions_used;
+    out.extensions_required = document_.extensions_required;
+    return out;
+  }
+
   absl::StatusOr<Scene> pose(const contract::RenderSettings& settings,
                              std::int32_t frame) const override {
     const PoseInput input{document_, has_sky_ ? &sky_ : nullptr, settings, frame};

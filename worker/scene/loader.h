@@ -31,12 +31,25 @@ struct Problem {
   std::string message;  // fault, value, and what to do
 };
 
-/// A parsed glTF file and its sky, decoded and checked, not yet posed at a time.
+/// What a file offers to choose from, by name (empty where it has none).
+struct SceneContents {
+  struct Clip {
+    std::string name;
+    double seconds = 0;  // time of its last key
+  };
+  std::vector<std::string> scenes, cameras, variants, extensions_used, extensions_required;
+  std::vector<Clip> animations;
+};
+
+/// A parsed glTF file and its sky, checked, not yet posed at a time. Looks into the bytes of its
+/// reader, which must outlive it. Safe to pose from several threads.
 class SceneFile {
  public:
   virtual ~SceneFile() = default;
-  /// Warnings and notes met so far; errors are returned as statuses.
+  /// Warnings and notes met so far, by pose() too; errors are returned as statuses. Not while
+  /// another thread poses.
   virtual const std::vector<Problem>& problems() const = 0;
+  virtual SceneContents contents() const = 0;
   /// URIs of all resources the file names (buffers, images), in order, without data URIs.
   virtual const std::vector<std::string>& resources() const = 0;
   /// The scene at frame `frame` of `settings` (time frame / fps), with its camera, variant and

@@ -3,17 +3,19 @@ target_sources(tessera_render
   PRIVATE
     scene/accessor_reader.cpp scene/animation.cpp scene/camera_setup.cpp scene/compression.cpp
     scene/container.cpp scene/core_model.cpp scene/deform.cpp scene/draco_decoder.cpp
-    scene/first_pass.cpp scene/geometry_reader.cpp scene/hierarchy.cpp scene/image_decoder.cpp
-    scene/image_sources.cpp scene/json_view.cpp scene/loader.cpp scene/material_extensions.cpp
-    scene/meshopt_decoder.cpp scene/node_extensions.cpp scene/scene_builder.cpp
-    scene/selection.cpp scene/tangents.cpp scene/uri.cpp
+    scene/first_pass.cpp scene/folder_reader.cpp scene/geometry_reader.cpp scene/hierarchy.cpp
+    scene/image_decoder.cpp scene/image_sources.cpp scene/inspect_report.cpp scene/json_view.cpp
+    scene/loader.cpp scene/material_extensions.cpp scene/meshopt_decoder.cpp scene/needs.cpp
+    scene/node_extensions.cpp scene/scene_builder.cpp scene/selection.cpp scene/tangents.cpp
+    scene/uri.cpp
   PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
   FILES
     scene/accessor_reader.h scene/animation.h scene/camera_setup.h scene/compression.h
     scene/container.h scene/core_model.h scene/deform.h scene/document.h scene/draco_decoder.h
-    scene/extension_reader.h scene/first_pass.h scene/geometry_reader.h scene/hierarchy.h
-    scene/image_decoder.h scene/json_view.h scene/limits.h scene/loader.h scene/meshopt_decoder.h
-    scene/scene.h scene/scene_builder.h scene/selection.h scene/tangents.h scene/uri.h)
+    scene/extension_reader.h scene/first_pass.h scene/folder_reader.h scene/geometry_reader.h
+    scene/hierarchy.h scene/image_decoder.h scene/inspect_report.h scene/json_view.h
+    scene/limits.h scene/loader.h scene/meshopt_decoder.h scene/needs.h scene/scene.h
+    scene/scene_builder.h scene/selection.h scene/tangents.h scene/uri.h)
 target_link_libraries(tessera_render
   PRIVATE nlohmann_json::nlohmann_json TinyGLTF::TinyGLTF draco::draco
     meshoptimizer::meshoptimizer OpenImageIO::OpenImageIO absl::strings absl::status)
