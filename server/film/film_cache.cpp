@@ -215,7 +215,7 @@ absl::StatusOr<TileSum> FilmCache::rebuilt(const FrameKey& key, std::int32_t til
   const absl::StatusOr<Frame*> found = find(key, tile, 0);
   if (!found.ok()) return found.status();
   Frame& frame = **found;
-  if (!keep && !is_measured(frame, key, tile)) drop_entry(index_.at({key, tile}));
+  if (!is_measured(frame, key, tile)) drop_entry(index_.at({key, tile}));
   Entry& entry = fetch_entry(key, frame, tile);
   absl::Status status = advance(frame, entry, nullptr, pass_count(frame));
   if (!status.ok()) return status;

@@ -65,9 +65,8 @@ class FilmCache {
   absl::StatusOr<double> mean_luminance(const FrameKey& key);
 
   /// The sums of a tile over its committed passes 0, 1, … up to the first gap; rebuilt if
-  /// needed. pass_count() is 0 if pass 0 is missing. `tile` leaves it in the cache; `take_tile`
-  /// removes it, for writing a finished frame, and first rebuilds a tile that was not measured
-  /// after each pass because m came later.
+  /// needed, also when it was not measured after each pass because m came later. pass_count() is
+  /// 0 if pass 0 is missing. `tile` leaves it in the cache, `take_tile` removes it.
   absl::StatusOr<TileSum> tile(const FrameKey& key, std::int32_t tile);
   absl::StatusOr<TileSum> take_tile(const FrameKey& key, std::int32_t tile);
 
@@ -75,7 +74,7 @@ class FilmCache {
   /// newest pass. pixels is 0 before pass 0 of every tile is there. Cheap: reads no blocks.
   ErrorEstimate running_estimate(const FrameKey& key) const;
   /// The frame's error had it stopped after `pass`, over the tiles measured at it: the points of
-  /// the report's curve. Covers every tile once each has been taken with m known.
+  /// the report's curve. Covers every tile once each has been asked for with m known.
   ErrorEstimate estimate_after_pass(const FrameKey& key, std::int32_t pass) const;
 
   /// Memory of the cached sums.

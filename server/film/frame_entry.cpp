@@ -62,23 +62,22 @@ std::string frame_entry_json(const FrameResult& result, const std::string& file,
 
 std::vector<std::string> frame_warnings(const FrameStatistics& s) {
   std::vector<std::string> warnings;
-  const std::string frame = absl::StrCat("frame ", s.frame, ": ");
   if (s.dropped_samples > 0) {
-    warnings.push_back(absl::StrCat(frame, s.dropped_samples,
+    warnings.push_back(absl::StrCat(s.dropped_samples,
                                     " samples were not finite and were left out; the error "
                                     "estimate does not cover them"));
   }
   if (s.clamped_energy > 0) {
-    warnings.push_back(absl::StrCat(frame, "--clamp removed radiance ", s.clamped_energy,
+    warnings.push_back(absl::StrCat("--clamp removed radiance ", s.clamped_energy,
                                     " in all; the error estimate does not cover it"));
   }
   if (s.transparency_limit_count > 0) {
-    warnings.push_back(absl::StrCat(frame, s.transparency_limit_count,
+    warnings.push_back(absl::StrCat(s.transparency_limit_count,
                                     " paths met 1,024 transparent surfaces and were ended"));
   }
   if (s.half_overflow_count > 0) {
     warnings.push_back(
-        absl::StrCat(frame, s.half_overflow_count, " values above 65504 were held there (--half)"));
+        absl::StrCat(s.half_overflow_count, " values above 65504 were held there (--half)"));
   }
   return warnings;
 }

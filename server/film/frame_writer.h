@@ -80,8 +80,8 @@ struct CurvePoint {
 std::string frame_entry_json(const FrameResult& result, const std::string& file,
                              const std::string& status, const std::vector<CurvePoint>& curve);
 
-/// Warnings for the report about this frame, for people: dropped samples, clamped energy, half
-/// overflow, paths cut at the transparency limit.
+/// Warnings for the report about a frame, for people, without its number: dropped samples, clamped
+/// energy, half overflow, paths cut at the transparency limit.
 std::vector<std::string> frame_warnings(const FrameStatistics& statistics);
 
 }  // namespace tessera::server
