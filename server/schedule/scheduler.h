@@ -54,6 +54,7 @@ class Scheduler {
   Job& add_job(JobKey key, std::shared_ptr<const JobSpec> spec, JobState state);
   Job* find_job(JobKey key);
   Job* find_job(const std::string& id);
+  const Job* find_job(const std::string& id) const;
   const std::map<JobKey, Job>& jobs() const { return jobs_; }
   /// Counts a unit of the journal as committed, without any effect.
   void restore_unit(Job& job, const contract::Unit& unit, const std::string& worker_id,
@@ -69,6 +70,8 @@ class Scheduler {
   void end_job(Job& job, JobState state, const std::string& reason, Time now);
   /// Goes on with a longer schedule; `spec` has the new count. The caller restores finished frames.
   void extend(Job& job, std::shared_ptr<const JobSpec> spec);
+  /// Leases what is waiting to workers with room. After add_job and extend.
+  void offer_work(Time now) { dispatch_all(now); }
   /// Forgets an ended job.
   void remove_job(JobKey key);
 

@@ -94,6 +94,11 @@ void Scheduler::set_state(Job& job, JobState state, const std::string& reason, T
   refresh(job);
 }
 
+const Job* Scheduler::find_job(const std::string& id) const {
+  const auto found = job_by_id_.find(id);
+  return found == job_by_id_.end() ? nullptr : &jobs_.at(found->second);
+}
+
 absl::Status Scheduler::pause(Job& job, const std::string& reason, Time now) {
   if (has_ended(job.state)) {
     return absl::FailedPreconditionError(absl::StrCat("job ", job.spec->id, " has ended"));

@@ -1,0 +1,58 @@
+#include "server/config.h"
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "proto/contract/version.h"
+
+namespace tessera::server {
+
+std::int64_t to_bytes(double gigabytes) {
+  return static_cast<std::int64_t>(gigabytes * 1e9);
+}
+
+ParsedConfig parse_config(int argc, char** argv) {
+  Config config;
+  CLI::App app{"The coordinator of a Tessera farm: takes jobs, leases units, merges film blocks."};
+  app.name("tessera-server");
+  app.set_version_flag("--version", std::string("tessera-server " TESSERA_VERSION ", contract ") +
+                                        std::to_string(contract::kRenderContract));
+  app.set_config("--config", "", "Read options from a TOML file; the command line wins");
+  app.add_option("--listen", config.listen,
+                 "Where to listen: unix:PATH, or a loopback HOST:PORT (port 0: any free one)")
+      ->required()
+      ->type_name("ADDRESS");
+  app.add_option("--store", config.store, "Folder of jobs, blocks and images; made if needed")
+      ->required()
+      ->type_name("DIR");
+  const auto size = CLI::Range(0.001, 1e6);
+  app.add_option("--film-memory", config.film_memory_gb, "Merged tiles kept in memory, GB")
+      ->check(size)
+      ->capture_default_str();
+  app.add_option("--ingest-memory", config.ingest_memory_gb,
+                 "Delivered blocks kept in memory until they are durable, GB")
+      ->check(size)
+      ->capture_default_str();
+  app.add_option("--quota-gb", config.quota_gb, "Store size above which jobs are refused, GB")
+      ->check(size)
+      ->capture_default_str();
+  app.add_option("--asset-quota-gb", config.asset_quota_gb,
+                 "Size of scene files above which unused ones are deleted, GB")
+      ->check(size)
+      ->capture_default_str();
+  app.add_option("--log-level", config.log_level, "What goes to stderr")
+      ->check(CLI::IsMember({"error", "warn", "info", "debug"}))
+      ->capture_default_str();
+  app.footer(
+      "Example:\n  tessera-server --listen 127.0.0.1:7411 --store /var/lib/tessera\n"
+      "The address is printed on stdout once it is bound. Loopback TCP needs the token in\n"
+      "STORE/token; a Unix socket needs a folder of mode 0700. SIGTERM stops the server.");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return {std::nullopt, app.exit(error) == 0 ? 0 : 2};
+  }
+  return {config, 0};
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+namespace tessera::server {
+
+/// What tessera-server is told on its command line or in its configuration file.
+struct Config {
+  std::string listen;              // unix:PATH or a loopback HOST:PORT; port 0: any
+  std::string store;               // folder of the store; made if needed
+  double film_memory_gb = 1;       // of merged tiles kept in memory
+  double ingest_memory_gb = 0.25;  // of delivered blocks not yet committed
+  double quota_gb = 1000;          // of the store, jobs beyond it are refused
+  double asset_quota_gb = 64;      // beyond it assets no job names are deleted
+  std::string log_level = "info";
+};
+
+/// The configuration, or the exit code to end with: 0 after --help or --version, 2 for wrong usage
+/// (said on stderr).
+struct ParsedConfig {
+  std::optional<Config> config;
+  int exit_code = 0;
+};
+ParsedConfig parse_config(int argc, char** argv);
+
+/// `gigabytes` in bytes.
+std::int64_t to_bytes(double gigabytes);
+
+}  // namespace tessera::server

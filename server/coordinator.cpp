@@ -1,0 +1,341 @@
+#include "server/coordinator.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+
+namespace tessera::server {
+
+using contract::Unit;
+
+namespace {
+
+constexpr std::int32_t kManyWorkers = 1000;  // above which heartbeats are halved
+
+absl::Status no_such_job(const std::string& text) {
+  return absl::NotFoundError(absl::StrCat("no job \"", text, "\""));
+}
+
+}  // namespace
+
+Coordinator::Coordinator(Store& store, CoordinatorOptions options,
+                         const std::vector<std::string>& roster)
+    : store_(store),
+      options_(std::move(options)),
+      film_(options_.film_memory_bytes),
+      scheduler_({store.id(), store.key(), store.boot_count()}, options_.policy, roster,
+                 options_.clock()) {}
+
+Coordinator::~Coordinator() = default;
+
+void Coordinator::log(const std::string& message) const {
+  if (options_.log) options_.log(message);
+}
+
+/// Carries out what the scheduler decided: calls to links wait until the lock is given up.
+void Coordinator::settle(Afterwards& afterwards) {
+  Effects effects = scheduler_.take_effects();
+  for (const WorkerKey key : effects.mailed) {
+    const auto linked = links_.find(key);
+    if (linked == links_.end()) continue;
+    afterwards.add([link = linked->second.link] { link->wake(); });
+  }
+  for (const WorkerKey key : effects.to_close) {
+    const auto linked = links_.find(key);
+    if (linked == links_.end()) continue;
+    afterwards.add([link = linked->second.link] {
+      link->close(absl::UnavailableError("nothing was heard of this worker; connect again"));
+    });
+    links_.erase(linked);
+    scheduler_.disconnect(key);
+  }
+  changed_.insert(effects.changed.begin(), effects.changed.end());
+  roster_.insert(roster_.end(), effects.roster.begin(), effects.roster.end());
+  if (!effects.changed.empty() || !effects.roster.empty()) writer_signal_.raise();
+  for (const JobKey key : effects.changed) {
+    const Job* job = scheduler_.find_job(key);
+    if (job == nullptr) continue;
+    JobFilm& film = film_of(*job);
+    if (!has_ended(job->state)) {
+      film.end_time_us = 0;
+    } else if (film.end_time_us == 0) {
+      film.end_time_us = options_.wall_us();
+    }
+  }
+}
+
+void Coordinator::tick() {
+  Afterwards afterwards;
+  MutexLock lock(mutex_);
+  scheduler_.tick(options_.clock(), options_.tick_period);
+  settle(afterwards);
+}
+
+void Coordinator::stop() {
+  MutexLock lock(mutex_);
+  stopping_ = true;
+  for (const auto& [key, job] : scheduler_.jobs()) {
+    if (job.running_since) changed_.insert(key);  // its running time so far
+  }
+  writer_signal_.raise();
+  film_signal_.raise();
+}
+
+bool Coordinator::is_stopping() const {
+  MutexLock lock(mutex_);
+  return stopping_;
+}
+
+// Workers ----------------------------------------------------------------------------------------
+
+Coordinator::Joined Coordinator::join(const Hello& hello, std::shared_ptr<WorkerLink> link) {
+  Afterwards afterwards;
+  MutexLock lock(mutex_);
+  const WorkerKey key = scheduler_.connect(hello, options_.clock());
+  Linked& linked = links_[key];
+  if (linked.link) {
+    afterwards.add([old = linked.link] {
+      old->close(absl::AbortedError("replaced by a newer stream of this worker"));
+    });
+  }
+  linked = {++last_session_, std::move(link)};
+  settle(afterwards);
+  const bool many = static_cast<std::int32_t>(links_.size()) > kManyWorkers;
+  return {{key, linked.session},
+          store_.id(),
+          many ? 2000 : 1000,
+          static_cast<std::int32_t>(seconds(options_.policy.silence) * 1000)};
+}
+
+Worker* Coordinator::worker_of(Session session) {
+  const auto linked = links_.find(session.worker);
+  if (linked == links_.end() || linked->second.session != session.number) return nullptr;
+  Worker* worker = scheduler_.find_worker(session.worker);
+  if (worker != nullptr) scheduler_.hear(session.worker, options_.clock());
+  return worker;
+}
+
+void Coordinator::part(Session session) {
+  Afterwards afterwards;
+  MutexLock lock(mutex_);
+  const auto linked = links_.find(session.worker);
+  if (linked == links_.end() || linked->second.session != session.number) return;
+  // The link may own what calls us: it dies after the lock.
+  afterwards.add([link = std::move(linked->second.link)] {});
+  links_.erase(linked);
+  scheduler_.disconnect(session.worker);
+  settle(afterwards);
+}
+
+void Coordinator::hear(Session session) {
+  MutexLock lock(mutex_);
+  worker_of(session);
+}
+
+void Coordinator::heartbeat(Session session, const std::vector<UnitName>& started,
+                            std::int64_t rss_bytes) {
+  MutexLock lock(mutex_);
+  if (worker_of(session) == nullptr) return;
+  scheduler_.heartbeat(session.worker, started, rss_bytes, options_.clock());
+}
+
+void Coordinator::grant_credits(Session session, std::int32_t count) {
+  Afterwards afterwards;
+  MutexLock lock(mutex_);
+  if (worker_of(session) == nullptr) return;
+  scheduler_.grant_credits(session.worker, count, options_.clock());
+  settle(afterwards);
+}
+
+void Coordinator::leave(Session session) {
+  MutexLock lock(mutex_);
+  if (worker_of(session) != nullptr) scheduler_.leave(session.worker);
+}
+
+void Coordinator::return_units(Session session, const std::vector<UnitName>& units) {
+  Afterwards afterwards;
+  MutexLock lock(mutex_);
+  if (worker_of(session) == nullptr) return;
+  scheduler_.return_units(session.worker, units, options_.clock());
+  settle(afterwards);
+}
+
+void Coordinator::fail_unit(Session session, const Lease& lease, std::int32_t tile, Failure failure,
+                            bool bad_scene) {
+  Afterwards afterwards;
+  MutexLock lock(mutex_);
+  if (worker_of(session) == nullptr) return;
+  afterwards.add(
+      [this, text = absl::StrCat("worker ", session.worker, ": job ", lease.job_id, ", frame ",
+                                 lease.frame, ", tile ", tile, ", pass ", lease.pass,
+                                 " failed: ", failure.message)] { log(text); });
+  scheduler_.fail_unit(session.worker, lease, tile, std::move(failure), bad_scene,
+                       options_.clock());
+  settle(afterwards);
+}
+
+void Coordinator::scene_loaded(Session session, const std::string& job_id, double load_seconds,
+                               double build_seconds, std::int64_t peak_rss_bytes) {
+  MutexLock lock(mutex_);
+  if (worker_of(session) == nullptr) return;
+  scheduler_.scene_loaded(session.worker, job_id, load_seconds, build_seconds, peak_rss_bytes);
+}
+
+Mail Coordinator::take_mail(Session session) {
+  MutexLock lock(mutex_);
+  const auto linked = links_.find(session.worker);
+  if (linked == links_.end() || linked->second.session != session.number) return {};
+  Worker* worker = scheduler_.find_worker(session.worker);
+  return worker == nullptr ? Mail{} : std::exchange(worker->mail, Mail{});
+}
+
+std::vector<std::pair<Worker, double>> Coordinator::workers() const {
+  MutexLock lock(mutex_);
+  const Time now = options_.clock();
+  std::vector<std::pair<Worker, double>> workers;
+  for (const auto& [key, worker] : scheduler_.workers()) {
+    workers.emplace_back(worker, seconds(now - worker.heard));
+  }
+  return workers;
+}
+
+std::shared_ptr<const JobSpec> Coordinator::describe_job(const std::string& job_id) const {
+  MutexLock lock(mutex_);
+  const Job* job = scheduler_.find_job(job_id);
+  return job == nullptr ? nullptr : job->spec;
+}
+
+// Views ------------------------------------------------------------------------------------------
+
+Coordinator::JobFilm& Coordinator::film_of(const Job& job) {
+  return films_[job.key];
+}
+
+const contract::TileGrid& Coordinator::grid_of(const Job& job) {
+  JobFilm& film = film_of(job);
+  if (!film.grid) film.grid = std::make_shared<const contract::TileGrid>(job.spec->settings);
+  return *film.grid;
+}
+
+FrameLedger& Coordinator::ledger_of(Job& job) {
+  JobFilm& film = film_of(job);
+  if (!film.ledger) {
+    const JobPlan& plan = job.open_plan();
+    film.ledger.emplace(plan.tile_count(), static_cast<std::int32_t>(plan.passes().size()));
+  }
+  return *film.ledger;
+}
+
+JobView Coordinator::view(const Job& job) const {
+  const auto found = films_.find(job.key);
+  const JobFilm none;
+  const JobFilm& film = found == films_.end() ? none : found->second;
+  const contract::RenderSettings& settings = job.spec->settings;
+  const Time now = options_.clock();
+  JobView view;
+  view.key = job.key;
+  view.spec = job.spec;
+  view.state = job.state;
+  view.reason = job.reason;
+  view.create_time_us = film.create_time_us;
+  view.end_time_us = film.end_time_us;
+  view.unit_count = job.unit_count;
+  view.frame_count = job.frame_count;
+  if (job.plan) {
+    view.committed_unit_count = job.plan->committed_count();
+    view.leased_unit_count = job.plan->in_flight_count();
+    view.finished_frame_count = job.plan->finished_frame_count();
+  }
+  const contract::PixelRect window = settings.window();
+  view.committed_sample_count = film.committed_samples;
+  view.sample_count = std::int64_t{job.frame_count} * window.width * window.height *
+                      contract::rounded_spp(settings.spp);
+  view.worker_count = static_cast<std::int32_t>(job.holders.size());
+  view.cpu_seconds = job.counters.cpu_seconds;
+  view.estimated_error = film.estimated_error;
+  view.elapsed_seconds = job.wall_seconds(now);
+  const auto gained = static_cast<double>(film.committed_samples - film.samples_at_start);
+  if (!has_ended(job.state) && gained > 0 && job.running_since) {
+    const double spent = view.elapsed_seconds - film.wall_at_start;
+    view.remaining_seconds =
+        spent * static_cast<double>(view.sample_count - view.committed_sample_count) / gained;
+  }
+  return view;
+}
+
+JobRecord Coordinator::record(const Job& job) const {
+  const JobView now = view(job);
+  JobRecord record;
+  record.id = job.spec->id;
+  record.sequence = job.key;
+  record.request_id = job.spec->request_id;
+  record.name = job.spec->name;
+  record.owner = job.spec->owner;
+  record.request = job.spec->request;
+  record.state = static_cast<std::int32_t>(job.state);
+  record.reason = job.reason;
+  record.create_time_us = now.create_time_us;
+  record.end_time_us = now.end_time_us;
+  record.wall_seconds = now.elapsed_seconds;
+  return record;
+}
+
+absl::StatusOr<JobView> Coordinator::job(const std::string& job_id) const {
+  MutexLock lock(mutex_);
+  const Job* job = scheduler_.find_job(job_id);
+  if (job == nullptr) return no_such_job(job_id);
+  return view(*job);
+}
+
+absl::StatusOr<JobView> Coordinator::find_job(const std::string& text) const {
+  MutexLock lock(mutex_);
+  const auto& jobs = scheduler_.jobs();
+  if (jobs.empty() || text.empty()) return no_such_job(text);
+  if (text == "last") return view(jobs.rbegin()->second);
+  std::vector<const Job*> fits;
+  for (const auto& [key, job] : jobs) {
+    if (job.spec->id == text) return view(job);
+    if (absl::StartsWith(job.spec->id, text)) fits.push_back(&job);
+  }
+  if (fits.size() == 1) return view(*fits.front());
+  for (auto job = jobs.rbegin(); job != jobs.rend(); ++job) {
+    if (job->second.spec->name == text) return view(job->second);
+  }
+  if (fits.empty()) return no_such_job(text);
+  std::string message = absl::StrCat("\"", text, "\" fits several jobs:");
+  for (const Job* job : fits) absl::StrAppend(&message, " ", job->spec->id);
+  return absl::InvalidArgumentError(message);
+}
+
+std::vector<JobView> Coordinator::list_jobs(JobKey before, std::int32_t most) const {
+  MutexLock lock(mutex_);
+  const auto& jobs = scheduler_.jobs();
+  auto job = before > 0 ? std::make_reverse_iterator(jobs.lower_bound(before)) : jobs.rbegin();
+  std::vector<JobView> views;
+  for (; job != jobs.rend() && static_cast<std::int32_t>(views.size()) < most; ++job) {
+    views.push_back(view(job->second));
+  }
+  return views;
+}
+
+absl::StatusOr<JobReport> Coordinator::report(const std::string& job_id) const {
+  MutexLock lock(mutex_);
+  const Job* job = scheduler_.find_job(job_id);
+  if (job == nullptr) return no_such_job(job_id);
+  JobReport report;
+  report.view = view(*job);
+  report.counters = job->counters;
+  report.contributions = job->contributions;
+  for (const auto& [key, worker] : scheduler_.workers()) {
+    if (report.contributions.count(worker.id) == 0) continue;
+    report.machines[worker.id] = {worker.isa, worker.thread_count};
+  }
+  if (const auto film = films_.find(job->key); film != films_.end()) {
+    for (const auto& [frame, finished] : film->second.finished) report.frames.push_back(finished);
+  }
+  return report;
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,316 @@
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "server/coordinator.h"
+#include "server/film/image_export.h"
+
+namespace tessera::server {
+
+using contract::Unit;
+
+namespace {
+
+constexpr auto kEstimateEvery = std::chrono::milliseconds(250);
+
+std::string frame_file_name(std::int32_t frame) {
+  return absl::StrFormat("frame.%04d.exr", frame);
+}
+
+}  // namespace
+
+void Coordinator::film_later(std::function<void()> task) {
+  MutexLock lock(mutex_);
+  enqueue_film(std::move(task));
+}
+
+void Coordinator::enqueue_film(std::function<void()> task) {
+  film_tasks_.push_back(std::move(task));
+  film_signal_.raise();
+}
+
+bool Coordinator::run_film(bool wait) {
+  std::deque<std::function<void()>> tasks;
+  {
+    MutexLock lock(mutex_);
+    while (wait && !stopping_ && film_tasks_.empty()) film_signal_.wait(mutex_);
+    tasks.swap(film_tasks_);
+  }
+  for (const auto& task : tasks) task();
+  return !tasks.empty();
+}
+
+absl::StatusOr<contract::FilmBlock> Coordinator::read_block(const std::string& job_id,
+                                                            const Unit& unit) {
+  std::optional<UnitRecord> record;
+  contract::FilmBlockShape shape;
+  std::int32_t sample_count = 0;
+  {
+    MutexLock lock(mutex_);
+    Job* job = scheduler_.find_job(job_id);
+    if (job == nullptr || !job->plan || !job->plan->contains(unit)) {
+      return absl::NotFoundError("the job or the pass is gone");
+    }
+    record = ledger_of(*job).record(unit);
+    const contract::PixelRect rect = grid_of(*job).rect(unit.tile);
+    shape = {rect.width, rect.height, job->spec->settings.aovs, unit.pass == 0};
+    sample_count = job->plan->passes()[static_cast<std::size_t>(unit.pass)].sample_count;
+  }
+  if (!record) return absl::NotFoundError("the block is not committed");
+  const auto bytes = store_.read_block(job_id, *record);
+  if (!bytes.ok()) return bytes.status();
+  return contract::decode(*bytes, shape, sample_count);
+}
+
+void Coordinator::open_film(const FrameKey& key) {
+  if (film_.is_open(key)) return;
+  std::shared_ptr<const JobSpec> spec;
+  std::vector<Unit> units;
+  {
+    MutexLock lock(mutex_);
+    Job* job = scheduler_.find_job(key.job_id);
+    if (job == nullptr) return;
+    spec = job->spec;
+    units = ledger_of(*job).units(key.frame);
+  }
+  film_.open_frame(key, spec->settings, contract::fixed_schedule(spec->settings.spp),
+                   [this, key](std::int32_t tile, std::int32_t pass) {
+                     return read_block(key.job_id, {key.frame, tile, pass});
+                   });
+  for (const Unit& unit : units) {
+    const absl::Status status = film_.note_committed(key, unit.tile, unit.pass);
+    if (!status.ok()) log(absl::StrCat("job ", key.job_id, ": ", status.ToString()));
+  }
+}
+
+void Coordinator::merge(FilmNews news) {
+  const FrameKey key{news.job_id, news.unit.frame};
+  bool is_wanted = false;
+  {
+    MutexLock lock(mutex_);
+    const Job* job = scheduler_.find_job(news.job_id);
+    is_wanted = job != nullptr && job->plan && job->plan->contains(news.unit) &&
+                !job->plan->is_finished(news.unit.frame);
+  }
+  if (is_wanted) {
+    open_film(key);
+    const absl::Status status = news.block
+                                    ? film_.add(key, news.unit.tile, news.unit.pass, *news.block)
+                                    : film_.note_committed(key, news.unit.tile, news.unit.pass);
+    if (!status.ok()) log(absl::StrCat("job ", key.job_id, ": ", status.ToString()));
+    estimate(key);
+  }
+  Afterwards afterwards;
+  MutexLock lock(mutex_);
+  ingest_bytes_ -= news.bytes;
+  if (ingest_bytes_ >= options_.ingest_bytes) return;
+  for (auto& resume : std::exchange(resumes_, {})) afterwards.add(std::move(resume));
+}
+
+void Coordinator::estimate(const FrameKey& key) {
+  const Time now = options_.clock();
+  const auto last = last_estimate_.find(key);
+  if (last != last_estimate_.end() && now - last->second < kEstimateEvery) return;
+  last_estimate_[key] = now;
+  const ErrorEstimate estimate = film_.running_estimate(key);
+  if (estimate.pixels == 0) return;
+  MutexLock lock(mutex_);
+  Job* job = scheduler_.find_job(key.job_id);
+  if (job != nullptr) film_of(*job).estimated_error = estimate.error;
+}
+
+void Coordinator::finish_frame(const FrameKey& key) {
+  std::shared_ptr<const JobSpec> spec;
+  {
+    MutexLock lock(mutex_);
+    Job* job = scheduler_.find_job(key.job_id);
+    if (job == nullptr) return;
+    if (has_ended(job->state) || !job->plan->is_complete(key.frame)) {
+      film_of(*job).finishing.erase(key.frame);
+      return;
+    }
+    spec = job->spec;
+  }
+  open_film(key);
+  auto record = write_finished(key, *spec);
+  const double error = film_.running_estimate(key).error;
+  film_.close_frame(key);
+  last_estimate_.erase(key);
+  if (!record.ok()) {
+    frame_failed(key, record.status());
+    return;
+  }
+  write_later(
+      [this, key, error, record = *std::move(record)] { record_frame(key, record, error); });
+}
+
+absl::StatusOr<FrameRecord> Coordinator::write_finished(const FrameKey& key, const JobSpec& spec) {
+  const auto folder = store_.output_folder(key.job_id);
+  if (!folder.ok()) return folder.status();
+  const auto luminance = film_.mean_luminance(key);
+  if (!luminance.ok()) return luminance.status();
+  FrameSpec frame{spec.settings, key.frame, spec.id, spec.name, *luminance, false};
+  const std::string name = frame_file_name(key.frame);
+  const auto result = write_frame(
+      frame, [&](std::int32_t tile) { return film_.tile(key, tile); },
+      absl::StrCat(*folder, "/", name));
+  if (!result.ok()) return result.status();
+  std::vector<FrameLedger::PassProgress> progress;
+  {
+    MutexLock lock(mutex_);
+    if (Job* job = scheduler_.find_job(key.job_id)) progress = ledger_of(*job).progress(key.frame);
+  }
+  std::vector<CurvePoint> curve;
+  const auto passes = contract::fixed_schedule(spec.settings.spp);
+  const contract::PixelRect window = spec.settings.window();
+  CurvePoint point;
+  for (std::size_t pass = 0; pass < progress.size(); ++pass) {
+    const auto estimate = film_.estimate_after_pass(key, static_cast<std::int32_t>(pass));
+    point.cpu_seconds += progress[pass].cpu_seconds;
+    point.wall_seconds = std::max(point.wall_seconds, progress[pass].wall_seconds);
+    point.samples += std::int64_t{window.width} * window.height * passes[pass].sample_count;
+    point.relmse = estimate.relmse;
+    point.error = *luminance > 0 ? std::optional(estimate.error) : std::nullopt;
+    curve.push_back(point);
+  }
+  FrameRecord record;
+  record.frame = key.frame;
+  record.file = name;
+  record.file_sha256 = result->file_sha256;
+  record.pixels_sha256 = result->pixels_sha256;
+  // A frame finished before its job was extended is told by its sample count.
+  nlohmann::json statistics;
+  statistics["spp"] = contract::rounded_spp(spec.settings.spp);
+  statistics["entry"] = nlohmann::json::parse(frame_entry_json(*result, name, "DONE", curve));
+  statistics["warnings"] = frame_warnings(result->statistics);
+  record.statistics_json = statistics.dump();
+  return record;
+}
+
+void Coordinator::record_frame(const FrameKey& key, const FrameRecord& record, double error) {
+  const absl::Status status = store_.finish_frame(key.job_id, record);
+  if (!status.ok()) {
+    frame_failed(key, status);
+    return;
+  }
+  Afterwards afterwards;
+  MutexLock lock(mutex_);
+  Job* job = scheduler_.find_job(key.job_id);
+  if (job == nullptr) return;
+  JobFilm& film = film_of(*job);
+  film.finishing.erase(key.frame);
+  film.finished[key.frame] = record;
+  film.estimated_error = error;
+  ledger_of(*job).erase(key.frame);
+  scheduler_.finish_frame(*job, key.frame, options_.clock());
+  settle(afterwards);
+}
+
+void Coordinator::frame_failed(const FrameKey& key, const absl::Status& status) {
+  const std::string reason = absl::StrCat("frame ", key.frame, ": ", status.ToString());
+  log(absl::StrCat("job ", key.job_id, ", ", reason));
+  Afterwards afterwards;
+  MutexLock lock(mutex_);
+  Job* job = scheduler_.find_job(key.job_id);
+  if (job == nullptr) return;
+  film_of(*job).finishing.erase(key.frame);
+  scheduler_.end_job(*job, JobState::failed, reason, options_.clock());
+  settle(afterwards);
+}
+
+// Images for clients -----------------------------------------------------------------------------
+
+void Coordinator::fetch_frame(const FrameQuery& query,
+                              std::function<void(absl::StatusOr<FrameFile>)> done) {
+  film_later([this, query, done = std::move(done)] { done(make_frame_file(query)); });
+}
+
+absl::StatusOr<FrameFile> Coordinator::make_frame_file(const FrameQuery& query) {
+  std::shared_ptr<const JobSpec> spec;
+  std::optional<FrameRecord> finished;
+  {
+    MutexLock lock(mutex_);
+    Job* job = scheduler_.find_job(query.job_id);
+    if (job == nullptr) return absl::NotFoundError(absl::StrCat("no job \"", query.job_id, "\""));
+    spec = job->spec;
+    const auto& frames = film_of(*job).finished;
+    if (const auto found = frames.find(query.frame); found != frames.end()) {
+      finished = found->second;
+    } else if (!job->open_plan().contains({query.frame, 0, 0})) {
+      return absl::NotFoundError(absl::StrCat("job ", query.job_id, " has no frame ", query.frame));
+    }
+  }
+  const auto folder = store_.output_folder(query.job_id);
+  if (!folder.ok()) return folder.status();
+  FrameFile file;
+  if (finished) {
+    file.path = absl::StrCat(*folder, "/", finished->file);
+    file.file_sha256 = finished->file_sha256;
+    file.pixels_sha256 = finished->pixels_sha256;
+  } else if (query.allow_partial) {
+    const auto partial = write_partial(query, *spec);
+    if (!partial.ok()) return partial.status();
+    file = *partial;
+  } else {
+    return absl::FailedPreconditionError(
+        absl::StrCat("frame ", query.frame, " of job ", query.job_id, " is not finished"));
+  }
+  if (query.format == FrameFormat::exr) {
+    std::error_code error;
+    file.size_bytes = static_cast<std::int64_t>(std::filesystem::file_size(file.path, error));
+    if (error) return absl::NotFoundError(absl::StrCat(file.path, ": ", error.message()));
+    return file;
+  }
+  const auto format = query.format == FrameFormat::png ? ExportFormat::png : ExportFormat::jpeg;
+  auto image = export_image(file.path, format, query.exposure_ev);
+  std::error_code ignored;
+  if (file.is_temporary) std::filesystem::remove(file.path, ignored);
+  if (!image.ok()) return image.status();
+  file.path.clear();
+  file.is_temporary = false;
+  file.size_bytes = static_cast<std::int64_t>(image->size());
+  file.file_sha256 = contract::sha256(*image);
+  file.bytes = *std::move(image);
+  return file;
+}
+
+absl::StatusOr<FrameFile> Coordinator::write_partial(const FrameQuery& query, const JobSpec& spec) {
+  const FrameKey key{query.job_id, query.frame};
+  {
+    MutexLock lock(mutex_);
+    Job* job = scheduler_.find_job(query.job_id);
+    if (job == nullptr || !ledger_of(*job).has(query.frame)) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("nothing of frame ", query.frame, " is committed yet"));
+    }
+  }
+  const bool was_open = film_.is_open(key);
+  open_film(key);
+  const auto folder = store_.output_folder(query.job_id);
+  if (!folder.ok()) return folder.status();
+  const std::string path = absl::StrCat(*folder, "/partial.", ++partial_count_, ".exr");
+  const auto luminance = film_.mean_luminance(key);
+  FrameSpec frame{spec.settings,
+                  query.frame,
+                  spec.id,
+                  spec.name,
+                  luminance.ok() ? std::optional(*luminance) : std::nullopt,
+                  true};
+  const auto result = write_frame(
+      frame, [&](std::int32_t tile) { return film_.tile(key, tile); }, path);
+  if (!was_open) film_.close_frame(key);
+  if (!result.ok()) return result.status();
+  FrameFile file;
+  file.path = path;
+  file.is_temporary = true;
+  file.size_bytes = result->file_bytes;
+  file.file_sha256 = result->file_sha256;
+  file.missing_tiles = result->missing_tiles;
+  return file;
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,368 @@
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "server/coordinator.h"
+
+namespace tessera::server {
+
+using contract::Unit;
+
+namespace {
+
+constexpr auto kAssetPin = std::chrono::hours(1);
+constexpr int kIdLetters = 8;
+
+/// Bytes of film blocks a frame ships at most: the size of a block is linear in its pixels.
+std::int64_t frame_store_bytes(const contract::RenderSettings& settings) {
+  const contract::PixelRect window = settings.window();
+  const std::int64_t pixels = std::int64_t{window.width} * window.height;
+  const std::int64_t tiles = ((window.width + settings.tile - 1) / settings.tile) *
+                             std::int64_t{(window.height + settings.tile - 1) / settings.tile};
+  std::int64_t bytes = 0;
+  const std::size_t passes = contract::fixed_schedule(settings.spp).size();
+  for (std::size_t pass = 0; pass < passes; ++pass) {
+    const std::int64_t one = contract::film_block_bytes({1, 1, settings.aovs, pass == 0});
+    const std::int64_t two = contract::film_block_bytes({2, 1, settings.aovs, pass == 0});
+    bytes += (two - one) * pixels + (2 * one - two) * tiles;
+  }
+  return bytes;
+}
+
+/// Blocks of every frame, and the images.
+std::int64_t job_store_bytes(const JobSpec& spec) {
+  constexpr std::int64_t kImageBytesPerPixel = 4 * 24;  // every layer, uncompressed
+  const contract::PixelRect window = spec.settings.window();
+  const auto frames = static_cast<std::int64_t>(contract::frame_count(spec.settings.frames));
+  const std::int64_t frame =
+      frame_store_bytes(spec.settings) + kImageBytesPerPixel * window.width * window.height;
+  if (frames > 0 && frame > std::int64_t{1} << 60) return std::int64_t{1} << 62;
+  const double product = static_cast<double>(frame) * static_cast<double>(frames);
+  return product > 4e18 ? std::int64_t{1} << 62 : frame * frames;
+}
+
+std::int32_t statistics_spp(const FrameRecord& record) {
+  const auto statistics = nlohmann::json::parse(record.statistics_json, nullptr, false);
+  return statistics.is_object() ? statistics.value("spp", 0) : 0;
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<Coordinator>> Coordinator::open(Store& store,
+                                                               CoordinatorOptions options) {
+  const auto roster = store.roster();
+  if (!roster.ok()) return roster.status();
+  const auto records = store.jobs();
+  if (!records.ok()) return records.status();
+  std::unique_ptr<Coordinator> coordinator(new Coordinator(store, std::move(options), *roster));
+  if (absl::Status status = coordinator->load(*records); !status.ok()) return status;
+  return coordinator;
+}
+
+absl::Status Coordinator::load(const std::vector<JobRecord>& records) {
+  Afterwards afterwards;
+  MutexLock lock(mutex_);
+  for (const JobRecord& record : records) {
+    if (absl::Status status = load_job(record); !status.ok()) return status;
+  }
+  settle(afterwards);
+  return absl::OkStatus();
+}
+
+absl::Status Coordinator::load_job(const JobRecord& record) {
+  auto spec = options_.read_spec(record);
+  if (!spec.ok()) return spec.status();
+  auto state = static_cast<JobState>(record.state);
+  Job& job =
+      scheduler_.add_job(record.sequence, std::make_shared<const JobSpec>(*std::move(spec)), state);
+  job.reason = record.reason;
+  job.wall_seconds_before = record.wall_seconds;
+  job_by_request_[record.request_id] = record.sequence;
+  JobFilm& film = film_of(job);
+  film.create_time_us = record.create_time_us;
+  film.end_time_us = record.end_time_us;
+  film.wall_at_start = record.wall_seconds;
+  const auto frames = store_.frames(record.id);
+  if (!frames.ok()) return frames.status();
+  const contract::RenderSettings& settings = job.spec->settings;
+  if (state == JobState::queued && frames->empty()) {
+    bool is_untouched = true;
+    absl::Status status =
+        store_.for_each_unit(record.id, [&](const UnitRecord&) { is_untouched = false; });
+    if (!status.ok() || is_untouched) return status;
+  }
+  JobPlan& plan = job.open_plan();
+  const contract::PixelRect window = settings.window();
+  for (const FrameRecord& frame : *frames) {
+    if (statistics_spp(frame) != contract::rounded_spp(settings.spp)) continue;
+    film.finished[frame.frame] = frame;
+    plan.finish(frame.frame);
+    film.committed_samples +=
+        std::int64_t{window.width} * window.height * contract::rounded_spp(settings.spp);
+  }
+  const double wall = record.wall_seconds;
+  absl::Status status = store_.for_each_unit(record.id, [&](const UnitRecord& unit) {
+    if (!plan.contains(unit.unit)) return;
+    scheduler_.restore_unit(job, unit.unit, unit.worker_id, unit.cpu_seconds);
+    if (plan.is_finished(unit.unit.frame)) return;
+    ledger_of(job).add(unit, wall);
+    const contract::PixelRect rect = grid_of(job).rect(unit.unit.tile);
+    film.committed_samples += std::int64_t{rect.width} * rect.height *
+                              plan.passes()[static_cast<std::size_t>(unit.unit.pass)].sample_count;
+  });
+  if (!status.ok()) return status;
+  film.samples_at_start = film.committed_samples;
+  if (has_ended(state)) return absl::OkStatus();
+  for (const std::int32_t frame : plan.frames()) frame_may_be_complete(job, frame);
+  if (plan.finished_frame_count() == plan.frame_count()) {
+    scheduler_.end_job(job, JobState::done, "", options_.clock());
+  }
+  return absl::OkStatus();
+}
+
+std::string Coordinator::new_job_id() {
+  constexpr char kLetters[] = "abcdefghjkmnpqrstuvwxyz23456789_";  // 32; the last is never used
+  while (true) {
+    std::string id;
+    std::uint64_t bits = options_.random();
+    for (int i = 0; i < kIdLetters; ++i, bits >>= 5) id.push_back(kLetters[(bits & 31) % 31]);
+    const bool is_name = id.find_first_not_of("0123456789") == std::string::npos;
+    if (!is_name && scheduler_.find_job(id) == nullptr) return id;
+  }
+}
+
+void Coordinator::create_job(JobSpec spec, OnCreated done) {
+  write_later([this, spec = std::move(spec), done = std::move(done)] { make_job(spec, done); });
+}
+
+absl::Status Coordinator::check_room(const JobSpec& spec, std::int64_t need_bytes) {
+  for (const ManifestEntry& entry : spec.assets) {
+    if (has_asset(entry.digest)) continue;
+    return absl::FailedPreconditionError(absl::StrCat("manifest: asset ", entry.digest.hex(), " (",
+                                                      entry.uri, ") is not here; upload it"));
+  }
+  const std::int64_t left = options_.quota_bytes - store_.used_bytes();
+  if (need_bytes <= left) return absl::OkStatus();
+  return absl::ResourceExhaustedError(absl::StrCat("the job may need ", need_bytes,
+                                                   " bytes of store, the quota leaves ",
+                                                   std::max<std::int64_t>(left, 0)));
+}
+
+void Coordinator::make_job(const JobSpec& spec, const OnCreated& done) {
+  Created created;
+  created.store_bytes = job_store_bytes(spec);
+  const auto find_made = [&]() -> bool {
+    MutexLock lock(mutex_);
+    const auto made = job_by_request_.find(spec.request_id);
+    const Job* job = made == job_by_request_.end() ? nullptr : scheduler_.find_job(made->second);
+    if (job != nullptr) created.view = view(*job);
+    return job != nullptr;
+  };
+  if (find_made()) return done(created);
+  if (absl::Status status = check_room(spec, created.store_bytes); !status.ok()) {
+    return done(status);
+  }
+  JobRecord record;
+  record.request_id = spec.request_id;
+  record.name = spec.name;
+  record.owner = spec.owner;
+  record.request = spec.request;
+  record.state = static_cast<std::int32_t>(JobState::queued);
+  record.create_time_us = options_.wall_us();
+  absl::Status status;
+  for (int attempt = 0; attempt < 4; ++attempt) {  // a removed job's id may be drawn again
+    {
+      MutexLock lock(mutex_);
+      record.id = new_job_id();
+    }
+    status = store_.add_job(record);
+    if (!absl::IsAlreadyExists(status)) break;
+  }
+  if (!status.ok()) return done(status);
+  {
+    Afterwards afterwards;
+    MutexLock lock(mutex_);
+    auto made = std::make_shared<JobSpec>(spec);
+    made->id = record.id;
+    Job& job = scheduler_.add_job(record.sequence, std::move(made), JobState::queued);
+    job_by_request_[spec.request_id] = record.sequence;
+    film_of(job).create_time_us = record.create_time_us;
+    scheduler_.offer_work(options_.clock());
+    created.view = view(job);
+    settle(afterwards);
+  }
+  done(created);
+}
+
+void Coordinator::change_job(const std::string& job_id, Change change, OnJob done) {
+  absl::Status status;
+  {
+    Afterwards afterwards;
+    MutexLock lock(mutex_);
+    Job* job = scheduler_.find_job(job_id);
+    const Time now = options_.clock();
+    if (job == nullptr) {
+      status = absl::NotFoundError(absl::StrCat("no job \"", job_id, "\""));
+    } else if (change == Change::pause) {
+      status = scheduler_.pause(*job, "paused by the user", now);
+    } else if (change == Change::resume) {
+      status = scheduler_.resume(*job, now);
+    } else if (change == Change::cancel) {
+      status = scheduler_.cancel(*job, now);
+    } else {
+      status = scheduler_.retry(*job, now);
+      if (status.ok() && job->plan) {
+        for (const std::int32_t frame : job->plan->frames()) frame_may_be_complete(*job, frame);
+      }
+    }
+    settle(afterwards);
+    if (status.ok()) {
+      after_journal_.push_back([this, job_id, done] { done(this->job(job_id)); });
+      writer_signal_.raise();
+    }
+  }
+  if (!status.ok()) done(status);
+}
+
+void Coordinator::extend_job(const std::string& job_id, std::int32_t spp, OnJob done) {
+  write_later([this, job_id, spp, done = std::move(done)] { extend_now(job_id, spp, done); });
+}
+
+/// Whether a job's sample count may become `spp`; its spec. Called on the writer thread.
+absl::StatusOr<std::shared_ptr<JobSpec>> Coordinator::spec_to_extend(const std::string& job_id,
+                                                                     std::int32_t spp) const {
+  MutexLock lock(mutex_);
+  const Job* job = scheduler_.find_job(job_id);
+  if (job == nullptr) return absl::NotFoundError(absl::StrCat("no job \"", job_id, "\""));
+  if (job->state == JobState::done) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("job ", job_id, " is done and its blocks are gone; submit a new one"));
+  }
+  const std::int32_t present = job->spec->settings.spp;
+  if (spp < present || spp > contract::kMaxSpp) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("sample_count: ", spp, " is not in (", present, ", ", contract::kMaxSpp, "]"));
+  }
+  return std::make_shared<JobSpec>(*job->spec);
+}
+
+void Coordinator::extend_now(const std::string& job_id, std::int32_t spp, const OnJob& done) {
+  const auto found = spec_to_extend(job_id, spp);
+  if (!found.ok()) return done(found.status());
+  std::shared_ptr<JobSpec> longer = *found;
+  if (longer->settings.spp == spp) return done(job(job_id));
+  const std::vector<contract::Pass> before = contract::fixed_schedule(longer->settings.spp);
+  longer->settings.spp = spp;
+  longer->request = options_.write_request(*longer, spp);
+  const auto passes = contract::fixed_schedule(spp);
+  std::vector<Unit> cut;
+  std::vector<UnitRecord> kept;
+  absl::Status status = store_.for_each_unit(job_id, [&](const UnitRecord& record) {
+    const auto pass = static_cast<std::size_t>(record.unit.pass);
+    if (pass < before.size() && before[pass] == passes[pass]) {
+      kept.push_back(record);
+    } else {
+      cut.push_back(record.unit);
+    }
+  });
+  if (status.ok() && !cut.empty()) status = store_.drop_units(job_id, cut);
+  if (!status.ok()) return done(status);
+  {
+    Afterwards afterwards;
+    MutexLock lock(mutex_);
+    Job* job = scheduler_.find_job(job_id);
+    JobFilm& film = film_of(*job);
+    scheduler_.extend(*job, longer);
+    film.ledger.reset();
+    film.finished.clear();
+    film.committed_samples = 0;
+    for (const UnitRecord& record : kept) {
+      scheduler_.restore_unit(*job, record.unit, record.worker_id, record.cpu_seconds);
+      ledger_of(*job).add(record, job->wall_seconds(options_.clock()));
+      const contract::PixelRect rect = grid_of(*job).rect(record.unit.tile);
+      film.committed_samples += std::int64_t{rect.width} * rect.height *
+                                passes[static_cast<std::size_t>(record.unit.pass)].sample_count;
+    }
+    film.samples_at_start = film.committed_samples;
+    film.wall_at_start = job->wall_seconds(options_.clock());
+    for (const std::int32_t frame : job->plan->frames()) {
+      enqueue_film([this, key = FrameKey{job_id, frame}] { film_.close_frame(key); });
+    }
+    scheduler_.offer_work(options_.clock());
+    settle(afterwards);
+  }
+  journal_changes();
+  done(job(job_id));
+}
+
+void Coordinator::remove_job(const std::string& job_id, std::function<void(absl::Status)> done) {
+  write_later([this, job_id, done = std::move(done)] { remove_now(job_id, done); });
+}
+
+absl::Status Coordinator::forget_job(const std::string& job_id) {
+  MutexLock lock(mutex_);
+  Job* job = scheduler_.find_job(job_id);
+  if (job == nullptr) return absl::NotFoundError(absl::StrCat("no job \"", job_id, "\""));
+  if (!has_ended(job->state)) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("job ", job_id, " has not ended; cancel it first"));
+  }
+  if (job->plan) {
+    for (const std::int32_t frame : job->plan->frames()) {
+      enqueue_film([this, key = FrameKey{job_id, frame}] { film_.close_frame(key); });
+    }
+  }
+  films_.erase(job->key);
+  scheduler_.remove_job(job->key);
+  return absl::OkStatus();
+}
+
+void Coordinator::remove_now(const std::string& job_id,
+                             const std::function<void(absl::Status)>& done) {
+  if (absl::Status status = forget_job(job_id); !status.ok()) return done(status);
+  const absl::Status status = store_.remove_job(job_id);
+  collect_assets();
+  done(status);
+}
+
+// Assets -----------------------------------------------------------------------------------------
+
+bool Coordinator::has_asset(const contract::Digest& digest) {
+  if (!store_.has_asset(digest)) return false;
+  MutexLock lock(mutex_);
+  asked_assets_[digest] = options_.clock();
+  return true;
+}
+
+void Coordinator::keep_asset(const std::string& upload_path, const contract::Digest& digest,
+                             std::function<void(absl::Status)> done) {
+  write_later([this, upload_path, digest, done = std::move(done)] {
+    const absl::Status status = store_.keep_asset(upload_path, digest);
+    collect_assets();
+    done(status);
+  });
+}
+
+void Coordinator::collect_assets() {
+  std::vector<contract::Digest> named;
+  {
+    MutexLock lock(mutex_);
+    const Time now = options_.clock();
+    for (auto it = asked_assets_.begin(); it != asked_assets_.end();) {
+      if (now - it->second > kAssetPin) {
+        it = asked_assets_.erase(it);
+      } else {
+        named.push_back(it++->first);
+      }
+    }
+    for (const auto& [key, job] : scheduler_.jobs()) {
+      for (const ManifestEntry& entry : job.spec->assets) named.push_back(entry.digest);
+    }
+  }
+  const absl::Status status =
+      store_.collect_assets(options_.wall_us(), options_.asset_quota_bytes, named);
+  if (!status.ok()) log(absl::StrCat("assets: ", status.ToString()));
+}
+
+}  // namespace tessera::server

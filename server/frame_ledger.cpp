@@ -1,0 +1,64 @@
+#include "server/frame_ledger.h"
+
+#include <algorithm>
+
+namespace tessera::server {
+
+void FrameLedger::add(const UnitRecord& record, double wall_seconds) {
+  Frame& frame = frames_[record.unit.frame];
+  frame.places.resize(static_cast<std::size_t>(pass_count_));
+  frame.progress.resize(static_cast<std::size_t>(pass_count_));
+  const auto pass = static_cast<std::size_t>(record.unit.pass);
+  auto& places = frame.places[pass];
+  if (places.empty()) places.resize(static_cast<std::size_t>(tile_count_));
+  places[static_cast<std::size_t>(record.unit.tile)] = {
+      record.sha256, record.segment, record.offset, static_cast<std::int32_t>(record.size_bytes),
+      static_cast<std::int32_t>(record.stored_bytes)};
+  PassProgress& progress = frame.progress[pass];
+  ++progress.committed;
+  progress.cpu_seconds += record.cpu_seconds;
+  progress.wall_seconds = std::max(progress.wall_seconds, wall_seconds);
+}
+
+const FrameLedger::Place* FrameLedger::find(const contract::Unit& unit) const {
+  const auto frame = frames_.find(unit.frame);
+  if (frame == frames_.end()) return nullptr;
+  const auto& places = frame->second.places[static_cast<std::size_t>(unit.pass)];
+  if (places.empty()) return nullptr;
+  const Place& place = places[static_cast<std::size_t>(unit.tile)];
+  return place.segment < 0 ? nullptr : &place;
+}
+
+std::optional<UnitRecord> FrameLedger::record(const contract::Unit& unit) const {
+  const Place* place = find(unit);
+  if (place == nullptr) return std::nullopt;
+  UnitRecord record;
+  record.unit = unit;
+  record.sha256 = place->sha256;
+  record.segment = place->segment;
+  record.offset = place->offset;
+  record.size_bytes = place->size_bytes;
+  record.stored_bytes = place->stored_bytes;
+  return record;
+}
+
+std::vector<FrameLedger::PassProgress> FrameLedger::progress(std::int32_t frame) const {
+  const auto found = frames_.find(frame);
+  return found == frames_.end() ? std::vector<PassProgress>() : found->second.progress;
+}
+
+std::vector<contract::Unit> FrameLedger::units(std::int32_t frame) const {
+  std::vector<contract::Unit> units;
+  const auto found = frames_.find(frame);
+  if (found == frames_.end()) return units;
+  for (std::int32_t pass = 0; pass < pass_count_; ++pass) {
+    const auto& places = found->second.places[static_cast<std::size_t>(pass)];
+    for (std::size_t tile = 0; tile < places.size(); ++tile) {
+      if (places[tile].segment < 0) continue;
+      units.push_back({frame, static_cast<std::int32_t>(tile), pass});
+    }
+  }
+  return units;
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,99 @@
+#include <openssl/rand.h>
+#include <signal.h>
+
+#include <chrono>
+#include <cstdio>
+#include <ctime>
+#include <memory>
+#include <string>
+#include <thread>
+
+#include "server/config.h"
+#include "server/coordinator.h"
+#include "server/observe/log.h"
+#include "server/service/messages.h"
+#include "server/service/server.h"
+#include "server/store/filesystem.h"
+#include "server/store/store.h"
+
+namespace {
+
+using namespace tessera::server;
+
+constexpr int kFailed = 1, kWrongUsage = 2;
+
+std::uint64_t random_bits() {
+  std::uint64_t bits = 0;
+  RAND_bytes(reinterpret_cast<unsigned char*>(&bits), sizeof bits);
+  return bits;
+}
+
+CoordinatorOptions options_of(const Config& config) {
+  CoordinatorOptions options;
+  options.film_memory_bytes = to_bytes(config.film_memory_gb);
+  options.ingest_bytes = to_bytes(config.ingest_memory_gb);
+  options.quota_bytes = to_bytes(config.quota_gb);
+  options.asset_quota_bytes = to_bytes(config.asset_quota_gb);
+  options.clock = [] { return std::chrono::steady_clock::now(); };
+  options.wall_us = [] {
+    return std::chrono::duration_cast<std::chrono::microseconds>(
+               std::chrono::system_clock::now().time_since_epoch())
+        .count();
+  };
+  options.random = random_bits;
+  options.read_spec = read_spec;
+  options.write_request = write_request;
+  options.log = open_log(config.log_level);
+  return options;
+}
+
+int fail(const absl::Status& status) {
+  std::fprintf(stderr, "tessera-server: %s\n", std::string(status.message()).c_str());
+  return absl::IsInvalidArgument(status) ? kWrongUsage : kFailed;
+}
+
+/// Ticks until SIGTERM or SIGINT, which must be blocked in every thread.
+void tick_until_told(Coordinator& coordinator, const sigset_t& signals) {
+  const timespec period{0, 100'000'000};
+  while (::sigtimedwait(&signals, nullptr, &period) < 0) coordinator.tick();
+}
+
+int serve(const Config& config, const sigset_t& signals) {
+  auto store = Store::open(config.store, real_filesystem());
+  if (!store.ok()) return fail(store.status());
+  auto coordinator = Coordinator::open(**store, options_of(config));
+  if (!coordinator.ok()) return fail(coordinator.status());
+  auto server = FarmServer::start(**coordinator, config.listen, config.store);
+  if (!server.ok()) return fail(server.status());
+  std::thread writer([&] {
+    while (!(*coordinator)->is_stopping()) (*coordinator)->run_writer(true);
+  });
+  std::thread film([&] {
+    while (!(*coordinator)->is_stopping()) (*coordinator)->run_film(true);
+  });
+  std::printf("%s\n", (*server)->address().c_str());
+  std::fflush(stdout);
+  tick_until_told(**coordinator, signals);
+  (*server)->stop();
+  (*coordinator)->stop();
+  writer.join();
+  film.join();
+  // What was delivered or changed is journaled; images are made again after the next start.
+  while ((*coordinator)->run_writer(false)) {
+  }
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const ParsedConfig parsed = parse_config(argc, argv);
+  if (!parsed.config) return parsed.exit_code;
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  signal(SIGPIPE, SIG_IGN);
+  return serve(*parsed.config, signals);
+}

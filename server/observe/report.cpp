@@ -1,0 +1,161 @@
+#include "server/observe/report.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "proto/contract/version.h"
+
+namespace tessera::server {
+namespace {
+
+using nlohmann::json;
+
+const char* status_name(JobState state) {
+  switch (state) {
+    case JobState::queued:
+      return "QUEUED";
+    case JobState::running:
+      return "RUNNING";
+    case JobState::paused:
+      return "PAUSED";
+    case JobState::done:
+      return "DONE";
+    case JobState::failed:
+      return "FAILED";
+    case JobState::cancelled:
+      return "CANCELLED";
+  }
+  return "UNKNOWN";
+}
+
+/// Digest of the sorted list of asset digests: the same bytes under other names are the same scene.
+std::string scene_sha256(const JobSpec& spec) {
+  std::vector<contract::Digest> digests;
+  for (const ManifestEntry& entry : spec.assets) digests.push_back(entry.digest);
+  std::sort(digests.begin(), digests.end());
+  digests.erase(std::unique(digests.begin(), digests.end()), digests.end());
+  contract::Hasher hasher;
+  for (const contract::Digest& digest : digests) hasher.update(digest.binary());
+  return hasher.finish().hex();
+}
+
+const char* filter_name(contract::PixelFilter filter) {
+  switch (filter) {
+    case contract::PixelFilter::gaussian:
+      return "gaussian";
+    case contract::PixelFilter::blackman_harris:
+      return "blackman-harris";
+    case contract::PixelFilter::box:
+      break;
+  }
+  return "box";
+}
+
+json background_json(const contract::RenderSettings& settings) {
+  if (settings.background == contract::Background::none) return "none";
+  if (settings.background == contract::Background::automatic) return "environment";
+  return settings.background_color;
+}
+
+json settings_json(const contract::RenderSettings& s) {
+  json frames = json::array();
+  for (const contract::FrameRange& range : s.frames) {
+    frames.push_back({{"first", range.first}, {"last", range.last}, {"step", range.step}});
+  }
+  json crop = nullptr;
+  if (s.crop) crop = {s.crop->x, s.crop->y, s.crop->width, s.crop->height};
+  json settings = {{"width", s.width},
+                   {"height", s.height},
+                   {"crop", crop},
+                   {"camera", s.camera},
+                   {"frames", frames},
+                   {"fps", s.fps},
+                   {"animation", s.animation},
+                   {"variant", s.variant},
+                   {"spp", s.spp},
+                   {"max_depth", s.max_depth},
+                   {"seed", s.seed},
+                   {"tile", s.tile},
+                   {"filter", filter_name(s.filter)},
+                   {"filter_width", s.filter_width},
+                   {"environment", s.environment},
+                   {"environment_rotation", s.environment_rotation},
+                   {"environment_strength", s.environment_strength},
+                   {"background", background_json(s)},
+                   {"half", s.half},
+                   {"clamp", s.clamp},
+                   {"cull_backfaces", s.cull_backfaces},
+                   {"aov_bits", s.aovs}};
+  settings["scene"] = s.scene >= 0 ? json(s.scene) : json(nullptr);
+  return settings;
+}
+
+json workers_json(const JobReport& report) {
+  json workers = json::array();
+  for (const auto& [id, contribution] : report.contributions) {
+    // A worker that has not been here since a restart: what it was is not journaled.
+    const auto machine = report.machines.find(id);
+    const bool known = machine != report.machines.end();
+    workers.push_back({{"id", id},
+                       {"isa", known ? json(machine->second.first) : json(nullptr)},
+                       {"threads", known ? json(machine->second.second) : json(nullptr)},
+                       {"units", contribution.units},
+                       {"cpu_seconds", contribution.cpu_seconds}});
+  }
+  return workers;
+}
+
+}  // namespace
+
+std::string report_json(const JobReport& report) {
+  const JobView& view = report.view;
+  const JobCounters& counters = report.counters;
+  json frames = json::array(), warnings = json::array(), reasons = json::array();
+  for (const FrameRecord& frame : report.frames) {
+    json statistics = json::parse(frame.statistics_json, nullptr, false);
+    if (!statistics.is_object()) continue;
+    json entry = statistics.value("entry", json::object());
+    entry["file_sha256"] = frame.file_sha256.hex();
+    frames.push_back(std::move(entry));
+    for (const json& warning : statistics.value("warnings", json::array())) {
+      warnings.push_back("frame " + std::to_string(frame.frame) + ": " +
+                         warning.get<std::string>());
+    }
+  }
+  if (!view.reason.empty()) reasons.push_back(view.reason);
+  const double preparing = counters.load_seconds + counters.build_seconds;
+  const double spent = preparing + view.cpu_seconds + counters.wasted_cpu_seconds;
+  json document = {{"schema", "tessera.report/1"},
+                   {"version", TESSERA_VERSION},
+                   {"job", view.spec->id},
+                   {"name", view.spec->name},
+                   {"contract", contract::kRenderContract},
+                   {"status", status_name(view.state)},
+                   {"reasons", reasons},
+                   {"warnings", warnings},
+                   {"scene_sha256", scene_sha256(*view.spec)},
+                   {"settings", settings_json(view.spec->settings)},
+                   {"frames", frames},
+                   {"cpu_seconds", view.cpu_seconds},
+                   {"cpu_seconds_wasted", counters.wasted_cpu_seconds},
+                   {"wall_seconds", view.elapsed_seconds},
+                   {"load_seconds", counters.load_seconds},
+                   {"build_seconds", counters.build_seconds},
+                   {"render_seconds", view.cpu_seconds},
+                   // Share of the workers' known CPU seconds that became no pixel.
+                   {"overhead_fraction", spent > 0 ? 1 - view.cpu_seconds / spent : 0},
+                   {"peak_rss_bytes", counters.peak_rss_bytes},
+                   {"units",
+                    {{"total", view.unit_count},
+                     {"committed", view.committed_unit_count},
+                     {"retried", counters.retried},
+                     {"duplicated", counters.duplicated},
+                     {"audited", 0},
+                     {"mismatched", counters.mismatched}}},
+                   {"workers", workers_json(report)}};
+  // What a worker sent may hold bytes that are no UTF-8.
+  return document.dump(2, ' ', false, json::error_handler_t::replace);
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,193 @@
+#include "server/service/asset_service.h"
+
+#include <algorithm>
+#include <fstream>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "proto/contract/digest.h"
+#include "proto/contract/rpc_status.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr int kMostAssets = 100'000;
+constexpr std::size_t kChunkBytes = 1 << 20;
+constexpr std::int64_t kLargestAssetBytes = std::int64_t{1} << 40;
+
+/// Writes what arrives to an upload file, hashing on the way; keeps it if it is what it said.
+class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
+ public:
+  Upload(Coordinator& coordinator, const absl::Status& allowed) : coordinator_(coordinator) {
+    if (allowed.ok()) {
+      StartRead(&request_);
+    } else {
+      Finish(contract::to_rpc(allowed));
+    }
+  }
+
+  void OnReadDone(bool ok) override {
+    if (!ok) return complete();
+    if (absl::Status status = take(); !status.ok()) return Finish(contract::to_rpc(status));
+    StartRead(&request_);
+  }
+
+  void OnDone() override {
+    output_.reset();
+    if (!path_.empty() && !is_kept_) std::remove(path_.c_str());
+    delete this;
+  }
+
+ private:
+  absl::Status take() {
+    if (request_.has_asset()) return begin(request_.asset());
+    const std::string& chunk = request_.chunk();
+    if (!digest_) return absl::InvalidArgumentError("the first message must name the asset");
+    if (chunk.empty() || chunk.size() > kChunkBytes) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("chunk: ", chunk.size(), " bytes, needs 1 to 1048576"));
+    }
+    received_bytes_ += static_cast<std::int64_t>(chunk.size());
+    if (received_bytes_ > size_bytes_) {
+      return absl::InvalidArgumentError("more bytes than asset.size_bytes");
+    }
+    hasher_.update(chunk);
+    if (output_ && !output_->write(chunk.data(), static_cast<std::streamsize>(chunk.size()))) {
+      return absl::ResourceExhaustedError("the upload cannot be written: is the store full?");
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status begin(const v1::AssetId& asset) {
+    if (digest_) return absl::InvalidArgumentError("a second asset in one upload");
+    digest_ = contract::Digest::from_binary(asset.sha256());
+    if (!digest_) return absl::InvalidArgumentError("asset.sha256: is not 32 bytes");
+    size_bytes_ = asset.size_bytes();
+    if (size_bytes_ < 0 || size_bytes_ > kLargestAssetBytes) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("asset.size_bytes: ", size_bytes_, " is not in [0, 2^40]"));
+    }
+    if (coordinator_.has_asset(*digest_)) return absl::OkStatus();
+    const auto path = coordinator_.new_upload_path();
+    if (!path.ok()) return path.status();
+    path_ = *path;
+    output_.emplace(path_, std::ios::binary | std::ios::trunc);
+    if (!*output_) return absl::ResourceExhaustedError(absl::StrCat("cannot write ", path_));
+    return absl::OkStatus();
+  }
+
+  void complete() {
+    if (!digest_) return fail("no asset was named");
+    if (received_bytes_ != size_bytes_) {
+      return fail(absl::StrCat("got ", received_bytes_, " of ", size_bytes_, " bytes"));
+    }
+    if (hasher_.finish() != *digest_) return fail("the bytes do not match asset.sha256");
+    if (!output_) return Finish(grpc::Status::OK);
+    output_->close();
+    if (output_->fail()) {
+      return Finish(contract::to_rpc(absl::ResourceExhaustedError("the upload is not complete")));
+    }
+    coordinator_.keep_asset(path_, *digest_, [this](const absl::Status& status) {
+      is_kept_ = status.ok();
+      Finish(contract::to_rpc(status));
+    });
+  }
+
+  void fail(const std::string& message) {
+    Finish(contract::to_rpc(absl::InvalidArgumentError(message)));
+  }
+
+  Coordinator& coordinator_;
+  v1::UploadAssetRequest request_;
+  std::optional<contract::Digest> digest_;
+  std::int64_t size_bytes_ = 0, received_bytes_ = 0;
+  contract::Hasher hasher_;
+  std::string path_;
+  std::optional<std::ofstream> output_;  // none: the asset is here already
+  bool is_kept_ = false;
+};
+
+class Download final : public grpc::ServerWriteReactor<v1::DownloadAssetResponse> {
+ public:
+  void start(const std::string& path) {
+    input_.open(path, std::ios::binary);
+    if (!input_) {
+      return Finish(contract::to_rpc(absl::NotFoundError("the asset is not here; upload it")));
+    }
+    send_next(true);
+  }
+
+  void OnWriteDone(bool ok) override {
+    if (!ok) return Finish(contract::to_rpc(absl::CancelledError("the client is gone")));
+    send_next(false);
+  }
+
+  void OnDone() override { delete this; }
+
+ private:
+  /// An empty asset is one empty message.
+  void send_next(bool is_first) {
+    std::string& chunk = *response_.mutable_chunk();
+    chunk.resize(kChunkBytes);
+    input_.read(chunk.data(), static_cast<std::streamsize>(chunk.size()));
+    chunk.resize(static_cast<std::size_t>(input_.gcount()));
+    if (input_.bad()) {
+      return Finish(contract::to_rpc(absl::DataLossError("the stored bytes cannot be read")));
+    }
+    if (chunk.empty() && !is_first) return Finish(grpc::Status::OK);
+    StartWrite(&response_);
+  }
+
+  std::ifstream input_;
+  v1::DownloadAssetResponse response_;
+};
+
+}  // namespace
+
+grpc::ServerUnaryReactor* AssetService::FindMissingAssets(
+    grpc::CallbackServerContext* context, const v1::FindMissingAssetsRequest* request,
+    v1::FindMissingAssetsResponse* response) {
+  absl::Status status = access_.check(*context);
+  if (status.ok() && request->assets_size() > kMostAssets) {
+    status = absl::InvalidArgumentError("assets: more than 100000; split the list");
+  }
+  for (int i = 0; status.ok() && i < request->assets_size(); ++i) {
+    const v1::AssetId& asset = request->assets(i);
+    const auto digest = contract::Digest::from_binary(asset.sha256());
+    if (!digest) {
+      status = absl::InvalidArgumentError(absl::StrCat("assets[", i, "].sha256: is not 32 bytes"));
+    } else if (!coordinator_.has_asset(*digest)) {
+      *response->add_missing() = asset;
+    }
+  }
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  reactor->Finish(contract::to_rpc(status));
+  return reactor;
+}
+
+grpc::ServerReadReactor<v1::UploadAssetRequest>* AssetService::UploadAsset(
+    grpc::CallbackServerContext* context, v1::UploadAssetResponse* /*response*/) {
+  return new Upload(coordinator_, access_.check(*context));
+}
+
+grpc::ServerWriteReactor<v1::DownloadAssetResponse>* AssetService::DownloadAsset(
+    grpc::CallbackServerContext* context, const v1::DownloadAssetRequest* request) {
+  auto* download = new Download;
+  const absl::Status allowed = access_.check(*context);
+  const auto digest = contract::Digest::from_binary(request->asset().sha256());
+  if (!allowed.ok()) {
+    download->Finish(contract::to_rpc(allowed));
+  } else if (!digest) {
+    download->Finish(contract::to_rpc(absl::InvalidArgumentError("asset.sha256: is not 32 bytes")));
+  } else if (!coordinator_.has_asset(*digest)) {
+    download->Finish(contract::to_rpc(absl::NotFoundError("the asset is not here; upload it")));
+  } else {
+    download->start(coordinator_.asset_path(*digest));
+  }
+  return download;
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,29 @@
+#pragma once
+
+#include "server/coordinator.h"
+#include "server/service/access.h"
+#include "tessera/v1/asset_service.grpc.pb.h"
+
+namespace tessera::server {
+
+/// AssetService on the wire. Checks, translates, maps errors; decides nothing.
+class AssetService final : public v1::AssetService::CallbackService {
+ public:
+  /// Both must outlive the server this is registered with.
+  AssetService(Coordinator& coordinator, const Access& access)
+      : coordinator_(coordinator), access_(access) {}
+
+  grpc::ServerUnaryReactor* FindMissingAssets(grpc::CallbackServerContext* context,
+                                              const v1::FindMissingAssetsRequest* request,
+                                              v1::FindMissingAssetsResponse* response) override;
+  grpc::ServerReadReactor<v1::UploadAssetRequest>* UploadAsset(
+      grpc::CallbackServerContext* context, v1::UploadAssetResponse* response) override;
+  grpc::ServerWriteReactor<v1::DownloadAssetResponse>* DownloadAsset(
+      grpc::CallbackServerContext* context, const v1::DownloadAssetRequest* request) override;
+
+ private:
+  Coordinator& coordinator_;
+  const Access& access_;
+};
+
+}  // namespace tessera::server

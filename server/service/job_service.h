@@ -1,0 +1,62 @@
+#pragma once
+
+#include <chrono>
+#include <string>
+
+#include "server/coordinator.h"
+#include "server/service/access.h"
+#include "tessera/v1/job_service.grpc.pb.h"
+
+namespace tessera::server {
+
+/// JobService on the wire. Checks, translates, maps errors; decides nothing.
+class JobService final : public v1::JobService::CallbackService {
+ public:
+  /// Both must outlive the server this is registered with.
+  JobService(Coordinator& coordinator, const Access& access)
+      : coordinator_(coordinator), access_(access) {}
+
+  grpc::ServerUnaryReactor* CreateJob(grpc::CallbackServerContext* context,
+                                      const v1::CreateJobRequest* request,
+                                      v1::CreateJobResponse* response) override;
+  grpc::ServerUnaryReactor* GetJob(grpc::CallbackServerContext* context,
+                                   const v1::GetJobRequest* request,
+                                   v1::GetJobResponse* response) override;
+  grpc::ServerUnaryReactor* ListJobs(grpc::CallbackServerContext* context,
+                                     const v1::ListJobsRequest* request,
+                                     v1::ListJobsResponse* response) override;
+  grpc::ServerWriteReactor<v1::WatchJobResponse>* WatchJob(
+      grpc::CallbackServerContext* context, const v1::WatchJobRequest* request) override;
+  grpc::ServerUnaryReactor* PauseJob(grpc::CallbackServerContext* context,
+                                     const v1::PauseJobRequest* request,
+                                     v1::PauseJobResponse* response) override;
+  grpc::ServerUnaryReactor* ResumeJob(grpc::CallbackServerContext* context,
+                                      const v1::ResumeJobRequest* request,
+                                      v1::ResumeJobResponse* response) override;
+  grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* context,
+                                      const v1::CancelJobRequest* request,
+                                      v1::CancelJobResponse* response) override;
+  grpc::ServerUnaryReactor* RetryJob(grpc::CallbackServerContext* context,
+                                     const v1::RetryJobRequest* request,
+                                     v1::RetryJobResponse* response) override;
+  grpc::ServerUnaryReactor* RemoveJob(grpc::CallbackServerContext* context,
+                                      const v1::RemoveJobRequest* request,
+                                      v1::RemoveJobResponse* response) override;
+  grpc::ServerUnaryReactor* ExtendJob(grpc::CallbackServerContext* context,
+                                      const v1::ExtendJobRequest* request,
+                                      v1::ExtendJobResponse* response) override;
+  grpc::ServerUnaryReactor* GetJobReport(grpc::CallbackServerContext* context,
+                                         const v1::GetJobReportRequest* request,
+                                         v1::GetJobReportResponse* response) override;
+  grpc::ServerWriteReactor<v1::FetchFrameResponse>* FetchFrame(
+      grpc::CallbackServerContext* context, const v1::FetchFrameRequest* request) override;
+
+ private:
+  grpc::ServerUnaryReactor* change(grpc::CallbackServerContext* context, const std::string& job_id,
+                                   Coordinator::Change change, v1::Job* job);
+
+  Coordinator& coordinator_;
+  const Access& access_;
+};
+
+}  // namespace tessera::server

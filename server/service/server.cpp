@@ -1,0 +1,120 @@
+#include "server/service/server.h"
+
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/grpcpp.h>
+#include <grpcpp/health_check_service_interface.h>
+#include <sys/stat.h>
+
+#include <chrono>
+#include <filesystem>
+#include <utility>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "proto/contract/channel.h"
+#include "server/service/access.h"
+#include "server/service/asset_service.h"
+#include "server/service/job_service.h"
+#include "server/service/numerics_gate.h"
+#include "server/service/token.h"
+#include "server/service/worker_service.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr int kStreamsPerClient = 8;
+constexpr std::chrono::milliseconds kGoodbye{300};
+constexpr char kUnixPrefix[] = "unix:";
+
+/// A socket is as private as its folder: others must not be able to enter it.
+absl::Status check_socket_folder(const std::string& address) {
+  const std::filesystem::path path(address.substr(sizeof kUnixPrefix - 1));
+  const std::string folder = path.has_parent_path() ? path.parent_path().string() : ".";
+  struct stat info {};
+  if (::stat(folder.c_str(), &info) != 0 || !S_ISDIR(info.st_mode)) {
+    return absl::UnavailableError(absl::StrCat(folder, " is no folder for a socket"));
+  }
+  if ((info.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
+    return absl::PermissionDeniedError(absl::StrCat(
+        folder, " can be entered by other users; a socket needs a folder of mode 0700"));
+  }
+  return absl::OkStatus();
+}
+
+class GrpcFarmServer final : public FarmServer {
+ public:
+  GrpcFarmServer(Coordinator& coordinator, const std::string& token, const std::string& numerics)
+      : access_(token),
+        numerics_(numerics),
+        jobs_(coordinator, access_),
+        assets_(coordinator, access_),
+        workers_(coordinator, access_, numerics_) {}
+
+  ~GrpcFarmServer() override { stop(); }
+
+  absl::Status listen(const std::string& address) {
+    grpc::EnableDefaultHealthCheckService(true);
+    grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+    grpc::ServerBuilder builder;
+    int port = 0;
+    builder.AddListeningPort(address, grpc::InsecureServerCredentials(), &port);
+    builder.SetMaxReceiveMessageSize(contract::kMaxMessageBytes);
+    builder.SetMaxSendMessageSize(contract::kMaxMessageBytes);
+    builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kStreamsPerClient);
+    builder.AddChannelArgument(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+    builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // two servers on a port: an error
+    builder.RegisterService(&jobs_);
+    builder.RegisterService(&assets_);
+    builder.RegisterService(&workers_);
+    server_ = builder.BuildAndStart();
+    const bool is_unix = absl::StartsWith(address, kUnixPrefix);
+    if (!server_ || (!is_unix && port == 0)) {
+      return absl::UnavailableError(absl::StrCat("cannot listen on ", address, ": is it in use?"));
+    }
+    address_ = is_unix ? address : absl::StrCat(address.substr(0, address.rfind(':')), ":", port);
+    return absl::OkStatus();
+  }
+
+  const std::string& address() const override { return address_; }
+
+  void stop() override {
+    if (!server_) return;
+    server_->Shutdown(std::chrono::system_clock::now() + kGoodbye);
+    server_.reset();
+  }
+
+ private:
+  const Access access_;
+  NumericsGate numerics_;
+  JobService jobs_;
+  AssetService assets_;
+  WorkerService workers_;
+  std::unique_ptr<grpc::Server> server_;
+  std::string address_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<FarmServer>> FarmServer::start(Coordinator& coordinator,
+                                                              const std::string& address,
+                                                              const std::string& store_folder) {
+  if (!contract::is_local_address(address)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "--listen ", address, ": this version listens on Unix sockets (unix:PATH) and loopback ",
+        "(127.0.0.1:PORT, [::1]:PORT, localhost:PORT) only; other addresses need certificates"));
+  }
+  std::string token;
+  if (absl::StartsWith(address, kUnixPrefix)) {
+    if (absl::Status status = check_socket_folder(address); !status.ok()) return status;
+  } else {
+    auto kept = keep_token(absl::StrCat(store_folder, "/token"));
+    if (!kept.ok()) return kept.status();
+    token = *std::move(kept);
+  }
+  auto server =
+      std::make_unique<GrpcFarmServer>(coordinator, token, absl::StrCat(store_folder, "/numerics"));
+  if (absl::Status status = server->listen(address); !status.ok()) return status;
+  return server;
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,233 @@
+#include "server/service/work_stream.h"
+
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "proto/contract/rpc_status.h"
+#include "server/service/messages.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr std::size_t kAcknowledgementsPerMessage = 4096;  // well under the largest message
+constexpr std::size_t kLeasesPerMessage = 4096;
+constexpr std::size_t kMostLogBytes = 8 << 10;
+
+std::vector<UnitName> names_of(const google::protobuf::RepeatedPtrField<v1::UnitId>& units) {
+  std::vector<UnitName> names;
+  names.reserve(static_cast<std::size_t>(units.size()));
+  for (const v1::UnitId& unit : units) names.push_back(from_message(unit));
+  return names;
+}
+
+/// A worker's mail as messages, verdicts first: they free what the rest needs.
+void write_mail(const Mail& mail, std::deque<v1::WorkResponse>& out) {
+  for (std::size_t i = 0; i < mail.acknowledgements.size(); ++i) {
+    if (i % kAcknowledgementsPerMessage == 0) out.emplace_back();
+    *out.back().mutable_acknowledgements()->add_acknowledgements() =
+        to_message(mail.acknowledgements[i]);
+  }
+  for (std::size_t i = 0; i < mail.revoked.size(); ++i) {
+    if (i % kAcknowledgementsPerMessage == 0) out.emplace_back();
+    *out.back().mutable_revocation()->add_units() = to_message(mail.revoked[i]);
+  }
+  for (const std::string& job_id : mail.ended_jobs) {
+    out.emplace_back();
+    out.back().mutable_job_ended()->set_job_id(job_id);
+  }
+  for (std::size_t i = 0; i < mail.leases.size(); ++i) {
+    if (i % kLeasesPerMessage == 0) out.emplace_back();
+    *out.back().mutable_leases()->add_leases() = to_message(mail.leases[i]);
+  }
+}
+
+class WorkStream;
+
+/// What the coordinator holds of a stream: outlives it, and then does nothing.
+class WorkLink final : public WorkerLink {
+ public:
+  explicit WorkLink(WorkStream& stream) : stream_(&stream) {}
+  void wake() override;
+  void close(const absl::Status& reason) override;
+  void detach() {
+    const std::lock_guard lock(mutex_);
+    stream_ = nullptr;
+  }
+
+ private:
+  std::mutex mutex_;  // held while the stream is called, so that it cannot go meanwhile
+  WorkStream* stream_;
+};
+
+class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse> {
+ public:
+  WorkStream(Coordinator& coordinator, NumericsGate& numerics, grpc::CallbackServerContext& context,
+             const absl::Status& allowed)
+      : coordinator_(coordinator),
+        numerics_(numerics),
+        context_(context),
+        link_(std::make_shared<WorkLink>(*this)) {
+    if (allowed.ok()) {
+      StartRead(&request_);
+    } else {
+      finish(allowed);
+    }
+  }
+
+  void OnReadDone(bool ok) override {
+    const absl::Status status = ok ? take() : absl::OkStatus();
+    if (!ok || !status.ok()) return finish(status);
+    const std::lock_guard lock(mutex_);
+    if (!last_words_) StartRead(&request_);
+  }
+
+  void OnWriteDone(bool ok) override {
+    const std::lock_guard lock(mutex_);
+    is_writing_ = false;
+    if (!out_.empty()) out_.pop_front();
+    if (last_words_) {
+      Finish(contract::to_rpc(*last_words_));
+    } else if (ok) {
+      write_next();
+    }
+  }
+
+  void OnDone() override {
+    link_->detach();
+    if (session_) coordinator_.part(*session_);
+    { const std::lock_guard lock(mutex_); }
+    delete this;
+  }
+
+  /// Sends what is in the mailbox unless something is being sent: then OnWriteDone goes on.
+  void pump() {
+    const std::lock_guard lock(mutex_);
+    if (!is_writing_) write_next();
+  }
+
+  void finish(const absl::Status& status) {
+    const std::lock_guard lock(mutex_);
+    if (last_words_) return;
+    last_words_ = status;
+    if (is_writing_) {
+      context_.TryCancel();  // a write to a frozen peer would never end
+    } else {
+      Finish(contract::to_rpc(status));
+    }
+  }
+
+ private:
+  void write_next() {
+    if (last_words_ || !session_) return;
+    if (out_.empty()) write_mail(coordinator_.take_mail(*session_), out_);
+    if (out_.empty()) return;
+    is_writing_ = true;
+    StartWrite(&out_.front());
+  }
+
+  absl::Status take() {
+    if (!session_) return begin();
+    const Session session = *session_;
+    switch (request_.event_case()) {
+      case v1::WorkRequest::kHeartbeat:
+        coordinator_.heartbeat(session, names_of(request_.heartbeat().started()),
+                               request_.heartbeat().rss_bytes());
+        break;
+      case v1::WorkRequest::kCredits:
+        if (request_.credits().unit_count() < 1) {
+          return absl::InvalidArgumentError("credits.unit_count: must be at least 1");
+        }
+        coordinator_.grant_credits(session, request_.credits().unit_count());
+        break;
+      case v1::WorkRequest::kFailure:
+        take_failure(session, request_.failure());
+        break;
+      case v1::WorkRequest::kRevoked:
+        coordinator_.return_units(session, names_of(request_.revoked().units()));
+        break;
+      case v1::WorkRequest::kLeaving:
+        coordinator_.leave(session);
+        break;
+      case v1::WorkRequest::kSceneLoaded: {
+        const v1::SceneLoaded& loaded = request_.scene_loaded();
+        coordinator_.scene_loaded(session, loaded.job_id(), loaded.load_seconds(),
+                                  loaded.build_seconds(), loaded.peak_rss_bytes());
+        break;
+      }
+      case v1::WorkRequest::kHello:
+        return absl::InvalidArgumentError("hello: only the first message may be one");
+      case v1::WorkRequest::EVENT_NOT_SET:
+        break;  // a newer worker's news; a sign of life all the same
+    }
+    coordinator_.hear(session);
+    return absl::OkStatus();
+  }
+
+  void take_failure(Session session, const v1::UnitFailure& failure) {
+    coordinator_.fail_unit(session, from_message(failure.lease()), failure.tile(),
+                           {"", failure.message().substr(0, kMostLogBytes),
+                            failure.log_tail().substr(0, kMostLogBytes)},
+                           failure.bad_scene());
+  }
+
+  absl::Status begin() {
+    if (!request_.has_hello()) {
+      return absl::InvalidArgumentError("the first message must be hello");
+    }
+    const v1::WorkerHello& message = request_.hello();
+    if (absl::Status status =
+            numerics_.check(message.contract_version(), message.numerics_sha256());
+        !status.ok()) {
+      return status;
+    }
+    const auto hello = from_message(message);
+    if (!hello.ok()) return hello.status();
+    const Coordinator::Joined joined = coordinator_.join(*hello, link_);
+    const std::lock_guard lock(mutex_);
+    session_ = joined.session;
+    v1::Welcome& welcome = *out_.emplace_back().mutable_welcome();
+    welcome.set_store_id(joined.store_id);
+    welcome.mutable_heartbeat_interval()->set_seconds(joined.heartbeat_ms / 1000);
+    welcome.mutable_heartbeat_interval()->set_nanos(joined.heartbeat_ms % 1000 * 1'000'000);
+    welcome.mutable_timeout()->set_seconds(joined.timeout_ms / 1000);
+    welcome.mutable_timeout()->set_nanos(joined.timeout_ms % 1000 * 1'000'000);
+    write_next();
+    return absl::OkStatus();
+  }
+
+  Coordinator& coordinator_;
+  NumericsGate& numerics_;
+  grpc::CallbackServerContext& context_;
+  const std::shared_ptr<WorkLink> link_;  // owners: this and the coordinator
+  v1::WorkRequest request_;               // of the one read that is pending
+
+  std::mutex mutex_;  // for what follows; taken before the coordinator's lock, never after it
+  std::optional<Session> session_;
+  std::deque<v1::WorkResponse> out_;  // the front one is being written
+  bool is_writing_ = false;
+  std::optional<absl::Status> last_words_;
+};
+
+void WorkLink::wake() {
+  const std::lock_guard lock(mutex_);
+  if (stream_ != nullptr) stream_->pump();
+}
+
+void WorkLink::close(const absl::Status& reason) {
+  const std::lock_guard lock(mutex_);
+  if (stream_ != nullptr) stream_->finish(reason);
+}
+
+}  // namespace
+
+grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* work_stream(
+    Coordinator& coordinator, NumericsGate& numerics, grpc::CallbackServerContext& context,
+    const absl::Status& allowed) {
+  return new WorkStream(coordinator, numerics, context, allowed);
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,53 @@
+#include "server/service/worker_service.h"
+
+#include "absl/strings/str_cat.h"
+#include "proto/contract/rpc_status.h"
+#include "proto/contract/settings_message.h"
+#include "server/service/deliver_stream.h"
+#include "server/service/messages.h"
+#include "server/service/work_stream.h"
+
+namespace tessera::server {
+
+grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* WorkerService::Work(
+    grpc::CallbackServerContext* context) {
+  return work_stream(coordinator_, numerics_, *context, access_.check(*context));
+}
+
+grpc::ServerReadReactor<v1::DeliverRequest>* WorkerService::Deliver(
+    grpc::CallbackServerContext* context, v1::DeliverResponse* /*response*/) {
+  return deliver_stream(coordinator_, access_.check(*context));
+}
+
+grpc::ServerUnaryReactor* WorkerService::DescribeJob(grpc::CallbackServerContext* context,
+                                                     const v1::DescribeJobRequest* request,
+                                                     v1::DescribeJobResponse* response) {
+  absl::Status status = access_.check(*context);
+  const auto spec = coordinator_.describe_job(request->job_id());
+  if (status.ok() && !spec) {
+    status = absl::NotFoundError(absl::StrCat("no job \"", request->job_id(), "\""));
+  }
+  if (status.ok()) {
+    *response->mutable_settings() = contract::to_message(spec->settings);
+    *response->mutable_manifest() = to_manifest(*spec);
+  }
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  reactor->Finish(contract::to_rpc(status));
+  return reactor;
+}
+
+grpc::ServerUnaryReactor* WorkerService::ListWorkers(grpc::CallbackServerContext* context,
+                                                     const v1::ListWorkersRequest* /*request*/,
+                                                     v1::ListWorkersResponse* response) {
+  const absl::Status status = access_.check(*context);
+  if (status.ok()) {
+    for (const auto& [worker, silence] : coordinator_.workers()) {
+      *response->add_workers() = to_message(worker, silence);
+    }
+  }
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  reactor->Finish(contract::to_rpc(status));
+  return reactor;
+}
+
+}  // namespace tessera::server
