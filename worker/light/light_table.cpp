@@ -5,6 +5,7 @@
 
 #include "worker/light/emissive_power.h"
 #include "worker/light/punctual.h"
+#include "worker/sampling/warp.h"
 #include "worker/shading/surface.h"
 
 namespace tessera::render {
@@ -174,25 +175,19 @@ bool LightTable::sample_point_light(const Entry& entry, const Vec3f& point,
 
 bool LightTable::sample_emitter(const Entry& entry, const Vec3f& point, const LightRandom& u,
                                 LightSample* sample) const {
-  // The unit square onto the triangle, folded along its diagonal.
-  double b1 = u.u1, b2 = u.u2;
-  if (b1 + b2 > 1) {
-    b1 = 1 - b1;
-    b2 = 1 - b2;
-  }
+  const Vec2f w = warp::uniform_triangle({static_cast<float>(u.u1), static_cast<float>(u.u2)});
   const TriangleId& id = entry.triangle;
   const InstanceView& instance = shading_.instances[id.instance];
   const PrimitiveView& p = shading_.primitive(id);
   const auto& v = p.triangles[id.triangle];
   const Vec3f a = p.positions[v[0]], b = p.positions[v[1]], c = p.positions[v[2]];
-  const auto w1 = static_cast<float>(b1), w2 = static_cast<float>(b2);
-  sample->target = transform_point(instance.object_to_world, a + (b - a) * w1 + (c - a) * w2);
+  sample->target = transform_point(instance.object_to_world, a + (b - a) * w.x + (c - a) * w.y);
   const Vec3f to_light = sample->target - point;
   const float distance = length(to_light);
   sample->direction = normalize(to_light);
   sample->distant = false;
   sample->triangle = id;
-  const SurfacePoint light = surface_at(shading_, id, w1, w2, sample->direction);
+  const ShadingPoint light = surface_at(shading_, id, w.x, w.y, sample->direction);
   const Vec3f radiance = emission_at(shading_, light) * coverage_at(shading_, light);
   if (!(max_component(radiance) > 0)) return false;
   const float cosine = std::fabs(dot(light.geometric_normal, sample->direction));

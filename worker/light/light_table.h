@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "worker/accel/scene_accel.h"
+#include "worker/geometry/ray.h"
 #include "worker/light/environment_map.h"
 #include "worker/math/vector.h"
 #include "worker/scene/scene.h"

@@ -1,4 +1,4 @@
 target_sources(tessera_render
-  PRIVATE light/emissive_power.cpp light/environment_map.cpp
+  PRIVATE light/emissive_power.cpp light/environment_map.cpp light/light_table.cpp
   PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
     FILES light/emissive_power.h light/environment_map.h light/light_table.h light/punctual.h)

@@ -1,6 +1,7 @@
 #include "worker/render/frame_renderer.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <tuple>
@@ -59,31 +60,17 @@ class PathTracingFrame final : public FrameRenderer {
                     ChunkTotals* totals) const;
   void store_first_hit(const PathResult& path, std::size_t pixel, contract::FilmBlock* block) const;
 
+  Timings timings_;  // first: filled while the others are made
   const Scene scene_;
   const ShadingScene shading_;
+  const CameraRays camera_;
   const SceneAccel accel_;
   const LightTable lights_;
-  const CameraRays camera_;
+  const PixelFilterSampler filter_;
   const FrameContext context_;
   const float clamp_at_;
   const std::uint32_t aovs_;
-  Timings timings_;
 };
-
-FrameContext context_of(const contract::RenderSettings& settings, std::int32_t frame,
-                        const FrameContext& parts) {
-  FrameContext context = parts;
-  const auto& c = settings.background_color;
-  context.background = settings.background;
-  context.background_color = {c[0], c[1], c[2]};
-  context.max_depth = settings.max_depth;
-  context.cull_backfaces = settings.cull_backfaces;
-  context.seed = settings.seed;
-  context.frame = frame;
-  context.filter = settings.filter;
-  context.filter_width = settings.filter_width;
-  return context;
-}
 
 std::int64_t scene_bytes(const Scene& scene) {
   std::size_t bytes = 0;
@@ -100,16 +87,38 @@ std::int64_t scene_bytes(const Scene& scene) {
   return static_cast<std::int64_t>(bytes + scene.instances.size() * sizeof(Instance));
 }
 
+SceneAccel timed_accel(const Scene& scene, const ParallelFor& parallel_for, double* seconds) {
+  const auto start = std::chrono::steady_clock::now();
+  SceneAccel accel(scene, parallel_for);
+  *seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return accel;
+}
+
 PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& settings,
                                    std::int32_t frame, const ParallelFor& parallel_for)
     : scene_(std::move(scene)),
       shading_(scene_),
-      accel_(scene_, parallel_for),
-      lights_(scene_, shading_),
       camera_(scene_.camera, settings.width, settings.height),
-      context_(context_of(settings, frame, {shading_, accel_, lights_, camera_})),
+      accel_(timed_accel(scene_, parallel_for, &timings_.accel_build_seconds)),
+      lights_(scene_, shading_),
+      filter_(settings.filter, settings.filter_width),
+      context_{shading_,
+               accel_,
+               lights_,
+               camera_,
+               filter_,
+               settings.background,
+               {settings.background_color[0], settings.background_color[1],
+                settings.background_color[2]},
+               settings.max_depth,
+               settings.cull_backfaces,
+               settings.seed,
+               frame},
       clamp_at_(static_cast<float>(settings.clamp)),
-      aovs_(settings.aovs) {}
+      aovs_(settings.aovs) {
+  timings_.memory_bytes =
+      scene_bytes(scene_) + shading_.memory_bytes + accel_.memory_bytes() + lights_.memory_bytes();
+}
 
 contract::FilmBlock PathTracingFrame::render(const contract::PixelRect& rect,
                                              const contract::Pass& pass, std::int32_t pass_index,

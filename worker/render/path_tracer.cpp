@@ -3,9 +3,8 @@
 #include <cmath>
 #include <limits>
 
-#include "worker/geometry/offset_origin.h"
+#include "worker/geometry/surface_point.h"
 #include "worker/sampling/dimensions.h"
-#include "worker/sampling/pixel_filter.h"
 #include "worker/sampling/sampler.h"
 
 namespace tessera::render {
@@ -45,14 +44,15 @@ class PathTracer {
   bool find_hit(Hit* hit);
   bool step(const Hit& hit);
   void add_sky();
-  void record(const SurfacePoint& point, const SurfacePosition& position, const Vec4f& base);
-  void absorb(const SurfacePoint& point, float distance);
-  void add_emission(const SurfacePoint& point, const TriangleId& id, const Vec3f& position);
-  bool goes_straight(const Bsdf& bsdf, const Hit& hit, const SurfacePosition& position);
-  void add_direct(const Bsdf& bsdf, const TriangleId& id, const SurfacePosition& position);
+  void record(const ShadingPoint& point, const SurfacePoint& position, const Vec4f& base);
+  void absorb(const ShadingPoint& point, float distance);
+  void add_emission(const ShadingPoint& point, const TriangleId& id, const Vec3f& position);
+  bool goes_straight(const Bsdf& bsdf, const Hit& hit, const SurfacePoint& position);
+  void add_direct(const Bsdf& bsdf, const TriangleId& id, const SurfacePoint& position);
   Vec3f light_through(const Ray& ray, const LightSample& light);
-  bool scatter(const SurfacePoint& point, const Bsdf& bsdf, const TriangleId& id,
-               const SurfacePosition& position);
+  Vec3f medium_transmittance(const Ray& ray, const LightSample& light) const;
+  bool scatter(const ShadingPoint& point, const Bsdf& bsdf, const TriangleId& id,
+               const SurfacePoint& position);
   std::uint32_t bounce() const { return static_cast<std::uint32_t>(path_.depth); }
 
   const FrameContext& frame_;
@@ -63,8 +63,9 @@ class PathTracer {
 
 void PathTracer::start(std::int32_t x, std::int32_t y) {
   const Vec2f u = sampler_.get_2d(dimensions::kFilter);
-  const Vec2d offset = sample_pixel_filter(frame_.filter, frame_.filter_width, u);
-  const CameraRay camera = frame_.camera.ray(x + 0.5 + offset.x, y + 0.5 + offset.y);
+  const Vec2f offset = frame_.filter.sample(u);
+  const CameraRay camera = frame_.camera.ray(x + 0.5 + static_cast<double>(offset.x),
+                                             y + 0.5 + static_cast<double>(offset.y));
   path_.ray.origin = camera.origin;
   path_.ray.direction = camera.direction;
   path_.ray.t_max = camera.t_max;
@@ -87,31 +88,36 @@ PathResult PathTracer::trace(std::int32_t x, std::int32_t y) {
   return path_.result;
 }
 
-void PathTracer::hit_limit() {
-  ++path_.result.limit_count;
-}
-
 bool PathTracer::find_hit(Hit* hit) {
   const bool camera = path_.depth == 0;
   unsigned traits = kTraitAlpha;
   if (!camera) traits |= kTraitUnlit;
   if (camera && frame_.cull_backfaces) traits |= kTraitOneSided;
   traits &= frame_.shading.traits;
-  if (traits == 0) return frame_.accel.closest_hit(path_.ray, AcceptAll{}, hit);
-  ClosestFilter filter{frame_.shading,
-                       {sampler_, bounce(), RayKind::path},
-                       path_.ray.direction,
-                       static_cast<std::uint8_t>(traits)};
-  const bool found = frame_.accel.closest_hit(path_.ray, filter, hit);
-  path_.passed += filter.passed;
+  if (traits == 0) return frame_.accel.closest_hit(path_.ray, *hit);
+  int passed = 0;
+  const ClosestFilter filter{frame_.shading,
+                             {sampler_, bounce(), RayKind::path},
+                             path_.ray.direction,
+                             static_cast<std::uint8_t>(traits),
+                             &passed};
+  const bool found = frame_.accel.closest_hit(path_.ray, *hit, filter);
+  if (path_.passed + passed > kTransparencyLimit) {
+    Ray again = path_.ray;
+    if (found) again.t_max = hit->t;
+    int exact = 0;
+    frame_.accel.any_hit(again, HoleCounter{filter, &exact});
+    passed = exact;
+  }
+  path_.passed += passed;
   return found;
 }
 
 /// One surface: emission, direct light, and the next ray. False when the path ends.
 bool PathTracer::step(const Hit& hit) {
-  const SurfacePoint point =
+  const ShadingPoint point =
       surface_at(frame_.shading, hit.id, hit.b1, hit.b2, path_.ray.direction);
-  const SurfacePosition position = surface_position(point, hit);
+  const SurfacePoint position = position_of(point);
   absorb(point, hit.t);
   const Vec4f base = base_color_at(frame_.shading, point);
   if (path_.depth == 0 && !path_.result.hit.present) record(point, position, base);
@@ -119,7 +125,7 @@ bool PathTracer::step(const Hit& hit) {
     path_.result.radiance += path_.throughput * base.xyz();
     return false;
   }
-  add_emission(point, hit.id, position.point);
+  add_emission(point, hit.id, position.position);
   const bool last = path_.depth == frame_.max_depth;
   if (last && point.material->interface != Interface::thin) return false;
   const Bsdf bsdf = bsdf_at(frame_.shading, point, base, -path_.ray.direction);
@@ -152,14 +158,14 @@ void PathTracer::add_sky() {
   path_.result.radiance += light;
 }
 
-void PathTracer::record(const SurfacePoint& point, const SurfacePosition& position,
+void PathTracer::record(const ShadingPoint& point, const SurfacePoint& position,
                         const Vec4f& base) {
   CameraHit& hit = path_.result.hit;
   hit.present = true;
   hit.albedo = base.xyz();
   const Vec3f normal = shading_normal_at(frame_.shading, point);
   hit.normal = point.front ? normal : -normal;
-  hit.position = position.point;
+  hit.position = position.position;
   hit.node = point.instance->node;
   hit.material = point.primitive->material;
   hit.primitive = point.primitive->id;
@@ -167,14 +173,14 @@ void PathTracer::record(const SurfacePoint& point, const SurfacePosition& positi
 
 /// Beer's law along the ray that just ended. A solid's inner side tells the medium by itself, so
 /// that cameras may start inside one.
-void PathTracer::absorb(const SurfacePoint& point, float distance) {
+void PathTracer::absorb(const ShadingPoint& point, float distance) {
   const MaterialView* medium = path_.medium;
   if (!point.front && point.material->interface == Interface::solid) medium = point.material;
   if (medium == nullptr || !medium->absorbs) return;
   path_.throughput *= beer_transmittance(medium->extinction, distance);
 }
 
-void PathTracer::add_emission(const SurfacePoint& point, const TriangleId& id,
+void PathTracer::add_emission(const ShadingPoint& point, const TriangleId& id,
                               const Vec3f& position) {
   if (!point.material->emissive) return;
   Vec3f light = path_.throughput * emission_at(frame_.shading, point);
@@ -188,7 +194,7 @@ void PathTracer::add_emission(const SurfacePoint& point, const TriangleId& id,
 
 /// Thin sheets let light pass without an event: not counted as depth, no roulette, and the density
 /// of the last real scattering stays.
-bool PathTracer::goes_straight(const Bsdf& bsdf, const Hit& hit, const SurfacePosition& position) {
+bool PathTracer::goes_straight(const Bsdf& bsdf, const Hit& hit, const SurfacePoint& position) {
   const Vec3f share = straight_transmittance(bsdf);
   const float straight = luminance(share);
   if (!(straight > 0)) return false;
@@ -200,14 +206,13 @@ bool PathTracer::goes_straight(const Bsdf& bsdf, const Hit& hit, const SurfacePo
   path_.throughput *= share / probability;
   path_.from_camera = false;
   ++path_.passed;
-  path_.ray.origin = offset_origin(position, path_.ray.direction);
-  path_.ray.t_max = path_.ray.t_max - hit.t;
-  path_.ray.leaves = hit.id;
+  const float rest = path_.ray.t_max - hit.t;
+  path_.ray = spawn_ray(position, hit.id, path_.ray.direction);
+  path_.ray.t_max = rest;
   return true;
 }
 
-void PathTracer::add_direct(const Bsdf& bsdf, const TriangleId& id,
-                            const SurfacePosition& position) {
+void PathTracer::add_direct(const Bsdf& bsdf, const TriangleId& id, const SurfacePoint& position) {
   if (!frame_.lights.samples_anything() || !has_smooth_density(bsdf)) return;
   LightRandom u;
   const Vec4f x = sampler_.get_4d(dimensions::light(bounce()));
@@ -217,14 +222,11 @@ void PathTracer::add_direct(const Bsdf& bsdf, const TriangleId& id,
   u.u2 = x.y + fraction(bits >> 20) * 0x1p-24;
   u.select = x.z + fraction(bits >> 40) * 0x1p-24;
   LightSample light;
-  if (!frame_.lights.sample(position.point, u, &light)) return;
+  if (!frame_.lights.sample(position.position, u, &light)) return;
   const BsdfValue value = evaluate_bsdf(bsdf, light.direction);
   if (!(max_component(value.f_cos) > 0)) return;
-  Ray ray;
-  ray.origin = offset_origin(position, light.direction);
-  ray.leaves = id;
-  ray.direction = light.distant ? light.direction : light.target - ray.origin;
-  ray.t_max = light.distant ? kInfinity : 1.0f;
+  Ray ray = light.distant ? spawn_ray(position, id, light.direction)
+                          : spawn_ray_to(position, id, light.target);
   const Vec3f open = light_through(ray, light);
   if (!(max_component(open) > 0)) return;
   const float weight = light.pdf > 0 ? power_heuristic(light.pdf, value.pdf) : 1.0f;
@@ -235,27 +237,36 @@ void PathTracer::add_direct(const Bsdf& bsdf, const TriangleId& id,
 Vec3f PathTracer::light_through(const Ray& ray, const LightSample& light) {
   const auto traits = static_cast<std::uint8_t>(frame_.shading.traits &
                                                 (kTraitAlpha | kTraitUnlit | kTraitStraight));
-  ShadowFilter filter{frame_.shading,
-                      {sampler_, bounce(), RayKind::shadow},
-                      light.direction,
-                      light.triangle,
-                      traits};
-  filter.sheets = &scratch_->sheets;
+  if (traits == 0) {
+    const TriangleId& target = light.triangle;
+    const bool blocked =
+        target == TriangleId{}
+            ? frame_.accel.any_hit(ray)
+            : frame_.accel.any_hit(ray, [&](const Hit& hit) { return hit.id != target; });
+    return blocked ? Vec3f{} : medium_transmittance(ray, light);
+  }
+  SheetStack& sheets = scratch_->sheets;
+  sheets.passed = sheets.count = 0;
+  const ShadowFilter filter{frame_.shading,  {sampler_, bounce(), RayKind::shadow},
+                            light.direction, light.triangle,
+                            traits,          &sheets};
   if (frame_.accel.any_hit(ray, filter)) return {};
-  if (filter.passed > kTransparencyLimit) {
+  if (sheets.passed > kTransparencyLimit) {
     ++path_.result.limit_count;
     return {};
   }
-  Vec3f open = filter.transmittance();
-  if (path_.medium != nullptr) {
-    const float distance = light.distant ? kInfinity : length(ray.direction);
-    open *= beer_transmittance(path_.medium->extinction, distance);
-  }
-  return open;
+  return sheets.transmittance() * medium_transmittance(ray, light);
 }
 
-bool PathTracer::scatter(const SurfacePoint& point, const Bsdf& bsdf, const TriangleId& id,
-                         const SurfacePosition& position) {
+/// Of the solid the shadow ray is in, which it cannot leave: glass stops it.
+Vec3f PathTracer::medium_transmittance(const Ray& ray, const LightSample& light) const {
+  if (path_.medium == nullptr) return {1, 1, 1};
+  return beer_transmittance(path_.medium->extinction,
+                            light.distant ? kInfinity : length(ray.direction));
+}
+
+bool PathTracer::scatter(const ShadingPoint& point, const Bsdf& bsdf, const TriangleId& id,
+                         const SurfacePoint& position) {
   const Vec4f u = sampler_.get_4d(dimensions::bsdf(bounce()));
   BsdfSample next;
   if (!sample_bsdf(bsdf, u.z, {u.x, u.y}, &next)) return false;
@@ -275,11 +286,8 @@ bool PathTracer::scatter(const SurfacePoint& point, const Bsdf& bsdf, const Tria
   path_.from_camera = false;
   path_.by_chance = next.delta;
   path_.pdf = next.pdf;
-  path_.scattered_at = position.point;
-  path_.ray = Ray{};
-  path_.ray.origin = offset_origin(position, next.wi);
-  path_.ray.direction = next.wi;
-  path_.ray.leaves = id;
+  path_.scattered_at = position.position;
+  path_.ray = spawn_ray(position, id, next.wi);
   return true;
 }
 

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 
 #include "proto/contract/render_settings.h"
@@ -9,6 +8,7 @@
 #include "worker/math/vector.h"
 #include "worker/render/camera_rays.h"
 #include "worker/render/transparency.h"
+#include "worker/sampling/pixel_filter.h"
 #include "worker/shading/shading_scene.h"
 #include "worker/shading/surface.h"
 
@@ -20,19 +20,18 @@ struct FrameContext {
   const SceneAccel& accel;
   const LightTable& lights;
   const CameraRays& camera;
+  const PixelFilterSampler& filter;
   contract::Background background = contract::Background::automatic;
   Vec3f background_color;
   std::int32_t max_depth = 16;
   bool cull_backfaces = false;
   std::uint32_t seed = 0;
   std::int32_t frame = 0;
-  contract::PixelFilter filter = contract::PixelFilter::box;
-  double filter_width = 1;
 };
 
 /// Memory a thread lends to the paths it traces, so that none allocates.
 struct PathScratch {
-  std::array<Sheet, kTransparencyLimit> sheets;
+  SheetStack sheets;
 };
 
 /// The first surface a camera path met.

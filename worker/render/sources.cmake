@@ -1,6 +1,7 @@
 target_sources(tessera_render
-  PRIVATE render/camera_rays.cpp render/parallel_tbb.cpp
-          render/parallel_threads.cpp
+  PRIVATE render/camera_rays.cpp render/frame_renderer.cpp render/parallel_tbb.cpp
+          render/parallel_threads.cpp render/path_tracer.cpp render/pixel_sums.cpp
+          render/transparency.cpp
   PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
     FILES render/camera_rays.h render/float_control.h render/frame_renderer.h render/parallel_tbb.h
           render/parallel_threads.h render/path_tracer.h render/pixel_sums.h render/transparency.h)

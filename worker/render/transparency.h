@@ -3,7 +3,7 @@
 #include <array>
 #include <cstdint>
 
-#include "worker/accel/scene_accel.h"
+#include "worker/geometry/ray.h"
 #include "worker/math/vector.h"
 #include "worker/sampling/sampler.h"
 #include "worker/shading/shading_scene.h"
@@ -39,9 +39,23 @@ struct ClosestFilter {
   RayChance chance;
   Vec3f direction;
   std::uint8_t traits = 0;  // SurfaceTrait bits that matter to this ray
-  int passed = 0;
+  int* passed = nullptr;    // counts the holes
 
-  bool operator()(const TriangleId& id, float t, float b1, float b2);
+  bool operator()(const Hit& hit) const;
+};
+
+/// Lets everything pass and counts the holes among it, in a second look at a ray that seems to have
+/// met too many: closest_hit() may show a filter hits beyond the closest.
+struct HoleCounter {
+  const ClosestFilter& holes;
+  int* count;
+
+  bool operator()(const Hit& hit) const {
+    const int before = *holes.passed;
+    holes(hit);
+    *count += *holes.passed - before;
+    return false;
+  }
 };
 
 /// Light through one thin sheet, kept until all sheets of the ray are known.
@@ -51,23 +65,27 @@ struct Sheet {
   Vec3f transmittance;
 };
 
-/// Decides hit by hit what stops a shadow ray. Coloured sheets are gathered; transmittance()
-/// multiplies them in (t, id) order, so that rounding does not depend on the traversal.
+/// The sheets a shadow ray met so far; scratch memory of a thread.
+struct SheetStack {
+  int passed = 0;  // holes and sheets
+  int count = 0;   // of `sheets` in use
+  std::array<Sheet, kTransparencyLimit> sheets;
+
+  /// Product of all transmittances, multiplied in (t, id) order so that rounding does not depend
+  /// on the traversal. Requires passed <= kTransparencyLimit.
+  Vec3f transmittance();
+};
+
+/// Decides hit by hit what stops a shadow ray; coloured sheets are gathered in `stack`.
 struct ShadowFilter {
   const ShadingScene& scene;
   RayChance chance;
   Vec3f direction;    // unit, towards the light
   TriangleId target;  // the emitter the ray goes to, which does not shadow itself
   std::uint8_t traits = 0;
-  int passed = 0;
-  int sheet_count = 0;
-  std::array<Sheet, kTransparencyLimit>* sheets = nullptr;  // scratch of the thread
+  SheetStack* stack = nullptr;
 
-  bool operator()(const TriangleId& id, float t, float b1, float b2);
-
-  /// Product over the sheets met; requires that nothing stopped the ray and passed is within
-  /// kTransparencyLimit.
-  Vec3f transmittance();
+  bool operator()(const Hit& hit) const;
 };
 
 }  // namespace tessera::render

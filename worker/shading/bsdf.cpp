@@ -1,5 +1,6 @@
 #include "worker/shading/bsdf.h"
 
+#include "worker/math/elementary.h"
 #include "worker/sampling/warp.h"
 #include "worker/shading/fresnel.h"
 #include "worker/shading/microfacet.h"
@@ -7,8 +8,13 @@
 namespace tessera::render {
 namespace {
 
-constexpr float kInvPi = 0.31830988618379067f;
+using warp::kInvPi;
 constexpr float kMatchedIndices = 1e-4f;  // |eta - 1| below which facets do not bend light
+
+Vec2f point_on_circle(float u) {
+  const elementary::SinCosf a = elementary::sincos(2 * warp::kPi * u);
+  return {a.cos, a.sin};
+}
 
 /// What the dielectric layer does with light that meets its facets at cosine `c`.
 struct Layer {
@@ -214,7 +220,7 @@ BsdfValue evaluate_bsdf(const Bsdf& b, const Vec3f& wi) {
 bool sample_bsdf(const Bsdf& b, float u_lobe, const Vec2f& u, BsdfSample* sample) {
   Vec3f local;
   if (u_lobe < b.cosine_probability) {
-    local = sample_cosine_hemisphere(u);
+    local = warp::cosine_hemisphere(u);
     if (!(local.z > 0)) return false;
     sample->transmitted = sample->delta = false;
   } else {

@@ -102,6 +102,7 @@ ShadingScene::ShadingScene(const Scene& scene) : textures(scene) {
   for (const Instance& instance : scene.instances) {
     const auto mesh = static_cast<std::size_t>(instance.mesh);
     InstanceView view;
+    view.source = &instance;
     view.object_to_world = Affine3f(instance.object_to_world);
     view.world_to_object = Affine3f(instance.world_to_object);
     view.first_primitive = first[mesh];

@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "worker/accel/scene_accel.h"
+#include "worker/geometry/ray.h"
 #include "worker/scene/scene.h"
 #include "worker/shading/albedo_table.h"
 #include "worker/shading/bsdf.h"
@@ -38,6 +38,7 @@ struct PrimitiveView {
 
 struct InstanceView {
   Affine3f object_to_world, world_to_object;
+  const Instance* source = nullptr;   // its transforms in double
   std::uint32_t first_primitive = 0;  // of its mesh, into ShadingScene::primitives
   std::uint32_t primitive_count = 0;
   std::int32_t node = 0;

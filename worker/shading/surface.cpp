@@ -8,23 +8,23 @@ namespace {
 
 /// a + b1 (b - a) + b2 (c - a): exact where the three corners agree.
 template <typename T>
-T interpolated(const T* values, const SurfacePoint& p) {
+T interpolated(const T* values, const ShadingPoint& p) {
   const T a = values[p.vertices[0]], b = values[p.vertices[1]], c = values[p.vertices[2]];
   return a + (b - a) * p.b1 + (c - a) * p.b2;
 }
 
-Vec2f uv_at(const SurfacePoint& p, const TextureRef& ref) {
+Vec2f uv_at(const ShadingPoint& p, const TextureRef& ref) {
   const Vec2f* uv = p.primitive->uv[ref.uv_set == 1 ? 1 : 0];
   return uv == nullptr ? Vec2f{} : interpolated(uv, p);
 }
 
-Vec4f read(const ShadingScene& scene, const SurfacePoint& p, const TextureRef& ref) {
+Vec4f read(const ShadingScene& scene, const ShadingPoint& p, const TextureRef& ref) {
   if (!ref) return {1, 1, 1, 1};
   return scene.textures.lookup(ref, uv_at(p, ref));
 }
 
 /// Tangent of the UV parametrisation of the triangle, object space; zero if there is none.
-Vec4f tangent_from_uv(const SurfacePoint& p, const TextureRef& ref) {
+Vec4f tangent_from_uv(const ShadingPoint& p, const TextureRef& ref) {
   const Vec2f* uv = p.primitive->uv[ref.uv_set == 1 ? 1 : 0];
   if (uv == nullptr) return {};
   const Vec3f* x = p.primitive->positions;
@@ -38,7 +38,7 @@ Vec4f tangent_from_uv(const SurfacePoint& p, const TextureRef& ref) {
 }
 
 /// `normal` tilted by the normal texture; itself where tangent or texel are degenerate.
-Vec3f normal_mapped(const ShadingScene& scene, const SurfacePoint& p, const Vec3f& normal) {
+Vec3f normal_mapped(const ShadingScene& scene, const ShadingPoint& p, const Vec3f& normal) {
   const Material& m = *p.material->source;
   const Vec4f object_tangent = p.primitive->tangents != nullptr
                                    ? interpolated(p.primitive->tangents, p)
@@ -57,7 +57,7 @@ Vec3f normal_mapped(const ShadingScene& scene, const SurfacePoint& p, const Vec3
 }
 
 /// Both normals on the viewer's side, the shading one bent so that it really is.
-BsdfFrame viewing_frame(const SurfacePoint& p, const Vec3f& shading_normal, const Vec3f& wo) {
+BsdfFrame viewing_frame(const ShadingPoint& p, const Vec3f& shading_normal, const Vec3f& wo) {
   BsdfFrame frame;
   frame.geometric_normal = p.front ? p.geometric_normal : -p.geometric_normal;
   Vec3f n = p.front ? shading_normal : -shading_normal;
@@ -67,11 +67,13 @@ BsdfFrame viewing_frame(const SurfacePoint& p, const Vec3f& shading_normal, cons
   const float cosine = dot(n, wo);
   if (cosine < least) n = normalize(n + wo * (least - cosine));
   frame.normal = n;
-  make_tangents(n, &frame.tangent, &frame.bitangent);
+  const Frame axes = Frame::from_normal(n);
+  frame.tangent = axes.s;
+  frame.bitangent = axes.t;
   return frame;
 }
 
-BsdfParameters parameters_at(const ShadingScene& scene, const SurfacePoint& p, const Vec4f& base) {
+BsdfParameters parameters_at(const ShadingScene& scene, const ShadingPoint& p, const Vec4f& base) {
   const Material& m = *p.material->source;
   BsdfParameters b;
   b.base = base.xyz();
@@ -103,9 +105,9 @@ BsdfParameters parameters_at(const ShadingScene& scene, const SurfacePoint& p, c
 
 }  // namespace
 
-SurfacePoint surface_at(const ShadingScene& scene, const TriangleId& id, float b1, float b2,
+ShadingPoint surface_at(const ShadingScene& scene, const TriangleId& id, float b1, float b2,
                         const Vec3f& direction) {
-  SurfacePoint p;
+  ShadingPoint p;
   p.instance = &scene.instances[id.instance];
   p.primitive = &scene.primitives[p.instance->first_primitive + id.primitive];
   p.material = &scene.materials[static_cast<std::size_t>(p.primitive->material)];
@@ -121,7 +123,15 @@ SurfacePoint surface_at(const ShadingScene& scene, const TriangleId& id, float b
   return p;
 }
 
-Vec4f base_color_at(const ShadingScene& scene, const SurfacePoint& p) {
+SurfacePoint position_of(const ShadingPoint& p) {
+  const Vec3f* x = p.primitive->positions;
+  const Instance& instance = *p.instance->source;
+  return surface_point({instance.object_to_world, instance.world_to_object, x[p.vertices[0]],
+                        x[p.vertices[1]], x[p.vertices[2]]},
+                       p.b1, p.b2);
+}
+
+Vec4f base_color_at(const ShadingScene& scene, const ShadingPoint& p) {
   const Material& m = *p.material->source;
   Vec4f c = m.base_color;
   if (m.base_color_texture) {
@@ -135,7 +145,7 @@ Vec4f base_color_at(const ShadingScene& scene, const SurfacePoint& p) {
   return c;
 }
 
-float coverage_at(const ShadingScene& scene, const SurfacePoint& p) {
+float coverage_at(const ShadingScene& scene, const ShadingPoint& p) {
   const Material& m = *p.material->source;
   if (m.alpha_mode == AlphaMode::opaque) return 1;
   const float alpha = base_color_at(scene, p).w;
@@ -143,14 +153,14 @@ float coverage_at(const ShadingScene& scene, const SurfacePoint& p) {
   return clamp(alpha, 0.0f, 1.0f);
 }
 
-Vec3f emission_at(const ShadingScene& scene, const SurfacePoint& p) {
+Vec3f emission_at(const ShadingScene& scene, const ShadingPoint& p) {
   const Material& m = *p.material->source;
   if (!p.material->emissive || (!p.front && !m.double_sided)) return {};
   if (!m.emissive_texture) return m.emission;
   return m.emission * read(scene, p, m.emissive_texture).xyz();
 }
 
-Vec3f shading_normal_at(const ShadingScene& scene, const SurfacePoint& p) {
+Vec3f shading_normal_at(const ShadingScene& scene, const ShadingPoint& p) {
   Vec3f n = p.geometric_normal;
   if (p.primitive->normals != nullptr) {
     const Vec3f smooth = normalize(
@@ -160,7 +170,7 @@ Vec3f shading_normal_at(const ShadingScene& scene, const SurfacePoint& p) {
   return p.material->source->normal_texture ? normal_mapped(scene, p, n) : n;
 }
 
-Bsdf bsdf_at(const ShadingScene& scene, const SurfacePoint& p, const Vec4f& base, const Vec3f& wo) {
+Bsdf bsdf_at(const ShadingScene& scene, const ShadingPoint& p, const Vec4f& base, const Vec3f& wo) {
   const BsdfFrame frame = viewing_frame(p, shading_normal_at(scene, p), wo);
   return make_bsdf(parameters_at(scene, p, base), p.material->tables, frame, wo);
 }

@@ -2,7 +2,8 @@
 
 #include <array>
 
-#include "worker/accel/scene_accel.h"
+#include "worker/geometry/ray.h"
+#include "worker/geometry/surface_point.h"
 #include "worker/math/vector.h"
 #include "worker/shading/bsdf.h"
 #include "worker/shading/shading_scene.h"
@@ -11,7 +12,7 @@ namespace tessera::render {
 
 /// A hit as geometry: where it is and which way it faces. Made for every hit; materials are only
 /// looked at by the functions below, when they are wanted.
-struct SurfacePoint {
+struct ShadingPoint {
   const PrimitiveView* primitive = nullptr;
   const InstanceView* instance = nullptr;
   const MaterialView* material = nullptr;
@@ -22,25 +23,28 @@ struct SurfacePoint {
 };
 
 /// The point `hit` found along `direction`.
-SurfacePoint surface_at(const ShadingScene& scene, const TriangleId& id, float b1, float b2,
+ShadingPoint surface_at(const ShadingScene& scene, const TriangleId& id, float b1, float b2,
                         const Vec3f& direction);
 
+/// Where that is, with what rays that start there need.
+SurfacePoint position_of(const ShadingPoint& point);
+
 /// Base colour and alpha: factor times texture times vertex colour.
-Vec4f base_color_at(const ShadingScene& scene, const SurfacePoint& point);
+Vec4f base_color_at(const ShadingScene& scene, const ShadingPoint& point);
 
 /// Coverage by alphaMode: 1 for OPAQUE, 0 or 1 for MASK (opaque at the cutoff), alpha for BLEND.
-float coverage_at(const ShadingScene& scene, const SurfacePoint& point);
+float coverage_at(const ShadingScene& scene, const ShadingPoint& point);
 
 /// Radiance in nits towards the ray's origin; zero on the dark side.
-Vec3f emission_at(const ShadingScene& scene, const SurfacePoint& point);
+Vec3f emission_at(const ShadingScene& scene, const ShadingPoint& point);
 
 /// Shading normal in world space on the front side, unit: interpolated, then normal-mapped.
-Vec3f shading_normal_at(const ShadingScene& scene, const SurfacePoint& point);
+Vec3f shading_normal_at(const ShadingScene& scene, const ShadingPoint& point);
 
 /// What the surface does to light arriving from or leaving to `wo` (unit, world, towards the
 /// viewer). `base` is base_color_at(). The shading normal is bent towards the viewer where it
 /// would face away, so that the frame and wo share a side.
-Bsdf bsdf_at(const ShadingScene& scene, const SurfacePoint& point, const Vec4f& base,
+Bsdf bsdf_at(const ShadingScene& scene, const ShadingPoint& point, const Vec4f& base,
              const Vec3f& wo);
 
 /// Beer's law over `distance` metres: exp(-extinction distance). 0 for infinite extinction and

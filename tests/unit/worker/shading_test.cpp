@@ -1,0 +1,223 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+#include "worker/shading/albedo_table.h"
+#include "worker/shading/fresnel.h"
+#include "worker/shading/microfacet.h"
+#include "worker/shading/srgb.h"
+#include "worker/shading/texture.h"
+
+namespace tessera::render {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+double cos_degrees(double degrees) {
+  return std::cos(degrees * kPi / 180);
+}
+
+TEST(Fresnel, MatchesTheExactFormulaAtGrazingAngles) {  // hard case 39
+  EXPECT_NEAR(fresnel_dielectric(1, 1.5f), 0.04, 1e-6);
+  EXPECT_NEAR(fresnel_dielectric(static_cast<float>(cos_degrees(89)), 1.5f), 0.904185, 1e-6);
+  EXPECT_NEAR(fresnel_dielectric(static_cast<float>(cos_degrees(89.9)), 1.5f), 0.989912, 1e-6);
+}
+
+double hemispherical_average(double eta) {
+  double sum = 0;
+  constexpr int kSteps = 200000;
+  for (int i = 0; i < kSteps; ++i) {
+    const double c = (i + 0.5) / kSteps;
+    sum += 2 * c *
+           static_cast<double>(fresnel_dielectric(static_cast<float>(c), static_cast<float>(eta)));
+  }
+  return sum / kSteps;
+}
+
+TEST(Fresnel, AveragesOutsideAndInsideAreLinkedByEtaSquared) {  // hard case 39
+  const double outside = hemispherical_average(1.5), inside = hemispherical_average(1 / 1.5);
+  EXPECT_NEAR(outside, 0.091778, 2e-6);
+  EXPECT_NEAR(inside, 0.596346, 2e-6);
+  EXPECT_NEAR(inside, 1 - (1 - outside) / 2.25, 2e-6);
+}
+
+TEST(Fresnel, ReflectsAllBeyondTheCriticalAngle) {  // hard case 40
+  const float eta = 1 / 1.5f;
+  EXPECT_NEAR(fresnel_dielectric(static_cast<float>(cos_degrees(30)), eta), 0.055190, 1e-6);
+  EXPECT_NEAR(fresnel_dielectric(static_cast<float>(cos_degrees(41)), eta), 0.379752, 1e-5);
+  EXPECT_EQ(fresnel_dielectric(static_cast<float>(cos_degrees(42)), eta), 1);
+}
+
+TEST(Fresnel, AgreesWithRefractionOnWhoIsTotallyReflected) {  // hard case 40
+  const float eta = 1 / 1.5f;
+  const double critical = std::asin(1 / 1.5);
+  for (int i = -1000; i <= 1000; ++i) {
+    const double angle = critical + i * 1e-9;
+    const Vec3f w(Vec3d{std::sin(angle), 0, std::cos(angle)});
+    Vec3f t;
+    const bool passes = refract(w, {0, 0, 1}, eta, &t);
+    const float f = fresnel_dielectric(w.z, eta);
+    ASSERT_TRUE(f >= 0 && f <= 1);
+    ASSERT_EQ(passes, f < 1) << i;
+    if (passes) ASSERT_TRUE(is_finite(t) && t.z <= 0);
+  }
+}
+
+TEST(Fresnel, StaysAccurateForMatchedIndices) {  // hard case 41
+  // eta = 1 + 2^-23, what float makes of 1 + 1e-7, at cos = 0.01.
+  EXPECT_NEAR(fresnel_dielectric(0.01f, 1 + 0x1p-23f) / 3.5436e-7, 1, 1e-3);
+  EXPECT_EQ(fresnel_dielectric(0.01f, 1), 0);
+  EXPECT_EQ(f0_from_ior(0), 1);  // KHR_materials_ior: ior 0 means F = 1
+}
+
+TEST(Microfacet, DensityKeepsItsDigitsForTinyAlpha) {  // hard case 37
+  for (const float alpha : {1e-4f, 1e-3f, 1e-2f, 0.1f, 0.5f, 1.0f}) {
+    for (int i = 0; i <= 40; ++i) {
+      const double tangent = alpha * i * 0.25;
+      const double c = 1 / std::sqrt(1 + tangent * tangent), s = tangent * c;
+      const Vec3f h{static_cast<float>(s), 0, static_cast<float>(c)};
+      // The half vector the float function is given, in double.
+      const double x = h.x, z = h.z, a = alpha;
+      const double q = a / (x * x + a * a * z * z);
+      ASSERT_NEAR(ggx_d(h, alpha) / (q * q / kPi), 1, 1e-5) << alpha << " " << i;
+    }
+  }
+}
+
+TEST(AlbedoTable, MatchesTheKnownAlbedosOfGgx) {  // hard case 38
+  const AlbedoTable table = AlbedoTable::reflector();
+  EXPECT_NEAR(table.at(1, 1), 1 - std::log(2.0), 1e-3);
+  EXPECT_NEAR(table.at(0.5f, 1), 0.45069, 1e-3);
+  EXPECT_NEAR(table.average(1), 0.4092, 1e-3);
+  const float half = std::sqrt(0.5f), tenth = std::sqrt(0.1f);
+  EXPECT_NEAR(table.at(1, half), 0.68785, 1.5e-3);
+  EXPECT_NEAR(table.at(0.5f, half), 0.69825, 1.5e-3);
+  EXPECT_NEAR(table.at(1, tenth), 0.98839, 1.5e-3);
+  EXPECT_NEAR(table.at(0.5f, tenth), 0.96924, 1.5e-3);
+}
+
+TEST(AlbedoTable, OfADielectricNeverExceedsOne) {
+  for (const double eta : {1.5, 1 / 1.5, 1.01, 2.4}) {
+    const AlbedoTable table = AlbedoTable::dielectric(eta);
+    for (int r = 0; r <= 50; ++r) {
+      for (int c = 0; c <= 50; ++c) {
+        const float e = table.at(static_cast<float>(c) / 50, static_cast<float>(r) / 50);
+        ASSERT_GT(e, 0.1f);
+        ASSERT_LE(e, 1.0f);
+      }
+    }
+  }
+}
+
+TEST(Srgb, DecodesEveryCodeToOneUlp) {  // hard case 75
+  const auto table = srgb8_table();
+  for (int i = 0; i < 256; ++i) {
+    const long double c = i / 255.0L;
+    const long double exact = c <= 0.04045L ? c / 12.92L : std::pow((c + 0.055L) / 1.055L, 2.4L);
+    const float got = table[static_cast<std::size_t>(i)];
+    const float ulp = std::nextafter(got, 2.0f) - got;
+    ASSERT_LE(std::fabs(static_cast<double>(got - exact)), ulp) << i;
+  }
+  EXPECT_EQ(table[0], 0);
+  EXPECT_EQ(table[255], 1);
+  EXPECT_EQ(srgb16_table()[65535], 1);
+}
+
+/// A scene with one image of width x height single-channel floats.
+struct OneImage {
+  Scene scene;
+  TextureRef ref;
+
+  OneImage(std::int32_t width, std::int32_t height, std::vector<float> values, Wrap wrap) {
+    Image image;
+    image.width = width;
+    image.height = height;
+    image.channels = 1;
+    image.storage = Image::Storage::f32;
+    image.f32 = std::move(values);
+    scene.images.push_back(std::move(image));
+    scene.textures.push_back({0, wrap, wrap, false});
+    ref.texture = 0;
+  }
+  float at(float u, float v) const { return TextureTable(scene).lookup(ref, {u, v}).x; }
+};
+
+TEST(Texture, InterpolatesBetweenTexelCentres) {
+  const OneImage t(2, 1, {10, 20}, Wrap::clamp);
+  EXPECT_EQ(t.at(0.25f, 0.5f), 10);
+  EXPECT_EQ(t.at(0.75f, 0.5f), 20);
+  EXPECT_EQ(t.at(0.5f, 0.5f), 15);
+  EXPECT_EQ(t.at(0, 0.5f), 10);
+  EXPECT_EQ(t.at(1, 0.5f), 20);
+}
+
+TEST(Texture, WrapsAsTheSamplerSays) {
+  const OneImage repeat(4, 1, {1, 2, 3, 4}, Wrap::repeat);
+  EXPECT_EQ(repeat.at(1.125f, 0), 1);
+  EXPECT_EQ(repeat.at(-0.125f, 0), 4);
+  EXPECT_EQ(repeat.at(0, 0), 2.5f);  // between the last texel and the first
+  const OneImage mirror(4, 1, {1, 2, 3, 4}, Wrap::mirror);
+  EXPECT_EQ(mirror.at(1.125f, 0), 4);
+  EXPECT_EQ(mirror.at(-0.125f, 0), 1);
+  EXPECT_EQ(mirror.at(1.875f, 0), 1);
+  EXPECT_EQ(mirror.at(2.125f, 0), 1);
+  EXPECT_EQ(mirror.at(1, 0), 4);
+  const OneImage clamped(4, 1, {1, 2, 3, 4}, Wrap::clamp);
+  EXPECT_EQ(clamped.at(7, 0), 4);
+  EXPECT_EQ(clamped.at(-7, 0), 1);
+}
+
+TEST(Texture, NearestTakesTheTexelThePointIsIn) {
+  OneImage t(4, 1, {1, 2, 3, 4}, Wrap::repeat);
+  t.scene.textures[0].nearest = true;
+  EXPECT_EQ(t.at(0.24f, 0), 1);
+  EXPECT_EQ(t.at(0.25f, 0), 2);
+  EXPECT_EQ(t.at(-0.01f, 0), 4);
+  EXPECT_EQ(t.at(1, 0), 1);
+}
+
+TEST(Texture, ReadsAConstantExactlyAnywhere) {  // hard case 74
+  for (const Wrap wrap : {Wrap::repeat, Wrap::mirror, Wrap::clamp}) {
+    const OneImage t(3, 5, std::vector<float>(15, 0.1f), wrap);
+    for (int i = 0; i < 2000; ++i) {
+      const auto x = static_cast<float>(i) * 0.0137f - 9;
+      ASSERT_EQ(t.at(x, -x * 1.7f), 0.1f);
+    }
+    for (const float huge : {1e20f, -3e38f, std::numeric_limits<float>::infinity(),
+                             std::numeric_limits<float>::quiet_NaN()}) {
+      ASSERT_EQ(t.at(huge, huge), 0.1f);
+    }
+  }
+}
+
+TEST(Texture, AppliesTheTransform) {
+  OneImage t(4, 1, {1, 2, 3, 4}, Wrap::repeat);
+  t.ref.has_transform = true;
+  t.ref.uv_matrix = {0.5f, 0, 0.25f, 0, 1, 0};
+  EXPECT_EQ(t.at(0.25f, 0), 2);  // 0.375
+}
+
+TEST(Texture, DecodesSrgbBeforeFiltering) {
+  Scene scene;
+  Image image;
+  image.width = 2;
+  image.height = 1;
+  image.channels = 4;
+  image.u8 = {0, 255, 188, 128, 255, 0, 188, 255};
+  scene.images.push_back(image);
+  scene.textures.push_back({0, Wrap::clamp, Wrap::clamp, false});
+  TextureRef ref;
+  ref.texture = 0;
+  ref.srgb = true;
+  const Vec4f mid = TextureTable(scene).lookup(ref, {0.5f, 0});
+  EXPECT_EQ(mid.x, 0.5f);  // not the 0.214 of filtering codes
+  EXPECT_EQ(mid.y, 0.5f);
+  EXPECT_FLOAT_EQ(mid.z, static_cast<float>(srgb_to_linear(188.0 / 255)));
+  EXPECT_FLOAT_EQ(mid.w, (128.0f / 255 + 1) / 2);  // alpha is linear
+}
+
+}  // namespace
+}  // namespace tessera::render
