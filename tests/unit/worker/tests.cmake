@@ -13,3 +13,4 @@ tessera_test(NAME sampling KIND unit
   SOURCES unit/worker/sampling/distribution_test.cpp unit/worker/sampling/sampler_test.cpp
     unit/worker/sampling/warp_test.cpp
   LINKS tessera::render)
+include(unit/worker/scene/tests.cmake)

@@ -1,0 +1,8 @@
+# The loader: one binary over all of its parts.
+tessera_test(NAME scene KIND unit
+  SOURCES
+    unit/worker/scene/accessor_test.cpp unit/worker/scene/animation_test.cpp
+    unit/worker/scene/compression_test.cpp unit/worker/scene/container_test.cpp
+    unit/worker/scene/material_test.cpp unit/worker/scene/pose_test.cpp
+  LINKS tessera::render tessera_test_scene draco::draco meshoptimizer::meshoptimizer
+    OpenImageIO::OpenImageIO nlohmann_json::nlohmann_json)
