@@ -67,7 +67,7 @@ absl::Status DiskStore::add_job(JobRecord& job) {
     return absl::InvalidArgumentError(absl::StrCat("\"", job.id, "\" cannot name a job"));
   }
   return journal_->write([&](Database& rows) {
-    const absl::Status added = rows.run(
+    absl::Status added = rows.run(
         "INSERT INTO jobs(id, request_id, name, owner, request, state, reason, create_time_us, "
         "end_time_us, wall_seconds) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         {job.id, optional_text(job.request_id), job.name, job.owner, Blob{job.request}, job.state,
@@ -145,7 +145,7 @@ absl::Status DiskStore::commit(std::vector<Commit>& group) {
   }
   std::int64_t added = 0;
   for (const Commit& commit : group) added += commit.record.stored_bytes;
-  const absl::Status status = journal_->write([&](Database& rows) {
+  absl::Status status = journal_->write([&](Database& rows) {
     for (const auto& [job_id, units] : by_job) {
       absl::Status inserted = insert_units(rows, jobs[job_id], units);
       if (!inserted.ok()) return inserted;
@@ -180,7 +180,7 @@ absl::Status DiskStore::insert_units(Database& rows, const JobRow& job,
   for (const Commit* commit : units) {
     const UnitRecord& record = commit->record;
     bytes += record.stored_bytes;
-    const absl::Status inserted = rows.run(
+    absl::Status inserted = rows.run(
         "INSERT INTO units(job, frame, tile, pass, segment, offset, size_bytes, stored_bytes, "
         "sha256, worker, cpu_seconds) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         {job.sequence, record.unit.frame, record.unit.tile, record.unit.pass, record.segment,
@@ -275,7 +275,7 @@ absl::Status DiskStore::finish_frame(const std::string& job_id, const FrameRecor
   const auto bytes = make_output_durable(job_id, frame.file);
   if (!bytes.ok()) return bytes.status();
   std::int64_t replaced = 0;
-  const absl::Status status = journal_->write([&](Database& rows) {
+  absl::Status status = journal_->write([&](Database& rows) {
     absl::Status read =
         rows.each("SELECT bytes FROM frames WHERE job=? AND frame=?", {job->sequence, frame.frame},
                   [&](const SqlRow& row) { replaced = row.integer(0); });
@@ -330,7 +330,7 @@ absl::Status DiskStore::release_segments(const std::string& job_id) {
   if (!job.ok()) return job.status();
   const auto freed = sum_bytes("SELECT TOTAL(bytes) FROM segments WHERE job=?", job->sequence);
   if (!freed.ok()) return freed.status();
-  const absl::Status status = journal_->write([&](Database& rows) {
+  absl::Status status = journal_->write([&](Database& rows) {
     absl::Status moved = rows.run("UPDATE jobs SET first_segment=? WHERE sequence=?",
                                   {job->next_segment, job->sequence});
     if (!moved.ok()) return moved;

@@ -26,12 +26,12 @@ absl::Status DurableFiles::fail_sync(const std::string& message) {
 }
 
 absl::Status DurableFiles::sync(File& file) {
-  const absl::Status synced = file.sync();
+  absl::Status synced = file.sync();
   return synced.ok() ? synced : fail_sync(std::string(synced.message()));
 }
 
 absl::Status DurableFiles::sync_folder(const std::string& path) {
-  const absl::Status synced = filesystem_.sync_folder(path);
+  absl::Status synced = filesystem_.sync_folder(path);
   // These two come from opening the folder, never from fsync.
   if (synced.ok() || absl::IsPermissionDenied(synced) || absl::IsNotFound(synced)) return synced;
   return fail_sync(std::string(synced.message()));

@@ -1,5 +1,6 @@
 #include "server/store/schema.h"
 
+#include <cstdint>
 #include <iterator>
 
 #include "absl/strings/str_cat.h"
@@ -68,13 +69,13 @@ CREATE TABLE workers(
 )sql",
 };
 
+constexpr std::int64_t kSchemaVersion = std::size(kSteps);
+
 absl::Status read_pragma(Database& database, std::string_view sql, std::int64_t& value) {
   return database.each(sql, {}, [&](const SqlRow& row) { value = row.integer(0); });
 }
 
 }  // namespace
-
-const std::int64_t kSchemaVersion = std::size(kSteps);
 
 absl::Status migrate(Database& database) {
   std::int64_t version = 0;

@@ -1,6 +1,7 @@
 #include "tests/support/disk_model.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -30,6 +31,12 @@ std::string folder_of(const std::string& path) {
 std::string name_of(const std::string& path) {
   const std::size_t slash = path.find_last_of('/');
   return slash == std::string::npos ? path : path.substr(slash + 1);
+}
+
+std::string join(const std::string& folder, const std::string& name) {
+  std::string path = folder;
+  if (!path.empty()) path += '/';
+  return path.append(name);
 }
 
 void put(std::string& contents, std::int64_t offset, const std::string& bytes) {
@@ -206,7 +213,7 @@ void DiskModel::collect(int node, const std::string& path, const std::optional<s
                                            : seed     ? torn_names(node, *seed)
                                                       : at.safe_names;
   for (const auto& [name, child] : names) {
-    collect(child, path.empty() ? name : path + "/" + name, seed, is_visible, image);
+    collect(child, join(path, name), seed, is_visible, image);
   }
 }
 
@@ -233,7 +240,7 @@ void restore_image(const DiskImage& image, const std::string& root) {
     std::filesystem::remove_all(entry.path());
   }
   for (const auto& [path, contents] : image) {
-    const std::string full = root + "/" + path;
+    const std::string full = join(root, path);
     if (!contents.has_value()) {
       std::filesystem::create_directory(full);
       continue;

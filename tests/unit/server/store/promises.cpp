@@ -171,7 +171,8 @@ Promises::Test worker_is_known(const std::string& worker_id) {
   };
 }
 
-Promises::Test booted_before(std::int64_t boot_count, std::string id, std::string key) {
+Promises::Test booted_before(std::int64_t boot_count, const std::string& id,
+                             const std::string& key) {
   return [=](Store& store) -> std::string {
     if (store.id() != id || store.key() != key) return "this is another store";
     return store.boot_count() > boot_count ? "" : "a boot count came twice";

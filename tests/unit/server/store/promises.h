@@ -50,7 +50,8 @@ Promises::Test frame_is_there(const std::string& job_id, const FrameRecord& fram
                               std::string bytes);
 Promises::Test asset_is_there(std::string bytes);
 Promises::Test worker_is_known(const std::string& worker_id);
-Promises::Test booted_before(std::int64_t boot_count, std::string id, std::string key);
+Promises::Test booted_before(std::int64_t boot_count, const std::string& id,
+                             const std::string& key);
 Promises::Test sequence_was_used(std::int64_t sequence);
 
 /// What must hold of any store at any time: rows point to whole data, ids are unique, no file is
