@@ -78,6 +78,7 @@ absl::Status measure(const std::string& folder, const std::vector<std::string>& 
   job.id = "job";
   if (absl::Status added = (*store)->add_job(job); !added.ok()) return added;
   std::vector<contract::Digest> digests;
+  digests.reserve(blocks.size());
   for (const std::string& block : blocks) digests.push_back(contract::sha256(block));
   int next = 0;
   int commits = 0;
