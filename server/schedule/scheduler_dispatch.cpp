@@ -197,7 +197,10 @@ void Scheduler::steal_unstarted(std::int32_t wanted) {
       surplus[holder] = static_cast<std::int32_t>(worker.held.size()) - worker.thread_count;
     }
     std::vector<Unit> units;
-    for (const auto& [unit, in_flight] : job.plan->in_flight()) units.push_back(unit);
+    for (const auto& [unit, in_flight] : job.plan->in_flight()) {
+      units.push_back(unit);
+      if (in_flight.holders.front().revoking) --wanted;  // on its way already
+    }
     for (auto unit = units.rbegin(); unit != units.rend() && wanted > 0; ++unit) {
       InFlight& in_flight = *job.plan->find_in_flight(*unit);
       Holder& holder = in_flight.holders.front();

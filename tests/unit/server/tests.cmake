@@ -1,3 +1,4 @@
 # Tests of this folder (see ../CMakeLists.txt).
 include(unit/server/film/tests.cmake)
 include(unit/server/store/tests.cmake)
+include(unit/server/schedule/tests.cmake)

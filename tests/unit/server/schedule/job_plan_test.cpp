@@ -1,0 +1,141 @@
+#include "server/schedule/job_plan.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+#include <set>
+
+namespace tessera::server {
+namespace {
+
+using contract::Pass;
+using contract::Unit;
+
+const auto kAnyUnit = [](const Unit&) { return true; };
+
+JobPlan plan_of(std::vector<std::int32_t> frames, std::int32_t tiles, int passes) {
+  std::vector<Pass> schedule;
+  for (int i = 0; i < passes; ++i) schedule.push_back({8 * i, 8});
+  return JobPlan(std::move(frames), tiles, schedule);
+}
+
+/// Takes the next run and holds it for `worker`.
+std::vector<Unit> take(JobPlan& plan, WorkerKey worker, std::int32_t most) {
+  const auto run = plan.next_run(most, kAnyUnit);
+  std::vector<Unit> units;
+  if (!run) return units;
+  for (std::int32_t i = 0; i < run->tile_count; ++i) {
+    units.push_back({run->frame, run->first_tile + i, run->pass});
+    plan.hold(units.back(), Holder{worker, {}, std::nullopt, false, 0});
+  }
+  return units;
+}
+
+TEST(JobPlan, LeasesFrameByFramePassByPassAlongTheCurve) {
+  JobPlan plan = plan_of({3, 7}, 3, 2);
+  std::vector<Unit> order;
+  for (auto units = take(plan, 1, 1); !units.empty(); units = take(plan, 1, 1)) {
+    order.push_back(units.front());
+  }
+  std::vector<Unit> expected;
+  for (const std::int32_t frame : {3, 7}) {
+    for (const std::int32_t pass : {0, 1}) {
+      for (const std::int32_t tile : {0, 1, 2}) expected.push_back({frame, tile, pass});
+    }
+  }
+  EXPECT_EQ(order, expected);
+  EXPECT_EQ(plan.waiting_count(), 0);
+}
+
+TEST(JobPlan, ARunStaysWithinOnePass) {
+  JobPlan plan = plan_of({0}, 5, 2);
+  EXPECT_EQ(take(plan, 1, 3).size(), 3u);
+  EXPECT_EQ(take(plan, 1, 3).size(), 2u);
+  EXPECT_EQ(take(plan, 1, 9).size(), 5u);
+}
+
+TEST(JobPlan, WhatComesBackGoesFirst) {
+  JobPlan plan = plan_of({0}, 4, 2);
+  const auto first = take(plan, 1, 2);
+  ASSERT_TRUE(plan.release(first[1], 1));
+  EXPECT_EQ(take(plan, 2, 1).front(), first[1]);
+  EXPECT_EQ(take(plan, 2, 1).front(), (Unit{0, 2, 0}));
+}
+
+TEST(JobPlan, AUnitWithTwoHoldersWaitsOnlyAfterBothAreGone) {
+  JobPlan plan = plan_of({0}, 1, 1);
+  const Unit unit = take(plan, 1, 1).front();
+  plan.hold(unit, Holder{2, {}, std::nullopt, false, 0});
+  EXPECT_TRUE(plan.release(unit, 1));
+  EXPECT_EQ(plan.waiting_count(), 0);
+  EXPECT_FALSE(plan.release(unit, 1)) << "it holds it no longer";
+  EXPECT_TRUE(plan.release(unit, 2));
+  EXPECT_EQ(plan.waiting_count(), 1);
+}
+
+TEST(JobPlan, CommittedUnitsAreSkipped) {
+  JobPlan plan = plan_of({0}, 4, 1);
+  plan.commit({0, 0, 0});
+  plan.commit({0, 2, 0});
+  EXPECT_EQ(take(plan, 1, 9), (std::vector<Unit>{{0, 1, 0}}));
+  EXPECT_EQ(take(plan, 1, 9), (std::vector<Unit>{{0, 3, 0}}));
+}
+
+TEST(JobPlan, AFinishedFrameIsCommittedWhole) {
+  JobPlan plan = plan_of({0, 1}, 2, 1);
+  plan.commit({0, 0, 0});
+  plan.finish(0);  // as after a restart: its blocks are gone
+  EXPECT_TRUE(plan.is_committed({0, 1, 0}));
+  EXPECT_EQ(plan.committed_count(), 2);
+  EXPECT_EQ(take(plan, 1, 1).front(), (Unit{1, 0, 0}));
+}
+
+TEST(JobPlan, ARefusedUnitIsKeptForOthers) {
+  JobPlan plan = plan_of({0}, 2, 1);
+  const auto not_the_first = [](const Unit& unit) { return unit.tile != 0; };
+  EXPECT_EQ(plan.next_run(1, not_the_first)->first_tile, 1);
+  EXPECT_EQ(plan.next_run(1, kAnyUnit)->first_tile, 0);
+}
+
+TEST(JobPlan, ExtendingKeepsThePassesThatAgree) {
+  JobPlan plan({0}, 2, contract::fixed_schedule(32));  // 8, then 24
+  for (const std::int32_t pass : {0, 1}) plan.commit({0, 0, pass});
+  plan.hold({0, 1, 1}, Holder{1, {}, std::nullopt, false, 0});
+  const auto gone = plan.extend(contract::fixed_schedule(64));  // 8, then 56
+  ASSERT_EQ(gone.size(), 1u);
+  EXPECT_EQ(gone.front().first, (Unit{0, 1, 1}));
+  EXPECT_TRUE(plan.is_committed({0, 0, 0}));
+  EXPECT_FALSE(plan.is_committed({0, 0, 1})) << "a pass that was cut short";
+  EXPECT_EQ(plan.committed_count(), 1);
+  EXPECT_EQ(take(plan, 1, 1).front(), (Unit{0, 1, 0}));
+}
+
+TEST(JobPlan, NoUnitIsLostOrGivenTwiceUnderRandomTreatment) {  // against a set of what is where
+  std::mt19937 random(7);
+  JobPlan plan = plan_of({0, 1, 2}, 37, 3);
+  std::set<Unit> held, committed;
+  for (int step = 0; step < 20'000 && static_cast<int>(committed.size()) < 3 * 37 * 3; ++step) {
+    if (random() % 2 == 0) {
+      for (const Unit& unit : take(plan, 1, static_cast<std::int32_t>(random() % 5 + 1))) {
+        ASSERT_EQ(committed.count(unit), 0u);
+        ASSERT_TRUE(held.insert(unit).second) << "given twice";
+      }
+    } else if (!held.empty()) {
+      auto unit = std::next(held.begin(), static_cast<std::ptrdiff_t>(random() % held.size()));
+      if (random() % 3 == 0) {
+        plan.release(*unit, 1);
+      } else {
+        plan.commit(*unit);
+        committed.insert(*unit);
+      }
+      held.erase(unit);
+    }
+    ASSERT_EQ(plan.in_flight_count(), static_cast<std::int64_t>(held.size()));
+    ASSERT_EQ(plan.committed_count(), static_cast<std::int64_t>(committed.size()));
+  }
+  EXPECT_EQ(committed.size(), 3u * 37 * 3);
+  EXPECT_TRUE(plan.is_complete(0) && plan.is_complete(1) && plan.is_complete(2));
+}
+
+}  // namespace
+}  // namespace tessera::server

@@ -1,0 +1,62 @@
+#include "server/schedule/lease.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <vector>
+
+namespace tessera::server {
+namespace {
+
+constexpr char kKey[] = "a key of the store, 32 bytes long";
+
+Lease sealed() {
+  Lease lease{"job1", 3, 1, 10, 5, 8, 56, {2, 99}, {}};
+  lease.seal = seal_of(lease, "w1", kKey);
+  return lease;
+}
+
+TEST(Lease, ASealHoldsForItsWorkerAndStoreOnly) {
+  EXPECT_TRUE(seal_holds(sealed(), "w1", kKey));
+  EXPECT_FALSE(seal_holds(sealed(), "w2", kKey));
+  EXPECT_FALSE(seal_holds(sealed(), "w1", "another store's key"));
+}
+
+TEST(Lease, ASealCoversEveryField) {
+  const std::vector<std::function<void(Lease&)>> forgeries = {
+      [](Lease& l) { l.job_id = "job2"; },
+      [](Lease& l) { ++l.frame; },
+      [](Lease& l) { ++l.pass; },
+      [](Lease& l) { --l.first_tile; },
+      [](Lease& l) { ++l.tile_count; },
+      [](Lease& l) { ++l.first_sample; },
+      [](Lease& l) { ++l.sample_count; },
+      [](Lease& l) { ++l.attempt.boot; },
+      [](Lease& l) { ++l.attempt.counter; },
+      [](Lease& l) { l.seal.clear(); },
+      [](Lease& l) { l.seal.back() = static_cast<char>(l.seal.back() ^ 1); }};
+  for (std::size_t i = 0; i < forgeries.size(); ++i) {
+    Lease lease = sealed();
+    forgeries[i](lease);
+    EXPECT_FALSE(seal_holds(lease, "w1", kKey)) << "forgery " << i;
+  }
+}
+
+TEST(Lease, FieldsCannotBorrowFromEachOther) {
+  Lease lease = sealed();
+  lease.job_id = "job1w";  // "job1" + "w1" and "job1w" + "1" are the same letters
+  EXPECT_FALSE(seal_holds(lease, "1", kKey));
+}
+
+TEST(Lease, CoversItsTilesAndNoOthers) {
+  const Lease lease = sealed();
+  EXPECT_TRUE(lease.covers({3, 10, 1}));
+  EXPECT_TRUE(lease.covers({3, 14, 1}));
+  EXPECT_FALSE(lease.covers({3, 15, 1}));
+  EXPECT_FALSE(lease.covers({3, 9, 1}));
+  EXPECT_FALSE(lease.covers({3, 10, 0}));
+  EXPECT_FALSE(lease.covers({2, 10, 1}));
+}
+
+}  // namespace
+}  // namespace tessera::server
