@@ -143,6 +143,19 @@ bool read_pixels(OIIO::ImageInput& input, OIIO::TypeDesc type, std::vector<T>& o
   return true;
 }
 
+/// Divides alpha out again: OpenImageIO's WebP reader multiplies it in, whatever it is asked.
+void unassociate(Image& image) {
+  if (image.channels != 4) return;
+  for (std::size_t i = 0; i + 3 < image.u8.size(); i += 4) {
+    const unsigned alpha = image.u8[i + 3];
+    if (alpha == 0 || alpha == 255) continue;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const unsigned code = (image.u8[i + k] * 255u + alpha / 2) / alpha;
+      image.u8[i + k] = static_cast<std::uint8_t>(code > 255 ? 255 : code);
+    }
+  }
+}
+
 absl::StatusOr<Image> decode_open(OIIO::ImageInput& input, const std::string& name) {
   Image image;
   image.name = name;
@@ -192,7 +205,9 @@ absl::StatusOr<Image> decode_image(std::span<const std::byte> file, const std::s
   try {
     const auto open = open_image(file);
     if (!open.ok()) return open.status();
-    return decode_open(*open->input, name);
+    auto image = decode_open(*open->input, name);
+    if (image.ok() && image_format(file) == ImageFormat::webp) unassociate(*image);
+    return image;
   } catch (const std::exception& e) {
     return damaged(e.what());
   }

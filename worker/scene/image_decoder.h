@@ -23,6 +23,8 @@ struct ImageHeader {
 
 /// Decodes a PNG, JPEG, WebP, EXR or Radiance file. Codes are kept: 8-bit (u8), 16-bit (u16) or
 /// float (f32); alpha is not multiplied in; grey becomes R = G = B; 3 or 4 channels result.
+/// In WebP, colours under alpha a are only as exact as 8 bits times a (255 / a codes): the library
+/// multiplies alpha in, we divide it out.
 ///
 /// Errors: InvalidArgument for other formats, damaged files and files over the limits of
 /// farm.md, section 9; Unimplemented for KTX2. Nothing is allocated before the header is checked.

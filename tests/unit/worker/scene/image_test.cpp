@@ -1,0 +1,180 @@
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <string>
+
+#include "worker/scene/image_decoder.h"
+
+namespace tessera::render {
+namespace {
+
+/// `pixels` written by OpenImageIO as `format` ("png", "jpeg", ...), in memory.
+template <typename T>
+std::vector<std::byte> encode(const char* format, int width, int height, int channels,
+                              const std::vector<T>& pixels,
+                              const OIIO::ParamValueList& extra = {}) {
+  const OIIO::TypeDesc type = OIIO::BaseTypeFromC<T>::value;
+  OIIO::ImageSpec spec(width, height, channels, type);
+  if (channels == 2) {
+    spec.channelnames = {"Y", "A"};
+    spec.alpha_channel = 1;
+  }
+  for (const auto& p : extra) spec.extra_attribs.add_or_replace(p);
+  spec["oiio:UnassociatedAlpha"] = 1;
+  std::vector<unsigned char> bytes;
+  OIIO::Filesystem::IOVecOutput file(bytes);
+  const auto out = OIIO::ImageOutput::create(format);
+  EXPECT_TRUE(out != nullptr && out->set_ioproxy(&file) && out->open("memory", spec) &&
+              out->write_image(type, pixels.data()) && out->close())
+      << format << ": " << (out ? out->geterror() : "no writer");
+  std::vector<std::byte> copy(bytes.size());
+  std::memcpy(copy.data(), bytes.data(), bytes.size());
+  return copy;
+}
+
+Image decoded(const std::vector<std::byte>& file) {
+  auto image = decode_image(file, "test");
+  EXPECT_TRUE(image.ok()) << image.status();
+  return image.ok() ? *std::move(image) : Image();
+}
+
+using Codes = std::vector<std::uint8_t>;
+
+TEST(Images, OfPngKeepEightBitCodesAndAlphaAsTheyAre) {
+  // Colour under alpha 0 and 1 must survive: premultiplying would lose it.
+  const Codes rgba = {200, 100, 50, 0, 255, 1, 2, 1, 10, 20, 30, 128, 255, 255, 255, 255};
+  const Image image = decoded(encode("png", 2, 2, 4, rgba));
+  EXPECT_EQ(image.storage, Image::Storage::u8);
+  EXPECT_EQ(image.width, 2);
+  EXPECT_EQ(image.height, 2);
+  EXPECT_EQ(image.channels, 4);
+  EXPECT_EQ(image.u8, rgba);
+}
+
+TEST(Images, OfGreyBecomeRgbAndOfGreyAlphaRgba) {
+  const Image grey = decoded(encode("png", 2, 1, 1, Codes{7, 200}));
+  EXPECT_EQ(grey.channels, 3);
+  EXPECT_EQ(grey.u8, (Codes{7, 7, 7, 200, 200, 200}));
+  const Image alpha = decoded(encode("png", 2, 1, 2, Codes{7, 9, 200, 0}));
+  EXPECT_EQ(alpha.channels, 4);
+  EXPECT_EQ(alpha.u8, (Codes{7, 7, 7, 9, 200, 200, 200, 0}));
+}
+
+TEST(Images, OfSixteenBitPngKeepSixteenBits) {
+  const std::vector<std::uint16_t> codes = {0, 1, 65535, 256, 32768, 12345};
+  const Image image = decoded(encode("png", 2, 1, 3, codes));
+  EXPECT_EQ(image.storage, Image::Storage::u16);
+  EXPECT_EQ(image.u16, codes);
+}
+
+TEST(Images, OfJpegDecodeNearlyAndOfLosslessWebpExactly) {
+  const Codes flat(16 * 16 * 3, 120);
+  const Image jpeg = decoded(encode("jpeg", 16, 16, 3, flat));
+  ASSERT_EQ(jpeg.u8.size(), flat.size());
+  for (const std::uint8_t code : jpeg.u8) EXPECT_NEAR(code, 120, 2);
+  const Image webp = decoded(encode("webp", 16, 16, 3, flat));
+  ASSERT_EQ(webp.u8.size() / static_cast<std::size_t>(webp.channels), 256u);
+  EXPECT_NEAR(webp.u8[0], 120, 3);
+}
+
+TEST(Images, OfWebpHaveTheirAlphaDividedOut) {
+  // The writer takes associated alpha and divides it out: 40 under 64 is stored as 159.
+  Codes rgba(16 * 16 * 4, 40);
+  for (std::size_t i = 3; i < rgba.size(); i += 4) rgba[i] = 64;
+  OIIO::ParamValueList lossless;
+  lossless["compression"] = "lossless:100";
+  const Image webp = decoded(encode("webp", 16, 16, 4, rgba, lossless));
+  ASSERT_EQ(webp.channels, 4);
+  EXPECT_NEAR(webp.u8[0], 159, 255 / 64 / 2 + 1);
+  EXPECT_EQ(webp.u8[3], 64);
+}
+
+TEST(Images, OfExrKeepFloatsAboveOne) {
+  const std::vector<float> pixels = {0, 0.5f, 1000, 1e-3f, 2, 3};
+  const auto file = encode("openexr", 2, 1, 3, pixels);
+  EXPECT_EQ(image_format(file), ImageFormat::exr);
+  EXPECT_EQ(decoded(file).f32, pixels);
+  const auto sky = decode_environment(file, "sky");
+  ASSERT_TRUE(sky.ok()) << sky.status();
+  EXPECT_EQ(sky->f32, pixels);
+  EXPECT_EQ(sky->channels, 3);
+}
+
+TEST(Images, OfRadianceDecodeToTheirMantissas) {
+  const std::vector<float> pixels = {1, 0.5f, 0.25f, 100, 50, 25, 0, 0, 0, 1024, 512, 256};
+  const auto file = encode("hdr", 4, 1, 3, pixels);
+  EXPECT_EQ(image_format(file), ImageFormat::hdr);
+  const auto sky = decode_environment(file, "sky");
+  ASSERT_TRUE(sky.ok()) << sky.status();
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    EXPECT_NEAR(sky->f32[i], pixels[i], pixels[i] / 128) << i;  // 8-bit mantissa
+  }
+}
+
+TEST(Images, OfOtherFormatsAreNotOpenedWhateverTheirName) {
+  const auto refused = [](const std::string& magic) {
+    std::vector<std::byte> file(256);
+    std::memcpy(file.data(), magic.data(), magic.size());
+    return decode_image(file, "t.png").status();
+  };
+  for (const char* magic : {"BM", "GIF89a", "II*\0", "8BPS", "%PDF", "DICM", "DDS ", ""}) {
+    EXPECT_EQ(refused(magic).code(), absl::StatusCode::kInvalidArgument) << magic;
+  }
+  EXPECT_EQ(refused("\xABKTX 20\xBB\r\n").code(), absl::StatusCode::kUnimplemented);
+  EXPECT_FALSE(decode_image({}, "empty").ok());
+  EXPECT_FALSE(decode_environment(encode("png", 1, 1, 3, Codes{1, 2, 3}), "sky").ok());
+}
+
+TEST(Images, ThatAreTruncatedAnywhereAreRefusedOrDecodedNeverCrash) {
+  const Codes noise = [] {
+    Codes c(24 * 24 * 3);
+    for (std::size_t i = 0; i < c.size(); ++i) c[i] = static_cast<std::uint8_t>(i * i * 31 >> 3);
+    return c;
+  }();
+  std::vector<float> floats(noise.begin(), noise.end());
+  for (const auto& file : {encode("png", 24, 24, 3, noise), encode("jpeg", 24, 24, 3, noise),
+                           encode("webp", 24, 24, 3, noise), encode("openexr", 24, 24, 3, floats),
+                           encode("hdr", 24, 24, 3, floats)}) {
+    for (std::size_t size = 0; size < file.size(); size += 1 + file.size() / 60) {
+      const auto image = decode_image(std::span(file).first(size), "cut");
+      EXPECT_TRUE(image.ok() || image.status().code() == absl::StatusCode::kInvalidArgument);
+    }
+  }
+}
+
+/// A PNG header that claims `width` x `height` of 8-bit RGBA; the CRC is right, the data absent.
+std::vector<std::byte> png_claiming(std::uint32_t width, std::uint32_t height) {
+  std::string chunk = "IHDR";
+  for (const std::uint32_t v : {width, height}) {
+    for (int shift = 24; shift >= 0; shift -= 8) chunk.push_back(static_cast<char>(v >> shift));
+  }
+  chunk += std::string("\x08\x06\0\0\0", 5);
+  std::uint32_t crc = 0xFFFFFFFF;
+  for (const char c : chunk) {
+    crc ^= static_cast<unsigned char>(c);
+    for (int k = 0; k < 8; ++k) crc = crc >> 1 ^ ((crc & 1) != 0 ? 0xEDB88320u : 0u);
+  }
+  crc = ~crc;
+  std::string file = std::string("\x89PNG\r\n\x1A\n\0\0\0\x0D", 12) + chunk;
+  for (int shift = 24; shift >= 0; shift -= 8) file.push_back(static_cast<char>(crc >> shift));
+  file += std::string("\0\0\0\0IDAT", 8);
+  std::vector<std::byte> out(file.size());
+  std::memcpy(out.data(), file.data(), file.size());
+  return out;
+}
+
+TEST(Images, OverTheLimitsAreRefusedByTheirHeaders) {
+  const auto message = [](std::uint32_t width, std::uint32_t height) {
+    return std::string(decode_image(png_claiming(width, height), "bomb").status().message());
+  };
+  EXPECT_NE(message(40000, 10).find("more than the limit of 32768"), std::string::npos)
+      << message(40000, 10);
+  EXPECT_NE(message(10, 40000).find("more than the limit of 32768"), std::string::npos);
+  EXPECT_NE(message(30000, 30000).find("bytes decoded, more than the limit"), std::string::npos)
+      << message(30000, 30000);
+}
+
+}  // namespace
+}  // namespace tessera::render
