@@ -7,6 +7,21 @@
 
 namespace tessera::render {
 
+/// Calls visit(primitive, triangle, v0, v1, v2) for each triangle of the mesh that can be hit, in
+/// id order.
+template <typename Visit>
+void for_each_triangle(const Mesh& mesh, Visit&& visit) {
+  for (std::uint32_t p = 0; p < mesh.primitives.size(); ++p) {
+    const Primitive& primitive = mesh.primitives[p];
+    for (std::uint32_t t = 0; t < primitive.triangles.size(); ++t) {
+      const auto& [i0, i1, i2] = primitive.triangles[t];
+      const Vec3f &v0 = primitive.positions[i0], &v1 = primitive.positions[i1],
+                  &v2 = primitive.positions[i2];
+      if (is_hittable(v0, v1, v2)) visit(p, t, v0, v1, v2);
+    }
+  }
+}
+
 /// The oracle of "One hit": every triangle of every instance in turn, with the scalar test. Slow.
 /// Calls take(hit) for each triangle met with 0 <= t < t_max, in id order.
 template <typename Take>
@@ -16,31 +31,25 @@ void brute_force_hits(const Scene& scene, const Ray& ray, Take&& take) {
     const Instance& instance = scene.instances[i];
     const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
     Box3f bounds;
-    for (const Primitive& primitive : mesh.primitives) {
-      for (const auto& triangle : primitive.triangles) {
-        for (const std::uint32_t vertex : triangle) bounds.extend(primitive.positions[vertex]);
-      }
-    }
+    for_each_triangle(
+        mesh, [&](std::uint32_t, std::uint32_t, const Vec3f& v0, const Vec3f& v1, const Vec3f& v2) {
+          bounds.extend(v0);
+          bounds.extend(v1);
+          bounds.extend(v2);
+        });
     Vec3f origin = ray.origin, direction = ray.direction;
     if (!is_identity(instance.world_to_object)) {
       transform_ray(instance.world_to_object, ray.origin, ray.direction, origin, direction);
     }
     ObjectRay object_ray;
     if (!make_object_ray(origin, direction, bounds, object_ray)) continue;
-    for (std::uint32_t p = 0; p < mesh.primitives.size(); ++p) {
-      const Primitive& primitive = mesh.primitives[p];
-      for (std::uint32_t t = 0; t < primitive.triangles.size(); ++t) {
-        const auto& [i0, i1, i2] = primitive.triangles[t];
-        const TriangleId id = {i, p, t};
-        TriangleHit hit{};
-        if (id == ray.leaves ||
-            !intersect_triangle(object_ray, primitive.positions[i0], primitive.positions[i1],
-                                primitive.positions[i2], hit)) {
-          continue;
-        }
-        if (hit.t >= 0 && hit.t < ray.t_max) take(Hit{hit.t, id, hit.b0, hit.b1, hit.b2});
-      }
-    }
+    for_each_triangle(mesh, [&](std::uint32_t p, std::uint32_t t, const Vec3f& v0, const Vec3f& v1,
+                                const Vec3f& v2) {
+      const TriangleId id = {i, p, t};
+      TriangleHit hit{};
+      if (id == ray.leaves || !intersect_triangle(object_ray, v0, v1, v2, hit)) return;
+      if (hit.t >= 0 && hit.t < ray.t_max) take(Hit{hit.t, id, hit.b0, hit.b1, hit.b2});
+    });
   }
 }
 

@@ -106,13 +106,14 @@ SceneAccel::MeshTree SceneAccel::build_mesh(const Mesh& mesh, const ParallelFor&
   for (std::uint32_t p = 0; p < mesh.primitives.size(); ++p) {
     const Primitive& primitive = mesh.primitives[p];
     for (std::uint32_t t = 0; t < primitive.triangles.size(); ++t) {
+      const auto& [i0, i1, i2] = primitive.triangles[t];
+      const Vec3f &v0 = primitive.positions[i0], &v1 = primitive.positions[i1],
+                  &v2 = primitive.positions[i2];
+      if (!is_hittable(v0, v1, v2)) continue;
       Box3f box;
-      bool finite = true;
-      for (const std::uint32_t vertex : primitive.triangles[t]) {
-        box.extend(primitive.positions[vertex]);
-        finite = finite && is_finite(primitive.positions[vertex]);
-      }
-      if (!finite) continue;
+      box.extend(v0);
+      box.extend(v1);
+      box.extend(v2);
       boxes.push_back(box);
       ids.push_back({p, t});
     }

@@ -30,8 +30,8 @@ struct AcceptAll {
 /// and all of them while the filter returns false, so that it can collect.
 class SceneAccel {
  public:
-  /// Builds with `parallel_for`; the scene must outlive this. Its meshes are not copied, but
-  /// vertices are. Triangles with a coordinate that is not finite are never hit.
+  /// Builds with `parallel_for`; copies what it needs, so the scene may go. Triangles that are
+  /// degenerate or have a coordinate that is not finite are left out.
   SceneAccel(const Scene& scene, const ParallelFor& parallel_for);
 
   /// The first hit over (t, instance, primitive, triangle) that the filter takes.

@@ -18,7 +18,7 @@ struct TriangleId {
 struct Ray {
   Vec3f origin, direction;
   float t_max = std::numeric_limits<float>::infinity();
-  TriangleId leaves;  // the flat primitive it starts on, which it cannot hit again
+  TriangleId leaves = {};  // the flat primitive it starts on, which it cannot hit again
 };
 
 struct Hit {

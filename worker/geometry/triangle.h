@@ -4,6 +4,15 @@
 
 namespace tessera::render {
 
+/// Whether a triangle takes part in any structure: finite, and its corners not on one line (by a
+/// cross product in double, exact unless coordinates differ by more than 2^29), since the shear's
+/// rounding would open some of those that are.
+inline bool is_hittable(const Vec3f& v0, const Vec3f& v1, const Vec3f& v2) {
+  const Vec3d origin(v0);
+  return is_finite(v0) && is_finite(v1) && is_finite(v2) &&
+         cross(Vec3d(v1) - origin, Vec3d(v2) - origin) != Vec3d{};
+}
+
 /// Where a ray's line meets a triangle; t may be negative.
 struct TriangleHit {
   float t, b0, b1, b2;
@@ -12,8 +21,8 @@ struct TriangleHit {
 /// Whether the line of the ray meets the triangle, by "One hit": Woop's sheared edge functions
 /// accept, with Kahan's difference of products, and so does the triangle's own box; t is then
 /// clamped to that box. Watertight: every line through a shared edge or vertex hits one of the
-/// triangles that share it. Both sides count. Degenerate triangles (an exact zero determinant)
-/// and NaN are never hit.
+/// triangles that share it. Both sides count. A zero determinant (a triangle seen edge-on) and NaN
+/// are never hit. Requires is_hittable().
 ///
 /// The edge functions are the largest powers (length squared), so coordinates up to 1e18 do not
 /// overflow; the signs are exact while products of sheared coordinates stay above 2^-101.
