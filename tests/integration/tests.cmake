@@ -1,1 +1,2 @@
 # Tests of this folder (see ../CMakeLists.txt).
+include(integration/client/tests.cmake)

@@ -1,0 +1,366 @@
+#include "client/commands.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "client/completion.h"
+#include "proto/contract/settings_message.h"
+#include "tests/integration/client/fake_farm.h"
+#include "tests/support/json_schema.h"
+
+namespace tessera::client {
+namespace {
+
+using nlohmann::json;
+using support::document_faults;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+std::string read_file(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+class CommandsTest : public ::testing::Test {
+ protected:
+  Outcome run(std::vector<std::string> arguments) const {
+    arguments.insert(arguments.begin() + 1, {"--server", farm_.address()});
+    return run_client(arguments);
+  }
+  /// A report with one finished frame, as a server makes it.
+  static std::string report() {
+    return R"({"schema":"tessera.report/1","version":"0.1.0","job":"abc","name":"scene","contract":1,
+      "status":"DONE","reasons":[],"warnings":["frame 1: 2 samples were not finite"],
+      "scene_sha256":")" +
+           std::string(64, 'a') + R"(","settings":{},"frames":[{"frame":1,"file":"1.exr",
+      "width":64,"height":32,"pixels_sha256":")" +
+           std::string(64, 'b') + R"(","spp_mean":64,"spp_max":64,"samples":131072,"status":"DONE",
+      "mean_luminance":0.5,"estimated":{"rmse":0.01,"relmse":0.002,"error":0.0425,
+      "error_upper95":0.045},"true":null,"heavy_tail_share":0.1,"unseen_event_bound":0.001,
+      "dropped_samples":2,"clamped_energy":0,"truncated_energy":null,
+      "curve":[{"cpu_seconds":1.5,"wall_seconds":1,"samples":16384,"relmse":0.02,"error":0.125,
+                "error_true":null},
+               {"cpu_seconds":12.5,"wall_seconds":7,"samples":131072,"relmse":0.002,
+                "error":0.0425,"error_true":null}]}],
+      "cpu_seconds":12.5,"cpu_seconds_wasted":0.5,"wall_seconds":65,"load_seconds":0.1,
+      "build_seconds":0.2,"render_seconds":12.5,"overhead_fraction":0.06,"peak_rss_bytes":104857600,
+      "units":{"total":200,"retried":1,"duplicated":0,"audited":0,"mismatched":0},
+      "workers":[{"id":"w1","isa":"avx2","threads":2,"units":200,"cpu_seconds":12.5}]})";
+  }
+
+  FakeFarm farm_;
+};
+
+TEST_F(CommandsTest, ListShowsTheNewestFirst) {
+  farm_.add_job("aaa111", "first", v1::Job::STATE_DONE);
+  farm_.add_job("bbb222", "second", v1::Job::STATE_RUNNING);
+  const Outcome text = run({"list"});
+  EXPECT_EQ(text.exit, kExitDone);
+  EXPECT_LT(text.out.find("bbb222"), text.out.find("aaa111"));
+  EXPECT_THAT(text.out, HasSubstr("25.0 %"));
+  const Outcome document = run({"list", "--json"});
+  EXPECT_THAT(document_faults(document.out), IsEmpty()) << document.out;
+  EXPECT_EQ(json::parse(document.out)["jobs"][0]["id"], "bbb222");
+}
+
+TEST_F(CommandsTest, ListGoesThroughAllPagesUpToTheLimit) {
+  for (int i = 0; i < 250; ++i) {
+    farm_.add_job("job" + std::to_string(i), "name", v1::Job::STATE_DONE);
+  }
+  const auto count = [this](const std::string& limit) {
+    return json::parse(run({"list", "--json", "--limit", limit}).out)["jobs"].size();
+  };
+  EXPECT_EQ(count("0"), 250u);
+  EXPECT_EQ(count("7"), 7u);
+  EXPECT_EQ(count("120"), 120u);
+  EXPECT_EQ(run({"list", "--limit", "-1"}).exit, kExitBadInput);
+}
+
+TEST_F(CommandsTest, StatusTellsOfOneJob) {
+  farm_.add_job("aaa111", "lamp", v1::Job::STATE_PAUSED).set_reason("paused by the user");
+  const Outcome text = run({"status", "lamp"});
+  EXPECT_EQ(text.exit, kExitDone);
+  EXPECT_THAT(text.out, HasSubstr("paused: paused by the user"));
+  EXPECT_THAT(text.out, HasSubstr("0.04250 (estimated)"));
+  const Outcome document = run({"status", "last", "--json"});
+  EXPECT_THAT(document_faults(document.out), IsEmpty()) << document.out;
+}
+
+TEST_F(CommandsTest, UnknownJobIsBadInputForEveryCommand) {
+  for (const char* command :
+       {"status", "report", "fetch", "pause", "resume", "cancel", "retry", "remove"}) {
+    const Outcome outcome = run({command, "nothing"});
+    EXPECT_EQ(outcome.exit, kExitBadInput) << command;
+    EXPECT_THAT(outcome.err, HasSubstr("no job \"nothing\"")) << command;
+    EXPECT_THAT(outcome.out, IsEmpty()) << command;
+  }
+}
+
+TEST_F(CommandsTest, AbsentFarmIsUnreachable) {
+  const Outcome outcome =
+      run_client({"list", "--server", "unix:" + (farm_.folder() / "none").string()});
+  EXPECT_EQ(outcome.exit, kExitUnreachable);
+  EXPECT_THAT(outcome.err, HasSubstr("none"));
+}
+
+TEST_F(CommandsTest, WrongUsageIsBadInput) {
+  EXPECT_EQ(run({"status"}).exit, kExitBadInput) << "no job";
+  EXPECT_EQ(run({"list", "--colour"}).exit, kExitBadInput);
+  EXPECT_EQ(run({"extend", "last", "--spp", "0"}).exit, kExitBadInput);
+  EXPECT_EQ(run_client({"paint"}).exit, kExitBadInput);
+  EXPECT_EQ(run({"report", "last", "--json", "--csv"}).exit, kExitBadInput);
+}
+
+TEST_F(CommandsTest, ControlsChangeTheJobAndPrintIt) {
+  farm_.add_job("aaa111", "lamp", v1::Job::STATE_RUNNING);
+  const std::pair<const char*, v1::Job::State> steps[] = {{"pause", v1::Job::STATE_PAUSED},
+                                                          {"resume", v1::Job::STATE_RUNNING},
+                                                          {"cancel", v1::Job::STATE_CANCELLED},
+                                                          {"retry", v1::Job::STATE_QUEUED}};
+  for (const auto& [command, state] : steps) {
+    const Outcome document = run({command, "lamp", "--json"});
+    EXPECT_EQ(document.exit, kExitDone) << command << document.err;
+    EXPECT_THAT(document_faults(document.out), IsEmpty()) << command;
+    EXPECT_EQ(farm_.jobs[0].state(), state) << command;
+  }
+  EXPECT_EQ(run({"pause", "lamp"}).out, "aaa111 paused\n");
+}
+
+TEST_F(CommandsTest, RefusalOfTheFarmIsSaidAndReturned) {
+  farm_.add_job("aaa111", "lamp", v1::Job::STATE_RUNNING);
+  const Outcome outcome = run({"remove", "lamp"});
+  EXPECT_EQ(outcome.exit, kExitBadInput);
+  EXPECT_THAT(outcome.err, HasSubstr("cancel it first"));
+  EXPECT_EQ(farm_.jobs.size(), 1u);
+}
+
+TEST_F(CommandsTest, RemoveForgetsAnEndedJob) {
+  farm_.add_job("aaa111", "lamp", v1::Job::STATE_DONE);
+  const Outcome document = run({"remove", "lamp", "--json"});
+  EXPECT_EQ(document.exit, kExitDone);
+  EXPECT_THAT(document_faults(document.out), IsEmpty());
+  EXPECT_TRUE(farm_.jobs.empty());
+}
+
+TEST_F(CommandsTest, ExtendRaisesTheSampleCount) {
+  farm_.add_job("aaa111", "lamp", v1::Job::STATE_RUNNING);
+  const Outcome outcome = run({"extend", "lamp", "--spp", "256"});
+  EXPECT_EQ(outcome.exit, kExitDone);
+  EXPECT_THAT(outcome.out, HasSubstr("256 samples a pixel"));
+  EXPECT_EQ(farm_.jobs[0].settings().sample_count(), 256);
+  EXPECT_EQ(run({"extend", "lamp", "--spp", "8"}).exit, kExitBadInput);
+}
+
+TEST_F(CommandsTest, ReportIsGivenAsTextDocumentAndCurve) {
+  farm_.add_job("abc", "scene", v1::Job::STATE_DONE);
+  farm_.reports["abc"] = report();
+  const Outcome text = run({"report", "last"});
+  EXPECT_EQ(text.exit, kExitDone);
+  EXPECT_THAT(text.out, HasSubstr("0.0425"));
+  EXPECT_THAT(text.out, HasSubstr("2 samples were not finite"));
+  EXPECT_THAT(text.out, HasSubstr("100.0 MiB"));
+  const Outcome document = run({"report", "last", "--json"});
+  EXPECT_THAT(document_faults(document.out), IsEmpty());
+  EXPECT_EQ(json::parse(document.out), json::parse(report()));
+  EXPECT_EQ(run({"report", "last", "--csv"}).out,
+            "frame,cpu_seconds,wall_seconds,samples,relmse,error,error_true\n"
+            "1,1.5,1,16384,0.02,0.125,\n"
+            "1,12.5,7,131072,0.002,0.042500000000000003,\n");
+}
+
+TEST_F(CommandsTest, ReportThatIsNotADocumentIsAnError) {
+  farm_.add_job("abc", "scene", v1::Job::STATE_DONE);
+  farm_.reports["abc"] = "<html>";
+  EXPECT_EQ(run({"report", "last"}).exit, kExitUnreachable);
+}
+
+TEST_F(CommandsTest, SchemaOfTheReportNoticesWhatIsMissing) {
+  json broken = json::parse(report());
+  broken["frames"][0].erase("heavy_tail_share");
+  broken["status"] = "FINE";
+  EXPECT_EQ(document_faults(broken.dump()).size(), 2u);
+}
+
+class FetchTest : public CommandsTest {
+ protected:
+  FetchTest() {
+    v1::Job& job = farm_.add_job("abc", "my scene/1", v1::Job::STATE_RUNNING);
+    contract::RenderSettings settings;
+    settings.frames = {{1, 3, 1}};
+    *job.mutable_settings() = contract::to_message(settings);
+    for (int frame = 1; frame <= 3; ++frame) {
+      farm_.frames["abc"][frame] = {
+          std::string(2500, static_cast<char>('0' + frame)), true, {}, false};
+    }
+    farm_.reports["abc"] = report();
+    output_ = farm_.folder() / "out";
+  }
+  Outcome fetch(std::vector<std::string> more = {}) const {
+    more.insert(more.begin(), {"fetch", "abc", "-o", output_.string()});
+    return run(more);
+  }
+
+  std::filesystem::path output_;
+};
+
+TEST_F(FetchTest, WritesNumberedFramesAndTheReport) {
+  const Outcome outcome = fetch({"--json"});
+  EXPECT_EQ(outcome.exit, kExitDone) << outcome.err;
+  EXPECT_THAT(document_faults(outcome.out), IsEmpty()) << outcome.out;
+  EXPECT_EQ(read_file(output_ / "my_scene_1.0002.exr"), std::string(2500, '2'));
+  EXPECT_EQ(json::parse(read_file(output_ / "my_scene_1.report.json")), json::parse(report()));
+  const auto files = std::distance(std::filesystem::directory_iterator(output_), {});
+  EXPECT_EQ(files, 4) << "three frames, the report, no .part";
+}
+
+TEST_F(FetchTest, LeavesFilesWithTheRightContentAlone) {
+  ASSERT_EQ(fetch().exit, kExitDone);
+  const auto before = std::filesystem::last_write_time(output_ / "my_scene_1.0001.exr");
+  const Outcome again = fetch({"--json"});
+  EXPECT_EQ(again.exit, kExitDone);
+  EXPECT_EQ(json::parse(again.out)["frames"][0]["state"], "present");
+  EXPECT_EQ(std::filesystem::last_write_time(output_ / "my_scene_1.0001.exr"), before);
+}
+
+TEST_F(FetchTest, ReplacesOtherContentOnlyWhenForced) {
+  ASSERT_EQ(fetch().exit, kExitDone);
+  std::ofstream(output_ / "my_scene_1.0001.exr") << "mine";
+  const Outcome refused = fetch();
+  EXPECT_EQ(refused.exit, kExitBadInput);
+  EXPECT_THAT(refused.err, HasSubstr("--force"));
+  EXPECT_EQ(read_file(output_ / "my_scene_1.0001.exr"), "mine");
+  EXPECT_EQ(fetch({"--force"}).exit, kExitDone);
+  EXPECT_EQ(read_file(output_ / "my_scene_1.0001.exr"), std::string(2500, '1'));
+}
+
+TEST_F(FetchTest, TakesFinishedFramesOfARunningJobAndNamesTheOthers) {
+  farm_.frames["abc"][3].finished = false;
+  const Outcome outcome = fetch({"--json"});
+  EXPECT_EQ(outcome.exit, kExitDone);
+  EXPECT_THAT(outcome.err, HasSubstr("frame 3"));
+  EXPECT_EQ(json::parse(outcome.out)["frames"][2]["state"], "unfinished");
+  EXPECT_FALSE(std::filesystem::exists(output_ / "my_scene_1.0003.exr"));
+}
+
+TEST_F(FetchTest, PartialTakesWhatThereIsAndListsWhatIsMissing) {
+  v1::PixelRect hole;
+  hole.set_x_px(64);
+  hole.set_width_px(64);
+  hole.set_height_px(32);
+  farm_.frames["abc"][3].finished = false;
+  farm_.frames["abc"][3].missing_tiles = {hole};
+  const Outcome outcome = fetch({"--partial", "--json"});
+  EXPECT_EQ(outcome.exit, kExitDone);
+  EXPECT_THAT(document_faults(outcome.out), IsEmpty()) << outcome.out;
+  const json expected = {{{"x", 64}, {"y", 0}, {"width", 64}, {"height", 32}}};
+  EXPECT_EQ(json::parse(outcome.out)["frames"][2]["missing_tiles"], expected);
+  EXPECT_TRUE(std::filesystem::exists(output_ / "my_scene_1.0003.exr"));
+}
+
+TEST_F(FetchTest, NothingFetchedIsNotASuccess) {
+  for (auto& [number, frame] : farm_.frames["abc"]) frame.finished = false;
+  EXPECT_EQ(fetch().exit, kExitBadInput);
+}
+
+TEST_F(FetchTest, BytesThatDoNotMatchTheirDigestLeaveNoFile) {
+  farm_.frames["abc"][1].lies = true;
+  const Outcome outcome = fetch();
+  EXPECT_NE(outcome.exit, kExitDone);
+  EXPECT_THAT(outcome.err, HasSubstr("digest"));
+  EXPECT_FALSE(std::filesystem::exists(output_ / "my_scene_1.0001.exr"));
+  EXPECT_FALSE(std::filesystem::exists(output_ / "my_scene_1.0001.exr.part"));
+}
+
+TEST_F(FetchTest, FolderThatCannotBeMadeIsNamed) {
+  std::ofstream(farm_.folder() / "file") << "x";
+  const Outcome outcome = run({"fetch", "abc", "-o", (farm_.folder() / "file" / "out").string()});
+  EXPECT_EQ(outcome.exit, kExitBadInput);
+  EXPECT_THAT(outcome.err, HasSubstr("file/out"));
+}
+
+TEST_F(CommandsTest, WorkersAreListed) {
+  v1::Worker worker;
+  worker.set_id("w1");
+  worker.set_name("render-7");
+  worker.set_host("node7");
+  worker.set_state(v1::Worker::STATE_SET_ASIDE);
+  worker.set_isa("avx2");
+  worker.set_thread_count(16);
+  worker.add_tags("big");
+  worker.set_rss_bytes(3 << 20);
+  farm_.workers = {worker};
+  const Outcome text = run({"workers"});
+  EXPECT_THAT(text.out, HasSubstr("set aside"));
+  EXPECT_THAT(text.out, HasSubstr("3.0 MiB"));
+  const Outcome document = run({"workers", "--json"});
+  EXPECT_EQ(document.exit, kExitDone);
+  EXPECT_THAT(document_faults(document.out), IsEmpty()) << document.out;
+}
+
+/// Every name a person may type, read off the parser.
+std::vector<std::string> names_of(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::App* command : app.get_subcommands(nullptr)) {
+    names.push_back(command->get_name());
+    for (const CLI::Option* option : command->get_options()) {
+      if (option->get_group().empty()) continue;
+      for (const std::string& name : option->get_lnames()) names.push_back(name);
+    }
+  }
+  return names;
+}
+
+TEST(Completion, HoldsEveryCommandAndOptionForEveryShell) {
+  Invocation invocation;
+  CLI::App app("test", "tessera");
+  add_all_commands(app, invocation);
+  const std::vector<std::string> names = names_of(app);
+  EXPECT_GT(names.size(), 50u);
+  for (const char* shell : {"bash", "zsh", "fish"}) {
+    const Outcome outcome = run_client({"completion", shell});
+    EXPECT_EQ(outcome.exit, kExitDone);
+    for (const std::string& name : names) {
+      EXPECT_THAT(outcome.out, HasSubstr(name)) << shell;
+    }
+  }
+  EXPECT_EQ(run_client({"completion", "tcsh"}).exit, kExitBadInput);
+}
+
+TEST(Completion, BashCompletesCommandsAndOptions) {
+  const auto path = std::filesystem::temp_directory_path() / "tessera_completion_test.bash";
+  std::ofstream(path) << run_client({"completion", "bash"}).out
+                      << "COMP_WORDS=(tessera rep); COMP_CWORD=1; _tessera\n"
+                         "echo \"${COMPREPLY[*]}\"\n"
+                         "COMP_WORDS=(tessera fetch last --fo); COMP_CWORD=3; _tessera\n"
+                         "echo \"${COMPREPLY[*]}\"\n";
+  FILE* pipe = ::popen(("bash " + path.string() + " 2>&1").c_str(), "r");
+  ASSERT_NE(pipe, nullptr);
+  std::string output(1000, '\0');
+  output.resize(std::fread(output.data(), 1, output.size(), pipe));
+  EXPECT_EQ(::pclose(pipe), 0);
+  EXPECT_EQ(output, "report\n--format --force\n");
+  std::filesystem::remove(path);
+}
+
+TEST(Help, EveryCommandHasADescriptionAndAnExample) {
+  Invocation invocation;
+  CLI::App app("test", "tessera");
+  add_all_commands(app, invocation);
+  for (const CLI::App* command : app.get_subcommands(nullptr)) {
+    EXPECT_FALSE(command->get_description().empty()) << command->get_name();
+    EXPECT_THAT(command->get_footer(), HasSubstr("tessera " + command->get_name()))
+        << command->get_name();
+    const std::string page = man_page(*command, "tessera " + command->get_name());
+    for (const char* part : {".SH NAME", ".SH SYNOPSIS", ".SH OPTIONS", ".SH EXIT STATUS"}) {
+      EXPECT_THAT(page, HasSubstr(part)) << command->get_name();
+    }
+  }
+}
+
+}  // namespace
+}  // namespace tessera::client
