@@ -2,3 +2,4 @@
 include(unit/server/film/tests.cmake)
 include(unit/server/store/tests.cmake)
 include(unit/server/schedule/tests.cmake)
+include(unit/server/coordinator/tests.cmake)

@@ -1,0 +1,174 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <mutex>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "server/store/store.h"
+
+namespace tessera::server {
+
+/// A store in memory, for tests of what stands above it: rows and blocks survive the coordinator
+/// that wrote them, images lie in `folder`. Faults can be told to it.
+class MemoryStore final : public Store {
+ public:
+  explicit MemoryStore(std::string folder) : folder_(std::move(folder)) {}
+
+  /// What commit() answers from now on instead of committing; OK ends it.
+  void fail_commits_with(absl::Status status) {
+    const std::lock_guard lock(mutex_);
+    commit_fault_ = std::move(status);
+  }
+  /// How many groups, and units, were committed.
+  int group_count() const { return group_count_; }
+  void add_asset(const contract::Digest& digest) { assets_.insert(digest); }
+  void reboot() { ++boot_count_; }
+  void set_used_bytes(std::int64_t bytes) { used_bytes_ = bytes; }
+
+  const std::string& id() const override { return id_; }
+  const std::string& key() const override { return key_; }
+  std::int64_t boot_count() const override { return boot_count_; }
+
+  absl::Status add_job(JobRecord& job) override {
+    const std::lock_guard lock(mutex_);
+    if (!used_ids_.insert(job.id).second) return absl::AlreadyExistsError("id");
+    job.sequence = ++last_sequence_;
+    jobs_[job.sequence] = job;
+    return absl::OkStatus();
+  }
+  absl::Status update_job(const JobRecord& job) override {
+    const std::lock_guard lock(mutex_);
+    jobs_.at(job.sequence) = job;
+    return absl::OkStatus();
+  }
+  absl::Status remove_job(const std::string& job_id) override {
+    const std::lock_guard lock(mutex_);
+    std::erase_if(jobs_, [&](const auto& entry) { return entry.second.id == job_id; });
+    units_.erase(job_id);
+    frames_.erase(job_id);
+    return absl::OkStatus();
+  }
+  absl::StatusOr<std::vector<JobRecord>> jobs() const override {
+    const std::lock_guard lock(mutex_);
+    std::vector<JobRecord> jobs;
+    for (const auto& [sequence, job] : jobs_) jobs.push_back(job);
+    return jobs;
+  }
+
+  absl::Status commit(std::vector<Commit>& group) override {
+    const std::lock_guard lock(mutex_);
+    if (!commit_fault_.ok()) return commit_fault_;
+    ++group_count_;
+    for (Commit& commit : group) {
+      commit.record.segment = 0;
+      commit.record.offset = next_offset_++;
+      commit.record.stored_bytes = static_cast<std::int64_t>(commit.block.size());
+      const bool is_new = units_[commit.job_id]
+                              .emplace(commit.record.unit, std::pair(commit.record, commit.block))
+                              .second;
+      if (!is_new) return absl::AlreadyExistsError("unit");
+    }
+    return absl::OkStatus();
+  }
+  absl::Status for_each_unit(const std::string& job_id,
+                             const std::function<void(const UnitRecord&)>& visit) const override {
+    const std::lock_guard lock(mutex_);
+    const auto units = units_.find(job_id);
+    if (units == units_.end()) return absl::OkStatus();
+    for (const auto& [unit, entry] : units->second) visit(entry.first);
+    return absl::OkStatus();
+  }
+  absl::StatusOr<std::string> read_block(const std::string& job_id,
+                                         const UnitRecord& record) const override {
+    const std::lock_guard lock(mutex_);
+    if (released_.count(job_id) > 0) return absl::NotFoundError("released");
+    return units_.at(job_id).at(record.unit).second;
+  }
+  absl::Status drop_units(const std::string& job_id,
+                          const std::vector<contract::Unit>& units) override {
+    const std::lock_guard lock(mutex_);
+    for (const contract::Unit& unit : units) units_[job_id].erase(unit);
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<std::string> output_folder(const std::string& job_id) override {
+    const std::string folder = folder_ + "/" + job_id;
+    std::filesystem::create_directories(folder);
+    return folder;
+  }
+  absl::Status finish_frame(const std::string& job_id, const FrameRecord& frame) override {
+    const std::lock_guard lock(mutex_);
+    frames_[job_id][frame.frame] = frame;
+    return absl::OkStatus();
+  }
+  absl::StatusOr<std::vector<FrameRecord>> frames(const std::string& job_id) const override {
+    const std::lock_guard lock(mutex_);
+    std::vector<FrameRecord> frames;
+    const auto found = frames_.find(job_id);
+    if (found == frames_.end()) return frames;
+    for (const auto& [number, frame] : found->second) frames.push_back(frame);
+    return frames;
+  }
+  absl::Status release_segments(const std::string& job_id) override {
+    const std::lock_guard lock(mutex_);
+    released_.insert(job_id);
+    return absl::OkStatus();
+  }
+
+  bool has_asset(const contract::Digest& digest) const override {
+    return assets_.count(digest) > 0;
+  }
+  absl::StatusOr<std::string> new_upload_path() override {
+    std::filesystem::create_directories(folder_);
+    return folder_ + "/upload";
+  }
+  absl::Status keep_asset(const std::string& upload_path, const contract::Digest& digest) override {
+    std::filesystem::rename(upload_path, asset_path(digest));
+    assets_.insert(digest);
+    return absl::OkStatus();
+  }
+  std::string asset_path(const contract::Digest& digest) const override {
+    return folder_ + "/" + digest.hex();
+  }
+  absl::Status collect_assets(std::int64_t, std::int64_t,
+                              const std::vector<contract::Digest>&) override {
+    return absl::OkStatus();
+  }
+
+  absl::Status remember_worker(const std::string& worker_id, const std::string&) override {
+    const std::lock_guard lock(mutex_);
+    roster_.insert(worker_id);
+    return absl::OkStatus();
+  }
+  absl::Status forget_worker(const std::string& worker_id) override {
+    const std::lock_guard lock(mutex_);
+    roster_.erase(worker_id);
+    return absl::OkStatus();
+  }
+  absl::StatusOr<std::vector<std::string>> roster() const override {
+    const std::lock_guard lock(mutex_);
+    return std::vector<std::string>(roster_.begin(), roster_.end());
+  }
+  std::int64_t used_bytes() const override { return used_bytes_; }
+
+ private:
+  const std::string folder_;
+  const std::string id_ = "0123456789abcdef0123456789abcdef";
+  const std::string key_ = "thirty-two bytes of a secret key";
+  std::int64_t boot_count_ = 1, used_bytes_ = 0;
+  mutable std::mutex mutex_;
+  absl::Status commit_fault_;
+  int group_count_ = 0;
+  std::int64_t last_sequence_ = 0, next_offset_ = 0;
+  std::set<std::string> used_ids_, released_, roster_;
+  std::map<std::int64_t, JobRecord> jobs_;
+  std::map<std::string, std::map<contract::Unit, std::pair<UnitRecord, std::string>>> units_;
+  std::map<std::string, std::map<std::int32_t, FrameRecord>> frames_;
+  std::set<contract::Digest> assets_;
+};
+
+}  // namespace tessera::server

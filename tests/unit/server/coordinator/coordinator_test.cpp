@@ -1,0 +1,420 @@
+#include "server/coordinator.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "tests/unit/server/coordinator/coordinator_walk.h"
+
+namespace tessera::server {
+namespace {
+
+using namespace std::chrono_literals;
+using CoordinatorTest = CoordinatorWalk;
+
+int count(const std::vector<Acknowledgement>& verdicts, Verdict verdict) {
+  return static_cast<int>(std::count_if(verdicts.begin(), verdicts.end(),
+                                        [&](const auto& v) { return v.verdict == verdict; }));
+}
+
+// Results -----------------------------------------------------------------------------------------
+
+TEST_F(CoordinatorTest, AJobOfOneWorkerIsDoneWithAnImage) {
+  const std::string job = create_job("a", 64);
+  auto worker = join("w1");
+  work_off(worker, job);
+  const JobView done = view(job);
+  EXPECT_EQ(done.state, JobState::done);
+  EXPECT_EQ(done.committed_unit_count, 12);
+  EXPECT_EQ(done.committed_sample_count, 20 * 12 * 64);
+  EXPECT_DOUBLE_EQ(done.cpu_seconds, 6);
+  EXPECT_EQ(count(worker.verdicts, Verdict::committed), 12);
+  EXPECT_EQ(worker.ended, std::vector<std::string>{job});
+  const auto frames = store.frames(job);
+  ASSERT_EQ(frames->size(), 1u);
+  EXPECT_TRUE(std::filesystem::exists(*store.output_folder(job) + "/" + frames->front().file));
+}
+
+TEST_F(CoordinatorTest, NothingIsAcknowledgedBeforeItIsDurable) {
+  create_job("a");
+  auto worker = join("w1");
+  deliver_all(worker);
+  collect(worker);
+  EXPECT_TRUE(worker.verdicts.empty());
+  store.fail_commits_with(absl::UnavailableError("disk"));
+  pump();
+  collect(worker);
+  EXPECT_TRUE(worker.verdicts.empty()) << "silence: send again";
+}
+
+TEST_F(CoordinatorTest, ManyBlocksAreOneGroupOfTheJournal) {
+  create_job("a");
+  auto worker = join("w1");
+  deliver_all(worker);
+  pump();
+  EXPECT_EQ(store.group_count(), 1);
+}
+
+TEST_F(CoordinatorTest, PixelsDoNotDependOnWhoDeliversWhenOrTwice) {
+  const std::string alone = create_job("a", 64);
+  auto worker = join("w1");
+  work_off(worker, alone);
+
+  const std::string shared = create_job("b", 64);
+  auto second = join("w2");
+  collect(worker);
+  std::vector<std::pair<const TestWorker*, Leased>> all;
+  for (const auto* w : {&worker, &second}) {
+    for (const Leased& unit : w->units) all.emplace_back(w, unit);
+  }
+  ASSERT_EQ(all.size(), 12u);
+  std::reverse(all.begin(), all.end());  // last passes and tiles first
+  for (const auto& [w, unit] : all) {
+    deliver(*w, unit, bytes_of(unit));
+    deliver(*w, unit, bytes_of(unit));
+    pump();
+  }
+  EXPECT_EQ(view(shared).state, JobState::done);
+  EXPECT_NE(pixels_of(alone), "");
+  EXPECT_EQ(pixels_of(alone), pixels_of(shared));
+}
+
+TEST_F(CoordinatorTest, EveryDeliveredBlockGetsExactlyOneVerdict) {
+  const std::string job = create_job("a");
+  auto worker = join("w1");
+  const auto units = worker.units;
+  ASSERT_EQ(units.size(), 6u);
+  deliver(worker, units[0], bytes_of(units[0]));
+  deliver(worker, units[0], bytes_of(units[0]));  // twice in one group
+  pump();
+  collect(worker);
+  EXPECT_EQ(count(worker.verdicts, Verdict::committed), 1);
+  EXPECT_EQ(count(worker.verdicts, Verdict::duplicate), 1);
+  deliver(worker, units[0], bytes_of(units[0]));  // and later
+  pump();
+  collect(worker);
+  EXPECT_EQ(count(worker.verdicts, Verdict::duplicate), 2);
+  EXPECT_EQ(worker.verdicts.size(), 3u);
+  const auto report = coordinator->report(job);
+  EXPECT_EQ(report->counters.duplicated, 2);
+  EXPECT_DOUBLE_EQ(report->counters.wasted_cpu_seconds, 1);
+}
+
+TEST_F(CoordinatorTest, ADuplicateWithOtherBytesIsRejectedAndCounted) {
+  const std::string job = create_job("a");
+  auto worker = join("w1");
+  const Leased unit = worker.units[0];
+  deliver(worker, unit, bytes_of(unit));
+  pump();
+  contract::FilmBlock other = block_of(unit, shape_of(unit));
+  other.rgb[3] += 1;
+  deliver(worker, unit, contract::encode(other));
+  pump();
+  collect(worker);
+  EXPECT_EQ(count(worker.verdicts, Verdict::rejected), 1);
+  EXPECT_EQ(coordinator->report(job)->counters.mismatched, 1);
+  EXPECT_EQ(view(job).state, JobState::running);
+}
+
+TEST_F(CoordinatorTest, LateResultsOfALostWorkerCount) {
+  const std::string job = create_job("a");
+  auto worker = join("w1");
+  const auto units = worker.units;
+  for (int i = 0; i < 60; ++i) {
+    now += 100ms;
+    coordinator->tick();
+  }
+  EXPECT_TRUE(absl::IsUnavailable(worker.link->closed));
+  auto again = join("w1", 0);
+  EXPECT_TRUE(deliver(again, units[0], bytes_of(units[0])));
+  pump();
+  collect(again);
+  EXPECT_EQ(count(again.verdicts, Verdict::committed), 1);
+  EXPECT_EQ(view(job).committed_unit_count, 1);
+}
+
+TEST_F(CoordinatorTest, BadBlocksAreRejectedEachWithAReason) {
+  create_job("a");
+  auto worker = join("w1");
+  const auto units = worker.units;
+  Leased forged = units[0];
+  forged.lease.tile_count += 1;
+  EXPECT_FALSE(deliver(worker, forged, bytes_of(units[0]))) << "seal";
+  EXPECT_FALSE(deliver(worker, units[1], bytes_of(units[1]) + "x")) << "size";
+  BlockHeader header = header_of(units[2], bytes_of(units[2]));
+  std::string damaged = bytes_of(units[2]);
+  damaged[5] = static_cast<char>(damaged[5] ^ 1);
+  const auto admission = coordinator->admit("w1", header);
+  ASSERT_TRUE(admission);
+  coordinator->deliver("w1", header, *admission, damaged);
+  contract::FilmBlock poisoned = block_of(units[3], shape_of(units[3]));
+  poisoned.alpha[0] = std::numeric_limits<float>::quiet_NaN();
+  deliver(worker, units[3], contract::encode(poisoned));
+  pump();
+  collect(worker);
+  ASSERT_EQ(count(worker.verdicts, Verdict::rejected), 4);
+  EXPECT_NE(worker.verdicts[0].reason.find("seal"), std::string::npos);
+  EXPECT_NE(worker.verdicts[1].reason.find("size_bytes"), std::string::npos);
+  EXPECT_NE(worker.verdicts[2].reason.find("sha256"), std::string::npos);
+  EXPECT_NE(worker.verdicts[3].reason.find("finite"), std::string::npos);
+  EXPECT_EQ(store.group_count(), 0);
+}
+
+TEST_F(CoordinatorTest, ResultsOfACancelledJobAreUnwantedAndItsBlocksKept) {
+  const std::string job = create_job("a");
+  auto worker = join("w1");
+  const auto units = worker.units;
+  deliver(worker, units[0], bytes_of(units[0]));
+  pump();
+  deliver(worker, units[1], bytes_of(units[1]));
+  ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
+  EXPECT_FALSE(deliver(worker, units[2], bytes_of(units[2])));
+  pump();
+  collect(worker);
+  EXPECT_EQ(count(worker.verdicts, Verdict::unwanted), 2) << "one delivered before, one after";
+  EXPECT_EQ(worker.ended, std::vector<std::string>{job});
+  ASSERT_TRUE(change(job, Coordinator::Change::retry).ok());
+  coordinator->grant_credits(worker.session, 64);
+  work_off(worker, job);
+  EXPECT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(coordinator->report(job)->contributions.at("w1").units, 6);
+}
+
+TEST_F(CoordinatorTest, AFullStorePausesTheJobUntilItIsResumed) {
+  const std::string job = create_job("a");
+  auto worker = join("w1");
+  const auto units = worker.units;
+  store.fail_commits_with(absl::ResourceExhaustedError("no space left"));
+  deliver(worker, units[0], bytes_of(units[0]));
+  pump();
+  EXPECT_EQ(view(job).state, JobState::paused);
+  EXPECT_NE(view(job).reason.find("no space left"), std::string::npos);
+  store.fail_commits_with(absl::OkStatus());
+  ASSERT_TRUE(change(job, Coordinator::Change::resume).ok());
+  for (const Leased& unit : units) deliver(worker, unit, bytes_of(unit));
+  pump();
+  EXPECT_EQ(view(job).state, JobState::done);
+}
+
+TEST_F(CoordinatorTest, ReadingStopsWhileTooMuchIsWaiting) {
+  options.ingest_bytes = 1000;
+  start();
+  create_job("a");
+  auto worker = join("w1");
+  int resumed = 0;
+  EXPECT_TRUE(coordinator->has_room_or_call([&] { ++resumed; }));
+  deliver(worker, worker.units[0], bytes_of(worker.units[0]));
+  EXPECT_FALSE(coordinator->has_room_or_call([&] { ++resumed; }));
+  EXPECT_EQ(resumed, 0);
+  pump();
+  EXPECT_EQ(resumed, 1);
+  EXPECT_TRUE(coordinator->has_room_or_call([&] { ++resumed; }));
+}
+
+// Sessions ----------------------------------------------------------------------------------------
+
+TEST_F(CoordinatorTest, ANewStreamClosesTheOldOneOfItsWorker) {
+  create_job("a");
+  auto old = join("w1");
+  auto fresh = join("w1");
+  EXPECT_TRUE(absl::IsAborted(old.link->closed));
+  coordinator->part(old.session);  // the old stream's end must not touch the new one
+  EXPECT_TRUE(coordinator->hear_delivery("w1").ok());
+  coordinator->grant_credits(old.session, 1000);
+  EXPECT_TRUE(coordinator->take_mail(old.session).empty());
+  coordinator->part(fresh.session);
+  EXPECT_FALSE(coordinator->hear_delivery("w1").ok());
+}
+
+TEST_F(CoordinatorTest, MailWakesItsLink) {
+  auto worker = join("w1");
+  const int before = worker.link->wake_count;
+  create_job("a");
+  EXPECT_GT(worker.link->wake_count, before);
+}
+
+// Restarts ----------------------------------------------------------------------------------------
+
+TEST_F(CoordinatorTest, ARestartGoesOnFromWhatWasCommitted) {
+  const std::string whole = create_job("whole", 64);
+  auto first = join("w1");
+  work_off(first, whole);
+
+  const std::string job = create_job("cut", 64);
+  collect(first);
+  std::vector<contract::Unit> acknowledged;
+  for (std::size_t i = 0; i < 5; ++i) {
+    deliver(first, first.units[2 * i], bytes_of(first.units[2 * i]));
+    acknowledged.push_back(first.units[2 * i].name.unit);
+  }
+  pump();
+  start();  // the process was killed
+  EXPECT_EQ(view(job).committed_unit_count, 5);
+  EXPECT_EQ(view(job).state, JobState::running);
+  auto worker = join("w1", 64);
+  for (const Leased& unit : worker.units) {
+    EXPECT_EQ(std::count(acknowledged.begin(), acknowledged.end(), unit.name.unit), 0)
+        << "an acknowledged unit is leased again";
+    EXPECT_EQ(unit.lease.attempt.boot, store.boot_count());
+  }
+  work_off(worker, job);
+  EXPECT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(pixels_of(job), pixels_of(whole));
+  EXPECT_DOUBLE_EQ(view(job).cpu_seconds, 6) << "exact over crashes";
+  EXPECT_EQ(coordinator->report(whole)->contributions.at("w1").units, 12);
+}
+
+TEST_F(CoordinatorTest, LeasesFromBeforeARestartStillCount) {
+  const std::string job = create_job("a");
+  auto worker = join("w1");
+  const auto units = worker.units;
+  start();
+  auto again = join("w1", 0);
+  for (const Leased& unit : units) EXPECT_TRUE(deliver(again, unit, bytes_of(unit)));
+  pump();
+  EXPECT_EQ(view(job).state, JobState::done);
+}
+
+TEST_F(CoordinatorTest, AFrameThatWasCompleteButNotWrittenIsWrittenAfterTheRestart) {
+  const std::string job = create_job("a");
+  auto worker = join("w1");
+  deliver_all(worker);
+  while (coordinator->run_writer(false)) {
+  }
+  start();  // before the film thread came to it
+  EXPECT_EQ(view(job).state, JobState::running);
+  pump();
+  EXPECT_EQ(view(job).state, JobState::done);
+}
+
+TEST_F(CoordinatorTest, AfterARestartGrantsWaitForTheRoster) {
+  create_job("a");
+  join("w1");
+  join("w2");
+  pump();  // the roster is journaled
+  start();
+  auto worker = join("w1");
+  EXPECT_TRUE(worker.units.empty());
+  join("w2");
+  collect(worker);
+  EXPECT_FALSE(worker.units.empty());
+}
+
+// Jobs --------------------------------------------------------------------------------------------
+
+TEST_F(CoordinatorTest, TheSameRequestMakesOneJobAlsoAfterARestart) {
+  const std::string job = create_job("a");
+  EXPECT_EQ(create_job("a"), job);
+  start();
+  EXPECT_EQ(create_job("a"), job);
+  EXPECT_NE(create_job("b"), job);
+}
+
+TEST_F(CoordinatorTest, AJobNeedsItsAssetsAndRoom) {
+  JobSpec spec = spec_of("a");
+  spec.assets = {{"scene.gltf", contract::sha256("scene"), 5}};
+  const auto missing = create(spec);
+  EXPECT_TRUE(absl::IsFailedPrecondition(missing.status()));
+  EXPECT_NE(std::string(missing.status().message()).find("scene.gltf"), std::string::npos);
+  store.add_asset(spec.assets[0].digest);
+  store.set_used_bytes(options.quota_bytes - 1000);
+  EXPECT_TRUE(absl::IsResourceExhausted(create(spec).status()));
+  store.set_used_bytes(0);
+  EXPECT_TRUE(create(spec).ok());
+}
+
+TEST_F(CoordinatorTest, JobsAreFoundByIdPrefixNameAndLast) {
+  const std::string one = create_job("one");
+  const std::string two = create_job("two");
+  EXPECT_EQ(coordinator->find_job(one)->spec->id, one);
+  EXPECT_EQ(coordinator->find_job("two")->spec->id, two);
+  EXPECT_EQ(coordinator->find_job("last")->spec->id, two);
+  std::size_t different = 0;
+  while (one[different] == two[different]) ++different;
+  EXPECT_EQ(coordinator->find_job(one.substr(0, different + 1))->spec->id, one);
+  EXPECT_TRUE(absl::IsNotFound(coordinator->find_job("nothing").status()));
+  EXPECT_TRUE(absl::IsNotFound(coordinator->find_job("").status()));
+}
+
+TEST_F(CoordinatorTest, ListsNewestFirstInPages) {
+  for (const char* name : {"a", "b", "c"}) create_job(name);
+  const auto first = coordinator->list_jobs(0, 2);
+  ASSERT_EQ(first.size(), 2u);
+  EXPECT_EQ(first[0].spec->name, "c");
+  const auto second = coordinator->list_jobs(first.back().key, 2);
+  ASSERT_EQ(second.size(), 1u);
+  EXPECT_EQ(second[0].spec->name, "a");
+}
+
+TEST_F(CoordinatorTest, OnlyEndedJobsAreRemoved) {
+  const std::string job = create_job("a");
+  absl::Status status;
+  coordinator->remove_job(job, [&](const absl::Status& s) { status = s; });
+  pump();
+  EXPECT_TRUE(absl::IsFailedPrecondition(status));
+  ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
+  coordinator->remove_job(job, [&](const absl::Status& s) { status = s; });
+  pump();
+  EXPECT_TRUE(status.ok());
+  EXPECT_TRUE(absl::IsNotFound(coordinator->job(job).status()));
+  EXPECT_TRUE(store.jobs()->empty());
+}
+
+TEST_F(CoordinatorTest, ExtendingGivesThePixelsOfALongerJob) {
+  const std::string longer = create_job("longer", 64);
+  auto worker = join("w1");
+  work_off(worker, longer);
+
+  const std::string job = create_job("short", 32);  // passes 8, 24; longer: 8, 56
+  collect(worker);
+  for (const Leased& unit : worker.units) {
+    if (unit.name.unit.tile != 3) deliver(worker, unit, bytes_of(unit));
+  }
+  worker.units.clear();
+  pump();
+  absl::StatusOr<JobView> extended = absl::UnknownError("");
+  coordinator->extend_job(job, 64, [&](const auto& view) { extended = view; });
+  pump();
+  ASSERT_TRUE(extended.ok()) << extended.status();
+  EXPECT_EQ(extended->committed_unit_count, 5) << "pass 0 is the same in both";
+  coordinator->grant_credits(worker.session, 64);
+  // The units of pass 0 that it still holds go to nobody else; it is as if it had died.
+  coordinator->part(worker.session);
+  auto again = join("w1");
+  work_off(again, job);
+  EXPECT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(pixels_of(job), pixels_of(longer));
+}
+
+TEST_F(CoordinatorTest, APartialFrameListsWhatIsMissing) {
+  const std::string job = create_job("a");
+  auto worker = join("w1");
+  const auto fetch = [&](bool allow_partial) {
+    absl::StatusOr<FrameFile> result = absl::UnknownError("no answer");
+    coordinator->fetch_frame({job, 0, FrameFormat::exr, 0, allow_partial},
+                             [&](const auto& file) { result = file; });
+    pump();
+    return result;
+  };
+  EXPECT_TRUE(absl::IsFailedPrecondition(fetch(true).status())) << "nothing is committed";
+  const auto units = worker.units;
+  deliver(worker, units[0], bytes_of(units[0]));
+  deliver(worker, units[4], bytes_of(units[4]));
+  pump();
+  EXPECT_TRUE(absl::IsFailedPrecondition(fetch(false).status()));
+  const auto partial = fetch(true);
+  ASSERT_TRUE(partial.ok()) << partial.status();
+  EXPECT_EQ(partial->missing_tiles.size(), 4u);
+  EXPECT_FALSE(partial->pixels_sha256);
+  EXPECT_TRUE(partial->is_temporary);
+  work_off(worker, job);
+  for (const Leased& unit : units) deliver(worker, unit, bytes_of(unit));
+  pump();
+  const auto whole = fetch(false);
+  ASSERT_TRUE(whole.ok());
+  EXPECT_TRUE(whole->missing_tiles.empty());
+  EXPECT_TRUE(whole->pixels_sha256);
+}
+
+}  // namespace
+}  // namespace tessera::server

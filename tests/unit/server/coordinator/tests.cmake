@@ -1,0 +1,3 @@
+tessera_test(NAME coordinator KIND unit
+  SOURCES unit/server/coordinator/coordinator_test.cpp unit/server/coordinator/threads_test.cpp
+  LINKS tessera::coordinator)

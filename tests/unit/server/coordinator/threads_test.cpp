@@ -1,0 +1,75 @@
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include "tests/unit/server/coordinator/coordinator_walk.h"
+
+namespace tessera::server {
+namespace {
+
+/// The point of this test is the tsan preset: workers, clients, writer, film thread and timer all
+/// at once, without gRPC.
+class CoordinatorThreads : public CoordinatorWalk {
+ protected:
+  /// A worker that delivers whatever it is leased until the job is done.
+  void work(const std::string& id, const std::string& job, int duplicates) {
+    TestWorker worker = join(id, 3);
+    while (!has_ended(view(job).state)) {
+      const std::size_t before = worker.verdicts.size();
+      collect(worker);
+      for (const Leased& unit : std::exchange(worker.units, {})) {
+        coordinator->heartbeat(worker.session, {unit.name}, 1000);
+        for (int i = 0; i <= duplicates; ++i) deliver(worker, unit, bytes_of(unit));
+      }
+      std::this_thread::yield();
+      collect(worker);
+      coordinator->grant_credits(worker.session,
+                                 static_cast<std::int32_t>(worker.verdicts.size() - before));
+    }
+    coordinator->part(worker.session);
+  }
+};
+
+TEST_F(CoordinatorThreads, AllAtOnceLoseNothingAndCommitNothingTwice) {
+  JobSpec spec = spec_of("hammered", 64);
+  spec.settings.width = spec.settings.height = 160;  // 400 tiles, 2 passes
+  const std::string job = create(spec)->view.spec->id;
+  std::thread writer([&] {
+    while (!coordinator->is_stopping()) coordinator->run_writer(true);
+  });
+  std::thread film([&] {
+    while (!coordinator->is_stopping()) coordinator->run_film(true);
+  });
+  std::atomic<bool> is_over = false;
+  std::thread timer([&] {
+    while (!is_over) {
+      coordinator->tick();
+      coordinator->workers();
+      coordinator->list_jobs(0, 10);
+      coordinator->report(job).status().IgnoreError();
+      std::this_thread::yield();
+    }
+  });
+  std::vector<std::thread> workers;
+  for (int i = 0; i < 4; ++i) {
+    workers.emplace_back([this, &job, i] { work("w" + std::to_string(i), job, i % 2); });
+  }
+  for (std::thread& worker : workers) worker.join();
+  is_over = true;
+  timer.join();
+  coordinator->stop();
+  writer.join();
+  film.join();
+  EXPECT_EQ(view(job).state, JobState::done);
+  const auto report = coordinator->report(job);
+  std::int64_t units = 0;
+  for (const auto& [id, contribution] : report->contributions) units += contribution.units;
+  EXPECT_EQ(units, 800);
+  EXPECT_EQ(report->counters.mismatched, 0);
+}
+
+}  // namespace
+}  // namespace tessera::server
