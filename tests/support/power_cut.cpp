@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <cstdlib>
+#include <filesystem>
 #include <utility>
 
 #include "tests/support/recording_vfs.h"
@@ -14,8 +15,10 @@ using Kind = DiskEvent::Kind;
 
 class RecordedFile final : public server::File {
  public:
-  RecordedFile(PowerCutDisk& disk, std::string path, std::unique_ptr<server::File> file)
-      : disk_(disk), path_(std::move(path)), file_(std::move(file)) {}
+  /// `is_foreign`: written by somebody who does not report it.
+  RecordedFile(PowerCutDisk& disk, std::string path, std::unique_ptr<server::File> file,
+               bool is_foreign)
+      : disk_(disk), path_(std::move(path)), file_(std::move(file)), is_foreign_(is_foreign) {}
 
   absl::Status append(std::string_view bytes) override {
     disk_.record({Kind::write, path_, "", file_->size(), std::string(bytes)});
@@ -25,6 +28,12 @@ class RecordedFile final : public server::File {
     return file_->read_at(offset, out);
   }
   absl::Status sync() override {
+    if (is_foreign_) {
+      std::string bytes(static_cast<std::size_t>(file_->size()), '\0');
+      if (absl::Status read = file_->read_at(0, bytes); !read.ok()) return read;
+      disk_.record({Kind::truncate, path_, "", 0, ""});
+      disk_.record({Kind::write, path_, "", 0, std::move(bytes)});
+    }
     disk_.record({Kind::sync_file, path_, "", 0, ""});
     return absl::OkStatus();
   }
@@ -34,6 +43,7 @@ class RecordedFile final : public server::File {
   PowerCutDisk& disk_;
   std::string path_;
   std::unique_ptr<server::File> file_;
+  bool is_foreign_;
 };
 
 bool exists(const std::string& path) {
@@ -48,7 +58,11 @@ PowerCutDisk::PowerCutDisk(std::string root)
       vfs_(std::make_unique<RecordingVfs>([this](DiskEvent event) {
         record(std::move(event));
         return true;
-      })) {}
+      })) {
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(root_)) {
+    if (entry.is_regular_file()) is_foreign_[relative(entry.path().string())] = false;
+  }
+}
 
 PowerCutDisk::~PowerCutDisk() = default;
 
@@ -63,7 +77,13 @@ std::string PowerCutDisk::relative(const std::string& path) const {
 
 void PowerCutDisk::record(DiskEvent event) {
   event.path = relative(event.path);
-  if (event.kind == Kind::rename) event.target = relative(event.target);
+  if (event.kind == Kind::create) is_foreign_[event.path] = false;
+  if (event.kind == Kind::remove) is_foreign_.erase(event.path);
+  if (event.kind == Kind::rename) {
+    event.target = relative(event.target);
+    is_foreign_[event.target] = is_foreign_[event.path];
+    is_foreign_.erase(event.path);
+  }
   events_.push_back(std::move(event));
 }
 
@@ -76,13 +96,18 @@ absl::StatusOr<std::unique_ptr<server::File>> PowerCutDisk::open(const std::stri
   if (!exists(path)) record({Kind::create, path, "", 0, ""});
   auto file = disk_.open(path);
   if (!file.ok()) return file;
-  return std::make_unique<RecordedFile>(*this, path, *std::move(file));
+  return std::make_unique<RecordedFile>(*this, path, *std::move(file), false);
 }
 
 absl::StatusOr<std::unique_ptr<server::File>> PowerCutDisk::open_existing(const std::string& path) {
   auto file = disk_.open_existing(path);
   if (!file.ok()) return file;
-  return std::make_unique<RecordedFile>(*this, path, *std::move(file));
+  const std::string name = relative(path);
+  if (is_foreign_.count(name) == 0) {
+    record({Kind::create, path, "", 0, ""});
+    is_foreign_[name] = true;
+  }
+  return std::make_unique<RecordedFile>(*this, path, *std::move(file), is_foreign_[name]);
 }
 
 absl::Status PowerCutDisk::rename(const std::string& from, const std::string& to) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -13,10 +14,12 @@ class RecordingVfs;
 
 /// A folder on the real disk that writes down everything done to it, by the store's own file
 /// operations and by SQLite, in order. Syncs are written down and not passed on: what they mean is
-/// DiskModel's business. One thread at a time.
+/// DiskModel's business. A file that was written behind its back (an image by OpenEXR, say) is
+/// taken down whole when it is opened here and at each sync, as the earliest moments at which what
+/// it holds matters. One thread at a time.
 class PowerCutDisk final : public server::Filesystem {
  public:
-  /// Records below `root`, which exists. What is there already is not recorded.
+  /// Records below `root`, which exists; what is there now counts as known.
   explicit PowerCutDisk(std::string root);
   ~PowerCutDisk() override;
   PowerCutDisk(const PowerCutDisk&) = delete;
@@ -42,6 +45,7 @@ class PowerCutDisk final : public server::Filesystem {
   std::string root_;
   server::Filesystem& disk_;
   std::vector<DiskEvent> events_;
+  std::map<std::string, bool> is_foreign_;  // by file: written by somebody who does not report it
   std::unique_ptr<RecordingVfs> vfs_;
 };
 

@@ -17,6 +17,7 @@
 #include "tests/support/disk_model.h"
 #include "tests/unit/server/store/promises.h"
 #include "tests/unit/server/store/scratch_folder.h"
+#include "tests/unit/server/store/sync_sites.h"
 
 namespace tessera::server {
 namespace {
@@ -241,23 +242,6 @@ Recording record_a_day() {
   return recording;
 }
 
-/// Names the place in the program that a sync comes from: what it syncs, with ids left out.
-std::string sync_site(const DiskEvent& event, bool is_first_of_path) {
-  std::vector<std::string> parts;
-  for (const auto& part : std::filesystem::path(event.path)) parts.push_back(part.string());
-  if (parts.size() > 2) parts[2] = parts[1] == "assets" ? "AB" : "JOB";
-  if (parts.size() > 3) parts[3] = "FILE";
-  std::string site = event.kind == DiskEvent::Kind::sync_file ? "file" : "folder";
-  for (const std::string& part : parts) site += "/" + part;
-  // SQLite syncs this one when the database is born, and at each checkpoint.
-  if (event.path == "store/store.db") site += is_first_of_path ? " (birth)" : " (checkpoint)";
-  return site;
-}
-
-bool is_sync(const DiskEvent& event) {
-  return event.kind == DiskEvent::Kind::sync_file || event.kind == DiskEvent::Kind::sync_folder;
-}
-
 /// Opens a store on a disk image and says what is wrong with it.
 class Inspector {
  public:
@@ -287,27 +271,14 @@ class Inspector {
   ScratchFolder folder_;
 };
 
-/// The site of each event; empty for those that are no sync.
-std::vector<std::string> sync_sites(const Recording& recording) {
-  std::vector<std::string> sites;
-  std::set<std::string> seen_paths;
-  for (const DiskEvent& event : recording.events) {
-    if (!is_sync(event)) {
-      sites.emplace_back();
-      continue;
-    }
-    sites.push_back(sync_site(event, seen_paths.insert(event.path).second));
-  }
-  return sites;
-}
-
 /// Steps at which a missing sync is most likely to show: just before and after any sync, and when
 /// the store has just answered for something.
 std::set<int> telling_steps(const Recording& recording) {
   const std::vector<int> promised = recording.promises.steps();
   std::set<int> steps(promised.begin(), promised.end());
+  const std::vector<std::string> sites = sync_sites(recording.events);
   for (std::size_t i = 0; i < recording.events.size(); ++i) {
-    if (!is_sync(recording.events[i])) continue;
+    if (sites[i].empty()) continue;
     steps.insert(static_cast<int>(i));
     steps.insert(static_cast<int>(i) + 1);
   }
@@ -320,7 +291,7 @@ std::string loss_without(const Recording& recording, const std::string& site) {
   constexpr std::uint64_t kRounds = 12;
   Inspector inspector(recording);
   const std::set<int> steps = telling_steps(recording);
-  const std::vector<std::string> sites = sync_sites(recording);
+  const std::vector<std::string> sites = sync_sites(recording.events);
   for (std::uint64_t round = 0; round < kRounds; ++round) {
     DiskModel disk;
     for (std::size_t i = 0; i < recording.events.size(); ++i) {
@@ -352,7 +323,7 @@ TEST(PowerCut, AtAnyStepLosesNothingThatWasAnsweredFor) {
 
 TEST(PowerCut, EverySyncIsNeeded) {
   const Recording recording = record_a_day();
-  const std::vector<std::string> all_sites = sync_sites(recording);
+  const std::vector<std::string> all_sites = sync_sites(recording.events);
   std::set<std::string> sites(all_sites.begin(), all_sites.end());
   sites.erase("");
   for (const std::string& site : sites) {

@@ -2,6 +2,7 @@
 tessera_test(NAME store KIND unit TIMEOUT 120
   SOURCES unit/server/store/power_cut_test.cpp unit/server/store/store_test.cpp
           unit/server/store/damage_test.cpp unit/server/store/promises.cpp
+          unit/server/store/sync_sites.cpp
           support/disk_model.cpp support/failing_disk.cpp support/power_cut.cpp
           support/recording_vfs.cpp
   LINKS tessera::store SQLite::SQLite3)
