@@ -3,6 +3,8 @@
 namespace tessera::client {
 
 void add_all_commands(CLI::App& app, Invocation& invocation) {
+  add_render_command(app, invocation);
+  add_submit_command(app, invocation);
   add_watch_command(app, invocation);
   add_list_command(app, invocation);
   add_status_command(app, invocation);
@@ -11,6 +13,7 @@ void add_all_commands(CLI::App& app, Invocation& invocation) {
   add_job_control_commands(app, invocation);
   add_extend_command(app, invocation);
   add_workers_command(app, invocation);
+  add_inspect_command(app, invocation);
   add_compare_command(app, invocation);
   add_completion_command(app, invocation);
 }

@@ -32,6 +32,7 @@ void add_fetch_command(CLI::App& app, Invocation& invocation);
 void add_job_control_commands(CLI::App& app, Invocation& invocation);
 void add_extend_command(CLI::App& app, Invocation& invocation);
 void add_workers_command(CLI::App& app, Invocation& invocation);
+void add_inspect_command(CLI::App& app, Invocation& invocation);
 void add_compare_command(CLI::App& app, Invocation& invocation);
 void add_completion_command(CLI::App& app, Invocation& invocation);
 

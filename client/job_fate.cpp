@@ -4,13 +4,15 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "absl/strings/str_cat.h"
+#include "absl/strings/match.h"
 #include "absl/time/time.h"
 #include "client/progress.h"
 
 namespace tessera::client {
 namespace {
 
+// How the server begins the reason of a job whose scene a worker found faulty.
+constexpr char kBadScene[] = "bad scene:";
 constexpr std::chrono::milliseconds kWatchInterval{500};
 
 double seconds(const google::protobuf::Duration& span) {
@@ -69,7 +71,8 @@ bool has_ended(const v1::Job& job) {
 }
 
 int fate_of(const v1::Job& job) {
-  return job.state() == v1::Job::STATE_DONE ? kExitDone : kExitJobFailed;
+  if (job.state() == v1::Job::STATE_DONE) return kExitDone;
+  return absl::StartsWith(job.reason(), kBadScene) ? kExitBadInput : kExitJobFailed;
 }
 
 nlohmann::ordered_json job_document(const v1::Job& job) {

@@ -15,7 +15,7 @@ std::string state_name(v1::Job::State state);
 /// Whether the job is done, failed or cancelled.
 bool has_ended(const v1::Job& job);
 
-/// The exit code an ended job stands for.
+/// The exit code an ended job stands for: 2 where a worker found the scene to be at fault.
 int fate_of(const v1::Job& job);
 
 /// The job as a document, schema tessera.job/1.

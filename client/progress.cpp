@@ -15,14 +15,6 @@ namespace {
 
 constexpr int kLongestBar = 40, kShortestBar = 8;
 
-std::string format_count(double count) {
-  for (const char* unit : {"", " k", " M", " G"}) {
-    if (count < 1000) return absl::StrFormat(*unit == 0 ? "%.0f%s" : "%.1f%s", count, unit);
-    count /= 1000;
-  }
-  return absl::StrFormat("%.1f T", count);
-}
-
 std::string figures(const v1::Job& job, double share) {
   const v1::JobProgress& progress = job.progress();
   std::string text = absl::StrFormat("%3.0f %%", std::floor(100 * share));
@@ -49,6 +41,14 @@ std::string figures(const v1::Job& job, double share) {
 }
 
 }  // namespace
+
+std::string format_count(double count) {
+  for (const char* unit : {"", " k", " M", " G"}) {
+    if (count < 1000) return absl::StrFormat(*unit == 0 ? "%.0f%s" : "%.1f%s", count, unit);
+    count /= 1000;
+  }
+  return absl::StrFormat("%.1f T", count);
+}
 
 std::string format_seconds(double seconds) {
   if (seconds < 60) return absl::StrFormat(seconds < 10 ? "%.1f s" : "%.0f s", seconds);

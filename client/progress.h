@@ -13,6 +13,9 @@ std::string progress_line(const v1::Job& job, int columns);
 /// 42 -> "42 s", 125 -> "2:05", 7384 -> "2:03:04".
 std::string format_seconds(double seconds);
 
+/// 950 -> "950", 59e6 -> "59.0 M".
+std::string format_count(double count);
+
 /// Redraws progress_line on stderr while that is a terminal; silent otherwise.
 class ProgressBar {
  public:

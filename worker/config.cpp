@@ -105,6 +105,16 @@ CLI::App* add_renderer(CLI::App& app, agent::RendererOptions& options, std::stri
   return renderer;
 }
 
+void add_inspect_options(CLI::App& inspect, InspectConfig& config) {
+  inspect.add_option("scene", config.scene, "glTF file")->required();
+  inspect.add_flag("--json", config.json, "Print a JSON document, schema tessera.inspect/1")
+      ->required();
+  inspect.add_option("--environment", config.environment, "Sky to check along with it")
+      ->type_name("FILE");
+  inspect.add_option("--settings", config.settings_hex)
+      ->group("");  // what a client's job will have
+}
+
 /// Reads the token and turns units into bytes. False, with a message, if that fails.
 bool complete(WorkerFlags& flags) {
   agent::AgentOptions& options = flags.options;
@@ -144,11 +154,8 @@ std::variant<Config, int> parse_command_line(int argc, char** argv) {
   std::string crash_on;
   const CLI::App* renderer = add_renderer(app, renderer_options, crash_on);
   InspectConfig inspect_config;
-  bool json = true;  // the only form it has
-  CLI::App* inspect =
-      app.add_subcommand("inspect", "Say what a scene needs and what is wrong with it, as JSON");
-  inspect->add_option("scene", inspect_config.scene, "glTF file")->required();
-  inspect->add_flag("--json", json, "Print JSON (always)");
+  CLI::App* inspect = app.add_subcommand("inspect", "Print what a scene needs and its faults");
+  add_inspect_options(*inspect, inspect_config);
   app.footer("Example: tessera-worker --server unix:/run/tessera/server.sock --threads 8");
   try {
     app.parse(argc, argv);

@@ -2,9 +2,12 @@
 #include <cstdio>
 #include <string>
 
+#include "absl/strings/escaping.h"
+#include "proto/contract/settings_message.h"
 #include "worker/agent/agent.h"
 #include "worker/agent/renderer.h"
 #include "worker/config.h"
+#include "worker/scene/inspect_report.h"
 
 namespace {
 
@@ -17,6 +20,23 @@ int work(const tessera::agent::AgentOptions& options) {
   return kRefused;
 }
 
+int inspect(const tessera::worker::InspectConfig& config) {
+  tessera::render::InspectRequest request;
+  request.scene = config.scene;
+  request.environment = config.environment;
+  if (!config.settings_hex.empty()) {
+    tessera::v1::RenderSettings message;
+    if (!message.ParseFromString(absl::HexStringToBytes(config.settings_hex))) return kWrongInput;
+    auto settings = tessera::contract::from_message(message);
+    if (!settings.ok()) return kWrongInput;
+    request.settings = *std::move(settings);
+  }
+  const auto report = tessera::render::inspect_scene(request);
+  const std::string text = to_json(report);
+  std::fwrite(text.data(), 1, text.size(), stdout);
+  return report.has_errors() ? kWrongInput : 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -26,6 +46,9 @@ int main(int argc, char** argv) {
   const auto& config = std::get<tessera::worker::Config>(parsed);
   if (const auto* renderer = std::get_if<tessera::agent::RendererOptions>(&config)) {
     return tessera::agent::run_renderer(*renderer);
+  }
+  if (const auto* wanted = std::get_if<tessera::worker::InspectConfig>(&config)) {
+    return inspect(*wanted);
   }
   return work(std::get<tessera::agent::AgentOptions>(config));
 }

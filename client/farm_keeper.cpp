@@ -1,0 +1,250 @@
+#include "client/farm_keeper.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/prctl.h>
+#include <sys/signalfd.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <system_error>
+#include <thread>
+
+namespace tessera::client {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr milliseconds kWorkerStopTime{1'000}, kServerStopTime{5'000};
+constexpr seconds kShortLife{5};            // a worker that dies younger counts as failing
+constexpr int kMostShortLives = 8;          // in a row
+constexpr std::size_t kLongestFolder = 80;  // a socket's path has room for 107 characters
+
+struct Child {
+  pid_t pid = -1;
+  std::vector<std::string> command;  // program and arguments
+  std::string log;
+  Clock::time_point started{};
+  Clock::time_point start_at{};  // not before, once it has died
+  int short_lives = 0;
+  bool given_up = false;
+};
+
+std::string make_private_folder() {
+  for (const char* parent : {static_cast<const char*>(std::getenv("TMPDIR")), "/tmp"}) {
+    if (parent == nullptr || *parent != '/' || std::strlen(parent) > kLongestFolder) continue;
+    std::string path = std::string(parent) + "/tessera-XXXXXX";
+    if (::mkdtemp(path.data()) != nullptr) return path;  // mode 0700
+  }
+  return {};
+}
+
+/// The child's half of a fork: dies with the keeper, logs to its file, runs the command.
+[[noreturn]] void become(const Child& child, pid_t keeper) {
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (::getppid() != keeper) ::_exit(127);  // it died before the call above
+  sigset_t none;
+  sigemptyset(&none);
+  ::sigprocmask(SIG_SETMASK, &none, nullptr);
+  const int log = ::open(child.log.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
+  if (log >= 0) ::dup2(log, STDERR_FILENO);
+  std::vector<char*> argv;
+  for (const std::string& word : child.command) argv.push_back(const_cast<char*>(word.c_str()));
+  argv.push_back(nullptr);
+  ::execv(argv[0], argv.data());
+  ::_exit(127);
+}
+
+class Keeper {
+ public:
+  Keeper(const KeeperPlan& plan, int socket) : socket_(socket), temporary_(plan.store.empty()) {
+    folder_ = make_private_folder();
+    if (folder_.empty()) {
+      tell("no private folder can be made in TMPDIR or /tmp");
+      ::_exit(1);
+    }
+    const std::string address = "unix:" + folder_ + "/server.sock";
+    const std::string store = temporary_ ? folder_ + "/store" : plan.store;
+    server_.command = {plan.server_program, "--listen", address, "--store", store};
+    server_.log = folder_ + "/server.log";
+    for (int i = 0; i < plan.worker_count; ++i) {
+      const std::string name = "local-" + std::to_string(i + 1);
+      Child worker;
+      worker.command = {plan.worker_program,
+                        "--server",
+                        address,
+                        "--id",
+                        name,
+                        "--name",
+                        name,
+                        "--threads",
+                        std::to_string(plan.threads_per_worker),
+                        "--cache",
+                        folder_ + "/cache",
+                        "--grace",
+                        "0"};
+      worker.log = folder_ + "/" + name + ".log";
+      workers_.push_back(std::move(worker));
+    }
+  }
+
+  [[noreturn]] void run() {
+    sigset_t watched;
+    sigemptyset(&watched);
+    sigaddset(&watched, SIGCHLD);
+    ::sigprocmask(SIG_SETMASK, &watched, nullptr);
+    signals_ = ::signalfd(-1, &watched, SFD_CLOEXEC | SFD_NONBLOCK);
+    start(server_);
+    for (Child& worker : workers_) start(worker);
+    tell(folder_);
+    while (wait()) {
+      reap();
+      restart_workers();
+    }
+    stop();
+  }
+
+ private:
+  void tell(const std::string& message) {
+    (void)!::send(socket_, message.data(), message.size(), MSG_NOSIGNAL);
+  }
+
+  void start(Child& child) {
+    const pid_t keeper = ::getpid();
+    child.started = Clock::now();
+    child.pid = ::fork();  // this process has one thread
+    if (child.pid == 0) become(child, keeper);
+  }
+
+  /// Sleeps until something happens. False once the client is gone.
+  bool wait() {
+    int timeout = -1;
+    for (const Child& worker : workers_) {
+      if (worker.pid >= 0 || worker.given_up) continue;
+      const auto left =
+          std::chrono::duration_cast<milliseconds>(worker.start_at - Clock::now()).count() + 1;
+      const int wanted = static_cast<int>(std::max<std::int64_t>(0, left));
+      timeout = timeout < 0 ? wanted : std::min(timeout, wanted);
+    }
+    std::array<pollfd, 2> watched = {pollfd{socket_, POLLIN, 0}, pollfd{signals_, POLLIN, 0}};
+    ::poll(watched.data(), watched.size(), timeout);
+    signalfd_siginfo info;
+    while (::read(signals_, &info, sizeof info) > 0) {
+    }
+    return watched[0].revents == 0;  // the client never sends anything
+  }
+
+  void reap() {
+    int status = 0;
+    for (pid_t pid = ::waitpid(-1, &status, WNOHANG); pid > 0;
+         pid = ::waitpid(-1, &status, WNOHANG)) {
+      if (pid == server_.pid) {
+        server_.pid = -1;
+        tell("the server has died; its log:\n" + log_tail(server_));
+      }
+      for (Child& worker : workers_) {
+        if (pid == worker.pid) mourn(worker, status);
+      }
+    }
+  }
+
+  /// A worker is started again, at once if it had lived well; one that was refused is not.
+  void mourn(Child& worker, int status) {
+    const Clock::time_point now = Clock::now();
+    worker.pid = -1;
+    worker.short_lives = now - worker.started < kShortLife ? worker.short_lives + 1 : 0;
+    worker.start_at = now + milliseconds(50) * (1 << worker.short_lives);
+    // It ends by itself only when it is refused or has no renderer.
+    worker.given_up = WIFEXITED(status) || worker.short_lives >= kMostShortLives;
+    const bool none_left = std::all_of(workers_.begin(), workers_.end(),
+                                       [](const Child& child) { return child.given_up; });
+    if (none_left) tell("no worker is left; the log of the last:\n" + log_tail(worker));
+  }
+
+  void restart_workers() {
+    const Clock::time_point now = Clock::now();
+    for (Child& worker : workers_) {
+      if (worker.pid < 0 && !worker.given_up && now >= worker.start_at) start(worker);
+    }
+  }
+
+  static std::string log_tail(const Child& child) {
+    constexpr off_t kTailBytes = 2'000;
+    const int file = ::open(child.log.c_str(), O_RDONLY | O_CLOEXEC);
+    if (file < 0) return {};
+    const off_t size = ::lseek(file, 0, SEEK_END);
+    ::lseek(file, std::max<off_t>(0, size - kTailBytes), SEEK_SET);
+    std::array<char, kTailBytes> text;
+    const ssize_t got = ::read(file, text.data(), text.size());
+    ::close(file);
+    return {text.data(), static_cast<std::size_t>(std::max<ssize_t>(0, got))};
+  }
+
+  static void kill_child(const Child& child, int signal) {
+    if (child.pid > 0) ::kill(child.pid, signal);
+  }
+
+  /// Whether `child` has ended within `limit`.
+  static void await(Child& child, milliseconds limit) {
+    const Clock::time_point deadline = Clock::now() + limit;
+    while (child.pid > 0 && ::waitpid(child.pid, nullptr, WNOHANG) == 0) {
+      if (Clock::now() >= deadline) {
+        ::kill(child.pid, SIGKILL);
+        ::waitpid(child.pid, nullptr, 0);
+        break;
+      }
+      std::this_thread::sleep_for(milliseconds(2));
+    }
+    child.pid = -1;
+  }
+
+  /// A store that stays deserves an orderly end: workers say that they leave. One that goes does
+  /// not.
+  [[noreturn]] void stop() {
+    for (const Child& worker : workers_) kill_child(worker, temporary_ ? SIGKILL : SIGTERM);
+    if (temporary_) kill_child(server_, SIGKILL);
+    for (Child& worker : workers_) await(worker, kWorkerStopTime);
+    kill_child(server_, SIGTERM);
+    await(server_, kServerStopTime);
+    std::error_code ignored;
+    std::filesystem::remove_all(folder_, ignored);
+    ::_exit(0);
+  }
+
+  const int socket_;
+  const bool temporary_;
+  int signals_ = -1;
+  std::string folder_;
+  Child server_;
+  std::vector<Child> workers_;
+};
+
+}  // namespace
+
+void keep_farm(const KeeperPlan& plan, int socket) {
+  ::setpgid(0, 0);  // Ctrl-C is for the client; this process ends after it
+  ::prctl(PR_SET_NAME, "tessera-keeper");
+  const int nothing = ::open("/dev/null", O_RDWR);
+  for (const int standard : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    ::dup2(nothing, standard);
+  }
+  // Nothing else of the client's may stay open: whoever reads its output waits for the last copy.
+  constexpr int kSocket = STDERR_FILENO + 1;
+  if (socket != kSocket) ::dup3(socket, kSocket, O_CLOEXEC);
+  ::close_range(kSocket + 1, ~0u, 0);
+  Keeper(plan, kSocket).run();
+}
+
+}  // namespace tessera::client

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace tessera::client {
+
+/// What a keeper runs: one server and its workers.
+struct KeeperPlan {
+  std::string server_program, worker_program;
+  std::string store;  // empty: a temporary one
+  int worker_count = 1, threads_per_worker = 1;
+};
+
+/// First message of a keeper on its socket: the private folder it made, with the server's socket
+/// "server.sock" and the logs in it. Later messages say what has gone wrong for good. One datagram
+/// each.
+///
+/// Runs a local farm in the calling process, which was forked for that and has one thread: starts
+/// everything, starts workers again when they die, and when the other end of `socket` closes,
+/// however that came about, stops everything, removes the private folder and ends. The children die
+/// with this process. Never returns.
+[[noreturn]] void keep_farm(const KeeperPlan& plan, int socket);
+
+}  // namespace tessera::client

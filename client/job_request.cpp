@@ -1,0 +1,112 @@
+#include "client/job_request.h"
+
+#include <algorithm>
+#include <fstream>
+#include <random>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "client/frame_files.h"
+#include "client/scene_probe.h"
+#include "proto/contract/digest.h"
+#include "proto/contract/settings_message.h"
+
+namespace tessera::client {
+namespace {
+
+absl::StatusOr<v1::AssetId> identify(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) return absl::InvalidArgumentError(absl::StrCat(path, ": cannot be read"));
+  contract::Hasher hasher;
+  std::int64_t size = 0;
+  std::string buffer(1 << 20, '\0');
+  while (file.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) ||
+         file.gcount() > 0) {
+    hasher.update(std::string_view(buffer.data(), static_cast<std::size_t>(file.gcount())));
+    size += file.gcount();
+  }
+  v1::AssetId id;
+  id.set_sha256(hasher.finish().binary());
+  id.set_size_bytes(size);
+  return id;
+}
+
+/// The sky's name in the manifest: no scene uses it by accident.
+std::string environment_uri(const std::string& path, const v1::AssetId& id) {
+  const std::string digest = contract::Digest::from_binary(id.sha256())->hex();
+  return absl::StrCat("environment-", digest.substr(0, 16), "/",
+                      clean_name(path.substr(path.rfind('/') + 1)));
+}
+
+absl::Status report_errors(const SceneProbe& probe) {
+  std::string lines;
+  for (const SceneProbe::Problem& problem : probe.problems) {
+    if (problem.severity != "error") continue;
+    absl::StrAppend(&lines, lines.empty() ? "" : "\n", problem.text());
+  }
+  return absl::InvalidArgumentError(lines);
+}
+
+}  // namespace
+
+absl::StatusOr<PreparedJob> prepare_job(const RenderOptions& options, const std::string& name) {
+  std::string sky;
+  if (!options.environment.empty()) {
+    const auto id = identify(options.environment);
+    if (!id.ok()) return id.status();
+    sky = environment_uri(options.environment, *id);
+  }
+  const auto settings = settings_of(options, sky);
+  if (!settings.ok()) return settings.status();
+  const auto probe = probe_scene(options.scene, options.environment, &*settings);
+  if (!probe.ok()) return probe.status();
+  if (probe->has_errors()) return report_errors(*probe);
+  PreparedJob job;
+  for (const SceneProbe::Problem& problem : probe->problems) job.warnings.push_back(problem.text());
+  std::map<std::string, std::string> files;  // path by URI, in the manifest's order
+  for (const auto& resource : probe->resources) files.emplace(resource.uri, resource.file);
+  v1::SceneManifest& manifest = *job.request.mutable_manifest();
+  manifest.set_scene_uri(probe->scene_uri);
+  for (const auto& [uri, path] : files) {
+    auto id = identify(path);
+    if (!id.ok()) return id.status();
+    job.files.emplace(id->sha256(), path);
+    v1::ManifestEntry& entry = *manifest.add_assets();
+    entry.set_uri(uri);
+    *entry.mutable_asset() = *std::move(id);
+  }
+  *job.request.mutable_settings() = contract::to_message(*settings);
+  job.request.set_name(name.empty() ? stem_of(options.scene) : name);
+  return job;
+}
+
+absl::Status upload_missing(FarmClient& client, const PreparedJob& job) {
+  std::map<std::string, v1::AssetId> assets;
+  for (const v1::ManifestEntry& entry : job.request.manifest().assets()) {
+    assets.emplace(entry.asset().sha256(), entry.asset());
+  }
+  std::vector<v1::AssetId> wanted;
+  for (const auto& [sha256, id] : assets) wanted.push_back(id);
+  const auto missing = client.find_missing_assets(wanted);
+  if (!missing.ok()) return missing.status();
+  for (const v1::AssetId& id : *missing) {
+    const absl::Status status = client.upload_asset(id, job.files.at(id.sha256()));
+    if (!status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+std::string derived_request_id(const v1::CreateJobRequest& request) {
+  v1::CreateJobRequest named = request;
+  named.clear_request_id();
+  return contract::sha256(named.SerializeAsString()).hex();
+}
+
+std::string random_request_id() {
+  std::random_device random;
+  std::string bytes;
+  for (int i = 0; i < 8; ++i) absl::StrAppend(&bytes, random(), ".");
+  return contract::sha256(bytes).hex();
+}
+
+}  // namespace tessera::client

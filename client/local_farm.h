@@ -1,0 +1,56 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "absl/status/statusor.h"
+
+namespace tessera::client {
+
+struct LocalFarmOptions {
+  std::string store;  // folder of the store; empty: a temporary one
+  int worker_count = 1, threads_per_worker = 1;
+};
+
+/// A server and workers of this machine, reachable only by this user, that live as long as this
+/// object: a keeper process (farm_keeper.h) stops them and removes every trace when this process
+/// ends, whatever the reason.
+class LocalFarm {
+ public:
+  /// Call before any other thread is started: the keeper is a fork. The programs are those beside
+  /// this one. Errors: Internal or Unavailable, saying what could not be started.
+  static absl::StatusOr<std::unique_ptr<LocalFarm>> start(const LocalFarmOptions& options);
+  /// Stops everything; returns when it is gone.
+  ~LocalFarm();
+  LocalFarm(const LocalFarm&) = delete;
+  LocalFarm& operator=(const LocalFarm&) = delete;
+
+  /// Waits until the server listens. Errors: Unavailable, it does not come up.
+  absl::Status wait_until_up();
+  /// unix:PATH.
+  std::string address() const { return "unix:" + folder_ + "/server.sock"; }
+  /// `action` is called once, on another thread, when the farm has died.
+  void on_death(std::function<void()> action);
+  /// Why the farm has died; OK while it lives.
+  absl::Status health();
+
+ private:
+  LocalFarm(int keeper_pid, int socket, std::string folder);
+  void listen();
+
+  const int keeper_pid_, socket_;
+  const std::string folder_;
+  std::mutex mutex_;  // guards what follows
+  std::function<void()> action_;
+  absl::Status health_;
+  bool stopping_ = false;
+  std::thread listener_;
+};
+
+/// Path of a program that is installed beside this one. Errors: NotFound.
+absl::StatusOr<std::string> sibling_program(const std::string& name);
+
+}  // namespace tessera::client

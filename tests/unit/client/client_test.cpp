@@ -1,0 +1,259 @@
+// Parsing of options, names of files, what is printed: everything that needs no farm.
+#include <gtest/gtest.h>
+
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "client/frame_files.h"
+#include "client/job_fate.h"
+#include "client/job_request.h"
+#include "client/progress.h"
+#include "client/render_options.h"
+#include "client/render_result.h"
+
+namespace tessera::client {
+namespace {
+
+using contract::FrameRange;
+
+TEST(ParseFrames, TakesSinglesRangesAndSteps) {
+  EXPECT_EQ(*parse_frames("0"), (std::vector<FrameRange>{{0, 0, 1}}));
+  EXPECT_EQ(*parse_frames("1-10x3"), (std::vector<FrameRange>{{1, 10, 3}}));
+  EXPECT_EQ(*parse_frames("1,4,9-12"), (std::vector<FrameRange>{{1, 1, 1}, {4, 4, 1}, {9, 12, 1}}));
+  for (const char* wrong : {"", "a", "-1", "3-1", "1-", "1-2x0", "1,,2", "1-2x", "1 ", "1-2-3"}) {
+    EXPECT_FALSE(parse_frames(wrong).ok()) << wrong;
+  }
+}
+
+TEST(ParseSizeAndCrop, TakeWholeNumbersOnly) {
+  std::int32_t width = 0, height = 0;
+  EXPECT_TRUE(parse_size("640x360", width, height).ok());
+  EXPECT_EQ(width, 640);
+  EXPECT_EQ(height, 360);
+  for (const char* wrong : {"", "640", "640x", "x360", "0x5", "640x360x2", "1e3x5", "99999x1"}) {
+    EXPECT_FALSE(parse_size(wrong, width, height).ok()) << wrong;
+  }
+  EXPECT_EQ(*parse_crop("1,2,3,4"), (contract::PixelRect{1, 2, 3, 4}));
+  for (const char* wrong : {"", "1,2,3", "1,2,3,4,5", "1;2;3;4"}) {
+    EXPECT_FALSE(parse_crop(wrong).ok()) << wrong;
+  }
+}
+
+TEST(ParseBackground, IsNoneOrAColour) {
+  contract::RenderSettings settings;
+  EXPECT_TRUE(parse_background("none", settings).ok());
+  EXPECT_EQ(settings.background, contract::Background::none);
+  EXPECT_TRUE(parse_background("0.5,1e1,0", settings).ok());
+  EXPECT_EQ(settings.background, contract::Background::color);
+  EXPECT_EQ(settings.background_color, (std::array<float, 3>{0.5f, 10, 0}));
+  for (const char* wrong : {"", "1,2", "1,2,3,4", "nan,0,0", "-1,0,0", "inf,0,0", "red"}) {
+    EXPECT_FALSE(parse_background(wrong, settings).ok()) << wrong;
+  }
+}
+
+RenderOptions parsed(const std::vector<std::string>& words) {
+  CLI::App app;
+  RenderOptions options;
+  add_render_options(app, options);
+  std::vector<std::string> reversed(words.rbegin(), words.rend());
+  app.parse(reversed);
+  return options;
+}
+
+TEST(RenderOptions, WithoutOptionsAreTheContractsDefaults) {
+  EXPECT_EQ(settings_of(parsed({"scene.glb"}), "")->width, 1280);
+  const auto settings = settings_of(parsed({"scene.glb"}), "");
+  ASSERT_TRUE(settings.ok()) << settings.status();
+  const contract::RenderSettings defaults;
+  EXPECT_EQ(settings->height, defaults.height);
+  EXPECT_EQ(settings->spp, defaults.spp);
+  EXPECT_EQ(settings->max_depth, defaults.max_depth);
+  EXPECT_EQ(settings->tile, defaults.tile);
+  EXPECT_EQ(settings->fps, defaults.fps);
+  EXPECT_EQ(settings->frames, defaults.frames);
+  EXPECT_EQ(settings->filter_width, 1);
+  EXPECT_EQ(settings->scene, -1);
+  EXPECT_EQ(settings->background, contract::Background::automatic);
+}
+
+TEST(RenderOptions, EachReachesItsSetting) {
+  const auto settings = settings_of(parsed({"scene.glb",
+                                            "--size",
+                                            "64x32",
+                                            "--crop",
+                                            "1,2,30,20",
+                                            "--camera",
+                                            "Top",
+                                            "--scene",
+                                            "2",
+                                            "--frames",
+                                            "3-9x2",
+                                            "--fps",
+                                            "30",
+                                            "--animation",
+                                            "all",
+                                            "--variant",
+                                            "red",
+                                            "--spp",
+                                            "100",
+                                            "--max-depth",
+                                            "3",
+                                            "--seed",
+                                            "4294967295",
+                                            "--tile",
+                                            "16",
+                                            "--filter",
+                                            "gaussian",
+                                            "--environment-rotation",
+                                            "-90",
+                                            "--environment-strength",
+                                            "2",
+                                            "--background",
+                                            "1,0,0",
+                                            "--aov",
+                                            "depth,albedo",
+                                            "--half",
+                                            "--clamp",
+                                            "10",
+                                            "--cull-backfaces"}),
+                                    "environment/sky.exr");
+  ASSERT_TRUE(settings.ok()) << settings.status();
+  EXPECT_EQ(settings->crop, (contract::PixelRect{1, 2, 30, 20}));
+  EXPECT_EQ(settings->camera, "Top");
+  EXPECT_EQ(settings->scene, 2);
+  EXPECT_EQ(settings->frames, (std::vector<FrameRange>{{3, 9, 2}}));
+  EXPECT_EQ(settings->fps, 30);
+  EXPECT_EQ(settings->animation, "all");
+  EXPECT_EQ(settings->variant, "red");
+  EXPECT_EQ(settings->spp, 100);
+  EXPECT_EQ(settings->max_depth, 3);
+  EXPECT_EQ(settings->seed, 4294967295u);
+  EXPECT_EQ(settings->tile, 16);
+  EXPECT_EQ(settings->filter, contract::PixelFilter::gaussian);
+  EXPECT_EQ(settings->filter_width, 3) << "the filter's own width";
+  EXPECT_EQ(settings->environment, "environment/sky.exr");
+  EXPECT_EQ(settings->environment_rotation, -90);
+  EXPECT_EQ(settings->environment_strength, 2);
+  EXPECT_EQ(settings->background_color, (std::array<float, 3>{1, 0, 0}));
+  EXPECT_EQ(settings->aovs, contract::kAovDepth | contract::kAovAlbedo);
+  EXPECT_TRUE(settings->half);
+  EXPECT_EQ(settings->clamp, 10);
+  EXPECT_TRUE(settings->cull_backfaces);
+}
+
+TEST(RenderOptions, WrongOnesAreRefusedByName) {
+  const std::vector<std::vector<std::string>> wrong = {{"--size", "0x0"},
+                                                       {"--tile", "48"},
+                                                       {"--spp", "0"},
+                                                       {"--max-depth", "256"},
+                                                       {"--seed", "-1"},
+                                                       {"--filter", "triangle"},
+                                                       {"--frames", "5-1"},
+                                                       {"--crop", "1,2"},
+                                                       {"--fps", "0"},
+                                                       {"--clamp", "-1"},
+                                                       {"--background", ""},
+                                                       {"--no-such", "1"},
+                                                       {"--environment", "no-such-file.exr"}};
+  for (std::vector<std::string> words : wrong) {
+    const std::string name = words.front();
+    words.insert(words.begin(), "scene.glb");
+    try {
+      parsed(words);
+      ADD_FAILURE() << name << " was accepted";
+    } catch (const CLI::ParseError& error) {
+      EXPECT_NE(std::string(error.what()).find(name), std::string::npos) << error.what();
+    }
+  }
+  EXPECT_FALSE(settings_of(parsed({"scene.glb", "--aov", "beauty"}), "").ok());
+  EXPECT_FALSE(settings_of(parsed({"scene.glb", "--crop", "0,0,5000,10"}), "").ok());
+}
+
+TEST(FileNames, AreCleanedAndNumbered) {
+  EXPECT_EQ(clean_name("a b/ö.glb"), "a_b___.glb");
+  EXPECT_EQ(clean_name(".hidden"), "_hidden");
+  EXPECT_EQ(clean_name(""), "_");
+  EXPECT_EQ(stem_of("dir.d/scene.v2.glb"), "scene.v2");
+  EXPECT_EQ(stem_of("scene"), "scene");
+  EXPECT_EQ(with_frame_number("out/a.exr", 7), "out/a.0007.exr");
+  EXPECT_EQ(with_frame_number("a.exr", 123456), "a.123456.exr");
+  EXPECT_EQ(with_frame_number("dir.d/a", 1), "dir.d/a.0001");
+  EXPECT_EQ(*format_of("a.EXR"), v1::FetchFrameRequest::FORMAT_EXR);
+  EXPECT_EQ(*format_of("a.jpeg"), v1::FetchFrameRequest::FORMAT_JPEG);
+  EXPECT_FALSE(format_of("a.tiff").ok());
+}
+
+v1::Job running_job() {
+  v1::Job job;
+  job.set_state(v1::Job::STATE_RUNNING);
+  v1::JobProgress& progress = *job.mutable_progress();
+  progress.set_sample_count(1000);
+  progress.set_committed_sample_count(250);
+  progress.set_frame_count(1);
+  progress.set_worker_count(2);
+  progress.set_estimated_error(0.0125);
+  progress.mutable_remaining()->set_seconds(125);
+  return job;
+}
+
+TEST(ProgressLine, SaysShareErrorAndTimeLeftAndFitsTheTerminal) {
+  const std::string line = progress_line(running_job(), 120);
+  for (const char* part : {"25 %", "250 samples", "error 0.0125", "2 workers", "2:05 left"}) {
+    EXPECT_NE(line.find(part), std::string::npos) << part << " is not in: " << line;
+  }
+  for (const int columns : {10, 40, 80, 120}) {
+    EXPECT_LT(progress_line(running_job(), columns).size(), static_cast<std::size_t>(columns));
+  }
+}
+
+TEST(Figures, AreRoundedForPeople) {
+  EXPECT_EQ(format_seconds(4.24), "4.2 s");
+  EXPECT_EQ(format_seconds(42), "42 s");
+  EXPECT_EQ(format_seconds(125), "2:05");
+  EXPECT_EQ(format_seconds(7384), "2:03:04");
+  EXPECT_EQ(format_count(950), "950");
+  EXPECT_EQ(format_count(59e6), "59.0 M");
+}
+
+TEST(Fate, IsTheExitCodeOfTheContract) {
+  v1::Job job;
+  job.set_state(v1::Job::STATE_DONE);
+  EXPECT_EQ(fate_of(job), 0);
+  job.set_state(v1::Job::STATE_CANCELLED);
+  EXPECT_EQ(fate_of(job), 1);
+  job.set_state(v1::Job::STATE_FAILED);
+  job.set_reason("unit failed three times");
+  EXPECT_EQ(fate_of(job), 1);
+  job.set_reason("bad scene: scene.glb: cameras: no camera \"Top\"");
+  EXPECT_EQ(fate_of(job), 2);
+  EXPECT_EQ(exit_code(absl::UnavailableError("")), 3);
+  EXPECT_EQ(exit_code(absl::UnauthenticatedError("")), 3);
+  EXPECT_EQ(exit_code(absl::InvalidArgumentError("")), 2);
+  EXPECT_EQ(exit_code(absl::CancelledError("")), 130);
+}
+
+TEST(ResultLine, HasSizeSamplesErrorAndSeconds) {
+  auto report = nlohmann::ordered_json::parse(
+      R"({"frames": [{"frame": 0, "file": "x", "width": 640, "height": 360, "samples": 14745600,
+          "estimated": {"error": 0.01234}}]})");
+  name_files(report, {"out.exr"});
+  EXPECT_EQ(result_line(report, 3.21),
+            "out.exr: 640x360, 14.7 M samples, estimated error 0.01234, 3.2 s");
+}
+
+TEST(RequestId, FollowsFromTheJobAlone) {
+  v1::CreateJobRequest request;
+  request.set_name("one");
+  const std::string id = derived_request_id(request);
+  request.set_request_id(id);
+  EXPECT_EQ(derived_request_id(request), id) << "the id itself does not count";
+  EXPECT_LE(id.size(), 64u);
+  request.mutable_settings()->set_seed(1);
+  EXPECT_NE(derived_request_id(request), id);
+  EXPECT_NE(random_request_id(), random_request_id());
+}
+
+}  // namespace
+}  // namespace tessera::client
