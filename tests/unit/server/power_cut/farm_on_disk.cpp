@@ -1,0 +1,179 @@
+#include "tests/unit/server/power_cut/farm_on_disk.h"
+
+#include <algorithm>
+#include <fstream>
+
+#include "proto/contract/pass_schedule.h"
+#include "proto/contract/tile_grid.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr char kWorker[] = "worker";
+constexpr char kScene[] = "the bytes of a scene";
+constexpr int kCredits = 7;        // odd, so that runs and groups do not fall on passes
+constexpr std::size_t kSends = 3;  // blocks a round
+
+/// The one job: two frames of 3 × 2 tiles in two passes.
+JobSpec the_job() {
+  JobSpec spec;
+  spec.name = "job";
+  spec.request_id = "request";
+  spec.request = "request";
+  spec.settings.width = 20;
+  spec.settings.height = 12;
+  spec.settings.tile = 8;
+  spec.settings.spp = 16;
+  spec.settings.frames = {{1, 2, 1}};
+  spec.assets = {{"scene.glb", contract::sha256(kScene), sizeof(kScene) - 1}};
+  return spec;
+}
+
+std::string block_of(const UnitName& name, const Lease& lease) {
+  const contract::PixelRect rect = contract::TileGrid(the_job().settings).rect(name.unit.tile);
+  contract::FilmBlock block =
+      contract::FilmBlock::zeros({rect.width, rect.height, 0, name.unit.pass == 0});
+  const int seed = 31 * name.unit.frame + 7 * name.unit.tile + 3 * name.unit.pass;
+  for (std::size_t i = 0; i < block.rgb.size(); ++i) {
+    block.rgb[i] = static_cast<float>((static_cast<int>(i) + seed) % 17) * 0.125f;
+  }
+  for (float& alpha : block.alpha) alpha = static_cast<float>(lease.sample_count);
+  return contract::encode(block);
+}
+
+}  // namespace
+
+class FarmOnDisk::Link final : public WorkerLink {
+ public:
+  void wake() override {}
+  void close(const absl::Status& /*reason*/) override {}
+};
+
+FarmOnDisk::FarmOnDisk(const std::string& root)
+    : root_(root), disk_(root), link_(std::make_shared<Link>()) {}
+
+FarmOnDisk::~FarmOnDisk() {
+  coordinator_.reset();
+  store_.reset();
+}
+
+absl::Status FarmOnDisk::start() {
+  StoreOptions store_options;
+  store_options.checkpoint_pages = 24;
+  store_options.segment_bytes = 20'000;
+  auto store = Store::open(root_ + "/store", disk_, store_options);
+  if (!store.ok()) return store.status();
+  store_ = *std::move(store);
+  CoordinatorOptions options;
+  options.clock = [this] { return now_ += std::chrono::milliseconds(1); };
+  options.wall_us = [] { return std::int64_t{1'700'000'000'000'000}; };
+  options.random = [this] {
+    return random_ = random_ * 6364136223846793005u + 1442695040888963407u;
+  };
+  options.read_spec = [](const JobRecord& record) -> absl::StatusOr<JobSpec> {
+    JobSpec spec = the_job();
+    spec.id = record.id;
+    return spec;
+  };
+  options.write_request = [](const JobSpec& spec, std::int32_t /*spp*/) { return spec.request; };
+  auto coordinator = Coordinator::open(*store_, std::move(options));
+  if (!coordinator.ok()) return coordinator.status();
+  coordinator_ = *std::move(coordinator);
+  return absl::OkStatus();
+}
+
+void FarmOnDisk::pump() {
+  while (coordinator_->run_writer(false) || coordinator_->run_film(false)) {
+  }
+}
+
+contract::Digest FarmOnDisk::scene_digest() const {
+  return contract::sha256(kScene);
+}
+
+absl::StatusOr<int> FarmOnDisk::upload_scene() {
+  const contract::Digest digest = scene_digest();
+  if (coordinator_->has_asset(digest)) return step();
+  const auto path = coordinator_->new_upload_path();
+  if (!path.ok()) return path.status();
+  std::ofstream(*path, std::ios::binary) << kScene;
+  absl::StatusOr<int> answer = absl::UnknownError("no answer");
+  coordinator_->keep_asset(*path, digest, [&](const absl::Status& status) {
+    answer = status.ok() ? absl::StatusOr<int>(step()) : status;
+  });
+  pump();
+  return answer;
+}
+
+absl::StatusOr<std::string> FarmOnDisk::submit() {
+  absl::StatusOr<std::string> answer = absl::UnknownError("no answer");
+  coordinator_->create_job(the_job(), [&](const absl::StatusOr<Coordinator::Created>& created) {
+    answer = created.ok() ? absl::StatusOr<std::string>(created->view.spec->id) : created.status();
+  });
+  pump();
+  return answer;
+}
+
+void FarmOnDisk::connect(const WorkerLog& held) {
+  Hello hello;
+  hello.worker_id = hello.name = kWorker;
+  hello.thread_count = 2;
+  hello.credit_count = std::max(0, kCredits - static_cast<int>(held.size()));
+  hello.store_id = store_->id();
+  std::set<Attempt> attempts;
+  for (const auto& [name, entry] : held) {
+    hello.held.push_back(name);
+    waiting_.emplace_back(name, entry.lease);
+    if (attempts.insert(entry.lease.attempt).second) hello.leases.push_back(entry.lease);
+  }
+  session_ = coordinator_->join(hello, link_).session;
+}
+
+void FarmOnDisk::collect() {
+  Mail mail = coordinator_->take_mail(session_);
+  for (const Lease& lease : mail.leases) {
+    for (std::int32_t i = 0; i < lease.tile_count; ++i) {
+      const UnitName name{lease.job_id, {lease.frame, lease.first_tile + i, lease.pass}};
+      leased_.insert(name);
+      waiting_.emplace_back(name, lease);
+    }
+  }
+  int verdict_count = 0;
+  for (const Acknowledgement& verdict : mail.acknowledgements) {
+    WorkerEntry& entry = log_[verdict.unit];
+    entry.verdict_step = step();
+    entry.verdict = verdict.verdict;
+    ++verdict_count;
+  }
+  if (verdict_count > 0) coordinator_->grant_credits(session_, verdict_count);
+}
+
+void FarmOnDisk::send(const UnitName& name, const Lease& lease) {
+  const std::string bytes = block_of(name, lease);
+  const BlockHeader header{lease, name.unit.tile, static_cast<std::int64_t>(bytes.size()),
+                           contract::sha256(bytes), 0.5};
+  WorkerEntry& entry = log_[name];
+  entry.lease = lease;
+  entry.sent_step = step();
+  const auto admission = coordinator_->admit(kWorker, header);
+  if (admission) coordinator_->deliver(kWorker, header, *admission, bytes);
+}
+
+absl::Status FarmOnDisk::work_off(const std::string& job_id) {
+  constexpr int kMaxRounds = 1000;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    coordinator_->tick();
+    collect();
+    const std::size_t count = std::min(kSends, waiting_.size());
+    for (std::size_t i = 0; i < count; ++i) send(waiting_[i].first, waiting_[i].second);
+    waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(count));
+    pump();
+    collect();
+    const auto view = coordinator_->job(job_id);
+    if (!view.ok()) return view.status();
+    if (has_ended(view->state)) return absl::OkStatus();
+  }
+  return absl::DeadlineExceededError("the job does not end");
+}
+
+}  // namespace tessera::server
