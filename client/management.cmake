@@ -1,7 +1,7 @@
 # Commands over jobs, workers and files, completion, and the man pages.
 target_sources(tessera_client
-  PRIVATE compare.cpp completion.cpp extend.cpp fetch.cpp image_file.cpp job_control.cpp list.cpp
-          report.cpp status.cpp table.cpp workers.cpp
+  PRIVATE compare.cpp completion.cpp extend.cpp fetch.cpp image_file.cpp inspect.cpp
+          job_control.cpp list.cpp report.cpp status.cpp table.cpp workers.cpp
   PUBLIC FILE_SET HEADERS FILES completion.h image_file.h table.h)
 target_link_libraries(tessera_client PRIVATE OpenImageIO::OpenImageIO)
 
