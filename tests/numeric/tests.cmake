@@ -7,3 +7,14 @@ tessera_test(NAME geometry KIND numeric
 # Headers only, with the contraction that everything else forbids.
 tessera_test(NAME contraction KIND numeric SOURCES numeric/contraction_test.cpp)
 target_compile_options(numeric_contraction_test PRIVATE -ffp-contract=fast)
+tessera_test(NAME render_lighting KIND numeric
+  SOURCES numeric/render_lighting.cpp LINKS tessera_test_render)
+tessera_test(NAME render_transparency KIND numeric
+  SOURCES numeric/render_transparency.cpp LINKS tessera_test_render)
+tessera_test(NAME render_frame KIND numeric TIMEOUT 120
+  SOURCES numeric/render_frame.cpp LINKS tessera_test_render)
+# No object of the pixel path calls libm.
+add_test(NAME numeric.no_libm
+  COMMAND ${CMAKE_CURRENT_LIST_DIR}/no_libm.sh $<TARGET_OBJECTS:tessera_render>
+  COMMAND_EXPAND_LISTS)
+set_tests_properties(numeric.no_libm PROPERTIES LABELS numeric)

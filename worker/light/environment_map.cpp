@@ -23,6 +23,11 @@ Cell find_cell(const double* cdf, std::int32_t count, double u) {
   return {i, width > 0 ? (u - low) / width : 0.5};
 }
 
+/// Offset in (-1, 1) with the density of the tent 1 - |x|.
+double tent(double u) {
+  return u < 0.5 ? std::sqrt(2 * u) - 1 : 1 - std::sqrt(2 * (1 - u));
+}
+
 }  // namespace
 
 EnvironmentMap::EnvironmentMap(const Scene& scene)
@@ -48,68 +53,53 @@ Vec3f EnvironmentMap::fetch(std::int32_t x, std::int32_t y) const {
   return max(c, Vec3f{0, 0, 0});
 }
 
-EnvironmentMap::Texel EnvironmentMap::texel_at(const Vec3f& d) const {
-  const double x = d.x, y = d.y, z = d.z;
-  double u = 0.5 + elementary::atan2(z, x) / (2 * kPi) + turn_;
+EnvironmentMap::Lookup EnvironmentMap::look_up(const Vec3f& d) const {
+  const double dx = d.x, dy = d.y, dz = d.z;
+  double u = 0.5 + elementary::atan2(dz, dx) / (2 * kPi) + turn_;
   u -= std::floor(u);
-  const double v = elementary::atan2(std::sqrt(x * x + z * z), y) / kPi;
-  return {u * width_, v * height_};
-}
-
-Vec3f EnvironmentMap::bilinear(double x, double y) const {
-  const double left = std::floor(x - 0.5), top = std::floor(y - 0.5);
+  const double sine = std::sqrt(dx * dx + dz * dz);
+  const double v = elementary::atan2(sine, dy) / kPi;
+  const double x = u * width_ - 0.5, y = v * height_ - 0.5;
+  const double left = std::floor(x), top = std::floor(y);
   const auto i = static_cast<std::int32_t>(clamp(left, -1.0, width_ - 1.0));
   const auto j = static_cast<std::int32_t>(clamp(top, -1.0, height_ - 1.0));
-  const auto fx = static_cast<float>(x - 0.5 - left), fy = static_cast<float>(y - 0.5 - top);
+  const auto fx = static_cast<float>(x - left), fy = static_cast<float>(y - top);
   const Vec3f upper = lerp(fetch(i, j), fetch(i + 1, j), fx);
   const Vec3f lower = lerp(fetch(i, j + 1), fetch(i + 1, j + 1), fx);
-  return lerp(upper, lower, fy) * strength_;
+  const float density =
+      lerp(luminance(upper) * row_sines_[static_cast<std::size_t>(j < 0 ? 0 : j)],
+           luminance(lower) *
+               row_sines_[static_cast<std::size_t>(j + 1 < height_ ? j + 1 : height_ - 1)],
+           fy);
+  const auto spread = static_cast<float>(sine > 1e-18 ? sine : 1e-18);  // never 0 / 0
+  return {lerp(upper, lower, fy) * strength_, density * density_scale_ / spread};
 }
 
 Vec3f EnvironmentMap::radiance(const Vec3f& d) const {
-  if (image_ == nullptr) return constant_ * strength_;
-  const Texel t = texel_at(d);
-  return bilinear(t.x, t.y);
+  return image_ == nullptr ? constant_ * strength_ : look_up(d).radiance;
 }
 
 void EnvironmentMap::build() {
   const auto w = static_cast<std::size_t>(width_), h = static_cast<std::size_t>(height_);
-  row_cosines_.resize(h + 1);
-  for (std::size_t j = 0; j <= h; ++j)
-    row_cosines_[j] = elementary::cos(kPi * static_cast<double>(j) / height_);
-  row_cosines_[0] = 1;
-  row_cosines_[h] = -1;
+  row_sines_.resize(h);
   row_cdf_.assign(h + 1, 0);
   cdf_.assign(h * (w + 1), 0);
-  density_.assign(h * w, 0);
-  // The integral of the bilinear filter over a texel's square takes 1/8, 3/4, 1/8 of three
-  // neighbours each way: positive exactly where some lookup inside is.
-  std::vector<double> luminances((h + 2) * w);  // one row more at each end, as the lookup clamps
-  for (std::size_t j = 0; j < h + 2; ++j) {
-    for (std::size_t i = 0; i < w; ++i) {
-      const Vec3d c(fetch(static_cast<std::int32_t>(i), static_cast<std::int32_t>(j) - 1));
-      luminances[j * w + i] = 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z;
-    }
-  }
-  std::vector<double> columns(w);
   for (std::size_t j = 0; j < h; ++j) {
-    const double* above = &luminances[j * w];
-    for (std::size_t i = 0; i < w; ++i) {
-      columns[i] = 0.125 * (above[i] + above[i + 2 * w]) + 0.75 * above[i + w];
-    }
+    const double above = elementary::cos(kPi * static_cast<double>(j) / height_);
+    const double below = elementary::cos(kPi * static_cast<double>(j + 1) / height_);
+    row_sines_[j] =
+        static_cast<float>(elementary::sin(kPi * (static_cast<double>(j) + 0.5) / height_));
     double* cdf = &cdf_[j * (w + 1)];
     for (std::size_t i = 0; i < w; ++i) {
-      const double value =
-          0.125 * (columns[i == 0 ? w - 1 : i - 1] + columns[i + 1 == w ? 0 : i + 1]) +
-          0.75 * columns[i];
-      cdf[i + 1] = cdf[i] + value;
-      density_[j * w + i] = static_cast<float>(value);
+      const Vec3f c = fetch(static_cast<std::int32_t>(i), static_cast<std::int32_t>(j));
+      cdf[i + 1] = cdf[i] + static_cast<double>(luminance(c));
     }
-    const double texel_angle = (row_cosines_[j] - row_cosines_[j + 1]) * 2 * kPi / width_;
     const double row = cdf[w];
-    row_cdf_[j + 1] = row_cdf_[j] + row * texel_angle;
-    for (std::size_t i = 1; i <= w; ++i)
+    power_ += row * (above - below) * 2 * kPi / width_;
+    row_cdf_[j + 1] = row_cdf_[j] + row * static_cast<double>(row_sines_[j]);
+    for (std::size_t i = 1; i <= w; ++i) {
       cdf[i] = row > 0 ? cdf[i] / row : static_cast<double>(i) / width_;
+    }
     cdf[w] = 1;
   }
   total_ = row_cdf_[h];
@@ -119,45 +109,39 @@ void EnvironmentMap::build() {
   }
   for (double& c : row_cdf_) c /= total_;
   row_cdf_[h] = 1;
-  for (float& d : density_) d = static_cast<float>(d / total_);
+  density_scale_ =
+      static_cast<float>(static_cast<double>(width_) * height_ / (2 * kPi * kPi) / total_);
 }
 
 EnvironmentMap::Sample EnvironmentMap::sample(double u1, double u2) const {
   const Cell row = find_cell(row_cdf_.data(), height_, u1);
   const auto j = static_cast<std::size_t>(row.index), w = static_cast<std::size_t>(width_);
   const Cell column = find_cell(&cdf_[j * (w + 1)], width_, u2);
-  // Uniform in solid angle inside the texel, so the density is constant there.
-  const double cosine = row_cosines_[j] + row.inside * (row_cosines_[j + 1] - row_cosines_[j]);
-  const double sine2 = (1 - cosine) * (1 + cosine);
-  const double sine = sine2 > 0 ? std::sqrt(sine2) : 0;
-  const double x = column.index + column.inside;
-  const double phi = 2 * kPi * (x / width_ - 0.5 - turn_);
+  double y = row.index + 0.5 + tent(row.inside);
+  // Beyond the centres of the first and last row the lookup repeats them: their tents have a flat
+  // half there, uniform over half a texel.
+  if (row.index == 0 && row.inside < 0.5) y = row.inside;
+  if (row.index == height_ - 1 && row.inside >= 0.5) y = height_ - 1 + row.inside;
+  const double x = column.index + 0.5 + tent(column.inside);
+  const double theta = kPi * y / height_, phi = 2 * kPi * (x / width_ - 0.5 - turn_);
+  const elementary::SinCosd t = elementary::sincos(theta), p = elementary::sincos(phi);
   Sample s;
-  s.direction = Vec3f(Vec3d{sine * elementary::cos(phi), cosine, sine * elementary::sin(phi)});
-  s.direction = normalize(s.direction);
-  // Looked up through the rounded direction, as a path that finds the sky by chance would.
-  s.radiance = radiance(s.direction);
-  s.pdf = density_[j * w + static_cast<std::size_t>(column.index)];
+  s.direction = normalize(Vec3f(Vec3d{t.sin * p.cos, t.cos, t.sin * p.sin}));
+  // Looked up through the rounded direction, as a path that finds the sky by chance does.
+  const Lookup found = look_up(s.direction);
+  s.radiance = found.radiance;
+  s.pdf = found.pdf;
   return s;
-}
-
-float EnvironmentMap::pdf(const Vec3f& d) const {
-  const Texel t = texel_at(d);
-  const auto i = static_cast<std::int32_t>(clamp(t.x, 0.0, width_ - 1.0));
-  const auto j = static_cast<std::int32_t>(clamp(t.y, 0.0, height_ - 1.0));
-  return density_[static_cast<std::size_t>(j) * static_cast<std::size_t>(width_) +
-                  static_cast<std::size_t>(i)];
 }
 
 double EnvironmentMap::power() const {
   if (image_ == nullptr) return 4 * kPi * luminance(constant_ * strength_);
-  return total_ * strength_;
+  return power_ * strength_;
 }
 
 std::int64_t EnvironmentMap::memory_bytes() const {
-  return static_cast<std::int64_t>((row_cosines_.size() + row_cdf_.size() + cdf_.size()) *
-                                       sizeof(double) +
-                                   density_.size() * sizeof(float));
+  return static_cast<std::int64_t>((row_cdf_.size() + cdf_.size()) * sizeof(double) +
+                                   row_sines_.size() * sizeof(float));
 }
 
 }  // namespace tessera::render

@@ -28,12 +28,13 @@ class EnvironmentMap {
     Vec3f radiance;
     float pdf = 0;  // over solid angle
   };
-  /// A direction with density proportional to the brightness around it; u1 and u2 in [0, 1) with
-  /// 32 bits or more, so that no texel's share falls between two of them. Not for constant skies.
+  /// A direction whose density follows the filtered brightness itself: a texel by its share, then a
+  /// place under its bilinear tent. u1 and u2 in [0, 1) with 32 bits or more, so that no texel's
+  /// share falls between two of them. Not for constant skies.
   Sample sample(double u1, double u2) const;
 
   /// Density of sample() at `d`; positive wherever radiance is.
-  float pdf(const Vec3f& d) const;
+  float pdf(const Vec3f& d) const { return look_up(d).pdf; }
 
   /// Flux through a disc of unit area, summed over all directions: integral of luminance.
   double power() const;
@@ -41,12 +42,12 @@ class EnvironmentMap {
   std::int64_t memory_bytes() const;
 
  private:
-  struct Texel {
-    double x, y;  // texel coordinates: centres at half-integers
+  struct Lookup {
+    Vec3f radiance;
+    float pdf;
   };
-  Texel texel_at(const Vec3f& d) const;
+  Lookup look_up(const Vec3f& d) const;
   Vec3f fetch(std::int32_t x, std::int32_t y) const;
-  Vec3f bilinear(double x, double y) const;
   void build();
 
   const Image* image_ = nullptr;
@@ -54,11 +55,12 @@ class EnvironmentMap {
   float strength_ = 1;
   double turn_ = 0;  // rotation in turns
   std::int32_t width_ = 0, height_ = 0;
-  std::vector<double> row_cosines_;  // height + 1: cos of the polar angle at each row's edge
-  std::vector<double> row_cdf_;      // height + 1, from 0 to 1
-  std::vector<double> cdf_;          // [row][width + 1], from 0 to 1 in each row
-  std::vector<float> density_;       // [row][column]: pdf over solid angle
-  double total_ = 0;                 // integral of luminance over the sphere, before strength
+  std::vector<float> row_sines_;  // sine of the polar angle at each row's centre
+  std::vector<double> row_cdf_;   // height + 1, from 0 to 1
+  std::vector<double> cdf_;       // [row][width + 1], from 0 to 1 in each row
+  float density_scale_ = 0;       // from brightness times sine in texels to solid angle
+  double total_ = 0;              // sum of brightness times row sine
+  double power_ = 0;              // integral of luminance over the sphere, before strength
 };
 
 }  // namespace tessera::render

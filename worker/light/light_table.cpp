@@ -155,7 +155,7 @@ bool LightTable::sample_environment(const LightRandom& u, LightSample* sample) c
   sample->distant = true;
   sample->triangle = TriangleId{};
   sample->pdf = environment_share_ * sky.pdf;
-  if (!(sample->pdf > 0)) return false;
+  if (!(sample->pdf > 0) || !(sample->pdf < INFINITY)) return false;
   sample->radiance_over_pdf = sky.radiance / sample->pdf;
   return max_component(sky.radiance) > 0;
 }

@@ -171,6 +171,16 @@ bool scatter_at_facet(const Bsdf& b, const Vec3f& h, bool reflect, Vec3f* wi) {
   return refract(b.wo, h, b.eta, wi) && wi->z < 0;
 }
 
+/// Where interpolated normals would send a mirror-smooth lobe to the wrong side of the surface, the
+/// facet is taken to lie in the surface: no light is lost at the rims of smooth glass.
+bool turn_to_its_side(const Bsdf& b, BsdfSample* sample) {
+  const Vec3f& n = b.frame.geometric_normal;
+  const Vec3f wo = to_world(b.frame, b.wo);
+  if (sample->transmitted) return refract(wo, n, b.eta, &sample->wi);
+  sample->wi = normalize(n * (2 * dot(wo, n)) - wo);
+  return dot(sample->wi, n) > 0;
+}
+
 }  // namespace
 
 Bsdf make_bsdf(const BsdfParameters& p, const BsdfTables& tables, const BsdfFrame& frame,
@@ -244,7 +254,9 @@ bool sample_bsdf(const Bsdf& b, float u_lobe, const Vec2f& u, BsdfSample* sample
     }
   }
   sample->wi = normalize(to_world(b.frame, local));
-  if ((dot(sample->wi, b.frame.geometric_normal) > 0) == sample->transmitted) return false;
+  if ((dot(sample->wi, b.frame.geometric_normal) > 0) == sample->transmitted) {
+    if (!sample->delta || !turn_to_its_side(b, sample)) return false;
+  }
   if (sample->delta) {
     sample->pdf = 0;
     return max_component(sample->weight) > 0;

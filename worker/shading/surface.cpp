@@ -62,10 +62,15 @@ BsdfFrame viewing_frame(const ShadingPoint& p, const Vec3f& shading_normal, cons
   frame.geometric_normal = p.front ? p.geometric_normal : -p.geometric_normal;
   Vec3f n = p.front ? shading_normal : -shading_normal;
   if (!(dot(n, frame.geometric_normal) > 0)) n = frame.geometric_normal;
+  // What a mirror shows must lie above the surface: else the normal is turned until it does, which
+  // also puts the viewer on its side.
+  const Vec3f reflected = n * (2 * dot(n, wo)) - wo;
   const float facing = dot(frame.geometric_normal, wo);
   const float least = facing < 0.02f ? 0.5f * facing : 0.01f;
-  const float cosine = dot(n, wo);
-  if (cosine < least) n = normalize(n + wo * (least - cosine));
+  const float height = dot(frame.geometric_normal, reflected);
+  if (height < least) {
+    n = normalize(wo + normalize(reflected + frame.geometric_normal * (least - height)));
+  }
   frame.normal = n;
   const Frame axes = Frame::from_normal(n);
   frame.tangent = axes.s;
@@ -129,6 +134,16 @@ SurfacePoint position_of(const ShadingPoint& p) {
   return surface_point({instance.object_to_world, instance.world_to_object, x[p.vertices[0]],
                         x[p.vertices[1]], x[p.vertices[2]]},
                        p.b1, p.b2);
+}
+
+SurfacePoint departing(const SurfacePoint& point, const Vec3f& direction) {
+  const float steepness = std::fabs(dot(direction, point.normal)) / max_abs(direction);
+  // In the plane itself there is no such distance; 2^-24 of it still tells both sides apart.
+  const float part = steepness > 0x1p-24f ? steepness : 0x1p-24f;
+  const float least = part * max_abs(point.tolerance);
+  SurfacePoint raised = point;
+  raised.tolerance = max(point.tolerance, Vec3f{least, least, least});
+  return raised;
 }
 
 Vec4f base_color_at(const ShadingScene& scene, const ShadingPoint& p) {

@@ -29,6 +29,12 @@ ShadingPoint surface_at(const ShadingScene& scene, const TriangleId& id, float b
 /// Where that is, with what rays that start there need.
 SurfacePoint position_of(const ShadingPoint& point);
 
+/// `point` with the tolerance that a ray along `direction` needs. The triangle test takes t along
+/// the ray's largest axis, so at a neighbour across a shared edge t may be off by that axis's
+/// tolerance: |cos| times the largest one is how far above the surface the ray must start, also
+/// where the surface lies in a coordinate plane and has no tolerance across it.
+SurfacePoint departing(const SurfacePoint& point, const Vec3f& direction);
+
 /// Base colour and alpha: factor times texture times vertex colour.
 Vec4f base_color_at(const ShadingScene& scene, const ShadingPoint& point);
 
@@ -42,8 +48,8 @@ Vec3f emission_at(const ShadingScene& scene, const ShadingPoint& point);
 Vec3f shading_normal_at(const ShadingScene& scene, const ShadingPoint& point);
 
 /// What the surface does to light arriving from or leaving to `wo` (unit, world, towards the
-/// viewer). `base` is base_color_at(). The shading normal is bent towards the viewer where it
-/// would face away, so that the frame and wo share a side.
+/// viewer). `base` is base_color_at(). The shading normal is bent where it faces away from the
+/// viewer or where its mirror direction would lie below the surface.
 Bsdf bsdf_at(const ShadingScene& scene, const ShadingPoint& point, const Vec4f& base,
              const Vec3f& wo);
 
