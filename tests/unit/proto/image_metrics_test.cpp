@@ -198,6 +198,28 @@ TEST(Flip, FineDetailIsSeenLessThanACoarseOneOfTheSameContrast) {
   EXPECT_LT(fine, 0.5 * coarse);
 }
 
+TEST(Flip, BlueAndYellowBlurMoreThanRedAndGreen) {
+  // The widest sensitivity filter (b = 0.04) has σ = 3 pixels here, the others about 1: a checker
+  // of four pixels fades in blue and yellow, and stays in red and green.
+  const auto checker = [](std::array<float, 3> step) {
+    Canvas image(64, 64, {0.5f, 0.5f, 0.5f});
+    for (std::int32_t y = 0; y < 64; ++y) {
+      for (std::int32_t x = 0; x < 64; ++x) {
+        const float sign = ((x / 4) + (y / 4)) % 2 == 0 ? 1.0f : -1.0f;
+        for (std::int32_t c = 0; c < 3; ++c) {
+          image.at(x, y, c) += sign * step[static_cast<std::size_t>(c)];
+        }
+      }
+    }
+    return image;
+  };
+  const Canvas grey(64, 64, {0.5f, 0.5f, 0.5f});
+  // Both at constant luminance, so that nothing but colour can be seen.
+  const double red_green = mean_flip(checker({0.1f, -0.0297f, 0}).view(), grey.view());
+  const double blue_yellow = mean_flip(checker({-0.0156f, -0.0156f, 0.2f}).view(), grey.view());
+  EXPECT_LT(blue_yellow, red_green) << "unblurred, its step is the larger by far";
+}
+
 TEST(Flip, AnEdgeThatIsLostCountsMoreThanAStepOfTheSameSize) {
   // Features raise the difference: where an edge is missing, the exponent 1 − ΔF falls below 1.
   Canvas edge(64, 64, {0.3f, 0.3f, 0.3f});
