@@ -153,6 +153,36 @@ TEST(HardCase15, InstancesMirroredScaledAndStackedAgreeWithBruteForce) {
   EXPECT_EQ(mismatches(scene, 20'000, 31), 0);
 }
 
+TEST(HardCase15, SquashedInstancesAreNotCulledByTheirWorldBoxes) {
+  // Squashed by 1e4 along a slanted axis, so that rounding the ray in object space moves it by far
+  // more than an ulp in the world, at triangles whose vertices are the box's own extremes.
+  Dice dice(35);
+  Scene scene;
+  scene.meshes.push_back(mesh_of({soup(1, dice)}));
+  for (int i = 0; i < 8; ++i) {
+    Affine3d m = random_placement(dice, 1, {0, 0, 0}, false);
+    m.rows[1] *= 1e-4;
+    m = random_placement(dice, 1, Vec3d(dice.vector()), false) * m;
+    place(scene, 0, m);
+  }
+  const SceneAccel accel(scene, in_order());
+  int hits = 0;
+  for (int i = 0; i < 100'000; ++i) {
+    const Instance& instance = scene.instances[dice.below(8)];
+    const Vec3f vertex = edge_or_vertex(scene.meshes[0].primitives[0], false, dice);
+    const Vec3f near(transform_point(instance.object_to_world, Vec3d(vertex)));
+    Ray ray;
+    ray.origin = dice.vector() * 2.0f;
+    ray.direction = near + dice.vector() * 1e-3f - ray.origin;
+    Hit fast, slow;
+    const bool found = accel.closest_hit(ray, fast);
+    ASSERT_EQ(found, brute_force_closest(scene, ray, slow)) << i;
+    ASSERT_TRUE(!found || same_bits(fast, slow));
+    hits += found ? 1 : 0;
+  }
+  EXPECT_GT(hits, 1'000);
+}
+
 TEST(HardCase15, OriginsFarOutsideTheSceneAgreeWithBruteForce) {
   Dice dice(40);
   Scene scene;
