@@ -29,10 +29,20 @@ double number(const ordered_json& object, const char* key) {
 std::string joined(const ordered_json& list) {
   std::vector<std::string> words;
   for (const ordered_json& each : list) {
-    if (each.is_string()) words.push_back(each.get<std::string>());
-    if (each.is_object()) words.push_back(each.value("name", ""));
+    const std::string name = each.is_object()   ? each.value("name", "")
+                             : each.is_string() ? each.get<std::string>()
+                                                : each.dump();
+    words.push_back(name.empty() ? "(unnamed)" : name);
   }
   return absl::StrJoin(words, ", ");
+}
+
+std::string point(const ordered_json& coordinates) {
+  std::vector<std::string> words;
+  for (const ordered_json& each : coordinates) {
+    words.push_back(absl::StrFormat("%.4g", each.is_number() ? each.get<double>() : 0.0));
+  }
+  return absl::StrCat("(", absl::StrJoin(words, ", "), ")");
 }
 
 /// A list of the file's contents, if it has any.
@@ -67,8 +77,8 @@ void add_counts(Table& table, const ordered_json& report) {
   }
   const ordered_json bounds = report.value("bounds", ordered_json());
   if (bounds.is_object()) {
-    table.add({"bounds", absl::StrCat(bounds.value("min", ordered_json()).dump(), " to ",
-                                      bounds.value("max", ordered_json()).dump(), " m")});
+    table.add({"bounds", absl::StrCat(point(bounds.value("min", ordered_json())), " to ",
+                                      point(bounds.value("max", ordered_json())), " m")});
   }
 }
 
