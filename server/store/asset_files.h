@@ -16,7 +16,7 @@ namespace tessera::server {
 
 /// Assets by digest: FOLDER/ab/cdef…, each with a row; a file without a row is not there.
 ///
-/// One thread may write; any thread may ask has() and path().
+/// One thread may write; any thread may ask has(), path() and new_upload_path().
 class AssetFiles {
  public:
   AssetFiles(DurableFiles& files, Journal& journal, std::string folder,
@@ -42,7 +42,7 @@ class AssetFiles {
   Journal& journal_;
   std::string folder_;
   std::function<std::int64_t()> now_us_;
-  std::int64_t upload_count_ = 0;
+  std::atomic<std::int64_t> upload_count_ = 0;
   std::atomic<std::int64_t> used_bytes_ = 0;
 };
 

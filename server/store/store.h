@@ -138,7 +138,7 @@ class Store {
 
   // Assets.
   virtual bool has_asset(const contract::Digest& digest) const = 0;
-  /// A file to write an upload to; visible only after keep_asset.
+  /// A file to write an upload to; visible only after keep_asset. Any thread.
   virtual absl::StatusOr<std::string> new_upload_path() = 0;
   /// Makes a complete, verified upload visible: fsync, rename, fsync of the folder. From then it is
   /// safe from collect_assets() for an hour. The upload's file is gone afterwards.
