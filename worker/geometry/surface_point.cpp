@@ -67,7 +67,9 @@ Ray spawn_ray(const SurfacePoint& point, const TriangleId& id, const Vec3f& dire
 
 Ray spawn_ray_to(const SurfacePoint& from, const TriangleId& id, const SurfacePoint& to) {
   const Vec3f target = offset_ray_origin(to, from.position - to.position);
-  return spawn_ray_to(from, id, target);
+  Ray ray = spawn_ray_to(from, id, target);
+  ray.t_max = 1 - 0x1p-20f;
+  return ray;
 }
 
 Ray spawn_ray_to(const SurfacePoint& from, const TriangleId& id, const Vec3f& to) {

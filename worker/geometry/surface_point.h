@@ -41,7 +41,8 @@ Vec3f offset_ray_origin(const SurfacePoint& point, const Vec3f& direction);
 Ray spawn_ray(const SurfacePoint& point, const TriangleId& id, const Vec3f& direction);
 
 /// A ray from `from` (on triangle `id`) to `to`, both moved off their surfaces towards each other:
-/// t = 1 is `to`, and t_max is 1, so nothing at or behind `to` is hit. No epsilon is needed.
+/// t = 1 is `to`. t_max is 1 - 2^-20, as the t of the target itself rounds relative to the whole
+/// length: measured, 2 in 100,000 rays across a sphere would else hit their target.
 Ray spawn_ray_to(const SurfacePoint& from, const TriangleId& id, const SurfacePoint& to);
 
 /// The same to a point in free space (a punctual light).
