@@ -167,6 +167,67 @@ bool matches(const json& value, unsigned kinds) {
          ((kinds & kObjects) != 0 && all_of(value, [](const json& v) { return v.is_object(); }));
 }
 
+/// Elements that the array of numbers under `key` must have; 0: any number.
+std::size_t expected_size(std::string_view key) {
+  if (key == "matrix") return 16;
+  if (key == "baseColorFactor" || key == "rotation") return 4;
+  return key == "emissiveFactor" || key == "scale" || key == "translation" ? 3 : 0;
+}
+
+/// Members without which tinygltf gives up and does not say where.
+struct Required {
+  std::string_view section, inner;  // root array, and array within its elements
+  std::array<std::string_view, 3> keys;
+};
+
+constexpr Required kRequired[] = {
+    {"accessors", "", {"componentType", "count", "type"}},
+    {"animations", "channels", {"sampler", "target", ""}},
+    {"animations", "samplers", {"input", "output", ""}},
+    {"bufferViews", "", {"buffer", "byteLength", ""}},
+    {"cameras", "", {"type", "", ""}},
+    {"meshes", "", {"primitives", "", ""}},
+    {"meshes", "primitives", {"attributes", "", ""}},
+    {"skins", "", {"joints", "", ""}},
+};
+
+void check_required(const JsonView& element, const Required& required, JsonFault& fault) {
+  for (const std::string_view key : required.keys) {
+    if (!key.empty() && !element[key].present()) {
+      fault.report(element.path(), absl::StrCat("has no ", std::string(key)));
+    }
+  }
+}
+
+/// Checks kRequired, and the two values tinygltf judges without naming their place.
+void check_core(const json& core, JsonFault& fault) {
+  const JsonView root(core, "", fault);
+  for (const Required& required : kRequired) {
+    for (const JsonView& element : root[required.section].items()) {
+      if (required.inner.empty()) {
+        check_required(element, required, fault);
+        continue;
+      }
+      for (const JsonView& inner : element[required.inner].items()) {
+        check_required(inner, required, fault);
+      }
+    }
+  }
+  for (const JsonView& view : root["bufferViews"].items()) {
+    const std::int64_t stride = view.integer("byteStride", std::int64_t{1} << 31);
+    if (stride >= 0 && (stride < 4 || stride > 252 || stride % 4 != 0)) {
+      fault.report(view.path(),
+                   absl::StrCat("byteStride ", stride, " is not a multiple of 4 from 4 to 252"));
+    }
+  }
+  for (const JsonView& camera : root["cameras"].items()) {
+    const std::string type = camera.text("type");
+    if (type != "perspective" && type != "orthographic") {
+      fault.report(camera.path() + ".type", "is not perspective or orthographic");
+    }
+  }
+}
+
 std::string expected_text(unsigned kinds) {
   if ((kinds & (kInteger | kSize)) != 0) return "a non-negative integer in range";
   if ((kinds & kNumber) != 0) return "a number";
@@ -205,6 +266,10 @@ json stripped(const json& value, const std::string& path, bool integers, JsonFau
       if (kinds != 0 && !matches(member, kinds)) {
         fault.report(where, "must be " + expected_text(kinds));
         return out;
+      }
+      const std::size_t size = (kinds & kNumbers) != 0 ? expected_size(item.key()) : 0;
+      if (size != 0 && member.is_array() && member.size() != size) {
+        fault.report(where, absl::StrCat("must be ", size, " numbers"));
       }
       const bool inner = item.key() == "attributes" || item.key() == "targets";
       out[item.key()] = stripped(member, where, inner, fault);
@@ -328,6 +393,7 @@ absl::StatusOr<std::string> core_text(const json& root) {
     core[item.key()] = item.value();
   }
   core = stripped(core, "", false, fault);
+  if (fault.status().ok()) check_core(core, fault);
   const absl::Status valid = fault.status();
   if (!valid.ok()) return valid;
   return core.dump();

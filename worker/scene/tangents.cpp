@@ -69,8 +69,9 @@ class TangentBuilder {
       const std::uint32_t group = group_[c] != kUnset ? group_[c] : of_vertex[vertex_[c]];
       const Vec3d n = normalize(Vec3d(corners_[c].normal));
       Vec3d t = group == kUnset ? Vec3d{} : normalize(sums[group]);
-      if (t == Vec3d{}) t = any_perpendicular(n);
-      const float sign = group == kUnset ? 1.0f : group_sign_[group];
+      // Where the UVs say nothing the method gives +x, not always perpendicular.
+      if (t == Vec3d{}) t = std::fabs(n.x) < 0.99 ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0};
+      const float sign = group == kUnset ? -1.0f : group_sign_[group];
       const Vec3f narrow(t);
       out[c] = {narrow.x, narrow.y, narrow.z, sign};
     }
@@ -199,11 +200,6 @@ class TangentBuilder {
     const Vec3d to_previous = normalize(reject(Vec3d(corners_[previous(c)].position) - here, n));
     const double cosine = clamp(dot(to_next, to_previous), -1.0, 1.0);
     return t * elementary::acos(cosine);
-  }
-
-  static Vec3d any_perpendicular(const Vec3d& n) {
-    const Vec3d axis = std::fabs(n.x) < 0.5 ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0};
-    return normalize(reject(axis, n));
   }
 
   std::size_t triangles_;

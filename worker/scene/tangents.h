@@ -10,11 +10,11 @@
 namespace tessera::render {
 
 /// Tangents by MikkTSpace's method, one a corner (three a triangle): unit, perpendicular to the
-/// corner's normal, w the sign for bitangent = cross(normal, tangent.xyz) * w. Corners with equal
-/// position, normal and UV that are connected by triangles of the same UV orientation share one.
-/// Primitives without normals use those of their faces.
-/// Source: M. Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008, section 2.4, and the
-/// description of the method on mikktspace.com. V runs down in glTF, hence the sign of w.
+/// corner's normal unless the UVs there are degenerate (then +x), w the sign for bitangent =
+/// cross(normal, tangent.xyz) * w. Corners with equal position, normal and UV that are connected by
+/// triangles of the same UV orientation share one. Primitives without normals use those of their
+/// faces. Source: M. Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008, section 2.4, and
+/// the description of the method on mikktspace.com. V runs down in glTF, hence the sign of w.
 std::vector<Vec4f> corner_tangents(const Primitive& primitive, std::int32_t uv_set);
 
 /// Gives `base` tangents, splitting vertices whose corners differ in tangent; morph targets and
