@@ -59,7 +59,7 @@ float reflect_probability(const Bsdf& b, const Layer& layer, float c) {
 }
 
 BsdfValue evaluate_reflection(const Bsdf& b, const Vec3f& wi) {
-  const Vec3f h = normalize(b.wo + wi);
+  const Vec3f h = direction_of(b.wo + wi);
   const float c = dot(b.wo, h);
   const Layer layer = layer_at(b, c);
   Vec3f f = b.diffuse * layer.pass * kInvPi;
@@ -78,7 +78,7 @@ BsdfValue evaluate_reflection(const Bsdf& b, const Vec3f& wi) {
 /// A thin rough sheet transmits the mirror image of its reflection lobe.
 BsdfValue evaluate_thin(const Bsdf& b, const Vec3f& wi) {
   const float cos_i = -wi.z;
-  const Vec3f h = normalize(b.wo + Vec3f{wi.x, wi.y, cos_i});
+  const Vec3f h = direction_of(b.wo + Vec3f{wi.x, wi.y, cos_i});
   const float c = dot(b.wo, h);
   const Layer layer = layer_at(b, c);
   const float d = ggx_d(h, b.alpha);
@@ -90,7 +90,7 @@ BsdfValue evaluate_thin(const Bsdf& b, const Vec3f& wi) {
 
 BsdfValue evaluate_refraction(const Bsdf& b, const Vec3f& wi) {
   const Vec3f sum = b.wo + wi * b.eta;
-  const Vec3f h = normalize(sum.z < 0 ? -sum : sum);
+  const Vec3f h = direction_of(sum.z < 0 ? -sum : sum);
   const float c_o = dot(b.wo, h), c_i = -dot(wi, h);
   if (!(c_o > 0) || !(c_i > 0)) return {};
   const float cos_i = -wi.z;
@@ -177,7 +177,7 @@ bool turn_to_its_side(const Bsdf& b, BsdfSample* sample) {
   const Vec3f& n = b.frame.geometric_normal;
   const Vec3f wo = to_world(b.frame, b.wo);
   if (sample->transmitted) return refract(wo, n, b.eta, &sample->wi);
-  sample->wi = normalize(n * (2 * dot(wo, n)) - wo);
+  sample->wi = direction_of(n * (2 * dot(wo, n)) - wo);
   return dot(sample->wi, n) > 0;
 }
 
@@ -253,7 +253,7 @@ bool sample_bsdf(const Bsdf& b, float u_lobe, const Vec2f& u, BsdfSample* sample
                                : b.transmit * layer.pass / (p_facets * (1 - p_reflect));
     }
   }
-  sample->wi = normalize(to_world(b.frame, local));
+  sample->wi = direction_of(to_world(b.frame, local));
   if ((dot(sample->wi, b.frame.geometric_normal) > 0) == sample->transmitted) {
     if (!sample->delta || !turn_to_its_side(b, sample)) return false;
   }

@@ -10,6 +10,13 @@ namespace tessera::render {
 /// Everything is written in |n x h|^2 = x^2 + y^2, which keeps full relative accuracy at the
 /// peak of the lobe; the (n.h)^2 form of the specification loses it below alpha = 1e-3.
 
+/// Unit vector along v by one square root and one division, for vectors near unit length: squares
+/// that overflow or vanish are math/vector.h's normalize()'s business.
+template <typename T>
+inline Vec3<T> direction_of(const Vec3<T>& v) {
+  return v * (1 / std::sqrt(dot(v, v)));
+}
+
 /// Density of microfacet normals at `h`, unit, h.z > 0. Source: glTF 2.0, appendix B.3.2.
 template <typename T>
 inline T ggx_d(const Vec3<T>& h, T alpha) {
@@ -43,12 +50,12 @@ inline T visible_normal_density(T d, T cos_o, T root_o) {
 /// Spherical Caps", 2023.
 template <typename T>
 inline Vec3<T> sample_visible_normal(const Vec3<T>& wo, T alpha, T cos_phi, T sin_phi, T u) {
-  const Vec3<T> w = normalize(Vec3<T>{wo.x * alpha, wo.y * alpha, wo.z});
+  const Vec3<T> w = direction_of(Vec3<T>{wo.x * alpha, wo.y * alpha, wo.z});
   const T hz = (1 - u) * (1 + w.z);  // positive; z of the reflected direction is hz - w.z
   const T z = hz - w.z;
   const T s2 = (1 - z) * (1 + z);
   const T s = s2 > 0 ? std::sqrt(s2) : T(0);
-  return normalize(Vec3<T>{(s * cos_phi + w.x) * alpha, (s * sin_phi + w.y) * alpha, hz});
+  return direction_of(Vec3<T>{(s * cos_phi + w.x) * alpha, (s * sin_phi + w.y) * alpha, hz});
 }
 
 }  // namespace tessera::render

@@ -83,6 +83,15 @@ bool colors_make_holes(const Primitive& p, const Material& material) {
   return false;
 }
 
+/// Which materials any primitive has: tables are made for those alone.
+std::vector<bool> used_materials(const Scene& scene) {
+  std::vector<bool> used(scene.materials.size());
+  for (const Mesh& mesh : scene.meshes) {
+    for (const Primitive& p : mesh.primitives) used[static_cast<std::size_t>(p.material)] = true;
+  }
+  return used;
+}
+
 }  // namespace
 
 ShadingScene::ShadingScene(const Scene& scene) : textures(scene) {
@@ -120,6 +129,7 @@ ShadingScene::ShadingScene(const Scene& scene) : textures(scene) {
 
 void ShadingScene::add_materials(const Scene& scene) {
   materials.reserve(scene.materials.size());
+  const std::vector<bool> used = used_materials(scene);
   for (const Material& m : scene.materials) {
     MaterialView view;
     view.source = &m;
@@ -131,15 +141,20 @@ void ShadingScene::add_materials(const Scene& scene) {
     if (m.transmission > 0 && !m.unlit) {
       view.interface = m.has_volume ? Interface::solid : Interface::thin;
     }
-    const bool metal = m.metallic > 0 && !m.specular_glossiness;
-    if (metal || view.interface == Interface::thin) {
-      if (!reflector_) reflector_ = std::make_unique<AlbedoTable>(AlbedoTable::reflector());
-      view.tables.reflector = reflector_.get();
-    }
-    if (view.interface == Interface::solid && m.ior > 0 && m.roughness > 0) add_glass_tables(&view);
+    if (used[materials.size()]) add_tables(&view);
     view.traits = traits_of(m, view, scene);
     materials.push_back(view);
   }
+}
+
+void ShadingScene::add_tables(MaterialView* view) {
+  const Material& m = *view->source;
+  const bool metal = m.metallic > 0 && !m.specular_glossiness;
+  if (metal || view->interface == Interface::thin) {
+    if (!reflector_) reflector_ = std::make_unique<AlbedoTable>(AlbedoTable::reflector());
+    view->tables.reflector = reflector_.get();
+  }
+  if (view->interface == Interface::solid && m.ior > 0 && m.roughness > 0) add_glass_tables(view);
 }
 
 void ShadingScene::add_glass_tables(MaterialView* view) {

@@ -76,6 +76,7 @@ struct ShadingScene {
 
  private:
   void add_materials(const Scene& scene);
+  void add_tables(MaterialView* view);
   void add_glass_tables(MaterialView* view);
 
   struct GlassTables {

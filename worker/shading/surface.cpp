@@ -2,6 +2,7 @@
 
 #include "worker/geometry/frame.h"
 #include "worker/math/elementary.h"
+#include "worker/shading/microfacet.h"
 
 namespace tessera::render {
 namespace {
@@ -69,7 +70,7 @@ BsdfFrame viewing_frame(const ShadingPoint& p, const Vec3f& shading_normal, cons
   const float least = facing < 0.02f ? 0.5f * facing : 0.01f;
   const float height = dot(frame.geometric_normal, reflected);
   if (height < least) {
-    n = normalize(wo + normalize(reflected + frame.geometric_normal * (least - height)));
+    n = direction_of(wo + direction_of(reflected + frame.geometric_normal * (least - height)));
   }
   frame.normal = n;
   const Frame axes = Frame::from_normal(n);
@@ -121,9 +122,7 @@ ShadingPoint surface_at(const ShadingScene& scene, const TriangleId& id, float b
   p.b2 = b2;
   const Vec3f* x = p.primitive->positions;
   const Vec3f e1 = x[p.vertices[1]] - x[p.vertices[0]], e2 = x[p.vertices[2]] - x[p.vertices[0]];
-  // Normalised before they are multiplied: a product of edges may leave the range of floats.
-  const Vec3f n = normalize(cross(normalize(e1), normalize(e2)));
-  p.geometric_normal = normalize(transform_normal(p.instance->world_to_object, n));
+  p.geometric_normal = normalize(transform_normal(p.instance->world_to_object, cross(e1, e2)));
   p.front = dot(p.geometric_normal, direction) < 0;
   return p;
 }
