@@ -18,3 +18,4 @@ add_test(NAME numeric.no_libm
   COMMAND ${CMAKE_CURRENT_LIST_DIR}/no_libm.sh $<TARGET_OBJECTS:tessera_render>
   COMMAND_EXPAND_LISTS)
 set_tests_properties(numeric.no_libm PROPERTIES LABELS numeric)
+tessera_test(NAME sampling KIND numeric SOURCES numeric/sampling_test.cpp LINKS tessera::render)
