@@ -1,0 +1,389 @@
+#include <gtest/gtest.h>
+#include <zstd.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "tests/integration/service/test_farm.h"
+
+namespace tessera::server {
+namespace {
+
+using FarmTest = TestFarm;
+
+std::unique_ptr<TestWorker> worker_of(const TestServer& server, const std::string& id) {
+  return std::make_unique<TestWorker>(server.channel(), id);
+}
+
+// The whole road ----------------------------------------------------------------------------------
+
+TEST_F(FarmTest, FromSubmissionToAnImage) {
+  const std::string job = create_job("a", 64);
+  auto worker = worker_of(*server_, "w1");
+  ASSERT_TRUE(worker->open());
+  EXPECT_EQ(worker->work(), 9 * 2);
+  const auto states = watch(job);
+  ASSERT_FALSE(states.empty());
+  EXPECT_EQ(states.back().state(), v1::Job::STATE_DONE);
+  EXPECT_EQ(states.back().progress().committed_sample_count(), 48 * 40 * 64);
+  const v1::FrameHeader header = fetch_exr(job);
+  EXPECT_EQ(header.pixels_sha256().size(), 32u);
+
+  grpc::ClientContext context;
+  prepare(context);
+  v1::GetJobReportRequest request;
+  request.set_job_id(job);
+  v1::GetJobReportResponse response;
+  ASSERT_TRUE(jobs_->GetJobReport(&context, request, &response).ok());
+  const auto report = nlohmann::json::parse(response.report_json());
+  for (const char* key : {"schema",
+                          "version",
+                          "job",
+                          "contract",
+                          "status",
+                          "reasons",
+                          "warnings",
+                          "scene_sha256",
+                          "settings",
+                          "frames",
+                          "cpu_seconds",
+                          "cpu_seconds_wasted",
+                          "wall_seconds",
+                          "load_seconds",
+                          "build_seconds",
+                          "render_seconds",
+                          "overhead_fraction",
+                          "peak_rss_bytes",
+                          "units",
+                          "workers"}) {
+    EXPECT_TRUE(report.contains(key)) << key;
+  }
+  EXPECT_EQ(report["schema"], "tessera.report/1");
+  EXPECT_EQ(report["status"], "DONE");
+  EXPECT_EQ(report["units"]["total"], 18);
+  EXPECT_EQ(report["workers"][0]["units"], 18);
+  const auto& frame = report["frames"].at(0);
+  for (const char* key :
+       {"frame", "file", "width", "height", "pixels_sha256", "spp_mean", "spp_max", "samples",
+        "status", "mean_luminance", "estimated", "true", "heavy_tail_share", "unseen_event_bound",
+        "dropped_samples", "clamped_energy", "truncated_energy", "curve"}) {
+    EXPECT_TRUE(frame.contains(key)) << key;
+  }
+  EXPECT_TRUE(frame["true"].is_null());
+  EXPECT_EQ(frame["curve"].size(), 2u);
+  EXPECT_EQ(frame["pixels_sha256"], contract::Digest::from_binary(header.pixels_sha256())->hex());
+}
+
+TEST_F(FarmTest, ARestartInMidJobChangesNoPixel) {
+  const std::string whole = create_job("whole", 64);
+  {
+    auto worker = worker_of(*server_, "w1");
+    ASSERT_TRUE(worker->open());
+    worker->work();
+    EXPECT_EQ(watch(whole).back().state(), v1::Job::STATE_DONE);
+  }
+  const std::string cut = create_job("cut", 64);
+  {
+    auto worker = worker_of(*server_, "w1");
+    ASSERT_TRUE(worker->open());
+    EXPECT_EQ(worker->work(7), 7);
+  }
+  restart();
+  auto worker = worker_of(*server_, "w2");
+  ASSERT_TRUE(worker->open());
+  EXPECT_EQ(worker->work(), 18 - 7) << "no acknowledged unit is rendered again";
+  EXPECT_EQ(watch(cut).back().state(), v1::Job::STATE_DONE);
+  EXPECT_EQ(fetch_exr(cut).pixels_sha256(), fetch_exr(whole).pixels_sha256());
+}
+
+TEST_F(FarmTest, ImagesComeAsPngAndJpegToo) {
+  const std::string job = create_job("a");
+  auto worker = worker_of(*server_, "w1");
+  ASSERT_TRUE(worker->open());
+  worker->work();
+  watch(job);
+  v1::FetchFrameRequest request;
+  request.set_job_id(job);
+  const std::pair<v1::FetchFrameRequest::Format, std::string> kinds[] = {
+      {v1::FetchFrameRequest::FORMAT_PNG, "\x89PNG"},
+      {v1::FetchFrameRequest::FORMAT_JPEG, "\xff\xd8\xff"}};
+  for (const auto& [format, magic] : kinds) {
+    request.set_format(format);
+    v1::FrameHeader header;
+    std::string bytes;
+    ASSERT_TRUE(fetch(request, header, bytes).ok());
+    EXPECT_EQ(bytes.substr(0, magic.size()), magic);
+    EXPECT_EQ(contract::sha256(bytes).binary(), header.file_sha256());
+  }
+  request.set_frame(5);
+  v1::FrameHeader header;
+  std::string bytes;
+  EXPECT_EQ(fetch(request, header, bytes).error_code(), grpc::StatusCode::NOT_FOUND);
+}
+
+// Assets ------------------------------------------------------------------------------------------
+
+TEST_F(FarmTest, AnAssetIsVisibleOnlyWholeAndVerified) {
+  const std::string bytes(5000, 'x');
+  const auto missing = [&] {
+    grpc::ClientContext context;
+    prepare(context);
+    v1::FindMissingAssetsRequest request;
+    *request.add_assets() = id_of(bytes);
+    v1::FindMissingAssetsResponse response;
+    EXPECT_TRUE(assets_->FindMissingAssets(&context, request, &response).ok());
+    return response.missing_size();
+  };
+  EXPECT_EQ(missing(), 1);
+  EXPECT_EQ(upload(id_of(bytes), bytes.substr(1)).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(upload(id_of(bytes), std::string(5000, 'y')).error_code(),
+            grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(upload(id_of(bytes), bytes + "x").error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(missing(), 1);
+  EXPECT_TRUE(upload(id_of(bytes), bytes).ok());
+  EXPECT_TRUE(upload(id_of(bytes), bytes).ok()) << "again is fine";
+  EXPECT_EQ(missing(), 0);
+
+  grpc::ClientContext context;
+  prepare(context);
+  v1::DownloadAssetRequest request;
+  *request.mutable_asset() = id_of(bytes);
+  auto stream = assets_->DownloadAsset(&context, request);
+  std::string got;
+  for (v1::DownloadAssetResponse response; stream->Read(&response);) got += response.chunk();
+  EXPECT_TRUE(stream->Finish().ok());
+  EXPECT_EQ(got, bytes);
+}
+
+TEST_F(FarmTest, AnEmptyAssetIsAnAsset) {
+  ASSERT_TRUE(upload(id_of(""), "").ok());
+  grpc::ClientContext context;
+  prepare(context);
+  v1::DownloadAssetRequest request;
+  *request.mutable_asset() = id_of("");
+  auto stream = assets_->DownloadAsset(&context, request);
+  v1::DownloadAssetResponse response;
+  EXPECT_TRUE(stream->Read(&response));
+  EXPECT_TRUE(response.chunk().empty());
+  EXPECT_FALSE(stream->Read(&response));
+  EXPECT_TRUE(stream->Finish().ok());
+}
+
+// Requests ----------------------------------------------------------------------------------------
+
+TEST_F(FarmTest, AMalformedJobIsRefusedByTheNameOfItsField) {
+  ASSERT_TRUE(upload(id_of(kScene), kScene).ok());
+  using Edit = std::function<void(v1::CreateJobRequest&)>;
+  const std::pair<const char*, Edit> cases[] = {
+      {"request_id", [](auto& r) { r.clear_request_id(); }},
+      {"name", [](auto& r) { r.set_name(std::string(201, 'n')); }},
+      {"priority", [](auto& r) { r.set_priority(101); }},
+      {"max_worker_count", [](auto& r) { r.set_max_worker_count(-1); }},
+      {"width_px", [](auto& r) { r.mutable_settings()->set_width_px(0); }},
+      {"tile_px", [](auto& r) { r.mutable_settings()->set_tile_px(24); }},
+      {"fps", [](auto& r) { r.mutable_settings()->set_fps(std::nan("")); }},
+      {"scene_uri", [](auto& r) { r.mutable_manifest()->set_scene_uri("other.gltf"); }},
+      {"uri", [](auto& r) { r.mutable_manifest()->mutable_assets(0)->set_uri("../scene.gltf"); }},
+      {"uri", [](auto& r) { r.mutable_manifest()->mutable_assets(0)->set_uri("/etc/passwd"); }},
+      {"sha256",
+       [](auto& r) { r.mutable_manifest()->mutable_assets(0)->mutable_asset()->set_sha256("x"); }},
+      {"environment_uri", [](auto& r) { r.mutable_settings()->set_environment_uri("sky.exr"); }}};
+  for (const auto& [field, edit] : cases) {
+    v1::CreateJobRequest request = request_of("a");
+    edit(request);
+    v1::CreateJobResponse response;
+    const grpc::Status status = create(request, response);
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT) << field;
+    EXPECT_NE(status.error_message().find(field), std::string::npos) << status.error_message();
+  }
+}
+
+TEST_F(FarmTest, AJobWaitsForItsAssets) {
+  v1::CreateJobResponse response;
+  const grpc::Status status = create(request_of("a"), response);
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_NE(status.error_message().find("scene.gltf"), std::string::npos);
+}
+
+TEST_F(FarmTest, WatchingAnUnknownJobIsNotFound) {
+  grpc::ClientContext context;
+  prepare(context);
+  v1::WatchJobRequest request;
+  request.set_job_id("nothing");
+  auto stream = jobs_->WatchJob(&context, request);
+  v1::WatchJobResponse response;
+  EXPECT_FALSE(stream->Read(&response));
+  EXPECT_EQ(stream->Finish().error_code(), grpc::StatusCode::NOT_FOUND);
+}
+
+TEST_F(FarmTest, WatchingFollowsACancellation) {
+  const std::string job = create_job("a");
+  std::thread canceller([&] {
+    grpc::ClientContext context;
+    prepare(context);
+    v1::CancelJobRequest request;
+    request.set_job_id(job);
+    v1::CancelJobResponse response;
+    EXPECT_TRUE(jobs_->CancelJob(&context, request, &response).ok());
+    EXPECT_EQ(response.job().state(), v1::Job::STATE_CANCELLED);
+  });
+  EXPECT_EQ(watch(job).back().state(), v1::Job::STATE_CANCELLED);
+  canceller.join();
+}
+
+// Workers -----------------------------------------------------------------------------------------
+
+TEST_F(FarmTest, AWorkerWithOtherNumericsIsRefusedByName) {
+  auto first = worker_of(*server_, "w1");
+  ASSERT_TRUE(first->open());
+  auto other = worker_of(*server_, "w2");
+  other->hello.set_numerics_sha256(std::string(32, 'm'));
+  EXPECT_FALSE(other->open());
+  const grpc::Status status = other->close();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_NE(status.error_message().find("6d6d6d"), std::string::npos) << status.error_message();
+
+  auto newer = worker_of(*server_, "w3");
+  newer->hello.set_contract_version(99);
+  EXPECT_FALSE(newer->open());
+  EXPECT_EQ(newer->close().error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+}
+
+TEST_F(FarmTest, TheNumericsHashOutlivesTheServer) {
+  ASSERT_TRUE(worker_of(*server_, "w1")->open());
+  restart();
+  auto other = worker_of(*server_, "w2");
+  other->hello.set_numerics_sha256(std::string(32, 'm'));
+  EXPECT_FALSE(other->open());
+  EXPECT_EQ(other->close().error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+}
+
+TEST_F(FarmTest, ANewStreamOfAWorkerClosesItsOldOne) {
+  auto old = worker_of(*server_, "w1");
+  ASSERT_TRUE(old->open());
+  auto fresh = worker_of(*server_, "w1");
+  ASSERT_TRUE(fresh->open());
+  EXPECT_EQ(old->close().error_code(), grpc::StatusCode::ABORTED);
+}
+
+TEST_F(FarmTest, AMalformedHelloIsInvalid) {
+  auto worker = worker_of(*server_, "no spaces allowed");
+  EXPECT_FALSE(worker->open());
+  EXPECT_EQ(worker->close().error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+TEST_F(FarmTest, BlocksComeInPiecesOrSeveralToAMessage) {
+  create_job("a");
+  auto worker = worker_of(*server_, "w1");
+  ASSERT_TRUE(worker->open());
+  TestWorker::Unit units[3];
+  for (auto& unit : units) ASSERT_TRUE(worker->next(unit));
+  ASSERT_TRUE(worker->send(worker->messages_of(units[0], worker->block_of(units[0]), 999)));
+  v1::DeliverRequest both = worker->messages_of(units[1], worker->block_of(units[1]))[0];
+  *both.add_parts() = worker->messages_of(units[2], worker->block_of(units[2]))[0].parts(0);
+  ASSERT_TRUE(worker->send({both}));
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_EQ(worker->verdict().verdict(), v1::Acknowledgement::VERDICT_COMMITTED);
+  }
+}
+
+TEST_F(FarmTest, BlocksMayBeCompressed) {
+  create_job("a");
+  auto worker = worker_of(*server_, "w1");
+  ASSERT_TRUE(worker->open());
+  TestWorker::Unit unit;
+  ASSERT_TRUE(worker->next(unit));
+  const std::string block = worker->block_of(unit);
+  std::string planes(block.size(), '\0');
+  for (std::size_t i = 0; i < block.size(); ++i) {
+    planes[i % 4 * (block.size() / 4) + i / 4] = block[i];
+  }
+  std::string wire(ZSTD_compressBound(planes.size()), '\0');
+  wire.resize(ZSTD_compress(wire.data(), wire.size(), planes.data(), planes.size(), 1));
+  v1::DeliverRequest message = worker->messages_of(unit, block)[0];
+  v1::BlockPart& part = *message.mutable_parts(0);
+  part.set_chunk(wire);
+  part.mutable_header()->set_wire_size_bytes(static_cast<std::int64_t>(wire.size()));
+  part.mutable_header()->set_compression(v1::BlockHeader::COMPRESSION_ZSTD_PLANES);
+  ASSERT_TRUE(worker->send({message}));
+  EXPECT_EQ(worker->verdict().verdict(), v1::Acknowledgement::VERDICT_COMMITTED);
+
+  ASSERT_TRUE(worker->next(unit));
+  v1::DeliverRequest bomb = worker->messages_of(unit, worker->block_of(unit))[0];
+  bomb.mutable_parts(0)->set_chunk("this is no zstd frame");
+  bomb.mutable_parts(0)->mutable_header()->set_wire_size_bytes(21);
+  bomb.mutable_parts(0)->mutable_header()->set_compression(
+      v1::BlockHeader::COMPRESSION_ZSTD_PLANES);
+  ASSERT_TRUE(worker->send({bomb}));
+  EXPECT_EQ(worker->verdict().verdict(), v1::Acknowledgement::VERDICT_REJECTED);
+}
+
+TEST_F(FarmTest, DeliveriesThatBreakTheRulesEndTheStream) {
+  create_job("a");
+  using Edit = std::function<void(v1::DeliverRequest&)>;
+  const std::pair<const char*, Edit> cases[] = {
+      {"bytes without a header", [](auto& m) { m.mutable_parts(0)->clear_header(); }},
+      {"an empty chunk", [](auto& m) { m.mutable_parts(0)->clear_chunk(); }},
+      {"a chunk too long",
+       [](auto& m) { m.mutable_parts(0)->set_chunk(std::string((64 << 10) + 1, 'x')); }},
+      {"more bytes than said", [](auto& m) { m.mutable_parts(0)->mutable_chunk()->append("x"); }},
+      {"a huge size",
+       [](auto& m) {
+         m.mutable_parts(0)->mutable_header()->set_size_bytes(std::int64_t{1} << 62);
+         m.mutable_parts(0)->mutable_header()->set_wire_size_bytes(std::int64_t{1} << 62);
+       }},
+      {"a negative size",
+       [](auto& m) {
+         m.mutable_parts(0)->mutable_header()->set_size_bytes(-1);
+         m.mutable_parts(0)->mutable_header()->set_wire_size_bytes(-1);
+       }},
+      {"a time that is no number",
+       [](auto& m) { m.mutable_parts(0)->mutable_header()->set_cpu_seconds(std::nan("")); }},
+      {"a digest cut short",
+       [](auto& m) { m.mutable_parts(0)->mutable_header()->set_sha256("short"); }}};
+  int number = 0;
+  for (const auto& [what, edit] : cases) {
+    auto worker = worker_of(*server_, "w" + std::to_string(++number));
+    worker->hello.set_credit_count(1);
+    ASSERT_TRUE(worker->open());
+    TestWorker::Unit unit;
+    ASSERT_TRUE(worker->next(unit)) << what;
+    v1::DeliverRequest message = worker->messages_of(unit, worker->block_of(unit))[0];
+    edit(message);
+    worker->send({message});
+    EXPECT_EQ(worker->finish_deliver().error_code(), grpc::StatusCode::INVALID_ARGUMENT) << what;
+  }
+}
+
+TEST_F(FarmTest, DeliveringNeedsAWorkStream) {
+  auto worker = worker_of(*server_, "w1");
+  v1::DeliverRequest message;
+  message.add_parts()->set_chunk("x");
+  worker->send({message});
+  EXPECT_EQ(worker->finish_deliver().error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+}
+
+class TokenTest : public TestFarm {
+ protected:
+  TokenTest() { token_ = "secret"; }
+};
+
+TEST_F(TokenTest, NothingIsAnsweredWithoutTheToken) {
+  for (const char* sent : {"", "wrong", "secret"}) {
+    grpc::ClientContext context;
+    contract::prepare_call(context, sent, std::chrono::seconds(10));
+    v1::ListJobsResponse response;
+    const grpc::Status status = jobs_->ListJobs(&context, {}, &response);
+    EXPECT_EQ(status.ok(), std::string(sent) == "secret") << sent;
+    if (!status.ok()) {
+      EXPECT_EQ(status.error_code(), grpc::StatusCode::UNAUTHENTICATED);
+    }
+  }
+  EXPECT_EQ(upload(id_of("x"), "x").error_code(), grpc::StatusCode::UNAUTHENTICATED);
+  auto worker = worker_of(*server_, "w1");
+  EXPECT_FALSE(worker->open());
+  EXPECT_EQ(worker->close().error_code(), grpc::StatusCode::UNAUTHENTICATED);
+}
+
+}  // namespace
+}  // namespace tessera::server
