@@ -5,5 +5,6 @@ tessera_test(NAME contract KIND unit
           unit/proto/tile_grid_test.cpp
   LINKS tessera::contract)
 if(TESSERA_WITH_GRPC)
+  include(unit/proto/style.cmake)
   tessera_test(NAME settings KIND unit SOURCES unit/proto/settings_test.cpp LINKS tessera::channel)
 endif()
