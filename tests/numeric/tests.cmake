@@ -19,3 +19,5 @@ add_test(NAME numeric.no_libm
   COMMAND_EXPAND_LISTS)
 set_tests_properties(numeric.no_libm PROPERTIES LABELS numeric)
 tessera_test(NAME sampling KIND numeric SOURCES numeric/sampling_test.cpp LINKS tessera::render)
+tessera_test(NAME render_surface KIND numeric
+  SOURCES numeric/render_surface.cpp LINKS tessera_test_render)
