@@ -85,9 +85,11 @@ absl::Status measure(const std::string& folder, const std::vector<std::string>& 
   const double cpu_start = cpu_seconds();
   const double start = now_seconds();
   double seconds = 0;
-  for (; seconds < kSeconds; seconds = now_seconds() - start, ++commits) {
+  while (seconds < kSeconds) {
     std::vector<Commit> group = make_group(blocks, digests, count, next);
     if (absl::Status committed = (*store)->commit(group); !committed.ok()) return committed;
+    ++commits;
+    seconds = now_seconds() - start;
   }
   const double bytes = static_cast<double>(next) * static_cast<double>(blocks.front().size());
   std::printf(
@@ -135,10 +137,10 @@ int run(const std::string& folder) {
     return 2;
   }
   std::mt19937 rng(7);
-  std::vector<std::string> small;
-  std::vector<std::string> large;
-  for (int i = 0; i < 256; ++i) small.push_back(noisy_block(rng, 8, 4));
-  for (int i = 0; i < 32; ++i) large.push_back(noisy_block(rng, 64, 4));
+  std::vector<std::string> small(256);
+  std::vector<std::string> large(32);
+  for (std::string& block : small) block = noisy_block(rng, 8, 4);
+  for (std::string& block : large) block = noisy_block(rng, 64, 4);
   absl::Status status;
   for (const int count : {1, 4, 16, 64, 256}) {
     if (status.ok()) status = measure(folder, small, count);
