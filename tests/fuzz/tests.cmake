@@ -22,3 +22,5 @@ endfunction()
 
 tessera_fuzz(NAME film_block
   SOURCES ${PROJECT_SOURCE_DIR}/proto/contract/film_block.cpp LINKS tessera::contract)
+
+include(fuzz/loader.cmake)

@@ -10,13 +10,13 @@ namespace tessera::render {
 inline constexpr std::size_t kMaxJsonBytes = std::size_t{64} << 20;
 inline constexpr int kMaxJsonDepth = 64;
 inline constexpr std::size_t kMaxNodes = 1'000'000;
-inline constexpr std::size_t kMaxInstances = 16'000'000;
+inline constexpr std::size_t kMaxInstances = 4'000'000;
 inline constexpr std::int64_t kMaxImageSide = 32'768;
 inline constexpr std::int64_t kMaxImageBytes = std::int64_t{2} << 30;
 /// Largest decoded size of one compressed view or primitive, and of one accessor.
 inline constexpr std::uint64_t kMaxDecodedBytes = std::uint64_t{4} << 30;
 /// Largest decoded size of an accessor without a view: zeros that no byte of the file pays for.
-inline constexpr std::uint64_t kMaxZeroBytes = std::uint64_t{256} << 20;
+inline constexpr std::uint64_t kMaxZeroBytes = std::uint64_t{64} << 20;
 /// Largest magnitude of a coordinate; beyond it squares of lengths overflow in float.
 inline constexpr double kMaxCoordinate = 1e18;
 

@@ -251,6 +251,12 @@ class SceneBuilder {
     if (!status.ok()) return status;
     const auto first = nodes_[index].instancing.begin()->second;
     const auto count = static_cast<std::size_t>(document_.accessors[first].count);
+    for (const auto& [name, accessor] : nodes_[index].instancing) {
+      if (document_.accessors[accessor].view == kNone) {
+        return absl::InvalidArgumentError(
+            absl::StrCat("accessors[", accessor, "]: instances need values in a bufferView"));
+      }
+    }
     if (count + scene_.instances.size() > kMaxInstances) {
       return absl::InvalidArgumentError(
           absl::StrCat("nodes[", index, "]: more than ", kMaxInstances, " instances"));

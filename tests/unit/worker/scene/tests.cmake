@@ -3,8 +3,8 @@ tessera_test(NAME scene KIND unit
   SOURCES
     unit/worker/scene/accessor_test.cpp unit/worker/scene/animation_test.cpp
     unit/worker/scene/compression_test.cpp unit/worker/scene/container_test.cpp
-    unit/worker/scene/image_test.cpp unit/worker/scene/malformed_test.cpp
-    unit/worker/scene/material_test.cpp
+    unit/worker/scene/image_test.cpp unit/worker/scene/inspect_test.cpp
+    unit/worker/scene/malformed_test.cpp unit/worker/scene/material_test.cpp
     unit/worker/scene/pose_test.cpp unit/worker/scene/tangents_test.cpp
   LINKS tessera::render tessera_test_scene draco::draco meshoptimizer::meshoptimizer
     OpenImageIO::OpenImageIO nlohmann_json::nlohmann_json)
