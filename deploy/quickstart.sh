@@ -15,7 +15,7 @@ if [ "$#" -gt 0 ] && [ "${1#-}" = "$1" ]; then
   scene=$1
   options=("${@:2}")
 elif [ "$#" -eq 0 ]; then
-  options=(--size 960x720 --spp 256)
+  options=(--size 640x480 --spp 128)
 fi
 [ -f "$scene" ] || { echo "quickstart: no such scene: $scene" >&2; exit 2; }
 
@@ -25,14 +25,11 @@ cmake --build "$source_folder/build/release"
 
 name=$(basename "${scene%.*}")
 PATH=$source_folder/build/release/bin:$PATH
-tessera render "$scene" --output "$PWD/$name.exr" --report "$PWD/$name.report.json" --workers 2 \
-  "${options[@]}"
+result=$(tessera render "$scene" --output "$PWD/$name.exr" --report "$PWD/$name.report.json" \
+  --workers 2 --force "${options[@]}")
 oiiotool "$PWD/$name.exr" --ch R,G,B --clamp:min=0:max=1 --colorconvert linear sRGB -d uint8 \
   -o "$PWD/$name.png"
 
-# One value of the report, which has a key a line.
-value() { sed -n "s/^ *\"$1\": *\([^,]*\),*$/\1/p" "$PWD/$name.report.json" | head -n 1; }
 echo "image:   $PWD/$name.exr"
 echo "as PNG:  $PWD/$name.png"
-echo "result:  $(value width)x$(value height), $(value spp_mean) samples per pixel," \
-  "estimated error $(value error), $(value wall_seconds) s"
+echo "result:  ${result##*/}"  # size, samples, estimated error, seconds

@@ -102,11 +102,11 @@ say "several frames, remove"
 kill_worker a
 id=$(farm submit "$square" "${job[@]}" --name patient)
 start_interruptible watch tessera watch --server "$socket" "$id" --json
-wait_until 10 "watch has begun" test -s "$work/watch.out"
+wait_until 60 "watch has begun" test -s "$work/watch.out"
 interrupted watch "$started"
 grep -q 'goes on' "$work/watch.err" || fail "watch did not say that the job goes on"
 start_interruptible submit tessera submit "$square" --server "$socket" "${job[@]}" --wait
-wait_until 10 "the job is submitted" test -s "$work/submit.out"
+wait_until 60 "the job is submitted" test -s "$work/submit.out"
 interrupted submit "$started"
 grep -q 'goes on' "$work/submit.err" || fail "submit --wait did not say that the job goes on"
 exits 0 farm status "$id" --json

@@ -19,7 +19,7 @@ equal "nothing was submitted" "$(json "$work/out" 'len(d["jobs"])')" 0
 
 # A worker whose numerics differ is refused by name; the farm goes on without it.
 start_worker honest
-wait_until 20 "the worker is there" bash -c \
+wait_until 60 "the worker is there" bash -c \
   "tessera workers --server '$socket' --json | grep -q '\"name\": *\"honest\"'"
 other_hash=$(printf 'ab%.0s' {1..32})
 bench_simulated_workers --server "$socket" --name stranger --numerics "$other_hash" \
@@ -49,7 +49,7 @@ job=(--size 128x128 --spp 600 --tile 32)
 id=$(farm submit "$scenes/lit_square.gltf" "${job[@]}" --name losses)
 for attempt in $(seq 10); do
   start_worker "mortal$attempt" --id mortal
-  wait_until 30 "it holds leases" bash -c "tessera status '$id' --server '$socket' --json |
+  wait_until 60 "it holds leases" bash -c "tessera status '$id' --server '$socket' --json |
     grep -q '\"units_leased\": [1-9]'"
   kill_worker "mortal$attempt"
 done

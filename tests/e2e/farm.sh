@@ -31,6 +31,7 @@ cleanup() {
   [ -n "${KEEP:-}" ] && echo "kept: $work" >&2 || rm -rf "$work"
 }
 trap cleanup EXIT
+trap "exit 143" HUP INT TERM
 
 fail() {
   echo "FAILED: $*" >&2
@@ -61,7 +62,7 @@ start_server() {
   rm -f "$work/server.sock"
   tessera-server --listen "$socket" --store "$work/store" "$@" >>"$work/server.log" 2>&1 &
   server_pid=$!
-  wait_until 20 "the server listens" test -S "$work/server.sock"
+  wait_until 60 "the server listens" test -S "$work/server.sock"
 }
 
 kill_server() {

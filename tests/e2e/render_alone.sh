@@ -37,7 +37,7 @@ for signal in INT KILL; do
   start_interruptible "$signal" tessera render "$scene" -o "$work/never.exr" "${long[@]}" --workers 2
   pid=$started
   # A server, two agents, two renderers.
-  wait_until 20 "server, agents and renderers run" has_children "$pid" 5
+  wait_until 60 "server, agents and renderers run" has_children "$pid" 5
   sleep 0.5
   children=$(descendants "$pid")
   if [ "$signal" = INT ]; then
@@ -47,8 +47,8 @@ for signal in INT KILL; do
     wait "$pid" 2>/dev/null || true
   fi
   # shellcheck disable=SC2086
-  wait_until 10 "every process of it is gone after SIG$signal" all_gone $children
-  wait_until 5 "its private folder is gone after SIG$signal" nothing_left
+  wait_until 60 "every process of it is gone after SIG$signal" all_gone $children
+  wait_until 60 "its private folder is gone after SIG$signal" nothing_left
   [ ! -e "$work/never.exr" ] && [ -z "$(find "$work" -name '*.part')" ] || fail "a file was left"
   say "SIG$signal: $(wc -w <<<"$children") processes gone, no folder, no file"
 done
@@ -75,12 +75,12 @@ else:
     print(0)' "$work/store"
 }
 some_rows() { [ "$(rows)" -ge 40 ]; }
-wait_until 30 "some units are committed" some_rows
+wait_until 60 "some units are committed" some_rows
 children=$(descendants "$pid")
 kill -KILL "$pid"
 wait "$pid" 2>/dev/null || true
 # shellcheck disable=SC2086
-wait_until 10 "its processes are gone" all_gone $children
+wait_until 60 "its processes are gone" all_gone $children
 before=$(rows)
 total=$(json "$work/straight.json" 'd["units"]["total"]')
 [ "$before" -lt "$total" ] || fail "the job was over before it could be killed"

@@ -9,14 +9,15 @@ if [ -n "${TESSERA_E2E_SMALL:-}" ]; then
   size=48x48
   workers="1 2"
 fi
-job=(--size "$size" --spp 80 --max-depth 5 --frames 12 --seed 7)
+job=(--size "$size" --spp 80 --max-depth 5 --frames 12)
 
 # draw NAME OPTIONS…: renders, leaves NAME.exr and NAME.json.
+seed=7
 draw() {
   local name=$1
   shift
-  tessera render "$scenes/same_bits.gltf" --output "$work/$name.exr" --report "$work/$name.json" \
-    "${job[@]}" "$@" >"$work/$name.log" 2>&1 </dev/null || fail "render $name: status $?"
+  tessera render "$scenes/same_bits.gltf" --output "$work/$name.exr" --report "$work/$name.json" --force \
+    --seed "$seed" "${job[@]}" "$@" >"$work/$name.log" 2>&1 </dev/null || fail "render $name: status $?"
 }
 
 draw reference --tile 16 --workers 1 --threads 1
@@ -51,7 +52,7 @@ oiiotool "$work/part.exr" "$work/cropped.exr" --fail 0 --failpercent 0 --hardfai
   >"$work/crop.log" 2>&1 || fail "a crop differs from that part of the whole: $(cat "$work/crop.log")"
 say "a crop"
 
-draw seed --tile 16 --workers 2 --threads 1 --seed 8
+seed=8 draw seed --tile 16 --workers 2 --threads 1
 [ "$(pixels "$work/seed.json")" != "$reference" ] || fail "another seed gave the same pixels"
 say "another seed gives other pixels"
 

@@ -1,4 +1,7 @@
 # End-to-end tests: real programs in private folders. They need tests/e2e/farm.sh and no network.
+add_test(NAME unit.scenes_are_what_their_script_writes
+  COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/scenes/make_scenes.py --check)
+set_tests_properties(unit.scenes_are_what_their_script_writes PROPERTIES LABELS unit)
 if(TESSERA_WITH_GRPC)
   # tessera_e2e(NAME SECONDS): runs e2e/NAME.sh. Sanitizer builds run smaller jobs.
   function(tessera_e2e name seconds)
@@ -10,4 +13,12 @@ if(TESSERA_WITH_GRPC)
     set_tests_properties(e2e.${name} PROPERTIES LABELS e2e TIMEOUT ${seconds} PROCESSORS 2
       ENVIRONMENT "${environment}")
   endfunction()
+
+  # Limits are for sanitizer builds on two busy cores; a dev build takes a tenth.
+  tessera_e2e(same_bits 400)
+  tessera_e2e(same_bits_crashes 400)
+  tessera_e2e(failures 400)
+  tessera_e2e(command_line 300)
+  tessera_e2e(render_alone 300)
+  tessera_e2e(documented_commands 300)
 endif()

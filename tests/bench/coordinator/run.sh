@@ -87,7 +87,7 @@ job() { "$BIN/bench_coordinator_job" --server "unix:$folder/s" "$@" >"$folder/jo
 bench_small() {
   server
   simulate 2 4 512
-  job --width 4096 --height 1024 --tile 8 --spp 8
+  job --width ${SMALL_WIDTH:-4096} --height 1024 --tile 8 --spp 8
   stop_all
   summary "small results (8x8 tiles)"
 }
