@@ -52,30 +52,37 @@ bool traverse(const WideNode* nodes, const ObjectRay& ray, const float& limit, L
   };
   Entry stack[kStackSize];
   int top = 0;
-  stack[top++] = {0, 0};
+  std::uint32_t child = 0;
   const NodeTest test(ray);
-  while (top > 0) {
-    const Entry entry = stack[--top];
-    if (entry.enter > limit) continue;
-    if ((entry.child & kLeafBit) != 0) {
-      if (leaf(entry.child & ~kLeafBit)) return true;
-      continue;
-    }
-    visit();
-    const WideNode& node = nodes[entry.child];
-    alignas(32) float enters[kWidth];
-    std::uint32_t met = test(node, limit, enters);
-    const int base = top;
-    for (; met != 0; met &= met - 1) {
-      const int lane = __builtin_ctz(met);
-      int place = top++;
-      for (; place > base && stack[place - 1].enter < enters[lane]; --place) {
-        stack[place] = stack[place - 1];
+  for (;;) {
+    std::uint32_t met = 0;
+    if ((child & kLeafBit) != 0) {
+      if (leaf(child & ~kLeafBit)) return true;
+    } else {
+      visit();
+      const WideNode& node = nodes[child];
+      alignas(32) float enters[kWidth];
+      met = test(node, limit, enters);
+      if (met != 0 && (met & (met - 1)) == 0) {  // one child, the usual case: no stack
+        child = node.children[static_cast<std::size_t>(__builtin_ctz(met))];
+        continue;
       }
-      stack[place] = {enters[lane], node.children[static_cast<std::size_t>(lane)]};
+      const int base = top;
+      for (; met != 0; met &= met - 1) {
+        const int lane = __builtin_ctz(met);
+        int place = top++;
+        for (; place > base && stack[place - 1].enter < enters[lane]; --place) {
+          stack[place] = stack[place - 1];
+        }
+        stack[place] = {enters[lane], node.children[static_cast<std::size_t>(lane)]};
+      }
     }
+    do {
+      if (top == 0) return false;
+      --top;
+    } while (stack[top].enter > limit);
+    child = stack[top].child;
   }
-  return false;
 }
 
 }  // namespace tessera::render
