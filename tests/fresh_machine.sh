@@ -5,7 +5,8 @@
 #   tests/fresh_machine.sh FOLDER [LOG]      as root, with debootstrap and git; FOLDER must not exist
 #
 # MIRROR: where to take Debian from (default: what this machine's apt uses). LOG (Markdown) keeps what
-# was printed, the build's progress lines left out.
+# was printed, the build's progress lines left out. CACHE: a ccache folder to lend the new machine,
+# which then need not compile what this one has compiled (times are no longer those of a first build).
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)
 folder=${1:?where to make the machine}
@@ -16,13 +17,18 @@ mirror=${MIRROR:-$(apt-get indextargets --format '$(REPO_URI)' 'Codename: bookwo
 debootstrap --variant=minbase bookworm "$folder" "$mirror" >/dev/null
 cp /etc/resolv.conf "$folder/etc/"
 find /etc/apt/sources.list.d -name 'debian*.sources' -exec cp {} "$folder/etc/apt/sources.list.d/" \;
-git clone -q "$root" "$folder/root/tessera"
+git clone -q "$root" "$folder$root"  # at the same path, which compiler caches look at
 mount -t proc proc "$folder/proc"
 trap 'umount "$folder/proc"' EXIT
+if [ -n "${CACHE:-}" ]; then
+  mkdir -p "$folder/root/.cache/ccache"
+  mount --bind "$CACHE" "$folder/root/.cache/ccache"
+  trap 'umount "$folder/proc" "$folder/root/.cache/ccache"' EXIT
+fi
 
 inside() {
   chroot "$folder" /usr/bin/env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin LANG=C.UTF-8 \
-    bash -c "cd /root/tessera && $1" </dev/null 2>&1
+    bash -c "cd $root && $1" </dev/null 2>&1
 }
 
 {
@@ -30,7 +36,7 @@ inside() {
   echo
   echo "What \`tests/fresh_machine.sh\` printed: a minimal Debian 12 (debootstrap, $(
     inside 'dpkg-query -f . -W | wc -c') packages), $(nproc) cores, a clone of commit"
-  echo "$(git -C "$root" rev-parse --short HEAD), nothing else installed. Build progress is left out."
+  echo "$(git -C "$root" rev-parse --short HEAD), nothing else installed${CACHE:+ (a compiler cache was lent)}. Build progress is left out."
   for command in tests/run.sh "deploy/quickstart.sh"; do
     echo
     echo "## \`$command\`"
@@ -41,7 +47,7 @@ inside() {
     inside "$command" >"$folder/root/log" || status=$?
     # ninja's progress, apt's chatter and passed tests one by one would be thousands of lines.
     grep -vE '^\[[0-9]+/[0-9]+\]|^ *[0-9]+/[0-9]+ Test|^ +Start +[0-9]+:|^debconf|invoke-rc.d|https?://' \
-      "$folder/root/log" | sed 's/\r/\n/g' | tail -n 60
+      "$folder/root/log" | sed "s/\r/\n/g; s#$root#~/tessera#g" | tail -n 60
     echo '```'
     echo
     echo "Exit code $status after $((SECONDS - start)) s."
