@@ -214,6 +214,28 @@ absl::Status check_accessor(const Document& d, std::int32_t index) {
   return a.sparse ? check_sparse(d, index) : absl::OkStatus();
 }
 
+std::uint64_t decoded_bytes(const Document& d, std::int32_t index) {
+  const Accessor& a = d.accessors[index];
+  return static_cast<std::uint64_t>(a.count) * static_cast<std::uint64_t>(a.components()) * 4;
+}
+
+absl::Status check_accessors(const Document& d) {
+  std::uint64_t most = kMaxAccessorBytes, total = 0;
+  for (const auto& buffer : d.buffers) most += 16 * buffer.size();
+  for (std::size_t i = 0; i < d.accessors.size(); ++i) {
+    const auto index = static_cast<std::int32_t>(i);
+    const absl::Status status = check_accessor(d, index);
+    if (!status.ok()) return status;
+    total += decoded_bytes(d, index);
+    if (total > most) {
+      return absl::InvalidArgumentError(absl::StrCat("accessors: the first ", i + 1, " decode to ",
+                                                     total, " bytes, more than the limit of ", most,
+                                                     " for this file"));
+    }
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<std::vector<float>> read_floats(const Document& d, std::int32_t index,
                                                int components) {
   const Accessor& a = d.accessors[index];

@@ -15,6 +15,13 @@ namespace tessera::render {
 /// overflow, and that its layout is one glTF allows. Errors: InvalidArgument "accessors[i]: ...".
 absl::Status check_accessor(const Document& document, std::int32_t index);
 
+/// check_accessor() for all, and that together they decode to no more than kMaxAccessorBytes and
+/// 16 times the buffers.
+absl::Status check_accessors(const Document& document);
+
+/// Bytes that accessor `index` decodes to.
+std::uint64_t decoded_bytes(const Document& document, std::int32_t index);
+
 /// Checks that every view lies within its buffer.
 absl::Status check_views(const Document& document);
 

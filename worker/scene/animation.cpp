@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "worker/math/elementary.h"
 #include "worker/scene/accessor_reader.h"
+#include "worker/scene/limits.h"
 #include "worker/scene/selection.h"
 
 namespace tessera::render {
@@ -27,6 +30,20 @@ int target_count(const Document& document, std::int32_t node) {
   return static_cast<int>(document.meshes[mesh].primitives.front().targets.size());
 }
 
+/// Numbers a key of the channel has.
+int track_width(const Document& document, const AnimationChannel& channel) {
+  if (channel.path == AnimationPath::weights) return target_count(document, channel.node);
+  return channel.path == AnimationPath::rotation ? 4 : 3;
+}
+
+/// Elements the channel's output accessor must have.
+std::int64_t output_count(const Document& document, const AnimationChannel& channel) {
+  const bool cubic = channel.interpolation == Interpolation::cubic_spline;
+  const bool weights = channel.path == AnimationPath::weights;
+  return document.accessors[channel.input].count * (cubic ? 3 : 1) *
+         (weights ? target_count(document, channel.node) : 1);
+}
+
 bool all_finite(const std::vector<float>& values) {
   return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
 }
@@ -41,9 +58,8 @@ absl::StatusOr<Track> read_track(const Document& document, const AnimationChanne
   auto times = read_floats(document, channel.input, 1);
   if (!times.ok()) return times.status();
   track.times = *std::move(times);
-  const bool rotation = channel.path == AnimationPath::rotation;
   const bool weights = channel.path == AnimationPath::weights;
-  track.width = weights ? target_count(document, channel.node) : rotation ? 4 : 3;
+  track.width = track_width(document, channel);
   auto values = read_floats(document, channel.output, weights ? 1 : track.width);
   if (!values.ok()) return values.status();
   track.values = *std::move(values);
@@ -147,12 +163,31 @@ double clip_seconds(const Document& document, std::int32_t animation) {
 }
 
 absl::Status check_animations(const Document& document) {
+  std::set<std::pair<std::int32_t, std::int32_t>> sound;  // accessor, components
+  std::uint64_t bytes = 0;
   for (std::size_t i = 0; i < document.animations.size(); ++i) {
     const auto& channels = document.animations[i].channels;
     for (std::size_t k = 0; k < channels.size(); ++k) {
-      const auto track =
-          read_track(document, channels[k], channel_path(static_cast<std::int32_t>(i), k));
+      const AnimationChannel& c = channels[k];
+      const int width = track_width(document, c);
+      const bool weights = c.path == AnimationPath::weights;
+      bytes += decoded_bytes(document, c.input) + decoded_bytes(document, c.output);
+      if (bytes > kMaxGeometryBytes) {
+        return absl::InvalidArgumentError(
+            absl::StrCat(channel_path(static_cast<std::int32_t>(i), k),
+                         ": the tracks take more than ", kMaxGeometryBytes, " bytes"));
+      }
+      const auto input = std::make_pair(c.input, 0);
+      const auto output = std::make_pair(c.output, weights ? -width : width);
+      // Channels share accessors; each pair of them is read once.
+      if (sound.contains(input) && sound.contains(output) &&
+          document.accessors[c.output].count == output_count(document, c)) {
+        continue;
+      }
+      const auto track = read_track(document, c, channel_path(static_cast<std::int32_t>(i), k));
       if (!track.ok()) return track.status();
+      sound.insert(input);
+      sound.insert(output);
     }
   }
   return absl::OkStatus();

@@ -45,6 +45,7 @@ struct OpenImage {
 
 absl::Status damaged(const std::string& detail) {
   std::string line = detail.substr(0, detail.find('\n'));
+  for (char& c : line) c = c >= ' ' && c <= '~' ? c : '?';  // it may quote the file
   return absl::InvalidArgumentError(
       absl::StrCat("the image is damaged or truncated", line.empty() ? "" : ": ", line));
 }

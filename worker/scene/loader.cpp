@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "absl/strings/str_cat.h"
 #include "worker/scene/accessor_reader.h"
@@ -14,6 +15,7 @@
 #include "worker/scene/extension_reader.h"
 #include "worker/scene/first_pass.h"
 #include "worker/scene/image_decoder.h"
+#include "worker/scene/limits.h"
 #include "worker/scene/scene_builder.h"
 
 namespace tessera::render {
@@ -83,9 +85,7 @@ class LoadedScene final : public SceneFile {
     if (!core.ok()) return core.status();
     status = read_core_model(*core, document_);
     if (status.ok()) status = check_views(document_);
-    for (std::size_t i = 0; i < document_.accessors.size() && status.ok(); ++i) {
-      status = check_accessor(document_, static_cast<std::int32_t>(i));
-    }
+    if (status.ok()) status = check_accessors(document_);
     if (status.ok()) status = read_images(*root, document_);
     if (status.ok()) status = read_material_extensions(*root, document_);
     if (status.ok()) status = read_node_extensions(*root, document_);
@@ -131,20 +131,22 @@ class LoadedScene final : public SceneFile {
     return absl::OkStatus();
   }
 
-  /// Adds what has not been said before.
+  /// Adds what has not been said before, up to kMaxProblems.
   void remember(const std::vector<Problem>& met) const {
     const std::lock_guard<std::mutex> lock(mutex_);
     for (const Problem& problem : met) {
-      const bool known =
-          std::any_of(document_.problems.begin(), document_.problems.end(), [&](const Problem& p) {
-            return p.element == problem.element && p.message == problem.message;
-          });
-      if (!known) document_.problems.push_back(problem);
+      if (said_.size() > kMaxProblems) return;
+      if (!said_.insert(problem.element + ": " + problem.message).second) continue;
+      document_.problems.push_back(
+          said_.size() <= kMaxProblems
+              ? problem
+              : Problem{Problem::Severity::warning, "", "further warnings are left out"});
     }
   }
 
   std::string name_;
-  mutable std::mutex mutex_;   // guards document_.problems
+  mutable std::mutex mutex_;  // guards document_.problems and said_
+  mutable std::set<std::string> said_;
   mutable Document document_;  // after load() only `problems` changes
   Image sky_;
   bool has_sky_ = false;

@@ -62,6 +62,7 @@ class SceneBuilder {
 
  private:
   void warn(const std::string& element, const std::string& message) {
+    if (problems_.size() > kMaxProblems) return;
     problems_.push_back({Problem::Severity::warning, element, message});
   }
 
@@ -132,6 +133,23 @@ class SceneBuilder {
     return needs;
   }
 
+  /// Adds what a primitive decodes to; a fault when the scene becomes too large.
+  absl::Status count_bytes(const PrimitiveSource& primitive, std::int32_t mesh) {
+    if (primitive.indices != kNone) geometry_bytes_ += decoded_bytes(document_, primitive.indices);
+    for (const auto& [name, accessor] : primitive.attributes) {
+      geometry_bytes_ += decoded_bytes(document_, accessor);
+    }
+    for (const Attributes& target : primitive.targets) {
+      for (const auto& [name, accessor] : target) {
+        geometry_bytes_ += decoded_bytes(document_, accessor);
+      }
+    }
+    if (geometry_bytes_ <= kMaxGeometryBytes) return absl::OkStatus();
+    return absl::InvalidArgumentError(absl::StrCat("meshes[", mesh,
+                                                   "]: the scene's meshes decode to more than ",
+                                                   kMaxGeometryBytes, " bytes"));
+  }
+
   /// Reads and poses all primitives of a mesh; with `joints`, skinned.
   absl::StatusOr<std::int32_t> add_mesh(std::int32_t source, const std::vector<double>& weights,
                                         const std::vector<Affine3d>* joints, bool& mirrored) {
@@ -140,7 +158,10 @@ class SceneBuilder {
     std::vector<std::vector<Vec3d>> worlds;
     Box box;
     for (std::size_t k = 0; k < document_.meshes[source].primitives.size(); ++k) {
-      const std::int32_t material = material_of(document_.meshes[source].primitives[k]);
+      const PrimitiveSource& primitive = document_.meshes[source].primitives[k];
+      const absl::Status affordable = count_bytes(primitive, source);
+      if (!affordable.ok()) return affordable;
+      const std::int32_t material = material_of(primitive);
       auto base = read_primitive(document_, source, k, needs_of(material), problems_);
       if (!base.ok()) return base.status();
       if (!*base || (*base)->primitive.triangles.empty()) continue;
@@ -376,6 +397,11 @@ class SceneBuilder {
       return absl::Status(image.status().code(),
                           absl::StrCat(source.name, ": ", image.status().message()));
     }
+    image_bytes_ += image->u8.size() + 2 * image->u16.size() + 4 * image->f32.size();
+    if (image_bytes_ > kMaxAllImageBytes) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          source.name, ": the images decode to more than ", kMaxAllImageBytes, " bytes"));
+    }
     scene_.images.push_back(*std::move(image));
     return absl::OkStatus();
   }
@@ -427,6 +453,7 @@ class SceneBuilder {
   std::map<std::pair<std::int32_t, std::vector<double>>, std::int32_t> shared_;
   std::vector<SkinnedMesh> skinned_;
   Box bounds_;
+  std::uint64_t geometry_bytes_ = 0, image_bytes_ = 0;
 };
 
 }  // namespace

@@ -69,6 +69,30 @@ bool has_scheme(std::string_view uri) {
   return colon != std::string_view::npos && uri.substr(0, colon).find('/') == std::string::npos;
 }
 
+/// Whether `text` is well-formed UTF-8, so that messages can carry it.
+bool is_utf8(std::string_view text) {
+  std::size_t i = 0;
+  while (i < text.size()) {
+    const auto lead = static_cast<unsigned char>(text[i]);
+    const std::size_t length = lead < 0x80   ? 1
+                               : lead < 0xC2 ? 0
+                               : lead < 0xE0 ? 2
+                               : lead < 0xF0 ? 3
+                               : lead < 0xF5 ? 4
+                                             : 0;
+    if (length == 0 || i + length > text.size()) return false;
+    for (std::size_t k = 1; k < length; ++k) {
+      if ((static_cast<unsigned char>(text[i + k]) & 0xC0) != 0x80) return false;
+    }
+    const auto second = length > 1 ? static_cast<unsigned char>(text[i + 1]) : 0x80u;
+    const bool too_long = (lead == 0xE0 && second < 0xA0) || (lead == 0xF0 && second < 0x90);
+    const bool too_far = (lead == 0xED && second > 0x9F) || (lead == 0xF4 && second > 0x8F);
+    if (too_long || too_far) return false;
+    i += length;
+  }
+  return true;
+}
+
 /// Whether any segment of `path` is "..".
 bool climbs(std::string_view path) {
   std::size_t begin = 0;
@@ -106,7 +130,8 @@ absl::StatusOr<std::vector<std::byte>> decode_data_uri(std::string_view uri) {
 }
 
 absl::StatusOr<std::string> relative_path(std::string_view uri) {
-  const std::string shown(uri.substr(0, 200));
+  std::string shown(uri.substr(0, 200));
+  while (shown.size() == 200 && !shown.empty() && (shown.back() & 0x80) != 0) shown.pop_back();
   if (uri.empty()) return absl::InvalidArgumentError("the URI is empty");
   if (has_scheme(uri)) {
     return absl::InvalidArgumentError(
@@ -119,6 +144,9 @@ absl::StatusOr<std::string> relative_path(std::string_view uri) {
       return absl::InvalidArgumentError(
           absl::StrCat("URI \"", shown, "\": control character or backslash"));
     }
+  }
+  if (!is_utf8(*path)) {
+    return absl::InvalidArgumentError(absl::StrCat("URI \"", shown, "\": not UTF-8"));
   }
   if (path->front() == '/') {
     return absl::InvalidArgumentError(absl::StrCat("URI \"", shown, "\": the path is absolute"));

@@ -81,7 +81,8 @@ TEST(Uri, DecodesPercentEscapesInDataAndPaths) {
 TEST(Uri, RefusesPathsThatCouldLeaveTheFolder) {
   for (const char* uri :
        {"../a.bin", "a/../../b", "..", "%2e%2e/a", "a/%2E%2E/b", "/etc/passwd", "%2Fetc/passwd",
-        "file:///etc/passwd", "http://host/a", "C:\\a", "a\\..\\b", "a%00b", "", "%zz", "a%2"}) {
+        "file:///etc/passwd", "http://host/a", "C:\\a", "a\\..\\b", "a%00b", "", "%zz", "a%2",
+        "%FF.png", "%C0%AE%C0%AE/a", "%ED%A0%80"}) {
     const auto path = relative_path(uri);
     EXPECT_EQ(path.status().code(), absl::StatusCode::kInvalidArgument) << uri;
   }
