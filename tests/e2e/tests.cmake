@@ -1,7 +1,10 @@
 # End-to-end tests: real programs in private folders. They need tests/e2e/farm.sh and no network.
 add_test(NAME unit.scenes_are_what_their_script_writes
   COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/scenes/make_scenes.py --check)
-set_tests_properties(unit.scenes_are_what_their_script_writes PROPERTIES LABELS unit)
+add_test(NAME unit.documents_speak_of_what_is_there
+  COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/documents_check.py)
+set_tests_properties(unit.scenes_are_what_their_script_writes unit.documents_speak_of_what_is_there
+  PROPERTIES LABELS unit)
 if(TESSERA_WITH_GRPC)
   # tessera_e2e(NAME SECONDS): runs e2e/NAME.sh. Sanitizer builds run smaller jobs.
   function(tessera_e2e name seconds)
