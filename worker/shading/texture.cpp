@@ -40,6 +40,16 @@ std::int32_t wrapped(std::int32_t i, std::int32_t size, Wrap wrap) {
   return clamp(i, std::int32_t{0}, size - 1);
 }
 
+/// RGBA of a texel with 1 to 4 channels: grey repeats, alpha is the last of 2 or 4, else 1.
+template <typename Code, typename Color, typename Alpha>
+Vec4f spread(const Code* codes, std::int32_t channels, const Color& color, const Alpha& alpha) {
+  const float first = color(codes[0]);
+  if (channels >= 3) {
+    return {first, color(codes[1]), color(codes[2]), channels == 4 ? alpha(codes[3]) : 1.0f};
+  }
+  return {first, first, first, channels == 2 ? alpha(codes[1]) : 1.0f};
+}
+
 }  // namespace
 
 TextureTable::TextureTable(const Scene& scene) : srgb8_(srgb8_table()) {
@@ -59,30 +69,28 @@ TextureTable::TextureTable(const Scene& scene) : srgb8_(srgb8_table()) {
 
 Vec4f TextureTable::fetch(const View& view, bool srgb, std::int32_t x, std::int32_t y) const {
   const Image& image = *view.image;
-  const auto n = static_cast<std::size_t>(image.channels);
+  const std::int32_t channels = image.channels;
   const std::size_t at = (static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
                           static_cast<std::size_t>(x)) *
-                         n;
-  std::array<float, 4> c = {0, 0, 0, 1};
-  const std::size_t alpha = n == 2 ? 1 : 3;  // grey + alpha, or RGBA
-  for (std::size_t k = 0; k < n; ++k) {
-    const bool decode = srgb && k != alpha;
-    float value = 0;
-    switch (image.storage) {
-      case Image::Storage::u8:
-        value = (decode ? srgb8_ : linear8_)[image.u8[at + k]];
-        break;
-      case Image::Storage::u16:
-        value = decode ? srgb16_[image.u16[at + k]] : static_cast<float>(image.u16[at + k]) / 65535;
-        break;
-      case Image::Storage::f32:
-        value = image.f32[at + k];
-        break;
+                         static_cast<std::size_t>(channels);
+  switch (image.storage) {
+    case Image::Storage::u8: {
+      const auto& color = srgb ? srgb8_ : linear8_;
+      return spread(
+          &image.u8[at], channels, [&](std::uint8_t c) { return color[c]; },
+          [&](std::uint8_t a) { return linear8_[a]; });
     }
-    c[k == alpha ? 3 : k] = value;
+    case Image::Storage::u16: {
+      const auto linear = [](std::uint16_t c) { return static_cast<float>(c) / 65535; };
+      if (!srgb) return spread(&image.u16[at], channels, linear, linear);
+      return spread(
+          &image.u16[at], channels, [&](std::uint16_t c) { return srgb16_[c]; }, linear);
+    }
+    case Image::Storage::f32:
+      break;
   }
-  if (n <= 2) c[1] = c[2] = c[0];
-  return {c[0], c[1], c[2], c[3]};
+  const auto same = [](float c) { return c; };
+  return spread(&image.f32[at], channels, same, same);
 }
 
 Vec4f TextureTable::texel(const TextureRef& ref, std::int32_t x, std::int32_t y) const {
