@@ -8,6 +8,7 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
+#include <csignal>
 #include <cstring>
 #include <filesystem>
 #include <system_error>
@@ -98,9 +99,14 @@ absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::start(const LocalFarmOptio
   return std::unique_ptr<LocalFarm>(new LocalFarm(keeper, ends[0], std::move(folder)));
 }
 
-LocalFarm::LocalFarm(int keeper_pid, int socket, std::string folder)
+LocalFarm::LocalFarm(pid_t keeper_pid, int socket, std::string folder)
     : keeper_pid_(keeper_pid), socket_(socket), folder_(std::move(folder)) {
+  // Signals are for the threads that wait for them, not for this one.
+  sigset_t all, before;
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, &before);
   listener_ = std::thread([this] { listen(); });
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
 }
 
 LocalFarm::~LocalFarm() {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <sys/types.h>
+
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -38,10 +40,11 @@ class LocalFarm {
   absl::Status health();
 
  private:
-  LocalFarm(int keeper_pid, int socket, std::string folder);
+  LocalFarm(pid_t keeper_pid, int socket, std::string folder);
   void listen();
 
-  const int keeper_pid_, socket_;
+  const pid_t keeper_pid_;
+  const int socket_;
   const std::string folder_;
   std::mutex mutex_;  // guards what follows
   std::function<void()> action_;

@@ -1,9 +1,14 @@
+#include <google/protobuf/stubs/common.h>
+#include <grpcpp/grpcpp.h>
+
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdlib>
 #include <string>
 
+#include "absl/strings/str_cat.h"
 #include "client/commands.h"
+#include "proto/contract/version.h"
 
 namespace {
 
@@ -26,6 +31,11 @@ void add_top_options(CLI::App& app, Invocation& invocation) {
       ->group("");
   app.set_config("--config", config_path(),
                  "File of defaults (TOML): server = \"…\", [render] spp = 256");
+  app.set_version_flag(
+      "--version",
+      absl::StrCat("tessera ", TESSERA_VERSION, ", render contract ",
+                   tessera::contract::kRenderContract, ", gRPC ", grpc::Version(), ", protobuf ",
+                   google::protobuf::internal::VersionString(GOOGLE_PROTOBUF_VERSION)));
   app.require_subcommand(1);
   app.footer(
       "Examples:\n"

@@ -1,5 +1,8 @@
 #include "worker/config.h"
 
+#include <google/protobuf/stubs/common.h>
+#include <grpcpp/grpcpp.h>
+
 #include <CLI/CLI.hpp>
 #include <charconv>
 #include <cstdlib>
@@ -7,6 +10,7 @@
 #include <string_view>
 #include <thread>
 
+#include "absl/strings/str_cat.h"
 #include "proto/contract/version.h"
 
 namespace tessera::worker {
@@ -115,6 +119,13 @@ void add_inspect_options(CLI::App& inspect, InspectConfig& config) {
       ->group("");  // what a client's job will have
 }
 
+std::string version_text() {
+  return absl::StrCat("tessera-worker ", TESSERA_VERSION, ", render contract ",
+                      contract::kRenderContract, ", isa avx2, gRPC ", grpc::Version(),
+                      ", protobuf ",
+                      google::protobuf::internal::VersionString(GOOGLE_PROTOBUF_VERSION));
+}
+
 /// Reads the token and turns units into bytes. False, with a message, if that fails.
 bool complete(WorkerFlags& flags) {
   agent::AgentOptions& options = flags.options;
@@ -144,8 +155,7 @@ bool complete(WorkerFlags& flags) {
 
 std::variant<Config, int> parse_command_line(int argc, char** argv) {
   CLI::App app("Renders units for a tessera farm.", "tessera-worker");
-  app.set_version_flag("--version", "tessera-worker 0.1.0, render contract " +
-                                        std::to_string(contract::kRenderContract) + ", isa avx2");
+  app.set_version_flag("--version", version_text());
   WorkerFlags flags;
   flags.options.thread_count = default_threads();
   flags.options.cache_folder = default_cache();

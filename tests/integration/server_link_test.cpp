@@ -6,13 +6,14 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <condition_variable>
+#include <atomic>
 #include <filesystem>
 #include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "proto/contract/channel.h"
@@ -28,6 +29,7 @@ class FakeServer : public v1::WorkerService::Service {
  public:
   std::string store_id = "store";
   milliseconds timeout{5'000};
+  std::atomic<bool> plays_dead = false;
   grpc::Status refusal;  // of Work, before Welcome
 
   grpc::Status Work(grpc::ServerContext* context,
@@ -40,8 +42,10 @@ class FakeServer : public v1::WorkerService::Service {
     welcome.mutable_welcome()->set_store_id(store_id);
     welcome.mutable_welcome()->mutable_heartbeat_interval()->set_nanos(50'000'000);
     *welcome.mutable_welcome()->mutable_timeout() = duration();
-    stream->Write(welcome);
-    note([&] { work_ = {context, stream}; });
+    note([&] {
+      stream->Write(welcome);
+      work_ = {context, stream};
+    });
     while (stream->Read(&request)) {
       note([&] { requests.push_back(request); });
     }
@@ -66,6 +70,13 @@ class FakeServer : public v1::WorkerService::Service {
       }
     }
     return grpc::Status::OK;
+  }
+
+  /// Answers, unless the test has it play dead.
+  grpc::Status DescribeJob(grpc::ServerContext* context, const v1::DescribeJobRequest*,
+                           v1::DescribeJobResponse*) override {
+    while (plays_dead && !context->IsCancelled()) std::this_thread::sleep_for(milliseconds(5));
+    return {grpc::StatusCode::NOT_FOUND, "no such job"};
   }
 
   /// Sends a response on the open Work stream.
@@ -289,10 +300,20 @@ TEST_F(ServerLinkTest, ABlockOfAnotherStoreIsDropped) {
   EXPECT_TRUE(queue_.empty());
 }
 
-TEST_F(ServerLinkTest, AServerThatSaysNothingIsLeftAndConnectedToAgain) {
+TEST_F(ServerLinkTest, AServerThatIsDeadIsLeftAndConnectedToAgain) {
   fake_.timeout = milliseconds(500);
+  fake_.plays_dead = true;
   open();
   EXPECT_TRUE(run_until([this] { return fake_.hellos.size() >= 2; }));
+  fake_.plays_dead = false;
+}
+
+TEST_F(ServerLinkTest, AServerThatHasNothingToSayIsAskedAndNotLeft) {
+  fake_.timeout = milliseconds(500);
+  open();
+  const Time end = Clock::now() + milliseconds(1'600);  // three times the limit
+  ASSERT_TRUE(run_until([end] { return Clock::now() > end; }));
+  EXPECT_EQ(fake_.hellos.size(), 1u);
 }
 
 TEST_F(ServerLinkTest, ARefusalIsFinal) {

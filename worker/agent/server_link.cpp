@@ -73,7 +73,7 @@ void ServerLink::pump(Time now) {
 
 Time ServerLink::next_due() const {
   if (work_ == nullptr) return deliver_ == nullptr ? connect_at_ : Time::max();
-  const Time silent = heard_ + std::chrono::duration_cast<Clock::duration>(timeout_);
+  const Time silent = heard_ + std::chrono::duration_cast<Clock::duration>(timeout_ / 2);
   return welcomed_ ? std::min(beat_at_, silent) : silent;
 }
 
@@ -139,6 +139,7 @@ void ServerLink::on_closed(const absl::Status& status) {
   }
   if (finishing_) return;
   if (is_final(status)) {
+    finishing_ = true;
     outlet_.refused(status);
     return;
   }
@@ -155,12 +156,24 @@ void ServerLink::check_silence(Time now) {
   if (work_ != nullptr && now - heard_ >= timeout_) {
     heard_ = now;  // once is enough; on_closed follows
     work_->cancel();
+  } else if (welcomed_ && life_sign_ == nullptr && now - heard_ >= timeout_ / 2) {
+    ask_for_life_sign();
   }
   if (welcomed_ && unanswered_ && now - *unanswered_ > kVerdictTimeout && deliver_ != nullptr) {
     deliver_cancelled_ = true;  // its end opens another one, on which all is sent again
     unanswered_.reset();
     deliver_->cancel();
   }
+}
+
+void ServerLink::ask_for_life_sign() {
+  const auto limit = std::chrono::duration_cast<milliseconds>(timeout_ / 2);
+  life_sign_ = std::make_unique<LifeSign>(stub_, options_.token, limit, [this](bool answered) {
+    mailbox_.post([this, answered] {
+      life_sign_.reset();
+      if (answered) heard_ = Clock::now();
+    });
+  });
 }
 
 void ServerLink::send(v1::WorkRequest request) {
@@ -171,12 +184,14 @@ void ServerLink::finish() {
   finishing_ = true;
   if (work_ != nullptr) work_->finish();
   if (deliver_ != nullptr) deliver_->finish();
+  if (life_sign_ != nullptr) life_sign_->cancel();
 }
 
 void ServerLink::cancel() {
   finishing_ = true;
   if (work_ != nullptr) work_->cancel();
   if (deliver_ != nullptr) deliver_->cancel();
+  if (life_sign_ != nullptr) life_sign_->cancel();
 }
 
 void ServerLink::note_verdict(Time now) {

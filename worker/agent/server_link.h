@@ -44,8 +44,8 @@ class ServerLink {
   bool connected() const { return welcomed_; }
   /// Closes both streams in order. No others are opened.
   void finish();
-  /// Whether both streams are gone.
-  bool closed() const { return work_ == nullptr && deliver_ == nullptr; }
+  /// Whether nothing is open any more.
+  bool closed() const { return work_ == nullptr && deliver_ == nullptr && life_sign_ == nullptr; }
   /// Breaks off both streams.
   void cancel();
   /// Time from the end of a block's delivery to its verdict, smoothed, seconds.
@@ -61,6 +61,7 @@ class ServerLink {
   void deliver(Time now);
   void add_parts(v1::DeliverRequest& request);
   void check_silence(Time now);
+  void ask_for_life_sign();
 
   v1::WorkerService::Stub& stub_;
   const Options options_;
@@ -71,6 +72,7 @@ class ServerLink {
 
   std::unique_ptr<WorkStream> work_;
   std::unique_ptr<DeliverStream> deliver_;
+  std::unique_ptr<LifeSign> life_sign_;
   bool welcomed_ = false, finishing_ = false;
   bool deliver_cancelled_ = false, names_itself_ = false;
   std::chrono::nanoseconds interval_, timeout_;

@@ -16,4 +16,5 @@ target_link_libraries(tessera_agent PUBLIC tessera::flags tessera::render tesser
   PRIVATE Threads::Threads)
 
 add_executable(tessera-worker main.cpp config.cpp config.h)
+target_compile_definitions(tessera-worker PRIVATE TESSERA_VERSION="${PROJECT_VERSION}")
 target_link_libraries(tessera-worker PRIVATE tessera::agent CLI11::CLI11)

@@ -145,4 +145,17 @@ void DeliverStream::OnDone(const grpc::Status& status) {
   on_closed(contract::from_rpc(status));
 }
 
+LifeSign::LifeSign(v1::WorkerService::Stub& stub, const std::string& token,
+                   std::chrono::milliseconds timeout, std::function<void(bool)> on_answer) {
+  contract::prepare_call(context_, token, timeout);
+  stub.async()->DescribeJob(
+      &context_, &request_, &response_,
+      [on_answer = std::move(on_answer)](const grpc::Status& status) {
+        // Any answer of the server's will do, refusals included; these are the channel's own.
+        on_answer(status.error_code() != grpc::StatusCode::UNAVAILABLE &&
+                  status.error_code() != grpc::StatusCode::DEADLINE_EXCEEDED &&
+                  status.error_code() != grpc::StatusCode::CANCELLED);
+      });
+}
+
 }  // namespace tessera::agent

@@ -3,6 +3,7 @@
 #include <grpcpp/client_context.h>
 #include <grpcpp/support/client_callback.h>
 
+#include <chrono>
 #include <deque>
 #include <functional>
 #include <memory>
@@ -75,6 +76,21 @@ class DeliverStream : private grpc::ClientWriteReactor<v1::DeliverRequest> {
   std::mutex mutex_;                      // guards what follows
   std::deque<v1::DeliverRequest> queue_;  // front: being written
   bool broken_ = false, finishing_ = false, holding_ = true;
+};
+
+/// A small question to the server, for its answer as a sign of life: what the server has nothing to
+/// say about it does not say, and a long silence may be either. Destroy it only after `on_answer`.
+class LifeSign {
+ public:
+  /// `on_answer(true)`: the server answered within `timeout`. Called once, on a thread of gRPC's.
+  LifeSign(v1::WorkerService::Stub& stub, const std::string& token,
+           std::chrono::milliseconds timeout, std::function<void(bool)> on_answer);
+  void cancel() { context_.TryCancel(); }
+
+ private:
+  grpc::ClientContext context_;
+  v1::DescribeJobRequest request_;  // of no job
+  v1::DescribeJobResponse response_;
 };
 
 }  // namespace tessera::agent
