@@ -14,6 +14,7 @@
 #include <nlohmann/json.hpp>
 
 #include "server/film/image_export.h"
+#include "tests/support/json_schema.h"
 #include "tests/unit/server/film/made_blocks.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -308,6 +309,8 @@ TEST_F(FrameWriterTest, ReportEntryHasEveryKeyOfTheDesign) {
   for (const char* key : {"rmse", "relmse", "error", "error_upper95"}) {
     EXPECT_TRUE(entry["estimated"][key].is_number()) << key;
   }
+  const auto schema = support::read_schema("report")["properties"]["frames"]["items"];
+  EXPECT_EQ(support::schema_faults(schema, entry), std::vector<std::string>{});
   EXPECT_EQ(entry["pixels_sha256"], result.pixels_sha256.hex());
   EXPECT_EQ(entry["curve"][0]["error"], 0.125);
   EXPECT_EQ(entry["estimated"]["error"], result.statistics.estimated.error);

@@ -184,6 +184,26 @@ TEST(ErrorSums, AgreeWithTheFormulaWrittenOut) {
   }
 }
 
+TEST(ErrorSums, PixelsMeasuredTogetherAndAloneAgree) {
+  // Whole tiles are measured some pixels at a time; one dropped sample makes it one by one.
+  const contract::Pass pass{0, 8};
+  const contract::PixelRect rect{0, 0, 7, 5};  // leaves a rest of three
+  FilmBlock block = made_block(rect, 0, 0, pass);
+  TileSum together(7, 5, 0), alone(7, 5, 0);
+  ASSERT_TRUE(together.add(block, pass).ok());
+  block.dropped = {{34, 0, 1}};
+  ASSERT_TRUE(alone.add(block, pass).ok());
+  for (const double m : {0.0, 0.5}) {
+    std::vector<double> a, b;
+    const ErrorSums sums_a = together.error_sums(m, &a), sums_b = alone.error_sums(m, &b);
+    ASSERT_EQ(a.size(), 35u);
+    ASSERT_EQ(b.size(), 35u);
+    for (std::size_t i = 0; i < 34; ++i) ASSERT_NEAR(a[i], b[i], 1e-13) << i << ", m " << m;
+    EXPECT_NE(sums_a.relative, sums_b.relative) << "the last pixel differs";
+    EXPECT_EQ(m == 0, sums_a.scaled == 0);
+  }
+}
+
 TEST(ErrorSums, VarianceOfNearlyEqualReplicatesDoesNotCancel) {
   // Hard case 68: 1000 ± 0.1. Σ(x − x̄)² / (4·3) of {1000.1, 999.9, 1000.1, 999.9} = 0.04 / 12.
   TileSum tile(1, 1, 0);
@@ -192,10 +212,18 @@ TEST(ErrorSums, VarianceOfNearlyEqualReplicatesDoesNotCancel) {
 }
 
 TEST(ErrorSums, FireflyDoesNotDivideByItself) {
-  TileSum tile(1, 1, 0);
-  ASSERT_TRUE(tile.add(one_pixel({1e4f, 0, 0, 0}, 4, true), {0, 4}).ok());
-  // Its own term stands over 0.01 m² alone: (7500)² / 0.01 / 12.
-  EXPECT_GT(tile.error_sums(1).scaled, 7500.0 * 7500.0 / 0.01 / 12);
+  // Its own term stands over 0.01 m² alone: (0.75 x)² / 0.01 / 12; also for one so bright that
+  // taking it out of the sum of all would leave rounding errors.
+  for (const float x : {1e4f, 1e30f}) {
+    TileSum alone(1, 1, 0), among(8, 1, 0);
+    ASSERT_TRUE(alone.add(one_pixel({x, 0, 0, 0}, 4, true), {0, 4}).ok());
+    FilmBlock block = FilmBlock::zeros({8, 1, 0, true});
+    block.rgb[0] = x;
+    ASSERT_TRUE(among.add(block, {0, 4}).ok());
+    const double own = 0.75 * double{x} * 0.75 * double{x} / 0.01 / 12;
+    EXPECT_GT(alone.error_sums(1).scaled, own * (1 - 1e-12));
+    EXPECT_GT(among.error_sums(1).scaled, own * (1 - 1e-12));
+  }
 }
 
 TEST(ErrorSums, BlackFrameHasNoErrorAndNoNan) {

@@ -2,4 +2,4 @@
 tessera_test(NAME film KIND unit
   SOURCES unit/server/film/film_cache_test.cpp unit/server/film/frame_writer_test.cpp
           unit/server/film/merge_test.cpp
-  LINKS tessera::film OpenImageIO::OpenImageIO nlohmann_json::nlohmann_json Threads::Threads)
+  LINKS tessera::film tessera_schema_check OpenImageIO::OpenImageIO nlohmann_json::nlohmann_json Threads::Threads)
