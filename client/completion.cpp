@@ -219,6 +219,13 @@ std::string man_page(const CLI::App& command, const std::string& program) {
   return page;
 }
 
+std::string man_page_of_help(const std::string& name, const std::string& help) {
+  const std::string first_line = help.substr(0, help.find('\n'));
+  return absl::StrCat(".TH \"", name, "\" 1 \"\" \"tessera\" \"Tessera manual\"\n.SH NAME\n",
+                      roff_text(name), " \\- ", roff_text(first_line), "\n.SH DESCRIPTION\n.nf\n",
+                      roff_text(help), "\n.fi\n");
+}
+
 void add_completion_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<CompletionOptions>();
   CLI::App* command = app.add_subcommand("completion", "Print a shell's completion script");

@@ -16,4 +16,7 @@ std::string completion_script(const CLI::App& app, const std::string& shell);
 /// --help. `program` is what it is called with, e.g. "tessera fetch".
 std::string man_page(const CLI::App& command, const std::string& program);
 
+/// Man page of another program, around the text it prints for --help.
+std::string man_page_of_help(const std::string& name, const std::string& help);
+
 }  // namespace tessera::client

@@ -10,5 +10,6 @@ add_executable(tessera_manual EXCLUDE_FROM_ALL manual.cpp)
 target_link_libraries(tessera_manual PRIVATE tessera::client CLI11::CLI11)
 add_custom_target(man
   COMMAND ${CMAKE_COMMAND} -E make_directory ${PROJECT_BINARY_DIR}/man
-  COMMAND tessera_manual ${PROJECT_BINARY_DIR}/man
-  COMMENT "Writing man pages")
+  COMMAND tessera_manual ${PROJECT_BINARY_DIR}/man $<TARGET_FILE:tessera-server>
+          $<TARGET_FILE:tessera-worker>
+  COMMENT "Writing man pages" VERBATIM)

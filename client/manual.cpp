@@ -7,8 +7,9 @@
 #include "client/commands.h"
 #include "client/completion.h"
 
-// tessera-manual FOLDER: writes tessera.1 and tessera-COMMAND.1, read off the parser. Built by the
-// target `man`; not installed.
+// tessera-manual FOLDER [PROGRAM…]: writes tessera.1 and tessera-COMMAND.1, read off the parser,
+// and for each other program a page that holds what it prints for --help. Run by the target `man`;
+// not installed.
 
 namespace {
 
@@ -22,11 +23,30 @@ bool write_page(const CLI::App& command, const std::string& folder, const std::s
   return static_cast<bool>(file.flush());
 }
 
+/// What `program --help` prints; empty if it fails.
+std::string help_of(const std::string& program) {
+  std::FILE* pipe = ::popen(("'" + program + "' --help").c_str(), "r");
+  if (pipe == nullptr) return "";
+  std::string text;
+  char buffer[4096];
+  std::size_t size = 0;
+  while ((size = std::fread(buffer, 1, sizeof buffer, pipe)) > 0) text.append(buffer, size);
+  return ::pclose(pipe) == 0 ? text : "";
+}
+
+bool write_help_page(const std::string& program, const std::string& folder) {
+  const std::string help = help_of(program);
+  const std::string name = program.substr(program.rfind('/') + 1);
+  std::ofstream file(folder + "/" + name + ".1");
+  file << tessera::client::man_page_of_help(name, help);
+  return !help.empty() && file.flush();
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc != 2) {
-    std::cerr << "usage: tessera-manual FOLDER\n";
+  if (argc < 2) {
+    std::cerr << "usage: tessera-manual FOLDER [PROGRAM…]\n";
     return tessera::client::kExitBadInput;
   }
   tessera::client::Invocation invocation;
@@ -37,6 +57,7 @@ int main(int argc, char** argv) {
   for (const CLI::App* command : app.get_subcommands(nullptr)) {
     written = written && write_page(*command, argv[1], "tessera " + command->get_name());
   }
-  if (!written) std::cerr << "tessera-manual: cannot write into " << argv[1] << "\n";
+  for (int i = 2; i < argc; ++i) written = write_help_page(argv[i], argv[1]) && written;
+  if (!written) std::cerr << "tessera-manual: some page could not be written\n";
   return written ? tessera::client::kExitDone : tessera::client::kExitBadInput;
 }
