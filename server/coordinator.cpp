@@ -13,6 +13,7 @@ using contract::Unit;
 namespace {
 
 constexpr std::int32_t kManyWorkers = 1000;  // above which heartbeats are halved
+constexpr std::chrono::seconds kJournalRunningEvery{20};
 
 absl::Status no_such_job(const std::string& text) {
   return absl::NotFoundError(absl::StrCat("no job \"", text, "\""));
@@ -43,6 +44,9 @@ void Coordinator::settle(Afterwards& afterwards) {
     afterwards.add([link = linked->second.link] { link->wake(); });
   }
   for (const WorkerKey key : effects.to_close) {
+    if (const Worker* worker = scheduler_.find_worker(key)) {
+      afterwards.add([this, id = worker->id] { log(absl::StrCat("worker ", id, " is lost")); });
+    }
     const auto linked = links_.find(key);
     if (linked == links_.end()) continue;
     afterwards.add([link = linked->second.link] {
@@ -57,11 +61,18 @@ void Coordinator::settle(Afterwards& afterwards) {
   for (const JobKey key : effects.changed) {
     const Job* job = scheduler_.find_job(key);
     if (job == nullptr) continue;
+    afterwards.add([this, id = job->spec->id, state = job->state, reason = job->reason] {
+      log(absl::StrCat("job ", id, " is ", state_name(state), reason.empty() ? "" : ": ", reason));
+    });
     JobFilm& film = film_of(*job);
     if (!has_ended(job->state)) {
       film.end_time_us = 0;
     } else if (film.end_time_us == 0) {
       film.end_time_us = options_.wall_us();
+    }
+    if (job->state == JobState::done) {  // its blocks are no longer needed, nor where they lie
+      film.grid.reset();
+      film.ledger.reset();
     }
   }
 }
@@ -69,16 +80,27 @@ void Coordinator::settle(Afterwards& afterwards) {
 void Coordinator::tick() {
   Afterwards afterwards;
   MutexLock lock(mutex_);
-  scheduler_.tick(options_.clock(), options_.tick_period);
+  const Time now = options_.clock();
+  scheduler_.tick(now, options_.tick_period);
+  if (now - running_journaled_ >= kJournalRunningEvery) {
+    running_journaled_ = now;
+    journal_running();
+  }
   settle(afterwards);
+}
+
+/// Has the running time of the jobs so far written to their rows.
+void Coordinator::journal_running() {
+  for (const auto& [key, job] : scheduler_.jobs()) {
+    if (job.running_since) changed_.insert(key);
+  }
+  if (!changed_.empty()) writer_signal_.raise();
 }
 
 void Coordinator::stop() {
   MutexLock lock(mutex_);
   stopping_ = true;
-  for (const auto& [key, job] : scheduler_.jobs()) {
-    if (job.running_since) changed_.insert(key);  // its running time so far
-  }
+  journal_running();
   writer_signal_.raise();
   film_signal_.raise();
 }
@@ -101,6 +123,9 @@ Coordinator::Joined Coordinator::join(const Hello& hello, std::shared_ptr<Worker
     });
   }
   linked = {++last_session_, std::move(link)};
+  afterwards.add([this, text = absl::StrCat("worker ", hello.worker_id, " is here: ", hello.name,
+                                            " on ", hello.host, ", ", hello.isa, ", ",
+                                            hello.thread_count, " threads")] { log(text); });
   settle(afterwards);
   const bool many = static_cast<std::int32_t>(links_.size()) > kManyWorkers;
   return {{key, linked.session},

@@ -229,6 +229,7 @@ class Coordinator {
   absl::Status load_job(const JobRecord& record) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   void settle(Afterwards& afterwards) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void journal_running() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   Worker* worker_of(Session session) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   JobFilm& film_of(const Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   const contract::TileGrid& grid_of(const Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -298,6 +299,7 @@ class Coordinator {
   std::deque<std::function<void()>> write_tasks_ ABSL_GUARDED_BY(mutex_);
   std::deque<std::function<void()>> film_tasks_ ABSL_GUARDED_BY(mutex_);
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
+  Time running_journaled_ ABSL_GUARDED_BY(mutex_);
 
   // Film thread only.
   std::map<FrameKey, Time> last_estimate_;

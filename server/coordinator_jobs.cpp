@@ -42,6 +42,17 @@ std::int64_t job_store_bytes(const JobSpec& spec) {
   return product > 4e18 ? std::int64_t{1} << 62 : frame * frames;
 }
 
+/// Restores a job's units from the journal; those of frames not finished go to `visit_open` too.
+absl::Status restore_units(const Store& store, Scheduler& scheduler, Job& job,
+                           const std::function<void(const UnitRecord&)>& visit_open) {
+  const JobPlan& plan = job.open_plan();
+  return store.for_each_unit(job.spec->id, [&](const UnitRecord& unit) {
+    if (!plan.contains(unit.unit)) return;
+    scheduler.restore_unit(job, unit.unit, unit.worker_id, unit.cpu_seconds);
+    if (!plan.is_finished(unit.unit.frame)) visit_open(unit);
+  });
+}
+
 std::int32_t statistics_spp(const FrameRecord& record) {
   const auto statistics = nlohmann::json::parse(record.statistics_json, nullptr, false);
   return statistics.is_object() ? statistics.value("spp", 0) : 0;
@@ -101,16 +112,17 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
     film.committed_samples +=
         std::int64_t{window.width} * window.height * contract::rounded_spp(settings.spp);
   }
-  const double wall = record.wall_seconds;
-  absl::Status status = store_.for_each_unit(record.id, [&](const UnitRecord& unit) {
-    if (!plan.contains(unit.unit)) return;
-    scheduler_.restore_unit(job, unit.unit, unit.worker_id, unit.cpu_seconds);
-    if (plan.is_finished(unit.unit.frame)) return;
-    ledger_of(job).add(unit, wall);
-    const contract::PixelRect rect = grid_of(job).rect(unit.unit.tile);
-    film.committed_samples += std::int64_t{rect.width} * rect.height *
-                              plan.passes()[static_cast<std::size_t>(unit.unit.pass)].sample_count;
-  });
+  const bool has_open_frames = plan.finished_frame_count() < plan.frame_count();
+  const contract::TileGrid* grid = has_open_frames ? &grid_of(job) : nullptr;
+  FrameLedger* ledger = has_open_frames ? &ledger_of(job) : nullptr;
+  const absl::Status status = restore_units(
+      store_, scheduler_, job, [&, wall = record.wall_seconds](const UnitRecord& unit) {
+        ledger->add(unit, wall);
+        const contract::PixelRect rect = grid->rect(unit.unit.tile);
+        film.committed_samples +=
+            std::int64_t{rect.width} * rect.height *
+            plan.passes()[static_cast<std::size_t>(unit.unit.pass)].sample_count;
+      });
   if (!status.ok()) return status;
   film.samples_at_start = film.committed_samples;
   if (has_ended(state)) return absl::OkStatus();

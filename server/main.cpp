@@ -1,5 +1,6 @@
 #include <openssl/rand.h>
 #include <signal.h>
+#include <sys/resource.h>
 
 #include <chrono>
 #include <cstdio>
@@ -45,6 +46,14 @@ CoordinatorOptions options_of(const Config& config) {
   options.write_request = write_request;
   options.log = open_log(config.log_level);
   return options;
+}
+
+/// A connection is a descriptor: as many as the system lets us have.
+void raise_file_limit() {
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+  limit.rlim_cur = limit.rlim_max;
+  ::setrlimit(RLIMIT_NOFILE, &limit);
 }
 
 int fail(const absl::Status& status) {
@@ -95,5 +104,6 @@ int main(int argc, char** argv) {
   sigaddset(&signals, SIGINT);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   signal(SIGPIPE, SIG_IGN);
+  raise_file_limit();
   return serve(*parsed.config, signals);
 }

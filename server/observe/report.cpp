@@ -11,24 +11,6 @@ namespace {
 
 using nlohmann::json;
 
-const char* status_name(JobState state) {
-  switch (state) {
-    case JobState::queued:
-      return "QUEUED";
-    case JobState::running:
-      return "RUNNING";
-    case JobState::paused:
-      return "PAUSED";
-    case JobState::done:
-      return "DONE";
-    case JobState::failed:
-      return "FAILED";
-    case JobState::cancelled:
-      return "CANCELLED";
-  }
-  return "UNKNOWN";
-}
-
 /// Digest of the sorted list of asset digests: the same bytes under other names are the same scene.
 std::string scene_sha256(const JobSpec& spec) {
   std::vector<contract::Digest> digests;
@@ -131,7 +113,7 @@ std::string report_json(const JobReport& report) {
                    {"job", view.spec->id},
                    {"name", view.spec->name},
                    {"contract", contract::kRenderContract},
-                   {"status", status_name(view.state)},
+                   {"status", state_name(view.state)},
                    {"reasons", reasons},
                    {"warnings", warnings},
                    {"scene_sha256", scene_sha256(*view.spec)},

@@ -4,6 +4,24 @@
 
 namespace tessera::server {
 
+const char* state_name(JobState state) {
+  switch (state) {
+    case JobState::queued:
+      return "QUEUED";
+    case JobState::running:
+      return "RUNNING";
+    case JobState::paused:
+      return "PAUSED";
+    case JobState::done:
+      return "DONE";
+    case JobState::failed:
+      return "FAILED";
+    case JobState::cancelled:
+      return "CANCELLED";
+  }
+  return "UNKNOWN";
+}
+
 bool Trouble::failed_on(const std::string& worker_id) const {
   return std::any_of(failures.begin(), failures.end(),
                      [&](const Failure& failure) { return failure.worker_id == worker_id; });

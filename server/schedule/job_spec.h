@@ -36,6 +36,9 @@ inline bool has_ended(JobState state) {
   return state == JobState::done || state == JobState::failed || state == JobState::cancelled;
 }
 
+/// The state's name in capitals, as reports and logs have it.
+const char* state_name(JobState state);
+
 /// A file the scene names, and the asset behind it.
 struct ManifestEntry {
   std::string uri;

@@ -10,6 +10,7 @@ using contract::Unit;
 
 namespace {
 
+constexpr std::size_t kMostListed = 4096;  // leases, and units, adopted from one hello
 constexpr double kUnknownUnitSeconds = 1;  // what fair share assumes before the first result
 
 std::string describe(const JobSpec& spec, const Unit& unit) {
@@ -77,15 +78,20 @@ WorkerKey Scheduler::connect(const Hello& hello, Time now) {
 }
 
 void Scheduler::adopt(Worker& worker, const Hello& hello, Time now) {
+  std::vector<const Lease*> leases;  // ours; a list without end would hold up everybody
+  for (const Lease& lease : hello.leases) {
+    if (leases.size() == kMostListed) break;
+    if (seal_holds(lease, worker.id, identity_.store_key)) leases.push_back(&lease);
+  }
   std::map<std::pair<JobKey, Unit>, Attempt> listed;
   const auto list = [&](const UnitName& name) {
-    const auto lease =
-        std::find_if(hello.leases.begin(), hello.leases.end(), [&](const Lease& candidate) {
-          return candidate.job_id == name.job_id && candidate.covers(name.unit) &&
-                 seal_holds(candidate, worker.id, identity_.store_key);
-        });
+    if (listed.size() == kMostListed) return;  // further results count when they come
+    const auto found = std::find_if(leases.begin(), leases.end(), [&](const Lease* candidate) {
+      return candidate->covers(name.unit) && candidate->job_id == name.job_id;
+    });
     Job* job = find_job(name.job_id);
-    if (lease == hello.leases.end() || job == nullptr || has_ended(job->state)) return;
+    if (found == leases.end() || job == nullptr || has_ended(job->state)) return;
+    const Lease* lease = *found;
     job->open_plan();
     if (!wants(*job, *lease, name.unit) || job->plan->is_committed(name.unit)) return;
     listed.emplace(std::pair(job->key, name.unit), lease->attempt);
