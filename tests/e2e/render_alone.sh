@@ -31,7 +31,7 @@ all_gone() {
   local pid
   for pid in "$@"; do gone "$pid" || return 1; done
 }
-nothing_left() { [ -z "$(ls -A "$TMPDIR" "$XDG_RUNTIME_DIR")" ]; }
+nothing_left() { [ -z "$(ls -A "$TMPDIR" "$XDG_RUNTIME_DIR")" ] || { ls -AR "$TMPDIR" "$XDG_RUNTIME_DIR" >"$work/left.log"; false; }; }
 
 for signal in INT KILL; do
   start_interruptible "$signal" tessera render "$scene" -o "$work/never.exr" "${long[@]}" --workers 2
@@ -61,17 +61,13 @@ tessera render "$scene" -o "$work/straight.exr" "${job[@]}" --report "$work/stra
   >"$work/straight.log" 2>&1
 start_interruptible first tessera render "$scene" -o "$work/out.exr" "${job[@]}" --store "$work/store"
 pid=$started
-rows() {
+rows() {  # units in the store's journal
   python3 -c '
-import glob, sqlite3, sys
-for path in glob.glob(sys.argv[1] + "/*.db") + glob.glob(sys.argv[1] + "/*.sqlite*"):
-    try:
-        print(sqlite3.connect(f"file:{path}?mode=ro", uri=True).execute(
-            "select count(*) from units").fetchone()[0])
-        break
-    except sqlite3.Error:
-        pass
-else:
+import sqlite3, sys
+try:
+    journal = sqlite3.connect(f"file:{sys.argv[1]}/store.db?mode=ro", uri=True)
+    print(journal.execute("select count(*) from units").fetchone()[0])
+except sqlite3.Error:
     print(0)' "$work/store"
 }
 some_rows() { [ "$(rows)" -ge 40 ]; }
