@@ -149,19 +149,21 @@ int run(const RenderCommandOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   const auto output = plan_output(options);
   if (!output.ok()) return fail(output.status());
+  // The farm comes up while the scene is inspected; it gets nothing before that has gone well.
+  auto farm = LocalFarm::start(farm_options(options));  // forks: before any thread
+  if (!farm.ok()) return fail(farm.status());
+  Interrupts interrupts;
   const auto prepared = prepare_job(options.render, options.name);
   if (!prepared.ok()) return fail(prepared.status());
   for (const std::string& warning : prepared->warnings) {
     std::fprintf(stderr, "%s\n", warning.c_str());
   }
-  auto farm = LocalFarm::start(farm_options(options));  // forks: before any thread
-  if (!farm.ok()) return fail(farm.status());
-  Interrupts interrupts;
   absl::Status up = (*farm)->wait_until_up();
   if (!up.ok()) return fail(up);
   const auto client = FarmClient::connect({(*farm)->address(), ""});
   if (!client.ok()) return fail(client.status());
 
+  if (interrupts.interrupted()) return kExitInterrupted;
   int fate = kExitDone;
   absl::StatusOr<nlohmann::ordered_json> report = absl::UnknownError("");
   {
