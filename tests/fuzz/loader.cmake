@@ -5,4 +5,4 @@ set(scene_sources
 list(TRANSFORM scene_sources PREPEND ${PROJECT_SOURCE_DIR}/worker/scene/)
 list(TRANSFORM scene_sources APPEND .cpp)
 tessera_fuzz(NAME loader SOURCES ${scene_sources}
-  LINKS tessera_test_scene nlohmann_json::nlohmann_json TinyGLTF::TinyGLTF OpenImageIO::OpenImageIO)
+  LINKS tessera_test_scene nlohmann_json::nlohmann_json OpenImageIO::OpenImageIO)

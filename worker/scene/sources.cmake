@@ -16,6 +16,7 @@ target_sources(tessera_render
     scene/hierarchy.h scene/image_decoder.h scene/inspect_report.h scene/json_view.h
     scene/limits.h scene/loader.h scene/meshopt_decoder.h scene/needs.h scene/scene.h
     scene/scene_builder.h scene/selection.h scene/tangents.h scene/uri.h)
+# tinygltf is used as a header (see core_model.cpp): nothing to link.
 target_link_libraries(tessera_render
-  PRIVATE nlohmann_json::nlohmann_json TinyGLTF::TinyGLTF draco::draco
+  PRIVATE nlohmann_json::nlohmann_json draco::draco
     meshoptimizer::meshoptimizer OpenImageIO::OpenImageIO absl::strings absl::status)
