@@ -31,7 +31,7 @@ all_gone() {
   local pid
   for pid in "$@"; do gone "$pid" || return 1; done
 }
-nothing_left() { [ -z "$(ls -A "$TMPDIR" "$XDG_RUNTIME_DIR")" ] || { ls -AR "$TMPDIR" "$XDG_RUNTIME_DIR" >"$work/left.log"; false; }; }
+nothing_left() { [ -z "$(find "$TMPDIR" "$XDG_RUNTIME_DIR" -mindepth 1)" ]; }
 
 for signal in INT KILL; do
   start_interruptible "$signal" tessera render "$scene" -o "$work/never.exr" "${long[@]}" --workers 2
