@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "worker/accel/mesh_triangles.h"
 #include "worker/math/float_bits.h"
 
 namespace tessera::render {
@@ -90,6 +91,22 @@ Box3f padded(const Box3d& box, const Vec3d& pad) {
   return out;
 }
 
+struct MeshTriangle {
+  std::uint32_t primitive, triangle;
+};
+
+void set_lane(TriangleBlock& block, std::size_t lane, const Mesh& mesh, const MeshTriangle& id) {
+  const Primitive& primitive = mesh.primitives[id.primitive];
+  for (std::size_t vertex = 0; vertex < 3; ++vertex) {
+    const Vec3f& v = primitive.positions[primitive.triangles[id.triangle][vertex]];
+    for (int axis = 0; axis < 3; ++axis) {
+      block.v[vertex][static_cast<std::size_t>(axis)][lane] = v[axis];
+    }
+  }
+  block.primitive[lane] = id.primitive;
+  block.triangle[lane] = id.triangle;
+}
+
 }  // namespace
 
 SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for) {
@@ -102,41 +119,26 @@ SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for) {
 
 SceneAccel::MeshTree SceneAccel::build_mesh(const Mesh& mesh, const ParallelFor& parallel_for) {
   std::vector<Box3f> boxes;
-  std::vector<std::array<std::uint32_t, 2>> ids;
-  for (std::uint32_t p = 0; p < mesh.primitives.size(); ++p) {
-    const Primitive& primitive = mesh.primitives[p];
-    for (std::uint32_t t = 0; t < primitive.triangles.size(); ++t) {
-      const auto& [i0, i1, i2] = primitive.triangles[t];
-      const Vec3f &v0 = primitive.positions[i0], &v1 = primitive.positions[i1],
-                  &v2 = primitive.positions[i2];
-      if (!is_hittable(v0, v1, v2)) continue;
-      Box3f box;
-      box.extend(v0);
-      box.extend(v1);
-      box.extend(v2);
-      boxes.push_back(box);
-      ids.push_back({p, t});
-    }
-  }
-  WideBvh bvh = build_wide_bvh(boxes, 8, parallel_for);
+  std::vector<MeshTriangle> triangles;
+  for_each_triangle(mesh, [&](std::uint32_t p, std::uint32_t t, const Vec3f& v0, const Vec3f& v1,
+                              const Vec3f& v2) {
+    Box3f box;
+    box.extend(v0);
+    box.extend(v1);
+    box.extend(v2);
+    boxes.push_back(box);
+    triangles.push_back({p, t});
+  });
+  WideBvh bvh = build_wide_bvh(boxes, kWidth, parallel_for);
   MeshTree tree;
   tree.nodes = std::move(bvh.nodes);
   tree.bounds = bvh.bounds;
   tree.blocks.resize(bvh.leaves.size());
   for (std::size_t b = 0; b < bvh.leaves.size(); ++b) {
-    TriangleBlock& block = tree.blocks[b];
-    block = {};
-    for (std::uint32_t lane = 0; lane < bvh.leaves[b].count; ++lane) {
-      const auto [p, t] = ids[bvh.order[bvh.leaves[b].first + lane]];
-      const Primitive& primitive = mesh.primitives[p];
-      for (std::size_t vertex = 0; vertex < 3; ++vertex) {
-        const Vec3f& v = primitive.positions[primitive.triangles[t][vertex]];
-        for (int axis = 0; axis < 3; ++axis) {
-          block.v[vertex][static_cast<std::size_t>(axis)][lane] = v[axis];
-        }
-      }
-      block.primitive[lane] = p;
-      block.triangle[lane] = t;
+    const BvhLeaf& leaf = bvh.leaves[b];
+    tree.blocks[b] = {};
+    for (std::uint32_t lane = 0; lane < leaf.count; ++lane) {
+      set_lane(tree.blocks[b], lane, mesh, triangles[bvh.order[leaf.first + lane]]);
     }
   }
   return tree;
@@ -174,11 +176,6 @@ void SceneAccel::build_top(const Scene& scene, const ParallelFor& parallel_for) 
     placed_.push_back({instance.world_to_object, static_cast<std::uint32_t>(instance.mesh), index,
                        is_identity(instance.world_to_object)});
   }
-}
-
-bool SceneAccel::valid(const Ray& ray) {
-  return is_finite(ray.origin) && is_finite(ray.direction) && max_abs(ray.direction) > 0 &&
-         ray.t_max > 0;
 }
 
 bool SceneAccel::closest_hit(const Ray& ray, Hit& hit) const {

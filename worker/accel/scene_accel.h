@@ -60,7 +60,10 @@ class SceneAccel {
 
   static MeshTree build_mesh(const Mesh& mesh, const ParallelFor& parallel_for);
   void build_top(const Scene& scene, const ParallelFor& parallel_for);
-  static bool valid(const Ray& ray);
+  static bool valid(const Ray& ray) {
+    return is_finite(ray.origin) && is_finite(ray.direction) && max_abs(ray.direction) > 0 &&
+           ray.t_max > 0;
+  }
 
   /// Calls take(hit) for triangles of one instance that the ray's line meets at 0 <= t, until it
   /// returns true; `limit` culls.

@@ -40,49 +40,67 @@ class NodeTest {
   std::size_t near_[3];
 };
 
+/// Children still to visit; the last is next.
+class TraversalStack {
+ public:
+  /// Adds the children of the lanes in `met`, the nearest on top.
+  void push(const WideNode& node, std::uint32_t met, const float* enters) {
+    const int base = top_;
+    for (; met != 0; met &= met - 1) {
+      const int lane = __builtin_ctz(met);
+      int place = top_++;
+      for (; place > base && entries_[place - 1].enter < enters[lane]; --place) {
+        entries_[place] = entries_[place - 1];
+      }
+      entries_[place] = {enters[lane], node.children[static_cast<std::size_t>(lane)]};
+    }
+  }
+
+  /// Takes the next child that is not entered after `limit`; false if there is none.
+  bool pop(float limit, std::uint32_t& child) {
+    while (top_ > 0) {
+      --top_;
+      if (entries_[top_].enter > limit) continue;
+      child = entries_[top_].child;
+      return true;
+    }
+    return false;
+  }
+
+ private:
+  struct Entry {
+    float enter;
+    std::uint32_t child;
+  };
+  Entry entries_[kStackSize];
+  int top_ = 0;
+};
+
 /// Walks the nodes the ray meets, nearest child first, without recursion. `limit` is read anew at
 /// every step: nodes are culled only if they are entered after it. `leaf(index)` is called for
 /// each leaf met; true ends the walk, and is returned. `visit()` is called once a node.
 template <typename Leaf, typename Visit>
 bool traverse(const WideNode* nodes, const ObjectRay& ray, const float& limit, Leaf&& leaf,
               Visit&& visit) {
-  struct Entry {
-    float enter;
-    std::uint32_t child;
-  };
-  Entry stack[kStackSize];
-  int top = 0;
+  TraversalStack stack;
   std::uint32_t child = 0;
   const NodeTest test(ray);
-  for (;;) {
-    std::uint32_t met = 0;
-    if ((child & kLeafBit) != 0) {
-      if (leaf(child & ~kLeafBit)) return true;
-    } else {
+  do {
+    while ((child & kLeafBit) == 0) {
       visit();
       const WideNode& node = nodes[child];
       alignas(32) float enters[kWidth];
-      met = test(node, limit, enters);
+      const std::uint32_t met = test(node, limit, enters);
       if (met != 0 && (met & (met - 1)) == 0) {  // one child, the usual case: no stack
         child = node.children[static_cast<std::size_t>(__builtin_ctz(met))];
         continue;
       }
-      const int base = top;
-      for (; met != 0; met &= met - 1) {
-        const int lane = __builtin_ctz(met);
-        int place = top++;
-        for (; place > base && stack[place - 1].enter < enters[lane]; --place) {
-          stack[place] = stack[place - 1];
-        }
-        stack[place] = {enters[lane], node.children[static_cast<std::size_t>(lane)]};
-      }
+      stack.push(node, met, enters);
+      if (!stack.pop(limit, child)) return false;
     }
-    do {
-      if (top == 0) return false;
-      --top;
-    } while (stack[top].enter > limit);
-    child = stack[top].child;
-  }
+    if (leaf(child & ~kLeafBit)) return true;
+  } while (stack.pop(limit, child));
+  return false;
 }
 
 }  // namespace tessera::render

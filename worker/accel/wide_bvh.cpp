@@ -154,7 +154,8 @@ class Builder {
   }
 
   double leaf_tests(std::uint32_t count) const {
-    return static_cast<double>((count + leaf_size_ - 1) / leaf_size_);
+    const std::uint32_t tests = (count + leaf_size_ - 1) / leaf_size_;
+    return static_cast<double>(tests);
   }
 
   /// Half of the items, by centroid along the longest axis, then by id: always ends.

@@ -37,7 +37,8 @@ ReducedAngle reduce_huge_angle(double x) {
   const std::uint64_t w0 = bits_at(start), w1 = bits_at(start + 64), w2 = bits_at(start + 128);
   const U128 low = U128{mantissa} * w2;
   const U128 middle = U128{mantissa} * w1 + (low >> 64);
-  const U128 top = (U128{mantissa * w0} << 64) + middle;  // bits 64..191 of the product
+  const std::uint64_t high_word = mantissa * w0;      // modulo 2^64: whole turns fall away
+  const U128 top = (U128{high_word} << 64) + middle;  // bits 64..191 of the product
   int quadrant = static_cast<int>(top >> 126);
   U128 fraction = top << 2 | static_cast<std::uint64_t>(low) >> 62;  // of a quadrant, times 2^128
   const bool round_up = fraction >> 127 != 0;

@@ -8,7 +8,7 @@ namespace tessera::render {
 namespace {
 
 constexpr double kPi = 0x1.921fb54442d18p+1;
-constexpr int kSteps = 1024;
+constexpr int kSteps = 1024, kMiddle = kSteps / 2;
 
 /// The filter over its support, x in [-1/2, 1/2]; any scale.
 double value(contract::PixelFilter filter, double x) {
@@ -24,8 +24,10 @@ double value(contract::PixelFilter filter, double x) {
 PixelFilterSampler::PixelFilterSampler(contract::PixelFilter filter, double width)
     : width_(static_cast<float>(width)) {
   if (filter == contract::PixelFilter::box) return;
-  std::vector<double> weights;
-  for (int i = 0; i < kSteps; ++i) weights.push_back(value(filter, (i + 0.5) / kSteps - 0.5));
+  std::vector<double> weights(kSteps);
+  for (int i = 0; i < kSteps; ++i) {
+    weights[static_cast<std::size_t>(i)] = value(filter, (i + 0.5) / kSteps - 0.5);
+  }
   steps_ = DiscreteDistribution(weights);
 }
 
@@ -33,7 +35,7 @@ float PixelFilterSampler::invert(float u) const {
   if (steps_.empty()) return u - 0.5f;
   const DiscreteDistribution::Choice step = steps_.sample(static_cast<double>(u));
   // Exact up to its last step: multiples of 2^-10 and a fraction of one.
-  const float x = (static_cast<float>(step.index - kSteps / 2) + step.remapped) / kSteps;
+  const float x = (static_cast<float>(step.index - kMiddle) + step.remapped) / kSteps;
   constexpr float kBelowHalf = 0x1.fffffep-2f;
   return x < kBelowHalf ? x : kBelowHalf;
 }
