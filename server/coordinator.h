@@ -274,6 +274,7 @@ class Coordinator {
   void record_frame(const FrameKey& key, const FrameRecord& record, double error);
   absl::StatusOr<FrameFile> make_frame_file(const FrameQuery& query);
   absl::StatusOr<FrameFile> write_partial(const FrameQuery& query, const JobSpec& spec);
+  void redo_units(const FrameKey& key, const std::vector<contract::Unit>& units);
   void frame_failed(const FrameKey& key, const absl::Status& status);
   void log(const std::string& message) const;
 
@@ -303,6 +304,7 @@ class Coordinator {
 
   // Film thread only.
   std::map<FrameKey, Time> last_estimate_;
+  std::vector<contract::Unit> damaged_;  // blocks of the frame being finished
   std::int64_t partial_count_ = 0;
 };
 

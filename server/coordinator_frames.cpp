@@ -62,6 +62,7 @@ absl::StatusOr<contract::FilmBlock> Coordinator::read_block(const std::string& j
   }
   if (!record) return absl::NotFoundError("the block is not committed");
   const auto bytes = store_.read_block(job_id, *record);
+  if (absl::IsDataLoss(bytes.status())) damaged_.push_back(unit);
   if (!bytes.ok()) return bytes.status();
   return contract::decode(*bytes, shape, sample_count);
 }
@@ -136,10 +137,17 @@ void Coordinator::finish_frame(const FrameKey& key) {
     spec = job->spec;
   }
   open_film(key);
+  damaged_.clear();
   auto record = write_finished(key, *spec);
   const double error = film_.running_estimate(key).error;
   film_.close_frame(key);
   last_estimate_.erase(key);
+  if (!record.ok() && !damaged_.empty()) {
+    log(absl::StrCat("job ", key.job_id, ", frame ", key.frame, ": ", record.status().ToString(),
+                     "; it is rendered again"));
+    write_later([this, key, units = damaged_] { redo_units(key, units); });
+    return;
+  }
   if (!record.ok()) {
     frame_failed(key, record.status());
     return;
@@ -207,6 +215,28 @@ void Coordinator::record_frame(const FrameKey& key, const FrameRecord& record, d
   film.estimated_error = error;
   ledger_of(*job).erase(key.frame);
   scheduler_.finish_frame(*job, key.frame, options_.clock());
+  settle(afterwards);
+}
+
+/// Drops units whose blocks cannot be read any more; workers render them again.
+void Coordinator::redo_units(const FrameKey& key, const std::vector<Unit>& units) {
+  const absl::Status status = store_.drop_units(key.job_id, units);
+  if (!status.ok()) return frame_failed(key, status);
+  Afterwards afterwards;
+  MutexLock lock(mutex_);
+  Job* job = scheduler_.find_job(key.job_id);
+  if (job == nullptr) return;
+  JobFilm& film = film_of(*job);
+  film.finishing.erase(key.frame);
+  for (const Unit& unit : units) {
+    if (ledger_of(*job).find(unit) == nullptr) continue;
+    ledger_of(*job).remove(unit);
+    scheduler_.redo(*job, unit);
+    const contract::PixelRect rect = grid_of(*job).rect(unit.tile);
+    film.committed_samples -= std::int64_t{rect.width} * rect.height *
+                              job->plan->passes()[static_cast<std::size_t>(unit.pass)].sample_count;
+  }
+  scheduler_.offer_work(options_.clock());
   settle(afterwards);
 }
 

@@ -20,6 +20,14 @@ void FrameLedger::add(const UnitRecord& record, double wall_seconds) {
   progress.wall_seconds = std::max(progress.wall_seconds, wall_seconds);
 }
 
+void FrameLedger::remove(const contract::Unit& unit) {
+  if (find(unit) == nullptr) return;
+  Frame& frame = frames_.at(unit.frame);
+  const auto pass = static_cast<std::size_t>(unit.pass);
+  frame.places[pass][static_cast<std::size_t>(unit.tile)].segment = -1;
+  --frame.progress[pass].committed;
+}
+
 const FrameLedger::Place* FrameLedger::find(const contract::Unit& unit) const {
   const auto frame = frames_.find(unit.frame);
   if (frame == frames_.end()) return nullptr;

@@ -31,6 +31,8 @@ class FrameLedger {
 
   /// Notes a committed unit. Requires tile and pass in range.
   void add(const UnitRecord& record, double wall_seconds);
+  /// Forgets a unit that was dropped from the store. Harmless if it is not here.
+  void remove(const contract::Unit& unit);
   /// nullptr if the unit is not here.
   const Place* find(const contract::Unit& unit) const;
   /// What Store::read_block needs of a committed unit; nullopt if it is not here.

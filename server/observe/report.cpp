@@ -133,6 +133,7 @@ std::string report_json(const JobReport& report) {
                      {"committed", view.committed_unit_count},
                      {"retried", counters.retried},
                      {"duplicated", counters.duplicated},
+                     {"redone", counters.redone},
                      {"audited", 0},
                      {"mismatched", counters.mismatched}}},
                    {"workers", workers_json(report)}};

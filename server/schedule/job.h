@@ -54,6 +54,7 @@ struct JobCounters {
   std::int64_t retried = 0;       // units leased again after a failure or a loss
   std::int64_t duplicated = 0;    // results of units that were committed already
   std::int64_t mismatched = 0;    // of those, with other bytes
+  std::int64_t redone = 0;        // committed units whose block was found damaged
   double load_seconds = 0, build_seconds = 0;
   std::int64_t peak_rss_bytes = 0;
 };

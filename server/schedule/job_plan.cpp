@@ -146,6 +146,16 @@ std::vector<Holder> JobPlan::commit(const Unit& unit) {
   return holders;
 }
 
+void JobPlan::redo(const Unit& unit) {
+  const auto found = open_.find(unit.frame);
+  if (found == open_.end() || !is_committed(unit)) return;
+  auto& bits = found->second.committed[static_cast<std::size_t>(unit.pass)];
+  bits[static_cast<std::size_t>(unit.tile)] = false;
+  --found->second.count;
+  --committed_count_;
+  returned_.insert(position(unit));
+}
+
 void JobPlan::finish(std::int32_t frame) {
   const std::size_t index = index_of(frame);
   if (index == frames_.size() || finished_[index]) return;

@@ -83,6 +83,8 @@ class JobPlan {
 
   /// Marks the unit committed and returns who held it. Requires a contained unit not yet committed.
   std::vector<Holder> commit(const contract::Unit& unit);
+  /// A committed unit of a frame not finished waits again: its block was found damaged.
+  void redo(const contract::Unit& unit);
   /// The frame's output is durable; its units need no state any more.
   void finish(std::int32_t frame);
 

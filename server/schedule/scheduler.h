@@ -104,6 +104,8 @@ class Scheduler {
   /// A wanted unit has become durable: whoever else holds it is asked to hand it back.
   void commit(Job& job, const contract::Unit& unit, const std::string& worker_id,
               double cpu_seconds);
+  /// A committed unit's block was found damaged and dropped: it is to be rendered again.
+  void redo(Job& job, const contract::Unit& unit);
   /// The unit came once more from this worker; it holds it no longer.
   void drop(Job& job, const contract::Unit& unit, const std::string& worker_id);
   void acknowledge(WorkerKey worker, Acknowledgement acknowledgement);

@@ -221,6 +221,12 @@ void Scheduler::commit(Job& job, const Unit& unit, const std::string& worker_id,
   refresh(job);
 }
 
+void Scheduler::redo(Job& job, const Unit& unit) {
+  job.open_plan().redo(unit);
+  ++job.counters.redone;
+  refresh(job);
+}
+
 void Scheduler::drop(Job& job, const Unit& unit, const std::string& worker_id) {
   if (Worker* worker = find_worker(worker_id)) release(job, *worker, unit);
 }

@@ -23,7 +23,12 @@ class MemoryStore final : public Store {
     const std::lock_guard lock(mutex_);
     commit_fault_ = std::move(status);
   }
-  /// How many groups, and units, were committed.
+  /// Reading this unit's block is DataLoss until the unit is committed anew.
+  void damage(const contract::Unit& unit) {
+    const std::lock_guard lock(mutex_);
+    damaged_.insert(unit);
+  }
+  /// How many groups were committed.
   int group_count() const { return group_count_; }
   void add_asset(const contract::Digest& digest) { assets_.insert(digest); }
   void reboot() { ++boot_count_; }
@@ -71,6 +76,7 @@ class MemoryStore final : public Store {
                               .emplace(commit.record.unit, std::pair(commit.record, commit.block))
                               .second;
       if (!is_new) return absl::AlreadyExistsError("unit");
+      damaged_.erase(commit.record.unit);
     }
     return absl::OkStatus();
   }
@@ -86,6 +92,7 @@ class MemoryStore final : public Store {
                                          const UnitRecord& record) const override {
     const std::lock_guard lock(mutex_);
     if (released_.count(job_id) > 0) return absl::NotFoundError("released");
+    if (damaged_.count(record.unit) > 0) return absl::DataLossError("damaged");
     return units_.at(job_id).at(record.unit).second;
   }
   absl::Status drop_units(const std::string& job_id,
@@ -169,6 +176,7 @@ class MemoryStore final : public Store {
   std::map<std::string, std::map<contract::Unit, std::pair<UnitRecord, std::string>>> units_;
   std::map<std::string, std::map<std::int32_t, FrameRecord>> frames_;
   std::set<contract::Digest> assets_;
+  std::set<contract::Unit> damaged_;
 };
 
 }  // namespace tessera::server

@@ -287,6 +287,28 @@ TEST_F(CoordinatorTest, AFrameThatWasCompleteButNotWrittenIsWrittenAfterTheResta
   EXPECT_EQ(view(job).state, JobState::done);
 }
 
+TEST_F(CoordinatorTest, ADamagedBlockIsRenderedAgain) {
+  const std::string whole = create_job("whole");
+  auto worker = join("w1");
+  work_off(worker, whole);
+  const std::string job = create_job("a");
+  deliver_all(worker);
+  while (coordinator->run_writer(false)) {
+  }
+  store.damage({0, 4, 0});
+  start();  // what was merged in memory is gone, the blocks are read back
+  pump();
+  EXPECT_EQ(view(job).state, JobState::running);
+  auto again = join("w1");
+  ASSERT_EQ(again.units.size(), 1u);
+  EXPECT_EQ(again.units[0].name.unit, (contract::Unit{0, 4, 0}));
+  work_off(again, job);
+  EXPECT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(view(job).committed_sample_count, view(whole).committed_sample_count);
+  EXPECT_EQ(pixels_of(job), pixels_of(whole));
+  EXPECT_EQ(coordinator->report(job)->counters.redone, 1);
+}
+
 TEST_F(CoordinatorTest, AfterARestartGrantsWaitForTheRoster) {
   create_job("a");
   join("w1");
