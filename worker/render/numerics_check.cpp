@@ -22,10 +22,11 @@ void add(contract::Hasher* hasher, const T& value) {
 
 template <typename T>
 void add_functions(contract::Hasher* hasher, T x) {
-  using namespace elementary;
   const T in_unit = x / (1 + x * x);
-  for (const T value : {sin(x), cos(x), tan(x), exp(x), log(x * x), atan2(x, in_unit),
-                        acos(in_unit), asin(in_unit), pow(x * x, in_unit)}) {
+  for (const T value :
+       {elementary::sin(x), elementary::cos(x), elementary::tan(x), elementary::exp(x),
+        elementary::log(x * x), elementary::atan2(x, in_unit), elementary::acos(in_unit),
+        elementary::asin(in_unit), elementary::pow(x * x, in_unit)}) {
     add(hasher, value);
   }
 }

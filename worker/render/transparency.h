@@ -38,7 +38,7 @@ struct ClosestFilter {
   const ShadingScene& scene;
   RayChance chance;
   Vec3f direction;
-  std::uint8_t traits = 0;  // SurfaceTrait bits that matter to this ray
+  std::uint8_t traits = 0;  // kTrait bits that matter to this ray
   int* passed = nullptr;    // counts the holes
 
   bool operator()(const Hit& hit) const;

@@ -75,6 +75,12 @@ double albedo(double cos_o, double alpha, double eta, const Circle& circle) {
   return sum / (kElevations * kAzimuths);
 }
 
+/// Of a grid point in values_.
+constexpr std::size_t index_of(int roughness, int cosine) {
+  return static_cast<std::size_t>(roughness) * AlbedoTable::kCosines +
+         static_cast<std::size_t>(cosine);
+}
+
 double grid_cosine(int i) {
   const double x = static_cast<double>(i) / (AlbedoTable::kCosines - 1);
   return x * x;
@@ -91,8 +97,7 @@ AlbedoTable AlbedoTable::dielectric(double eta) {
       // A cosine of exactly zero sees no normals at all; its limit is what interpolation needs.
       const double c = i == 0 ? 1e-4 : grid_cosine(i);
       const double e = r == 0 ? 1 : albedo(c, roughness * roughness, eta, circle);
-      table.values_[static_cast<std::size_t>(r * kCosines + i)] =
-          static_cast<float>(clamp(e, 0.0, 1.0));
+      table.values_[index_of(r, i)] = static_cast<float>(clamp(e, 0.0, 1.0));
     }
   }
   table.fill_averages();
@@ -108,7 +113,7 @@ float AlbedoTable::at(float cos_theta, float roughness) const {
   const float y = clamp(roughness, 0.0f, 1.0f) * (kRoughness - 1);
   const int i = x < kCosines - 2 ? static_cast<int>(x) : kCosines - 2;
   const int r = y < kRoughness - 2 ? static_cast<int>(y) : kRoughness - 2;
-  const float* row = &values_[static_cast<std::size_t>(r * kCosines + i)];
+  const float* row = &values_[index_of(r, i)];
   const float fx = x - static_cast<float>(i), fy = y - static_cast<float>(r);
   return lerp(lerp(row[0], row[1], fx), lerp(row[kCosines], row[kCosines + 1], fx), fy);
 }

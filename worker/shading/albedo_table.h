@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <vector>
 
 namespace tessera::render {
@@ -14,6 +15,7 @@ namespace tessera::render {
 class AlbedoTable {
  public:
   static constexpr int kCosines = 24, kRoughness = 24;
+  static constexpr std::size_t kSize = std::size_t{kCosines} * kRoughness;
 
   AlbedoTable() = default;
 
@@ -31,7 +33,7 @@ class AlbedoTable {
  private:
   void fill_averages();
 
-  std::array<float, kCosines * kRoughness> values_{};  // [roughness][cosine]
+  std::array<float, kSize> values_{};  // [roughness][cosine]
   std::array<float, kRoughness> averages_{};
 };
 

@@ -13,14 +13,12 @@
 
 namespace tessera::render {
 
-/// Why a hit on a primitive needs a second look; what a scene does not use costs nothing.
-enum SurfaceTrait : std::uint8_t {
-  kTraitAlpha = 1u << 0,     // alphaMode MASK or BLEND, and some alpha is below 1
-  kTraitUnlit = 1u << 1,     // seen by camera rays only
-  kTraitStraight = 1u << 2,  // may let light go straight through (thin transmission)
-  kTraitEmissive = 1u << 3,
-  kTraitOneSided = 1u << 4,  // --cull-backfaces hides its back from camera rays
-};
+/// Why a hit on a primitive needs a second look, as bits; what a scene does not use costs nothing.
+inline constexpr std::uint8_t kTraitAlpha = 1u << 0;     // MASK or BLEND, and some alpha is below 1
+inline constexpr std::uint8_t kTraitUnlit = 1u << 1;     // seen by camera rays only
+inline constexpr std::uint8_t kTraitStraight = 1u << 2;  // a thin sheet: light may go straight on
+inline constexpr std::uint8_t kTraitEmissive = 1u << 3;
+inline constexpr std::uint8_t kTraitOneSided = 1u << 4;  // --cull-backfaces hides its back
 
 /// One glTF primitive as the hot code reads it. Null where the file has no such attribute.
 struct PrimitiveView {
