@@ -44,14 +44,14 @@ std::string figures(const v1::Job& job, double share) {
 
 std::string format_count(double count) {
   for (const char* unit : {"", " k", " M", " G"}) {
-    if (count < 1000) return absl::StrFormat(*unit == 0 ? "%.0f%s" : "%.1f%s", count, unit);
+    if (count < 1000) return absl::StrFormat("%.*f%s", *unit == 0 ? 0 : 1, count, unit);
     count /= 1000;
   }
   return absl::StrFormat("%.1f T", count);
 }
 
 std::string format_seconds(double seconds) {
-  if (seconds < 60) return absl::StrFormat(seconds < 10 ? "%.1f s" : "%.0f s", seconds);
+  if (seconds < 60) return absl::StrFormat("%.*f s", seconds < 10 ? 1 : 0, seconds);
   const auto whole = static_cast<long>(seconds + 0.5);
   if (whole < 3600) return absl::StrFormat("%d:%02d", whole / 60, whole % 60);
   return absl::StrFormat("%d:%02d:%02d", whole / 3600, whole / 60 % 60, whole % 60);

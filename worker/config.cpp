@@ -21,7 +21,7 @@ constexpr std::int64_t kMega = 1'000'000, kGiga = 1'000'000'000;
 
 struct WorkerFlags {
   agent::AgentOptions options;
-  std::string token_file;
+  std::string token_file, crash_on;
   std::int64_t cache_gb = 20, buffer_mb = 256, memory_mb = 0;
   std::int64_t unit_timeout_s = 3600, grace_s = 20;
 };
@@ -96,7 +96,7 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
   app.add_option("--unit-log", options.unit_log, "File that gets a line for each unit's steps")
       ->type_name("FILE");
   // Faults for tests, on purpose not in --help.
-  app.add_option("--crash-on", options.crash_on)->check(is_unit())->group("");
+  app.add_option("--crash-on", flags.crash_on)->check(is_unit())->group("");
   app.add_flag("--deliver-twice", options.deliver_twice)->group("");
 }
 
@@ -143,6 +143,7 @@ bool complete(WorkerFlags& flags) {
   } else if (const char* token = std::getenv("TESSERA_TOKEN")) {
     options.token = token;
   }
+  options.crash_on = parse_unit(flags.crash_on);
   options.cache_bytes = flags.cache_gb * kGiga;
   options.buffer_bytes = flags.buffer_mb * kMega;
   options.memory_bytes = flags.memory_mb * kMega;

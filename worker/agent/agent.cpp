@@ -20,6 +20,7 @@
 #include "proto/contract/channel.h"
 #include "tessera/v1/asset_service.grpc.pb.h"
 #include "worker/agent/render_desk.h"
+#include "worker/agent/renderer.h"
 #include "worker/agent/server_link.h"
 #include "worker/agent/termination.h"
 
@@ -80,22 +81,34 @@ RenderDeskOptions desk_options(const AgentOptions& options) {
     desk.arguments.insert(desk.arguments.end(),
                           {"--memory-bytes", absl::StrCat(options.memory_bytes)});
   }
-  if (!options.crash_on.empty()) {
-    desk.arguments.insert(desk.arguments.end(), {"--crash-on", options.crash_on});
+  if (options.crash_on) {
+    const contract::Unit& unit = *options.crash_on;
+    desk.arguments.insert(desk.arguments.end(),
+                          {"--crash-on", absl::StrCat(unit.frame, ":", unit.tile, ":", unit.pass)});
   }
   return desk;
 }
 
+/// The first renderer, while this process has one thread.
+absl::StatusOr<RendererProcess::Child> fork_renderer(const AgentOptions& options) {
+  RendererOptions renderer;
+  renderer.thread_count = options.thread_count;
+  renderer.memory_bytes = options.memory_bytes;
+  renderer.crash_on = options.crash_on;
+  return RendererProcess::fork_off([&renderer] { return run_renderer(renderer); });
+}
+
 class Agent {
  public:
-  Agent(AgentOptions options, const std::shared_ptr<grpc::Channel>& channel,
-        std::unique_ptr<AssetCache> cache, UnitLog log)
+  Agent(AgentOptions options, RendererProcess::Child renderer,
+        const std::shared_ptr<grpc::Channel>& channel, std::unique_ptr<AssetCache> cache,
+        UnitLog log)
       : options_(std::move(options)),
         workers_(v1::WorkerService::NewStub(channel)),
         assets_(v1::AssetService::NewStub(channel)),
         cache_(std::move(cache)),
         log_(std::move(log)),
-        desk_(desk_options(options_), queue_, log_, mailbox_, desk_outlet()),
+        desk_(desk_options(options_), std::move(renderer), queue_, log_, mailbox_, desk_outlet()),
         link_(*workers_, {options_.token, options_.deliver_twice}, queue_, mailbox_, link_outlet()),
         fetcher_(*workers_, *assets_, *cache_, options_.token,
                  [this](std::string job_id, absl::StatusOr<JobFiles> files) {
@@ -275,9 +288,13 @@ absl::Status run_agent(const AgentOptions& given) {
     if (!opened.ok()) return opened.status();
     log = *std::move(opened);
   }
-  auto channel = contract::open_channel(options.server);
+  auto renderer = fork_renderer(options);
+  if (!renderer.ok()) return renderer.status();
+  auto channel = contract::open_channel(options.server);  // starts threads
   if (!channel.ok()) return channel.status();
-  return Agent(std::move(options), *channel, *std::move(cache), std::move(log)).run();
+  return Agent(std::move(options), *std::move(renderer), *channel, *std::move(cache),
+               std::move(log))
+      .run();
 }
 
 }  // namespace tessera::agent

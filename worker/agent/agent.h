@@ -2,10 +2,12 @@
 
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "absl/status/status.h"
+#include "proto/contract/unit.h"
 
 namespace tessera::agent {
 
@@ -21,10 +23,10 @@ struct AgentOptions {
   std::int64_t buffer_bytes = 256'000'000;  // of blocks without a verdict
   std::int64_t memory_bytes = 0;            // limit of the renderer's address space; 0: none
   std::chrono::seconds unit_timeout{3600};
-  std::chrono::seconds grace{20};  // from SIGTERM to the end
-  std::string unit_log;            // file; empty: none
-  std::string crash_on;            // fault injection: FRAME:TILE:PASS, passed to the renderer
-  bool deliver_twice = false;      // fault injection
+  std::chrono::seconds grace{20};          // from SIGTERM to the end
+  std::string unit_log;                    // file; empty: none
+  std::optional<contract::Unit> crash_on;  // fault injection: the renderer dies of this unit
+  bool deliver_twice = false;              // fault injection
 };
 
 /// Works for a server until SIGTERM, SIGINT, a Drain, or a refusal.

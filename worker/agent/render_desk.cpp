@@ -26,13 +26,14 @@ UnitKey key_of(const v1::RenderUnit& unit) {
 
 }  // namespace
 
-RenderDesk::RenderDesk(RenderDeskOptions options, UnitQueue& queue, UnitLog& log, Mailbox& mailbox,
-                       Outlet outlet)
+RenderDesk::RenderDesk(RenderDeskOptions options, std::optional<RendererProcess::Child> first,
+                       UnitQueue& queue, UnitLog& log, Mailbox& mailbox, Outlet outlet)
     : options_(std::move(options)),
       queue_(queue),
       log_(log),
       mailbox_(mailbox),
-      outlet_(std::move(outlet)) {}
+      outlet_(std::move(outlet)),
+      first_(std::move(first)) {}
 
 std::int64_t RenderDesk::renderer_rss_bytes() const {
   return renderer_ == nullptr ? 0 : resident_bytes(renderer_->pid());
@@ -50,12 +51,16 @@ void RenderDesk::start_renderer(Time now) {
   listener.on_death = [this, generation](RendererProcess::Death death) {
     mailbox_.post([this, generation, death = std::move(death)] { on_death(generation, death); });
   };
-  auto started = RendererProcess::start(options_.program, options_.arguments, std::move(listener));
-  if (!started.ok()) {
-    outlet_.broken(started.status());
-    return;
+  if (!first_) {
+    auto started = RendererProcess::start(options_.program, options_.arguments);
+    if (!started.ok()) {
+      outlet_.broken(started.status());
+      return;
+    }
+    first_ = *std::move(started);
   }
-  renderer_ = *std::move(started);
+  renderer_ = std::make_unique<RendererProcess>(std::move(*first_), std::move(listener));
+  first_.reset();
 }
 
 void RenderDesk::on_event(std::int64_t generation, v1::RendererEvent event) {

@@ -42,8 +42,9 @@ class RenderDesk {
   };
 
   /// All references must outlive the desk.
-  RenderDesk(RenderDeskOptions options, UnitQueue& queue, UnitLog& log, Mailbox& mailbox,
-             Outlet outlet);
+  /// `first`: a renderer that has been started already; later ones are started here.
+  RenderDesk(RenderDeskOptions options, std::optional<RendererProcess::Child> first,
+             UnitQueue& queue, UnitLog& log, Mailbox& mailbox, Outlet outlet);
 
   /// Starts the renderer if there is none and it is time to; kills one that hangs; loads scenes and
   /// hands out units. Call after every change and at least once a second.
@@ -93,6 +94,7 @@ class RenderDesk {
   Mailbox& mailbox_;
   const Outlet outlet_;
 
+  std::optional<RendererProcess::Child> first_;
   std::unique_ptr<RendererProcess> renderer_;
   std::int64_t generation_ = 0;  // of renderers; events of earlier ones are void
   std::optional<v1::RendererReady> ready_;

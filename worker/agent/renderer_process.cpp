@@ -60,6 +60,27 @@ class SpawnSettings {
   posix_spawnattr_t attributes_;
 };
 
+/// Both ends of what connects a child to us.
+struct Channels {
+  RendererProcess::Child child;  // our ends
+  Descriptor socket, log;        // the child's
+};
+
+absl::StatusOr<Channels> open_channels() {
+  auto sockets = socket_pair();
+  if (!sockets.ok()) return sockets.status();
+  std::array<int, 2> pipe_ends{};
+  if (::pipe2(pipe_ends.data(), O_CLOEXEC) != 0) {
+    return absl::InternalError(absl::StrCat("pipe: ", std::strerror(errno)));
+  }
+  Channels channels;
+  channels.child.socket = std::move(sockets->first);
+  channels.child.log = Descriptor(pipe_ends[0]);
+  channels.socket = std::move(sockets->second);
+  channels.log = Descriptor(pipe_ends[1]);
+  return channels;
+}
+
 std::string describe_end(int status) {
   if (WIFSIGNALED(status)) {
     const int signal = WTERMSIG(status);
@@ -72,26 +93,41 @@ std::string describe_end(int status) {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<RendererProcess>> RendererProcess::start(
-    const std::string& program, const std::vector<std::string>& arguments, Listener listener) {
-  auto sockets = socket_pair();
-  if (!sockets.ok()) return sockets.status();
-  std::array<int, 2> pipe_ends{};
-  if (::pipe2(pipe_ends.data(), O_CLOEXEC) != 0) {
-    return absl::InternalError(absl::StrCat("pipe: ", std::strerror(errno)));
-  }
-  Descriptor log_reader(pipe_ends[0]), log_writer(pipe_ends[1]);
-  SpawnSettings settings(sockets->second.get(), log_writer.get());
-  pid_t pid = -1;
-  if (const int error = settings.spawn(pid, program, arguments); error != 0) {
+absl::StatusOr<RendererProcess::Child> RendererProcess::start(
+    const std::string& program, const std::vector<std::string>& arguments) {
+  auto channels = open_channels();
+  if (!channels.ok()) return channels.status();
+  SpawnSettings settings(channels->socket.get(), channels->log.get());
+  if (const int error = settings.spawn(channels->child.pid, program, arguments); error != 0) {
     return absl::InternalError(absl::StrCat(program, ": ", std::strerror(error)));
   }
-  return std::unique_ptr<RendererProcess>(new RendererProcess(
-      pid, std::move(sockets->first), std::move(log_reader), std::move(listener)));
+  return std::move(channels->child);
 }
 
-RendererProcess::RendererProcess(pid_t pid, Descriptor socket, Descriptor log, Listener listener)
-    : pid_(pid), socket_(std::move(socket)), log_(std::move(log)), listener_(std::move(listener)) {
+absl::StatusOr<RendererProcess::Child> RendererProcess::fork_off(
+    const std::function<int()>& child_main) {
+  auto channels = open_channels();
+  if (!channels.ok()) return channels.status();
+  channels->child.pid = ::fork();
+  if (channels->child.pid < 0) {
+    return absl::InternalError(absl::StrCat("fork: ", std::strerror(errno)));
+  }
+  if (channels->child.pid > 0) return std::move(channels->child);
+  ::setpgid(0, 0);  // Ctrl-C is the agent's business
+  const int nothing = ::open("/dev/null", O_RDWR);
+  ::dup2(nothing, STDIN_FILENO);
+  ::dup2(nothing, STDOUT_FILENO);
+  ::dup2(channels->log.get(), STDERR_FILENO);
+  if (channels->socket.get() != kChildSocket) ::dup2(channels->socket.get(), kChildSocket);
+  ::close_range(kChildSocket + 1, ~0u, 0);
+  ::_exit(child_main());
+}
+
+RendererProcess::RendererProcess(Child child, Listener listener)
+    : pid_(child.pid),
+      socket_(std::move(child.socket)),
+      log_(std::move(child.log)),
+      listener_(std::move(listener)) {
   log_thread_ = std::thread([this] { copy_log(); });
   event_thread_ = std::thread([this] { listen(); });
 }
