@@ -76,7 +76,7 @@ int run(const Options& options) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a bench may die of one
   Options options;
   CLI::App app("Simulated workers for tests/bench/coordinator.");
   app.add_option("--server", options.server, "unix:PATH or HOST:PORT")->required();

@@ -22,7 +22,7 @@ std::int64_t now_us() {
 
 }  // namespace
 
-FilmShelf::FilmShelf(std::shared_ptr<grpc::Channel> channel, std::string token)
+FilmShelf::FilmShelf(const std::shared_ptr<grpc::Channel>& channel, std::string token)
     : stub_(v1::WorkerService::NewStub(channel)), token_(std::move(token)) {}
 
 const SimulatedFilm* FilmShelf::film(const std::string& job_id) {

@@ -25,7 +25,7 @@ struct Counters {
 /// Films by job id, made when a job is first seen.
 class FilmShelf {
  public:
-  FilmShelf(std::shared_ptr<grpc::Channel> channel, std::string token);
+  FilmShelf(const std::shared_ptr<grpc::Channel>& channel, std::string token);
   /// Null if the server does not know the job.
   const SimulatedFilm* film(const std::string& job_id);
 

@@ -25,7 +25,7 @@ struct Options {
   int width = 2048, height = 1024, tile = 8, spp = 8;
 };
 
-bool upload(std::shared_ptr<grpc::Channel> channel, const std::string& token,
+bool upload(const std::shared_ptr<grpc::Channel>& channel, const std::string& token,
             const std::string& bytes) {
   grpc::ClientContext context;
   tessera::contract::prepare_call(context, token, std::chrono::seconds(20));
@@ -120,7 +120,7 @@ int run(const Options& options) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a bench may die of one
   Options options;
   CLI::App app("A job of fabricated blocks for tests/bench/coordinator.");
   app.add_option("--server", options.server, "unix:PATH or HOST:PORT")->required();
