@@ -2,7 +2,6 @@
 
 #include <cstdint>
 
-#include "proto/contract/render_settings.h"
 #include "worker/math/vector.h"
 #include "worker/scene/scene.h"
 
