@@ -285,6 +285,7 @@ void Coordinator::commit_failed(const Sorted& sorted, const absl::Status& status
           .IgnoreError();
     }
   }
+  for (auto& resume : std::exchange(resumes_, {})) afterwards.add(std::move(resume));
   settle(afterwards);
 }
 
@@ -294,6 +295,7 @@ void Coordinator::note_committed(Sorted& sorted) {
   for (std::size_t i = 0; i < sorted.committed.size(); ++i) {
     Delivered& block = sorted.committed[i];
     const UnitRecord& record = sorted.commits[i].record;
+    ingest_bytes_ -= weight(block.header);
     Job* job = scheduler_.find_job(sorted.commits[i].job_id);
     if (job == nullptr) continue;
     ledger_of(*job).add(record, job->wall_seconds(options_.clock()));
@@ -304,7 +306,6 @@ void Coordinator::note_committed(Sorted& sorted) {
     scheduler_.commit(*job, record.unit, record.worker_id, record.cpu_seconds);
     answer(block.worker_id, sorted.commits[i].job_id, record.unit, Verdict::committed, "");
     FilmNews news{sorted.commits[i].job_id, record.unit, std::nullopt, 0};
-    ingest_bytes_ -= weight(block.header);
     // A film thread that lags behind reads the block back later instead of holding up commits.
     if (ingest_bytes_ < options_.ingest_bytes / 2) {
       news.block = std::move(block.block);

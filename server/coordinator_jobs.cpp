@@ -351,7 +351,7 @@ void Coordinator::keep_asset(const std::string& upload_path, const contract::Dig
                              std::function<void(absl::Status)> done) {
   write_later([this, upload_path, digest, done = std::move(done)] {
     const absl::Status status = store_.keep_asset(upload_path, digest);
-    collect_assets();
+    if (store_.used_bytes() > options_.asset_quota_bytes) collect_assets();
     done(status);
   });
 }

@@ -84,6 +84,17 @@ void set_time(std::int64_t time_us, google::protobuf::Timestamp& timestamp) {
   timestamp.set_nanos(static_cast<std::int32_t>(time_us % 1'000'000 * 1000));
 }
 
+/// What a frame costs in memory grows with its tiles, however small they are.
+absl::Status check_tiles(const contract::RenderSettings& settings) {
+  constexpr std::int64_t kMostTiles = 1 << 22;
+  const contract::PixelRect window = settings.window();
+  const std::int64_t columns = (window.width + settings.tile - 1) / settings.tile;
+  const std::int64_t rows = (window.height + settings.tile - 1) / settings.tile;
+  if (columns * rows <= kMostTiles) return absl::OkStatus();
+  return bad("settings.tile_px", absl::StrCat(settings.tile, " gives ", columns * rows,
+                                              " tiles a frame, at most ", kMostTiles));
+}
+
 bool is_worker_id(const std::string& id) {
   constexpr char kAllowed[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
   return !id.empty() && id.size() <= kMostIdLetters &&
@@ -124,6 +135,7 @@ absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::
   const auto settings = contract::from_message(request.settings());
   if (!settings.ok()) return settings.status();
   spec.settings = *settings;
+  status.Update(check_tiles(spec.settings));
   status.Update(read_manifest(request.manifest(), spec));
   if (!status.ok()) return status;
   spec.request = request.SerializeAsString();
@@ -186,11 +198,11 @@ v1::Worker to_message(const Worker& worker, double silence_seconds) {
   message.set_id(worker.id);
   message.set_name(worker.name);
   message.set_host(worker.host);
-  message.set_state(worker.lost           ? v1::Worker::STATE_LOST
-                    : worker.set_aside    ? v1::Worker::STATE_SET_ASIDE
-                    : worker.leaving      ? v1::Worker::STATE_LEAVING
-                    : worker.held.empty() ? v1::Worker::STATE_IDLE
-                                          : v1::Worker::STATE_BUSY);
+  message.set_state(worker.lost && !worker.leaving ? v1::Worker::STATE_LOST
+                    : worker.set_aside             ? v1::Worker::STATE_SET_ASIDE
+                    : worker.leaving               ? v1::Worker::STATE_LEAVING
+                    : worker.held.empty()          ? v1::Worker::STATE_IDLE
+                                                   : v1::Worker::STATE_BUSY);
   message.set_isa(worker.isa);
   message.set_thread_count(worker.thread_count);
   for (const std::string& tag : worker.tags) message.add_tags(tag);

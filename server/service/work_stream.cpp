@@ -24,6 +24,12 @@ std::vector<UnitName> names_of(const google::protobuf::RepeatedPtrField<v1::Unit
   return names;
 }
 
+/// Seconds as a worker gives them; what is no span counts as none.
+double span_of(double seconds) {
+  constexpr double kLongest = 1e9;
+  return seconds >= 0 && seconds <= kLongest ? seconds : 0;
+}
+
 /// A worker's mail as messages, verdicts first: they free what the rest needs.
 void write_mail(const Mail& mail, std::deque<v1::WorkResponse>& out) {
   for (std::size_t i = 0; i < mail.acknowledgements.size(); ++i) {
@@ -154,8 +160,8 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
         break;
       case v1::WorkRequest::kSceneLoaded: {
         const v1::SceneLoaded& loaded = request_.scene_loaded();
-        coordinator_.scene_loaded(session, loaded.job_id(), loaded.load_seconds(),
-                                  loaded.build_seconds(), loaded.peak_rss_bytes());
+        coordinator_.scene_loaded(session, loaded.job_id(), span_of(loaded.load_seconds()),
+                                  span_of(loaded.build_seconds()), loaded.peak_rss_bytes());
         break;
       }
       case v1::WorkRequest::kHello:

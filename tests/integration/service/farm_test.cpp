@@ -181,6 +181,12 @@ TEST_F(FarmTest, AMalformedJobIsRefusedByTheNameOfItsField) {
       {"max_worker_count", [](auto& r) { r.set_max_worker_count(-1); }},
       {"width_px", [](auto& r) { r.mutable_settings()->set_width_px(0); }},
       {"tile_px", [](auto& r) { r.mutable_settings()->set_tile_px(24); }},
+      {"tile_px",
+       [](auto& r) {
+         r.mutable_settings()->set_width_px(65536);
+         r.mutable_settings()->set_height_px(65536);
+         r.mutable_settings()->set_tile_px(8);
+       }},
       {"fps", [](auto& r) { r.mutable_settings()->set_fps(std::nan("")); }},
       {"scene_uri", [](auto& r) { r.mutable_manifest()->set_scene_uri("other.gltf"); }},
       {"uri", [](auto& r) { r.mutable_manifest()->mutable_assets(0)->set_uri("../scene.gltf"); }},

@@ -206,8 +206,14 @@ TEST_F(CoordinatorTest, ReadingStopsWhileTooMuchIsWaiting) {
   deliver(worker, worker.units[0], bytes_of(worker.units[0]));
   EXPECT_FALSE(coordinator->has_room_or_call([&] { ++resumed; }));
   EXPECT_EQ(resumed, 0);
+  store.fail_commits_with(absl::UnavailableError("disk"));
   pump();
-  EXPECT_EQ(resumed, 1);
+  EXPECT_EQ(resumed, 1) << "also when the commit fails: the block is sent again";
+  store.fail_commits_with(absl::OkStatus());
+  deliver(worker, worker.units[0], bytes_of(worker.units[0]));
+  EXPECT_FALSE(coordinator->has_room_or_call([&] { ++resumed; }));
+  pump();
+  EXPECT_EQ(resumed, 2);
   EXPECT_TRUE(coordinator->has_room_or_call([&] { ++resumed; }));
 }
 
