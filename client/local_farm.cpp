@@ -23,7 +23,7 @@ namespace {
 using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
-constexpr milliseconds kStartTimeout{20'000};
+constexpr milliseconds kStartTimeout{60'000};  // a busy machine is slow to load programs
 
 /// The next message of the keeper; empty when it is gone.
 std::string receive(int socket) {

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <system_error>
@@ -19,6 +20,7 @@ namespace tessera::agent {
 namespace {
 
 constexpr std::size_t kReadBytes = 1 << 20;
+constexpr std::chrono::hours kAbandoned{24};  // age of a partial file that nobody writes any more
 
 absl::Status disk_error(const std::string& path) {
   return absl::FailedPreconditionError(absl::StrCat(path, ": ", std::strerror(errno)));
@@ -147,7 +149,11 @@ void AssetCache::trim() {
     std::error_code gone;  // another worker may remove files meanwhile
     const auto size = static_cast<std::int64_t>(entry.file_size(gone));
     const fs::file_time_type used = entry.last_write_time(gone);
-    if (gone || !entry.path().extension().empty()) continue;  // .part: being written
+    if (gone) continue;
+    if (!entry.path().extension().empty()) {  // .part: being written, or left by a worker killed
+      if (fs::file_time_type::clock::now() - used > kAbandoned) fs::remove(entry.path(), gone);
+      continue;
+    }
     files.push_back({used, entry.path(), size});
     total += size;
   }

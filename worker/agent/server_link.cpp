@@ -13,7 +13,7 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr milliseconds kFirstPause{50}, kLongestPause{5'000};
-constexpr seconds kHelloTimeout{5};     // from Hello to Welcome
+constexpr seconds kHelloTimeout{10};    // from Hello to Welcome
 constexpr seconds kVerdictTimeout{30};  // after which blocks are sent again
 constexpr std::size_t kChunkBytes = 64 << 10;
 

@@ -244,6 +244,17 @@ TEST(AssetCache, AFileDamagedOnDiskIsFetchedAgain) {
   EXPECT_EQ(download.calls, 2);
 }
 
+TEST(AssetCache, PartialFilesOfKilledWorkersGoAfterADayOthersStay) {
+  Folder folder;
+  const auto cache = *AssetCache::open(folder.path(), 1000);
+  for (const char* name : {"/old.part", "/new.part"}) std::ofstream(folder.path() + name) << "x";
+  fs::last_write_time(folder.path() + "/old.part",
+                      fs::file_time_type::clock::now() - std::chrono::hours(25));
+  cache->trim();
+  EXPECT_FALSE(fs::exists(folder.path() + "/old.part"));
+  EXPECT_TRUE(fs::exists(folder.path() + "/new.part"));
+}
+
 TEST(AssetCache, TheLeastRecentlyUsedGoFirstAndOpenFilesStayReadable) {
   Folder folder;
   const auto cache = *AssetCache::open(folder.path(), 25);
