@@ -68,7 +68,7 @@ absl::Status check_sparse(const Document& d, std::int32_t index) {
   }
   const auto count = static_cast<std::size_t>(s.count);
   const auto index_bytes = static_cast<std::size_t>(component_bytes(s.index_type));
-  const absl::Status indices =
+  absl::Status indices =
       check_range(d, index, {s.index_view, s.index_offset, index_bytes, index_bytes, count});
   if (!indices.ok()) return indices;
   return check_range(d, index,
@@ -207,7 +207,7 @@ absl::Status check_accessor(const Document& d, std::int32_t index) {
       return fault(
           index, absl::StrCat("byteStride ", stride, " is below the element's ", bytes, " bytes"));
     }
-    const absl::Status range =
+    absl::Status range =
         check_range(d, index, {a.view, a.offset, bytes, stride, static_cast<std::size_t>(a.count)});
     if (!range.ok()) return range;
   }
@@ -224,7 +224,7 @@ absl::Status check_accessors(const Document& d) {
   for (const auto& buffer : d.buffers) most += 16 * buffer.size();
   for (std::size_t i = 0; i < d.accessors.size(); ++i) {
     const auto index = static_cast<std::int32_t>(i);
-    const absl::Status status = check_accessor(d, index);
+    absl::Status status = check_accessor(d, index);
     if (!status.ok()) return status;
     total += decoded_bytes(d, index);
     if (total > most) {

@@ -30,7 +30,7 @@ absl::StatusOr<std::span<const std::byte>> bytes_of_range(const JsonView& range,
   const std::int32_t buffer = range.index("buffer", document.buffers.size());
   const std::int64_t offset = range.integer("byteOffset", kSizeLimit);
   const std::int64_t length = range.integer("byteLength", kSizeLimit);
-  const absl::Status valid = fault.status();
+  absl::Status valid = fault.status();
   if (!valid.ok()) return valid;
   if (buffer == kNone || length < 0) {
     return absl::InvalidArgumentError(absl::StrCat(range.path(), ": no buffer or byteLength"));
@@ -69,7 +69,7 @@ absl::Status expand_view(json& view, const JsonView& look, const JsonFault& faul
   const std::int64_t count = extension.integer("count", kSizeLimit);
   const std::int64_t stride = extension.integer("byteStride", kSizeLimit);
   const std::string mode = extension.text("mode"), filter = extension.text("filter");
-  const absl::Status valid = fault.status();
+  absl::Status valid = fault.status();
   if (!valid.ok()) return valid;
   auto decoded =
       decode_meshopt(*encoded, {static_cast<std::size_t>(count < 0 ? 0 : count),
@@ -129,14 +129,14 @@ struct DracoPrimitive {
   absl::Status replace_indices() {
     const std::size_t accessors = root["accessors"].size();
     const std::int32_t accessor = look.index("indices", accessors);
-    const absl::Status valid = fault.status();
+    absl::Status valid = fault.status();
     if (!valid.ok()) return valid;
     if (accessor == kNone) {
       return absl::InvalidArgumentError(absl::StrCat(look.path(), ": Draco without indices"));
     }
     auto indices = geometry.indices();
     if (!indices.ok()) return at(look.path(), indices.status());
-    const absl::Status done = replace(accessor, geometry.triangles() * 3, *std::move(indices));
+    absl::Status done = replace(accessor, geometry.triangles() * 3, *std::move(indices));
     if (done.ok()) root["accessors"][accessor]["componentType"] = 5125;
     return done;
   }
@@ -145,13 +145,13 @@ struct DracoPrimitive {
     const std::int64_t id =
         look.extension(kDraco)["attributes"].integer(name, std::int64_t{1} << 31);
     const std::int32_t accessor = look["attributes"].index(name, root["accessors"].size());
-    const absl::Status valid = fault.status();
+    absl::Status valid = fault.status();
     if (!valid.ok()) return valid;
     if (accessor == kNone) return absl::OkStatus();  // Draco holds more than the primitive names
     const JsonView a(root["accessors"][accessor], absl::StrCat("accessors[", accessor, "]"), fault);
     const int components = components_of(a.text("type"));
     const ComponentType type = component_type_of(a.integer("componentType", 1 << 16));
-    const absl::Status read = fault.status();
+    absl::Status read = fault.status();
     if (!read.ok()) return read;
     auto bytes = geometry.attribute(id, type, components);
     if (!bytes.ok()) return at(look.path() + "." + name, bytes.status());

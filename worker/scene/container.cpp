@@ -112,7 +112,7 @@ absl::StatusOr<GltfContainer> split_container(std::span<const std::byte> file) {
           "file: neither glTF JSON (it does not begin with '{') nor GLB (no 'glTF' magic)");
     }
   }
-  const absl::Status valid = check_json(parts.json);
+  absl::Status valid = check_json(parts.json);
   if (!valid.ok()) return valid;
   return parts;
 }

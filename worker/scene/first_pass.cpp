@@ -394,7 +394,7 @@ absl::StatusOr<std::string> core_text(const json& root) {
   }
   core = stripped(core, "", false, fault);
   if (fault.status().ok()) check_core(core, fault);
-  const absl::Status valid = fault.status();
+  absl::Status valid = fault.status();
   if (!valid.ok()) return valid;
   return core.dump();
 }

@@ -129,7 +129,7 @@ class PrimitiveReader {
         out_.primitive.uv[set].assign(vertices_, Vec2f{});
         continue;
       }
-      const absl::Status status =
+      absl::Status status =
           take(name, read_vec2(document_, accessor(name)), out_.primitive.uv[set]);
       if (!status.ok()) return status;
       for (Vec2f& uv : out_.primitive.uv[set]) {

@@ -92,7 +92,7 @@ absl::StatusOr<OpenImage> open_image(std::span<const std::byte> file) {
   OIIO::ImageSpec config, header;
   config["oiio:UnassociatedAlpha"] = 1;
   if (!open.input->open("memory", header, config)) return damaged(open.input->geterror());
-  const absl::Status valid = check_header(open.input->spec());
+  absl::Status valid = check_header(open.input->spec());
   if (!valid.ok()) return valid;
   return open;
 }

@@ -67,7 +67,7 @@ class LoadedScene final : public SceneFile {
   absl::Status read_document(ResourceReader& reader) {
     const auto file = reader.read(name_);
     if (!file.ok()) return in_file(name_, file.status());
-    const absl::Status status = read_gltf(*file, reader);
+    absl::Status status = read_gltf(*file, reader);
     return status.ok() ? status : in_file(name_, status);
   }
 
@@ -158,7 +158,7 @@ absl::StatusOr<std::unique_ptr<SceneFile>> load_scene_file(std::string_view uri,
                                                            const contract::RenderSettings& settings,
                                                            ResourceReader& reader) {
   auto scene = std::make_unique<LoadedScene>(std::string(uri));
-  const absl::Status status = scene->load(settings, reader);
+  absl::Status status = scene->load(settings, reader);
   if (!status.ok()) return status;
   return std::unique_ptr<SceneFile>(std::move(scene));
 }

@@ -45,7 +45,7 @@ absl::Status check_layout(const MeshoptLayout& layout) {
 
 absl::StatusOr<std::vector<std::byte>> decode_meshopt(std::span<const std::byte> encoded,
                                                       const MeshoptLayout& layout) {
-  const absl::Status valid = check_layout(layout);
+  absl::Status valid = check_layout(layout);
   if (!valid.ok()) return valid;
   // A block of 16 vertices takes at least a bit per byte group, of indices one byte a triangle:
   // a stream much shorter than that is a bomb, and is refused before its output is allocated.

@@ -89,7 +89,7 @@ class SceneBuilder {
     if (!animations.ok()) return animations.status();
     const double seconds = static_cast<double>(input_.frame) / input_.settings.fps;
     for (const std::int32_t animation : *animations) {
-      const absl::Status status = animate(document_, animation, seconds, nodes_);
+      absl::Status status = animate(document_, animation, seconds, nodes_);
       if (!status.ok()) return status;
     }
     const auto scene_roots = roots();
@@ -159,7 +159,7 @@ class SceneBuilder {
     Box box;
     for (std::size_t k = 0; k < document_.meshes[source].primitives.size(); ++k) {
       const PrimitiveSource& primitive = document_.meshes[source].primitives[k];
-      const absl::Status affordable = count_bytes(primitive, source);
+      absl::Status affordable = count_bytes(primitive, source);
       if (!affordable.ok()) return affordable;
       const std::int32_t material = material_of(primitive);
       auto base = read_primitive(document_, source, k, needs_of(material), problems_);
@@ -207,7 +207,7 @@ class SceneBuilder {
     const auto known = shared_.find(key);
     if (known != shared_.end()) return known->second;
     bool mirrored = false;
-    const auto made = add_mesh(source, weights, nullptr, mirrored);
+    auto made = add_mesh(source, weights, nullptr, mirrored);
     if (made.ok()) shared_[key] = *made;
     return made;
   }
@@ -262,8 +262,9 @@ class SceneBuilder {
     std::vector<Vec3f> translations, scales;
     std::vector<Vec4f> rotations;
     const auto read = [](auto values, auto& to) {
+      absl::Status result = values.status();
       if (values.ok()) to = *std::move(values);
-      return values.status();
+      return result;
     };
     absl::Status status;
     if (t != kNone) status = read(read_vec3(document_, t), translations);
@@ -381,7 +382,7 @@ class SceneBuilder {
           continue;
         }
         if (!decoded.contains(image)) {
-          const absl::Status status = add_image(document_.images[image]);
+          absl::Status status = add_image(document_.images[image]);
           if (!status.ok()) return status;
           decoded[image] = static_cast<std::int32_t>(scene_.images.size()) - 1;
         }
