@@ -31,29 +31,34 @@ struct Plane {
 /// Symmetric support: taps for offsets −radius … radius.
 using Kernel = std::vector<double>;
 
+/// One value of a line of pixels under a kernel. `line` points at its first pixel, pixels are
+/// `step` apart.
+double filtered_at(const double* line, std::int32_t length, std::int64_t step, std::int32_t i,
+                   const Kernel& kernel) {
+  const auto radius = static_cast<std::int32_t>(kernel.size() / 2);
+  double sum = 0;
+  std::int32_t at = i - radius;
+  for (const double tap : kernel) sum += tap * line[std::clamp(at++, 0, length - 1) * step];
+  return sum;
+}
+
 Plane filtered(const Plane& in, const Kernel& along_x, const Kernel& along_y) {
-  const auto pass = [](const Plane& from, const Kernel& kernel, bool horizontal) {
-    Plane to(from.width, from.height);
-    const auto radius = static_cast<std::int32_t>(kernel.size() / 2);
-    const std::int32_t length = horizontal ? from.width : from.height;
-    const std::int32_t lines = horizontal ? from.height : from.width;
-    const auto width = static_cast<std::size_t>(from.width);
-    const std::size_t step = horizontal ? 1 : width, line_step = horizontal ? width : 1;
-    for (std::int32_t line = 0; line < lines; ++line) {
-      const std::size_t start = static_cast<std::size_t>(line) * line_step;
-      for (std::int32_t i = 0; i < length; ++i) {
-        double sum = 0;
-        for (std::int32_t k = -radius; k <= radius; ++k) {
-          const std::int32_t at = std::clamp(i + k, 0, length - 1);
-          sum += kernel[static_cast<std::size_t>(k + radius)] *
-                 from.values[start + static_cast<std::size_t>(at) * step];
-        }
-        to.values[start + static_cast<std::size_t>(i) * step] = sum;
-      }
+  Plane rows(in.width, in.height), out(in.width, in.height);
+  const std::int64_t width = in.width;
+  for (std::int32_t y = 0; y < in.height; ++y) {
+    const double* from = in.values.data() + y * width;
+    double* to = rows.values.data() + y * width;
+    for (std::int32_t x = 0; x < in.width; ++x) {
+      to[x] = filtered_at(from, in.width, 1, x, along_x);
     }
-    return to;
-  };
-  return pass(pass(in, along_x, true), along_y, false);
+  }
+  for (std::int32_t y = 0; y < in.height; ++y) {
+    double* to = out.values.data() + y * width;
+    for (std::int32_t x = 0; x < in.width; ++x) {
+      to[x] = filtered_at(rows.values.data() + x, in.height, width, y, along_y);
+    }
+  }
+  return out;
 }
 
 // Colour spaces: linear Rec. 709 and D65 white, which is RGB (1, 1, 1).

@@ -130,36 +130,36 @@ absl::StatusOr<std::unique_ptr<ExrWriter>> ExrWriter::open(const std::string& pa
   }
 }
 
+void ExrWriter::convert(const std::vector<float>& values, std::vector<std::uint16_t>& bits,
+                        std::size_t count) {
+  bits.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    float value = values[i];
+    if (value > kLargestHalf || value < -kLargestHalf) {
+      value = value > 0 ? kLargestHalf : -kLargestHalf;
+      ++half_overflow_count_;
+    }
+    bits[i] = Imath::half(value).bits();
+  }
+}
+
 absl::Status ExrWriter::write_rows(std::int32_t rows, const std::vector<ExrPlane>& planes) {
-  const std::int64_t values = std::int64_t{rows} * window_.width;
-  std::vector<std::vector<Imath::half>> halves;
-  halves.reserve(planes.size());
-  // OpenEXR addresses a buffer from the file's pixel (0, 0): step back to where that would be.
-  const std::int64_t origin =
-      window_.x + std::int64_t{window_.y + rows_written_} * std::int64_t{window_.width};
-  const auto slice = [&](Imf::PixelType type, const void* data, std::int64_t size) {
-    const auto base =
-        reinterpret_cast<std::uintptr_t>(data) - static_cast<std::uintptr_t>(origin * size);
-    return Imf::Slice(type, reinterpret_cast<char*>(base), static_cast<std::size_t>(size),
-                      static_cast<std::size_t>(size * window_.width));
+  const Imath::Box2i band = box({window_.x, window_.y + rows_written_, window_.width, rows});
+  const auto slice = [&band, this](Imf::PixelType type, const void* data, std::size_t size) {
+    return Imf::Slice::Make(type, data, band, size, size * static_cast<std::size_t>(window_.width));
   };
+  std::vector<std::vector<std::uint16_t>> halves(planes.size());
   Imf::FrameBuffer frame_buffer;
-  for (const ExrPlane& plane : planes) {
+  for (std::size_t i = 0; i < planes.size(); ++i) {
+    const ExrPlane& plane = planes[i];
     if (plane.type == ExrType::uint32) {
       frame_buffer.insert(plane.name, slice(Imf::UINT, plane.words.data(), 4));
     } else if (plane.type == ExrType::float32) {
       frame_buffer.insert(plane.name, slice(Imf::FLOAT, plane.values.data(), 4));
     } else {
-      std::vector<Imath::half>& out = halves.emplace_back(static_cast<std::size_t>(values));
-      for (std::size_t i = 0; i < out.size(); ++i) {
-        float value = plane.values[i];
-        if (value > kLargestHalf || value < -kLargestHalf) {
-          value = value > 0 ? kLargestHalf : -kLargestHalf;
-          ++half_overflow_count_;
-        }
-        out[i] = Imath::half(value);
-      }
-      frame_buffer.insert(plane.name, slice(Imf::HALF, out.data(), 2));
+      convert(plane.values, halves[i],
+              static_cast<std::size_t>(rows) * static_cast<std::size_t>(window_.width));
+      frame_buffer.insert(plane.name, slice(Imf::HALF, halves[i].data(), 2));
     }
   }
   try {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -55,6 +56,9 @@ class ExrWriter {
  private:
   class File;
   ExrWriter();
+  /// The first `count` values as half floats, those beyond ±65504 held there and counted.
+  void convert(const std::vector<float>& values, std::vector<std::uint16_t>& bits,
+               std::size_t count);
 
   contract::PixelRect window_;
   std::int32_t rows_written_ = 0;

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <span>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "proto/contract/tile_grid.h"
@@ -239,46 +240,65 @@ absl::Status hash_file(const std::string& path, FrameResult& result) {
   return absl::OkStatus();
 }
 
+/// What a frame is written from and into.
+struct Assembly {
+  const FrameSpec& spec;
+  const contract::TileGrid& grid;
+  const TileReader& read_tile;
+  Band band;
+  Gatherer gatherer;
+  std::vector<PixelRect> missing_tiles;
+};
+
+/// Reads one row of tiles into the band.
+absl::Status fill_band(Assembly& assembly, std::int32_t row) {
+  const contract::TileGrid& grid = assembly.grid;
+  if (assembly.spec.allow_missing) assembly.band.clear();
+  for (std::int32_t column = 0; column < grid.columns(); ++column) {
+    const std::int32_t index = grid.index_at(column, row);
+    const absl::StatusOr<TileSum> tile = assembly.read_tile(index);
+    if (!tile.ok()) return tile.status();
+    if (tile->pass_count() > 0) {
+      assembly.band.put(*tile, grid.rect(index).x - grid.window().x);
+      assembly.gatherer.add(index, *tile);
+    } else if (assembly.spec.allow_missing) {
+      assembly.missing_tiles.push_back(grid.rect(index));
+    } else {
+      return absl::FailedPreconditionError(
+          absl::StrCat("frame ", assembly.spec.frame, ": tile ", index, " has no pass yet"));
+    }
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<FrameResult> write_frame(const FrameSpec& spec, const TileReader& read_tile,
                                         const std::string& path) {
   const contract::TileGrid grid(spec.settings);
   const PixelRect& window = grid.window();
-  Band band(spec.settings, std::min(spec.settings.tile, window.height));
-  Gatherer gatherer(spec, grid);
-  contract::Hasher pixels;
-  FrameResult result;
-  auto writer = ExrWriter::open(path, header_of(spec, window), band.planes());
+  Assembly assembly{spec,
+                    grid,
+                    read_tile,
+                    Band(spec.settings, std::min(spec.settings.tile, window.height)),
+                    Gatherer(spec, grid),
+                    {}};
+  auto writer = ExrWriter::open(path, header_of(spec, window), assembly.band.planes());
   if (!writer.ok()) return writer.status();
+  contract::Hasher pixels;
   for (std::int32_t row = 0; row < grid.rows(); ++row) {
-    if (spec.allow_missing) band.clear();
-    std::int32_t rows = 0;
-    for (std::int32_t column = 0; column < grid.columns(); ++column) {
-      const std::int32_t index = grid.index_at(column, row);
-      const PixelRect rect = grid.rect(index);
-      rows = rect.height;
-      const absl::StatusOr<TileSum> tile = read_tile(index);
-      if (!tile.ok()) return tile.status();
-      if (tile->pass_count() == 0) {
-        if (!spec.allow_missing) {
-          return absl::FailedPreconditionError(
-              absl::StrCat("frame ", spec.frame, ": tile ", index, " has no pass yet"));
-        }
-        result.missing_tiles.push_back(rect);
-        continue;
-      }
-      band.put(*tile, rect.x - window.x);
-      gatherer.add(index, *tile);
-    }
-    band.hash(rows, pixels);
-    const absl::Status written = (*writer)->write_rows(rows, band.planes());
-    if (!written.ok()) return written;
+    if (absl::Status status = fill_band(assembly, row); !status.ok()) return status;
+    const std::int32_t rows = grid.rect(grid.index_at(0, row)).height;
+    assembly.band.hash(rows, pixels);
+    absl::Status status = (*writer)->write_rows(rows, assembly.band.planes());
+    if (!status.ok()) return status;
   }
   if (absl::Status status = (*writer)->close(); !status.ok()) return status;
+  FrameResult result;
   result.pixels_sha256 = pixels.finish();
-  result.statistics = gatherer.finish();
+  result.statistics = assembly.gatherer.finish();
   result.statistics.half_overflow_count = (*writer)->half_overflow_count();
+  result.missing_tiles = std::move(assembly.missing_tiles);
   if (absl::Status status = hash_file(path, result); !status.ok()) return status;
   return result;
 }

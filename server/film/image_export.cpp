@@ -22,12 +22,12 @@ std::uint8_t srgb_code(float linear) {
   if (linear >= 1) return 255;
   const float encoded =
       linear <= 0.0031308f ? 12.92f * linear : 1.055f * std::pow(linear, 1 / 2.4f) - 0.055f;
-  return static_cast<std::uint8_t>(encoded * 255 + 0.5f);
+  return static_cast<std::uint8_t>(std::lround(encoded * 255));
 }
 
 std::uint8_t linear_code(float value) {
   if (!(value > 0)) return 0;
-  return value >= 1 ? std::uint8_t{255} : static_cast<std::uint8_t>(value * 255 + 0.5f);
+  return value >= 1 ? std::uint8_t{255} : static_cast<std::uint8_t>(std::lround(value * 255));
 }
 
 /// One pixel: `rgba` premultiplied and linear; 4 codes for PNG, 3 for JPEG.

@@ -231,7 +231,8 @@ TileSum::ReplicateMeans TileSum::replicate_means(std::int64_t pixel, int channel
   for (int r = 0; r < kReplicates; ++r) {
     const std::int32_t count = kept(pixel, r);
     if (count <= 0) continue;
-    means.value[means.count++] = rgb_[at(pixel * kRgbPerPixel + kChannels * r + channel)] / count;
+    means.value[means.count++] =
+        rgb_[at(pixel * kRgbPerPixel + std::int64_t{kChannels} * r + channel)] / count;
   }
   return means;
 }
@@ -285,7 +286,7 @@ double TileSum::luminance_sum() const {
     double sum[kChannels] = {};
     for (int r = 0; r < kReplicates; ++r) {
       for (int channel = 0; channel < kChannels; ++channel) {
-        sum[channel] += rgb_[at(pixel * kRgbPerPixel + kChannels * r + channel)];
+        sum[channel] += rgb_[at(pixel * kRgbPerPixel + std::int64_t{kChannels} * r + channel)];
       }
     }
     total += (0.2126 * sum[0] + 0.7152 * sum[1] + 0.0722 * sum[2]) / count;
