@@ -81,12 +81,15 @@ class Keeper {
     server_.log = folder_ + "/server.log";
     for (int i = 0; i < plan.worker_count; ++i) {
       const std::string name = "local-" + std::to_string(i + 1);
+      // One identity for the life of this farm: the server takes back at once what a worker had
+      // that died. Another run on the same store is told apart in the report.
+      const std::string id = name + "-" + std::to_string(::getpid());
       Child worker;
       worker.command = {plan.worker_program,
                         "--server",
                         address,
                         "--id",
-                        name,
+                        id,
                         "--name",
                         name,
                         "--threads",
