@@ -20,11 +20,11 @@ cp /etc/resolv.conf "$folder/etc/"
 find /etc/apt/sources.list.d -name 'debian*.sources' -exec cp {} "$folder/etc/apt/sources.list.d/" \;
 git clone -q "$root" "$folder$root"  # at the same path, which compiler caches look at
 mount -t proc proc "$folder/proc"
-trap 'umount "$folder/proc"' EXIT
+trap 'umount --lazy "$folder/proc"' EXIT
 if [ -n "${CACHE:-}" ]; then
   mkdir -p "$folder/root/.cache/ccache"
   mount --bind "$CACHE" "$folder/root/.cache/ccache"
-  trap 'umount "$folder/proc" "$folder/root/.cache/ccache"' EXIT
+  trap 'umount --lazy "$folder/proc" "$folder/root/.cache/ccache"' EXIT
 fi
 
 inside() {
