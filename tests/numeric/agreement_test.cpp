@@ -270,8 +270,8 @@ TEST(HardCase16, AxisParallelRaysVisitNoMoreNodesThanTiltedOnes) {
   for (int tilted = 0; tilted < 2; ++tilted) {
     for (int i = 0; i < 64 * 64; ++i) {
       // Onto the vertices' own planes, and beside the mesh: where 0 * inf happens.
-      const Vec3f origin = {static_cast<float>(i % 64 - 16) / 32, 1,
-                            static_cast<float>(i / 64 - 16) / 32};
+      const int column = i % 64 - 16, row = i / 64 - 16;
+      const Vec3f origin = {static_cast<float>(column) / 32, 1, static_cast<float>(row) / 32};
       ObjectRay ray;
       ASSERT_TRUE(make_object_ray(origin, {tilted * 1e-3f, -1, tilted * 1e-3f}, bvh.bounds, ray));
       const float limit = std::numeric_limits<float>::max();
@@ -287,6 +287,7 @@ TEST(HardCase6, PowersOfTwoInScaleChangeNoBits) {
   Dice dice(80);
   const Primitive small = soup(200, dice);
   std::vector<Ray> rays;
+  rays.reserve(4'000);
   const Scene base_scene = scene_of({small});
   const SceneAccel base(base_scene, in_order());
   for (int i = 0; i < 4'000; ++i) rays.push_back(adversarial_ray(base_scene, dice));

@@ -76,7 +76,7 @@ TEST(DiscreteDistribution, SurvivesExtremeAndBrokenWeights) {
 
 std::vector<double> sky(int width, int height) {
   std::mt19937 random(9);
-  std::vector<double> weights(static_cast<std::size_t>(width * height));
+  std::vector<double> weights(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   for (double& w : weights)
     w = random() % 4 == 0 ? 0 : std::ldexp(1.0, static_cast<int>(random() % 24));
   return weights;

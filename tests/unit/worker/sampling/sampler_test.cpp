@@ -42,9 +42,9 @@ TEST(Sampler, EveryAlignedBlockOfAReplicateIsANet) {
       for (const std::uint32_t set : {dimensions::kFilter, dimensions::light(3)}) {
         for (int m = 0; m <= 7; ++m) {
           for (int block = 0; block < 3; ++block) {
-            std::vector<Vec2f> points;
-            for (int k = 0; k < 1 << m; ++k) {
-              points.push_back(point(pixel, replicate, (block << m) + k).get_2d(set));
+            std::vector<Vec2f> points(std::size_t{1} << m);
+            for (std::size_t k = 0; k < points.size(); ++k) {
+              points[k] = point(pixel, replicate, (block << m) + static_cast<int>(k)).get_2d(set);
             }
             ASSERT_TRUE(is_net(points, m)) << pixel << ' ' << replicate << ' ' << set << ' ' << m;
           }
@@ -96,7 +96,7 @@ TEST(Sampler, EveryInputStartsAnotherStream) {
       samplers.emplace_back(v == 0 ? 1u : 0u, v == 1, v == 2, v == 3, v == 4 ? i + 24 : i);
     }
   }
-  samplers.erase(samplers.begin() + 5 * 24, samplers.end());
+  samplers.resize(std::size_t{5} * 24, samplers[0]);
   samplers.emplace_back(0u, -1, 0, 0, 0);
   samplers.emplace_back(0u, 0, -1, 0, 0);
   std::set<std::array<float, 4>> seen;

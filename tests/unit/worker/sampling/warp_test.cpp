@@ -86,7 +86,8 @@ TEST(Warp, TrianglePointsAreUniformAndInside) {
     return b.x;
   });
   EXPECT_NEAR(mean, 1.0 / 3, 1e-5);
-  for (const int count : quarter) EXPECT_NEAR(count, kSide * kSide / 4, kSide * 2);
+  constexpr int kQuarter = kSide * kSide / 4;
+  for (const int count : quarter) EXPECT_NEAR(count, kQuarter, kSide * 2);
   for (const Vec2f& u : corners()) {
     const Vec2f b = warp::uniform_triangle(u);
     EXPECT_TRUE(b.x >= 0 && b.y >= 0 && b.x + b.y <= 1);
