@@ -260,6 +260,7 @@ TEST(HardCase16, AxisParallelRaysVisitNoMoreNodesThanTiltedOnes) {
   Dice dice(70);
   const Primitive surface = terrain(64, dice);
   std::vector<Box3f> boxes;
+  boxes.reserve(surface.triangles.size());
   for (const auto& triangle : surface.triangles) {
     Box3f box;
     for (const std::uint32_t vertex : triangle) box.extend(surface.positions[vertex]);
@@ -387,6 +388,7 @@ TEST(HardCase32, EqualCentroidsAndDuplicatesBuildShallowTrees) {
 TEST(HardCase32, NestedTrianglesAtEveryScaleStayWithinTheStack) {
   // Each is half as large as the one before: splits peel them off one by one.
   std::vector<Box3f> boxes;
+  boxes.reserve(240);
   for (int i = 0; i < 240; ++i) {
     const float s = std::ldexp(1.0f, 100 - i);
     boxes.push_back({{s, s, s}, {2 * s, 2 * s, 2 * s}});
@@ -399,6 +401,7 @@ TEST(HardCase32, NestedTrianglesAtEveryScaleStayWithinTheStack) {
 TEST(WideBvh, DoesNotDependOnTheOrderOfParallelWork) {
   Dice dice(100);
   std::vector<Box3f> boxes;
+  boxes.reserve(50'000);
   for (int i = 0; i < 50'000; ++i) {
     const Vec3f p = dice.vector();
     boxes.push_back({p, p + Vec3f{dice.unit(), dice.unit(), dice.unit()} * 0.01f});

@@ -98,6 +98,7 @@ TEST(HardCase65, NoTwoSamplesShareAStream) {
   // 2^18 pixels x 4 replicates: 64-bit hashes collide by chance with probability 3e-8.
   std::vector<std::uint64_t> streams;
   constexpr int kSide = 512;
+  streams.reserve(std::size_t{kSide} * kSide * contract::kReplicates);
   for (int y = 0; y < kSide; ++y) {
     for (int x = 0; x < kSide; ++x) {
       for (int replicate = 0; replicate < contract::kReplicates; ++replicate) {
