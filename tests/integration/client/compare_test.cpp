@@ -30,7 +30,7 @@ class CompareTest : public ::testing::Test {
 
   /// Writes an image of one value, `channels` of them, by the name's extension.
   std::string image(const std::string& name, float value, int channels = 4, int width = 16) const {
-    const std::string path = folder_ / name;
+    std::string path = folder_ / name;
     const std::vector<float> pixels(static_cast<std::size_t>(width * 8 * channels), value);
     write_image(path, width, 8, channels, pixels);
     return path;

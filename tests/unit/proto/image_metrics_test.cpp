@@ -22,7 +22,7 @@ struct Canvas {
     }
   }
   float& at(std::int32_t x, std::int32_t y, std::int32_t channel) {
-    return rgba[static_cast<std::size_t>(4 * (y * width + x) + channel)];
+    return rgba[static_cast<std::size_t>(4 * (std::int64_t{y} * width + x) + channel)];
   }
   ImageView view() const { return {width, height, rgba}; }
 };
@@ -166,11 +166,11 @@ TEST(Flip, TurnsAndMirrorsWithTheImages) {
     for (std::int32_t x = 0; x < 40; ++x) {
       for (std::int32_t c = 0; c < 4; ++c) {
         mirrored_a.at(39 - x, y, c) =
-            Canvas(a).rgba[static_cast<std::size_t>(4 * (y * 40 + x) + c)];
+            Canvas(a).rgba[static_cast<std::size_t>(4 * (std::int64_t{y} * 40 + x) + c)];
         mirrored_b.at(39 - x, y, c) =
-            Canvas(b).rgba[static_cast<std::size_t>(4 * (y * 40 + x) + c)];
-        turned_a.at(y, x, c) = a.rgba[static_cast<std::size_t>(4 * (y * 40 + x) + c)];
-        turned_b.at(y, x, c) = b.rgba[static_cast<std::size_t>(4 * (y * 40 + x) + c)];
+            Canvas(b).rgba[static_cast<std::size_t>(4 * (std::int64_t{y} * 40 + x) + c)];
+        turned_a.at(y, x, c) = a.rgba[static_cast<std::size_t>(4 * (std::int64_t{y} * 40 + x) + c)];
+        turned_b.at(y, x, c) = b.rgba[static_cast<std::size_t>(4 * (std::int64_t{y} * 40 + x) + c)];
       }
     }
   }

@@ -90,7 +90,7 @@ TEST(SettingsMessage, ValuesOutOfRangeAreRefusedByName) {
       {"frames", [](Message& m) { m.mutable_frames(0)->set_first(-1); }},
       {"frames", [](Message& m) { m.mutable_frames(0)->set_last(2000000); }},
       {"fps", [](Message& m) { m.set_fps(0); }},
-      {"fps", [kNan](Message& m) { m.set_fps(kNan); }},
+      {"fps", [](Message& m) { m.set_fps(kNan); }},
       {"sample_count", [](Message& m) { m.set_sample_count(0); }},
       {"sample_count", [](Message& m) { m.set_sample_count(1048577); }},
       {"max_depth", [](Message& m) { m.set_max_depth(0); }},
@@ -101,13 +101,13 @@ TEST(SettingsMessage, ValuesOutOfRangeAreRefusedByName) {
       {"tile", [](Message& m) { m.set_tile_px(4); }},
       {"tile", [](Message& m) { m.set_tile_px(512); }},
       {"filter_width", [](Message& m) { m.set_filter_width_px(0); }},
-      {"filter_width", [kInf](Message& m) { m.set_filter_width_px(kInf); }},
+      {"filter_width", [](Message& m) { m.set_filter_width_px(kInf); }},
       {"environment_strength", [](Message& m) { m.set_environment_strength(-1); }},
-      {"environment_rotation", [kNan](Message& m) { m.set_environment_rotation_deg(kNan); }},
+      {"environment_rotation", [](Message& m) { m.set_environment_rotation_deg(kNan); }},
       {"background_color", [](Message& m) { m.set_background(Message::BACKGROUND_COLOR); }},
       {"aovs", [](Message& m) { m.add_aovs("colour"); }},
       {"clamp", [](Message& m) { m.set_clamp(-1); }},
-      {"clamp", [kInf](Message& m) { m.set_clamp(kInf); }},
+      {"clamp", [](Message& m) { m.set_clamp(kInf); }},
   };
   for (const auto& [field, breaks] : cases) {
     v1::RenderSettings message = to_message(RenderSettings{});

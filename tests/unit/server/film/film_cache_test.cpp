@@ -15,7 +15,7 @@ namespace {
 using contract::FilmBlock;
 
 constexpr std::int64_t kPlenty = std::int64_t{1} << 30;
-const FrameKey kKey{"job", 0};
+const FrameKey frame_key{"job", 0};
 
 /// A frame of 3 x 2 tiles (the last column and row are smaller) in three passes.
 class FilmCacheTest : public ::testing::Test {
@@ -35,7 +35,7 @@ class FilmCacheTest : public ::testing::Test {
                       passes_[static_cast<std::size_t>(pass)]);
   }
   void open(FilmCache& cache) {
-    cache.open_frame(kKey, settings_, passes_, [this](std::int32_t tile, std::int32_t pass) {
+    cache.open_frame(frame_key, settings_, passes_, [this](std::int32_t tile, std::int32_t pass) {
       ++reads_;
       return absl::StatusOr<FilmBlock>(block(tile, pass));
     });
@@ -67,7 +67,7 @@ class FilmCacheTest : public ::testing::Test {
   std::vector<float> all_pixels(FilmCache& cache, bool take = true) {
     std::vector<float> values;
     for (std::int32_t tile = 0; tile < grid_->tile_count(); ++tile) {
-      const auto sum = take ? cache.take_tile(kKey, tile) : cache.tile(kKey, tile);
+      const auto sum = take ? cache.take_tile(frame_key, tile) : cache.tile(frame_key, tile);
       EXPECT_TRUE(sum.ok()) << sum.status();
       EXPECT_EQ(sum->pass_count(), static_cast<std::int32_t>(passes_.size()));
       const std::vector<float> more = pixels_of(*sum);
@@ -96,12 +96,12 @@ TEST_F(FilmCacheTest, SameBitsWhateverTheArrivalOrderDuplicatesOrMemory) {
       for (int copies = 0; copies < 5; ++copies) units.push_back(units[rng() % units.size()]);
     }
     for (const auto& [tile, pass] : units) {
-      ASSERT_TRUE(cache.add(kKey, tile, pass, block(tile, pass)).ok());
+      ASSERT_TRUE(cache.add(frame_key, tile, pass, block(tile, pass)).ok());
     }
-    std::vector<double> figures = {*cache.mean_luminance(kKey)};
+    std::vector<double> figures = {*cache.mean_luminance(frame_key)};
     const std::vector<float> pixels = all_pixels(cache, trial % 4 < 2);
     for (std::int32_t pass = 0; pass < 3; ++pass) {
-      const ErrorEstimate estimate = cache.estimate_after_pass(kKey, pass);
+      const ErrorEstimate estimate = cache.estimate_after_pass(frame_key, pass);
       EXPECT_EQ(estimate.pixels, 70 * 50) << "pass " << pass << " of trial " << trial;
       figures.insert(figures.end(), {estimate.rmse, estimate.relmse, estimate.error,
                                      estimate.error_upper95, estimate.n_eff});
@@ -119,15 +119,15 @@ TEST_F(FilmCacheTest, RestartFromTheJournalGivesTheSameBits) {
   FilmCache before(kPlenty), after(kPlenty);
   open(before);
   for (const auto& [tile, pass] : all_units()) {
-    ASSERT_TRUE(before.add(kKey, tile, pass, block(tile, pass)).ok());
+    ASSERT_TRUE(before.add(frame_key, tile, pass, block(tile, pass)).ok());
   }
   EXPECT_EQ(reads_, 0) << "in order, nothing is read back";
   open(after);
   for (const auto& [tile, pass] : all_units()) {
-    ASSERT_TRUE(after.note_committed(kKey, tile, pass).ok());
+    ASSERT_TRUE(after.note_committed(frame_key, tile, pass).ok());
   }
   EXPECT_EQ(reads_, 0) << "noting reads nothing";
-  EXPECT_EQ(*before.mean_luminance(kKey), *after.mean_luminance(kKey));
+  EXPECT_EQ(*before.mean_luminance(frame_key), *after.mean_luminance(frame_key));
   EXPECT_EQ(all_pixels(before), all_pixels(after));
 }
 
@@ -136,14 +136,15 @@ TEST_F(FilmCacheTest, MeanLuminanceIsThatOfPassZeroOfTheWholeFrame) {
   open(cache);
   double sum = 0;
   for (std::int32_t tile = 0; tile < grid_->tile_count(); ++tile) {
-    EXPECT_EQ(cache.mean_luminance(kKey).status().code(), absl::StatusCode::kFailedPrecondition);
+    EXPECT_EQ(cache.mean_luminance(frame_key).status().code(),
+              absl::StatusCode::kFailedPrecondition);
     const contract::PixelRect rect = grid_->rect(tile);
     TileSum alone(rect.width, rect.height, settings_.aovs);
     ASSERT_TRUE(alone.add(block(tile, 0), passes_[0]).ok());
     sum += alone.luminance_sum();
-    ASSERT_TRUE(cache.add(kKey, tile, 0, block(tile, 0)).ok());
+    ASSERT_TRUE(cache.add(frame_key, tile, 0, block(tile, 0)).ok());
   }
-  EXPECT_EQ(*cache.mean_luminance(kKey), sum / (70 * 50));
+  EXPECT_EQ(*cache.mean_luminance(frame_key), sum / (70 * 50));
 }
 
 TEST_F(FilmCacheTest, MemoryStaysAtTheBudgetAndOneTileIsAlwaysHeld) {
@@ -151,14 +152,14 @@ TEST_F(FilmCacheTest, MemoryStaysAtTheBudgetAndOneTileIsAlwaysHeld) {
   FilmCache cache(2 * one);
   open(cache);
   for (const auto& [tile, pass] : all_units()) {
-    ASSERT_TRUE(cache.add(kKey, tile, pass, block(tile, pass)).ok());
+    ASSERT_TRUE(cache.add(frame_key, tile, pass, block(tile, pass)).ok());
     EXPECT_LE(cache.used_bytes(), 2 * one);
     EXPECT_GT(cache.used_bytes(), 0);
   }
   EXPECT_GT(reads_, 0) << "the frame does not fit, so tiles must have been rebuilt";
-  cache.close_frame(kKey);
+  cache.close_frame(frame_key);
   EXPECT_EQ(cache.used_bytes(), 0);
-  EXPECT_FALSE(cache.is_open(kKey));
+  EXPECT_FALSE(cache.is_open(frame_key));
 }
 
 TEST_F(FilmCacheTest, ProgressKnowsNoErrorUntilPassZeroIsWhole) {
@@ -166,35 +167,35 @@ TEST_F(FilmCacheTest, ProgressKnowsNoErrorUntilPassZeroIsWhole) {
   open(cache);
   const std::int32_t last = grid_->tile_count() - 1;
   for (std::int32_t tile = 0; tile < last; ++tile) {
-    ASSERT_TRUE(cache.add(kKey, tile, 0, block(tile, 0)).ok());
+    ASSERT_TRUE(cache.add(frame_key, tile, 0, block(tile, 0)).ok());
   }
-  EXPECT_EQ(cache.running_estimate(kKey).pixels, 0);
-  ASSERT_TRUE(cache.add(kKey, last, 0, block(last, 0)).ok());
-  const ErrorEstimate after_first = cache.running_estimate(kKey);
+  EXPECT_EQ(cache.running_estimate(frame_key).pixels, 0);
+  ASSERT_TRUE(cache.add(frame_key, last, 0, block(last, 0)).ok());
+  const ErrorEstimate after_first = cache.running_estimate(frame_key);
   EXPECT_EQ(after_first.pixels, 70 * 50);
   for (std::int32_t tile = 0; tile <= last; ++tile) {
-    ASSERT_TRUE(cache.add(kKey, tile, 1, block(tile, 1)).ok());
+    ASSERT_TRUE(cache.add(frame_key, tile, 1, block(tile, 1)).ok());
   }
-  EXPECT_LT(cache.running_estimate(kKey).error, after_first.error);
+  EXPECT_LT(cache.running_estimate(frame_key).error, after_first.error);
 }
 
 TEST_F(FilmCacheTest, RefusesWhatDoesNotBelongToTheFrame) {
   FilmCache cache(kPlenty);
-  EXPECT_EQ(cache.add(kKey, 0, 0, block(0, 0)).code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(cache.add(frame_key, 0, 0, block(0, 0)).code(), absl::StatusCode::kNotFound);
   open(cache);
-  EXPECT_EQ(cache.add(kKey, 6, 0, block(0, 0)).code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(cache.add(kKey, 0, 3, block(0, 0)).code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(cache.add(kKey, 0, 1, block(0, 0)).code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(cache.tile(kKey, 0)->pass_count(), 0);
+  EXPECT_EQ(cache.add(frame_key, 6, 0, block(0, 0)).code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(cache.add(frame_key, 0, 3, block(0, 0)).code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(cache.add(frame_key, 0, 1, block(0, 0)).code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(cache.tile(frame_key, 0)->pass_count(), 0);
 }
 
 TEST_F(FilmCacheTest, FaultOfTheStoreReachesTheCaller) {
   FilmCache cache(kPlenty);
-  cache.open_frame(kKey, settings_, passes_, [](std::int32_t, std::int32_t) {
+  cache.open_frame(frame_key, settings_, passes_, [](std::int32_t, std::int32_t) {
     return absl::StatusOr<FilmBlock>(absl::DataLossError("segment 3 is damaged"));
   });
-  ASSERT_TRUE(cache.note_committed(kKey, 0, 0).ok());
-  EXPECT_EQ(cache.tile(kKey, 0).status().code(), absl::StatusCode::kDataLoss);
+  ASSERT_TRUE(cache.note_committed(frame_key, 0, 0).ok());
+  EXPECT_EQ(cache.tile(frame_key, 0).status().code(), absl::StatusCode::kDataLoss);
 }
 
 TEST_F(FilmCacheTest, ThreadsMayAddAtOnce) {
@@ -203,15 +204,15 @@ TEST_F(FilmCacheTest, ThreadsMayAddAtOnce) {
   open(alone);
   const auto units = all_units();
   for (const auto& [tile, pass] : units) {
-    ASSERT_TRUE(alone.add(kKey, tile, pass, block(tile, pass)).ok());
+    ASSERT_TRUE(alone.add(frame_key, tile, pass, block(tile, pass)).ok());
   }
   std::vector<std::thread> threads;
   for (std::size_t t = 0; t < 4; ++t) {
     threads.emplace_back([&, t] {
       for (std::size_t i = t; i < units.size(); i += 4) {
         const auto [tile, pass] = units[i];
-        EXPECT_TRUE(cache.add(kKey, tile, pass, block(tile, pass)).ok());
-        cache.running_estimate(kKey);
+        EXPECT_TRUE(cache.add(frame_key, tile, pass, block(tile, pass)).ok());
+        cache.running_estimate(frame_key);
       }
     });
   }

@@ -17,7 +17,7 @@ inline contract::FilmBlock made_block(const contract::PixelRect& rect, std::uint
       contract::FilmBlock::zeros({rect.width, rect.height, aovs, pass_index == 0});
   std::mt19937 rng(static_cast<std::uint32_t>(rect.x * 7919 + rect.y * 104729 + pass_index));
   const auto u01 = [&rng] { return static_cast<double>(rng()) * 0x1p-32; };
-  const double per_replicate = pass.sample_count / contract::kReplicates;
+  const int per_replicate = pass.sample_count / contract::kReplicates;
   for (float& value : block.rgb) value = static_cast<float>(per_replicate * (0.25 + u01()));
   for (float& value : block.alpha) value = static_cast<float>(pass.sample_count * u01());
   for (float& value : block.albedo) value = static_cast<float>(pass.sample_count * u01());

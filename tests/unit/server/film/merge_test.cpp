@@ -157,7 +157,7 @@ TEST(ErrorSums, AgreeWithTheFormulaWrittenOut) {
   const double m = 0.7;
   BruteForce expected;
   std::vector<long double> per_pixel_expected;
-  for (std::size_t pixel = 0; pixel < kSide * kSide; ++pixel) {
+  for (std::size_t pixel = 0; pixel < std::size_t{kSide} * kSide; ++pixel) {
     long double scaled = 0;
     for (std::size_t c = 0; c < 3; ++c) {
       std::vector<long double> x;
