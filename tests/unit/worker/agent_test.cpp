@@ -143,7 +143,7 @@ TEST(RenderPool, ALoopRunsEveryIndexOnceFromTasksAndFromOutside) {
     {
       RenderPool pool(threads);
       const auto loop = pool.parallel_for(helper_cpu_ns);
-      pool.submit([&] {
+      pool.submit([&, loop] {  // a copy: the pool outlives this scope's names
         loop(kCount, [&](std::int64_t i) { ++seen_inside[static_cast<std::size_t>(i)]; });
       });
       loop(kCount, [&](std::int64_t i) { ++seen_outside[static_cast<std::size_t>(i)]; });
