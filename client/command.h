@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <string>
 
@@ -22,6 +23,7 @@ inline constexpr int kExitInterrupted = 130;
 struct Connection {
   std::string server;      // unix:PATH or HOST:PORT; empty: default_server()
   std::string token_file;  // file with the token; empty: TESSERA_TOKEN, which is the token itself
+  std::chrono::seconds patience{2};  // with a farm that has not answered yet
 };
 
 /// What the command line asks for. A command's parser callback sets `run`; main calls it once

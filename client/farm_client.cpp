@@ -23,7 +23,6 @@ using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
 constexpr milliseconds kCallTimeout{20'000};
-constexpr milliseconds kPatienceBeforeContact{2'000};
 constexpr milliseconds kPatienceAfterContact{60'000};
 constexpr milliseconds kFirstPause{50}, kLongestPause{3'000};
 constexpr std::size_t kChunkBytes = 1 << 20;
@@ -45,9 +44,11 @@ absl::StatusOr<std::string> read_token(const Connection& connection) {
 
 class Client : public FarmClient {
  public:
-  Client(std::string address, std::string token, const std::shared_ptr<grpc::Channel>& channel)
+  Client(std::string address, std::string token, milliseconds patience,
+         const std::shared_ptr<grpc::Channel>& channel)
       : address_(std::move(address)),
         token_(std::move(token)),
+        patience_before_contact_(patience),
         jobs_(v1::JobService::NewStub(channel)),
         assets_(v1::AssetService::NewStub(channel)),
         workers_(v1::WorkerService::NewStub(channel)),
@@ -243,7 +244,8 @@ class Client : public FarmClient {
         start = Clock::now();
         pause = kFirstPause;
       }
-      if (Clock::now() - start > (contacts_ > 0 ? kPatienceAfterContact : kPatienceBeforeContact)) {
+      if (Clock::now() - start >
+          (contacts_ > 0 ? kPatienceAfterContact : patience_before_contact_)) {
         return absl::UnavailableError(
             absl::StrCat("no farm answers at ", address_, ": ", std::string(status.message())));
       }
@@ -281,6 +283,7 @@ class Client : public FarmClient {
   void note_contact() { ++contacts_; }
 
   const std::string address_, token_;
+  const milliseconds patience_before_contact_;
   const std::unique_ptr<v1::JobService::Stub> jobs_;
   const std::unique_ptr<v1::AssetService::Stub> assets_;
   const std::unique_ptr<v1::WorkerService::Stub> workers_;
@@ -301,7 +304,7 @@ absl::StatusOr<std::unique_ptr<FarmClient>> FarmClient::connect(const Connection
   if (!token.ok()) return token.status();
   auto channel = contract::open_channel(address);
   if (!channel.ok()) return channel.status();
-  return std::make_unique<Client>(address, *std::move(token), *channel);
+  return std::make_unique<Client>(address, *std::move(token), connection.patience, *channel);
 }
 
 }  // namespace tessera::client

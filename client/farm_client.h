@@ -17,8 +17,8 @@
 namespace tessera::client {
 
 /// A farm's services. Every call retries UNAVAILABLE with exponential back-off and jitter, here and
-/// nowhere else: for 2 s until the farm has answered once, then for 60 s, so that a restart of the
-/// server goes unnoticed.
+/// nowhere else: for Connection::patience until the farm has answered once, then for 60 s, so that
+/// a restart of the server goes unnoticed.
 ///
 /// Errors of all calls: those of the rpc (proto/tessera/v1), Unavailable naming the address when
 /// patience ends, Cancelled after cancel(). One thread at a time; cancel() from any.

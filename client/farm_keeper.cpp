@@ -155,7 +155,7 @@ class Keeper {
          pid = ::waitpid(-1, &status, WNOHANG)) {
       if (pid == server_.pid) {
         server_.pid = -1;
-        tell("the server has died; its log:\n" + log_tail(server_));
+        tell("the server " + end_of(status) + ": " + last_line(server_));
       }
       for (Child& worker : workers_) {
         if (pid == worker.pid) mourn(worker, status);
@@ -173,7 +173,9 @@ class Keeper {
     worker.given_up = WIFEXITED(status) || worker.short_lives >= kMostShortLives;
     const bool none_left = std::all_of(workers_.begin(), workers_.end(),
                                        [](const Child& child) { return child.given_up; });
-    if (none_left) tell("no worker is left; the log of the last:\n" + log_tail(worker));
+    if (none_left) {
+      tell("no worker is left; the last " + end_of(status) + ": " + last_line(worker));
+    }
   }
 
   void restart_workers() {
@@ -183,16 +185,26 @@ class Keeper {
     }
   }
 
-  static std::string log_tail(const Child& child) {
+  /// "was killed by signal 9", "ended with status 1", from a waitpid status.
+  static std::string end_of(int status) {
+    return WIFSIGNALED(status) ? "was killed by signal " + std::to_string(WTERMSIG(status))
+                               : "ended with status " + std::to_string(WEXITSTATUS(status));
+  }
+
+  /// The last line of the child's log: a program that gives up says why in it.
+  static std::string last_line(const Child& child) {
     constexpr off_t kTailBytes = 2'000;
     const int file = ::open(child.log.c_str(), O_RDONLY | O_CLOEXEC);
     if (file < 0) return {};
     const off_t size = ::lseek(file, 0, SEEK_END);
     ::lseek(file, std::max<off_t>(0, size - kTailBytes), SEEK_SET);
-    std::array<char, kTailBytes> text;
-    const ssize_t got = ::read(file, text.data(), text.size());
+    std::array<char, kTailBytes> bytes;
+    const ssize_t got = ::read(file, bytes.data(), bytes.size());
     ::close(file);
-    return {text.data(), static_cast<std::size_t>(std::max<ssize_t>(0, got))};
+    std::string text(bytes.data(), static_cast<std::size_t>(std::max<ssize_t>(0, got)));
+    while (!text.empty() && text.back() == '\n') text.pop_back();
+    const std::size_t line = text.rfind('\n');
+    return line == std::string::npos ? text : text.substr(line + 1);
   }
 
   static void kill_child(const Child& child, int signal) {

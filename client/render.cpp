@@ -25,6 +25,8 @@ namespace tessera::client {
 namespace {
 
 constexpr std::chrono::milliseconds kWatchInterval{200};
+// With our own server, which a busy machine may keep waiting; its death ends the wait at once.
+constexpr std::chrono::seconds kPatience{30};
 
 struct RenderCommandOptions {
   RenderOptions render;
@@ -160,7 +162,7 @@ int run(const RenderCommandOptions& options) {
   }
   absl::Status up = (*farm)->wait_until_up();
   if (!up.ok()) return fail(up);
-  const auto client = FarmClient::connect({(*farm)->address(), ""});
+  const auto client = FarmClient::connect({(*farm)->address(), "", kPatience});
   if (!client.ok()) return fail(client.status());
 
   if (interrupts.interrupted()) return kExitInterrupted;

@@ -86,6 +86,19 @@ kill_worker() {
   unset "worker_pid[$1]"
 }
 
+# stand_in PROGRAM: makes $work/bin, where PROGRAM is the script on stdin and the others are ours:
+# `tessera render` runs what lies beside it.
+stand_in() {
+  local program
+  mkdir -p "$work/bin"
+  cp "$TESSERA_BIN/tessera" "$work/bin/tessera"
+  for program in tessera-server tessera-worker; do
+    printf '#!/bin/sh\nexec %s "$@"\n' "$TESSERA_BIN/$program" >"$work/bin/$program"
+  done
+  cat >"$work/bin/$1"
+  chmod +x "$work/bin/"*
+}
+
 # farm COMMAND…: a client command on this farm.
 farm() { tessera "$1" --server "$socket" "${@:2}"; }
 

@@ -90,3 +90,35 @@ equal "no unit was rendered twice" \
   "$(json "$work/resumed.json" 'sum(w["units"] for w in d["workers"])')" "$total"
 kept=$(json "$work/resumed.json" "sum(w['units'] for w in d['workers'] if w['id'] == '$first_worker')")
 equal "the second run did only the units that were not committed" "$kept" "$before"
+
+# Its server may be slow to answer: render waits while it lives, and not a moment longer.
+listen_for=$(
+  cat <<'PY'
+import socket, sys, time
+listener = socket.socket(socket.AF_UNIX)
+listener.bind(sys.argv[1].removeprefix("unix:"))
+listener.listen()
+time.sleep(float(sys.argv[2]))
+PY
+)
+stand_in tessera-server <<EOF
+#!/bin/sh
+python3 -c '$listen_for' "\$2" 4 || exit
+exec $TESSERA_BIN/tessera-server "\$@"
+EOF
+exits 0 "$work/bin/tessera" render "$scene" -o "$work/late.exr" --size 16x16 --spp 4
+say "a server that takes four seconds to answer is waited for"
+
+stand_in tessera-server <<EOF
+#!/bin/sh
+python3 -c '$listen_for' "\$2" 1
+echo 'tessera-server: the disk is gone' >&2
+exit 7
+EOF
+started_at=$(date +%s%N)
+exits 3 "$work/bin/tessera" render "$scene" -o "$work/dead.exr" --size 16x16 --spp 4
+took_ms=$((($(date +%s%N) - started_at) / 1000000))
+says "ended with status 7: tessera-server: the disk is gone"
+[ "$took_ms" -lt 15000 ] || fail "a dead server was waited for, $took_ms ms"
+nothing_left || fail "a folder was left"
+say "a server that dies ends the wait, with its last words"
