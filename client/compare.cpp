@@ -121,7 +121,7 @@ int run(const CompareOptions& options) {
 void add_compare_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<CompareOptions>();
   CLI::App* command = app.add_subcommand("compare", "Say how an image differs from a reference");
-  command->add_option("image", options->image, "Image: EXR, HDR, PNG or JPEG")->required();
+  command->add_option("image", options->image, "Image: EXR, HDR, PNG, JPEG or WebP")->required();
   command->add_option("reference", options->reference, "What it is measured against")->required();
   command
       ->add_option("--fail-above", options->limits,

@@ -1,82 +1,69 @@
 #include "client/image_file.h"
 
-#include <OpenImageIO/imageio.h>
-#include <unistd.h>
-
+#include <cerrno>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
-#include <memory>
+#include <fstream>
+#include <span>
+#include <sstream>
 
 #include "absl/strings/str_cat.h"
+#include "proto/image/image_codec.h"
 
 namespace tessera::client {
 namespace {
 
-constexpr std::int64_t kMaxPixels = std::int64_t{1} << 28;
+/// Four floats each: the largest image takes 4 GiB.
+constexpr image::PixelLimits kLimits = {65'536, std::int64_t{4} << 30};
 
-/// Name of the format by the file's first bytes; empty if it is none of those we open.
-/// OpenImageIO would open many more, through libraries we have no use for.
-std::string format_by_magic(const std::string& path) {
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"),
-                                                             &std::fclose);
-  if (file == nullptr) return "";
-  char start[10] = {};
-  if (std::fread(start, 1, sizeof start, file.get()) == 0) return "";
-  const auto begins = [&start](const char* magic, std::size_t size) {
-    return std::memcmp(start, magic, size) == 0;
-  };
-  if (begins("\x76\x2f\x31\x01", 4)) return "openexr";
-  if (begins("\x89PNG\r\n\x1a\n", 8)) return "png";
-  if (begins("\xff\xd8\xff", 3)) return "jpeg";
-  if (begins("#?RADIANCE", 10) || begins("#?RGBE", 6)) return "hdr";
-  return "";
-}
-
-absl::Status bad(const std::string& path, const std::string& what) {
-  return absl::InvalidArgumentError(absl::StrCat(path, ": ", what));
+absl::StatusOr<std::string> bytes_of(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream bytes;
+  errno = 0;
+  if (!file || !(bytes << file.rdbuf())) {
+    return absl::NotFoundError(absl::StrCat(path, ": ", std::strerror(errno)));
+  }
+  return std::move(bytes).str();
 }
 
 float linear_of_srgb(float encoded) {
   return encoded <= 0.04045f ? encoded / 12.92f : std::pow((encoded + 0.055f) / 1.055f, 2.4f);
 }
 
+/// RGBA of codes up to `white`, whose alpha is not multiplied in.
+template <typename Code>
+void linearise(const std::vector<Code>& codes, std::size_t channels, float white,
+               std::vector<float>& rgba) {
+  for (std::size_t i = 0; i < rgba.size() / 4; ++i) {
+    const Code* code = &codes[i * channels];
+    const float alpha = channels == 4 ? static_cast<float>(code[3]) / white : 1;
+    for (std::size_t c = 0; c < 3; ++c) {
+      rgba[4 * i + c] = alpha * linear_of_srgb(static_cast<float>(code[c]) / white);
+    }
+    rgba[4 * i + 3] = alpha;
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<Image> read_image(const std::string& path) {
-  if (::access(path.c_str(), R_OK) != 0) {
-    return absl::NotFoundError(absl::StrCat(path, ": ", std::strerror(errno)));
+  const auto file = bytes_of(path);
+  if (!file.ok()) return file.status();
+  const auto codec = image::ImageCodec::open();
+  if (!codec.ok()) return codec.status();
+  const auto pixels = (*codec)->decode(std::as_bytes(std::span(*file)), kLimits);
+  if (!pixels.ok()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": ", std::string(pixels.status().message())));
   }
-  const std::string format = format_by_magic(path);
-  if (format.empty()) return bad(path, "not an EXR, HDR, PNG or JPEG image");
-  const std::unique_ptr<OIIO::ImageInput> input = OIIO::ImageInput::create(format);
-  OIIO::ImageSpec spec;
-  OIIO::ImageSpec hints;
-  hints.attribute("oiio:UnassociatedAlpha", 0);
-  if (input == nullptr || !input->open(path, spec, hints)) {
-    return bad(path, input == nullptr ? OIIO::geterror() : input->geterror());
-  }
-  const std::int64_t pixels = std::int64_t{spec.width} * spec.height;
-  if (pixels < 1 || pixels > kMaxPixels) {
-    return bad(path, absl::StrCat(spec.width, "x", spec.height, " pixels, at most ", kMaxPixels));
-  }
-  Image image{spec.width, spec.height, {}};
-  image.rgba.assign(static_cast<std::size_t>(4 * pixels), 1.0f);
-  static constexpr const char* kNames[] = {"R", "G", "B", "A"};
-  const bool grey = spec.channelindex("Y") >= 0 && spec.channelindex("R") < 0;
-  for (std::size_t c = 0; c < 4; ++c) {
-    const int channel = spec.channelindex(grey && c < 3 ? "Y" : kNames[c]);
-    if (channel < 0 && c == 3) continue;
-    if (channel < 0) return bad(path, absl::StrCat("has no channel ", kNames[c]));
-    if (!input->read_image(0, 0, channel, channel + 1, OIIO::TypeDesc::FLOAT, &image.rgba[c],
-                           4 * sizeof(float))) {
-      return bad(path, input->geterror());
-    }
-  }
-  if (format == "png" || format == "jpeg") {
-    for (std::size_t i = 0; i < image.rgba.size(); ++i) {
-      if (i % 4 != 3) image.rgba[i] = linear_of_srgb(image.rgba[i]);
-    }
+  const auto channels = static_cast<std::size_t>(pixels->channels);
+  Image image{
+      static_cast<std::int32_t>(pixels->width), static_cast<std::int32_t>(pixels->height), {}};
+  image.rgba.assign(static_cast<std::size_t>(4 * pixels->width * pixels->height), 1.0f);
+  if (!pixels->u8.empty()) linearise(pixels->u8, channels, 255, image.rgba);
+  if (!pixels->u16.empty()) linearise(pixels->u16, channels, 65'535, image.rgba);
+  for (std::size_t i = 0; i < pixels->f32.size(); ++i) {
+    image.rgba[4 * (i / channels) + i % channels] = pixels->f32[i];
   }
   return image;
 }

@@ -17,8 +17,8 @@ struct Image {
   contract::ImageView view() const { return {width, height, rgba}; }
 };
 
-/// Reads the R, G, B and, where there is one, A channels of an EXR, HDR, PNG or JPEG file. 8-bit
-/// files are taken as sRGB and made linear; without A, alpha is 1.
+/// Reads the R, G, B and, where there is one, A channels of an EXR, HDR, PNG, JPEG or WebP file. 8-
+/// and 16-bit files are taken as sRGB and made linear; without A, alpha is 1.
 ///
 /// Errors: NotFound, no such file; InvalidArgument, not such an image, or too large (what, which
 /// limit).

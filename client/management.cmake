@@ -3,7 +3,7 @@ target_sources(tessera_client
   PRIVATE compare.cpp completion.cpp extend.cpp fetch.cpp image_file.cpp inspect.cpp
           job_control.cpp list.cpp report.cpp status.cpp table.cpp workers.cpp
   PUBLIC FILE_SET HEADERS FILES completion.h image_file.h table.h)
-target_link_libraries(tessera_client PRIVATE OpenImageIO::OpenImageIO)
+target_link_libraries(tessera_client PRIVATE tessera::image)
 
 # `ninja man` writes man/*.1, read off the parser as --help is.
 add_executable(tessera_manual EXCLUDE_FROM_ALL manual.cpp)

@@ -1,20 +1,23 @@
 #include "server/film/image_export.h"
 
-#include <OpenImageIO/filesystem.h>
-#include <OpenImageIO/imageio.h>
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfFrameBuffer.h>
+#include <OpenEXR/ImfHeader.h>
+#include <OpenEXR/ImfInputFile.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
-#include <utility>
+#include <exception>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "proto/image/image_codec.h"
 
 namespace tessera::server {
 namespace {
 
-constexpr int kBandRows = 64;
+constexpr std::int64_t kBandRows = 64;
 
 /// sRGB's curve (IEC 61966-2-1) as an 8-bit code, rounded to nearest. NaN gives 0.
 std::uint8_t srgb_code(float linear) {
@@ -46,71 +49,82 @@ absl::Status unreadable(const std::string& path, const std::string& reason) {
   return absl::DataLossError(absl::StrCat(path, ": ", reason));
 }
 
-/// Opens an EXR whose first four channels are R, G, B, A, as OpenImageIO orders them.
-absl::StatusOr<std::unique_ptr<OIIO::ImageInput>> open_frame(const std::string& path) {
-  if (!OIIO::Filesystem::exists(path)) {
-    return absl::NotFoundError(absl::StrCat(path, ": no such file"));
-  }
-  std::unique_ptr<OIIO::ImageInput> input = OIIO::ImageInput::open(path);
-  if (input == nullptr) return unreadable(path, OIIO::geterror());
-  const std::vector<std::string>& names = input->spec().channelnames;
-  if (names.size() < 4 || names[0] != "R" || names[1] != "G" || names[2] != "B" ||
-      names[3] != "A") {
-    return unreadable(path, "its first channels are not R, G, B, A");
-  }
-  return input;
-}
+/// Reads the R, G, B and A of a frame's EXR, band by band, as floats.
+class FrameReader {
+ public:
+  /// Throws what OpenEXR throws.
+  explicit FrameReader(const std::string& path)
+      : file_(path.c_str()), window_(file_.header().dataWindow()) {}
 
-/// Reads bands, converts them, and hands them to the encoder.
-absl::Status convert(OIIO::ImageInput& input, OIIO::ImageOutput& output, ExportFormat format,
-                     float gain) {
-  const OIIO::ImageSpec& spec = input.spec();
+  std::int64_t width() const { return window_.max.x - window_.min.x + 1; }
+  std::int64_t height() const { return window_.max.y - window_.min.y + 1; }
+  bool has_rgba() const {
+    const Imf::ChannelList& channels = file_.header().channels();
+    for (const char* name : kNames) {
+      if (channels.findChannel(name) == nullptr) return false;
+    }
+    return true;
+  }
+
+  /// Rows [begin, end), counted from 0, into `rgba`. Throws what OpenEXR throws.
+  void read(std::int64_t begin, std::int64_t end, float* rgba) {
+    const std::size_t row = 4 * sizeof(float) * static_cast<std::size_t>(width());
+    const Imath::V2i origin(window_.min.x, window_.min.y + static_cast<int>(begin));
+    Imf::FrameBuffer buffer;
+    for (int c = 0; c < 4; ++c) {
+      buffer.insert(kNames[c], Imf::Slice::Make(Imf::FLOAT, rgba + c, origin, width(), end - begin,
+                                                4 * sizeof(float), row));
+    }
+    file_.setFrameBuffer(buffer);
+    file_.readPixels(origin.y, window_.min.y + static_cast<int>(end) - 1);
+  }
+
+ private:
+  static constexpr const char* kNames[] = {"R", "G", "B", "A"};
+  Imf::InputFile file_;
+  Imath::Box2i window_;
+};
+
+/// Reads bands, converts them, and hands them to the encoder. Throws what OpenEXR throws.
+absl::StatusOr<std::string> convert(FrameReader& frame, image::ImageEncoder& encoder,
+                                    ExportFormat format, float gain) {
   const std::size_t channels = format == ExportFormat::png ? 4 : 3;
-  const auto width = static_cast<std::size_t>(spec.width);
+  const auto width = static_cast<std::size_t>(frame.width());
   std::vector<float> linear(4 * width * kBandRows);
   std::vector<std::uint8_t> codes(channels * width * kBandRows);
-  for (int y = 0; y < spec.height; y += kBandRows) {
-    const int end = std::min(y + kBandRows, spec.height);
-    if (!input.read_scanlines(0, 0, spec.y + y, spec.y + end, 0, 0, 4, OIIO::TypeDesc::FLOAT,
-                              linear.data())) {
-      return absl::DataLossError(input.geterror());
-    }
+  for (std::int64_t y = 0; y < frame.height(); y += kBandRows) {
+    const std::int64_t end = std::min(y + kBandRows, frame.height());
+    frame.read(y, end, linear.data());
     const std::size_t pixels = width * static_cast<std::size_t>(end - y);
     for (std::size_t i = 0; i < pixels; ++i) {
       encode_pixel(&linear[4 * i], gain, format, &codes[channels * i]);
     }
-    if (!output.write_scanlines(y, end, 0, OIIO::TypeDesc::UINT8, codes.data())) {
-      return absl::InternalError(output.geterror());
-    }
+    absl::Status written = encoder.write_rows(codes.data(), end - y);
+    if (!written.ok()) return written;
   }
-  return absl::OkStatus();
+  return encoder.finish();
 }
 
 }  // namespace
 
 absl::StatusOr<std::string> export_image(const std::string& exr_path, ExportFormat format,
                                          double exposure_ev) {
-  absl::StatusOr<std::unique_ptr<OIIO::ImageInput>> input = open_frame(exr_path);
-  if (!input.ok()) return input.status();
-  const bool png = format == ExportFormat::png;
-  OIIO::ImageSpec spec((*input)->spec().width, (*input)->spec().height, png ? 4 : 3,
-                       OIIO::TypeDesc::UINT8);
-  spec.attribute("oiio:ColorSpace", "sRGB");
-  if (png) spec.attribute("oiio:UnassociatedAlpha", 1);  // already divided by alpha here
-  if (!png) spec.attribute("Compression", "jpeg:95");
-  const char* name = png ? "frame.png" : "frame.jpg";
-  const std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create(name);
-  if (output == nullptr) return absl::InternalError(OIIO::geterror());
-  std::vector<unsigned char> bytes;
-  OIIO::Filesystem::IOVecOutput memory(bytes);
-  if (!output->set_ioproxy(&memory) || !output->open(name, spec)) {
-    return absl::InternalError(output->geterror());
+  if (::access(exr_path.c_str(), F_OK) != 0) {
+    return absl::NotFoundError(absl::StrCat(exr_path, ": no such file"));
   }
-  const auto gain = static_cast<float>(std::exp2(exposure_ev));
-  absl::Status status = convert(**input, *output, format, gain);
-  if (!output->close() && status.ok()) status = absl::InternalError(output->geterror());
-  if (!status.ok()) return status;
-  return std::string(bytes.begin(), bytes.end());
+  const auto codec = image::ImageCodec::open();
+  if (!codec.ok()) return codec.status();
+  try {
+    FrameReader frame(exr_path);
+    if (!frame.has_rgba()) return unreadable(exr_path, "has no channels R, G, B, A");
+    const auto kind =
+        format == ExportFormat::png ? image::ImageFormat::png : image::ImageFormat::jpeg;
+    auto encoder = (*codec)->encoder(kind, frame.width(), frame.height());
+    if (!encoder.ok()) return encoder.status();
+    return convert(frame, **encoder, format, static_cast<float>(std::exp2(exposure_ev)));
+  } catch (const std::exception& e) {  // OpenEXR's
+    return unreadable(exr_path, e.what());
+  }
 }
 
 }  // namespace tessera::server

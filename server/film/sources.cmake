@@ -8,4 +8,4 @@ target_sources(tessera_film
   PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
     FILES film/exr_file.h film/film_cache.h film/frame_writer.h film/image_export.h film/merge.h)
 target_link_libraries(tessera_film PUBLIC tessera::flags tessera::contract absl::status absl::statusor
-  PRIVATE OpenEXR::OpenEXR OpenImageIO::OpenImageIO nlohmann_json::nlohmann_json)
+  PRIVATE OpenEXR::OpenEXR tessera::image nlohmann_json::nlohmann_json)

@@ -19,4 +19,4 @@ target_sources(tessera_render
 # tinygltf is used as a header (see core_model.cpp): nothing to link.
 target_link_libraries(tessera_render
   PRIVATE nlohmann_json::nlohmann_json draco::draco
-    meshoptimizer::meshoptimizer OpenImageIO::OpenImageIO absl::strings absl::status)
+    meshoptimizer::meshoptimizer tessera::image absl::strings absl::status)

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
 #include <filesystem>
 #include <map>
@@ -21,7 +22,7 @@ class RememberingLink final : public WorkerLink {
  public:
   void wake() override { ++wake_count; }
   void close(const absl::Status& reason) override { closed = reason; }
-  int wake_count = 0;
+  std::atomic<int> wake_count = 0;
   absl::Status closed;
 };
 

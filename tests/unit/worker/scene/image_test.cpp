@@ -5,6 +5,7 @@
 #include <cstring>
 #include <string>
 
+#include "proto/image/image_codec.h"
 #include "worker/scene/image_decoder.h"
 
 namespace tessera::render {
@@ -94,7 +95,7 @@ TEST(Images, OfWebpHaveTheirAlphaDividedOut) {
 TEST(Images, OfExrKeepFloatsAboveOne) {
   const std::vector<float> pixels = {0, 0.5f, 1000, 1e-3f, 2, 3};
   const auto file = encode("openexr", 2, 1, 3, pixels);
-  EXPECT_EQ(image_format(file), ImageFormat::exr);
+  EXPECT_EQ(image::image_format(file), image::ImageFormat::exr);
   EXPECT_EQ(decoded(file).f32, pixels);
   const auto sky = decode_environment(file, "sky");
   ASSERT_TRUE(sky.ok()) << sky.status();
@@ -105,7 +106,7 @@ TEST(Images, OfExrKeepFloatsAboveOne) {
 TEST(Images, OfRadianceDecodeToTheirMantissas) {
   const std::vector<float> pixels = {1, 0.5f, 0.25f, 100, 50, 25, 0, 0, 0, 1024, 512, 256};
   const auto file = encode("hdr", 4, 1, 3, pixels);
-  EXPECT_EQ(image_format(file), ImageFormat::hdr);
+  EXPECT_EQ(image::image_format(file), image::ImageFormat::hdr);
   const auto sky = decode_environment(file, "sky");
   ASSERT_TRUE(sky.ok()) << sky.status();
   for (std::size_t i = 0; i < pixels.size(); ++i) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 
 namespace tessera::render {
 namespace {
@@ -94,6 +95,90 @@ TEST(Tangents, AreSharedAcrossEdgesButNotAcrossAMirrorSeam) {
   const auto seam = corner_tangents(folded_pair(true), 0);
   EXPECT_EQ(seam[1], (Vec4f{1, 0, 0, -1}));
   EXPECT_EQ(seam[3], (Vec4f{-1, 0, 0, 1}));
+}
+
+TEST(Tangents, WeighTheirTrianglesByTheAngleAtTheVertex) {
+  // At the origin a triangle of 90 degrees, u along +x, meets one of 45 degrees, u along (1, -1).
+  Primitive p;
+  p.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {-1, 1, 0}};
+  p.normals.assign(4, {0, 0, 1});
+  p.uv[0] = {{0, 0}, {1, 0}, {0, 1}, {-1, 0}};
+  p.triangles = {{0, 1, 2}, {0, 2, 3}};
+  const std::vector<Vec4f> tangents = corner_tangents(p, 0);
+  const Vec3d want = normalize(Vec3d{2 + std::sqrt(0.5), -std::sqrt(0.5), 0});
+  for (const std::size_t corner : {0u, 3u}) {
+    const Vec3d got(tangents[corner].xyz());
+    EXPECT_NEAR(got.x, want.x, 1e-7);
+    EXPECT_NEAR(got.y, want.y, 1e-7);
+  }
+}
+
+/// A sphere of `rows` x 2 `rows` quads (triangles at the poles), split by the diagonal that
+/// `falls` tells, with normals that are not those of its faces.
+Primitive quad_sphere(int rows, const std::function<bool(int, int)>& falls) {
+  Primitive p;
+  const int columns = 2 * rows;
+  for (int j = 0; j <= rows; ++j) {
+    for (int i = 0; i <= columns; ++i) {
+      const double around = 2 * kPi * i / columns, down = kPi * j / rows;
+      const Vec3d n = {std::sin(down) * std::cos(around), std::cos(down),
+                       -std::sin(down) * std::sin(around)};
+      p.positions.push_back(Vec3f(n));
+      p.normals.push_back(Vec3f(n));
+      p.uv[0].push_back({static_cast<float>(i) / 16, static_cast<float>(j) / 16});
+    }
+  }
+  const auto at = [&](int i, int j) { return static_cast<std::uint32_t>(j * (columns + 1) + i); };
+  for (int j = 0; j < rows; ++j) {
+    for (int i = 0; i < columns; ++i) {
+      const std::uint32_t a = at(i, j), b = at(i, j + 1), c = at(i + 1, j + 1), d = at(i + 1, j);
+      if (j == 0 || falls(i, j)) {
+        if (j > 0) p.triangles.push_back({a, c, d});
+        p.triangles.push_back({a, b, c});
+      } else {
+        p.triangles.push_back({a, b, d});
+        if (j + 1 < rows) p.triangles.push_back({b, c, d});
+      }
+    }
+  }
+  return p;
+}
+
+/// Tangent at vertex `v` as the method defines it, by a walk over all triangles that touch it:
+/// right where they form one group.
+Vec3d tangent_at(const Primitive& p, std::uint32_t v) {
+  const Vec3d n(p.normals[v]);
+  const auto in_plane = [&](const Vec3d& x) { return normalize(x - n * dot(n, x)); };
+  Vec3d sum;
+  for (const auto& t : p.triangles) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (t[k] != v) continue;
+      const std::uint32_t b = t[(k + 1) % 3], c = t[(k + 2) % 3];
+      const Vec3d e = Vec3d(p.positions[b]) - Vec3d(p.positions[v]);
+      const Vec3d f = Vec3d(p.positions[c]) - Vec3d(p.positions[v]);
+      const Vec2f du = p.uv[0][b] - p.uv[0][v], dv = p.uv[0][c] - p.uv[0][v];
+      const Vec3d along = (e * static_cast<double>(dv.y) - f * static_cast<double>(du.y)) /
+                          (static_cast<double>(du.x) * dv.y - static_cast<double>(du.y) * dv.x);
+      sum += in_plane(along) * std::acos(dot(in_plane(e), in_plane(f)));
+    }
+  }
+  return normalize(sum);
+}
+
+TEST(Tangents, FollowTheMethodOnASphereWhicheverWayItsQuadsAreSplit) {
+  // Exporters split quads another way than the tangents' author did; on coarse spheres that alone
+  // turns tangents by degrees, so each split has tangents of its own.
+  const std::vector<std::function<bool(int, int)>> splits = {
+      [](int, int) { return true; }, [](int, int) { return false; },
+      [](int i, int j) { return (i * 7 + j * 13) % 5 < 2; }};
+  for (const auto& falls : splits) {
+    const Primitive p = quad_sphere(16, falls);
+    const std::vector<Vec4f> tangents = corner_tangents(p, 0);
+    for (std::size_t c = 0; c < tangents.size(); ++c) {
+      const std::uint32_t v = p.triangles[c / 3][c % 3];
+      EXPECT_GT(dot(Vec3d(tangents[c].xyz()), tangent_at(p, v)), 1 - 1e-7) << v;
+    }
+  }
 }
 
 TEST(Tangents, SplitVerticesWithEverythingTheyCarry) {

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
+/// Image files in memory, by OpenImageIO. That library draws in some 300 others (a quarter of a
+/// second of CPU, more than a small job's first tile), so it lives in a module of its own which the
+/// first image opens: a program that meets none pays nothing.
+namespace tessera::image {
+
+enum class ImageFormat : std::uint8_t { unknown, png, jpeg, webp, exr, hdr, ktx2 };
+
+/// The format of an image file, by its first bytes.
+ImageFormat image_format(std::span<const std::byte> file);
+
+/// Decoded pixels, row by row from the top, with R, G, B or R, G, B, A as the file stores them:
+/// codes stay codes, alpha is not multiplied into PNG and WebP and not divided out of EXR. Grey
+/// becomes R = G = B. One of the three vectors is filled.
+struct Pixels {
+  std::int64_t width = 0, height = 0;
+  int channels = 3;  // or 4
+  std::vector<std::uint8_t> u8;
+  std::vector<std::uint16_t> u16;
+  std::vector<float> f32;
+};
+
+/// What a file may ask for at most; checked by its header, before anything is allocated.
+struct PixelLimits {
+  std::int64_t side = 32'768;
+  std::int64_t bytes = std::int64_t{2} << 30;  // decoded
+};
+
+/// Writes one 8-bit image, band by band.
+class ImageEncoder {
+ public:
+  virtual ~ImageEncoder() = default;
+  /// The next `rows` rows of codes, all channels of a pixel together. Errors: Internal.
+  virtual absl::Status write_rows(const std::uint8_t* codes, std::int64_t rows) = 0;
+  /// The whole file, after the last row. Errors: Internal.
+  virtual absl::StatusOr<std::string> finish() = 0;
+};
+
+/// The decoder and encoders.
+class ImageCodec {
+ public:
+  /// The codec of this process; opened by the first call. Errors: FailedPrecondition, its module
+  /// does not lie beside the program, or a library it needs is missing.
+  static absl::StatusOr<const ImageCodec*> open();
+
+  virtual ~ImageCodec() = default;
+
+  /// Decodes a PNG, JPEG, WebP, EXR or Radiance file. In WebP, colours under alpha a are only as
+  /// exact as 8 bits times a (255 / a codes): the library multiplies alpha in, this divides it out.
+  ///
+  /// Errors: InvalidArgument for other formats, damaged files and files over `limits`;
+  /// Unimplemented for KTX2.
+  virtual absl::StatusOr<Pixels> decode(std::span<const std::byte> file,
+                                        const PixelLimits& limits) const = 0;
+
+  /// A PNG (RGBA, not premultiplied) or JPEG (RGB) of sRGB codes. Errors: Internal.
+  virtual absl::StatusOr<std::unique_ptr<ImageEncoder>> encoder(ImageFormat format,
+                                                                std::int64_t width,
+                                                                std::int64_t height) const = 0;
+};
+
+}  // namespace tessera::image
