@@ -113,31 +113,29 @@ TEST(Tangents, WeighTheirTrianglesByTheAngleAtTheVertex) {
   }
 }
 
-/// A sphere of `rows` x 2 `rows` quads (triangles at the poles), split by the diagonal that
-/// `falls` tells, with normals that are not those of its faces.
-Primitive quad_sphere(int rows, const std::function<bool(int, int)>& falls) {
+/// A sphere without its poles of 16 x 32 quads, each split by the diagonal that `falls` tells.
+Primitive quad_sphere(const std::function<bool(int, int)>& falls) {
   Primitive p;
-  const int columns = 2 * rows;
-  for (int j = 0; j <= rows; ++j) {
-    for (int i = 0; i <= columns; ++i) {
-      const double around = 2 * kPi * i / columns, down = kPi * j / rows;
-      const Vec3d n = {std::sin(down) * std::cos(around), std::cos(down),
-                       -std::sin(down) * std::sin(around)};
-      p.positions.push_back(Vec3f(n));
-      p.normals.push_back(Vec3f(n));
-      p.uv[0].push_back({static_cast<float>(i) / 16, static_cast<float>(j) / 16});
+  for (int j = 0; j <= 16; ++j) {
+    for (int i = 0; i <= 32; ++i) {
+      const double around = 2 * kPi * i / 32, down = kPi * (j + 1) / 18;
+      const Vec3f n(Vec3d{std::sin(down) * std::cos(around), std::cos(down),
+                          -std::sin(down) * std::sin(around)});
+      p.positions.push_back(n);
+      p.normals.push_back(n);
+      p.uv[0].push_back({static_cast<float>(i) / 32, static_cast<float>(j) / 16});
     }
   }
-  const auto at = [&](int i, int j) { return static_cast<std::uint32_t>(j * (columns + 1) + i); };
-  for (int j = 0; j < rows; ++j) {
-    for (int i = 0; i < columns; ++i) {
+  const auto at = [](int i, int j) { return static_cast<std::uint32_t>(j * 33 + i); };
+  for (int j = 0; j < 16; ++j) {
+    for (int i = 0; i < 32; ++i) {
       const std::uint32_t a = at(i, j), b = at(i, j + 1), c = at(i + 1, j + 1), d = at(i + 1, j);
-      if (j == 0 || falls(i, j)) {
-        if (j > 0) p.triangles.push_back({a, c, d});
+      if (falls(i, j)) {
+        p.triangles.push_back({a, c, d});
         p.triangles.push_back({a, b, c});
       } else {
         p.triangles.push_back({a, b, d});
-        if (j + 1 < rows) p.triangles.push_back({b, c, d});
+        p.triangles.push_back({b, c, d});
       }
     }
   }
@@ -157,9 +155,9 @@ Vec3d tangent_at(const Primitive& p, std::uint32_t v) {
       const Vec3d e = Vec3d(p.positions[b]) - Vec3d(p.positions[v]);
       const Vec3d f = Vec3d(p.positions[c]) - Vec3d(p.positions[v]);
       const Vec2f du = p.uv[0][b] - p.uv[0][v], dv = p.uv[0][c] - p.uv[0][v];
-      const Vec3d along = (e * static_cast<double>(dv.y) - f * static_cast<double>(du.y)) /
-                          (static_cast<double>(du.x) * dv.y - static_cast<double>(du.y) * dv.x);
-      sum += in_plane(along) * std::acos(dot(in_plane(e), in_plane(f)));
+      const Vec3d along_u = (e * static_cast<double>(dv.y) - f * static_cast<double>(du.y)) /
+                            (static_cast<double>(du.x) * dv.y - static_cast<double>(du.y) * dv.x);
+      sum += in_plane(along_u) * std::acos(dot(in_plane(e), in_plane(f)));
     }
   }
   return normalize(sum);
@@ -172,7 +170,7 @@ TEST(Tangents, FollowTheMethodOnASphereWhicheverWayItsQuadsAreSplit) {
       [](int, int) { return true; }, [](int, int) { return false; },
       [](int i, int j) { return (i * 7 + j * 13) % 5 < 2; }};
   for (const auto& falls : splits) {
-    const Primitive p = quad_sphere(16, falls);
+    const Primitive p = quad_sphere(falls);
     const std::vector<Vec4f> tangents = corner_tangents(p, 0);
     for (std::size_t c = 0; c < tangents.size(); ++c) {
       const std::uint32_t v = p.triangles[c / 3][c % 3];
