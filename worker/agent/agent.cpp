@@ -126,9 +126,13 @@ class Agent {
     while (!end_) {
       const Time now = Clock::now();
       desk_.pump(now);
-      if (desk_.ready() != nullptr) link_.pump(now);
+      Time wake = now + kTick;
+      if (desk_.ready() != nullptr) {
+        link_.pump(now);
+        wake = std::min(wake, link_.next_due());
+      }
       if (leaving_ && (queue_.empty() || now >= leave_by_)) break;
-      mailbox_.run_until(std::min(now + kTick, link_.next_due()));
+      mailbox_.run_until(wake);
     }
     close();
     return end_.value_or(absl::OkStatus());
