@@ -19,7 +19,7 @@ build_packages=(
   libtbb-dev libcli11-dev libspdlog-dev
 )
 test_packages=(
-  libgtest-dev libgmock-dev
+  libgtest-dev libgmock-dev libembree-dev
   clang-14 libclang-rt-14-dev clang-format-14 clang-tidy-14
   git python3
 )

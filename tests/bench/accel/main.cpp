@@ -1,0 +1,188 @@
+// Rays a second of our structures beside Embree's, in one process, on one thread, in CPU time.
+//
+//   tessera-bench-accel --peer embree [--json FILE] [--quick] [--scene NAME]... [--rounds N]
+//
+// Scenes and rays are generated (scenes.h, rays.h). In every round the peer is measured right
+// before and right after ours; each figure is the best of its measurements.
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "tests/bench/accel/embree_peer.h"
+#include "tests/bench/accel/rays.h"
+#include "tests/bench/accel/scenes.h"
+#include "worker/accel/scene_accel.h"
+#include "worker/render/frame_renderer.h"
+
+namespace tessera::render::bench {
+namespace {
+
+struct Options {
+  std::string peer = "embree", json;
+  std::vector<std::string> scenes;
+  bool quick = false;
+  int rounds = 4, side = 512;
+};
+
+struct Row {
+  std::string scene, kind;  // a kind of rays, camera16 for packets, or build_s, memory_mb
+  double ours = 0, peer = 0;
+
+  /// Above 1 where ours is better.
+  double ratio() const {
+    return kind == "build_s" || kind == "memory_mb" ? peer / ours : ours / peer;
+  }
+};
+
+double cpu_seconds() {
+  std::timespec time{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+std::int64_t closest_hits(const SceneAccel& accel, const std::vector<Ray>& rays) {
+  std::int64_t hits = 0;
+  for (const Ray& ray : rays) {
+    Hit hit;
+    hits += accel.closest_hit(ray, hit) ? 1 : 0;
+  }
+  return hits;
+}
+
+std::int64_t any_hits(const SceneAccel& accel, const std::vector<Ray>& rays) {
+  std::int64_t hits = 0;
+  for (const Ray& ray : rays) hits += accel.any_hit(ray) ? 1 : 0;
+  return hits;
+}
+
+/// Seconds of one run; *hits gets what it returned.
+template <typename Run>
+double timed(Run&& run, std::int64_t* hits) {
+  const double start = cpu_seconds();
+  *hits = run();
+  return cpu_seconds() - start;
+}
+
+/// Best of the rounds, the peer before and after ours.
+template <typename Ours, typename Peer>
+Row compare(const Options& options, Row row, std::size_t rays, Ours&& ours, Peer&& peer) {
+  double ours_best = 1e30, peer_best = 1e30;
+  std::int64_t ours_hits = 0, peer_hits = 0;
+  for (int round = 0; round < options.rounds; ++round) {
+    peer_best = std::min(peer_best, timed(peer, &peer_hits));
+    ours_best = std::min(ours_best, timed(ours, &ours_hits));
+    peer_best = std::min(peer_best, timed(peer, &peer_hits));
+  }
+  row.ours = static_cast<double>(rays) / ours_best * 1e-6;
+  row.peer = static_cast<double>(rays) / peer_best * 1e-6;
+  std::printf("%-10s %-9s %8zu rays %7.2f %7.2f Mrays/s  x%.2f   hits %lld, peer %+lld\n",
+              row.scene.c_str(), row.kind.c_str(), rays, row.ours, row.peer, row.ratio(),
+              static_cast<long long>(ours_hits), static_cast<long long>(peer_hits - ours_hits));
+  std::fflush(stdout);
+  return row;
+}
+
+void run_scene(const Options& options, const std::string& name, std::vector<Row>& rows) {
+  const BenchScene bench = make_scene(name, options.quick);
+  double start = cpu_seconds();
+  const EmbreePeer peer(bench.scene);
+  const double peer_seconds = cpu_seconds() - start;
+  start = cpu_seconds();
+  const SceneAccel accel(bench.scene, sequential());
+  const double ours_seconds = cpu_seconds() - start;
+  rows.push_back({name, "build_s", ours_seconds, peer_seconds});
+  rows.push_back({name, "memory_mb", static_cast<double>(accel.memory_bytes()) * 1e-6,
+                  static_cast<double>(peer.memory_bytes()) * 1e-6});
+  std::printf("%-10s %lld triangles: build %.2f s, peer %.2f s; %.1f MB, peer %.1f MB\n",
+              name.c_str(), static_cast<long long>(triangle_count(bench.scene)), ours_seconds,
+              peer_seconds, rows.back().ours, rows.back().peer);
+  for (const RaySet& set : make_rays(bench, accel, options.quick ? 32 : options.side)) {
+    const auto ours = [&] {
+      return set.any ? any_hits(accel, set.rays) : closest_hits(accel, set.rays);
+    };
+    rows.push_back(compare(options, {name, set.kind}, set.rays.size(), ours, [&] {
+      return set.any ? peer.any_hits(set.rays) : peer.closest_hits(set.rays);
+    }));
+    if (!set.camera) continue;
+    rows.push_back(compare(options, {name, set.kind + "16"}, set.rays.size(), ours,
+                           [&] { return peer.closest_hits_16(set.rays); }));
+  }
+}
+
+/// Geometric means of the ratios by kind, and over all single-ray kinds.
+std::map<std::string, double> geometric_means(const std::vector<Row>& rows) {
+  std::map<std::string, std::pair<double, int>> sums;
+  for (const Row& row : rows) {
+    const bool single = row.kind != "build_s" && row.kind != "memory_mb" && row.kind != "camera16";
+    for (const std::string& key : {row.kind, std::string(single ? "single_ray" : "")}) {
+      if (key.empty()) continue;
+      sums[key].first += std::log(row.ratio());
+      ++sums[key].second;
+    }
+  }
+  std::map<std::string, double> means;
+  for (const auto& [key, sum] : sums) means[key] = std::exp(sum.first / sum.second);
+  return means;
+}
+
+nlohmann::json to_json(const std::vector<Row>& rows) {
+  nlohmann::json out;
+  for (const Row& row : rows) {
+    if (row.kind == "build_s" || row.kind == "memory_mb") {
+      out["builds"].push_back({{"scene", row.scene},
+                               {"figure", row.kind},
+                               {"ours", row.ours},
+                               {"embree", row.peer},
+                               {"ratio", row.ratio()}});
+    } else {
+      out["rays"].push_back({{"scene", row.scene},
+                             {"kind", row.kind},
+                             {"ours_mrays", row.ours},
+                             {"embree_mrays", row.peer},
+                             {"ratio", row.ratio()}});
+    }
+  }
+  out["geometric_means"] = geometric_means(rows);
+  return out;
+}
+
+int run(const Options& options) {
+  std::vector<Row> rows;
+  for (const std::string& name : options.scenes.empty() ? scene_names() : options.scenes) {
+    run_scene(options, name, rows);
+  }
+  std::printf("\ngeometric means of ours / peer\n");
+  for (const auto& [kind, mean] : geometric_means(rows)) {
+    std::printf("  %-10s %.3f\n", kind.c_str(), mean);
+  }
+  if (options.json.empty()) return 0;
+  std::ofstream file(options.json);
+  file << to_json(rows).dump(1) << '\n';
+  return file.good() ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace tessera::render::bench
+
+int main(int argc, char** argv) {
+  tessera::render::bench::Options options;
+  CLI::App app("Rays a second of our structures beside Embree's.");
+  app.add_option("--peer", options.peer, "what to measure against")
+      ->check(CLI::IsMember({"embree"}));
+  app.add_option("--json", options.json, "write the rows here");
+  app.add_option("--scene", options.scenes, "only these scenes")
+      ->check(CLI::IsMember(tessera::render::bench::scene_names()));
+  app.add_option("--rounds", options.rounds, "measurements, of which the best counts");
+  app.add_option("--side", options.side, "camera rays a side");
+  app.add_flag("--quick", options.quick, "small scenes: shows that the harness works");
+  CLI11_PARSE(app, argc, argv);
+  return tessera::render::bench::run(options);
+}

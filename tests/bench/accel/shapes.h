@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+
+#include "worker/scene/scene.h"
+
+namespace tessera::render::bench {
+
+/// Numbers in [0, 1) from a seed; the same everywhere.
+class Random {
+ public:
+  explicit Random(std::uint64_t seed) : state_(seed * 0x9E3779B97F4A7C15u + 1) {}
+  float unit();
+  float both() { return 2 * unit() - 1; }
+  /// Uniform on the unit sphere.
+  Vec3f direction();
+
+ private:
+  std::uint64_t state_;
+};
+
+/// Smooth noise in [-1, 1] summed over octaves, each half as large and twice as fine.
+float fractal_noise(const Vec3f& p, int octaves);
+
+/// A grid of (rows + 1) x (columns + 1) points of `surface`, its arguments in [0, 1]; two triangles
+/// a cell.
+Primitive grid(std::uint32_t rows, std::uint32_t columns,
+               const std::function<Vec3f(double, double)>& surface);
+
+/// Adds the parallelepiped with one corner and three edges: 12 triangles.
+void add_box(Primitive& p, const Vec3f& corner, const Vec3f& a, const Vec3f& b, const Vec3f& c);
+
+/// Adds the rectangle corner, a, b: two triangles.
+void add_quad(Primitive& p, const Vec3f& corner, const Vec3f& a, const Vec3f& b);
+
+/// Adds one triangle.
+void add_triangle(Primitive& p, const Vec3f& a, const Vec3f& b, const Vec3f& c);
+
+/// Unit vectors that make a right-handed frame with unit n.
+void make_frame(const Vec3f& n, Vec3f& a, Vec3f& b);
+
+}  // namespace tessera::render::bench
