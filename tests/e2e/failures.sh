@@ -28,21 +28,29 @@ grep -qi numerics "$work/stranger.log" || fail "refused without naming its numer
 grep -q '"welcomed": 0' "$work/stranger.out" || fail "a worker with other numerics was let in"
 say "a worker with another numerics hash is refused: $(head -n 1 "$work/stranger.log")"
 
-# A poison unit: its renderer dies each time. Three failures end the job, on one worker or on four.
+# A poison unit: its renderer dies each time, and with it the units beside it. Three failures of the
+# one at fault end the job, on one worker or on four; the others cost nobody anything.
 kill_worker honest
+threads=4
 for names in "p1" "p1 p2 p3 p4"; do
-  for name in $names; do start_worker "$name" --crash-on "$poisoned"; done
+  count=$(wc -w <<<"$names")
+  for name in $names; do
+    start_worker "$name" --crash-on "$poisoned" --unit-log "$work/units-$count-$name.log"
+  done
   id=$(farm submit "$scenes/lit_square.gltf" "${job[@]}" --name "poison")
   exits 1 farm watch "$id" --json
   farm status "$id" --json >"$work/status.json"
   equal "the poisoned job failed" "$(json "$work/status.json" 'd["state"]')" failed
   reason=$(json "$work/status.json" 'd["reason"]')
-  failures=$(grep -c '^failed' "$work"/units-*.log 2>/dev/null || true)
-  equal "$(wc -w <<<"$names") worker(s): the reason names three failures" \
-    "$(grep -o 'SIGSEGV\|signal 11' <<<"$reason" | wc -l)" 3
+  equal "$count worker(s): the reason names three failures" \
+    "$(grep -o 'the renderer was killed by SIGSEGV' <<<"$reason" | wc -l)" 3
+  equal "$count worker(s): no unit but the poisoned one failed" \
+    "$(grep -h '^failed' "$work/units-$count-"*.log | cut -d' ' -f3-5 | sort | uniq -c | xargs)" \
+    "3 ${poisoned//:/ }"
   echo "# $(head -c 300 <<<"$reason")"
   for name in $names; do kill_worker "$name"; done
 done
+threads=1
 
 # A worker that is killed again and again is a loss each time, never a failure.
 job=(--size 128x128 --spp 600 --tile 32)

@@ -71,11 +71,12 @@ kill_server() {
   server_pid=
 }
 
-# start_worker NAME [OPTIONS]: one thread unless OPTIONS say otherwise.
+# start_worker NAME [OPTIONS]: of $threads threads (1).
+threads=1
 start_worker() {
   local name=$1
   shift
-  tessera-worker --server "$socket" --name "$name" --threads 1 --cache "$work/cache-$name" "$@" \
+  tessera-worker --server "$socket" --name "$name" --threads "$threads" --cache "$work/cache-$name" "$@" \
     >>"$work/worker-$name.log" 2>&1 &
   worker_pid[$name]=$!
 }

@@ -192,7 +192,7 @@ class ServerLinkTest : public testing::Test {
     lease.set_tile_count(1);
     lease.set_seal("seal");
     queue_.add_lease(lease);
-    queue_.start(key(tile), Clock::now());
+    queue_.start(key(tile));
     queue_.finish(key(tile), block, contract::sha256(block), 0.25);
   }
   static UnitKey key(std::int32_t tile) { return {"job", {0, tile, 0}}; }
@@ -225,7 +225,7 @@ TEST_F(ServerLinkTest, SaysHelloThenBeatsWithWhatIsStarted) {
   lease.set_tile_count(1);
   ASSERT_TRUE(run_until([this] { return link_->connected(); }));
   queue_.add_lease(lease);
-  queue_.start(key(0), Clock::now());
+  queue_.start(key(0));
   EXPECT_TRUE(run_until([this] {
     for (const v1::WorkRequest& request : fake_.requests) {
       if (request.heartbeat().started_size() == 1 && request.heartbeat().rss_bytes() == 123 &&
@@ -343,7 +343,7 @@ TEST_F(ServerLinkTest, CreditsGrowBackWithVerdicts) {
   lease->set_tile_count(4);
   fake_.send(leases);
   ASSERT_TRUE(run_until([this] { return queue_.size() == 4; }));
-  queue_.start(key(2), Clock::now());
+  queue_.start(key(2));
   queue_.finish(key(2), "block", contract::sha256("block"), 0);
   ASSERT_TRUE(run_until([this] { return fake_.blocks.size() == 1; }));
   fake_.send(verdict(2));

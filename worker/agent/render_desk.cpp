@@ -105,29 +105,44 @@ void RenderDesk::on_death(std::int64_t generation, const RendererProcess::Death&
   start_at_ = Clock::now() + std::min(pause, kLongestRestartPause);
 }
 
-/// The units it was at failed; those it had not taken up wait again. If it was at none, it died of
-/// a scene it was loading: the next unit of that frame stands for it.
+/// Only the unit at fault fails. Where it is not known which one that is, every unit that may have
+/// been it is rendered alone from now on, so that the next death has one cause.
 void RenderDesk::blame(const RendererProcess::Death& death) {
-  const std::string message = absl::StrCat("the renderer was ", death.reason);
-  for (const UnitKey& key : queue_.started()) {
-    if (taken_up_.contains(key)) {
-      fail(key, message, death.log_tail, false);
-    } else {
-      queue_.put_back(key);
-    }
+  const std::vector<UnitKey> causes = possible_causes();
+  const std::vector<UnitKey> started = queue_.started();
+  for (auto key = started.rbegin(); key != started.rend(); ++key) queue_.put_back(*key);
+  suspects_.insert(causes.begin(), causes.end());
+  if (causes.size() == 1) {
+    const UnitKey& key = causes.front();
+    const std::string message =
+        hung_ ? absl::StrCat("it took longer than ", options_.unit_timeout.count(),
+                             " s; its renderer was killed")
+              : absl::StrCat("the renderer was ", death.reason,
+                             taken_up_.contains(key) ? "" : " while it loaded the scene");
+    fail(key, message, death.log_tail, false);
   }
-  const bool was_rendering = !taken_up_.empty();
   taken_up_.clear();
-  if (was_rendering) return;
+  hung_.reset();
+}
+
+/// The unit that hung; else those the threads were at and, for each scene that was being loaded,
+/// one unit that waits for it.
+std::vector<UnitKey> RenderDesk::possible_causes() const {
+  if (hung_) return {*hung_};
+  std::vector<UnitKey> causes;
+  for (const auto& [key, since] : taken_up_) {
+    if (queue_.lease_of(key) != nullptr) causes.push_back(key);
+  }
   for (const auto& [frame, state] : frames_) {
     if (state.loaded || !state.error.empty()) continue;
+    const UnitKey* waits = nullptr;
     for (const UnitKey& key : queue_.waiting()) {
-      if (key.job_id != frame.first || key.unit.frame != frame.second) continue;
-      fail(UnitKey(key), absl::StrCat(message, " while it loaded the scene"), death.log_tail,
-           false);
-      break;
+      if (FrameKey(key.job_id, key.unit.frame) != frame) continue;
+      if (waits == nullptr || suspects_.contains(key)) waits = &key;
     }
+    if (waits != nullptr) causes.push_back(*waits);
   }
+  return causes;
 }
 
 void RenderDesk::on_scene(const v1::SceneOutcome& outcome) {
@@ -154,6 +169,7 @@ void RenderDesk::on_unit(v1::UnitOutcome outcome) {
     taken_up_.erase(taken_up);
   }
   deaths_in_a_row_ = 0;
+  suspects_.erase(key);
   if (!outcome.error().empty()) {
     fail(key, outcome.error(), "", false);
     return;
@@ -189,6 +205,7 @@ void RenderDesk::job_fetched(const std::string& job_id, absl::StatusOr<JobFiles>
 
 void RenderDesk::job_ended(const std::string& job_id) {
   jobs_.erase(job_id);
+  std::erase_if(suspects_, [&](const UnitKey& key) { return key.job_id == job_id; });
   std::erase_if(frames_, [&](const auto& entry) { return entry.first.first == job_id; });
   if (renderer_ == nullptr) return;
   v1::RendererCommand command;
@@ -199,13 +216,7 @@ void RenderDesk::job_ended(const std::string& job_id) {
 void RenderDesk::pump(Time now) {
   start_renderer(now);
   if (renderer_ == nullptr || !ready_) return;
-  for (const auto& [key, since] : taken_up_) {
-    if (now - since < options_.unit_timeout) continue;
-    std::fprintf(stderr, "tessera-worker: unit %s hangs; the renderer is killed\n",
-                 to_string(key).c_str());
-    renderer_->kill();
-    return;
-  }
+  if (kill_hung(now) || render_suspects(now)) return;
   // In the order of leases, but past units whose scene is not there yet.
   const std::vector<UnitKey> waiting(queue_.waiting().begin(), queue_.waiting().end());
   std::size_t handed_out = queue_.started().size();
@@ -214,9 +225,40 @@ void RenderDesk::pump(Time now) {
     const bool room = handed_out < most_handed_out();
     if (!room && ++beyond > kLookAhead) break;
     if (!prepare(key, now) || !room) continue;
-    hand_out(key, now);
+    hand_out(key);
     ++handed_out;
   }
+}
+
+/// Kills the renderer if a unit takes too long.
+bool RenderDesk::kill_hung(Time now) {
+  for (const auto& [key, since] : taken_up_) {
+    if (now - since < options_.unit_timeout) continue;
+    std::fprintf(stderr, "tessera-worker: unit %s hangs; the renderer is killed\n",
+                 to_string(key).c_str());
+    if (!hung_) hung_ = key;
+    renderer_->kill();
+    return true;
+  }
+  return false;
+}
+
+/// Renders units under suspicion one after the other, and nothing beside them. False if there are
+/// none.
+bool RenderDesk::render_suspects(Time now) {
+  if (suspects_.empty()) return false;
+  const auto is_suspect = [this](const UnitKey& key) { return suspects_.contains(key); };
+  const std::vector<UnitKey> started = queue_.started();
+  if (std::any_of(started.begin(), started.end(), is_suspect)) return true;
+  const auto next = std::find_if(queue_.waiting().begin(), queue_.waiting().end(), is_suspect);
+  if (next == queue_.waiting().end()) return false;
+  const UnitKey key = *next;
+  const bool others_load = std::any_of(frames_.begin(), frames_.end(), [&](const auto& frame) {
+    return !frame.second.loaded && frame.second.error.empty() &&
+           frame.first != FrameKey(key.job_id, key.unit.frame);
+  });
+  if (started.empty() && !others_load && prepare(key, now)) hand_out(key);
+  return true;
 }
 
 /// One unit a thread, and a few more, so that no thread waits for us.
@@ -305,7 +347,7 @@ bool RenderDesk::make_room(const FrameKey& wanted) {
   }
 }
 
-void RenderDesk::hand_out(const UnitKey& key, Time now) {
+void RenderDesk::hand_out(const UnitKey& key) {
   const v1::Lease& lease = *queue_.lease_of(key);
   v1::RendererCommand command;
   v1::RenderUnit& unit = *command.mutable_render_unit();
@@ -315,7 +357,7 @@ void RenderDesk::hand_out(const UnitKey& key, Time now) {
   unit.set_pass(key.unit.pass);
   unit.set_first_sample(lease.first_sample());
   unit.set_sample_count(lease.sample_count());
-  queue_.start(key, now);
+  queue_.start(key);
   (void)renderer_->send(command);  // if it is dead, on_death puts the unit back
 }
 

@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -25,8 +26,8 @@ struct RenderDeskOptions {
 };
 
 /// Feeds the renderer process: sees to it that the scenes of leased units are there and loaded,
-/// that every thread has a unit, and that a renderer that dies is started again and its units
-/// reported.
+/// that every thread has a unit, and that a renderer that dies is started again and the unit it
+/// died of reported.
 ///
 /// Lives on the agent's thread; what happens elsewhere comes through the mailbox.
 class RenderDesk {
@@ -77,15 +78,18 @@ class RenderDesk {
   void on_event(std::int64_t generation, v1::RendererEvent event);
   void on_death(std::int64_t generation, const RendererProcess::Death& death);
   void blame(const RendererProcess::Death& death);
+  std::vector<UnitKey> possible_causes() const;
   void on_scene(const v1::SceneOutcome& outcome);
   void on_unit(v1::UnitOutcome outcome);
   void fail(const UnitKey& key, const std::string& message, const std::string& log_tail,
             bool bad_scene);
+  bool kill_hung(Time now);
+  bool render_suspects(Time now);
   bool prepare(const UnitKey& key, Time now);
   bool prepare_job(const UnitKey& key);
   bool load_frame(const FrameKey& key, const JobFiles& files, Time now);
   bool make_room(const FrameKey& wanted);
-  void hand_out(const UnitKey& key, Time now);
+  void hand_out(const UnitKey& key);
   std::size_t most_handed_out() const;
 
   const RenderDeskOptions options_;
@@ -104,6 +108,8 @@ class RenderDesk {
   std::map<std::string, Job> jobs_;
   std::map<FrameKey, Frame> frames_;  // loaded, loading or refused
   std::map<UnitKey, Time> taken_up_;  // units a thread of the renderer is at, since when
+  std::optional<UnitKey> hung_;       // the one the renderer was killed for
+  std::set<UnitKey> suspects_;        // units a renderer died of, or may have: rendered alone
   double unit_seconds_ = 0;
   std::int64_t block_bytes_ = 0;
 };

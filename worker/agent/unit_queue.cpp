@@ -75,12 +75,11 @@ std::vector<UnitKey> UnitQueue::hand_back_waiting() {
   return returned;
 }
 
-void UnitQueue::start(const UnitKey& key, Time now) {
+void UnitQueue::start(const UnitKey& key) {
   Entry* entry = find(key, Phase::waiting);
   if (entry == nullptr) return;
   std::erase(waiting_, key);
   entry->phase = Phase::started;
-  entry->start_time = now;
 }
 
 void UnitQueue::put_back(const UnitKey& key) {
@@ -117,20 +116,11 @@ std::optional<v1::UnitFailure> UnitQueue::fail(const UnitKey& key, const std::st
 }
 
 std::vector<UnitKey> UnitQueue::started() const {
-  return started_before(Time::max());
-}
-
-std::vector<UnitKey> UnitQueue::started_before(Time limit) const {
   std::vector<UnitKey> keys;
   for (const auto& [key, entry] : entries_) {
-    if (entry.phase == Phase::started && entry.start_time < limit) keys.push_back(key);
+    if (entry.phase == Phase::started) keys.push_back(key);
   }
   return keys;
-}
-
-bool UnitQueue::is_started(const UnitKey& key) const {
-  const auto found = entries_.find(key);
-  return found != entries_.end() && found->second.phase == Phase::started;
 }
 
 std::optional<UnitQueue::Block> UnitQueue::next_block() {
@@ -190,14 +180,6 @@ std::int32_t UnitQueue::credits_to_grant(std::int32_t window) {
   const std::int32_t grant = std::max(0, window - size() - credits_);
   credits_ += grant;
   return grant;
-}
-
-std::set<std::pair<std::string, std::int32_t>> UnitQueue::frames_in_demand() const {
-  std::set<std::pair<std::string, std::int32_t>> frames;
-  for (const auto& [key, entry] : entries_) {
-    if (entry.phase != Phase::held) frames.emplace(key.job_id, key.unit.frame);
-  }
-  return frames;
 }
 
 std::int32_t credit_window(int thread_count, double round_trip_seconds, double unit_seconds,

@@ -63,7 +63,7 @@ class UnitQueue {
 
   // Rendering.
   /// A waiting unit was handed to the renderer.
-  void start(const UnitKey& key, Time now);
+  void start(const UnitKey& key);
   /// A started unit must be rendered again: it waits once more, first in line.
   void put_back(const UnitKey& key);
   /// Its block. Ignored (false) unless the unit is started: its job may have ended meanwhile.
@@ -75,9 +75,6 @@ class UnitQueue {
                                       const std::string& log_tail, bool bad_scene);
   /// Started units, in order.
   std::vector<UnitKey> started() const;
-  /// Those started before `limit`.
-  std::vector<UnitKey> started_before(Time limit) const;
-  bool is_started(const UnitKey& key) const;
 
   // Delivery.
   /// The next held block that has not been offered on this stream; it counts as offered now.
@@ -99,15 +96,12 @@ class UnitQueue {
   /// Units leased and not acknowledged.
   std::int32_t size() const { return static_cast<std::int32_t>(entries_.size()); }
   bool empty() const { return entries_.empty(); }
-  /// Frames that have units not yet rendered.
-  std::set<std::pair<std::string, std::int32_t>> frames_in_demand() const;
 
  private:
   enum class Phase : std::uint8_t { waiting, started, held };
   struct Entry {
     std::shared_ptr<const v1::Lease> lease;  // owned by all units of its run together
     Phase phase = Phase::waiting;
-    Time start_time;
     bool offered = false;
     std::shared_ptr<const std::string> block;
     contract::Digest sha256;

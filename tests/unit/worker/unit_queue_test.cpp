@@ -29,7 +29,7 @@ UnitKey unit(std::int32_t tile, const std::string& job = "job") {
 }
 
 void render(UnitQueue& queue, std::int32_t tile, const std::string& block = "block") {
-  queue.start(unit(tile), Time{});
+  queue.start(unit(tile));
   ASSERT_TRUE(queue.finish(unit(tile), block, contract::sha256(block), 0.5));
 }
 
@@ -73,7 +73,7 @@ TEST(UnitQueue, AVerdictDuringDeliveryLeavesTheBytesBeingSentAlone) {
 TEST(UnitQueue, OnlyUnitsThatWaitAreHandedBack) {
   UnitQueue queue;
   queue.add_lease(lease(0, 3));
-  queue.start(unit(0), Time{});
+  queue.start(unit(0));
   render(queue, 1);
   EXPECT_EQ(queue.revoke({unit(0), unit(1), unit(2), unit(9)}), std::vector<UnitKey>{unit(2)});
   EXPECT_EQ(queue.size(), 2);
@@ -83,7 +83,7 @@ TEST(UnitQueue, OnlyUnitsThatWaitAreHandedBack) {
 TEST(UnitQueue, AUnitPutBackIsNextInLineAndCanBeFinishedAfterwards) {
   UnitQueue queue;
   queue.add_lease(lease(0, 3));
-  queue.start(unit(1), Time{});
+  queue.start(unit(1));
   queue.put_back(unit(1));
   EXPECT_EQ(queue.waiting().front(), unit(1));
   EXPECT_FALSE(queue.finish(unit(1), "late", {}, 0)) << "a dead renderer's block was taken";
@@ -93,7 +93,7 @@ TEST(UnitQueue, AUnitPutBackIsNextInLineAndCanBeFinishedAfterwards) {
 TEST(UnitQueue, AFailureCarriesItsLeaseAndForgetsTheUnit) {
   UnitQueue queue;
   queue.add_lease(lease(0, 2));
-  queue.start(unit(1), Time{});
+  queue.start(unit(1));
   const auto failure = queue.fail(unit(1), "why", "log", true);
   ASSERT_TRUE(failure.has_value());
   EXPECT_EQ(failure->lease().seal(), "seal 1");
@@ -118,7 +118,7 @@ TEST(UnitQueue, HelloNamesWhatIsStartedAndHeldWithTheirLeasesOnce) {
   queue.welcome("store");
   queue.add_lease(lease(0, 3, 1));
   queue.add_lease(lease(8, 2, 2));
-  queue.start(unit(0), Time{});
+  queue.start(unit(0));
   render(queue, 1);
   v1::WorkerHello hello;
   queue.describe(hello, 5);
@@ -137,7 +137,7 @@ TEST(UnitQueue, AnotherStoreMakesEverythingWorthless) {
   UnitQueue queue;
   queue.welcome("one");
   queue.add_lease(lease(0, 3));
-  queue.start(unit(0), Time{});
+  queue.start(unit(0));
   render(queue, 1);
   queue.welcome("one");
   EXPECT_EQ(queue.size(), 3);
@@ -178,11 +178,11 @@ TEST(UnitQueue, TheEndOfAJobForgetsItsUnitsOnly) {
   UnitQueue queue;
   queue.add_lease(lease(0, 2, 1, "job"));
   queue.add_lease(lease(0, 2, 2, "other"));
-  queue.start(unit(0), Time{});
+  queue.start(unit(0));
   queue.drop_job("job");
   EXPECT_EQ(queue.waiting(), (std::deque<UnitKey>{unit(0, "other"), unit(1, "other")}));
   EXPECT_FALSE(queue.finish(unit(0), "block", {}, 0));
-  EXPECT_EQ(queue.frames_in_demand().size(), 1u);
+  EXPECT_EQ(queue.size(), 2);
 }
 
 TEST(CreditWindow, CoversTheRoundTripAndFitsTheBuffer) {
