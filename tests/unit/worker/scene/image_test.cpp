@@ -16,6 +16,7 @@ template <typename T>
 std::vector<std::byte> encode(const char* format, int width, int height, int channels,
                               const std::vector<T>& pixels,
                               const OIIO::ParamValueList& extra = {}) {
+  OIIO::attribute("threads", 1);  // ThreadSanitizer cannot see into the library's pool
   const OIIO::TypeDesc type = OIIO::BaseTypeFromC<T>::value;
   OIIO::ImageSpec spec(width, height, channels, type);
   if (channels == 2) {
