@@ -50,24 +50,16 @@ nlohmann::ordered_json missing_tiles(const v1::FrameHeader& header) {
   return tiles;
 }
 
-/// Whether the farm refused because the frame is not finished; errors of the file system carry the
-/// same code, but name the path first.
-bool is_unfinished(const absl::Status& status, const std::string& path) {
-  return absl::IsFailedPrecondition(status) &&
-         std::string(status.message()).compare(0, path.size(), path) != 0;
-}
-
 /// Fetches one frame. A frame that is not finished counts as such and is no error.
 absl::Status fetch_one(FarmClient& client, const FrameFile& file, Outcome& outcome) {
   const auto fetched = fetch_frame_file(client, file);
-  if (is_unfinished(fetched.status(), file.path)) {
+  if (!fetched.ok()) return fetched.status();
+  if (!fetched->unfinished.empty()) {
     ++outcome.unfinished;
-    std::fprintf(stderr, "frame %d: %s\n", file.frame,
-                 std::string(fetched.status().message()).c_str());
+    std::fprintf(stderr, "frame %d: %s\n", file.frame, fetched->unfinished.c_str());
     outcome.frames.push_back({{"frame", file.frame}, {"state", "unfinished"}});
     return absl::OkStatus();
   }
-  if (!fetched.ok()) return fetched.status();
   const bool whole = fetched->header.missing_tiles().empty();
   ++(fetched->already_there ? outcome.already_there : outcome.written);
   if (!whole) {

@@ -129,7 +129,9 @@ absl::StatusOr<FetchedFrame> fetch_frame_file(FarmClient& client, const FrameFil
   FetchedFrame fetched;
   PartFile part(file.path);
   FarmClient::FrameSink sink;
+  bool begun = false;
   sink.start = [&](const v1::FrameHeader& header) {
+    begun = true;
     fetched.header = header;
     if (exists(file.path)) {
       const auto present = digest_of(file.path);
@@ -145,6 +147,10 @@ absl::StatusOr<FetchedFrame> fetch_frame_file(FarmClient& client, const FrameFil
   sink.write = [&](std::string_view bytes) { return part.write(bytes); };
   const absl::Status status = client.fetch_frame(request, sink);
   if (fetched.already_there) return fetched;
+  if (!begun && absl::IsFailedPrecondition(status)) {
+    fetched.unfinished = std::string(status.message());
+    return fetched;
+  }
   if (!status.ok()) return status;
   if (part.digest().binary() != fetched.header.file_sha256()) {
     return absl::DataLossError(absl::StrCat(file.path,

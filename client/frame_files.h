@@ -37,10 +37,11 @@ struct FrameFile {
 struct FetchedFrame {
   v1::FrameHeader header;
   bool already_there = false;  // the file had the right digest and was left alone
+  std::string unfinished;      // why there is nothing to fetch yet; empty: the file is there
 };
 
 /// Brings a frame to its file: written to PATH.part, verified, renamed. A file that is there
-/// already with the right digest is left alone.
+/// already with the right digest is left alone. A frame that is not finished is no error.
 ///
 /// Errors: AlreadyExists, another file is there and `force` is off; DataLoss, the bytes do not
 /// match their digest; Unavailable, PermissionDenied and so on from the file system, naming the

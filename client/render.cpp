@@ -105,17 +105,36 @@ absl::StatusOr<v1::Job> start_job(FarmClient& client, const PreparedJob& prepare
   return broken_off ? client.retry_job(job.id()) : job;
 }
 
-absl::Status fetch_frames(FarmClient& client, const RenderCommandOptions& options,
-                          const Output& output, const std::string& job_id) {
-  for (const std::int32_t frame : output.frames) {
-    const FrameFile file{
-        job_id, frame,        output.path_of(frame), output.format, options.exposure_ev,
-        false,  options.force};
-    const auto fetched = fetch_frame_file(client, file);
-    if (!fetched.ok()) return fetched.status();
+/// Brings a job's frames to their files as they are finished.
+class FrameCollector {
+ public:
+  /// All references must outlive it.
+  FrameCollector(FarmClient& client, const RenderCommandOptions& options, const Output& output)
+      : client_(client), options_(options), output_(output), wanted_(output.frames) {}
+
+  /// Fetches the frames that are finished by now. Frames are finished nearly in order, so few are
+  /// asked for in vain. Errors: those of fetch_frame_file.
+  absl::Status collect(const v1::Job& job) {
+    const auto finished = static_cast<std::size_t>(job.progress().finished_frame_count());
+    for (auto frame = wanted_.begin();
+         frame != wanted_.end() && output_.frames.size() - wanted_.size() < finished;) {
+      const FrameFile file{
+          job.id(), *frame,        output_.path_of(*frame), output_.format, options_.exposure_ev,
+          false,    options_.force};
+      const auto fetched = fetch_frame_file(client_, file);
+      if (!fetched.ok()) return fetched.status();
+      frame = fetched->unfinished.empty() ? wanted_.erase(frame) : frame + 1;
+    }
+    return absl::OkStatus();
   }
-  return absl::OkStatus();
-}
+  bool has_all() const { return wanted_.empty(); }
+
+ private:
+  FarmClient& client_;
+  const RenderCommandOptions& options_;
+  const Output& output_;
+  std::vector<std::int32_t> wanted_;  // not fetched yet, in order
+};
 
 /// All that happens while the farm is up. The report, even of a failed job; its exit code is in
 /// `fate`.
@@ -126,19 +145,22 @@ absl::StatusOr<nlohmann::ordered_json> render_on(FarmClient& client,
   auto job = start_job(client, prepared);
   if (!job.ok()) return job.status();
   ProgressBar bar;
-  job = client.watch_job(job->id(), kWatchInterval, [&bar](const v1::Job& now) {
+  FrameCollector collector(client, options, output);
+  absl::Status collected;
+  job = client.watch_job(job->id(), kWatchInterval, [&](const v1::Job& now) {
     bar.show(now);
-    return true;
+    collected = collector.collect(now);
+    return collected.ok();
   });
   bar.clear();
   if (!job.ok()) return job.status();
+  if (!collected.ok()) return collected;
   fate = fate_of(*job);
-  if (fate == kExitDone) {
-    const absl::Status fetched = fetch_frames(client, options, output, job->id());
-    if (!fetched.ok()) return fetched;
-  } else {
+  if (fate != kExitDone) {
     std::fprintf(stderr, "tessera: the job %s: %s\n", state_name(job->state()).c_str(),
                  job->reason().c_str());
+  } else if (!collector.has_all()) {
+    return absl::InternalError("the job is done, but not every frame could be fetched");
   }
   const auto text = client.get_report(job->id());
   if (!text.ok()) return text.status();
