@@ -31,8 +31,8 @@ Coordinator::Coordinator(Store& store, CoordinatorOptions options,
 
 Coordinator::~Coordinator() = default;
 
-void Coordinator::log(const std::string& message) const {
-  if (options_.log) options_.log(message);
+void Coordinator::log(LogLevel level, const std::string& message) const {
+  if (options_.log) options_.log(level, message);
 }
 
 /// Carries out what the scheduler decided: calls to links wait until the lock is given up.
@@ -45,7 +45,9 @@ void Coordinator::settle(Afterwards& afterwards) {
   }
   for (const WorkerKey key : effects.to_close) {
     if (const Worker* worker = scheduler_.find_worker(key)) {
-      afterwards.add([this, id = worker->id] { log(absl::StrCat("worker ", id, " is lost")); });
+      afterwards.add([this, id = worker->id] {
+        log(LogLevel::warn, absl::StrCat("worker ", id, " is lost"));
+      });
     }
     const auto linked = links_.find(key);
     if (linked == links_.end()) continue;
@@ -62,7 +64,8 @@ void Coordinator::settle(Afterwards& afterwards) {
     const Job* job = scheduler_.find_job(key);
     if (job == nullptr) continue;
     afterwards.add([this, id = job->spec->id, state = job->state, reason = job->reason] {
-      log(absl::StrCat("job ", id, " is ", state_name(state), reason.empty() ? "" : ": ", reason));
+      log(state == JobState::failed ? LogLevel::warn : LogLevel::info,
+          absl::StrCat("job ", id, " is ", state_name(state), reason.empty() ? "" : ": ", reason));
     });
     JobFilm& film = film_of(*job);
     if (!has_ended(job->state)) {
@@ -123,9 +126,10 @@ Coordinator::Joined Coordinator::join(const Hello& hello, std::shared_ptr<Worker
     });
   }
   linked = {++last_session_, std::move(link)};
-  afterwards.add([this, text = absl::StrCat("worker ", hello.worker_id, " is here: ", hello.name,
-                                            " on ", hello.host, ", ", hello.isa, ", ",
-                                            hello.thread_count, " threads")] { log(text); });
+  afterwards.add(
+      [this, text = absl::StrCat("worker ", hello.worker_id, " is here: ", hello.name, " on ",
+                                 hello.host, ", ", hello.isa, ", ", hello.thread_count,
+                                 " threads")] { log(LogLevel::info, text); });
   settle(afterwards);
   const bool many = static_cast<std::int32_t>(links_.size()) > kManyWorkers;
   return {{key, linked.session},
@@ -191,11 +195,12 @@ void Coordinator::fail_unit(Session session, const Lease& lease, std::int32_t ti
                             bool bad_scene) {
   Afterwards afterwards;
   MutexLock lock(mutex_);
-  if (worker_of(session) == nullptr) return;
+  const Worker* worker = worker_of(session);
+  if (worker == nullptr) return;
   afterwards.add(
-      [this, text = absl::StrCat("worker ", session.worker, ": job ", lease.job_id, ", frame ",
+      [this, text = absl::StrCat("worker ", worker->id, ": job ", lease.job_id, ", frame ",
                                  lease.frame, ", tile ", tile, ", pass ", lease.pass,
-                                 " failed: ", failure.message)] { log(text); });
+                                 " failed: ", failure.message)] { log(LogLevel::warn, text); });
   scheduler_.fail_unit(session.worker, lease, tile, std::move(failure), bad_scene,
                        options_.clock());
   settle(afterwards);

@@ -21,6 +21,7 @@
 #include "server/frame_ledger.h"
 #include "server/job_view.h"
 #include "server/mutex.h"
+#include "server/observe/log.h"
 #include "server/schedule/scheduler.h"
 #include "server/store/store.h"
 
@@ -76,7 +77,7 @@ struct CoordinatorOptions {
   std::function<absl::StatusOr<JobSpec>(const JobRecord&)> read_spec;
   /// The request of `spec` with another sample count.
   std::function<std::string(const JobSpec&, std::int32_t spp)> write_request;
-  std::function<void(const std::string&)> log;  // what an operator should know; may be empty
+  Log log;  // may be empty
 };
 
 /// The farm's state behind one lock. Every method may be called from any thread.
@@ -239,8 +240,8 @@ class Coordinator {
   std::string new_job_id() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void answer(const std::string& worker_id, const std::string& job_id, const contract::Unit& unit,
               Verdict verdict, const std::string& reason) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void reject(const std::string& worker_id, const BlockHeader& header, const std::string& reason)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void reject(const std::string& worker_id, const BlockHeader& header, const std::string& reason,
+              Afterwards& afterwards) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void refuse(const std::string& worker_id, const BlockHeader& header)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   bool judge_repeat(Job& job, const std::string& worker_id, const BlockHeader& header)
@@ -276,7 +277,7 @@ class Coordinator {
   absl::StatusOr<FrameFile> write_partial(const FrameQuery& query, const JobSpec& spec);
   void redo_units(const FrameKey& key, const std::vector<contract::Unit>& units);
   void frame_failed(const FrameKey& key, const absl::Status& status);
-  void log(const std::string& message) const;
+  void log(LogLevel level, const std::string& message) const;
 
   Store& store_;
   const CoordinatorOptions options_;

@@ -59,9 +59,12 @@ void Coordinator::answer(const std::string& worker_id, const std::string& job_id
 }
 
 void Coordinator::reject(const std::string& worker_id, const BlockHeader& header,
-                         const std::string& reason) {
+                         const std::string& reason, Afterwards& afterwards) {
   Worker* worker = scheduler_.find_worker(worker_id);
   if (worker == nullptr) return;
+  afterwards.add(
+      [this, text = absl::StrCat("worker ", worker_id, ": a block of job ", header.lease.job_id,
+                                 " is rejected: ", reason)] { log(LogLevel::warn, text); });
   answer(worker_id, header.lease.job_id, header.unit(), Verdict::rejected, reason);
   scheduler_.fail_unit(worker->key, header.lease, header.tile,
                        {worker_id, absl::StrCat("its block was rejected: ", reason), ""}, false,
@@ -118,7 +121,7 @@ std::optional<Admission> Coordinator::admit(const std::string& worker_id,
       if (size.ok()) {
         admission = candidate;
       } else {
-        reject(worker_id, header, std::string(size.message()));
+        reject(worker_id, header, std::string(size.message()), afterwards);
       }
     }
   }
@@ -139,7 +142,7 @@ void Coordinator::deliver(const std::string& worker_id, const BlockHeader& heade
   Afterwards afterwards;
   MutexLock lock(mutex_);
   if (!fault.empty()) {
-    reject(worker_id, header, fault);
+    reject(worker_id, header, fault, afterwards);
     settle(afterwards);
     return;
   }
@@ -200,15 +203,18 @@ void Coordinator::journal_changes() {
     // Blocks first: a job that is DONE in the journal has none left.
     if (record.state == static_cast<std::int32_t>(JobState::done)) {
       const absl::Status released = store_.release_segments(record.id);
-      if (!released.ok()) log(absl::StrCat("job ", record.id, ": ", released.ToString()));
+      if (!released.ok())
+        log(LogLevel::error, absl::StrCat("job ", record.id, ": ", released.ToString()));
     }
     const absl::Status status = store_.update_job(record);
-    if (!status.ok()) log(absl::StrCat("job ", record.id, ": ", status.ToString()));
+    if (!status.ok())
+      log(LogLevel::error, absl::StrCat("job ", record.id, ": ", status.ToString()));
   }
   for (const auto& [worker_id, joined] : roster) {
     const absl::Status status =
         joined ? store_.remember_worker(worker_id, worker_id) : store_.forget_worker(worker_id);
-    if (!status.ok()) log(absl::StrCat("worker ", worker_id, ": ", status.ToString()));
+    if (!status.ok())
+      log(LogLevel::error, absl::StrCat("worker ", worker_id, ": ", status.ToString()));
   }
   for (const auto& callback : callbacks) callback();
 }
@@ -237,6 +243,7 @@ bool Coordinator::commit_group() {
     }
   }
   note_committed(sorted);
+  log(LogLevel::debug, absl::StrCat(sorted.commits.size(), " units committed in one group"));
   return true;
 }
 
@@ -271,7 +278,8 @@ void Coordinator::sort_group(std::vector<Delivered>& group, Sorted& sorted) {
 }
 
 void Coordinator::commit_failed(const Sorted& sorted, const absl::Status& status) {
-  log(absl::StrCat("commit of ", sorted.commits.size(), " units: ", status.ToString()));
+  log(LogLevel::error,
+      absl::StrCat("commit of ", sorted.commits.size(), " units: ", status.ToString()));
   Afterwards afterwards;
   MutexLock lock(mutex_);
   for (const auto* list : {&sorted.committed, &sorted.repeats}) {

@@ -84,7 +84,8 @@ void Coordinator::open_film(const FrameKey& key) {
                    });
   for (const Unit& unit : units) {
     const absl::Status status = film_.note_committed(key, unit.tile, unit.pass);
-    if (!status.ok()) log(absl::StrCat("job ", key.job_id, ": ", status.ToString()));
+    if (!status.ok())
+      log(LogLevel::error, absl::StrCat("job ", key.job_id, ": ", status.ToString()));
   }
 }
 
@@ -102,7 +103,8 @@ void Coordinator::merge(FilmNews news) {
     const absl::Status status = news.block
                                     ? film_.add(key, news.unit.tile, news.unit.pass, *news.block)
                                     : film_.note_committed(key, news.unit.tile, news.unit.pass);
-    if (!status.ok()) log(absl::StrCat("job ", key.job_id, ": ", status.ToString()));
+    if (!status.ok())
+      log(LogLevel::error, absl::StrCat("job ", key.job_id, ": ", status.ToString()));
     estimate(key);
   }
   Afterwards afterwards;
@@ -143,8 +145,8 @@ void Coordinator::finish_frame(const FrameKey& key) {
   film_.close_frame(key);
   last_estimate_.erase(key);
   if (!record.ok() && !damaged_.empty()) {
-    log(absl::StrCat("job ", key.job_id, ", frame ", key.frame, ": ", record.status().ToString(),
-                     "; it is rendered again"));
+    log(LogLevel::warn, absl::StrCat("job ", key.job_id, ", frame ", key.frame, ": ",
+                                     record.status().ToString(), "; it is rendered again"));
     write_later([this, key, units = damaged_] { redo_units(key, units); });
     return;
   }
@@ -214,6 +216,9 @@ void Coordinator::record_frame(const FrameKey& key, const FrameRecord& record, d
   film.finished[key.frame] = record;
   film.estimated_error = error;
   ledger_of(*job).erase(key.frame);
+  afterwards.add([this, key] {
+    log(LogLevel::info, absl::StrCat("job ", key.job_id, ", frame ", key.frame, " is finished"));
+  });
   scheduler_.finish_frame(*job, key.frame, options_.clock());
   settle(afterwards);
 }
@@ -242,7 +247,7 @@ void Coordinator::redo_units(const FrameKey& key, const std::vector<Unit>& units
 
 void Coordinator::frame_failed(const FrameKey& key, const absl::Status& status) {
   const std::string reason = absl::StrCat("frame ", key.frame, ": ", status.ToString());
-  log(absl::StrCat("job ", key.job_id, ", ", reason));
+  log(LogLevel::error, absl::StrCat("job ", key.job_id, ", ", reason));
   Afterwards afterwards;
   MutexLock lock(mutex_);
   Job* job = scheduler_.find_job(key.job_id);

@@ -374,7 +374,7 @@ void Coordinator::collect_assets() {
   }
   const absl::Status status =
       store_.collect_assets(options_.wall_us(), options_.asset_quota_bytes, named);
-  if (!status.ok()) log(absl::StrCat("assets: ", status.ToString()));
+  if (!status.ok()) log(LogLevel::error, absl::StrCat("assets: ", status.ToString()));
 }
 
 }  // namespace tessera::server

@@ -7,7 +7,24 @@
 
 namespace tessera::server {
 
-std::function<void(const std::string&)> open_log(const std::string& level) {
+namespace {
+
+spdlog::level::level_enum spdlog_level(LogLevel level) {
+  switch (level) {
+    case LogLevel::debug:
+      return spdlog::level::debug;
+    case LogLevel::warn:
+      return spdlog::level::warn;
+    case LogLevel::error:
+      return spdlog::level::err;
+    default:
+      return spdlog::level::info;
+  }
+}
+
+}  // namespace
+
+Log open_log(const std::string& level) {
   auto logger = std::make_shared<spdlog::logger>("tessera-server",
                                                  std::make_shared<spdlog::sinks::stderr_sink_mt>());
   logger->set_pattern("%Y-%m-%dT%H:%M:%S.%e %n %l: %v");
@@ -15,8 +32,10 @@ std::function<void(const std::string&)> open_log(const std::string& level) {
                     : level == "warn"  ? spdlog::level::warn
                     : level == "debug" ? spdlog::level::debug
                                        : spdlog::level::info);
-  logger->flush_on(spdlog::level::info);
-  return [logger](const std::string& message) { logger->info("{}", message); };
+  logger->flush_on(spdlog::level::debug);
+  return [logger](LogLevel of, const std::string& message) {
+    logger->log(spdlog_level(of), "{}", message);
+  };
 }
 
 }  // namespace tessera::server

@@ -35,6 +35,32 @@ TEST_F(CoordinatorTest, AJobOfOneWorkerIsDoneWithAnImage) {
   EXPECT_TRUE(std::filesystem::exists(*store.output_folder(job) + "/" + frames->front().file));
 }
 
+TEST_F(CoordinatorTest, TheLogTellsTroubleFromNewsAndNewsFromRoutine) {
+  std::map<LogLevel, std::vector<std::string>> lines;
+  options.log = [&lines](LogLevel level, const std::string& text) { lines[level].push_back(text); };
+  start();
+  const std::string id = create_job("told");
+  TestWorker ann = join("ann");
+  EXPECT_EQ(lines[LogLevel::info],
+            (std::vector<std::string>{"worker ann is here: ann on , , 2 threads",
+                                      "job " + id + " is RUNNING"}));
+  ASSERT_FALSE(ann.units.empty());
+  const Leased unit = ann.units.front();
+  coordinator->fail_unit(ann.session, unit.lease, unit.name.unit.tile, {"", "out of luck", ""},
+                         false);
+  ASSERT_EQ(lines[LogLevel::warn].size(), 1u);
+  EXPECT_EQ(lines[LogLevel::warn].front(), "worker ann: job " + id + ", frame 0, tile " +
+                                               std::to_string(unit.name.unit.tile) +
+                                               ", pass 0 failed: out of luck");
+  lines.clear();
+  work_off(ann, id);
+  EXPECT_EQ(lines[LogLevel::info], (std::vector<std::string>{"job " + id + ", frame 0 is finished",
+                                                             "job " + id + " is DONE"}));
+  EXPECT_FALSE(lines[LogLevel::debug].empty()) << "commits are routine";
+  EXPECT_TRUE(lines[LogLevel::warn].empty());
+  EXPECT_TRUE(lines[LogLevel::error].empty());
+}
+
 TEST_F(CoordinatorTest, NothingIsAcknowledgedBeforeItIsDurable) {
   create_job("a");
   auto worker = join("w1");
