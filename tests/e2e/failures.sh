@@ -17,6 +17,27 @@ says "not-here.png"
 exits 0 farm list --json
 equal "nothing was submitted" "$(json "$work/out" 'len(d["jobs"])')" 0
 
+# A scene that only the worker finds faulty (here because the client's look at it is not honest) is
+# bad input too, with the fault in full; the farm goes on.
+cp "$scenes/lit_square.gltf" "$work/good.gltf"
+cp "$scenes/malformed/index_out_of_range.gltf" "$work/bad.gltf"
+stand_in tessera-worker <<EOF
+#!/bin/sh
+[ "\$1" = inspect ] || exec $TESSERA_BIN/tessera-worker "\$@"
+$TESSERA_BIN/tessera-worker inspect --json -- $work/good.gltf | sed 's/good[.]gltf/bad.gltf/g'
+EOF
+start_worker judge
+exits 2 "$work/bin/tessera" submit "$work/bad.gltf" --server "$socket" "${job[@]}" --name bad --wait
+says "bad scene: bad.gltf"
+exits 2 farm watch bad
+exits 2 farm watch bad --json
+exits 2 "$work/bin/tessera" render "$work/bad.gltf" -o "$work/x.exr" "${job[@]}"
+says "bad scene: bad.gltf"
+[ ! -e "$work/x.exr" ] || fail "an image of a bad scene was written"
+exits 0 farm submit "$work/good.gltf" "${job[@]}" --wait
+say "a scene the worker finds faulty gives 2 in render, submit --wait and watch"
+kill_worker judge
+
 # A worker whose numerics differ is refused by name; the farm goes on without it.
 start_worker honest
 wait_until 60 "the worker is there" bash -c \
