@@ -8,10 +8,14 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 #include <limits>
 
 #include "tests/numeric/geometry_scenes.h"
 #include "worker/accel/brute_force.h"
+#include "worker/accel/mesh_tree.h"
+#include "worker/accel/plain_traversal.h"
+#include "worker/accel/wide_bvh.h"
 
 namespace tessera::render::testing {
 namespace {
@@ -98,19 +102,43 @@ Ray adversarial_ray(const Scene& scene, Dice& dice) {
   return ray;
 }
 
+std::vector<Isa> supported_isas() {
+  std::vector<Isa> isas;
+  for (const Isa isa : {Isa::avx2, Isa::avx512}) {
+    if (is_supported(isa)) isas.push_back(isa);
+  }
+  return isas;
+}
+
+/// Long thin triangles at odd angles, crossing each other: what spatial splits are for.
+Primitive needles(int count, Dice& dice) {
+  Primitive p;
+  for (int i = 0; i < count; ++i) {
+    const auto first = static_cast<std::uint32_t>(p.positions.size());
+    const Vec3f at = dice.vector(), along = dice.direction() * 0.4f;
+    p.positions.insert(p.positions.end(), {at - along, at + along, at + dice.vector() * 0.01f});
+    p.triangles.push_back({first, first + 1, first + 2});
+  }
+  return p;
+}
+
 /// Counts rays for which closest_hit or any_hit differs from brute force in any bit.
 int mismatches(const Scene& scene, int rays, std::uint32_t seed, int* hits = nullptr) {
-  const SceneAccel accel(scene, in_order());
+  std::vector<SceneAccel> accels;
+  for (const Isa isa : supported_isas()) accels.emplace_back(scene, in_order(), isa);
   Dice dice(seed);
   int wrong = 0;
   for (int i = 0; i < rays; ++i) {
     const Ray ray = adversarial_ray(scene, dice);
-    Hit fast, slow;
-    const bool found = accel.closest_hit(ray, fast);
+    Hit slow;
     const bool expected = brute_force_closest(scene, ray, slow);
-    if (found != expected || (found && !same_bits(fast, slow))) ++wrong;
-    if (accel.any_hit(ray) != expected) ++wrong;
-    if (hits != nullptr && found) ++*hits;
+    for (const SceneAccel& accel : accels) {
+      Hit fast;
+      const bool found = accel.closest_hit(ray, fast);
+      if (found != expected || (found && !same_bits(fast, slow))) ++wrong;
+      if (accel.any_hit(ray) != expected) ++wrong;
+    }
+    if (hits != nullptr && expected) ++*hits;
   }
   return wrong;
 }
@@ -122,6 +150,16 @@ TEST(HardCase15, SoupsAgreeWithBruteForce) {
     EXPECT_EQ(mismatches(scene_of({soup(150, dice), soup(50, dice)}), 8'000, seed, &hits), 0);
   }
   EXPECT_GT(hits, 15'000) << "the rays no longer aim";
+}
+
+TEST(HardCase15, SplitNeedlesAgreeWithBruteForce) {
+  Dice dice(10);
+  const Scene scene = scene_of({needles(3'000, dice)});
+  const MeshTree<16> tree = build_mesh_tree<16>(scene.meshes[0], true, in_order());
+  ASSERT_TRUE(tree.split) << "the test no longer tests splits";
+  int hits = 0;
+  EXPECT_EQ(mismatches(scene, 4'000, 11, &hits), 0);
+  EXPECT_GT(hits, 2'000);
 }
 
 TEST(HardCase15, TerrainAgreesWithBruteForce) {
@@ -206,7 +244,9 @@ TEST(HardCase15, OriginsFarOutsideTheSceneAgreeWithBruteForce) {
 
 TEST(HardCase15, FiltersSeeTheSameHitsAsBruteForce) {
   Dice dice(50);
-  const Scene scene = scene_of({soup(100, dice)});
+  Scene scene = scene_of({soup(100, dice), needles(20, dice)});
+  scene.materials.resize(1);
+  scene.materials[0].alpha_mode = AlphaMode::mask;
   const SceneAccel accel(scene, in_order());
   const auto opaque = [](const Hit& hit) { return hit.id.triangle % 3 != 0; };
   for (int i = 0; i < 5'000; ++i) {
@@ -266,7 +306,7 @@ TEST(HardCase16, AxisParallelRaysVisitNoMoreNodesThanTiltedOnes) {
     for (const std::uint32_t vertex : triangle) box.extend(surface.positions[vertex]);
     boxes.push_back(box);
   }
-  const WideBvh bvh = build_wide_bvh(boxes, 8, in_order());
+  const WideBvh<8> bvh = collapse<8>(build_binary_bvh({boxes, 8}, in_order()));
   int visits[2] = {0, 0};
   for (int tilted = 0; tilted < 2; ++tilted) {
     for (int i = 0; i < 64 * 64; ++i) {
@@ -276,9 +316,8 @@ TEST(HardCase16, AxisParallelRaysVisitNoMoreNodesThanTiltedOnes) {
       ObjectRay ray;
       ASSERT_TRUE(make_object_ray(origin, {tilted * 1e-3f, -1, tilted * 1e-3f}, bvh.bounds, ray));
       const float limit = std::numeric_limits<float>::max();
-      traverse(
-          bvh.nodes.data(), ray, limit, [](std::uint32_t) { return false; },
-          [&] { ++visits[tilted]; });
+      traverse_plainly(
+          bvh.nodes.data(), 0, ray, limit, [](std::uint32_t) {}, [&] { ++visits[tilted]; });
     }
   }
   EXPECT_LE(visits[0], visits[1] + visits[1] / 2);
@@ -351,7 +390,7 @@ TEST(HardCase30, DepthsOfDifferentlyScaledInstancesAreComparable) {
 }
 
 /// Levels of the tree below and including node `index`.
-int depth_of(const WideBvh& bvh, std::uint32_t index) {
+int depth_of(const WideBvh<8>& bvh, std::uint32_t index) {
   int deepest = 0;
   for (const std::uint32_t child : bvh.nodes[index].children) {
     if ((child & kLeafBit) == 0) deepest = std::max(deepest, depth_of(bvh, child));
@@ -360,7 +399,7 @@ int depth_of(const WideBvh& bvh, std::uint32_t index) {
 }
 
 /// Every item in exactly one leaf, and no leaf above its size.
-void expect_complete(const WideBvh& bvh, std::size_t items) {
+void expect_complete(const WideBvh<8>& bvh, std::size_t items) {
   std::vector<int> seen(items, 0);
   for (const BvhLeaf& leaf : bvh.leaves) {
     EXPECT_LE(leaf.count, 8u);
@@ -379,9 +418,9 @@ TEST(HardCase32, EqualCentroidsAndDuplicatesBuildShallowTrees) {
     nested.push_back({{0, 0, 0}, {s, s, s}});
   }
   for (const auto& boxes : {concentric, duplicates, nested}) {
-    const WideBvh bvh = build_wide_bvh(boxes, 8, in_order());
+    const WideBvh<8> bvh = collapse<8>(build_binary_bvh({boxes, 8}, in_order()));
     expect_complete(bvh, kCount);
-    EXPECT_LE(depth_of(bvh, 0) * (kWidth - 1) + 1, kStackSize);
+    EXPECT_LE(depth_of(bvh, 0), kMaxLevels);
   }
 }
 
@@ -393,9 +432,9 @@ TEST(HardCase32, NestedTrianglesAtEveryScaleStayWithinTheStack) {
     const float s = std::ldexp(1.0f, 100 - i);
     boxes.push_back({{s, s, s}, {2 * s, 2 * s, 2 * s}});
   }
-  const WideBvh bvh = build_wide_bvh(boxes, 1, in_order());
+  const WideBvh<8> bvh = collapse<8>(build_binary_bvh({boxes}, in_order()));
   expect_complete(bvh, boxes.size());
-  EXPECT_LE(depth_of(bvh, 0) * (kWidth - 1) + 1, kStackSize);
+  EXPECT_LE(depth_of(bvh, 0), kMaxLevels);
 }
 
 TEST(WideBvh, DoesNotDependOnTheOrderOfParallelWork) {
@@ -406,14 +445,11 @@ TEST(WideBvh, DoesNotDependOnTheOrderOfParallelWork) {
     const Vec3f p = dice.vector();
     boxes.push_back({p, p + Vec3f{dice.unit(), dice.unit(), dice.unit()} * 0.01f});
   }
-  const WideBvh a = build_wide_bvh(boxes, 8, in_order());
-  const WideBvh b = build_wide_bvh(boxes, 8, in_reverse());
+  const WideBvh<8> a = collapse<8>(build_binary_bvh({boxes, 8}, in_order()));
+  const WideBvh<8> b = collapse<8>(build_binary_bvh({boxes, 8}, in_reverse()));
   EXPECT_EQ(a.order, b.order);
   ASSERT_EQ(a.nodes.size(), b.nodes.size());
-  for (std::size_t i = 0; i < a.nodes.size(); ++i) {
-    ASSERT_EQ(a.nodes[i].planes, b.nodes[i].planes);
-    ASSERT_EQ(a.nodes[i].children, b.nodes[i].children);
-  }
+  EXPECT_EQ(std::memcmp(a.nodes.data(), b.nodes.data(), a.nodes.size() * sizeof(a.nodes[0])), 0);
   expect_complete(a, boxes.size());
 }
 

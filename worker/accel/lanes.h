@@ -36,6 +36,11 @@ inline Lanes difference_of_products(Lanes a, Lanes b, Lanes c, Lanes d) {
   return _mm256_add_ps(_mm256_fmsub_ps(a, b, cd), error);
 }
 
+/// All bits of the lanes where a >= b; none where either is NaN.
+inline Lanes at_least(Lanes a, Lanes b) {
+  return _mm256_cmp_ps(a, b, _CMP_GE_OQ);
+}
+
 /// One bit a lane.
 inline std::uint32_t bits(Lanes mask) {
   return static_cast<std::uint32_t>(_mm256_movemask_ps(mask));

@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "worker/accel/mesh_triangles.h"
+#include "worker/accel/mesh_tree.h"
+#include "worker/accel/wide_bvh.h"
 #include "worker/math/float_bits.h"
 
 namespace tessera::render {
@@ -91,109 +92,82 @@ Box3f padded(const Box3d& box, const Vec3d& pad) {
   return out;
 }
 
-struct MeshTriangle {
-  std::uint32_t primitive, triangle;
-};
-
-void set_lane(TriangleBlock& block, std::size_t lane, const Mesh& mesh, const MeshTriangle& id) {
-  const Primitive& primitive = mesh.primitives[id.primitive];
-  for (std::size_t vertex = 0; vertex < 3; ++vertex) {
-    const Vec3f& v = primitive.positions[primitive.triangles[id.triangle][vertex]];
-    for (int axis = 0; axis < 3; ++axis) {
-      block.v[vertex][static_cast<std::size_t>(axis)][lane] = v[axis];
-    }
-  }
-  block.primitive[lane] = id.primitive;
-  block.triangle[lane] = id.triangle;
+/// Whether a filter may let rays through the material, and so collect its triangles.
+bool may_pass(const Material& material) {
+  return material.alpha_mode != AlphaMode::opaque || material.unlit || material.transmission > 0;
 }
 
-}  // namespace
-
-SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for) {
-  meshes_.resize(scene.meshes.size());
-  for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
-    meshes_[i] = build_mesh(scene.meshes[i], parallel_for);
-  }
-  build_top(scene, parallel_for);
-}
-
-SceneAccel::MeshTree SceneAccel::build_mesh(const Mesh& mesh, const ParallelFor& parallel_for) {
-  std::vector<Box3f> boxes;
-  std::vector<MeshTriangle> triangles;
-  for_each_triangle(mesh, [&](std::uint32_t p, std::uint32_t t, const Vec3f& v0, const Vec3f& v1,
-                              const Vec3f& v2) {
-    Box3f box;
-    box.extend(v0);
-    box.extend(v1);
-    box.extend(v2);
-    boxes.push_back(box);
-    triangles.push_back({p, t});
+bool all_stop_light(const Scene& scene, const Mesh& mesh) {
+  return std::none_of(mesh.primitives.begin(), mesh.primitives.end(), [&](const Primitive& p) {
+    const auto material = static_cast<std::size_t>(p.material);
+    return material < scene.materials.size() && may_pass(scene.materials[material]);
   });
-  WideBvh bvh = build_wide_bvh(boxes, kWidth, parallel_for);
-  MeshTree tree;
-  tree.nodes = std::move(bvh.nodes);
-  tree.bounds = bvh.bounds;
-  tree.blocks.resize(bvh.leaves.size());
-  for (std::size_t b = 0; b < bvh.leaves.size(); ++b) {
-    const BvhLeaf& leaf = bvh.leaves[b];
-    tree.blocks[b] = {};
-    for (std::uint32_t lane = 0; lane < leaf.count; ++lane) {
-      set_lane(tree.blocks[b], lane, mesh, triangles[bvh.order[leaf.first + lane]]);
-    }
-  }
-  return tree;
 }
 
-void SceneAccel::build_top(const Scene& scene, const ParallelFor& parallel_for) {
+template <int kWidth>
+void build_top(const Scene& scene, AccelTrees<kWidth>& trees, const ParallelFor& parallel_for) {
   // Origins: the camera, and points on or just off the instances.
   double origin = max_abs(scene.camera.camera_to_world.translation);
   std::vector<std::uint32_t> used;
   std::vector<Box3d> worlds;
   for (std::size_t i = 0; i < scene.instances.size(); ++i) {
     const Instance& instance = scene.instances[i];
-    const MeshTree& mesh = meshes_[static_cast<std::size_t>(instance.mesh)];
+    const auto& mesh = trees.meshes[static_cast<std::size_t>(instance.mesh)];
     if (mesh.blocks.empty()) continue;
     used.push_back(static_cast<std::uint32_t>(i));
     worlds.push_back(transform_box(instance.object_to_world, mesh.bounds));
     origin = std::max(origin, reach(worlds.back()));
   }
-  origin_limit_ = round_outward(origin * 1.0625, false);
+  trees.origin_limit = round_outward(origin * 1.0625, false);
   std::vector<Box3f> boxes;
   for (std::size_t i = 0; i < used.size(); ++i) {
     const Instance& instance = scene.instances[used[i]];
-    const MeshTree& mesh = meshes_[static_cast<std::size_t>(instance.mesh)];
-    const bool identity = is_identity(instance.world_to_object);
-    boxes.push_back(
-        identity ? mesh.bounds
-                 : padded(worlds[i], world_pad(instance, mesh.bounds, worlds[i], origin_limit_)));
+    const auto& mesh = trees.meshes[static_cast<std::size_t>(instance.mesh)];
+    const Vec3d pad = world_pad(instance, mesh.bounds, worlds[i], trees.origin_limit);
+    boxes.push_back(is_identity(instance.world_to_object) ? mesh.bounds : padded(worlds[i], pad));
   }
-  WideBvh bvh = build_wide_bvh(boxes, 1, parallel_for);
-  nodes_ = std::move(bvh.nodes);
-  bounds_ = bvh.bounds;
+  WideBvh<kWidth> bvh = collapse<kWidth>(build_binary_bvh({boxes}, parallel_for));
+  trees.nodes = std::move(bvh.nodes);
+  trees.bounds = bvh.bounds;
   for (const BvhLeaf& leaf : bvh.leaves) {
     const std::uint32_t index = used[bvh.order[leaf.first]];
     const Instance& instance = scene.instances[index];
-    placed_.push_back({instance.world_to_object, static_cast<std::uint32_t>(instance.mesh), index,
-                       is_identity(instance.world_to_object)});
+    trees.placed.push_back({instance.world_to_object, static_cast<std::uint32_t>(instance.mesh),
+                            index, is_identity(instance.world_to_object)});
   }
 }
 
-bool SceneAccel::closest_hit(const Ray& ray, Hit& hit) const {
-  return closest_hit(ray, hit, AcceptAll());
+template <int kWidth>
+void build(const Scene& scene, AccelTrees<kWidth>& trees, const ParallelFor& parallel_for) {
+  trees.meshes.reserve(scene.meshes.size());
+  for (const Mesh& mesh : scene.meshes) {
+    trees.meshes.push_back(
+        build_mesh_tree<kWidth>(mesh, all_stop_light(scene, mesh), parallel_for));
+  }
+  build_top(scene, trees, parallel_for);
 }
 
-bool SceneAccel::any_hit(const Ray& ray) const {
-  return any_hit(ray, AcceptAll());
+template <int kWidth>
+std::size_t bytes(const AccelTrees<kWidth>& trees) {
+  std::size_t sum = trees.nodes.capacity_bytes() + trees.placed.capacity() * sizeof(PlacedMesh);
+  for (const MeshTree<kWidth>& mesh : trees.meshes) {
+    sum += mesh.nodes.capacity_bytes() + mesh.blocks.capacity_bytes();
+  }
+  return sum;
+}
+
+}  // namespace
+
+SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for, Isa isa) : isa_(isa) {
+  if (isa == Isa::avx512) {
+    build(scene, sixteen_, parallel_for);
+  } else {
+    build(scene, eight_, parallel_for);
+  }
 }
 
 std::int64_t SceneAccel::memory_bytes() const {
-  std::size_t bytes =
-      nodes_.capacity() * sizeof(WideNode) + placed_.capacity() * sizeof(PlacedMesh);
-  for (const MeshTree& mesh : meshes_) {
-    bytes +=
-        mesh.nodes.capacity() * sizeof(WideNode) + mesh.blocks.capacity() * sizeof(TriangleBlock);
-  }
-  return static_cast<std::int64_t>(bytes);
+  return static_cast<std::int64_t>(bytes(eight_) + bytes(sixteen_));
 }
 
 }  // namespace tessera::render

@@ -26,7 +26,7 @@ namespace tessera::render::bench {
 namespace {
 
 struct Options {
-  std::string peer = "embree", json;
+  std::string peer = "embree", json, isa{isa_name(best_isa())};
   std::vector<std::string> scenes;
   bool quick = false;
   int rounds = 4, side = 512;
@@ -96,7 +96,7 @@ void run_scene(const Options& options, const std::string& name, std::vector<Row>
   const EmbreePeer peer(bench.scene);
   const double peer_seconds = cpu_seconds() - start;
   start = cpu_seconds();
-  const SceneAccel accel(bench.scene, sequential());
+  const SceneAccel accel(bench.scene, sequential(), *parse_isa(options.isa));
   const double ours_seconds = cpu_seconds() - start;
   rows.push_back({name, "build_s", ours_seconds, peer_seconds});
   rows.push_back({name, "memory_mb", static_cast<double>(accel.memory_bytes()) * 1e-6,
@@ -178,6 +178,8 @@ int main(int argc, char** argv) {
   app.add_option("--peer", options.peer, "what to measure against")
       ->check(CLI::IsMember({"embree"}));
   app.add_option("--json", options.json, "write the rows here");
+  app.add_option("--isa", options.isa, "ours: avx2 or avx512")
+      ->check(CLI::IsMember({"avx2", "avx512"}));
   app.add_option("--scene", options.scenes, "only these scenes")
       ->check(CLI::IsMember(tessera::render::bench::scene_names()));
   app.add_option("--rounds", options.rounds, "measurements, of which the best counts");

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "worker/accel/huge_array.h"
+#include "worker/accel/triangle_block.h"
+#include "worker/accel/wide_node.h"
+#include "worker/geometry/ray.h"
+#include "worker/math/transform.h"
+
+namespace tessera::render {
+
+/// The tree of one mesh, in its object space. A leaf is a block.
+template <int kWidth>
+struct MeshTree {
+  HugeArray<WideNode<kWidth>> nodes;
+  HugeArray<TriangleBlock> blocks;
+  std::vector<std::uint32_t> first_rank;  // of each primitive, and one past the last
+  Box3f bounds;
+  bool split = false;  // whether a triangle may be in several leaves
+
+  /// The id of a triangle of this mesh, from its rank.
+  TriangleId id(std::uint32_t instance, std::uint32_t rank) const {
+    const auto next = std::upper_bound(first_rank.begin(), first_rank.end(), rank);
+    const auto primitive = static_cast<std::uint32_t>(next - first_rank.begin()) - 1;
+    return {instance, primitive, rank - first_rank[primitive]};
+  }
+  /// The rank of a triangle; UINT32_MAX if the mesh has no such triangle.
+  std::uint32_t rank(const TriangleId& id) const {
+    if (id.primitive + std::size_t{1} >= first_rank.size()) return UINT32_MAX;
+    const std::uint32_t first = first_rank[id.primitive], next = first_rank[id.primitive + 1];
+    return id.triangle < next - first ? first + id.triangle : UINT32_MAX;
+  }
+};
+
+/// A mesh in the world.
+struct PlacedMesh {
+  Affine3d world_to_object;
+  std::uint32_t mesh = 0, instance = 0;
+  bool identity = false;
+};
+
+/// All that a traversal reads: a tree over placed meshes, and those of the meshes. A leaf of the
+/// former is an element of `placed`.
+template <int kWidth>
+struct AccelTrees {
+  std::vector<MeshTree<kWidth>> meshes;
+  std::vector<PlacedMesh> placed;
+  HugeArray<WideNode<kWidth>> nodes;
+  Box3f bounds;            // of the padded boxes of the placed meshes
+  float origin_limit = 0;  // the pads hold for origins within this, per axis
+
+  /// Whether one mesh, where it is, is all there is: its tree alone will do.
+  bool single() const { return placed.size() == 1 && placed[0].identity; }
+};
+
+}  // namespace tessera::render

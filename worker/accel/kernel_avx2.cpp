@@ -1,0 +1,68 @@
+#include <immintrin.h>
+
+#include <cmath>
+#include <limits>
+
+#include "worker/accel/kernels.h"
+#include "worker/accel/lanes.h"
+#include "worker/geometry/object_ray.h"
+
+namespace tessera::render::avx2 {
+namespace {
+
+constexpr int kWidth = 8;
+
+/// A value per child of a node.
+using NodeLanes = __m256;
+
+NodeLanes load_lanes(const float* p) {
+  return _mm256_load_ps(p);
+}
+NodeLanes splat_lanes(float x) {
+  return _mm256_set1_ps(x);
+}
+void store_lanes(float* p, NodeLanes x) {
+  _mm256_store_ps(p, x);
+}
+std::uint32_t lanes_at_most(NodeLanes a, NodeLanes b) {
+  return bits(_mm256_cmp_ps(a, b, _CMP_LE_OQ));
+}
+
+/// Orders children by the distance at which they are entered, each different from all others.
+class Order {
+ public:
+  explicit Order(NodeLanes enters) {
+    const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+    const __m256i distance = _mm256_andnot_si256(_mm256_set1_epi32(7), _mm256_castps_si256(enters));
+    keys_ = _mm256_or_si256(distance, lane);
+    _mm256_store_si256(reinterpret_cast<__m256i*>(stored_), keys_);
+  }
+  /// The lanes nearer than `lane`.
+  std::uint32_t nearer(int lane) const {
+    const __m256i key = _mm256_set1_epi32(stored_[lane]);
+    return bits(_mm256_castsi256_ps(_mm256_cmpgt_epi32(key, keys_)));
+  }
+
+ private:
+  __m256i keys_;
+  alignas(32) std::int32_t stored_[kWidth];
+};
+
+#include "worker/accel/traversal.inc"
+
+}  // namespace
+
+bool closest_hit(const AccelTrees<8>& trees, const Ray& ray, Hit& hit) {
+  return find_closest<false>(trees, ray, nullptr, hit);
+}
+bool closest_hit(const AccelTrees<8>& trees, const Ray& ray, const HitFilter& filter, Hit& hit) {
+  return find_closest<true>(trees, ray, &filter, hit);
+}
+bool any_hit(const AccelTrees<8>& trees, const Ray& ray) {
+  return find_any<false>(trees, ray, nullptr);
+}
+bool any_hit(const AccelTrees<8>& trees, const Ray& ray, const HitFilter& filter) {
+  return find_any<true>(trees, ray, &filter);
+}
+
+}  // namespace tessera::render::avx2

@@ -1,0 +1,93 @@
+#include <immintrin.h>
+
+#include <cmath>
+#include <limits>
+
+#include "worker/accel/kernels.h"
+#include "worker/accel/lanes.h"
+#include "worker/geometry/object_ray.h"
+
+// Only what follows may use AVX-512, not the inline functions of headers: the linker keeps one copy
+// of those, and it must run everywhere.
+#if defined(__clang__)
+#pragma clang attribute push(__attribute__((target("avx512f,avx512bw,avx512dq,avx512vl"))), \
+                             apply_to = function)
+#else
+#pragma GCC push_options
+#pragma GCC target("avx512f,avx512bw,avx512dq,avx512vl")
+#endif
+
+namespace tessera::render::avx512 {
+namespace {
+
+constexpr int kWidth = 16;
+
+/// A value per child of a node.
+using NodeLanes = __m512;
+
+NodeLanes load_lanes(const float* p) {
+  return _mm512_load_ps(p);
+}
+NodeLanes splat_lanes(float x) {
+  return _mm512_set1_ps(x);
+}
+void store_lanes(float* p, NodeLanes x) {
+  _mm512_store_ps(p, x);
+}
+NodeLanes lesser(NodeLanes a, NodeLanes b) {
+  return _mm512_min_ps(b, a);
+}
+NodeLanes greater(NodeLanes a, NodeLanes b) {
+  return _mm512_max_ps(b, a);
+}
+NodeLanes fused_multiply_add(NodeLanes a, NodeLanes b, NodeLanes c) {
+  return _mm512_fmadd_ps(a, b, c);
+}
+std::uint32_t lanes_at_most(NodeLanes a, NodeLanes b) {
+  return _mm512_cmp_ps_mask(a, b, _CMP_LE_OQ);
+}
+
+/// Orders children by the distance at which they are entered, each different from all others.
+class Order {
+ public:
+  explicit Order(NodeLanes enters) {
+    const __m512i lane = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    const __m512i distance =
+        _mm512_andnot_si512(_mm512_set1_epi32(15), _mm512_castps_si512(enters));
+    keys_ = _mm512_or_si512(distance, lane);
+    _mm512_store_si512(stored_, keys_);
+  }
+  /// The lanes nearer than `lane`.
+  std::uint32_t nearer(int lane) const {
+    return _mm512_cmplt_epi32_mask(keys_, _mm512_set1_epi32(stored_[lane]));
+  }
+
+ private:
+  __m512i keys_;
+  alignas(64) std::int32_t stored_[kWidth];
+};
+
+#include "worker/accel/traversal.inc"
+
+}  // namespace
+
+bool closest_hit(const AccelTrees<16>& trees, const Ray& ray, Hit& hit) {
+  return find_closest<false>(trees, ray, nullptr, hit);
+}
+bool closest_hit(const AccelTrees<16>& trees, const Ray& ray, const HitFilter& filter, Hit& hit) {
+  return find_closest<true>(trees, ray, &filter, hit);
+}
+bool any_hit(const AccelTrees<16>& trees, const Ray& ray) {
+  return find_any<false>(trees, ray, nullptr);
+}
+bool any_hit(const AccelTrees<16>& trees, const Ray& ray, const HitFilter& filter) {
+  return find_any<true>(trees, ray, &filter);
+}
+
+}  // namespace tessera::render::avx512
+
+#if defined(__clang__)
+#pragma clang attribute pop
+#else
+#pragma GCC pop_options
+#endif

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <type_traits>
+
+#include "worker/accel/accel_trees.h"
+#include "worker/geometry/ray.h"
+
+namespace tessera::render {
+
+/// A call of a function object that outlives it: bool(const Hit&).
+class HitFilter {
+ public:
+  template <typename Filter>
+  explicit HitFilter(Filter& filter)
+      : filter_(const_cast<void*>(static_cast<const void*>(&filter))),
+        call_([](void* f, const Hit& hit) -> bool { return (*static_cast<Filter*>(f))(hit); }) {}
+
+  bool operator()(const Hit& hit) const { return call_(filter_, hit); }
+
+ private:
+  void* filter_;
+  bool (*call_)(void*, const Hit&);
+};
+
+/// The queries of SceneAccel, compiled twice from traversal.inc: with eight-wide nodes for AVX2,
+/// and with sixteen-wide ones for AVX-512 (F, BW, DQ, VL). Rays must be valid. Hits do not depend
+/// on which.
+namespace avx2 {
+bool closest_hit(const AccelTrees<8>& trees, const Ray& ray, Hit& hit);
+bool closest_hit(const AccelTrees<8>& trees, const Ray& ray, const HitFilter& filter, Hit& hit);
+bool any_hit(const AccelTrees<8>& trees, const Ray& ray);
+bool any_hit(const AccelTrees<8>& trees, const Ray& ray, const HitFilter& filter);
+}  // namespace avx2
+
+namespace avx512 {
+bool closest_hit(const AccelTrees<16>& trees, const Ray& ray, Hit& hit);
+bool closest_hit(const AccelTrees<16>& trees, const Ray& ray, const HitFilter& filter, Hit& hit);
+bool any_hit(const AccelTrees<16>& trees, const Ray& ray);
+bool any_hit(const AccelTrees<16>& trees, const Ray& ray, const HitFilter& filter);
+}  // namespace avx512
+
+}  // namespace tessera::render

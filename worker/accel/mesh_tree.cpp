@@ -1,0 +1,97 @@
+#include "worker/accel/mesh_tree.h"
+
+#include <array>
+#include <vector>
+
+#include "worker/accel/mesh_triangles.h"
+#include "worker/accel/wide_bvh.h"
+
+namespace tessera::render {
+namespace {
+
+/// References that spatial splits may add, per triangle.
+constexpr double kSplitBudget = 0.5;
+
+/// The triangles of a mesh that can be hit, each with its rank.
+struct Triangles {
+  std::vector<std::array<Vec3f, 3>> corners;
+  std::vector<std::uint32_t> ranks;
+  std::vector<Box3f> boxes;
+};
+
+Triangles gather(const Mesh& mesh, const std::vector<std::uint32_t>& first_rank) {
+  Triangles out;
+  out.corners.reserve(first_rank.back());
+  out.ranks.reserve(first_rank.back());
+  out.boxes.reserve(first_rank.back());
+  for_each_triangle(mesh, [&](std::uint32_t p, std::uint32_t t, const Vec3f& v0, const Vec3f& v1,
+                              const Vec3f& v2) {
+    out.corners.push_back({v0, v1, v2});
+    out.ranks.push_back(first_rank[p] + t);
+    out.boxes.push_back({min(min(v0, v1), v2), max(max(v0, v1), v2)});
+  });
+  return out;
+}
+
+/// The part of a triangle with lo <= x[axis] <= hi, but for the rounding of its new corners.
+Box3f clip_triangle(const std::array<Vec3f, 3>& corners, int axis, float lo, float hi) {
+  Box3f box;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Vec3f &a = corners[i], &b = corners[i == 2 ? 0 : i + 1];
+    const float from = a[axis], to = b[axis];
+    if (from >= lo && from <= hi) box.extend(a);
+    for (const float plane : {lo, hi}) {
+      if (!((from < plane && plane < to) || (to < plane && plane < from))) continue;
+      const double s = (static_cast<double>(plane) - static_cast<double>(from)) /
+                       (static_cast<double>(to) - static_cast<double>(from));
+      Vec3f p(Vec3d(a) + (Vec3d(b) - Vec3d(a)) * s);
+      p[axis] = plane;
+      box.extend(p);
+    }
+  }
+  return box;
+}
+
+TriangleBlock make_block(const Triangles& triangles, std::span<const std::uint32_t> items) {
+  TriangleBlock block;
+  for (std::size_t lane = 0; lane < items.size(); ++lane) {
+    const auto& corners = triangles.corners[items[lane]];
+    for (std::size_t vertex = 0; vertex < 3; ++vertex) {
+      for (int axis = 0; axis < 3; ++axis) block.v[vertex][axis][lane] = corners[vertex][axis];
+    }
+    block.rank[lane] = triangles.ranks[items[lane]];
+  }
+  return block;
+}
+
+}  // namespace
+
+template <int kWidth>
+MeshTree<kWidth> build_mesh_tree(const Mesh& mesh, bool split, const ParallelFor& parallel_for) {
+  MeshTree<kWidth> tree;
+  tree.first_rank = {0};
+  for (const Primitive& p : mesh.primitives) {
+    tree.first_rank.push_back(tree.first_rank.back() +
+                              static_cast<std::uint32_t>(p.triangles.size()));
+  }
+  const Triangles triangles = gather(mesh, tree.first_rank);
+  const ClipItem clip = [&](std::uint32_t item, int axis, float lo, float hi) {
+    return clip_triangle(triangles.corners[item], axis, lo, hi);
+  };
+  const BinaryBvhInput input = {triangles.boxes, kBlockSize, split ? &clip : nullptr, kSplitBudget};
+  WideBvh<kWidth> bvh = collapse<kWidth>(build_binary_bvh(input, parallel_for));
+  tree.nodes = std::move(bvh.nodes);
+  tree.bounds = bvh.bounds;
+  tree.split = bvh.order.size() > triangles.boxes.size();
+  tree.blocks = HugeArray<TriangleBlock>(bvh.leaves.size());
+  for (std::size_t i = 0; i < bvh.leaves.size(); ++i) {
+    const BvhLeaf& leaf = bvh.leaves[i];
+    tree.blocks[i] = make_block(triangles, std::span(bvh.order).subspan(leaf.first, leaf.count));
+  }
+  return tree;
+}
+
+template MeshTree<8> build_mesh_tree<8>(const Mesh&, bool, const ParallelFor&);
+template MeshTree<16> build_mesh_tree<16>(const Mesh&, bool, const ParallelFor&);
+
+}  // namespace tessera::render

@@ -1,0 +1,16 @@
+#pragma once
+
+#include "worker/accel/accel_trees.h"
+#include "worker/accel/binary_bvh.h"
+#include "worker/scene/scene.h"
+
+namespace tessera::render {
+
+/// Builds the tree of a mesh. With `split`, long triangles may be in several leaves.
+template <int kWidth>
+MeshTree<kWidth> build_mesh_tree(const Mesh& mesh, bool split, const ParallelFor& parallel_for);
+
+extern template MeshTree<8> build_mesh_tree<8>(const Mesh&, bool, const ParallelFor&);
+extern template MeshTree<16> build_mesh_tree<16>(const Mesh&, bool, const ParallelFor&);
+
+}  // namespace tessera::render

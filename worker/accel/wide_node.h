@@ -1,0 +1,45 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "worker/geometry/bounds.h"
+
+namespace tessera::render {
+
+/// In a child reference: the rest is the index of a leaf, not of a node.
+inline constexpr std::uint32_t kLeafBit = 0x80000000u;
+
+/// A node of up to kWidth children, one a lane. Unused lanes come last and have empty boxes (lo =
+/// +inf, hi = -inf), which no ray meets.
+template <int kWidth>
+struct alignas(4 * kWidth) WideNode {
+  /// As [axis][0: lo, 1: hi][child], so that the near planes are picked by a sign bit.
+  float planes[3][2][kWidth];
+  std::uint32_t children[kWidth];  // a node index, or kLeafBit | leaf index
+
+  WideNode() {
+    for (int slot = 0; slot < kWidth; ++slot) set_child(slot, Box3f{}, kLeafBit);
+  }
+
+  void set_child(int slot, const Box3f& box, std::uint32_t child) {
+    for (int axis = 0; axis < 3; ++axis) {
+      planes[axis][0][slot] = box.lo[axis];
+      planes[axis][1][slot] = box.hi[axis];
+    }
+    children[slot] = child;
+  }
+
+  Box3f box(int slot) const {
+    return {{planes[0][0][slot], planes[1][0][slot], planes[2][0][slot]},
+            {planes[0][1][slot], planes[1][1][slot], planes[2][1][slot]}};
+  }
+};
+
+/// Levels a tree may have, and entries a traversal stack may need: every level leaves at most
+/// kWidth - 1 behind.
+inline constexpr int kMaxLevels = 72;
+template <int kWidth>
+inline constexpr int kStackSize = kMaxLevels*(kWidth - 1) + kWidth;
+
+}  // namespace tessera::render
