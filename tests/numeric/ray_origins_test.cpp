@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cmath>
+#include <vector>
 
 #include "tests/numeric/geometry_scenes.h"
 #include "worker/accel/brute_force.h"
@@ -103,6 +104,93 @@ TEST(HardCase8, NeighboursOfATiltedPlaneAreNotHit) {
   }
   EXPECT_GT(hits, 70'000);
   EXPECT_EQ(again, 0);
+}
+
+/// 8 x 8 parallelograms of edges `a` and `b`, whole numbers, in two triangles each: all in one
+/// plane exactly, from `corner` on, times `scale`.
+Primitive lattice(const Vec3f& a, const Vec3f& b, const Vec3f& corner, float scale) {
+  constexpr std::uint32_t kSide = 8;
+  Primitive plane;
+  for (std::uint32_t y = 0; y <= kSide; ++y) {
+    for (std::uint32_t x = 0; x <= kSide; ++x) {
+      const Vec3f p = corner + a * static_cast<float>(x) + b * static_cast<float>(y);
+      plane.positions.push_back(p * scale);
+    }
+  }
+  for (std::uint32_t y = 0; y < kSide; ++y) {
+    for (std::uint32_t x = 0; x < kSide; ++x) {
+      const std::uint32_t at = y * (kSide + 1) + x, above = at + kSide + 1;
+      plane.triangles.push_back({at, at + 1, above + 1});
+      plane.triangles.push_back({at, above + 1, above});
+    }
+  }
+  return plane;
+}
+
+/// A direction on either side of the plane with normal `n`: any, grazing, or in a coordinate plane.
+Vec3f departure(const Vec3f& n, Dice& dice) {
+  Vec3f d = dice.direction();
+  if (dice.below(2) == 0) {
+    const float elevation = std::pow(10.0f, -7 * dice.unit());
+    d = d - n * (dot(d, n) + (dice.below(2) == 0 ? elevation : -elevation));
+  }
+  if (dice.below(4) == 0) d[static_cast<int>(dice.below(3))] = 0;
+  return d;
+}
+
+TEST(HardCase8, NeighboursInOnePlaneAreNotHitHoweverItLies) {
+  // Planes with and without extent along the axes, points on shared edges and vertices as often as
+  // inside. A needle's neighbour is met along its length, far from where its plane is thin.
+  const std::vector<std::array<Vec3f, 2>> edges = {
+      {{{1, 0, 0}, {0, 1, 0}}},   {{{0, 0, 1}, {1, 0, 0}}},   {{{1, 0, 0}, {0, 1, 1}}},
+      {{{2, -1, 0}, {0, 1, -1}}}, {{{64, 0, 1}, {0, 1, 0}}},  {{{1, 0, 0}, {0, 1, -7}}},
+      {{{100, 0, 0}, {0, 1, 1}}}, {{{100, 3, -3}, {0, 1, 1}}}};
+  Dice dice(8);
+  int again = 0;
+  float largest_shift = 0;
+  for (std::size_t i = 0; i < edges.size() * 6; ++i) {
+    const auto& [a, b] = edges[i / 6];
+    const float scale = std::exp2(static_cast<float>(i % 3) * 12 - 12);
+    const Vec3f far = {static_cast<float>(dice.below(1000)), static_cast<float>(dice.below(1000)),
+                       static_cast<float>(dice.below(1000))};
+    const Primitive plane = lattice(a, b, i % 2 == 0 ? Vec3f{} : far, scale);
+    const Scene scene = scene_of({plane});
+    const SceneAccel accel(scene, in_order());
+    for (int k = 0; k < 4'000; ++k) {
+      const TriangleId id = {0, 0, dice.below(static_cast<std::uint32_t>(plane.triangles.size()))};
+      float b1 = dice.unit(), b2 = (1 - b1) * dice.unit();
+      const std::uint32_t where = dice.below(6);
+      if (where == 0 || where == 3) b1 = 0;
+      if (where == 1 || where == 3) b2 = 0;
+      if (where == 2) b2 = 1 - b1;
+      const SurfacePoint point = surface_point(placed(scene, id), b1, b2);
+      const Vec3f out = departure(point.normal, dice);
+      const Ray ray = spawn_ray(point, id, out);
+      Hit hit;
+      if (accel.closest_hit(ray, hit)) ++again;
+      const float reach = max_abs(point.position) + scale * (max_abs(a) + max_abs(b));
+      const float shift = length(ray.origin - point.position) / reach;
+      if (shift > largest_shift) largest_shift = shift;
+    }
+  }
+  EXPECT_EQ(again, 0);
+  // Three axes, u = 2^-24: 8 u of the extent (2 and 6) and 3 u of the position, and a float's step.
+  EXPECT_LT(largest_shift, 3 * 12 * 0x1p-24f);
+}
+
+TEST(HardCase8, PointsInCoordinatePlanesLeaveTheirTwinsBehind) {
+  // The plane's own coordinate is exact, zero even: what a ray must clear is the rounding of t.
+  const Primitive sheet = quad({-1, -1, 0}, {2, 0, 0}, {0, 2, 0});
+  const Scene scene = scene_of({sheet, sheet});
+  const SceneAccel accel(scene, in_order());
+  Dice dice(9);
+  for (int i = 0; i < 50'000; ++i) {
+    const TriangleId id = {0, dice.below(2), dice.below(2)};
+    const float b1 = dice.unit();
+    const SurfacePoint point = surface_point(placed(scene, id), b1, (1 - b1) * dice.unit());
+    Hit hit;
+    ASSERT_FALSE(accel.closest_hit(spawn_ray(point, id, departure(point.normal, dice)), hit)) << i;
+  }
 }
 
 TEST(HardCase9, GrazingBouncesLeaveTheirPlane) {

@@ -292,7 +292,7 @@ TEST(NumericsCheck, GivesTheReferenceDigest) {
   // together with contract::kRenderContract.
   const auto digest = render::numerics_digest();
   ASSERT_TRUE(digest.ok()) << digest.status();
-  EXPECT_EQ(digest->hex(), "42b1bdf31391a2990e40ac5ee60173566fe4385749d602fb41253bdf1fd0ffdc");
+  EXPECT_EQ(digest->hex(), "9f4e9fa8c06480c51840944b11185870f63a63fda2f103e1c258507ae6198e0d");
 }
 
 }  // namespace

@@ -26,11 +26,13 @@ SurfacePoint surface_point(const PlacedTriangle& triangle, float b1, float b2) {
   const Vec3d p = origin + (e1 * static_cast<double>(b1) + e2 * static_cast<double>(b2));
   const Vec3d world = transform_point(triangle.object_to_world, p);
   const Vec3d extent = max(absolute(e1), absolute(e2));
-  const Vec3d object_error = (absolute(p) * 2.0 + extent * 6.0) * kUnitRoundoff;
+  const Vec3d object_error = (absolute(p) + extent) * (2 * kUnitRoundoff);
   SurfacePoint point;
   point.position = Vec3f(world);
   point.tolerance = Vec3f(absolute_transform(triangle.object_to_world, object_error) +
                           absolute(world) * kUnitRoundoff);
+  point.depth_tolerance = static_cast<float>(
+      6 * kUnitRoundoff * max_abs(absolute_transform(triangle.object_to_world, extent)));
   point.normal =
       Vec3f(normalize(transform_normal(triangle.world_to_object, normalize(cross(e1, e2)))));
   return point;
@@ -45,8 +47,12 @@ double world_area(const PlacedTriangle& triangle) {
 
 Vec3f offset_ray_origin(const SurfacePoint& point, const Vec3f& direction) {
   const Vec3f& n = point.normal;
-  const float distance = std::fabs(n.x) * point.tolerance.x + std::fabs(n.y) * point.tolerance.y +
-                         std::fabs(n.z) * point.tolerance.z;
+  const float largest = max_abs(direction);
+  const float along = largest > 0 ? point.depth_tolerance / largest : 0.0f;
+  float distance = 0;
+  for (int k = 0; k < 3; ++k) {
+    distance += std::fabs(n[k]) * (point.tolerance[k] + along * std::fabs(direction[k]));
+  }
   const float side = dot(direction, n) < 0 ? -distance : distance;
   Vec3f origin;
   for (int k = 0; k < 3; ++k) {

@@ -18,23 +18,28 @@ struct SurfacePoint {
   Vec3f normal;     // geometric, unit, world: the side from which v0, v1, v2 turn anticlockwise
                     // in object space, whatever the determinant; zero for a degenerate triangle
   Vec3f tolerance;  // per axis: how far off the surface `position`, transformed back, may seem
+  float depth_tolerance = 0;  // how far off a hit's depth may seem, along a ray's largest axis
 };
 
 /// The point with barycentrics (1 - b1 - b2, b1, b2), computed in double and rounded once.
 ///
-/// `tolerance` bounds, per world axis, with u = 2^-24: the rounding of the position, u |p|; that
-/// of a ray origin at p transformed into object space, u |p_object|, doubled for margin; and what
-/// the triangle test may be off at this triangle and neighbours as large, 6 u times the extent
-/// (three sheared coordinates at 2 u, less what the box clamps); the last two taken to world
-/// space by |object_to_world|.
+/// With u = 2^-24, `tolerance` bounds, per world axis, the rounding of the position, u |p|; that of
+/// a ray origin at p transformed into object space, u |p_object|; and that of the differences
+/// between such an origin and the vertices in the triangle test, u times the extent of this
+/// triangle and neighbours as large; the last two doubled for margin and taken to world space by
+/// |object_to_world|. `depth_tolerance` bounds t: a sum of distances along the ray's largest axis,
+/// each rounded six times (difference, reciprocal, two products, two sums), 6 u times the extent.
 SurfacePoint surface_point(const PlacedTriangle& triangle, float b1, float b2);
 
 /// Normal and area of the placed triangle, in world units and double: |cross| / 2.
 double world_area(const PlacedTriangle& triangle);
 
-/// A ray origin on the side of the surface that `direction` points to: at least `tolerance` away
-/// along the normal, and at least one float in each component the normal has.
-/// Source: PBR 4e, section 6.8.6 (with tighter bounds, as positions are computed in double).
+/// A ray origin on the side of the surface that `direction` points to, so far along the normal that
+/// the triangle test finds neither this surface nor one in the same plane before it: per axis
+/// `tolerance`, and what `depth_tolerance` makes of `direction`. The former is 0 across a
+/// coordinate plane through the origin, the latter only for directions in the plane, which see it
+/// edge-on. Components that move do so by at least one float. Source: PBR 4e, section 6.8.6 (with
+/// tighter bounds, as positions are computed in double).
 Vec3f offset_ray_origin(const SurfacePoint& point, const Vec3f& direction);
 
 /// A ray that leaves triangle `id` at `point` and cannot hit it again.

@@ -18,10 +18,6 @@ double fraction(std::uint64_t bits) {
   return static_cast<double>(bits & 0xfffffu) * 0x1p-20;
 }
 
-Ray leave(const SurfacePoint& point, const TriangleId& id, const Vec3f& direction) {
-  return spawn_ray(departing(point, direction), id, direction);
-}
-
 /// Where a path is: the ray that has not been traced yet, and what it carries.
 struct Path {
   Ray ray;  // unit direction
@@ -211,7 +207,7 @@ bool PathTracer::goes_straight(const Bsdf& bsdf, const Hit& hit, const SurfacePo
   path_.from_camera = false;
   ++path_.passed;
   const float rest = path_.ray.t_max - hit.t;
-  path_.ray = leave(position, hit.id, path_.ray.direction);
+  path_.ray = spawn_ray(position, hit.id, path_.ray.direction);
   path_.ray.t_max = rest;
   return true;
 }
@@ -229,9 +225,8 @@ void PathTracer::add_direct(const Bsdf& bsdf, const TriangleId& id, const Surfac
   if (!frame_.lights.sample(position.position, u, &light)) return;
   const BsdfValue value = evaluate_bsdf(bsdf, light.direction);
   if (!(max_component(value.f_cos) > 0)) return;
-  const Ray ray = light.distant
-                      ? leave(position, id, light.direction)
-                      : spawn_ray_to(departing(position, light.direction), id, light.target);
+  const Ray ray = light.distant ? spawn_ray(position, id, light.direction)
+                                : spawn_ray_to(position, id, light.target);
   const Vec3f open = light_through(ray, light);
   if (!(max_component(open) > 0)) return;
   const float weight = light.pdf > 0 ? power_heuristic(light.pdf, value.pdf) : 1.0f;
@@ -292,7 +287,7 @@ bool PathTracer::scatter(const ShadingPoint& point, const Bsdf& bsdf, const Tria
   path_.by_chance = next.delta;
   path_.pdf = next.pdf;
   path_.scattered_at = position.position;
-  path_.ray = leave(position, id, next.wi);
+  path_.ray = spawn_ray(position, id, next.wi);
   return true;
 }
 

@@ -135,16 +135,6 @@ SurfacePoint position_of(const ShadingPoint& p) {
                        p.b1, p.b2);
 }
 
-SurfacePoint departing(const SurfacePoint& point, const Vec3f& direction) {
-  const float steepness = std::fabs(dot(direction, point.normal)) / max_abs(direction);
-  // In the plane itself there is no such distance; 2^-24 of it still tells both sides apart.
-  const float part = steepness > 0x1p-24f ? steepness : 0x1p-24f;
-  const float least = part * max_abs(point.tolerance);
-  SurfacePoint raised = point;
-  raised.tolerance = max(point.tolerance, Vec3f{least, least, least});
-  return raised;
-}
-
 Vec4f base_color_at(const ShadingScene& scene, const ShadingPoint& p) {
   const Material& m = *p.material->source;
   Vec4f c = m.base_color;

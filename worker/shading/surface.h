@@ -29,12 +29,6 @@ ShadingPoint surface_at(const ShadingScene& scene, const TriangleId& id, float b
 /// Where that is, with what rays that start there need.
 SurfacePoint position_of(const ShadingPoint& point);
 
-/// `point` with the tolerance that a ray along `direction` needs. The triangle test takes t along
-/// the ray's largest axis, so at a neighbour across a shared edge t may be off by that axis's
-/// tolerance: |cos| times the largest one is how far above the surface the ray must start, also
-/// where the surface lies in a coordinate plane and has no tolerance across it.
-SurfacePoint departing(const SurfacePoint& point, const Vec3f& direction);
-
 /// Base colour and alpha: factor times texture times vertex colour.
 Vec4f base_color_at(const ShadingScene& scene, const ShadingPoint& point);
 
