@@ -162,7 +162,7 @@ class Builder {
     nodes[index].box = bounds.box;
     const Split split = choose(task, range, bounds);
     const double area = bounds.box.half_area();
-    if (task.count <= input_.leaf_size && !(split.axis >= 0 && split.cost < area)) {
+    if (task.count <= input_.leaf_size && !(split.axis >= 0 && split.cost < 0.6 * area)) {
       nodes[index].first = task.first;
       nodes[index].count = task.count;
       return false;

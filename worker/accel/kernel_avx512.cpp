@@ -57,6 +57,12 @@ class Order {
     keys_ = _mm512_or_si512(distance, lane);
     _mm512_store_si512(stored_, keys_);
   }
+  /// Keys of the lanes in `met`, at most four: distances with the lane in their lowest bits; then
+  /// the largest number.
+  __m128i pack(std::uint32_t met) const {
+    return _mm512_castsi512_si128(
+        _mm512_mask_compress_epi32(_mm512_set1_epi32(-1), static_cast<__mmask16>(met), keys_));
+  }
   /// The lanes nearer than `lane`.
   std::uint32_t nearer(int lane) const {
     return _mm512_cmplt_epi32_mask(keys_, _mm512_set1_epi32(stored_[lane]));
@@ -66,6 +72,18 @@ class Order {
   __m512i keys_;
   alignas(64) std::int32_t stored_[kWidth];
 };
+
+/// The children in the lanes named.
+__m128i children_of(const WideNode<kWidth>& node, __m128i lanes) {
+  return _mm512_castsi512_si128(
+      _mm512_permutexvar_epi32(_mm512_castsi128_si512(lanes), _mm512_load_si512(node.children)));
+}
+
+/// Stores the lanes in `met`, and anything behind them.
+void store_packed(std::uint32_t* to, const std::uint32_t* lanes, std::uint32_t met) {
+  _mm512_storeu_si512(
+      to, _mm512_maskz_compress_epi32(static_cast<__mmask16>(met), _mm512_load_si512(lanes)));
+}
 
 #include "worker/accel/traversal.inc"
 

@@ -20,6 +20,7 @@ struct alignas(64) TriangleBlock {
 /// A ray for triangle blocks.
 struct BlockRay {
   Lanes ox, oy, oz, sx, sy;  // sheared axes
+  std::size_t x, y, z;       // where those are among a vertex's coordinates, in floats
   const ObjectRay* ray;
 
   explicit BlockRay(const ObjectRay& r)
@@ -28,6 +29,9 @@ struct BlockRay {
         oz(splat(r.origin[r.kz])),
         sx(splat(r.sx)),
         sy(splat(r.sy)),
+        x(std::size_t{r.kx} * kBlockSize),
+        y(std::size_t{r.ky} * kBlockSize),
+        z(std::size_t{r.kz} * kBlockSize),
         ray(&r) {}
 };
 
@@ -45,15 +49,19 @@ inline std::uint32_t intersect_block(const BlockRay& block_ray, const TriangleBl
                                      float limit, BlockHits& hits) {
   const ObjectRay& ray = *block_ray.ray;
   const auto corner = [&](int vertex, int axis) { return load(block.v[vertex][axis]); };
+  const float* const x = block.v[0][0] + block_ray.x;
+  const float* const y = block.v[0][0] + block_ray.y;
+  const float* const z = block.v[0][0] + block_ray.z;
+  constexpr std::size_t kVertex = 3 * kBlockSize;
   const Lanes sx = block_ray.sx, sy = block_ray.sy;
-  const Lanes az = corner(0, ray.kz) - block_ray.oz, bz = corner(1, ray.kz) - block_ray.oz,
-              cz = corner(2, ray.kz) - block_ray.oz;
-  const Lanes ax = (corner(0, ray.kx) - block_ray.ox) - sx * az;
-  const Lanes ay = (corner(0, ray.ky) - block_ray.oy) - sy * az;
-  const Lanes bx = (corner(1, ray.kx) - block_ray.ox) - sx * bz;
-  const Lanes by = (corner(1, ray.ky) - block_ray.oy) - sy * bz;
-  const Lanes cx = (corner(2, ray.kx) - block_ray.ox) - sx * cz;
-  const Lanes cy = (corner(2, ray.ky) - block_ray.oy) - sy * cz;
+  const Lanes az = load(z) - block_ray.oz, bz = load(z + kVertex) - block_ray.oz,
+              cz = load(z + 2 * kVertex) - block_ray.oz;
+  const Lanes ax = (load(x) - block_ray.ox) - sx * az;
+  const Lanes ay = (load(y) - block_ray.oy) - sy * az;
+  const Lanes bx = (load(x + kVertex) - block_ray.ox) - sx * bz;
+  const Lanes by = (load(y + kVertex) - block_ray.oy) - sy * bz;
+  const Lanes cx = (load(x + 2 * kVertex) - block_ray.ox) - sx * cz;
+  const Lanes cy = (load(y + 2 * kVertex) - block_ray.oy) - sy * cz;
   const Lanes u = difference_of_products(cx, by, cy, bx);
   const Lanes v = difference_of_products(ax, cy, ay, cx);
   const Lanes w = difference_of_products(bx, ay, by, ax);
