@@ -15,7 +15,6 @@
 #include "server/service/access.h"
 #include "server/service/asset_service.h"
 #include "server/service/job_service.h"
-#include "server/service/numerics_gate.h"
 #include "server/service/token.h"
 #include "server/service/worker_service.h"
 
@@ -43,12 +42,11 @@ absl::Status check_socket_folder(const std::string& address) {
 
 class GrpcFarmServer final : public FarmServer {
  public:
-  GrpcFarmServer(Coordinator& coordinator, const std::string& token, const std::string& numerics)
+  GrpcFarmServer(Coordinator& coordinator, const std::string& token)
       : access_(token),
-        numerics_(numerics),
         jobs_(coordinator, access_),
         assets_(coordinator, access_),
-        workers_(coordinator, access_, numerics_) {}
+        workers_(coordinator, access_) {}
 
   ~GrpcFarmServer() override { stop(); }
 
@@ -85,7 +83,6 @@ class GrpcFarmServer final : public FarmServer {
 
  private:
   const Access access_;
-  NumericsGate numerics_;
   JobService jobs_;
   AssetService assets_;
   WorkerService workers_;
@@ -111,8 +108,7 @@ absl::StatusOr<std::unique_ptr<FarmServer>> FarmServer::start(Coordinator& coord
     if (!kept.ok()) return kept.status();
     token = *std::move(kept);
   }
-  auto server =
-      std::make_unique<GrpcFarmServer>(coordinator, token, absl::StrCat(store_folder, "/numerics"));
+  auto server = std::make_unique<GrpcFarmServer>(coordinator, token);
   if (absl::Status status = server->listen(address); !status.ok()) return status;
   return server;
 }

@@ -11,7 +11,7 @@ namespace tessera::server {
 /// The farm's gRPC server: its services, health and reflection, on one local address.
 class FarmServer {
  public:
-  /// Starts to listen. `store_folder` is where the token and the numerics hash are kept. The
+  /// Starts to listen. `store_folder` is where the token is kept. The
   /// coordinator must outlive the server.
   ///
   /// Errors: InvalidArgument, the address is not on this machine; Unavailable, it cannot be bound;

@@ -9,6 +9,7 @@
 
 #include "proto/contract/rpc_status.h"
 #include "server/service/messages.h"
+#include "server/service/numerics_check.h"
 
 namespace tessera::server {
 namespace {
@@ -71,12 +72,9 @@ class WorkLink final : public WorkerLink {
 
 class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse> {
  public:
-  WorkStream(Coordinator& coordinator, NumericsGate& numerics, grpc::CallbackServerContext& context,
+  WorkStream(Coordinator& coordinator, grpc::CallbackServerContext& context,
              const absl::Status& allowed)
-      : coordinator_(coordinator),
-        numerics_(numerics),
-        context_(context),
-        link_(std::make_shared<WorkLink>(*this)) {
+      : coordinator_(coordinator), context_(context), link_(std::make_shared<WorkLink>(*this)) {
     if (allowed.ok()) {
       StartRead(&request_);
     } else {
@@ -185,8 +183,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
       return absl::InvalidArgumentError("the first message must be hello");
     }
     const v1::WorkerHello& message = request_.hello();
-    if (absl::Status status =
-            numerics_.check(message.contract_version(), message.numerics_sha256());
+    if (absl::Status status = check_numerics(message.contract_version(), message.numerics_sha256());
         !status.ok()) {
       return status;
     }
@@ -206,7 +203,6 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
   }
 
   Coordinator& coordinator_;
-  NumericsGate& numerics_;
   grpc::CallbackServerContext& context_;
   const std::shared_ptr<WorkLink> link_;  // owners: this and the coordinator
   v1::WorkRequest request_;               // of the one read that is pending
@@ -231,9 +227,8 @@ void WorkLink::close(const absl::Status& reason) {
 }  // namespace
 
 grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* work_stream(
-    Coordinator& coordinator, NumericsGate& numerics, grpc::CallbackServerContext& context,
-    const absl::Status& allowed) {
-  return new WorkStream(coordinator, numerics, context, allowed);
+    Coordinator& coordinator, grpc::CallbackServerContext& context, const absl::Status& allowed) {
+  return new WorkStream(coordinator, context, allowed);
 }
 
 }  // namespace tessera::server

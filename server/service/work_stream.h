@@ -2,7 +2,6 @@
 
 #include "absl/status/status.h"
 #include "server/coordinator.h"
-#include "server/service/numerics_gate.h"
 #include "tessera/v1/worker_service.grpc.pb.h"
 
 namespace tessera::server {
@@ -10,7 +9,6 @@ namespace tessera::server {
 /// The reactor of a worker's Work stream; deletes itself. `allowed`: the status to end with at once
 /// unless it is OK.
 grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* work_stream(
-    Coordinator& coordinator, NumericsGate& numerics, grpc::CallbackServerContext& context,
-    const absl::Status& allowed);
+    Coordinator& coordinator, grpc::CallbackServerContext& context, const absl::Status& allowed);
 
 }  // namespace tessera::server

@@ -11,7 +11,7 @@ namespace tessera::server {
 
 grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* WorkerService::Work(
     grpc::CallbackServerContext* context) {
-  return work_stream(coordinator_, numerics_, *context, access_.check(*context));
+  return work_stream(coordinator_, *context, access_.check(*context));
 }
 
 grpc::ServerReadReactor<v1::DeliverRequest>* WorkerService::Deliver(

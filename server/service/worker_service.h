@@ -2,7 +2,6 @@
 
 #include "server/coordinator.h"
 #include "server/service/access.h"
-#include "server/service/numerics_gate.h"
 #include "tessera/v1/worker_service.grpc.pb.h"
 
 namespace tessera::server {
@@ -11,8 +10,8 @@ namespace tessera::server {
 class WorkerService final : public v1::WorkerService::CallbackService {
  public:
   /// All must outlive the server this is registered with.
-  WorkerService(Coordinator& coordinator, const Access& access, NumericsGate& numerics)
-      : coordinator_(coordinator), access_(access), numerics_(numerics) {}
+  WorkerService(Coordinator& coordinator, const Access& access)
+      : coordinator_(coordinator), access_(access) {}
 
   grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* Work(
       grpc::CallbackServerContext* context) override;
@@ -28,7 +27,6 @@ class WorkerService final : public v1::WorkerService::CallbackService {
  private:
   Coordinator& coordinator_;
   const Access& access_;
-  NumericsGate& numerics_;
 };
 
 }  // namespace tessera::server

@@ -17,6 +17,14 @@ says "not-here.png"
 exits 0 farm list --json
 equal "nothing was submitted" "$(json "$work/out" 'len(d["jobs"])')" 0
 
+# A worker whose numerics differ is refused by name, be it the first to come.
+other_hash=$(printf 'ab%.0s' {1..32})
+bench_simulated_workers --server "$socket" --name stranger --numerics "$other_hash" \
+  >"$work/stranger.out" 2>"$work/stranger.log" < <(sleep 2)
+grep -qi numerics "$work/stranger.log" || fail "refused without naming its numerics"
+grep -q '"welcomed": 0' "$work/stranger.out" || fail "a worker with other numerics was let in"
+say "a worker with another numerics hash is refused: $(head -n 1 "$work/stranger.log")"
+
 # A scene that only the worker finds faulty (here because the client's look at it is not honest) is
 # bad input too, with the fault in full; the farm goes on.
 cp "$scenes/lit_square.gltf" "$work/good.gltf"
@@ -38,20 +46,8 @@ exits 0 farm submit "$work/good.gltf" "${job[@]}" --wait
 say "a scene the worker finds faulty gives 2 in render, submit --wait and watch"
 kill_worker judge
 
-# A worker whose numerics differ is refused by name; the farm goes on without it.
-start_worker honest
-wait_until 60 "the worker is there" bash -c \
-  "tessera workers --server '$socket' --json | grep -q '\"name\": *\"honest\"'"
-other_hash=$(printf 'ab%.0s' {1..32})
-bench_simulated_workers --server "$socket" --name stranger --numerics "$other_hash" \
-  >"$work/stranger.out" 2>"$work/stranger.log" < <(sleep 2)
-grep -qi numerics "$work/stranger.log" || fail "refused without naming its numerics"
-grep -q '"welcomed": 0' "$work/stranger.out" || fail "a worker with other numerics was let in"
-say "a worker with another numerics hash is refused: $(head -n 1 "$work/stranger.log")"
-
 # A poison unit: its renderer dies each time, and with it the units beside it. Three failures of the
 # one at fault end the job, on one worker or on four; the others cost nobody anything.
-kill_worker honest
 threads=4
 for names in "p1" "p1 p2 p3 p4"; do
   count=$(wc -w <<<"$names")

@@ -10,12 +10,13 @@
 #include <vector>
 
 #include "proto/contract/digest.h"
+#include "proto/contract/version.h"
 #include "tests/bench/coordinator/simulated_worker.h"
 
 namespace {
 
 struct Options {
-  std::string server, token, numerics, name = "sim";
+  std::string server, token, numerics = tessera::contract::kNumericsSha256, name = "sim";
   int workers = 1;
   int credits = 64;
 };
@@ -81,7 +82,7 @@ int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a bench
   CLI::App app("Simulated workers for tests/bench/coordinator.");
   app.add_option("--server", options.server, "unix:PATH or HOST:PORT")->required();
   app.add_option("--token", options.token, "the server's token");
-  app.add_option("--numerics", options.numerics, "numerics hash to show")->required();
+  app.add_option("--numerics", options.numerics, "numerics hash to show")->capture_default_str();
   app.add_option("--name", options.name, "start of the workers' ids");
   app.add_option("--workers", options.workers, "how many");
   app.add_option("--credits", options.credits, "units in flight, each");

@@ -18,7 +18,6 @@
 #include "server/service/asset_service.h"
 #include "server/service/job_service.h"
 #include "server/service/messages.h"
-#include "server/service/numerics_gate.h"
 #include "server/service/worker_service.h"
 #include "server/store/filesystem.h"
 #include "server/store/store.h"
@@ -33,10 +32,9 @@ class TestServer {
       : store_(Store::open(folder, real_filesystem()).value()),
         coordinator_(Coordinator::open(*store_, options()).value()),
         access_(token),
-        numerics_(folder + "/numerics"),
         jobs_(*coordinator_, access_),
         assets_(*coordinator_, access_),
-        workers_(*coordinator_, access_, numerics_) {
+        workers_(*coordinator_, access_) {
     grpc::ServerBuilder builder;
     builder.RegisterService(&jobs_);
     builder.RegisterService(&assets_);
@@ -81,7 +79,6 @@ class TestServer {
   std::unique_ptr<Store> store_;
   std::unique_ptr<Coordinator> coordinator_;
   Access access_;
-  NumericsGate numerics_;
   JobService jobs_;
   AssetService assets_;
   WorkerService workers_;

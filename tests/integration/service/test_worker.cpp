@@ -8,6 +8,7 @@
 #include "proto/contract/digest.h"
 #include "proto/contract/settings_message.h"
 #include "proto/contract/tile_grid.h"
+#include "proto/contract/version.h"
 
 namespace tessera::server {
 namespace {
@@ -21,7 +22,7 @@ TestWorker::TestWorker(const std::shared_ptr<grpc::Channel>& channel, std::strin
   hello.set_worker_id(id);
   hello.set_name(std::move(id));
   hello.set_contract_version(contract::kRenderContract);
-  hello.set_numerics_sha256(std::string(32, 'n'));
+  hello.set_numerics_sha256(contract::Digest::from_hex(contract::kNumericsSha256)->binary());
   hello.set_isa("avx2");
   hello.set_thread_count(2);
   hello.set_credit_count(4);
