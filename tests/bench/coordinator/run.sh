@@ -33,7 +33,10 @@ trap cleanup EXIT
 server() {
   "$BIN/tessera-server" --listen "unix:$folder/s" --store "$folder/store" >"$folder/server.log" 2>&1 &
   server_pid=$!
-  until [ -S "$folder/s" ]; do sleep 0.05; done
+  until [ -S "$folder/s" ]; do
+    kill -0 "$server_pid" || { cat "$folder/server.log" >&2; exit 1; }
+    sleep 0.05
+  done
 }
 
 # simulate PROCESSES WORKERS CREDITS: that many processes, workers a process, units in flight a
@@ -43,7 +46,7 @@ simulate() {
   mkfifo "$folder/hold"
   for ((i = 0; i < $1; ++i)); do
     "$BIN/bench_simulated_workers" --server "unix:$folder/s" --name "sim$i" --workers "$2" \
-      --credits "$3" --numerics "$numerics" <"$folder/hold" >"$folder/sim$i.json" 2>"$folder/sim$i.log" &
+      --credits "$3" <"$folder/hold" >"$folder/sim$i.json" 2>"$folder/sim$i.log" &
     simulators+=($!)
   done
   exec 3>"$folder/hold"
@@ -128,8 +131,6 @@ PY
   rm -rf "$folder"/*
 }
 
-# The server lets in who shows the numerics hash of this build's renderer.
-numerics=$("$BIN/tessera-worker" inspect --numerics 2>/dev/null || printf '0%.0s' {1..64})
 echo "machine: $(nproc) cores, $(awk -F': ' '/model name/ {print $2; exit}' /proc/cpuinfo), store on $(stat -f -c %T "$STORE")"
 for bench in "${@:-small bulk connected}"; do
   for name in $bench; do "bench_$name"; done

@@ -42,7 +42,8 @@ const SimulatedFilm* FilmShelf::film(const std::string& job_id) {
   return films_.emplace(job_id, std::move(film)).first->second.get();
 }
 
-/// The control stream: writes go through a queue, one at a time.
+/// The control stream: writes go through a queue, one at a time. They are started outside gRPC's
+/// reactions too (heartbeats), hence the hold: without it the call could be gone by then.
 class SimulatedWorker::WorkStream
     : public grpc::ClientBidiReactor<v1::WorkRequest, v1::WorkResponse> {
  public:
@@ -51,11 +52,13 @@ class SimulatedWorker::WorkStream
   void open(v1::WorkerService::Stub& stub, const std::string& token) {
     context_.AddMetadata(contract::kTokenKey, token);
     stub.async()->Work(&context_, this);
+    AddHold();  // until the last read
     StartRead(&incoming_);
     StartCall();
   }
   void send(v1::WorkRequest message) {
     const std::lock_guard lock(mutex_);
+    if (over_) return;
     queue_.push_back(std::move(message));
     if (queue_.size() == 1) StartWrite(&queue_.front());
   }
@@ -65,9 +68,16 @@ class SimulatedWorker::WorkStream
     if (ok && !queue_.empty()) StartWrite(&queue_.front());
   }
   void OnReadDone(bool ok) override {
-    if (!ok) return;
-    worker_.on_event(incoming_);
-    StartRead(&incoming_);
+    if (ok) {
+      worker_.on_event(incoming_);
+      StartRead(&incoming_);
+      return;
+    }
+    {
+      const std::lock_guard lock(mutex_);
+      over_ = true;
+    }
+    RemoveHold();
   }
   void OnDone(const grpc::Status& status) override {
     ++worker_.counters_.closed;
@@ -80,6 +90,7 @@ class SimulatedWorker::WorkStream
   v1::WorkResponse incoming_;
   std::mutex mutex_;
   std::deque<v1::WorkRequest> queue_;
+  bool over_ = false;  // nothing may be written any more
 };
 
 /// The bulk stream: takes its next message from the worker whenever the last one is out.
