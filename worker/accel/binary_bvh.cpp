@@ -1,12 +1,11 @@
 #include "worker/accel/binary_bvh.h"
 
-#include <immintrin.h>
-
 #include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
 
+#include "worker/accel/packed_box.h"
 #include "worker/math/float_bits.h"
 
 namespace tessera::render {
@@ -20,27 +19,6 @@ constexpr std::uint32_t kParallelRange = 1u << 13;
 /// Children that overlap by more than this share of the root's area make a spatial split worth a
 /// look (Stich 2009).
 constexpr double kSplitOverlap = 1e-5;
-
-/// A box with its upper corner negated, so that one minimum extends it.
-class PackedBox {
- public:
-  PackedBox() : value_(_mm256_set1_ps(std::numeric_limits<float>::infinity())) {}
-  explicit PackedBox(__m256 value) : value_(value) {}
-
-  void extend(const PackedBox& b) { value_ = _mm256_min_ps(value_, b.value_); }
-  PackedBox intersect(const PackedBox& b) const {
-    return PackedBox(_mm256_max_ps(value_, b.value_));
-  }
-  double half_area() const { return box().half_area(); }
-  Box3f box() const {
-    alignas(32) float v[8];
-    _mm256_store_ps(v, value_);
-    return {{v[0], v[1], v[2]}, {-v[4], -v[5], -v[6]}};
-  }
-
- private:
-  __m256 value_;
-};
 
 /// An item, or a part of one.
 struct alignas(32) Reference {
@@ -193,7 +171,7 @@ class Builder {
     if (task.depth >= kMaxSahDepth || task.count <= 1) return {};
     Box3f overlap;
     Split best = best_object_split(range, BinScale(bounds.centres), overlap);
-    if (input_.clip == nullptr || task.room == 0 || task.count <= input_.leaf_size) return best;
+    if (input_.cut == nullptr || task.room == 0 || task.count <= input_.leaf_size) return best;
     if (best.axis >= 0 && !(overlap.half_area() > kSplitOverlap * root_area_)) return best;
     best_spatial_split(task, range, bounds.box, best);
     return best;
@@ -275,10 +253,11 @@ class Builder {
         boxes[from].extend(r.packed());
         continue;
       }
+      PackedBox parts[kSplitBins];
+      input_.cut->chop(r.id, {axis, std::span(planes).subspan(from, to - from + 2)}, parts);
       for (int i = from; i <= to; ++i) {
-        const Box3f part =
-            intersection((*input_.clip)(r.id, axis, planes[i], planes[i + 1]), r.box());
-        if (!part.empty()) boxes[i].extend(Reference(part, 0).packed());
+        const PackedBox part = parts[i - from].intersect(r.packed());
+        if (!part.empty()) boxes[i].extend(part);
       }
     }
     sweep_parts(task, boxes, entries, exits, {axis, 0, 0, true, 0}, planes, best);
@@ -341,9 +320,9 @@ class Builder {
       if (!(r.lo[axis] < split.plane && -r.negated_hi[axis] > split.plane)) continue;
       const Box3f whole = r.box();
       const Box3f below =
-          intersection(widened((*input_.clip)(r.id, axis, -kInf, split.plane)), whole);
+          intersection(widened(input_.cut->clip(r.id, axis, -kInf, split.plane)), whole);
       const Box3f above =
-          intersection(widened((*input_.clip)(r.id, axis, split.plane, kInf)), whole);
+          intersection(widened(input_.cut->clip(r.id, axis, split.plane, kInf)), whole);
       if (below.empty() || above.empty() || end == task.first + task.count + task.room) continue;
       r = Reference(below, r.id);
       references_[end++] = Reference(above, r.id);
@@ -446,7 +425,7 @@ BinaryBvh build_binary_bvh(const BinaryBvhInput& input, const ParallelFor& paral
   if (input.boxes.empty()) return bvh;
   const auto count = static_cast<std::uint32_t>(input.boxes.size());
   const auto room =
-      input.clip == nullptr
+      input.cut == nullptr
           ? 0
           : static_cast<std::uint32_t>(static_cast<double>(count) * input.split_budget);
   std::vector<Reference> references(std::size_t{count} + room);

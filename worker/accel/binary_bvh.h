@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "worker/accel/packed_box.h"
 #include "worker/geometry/bounds.h"
 
 namespace tessera::render {
@@ -13,9 +14,22 @@ namespace tessera::render {
 using ParallelFor =
     std::function<void(std::int64_t count, const std::function<void(std::int64_t)>& body)>;
 
-/// The part of an item between two planes, lo <= x[axis] <= hi: a box around it, as tight as can be
-/// had; empty if there is none.
-using ClipItem = std::function<Box3f(std::uint32_t item, int axis, float lo, float hi)>;
+/// Neighbouring slabs across one axis: between planes[0] and planes[1], and so on.
+struct Slabs {
+  int axis;
+  std::span<const float> planes;
+};
+
+/// Cuts items at planes, for spatial splits.
+class ItemCutter {
+ public:
+  virtual ~ItemCutter() = default;
+  /// A box around the part of an item with lo <= x[axis] <= hi, exact but for the rounding of its
+  /// planes; empty if there is none.
+  virtual Box3f clip(std::uint32_t item, int axis, float lo, float hi) const = 0;
+  /// Extends the box of each slab by the part of the item in it, roughly: only costs depend on it.
+  virtual void chop(std::uint32_t item, const Slabs& slabs, PackedBox* parts) const = 0;
+};
 
 /// A node of a two-wide tree. Children come after their parent.
 struct BinaryNode {
@@ -37,7 +51,7 @@ struct BinaryBvhInput {
   std::span<const Box3f> boxes;  // finite
   std::uint32_t leaf_size = 1;   // items a leaf holds at most, tested at one go
   /// Splits items where that pays: up to `split_budget` references more per item. Null: never.
-  const ClipItem* clip = nullptr;
+  const ItemCutter* cut = nullptr;
   double split_budget = 0;
 };
 

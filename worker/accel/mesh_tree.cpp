@@ -52,6 +52,43 @@ Box3f clip_triangle(const std::array<Vec3f, 3>& corners, int axis, float lo, flo
   return box;
 }
 
+/// Adds a triangle's corners and what its edges cut out of the planes to the slabs' boxes.
+void chop_triangle(const std::array<Vec3f, 3>& corners, const Slabs& slabs, PackedBox* parts) {
+  const auto lanes = [](const Vec3f& v) { return _mm_setr_ps(v.x, v.y, v.z, 0); };
+  const int axis = slabs.axis, count = static_cast<int>(slabs.planes.size()) - 1;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Vec3f &a = corners[i], &b = corners[i == 2 ? 0 : i + 1];
+    const float from = a[axis], size = b[axis] - from;
+    const __m128 start = lanes(a), edge = _mm_sub_ps(lanes(b), start);
+    for (int plane = 0; plane <= count; ++plane) {
+      const float s = (slabs.planes[static_cast<std::size_t>(plane)] - from) / size;
+      if (plane < count && from >= slabs.planes[static_cast<std::size_t>(plane)] &&
+          from <= slabs.planes[static_cast<std::size_t>(plane) + 1]) {
+        parts[plane].extend(PackedBox(start));
+      }
+      if (!(s > 0 && s < 1)) continue;
+      const PackedBox point(_mm_fmadd_ps(edge, _mm_set1_ps(s), start));
+      if (plane > 0) parts[plane - 1].extend(point);
+      if (plane < count) parts[plane].extend(point);
+    }
+  }
+}
+
+class TriangleCutter final : public ItemCutter {
+ public:
+  explicit TriangleCutter(const std::vector<std::array<Vec3f, 3>>& corners) : corners_(corners) {}
+
+  Box3f clip(std::uint32_t item, int axis, float lo, float hi) const override {
+    return clip_triangle(corners_[item], axis, lo, hi);
+  }
+  void chop(std::uint32_t item, const Slabs& slabs, PackedBox* parts) const override {
+    chop_triangle(corners_[item], slabs, parts);
+  }
+
+ private:
+  const std::vector<std::array<Vec3f, 3>>& corners_;
+};
+
 TriangleBlock make_block(const Triangles& triangles, std::span<const std::uint32_t> items) {
   TriangleBlock block;
   for (std::size_t lane = 0; lane < items.size(); ++lane) {
@@ -75,10 +112,9 @@ MeshTree<kWidth> build_mesh_tree(const Mesh& mesh, bool split, const ParallelFor
                               static_cast<std::uint32_t>(p.triangles.size()));
   }
   const Triangles triangles = gather(mesh, tree.first_rank);
-  const ClipItem clip = [&](std::uint32_t item, int axis, float lo, float hi) {
-    return clip_triangle(triangles.corners[item], axis, lo, hi);
-  };
-  const BinaryBvhInput input = {triangles.boxes, kBlockSize, split ? &clip : nullptr, kSplitBudget};
+  const TriangleCutter cutter(triangles.corners);
+  const BinaryBvhInput input = {triangles.boxes, kBlockSize, split ? &cutter : nullptr,
+                                kSplitBudget};
   WideBvh<kWidth> bvh = collapse<kWidth>(build_binary_bvh(input, parallel_for));
   tree.nodes = std::move(bvh.nodes);
   tree.bounds = bvh.bounds;
