@@ -1,14 +1,15 @@
+#include <OpenImageIO/oiioversion.h>
 #include <google/protobuf/stubs/common.h>
 #include <grpcpp/grpcpp.h>
+#include <openssl/crypto.h>
 
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdlib>
 #include <string>
 
-#include "absl/strings/str_cat.h"
 #include "client/commands.h"
-#include "proto/contract/version.h"
+#include "proto/contract/version_text.h"
 
 namespace {
 
@@ -33,9 +34,12 @@ void add_top_options(CLI::App& app, Invocation& invocation) {
                  "File of defaults (TOML): server = \"…\", [render] spp = 256");
   app.set_version_flag(
       "--version",
-      absl::StrCat("tessera ", TESSERA_VERSION, ", render contract ",
-                   tessera::contract::kRenderContract, ", gRPC ", grpc::Version(), ", protobuf ",
-                   google::protobuf::internal::VersionString(GOOGLE_PROTOBUF_VERSION)));
+      tessera::contract::version_text(
+          "tessera", TESSERA_VERSION, tessera::contract::kBaselineIsa,
+          {{"gRPC", grpc::Version()},
+           {"protobuf", google::protobuf::internal::VersionString(GOOGLE_PROTOBUF_VERSION)},
+           {"OpenSSL", OpenSSL_version(OPENSSL_VERSION_STRING)},
+           {"OpenImageIO", OIIO_VERSION_STRING}}));
   app.require_subcommand(1);
   app.footer(
       "Examples:\n"

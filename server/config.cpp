@@ -1,9 +1,17 @@
 #include "server/config.h"
 
+#include <OpenEXR/OpenEXRConfig.h>
+#include <OpenImageIO/oiioversion.h>
+#include <google/protobuf/stubs/common.h>
+#include <grpcpp/grpcpp.h>
+#include <openssl/crypto.h>
+#include <sqlite3.h>
+#include <zstd.h>
+
 #include <CLI/CLI.hpp>
 #include <string>
 
-#include "proto/contract/version.h"
+#include "proto/contract/version_text.h"
 
 namespace tessera::server {
 
@@ -11,12 +19,27 @@ std::int64_t to_bytes(double gigabytes) {
   return static_cast<std::int64_t>(gigabytes * 1e9);
 }
 
+namespace {
+
+std::string version_text() {
+  return contract::version_text(
+      "tessera-server", TESSERA_VERSION, contract::kBaselineIsa,
+      {{"gRPC", grpc::Version()},
+       {"protobuf", google::protobuf::internal::VersionString(GOOGLE_PROTOBUF_VERSION)},
+       {"SQLite", sqlite3_libversion()},
+       {"OpenSSL", OpenSSL_version(OPENSSL_VERSION_STRING)},
+       {"zstd", ZSTD_versionString()},
+       {"OpenEXR", OPENEXR_VERSION_STRING},
+       {"OpenImageIO", OIIO_VERSION_STRING}});
+}
+
+}  // namespace
+
 ParsedConfig parse_config(int argc, char** argv) {
   Config config;
   CLI::App app{"The coordinator of a Tessera farm: takes jobs, leases units, merges film blocks."};
   app.name("tessera-server");
-  app.set_version_flag("--version", std::string("tessera-server " TESSERA_VERSION ", contract ") +
-                                        std::to_string(contract::kRenderContract));
+  app.set_version_flag("--version", version_text());
   app.set_config("--config", "", "Read options from a TOML file; the command line wins");
   app.add_option("--listen", config.listen,
                  "Where to listen: unix:PATH, or a loopback HOST:PORT (port 0: any free one)")

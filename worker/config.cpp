@@ -1,7 +1,12 @@
 #include "worker/config.h"
 
+#include <OpenImageIO/oiioversion.h>
+#include <draco/core/draco_version.h>
 #include <google/protobuf/stubs/common.h>
 #include <grpcpp/grpcpp.h>
+#include <oneapi/tbb/version.h>
+#include <openssl/crypto.h>
+#include <zstd.h>
 
 #include <CLI/CLI.hpp>
 #include <charconv>
@@ -10,8 +15,8 @@
 #include <string_view>
 #include <thread>
 
-#include "absl/strings/str_cat.h"
-#include "proto/contract/version.h"
+#include "proto/contract/version_text.h"
+#include "worker/accel/isa.h"
 
 namespace tessera::worker {
 namespace {
@@ -120,10 +125,15 @@ void add_inspect_options(CLI::App& inspect, InspectConfig& config) {
 }
 
 std::string version_text() {
-  return absl::StrCat("tessera-worker ", TESSERA_VERSION, ", render contract ",
-                      contract::kRenderContract, ", isa avx2, gRPC ", grpc::Version(),
-                      ", protobuf ",
-                      google::protobuf::internal::VersionString(GOOGLE_PROTOBUF_VERSION));
+  return contract::version_text(
+      "tessera-worker", TESSERA_VERSION, render::isa_name(render::best_isa()),
+      {{"gRPC", grpc::Version()},
+       {"protobuf", google::protobuf::internal::VersionString(GOOGLE_PROTOBUF_VERSION)},
+       {"OpenSSL", OpenSSL_version(OPENSSL_VERSION_STRING)},
+       {"zstd", ZSTD_versionString()},
+       {"oneTBB", TBB_runtime_version()},
+       {"draco", draco::kDracoVersion},
+       {"OpenImageIO", OIIO_VERSION_STRING}});
 }
 
 /// Reads the token and turns units into bytes. False, with a message, if that fails.

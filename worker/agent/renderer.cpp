@@ -16,6 +16,7 @@
 #include "proto/contract/pass_schedule.h"
 #include "proto/contract/version.h"
 #include "tessera/v1/renderer.pb.h"
+#include "worker/accel/isa.h"
 #include "worker/agent/loaded_frames.h"
 #include "worker/agent/message_socket.h"
 #include "worker/agent/render_pool.h"
@@ -53,7 +54,7 @@ class Renderer {
     v1::RendererEvent event;
     v1::RendererReady& ready = *event.mutable_ready();
     ready.set_contract_version(contract::kRenderContract);
-    ready.set_isa("avx2");
+    ready.set_isa(std::string(render::isa_name(render::best_isa())));
     const auto digest = render::numerics_digest();
     if (digest.ok()) {
       ready.set_numerics_sha256(digest->binary());
