@@ -24,9 +24,9 @@ struct BlockRay {
   const ObjectRay* ray;
 
   explicit BlockRay(const ObjectRay& r)
-      : ox(splat(r.origin[r.kx])),
-        oy(splat(r.origin[r.ky])),
-        oz(splat(r.origin[r.kz])),
+      : ox(splat(component(r.origin, r.kx))),
+        oy(splat(component(r.origin, r.ky))),
+        oz(splat(component(r.origin, r.kz))),
         sx(splat(r.sx)),
         sy(splat(r.sy)),
         x(std::size_t{r.kx} * kBlockSize),
@@ -81,7 +81,7 @@ inline std::uint32_t intersect_block(const BlockRay& block_ray, const TriangleBl
     const Lanes lo = lesser(lesser(corner(0, k), corner(1, k)), corner(2, k));
     const Lanes hi = greater(greater(corner(0, k), corner(1, k)), corner(2, k));
     const bool backwards = ray.backwards[static_cast<std::size_t>(k)] != 0;
-    const Lanes origin = splat(ray.origin[k]), inverse = splat(ray.inverse[k]);
+    const Lanes origin = splat(component(ray.origin, k)), inverse = splat(component(ray.inverse, k));
     enter = greater(enter, ((backwards ? hi : lo) - origin) * inverse);
     leave = lesser(leave, ((backwards ? lo : hi) - origin) * inverse);
   }

@@ -25,25 +25,39 @@ struct ObjectRay {
   float slack;                            // in t; see enter_leave
 };
 
+/// v[k] by an address rather than by branches, which random directions would mispredict.
+inline float component(const Vec3f& v, int k) {
+  const std::array<float, 3> lanes = {v.x, v.y, v.z};
+  return lanes[static_cast<std::size_t>(k)];
+}
+
+/// The axis of the largest component; the last of those that are equal, z of all.
+inline int largest_axis(const Vec3f& size) {
+  const int x_or_y = size.x > size.y ? 0 : 1;
+  const float larger = size.x > size.y ? size.x : size.y;
+  return larger > size.z ? x_or_y : 2;
+}
+
 /// Makes the ray. `bounds` must hold all that will be tested against it. False for a direction
 /// that is zero, not finite, or so small that 1 / direction overflows in every component.
 inline bool make_object_ray(const Vec3f& origin, const Vec3f& direction, const Box3f& bounds,
                             ObjectRay& ray) {
   const Vec3f size = {std::fabs(direction.x), std::fabs(direction.y), std::fabs(direction.z)};
-  const int kz = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
+  const int kz = largest_axis(size);
   const int kx = kz == 2 ? 0 : kz + 1, ky = kx == 2 ? 0 : kx + 1;
-  const float dz = direction[kz];
+  const float dz = component(direction, kz);
   ray.origin = origin;
   ray.inverse = {1 / direction.x, 1 / direction.y, 1 / direction.z};
   ray.backwards = {std::signbit(direction.x), std::signbit(direction.y), std::signbit(direction.z)};
   ray.kx = static_cast<std::uint8_t>(kx);
   ray.ky = static_cast<std::uint8_t>(ky);
   ray.kz = static_cast<std::uint8_t>(kz);
-  ray.sx = direction[kx] / dz;
-  ray.sy = direction[ky] / dz;
-  ray.sz = ray.inverse[kz];
-  const float to_lo = std::fabs((bounds.lo[kz] - origin[kz]) * ray.sz);
-  const float to_hi = std::fabs((bounds.hi[kz] - origin[kz]) * ray.sz);
+  ray.sx = component(direction, kx) / dz;
+  ray.sy = component(direction, ky) / dz;
+  ray.sz = 1 / dz;
+  const float oz = component(origin, kz);
+  const float to_lo = std::fabs((component(bounds.lo, kz) - oz) * ray.sz);
+  const float to_hi = std::fabs((component(bounds.hi, kz) - oz) * ray.sz);
   ray.slack = kSlackScale * (to_lo > to_hi ? to_lo : to_hi);
   // NaN anywhere makes one of these comparisons false.
   constexpr float kInf = std::numeric_limits<float>::infinity();
