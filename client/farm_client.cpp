@@ -56,7 +56,7 @@ class Client : public FarmClient {
 
   absl::StatusOr<v1::CreateJobResponse> create_job(const v1::CreateJobRequest& request) override {
     v1::CreateJobResponse response;
-    const absl::Status status = unary(jobs_, &v1::JobService::Stub::CreateJob, request, response);
+    absl::Status status = unary(jobs_, &v1::JobService::Stub::CreateJob, request, response);
     if (!status.ok()) return status;
     return response;
   }
@@ -69,7 +69,7 @@ class Client : public FarmClient {
 
   absl::StatusOr<v1::ListJobsResponse> list_jobs(const v1::ListJobsRequest& request) override {
     v1::ListJobsResponse response;
-    const absl::Status status = unary(jobs_, &v1::JobService::Stub::ListJobs, request, response);
+    absl::Status status = unary(jobs_, &v1::JobService::Stub::ListJobs, request, response);
     if (!status.ok()) return status;
     return response;
   }
@@ -127,7 +127,7 @@ class Client : public FarmClient {
 
   absl::StatusOr<std::string> get_report(const std::string& job_id) override {
     v1::GetJobReportResponse response;
-    const absl::Status status = unary(jobs_, &v1::JobService::Stub::GetJobReport,
+    absl::Status status = unary(jobs_, &v1::JobService::Stub::GetJobReport,
                                       naming<v1::GetJobReportRequest>(job_id), response);
     if (!status.ok()) return status;
     return std::move(*response.mutable_report_json());
@@ -152,7 +152,7 @@ class Client : public FarmClient {
 
   absl::StatusOr<std::vector<v1::Worker>> list_workers() override {
     v1::ListWorkersResponse response;
-    const absl::Status status =
+    absl::Status status =
         unary(workers_, &v1::WorkerService::Stub::ListWorkers, v1::ListWorkersRequest(), response);
     if (!status.ok()) return status;
     return std::vector<v1::Worker>(response.workers().begin(), response.workers().end());
@@ -166,7 +166,7 @@ class Client : public FarmClient {
       const std::size_t end = std::min(assets.size(), first + kAssetsPerCall);
       for (std::size_t i = first; i < end; ++i) *request.add_assets() = assets[i];
       v1::FindMissingAssetsResponse response;
-      const absl::Status status =
+      absl::Status status =
           unary(assets_, &v1::AssetService::Stub::FindMissingAssets, request, response);
       if (!status.ok()) return status;
       missing.insert(missing.end(), response.missing().begin(), response.missing().end());
@@ -189,7 +189,7 @@ class Client : public FarmClient {
         open = stream->Write(request);
       }
       stream->WritesDone();
-      const absl::Status status = contract::from_rpc(stream->Finish());
+      absl::Status status = contract::from_rpc(stream->Finish());
       if (status.ok() || !absl::IsInvalidArgument(status)) return status;
       return absl::InvalidArgumentError(
           absl::StrCat(path, ": ", std::string(status.message()), " (was it changed just now?)"));
@@ -214,7 +214,7 @@ class Client : public FarmClient {
   template <typename Response, typename Method, typename Request>
   absl::StatusOr<v1::Job> job_of(Method method, const Request& request) {
     Response response;
-    const absl::Status status = unary(jobs_, method, request, response);
+    absl::Status status = unary(jobs_, method, request, response);
     if (!status.ok()) return status;
     return std::move(*response.mutable_job());
   }

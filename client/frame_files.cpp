@@ -70,7 +70,7 @@ class PartFile {
     if (flushed && closed && std::rename(part_.c_str(), path_.c_str()) == 0) {
       return absl::OkStatus();
     }
-    const absl::Status status = file_error(path_, "cannot be written");
+    absl::Status status = file_error(path_, "cannot be written");
     ::unlink(part_.c_str());
     return status;
   }
@@ -145,7 +145,7 @@ absl::StatusOr<FetchedFrame> fetch_frame_file(FarmClient& client, const FrameFil
     return part.start();
   };
   sink.write = [&](std::string_view bytes) { return part.write(bytes); };
-  const absl::Status status = client.fetch_frame(request, sink);
+  absl::Status status = client.fetch_frame(request, sink);
   if (fetched.already_there) return fetched;
   if (!begun && absl::IsFailedPrecondition(status)) {
     fetched.unfinished = std::string(status.message());
@@ -157,14 +157,14 @@ absl::StatusOr<FetchedFrame> fetch_frame_file(FarmClient& client, const FrameFil
                                             ": the bytes received do not match their "
                                             "digest; fetch again"));
   }
-  if (const absl::Status kept = part.keep(); !kept.ok()) return kept;
+  if (absl::Status kept = part.keep(); !kept.ok()) return kept;
   return fetched;
 }
 
 absl::Status write_text_file(const std::string& path, const std::string& text) {
   PartFile part(path);
-  if (const absl::Status status = part.start(); !status.ok()) return status;
-  if (const absl::Status status = part.write(text); !status.ok()) return status;
+  if (absl::Status status = part.start(); !status.ok()) return status;
+  if (absl::Status status = part.write(text); !status.ok()) return status;
   return part.keep();
 }
 

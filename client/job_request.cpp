@@ -86,11 +86,12 @@ absl::Status upload_missing(FarmClient& client, const PreparedJob& job) {
     assets.emplace(entry.asset().sha256(), entry.asset());
   }
   std::vector<v1::AssetId> wanted;
+  wanted.reserve(assets.size());
   for (const auto& [sha256, id] : assets) wanted.push_back(id);
   const auto missing = client.find_missing_assets(wanted);
   if (!missing.ok()) return missing.status();
   for (const v1::AssetId& id : *missing) {
-    const absl::Status status = client.upload_asset(id, job.files.at(id.sha256()));
+    absl::Status status = client.upload_asset(id, job.files.at(id.sha256()));
     if (!status.ok()) return status;
   }
   return absl::OkStatus();

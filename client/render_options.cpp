@@ -194,7 +194,7 @@ absl::StatusOr<contract::PixelRect> parse_crop(const std::string& text) {
 absl::StatusOr<std::vector<contract::FrameRange>> parse_frames(const std::string& text) {
   std::vector<contract::FrameRange> ranges;
   std::string_view rest = text;
-  const absl::Status error = wrong("frames", text, "like 0, 1-10, 1-10x2 or 1,4,9");
+  absl::Status error = wrong("frames", text, "like 0, 1-10, 1-10x2 or 1,4,9");
   do {
     contract::FrameRange range;
     if (!take_number(rest, range.first)) return error;

@@ -194,7 +194,7 @@ absl::StatusOr<double> FilmCache::mean_luminance(const FrameKey& key) {
           absl::StrCat("film: ", label(key), ": pass 0 of tile ", tile, " is missing"));
     }
     Entry& entry = fetch_entry(key, frame, tile);
-    const absl::Status status = advance(frame, entry, nullptr, 1);
+    absl::Status status = advance(frame, entry, nullptr, 1);
     evict(&entry);
     if (!status.ok()) return status;
   }

@@ -118,7 +118,7 @@ absl::Status DiskStore::remove_job(const std::string& job_id) {
 
 absl::StatusOr<std::vector<JobRecord>> DiskStore::jobs() const {
   std::vector<JobRecord> jobs;
-  const absl::Status status = journal_->read([&](Database& rows) {
+  absl::Status status = journal_->read([&](Database& rows) {
     return rows.each(
         "SELECT sequence, id, request_id, name, owner, request, state, reason, create_time_us, "
         "end_time_us, wall_seconds FROM jobs WHERE removed=0 ORDER BY sequence",
@@ -234,7 +234,7 @@ absl::StatusOr<std::string> DiskStore::read_block(const std::string& job_id,
   }
   if (!absl::IsNotFound(block.status())) return block.status();
   bool wanted = false;
-  const absl::Status status = journal_->read([&](Database& rows) {
+  absl::Status status = journal_->read([&](Database& rows) {
     return rows.each("SELECT 1 FROM jobs WHERE id=? AND removed=0 AND first_segment<=?",
                      {job_id, record.segment}, [&](const SqlRow&) { wanted = true; });
   });
@@ -371,7 +371,7 @@ absl::Status DiskStore::forget_worker(const std::string& worker_id) {
 
 absl::StatusOr<std::vector<std::string>> DiskStore::roster() const {
   std::vector<std::string> ids;
-  const absl::Status status = journal_->read([&](Database& rows) {
+  absl::Status status = journal_->read([&](Database& rows) {
     return rows.each("SELECT id FROM workers ORDER BY id", {},
                      [&](const SqlRow& row) { ids.push_back(row.text(0)); });
   });
@@ -403,7 +403,7 @@ absl::StatusOr<DiskStore::JobRow> DiskStore::find_job(const std::string& job_id)
 
 absl::StatusOr<std::int64_t> DiskStore::sum_bytes(std::string_view sql, std::int64_t job) const {
   std::int64_t sum = 0;
-  const absl::Status status = journal_->read_as_writer([&](Database& rows) {
+  absl::Status status = journal_->read_as_writer([&](Database& rows) {
     return rows.each(sql, {job}, [&](const SqlRow& row) { sum = row.integer(0); });
   });
   if (!status.ok()) return status;

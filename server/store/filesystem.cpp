@@ -129,7 +129,7 @@ class DiskFilesystem final : public Filesystem {
       const std::string name = entry->d_name;
       if (name != "." && name != "..") names.push_back(name);
     }
-    const absl::Status status = errno == 0 ? absl::OkStatus() : errno_status("list", folder);
+    absl::Status status = errno == 0 ? absl::OkStatus() : errno_status("list", folder);
     ::closedir(dir);
     if (!status.ok()) return status;
     std::sort(names.begin(), names.end());

@@ -127,7 +127,7 @@ absl::Status JobFetcher::call(milliseconds timeout,
       if (ending_) return absl::CancelledError("the worker is leaving");
       running_ = &context;
     }
-    const absl::Status status = attempt(context);
+    absl::Status status = attempt(context);
     std::unique_lock lock(mutex_);
     running_ = nullptr;
     if (!absl::IsUnavailable(status)) return status;

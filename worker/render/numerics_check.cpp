@@ -159,7 +159,7 @@ void add_lights(Scene* scene) {
 
 absl::StatusOr<Scene> reference_scene() {
   Scene scene;
-  const absl::Status images = add_images(&scene);
+  absl::Status images = add_images(&scene);
   if (!images.ok()) return images;
   add_materials(&scene);
   add_box(&scene, 0, {4, 0.1, 4}, {0, -0.8, 0}, 0);
