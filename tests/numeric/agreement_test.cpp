@@ -389,10 +389,10 @@ TEST(HardCase30, DepthsOfDifferentlyScaledInstancesAreComparable) {
   }
 }
 
-/// Levels of the tree below and including node `index`.
-int depth_of(const WideBvh<8>& bvh, std::uint32_t index) {
+/// Levels of the tree below and including node `reference`.
+int depth_of(const WideBvh<8>& bvh, std::uint32_t reference) {
   int deepest = 0;
-  for (const std::uint32_t child : bvh.nodes[index].children) {
+  for (const std::uint32_t child : node_at(bvh.nodes.data(), reference).children) {
     if ((child & kLeafBit) == 0) deepest = std::max(deepest, depth_of(bvh, child));
   }
   return deepest + 1;

@@ -11,9 +11,9 @@ namespace tessera::render {
 /// stored, by recursion. Nodes entered after `limit`, read anew at every step, are culled.
 /// `leaf(index)` is called for each leaf met, and `visit()` once a node.
 template <int kWidth, typename Leaf, typename Visit>
-void traverse_plainly(const WideNode<kWidth>* nodes, std::uint32_t index, const ObjectRay& ray,
+void traverse_plainly(const WideNode<kWidth>* nodes, std::uint32_t reference, const ObjectRay& ray,
                       const float& limit, const Leaf& leaf, const Visit& visit) {
-  const WideNode<kWidth>& node = nodes[index];
+  const WideNode<kWidth>& node = node_at(nodes, reference);
   visit();
   for (int slot = 0; slot < kWidth; ++slot) {
     const Box3f box = node.box(slot);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "worker/accel/mesh_tree.h"
 #include "worker/accel/wide_bvh.h"
@@ -138,16 +139,6 @@ void build_top(const Scene& scene, AccelTrees<kWidth>& trees, const ParallelFor&
 }
 
 template <int kWidth>
-void build(const Scene& scene, AccelTrees<kWidth>& trees, const ParallelFor& parallel_for) {
-  trees.meshes.reserve(scene.meshes.size());
-  for (const Mesh& mesh : scene.meshes) {
-    trees.meshes.push_back(
-        build_mesh_tree<kWidth>(mesh, all_stop_light(scene, mesh), parallel_for));
-  }
-  build_top(scene, trees, parallel_for);
-}
-
-template <int kWidth>
 std::size_t bytes(const AccelTrees<kWidth>& trees) {
   std::size_t sum = trees.nodes.capacity_bytes() + trees.placed.capacity() * sizeof(PlacedMesh);
   for (const MeshTree<kWidth>& mesh : trees.meshes) {
@@ -158,11 +149,48 @@ std::size_t bytes(const AccelTrees<kWidth>& trees) {
 
 }  // namespace
 
-SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for, Isa isa) : isa_(isa) {
+template <>
+const AccelTrees<8>& SceneAccel::trees() const {
+  return eight_;
+}
+
+template <>
+const AccelTrees<16>& SceneAccel::trees() const {
+  return sixteen_;
+}
+
+template <int kWidth>
+void SceneAccel::build(const Scene& scene, AccelTrees<kWidth>& trees, const SceneAccel* before,
+                       const ParallelFor& parallel_for) {
+  std::map<std::pair<const Primitive*, bool>, std::size_t> known;
+  if (before != nullptr && before->isa_ == isa_) {
+    for (std::size_t i = 0; i < before->origins_.size(); ++i) {
+      const Origin& origin = before->origins_[i];
+      known[{origin.primitives.data(), origin.stops_light}] = i;
+    }
+  }
+  trees.meshes.reserve(scene.meshes.size());
+  for (const Mesh& mesh : scene.meshes) {
+    const Origin& origin =
+        origins_.emplace_back(Origin{mesh.primitives, all_stop_light(scene, mesh)});
+    const auto same = known.find({origin.primitives.data(), origin.stops_light});
+    if (same != known.end()) {
+      trees.meshes.push_back(before->trees<kWidth>().meshes[same->second]);
+      ++shared_meshes_;
+    } else {
+      trees.meshes.push_back(build_mesh_tree<kWidth>(mesh, origin.stops_light, parallel_for));
+    }
+  }
+  build_top(scene, trees, parallel_for);
+}
+
+SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for, Isa isa,
+                       const SceneAccel* before)
+    : isa_(isa) {
   if (isa == Isa::avx512) {
-    build(scene, sixteen_, parallel_for);
+    build(scene, sixteen_, before, parallel_for);
   } else {
-    build(scene, eight_, parallel_for);
+    build(scene, eight_, before, parallel_for);
   }
 }
 

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <utility>
 #include <variant>
+#include <vector>
 
 #include "worker/accel/accel_trees.h"
 #include "worker/accel/binary_bvh.h"
@@ -29,7 +30,9 @@ class SceneAccel {
  public:
   /// Builds with `parallel_for`; copies what it needs, so the scene may go. Triangles that are
   /// degenerate or have a coordinate that is not finite are left out. Requires a supported `isa`.
-  SceneAccel(const Scene& scene, const ParallelFor& parallel_for, Isa isa = best_isa());
+  /// Trees of meshes that `before` was built of too, if given, are shared with it, not built again.
+  SceneAccel(const Scene& scene, const ParallelFor& parallel_for, Isa isa = best_isa(),
+             const SceneAccel* before = nullptr);
 
   /// The first hit over (t, instance, primitive, triangle) that the filter takes.
   template <typename Filter>
@@ -59,11 +62,27 @@ class SceneAccel {
   }
 
   std::int64_t memory_bytes() const;
+  /// How many meshes have the tree of `before`.
+  std::size_t shared_meshes() const { return shared_meshes_; }
 
  private:
+  /// What a mesh's tree was built of.
+  struct Origin {
+    SharedArray<Primitive> primitives;
+    bool stops_light = false;
+  };
+
+  template <int kWidth>
+  void build(const Scene& scene, AccelTrees<kWidth>& trees, const SceneAccel* before,
+             const ParallelFor& parallel_for);
   static bool valid(const Ray& ray) { return ray.t_max > 0; }  // the kernels see to the rest
 
+  template <int kWidth>
+  const AccelTrees<kWidth>& trees() const;
+
   Isa isa_;
+  std::vector<Origin> origins_;  // by mesh
+  std::size_t shared_meshes_ = 0;
   AccelTrees<8> eight_;     // filled for avx2
   AccelTrees<16> sixteen_;  // filled for avx512
 };

@@ -81,7 +81,8 @@ inline std::uint32_t intersect_block(const BlockRay& block_ray, const TriangleBl
     const Lanes lo = lesser(lesser(corner(0, k), corner(1, k)), corner(2, k));
     const Lanes hi = greater(greater(corner(0, k), corner(1, k)), corner(2, k));
     const bool backwards = ray.backwards[static_cast<std::size_t>(k)] != 0;
-    const Lanes origin = splat(component(ray.origin, k)), inverse = splat(component(ray.inverse, k));
+    const Lanes origin = splat(component(ray.origin, k)),
+                inverse = splat(component(ray.inverse, k));
     enter = greater(enter, ((backwards ? hi : lo) - origin) * inverse);
     leave = lesser(leave, ((backwards ? lo : hi) - origin) * inverse);
   }

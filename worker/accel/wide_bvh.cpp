@@ -32,6 +32,7 @@ class Costs {
   /// The nodes that become children of `index` when it becomes a node of the wide tree.
   void children_of(std::uint32_t index, std::vector<std::uint32_t>& children) const {
     const BinaryNode& node = binary_.nodes[index];
+    children.clear();
     int slots = kWidth;
     while (slots > 2 && spread(node, slots - 1) <= spread(node, slots)) --slots;
     open(node, slots, children);
@@ -81,41 +82,44 @@ class Costs {
 template <int kWidth>
 WideBvh<kWidth> collapse(const BinaryBvh& binary) {
   struct Task {
-    std::uint32_t binary, parent;
+    std::uint32_t binary, parent;  // parent: index of a wide node
     int slot;
   };
   WideBvh<kWidth> bvh;
   std::vector<WideNode<kWidth>> nodes(1);
-  if (!binary.nodes.empty()) {
-    const Costs<kWidth> costs(binary);
-    bvh.bounds = binary.nodes[0].box;
-    std::vector<Task> tasks = {{0, 0, -1}};
-    std::vector<std::uint32_t> children;
-    while (!tasks.empty()) {
-      const Task task = tasks.back();
-      tasks.pop_back();
-      const BinaryNode& source = binary.nodes[task.binary];
-      std::uint32_t reference = 0;
-      if (source.leaf()) {
-        reference = kLeafBit | static_cast<std::uint32_t>(bvh.leaves.size());
-        bvh.leaves.push_back({static_cast<std::uint32_t>(bvh.order.size()), source.count});
-        const auto items = binary.order.begin() + source.first;
-        bvh.order.insert(bvh.order.end(), items, items + source.count);
-        if (task.slot < 0) nodes[0].set_child(0, source.box, reference);
-      } else {
-        if (task.slot >= 0) {
-          reference = static_cast<std::uint32_t>(nodes.size());
-          nodes.emplace_back();
-        }
-        children.clear();
-        costs.children_of(task.binary, children);
-        for (std::size_t i = children.size(); i-- > 0;) {
-          nodes[reference].set_child(static_cast<int>(i), binary.nodes[children[i]].box, kLeafBit);
-          tasks.push_back({children[i], reference, static_cast<int>(i)});
-        }
-      }
-      if (task.slot >= 0) nodes[task.parent].children[task.slot] = reference;
+  std::vector<Task> tasks;
+  std::vector<std::uint32_t> children;
+  const Costs<kWidth> costs(binary);
+  const auto add_children = [&](std::uint32_t parent) {
+    for (std::size_t i = children.size(); i-- > 0;) {  // the first is done first
+      const auto slot = static_cast<int>(i);
+      nodes[parent].set_child(slot, binary.nodes[children[i]].box, kLeafBit);
+      tasks.push_back({children[i], parent, slot});
     }
+  };
+  if (!binary.nodes.empty()) {
+    bvh.bounds = binary.nodes[0].box;
+    children = {0};
+    if (!binary.nodes[0].leaf()) costs.children_of(0, children);
+    add_children(0);
+  }
+  while (!tasks.empty()) {
+    const Task task = tasks.back();
+    tasks.pop_back();
+    const BinaryNode& source = binary.nodes[task.binary];
+    std::uint32_t& reference = nodes[task.parent].children[task.slot];
+    if (source.leaf()) {
+      reference = kLeafBit | static_cast<std::uint32_t>(bvh.leaves.size());
+      bvh.leaves.push_back({static_cast<std::uint32_t>(bvh.order.size()), source.count});
+      const auto items = binary.order.begin() + source.first;
+      bvh.order.insert(bvh.order.end(), items, items + source.count);
+      continue;
+    }
+    const auto index = static_cast<std::uint32_t>(nodes.size());
+    reference = node_reference<kWidth>(index);
+    nodes.emplace_back();
+    costs.children_of(task.binary, children);
+    add_children(index);
   }
   bvh.nodes = HugeArray<WideNode<kWidth>>(nodes.size());
   std::copy(nodes.begin(), nodes.end(), bvh.nodes.data());

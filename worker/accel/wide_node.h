@@ -1,6 +1,6 @@
 #pragma once
 
-#include <array>
+#include <cstddef>
 #include <cstdint>
 
 #include "worker/geometry/bounds.h"
@@ -16,7 +16,7 @@ template <int kWidth>
 struct alignas(4 * kWidth) WideNode {
   /// As [axis][0: lo, 1: hi][child], so that the near planes are picked by a sign bit.
   float planes[3][2][kWidth];
-  std::uint32_t children[kWidth];  // a node index, or kLeafBit | leaf index
+  std::uint32_t children[kWidth];  // a node_reference(), or kLeafBit | leaf index
 
   WideNode() {
     for (int slot = 0; slot < kWidth; ++slot) set_child(slot, Box3f{}, kLeafBit);
@@ -35,6 +35,24 @@ struct alignas(4 * kWidth) WideNode {
             {planes[0][1][slot], planes[1][1][slot], planes[2][1][slot]}};
   }
 };
+
+/// What child references count nodes in, so that an address takes a shift and no multiplication.
+template <int kWidth>
+inline constexpr std::uint32_t kNodeUnits = sizeof(WideNode<kWidth>) / alignof(WideNode<kWidth>);
+
+/// The reference of a node, from its index.
+template <int kWidth>
+constexpr std::uint32_t node_reference(std::size_t index) {
+  return static_cast<std::uint32_t>(index) * kNodeUnits<kWidth>;
+}
+
+/// The node of a reference.
+template <int kWidth>
+inline const WideNode<kWidth>& node_at(const WideNode<kWidth>* nodes, std::uint32_t reference) {
+  const auto* const bytes = reinterpret_cast<const unsigned char*>(nodes);
+  return *reinterpret_cast<const WideNode<kWidth>*>(bytes + std::size_t{reference} *
+                                                                alignof(WideNode<kWidth>));
+}
 
 /// Levels a tree may have, and entries a traversal stack may need: every level leaves at most
 /// kWidth - 1 behind.
