@@ -130,17 +130,20 @@ std::vector<std::string> aov_names(std::uint32_t aovs) {
   return names;
 }
 
+v1::PixelRect to_message(const PixelRect& rect) {
+  v1::PixelRect message;
+  message.set_x_px(rect.x);
+  message.set_y_px(rect.y);
+  message.set_width_px(rect.width);
+  message.set_height_px(rect.height);
+  return message;
+}
+
 v1::RenderSettings to_message(const RenderSettings& settings) {
   v1::RenderSettings message;
   message.set_width_px(settings.width);
   message.set_height_px(settings.height);
-  if (settings.crop) {
-    auto* crop = message.mutable_crop();
-    crop->set_x_px(settings.crop->x);
-    crop->set_y_px(settings.crop->y);
-    crop->set_width_px(settings.crop->width);
-    crop->set_height_px(settings.crop->height);
-  }
+  if (settings.crop) *message.mutable_crop() = to_message(*settings.crop);
   message.set_camera(settings.camera);
   if (settings.scene >= 0) message.set_scene_index(settings.scene);
   for (const FrameRange& range : settings.frames) {

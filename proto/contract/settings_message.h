@@ -6,6 +6,9 @@
 
 namespace tessera::contract {
 
+/// A rectangle as a message.
+v1::PixelRect to_message(const PixelRect& rect);
+
 /// The settings as a message.
 v1::RenderSettings to_message(const RenderSettings& settings);
 

@@ -252,11 +252,7 @@ v1::FrameHeader to_message(const FrameFile& file) {
   header.set_file_sha256(file.file_sha256.binary());
   if (file.pixels_sha256) header.set_pixels_sha256(file.pixels_sha256->binary());
   for (const contract::PixelRect& tile : file.missing_tiles) {
-    v1::PixelRect* rect = header.add_missing_tiles();
-    rect->set_x_px(tile.x);
-    rect->set_y_px(tile.y);
-    rect->set_width_px(tile.width);
-    rect->set_height_px(tile.height);
+    *header.add_missing_tiles() = contract::to_message(tile);
   }
   return header;
 }
