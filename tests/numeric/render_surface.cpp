@@ -163,12 +163,14 @@ TEST(Emitters, DegenerateTrianglesAreNeverChosen) {  // hard case 57
   add_primitive(&scene, quad({-9, 0, 9}, {18, 0, 0}, {0, 0, -18}, white));
   const ShadingScene shading(scene);
   const render::LightTable lights(scene, shading);
-  EXPECT_GT(lights.emitter_pdf({0, 0, 0}, 1, 1), 0);
-  EXPECT_EQ(lights.emitter_pdf({0, 0, 2}, 1, 1), 0);
-  EXPECT_EQ(lights.emitter_pdf({0, 0, 3}, 1, 0), std::numeric_limits<float>::infinity());
+  const render::LightReceiver floor{{0, 0, 0}, {0, 1, 0}, false};
+  EXPECT_GT(lights.emitter_pdf(floor, {0, 0, 0}, 1, 1), 0);
+  EXPECT_EQ(lights.emitter_pdf(floor, {0, 0, 0}, 1, 0), std::numeric_limits<float>::infinity());
+  EXPECT_EQ(lights.emitter_pdf(floor, {0, 0, 2}, 1, 1), 0);
+  EXPECT_EQ(lights.emitter_pdf(floor, {0, 0, 3}, 1, 0), 0);
   for (int i = 0; i < 1000; ++i) {
     render::LightSample s;
-    if (!lights.sample({0, 0, 0}, {i / 1000.0, 0.3, 0.6}, &s)) continue;
+    if (!lights.sample(floor, {i / 1000.0, 0.3, 0.6}, &s)) continue;
     ASSERT_LT(s.triangle.triangle, 2u);
   }
 }
@@ -191,7 +193,7 @@ TEST(Emitters, HaveDensityWhereverTheyGiveLight) {  // hard case 66
   const auto count = static_cast<std::uint32_t>(scene.meshes[0].primitives[0].triangles.size());
   for (std::uint32_t t = 0; t < count; ++t) {
     const TriangleId id{0, 0, t};
-    const float density = lights.emitter_pdf(id, 1, 1);
+    const float density = lights.emitter_pdf({{0, 0, 3}, {0, 0, 1}, false}, id, 1, 1);
     dark += density == 0 ? 1 : 0;
     for (int k = 0; k < 60; ++k) {
       const float b1 = static_cast<float>(k % 10) / 10, b2 = (1 - b1) * static_cast<float>(k) / 60;

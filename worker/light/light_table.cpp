@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "worker/light/emissive_power.h"
 #include "worker/light/punctual.h"
+#include "worker/math/elementary.h"
 #include "worker/sampling/warp.h"
 #include "worker/shading/surface.h"
 
@@ -12,6 +14,7 @@ namespace tessera::render {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 /// The last entry whose lower edge is at or below u: entries without power are stepped over.
 std::size_t find_entry(const std::vector<double>& cdf, double u) {
@@ -23,27 +26,63 @@ Vec3d world_vertex(const Instance& instance, const Primitive& p, std::uint32_t v
   return transform_point(instance.object_to_world, Vec3d(p.positions[v]));
 }
 
-double triangle_area(const Vec3d& a, const Vec3d& b, const Vec3d& c) {
-  return 0.5 * length(cross(b - a, c - a));
+/// Box, normal and, for the time being as `strength`, area of one triangle in the world.
+LightBounds triangle_bounds(const Instance& instance, const Primitive& p, std::size_t t) {
+  const auto& v = p.triangles[t];
+  const Vec3d a = world_vertex(instance, p, v[0]), b = world_vertex(instance, p, v[1]),
+              c = world_vertex(instance, p, v[2]);
+  LightBounds light;
+  light.box_min = min(a, min(b, c));
+  light.box_max = max(a, max(b, c));
+  const Vec3d normal = cross(b - a, c - a);
+  const double size = length(normal);
+  light.strength = 0.5 * size;
+  // Mirrored instances turn the winding over, not the side that shines.
+  if (size > 0) light.axis = normal * ((instance.flips_winding ? -1 : 1) / size);
+  light.emission_angle = kPi / 2;
+  return light;
 }
 
-/// Flux per area a triangle gives off, as far as its material and textures tell. Texture sums are
+LightBounds punctual_bounds(const PunctualLight& light) {
+  LightBounds b;
+  b.box_min = b.box_max = light.position;
+  b.axis = Vec3d(light.direction);
+  b.strength = luminance(light.intensity);
+  if (light.kind == PunctualLight::Kind::spot) {
+    b.normal_angle = elementary::acos(clamp(static_cast<double>(light.cos_inner), -1.0, 1.0));
+    b.emission_angle =
+        elementary::acos(clamp(static_cast<double>(light.cos_outer), -1.0, 1.0)) - b.normal_angle;
+    b.emission_angle = b.emission_angle > 0 ? b.emission_angle : 0;
+  } else {
+    b.normal_angle = kPi;
+    b.emission_angle = kPi / 2;
+  }
+  return b;
+}
+
+/// From density over a triangle's area to density over the solid angle it is seen under.
+float solid_angle_density(float per_area, float distance, float cos_light) {
+  if (!(cos_light > 0)) return kInfinity;
+  return per_area * distance * distance / cos_light;
+}
+
+/// Mean radiance of a triangle's front, as far as its material and textures tell. Texture sums are
 /// made once per material.
-class EmissionPower {
+class EmittedRadiance {
  public:
-  EmissionPower(const Scene& scene, const TextureTable& textures)
+  EmittedRadiance(const Scene& scene, const TextureTable& textures)
       : scene_(scene), textures_(textures), sums_(scene.materials.size()) {}
 
   double at(const Primitive& p, const std::array<std::uint32_t, 3>& t) {
     const auto index = static_cast<std::size_t>(p.material);
     const Material& material = scene_.materials[index];
-    const double power = luminance(material.emission) * (material.double_sided ? 2 * kPi : kPi);
+    const double full = luminance(material.emission);
     const TextureRef& ref = material.emissive_texture;
-    if (!ref) return power;
+    if (!ref) return full;
     if (!sums_[index]) sums_[index] = std::make_unique<EmissiveTextureSums>(textures_, ref, scene_);
     const auto& uv = p.uv[ref.uv_set == 1 ? 1 : 0];
-    if (uv.empty()) return power * sums_[index]->mean({}, {}, {});
-    return power * sums_[index]->mean(uv[t[0]], uv[t[1]], uv[t[2]]);
+    if (uv.empty()) return full * sums_[index]->mean({}, {}, {});
+    return full * sums_[index]->mean(uv[t[0]], uv[t[1]], uv[t[2]]);
   }
 
  private:
@@ -57,22 +96,16 @@ class EmissionPower {
 LightTable::LightTable(const Scene& scene, const ShadingScene& shading)
     : shading_(shading), punctual_(scene.lights) {
   if (scene.has_environment) environment_ = std::make_unique<EnvironmentMap>(scene);
-  cdf_.push_back(0);
-  add_emitters(scene);
-  add_punctual(scene);
-  normalise();
+  std::vector<LightBounds> bounds;
+  add_emitters(scene, bounds);
+  add_punctual(scene, bounds);
+  tree_ = LightTree(bounds);
   const bool varied_sky = environment_ != nullptr && !environment_->is_constant();
-  if (varied_sky) environment_share_ = cdf_.empty() ? 1.0f : 0.5f;
+  if (varied_sky) environment_share_ = has_local_lights() ? 0.5f : 1.0f;
 }
 
-void LightTable::add_entry(const Entry& entry, double power) {
-  const bool usable = power > 0 && std::isfinite(power);
-  entries_.push_back(entry);
-  cdf_.push_back(cdf_.back() + (usable ? power : 0));
-}
-
-void LightTable::add_emitters(const Scene& scene) {
-  EmissionPower power(scene, shading_.textures);
+void LightTable::add_emitters(const Scene& scene, std::vector<LightBounds>& bounds) {
+  EmittedRadiance radiance(scene, shading_.textures);
   for (std::size_t i = 0; i < scene.instances.size(); ++i) {
     const Instance& instance = scene.instances[i];
     const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
@@ -85,68 +118,83 @@ void LightTable::add_emitters(const Scene& scene) {
       }
       slots_.push_back(static_cast<std::int64_t>(entries_.size()));
       for (std::size_t t = 0; t < p.triangles.size(); ++t) {
-        const auto& v = p.triangles[t];
-        const double area =
-            triangle_area(world_vertex(instance, p, v[0]), world_vertex(instance, p, v[1]),
-                          world_vertex(instance, p, v[2]));
         Entry entry;
         entry.triangle = {static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(k),
                           static_cast<std::uint32_t>(t)};
-        // Becomes probability / area once the total is known.
-        const auto density = area > 0 ? static_cast<float>(1 / area) : INFINITY;
-        const bool usable = density < INFINITY;  // slivers are left to chance hits
+        LightBounds light = triangle_bounds(instance, p, t);
+        const double area = light.strength;
+        const auto density = area > 0 ? static_cast<float>(1 / area) : kInfinity;
+        const bool usable = density < kInfinity;  // slivers are left to chance hits
         entry.density = usable ? density : 0;
-        add_entry(entry, usable ? area * power.at(p, v) : 0);
+        light.both_sides = scene.materials[static_cast<std::size_t>(p.material)].double_sided;
+        light.strength = usable ? area * radiance.at(p, p.triangles[t]) : 0;
+        if (!std::isfinite(light.strength)) light.strength = 0;
+        entries_.push_back(entry);
+        bounds.push_back(light);
       }
     }
   }
 }
 
-void LightTable::add_punctual(const Scene& scene) {
-  const Vec3d diagonal = scene.bounds_max - scene.bounds_min;
-  const double radius2 = 0.25 * dot(diagonal, diagonal);
+void LightTable::add_punctual(const Scene& scene, std::vector<LightBounds>& bounds) {
   for (std::size_t i = 0; i < scene.lights.size(); ++i) {
     const PunctualLight& light = scene.lights[i];
-    double flux_per_intensity = 4 * kPi;
-    if (light.kind == PunctualLight::Kind::spot)
-      flux_per_intensity = 2 * kPi * (1 - light.cos_outer);
-    if (light.kind == PunctualLight::Kind::directional) flux_per_intensity = kPi * radius2;
     Entry entry;
     entry.punctual = static_cast<std::int32_t>(i);
     entry.density = 1;
-    add_entry(entry, luminance(light.intensity) * flux_per_intensity);
+    LightBounds b = punctual_bounds(light);
+    if (!std::isfinite(b.strength)) b.strength = 0;
+    if (light.kind == PunctualLight::Kind::directional && b.strength > 0) {
+      if (distant_.empty()) distant_cdf_.push_back(0);
+      distant_.push_back(static_cast<std::uint32_t>(entries_.size()));
+      distant_cdf_.push_back(distant_cdf_.back() + b.strength);
+      b.strength = 0;  // no leaf of the tree: it has no place
+    }
+    entries_.push_back(entry);
+    bounds.push_back(b);
   }
 }
 
-void LightTable::normalise() {
-  const double total = cdf_.back();
-  if (!(total > 0) || !std::isfinite(total)) {
-    cdf_.clear();
-    entries_.clear();
-    slots_.assign(slots_.size(), kNone);
-    return;
-  }
-  const bool varied_sky = environment_ != nullptr && !environment_->is_constant();
-  const double share = varied_sky ? 0.5 : 1;
-  for (std::size_t i = 0; i < entries_.size(); ++i) {
-    const double probability = share * (cdf_[i + 1] - cdf_[i]) / total;
-    entries_[i].density = static_cast<float>(probability * entries_[i].density);
-  }
-  for (double& c : cdf_) c /= total;
-  cdf_.back() = 1;
+/// Share of the local lights' samples that the tree gets: by irradiance, as near as it is known.
+double LightTable::tree_share(const LightReceiver& receiver) const {
+  if (distant_.empty()) return 1;
+  if (tree_.empty()) return 0;
+  const double near = tree_.importance(receiver), far = distant_cdf_.back();
+  const double share = near < kInfinity ? near / (near + far) : 1;
+  return clamp(share, 0x1p-10, 1 - 0x1p-10);
 }
 
-bool LightTable::sample(const Vec3f& point, const LightRandom& u, LightSample* sample) const {
+bool LightTable::sample(const LightReceiver& receiver, const LightRandom& u,
+                        LightSample* sample) const {
   LightRandom rest = u;
+  double share = 1;
   if (environment_share_ > 0) {
-    const double share = environment_share_;
+    share = environment_share_;
     if (u.select < share) return sample_environment(u, sample);
     rest.select = (u.select - share) / (1 - share);
+    share = 1 - share;
   }
-  if (cdf_.empty()) return false;
-  const Entry& entry = entries_[find_entry(cdf_, rest.select)];
-  if (entry.punctual != kNone) return sample_point_light(entry, point, sample);
-  return sample_emitter(entry, point, rest, sample);
+  if (!has_local_lights()) return false;
+  const double near = tree_share(receiver);
+  if (!(rest.select < near)) {
+    rest.select = (rest.select - near) / (1 - near);
+    return sample_distant(rest.select, receiver.point, static_cast<float>(share * (1 - near)),
+                          sample);
+  }
+  const LightTree::Choice choice = tree_.choose(receiver, rest.select / near);
+  const Entry& entry = entries_[choice.light];
+  const auto chance = static_cast<float>(share * near * choice.probability);
+  if (entry.punctual != kNone) return sample_point_light(entry, chance, receiver.point, sample);
+  return sample_emitter(entry, chance, receiver.point, rest, sample);
+}
+
+bool LightTable::sample_distant(double u, const Vec3f& point, float share,
+                                LightSample* sample) const {
+  const double total = distant_cdf_.back();
+  const std::size_t i = find_entry(distant_cdf_, u * total);
+  const double probability = (distant_cdf_[i + 1] - distant_cdf_[i]) / total;
+  return sample_point_light(entries_[distant_[i]], static_cast<float>(share * probability), point,
+                            sample);
 }
 
 bool LightTable::sample_environment(const LightRandom& u, LightSample* sample) const {
@@ -160,7 +208,7 @@ bool LightTable::sample_environment(const LightRandom& u, LightSample* sample) c
   return max_component(sky.radiance) > 0;
 }
 
-bool LightTable::sample_point_light(const Entry& entry, const Vec3f& point,
+bool LightTable::sample_point_light(const Entry& entry, float share, const Vec3f& point,
                                     LightSample* sample) const {
   const PunctualLight& light = punctual_[static_cast<std::size_t>(entry.punctual)];
   const PunctualSample s = sample_punctual(light, point);
@@ -169,12 +217,12 @@ bool LightTable::sample_point_light(const Entry& entry, const Vec3f& point,
   sample->target = Vec3f(light.position);
   sample->triangle = TriangleId{};
   sample->pdf = 0;
-  sample->radiance_over_pdf = s.irradiance / entry.density;
-  return entry.density > 0 && max_component(s.irradiance) > 0;
+  sample->radiance_over_pdf = s.irradiance / share;
+  return share > 0 && max_component(s.irradiance) > 0;
 }
 
-bool LightTable::sample_emitter(const Entry& entry, const Vec3f& point, const LightRandom& u,
-                                LightSample* sample) const {
+bool LightTable::sample_emitter(const Entry& entry, float share, const Vec3f& point,
+                                const LightRandom& u, LightSample* sample) const {
   const Vec2f w = warp::uniform_triangle({static_cast<float>(u.u1), static_cast<float>(u.u2)});
   const TriangleId& id = entry.triangle;
   const InstanceView& instance = shading_.instances[id.instance];
@@ -191,25 +239,29 @@ bool LightTable::sample_emitter(const Entry& entry, const Vec3f& point, const Li
   const Vec3f radiance = emission_at(shading_, light) * coverage_at(shading_, light);
   if (!(max_component(radiance) > 0)) return false;
   const float cosine = std::fabs(dot(light.geometric_normal, sample->direction));
-  sample->pdf = emitter_pdf(id, distance, cosine);
+  sample->pdf = solid_angle_density(share * entry.density, distance, cosine);
   if (!(sample->pdf > 0) || !(sample->pdf < INFINITY)) return false;
   sample->radiance_over_pdf = radiance / sample->pdf;
   return true;
 }
 
-float LightTable::emitter_pdf(const TriangleId& id, float distance, float cos_light) const {
-  if (cdf_.empty()) return 0;
+float LightTable::emitter_pdf(const LightReceiver& receiver, const TriangleId& id, float distance,
+                              float cos_light) const {
+  if (tree_.empty()) return 0;
   const std::int64_t first = slots_[slot_first_[id.instance] + id.primitive];
   if (first == kNone) return 0;
-  const float density = entries_[static_cast<std::size_t>(first) + id.triangle].density;
-  if (!(cos_light > 0)) return INFINITY;
-  return density * distance * distance / cos_light;
+  const auto light = static_cast<std::uint32_t>(first) + id.triangle;
+  const double share = (environment_share_ > 0 ? 1 - environment_share_ : 1) *
+                       tree_share(receiver) * tree_.probability(receiver, light);
+  if (!(share > 0)) return 0;
+  return solid_angle_density(static_cast<float>(share) * entries_[light].density, distance,
+                             cos_light);
 }
 
 std::int64_t LightTable::memory_bytes() const {
-  return static_cast<std::int64_t>(entries_.size() * sizeof(Entry) + cdf_.size() * sizeof(double) +
+  return static_cast<std::int64_t>(entries_.size() * sizeof(Entry) +
                                    slots_.size() * sizeof(std::int64_t)) +
-         (environment_ == nullptr ? 0 : environment_->memory_bytes());
+         tree_.memory_bytes() + (environment_ == nullptr ? 0 : environment_->memory_bytes());
 }
 
 }  // namespace tessera::render

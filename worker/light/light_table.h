@@ -6,6 +6,7 @@
 
 #include "worker/geometry/ray.h"
 #include "worker/light/environment_map.h"
+#include "worker/light/light_tree.h"
 #include "worker/math/vector.h"
 #include "worker/scene/scene.h"
 #include "worker/shading/shading_scene.h"
@@ -28,22 +29,24 @@ struct LightSample {
   float pdf = 0;            // over solid angle, selection included; 0 for delta lights
 };
 
-/// All lights of a scene and how to choose among them: by power, in double. A point of an emitter
-/// has positive density wherever it gives light.
+/// All lights of a scene and how to choose among them: the sky for half of the samples where there
+/// is one to sample, else lights without a place (directional ones) by power and those with a place
+/// by a LightTree. A point of an emitter has positive density wherever it gives light.
 class LightTable {
  public:
   /// Both must outlive the table.
   LightTable(const Scene& scene, const ShadingScene& shading);
 
   /// Whether sample() can ever give light: false leaves everything to chance hits.
-  bool samples_anything() const { return environment_share_ > 0 || !cdf_.empty(); }
+  bool samples_anything() const { return environment_share_ > 0 || has_local_lights(); }
 
-  /// A light seen from `point`. False when the draw gives no light there.
-  bool sample(const Vec3f& point, const LightRandom& u, LightSample* sample) const;
+  /// A light for `receiver`. False when the draw gives no light there.
+  bool sample(const LightReceiver& receiver, const LightRandom& u, LightSample* sample) const;
 
-  /// Density with which sample() would have drawn the emissive triangle that a ray of unit
-  /// `direction` met after `distance`; 0 if never. `cos_light` is the absolute cosine there.
-  float emitter_pdf(const TriangleId& id, float distance, float cos_light) const;
+  /// Density with which sample() would have drawn, for `receiver`, the emissive triangle that a ray
+  /// from there met after `distance`; 0 if never. `cos_light` is the absolute cosine there.
+  float emitter_pdf(const LightReceiver& receiver, const TriangleId& id, float distance,
+                    float cos_light) const;
   /// The same for the sky.
   float environment_pdf(const Vec3f& direction) const {
     return environment_share_ > 0 ? environment_share_ * environment_->pdf(direction) : 0;
@@ -58,24 +61,28 @@ class LightTable {
   struct Entry {
     TriangleId triangle;
     std::int32_t punctual = kNone;
-    float density = 0;  // triangles: probability / area; punctual: probability
+    float density = 0;  // of a point on it: 1 / area of triangles, 1 for punctual lights
   };
 
-  void add_emitters(const Scene& scene);
-  void add_punctual(const Scene& scene);
-  void add_entry(const Entry& entry, double power);
-  void normalise();
+  void add_emitters(const Scene& scene, std::vector<LightBounds>& bounds);
+  void add_punctual(const Scene& scene, std::vector<LightBounds>& bounds);
+  bool has_local_lights() const { return !tree_.empty() || !distant_.empty(); }
+  double tree_share(const LightReceiver& receiver) const;
   bool sample_environment(const LightRandom& u, LightSample* sample) const;
-  bool sample_emitter(const Entry& entry, const Vec3f& point, const LightRandom& u,
+  bool sample_distant(double u, const Vec3f& point, float share, LightSample* sample) const;
+  bool sample_emitter(const Entry& entry, float share, const Vec3f& point, const LightRandom& u,
                       LightSample* sample) const;
-  bool sample_point_light(const Entry& entry, const Vec3f& point, LightSample* sample) const;
+  bool sample_point_light(const Entry& entry, float share, const Vec3f& point,
+                          LightSample* sample) const;
 
   const ShadingScene& shading_;
   const std::vector<PunctualLight>& punctual_;
   std::unique_ptr<EnvironmentMap> environment_;
   float environment_share_ = 0;  // probability of sampling the sky
   std::vector<Entry> entries_;
-  std::vector<double> cdf_;                // entries + 1, empty without local lights
+  LightTree tree_;                         // over entries; directional lights have no leaf
+  std::vector<std::uint32_t> distant_;     // entries of directional lights
+  std::vector<double> distant_cdf_;        // distant_ + 1, from 0 to distant_total_
   std::vector<std::uint32_t> slot_first_;  // per instance: first of its primitives' slots
   std::vector<std::int64_t> slots_;        // per instance and primitive: first entry or kNone
 };

@@ -1,4 +1,6 @@
 target_sources(tessera_render
   PRIVATE light/emissive_power.cpp light/environment_map.cpp light/light_table.cpp
+          light/light_tree.cpp
   PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
-    FILES light/emissive_power.h light/environment_map.h light/light_table.h light/punctual.h)
+    FILES light/emissive_power.h light/environment_map.h light/light_table.h
+          light/light_tree.h light/punctual.h)

@@ -18,6 +18,10 @@ double fraction(std::uint64_t bits) {
   return static_cast<double>(bits & 0xfffffu) * 0x1p-20;
 }
 
+LightReceiver receiver_of(const Bsdf& bsdf, const SurfacePoint& position) {
+  return {position.position, bsdf.frame.normal, bsdf.interface != Interface::opaque};
+}
+
 /// Where a path is: the ray that has not been traced yet, and what it carries.
 struct Path {
   Ray ray;  // unit direction
@@ -28,7 +32,7 @@ struct Path {
   bool from_camera = true;               // nothing but alpha holes so far
   bool by_chance = true;                 // no light sampling could have made this ray: no MIS
   float pdf = 0;                         // of the last scattering, over solid angle
-  Vec3f scattered_at;                    // where that was
+  LightReceiver scattered_at;            // where that was
   const MaterialView* medium = nullptr;  // the absorbing solid the ray is in
 };
 
@@ -185,9 +189,10 @@ void PathTracer::add_emission(const ShadingPoint& point, const TriangleId& id,
   if (!point.material->emissive) return;
   Vec3f light = path_.throughput * emission_at(frame_.shading, point);
   if (!path_.by_chance) {
-    const float distance = length(position - path_.scattered_at);
+    const float distance = length(position - path_.scattered_at.point);
     const float cosine = std::fabs(dot(point.geometric_normal, path_.ray.direction));
-    light *= power_heuristic(path_.pdf, frame_.lights.emitter_pdf(id, distance, cosine));
+    const float other = frame_.lights.emitter_pdf(path_.scattered_at, id, distance, cosine);
+    light *= power_heuristic(path_.pdf, other);
   }
   path_.result.radiance += light;
 }
@@ -222,7 +227,7 @@ void PathTracer::add_direct(const Bsdf& bsdf, const TriangleId& id, const Surfac
   u.u2 = x.y + fraction(bits >> 20) * 0x1p-24;
   u.select = x.z + fraction(bits >> 40) * 0x1p-24;
   LightSample light;
-  if (!frame_.lights.sample(position.position, u, &light)) return;
+  if (!frame_.lights.sample(receiver_of(bsdf, position), u, &light)) return;
   const BsdfValue value = evaluate_bsdf(bsdf, light.direction);
   if (!(max_component(value.f_cos) > 0)) return;
   const Ray ray = light.distant ? spawn_ray(position, id, light.direction)
@@ -286,7 +291,7 @@ bool PathTracer::scatter(const ShadingPoint& point, const Bsdf& bsdf, const Tria
   path_.from_camera = false;
   path_.by_chance = next.delta;
   path_.pdf = next.pdf;
-  path_.scattered_at = position.position;
+  path_.scattered_at = receiver_of(bsdf, position);
   path_.ray = spawn_ray(position, id, next.wi);
   return true;
 }
