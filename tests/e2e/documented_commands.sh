@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Runs the commands of README.md and docs/: each ```sh block under a line `<!-- run -->`, in a folder
-# that looks like the root of the clone, the programs on the path. Blocks of a page run in order.
+# that looks like the root of the clone, the programs on the path. Blocks of a page run in order. A
+# block that is not run says why, in a line `<!-- not run: WHY -->` above it.
 . "$(dirname "$0")/farm.sh"
 root=$(cd "$(dirname "$0")/../.." && pwd)
 
@@ -11,7 +12,11 @@ for page in "$root"/README.md "$root"/docs/*.md; do
   python3 - "$page" >"$work/commands" <<'PY'
 import re, sys
 text = open(sys.argv[1]).read()
-print("\n".join(re.findall(r"<!-- run -->\n+```sh\n(.*?)```", text, re.S)))
+blocks = re.findall(r"(?:<!-- (run|not run: [^\n]+) -->\n+)?```sh\n(.*?)```", text, re.S)
+for mark, block in blocks:
+    if not mark:
+        sys.exit(f"{sys.argv[1]}: neither run nor said why not:\n{block}")
+print("\n".join(block for mark, block in blocks if mark == "run"))
 PY
   [ -s "$work/commands" ] && grep -q . "$work/commands" || continue
   (set -eu; . "$work/commands") >"$work/commands.log" 2>&1 </dev/null ||

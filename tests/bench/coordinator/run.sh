@@ -80,7 +80,8 @@ assert job["pixels_right"], "the merged image is not what the blocks imply"
 bad = {k: sum(s[k] for s in sims) for k in ("duplicate", "unwanted", "rejected")}
 print(f"{what}: {units} blocks of {job['block_bytes']} bytes durable in {seconds:.2f} s: "
       f"{units / seconds:.0f}/s, {units * job['block_bytes'] / seconds / 1e6:.0f} MB/s; "
-      f"server at most {peak} MiB; pixels right; {bad}")
+      f"image {job['wall_seconds'] - seconds:.1f} s later; server at most {peak} MiB; "
+      f"pixels right; {bad}")
 PY
   rm -rf "$folder"/*
 }
