@@ -11,7 +11,7 @@
 namespace tessera::render {
 namespace {
 
-constexpr int kBins = 16, kSplitBins = 16;
+constexpr int kBins = 32, kSplitBins = 16;
 /// From this depth on nodes are split by count: at most 31 more levels.
 constexpr int kMaxSahDepth = 40;
 /// Ranges larger than this are split one after the other, smaller ones in parallel.

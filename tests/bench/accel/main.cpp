@@ -27,7 +27,7 @@ namespace {
 
 struct Options {
   std::string peer = "embree", json, isa{isa_name(best_isa())};
-  std::vector<std::string> scenes;
+  std::vector<std::string> scenes, kinds;  // empty: all
   bool quick = false;
   int rounds = 4, side = 512;
 };
@@ -105,6 +105,10 @@ void run_scene(const Options& options, const std::string& name, std::vector<Row>
               name.c_str(), static_cast<long long>(triangle_count(bench.scene)), ours_seconds,
               peer_seconds, rows.back().ours, rows.back().peer);
   for (const RaySet& set : make_rays(bench, accel, options.quick ? 32 : options.side)) {
+    if (!options.kinds.empty() &&
+        std::find(options.kinds.begin(), options.kinds.end(), set.kind) == options.kinds.end()) {
+      continue;
+    }
     const auto ours = [&] {
       return set.any ? any_hits(accel, set.rays) : closest_hits(accel, set.rays);
     };
@@ -182,6 +186,7 @@ int main(int argc, char** argv) {
       ->check(CLI::IsMember({"avx2", "avx512"}));
   app.add_option("--scene", options.scenes, "only these scenes")
       ->check(CLI::IsMember(tessera::render::bench::scene_names()));
+  app.add_option("--kind", options.kinds, "only these kinds of rays");
   app.add_option("--rounds", options.rounds, "measurements, of which the best counts");
   app.add_option("--side", options.side, "camera rays a side");
   app.add_flag("--quick", options.quick, "small scenes: shows that the harness works");
