@@ -25,6 +25,9 @@
 namespace tessera::render::bench {
 namespace {
 
+/// Few rays are traced again and again, so that a measurement lasts.
+constexpr std::size_t kRaysAtLeast = 100'000;
+
 struct Options {
   std::string peer = "embree", json, isa{isa_name(best_isa())};
   std::vector<std::string> scenes, kinds;  // empty: all
@@ -63,12 +66,12 @@ std::int64_t any_hits(const SceneAccel& accel, const std::vector<Ray>& rays) {
   return hits;
 }
 
-/// Seconds of one run; *hits gets what it returned.
+/// Seconds a run takes, of so many in a row; *hits gets what it returned.
 template <typename Run>
-double timed(Run&& run, std::int64_t* hits) {
+double timed(Run&& run, std::size_t runs, std::int64_t* hits) {
   const double start = cpu_seconds();
-  *hits = run();
-  return cpu_seconds() - start;
+  for (std::size_t i = 0; i < runs; ++i) *hits = run();
+  return (cpu_seconds() - start) / static_cast<double>(runs);
 }
 
 /// Best of the rounds, the peer before and after ours.
@@ -76,10 +79,11 @@ template <typename Ours, typename Peer>
 Row compare(const Options& options, Row row, std::size_t rays, Ours&& ours, Peer&& peer) {
   double ours_best = 1e30, peer_best = 1e30;
   std::int64_t ours_hits = 0, peer_hits = 0;
+  const std::size_t runs = 1 + kRaysAtLeast / std::max<std::size_t>(rays, 1);
   for (int round = 0; round < options.rounds; ++round) {
-    peer_best = std::min(peer_best, timed(peer, &peer_hits));
-    ours_best = std::min(ours_best, timed(ours, &ours_hits));
-    peer_best = std::min(peer_best, timed(peer, &peer_hits));
+    peer_best = std::min(peer_best, timed(peer, runs, &peer_hits));
+    ours_best = std::min(ours_best, timed(ours, runs, &ours_hits));
+    peer_best = std::min(peer_best, timed(peer, runs, &peer_hits));
   }
   row.ours = static_cast<double>(rays) / ours_best * 1e-6;
   row.peer = static_cast<double>(rays) / peer_best * 1e-6;

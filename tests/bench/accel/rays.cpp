@@ -1,5 +1,6 @@
 #include "tests/bench/accel/rays.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "proto/contract/hilbert.h"
@@ -46,8 +47,10 @@ std::vector<Start> starts(const BenchScene& bench, const SceneAccel& accel,
     Vec3f normal(normalize(cross(corner(1) - a, corner(2) - a)));
     if (dot(normal, ray.direction) > 0) normal = -normal;
     const Vec3f point = ray.origin + ray.direction * hit.t;
-    // As a renderer would: off the surface by more than its coordinates round.
-    const float offset = 1e-4f * bench.scale + 1e-6f * max_abs(point);
+    // As a renderer would: off the surface by more than the hit rounds, which depends on how far
+    // the triangle reaches.
+    const double reach = std::max({max_abs(a), max_abs(corner(1)), max_abs(corner(2))});
+    const float offset = 1e-4f * bench.scale + 1e-6f * static_cast<float>(reach);
     out.push_back({point + normal * offset, normal});
   }
   return out;
