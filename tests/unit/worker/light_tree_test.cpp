@@ -136,6 +136,20 @@ TEST(LightTree, PassesOverPatchesThatFaceAwayOrLieBehind) {
   EXPECT_NEAR(share_of_first(facing, both), 0.5, 1e-6);
 }
 
+TEST(LightTree, TakesASharpSpotInItsConeForALampAndOutsideForNothing) {
+  LightBounds spot = lamp({0, 4, 0}, 1);
+  spot.axis = {0, -1, 0};
+  spot.normal_angle = 0.4363148;
+  spot.emission_angle = 1.7e-5;
+  const LightTree tree({spot, lamp({0, 4, 0}, 1)});
+  const auto share_at = [&tree](float x) {
+    return tree.probability({{x, 0, 0}, {0, 1, 0}, false}, 0);
+  };
+  const float edge = 4 * std::tan(0.4363f);
+  for (const float x : {0.0f, 1.0f, 0.999f * edge}) EXPECT_NEAR(share_at(x), 0.5, 1e-5) << x;
+  for (const float x : {1.01f * edge, 5.0f}) EXPECT_LT(share_at(x), 0.01) << x;
+}
+
 TEST(LightTree, HoldsLightsInOnePlaceInARowAndAtTheReceiver) {
   for (const double step : {0.0, 1e-30, 1.0, 1e17}) {
     std::vector<LightBounds> lights;
