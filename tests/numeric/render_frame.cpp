@@ -163,10 +163,13 @@ TEST(FrameRenderer, MirroredCopiesLookLikeTheMirror) {  // hard case 27
     render::Image image;
     image.width = image.height = 4;
     image.channels = 3;
+    std::vector<std::uint8_t> codes;
     for (int i = 0; i < 16; ++i) {
-      for (const int v : {100 + 9 * i, 200 - 7 * i, 220})
-        image.u8.push_back(static_cast<std::uint8_t>(v));
+      for (const int v : {100 + 9 * i, 200 - 7 * i, 220}) {
+        codes.push_back(static_cast<std::uint8_t>(v));
+      }
     }
+    image.u8 = codes;
     scene.images.push_back(image);
     scene.textures.push_back({0, render::Wrap::clamp, render::Wrap::clamp, false});
     Material m = lambert({1, 1, 1});
@@ -280,6 +283,34 @@ TEST(Aovs, OfTheFirstHitAreExact) {
   const auto second = (*renderer)->render({0, 0, 2, 2}, {8, 8}, 1, render::sequential());
   EXPECT_TRUE(second.depth.empty());
   EXPECT_EQ(second.albedo[1], 4);
+}
+
+TEST(FrameRenderer, SharesTreesWithAnotherFrameWithoutAChangeOfBits) {
+  const auto settings = small_settings(32, 32, 4);
+  const auto scene_at = [](const render::Mesh& sphere_mesh, double x) {
+    Scene scene = empty_scene();
+    add_primitive(&scene, quad({-2, -2, -1}, {4, 0, 0}, {0, 4, 0}, 0));
+    scene.meshes.push_back(sphere_mesh);
+    scene.instances.push_back({1, 1, translation(x, 0, 0), translation(-x, 0, 0), false});
+    set_constant_sky(&scene, 1);
+    return scene;
+  };
+  const render::Mesh mesh{"", {sphere({0, 0, 0}, 0.5f, 16, 0)}};
+  const auto make = [&](double x, const render::FrameRenderer* before) {
+    auto made =
+        render::FrameRenderer::create(scene_at(mesh, x), settings, 0, render::sequential(), before);
+    EXPECT_TRUE(made.ok());
+    return *std::move(made);
+  };
+  const auto block_of = [&](const render::FrameRenderer& frame) {
+    return contract::encode(frame.render({0, 0, 32, 32}, {0, 4}, 0, render::sequential()));
+  };
+  const auto first = make(-0.5, nullptr), alone = make(0.5, nullptr);
+  const std::string want = block_of(*alone);
+  EXPECT_NE(block_of(*first), want) << "the sphere has moved";
+  auto sharing = make(0.5, first.get());
+  EXPECT_EQ(sharing->accel().shared_meshes(), 1u) << "the sphere; the quad was made anew";
+  EXPECT_EQ(block_of(*sharing), want);
 }
 
 TEST(NumericsCheck, IsTheSameEachTime) {

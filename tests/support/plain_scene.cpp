@@ -81,7 +81,7 @@ std::int32_t add_primitive(Scene* scene, Primitive primitive, const Affine3d& pl
   scene->instances.push_back(instance);
   grow_bounds(scene, primitive, placement);
   render::Mesh mesh;
-  mesh.primitives.push_back(std::move(primitive));
+  mesh.primitives = {std::move(primitive)};
   scene->meshes.push_back(std::move(mesh));
   return static_cast<std::int32_t>(scene->instances.size()) - 1;
 }

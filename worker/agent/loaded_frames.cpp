@@ -32,8 +32,10 @@ absl::StatusOr<LoadedFrames::Outcome> LoadedFrames::load(const v1::LoadScene& co
     if (!scene.ok()) return scene.status();
     outcome.load_seconds = seconds_since(start);
     const auto build_start = Clock::now();
+    const auto other = any_frame(command.job_id());
     auto made =
-        render::FrameRenderer::create(*std::move(scene), *settings, command.frame(), parallel_for);
+        render::FrameRenderer::create(*std::move(scene), *settings, command.frame(), parallel_for,
+                                      other == nullptr ? nullptr : other->renderer.get());
     if (!made.ok()) return made.status();
     renderer = *std::move(made);
     outcome.build_seconds = seconds_since(build_start);
@@ -63,6 +65,12 @@ absl::StatusOr<std::shared_ptr<LoadedFrames::JobScene>> LoadedFrames::job_scene(
     jobs_[command.job_id()] = job;
   }
   return job;
+}
+
+std::shared_ptr<const LoadedFrame> LoadedFrames::any_frame(const std::string& job_id) {
+  const std::lock_guard lock(mutex_);
+  const auto found = frames_.lower_bound({job_id, 0});
+  return found == frames_.end() || found->first.first != job_id ? nullptr : found->second;
 }
 
 std::shared_ptr<const LoadedFrame> LoadedFrames::find(const std::string& job_id,

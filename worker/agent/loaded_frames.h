@@ -56,6 +56,9 @@ class LoadedFrames {
                                                       const contract::RenderSettings& settings,
                                                       std::vector<Descriptor> descriptors);
 
+  /// Some loaded frame of the job, with which another can share; null if there is none.
+  std::shared_ptr<const LoadedFrame> any_frame(const std::string& job_id);
+
   std::mutex mutex_;  // guards what follows
   std::map<std::string, std::shared_ptr<JobScene>> jobs_;
   std::map<std::pair<std::string, std::int32_t>, std::shared_ptr<const LoadedFrame>> frames_;

@@ -47,12 +47,13 @@ void check_float_control() {
 class PathTracingFrame final : public FrameRenderer {
  public:
   PathTracingFrame(Scene scene, const contract::RenderSettings& settings, std::int32_t frame,
-                   const ParallelFor& parallel_for);
+                   const ParallelFor& parallel_for, const FrameRenderer* before);
 
   contract::FilmBlock render(const contract::PixelRect& rect, const contract::Pass& pass,
                              std::int32_t pass_index,
                              const ParallelFor& parallel_for) const override;
   Timings timings() const override { return timings_; }
+  const SceneAccel& accel() const override { return accel_; }
 
  private:
   void render_chunk(const UnitWork& unit, std::int64_t chunk, ChunkTotals* totals) const;
@@ -87,19 +88,21 @@ std::int64_t scene_bytes(const Scene& scene) {
   return static_cast<std::int64_t>(bytes + scene.instances.size() * sizeof(Instance));
 }
 
-SceneAccel timed_accel(const Scene& scene, const ParallelFor& parallel_for, double* seconds) {
+SceneAccel timed_accel(const Scene& scene, const ParallelFor& parallel_for,
+                       const FrameRenderer* before, double* seconds) {
   const auto start = std::chrono::steady_clock::now();
-  SceneAccel accel(scene, parallel_for);
+  SceneAccel accel(scene, parallel_for, best_isa(), before == nullptr ? nullptr : &before->accel());
   *seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return accel;
 }
 
 PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& settings,
-                                   std::int32_t frame, const ParallelFor& parallel_for)
+                                   std::int32_t frame, const ParallelFor& parallel_for,
+                                   const FrameRenderer* before)
     : scene_(std::move(scene)),
       shading_(scene_),
       camera_(scene_.camera, settings.width, settings.height),
-      accel_(timed_accel(scene_, parallel_for, &timings_.accel_build_seconds)),
+      accel_(timed_accel(scene_, parallel_for, before, &timings_.accel_build_seconds)),
       lights_(scene_, shading_),
       filter_(settings.filter, settings.filter_width),
       context_{shading_,
@@ -201,7 +204,7 @@ void PathTracingFrame::store_first_hit(const PathResult& path, std::size_t pixel
 
 absl::StatusOr<std::unique_ptr<FrameRenderer>> FrameRenderer::create(
     Scene scene, const contract::RenderSettings& settings, std::int32_t frame,
-    const ParallelFor& parallel_for) {
+    const ParallelFor& parallel_for, const FrameRenderer* before) {
   if (settings.width < 1 || settings.height < 1) {
     return absl::InvalidArgumentError(
         absl::StrCat("render settings: size ", settings.width, "x", settings.height));
@@ -217,7 +220,8 @@ absl::StatusOr<std::unique_ptr<FrameRenderer>> FrameRenderer::create(
   if (scene.materials.empty()) {
     return absl::InvalidArgumentError("scene: no materials, not even the default one");
   }
-  return std::make_unique<PathTracingFrame>(std::move(scene), settings, frame, parallel_for);
+  return std::make_unique<PathTracingFrame>(std::move(scene), settings, frame, parallel_for,
+                                            before);
 }
 
 }  // namespace tessera::render

@@ -15,12 +15,13 @@ namespace tessera::render {
 /// threads may render from it at once.
 class FrameRenderer {
  public:
-  /// Takes the scene, builds acceleration structures and light tables, using `parallel_for`.
+  /// Takes the scene, builds acceleration structures and light tables, using `parallel_for`. What
+  /// another frame of the job, `before`, has of the same meshes is shared with it.
   ///
   /// Errors: InvalidArgument naming what in scene or settings cannot be rendered.
   static absl::StatusOr<std::unique_ptr<FrameRenderer>> create(
       Scene scene, const contract::RenderSettings& settings, std::int32_t frame,
-      const ParallelFor& parallel_for);
+      const ParallelFor& parallel_for, const FrameRenderer* before = nullptr);
   virtual ~FrameRenderer() = default;
 
   /// The block of one unit: the samples of `pass` over the pixels of `rect`. A function of the
@@ -36,6 +37,7 @@ class FrameRenderer {
     std::int64_t memory_bytes = 0;  // scene, structures, tables
   };
   virtual Timings timings() const = 0;
+  virtual const SceneAccel& accel() const = 0;
 };
 
 /// A ParallelFor that runs its body on the calling thread, in order.

@@ -46,7 +46,7 @@ absl::StatusOr<Image> decode_environment(std::span<const std::byte> file, const 
   }
   const auto channels = static_cast<std::size_t>(decoded->channels);
   const std::size_t pixels = decoded->f32.size() / channels;
-  sky.f32.resize(pixels * 3);
+  std::vector<float> rgb(pixels * 3);
   for (std::size_t i = 0; i < pixels; ++i) {
     for (std::size_t k = 0; k < 3; ++k) {
       const float v = decoded->f32[i * channels + k];
@@ -54,9 +54,10 @@ absl::StatusOr<Image> decode_environment(std::span<const std::byte> file, const 
         return absl::InvalidArgumentError(absl::StrCat("pixel ", i % sky.width, ", ", i / sky.width,
                                                        " is negative or not finite"));
       }
-      sky.f32[i * 3 + k] = v;
+      rgb[i * 3 + k] = v;
     }
   }
+  sky.f32 = std::move(rgb);
   return sky;
 }
 

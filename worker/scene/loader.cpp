@@ -51,9 +51,11 @@ class LoadedScene final : public SceneFile {
                              std::int32_t frame) const override {
     const PoseInput input{document_, has_sky_ ? &sky_ : nullptr, settings, frame};
     std::vector<Problem> met;
-    auto scene = build_scene(input, met);
+    PoseCache cache = last_pose();
+    auto scene = build_scene(input, cache, met);
     remember(met);
     if (!scene.ok()) return in_file(name_, scene.status());
+    keep(std::move(cache));
     return scene;
   }
 
@@ -131,6 +133,16 @@ class LoadedScene final : public SceneFile {
     return absl::OkStatus();
   }
 
+  PoseCache last_pose() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return cache_;
+  }
+
+  void keep(PoseCache cache) const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    cache_ = std::move(cache);
+  }
+
   /// Adds what has not been said before, up to kMaxProblems.
   void remember(const std::vector<Problem>& met) const {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -145,7 +157,8 @@ class LoadedScene final : public SceneFile {
   }
 
   std::string name_;
-  mutable std::mutex mutex_;  // guards document_.problems and said_
+  mutable std::mutex mutex_;  // guards document_.problems, said_ and cache_
+  mutable PoseCache cache_;   // of the last pose
   mutable std::set<std::string> said_;
   mutable Document document_;  // after load() only `problems` changes
   Image sky_;

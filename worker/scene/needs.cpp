@@ -11,9 +11,9 @@ namespace {
 
 constexpr std::int64_t kAccelBytesPerTriangle = 96, kAccelBytesPerInstance = 512;
 
-template <typename T>
-std::int64_t bytes_in(const std::vector<T>& v) {
-  return static_cast<std::int64_t>(v.size() * sizeof(T));
+template <typename Array>
+std::int64_t bytes_in(const Array& v) {
+  return static_cast<std::int64_t>(v.size() * sizeof(*v.data()));
 }
 
 std::int64_t bytes_of_primitive(const Primitive& p) {

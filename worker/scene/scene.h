@@ -8,6 +8,7 @@
 
 #include "worker/math/transform.h"
 #include "worker/math/vector.h"
+#include "worker/scene/shared_array.h"
 
 namespace tessera::render {
 
@@ -28,9 +29,9 @@ struct Image {
   std::int32_t channels =
       0;  // 1 to 4; fewer than 4: missing G, B repeat as the decoder says, A is 1
   Storage storage = Storage::u8;
-  std::vector<std::uint8_t> u8;
-  std::vector<std::uint16_t> u16;
-  std::vector<float> f32;
+  SharedArray<std::uint8_t> u8;
+  SharedArray<std::uint16_t> u16;
+  SharedArray<float> f32;
 };
 
 enum class Wrap : std::uint8_t { repeat, clamp, mirror };
@@ -107,7 +108,7 @@ struct Primitive {
 /// One glTF mesh, or one skinned or morphed copy of it.
 struct Mesh {
   std::string name;
-  std::vector<Primitive> primitives;
+  SharedArray<Primitive> primitives;
 };
 
 /// A placed mesh. The index in Scene::instances is the instance id of "One hit": nodes in

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <memory>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -20,20 +22,9 @@ namespace tessera::render {
 
 namespace {
 
-/// A box in double; empty until something is added.
-struct Box {
-  Vec3d low = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, high = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
-
-  void add(const Vec3d& p) {
-    low = min(low, p);
-    high = max(high, p);
-  }
-  [[nodiscard]] bool is_empty() const { return !(low.x <= high.x); }
-};
-
 /// Box of the transformed box, corner by corner.
-Box transformed(const Affine3d& m, const Box& box) {
-  Box out;
+PosedBox transformed(const Affine3d& m, const PosedBox& box) {
+  PosedBox out;
   for (unsigned corner = 0; corner < 8 && !box.is_empty(); ++corner) {
     out.add(transform_point(m, Vec3d{(corner & 1) != 0 ? box.high.x : box.low.x,
                                      (corner & 2) != 0 ? box.high.y : box.low.y,
@@ -44,8 +35,8 @@ Box transformed(const Affine3d& m, const Box& box) {
 
 class SceneBuilder {
  public:
-  SceneBuilder(const PoseInput& input, std::vector<Problem>& problems)
-      : document_(input.document), input_(input), problems_(problems) {}
+  SceneBuilder(const PoseInput& input, PoseCache& cache, std::vector<Problem>& problems)
+      : document_(input.document), input_(input), cache_(cache), problems_(problems) {}
 
   absl::StatusOr<Scene> build() {
     absl::Status status = pose_nodes();
@@ -57,10 +48,19 @@ class SceneBuilder {
     if (status.ok()) status = add_textures();
     if (!status.ok()) return status;
     add_environment();
+    cache_ = std::move(kept_);
     return std::move(scene_);
   }
 
  private:
+  struct SkinnedMesh {
+    std::int32_t mesh = kNone;
+    const std::vector<Affine3d>* joints = nullptr;
+    std::vector<Primitive> primitives;
+    std::vector<std::vector<Vec3d>> worlds;  // by primitive, until the scene's centre is known
+    bool mirrored = false;                   // the joints turn its winding round
+  };
+
   void warn(const std::string& element, const std::string& message) {
     if (problems_.size() > kMaxProblems) return;
     problems_.push_back({Problem::Severity::warning, element, message});
@@ -150,66 +150,120 @@ class SceneBuilder {
                                                    kMaxGeometryBytes, " bytes"));
   }
 
-  /// Reads and poses all primitives of a mesh; with `joints`, skinned.
-  absl::StatusOr<std::int32_t> add_mesh(std::int32_t source, const std::vector<double>& weights,
-                                        const std::vector<Affine3d>* joints, bool& mirrored) {
-    Mesh mesh{document_.meshes[source].name, {}};
-    const auto index = static_cast<std::int32_t>(scene_.meshes.size());
-    std::vector<std::vector<Vec3d>> worlds;
-    Box box;
-    for (std::size_t k = 0; k < document_.meshes[source].primitives.size(); ++k) {
-      const PrimitiveSource& primitive = document_.meshes[source].primitives[k];
-      absl::Status affordable = count_bytes(primitive, source);
-      if (!affordable.ok()) return affordable;
-      const std::int32_t material = material_of(primitive);
-      auto base = read_primitive(document_, source, k, needs_of(material), problems_);
-      if (!base.ok()) return base.status();
-      if (!*base || (*base)->primitive.triangles.empty()) continue;
-      const std::string where = absl::StrCat("meshes[", source, "].primitives[", k, "]");
-      Primitive posed = morph(**base, weights);
-      if (joints != nullptr) {
-        auto skinned = skin(**base, std::move(posed), *joints);
-        if (!skinned.ok()) {
-          return absl::Status(skinned.status().code(),
-                              absl::StrCat(where, ": ", skinned.status().message()));
-        }
-        posed = std::move(skinned->primitive);
-        mirrored = mirrored || skinned->mirrored;
-        for (std::size_t v = 0; v < posed.positions.size(); ++v) {
-          posed.positions[v] = Vec3f(skinned->world_positions[v]);
-        }
-        worlds.push_back(std::move(skinned->world_positions));
+  /// A primitive as the file has it, from the last pose if that had it; null: has no triangles.
+  /// What does not deform is not kept: its mesh is.
+  absl::StatusOr<std::shared_ptr<const BasePrimitive>> base_primitive(std::int32_t mesh,
+                                                                      std::size_t index,
+                                                                      bool deforms) {
+    const PoseCache::BaseKey key(mesh, variant_, index);
+    if (const auto known = cache_.bases.find(key); deforms && known != cache_.bases.end()) {
+      return kept_.bases[key] = known->second;
+    }
+    const std::int32_t material = material_of(document_.meshes[mesh].primitives[index]);
+    auto read = read_primitive(document_, mesh, index, needs_of(material), problems_);
+    if (!read.ok()) return read.status();
+    std::shared_ptr<const BasePrimitive> base;
+    if (*read && !(*read)->primitive.triangles.empty()) {
+      base = std::make_shared<const BasePrimitive>(**std::move(read));
+    }
+    if (deforms) kept_.bases[key] = base;
+    return base;
+  }
+
+  /// Reads and poses a primitive; with `joints`, skinned, its true positions added to `worlds`.
+  /// nullopt: has no triangles.
+  absl::StatusOr<std::optional<Primitive>> pose_primitive(std::int32_t mesh, std::size_t index,
+                                                          const std::vector<double>& weights,
+                                                          SkinnedMesh* skinned) {
+    const PrimitiveSource& source = document_.meshes[mesh].primitives[index];
+    absl::Status affordable = count_bytes(source, mesh);
+    if (!affordable.ok()) return affordable;
+    const auto base = base_primitive(mesh, index, skinned != nullptr || !source.targets.empty());
+    if (!base.ok()) return base.status();
+    if (*base == nullptr) return std::optional<Primitive>();
+    const std::string where = absl::StrCat("meshes[", mesh, "].primitives[", index, "]");
+    Primitive posed = morph(**base, weights);
+    if (skinned != nullptr) {
+      auto bent = skin(**base, std::move(posed), *skinned->joints);
+      if (!bent.ok()) {
+        return absl::Status(bent.status().code(),
+                            absl::StrCat(where, ": ", bent.status().message()));
       }
-      if (const std::size_t gone = drop_wild_triangles(posed); gone > 0) {
-        warn(where, absl::StrCat(gone,
-                                 " triangles left the range of floats when posed; "
-                                 "they are left out"));
+      posed = std::move(bent->primitive);
+      skinned->mirrored = skinned->mirrored || bent->mirrored;
+      for (std::size_t v = 0; v < posed.positions.size(); ++v) {
+        posed.positions[v] = Vec3f(bent->world_positions[v]);
       }
-      posed.material = material;
-      used_[material] = used_[material] || !posed.triangles.empty();
-      for (const auto& t : posed.triangles) {
-        for (const std::uint32_t v : t) {
-          box.add(joints != nullptr ? worlds.back()[v] : Vec3d(posed.positions[v]));
-        }
-      }
-      mesh.primitives.push_back(std::move(posed));
+      skinned->worlds.push_back(std::move(bent->world_positions));
+    }
+    if (const std::size_t gone = drop_wild_triangles(posed); gone > 0) {
+      warn(where, absl::StrCat(gone,
+                               " triangles left the range of floats when posed; "
+                               "they are left out"));
+    }
+    posed.material = material_of(source);
+    return std::optional<Primitive>(std::move(posed));
+  }
+
+  /// Adds a mesh that has been posed or kept.
+  std::int32_t add_mesh(Mesh mesh, const PosedBox& box) {
+    for (const Primitive& p : mesh.primitives) {
+      used_[p.material] = used_[p.material] || !p.triangles.empty();
     }
     scene_.meshes.push_back(std::move(mesh));
     boxes_.push_back(box);
-    if (joints != nullptr) skinned_.push_back({index, std::move(worlds)});
-    return index;
+    return static_cast<std::int32_t>(scene_.meshes.size()) - 1;
   }
 
-  /// The scene mesh of a glTF mesh at given weights; shared by the nodes that use it so.
+  /// The scene mesh of a glTF mesh at given weights; shared by the nodes and poses that use it so.
   absl::StatusOr<std::int32_t> shared_mesh(std::int32_t source,
                                            const std::vector<double>& weights) {
     const auto key = std::make_pair(source, weights);
-    const auto known = shared_.find(key);
-    if (known != shared_.end()) return known->second;
-    bool mirrored = false;
-    auto made = add_mesh(source, weights, nullptr, mirrored);
-    if (made.ok()) shared_[key] = *made;
-    return made;
+    if (const auto known = shared_.find(key); known != shared_.end()) return known->second;
+    const PoseCache::MeshKey kept_as(source, variant_, weights);
+    PoseCache::PosedMesh& posed = kept_.meshes[kept_as];
+    if (const auto before = cache_.meshes.find(kept_as); before != cache_.meshes.end()) {
+      posed = before->second;
+    } else {
+      std::vector<Primitive> primitives;
+      for (std::size_t k = 0; k < document_.meshes[source].primitives.size(); ++k) {
+        auto primitive = pose_primitive(source, k, weights, nullptr);
+        if (!primitive.ok()) return primitive.status();
+        if (*primitive) primitives.push_back(**std::move(primitive));
+      }
+      for (const Primitive& p : primitives) {
+        for (const auto& t : p.triangles) {
+          for (const std::uint32_t v : t) posed.box.add(Vec3d(p.positions[v]));
+        }
+      }
+      posed.mesh = {document_.meshes[source].name, std::move(primitives)};
+    }
+    return shared_[key] = add_mesh(posed.mesh, posed.box);
+  }
+
+  /// A copy of a glTF mesh of its own, bent by joints; it gets its primitives in recenter().
+  absl::StatusOr<std::int32_t> skinned_mesh(std::int32_t source, const std::vector<double>& weights,
+                                            const std::vector<Affine3d>& joints, bool& mirrored) {
+    SkinnedMesh skinned;
+    skinned.joints = &joints;
+    PosedBox box;
+    for (std::size_t k = 0; k < document_.meshes[source].primitives.size(); ++k) {
+      auto primitive = pose_primitive(source, k, weights, &skinned);
+      if (!primitive.ok()) return primitive.status();
+      if (!*primitive) continue;
+      const Primitive& p = **primitive;
+      used_[p.material] = used_[p.material] || !p.triangles.empty();
+      for (const auto& t : p.triangles) {
+        for (const std::uint32_t v : t) box.add(skinned.worlds.back()[v]);
+      }
+      skinned.primitives.push_back(**std::move(primitive));
+    }
+    skinned.joints = nullptr;
+    skinned.mesh = add_mesh({document_.meshes[source].name, {}}, box);
+    mirrored = skinned.mirrored;
+    const std::int32_t mesh = skinned.mesh;
+    skinned_.push_back(std::move(skinned));
+    return mesh;
   }
 
   [[nodiscard]] std::vector<double> weights_of(const Node& node) const {
@@ -228,7 +282,7 @@ class SceneBuilder {
       const auto joints = joint_matrices(document_, node.skin, world_);
       if (!joints.ok()) return joints.status();
       bool mirrored = false;
-      const auto mesh = add_mesh(node.mesh, weights_of(node), &*joints, mirrored);
+      const auto mesh = skinned_mesh(node.mesh, weights_of(node), *joints, mirrored);
       if (!mesh.ok()) return mesh.status();
       add_instance(*mesh, index, Affine3d());
       if (!scene_.instances.empty() && scene_.instances.back().mesh == *mesh) {
@@ -300,7 +354,7 @@ class SceneBuilder {
     const std::string where = absl::StrCat("nodes[", node, "]");
     const auto inverted = inverse(world);
     if (!inverted) return warn(where, "its transform is singular or not finite; left out");
-    const Box box = transformed(world, boxes_[mesh]);
+    const PosedBox box = transformed(world, boxes_[mesh]);
     if (!(max_abs(box.low) <= kMaxCoordinate && max_abs(box.high) <= kMaxCoordinate)) {
       return warn(where, "lies farther than 1e18 from the origin; left out");
     }
@@ -333,15 +387,15 @@ class SceneBuilder {
     scene_.center = center;
     scene_.bounds_min = bounds_.low - center;
     scene_.bounds_max = bounds_.high - center;
-    for (const SkinnedMesh& s : skinned_) {
-      auto& primitives = scene_.meshes[s.mesh].primitives;
-      for (std::size_t k = 0; k < primitives.size(); ++k) {
+    for (SkinnedMesh& s : skinned_) {
+      for (std::size_t k = 0; k < s.primitives.size(); ++k) {
         for (std::size_t v = 0; v < s.worlds[k].size(); ++v) {
           const Vec3d p = s.worlds[k][v] - center;
           const bool finite = max_abs(p) <= kMaxCoordinate && std::isfinite(p.x + p.y + p.z);
-          primitives[k].positions[v] = finite ? Vec3f(p) : Vec3f{};
+          s.primitives[k].positions[v] = finite ? Vec3f(p) : Vec3f{};
         }
       }
+      scene_.meshes[s.mesh].primitives = std::move(s.primitives);
     }
     for (Instance& instance : scene_.instances) {
       if (is_skinned(instance.mesh)) continue;  // its vertices have been moved
@@ -382,7 +436,7 @@ class SceneBuilder {
           continue;
         }
         if (!decoded.contains(image)) {
-          absl::Status status = add_image(document_.images[image]);
+          absl::Status status = add_image(image);
           if (!status.ok()) return status;
           decoded[image] = static_cast<std::int32_t>(scene_.images.size()) - 1;
         }
@@ -392,18 +446,25 @@ class SceneBuilder {
     return absl::OkStatus();
   }
 
-  absl::Status add_image(const ImageSource& source) {
-    auto image = decode_image(source.bytes, source.name);
-    if (!image.ok()) {
-      return absl::Status(image.status().code(),
-                          absl::StrCat(source.name, ": ", image.status().message()));
+  absl::Status add_image(std::int32_t index) {
+    const ImageSource& source = document_.images[index];
+    Image& image = kept_.images[index];
+    if (const auto before = cache_.images.find(index); before != cache_.images.end()) {
+      image = before->second;
+    } else {
+      auto decoded = decode_image(source.bytes, source.name);
+      if (!decoded.ok()) {
+        return absl::Status(decoded.status().code(),
+                            absl::StrCat(source.name, ": ", decoded.status().message()));
+      }
+      image = *std::move(decoded);
     }
-    image_bytes_ += image->u8.size() + 2 * image->u16.size() + 4 * image->f32.size();
+    image_bytes_ += image.u8.size() + 2 * image.u16.size() + 4 * image.f32.size();
     if (image_bytes_ > kMaxAllImageBytes) {
       return absl::InvalidArgumentError(absl::StrCat(
           source.name, ": the images decode to more than ", kMaxAllImageBytes, " bytes"));
     }
-    scene_.images.push_back(*std::move(image));
+    scene_.images.push_back(image);
     return absl::OkStatus();
   }
 
@@ -436,31 +497,29 @@ class SceneBuilder {
     }
   }
 
-  struct SkinnedMesh {
-    std::int32_t mesh = kNone;
-    std::vector<std::vector<Vec3d>> worlds;  // by primitive
-  };
-
   const Document& document_;
   const PoseInput& input_;
+  PoseCache& cache_;  // of the last pose
+  PoseCache kept_;    // for the next
   std::vector<Problem>& problems_;
   Scene scene_;
   std::vector<Node> nodes_;  // posed
   std::vector<Affine3d> world_;
   std::vector<std::int32_t> order_;
   std::int32_t variant_ = kNone;
-  std::vector<bool> used_;  // materials
-  std::vector<Box> boxes_;  // by scene mesh; of skinned ones in world space
+  std::vector<bool> used_;       // materials
+  std::vector<PosedBox> boxes_;  // by scene mesh; of skinned ones in world space
   std::map<std::pair<std::int32_t, std::vector<double>>, std::int32_t> shared_;
   std::vector<SkinnedMesh> skinned_;
-  Box bounds_;
+  PosedBox bounds_;
   std::uint64_t geometry_bytes_ = 0, image_bytes_ = 0;
 };
 
 }  // namespace
 
-absl::StatusOr<Scene> build_scene(const PoseInput& input, std::vector<Problem>& problems) {
-  return SceneBuilder(input, problems).build();
+absl::StatusOr<Scene> build_scene(const PoseInput& input, PoseCache& cache,
+                                  std::vector<Problem>& problems) {
+  return SceneBuilder(input, cache, problems).build();
 }
 
 }  // namespace tessera::render

@@ -5,6 +5,7 @@
 #include "absl/status/statusor.h"
 #include "proto/contract/render_settings.h"
 #include "worker/scene/document.h"
+#include "worker/scene/pose_cache.h"
 #include "worker/scene/scene.h"
 
 namespace tessera::render {
@@ -17,8 +18,10 @@ struct PoseInput {
   std::int32_t frame = 0;
 };
 
-/// The scene at one frame. Appends warnings and notes to `problems`.
-/// Errors: InvalidArgument "ELEMENT: FAULT".
-absl::StatusOr<Scene> build_scene(const PoseInput& input, std::vector<Problem>& problems);
+/// The scene at one frame. Takes what it can from `cache`, of any earlier pose of the document, and
+/// leaves there what it used. Appends warnings and notes to `problems`, not again for what was
+/// cached. Errors: InvalidArgument "ELEMENT: FAULT".
+absl::StatusOr<Scene> build_scene(const PoseInput& input, PoseCache& cache,
+                                  std::vector<Problem>& problems);
 
 }  // namespace tessera::render

@@ -15,7 +15,7 @@ target_sources(tessera_render
     scene/extension_reader.h scene/first_pass.h scene/folder_reader.h scene/geometry_reader.h
     scene/hierarchy.h scene/image_decoder.h scene/inspect_report.h scene/json_view.h
     scene/limits.h scene/loader.h scene/meshopt_decoder.h scene/needs.h scene/scene.h
-    scene/scene_builder.h scene/selection.h scene/tangents.h scene/uri.h)
+    scene/pose_cache.h scene/scene_builder.h scene/selection.h scene/shared_array.h scene/tangents.h scene/uri.h)
 # tinygltf is used as a header (see core_model.cpp): nothing to link.
 target_link_libraries(tessera_render
   PRIVATE nlohmann_json::nlohmann_json draco::draco

@@ -36,7 +36,7 @@ Primitive primitive_with_uv(AddUv add_uv) {
   b.add_node_with_mesh(mesh);
   const auto scene = load_and_pose(b);
   EXPECT_TRUE(scene.ok()) << scene.status();
-  return scene.ok() ? scene->meshes.at(0).primitives.at(0) : Primitive();
+  return scene.ok() ? scene->meshes.at(0).primitives[0] : Primitive();
 }
 
 /// Three VEC2 elements of integers; the value of the second element's x.

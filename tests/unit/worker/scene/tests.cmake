@@ -5,6 +5,7 @@ tessera_test(NAME scene KIND unit
     unit/worker/scene/compression_test.cpp unit/worker/scene/container_test.cpp
     unit/worker/scene/inspect_test.cpp
     unit/worker/scene/malformed_test.cpp unit/worker/scene/material_test.cpp
+    unit/worker/scene/pose_cache_test.cpp
     unit/worker/scene/pose_test.cpp unit/worker/scene/tangents_test.cpp
   LINKS tessera::render tessera_test_scene draco::draco meshoptimizer::meshoptimizer
     nlohmann_json::nlohmann_json)

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <initializer_list>
+#include <memory>
+#include <utility>
+#include <vector>
+
+namespace tessera::render {
+
+/// An array that its copies share and nobody changes: what the frames of a job have in common is
+/// held once. Safe to copy and read from any thread.
+template <typename T>
+class SharedArray {
+ public:
+  SharedArray() = default;
+  SharedArray(std::vector<T> values)  // NOLINT(google-explicit-constructor): takes over a vector
+      : values_(values.empty() ? nullptr
+                               : std::make_shared<const std::vector<T>>(std::move(values))),
+        data_(values_ == nullptr ? nullptr : values_->data()),
+        size_(values_ == nullptr ? 0 : values_->size()) {}
+  SharedArray(std::initializer_list<T> values) : SharedArray(std::vector<T>(values)) {}
+
+  const T* data() const { return data_; }
+  std::size_t size() const { return size_; }
+  bool empty() const { return size_ == 0; }
+  const T* begin() const { return data_; }
+  const T* end() const { return data_ + size_; }
+  const T& operator[](std::size_t i) const { return data_[i]; }
+
+  friend bool operator==(const SharedArray& a, const SharedArray& b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end());
+  }
+
+  /// Whether both are copies of one array; of empty ones, always.
+  bool shares(const SharedArray& other) const { return data_ == other.data_; }
+
+ private:
+  std::shared_ptr<const std::vector<T>> values_;
+  const T* data_ = nullptr;
+  std::size_t size_ = 0;
+};
+
+}  // namespace tessera::render
