@@ -222,8 +222,9 @@ TEST(Morphing, FollowsAnAnimationOfWeights) {
   EXPECT_EQ(scene->meshes[0].primitives[0].positions[2], (Vec3f{0, 1.5f, 0.5f}));
 }
 
-/// An arm of two joints: vertices 0 and 1 follow the first, 2 the second, 3 both by 1/4 and 3/4.
-std::string skinned_arm() {
+/// An arm of two joints: vertices 0 and 1 follow the first, 2 the second, 3 both by 1/4 and 3/4;
+/// with `second_set`, the latter by JOINTS_1 and WEIGHTS_1.
+std::string skinned_arm(bool second_set = false) {
   GltfBuilder b;
   b.add_vec3({{0, 0, 0}, {1, 0, 0}, {0, 2, 0}, {1, 2, 0}});
   b.add_vec3({{0, 0, 1}, {0, 0, 1}, {0, 0, 1}, {1, 0, 0}});
@@ -232,13 +233,23 @@ std::string skinned_arm() {
                   .component_type = testing::kUnsignedByte,
                   .count = 4,
                   .type = "VEC4"});
-  b.add_vec4({{1, 0, 0, 0}, {1, 0, 0, 0}, {1, 0, 0, 0}, {0.25f, 0.75f, 0, 0}});
+  b.add_vec4({{1, 0, 0, 0}, {1, 0, 0, 0}, {1, 0, 0, 0}, {0.25f, second_set ? 0 : 0.75f, 0, 0}});
   b.add_indices({0, 1, 2, 1, 3, 2});
   // The second joint's bind pose is at (0, 1, 0).
   b.add_floats("MAT4", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0,  0, 1,
                         1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, -1, 0, 1});
   b.add("meshes", R"({"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1, "JOINTS_0": 2,
                                       "WEIGHTS_0": 3}, "indices": 4}]})");
+  if (second_set) {
+    const std::vector<std::uint8_t> more(16, 1);
+    const int joint = b.add_accessor({.view = b.add_view(bytes_of(more)),
+                                      .component_type = testing::kUnsignedByte,
+                                      .count = 4,
+                                      .type = "VEC4"});
+    const int weight = b.add_vec4({{0, 0, 0, 0}, {0, 0, 0, 0}, {0, 0, 0, 0}, {0, 0, 0, 0.75f}});
+    b.set("/meshes/0/primitives/0/attributes/JOINTS_1", std::to_string(joint));
+    b.set("/meshes/0/primitives/0/attributes/WEIGHTS_1", std::to_string(weight));
+  }
   b.add("skins", R"({"joints": [1, 2], "inverseBindMatrices": 5})");
   b.add_node(R"({"mesh": 0, "skin": 0, "translation": [77, 77, 77]})");  // ignored for skins
   b.add_node(R"({"translation": [10, 0, 0], "children": [2]})");
@@ -265,6 +276,17 @@ TEST(Skins, BlendJointMatricesAsAnIndependentEvaluationDoes) {
   const double length = std::sqrt(0.25 * 0.25 + 0.75 * 0.75);
   expect_near(Vec3d(p.normals[3]), {0.25 / length, 0.75 / length, 0});
   EXPECT_EQ(scene->instances[0].object_to_world, Affine3d());
+}
+
+TEST(Skins, TakeFurtherInfluencesFromTheSecondSet) {
+  const auto four = load_and_pose(skinned_arm(false)), eight = load_and_pose(skinned_arm(true));
+  ASSERT_TRUE(four.ok()) << four.status();
+  ASSERT_TRUE(eight.ok()) << eight.status();
+  const Primitive &p = four->meshes[0].primitives[0], &q = eight->meshes[0].primitives[0];
+  for (std::size_t v = 0; v < 4; ++v) {
+    expect_near(Vec3d(q.positions[v]) + eight->center, Vec3d(p.positions[v]) + four->center);
+    expect_near(Vec3d(q.normals[v]), Vec3d(p.normals[v]));
+  }
 }
 
 TEST(Skins, RefuseJointsAndMatricesThatAreNotThere) {

@@ -2,6 +2,8 @@
 #include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cstring>
 #include <string>
 
@@ -69,6 +71,114 @@ TEST(Images, OfSixteenBitPngKeepSixteenBits) {
   const Image image = decoded(encode("png", 2, 1, 3, codes));
   EXPECT_EQ(image.storage, Image::Storage::u16);
   EXPECT_EQ(image.u16, codes);
+}
+
+void append_big_endian(std::vector<std::byte>& out, std::uint32_t value) {
+  for (int shift = 24; shift >= 0; shift -= 8)
+    out.push_back(static_cast<std::byte>(value >> shift));
+}
+
+/// A PNG chunk; its check sum is CRC-32.
+void append_chunk(std::vector<std::byte>& out, const std::string& type, const Codes& data) {
+  append_big_endian(out, static_cast<std::uint32_t>(data.size()));
+  std::uint32_t crc = 0xffffffff;
+  const auto put = [&](std::uint8_t code) {
+    out.push_back(static_cast<std::byte>(code));
+    crc ^= code;
+    for (int bit = 0; bit < 8; ++bit) crc = (crc >> 1) ^ ((crc & 1) != 0 ? 0xedb88320u : 0u);
+  };
+  for (const char c : type) put(static_cast<std::uint8_t>(c));
+  for (const std::uint8_t code : data) put(code);
+  append_big_endian(out, ~crc);
+}
+
+struct Chunk {
+  std::string type;
+  Codes data;
+};
+
+/// A one-row PNG of what no writer here makes: `row` as stored, after `chunks`.
+std::vector<std::byte> png_row(std::uint8_t width, std::uint8_t depth, std::uint8_t color_type,
+                               const std::vector<Chunk>& chunks, const Codes& row) {
+  std::vector<std::byte> out;
+  append_big_endian(out, 0x89504e47);
+  append_big_endian(out, 0x0d0a1a0a);
+  append_chunk(out, "IHDR", {0, 0, 0, width, 0, 0, 0, 1, depth, color_type, 0, 0, 0});
+  for (const Chunk& chunk : chunks) append_chunk(out, chunk.type, chunk.data);
+  // zlib: one stored block of the filter type and the row, then Adler-32.
+  Codes data = {0};
+  data.insert(data.end(), row.begin(), row.end());
+  const auto length = static_cast<std::uint8_t>(data.size());
+  Codes stream = {0x78, 0x01, 1, length, 0, static_cast<std::uint8_t>(~length), 0xff};
+  std::uint32_t a = 1, b = 0;
+  for (const std::uint8_t code : data) {
+    stream.push_back(code);
+    a += code;
+    b += a;
+  }
+  for (const std::uint32_t sum : {b >> 8, b, a >> 8, a}) {
+    stream.push_back(static_cast<std::uint8_t>(sum));
+  }
+  append_chunk(out, "IDAT", stream);
+  append_chunk(out, "IEND", {});
+  return out;
+}
+
+TEST(Images, OfPalettesTakeTheirAlphaFromTrns) {
+  const Chunk palette{"PLTE", {10, 20, 30, 200, 100, 50, 1, 2, 3}};
+  const Image image = decoded(png_row(4, 8, 3, {palette, {"tRNS", {0, 128}}}, {1, 0, 2, 1}));
+  EXPECT_EQ(image.channels, 4);
+  EXPECT_EQ(image.u8, (Codes{200, 100, 50, 128, 10, 20, 30, 0, 1, 2, 3, 255, 200, 100, 50, 128}));
+  const Image opaque = decoded(png_row(2, 8, 3, {palette}, {2, 1}));
+  EXPECT_EQ(opaque.channels, 3);
+  EXPECT_EQ(opaque.u8, (Codes{1, 2, 3, 200, 100, 50}));
+}
+
+TEST(Images, OfFewBitsAreStretchedToEight) {
+  EXPECT_EQ(decoded(png_row(4, 1, 0, {}, {0b10100000})).u8,
+            (Codes{255, 255, 255, 0, 0, 0, 255, 255, 255, 0, 0, 0}));
+  EXPECT_EQ(decoded(png_row(2, 4, 0, {}, {0x3f})).u8, (Codes{51, 51, 51, 255, 255, 255}));
+}
+
+TEST(Images, OfSixteenBitGreyAndAlphaKeepBoth) {
+  const Image image = decoded(png_row(2, 16, 4, {}, {0x12, 0x34, 0xff, 0xff, 0, 1, 0x80, 0}));
+  EXPECT_EQ(image.channels, 4);
+  const std::vector<std::uint16_t> want = {0x1234, 0x1234, 0x1234, 0xffff, 1, 1, 1, 0x8000};
+  EXPECT_EQ(image.u16, want);
+}
+
+TEST(Images, KeepTheirCodesWhateverTheFileSaysOfColour) {
+  // glTF: colour spaces, gamma and ICC profiles inside images are ignored.
+  const Codes codes = {3, 99, 180, 255, 128, 7};
+  const std::vector<Chunk> said = {{"gAMA", {0, 1, 0x86, 0xa0}},  // 1.0
+                                   {"gAMA", {0, 0, 0x27, 0x10}},  // 0.1
+                                   {"sRGB", {0}}};
+  for (const Chunk& chunk : said) {
+    EXPECT_EQ(decoded(png_row(2, 8, 2, {chunk}, codes)).u8, codes) << chunk.type;
+  }
+}
+
+TEST(Images, OfJpegIgnoreOrientationAndMayBeProgressive) {
+  // Left black, right white: turned by the orientation it would be taller than wide.
+  Codes halves;
+  for (int y = 0; y < 8; ++y) {
+    for (int x = 0; x < 16; ++x) halves.insert(halves.end(), 3, x < 8 ? 0 : 255);
+  }
+  const Image plain = decoded(encode("jpeg", 16, 8, 3, halves));
+  OIIO::ParamValueList said;
+  said.attribute("Orientation", 6);
+  said.attribute("jpeg:progressive", 1);
+  const auto file = encode("jpeg", 16, 8, 3, halves, said);
+  const auto contains = [&](std::uint8_t marker) {
+    const std::array<std::byte, 2> sought = {std::byte{0xff}, static_cast<std::byte>(marker)};
+    return std::search(file.begin(), file.end(), sought.begin(), sought.end()) != file.end();
+  };
+  EXPECT_TRUE(contains(0xc2)) << "progressive";
+  EXPECT_TRUE(contains(0xe1)) << "Exif";
+  const Image image = decoded(file);
+  EXPECT_EQ(image.width, 16);
+  EXPECT_EQ(image.height, 8);
+  EXPECT_EQ(image.u8, plain.u8);
 }
 
 TEST(Images, OfJpegDecodeNearlyAndOfLosslessWebpExactly) {
