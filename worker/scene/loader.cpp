@@ -105,7 +105,8 @@ class LoadedScene final : public SceneFile {
         if (texture.basisu_only) {
           return absl::UnimplementedError(
               absl::StrCat("textures[", ref->texture,
-                           "]: KHR_texture_basisu without a fallback image is not supported"));
+                           "]: KHR_texture_basisu without a fallback image is not supported; "
+                           "give the texture a PNG or JPEG source too"));
         }
         if (texture.image != kNone) document_.images[texture.image].needed = true;
       }

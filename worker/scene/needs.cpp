@@ -9,7 +9,7 @@ namespace tessera::render {
 
 namespace {
 
-constexpr std::int64_t kAccelBytesPerTriangle = 96, kAccelBytesPerInstance = 512;
+constexpr std::int64_t kAccelBytesPerTriangle = 64, kAccelBytesPerInstance = 256;
 
 template <typename Array>
 std::int64_t bytes_in(const Array& v) {
