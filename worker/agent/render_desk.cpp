@@ -250,9 +250,10 @@ bool RenderDesk::render_suspects(Time now) {
   const auto is_suspect = [this](const UnitKey& key) { return suspects_.contains(key); };
   const std::vector<UnitKey> started = queue_.started();
   if (std::any_of(started.begin(), started.end(), is_suspect)) return true;
-  const auto next = std::find_if(queue_.waiting().begin(), queue_.waiting().end(), is_suspect);
-  if (next == queue_.waiting().end()) return false;
-  const UnitKey key = *next;
+  const std::vector<UnitKey> waiting(queue_.waiting().begin(), queue_.waiting().end());
+  const auto next = std::find_if(waiting.begin(), waiting.end(), is_suspect);
+  if (next == waiting.end()) return false;
+  const UnitKey& key = *next;
   const bool others_load = std::any_of(frames_.begin(), frames_.end(), [&](const auto& frame) {
     return !frame.second.loaded && frame.second.error.empty() &&
            frame.first != FrameKey(key.job_id, key.unit.frame);
@@ -265,7 +266,7 @@ bool RenderDesk::render_suspects(Time now) {
 std::size_t RenderDesk::most_handed_out() const {
   const int spare =
       unit_seconds_ > 0 && unit_seconds_ < kShortUnitSeconds ? options_.thread_count : 1;
-  return static_cast<std::size_t>(options_.thread_count + spare);
+  return static_cast<std::size_t>(options_.thread_count) + static_cast<std::size_t>(spare);
 }
 
 /// Whether the unit's frame is loaded; does what is needed to get there.

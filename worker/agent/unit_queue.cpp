@@ -188,8 +188,8 @@ std::int32_t credit_window(int thread_count, double round_trip_seconds, double u
   const double in_flight =
       unit_seconds > 0 ? std::ceil(thread_count * round_trip_seconds / unit_seconds) : 0;
   const double wanted = 2.0 * thread_count + std::min(in_flight, kMostInFlight);
-  const double fits = block_bytes > 0 ? static_cast<double>(buffer_bytes / block_bytes) : wanted;
-  return static_cast<std::int32_t>(std::max(1.0, std::min(wanted, fits)));
+  const std::int64_t fits = buffer_bytes / std::max<std::int64_t>(block_bytes, 1);
+  return static_cast<std::int32_t>(std::max(1.0, std::min(wanted, static_cast<double>(fits))));
 }
 
 }  // namespace tessera::agent
