@@ -60,7 +60,7 @@ v1::Job& FakeFarm::add_job(const std::string& id, const std::string& name, v1::J
   job.set_owner("local");
   job.set_state(state);
   job.mutable_create_time()->set_seconds(1'700'000'000);
-  *job.mutable_settings() = contract::to_message({});
+  *job.mutable_settings() = contract::to_message(contract::RenderSettings{});
   v1::JobProgress& progress = *job.mutable_progress();
   progress.set_unit_count(200);
   progress.set_committed_unit_count(50);
