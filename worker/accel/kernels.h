@@ -22,6 +22,10 @@ class HitFilter {
   bool (*call_)(void*, const Hit&);
 };
 
+/// Triangles of one mesh that a filtered any_hit surely shows once only, should spatial splits have
+/// put them in several leaves: twice as many as may be transparent to one ray.
+inline constexpr int kMostShownOnce = 2048;
+
 /// The queries of SceneAccel, compiled twice from traversal.inc: with eight-wide nodes for AVX2,
 /// and with sixteen-wide ones for AVX-512 (F, BW, DQ, VL). Rays must be valid. Hits do not depend
 /// on which.

@@ -104,7 +104,7 @@ TriangleBlock make_block(const Triangles& triangles, std::span<const std::uint32
 }  // namespace
 
 template <int kWidth>
-MeshTree<kWidth> build_mesh_tree(const Mesh& mesh, bool split, const ParallelFor& parallel_for) {
+MeshTree<kWidth> build_mesh_tree(const Mesh& mesh, const ParallelFor& parallel_for) {
   MeshTree<kWidth> tree;
   tree.first_rank = {0};
   for (const Primitive& p : mesh.primitives) {
@@ -113,8 +113,7 @@ MeshTree<kWidth> build_mesh_tree(const Mesh& mesh, bool split, const ParallelFor
   }
   const Triangles triangles = gather(mesh, tree.first_rank);
   const TriangleCutter cutter(triangles.corners);
-  const BinaryBvhInput input = {triangles.boxes, kBlockSize, split ? &cutter : nullptr,
-                                kSplitBudget};
+  const BinaryBvhInput input = {triangles.boxes, kBlockSize, &cutter, kSplitBudget};
   WideBvh<kWidth> bvh = collapse<kWidth>(build_binary_bvh(input, parallel_for));
   tree.nodes = std::move(bvh.nodes);
   tree.bounds = bvh.bounds;
@@ -127,7 +126,7 @@ MeshTree<kWidth> build_mesh_tree(const Mesh& mesh, bool split, const ParallelFor
   return tree;
 }
 
-template MeshTree<8> build_mesh_tree<8>(const Mesh&, bool, const ParallelFor&);
-template MeshTree<16> build_mesh_tree<16>(const Mesh&, bool, const ParallelFor&);
+template MeshTree<8> build_mesh_tree<8>(const Mesh&, const ParallelFor&);
+template MeshTree<16> build_mesh_tree<16>(const Mesh&, const ParallelFor&);
 
 }  // namespace tessera::render

@@ -6,11 +6,11 @@
 
 namespace tessera::render {
 
-/// Builds the tree of a mesh. With `split`, long triangles may be in several leaves.
+/// Builds the tree of a mesh, of the triangles that can be hit. Long ones may be in several leaves.
 template <int kWidth>
-MeshTree<kWidth> build_mesh_tree(const Mesh& mesh, bool split, const ParallelFor& parallel_for);
+MeshTree<kWidth> build_mesh_tree(const Mesh& mesh, const ParallelFor& parallel_for);
 
-extern template MeshTree<8> build_mesh_tree<8>(const Mesh&, bool, const ParallelFor&);
-extern template MeshTree<16> build_mesh_tree<16>(const Mesh&, bool, const ParallelFor&);
+extern template MeshTree<8> build_mesh_tree<8>(const Mesh&, const ParallelFor&);
+extern template MeshTree<16> build_mesh_tree<16>(const Mesh&, const ParallelFor&);
 
 }  // namespace tessera::render

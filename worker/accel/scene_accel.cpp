@@ -93,18 +93,6 @@ Box3f padded(const Box3d& box, const Vec3d& pad) {
   return out;
 }
 
-/// Whether a filter may let rays through the material, and so collect its triangles.
-bool may_pass(const Material& material) {
-  return material.alpha_mode != AlphaMode::opaque || material.unlit || material.transmission > 0;
-}
-
-bool all_stop_light(const Scene& scene, const Mesh& mesh) {
-  return std::none_of(mesh.primitives.begin(), mesh.primitives.end(), [&](const Primitive& p) {
-    const auto material = static_cast<std::size_t>(p.material);
-    return material < scene.materials.size() && may_pass(scene.materials[material]);
-  });
-}
-
 template <int kWidth>
 void build_top(const Scene& scene, AccelTrees<kWidth>& trees, const ParallelFor& parallel_for) {
   // Origins: the camera, and points on or just off the instances.
@@ -162,23 +150,20 @@ const AccelTrees<16>& SceneAccel::trees() const {
 template <int kWidth>
 void SceneAccel::build(const Scene& scene, AccelTrees<kWidth>& trees, const SceneAccel* before,
                        const ParallelFor& parallel_for) {
-  std::map<std::pair<const Primitive*, bool>, std::size_t> known;
+  std::map<const Primitive*, std::size_t> known;
   if (before != nullptr && before->isa_ == isa_) {
     for (std::size_t i = 0; i < before->origins_.size(); ++i) {
-      const Origin& origin = before->origins_[i];
-      known[{origin.primitives.data(), origin.stops_light}] = i;
+      known[before->origins_[i].data()] = i;
     }
   }
   trees.meshes.reserve(scene.meshes.size());
   for (const Mesh& mesh : scene.meshes) {
-    const Origin& origin =
-        origins_.emplace_back(Origin{mesh.primitives, all_stop_light(scene, mesh)});
-    const auto same = known.find({origin.primitives.data(), origin.stops_light});
+    const auto same = known.find(origins_.emplace_back(mesh.primitives).data());
     if (same != known.end()) {
       trees.meshes.push_back(before->trees<kWidth>().meshes[same->second]);
       ++shared_meshes_;
     } else {
-      trees.meshes.push_back(build_mesh_tree<kWidth>(mesh, origin.stops_light, parallel_for));
+      trees.meshes.push_back(build_mesh_tree<kWidth>(mesh, parallel_for));
     }
   }
   build_top(scene, trees, parallel_for);

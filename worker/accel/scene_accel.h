@@ -23,9 +23,9 @@ namespace tessera::render {
 ///
 /// A `filter` is called as bool(const Hit&) for hits that would otherwise be taken, in no order
 /// that may matter: what it returns must depend on the hit alone. For closest_hit only hits
-/// before the best so far are shown. any_hit shows each triangle of each instance at most once,
-/// and all of them while the filter returns false, so that it can collect; but triangles of meshes
-/// all of whose materials stop light (see may_pass()) may come twice.
+/// before the best so far are shown. any_hit shows each triangle of each instance at most once (of
+/// the first kMostShownOnce of an instance), and all of them while the filter returns false, so
+/// that it can collect.
 class SceneAccel {
  public:
   /// Builds with `parallel_for`; copies what it needs, so the scene may go. Triangles that are
@@ -66,12 +66,6 @@ class SceneAccel {
   std::size_t shared_meshes() const { return shared_meshes_; }
 
  private:
-  /// What a mesh's tree was built of.
-  struct Origin {
-    SharedArray<Primitive> primitives;
-    bool stops_light = false;
-  };
-
   template <int kWidth>
   void build(const Scene& scene, AccelTrees<kWidth>& trees, const SceneAccel* before,
              const ParallelFor& parallel_for);
@@ -81,7 +75,7 @@ class SceneAccel {
   const AccelTrees<kWidth>& trees() const;
 
   Isa isa_;
-  std::vector<Origin> origins_;  // by mesh
+  std::vector<SharedArray<Primitive>> origins_;  // by mesh: what its tree was built of
   std::size_t shared_meshes_ = 0;
   AccelTrees<8> eight_;     // filled for avx2
   AccelTrees<16> sixteen_;  // filled for avx512

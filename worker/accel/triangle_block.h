@@ -52,7 +52,7 @@ inline std::uint32_t intersect_block(const BlockRay& block_ray, const TriangleBl
   const float* const x = block.v[0][0] + block_ray.x;
   const float* const y = block.v[0][0] + block_ray.y;
   const float* const z = block.v[0][0] + block_ray.z;
-  constexpr std::size_t kVertex = 3 * kBlockSize;
+  constexpr std::size_t kVertex = std::size_t{3} * kBlockSize;
   const Lanes sx = block_ray.sx, sy = block_ray.sy;
   const Lanes az = load(z) - block_ray.oz, bz = load(z + kVertex) - block_ray.oz,
               cz = load(z + 2 * kVertex) - block_ray.oz;

@@ -1,9 +1,12 @@
 // Rays a second of our structures beside Embree's, in one process, on one thread, in CPU time.
 //
 //   tessera-bench-accel --peer embree [--json FILE] [--quick] [--scene NAME]... [--rounds N]
+//   tessera-bench-accel --agreement 10000000 [--brute 100000]
 //
 // Scenes and rays are generated (scenes.h, rays.h). In every round the peer is measured right
-// before and right after ours; each figure is the best of its measurements.
+// before and right after ours; each figure is the best of its measurements. With --agreement, so
+// many rays over all scenes are traced with every instruction set instead, and some of each scene
+// by brute force; it fails if any hit differs in any bit.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -16,6 +19,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/bench/accel/agreement.h"
 #include "tests/bench/accel/embree_peer.h"
 #include "tests/bench/accel/rays.h"
 #include "tests/bench/accel/scenes.h"
@@ -28,11 +32,15 @@ namespace {
 /// Few rays are traced again and again, so that a measurement lasts.
 constexpr std::size_t kRaysAtLeast = 100'000;
 
+/// Most triangle tests brute force may take in one scene: half a minute.
+constexpr std::int64_t kBruteTests = 3'000'000'000;
+
 struct Options {
   std::string peer = "embree", json, isa{isa_name(best_isa())};
   std::vector<std::string> scenes, kinds;  // empty: all
   bool quick = false;
   int rounds = 4, side = 512;
+  std::int64_t agreement = 0, brute = 100'000;
 };
 
 struct Row {
@@ -162,11 +170,41 @@ nlohmann::json to_json(const std::vector<Row>& rows) {
   return out;
 }
 
-int run(const Options& options) {
-  std::vector<Row> rows;
-  for (const std::string& name : options.scenes.empty() ? scene_names() : options.scenes) {
-    run_scene(options, name, rows);
+/// Triangles, counted once an instance.
+std::int64_t placed_triangles(const BenchScene& bench) {
+  std::int64_t count = 0;
+  for (const Instance& instance : bench.scene.instances) {
+    for (const Primitive& p :
+         bench.scene.meshes[static_cast<std::size_t>(instance.mesh)].primitives) {
+      count += static_cast<std::int64_t>(p.triangles.size());
+    }
   }
+  return count;
+}
+
+/// Exit code 1 if any two structures differ.
+int check_agreement(const Options& options, const std::vector<std::string>& scenes) {
+  std::int64_t wrong = 0;
+  for (const std::string& name : scenes) {
+    const std::int64_t rays = options.agreement / static_cast<std::int64_t>(scenes.size());
+    const BenchScene bench = make_scene(name, options.quick);
+    const std::int64_t brute =
+        std::min(options.brute, kBruteTests / std::max<std::int64_t>(1, placed_triangles(bench)));
+    const Agreement result = compare_structures(bench, rays, brute);
+    std::printf("%-10s %lld rays, %lld by brute force: %lld hits, %lld differ\n", name.c_str(),
+                static_cast<long long>(result.rays), static_cast<long long>(result.brute_rays),
+                static_cast<long long>(result.hits), static_cast<long long>(result.wrong));
+    std::fflush(stdout);
+    wrong += result.wrong;
+  }
+  return wrong == 0 ? 0 : 1;
+}
+
+int run(const Options& options) {
+  const std::vector<std::string> scenes = options.scenes.empty() ? scene_names() : options.scenes;
+  if (options.agreement > 0) return check_agreement(options, scenes);
+  std::vector<Row> rows;
+  for (const std::string& name : scenes) run_scene(options, name, rows);
   std::printf("\ngeometric means of ours / peer\n");
   for (const auto& [kind, mean] : geometric_means(rows)) {
     std::printf("  %-10s %.3f\n", kind.c_str(), mean);
@@ -193,6 +231,8 @@ int main(int argc, char** argv) {
   app.add_option("--kind", options.kinds, "only these kinds of rays");
   app.add_option("--rounds", options.rounds, "measurements, of which the best counts");
   app.add_option("--side", options.side, "camera rays a side");
+  app.add_option("--agreement", options.agreement, "compare hits on so many rays instead");
+  app.add_option("--brute", options.brute, "of those, rays a scene that brute force traces too");
   app.add_flag("--quick", options.quick, "small scenes: shows that the harness works");
   CLI11_PARSE(app, argc, argv);
   return tessera::render::bench::run(options);

@@ -2,11 +2,15 @@
 find_package(embree 3 CONFIG QUIET)
 if(embree_FOUND)
   add_executable(tessera-bench-accel
-    bench/accel/embree_peer.cpp bench/accel/embree_peer.h bench/accel/main.cpp
+    bench/accel/agreement.cpp bench/accel/agreement.h bench/accel/embree_peer.cpp
+    bench/accel/embree_peer.h bench/accel/main.cpp
     bench/accel/rays.cpp bench/accel/rays.h bench/accel/scenes.cpp bench/accel/scenes.h
     bench/accel/shapes.cpp bench/accel/shapes.h)
   target_link_libraries(tessera-bench-accel PRIVATE
     tessera::render CLI11::CLI11 nlohmann_json::nlohmann_json embree)
   add_test(NAME bench.accel COMMAND tessera-bench-accel --quick --rounds 1)
-  set_tests_properties(bench.accel PROPERTIES LABELS integration TIMEOUT 120)
+  add_test(NAME bench.accel_agreement
+    COMMAND tessera-bench-accel --quick --agreement 70000 --brute 500)
+  set_tests_properties(bench.accel bench.accel_agreement PROPERTIES
+    LABELS integration TIMEOUT 120)
 endif()

@@ -1,0 +1,109 @@
+#include "tests/bench/accel/agreement.h"
+
+#include <bit>
+#include <vector>
+
+#include "tests/bench/accel/shapes.h"
+#include "worker/accel/brute_force.h"
+#include "worker/accel/scene_accel.h"
+#include "worker/render/frame_renderer.h"
+
+namespace tessera::render::bench {
+namespace {
+
+/// Draws rays at a scene.
+class RayMaker {
+ public:
+  explicit RayMaker(const Scene& scene) : scene_(scene), random_(99) {
+    for (int i = 0; i < 64; ++i) bounds_.extend(surface_point(i % 2 == 0));
+  }
+
+  Ray next() {
+    const Vec3f size = bounds_.hi - bounds_.lo;
+    Ray ray;
+    ray.origin = bounds_.lo + Vec3f{unit(), unit(), unit()} * size;
+    ray.direction = random_.direction();
+    const std::uint32_t kind = below(9);
+    if (kind < 3) return ray;
+    const Vec3f target = surface_point(kind % 2 == 0), other = surface_point(true);
+    if (kind == 5) ray.origin = other;                             // between two surface points
+    if (kind == 6) ray.origin = target - (other - target) * 4.0f;  // along a chord
+    ray.direction = target - ray.origin;
+    if (kind >= 7) {  // in a plane of boxes: one or two zero components through a vertex
+      const auto axis = static_cast<int>(below(3));
+      flatten(ray, target, axis);
+      if (kind == 8) flatten(ray, target, (axis + 1) % 3);
+    }
+    if (below(8) == 0) ray.t_max = 2 * unit();
+    return ray;
+  }
+
+ private:
+  float unit() { return random_.unit(); }
+  std::uint32_t below(std::uint32_t n) {
+    return static_cast<std::uint32_t>(unit() * static_cast<float>(n));
+  }
+  static void flatten(Ray& ray, const Vec3f& target, int axis) {
+    ray.origin[axis] = target[axis];
+    ray.direction[axis] = 0;
+  }
+
+  /// A vertex in the world, or a point of an edge.
+  Vec3f surface_point(bool edge) {
+    const auto& instances = scene_.instances;
+    const Instance& instance = instances[below(static_cast<std::uint32_t>(instances.size()))];
+    const auto& primitives = scene_.meshes[static_cast<std::size_t>(instance.mesh)].primitives;
+    const Primitive& p = primitives[below(static_cast<std::uint32_t>(primitives.size()))];
+    const auto& triangle = p.triangles[below(static_cast<std::uint32_t>(p.triangles.size()))];
+    const std::uint32_t corner = below(3);
+    const Vec3f& a = p.positions[triangle[corner]];
+    const Vec3f& b = p.positions[triangle[(corner + 1) % 3]];
+    const float along = edge ? unit() : 0;
+    return Vec3f(transform_point(instance.object_to_world, Vec3d(a + (b - a) * along)));
+  }
+
+  const Scene& scene_;
+  Random random_;
+  Box3f bounds_;
+};
+
+bool same_bits(const Hit& a, const Hit& b) {
+  const auto same = [](float x, float y) {
+    return std::bit_cast<std::uint32_t>(x) == std::bit_cast<std::uint32_t>(y);
+  };
+  return same(a.t, b.t) && a.id == b.id && same(a.b0, b.b0) && same(a.b1, b.b1) && same(a.b2, b.b2);
+}
+
+}  // namespace
+
+Agreement compare_structures(const BenchScene& bench, std::int64_t rays, std::int64_t brute_rays) {
+  std::vector<SceneAccel> accels;
+  for (const Isa isa : {Isa::avx2, Isa::avx512}) {
+    if (is_supported(isa)) accels.emplace_back(bench.scene, sequential(), isa);
+  }
+  RayMaker maker(bench.scene);
+  Agreement out;
+  out.rays = rays;
+  out.brute_rays = brute_rays;
+  for (std::int64_t i = 0; i < rays; ++i) {
+    const Ray ray = maker.next();
+    Hit first;
+    const bool found = accels[0].closest_hit(ray, first);
+    bool agree = true;
+    for (const SceneAccel& accel : accels) {
+      Hit hit;
+      agree = agree && accel.closest_hit(ray, hit) == found && (!found || same_bits(hit, first)) &&
+              accel.any_hit(ray) == found;
+    }
+    if (i < brute_rays) {
+      Hit hit;
+      agree = agree && brute_force_closest(bench.scene, ray, hit) == found &&
+              (!found || same_bits(hit, first));
+    }
+    out.hits += found ? 1 : 0;
+    out.wrong += agree ? 0 : 1;
+  }
+  return out;
+}
+
+}  // namespace tessera::render::bench
