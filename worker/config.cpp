@@ -66,6 +66,19 @@ const CLI::Validator& is_unit() {
   return validator;
 }
 
+/// --isa, of those this processor has.
+void add_isa(CLI::App& app, render::Isa& isa) {
+  app.add_option_function<std::string>(
+         "--isa", [&isa](const std::string& name) { isa = *render::parse_isa(name); },
+         "Instructions rays are traced with: avx2 or avx512 (default: the widest there is; pixels "
+         "are the same)")
+      ->check([](const std::string& name) {
+        const auto isa_named = render::parse_isa(name);
+        if (!isa_named) return "not avx2 or avx512: " + name;
+        return render::is_supported(*isa_named) ? std::string() : "this processor lacks " + name;
+      });
+}
+
 void add_worker_options(CLI::App& app, WorkerFlags& flags) {
   agent::AgentOptions& options = flags.options;
   app.add_option("--server", options.server, "Farm to work for: unix:PATH or HOST:PORT")
@@ -86,6 +99,7 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
                  "Limit of the renderer's address space, MB; 0: none")
       ->capture_default_str()
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{100'000'000}));
+  add_isa(app, options.isa);
   app.add_option("--id", options.worker_id,
                  "Identity kept over restarts; the server takes back at once what an earlier "
                  "process of it had (default: random)");
@@ -110,6 +124,7 @@ CLI::App* add_renderer(CLI::App& app, agent::RendererOptions& options, std::stri
   renderer->add_option("--fd", options.fd)->required();
   renderer->add_option("--threads", options.thread_count)->required();
   renderer->add_option("--memory-bytes", options.memory_bytes);
+  add_isa(*renderer, options.isa);
   renderer->add_option("--crash-on", crash_on)->check(is_unit());
   return renderer;
 }

@@ -319,6 +319,13 @@ TEST(NumericsCheck, IsTheSameEachTime) {
   EXPECT_EQ(a->hex(), b->hex());
 }
 
+TEST(NumericsCheck, DoesNotDependOnTheInstructionSet) {
+  const auto narrow = render::numerics_digest(render::Isa::avx2);
+  const auto widest = render::numerics_digest(render::best_isa());
+  ASSERT_TRUE(narrow.ok() && widest.ok());
+  EXPECT_EQ(narrow->hex(), widest->hex());
+}
+
 TEST(NumericsCheck, GivesTheReferenceDigest) {
   const auto digest = render::numerics_digest();
   ASSERT_TRUE(digest.ok()) << digest.status();

@@ -76,7 +76,13 @@ RenderDeskOptions desk_options(const AgentOptions& options) {
   RenderDeskOptions desk;
   desk.thread_count = options.thread_count;
   desk.unit_timeout = options.unit_timeout;
-  desk.arguments = {"renderer", "--fd", "3", "--threads", absl::StrCat(options.thread_count)};
+  desk.arguments = {"renderer",
+                    "--fd",
+                    "3",
+                    "--threads",
+                    absl::StrCat(options.thread_count),
+                    "--isa",
+                    std::string(render::isa_name(options.isa))};
   if (options.memory_bytes > 0) {
     desk.arguments.insert(desk.arguments.end(),
                           {"--memory-bytes", absl::StrCat(options.memory_bytes)});
@@ -94,6 +100,7 @@ absl::StatusOr<RendererProcess::Child> fork_renderer(const AgentOptions& options
   RendererOptions renderer;
   renderer.thread_count = options.thread_count;
   renderer.memory_bytes = options.memory_bytes;
+  renderer.isa = options.isa;
   renderer.crash_on = options.crash_on;
   return RendererProcess::fork_off([&renderer] { return run_renderer(renderer); });
 }

@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "proto/contract/unit.h"
+#include "worker/accel/isa.h"
 
 namespace tessera::agent {
 
@@ -22,6 +23,7 @@ struct AgentOptions {
   std::int64_t cache_bytes = 20'000'000'000;
   std::int64_t buffer_bytes = 256'000'000;  // of blocks without a verdict
   std::int64_t memory_bytes = 0;            // limit of the renderer's address space; 0: none
+  render::Isa isa = render::best_isa();     // what rays are traced with; supported
   std::chrono::seconds unit_timeout{3600};
   std::chrono::seconds grace{20};          // from SIGTERM to the end
   std::string unit_log;                    // file; empty: none

@@ -28,6 +28,9 @@ struct LoadedFrame {
 /// which is why units and this table share it.
 class LoadedFrames {
  public:
+  /// Frames will trace rays with `isa`.
+  explicit LoadedFrames(render::Isa isa) : isa_(isa) {}
+
   struct Outcome {
     double load_seconds = 0;   // parsing, decoding, posing
     double build_seconds = 0;  // structures and tables
@@ -59,6 +62,7 @@ class LoadedFrames {
   /// Some loaded frame of the job, with which another can share; null if there is none.
   std::shared_ptr<const LoadedFrame> any_frame(const std::string& job_id);
 
+  const render::Isa isa_;
   std::mutex mutex_;  // guards what follows
   std::map<std::string, std::shared_ptr<JobScene>> jobs_;
   std::map<std::pair<std::string, std::int32_t>, std::shared_ptr<const LoadedFrame>> frames_;

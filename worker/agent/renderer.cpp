@@ -35,7 +35,10 @@ std::int64_t peak_rss_bytes() {
 class Renderer {
  public:
   explicit Renderer(const RendererOptions& options)
-      : options_(options), socket_(Descriptor(options.fd)), pool_(options.thread_count) {}
+      : options_(options),
+        socket_(Descriptor(options.fd)),
+        frames_(options.isa),
+        pool_(options.thread_count) {}
 
   int run() {
     announce();
@@ -54,8 +57,8 @@ class Renderer {
     v1::RendererEvent event;
     v1::RendererReady& ready = *event.mutable_ready();
     ready.set_contract_version(contract::kRenderContract);
-    ready.set_isa(std::string(render::isa_name(render::best_isa())));
-    const auto digest = render::numerics_digest();
+    ready.set_isa(std::string(render::isa_name(options_.isa)));
+    const auto digest = render::numerics_digest(options_.isa);
     if (digest.ok()) {
       ready.set_numerics_sha256(digest->binary());
     } else {

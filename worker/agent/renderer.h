@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "proto/contract/unit.h"
+#include "worker/accel/isa.h"
 
 namespace tessera::agent {
 
@@ -11,6 +12,7 @@ struct RendererOptions {
   int fd = 3;                     // socket to the agent
   int thread_count = 1;           // units rendered at once
   std::int64_t memory_bytes = 0;  // limit of address space; 0: none
+  render::Isa isa = render::best_isa();
   /// Fault injection for tests: dies by SIGSEGV when it takes up this unit.
   std::optional<contract::Unit> crash_on;
 };

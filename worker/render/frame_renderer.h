@@ -16,12 +16,13 @@ namespace tessera::render {
 class FrameRenderer {
  public:
   /// Takes the scene, builds acceleration structures and light tables, using `parallel_for`. What
-  /// another frame of the job, `before`, has of the same meshes is shared with it.
+  /// another frame of the job, `before`, has of the same meshes is shared with it. Requires a
+  /// supported `isa`; pixels do not depend on it.
   ///
   /// Errors: InvalidArgument naming what in scene or settings cannot be rendered.
   static absl::StatusOr<std::unique_ptr<FrameRenderer>> create(
       Scene scene, const contract::RenderSettings& settings, std::int32_t frame,
-      const ParallelFor& parallel_for, const FrameRenderer* before = nullptr);
+      const ParallelFor& parallel_for, const FrameRenderer* before = nullptr, Isa isa = best_isa());
   virtual ~FrameRenderer() = default;
 
   /// The block of one unit: the samples of `pass` over the pixels of `rect`. A function of the

@@ -177,7 +177,7 @@ absl::StatusOr<Scene> reference_scene() {
 
 }  // namespace
 
-absl::StatusOr<contract::Digest> numerics_digest() {
+absl::StatusOr<contract::Digest> numerics_digest(Isa isa) {
   auto scene = reference_scene();
   if (!scene.ok()) {
     return absl::Status(scene.status().code(),
@@ -190,7 +190,8 @@ absl::StatusOr<contract::Digest> numerics_digest() {
   settings.filter_width = 3;
   settings.aovs = contract::kAovAlbedo | contract::kAovNormal | contract::kAovDepth |
                   contract::kAovPosition | contract::kAovIds;
-  const auto renderer = FrameRenderer::create(*std::move(scene), settings, 1, sequential());
+  const auto renderer =
+      FrameRenderer::create(*std::move(scene), settings, 1, sequential(), nullptr, isa);
   if (!renderer.ok()) return renderer.status();
   contract::Hasher hasher;
   add_elementary_functions(&hasher);

@@ -2,6 +2,7 @@
 
 #include "absl/status/statusor.h"
 #include "proto/contract/digest.h"
+#include "worker/accel/isa.h"
 
 namespace tessera::render {
 
@@ -12,6 +13,6 @@ namespace tessera::render {
 /// tens of milliseconds.
 ///
 /// Errors: those of the image decoders, with "numerics check:" in front.
-absl::StatusOr<contract::Digest> numerics_digest();
+absl::StatusOr<contract::Digest> numerics_digest(Isa isa = best_isa());
 
 }  // namespace tessera::render
