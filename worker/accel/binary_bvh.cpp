@@ -45,6 +45,12 @@ struct Bin {
   std::uint32_t count = 0;
 };
 
+/// What of the references lies between two planes, and how many begin and end there.
+struct SlabBins {
+  PackedBox boxes[kSplitBins];
+  std::uint32_t entries[kSplitBins] = {}, exits[kSplitBins] = {};
+};
+
 /// Which references go left: those in bins below `bin`, or (spatial) those parts below `plane`.
 struct Split {
   int axis = -1;
@@ -243,56 +249,53 @@ class Builder {
     const auto bin_of = [&](float x) {
       return static_cast<int>(clamp((x - low) / width, 0.0f, static_cast<float>(kSplitBins - 1)));
     };
-    PackedBox boxes[kSplitBins];
-    std::uint32_t entries[kSplitBins] = {}, exits[kSplitBins] = {};
+    SlabBins bins;
     for (const Reference& r : range) {
       const int from = bin_of(r.lo[axis]), to = bin_of(-r.negated_hi[axis]);
-      ++entries[from];
-      ++exits[to];
+      ++bins.entries[from];
+      ++bins.exits[to];
       if (from == to) {
-        boxes[from].extend(r.packed());
+        bins.boxes[from].extend(r.packed());
         continue;
       }
       PackedBox parts[kSplitBins];
       input_.cut->chop(r.id, {axis, std::span(planes).subspan(from, to - from + 2)}, parts);
       for (int i = from; i <= to; ++i) {
         const PackedBox part = parts[i - from].intersect(r.packed());
-        if (!part.empty()) boxes[i].extend(part);
+        if (!part.empty()) bins.boxes[i].extend(part);
       }
     }
-    sweep_parts(task, boxes, entries, exits, {axis, 0, 0, true, 0}, planes, best);
+    sweep_parts(task, bins, axis, planes, best);
   }
 
-  void sweep_parts(const Task& task, const PackedBox* boxes, const std::uint32_t* entries,
-                   const std::uint32_t* exits, Split candidate, const float* planes,
+  void sweep_parts(const Task& task, const SlabBins& bins, int axis, const float* planes,
                    Split& best) const {
     double right_cost[kSplitBins];
     std::uint32_t right_count[kSplitBins];
     PackedBox sum;
     std::uint32_t count = 0;
     for (int i = kSplitBins - 1; i > 0; --i) {
-      sum.extend(boxes[i]);
-      count += exits[i];
+      sum.extend(bins.boxes[i]);
+      count += bins.exits[i];
       right_count[i] = count;
       right_cost[i] = sum.half_area() * leaf_tests(count);
     }
     PackedBox left;
     std::uint32_t left_count = 0;
     for (int i = 1; i < kSplitBins; ++i) {
-      left.extend(boxes[i - 1]);
-      left_count += entries[i - 1];
+      left.extend(bins.boxes[i - 1]);
+      left_count += bins.entries[i - 1];
       if (left_count == 0 || right_count[i] == 0) continue;
       if (left_count + right_count[i] > task.count + task.room) continue;
       if (left_count == task.count && right_count[i] == task.count) continue;
-      candidate.cost = left.half_area() * leaf_tests(left_count) + right_cost[i];
-      if (best.axis >= 0 && candidate.cost >= best.cost) continue;
-      best = candidate;
-      best.plane = planes[i];
+      const double cost = left.half_area() * leaf_tests(left_count) + right_cost[i];
+      if (best.axis < 0 || cost < best.cost) best = {axis, 0, cost, true, planes[i]};
     }
   }
 
   double leaf_tests(std::uint32_t count) const {
-    return static_cast<double>((count + input_.leaf_size - 1) / input_.leaf_size);
+    const std::uint32_t tests = (count + input_.leaf_size - 1) / input_.leaf_size;
+    return static_cast<double>(tests);
   }
 
   std::array<Task, 2> split_objects(const Task& task, std::span<Reference> range,

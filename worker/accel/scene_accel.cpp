@@ -150,17 +150,17 @@ const AccelTrees<16>& SceneAccel::trees() const {
 template <int kWidth>
 void SceneAccel::build(const Scene& scene, AccelTrees<kWidth>& trees, const SceneAccel* before,
                        const ParallelFor& parallel_for) {
-  std::map<const Primitive*, std::size_t> known;
+  std::map<const Primitive*, const MeshTree<kWidth>*> known;
   if (before != nullptr && before->isa_ == isa_) {
     for (std::size_t i = 0; i < before->origins_.size(); ++i) {
-      known[before->origins_[i].data()] = i;
+      known[before->origins_[i].data()] = &before->trees<kWidth>().meshes[i];
     }
   }
   trees.meshes.reserve(scene.meshes.size());
   for (const Mesh& mesh : scene.meshes) {
     const auto same = known.find(origins_.emplace_back(mesh.primitives).data());
     if (same != known.end()) {
-      trees.meshes.push_back(before->trees<kWidth>().meshes[same->second]);
+      trees.meshes.push_back(*same->second);
       ++shared_meshes_;
     } else {
       trees.meshes.push_back(build_mesh_tree<kWidth>(mesh, parallel_for));
