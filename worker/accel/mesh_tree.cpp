@@ -94,7 +94,10 @@ TriangleBlock make_block(const Triangles& triangles, std::span<const std::uint32
   for (std::size_t lane = 0; lane < items.size(); ++lane) {
     const auto& corners = triangles.corners[items[lane]];
     for (std::size_t vertex = 0; vertex < 3; ++vertex) {
-      for (int axis = 0; axis < 3; ++axis) block.v[vertex][axis][lane] = corners[vertex][axis];
+      for (int axis = 0; axis < 3; ++axis) {
+        block.v[TriangleBlock::at(vertex, static_cast<std::size_t>(axis)) + lane] =
+            corners[vertex][axis];
+      }
     }
     block.rank[lane] = triangles.ranks[items[lane]];
   }

@@ -13,7 +13,12 @@ inline constexpr int kBlockSize = 8;
 
 /// Up to eight triangles, coordinates in lanes. Unused lanes hold a point (a zero determinant).
 struct alignas(64) TriangleBlock {
-  float v[3][3][kBlockSize] = {};       // [vertex][axis][lane]
+  /// Where the lanes of a vertex's coordinate begin in `v`.
+  static constexpr std::size_t at(std::size_t vertex, std::size_t axis) {
+    return (3 * vertex + axis) * kBlockSize;
+  }
+
+  float v[9 * kBlockSize] = {};         // see at()
   std::uint32_t rank[kBlockSize] = {};  // place among the mesh's triangles in id order
 };
 
@@ -48,10 +53,12 @@ struct BlockHits {
 inline std::uint32_t intersect_block(const BlockRay& block_ray, const TriangleBlock& block,
                                      float limit, BlockHits& hits) {
   const ObjectRay& ray = *block_ray.ray;
-  const auto corner = [&](int vertex, int axis) { return load(block.v[vertex][axis]); };
-  const float* const x = block.v[0][0] + block_ray.x;
-  const float* const y = block.v[0][0] + block_ray.y;
-  const float* const z = block.v[0][0] + block_ray.z;
+  const auto corner = [&](std::size_t vertex, std::size_t axis) {
+    return load(block.v + TriangleBlock::at(vertex, axis));
+  };
+  const float* const x = block.v + block_ray.x;
+  const float* const y = block.v + block_ray.y;
+  const float* const z = block.v + block_ray.z;
   constexpr std::size_t kVertex = std::size_t{3} * kBlockSize;
   const Lanes sx = block_ray.sx, sy = block_ray.sy;
   const Lanes az = load(z) - block_ray.oz, bz = load(z + kVertex) - block_ray.oz,
@@ -78,9 +85,10 @@ inline std::uint32_t intersect_block(const BlockRay& block_ray, const TriangleBl
   Lanes enter = splat(-std::numeric_limits<float>::infinity());
   Lanes leave = splat(std::numeric_limits<float>::infinity());
   for (int k = 0; k < 3; ++k) {
-    const Lanes lo = lesser(lesser(corner(0, k), corner(1, k)), corner(2, k));
-    const Lanes hi = greater(greater(corner(0, k), corner(1, k)), corner(2, k));
-    const bool backwards = ray.backwards[static_cast<std::size_t>(k)] != 0;
+    const auto axis = static_cast<std::size_t>(k);
+    const Lanes lo = lesser(lesser(corner(0, axis), corner(1, axis)), corner(2, axis));
+    const Lanes hi = greater(greater(corner(0, axis), corner(1, axis)), corner(2, axis));
+    const bool backwards = ray.backwards[axis] != 0;
     const Lanes origin = splat(component(ray.origin, k)),
                 inverse = splat(component(ray.inverse, k));
     enter = greater(enter, ((backwards ? hi : lo) - origin) * inverse);

@@ -14,8 +14,8 @@ inline constexpr std::uint32_t kLeafBit = 0x80000000u;
 /// +inf, hi = -inf), which no ray meets.
 template <int kWidth>
 struct alignas(4 * kWidth) WideNode {
-  /// As [axis][0: lo, 1: hi][child], so that the near planes are picked by a sign bit.
-  float planes[3][2][kWidth];
+  /// Of each axis, the lower ones, then the upper ones: the near ones are picked by an offset.
+  float planes[3][2 * kWidth];
   std::uint32_t children[kWidth];  // a node_reference(), or kLeafBit | leaf index
 
   WideNode() {
@@ -24,15 +24,15 @@ struct alignas(4 * kWidth) WideNode {
 
   void set_child(int slot, const Box3f& box, std::uint32_t child) {
     for (int axis = 0; axis < 3; ++axis) {
-      planes[axis][0][slot] = box.lo[axis];
-      planes[axis][1][slot] = box.hi[axis];
+      planes[axis][slot] = box.lo[axis];
+      planes[axis][kWidth + slot] = box.hi[axis];
     }
     children[slot] = child;
   }
 
   Box3f box(int slot) const {
-    return {{planes[0][0][slot], planes[1][0][slot], planes[2][0][slot]},
-            {planes[0][1][slot], planes[1][1][slot], planes[2][1][slot]}};
+    return {{planes[0][slot], planes[1][slot], planes[2][slot]},
+            {planes[0][kWidth + slot], planes[1][kWidth + slot], planes[2][kWidth + slot]}};
   }
 };
 
