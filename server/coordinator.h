@@ -156,7 +156,7 @@ class Coordinator {
   /// Makes a job durable, then calls back. Errors: as CreateJob in job_service.proto.
   void create_job(JobSpec spec, OnCreated done);
   /// Changes a job, journals it, then calls back. Errors: as the rpc of that name.
-  void change_job(const std::string& job_id, Change change, OnJob done);
+  void change_job(const std::string& job_id, Change change, const OnJob& done);
   void extend_job(const std::string& job_id, std::int32_t spp, OnJob done);
   void remove_job(const std::string& job_id, std::function<void(absl::Status)> done);
   /// By id, unique prefix, name or `last`. Errors: NotFound, InvalidArgument.

@@ -32,7 +32,7 @@ std::int64_t frame_store_bytes(const contract::RenderSettings& settings) {
 
 /// Blocks of every frame, and the images.
 std::int64_t job_store_bytes(const JobSpec& spec) {
-  constexpr std::int64_t kImageBytesPerPixel = 4 * 24;  // every layer, uncompressed
+  constexpr std::int64_t kImageBytesPerPixel = 96;  // every layer, 24 floats, uncompressed
   const contract::PixelRect window = spec.settings.window();
   const auto frames = static_cast<std::int64_t>(contract::frame_count(spec.settings.frames));
   const std::int64_t frame =
@@ -207,7 +207,7 @@ void Coordinator::make_job(const JobSpec& spec, const OnCreated& done) {
   done(created);
 }
 
-void Coordinator::change_job(const std::string& job_id, Change change, OnJob done) {
+void Coordinator::change_job(const std::string& job_id, Change change, const OnJob& done) {
   absl::Status status;
   {
     Afterwards afterwards;
@@ -230,7 +230,7 @@ void Coordinator::change_job(const std::string& job_id, Change change, OnJob don
     }
     settle(afterwards);
     if (status.ok()) {
-      after_journal_.push_back([this, job_id, done] { done(this->job(job_id)); });
+      after_journal_.emplace_back([this, job_id, done] { done(this->job(job_id)); });
       writer_signal_.raise();
     }
   }
@@ -262,7 +262,7 @@ absl::StatusOr<std::shared_ptr<JobSpec>> Coordinator::spec_to_extend(const std::
 void Coordinator::extend_now(const std::string& job_id, std::int32_t spp, const OnJob& done) {
   const auto found = spec_to_extend(job_id, spp);
   if (!found.ok()) return done(found.status());
-  std::shared_ptr<JobSpec> longer = *found;
+  const std::shared_ptr<JobSpec>& longer = *found;
   if (longer->settings.spp == spp) return done(job(job_id));
   const std::vector<contract::Pass> before = contract::fixed_schedule(longer->settings.spp);
   longer->settings.spp = spp;

@@ -17,9 +17,8 @@
 #include "server/store/filesystem.h"
 #include "server/store/store.h"
 
+namespace tessera::server {
 namespace {
-
-using namespace tessera::server;
 
 constexpr int kFailed = 1, kWrongUsage = 2;
 
@@ -93,9 +92,7 @@ int serve(const Config& config, const sigset_t& signals) {
   return 0;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int run(int argc, char** argv) {
   const ParsedConfig parsed = parse_config(argc, argv);
   if (!parsed.config) return parsed.exit_code;
   sigset_t signals;
@@ -106,4 +103,11 @@ int main(int argc, char** argv) {
   signal(SIGPIPE, SIG_IGN);
   raise_file_limit();
   return serve(*parsed.config, signals);
+}
+
+}  // namespace
+}  // namespace tessera::server
+
+int main(int argc, char** argv) {
+  return tessera::server::run(argc, argv);
 }

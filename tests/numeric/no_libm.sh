@@ -8,11 +8,10 @@ functions="$functions|sincos|fma|sqrt|floor|ceil|rint|nearbyint|round|trunc|ldex
 found=0
 checked=0
 for object in "$@"; do
-  case "$object" in
-    */math/* | */sampling/* | */geometry/* | */accel/* | */shading/* | */light/* | */render/*.o) ;;
+  case "${object##*tessera_render.dir/}" in
+    math/* | sampling/* | geometry/* | accel/* | shading/* | light/* | render/*) ;;
     *) continue ;;
   esac
-  case "$object" in */scene/* | */agent/*) continue ;; esac
   checked=$((checked + 1))
   names=$(nm --undefined-only --format=posix "$object" | cut -d' ' -f1 |
     grep -E "^(__)?($functions)(f|l|f32|f64)?(_finite)?$" || true)

@@ -39,6 +39,6 @@ struct AgentOptions {
 ///
 /// Errors: what the server refused the worker with; InvalidArgument, an option is unusable;
 /// FailedPrecondition, the cache folder cannot be used; Internal, no renderer can be started.
-absl::Status run_agent(const AgentOptions& options);
+absl::Status run_agent(const AgentOptions& given);
 
 }  // namespace tessera::agent

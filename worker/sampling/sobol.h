@@ -45,6 +45,11 @@ struct SobolTable {
   alignas(16) std::array<std::array<std::array<std::uint32_t, 4>, 16>, 8> nibbles;
 };
 
+/// Addition over GF(2), dimension by dimension.
+constexpr void add(std::array<std::uint32_t, 4>& to, const std::array<std::uint32_t, 4>& number) {
+  for (std::uint32_t d = 0; d < 4; ++d) to[d] ^= number[d];
+}
+
 /// Direction numbers of S. Joe & F. Kuo, "new-joe-kuo-6", dimensions 1 to 4. Dimensions 0 and 1
 /// form a (0, 2)-sequence.
 constexpr SobolTable make_sobol_table() {
@@ -75,10 +80,7 @@ constexpr SobolTable make_sobol_table() {
   for (std::uint32_t nibble = 0; nibble < 8; ++nibble) {
     for (std::uint32_t value = 0; value < 16; ++value) {
       for (std::uint32_t bit = 0; bit < 4; ++bit) {
-        if ((value >> bit & 1) == 0) continue;
-        for (std::uint32_t d = 0; d < 4; ++d) {
-          table.nibbles[nibble][value][d] ^= direction[nibble * 4 + bit][d];
-        }
+        if ((value >> bit & 1) != 0) add(table.nibbles[nibble][value], direction[nibble * 4 + bit]);
       }
     }
   }

@@ -17,6 +17,6 @@ struct Agreement {
 /// Traces `rays` rays with every instruction set this processor has, and the first `brute_rays` by
 /// brute force: a third at random, the others meant to graze, along edges, through vertices, in
 /// axis planes. Needs no peer.
-Agreement compare_structures(const BenchScene& scene, std::int64_t rays, std::int64_t brute_rays);
+Agreement compare_structures(const BenchScene& bench, std::int64_t rays, std::int64_t brute_rays);
 
 }  // namespace tessera::render::bench

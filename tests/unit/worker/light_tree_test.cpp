@@ -34,7 +34,7 @@ LightBounds patch(const Vec3d& position, const Vec3d& axis, double strength) {
 /// Lamps, patches and dark lights in a box 20 m wide; the same for a seed everywhere.
 std::vector<LightBounds> mixed_lights(int count, std::uint32_t seed) {
   std::mt19937 random(seed);
-  const auto number = [&random] { return random() / 4294967296.0; };
+  const auto number = [&random] { return static_cast<double>(random()) / 4294967296.0; };
   std::vector<LightBounds> lights;
   for (int i = 0; i < count; ++i) {
     const double x = number(), y = number(), z = number(), strength = number();

@@ -18,7 +18,7 @@ using testing::MemoryReader;
 using testing::unit_quad;
 
 /// One black PNG texel.
-const std::vector<std::uint8_t> kPng = {
+const std::vector<std::uint8_t> black_png = {
     0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a, 0x00, 0x00, 0x00, 0x0d, 0x49, 0x48,
     0x44, 0x52, 0x00, 0x00, 0x00, 0x01, 0x00, 0x00, 0x00, 0x01, 0x08, 0x00, 0x00, 0x00,
     0x00, 0x3a, 0x7e, 0x9b, 0x55, 0x00, 0x00, 0x00, 0x0a, 0x49, 0x44, 0x41, 0x54, 0x78,
@@ -29,7 +29,7 @@ const std::vector<std::uint8_t> kPng = {
 /// the second from 0 to 1.
 std::string moving_scene() {
   GltfBuilder b;
-  const int image = b.add_image(bytes_of(kPng), "image/png");
+  const int image = b.add_image(bytes_of(black_png), "image/png");
   const int texture = b.add_texture(image);
   b.add_material(R"({"pbrMetallicRoughness": {"baseColorTexture": {"index": )" +
                  std::to_string(texture) + "}}}");
