@@ -108,6 +108,7 @@ absl::StatusOr<OpenImage> open_image(std::span<const std::byte> file, ImageForma
     return absl::UnimplementedError(
         absl::StrCat("OpenImageIO cannot read ", plugin_name(format), " images from memory"));
   }
+  open.input->threads(1);  // the caller has threads of its own
   OIIO::ImageSpec config, header;
   config["oiio:UnassociatedAlpha"] = 1;
   if (!open.input->open("memory", header, config)) return damaged(open.input->geterror());
@@ -191,6 +192,7 @@ class OpenImageIoEncoder final : public ImageEncoder {
     if (!png) spec.attribute("Compression", "jpeg:95");
     output_ = OIIO::ImageOutput::create(plugin_name(format));
     if (output_ == nullptr) return absl::InternalError(OIIO::geterror());
+    output_->threads(1);
     if (!output_->set_ioproxy(&memory_) || !output_->open("memory", spec)) return failure();
     return absl::OkStatus();
   }
@@ -218,10 +220,6 @@ class OpenImageIoEncoder final : public ImageEncoder {
 
 class OpenImageIoCodec final : public ImageCodec {
  public:
-  OpenImageIoCodec() {
-    OIIO::attribute("threads", 1);  // the caller has threads of its own
-  }
-
   absl::StatusOr<Pixels> decode(std::span<const std::byte> file,
                                 const PixelLimits& limits) const override {
     try {

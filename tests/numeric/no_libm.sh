@@ -8,7 +8,8 @@ functions="$functions|sincos|fma|sqrt|floor|ceil|rint|nearbyint|round|trunc|ldex
 found=0
 checked=0
 for object in "$@"; do
-  case "${object##*tessera_render.dir/}" in
+  path=${object##*tessera_render.dir/}
+  case "${path#./}" in
     math/* | sampling/* | geometry/* | accel/* | shading/* | light/* | render/*) ;;
     *) continue ;;
   esac

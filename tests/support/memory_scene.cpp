@@ -1,11 +1,5 @@
 #include "tests/support/memory_scene.h"
 
-// OpenImageIO loses the text of some damaged images' errors; what is ours is still found.
-extern "C" const char* __lsan_default_suppressions();  // NOLINT(bugprone-reserved-identifier)
-extern "C" const char* __lsan_default_suppressions() {
-  return "leak:OpenImageIO";
-}
-
 namespace tessera::testing {
 
 absl::StatusOr<std::span<const std::byte>> MemoryReader::read(std::string_view uri) {
