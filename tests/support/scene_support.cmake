@@ -2,6 +2,4 @@
 add_library(tessera_test_scene STATIC
   ${CMAKE_CURRENT_LIST_DIR}/gltf_builder.cpp ${CMAKE_CURRENT_LIST_DIR}/gltf_builder.h
   ${CMAKE_CURRENT_LIST_DIR}/memory_scene.cpp ${CMAKE_CURRENT_LIST_DIR}/memory_scene.h)
-# A source of each program that links it: an archive would leave the sanitizer's hook out.
-target_sources(tessera_test_scene INTERFACE ${CMAKE_CURRENT_LIST_DIR}/known_leaks.cpp)
 target_link_libraries(tessera_test_scene PUBLIC tessera::render PRIVATE nlohmann_json::nlohmann_json)

@@ -12,4 +12,4 @@ tessera_test(NAME scene KIND unit
 target_compile_definitions(unit_scene_test PRIVATE TESSERA_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
 # Apart, since each of its processes loads OpenImageIO to write what is then read.
 tessera_test(NAME image KIND unit SOURCES unit/worker/scene/image_test.cpp
-  LINKS tessera::render tessera_test_scene OpenImageIO::OpenImageIO)
+  LINKS tessera::render OpenImageIO::OpenImageIO)
