@@ -128,7 +128,7 @@ class Client : public FarmClient {
   absl::StatusOr<std::string> get_report(const std::string& job_id) override {
     v1::GetJobReportResponse response;
     absl::Status status = unary(jobs_, &v1::JobService::Stub::GetJobReport,
-                                      naming<v1::GetJobReportRequest>(job_id), response);
+                                naming<v1::GetJobReportRequest>(job_id), response);
     if (!status.ok()) return status;
     return std::move(*response.mutable_report_json());
   }
