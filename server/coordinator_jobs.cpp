@@ -115,7 +115,7 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
   const bool has_open_frames = plan.finished_frame_count() < plan.frame_count();
   const contract::TileGrid* grid = has_open_frames ? &grid_of(job) : nullptr;
   FrameLedger* ledger = has_open_frames ? &ledger_of(job) : nullptr;
-  const absl::Status status = restore_units(
+  absl::Status status = restore_units(
       store_, scheduler_, job, [&, wall = record.wall_seconds](const UnitRecord& unit) {
         ledger->add(unit, wall);
         const contract::PixelRect rect = grid->rect(unit.unit.tile);
