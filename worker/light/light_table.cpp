@@ -160,7 +160,7 @@ double LightTable::tree_share(const LightReceiver& receiver) const {
   if (distant_.empty()) return 1;
   if (tree_.empty()) return 0;
   const double near = tree_.importance(receiver), far = distant_cdf_.back();
-  const double share = near < kInfinity ? near / (near + far) : 1;
+  const double share = std::isfinite(near) ? near / (near + far) : 1;
   return clamp(share, 0x1p-10, 1 - 0x1p-10);
 }
 
