@@ -140,7 +140,7 @@ bool TestWorker::send(const std::vector<v1::DeliverRequest>& messages) {
 
 grpc::Status TestWorker::finish_deliver() {
   deliver_->WritesDone();
-  const grpc::Status status = deliver_->Finish();
+  grpc::Status status = deliver_->Finish();
   deliver_.reset();
   return status;
 }
