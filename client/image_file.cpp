@@ -13,8 +13,8 @@
 namespace tessera::client {
 namespace {
 
-/// Four floats each: the largest image takes 4 GiB.
-constexpr image::PixelLimits kLimits = {65'536, std::int64_t{4} << 30};
+/// Whatever a file stores, four floats a pixel are kept: 4 GiB of the largest image.
+constexpr image::PixelLimits kLimits = {65'536, std::int64_t{4} << 30, std::int64_t{1} << 28};
 
 absl::StatusOr<std::string> bytes_of(const std::string& path) {
   std::ifstream file(path, std::ios::binary);

@@ -35,6 +35,7 @@ struct Pixels {
 struct PixelLimits {
   std::int64_t side = 32'768;
   std::int64_t bytes = std::int64_t{2} << 30;  // decoded
+  std::int64_t pixels = std::int64_t{1} << 30;
 };
 
 /// Writes one 8-bit image, band by band.

@@ -79,6 +79,11 @@ absl::Status check_header(const OIIO::ImageSpec& spec, const ChannelMap& map,
                                                    ", more than the limit of ", limits.side,
                                                    " a side"));
   }
+  if (std::int64_t{spec.width} * spec.height > limits.pixels) {
+    return absl::InvalidArgumentError(absl::StrCat("the image is ", spec.width, " x ", spec.height,
+                                                   ", more than the limit of ", limits.pixels,
+                                                   " pixels"));
+  }
   // Decoded with all channels read first, then brought to 3 or 4.
   const auto channels = static_cast<std::uint64_t>(std::max(4, map.end - map.begin));
   const std::uint64_t bytes = static_cast<std::uint64_t>(spec.width) *

@@ -16,12 +16,6 @@ namespace {
 constexpr double kPi = 3.14159265358979323846;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-/// The last entry whose lower edge is at or below u: entries without power are stepped over.
-std::size_t find_entry(const std::vector<double>& cdf, double u) {
-  return static_cast<std::size_t>(std::upper_bound(cdf.begin(), cdf.end() - 1, u) - cdf.begin()) -
-         1;
-}
-
 Vec3d world_vertex(const Instance& instance, const Primitive& p, std::uint32_t v) {
   return transform_point(instance.object_to_world, Vec3d(p.positions[v]));
 }
@@ -137,6 +131,7 @@ void LightTable::add_emitters(const Scene& scene, std::vector<LightBounds>& boun
 }
 
 void LightTable::add_punctual(const Scene& scene, std::vector<LightBounds>& bounds) {
+  std::vector<double> powers;  // of distant_
   for (std::size_t i = 0; i < scene.lights.size(); ++i) {
     const PunctualLight& light = scene.lights[i];
     Entry entry;
@@ -145,21 +140,21 @@ void LightTable::add_punctual(const Scene& scene, std::vector<LightBounds>& boun
     LightBounds b = punctual_bounds(light);
     if (!std::isfinite(b.strength)) b.strength = 0;
     if (light.kind == PunctualLight::Kind::directional && b.strength > 0) {
-      if (distant_.empty()) distant_cdf_.push_back(0);
       distant_.push_back(static_cast<std::uint32_t>(entries_.size()));
-      distant_cdf_.push_back(distant_cdf_.back() + b.strength);
+      powers.push_back(b.strength);
       b.strength = 0;  // no leaf of the tree: it has no place
     }
     entries_.push_back(entry);
     bounds.push_back(b);
   }
+  distant_choice_ = DiscreteDistribution(powers);
 }
 
 /// Share of the local lights' samples that the tree gets: by irradiance, as near as it is known.
 double LightTable::tree_share(const LightReceiver& receiver) const {
   if (distant_.empty()) return 1;
   if (tree_.empty()) return 0;
-  const double near = tree_.importance(receiver), far = distant_cdf_.back();
+  const double near = tree_.importance(receiver), far = distant_choice_.total();
   const double share = std::isfinite(near) ? near / (near + far) : 1;
   return clamp(share, 0x1p-10, 1 - 0x1p-10);
 }
@@ -190,11 +185,9 @@ bool LightTable::sample(const LightReceiver& receiver, const LightRandom& u,
 
 bool LightTable::sample_distant(double u, const Vec3f& point, float share,
                                 LightSample* sample) const {
-  const double total = distant_cdf_.back();
-  const std::size_t i = find_entry(distant_cdf_, u * total);
-  const double probability = (distant_cdf_[i + 1] - distant_cdf_[i]) / total;
-  return sample_point_light(entries_[distant_[i]], static_cast<float>(share * probability), point,
-                            sample);
+  const DiscreteDistribution::Choice choice = distant_choice_.sample(u);
+  const Entry& entry = entries_[distant_[static_cast<std::size_t>(choice.index)]];
+  return sample_point_light(entry, share * choice.pdf, point, sample);
 }
 
 bool LightTable::sample_environment(const LightRandom& u, LightSample* sample) const {

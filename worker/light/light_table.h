@@ -8,6 +8,7 @@
 #include "worker/light/environment_map.h"
 #include "worker/light/light_tree.h"
 #include "worker/math/vector.h"
+#include "worker/sampling/distribution.h"
 #include "worker/scene/scene.h"
 #include "worker/shading/shading_scene.h"
 
@@ -82,7 +83,7 @@ class LightTable {
   std::vector<Entry> entries_;
   LightTree tree_;                         // over entries; directional lights have no leaf
   std::vector<std::uint32_t> distant_;     // entries of directional lights
-  std::vector<double> distant_cdf_;        // distant_ + 1, from 0 to distant_total_
+  DiscreteDistribution distant_choice_;    // over distant_, by irradiance
   std::vector<std::uint32_t> slot_first_;  // per instance: first of its primitives' slots
   std::vector<std::int64_t> slots_;        // per instance and primitive: first entry or kNone
 };

@@ -29,7 +29,7 @@ Lanes above(Lanes a, Lanes b) {
   return _mm256_cmp_ps(a, b, _CMP_GT_OQ);
 }
 
-/// Sine from cosine and back, in [0, pi].
+/// The sine of an angle in [0, pi] from its cosine, and back up to pi / 2.
 Lanes sine_of(Lanes cosine) {
   return _mm256_sqrt_ps(greater(splat(1) - cosine * cosine, splat(0)));
 }
@@ -174,8 +174,9 @@ class LightTree::Builder {
       double most = -1;
       for (std::size_t i = 0; i < children.size(); ++i) {
         const Pair& pair = pairs_[children[i]];
-        if (pair.second == kNone || !(cost(pair.bounds, 1) > most)) continue;
-        most = cost(pair.bounds, 1);
+        const double price = pair.second == kNone ? -1 : cost(pair.bounds, 1);
+        if (!(price > most)) continue;
+        most = price;
         widest = i;
       }
       if (widest == children.size()) break;  // all leaves

@@ -288,5 +288,13 @@ TEST(Images, OverTheLimitsAreRefusedByTheirHeaders) {
       << message(30000, 30000);
 }
 
+TEST(Images, OfMorePixelsThanAskedForAreRefusedHoweverSmallTheirCodes) {
+  const auto codec = image::ImageCodec::open();
+  ASSERT_TRUE(codec.ok()) << codec.status();
+  const auto refused = (*codec)->decode(png_claiming(100, 100), {1000, 1 << 20, 9999});
+  EXPECT_NE(std::string(refused.status().message()).find("limit of 9999 pixels"), std::string::npos)
+      << refused.status();
+}
+
 }  // namespace
 }  // namespace tessera::render
