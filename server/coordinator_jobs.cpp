@@ -18,8 +18,7 @@ constexpr int kIdLetters = 8;
 std::int64_t frame_store_bytes(const contract::RenderSettings& settings) {
   const contract::PixelRect window = settings.window();
   const std::int64_t pixels = std::int64_t{window.width} * window.height;
-  const std::int64_t tiles = ((window.width + settings.tile - 1) / settings.tile) *
-                             std::int64_t{(window.height + settings.tile - 1) / settings.tile};
+  const std::int64_t tiles = contract::tile_count(settings);
   std::int64_t bytes = 0;
   const std::size_t passes = contract::fixed_schedule(settings.spp).size();
   for (std::size_t pass = 0; pass < passes; ++pass) {

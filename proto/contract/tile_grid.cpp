@@ -4,11 +4,24 @@
 
 namespace tessera::contract {
 
+namespace {
+
+std::int32_t tiles_along(std::int32_t length_px, std::int32_t tile_px) {
+  return (length_px + tile_px - 1) / tile_px;
+}
+
+}  // namespace
+
+std::int32_t tile_count(const RenderSettings& settings) {
+  const PixelRect window = settings.window();
+  return tiles_along(window.width, settings.tile) * tiles_along(window.height, settings.tile);
+}
+
 TileGrid::TileGrid(const PixelRect& window, std::int32_t tile_px)
     : window_(window),
       tile_px_(tile_px),
-      columns_((window.width + tile_px - 1) / tile_px),
-      rows_((window.height + tile_px - 1) / tile_px),
+      columns_(tiles_along(window.width, tile_px)),
+      rows_(tiles_along(window.height, tile_px)),
       order_(hilbert_curve(columns_, rows_)),
       index_of_cell_(order_.size()) {
   for (std::size_t i = 0; i < order_.size(); ++i) {

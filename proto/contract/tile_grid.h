@@ -8,6 +8,9 @@
 
 namespace tessera::contract {
 
+/// Tiles of a frame, as TileGrid counts them, without making the grid. At most 2^26.
+std::int32_t tile_count(const RenderSettings& settings);
+
 /// The tiles of a frame's window, numbered along a Hilbert curve over the tile grid.
 ///
 /// Tile corners lie on multiples of the tile side counted from the window's corner, so a crop's

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "proto/contract/tile_grid.h"
+
 namespace tessera::server {
 
 const char* state_name(JobState state) {
@@ -47,10 +49,7 @@ std::optional<double> UnitTimes::median(std::int32_t sample_count) const {
 JobPlan& Job::open_plan() {
   if (!plan) {
     const contract::RenderSettings& settings = spec->settings;
-    const contract::PixelRect window = settings.window();
-    const std::int32_t columns = (window.width + settings.tile - 1) / settings.tile;
-    const std::int32_t rows = (window.height + settings.tile - 1) / settings.tile;
-    plan.emplace(contract::frame_list(settings.frames), columns * rows,
+    plan.emplace(contract::frame_list(settings.frames), contract::tile_count(settings),
                  contract::fixed_schedule(settings.spp));
   }
   return *plan;

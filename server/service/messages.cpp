@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "proto/contract/settings_message.h"
+#include "proto/contract/tile_grid.h"
 
 namespace tessera::server {
 namespace {
@@ -86,13 +87,11 @@ void set_time(std::int64_t time_us, google::protobuf::Timestamp& timestamp) {
 
 /// What a frame costs in memory grows with its tiles, however small they are.
 absl::Status check_tiles(const contract::RenderSettings& settings) {
-  constexpr std::int64_t kMostTiles = 1 << 22;
-  const contract::PixelRect window = settings.window();
-  const std::int64_t columns = (window.width + settings.tile - 1) / settings.tile;
-  const std::int64_t rows = (window.height + settings.tile - 1) / settings.tile;
-  if (columns * rows <= kMostTiles) return absl::OkStatus();
-  return bad("settings.tile_px", absl::StrCat(settings.tile, " gives ", columns * rows,
-                                              " tiles a frame, at most ", kMostTiles));
+  constexpr std::int32_t kMostTiles = 1 << 22;
+  const std::int32_t tiles = contract::tile_count(settings);
+  if (tiles <= kMostTiles) return absl::OkStatus();
+  return bad("settings.tile_px",
+             absl::StrCat(settings.tile, " gives ", tiles, " tiles a frame, at most ", kMostTiles));
 }
 
 bool is_worker_id(const std::string& id) {

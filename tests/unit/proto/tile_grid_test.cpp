@@ -11,6 +11,10 @@ TEST(TileGrid, TilesCoverTheWindowWithoutHolesOrOverlaps) {
       for (std::int32_t height = 1; height <= 70; height += 7) {
         const PixelRect window{5, 9, width, height};
         const TileGrid grid(window, tile);
+        RenderSettings settings;
+        settings.crop = window;
+        settings.tile = tile;
+        ASSERT_EQ(tile_count(settings), grid.tile_count());
         std::vector<int> covered(static_cast<std::size_t>(width * height));
         for (std::int32_t index = 0; index < grid.tile_count(); ++index) {
           const PixelRect rect = grid.rect(index);
