@@ -21,3 +21,8 @@ set_tests_properties(numeric.no_libm PROPERTIES LABELS numeric)
 tessera_test(NAME sampling KIND numeric SOURCES numeric/sampling_test.cpp LINKS tessera::render)
 tessera_test(NAME render_surface KIND numeric
   SOURCES numeric/render_surface.cpp LINKS tessera_test_render)
+# From a glTF file to the pixel, feature by feature.
+tessera_test(NAME gltf KIND numeric
+  SOURCES numeric/gltf_materials.cpp numeric/gltf_scenes.cpp
+    support/gltf_probe.cpp support/gltf_probe.h
+  LINKS tessera_test_render tessera_test_scene OpenImageIO::OpenImageIO)

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdlib>
 #include <cstring>
 #include <string>
 
@@ -189,6 +190,114 @@ TEST(Images, OfJpegDecodeNearlyAndOfLosslessWebpExactly) {
   const Image webp = decoded(encode("webp", 16, 16, 3, flat));
   ASSERT_EQ(webp.u8.size() / static_cast<std::size_t>(webp.channels), 256u);
   EXPECT_NEAR(webp.u8[0], 120, 3);
+}
+
+/// Bits of a JPEG scan; after each 0xff comes a zero.
+class ScanBits {
+ public:
+  void put(unsigned value, int count) {
+    for (int bit = count - 1; bit >= 0; --bit) {
+      byte_ = byte_ << 1 | (value >> bit & 1);
+      if (++filled_ == 8) flush();
+    }
+  }
+  /// The rest of the last byte is ones.
+  Codes finish() {
+    while (filled_ != 0) put(1, 1);
+    return bytes_;
+  }
+
+ private:
+  void flush() {
+    bytes_.push_back(static_cast<std::uint8_t>(byte_));
+    if (byte_ == 0xff) bytes_.push_back(0);
+    byte_ = 0;
+    filled_ = 0;
+  }
+
+  Codes bytes_;
+  unsigned byte_ = 0;
+  int filled_ = 0;
+};
+
+void append_segment(std::vector<std::byte>& out, std::uint8_t marker, const Codes& content) {
+  const auto length = static_cast<std::uint8_t>(content.size() + 2);
+  for (const std::uint8_t code : {std::uint8_t{0xff}, marker, std::uint8_t{0}, length}) {
+    out.push_back(static_cast<std::byte>(code));
+  }
+  for (const std::uint8_t code : content) out.push_back(static_cast<std::byte>(code));
+}
+
+/// A baseline JPEG, which no writer here makes: 8 x 8 pixels, four components, each of one value
+/// all over. `adobe`: its marker's transform (0: CMYK, 2: YCCK); -1: no such marker.
+std::vector<std::byte> four_component_jpeg(const std::array<int, 4>& values, int adobe) {
+  std::vector<std::byte> out = {std::byte{0xff}, std::byte{0xd8}};
+  if (adobe >= 0) {
+    append_segment(out, 0xee,
+                   {'A', 'd', 'o', 'b', 'e', 0, 100, 0, 0, 0, 0, static_cast<std::uint8_t>(adobe)});
+  }
+  Codes quantisation(65, 8);  // 8 times a coefficient of order 0 adds that to every pixel
+  quantisation[0] = 0;
+  append_segment(out, 0xdb, quantisation);
+  Codes frame = {8, 0, 8, 0, 8, 4}, scan = {4};
+  for (std::uint8_t component = 1; component <= 4; ++component) {
+    frame.insert(frame.end(), {component, 0x11, 0});
+    scan.insert(scan.end(), {component, 0});
+  }
+  scan.insert(scan.end(), {0, 63, 0});
+  append_segment(out, 0xc0, frame);
+  // Sizes 0 to 8 of order 0 are their own codes of four bits; for the others: end of block is 0.
+  append_segment(out, 0xc4,
+                 {0x00, 0, 0, 0, 9, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8});
+  append_segment(out, 0xc4, {0x10, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0});
+  append_segment(out, 0xda, scan);
+  ScanBits bits;
+  for (const int value : values) {
+    const int coefficient = value - 128;
+    int size = 0;
+    while (std::abs(coefficient) >> size != 0) ++size;
+    bits.put(static_cast<unsigned>(size), 4);
+    bits.put(static_cast<unsigned>(coefficient < 0 ? coefficient + (1 << size) - 1 : coefficient),
+             size);
+    bits.put(0, 1);
+  }
+  for (const std::uint8_t code : bits.finish()) out.push_back(static_cast<std::byte>(code));
+  out.insert(out.end(), {std::byte{0xff}, std::byte{0xd9}});
+  return out;
+}
+
+TEST(Images, OfCmykJpegAreTheLightThatTheirInksLeave) {
+  // Files store the share of light each ink lets through, 255 for no ink (Adobe's way, which every
+  // reader takes also where its marker lacks): a colour is its own ink's share times black's.
+  for (const int adobe : {0, -1}) {
+    for (const std::array<int, 4>& stored : {std::array<int, 4>{255, 255, 255, 255},
+                                             {200, 100, 50, 255},
+                                             {200, 100, 50, 128},
+                                             {255, 0, 17, 254},
+                                             {255, 255, 255, 0},
+                                             {1, 127, 129, 64}}) {
+      const Image image = decoded(four_component_jpeg(stored, adobe));
+      ASSERT_EQ(image.channels, 3);
+      ASSERT_EQ(image.u8.size(), 3u * 64);
+      for (std::size_t i = 0; i < image.u8.size(); ++i) {
+        ASSERT_NEAR(image.u8[i], stored[i % 3] * stored[3] / 255.0, 0.5) << adobe << ", " << i % 3;
+      }
+    }
+  }
+}
+
+TEST(Images, OfYcckJpegAreCmykUnderneath) {
+  // Y, Cb, Cr give the ink's own shares by JFIF's formulas, in the negative; black is as it is.
+  const int y = 90, cb = 140, cr = 110, black = 200;
+  const double r = y + 1.402 * (cr - 128), b = y + 1.772 * (cb - 128);
+  const double g = y - 0.344136 * (cb - 128) - 0.714136 * (cr - 128);
+  const Image image = decoded(four_component_jpeg({y, cb, cr, black}, 2));
+  ASSERT_EQ(image.u8.size(), 3u * 64);
+  const double want[] = {255 - r, 255 - g, 255 - b};
+  for (std::size_t k = 0; k < 3; ++k) {
+    // Rounded once to a code, then once more after black.
+    EXPECT_NEAR(image.u8[k], want[k] * black / 255, 0.5 + 0.5 * black / 255) << k;
+  }
 }
 
 TEST(Images, OfWebpHaveTheirAlphaDividedOut) {
