@@ -12,6 +12,7 @@
 #include <string>
 
 #include "proto/contract/version_text.h"
+#include "proto/log/log.h"
 
 namespace tessera::server {
 
@@ -64,7 +65,7 @@ ParsedConfig parse_config(int argc, char** argv) {
       ->check(size)
       ->capture_default_str();
   app.add_option("--log-level", config.log_level, "What goes to stderr")
-      ->check(CLI::IsMember({"error", "warn", "info", "debug"}))
+      ->check(CLI::IsMember(log_level_names()))
       ->capture_default_str();
   app.footer(
       "Example:\n  tessera-server --listen 127.0.0.1:7411 --store /var/lib/tessera\n"

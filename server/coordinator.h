@@ -16,12 +16,12 @@
 #include "absl/status/statusor.h"
 #include "proto/contract/film_block.h"
 #include "proto/contract/tile_grid.h"
+#include "proto/log/log.h"
 #include "server/film/film_cache.h"
 #include "server/film/frame_writer.h"
 #include "server/frame_ledger.h"
 #include "server/job_view.h"
 #include "server/mutex.h"
-#include "server/observe/log.h"
 #include "server/schedule/scheduler.h"
 #include "server/store/store.h"
 

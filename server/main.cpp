@@ -9,9 +9,9 @@
 #include <string>
 #include <thread>
 
+#include "proto/log/log.h"
 #include "server/config.h"
 #include "server/coordinator.h"
-#include "server/observe/log.h"
 #include "server/service/messages.h"
 #include "server/service/server.h"
 #include "server/store/filesystem.h"
@@ -43,7 +43,7 @@ CoordinatorOptions options_of(const Config& config) {
   options.random = random_bits;
   options.read_spec = read_spec;
   options.write_request = write_request;
-  options.log = open_log(config.log_level);
+  options.log = open_log("tessera-server", config.log_level);
   return options;
 }
 

@@ -16,6 +16,7 @@
 #include <thread>
 
 #include "proto/contract/version_text.h"
+#include "proto/log/log.h"
 #include "worker/accel/isa.h"
 
 namespace tessera::worker {
@@ -26,7 +27,7 @@ constexpr std::int64_t kMega = 1'000'000, kGiga = 1'000'000'000;
 
 struct WorkerFlags {
   agent::AgentOptions options;
-  std::string token_file, crash_on;
+  std::string token_file, crash_on, log_level = "info";
   std::int64_t cache_gb = 20, buffer_mb = 256, memory_mb = 0;
   std::int64_t unit_timeout_s = 3600, grace_s = 20;
 };
@@ -114,6 +115,9 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{1'000'000}));
   app.add_option("--unit-log", options.unit_log, "File that gets a line for each unit's steps")
       ->type_name("FILE");
+  app.add_option("--log-level", flags.log_level, "What goes to stderr")
+      ->check(CLI::IsMember(log_level_names()))
+      ->capture_default_str();
   // Faults for tests, on purpose not in --help.
   app.add_option("--crash-on", flags.crash_on)->check(is_unit())->group("");
   app.add_flag("--deliver-twice", options.deliver_twice)->group("");
@@ -168,6 +172,7 @@ bool complete(WorkerFlags& flags) {
   } else if (const char* token = std::getenv("TESSERA_TOKEN")) {
     options.token = token;
   }
+  options.log = open_log("tessera-worker", flags.log_level);
   options.crash_on = parse_unit(flags.crash_on);
   options.cache_bytes = flags.cache_gb * kGiga;
   options.buffer_bytes = flags.buffer_mb * kMega;

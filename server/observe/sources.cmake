@@ -1,9 +1,9 @@
-# tessera_observe: what people read: reports and the log. No gRPC.
+# tessera_observe: what people read of a job. No gRPC.
 add_library(tessera_observe)
 add_library(tessera::observe ALIAS tessera_observe)
 target_sources(tessera_observe
-  PRIVATE observe/log.cpp observe/report.cpp
-  PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR} FILES observe/log.h observe/report.h)
+  PRIVATE observe/report.cpp
+  PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR} FILES observe/report.h)
 target_compile_definitions(tessera_observe PRIVATE TESSERA_VERSION="${PROJECT_VERSION}")
 target_link_libraries(tessera_observe PUBLIC tessera::schedule tessera::store
-  PRIVATE nlohmann_json::nlohmann_json spdlog::spdlog)
+  PRIVATE nlohmann_json::nlohmann_json)

@@ -18,7 +18,7 @@ target_link_libraries(tessera_services
 # tessera-server: wires it all up.
 add_executable(tessera-server main.cpp config.cpp)
 target_link_libraries(tessera-server
-  PRIVATE tessera::services tessera::observe CLI11::CLI11 OpenSSL::Crypto
+  PRIVATE tessera::services tessera::observe tessera::log CLI11::CLI11 OpenSSL::Crypto
           SQLite::SQLite3 zstd::libzstd_shared Threads::Threads)
 target_compile_definitions(tessera-server PRIVATE TESSERA_VERSION="${PROJECT_VERSION}")
 install(TARGETS tessera-server)

@@ -69,6 +69,45 @@ for names in "p1" "p1 p2 p3 p4"; do
 done
 threads=1
 
+# A unit that hangs, here because its renderer is stopped while it is at one, fails once --unit-timeout
+# is over; its renderer is replaced, and the image is what it is without.
+job=(--size 64x64 --spp 200 --tile 16)
+stop_at_a_unit() {
+  local renderer
+  renderer=$(children_of "${worker_pid[sleeper]}")
+  [ -n "$renderer" ] && kill -STOP "$renderer" || return 1
+  sleep 0.2  # until what it has said is written down
+  hung=$(awk '$1 == "started" { at = $3 " " $4 " " $5 }
+    $1 == "finished" || $1 == "failed" { at = "" }
+    END { print at }' "$work/units-sleeper.log")
+  [ -n "$hung" ] && return
+  kill -CONT "$renderer"
+  return 1
+}
+start_worker sleeper --unit-timeout 4 --unit-log "$work/units-sleeper.log" --log-level debug
+id=$(farm submit "$scenes/lit_square.gltf" "${job[@]}" --name hung)
+wait_until 60 "its renderer is stopped at a unit" stop_at_a_unit
+farm watch "$id" --json </dev/null >"$work/watch.log" || fail "a unit that hung once failed the job"
+equal "the unit that hung failed, and no other" \
+  "$(grep '^failed' "$work/units-sleeper.log" | cut -d' ' -f3-)" \
+  "$hung it took longer than 4 s; its renderer was killed"
+grep -q "tessera-worker warning: unit .* ${hung} hangs" "$work/worker-sleeper.log" ||
+  fail "the log does not say that unit $hung hangs"
+grep -q "tessera-worker debug: unit .* ${hung} is rendered" "$work/worker-sleeper.log" ||
+  fail "the log at level debug does not follow units"
+farm report "$id" --json >"$work/hung.json"
+kill_worker sleeper
+start_worker hush --log-level error
+id=$(farm submit "$scenes/lit_square.gltf" "${job[@]}" --name unhung)
+farm watch "$id" --json </dev/null >"$work/watch.log"
+farm report "$id" --json >"$work/unhung.json"
+kill_worker hush
+equal "with a unit that hung the pixels are the same" \
+  "$(pixels "$work/hung.json")" "$(pixels "$work/unhung.json")"
+equal "a worker at --log-level error is silent" "$(cat "$work/worker-hush.log")" ""
+exits 2 tessera-worker --server "$socket" --log-level loud
+says "--log-level"
+
 # A worker that is killed again and again is a loss each time, never a failure.
 job=(--size 128x128 --spp 600 --tile 32)
 id=$(farm submit "$scenes/lit_square.gltf" "${job[@]}" --name losses)

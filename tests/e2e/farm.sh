@@ -87,6 +87,11 @@ kill_worker() {
   unset "worker_pid[$1]"
 }
 
+# children_of PID: their pids.
+children_of() {
+  grep -ls "^PPid:[[:space:]]*$1\$" /proc/[0-9]*/status 2>/dev/null | cut -d/ -f3 || true
+}
+
 # stand_in PROGRAM: makes $work/bin, where PROGRAM is the script on stdin and the others are ours:
 # `tessera render` runs what lies beside it.
 stand_in() {

@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdio>
 #include <cstring>
 #include <memory>
 #include <optional>
@@ -76,6 +75,7 @@ RenderDeskOptions desk_options(const AgentOptions& options) {
   RenderDeskOptions desk;
   desk.thread_count = options.thread_count;
   desk.unit_timeout = options.unit_timeout;
+  desk.log = options.log;
   desk.arguments = {"renderer",
                     "--fd",
                     "3",
@@ -116,7 +116,8 @@ class Agent {
         cache_(std::move(cache)),
         log_(std::move(log)),
         desk_(desk_options(options_), std::move(renderer), queue_, log_, mailbox_, desk_outlet()),
-        link_(*workers_, {options_.token, options_.deliver_twice}, queue_, mailbox_, link_outlet()),
+        link_(*workers_, {options_.token, options_.deliver_twice, options_.log}, queue_, mailbox_,
+              link_outlet()),
         fetcher_(*workers_, *assets_, *cache_, options_.token,
                  [this](std::string job_id, absl::StatusOr<JobFiles> files) {
                    // std::function wants copies; the files cannot be copied.
@@ -150,7 +151,6 @@ class Agent {
     RenderDesk::Outlet outlet;
     outlet.want_job = [this](const std::string& job_id) { fetcher_.fetch(job_id); };
     outlet.failed = [this](v1::UnitFailure failure) {
-      std::fprintf(stderr, "tessera-worker: a unit failed: %s\n", failure.message().c_str());
       v1::WorkRequest request;
       *request.mutable_failure() = std::move(failure);
       link_.send(std::move(request));
@@ -217,6 +217,8 @@ class Agent {
         leave("the server's wish");
         break;
       case v1::WorkResponse::kJobEnded:
+        options_.log(LogLevel::info,
+                     absl::StrCat("job ", response.job_ended().job_id(), " has ended"));
         queue_.drop_job(response.job_ended().job_id());
         desk_.job_ended(response.job_ended().job_id());
         break;
@@ -236,10 +238,10 @@ class Agent {
     link_.note_verdict(Clock::now());
     const std::string name = v1::Acknowledgement::Verdict_Name(verdict.verdict());
     log_.write(name.substr(sizeof "VERDICT_" - 1).c_str(), key, verdict.reason());
-    if (verdict.verdict() == v1::Acknowledgement::VERDICT_REJECTED) {
-      std::fprintf(stderr, "tessera-worker: unit %s was rejected: %s\n", to_string(key).c_str(),
-                   verdict.reason().c_str());
-    }
+    const bool rejected = verdict.verdict() == v1::Acknowledgement::VERDICT_REJECTED;
+    options_.log(rejected ? LogLevel::warn : LogLevel::debug,
+                 absl::StrCat("unit ", to_string(key), rejected ? " is rejected: " : ": ",
+                              rejected ? verdict.reason() : name));
   }
 
   void answer_revocation(const std::vector<UnitKey>& units) {
@@ -253,7 +255,7 @@ class Agent {
     if (leaving_) return;
     leaving_ = true;
     leave_by_ = Clock::now() + options_.grace;
-    std::fprintf(stderr, "tessera-worker: leaving on %s\n", why);
+    options_.log(LogLevel::info, absl::StrCat("leaving on ", why));
     v1::WorkRequest request;
     request.mutable_leaving();
     link_.send(std::move(request));

@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "proto/contract/unit.h"
+#include "proto/log/log.h"
 #include "worker/accel/isa.h"
 
 namespace tessera::agent {
@@ -25,8 +26,9 @@ struct AgentOptions {
   std::int64_t memory_bytes = 0;            // limit of the renderer's address space; 0: none
   render::Isa isa = render::best_isa();     // what rays are traced with; supported
   std::chrono::seconds unit_timeout{3600};
-  std::chrono::seconds grace{20};          // from SIGTERM to the end
-  std::string unit_log;                    // file; empty: none
+  std::chrono::seconds grace{20};  // from SIGTERM to the end
+  std::string unit_log;            // file; empty: none
+  Log log = no_log;
   std::optional<contract::Unit> crash_on;  // fault injection: the renderer dies of this unit
   bool deliver_twice = false;              // fault injection
 };

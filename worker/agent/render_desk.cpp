@@ -1,7 +1,6 @@
 #include "worker/agent/render_desk.h"
 
 #include <algorithm>
-#include <cstdio>
 
 #include "absl/strings/str_cat.h"
 #include "proto/contract/film_block.h"
@@ -79,6 +78,8 @@ void RenderDesk::on_event(std::int64_t generation, v1::RendererEvent event) {
     case v1::RendererEvent::kStarted:
       taken_up_[key_of(event.started())] = Clock::now();
       log_.write("started", key_of(event.started()));
+      options_.log(LogLevel::debug,
+                   absl::StrCat("unit ", to_string(key_of(event.started())), " is taken up"));
       break;
     case v1::RendererEvent::kUnit:
       on_unit(std::move(*event.mutable_unit()));
@@ -90,7 +91,7 @@ void RenderDesk::on_event(std::int64_t generation, v1::RendererEvent event) {
 
 void RenderDesk::on_death(std::int64_t generation, const RendererProcess::Death& death) {
   if (generation != generation_) return;
-  std::fprintf(stderr, "tessera-worker: the renderer was %s\n", death.reason.c_str());
+  options_.log(LogLevel::warn, absl::StrCat("the renderer was ", death.reason));
   const bool was_ready = ready_ && !taken_up_.empty();
   renderer_.reset();
   deaths_in_a_row_ = was_ready ? 1 : deaths_in_a_row_ + 1;
@@ -151,6 +152,8 @@ void RenderDesk::on_scene(const v1::SceneOutcome& outcome) {
   found->second.error = outcome.error();
   found->second.loaded = outcome.error().empty();
   if (!found->second.loaded) return;  // pump() fails its units
+  options_.log(LogLevel::info,
+               absl::StrCat("job ", outcome.job_id(), ", frame ", outcome.frame(), " is loaded"));
   v1::SceneLoaded loaded;
   loaded.set_job_id(outcome.job_id());
   loaded.set_frame(outcome.frame());
@@ -179,6 +182,8 @@ void RenderDesk::on_unit(v1::UnitOutcome outcome) {
     return;
   }
   log_.write("finished", key, sha256.hex());
+  options_.log(LogLevel::debug, absl::StrCat("unit ", to_string(key), " is rendered, ",
+                                             outcome.cpu_seconds(), " CPU s"));
   outlet_.unit_finished();
 }
 
@@ -187,6 +192,7 @@ void RenderDesk::fail(const UnitKey& key, const std::string& message, const std:
   auto failure = queue_.fail(key, message, log_tail, bad_scene);
   if (!failure) return;
   log_.write("failed", key, message);
+  options_.log(LogLevel::warn, absl::StrCat("unit ", to_string(key), " failed: ", message));
   outlet_.failed(*std::move(failure));
 }
 
@@ -234,8 +240,8 @@ void RenderDesk::pump(Time now) {
 bool RenderDesk::kill_hung(Time now) {
   for (const auto& [key, since] : taken_up_) {
     if (now - since < options_.unit_timeout) continue;
-    std::fprintf(stderr, "tessera-worker: unit %s hangs; the renderer is killed\n",
-                 to_string(key).c_str());
+    options_.log(LogLevel::warn,
+                 absl::StrCat("unit ", to_string(key), " hangs; the renderer is killed"));
     if (!hung_) hung_ = key;
     renderer_->kill();
     return true;

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "proto/log/log.h"
 #include "worker/agent/job_files.h"
 #include "worker/agent/mailbox.h"
 #include "worker/agent/renderer_process.h"
@@ -23,6 +24,7 @@ struct RenderDeskOptions {
   int thread_count = 1;
   std::chrono::seconds unit_timeout{3600};  // a unit that takes longer hangs
   int loaded_frames = 2;                    // at most, at once
+  Log log = no_log;
 };
 
 /// Feeds the renderer process: sees to it that the scenes of leased units are there and loaded,

@@ -1,7 +1,6 @@
 #include "worker/agent/server_link.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -102,8 +101,8 @@ void ServerLink::open_deliver() {
   listener.on_closed = [this, &mailbox = mailbox_](const absl::Status& status) {
     mailbox.post([this, status] {
       if (!status.ok() && welcomed_ && !deliver_cancelled_) {
-        std::fprintf(stderr, "tessera-worker: delivery broke off: %s\n",
-                     std::string(status.message()).c_str());
+        options_.log(LogLevel::warn,
+                     absl::StrCat("delivery broke off: ", std::string(status.message())));
       }
       deliver_.reset();
     });
@@ -126,6 +125,7 @@ void ServerLink::on_response(v1::WorkResponse response) {
   interval_ = span_of(response.welcome().heartbeat_interval(), milliseconds(50));
   timeout_ = span_of(response.welcome().timeout(), milliseconds(500));
   welcomed_ = true;
+  options_.log(LogLevel::info, absl::StrCat("working for store ", response.welcome().store_id()));
   pause_ = kFirstPause;
   beat_at_ = heard_;
 }
@@ -147,8 +147,8 @@ void ServerLink::on_closed(const absl::Status& status) {
   connect_at_ = Clock::now() + milliseconds(jitter(random_));
   pause_ = std::min(2 * pause_, kLongestPause);
   if (was_welcome) {
-    std::fprintf(stderr, "tessera-worker: the server is gone (%s); connecting again\n",
-                 std::string(status.message()).c_str());
+    options_.log(LogLevel::warn, absl::StrCat("the server is gone (", std::string(status.message()),
+                                              "); connecting again"));
   }
 }
 

@@ -8,6 +8,7 @@
 #include <random>
 #include <string>
 
+#include "proto/log/log.h"
 #include "worker/agent/mailbox.h"
 #include "worker/agent/unit_queue.h"
 #include "worker/agent/worker_streams.h"
@@ -23,6 +24,7 @@ class ServerLink {
   struct Options {
     std::string token;
     bool deliver_twice = false;  // fault injection for tests: every block is sent a second time
+    Log log = no_log;
   };
   struct Outlet {
     std::function<v1::WorkerHello()> hello;             // all but what the queue describes

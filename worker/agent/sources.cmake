@@ -12,7 +12,7 @@ target_sources(tessera_agent
           agent/render_desk.h agent/render_pool.h agent/renderer.h agent/renderer_process.h
           agent/server_link.h agent/termination.h agent/unit_log.h agent/unit_queue.h
           agent/worker_streams.h)
-target_link_libraries(tessera_agent PUBLIC tessera::flags tessera::render tessera::channel
+target_link_libraries(tessera_agent PUBLIC tessera::flags tessera::render tessera::channel tessera::log
   PRIVATE Threads::Threads)
 
 add_executable(tessera-worker main.cpp config.cpp config.h)

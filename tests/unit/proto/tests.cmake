@@ -4,6 +4,7 @@ tessera_test(NAME contract KIND unit
           unit/proto/image_metrics_test.cpp unit/proto/pass_schedule_test.cpp
           unit/proto/tile_grid_test.cpp
   LINKS tessera::contract)
+tessera_test(NAME log KIND unit SOURCES unit/proto/log_test.cpp LINKS tessera::log)
 if(TESSERA_WITH_GRPC)
   include(unit/proto/style.cmake)
   tessera_test(NAME settings KIND unit SOURCES unit/proto/settings_test.cpp LINKS tessera::channel)

@@ -1,11 +1,11 @@
-#include "server/observe/log.h"
+#include "proto/log/log.h"
 
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
 #include <memory>
 
-namespace tessera::server {
+namespace tessera {
 
 namespace {
 
@@ -24,9 +24,13 @@ spdlog::level::level_enum spdlog_level(LogLevel level) {
 
 }  // namespace
 
-Log open_log(const std::string& level) {
-  auto logger = std::make_shared<spdlog::logger>("tessera-server",
-                                                 std::make_shared<spdlog::sinks::stderr_sink_mt>());
+std::vector<std::string> log_level_names() {
+  return {"error", "warn", "info", "debug"};
+}
+
+Log open_log(const std::string& program, const std::string& level) {
+  auto logger =
+      std::make_shared<spdlog::logger>(program, std::make_shared<spdlog::sinks::stderr_sink_mt>());
   logger->set_pattern("%Y-%m-%dT%H:%M:%S.%e %n %l: %v");
   logger->set_level(level == "error"   ? spdlog::level::err
                     : level == "warn"  ? spdlog::level::warn
@@ -38,4 +42,4 @@ Log open_log(const std::string& level) {
   };
 }
 
-}  // namespace tessera::server
+}  // namespace tessera
