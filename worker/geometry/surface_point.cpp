@@ -20,7 +20,22 @@ Vec3d absolute_transform(const Affine3d& m, const Vec3d& v) {
 
 }  // namespace
 
+Vec3f world_normal(const PlacedTriangle& triangle) {
+  const Vec3d origin(triangle.v0);
+  const Vec3d across = cross(Vec3d(triangle.v1) - origin, Vec3d(triangle.v2) - origin);
+  const Vec3d n = transform_normal(triangle.world_to_object, across);
+  const double size2 = dot(n, n);
+  // Squares of products of floats and ordinary transforms lie well inside a double's range.
+  if (size2 > 0x1p-900 && size2 < 0x1p900) return Vec3f(n * (1 / std::sqrt(size2)));
+  return Vec3f(normalize(transform_normal(triangle.world_to_object, normalize(across))));
+}
+
 SurfacePoint surface_point(const PlacedTriangle& triangle, float b1, float b2) {
+  return surface_point(triangle, b1, b2, world_normal(triangle));
+}
+
+SurfacePoint surface_point(const PlacedTriangle& triangle, float b1, float b2,
+                           const Vec3f& normal) {
   const Vec3d origin(triangle.v0);
   const Vec3d e1 = Vec3d(triangle.v1) - origin, e2 = Vec3d(triangle.v2) - origin;
   const Vec3d p = origin + (e1 * static_cast<double>(b1) + e2 * static_cast<double>(b2));
@@ -33,8 +48,7 @@ SurfacePoint surface_point(const PlacedTriangle& triangle, float b1, float b2) {
                           absolute(world) * kUnitRoundoff);
   point.depth_tolerance = static_cast<float>(
       6 * kUnitRoundoff * max_abs(absolute_transform(triangle.object_to_world, extent)));
-  point.normal =
-      Vec3f(normalize(transform_normal(triangle.world_to_object, normalize(cross(e1, e2)))));
+  point.normal = normal;
   return point;
 }
 

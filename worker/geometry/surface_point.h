@@ -30,6 +30,11 @@ struct SurfacePoint {
 /// |object_to_world|. `depth_tolerance` bounds t: a sum of distances along the ray's largest axis,
 /// each rounded six times (difference, reciprocal, two products, two sums), 6 u times the extent.
 SurfacePoint surface_point(const PlacedTriangle& triangle, float b1, float b2);
+/// The same where world_normal(triangle) is known already.
+SurfacePoint surface_point(const PlacedTriangle& triangle, float b1, float b2, const Vec3f& normal);
+
+/// SurfacePoint::normal alone, worked out in double and rounded once.
+Vec3f world_normal(const PlacedTriangle& triangle);
 
 /// Normal and area of the placed triangle, in world units and double: |cross| / 2.
 double world_area(const PlacedTriangle& triangle);

@@ -54,6 +54,7 @@ Vec3f EnvironmentMap::fetch(std::int32_t x, std::int32_t y) const {
 }
 
 EnvironmentMap::Lookup EnvironmentMap::look_up(const Vec3f& d) const {
+  if (image_ == nullptr) return {constant_ * strength_, 0};
   const double dx = d.x, dy = d.y, dz = d.z;
   double u = 0.5 + elementary::atan2(dz, dx) / (2 * kPi) + turn_;
   u -= std::floor(u);
@@ -64,38 +65,39 @@ EnvironmentMap::Lookup EnvironmentMap::look_up(const Vec3f& d) const {
   const auto i = static_cast<std::int32_t>(clamp(left, -1.0, width_ - 1.0));
   const auto j = static_cast<std::int32_t>(clamp(top, -1.0, height_ - 1.0));
   const auto fx = static_cast<float>(x - left), fy = static_cast<float>(y - top);
-  const Vec3f upper = lerp(fetch(i, j), fetch(i + 1, j), fx);
-  const Vec3f lower = lerp(fetch(i, j + 1), fetch(i + 1, j + 1), fx);
+  const Vec3f a = fetch(i, j), b = fetch(i + 1, j), c = fetch(i, j + 1), e = fetch(i + 1, j + 1);
   const float density =
-      lerp(luminance(upper) * row_sines_[static_cast<std::size_t>(j < 0 ? 0 : j)],
-           luminance(lower) *
+      lerp(lerp(excess(a), excess(b), fx) * row_sines_[static_cast<std::size_t>(j < 0 ? 0 : j)],
+           lerp(excess(c), excess(e), fx) *
                row_sines_[static_cast<std::size_t>(j + 1 < height_ ? j + 1 : height_ - 1)],
            fy);
   const auto spread = static_cast<float>(sine > 1e-18 ? sine : 1e-18);  // never 0 / 0
-  return {lerp(upper, lower, fy) * strength_, density * density_scale_ / spread};
-}
-
-Vec3f EnvironmentMap::radiance(const Vec3f& d) const {
-  return image_ == nullptr ? constant_ * strength_ : look_up(d).radiance;
+  return {lerp(lerp(a, b, fx), lerp(c, e, fx), fy) * strength_, density * density_scale_ / spread};
 }
 
 void EnvironmentMap::build() {
   const auto w = static_cast<std::size_t>(width_), h = static_cast<std::size_t>(height_);
   row_sines_.resize(h);
+  for (std::int32_t j = 0; j < height_; ++j) {
+    const double above = elementary::cos(kPi * j / height_);
+    const double below = elementary::cos(kPi * (j + 1) / height_);
+    row_sines_[static_cast<std::size_t>(j)] =
+        static_cast<float>(elementary::sin(kPi * (j + 0.5) / height_));
+    double row = 0;
+    for (std::int32_t i = 0; i < width_; ++i) row += luminance(fetch(i, j));
+    power_ += row * (above - below) * 2 * kPi / width_;
+  }
+  // A little more: the texels of an even sky have nothing above it, whatever the rounding.
+  mean_ = static_cast<float>(power_ / (4 * kPi) * (1 + 0x1p-16));
   row_cdf_.assign(h + 1, 0);
   cdf_.assign(h * (w + 1), 0);
   for (std::size_t j = 0; j < h; ++j) {
-    const double above = elementary::cos(kPi * static_cast<double>(j) / height_);
-    const double below = elementary::cos(kPi * static_cast<double>(j + 1) / height_);
-    row_sines_[j] =
-        static_cast<float>(elementary::sin(kPi * (static_cast<double>(j) + 0.5) / height_));
     double* cdf = &cdf_[j * (w + 1)];
     for (std::size_t i = 0; i < w; ++i) {
       const Vec3f c = fetch(static_cast<std::int32_t>(i), static_cast<std::int32_t>(j));
-      cdf[i + 1] = cdf[i] + static_cast<double>(luminance(c));
+      cdf[i + 1] = cdf[i] + static_cast<double>(excess(c));
     }
     const double row = cdf[w];
-    power_ += row * (above - below) * 2 * kPi / width_;
     row_cdf_[j + 1] = row_cdf_[j] + row * static_cast<double>(row_sines_[j]);
     for (std::size_t i = 1; i <= w; ++i) {
       cdf[i] = row > 0 ? cdf[i] / row : static_cast<double>(i) / width_;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -17,8 +18,13 @@ class EnvironmentMap {
   /// Requires scene.has_environment.
   explicit EnvironmentMap(const Scene& scene);
 
-  /// Radiance from direction `d` (unit, world).
-  Vec3f radiance(const Vec3f& d) const;
+  struct Lookup {
+    Vec3f radiance;
+    float pdf = 0;  // as pdf()
+  };
+  /// Both for direction `d` (unit, world).
+  Lookup look_up(const Vec3f& d) const;
+  Vec3f radiance(const Vec3f& d) const { return look_up(d).radiance; }
 
   /// Whether directions are better left to the BSDF: the sky is the same everywhere, or black.
   bool is_constant() const { return image_ == nullptr || !(total_ > 0); }
@@ -28,12 +34,15 @@ class EnvironmentMap {
     Vec3f radiance;
     float pdf = 0;  // over solid angle
   };
-  /// A direction whose density follows the filtered brightness itself: a texel by its share, then a
-  /// place under its bilinear tent. u1 and u2 in [0, 1) with 32 bits or more, so that no texel's
-  /// share falls between two of them. Not for constant skies.
+  /// A direction whose density follows what the filtered brightness has above the sky's mean: a
+  /// texel by its share, then a place under its bilinear tent. What lies below is left to the BSDF,
+  /// whose samples find it well enough; combine the two by densities. u1 and u2 in [0, 1) with 32
+  /// bits or more, so that no texel's share falls between two of them. Not for constant skies.
+  /// Source: Karlik et al., "MIS compensation: optimizing sampling techniques in multiple
+  /// importance sampling", 2019.
   Sample sample(double u1, double u2) const;
 
-  /// Density of sample() at `d`; positive wherever radiance is.
+  /// Density of sample() at `d`; 0 where all texels about it are no brighter than the mean.
   float pdf(const Vec3f& d) const { return look_up(d).pdf; }
 
   /// Flux through a disc of unit area, summed over all directions: integral of luminance.
@@ -42,12 +51,8 @@ class EnvironmentMap {
   std::int64_t memory_bytes() const;
 
  private:
-  struct Lookup {
-    Vec3f radiance;
-    float pdf;
-  };
-  Lookup look_up(const Vec3f& d) const;
   Vec3f fetch(std::int32_t x, std::int32_t y) const;
+  float excess(const Vec3f& texel) const { return std::max(luminance(texel) - mean_, 0.0f); }
   void build();
 
   const Image* image_ = nullptr;
@@ -58,8 +63,9 @@ class EnvironmentMap {
   std::vector<float> row_sines_;  // sine of the polar angle at each row's centre
   std::vector<double> row_cdf_;   // height + 1, from 0 to 1
   std::vector<double> cdf_;       // [row][width + 1], from 0 to 1 in each row
-  float density_scale_ = 0;       // from brightness times sine in texels to solid angle
-  double total_ = 0;              // sum of brightness times row sine
+  float mean_ = 0;                // luminance over the sphere
+  float density_scale_ = 0;       // from excess times sine in texels to solid angle
+  double total_ = 0;              // sum of excess times row sine
   double power_ = 0;              // integral of luminance over the sphere, before strength
 };
 

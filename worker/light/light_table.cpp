@@ -14,6 +14,8 @@ namespace tessera::render {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
+/// Seen under more than about this many steradians, triangles are sampled by solid angle.
+constexpr double kNearSolidAngle = 0.1;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 Vec3d world_vertex(const Instance& instance, const Primitive& p, std::uint32_t v) {
@@ -95,7 +97,7 @@ LightTable::LightTable(const Scene& scene, const ShadingScene& shading)
   add_punctual(scene, bounds);
   tree_ = LightTree(bounds);
   const bool varied_sky = environment_ != nullptr && !environment_->is_constant();
-  if (varied_sky) environment_share_ = has_local_lights() ? 0.5f : 1.0f;
+  if (varied_sky) sky_irradiance_ = environment_->power() / 4;
 }
 
 void LightTable::add_emitters(const Scene& scene, std::vector<LightBounds>& bounds) {
@@ -120,6 +122,8 @@ void LightTable::add_emitters(const Scene& scene, std::vector<LightBounds>& boun
         const auto density = area > 0 ? static_cast<float>(1 / area) : kInfinity;
         const bool usable = density < kInfinity;  // slivers are left to chance hits
         entry.density = usable ? density : 0;
+        entry.centre = Vec3f((light.box_min + light.box_max) * 0.5);
+        entry.reach2 = static_cast<float>(area / kNearSolidAngle);
         light.both_sides = scene.materials[static_cast<std::size_t>(p.material)].double_sided;
         light.strength = usable ? area * radiance.at(p, p.triangles[t]) : 0;
         if (!std::isfinite(light.strength)) light.strength = 0;
@@ -150,37 +154,38 @@ void LightTable::add_punctual(const Scene& scene, std::vector<LightBounds>& boun
   distant_choice_ = DiscreteDistribution(powers);
 }
 
-/// Share of the local lights' samples that the tree gets: by irradiance, as near as it is known.
-double LightTable::tree_share(const LightReceiver& receiver) const {
-  if (distant_.empty()) return 1;
-  if (tree_.empty()) return 0;
-  const double near = tree_.importance(receiver), far = distant_choice_.total();
-  const double share = std::isfinite(near) ? near / (near + far) : 1;
-  return clamp(share, 0x1p-10, 1 - 0x1p-10);
+/// By irradiance, as near as it is known; no kind falls below 2^-10 of another.
+LightTable::Shares LightTable::shares(const LightReceiver& receiver) const {
+  const bool sky = sky_irradiance_ > 0, distant = !distant_.empty(), tree = !tree_.empty();
+  if (sky + distant + tree == 1) return {sky ? 1.0 : 0, distant ? 1.0 : 0, tree ? 1.0 : 0};
+  const double near = tree_.importance(receiver);
+  const double importance = std::isfinite(near) ? near : std::numeric_limits<double>::max();
+  const double most = std::max({sky_irradiance_, distant_choice_.total(), importance});
+  const auto weight = [most](bool present, double w) {
+    return present ? std::max(w / most, 0x1p-10) : 0;
+  };
+  Shares s{weight(sky, sky_irradiance_), weight(distant, distant_choice_.total()),
+           weight(tree, importance)};
+  const double sum = s.sky + s.distant + s.tree;
+  return {s.sky / sum, s.distant / sum, s.tree / sum};
 }
 
 bool LightTable::sample(const LightReceiver& receiver, const LightRandom& u,
                         LightSample* sample) const {
-  LightRandom rest = u;
-  double share = 1;
-  if (environment_share_ > 0) {
-    share = environment_share_;
-    if (u.select < share) return sample_environment(u, sample);
-    rest.select = (u.select - share) / (1 - share);
-    share = 1 - share;
+  const Shares s = shares(receiver);
+  double rest = u.select;
+  if (rest < s.sky) return sample_sky(static_cast<float>(s.sky), u, sample);
+  rest -= s.sky;
+  if (rest < s.distant) {
+    return sample_distant(rest / s.distant, receiver.point, static_cast<float>(s.distant), sample);
   }
-  if (!has_local_lights()) return false;
-  const double near = tree_share(receiver);
-  if (!(rest.select < near)) {
-    rest.select = (rest.select - near) / (1 - near);
-    return sample_distant(rest.select, receiver.point, static_cast<float>(share * (1 - near)),
-                          sample);
-  }
-  const LightTree::Choice choice = tree_.choose(receiver, rest.select / near);
+  if (!(s.tree > 0)) return false;
+  const double select = clamp((rest - s.distant) / s.tree, 0.0, 1 - 0x1p-53);
+  const LightTree::Choice choice = tree_.choose(receiver, select);
   const Entry& entry = entries_[choice.light];
-  const auto chance = static_cast<float>(share * near * choice.probability);
+  const auto chance = static_cast<float>(s.tree * choice.probability);
   if (entry.punctual != kNone) return sample_point_light(entry, chance, receiver.point, sample);
-  return sample_emitter(entry, chance, receiver.point, rest, sample);
+  return sample_emitter(entry, chance, receiver.point, u, sample);
 }
 
 bool LightTable::sample_distant(double u, const Vec3f& point, float share,
@@ -190,12 +195,12 @@ bool LightTable::sample_distant(double u, const Vec3f& point, float share,
   return sample_point_light(entry, share * choice.pdf, point, sample);
 }
 
-bool LightTable::sample_environment(const LightRandom& u, LightSample* sample) const {
+bool LightTable::sample_sky(float share, const LightRandom& u, LightSample* sample) const {
   const EnvironmentMap::Sample sky = environment_->sample(u.u1, u.u2);
   sample->direction = sky.direction;
   sample->distant = true;
   sample->triangle = TriangleId{};
-  sample->pdf = environment_share_ * sky.pdf;
+  sample->pdf = share * sky.pdf;
   if (!(sample->pdf > 0) || !(sample->pdf < INFINITY)) return false;
   sample->radiance_over_pdf = sky.radiance / sample->pdf;
   return max_component(sky.radiance) > 0;
@@ -214,14 +219,33 @@ bool LightTable::sample_point_light(const Entry& entry, float share, const Vec3f
   return share > 0 && max_component(s.irradiance) > 0;
 }
 
+/// The triangle as `point` sees it; without solid angle where its area is sampled instead.
+SphericalTriangle LightTable::near_triangle(const Entry& entry, const Vec3f& point) const {
+  const Vec3f d = entry.centre - point;
+  if (!(dot(d, d) < entry.reach2)) return {};
+  const TriangleId& id = entry.triangle;
+  const Affine3d& place = shading_.instances[id.instance].source->object_to_world;
+  const PrimitiveView& p = shading_.primitive(id);
+  const auto& v = p.triangles[id.triangle];
+  const auto corner = [&](std::uint32_t i) {
+    return transform_point(place, Vec3d(p.positions[i])) - Vec3d(point);
+  };
+  const auto seen = SphericalTriangle::seen_from_origin(corner(v[0]), corner(v[1]), corner(v[2]));
+  return seen.is_near() ? seen : SphericalTriangle{};
+}
+
 bool LightTable::sample_emitter(const Entry& entry, float share, const Vec3f& point,
                                 const LightRandom& u, LightSample* sample) const {
-  const Vec2f w = warp::uniform_triangle({static_cast<float>(u.u1), static_cast<float>(u.u2)});
   const TriangleId& id = entry.triangle;
   const InstanceView& instance = shading_.instances[id.instance];
   const PrimitiveView& p = shading_.primitive(id);
   const auto& v = p.triangles[id.triangle];
   const Vec3f a = p.positions[v[0]], b = p.positions[v[1]], c = p.positions[v[2]];
+  const SphericalTriangle seen = near_triangle(entry, point);
+  const Vec2f w =
+      seen.solid_angle > 0
+          ? seen.place_of(seen.sample(u.u1, u.u2))
+          : warp::uniform_triangle({static_cast<float>(u.u1), static_cast<float>(u.u2)});
   sample->target = transform_point(instance.object_to_world, a + (b - a) * w.x + (c - a) * w.y);
   const Vec3f to_light = sample->target - point;
   const float distance = length(to_light);
@@ -232,7 +256,8 @@ bool LightTable::sample_emitter(const Entry& entry, float share, const Vec3f& po
   const Vec3f radiance = emission_at(shading_, light) * coverage_at(shading_, light);
   if (!(max_component(radiance) > 0)) return false;
   const float cosine = std::fabs(dot(light.geometric_normal, sample->direction));
-  sample->pdf = solid_angle_density(share * entry.density, distance, cosine);
+  sample->pdf = seen.solid_angle > 0 ? static_cast<float>(share / seen.solid_angle)
+                                     : solid_angle_density(share * entry.density, distance, cosine);
   if (!(sample->pdf > 0) || !(sample->pdf < INFINITY)) return false;
   sample->radiance_over_pdf = radiance / sample->pdf;
   return true;
@@ -244,9 +269,10 @@ float LightTable::emitter_pdf(const LightReceiver& receiver, const TriangleId& i
   const std::int64_t first = slots_[slot_first_[id.instance] + id.primitive];
   if (first == kNone) return 0;
   const auto light = static_cast<std::uint32_t>(first) + id.triangle;
-  const double share = (environment_share_ > 0 ? 1 - environment_share_ : 1) *
-                       tree_share(receiver) * tree_.probability(receiver, light);
+  const double share = shares(receiver).tree * tree_.probability(receiver, light);
   if (!(share > 0)) return 0;
+  const SphericalTriangle seen = near_triangle(entries_[light], receiver.point);
+  if (seen.solid_angle > 0) return static_cast<float>(share / seen.solid_angle);
   return solid_angle_density(static_cast<float>(share) * entries_[light].density, distance,
                              cos_light);
 }

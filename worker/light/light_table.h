@@ -7,6 +7,7 @@
 #include "worker/geometry/ray.h"
 #include "worker/light/environment_map.h"
 #include "worker/light/light_tree.h"
+#include "worker/light/spherical_triangle.h"
 #include "worker/math/vector.h"
 #include "worker/sampling/distribution.h"
 #include "worker/scene/scene.h"
@@ -30,16 +31,16 @@ struct LightSample {
   float pdf = 0;            // over solid angle, selection included; 0 for delta lights
 };
 
-/// All lights of a scene and how to choose among them: the sky for half of the samples where there
-/// is one to sample, else lights without a place (directional ones) by power and those with a place
-/// by a LightTree. A point of an emitter has positive density wherever it gives light.
+/// All lights of a scene and how to choose among them: the sky, lights without a place (directional
+/// ones, by power) and those with a place (by a LightTree), each kind by the irradiance it may
+/// give. A point of an emitter has positive density wherever it gives light.
 class LightTable {
  public:
   /// Both must outlive the table.
   LightTable(const Scene& scene, const ShadingScene& shading);
 
   /// Whether sample() can ever give light: false leaves everything to chance hits.
-  bool samples_anything() const { return environment_share_ > 0 || has_local_lights(); }
+  bool samples_anything() const { return sky_irradiance_ > 0 || has_local_lights(); }
 
   /// A light for `receiver`. False when the draw gives no light there.
   bool sample(const LightReceiver& receiver, const LightRandom& u, LightSample* sample) const;
@@ -48,9 +49,12 @@ class LightTable {
   /// from there met after `distance`; 0 if never. `cos_light` is the absolute cosine there.
   float emitter_pdf(const LightReceiver& receiver, const TriangleId& id, float distance,
                     float cos_light) const;
-  /// The same for the sky.
-  float environment_pdf(const Vec3f& direction) const {
-    return environment_share_ > 0 ? environment_share_ * environment_->pdf(direction) : 0;
+  /// The sky's radiance from `direction`, with the density of sample() there for `receiver`.
+  /// Requires a sky.
+  EnvironmentMap::Lookup sky(const LightReceiver& receiver, const Vec3f& direction) const {
+    EnvironmentMap::Lookup found = environment_->look_up(direction);
+    if (found.pdf > 0) found.pdf *= static_cast<float>(shares(receiver).sky);
+    return found;
   }
 
   /// Null without a sky.
@@ -63,14 +67,21 @@ class LightTable {
     TriangleId triangle;
     std::int32_t punctual = kNone;
     float density = 0;  // of a point on it: 1 / area of triangles, 1 for punctual lights
+    Vec3f centre;       // of triangles
+    float reach2 = 0;   // squared distance from it within which they are seen under a large angle
   };
 
   void add_emitters(const Scene& scene, std::vector<LightBounds>& bounds);
   void add_punctual(const Scene& scene, std::vector<LightBounds>& bounds);
   bool has_local_lights() const { return !tree_.empty() || !distant_.empty(); }
-  double tree_share(const LightReceiver& receiver) const;
-  bool sample_environment(const LightRandom& u, LightSample* sample) const;
+  /// Probabilities of the three kinds; those of kinds that are not there are 0.
+  struct Shares {
+    double sky = 0, distant = 0, tree = 0;
+  };
+  Shares shares(const LightReceiver& receiver) const;
+  bool sample_sky(float share, const LightRandom& u, LightSample* sample) const;
   bool sample_distant(double u, const Vec3f& point, float share, LightSample* sample) const;
+  SphericalTriangle near_triangle(const Entry& entry, const Vec3f& point) const;
   bool sample_emitter(const Entry& entry, float share, const Vec3f& point, const LightRandom& u,
                       LightSample* sample) const;
   bool sample_point_light(const Entry& entry, float share, const Vec3f& point,
@@ -79,7 +90,7 @@ class LightTable {
   const ShadingScene& shading_;
   const std::vector<PunctualLight>& punctual_;
   std::unique_ptr<EnvironmentMap> environment_;
-  float environment_share_ = 0;  // probability of sampling the sky
+  double sky_irradiance_ = 0;  // of a sky worth sampling, on average over all normals
   std::vector<Entry> entries_;
   LightTree tree_;                         // over entries; directional lights have no leaf
   std::vector<std::uint32_t> distant_;     // entries of directional lights

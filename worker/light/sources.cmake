@@ -3,4 +3,4 @@ target_sources(tessera_render
           light/light_tree.cpp
   PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
     FILES light/emissive_power.h light/environment_map.h light/light_table.h
-          light/light_tree.h light/punctual.h)
+          light/light_tree.h light/punctual.h light/spherical_triangle.h)

@@ -116,7 +116,8 @@ PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& 
                settings.max_depth,
                settings.cull_backfaces,
                settings.seed,
-               frame},
+               frame,
+               settings.aovs},
       clamp_at_(static_cast<float>(settings.clamp)),
       aovs_(settings.aovs) {
   timings_.memory_bytes =

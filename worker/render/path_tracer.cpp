@@ -11,7 +11,9 @@ namespace tessera::render {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
-constexpr std::int32_t kRouletteDepth = 3;  // scattering events before paths may end by chance
+/// Paths that carry less than this end by chance, or go on carrying this much: at 1 they were too
+/// few (measured: docs/performance.md).
+constexpr float kRouletteWeight = 0.5f;
 
 /// The low 20 bits as a number in [0, 1).
 double fraction(std::uint64_t bits) {
@@ -140,7 +142,7 @@ bool PathTracer::step(const Hit& hit) {
 }
 
 void PathTracer::add_sky() {
-  const EnvironmentMap* sky = frame_.lights.environment();
+  const bool has_sky = frame_.lights.environment() != nullptr;
   if (path_.from_camera) {
     switch (frame_.background) {
       case contract::Background::color:
@@ -150,16 +152,14 @@ void PathTracer::add_sky() {
         path_.result.alpha = 0;
         return;
       case contract::Background::automatic:
-        if (sky == nullptr) path_.result.alpha = 0;
+        if (!has_sky) path_.result.alpha = 0;
         break;
     }
   }
-  if (sky == nullptr) return;
-  Vec3f light = path_.throughput * sky->radiance(path_.ray.direction);
-  if (!path_.by_chance) {
-    light *= power_heuristic(path_.pdf, frame_.lights.environment_pdf(path_.ray.direction));
-  }
-  path_.result.radiance += light;
+  if (!has_sky) return;
+  const EnvironmentMap::Lookup sky = frame_.lights.sky(path_.scattered_at, path_.ray.direction);
+  const float weight = path_.by_chance ? 1 : power_heuristic(path_.pdf, sky.pdf);
+  path_.result.radiance += path_.throughput * sky.radiance * weight;
 }
 
 void PathTracer::record(const ShadingPoint& point, const SurfacePoint& position,
@@ -167,8 +167,10 @@ void PathTracer::record(const ShadingPoint& point, const SurfacePoint& position,
   CameraHit& hit = path_.result.hit;
   hit.present = true;
   hit.albedo = base.xyz();
-  const Vec3f normal = shading_normal_at(frame_.shading, point);
-  hit.normal = point.front ? normal : -normal;
+  if ((frame_.aovs & contract::kAovNormal) != 0) {
+    const Vec3f normal = shading_normal_at(frame_.shading, point);
+    hit.normal = point.front ? normal : -normal;
+  }
   hit.position = position.position;
   hit.node = point.instance->node;
   hit.material = point.primitive->material;
@@ -188,6 +190,7 @@ void PathTracer::add_emission(const ShadingPoint& point, const TriangleId& id,
                               const Vec3f& position) {
   if (!point.material->emissive) return;
   Vec3f light = path_.throughput * emission_at(frame_.shading, point);
+  if (!(max_component(light) > 0)) return;
   if (!path_.by_chance) {
     const float distance = length(position - path_.scattered_at.point);
     const float cosine = std::fabs(dot(point.geometric_normal, path_.ray.direction));
@@ -277,13 +280,10 @@ bool PathTracer::scatter(const ShadingPoint& point, const Bsdf& bsdf, const Tria
   if (!sample_bsdf(bsdf, u.z, {u.x, u.y}, &next)) return false;
   path_.throughput *= next.weight;
   ++path_.depth;
-  if (path_.depth > kRouletteDepth) {
-    const float survival = max_component(path_.throughput);
-    if (!(survival > 0)) return false;
-    if (survival < 1) {
-      if (!(u.w < survival)) return false;
-      path_.throughput = path_.throughput / survival;
-    }
+  const float survival = max_component(path_.throughput) / kRouletteWeight;
+  if (!(survival >= 1)) {
+    if (!(u.w < survival)) return false;
+    path_.throughput = path_.throughput / survival;
   }
   if (next.transmitted && bsdf.interface == Interface::solid) {
     path_.medium = point.front && point.material->absorbs ? point.material : nullptr;

@@ -27,6 +27,7 @@ struct FrameContext {
   bool cull_backfaces = false;
   std::uint32_t seed = 0;
   std::int32_t frame = 0;
+  std::uint32_t aovs = 0;  // contract::Aov bits
 };
 
 /// Memory a thread lends to the paths it traces, so that none allocates.
@@ -38,7 +39,7 @@ struct PathScratch {
 struct CameraHit {
   bool present = false;
   Vec3f albedo;    // base colour
-  Vec3f normal;    // shading normal on the viewer's side
+  Vec3f normal;    // shading normal on the viewer's side; zero unless there is a layer of it
   Vec3f position;  // recentred world
   std::int32_t node = 0, material = 0, primitive = 0;
 };

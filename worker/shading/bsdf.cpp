@@ -59,6 +59,7 @@ float reflect_probability(const Bsdf& b, const Layer& layer, float c) {
 }
 
 BsdfValue evaluate_reflection(const Bsdf& b, const Vec3f& wi) {
+  if (b.lambert) return {b.diffuse * kInvPi * wi.z, wi.z * kInvPi};
   const Vec3f h = direction_of(b.wo + wi);
   const float c = dot(b.wo, h);
   const Layer layer = layer_at(b, c);
@@ -199,6 +200,10 @@ Bsdf make_bsdf(const BsdfParameters& p, const BsdfTables& tables, const BsdfFram
   b.specular_weight = p.specular_weight;
   b.metallic = p.metallic;
   b.metal_f0 = p.base;
+  if (!transmissive && p.metallic == 0 && p.specular_weight == 0) {
+    b.lambert = true;
+    return b;
+  }
   b.roughness = p.roughness;
   b.alpha = p.roughness * p.roughness;
   b.channelwise = p.specular_glossiness;
@@ -264,7 +269,7 @@ bool sample_bsdf(const Bsdf& b, float u_lobe, const Vec2f& u, BsdfSample* sample
   const BsdfValue value = evaluate_local(b, local);
   sample->pdf = value.pdf;
   if (!(value.pdf > 0)) return false;
-  sample->weight = value.f_cos / value.pdf;
+  sample->weight = b.lambert ? b.diffuse : value.f_cos / value.pdf;
   return max_component(sample->weight) > 0;
 }
 
@@ -279,7 +284,7 @@ float scattered_albedo(const Bsdf& b) {
 }
 
 bool has_smooth_density(const Bsdf& b) {
-  return !b.mirror || max_component(b.diffuse) > 0;
+  return (!b.mirror && !b.lambert) || max_component(b.diffuse) > 0;
 }
 
 }  // namespace tessera::render

@@ -62,7 +62,8 @@ struct Bsdf {
   float reflect_gain = 1, transmit_gain = 1;  // what multiple scattering gives back in glass
   float cosine_probability = 1;               // of sampling the cosine lobe
   Interface interface = Interface::opaque;
-  bool mirror = false;  // the microfacet lobe is a delta
+  bool lambert = false;  // nothing but `diffuse`: no lobe of facets
+  bool mirror = false;   // the microfacet lobe is a delta
   bool channelwise = false;
   bool plain_fresnel = true;  // f0 follows from eta and the weight is 1
   const AlbedoTable* reflector = nullptr;

@@ -14,6 +14,13 @@ T interpolated(const T* values, const ShadingPoint& p) {
   return a + (b - a) * p.b1 + (c - a) * p.b2;
 }
 
+PlacedTriangle placed_triangle(const ShadingPoint& p) {
+  const Vec3f* x = p.primitive->positions;
+  const Instance& instance = *p.instance->source;
+  return {instance.object_to_world, instance.world_to_object, x[p.vertices[0]], x[p.vertices[1]],
+          x[p.vertices[2]]};
+}
+
 Vec2f uv_at(const ShadingPoint& p, const TextureRef& ref) {
   const Vec2f* uv = p.primitive->uv[ref.uv_set == 1 ? 1 : 0];
   return uv == nullptr ? Vec2f{} : interpolated(uv, p);
@@ -120,19 +127,13 @@ ShadingPoint surface_at(const ShadingScene& scene, const TriangleId& id, float b
   p.vertices = p.primitive->triangles[id.triangle];
   p.b1 = b1;
   p.b2 = b2;
-  const Vec3f* x = p.primitive->positions;
-  const Vec3f e1 = x[p.vertices[1]] - x[p.vertices[0]], e2 = x[p.vertices[2]] - x[p.vertices[0]];
-  p.geometric_normal = normalize(transform_normal(p.instance->world_to_object, cross(e1, e2)));
+  p.geometric_normal = world_normal(placed_triangle(p));
   p.front = dot(p.geometric_normal, direction) < 0;
   return p;
 }
 
 SurfacePoint position_of(const ShadingPoint& p) {
-  const Vec3f* x = p.primitive->positions;
-  const Instance& instance = *p.instance->source;
-  return surface_point({instance.object_to_world, instance.world_to_object, x[p.vertices[0]],
-                        x[p.vertices[1]], x[p.vertices[2]]},
-                       p.b1, p.b2);
+  return surface_point(placed_triangle(p), p.b1, p.b2, p.geometric_normal);
 }
 
 Vec4f base_color_at(const ShadingScene& scene, const ShadingPoint& p) {
