@@ -69,11 +69,13 @@ void add_counts(Table& table, const ordered_json& report) {
   }
   const ordered_json memory = report.value("memory", ordered_json());
   if (memory.is_object()) {
-    table.add(
-        {"memory", absl::StrCat(format_bytes(number(memory, "total_bytes")), ": geometry ",
-                                format_bytes(number(memory, "geometry_bytes")), ", images ",
-                                format_bytes(number(memory, "image_bytes")), ", acceleration ",
-                                format_bytes(number(memory, "acceleration_bytes")))});
+    table.add({"memory",
+               absl::StrCat(format_bytes(number(memory, "total_bytes")), ": geometry ",
+                            format_bytes(number(memory, "geometry_bytes")), ", images ",
+                            format_bytes(number(memory, "image_bytes")), ", acceleration ",
+                            format_bytes(number(memory, "acceleration_bytes")), ", lights ",
+                            format_bytes(number(memory, "light_bytes")), ", the renderer itself ",
+                            format_bytes(number(memory, "process_bytes")))});
   }
   const ordered_json bounds = report.value("bounds", ordered_json());
   if (bounds.is_object()) {

@@ -160,6 +160,8 @@ std::string to_json(const InspectReport& report) {
     out["memory"] = {{"geometry_bytes", report.needs.geometry_bytes},
                      {"image_bytes", report.needs.image_bytes},
                      {"acceleration_bytes", report.needs.acceleration_bytes},
+                     {"light_bytes", report.needs.light_bytes},
+                     {"process_bytes", kProcessBytes},
                      {"total_bytes", report.needs.total_bytes()}};
     out["bounds"] = {{"min", report.bounds_min}, {"max", report.bounds_max}};
   }

@@ -1,5 +1,6 @@
 #include "worker/scene/needs.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -9,7 +10,12 @@ namespace tessera::render {
 
 namespace {
 
-constexpr std::int64_t kAccelBytesPerTriangle = 64, kAccelBytesPerInstance = 256;
+// Measured: docs/performance.md, "Memory".
+constexpr std::int64_t kAccelBytesPerTriangle = 75, kAccelBytesPerInstance = 256;
+constexpr std::int64_t kBuildBytesPerTriangle = 130;  // of one mesh at a time
+constexpr std::int64_t kLightBytesPerTriangle = 700;  // emissive, as often as it is placed
+constexpr std::int64_t kLightBytesPerTexel = 12;      // of emissive textures
+constexpr std::int64_t kLightBytesPerSkyTexel = 8;
 
 template <typename Array>
 std::int64_t bytes_in(const Array& v) {
@@ -62,6 +68,24 @@ std::uint32_t scene_features(const Scene& scene) {
   if (scene.instances.size() > scene.meshes.size()) f |= kNeedsInstances;
   if (scene.camera.kind == Camera::Kind::orthographic) f |= kNeedsOrthographicCamera;
   return f;
+}
+
+/// Texels that the tables for choosing lights go over.
+std::int64_t light_table_bytes(const Scene& scene, const std::vector<bool>& used_materials) {
+  const auto texels = [&](std::int32_t image) {
+    const Image& i = scene.images[static_cast<std::size_t>(image)];
+    return std::int64_t{i.width} * i.height;
+  };
+  std::int64_t bytes = 0;
+  for (std::size_t i = 0; i < scene.materials.size(); ++i) {
+    const Material& m = scene.materials[i];
+    if (!used_materials[i] || !emits(m) || !m.emissive_texture) continue;
+    bytes += kLightBytesPerTexel * texels(scene.textures[m.emissive_texture.texture].image);
+  }
+  if (scene.has_environment && scene.environment.image != kNone) {
+    bytes += kLightBytesPerSkyTexel * texels(scene.environment.image);
+  }
+  return bytes;
 }
 
 bool is_solid_glass(const Material& m) {
@@ -172,8 +196,12 @@ SceneNeeds needs_of(const Scene& scene) {
   needs.instances = static_cast<std::int64_t>(scene.instances.size());
   needs.images = static_cast<std::int64_t>(scene.images.size());
   needs.lights = static_cast<std::int64_t>(scene.lights.size());
-  needs.acceleration_bytes =
-      needs.triangles * kAccelBytesPerTriangle + needs.instances * kAccelBytesPerInstance;
+  const auto largest = std::max_element(triangles.begin(), triangles.end());
+  needs.acceleration_bytes = needs.triangles * kAccelBytesPerTriangle +
+                             needs.instances * kAccelBytesPerInstance +
+                             (largest == triangles.end() ? 0 : *largest * kBuildBytesPerTriangle);
+  needs.light_bytes =
+      needs.emissive_triangles * kLightBytesPerTriangle + light_table_bytes(scene, used);
   return needs;
 }
 

@@ -32,7 +32,13 @@ enum Feature : std::uint32_t {
   kNeedsOrthographicCamera = 1u << 17,
 };
 
-/// Counts and estimated sizes of a posed scene.
+/// Resident memory of a renderer before it has a scene. Most are pages of libraries, which all
+/// renderers of a host share.
+inline constexpr std::int64_t kProcessBytes = 137'000'000;
+
+/// Counts and sizes of a posed scene. Sizes are of a renderer process with one frame loaded, at its
+/// largest, which is while it builds its tables; those that are not of arrays in the scene are
+/// estimates.
 struct SceneNeeds {
   std::uint32_t features = 0;
   std::int64_t triangles = 0;            // stored
@@ -42,9 +48,10 @@ struct SceneNeeds {
   std::int64_t textures = 0, images = 0, lights = 0;
   std::int64_t emissive_triangles = 0;  // instanced
   std::int64_t geometry_bytes = 0, image_bytes = 0;
-  std::int64_t acceleration_bytes = 0;  // estimated
+  std::int64_t acceleration_bytes = 0;  // trees, and the making of the largest
+  std::int64_t light_bytes = 0;         // what lights are chosen by: sky, emissive triangles
   [[nodiscard]] std::int64_t total_bytes() const {
-    return geometry_bytes + image_bytes + acceleration_bytes;
+    return geometry_bytes + image_bytes + acceleration_bytes + light_bytes + kProcessBytes;
   }
 };
 

@@ -65,7 +65,13 @@ TEST_F(InspectTest, ListsResourcesCountsAndNeedsOfAGoodScene) {
   EXPECT_EQ(report["counts"]["emissive_triangles"], 4);
   EXPECT_EQ(report["needs"], (json{"alpha-blend", "emissive-triangles", "instances"}));
   EXPECT_EQ(report["bounds"]["max"], (json{3, 1, 0}));
-  EXPECT_GT(report["memory"]["total_bytes"], 0);
+  const json& memory = report["memory"];
+  EXPECT_EQ(memory["geometry_bytes"], 4 * 12 + 2 * 12) << "no textures, no coordinates";
+  std::int64_t sum = 0;
+  for (const char* part : {"geometry", "image", "acceleration", "light", "process"}) {
+    sum += memory[std::string(part) + "_bytes"].get<std::int64_t>();
+  }
+  EXPECT_EQ(memory["total_bytes"], sum);
 }
 
 TEST_F(InspectTest, NamesFileElementAndFaultOfABadScene) {

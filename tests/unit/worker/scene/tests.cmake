@@ -10,6 +10,8 @@ tessera_test(NAME scene KIND unit
   LINKS tessera::render tessera_test_scene draco::draco meshoptimizer::meshoptimizer
     nlohmann_json::nlohmann_json)
 target_compile_definitions(unit_scene_test PRIVATE TESSERA_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
+tessera_test(NAME memory KIND unit SOURCES unit/worker/scene/memory_test.cpp
+  LINKS tessera_test_render)
 # Apart, since each of its processes loads OpenImageIO to write what is then read.
 tessera_test(NAME image KIND unit SOURCES unit/worker/scene/image_test.cpp
   LINKS tessera::render OpenImageIO::OpenImageIO)
