@@ -11,9 +11,10 @@ namespace tessera::render {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
-/// Paths that carry less than this end by chance, or go on carrying this much: at 1 they were too
-/// few (measured: docs/performance.md).
+/// After the second scattering event, paths that carry less than this end by chance, or go on
+/// carrying this much. Measured: docs/performance.md.
 constexpr float kRouletteWeight = 0.5f;
+constexpr std::int32_t kRouletteDepth = 1;
 
 /// The low 20 bits as a number in [0, 1).
 double fraction(std::uint64_t bits) {
@@ -281,7 +282,7 @@ bool PathTracer::scatter(const ShadingPoint& point, const Bsdf& bsdf, const Tria
   path_.throughput *= next.weight;
   ++path_.depth;
   const float survival = max_component(path_.throughput) / kRouletteWeight;
-  if (!(survival >= 1)) {
+  if (path_.depth > kRouletteDepth && !(survival >= 1)) {
     if (!(u.w < survival)) return false;
     path_.throughput = path_.throughput / survival;
   }
