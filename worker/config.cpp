@@ -18,6 +18,7 @@
 #include "proto/contract/version_text.h"
 #include "proto/log/log.h"
 #include "worker/accel/isa.h"
+#include "worker/accel/reference/structures.h"
 
 namespace tessera::worker {
 namespace {
@@ -80,6 +81,16 @@ void add_isa(CLI::App& app, render::Isa& isa) {
       });
 }
 
+/// --accelerator, for tests of the structures: not in --help.
+void add_accelerator(CLI::App& app, std::string& accelerator) {
+  app.add_option("--accelerator", accelerator)
+      ->check([](const std::string& name) {
+        const bool known = render::reference::find_structure(name) != nullptr;
+        return known ? std::string() : "no reference structure: " + name;
+      })
+      ->group("");
+}
+
 void add_worker_options(CLI::App& app, WorkerFlags& flags) {
   agent::AgentOptions& options = flags.options;
   app.add_option("--server", options.server, "Farm to work for: unix:PATH or HOST:PORT")
@@ -101,6 +112,7 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
       ->capture_default_str()
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{100'000'000}));
   add_isa(app, options.isa);
+  add_accelerator(app, options.accelerator);
   app.add_option("--id", options.worker_id,
                  "Identity kept over restarts; the server takes back at once what an earlier "
                  "process of it had (default: random)");
@@ -129,6 +141,7 @@ CLI::App* add_renderer(CLI::App& app, agent::RendererOptions& options, std::stri
   renderer->add_option("--threads", options.thread_count)->required();
   renderer->add_option("--memory-bytes", options.memory_bytes);
   add_isa(*renderer, options.isa);
+  add_accelerator(*renderer, options.accelerator);
   renderer->add_option("--crash-on", crash_on)->check(is_unit());
   return renderer;
 }
@@ -139,6 +152,9 @@ void add_inspect_options(CLI::App& inspect, InspectConfig& config) {
       ->required();
   inspect.add_option("--environment", config.environment, "Sky to check along with it")
       ->type_name("FILE");
+  inspect.add_flag("--accelerators", config.accelerators,
+                   "Measure acceleration structures on rays of the scene");
+  add_accelerator(inspect, config.accelerator);
   inspect.add_option("--settings", config.settings_hex)
       ->group("");  // what a client's job will have
 }

@@ -7,6 +7,7 @@
 #include "worker/agent/agent.h"
 #include "worker/agent/renderer.h"
 #include "worker/config.h"
+#include "worker/render/accelerator_table.h"
 #include "worker/scene/inspect_report.h"
 
 namespace {
@@ -20,6 +21,20 @@ int work(const tessera::agent::AgentOptions& options) {
   return kRefused;
 }
 
+/// Adds the table of acceleration structures to a report.
+void add_accelerators(const tessera::worker::InspectConfig& config,
+                      const tessera::contract::RenderSettings& settings,
+                      const tessera::render::Scene& scene, tessera::render::InspectReport& report) {
+  const auto table = tessera::render::measure_accelerators(scene, settings, {config.accelerator});
+  if (table.ok()) {
+    report.extras.emplace_back("accelerators", to_json(*table));
+  } else {
+    report.findings.push_back({report.scene,
+                               {tessera::render::Problem::Severity::error, "accelerators",
+                                std::string(table.status().message())}});
+  }
+}
+
 int inspect(const tessera::worker::InspectConfig& config) {
   tessera::render::InspectRequest request;
   request.scene = config.scene;
@@ -30,6 +45,11 @@ int inspect(const tessera::worker::InspectConfig& config) {
     auto settings = tessera::contract::from_message(message);
     if (!settings.ok()) return kWrongInput;
     request.settings = *std::move(settings);
+  }
+  if (config.accelerators || !config.accelerator.empty()) {
+    request.examine = [&](const auto& scene, auto& report) {
+      add_accelerators(config, request.settings, scene, report);
+    };
   }
   const auto report = tessera::render::inspect_scene(request);
   const std::string text = to_json(report);

@@ -105,6 +105,93 @@ Affine3d random_placement(Dice& dice, double scale, const Vec3d& translation, bo
   return m;
 }
 
+Primitive soup(int count, Dice& dice) {
+  Primitive p;
+  while (static_cast<int>(p.triangles.size()) < count) {
+    const auto first = static_cast<std::uint32_t>(p.positions.size());
+    const Vec3f centre = dice.vector();
+    const float size = std::exp2(-8 * dice.unit());
+    for (int corner = 0; corner < 3; ++corner) {
+      Vec3f offset = dice.vector() * size;
+      if (dice.below(4) == 0) offset.y = 0;
+      if (dice.below(8) == 0) offset = offset * Vec3f{1, 1e-4f, 1e-4f};
+      p.positions.push_back(centre + offset);
+    }
+    if (dice.below(4) == 0) {
+      for (std::uint32_t i = 0; i < 3; ++i) p.positions[first + i].z = 0.25f;
+    }
+    p.triangles.push_back({first, first + 1, first + 2});
+    if (dice.below(6) == 0) p.triangles.push_back({first + 1, first + 2, first});
+  }
+  return p;
+}
+
+Primitive terrain(std::uint32_t side, Dice& dice) {
+  Primitive p;
+  for (std::uint32_t z = 0; z <= side; ++z) {
+    for (std::uint32_t x = 0; x <= side; ++x) {
+      const float scale = 2 / static_cast<float>(side);
+      p.positions.push_back({static_cast<float>(x) * scale - 1,
+                             dice.below(3) == 0 ? 0.0f : 0.05f * dice.unit(),
+                             static_cast<float>(z) * scale - 1});
+    }
+  }
+  for (std::uint32_t z = 0; z < side; ++z) {
+    for (std::uint32_t x = 0; x < side; ++x) {
+      const std::uint32_t a = z * (side + 1) + x, b = a + side + 1;
+      p.triangles.push_back({a, a + 1, b + 1});
+      p.triangles.push_back({a, b + 1, b});
+    }
+  }
+  return p;
+}
+
+Ray adversarial_ray(const Scene& scene, Dice& dice) {
+  Ray ray;
+  ray.origin = dice.vector() * 3.0f;
+  ray.direction = dice.vector();
+  const std::uint32_t kind = dice.below(9);
+  if (kind < 3) return ray;
+  const Instance& instance =
+      scene.instances[dice.below(static_cast<std::uint32_t>(scene.instances.size()))];
+  const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
+  if (mesh.primitives.empty()) return ray;
+  const Primitive& primitive =
+      mesh.primitives[dice.below(static_cast<std::uint32_t>(mesh.primitives.size()))];
+  const auto world = [&](const Vec3f& p) {
+    return Vec3f(transform_point(instance.object_to_world, Vec3d(p)));
+  };
+  const Vec3f target = world(edge_or_vertex(primitive, kind % 2 == 0, dice));
+  const Vec3f other = world(edge_or_vertex(primitive, true, dice));
+  ray.direction = target - ray.origin;
+  if (kind == 5) ray.origin = other;                             // between two surface points
+  if (kind == 6) ray.origin = target - (other - target) * 4.0f;  // along a chord
+  if (kind == 5 || kind == 6) ray.direction = target - ray.origin;
+  if (kind >= 7) {  // in a plane of boxes: one or two zero components through a vertex
+    const int axis = static_cast<int>(dice.below(3));
+    ray.origin[axis] = target[axis];
+    ray.direction[axis] = dice.below(2) == 0 ? 0.0f : -0.0f;
+    if (kind == 8) {
+      ray.origin[(axis + 1) % 3] = target[(axis + 1) % 3];
+      ray.direction[(axis + 1) % 3] = 0;
+    }
+  }
+  if (dice.below(8) == 0) ray.t_max = 2 * dice.unit();
+  if (dice.below(16) == 0) ray.leaves = {0, 0, dice.below(4)};
+  return ray;
+}
+
+Primitive needles(int count, Dice& dice) {
+  Primitive p;
+  for (int i = 0; i < count; ++i) {
+    const auto first = static_cast<std::uint32_t>(p.positions.size());
+    const Vec3f at = dice.vector(), along = Vec3f{1, 1, 1} + dice.vector() * 0.3f;
+    p.positions.insert(p.positions.end(), {at - along, at + along, at + dice.vector() * 0.05f});
+    p.triangles.push_back({first, first + 1, first + 2});
+  }
+  return p;
+}
+
 bool same_bits(const Hit& a, const Hit& b) {
   const auto same = [](float x, float y) {
     return std::bit_cast<std::uint32_t>(x) == std::bit_cast<std::uint32_t>(y);

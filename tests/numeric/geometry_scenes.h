@@ -53,6 +53,18 @@ Vec3f edge_or_vertex(const Primitive& primitive, bool edge, Dice& dice);
 /// Rotation about a random axis times `scale`, then `translation`; mirrored if asked.
 Affine3d random_placement(Dice& dice, double scale, const Vec3d& translation, bool mirrored);
 
+/// Random triangles of mixed sizes; some flat on an axis, some needles, some twice.
+Primitive soup(int count, Dice& dice);
+
+/// A height field whose cells are on a grid: many shared planes, edges and vertices.
+Primitive terrain(std::uint32_t side, Dice& dice);
+
+/// Long thin triangles aslant, crossing each other: what spatial splits are for.
+Primitive needles(int count, Dice& dice);
+
+/// A third at random, the rest meant to graze: along edges, through vertices, in axis planes.
+Ray adversarial_ray(const Scene& scene, Dice& dice);
+
 /// Whether two hits have the same bits.
 bool same_bits(const Hit& a, const Hit& b);
 

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -9,10 +11,22 @@
 #include "worker/accel/binary_bvh.h"
 #include "worker/accel/isa.h"
 #include "worker/accel/kernels.h"
+#include "worker/accel/ray_queries.h"
 #include "worker/geometry/ray.h"
 #include "worker/scene/scene.h"
 
 namespace tessera::render {
+
+/// How the rays of a frame are traced; hits do not depend on it.
+struct Tracing {
+  /// Makes what answers queries in the place of SceneAccel's own trees.
+  using Maker = std::function<std::unique_ptr<const RayQueries>(const Scene&)>;
+
+  Tracing(Isa with = best_isa(), Maker by = nullptr) : isa(with), instead(std::move(by)) {}
+
+  Isa isa;        // supported
+  Maker instead;  // null: SceneAccel's own
+};
 
 /// Finds ray hits in a scene: a BVH over instances, and one over the triangles of each mesh that
 /// instances share. Immutable once made; any number of threads may ask at once.
@@ -33,19 +47,23 @@ class SceneAccel {
   /// Trees of meshes that `before` was built of too, if given, are shared with it, not built again.
   SceneAccel(const Scene& scene, const ParallelFor& parallel_for, Isa isa = best_isa(),
              const SceneAccel* before = nullptr);
+  /// Builds nothing and leaves all queries to `instead`.
+  explicit SceneAccel(std::unique_ptr<const RayQueries> instead);
 
   /// The first hit over (t, instance, primitive, triangle) that the filter takes.
   template <typename Filter>
   bool closest_hit(const Ray& ray, Hit& hit, Filter&& filter) const {
     if (!valid(ray)) return false;
     const HitFilter call(filter);
-    return isa_ == Isa::avx512 ? avx512::closest_hit(sixteen_, ray, call, hit)
-                               : avx2::closest_hit(eight_, ray, call, hit);
+    if (isa_ == Isa::avx512) return avx512::closest_hit(sixteen_, ray, call, hit);
+    return instead_ == nullptr ? avx2::closest_hit(eight_, ray, call, hit)
+                               : instead_->closest_hit(ray, &call, hit);
   }
   bool closest_hit(const Ray& ray, Hit& hit) const {
     if (!valid(ray)) return false;
-    return isa_ == Isa::avx512 ? avx512::closest_hit(sixteen_, ray, hit)
-                               : avx2::closest_hit(eight_, ray, hit);
+    if (isa_ == Isa::avx512) return avx512::closest_hit(sixteen_, ray, hit);
+    return instead_ == nullptr ? avx2::closest_hit(eight_, ray, hit)
+                               : instead_->closest_hit(ray, nullptr, hit);
   }
 
   /// Whether the filter takes any hit.
@@ -53,12 +71,13 @@ class SceneAccel {
   bool any_hit(const Ray& ray, Filter&& filter) const {
     if (!valid(ray)) return false;
     const HitFilter call(filter);
-    return isa_ == Isa::avx512 ? avx512::any_hit(sixteen_, ray, call)
-                               : avx2::any_hit(eight_, ray, call);
+    if (isa_ == Isa::avx512) return avx512::any_hit(sixteen_, ray, call);
+    return instead_ == nullptr ? avx2::any_hit(eight_, ray, call) : instead_->any_hit(ray, &call);
   }
   bool any_hit(const Ray& ray) const {
     if (!valid(ray)) return false;
-    return isa_ == Isa::avx512 ? avx512::any_hit(sixteen_, ray) : avx2::any_hit(eight_, ray);
+    if (isa_ == Isa::avx512) return avx512::any_hit(sixteen_, ray);
+    return instead_ == nullptr ? avx2::any_hit(eight_, ray) : instead_->any_hit(ray, nullptr);
   }
 
   std::int64_t memory_bytes() const;
@@ -75,6 +94,7 @@ class SceneAccel {
   const AccelTrees<kWidth>& trees() const;
 
   Isa isa_;
+  std::unique_ptr<const RayQueries> instead_;    // null but where everything is left to it
   std::vector<SharedArray<Primitive>> origins_;  // by mesh: what its tree was built of
   std::size_t shared_meshes_ = 0;
   AccelTrees<8> eight_;     // filled for avx2

@@ -87,6 +87,9 @@ RenderDeskOptions desk_options(const AgentOptions& options) {
     desk.arguments.insert(desk.arguments.end(),
                           {"--memory-bytes", absl::StrCat(options.memory_bytes)});
   }
+  if (!options.accelerator.empty()) {
+    desk.arguments.insert(desk.arguments.end(), {"--accelerator", options.accelerator});
+  }
   if (options.crash_on) {
     const contract::Unit& unit = *options.crash_on;
     desk.arguments.insert(desk.arguments.end(),
@@ -101,6 +104,7 @@ absl::StatusOr<RendererProcess::Child> fork_renderer(const AgentOptions& options
   renderer.thread_count = options.thread_count;
   renderer.memory_bytes = options.memory_bytes;
   renderer.isa = options.isa;
+  renderer.accelerator = options.accelerator;
   renderer.crash_on = options.crash_on;
   return RendererProcess::fork_off([&renderer] { return run_renderer(renderer); });
 }

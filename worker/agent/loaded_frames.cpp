@@ -35,7 +35,7 @@ absl::StatusOr<LoadedFrames::Outcome> LoadedFrames::load(const v1::LoadScene& co
     const auto other = any_frame(command.job_id());
     auto made =
         render::FrameRenderer::create(*std::move(scene), *settings, command.frame(), parallel_for,
-                                      other == nullptr ? nullptr : other->renderer.get(), isa_);
+                                      other == nullptr ? nullptr : other->renderer.get(), tracing_);
     if (!made.ok()) return made.status();
     renderer = *std::move(made);
     outcome.build_seconds = seconds_since(build_start);

@@ -28,8 +28,7 @@ struct LoadedFrame {
 /// which is why units and this table share it.
 class LoadedFrames {
  public:
-  /// Frames will trace rays with `isa`.
-  explicit LoadedFrames(render::Isa isa) : isa_(isa) {}
+  explicit LoadedFrames(render::Tracing tracing) : tracing_(std::move(tracing)) {}
 
   struct Outcome {
     double load_seconds = 0;   // parsing, decoding, posing
@@ -62,7 +61,7 @@ class LoadedFrames {
   /// Some loaded frame of the job, with which another can share; null if there is none.
   std::shared_ptr<const LoadedFrame> any_frame(const std::string& job_id);
 
-  const render::Isa isa_;
+  const render::Tracing tracing_;
   std::mutex mutex_;  // guards what follows
   std::map<std::string, std::shared_ptr<JobScene>> jobs_;
   std::map<std::pair<std::string, std::int32_t>, std::shared_ptr<const LoadedFrame>> frames_;

@@ -17,6 +17,7 @@
 #include "proto/contract/version.h"
 #include "tessera/v1/renderer.pb.h"
 #include "worker/accel/isa.h"
+#include "worker/accel/reference/reference_accel.h"
 #include "worker/agent/loaded_frames.h"
 #include "worker/agent/message_socket.h"
 #include "worker/agent/render_pool.h"
@@ -32,12 +33,20 @@ std::int64_t peak_rss_bytes() {
   return std::int64_t{usage.ru_maxrss} * 1024;
 }
 
+render::Tracing tracing_of(const RendererOptions& options) {
+  const auto* structure = render::reference::find_structure(options.accelerator);
+  if (structure == nullptr) return options.isa;
+  return {options.isa, [structure](const render::Scene& scene) {
+            return std::make_unique<const render::reference::ReferenceAccel>(scene, *structure);
+          }};
+}
+
 class Renderer {
  public:
   explicit Renderer(const RendererOptions& options)
       : options_(options),
         socket_(Descriptor(options.fd)),
-        frames_(options.isa),
+        frames_(tracing_of(options)),
         pool_(options.thread_count) {}
 
   int run() {

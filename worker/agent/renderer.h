@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 
 #include "proto/contract/unit.h"
 #include "worker/accel/isa.h"
@@ -13,6 +14,8 @@ struct RendererOptions {
   int thread_count = 1;           // units rendered at once
   std::int64_t memory_bytes = 0;  // limit of address space; 0: none
   render::Isa isa = render::best_isa();
+  /// A structure of worker/accel/reference to trace rays with instead, for tests; empty: none.
+  std::string accelerator;
   /// Fault injection for tests: dies by SIGSEGV when it takes up this unit.
   std::optional<contract::Unit> crash_on;
 };

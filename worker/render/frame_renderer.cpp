@@ -47,7 +47,8 @@ void check_float_control() {
 class PathTracingFrame final : public FrameRenderer {
  public:
   PathTracingFrame(Scene scene, const contract::RenderSettings& settings, std::int32_t frame,
-                   const ParallelFor& parallel_for, const FrameRenderer* before, Isa isa);
+                   const ParallelFor& parallel_for, const FrameRenderer* before,
+                   const Tracing& tracing);
 
   contract::FilmBlock render(const contract::PixelRect& rect, const contract::Pass& pass,
                              std::int32_t pass_index,
@@ -89,20 +90,22 @@ std::int64_t scene_bytes(const Scene& scene) {
 }
 
 SceneAccel timed_accel(const Scene& scene, const ParallelFor& parallel_for,
-                       const FrameRenderer* before, Isa isa, double* seconds) {
+                       const FrameRenderer* before, const Tracing& tracing, double* seconds) {
   const auto start = std::chrono::steady_clock::now();
-  SceneAccel accel(scene, parallel_for, isa, before == nullptr ? nullptr : &before->accel());
+  SceneAccel accel = tracing.instead ? SceneAccel(tracing.instead(scene))
+                                     : SceneAccel(scene, parallel_for, tracing.isa,
+                                                  before == nullptr ? nullptr : &before->accel());
   *seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return accel;
 }
 
 PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& settings,
                                    std::int32_t frame, const ParallelFor& parallel_for,
-                                   const FrameRenderer* before, Isa isa)
+                                   const FrameRenderer* before, const Tracing& tracing)
     : scene_(std::move(scene)),
       shading_(scene_),
       camera_(scene_.camera, settings.width, settings.height),
-      accel_(timed_accel(scene_, parallel_for, before, isa, &timings_.accel_build_seconds)),
+      accel_(timed_accel(scene_, parallel_for, before, tracing, &timings_.accel_build_seconds)),
       lights_(scene_, shading_),
       filter_(settings.filter, settings.filter_width),
       context_{shading_,
@@ -205,7 +208,7 @@ void PathTracingFrame::store_first_hit(const PathResult& path, std::size_t pixel
 
 absl::StatusOr<std::unique_ptr<FrameRenderer>> FrameRenderer::create(
     Scene scene, const contract::RenderSettings& settings, std::int32_t frame,
-    const ParallelFor& parallel_for, const FrameRenderer* before, Isa isa) {
+    const ParallelFor& parallel_for, const FrameRenderer* before, const Tracing& tracing) {
   if (settings.width < 1 || settings.height < 1) {
     return absl::InvalidArgumentError(
         absl::StrCat("render settings: size ", settings.width, "x", settings.height));
@@ -222,7 +225,7 @@ absl::StatusOr<std::unique_ptr<FrameRenderer>> FrameRenderer::create(
     return absl::InvalidArgumentError("scene: no materials, not even the default one");
   }
   return std::make_unique<PathTracingFrame>(std::move(scene), settings, frame, parallel_for, before,
-                                            isa);
+                                            tracing);
 }
 
 }  // namespace tessera::render

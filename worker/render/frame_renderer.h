@@ -16,13 +16,14 @@ namespace tessera::render {
 class FrameRenderer {
  public:
   /// Takes the scene, builds acceleration structures and light tables, using `parallel_for`. What
-  /// another frame of the job, `before`, has of the same meshes is shared with it. Requires a
-  /// supported `isa`; pixels do not depend on it.
+  /// another frame of the job, `before`, has of the same meshes is shared with it. Pixels do not
+  /// depend on `tracing`.
   ///
   /// Errors: InvalidArgument naming what in scene or settings cannot be rendered.
   static absl::StatusOr<std::unique_ptr<FrameRenderer>> create(
       Scene scene, const contract::RenderSettings& settings, std::int32_t frame,
-      const ParallelFor& parallel_for, const FrameRenderer* before = nullptr, Isa isa = best_isa());
+      const ParallelFor& parallel_for, const FrameRenderer* before = nullptr,
+      const Tracing& tracing = {});
   virtual ~FrameRenderer() = default;
 
   /// The block of one unit: the samples of `pass` over the pixels of `rect`. A function of the

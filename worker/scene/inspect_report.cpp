@@ -120,6 +120,7 @@ InspectReport inspect_scene(const InspectRequest& request) {
     for (const Problem& p : (*file)->problems()) report.findings.push_back({report.scene, p});
     if (scene.ok()) {
       add_pose(*scene, report);
+      if (request.examine) request.examine(*scene, report);
     } else {
       report.findings.push_back(finding_of(scene.status(), report.scene));
     }
@@ -165,6 +166,7 @@ std::string to_json(const InspectReport& report) {
                      {"total_bytes", report.needs.total_bytes()}};
     out["bounds"] = {{"min", report.bounds_min}, {"max", report.bounds_max}};
   }
+  for (const auto& [name, text] : report.extras) out[name] = json::parse(text);
   // Names come from the file: bytes that are not UTF-8 are replaced rather than thrown over.
   return out.dump(2, ' ', false, json::error_handler_t::replace) + "\n";
 }

@@ -3,7 +3,9 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "proto/contract/render_settings.h"
@@ -31,6 +33,8 @@ struct InspectReport {
   bool posed = false;  // needs and bounds are set
   SceneNeeds needs;
   std::array<double, 3> bounds_min = {}, bounds_max = {};  // world, metres
+  /// Further members of the document: name and JSON text.
+  std::vector<std::pair<std::string, std::string>> extras;
 
   /// Whether an error was found: such a scene cannot be rendered.
   [[nodiscard]] bool has_errors() const;
@@ -40,6 +44,8 @@ struct InspectRequest {
   std::filesystem::path scene;        // a glTF file
   std::filesystem::path environment;  // a sky's file; empty: none
   contract::RenderSettings settings;  // camera, variant, frames; `environment` names the sky
+  /// Looks further at the posed scene and adds to the report; may be null.
+  std::function<void(const Scene&, InspectReport&)> examine = nullptr;
 };
 
 /// Loads and poses the first frame of `request` and reports what was found. Faults of the scene

@@ -1,0 +1,114 @@
+#include "worker/accel/instance_boxes.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "worker/math/float_bits.h"
+
+namespace tessera::render {
+namespace {
+
+Vec3d absolute(const Vec3d& v) {
+  return {std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)};
+}
+
+/// Largest row sum of |m|'s 3x3 part.
+double norm(const Affine3d& m) {
+  const Vec3d one = {1, 1, 1};
+  return max_abs(Vec3d{dot(absolute(m.rows[0]), one), dot(absolute(m.rows[1]), one),
+                       dot(absolute(m.rows[2]), one)});
+}
+
+/// World box of an object-space box, by its corners.
+Box3d transform_box(const Affine3d& m, const Box3f& box) {
+  Box3d world;
+  for (int corner = 0; corner < 8; ++corner) {
+    const Vec3d p = {(corner & 1) != 0 ? box.hi.x : box.lo.x,
+                     (corner & 2) != 0 ? box.hi.y : box.lo.y,
+                     (corner & 4) != 0 ? box.hi.z : box.lo.z};
+    world.extend(transform_point(m, p));
+  }
+  return world;
+}
+
+double reach(const Box3d& box) {
+  const double lo = max_abs(box.lo), hi = max_abs(box.hi);
+  return lo > hi ? lo : hi;
+}
+
+/// How far the box of an instance must be padded, per world axis, so that no ray with |origin| <=
+/// `reach` per axis is culled by it that hits one of its triangles in object space.
+///
+/// Let W, F be world-to-object and object-to-world, u = 2^-24, and D the largest component of
+/// (box plane - object-space origin): D <= |W| reach + |t_W| + |box|.
+/// - A hit at t lies, per axis, within D (2^-20 + 2^-21 + 8 u) < D 2^-19 of the mesh's box: t is
+///   clamped to the triangle's [enter, leave], leave being widened (enter_leave), and each slab
+///   distance rounds three times.
+/// - The object-space ray is off by u |o'| <= u (D + |box|) at its origin and by u D at t (one
+///   rounding to float), and by the double arithmetic before it: 2^-50 (|W| reach + |t_W|) and,
+///   as |t d| <= |F| D in the world, 2^-50 |W||F| D. That W F is not quite the identity adds a
+///   term of the last kind.
+/// So in object space e = (D + |box|) (2^-18 + 2^-47 |W||F|) is ample, and |F| e in the world.
+/// There the slab test itself rounds by 3 u (reach + |world box|), and the corners by 2^-50.
+Vec3d world_pad(const Instance& instance, const Box3f& mesh, const Box3d& world, double origin) {
+  const Affine3d& w = instance.world_to_object;
+  const Affine3d& f = instance.object_to_world;
+  const double box = reach({Vec3d(mesh.lo), Vec3d(mesh.hi)});
+  const double object_origin = norm(w) * origin + max_abs(w.translation);
+  const double e = (object_origin + 2 * box) * (0x1p-18 + 0x1p-47 * norm(w) * norm(f));
+  const double slab =
+      0x1p-22 * (origin + reach(world)) + 0x1p-48 * (norm(f) * box + max_abs(f.translation));
+  const Vec3d all = {e, e, e};
+  return Vec3d{dot(absolute(f.rows[0]), all), dot(absolute(f.rows[1]), all),
+               dot(absolute(f.rows[2]), all)} +
+         Vec3d{slab, slab, slab};
+}
+
+/// The float at most (or, for `up`, at least) x; finite, so that areas stay numbers.
+float round_outward(double x, bool up) {
+  constexpr double kFar = 0x1p126;
+  if (!(x > -kFar)) return static_cast<float>(-kFar);
+  if (!(x < kFar)) return static_cast<float>(kFar);
+  const auto f = static_cast<float>(x);
+  const double wide = f;
+  if (up ? wide >= x : wide <= x) return f;
+  return up ? next_up(f) : next_down(f);
+}
+
+Box3f padded(const Box3d& box, const Vec3d& pad) {
+  Box3f out;
+  for (int k = 0; k < 3; ++k) {
+    const double lo = box.lo[k] - pad[k], hi = box.hi[k] + pad[k];
+    // A pad that is NaN or infinite pads by everything.
+    out.lo[k] = round_outward(lo < hi ? lo : -0x1p126, false);
+    out.hi[k] = round_outward(lo < hi ? hi : 0x1p126, true);
+  }
+  return out;
+}
+
+}  // namespace
+
+InstanceBoxes place_instances(const Scene& scene, std::span<const Box3f> meshes) {
+  // Origins: the camera, and points on or just off the instances.
+  double origin = max_abs(scene.camera.camera_to_world.translation);
+  InstanceBoxes out;
+  std::vector<Box3d> worlds;
+  for (std::size_t i = 0; i < scene.instances.size(); ++i) {
+    const Instance& instance = scene.instances[i];
+    const Box3f& mesh = meshes[static_cast<std::size_t>(instance.mesh)];
+    if (mesh.empty()) continue;
+    out.instances.push_back(static_cast<std::uint32_t>(i));
+    worlds.push_back(transform_box(instance.object_to_world, mesh));
+    origin = std::max(origin, reach(worlds.back()));
+  }
+  out.origin_limit = round_outward(origin * 1.0625, false);
+  for (std::size_t i = 0; i < out.instances.size(); ++i) {
+    const Instance& instance = scene.instances[out.instances[i]];
+    const Box3f& mesh = meshes[static_cast<std::size_t>(instance.mesh)];
+    const Vec3d pad = world_pad(instance, mesh, worlds[i], out.origin_limit);
+    out.boxes.push_back(is_identity(instance.world_to_object) ? mesh : padded(worlds[i], pad));
+  }
+  return out;
+}
+
+}  // namespace tessera::render

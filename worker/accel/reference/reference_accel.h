@@ -1,0 +1,60 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "worker/accel/ray_queries.h"
+#include "worker/accel/reference/structures.h"
+#include "worker/scene/scene.h"
+
+namespace tessera::render::reference {
+
+/// Ray hits of a scene by a reference structure: one over the triangles of each mesh, and one of
+/// the same kind over the instances. Hits have the bits of brute_force.h.
+class ReferenceAccel final : public RayQueries {
+ public:
+  /// Copies what it needs, so the scene may go.
+  ReferenceAccel(const Scene& scene, const Structure& structure);
+
+  bool closest_hit(const Ray& ray, const HitFilter* filter, Hit& hit) const override;
+  bool any_hit(const Ray& ray, const HitFilter* filter) const override;
+  std::size_t memory_bytes() const override;
+
+  /// The same without a filter, adding what it cost to `work`.
+  bool closest_hit(const Ray& ray, Hit& hit, Work& work) const;
+  bool any_hit(const Ray& ray, Work& work) const;
+  /// All hits with 0 <= t < t_max, in the order of "One hit".
+  std::vector<Hit> all_hits(const Ray& ray) const;
+
+ private:
+  struct Triangle {
+    Vec3f v0, v1, v2;
+    std::uint32_t primitive, triangle;
+  };
+  /// A mesh in its object space.
+  struct Part {
+    std::vector<Triangle> triangles;
+    Box3f bounds;
+    std::unique_ptr<ShapeIndex> index;  // null if there is nothing to hit
+  };
+  struct Placed {
+    Affine3d world_to_object;
+    std::uint32_t part, instance;
+  };
+
+  static Part make_part(const Mesh& mesh, const Structure& structure);
+  template <typename Take>
+  bool meet_part(const Placed& placed, const Ray& ray, const float& limit, const Take& take,
+                 Work& work) const;
+  template <typename Take>
+  bool meet(const Ray& ray, const float& limit, const Take& take, Work& work) const;
+  bool find_closest(const Ray& ray, const HitFilter* filter, Hit& hit, Work& work) const;
+
+  std::vector<Part> parts_;
+  std::vector<Placed> placed_;
+  std::unique_ptr<ShapeIndex> top_;
+  Box3f bounds_;  // of the padded boxes of the placed parts
+  float origin_limit_ = 0;
+};
+
+}  // namespace tessera::render::reference
