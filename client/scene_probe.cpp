@@ -15,6 +15,7 @@
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "client/command.h"
 #include "client/local_farm.h"
 #include "proto/contract/settings_message.h"
 
@@ -93,7 +94,8 @@ bool SceneProbe::has_errors() const {
 }
 
 absl::StatusOr<SceneProbe> probe_scene(const std::string& scene, const std::string& environment,
-                                       const contract::RenderSettings* settings) {
+                                       const contract::RenderSettings* settings,
+                                       const std::vector<std::string>& further) {
   auto worker = sibling_program("tessera-worker");
   if (!worker.ok()) return worker.status();
   std::vector<std::string> command = {*worker, "inspect", "--json"};
@@ -102,6 +104,7 @@ absl::StatusOr<SceneProbe> probe_scene(const std::string& scene, const std::stri
     const std::string bytes = contract::to_message(*settings).SerializeAsString();
     command.insert(command.end(), {"--settings", absl::BytesToHexString(bytes)});
   }
+  command.insert(command.end(), further.begin(), further.end());
   command.insert(command.end(), {"--", scene});
   const auto result = run_child(command);
   if (!result.ok()) return result.status();
@@ -110,6 +113,9 @@ absl::StatusOr<SceneProbe> probe_scene(const std::string& scene, const std::stri
     if (signal == SIGINT || signal == SIGTERM) return absl::CancelledError("interrupted");
     return absl::InvalidArgumentError(
         absl::StrCat(scene, ": the loader died of it (", strsignal(signal), ")"));
+  }
+  if (result->output.empty() && WEXITSTATUS(result->status) == kExitBadInput) {
+    return absl::InvalidArgumentError("tessera-worker inspect does not take that");
   }
   return parse_report(result->output);
 }

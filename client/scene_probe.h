@@ -29,12 +29,15 @@ struct SceneProbe {
 };
 
 /// Runs the child on `scene` (and, if given, the settings a job will have, so that a camera or
-/// variant that is not there is found now). `environment`: the sky's file; empty: none.
+/// variant that is not there is found now). `environment`: the sky's file; empty: none. `further`
+/// options of the child make its report longer.
 ///
 /// Errors: NotFound, no tessera-worker beside this program; InvalidArgument, the scene is beyond
-/// inspection (no such file, or the child died on it: how, and what it last wrote); Internal, it
+/// inspection (no such file, or the child died on it: how, and what it last wrote) or an option
+/// is one the child does not take (which it has said); Internal, it
 /// wrote something else than a report. Cancelled when it was interrupted.
 absl::StatusOr<SceneProbe> probe_scene(const std::string& scene, const std::string& environment,
-                                       const contract::RenderSettings* settings);
+                                       const contract::RenderSettings* settings,
+                                       const std::vector<std::string>& further = {});
 
 }  // namespace tessera::client

@@ -155,6 +155,8 @@ void add_inspect_options(CLI::App& inspect, InspectConfig& config) {
   inspect.add_flag("--accelerators", config.accelerators,
                    "Measure acceleration structures on rays of the scene");
   add_accelerator(inspect, config.accelerator);
+  inspect.add_flag("--self-intersections", config.self_intersections,
+                   "List triangles that overlap, and say which meshes are closed");
   inspect.add_option("--settings", config.settings_hex)
       ->group("");  // what a client's job will have
 }

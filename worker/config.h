@@ -12,11 +12,12 @@ namespace tessera::worker {
 /// tessera-worker inspect SCENE --json.
 struct InspectConfig {
   std::string scene;
-  std::string environment;    // sky file to check along with it; empty: none
-  bool json = false;          // asked for explicitly: the only form there is
-  bool accelerators = false;  // measure acceleration structures on it
-  std::string accelerator;    // only this one of the reference structures; empty: all
-  std::string settings_hex;   // a serialised v1.RenderSettings in hexadecimal; empty: defaults
+  std::string environment;          // sky file to check along with it; empty: none
+  bool json = false;                // asked for explicitly: the only form there is
+  bool accelerators = false;        // measure acceleration structures on it
+  std::string accelerator;          // only this one of the reference structures; empty: all
+  bool self_intersections = false;  // list triangles that overlap
+  std::string settings_hex;  // a serialised v1.RenderSettings in hexadecimal; empty: defaults
 };
 
 /// What the command line asks for.

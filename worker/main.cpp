@@ -9,6 +9,7 @@
 #include "worker/config.h"
 #include "worker/render/accelerator_table.h"
 #include "worker/scene/inspect_report.h"
+#include "worker/scene/solid_check.h"
 
 namespace {
 
@@ -46,11 +47,14 @@ int inspect(const tessera::worker::InspectConfig& config) {
     if (!settings.ok()) return kWrongInput;
     request.settings = *std::move(settings);
   }
-  if (config.accelerators || !config.accelerator.empty()) {
-    request.examine = [&](const auto& scene, auto& report) {
+  request.examine = [&](const auto& scene, auto& report) {
+    if (config.accelerators || !config.accelerator.empty()) {
       add_accelerators(config, request.settings, scene, report);
-    };
-  }
+    }
+    if (config.self_intersections) {
+      report.extras.emplace_back("self_intersections", tessera::render::overlap_report(scene));
+    }
+  };
   const auto report = tessera::render::inspect_scene(request);
   const std::string text = to_json(report);
   std::fwrite(text.data(), 1, text.size(), stdout);

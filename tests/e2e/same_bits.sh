@@ -63,3 +63,27 @@ if [ -n "${TESSERA_OTHER_BIN:-}" ]; then
 else
   echo "# no other compiler's programs (TESSERA_OTHER_BIN): the asan stage of .ci/run compares them"
 fi
+
+# Every acceleration structure, in a worker that is told to use it; both instruction sets.
+drawn_with() {
+  stand_in tessera-worker <<EOF
+#!/bin/sh
+[ "\$1" = inspect ] && exec $TESSERA_BIN/tessera-worker "\$@"
+exec $TESSERA_BIN/tessera-worker "\$@" $*
+EOF
+  PATH=$work/bin:$PATH draw structure --tile 16 --workers 1 --threads 2
+  pixels "$work/structure.json"
+}
+tessera inspect "$scenes/lit_square.gltf" --accelerators --json >"$work/accelerators.json"
+job=(--size 48x40 --spp 16 --max-depth 4)
+draw few --tile 16 --workers 1 --threads 1
+few=$(pixels "$work/few.json")
+for name in $(json "$work/accelerators.json" '[s["name"] for s in d["accelerators"]["structures"] if s["closest_hit"]["triangles_per_ray"] is not None]'); do
+  equal "$name" "$(drawn_with --accelerator "$name")" "$few"
+done
+for isa in avx2 avx512; do
+  [ "$isa" = avx2 ] || tessera-worker --version | grep -q "isa $isa" || continue  # lacks it
+  equal "$isa" "$(drawn_with --isa "$isa")" "$few"
+done
+json "$work/accelerators.json" 'sum(s[q]["wrong"] for s in d["accelerators"]["structures"] for q in ("closest_hit", "any_hit"))' >"$work/wrong"
+equal "rays that structures of inspect answered otherwise" "$(cat "$work/wrong")" 0

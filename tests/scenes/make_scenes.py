@@ -315,10 +315,43 @@ def missing_texture():
     return gltf
 
 
+def joined(*shapes):
+    """Several shapes as one."""
+    positions, normals, uvs, triangles = [], [], [], []
+    for shape in shapes:
+        first = len(positions)
+        positions += shape[0]
+        normals += shape[1]
+        uvs += shape[2]
+        triangles += [tuple(first + index for index in triangle) for triangle in shape[3]]
+    return positions, normals, uvs, triangles
+
+
+def stadium():
+    """The "teapot in a stadium" (a ring, here): a dense mesh of a metre in a field of 400 m, one
+    mesh of both, which a uniform grid cannot tell apart. For `inspect --accelerators`."""
+    gltf = Gltf()
+    grey = gltf.add("materials", plain(0.6, 0.6, 0.55))
+    ring = torus(0.5, 0.2, 24)
+    ring = ([rounded(x, y + 0.5, z) for x, y, z in ring[0]], *ring[1:])
+    stands = [quad((-200, 0, 200), (400, 0, 0), (0, 0, -400)),
+              quad((-200, 0, -200), (400, 0, 0), (0, 90, -60)),
+              quad((200, 0, 200), (-400, 0, 0), (0, 90, 60)),
+              quad((200, 0, -200), (0, 0, 400), (60, 90, 0)),
+              quad((-200, 0, 200), (0, 0, -400), (-60, 90, 0))]
+    gltf.node(mesh=gltf.mesh(joined(ring, *stands), grey))
+    gltf.use("KHR_lights_punctual")
+    gltf.doc["extensions"] = {"KHR_lights_punctual": {"lights": [
+        {"type": "point", "intensity": 100000}]}}
+    gltf.node(translation=[20, 60, 30], extensions={"KHR_lights_punctual": {"light": 0}})
+    camera(gltf, (0, 1.6, 3), (0, 0.5, 0), 0.7)
+    return gltf
+
+
 def main():
     check = "--check" in sys.argv[1:]
     stale = []
-    for make in (quickstart, same_bits, lit_square, missing_texture):
+    for make in (quickstart, same_bits, lit_square, missing_texture, stadium):
         path = FOLDER / f"{make.__name__}.gltf"
         text = make().text()
         if check:

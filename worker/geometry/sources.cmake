@@ -1,6 +1,6 @@
 # Rays, boxes, triangles: what "One hit" is made of.
 target_sources(tessera_render
-  PRIVATE geometry/surface_point.cpp
+  PRIVATE geometry/exact_sign.cpp geometry/surface_point.cpp geometry/triangle_overlap.cpp
   PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
-    FILES geometry/bounds.h geometry/frame.h geometry/object_ray.h geometry/ray.h
-      geometry/surface_point.h geometry/triangle.h)
+    FILES geometry/bounds.h geometry/exact_sign.h geometry/frame.h geometry/object_ray.h geometry/ray.h
+      geometry/surface_point.h geometry/triangle.h geometry/triangle_overlap.h)

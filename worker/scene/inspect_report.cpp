@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "worker/scene/folder_reader.h"
+#include "worker/scene/solid_check.h"
 
 namespace tessera::render {
 
@@ -60,6 +61,9 @@ void add_pose(const Scene& scene, InspectReport& report) {
     report.bounds_max[static_cast<std::size_t>(k)] = scene.bounds_max[k] + scene.center[k];
   }
   for (Problem& problem : check_light_through_glass(scene)) {
+    report.findings.push_back({report.scene, std::move(problem)});
+  }
+  for (Problem& problem : check_solids(scene)) {
     report.findings.push_back({report.scene, std::move(problem)});
   }
 }

@@ -127,8 +127,6 @@ class CellLists {
   std::span<const std::uint32_t> of(std::size_t cell) const {
     return std::span(shapes_).subspan(starts_[cell], starts_[cell + 1] - starts_[cell]);
   }
-  /// Over all cells.
-  std::size_t entries() const { return shapes_.size(); }
   std::size_t memory_bytes() const {
     return (starts_.capacity() + shapes_.capacity()) * sizeof(std::uint32_t);
   }

@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::uint32_t kLeafSize = 3;
 constexpr int kBins = 32;
-constexpr double kVisitCost = 0.5;  // of a node, in tests of a shape
+constexpr double kVisitCost = 1;  // of a node, in tests of a shape
 
 struct Node {
   float plane = 0;

@@ -15,7 +15,7 @@ namespace tessera::render::reference {
 namespace {
 
 constexpr std::size_t kLeafSize = 8;
-constexpr int kMaxDepth = 12;
+constexpr int kMaxDepth = 16;
 /// References may grow by this factor at a division.
 constexpr std::size_t kGrowth = 3;
 
@@ -68,16 +68,13 @@ class Octree final : public ShapeIndex {
     const double half = cube.size / 2;
     const Vec3d middle = cube.lo + Vec3d{half, half, half};
     std::array<std::vector<std::uint32_t>, 8> parts;
-    std::size_t total = 0, largest = 0;
+    std::size_t total = 0;
     if (items.size() > kLeafSize && depth > 0 && half > 0) {
       for (const std::uint32_t shape : items) share(shapes.boxes[shape], middle, shape, parts);
-      for (const auto& part : parts) {
-        total += part.size();
-        largest = std::max(largest, part.size());
-      }
+      for (const auto& part : parts) total += part.size();
     }
     nodes_[index].middle = middle;
-    if (total == 0 || total > kGrowth * items.size() || largest == items.size()) {
+    if (total == 0 || total > kGrowth * items.size()) {
       nodes_[index].first = static_cast<std::uint32_t>(items_.size());
       nodes_[index].count = static_cast<std::uint32_t>(items.size());
       items_.insert(items_.end(), items.begin(), items.end());

@@ -20,9 +20,9 @@ namespace tessera::render::reference {
 namespace {
 
 constexpr std::size_t kLeafSize = 6;
-constexpr std::size_t kCandidates = 6, kJudges = 512;
+constexpr std::size_t kCandidates = 10, kJudges = 512;
 /// A plane that leaves more than this on one side (see share()) is not worth a node.
-constexpr double kWorstShare = 0.85;
+constexpr double kWorstShare = 0.9;
 
 struct Plane {
   Vec3d normal, point;

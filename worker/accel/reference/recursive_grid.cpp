@@ -1,7 +1,7 @@
 // A grid whose full cells hold grids of their own, around what is in them. Source: D. Jevans,
 // B. Wyvill, "Adaptive voxel subdivision for ray tracing", 1989.
 
-#include <map>
+#include <algorithm>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -14,8 +14,6 @@ namespace {
 
 constexpr std::size_t kFullCell = 12;
 constexpr int kLevels = 4;
-/// Where each shape is in more cells than this, smaller ones would only multiply them.
-constexpr std::size_t kMostCellsOfAShape = 6;
 
 Box3d intersection(const Box3d& a, const Box3d& b) {
   return {max(a.lo, b.lo), min(a.hi, b.hi)};
@@ -35,7 +33,7 @@ class Level {
         grid_(region, shapes_.size()),
         cells_(grid_, boxes, shapes_),
         below_(grid_.cell_count(), 0) {
-    if (levels <= 1 || cells_.entries() > kMostCellsOfAShape * shapes_.size()) return;
+    if (levels <= 1) return;
     std::array<int, 3> cell{};
     for (cell[2] = 0; cell[2] < grid_.count(2); ++cell[2]) {
       for (cell[1] = 0; cell[1] < grid_.count(1); ++cell[1]) {
@@ -70,12 +68,18 @@ class Level {
   }
 
  private:
-  /// Gives a full cell a grid, around the parts in it of the widened boxes that put shapes there.
+  /// Gives a full cell a grid, around the parts in it of the widened boxes that put shapes there;
+  /// not where most shapes are larger than the cell, which smaller ones would only multiply.
   void fill(std::span<const Box3f> boxes, const std::array<int, 3>& cell, int levels) {
     const auto members = cells_.of(grid_.index(cell));
-    if (members.size() <= kFullCell || members.size() == shapes_.size()) return;
-    const Box3d region =
-        intersection(grid_.cell_box(cell), widened(box_of(boxes, members), grid_.pad()));
+    if (members.size() <= kFullCell) return;
+    const Box3d box = grid_.cell_box(cell);
+    const double width = max_component(box.hi - box.lo);
+    const auto small = std::count_if(members.begin(), members.end(), [&](std::uint32_t shape) {
+      return static_cast<double>(max_component(boxes[shape].hi - boxes[shape].lo)) < 0.5 * width;
+    });
+    if (2 * static_cast<std::size_t>(small) < members.size()) return;
+    const Box3d region = intersection(box, widened(box_of(boxes, members), grid_.pad()));
     levels_.push_back(std::make_unique<Level>(
         boxes, std::vector<std::uint32_t>(members.begin(), members.end()), region, levels - 1));
     below_[grid_.index(cell)] = static_cast<std::uint32_t>(levels_.size());

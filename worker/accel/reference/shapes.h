@@ -131,7 +131,7 @@ class Mailbox {
   }
 
  private:
-  std::array<std::uint32_t, 64> met_;
+  std::array<std::uint32_t, 256> met_;
 };
 
 }  // namespace tessera::render::reference

@@ -7,8 +7,12 @@
 #include <string>
 
 #include "tests/support/gltf_builder.h"
+#include "tests/support/json_schema.h"
 #include "tests/support/memory_scene.h"
+#include "worker/accel/reference/structures.h"
+#include "worker/render/accelerator_table.h"
 #include "worker/scene/inspect_report.h"
+#include "worker/scene/solid_check.h"
 
 namespace tessera::render {
 namespace {
@@ -193,6 +197,49 @@ TEST(Contents, NameWhatAFileOffers) {
   ASSERT_EQ(contents.animations.size(), 1u);
   EXPECT_EQ(contents.animations[0].name, "go");
   EXPECT_EQ(contents.animations[0].seconds, 2.5);
+}
+
+TEST_F(InspectTest, FurtherMembersFollowTheSchemaAndNoStructureIsWrong) {
+  GltfBuilder b;
+  b.add_mesh(unit_quad(b.add_material("{}")));
+  b.add_node_with_mesh(0);
+  b.add_node_with_mesh(0, R"({"rotation": [0.6, 0, 0, 0.8], "translation": [0.5, 0.5, -0.3]})");
+  write("scene.gltf", b.gltf());
+  InspectRequest request{folder_ / "scene.gltf", {}, {}};
+  request.examine = [&](const Scene& scene, InspectReport& report) {
+    const auto table = measure_accelerators(scene, request.settings, {"", 0.001});
+    ASSERT_TRUE(table.ok()) << table.status();
+    report.extras = {{"accelerators", to_json(*table)},
+                     {"self_intersections", overlap_report(scene)}};
+  };
+  const std::string text = to_json(inspect_scene(request));
+  EXPECT_EQ(support::document_faults(text), std::vector<std::string>{}) << text;
+  const json report = json::parse(text);
+  EXPECT_EQ(report["accelerators"]["structures"].size(), 2 + reference::structures().size());
+  for (const json& row : report["accelerators"]["structures"]) {
+    for (const char* query : {"closest_hit", "any_hit"}) EXPECT_EQ(row[query]["wrong"], 0) << row;
+    EXPECT_GT(row["closest_hit"]["compared"], 0);
+  }
+  const json& overlaps = report["self_intersections"];
+  EXPECT_EQ(overlaps["meshes"][0]["closed"], false);
+  EXPECT_EQ(overlaps["meshes"][0]["open_edges"], 4);
+  EXPECT_EQ(overlaps["meshes"][0]["pair_count"], 0);
+  ASSERT_EQ(overlaps["instances"].size(), 1u);
+  EXPECT_GT(overlaps["instances"][0]["pair_count"], 0);
+}
+
+TEST_F(InspectTest, WarnsOfSolidsThatAreOpen) {
+  GltfBuilder b;
+  b.set("/extensionsUsed", R"(["KHR_materials_transmission", "KHR_materials_volume"])");
+  b.add_mesh(unit_quad(b.add_material(R"({"extensions": {
+      "KHR_materials_transmission": {"transmissionFactor": 1},
+      "KHR_materials_volume": {"thicknessFactor": 1}}})")));
+  b.add_node_with_mesh(0);
+  write("scene.gltf", b.gltf());
+  const json report = json::parse(to_json(inspect_scene({folder_ / "scene.gltf", {}, {}})));
+  EXPECT_EQ(report["ok"], true);
+  EXPECT_NE(report["problems"].dump().find("open at 4 edges"), std::string::npos)
+      << report["problems"];
 }
 
 }  // namespace

@@ -7,7 +7,7 @@ tessera_test(NAME scene KIND unit
     unit/worker/scene/malformed_test.cpp unit/worker/scene/material_test.cpp
     unit/worker/scene/pose_cache_test.cpp
     unit/worker/scene/pose_test.cpp unit/worker/scene/tangents_test.cpp
-  LINKS tessera::render tessera_test_scene draco::draco meshoptimizer::meshoptimizer
+  LINKS tessera::render tessera_test_scene tessera_schema_check draco::draco meshoptimizer::meshoptimizer
     nlohmann_json::nlohmann_json)
 target_compile_definitions(unit_scene_test PRIVATE TESSERA_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
 tessera_test(NAME memory KIND unit SOURCES unit/worker/scene/memory_test.cpp
