@@ -17,6 +17,7 @@ inline constexpr int kExitDone = 0;
 inline constexpr int kExitJobFailed = 1;    // or cancelled, or a comparison over its limit
 inline constexpr int kExitBadInput = 2;     // wrong usage or bad input
 inline constexpr int kExitUnreachable = 3;  // no farm there, or it refused us
+inline constexpr int kExitUncertain = 4;    // files written, the error asked for is not certified
 inline constexpr int kExitInterrupted = 130;
 
 /// Where the farm is and how to enter it.

@@ -118,10 +118,11 @@ class Client : public FarmClient {
     return unary(jobs_, &v1::JobService::Stub::RemoveJob, naming<v1::RemoveJobRequest>(job_id),
                  response);
   }
-  absl::StatusOr<v1::Job> extend_job(const std::string& job_id,
-                                     std::int32_t sample_count) override {
+  absl::StatusOr<v1::Job> extend_job(const std::string& job_id, std::int32_t sample_count,
+                                     double error) override {
     auto request = naming<v1::ExtendJobRequest>(job_id);
     request.set_sample_count(sample_count);
+    if (error > 0) request.set_error_target(error);
     return job_of<v1::ExtendJobResponse>(&v1::JobService::Stub::ExtendJob, request);
   }
 

@@ -43,8 +43,8 @@ class FarmClient {
   virtual absl::StatusOr<v1::Job> cancel_job(const std::string& job_id) = 0;
   virtual absl::StatusOr<v1::Job> retry_job(const std::string& job_id) = 0;
   virtual absl::Status remove_job(const std::string& job_id) = 0;
-  virtual absl::StatusOr<v1::Job> extend_job(const std::string& job_id,
-                                             std::int32_t sample_count) = 0;
+  virtual absl::StatusOr<v1::Job> extend_job(const std::string& job_id, std::int32_t sample_count,
+                                             double error) = 0;
   /// The report, a JSON document.
   virtual absl::StatusOr<std::string> get_report(const std::string& job_id) = 0;
   /// A frame's file: `start` once with its header, then `write` with its bytes in order. When the

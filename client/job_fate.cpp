@@ -65,13 +65,30 @@ std::string state_name(v1::Job::State state) {
   }
 }
 
+std::string certainty_name(const v1::Job& job) {
+  switch (job.certainty()) {
+    case v1::Job::CERTAINTY_CONVERGED:
+      return "converged";
+    case v1::Job::CERTAINTY_CAPPED:
+      return "capped";
+    case v1::Job::CERTAINTY_UNCERTAIN:
+      return "uncertain";
+    default:
+      return "";
+  }
+}
+
 bool has_ended(const v1::Job& job) {
   return job.state() == v1::Job::STATE_DONE || job.state() == v1::Job::STATE_FAILED ||
          job.state() == v1::Job::STATE_CANCELLED;
 }
 
 int fate_of(const v1::Job& job) {
-  if (job.state() == v1::Job::STATE_DONE) return kExitDone;
+  if (job.state() == v1::Job::STATE_DONE) {
+    const bool in_doubt = job.certainty() == v1::Job::CERTAINTY_CAPPED ||
+                          job.certainty() == v1::Job::CERTAINTY_UNCERTAIN;
+    return in_doubt ? kExitUncertain : kExitDone;
+  }
   return absl::StartsWith(job.reason(), kBadScene) ? kExitBadInput : kExitJobFailed;
 }
 
@@ -88,6 +105,11 @@ nlohmann::ordered_json job_document(const v1::Job& job) {
                                      {"created", rfc3339(job.create_time())},
                                      {"ended", nullptr},
                                      {"progress", progress_document(job.progress())}};
+  if (job.settings().has_error_target()) {
+    document["error_target"] = job.settings().error_target();
+    document["certainty"] = nullptr;
+    if (const std::string name = certainty_name(job); !name.empty()) document["certainty"] = name;
+  }
   if (job.has_end_time()) document["ended"] = rfc3339(job.end_time());
   return document;
 }
@@ -113,7 +135,9 @@ int watch_to_the_end(FarmClient& client, Interrupts& interrupts, const std::stri
   }
   if (!job.ok()) return fail(job.status());
   if (!json) {
-    std::fprintf(stderr, "job %s %s%s%s\n", job_id.c_str(), state_name(job->state()).c_str(),
+    const std::string certainty = certainty_name(*job);
+    std::fprintf(stderr, "job %s %s%s%s%s%s\n", job_id.c_str(), state_name(job->state()).c_str(),
+                 certainty.empty() ? "" : ", ", certainty.c_str(),
                  job->reason().empty() ? "" : ": ", job->reason().c_str());
   }
   return fate_of(*job);

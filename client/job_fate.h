@@ -17,6 +17,8 @@ bool has_ended(const v1::Job& job);
 
 /// The exit code an ended job stands for: 2 where a worker found the scene to be at fault.
 int fate_of(const v1::Job& job);
+/// "converged", "capped" or "uncertain"; empty if no error was asked for or the job is not done.
+std::string certainty_name(const v1::Job& job);
 
 /// The job as a document, schema tessera.job/1.
 nlohmann::ordered_json job_document(const v1::Job& job);

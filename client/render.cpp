@@ -19,6 +19,7 @@
 #include "client/local_farm.h"
 #include "client/progress.h"
 #include "client/render_result.h"
+#include "client/true_error.h"
 #include "proto/contract/settings_message.h"
 
 namespace tessera::client {
@@ -30,7 +31,7 @@ constexpr std::chrono::seconds kPatience{30};
 
 struct RenderCommandOptions {
   RenderOptions render;
-  std::string output, name, store, report;
+  std::string output, name, store, report, reference;
   double exposure_ev = 0;
   int workers = 1, threads = 0;
   bool force = false, json = false;
@@ -156,7 +157,7 @@ absl::StatusOr<nlohmann::ordered_json> render_on(FarmClient& client,
   if (!job.ok()) return job.status();
   if (!collected.ok()) return collected;
   fate = fate_of(*job);
-  if (fate != kExitDone) {
+  if (job->state() != v1::Job::STATE_DONE) {
     std::fprintf(stderr, "tessera: the job %s: %s\n", state_name(job->state()).c_str(),
                  job->reason().c_str());
   } else if (!collector.has_all()) {
@@ -166,6 +167,10 @@ absl::StatusOr<nlohmann::ordered_json> render_on(FarmClient& client,
   if (!text.ok()) return text.status();
   auto report = nlohmann::ordered_json::parse(*text, nullptr, false);
   if (!report.is_object()) return absl::InternalError("the report is not JSON");
+  if (!options.reference.empty()) {
+    const absl::Status added = add_true_errors(client, job->id(), options.reference, report);
+    if (!added.ok()) return added;
+  }
   return report;
 }
 
@@ -173,6 +178,10 @@ int run(const RenderCommandOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   const auto output = plan_output(options);
   if (!output.ok()) return fail(output.status());
+  if (!options.reference.empty()) {
+    const auto readable = read_references(options.reference, output->frames);
+    if (!readable.ok()) return fail(readable.status());
+  }
   // The farm comes up while the scene is inspected; it gets nothing before that has gone well.
   auto farm = LocalFarm::start(farm_options(options));  // forks: before any thread
   if (!farm.ok()) return fail(farm.status());
@@ -214,7 +223,10 @@ int run(const RenderCommandOptions& options) {
   }
   if (options.json) {
     std::printf("%s\n", report->dump().c_str());
-  } else if (fate == kExitDone) {
+  } else if (fate == kExitDone || fate == kExitUncertain) {
+    for (const auto& reason : report->value("reasons", nlohmann::ordered_json::array())) {
+      std::fprintf(stderr, "tessera: %s\n", reason.get<std::string>().c_str());
+    }
     const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
     std::printf("%s\n", result_line(*report, wall.count()).c_str());
   }
@@ -240,6 +252,12 @@ void add_render_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--report", options->report, "Write the report, JSON")
       ->type_name("FILE")
       ->group(group);
+  command
+      ->add_option("--reference", options->reference,
+                   "Image to tell the true error by, for the report (several frames: with their "
+                   "numbers put in)")
+      ->type_name("REF.exr")
+      ->group(group);
   command->add_flag("--force", options->force, "Replace files that are there")->group(group);
   command->add_flag("--json", options->json, "Print the report instead of a line")->group(group);
   group = "The farm on this machine";
@@ -261,6 +279,7 @@ void add_render_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--name", options->name, "Name of the job (default: SCENE's)")->group(group);
   command->footer(
       "Examples:\n  tessera render scene.glb -o out.exr --spp 256\n"
+      "  tessera render scene.glb -o out.exr --error 0.05\n"
       "  tessera render scene.gltf -o out.png --exposure 1 --size 640x360\n"
       "  tessera render anim.glb --frames 0-47 --store work");
   command->callback(

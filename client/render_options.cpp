@@ -90,9 +90,21 @@ void add_view_options(CLI::App& command, RenderOptions& options) {
 
 void add_sampling_options(CLI::App& command, RenderOptions& options) {
   const char* group = "How it is sampled";
-  command.add_option("--spp", options.spp, "Samples per pixel")
+  CLI::Option* spp = command.add_option("--spp", options.spp, "Samples per pixel")
+                         ->check(CLI::Range(1, 1 << 20))
+                         ->type_name("N")
+                         ->capture_default_str()
+                         ->group(group);
+  CLI::Option* error =
+      command.add_option("--error", options.error, "Sample until the error is at most this: 0.05")
+          ->check(CLI::Range(1e-6, 1.0))
+          ->type_name("E")
+          ->excludes(spp)
+          ->group(group);
+  command.add_option("--max-spp", options.max_spp, "With --error: most samples of a pixel")
       ->check(CLI::Range(1, 1 << 20))
       ->type_name("N")
+      ->needs(error)
       ->capture_default_str()
       ->group(group);
   command.add_option("--max-depth", options.max_depth, "Scattering events a path may have")
@@ -250,7 +262,8 @@ absl::StatusOr<contract::RenderSettings> settings_of(const RenderOptions& option
   settings.fps = options.fps;
   settings.animation = options.animation;
   settings.variant = options.variant;
-  settings.spp = options.spp;
+  settings.spp = options.error > 0 ? options.max_spp : options.spp;
+  if (options.error > 0) settings.error = options.error;
   settings.max_depth = options.max_depth;
   settings.seed = static_cast<std::uint32_t>(options.seed);
   settings.tile = options.tile;

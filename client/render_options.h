@@ -20,7 +20,8 @@ struct RenderOptions {
   std::vector<std::string> aovs;
   int scene_index = -1;
   double fps = 24;
-  int spp = 64, max_depth = 16, tile = 64;
+  int spp = 64, max_spp = 16384, max_depth = 16, tile = 64;
+  double error = 0;  // asked for; 0: spp samples everywhere
   std::int64_t seed = 0;
   double filter_width = 0;  // 0: the filter's own
   double environment_rotation = 0, environment_strength = 1;

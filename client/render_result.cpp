@@ -23,7 +23,7 @@ std::string result_line(const nlohmann::ordered_json& report, double wall_second
   const auto frames = report.value("frames", nlohmann::ordered_json::array());
   if (frames.empty()) return "no frame";
   double samples = 0;
-  std::optional<double> error;
+  std::optional<double> error, upper;
   for (const auto& frame : frames) {
     samples += frame.value("samples", 0.0);
     const auto estimated = frame.value("estimated", nlohmann::ordered_json::object());
@@ -31,6 +31,7 @@ std::string result_line(const nlohmann::ordered_json& report, double wall_second
       continue;
     }
     error = std::max(error.value_or(0), estimated["error"].get<double>());
+    upper = std::max(upper.value_or(0), estimated.value("error_upper95", 0.0));
   }
   const auto& first = frames.front();
   std::string line = first.value("file", "");
@@ -38,6 +39,12 @@ std::string result_line(const nlohmann::ordered_json& report, double wall_second
   absl::StrAppend(&line, ": ", first.value("width", 0), "x", first.value("height", 0), ", ",
                   format_count(samples), " samples");
   if (error) absl::StrAppend(&line, ", estimated error ", absl::StrFormat("%.4g", *error));
+  const std::string status = report.value("status", "");
+  for (const char* certainty : {"CONVERGED", "CAPPED", "UNCERTAIN"}) {
+    if (status != certainty) continue;
+    if (error) absl::StrAppend(&line, absl::StrFormat(", at most %.4g with 95 %%", *upper));
+    absl::StrAppend(&line, ", ", status);
+  }
   return absl::StrCat(line, ", ", format_seconds(wall_seconds));
 }
 

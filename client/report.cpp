@@ -6,9 +6,12 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/commands.h"
+#include "client/curve_svg.h"
 #include "client/farm_client.h"
+#include "client/frame_files.h"
 #include "client/progress.h"
 #include "client/table.h"
+#include "client/true_error.h"
 
 namespace tessera::client {
 namespace {
@@ -16,7 +19,7 @@ namespace {
 using nlohmann::ordered_json;
 
 struct ReportOptions {
-  std::string job;
+  std::string job, svg, reference;
   bool json = false, csv = false;
 };
 
@@ -39,14 +42,14 @@ double number_at(const ordered_json& document, const char* key) {
 
 std::string frames_table(const ordered_json& report) {
   Table table({"FRAME", "STATUS", "SIZE", "SPP", "ERROR", "<= 95 %", "RELMSE", "RMSE", "TOP 0.1 %",
-               "DROPPED", "PIXELS"});
+               "TRUE", "DROPPED", "PIXELS"});
   for (const ordered_json& frame : report.value("frames", ordered_json::array())) {
     table.add({figure(frame, "/frame", 9), text_at(frame, "status"),
                absl::StrCat(figure(frame, "/width"), "x", figure(frame, "/height")),
                figure(frame, "/spp_mean", 6), figure(frame, "/estimated/error"),
                figure(frame, "/estimated/error_upper95"), figure(frame, "/estimated/relmse"),
                figure(frame, "/estimated/rmse"), figure(frame, "/heavy_tail_share", 3),
-               figure(frame, "/dropped_samples", 9),
+               figure(frame, "/true/error"), figure(frame, "/dropped_samples", 9),
                text_at(frame, "pixels_sha256").substr(0, 12)});
   }
   return table.text();
@@ -110,8 +113,20 @@ int run(const ReportOptions& options, const Connection& connection) {
   if (!job.ok()) return fail(job.status());
   const auto bytes = (*client)->get_report(job->id());
   if (!bytes.ok()) return fail(bytes.status());
-  const ordered_json report = ordered_json::parse(*bytes, nullptr, false);
+  ordered_json report = ordered_json::parse(*bytes, nullptr, false);
   if (!report.is_object()) return fail(absl::InternalError("the farm's report is not JSON"));
+  if (!options.reference.empty()) {
+    const absl::Status added = add_true_errors(**client, job->id(), options.reference, report);
+    if (!added.ok()) return fail(added);
+  }
+  if (!options.svg.empty()) {
+    const std::string drawing = curve_svg(report);
+    if (drawing.empty()) {
+      return fail(absl::FailedPreconditionError("no frame has an error curve yet"));
+    }
+    const absl::Status written = write_text_file(options.svg, drawing);
+    return written.ok() ? kExitDone : fail(written);
+  }
   const std::string text = options.json  ? report.dump(2) + "\n"
                            : options.csv ? csv_of(report)
                                          : text_of(report);
@@ -130,7 +145,15 @@ void add_report_command(CLI::App& app, Invocation& invocation) {
       command->add_flag("--json", options->json, "Print the JSON document (tessera.report/1)");
   command->add_flag("--csv", options->csv, "Print the error curves, a point a line")
       ->excludes(json);
-  command->footer("Examples:\n  tessera report last\n  tessera report last --json > report.json");
+  command->add_option("--svg", options->svg, "Draw the error curves into FILE instead")
+      ->type_name("FILE");
+  command
+      ->add_option("--reference", options->reference,
+                   "Image to tell the true error by (several frames: with their numbers put in)")
+      ->type_name("REF.exr");
+  command->footer(
+      "Examples:\n  tessera report last\n  tessera report last --json > report.json\n"
+      "  tessera report last --svg curve.svg");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };
   });

@@ -258,11 +258,30 @@ FrameLedger& Coordinator::ledger_of(Job& job) {
   return *film.ledger;
 }
 
+/// Samples of the whole job, foreseen where an error is asked for: frames not begun are taken for
+/// the mean of the others.
+std::int64_t Coordinator::sample_count(const Job& job, const JobFilm& film) {
+  const contract::RenderSettings& settings = job.spec->settings;
+  const contract::PixelRect window = settings.window();
+  const std::int64_t pixels = std::int64_t{window.width} * window.height;
+  if (!settings.error) {
+    return std::int64_t{job.frame_count} * pixels * contract::rounded_spp(settings.spp);
+  }
+  std::int64_t known = film.finished_samples;
+  for (const auto& [frame, samples] : film.expected_samples) known += samples;
+  const auto begun = static_cast<std::int64_t>(film.finished.size() + film.expected_samples.size());
+  constexpr std::size_t kFirstPasses = 2;
+  const std::vector<contract::Pass> passes = contract::schedule(settings);
+  const contract::Pass& first = passes[std::min(kFirstPasses, passes.size()) - 1];
+  const std::int64_t each =
+      begun > 0 ? known / begun : pixels * (first.first_sample + first.sample_count);
+  return known + (job.frame_count - begun) * each;
+}
+
 JobView Coordinator::view(const Job& job) const {
   const auto found = films_.find(job.key);
   const JobFilm none;
   const JobFilm& film = found == films_.end() ? none : found->second;
-  const contract::RenderSettings& settings = job.spec->settings;
   const Time now = options_.clock();
   JobView view;
   view.key = job.key;
@@ -271,17 +290,16 @@ JobView Coordinator::view(const Job& job) const {
   view.reason = job.reason;
   view.create_time_us = film.create_time_us;
   view.end_time_us = film.end_time_us;
-  view.unit_count = job.unit_count;
+  view.unit_count = job.plan ? job.plan->unit_count() : job.unit_count;
   view.frame_count = job.frame_count;
   if (job.plan) {
     view.committed_unit_count = job.plan->committed_count();
     view.leased_unit_count = job.plan->in_flight_count();
     view.finished_frame_count = job.plan->finished_frame_count();
   }
-  const contract::PixelRect window = settings.window();
   view.committed_sample_count = film.committed_samples;
-  view.sample_count = std::int64_t{job.frame_count} * window.width * window.height *
-                      contract::rounded_spp(settings.spp);
+  view.sample_count = std::max(sample_count(job, film), film.committed_samples);
+  if (job.state == JobState::done && job.spec->settings.error) view.certainty = film.certainty;
   view.worker_count = static_cast<std::int32_t>(job.holders.size());
   view.cpu_seconds = job.counters.cpu_seconds;
   view.estimated_error = film.estimated_error;

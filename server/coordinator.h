@@ -18,6 +18,7 @@
 #include "proto/contract/tile_grid.h"
 #include "proto/log/log.h"
 #include "server/film/film_cache.h"
+#include "server/film/frame_note.h"
 #include "server/film/frame_writer.h"
 #include "server/frame_ledger.h"
 #include "server/job_view.h"
@@ -75,8 +76,8 @@ struct CoordinatorOptions {
   std::function<std::uint64_t()> random;  // for job ids
   /// Fills in what a job's row holds in wire form: settings, manifest, limits. Errors: DataLoss.
   std::function<absl::StatusOr<JobSpec>(const JobRecord&)> read_spec;
-  /// The request of `spec` with another sample count.
-  std::function<std::string(const JobSpec&, std::int32_t spp)> write_request;
+  /// The request of a job whose sample count or error has become that of `spec`.
+  std::function<std::string(const JobSpec& spec)> write_request;
   Log log;  // may be empty
 };
 
@@ -157,7 +158,12 @@ class Coordinator {
   void create_job(JobSpec spec, OnCreated done);
   /// Changes a job, journals it, then calls back. Errors: as the rpc of that name.
   void change_job(const std::string& job_id, Change change, const OnJob& done);
-  void extend_job(const std::string& job_id, std::int32_t spp, OnJob done);
+  /// What a job is extended to; absent: as it is.
+  struct Extension {
+    std::optional<std::int32_t> spp;
+    std::optional<double> error;
+  };
+  void extend_job(const std::string& job_id, const Extension& extension, OnJob done);
   void remove_job(const std::string& job_id, std::function<void(absl::Status)> done);
   /// By id, unique prefix, name or `last`. Errors: NotFound, InvalidArgument.
   absl::StatusOr<JobView> find_job(const std::string& text) const;
@@ -193,6 +199,11 @@ class Coordinator {
     std::set<std::int32_t> finishing;  // complete, being written
     std::int64_t committed_samples = 0;
     std::int64_t samples_at_start = 0;  // committed before this process
+    // Of jobs asked for by their error: samples of finished frames, and those foreseen of others.
+    std::int64_t finished_samples = 0;
+    std::map<std::int32_t, std::int64_t> expected_samples;
+    std::optional<Certainty> certainty;  // the worst of the finished frames'
+
     double wall_at_start = 0;
     std::optional<double> estimated_error;
     std::int64_t create_time_us = 0, end_time_us = 0;
@@ -236,6 +247,8 @@ class Coordinator {
   const contract::TileGrid& grid_of(const Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   FrameLedger& ledger_of(Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   JobView view(const Job& job) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  static std::int64_t sample_count(const Job& job, const JobFilm& film);
+  static void note_finished(JobFilm& film, const FrameRecord& record, const FrameNote& note);
   JobRecord record(const Job& job) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   std::string new_job_id() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void answer(const std::string& worker_id, const std::string& job_id, const contract::Unit& unit,
@@ -259,8 +272,11 @@ class Coordinator {
   absl::Status check_room(const JobSpec& spec, std::int64_t need_bytes);
   void frame_may_be_complete(Job& job, std::int32_t frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::StatusOr<std::shared_ptr<JobSpec>> spec_to_extend(const std::string& job_id,
-                                                          std::int32_t spp) const;
-  void extend_now(const std::string& job_id, std::int32_t spp, const OnJob& done);
+                                                          const Extension& extension) const;
+  void extend_now(const std::string& job_id, const Extension& extension, const OnJob& done);
+  void replan(const std::string& job_id, const std::shared_ptr<const JobSpec>& spec,
+              const std::vector<UnitRecord>& kept);
+  void open_films(const Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status forget_job(const std::string& job_id);
   void remove_now(const std::string& job_id, const std::function<void(absl::Status)>& done);
   void collect_assets();
@@ -269,6 +285,7 @@ class Coordinator {
   void open_film(const FrameKey& key);
   absl::StatusOr<contract::FilmBlock> read_block(const std::string& job_id,
                                                  const contract::Unit& unit);
+  void decide(const FrameKey& key);
   void estimate(const FrameKey& key);
   void finish_frame(const FrameKey& key);
   absl::StatusOr<FrameRecord> write_finished(const FrameKey& key, const JobSpec& spec);

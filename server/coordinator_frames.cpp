@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <system_error>
 #include <utility>
 
@@ -78,14 +77,49 @@ void Coordinator::open_film(const FrameKey& key) {
     spec = job->spec;
     units = ledger_of(*job).units(key.frame);
   }
-  film_.open_frame(key, spec->settings, contract::fixed_schedule(spec->settings.spp),
-                   [this, key](std::int32_t tile, std::int32_t pass) {
-                     return read_block(key.job_id, {key.frame, tile, pass});
-                   });
+  film_.open_frame(key, spec->settings, [this, key](std::int32_t tile, std::int32_t pass) {
+    return read_block(key.job_id, {key.frame, tile, pass});
+  });
   for (const Unit& unit : units) {
     const absl::Status status = film_.note_committed(key, unit.tile, unit.pass);
     if (!status.ok())
       log(LogLevel::error, absl::StrCat("job ", key.job_id, ": ", status.ToString()));
+  }
+  decide(key);
+}
+
+/// Hands on what the film has decided about the passes of tiles.
+void Coordinator::decide(const FrameKey& key) {
+  damaged_.clear();
+  const auto demands = film_.take_demands(key);
+  if (!demands.ok()) {
+    log(LogLevel::warn, absl::StrCat("job ", key.job_id, ": ", demands.status().ToString()));
+    if (damaged_.empty()) return;
+    film_.close_frame(key);
+    write_later([this, key, units = damaged_] { redo_units(key, units); });
+    return;
+  }
+  if (demands->empty()) return;
+  const auto expected = film_.expected_samples(key);
+  Afterwards afterwards;
+  MutexLock lock(mutex_);
+  Job* job = scheduler_.find_job(key.job_id);
+  if (job == nullptr || !job->plan || job->plan->is_finished(key.frame)) return;
+  for (const contract::StoppingRule::Demand& demand : *demands) {
+    scheduler_.want(*job, key.frame, demand.tile, demand.pass_count, demand.is_final);
+  }
+  if (expected) film_of(*job).expected_samples[key.frame] = *expected;
+  scheduler_.offer_work(options_.clock());
+  frame_may_be_complete(*job, key.frame);
+  settle(afterwards);
+}
+
+/// Has the frames of a job that have begun opened, so that what was decided of them is known again.
+void Coordinator::open_films(const Job& job) {
+  if (!job.plan || !job.plan->is_on_demand()) return;
+  for (const std::int32_t frame : job.plan->frames()) {
+    if (job.plan->is_finished(frame) || !films_[job.key].ledger->has(frame)) continue;
+    enqueue_film([this, key = FrameKey{job.spec->id, frame}] { open_film(key); });
   }
 }
 
@@ -105,6 +139,7 @@ void Coordinator::merge(FilmNews news) {
                                     : film_.note_committed(key, news.unit.tile, news.unit.pass);
     if (!status.ok())
       log(LogLevel::error, absl::StrCat("job ", key.job_id, ": ", status.ToString()));
+    decide(key);
     estimate(key);
   }
   Afterwards afterwards;
@@ -163,7 +198,8 @@ absl::StatusOr<FrameRecord> Coordinator::write_finished(const FrameKey& key, con
   if (!folder.ok()) return folder.status();
   const auto luminance = film_.mean_luminance(key);
   if (!luminance.ok()) return luminance.status();
-  FrameSpec frame{spec.settings, key.frame, spec.id, spec.name, *luminance, false};
+  const StoppingFigures stopping = film_.stopping(key);
+  FrameSpec frame{spec.settings, key.frame, spec.id, spec.name, *luminance, stopping.looks, false};
   const std::string name = frame_file_name(key.frame);
   const auto result = write_frame(
       frame, [&](std::int32_t tile) { return film_.tile(key, tile); },
@@ -175,30 +211,45 @@ absl::StatusOr<FrameRecord> Coordinator::write_finished(const FrameKey& key, con
     if (Job* job = scheduler_.find_job(key.job_id)) progress = ledger_of(*job).progress(key.frame);
   }
   std::vector<CurvePoint> curve;
-  const auto passes = contract::fixed_schedule(spec.settings.spp);
-  const contract::PixelRect window = spec.settings.window();
+  FrameNote note;
   CurvePoint point;
-  for (std::size_t pass = 0; pass < progress.size(); ++pass) {
-    const auto estimate = film_.estimate_after_pass(key, static_cast<std::int32_t>(pass));
+  for (std::size_t pass = 0; pass < progress.size() && progress[pass].committed > 0; ++pass) {
+    const auto figures = film_.after_pass(key, static_cast<std::int32_t>(pass));
     point.cpu_seconds += progress[pass].cpu_seconds;
     point.wall_seconds = std::max(point.wall_seconds, progress[pass].wall_seconds);
-    point.samples += std::int64_t{window.width} * window.height * passes[pass].sample_count;
-    point.relmse = estimate.relmse;
-    point.error = *luminance > 0 ? std::optional(estimate.error) : std::nullopt;
+    point.samples = figures.samples;
+    point.relmse = figures.estimate.relmse;
+    point.error = *luminance > 0 ? std::optional(figures.estimate.error) : std::nullopt;
     curve.push_back(point);
+    note.unit_count += progress[pass].committed;
   }
   FrameRecord record;
   record.frame = key.frame;
   record.file = name;
   record.file_sha256 = result->file_sha256;
   record.pixels_sha256 = result->pixels_sha256;
-  // A frame finished before its job was extended is told by its sample count.
-  nlohmann::json statistics;
-  statistics["spp"] = contract::rounded_spp(spec.settings.spp);
-  statistics["entry"] = nlohmann::json::parse(frame_entry_json(*result, name, "DONE", curve));
-  statistics["warnings"] = frame_warnings(result->statistics);
-  record.statistics_json = statistics.dump();
+  note.spp = contract::rounded_spp(spec.settings.spp);
+  note.error = spec.settings.error;
+  note.samples = result->statistics.samples;
+  note.warnings = frame_warnings(result->statistics);
+  std::string status = "DONE";
+  if (note.error) {
+    Claim claim = claim_of(result->statistics, stopping, *note.error);
+    note.certainty = claim.certainty;
+    note.reasons = std::move(claim.reasons);
+    status = certainty_name(claim.certainty);
+  }
+  note.entry_json = frame_entry_json(*result, name, status, curve);
+  record.statistics_json = write_frame_note(note);
   return record;
+}
+
+void Coordinator::note_finished(JobFilm& film, const FrameRecord& record, const FrameNote& note) {
+  film.finished[record.frame] = record;
+  film.expected_samples.erase(record.frame);
+  film.finished_samples += note.samples;
+  if (note.certainty)
+    film.certainty = std::max(film.certainty.value_or(*note.certainty), *note.certainty);
 }
 
 void Coordinator::record_frame(const FrameKey& key, const FrameRecord& record, double error) {
@@ -213,7 +264,7 @@ void Coordinator::record_frame(const FrameKey& key, const FrameRecord& record, d
   if (job == nullptr) return;
   JobFilm& film = film_of(*job);
   film.finishing.erase(key.frame);
-  film.finished[key.frame] = record;
+  note_finished(film, record, read_frame_note(record.statistics_json));
   film.estimated_error = error;
   ledger_of(*job).erase(key.frame);
   afterwards.add([this, key] {
@@ -334,6 +385,7 @@ absl::StatusOr<FrameFile> Coordinator::write_partial(const FrameQuery& query, co
                   spec.id,
                   spec.name,
                   luminance.ok() ? std::optional(*luminance) : std::nullopt,
+                  film_.stopping(key).looks,
                   true};
   const auto result = write_frame(
       frame, [&](std::int32_t tile) { return film_.tile(key, tile); }, path);

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -20,7 +19,7 @@ std::int64_t frame_store_bytes(const contract::RenderSettings& settings) {
   const std::int64_t pixels = std::int64_t{window.width} * window.height;
   const std::int64_t tiles = contract::tile_count(settings);
   std::int64_t bytes = 0;
-  const std::size_t passes = contract::fixed_schedule(settings.spp).size();
+  const std::size_t passes = contract::schedule(settings).size();
   for (std::size_t pass = 0; pass < passes; ++pass) {
     const std::int64_t one = contract::film_block_bytes({1, 1, settings.aovs, pass == 0});
     const std::int64_t two = contract::film_block_bytes({2, 1, settings.aovs, pass == 0});
@@ -50,11 +49,6 @@ absl::Status restore_units(const Store& store, Scheduler& scheduler, Job& job,
     scheduler.restore_unit(job, unit.unit, unit.worker_id, unit.cpu_seconds);
     if (!plan.is_finished(unit.unit.frame)) visit_open(unit);
   });
-}
-
-std::int32_t statistics_spp(const FrameRecord& record) {
-  const auto statistics = nlohmann::json::parse(record.statistics_json, nullptr, false);
-  return statistics.is_object() ? statistics.value("spp", 0) : 0;
 }
 
 }  // namespace
@@ -103,13 +97,12 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
     if (!status.ok() || is_untouched) return status;
   }
   JobPlan& plan = job.open_plan();
-  const contract::PixelRect window = settings.window();
   for (const FrameRecord& frame : *frames) {
-    if (statistics_spp(frame) != contract::rounded_spp(settings.spp)) continue;
-    film.finished[frame.frame] = frame;
-    plan.finish(frame.frame);
-    film.committed_samples +=
-        std::int64_t{window.width} * window.height * contract::rounded_spp(settings.spp);
+    const FrameNote note = read_frame_note(frame.statistics_json);
+    if (!note.fits(settings)) continue;
+    note_finished(film, frame, note);
+    plan.finish(frame.frame, note.unit_count);
+    film.committed_samples += note.samples;
   }
   const bool has_open_frames = plan.finished_frame_count() < plan.frame_count();
   const contract::TileGrid* grid = has_open_frames ? &grid_of(job) : nullptr;
@@ -126,6 +119,7 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
   film.samples_at_start = film.committed_samples;
   if (has_ended(state)) return absl::OkStatus();
   for (const std::int32_t frame : plan.frames()) frame_may_be_complete(job, frame);
+  open_films(job);
   if (plan.finished_frame_count() == plan.frame_count()) {
     scheduler_.end_job(job, JobState::done, "", options_.clock());
   }
@@ -225,6 +219,8 @@ void Coordinator::change_job(const std::string& job_id, Change change, const OnJ
       status = scheduler_.retry(*job, now);
       if (status.ok() && job->plan) {
         for (const std::int32_t frame : job->plan->frames()) frame_may_be_complete(*job, frame);
+        ledger_of(*job);
+        open_films(*job);
       }
     }
     settle(afterwards);
@@ -236,13 +232,14 @@ void Coordinator::change_job(const std::string& job_id, Change change, const OnJ
   if (!status.ok()) done(status);
 }
 
-void Coordinator::extend_job(const std::string& job_id, std::int32_t spp, OnJob done) {
-  write_later([this, job_id, spp, done = std::move(done)] { extend_now(job_id, spp, done); });
+void Coordinator::extend_job(const std::string& job_id, const Extension& extension, OnJob done) {
+  write_later(
+      [this, job_id, extension, done = std::move(done)] { extend_now(job_id, extension, done); });
 }
 
-/// Whether a job's sample count may become `spp`; its spec. Called on the writer thread.
-absl::StatusOr<std::shared_ptr<JobSpec>> Coordinator::spec_to_extend(const std::string& job_id,
-                                                                     std::int32_t spp) const {
+/// A job's spec as extended, if it may be. Called on the writer thread.
+absl::StatusOr<std::shared_ptr<JobSpec>> Coordinator::spec_to_extend(
+    const std::string& job_id, const Extension& extension) const {
   MutexLock lock(mutex_);
   const Job* job = scheduler_.find_job(job_id);
   if (job == nullptr) return absl::NotFoundError(absl::StrCat("no job \"", job_id, "\""));
@@ -250,28 +247,45 @@ absl::StatusOr<std::shared_ptr<JobSpec>> Coordinator::spec_to_extend(const std::
     return absl::FailedPreconditionError(
         absl::StrCat("job ", job_id, " is done and its blocks are gone; submit a new one"));
   }
-  const std::int32_t present = job->spec->settings.spp;
-  if (spp < present || spp > contract::kMaxSpp) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("sample_count: ", spp, " is not in (", present, ", ", contract::kMaxSpp, "]"));
+  const contract::RenderSettings& present = job->spec->settings;
+  const std::int32_t spp = extension.spp.value_or(present.spp);
+  if (spp < present.spp || spp > contract::kMaxSpp) {
+    return absl::InvalidArgumentError(absl::StrCat("sample_count: ", spp, " is not in [",
+                                                   present.spp, ", ", contract::kMaxSpp, "]"));
   }
-  return std::make_shared<JobSpec>(*job->spec);
+  const std::optional<double> error = extension.error ? extension.error : present.error;
+  if (extension.error && !(*error > 0 && *error <= present.error.value_or(1))) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("error_target: ", *error, " is not in (0, ", present.error.value_or(1), "]"));
+  }
+  auto spec = std::make_shared<JobSpec>(*job->spec);
+  spec->settings.spp = spp;
+  spec->settings.error = error;
+  return spec;
 }
 
-void Coordinator::extend_now(const std::string& job_id, std::int32_t spp, const OnJob& done) {
-  const auto found = spec_to_extend(job_id, spp);
+void Coordinator::extend_now(const std::string& job_id, const Extension& extension,
+                             const OnJob& done) {
+  const auto found = spec_to_extend(job_id, extension);
   if (!found.ok()) return done(found.status());
-  const std::shared_ptr<JobSpec>& longer = *found;
-  if (longer->settings.spp == spp) return done(job(job_id));
-  const std::vector<contract::Pass> before = contract::fixed_schedule(longer->settings.spp);
-  longer->settings.spp = spp;
-  longer->request = options_.write_request(*longer, spp);
-  const auto passes = contract::fixed_schedule(spp);
+  const std::shared_ptr<JobSpec>& spec = *found;
+  std::vector<contract::Pass> before;
+  {
+    MutexLock lock(mutex_);
+    Job* job = scheduler_.find_job(job_id);
+    const contract::RenderSettings& present = job->spec->settings;
+    if (spec->settings.spp == present.spp && spec->settings.error == present.error) {
+      return done(view(*job));
+    }
+    before = contract::schedule(present);
+  }
+  spec->request = options_.write_request(*spec);
+  const auto passes = contract::schedule(spec->settings);
   std::vector<Unit> cut;
   std::vector<UnitRecord> kept;
   absl::Status status = store_.for_each_unit(job_id, [&](const UnitRecord& record) {
     const auto pass = static_cast<std::size_t>(record.unit.pass);
-    if (pass < before.size() && before[pass] == passes[pass]) {
+    if (pass < before.size() && pass < passes.size() && before[pass] == passes[pass]) {
       kept.push_back(record);
     } else {
       cut.push_back(record.unit);
@@ -279,32 +293,41 @@ void Coordinator::extend_now(const std::string& job_id, std::int32_t spp, const 
   });
   if (status.ok() && !cut.empty()) status = store_.drop_units(job_id, cut);
   if (!status.ok()) return done(status);
-  {
-    Afterwards afterwards;
-    MutexLock lock(mutex_);
-    Job* job = scheduler_.find_job(job_id);
-    JobFilm& film = film_of(*job);
-    scheduler_.extend(*job, longer);
-    film.ledger.reset();
-    film.finished.clear();
-    film.committed_samples = 0;
-    for (const UnitRecord& record : kept) {
-      scheduler_.restore_unit(*job, record.unit, record.worker_id, record.cpu_seconds);
-      ledger_of(*job).add(record, job->wall_seconds(options_.clock()));
-      const contract::PixelRect rect = grid_of(*job).rect(record.unit.tile);
-      film.committed_samples += std::int64_t{rect.width} * rect.height *
-                                passes[static_cast<std::size_t>(record.unit.pass)].sample_count;
-    }
-    film.samples_at_start = film.committed_samples;
-    film.wall_at_start = job->wall_seconds(options_.clock());
-    for (const std::int32_t frame : job->plan->frames()) {
-      enqueue_film([this, key = FrameKey{job_id, frame}] { film_.close_frame(key); });
-    }
-    scheduler_.offer_work(options_.clock());
-    settle(afterwards);
-  }
+  replan(job_id, spec, kept);
   journal_changes();
   done(job(job_id));
+}
+
+/// Begins a job again under other settings, with the units that are still of it.
+void Coordinator::replan(const std::string& job_id, const std::shared_ptr<const JobSpec>& spec,
+                         const std::vector<UnitRecord>& kept) {
+  Afterwards afterwards;
+  MutexLock lock(mutex_);
+  Job* job = scheduler_.find_job(job_id);
+  JobFilm& film = film_of(*job);
+  scheduler_.extend(*job, spec);
+  film.ledger.reset();
+  film.finished.clear();
+  film.expected_samples.clear();
+  film.certainty.reset();
+  film.committed_samples = film.finished_samples = 0;
+  for (const UnitRecord& record : kept) {
+    scheduler_.restore_unit(*job, record.unit, record.worker_id, record.cpu_seconds);
+    ledger_of(*job).add(record, job->wall_seconds(options_.clock()));
+    const contract::PixelRect rect = grid_of(*job).rect(record.unit.tile);
+    const auto pass = static_cast<std::size_t>(record.unit.pass);
+    film.committed_samples +=
+        std::int64_t{rect.width} * rect.height * job->plan->passes()[pass].sample_count;
+  }
+  film.samples_at_start = film.committed_samples;
+  film.wall_at_start = job->wall_seconds(options_.clock());
+  for (const std::int32_t frame : job->plan->frames()) {
+    enqueue_film([this, key = FrameKey{job_id, frame}] { film_.close_frame(key); });
+  }
+  ledger_of(*job);
+  open_films(*job);
+  scheduler_.offer_work(options_.clock());
+  settle(afterwards);
 }
 
 void Coordinator::remove_job(const std::string& job_id, std::function<void(absl::Status)> done) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "proto/contract/digest.h"
+#include "server/film/certainty.h"
 #include "server/schedule/job.h"
 #include "server/store/store.h"
 
@@ -26,6 +27,7 @@ struct JobView {
   std::int32_t worker_count = 0;
   double cpu_seconds = 0;
   std::optional<double> estimated_error;
+  std::optional<Certainty> certainty;  // of an error asked for, once done
   double elapsed_seconds = 0;
   std::optional<double> remaining_seconds;
 };

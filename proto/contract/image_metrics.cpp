@@ -44,7 +44,8 @@ double srgb_encoded(double linear) {
 
 }  // namespace
 
-absl::StatusOr<ImageDifference> compare_images(const ImageView& image, const ImageView& reference) {
+absl::StatusOr<ImageDifference> compare_images(const ImageView& image, const ImageView& reference,
+                                               std::optional<double> luminance) {
   if (absl::Status status = check(image, "first image"); !status.ok()) return status;
   if (absl::Status status = check(reference, "second image"); !status.ok()) return status;
   if (image.width != reference.width || image.height != reference.height) {
@@ -52,7 +53,7 @@ absl::StatusOr<ImageDifference> compare_images(const ImageView& image, const Ima
                                                    image.height, " and ", reference.width, "x",
                                                    reference.height, " pixels"));
   }
-  const double m = mean_luminance(reference);
+  const double m = luminance.value_or(mean_luminance(reference));
   double squared = 0, relative = 0, scaled = 0, encoded = 0;
   ImageDifference result;
   for (std::size_t i = 0; i < image.rgba.size(); ++i) {

@@ -19,7 +19,8 @@ struct ImageView {
 struct ImageDifference {
   double rmse = 0;    // root of the mean squared difference
   double relmse = 0;  // mean of (x − ref)² / (ref² + 0.01)
-  /// √mean((x − ref)² / (ref² + 0.01 m²)), m the reference's mean luminance; none if m <= 0.
+  /// √mean((x − ref)² / (ref² + 0.01 m²)), m the luminance given, else the reference's; none
+  /// if m <= 0.
   std::optional<double> error;
   /// Of both images clipped to [0, 1] and sRGB encoded, peak 1, decibels; none if these are equal.
   std::optional<double> psnr_db;
@@ -30,7 +31,8 @@ struct ImageDifference {
 
 /// Compares `image` with `reference`. Errors: InvalidArgument, sizes differ, are not positive or
 /// do not fit the pixels, or a value is not finite (which one is said).
-absl::StatusOr<ImageDifference> compare_images(const ImageView& image, const ImageView& reference);
+absl::StatusOr<ImageDifference> compare_images(const ImageView& image, const ImageView& reference,
+                                               std::optional<double> luminance = {});
 
 /// Pixels per degree of visual angle at which FLIP is quoted: a 0.7 m wide 4K display at 0.7 m.
 inline constexpr double kFlipPixelsPerDegree = 67;

@@ -9,6 +9,7 @@ namespace tessera::contract {
 namespace {
 
 constexpr std::int32_t kFirstPassSamples = 8;
+constexpr std::int32_t kFewestSamples = 32;        // before a tile may stop by its error
 constexpr std::int32_t kGrowth = 8;                // each pass brings the total to kGrowth times
 constexpr std::int32_t kLargestPassSamples = 512;  // bounds what a lost unit costs
 
@@ -30,6 +31,24 @@ std::vector<Pass> fixed_schedule(std::int32_t spp) {
     done += count;
   }
   return passes;
+}
+
+std::vector<Pass> error_schedule(std::int32_t max_spp) {
+  const std::int32_t cap = rounded_spp(max_spp);
+  std::vector<Pass> passes;
+  std::int32_t done = 0;
+  while (done < cap) {
+    const std::int32_t total = done == 0                   ? kFirstPassSamples
+                               : done == kFirstPassSamples ? kFewestSamples
+                                                           : 2 * done;
+    passes.push_back({done, std::min(total, cap) - done});
+    done += passes.back().sample_count;
+  }
+  return passes;
+}
+
+std::vector<Pass> schedule(const RenderSettings& settings) {
+  return settings.error ? error_schedule(settings.spp) : fixed_schedule(settings.spp);
 }
 
 std::vector<std::int32_t> frame_list(const std::vector<FrameRange>& ranges) {

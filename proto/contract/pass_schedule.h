@@ -5,6 +5,8 @@
 
 namespace tessera::contract {
 
+struct RenderSettings;
+
 /// One pass of the schedule: samples [first_sample, first_sample + sample_count) of every pixel.
 struct Pass {
   std::int32_t first_sample = 0, sample_count = 0;
@@ -21,5 +23,12 @@ inline constexpr std::int32_t kMaxSpp = 1 << 20;
 /// pass, so this decides bits. Few passes keep a job under half a megabyte shipped per core second
 /// (farm.md, section 10). Requires 1 <= spp <= kMaxSpp.
 std::vector<Pass> fixed_schedule(std::int32_t spp);
+
+/// The passes a tile may want in a job asked for by its error: 8 for a preview, up to 32, then each
+/// doubles the total, up to `max_spp`; the last is cut. A tile may stop after any but the first.
+std::vector<Pass> error_schedule(std::int32_t max_spp);
+
+/// The passes of a job.
+std::vector<Pass> schedule(const RenderSettings& settings);
 
 }  // namespace tessera::contract

@@ -51,7 +51,8 @@ struct RenderSettings {
   double fps = 24;
   std::string animation;        // name, index, "all" or "none"; empty: the first
   std::string variant;          // KHR_materials_variants name; empty: default
-  std::int32_t spp = 64;        // asked for; rendered: rounded_spp()
+  std::int32_t spp = 64;        // asked for, or the most with `error`; rendered: rounded_spp()
+  std::optional<double> error;  // upper bound of the error asked for, (0, 1]; see StoppingRule
   std::int32_t max_depth = 16;  // scattering events, [1, 255]
   std::uint32_t seed = 0;
   std::int32_t tile = 64;  // side in pixels, a power of two in [8, 256]

@@ -77,6 +77,7 @@ absl::Status check(const RenderSettings& s) {
     status.Update(check_range("background_color", value, 0.0f, 1e30f));
   }
   status.Update(check_range("clamp", s.clamp, 0.0, kInf));
+  if (s.error) status.Update(check_range("error_target", *s.error, 1e-6, 1.0));
   return status;
 }
 
@@ -174,6 +175,7 @@ v1::RenderSettings to_message(const RenderSettings& settings) {
   message.set_half(settings.half);
   message.set_clamp(settings.clamp);
   message.set_cull_backfaces(settings.cull_backfaces);
+  if (settings.error) message.set_error_target(*settings.error);
   return message;
 }
 
@@ -221,6 +223,7 @@ absl::StatusOr<RenderSettings> from_message(const v1::RenderSettings& message) {
   settings.half = message.half();
   settings.clamp = message.clamp();
   settings.cull_backfaces = message.cull_backfaces();
+  if (message.has_error_target()) settings.error = message.error_target();
   if (absl::Status status = check(settings); !status.ok()) return status;
   return settings;
 }

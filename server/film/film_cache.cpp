@@ -25,9 +25,19 @@ std::string label(const FrameKey& key) {
 FilmCache::FilmCache(std::int64_t budget_bytes) : budget_bytes_(budget_bytes) {}
 
 void FilmCache::open_frame(const FrameKey& key, const contract::RenderSettings& settings,
-                           std::vector<contract::Pass> passes, BlockReader reader) {
+                           BlockReader reader) {
   const std::lock_guard lock(mutex_);
   contract::TileGrid grid(settings);
+  std::vector<contract::Pass> passes = contract::schedule(settings);
+  std::optional<contract::StoppingRule> rule;
+  if (settings.error) {
+    std::vector<std::int64_t> pixels;
+    for (std::int32_t tile = 0; tile < grid.tile_count(); ++tile) {
+      const contract::PixelRect rect = grid.rect(tile);
+      pixels.push_back(std::int64_t{rect.width} * rect.height);
+    }
+    rule.emplace(*settings.error, passes, std::move(pixels));
+  }
   const std::int32_t tile_count = grid.tile_count();
   Tile tile;
   tile.committed.resize(passes.size());
@@ -38,7 +48,9 @@ void FilmCache::open_frame(const FrameKey& key, const contract::RenderSettings& 
               std::move(reader),
               std::vector<Tile>(at(tile_count), tile),
               tile_count,
-              std::nullopt};
+              std::nullopt,
+              std::move(rule),
+              false};
   frames_.emplace(key, std::move(frame));
 }
 
@@ -85,6 +97,11 @@ FilmCache::Entry& FilmCache::fetch_entry(const FrameKey& key, Frame& frame, std:
   return entries_.front();
 }
 
+/// Passes that go into a tile, as far as is known.
+std::int32_t FilmCache::wanted_passes(const Frame& frame, std::int32_t tile) {
+  return frame.rule ? frame.rule->pass_count(tile) : pass_count(frame);
+}
+
 /// Adds the committed passes before `end` that follow on those the entry has. `block`, if not
 /// null, is the one of pass end − 1; the others are read.
 absl::Status FilmCache::advance(Frame& frame, Entry& entry, const contract::FilmBlock* block,
@@ -93,6 +110,7 @@ absl::Status FilmCache::advance(Frame& frame, Entry& entry, const contract::Film
   const std::int64_t bytes_before = entry.sum.bytes();
   absl::Status status;
   while (status.ok() && entry.sum.pass_count() < end &&
+         entry.sum.pass_count() < wanted_passes(frame, entry.key.second) &&
          tile.committed[at(entry.sum.pass_count())]) {
     const std::int32_t pass = entry.sum.pass_count();
     if (block != nullptr && pass == end - 1) {
@@ -101,14 +119,22 @@ absl::Status FilmCache::advance(Frame& frame, Entry& entry, const contract::Film
       const absl::StatusOr<contract::FilmBlock> read = frame.reader(entry.key.second, pass);
       status = read.ok() ? entry.sum.add(*read, frame.passes[at(pass)]) : read.status();
     }
-    if (status.ok()) after_pass(frame, entry);
+    if (status.ok()) note_pass(frame, entry);
   }
   used_bytes_ += entry.sum.bytes() - bytes_before;
   return status;
 }
 
+/// Keeps the error of a tile after its newest pass, and tells the stopping rule. Requires m.
+void FilmCache::measure(Frame& frame, std::int32_t tile, const TileSum& sum) {
+  const std::int32_t pass = sum.pass_count() - 1;
+  std::optional<ErrorSums>& error = frame.tiles[at(tile)].error[at(pass)];
+  if (!error) error = sum.error_sums(*frame.mean_luminance);
+  if (frame.rule) frame.rule->add(tile, pass, *error);
+}
+
 /// Notes what is kept of a tile when its sums are gone.
-void FilmCache::after_pass(Frame& frame, const Entry& entry) {
+void FilmCache::note_pass(Frame& frame, const Entry& entry) {
   Tile& tile = frame.tiles[at(entry.key.second)];
   const std::int32_t pass = entry.sum.pass_count() - 1;
   if (pass == 0 && !tile.luminance_sum) {
@@ -122,19 +148,16 @@ void FilmCache::after_pass(Frame& frame, const Entry& entry) {
       measure_cached(entry.key.first, frame);
     }
   }
-  std::optional<ErrorSums>& error = tile.error[at(pass)];
-  if (frame.mean_luminance && !error) error = entry.sum.error_sums(*frame.mean_luminance);
+  if (frame.mean_luminance) measure(frame, entry.key.second, entry.sum);
 }
 
 /// Measures the cached tiles of a frame whose m has just become known.
 void FilmCache::measure_cached(const FrameKey& key, Frame& frame) {
   for (auto it = index_.lower_bound({key, 0}); it != index_.end() && it->first.first == key; ++it) {
     const TileSum& sum = it->second->sum;
-    if (sum.pass_count() == 0) continue;
-    std::optional<ErrorSums>& error =
-        frame.tiles[at(it->first.second)].error[at(sum.pass_count() - 1)];
-    if (!error) error = sum.error_sums(*frame.mean_luminance);
+    if (sum.pass_count() > 0) measure(frame, it->first.second, sum);
   }
+  frame.is_behind = true;  // tiles may have been evicted unmeasured
 }
 
 void FilmCache::drop_entry(Entries::iterator entry) {
@@ -169,6 +192,7 @@ absl::Status FilmCache::add(const FrameKey& key, std::int32_t tile, std::int32_t
   Entry& entry = fetch_entry(key, frame, tile);
   absl::Status status = advance(frame, entry, &block, pass + 1);
   if (status.ok()) status = advance(frame, entry, nullptr, pass_count(frame));
+  if (entry.sum.pass_count() <= pass) frame.is_behind = true;
   evict(&entry);
   return status;
 }
@@ -178,6 +202,7 @@ absl::Status FilmCache::note_committed(const FrameKey& key, std::int32_t tile, s
   const absl::StatusOr<Frame*> found = find(key, tile, pass);
   if (!found.ok()) return found.status();
   (*found)->tiles[at(tile)].committed[at(pass)] = true;
+  (*found)->is_behind = true;
   return absl::OkStatus();
 }
 
@@ -186,6 +211,11 @@ absl::StatusOr<double> FilmCache::mean_luminance(const FrameKey& key) {
   const absl::StatusOr<Frame*> found = find(key, 0, 0);
   if (!found.ok()) return found.status();
   Frame& frame = **found;
+  if (absl::Status status = read_luminance(key, frame); !status.ok()) return status;
+  return *frame.mean_luminance;
+}
+
+absl::Status FilmCache::read_luminance(const FrameKey& key, Frame& frame) {
   for (std::int32_t tile = 0; !frame.mean_luminance; ++tile) {
     const Tile& state = frame.tiles[at(tile)];
     if (state.luminance_sum) continue;
@@ -198,7 +228,47 @@ absl::StatusOr<double> FilmCache::mean_luminance(const FrameKey& key) {
     evict(&entry);
     if (!status.ok()) return status;
   }
-  return *frame.mean_luminance;
+  return absl::OkStatus();
+}
+
+/// Reads back committed blocks the rule waits for: after a restart, or where m came late.
+absl::Status FilmCache::catch_up(const FrameKey& key, Frame& frame) {
+  bool has_read = true;
+  while (has_read) {  // a decision may let a tile go on whose blocks are there already
+    has_read = frame.is_behind = false;
+    for (std::int32_t tile = 0; tile < frame.grid.tile_count(); ++tile) {
+      const Tile& state = frame.tiles[at(tile)];
+      const auto next = at(frame.rule->pass_count(tile));
+      if (!state.error[next - 1] && state.committed[next - 1]) {
+        Entry& entry = fetch_entry(key, frame, tile);
+        absl::Status status = advance(frame, entry, nullptr, pass_count(frame));
+        evict(&entry);
+        if (!status.ok()) return status;
+        has_read = true;
+      } else if (next < state.committed.size() && state.committed[next]) {
+        frame.is_behind = true;  // its decision is still to come
+      }
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<contract::StoppingRule::Demand>> FilmCache::take_demands(
+    const FrameKey& key) {
+  const std::lock_guard lock(mutex_);
+  const absl::StatusOr<Frame*> found = find(key, 0, 0);
+  if (!found.ok()) return found.status();
+  Frame& frame = **found;
+  if (!frame.rule) return std::vector<contract::StoppingRule::Demand>();
+  if (!frame.mean_luminance) {
+    const absl::Status status = read_luminance(key, frame);
+    if (absl::IsFailedPrecondition(status)) return std::vector<contract::StoppingRule::Demand>();
+    if (!status.ok()) return status;
+  }
+  if (frame.is_behind) {
+    if (absl::Status status = catch_up(key, frame); !status.ok()) return status;
+  }
+  return frame.rule->take_changes();
 }
 
 /// False if the tile is cached and passed one without being measured, as m was not known yet.
@@ -243,27 +313,46 @@ absl::StatusOr<TileSum> FilmCache::take_tile(const FrameKey& key, std::int32_t t
 ErrorEstimate FilmCache::running_estimate(const FrameKey& key) const {
   const std::lock_guard lock(mutex_);
   const auto found = frames_.find(key);
-  ErrorSums sums;
-  if (found == frames_.end()) return estimate_error(sums);
-  for (const Tile& tile : found->second.tiles) {
-    const auto newest = std::find_if(tile.error.rbegin(), tile.error.rend(),
-                                     [](const auto& error) { return error.has_value(); });
-    if (newest != tile.error.rend()) sums.add(**newest);
-  }
-  return estimate_error(sums);
+  if (found == frames_.end()) return {};
+  return figures(found->second, pass_count(found->second) - 1).estimate;
 }
 
-ErrorEstimate FilmCache::estimate_after_pass(const FrameKey& key, std::int32_t pass) const {
+FilmCache::PassFigures FilmCache::after_pass(const FrameKey& key, std::int32_t pass) const {
   const std::lock_guard lock(mutex_);
   const auto found = frames_.find(key);
+  if (found == frames_.end() || pass < 0 || pass >= pass_count(found->second)) return {};
+  return figures(found->second, pass);
+}
+
+FilmCache::PassFigures FilmCache::figures(const Frame& frame, std::int32_t pass) {
   ErrorSums sums;
-  if (found == frames_.end() || pass < 0 || at(pass) >= found->second.passes.size()) {
-    return estimate_error(sums);
+  PassFigures figures;
+  for (const Tile& tile : frame.tiles) {
+    std::int32_t newest = pass;
+    while (newest >= 0 && !tile.error[at(newest)]) --newest;
+    if (newest < 0) continue;
+    const ErrorSums& error = *tile.error[at(newest)];
+    const contract::Pass& last = frame.passes[at(newest)];
+    figures.samples += error.pixels * (last.first_sample + last.sample_count);
+    sums.add(error);
   }
-  for (const Tile& tile : found->second.tiles) {
-    if (tile.error[at(pass)]) sums.add(*tile.error[at(pass)]);
-  }
-  return estimate_error(sums);
+  figures.estimate = contract::estimate_error(sums, frame.rule ? frame.rule->looks() : 1);
+  return figures;
+}
+
+StoppingFigures FilmCache::stopping(const FrameKey& key) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = frames_.find(key);
+  if (found == frames_.end() || !found->second.rule) return {};
+  const contract::StoppingRule& rule = *found->second.rule;
+  return {rule.looks(), rule.capped_tile_count(), rule.concentrated_tile_count()};
+}
+
+std::optional<std::int64_t> FilmCache::expected_samples(const FrameKey& key) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = frames_.find(key);
+  if (found == frames_.end() || !found->second.rule) return std::nullopt;
+  return found->second.rule->expected_samples();
 }
 
 std::int64_t FilmCache::used_bytes() const {

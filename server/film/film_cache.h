@@ -14,7 +14,9 @@
 #include "absl/status/statusor.h"
 #include "proto/contract/film_block.h"
 #include "proto/contract/render_settings.h"
+#include "proto/contract/stopping_rule.h"
 #include "proto/contract/tile_grid.h"
+#include "server/film/certainty.h"
 #include "server/film/merge.h"
 
 namespace tessera::server {
@@ -41,9 +43,9 @@ class FilmCache {
   /// `budget_bytes`: --film-memory. One tile is held however small it is.
   explicit FilmCache(std::int64_t budget_bytes);
 
-  /// Begins a frame. `passes` is the job's schedule. Requires that it is not open.
+  /// Begins a frame. Requires that it is not open.
   void open_frame(const FrameKey& key, const contract::RenderSettings& settings,
-                  std::vector<contract::Pass> passes, BlockReader reader);
+                  BlockReader reader);
   /// Forgets a frame (finished or cancelled). Harmless if it is not open.
   void close_frame(const FrameKey& key);
   bool is_open(const FrameKey& key) const;
@@ -64,7 +66,17 @@ class FilmCache {
   /// Errors: NotFound; FailedPrecondition, pass 0 of a tile is missing; the BlockReader's.
   absl::StatusOr<double> mean_luminance(const FrameKey& key);
 
-  /// The sums of a tile over its committed passes 0, 1, … up to the first gap; rebuilt if
+  /// In a job asked for by its error: how many passes tiles are to have, as decided since the last
+  /// call; empty for others. Reads what has to be read for it. Errors: as mean_luminance's, but
+  /// not that pass 0 is incomplete.
+  absl::StatusOr<std::vector<contract::StoppingRule::Demand>> take_demands(const FrameKey& key);
+  /// How the frame's tiles stopped; looks is 1 and the rest 0 with a fixed sample count.
+  StoppingFigures stopping(const FrameKey& key) const;
+  /// Samples of the frame, done and foreseen; nullopt if it is not open or the count is fixed.
+  std::optional<std::int64_t> expected_samples(const FrameKey& key) const;
+
+  /// The sums of a tile over its committed passes 0, 1, … up to the first gap, or to what it was
+  /// decided to have; rebuilt if
   /// needed, also when it was not measured after each pass because m came later. pass_count() is
   /// 0 if pass 0 is missing. `tile` leaves it in the cache, `take_tile` removes it.
   absl::StatusOr<TileSum> tile(const FrameKey& key, std::int32_t tile);
@@ -73,9 +85,13 @@ class FilmCache {
   /// Estimated error of the frame so far, for progress: over the tiles measured, each at its
   /// newest pass. pixels is 0 before pass 0 of every tile is there. Cheap: reads no blocks.
   ErrorEstimate running_estimate(const FrameKey& key) const;
-  /// The frame's error had it stopped after `pass`, over the tiles measured at it: the points of
-  /// the report's curve. Covers every tile once each has been asked for with m known.
-  ErrorEstimate estimate_after_pass(const FrameKey& key, std::int32_t pass) const;
+  /// The frame had it ended after `pass`: the points of the report's curve. Tiles that have fewer
+  /// passes count with what they have. Covers every tile once each has been asked for with m known.
+  struct PassFigures {
+    ErrorEstimate estimate;
+    std::int64_t samples = 0;
+  };
+  PassFigures after_pass(const FrameKey& key, std::int32_t pass) const;
 
   /// Memory of the cached sums.
   std::int64_t used_bytes() const;
@@ -94,6 +110,8 @@ class FilmCache {
     std::vector<Tile> tiles;
     std::int32_t tiles_without_luminance;
     std::optional<double> mean_luminance;
+    std::optional<contract::StoppingRule> rule;  // of a job asked for by its error
+    bool is_behind = false;  // blocks may be committed that the rule has not heard of
   };
   using TileKey = std::pair<FrameKey, std::int32_t>;
   struct Entry {
@@ -107,7 +125,12 @@ class FilmCache {
   absl::Status advance(Frame& frame, Entry& entry, const contract::FilmBlock* block,
                        std::int32_t end);
   bool is_measured(const Frame& frame, const FrameKey& key, std::int32_t tile) const;
-  void after_pass(Frame& frame, const Entry& entry);
+  absl::Status read_luminance(const FrameKey& key, Frame& frame);
+  absl::Status catch_up(const FrameKey& key, Frame& frame);
+  static PassFigures figures(const Frame& frame, std::int32_t pass);
+  static std::int32_t wanted_passes(const Frame& frame, std::int32_t tile);
+  static void measure(Frame& frame, std::int32_t tile, const TileSum& sum);
+  void note_pass(Frame& frame, const Entry& entry);
   void measure_cached(const FrameKey& key, Frame& frame);
   absl::StatusOr<TileSum> rebuilt(const FrameKey& key, std::int32_t tile, bool keep);
   void drop_entry(Entries::iterator entry);

@@ -160,6 +160,7 @@ class Gatherer {
  public:
   Gatherer(const FrameSpec& spec, const contract::TileGrid& grid)
       : mean_luminance_(spec.mean_luminance.value_or(0)),
+        looks_(spec.looks),
         error_(at(grid.tile_count())),
         clamped_(error_.size()),
         largest_(std::max<std::int64_t>(
@@ -188,7 +189,7 @@ class Gatherer {
     ErrorSums sums;
     for (const ErrorSums& tile : error_) sums.add(tile);
     for (const double energy : clamped_) statistics_.clamped_energy += energy;
-    statistics_.estimated = estimate_error(sums);
+    statistics_.estimated = contract::estimate_error(sums, looks_);
     if (sums.scaled > 0) statistics_.heavy_tail_share = largest_.sum() / sums.scaled;
     const double pixels = static_cast<double>(statistics_.width) * statistics_.height;
     statistics_.spp_mean = static_cast<double>(statistics_.samples) / pixels;
@@ -200,6 +201,7 @@ class Gatherer {
 
  private:
   double mean_luminance_;
+  int looks_;
   FrameStatistics statistics_;
   std::vector<ErrorSums> error_;  // by tile
   std::vector<double> clamped_;   // by tile

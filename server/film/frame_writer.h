@@ -21,6 +21,8 @@ struct FrameSpec {
   std::string name;    // attribute only
   /// m, from FilmCache::mean_luminance; nullopt for a partial frame that does not know it.
   std::optional<double> mean_luminance;
+  /// Looks among which the bound's confidence is divided; 1 for a fixed sample count.
+  int looks = 1;
   /// Write tiles without any pass as transparent black and list them, instead of failing.
   bool allow_missing = false;
 };
@@ -75,8 +77,8 @@ struct CurvePoint {
 };
 
 /// The frames[] entry of the report (design.md, section 4) as a JSON object. `file` is the output's
-/// name, `status` DONE for a fixed sample count. `true` is null: no reference is known here, and
-/// truncated_energy is null as it is not measured yet.
+/// name, `status` DONE for a fixed sample count, else a certainty's name. `true` is null: no
+/// reference is known here, and truncated_energy is null as it is not measured yet.
 std::string frame_entry_json(const FrameResult& result, const std::string& file,
                              const std::string& status, const std::vector<CurvePoint>& curve);
 

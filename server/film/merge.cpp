@@ -124,38 +124,6 @@ LaneErrors lane_errors(const double* rgb, std::int32_t sample_count, double floo
 
 }  // namespace
 
-void ErrorSums::add(const ErrorSums& other) {
-  pixels += other.pixels;
-  squared += other.squared;
-  relative += other.relative;
-  scaled += other.scaled;
-  scaled_squares += other.scaled_squares;
-}
-
-ErrorEstimate estimate_error(const ErrorSums& sums) {
-  ErrorEstimate estimate;
-  estimate.pixels = sums.pixels;
-  if (sums.pixels == 0) return estimate;
-  const auto pixels = static_cast<double>(sums.pixels);
-  const double terms = kChannels * pixels;
-  estimate.rmse = std::sqrt(sums.squared / terms);
-  estimate.relmse = sums.relative / terms;
-  const double mean = sums.scaled / terms;
-  estimate.error = std::sqrt(mean);
-  // One look, one sided: the 95 % quantile of the normal distribution. Pixels are independent, as
-  // their scrambles are.
-  constexpr double kQuantile95 = 1.6448536269514722;
-  double standard_error = mean;  // a single pixel says nothing of its spread
-  if (sums.pixels > 1) {
-    const double per_pixel = sums.scaled / pixels;
-    const double spread = sums.scaled_squares / pixels - per_pixel * per_pixel;
-    standard_error = spread > 0 ? std::sqrt(spread / (pixels - 1)) / kChannels : 0;
-  }
-  estimate.error_upper95 = std::sqrt(mean + kQuantile95 * standard_error);
-  if (sums.scaled_squares > 0) estimate.n_eff = sums.scaled * sums.scaled / sums.scaled_squares;
-  return estimate;
-}
-
 TileSum::TileSum(std::int32_t width, std::int32_t height, std::uint32_t aovs)
     : width_(width), height_(height), aovs_(aovs) {
   const std::size_t pixels = at(pixel_count());

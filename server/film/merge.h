@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "proto/contract/error_estimate.h"
 #include "proto/contract/film_block.h"
 #include "proto/contract/pass_schedule.h"
 #include "proto/contract/render_settings.h"
@@ -12,28 +13,8 @@
 
 namespace tessera::server {
 
-/// Sums of the film's estimated squared error over some pixels (design.md, section 4, "Report").
-/// Adding is exact bookkeeping only when done in a fixed order: fold tiles in tile order.
-struct ErrorSums {
-  std::int64_t pixels = 0;
-  double squared = 0;   // Σ over pixels, R, G, B of the variance of the mean
-  double relative = 0;  // the same, each term over x̄₋ᵣ² + 0.01
-  double scaled = 0;    // the same, each term over x̄₋ᵣ² + 0.01 m²; 0 without m
-  /// Over pixels: the square of a pixel's scaled sum, for n_eff and the bound.
-  double scaled_squares = 0;
-
-  void add(const ErrorSums& other);
-};
-
-/// Estimated errors of the pixels in some ErrorSums.
-struct ErrorEstimate {
-  double rmse = 0, relmse = 0;
-  double error = 0;          // √mean of the scaled terms: the contract's error
-  double error_upper95 = 0;  // √(mean + 1.645 standard errors of that mean over pixels)
-  double n_eff = 0;          // (Σc)² / Σc² over the pixels' scaled sums c; 0 if all are 0
-  std::int64_t pixels = 0;   // covered by the estimate; 0: there is none
-};
-ErrorEstimate estimate_error(const ErrorSums& sums);
+using contract::ErrorEstimate;
+using contract::ErrorSums;
 
 /// Sums of all passes over one tile, in double: the film of farm.md, section 1.
 ///

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "proto/contract/version.h"
+#include "server/film/frame_note.h"
 
 namespace tessera::server {
 namespace {
@@ -56,6 +57,7 @@ json settings_json(const contract::RenderSettings& s) {
                    {"animation", s.animation},
                    {"variant", s.variant},
                    {"spp", s.spp},
+                   {"error", s.error ? json(*s.error) : json(nullptr)},
                    {"max_depth", s.max_depth},
                    {"seed", s.seed},
                    {"tile", s.tile},
@@ -95,48 +97,48 @@ std::string report_json(const JobReport& report) {
   const JobCounters& counters = report.counters;
   json frames = json::array(), warnings = json::array(), reasons = json::array();
   for (const FrameRecord& frame : report.frames) {
-    json statistics = json::parse(frame.statistics_json, nullptr, false);
-    if (!statistics.is_object()) continue;
-    json entry = statistics.value("entry", json::object());
+    const FrameNote note = read_frame_note(frame.statistics_json);
+    json entry = json::parse(note.entry_json, nullptr, false);
+    if (!entry.is_object()) continue;
     entry["file_sha256"] = frame.file_sha256.hex();
     frames.push_back(std::move(entry));
-    for (const json& warning : statistics.value("warnings", json::array())) {
-      warnings.push_back("frame " + std::to_string(frame.frame) + ": " +
-                         warning.get<std::string>());
-    }
+    const std::string prefix = "frame " + std::to_string(frame.frame) + ": ";
+    for (const std::string& warning : note.warnings) warnings.push_back(prefix + warning);
+    for (const std::string& reason : note.reasons) reasons.push_back(prefix + reason);
   }
   if (!view.reason.empty()) reasons.push_back(view.reason);
   const double preparing = counters.load_seconds + counters.build_seconds;
   const double spent = preparing + view.cpu_seconds + counters.wasted_cpu_seconds;
-  json document = {{"schema", "tessera.report/1"},
-                   {"version", TESSERA_VERSION},
-                   {"job", view.spec->id},
-                   {"name", view.spec->name},
-                   {"contract", contract::kRenderContract},
-                   {"status", state_name(view.state)},
-                   {"reasons", reasons},
-                   {"warnings", warnings},
-                   {"scene_sha256", scene_sha256(*view.spec)},
-                   {"settings", settings_json(view.spec->settings)},
-                   {"frames", frames},
-                   {"cpu_seconds", view.cpu_seconds},
-                   {"cpu_seconds_wasted", counters.wasted_cpu_seconds},
-                   {"wall_seconds", view.elapsed_seconds},
-                   {"load_seconds", counters.load_seconds},
-                   {"build_seconds", counters.build_seconds},
-                   {"render_seconds", view.cpu_seconds},
-                   // Share of the workers' known CPU seconds that became no pixel.
-                   {"overhead_fraction", spent > 0 ? 1 - view.cpu_seconds / spent : 0},
-                   {"peak_rss_bytes", counters.peak_rss_bytes},
-                   {"units",
-                    {{"total", view.unit_count},
-                     {"committed", view.committed_unit_count},
-                     {"retried", counters.retried},
-                     {"duplicated", counters.duplicated},
-                     {"redone", counters.redone},
-                     {"audited", 0},
-                     {"mismatched", counters.mismatched}}},
-                   {"workers", workers_json(report)}};
+  json document = {
+      {"schema", "tessera.report/1"},
+      {"version", TESSERA_VERSION},
+      {"job", view.spec->id},
+      {"name", view.spec->name},
+      {"contract", contract::kRenderContract},
+      {"status", view.certainty ? certainty_name(*view.certainty) : state_name(view.state)},
+      {"reasons", reasons},
+      {"warnings", warnings},
+      {"scene_sha256", scene_sha256(*view.spec)},
+      {"settings", settings_json(view.spec->settings)},
+      {"frames", frames},
+      {"cpu_seconds", view.cpu_seconds},
+      {"cpu_seconds_wasted", counters.wasted_cpu_seconds},
+      {"wall_seconds", view.elapsed_seconds},
+      {"load_seconds", counters.load_seconds},
+      {"build_seconds", counters.build_seconds},
+      {"render_seconds", view.cpu_seconds},
+      // Share of the workers' known CPU seconds that became no pixel.
+      {"overhead_fraction", spent > 0 ? 1 - view.cpu_seconds / spent : 0},
+      {"peak_rss_bytes", counters.peak_rss_bytes},
+      {"units",
+       {{"total", view.unit_count},
+        {"committed", view.committed_unit_count},
+        {"retried", counters.retried},
+        {"duplicated", counters.duplicated},
+        {"redone", counters.redone},
+        {"audited", 0},
+        {"mismatched", counters.mismatched}}},
+      {"workers", workers_json(report)}};
   // What a worker sent may hold bytes that are no UTF-8.
   return document.dump(2, ' ', false, json::error_handler_t::replace);
 }

@@ -5,5 +5,5 @@ target_sources(tessera_observe
   PRIVATE observe/report.cpp
   PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR} FILES observe/report.h)
 target_compile_definitions(tessera_observe PRIVATE TESSERA_VERSION="${PROJECT_VERSION}")
-target_link_libraries(tessera_observe PUBLIC tessera::schedule tessera::store
+target_link_libraries(tessera_observe PUBLIC tessera::film tessera::schedule tessera::store
   PRIVATE nlohmann_json::nlohmann_json)

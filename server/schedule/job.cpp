@@ -50,7 +50,7 @@ JobPlan& Job::open_plan() {
   if (!plan) {
     const contract::RenderSettings& settings = spec->settings;
     plan.emplace(contract::frame_list(settings.frames), contract::tile_count(settings),
-                 contract::fixed_schedule(settings.spp));
+                 contract::schedule(settings), settings.error.has_value());
   }
   return *plan;
 }

@@ -8,15 +8,19 @@ namespace tessera::server {
 using contract::Unit;
 
 JobPlan::JobPlan(std::vector<std::int32_t> frames, std::int32_t tile_count,
-                 std::vector<contract::Pass> passes)
+                 std::vector<contract::Pass> passes, bool on_demand)
     : frames_(std::move(frames)),
       tile_count_(tile_count),
       passes_(std::move(passes)),
+      on_demand_(on_demand),
+      unit_count_(static_cast<std::int64_t>(frames_.size()) * tile_count_ * first_passes()),
       finished_(frames_.size(), false) {}
 
-std::int64_t JobPlan::unit_count() const {
-  return static_cast<std::int64_t>(frames_.size()) * tile_count_ *
-         static_cast<std::int64_t>(passes_.size());
+/// Passes that every tile wants from the start.
+std::int32_t JobPlan::first_passes() const {
+  constexpr std::int32_t kFirst = 2;  // farm.md, section 5
+  const auto all = static_cast<std::int32_t>(passes_.size());
+  return on_demand_ ? std::min(kFirst, all) : all;
 }
 
 InFlight* JobPlan::find_in_flight(const Unit& unit) {
@@ -51,11 +55,19 @@ bool JobPlan::is_committed(const Unit& unit) const {
 bool JobPlan::is_complete(std::int32_t frame) const {
   const auto found = open_.find(frame);
   if (found == open_.end()) return is_finished(frame);
-  return found->second.count == tile_count_ * static_cast<std::int64_t>(passes_.size());
+  const FrameBits& bits = found->second;
+  if (on_demand_) return bits.final_count == tile_count_ && bits.count == bits.wanted_count;
+  return bits.count == std::int64_t{tile_count_} * first_passes();
 }
 
 bool JobPlan::is_taken(const Unit& unit) const {
   return is_committed(unit) || in_flight_.count(unit) > 0;
+}
+
+/// Whether the unit is wanted, and neither committed nor held.
+bool JobPlan::is_waiting(const Unit& unit) const {
+  if (unit.pass >= first_passes()) return returned_.count(position(unit)) > 0;
+  return !is_taken(unit);
 }
 
 Unit JobPlan::at_cursor() const {
@@ -65,7 +77,7 @@ Unit JobPlan::at_cursor() const {
 void JobPlan::advance_cursor() {
   if (++cursor_tile_ < tile_count_) return;
   cursor_tile_ = 0;
-  if (++cursor_pass_ < static_cast<std::int32_t>(passes_.size())) return;
+  if (++cursor_pass_ < first_passes()) return;
   cursor_pass_ = 0;
   ++cursor_frame_;
 }
@@ -88,7 +100,7 @@ Run JobPlan::extend_run(const Unit& first, std::int32_t most,
   Run run{first.frame, first.pass, first.tile, 1};
   while (run.tile_count < most && run.first_tile + run.tile_count < tile_count_) {
     const Unit next{first.frame, run.first_tile + run.tile_count, first.pass};
-    if (is_taken(next) || !may_take(next)) break;
+    if (!is_waiting(next) || !may_take(next)) break;
     ++run.tile_count;
   }
   return run;
@@ -109,7 +121,39 @@ std::optional<Run> JobPlan::next_run(std::int32_t most,
   return std::nullopt;
 }
 
+JobPlan::FrameBits& JobPlan::open_frame(std::int32_t frame) {
+  FrameBits& bits = open_[frame];
+  bits.committed.resize(passes_.size());
+  if (on_demand_ && bits.wanted.empty()) {
+    bits.wanted.resize(static_cast<std::size_t>(tile_count_), first_passes());
+    bits.is_final.resize(static_cast<std::size_t>(tile_count_), false);
+    bits.wanted_count = std::int64_t{tile_count_} * first_passes();
+  }
+  return bits;
+}
+
+void JobPlan::want(std::int32_t frame, std::int32_t tile, std::int32_t pass_count, bool is_final) {
+  FrameBits& bits = open_frame(frame);
+  std::int32_t& wanted = bits.wanted[static_cast<std::size_t>(tile)];
+  for (; wanted < pass_count; ++wanted) {
+    ++bits.wanted_count;
+    ++unit_count_;
+    const Unit unit{frame, tile, wanted};
+    if (!is_taken(unit)) returned_.insert(position(unit));
+  }
+  if (is_final && !bits.is_final[static_cast<std::size_t>(tile)]) {
+    bits.is_final[static_cast<std::size_t>(tile)] = true;
+    ++bits.final_count;
+  }
+}
+
+/// A unit under our seal was wanted, even if the film has not said so since a restart.
+void JobPlan::ensure_wanted(const Unit& unit) {
+  if (unit.pass >= first_passes()) want(unit.frame, unit.tile, unit.pass + 1, false);
+}
+
 void JobPlan::hold(const Unit& unit, const Holder& holder) {
+  ensure_wanted(unit);
   returned_.erase(position(unit));
   in_flight_[unit].holders.push_back(holder);
 }
@@ -131,8 +175,8 @@ std::optional<Holder> JobPlan::release(const Unit& unit, WorkerKey worker) {
 }
 
 std::vector<Holder> JobPlan::commit(const Unit& unit) {
-  FrameBits& frame = open_[unit.frame];
-  frame.committed.resize(passes_.size());
+  ensure_wanted(unit);
+  FrameBits& frame = open_frame(unit.frame);
   auto& bits = frame.committed[static_cast<std::size_t>(unit.pass)];
   if (bits.empty()) bits.resize(static_cast<std::size_t>(tile_count_), false);
   bits[static_cast<std::size_t>(unit.tile)] = true;
@@ -156,21 +200,45 @@ void JobPlan::redo(const Unit& unit) {
   returned_.insert(position(unit));
 }
 
-void JobPlan::finish(std::int32_t frame) {
+void JobPlan::finish(std::int32_t frame, std::optional<std::int64_t> unit_count) {
   const std::size_t index = index_of(frame);
   if (index == frames_.size() || finished_[index]) return;
-  const auto found = open_.find(frame);
-  const std::int64_t counted = found == open_.end() ? 0 : found->second.count;
-  if (found != open_.end()) open_.erase(found);
+  const std::int64_t first = std::int64_t{tile_count_} * first_passes();
+  std::int64_t counted = 0, wanted = first;
+  if (const auto found = open_.find(frame); found != open_.end()) {
+    counted = found->second.count;
+    if (on_demand_ && found->second.wanted_count > 0) wanted = found->second.wanted_count;
+    open_.erase(found);
+  }
   finished_[index] = true;
   ++finished_count_;
-  committed_count_ += tile_count_ * static_cast<std::int64_t>(passes_.size()) - counted;
+  const std::int64_t had = unit_count.value_or(wanted);
+  unit_count_ += had - wanted;
+  committed_count_ += had - counted;
 }
 
-std::vector<std::pair<Unit, Holder>> JobPlan::extend(std::vector<contract::Pass> passes) {
+/// Units that are committed or held were wanted.
+void JobPlan::want_what_is_known() {
+  std::vector<Unit> units;
+  for (const auto& [unit, in_flight] : in_flight_) units.push_back(unit);
+  for (const auto& [number, frame] : open_) {
+    for (std::size_t pass = 0; pass < frame.committed.size(); ++pass) {
+      for (std::size_t tile = 0; tile < frame.committed[pass].size(); ++tile) {
+        if (!frame.committed[pass][tile]) continue;
+        units.push_back({number, static_cast<std::int32_t>(tile), static_cast<std::int32_t>(pass)});
+      }
+    }
+  }
+  for (const Unit& unit : units) ensure_wanted(unit);
+}
+
+std::vector<std::pair<Unit, Holder>> JobPlan::extend(std::vector<contract::Pass> passes,
+                                                     bool on_demand) {
   std::size_t same = 0;
   while (same < passes_.size() && same < passes.size() && passes_[same] == passes[same]) ++same;
   passes_ = std::move(passes);
+  on_demand_ = on_demand;
+  unit_count_ = static_cast<std::int64_t>(frames_.size()) * tile_count_ * first_passes();
   std::vector<std::pair<Unit, Holder>> gone;
   const auto is_gone = [&](std::int32_t pass) { return static_cast<std::size_t>(pass) >= same; };
   for (auto it = in_flight_.begin(); it != in_flight_.end();) {
@@ -183,18 +251,21 @@ std::vector<std::pair<Unit, Holder>> JobPlan::extend(std::vector<contract::Pass>
   }
   committed_count_ = 0;
   for (auto& [number, frame] : open_) {
-    frame.count = 0;
-    frame.committed.resize(passes_.size());
+    FrameBits kept;
+    kept.committed = std::move(frame.committed);
+    kept.committed.resize(passes_.size());
     for (std::size_t pass = 0; pass < passes_.size(); ++pass) {
-      auto& bits = frame.committed[pass];
+      auto& bits = kept.committed[pass];
       if (pass >= same) bits.clear();
-      frame.count += std::count(bits.begin(), bits.end(), true);
+      kept.count += std::count(bits.begin(), bits.end(), true);
     }
-    committed_count_ += frame.count;
+    committed_count_ += kept.count;
+    frame = std::move(kept);
   }
   finished_.assign(frames_.size(), false);
   finished_count_ = 0;
   returned_.clear();
+  if (on_demand_) want_what_is_known();
   cursor_frame_ = 0;
   cursor_pass_ = cursor_tile_ = 0;
   return gone;

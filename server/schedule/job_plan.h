@@ -41,17 +41,20 @@ struct Run {
 /// Which units of a job are waiting, held by workers, or committed.
 ///
 /// Units are leased frame by frame, within a frame pass by pass, within a pass along the curve, so
-/// that all of pass 0 is leased before pass 1. Units that come back go first. What is kept in
+/// that all of pass 0 is leased before pass 1. Units that come back go first. In a plan on demand
+/// only passes 0 and 1 are wanted from the start, the others as want() says. What is kept in
 /// memory grows with the units in flight, and by one bit per unit of the frames that are open;
 /// frames not begun are a cursor, finished frames one bit. Pure; the caller serialises.
 class JobPlan {
  public:
   /// Requires sorted frames without repeats, tile_count >= 1, at least one pass.
   JobPlan(std::vector<std::int32_t> frames, std::int32_t tile_count,
-          std::vector<contract::Pass> passes);
+          std::vector<contract::Pass> passes, bool on_demand = false);
 
-  std::int64_t unit_count() const;
+  /// Units wanted so far.
+  std::int64_t unit_count() const { return unit_count_; }
   std::int64_t committed_count() const { return committed_count_; }
+  bool is_on_demand() const { return on_demand_; }
   std::int64_t in_flight_count() const { return static_cast<std::int64_t>(in_flight_.size()); }
   /// Units neither committed nor held by anybody.
   std::int64_t waiting_count() const { return unit_count() - committed_count_ - in_flight_count(); }
@@ -68,14 +71,18 @@ class JobPlan {
   bool is_finished(std::int32_t frame) const;
   /// Whether the unit is committed; true for every unit of a finished frame.
   bool is_committed(const contract::Unit& unit) const;
-  /// Whether every unit of the frame is committed.
+  /// Whether every unit of the frame is committed and, on demand, every tile's count is final.
   bool is_complete(std::int32_t frame) const;
+  /// On demand: the tile wants `pass_count` passes, and if `is_final`, never more. Harmless to
+  /// repeat. Requires a tile of a frame not finished.
+  void want(std::int32_t frame, std::int32_t tile, std::int32_t pass_count, bool is_final);
 
   /// The next run of waiting units of which `may_take` accepts each, at most `most` units long.
   /// Takes nothing: call hold() for each. nullopt when there is none.
   std::optional<Run> next_run(std::int32_t most,
                               const std::function<bool(const contract::Unit&)>& may_take);
-  /// Adds a holder. Requires a contained unit that is not committed.
+  /// Adds a holder. Requires a contained unit that is not committed; it is wanted, since it was
+  /// leased once.
   void hold(const contract::Unit& unit, const Holder& holder);
   /// Takes a worker's hold away; the unit waits again if nobody else holds it. Returns the hold, or
   /// nullopt if it had none.
@@ -85,19 +92,26 @@ class JobPlan {
   std::vector<Holder> commit(const contract::Unit& unit);
   /// A committed unit of a frame not finished waits again: its block was found damaged.
   void redo(const contract::Unit& unit);
-  /// The frame's output is durable; its units need no state any more.
-  void finish(std::int32_t frame);
+  /// The frame's output is durable; its units need no state any more. `unit_count`: how many it
+  /// had, where this plan has not seen them.
+  void finish(std::int32_t frame, std::optional<std::int64_t> unit_count = std::nullopt);
 
-  /// Goes on to a longer schedule. Passes that are in both stay committed; the bits of the others
-  /// are forgotten, and so are finished frames: commit() them again from the journal. Returns the
-  /// holds of units that are gone.
-  std::vector<std::pair<contract::Unit, Holder>> extend(std::vector<contract::Pass> passes);
+  /// Goes on to another schedule: longer, or (on demand or not) of another kind. Passes that are in
+  /// both stay committed; the bits of the others are forgotten, and so are finished frames and what
+  /// was wanted: commit() and want() them again. Returns the holds of units that are gone.
+  std::vector<std::pair<contract::Unit, Holder>> extend(std::vector<contract::Pass> passes,
+                                                        bool on_demand);
 
  private:
   using Position = std::tuple<std::int32_t, std::int32_t, std::int32_t>;  // frame, pass, tile
   struct FrameBits {
     std::vector<std::vector<bool>> committed;  // [pass][tile]; a pass is empty until its first
     std::int64_t count = 0;
+    // On demand only; empty until something is wanted beyond the first passes.
+    std::vector<std::int32_t> wanted;  // passes, by tile
+    std::vector<bool> is_final;        // by tile
+    std::int64_t wanted_count = 0;     // units
+    std::int32_t final_count = 0;      // tiles
   };
 
   static Position position(const contract::Unit& unit) {
@@ -105,6 +119,11 @@ class JobPlan {
   }
   std::size_t index_of(std::int32_t frame) const;
   bool is_taken(const contract::Unit& unit) const;
+  bool is_waiting(const contract::Unit& unit) const;
+  std::int32_t first_passes() const;
+  FrameBits& open_frame(std::int32_t frame);
+  void ensure_wanted(const contract::Unit& unit);
+  void want_what_is_known();
   contract::Unit at_cursor() const;
   bool cursor_at_end() const { return cursor_frame_ == frames_.size(); }
   void skip_taken();
@@ -115,11 +134,13 @@ class JobPlan {
   std::vector<std::int32_t> frames_;
   std::int32_t tile_count_;
   std::vector<contract::Pass> passes_;
+  bool on_demand_;
+  std::int64_t unit_count_;
   std::vector<bool> finished_;  // by index of the frame
   std::int32_t finished_count_ = 0;
   std::map<std::int32_t, FrameBits> open_;  // frames with committed units, by number
   std::map<contract::Unit, InFlight> in_flight_;
-  std::set<Position> returned_;  // waiting units behind the cursor
+  std::set<Position> returned_;  // waiting units behind the cursor, or beyond the first passes
   std::size_t cursor_frame_ = 0;
   std::int32_t cursor_pass_ = 0, cursor_tile_ = 0;  // everything before it has been looked at
   std::int64_t committed_count_ = 0;

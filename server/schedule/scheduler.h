@@ -106,6 +106,9 @@ class Scheduler {
               double cpu_seconds);
   /// A committed unit's block was found damaged and dropped: it is to be rendered again.
   void redo(Job& job, const contract::Unit& unit);
+  /// In a plan on demand: the film has decided how many passes a tile wants (JobPlan::want).
+  void want(Job& job, std::int32_t frame, std::int32_t tile, std::int32_t pass_count,
+            bool is_final);
   /// The unit came once more from this worker; it holds it no longer.
   void drop(Job& job, const contract::Unit& unit, const std::string& worker_id);
   void acknowledge(WorkerKey worker, Acknowledgement acknowledgement);

@@ -166,10 +166,11 @@ void Scheduler::end_job(Job& job, JobState state, const std::string& reason, Tim
 
 void Scheduler::extend(Job& job, std::shared_ptr<const JobSpec> spec) {
   job.spec = std::move(spec);
-  const auto passes = contract::fixed_schedule(job.spec->settings.spp);
-  job.unit_count = static_cast<std::int64_t>(job.frame_count) * job.open_plan().tile_count() *
-                   static_cast<std::int64_t>(passes.size());
-  for (const auto& [unit, holder] : job.plan->extend(passes)) {
+  const contract::RenderSettings& settings = job.spec->settings;
+  const auto gone =
+      job.open_plan().extend(contract::schedule(settings), settings.error.has_value());
+  job.unit_count = job.plan->unit_count();
+  for (const auto& [unit, holder] : gone) {
     forget_hold(job, unit, holder);
     if (Worker* worker = find_worker(holder.worker)) revoke(*worker, job, unit);
   }
@@ -229,6 +230,13 @@ void Scheduler::redo(Job& job, const Unit& unit) {
 
 void Scheduler::drop(Job& job, const Unit& unit, const std::string& worker_id) {
   if (Worker* worker = find_worker(worker_id)) release(job, *worker, unit);
+}
+
+void Scheduler::want(Job& job, std::int32_t frame, std::int32_t tile, std::int32_t pass_count,
+                     bool is_final) {
+  if (!job.plan || job.plan->is_finished(frame)) return;
+  job.plan->want(frame, tile, pass_count, is_final);
+  refresh(job);
 }
 
 void Scheduler::finish_frame(Job& job, std::int32_t frame, Time now) {

@@ -134,7 +134,10 @@ grpc::ServerUnaryReactor* JobService::ExtendJob(grpc::CallbackServerContext* con
                                                 v1::ExtendJobResponse* response) {
   if (absl::Status status = access_.check(*context); !status.ok()) return finish(context, status);
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  coordinator_.extend_job(request->job_id(), request->sample_count(),
+  Coordinator::Extension extension;
+  if (request->sample_count() != 0) extension.spp = request->sample_count();
+  if (request->has_error_target()) extension.error = request->error_target();
+  coordinator_.extend_job(request->job_id(), extension,
                           answer_with(reactor, response->mutable_job()));
   return reactor;
 }

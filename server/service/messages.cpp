@@ -156,10 +156,11 @@ absl::StatusOr<JobSpec> read_spec(const JobRecord& record) {
   return spec;
 }
 
-std::string write_request(const JobSpec& spec, std::int32_t spp) {
+std::string write_request(const JobSpec& spec) {
   v1::CreateJobRequest request;
   request.ParseFromString(spec.request);
-  request.mutable_settings()->set_sample_count(spp);
+  request.mutable_settings()->set_sample_count(spec.settings.spp);
+  if (spec.settings.error) request.mutable_settings()->set_error_target(*spec.settings.error);
   return request.SerializeAsString();
 }
 
@@ -177,6 +178,7 @@ v1::Job to_message(const JobView& view) {
   if (view.end_time_us != 0) set_time(view.end_time_us, *job.mutable_end_time());
   *job.mutable_settings() = contract::to_message(view.spec->settings);
   set_progress(view, *job.mutable_progress());
+  if (view.certainty) job.set_certainty(static_cast<v1::Job::Certainty>(*view.certainty));
   return job;
 }
 

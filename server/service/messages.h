@@ -19,8 +19,8 @@ absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::
 /// A job's spec from its row. Errors: DataLoss, the row does not parse.
 absl::StatusOr<JobSpec> read_spec(const JobRecord& record);
 
-/// The request of `spec`, serialised, with another sample count.
-std::string write_request(const JobSpec& spec, std::int32_t spp);
+/// The request of `spec`, serialised, with the sample count and error that `spec` has now.
+std::string write_request(const JobSpec& spec);
 
 v1::Job to_message(const JobView& view);
 v1::SceneManifest to_manifest(const JobSpec& spec);

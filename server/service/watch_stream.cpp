@@ -70,12 +70,12 @@ class WatchStream final : public grpc::ServerWriteReactor<v1::WatchJobResponse> 
     if (!view.ok()) return finish(view.status());
     const auto now = std::chrono::steady_clock::now();
     const bool is_new = !sent_ || sent_->state != view->state || sent_->reason != view->reason;
-    const bool has_moved = sent_ && (sent_->committed_unit_count != view->committed_unit_count ||
-                                     sent_->leased_unit_count != view->leased_unit_count ||
-                                     sent_->finished_frame_count != view->finished_frame_count ||
-                                     sent_->worker_count != view->worker_count ||
-                                     sent_->estimated_error != view->estimated_error ||
-                                     sent_->spec->settings.spp != view->spec->settings.spp);
+    const bool has_moved =
+        sent_ && (sent_->committed_unit_count != view->committed_unit_count ||
+                  sent_->leased_unit_count != view->leased_unit_count ||
+                  sent_->finished_frame_count != view->finished_frame_count ||
+                  sent_->worker_count != view->worker_count ||
+                  sent_->estimated_error != view->estimated_error || sent_->spec != view->spec);
     if (!is_new && !(has_moved && now - sent_at_ >= interval_)) return wait();
     sent_ = *view;
     sent_at_ = now;

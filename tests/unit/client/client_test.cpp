@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "client/curve_svg.h"
 #include "client/frame_files.h"
 #include "client/job_fate.h"
 #include "client/job_request.h"
@@ -253,6 +254,50 @@ TEST(RequestId, FollowsFromTheJobAlone) {
   request.mutable_settings()->set_seed(1);
   EXPECT_NE(derived_request_id(request), id);
   EXPECT_NE(random_request_id(), random_request_id());
+}
+
+TEST(RenderOptions, AskForAnErrorOrASampleCount) {
+  const auto by_error = settings_of(parsed({"scene.glb", "--error", "0.05"}), "");
+  ASSERT_TRUE(by_error.ok()) << by_error.status();
+  EXPECT_EQ(by_error->error, 0.05);
+  EXPECT_EQ(by_error->spp, 16384) << "--max-spp";
+  EXPECT_EQ(settings_of(parsed({"scene.glb", "--error", "0.05", "--max-spp", "64"}), "")->spp, 64);
+  EXPECT_FALSE(settings_of(parsed({"scene.glb", "--spp", "64"}), "")->error);
+}
+
+TEST(CurveSvg, DrawsEstimateAndTruthOnLogarithmicAxes) {
+  const auto report = nlohmann::ordered_json::parse(R"({"job": "abc", "status": "CONVERGED",
+    "frames": [{"curve": [
+      {"cpu_seconds": 1, "error": 0.4, "error_true": null},
+      {"cpu_seconds": 4, "error": 0.2, "error_true": null},
+      {"cpu_seconds": 16, "error": 0.1, "error_true": 0.11}]}]})");
+  const std::string svg = curve_svg(report);
+  EXPECT_EQ(svg.find("<svg"), 0u);
+  EXPECT_NE(svg.find("prefers-color-scheme:dark"), std::string::npos);
+  EXPECT_NE(svg.find("true error"), std::string::npos);
+  // Equal factors are equal distances, and the points fall along the guides: 4 times the work.
+  std::vector<double> xs, ys;
+  std::size_t at = 0;
+  const std::string mark = "circle class=\"estimate\" cx=\"";
+  while ((at = svg.find(mark, at)) != std::string::npos) {
+    at += mark.size();
+    xs.push_back(std::stod(svg.substr(at)));
+    ys.push_back(std::stod(svg.substr(svg.find("cy=\"", at) + 4)));
+  }
+  ASSERT_EQ(xs.size(), 3u);
+  EXPECT_NEAR(xs[2] - xs[1], xs[1] - xs[0], 0.2);
+  EXPECT_NEAR(ys[2] - ys[1], ys[1] - ys[0], 0.2);
+  EXPECT_GT(ys[1], ys[0]) << "less error is lower on the page";
+  EXPECT_EQ(curve_svg(nlohmann::ordered_json::parse(R"({"frames": []})")), "");
+}
+
+TEST(ResultLine, OfAnErrorAskedForHasBoundAndCertainty) {
+  const auto report = nlohmann::ordered_json::parse(R"({"status": "CAPPED", "frames": [
+    {"file": "out.exr", "width": 64, "height": 48, "samples": 3072,
+     "estimated": {"error": 0.1, "error_upper95": 0.125}}]})");
+  EXPECT_EQ(result_line(report, 1.5),
+            "out.exr: 64x48, 3.1 k samples, estimated error 0.1, at most 0.125 with 95 %, CAPPED, "
+            "1.5 s");
 }
 
 }  // namespace

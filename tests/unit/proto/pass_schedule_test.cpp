@@ -69,5 +69,22 @@ TEST(FrameCount, CountsWithoutAllocatingOrOverflow) {
   EXPECT_EQ(frame_count({{1, 9, 2}, {3, 3, 7}}), 6);
 }
 
+TEST(PassSchedule, ByErrorEachPassDoublesTheTotal) {
+  EXPECT_EQ(error_schedule(4), (std::vector<Pass>{{0, 4}}));
+  EXPECT_EQ(error_schedule(20), (std::vector<Pass>{{0, 8}, {8, 12}}));
+  EXPECT_EQ(error_schedule(200),
+            (std::vector<Pass>{{0, 8}, {8, 24}, {32, 32}, {64, 64}, {128, 72}}));
+  for (const std::int32_t max_spp : {1, 33, 1000, 16384, kMaxSpp}) {
+    std::int32_t next = 0;
+    for (const Pass& pass : error_schedule(max_spp)) {
+      ASSERT_EQ(pass.first_sample, next);
+      ASSERT_EQ(pass.sample_count % kReplicates, 0);
+      next += pass.sample_count;
+    }
+    EXPECT_EQ(next, rounded_spp(max_spp));
+  }
+  EXPECT_LE(error_schedule(kMaxSpp).size(), 20u) << "the table of quantiles ends there";
+}
+
 }  // namespace
 }  // namespace tessera::contract

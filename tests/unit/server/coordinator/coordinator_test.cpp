@@ -427,7 +427,7 @@ TEST_F(CoordinatorTest, ExtendingGivesThePixelsOfALongerJob) {
   worker.units.clear();
   pump();
   absl::StatusOr<JobView> extended = absl::UnknownError("");
-  coordinator->extend_job(job, 64, [&](const auto& view) { extended = view; });
+  coordinator->extend_job(job, {64, {}}, [&](const auto& view) { extended = view; });
   pump();
   ASSERT_TRUE(extended.ok()) << extended.status();
   EXPECT_EQ(extended->committed_unit_count, 5) << "pass 0 is the same in both";

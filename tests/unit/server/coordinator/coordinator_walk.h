@@ -4,9 +4,11 @@
 
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <random>
 #include <string>
 #include <utility>
 #include <vector>
@@ -51,10 +53,10 @@ class CoordinatorWalk : public testing::Test {
       spec.id = record.id;
       return spec;
     };
-    options.write_request = [this](const JobSpec& spec, std::int32_t spp) {
+    options.write_request = [this](const JobSpec& spec) {
       JobSpec longer = spec;
-      longer.settings.spp = spp;
-      longer.request = spec.request + "+" + std::to_string(spp);
+      longer.request = spec.request + "+" + std::to_string(spec.settings.spp) + "," +
+                       std::to_string(spec.settings.error.value_or(0));
       specs_[longer.request] = longer;
       return longer.request;
     };
@@ -139,12 +141,26 @@ class CoordinatorWalk : public testing::Test {
   /// The block a renderer would make of a unit here: a function of the unit alone.
   contract::FilmBlock block_of(const Leased& unit, const contract::FilmBlockShape& shape) const {
     contract::FilmBlock block = contract::FilmBlock::zeros(shape);
+    if (noise > 0) return noisy_block(unit, std::move(block));
     for (std::size_t i = 0; i < block.rgb.size(); ++i) {
       block.rgb[i] =
           static_cast<float>(unit.lease.sample_count) *
           (0.25f + 0.01f * static_cast<float>(
                                (i + static_cast<std::size_t>(7 * unit.name.unit.tile)) % 13)) /
           contract::kReplicates;
+    }
+    for (float& alpha : block.alpha) alpha = static_cast<float>(unit.lease.sample_count);
+    return block;
+  }
+  /// Radiance 0.5 with noise of standard deviation `noise` · (tile + 1) a sample.
+  contract::FilmBlock noisy_block(const Leased& unit, contract::FilmBlock block) const {
+    const contract::Unit& name = unit.name.unit;
+    std::mt19937 rng(static_cast<std::uint32_t>(name.frame * 7919 + name.tile * 101 + name.pass));
+    std::normal_distribution<double> normal;
+    const double count = unit.lease.sample_count / static_cast<double>(contract::kReplicates);
+    for (float& sum : block.rgb) {
+      sum = static_cast<float>(0.5 * count +
+                               noise * (name.tile + 1) * std::sqrt(count) * normal(rng));
     }
     for (float& alpha : block.alpha) alpha = static_cast<float>(unit.lease.sample_count);
     return block;
@@ -195,6 +211,7 @@ class CoordinatorWalk : public testing::Test {
   MemoryStore store{folder};
   Time now{};
   CoordinatorOptions options;
+  double noise = 0;
   std::unique_ptr<Coordinator> coordinator;
 
  private:

@@ -249,8 +249,8 @@ TEST(ErrorEstimate, FollowsFromSumsOfKnownContributions) {
   EXPECT_DOUBLE_EQ(estimate.relmse, 0.5);
   EXPECT_DOUBLE_EQ(estimate.error, std::sqrt(1.25));
   EXPECT_DOUBLE_EQ(estimate.n_eff, 225.0 / 63);
-  // Means over channels 1, 1, 1, 2: sample deviation 0.5, standard error 0.25.
-  EXPECT_NEAR(estimate.error_upper95, std::sqrt(1.25 + 1.6448536269514722 * 0.25), 1e-12);
+  // Means over channels 1, 1, 1, 2: sample deviation 0.5, standard error 0.25, times √4 replicates.
+  EXPECT_NEAR(estimate.error_upper95, std::sqrt(1.25 + 1.644853627 * 2 * 0.25), 1e-9);
 }
 
 TEST(ErrorEstimate, MeasuresTheTrueErrorOfNoiseOnAverage) {

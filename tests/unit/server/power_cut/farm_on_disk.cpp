@@ -75,7 +75,7 @@ absl::Status FarmOnDisk::start() {
     spec.id = record.id;
     return spec;
   };
-  options.write_request = [](const JobSpec& spec, std::int32_t /*spp*/) { return spec.request; };
+  options.write_request = [](const JobSpec& spec) { return spec.request; };
   auto coordinator = Coordinator::open(*store_, std::move(options));
   if (!coordinator.ok()) return coordinator.status();
   coordinator_ = *std::move(coordinator);

@@ -101,7 +101,7 @@ TEST(JobPlan, ExtendingKeepsThePassesThatAgree) {
   JobPlan plan({0}, 2, contract::fixed_schedule(32));  // 8, then 24
   for (const std::int32_t pass : {0, 1}) plan.commit({0, 0, pass});
   plan.hold({0, 1, 1}, Holder{1, {}, std::nullopt, false, 0});
-  const auto gone = plan.extend(contract::fixed_schedule(64));  // 8, then 56
+  const auto gone = plan.extend(contract::fixed_schedule(64), false);  // 8, then 56
   ASSERT_EQ(gone.size(), 1u);
   EXPECT_EQ(gone.front().first, (Unit{0, 1, 1}));
   EXPECT_TRUE(plan.is_committed({0, 0, 0}));
@@ -135,6 +135,68 @@ TEST(JobPlan, NoUnitIsLostOrGivenTwiceUnderRandomTreatment) {  // against a set 
   }
   EXPECT_EQ(committed.size(), 3u * 37 * 3);
   EXPECT_TRUE(plan.is_complete(0) && plan.is_complete(1) && plan.is_complete(2));
+}
+
+TEST(JobPlan, OnDemandOnlyTheFirstTwoPassesAreWantedUnasked) {
+  JobPlan plan({0, 1}, 3, contract::error_schedule(256), true);  // 5 passes
+  EXPECT_EQ(plan.unit_count(), 12);
+  EXPECT_EQ(take(plan, 1, 100).size(), 3u);
+  const std::vector<Unit> pass1 = take(plan, 1, 100);
+  plan.want(0, 1, 3, false);
+  EXPECT_EQ(plan.unit_count(), 13);
+  const std::vector<Unit> asked = take(plan, 1, 100);
+  EXPECT_EQ(asked, (std::vector<Unit>{{0, 1, 2}})) << "of frame 0 before frame 1 is begun";
+  EXPECT_EQ(take(plan, 1, 100).front(), (Unit{1, 0, 0}));
+}
+
+TEST(JobPlan, OnDemandAFrameIsCompleteWhenEveryTileHasItsLastPass) {
+  JobPlan plan({0}, 2, contract::error_schedule(256), true);
+  for (const std::int32_t pass : {0, 1}) {
+    for (const std::int32_t tile : {0, 1}) plan.commit({0, tile, pass});
+  }
+  EXPECT_FALSE(plan.is_complete(0)) << "nothing is decided yet";
+  plan.want(0, 0, 2, true);
+  plan.want(0, 1, 3, false);
+  EXPECT_FALSE(plan.is_complete(0));
+  plan.commit({0, 1, 2});
+  EXPECT_FALSE(plan.is_complete(0)) << "tile 1 may want more";
+  plan.want(0, 1, 3, true);
+  plan.want(0, 1, 3, true);
+  EXPECT_TRUE(plan.is_complete(0));
+  EXPECT_EQ(plan.committed_count(), 5);
+  EXPECT_EQ(plan.waiting_count(), 0);
+  plan.finish(0);
+  EXPECT_EQ(plan.unit_count(), 5);
+  EXPECT_EQ(plan.committed_count(), 5);
+}
+
+TEST(JobPlan, OnDemandALeaseProvesThatItsUnitIsWanted) {
+  JobPlan plan({0}, 2, contract::error_schedule(256), true);
+  // After a restart a worker still holds a unit of pass 3, before the film has decided anything.
+  plan.hold({0, 1, 3}, Holder{1, {}, std::nullopt, false, 0});
+  EXPECT_EQ(plan.unit_count(), 6) << "4, and passes 2 and 3 of tile 1";
+  EXPECT_EQ(plan.in_flight_count(), 1);
+  plan.want(0, 1, 4, false);
+  EXPECT_EQ(plan.unit_count(), 6) << "the film's word is no news";
+  ASSERT_TRUE(plan.release({0, 1, 3}, 1));
+  EXPECT_EQ(plan.waiting_count(), 6);
+}
+
+TEST(JobPlan, OnDemandAFinishedFrameHasTheUnitsItHad) {
+  JobPlan plan({0, 1}, 2, contract::error_schedule(256), true);
+  plan.finish(0, 9);  // as the journal says after a restart
+  EXPECT_EQ(plan.unit_count(), 13);
+  EXPECT_EQ(plan.committed_count(), 9);
+}
+
+TEST(JobPlan, OnDemandExtendingKeepsWhatIsCommitted) {
+  JobPlan plan({0}, 2, contract::error_schedule(64), true);  // 8, 32, 64
+  for (const std::int32_t pass : {0, 1, 2}) plan.commit({0, 0, pass});
+  plan.commit({0, 1, 0});
+  EXPECT_TRUE(plan.extend(contract::error_schedule(256), true).empty());
+  EXPECT_EQ(plan.unit_count(), 5);
+  EXPECT_EQ(plan.committed_count(), 4);
+  EXPECT_EQ(take(plan, 1, 100), (std::vector<Unit>{{0, 1, 1}}));
 }
 
 }  // namespace

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "client/farm_client.h"
+#include "client/image_file.h"
+
+namespace tessera::client {
+
+/// References for frames: REF itself for one frame, else REF with each frame's number put in, as
+/// `render` names its files. In the order of `frames`.
+///
+/// Errors: those of read_image.
+absl::StatusOr<std::vector<Image>> read_references(const std::string& path,
+                                                   const std::vector<std::int32_t>& frames);
+
+/// Fills in what the finished frames of a report truly differ from their references by: `true` of
+/// each, and `error_true` of its curve's last point. Fetches the frames into a private folder.
+///
+/// Errors: InvalidArgument, an image and its reference cannot be compared; those of fetch_frame.
+absl::Status add_true_errors(FarmClient& client, const std::string& job_id,
+                             const std::string& reference, nlohmann::ordered_json& report);
+
+}  // namespace tessera::client

@@ -1,0 +1,218 @@
+#!/usr/bin/env python3
+"""Writes the battery of tests/bench/coverage.sh: small scenes that are easy, hard, or out of reach
+for an error estimate.
+
+    make_scenes.py FOLDER     writes FOLDER/NAME.gltf and FOLDER/battery.json
+
+battery.json lists for each scene the error to ask for, more options, and whether it is well
+behaved (its error is spread over many pixels, no event is rare).
+"""
+
+import json
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scenes"))
+from make_scenes import Gltf, camera, glass, metal, plain, png, quad, room, sphere  # noqa: E402
+
+
+def lamp(gltf, strength, centre, side):
+    """A square lamp that shines downwards."""
+    gltf.use("KHR_materials_emissive_strength")
+    material = gltf.add("materials", plain(0, 0, 0, emissiveFactor=[1, 1, 1], extensions={
+        "KHR_materials_emissive_strength": {"emissiveStrength": strength}}))
+    x, y, z = centre
+    half = side / 2
+    gltf.node(mesh=gltf.mesh(quad((x - half, y, z - half), (side, 0, 0), (0, 0, side)), material))
+
+
+def floor(gltf, material, size=4):
+    gltf.node(mesh=gltf.mesh(quad((-size, 0, size), (2 * size, 0, 0), (0, 0, -2 * size)), material))
+
+
+def use_glass(gltf, tint=(1, 1, 1)):
+    gltf.use("KHR_materials_transmission", "KHR_materials_ior", "KHR_materials_volume")
+    return gltf.add("materials", glass(list(tint)))
+
+
+def furnace():
+    """A grey ball in a white sky: every path brings about the same."""
+    gltf = Gltf()
+    gltf.node(mesh=gltf.mesh(sphere(1, 24), gltf.add("materials", plain(0.6, 0.5, 0.4))))
+    floor(gltf, gltf.add("materials", plain(0.5, 0.5, 0.5)))
+    camera(gltf, (0, 1.5, 4), (0, 0.2, 0), 0.8)
+    return gltf
+
+
+def cornell():
+    gltf = Gltf()
+    room(gltf, gltf.add("materials", plain(0.7, 0.7, 0.7)))
+    grey = gltf.add("materials", plain(0.7, 0.7, 0.7))
+    gltf.node(mesh=gltf.mesh(sphere(0.6, 16), grey), translation=[-0.8, 0.6, -0.4])
+    gltf.node(mesh=gltf.mesh(sphere(0.5, 16), grey), translation=[0.8, 0.5, 0.5])
+    camera(gltf, (0, 1.5, 6.6), (0, 1.5, 0), 0.55)
+    return gltf
+
+
+def penumbra():
+    """A ball between a large lamp and a floor."""
+    gltf = Gltf()
+    floor(gltf, gltf.add("materials", plain(0.6, 0.6, 0.6)))
+    gltf.node(mesh=gltf.mesh(sphere(0.6, 16), gltf.add("materials", plain(0.5, 0.2, 0.2))),
+              translation=[0, 1, 0])
+    lamp(gltf, 8, (0, 3, 0), 2)
+    camera(gltf, (0, 2.6, 4), (0, 0.6, 0), 0.7)
+    return gltf
+
+
+def small_lamp():
+    gltf = Gltf()
+    floor(gltf, gltf.add("materials", plain(0.6, 0.6, 0.6)))
+    gltf.node(mesh=gltf.mesh(sphere(0.6, 16), gltf.add("materials", plain(0.3, 0.5, 0.3))),
+              translation=[0, 0.6, 0])
+    lamp(gltf, 800, (1, 3, 1), 0.2)
+    camera(gltf, (0, 2.6, 4), (0, 0.5, 0), 0.7)
+    return gltf
+
+
+def glossy():
+    """Rough metal over a rough metal floor: light by way of two lobes."""
+    gltf = Gltf()
+    floor(gltf, gltf.add("materials", metal(0.8, 0.8, 0.8, 0.4)))
+    for x, roughness in ((-1.1, 0.25), (0, 0.45), (1.1, 0.7)):
+        gltf.node(mesh=gltf.mesh(sphere(0.5, 16), gltf.add("materials", metal(0.9, 0.6, 0.3, roughness))),
+                  translation=[x, 0.5, 0])
+    lamp(gltf, 10, (0, 3, 0), 2)
+    camera(gltf, (0, 1.8, 4), (0, 0.4, 0), 0.7)
+    return gltf
+
+
+def many_lamps():
+    gltf = Gltf()
+    floor(gltf, gltf.add("materials", plain(0.6, 0.6, 0.6)))
+    gltf.node(mesh=gltf.mesh(sphere(0.7, 16), gltf.add("materials", plain(0.6, 0.6, 0.5))),
+              translation=[0, 0.7, 0])
+    for i in range(36):
+        lamp(gltf, 20 + 5 * (i % 7), (-2.5 + i % 6, 1.6 + 0.2 * (i % 3), -2.5 + i // 6), 0.12)
+    camera(gltf, (0, 2.6, 4), (0, 0.5, 0), 0.8)
+    return gltf
+
+
+def points():
+    """Three point lights: what noise there is comes from bounces."""
+    gltf = cornell()
+    gltf.use("KHR_lights_punctual")
+    gltf.doc["extensions"] = {"KHR_lights_punctual": {"lights": [
+        {"type": "point", "intensity": 10}, {"type": "spot", "intensity": 30}]}}
+    for place, light in (((-1, 2, 1), 0), ((1, 1, 1.5), 0)):
+        gltf.node(translation=list(place), extensions={"KHR_lights_punctual": {"light": light}})
+    return gltf
+
+
+def foliage():
+    """Rows of leaves with holes before a lamp."""
+    gltf = Gltf()
+    holes = gltf.texture(png(16, 16, lambda x, y: (70, 150, 60, 255 if (x // 2 + y // 2) % 2 else 0)))
+    leaf = gltf.add("materials", {"pbrMetallicRoughness": {
+        "baseColorTexture": {"index": holes}, "metallicFactor": 0}, "alphaMode": "MASK",
+        "doubleSided": True})
+    floor(gltf, gltf.add("materials", plain(0.5, 0.45, 0.4)))
+    for row in range(4):
+        gltf.node(mesh=gltf.mesh(quad((-1.5, 0, -1 + 0.6 * row), (3, 0, 0), (0, 1.2, 0), 3), leaf))
+    lamp(gltf, 12, (0, 3, 0), 2)
+    camera(gltf, (1, 2.2, 4), (0, 0.6, 0), 0.7)
+    return gltf
+
+
+def checker():
+    """A fine pattern to the horizon: noise from edges inside the pixel."""
+    gltf = Gltf()
+    fine = gltf.texture(png(64, 64, lambda x, y: (230, 230, 230) if (x + y) % 2 else (20, 20, 20)))
+    floor_material = gltf.add("materials", {"pbrMetallicRoughness": {
+        "baseColorTexture": {"index": fine}, "metallicFactor": 0, "roughnessFactor": 1}})
+    gltf.node(mesh=gltf.mesh(quad((-20, 0, 4), (40, 0, 0), (0, 0, -40), 20), floor_material))
+    camera(gltf, (0, 1, 4), (0, 0.4, 0), 0.8)
+    return gltf
+
+
+def window():
+    """A room lit through a hole by a bright sky outside: most paths never find it."""
+    gltf = Gltf()
+    white = gltf.add("materials", plain(0.7, 0.7, 0.7, doubleSided=True))
+    for origin, u, v in (((-2, 0, 2), (4, 0, 0), (0, 0, -4)), ((-2, 3, -2), (4, 0, 0), (0, 0, 4)),
+                         ((-2, 0, -2), (4, 0, 0), (0, 3, 0)), ((2, 0, -2), (0, 0, 4), (0, 3, 0)),
+                         ((2, 0, 2), (-4, 0, 0), (0, 3, 0)), ((-2, 0, 2), (0, 0, -4), (0, 1, 0)),
+                         ((-2, 2, 2), (0, 0, -4), (0, 1, 0)), ((-2, 1, 2), (0, 0, -1.5), (0, 1, 0)),
+                         ((-2, 1, -0.5), (0, 0, -1.5), (0, 1, 0))):
+        gltf.node(mesh=gltf.mesh(quad(origin, u, v), white))
+    camera(gltf, (0.5, 1.4, 1.9), (0, 1.2, -2), 1.0)
+    return gltf
+
+
+def caustic():
+    """A glass ball under a small lamp: the caustic is found by chance alone."""
+    gltf = Gltf()
+    floor(gltf, gltf.add("materials", plain(0.6, 0.6, 0.6)))
+    gltf.node(mesh=gltf.mesh(sphere(0.7, 24), use_glass(gltf)), translation=[0, 0.9, 0])
+    lamp(gltf, 200, (0.8, 3, 0), 0.4)
+    camera(gltf, (0, 2.6, 4), (0, 0.4, 0), 0.7)
+    return gltf
+
+
+def caged_lamp():
+    """A tiny lamp inside a glass ball lights a room: every bit of light is a rare event."""
+    gltf = Gltf()
+    white = gltf.add("materials", plain(0.7, 0.7, 0.7))
+    floor(gltf, white)
+    gltf.node(mesh=gltf.mesh(quad((-4, 0, -2), (8, 0, 0), (0, 4, 0)), white))
+    lamp(gltf, 20000, (0, 1.4, 0), 0.04)
+    gltf.node(mesh=gltf.mesh(sphere(0.5, 24), use_glass(gltf)), translation=[0, 1.4, 0])
+    lamp(gltf, 1, (0, 4, 1), 2)  # and a little light that is easy
+    camera(gltf, (0, 2.2, 5), (0, 0.8, 0), 0.8)
+    return gltf
+
+
+def glint():
+    """A small bright lamp seen in mirror balls by chance: fireflies on an easy scene."""
+    gltf = Gltf()
+    floor(gltf, gltf.add("materials", plain(0.5, 0.5, 0.5)))
+    mirror = gltf.mesh(sphere(0.4, 24), gltf.add("materials", metal(0.95, 0.95, 0.95, 0)))
+    for x in (-1, 0, 1):
+        gltf.node(mesh=mirror, translation=[x, 0.4, 0])
+    lamp(gltf, 3000, (0.5, 2.5, 1), 0.05)
+    lamp(gltf, 6, (0, 3, -0.5), 2)
+    camera(gltf, (0, 1.8, 4), (0, 0.3, 0), 0.7)
+    return gltf
+
+
+# scene: error to ask for, well behaved, more options
+BATTERY = {
+    furnace: (0.06, True, []),
+    cornell: (0.15, True, []),
+    penumbra: (0.08, True, []),
+    small_lamp: (0.08, True, []),
+    glossy: (0.1, True, []),
+    many_lamps: (0.15, True, []),
+    points: (0.1, True, []),
+    foliage: (0.15, True, []),
+    checker: (0.1, True, []),
+    window: (0.4, False, []),
+    caustic: (0.3, False, []),
+    caged_lamp: (0.5, False, []),
+    glint: (0.2, False, []),
+}
+
+
+def main():
+    folder = Path(sys.argv[1])
+    folder.mkdir(parents=True, exist_ok=True)
+    battery = []
+    for make, (error, is_well_behaved, options) in BATTERY.items():
+        (folder / f"{make.__name__}.gltf").write_text(make().text())
+        battery.append({"scene": make.__name__, "error": error,
+                        "well_behaved": is_well_behaved, "options": options})
+    (folder / "battery.json").write_text(json.dumps(battery, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

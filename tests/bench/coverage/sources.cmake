@@ -1,0 +1,11 @@
+# tessera-bench-coverage: claims of --error against the truth.
+add_executable(tessera-bench-coverage bench/coverage/coverage.cpp
+  support/folder_reader.cpp support/folder_reader.h)
+target_link_libraries(tessera-bench-coverage PRIVATE tessera::film tessera::render CLI11::CLI11
+  nlohmann_json::nlohmann_json)
+
+# A short version of tests/bench/coverage.sh; it asks whether claims hold, and never how fast.
+add_test(NAME bench.coverage
+  COMMAND ${PROJECT_SOURCE_DIR}/tests/bench/coverage.sh --seeds 12 --bin ${CMAKE_RUNTIME_OUTPUT_DIRECTORY}
+          furnace checker penumbra)
+set_tests_properties(bench.coverage PROPERTIES LABELS integration TIMEOUT 300 PROCESSORS 2)

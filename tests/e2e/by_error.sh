@@ -1,0 +1,72 @@
+#!/usr/bin/env bash
+# Jobs asked for by their error: which passes a tile gets is decided from its samples alone, so the
+# image and what is claimed of it depend on neither workers nor crashes.
+. "$(dirname "$0")/farm.sh"
+
+size=128x96 error=0.08
+if [ -n "${TESSERA_E2E_SMALL:-}" ]; then size=48x48 error=0.2; fi
+scene=$scenes/same_bits.gltf
+job=(--size "$size" --max-depth 5 --frames 12 --seed 7 --tile 16)
+
+# draw NAME OPTIONS…: renders, leaves NAME.exr and NAME.json.
+draw() {
+  local name=$1
+  shift
+  tessera render "$scene" --output "$work/$name.exr" --report "$work/$name.json" --force \
+    "${job[@]}" "$@" >"$work/$name.log" 2>&1 </dev/null || fail "render $name: status $?"
+}
+# What the report says of the frame that must not depend on the farm.
+frame='{k: d["frames"][0][k] for k in ("pixels_sha256", "samples", "spp_mean", "status", "estimated")}'
+
+draw reference --error "$error" --workers 1 --threads 1
+reference=$(json "$work/reference.json" "$frame")
+equal "the bound holds" "$(json "$work/reference.json" 'd["status"]')" CONVERGED
+equal "the bound is at most what was asked for" "$(json "$work/reference.json" \
+  "d['frames'][0]['estimated']['error_upper95'] <= $error")" True
+equal "tiles got different counts" \
+  "$(json "$work/reference.json" 'd["frames"][0]["spp_mean"] < d["frames"][0]["spp_max"]')" True
+for count in 2 4; do
+  [ -z "${TESSERA_E2E_SMALL:-}" ] || [ "$count" = 2 ] || continue
+  draw workers --error "$error" --workers "$count" --threads 1
+  equal "$count workers" "$(json "$work/workers.json" "$frame")" "$reference"
+done
+
+# The coordinator dies twice in mid-job, a worker once.
+start_server
+start_worker a
+start_worker b
+id=$(farm submit "$scene" "${job[@]}" --error "$error")
+for share in 5 60; do
+  wait_until 60 "some units are committed" committed_at_least "$id" "$share"
+  kill_server
+  start_server
+done
+kill_worker b
+start_worker c
+exits 0 farm watch "$id" --json
+farm report "$id" --json >"$work/report.json"
+equal "the same after three crashes" "$(json "$work/report.json" "$frame")" "$reference"
+farm status "$id" --json >"$work/status.json"
+equal "its certainty is told" "$(json "$work/status.json" 'd["certainty"]')" converged
+
+# Asked for less error half-way: as if it had been asked for from the start.
+id=$(farm submit "$scene" "${job[@]}" --error 0.5 --name later)
+farm pause "$id" >/dev/null
+exits 0 farm extend "$id" --error "$error"
+exits 2 farm extend "$id" --error 0.3
+farm resume "$id" >/dev/null
+exits 0 farm watch "$id" --json
+farm report "$id" --json >"$work/report.json"
+equal "the same when asked for later" "$(json "$work/report.json" "$frame")" "$reference"
+
+# More than is allowed: files are written, but exit code 4 says that nothing is certified.
+exits 4 tessera render "$scene" --output "$work/capped.exr" --report "$work/capped.json" \
+  --size 48x48 --max-depth 5 --seed 7 --tile 64 --error 0.001 --max-spp 36 --workers 2 --threads 1
+says CAPPED
+says --max-spp
+[ -s "$work/capped.exr" ] || fail "a capped job wrote no image"
+equal "no pixel has more than --max-spp" "$(json "$work/capped.json" 'd["frames"][0]["spp_max"]')" 36
+exits 2 tessera render "$scene" --error 0.1 --spp 64
+exits 2 tessera render "$scene" --max-spp 64
+exits 2 tessera render "$scene" --error 0
+say "exit codes"

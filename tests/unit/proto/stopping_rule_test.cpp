@@ -1,0 +1,211 @@
+#include "proto/contract/stopping_rule.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <random>
+#include <utility>
+#include <vector>
+
+namespace tessera::contract {
+namespace {
+
+constexpr std::int64_t kTilePixels = 1024;
+
+/// A frame whose tiles have squared errors of about variance/n, and how it goes.
+class MadeFrame {
+ public:
+  MadeFrame(std::vector<double> variances, double error, std::int32_t max_spp,
+            std::uint32_t seed = 1)
+      : passes_(error_schedule(max_spp)),
+        variances_(std::move(variances)),
+        rule_(error, passes_, std::vector<std::int64_t>(variances_.size(), kTilePixels)) {
+    // What a tile's estimate comes to is drawn once: it must not depend on the order.
+    std::mt19937_64 rng(seed);
+    std::normal_distribution<double> normal;
+    for (std::size_t i = 0; i < variances_.size() * passes_.size(); ++i) {
+      factors_.push_back(std::exp(0.03 * normal(rng)));
+    }
+  }
+
+  /// Figures of 1,024 pixels with exponentially distributed contributions: n_eff is 512.
+  ErrorSums figures(std::int32_t tile, std::int32_t pass) const {
+    const Pass& last = passes_[static_cast<std::size_t>(pass)];
+    const std::size_t t = static_cast<std::size_t>(tile);
+    const double mean = variances_[t] / (last.first_sample + last.sample_count) *
+                        factors_[t * passes_.size() + static_cast<std::size_t>(pass)];
+    const double sum = 3 * mean * kTilePixels;
+    return {kTilePixels, sum, sum, sum, 2 * sum * sum / kTilePixels / concentration_};
+  }
+
+  /// Renders until every tile has stopped, the unit to come next drawn with `order`.
+  void render(std::uint32_t order) {
+    std::mt19937 rng(order);
+    std::vector<std::pair<std::int32_t, std::int32_t>> open;
+    std::vector<std::int32_t> done(variances_.size(), 0), wanted(variances_.size(), 0);
+    const auto open_up = [&](std::int32_t tile) {
+      const std::size_t t = static_cast<std::size_t>(tile);
+      if (done[t] < wanted[t]) open.emplace_back(tile, done[t]);
+    };
+    for (std::int32_t tile = 0; tile < static_cast<std::int32_t>(done.size()); ++tile) {
+      wanted[static_cast<std::size_t>(tile)] = rule_.pass_count(tile);
+      open_up(tile);
+    }
+    while (!open.empty()) {
+      std::swap(open[rng() % open.size()], open.back());
+      const auto [tile, pass] = open.back();
+      open.pop_back();
+      rule_.add(tile, pass, figures(tile, pass));
+      ++done[static_cast<std::size_t>(tile)];
+      open_up(tile);
+      for (const StoppingRule::Demand& demand : rule_.take_changes()) {
+        std::int32_t& count = wanted[static_cast<std::size_t>(demand.tile)];
+        const bool waited = done[static_cast<std::size_t>(demand.tile)] == count;
+        EXPECT_GE(demand.pass_count, count) << "what is wanted is never taken back";
+        count = demand.pass_count;
+        if (waited) open_up(demand.tile);
+      }
+    }
+  }
+
+  StoppingRule& rule() { return rule_; }
+  std::vector<std::int32_t> pass_counts() const {
+    std::vector<std::int32_t> counts;
+    for (std::size_t t = 0; t < variances_.size(); ++t) {
+      counts.push_back(rule_.pass_count(static_cast<std::int32_t>(t)));
+    }
+    return counts;
+  }
+  double samples() const {
+    double sum = 0;
+    for (const std::int32_t count : pass_counts()) {
+      const Pass& last = passes_[static_cast<std::size_t>(count - 1)];
+      sum += last.first_sample + last.sample_count;
+    }
+    return sum / static_cast<double>(variances_.size());
+  }
+  double bound() const { return std::sqrt(upper_mean(rule_.total(), rule_.looks())); }
+  void concentrate(double factor) { concentration_ = 1 / factor; }
+
+ private:
+  std::vector<Pass> passes_;
+  std::vector<double> variances_, factors_;
+  double concentration_ = 1;
+  StoppingRule rule_;
+};
+
+std::vector<double> spread_variances(std::size_t tiles, double spread) {
+  std::vector<double> variances;
+  for (std::size_t i = 0; i < tiles; ++i) {
+    variances.push_back(std::exp(spread * (static_cast<double>(i % 16) - 7.5)));
+  }
+  return variances;
+}
+
+TEST(StoppingRule, DecisionsDoNotDependOnTheOrderOfResults) {
+  std::vector<std::int32_t> expected;
+  for (std::uint32_t order = 0; order < 40; ++order) {
+    MadeFrame frame(spread_variances(64, 0.4), 0.05, 16384);
+    frame.render(order);
+    ASSERT_TRUE(frame.rule().is_finished());
+    if (order == 0) expected = frame.pass_counts();
+    EXPECT_EQ(frame.pass_counts(), expected) << "order " << order;
+  }
+}
+
+TEST(StoppingRule, ReachesTheErrorWithFewSamplesMoreThanAFixedCountNeeds) {
+  // Passes double, the bound lies above the estimate, and part of E² is kept for surprises: 1.3 to
+  // 1.65 times was measured over 200 seeds (docs/accuracy.md).
+  for (const double spread : {0.0, 0.2, 0.5}) {
+    for (const double error : {0.2, 0.1, 0.071, 0.05, 0.03}) {
+      const std::vector<double> variances = spread_variances(64, spread);
+      double mean = 0;
+      for (const double variance : variances) mean += variance / 64;
+      const double fixed = mean / (error * error);  // samples at which the mean square is E²
+      if (fixed < 32) continue;                     // fewer than a tile has at least
+      MadeFrame frame(variances, error, 1 << 20);
+      frame.render(1);
+      EXPECT_LE(frame.bound(), error) << "spread " << spread << ", error " << error;
+      EXPECT_LE(frame.samples(), 1.7 * fixed) << "spread " << spread << ", error " << error;
+      EXPECT_EQ(frame.rule().capped_tile_count(), 0);
+      EXPECT_EQ(frame.rule().concentrated_tile_count(), 0);
+    }
+  }
+}
+
+TEST(StoppingRule, UnequalTilesNeedFewerSamplesThanAFixedCount) {
+  const std::vector<double> variances = spread_variances(64, 1.0);  // of e^15 to 1
+  double mean = 0;
+  for (const double variance : variances) mean += variance / 64;
+  MadeFrame frame(variances, 0.2, 1 << 20);
+  frame.render(1);
+  EXPECT_LE(frame.bound(), 0.2);
+  EXPECT_LE(frame.samples(), 0.5 * mean / 0.04);
+}
+
+TEST(StoppingRule, TilesThatReachTheMostAreCounted) {
+  MadeFrame frame(spread_variances(16, 0.5), 0.01, 256);
+  frame.render(1);
+  EXPECT_TRUE(frame.rule().is_finished());
+  EXPECT_GT(frame.bound(), 0.01);
+  EXPECT_EQ(frame.rule().capped_tile_count(), 16);
+  EXPECT_EQ(frame.samples(), 256);
+}
+
+TEST(StoppingRule, ErrorInFewPixelsGoesOnUntilItIsSmallOrIsCounted) {
+  MadeFrame spread({1, 1, 1, 1}, 0.1, 4096), thin({1, 1, 1, 1}, 0.1, 4096);
+  thin.concentrate(512.0 / 20);  // n_eff 20
+  spread.render(1);
+  thin.render(1);
+  EXPECT_LE(spread.samples(), 165) << "1 / 0.1² = 100";
+  EXPECT_GE(thin.samples(), 400) << "4 tiles: until the square is under 4/30 of E²";
+  EXPECT_EQ(thin.rule().concentrated_tile_count(), 0);
+  MadeFrame capped({1, 1, 1, 1}, 0.1, 256);
+  capped.concentrate(512.0 / 20);
+  capped.render(1);
+  EXPECT_EQ(capped.rule().concentrated_tile_count(), 4);
+}
+
+TEST(StoppingRule, NobodyWaitsForTheSlowestTile) {
+  MadeFrame frame({10, 10}, 0.05, 4096);  // wants 4,000 samples
+  StoppingRule& rule = frame.rule();
+  rule.add(0, 1, frame.figures(0, 1));
+  EXPECT_EQ(rule.pass_count(0), 3) << "pass 2 needs its own passes only";
+  rule.add(0, 2, frame.figures(0, 2));
+  EXPECT_EQ(rule.pass_count(0), 3) << "pass 3 needs the look at pass 1";
+  rule.add(1, 1, frame.figures(1, 1));
+  EXPECT_EQ(rule.pass_count(0), 4) << "taken, though tile 1 has no pass 2 yet";
+}
+
+TEST(StoppingRule, BlackTilesStopAtOnce) {
+  MadeFrame frame({0, 0, 1, 0}, 0.05, 4096);
+  frame.render(1);
+  const std::vector<std::int32_t> counts = frame.pass_counts();
+  EXPECT_EQ(counts[0], 2);
+  EXPECT_EQ(counts[3], 2);
+  EXPECT_GT(counts[2], 2);
+}
+
+TEST(StoppingRule, AFrameOfOnePassStopsAfterIt) {
+  MadeFrame frame({1, 2}, 0.05, 8);
+  frame.render(1);
+  EXPECT_TRUE(frame.rule().is_finished());
+  EXPECT_EQ(frame.samples(), 8);
+  EXPECT_EQ(frame.rule().capped_tile_count(), 2);
+}
+
+TEST(StoppingRule, WhatIsForeseenNearsWhatIsDone) {
+  MadeFrame frame(spread_variances(64, 0.3), 0.05, 1 << 20);
+  StoppingRule& rule = frame.rule();
+  for (std::int32_t tile = 0; tile < 64; ++tile) rule.add(tile, 1, frame.figures(tile, 1));
+  const double foreseen = static_cast<double>(rule.expected_samples()) / (64 * kTilePixels);
+  frame.render(1);
+  EXPECT_NEAR(foreseen / frame.samples(), 1, 0.25);
+  EXPECT_NEAR(static_cast<double>(rule.expected_samples()) / (64 * kTilePixels), frame.samples(),
+              1e-6);
+}
+
+}  // namespace
+}  // namespace tessera::contract
