@@ -94,7 +94,10 @@ class Plot {
   }
   /// Lines that halve the error for four times the work, clipped to the plot.
   void guides() {
-    for (double level = std::floor(y_.low); level < y_.high + (x_.high - x_.low); level += 0.5) {
+    const double first = std::floor(y_.low);
+    const auto count = static_cast<int>(2 * (y_.high + x_.high - x_.low - first)) + 1;
+    for (int i = 0; i < count; ++i) {
+      const double level = first + 0.5 * i;
       const double from = std::max(x_.low, x_.low + 2 * (level - y_.high));
       const double to = std::min(x_.high, x_.low + 2 * (level - y_.low));
       if (from >= to) continue;
@@ -108,7 +111,7 @@ class Plot {
   static std::vector<double> ticks(const Range& range) {
     std::vector<double> found;
     const bool many = range.high - range.low > 3;
-    for (double decade = std::floor(range.low); decade <= range.high; ++decade) {
+    for (int decade = static_cast<int>(std::floor(range.low)); decade <= range.high; ++decade) {
       for (const double step : {1.0, 2.0, 5.0}) {
         const double tick = decade + std::log10(step);
         if (many && step != 1) continue;

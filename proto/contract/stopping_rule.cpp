@@ -61,14 +61,14 @@ ErrorSums StoppingRule::total() const {
   return sums;
 }
 
-void StoppingRule::add(std::int32_t index, std::int32_t pass, const ErrorSums& sums) {
-  Tile& tile = tiles_[at(index)];
+void StoppingRule::add(std::int32_t tile_index, std::int32_t pass, const ErrorSums& sums) {
+  Tile& tile = tiles_[at(tile_index)];
   if (pass < first_pass_ || pass <= tile.seen || pass >= tile.pass_count) return;
   tile.before = tile.newest;
   tile.newest = sums;
   tile.seen = pass;
   --unsettled_[at(pass)];
-  decide(index);
+  decide(tile_index);
   for (std::int32_t look = first_pass_; look + 2 <= last_pass(); ++look) {
     if (unsettled_[at(look)] == 0 && !looked_[at(look)]) take_look(look);
   }
@@ -101,11 +101,10 @@ void StoppingRule::stop(Tile& tile) {
 void StoppingRule::decide(std::int32_t index) {
   Tile& tile = tiles_[at(index)];
   if (tile.stopped || tile.seen + 1 != tile.pass_count) return;
-  if (tile.seen == last_pass()) {
-    stop(tile);
-  } else if (tile.seen > first_pass_ && !looked_[at(tile.seen - 1)]) {
-    return;  // the look is not taken yet
-  } else if (may_stop(tile)) {
+  const bool is_last = tile.seen == last_pass();
+  const bool needs_look = !is_last && tile.seen > first_pass_;
+  if (needs_look && !looked_[at(tile.seen - 1)]) return;  // it is not taken yet
+  if (is_last || may_stop(tile)) {
     stop(tile);
   } else {
     wanted_samples_ += tile.pixels * passes_[at(tile.pass_count)].sample_count;

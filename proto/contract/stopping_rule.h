@@ -29,7 +29,7 @@ class StoppingRule {
 
   /// Tells of a tile after its pass `pass`. Harmless to repeat. Passes of a tile come in order;
   /// pass 0 is not looked at.
-  void add(std::int32_t tile, std::int32_t pass, const ErrorSums& sums);
+  void add(std::int32_t tile_index, std::int32_t pass, const ErrorSums& sums);
 
   /// What is known now of how many passes a tile is to have.
   struct Demand {

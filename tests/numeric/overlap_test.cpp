@@ -33,16 +33,18 @@ OverlapPair pair(std::uint32_t first, std::uint32_t second) {
   return {{0, first}, {1, second}};
 }
 
-const Primitive kOne = tetrahedron({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, -1});
+const Primitive one_tetrahedron = tetrahedron({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, -1});
 
 TEST(HardCase36, TetrahedraThatShareAFaceOverlapInThatFaceOnly) {
-  EXPECT_EQ(pairs_of(kOne, tetrahedron({0, 0, 0}, {0, 1, 0}, {1, 0, 0}, {0, 0, 1})),
+  EXPECT_EQ(pairs_of(one_tetrahedron, tetrahedron({0, 0, 0}, {0, 1, 0}, {1, 0, 0}, {0, 0, 1})),
             (Pairs{pair(0, 0)}));
 }
 
 TEST(HardCase36, TetrahedraThatShareAnEdgeOrAVertexDoNotOverlap) {
-  EXPECT_EQ(pairs_of(kOne, tetrahedron({0, 0, 0}, {1, 0, 0}, {0, -1, 0.5f}, {0, -1, 1})), Pairs{});
-  EXPECT_EQ(pairs_of(kOne, tetrahedron({0, 0, 0}, {-1, 0, 0}, {0, -1, 1}, {0, 0, 1})), Pairs{});
+  EXPECT_EQ(pairs_of(one_tetrahedron, tetrahedron({0, 0, 0}, {1, 0, 0}, {0, -1, 0.5f}, {0, -1, 1})),
+            Pairs{});
+  EXPECT_EQ(pairs_of(one_tetrahedron, tetrahedron({0, 0, 0}, {-1, 0, 0}, {0, -1, 1}, {0, 0, 1})),
+            Pairs{});
 }
 
 TEST(HardCase36, TetrahedraAnUlpApartDoNotOverlapAndThoseThatTouchDo) {
@@ -50,24 +52,24 @@ TEST(HardCase36, TetrahedraAnUlpApartDoNotOverlapAndThoseThatTouchDo) {
   const auto over = [](float z) {
     return tetrahedron({0, 0, 1}, {0, 1, 1}, {1, 0, 1}, {0.25f, 0.25f, z});
   };
-  EXPECT_EQ(pairs_of(kOne, over(0x1p-149f)), Pairs{});
-  EXPECT_EQ(pairs_of(kOne, over(0)), (Pairs{pair(0, 1), pair(0, 2), pair(0, 3)}));
+  EXPECT_EQ(pairs_of(one_tetrahedron, over(0x1p-149f)), Pairs{});
+  EXPECT_EQ(pairs_of(one_tetrahedron, over(0)), (Pairs{pair(0, 1), pair(0, 2), pair(0, 3)}));
   // And far from the origin, where an ulp is 2^-3.
   const auto moved = [](Primitive p) {
     for (Vec3f& v : p.positions) v = v * 16.0f + Vec3f{1 << 20, 1 << 20, 1 << 20};
     return p;
   };
   Primitive near = moved(over(0));
-  EXPECT_EQ(pairs_of(moved(kOne), near).size(), 3u);
+  EXPECT_EQ(pairs_of(moved(one_tetrahedron), near).size(), 3u);
   near.positions[3].z = next_up(near.positions[3].z);
-  EXPECT_EQ(pairs_of(moved(kOne), near), Pairs{});
+  EXPECT_EQ(pairs_of(moved(one_tetrahedron), near), Pairs{});
 }
 
 TEST(HardCase36, InterpenetratingTetrahedraListThePairsThatCross) {
   // The other's tip comes in through triangle 0 and stays inside.
   const Primitive other =
       tetrahedron({0.1f, 0.1f, 1}, {0.1f, 0.3f, 1}, {0.3f, 0.1f, 1}, {0.2f, 0.2f, -0.1f});
-  EXPECT_EQ(pairs_of(kOne, other), (Pairs{pair(0, 1), pair(0, 2), pair(0, 3)}));
+  EXPECT_EQ(pairs_of(one_tetrahedron, other), (Pairs{pair(0, 1), pair(0, 2), pair(0, 3)}));
 }
 
 TEST(HardCase36, ClosedConvexMeshesDoNotMeetThemselvesAndPuncturedOnesAreOpen) {

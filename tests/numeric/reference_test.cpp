@@ -17,6 +17,7 @@
 
 namespace tessera::render::reference {
 
+// NOLINTNEXTLINE(readability-identifier-naming): the name gtest looks for
 void PrintTo(const Structure& structure, std::ostream* out) {
   *out << structure.name;
 }

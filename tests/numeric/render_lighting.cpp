@@ -240,7 +240,8 @@ TEST(Environment, SamplesHaveTheDensityThatPdfGives) {  // hard cases 55, 56
   double sum = 0, sampled = 0, left = 0, density = 0;
   constexpr int kSide = 300, kSphere = 400'000;
   for (int i = 0; i < kSide * kSide; ++i) {
-    const auto s = map.sample((i / kSide + 0.5) / kSide, (i % kSide + 0.5) / kSide);
+    const int row = i / kSide, column = i % kSide;
+    const auto s = map.sample((row + 0.5) / kSide, (column + 0.5) / kSide);
     ASSERT_NEAR(static_cast<double>(length(s.direction)), 1, 1e-6);
     // Away from texel edges the density read back is the density drawn with.
     const float back = map.pdf(s.direction);

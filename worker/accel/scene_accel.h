@@ -22,6 +22,8 @@ struct Tracing {
   /// Makes what answers queries in the place of SceneAccel's own trees.
   using Maker = std::function<std::unique_ptr<const RayQueries>(const Scene&)>;
 
+  // An instruction set alone says it all in most places.
+  // NOLINTNEXTLINE(google-explicit-constructor)
   Tracing(Isa with = best_isa(), Maker by = nullptr) : isa(with), instead(std::move(by)) {}
 
   Isa isa;        // supported

@@ -15,6 +15,6 @@ using TriangleCorners = std::array<Vec3f, 3>;
 /// - One corner: if they meet anywhere else too.
 /// - None: if they meet at all, touching included.
 /// Requires triangles whose corners are not on one line.
-bool triangles_overlap(const TriangleCorners& a, const TriangleCorners& b);
+bool triangles_overlap(const TriangleCorners& first, const TriangleCorners& second);
 
 }  // namespace tessera::render

@@ -99,7 +99,7 @@ TEST(SphericalTriangle, SamplesAreUniformOverSolidAngle) {
       chi += (counts[k] - expected) * (counts[k] - expected) / expected;
       total += counts[k];
     }
-    EXPECT_NEAR(total, kSamples, kSamples / 1000);  // none outside; edges may count twice
+    EXPECT_NEAR(total, kSamples, kSamples * 1e-3);  // none outside; edges may count twice
     // 15 degrees of freedom: 44 is exceeded once in 10,000 times.
     EXPECT_LT(chi, 44);
   }
@@ -144,7 +144,8 @@ TEST(SphericalTriangle, FormFactorOfASquareAtAnyDistance) {  // hard case 58
     for (const Corners& t : unit_square(heights[i])) {
       const SphericalTriangle triangle = seen(t);
       for (int k = 0; k < kSide * kSide; ++k) {
-        const Vec3d d = triangle.sample((k % kSide + 0.5) / kSide, (k / kSide + 0.5) / kSide);
+        const int row = k / kSide, column = k % kSide;
+        const Vec3d d = triangle.sample((column + 0.5) / kSide, (row + 0.5) / kSide);
         sum += d.y * triangle.solid_angle / kPi / (kSide * kSide);
       }
     }

@@ -21,30 +21,33 @@ struct OrientedBox {
 
 using Matrix = std::array<std::array<double, 3>, 3>;
 
-/// Columns that diagonalise a symmetric matrix: Jacobi's rotations.
+/// One of Jacobi's rotations: turns rows p and q so that m[p][q] becomes 0.
+void rotate(Matrix& m, std::array<Vec3d, 3>& rows, std::size_t p, std::size_t q) {
+  const double theta = (m[q][q] - m[p][p]) / (2 * m[p][q]);
+  const double t = (theta < 0 ? -1.0 : 1.0) / (std::fabs(theta) + std::sqrt(theta * theta + 1));
+  const double c = 1 / std::sqrt(t * t + 1), s = t * c;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double a = m[k][p], b = m[k][q];
+    m[k][p] = c * a - s * b;
+    m[k][q] = s * a + c * b;
+  }
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double a = m[p][k], b = m[q][k];
+    m[p][k] = c * a - s * b;
+    m[q][k] = s * a + c * b;
+  }
+  const Vec3d a = rows[p], b = rows[q];
+  rows[p] = a * c - b * s;
+  rows[q] = a * s + b * c;
+}
+
+/// Columns that diagonalise a symmetric matrix.
 std::array<Vec3d, 3> eigenvectors(Matrix m) {
   std::array<Vec3d, 3> rows = {Vec3d{1, 0, 0}, Vec3d{0, 1, 0}, Vec3d{0, 0, 1}};
   for (int sweep = 0; sweep < 12; ++sweep) {
     for (std::size_t p = 0; p < 2; ++p) {
       for (std::size_t q = p + 1; q < 3; ++q) {
-        if (m[p][q] == 0) continue;
-        const double theta = (m[q][q] - m[p][p]) / (2 * m[p][q]);
-        const double t =
-            (theta < 0 ? -1.0 : 1.0) / (std::fabs(theta) + std::sqrt(theta * theta + 1));
-        const double c = 1 / std::sqrt(t * t + 1), s = t * c;
-        for (std::size_t k = 0; k < 3; ++k) {
-          const double a = m[k][p], b = m[k][q];
-          m[k][p] = c * a - s * b;
-          m[k][q] = s * a + c * b;
-        }
-        for (std::size_t k = 0; k < 3; ++k) {
-          const double a = m[p][k], b = m[q][k];
-          m[p][k] = c * a - s * b;
-          m[q][k] = s * a + c * b;
-        }
-        const Vec3d a = rows[p], b = rows[q];
-        rows[p] = a * c - b * s;
-        rows[q] = a * s + b * c;
+        if (m[p][q] != 0) rotate(m, rows, p, q);
       }
     }
   }

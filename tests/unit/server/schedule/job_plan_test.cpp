@@ -11,7 +11,7 @@ namespace {
 using contract::Pass;
 using contract::Unit;
 
-const auto kAnyUnit = [](const Unit&) { return true; };
+const auto any_unit = [](const Unit&) { return true; };
 
 JobPlan plan_of(std::vector<std::int32_t> frames, std::int32_t tiles, int passes) {
   std::vector<Pass> schedule;
@@ -21,7 +21,7 @@ JobPlan plan_of(std::vector<std::int32_t> frames, std::int32_t tiles, int passes
 
 /// Takes the next run and holds it for `worker`.
 std::vector<Unit> take(JobPlan& plan, WorkerKey worker, std::int32_t most) {
-  const auto run = plan.next_run(most, kAnyUnit);
+  const auto run = plan.next_run(most, any_unit);
   std::vector<Unit> units;
   if (!run) return units;
   for (std::int32_t i = 0; i < run->tile_count; ++i) {
@@ -94,7 +94,7 @@ TEST(JobPlan, ARefusedUnitIsKeptForOthers) {
   JobPlan plan = plan_of({0}, 2, 1);
   const auto not_the_first = [](const Unit& unit) { return unit.tile != 0; };
   EXPECT_EQ(plan.next_run(1, not_the_first)->first_tile, 1);
-  EXPECT_EQ(plan.next_run(1, kAnyUnit)->first_tile, 0);
+  EXPECT_EQ(plan.next_run(1, any_unit)->first_tile, 0);
 }
 
 TEST(JobPlan, ExtendingKeepsThePassesThatAgree) {
