@@ -3,8 +3,8 @@
 # image and what is claimed of it depend on neither workers nor crashes.
 . "$(dirname "$0")/farm.sh"
 
-size=128x96 error=0.08
-if [ -n "${TESSERA_E2E_SMALL:-}" ]; then size=48x48 error=0.2; fi
+size=96x64 error=0.15
+if [ -n "${TESSERA_E2E_SMALL:-}" ]; then size=48x48 error=0.3; fi
 scene=$scenes/same_bits.gltf
 job=(--size "$size" --max-depth 5 --frames 12 --seed 7 --tile 16)
 
@@ -36,7 +36,7 @@ start_server
 start_worker a
 start_worker b
 id=$(farm submit "$scene" "${job[@]}" --error "$error")
-for share in 5 60; do
+for share in 5 15; do
   wait_until 60 "some units are committed" committed_at_least "$id" "$share"
   kill_server
   start_server
