@@ -53,7 +53,7 @@ equal "its certainty is told" "$(json "$work/status.json" 'd["certainty"]')" con
 id=$(farm submit "$scene" "${job[@]}" --error 0.5 --name later)
 farm pause "$id" >/dev/null
 exits 0 farm extend "$id" --error "$error"
-exits 2 farm extend "$id" --error 0.3
+exits 2 farm extend "$id" --error 0.4
 farm resume "$id" >/dev/null
 exits 0 farm watch "$id" --json
 farm report "$id" --json >"$work/report.json"
