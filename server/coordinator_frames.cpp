@@ -93,8 +93,10 @@ void Coordinator::decide(const FrameKey& key) {
   damaged_.clear();
   const auto demands = film_.take_demands(key);
   if (!demands.ok()) {
-    log(LogLevel::warn, absl::StrCat("job ", key.job_id, ": ", demands.status().ToString()));
-    if (damaged_.empty()) return;
+    if (absl::IsNotFound(demands.status())) return;  // the job has been removed
+    if (damaged_.empty()) return frame_failed(key, demands.status());
+    log(LogLevel::warn, absl::StrCat("job ", key.job_id, ", frame ", key.frame, ": ",
+                                     demands.status().ToString(), "; it is rendered again"));
     film_.close_frame(key);
     write_later([this, key, units = damaged_] { redo_units(key, units); });
     return;

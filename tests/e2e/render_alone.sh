@@ -55,7 +55,7 @@ done
 
 # A frame is there as soon as it is finished, and stays when the rest is broken off.
 start_interruptible frames tessera render "$scene" -o "$work/clip.exr" --frames 0-1 \
-  --size 64x64 --spp 2000 --tile 16 --workers 1
+  --size 64x64 --spp 800 --tile 16 --workers 1
 wait_until 120 "the first frame is there" test -s "$work/clip.0000.exr"
 interrupted frames "$started"
 [ ! -e "$work/clip.0001.exr" ] || fail "the job was over before it could be broken off"
@@ -63,7 +63,7 @@ exits 0 tessera compare "$work/clip.0000.exr" "$work/clip.0000.exr"
 say "a frame is fetched while the next is being rendered"
 
 # A store keeps what was committed; the same command finishes the job, with the same pixels.
-spp=400
+spp=200
 [ -z "${TESSERA_E2E_SMALL:-}" ] || spp=80
 job=(--size 96x96 --spp "$spp" --tile 8 --workers 1 --threads 1)
 tessera render "$scene" -o "$work/straight.exr" "${job[@]}" --report "$work/straight.json" \

@@ -125,6 +125,30 @@ TEST_F(ErrorJobTest, AskingForLessErrorLaterGivesTheSamePixels) {
   EXPECT_EQ(pixels_of(job), pixels_of(strict));
 }
 
+TEST_F(ErrorJobTest, ABlockFoundDamagedAfterARestartIsRenderedAgain) {
+  const std::string calm = create_error_job("calm", 0.1);
+  auto worker = join("w1");
+  work_off(worker, calm);
+
+  const std::string job = create_error_job("hurt", 0.1);
+  for (int round = 0; round < 2; ++round) {
+    collect(worker);
+    for (const Leased& unit : std::exchange(worker.units, {})) {
+      deliver(worker, unit, bytes_of(unit));
+      coordinator->grant_credits(worker.session, 1);
+    }
+    pump();
+  }
+  store.damage({0, 4, 1});
+  start();  // reads the blocks back to decide
+  pump();
+  auto again = join("w1");
+  work_off(again, job);
+  ASSERT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(report_of(job)["units"]["redone"], 1);
+  EXPECT_EQ(pixels_of(job), pixels_of(calm));
+}
+
 TEST_F(ErrorJobTest, ABlackFrameIsUncertain) {
   const std::string job = create_error_job("black", 0.1);
   auto worker = join("w1");
