@@ -276,7 +276,7 @@ class Coordinator {
   void extend_now(const std::string& job_id, const Extension& extension, const OnJob& done);
   void replan(const std::string& job_id, const std::shared_ptr<const JobSpec>& spec,
               const std::vector<UnitRecord>& kept);
-  void open_films(const Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void open_films(Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status forget_job(const std::string& job_id);
   void remove_now(const std::string& job_id, const std::function<void(absl::Status)>& done);
   void collect_assets();

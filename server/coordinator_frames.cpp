@@ -117,10 +117,10 @@ void Coordinator::decide(const FrameKey& key) {
 }
 
 /// Has the frames of a job that have begun opened, so that what was decided of them is known again.
-void Coordinator::open_films(const Job& job) {
+void Coordinator::open_films(Job& job) {
   if (!job.plan || !job.plan->is_on_demand()) return;
   for (const std::int32_t frame : job.plan->frames()) {
-    if (job.plan->is_finished(frame) || !films_[job.key].ledger->has(frame)) continue;
+    if (job.plan->is_finished(frame) || !ledger_of(job).has(frame)) continue;
     enqueue_film([this, key = FrameKey{job.spec->id, frame}] { open_film(key); });
   }
 }

@@ -219,7 +219,6 @@ void Coordinator::change_job(const std::string& job_id, Change change, const OnJ
       status = scheduler_.retry(*job, now);
       if (status.ok() && job->plan) {
         for (const std::int32_t frame : job->plan->frames()) frame_may_be_complete(*job, frame);
-        ledger_of(*job);
         open_films(*job);
       }
     }
@@ -269,16 +268,15 @@ void Coordinator::extend_now(const std::string& job_id, const Extension& extensi
   const auto found = spec_to_extend(job_id, extension);
   if (!found.ok()) return done(found.status());
   const std::shared_ptr<JobSpec>& spec = *found;
-  std::vector<contract::Pass> before;
+  contract::RenderSettings present;
   {
     MutexLock lock(mutex_);
-    Job* job = scheduler_.find_job(job_id);
-    const contract::RenderSettings& present = job->spec->settings;
-    if (spec->settings.spp == present.spp && spec->settings.error == present.error) {
-      return done(view(*job));
-    }
-    before = contract::schedule(present);
+    present = scheduler_.find_job(job_id)->spec->settings;
   }
+  if (spec->settings.spp == present.spp && spec->settings.error == present.error) {
+    return done(job(job_id));  // without the lock, as all callbacks
+  }
+  const std::vector<contract::Pass> before = contract::schedule(present);
   spec->request = options_.write_request(*spec);
   const auto passes = contract::schedule(spec->settings);
   std::vector<Unit> cut;
@@ -324,7 +322,6 @@ void Coordinator::replan(const std::string& job_id, const std::shared_ptr<const 
   for (const std::int32_t frame : job->plan->frames()) {
     enqueue_film([this, key = FrameKey{job_id, frame}] { film_.close_frame(key); });
   }
-  ledger_of(*job);
   open_films(*job);
   scheduler_.offer_work(options_.clock());
   settle(afterwards);

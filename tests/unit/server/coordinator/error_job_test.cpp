@@ -118,6 +118,11 @@ TEST_F(ErrorJobTest, AskingForLessErrorLaterGivesTheSamePixels) {
   coordinator->extend_job(job, {{}, 0.1}, [&](const auto& view) { extended = view; });
   pump();
   EXPECT_TRUE(absl::IsInvalidArgument(extended.status())) << "more error than at present";
+  bool was_asked = false;  // the same again: answered without a lock, so that the answer may ask
+  coordinator->extend_job(job, {{}, 0.05},
+                          [&](const auto& /*view*/) { was_asked = coordinator->job(job).ok(); });
+  pump();
+  EXPECT_TRUE(was_asked);
   coordinator->part(worker.session);
   auto again = join("w1");
   work_off(again, job);
