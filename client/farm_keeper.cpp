@@ -14,11 +14,11 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
-#include <cstdlib>
-#include <cstring>
 #include <filesystem>
 #include <system_error>
 #include <thread>
+
+#include "client/private_folder.h"
 
 namespace tessera::client {
 namespace {
@@ -28,9 +28,8 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr milliseconds kWorkerStopTime{1'000}, kServerStopTime{5'000};
-constexpr seconds kShortLife{5};            // a worker that dies younger counts as failing
-constexpr int kMostShortLives = 8;          // in a row
-constexpr std::size_t kLongestFolder = 80;  // a socket's path has room for 107 characters
+constexpr seconds kShortLife{5};    // a worker that dies younger counts as failing
+constexpr int kMostShortLives = 8;  // in a row
 
 struct Child {
   pid_t pid = -1;
@@ -41,15 +40,6 @@ struct Child {
   int short_lives = 0;
   bool given_up = false;
 };
-
-std::string make_private_folder() {
-  for (const char* parent : {static_cast<const char*>(std::getenv("TMPDIR")), "/tmp"}) {
-    if (parent == nullptr || *parent != '/' || std::strlen(parent) > kLongestFolder) continue;
-    std::string path = std::string(parent) + "/tessera-XXXXXX";
-    if (::mkdtemp(path.data()) != nullptr) return path;  // mode 0700
-  }
-  return {};
-}
 
 /// The child's half of a fork: dies with the keeper, logs to its file, runs the command.
 [[noreturn]] void become(const Child& child, pid_t keeper) {

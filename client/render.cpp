@@ -47,6 +47,7 @@ struct Output {
   std::string path;
   v1::FetchFrameRequest::Format format = v1::FetchFrameRequest::FORMAT_EXR;
   std::vector<std::int32_t> frames;
+  std::vector<Image> references;  // one a frame, with --reference
   std::string path_of(std::int32_t frame) const {
     return frames.size() == 1 ? path : with_frame_number(path, frame);
   }
@@ -78,6 +79,11 @@ absl::StatusOr<Output> plan_output(const RenderCommandOptions& options) {
       return absl::AlreadyExistsError(
           absl::StrCat(output.path_of(frame), ": is there already; --force replaces it"));
     }
+  }
+  if (!options.reference.empty()) {
+    auto references = read_references(options.reference, output.frames);
+    if (!references.ok()) return references.status();
+    output.references = *std::move(references);
   }
   return output;
 }
@@ -167,8 +173,8 @@ absl::StatusOr<nlohmann::ordered_json> render_on(FarmClient& client,
   if (!text.ok()) return text.status();
   auto report = nlohmann::ordered_json::parse(*text, nullptr, false);
   if (!report.is_object()) return absl::InternalError("the report is not JSON");
-  if (!options.reference.empty()) {
-    const absl::Status added = add_true_errors(client, job->id(), options.reference, report);
+  if (job->state() == v1::Job::STATE_DONE && !output.references.empty()) {
+    const absl::Status added = add_true_errors(client, job->id(), output.references, report);
     if (!added.ok()) return added;
   }
   return report;
@@ -178,10 +184,6 @@ int run(const RenderCommandOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   const auto output = plan_output(options);
   if (!output.ok()) return fail(output.status());
-  if (!options.reference.empty()) {
-    const auto readable = read_references(options.reference, output->frames);
-    if (!readable.ok()) return fail(readable.status());
-  }
   // The farm comes up while the scene is inspected; it gets nothing before that has gone well.
   auto farm = LocalFarm::start(farm_options(options));  // forks: before any thread
   if (!farm.ok()) return fail(farm.status());

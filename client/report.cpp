@@ -116,7 +116,9 @@ int run(const ReportOptions& options, const Connection& connection) {
   ordered_json report = ordered_json::parse(*bytes, nullptr, false);
   if (!report.is_object()) return fail(absl::InternalError("the farm's report is not JSON"));
   if (!options.reference.empty()) {
-    const absl::Status added = add_true_errors(**client, job->id(), options.reference, report);
+    const auto references = read_references(options.reference, frames_of(report));
+    if (!references.ok()) return fail(references.status());
+    const absl::Status added = add_true_errors(**client, job->id(), *references, report);
     if (!added.ok()) return fail(added);
   }
   if (!options.svg.empty()) {

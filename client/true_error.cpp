@@ -1,37 +1,14 @@
 #include "client/true_error.h"
 
-#include <cstdlib>
-#include <filesystem>
 #include <nlohmann/json.hpp>
-#include <system_error>
 
 #include "absl/strings/str_cat.h"
 #include "client/frame_files.h"
+#include "client/private_folder.h"
 
 namespace tessera::client {
-namespace {
 
 using nlohmann::ordered_json;
-
-/// A folder of our own that goes with its contents.
-class ScratchFolder {
- public:
-  ScratchFolder() {
-    std::error_code error;
-    std::string name = (std::filesystem::temp_directory_path(error) / "tessera.XXXXXX").string();
-    if (!error && ::mkdtemp(name.data()) != nullptr) path_ = name;
-  }
-  ~ScratchFolder() {
-    std::error_code ignored;
-    if (!path_.empty()) std::filesystem::remove_all(path_, ignored);
-  }
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
 
 std::vector<std::int32_t> frames_of(const ordered_json& report) {
   std::vector<std::int32_t> frames;
@@ -40,8 +17,6 @@ std::vector<std::int32_t> frames_of(const ordered_json& report) {
   }
   return frames;
 }
-
-}  // namespace
 
 absl::StatusOr<std::vector<Image>> read_references(const std::string& path,
                                                    const std::vector<std::int32_t>& frames) {
@@ -55,12 +30,12 @@ absl::StatusOr<std::vector<Image>> read_references(const std::string& path,
 }
 
 absl::Status add_true_errors(FarmClient& client, const std::string& job_id,
-                             const std::string& reference, ordered_json& report) {
-  const auto references = read_references(reference, frames_of(report));
-  if (!references.ok()) return references.status();
-  const ScratchFolder folder;
-  if (folder.path().empty()) return absl::UnavailableError("no folder for temporary files");
-  for (std::size_t i = 0; i < references->size(); ++i) {
+                             const std::vector<Image>& references, ordered_json& report) {
+  const PrivateFolder folder;
+  if (folder.path().empty()) {
+    return absl::UnavailableError("no private folder can be made in TMPDIR or /tmp");
+  }
+  for (std::size_t i = 0; i < references.size(); ++i) {
     ordered_json& frame = report["frames"][i];
     FrameFile file;
     file.job_id = job_id;
@@ -73,7 +48,7 @@ absl::Status add_true_errors(FarmClient& client, const std::string& job_id,
     if (!image.ok()) return image.status();
     const auto m = frame.find("mean_luminance");
     const auto difference = contract::compare_images(
-        image->view(), (*references)[i].view(),
+        image->view(), references[i].view(),
         m != frame.end() && m->is_number() ? std::optional(m->get<double>()) : std::nullopt);
     if (!difference.ok()) return difference.status();
     const ordered_json error =

@@ -11,6 +11,9 @@
 
 namespace tessera::client {
 
+/// The numbers of a report's frames, in its order.
+std::vector<std::int32_t> frames_of(const nlohmann::ordered_json& report);
+
 /// References for frames: REF itself for one frame, else REF with each frame's number put in, as
 /// `render` names its files. In the order of `frames`.
 ///
@@ -18,11 +21,12 @@ namespace tessera::client {
 absl::StatusOr<std::vector<Image>> read_references(const std::string& path,
                                                    const std::vector<std::int32_t>& frames);
 
-/// Fills in what the finished frames of a report truly differ from their references by: `true` of
-/// each, and `error_true` of its curve's last point. Fetches the frames into a private folder.
+/// Fills in what the frames of a finished job's report truly differ from `references` by, one for
+/// each: `true`, and `error_true` of its curve's last point. Fetches the frames into a private
+/// folder.
 ///
 /// Errors: InvalidArgument, an image and its reference cannot be compared; those of fetch_frame.
 absl::Status add_true_errors(FarmClient& client, const std::string& job_id,
-                             const std::string& reference, nlohmann::ordered_json& report);
+                             const std::vector<Image>& references, nlohmann::ordered_json& report);
 
 }  // namespace tessera::client

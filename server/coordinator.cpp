@@ -270,11 +270,10 @@ std::int64_t Coordinator::sample_count(const Job& job, const JobFilm& film) {
   std::int64_t known = film.finished_samples;
   for (const auto& [frame, samples] : film.expected_samples) known += samples;
   const auto begun = static_cast<std::int64_t>(film.finished.size() + film.expected_samples.size());
-  constexpr std::size_t kFirstPasses = 2;
   const std::vector<contract::Pass> passes = contract::schedule(settings);
-  const contract::Pass& first = passes[std::min(kFirstPasses, passes.size()) - 1];
-  const std::int64_t each =
-      begun > 0 ? known / begun : pixels * (first.first_sample + first.sample_count);
+  const auto first =
+      std::min(passes.size(), static_cast<std::size_t>(contract::kUnconditionalPasses)) - 1;
+  const std::int64_t each = begun > 0 ? known / begun : pixels * passes[first].end();
   return known + (job.frame_count - begun) * each;
 }
 

@@ -10,6 +10,8 @@ struct RenderSettings;
 /// One pass of the schedule: samples [first_sample, first_sample + sample_count) of every pixel.
 struct Pass {
   std::int32_t first_sample = 0, sample_count = 0;
+
+  std::int32_t end() const { return first_sample + sample_count; }
   bool operator==(const Pass&) const = default;
 };
 
@@ -23,6 +25,9 @@ inline constexpr std::int32_t kMaxSpp = 1 << 20;
 /// pass, so this decides bits. Few passes keep a job under half a megabyte shipped per core second
 /// (farm.md, section 10). Requires 1 <= spp <= kMaxSpp.
 std::vector<Pass> fixed_schedule(std::int32_t spp);
+
+/// Passes every tile wants in a job asked for by its error, before anything is decided.
+inline constexpr std::int32_t kUnconditionalPasses = 2;
 
 /// The passes a tile may want in a job asked for by its error: 8 for a preview, up to 32, then each
 /// doubles the total, up to `max_spp`; the last is cut. A tile may stop after any but the first.

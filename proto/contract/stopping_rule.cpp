@@ -24,7 +24,7 @@ StoppingRule::StoppingRule(double error, std::vector<Pass> passes,
     : target_(error * error),
       passes_(std::move(passes)),
       tiles_(tile_pixels.size()),
-      first_pass_(std::min(1, last_pass())),
+      first_pass_(std::min(kUnconditionalPasses - 1, last_pass())),
       looks_(std::max(1, last_pass())),
       unsettled_(passes_.size(), tile_count()),
       looked_(passes_.size(), false) {
@@ -37,8 +37,7 @@ StoppingRule::StoppingRule(double error, std::vector<Pass> passes,
 }
 
 double StoppingRule::samples_after(std::int32_t pass) const {
-  const Pass& last = passes_[at(pass)];
-  return last.first_sample + last.sample_count;
+  return passes_[at(pass)].end();
 }
 
 std::int32_t StoppingRule::pass_count(std::int32_t tile) const {
@@ -51,14 +50,6 @@ std::int64_t StoppingRule::expected_samples() const {
 
 std::vector<StoppingRule::Demand> StoppingRule::take_changes() {
   return std::exchange(changes_, {});
-}
-
-ErrorSums StoppingRule::total() const {
-  ErrorSums sums;
-  for (const Tile& tile : tiles_) {
-    if (tile.seen >= 0) sums.add(tile.newest);
-  }
-  return sums;
 }
 
 void StoppingRule::add(std::int32_t tile_index, std::int32_t pass, const ErrorSums& sums) {
@@ -92,7 +83,6 @@ bool StoppingRule::may_stop(const Tile& tile) const {
 
 void StoppingRule::stop(Tile& tile) {
   tile.stopped = true;
-  ++finished_tiles_;
   if (tile.seen == last_pass()) ++capped_tiles_;
   if (is_concentrated(tile.newest)) ++concentrated_tiles_;
   for (std::int32_t later = tile.seen + 1; later <= last_pass(); ++later) --unsettled_[at(later)];

@@ -42,14 +42,10 @@ class StoppingRule {
   /// Passes the tile wants, as far as is known.
   std::int32_t pass_count(std::int32_t tile) const;
 
-  /// Whether every tile has stopped and has been seen after its last pass.
-  bool is_finished() const { return finished_tiles_ == tile_count(); }
   /// Samples of the whole frame, done and foreseen.
   std::int64_t expected_samples() const;
   /// Looks among which the confidence is divided.
   int looks() const { return looks_; }
-  /// The newest figures of all tiles, folded in tile order; tiles without any are left out.
-  ErrorSums total() const;
   /// Tiles that stopped only because the passes ended.
   std::int32_t capped_tile_count() const { return capped_tiles_; }
   /// Tiles whose error sat in fewer than kFewestPixels pixels, and held a thirtieth of what the
@@ -106,7 +102,7 @@ class StoppingRule {
   std::vector<bool> looked_;             // by the pass looked at
   std::vector<Demand> changes_;
   std::int64_t wanted_samples_ = 0, foreseen_samples_ = 0;
-  std::int32_t finished_tiles_ = 0, capped_tiles_ = 0, concentrated_tiles_ = 0;
+  std::int32_t capped_tiles_ = 0, concentrated_tiles_ = 0;
 };
 
 }  // namespace tessera::contract

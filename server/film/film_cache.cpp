@@ -333,7 +333,7 @@ FilmCache::PassFigures FilmCache::figures(const Frame& frame, std::int32_t pass)
     if (newest < 0) continue;
     const ErrorSums& error = *tile.error[at(newest)];
     const contract::Pass& last = frame.passes[at(newest)];
-    figures.samples += error.pixels * (last.first_sample + last.sample_count);
+    figures.samples += error.pixels * last.end();
     sums.add(error);
   }
   figures.estimate = contract::estimate_error(sums, frame.rule ? frame.rule->looks() : 1);

@@ -76,9 +76,9 @@ class FilmCache {
   std::optional<std::int64_t> expected_samples(const FrameKey& key) const;
 
   /// The sums of a tile over its committed passes 0, 1, … up to the first gap, or to what it was
-  /// decided to have; rebuilt if
-  /// needed, also when it was not measured after each pass because m came later. pass_count() is
-  /// 0 if pass 0 is missing. `tile` leaves it in the cache, `take_tile` removes it.
+  /// decided to have; rebuilt if needed, also when it was not measured after each pass because m
+  /// came later. pass_count() is 0 if pass 0 is missing. `tile` leaves it in the cache,
+  /// `take_tile` removes it.
   absl::StatusOr<TileSum> tile(const FrameKey& key, std::int32_t tile);
   absl::StatusOr<TileSum> take_tile(const FrameKey& key, std::int32_t tile);
 

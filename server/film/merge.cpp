@@ -147,8 +147,8 @@ absl::Status TileSum::add(const contract::FilmBlock& block, const contract::Pass
   }
   if (pass.first_sample != sample_count_ || pass.sample_count < 1) {
     return absl::InvalidArgumentError(absl::StrCat("film: a pass of samples [", pass.first_sample,
-                                                   ", ", pass.first_sample + pass.sample_count,
-                                                   ") does not follow on sample ", sample_count_));
+                                                   ", ", pass.end(), ") does not follow on sample ",
+                                                   sample_count_));
   }
   add_plane(block.rgb, rgb_);
   add_plane(block.alpha, alpha_);

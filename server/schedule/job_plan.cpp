@@ -18,9 +18,8 @@ JobPlan::JobPlan(std::vector<std::int32_t> frames, std::int32_t tile_count,
 
 /// Passes that every tile wants from the start.
 std::int32_t JobPlan::first_passes() const {
-  constexpr std::int32_t kFirst = 2;  // farm.md, section 5
   const auto all = static_cast<std::int32_t>(passes_.size());
-  return on_demand_ ? std::min(kFirst, all) : all;
+  return on_demand_ ? std::min(contract::kUnconditionalPasses, all) : all;
 }
 
 InFlight* JobPlan::find_in_flight(const Unit& unit) {

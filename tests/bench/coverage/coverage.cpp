@@ -177,7 +177,8 @@ absl::Status render_on_demand(const Renderers& renderers, const contract::TileGr
   const auto want = [&](std::int32_t tile, std::int32_t count) {
     for (std::int32_t& has = counts[at(tile)]; has < count; ++has) waiting.emplace_back(tile, has);
   };
-  const auto first = std::min<std::int32_t>(2, static_cast<std::int32_t>(passes.size()));
+  const auto first =
+      std::min(contract::kUnconditionalPasses, static_cast<std::int32_t>(passes.size()));
   for (std::int32_t count = 1; count <= first; ++count) {
     for (std::int32_t tile = 0; tile < grid.tile_count(); ++tile) want(tile, count);
   }

@@ -34,8 +34,8 @@ class MadeFrame {
   ErrorSums figures(std::int32_t tile, std::int32_t pass) const {
     const Pass& last = passes_[static_cast<std::size_t>(pass)];
     const std::size_t t = static_cast<std::size_t>(tile);
-    const double mean = variances_[t] / (last.first_sample + last.sample_count) *
-                        factors_[t * passes_.size() + static_cast<std::size_t>(pass)];
+    const double mean =
+        variances_[t] / last.end() * factors_[t * passes_.size() + static_cast<std::size_t>(pass)];
     const double sum = 3 * mean * kTilePixels;
     return {kTilePixels, sum, sum, sum, 2 * sum * sum / kTilePixels / concentration_};
   }
@@ -61,6 +61,7 @@ class MadeFrame {
       ++done[static_cast<std::size_t>(tile)];
       open_up(tile);
       for (const StoppingRule::Demand& demand : rule_.take_changes()) {
+        if (demand.is_final) ++stopped_;
         std::int32_t& count = wanted[static_cast<std::size_t>(demand.tile)];
         const bool waited = done[static_cast<std::size_t>(demand.tile)] == count;
         EXPECT_GE(demand.pass_count, count) << "what is wanted is never taken back";
@@ -82,17 +83,27 @@ class MadeFrame {
     double sum = 0;
     for (const std::int32_t count : pass_counts()) {
       const Pass& last = passes_[static_cast<std::size_t>(count - 1)];
-      sum += last.first_sample + last.sample_count;
+      sum += last.end();
     }
     return sum / static_cast<double>(variances_.size());
   }
-  double bound() const { return std::sqrt(upper_mean(rule_.total(), rule_.looks())); }
+  /// Whether every tile was told, once, that it has stopped.
+  bool is_finished() const { return stopped_ == variances_.size(); }
+  double bound() const {
+    ErrorSums sums;
+    for (std::size_t t = 0; t < variances_.size(); ++t) {
+      const auto tile = static_cast<std::int32_t>(t);
+      sums.add(figures(tile, rule_.pass_count(tile) - 1));
+    }
+    return std::sqrt(upper_mean(sums, rule_.looks()));
+  }
   void concentrate(double factor) { concentration_ = 1 / factor; }
 
  private:
   std::vector<Pass> passes_;
   std::vector<double> variances_, factors_;
   double concentration_ = 1;
+  std::size_t stopped_ = 0;
   StoppingRule rule_;
 };
 
@@ -109,7 +120,7 @@ TEST(StoppingRule, DecisionsDoNotDependOnTheOrderOfResults) {
   for (std::uint32_t order = 0; order < 40; ++order) {
     MadeFrame frame(spread_variances(64, 0.4), 0.05, 16384);
     frame.render(order);
-    ASSERT_TRUE(frame.rule().is_finished());
+    ASSERT_TRUE(frame.is_finished());
     if (order == 0) expected = frame.pass_counts();
     EXPECT_EQ(frame.pass_counts(), expected) << "order " << order;
   }
@@ -148,7 +159,7 @@ TEST(StoppingRule, UnequalTilesNeedFewerSamplesThanAFixedCount) {
 TEST(StoppingRule, TilesThatReachTheMostAreCounted) {
   MadeFrame frame(spread_variances(16, 0.5), 0.01, 256);
   frame.render(1);
-  EXPECT_TRUE(frame.rule().is_finished());
+  EXPECT_TRUE(frame.is_finished());
   EXPECT_GT(frame.bound(), 0.01);
   EXPECT_EQ(frame.rule().capped_tile_count(), 16);
   EXPECT_EQ(frame.samples(), 256);
@@ -191,7 +202,7 @@ TEST(StoppingRule, BlackTilesStopAtOnce) {
 TEST(StoppingRule, AFrameOfOnePassStopsAfterIt) {
   MadeFrame frame({1, 2}, 0.05, 8);
   frame.render(1);
-  EXPECT_TRUE(frame.rule().is_finished());
+  EXPECT_TRUE(frame.is_finished());
   EXPECT_EQ(frame.samples(), 8);
   EXPECT_EQ(frame.rule().capped_tile_count(), 2);
 }

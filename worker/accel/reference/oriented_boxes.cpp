@@ -121,22 +121,20 @@ class OrientedBoxes final : public ShapeIndex {
 
   bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
             Work& work) const override {
-    const Walk walk{ray, limit, visit, work};
-    float enter = 0;
-    return meets(0, walk, enter) && descend(0, walk);
+    const auto meets = [&](std::uint32_t node, double& enter) {
+      float box_enter = 0;
+      if (!may_meet(ray.slabs, tree_.nodes[node].box, limit, box_enter)) return false;
+      enter = box_enter;
+      return line_meets(boxes_[node], ray);
+    };
+    double enter = 0;
+    return meets(0, enter) && walk_near_first({tree_, limit, visit, work}, meets);
   }
   std::size_t memory_bytes() const override {
     return tree_.memory_bytes() + boxes_.capacity() * sizeof(OrientedBox);
   }
 
  private:
-  struct Walk {
-    const ShapeRay& ray;
-    const float& limit;
-    const ShapeVisitor& visit;
-    Work& work;
-  };
-
   /// Whether the ray's line comes within sqrt(3) * near of the box, twice for the rounding here.
   static bool line_meets(const OrientedBox& box, const ShapeRay& ray) {
     const double margin = 4 * ray.near;
@@ -153,32 +151,6 @@ class OrientedBoxes final : public ShapeIndex {
       last = std::min(last, d > 0 ? hi / d : lo / d);
     }
     return first <= last;
-  }
-
-  bool meets(std::uint32_t node, const Walk& walk, float& enter) const {
-    return may_meet(walk.ray.slabs, tree_.nodes[node].box, walk.limit, enter) &&
-           line_meets(boxes_[node], walk.ray);
-  }
-
-  bool descend(std::uint32_t index, const Walk& walk) const {
-    ++walk.work.nodes;
-    if (tree_.leaf(index)) {
-      const DepthFirstNode& node = tree_.nodes[index];
-      for (std::uint32_t i = 0; i < node.count; ++i) {
-        if (walk.visit(tree_.order[node.first + i])) return true;
-      }
-      return false;
-    }
-    std::uint32_t near = index + 1, far = tree_.nodes[near].skip;
-    float near_enter = 0, far_enter = 0;
-    bool meets_near = meets(near, walk, near_enter), meets_far = meets(far, walk, far_enter);
-    if (meets_far && (!meets_near || far_enter < near_enter)) {
-      std::swap(near, far);
-      std::swap(meets_near, meets_far);
-      std::swap(near_enter, far_enter);
-    }
-    if (meets_near && descend(near, walk)) return true;
-    return meets_far && far_enter <= walk.limit && descend(far, walk);
   }
 
   DepthFirstTree tree_;

@@ -44,57 +44,31 @@ class SphereTree final : public ShapeIndex {
 
   bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
             Work& work) const override {
-    const Walk walk{ray, dot(ray.box_direction, ray.box_direction), limit, visit, work};
+    const double direction_squared = dot(ray.box_direction, ray.box_direction);
+    const auto meets = [&](std::uint32_t node, double& enter) {
+      return sphere_meets(spheres_[node], ray, direction_squared, limit, enter);
+    };
     double enter = 0;
-    return meets(0, walk, enter) && descend(0, walk);
+    return meets(0, enter) && walk_near_first({tree_, limit, visit, work}, meets);
   }
   std::size_t memory_bytes() const override {
     return tree_.memory_bytes() + spheres_.capacity() * sizeof(Sphere);
   }
 
  private:
-  struct Walk {
-    const ShapeRay& ray;
-    double direction_squared;
-    const float& limit;
-    const ShapeVisitor& visit;
-    Work& work;
-  };
-
   /// Whether the ray, at some t in [0, limit], is in the sphere widened by what hits may be off:
   /// sqrt(3) * near. Doubling that covers the rounding here, 2^-50 of the reach.
-  bool meets(std::uint32_t node, const Walk& walk, double& enter) const {
-    const Sphere& sphere = spheres_[node];
-    const double radius = sphere.radius + 4 * walk.ray.near;
-    const Vec3d to_centre = sphere.centre - walk.ray.origin;
-    const double closest = dot(to_centre, walk.ray.box_direction) / walk.direction_squared;
-    const Vec3d miss = to_centre - walk.ray.box_direction * closest;
+  static bool sphere_meets(const Sphere& sphere, const ShapeRay& ray, double direction_squared,
+                           float limit, double& enter) {
+    const double radius = sphere.radius + 4 * ray.near;
+    const Vec3d to_centre = sphere.centre - ray.origin;
+    const double closest = dot(to_centre, ray.box_direction) / direction_squared;
+    const Vec3d miss = to_centre - ray.box_direction * closest;
     const double rest = radius * radius - dot(miss, miss);
     if (rest < 0) return false;
-    const double half = std::sqrt(rest / walk.direction_squared);
+    const double half = std::sqrt(rest / direction_squared);
     enter = closest - half;
-    return closest + half >= 0 && enter <= static_cast<double>(walk.limit);
-  }
-
-  bool descend(std::uint32_t index, const Walk& walk) const {
-    ++walk.work.nodes;
-    if (tree_.leaf(index)) {
-      const DepthFirstNode& node = tree_.nodes[index];
-      for (std::uint32_t i = 0; i < node.count; ++i) {
-        if (walk.visit(tree_.order[node.first + i])) return true;
-      }
-      return false;
-    }
-    std::uint32_t near = index + 1, far = tree_.nodes[near].skip;
-    double near_enter = 0, far_enter = 0;
-    bool meets_near = meets(near, walk, near_enter), meets_far = meets(far, walk, far_enter);
-    if (meets_far && (!meets_near || far_enter < near_enter)) {
-      std::swap(near, far);
-      std::swap(meets_near, meets_far);
-      std::swap(near_enter, far_enter);
-    }
-    if (meets_near && descend(near, walk)) return true;
-    return meets_far && far_enter <= static_cast<double>(walk.limit) && descend(far, walk);
+    return closest + half >= 0 && enter <= double{limit};
   }
 
   DepthFirstTree tree_;
