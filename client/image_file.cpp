@@ -49,9 +49,7 @@ void linearise(const std::vector<Code>& codes, std::size_t channels, float white
 absl::StatusOr<Image> read_image(const std::string& path) {
   const auto file = bytes_of(path);
   if (!file.ok()) return file.status();
-  const auto codec = image::ImageCodec::open();
-  if (!codec.ok()) return codec.status();
-  const auto pixels = (*codec)->decode(std::as_bytes(std::span(*file)), kLimits);
+  const auto pixels = image::decode(std::as_bytes(std::span(*file)), kLimits);
   if (!pixels.ok()) {
     return absl::InvalidArgumentError(
         absl::StrCat(path, ": ", std::string(pixels.status().message())));

@@ -14,7 +14,7 @@ build_packages=(
   libssl-dev libzstd-dev libsqlite3-dev
   # Scenes and images. libopenimageio-dev does not pull in OpenEXR's headers, nor its tools.
   libtinygltf-dev nlohmann-json3-dev libdraco-dev libmeshoptimizer-dev
-  libopenimageio-dev libopenexr-dev openimageio-tools
+  libopenimageio-dev libopenexr-dev openimageio-tools libpng-dev libjpeg62-turbo-dev libwebp-dev
   # Threads, command lines, logs.
   libtbb-dev libcli11-dev libspdlog-dev
 )

@@ -13,6 +13,10 @@ find_package(meshoptimizer CONFIG REQUIRED)
 find_package(CLI11 CONFIG REQUIRED)
 find_package(spdlog CONFIG REQUIRED)
 find_package(OpenEXR CONFIG REQUIRED)
+find_package(PNG REQUIRED)
+find_package(JPEG REQUIRED)
+find_package(PkgConfig REQUIRED)
+pkg_check_modules(WebP REQUIRED IMPORTED_TARGET libwebp)  # Debian ships no CMake file of it
 
 # OpenImageIO's package names an OpenCV include folder that need not exist.
 find_package(OpenImageIO CONFIG REQUIRED)

@@ -5,11 +5,11 @@ namespace tessera::contract {
 /// Version of the render contract: everything that decides a pixel's bits. Raised by any change
 /// of sampling, shading, geometry rules, pass schedule or film block meaning, and together with
 /// the committed reference hashes only.
-inline constexpr int kRenderContract = 4;
+inline constexpr int kRenderContract = 5;
 
 /// SHA-256, in hex, of the reference tile every renderer of this contract makes of itself when it
 /// starts (worker/render/numerics_check.h). A worker that gets another one is refused. Measured
-/// with GCC 12 -O2 and Clang 14 -O1 with sanitizers, on Debian 12's image decoders.
+/// with GCC 12 -O2 and Clang 14 -O1 with sanitizers, on Debian 12's image libraries.
 inline constexpr char kNumericsSha256[] =
     "5c49367996cf7c5854f3c86bc2665295afafc8bb54b7313eaa2b722178a83ef9";
 

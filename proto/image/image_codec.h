@@ -10,9 +10,9 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 
-/// Image files in memory, by OpenImageIO. That library draws in some 300 others (a quarter of a
-/// second of CPU, more than a small job's first tile), so it lives in a module of its own which the
-/// first image opens: a program that meets none pays nothing.
+/// Image files in memory, by libpng, libjpeg, libwebp and OpenEXR; Radiance files by OpenImageIO.
+/// The last draws in some 300 libraries (a quarter of a second of CPU, more than a small job's
+/// first tile), so it lives in a module of its own which the first such file opens.
 namespace tessera::image {
 
 enum class ImageFormat : std::uint8_t { unknown, png, jpeg, webp, exr, hdr, ktx2 };
@@ -48,27 +48,14 @@ class ImageEncoder {
   virtual absl::StatusOr<std::string> finish() = 0;
 };
 
-/// The decoder and encoders.
-class ImageCodec {
- public:
-  /// The codec of this process; opened by the first call. Errors: FailedPrecondition, its module
-  /// does not lie beside the program, or a library it needs is missing.
-  static absl::StatusOr<const ImageCodec*> open();
+/// Decodes a PNG, JPEG, WebP, EXR or Radiance file.
+///
+/// Errors: InvalidArgument for other formats, damaged files and files over `limits`; Unimplemented
+/// for KTX2; FailedPrecondition, OpenImageIO's module does not lie beside the program.
+absl::StatusOr<Pixels> decode(std::span<const std::byte> file, const PixelLimits& limits);
 
-  virtual ~ImageCodec() = default;
-
-  /// Decodes a PNG, JPEG, WebP, EXR or Radiance file. In WebP, colours under alpha a are only as
-  /// exact as 8 bits times a (255 / a codes): the library multiplies alpha in, this divides it out.
-  ///
-  /// Errors: InvalidArgument for other formats, damaged files and files over `limits`;
-  /// Unimplemented for KTX2.
-  virtual absl::StatusOr<Pixels> decode(std::span<const std::byte> file,
-                                        const PixelLimits& limits) const = 0;
-
-  /// A PNG (RGBA, not premultiplied) or JPEG (RGB) of sRGB codes. Errors: Internal.
-  virtual absl::StatusOr<std::unique_ptr<ImageEncoder>> encoder(ImageFormat format,
-                                                                std::int64_t width,
-                                                                std::int64_t height) const = 0;
-};
+/// Begins a PNG (RGBA, not premultiplied) or JPEG (RGB) of sRGB codes.
+std::unique_ptr<ImageEncoder> make_encoder(ImageFormat format, std::int64_t width,
+                                           std::int64_t height);
 
 }  // namespace tessera::image

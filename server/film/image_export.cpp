@@ -112,16 +112,13 @@ absl::StatusOr<std::string> export_image(const std::string& exr_path, ExportForm
   if (::access(exr_path.c_str(), F_OK) != 0) {
     return absl::NotFoundError(absl::StrCat(exr_path, ": no such file"));
   }
-  const auto codec = image::ImageCodec::open();
-  if (!codec.ok()) return codec.status();
   try {
     FrameReader frame(exr_path);
     if (!frame.has_rgba()) return unreadable(exr_path, "has no channels R, G, B, A");
     const auto kind =
         format == ExportFormat::png ? image::ImageFormat::png : image::ImageFormat::jpeg;
-    auto encoder = (*codec)->encoder(kind, frame.width(), frame.height());
-    if (!encoder.ok()) return encoder.status();
-    return convert(frame, **encoder, format, static_cast<float>(std::exp2(exposure_ev)));
+    const auto encoder = image::make_encoder(kind, frame.width(), frame.height());
+    return convert(frame, *encoder, format, static_cast<float>(std::exp2(exposure_ev)));
   } catch (const std::exception& e) {  // OpenEXR's
     return unreadable(exr_path, e.what());
   }

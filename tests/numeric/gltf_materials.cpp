@@ -1,9 +1,8 @@
 /// What glTF says of a material, from the file to the pixel: a closed form for each property and
 /// extension, and another result without it.
 
-#include <OpenImageIO/filesystem.h>
-#include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
+#include <webp/encode.h>
 
 #include <algorithm>
 #include <cmath>
@@ -428,17 +427,13 @@ TEST(GltfTextureTransform, TexCoordInsideItOverridesTheTexturesOwn) {
 
 /// A lossless WebP of one colour.
 std::vector<std::byte> webp(std::uint8_t r, std::uint8_t g, std::uint8_t b) {
-  OIIO::ImageSpec spec(16, 16, 3, OIIO::TypeDesc::UINT8);
-  spec["compression"] = "lossless:100";
-  std::vector<std::uint8_t> codes;
-  for (int i = 0; i < 256; ++i) codes.insert(codes.end(), {r, g, b});
-  std::vector<unsigned char> bytes;
-  OIIO::Filesystem::IOVecOutput memory(bytes);
-  const auto out = OIIO::ImageOutput::create("webp");
-  EXPECT_TRUE(out != nullptr && out->set_ioproxy(&memory) && out->open("memory", spec) &&
-              out->write_image(OIIO::TypeDesc::UINT8, codes.data()) && out->close());
-  const auto view = std::as_bytes(std::span(bytes));
-  return {view.begin(), view.end()};
+  const std::array<std::uint8_t, 3> code = {r, g, b};
+  std::uint8_t* written = nullptr;
+  const std::size_t size = WebPEncodeLosslessRGB(code.data(), 1, 1, 3, &written);
+  const auto view = std::as_bytes(std::span(written, size));
+  std::vector<std::byte> bytes(view.begin(), view.end());
+  WebPFree(written);
+  return bytes;
 }
 
 TEST(GltfTexture, OfWebpIsReadInsteadOfItsFallback) {
@@ -457,9 +452,7 @@ TEST(GltfTexture, OfWebpIsReadInsteadOfItsFallback) {
     return seen(*file, probe_settings());
   };
   EXPECT_EQ(colour(false), (Vec3d{1, 0, 0}));
-  const Vec3d better = colour(true);
-  EXPECT_NEAR(better.x, 0, linear(2));  // the writer goes through YUV
-  EXPECT_EQ(better.z, 1);
+  EXPECT_EQ(colour(true), (Vec3d{0, 1, 1}));
 }
 
 /// A white Lambert square with a one-texel normal map, under a sun of pi lux along -z: the cosine

@@ -25,4 +25,4 @@ tessera_test(NAME render_surface KIND numeric
 tessera_test(NAME gltf KIND numeric
   SOURCES numeric/gltf_materials.cpp numeric/gltf_scenes.cpp
     support/gltf_probe.cpp support/gltf_probe.h
-  LINKS tessera_test_render tessera_test_scene OpenImageIO::OpenImageIO)
+  LINKS tessera_test_render tessera_test_scene PkgConfig::WebP)

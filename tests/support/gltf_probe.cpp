@@ -11,12 +11,9 @@
 namespace tessera::testing {
 
 std::vector<std::byte> png(int width, int height, const std::vector<std::uint8_t>& rgba) {
-  const auto codec = image::ImageCodec::open();
-  EXPECT_TRUE(codec.ok()) << codec.status();
-  if (!codec.ok()) return {};
-  auto encoder = (*codec)->encoder(image::ImageFormat::png, width, height);
-  EXPECT_TRUE(encoder.ok() && (*encoder)->write_rows(rgba.data(), height).ok());
-  const auto file = (*encoder)->finish();
+  const auto encoder = image::make_encoder(image::ImageFormat::png, width, height);
+  EXPECT_TRUE(encoder->write_rows(rgba.data(), height).ok());
+  const auto file = encoder->finish();
   EXPECT_TRUE(file.ok()) << file.status();
   const auto bytes = std::as_bytes(std::span(*file));
   return {bytes.begin(), bytes.end()};

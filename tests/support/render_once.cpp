@@ -1,7 +1,6 @@
 /// tessera_render_once: one frame of a glTF file through tessera_render linked alone, without a
 /// farm. For looking at pictures, and as the base of tests/bench/farm_overhead.
 
-#include <OpenImageIO/imageio.h>
 #include <time.h>
 
 #include <CLI/CLI.hpp>
@@ -9,12 +8,14 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <string>
 #include <vector>
 
 #include "proto/contract/digest.h"
 #include "proto/contract/pass_schedule.h"
 #include "proto/contract/tile_grid.h"
+#include "proto/image/image_codec.h"
 #include "tests/support/folder_reader.h"
 #include "worker/render/frame_renderer.h"
 #include "worker/render/parallel_tbb.h"
@@ -69,20 +70,20 @@ float encoded(double linear) {
   return static_cast<float>(v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1 / 2.4) - 0.055);
 }
 
-bool write(const Options& options, const std::vector<float>& pixels, const Film& film) {
-  const auto file = OIIO::ImageOutput::create(options.output);
-  if (!file) return false;
-  const bool display = std::filesystem::path(options.output).extension() == ".png";
-  std::vector<float> shown = pixels;
-  if (display) {
-    for (std::size_t i = 0; i < shown.size(); ++i) {
-      if (i % 4 != 3) shown[i] = encoded(std::exp2(options.exposure) * shown[i]);
-    }
+/// Writes a PNG of what a screen shows.
+bool write_png(const Options& options, const std::vector<float>& pixels, const Film& film) {
+  std::vector<std::uint8_t> codes;
+  codes.reserve(pixels.size());
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    const double shown = i % 4 == 3 ? std::clamp<double>(pixels[i], 0, 1)
+                                    : encoded(std::exp2(options.exposure) * pixels[i]);
+    codes.push_back(static_cast<std::uint8_t>(std::lround(255 * shown)));
   }
-  const OIIO::ImageSpec spec(film.window.width, film.window.height, 4,
-                             display ? OIIO::TypeDesc::UINT8 : OIIO::TypeDesc::FLOAT);
-  return file->open(options.output, spec) &&
-         file->write_image(OIIO::TypeDesc::FLOAT, shown.data()) && file->close();
+  const auto encoder =
+      image::make_encoder(image::ImageFormat::png, film.window.width, film.window.height);
+  if (!encoder->write_rows(codes.data(), film.window.height).ok()) return false;
+  const auto file = encoder->finish();
+  return file.ok() && (std::ofstream(options.output, std::ios::binary) << *file).flush().good();
 }
 
 int fail(const absl::Status& status) {
@@ -156,7 +157,7 @@ int run(Options options) {
               loaded - start, built - loaded, done - built, cpu - start_cpu,
               sum / static_cast<double>(film.rgb.size()),
               contract::sha256(std::as_bytes(std::span(pixels))).hex().c_str());
-  if (!options.output.empty() && !write(options, pixels, film)) {
+  if (!options.output.empty() && !write_png(options, pixels, film)) {
     std::fprintf(stderr, "%s: cannot be written\n", options.output.c_str());
     return 1;
   }
@@ -189,7 +190,7 @@ int main(int argc, char** argv) {
   tessera::testing::Options o;
   CLI::App app("Renders one frame without a farm");
   app.add_option("scene", o.scene)->required();
-  app.add_option("-o", o.output, "EXR (linear) or PNG");
+  app.add_option("-o", o.output, "PNG");
   app.add_option("--size", o.size);
   app.add_option("--crop", o.crop);
   app.add_option("--spp", o.settings.spp);
@@ -202,7 +203,7 @@ int main(int argc, char** argv) {
   app.add_option("--environment", o.environment);
   app.add_option("--environment-rotation", o.settings.environment_rotation);
   app.add_option("--background", o.background, "R,G,B, none or auto");
-  app.add_option("--exposure", o.exposure, "PNG only");
+  app.add_option("--exposure", o.exposure, "Stops");
   app.add_flag("--cull-backfaces", o.settings.cull_backfaces);
   CLI11_PARSE(app, argc, argv);
   if (!tessera::testing::parse_size(o.size, &o.settings) ||

@@ -7,4 +7,4 @@ target_link_libraries(tessera_test_render PUBLIC tessera::render)
 add_executable(tessera_render_once
   ${CMAKE_CURRENT_LIST_DIR}/render_once.cpp ${CMAKE_CURRENT_LIST_DIR}/folder_reader.cpp
   ${CMAKE_CURRENT_LIST_DIR}/folder_reader.h)
-target_link_libraries(tessera_render_once PRIVATE tessera::render OpenImageIO::OpenImageIO CLI11::CLI11)
+target_link_libraries(tessera_render_once PRIVATE tessera::render tessera::image CLI11::CLI11)

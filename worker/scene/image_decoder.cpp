@@ -10,10 +10,7 @@
 namespace tessera::render {
 
 absl::StatusOr<Image> decode_image(std::span<const std::byte> file, const std::string& name) {
-  const auto codec = image::ImageCodec::open();
-  if (!codec.ok()) return codec.status();
-  auto pixels =
-      (*codec)->decode(file, {kMaxImageSide, kMaxImageBytes, kMaxImageSide * kMaxImageSide});
+  auto pixels = image::decode(file, {kMaxImageSide, kMaxImageBytes, kMaxImageSide * kMaxImageSide});
   if (!pixels.ok()) return pixels.status();
   Image image;
   image.name = name;

@@ -9,7 +9,7 @@
 
 namespace tessera::render {
 
-/// Decodes a PNG, JPEG, WebP, EXR or Radiance file as image::ImageCodec does: codes are kept.
+/// Decodes a PNG, JPEG, WebP, EXR or Radiance file as image::decode does: codes are kept.
 ///
 /// Errors: InvalidArgument for other formats, damaged files and files over the limits of
 /// farm.md, section 9; Unimplemented for KTX2. Nothing is allocated before the header is checked.

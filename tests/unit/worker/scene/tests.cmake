@@ -14,4 +14,4 @@ tessera_test(NAME memory KIND unit SOURCES unit/worker/scene/memory_test.cpp
   LINKS tessera_test_render)
 # Apart, since each of its processes loads OpenImageIO to write what is then read.
 tessera_test(NAME image KIND unit SOURCES unit/worker/scene/image_test.cpp
-  LINKS tessera::render OpenImageIO::OpenImageIO)
+  LINKS tessera::render OpenImageIO::OpenImageIO PkgConfig::WebP)
