@@ -201,7 +201,7 @@ TEST(Emitters, HaveDensityWhereverTheyGiveLight) {  // hard case 66
       const float b1 = static_cast<float>(k % 10) / 10, b2 = (1 - b1) * static_cast<float>(k) / 60;
       auto point = render::surface_at(shading, id, b1, b2, {0, 0, -1});
       point.front = true;
-      if (!(render::max_component(render::emission_at(shading, point)) > 0)) continue;
+      if (!(render::max_component(render::emission_at(shading, point, {0, 0, 1})) > 0)) continue;
       ++lit;
       ASSERT_GT(density, 0) << t;
     }

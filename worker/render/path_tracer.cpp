@@ -190,7 +190,7 @@ void PathTracer::absorb(const ShadingPoint& point, float distance) {
 void PathTracer::add_emission(const ShadingPoint& point, const TriangleId& id,
                               const Vec3f& position) {
   if (!point.material->emissive) return;
-  Vec3f light = path_.throughput * emission_at(frame_.shading, point);
+  Vec3f light = path_.throughput * emission_at(frame_.shading, point, -path_.ray.direction);
   if (!(max_component(light) > 0)) return;
   if (!path_.by_chance) {
     const float distance = length(position - path_.scattered_at.point);

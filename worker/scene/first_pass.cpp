@@ -15,14 +15,22 @@ using nlohmann::json;
 
 namespace {
 
-constexpr std::array<std::string_view, 17> kKnownExtensions = {
-    "EXT_mesh_gpu_instancing", "EXT_meshopt_compression",
-    "EXT_texture_webp",        "KHR_draco_mesh_compression",
-    "KHR_lights_punctual",     "KHR_materials_emissive_strength",
-    "KHR_materials_ior",       "KHR_materials_pbrSpecularGlossiness",
-    "KHR_materials_specular",  "KHR_materials_transmission",
-    "KHR_materials_unlit",     "KHR_materials_variants",
-    "KHR_materials_volume",    "KHR_mesh_quantization",
+constexpr std::array<std::string_view, 18> kKnownExtensions = {
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    "EXT_texture_webp",
+    "KHR_draco_mesh_compression",
+    "KHR_lights_punctual",
+    "KHR_materials_clearcoat",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_variants",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
     "KHR_node_visibility",
     "KHR_texture_basisu",  // the fallback image; see choose_images()
     "KHR_texture_transform"};

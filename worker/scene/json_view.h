@@ -37,6 +37,8 @@ class JsonView {
   /// Member of an object; absent when this is absent or has no such member.
   [[nodiscard]] JsonView operator[](std::string_view key) const;
   [[nodiscard]] JsonView extension(std::string_view name) const;
+  /// As if this value were not there.
+  [[nodiscard]] JsonView absent() const { return {nullptr, path_, fault_}; }
   /// Elements of an array; none when absent. A fault when it is something else.
   [[nodiscard]] std::vector<JsonView> items() const;
   /// Names of an object's members in the JSON library's (sorted) order.

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -37,9 +38,21 @@ class MaterialReader {
     read_specular(look_.extension("KHR_materials_specular"));
     read_transmission(look_.extension("KHR_materials_transmission"));
     read_volume(look_.extension("KHR_materials_volume"));
+    read_clearcoat(layer("KHR_materials_clearcoat"));
   }
 
  private:
+  /// An extension that adds to metal-rough shading; warns of one beside what excludes it.
+  JsonView layer(const char* name) {
+    const JsonView found = look_.extension(name);
+    if (!found.present() || !(out_.unlit || out_.specular_glossiness)) return found;
+    document_.problems.push_back(
+        {Problem::Severity::warning, found.path(),
+         absl::StrCat("ignored beside ",
+                      out_.unlit ? "KHR_materials_unlit" : "KHR_materials_pbrSpecularGlossiness")});
+    return found.absent();
+  }
+
   /// A texture an extension names.
   TextureRef texture(const JsonView& info, bool srgb) {
     TextureRef ref;
@@ -128,6 +141,18 @@ class MaterialReader {
     }
   }
 
+  void read_clearcoat(const JsonView& coat) {
+    if (!coat.present()) return;
+    Clearcoat& c = out_.clearcoat;
+    c.factor = unit(coat, "clearcoatFactor", 0);
+    c.texture = texture(coat["clearcoatTexture"], false);
+    c.roughness = unit(coat, "clearcoatRoughnessFactor", 0);
+    c.roughness_texture = texture(coat["clearcoatRoughnessTexture"], false);
+    c.normal_texture = texture(coat["clearcoatNormalTexture"], false);
+    c.normal_scale =
+        static_cast<float>(coat["clearcoatNormalTexture"].number("scale", 1, -1e6, 1e6));
+  }
+
   const JsonView& look_;
   Document& document_;
   JsonFault& fault_;
@@ -147,10 +172,24 @@ void drop_far_uv_sets(Material& material, const std::string& element, Document& 
 
 }  // namespace
 
-std::array<TextureRef*, 8> texture_refs(Material& m) {
-  return {&m.base_color_texture,     &m.metallic_roughness_texture, &m.specular_glossiness_texture,
-          &m.normal_texture,         &m.emissive_texture,           &m.specular_texture,
-          &m.specular_color_texture, &m.transmission_texture};
+std::array<TextureRef*, 11> texture_refs(Material& m) {
+  return {&m.base_color_texture,
+          &m.metallic_roughness_texture,
+          &m.specular_glossiness_texture,
+          &m.normal_texture,
+          &m.emissive_texture,
+          &m.specular_texture,
+          &m.specular_color_texture,
+          &m.transmission_texture,
+          &m.clearcoat.texture,
+          &m.clearcoat.roughness_texture,
+          &m.clearcoat.normal_texture};
+}
+
+std::array<const TextureRef*, 11> texture_refs(const Material& m) {
+  std::array<const TextureRef*, 11> out{};
+  std::ranges::copy(texture_refs(const_cast<Material&>(m)), out.begin());
+  return out;
 }
 
 absl::Status read_material_extensions(const nlohmann::json& root, Document& document) {

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "absl/strings/str_cat.h"
+#include "worker/scene/document.h"
 
 namespace tessera::render {
 
@@ -39,13 +40,8 @@ bool emits(const Material& m) {
 
 std::uint32_t material_features(const Material& m) {
   std::uint32_t f = 0;
-  for (const TextureRef* ref :
-       {&m.base_color_texture, &m.metallic_roughness_texture, &m.specular_glossiness_texture,
-        &m.normal_texture, &m.emissive_texture, &m.specular_texture, &m.specular_color_texture,
-        &m.transmission_texture}) {
-    f |= texture_features(*ref);
-  }
-  if (m.normal_texture) f |= kNeedsNormalMaps;
+  for (const TextureRef* ref : texture_refs(m)) f |= texture_features(*ref);
+  if (m.normal_texture || m.clearcoat.normal_texture) f |= kNeedsNormalMaps;
   if (m.alpha_mode == AlphaMode::mask) f |= kNeedsAlphaMask;
   if (m.alpha_mode == AlphaMode::blend) f |= kNeedsAlphaBlend;
   if (m.unlit) f |= kNeedsUnlit;
@@ -56,6 +52,7 @@ std::uint32_t material_features(const Material& m) {
   }
   if (m.transmission > 0) f |= m.has_volume ? kNeedsVolumes : kNeedsThinTransmission;
   if (emits(m)) f |= kNeedsEmissiveTriangles;
+  if (m.clearcoat.factor > 0) f |= kNeedsClearcoat;
   return f;
 }
 
@@ -223,7 +220,8 @@ std::vector<std::string> feature_names(std::uint32_t features) {
                                            "environment-map",
                                            "constant-environment",
                                            "instances",
-                                           "orthographic-camera"};
+                                           "orthographic-camera",
+                                           "clearcoat"};
   std::vector<std::string> out;
   for (std::size_t bit = 0; bit < std::size(kNames); ++bit) {
     if ((features >> bit & 1) != 0) out.emplace_back(kNames[bit]);

@@ -30,6 +30,7 @@ enum Feature : std::uint32_t {
   kNeedsConstantEnvironment = 1u << 15,
   kNeedsInstances = 1u << 16,  // a mesh placed more than once
   kNeedsOrthographicCamera = 1u << 17,
+  kNeedsClearcoat = 1u << 18,
 };
 
 /// Resident memory of a renderer before it has a scene. Most are pages of libraries, which all

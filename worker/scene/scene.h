@@ -56,6 +56,15 @@ struct TextureRef {
 
 enum class AlphaMode : std::uint8_t { opaque, mask, blend };
 
+/// KHR_materials_clearcoat: varnish over everything else.
+struct Clearcoat {
+  float factor = 0, roughness = 0;
+  TextureRef texture;            // R
+  TextureRef roughness_texture;  // G
+  TextureRef normal_texture;
+  float normal_scale = 1;
+};
+
 /// A glTF material with its extensions folded in; factors multiply textures as the
 /// specification says. Further extensions add members here and a bit in scene/needs.h.
 struct Material {
@@ -91,6 +100,8 @@ struct Material {
   bool has_volume = false;          // thicknessFactor > 0: a solid, not a thin sheet
   Vec3f attenuation_color = {1, 1, 1};
   float attenuation_distance = std::numeric_limits<float>::infinity();  // metres
+
+  Clearcoat clearcoat;
 };
 
 /// One glTF primitive, as triangles. Optional arrays are empty or as long as `positions`.

@@ -128,8 +128,9 @@ class SceneBuilder {
     for (const TextureRef* ref : texture_refs(m)) {
       if (*ref) needs.uv[static_cast<std::size_t>(ref->uv_set)] = true;
     }
-    needs.tangents = static_cast<bool>(m.normal_texture) && !m.unlit;
-    needs.tangent_uv_set = m.normal_texture.uv_set;
+    const TextureRef& coat = m.clearcoat.normal_texture;
+    needs.tangents = (m.normal_texture || coat) && !m.unlit;
+    needs.tangent_uv_set = m.normal_texture ? m.normal_texture.uv_set : coat.uv_set;
     return needs;
   }
 

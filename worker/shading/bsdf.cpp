@@ -1,272 +1,36 @@
 #include "worker/shading/bsdf.h"
 
-#include "worker/math/elementary.h"
-#include "worker/sampling/warp.h"
-#include "worker/shading/fresnel.h"
-#include "worker/shading/microfacet.h"
+#include "worker/shading/base_bsdf.h"
+#include "worker/shading/extended_bsdf.h"
 
 namespace tessera::render {
-namespace {
 
-using warp::kInvPi;
-constexpr float kMatchedIndices = 1e-4f;  // |eta - 1| below which facets do not bend light
-
-Vec2f point_on_circle(float u) {
-  const elementary::SinCosf a = elementary::sincos(2 * warp::kPi * u);
-  return {a.cos, a.sin};
-}
-
-/// What the dielectric layer does with light that meets its facets at cosine `c`.
-struct Layer {
-  Vec3f reflect;  // Fresnel term times its weight
-  Vec3f pass;     // what is left for the base below
-};
-
-Layer layer_at(const Bsdf& b, float c) {
-  Vec3f f;
-  if (b.interface == Interface::solid) {
-    const float exact = fresnel_dielectric(c, b.eta);
-    if (b.plain_fresnel || exact >= 1)
-      return {{exact, exact, exact}, {1 - exact, 1 - exact, 1 - exact}};
-    const float normal = f0_from_ior(b.eta);
-    f = b.f0 + (Vec3f{1, 1, 1} - b.f0) * ((exact - normal) / (1 - normal));
-  } else {
-    f = schlick(b.f0, c);
-  }
-  const Vec3f reflect = f * b.specular_weight;
-  if (b.channelwise) return {reflect, Vec3f{1, 1, 1} - reflect};
-  const float pass = 1 - max_component(reflect);
-  return {reflect, {pass, pass, pass}};
-}
-
-bool transmits(const Bsdf& b) {
-  return b.interface != Interface::opaque && max_component(b.transmit) > 0;
-}
-
-/// Reflected colour of the facets at cosine c: dielectric and metal in their shares.
-Vec3f facet_reflectance(const Bsdf& b, const Layer& layer, float c) {
-  const Vec3f dielectric = layer.reflect * ((1 - b.metallic) * b.reflect_gain);
-  return b.metallic > 0 ? dielectric + schlick(b.metal_f0, c) * b.metallic : dielectric;
-}
-
-/// Probability that sample_bsdf reflects at facets it has chosen; the rest is transmitted.
-float reflect_probability(const Bsdf& b, const Layer& layer, float c) {
-  if (!transmits(b) || (b.interface == Interface::thin && b.mirror)) return 1;
-  const float reflected = luminance(facet_reflectance(b, layer, c));
-  const float passed = luminance(b.transmit * layer.pass);
-  const float sum = reflected + passed;
-  return sum > 0 ? reflected / sum : 1;
-}
-
-BsdfValue evaluate_reflection(const Bsdf& b, const Vec3f& wi) {
-  if (b.lambert) return {b.diffuse * kInvPi * wi.z, wi.z * kInvPi};
-  const Vec3f h = direction_of(b.wo + wi);
-  const float c = dot(b.wo, h);
-  const Layer layer = layer_at(b, c);
-  Vec3f f = b.diffuse * layer.pass * kInvPi;
-  float pdf = b.cosine_probability * wi.z * kInvPi;
-  if (!b.mirror) {
-    const float d = ggx_d(h, b.alpha);
-    const float v = smith_visibility(b.wo.z, wi.z, b.root_o, smith_root(wi.z, b.alpha));
-    f += facet_reflectance(b, layer, c) * (d * v);
-    pdf += (1 - b.cosine_probability) * reflect_probability(b, layer, c) *
-           visible_normal_density(d, b.wo.z, b.root_o) * 0.25f;
-    if (b.metallic > 0) f += b.metal_multiple * (1 - b.reflector->at(wi.z, b.roughness));
-  }
-  return {f * wi.z, pdf};
-}
-
-/// A thin rough sheet transmits the mirror image of its reflection lobe.
-BsdfValue evaluate_thin(const Bsdf& b, const Vec3f& wi) {
-  const float cos_i = -wi.z;
-  const Vec3f h = direction_of(b.wo + Vec3f{wi.x, wi.y, cos_i});
-  const float c = dot(b.wo, h);
-  const Layer layer = layer_at(b, c);
-  const float d = ggx_d(h, b.alpha);
-  const float v = smith_visibility(b.wo.z, cos_i, b.root_o, smith_root(cos_i, b.alpha));
-  const float pdf = (1 - b.cosine_probability) * (1 - reflect_probability(b, layer, c)) *
-                    visible_normal_density(d, b.wo.z, b.root_o) * 0.25f;
-  return {b.transmit * layer.pass * (d * v * b.transmit_gain * cos_i), pdf};
-}
-
-BsdfValue evaluate_refraction(const Bsdf& b, const Vec3f& wi) {
-  const Vec3f sum = b.wo + wi * b.eta;
-  const Vec3f h = direction_of(sum.z < 0 ? -sum : sum);
-  const float c_o = dot(b.wo, h), c_i = -dot(wi, h);
-  if (!(c_o > 0) || !(c_i > 0)) return {};
-  const float cos_i = -wi.z;
-  const Layer layer = layer_at(b, c_o);
-  const float d = ggx_d(h, b.alpha);
-  const float v = smith_visibility(b.wo.z, cos_i, b.root_o, smith_root(cos_i, b.alpha));
-  const float ratio = b.eta / (c_o - b.eta * c_i);
-  const float jacobian = c_i * (ratio * ratio);
-  const float pdf = (1 - b.cosine_probability) * (1 - reflect_probability(b, layer, c_o)) *
-                    visible_normal_density(d, b.wo.z, b.root_o) * c_o * jacobian;
-  return {b.transmit * layer.pass * (4 * d * v * c_o * jacobian * b.transmit_gain * cos_i), pdf};
-}
-
-BsdfValue evaluate_local(const Bsdf& b, const Vec3f& wi) {
-  if (wi.z > 0) return evaluate_reflection(b, wi);
-  if (!(wi.z < 0) || b.mirror || !transmits(b)) return {};
-  return b.interface == Interface::thin ? evaluate_thin(b, wi) : evaluate_refraction(b, wi);
-}
-
-Vec3f to_world(const BsdfFrame& f, const Vec3f& w) {
-  return f.tangent * w.x + f.bitangent * w.y + f.normal * w.z;
-}
-Vec3f to_local(const BsdfFrame& f, const Vec3f& w) {
-  return {dot(f.tangent, w), dot(f.bitangent, w), dot(f.normal, w)};
-}
-
-/// Rough glass: what one scattering keeps of the light; 1 where there is nothing to mend.
-float single_scattering_albedo(const Bsdf& b, const BsdfTables& tables, bool front) {
-  if (b.mirror || !transmits(b)) return 1;
-  const AlbedoTable* table = b.interface == Interface::thin ? tables.reflector
-                             : front                        ? tables.entering
-                                                            : tables.leaving;
-  return table == nullptr ? 1 : table->at(b.wo.z, b.roughness);
-}
-
-/// Kulla & Conty 2017: the light that left the facets only after several bounces, for metals.
-Vec3f metal_multiple_scattering(const Bsdf& b) {
-  const float average = b.reflector->average(b.roughness);
-  const float lost = 1 - average;
-  if (!(lost > 0)) return {};
-  const Vec3f f = schlick_average(b.metal_f0);
-  const Vec3f colour = f * f * average / (Vec3f{1, 1, 1} - f * lost);
-  return colour * (b.metallic * kInvPi * (1 - b.reflector->at(b.wo.z, b.roughness)) / lost);
-}
-
-/// Sets the probability of the cosine lobe from the energies both lobes are likely to carry.
-void choose_lobes(Bsdf* b) {
-  const Layer layer = layer_at(*b, b->wo.z);
-  float cosine = luminance(b->diffuse * layer.pass);
-  if (b->metallic > 0 && !b->mirror) {
-    cosine += luminance(b->metal_multiple) * (1 - b->reflector->average(b->roughness)) / kInvPi;
-  }
-  float facets = luminance(facet_reflectance(*b, layer, b->wo.z));
-  if (transmits(*b) && !(b->mirror && b->interface == Interface::thin)) {
-    facets += luminance(b->transmit * layer.pass);
-  }
-  if (!(facets > 0)) {
-    b->cosine_probability = 1;
-  } else if (!(cosine > 0)) {
-    b->cosine_probability = 0;
-  } else {
-    b->cosine_probability = clamp(cosine / (cosine + facets), 0.05f, 0.95f);
-  }
-}
-
-/// The direction a facet with normal `h` sends light to; false if it is lost.
-bool scatter_at_facet(const Bsdf& b, const Vec3f& h, bool reflect, Vec3f* wi) {
-  const float c = dot(b.wo, h);
-  if (reflect) {
-    *wi = h * (2 * c) - b.wo;
-    return wi->z > 0;
-  }
-  if (b.interface == Interface::thin) {
-    const Vec3f mirrored = h * (2 * c) - b.wo;
-    *wi = {mirrored.x, mirrored.y, -mirrored.z};
-    return wi->z < 0;
-  }
-  return refract(b.wo, h, b.eta, wi) && wi->z < 0;
-}
-
-/// Where interpolated normals would send a mirror-smooth lobe to the wrong side of the surface, the
-/// facet is taken to lie in the surface: no light is lost at the rims of smooth glass.
-bool turn_to_its_side(const Bsdf& b, BsdfSample* sample) {
-  const Vec3f& n = b.frame.geometric_normal;
-  const Vec3f wo = to_world(b.frame, b.wo);
-  if (sample->transmitted) return refract(wo, n, b.eta, &sample->wi);
-  sample->wi = direction_of(n * (2 * dot(wo, n)) - wo);
-  return dot(sample->wi, n) > 0;
-}
-
-}  // namespace
-
-Bsdf make_bsdf(const BsdfParameters& p, const BsdfTables& tables, const BsdfFrame& frame,
+Bsdf make_bsdf(const BsdfParameters& parameters, const BsdfTables& tables, const BsdfFrame& frame,
                const Vec3f& wo) {
   Bsdf b;
-  b.frame = frame;
-  b.wo = to_local(frame, wo);
-  if (b.wo.z < 1e-6f) b.wo.z = 1e-6f;  // rounding only: frame and wo share a side
-  const float dielectric = 1 - p.metallic;
-  const bool transmissive = p.interface != Interface::opaque && p.transmission > 0;
-  b.interface = transmissive ? p.interface : Interface::opaque;
-  const float transmission = transmissive ? p.transmission : 0;
-  b.diffuse = p.base * (dielectric * (1 - transmission));
-  b.transmit = p.base * (dielectric * transmission);
-  b.f0 = p.f0;
-  b.specular_weight = p.specular_weight;
-  b.metallic = p.metallic;
-  b.metal_f0 = p.base;
-  if (!transmissive && p.metallic == 0 && p.specular_weight == 0) {
-    b.lambert = true;
-    return b;
-  }
-  b.roughness = p.roughness;
-  b.alpha = p.roughness * p.roughness;
-  b.channelwise = p.specular_glossiness;
-  b.reflector = tables.reflector;
-  if (b.interface == Interface::solid) {
-    b.eta = p.front ? p.ior : 1 / p.ior;
-    const float f0 = f0_from_ior(p.ior);
-    b.plain_fresnel = p.specular_weight == 1 && p.f0 == Vec3f{f0, f0, f0};
-    if (!(p.ior > 0)) b.interface = Interface::opaque;  // ior 0: everything is reflected, F = 1
-    if (b.eta > 1 - kMatchedIndices && b.eta < 1 + kMatchedIndices) b.alpha = 0;
-  }
-  b.mirror = b.alpha < kMirrorAlpha;
-  b.root_o = smith_root(b.wo.z, b.alpha);
-  const float kept = single_scattering_albedo(b, tables, p.front);
-  b.transmit_gain = 1 / kept;
-  b.reflect_gain = lerp(1.0f, b.transmit_gain, transmission);
-  if (b.metallic > 0 && !b.mirror) b.metal_multiple = metal_multiple_scattering(b);
-  choose_lobes(&b);
+  base_bsdf::prepare(parameters, tables, frame, wo, &b);
   return b;
 }
 
 BsdfValue evaluate_bsdf(const Bsdf& b, const Vec3f& wi) {
-  const Vec3f local = to_local(b.frame, wi);
+  if (b.extended) [[unlikely]]
+    return extended_bsdf::evaluate(b, wi);
+  const Vec3f local = base_bsdf::to_local(b.frame, wi);
   // Shading and geometric normal must agree on the side, or light leaks through the surface.
   if ((local.z > 0) != (dot(wi, b.frame.geometric_normal) > 0)) return {};
-  return evaluate_local(b, local);
+  return base_bsdf::evaluate(b, local);
 }
 
 bool sample_bsdf(const Bsdf& b, float u_lobe, const Vec2f& u, BsdfSample* sample) {
+  if (b.extended) [[unlikely]]
+    return extended_bsdf::sample(b, u_lobe, u, sample);
   Vec3f local;
-  if (u_lobe < b.cosine_probability) {
-    local = warp::cosine_hemisphere(u);
-    if (!(local.z > 0)) return false;
-    sample->transmitted = sample->delta = false;
-  } else {
-    const float p_facets = 1 - b.cosine_probability;
-    const float u_side = (u_lobe - b.cosine_probability) / p_facets;
-    Vec3f h{0, 0, 1};
-    if (!b.mirror) {
-      const Vec2f circle = point_on_circle(u.x);
-      h = sample_visible_normal(b.wo, b.alpha, circle.x, circle.y, u.y);
-    }
-    const float c = dot(b.wo, h);
-    const Layer layer = layer_at(b, c);
-    const float p_reflect = reflect_probability(b, layer, c);
-    const bool reflect = u_side < p_reflect;
-    if (!scatter_at_facet(b, h, reflect, &local)) return false;
-    sample->transmitted = !reflect;
-    sample->delta = b.mirror;
-    if (b.mirror) {
-      sample->weight = reflect ? facet_reflectance(b, layer, c) / (p_facets * p_reflect)
-                               : b.transmit * layer.pass / (p_facets * (1 - p_reflect));
-    }
-  }
-  sample->wi = direction_of(to_world(b.frame, local));
-  if ((dot(sample->wi, b.frame.geometric_normal) > 0) == sample->transmitted) {
-    if (!sample->delta || !turn_to_its_side(b, sample)) return false;
-  }
+  if (!base_bsdf::draw(b, u_lobe, u, sample, &local)) return false;
   if (sample->delta) {
     sample->pdf = 0;
     return max_component(sample->weight) > 0;
   }
-  const BsdfValue value = evaluate_local(b, local);
+  const BsdfValue value = base_bsdf::evaluate(b, local);
   sample->pdf = value.pdf;
   if (!(value.pdf > 0)) return false;
   sample->weight = b.lambert ? b.diffuse : value.f_cos / value.pdf;
@@ -274,17 +38,21 @@ bool sample_bsdf(const Bsdf& b, float u_lobe, const Vec2f& u, BsdfSample* sample
 }
 
 Vec3f straight_transmittance(const Bsdf& b) {
-  if (!b.mirror || b.interface != Interface::thin) return {};
-  return b.transmit * layer_at(b, b.wo.z).pass;
+  if (b.extended) [[unlikely]]
+    return extended_bsdf::straight_transmittance(b);
+  return base_bsdf::straight_transmittance(b);
 }
 
 float scattered_albedo(const Bsdf& b) {
-  const Layer layer = layer_at(b, b.wo.z);
-  return luminance(b.diffuse * layer.pass) + luminance(facet_reflectance(b, layer, b.wo.z));
+  if (b.extended) [[unlikely]]
+    return extended_bsdf::scattered_albedo(b);
+  return base_bsdf::scattered_albedo(b);
 }
 
 bool has_smooth_density(const Bsdf& b) {
-  return (!b.mirror && !b.lambert) || max_component(b.diffuse) > 0;
+  if (b.extended) [[unlikely]]
+    return extended_bsdf::has_smooth_density(b);
+  return base_bsdf::has_smooth_density(b);
 }
 
 }  // namespace tessera::render

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "worker/math/vector.h"
 #include "worker/shading/albedo_table.h"
@@ -31,6 +32,12 @@ struct BsdfParameters {
   Interface interface = Interface::opaque;
 };
 
+/// What further extensions say of the material at one point; input of make_extended_bsdf().
+struct BsdfExtensions {
+  float coat = 0;            // KHR_materials_clearcoat: share that is coated, [0, 1]
+  float coat_roughness = 0;  // perceptual
+};
+
 /// Albedo tables a BSDF may need; those it does not need may be null.
 struct BsdfTables {
   const AlbedoTable* reflector = nullptr;
@@ -42,6 +49,21 @@ struct BsdfTables {
 struct BsdfFrame {
   Vec3f tangent, bitangent, normal;
   Vec3f geometric_normal;  // unit, on the viewer's side
+};
+
+/// A coat of clear varnish: facets over everything else, with a normal of their own.
+struct CoatLobe {
+  BsdfFrame frame;
+  Vec3f wo;          // in that frame, z > 0
+  float weight = 0;  // coat times Fresnel term at wo: what the coat reflects; 0: there is no coat
+  float alpha = 0, root_o = 1;
+  bool mirror = false;
+};
+
+/// What a Bsdf has only if its material has one of BsdfExtensions.
+struct ExtendedLobes {
+  CoatLobe coat;
+  float coat_probability = 0;  // of sampling the coat; the rest is what lies below
 };
 
 /// Everything about scattering at one point for one viewer. Plain data, made per hit.
@@ -67,6 +89,7 @@ struct Bsdf {
   bool channelwise = false;
   bool plain_fresnel = true;  // f0 follows from eta and the weight is 1
   const AlbedoTable* reflector = nullptr;
+  std::optional<ExtendedLobes> extended;
 };
 
 struct BsdfValue {
@@ -86,13 +109,20 @@ struct BsdfSample {
 Bsdf make_bsdf(const BsdfParameters& parameters, const BsdfTables& tables, const BsdfFrame& frame,
                const Vec3f& wo);
 
+/// The same for a material with extensions; `coat_frame` is the frame of the coat's own normal.
+Bsdf make_extended_bsdf(const BsdfParameters& parameters, const BsdfExtensions& extensions,
+                        const BsdfTables& tables, const BsdfFrame& frame,
+                        const BsdfFrame& coat_frame, const Vec3f& wo);
+
 /// Value and density for `wi` (world, unit).
 ///
 /// Reflection is the specification's BRDF (glTF 2.0, appendix B; KHR_materials_specular, _ior,
 /// _transmission, pbrSpecularGlossiness), metals with Kulla & Conty's multiple-scattering lobe.
 /// Transmission through solids is Walter et al. 2007, equation 21, without the change of radiance
 /// by eta^2, which cancels for closed solids; rough glass is divided by its single-scattering
-/// albedo at wo, so reciprocity holds for it up to that factor.
+/// albedo at wo, so reciprocity holds for it up to that factor. A coat takes its Fresnel term at
+/// wo alone and leaves the rest to what lies below (KHR_materials_clearcoat), so reciprocity does
+/// not hold for it.
 BsdfValue evaluate_bsdf(const Bsdf& bsdf, const Vec3f& wi);
 
 /// Draws a direction: `u_lobe` in [0, 1) chooses, `u` places. False when the sample is lost (below

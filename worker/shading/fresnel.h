@@ -23,6 +23,12 @@ constexpr float f0_from_ior(float ior) {
   return r * r;
 }
 
+/// What a coat of varnish (index 1.5) over the share `coat` of a surface reflects of light that
+/// leaves at `cos_theta` (KHR_materials_clearcoat).
+constexpr float coat_reflectance(float coat, float cos_theta) {
+  return coat * (0.04f + 0.96f * schlick_weight(cos_theta));
+}
+
 /// Reflectance of unpolarised light at a smooth dielectric interface, exact. `cos_i` is the
 /// absolute cosine on the side the light comes from, `eta` = n(other side) / n(this side) > 0.
 /// 1 beyond the critical angle; always within [0, 1].

@@ -141,6 +141,7 @@ void ShadingScene::add_materials(const Scene& scene) {
     if (m.transmission > 0 && !m.unlit) {
       view.interface = m.has_volume ? Interface::solid : Interface::thin;
     }
+    view.extended = m.clearcoat.factor > 0 && !m.unlit;
     if (used[materials.size()]) add_tables(&view);
     view.traits = traits_of(m, view, scene);
     materials.push_back(view);

@@ -50,6 +50,7 @@ struct MaterialView {
   Vec3f extinction;  // -ln(attenuationColor) / attenuationDistance, 1/m; may be infinite
   bool absorbs = false;
   bool emissive = false;
+  bool extended = false;  // has an extension of BsdfExtensions
   Interface interface = Interface::opaque;
   BsdfTables tables;
   std::uint8_t traits = 0;

@@ -1,89 +1,24 @@
 #include "worker/shading/surface.h"
 
-#include "worker/geometry/frame.h"
 #include "worker/math/elementary.h"
-#include "worker/shading/microfacet.h"
+#include "worker/shading/surface_extensions.h"
+#include "worker/shading/surface_lookup.h"
 
 namespace tessera::render {
-namespace {
 
-/// a + b1 (b - a) + b2 (c - a): exact where the three corners agree.
-template <typename T>
-T interpolated(const T* values, const ShadingPoint& p) {
-  const T a = values[p.vertices[0]], b = values[p.vertices[1]], c = values[p.vertices[2]];
-  return a + (b - a) * p.b1 + (c - a) * p.b2;
-}
+using surface_lookup::interpolated;
+using surface_lookup::normal_mapped;
+using surface_lookup::read;
+using surface_lookup::vertex_normal;
+using surface_lookup::viewing_frame;
+
+namespace {
 
 PlacedTriangle placed_triangle(const ShadingPoint& p) {
   const Vec3f* x = p.primitive->positions;
   const Instance& instance = *p.instance->source;
   return {instance.object_to_world, instance.world_to_object, x[p.vertices[0]], x[p.vertices[1]],
           x[p.vertices[2]]};
-}
-
-Vec2f uv_at(const ShadingPoint& p, const TextureRef& ref) {
-  const Vec2f* uv = p.primitive->uv[ref.uv_set == 1 ? 1 : 0];
-  return uv == nullptr ? Vec2f{} : interpolated(uv, p);
-}
-
-Vec4f read(const ShadingScene& scene, const ShadingPoint& p, const TextureRef& ref) {
-  if (!ref) return {1, 1, 1, 1};
-  return scene.textures.lookup(ref, uv_at(p, ref));
-}
-
-/// Tangent of the UV parametrisation of the triangle, object space; zero if there is none.
-Vec4f tangent_from_uv(const ShadingPoint& p, const TextureRef& ref) {
-  const Vec2f* uv = p.primitive->uv[ref.uv_set == 1 ? 1 : 0];
-  if (uv == nullptr) return {};
-  const Vec3f* x = p.primitive->positions;
-  const Vec3f e1 = x[p.vertices[1]] - x[p.vertices[0]], e2 = x[p.vertices[2]] - x[p.vertices[0]];
-  const Vec2f d1 = uv[p.vertices[1]] - uv[p.vertices[0]],
-              d2 = uv[p.vertices[2]] - uv[p.vertices[0]];
-  const float det = difference_of_products(d1.x, d2.y, d1.y, d2.x);
-  const float sign = det < 0 ? -1.0f : 1.0f;
-  const Vec3f t = normalize((e1 * d2.y - e2 * d1.y) * sign);
-  return {t.x, t.y, t.z, sign};
-}
-
-/// `normal` tilted by the normal texture; itself where tangent or texel are degenerate.
-Vec3f normal_mapped(const ShadingScene& scene, const ShadingPoint& p, const Vec3f& normal) {
-  const Material& m = *p.material->source;
-  const Vec4f object_tangent = p.primitive->tangents != nullptr
-                                   ? interpolated(p.primitive->tangents, p)
-                                   : tangent_from_uv(p, m.normal_texture);
-  const Vec3f along = transform_vector(p.instance->object_to_world, object_tangent.xyz());
-  const Vec3f tangent = normalize(along - normal * dot(normal, along));
-  if (tangent == Vec3f{}) return normal;
-  // World space of a mirrored instance turns the cross product round.
-  const float side = (object_tangent.w < 0 ? -1.0f : 1.0f) * p.instance->handedness;
-  const Vec3f bitangent = cross(normal, tangent) * side;
-  const Vec4f texel = read(scene, p, m.normal_texture);
-  const float x = (texel.x * 2 - 1) * m.normal_scale, y = (texel.y * 2 - 1) * m.normal_scale;
-  const float z = texel.z * 2 - 1;
-  const Vec3f tilted = normalize(tangent * x + bitangent * y + normal * z);
-  return tilted == Vec3f{} || !is_finite(tilted) ? normal : tilted;
-}
-
-/// Both normals on the viewer's side, the shading one bent so that it really is.
-BsdfFrame viewing_frame(const ShadingPoint& p, const Vec3f& shading_normal, const Vec3f& wo) {
-  BsdfFrame frame;
-  frame.geometric_normal = p.front ? p.geometric_normal : -p.geometric_normal;
-  Vec3f n = p.front ? shading_normal : -shading_normal;
-  if (!(dot(n, frame.geometric_normal) > 0)) n = frame.geometric_normal;
-  // What a mirror shows must lie above the surface: else the normal is turned until it does, which
-  // also puts the viewer on its side.
-  const Vec3f reflected = n * (2 * dot(n, wo)) - wo;
-  const float facing = dot(frame.geometric_normal, wo);
-  const float least = facing < 0.02f ? 0.5f * facing : 0.01f;
-  const float height = dot(frame.geometric_normal, reflected);
-  if (height < least) {
-    n = direction_of(wo + direction_of(reflected + frame.geometric_normal * (least - height)));
-  }
-  frame.normal = n;
-  const Frame axes = Frame::from_normal(n);
-  frame.tangent = axes.s;
-  frame.bitangent = axes.t;
-  return frame;
 }
 
 BsdfParameters parameters_at(const ShadingScene& scene, const ShadingPoint& p, const Vec4f& base) {
@@ -158,26 +93,28 @@ float coverage_at(const ShadingScene& scene, const ShadingPoint& p) {
   return clamp(alpha, 0.0f, 1.0f);
 }
 
-Vec3f emission_at(const ShadingScene& scene, const ShadingPoint& p) {
+Vec3f emission_at(const ShadingScene& scene, const ShadingPoint& p, const Vec3f& wo) {
   const Material& m = *p.material->source;
   if (!p.material->emissive || (!p.front && !m.double_sided)) return {};
-  if (!m.emissive_texture) return m.emission;
-  return m.emission * read(scene, p, m.emissive_texture).xyz();
+  const Vec3f emission =
+      m.emissive_texture ? m.emission * read(scene, p, m.emissive_texture).xyz() : m.emission;
+  if (p.material->extended) [[unlikely]]
+    return emission * emission_passed_at(scene, p, wo);
+  return emission;
 }
 
 Vec3f shading_normal_at(const ShadingScene& scene, const ShadingPoint& p) {
-  Vec3f n = p.geometric_normal;
-  if (p.primitive->normals != nullptr) {
-    const Vec3f smooth = normalize(
-        transform_normal(p.instance->world_to_object, interpolated(p.primitive->normals, p)));
-    if (!(smooth == Vec3f{})) n = smooth;
-  }
-  return p.material->source->normal_texture ? normal_mapped(scene, p, n) : n;
+  const Vec3f n = vertex_normal(p);
+  const Material& m = *p.material->source;
+  return m.normal_texture ? normal_mapped(scene, p, m.normal_texture, m.normal_scale, n) : n;
 }
 
 Bsdf bsdf_at(const ShadingScene& scene, const ShadingPoint& p, const Vec4f& base, const Vec3f& wo) {
   const BsdfFrame frame = viewing_frame(p, shading_normal_at(scene, p), wo);
-  return make_bsdf(parameters_at(scene, p, base), p.material->tables, frame, wo);
+  const BsdfParameters parameters = parameters_at(scene, p, base);
+  if (p.material->extended) [[unlikely]]
+    return extended_bsdf_at(scene, p, parameters, frame, wo);
+  return make_bsdf(parameters, p.material->tables, frame, wo);
 }
 
 Vec3f beer_transmittance(const Vec3f& extinction, float distance) {

@@ -35,8 +35,8 @@ Vec4f base_color_at(const ShadingScene& scene, const ShadingPoint& point);
 /// Coverage by alphaMode: 1 for OPAQUE, 0 or 1 for MASK (opaque at the cutoff), alpha for BLEND.
 float coverage_at(const ShadingScene& scene, const ShadingPoint& point);
 
-/// Radiance in nits towards the ray's origin; zero on the dark side.
-Vec3f emission_at(const ShadingScene& scene, const ShadingPoint& point);
+/// Radiance in nits towards `wo` (unit, world); zero on the dark side.
+Vec3f emission_at(const ShadingScene& scene, const ShadingPoint& point, const Vec3f& wo);
 
 /// Shading normal in world space on the front side, unit: interpolated, then normal-mapped.
 Vec3f shading_normal_at(const ShadingScene& scene, const ShadingPoint& point);
