@@ -7,8 +7,10 @@
 #include <vector>
 
 #include "worker/geometry/frame.h"
+#include "worker/shading/anisotropic_albedo.h"
 #include "worker/shading/bsdf.h"
 #include "worker/shading/fresnel.h"
+#include "worker/shading/sheen.h"
 
 namespace tessera::render {
 namespace {
@@ -20,7 +22,9 @@ struct Tables {
   AlbedoTable reflector = AlbedoTable::reflector();
   AlbedoTable entering = AlbedoTable::dielectric(1.5);
   AlbedoTable leaving = AlbedoTable::dielectric(1 / 1.5);
-  BsdfTables all() const { return {&reflector, &entering, &leaving}; }
+  AnisotropicAlbedo anisotropic;
+  SheenTable sheen;
+  BsdfTables all() const { return {&reflector, &entering, &leaving, &anisotropic, &sheen}; }
 };
 
 const Tables& tables() {
@@ -35,6 +39,8 @@ struct Case {
   BsdfExtensions extensions = {};
   bool extended = false;
   float coat_tilt = 0;  // radians, of the coat's normal
+  // Too narrow for the bins, or drawn where nothing is carried, which sample() does not return.
+  bool unfit_for_chi_square = false;
 
   bool is_reciprocal() const { return extensions.coat == 0; }
 };
@@ -65,9 +71,86 @@ void add_coats(std::vector<Case>* all) {
   all->push_back({"half a coat", lambert, 0.99, 1, {.coat = 0.5f, .coat_roughness = 0.5f}, true});
 }
 
+/// Brushed metals and sheets, from a mirror along the other direction on.
+void add_anisotropic(std::vector<Case>* all) {
+  for (const float r : {0.0f, 0.3f, 0.6f}) {
+    for (const float strength : {0.3f, 1.0f}) {
+      const std::string name =
+          std::to_string(r).substr(0, 3) + " strength " + std::to_string(strength).substr(0, 3);
+      const BsdfExtensions brushed{.anisotropy = strength};
+      all->push_back({"brushed metal " + name, base(1, r), 0.98, 1.015, brushed, true, 0, r == 0});
+      BsdfParameters thin = base(0, r);
+      thin.transmission = 1;
+      thin.interface = Interface::thin;
+      all->push_back({"brushed sheet " + name, thin, 0.97, 1.015, brushed, true, 0, r == 0});
+    }
+  }
+  BsdfParameters solid = base(0, 0.4f);
+  solid.transmission = 1;
+  solid.interface = Interface::solid;
+  all->push_back({"brushed glass", solid, 0.5, 1.001, {.anisotropy = 0.7f}, true});
+}
+
+/// White sheen over white: the smaller of two scalings loses a little, nothing is gained.
+void add_sheen(std::vector<Case>* all) {
+  BsdfParameters lambert = base(0, 1);
+  lambert.specular_weight = 0;
+  for (const float r : {0.0f, 0.1f, 0.3f, 0.6f, 1.0f}) {
+    const std::string name = "sheen " + std::to_string(r).substr(0, 3);
+    BsdfExtensions sheen;
+    sheen.sheen = {1, 1, 1};
+    sheen.sheen_roughness = r;
+    all->push_back({name, lambert, 0.4, 1.004, sheen, true});
+    sheen.coat = 0.5f;
+    sheen.coat_roughness = 0.3f;
+    all->push_back({name + " under a coat", lambert, 0.4, 1.004, sheen, true});
+  }
+}
+
+void add_films(std::vector<Case>* all) {
+  for (const float thickness : {150.0f, 400.0f, 1200.0f}) {
+    const std::string name = "film " + std::to_string(thickness).substr(0, 4) + " on ";
+    BsdfExtensions film;
+    film.film = {1, 1.8f, thickness};
+    all->push_back({name + "metal", base(1, 0.3f), 0.4, 1.005, film, true});
+    all->push_back({name + "dielectric", base(0, 0.5f), 0.3, 1.3, film, true});
+    BsdfParameters glass = base(0, 0.3f);
+    glass.transmission = 1;
+    glass.interface = Interface::thin;
+    all->push_back({name + "sheet", glass, 0.3, 1.01, film, true});
+    glass.interface = Interface::solid;
+    all->push_back({name + "glass", glass, 0.3, 1.015, film, true});
+    glass.front = false;
+    all->push_back({name + "glass from inside", glass, 0.3, 1.03, film, true});
+  }
+}
+
+void add_diffuse_transmission(std::vector<Case>* all) {
+  BsdfParameters leaf = base(0, 1);
+  leaf.specular_weight = 0;
+  leaf.interface = Interface::thin;
+  BsdfExtensions through;
+  through.diffuse_transmission = 0.7f;
+  all->push_back({"leaf", leaf, 0.999, 1.001, through, true});
+  leaf.specular_weight = 1;
+  leaf.roughness = 0.4f;
+  all->push_back({"shiny leaf", leaf, 0.3, 1.5, through, true});
+  leaf.transmission = 0.5f;
+  all->push_back({"half a sheet, half a leaf", leaf, 0.3, 1.3, through, true});
+  leaf.transmission = 0;
+  leaf.interface = Interface::solid;
+  all->push_back({"wax", leaf, 0.3, 1.5, through, true});
+  leaf.front = false;
+  all->push_back({"wax from inside", leaf, 0.3, 1.5, through, true, 0, true});
+}
+
 std::vector<Case> cases() {
   std::vector<Case> all;
   add_coats(&all);
+  add_anisotropic(&all);
+  add_sheen(&all);
+  add_films(&all);
+  add_diffuse_transmission(&all);
   BsdfParameters lambert = base(0, 1);
   lambert.specular_weight = 0;
   all.push_back({"lambert", lambert, 1, 1});
@@ -146,7 +229,8 @@ TEST(Bsdf, AlbedoIsOneWhereNothingAbsorbsAndNeverMore) {  // hard cases 38, 46
         squares += w * w;
       }
       const double mean = sum / kSamples;
-      const double error = std::sqrt((squares / kSamples - mean * mean) / kSamples);
+      const double variance = std::max(squares / kSamples - mean * mean, 0.0);
+      const double error = std::sqrt(variance / kSamples);
       EXPECT_GE(mean, c.albedo_low - 4 * error) << c.name << " at " << cos_o;
       EXPECT_LE(mean, c.albedo_high + 4 * error) << c.name << " at " << cos_o;
     }
@@ -241,6 +325,7 @@ TEST(Bsdf, SamplesFollowTheirDensity) {  // hard case 48
   constexpr int kSamples = 150000;
   std::uint32_t seed = 1;
   for (const Case& c : cases()) {
+    if (c.unfit_for_chi_square) continue;
     for (const double cos_o : {0.98, 0.5, 0.1}) {
       const Bsdf bsdf = bsdf_for(c, cos_o);
       const auto expected = expected_counts(bsdf, kSamples);

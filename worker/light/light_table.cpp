@@ -253,7 +253,8 @@ bool LightTable::sample_emitter(const Entry& entry, float share, const Vec3f& po
   sample->distant = false;
   sample->triangle = id;
   const ShadingPoint light = surface_at(shading_, id, w.x, w.y, sample->direction);
-  const Vec3f radiance = emission_at(shading_, light, -sample->direction) * coverage_at(shading_, light);
+  const Vec3f radiance =
+      emission_at(shading_, light, -sample->direction) * coverage_at(shading_, light);
   if (!(max_component(radiance) > 0)) return false;
   const float cosine = std::fabs(dot(light.geometric_normal, sample->direction));
   sample->pdf = seen.solid_angle > 0 ? static_cast<float>(share / seen.solid_angle)

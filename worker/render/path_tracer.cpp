@@ -6,6 +6,7 @@
 #include "worker/geometry/surface_point.h"
 #include "worker/sampling/dimensions.h"
 #include "worker/sampling/sampler.h"
+#include "worker/shading/dispersion.h"
 
 namespace tessera::render {
 namespace {
@@ -37,6 +38,7 @@ struct Path {
   float pdf = 0;                         // of the last scattering, over solid angle
   LightReceiver scattered_at;            // where that was
   const MaterialView* medium = nullptr;  // the absorbing solid the ray is in
+  float wavelength = 0;                  // nanometres; 0 until a dispersive surface asks for one
 };
 
 class PathTracer {
@@ -50,6 +52,7 @@ class PathTracer {
   void start(std::int32_t x, std::int32_t y);
   bool find_hit(Hit* hit);
   bool step(const Hit& hit);
+  void choose_wavelength();
   void add_sky();
   void record(const ShadingPoint& point, const SurfacePoint& position, const Vec4f& base);
   void absorb(const ShadingPoint& point, float distance);
@@ -135,11 +138,21 @@ bool PathTracer::step(const Hit& hit) {
   add_emission(point, hit.id, position.position);
   const bool last = path_.depth == frame_.max_depth;
   if (last && point.material->interface != Interface::thin) return false;
-  const Bsdf bsdf = bsdf_at(frame_.shading, point, base, -path_.ray.direction);
+  if (point.material->dispersive) [[unlikely]]
+    choose_wavelength();
+  const Bsdf bsdf = bsdf_at(frame_.shading, point, base, -path_.ray.direction, path_.wavelength);
   if (goes_straight(bsdf, hit, position)) return true;
   if (last) return false;
   add_direct(bsdf, hit.id, position);
   return scatter(point, bsdf, hit.id, position);
+}
+
+/// From the first dispersive surface on the path stands for one wavelength.
+void PathTracer::choose_wavelength() {
+  if (path_.wavelength > 0) return;
+  const Wavelength chosen = wavelength_at(sampler_.get_4d(dimensions::kFilter).w);
+  path_.wavelength = chosen.nanometres;
+  path_.throughput *= chosen.weight;
 }
 
 void PathTracer::add_sky() {

@@ -51,8 +51,8 @@ struct Accessor {
 };
 
 /// Every texture reference of a material.
-std::array<TextureRef*, 11> texture_refs(Material& material);
-std::array<const TextureRef*, 11> texture_refs(const Material& material);
+std::array<TextureRef*, 18> texture_refs(Material& material);
+std::array<const TextureRef*, 18> texture_refs(const Material& material);
 
 using Attributes = std::map<std::string, std::int32_t>;  // semantic -> accessor
 

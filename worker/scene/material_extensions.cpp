@@ -39,6 +39,12 @@ class MaterialReader {
     read_transmission(look_.extension("KHR_materials_transmission"));
     read_volume(look_.extension("KHR_materials_volume"));
     read_clearcoat(layer("KHR_materials_clearcoat"));
+    read_anisotropy(layer("KHR_materials_anisotropy"));
+    read_sheen(layer("KHR_materials_sheen"));
+    out_.dispersion =
+        static_cast<float>(layer("KHR_materials_dispersion").number("dispersion", 0, 0, 1e6));
+    read_iridescence(layer("KHR_materials_iridescence"));
+    read_diffuse_transmission(layer("KHR_materials_diffuse_transmission"));
   }
 
  private:
@@ -153,6 +159,44 @@ class MaterialReader {
         static_cast<float>(coat["clearcoatNormalTexture"].number("scale", 1, -1e6, 1e6));
   }
 
+  void read_anisotropy(const JsonView& anisotropy) {
+    if (!anisotropy.present()) return;
+    out_.anisotropy.strength = unit(anisotropy, "anisotropyStrength", 0);
+    out_.anisotropy.rotation =
+        static_cast<float>(anisotropy.number("anisotropyRotation", 0, -1e6, 1e6));
+    out_.anisotropy.texture = texture(anisotropy["anisotropyTexture"], false);
+  }
+
+  void read_sheen(const JsonView& sheen) {
+    if (!sheen.present()) return;
+    if (sheen["sheenColorFactor"].present()) out_.sheen.color = color(sheen, "sheenColorFactor", 1);
+    out_.sheen.color_texture = texture(sheen["sheenColorTexture"], true);
+    out_.sheen.roughness = unit(sheen, "sheenRoughnessFactor", 0);
+    out_.sheen.roughness_texture = texture(sheen["sheenRoughnessTexture"], false);
+  }
+
+  void read_iridescence(const JsonView& film) {
+    if (!film.present()) return;
+    Iridescence& i = out_.iridescence;
+    i.factor = unit(film, "iridescenceFactor", 0);
+    i.texture = texture(film["iridescenceTexture"], false);
+    i.ior = static_cast<float>(film.number("iridescenceIor", 1.3, 1, 1e6));
+    i.thickness_minimum =
+        static_cast<float>(film.number("iridescenceThicknessMinimum", 100, 0, 1e9));
+    i.thickness_maximum =
+        static_cast<float>(film.number("iridescenceThicknessMaximum", 400, 0, 1e9));
+    i.thickness_texture = texture(film["iridescenceThicknessTexture"], false);
+  }
+
+  void read_diffuse_transmission(const JsonView& through) {
+    if (!through.present()) return;
+    DiffuseTransmission& d = out_.diffuse_transmission;
+    d.factor = unit(through, "diffuseTransmissionFactor", 0);
+    d.texture = texture(through["diffuseTransmissionTexture"], false);
+    d.color = color(through, "diffuseTransmissionColorFactor", 1);
+    d.color_texture = texture(through["diffuseTransmissionColorTexture"], true);
+  }
+
   const JsonView& look_;
   Document& document_;
   JsonFault& fault_;
@@ -172,7 +216,7 @@ void drop_far_uv_sets(Material& material, const std::string& element, Document& 
 
 }  // namespace
 
-std::array<TextureRef*, 11> texture_refs(Material& m) {
+std::array<TextureRef*, 18> texture_refs(Material& m) {
   return {&m.base_color_texture,
           &m.metallic_roughness_texture,
           &m.specular_glossiness_texture,
@@ -183,11 +227,18 @@ std::array<TextureRef*, 11> texture_refs(Material& m) {
           &m.transmission_texture,
           &m.clearcoat.texture,
           &m.clearcoat.roughness_texture,
-          &m.clearcoat.normal_texture};
+          &m.clearcoat.normal_texture,
+          &m.anisotropy.texture,
+          &m.sheen.color_texture,
+          &m.sheen.roughness_texture,
+          &m.iridescence.texture,
+          &m.iridescence.thickness_texture,
+          &m.diffuse_transmission.texture,
+          &m.diffuse_transmission.color_texture};
 }
 
-std::array<const TextureRef*, 11> texture_refs(const Material& m) {
-  std::array<const TextureRef*, 11> out{};
+std::array<const TextureRef*, 18> texture_refs(const Material& m) {
+  std::array<const TextureRef*, 18> out{};
   std::ranges::copy(texture_refs(const_cast<Material&>(m)), out.begin());
   return out;
 }

@@ -38,6 +38,10 @@ bool emits(const Material& m) {
   return !m.unlit && max_component(m.emission) > 0;
 }
 
+bool is_solid_glass(const Material& m) {
+  return m.transmission > 0 && m.has_volume;
+}
+
 std::uint32_t material_features(const Material& m) {
   std::uint32_t f = 0;
   for (const TextureRef* ref : texture_refs(m)) f |= texture_features(*ref);
@@ -53,6 +57,13 @@ std::uint32_t material_features(const Material& m) {
   if (m.transmission > 0) f |= m.has_volume ? kNeedsVolumes : kNeedsThinTransmission;
   if (emits(m)) f |= kNeedsEmissiveTriangles;
   if (m.clearcoat.factor > 0) f |= kNeedsClearcoat;
+  if (m.anisotropy.strength > 0) f |= kNeedsAnisotropy;
+  if (max_component(m.sheen.color) > 0) f |= kNeedsSheen;
+  if (m.dispersion > 0 && is_solid_glass(m)) f |= kNeedsDispersion;
+  if (m.iridescence.factor > 0) f |= kNeedsIridescence;
+  if (m.diffuse_transmission.factor > 0) {
+    f |= kNeedsDiffuseTransmission | (m.has_volume ? kNeedsVolumes : 0u);
+  }
   return f;
 }
 
@@ -83,10 +94,6 @@ std::int64_t light_table_bytes(const Scene& scene, const std::vector<bool>& used
     bytes += kLightBytesPerSkyTexel * texels(scene.environment.image);
   }
   return bytes;
-}
-
-bool is_solid_glass(const Material& m) {
-  return m.transmission > 0 && m.has_volume;
 }
 
 /// A triangle in recentred world space.
@@ -221,7 +228,12 @@ std::vector<std::string> feature_names(std::uint32_t features) {
                                            "constant-environment",
                                            "instances",
                                            "orthographic-camera",
-                                           "clearcoat"};
+                                           "clearcoat",
+                                           "anisotropy",
+                                           "sheen",
+                                           "dispersion",
+                                           "iridescence",
+                                           "diffuse-transmission"};
   std::vector<std::string> out;
   for (std::size_t bit = 0; bit < std::size(kNames); ++bit) {
     if ((features >> bit & 1) != 0) out.emplace_back(kNames[bit]);

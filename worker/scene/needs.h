@@ -31,6 +31,11 @@ enum Feature : std::uint32_t {
   kNeedsInstances = 1u << 16,  // a mesh placed more than once
   kNeedsOrthographicCamera = 1u << 17,
   kNeedsClearcoat = 1u << 18,
+  kNeedsAnisotropy = 1u << 19,
+  kNeedsSheen = 1u << 20,
+  kNeedsDispersion = 1u << 21,
+  kNeedsIridescence = 1u << 22,
+  kNeedsDiffuseTransmission = 1u << 23,
 };
 
 /// Resident memory of a renderer before it has a scene. Most are pages of libraries, which all

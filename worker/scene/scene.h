@@ -65,6 +65,37 @@ struct Clearcoat {
   float normal_scale = 1;
 };
 
+/// KHR_materials_anisotropy: rougher along one direction.
+struct Anisotropy {
+  float strength = 0, rotation = 0;  // [0, 1]; radians from the tangent towards the bitangent
+  TextureRef texture;                // R, G direction, B strength
+};
+
+/// KHR_materials_sheen: fibres over the base, under the varnish.
+struct Sheen {
+  Vec3f color;
+  TextureRef color_texture;  // sRGB
+  float roughness = 0;
+  TextureRef roughness_texture;  // A
+};
+
+/// KHR_materials_iridescence: a thin film on the base.
+struct Iridescence {
+  float factor = 0;
+  TextureRef texture;                                      // R
+  float ior = 1.3f;                                        // at least 1
+  float thickness_minimum = 100, thickness_maximum = 400;  // nanometres
+  TextureRef thickness_texture;                            // G, from minimum to maximum
+};
+
+/// KHR_materials_diffuse_transmission: part of the diffuse light leaves on the other side.
+struct DiffuseTransmission {
+  float factor = 0;
+  TextureRef texture;  // A
+  Vec3f color = {1, 1, 1};
+  TextureRef color_texture;  // sRGB
+};
+
 /// A glTF material with its extensions folded in; factors multiply textures as the
 /// specification says. Further extensions add members here and a bit in scene/needs.h.
 struct Material {
@@ -102,6 +133,11 @@ struct Material {
   float attenuation_distance = std::numeric_limits<float>::infinity();  // metres
 
   Clearcoat clearcoat;
+  Anisotropy anisotropy;
+  Sheen sheen;
+  float dispersion = 0;  // KHR_materials_dispersion: 20 / Abbe number
+  Iridescence iridescence;
+  DiffuseTransmission diffuse_transmission;
 };
 
 /// One glTF primitive, as triangles. Optional arrays are empty or as long as `positions`.

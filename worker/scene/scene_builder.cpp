@@ -129,8 +129,12 @@ class SceneBuilder {
       if (*ref) needs.uv[static_cast<std::size_t>(ref->uv_set)] = true;
     }
     const TextureRef& coat = m.clearcoat.normal_texture;
-    needs.tangents = (m.normal_texture || coat) && !m.unlit;
-    needs.tangent_uv_set = m.normal_texture ? m.normal_texture.uv_set : coat.uv_set;
+    const bool anisotropic = m.anisotropy.strength > 0;
+    needs.tangents = (m.normal_texture || coat || anisotropic) && !m.unlit;
+    needs.tangent_uv_set = m.normal_texture ? m.normal_texture.uv_set
+                           : coat           ? coat.uv_set
+                                            : m.anisotropy.texture.uv_set;
+    if (anisotropic) needs.uv[static_cast<std::size_t>(needs.tangent_uv_set)] = true;
     return needs;
   }
 

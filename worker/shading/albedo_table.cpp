@@ -4,6 +4,7 @@
 
 #include "worker/math/vector.h"
 #include "worker/shading/fresnel.h"
+#include "worker/shading/half_circle.h"
 #include "worker/shading/microfacet.h"
 
 namespace tessera::render {
@@ -11,26 +12,7 @@ namespace {
 
 constexpr int kAzimuths = 8, kElevations = 64;  // midpoint rule over half the visible normals
 
-struct Circle {
-  std::array<double, kAzimuths> cosine{}, sine{};
-};
-
-/// cos and sin of (k + 1/2) pi / kAzimuths from cos(pi/4) by half-angle and addition formulas:
-/// only exactly rounded operations.
-Circle half_circle() {
-  double c = std::sqrt(0.5);  // cos(pi / 4)
-  for (int n = 4; n < 2 * kAzimuths; n *= 2) c = std::sqrt((1 + c) / 2);
-  const double s = std::sqrt((1 - c) * (1 + c));  // angle pi / (2 kAzimuths)
-  const double c2 = (c - s) * (c + s), s2 = 2 * c * s;
-  Circle circle;
-  circle.cosine[0] = c;
-  circle.sine[0] = s;
-  for (std::size_t k = 1; k < kAzimuths; ++k) {
-    circle.cosine[k] = circle.cosine[k - 1] * c2 - circle.sine[k - 1] * s2;
-    circle.sine[k] = circle.sine[k - 1] * c2 + circle.cosine[k - 1] * s2;
-  }
-  return circle;
-}
+using Circle = HalfCircle<kAzimuths>;
 
 /// G2 / G1(wo) for a direction with cosine `cos_i` of either side.
 double masking_ratio(double cos_o, double cos_i, double root_o, double alpha) {
@@ -89,7 +71,7 @@ double grid_cosine(int i) {
 }  // namespace
 
 AlbedoTable AlbedoTable::dielectric(double eta) {
-  const Circle circle = half_circle();
+  const Circle circle;
   AlbedoTable table;
   for (int r = 0; r < kRoughness; ++r) {
     const double roughness = static_cast<double>(r) / (kRoughness - 1);

@@ -5,8 +5,12 @@
 
 #include "worker/math/vector.h"
 #include "worker/shading/albedo_table.h"
+#include "worker/shading/thin_film.h"
 
 namespace tessera::render {
+
+class AnisotropicAlbedo;
+class SheenTable;
 
 /// Below this alpha a microfacet lobe is a mirror: D would need more digits than a float has.
 inline constexpr float kMirrorAlpha = 1e-3f;
@@ -36,6 +40,12 @@ struct BsdfParameters {
 struct BsdfExtensions {
   float coat = 0;            // KHR_materials_clearcoat: share that is coated, [0, 1]
   float coat_roughness = 0;  // perceptual
+  Vec3f sheen = {};          // KHR_materials_sheen: colour, [0, 1]
+  float sheen_roughness = 0;
+  float anisotropy = 0;            // KHR_materials_anisotropy: strength, along the frame's tangent
+  ThinFilm film = {};              // KHR_materials_iridescence
+  float diffuse_transmission = 0;  // KHR_materials_diffuse_transmission
+  Vec3f diffuse_transmission_color = {1, 1, 1};
 };
 
 /// Albedo tables a BSDF may need; those it does not need may be null.
@@ -43,6 +53,8 @@ struct BsdfTables {
   const AlbedoTable* reflector = nullptr;
   const AlbedoTable* entering = nullptr;  // dielectric(ior): transmissive solids seen from outside
   const AlbedoTable* leaving = nullptr;   // dielectric(1 / ior)
+  const AnisotropicAlbedo* anisotropic = nullptr;
+  const SheenTable* sheen = nullptr;
 };
 
 /// Orthonormal shading frame with the viewer on the +z side of both normals.
@@ -60,10 +72,28 @@ struct CoatLobe {
   bool mirror = false;
 };
 
+/// Fibres over the base, under the coat.
+struct SheenLobe {
+  Vec3f color;       // zero: there are none
+  float albedo = 0;  // of white sheen at wo
+  float roughness = 1, alpha = 1;
+  float lambda_o = 0;
+  const SheenTable* table = nullptr;
+};
+
 /// What a Bsdf has only if its material has one of BsdfExtensions.
 struct ExtendedLobes {
   CoatLobe coat;
-  float coat_probability = 0;  // of sampling the coat; the rest is what lies below
+  SheenLobe sheen;
+  float coat_probability = 0, sheen_probability = 0;  // of sampling them; else the base
+
+  // Of the base:
+  ThinFilm film;
+  float anisotropy = 0;
+  float alpha_t = 0;  // along the tangent, Bsdf::alpha being across it; 0: isotropic
+  const AnisotropicAlbedo* anisotropic = nullptr;
+  Vec3f diffuse_transmit;      // weight of the cosine lobe behind the surface
+  float back_probability = 0;  // of taking that one, if one of the cosine lobes is sampled
 };
 
 /// Everything about scattering at one point for one viewer. Plain data, made per hit.
@@ -122,7 +152,7 @@ Bsdf make_extended_bsdf(const BsdfParameters& parameters, const BsdfExtensions& 
 /// by eta^2, which cancels for closed solids; rough glass is divided by its single-scattering
 /// albedo at wo, so reciprocity holds for it up to that factor. A coat takes its Fresnel term at
 /// wo alone and leaves the rest to what lies below (KHR_materials_clearcoat), so reciprocity does
-/// not hold for it.
+/// not hold for it. Sheen scales the base by what it leaves at wo and at wi (KHR_materials_sheen).
 BsdfValue evaluate_bsdf(const Bsdf& bsdf, const Vec3f& wi);
 
 /// Draws a direction: `u_lobe` in [0, 1) chooses, `u` places. False when the sample is lost (below

@@ -32,6 +32,20 @@ inline T smith_root(T cos_theta, T alpha) {
   return std::sqrt(a2 + (1 - a2) * (cos_theta * cos_theta));
 }
 
+/// Anisotropic: alpha `at` along x and `ab` along y. Source: KHR_materials_anisotropy.
+template <typename T>
+inline T ggx_d(const Vec3<T>& h, T at, T ab) {
+  const T a2 = at * ab;
+  const T x = ab * h.x, y = at * h.y, z = a2 * h.z;
+  const T w2 = a2 / (x * x + y * y + z * z);
+  return a2 * w2 * w2 * T(0.31830988618379067154);
+}
+template <typename T>
+inline T smith_root(const Vec3<T>& w, T at, T ab) {
+  const T x = at * w.x, y = ab * w.y;
+  return std::sqrt(x * x + y * y + w.z * w.z);
+}
+
 /// G / (4 |n.l| |n.v|), height-correlated. Source: glTF 2.0, appendix B.3.2. Cosines positive.
 template <typename T>
 inline T smith_visibility(T cos_o, T cos_i, T root_o, T root_i) {
@@ -49,13 +63,17 @@ inline T visible_normal_density(T d, T cos_o, T root_o) {
 /// circle and u in [0, 1). Source: Dupuy & Benyoub, "Sampling Visible GGX Normals with
 /// Spherical Caps", 2023.
 template <typename T>
-inline Vec3<T> sample_visible_normal(const Vec3<T>& wo, T alpha, T cos_phi, T sin_phi, T u) {
-  const Vec3<T> w = direction_of(Vec3<T>{wo.x * alpha, wo.y * alpha, wo.z});
+inline Vec3<T> sample_visible_normal(const Vec3<T>& wo, T at, T ab, T cos_phi, T sin_phi, T u) {
+  const Vec3<T> w = direction_of(Vec3<T>{wo.x * at, wo.y * ab, wo.z});
   const T hz = (1 - u) * (1 + w.z);  // positive; z of the reflected direction is hz - w.z
   const T z = hz - w.z;
   const T s2 = (1 - z) * (1 + z);
   const T s = s2 > 0 ? std::sqrt(s2) : T(0);
-  return direction_of(Vec3<T>{(s * cos_phi + w.x) * alpha, (s * sin_phi + w.y) * alpha, hz});
+  return direction_of(Vec3<T>{(s * cos_phi + w.x) * at, (s * sin_phi + w.y) * ab, hz});
+}
+template <typename T>
+inline Vec3<T> sample_visible_normal(const Vec3<T>& wo, T alpha, T cos_phi, T sin_phi, T u) {
+  return sample_visible_normal(wo, alpha, alpha, cos_phi, sin_phi, u);
 }
 
 }  // namespace tessera::render

@@ -52,7 +52,7 @@ std::uint8_t traits_of(const Material& material, const MaterialView& view, const
   unsigned traits = 0;
   if (has_holes(material, scene)) traits |= kTraitAlpha;
   if (material.unlit) traits |= kTraitUnlit;
-  if (view.interface == Interface::thin) traits |= kTraitStraight;
+  if (view.interface == Interface::thin && material.transmission > 0) traits |= kTraitStraight;
   if (view.emissive) traits |= kTraitEmissive;
   if (!material.double_sided && !material.has_volume) traits |= kTraitOneSided;
   return static_cast<std::uint8_t>(traits);
@@ -72,6 +72,12 @@ PrimitiveView view_of(const Primitive& p) {
   v.material = p.material;
   v.id = p.id;
   return v;
+}
+
+/// Whether the material has one of BsdfExtensions.
+bool is_layered(const Material& m) {
+  return m.clearcoat.factor > 0 || m.anisotropy.strength > 0 || max_component(m.sheen.color) > 0 ||
+         m.iridescence.factor > 0 || m.diffuse_transmission.factor > 0;
 }
 
 /// Vertex colours can lower alpha below what material and texture give.
@@ -138,10 +144,11 @@ void ShadingScene::add_materials(const Scene& scene) {
     view.extinction = extinction_of(m);
     view.absorbs = m.has_volume && max_component(view.extinction) > 0;
     view.emissive = !m.unlit && max_component(m.emission) > 0;
-    if (m.transmission > 0 && !m.unlit) {
+    if ((m.transmission > 0 || m.diffuse_transmission.factor > 0) && !m.unlit) {
       view.interface = m.has_volume ? Interface::solid : Interface::thin;
     }
-    view.extended = m.clearcoat.factor > 0 && !m.unlit;
+    view.dispersive = m.dispersion > 0 && view.interface == Interface::solid && m.transmission > 0;
+    view.extended = (is_layered(m) || view.dispersive) && !m.unlit;
     if (used[materials.size()]) add_tables(&view);
     view.traits = traits_of(m, view, scene);
     materials.push_back(view);
@@ -155,7 +162,16 @@ void ShadingScene::add_tables(MaterialView* view) {
     if (!reflector_) reflector_ = std::make_unique<AlbedoTable>(AlbedoTable::reflector());
     view->tables.reflector = reflector_.get();
   }
-  if (view->interface == Interface::solid && m.ior > 0 && m.roughness > 0) add_glass_tables(view);
+  if (m.anisotropy.strength > 0 && (metal || view->interface == Interface::thin)) {
+    if (!anisotropic_) anisotropic_ = std::make_unique<AnisotropicAlbedo>();
+    view->tables.anisotropic = anisotropic_.get();
+  }
+  if (max_component(m.sheen.color) > 0) {
+    if (!sheen_) sheen_ = std::make_unique<SheenTable>();
+    view->tables.sheen = sheen_.get();
+  }
+  const bool refracts = view->interface == Interface::solid && m.transmission > 0;
+  if (refracts && m.ior > 0 && m.roughness > 0) add_glass_tables(view);
 }
 
 void ShadingScene::add_glass_tables(MaterialView* view) {

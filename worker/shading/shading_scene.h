@@ -8,7 +8,9 @@
 #include "worker/geometry/ray.h"
 #include "worker/scene/scene.h"
 #include "worker/shading/albedo_table.h"
+#include "worker/shading/anisotropic_albedo.h"
 #include "worker/shading/bsdf.h"
+#include "worker/shading/sheen.h"
 #include "worker/shading/texture.h"
 
 namespace tessera::render {
@@ -50,7 +52,8 @@ struct MaterialView {
   Vec3f extinction;  // -ln(attenuationColor) / attenuationDistance, 1/m; may be infinite
   bool absorbs = false;
   bool emissive = false;
-  bool extended = false;  // has an extension of BsdfExtensions
+  bool extended = false;    // has an extension of BsdfExtensions, or disperses
+  bool dispersive = false;  // refracts each wavelength differently
   Interface interface = Interface::opaque;
   BsdfTables tables;
   std::uint8_t traits = 0;
@@ -82,6 +85,8 @@ struct ShadingScene {
     float ior = 0;
     AlbedoTable entering, leaving;
   };
+  std::unique_ptr<AnisotropicAlbedo> anisotropic_;  // if a metal or thin sheet is anisotropic
+  std::unique_ptr<SheenTable> sheen_;
   std::unique_ptr<AlbedoTable> reflector_;           // if any metal or thin sheet needs it
   std::vector<std::unique_ptr<GlassTables>> glass_;  // one per index of refraction
 };

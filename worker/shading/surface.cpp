@@ -109,11 +109,12 @@ Vec3f shading_normal_at(const ShadingScene& scene, const ShadingPoint& p) {
   return m.normal_texture ? normal_mapped(scene, p, m.normal_texture, m.normal_scale, n) : n;
 }
 
-Bsdf bsdf_at(const ShadingScene& scene, const ShadingPoint& p, const Vec4f& base, const Vec3f& wo) {
+Bsdf bsdf_at(const ShadingScene& scene, const ShadingPoint& p, const Vec4f& base, const Vec3f& wo,
+             float wavelength) {
   const BsdfFrame frame = viewing_frame(p, shading_normal_at(scene, p), wo);
   const BsdfParameters parameters = parameters_at(scene, p, base);
   if (p.material->extended) [[unlikely]]
-    return extended_bsdf_at(scene, p, parameters, frame, wo);
+    return extended_bsdf_at(scene, p, parameters, frame, wo, wavelength);
   return make_bsdf(parameters, p.material->tables, frame, wo);
 }
 

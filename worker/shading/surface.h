@@ -44,8 +44,9 @@ Vec3f shading_normal_at(const ShadingScene& scene, const ShadingPoint& point);
 /// What the surface does to light arriving from or leaving to `wo` (unit, world, towards the
 /// viewer). `base` is base_color_at(). The shading normal is bent where it faces away from the
 /// viewer or where its mirror direction would lie below the surface.
+/// `wavelength` (nanometres) matters to dispersive materials only; 0: they refract as at 587.6 nm.
 Bsdf bsdf_at(const ShadingScene& scene, const ShadingPoint& point, const Vec4f& base,
-             const Vec3f& wo);
+             const Vec3f& wo, float wavelength = 0);
 
 /// Beer's law over `distance` metres: exp(-extinction distance). 0 for infinite extinction and
 /// any distance above 0; never NaN.

@@ -6,10 +6,12 @@
 #include <limits>
 
 #include "worker/shading/albedo_table.h"
+#include "worker/shading/dispersion.h"
 #include "worker/shading/fresnel.h"
 #include "worker/shading/microfacet.h"
 #include "worker/shading/srgb.h"
 #include "worker/shading/texture.h"
+#include "worker/shading/thin_film.h"
 
 namespace tessera::render {
 namespace {
@@ -217,6 +219,48 @@ TEST(Texture, DecodesSrgbBeforeFiltering) {
   EXPECT_EQ(mid.y, 0.5f);
   EXPECT_FLOAT_EQ(mid.z, static_cast<float>(srgb_to_linear(188.0 / 255)));
   EXPECT_FLOAT_EQ(mid.w, (128.0f / 255 + 1) / 2);  // alpha is linear
+}
+
+TEST(Dispersion, IsTheNamedIndexAtTheSodiumLineAndTheAbbeNumberApartAtTheEnds) {  // hard case 54
+  for (const float abbe : {10.0f, 55.0f}) {
+    const float ior = 1.6f, dispersion = 20 / abbe;
+    const float at_d = dispersed_ior(ior, dispersion, 587.56f);
+    EXPECT_NEAR(at_d, ior, 5e-5f * (ior - 1) / abbe + 2e-7f);
+    const float spread =
+        dispersed_ior(ior, dispersion, 486.13f) - dispersed_ior(ior, dispersion, 656.27f);
+    EXPECT_NEAR(spread, (ior - 1) / abbe, 1e-3f * spread + 3e-7f);
+  }
+  EXPECT_EQ(dispersed_ior(1.05f, 200, 680), 1) << "never below 1";
+}
+
+TEST(Dispersion, WavelengthsTogetherAreWhite) {
+  Vec3d sum;
+  float longest = 0, shortest = 1000;
+  constexpr int kSteps = 1 << 16;
+  for (int i = 0; i < kSteps; ++i) {
+    const Wavelength w = wavelength_at((static_cast<float>(i) + 0.5f) / kSteps);
+    ASSERT_TRUE(is_finite(w.weight));
+    ASSERT_NEAR(w.weight.x + w.weight.y + w.weight.z, 3, 1e-6f);
+    sum += Vec3d(w.weight);
+    longest = std::max(longest, w.nanometres);
+    shortest = std::min(shortest, w.nanometres);
+  }
+  for (int k = 0; k < 3; ++k) EXPECT_NEAR(sum[k] / kSteps, 1, 1e-4);
+  EXPECT_LT(longest, 680.1f);
+  EXPECT_GT(shortest, 399.9f);
+  EXPECT_LT(longest - shortest, 280.1f);
+}
+
+TEST(ThinFilm, OfNothingIsTheBaseAndNeverGivesMoreThanItGets) {  // hard case 54
+  const Vec3f f0{0.04f, 0.5f, 0.9f};
+  const Vec3f bare = thin_film_reflectance({1, 1.3f, 0}, f0, 1);
+  for (int k = 0; k < 3; ++k) EXPECT_NEAR(bare[k], f0[k], 1e-4f);
+  for (float thickness = 0; thickness < 2000; thickness += 7) {
+    for (const float c : {1.0f, 0.5f, 0.02f, 0.0f}) {
+      const Vec3f f = thin_film_reflectance({1, 1.8f, thickness}, f0, c);
+      for (int k = 0; k < 3; ++k) ASSERT_TRUE(f[k] >= 0 && f[k] <= 1) << thickness << " " << c;
+    }
+  }
 }
 
 }  // namespace

@@ -83,7 +83,18 @@ TEST(Materials, ReadEveryExtension) {
       "attenuationColor": [0.5, 0.25, 1]},
     "KHR_materials_clearcoat": {"clearcoatFactor": 0.5, "clearcoatTexture": {"index": 0},
       "clearcoatRoughnessFactor": 0.25, "clearcoatRoughnessTexture": {"index": 1},
-      "clearcoatNormalTexture": {"index": 1, "scale": 3}}}})");
+      "clearcoatNormalTexture": {"index": 1, "scale": 3}},
+    "KHR_materials_anisotropy": {"anisotropyStrength": 0.5, "anisotropyRotation": 2,
+      "anisotropyTexture": {"index": 0}},
+    "KHR_materials_sheen": {"sheenColorFactor": [0.5, 0.25, 1], "sheenColorTexture": {"index": 0},
+      "sheenRoughnessFactor": 0.75, "sheenRoughnessTexture": {"index": 1}},
+    "KHR_materials_dispersion": {"dispersion": 0.5},
+    "KHR_materials_iridescence": {"iridescenceFactor": 0.5, "iridescenceTexture": {"index": 0},
+      "iridescenceIor": 1.5, "iridescenceThicknessMinimum": 50, "iridescenceThicknessMaximum": 900,
+      "iridescenceThicknessTexture": {"index": 1}},
+    "KHR_materials_diffuse_transmission": {"diffuseTransmissionFactor": 0.5,
+      "diffuseTransmissionTexture": {"index": 0}, "diffuseTransmissionColorFactor": [1, 0.5, 0],
+      "diffuseTransmissionColorTexture": {"index": 1}}}})");
   EXPECT_EQ(m.emission, (Vec3f{40, 20, 0}));
   EXPECT_EQ(m.ior, 1.33f);
   EXPECT_EQ(m.specular, 0.5f);
@@ -103,6 +114,37 @@ TEST(Materials, ReadEveryExtension) {
   EXPECT_FALSE(m.clearcoat.roughness_texture.srgb);
   EXPECT_EQ(m.clearcoat.normal_texture.texture, 1);
   EXPECT_EQ(m.clearcoat.normal_scale, 3);
+  EXPECT_EQ(m.anisotropy.strength, 0.5f);
+  EXPECT_EQ(m.anisotropy.rotation, 2);
+  EXPECT_FALSE(m.anisotropy.texture.srgb);
+  EXPECT_EQ(m.sheen.color, (Vec3f{0.5f, 0.25f, 1}));
+  EXPECT_TRUE(m.sheen.color_texture.srgb);
+  EXPECT_EQ(m.sheen.roughness, 0.75f);
+  EXPECT_FALSE(m.sheen.roughness_texture.srgb);
+  EXPECT_EQ(m.dispersion, 0.5f);
+  EXPECT_EQ(m.iridescence.factor, 0.5f);
+  EXPECT_EQ(m.iridescence.ior, 1.5f);
+  EXPECT_EQ(m.iridescence.thickness_minimum, 50);
+  EXPECT_EQ(m.iridescence.thickness_maximum, 900);
+  EXPECT_EQ(m.iridescence.thickness_texture.texture, 1);
+  EXPECT_EQ(m.diffuse_transmission.factor, 0.5f);
+  EXPECT_EQ(m.diffuse_transmission.color, (Vec3f{1, 0.5f, 0}));
+  EXPECT_TRUE(m.diffuse_transmission.color_texture.srgb);
+  EXPECT_FALSE(m.diffuse_transmission.texture.srgb);
+}
+
+TEST(Materials, IgnoreLayersBesideWhatExcludesThemAndSaySo) {
+  GltfBuilder b;
+  b.add_node_with_mesh(b.add_mesh(unit_quad(b.add_material(
+      R"({"extensions": {"KHR_materials_unlit": {}, "KHR_materials_clearcoat":
+          {"clearcoatFactor": 1}}})"))));
+  testing::MemoryReader reader;
+  reader.put("scene.gltf", b.gltf());
+  const auto file = load_scene_file("scene.gltf", {}, reader);
+  ASSERT_TRUE(file.ok()) << file.status();
+  ASSERT_EQ((*file)->problems().size(), 1u);
+  EXPECT_EQ((*file)->problems()[0].element, "materials[0].extensions.KHR_materials_clearcoat");
+  EXPECT_EQ((*file)->pose({}, 0)->materials[0].clearcoat.factor, 0);
 }
 
 TEST(Materials, AreThinWithoutThicknessAndUnlitWhenSaid) {
