@@ -293,6 +293,47 @@ def same_bits():
     return gltf
 
 
+def materials():
+    """One thing for each extension that adds a layer or a lobe to the material."""
+    gltf = Gltf()
+    floor = gltf.add("materials", plain(0.4, 0.4, 0.42))
+    room(gltf, floor)
+
+    def made_of(extension, content, base):
+        gltf.use(extension)
+        return gltf.add("materials", {**base, "extensions": {**base.get("extensions", {}),
+                                                             extension: content}})
+
+    lacquer = made_of("KHR_materials_clearcoat", {"clearcoatFactor": 1},
+                      {"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.02, 0.02, 1],
+                                                "metallicFactor": 0.5, "roughnessFactor": 0.6}})
+    brushed = made_of("KHR_materials_anisotropy", {"anisotropyStrength": 0.8},
+                      metal(0.8, 0.78, 0.75, 0.25))
+    velvet = made_of("KHR_materials_sheen",
+                     {"sheenColorFactor": [0.9, 0.5, 0.6], "sheenRoughnessFactor": 0.35},
+                     plain(0.1, 0.01, 0.04))
+    gltf.use("KHR_materials_transmission", "KHR_materials_ior", "KHR_materials_volume")
+    crystal = made_of("KHR_materials_dispersion", {"dispersion": 2}, glass([1, 1, 1]))
+    oil = made_of("KHR_materials_iridescence",
+                  {"iridescenceFactor": 1, "iridescenceIor": 1.5,
+                   "iridescenceThicknessMaximum": 420}, metal(0.5, 0.5, 0.5, 0.15))
+    paper = made_of("KHR_materials_diffuse_transmission",
+                    {"diffuseTransmissionFactor": 0.6,
+                     "diffuseTransmissionColorFactor": [1, 0.8, 0.45]},
+                    plain(0.9, 0.85, 0.7, doubleSided=True))
+    ball = sphere(0.5, 24)
+    for material, place in ((lacquer, (-1.3, 0.5, 0.1)), (velvet, (0, 0.5, 0.1)),
+                            (oil, (1.3, 0.5, 0.1)), (crystal, (0.75, 0.5, 1.2))):
+        gltf.node(mesh=gltf.mesh(ball, material), translation=list(place))
+    gltf.node(mesh=gltf.mesh(torus(0.4, 0.2, 24), brushed), translation=[-0.7, 0.25, 1.2])
+    gltf.node(mesh=gltf.mesh(quad((-1.2, 1.3, -0.9), (2.4, 0, 0), (0, 1.3, 0.3)), paper))
+    bulb = gltf.add("materials", plain(0, 0, 0, emissiveFactor=[1, 0.9, 0.8], extensions={
+        "KHR_materials_emissive_strength": {"emissiveStrength": 30}}))
+    gltf.node(mesh=gltf.mesh(sphere(0.12, 12), bulb), translation=[0, 1.9, -1.5])
+    camera(gltf, (0, 1.62, 6.6), (0, 1.2, 0), 0.6)
+    return gltf
+
+
 def lit_square():
     """The smallest scene with a light: one diffuse square under one lamp, for tests of the farm."""
     gltf = Gltf()
@@ -351,7 +392,7 @@ def stadium():
 def main():
     check = "--check" in sys.argv[1:]
     stale = []
-    for make in (quickstart, same_bits, lit_square, missing_texture, stadium):
+    for make in (quickstart, same_bits, materials, lit_square, missing_texture, stadium):
         path = FOLDER / f"{make.__name__}.gltf"
         text = make().text()
         if check:
