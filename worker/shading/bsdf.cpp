@@ -1,6 +1,7 @@
 #include "worker/shading/bsdf.h"
 
 #include "worker/shading/base_bsdf.h"
+#include "worker/shading/base_prepare.h"
 #include "worker/shading/extended_bsdf.h"
 
 namespace tessera::render {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "worker/shading/base_bsdf.h"
+#include "worker/shading/base_prepare.h"
 #include "worker/shading/sheen.h"
 
 namespace tessera::render {
