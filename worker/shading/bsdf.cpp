@@ -39,6 +39,7 @@ bool sample_bsdf(const Bsdf& b, float u_lobe, const Vec2f& u, BsdfSample* sample
 }
 
 Vec3f straight_transmittance(const Bsdf& b) {
+  if (!b.mirror || b.interface != Interface::thin) return {};
   if (b.extended) [[unlikely]]
     return extended_bsdf::straight_transmittance(b);
   return base_bsdf::straight_transmittance<false>(b);
@@ -51,9 +52,8 @@ float scattered_albedo(const Bsdf& b) {
 }
 
 bool has_smooth_density(const Bsdf& b) {
-  if (b.extended) [[unlikely]]
-    return extended_bsdf::has_smooth_density(b);
-  return base_bsdf::has_smooth_density<false>(b);
+  return base_bsdf::has_smooth_density<false>(b) ||
+         (b.extended && extended_bsdf::has_smooth_density(b));
 }
 
 }  // namespace tessera::render
