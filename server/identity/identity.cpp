@@ -1,0 +1,92 @@
+#include "server/identity/identity.h"
+
+#include <openssl/pem.h>
+
+#include <ctime>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
+#include "server/identity/openssl_objects.h"
+#include "server/store/names.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr char kScheme[] = "tessera://";
+constexpr std::size_t kLongestName = 64;
+
+/// The only tessera:// URI among the subject alternative names; empty if there is none, or several.
+std::string uri_of(const X509* certificate) {
+  const SubjectNames names(static_cast<GENERAL_NAMES*>(
+      X509_get_ext_d2i(certificate, NID_subject_alt_name, nullptr, nullptr)));
+  std::string found;
+  for (int i = 0; names && i < sk_GENERAL_NAME_num(names.get()); ++i) {
+    const GENERAL_NAME* name = sk_GENERAL_NAME_value(names.get(), i);
+    if (name->type != GEN_URI) continue;
+    const ASN1_IA5STRING* uri = name->d.uniformResourceIdentifier;
+    const std::string_view text(reinterpret_cast<const char*>(ASN1_STRING_get0_data(uri)),
+                                static_cast<std::size_t>(ASN1_STRING_length(uri)));
+    if (text.substr(0, sizeof kScheme - 1) != kScheme) continue;
+    if (!found.empty()) return {};
+    found = text;
+  }
+  return found;
+}
+
+}  // namespace
+
+const char* role_name(Role role) {
+  switch (role) {
+    case Role::client:
+      return "client";
+    case Role::worker:
+      return "worker";
+    case Role::admin:
+      return "admin";
+  }
+  return "";
+}
+
+std::optional<Role> parse_role(std::string_view text) {
+  for (const Role role : {Role::client, Role::worker, Role::admin}) {
+    if (text == role_name(role)) return role;
+  }
+  return std::nullopt;
+}
+
+bool is_identity_name(std::string_view name) {
+  return name.size() <= kLongestName && is_plain_name(name);
+}
+
+std::string identity_uri(Role role, std::string_view name) {
+  return absl::StrCat(kScheme, role_name(role), "/", std::string(name));
+}
+
+absl::StatusOr<Identity> read_identity(std::string_view pem) {
+  const Bio bytes(BIO_new_mem_buf(pem.data(), static_cast<int>(pem.size())));
+  const Certificate certificate(PEM_read_bio_X509(bytes.get(), nullptr, nullptr, nullptr));
+  if (!certificate) return absl::UnauthenticatedError("the certificate cannot be read");
+  const std::string uri = uri_of(certificate.get());
+  const std::size_t slash = uri.rfind('/');
+  const std::size_t scheme = sizeof kScheme - 1;
+  Identity identity;
+  const auto role = uri.size() > scheme && slash >= scheme
+                        ? parse_role(std::string_view(uri).substr(scheme, slash - scheme))
+                        : std::nullopt;
+  if (role) identity.name = uri.substr(slash + 1);
+  if (!role || !is_identity_name(identity.name)) {
+    return absl::UnauthenticatedError(
+        "the certificate names no role: it needs one URI tessera://client|worker|admin/NAME "
+        "(tessera-server issue-cert)");
+  }
+  identity.role = *role;
+  identity.serial = serial_of(certificate.get());
+  std::tm until{};
+  if (ASN1_TIME_to_tm(X509_get0_notAfter(certificate.get()), &until) != 1) {
+    return absl::UnauthenticatedError("the certificate's end cannot be read");
+  }
+  identity.expires_s = ::timegm(&until);
+  return identity;
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "absl/status/statusor.h"
+
+namespace tessera::server {
+
+/// What the holder of a certificate is to the farm.
+enum class Role : std::uint8_t { client, worker, admin };
+
+/// "client", "worker", "admin".
+const char* role_name(Role role);
+std::optional<Role> parse_role(std::string_view text);
+
+/// Whether `name` can be an identity's: 1 to 64 of [A-Za-z0-9._-], not starting with a dot.
+bool is_identity_name(std::string_view name);
+
+/// Who a certificate was issued to.
+struct Identity {
+  Role role = Role::client;
+  std::string name;
+  std::string serial;          // of the certificate, hexadecimal
+  std::int64_t expires_s = 0;  // since 1970
+};
+
+/// tessera://ROLE/NAME, the one URI among a certificate's subject alternative names.
+std::string identity_uri(Role role, std::string_view name);
+
+/// Reads a certificate in PEM form. That our authority signed it and that it is in force must have
+/// been verified before, as TLS does.
+///
+/// Errors: Unauthenticated, it is no certificate or names no role and name.
+absl::StatusOr<Identity> read_identity(std::string_view pem);
+
+}  // namespace tessera::server

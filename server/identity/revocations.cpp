@@ -1,0 +1,44 @@
+#include "server/identity/revocations.h"
+
+#include <sys/stat.h>
+
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_split.h"
+#include "server/identity/private_file.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr std::chrono::seconds kLookEvery{1};
+
+}  // namespace
+
+bool Revocations::contains(const std::string& serial) {
+  const std::lock_guard lock(mutex_);
+  const auto now = std::chrono::steady_clock::now();
+  if (looked_ == decltype(looked_){} || now - looked_ >= kLookEvery) {
+    looked_ = now;
+    look();
+  }
+  return serials_.count(serial) != 0;
+}
+
+void Revocations::look() {
+  struct stat info {};
+  if (::stat(path_.c_str(), &info) != 0) return;
+  const Version version{info.st_ino, info.st_size, info.st_mtim.tv_sec, info.st_mtim.tv_nsec};
+  if (version == read_) return;
+  const auto text = read_file(path_);
+  if (!text.ok()) return;
+  std::set<std::string> serials;
+  const std::vector<std::string> lines = absl::StrSplit(*text, '\n');
+  for (const std::string& line : lines) {
+    if (!line.empty()) serials.insert(line.substr(0, line.find(' ')));
+  }
+  serials_ = std::move(serials);
+  read_ = version;
+}
+
+}  // namespace tessera::server

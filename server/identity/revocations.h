@@ -1,0 +1,38 @@
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <cstdint>
+#include <mutex>
+#include <set>
+#include <string>
+
+namespace tessera::server {
+
+/// The certificates that are no longer accepted, by serial number: the first word of each line of a
+/// file that `tessera-server revoke` adds to. Read again when it has changed, looked at most once
+/// a second. A file that is not there revokes nothing; one that can no longer be read, what it
+/// revoked before. Any thread.
+class Revocations {
+ public:
+  explicit Revocations(std::string path) : path_(std::move(path)) {}
+  bool contains(const std::string& serial);
+
+ private:
+  void look();
+
+  const std::string path_;
+  std::mutex mutex_;  // guards what follows
+  std::chrono::steady_clock::time_point looked_{};
+  struct Version {
+    ino_t file = 0;
+    off_t size = 0;
+    std::int64_t modified_s = 0, modified_ns = 0;
+    bool operator==(const Version&) const = default;
+  };
+  Version read_;
+  std::set<std::string> serials_;
+};
+
+}  // namespace tessera::server
