@@ -13,6 +13,11 @@ void add_connection_options(CLI::App& command, Connection& connection) {
                      "Farm to talk to: unix:PATH or HOST:PORT (TESSERA_SERVER; default: the "
                      "socket in $XDG_RUNTIME_DIR/tessera, else 127.0.0.1:7420)");
   command
+      .add_option("--certs", connection.certs,
+                  "Folder with ca.crt, tls.crt and tls.key, for a farm on other machines "
+                  "(TESSERA_CERTS)")
+      ->type_name("DIR");
+  command
       .add_option("--token", connection.token_file,
                   "File with the farm's token (or put the token itself into TESSERA_TOKEN)")
       ->type_name("FILE");

@@ -23,6 +23,7 @@ inline constexpr int kExitInterrupted = 130;
 /// Where the farm is and how to enter it.
 struct Connection {
   std::string server;      // unix:PATH or HOST:PORT; empty: default_server()
+  std::string certs;       // folder of certificates; empty: none
   std::string token_file;  // file with the token; empty: TESSERA_TOKEN, which is the token itself
   std::chrono::seconds patience{2};  // with a farm that has not answered yet
 };
@@ -34,8 +35,8 @@ struct Invocation {
   std::function<int()> run;
 };
 
-/// Adds --server and --token to a command. They write to `connection`, which the top level has
-/// already filled from the config file and the environment.
+/// Adds --server, --certs and --token to a command. They write to `connection`, which the top level
+/// has already filled from the config file and the environment.
 void add_connection_options(CLI::App& command, Connection& connection);
 
 /// unix:$XDG_RUNTIME_DIR/tessera/server.sock if that socket is there, else 127.0.0.1:7420.

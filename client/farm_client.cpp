@@ -303,7 +303,7 @@ absl::StatusOr<std::unique_ptr<FarmClient>> FarmClient::connect(const Connection
   const std::string address = connection.server.empty() ? default_server() : connection.server;
   auto token = read_token(connection);
   if (!token.ok()) return token.status();
-  auto channel = contract::open_channel(address);
+  auto channel = contract::open_channel(address, connection.certs);
   if (!channel.ok()) return channel.status();
   return std::make_unique<Client>(address, *std::move(token), connection.patience, *channel);
 }

@@ -24,7 +24,8 @@ namespace tessera::client {
 /// patience ends, Cancelled after cancel(). One thread at a time; cancel() from any.
 class FarmClient {
  public:
-  /// Errors: InvalidArgument, the address is not on this machine; NotFound, no such token file.
+  /// Errors: InvalidArgument, another machine's address without certificates; NotFound, no such
+  /// token file or certificate; PermissionDenied, the certificate's key is not private.
   /// Sends nothing yet.
   static absl::StatusOr<std::unique_ptr<FarmClient>> connect(const Connection& connection);
   virtual ~FarmClient() = default;

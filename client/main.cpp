@@ -28,6 +28,9 @@ void add_top_options(CLI::App& app, Invocation& invocation) {
   app.add_option("--server", invocation.connection.server, "Default of every --server")
       ->envname("TESSERA_SERVER")
       ->group("");
+  app.add_option("--certs", invocation.connection.certs, "Default of every --certs")
+      ->envname("TESSERA_CERTS")
+      ->group("");
   app.add_option("--token", invocation.connection.token_file, "Default of every --token")
       ->group("");
   app.set_config("--config", config_path(),

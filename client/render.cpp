@@ -195,7 +195,10 @@ int run(const RenderCommandOptions& options) {
   }
   absl::Status up = (*farm)->wait_until_up();
   if (!up.ok()) return fail(up);
-  const auto client = FarmClient::connect({(*farm)->address(), "", kPatience});
+  Connection connection;
+  connection.server = (*farm)->address();
+  connection.patience = kPatience;
+  const auto client = FarmClient::connect(connection);
   if (!client.ok()) return fail(client.status());
 
   if (interrupts.interrupted()) return kExitInterrupted;

@@ -13,6 +13,7 @@
 
 #include "proto/contract/version_text.h"
 #include "proto/log/log.h"
+#include "server/identity_commands.h"
 
 namespace tessera::server {
 
@@ -34,20 +35,16 @@ std::string version_text() {
        {"OpenImageIO", OIIO_VERSION_STRING}});
 }
 
-}  // namespace
-
-ParsedConfig parse_config(int argc, char** argv) {
-  Config config;
-  CLI::App app{"The coordinator of a Tessera farm: takes jobs, leases units, merges film blocks."};
-  app.name("tessera-server");
-  app.set_version_flag("--version", version_text());
-  app.set_config("--config", "", "Read options from a TOML file; the command line wins");
+void add_options(CLI::App& app, Config& config) {
   app.add_option("--listen", config.listen,
-                 "Where to listen: unix:PATH, or a loopback HOST:PORT (port 0: any free one)")
-      ->required()
+                 "Where to listen: unix:PATH, or HOST:PORT (port 0: any free one); addresses other "
+                 "machines can reach need --certs")
       ->type_name("ADDRESS");
   app.add_option("--store", config.store, "Folder of jobs, blocks and images; made if needed")
-      ->required()
+      ->type_name("DIR");
+  app.add_option("--certs", config.certs,
+                 "Folder with ca.crt, tls.crt and tls.key (see init-certs); TCP then takes only "
+                 "callers with a certificate of that authority")
       ->type_name("DIR");
   const auto size = CLI::Range(0.001, 1e6);
   app.add_option("--film-memory", config.film_memory_gb, "Merged tiles kept in memory, GB")
@@ -67,16 +64,38 @@ ParsedConfig parse_config(int argc, char** argv) {
   app.add_option("--log-level", config.log_level, "What goes to stderr")
       ->check(CLI::IsMember(log_level_names()))
       ->capture_default_str();
+}
+
+}  // namespace
+
+ParsedConfig parse_config(int argc, char** argv) {
+  ParsedConfig parsed;
+  Config config;
+  CLI::App app{"The coordinator of a Tessera farm: takes jobs, leases units, merges film blocks."};
+  app.name("tessera-server");
+  app.set_version_flag("--version", version_text());
+  app.set_config("--config", "", "Read options from a TOML file; the command line wins");
+  add_options(app, config);
+  add_identity_commands(app, parsed.command);
+  app.require_subcommand(0, 1);
   app.footer(
-      "Example:\n  tessera-server --listen 127.0.0.1:7411 --store /var/lib/tessera\n"
-      "The address is printed on stdout once it is bound. Loopback TCP needs the token in\n"
-      "STORE/token; a Unix socket needs a folder of mode 0700. SIGTERM stops the server.");
+      "Examples:\n  tessera-server --listen 127.0.0.1:7420 --store /var/lib/tessera\n"
+      "  tessera-server init-certs certs --host farm.example\n"
+      "  tessera-server --listen 0.0.0.0:7420 --store /var/lib/tessera --certs certs\n"
+      "The address is printed on stdout once it is bound. Loopback TCP without certificates needs\n"
+      "the token in STORE/token; a Unix socket needs a folder of mode 0700. SIGTERM stops the "
+      "server.");
   try {
     app.parse(argc, argv);
+    if (!parsed.command && config.listen.empty()) throw CLI::RequiredError("--listen");
+    if (!parsed.command && config.store.empty()) throw CLI::RequiredError("--store");
   } catch (const CLI::ParseError& error) {
-    return {std::nullopt, app.exit(error) == 0 ? 0 : 2};
+    parsed.exit_code = app.exit(error) == 0 ? 0 : 2;
+    parsed.command = nullptr;
+    return parsed;
   }
-  return {config, 0};
+  if (!parsed.command) parsed.config = config;
+  return parsed;
 }
 
 }  // namespace tessera::server

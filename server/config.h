@@ -1,15 +1,19 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
+
+#include "absl/status/status.h"
 
 namespace tessera::server {
 
 /// What tessera-server is told on its command line or in its configuration file.
 struct Config {
-  std::string listen;              // unix:PATH or a loopback HOST:PORT; port 0: any
+  std::string listen;              // unix:PATH or HOST:PORT; port 0: any
   std::string store;               // folder of the store; made if needed
+  std::string certs;               // folder of certificates; empty: none
   double film_memory_gb = 1;       // of merged tiles kept in memory
   double ingest_memory_gb = 0.25;  // of delivered blocks not yet committed
   double quota_gb = 1000;          // of the store, jobs beyond it are refused
@@ -17,10 +21,11 @@ struct Config {
   std::string log_level = "info";
 };
 
-/// The configuration, or the exit code to end with: 0 after --help or --version, 2 for wrong usage
-/// (said on stderr).
+/// The configuration, or another command to run instead, or else the exit code to end with: 0 after
+/// --help or --version, 2 for wrong usage (said on stderr).
 struct ParsedConfig {
   std::optional<Config> config;
+  std::function<absl::Status()> command;
   int exit_code = 0;
 };
 ParsedConfig parse_config(int argc, char** argv);

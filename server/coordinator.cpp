@@ -19,6 +19,11 @@ absl::Status no_such_job(const std::string& text) {
   return absl::NotFoundError(absl::StrCat("no job \"", text, "\""));
 }
 
+/// Whether a job is there for a caller who sees `owner`'s; empty: everybody's.
+bool is_of(const Job& job, const std::string& owner) {
+  return owner.empty() || job.spec->owner == owner;
+}
+
 }  // namespace
 
 Coordinator::Coordinator(Store& store, CoordinatorOptions options,
@@ -231,10 +236,42 @@ std::vector<std::pair<Worker, double>> Coordinator::workers() const {
   return workers;
 }
 
-std::shared_ptr<const JobSpec> Coordinator::describe_job(const std::string& job_id) const {
+std::shared_ptr<const JobSpec> Coordinator::describe_job(const std::string& job_id,
+                                                         const std::string& certificate) const {
   MutexLock lock(mutex_);
   const Job* job = scheduler_.find_job(job_id);
-  return job == nullptr ? nullptr : job->spec;
+  if (job == nullptr) return nullptr;
+  if (!certificate.empty() && scheduler_.leased_jobs(certificate).count(job->key) == 0) {
+    return nullptr;
+  }
+  return job->spec;
+}
+
+bool Coordinator::is_leased_asset(const contract::Digest& digest,
+                                  const std::string& certificate) const {
+  MutexLock lock(mutex_);
+  for (const JobKey key : scheduler_.leased_jobs(certificate)) {
+    const Job& job = scheduler_.jobs().at(key);
+    for (const ManifestEntry& entry : job.spec->assets) {
+      if (entry.digest == digest) return true;
+    }
+  }
+  return false;
+}
+
+void Coordinator::record_join(Join join, std::int64_t most,
+                              std::function<void(absl::Status)> done) {
+  write_later([this, join = std::move(join), most, done = std::move(done)] {
+    done(store_.remember_join(join, most));
+  });
+}
+
+std::string Coordinator::session_key(const std::string& worker_id,
+                                     const std::string& certificate) const {
+  // Neither name can hold the separator.
+  return contract::hmac_sha256(store_.key(),
+                               absl::StrCat("session\n", worker_id, "\n", certificate))
+      .hex();
 }
 
 // Views ------------------------------------------------------------------------------------------
@@ -336,33 +373,42 @@ absl::StatusOr<JobView> Coordinator::job(const std::string& job_id) const {
   return view(*job);
 }
 
-absl::StatusOr<JobView> Coordinator::find_job(const std::string& text) const {
+absl::Status Coordinator::check_owner(const std::string& job_id, const std::string& owner) const {
   MutexLock lock(mutex_);
+  const Job* job = scheduler_.find_job(job_id);
+  return job != nullptr && is_of(*job, owner) ? absl::OkStatus() : no_such_job(job_id);
+}
+
+absl::StatusOr<JobView> Coordinator::find_job(const std::string& text,
+                                              const std::string& owner) const {
+  MutexLock lock(mutex_);
+  if (text.empty()) return no_such_job(text);
   const auto& jobs = scheduler_.jobs();
-  if (jobs.empty() || text.empty()) return no_such_job(text);
-  if (text == "last") return view(jobs.rbegin()->second);
   std::vector<const Job*> fits;
-  for (const auto& [key, job] : jobs) {
-    if (job.spec->id == text) return view(job);
+  const Job* named = nullptr;
+  for (auto it = jobs.rbegin(); it != jobs.rend(); ++it) {
+    const Job& job = it->second;
+    if (!is_of(job, owner)) continue;
+    if (text == "last" || job.spec->id == text) return view(job);
     if (absl::StartsWith(job.spec->id, text)) fits.push_back(&job);
+    if (named == nullptr && job.spec->name == text) named = &job;
   }
   if (fits.size() == 1) return view(*fits.front());
-  for (auto job = jobs.rbegin(); job != jobs.rend(); ++job) {
-    if (job->second.spec->name == text) return view(job->second);
-  }
+  if (named != nullptr) return view(*named);
   if (fits.empty()) return no_such_job(text);
   std::string message = absl::StrCat("\"", text, "\" fits several jobs:");
   for (const Job* job : fits) absl::StrAppend(&message, " ", job->spec->id);
   return absl::InvalidArgumentError(message);
 }
 
-std::vector<JobView> Coordinator::list_jobs(JobKey before, std::int32_t most) const {
+std::vector<JobView> Coordinator::list_jobs(JobKey before, std::int32_t most,
+                                            const std::string& owner) const {
   MutexLock lock(mutex_);
   const auto& jobs = scheduler_.jobs();
   auto job = before > 0 ? std::make_reverse_iterator(jobs.lower_bound(before)) : jobs.rbegin();
   std::vector<JobView> views;
   for (; job != jobs.rend() && static_cast<std::int32_t>(views.size()) < most; ++job) {
-    views.push_back(view(job->second));
+    if (is_of(job->second, owner)) views.push_back(view(job->second));
   }
   return views;
 }

@@ -130,12 +130,19 @@ class Coordinator {
   Mail take_mail(Session session);
   /// Workers connected or lost within the last hour; with the silence of each.
   std::vector<std::pair<Worker, double>> workers() const;
-  /// Whether a job wants workers to keep what they hold of it; its spec, or nullptr.
-  std::shared_ptr<const JobSpec> describe_job(const std::string& job_id) const;
+  /// A job's spec, if workers of this certificate (empty: any) were leased units of it; or nullptr.
+  std::shared_ptr<const JobSpec> describe_job(const std::string& job_id,
+                                              const std::string& certificate = {}) const;
+  /// Records a worker's joining with a token, then calls back. Errors: as Store::remember_join.
+  void record_join(Join join, std::int64_t most, std::function<void(absl::Status)> done);
+  /// What a worker that has joined comes back with: an HMAC under the store's key over its id and
+  /// its certificate's name, so that none needs to be kept.
+  std::string session_key(const std::string& worker_id, const std::string& certificate) const;
 
   // Blocks ---------------------------------------------------------------------------------------
-  /// Whether a worker with this id has a session; a sign of life. Errors: FailedPrecondition.
-  absl::Status hear_delivery(const std::string& worker_id);
+  /// Whether a worker with this id has a session, under this certificate; a sign of life. Errors:
+  /// FailedPrecondition.
+  absl::Status hear_delivery(const std::string& worker_id, const std::string& certificate = {});
   /// Judges a block by its header. nullopt: it got its verdict, its bytes are to be skipped.
   std::optional<Admission> admit(const std::string& worker_id, const BlockHeader& header);
   /// Takes an admitted block. Its one verdict follows by mail. Checks the bytes before it takes the
@@ -165,12 +172,16 @@ class Coordinator {
   };
   void extend_job(const std::string& job_id, const Extension& extension, OnJob done);
   void remove_job(const std::string& job_id, std::function<void(absl::Status)> done);
+  // `owner`: only jobs of this owner are there; empty: all.
   /// By id, unique prefix, name or `last`. Errors: NotFound, InvalidArgument.
-  absl::StatusOr<JobView> find_job(const std::string& text) const;
+  absl::StatusOr<JobView> find_job(const std::string& text, const std::string& owner = {}) const;
+  /// Errors: NotFound, there is no such job, or it is not the owner's.
+  absl::Status check_owner(const std::string& job_id, const std::string& owner) const;
   /// By id only. Errors: NotFound.
   absl::StatusOr<JobView> job(const std::string& job_id) const;
   /// Up to `most` jobs older than `before` (0: from the newest), newest first.
-  std::vector<JobView> list_jobs(JobKey before, std::int32_t most) const;
+  std::vector<JobView> list_jobs(JobKey before, std::int32_t most,
+                                 const std::string& owner = {}) const;
   absl::StatusOr<JobReport> report(const std::string& job_id) const;
   /// Finds or makes a frame's image file, on the film thread, then calls back. The caller removes
   /// it if it is temporary. Errors: as FetchFrame.
@@ -183,6 +194,8 @@ class Coordinator {
   void keep_asset(const std::string& upload_path, const contract::Digest& digest,
                   std::function<void(absl::Status)> done);
   std::string asset_path(const contract::Digest& digest) const { return store_.asset_path(digest); }
+  /// Whether a job names the asset of which workers of this certificate were leased units.
+  bool is_leased_asset(const contract::Digest& digest, const std::string& certificate) const;
 
  private:
   struct Delivered {

@@ -42,10 +42,11 @@ struct Coordinator::Sorted {
   std::vector<Delivered> repeats;    // of units earlier in this very group
 };
 
-absl::Status Coordinator::hear_delivery(const std::string& worker_id) {
+absl::Status Coordinator::hear_delivery(const std::string& worker_id,
+                                        const std::string& certificate) {
   MutexLock lock(mutex_);
   const Worker* worker = scheduler_.find_worker(worker_id);
-  if (worker == nullptr || !worker->connected) {
+  if (worker == nullptr || !worker->connected || worker->certificate != certificate) {
     return absl::FailedPreconditionError("no Work stream of this worker is open");
   }
   scheduler_.hear(worker->key, options_.clock());

@@ -164,7 +164,10 @@ void Coordinator::make_job(const JobSpec& spec, const OnCreated& done) {
     if (job != nullptr) created.view = view(*job);
     return job != nullptr;
   };
-  if (find_made()) return done(created);
+  if (find_made()) {
+    if (created.view.spec->owner == spec.owner) return done(created);
+    return done(absl::AlreadyExistsError("request_id: somebody else's"));
+  }
   if (absl::Status status = check_room(spec, created.store_bytes); !status.ok()) {
     return done(status);
   }

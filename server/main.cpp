@@ -71,7 +71,7 @@ int serve(const Config& config, const sigset_t& signals) {
   if (!store.ok()) return fail(store.status());
   auto coordinator = Coordinator::open(**store, options_of(config));
   if (!coordinator.ok()) return fail(coordinator.status());
-  auto server = FarmServer::start(**coordinator, config.listen, config.store);
+  auto server = FarmServer::start(**coordinator, {config.listen, config.store, config.certs});
   if (!server.ok()) return fail(server.status());
   std::thread writer([&] {
     while (!(*coordinator)->is_stopping()) (*coordinator)->run_writer(true);
@@ -94,6 +94,10 @@ int serve(const Config& config, const sigset_t& signals) {
 
 int run(int argc, char** argv) {
   const ParsedConfig parsed = parse_config(argc, argv);
+  if (parsed.command) {
+    const absl::Status status = parsed.command();
+    return status.ok() ? 0 : fail(status);
+  }
   if (!parsed.config) return parsed.exit_code;
   sigset_t signals;
   sigemptyset(&signals);

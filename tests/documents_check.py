@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks that the documents speak of what is there: tests named in docs/numerics.md, relative links,
+"""Checks that the documents speak of what is there: tests that pages name, relative links,
 and paths in backquotes that begin with a folder of ours."""
 
 import re
@@ -21,10 +21,10 @@ def test_names():
 def main():
     wrong = []
     known = test_names()
-    numerics = (ROOT / "docs/numerics.md").read_text()
-    for name in re.findall(r"`(\w+\.[A-Z]\w+)`", numerics):
-        if name not in known:
-            wrong.append(f"docs/numerics.md: no test is called {name}")
+    for page in ("docs/numerics.md", "docs/security.md"):
+        for name in re.findall(r"`(\w+\.[A-Z]\w+)`", (ROOT / page).read_text()):
+            if name not in known:
+                wrong.append(f"{page}: no test is called {name}")
     pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("*/README.md")]
     for page in pages:
         text = page.read_text()

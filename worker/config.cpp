@@ -95,7 +95,14 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
   agent::AgentOptions& options = flags.options;
   app.add_option("--server", options.server, "Farm to work for: unix:PATH or HOST:PORT")
       ->envname("TESSERA_SERVER");
-  app.add_option("--token", flags.token_file, "File with the farm's token")->type_name("FILE");
+  app.add_option("--certs", options.certs,
+                 "Folder with ca.crt, tls.crt and tls.key, for a farm on other machines")
+      ->envname("TESSERA_CERTS")
+      ->type_name("DIR");
+  app.add_option("--token", flags.token_file,
+                 "File with the farm's token; with --certs, a join token (or put the token itself "
+                 "into TESSERA_TOKEN)")
+      ->type_name("FILE");
   app.add_option("--threads", options.thread_count, "Units rendered at once (default: all cores)")
       ->check(CLI::Range(1, 1024));
   app.add_option("--cache", options.cache_folder,

@@ -6,6 +6,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "proto/contract/credentials.h"
 
 namespace tessera::contract {
 namespace {
@@ -26,12 +27,16 @@ bool is_local_address(const std::string& address) {
          host.find_first_not_of("0123456789.") == std::string::npos;
 }
 
-absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address) {
-  if (!is_local_address(address)) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "server address ", address,
-        " is not on this machine; this version talks over Unix sockets and loopback only"));
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address,
+                                                            const std::string& certs) {
+  const bool has_tls = !certs.empty() && !absl::StartsWith(address, "unix:");
+  if (!has_tls && !is_local_address(address)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("server ", address, " is on another machine and needs a certificate: --certs ",
+                     "DIR, the folder that `tessera-server issue-cert` made for you"));
   }
+  auto credentials = has_tls ? channel_credentials(certs) : grpc::InsecureChannelCredentials();
+  if (!credentials.ok()) return credentials.status();
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
@@ -42,7 +47,7 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& a
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);
   // Channels of one process share connections unless told otherwise; a worker wants its own.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+  return grpc::CreateCustomChannel(address, *credentials, arguments);
 }
 
 void prepare_call(grpc::ClientContext& context, const std::string& token,

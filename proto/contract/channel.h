@@ -11,7 +11,8 @@
 
 namespace tessera::contract {
 
-/// Metadata key that carries the token of a loopback server.
+/// Metadata key that carries the token of a loopback server; to a server with certificates, a
+/// worker's join token or session key.
 inline constexpr char kTokenKey[] = "tessera-token";
 
 /// Largest gRPC message either side takes (farm.md, section 9).
@@ -21,11 +22,13 @@ inline constexpr int kMaxMessageBytes = 4 << 20;
 /// or a loopback host.
 bool is_local_address(const std::string& address);
 
-/// A plaintext channel to a server on this machine; HTTP proxies are never used.
+/// A channel to a server: plaintext over a Unix socket, or over loopback if `certs` is empty, else
+/// mutual TLS with the certificates in the folder `certs`. HTTP proxies are never used.
 ///
-/// Errors: InvalidArgument, not a local address (others need certificates, which this version does
-/// not have).
-absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address);
+/// Errors: InvalidArgument, another machine's address without certificates; those of
+/// channel_credentials().
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address,
+                                                            const std::string& certs);
 
 /// Sets the deadline every unary call needs, and the token where there is one.
 void prepare_call(grpc::ClientContext& context, const std::string& token,

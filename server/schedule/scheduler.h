@@ -97,6 +97,8 @@ class Scheduler {
   Worker* find_worker(WorkerKey worker);
   Worker* find_worker(const std::string& id);
   const std::map<WorkerKey, Worker>& workers() const { return workers_; }
+  /// Jobs, not ended, of which workers with this certificate were leased units.
+  std::set<JobKey> leased_jobs(const std::string& certificate) const;
 
   // Results --------------------------------------------------------------------------------------
   /// Whether `unit` under `lease` is a unit of a job that still wants results.

@@ -154,7 +154,9 @@ void Scheduler::end_job(Job& job, JobState state, const std::string& reason, Tim
   }
   for (const WorkerKey key : job.touched) {
     Worker* worker = find_worker(key);
-    if (worker == nullptr || !worker->connected) continue;
+    if (worker == nullptr) continue;
+    worker->leased_jobs.erase(job.key);
+    if (!worker->connected) continue;
     worker->mail.ended_jobs.push_back(job.spec->id);
     add_mail(*worker);
   }

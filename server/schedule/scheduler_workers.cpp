@@ -40,6 +40,15 @@ Worker* Scheduler::find_worker(const std::string& id) {
   return found == worker_by_id_.end() ? nullptr : find_worker(found->second);
 }
 
+std::set<JobKey> Scheduler::leased_jobs(const std::string& certificate) const {
+  std::set<JobKey> jobs;
+  for (const auto& [key, worker] : workers_) {
+    if (worker.certificate != certificate) continue;
+    jobs.insert(worker.leased_jobs.begin(), worker.leased_jobs.end());
+  }
+  return jobs;
+}
+
 void Scheduler::count_threads() {
   threads_.clear();
   for (const auto& [key, worker] : workers_) {
@@ -60,6 +69,7 @@ WorkerKey Scheduler::connect(const Hello& hello, Time now) {
   worker.name = hello.name;
   worker.host = hello.host;
   worker.isa = hello.isa;
+  worker.certificate = hello.certificate;
   worker.thread_count = std::max(hello.thread_count, 1);
   worker.tags = {hello.tags.begin(), hello.tags.end()};
   worker.connected = true;
@@ -228,6 +238,7 @@ void Scheduler::scene_loaded(WorkerKey key, const std::string& job_id, double lo
   Worker* worker = find_worker(key);
   Job* job = find_job(job_id);
   if (worker == nullptr || job == nullptr) return;
+  if (worker->leased_jobs.count(job->key) == 0) return;
   if (worker->current_job == job->key) worker->load_seconds = load_seconds + build_seconds;
   job->counters.load_seconds += load_seconds;
   job->counters.build_seconds += build_seconds;
@@ -242,6 +253,7 @@ void Scheduler::hold(Job& job, Worker& worker, const Unit& unit, const Holder& h
   worker.held.emplace(job.key, unit);
   ++job.holders[worker.key];
   job.touched.insert(worker.key);
+  worker.leased_jobs.insert(job.key);
   job.leased_seconds += held.expected_seconds;
   charge(job, held.expected_seconds);
 }

@@ -45,6 +45,7 @@ struct Mail {
 /// What a worker says of itself when it connects.
 struct Hello {
   std::string worker_id, name, host, isa;
+  std::string certificate;  // name it was issued to; empty: none
   std::int32_t thread_count = 1;
   std::vector<std::string> tags;
   std::int32_t credit_count = 0;
@@ -57,6 +58,7 @@ struct Hello {
 struct Worker {
   WorkerKey key = 0;
   std::string id, name, host, isa;
+  std::string certificate;  // name it was issued to; empty: none
   std::int32_t thread_count = 1;
   std::set<std::string> tags;
   bool connected = false;  // has a stream; without one it is lost after the time-out
@@ -66,6 +68,7 @@ struct Worker {
   Time heard;              // last sign of life
   std::int32_t credits = 0;
   std::set<std::pair<JobKey, contract::Unit>> held;
+  std::set<JobKey> leased_jobs;  // not ended, of which it was ever leased units
   JobKey current_job = 0;
   double seconds_in_job = 0;           // CPU seconds committed since it turned to current_job
   std::optional<double> load_seconds;  // of current_job's scene here, once it is loaded

@@ -1,22 +1,115 @@
 #include "server/service/access.h"
 
+#include <grpc/grpc_security_constants.h>
+#include <grpcpp/security/auth_context.h>
+
+#include <chrono>
+
+#include "absl/strings/str_cat.h"
 #include "proto/contract/channel.h"
 #include "proto/contract/digest.h"
 
 namespace tessera::server {
+namespace {
 
-absl::Status Access::check(const grpc::CallbackServerContext& context) const {
-  if (token_.empty()) return absl::OkStatus();
-  const auto& metadata = context.client_metadata();
-  const auto sent = metadata.find(contract::kTokenKey);
-  if (sent == metadata.end()) {
+// Every rpc there is. What a role may do with it is narrowed where it is done: a client sees and
+// changes jobs of its own name only, a worker reads jobs and assets it was leased units of.
+constexpr AccessRule kRules[] = {
+    // rpc                             client worker
+    {"JobService.CreateJob", true, false},
+    {"JobService.GetJob", true, false},
+    {"JobService.ListJobs", true, false},
+    {"JobService.WatchJob", true, false},
+    {"JobService.PauseJob", true, false},
+    {"JobService.ResumeJob", true, false},
+    {"JobService.CancelJob", true, false},
+    {"JobService.RetryJob", true, false},
+    {"JobService.RemoveJob", true, false},
+    {"JobService.ExtendJob", true, false},
+    {"JobService.GetJobReport", true, false},
+    {"JobService.FetchFrame", true, false},
+    {"AssetService.FindMissingAssets", true, false},
+    {"AssetService.UploadAsset", true, false},
+    {"AssetService.DownloadAsset", false, true},
+    {"WorkerService.Work", false, true},
+    {"WorkerService.Deliver", false, true},
+    {"WorkerService.DescribeJob", false, true},
+    {"WorkerService.ListWorkers", true, false},
+};
+
+std::int64_t now_s() {
+  return std::chrono::duration_cast<std::chrono::seconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+bool may_call(const AccessRule& rule, Role role) {
+  return role == Role::admin || (role == Role::client && rule.client) ||
+         (role == Role::worker && rule.worker);
+}
+
+}  // namespace
+
+const AccessRule* find_access_rule(std::string_view rpc) {
+  for (const AccessRule& rule : kRules) {
+    if (rpc == rule.rpc) return &rule;
+  }
+  return nullptr;
+}
+
+std::string sent_token(const grpc::CallbackServerContext& context) {
+  const auto sent = context.client_metadata().find(contract::kTokenKey);
+  if (sent == context.client_metadata().end()) return {};
+  return {sent->second.data(), sent->second.size()};
+}
+
+absl::StatusOr<Caller> Access::identify(const grpc::CallbackServerContext& context) const {
+  if (revocations_) {
+    const auto sent = context.auth_context()->FindPropertyValues(GRPC_X509_PEM_CERT_PROPERTY_NAME);
+    if (sent.empty()) return absl::UnauthenticatedError("this server needs a certificate");
+    auto identity = read_identity({sent.front().data(), sent.front().size()});
+    if (!identity.ok()) return identity.status();
+    Caller caller{*std::move(identity)};
+    if (absl::Status status = recheck(caller); !status.ok()) return status;
+    return caller;
+  }
+  if (token_.empty()) return Caller{};
+  const std::string token = sent_token(context);
+  if (token.empty()) {
     return absl::UnauthenticatedError("this server needs the token in STORE/token");
   }
-  const std::string_view text(sent->second.data(), sent->second.size());
-  if (contract::equal_in_constant_time(contract::sha256(text), contract::sha256(token_))) {
-    return absl::OkStatus();
+  if (contract::equal_in_constant_time(contract::sha256(token), contract::sha256(token_))) {
+    return Caller{};
   }
   return absl::UnauthenticatedError("wrong token: this server's is in STORE/token");
+}
+
+absl::StatusOr<Caller> Access::admit(const grpc::CallbackServerContext& context,
+                                     std::string_view rpc) const {
+  auto caller = identify(context);
+  if (!caller.ok()) return caller;
+  const AccessRule* rule = find_access_rule(rpc);
+  if (rule == nullptr) {
+    return absl::PermissionDeniedError(absl::StrCat("no rule allows ", std::string(rpc)));
+  }
+  if (caller->identity && !may_call(*rule, caller->identity->role)) {
+    return absl::PermissionDeniedError(absl::StrCat(role_name(caller->identity->role), " ",
+                                                    caller->identity->name, " may not call ",
+                                                    std::string(rpc)));
+  }
+  return caller;
+}
+
+absl::Status Access::recheck(const Caller& caller) const {
+  if (!caller.identity) return absl::OkStatus();
+  const std::string uri = identity_uri(caller.identity->role, caller.identity->name);
+  if (revocations_->contains(caller.identity->serial)) {
+    return absl::UnauthenticatedError(absl::StrCat("the certificate of ", uri, " is revoked"));
+  }
+  if (now_s() > caller.identity->expires_s) {
+    return absl::UnauthenticatedError(absl::StrCat("the certificate of ", uri, " has expired"));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace tessera::server

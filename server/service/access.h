@@ -2,24 +2,71 @@
 
 #include <grpcpp/server_context.h>
 
+#include <cstdint>
+#include <memory>
+#include <optional>
 #include <string>
+#include <string_view>
 
-#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "server/identity/identity.h"
+#include "server/identity/revocations.h"
 
 namespace tessera::server {
 
-/// Who may call: on a Unix socket everybody who can open it (its folder is private), on loopback
-/// TCP whoever sends the store's token.
+/// Who calls.
+struct Caller {
+  /// From its certificate; absent on a Unix socket and under the store's token, where whoever gets
+  /// through is the user who runs the farm and may do everything.
+  std::optional<Identity> identity;
+
+  /// Whom the jobs it makes belong to.
+  std::string owner() const { return identity ? identity->name : "local"; }
+  /// Whose jobs it sees; empty: everybody's.
+  std::string sees() const {
+    return identity && identity->role != Role::admin ? identity->name : "";
+  }
+  /// Under which certificate it works; empty: none.
+  std::string certificate() const { return identity ? identity->name : ""; }
+};
+
+/// Which roles may call an rpc. Admins may call all.
+struct AccessRule {
+  const char* rpc;  // "JobService.CreateJob"
+  bool client, worker;
+};
+
+/// The rule for an rpc; nullptr: there is none, and nobody may call it.
+const AccessRule* find_access_rule(std::string_view rpc);
+
+/// Who may call what: on a Unix socket everybody who can open it (its folder is private), on
+/// loopback TCP whoever sends the store's token, with certificates whom the rules allow. Any
+/// thread.
 class Access {
  public:
   /// `token`: empty for a Unix socket.
   explicit Access(std::string token) : token_(std::move(token)) {}
+  /// Callers come with certificates, which TLS has verified.
+  explicit Access(std::unique_ptr<Revocations> revocations)
+      : revocations_(std::move(revocations)) {}
 
-  /// Errors: Unauthenticated, no token or a wrong one. Constant time in the token.
-  absl::Status check(const grpc::CallbackServerContext& context) const;
+  /// Who the caller is, if it may call `rpc`.
+  ///
+  /// Errors: Unauthenticated, no token or a wrong one, or a certificate that is revoked, has
+  /// expired or names no role; PermissionDenied, not with this role.
+  absl::StatusOr<Caller> admit(const grpc::CallbackServerContext& context,
+                               std::string_view rpc) const;
+  /// Whether a caller admitted earlier still would be; for streams that stay open.
+  absl::Status recheck(const Caller& caller) const;
 
  private:
-  const std::string token_;
+  absl::StatusOr<Caller> identify(const grpc::CallbackServerContext& context) const;
+
+  std::string token_;
+  std::unique_ptr<Revocations> revocations_;  // null: no certificates
 };
+
+/// What the caller sent as its token; empty if nothing.
+std::string sent_token(const grpc::CallbackServerContext& context);
 
 }  // namespace tessera::server

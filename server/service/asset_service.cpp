@@ -150,7 +150,7 @@ class Download final : public grpc::ServerWriteReactor<v1::DownloadAssetResponse
 grpc::ServerUnaryReactor* AssetService::FindMissingAssets(
     grpc::CallbackServerContext* context, const v1::FindMissingAssetsRequest* request,
     v1::FindMissingAssetsResponse* response) {
-  absl::Status status = access_.check(*context);
+  absl::Status status = access_.admit(*context, "AssetService.FindMissingAssets").status();
   if (status.ok() && request->assets_size() > kMostAssets) {
     status = absl::InvalidArgumentError("assets: more than 100000; split the list");
   }
@@ -170,19 +170,25 @@ grpc::ServerUnaryReactor* AssetService::FindMissingAssets(
 
 grpc::ServerReadReactor<v1::UploadAssetRequest>* AssetService::UploadAsset(
     grpc::CallbackServerContext* context, v1::UploadAssetResponse* /*response*/) {
-  return new Upload(coordinator_, access_.check(*context));
+  return new Upload(coordinator_, access_.admit(*context, "AssetService.UploadAsset").status());
+}
+
+/// A worker reads assets of jobs it was leased; an admin, and whoever has no certificate, all.
+bool AssetService::may_read(const Caller& caller, const contract::Digest& digest) const {
+  if (!caller.identity || caller.identity->role == Role::admin) return true;
+  return coordinator_.is_leased_asset(digest, caller.certificate());
 }
 
 grpc::ServerWriteReactor<v1::DownloadAssetResponse>* AssetService::DownloadAsset(
     grpc::CallbackServerContext* context, const v1::DownloadAssetRequest* request) {
   auto* download = new Download;
-  const absl::Status allowed = access_.check(*context);
+  const auto caller = access_.admit(*context, "AssetService.DownloadAsset");
   const auto digest = contract::Digest::from_binary(request->asset().sha256());
-  if (!allowed.ok()) {
-    download->Finish(contract::to_rpc(allowed));
+  if (!caller.ok()) {
+    download->Finish(contract::to_rpc(caller.status()));
   } else if (!digest) {
     download->Finish(contract::to_rpc(absl::InvalidArgumentError("asset.sha256: is not 32 bytes")));
-  } else if (!coordinator_.has_asset(*digest)) {
+  } else if (!may_read(*caller, *digest) || !coordinator_.has_asset(*digest)) {
     download->Finish(contract::to_rpc(absl::NotFoundError("the asset is not here; upload it")));
   } else {
     download->start(coordinator_.asset_path(*digest));

@@ -22,6 +22,8 @@ class AssetService final : public v1::AssetService::CallbackService {
       grpc::CallbackServerContext* context, const v1::DownloadAssetRequest* request) override;
 
  private:
+  bool may_read(const Caller& caller, const contract::Digest& digest) const;
+
   Coordinator& coordinator_;
   const Access& access_;
 };

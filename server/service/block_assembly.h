@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "absl/status/status.h"
 #include "server/coordinator.h"
@@ -13,7 +14,9 @@ namespace tessera::server {
 /// coordinator. Nothing is allocated for a block before the coordinator has admitted its header.
 class BlockAssembly {
  public:
-  explicit BlockAssembly(Coordinator& coordinator) : coordinator_(coordinator) {}
+  /// `certificate`: name of the one the blocks come under; empty: none.
+  BlockAssembly(Coordinator& coordinator, std::string certificate)
+      : coordinator_(coordinator), certificate_(std::move(certificate)) {}
 
   /// Takes the parts out of a message. Errors: InvalidArgument, they do not follow the rules of
   /// Deliver; FailedPrecondition, the worker has no Work stream.
@@ -25,6 +28,7 @@ class BlockAssembly {
   void complete();
 
   Coordinator& coordinator_;
+  const std::string certificate_;
   std::string worker_id_;
   bool is_open_ = false;  // a block has begun and is not complete
   BlockHeader header_;

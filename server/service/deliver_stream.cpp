@@ -20,15 +20,15 @@ struct DeliverHandle {
 /// Reads while there is room; else waits until the coordinator calls.
 class DeliverStream final : public grpc::ServerReadReactor<v1::DeliverRequest> {
  public:
-  DeliverStream(Coordinator& coordinator, const absl::Status& allowed)
+  DeliverStream(Coordinator& coordinator, const absl::StatusOr<Caller>& caller)
       : coordinator_(coordinator),
-        blocks_(coordinator),
+        blocks_(coordinator, caller.ok() ? caller->certificate() : ""),
         handle_(std::make_shared<DeliverHandle>()) {
     handle_->stream = this;
-    if (allowed.ok()) {
+    if (caller.ok()) {
       StartRead(&request_);
     } else {
-      Finish(contract::to_rpc(allowed));
+      Finish(contract::to_rpc(caller.status()));
     }
   }
 
@@ -83,8 +83,8 @@ class DeliverStream final : public grpc::ServerReadReactor<v1::DeliverRequest> {
 }  // namespace
 
 grpc::ServerReadReactor<v1::DeliverRequest>* deliver_stream(Coordinator& coordinator,
-                                                            const absl::Status& allowed) {
-  return new DeliverStream(coordinator, allowed);
+                                                            const absl::StatusOr<Caller>& caller) {
+  return new DeliverStream(coordinator, caller);
 }
 
 }  // namespace tessera::server

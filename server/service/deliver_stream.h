@@ -1,14 +1,15 @@
 #pragma once
 
-#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "server/coordinator.h"
+#include "server/service/access.h"
 #include "tessera/v1/worker_service.grpc.pb.h"
 
 namespace tessera::server {
 
-/// The reactor of a worker's Deliver stream; deletes itself. `allowed`: the status to end with at
-/// once unless it is OK.
+/// The reactor of a worker's Deliver stream; deletes itself. `caller`: who, or the status to end
+/// with at once.
 grpc::ServerReadReactor<v1::DeliverRequest>* deliver_stream(Coordinator& coordinator,
-                                                            const absl::Status& allowed);
+                                                            const absl::StatusOr<Caller>& caller);
 
 }  // namespace tessera::server

@@ -13,7 +13,6 @@
 namespace tessera::server {
 namespace {
 
-constexpr char kOwner[] = "local";  // there are no certificates yet to tell one user from another
 constexpr std::int32_t kPageSize = 100, kLargestPageSize = 1000;
 
 grpc::ServerUnaryReactor* finish(grpc::CallbackServerContext* context, const absl::Status& status) {
@@ -32,11 +31,22 @@ Coordinator::OnJob answer_with(grpc::ServerUnaryReactor* reactor, v1::Job* job) 
 
 }  // namespace
 
+/// Who calls, if it may call `rpc` for this job.
+absl::StatusOr<Caller> JobService::admit(const grpc::CallbackServerContext& context,
+                                         std::string_view rpc, const std::string& job_id) const {
+  auto caller = access_.admit(context, rpc);
+  if (!caller.ok()) return caller;
+  absl::Status status = coordinator_.check_owner(job_id, caller->sees());
+  if (!status.ok()) return status;
+  return caller;
+}
+
 grpc::ServerUnaryReactor* JobService::CreateJob(grpc::CallbackServerContext* context,
                                                 const v1::CreateJobRequest* request,
                                                 v1::CreateJobResponse* response) {
-  if (absl::Status status = access_.check(*context); !status.ok()) return finish(context, status);
-  auto spec = to_spec(*request, kOwner);
+  const auto caller = access_.admit(*context, "JobService.CreateJob");
+  if (!caller.ok()) return finish(context, caller.status());
+  auto spec = to_spec(*request, caller->owner());
   if (!spec.ok()) return finish(context, spec.status());
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   coordinator_.create_job(*std::move(spec), [=](const auto& created) {
@@ -52,8 +62,9 @@ grpc::ServerUnaryReactor* JobService::CreateJob(grpc::CallbackServerContext* con
 grpc::ServerUnaryReactor* JobService::GetJob(grpc::CallbackServerContext* context,
                                              const v1::GetJobRequest* request,
                                              v1::GetJobResponse* response) {
-  if (absl::Status status = access_.check(*context); !status.ok()) return finish(context, status);
-  const auto view = coordinator_.find_job(request->job());
+  const auto caller = access_.admit(*context, "JobService.GetJob");
+  if (!caller.ok()) return finish(context, caller.status());
+  const auto view = coordinator_.find_job(request->job(), caller->sees());
   if (view.ok()) *response->mutable_job() = to_message(*view);
   return finish(context, view.status());
 }
@@ -61,7 +72,8 @@ grpc::ServerUnaryReactor* JobService::GetJob(grpc::CallbackServerContext* contex
 grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* context,
                                                const v1::ListJobsRequest* request,
                                                v1::ListJobsResponse* response) {
-  if (absl::Status status = access_.check(*context); !status.ok()) return finish(context, status);
+  const auto caller = access_.admit(*context, "JobService.ListJobs");
+  if (!caller.ok()) return finish(context, caller.status());
   JobKey before = 0;
   if (!request->page_token().empty() &&
       (!absl::SimpleAtoi(request->page_token(), &before) || before <= 0)) {
@@ -72,7 +84,7 @@ grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* cont
                                "page_size: ", request->page_size(), " is not in [0, 1000]")));
   }
   const std::int32_t size = request->page_size() == 0 ? kPageSize : request->page_size();
-  const std::vector<JobView> views = coordinator_.list_jobs(before, size);
+  const std::vector<JobView> views = coordinator_.list_jobs(before, size, caller->sees());
   for (const JobView& view : views) *response->add_jobs() = to_message(view);
   if (static_cast<std::int32_t>(views.size()) == size && views.back().key > 1) {
     response->set_next_page_token(absl::StrCat(views.back().key));
@@ -82,46 +94,53 @@ grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* cont
 
 grpc::ServerWriteReactor<v1::WatchJobResponse>* JobService::WatchJob(
     grpc::CallbackServerContext* context, const v1::WatchJobRequest* request) {
-  return watch_job(coordinator_, *request, access_.check(*context));
+  return watch_job(coordinator_, access_, *request,
+                   admit(*context, "JobService.WatchJob", request->job_id()));
 }
 
 grpc::ServerUnaryReactor* JobService::change(grpc::CallbackServerContext* context,
-                                             const std::string& job_id, Coordinator::Change change,
+                                             const std::string& job_id, const Change& change,
                                              v1::Job* job) {
-  if (absl::Status status = access_.check(*context); !status.ok()) return finish(context, status);
+  const auto caller = admit(*context, change.rpc, job_id);
+  if (!caller.ok()) return finish(context, caller.status());
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  coordinator_.change_job(job_id, change, answer_with(reactor, job));
+  coordinator_.change_job(job_id, change.change, answer_with(reactor, job));
   return reactor;
 }
 
 grpc::ServerUnaryReactor* JobService::PauseJob(grpc::CallbackServerContext* context,
                                                const v1::PauseJobRequest* request,
                                                v1::PauseJobResponse* response) {
-  return change(context, request->job_id(), Coordinator::Change::pause, response->mutable_job());
+  return change(context, request->job_id(), {"JobService.PauseJob", Coordinator::Change::pause},
+                response->mutable_job());
 }
 
 grpc::ServerUnaryReactor* JobService::ResumeJob(grpc::CallbackServerContext* context,
                                                 const v1::ResumeJobRequest* request,
                                                 v1::ResumeJobResponse* response) {
-  return change(context, request->job_id(), Coordinator::Change::resume, response->mutable_job());
+  return change(context, request->job_id(), {"JobService.ResumeJob", Coordinator::Change::resume},
+                response->mutable_job());
 }
 
 grpc::ServerUnaryReactor* JobService::CancelJob(grpc::CallbackServerContext* context,
                                                 const v1::CancelJobRequest* request,
                                                 v1::CancelJobResponse* response) {
-  return change(context, request->job_id(), Coordinator::Change::cancel, response->mutable_job());
+  return change(context, request->job_id(), {"JobService.CancelJob", Coordinator::Change::cancel},
+                response->mutable_job());
 }
 
 grpc::ServerUnaryReactor* JobService::RetryJob(grpc::CallbackServerContext* context,
                                                const v1::RetryJobRequest* request,
                                                v1::RetryJobResponse* response) {
-  return change(context, request->job_id(), Coordinator::Change::retry, response->mutable_job());
+  return change(context, request->job_id(), {"JobService.RetryJob", Coordinator::Change::retry},
+                response->mutable_job());
 }
 
 grpc::ServerUnaryReactor* JobService::RemoveJob(grpc::CallbackServerContext* context,
                                                 const v1::RemoveJobRequest* request,
                                                 v1::RemoveJobResponse* /*response*/) {
-  if (absl::Status status = access_.check(*context); !status.ok()) return finish(context, status);
+  const auto caller = admit(*context, "JobService.RemoveJob", request->job_id());
+  if (!caller.ok()) return finish(context, caller.status());
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   coordinator_.remove_job(request->job_id(), [reactor](const absl::Status& status) {
     reactor->Finish(contract::to_rpc(status));
@@ -132,7 +151,8 @@ grpc::ServerUnaryReactor* JobService::RemoveJob(grpc::CallbackServerContext* con
 grpc::ServerUnaryReactor* JobService::ExtendJob(grpc::CallbackServerContext* context,
                                                 const v1::ExtendJobRequest* request,
                                                 v1::ExtendJobResponse* response) {
-  if (absl::Status status = access_.check(*context); !status.ok()) return finish(context, status);
+  const auto caller = admit(*context, "JobService.ExtendJob", request->job_id());
+  if (!caller.ok()) return finish(context, caller.status());
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   Coordinator::Extension extension;
   if (request->sample_count() != 0) extension.spp = request->sample_count();
@@ -145,7 +165,8 @@ grpc::ServerUnaryReactor* JobService::ExtendJob(grpc::CallbackServerContext* con
 grpc::ServerUnaryReactor* JobService::GetJobReport(grpc::CallbackServerContext* context,
                                                    const v1::GetJobReportRequest* request,
                                                    v1::GetJobReportResponse* response) {
-  if (absl::Status status = access_.check(*context); !status.ok()) return finish(context, status);
+  const auto caller = admit(*context, "JobService.GetJobReport", request->job_id());
+  if (!caller.ok()) return finish(context, caller.status());
   const auto report = coordinator_.report(request->job_id());
   if (report.ok()) response->set_report_json(report_json(*report));
   return finish(context, report.status());
@@ -153,7 +174,8 @@ grpc::ServerUnaryReactor* JobService::GetJobReport(grpc::CallbackServerContext* 
 
 grpc::ServerWriteReactor<v1::FetchFrameResponse>* JobService::FetchFrame(
     grpc::CallbackServerContext* context, const v1::FetchFrameRequest* request) {
-  return send_frame(coordinator_, *request, access_.check(*context));
+  return send_frame(coordinator_, *request,
+                    admit(*context, "JobService.FetchFrame", request->job_id()).status());
 }
 
 }  // namespace tessera::server

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <string>
+#include <string_view>
 
 #include "server/coordinator.h"
 #include "server/service/access.h"
@@ -52,8 +53,14 @@ class JobService final : public v1::JobService::CallbackService {
       grpc::CallbackServerContext* context, const v1::FetchFrameRequest* request) override;
 
  private:
+  struct Change {
+    const char* rpc;
+    Coordinator::Change change;
+  };
   grpc::ServerUnaryReactor* change(grpc::CallbackServerContext* context, const std::string& job_id,
-                                   Coordinator::Change change, v1::Job* job);
+                                   const Change& change, v1::Job* job);
+  absl::StatusOr<Caller> admit(const grpc::CallbackServerContext& context, std::string_view rpc,
+                               const std::string& job_id) const;
 
   Coordinator& coordinator_;
   const Access& access_;

@@ -7,15 +7,19 @@
 
 #include <chrono>
 #include <filesystem>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "proto/contract/channel.h"
+#include "proto/contract/credentials.h"
+#include "server/identity/join_tokens.h"
 #include "server/service/access.h"
 #include "server/service/asset_service.h"
 #include "server/service/job_service.h"
 #include "server/service/token.h"
+#include "server/service/worker_admission.h"
 #include "server/service/worker_service.h"
 
 namespace tessera::server {
@@ -40,13 +44,52 @@ absl::Status check_socket_folder(const std::string& address) {
   return absl::OkStatus();
 }
 
+/// Who may enter, and how a connection is made.
+struct Entrance {
+  std::shared_ptr<grpc::ServerCredentials> credentials;
+  Access access;
+  std::optional<JoinTokens> join_tokens;
+};
+
+absl::StatusOr<Entrance> private_entrance(const std::string& address) {
+  if (absl::Status status = check_socket_folder(address); !status.ok()) return status;
+  return Entrance{grpc::InsecureServerCredentials(), Access(""), std::nullopt};
+}
+
+absl::StatusOr<Entrance> certified_entrance(const ListenOptions& options) {
+  auto credentials = contract::server_credentials(options.certs);
+  if (!credentials.ok()) return credentials.status();
+  return Entrance{*std::move(credentials),
+                  Access(std::make_unique<Revocations>(options.certs + "/revoked")),
+                  JoinTokens(options.store)};
+}
+
+absl::StatusOr<Entrance> loopback_entrance(const ListenOptions& options) {
+  if (!contract::is_local_address(options.address)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "--listen ", options.address, ": other machines can reach this address, so it needs ",
+        "certificates:\n  tessera-server init-certs certs --host NAME-OR-IP-OF-THIS-MACHINE\n",
+        "makes them; then add --certs certs"));
+  }
+  auto token = keep_token(absl::StrCat(options.store, "/token"));
+  if (!token.ok()) return token.status();
+  return Entrance{grpc::InsecureServerCredentials(), Access(*std::move(token)), std::nullopt};
+}
+
+absl::StatusOr<Entrance> make_entrance(const ListenOptions& options) {
+  if (absl::StartsWith(options.address, kUnixPrefix)) return private_entrance(options.address);
+  return options.certs.empty() ? loopback_entrance(options) : certified_entrance(options);
+}
+
 class GrpcFarmServer final : public FarmServer {
  public:
-  GrpcFarmServer(Coordinator& coordinator, const std::string& token)
-      : access_(token),
+  GrpcFarmServer(Coordinator& coordinator, Entrance entrance)
+      : credentials_(std::move(entrance.credentials)),
+        access_(std::move(entrance.access)),
+        admission_(coordinator, std::move(entrance.join_tokens)),
         jobs_(coordinator, access_),
         assets_(coordinator, access_),
-        workers_(coordinator, access_) {}
+        workers_(coordinator, access_, admission_) {}
 
   ~GrpcFarmServer() override { stop(); }
 
@@ -55,7 +98,7 @@ class GrpcFarmServer final : public FarmServer {
     grpc::reflection::InitProtoReflectionServerBuilderPlugin();
     grpc::ServerBuilder builder;
     int port = 0;
-    builder.AddListeningPort(address, grpc::InsecureServerCredentials(), &port);
+    builder.AddListeningPort(address, credentials_, &port);
     builder.SetMaxReceiveMessageSize(contract::kMaxMessageBytes);
     builder.SetMaxSendMessageSize(contract::kMaxMessageBytes);
     builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kStreamsPerClient);
@@ -82,7 +125,9 @@ class GrpcFarmServer final : public FarmServer {
   }
 
  private:
+  const std::shared_ptr<grpc::ServerCredentials> credentials_;
   const Access access_;
+  const WorkerAdmission admission_;
   JobService jobs_;
   AssetService assets_;
   WorkerService workers_;
@@ -93,23 +138,11 @@ class GrpcFarmServer final : public FarmServer {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<FarmServer>> FarmServer::start(Coordinator& coordinator,
-                                                              const std::string& address,
-                                                              const std::string& store_folder) {
-  if (!contract::is_local_address(address)) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "--listen ", address, ": this version listens on Unix sockets (unix:PATH) and loopback ",
-        "(127.0.0.1:PORT, [::1]:PORT, localhost:PORT) only; other addresses need certificates"));
-  }
-  std::string token;
-  if (absl::StartsWith(address, kUnixPrefix)) {
-    if (absl::Status status = check_socket_folder(address); !status.ok()) return status;
-  } else {
-    auto kept = keep_token(absl::StrCat(store_folder, "/token"));
-    if (!kept.ok()) return kept.status();
-    token = *std::move(kept);
-  }
-  auto server = std::make_unique<GrpcFarmServer>(coordinator, token);
-  if (absl::Status status = server->listen(address); !status.ok()) return status;
+                                                              const ListenOptions& options) {
+  auto entrance = make_entrance(options);
+  if (!entrance.ok()) return entrance.status();
+  auto server = std::make_unique<GrpcFarmServer>(coordinator, *std::move(entrance));
+  if (absl::Status status = server->listen(options.address); !status.ok()) return status;
   return server;
 }
 

@@ -8,17 +8,23 @@
 
 namespace tessera::server {
 
-/// The farm's gRPC server: its services, health and reflection, on one local address.
+struct ListenOptions {
+  std::string address;  // unix:PATH or HOST:PORT; port 0: any
+  std::string store;    // folder where tokens are kept
+  std::string certs;    // folder of certificates (identity/authority.h); empty: none
+};
+
+/// The farm's gRPC server: its services, health and reflection, on one address. A Unix socket is
+/// guarded by its folder; TCP by mutual TLS, or, on loopback without certificates, by a token.
 class FarmServer {
  public:
-  /// Starts to listen. `store_folder` is where the token is kept. The
-  /// coordinator must outlive the server.
+  /// Starts to listen. The coordinator must outlive the server.
   ///
-  /// Errors: InvalidArgument, the address is not on this machine; Unavailable, it cannot be bound;
-  /// PermissionDenied, the socket's folder can be entered by others, or the token not be written.
+  /// Errors: InvalidArgument, the address is not on this machine and there are no certificates;
+  /// Unavailable, it cannot be bound; PermissionDenied, the socket's folder can be entered by
+  /// others, or the token not be written; those of contract::server_credentials().
   static absl::StatusOr<std::unique_ptr<FarmServer>> start(Coordinator& coordinator,
-                                                           const std::string& address,
-                                                           const std::string& store_folder);
+                                                           const ListenOptions& options);
   virtual ~FarmServer() = default;
 
   /// The address as clients use it, with the port that was bound.

@@ -30,12 +30,16 @@ milliseconds interval_of(const v1::WatchJobRequest& request) {
 /// Looks at the job by a timer, sends what has changed.
 class WatchStream final : public grpc::ServerWriteReactor<v1::WatchJobResponse> {
  public:
-  WatchStream(Coordinator& coordinator, const v1::WatchJobRequest& request,
-              const absl::Status& allowed)
-      : coordinator_(coordinator), job_id_(request.job_id()), interval_(interval_of(request)) {
+  WatchStream(Coordinator& coordinator, const Access& access, const v1::WatchJobRequest& request,
+              const absl::StatusOr<Caller>& caller)
+      : coordinator_(coordinator),
+        access_(access),
+        caller_(caller.value_or(Caller{})),
+        job_id_(request.job_id()),
+        interval_(interval_of(request)) {
     const std::lock_guard lock(mutex_);
-    if (!allowed.ok()) {
-      finish(allowed);
+    if (!caller.ok()) {
+      finish(caller.status());
     } else {
       look();
     }
@@ -66,6 +70,7 @@ class WatchStream final : public grpc::ServerWriteReactor<v1::WatchJobResponse> 
 
  private:
   void look() {
+    if (absl::Status status = access_.recheck(caller_); !status.ok()) return finish(status);
     const auto view = coordinator_.job(job_id_);
     if (!view.ok()) return finish(view.status());
     const auto now = std::chrono::steady_clock::now();
@@ -99,6 +104,8 @@ class WatchStream final : public grpc::ServerWriteReactor<v1::WatchJobResponse> 
   void finish(const absl::Status& status) { Finish(contract::to_rpc(status)); }
 
   Coordinator& coordinator_;
+  const Access& access_;
+  const Caller caller_;
   const std::string job_id_;
   const milliseconds interval_;
   std::mutex mutex_;  // callbacks may come from several threads
@@ -112,9 +119,10 @@ class WatchStream final : public grpc::ServerWriteReactor<v1::WatchJobResponse> 
 }  // namespace
 
 grpc::ServerWriteReactor<v1::WatchJobResponse>* watch_job(Coordinator& coordinator,
+                                                          const Access& access,
                                                           const v1::WatchJobRequest& request,
-                                                          const absl::Status& allowed) {
-  return new WatchStream(coordinator, request, allowed);
+                                                          const absl::StatusOr<Caller>& caller) {
+  return new WatchStream(coordinator, access, request, caller);
 }
 
 }  // namespace tessera::server

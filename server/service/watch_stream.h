@@ -1,15 +1,17 @@
 #pragma once
 
-#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "server/coordinator.h"
+#include "server/service/access.h"
 #include "tessera/v1/job_service.grpc.pb.h"
 
 namespace tessera::server {
 
 /// A reactor that sends a job's state now and as it changes (JobService.WatchJob), and deletes
-/// itself. `allowed`: the status to end with at once unless it is OK.
+/// itself. `caller`: who, or the status to end with at once.
 grpc::ServerWriteReactor<v1::WatchJobResponse>* watch_job(Coordinator& coordinator,
+                                                          const Access& access,
                                                           const v1::WatchJobRequest& request,
-                                                          const absl::Status& allowed);
+                                                          const absl::StatusOr<Caller>& caller);
 
 }  // namespace tessera::server

@@ -72,19 +72,27 @@ class WorkLink final : public WorkerLink {
 
 class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse> {
  public:
-  WorkStream(Coordinator& coordinator, grpc::CallbackServerContext& context,
-             const absl::Status& allowed)
-      : coordinator_(coordinator), context_(context), link_(std::make_shared<WorkLink>(*this)) {
-    if (allowed.ok()) {
+  WorkStream(const WorkGate& gate, grpc::CallbackServerContext& context,
+             const absl::StatusOr<Caller>& caller)
+      : gate_(gate),
+        coordinator_(gate.coordinator),
+        context_(context),
+        caller_(caller.value_or(Caller{})),
+        link_(std::make_shared<WorkLink>(*this)) {
+    if (caller.ok()) {
       StartRead(&request_);
     } else {
-      finish(allowed);
+      finish(caller.status());
     }
   }
 
   void OnReadDone(bool ok) override {
-    const absl::Status status = ok ? take() : absl::OkStatus();
+    absl::Status status = ok ? gate_.access.recheck(caller_) : absl::OkStatus();
     if (!ok || !status.ok()) return finish(status);
+    const bool is_known = session_.has_value();
+    status = is_known ? take() : begin();
+    if (!status.ok()) return finish(status);
+    if (!is_known) return;  // enter() reads on
     const std::lock_guard lock(mutex_);
     if (!last_words_) StartRead(&request_);
   }
@@ -117,6 +125,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
     const std::lock_guard lock(mutex_);
     if (last_words_) return;
     last_words_ = status;
+    if (is_entering_) return;  // enter() ends the call: until then it needs this object
     if (is_writing_) {
       context_.TryCancel();  // a write to a frozen peer would never end
     } else {
@@ -134,7 +143,6 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
   }
 
   absl::Status take() {
-    if (!session_) return begin();
     const Session session = *session_;
     switch (request_.event_case()) {
       case v1::WorkRequest::kHeartbeat:
@@ -187,27 +195,50 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
         !status.ok()) {
       return status;
     }
-    const auto hello = from_message(message);
+    auto hello = from_message(message);
     if (!hello.ok()) return hello.status();
-    const Coordinator::Joined joined = coordinator_.join(*hello, link_);
+    hello->certificate = caller_.certificate();
+    is_entering_ = true;  // no callback but enter() comes before the next read
+    gate_.admission.admit(
+        caller_, hello->worker_id, sent_token(context_),
+        [this, hello = *hello](const absl::StatusOr<std::string>& key) { enter(hello, key); });
+    return absl::OkStatus();
+  }
+
+  /// Greets a worker that was admitted, and reads on. On any thread.
+  void enter(const Hello& hello, const absl::StatusOr<std::string>& session_key) {
+    std::optional<Coordinator::Joined> joined;
+    if (session_key.ok()) joined = coordinator_.join(hello, link_);
     const std::lock_guard lock(mutex_);
-    session_ = joined.session;
+    is_entering_ = false;
+    if (joined) session_ = joined->session;
+    if (!joined && !last_words_) last_words_ = session_key.status();
+    if (last_words_) return Finish(contract::to_rpc(*last_words_));
+    write_welcome(*joined, *session_key);
+    StartRead(&request_);
+  }
+
+  /// Requires the lock.
+  void write_welcome(const Coordinator::Joined& joined, const std::string& session_key) {
     v1::Welcome& welcome = *out_.emplace_back().mutable_welcome();
+    welcome.set_session_key(session_key);
     welcome.set_store_id(joined.store_id);
     welcome.mutable_heartbeat_interval()->set_seconds(joined.heartbeat_ms / 1000);
     welcome.mutable_heartbeat_interval()->set_nanos(joined.heartbeat_ms % 1000 * 1'000'000);
     welcome.mutable_timeout()->set_seconds(joined.timeout_ms / 1000);
     welcome.mutable_timeout()->set_nanos(joined.timeout_ms % 1000 * 1'000'000);
     write_next();
-    return absl::OkStatus();
   }
 
+  const WorkGate gate_;
   Coordinator& coordinator_;
   grpc::CallbackServerContext& context_;
+  const Caller caller_;
   const std::shared_ptr<WorkLink> link_;  // owners: this and the coordinator
   v1::WorkRequest request_;               // of the one read that is pending
 
   std::mutex mutex_;  // for what follows; taken before the coordinator's lock, never after it
+  bool is_entering_ = false;  // between the hello and its welcome
   std::optional<Session> session_;
   std::deque<v1::WorkResponse> out_;  // the front one is being written
   bool is_writing_ = false;
@@ -227,8 +258,9 @@ void WorkLink::close(const absl::Status& reason) {
 }  // namespace
 
 grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* work_stream(
-    Coordinator& coordinator, grpc::CallbackServerContext& context, const absl::Status& allowed) {
-  return new WorkStream(coordinator, context, allowed);
+    const WorkGate& gate, grpc::CallbackServerContext& context,
+    const absl::StatusOr<Caller>& caller) {
+  return new WorkStream(gate, context, caller);
 }
 
 }  // namespace tessera::server

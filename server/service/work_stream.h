@@ -1,14 +1,24 @@
 #pragma once
 
-#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "server/coordinator.h"
+#include "server/service/access.h"
+#include "server/service/worker_admission.h"
 #include "tessera/v1/worker_service.grpc.pb.h"
 
 namespace tessera::server {
 
-/// The reactor of a worker's Work stream; deletes itself. `allowed`: the status to end with at once
-/// unless it is OK.
+/// What a Work stream needs of the server; all outlive it.
+struct WorkGate {
+  Coordinator& coordinator;
+  const Access& access;
+  const WorkerAdmission& admission;
+};
+
+/// The reactor of a worker's Work stream; deletes itself. `caller`: who, or the status to end with
+/// at once.
 grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* work_stream(
-    Coordinator& coordinator, grpc::CallbackServerContext& context, const absl::Status& allowed);
+    const WorkGate& gate, grpc::CallbackServerContext& context,
+    const absl::StatusOr<Caller>& caller);
 
 }  // namespace tessera::server

@@ -11,19 +11,25 @@ namespace tessera::server {
 
 grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* WorkerService::Work(
     grpc::CallbackServerContext* context) {
-  return work_stream(coordinator_, *context, access_.check(*context));
+  return work_stream({coordinator_, access_, admission_}, *context,
+                     access_.admit(*context, "WorkerService.Work"));
 }
 
 grpc::ServerReadReactor<v1::DeliverRequest>* WorkerService::Deliver(
     grpc::CallbackServerContext* context, v1::DeliverResponse* /*response*/) {
-  return deliver_stream(coordinator_, access_.check(*context));
+  return deliver_stream(coordinator_, access_.admit(*context, "WorkerService.Deliver"));
 }
 
 grpc::ServerUnaryReactor* WorkerService::DescribeJob(grpc::CallbackServerContext* context,
                                                      const v1::DescribeJobRequest* request,
                                                      v1::DescribeJobResponse* response) {
-  absl::Status status = access_.check(*context);
-  const auto spec = coordinator_.describe_job(request->job_id());
+  const auto caller = access_.admit(*context, "WorkerService.DescribeJob");
+  absl::Status status = caller.status();
+  std::shared_ptr<const JobSpec> spec;
+  if (status.ok()) {
+    const bool is_worker = caller->identity && caller->identity->role == Role::worker;
+    spec = coordinator_.describe_job(request->job_id(), is_worker ? caller->certificate() : "");
+  }
   if (status.ok() && !spec) {
     status = absl::NotFoundError(absl::StrCat("no job \"", request->job_id(), "\""));
   }
@@ -39,7 +45,7 @@ grpc::ServerUnaryReactor* WorkerService::DescribeJob(grpc::CallbackServerContext
 grpc::ServerUnaryReactor* WorkerService::ListWorkers(grpc::CallbackServerContext* context,
                                                      const v1::ListWorkersRequest* /*request*/,
                                                      v1::ListWorkersResponse* response) {
-  const absl::Status status = access_.check(*context);
+  const absl::Status status = access_.admit(*context, "WorkerService.ListWorkers").status();
   if (status.ok()) {
     for (const auto& [worker, silence] : coordinator_.workers()) {
       *response->add_workers() = to_message(worker, silence);

@@ -2,6 +2,7 @@
 
 #include "server/coordinator.h"
 #include "server/service/access.h"
+#include "server/service/worker_admission.h"
 #include "tessera/v1/worker_service.grpc.pb.h"
 
 namespace tessera::server {
@@ -10,8 +11,8 @@ namespace tessera::server {
 class WorkerService final : public v1::WorkerService::CallbackService {
  public:
   /// All must outlive the server this is registered with.
-  WorkerService(Coordinator& coordinator, const Access& access)
-      : coordinator_(coordinator), access_(access) {}
+  WorkerService(Coordinator& coordinator, const Access& access, const WorkerAdmission& admission)
+      : coordinator_(coordinator), access_(access), admission_(admission) {}
 
   grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* Work(
       grpc::CallbackServerContext* context) override;
@@ -27,6 +28,7 @@ class WorkerService final : public v1::WorkerService::CallbackService {
  private:
   Coordinator& coordinator_;
   const Access& access_;
+  const WorkerAdmission& admission_;
 };
 
 }  // namespace tessera::server

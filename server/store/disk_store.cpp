@@ -379,6 +379,33 @@ absl::StatusOr<std::vector<std::string>> DiskStore::roster() const {
   return ids;
 }
 
+absl::Status DiskStore::remember_join(const Join& join, std::int64_t most) {
+  return journal_->write([&](Database& rows) {
+    bool is_known = false, is_taken = false;
+    absl::Status status = rows.each("SELECT token, certificate FROM joins WHERE worker=?",
+                                    {join.worker_id}, [&](const SqlRow& row) {
+                                      is_known = is_known || row.bytes(0) == join.token_id;
+                                      is_taken = is_taken || row.bytes(1) != join.certificate;
+                                    });
+    if (!status.ok()) return status;
+    if (is_taken) {
+      return absl::PermissionDeniedError(
+          absl::StrCat("worker id ", join.worker_id, " belongs to another certificate"));
+    }
+    if (is_known) return absl::OkStatus();
+    std::int64_t count = 0;
+    status = rows.each("SELECT COUNT(*) FROM joins WHERE token=?", {join.token_id},
+                       [&](const SqlRow& row) { count = row.integer(0); });
+    if (!status.ok()) return status;
+    if (most > 0 && count >= most) {
+      return absl::PermissionDeniedError(
+          absl::StrCat("join token ", join.token_id, " is used up: ", count, " workers joined"));
+    }
+    return rows.run("INSERT INTO joins(worker, token, certificate) VALUES(?, ?, ?)",
+                    {join.worker_id, join.token_id, join.certificate});
+  });
+}
+
 std::int64_t DiskStore::used_bytes() const {
   return content_bytes_ + assets_->used_bytes() + journal_->used_bytes();
 }

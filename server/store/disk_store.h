@@ -60,6 +60,7 @@ class DiskStore final : public Store {
   absl::Status remember_worker(const std::string& worker_id, const std::string& name) override;
   absl::Status forget_worker(const std::string& worker_id) override;
   absl::StatusOr<std::vector<std::string>> roster() const override;
+  absl::Status remember_join(const Join& join, std::int64_t most) override;
 
   std::int64_t used_bytes() const override;
 

@@ -67,6 +67,13 @@ CREATE TABLE workers(
   id TEXT PRIMARY KEY,
   name TEXT NOT NULL) WITHOUT ROWID;
 )sql",
+    R"sql(
+CREATE TABLE joins(
+  worker TEXT NOT NULL,
+  token TEXT NOT NULL,        -- its id
+  certificate TEXT NOT NULL,  -- name of the worker's, which nobody else's worker takes over
+  PRIMARY KEY (worker, token)) WITHOUT ROWID;
+)sql",
 };
 
 constexpr std::int64_t kSchemaVersion = std::size(kSteps);

@@ -46,6 +46,13 @@ struct FrameRecord {
   std::string statistics_json;  // the frame's entry of the report
 };
 
+/// A worker's joining with a token.
+struct Join {
+  std::string worker_id;
+  std::string token_id;
+  std::string certificate;  // name of the worker's
+};
+
 /// A unit to commit with its encoded block.
 struct Commit {
   std::string job_id;
@@ -154,6 +161,12 @@ class Store {
   virtual absl::Status remember_worker(const std::string& worker_id, const std::string& name) = 0;
   virtual absl::Status forget_worker(const std::string& worker_id) = 0;
   virtual absl::StatusOr<std::vector<std::string>> roster() const = 0;
+
+  /// Records that a worker has joined with a token, once per worker and token; durable on return.
+  ///
+  /// Errors: PermissionDenied, `most` others have (0: no limit), or a worker of this id has joined
+  /// with another certificate.
+  virtual absl::Status remember_join(const Join& join, std::int64_t most) = 0;
 
   /// Bytes the store's files take, from its own book-keeping (no folder walk): segments, assets,
   /// finished frames and database, without unfinished uploads. Any thread.

@@ -127,7 +127,7 @@ class ServerLinkTest : public testing::Test {
     folder_ = ::mkdtemp(name.data());
     address_ = "unix:" + folder_ + "/s";
     start_server();
-    channel_ = *contract::open_channel(address_);
+    channel_ = *contract::open_channel(address_, "");
     stub_ = v1::WorkerService::NewStub(channel_);
   }
 

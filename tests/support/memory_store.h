@@ -160,6 +160,14 @@ class MemoryStore final : public Store {
     const std::lock_guard lock(mutex_);
     return std::vector<std::string>(roster_.begin(), roster_.end());
   }
+  absl::Status remember_join(const Join& join, std::int64_t most) override {
+    const std::lock_guard lock(mutex_);
+    std::set<std::string>& joined = joins_[join.token_id];
+    const bool is_full = most > 0 && static_cast<std::int64_t>(joined.size()) >= most;
+    if (is_full && joined.count(join.worker_id) == 0) return absl::PermissionDeniedError("used up");
+    joined.insert(join.worker_id);
+    return absl::OkStatus();
+  }
   std::int64_t used_bytes() const override { return used_bytes_; }
 
  private:
@@ -172,6 +180,7 @@ class MemoryStore final : public Store {
   int group_count_ = 0;
   std::int64_t last_sequence_ = 0, next_offset_ = 0;
   std::set<std::string> used_ids_, released_, roster_;
+  std::map<std::string, std::set<std::string>> joins_;  // by token
   std::map<std::int64_t, JobRecord> jobs_;
   std::map<std::string, std::map<contract::Unit, std::pair<UnitRecord, std::string>>> units_;
   std::map<std::string, std::map<std::int32_t, FrameRecord>> frames_;

@@ -307,7 +307,7 @@ absl::Status run_agent(const AgentOptions& given) {
   }
   auto renderer = fork_renderer(options);
   if (!renderer.ok()) return renderer.status();
-  auto channel = contract::open_channel(options.server);  // starts threads
+  auto channel = contract::open_channel(options.server, options.certs);  // starts threads
   if (!channel.ok()) return channel.status();
   return Agent(std::move(options), *std::move(renderer), *channel, *std::move(cache),
                std::move(log))

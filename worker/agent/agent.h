@@ -14,8 +14,9 @@
 namespace tessera::agent {
 
 struct AgentOptions {
-  std::string server;  // unix:PATH or HOST:PORT on this machine
-  std::string token;
+  std::string server;     // unix:PATH or HOST:PORT
+  std::string certs;      // folder of certificates; empty: none
+  std::string token;      // the store's; with certificates, a join token
   std::string worker_id;  // empty: a random one
   std::string name;       // for people; empty: the host's
   std::vector<std::string> tags;

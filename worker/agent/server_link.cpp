@@ -86,7 +86,8 @@ void ServerLink::connect(Time now) {
   listener.on_closed = [this, &mailbox = mailbox_](const absl::Status& status) {
     mailbox.post([this, status] { on_closed(status); });
   };
-  work_ = std::make_unique<WorkStream>(stub_, options_.token, std::move(listener));
+  const std::string& token = session_key_.empty() ? options_.token : session_key_;
+  work_ = std::make_unique<WorkStream>(stub_, token, std::move(listener));
   v1::WorkRequest request;
   *request.mutable_hello() = outlet_.hello();
   queue_.describe(*request.mutable_hello(), outlet_.window());
@@ -124,6 +125,7 @@ void ServerLink::on_response(v1::WorkResponse response) {
   queue_.welcome(response.welcome().store_id());
   interval_ = span_of(response.welcome().heartbeat_interval(), milliseconds(50));
   timeout_ = span_of(response.welcome().timeout(), milliseconds(500));
+  session_key_ = response.welcome().session_key();
   welcomed_ = true;
   options_.log(LogLevel::info, absl::StrCat("working for store ", response.welcome().store_id()));
   pause_ = kFirstPause;
@@ -138,7 +140,10 @@ void ServerLink::on_closed(const absl::Status& status) {
     deliver_->cancel();
   }
   if (finishing_) return;
-  if (is_final(status)) {
+  // Another store knows not our key, but may take the token.
+  const bool has_stale_key = absl::IsUnauthenticated(status) && !session_key_.empty();
+  if (has_stale_key) session_key_.clear();
+  if (is_final(status) && !has_stale_key) {
     finishing_ = true;
     outlet_.refused(status);
     return;

@@ -22,7 +22,7 @@ namespace tessera::agent {
 class ServerLink {
  public:
   struct Options {
-    std::string token;
+    std::string token;           // sent until the server gives a session key instead
     bool deliver_twice = false;  // fault injection for tests: every block is sent a second time
     Log log = no_log;
   };
@@ -72,6 +72,7 @@ class ServerLink {
   const Outlet outlet_;
   std::mt19937 random_;  // jitter only
 
+  std::string session_key_;  // empty: none was given
   std::unique_ptr<WorkStream> work_;
   std::unique_ptr<DeliverStream> deliver_;
   std::unique_ptr<LifeSign> life_sign_;

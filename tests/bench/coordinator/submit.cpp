@@ -76,7 +76,7 @@ int run(const Options& options) {
   settings.height = options.height;
   settings.tile = options.tile;
   settings.spp = options.spp;
-  auto channel = tessera::contract::open_channel(options.server);
+  auto channel = tessera::contract::open_channel(options.server, "");
   if (!channel.ok()) {
     fprintf(stderr, "%s\n", std::string(channel.status().message()).c_str());
     return 2;

@@ -24,7 +24,7 @@ class ListenTest : public testing::Test {
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
   absl::StatusOr<std::unique_ptr<FarmServer>> listen(const std::string& address) {
-    return FarmServer::start(*coordinator_, address, folder_);
+    return FarmServer::start(*coordinator_, {address, folder_, ""});
   }
 
   const std::string folder_ = testing::TempDir() + "listen_" +
@@ -38,6 +38,7 @@ TEST_F(ListenTest, RefusesAddressesThatOthersCouldReach) {
   for (const char* address : {"0.0.0.0:0", "192.168.1.7:7411", "[::]:0", "example.org:80", "*:0"}) {
     const auto server = listen(address);
     EXPECT_TRUE(absl::IsInvalidArgument(server.status())) << address;
+    EXPECT_NE(server.status().message().find("tessera-server init-certs"), std::string::npos);
   }
 }
 

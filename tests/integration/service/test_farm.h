@@ -7,20 +7,17 @@
 #include <filesystem>
 #include <memory>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "proto/contract/channel.h"
 #include "proto/contract/film_block.h"
 #include "proto/contract/tile_grid.h"
-#include "server/coordinator.h"
 #include "server/service/access.h"
 #include "server/service/asset_service.h"
 #include "server/service/job_service.h"
-#include "server/service/messages.h"
 #include "server/service/worker_service.h"
-#include "server/store/filesystem.h"
-#include "server/store/store.h"
+#include "tests/integration/service/made_job.h"
+#include "tests/integration/service/running_coordinator.h"
 #include "tests/integration/service/test_worker.h"
 
 namespace tessera::server {
@@ -29,62 +26,32 @@ namespace tessera::server {
 class TestServer {
  public:
   TestServer(const std::string& folder, const std::string& token)
-      : store_(Store::open(folder, real_filesystem()).value()),
-        coordinator_(Coordinator::open(*store_, options()).value()),
+      : running_(folder),
         access_(token),
-        jobs_(*coordinator_, access_),
-        assets_(*coordinator_, access_),
-        workers_(*coordinator_, access_) {
+        admission_(running_.coordinator(), std::nullopt),
+        jobs_(running_.coordinator(), access_),
+        assets_(running_.coordinator(), access_),
+        workers_(running_.coordinator(), access_, admission_) {
     grpc::ServerBuilder builder;
     builder.RegisterService(&jobs_);
     builder.RegisterService(&assets_);
     builder.RegisterService(&workers_);
     server_ = builder.BuildAndStart();
     channel_ = server_->InProcessChannel({});
-    writer_ = std::thread([this] {
-      while (!coordinator_->is_stopping()) coordinator_->run_writer(true);
-    });
-    film_ = std::thread([this] {
-      while (!coordinator_->is_stopping()) coordinator_->run_film(true);
-    });
-    timer_ = std::thread([this] {
-      while (!coordinator_->is_stopping()) {
-        coordinator_->tick();
-        std::this_thread::sleep_for(std::chrono::milliseconds(20));
-      }
-    });
   }
-  ~TestServer() {
-    server_->Shutdown(std::chrono::system_clock::now());
-    coordinator_->stop();
-    for (std::thread* thread : {&writer_, &film_, &timer_}) thread->join();
-  }
+  ~TestServer() { server_->Shutdown(std::chrono::system_clock::now()); }
 
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
 
  private:
-  static CoordinatorOptions options() {
-    CoordinatorOptions options;
-    options.policy.roster_hold = std::chrono::milliseconds(50);
-    options.clock = [] { return std::chrono::steady_clock::now(); };
-    options.wall_us = [] { return std::int64_t{1'700'000'000'000'000}; };
-    options.random = [state = std::uint64_t{7}]() mutable {
-      return state = state * 6364136223846793005u + 1442695040888963407u;
-    };
-    options.read_spec = read_spec;
-    options.write_request = write_request;
-    return options;
-  }
-
-  std::unique_ptr<Store> store_;
-  std::unique_ptr<Coordinator> coordinator_;
+  RunningCoordinator running_;
   Access access_;
+  WorkerAdmission admission_;
   JobService jobs_;
   AssetService assets_;
   WorkerService workers_;
   std::unique_ptr<grpc::Server> server_;
   std::shared_ptr<grpc::Channel> channel_;
-  std::thread writer_, film_, timer_;
 };
 
 /// A server that can be restarted, and what a client does with it.
@@ -110,12 +77,6 @@ class TestFarm : public testing::Test {
   static void prepare(grpc::ClientContext& context) {
     contract::prepare_call(context, "", std::chrono::seconds(20));
   }
-  static v1::AssetId id_of(const std::string& bytes) {
-    v1::AssetId id;
-    id.set_sha256(contract::sha256(bytes).binary());
-    id.set_size_bytes(static_cast<std::int64_t>(bytes.size()));
-    return id;
-  }
   grpc::Status upload(const v1::AssetId& id, const std::string& bytes) {
     grpc::ClientContext context;
     prepare(context);
@@ -130,27 +91,6 @@ class TestFarm : public testing::Test {
     }
     stream->WritesDone();
     return stream->Finish();
-  }
-  v1::CreateJobRequest request_of(const std::string& name, std::int32_t spp = 16) {
-    v1::CreateJobRequest request;
-    request.set_request_id("request-" + name);
-    request.set_name(name);
-    v1::RenderSettings& settings = *request.mutable_settings();
-    settings.set_width_px(48);
-    settings.set_height_px(40);
-    settings.set_tile_px(16);
-    settings.set_sample_count(spp);
-    settings.set_max_depth(4);
-    settings.set_fps(24);
-    settings.set_filter_width_px(1);
-    settings.set_environment_strength(1);
-    v1::FrameRange& range = *settings.add_frames();
-    range.set_step(1);
-    request.mutable_manifest()->set_scene_uri("scene.gltf");
-    v1::ManifestEntry& entry = *request.mutable_manifest()->add_assets();
-    entry.set_uri("scene.gltf");
-    *entry.mutable_asset() = id_of(kScene);
-    return request;
   }
   grpc::Status create(const v1::CreateJobRequest& request, v1::CreateJobResponse& response) {
     grpc::ClientContext context;
@@ -201,7 +141,6 @@ class TestFarm : public testing::Test {
     return header;
   }
 
-  static constexpr char kScene[] = "{\"asset\":{\"version\":\"2.0\"}}";
   const std::string folder_ = testing::TempDir() + "test_farm_" +
                               testing::UnitTest::GetInstance()->current_test_info()->name();
   std::string token_;

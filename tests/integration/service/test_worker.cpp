@@ -33,13 +33,15 @@ TestWorker::~TestWorker() {
 }
 
 bool TestWorker::open() {
-  contract::prepare_call(work_context_, "", kPatience);
+  contract::prepare_call(work_context_, token, kPatience);
   work_ = stub_->Work(&work_context_);
   v1::WorkRequest request;
   *request.mutable_hello() = hello;
   work_->Write(request);
   v1::WorkResponse response;
-  return work_->Read(&response) && response.has_welcome();
+  const bool is_welcome = work_->Read(&response) && response.has_welcome();
+  session_key = response.welcome().session_key();
+  return is_welcome;
 }
 
 grpc::Status TestWorker::close() {
@@ -82,16 +84,21 @@ v1::Acknowledgement TestWorker::verdict() {
   return verdict;
 }
 
-const v1::RenderSettings& TestWorker::settings_of(const std::string& job_id) {
-  if (job_id_ == job_id) return settings_;
+grpc::Status TestWorker::describe(const std::string& job_id) {
   grpc::ClientContext context;
   contract::prepare_call(context, "", kPatience);
   v1::DescribeJobRequest request;
   request.set_job_id(job_id);
   v1::DescribeJobResponse response;
-  stub_->DescribeJob(&context, request, &response);
+  grpc::Status status = stub_->DescribeJob(&context, request, &response);
   job_id_ = job_id;
-  return settings_ = response.settings();
+  settings_ = response.settings();
+  return status;
+}
+
+const v1::RenderSettings& TestWorker::settings_of(const std::string& job_id) {
+  if (job_id_ != job_id) describe(job_id);
+  return settings_;
 }
 
 std::string TestWorker::block_of(const Unit& unit) {

@@ -20,6 +20,8 @@ class TestWorker {
 
   /// What it would say first; change it before open().
   v1::WorkerHello hello;
+  /// What it sends as its token, and the key its welcome brought.
+  std::string token, session_key;
   /// Sends hello; whether it was welcomed.
   bool open();
   /// Closes both streams; the status of Work.
@@ -35,6 +37,8 @@ class TestWorker {
   v1::Acknowledgement verdict();
   /// The bytes of the unit's block: a function of the unit alone.
   std::string block_of(const Unit& unit);
+  /// Asks what the job is.
+  grpc::Status describe(const std::string& job_id);
   /// A message with the block, in chunks of at most `chunk` bytes a message.
   std::vector<v1::DeliverRequest> messages_of(const Unit& unit, const std::string& block,
                                               std::size_t chunk = 64 << 10);

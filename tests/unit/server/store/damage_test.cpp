@@ -136,6 +136,21 @@ TEST_F(DamageTest, ANewerSchemaIsRefusedAndLeftAlone) {
   EXPECT_TRUE(std::filesystem::exists(segment()));
 }
 
+TEST_F(DamageTest, AStoreOfTheFirstSchemaIsBroughtUpToDate) {
+  const std::vector<Commit> group = make_store();
+  {
+    auto database = Database::open(path() + "/store.db", "", Database::Mode::writer);
+    ASSERT_TRUE(database.ok()) << database.status();
+    ASSERT_TRUE((*database)->script("DROP TABLE joins; PRAGMA user_version=1").ok());
+  }
+  const auto store = open();
+  ASSERT_TRUE(store.ok()) << store.status();
+  EXPECT_TRUE((*store)->remember_join({"worker", "token", "certificate"}, 1).ok());
+  std::size_t units = 0;
+  EXPECT_TRUE((*store)->for_each_unit(group[0].job_id, [&](const UnitRecord&) { ++units; }).ok());
+  EXPECT_EQ(units, group.size());
+}
+
 TEST_F(DamageTest, AForeignDatabaseIsRefused) {
   std::filesystem::create_directory(path());
   {

@@ -481,5 +481,22 @@ TEST_F(StoreTest, CanBeReadWhileItIsWrittenTo) {
   EXPECT_EQ(units("a").size(), 150U);
 }
 
+TEST_F(StoreTest, ATokenIsJoinedWithSoOftenAndRemembersByWhom) {
+  EXPECT_TRUE(store().remember_join({"one", "token", "rack"}, 2).ok());
+  EXPECT_TRUE(store().remember_join({"two", "token", "rack"}, 2).ok());
+  open();
+  EXPECT_TRUE(absl::IsPermissionDenied(store().remember_join({"three", "token", "rack"}, 2)));
+  EXPECT_TRUE(store().remember_join({"one", "token", "rack"}, 2).ok()) << "it has joined already";
+  EXPECT_TRUE(store().remember_join({"three", "other", "rack"}, 1).ok());
+  EXPECT_TRUE(store().remember_join({"four", "token", "rack"}, 0).ok()) << "no limit";
+}
+
+TEST_F(StoreTest, AWorkersIdStaysWithItsCertificate) {
+  EXPECT_TRUE(store().remember_join({"one", "token", "rack"}, 0).ok());
+  open();
+  EXPECT_TRUE(absl::IsPermissionDenied(store().remember_join({"one", "token", "thief"}, 0)));
+  EXPECT_TRUE(absl::IsPermissionDenied(store().remember_join({"one", "other", "thief"}, 0)));
+}
+
 }  // namespace
 }  // namespace tessera::server

@@ -1,0 +1,208 @@
+#include "server/identity_commands.h"
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/time.h"
+#include "server/identity/authority.h"
+#include "server/identity/join_tokens.h"
+#include "server/identity/private_file.h"
+#include "server/store/database.h"
+
+namespace tessera::server {
+namespace {
+
+using Run = std::function<absl::Status()>;
+
+constexpr std::int64_t kDay = 86'400;
+constexpr std::int64_t kAuthorityDays = 3650;
+constexpr std::int64_t kClockSkew = 3600;  // by which others' clocks may be behind ours
+
+std::int64_t now_s() {
+  return std::chrono::duration_cast<std::chrono::seconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+Validity days_from_now(std::int64_t days) {
+  return {now_s() - kClockSkew, now_s() + days * kDay};
+}
+
+struct CertificateFlags {
+  std::string folder, role, name, out;
+  std::vector<std::string> hosts;
+  std::int64_t days = 365;
+};
+
+void add_folder(CLI::App& command, CertificateFlags& flags) {
+  command.add_option("folder", flags.folder, "Folder of the farm's authority")
+      ->required()
+      ->type_name("DIR");
+}
+
+void add_days(CLI::App& command, CertificateFlags& flags) {
+  command.add_option("--days", flags.days, "How long the certificate is in force")
+      ->check(CLI::Range(std::int64_t{1}, kAuthorityDays))
+      ->capture_default_str();
+}
+
+void add_who(CLI::App& command, CertificateFlags& flags) {
+  command.add_option("--role", flags.role, "client: own jobs; worker: leased units; admin: all")
+      ->required()
+      ->check(CLI::IsMember({"client", "worker", "admin"}));
+  command.add_option("--name", flags.name, "Who it is for; a client's jobs belong to this name")
+      ->required();
+}
+
+absl::Status init_certs(const CertificateFlags& flags) {
+  absl::Status status = make_authority(flags.folder, days_from_now(kAuthorityDays));
+  if (status.ok()) status = issue_server(flags.folder, flags.hosts, days_from_now(flags.days));
+  if (!status.ok()) return status;
+  std::fprintf(stderr,
+               "%s holds the authority and the server's certificate. ca.key signs for everyone: "
+               "keep it safe.\nNow: tessera-server issue-cert %s --role client --name NAME\n",
+               flags.folder.c_str(), flags.folder.c_str());
+  return absl::OkStatus();
+}
+
+absl::Status issue_cert(const CertificateFlags& flags) {
+  const std::string out =
+      flags.out.empty() ? absl::StrCat(flags.folder, "/", flags.role, "-", flags.name) : flags.out;
+  absl::Status status = issue(flags.folder, parse_role(flags.role).value_or(Role::client),
+                              flags.name, out, days_from_now(flags.days));
+  if (status.ok()) std::printf("%s\n", out.c_str());
+  return status;
+}
+
+absl::Status revoke_cert(const CertificateFlags& flags) {
+  return revoke(flags.folder, parse_role(flags.role).value_or(Role::client), flags.name);
+}
+
+void add_certificate_commands(CLI::App& app, Run& run) {
+  auto flags = std::make_shared<CertificateFlags>();
+  CLI::App* init =
+      app.add_subcommand("init-certs",
+                         "Make the farm's certificate authority, unless it is there, and a server "
+                         "certificate, always: also how that is renewed");
+  add_folder(*init, *flags);
+  init->add_option("--host", flags->hosts, "Host name or IP address the server is called by")
+      ->required()
+      ->type_name("NAME…");
+  add_days(*init, *flags);
+  init->callback([flags, &run] { run = [flags] { return init_certs(*flags); }; });
+
+  CLI::App* issue = app.add_subcommand(
+      "issue-cert", "Issue a certificate into a folder for --certs; prints the folder");
+  add_folder(*issue, *flags);
+  add_who(*issue, *flags);
+  issue->add_option("--out", flags->out, "Folder to write to (default: DIR/ROLE-NAME)")
+      ->type_name("DIR");
+  add_days(*issue, *flags);
+  issue->callback([flags, &run] { run = [flags] { return issue_cert(*flags); }; });
+
+  CLI::App* revoke = app.add_subcommand(
+      "revoke", "Refuse every certificate issued to a name so far; takes effect within seconds");
+  add_folder(*revoke, *flags);
+  add_who(*revoke, *flags);
+  revoke->callback([flags, &run] { run = [flags] { return revoke_cert(*flags); }; });
+}
+
+struct TokenFlags {
+  std::string store, id, out, valid = "24h";
+  std::int64_t most_joins = 0;
+};
+
+absl::Status create_token(const TokenFlags& flags) {
+  absl::Duration valid;
+  if (!absl::ParseDuration(flags.valid, &valid) || valid < absl::Seconds(1) ||
+      valid > absl::Hours(24 * kAuthorityDays)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("--valid \"", flags.valid, "\" is no span such as 90m, 24h or 720h"));
+  }
+  const auto token =
+      JoinTokens(flags.store).create(now_s() + absl::ToInt64Seconds(valid), flags.most_joins);
+  if (!token.ok()) return token.status();
+  if (!flags.out.empty()) return write_file(flags.out, *token + "\n", 0600);
+  std::printf("%s\n", token->c_str());
+  return absl::OkStatus();
+}
+
+/// How many workers have joined with each token, as far as the journal says.
+absl::StatusOr<std::map<std::string, std::int64_t>> count_joins(const std::string& store) {
+  auto rows = Database::open(store + "/store.db", "", Database::Mode::reader);
+  if (!rows.ok()) return rows.status();
+  std::map<std::string, std::int64_t> counts;
+  absl::Status status =
+      (*rows)->each("SELECT token, COUNT(*) FROM joins GROUP BY token", {},
+                    [&](const SqlRow& row) { counts[row.text(0)] = row.integer(1); });
+  if (!status.ok()) return status;
+  return counts;
+}
+
+absl::Status list_tokens(const TokenFlags& flags) {
+  const auto tokens = JoinTokens(flags.store).list();
+  if (!tokens.ok()) return tokens.status();
+  const auto counts = count_joins(flags.store);
+  if (!counts.ok()) return counts.status();
+  std::printf("%-10s %-22s %s\n", "TOKEN", "EXPIRES", "JOINS");
+  for (const JoinToken& token : *tokens) {
+    const absl::Time end = absl::FromUnixSeconds(token.expires_s);
+    const auto joined = counts->find(token.id);
+    const std::int64_t count = joined == counts->end() ? 0 : joined->second;
+    std::printf("%-10s %-22s %s\n", token.id.c_str(),
+                end <= absl::Now()
+                    ? "expired"
+                    : absl::FormatTime("%Y-%m-%dT%H:%M:%SZ", end, absl::UTCTimeZone()).c_str(),
+                token.most_joins == 0 ? absl::StrCat(count).c_str()
+                                      : absl::StrCat(count, " of ", token.most_joins).c_str());
+  }
+  return absl::OkStatus();
+}
+
+void add_token_commands(CLI::App& app, Run& run) {
+  auto flags = std::make_shared<TokenFlags>();
+  CLI::App* tokens =
+      app.add_subcommand("tokens", "Join tokens: with one, and its certificate, a worker may join");
+  tokens->require_subcommand(1);
+  const auto add_store = [&](CLI::App& command) {
+    command.add_option("--store", flags->store, "Folder of the server's store")
+        ->required()
+        ->type_name("DIR");
+  };
+  CLI::App* create = tokens->add_subcommand("create", "Make a token and print it, once");
+  add_store(*create);
+  create->add_option("--valid", flags->valid, "For how long workers may join with it")
+      ->type_name("SPAN")
+      ->capture_default_str();
+  create->add_option("--max-joins", flags->most_joins, "Most workers that may; 0: any number")
+      ->check(CLI::Range(std::int64_t{0}, std::int64_t{1'000'000}))
+      ->capture_default_str();
+  create->add_option("--out", flags->out, "Write it to a file of mode 0600 instead")
+      ->type_name("FILE");
+  create->callback([flags, &run] { run = [flags] { return create_token(*flags); }; });
+
+  CLI::App* list = tokens->add_subcommand("list", "List tokens, without their secrets");
+  add_store(*list);
+  list->callback([flags, &run] { run = [flags] { return list_tokens(*flags); }; });
+
+  CLI::App* revoke = tokens->add_subcommand("revoke", "Let nobody join with it any more");
+  add_store(*revoke);
+  revoke->add_option("token", flags->id, "The token's first eight digits")->required();
+  revoke->callback(
+      [flags, &run] { run = [flags] { return JoinTokens(flags->store).revoke(flags->id); }; });
+}
+
+}  // namespace
+
+void add_identity_commands(CLI::App& app, Run& run) {
+  add_certificate_commands(app, run);
+  add_token_commands(app, run);
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,90 @@
+#!/usr/bin/env bash
+# A farm with certificates, from the commands that make them to the ones that take them away.
+. "$(dirname "$0")/farm.sh"
+certs=$work/certs
+
+# start_secure_server ADDRESS: sets $address to what was bound.
+start_secure_server() {
+  : >"$work/address"
+  tessera-server --listen "$1" --store "$work/store" --certs "$certs" --log-level debug \
+    >"$work/address" 2>>"$work/server.log" &
+  server_pid=$!
+  wait_until 60 "the server listens" grep -q : "$work/address"
+  address=$(cat "$work/address")
+}
+as() { tessera "$2" --server "$address" --certs "$certs/$1" "${@:3}"; }
+is_here() { as client-ann workers --json | grep -q '"name": *"one"'; }
+
+exits 2 tessera-server --listen 0.0.0.0:0 --store "$work/none"
+says "tessera-server init-certs certs --host"
+say "an address of other machines is refused, with the command that mends it"
+
+tessera-server init-certs "$certs" --host 127.0.0.1 2>"$work/err"
+for who in client:ann client:bob worker:rack; do
+  tessera-server issue-cert "$certs" --role "${who%:*}" --name "${who#*:}" >>"$work/issued"
+done
+equal "issue-cert prints the folders" "$(wc -l <"$work/issued")" 3
+equal "keys are private" "$(find "$certs" -name '*.key' ! -perm 0600 | wc -l)" 0
+
+start_secure_server 127.0.0.1:0
+exits 3 tessera list --server "$address" --token "$work/issued"
+exits 2 tessera list --server farm.example:7420
+says "issue-cert"
+exits 0 as client-ann list
+say "who has no certificate is not let in"
+
+worker_token=$work/join.token
+tessera-server tokens create --store "$work/store" --max-joins 1 --out "$worker_token"
+equal "a token's file is private" "$(stat -c %a "$worker_token")" 600
+worker=(tessera-worker --server "$address" --certs "$certs/worker-rack" --threads 1)
+exits 3 "${worker[@]}" --cache "$work/cache-none"
+says "join token"
+"${worker[@]}" --name one --cache "$work/cache-one" --token "$worker_token" --log-level debug \
+  >>"$work/worker-one.log" 2>&1 &
+worker_pid[one]=$!
+wait_until 60 "the worker is here" is_here
+exits 3 "${worker[@]}" --cache "$work/cache-two" --token "$worker_token"
+says "used up"
+say "a token lets in as many workers as it says"
+
+scene=$scenes/lit_square.gltf
+job=$(as client-ann submit "$scene" --size 48x32 --spp 8 --tile 16 --name shot)
+as client-ann watch "$job" >/dev/null
+as client-ann report "$job" --json >"$work/secure.json"
+tessera render "$scene" --size 48x32 --spp 8 --tile 16 -o "$work/alone.exr" \
+  --report "$work/alone.json" 2>/dev/null
+equal "the same pixels as without certificates" "$(pixels "$work/secure.json")" \
+  "$(pixels "$work/alone.json")"
+exits 2 as client-bob status "$job"
+exits 2 as client-bob status last
+exits 2 as client-bob remove "$job"
+exits 0 as client-ann status "$job"
+say "another client's job is not there"
+
+token_id=$(cut -c1-8 "$worker_token")
+tessera-server tokens list --store "$work/store" | grep -q "^$token_id .* 1 of 1$" ||
+  fail "tokens list does not say that one worker has joined"
+tessera-server tokens revoke --store "$work/store" "$token_id"
+kill_server
+start_secure_server "$address"
+wait_until 60 "the worker has come back with its key" is_here
+say "a worker comes back to a restarted server after its token was revoked"
+
+tessera-server revoke "$certs" --role worker --name rack
+wait_until 30 "the revoked worker has ended" gone "${worker_pid[one]}"
+grep -q "revoked" "$work/worker-one.log" || fail "the worker does not say why"
+say "a revoked worker is sent away"
+tessera-server revoke "$certs" --role client --name ann
+sleep 1.2
+exits 3 as client-ann list
+says "revoked"
+
+secret=$(cut -c10- "$worker_token")
+[ "${#secret}" -eq 64 ] || fail "no secret to look for"
+for text in "$secret" "PRIVATE KEY" "$(sed -n 2p "$certs/tls.key")" \
+  "$(sed -n 2p "$certs/client-ann/tls.key")" "$(sed -n 2p "$certs/worker-rack/tls.key")"; do
+  ! grep -F -- "$text" "$work/server.log" "$work/worker-one.log" || fail "a secret is in a log"
+done
+! grep -rF -- "$secret" "$work/store" || fail "the token's secret is in the store"
+grep -q "is here: one" "$work/server.log" || fail "the log was not written"
+say "secrets are in no log"
