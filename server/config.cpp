@@ -61,6 +61,19 @@ void add_options(CLI::App& app, Config& config) {
                  "Size of scene files above which unused ones are deleted, GB")
       ->check(size)
       ->capture_default_str();
+  app.add_option("--client-jobs", config.client_jobs,
+                 "Most unfinished jobs a client may have; 0: any number")
+      ->check(CLI::Range(std::int64_t{0}, std::int64_t{1'000'000}))
+      ->capture_default_str();
+  const auto limit = CLI::Range(0.0, 1e9);
+  app.add_option("--client-gigasamples", config.client_gigasamples,
+                 "Most pixels x samples of a client's unfinished jobs, 10^9; 0: any number")
+      ->check(limit)
+      ->capture_default_str();
+  app.add_option("--client-gb", config.client_gb,
+                 "Most store a client's unfinished jobs may need, GB; 0: any")
+      ->check(limit)
+      ->capture_default_str();
   app.add_option("--log-level", config.log_level, "What goes to stderr")
       ->check(CLI::IsMember(log_level_names()))
       ->capture_default_str();

@@ -17,6 +17,7 @@
 #include "proto/contract/film_block.h"
 #include "proto/contract/tile_grid.h"
 #include "proto/log/log.h"
+#include "server/client_quota.h"
 #include "server/film/film_cache.h"
 #include "server/film/frame_note.h"
 #include "server/film/frame_writer.h"
@@ -70,6 +71,7 @@ struct CoordinatorOptions {
   std::int64_t ingest_bytes = std::int64_t{256} << 20;  // delivered, not yet committed
   std::int64_t quota_bytes = std::int64_t{1} << 40;     // of the store
   std::int64_t asset_quota_bytes = std::int64_t{64} << 30;
+  ClientQuota client_quota;
   Span tick_period = std::chrono::milliseconds(100);
   std::function<Time()> clock;            // monotonic
   std::function<std::int64_t()> wall_us;  // since 1970; labels things, decides nothing
@@ -283,6 +285,7 @@ class Coordinator {
   void commit_failed(const Sorted& sorted, const absl::Status& status);
   void make_job(const JobSpec& spec, const OnCreated& done);
   absl::Status check_room(const JobSpec& spec, std::int64_t need_bytes);
+  absl::Status check_owners_quota(const JobSpec& spec) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void frame_may_be_complete(Job& job, std::int32_t frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::StatusOr<std::shared_ptr<JobSpec>> spec_to_extend(const std::string& job_id,
                                                           const Extension& extension) const;

@@ -13,33 +13,6 @@ namespace {
 constexpr auto kAssetPin = std::chrono::hours(1);
 constexpr int kIdLetters = 8;
 
-/// Bytes of film blocks a frame ships at most: the size of a block is linear in its pixels.
-std::int64_t frame_store_bytes(const contract::RenderSettings& settings) {
-  const contract::PixelRect window = settings.window();
-  const std::int64_t pixels = std::int64_t{window.width} * window.height;
-  const std::int64_t tiles = contract::tile_count(settings);
-  std::int64_t bytes = 0;
-  const std::size_t passes = contract::schedule(settings).size();
-  for (std::size_t pass = 0; pass < passes; ++pass) {
-    const std::int64_t one = contract::film_block_bytes({1, 1, settings.aovs, pass == 0});
-    const std::int64_t two = contract::film_block_bytes({2, 1, settings.aovs, pass == 0});
-    bytes += (two - one) * pixels + (2 * one - two) * tiles;
-  }
-  return bytes;
-}
-
-/// Blocks of every frame, and the images.
-std::int64_t job_store_bytes(const JobSpec& spec) {
-  constexpr std::int64_t kImageBytesPerPixel = 96;  // every layer, 24 floats, uncompressed
-  const contract::PixelRect window = spec.settings.window();
-  const auto frames = static_cast<std::int64_t>(contract::frame_count(spec.settings.frames));
-  const std::int64_t frame =
-      frame_store_bytes(spec.settings) + kImageBytesPerPixel * window.width * window.height;
-  if (frames > 0 && frame > std::int64_t{1} << 60) return std::int64_t{1} << 62;
-  const double product = static_cast<double>(frame) * static_cast<double>(frames);
-  return product > 4e18 ? std::int64_t{1} << 62 : frame * frames;
-}
-
 /// Restores a job's units from the journal; those of frames not finished go to `visit_open` too.
 absl::Status restore_units(const Store& store, Scheduler& scheduler, Job& job,
                            const std::function<void(const UnitRecord&)>& visit_open) {
@@ -154,9 +127,20 @@ absl::Status Coordinator::check_room(const JobSpec& spec, std::int64_t need_byte
                                                    std::max<std::int64_t>(left, 0)));
 }
 
+/// Whether the owner may have this job as it would be now.
+absl::Status Coordinator::check_owners_quota(const JobSpec& spec) const {
+  if (!options_.client_quota.has_limits()) return absl::OkStatus();
+  OwnerUse use;
+  for (const auto& [key, job] : scheduler_.jobs()) {
+    const bool is_other = job.spec->owner == spec.owner && job.spec->id != spec.id;
+    if (is_other && !has_ended(job.state)) use.add(*job.spec);
+  }
+  return check_quota(options_.client_quota, use, spec);
+}
+
 void Coordinator::make_job(const JobSpec& spec, const OnCreated& done) {
   Created created;
-  created.store_bytes = job_store_bytes(spec);
+  created.store_bytes = size_of(spec).store_bytes;
   const auto find_made = [&]() -> bool {
     MutexLock lock(mutex_);
     const auto made = job_by_request_.find(spec.request_id);
@@ -168,9 +152,12 @@ void Coordinator::make_job(const JobSpec& spec, const OnCreated& done) {
     if (created.view.spec->owner == spec.owner) return done(created);
     return done(absl::AlreadyExistsError("request_id: somebody else's"));
   }
-  if (absl::Status status = check_room(spec, created.store_bytes); !status.ok()) {
-    return done(status);
+  absl::Status status = check_room(spec, created.store_bytes);
+  if (status.ok()) {
+    MutexLock lock(mutex_);
+    status = check_owners_quota(spec);
   }
+  if (!status.ok()) return done(status);
   JobRecord record;
   record.request_id = spec.request_id;
   record.name = spec.name;
@@ -178,7 +165,6 @@ void Coordinator::make_job(const JobSpec& spec, const OnCreated& done) {
   record.request = spec.request;
   record.state = static_cast<std::int32_t>(JobState::queued);
   record.create_time_us = options_.wall_us();
-  absl::Status status;
   for (int attempt = 0; attempt < 4; ++attempt) {  // a removed job's id may be drawn again
     {
       MutexLock lock(mutex_);
@@ -219,7 +205,8 @@ void Coordinator::change_job(const std::string& job_id, Change change, const OnJ
     } else if (change == Change::cancel) {
       status = scheduler_.cancel(*job, now);
     } else {
-      status = scheduler_.retry(*job, now);
+      status = check_owners_quota(*job->spec);
+      if (status.ok()) status = scheduler_.retry(*job, now);
       if (status.ok() && job->plan) {
         for (const std::int32_t frame : job->plan->frames()) frame_may_be_complete(*job, frame);
         open_films(*job);
@@ -263,6 +250,7 @@ absl::StatusOr<std::shared_ptr<JobSpec>> Coordinator::spec_to_extend(
   auto spec = std::make_shared<JobSpec>(*job->spec);
   spec->settings.spp = spp;
   spec->settings.error = error;
+  if (absl::Status status = check_owners_quota(*spec); !status.ok()) return status;
   return spec;
 }
 

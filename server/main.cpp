@@ -34,6 +34,8 @@ CoordinatorOptions options_of(const Config& config) {
   options.ingest_bytes = to_bytes(config.ingest_memory_gb);
   options.quota_bytes = to_bytes(config.quota_gb);
   options.asset_quota_bytes = to_bytes(config.asset_quota_gb);
+  options.client_quota = {config.client_jobs, to_bytes(config.client_gb),
+                          1e9 * config.client_gigasamples};
   options.clock = [] { return std::chrono::steady_clock::now(); };
   options.wall_us = [] {
     return std::chrono::duration_cast<std::chrono::microseconds>(

@@ -377,6 +377,42 @@ TEST_F(CoordinatorTest, AJobNeedsItsAssetsAndRoom) {
   EXPECT_TRUE(create(spec).ok());
 }
 
+TEST_F(CoordinatorTest, AnOwnersUnfinishedJobsAreLimited) {
+  options.client_quota.jobs = 2;
+  start();
+  const std::string one = create_job("one");
+  create_job("two");
+  EXPECT_TRUE(absl::IsResourceExhausted(create(spec_of("three")).status()));
+  JobSpec bobs = spec_of("bobs");
+  bobs.owner = "bob";
+  EXPECT_TRUE(create(bobs).ok()) << "another owner's count apart";
+  EXPECT_TRUE(create(spec_of("two")).ok()) << "the same request is the same job";
+  ASSERT_TRUE(change(one, Coordinator::Change::cancel).ok());
+  EXPECT_TRUE(create(spec_of("three")).ok());
+  EXPECT_TRUE(absl::IsResourceExhausted(change(one, Coordinator::Change::retry).status()));
+}
+
+TEST_F(CoordinatorTest, AnOwnersSamplesAreLimitedToTheLast) {
+  options.client_quota.samples = 2.0 * 20 * 12 * 8;
+  start();
+  const std::string one = create_job("one", 8);
+  EXPECT_TRUE(absl::IsResourceExhausted(create(spec_of("more", 12)).status()));
+  create_job("two", 8);
+  Coordinator::Extension extension;
+  extension.spp = 12;
+  absl::StatusOr<JobView> extended = absl::UnknownError("no answer");
+  coordinator->extend_job(one, extension, [&](const auto& view) { extended = view; });
+  pump();
+  EXPECT_TRUE(absl::IsResourceExhausted(extended.status()));
+}
+
+TEST_F(CoordinatorTest, AnOwnersStoreIsLimited) {
+  options.client_quota.store_bytes = size_of(spec_of("one")).store_bytes;
+  start();
+  create_job("one");
+  EXPECT_TRUE(absl::IsResourceExhausted(create(spec_of("two")).status()));
+}
+
 TEST_F(CoordinatorTest, JobsAreFoundByIdPrefixNameAndLast) {
   const std::string one = create_job("one");
   const std::string two = create_job("two");
