@@ -15,26 +15,26 @@ namespace {
 // Every rpc there is. What a role may do with it is narrowed where it is done: a client sees and
 // changes jobs of its own name only, a worker reads jobs and assets it was leased units of.
 constexpr AccessRule kRules[] = {
-    // rpc                             client worker
-    {"JobService.CreateJob", true, false},
-    {"JobService.GetJob", true, false},
-    {"JobService.ListJobs", true, false},
-    {"JobService.WatchJob", true, false},
-    {"JobService.PauseJob", true, false},
-    {"JobService.ResumeJob", true, false},
-    {"JobService.CancelJob", true, false},
-    {"JobService.RetryJob", true, false},
-    {"JobService.RemoveJob", true, false},
-    {"JobService.ExtendJob", true, false},
-    {"JobService.GetJobReport", true, false},
-    {"JobService.FetchFrame", true, false},
-    {"AssetService.FindMissingAssets", true, false},
-    {"AssetService.UploadAsset", true, false},
-    {"AssetService.DownloadAsset", false, true},
-    {"WorkerService.Work", false, true},
-    {"WorkerService.Deliver", false, true},
-    {"WorkerService.DescribeJob", false, true},
-    {"WorkerService.ListWorkers", true, false},
+    // rpc, client, worker, is a stream
+    {"JobService.CreateJob", true, false, false},
+    {"JobService.GetJob", true, false, false},
+    {"JobService.ListJobs", true, false, false},
+    {"JobService.WatchJob", true, false, true},
+    {"JobService.PauseJob", true, false, false},
+    {"JobService.ResumeJob", true, false, false},
+    {"JobService.CancelJob", true, false, false},
+    {"JobService.RetryJob", true, false, false},
+    {"JobService.RemoveJob", true, false, false},
+    {"JobService.ExtendJob", true, false, false},
+    {"JobService.GetJobReport", true, false, false},
+    {"JobService.FetchFrame", true, false, true},
+    {"AssetService.FindMissingAssets", true, false, false},
+    {"AssetService.UploadAsset", true, false, true},
+    {"AssetService.DownloadAsset", false, true, true},
+    {"WorkerService.Work", false, true, true},
+    {"WorkerService.Deliver", false, true, true},
+    {"WorkerService.DescribeJob", false, true, false},
+    {"WorkerService.ListWorkers", true, false, false},
 };
 
 std::int64_t now_s() {
@@ -49,6 +49,20 @@ bool may_call(const AccessRule& rule, Role role) {
 }
 
 }  // namespace
+
+absl::StatusOr<std::shared_ptr<const void>> ClientStreams::open(const std::string& client) {
+  const std::lock_guard lock(counts_->mutex);
+  int& count = counts_->open[client];
+  if (count >= kStreamsPerClient) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("client ", client, " has ", count, " streams open; end one first"));
+  }
+  ++count;
+  return std::shared_ptr<const void>(nullptr, [counts = counts_, client](const void*) {
+    const std::lock_guard end_lock(counts->mutex);
+    if (--counts->open[client] == 0) counts->open.erase(client);
+  });
+}
 
 const AccessRule* find_access_rule(std::string_view rpc) {
   for (const AccessRule& rule : kRules) {
@@ -69,7 +83,8 @@ absl::StatusOr<Caller> Access::identify(const grpc::CallbackServerContext& conte
     if (sent.empty()) return absl::UnauthenticatedError("this server needs a certificate");
     auto identity = read_identity({sent.front().data(), sent.front().size()});
     if (!identity.ok()) return identity.status();
-    Caller caller{*std::move(identity)};
+    Caller caller;
+    caller.identity = *std::move(identity);
     if (absl::Status status = recheck(caller); !status.ok()) return status;
     return caller;
   }
@@ -96,6 +111,11 @@ absl::StatusOr<Caller> Access::admit(const grpc::CallbackServerContext& context,
     return absl::PermissionDeniedError(absl::StrCat(role_name(caller->identity->role), " ",
                                                     caller->identity->name, " may not call ",
                                                     std::string(rpc)));
+  }
+  if (rule->is_stream && caller->identity && caller->identity->role == Role::client) {
+    auto place = streams_->open(caller->identity->name);
+    if (!place.ok()) return place.status();
+    caller->stream = *std::move(place);
   }
   return caller;
 }

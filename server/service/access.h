@@ -3,7 +3,9 @@
 #include <grpcpp/server_context.h>
 
 #include <cstdint>
+#include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -19,6 +21,9 @@ struct Caller {
   /// From its certificate; absent on a Unix socket and under the store's token, where whoever gets
   /// through is the user who runs the farm and may do everything.
   std::optional<Identity> identity;
+  /// Its place among the client's open streams; given back with the last copy of this. Null if the
+  /// call is no stream, or the caller no client.
+  std::shared_ptr<const void> stream;
 
   /// Whom the jobs it makes belong to.
   std::string owner() const { return identity ? identity->name : "local"; }
@@ -34,6 +39,24 @@ struct Caller {
 struct AccessRule {
   const char* rpc;  // "JobService.CreateJob"
   bool client, worker;
+  bool is_stream;  // counts while it is open
+};
+
+/// Open streams of all clients, at most kStreamsPerClient each. Any thread.
+class ClientStreams {
+ public:
+  static constexpr int kStreamsPerClient = 8;
+
+  /// A place, kept until the object goes. Errors: ResourceExhausted.
+  absl::StatusOr<std::shared_ptr<const void>> open(const std::string& client);
+
+ private:
+  struct Counts {
+    std::mutex mutex;
+    std::map<std::string, int> open;  // by client
+  };
+  const std::shared_ptr<Counts> counts_ =
+      std::make_shared<Counts>();  // owners: this and the places
 };
 
 /// The rule for an rpc; nullptr: there is none, and nobody may call it.
@@ -48,12 +71,13 @@ class Access {
   explicit Access(std::string token) : token_(std::move(token)) {}
   /// Callers come with certificates, which TLS has verified.
   explicit Access(std::unique_ptr<Revocations> revocations)
-      : revocations_(std::move(revocations)) {}
+      : revocations_(std::move(revocations)), streams_(std::make_unique<ClientStreams>()) {}
 
   /// Who the caller is, if it may call `rpc`.
   ///
   /// Errors: Unauthenticated, no token or a wrong one, or a certificate that is revoked, has
-  /// expired or names no role; PermissionDenied, not with this role.
+  /// expired or names no role; PermissionDenied, not with this role; ResourceExhausted, too many
+  /// streams of this client are open.
   absl::StatusOr<Caller> admit(const grpc::CallbackServerContext& context,
                                std::string_view rpc) const;
   /// Whether a caller admitted earlier still would be; for streams that stay open.
@@ -64,6 +88,7 @@ class Access {
 
   std::string token_;
   std::unique_ptr<Revocations> revocations_;  // null: no certificates
+  std::unique_ptr<ClientStreams> streams_;    // null likewise
 };
 
 /// What the caller sent as its token; empty if nothing.

@@ -21,11 +21,12 @@ constexpr std::int64_t kLargestAssetBytes = std::int64_t{1} << 40;
 /// Writes what arrives to an upload file, hashing on the way; keeps it if it is what it said.
 class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
  public:
-  Upload(Coordinator& coordinator, const absl::Status& allowed) : coordinator_(coordinator) {
-    if (allowed.ok()) {
+  Upload(Coordinator& coordinator, const absl::StatusOr<Caller>& caller)
+      : coordinator_(coordinator), caller_(caller.value_or(Caller{})) {
+    if (caller.ok()) {
       StartRead(&request_);
     } else {
-      Finish(contract::to_rpc(allowed));
+      Finish(contract::to_rpc(caller.status()));
     }
   }
 
@@ -101,6 +102,7 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
   }
 
   Coordinator& coordinator_;
+  const Caller caller_;  // for its place among the open streams
   v1::UploadAssetRequest request_;
   std::optional<contract::Digest> digest_;
   std::int64_t size_bytes_ = 0, received_bytes_ = 0;
@@ -170,7 +172,7 @@ grpc::ServerUnaryReactor* AssetService::FindMissingAssets(
 
 grpc::ServerReadReactor<v1::UploadAssetRequest>* AssetService::UploadAsset(
     grpc::CallbackServerContext* context, v1::UploadAssetResponse* /*response*/) {
-  return new Upload(coordinator_, access_.admit(*context, "AssetService.UploadAsset").status());
+  return new Upload(coordinator_, access_.admit(*context, "AssetService.UploadAsset"));
 }
 
 /// A worker reads assets of jobs it was leased; an admin, and whoever has no certificate, all.

@@ -19,6 +19,8 @@ constexpr std::size_t kChunkBytes = 1 << 20;
 /// Header first, then chunks; one write at a time, so no lock is needed after start().
 class FrameStream final : public grpc::ServerWriteReactor<v1::FetchFrameResponse> {
  public:
+  explicit FrameStream(Caller caller) : caller_(std::move(caller)) {}
+
   void start(const absl::StatusOr<FrameFile>& file) {
     if (!file.ok()) return Finish(contract::to_rpc(file.status()));
     file_ = *file;
@@ -59,6 +61,7 @@ class FrameStream final : public grpc::ServerWriteReactor<v1::FetchFrameResponse
   }
 
  private:
+  const Caller caller_;  // for its place among the open streams
   FrameFile file_;
   std::ifstream input_;
   std::int64_t sent_bytes_ = 0;
@@ -69,11 +72,11 @@ class FrameStream final : public grpc::ServerWriteReactor<v1::FetchFrameResponse
 
 grpc::ServerWriteReactor<v1::FetchFrameResponse>* send_frame(Coordinator& coordinator,
                                                              const v1::FetchFrameRequest& request,
-                                                             const absl::Status& allowed) {
-  auto* stream = new FrameStream;
+                                                             const absl::StatusOr<Caller>& caller) {
+  auto* stream = new FrameStream(caller.value_or(Caller{}));
   const auto query = from_message(request);
-  if (!allowed.ok() || !query.ok()) {
-    stream->start(allowed.ok() ? query.status() : allowed);
+  if (!caller.ok() || !query.ok()) {
+    stream->start(caller.ok() ? query.status() : caller.status());
   } else {
     coordinator.fetch_frame(*query, [stream](const auto& file) { stream->start(file); });
   }

@@ -175,7 +175,7 @@ grpc::ServerUnaryReactor* JobService::GetJobReport(grpc::CallbackServerContext* 
 grpc::ServerWriteReactor<v1::FetchFrameResponse>* JobService::FetchFrame(
     grpc::CallbackServerContext* context, const v1::FetchFrameRequest* request) {
   return send_frame(coordinator_, *request,
-                    admit(*context, "JobService.FetchFrame", request->job_id()).status());
+                    admit(*context, "JobService.FetchFrame", request->job_id()));
 }
 
 }  // namespace tessera::server

@@ -25,7 +25,6 @@
 namespace tessera::server {
 namespace {
 
-constexpr int kStreamsPerClient = 8;
 constexpr std::chrono::milliseconds kGoodbye{300};
 constexpr char kUnixPrefix[] = "unix:";
 
@@ -101,7 +100,7 @@ class GrpcFarmServer final : public FarmServer {
     builder.AddListeningPort(address, credentials_, &port);
     builder.SetMaxReceiveMessageSize(contract::kMaxMessageBytes);
     builder.SetMaxSendMessageSize(contract::kMaxMessageBytes);
-    builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kStreamsPerClient);
+    builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, ClientStreams::kStreamsPerClient);
     builder.AddChannelArgument(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
     builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // two servers on a port: an error
     builder.RegisterService(&jobs_);

@@ -1,6 +1,9 @@
 // What each role may do once it is in.
 #include <grpcpp/generic/generic_stub.h>
 
+#include <chrono>
+#include <thread>
+
 #include "server/service/access.h"
 #include "tessera/v1/worker_service.pb.h"
 #include "tests/integration/service/secure_farm.h"
@@ -116,6 +119,7 @@ TEST_F(RolesTest, EveryRpcHasARuleAndKeepsIt) {
     const std::string rpc = method->service()->name() + "." + method->name();
     const AccessRule* rule = find_access_rule(rpc);
     ASSERT_NE(rule, nullptr) << rpc << " has no rule in server/service/access.cpp";
+    EXPECT_EQ(rule->is_stream, method->client_streaming() || method->server_streaming()) << rpc;
     const auto is_denied = [&](const std::shared_ptr<grpc::Channel>& caller) {
       const StatusCode code = call_with_nothing(caller, *method).error_code();
       EXPECT_NE(code, StatusCode::UNAUTHENTICATED) << rpc;
@@ -172,6 +176,40 @@ TEST_F(RolesTest, AClientTouchesItsOwnJobsOnly) {
   EXPECT_EQ(fetch("bob", job), StatusCode::NOT_FOUND);
   EXPECT_EQ(codes("ann"), std::vector<StatusCode>(6, StatusCode::OK));
   EXPECT_EQ(codes("root"), std::vector<StatusCode>(6, StatusCode::OK));
+}
+
+TEST_F(RolesTest, AClientHasEightStreamsOpenHoweverManyConnections) {
+  const std::string job = create_job("ann", "shot");
+  struct Watch {
+    std::unique_ptr<v1::JobService::Stub> stub;
+    grpc::ClientContext context;
+    std::unique_ptr<grpc::ClientReader<v1::WatchJobResponse>> stream;
+  };
+  v1::WatchJobRequest request;
+  request.set_job_id(job);
+  std::vector<std::unique_ptr<Watch>> watches;
+  const auto open_one = [&](const std::string& name) {
+    Watch& watch = *watches.emplace_back(std::make_unique<Watch>());
+    watch.stub = jobs(name);
+    prepare(watch.context);
+    watch.stream = watch.stub->WatchJob(&watch.context, request);
+    v1::WatchJobResponse response;
+    return watch.stream->Read(&response);
+  };
+  for (int i = 0; i < 8; ++i) EXPECT_TRUE(open_one("ann")) << i;
+  EXPECT_FALSE(open_one("ann"));
+  EXPECT_EQ(watches.back()->stream->Finish().error_code(), StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_TRUE(open_one("root")) << "admins are not counted";
+  EXPECT_EQ(watch("bob", job), StatusCode::NOT_FOUND) << "another client has places of its own";
+  watches.front()->context.TryCancel();
+  watches.front()->stream->Finish();
+  bool is_free = false;
+  for (int i = 0; i < 100 && !is_free; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    is_free = open_one("ann");
+  }
+  EXPECT_TRUE(is_free) << "a place is given back";
+  for (const auto& watch : watches) watch->context.TryCancel();
 }
 
 TEST_F(RolesTest, ARequestIdOfAnothersYieldsNothing) {
