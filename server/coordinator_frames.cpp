@@ -201,7 +201,9 @@ absl::StatusOr<FrameRecord> Coordinator::write_finished(const FrameKey& key, con
   const auto luminance = film_.mean_luminance(key);
   if (!luminance.ok()) return luminance.status();
   const StoppingFigures stopping = film_.stopping(key);
-  FrameSpec frame{spec.settings, key.frame, spec.id, spec.name, *luminance, stopping.looks, false};
+  const FrameSpec frame{
+      spec.settings,           key.frame, spec.id, spec.name, *luminance, stopping.looks,
+      film_.most_samples(key), false};
   const std::string name = frame_file_name(key.frame);
   const auto result = write_frame(
       frame, [&](std::int32_t tile) { return film_.tile(key, tile); },
@@ -382,13 +384,14 @@ absl::StatusOr<FrameFile> Coordinator::write_partial(const FrameQuery& query, co
   if (!folder.ok()) return folder.status();
   const std::string path = absl::StrCat(*folder, "/partial.", ++partial_count_, ".exr");
   const auto luminance = film_.mean_luminance(key);
-  FrameSpec frame{spec.settings,
-                  query.frame,
-                  spec.id,
-                  spec.name,
-                  luminance.ok() ? std::optional(*luminance) : std::nullopt,
-                  film_.stopping(key).looks,
-                  true};
+  const FrameSpec frame{spec.settings,
+                        query.frame,
+                        spec.id,
+                        spec.name,
+                        luminance.ok() ? std::optional(*luminance) : std::nullopt,
+                        film_.stopping(key).looks,
+                        film_.most_samples(key),
+                        true};
   const auto result = write_frame(
       frame, [&](std::int32_t tile) { return film_.tile(key, tile); }, path);
   if (!was_open) film_.close_frame(key);

@@ -348,6 +348,22 @@ StoppingFigures FilmCache::stopping(const FrameKey& key) const {
   return {rule.looks(), rule.capped_tile_count(), rule.concentrated_tile_count()};
 }
 
+std::int32_t FilmCache::most_samples(const FrameKey& key) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = frames_.find(key);
+  if (found == frames_.end()) return 0;
+  const Frame& frame = found->second;
+  std::int32_t most = 0;
+  for (std::size_t tile = 0; tile < frame.tiles.size(); ++tile) {
+    const std::vector<bool>& committed = frame.tiles[tile].committed;
+    const std::int32_t wanted = wanted_passes(frame, static_cast<std::int32_t>(tile));
+    for (std::int32_t pass = 0; pass < wanted && committed[at(pass)]; ++pass) {
+      most = std::max(most, frame.passes[at(pass)].end());
+    }
+  }
+  return most;
+}
+
 std::optional<std::int64_t> FilmCache::expected_samples(const FrameKey& key) const {
   const std::lock_guard lock(mutex_);
   const auto found = frames_.find(key);

@@ -72,6 +72,8 @@ class FilmCache {
   absl::StatusOr<std::vector<contract::StoppingRule::Demand>> take_demands(const FrameKey& key);
   /// How the frame's tiles stopped; looks is 1 and the rest 0 with a fixed sample count.
   StoppingFigures stopping(const FrameKey& key) const;
+  /// Samples of the pixels that have most; 0 before the first block, and if it is not open.
+  std::int32_t most_samples(const FrameKey& key) const;
   /// Samples of the frame, done and foreseen; nullopt if it is not open or the count is fixed.
   std::optional<std::int64_t> expected_samples(const FrameKey& key) const;
 

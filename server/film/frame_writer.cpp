@@ -219,7 +219,7 @@ ExrHeader header_of(const FrameSpec& spec, const PixelRect& window) {
   if (!settings.camera.empty()) header.texts.emplace_back("tessera:camera", settings.camera);
   header.numbers = {{"tessera:contract", contract::kRenderContract},
                     {"tessera:frame", spec.frame},
-                    {"tessera:samples", contract::rounded_spp(settings.spp)}};
+                    {"tessera:samples", spec.most_samples}};
   return header;
 }
 

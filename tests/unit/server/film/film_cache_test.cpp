@@ -283,6 +283,10 @@ class ErrorFilmTest : public FilmCacheTest {
       pixels.insert(pixels.end(), more.begin(), more.end());
     }
     EXPECT_EQ(final_tiles.size(), counts.size());
+    std::int32_t most_passes = 0;
+    for (const auto& [tile, count] : counts) most_passes = std::max(most_passes, count);
+    EXPECT_EQ(cache->most_samples(frame_key),
+              passes_[static_cast<std::size_t>(most_passes - 1)].end());
     return counts;
   }
 };

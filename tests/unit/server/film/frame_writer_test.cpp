@@ -220,13 +220,14 @@ TEST_F(FrameWriterTest, CropKeepsItsPlaceInTheFrame) {
 
 TEST_F(FrameWriterTest, AttributesNameJobContractAndSamples) {
   spec_.settings.camera = "front";
+  spec_.most_samples = 24;
   written(made_tiles(), "attributes.exr");
   const OIIO::ImageSpec spec = read_back(path("attributes.exr")).spec;
   EXPECT_EQ(spec.get_string_attribute("tessera:job"), "abc123");
   EXPECT_EQ(spec.get_string_attribute("tessera:name"), "a scene");
   EXPECT_EQ(spec.get_string_attribute("tessera:camera"), "front");
   EXPECT_EQ(spec.get_int_attribute("tessera:contract"), contract::kRenderContract);
-  EXPECT_EQ(spec.get_int_attribute("tessera:samples"), 8);
+  EXPECT_EQ(spec.get_int_attribute("tessera:samples"), 24);
   EXPECT_EQ(spec.get_int_attribute("tessera:frame"), 7);
 }
 
