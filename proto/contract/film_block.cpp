@@ -11,7 +11,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "blocks are memory images");
 
-constexpr std::int64_t kTrailerBytes = 8 + 8 + 4;  // clamped energy, transparency limit, dropped
+constexpr std::int64_t kTrailerBytes = 8 + 8 + 8 + 4;  // energies, transparency limit, dropped
 constexpr std::int64_t kDroppedBytes = 12;
 
 /// Calls visit(member, values per pixel) for each plane the shape has, in encoding order. The one
@@ -101,6 +101,7 @@ std::string encode(const FilmBlock& block) {
     bytes.append(reinterpret_cast<const char*>(plane.data()), 4 * plane.size());
   });
   append(bytes, block.clamped_energy);
+  append(bytes, block.truncated_energy);
   append(bytes, block.transparency_limit_count);
   append(bytes, static_cast<std::uint32_t>(block.dropped.size()));
   for (const DroppedSamples& entry : block.dropped) {
@@ -128,9 +129,13 @@ absl::StatusOr<FilmBlock> decode(std::string_view bytes, const FilmBlockShape& s
   });
   if (!finite.ok()) return finite;
   block.clamped_energy = take<double>(bytes);
+  block.truncated_energy = take<double>(bytes);
   block.transparency_limit_count = take<std::uint64_t>(bytes);
-  if (!(block.clamped_energy >= 0) || !std::isfinite(block.clamped_energy)) {
-    return absl::InvalidArgumentError("film block: clamped energy is negative or not finite");
+  for (const double energy : {block.clamped_energy, block.truncated_energy}) {
+    if (!(energy >= 0) || !std::isfinite(energy)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("film block: an energy of ", energy, " is negative or not finite"));
+    }
   }
   const auto dropped_count = take<std::uint32_t>(bytes);
   if (size != fixed + kDroppedBytes * std::int64_t{dropped_count}) {

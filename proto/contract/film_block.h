@@ -46,7 +46,8 @@ struct FilmBlock {
   std::vector<float> position;          // [pixel][axis], pass 0
   std::vector<std::uint32_t> ids;       // [pixel][node, material, primitive] + 1, pass 0
   std::vector<DroppedSamples> dropped;  // by pixel, then replicate; no zero counts
-  double clamped_energy = 0;  // Σ over samples and channels of radiance removed by --clamp
+  double clamped_energy = 0;    // Σ over samples and channels of radiance removed by --clamp
+  double truncated_energy = 0;  // the same of radiance cut at --max-depth, estimated
   std::uint64_t transparency_limit_count = 0;  // paths that met 1,024 transparent surfaces
 
   /// A block of zeros.

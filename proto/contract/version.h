@@ -11,7 +11,7 @@ inline constexpr int kRenderContract = 5;
 /// starts (worker/render/numerics_check.h). A worker that gets another one is refused. Measured
 /// with GCC 12 -O2 and Clang 14 -O1 with sanitizers, on Debian 12's image libraries.
 inline constexpr char kNumericsSha256[] =
-    "5c49367996cf7c5854f3c86bc2665295afafc8bb54b7313eaa2b722178a83ef9";
+    "8c732df14dcc2f222e3a7adf59f7a4c358cdc62bad513c8926f23474da1f7998";
 
 /// Replicates per pixel: sample i belongs to replicate i mod kReplicates (farm.md, section 1).
 inline constexpr int kReplicates = 4;

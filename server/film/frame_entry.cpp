@@ -1,12 +1,15 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "server/film/frame_writer.h"
 
 namespace tessera::server {
 namespace {
 
 using nlohmann::ordered_json;
+
+constexpr double kTellingShare = 0.01;  // of the light cut by --max-depth, to be warned of
 
 ordered_json number_or_null(const std::optional<double>& value) {
   return value ? ordered_json(*value) : ordered_json(nullptr);
@@ -53,7 +56,7 @@ std::string frame_entry_json(const FrameResult& result, const std::string& file,
                               {"unseen_event_bound", s.unseen_event_bound},
                               {"dropped_samples", s.dropped_samples},
                               {"clamped_energy", s.clamped_energy},
-                              {"truncated_energy", nullptr},
+                              {"truncated_energy", s.truncated_energy},
                               {"transparency_limit_count", s.transparency_limit_count},
                               {"half_overflow_count", s.half_overflow_count},
                               {"curve", points}};
@@ -70,6 +73,13 @@ std::vector<std::string> frame_warnings(const FrameStatistics& s) {
   if (s.clamped_energy > 0) {
     warnings.push_back(absl::StrCat("--clamp removed radiance ", s.clamped_energy,
                                     " in all; the error estimate does not cover it"));
+  }
+  // Compared as if the mean over channels were the luminance: good enough to warn by.
+  const double light = 3 * static_cast<double>(s.samples) * s.mean_luminance.value_or(0);
+  if (s.truncated_energy > kTellingShare * light) {
+    warnings.push_back(absl::StrFormat(
+        "--max-depth cut about %.2g %% of the light; the error estimate is of the image without it",
+        100 * s.truncated_energy / (light + s.truncated_energy)));
   }
   if (s.transparency_limit_count > 0) {
     warnings.push_back(absl::StrCat(s.transparency_limit_count,

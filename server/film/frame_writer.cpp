@@ -163,6 +163,7 @@ class Gatherer {
         looks_(spec.looks),
         error_(at(grid.tile_count())),
         clamped_(error_.size()),
+        truncated_(error_.size()),
         largest_(std::max<std::int64_t>(
             1, std::int64_t{grid.window().width} * grid.window().height / 1000)) {
     statistics_.frame = spec.frame;
@@ -179,6 +180,7 @@ class Gatherer {
     statistics_.dropped_samples += tile.dropped_count();
     statistics_.transparency_limit_count += tile.transparency_limit_count();
     clamped_[at(index)] = tile.clamped_energy();
+    truncated_[at(index)] = tile.truncated_energy();
     per_pixel_.clear();
     error_[at(index)] = tile.error_sums(mean_luminance_, &per_pixel_);
     for (const double value : per_pixel_) largest_.add(value);
@@ -189,6 +191,7 @@ class Gatherer {
     ErrorSums sums;
     for (const ErrorSums& tile : error_) sums.add(tile);
     for (const double energy : clamped_) statistics_.clamped_energy += energy;
+    for (const double energy : truncated_) statistics_.truncated_energy += energy;
     statistics_.estimated = contract::estimate_error(sums, looks_);
     if (sums.scaled > 0) statistics_.heavy_tail_share = largest_.sum() / sums.scaled;
     const double pixels = static_cast<double>(statistics_.width) * statistics_.height;
@@ -203,8 +206,8 @@ class Gatherer {
   double mean_luminance_;
   int looks_;
   FrameStatistics statistics_;
-  std::vector<ErrorSums> error_;  // by tile
-  std::vector<double> clamped_;   // by tile
+  std::vector<ErrorSums> error_;             // by tile
+  std::vector<double> clamped_, truncated_;  // by tile
   std::int64_t fewest_samples_ = -1;
   LargestValues largest_;
   std::vector<double> per_pixel_;

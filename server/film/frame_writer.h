@@ -44,6 +44,7 @@ struct FrameStatistics {
   double unseen_event_bound = 0;  // 3 / N, N the samples of the tile with fewest
   std::int64_t dropped_samples = 0;
   double clamped_energy = 0;
+  double truncated_energy = 0;  // Σ over samples and channels of radiance cut at --max-depth
   std::uint64_t transparency_limit_count = 0;
   std::int64_t half_overflow_count = 0;  // values held at 65504 in a half file
 };
@@ -80,7 +81,7 @@ struct CurvePoint {
 
 /// The frames[] entry of the report (design.md, section 4) as a JSON object. `file` is the output's
 /// name, `status` DONE for a fixed sample count, else a certainty's name. `true` is null: no
-/// reference is known here, and truncated_energy is null as it is not measured yet.
+/// reference is known here.
 std::string frame_entry_json(const FrameResult& result, const std::string& file,
                              const std::string& status, const std::vector<CurvePoint>& curve);
 

@@ -169,6 +169,7 @@ absl::Status TileSum::add(const contract::FilmBlock& block, const contract::Pass
     dropped_count_ += entry.count;
   }
   clamped_energy_ += block.clamped_energy;
+  truncated_energy_ += block.truncated_energy;
   transparency_limit_count_ += block.transparency_limit_count;
   sample_count_ += pass.sample_count;
   ++pass_count_;

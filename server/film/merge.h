@@ -40,6 +40,7 @@ class TileSum {
   std::int32_t sample_count() const { return sample_count_; }
   std::int64_t dropped_count() const { return dropped_count_; }
   double clamped_energy() const { return clamped_energy_; }
+  double truncated_energy() const { return truncated_energy_; }
   std::uint64_t transparency_limit_count() const { return transparency_limit_count_; }
   /// Memory held, about.
   std::int64_t bytes() const;
@@ -84,7 +85,7 @@ class TileSum {
   std::uint32_t aovs_;
   std::int32_t pass_count_ = 0, sample_count_ = 0;
   std::int64_t dropped_count_ = 0;
-  double clamped_energy_ = 0;
+  double clamped_energy_ = 0, truncated_energy_ = 0;
   std::uint64_t transparency_limit_count_ = 0;
   std::vector<double> rgb_;    // [pixel][replicate][channel]
   std::vector<double> alpha_;  // [pixel]

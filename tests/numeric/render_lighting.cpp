@@ -151,6 +151,35 @@ TEST(Lighting, ClosedFurnaceSumsTheBounces) {  // hard case 45
   }
 }
 
+TEST(Lighting, ClosedFurnaceReportsWhatItsDepthCuts) {  // hard case 45
+  Material wall = lambert({0.99f, 0.99f, 0.99f});
+  wall.emission = {0.5f, 0.5f, 0.5f};
+  Scene scene = empty_scene();
+  const auto index = add_material(&scene, wall);
+  add_primitive(&scene, box({-6, -6, -6}, {6, 6, 6}, true, index));
+  for (const int depth : {8, 64}) {
+    auto settings = small_settings(32, 32, 64);
+    settings.max_depth = depth;
+    const Picture picture = render_picture(scene, settings);
+    double truncated = 0;
+    for (const contract::FilmBlock& block : picture.blocks) truncated += block.truncated_energy;
+    const double samples = 32 * 32 * 64;
+    const double expected = 50 * std::pow(0.99, depth + 1);
+    // Each path is traced on with chance 1/64 and then brings about 64 times `expected`: so much
+    // comes from the choice. Roulette and the walks' ends add as much again at most.
+    const double error = expected * std::sqrt(2 * 64 / samples);
+    EXPECT_NEAR(truncated / (3 * samples), expected, 4 * error) << depth;
+    EXPECT_NEAR(picture.mean(), 50 - expected, 4 * std::sqrt(3) * picture.mean_error()) << depth;
+  }
+}
+
+TEST(Lighting, OpenScenesCutNothing) {
+  Scene scene = floor_scene(lambert({1, 1, 1}), {0, 0, 0});
+  for (const contract::FilmBlock& block : render_picture(scene, small_settings(8, 8, 64)).blocks) {
+    EXPECT_EQ(block.truncated_energy, 0);
+  }
+}
+
 TEST(Lighting, MirrorShowsTheLampItReflects) {  // hard case 60
   Scene scene = empty_scene();
   Material mirror = metal(0);

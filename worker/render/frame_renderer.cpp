@@ -24,7 +24,7 @@ constexpr std::int64_t kPixelsPerChunk = 64;  // fixed: what a body of the paral
 
 /// What the pixels of a chunk count, added up in chunk order so that threads do not matter.
 struct ChunkTotals {
-  double clamped_energy = 0;
+  double clamped_energy = 0, truncated_energy = 0;
   std::int64_t limit_count = 0;
   std::vector<contract::DroppedSamples> dropped;
 };
@@ -144,6 +144,7 @@ contract::FilmBlock PathTracingFrame::render(const contract::PixelRect& rect,
   });
   for (const ChunkTotals& t : totals) {
     block.clamped_energy += t.clamped_energy;
+    block.truncated_energy += t.truncated_energy;
     block.transparency_limit_count += static_cast<std::uint64_t>(t.limit_count);
     block.dropped.insert(block.dropped.end(), t.dropped.begin(), t.dropped.end());
   }
@@ -177,6 +178,7 @@ void PathTracingFrame::render_pixel(const UnitWork& unit, contract::GridPoint at
   }
   sums.store(pixel, unit.block);
   totals->clamped_energy += sums.clamped_energy();
+  totals->truncated_energy += sums.truncated_energy();
   totals->limit_count += sums.limit_count();
   for (int r = 0; r < contract::kReplicates; ++r) {
     if (sums.dropped(r) == 0) continue;

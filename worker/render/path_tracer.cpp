@@ -16,6 +16,10 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 /// carrying this much. Measured: docs/performance.md.
 constexpr float kRouletteWeight = 0.5f;
 constexpr std::int32_t kRouletteDepth = 1;
+/// One in so many of the paths that are cut at max_depth is traced on, for the report only, up to
+/// so many scattering events (design.md, section 5).
+constexpr std::uint64_t kCutPathsPerTraced = 64;
+constexpr std::int32_t kTracedOnDepth = 4096;
 
 /// The low 20 bits as a number in [0, 1).
 double fraction(std::uint64_t bits) {
@@ -44,7 +48,7 @@ struct Path {
 class PathTracer {
  public:
   PathTracer(const FrameContext& frame, Sampler sampler, PathScratch* scratch)
-      : frame_(frame), sampler_(sampler), scratch_(scratch) {}
+      : frame_(frame), sampler_(sampler), scratch_(scratch), max_depth_(frame.max_depth) {}
 
   PathResult trace(std::int32_t x, std::int32_t y);
 
@@ -53,6 +57,7 @@ class PathTracer {
   bool find_hit(Hit* hit);
   bool step(const Hit& hit);
   void choose_wavelength();
+  bool is_cut();
   void add_sky();
   void record(const ShadingPoint& point, const SurfacePoint& position, const Vec4f& base);
   void absorb(const ShadingPoint& point, float distance);
@@ -68,6 +73,8 @@ class PathTracer {
   const FrameContext& frame_;
   Sampler sampler_;
   PathScratch* scratch_;
+  std::int32_t max_depth_;  // of the image; once the path is traced on, of that
+  PathResult image_;        // what it came to before it was traced on
   Path path_;
 };
 
@@ -95,7 +102,22 @@ PathResult PathTracer::trace(std::int32_t x, std::int32_t y) {
     }
     if (!step(hit)) break;
   }
-  return path_.result;
+  if (max_depth_ == frame_.max_depth) return path_.result;
+  image_.truncated = path_.result.radiance * static_cast<float>(kCutPathsPerTraced);
+  return image_;
+}
+
+/// Whether the path has no scattering event left. A few that have not are traced on: from then on
+/// they gather what the image lacks.
+bool PathTracer::is_cut() {
+  if (path_.depth < max_depth_) return false;
+  const bool cut =
+      max_depth_ == kTracedOnDepth || sampler_.hash(dimensions::kTraceOn) % kCutPathsPerTraced != 0;
+  if (cut) return true;
+  image_ = path_.result;
+  path_.result.radiance = {};
+  max_depth_ = kTracedOnDepth;
+  return false;
 }
 
 bool PathTracer::find_hit(Hit* hit) {
@@ -136,13 +158,12 @@ bool PathTracer::step(const Hit& hit) {
     return false;
   }
   add_emission(point, hit.id, position.position);
-  const bool last = path_.depth == frame_.max_depth;
-  if (last && point.material->interface != Interface::thin) return false;
+  if (point.material->interface != Interface::thin && is_cut()) return false;
   if (point.material->dispersive) [[unlikely]]
     choose_wavelength();
   const Bsdf bsdf = bsdf_at(frame_.shading, point, base, -path_.ray.direction, path_.wavelength);
   if (goes_straight(bsdf, hit, position)) return true;
-  if (last) return false;
+  if (is_cut()) return false;
   add_direct(bsdf, hit.id, position);
   return scatter(point, bsdf, hit.id, position);
 }

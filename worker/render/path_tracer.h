@@ -50,6 +50,8 @@ struct PathResult {
   float alpha = 1;
   CameraHit hit;
   std::int32_t limit_count = 0;  // times kTransparencyLimit was met
+  /// Radiance beyond max_depth, times the paths this one stands for; not in `radiance`.
+  Vec3f truncated;
 };
 
 /// Traces sample `sample` of pixel (x, y), full-frame coordinates. A function of the frame and

@@ -33,6 +33,10 @@ void PixelSums::add(const PathResult& path, std::int32_t sample, float clamp_at)
     ++dropped_[replicate];
     return;
   }
+  if (is_finite(path.truncated)) {
+    truncated_energy_ +=
+        Vec3d(path.truncated).x + Vec3d(path.truncated).y + Vec3d(path.truncated).z;
+  }
   Vec3f c = path.radiance;
   if (clamp_at > 0) {
     c.x = limited(c.x, clamp_at, &clamped_energy_);

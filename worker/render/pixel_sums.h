@@ -20,6 +20,7 @@ class PixelSums {
   void store(std::size_t pixel, contract::FilmBlock* block) const;
 
   double clamped_energy() const { return clamped_energy_; }
+  double truncated_energy() const { return truncated_energy_; }
   std::uint32_t dropped(int replicate) const {
     return dropped_[static_cast<std::size_t>(replicate)];
   }
@@ -28,7 +29,7 @@ class PixelSums {
  private:
   std::array<Vec3d, contract::kReplicates> rgb_;
   std::array<std::uint32_t, contract::kReplicates> dropped_{};
-  double alpha_ = 0, hits_ = 0, clamped_energy_ = 0;
+  double alpha_ = 0, hits_ = 0, clamped_energy_ = 0, truncated_energy_ = 0;
   Vec3d albedo_, normal_;
   std::int64_t limit_count_ = 0;
 };

@@ -31,4 +31,7 @@ constexpr std::uint32_t spare(std::uint32_t bounce) {
   return bsdf(bounce) + 3;
 }
 
+/// For Sampler::hash: whether a path that is cut is traced on.
+inline constexpr std::uint32_t kTraceOn = 0xffffffff;
+
 }  // namespace tessera::render::dimensions

@@ -42,7 +42,7 @@ class CommandsTest : public ::testing::Test {
            std::string(64, 'b') + R"(","spp_mean":64,"spp_max":64,"samples":131072,"status":"DONE",
       "mean_luminance":0.5,"estimated":{"rmse":0.01,"relmse":0.002,"error":0.0425,
       "error_upper95":0.045},"true":null,"heavy_tail_share":0.1,"unseen_event_bound":0.001,
-      "dropped_samples":2,"clamped_energy":0,"truncated_energy":null,
+      "dropped_samples":2,"clamped_energy":0,"truncated_energy":0,
       "curve":[{"cpu_seconds":1.5,"wall_seconds":1,"samples":16384,"relmse":0.02,"error":0.125,
                 "error_true":null},
                {"cpu_seconds":12.5,"wall_seconds":7,"samples":131072,"relmse":0.002,

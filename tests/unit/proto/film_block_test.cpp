@@ -26,6 +26,7 @@ FilmBlock random_block(const FilmBlockShape& shape, std::mt19937& rng) {
     block.dropped.push_back({pixel, pixel % kReplicates, 1 + pixel % 2});
   }
   block.clamped_energy = 1.25;
+  block.truncated_energy = 2.5;
   block.transparency_limit_count = 0x123456789ABCDEF0;
   return block;
 }
@@ -49,9 +50,9 @@ TEST(FilmBlock, ComesBackFromItsBytesForEveryShape) {
 
 TEST(FilmBlock, TakesFiftyTwoBytesAPixelWithoutLayers) {
   // farm.md, section 10: 4 replicates of RGB and one alpha.
-  EXPECT_EQ(film_block_bytes({64, 64, 0, false}), 52 * 64 * 64 + 20);
-  EXPECT_EQ(film_block_bytes({64, 64, kAovDepth, false}), 52 * 64 * 64 + 20) << "pass 0 only";
-  EXPECT_EQ(film_block_bytes({64, 64, kAovDepth, true}), 56 * 64 * 64 + 20);
+  EXPECT_EQ(film_block_bytes({64, 64, 0, false}), 52 * 64 * 64 + 28);
+  EXPECT_EQ(film_block_bytes({64, 64, kAovDepth, false}), 52 * 64 * 64 + 28) << "pass 0 only";
+  EXPECT_EQ(film_block_bytes({64, 64, kAovDepth, true}), 56 * 64 * 64 + 28);
 }
 
 TEST(FilmBlock, BytesAreLittleEndianPlanesInOrder) {
@@ -89,12 +90,15 @@ TEST(FilmBlock, ValuesThatAreNotFiniteAreRefusedInEveryPlane) {
   }
 }
 
-TEST(FilmBlock, ClampedEnergyIsFiniteAndNotNegative) {
-  FilmBlock block = FilmBlock::zeros({1, 1, 0, false});
-  for (const double bad :
-       {-1.0, std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN()}) {
-    block.clamped_energy = bad;
-    EXPECT_FALSE(decode(encode(block), block.shape, 4).ok()) << bad;
+TEST(FilmBlock, EnergiesAreFiniteAndNotNegative) {
+  for (double FilmBlock::*energy : {&FilmBlock::clamped_energy, &FilmBlock::truncated_energy}) {
+    FilmBlock block = FilmBlock::zeros({1, 1, 0, false});
+    ASSERT_TRUE(decode(encode(block), block.shape, 4).ok());
+    for (const double bad : {-1.0, std::numeric_limits<double>::infinity(),
+                             std::numeric_limits<double>::quiet_NaN()}) {
+      block.*energy = bad;
+      EXPECT_FALSE(decode(encode(block), block.shape, 4).ok()) << bad;
+    }
   }
 }
 

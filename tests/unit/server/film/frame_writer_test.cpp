@@ -335,6 +335,14 @@ TEST_F(FrameWriterTest, WarningsCountWhatWasLeftOutOrHeld) {
   ASSERT_EQ(warnings.size(), 3u);
   EXPECT_NE(warnings[0].find("12 samples"), std::string::npos);
   EXPECT_NE(warnings[2].find("34 values"), std::string::npos);
+  FrameStatistics cut;
+  cut.samples = 1000;
+  cut.mean_luminance = 2;
+  cut.truncated_energy = 3 * 1000 * 0.01;
+  EXPECT_TRUE(frame_warnings(cut).empty()) << "half a per cent";
+  cut.truncated_energy = 3 * 1000 * 0.5;
+  ASSERT_EQ(frame_warnings(cut).size(), 1u);
+  EXPECT_NE(frame_warnings(cut)[0].find("about 20 %"), std::string::npos);
 }
 
 TEST_F(FrameWriterTest, FullDiskOrMissingFolderIsAnErrorNotACrash) {
