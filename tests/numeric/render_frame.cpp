@@ -1,4 +1,5 @@
 #include <gtest/gtest.h>
+#include <immintrin.h>
 
 #include <cmath>
 #include <set>
@@ -331,6 +332,19 @@ TEST(NumericsCheck, GivesTheReferenceDigest) {
   ASSERT_TRUE(digest.ok()) << digest.status();
   EXPECT_EQ(digest->hex(), contract::kNumericsSha256)
       << "it changes only on purpose, together with contract::kRenderContract";
+}
+
+TEST(FloatControlDeathTest, ALibraryThatFlushesDenormalsIsCaught) {  // hard case 79
+  const Scene scene = room();
+  constexpr unsigned kFlushToZero = 0x8000, kDenormalsAreZero = 0x0040, kRoundUp = 0x4000;
+  for (const unsigned mode : {kFlushToZero, kDenormalsAreZero, kRoundUp}) {
+    EXPECT_DEATH(
+        {
+          _mm_setcsr(_mm_getcsr() | mode);
+          render_picture(scene, small_settings(8, 8, 4));
+        },
+        "flushes denormals or rounds unusually");
+  }
 }
 
 }  // namespace

@@ -17,7 +17,10 @@ tessera_test(NAME render_frame KIND numeric TIMEOUT 120
 add_test(NAME numeric.no_libm
   COMMAND ${CMAKE_CURRENT_LIST_DIR}/no_libm.sh $<TARGET_OBJECTS:tessera_render>
   COMMAND_EXPAND_LISTS)
-set_tests_properties(numeric.no_libm PROPERTIES LABELS numeric)
+add_test(NAME numeric.exact_reciprocals
+  COMMAND ${CMAKE_CURRENT_LIST_DIR}/exact_reciprocals.sh $<TARGET_OBJECTS:tessera_render>
+  COMMAND_EXPAND_LISTS)
+set_tests_properties(numeric.no_libm numeric.exact_reciprocals PROPERTIES LABELS numeric)
 tessera_test(NAME sampling KIND numeric SOURCES numeric/sampling_test.cpp LINKS tessera::render)
 tessera_test(NAME render_surface KIND numeric
   SOURCES numeric/render_surface.cpp LINKS tessera_test_render)

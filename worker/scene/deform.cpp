@@ -63,6 +63,18 @@ Vec3d transform_direction_normal(const Affine3d& m, const Vec3d& n) {
   return determinant(m) < 0 ? -cofactor : cofactor;
 }
 
+/// InvalidArgument if a vertex is bound to a joint there is not.
+absl::Status check_joints(const BasePrimitive::Influences& set, std::size_t joint_count) {
+  for (std::size_t v = 0; v < set.joints.size(); ++v) {
+    for (std::size_t k = 0; k < 4; ++k) {
+      if (set.joints[v][k] < joint_count || !(set.weights[v][static_cast<int>(k)] > 0)) continue;
+      return absl::InvalidArgumentError(
+          absl::StrCat("vertex ", v, " is bound to joint ", set.joints[v][k], " of ", joint_count));
+    }
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 Primitive morph(const BasePrimitive& base, const std::vector<double>& weights) {
@@ -86,16 +98,17 @@ Primitive morph(const BasePrimitive& base, const std::vector<double>& weights) {
   return out;
 }
 
-absl::StatusOr<std::vector<Affine3d>> joint_matrices(const Document& document, std::int32_t index,
+absl::StatusOr<std::vector<Affine3d>> joint_matrices(const Document& document,
+                                                     std::int32_t skin_index,
                                                      const std::vector<Affine3d>& world) {
-  const Skin& skin = document.skins[index];
+  const Skin& skin = document.skins[skin_index];
   std::vector<Affine3d> out;
   for (const std::int32_t joint : skin.joints) out.push_back(world[joint]);
   if (skin.inverse_bind_matrices == kNone) return out;
   const auto floats = read_floats(document, skin.inverse_bind_matrices, 16);
   if (!floats.ok()) return floats.status();
   if (floats->size() / 16 < out.size()) {
-    return absl::InvalidArgumentError(absl::StrCat("skins[", index, "]: ", out.size(),
+    return absl::InvalidArgumentError(absl::StrCat("skins[", skin_index, "]: ", out.size(),
                                                    " joints but ", floats->size() / 16,
                                                    " inverse bind matrices"));
   }
@@ -104,7 +117,7 @@ absl::StatusOr<std::vector<Affine3d>> joint_matrices(const Document& document, s
     for (int k = 0; k < 16; ++k) {
       if (!std::isfinite(m[k])) {
         return absl::InvalidArgumentError(
-            absl::StrCat("skins[", index, "]: inverse bind matrix ", i, " is not finite"));
+            absl::StrCat("skins[", skin_index, "]: inverse bind matrix ", i, " is not finite"));
       }
     }
     const Affine3d inverse_bind = {
@@ -118,14 +131,7 @@ absl::StatusOr<std::vector<Affine3d>> joint_matrices(const Document& document, s
 absl::StatusOr<SkinnedPrimitive> skin(const BasePrimitive& base, Primitive posed,
                                       const std::vector<Affine3d>& joints) {
   for (const auto& set : base.influences) {
-    for (std::size_t v = 0; v < set.joints.size(); ++v) {
-      for (std::size_t k = 0; k < 4; ++k) {
-        if (set.joints[v][k] >= joints.size() && set.weights[v][static_cast<int>(k)] > 0) {
-          return absl::InvalidArgumentError(absl::StrCat("vertex ", v, " is bound to joint ",
-                                                         set.joints[v][k], " of ", joints.size()));
-        }
-      }
-    }
+    if (absl::Status status = check_joints(set, joints.size()); !status.ok()) return status;
   }
   SkinnedPrimitive out{std::move(posed), {}, false};
   Primitive& p = out.primitive;

@@ -15,7 +15,8 @@ Primitive morph(const BasePrimitive& base, const std::vector<double>& weights);
 
 /// Joint matrices of a skin: world transform of each joint after its inverse bind matrix.
 /// Errors: InvalidArgument "skins[i]: ..." for too few or non-finite inverse bind matrices.
-absl::StatusOr<std::vector<Affine3d>> joint_matrices(const Document& document, std::int32_t skin,
+absl::StatusOr<std::vector<Affine3d>> joint_matrices(const Document& document,
+                                                     std::int32_t skin_index,
                                                      const std::vector<Affine3d>& world);
 
 /// A skinned primitive: its normals and tangents already in world space, positions kept apart in

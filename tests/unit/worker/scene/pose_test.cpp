@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "tests/support/gltf_builder.h"
@@ -35,6 +36,36 @@ TEST(Nodes, ComposeTranslationRotationAndScaleDownTheTree) {
   ASSERT_TRUE(scene.ok()) << scene.status();
   // (1,1,0) -> +1 x -> (2,1,0) -> scale -> (4,2,0) -> rotate -> (0,2,-4) -> +10 x.
   expect_near(world_of(*scene, 0, {1, 1, 0}), {10, 2, -4});
+}
+
+TEST(Nodes, ComposeExactlyDownSixtyFourLevels) {  // hard case 29
+  constexpr int kLevels = 64;
+  const Vec3d axis = {0.48, 0.6, 0.64};  // of length 1
+  GltfBuilder b;
+  b.add_mesh(unit_quad());
+  Vec3d expected = {1, 1, 0};
+  for (int level = kLevels - 1; level >= 0; --level) {  // from the leaf up: scale, rotate, move
+    const double half = 0.05 + 0.01 * level, scale = level % 2 == 0 ? 1.25 : 0.8;
+    const Vec3d p = expected * scale, move = {0.5, -0.25, 0.125 * level};
+    // Rodrigues' formula, by an angle of twice `half`.
+    expected = p * std::cos(2 * half) + cross(axis, p) * std::sin(2 * half) +
+               axis * (dot(axis, p) * (1 - std::cos(2 * half))) + move;
+  }
+  for (int level = 0; level < kLevels; ++level) {
+    const double half = 0.05 + 0.01 * level, scale = level % 2 == 0 ? 1.25 : 0.8;
+    const Vec3d q = axis * std::sin(half);
+    nlohmann::json node = {{"translation", {0.5, -0.25, 0.125 * level}},
+                           {"rotation", {q.x, q.y, q.z, std::cos(half)}},
+                           {"scale", {scale, scale, scale}}};
+    if (level + 1 < kLevels) node["children"] = {level + 1};
+    if (level + 1 == kLevels) node["mesh"] = 0;
+    b.add_node(node.dump(), level == 0);
+  }
+  const auto scene = load_and_pose(b);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_EQ(scene->instances.size(), 1u) << "a leaf this deep must not be lost";
+  // Each level rounds some 20 times, by 2^-53 of at most 64 levels' moves (4 a level).
+  expect_near(world_of(*scene, 0, {1, 1, 0}), expected, kLevels * 20 * 0x1p-53 * kLevels * 4);
 }
 
 TEST(Nodes, MatrixEqualsTheSameTranslationRotationScale) {
