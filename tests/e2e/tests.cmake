@@ -20,6 +20,7 @@ if(TESSERA_WITH_GRPC)
   # Limits are for sanitizer builds on two busy cores; a dev build takes a tenth.
   tessera_e2e(same_bits 400)
   tessera_e2e(same_bits_crashes 400)
+  tessera_e2e(same_bits_cover 400)
   tessera_e2e(by_error 400)
   tessera_e2e(failures 400)
   tessera_e2e(command_line 300)
