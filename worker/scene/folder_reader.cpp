@@ -34,7 +34,7 @@ bool is_beneath(const fs::path& path, const fs::path& folder) {
 
 }  // namespace
 
-FolderReader::FolderReader(fs::path folder) {
+FolderReader::FolderReader(const fs::path& folder) {
   std::error_code error;
   folder_ = fs::canonical(folder.empty() ? fs::path(".") : folder, error);
 }

@@ -16,7 +16,7 @@ namespace tessera::render {
 class FolderReader final : public ResourceReader {
  public:
   /// `folder` must exist to read anything.
-  explicit FolderReader(std::filesystem::path folder);
+  explicit FolderReader(const std::filesystem::path& folder);
   ~FolderReader() override;
 
   /// Lets `uri` name the file `path`, wherever it is (the sky of the command line).
