@@ -28,8 +28,8 @@ struct Tables {
 };
 
 const Tables& tables() {
-  static const Tables kTables;
-  return kTables;
+  static const Tables made;
+  return made;
 }
 
 struct Case {

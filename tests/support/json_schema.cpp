@@ -38,7 +38,8 @@ class Checker {
         }
       } else if (keyword == "properties") {
         for (const auto& [key, inner] : rule.items()) {
-          if (value.is_object() && value.contains(key)) check(inner, value[key], path + "/" + key);
+          const std::string below = std::string(path).append("/").append(key);
+          if (value.is_object() && value.contains(key)) check(inner, value[key], below);
         }
       } else if (keyword == "items") {
         for (std::size_t i = 0; value.is_array() && i < value.size(); ++i) {

@@ -78,7 +78,7 @@ TEST(Fresnel, StaysAccurateForMatchedIndices) {  // hard case 41
 TEST(Microfacet, DensityKeepsItsDigitsForTinyAlpha) {  // hard case 37
   for (const float alpha : {1e-4f, 1e-3f, 1e-2f, 0.1f, 0.5f, 1.0f}) {
     for (int i = 0; i <= 40; ++i) {
-      const double tangent = alpha * i * 0.25;
+      const double tangent = 0.25 * i * static_cast<double>(alpha);
       const double c = 1 / std::sqrt(1 + tangent * tangent), s = tangent * c;
       const Vec3f h{static_cast<float>(s), 0, static_cast<float>(c)};
       // The half vector the float function is given, in double.
