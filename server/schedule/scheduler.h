@@ -79,20 +79,20 @@ class Scheduler {
   /// A worker's new stream: adopts the units it runs or holds under our seal, takes back others.
   WorkerKey connect(const Hello& hello, Time now);
   /// Its stream broke; it is lost once the silence has lasted.
-  void disconnect(WorkerKey worker);
+  void disconnect(WorkerKey key);
   /// A sign of life.
-  void hear(WorkerKey worker, Time now);
-  void heartbeat(WorkerKey worker, const std::vector<UnitName>& started, std::int64_t rss_bytes,
+  void hear(WorkerKey key, Time now);
+  void heartbeat(WorkerKey key, const std::vector<UnitName>& started, std::int64_t rss_bytes,
                  Time now);
-  void grant_credits(WorkerKey worker, std::int32_t count, Time now);
+  void grant_credits(WorkerKey key, std::int32_t count, Time now);
   /// The worker takes nothing more; what it has it finishes.
-  void leave(WorkerKey worker);
+  void leave(WorkerKey key);
   /// It handed units back that it had not started.
-  void return_units(WorkerKey worker, const std::vector<UnitName>& units, Time now);
+  void return_units(WorkerKey key, const std::vector<UnitName>& units, Time now);
   /// It failed to render `tile` of `lease`. Ignored without our seal.
-  void fail_unit(WorkerKey worker, const Lease& lease, std::int32_t tile, Failure failure,
+  void fail_unit(WorkerKey key, const Lease& lease, std::int32_t tile, Failure failure,
                  bool bad_scene, Time now);
-  void scene_loaded(WorkerKey worker, const std::string& job_id, double load_seconds,
+  void scene_loaded(WorkerKey key, const std::string& job_id, double load_seconds,
                     double build_seconds, std::int64_t peak_rss_bytes);
   Worker* find_worker(WorkerKey worker);
   Worker* find_worker(const std::string& id);
@@ -113,7 +113,7 @@ class Scheduler {
             bool is_final);
   /// The unit came once more from this worker; it holds it no longer.
   void drop(Job& job, const contract::Unit& unit, const std::string& worker_id);
-  void acknowledge(WorkerKey worker, Acknowledgement acknowledgement);
+  void acknowledge(WorkerKey key, Acknowledgement acknowledgement);
   /// The frame's image is durable; ends the job after its last one.
   void finish_frame(Job& job, std::int32_t frame, Time now);
 

@@ -197,7 +197,8 @@ absl::Status check_accessor(const Document& d, std::int32_t index) {
   const std::size_t bytes = element_bytes(a);
   // The decoded form is floats, whatever the file says it stores (or does not store: zeros).
   const std::uint64_t most = a.view == kNone ? kMaxZeroBytes : kMaxDecodedBytes;
-  if (static_cast<std::uint64_t>(a.count) > most / (4u * a.components())) {
+  if (static_cast<std::uint64_t>(a.count) >
+      most / (4 * static_cast<std::uint64_t>(a.components()))) {
     return fault(index, absl::StrCat("count ", a.count, " is above what a scene may hold"));
   }
   if (a.view != kNone) {

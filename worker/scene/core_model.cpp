@@ -200,8 +200,9 @@ class Converter {
   Attributes attributes(const std::map<std::string, int>& from, const std::string& element) {
     Attributes out;
     for (const auto& [name, accessor] : from) {
-      out[name] = index(accessor, in_.accessors.size(), element + "." + name);
-      if (out[name] == kNone) fault(element + "." + name, "is negative");
+      const std::string where = absl::StrCat(element, ".", name);
+      out[name] = index(accessor, in_.accessors.size(), where);
+      if (out[name] == kNone) fault(where, "is negative");
     }
     return out;
   }
@@ -404,10 +405,8 @@ tinygltf::FsCallbacks no_files() {
   return fs;
 }
 
-bool no_images(tinygltf::Image*, const int, std::string*, std::string*, int, int,
-               const unsigned char*, int, void*) {
-  return true;  // images are read from the JSON and decoded by image_decoder
-}
+/// Images are read from the JSON and decoded by image_decoder.
+constexpr auto kNoImages = [](auto...) { return true; };
 
 }  // namespace
 
@@ -415,7 +414,7 @@ absl::Status read_core_model(const std::string& text, Document& document) {
   try {
     tinygltf::TinyGLTF parser;
     parser.SetFsCallbacks(no_files());
-    parser.SetImageLoader(no_images, nullptr);
+    parser.SetImageLoader(kNoImages, nullptr);
     tinygltf::Model model;
     std::string error, warning;
     const bool parsed = parser.LoadASCIIFromString(&model, &error, &warning, text.data(),

@@ -47,15 +47,15 @@ bool is_known(std::string_view name) {
 
 /// What tinygltf expects under a key of the core specification, wherever it stands.
 enum Kind : unsigned {
-  kInteger = 1,  // [0, 2^31)
-  kSize = 2,     // an integer up to 2^40
-  kNumber = 4,
-  kNumbers = 8,
-  kIntegers = 16,
-  kText = 32,
-  kFlag = 64,
-  kObject = 128,
-  kObjects = 256,
+  integer = 1,  // [0, 2^31)
+  size = 2,     // an integer up to 2^40
+  number = 4,
+  numbers = 8,
+  integers = 16,
+  text = 32,
+  flag = 64,
+  object = 128,
+  objects = 256,
 };
 
 struct KeyKind {
@@ -64,92 +64,92 @@ struct KeyKind {
 };
 
 constexpr KeyKind kSchema[] = {
-    {"accessors", kObjects},
-    {"alphaCutoff", kNumber},
-    {"alphaMode", kText},
-    {"animations", kObjects},
-    {"aspectRatio", kNumber},
-    {"asset", kObject},
-    {"attributes", kObject},
-    {"baseColorFactor", kNumbers},
-    {"baseColorTexture", kObject},
-    {"buffer", kInteger},
-    {"bufferView", kInteger},
-    {"bufferViews", kObjects},
-    {"buffers", kObjects},
-    {"byteLength", kSize},
-    {"byteOffset", kSize},
-    {"byteStride", kInteger},
-    {"camera", kInteger},
-    {"cameras", kObjects},
-    {"channels", kObjects},
-    {"children", kIntegers},
-    {"componentType", kInteger},
-    {"count", kSize},
-    {"doubleSided", kFlag},
-    {"emissiveFactor", kNumbers},
-    {"emissiveTexture", kObject},
-    {"images", kObjects},
-    {"index", kInteger},
-    {"indices", kInteger | kObject},
-    {"input", kInteger},
-    {"interpolation", kText},
-    {"inverseBindMatrices", kInteger},
-    {"joints", kIntegers},
-    {"magFilter", kInteger},
-    {"material", kInteger},
-    {"materials", kObjects},
-    {"matrix", kNumbers},
-    {"max", kNumbers},
-    {"mesh", kInteger},
-    {"meshes", kObjects},
-    {"metallicFactor", kNumber},
-    {"metallicRoughnessTexture", kObject},
-    {"min", kNumbers},
-    {"minFilter", kInteger},
-    {"mode", kInteger},
-    {"name", kText},
-    {"node", kInteger},
-    {"nodes", kObjects | kIntegers},
-    {"normalTexture", kObject},
-    {"normalized", kFlag},
-    {"occlusionTexture", kObject},
-    {"orthographic", kObject},
-    {"output", kInteger},
-    {"path", kText},
-    {"pbrMetallicRoughness", kObject},
-    {"perspective", kObject},
-    {"primitives", kObjects},
-    {"rotation", kNumbers},
-    {"roughnessFactor", kNumber},
-    {"sampler", kInteger},
-    {"samplers", kObjects},
-    {"scale", kNumber | kNumbers},
-    {"scene", kInteger},
-    {"scenes", kObjects},
-    {"skeleton", kInteger},
-    {"skin", kInteger},
-    {"skins", kObjects},
-    {"source", kInteger},
-    {"sparse", kObject},
-    {"strength", kNumber},
-    {"target", kInteger | kObject},
-    {"targets", kObjects},
-    {"texCoord", kInteger},
-    {"textures", kObjects},
-    {"translation", kNumbers},
-    {"type", kText},
-    {"uri", kText},
-    {"values", kObject},
-    {"version", kText},
-    {"weights", kNumbers},
-    {"wrapS", kInteger},
-    {"wrapT", kInteger},
-    {"xmag", kNumber},
-    {"yfov", kNumber},
-    {"ymag", kNumber},
-    {"zfar", kNumber},
-    {"znear", kNumber},
+    {"accessors", Kind::objects},
+    {"alphaCutoff", Kind::number},
+    {"alphaMode", Kind::text},
+    {"animations", Kind::objects},
+    {"aspectRatio", Kind::number},
+    {"asset", Kind::object},
+    {"attributes", Kind::object},
+    {"baseColorFactor", Kind::numbers},
+    {"baseColorTexture", Kind::object},
+    {"buffer", Kind::integer},
+    {"bufferView", Kind::integer},
+    {"bufferViews", Kind::objects},
+    {"buffers", Kind::objects},
+    {"byteLength", Kind::size},
+    {"byteOffset", Kind::size},
+    {"byteStride", Kind::integer},
+    {"camera", Kind::integer},
+    {"cameras", Kind::objects},
+    {"channels", Kind::objects},
+    {"children", Kind::integers},
+    {"componentType", Kind::integer},
+    {"count", Kind::size},
+    {"doubleSided", Kind::flag},
+    {"emissiveFactor", Kind::numbers},
+    {"emissiveTexture", Kind::object},
+    {"images", Kind::objects},
+    {"index", Kind::integer},
+    {"indices", Kind::integer | Kind::object},
+    {"input", Kind::integer},
+    {"interpolation", Kind::text},
+    {"inverseBindMatrices", Kind::integer},
+    {"joints", Kind::integers},
+    {"magFilter", Kind::integer},
+    {"material", Kind::integer},
+    {"materials", Kind::objects},
+    {"matrix", Kind::numbers},
+    {"max", Kind::numbers},
+    {"mesh", Kind::integer},
+    {"meshes", Kind::objects},
+    {"metallicFactor", Kind::number},
+    {"metallicRoughnessTexture", Kind::object},
+    {"min", Kind::numbers},
+    {"minFilter", Kind::integer},
+    {"mode", Kind::integer},
+    {"name", Kind::text},
+    {"node", Kind::integer},
+    {"nodes", Kind::objects | Kind::integers},
+    {"normalTexture", Kind::object},
+    {"normalized", Kind::flag},
+    {"occlusionTexture", Kind::object},
+    {"orthographic", Kind::object},
+    {"output", Kind::integer},
+    {"path", Kind::text},
+    {"pbrMetallicRoughness", Kind::object},
+    {"perspective", Kind::object},
+    {"primitives", Kind::objects},
+    {"rotation", Kind::numbers},
+    {"roughnessFactor", Kind::number},
+    {"sampler", Kind::integer},
+    {"samplers", Kind::objects},
+    {"scale", Kind::number | Kind::numbers},
+    {"scene", Kind::integer},
+    {"scenes", Kind::objects},
+    {"skeleton", Kind::integer},
+    {"skin", Kind::integer},
+    {"skins", Kind::objects},
+    {"source", Kind::integer},
+    {"sparse", Kind::object},
+    {"strength", Kind::number},
+    {"target", Kind::integer | Kind::object},
+    {"targets", Kind::objects},
+    {"texCoord", Kind::integer},
+    {"textures", Kind::objects},
+    {"translation", Kind::numbers},
+    {"type", Kind::text},
+    {"uri", Kind::text},
+    {"values", Kind::object},
+    {"version", Kind::text},
+    {"weights", Kind::numbers},
+    {"wrapS", Kind::integer},
+    {"wrapT", Kind::integer},
+    {"xmag", Kind::number},
+    {"yfov", Kind::number},
+    {"ymag", Kind::number},
+    {"zfar", Kind::number},
+    {"znear", Kind::number},
 };
 
 unsigned expected_kinds(std::string_view key) {
@@ -169,15 +169,17 @@ bool all_of(const json& value, Predicate predicate) {
 
 bool matches(const json& value, unsigned kinds) {
   const auto is_index = [](const json& v) { return is_integer_up_to(v, 2147483647.0); };
-  return ((kinds & kInteger) != 0 && is_index(value)) ||
-         ((kinds & kSize) != 0 && is_integer_up_to(value, 1099511627776.0)) ||
-         ((kinds & kNumber) != 0 && value.is_number()) ||
-         ((kinds & kNumbers) != 0 && all_of(value, [](const json& v) { return v.is_number(); })) ||
-         ((kinds & kIntegers) != 0 && all_of(value, is_index)) ||
-         ((kinds & kText) != 0 && value.is_string()) ||
-         ((kinds & kFlag) != 0 && value.is_boolean()) ||
-         ((kinds & kObject) != 0 && value.is_object()) ||
-         ((kinds & kObjects) != 0 && all_of(value, [](const json& v) { return v.is_object(); }));
+  return ((kinds & Kind::integer) != 0 && is_index(value)) ||
+         ((kinds & Kind::size) != 0 && is_integer_up_to(value, 1099511627776.0)) ||
+         ((kinds & Kind::number) != 0 && value.is_number()) ||
+         ((kinds & Kind::numbers) != 0 &&
+          all_of(value, [](const json& v) { return v.is_number(); })) ||
+         ((kinds & Kind::integers) != 0 && all_of(value, is_index)) ||
+         ((kinds & Kind::text) != 0 && value.is_string()) ||
+         ((kinds & Kind::flag) != 0 && value.is_boolean()) ||
+         ((kinds & Kind::object) != 0 && value.is_object()) ||
+         ((kinds & Kind::objects) != 0 &&
+          all_of(value, [](const json& v) { return v.is_object(); }));
 }
 
 /// Elements that the array of numbers under `key` must have; 0: any number.
@@ -242,13 +244,13 @@ void check_core(const json& core, JsonFault& fault) {
 }
 
 std::string expected_text(unsigned kinds) {
-  if ((kinds & (kInteger | kSize)) != 0) return "a non-negative integer in range";
-  if ((kinds & kNumber) != 0) return "a number";
-  if ((kinds & kNumbers) != 0) return "an array of numbers";
-  if ((kinds & kObjects) != 0) return "an array of objects";
-  if ((kinds & kIntegers) != 0) return "an array of non-negative integers in range";
-  if ((kinds & kText) != 0) return "a string";
-  if ((kinds & kFlag) != 0) return "true or false";
+  if ((kinds & (Kind::integer | Kind::size)) != 0) return "a non-negative integer in range";
+  if ((kinds & Kind::number) != 0) return "a number";
+  if ((kinds & Kind::numbers) != 0) return "an array of numbers";
+  if ((kinds & Kind::objects) != 0) return "an array of objects";
+  if ((kinds & Kind::integers) != 0) return "an array of non-negative integers in range";
+  if ((kinds & Kind::text) != 0) return "a string";
+  if ((kinds & Kind::flag) != 0) return "true or false";
   return "an object";
 }
 
@@ -272,15 +274,15 @@ json stripped(const json& value, const std::string& path, bool integers, JsonFau
       const std::string where = path.empty() ? item.key() : path + "." + item.key();
       // Attribute names are the file's own; all members of `attributes` and of targets are indices.
       const bool attribute = integers && !item.value().is_structured();
-      const unsigned kinds = attribute ? kInteger : expected_kinds(item.key());
-      const bool whole = (kinds & (kInteger | kSize)) != 0;
+      const unsigned kinds = attribute ? Kind::integer : expected_kinds(item.key());
+      const bool whole = (kinds & (Kind::integer | Kind::size)) != 0;
       const json checked = whole ? as_integer_if_whole(item.value()) : json();
       const json& member = whole ? checked : item.value();
       if (kinds != 0 && !matches(member, kinds)) {
         fault.report(where, "must be " + expected_text(kinds));
         return out;
       }
-      const std::size_t size = (kinds & kNumbers) != 0 ? expected_size(item.key()) : 0;
+      const std::size_t size = (kinds & Kind::numbers) != 0 ? expected_size(item.key()) : 0;
       if (size != 0 && member.is_array() && member.size() != size) {
         fault.report(where, absl::StrCat("must be ", size, " numbers"));
       }

@@ -38,8 +38,8 @@ enum Feature : std::uint32_t {
   kNeedsDiffuseTransmission = 1u << 23,
 };
 
-/// Resident memory of a renderer before it has a scene, measured. A Radiance sky adds some 120 MB of
-/// OpenImageIO's libraries, which all renderers of a host share.
+/// Resident memory of a renderer before it has a scene, measured. A Radiance sky adds some 120 MB
+/// of OpenImageIO's libraries, which all renderers of a host share.
 inline constexpr std::int64_t kProcessBytes = 13'000'000;
 
 /// Counts and sizes of a posed scene. Sizes are of a renderer process with one frame loaded, at its

@@ -375,7 +375,7 @@ OIIO::ImageSpec decode(const std::string& bytes, const std::string& name,
   const auto input = OIIO::ImageInput::open(name, &hints);
   EXPECT_NE(input, nullptr) << OIIO::geterror();
   if (input == nullptr) return {};
-  const OIIO::ImageSpec spec = input->spec();
+  OIIO::ImageSpec spec = input->spec();
   pixels.resize(static_cast<std::size_t>(spec.image_bytes()));
   EXPECT_TRUE(input->read_image(0, 0, 0, -1, OIIO::TypeDesc::UINT8, pixels.data()));
   return spec;
