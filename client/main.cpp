@@ -1,4 +1,3 @@
-#include <OpenImageIO/oiioversion.h>
 #include <google/protobuf/stubs/common.h>
 #include <grpcpp/grpcpp.h>
 #include <openssl/crypto.h>
@@ -10,6 +9,7 @@
 
 #include "client/commands.h"
 #include "proto/contract/version_text.h"
+#include "proto/image/library_versions.h"
 
 namespace {
 
@@ -41,8 +41,8 @@ void add_top_options(CLI::App& app, Invocation& invocation) {
           "tessera", TESSERA_VERSION, tessera::contract::kBaselineIsa,
           {{"gRPC", grpc::Version()},
            {"protobuf", google::protobuf::internal::VersionString(GOOGLE_PROTOBUF_VERSION)},
-           {"OpenSSL", OpenSSL_version(OPENSSL_VERSION_STRING)},
-           {"OpenImageIO", OIIO_VERSION_STRING}}));
+           {"OpenSSL", OpenSSL_version(OPENSSL_VERSION_STRING)}},
+          tessera::image::library_versions()));
   app.require_subcommand(1);
   app.footer(
       "Examples:\n"

@@ -1,7 +1,5 @@
 #include "server/config.h"
 
-#include <OpenEXR/OpenEXRConfig.h>
-#include <OpenImageIO/oiioversion.h>
 #include <google/protobuf/stubs/common.h>
 #include <grpcpp/grpcpp.h>
 #include <openssl/crypto.h>
@@ -12,6 +10,7 @@
 #include <string>
 
 #include "proto/contract/version_text.h"
+#include "proto/image/library_versions.h"
 #include "proto/log/log.h"
 #include "server/identity_commands.h"
 
@@ -30,9 +29,8 @@ std::string version_text() {
        {"protobuf", google::protobuf::internal::VersionString(GOOGLE_PROTOBUF_VERSION)},
        {"SQLite", sqlite3_libversion()},
        {"OpenSSL", OpenSSL_version(OPENSSL_VERSION_STRING)},
-       {"zstd", ZSTD_versionString()},
-       {"OpenEXR", OPENEXR_VERSION_STRING},
-       {"OpenImageIO", OIIO_VERSION_STRING}});
+       {"zstd", ZSTD_versionString()}},
+      image::library_versions());
 }
 
 void add_options(CLI::App& app, Config& config) {

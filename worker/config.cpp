@@ -1,6 +1,5 @@
 #include "worker/config.h"
 
-#include <OpenImageIO/oiioversion.h>
 #include <draco/core/draco_version.h>
 #include <google/protobuf/stubs/common.h>
 #include <grpcpp/grpcpp.h>
@@ -16,6 +15,7 @@
 #include <thread>
 
 #include "proto/contract/version_text.h"
+#include "proto/image/library_versions.h"
 #include "proto/log/log.h"
 #include "worker/accel/isa.h"
 #include "worker/accel/reference/structures.h"
@@ -176,8 +176,8 @@ std::string version_text() {
        {"OpenSSL", OpenSSL_version(OPENSSL_VERSION_STRING)},
        {"zstd", ZSTD_versionString()},
        {"oneTBB", TBB_runtime_version()},
-       {"draco", draco::kDracoVersion},
-       {"OpenImageIO", OIIO_VERSION_STRING}});
+       {"draco", draco::kDracoVersion}},
+      image::library_versions());
 }
 
 /// Reads the token and turns units into bytes. False, with a message, if that fails.

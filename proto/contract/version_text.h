@@ -19,15 +19,17 @@ inline constexpr std::string_view kBaselineIsa = "x86-64-v3";
 
 /// What --version prints: program, render contract and ISA on one line, libraries on the next.
 inline std::string version_text(std::string_view program, std::string_view version,
-                                std::string_view isa,
-                                const std::vector<LibraryVersion>& libraries) {
+                                std::string_view isa, const std::vector<LibraryVersion>& libraries,
+                                const std::vector<LibraryVersion>& more = {}) {
   std::string text(program);
   text.append(" ").append(version).append(", render contract ");
   text.append(std::to_string(kRenderContract)).append(", isa ").append(isa);
   const char* before = "\n";
-  for (const LibraryVersion& library : libraries) {
-    text.append(before).append(library.name).append(" ").append(library.version);
-    before = ", ";
+  for (const auto* list : {&libraries, &more}) {
+    for (const LibraryVersion& library : *list) {
+      text.append(before).append(library.name).append(" ").append(library.version);
+      before = ", ";
+    }
   }
   return text;
 }

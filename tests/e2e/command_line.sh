@@ -23,7 +23,7 @@ say "exit codes of wrong usage, bad input and no farm"
 
 for program in tessera tessera-server tessera-worker; do
   exits 0 "$program" --version
-  for part in "$program " "render contract " "isa " "gRPC " "protobuf " "OpenImageIO "; do
+  for part in "$program " "render contract " "isa " "gRPC " "protobuf " "libpng " "libjpeg-turbo " "libwebp " "OpenEXR " "OpenImageIO "; do
     says "$part"
   done
   exits 0 "$program" --help

@@ -17,5 +17,5 @@ target_link_libraries(tessera_agent PUBLIC tessera::flags tessera::render tesser
 
 add_executable(tessera-worker main.cpp config.cpp config.h)
 target_compile_definitions(tessera-worker PRIVATE TESSERA_VERSION="${PROJECT_VERSION}")
-target_link_libraries(tessera-worker PRIVATE tessera::agent CLI11::CLI11 OpenSSL::Crypto
+target_link_libraries(tessera-worker PRIVATE tessera::agent tessera::image CLI11::CLI11 OpenSSL::Crypto
   draco::draco zstd::libzstd_shared TBB::tbb)
