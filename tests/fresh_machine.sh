@@ -16,6 +16,7 @@ mirror=${MIRROR:-$(apt-get indextargets --format '$(REPO_URI)' 'Codename: bookwo
 
 debootstrap --variant=minbase bookworm "$folder" "$mirror" >/dev/null
 cp /etc/resolv.conf "$folder/etc/"
+echo "127.0.0.1 localhost" >"$folder/etc/hosts"  # an installer writes it, debootstrap does not
 : >"$folder/etc/apt/sources.list"  # what debootstrap wrote; this machine's list follows
 find /etc/apt/sources.list.d -name 'debian*.sources' -exec cp {} "$folder/etc/apt/sources.list.d/" \;
 git clone -q "$root" "$folder$root"  # at the same path, which compiler caches look at
