@@ -255,7 +255,8 @@ TEST(ThinFilm, OfNothingIsTheBaseAndNeverGivesMoreThanItGets) {  // hard case 54
   const Vec3f f0{0.04f, 0.5f, 0.9f};
   const Vec3f bare = thin_film_reflectance({1, 1.3f, 0}, f0, 1);
   for (int k = 0; k < 3; ++k) EXPECT_NEAR(bare[k], f0[k], 1e-4f);
-  for (float thickness = 0; thickness < 2000; thickness += 7) {
+  for (int nanometres = 0; nanometres < 2000; nanometres += 7) {
+    const auto thickness = static_cast<float>(nanometres);
     for (const float c : {1.0f, 0.5f, 0.02f, 0.0f}) {
       const Vec3f f = thin_film_reflectance({1, 1.8f, thickness}, f0, c);
       for (int k = 0; k < 3; ++k) ASSERT_TRUE(f[k] >= 0 && f[k] <= 1) << thickness << " " << c;
