@@ -20,7 +20,8 @@ fi
 [ -f "$scene" ] || { echo "quickstart: no such scene: $scene" >&2; exit 2; }
 
 "$source_folder/deploy/install-deps.sh" --build
-cmake -S "$source_folder" --preset release -B "$source_folder/build/release" >/dev/null
+cmake -S "$source_folder" --preset release -B "$source_folder/build/release" \
+  -D TESSERA_BUILD_BENCHES=OFF >/dev/null
 cmake --build "$source_folder/build/release"
 
 name=$(basename "${scene%.*}")

@@ -52,6 +52,84 @@ int mismatches(const Scene& scene, int rays, std::uint32_t seed, int* hits = nul
   return wrong;
 }
 
+/// A bundle: rays that begin near each other and go much the same way, as camera rays do, or (wide)
+/// whatever way they like.
+std::vector<Ray> bundle(const Scene& scene, std::size_t count, Dice& dice) {
+  const Ray first = adversarial_ray(scene, dice);
+  const float width = dice.below(4) == 0 ? 2.0f : std::exp2(-12 * dice.unit());
+  const bool one_origin = dice.below(2) == 0;
+  std::vector<Ray> rays(count, first);
+  for (Ray& ray : rays) {
+    if (!one_origin) ray.origin += dice.vector() * width;
+    ray.direction += dice.vector() * (width * max_abs(first.direction));
+    if (dice.below(16) == 0) ray.t_max = 2 * dice.unit();
+    if (dice.below(16) == 0) ray = adversarial_ray(scene, dice);
+    if (dice.below(64) == 0) ray.direction = {0, 0, 0};
+    if (dice.below(4) == 0) {
+      ray.leaves = {dice.below(3), dice.below(2), dice.below(20)};
+    }
+  }
+  return rays;
+}
+
+/// Counts rays for which packets differ in any bit from single rays, of which a few are compared
+/// with brute force.
+int packet_mismatches(const Scene& scene, int packets, std::uint32_t seed, int* hits = nullptr) {
+  std::vector<SceneAccel> accels;
+  for (const Isa isa : supported_isas()) accels.emplace_back(scene, in_order(), isa);
+  Dice dice(seed);
+  int wrong = 0;
+  for (int i = 0; i < packets; ++i) {
+    const auto count = static_cast<std::size_t>(i % 4 == 0 ? 1 + dice.below(64) : 64);
+    const std::vector<Ray> rays = bundle(scene, count, dice);
+    for (const SceneAccel& accel : accels) {
+      std::array<Hit, kPacketSize> together;
+      const std::uint64_t found = accel.closest_hits(rays, together.data());
+      const std::uint64_t any = accel.any_hits(rays);
+      if (count < 64 && ((found | any) >> count) != 0) ++wrong;
+      for (std::size_t k = 0; k < count; ++k) {
+        Hit alone;
+        const bool expected = k % 16 == 0 ? brute_force_closest(scene, rays[k], alone)
+                                          : accel.closest_hit(rays[k], alone);
+        const bool got = (found >> k & 1) != 0;
+        if (got != expected || (got && !same_bits(together[k], alone))) ++wrong;
+        if (((any >> k & 1) != 0) != expected) ++wrong;
+        if (hits != nullptr && expected) ++*hits;
+      }
+    }
+  }
+  return wrong;
+}
+
+TEST(HardCase15, PacketsFindWhatSingleRaysFind) {
+  Dice dice(120);
+  int hits = 0;
+  EXPECT_EQ(packet_mismatches(scene_of({soup(150, dice), soup(50, dice)}), 400, 121, &hits), 0);
+  EXPECT_EQ(packet_mismatches(scene_of({terrain(40, dice)}), 300, 122, &hits), 0);
+  EXPECT_EQ(packet_mismatches(scene_of({needles(1'000, dice)}), 300, 123, &hits), 0);
+  EXPECT_EQ(packet_mismatches(scene_of({uv_sphere(24, 32, 1)}), 300, 124, &hits), 0);
+  EXPECT_GT(hits, 30'000) << "the rays no longer aim";
+}
+
+TEST(HardCase15, PacketsFindWhatSingleRaysFindAmongInstances) {
+  Dice dice(130);
+  Scene scene;
+  scene.meshes.push_back(mesh_of({soup(20, dice), soup(10, dice)}));
+  scene.meshes.push_back(mesh_of({uv_sphere(12, 16, 1)}));
+  for (int i = 0; i < 40; ++i) {
+    const double scale = std::exp2(-6 * dice.unit());
+    place(scene, i % 2, random_placement(dice, scale, Vec3d(dice.vector()), i % 3 == 0));
+  }
+  place(scene, 0);
+  place(scene, 0);  // an exact duplicate
+  Affine3d far;
+  far.translation = {1e5, -3e5, 2e4};
+  place(scene, 0, far);
+  int hits = 0;
+  EXPECT_EQ(packet_mismatches(scene, 400, 131, &hits), 0);
+  EXPECT_GT(hits, 10'000);
+}
+
 TEST(HardCase15, SoupsAgreeWithBruteForce) {
   int hits = 0;
   for (std::uint32_t seed = 0; seed < 6; ++seed) {

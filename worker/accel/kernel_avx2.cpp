@@ -27,6 +27,14 @@ void store_lanes(float* p, NodeLanes x) {
 std::uint32_t lanes_at_most(NodeLanes a, NodeLanes b) {
   return bits(_mm256_cmp_ps(a, b, _CMP_LE_OQ));
 }
+std::uint32_t lanes_unequal(NodeLanes a, NodeLanes b) {
+  return bits(_mm256_cmp_ps(a, b, _CMP_NEQ_UQ));
+}
+float greatest_lane(NodeLanes x) {
+  __m128 four = _mm_max_ps(_mm256_castps256_ps128(x), _mm256_extractf128_ps(x, 1));
+  four = _mm_max_ps(four, _mm_movehl_ps(four, four));
+  return _mm_cvtss_f32(_mm_max_ss(four, _mm_movehdup_ps(four)));
+}
 
 /// The lanes in `met`, then anything.
 __m256i pack_lanes(__m256i lanes, std::uint32_t met) {
@@ -74,7 +82,7 @@ void store_packed(std::uint32_t* to, const std::uint32_t* lanes, std::uint32_t m
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(to), pack_lanes(all, met));
 }
 
-#include "worker/accel/traversal.inc"
+#include "worker/accel/packet.inc"
 
 }  // namespace
 
@@ -89,6 +97,12 @@ bool any_hit(const AccelTrees<8>& trees, const Ray& ray) {
 }
 bool any_hit(const AccelTrees<8>& trees, const Ray& ray, const HitFilter& filter) {
   return find_any<true>(trees, ray, &filter);
+}
+std::uint64_t closest_hits(const AccelTrees<8>& trees, std::span<const Ray> rays, Hit* hits) {
+  return find_closest_of(trees, rays, hits);
+}
+std::uint64_t any_hits(const AccelTrees<8>& trees, std::span<const Ray> rays) {
+  return find_any_of(trees, rays);
 }
 
 }  // namespace tessera::render::avx2

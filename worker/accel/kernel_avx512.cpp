@@ -43,8 +43,19 @@ NodeLanes greater(NodeLanes a, NodeLanes b) {
 NodeLanes fused_multiply_add(NodeLanes a, NodeLanes b, NodeLanes c) {
   return _mm512_fmadd_ps(a, b, c);
 }
+NodeLanes difference_of_products(NodeLanes a, NodeLanes b, NodeLanes c, NodeLanes d) {
+  const NodeLanes cd = _mm512_mul_ps(c, d);
+  const NodeLanes error = _mm512_fnmadd_ps(c, d, cd);
+  return _mm512_add_ps(_mm512_fmsub_ps(a, b, cd), error);
+}
 std::uint32_t lanes_at_most(NodeLanes a, NodeLanes b) {
   return _mm512_cmp_ps_mask(a, b, _CMP_LE_OQ);
+}
+std::uint32_t lanes_unequal(NodeLanes a, NodeLanes b) {
+  return _mm512_cmp_ps_mask(a, b, _CMP_NEQ_UQ);
+}
+float greatest_lane(NodeLanes x) {
+  return _mm512_reduce_max_ps(x);
 }
 
 /// Orders children by the distance at which they are entered, each different from all others.
@@ -85,7 +96,7 @@ void store_packed(std::uint32_t* to, const std::uint32_t* lanes, std::uint32_t m
       to, _mm512_maskz_compress_epi32(static_cast<__mmask16>(met), _mm512_load_si512(lanes)));
 }
 
-#include "worker/accel/traversal.inc"
+#include "worker/accel/packet.inc"
 
 }  // namespace
 
@@ -100,6 +111,12 @@ bool any_hit(const AccelTrees<16>& trees, const Ray& ray) {
 }
 bool any_hit(const AccelTrees<16>& trees, const Ray& ray, const HitFilter& filter) {
   return find_any<true>(trees, ray, &filter);
+}
+std::uint64_t closest_hits(const AccelTrees<16>& trees, std::span<const Ray> rays, Hit* hits) {
+  return find_closest_of(trees, rays, hits);
+}
+std::uint64_t any_hits(const AccelTrees<16>& trees, std::span<const Ray> rays) {
+  return find_any_of(trees, rays);
 }
 
 }  // namespace tessera::render::avx512

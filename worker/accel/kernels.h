@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+#include <span>
 #include <type_traits>
 
 #include "worker/accel/accel_trees.h"
@@ -26,14 +28,20 @@ class HitFilter {
 /// put them in several leaves: twice as many as may be transparent to one ray.
 inline constexpr int kMostShownOnce = 2048;
 
+/// Rays that may be traced at one go.
+inline constexpr int kPacketSize = 64;
+
 /// The queries of SceneAccel, compiled twice from traversal.inc: with eight-wide nodes for AVX2,
 /// and with sixteen-wide ones for AVX-512 (F, BW, DQ, VL). Rays must be valid. Hits do not depend
-/// on which.
+/// on which. closest_hits and any_hits take up to kPacketSize rays and return a bit for each that
+/// hits.
 namespace avx2 {
 bool closest_hit(const AccelTrees<8>& trees, const Ray& ray, Hit& hit);
 bool closest_hit(const AccelTrees<8>& trees, const Ray& ray, const HitFilter& filter, Hit& hit);
 bool any_hit(const AccelTrees<8>& trees, const Ray& ray);
 bool any_hit(const AccelTrees<8>& trees, const Ray& ray, const HitFilter& filter);
+std::uint64_t closest_hits(const AccelTrees<8>& trees, std::span<const Ray> rays, Hit* hits);
+std::uint64_t any_hits(const AccelTrees<8>& trees, std::span<const Ray> rays);
 }  // namespace avx2
 
 namespace avx512 {
@@ -41,6 +49,8 @@ bool closest_hit(const AccelTrees<16>& trees, const Ray& ray, Hit& hit);
 bool closest_hit(const AccelTrees<16>& trees, const Ray& ray, const HitFilter& filter, Hit& hit);
 bool any_hit(const AccelTrees<16>& trees, const Ray& ray);
 bool any_hit(const AccelTrees<16>& trees, const Ray& ray, const HitFilter& filter);
+std::uint64_t closest_hits(const AccelTrees<16>& trees, std::span<const Ray> rays, Hit* hits);
+std::uint64_t any_hits(const AccelTrees<16>& trees, std::span<const Ray> rays);
 }  // namespace avx512
 
 }  // namespace tessera::render

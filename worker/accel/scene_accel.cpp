@@ -85,6 +85,15 @@ SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for, Isa 
 SceneAccel::SceneAccel(std::unique_ptr<const RayQueries> instead)
     : isa_(Isa::avx2), instead_(std::move(instead)) {}
 
+std::uint64_t SceneAccel::closest_hits(std::span<const Ray> rays, Hit* hits) const {
+  return isa_ == Isa::avx512 ? avx512::closest_hits(sixteen_, rays, hits)
+                             : avx2::closest_hits(eight_, rays, hits);
+}
+
+std::uint64_t SceneAccel::any_hits(std::span<const Ray> rays) const {
+  return isa_ == Isa::avx512 ? avx512::any_hits(sixteen_, rays) : avx2::any_hits(eight_, rays);
+}
+
 std::int64_t SceneAccel::memory_bytes() const {
   if (instead_ != nullptr) return static_cast<std::int64_t>(instead_->memory_bytes());
   return static_cast<std::int64_t>(bytes(eight_) + bytes(sixteen_));

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -81,6 +82,13 @@ class SceneAccel {
     if (isa_ == Isa::avx512) return avx512::any_hit(sixteen_, ray);
     return instead_ == nullptr ? avx2::any_hit(eight_, ray) : instead_->any_hit(ray, nullptr);
   }
+
+  /// Whether it can trace rays together; not where queries are left to something else.
+  bool takes_packets() const { return instead_ == nullptr; }
+  /// closest_hit and any_hit for up to kPacketSize rays: bit i is set where rays[i] hits, and
+  /// hits[i] is its hit. Gains where rays go much the same way. Requires takes_packets().
+  std::uint64_t closest_hits(std::span<const Ray> rays, Hit* hits) const;
+  std::uint64_t any_hits(std::span<const Ray> rays) const;
 
   std::int64_t memory_bytes() const;
   /// How many meshes have the tree of `before`.

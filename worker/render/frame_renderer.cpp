@@ -1,6 +1,7 @@
 #include "worker/render/frame_renderer.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -58,8 +59,8 @@ class PathTracingFrame final : public FrameRenderer {
 
  private:
   void render_chunk(const UnitWork& unit, std::int64_t chunk, ChunkTotals* totals) const;
-  void render_pixel(const UnitWork& unit, contract::GridPoint at, PathScratch* scratch,
-                    ChunkTotals* totals) const;
+  void store(const UnitWork& unit, std::size_t pixel, const PixelSums& sums,
+             ChunkTotals* totals) const;
   void store_first_hit(const PathResult& path, std::size_t pixel, contract::FilmBlock* block) const;
 
   Timings timings_;  // first: filled while the others are made
@@ -159,23 +160,39 @@ void PathTracingFrame::render_chunk(const UnitWork& unit, std::int64_t chunk,
   check_float_control();
   PathScratch scratch;
   const auto first = static_cast<std::size_t>(chunk * kPixelsPerChunk);
-  const std::size_t last = std::min(first + kPixelsPerChunk, unit.order.size());
-  for (std::size_t i = first; i < last; ++i) render_pixel(unit, unit.order[i], &scratch, totals);
+  const std::size_t pixels = std::min<std::size_t>(kPixelsPerChunk, unit.order.size() - first);
+  const auto samples = static_cast<std::size_t>(unit.pass.sample_count);
+  PixelSums sums;
+  // Packets hold neighbouring pixels where these have few samples.
+  for (std::size_t begin = 0; begin < pixels * samples; begin += kPacketSize) {
+    const std::size_t count = std::min<std::size_t>(kPacketSize, pixels * samples - begin);
+    std::array<PathId, kPacketSize> ids;
+    std::array<PathResult, kPacketSize> paths;
+    for (std::size_t i = 0; i < count; ++i) {
+      const contract::GridPoint at = unit.order[first + (begin + i) / samples];
+      ids[i] = {unit.rect.x + at.x, unit.rect.y + at.y,
+                unit.pass.first_sample + static_cast<std::int32_t>((begin + i) % samples)};
+    }
+    trace_paths(context_, std::span(ids).first(count), &scratch, paths.data());
+    for (std::size_t i = 0; i < count; ++i) {
+      const contract::GridPoint at = unit.order[first + (begin + i) / samples];
+      const auto pixel =
+          static_cast<std::size_t>(at.y) * static_cast<std::size_t>(unit.rect.width) +
+          static_cast<std::size_t>(at.x);
+      if (ids[i].sample == 0 && unit.block->shape.first_pass) {
+        store_first_hit(paths[i], pixel, unit.block);
+      }
+      sums.add(paths[i], ids[i].sample, clamp_at_);
+      if ((begin + i) % samples + 1 < samples) continue;
+      store(unit, pixel, sums, totals);
+      sums = PixelSums();
+    }
+  }
   check_float_control();
 }
 
-void PathTracingFrame::render_pixel(const UnitWork& unit, contract::GridPoint at,
-                                    PathScratch* scratch, ChunkTotals* totals) const {
-  const std::int32_t x = unit.rect.x + at.x, y = unit.rect.y + at.y;
-  const auto pixel = static_cast<std::size_t>(at.y) * static_cast<std::size_t>(unit.rect.width) +
-                     static_cast<std::size_t>(at.x);
-  PixelSums sums;
-  for (std::int32_t i = 0; i < unit.pass.sample_count; ++i) {
-    const std::int32_t sample = unit.pass.first_sample + i;
-    const PathResult path = trace_path(context_, x, y, sample, scratch);
-    if (sample == 0 && unit.block->shape.first_pass) store_first_hit(path, pixel, unit.block);
-    sums.add(path, sample, clamp_at_);
-  }
+void PathTracingFrame::store(const UnitWork& unit, std::size_t pixel, const PixelSums& sums,
+                             ChunkTotals* totals) const {
   sums.store(pixel, unit.block);
   totals->clamped_energy += sums.clamped_energy();
   totals->truncated_energy += sums.truncated_energy();

@@ -1,5 +1,6 @@
 #include "worker/render/path_tracer.h"
 
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -50,10 +51,10 @@ class PathTracer {
   PathTracer(const FrameContext& frame, Sampler sampler, PathScratch* scratch)
       : frame_(frame), sampler_(sampler), scratch_(scratch), max_depth_(frame.max_depth) {}
 
-  PathResult trace(std::int32_t x, std::int32_t y);
+  /// `first`: what the camera ray hits, where that is known; its instance is UINT32_MAX if nothing.
+  PathResult trace(const Ray& camera_ray, const Hit* first);
 
  private:
-  void start(std::int32_t x, std::int32_t y);
   bool find_hit(Hit* hit);
   bool step(const Hit& hit);
   void choose_wavelength();
@@ -78,21 +79,12 @@ class PathTracer {
   Path path_;
 };
 
-void PathTracer::start(std::int32_t x, std::int32_t y) {
-  const Vec2f u = sampler_.get_2d(dimensions::kFilter);
-  const Vec2f offset = frame_.filter.sample(u);
-  const CameraRay camera = frame_.camera.ray(x + 0.5 + static_cast<double>(offset.x),
-                                             y + 0.5 + static_cast<double>(offset.y));
-  path_.ray.origin = camera.origin;
-  path_.ray.direction = camera.direction;
-  path_.ray.t_max = camera.t_max;
-}
-
-PathResult PathTracer::trace(std::int32_t x, std::int32_t y) {
-  start(x, y);
-  for (;;) {
+PathResult PathTracer::trace(const Ray& camera_ray, const Hit* first) {
+  path_.ray = camera_ray;
+  for (;; first = nullptr) {
     Hit hit;
-    if (!find_hit(&hit)) {
+    if (first != nullptr) hit = *first;
+    if (first != nullptr ? hit.id == TriangleId{} : !find_hit(&hit)) {
       add_sky();
       break;
     }
@@ -333,10 +325,43 @@ bool PathTracer::scatter(const ShadingPoint& point, const Bsdf& bsdf, const Tria
 
 }  // namespace
 
-PathResult trace_path(const FrameContext& frame, std::int32_t x, std::int32_t y,
-                      std::int32_t sample, PathScratch* scratch) {
-  PathTracer tracer(frame, Sampler(frame.seed, frame.frame, x, y, sample), scratch);
-  return tracer.trace(x, y);
+namespace {
+
+Sampler sampler_of(const FrameContext& frame, const PathId& id) {
+  return Sampler(frame.seed, frame.frame, id.x, id.y, id.sample);
+}
+
+Ray camera_ray(const FrameContext& frame, const PathId& id) {
+  const Vec2f u = sampler_of(frame, id).get_2d(dimensions::kFilter);
+  const Vec2f offset = frame.filter.sample(u);
+  const CameraRay camera = frame.camera.ray(id.x + 0.5 + static_cast<double>(offset.x),
+                                            id.y + 0.5 + static_cast<double>(offset.y));
+  Ray ray;
+  ray.origin = camera.origin;
+  ray.direction = camera.direction;
+  ray.t_max = camera.t_max;
+  return ray;
+}
+
+/// Whether every surface stops camera rays.
+bool takes_packets(const FrameContext& frame) {
+  const unsigned traits = kTraitAlpha | (frame.cull_backfaces ? kTraitOneSided : 0u);
+  return (frame.shading.traits & traits) == 0 && frame.accel.takes_packets();
+}
+
+}  // namespace
+
+void trace_paths(const FrameContext& frame, std::span<const PathId> ids, PathScratch* scratch,
+                 PathResult* results) {
+  std::array<Ray, kPacketSize> rays;
+  std::array<Hit, kPacketSize> hits;  // of no triangle where nothing is hit
+  for (std::size_t i = 0; i < ids.size(); ++i) rays[i] = camera_ray(frame, ids[i]);
+  const bool known = takes_packets(frame);
+  if (known) frame.accel.closest_hits(std::span(rays).first(ids.size()), hits.data());
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    PathTracer tracer(frame, sampler_of(frame, ids[i]), scratch);
+    results[i] = tracer.trace(rays[i], known ? &hits[i] : nullptr);
+  }
 }
 
 }  // namespace tessera::render

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "proto/contract/render_settings.h"
 #include "worker/accel/scene_accel.h"
@@ -54,9 +55,15 @@ struct PathResult {
   Vec3f truncated;
 };
 
-/// Traces sample `sample` of pixel (x, y), full-frame coordinates. A function of the frame and
-/// these three numbers alone. The radiance may be non-finite: the film drops such samples.
-PathResult trace_path(const FrameContext& frame, std::int32_t x, std::int32_t y,
-                      std::int32_t sample, PathScratch* scratch);
+/// Which path: a sample of a pixel, in full-frame coordinates.
+struct PathId {
+  std::int32_t x = 0, y = 0, sample = 0;
+};
+
+/// Traces up to kPacketSize paths; results[i] is that of ids[i], a function of the frame and that
+/// id alone. Neighbours' camera rays are faster together. The radiance may be non-finite: the film
+/// drops such samples.
+void trace_paths(const FrameContext& frame, std::span<const PathId> ids, PathScratch* scratch,
+                 PathResult* results);
 
 }  // namespace tessera::render

@@ -1,5 +1,7 @@
 #include "tests/bench/accel/agreement.h"
 
+#include <algorithm>
+#include <array>
 #include <bit>
 #include <vector>
 
@@ -74,6 +76,46 @@ bool same_bits(const Hit& a, const Hit& b) {
   return same(a.t, b.t) && a.id == b.id && same(a.b0, b.b0) && same(a.b1, b.b1) && same(a.b2, b.b2);
 }
 
+/// Rays that are traced together, and what every structure says of them.
+struct Packets {
+  struct Answer {
+    std::uint64_t found, any;
+    std::array<Hit, kPacketSize> hits;
+  };
+  const std::vector<SceneAccel>& accels;
+  std::vector<Ray> rays;
+  std::vector<Answer> answers;
+  bool bundle = false;
+
+  explicit Packets(const std::vector<SceneAccel>& of) : accels(of), answers(of.size()) {}
+
+  /// Every other packet is of bundles: eight rays each, about one of them.
+  void trace(RayMaker& maker, std::size_t count) {
+    bundle = !bundle;
+    rays.clear();
+    for (std::size_t i = 0; i < count; ++i) {
+      rays.push_back(maker.next());
+      if (bundle && i % 8 != 0) {
+        const Vec3f off = rays[i].direction;
+        rays[i] = rays[i - 1];
+        rays[i].direction += off * 0.01f;
+      }
+    }
+    for (std::size_t a = 0; a < accels.size(); ++a) {
+      answers[a].found = accels[a].closest_hits(rays, answers[a].hits.data());
+      answers[a].any = accels[a].any_hits(rays);
+    }
+  }
+
+  bool agrees(std::size_t i, bool found, const Hit& hit) const {
+    return std::all_of(answers.begin(), answers.end(), [&](const Answer& answer) {
+      return (answer.found >> i & 1) == (found ? 1u : 0u) &&
+             (answer.any >> i & 1) == (found ? 1u : 0u) &&
+             (!found || same_bits(answer.hits[i], hit));
+    });
+  }
+};
+
 }  // namespace
 
 Agreement compare_structures(const BenchScene& bench, std::int64_t rays, std::int64_t brute_rays) {
@@ -85,11 +127,16 @@ Agreement compare_structures(const BenchScene& bench, std::int64_t rays, std::in
   Agreement out;
   out.rays = rays;
   out.brute_rays = brute_rays;
+  Packets packets(accels);
   for (std::int64_t i = 0; i < rays; ++i) {
-    const Ray ray = maker.next();
+    const std::size_t place = static_cast<std::size_t>(i) % kPacketSize;
+    if (place == 0) {
+      packets.trace(maker, static_cast<std::size_t>(std::min<std::int64_t>(kPacketSize, rays - i)));
+    }
+    const Ray& ray = packets.rays[place];
     Hit first;
     const bool found = accels[0].closest_hit(ray, first);
-    bool agree = true;
+    bool agree = packets.agrees(place, found, first);
     for (const SceneAccel& accel : accels) {
       Hit hit;
       agree = agree && accel.closest_hit(ray, hit) == found && (!found || same_bits(hit, first)) &&

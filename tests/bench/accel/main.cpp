@@ -10,17 +10,17 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cmath>
+#include <bit>
 #include <cstdio>
 #include <ctime>
 #include <fstream>
-#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "tests/bench/accel/agreement.h"
 #include "tests/bench/accel/embree_peer.h"
+#include "tests/bench/accel/figures.h"
 #include "tests/bench/accel/rays.h"
 #include "tests/bench/accel/scenes.h"
 #include "worker/accel/scene_accel.h"
@@ -41,16 +41,6 @@ struct Options {
   bool quick = false;
   int rounds = 4, side = 512;
   std::int64_t agreement = 0, brute = 100'000;
-};
-
-struct Row {
-  std::string scene, kind;  // a kind of rays, camera16 for packets, or build_s, memory_mb
-  double ours = 0, peer = 0;
-
-  /// Above 1 where ours is better.
-  double ratio() const {
-    return kind == "build_s" || kind == "memory_mb" ? peer / ours : ours / peer;
-  }
 };
 
 double cpu_seconds() {
@@ -74,6 +64,28 @@ std::int64_t any_hits(const SceneAccel& accel, const std::vector<Ray>& rays) {
   return hits;
 }
 
+/// The same in packets.
+std::int64_t closest_hits_together(const SceneAccel& accel, std::span<const Ray> rays) {
+  std::int64_t found = 0;
+  for (std::size_t first = 0; first < rays.size(); first += kPacketSize) {
+    Hit hits[kPacketSize];
+    const auto packet =
+        rays.subspan(first, std::min<std::size_t>(kPacketSize, rays.size() - first));
+    found += std::popcount(accel.closest_hits(packet, hits));
+  }
+  return found;
+}
+
+std::int64_t any_hits_together(const SceneAccel& accel, std::span<const Ray> rays) {
+  std::int64_t found = 0;
+  for (std::size_t first = 0; first < rays.size(); first += kPacketSize) {
+    const auto packet =
+        rays.subspan(first, std::min<std::size_t>(kPacketSize, rays.size() - first));
+    found += std::popcount(accel.any_hits(packet));
+  }
+  return found;
+}
+
 /// Seconds a run takes, of so many in a row; *hits gets what it returned.
 template <typename Run>
 double timed(Run&& run, std::size_t runs, std::int64_t* hits) {
@@ -95,14 +107,14 @@ Row compare(const Options& options, Row row, std::size_t rays, Ours&& ours, Peer
   }
   row.ours = static_cast<double>(rays) / ours_best * 1e-6;
   row.peer = static_cast<double>(rays) / peer_best * 1e-6;
-  std::printf("%-10s %-9s %8zu rays %7.2f %7.2f Mrays/s  x%.2f   hits %lld, peer %+lld\n",
-              row.scene.c_str(), row.kind.c_str(), rays, row.ours, row.peer, row.ratio(),
+  std::printf("%-10s %-15s %8zu rays %7.2f %7.2f Mrays/s  x%.2f   hits %lld, peer %+lld\n",
+              row.scene.c_str(), row.kind.c_str(), rays, row.ours, row.peer, row.ours / row.peer,
               static_cast<long long>(ours_hits), static_cast<long long>(peer_hits - ours_hits));
   std::fflush(stdout);
   return row;
 }
 
-void run_scene(const Options& options, const std::string& name, std::vector<Row>& rows) {
+void run_scene(const Options& options, const std::string& name, Figures& figures) {
   const BenchScene bench = make_scene(name, options.quick);
   double start = cpu_seconds();
   const EmbreePeer peer(bench.scene);
@@ -110,12 +122,12 @@ void run_scene(const Options& options, const std::string& name, std::vector<Row>
   start = cpu_seconds();
   const SceneAccel accel(bench.scene, sequential(), *parse_isa(options.isa));
   const double ours_seconds = cpu_seconds() - start;
-  rows.push_back({name, "build_s", ours_seconds, peer_seconds});
-  rows.push_back({name, "memory_mb", static_cast<double>(accel.memory_bytes()) * 1e-6,
-                  static_cast<double>(peer.memory_bytes()) * 1e-6});
+  figures.builds.push_back({name, "build_s", ours_seconds, peer_seconds});
+  figures.builds.push_back({name, "memory_mb", static_cast<double>(accel.memory_bytes()) * 1e-6,
+                            static_cast<double>(peer.memory_bytes()) * 1e-6});
   std::printf("%-10s %lld triangles: build %.2f s, peer %.2f s; %.1f MB, peer %.1f MB\n",
               name.c_str(), static_cast<long long>(triangle_count(bench.scene)), ours_seconds,
-              peer_seconds, rows.back().ours, rows.back().peer);
+              peer_seconds, figures.builds.back().ours, figures.builds.back().peer);
   for (const RaySet& set : make_rays(bench, accel, options.quick ? 32 : options.side)) {
     if (!options.kinds.empty() &&
         std::find(options.kinds.begin(), options.kinds.end(), set.kind) == options.kinds.end()) {
@@ -124,50 +136,19 @@ void run_scene(const Options& options, const std::string& name, std::vector<Row>
     const auto ours = [&] {
       return set.any ? any_hits(accel, set.rays) : closest_hits(accel, set.rays);
     };
-    rows.push_back(compare(options, {name, set.kind}, set.rays.size(), ours, [&] {
+    figures.rays.push_back(compare(options, {name, set.kind}, set.rays.size(), ours, [&] {
       return set.any ? peer.any_hits(set.rays) : peer.closest_hits(set.rays);
     }));
-    if (!set.camera) continue;
-    rows.push_back(compare(options, {name, set.kind + "16"}, set.rays.size(), ours,
-                           [&] { return peer.closest_hits_16(set.rays); }));
-  }
-}
-
-/// Geometric means of the ratios by kind, and over all single-ray kinds.
-std::map<std::string, double> geometric_means(const std::vector<Row>& rows) {
-  std::map<std::string, std::pair<double, int>> sums;
-  for (const Row& row : rows) {
-    const bool single = row.kind != "build_s" && row.kind != "memory_mb" && row.kind != "camera16";
-    for (const std::string& key : {row.kind, std::string(single ? "single_ray" : "")}) {
-      if (key.empty()) continue;
-      sums[key].first += std::log(row.ratio());
-      ++sums[key].second;
+    const auto together = [&] {
+      return set.any ? any_hits_together(accel, set.rays) : closest_hits_together(accel, set.rays);
+    };
+    if (set.camera) {
+      figures.rays.push_back(compare(options, {name, set.kind + "16"}, set.rays.size(), together,
+                                     [&] { return peer.closest_hits_16(set.rays); }));
     }
+    figures.packets.push_back(
+        compare(options, {name, set.kind + " packets"}, set.rays.size(), together, ours));
   }
-  std::map<std::string, double> means;
-  for (const auto& [key, sum] : sums) means[key] = std::exp(sum.first / sum.second);
-  return means;
-}
-
-nlohmann::json to_json(const std::vector<Row>& rows) {
-  nlohmann::json out;
-  for (const Row& row : rows) {
-    if (row.kind == "build_s" || row.kind == "memory_mb") {
-      out["builds"].push_back({{"scene", row.scene},
-                               {"figure", row.kind},
-                               {"ours", row.ours},
-                               {"embree", row.peer},
-                               {"ratio", row.ratio()}});
-    } else {
-      out["rays"].push_back({{"scene", row.scene},
-                             {"kind", row.kind},
-                             {"ours_mrays", row.ours},
-                             {"embree_mrays", row.peer},
-                             {"ratio", row.ratio()}});
-    }
-  }
-  out["geometric_means"] = geometric_means(rows);
-  return out;
 }
 
 /// Triangles, counted once an instance.
@@ -203,15 +184,15 @@ int check_agreement(const Options& options, const std::vector<std::string>& scen
 int run(const Options& options) {
   const std::vector<std::string> scenes = options.scenes.empty() ? scene_names() : options.scenes;
   if (options.agreement > 0) return check_agreement(options, scenes);
-  std::vector<Row> rows;
-  for (const std::string& name : scenes) run_scene(options, name, rows);
+  Figures figures;
+  for (const std::string& name : scenes) run_scene(options, name, figures);
   std::printf("\ngeometric means of ours / peer\n");
-  for (const auto& [kind, mean] : geometric_means(rows)) {
-    std::printf("  %-10s %.3f\n", kind.c_str(), mean);
+  for (const auto& [kind, mean] : geometric_means(figures)) {
+    std::printf("  %-16s %.3f\n", kind.c_str(), mean);
   }
   if (options.json.empty()) return 0;
   std::ofstream file(options.json);
-  file << to_json(rows).dump(1) << '\n';
+  file << to_json(figures).dump(1) << '\n';
   return file.good() ? 0 : 1;
 }
 

@@ -2,10 +2,10 @@
 find_package(embree 3 CONFIG QUIET)
 if(embree_FOUND)
   add_executable(tessera-bench-accel
-    bench/accel/agreement.cpp bench/accel/agreement.h bench/accel/embree_peer.cpp
-    bench/accel/embree_peer.h bench/accel/main.cpp
-    bench/accel/rays.cpp bench/accel/rays.h bench/accel/scenes.cpp bench/accel/scenes.h
-    bench/accel/shapes.cpp bench/accel/shapes.h)
+    accel/agreement.cpp accel/agreement.h accel/embree_peer.cpp
+    accel/embree_peer.h accel/figures.cpp accel/figures.h accel/main.cpp
+    accel/rays.cpp accel/rays.h accel/scenes.cpp accel/scenes.h
+    accel/shapes.cpp accel/shapes.h)
   target_link_libraries(tessera-bench-accel PRIVATE
     tessera::render CLI11::CLI11 nlohmann_json::nlohmann_json embree)
   add_test(NAME bench.accel COMMAND tessera-bench-accel --quick --rounds 1)

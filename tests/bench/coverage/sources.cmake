@@ -1,6 +1,6 @@
 # tessera-bench-coverage: claims of --error against the truth.
-add_executable(tessera-bench-coverage bench/coverage/coverage.cpp
-  support/folder_reader.cpp support/folder_reader.h)
+add_executable(tessera-bench-coverage coverage/coverage.cpp
+  ../support/folder_reader.cpp ../support/folder_reader.h)
 target_link_libraries(tessera-bench-coverage PRIVATE tessera::film tessera::render CLI11::CLI11
   nlohmann_json::nlohmann_json)
 
