@@ -13,6 +13,7 @@
 #include "proto/image/library_versions.h"
 #include "proto/log/log.h"
 #include "server/identity_commands.h"
+#include "server/store_commands.h"
 
 namespace tessera::server {
 
@@ -88,6 +89,7 @@ ParsedConfig parse_config(int argc, char** argv) {
   app.set_config("--config", "", "Read options from a TOML file; the command line wins");
   add_options(app, config);
   add_identity_commands(app, parsed.command);
+  add_store_commands(app, parsed.command);
   app.require_subcommand(0, 1);
   app.footer(
       "Examples:\n  tessera-server --listen 127.0.0.1:7420 --store /var/lib/tessera\n"

@@ -17,7 +17,7 @@ target_link_libraries(tessera_services
   PRIVATE tessera::observe gRPC::grpc++_reflection OpenSSL::Crypto zstd::libzstd_shared absl::strings)
 
 # tessera-server: wires it all up.
-add_executable(tessera-server main.cpp config.cpp identity_commands.cpp)
+add_executable(tessera-server main.cpp config.cpp identity_commands.cpp store_commands.cpp)
 target_link_libraries(tessera-server
   PRIVATE tessera::services tessera::identity tessera::image tessera::observe tessera::log absl::time
           CLI11::CLI11 OpenSSL::Crypto

@@ -121,7 +121,11 @@ absl::Status Database::configure(Mode mode) {
   // Defensive: a schema that someone tampered with cannot make SQLite do surprising things.
   sqlite3_db_config(connection_.get(), SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
   sqlite3_db_config(connection_.get(), SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
-  if (mode == Mode::reader) return script("PRAGMA query_only=ON; PRAGMA temp_store=MEMORY");
+  // A reader leaves the log to the writer, even if it is the last to close.
+  if (mode == Mode::reader) {
+    sqlite3_db_config(connection_.get(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
+    return script("PRAGMA query_only=ON; PRAGMA temp_store=MEMORY");
+  }
   std::string journal;
   absl::Status status =
       each("PRAGMA journal_mode=WAL", {}, [&](const SqlRow& row) { journal = row.text(0); });

@@ -82,10 +82,8 @@ absl::Status read_pragma(Database& database, std::string_view sql, std::int64_t&
   return database.each(sql, {}, [&](const SqlRow& row) { value = row.integer(0); });
 }
 
-}  // namespace
-
-absl::Status migrate(Database& database) {
-  std::int64_t version = 0;
+/// Errors: as migrate().
+absl::Status read_version(Database& database, std::int64_t& version) {
   std::int64_t application = 0;
   absl::Status status = read_pragma(database, "PRAGMA user_version", version);
   if (status.ok()) status = read_pragma(database, "PRAGMA application_id", application);
@@ -98,6 +96,24 @@ absl::Status migrate(Database& database) {
                                                       ", written by a newer version; this one ",
                                                       "reads up to ", kSchemaVersion));
   }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status check_schema(Database& database) {
+  std::int64_t version = 0;
+  if (absl::Status status = read_version(database, version); !status.ok()) return status;
+  if (version == kSchemaVersion) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(
+      "the store has schema ", version, ", written by an older version; starting this version's ",
+      "server on it once brings it up to ", kSchemaVersion));
+}
+
+absl::Status migrate(Database& database) {
+  std::int64_t version = 0;
+  absl::Status status = read_version(database, version);
+  if (!status.ok()) return status;
   for (; version < kSchemaVersion; ++version) {
     status = database.transact([&] {
       absl::Status step = database.script(kSteps[version]);

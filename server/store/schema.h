@@ -11,4 +11,8 @@ namespace tessera::server {
 /// Errors: FailedPrecondition, a newer program wrote them; DataLoss, this is another kind of file.
 absl::Status migrate(Database& database);
 
+/// Whether the tables are of the version that this program writes. Errors: as migrate(), and
+/// FailedPrecondition, an older program wrote them.
+absl::Status check_schema(Database& database);
+
 }  // namespace tessera::server

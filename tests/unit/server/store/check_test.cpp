@@ -1,0 +1,169 @@
+// check_store() finds each kind of damage, and none where there is none.
+#include "server/store/check.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/match.h"
+#include "server/store/database.h"
+#include "server/store/store.h"
+#include "tests/unit/server/store/promises.h"
+#include "tests/unit/server/store/scratch_folder.h"
+
+namespace tessera::server {
+namespace {
+
+class StoreCheckTest : public ::testing::Test {
+ protected:
+  /// A store with an asset, a job with two blocks, and one that is done and released.
+  StoreCheckTest() {
+    auto store = Store::open(path(), real_filesystem());
+    EXPECT_TRUE(store.ok()) << store.status();
+    for (const char* id : {"open", "done"}) {
+      JobRecord job;
+      job.id = id;
+      EXPECT_TRUE((*store)->add_job(job).ok());
+      std::vector<Commit> group = {make_commit(id, {0, 0, 0}, std::string(5000, 'x')),
+                                   make_commit(id, {0, 1, 0}, std::string(5000, 'y'))};
+      EXPECT_TRUE((*store)->commit(group).ok());
+    }
+    write((*store)->output_folder("done").value() + "/frame.exr", "an image");
+    FrameRecord frame;
+    frame.file = "frame.exr";
+    frame.file_sha256 = contract::sha256("an image");
+    EXPECT_TRUE((*store)->finish_frame("done", frame).ok());
+    EXPECT_TRUE((*store)->release_segments("done").ok());
+    const std::string upload = (*store)->new_upload_path().value();
+    write(upload, "an asset");
+    EXPECT_TRUE((*store)->keep_asset(upload, contract::sha256("an asset")).ok());
+    asset_ = (*store)->asset_path(contract::sha256("an asset"));
+  }
+
+  std::string path() const { return folder_.path() + "/store"; }
+
+  static void write(const std::string& file, const std::string& bytes) {
+    std::ofstream(file, std::ios::binary) << bytes;
+  }
+
+  void change_rows(const char* sql) {
+    const auto rows = Database::open(path() + "/store.db", "", Database::Mode::writer);
+    ASSERT_TRUE(rows.ok()) << rows.status();
+    const absl::Status changed = (*rows)->script(sql);
+    ASSERT_TRUE(changed.ok()) << changed;
+  }
+
+  StoreFindings check() const {
+    auto findings = check_store(path(), real_filesystem());
+    EXPECT_TRUE(findings.ok()) << findings.status();
+    return findings.ok() ? *std::move(findings) : StoreFindings();
+  }
+
+  /// Expects one fault, which says `text`.
+  void expect_fault(const std::string& text) const {
+    const StoreFindings found = check();
+    ASSERT_EQ(found.faults.size(), 1u) << ::testing::PrintToString(found.faults);
+    EXPECT_TRUE(absl::StrContains(found.faults[0], text)) << found.faults[0];
+  }
+
+  ScratchFolder folder_;
+  std::string asset_;
+};
+
+TEST_F(StoreCheckTest, ASoundStoreHasNoFaults) {
+  const StoreFindings found = check();
+  EXPECT_TRUE(found.faults.empty()) << ::testing::PrintToString(found.faults);
+  EXPECT_TRUE(found.litter.empty()) << ::testing::PrintToString(found.litter);
+  EXPECT_EQ(found.jobs, 2);
+  EXPECT_EQ(found.units, 4);
+  EXPECT_EQ(found.blocks, 2) << "released ones are not looked at";
+  EXPECT_EQ(found.frames, 1);
+  EXPECT_EQ(found.assets, 1);
+}
+
+TEST_F(StoreCheckTest, ABlockWithAFlippedByteIsAFault) {
+  std::fstream file(path() + "/segments/open/0.seg", std::ios::in | std::ios::out);
+  file.seekp(77);
+  file << 'z';
+  file.close();
+  expect_fault("digest of its row");
+}
+
+TEST_F(StoreCheckTest, ASegmentThatIsTooShortIsAFault) {
+  std::filesystem::resize_file(path() + "/segments/open/0.seg", 7000);
+  expect_fault("unit (0, 1, 0)");
+}
+
+TEST_F(StoreCheckTest, AMissingOrAlteredImageIsAFault) {
+  write(path() + "/outputs/done/frame.exr", "an imago");
+  expect_fault("outputs/done/frame.exr: does not have the digest");
+  write(path() + "/outputs/done/frame.exr", "longer than it was");
+  expect_fault("its row says 8");
+  std::filesystem::remove(path() + "/outputs/done/frame.exr");
+  expect_fault("outputs/done/frame.exr");
+}
+
+TEST_F(StoreCheckTest, AnAlteredAssetIsAFault) {
+  std::filesystem::permissions(asset_, std::filesystem::perms::owner_all);
+  write(asset_, "an asser");
+  expect_fault("does not have the digest");
+}
+
+TEST_F(StoreCheckTest, BlocksThatOverlapAreAFault) {
+  change_rows("UPDATE units SET offset=4999 WHERE job=1 AND tile=1");
+  EXPECT_FALSE(check().faults.empty());
+}
+
+TEST_F(StoreCheckTest, AReleasedBlockOfAnUnfinishedFrameIsAFault) {
+  change_rows("DELETE FROM frames");
+  const StoreFindings found = check();
+  EXPECT_EQ(found.faults.size(), 2u) << ::testing::PrintToString(found.faults);
+  ASSERT_EQ(found.litter.size(), 1u);
+  EXPECT_EQ(found.litter[0], "outputs/done/frame.exr");
+}
+
+TEST_F(StoreCheckTest, UnitsOfARemovedJobAreAFault) {
+  change_rows("UPDATE jobs SET removed=1 WHERE id='open'");
+  EXPECT_GE(check().faults.size(), 2u);
+}
+
+TEST_F(StoreCheckTest, FilesWithoutARowAreLeftOver) {
+  write(path() + "/segments/open/7.seg", "x");
+  write(path() + "/assets/upload/1-1", "x");
+  const StoreFindings found = check();
+  EXPECT_TRUE(found.faults.empty()) << ::testing::PrintToString(found.faults);
+  EXPECT_EQ(found.litter.size(), 2u) << ::testing::PrintToString(found.litter);
+}
+
+TEST_F(StoreCheckTest, AStoreInUseOrOfAnotherVersionIsNotLookedAt) {
+  {
+    const auto store = Store::open(path(), real_filesystem());
+    EXPECT_TRUE(absl::IsFailedPrecondition(check_store(path(), real_filesystem()).status()));
+  }
+  change_rows("PRAGMA user_version=1");
+  EXPECT_TRUE(absl::IsFailedPrecondition(check_store(path(), real_filesystem()).status()));
+  EXPECT_TRUE(absl::IsNotFound(check_store(path() + "/no", real_filesystem()).status()));
+}
+
+TEST_F(StoreCheckTest, ItChangesNothing) {
+  change_rows("UPDATE store SET boot_count=41");
+  const auto before = std::filesystem::last_write_time(path() + "/store.db");
+  check();
+  EXPECT_EQ(std::filesystem::last_write_time(path() + "/store.db"), before);
+  std::int64_t boots = 0;
+  const auto rows = Database::open(path() + "/store.db", "", Database::Mode::reader);
+  ASSERT_TRUE(rows.ok()) << rows.status();
+  ASSERT_TRUE((*rows)
+                  ->each("SELECT boot_count FROM store", {},
+                         [&](const SqlRow& row) { boots = row.integer(0); })
+                  .ok());
+  EXPECT_EQ(boots, 41);
+}
+
+}  // namespace
+}  // namespace tessera::server
