@@ -307,6 +307,7 @@ absl::Status run_agent(const AgentOptions& given) {
   }
   auto renderer = fork_renderer(options);
   if (!renderer.ok()) return renderer.status();
+  Termination::block_signals();
   auto channel = contract::open_channel(options.server, options.certs);  // starts threads
   if (!channel.ok()) return channel.status();
   return Agent(std::move(options), *std::move(renderer), *channel, *std::move(cache),

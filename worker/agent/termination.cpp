@@ -21,10 +21,13 @@ sigset_t terminating_signals() {
 
 }  // namespace
 
-Termination::Termination(std::function<void()> on_signal) {
+void Termination::block_signals() {
   const sigset_t signals = terminating_signals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  thread_ = std::thread([on_signal = std::move(on_signal), signals] {
+}
+
+Termination::Termination(std::function<void()> on_signal) {
+  thread_ = std::thread([on_signal = std::move(on_signal), signals = terminating_signals()] {
     bool told = false;
     while (true) {
       const int signal = sigwaitinfo(&signals, nullptr);

@@ -6,9 +6,14 @@
 namespace tessera::agent {
 
 /// Calls `on_signal` (on a thread of its own) at the first SIGTERM or SIGINT while it lives; the
-/// second ends the process. Make it before any other thread: threads inherit the blocked signals.
+/// second ends the process.
 class Termination {
  public:
+  /// Blocks these signals in this thread and those it starts. Call before any other thread is
+  /// started, gRPC's too: whichever thread does not block a signal may be ended by it.
+  static void block_signals();
+
+  /// Requires blocked signals.
   explicit Termination(std::function<void()> on_signal);
   ~Termination();
   Termination(const Termination&) = delete;
