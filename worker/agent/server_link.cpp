@@ -65,6 +65,7 @@ void ServerLink::pump(Time now) {
     }
     request.mutable_heartbeat()->set_rss_bytes(outlet_.rss_bytes());
     work_->send(std::move(request));
+    check_verdicts(now);
     beat_at_ = now + std::chrono::duration_cast<Clock::duration>(interval_);
   }
   deliver(now);
@@ -164,11 +165,15 @@ void ServerLink::check_silence(Time now) {
   } else if (welcomed_ && life_sign_ == nullptr && now - heard_ >= timeout_ / 2) {
     ask_for_life_sign();
   }
-  if (welcomed_ && unanswered_ && now - *unanswered_ > kVerdictTimeout && deliver_ != nullptr) {
-    deliver_cancelled_ = true;  // its end opens another one, on which all is sent again
-    unanswered_.reset();
-    deliver_->cancel();
-  }
+}
+
+/// A block whose verdict does not come is sent again, on another stream, with all others.
+void ServerLink::check_verdicts(Time now) {
+  const auto oldest = queue_.oldest_offer();
+  if (!oldest || now - *oldest <= kVerdictTimeout || deliver_ == nullptr || deliver_cancelled_)
+    return;
+  deliver_cancelled_ = true;
+  deliver_->cancel();
 }
 
 void ServerLink::ask_for_life_sign() {
@@ -227,7 +232,7 @@ void ServerLink::add_parts(v1::DeliverRequest& request) {
   while (room > 0) {
     const bool begins = !sending_;
     if (begins) {
-      sending_ = queue_.next_block();
+      sending_ = queue_.next_block(Clock::now());
       if (!sending_) return;
       sent_bytes_ = 0;
     }

@@ -63,6 +63,7 @@ class ServerLink {
   void deliver(Time now);
   void add_parts(v1::DeliverRequest& request);
   void check_silence(Time now);
+  void check_verdicts(Time now);
   void ask_for_life_sign();
 
   v1::WorkerService::Stub& stub_;

@@ -47,7 +47,7 @@ void UnitQueue::add_lease(const v1::Lease& lease) {
     if (is_new) {
       waiting_.push_back(std::move(key));
     } else if (entry.phase == Phase::held && entry.offered) {
-      entry.offered = false;
+      entry.offered.reset();
       to_offer_.push_back(std::move(key));
     }
   }
@@ -123,23 +123,31 @@ std::vector<UnitKey> UnitQueue::started() const {
   return keys;
 }
 
-std::optional<UnitQueue::Block> UnitQueue::next_block() {
+std::optional<UnitQueue::Block> UnitQueue::next_block(Time now) {
   while (!to_offer_.empty()) {
     const UnitKey key = std::move(to_offer_.front());
     to_offer_.pop_front();
     Entry* entry = find(key, Phase::held);
     if (entry == nullptr || entry->offered) continue;
-    entry->offered = true;
+    entry->offered = now;
     return Block{key, entry->lease, entry->block, entry->sha256, entry->cpu_seconds};
   }
   return std::nullopt;
+}
+
+std::optional<Time> UnitQueue::oldest_offer() const {
+  std::optional<Time> oldest;
+  for (const auto& [key, entry] : entries_) {
+    if (entry.offered && (!oldest || *entry.offered < *oldest)) oldest = entry.offered;
+  }
+  return oldest;
 }
 
 void UnitQueue::offer_all_again() {
   to_offer_.clear();
   for (auto& [key, entry] : entries_) {
     if (entry.phase != Phase::held) continue;
-    entry.offered = false;
+    entry.offered.reset();
     to_offer_.push_back(key);
   }
 }

@@ -78,7 +78,9 @@ class UnitQueue {
 
   // Delivery.
   /// The next held block that has not been offered on this stream; it counts as offered now.
-  std::optional<Block> next_block();
+  std::optional<Block> next_block(Time now);
+  /// When the block was offered that waits longest for its verdict; nullopt: none does.
+  std::optional<Time> oldest_offer() const;
   /// A new delivery stream: every held block is offered again.
   void offer_all_again();
   /// The verdict on a delivered block: forgets it. False if it was not held.
@@ -102,7 +104,7 @@ class UnitQueue {
   struct Entry {
     std::shared_ptr<const v1::Lease> lease;  // owned by all units of its run together
     Phase phase = Phase::waiting;
-    bool offered = false;
+    std::optional<Time> offered;  // on this delivery stream
     std::shared_ptr<const std::string> block;
     contract::Digest sha256;
     double cpu_seconds = 0;

@@ -46,18 +46,18 @@ TEST(UnitQueue, ABlockIsKeptUntilItsVerdictAndOfferedOncePerStream) {
   UnitQueue queue;
   queue.add_lease(lease(0, 1));
   render(queue, 0, "pixels");
-  const auto block = queue.next_block();
+  const auto block = queue.next_block(Time());
   ASSERT_TRUE(block.has_value());
   EXPECT_EQ(*block->bytes, "pixels");
   EXPECT_EQ(block->lease->seal(), "seal 1");
   EXPECT_EQ(block->cpu_seconds, 0.5);
-  EXPECT_FALSE(queue.next_block().has_value());
+  EXPECT_FALSE(queue.next_block(Time()).has_value());
   queue.offer_all_again();  // a new stream
-  EXPECT_TRUE(queue.next_block().has_value());
+  EXPECT_TRUE(queue.next_block(Time()).has_value());
   EXPECT_TRUE(queue.settle(unit(0)));
   EXPECT_FALSE(queue.settle(unit(0)));
   queue.offer_all_again();
-  EXPECT_FALSE(queue.next_block().has_value());
+  EXPECT_FALSE(queue.next_block(Time()).has_value());
   EXPECT_TRUE(queue.empty());
 }
 
@@ -65,7 +65,7 @@ TEST(UnitQueue, AVerdictDuringDeliveryLeavesTheBytesBeingSentAlone) {
   UnitQueue queue;
   queue.add_lease(lease(0, 1));
   render(queue, 0, "pixels");
-  const auto block = queue.next_block();
+  const auto block = queue.next_block(Time());
   queue.drop_job("job");
   EXPECT_EQ(*block->bytes, "pixels");
 }
@@ -110,7 +110,7 @@ TEST(UnitQueue, AFinishedUnitCannotFail) {
   queue.add_lease(lease(0, 1));
   render(queue, 0);
   EXPECT_FALSE(queue.fail(unit(0), "too late", "", false).has_value());
-  EXPECT_TRUE(queue.next_block().has_value());
+  EXPECT_TRUE(queue.next_block(Time()).has_value());
 }
 
 TEST(UnitQueue, HelloNamesWhatIsStartedAndHeldWithTheirLeasesOnce) {
@@ -143,7 +143,7 @@ TEST(UnitQueue, AnotherStoreMakesEverythingWorthless) {
   EXPECT_EQ(queue.size(), 3);
   queue.welcome("two");
   EXPECT_TRUE(queue.empty());
-  EXPECT_FALSE(queue.next_block().has_value());
+  EXPECT_FALSE(queue.next_block(Time()).has_value());
   EXPECT_FALSE(queue.finish(unit(0), "block", {}, 0));
 }
 
@@ -166,10 +166,10 @@ TEST(UnitQueue, AHeldUnitLeasedAgainIsOfferedUnderTheNewLease) {
   UnitQueue queue;
   queue.add_lease(lease(0, 1, 1));
   render(queue, 0);
-  ASSERT_TRUE(queue.next_block().has_value());
+  ASSERT_TRUE(queue.next_block(Time()).has_value());
   queue.add_lease(lease(0, 1, 2));
   EXPECT_TRUE(queue.waiting().empty()) << "it is not rendered twice";
-  const auto block = queue.next_block();
+  const auto block = queue.next_block(Time());
   ASSERT_TRUE(block.has_value());
   EXPECT_EQ(block->lease->seal(), "seal 2");
 }
@@ -190,6 +190,22 @@ TEST(CreditWindow, CoversTheRoundTripAndFitsTheBuffer) {
   EXPECT_EQ(credit_window(4, 0.1, 0.2, 0, 1'000'000), 8 + 2);
   EXPECT_EQ(credit_window(4, 0.1, 0.2, 200'000, 1'000'000), 5);
   EXPECT_EQ(credit_window(4, 0.1, 0.2, 2'000'000, 1'000'000), 1) << "never none";
+}
+
+TEST(UnitQueue, TheBlockThatWaitsLongestForItsVerdictIsKnownWhateverComesForOthers) {
+  UnitQueue queue;
+  queue.add_lease(lease(0, 2));
+  const Time begin = Time() + std::chrono::hours(1);
+  render(queue, 0);
+  EXPECT_FALSE(queue.oldest_offer().has_value());
+  ASSERT_TRUE(queue.next_block(begin).has_value());
+  render(queue, 1);
+  ASSERT_TRUE(queue.next_block(begin + seconds(5)).has_value());
+  EXPECT_EQ(queue.oldest_offer(), begin);
+  ASSERT_TRUE(queue.settle(unit(0)));
+  EXPECT_EQ(queue.oldest_offer(), begin + seconds(5));
+  queue.offer_all_again();
+  EXPECT_FALSE(queue.oldest_offer().has_value());
 }
 
 }  // namespace
