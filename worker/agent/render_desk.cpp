@@ -64,6 +64,7 @@ void RenderDesk::start_renderer(Time now) {
 
 void RenderDesk::on_event(std::int64_t generation, v1::RendererEvent event) {
   if (generation != generation_ || renderer_ == nullptr) return;
+  heard_at_ = Clock::now();
   switch (event.event_case()) {
     case v1::RendererEvent::kReady:
       ready_ = std::move(*event.mutable_ready());
@@ -236,7 +237,17 @@ void RenderDesk::pump(Time now) {
   }
 }
 
-/// Kills the renderer if a unit takes too long.
+/// Whether the renderer has had something to do for too long without taking up a unit or finishing
+/// a scene.
+bool RenderDesk::is_renderer_silent(Time now) {
+  const bool is_loading = std::any_of(frames_.begin(), frames_.end(), [](const auto& frame) {
+    return !frame.second.loaded && frame.second.error.empty();
+  });
+  if (!is_loading && queue_.started().empty()) heard_at_ = now;
+  return now - heard_at_ >= options_.unit_timeout;
+}
+
+/// Kills the renderer if a unit takes too long, or nothing comes of it at all.
 bool RenderDesk::kill_hung(Time now) {
   for (const auto& [key, since] : taken_up_) {
     if (now - since < options_.unit_timeout) continue;
@@ -246,7 +257,10 @@ bool RenderDesk::kill_hung(Time now) {
     renderer_->kill();
     return true;
   }
-  return false;
+  if (!taken_up_.empty() || !is_renderer_silent(now)) return false;
+  options_.log(LogLevel::warn, "the renderer hangs; it is killed");
+  renderer_->kill();
+  return true;
 }
 
 /// Renders units under suspicion one after the other, and nothing beside them. False if there are

@@ -22,7 +22,7 @@ struct RenderDeskOptions {
   std::string program = "/proc/self/exe";  // what is started as the renderer
   std::vector<std::string> arguments;      // its arguments
   int thread_count = 1;
-  std::chrono::seconds unit_timeout{3600};  // a unit that takes longer hangs
+  std::chrono::seconds unit_timeout{3600};  // a unit, or scene, that takes longer hangs
   int loaded_frames = 2;                    // at most, at once
   Log log = no_log;
 };
@@ -86,6 +86,7 @@ class RenderDesk {
   void fail(const UnitKey& key, const std::string& message, const std::string& log_tail,
             bool bad_scene);
   bool kill_hung(Time now);
+  bool is_renderer_silent(Time now);
   bool render_suspects(Time now);
   bool prepare(const UnitKey& key, Time now);
   bool prepare_job(const UnitKey& key);
@@ -105,6 +106,7 @@ class RenderDesk {
   std::int64_t generation_ = 0;  // of renderers; events of earlier ones are void
   std::optional<v1::RendererReady> ready_;
   Time start_at_{};  // not before, after a death
+  Time heard_at_{};  // the renderer's last word, or when it last had nothing to do
   int deaths_in_a_row_ = 0;
 
   std::map<std::string, Job> jobs_;
