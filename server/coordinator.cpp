@@ -97,8 +97,9 @@ void Coordinator::tick() {
   settle(afterwards);
 }
 
-/// Has the running time of the jobs so far written to their rows.
+/// Has the running time of the jobs so far written to their rows, and what could not be written.
 void Coordinator::journal_running() {
+  changed_.merge(unjournaled_);
   for (const auto& [key, job] : scheduler_.jobs()) {
     if (job.running_since) changed_.insert(key);
   }

@@ -283,10 +283,12 @@ class Coordinator {
   void sort_group(std::vector<Delivered>& group, Sorted& sorted);
   void note_committed(Sorted& sorted);
   void commit_failed(const Sorted& sorted, const absl::Status& status);
+  void pause_for_room(Job& job, const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void make_job(const JobSpec& spec, const OnCreated& done);
   absl::Status check_room(const JobSpec& spec, std::int64_t need_bytes);
   absl::Status check_owners_quota(const JobSpec& spec) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void frame_may_be_complete(Job& job, std::int32_t frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void finish_what_is_complete(Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::StatusOr<std::shared_ptr<JobSpec>> spec_to_extend(const std::string& job_id,
                                                           const Extension& extension) const;
   void extend_now(const std::string& job_id, const Extension& extension, const OnJob& done);
@@ -329,6 +331,7 @@ class Coordinator {
   std::int64_t ingest_bytes_ ABSL_GUARDED_BY(mutex_) = 0;  // delivered or on the way to the film
   std::vector<std::function<void()>> resumes_ ABSL_GUARDED_BY(mutex_);
   std::set<JobKey> changed_ ABSL_GUARDED_BY(mutex_);
+  std::set<JobKey> unjournaled_ ABSL_GUARDED_BY(mutex_);  // changes the disk had no room for
   std::vector<std::pair<std::string, bool>> roster_ ABSL_GUARDED_BY(mutex_);
   std::vector<std::function<void()>> after_journal_ ABSL_GUARDED_BY(mutex_);
   std::deque<std::function<void()>> write_tasks_ ABSL_GUARDED_BY(mutex_);

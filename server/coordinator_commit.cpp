@@ -188,28 +188,28 @@ bool Coordinator::run_writer(bool wait) {
 }
 
 void Coordinator::journal_changes() {
-  std::vector<JobRecord> records;
+  std::vector<std::pair<JobKey, JobRecord>> records;
   std::vector<std::pair<std::string, bool>> roster;
   std::vector<std::function<void()>> callbacks;
   {
     MutexLock lock(mutex_);
     for (const JobKey key : changed_) {
-      if (const Job* job = scheduler_.find_job(key)) records.push_back(record(*job));
+      if (const Job* job = scheduler_.find_job(key)) records.emplace_back(key, record(*job));
     }
     changed_.clear();
     roster.swap(roster_);
     callbacks.swap(after_journal_);
   }
-  for (const JobRecord& record : records) {
+  for (const auto& [key, record] : records) {
     // Blocks first: a job that is DONE in the journal has none left.
-    if (record.state == static_cast<std::int32_t>(JobState::done)) {
-      const absl::Status released = store_.release_segments(record.id);
-      if (!released.ok())
-        log(LogLevel::error, absl::StrCat("job ", record.id, ": ", released.ToString()));
-    }
-    const absl::Status status = store_.update_job(record);
-    if (!status.ok())
-      log(LogLevel::error, absl::StrCat("job ", record.id, ": ", status.ToString()));
+    absl::Status status = record.state == static_cast<std::int32_t>(JobState::done)
+                              ? store_.release_segments(record.id)
+                              : absl::OkStatus();
+    if (status.ok()) status = store_.update_job(record);
+    if (status.ok()) continue;
+    log(LogLevel::error, absl::StrCat("job ", record.id, ": ", status.ToString()));
+    MutexLock lock(mutex_);
+    unjournaled_.insert(key);
   }
   for (const auto& [worker_id, joined] : roster) {
     const absl::Status status =
@@ -287,15 +287,20 @@ void Coordinator::commit_failed(const Sorted& sorted, const absl::Status& status
     for (const Delivered& block : *list) {
       ingest_bytes_ -= weight(block.header);  // no verdict: the worker keeps it and sends it again
       Job* job = scheduler_.find_job(block.header.lease.job_id);
-      if (job == nullptr || has_ended(job->state) || !absl::IsResourceExhausted(status)) continue;
-      scheduler_
-          .pause(*job, absl::StrCat("the store is full: ", std::string(status.message())),
-                 options_.clock())
-          .IgnoreError();
+      if (job == nullptr || !absl::IsResourceExhausted(status)) continue;
+      pause_for_room(*job, status);
     }
   }
   for (auto& resume : std::exchange(resumes_, {})) afterwards.add(std::move(resume));
   settle(afterwards);
+}
+
+/// Leases nothing new of a job whose results do not fit on the disk. An ended job stays as it is.
+void Coordinator::pause_for_room(Job& job, const absl::Status& status) {
+  scheduler_
+      .pause(job, absl::StrCat("the store is full: ", std::string(status.message())),
+             options_.clock())
+      .IgnoreError();
 }
 
 void Coordinator::note_committed(Sorted& sorted) {

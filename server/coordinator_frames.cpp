@@ -300,6 +300,7 @@ void Coordinator::redo_units(const FrameKey& key, const std::vector<Unit>& units
   settle(afterwards);
 }
 
+/// A frame cannot be finished: its job pauses until there is room on the disk, or fails.
 void Coordinator::frame_failed(const FrameKey& key, const absl::Status& status) {
   const std::string reason = absl::StrCat("frame ", key.frame, ": ", status.ToString());
   log(LogLevel::error, absl::StrCat("job ", key.job_id, ", ", reason));
@@ -308,7 +309,11 @@ void Coordinator::frame_failed(const FrameKey& key, const absl::Status& status) 
   Job* job = scheduler_.find_job(key.job_id);
   if (job == nullptr) return;
   film_of(*job).finishing.erase(key.frame);
-  scheduler_.end_job(*job, JobState::failed, reason, options_.clock());
+  if (absl::IsResourceExhausted(status)) {
+    pause_for_room(*job, status);
+  } else {
+    scheduler_.end_job(*job, JobState::failed, reason, options_.clock());
+  }
   settle(afterwards);
 }
 

@@ -202,15 +202,13 @@ void Coordinator::change_job(const std::string& job_id, Change change, const OnJ
       status = scheduler_.pause(*job, "paused by the user", now);
     } else if (change == Change::resume) {
       status = scheduler_.resume(*job, now);
+      if (status.ok()) finish_what_is_complete(*job);
     } else if (change == Change::cancel) {
       status = scheduler_.cancel(*job, now);
     } else {
       status = check_owners_quota(*job->spec);
       if (status.ok()) status = scheduler_.retry(*job, now);
-      if (status.ok() && job->plan) {
-        for (const std::int32_t frame : job->plan->frames()) frame_may_be_complete(*job, frame);
-        open_films(*job);
-      }
+      if (status.ok()) finish_what_is_complete(*job);
     }
     settle(afterwards);
     if (status.ok()) {
@@ -219,6 +217,13 @@ void Coordinator::change_job(const std::string& job_id, Change change, const OnJ
     }
   }
   if (!status.ok()) done(status);
+}
+
+/// A job goes on: what it had finished rendering before may now be finished for good.
+void Coordinator::finish_what_is_complete(Job& job) {
+  if (!job.plan) return;
+  for (const std::int32_t frame : job.plan->frames()) frame_may_be_complete(job, frame);
+  open_films(job);
 }
 
 void Coordinator::extend_job(const std::string& job_id, const Extension& extension, OnJob done) {

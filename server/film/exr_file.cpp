@@ -11,7 +11,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
-#include <stdexcept>
+#include <system_error>
 
 #include "absl/strings/str_cat.h"
 
@@ -20,8 +20,16 @@ namespace {
 
 constexpr float kLargestHalf = 65504;
 
-absl::Status failure(const std::string& path, const char* reason) {
-  return absl::UnavailableError(absl::StrCat(path, ": ", reason));
+absl::Status failure(const std::string& path, int error) {
+  const std::string message = absl::StrCat(path, ": ", std::strerror(error));
+  return error == ENOSPC || error == EDQUOT ? absl::ResourceExhaustedError(message)
+                                            : absl::UnavailableError(message);
+}
+
+absl::Status failure(const std::string& path, const std::exception& error) {
+  const auto* system = dynamic_cast<const std::system_error*>(&error);  // the Sink's
+  return system != nullptr ? failure(path, system->code().value())
+                           : absl::UnavailableError(absl::StrCat(path, ": ", error.what()));
 }
 
 Imath::Box2i box(const contract::PixelRect& rect) {
@@ -56,7 +64,7 @@ class Sink : public Imf::OStream {
     const auto size = static_cast<std::size_t>(count);
     if (file_ == nullptr || std::fwrite(bytes, 1, size, file_) != size) {
       fail();
-      throw std::runtime_error(reason_);
+      throw std::system_error(error_, std::generic_category());
     }
   }
   std::uint64_t tellp() override {
@@ -65,23 +73,23 @@ class Sink : public Imf::OStream {
   void seekp(std::uint64_t position) override {
     if (file_ == nullptr || std::fseek(file_, static_cast<long>(position), SEEK_SET) != 0) {
       fail();
-      throw std::runtime_error(reason_);
+      throw std::system_error(error_, std::generic_category());
     }
   }
-  /// Empty if every byte went out. Nothing may be written afterwards.
-  const std::string& finish() {
+  /// 0 if every byte went out, else errno's value. Nothing may be written afterwards.
+  int finish() {
     if (file_ != nullptr && std::fclose(file_) != 0) fail();
     file_ = nullptr;
-    return reason_;
+    return error_;
   }
 
  private:
   void fail() {
-    if (reason_.empty()) reason_ = errno != 0 ? std::strerror(errno) : "write failed";
+    if (error_ == 0) error_ = errno != 0 ? errno : EIO;
   }
 
   std::FILE* file_;
-  std::string reason_;
+  int error_ = 0;
 };
 
 }  // namespace
@@ -95,7 +103,7 @@ class ExrWriter::File {
     output_->setFrameBuffer(frame_buffer);
     output_->writePixels(rows);
   }
-  const std::string& finish() {
+  int finish() {
     output_.reset();
     return sink_.finish();
   }
@@ -126,7 +134,7 @@ absl::StatusOr<std::unique_ptr<ExrWriter>> ExrWriter::open(const std::string& pa
     writer->file_ = std::make_unique<File>(path, exr);
     return writer;
   } catch (const std::exception& error) {
-    return failure(path, error.what());
+    return failure(path, error);
   }
 }
 
@@ -165,15 +173,15 @@ absl::Status ExrWriter::write_rows(std::int32_t rows, const std::vector<ExrPlane
   try {
     file_->write(frame_buffer, rows);
   } catch (const std::exception& error) {
-    return failure(file_->path(), error.what());
+    return failure(file_->path(), error);
   }
   rows_written_ += rows;
   return absl::OkStatus();
 }
 
 absl::Status ExrWriter::close() {
-  const std::string& reason = file_->finish();
-  return reason.empty() ? absl::OkStatus() : failure(file_->path(), reason.c_str());
+  const int error = file_->finish();
+  return error == 0 ? absl::OkStatus() : failure(file_->path(), error);
 }
 
 }  // namespace tessera::server

@@ -18,7 +18,8 @@ class MemoryStore final : public Store {
  public:
   explicit MemoryStore(std::string folder) : folder_(std::move(folder)) {}
 
-  /// What commit() answers from now on instead of committing; OK ends it.
+  /// What commit(), update_job() and finish_frame() answer from now on instead of doing it; OK
+  /// ends it.
   void fail_commits_with(absl::Status status) {
     const std::lock_guard lock(mutex_);
     commit_fault_ = std::move(status);
@@ -47,6 +48,7 @@ class MemoryStore final : public Store {
   }
   absl::Status update_job(const JobRecord& job) override {
     const std::lock_guard lock(mutex_);
+    if (!commit_fault_.ok()) return commit_fault_;
     jobs_.at(job.sequence) = job;
     return absl::OkStatus();
   }
@@ -109,6 +111,7 @@ class MemoryStore final : public Store {
   }
   absl::Status finish_frame(const std::string& job_id, const FrameRecord& frame) override {
     const std::lock_guard lock(mutex_);
+    if (!commit_fault_.ok()) return commit_fault_;
     frames_[job_id][frame.frame] = frame;
     return absl::OkStatus();
   }

@@ -222,6 +222,28 @@ TEST_F(CoordinatorTest, AFullStorePausesTheJobUntilItIsResumed) {
   EXPECT_EQ(view(job).state, JobState::done);
 }
 
+TEST_F(CoordinatorTest, AStoreThatIsFullWhenAFrameIsFinishedPausesTheJobToo) {
+  const std::string job = create_job("a");
+  auto worker = join("w1");
+  deliver_all(worker);
+  while (coordinator->run_writer(false)) {  // all is committed, the image is still to be made
+  }
+  store.fail_commits_with(absl::ResourceExhaustedError("no space left"));
+  pump();
+  EXPECT_EQ(view(job).state, JobState::paused);
+  EXPECT_NE(view(job).reason.find("no space left"), std::string::npos);
+  const auto journaled = [&] { return static_cast<JobState>(store.jobs()->front().state); };
+  EXPECT_EQ(journaled(), JobState::running) << "there was no room to say so";
+  store.fail_commits_with(absl::OkStatus());
+  now += std::chrono::seconds(20);
+  coordinator->tick();
+  pump();
+  EXPECT_EQ(journaled(), JobState::paused);
+  ASSERT_TRUE(change(job, Coordinator::Change::resume).ok());
+  EXPECT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(journaled(), JobState::done);
+}
+
 TEST_F(CoordinatorTest, ReadingStopsWhileTooMuchIsWaiting) {
   options.ingest_bytes = 1000;
   start();
