@@ -30,4 +30,18 @@ if(TESSERA_WITH_GRPC)
   tessera_e2e(render_alone 300)
   tessera_e2e(secure_farm 300)
   tessera_e2e(documented_commands 300)
+
+  # Chaos puts a library of its own before the C library's functions, as sanitizers do: not both.
+  if(NOT CMAKE_CXX_FLAGS MATCHES "sanitize")
+    add_library(tessera_faults MODULE e2e/chaos/faults.cpp)
+    set_target_properties(tessera_faults PROPERTIES PREFIX ""
+      LIBRARY_OUTPUT_DIRECTORY ${CMAKE_RUNTIME_OUTPUT_DIRECTORY})
+    target_link_libraries(tessera_faults PRIVATE tessera::flags ${CMAKE_DL_LIBS})
+    tessera_e2e(chaos 600)
+    # The soak: cmake --build --preset dev --target soak
+    add_custom_target(soak USES_TERMINAL
+      COMMAND ${CMAKE_COMMAND} -E env TESSERA_BIN=${CMAKE_RUNTIME_OUTPUT_DIRECTORY}
+              ${CMAKE_CURRENT_SOURCE_DIR}/e2e/chaos.sh --rounds 200
+      DEPENDS tessera tessera-server tessera-worker tessera_faults)
+  endif()
 endif()

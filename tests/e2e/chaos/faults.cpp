@@ -148,6 +148,12 @@ class Disk {
                       }});
   }
 
+  /// A file is about to be written by stdio, whose writes stay inside the C library: all of it is
+  /// at stake until it is synced.
+  void remember_stream(FILE* stream, const std::string& path) {
+    if (stream != nullptr) remember_bytes(::fileno(stream), path, 0, 0);
+  }
+
   /// Gives a file that is about to lose its name another one, outside the store.
   std::string keep(const std::string& path) {
     if (cut_at_ <= 0) return {};
@@ -277,6 +283,16 @@ auto open_or_make(const char* path, bool may_make, const Open& open_now) {
   return opened;
 }
 
+/// Opens a stream, which may make its file.
+template <typename Open>
+FILE* open_stream(const char* path, const char* mode, const Open& open_now) {
+  if (mode[0] == 'r' || !disk().owns(path)) return open_now();
+  const Lock lock(disk().mutex());
+  FILE* const stream = open_or_make(path, true, open_now);
+  disk().remember_stream(stream, path);
+  return stream;
+}
+
 template <typename Remove>
 int remove_name(const char* path, const Remove& remove_now) {
   if (!disk().owns(path)) return remove_now();
@@ -314,10 +330,10 @@ extern "C" {
 OPEN(open)
 OPEN(open64)
 
-#define FOPEN(name)                                                              \
-  FILE* name(const char* path, const char* mode) {                               \
-    NEXT(name);                                                                  \
-    return open_or_make(path, mode[0] != 'r', [&] { return next(path, mode); }); \
+#define FOPEN(name)                                                   \
+  FILE* name(const char* path, const char* mode) {                    \
+    NEXT(name);                                                       \
+    return open_stream(path, mode, [&] { return next(path, mode); }); \
   }
 FOPEN(fopen)
 FOPEN(fopen64)
@@ -340,6 +356,16 @@ ssize_t writev(int file, const iovec* parts, int part_count) {
     return part == count ? next(file, parts, part_count)
                          : next(file, parts, 1);  // a short write: the first part only
   });
+}
+
+size_t fwrite(const void* bytes, size_t size, size_t count, FILE* stream) {
+  NEXT(fwrite);
+  if (disk().control().disk_full == 0 || disk().path_of(::fileno(stream)).empty()) {
+    return next(bytes, size, count, stream);
+  }
+  ++disk().control().full_answers;
+  errno = ENOSPC;
+  return 0;
 }
 
 #define PWRITE(name)                                                                    \

@@ -1,0 +1,8 @@
+#!/usr/bin/env bash
+# Real farms under real faults: see chaos/__main__.py. A few rounds; `--rounds 200` for a soak.
+set -euo pipefail
+: "${TESSERA_BIN:?folder of tessera, tessera-server and tessera-worker}"
+: "${TESSERA_FAULTS:=$TESSERA_BIN/tessera_faults.so}"
+export TESSERA_BIN TESSERA_FAULTS PYTHONDONTWRITEBYTECODE=1
+unset TESSERA_SERVER TESSERA_TOKEN TESSERA_CERTS
+exec python3 "$(dirname "$0")/chaos" "$@"

@@ -1,0 +1,330 @@
+"""A farm of real processes for one round of chaos, and what must be true of it afterwards."""
+
+import collections
+import json
+import mmap
+import os
+import pathlib
+import re
+import shutil
+import signal
+import struct
+import subprocess
+import tempfile
+import threading
+import time
+import uuid
+
+from link import Link
+
+BIN = pathlib.Path(os.environ["TESSERA_BIN"])
+FAULTS = pathlib.Path(os.environ["TESSERA_FAULTS"])
+SCENES = pathlib.Path(__file__).resolve().parents[2] / "scenes"
+WORKERS = 4
+UNIT_TIMEOUT = 4  # seconds, of the workers whose renderers are made to hang
+# name: scene and options. Small units, several passes, several frames, and one asked for its error.
+JOBS = {
+    "passes": ("same_bits.gltf", ["--size", "64x64", "--tile", "8", "--spp", "250"]),
+    "frames": ("same_bits.gltf", ["--size", "48x48", "--tile", "16", "--spp", "60", "--frames", "0-5", "--seed", "3"]),
+    "error": ("lit_square.gltf", ["--size", "64x64", "--tile", "8", "--error", "0.1"]),
+}
+
+
+class Wrong(Exception):
+    """Something that must hold does not."""
+
+
+def run(*command, check=True, timeout=120):
+    done = subprocess.run([BIN / command[0], *map(str, command[1:])], stdin=subprocess.DEVNULL,
+                          capture_output=True, text=True, timeout=timeout)
+    if check and done.returncode != 0:
+        raise Wrong(f"{' '.join(map(str, command))}: {done.returncode}: {done.stderr[-2000:]}")
+    return done
+
+
+def undisturbed():
+    """Pixels and number of units of each job, from a farm of one."""
+    pixels = {}
+    with tempfile.TemporaryDirectory(prefix="tessera-chaos.") as folder:
+        for name, (scene, options) in JOBS.items():
+            run("tessera", "render", SCENES / scene, "-o", f"{folder}/{name}.exr", *options,
+                "--max-depth", 5, "--report", f"{folder}/{name}.json", "--workers", 2, "--threads", 1)
+            report = json.loads(pathlib.Path(f"{folder}/{name}.json").read_text())
+            pixels[name] = ([f["pixels_sha256"] for f in report["frames"]], report["units"]["total"])
+    return pixels
+
+
+class Control:
+    """The memory shared with faults.cpp."""
+    FIELDS = ("clock_offset_s", "sync_us", "disk_full", "clock_answers", "slow_syncs",
+              "full_answers", "steps")
+
+    def __init__(self, path):
+        object.__setattr__(self, "path", str(path))
+        pathlib.Path(path).write_bytes(bytes(8 * len(self.FIELDS)))
+        with open(path, "r+b") as file:
+            object.__setattr__(self, "memory", mmap.mmap(file.fileno(), 0))
+
+    def __getattr__(self, name):
+        return struct.unpack_from("q", self.memory, 8 * self.FIELDS.index(name))[0]
+
+    def __setattr__(self, name, value):
+        struct.pack_into("q", self.memory, 8 * self.FIELDS.index(name), value)
+
+
+class Worker:
+    def __init__(self, slot, identity, process, log, units):
+        self.slot, self.id, self.process, self.log, self.units = slot, identity, process, log, units
+
+    def renderer(self):
+        """Pid of its renderer, or None."""
+        for entry in pathlib.Path("/proc").iterdir():
+            if entry.name.isdigit():
+                try:
+                    status = (entry / "stat").read_text()
+                except OSError:
+                    continue
+                if int(status.rsplit(")", 1)[1].split()[1]) == self.process.pid:
+                    return int(entry.name)
+        return None
+
+    def signal(self, number):
+        """To agent and renderer."""
+        for pid in filter(None, (self.process.pid, self.renderer())):
+            try:
+                os.kill(pid, number)
+            except ProcessLookupError:
+                pass
+
+    def text(self):
+        return self.log.read_text(errors="replace") if self.log.exists() else ""
+
+
+class Farm:
+    def __init__(self, say):
+        self.say = say
+        self.work = pathlib.Path(tempfile.mkdtemp(prefix="tessera-chaos."))
+        self.mark = f"TESSERA_CHAOS_ROUND={uuid.uuid4()}"
+        self.socket = self.work / "server.sock"
+        self.control = Control(self.work / "server.control")
+        self.server_lock = threading.RLock()  # whoever disturbs the server
+        self.workers_lock = threading.Lock()
+        self.free = collections.deque()  # slots nobody is disturbing
+        self.server = None
+        self.workers = {}
+        self.all_workers = []
+        self.jobs = {}
+        self.power_cuts = 0
+        self.stopping = False
+        self.over = False
+        self.links = [Link(str(self.work / f"w{slot}.sock"), str(self.socket))
+                      for slot in range(WORKERS)]
+        for link in self.links:
+            link.start()
+
+    # Processes ------------------------------------------------------------------------------------
+
+    def environment(self, control, **more):
+        name, value = self.mark.split("=")
+        return {**os.environ, name: value, "LD_PRELOAD": str(FAULTS), "FAULTS_CONTROL": control.path,
+                **more}
+
+    def start_server(self, cut_at=0):
+        """Returns whether it listens: with `cut_at` it may be dead before that."""
+        self.socket.unlink(missing_ok=True)
+        environment = self.environment(self.control, FAULTS_STORE=str(self.work / "store"),
+                                       FAULTS_LOG=str(self.work / "cuts.log"), FAULTS_CUT_AT=str(cut_at))
+        with open(self.work / "server.log", "a") as log:
+            self.server = subprocess.Popen(
+                [BIN / "tessera-server", "--listen", f"unix:{self.socket}", "--store",
+                 self.work / "store"], env=environment, stdout=subprocess.PIPE, stderr=log)
+        return bool(self.server.stdout.readline())
+
+    def kill_server(self):
+        self.server.kill()
+        self.server.wait()
+
+    def inspect_dead_store(self):
+        """What was acknowledged must be in the store of a server that died, before any repair."""
+        if (self.work / "store" / "store.db").exists():
+            found = run("tessera-server", "check", self.work / "store", check=False)
+            # A store whose first start did not end has no rows yet.
+            if found.returncode != 0 and "has schema 0" not in found.stderr:
+                raise Wrong(f"the store is damaged:\n{found.stdout}{found.stderr}")
+
+    def restart_server(self, cut_at=0):
+        self.inspect_dead_store()
+        return self.start_server(cut_at)
+
+    def start_worker(self, slot, identity=None):
+        identity = identity or f"w{slot}-{len(self.all_workers)}"
+        control = Control(self.work / f"{identity}.control")
+        options = ["--unit-timeout", str(UNIT_TIMEOUT)] if slot == 0 else []
+        options += ["--deliver-twice"] if slot == 1 else []
+        log, units = self.work / f"{identity}.log", self.work / f"{identity}.units"
+        with open(log, "a") as file:
+            process = subprocess.Popen(
+                [BIN / "tessera-worker", "--server", f"unix:{self.links[slot].path}", "--id", identity,
+                 "--name", identity, "--threads", "1", "--cache", self.work / f"cache{slot}",
+                 "--unit-log", units, *options],
+                env=self.environment(control), stdin=subprocess.DEVNULL, stdout=file, stderr=file)
+        worker = Worker(slot, identity, process, log, units)
+        worker.control = control
+        self.workers[slot] = worker
+        self.all_workers.append(worker)
+        return worker
+
+    def start(self):
+        if not self.start_server():
+            raise Wrong("the server does not start")
+        for slot in range(WORKERS):
+            self.start_worker(slot)
+            self.free.append(slot)
+
+    def submit(self):
+        for name, (scene, options) in JOBS.items():
+            done = run("tessera", "submit", SCENES / scene, "--server", f"unix:{self.socket}", *options,
+                       "--max-depth", 5, "--name", name)
+            self.jobs[name] = done.stdout.strip()
+
+    # What is going on -----------------------------------------------------------------------------
+
+    def log(self):
+        return (self.work / "server.log").read_text(errors="replace")
+
+    def verdicts(self):
+        """Counter of (verdict, unit) over all workers."""
+        counts = collections.Counter()
+        for worker in self.all_workers:
+            if worker.units.exists():
+                for line in worker.units.read_text().splitlines():
+                    event, *unit = line.split()[:5]
+                    if event.isupper() and len(unit) == 4:
+                        counts[event, tuple(unit)] += 1
+        return counts
+
+    def committed(self):
+        return sum(n for (event, _), n in self.verdicts().items() if event == "COMMITTED")
+
+    def held_by(self, worker):
+        """Units a worker has started and not yet had a verdict on."""
+        held = set()
+        if worker.units.exists():
+            for line in worker.units.read_text().splitlines():
+                event, *unit = line.split()[:5]
+                if event in ("started", "finished"):
+                    held.add(tuple(unit))
+                elif len(unit) == 4:
+                    held.discard(tuple(unit))
+        return held
+
+    def wait(self, seconds, what, condition):
+        """Until the condition holds, or the round is over: then None."""
+        end = time.monotonic() + seconds
+        while True:
+            value = condition()
+            if value or self.over:
+                return value
+            if time.monotonic() > end:
+                raise Wrong(f"after {seconds} s still not: {what}")
+            time.sleep(0.02)
+
+    def report(self, name):
+        return json.loads(run("tessera", "report", name, "--server", f"unix:{self.socket}",
+                              "--json").stdout)
+
+    def states(self):
+        """State and reason of each job, or None while the server cannot be asked."""
+        done = run("tessera", "list", "--server", f"unix:{self.socket}", "--json", check=False)
+        if done.returncode != 0:
+            return None
+        return {job["name"]: (job["state"], job.get("reason", "")) for job in json.loads(done.stdout)["jobs"]}
+
+    def finish(self, seconds):
+        """Waits until all jobs are done, resuming what a full disk has paused."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            states = self.states()
+            if states and len(states) == len(JOBS):
+                if any(state in ("failed", "cancelled") for state, _ in states.values()):
+                    raise Wrong(f"a job ended badly: {states}")
+                if all(state == "done" for state, _ in states.values()):
+                    self.over = True
+                    return
+                for name, (state, reason) in states.items():
+                    if state == "paused" and "the store is full" in reason and not self.control.disk_full:
+                        run("tessera", "resume", name, "--server", f"unix:{self.socket}", check=False)
+            time.sleep(0.2)
+        raise Wrong(f"not done after {seconds} s: {self.states()}")
+
+    # Afterwards -----------------------------------------------------------------------------------
+
+    def check_results(self, expected):
+        for name, (pixels, units) in expected.items():
+            report = self.report(name)
+            found = [frame["pixels_sha256"] for frame in report["frames"]]
+            if found != pixels:
+                raise Wrong(f"job {name}: pixels differ from the undisturbed run's")
+            if report["units"]["total"] != units or report["units"]["committed"] != units:
+                raise Wrong(f"job {name}: units {report['units']}, undisturbed {units}")
+            if report["units"]["mismatched"] or report["units"]["redone"]:
+                raise Wrong(f"job {name}: units {report['units']}")
+        twice = [unit for (event, unit), n in self.verdicts().items() if event == "COMMITTED" and n > 1]
+        if twice:
+            raise Wrong(f"acknowledged and rendered again: {twice}")
+
+    def stop(self):
+        """Ends everything in order, and looks at what is left behind."""
+        for worker in self.workers.values():
+            worker.process.terminate()
+        for worker in self.workers.values():
+            if worker.process.wait(30) != 0:
+                raise Wrong(f"{worker.id} ended with {worker.process.returncode} on SIGTERM")
+        self.server.terminate()
+        if self.server.wait(30) != 0:
+            raise Wrong(f"the server ended with {self.server.returncode} on SIGTERM")
+        for link in self.links:
+            link.stopping = True
+            link.join()
+        self.inspect_dead_store()
+        left = self.processes()
+        if left:
+            raise Wrong(f"processes left behind: {left}")
+        # A listening socket has flag 00010000; no path of ours may be bound to one.
+        for line in pathlib.Path("/proc/net/unix").read_text().splitlines():
+            if str(self.work) in line and line.split()[3] == "00010000":
+                raise Wrong(f"a socket is left behind: {line}")
+        known = re.compile(r"store|store\.lost\.\d+|cuts\.log|server\.(log|control|sock)|cache\d"
+                           r"|w\d(-\d+)?\.(sock|log|units|control)")
+        extra = [entry.name for entry in self.work.iterdir() if not known.fullmatch(entry.name)]
+        extra += [str(part) for part in self.work.glob("cache*/**/*.part")]
+        if extra:
+            raise Wrong(f"files left behind: {extra}")
+
+    def processes(self):
+        found = []
+        for entry in pathlib.Path("/proc").iterdir():
+            if entry.name.isdigit() and int(entry.name) != os.getpid():
+                try:
+                    if self.mark.encode() in (entry / "environ").read_bytes().split(b"\0"):
+                        found.append(int(entry.name))
+                except OSError:
+                    pass
+        return found
+
+    def close(self, keep=False):
+        """However the round ended: nothing runs on, nothing stays."""
+        self.over = True
+        for pid in self.processes():
+            for number in (signal.SIGCONT, signal.SIGKILL):
+                try:
+                    os.kill(pid, number)
+                except ProcessLookupError:
+                    pass
+        for process in [self.server, *(worker.process for worker in self.all_workers)]:
+            if process:
+                process.wait()
+        for link in self.links:
+            link.stopping = True
+        if not keep:
+            shutil.rmtree(self.work, ignore_errors=True)

@@ -1,0 +1,291 @@
+"""The faults. Each is a function (farm, rng) that returns its evidence, or None if the round was over
+before it could take effect."""
+
+import contextlib
+import os
+import pathlib
+import signal
+import time
+
+SILENCE = 5.0  # seconds after which a worker is lost: its leases are others'
+LONGER = SILENCE + 1.5
+
+
+@contextlib.contextmanager
+def a_worker(farm, slot=None):
+    """A worker nobody else disturbs; the one in `slot` if that is given."""
+    taken = None
+    while taken is None and not farm.over:
+        with farm.workers_lock:
+            if farm.free and slot is None:
+                taken = farm.free.popleft()
+            elif slot in farm.free:
+                farm.free.remove(slot)
+                taken = slot
+        if taken is None:
+            time.sleep(0.05)
+    try:
+        yield farm.workers[taken] if taken is not None else None
+    finally:
+        if taken is not None:
+            with farm.workers_lock:
+                farm.free.append(taken)
+
+
+def holding(farm, worker):
+    """Waits until the worker holds units; how many, or None."""
+    return worker and farm.wait(60, f"{worker.id} holds units", lambda: len(farm.held_by(worker)))
+
+
+def is_lost(farm, worker):
+    return f"worker {worker.id} is lost" in farm.log()
+
+
+def kill_worker(farm, rng):
+    """kill -9 of agent and renderer; another worker joins in its place."""
+    with a_worker(farm) as worker:
+        held = holding(farm, worker)
+        if not held:
+            return None
+        worker.signal(signal.SIGKILL)
+        worker.process.wait()
+        time.sleep(rng.uniform(0, 1))
+        farm.start_worker(worker.slot)
+        return f"{worker.id} held {held} units"
+
+
+def kill_renderer(farm, rng):
+    """kill -9 of the renderer in mid-unit: a failure of its unit, nothing else."""
+    with a_worker(farm) as worker:
+        if not holding(farm, worker):
+            return None
+        renderer = worker.renderer()
+        if renderer is None:
+            return None
+        os.kill(renderer, signal.SIGKILL)
+        farm.wait(30, "the agent notices", lambda: "the renderer was" in worker.text())
+        return f"of {worker.id}" if "the renderer was" in worker.text() else None
+
+
+def stop_worker(farm, rng):
+    """SIGSTOP for longer than a lease, then SIGCONT: its late results are judged."""
+    with a_worker(farm) as worker:
+        held = holding(farm, worker)
+        if not held:
+            return None
+        worker.signal(signal.SIGSTOP)
+        try:
+            farm.wait(60, "the stopped worker is lost", lambda: is_lost(farm, worker))
+        finally:
+            worker.signal(signal.SIGCONT)
+        return f"{worker.id} held {held} units and was lost" if is_lost(farm, worker) else None
+
+
+def hang(farm, rng):
+    """A renderer that stops in mid-unit: its agent kills it after --unit-timeout."""
+    with a_worker(farm, slot=0) as worker:
+        if not holding(farm, worker):
+            return None
+        renderer = worker.renderer()
+        if renderer is None:
+            return None
+        os.kill(renderer, signal.SIGSTOP)
+        try:
+            farm.wait(60, "the agent notices", lambda: " hangs; " in worker.text())
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(renderer, signal.SIGCONT)
+        return f"the renderer of {worker.id} was killed" if " hangs; " in worker.text() else None
+
+
+def slow_worker(farm, rng):
+    """A renderer that gets a tenth of the time: stopped 90 ms of every 100."""
+    with a_worker(farm) as worker:
+        if not holding(farm, worker):
+            return None
+        renderer = worker.renderer()
+        if renderer is None:
+            return None
+        stops, end = 0, time.monotonic() + 4
+        with contextlib.suppress(ProcessLookupError):
+            while time.monotonic() < end and not farm.over:
+                os.kill(renderer, signal.SIGSTOP)
+                time.sleep(0.09)
+                os.kill(renderer, signal.SIGCONT)
+                time.sleep(0.01)
+                stops += 1
+        return f"{worker.id} was stopped {stops} times" if stops >= 10 else None
+
+
+def drain_worker(farm, rng):
+    """SIGTERM: finishes or hands back within its grace, ends with 0; another joins."""
+    with a_worker(farm) as worker:
+        held = holding(farm, worker)
+        if not held:
+            return None
+        worker.process.terminate()
+        if worker.process.wait(30) != 0:
+            raise AssertionError(f"{worker.id} ended with {worker.process.returncode} on SIGTERM")
+        farm.start_worker(worker.slot)
+        return f"{worker.id} held {held} units, {len(farm.held_by(worker))} at its end"
+
+
+def cut_message(farm, rng):
+    """The connection breaks in mid-message, after a random number of bytes."""
+    with a_worker(farm) as worker:
+        if not worker:
+            return None
+        link = farm.links[worker.slot]
+        before = len(link.cuts)
+        link.cut_in = rng.randrange(1, 40000)
+        try:
+            farm.wait(60, "bytes flow", lambda: len(link.cuts) > before)
+        finally:
+            link.cut_in = None
+        if len(link.cuts) == before:
+            return None
+        passed, lost = link.cuts[-1]
+        return f"of {worker.id}: {passed} bytes of a read passed, {lost} did not"
+
+
+def partition(farm, rng):
+    """Nothing passes for longer than a lease, nothing is refused; then it heals."""
+    with a_worker(farm) as worker:
+        held = holding(farm, worker)
+        if not held:
+            return None
+        link = farm.links[worker.slot]
+        link.held_bytes, link.held = 0, True
+        try:
+            farm.wait(60, "the worker behind it is lost", lambda: is_lost(farm, worker))
+            time.sleep(rng.uniform(0, 1))
+        finally:
+            link.held = False
+        if not is_lost(farm, worker) or not link.held_bytes:
+            return None
+        return f"{worker.id} was lost with {held} units, {link.held_bytes} bytes waited"
+
+
+def late_delivery(farm, rng):
+    """What a worker sends arrives seconds late, but in order."""
+    with a_worker(farm) as worker:
+        if not holding(farm, worker):
+            return None
+        link = farm.links[worker.slot]
+        before = link.late_bytes
+        link.delay = rng.uniform(1, SILENCE - 1)
+        time.sleep(2)
+        link.delay = 0.0
+        late = link.late_bytes - before
+        return f"{late} bytes of {worker.id}" if late > 1000 else None
+
+
+def duplicate(farm, rng):
+    """The worker in slot 1 delivers every block twice: the second ones are known for what they are."""
+    farm.wait(300, "the jobs are done", lambda: farm.over)
+    count = sum(farm.report(name)["units"]["duplicated"] for name in farm.jobs)
+    return f"{count} blocks came again" if count else None
+
+
+def kill_server(farm, rng):
+    """kill -9 of the coordinator; workers keep what they have."""
+    with farm.server_lock:
+        if not farm.wait(60, "units are held", lambda: any(
+                farm.held_by(worker) for worker in farm.workers.values())):
+            return None
+        farm.kill_server()
+        time.sleep(rng.uniform(0, 1))
+        held = sum(len(farm.held_by(worker)) for worker in farm.workers.values())
+        farm.restart_server()
+        return f"{held} units were held"
+
+
+def stop_server(farm, rng):
+    """SIGSTOP of the coordinator for longer than a lease: nobody is lost for it."""
+    with farm.server_lock:
+        if farm.over:
+            return None
+        farm.server.send_signal(signal.SIGSTOP)
+        try:
+            time.sleep(LONGER)
+        finally:
+            farm.server.send_signal(signal.SIGCONT)
+        gone = [worker for worker in farm.all_workers if "the server is gone" in worker.text()]
+        return f"{len(gone)} workers connected again" if gone else None
+
+
+def power_cut(farm, rng, steps=(1, 250)):
+    """The power goes at some step of the journal: what was not synced is gone."""
+    with farm.server_lock:
+        if farm.over:
+            return None
+        farm.kill_server()
+        if farm.restart_server(cut_at=rng.randrange(*steps)):
+            end = time.monotonic() + 30
+            while farm.server.poll() is None and time.monotonic() < end and not farm.over:
+                time.sleep(0.02)
+        if farm.server.poll() is None:
+            return None  # it runs on; the step may still come: the farm minds that too
+        farm.server.wait()
+        farm.restart_server()
+        lines = (farm.work / "cuts.log").read_text().splitlines()
+        return lines[-1]
+
+
+def power_cut_at_start(farm, rng):
+    """The power goes while the coordinator starts."""
+    return power_cut(farm, rng, steps=(1, 9))
+
+
+def slow_disk(farm, rng):
+    """Each sync takes a fifth of a second more."""
+    with farm.server_lock:
+        if farm.over:
+            return None
+        before = farm.control.slow_syncs
+        farm.control.sync_us = 200_000
+        time.sleep(2)
+        farm.control.sync_us = 0
+        slow = farm.control.slow_syncs - before
+        return f"{slow} syncs were slow" if slow else None
+
+
+def full_disk(farm, rng):
+    """No write succeeds until a job has paused for it; then there is room and it goes on."""
+    with farm.server_lock:
+        def paused():
+            states = farm.states() or {}
+            return [name for name, (state, reason) in states.items()
+                    if state == "paused" and "the store is full" in reason]
+        if farm.over:
+            return None
+        before = farm.control.full_answers
+        farm.control.disk_full = 1
+        try:
+            jobs = farm.wait(60, "a job pauses", paused)
+        finally:
+            farm.control.disk_full = 0
+        refused = farm.control.full_answers - before
+        return f"{refused} writes refused, {len(jobs)} jobs paused" if jobs and refused else None
+
+
+def clock_jump(farm, rng):
+    """The wall clocks of the coordinator and of a worker jump by days, to and fro."""
+    with a_worker(farm) as worker:
+        if not worker:
+            return None
+        controls = (farm.control, worker.control)
+        before = [control.clock_answers for control in controls]
+        for control in controls:
+            control.clock_offset_s = rng.choice((-1, 1)) * rng.randrange(3600, 40 * 86400)
+        time.sleep(2)
+        for control in controls:
+            control.clock_offset_s = 0
+        answers = [control.clock_answers - b for control, b in zip(controls, before)]
+        return f"{answers} false answers" if all(answers) else None
+
+
+KINDS = {kind.__name__: kind for kind in (
+    kill_worker, kill_renderer, stop_worker, hang, slow_worker, drain_worker, cut_message, partition,
+    late_delivery, duplicate, kill_server, stop_server, power_cut, power_cut_at_start, slow_disk,
+    full_disk, clock_jump)}
