@@ -30,3 +30,6 @@ tessera_test(NAME gltf KIND numeric
     numeric/material_probe.h
     support/gltf_probe.cpp support/gltf_probe.h
   LINKS tessera_test_render tessera_test_scene PkgConfig::WebP)
+tessera_test(NAME camera KIND numeric SOURCES numeric/camera_test.cpp LINKS tessera_test_render)
+tessera_test(NAME procedure KIND numeric
+  SOURCES numeric/procedure_test.cpp LINKS tessera_test_render)

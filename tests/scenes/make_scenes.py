@@ -389,10 +389,102 @@ def stadium():
     return gltf
 
 
+def lens():
+    """Depth of field: balls on a table, focused on the middle one, lamps far behind."""
+    gltf = Gltf()
+    gltf.use("TESSERA_camera")
+    wood = gltf.add("materials", plain(0.35, 0.22, 0.14))
+    night = gltf.add("materials", plain(0.02, 0.02, 0.04))
+    gltf.node(mesh=gltf.mesh(quad((-6, 0, 3), (12, 0, 0), (0, 0, -14)), wood))
+    gltf.node(mesh=gltf.mesh(quad((-9, -1, -11), (18, 0, 0), (0, 9, 0)), night))
+    colors = ((0.8, 0.2, 0.15), (0.85, 0.65, 0.2), (0.25, 0.6, 0.3), (0.2, 0.35, 0.75))
+    balls = [gltf.mesh(sphere(0.35, 16), gltf.add("materials", plain(*color))) for color in colors]
+    focus = None
+    for k, ball in enumerate(balls):
+        place = rounded(-1.05 + 0.7 * k, 0.35, 1.6 - 1.5 * k)
+        index = gltf.node(mesh=ball, translation=place)
+        focus = index if k == 1 else focus
+    lamp = gltf.mesh(sphere(0.05, 8), gltf.add("materials", {
+        "emissiveFactor": [1, 0.8, 0.5],
+        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 60}}}))
+    gltf.use("KHR_materials_emissive_strength", "KHR_lights_punctual")
+    for k in range(9):
+        gltf.node(mesh=lamp, translation=rounded(-4 + k, 1.1 + 0.9 * ((k * 5) % 3), -9 - (k % 2)))
+    gltf.doc["extensions"] = {"KHR_lights_punctual": {"lights": [
+        {"type": "point", "intensity": 90}]}}
+    gltf.node(translation=[2, 5, 4], extensions={"KHR_lights_punctual": {"light": 0}})
+    camera = gltf.add("cameras", {
+        "type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.01},
+        "extensions": {"TESSERA_camera": {
+            "lookAt": {"position": [0, 1.1, 5], "target": [0, 0.5, 0]},
+            "lens": {"fNumber": 0.3, "sensorHeight": 0.05, "focusNode": focus, "blades": 6,
+                     "rim": {"distance": 0.2, "radius": 0.19}}}}})
+    gltf.node(camera=camera)
+    return gltf
+
+
+def textures():
+    """A panel for each pattern of TESSERA_texture, and a ball with a bump of noise."""
+    gltf = Gltf()
+    gltf.use("TESSERA_texture", "KHR_lights_punctual", "KHR_animation_pointer")
+    patterns = (
+        ("noise", {"scale": [6, 6, 6]}),
+        ("fbm", {"scale": [3, 3, 3]}),
+        ("turbulence", {"scale": [3, 3, 3]}),
+        ("ridged", {"scale": [3, 3, 3]}),
+        ("marble", {"scale": [2, 2, 2], "distortion": 1.5, "ramp": [
+            {"at": 0, "color": [0.12, 0.1, 0.1, 1]}, {"at": 0.25, "color": [0.55, 0.5, 0.48, 1]},
+            {"at": 1, "color": [0.9, 0.88, 0.85, 1]}]}),
+        ("wood", {"scale": [8, 2, 8], "distortion": 0.4, "octaves": 3, "ramp": [
+            {"at": 0, "color": [0.2, 0.08, 0.03, 1]}, {"at": 1, "color": [0.6, 0.35, 0.15, 1]}]}),
+        ("clouds", {"scale": [2, 2, 2], "ramp": [
+            {"at": 0, "color": [0.12, 0.3, 0.7, 1]}, {"at": 1, "color": [0.95, 0.95, 0.95, 1]}]}),
+        ("wornMetal", {"scale": [3, 3, 3], "ramp": [
+            {"at": 0, "color": [0.35, 0.12, 0.05, 1]}, {"at": 1, "color": [0.75, 0.75, 0.78, 1]}]}),
+        ("fire", {"scale": [1, 1, 1], "distortion": 2, "dimensions": 4, "time": 0, "ramp": [
+            {"at": 0, "color": [0, 0, 0, 1]}, {"at": 0.35, "color": [0.5, 0.02, 0, 1]},
+            {"at": 0.7, "color": [1, 0.45, 0.02, 1]}, {"at": 1, "color": [1, 0.95, 0.6, 1]}]}),
+    )
+    for k, (pattern, more) in enumerate(patterns):
+        texture = gltf.add("textures", {"extensions": {"TESSERA_texture": {
+            "pattern": pattern, "seed": k, **more}}})
+        info = {"index": texture}
+        look = {"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 0.6}}
+        if pattern == "fire":
+            fire = texture
+            look.update(emissiveFactor=[1, 1, 1], emissiveTexture=info)
+            look["pbrMetallicRoughness"]["baseColorFactor"] = [0, 0, 0, 1]
+        else:
+            look["pbrMetallicRoughness"]["baseColorTexture"] = info
+        panel = gltf.mesh(quad((-0.48, 0, 0), (0.96, 0, 0), (0, 0.96, 0)), gltf.add("materials", look))
+        gltf.node(mesh=panel, translation=rounded(-2 + k % 5, 1.02 if k < 5 else 0, 0))
+    bump = gltf.add("textures", {"extensions": {"TESSERA_texture": {
+        "pattern": "turbulence", "scale": [5, 5, 5], "octaves": 4, "bumpHeight": 0.06}}})
+    orange = gltf.add("materials", {
+        "pbrMetallicRoughness": {"baseColorFactor": [0.85, 0.35, 0.08, 1], "metallicFactor": 0,
+                                 "roughnessFactor": 0.35},
+        "normalTexture": {"index": bump}})
+    gltf.node(mesh=gltf.mesh(sphere(0.45, 32), orange), translation=[2, 0.48, 0])
+    times = gltf.floats([[0.0], [1.0]], "SCALAR", bounds=True, target=None)
+    moments = gltf.floats([[0.0], [1.0]], "SCALAR", target=None)
+    gltf.add("animations", {
+        "name": "burn", "samplers": [{"input": times, "output": moments}],
+        "channels": [{"sampler": 0, "target": {"path": "pointer", "extensions": {
+            "KHR_animation_pointer": {
+                "pointer": f"/textures/{fire}/extensions/TESSERA_texture/time"}}}}]})
+    gltf.doc["extensions"] = {"KHR_lights_punctual": {"lights": [
+        {"type": "directional", "intensity": 3.14}]}}
+    gltf.node(rotation=rounded(-0.22, 0.17, 0, math.sqrt(1 - 0.22**2 - 0.17**2)),
+              extensions={"KHR_lights_punctual": {"light": 0}})
+    camera(gltf, (0, 1, 5), (0, 1, 0), 0.44)
+    return gltf
+
+
 def main():
     check = "--check" in sys.argv[1:]
     stale = []
-    for make in (quickstart, same_bits, materials, lit_square, missing_texture, stadium):
+    for make in (quickstart, same_bits, materials, lit_square, missing_texture, stadium, lens,
+                 textures):
         path = FOLDER / f"{make.__name__}.gltf"
         text = make().text()
         if check:

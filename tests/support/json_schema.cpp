@@ -23,7 +23,7 @@ class Checker {
         if (std::find(rule.begin(), rule.end(), value) == rule.end()) {
           fault(path, value.dump() + " is not one of " + rule.dump());
         }
-      } else if (keyword == "minimum" || keyword == "maximum") {
+      } else if (keyword == "minimum" || keyword == "maximum" || keyword == "exclusiveMinimum") {
         check_bound(keyword, rule, value, path);
       } else if (keyword == "pattern") {
         if (value.is_string() &&
@@ -41,11 +41,17 @@ class Checker {
           const std::string below = std::string(path).append("/").append(key);
           if (value.is_object() && value.contains(key)) check(inner, value[key], below);
         }
+      } else if (keyword == "additionalProperties") {
+        check_additional(rule, schema, value, path);
+      } else if (keyword == "minItems" || keyword == "maxItems") {
+        const bool fits = keyword == "minItems" ? value.size() >= rule : value.size() <= rule;
+        if (value.is_array() && !fits) fault(path, "breaks " + keyword + " " + rule.dump());
       } else if (keyword == "items") {
         for (std::size_t i = 0; value.is_array() && i < value.size(); ++i) {
           check(rule, value[i], path + "/" + std::to_string(i));
         }
-      } else if (keyword != "description" && keyword != "title" && keyword[0] != '$') {
+      } else if (keyword != "description" && keyword != "title" && keyword != "default" &&
+                 keyword[0] != '$') {
         fault(path, "the schema's keyword " + keyword + " is not known here");
       }
     }
@@ -77,10 +83,21 @@ class Checker {
     if (!fits) fault(path, std::string(value.type_name()) + " is not " + rule.dump());
   }
 
+  void check_additional(const json& rule, const json& schema, const json& value,
+                        const std::string& path) {
+    if (rule != false) return fault(path, "additionalProperties other than false are not known");
+    if (!value.is_object()) return;
+    for (const auto& item : value.items()) {
+      if (!schema["properties"].contains(item.key())) fault(path, item.key() + " is unknown");
+    }
+  }
+
   void check_bound(const std::string& keyword, const json& rule, const json& value,
                    const std::string& path) {
     if (!value.is_number()) return;
-    const bool fits = keyword == "minimum" ? value >= rule : value <= rule;
+    const bool fits = keyword == "minimum"   ? value >= rule
+                      : keyword == "maximum" ? value <= rule
+                                             : value > rule;
     if (!fits) fault(path, value.dump() + " breaks " + keyword + " " + rule.dump());
   }
 };

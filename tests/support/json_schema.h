@@ -9,7 +9,8 @@ namespace tessera::support {
 /// What is wrong with `document` under `schema`, each as "PATH: FAULT"; empty if nothing is.
 ///
 /// Knows the part of JSON Schema that docs/schema uses: type, const, enum, required, properties,
-/// items, minimum, maximum, pattern. Any other keyword that would restrict is a fault, so that a
+/// additionalProperties (false), items, minItems, maxItems, minimum, exclusiveMinimum, maximum,
+/// pattern. Any other keyword that would restrict is a fault, so that a
 /// schema cannot say what nobody checks.
 std::vector<std::string> schema_faults(const nlohmann::json& schema,
                                        const nlohmann::json& document);

@@ -43,7 +43,9 @@ struct Path {
   float pdf = 0;                         // of the last scattering, over solid angle
   LightReceiver scattered_at;            // where that was
   const MaterialView* medium = nullptr;  // the absorbing solid the ray is in
-  float wavelength = 0;                  // nanometres; 0 until a dispersive surface asks for one
+  float footprint = 0;   // width of a pixel where the ray starts, metres, and its growth a metre;
+  float growth = 0;      // 0 once chance has scattered the path: the rest is met as points
+  float wavelength = 0;  // nanometres; 0 until a dispersive surface asks for one
 };
 
 class PathTracer {
@@ -57,6 +59,7 @@ class PathTracer {
  private:
   bool find_hit(Hit* hit);
   bool step(const Hit& hit);
+  void widen(float distance, ShadingPoint* point);
   void choose_wavelength();
   bool is_cut();
   void add_sky();
@@ -81,6 +84,8 @@ class PathTracer {
 
 PathResult PathTracer::trace(const Ray& camera_ray, const Hit* first) {
   path_.ray = camera_ray;
+  path_.footprint = frame_.camera.footprint_at_start();
+  path_.growth = frame_.camera.footprint_growth();
   for (;; first = nullptr) {
     Hit hit;
     if (first != nullptr) hit = *first;
@@ -139,8 +144,9 @@ bool PathTracer::find_hit(Hit* hit) {
 
 /// One surface: emission, direct light, and the next ray. False when the path ends.
 bool PathTracer::step(const Hit& hit) {
-  const ShadingPoint point =
-      surface_at(frame_.shading, hit.id, hit.b1, hit.b2, path_.ray.direction);
+  ShadingPoint point = surface_at(frame_.shading, hit.id, hit.b1, hit.b2, path_.ray.direction);
+  if (frame_.shading.textures.has_procedures()) [[unlikely]]
+    widen(hit.t, &point);
   const SurfacePoint position = position_of(point);
   absorb(point, hit.t);
   const Vec4f base = base_color_at(frame_.shading, point);
@@ -158,6 +164,14 @@ bool PathTracer::step(const Hit& hit) {
   if (is_cut()) return false;
   add_direct(bsdf, hit.id, position);
   return scatter(point, bsdf, hit.id, position);
+}
+
+/// A pixel's cone has come to a surface, which it meets at an angle.
+void PathTracer::widen(float distance, ShadingPoint* point) {
+  path_.footprint += path_.growth * distance;
+  constexpr float kLeast = 0.1f;  // further stretched, it would blur what is seen across
+  const float cosine = std::fabs(dot(point->geometric_normal, path_.ray.direction));
+  point->footprint = path_.footprint / (cosine > kLeast ? cosine : kLeast);
 }
 
 /// From the first dispersive surface on the path stands for one wavelength.
@@ -316,6 +330,7 @@ bool PathTracer::scatter(const ShadingPoint& point, const Bsdf& bsdf, const Tria
     path_.medium = point.front && point.material->absorbs ? point.material : nullptr;
   }
   path_.from_camera = false;
+  if (!next.delta) path_.footprint = path_.growth = 0;
   path_.by_chance = next.delta;
   path_.pdf = next.pdf;
   path_.scattered_at = receiver_of(bsdf, position);
@@ -331,11 +346,16 @@ Sampler sampler_of(const FrameContext& frame, const PathId& id) {
   return Sampler(frame.seed, frame.frame, id.x, id.y, id.sample);
 }
 
+/// Of a path that sees nothing t_max is below 0: no hit comes before that.
 Ray camera_ray(const FrameContext& frame, const PathId& id) {
-  const Vec2f u = sampler_of(frame, id).get_2d(dimensions::kFilter);
+  const Sampler sampler = sampler_of(frame, id);
+  const Vec2f u = sampler.get_2d(dimensions::kFilter);
   const Vec2f offset = frame.filter.sample(u);
-  const CameraRay camera = frame.camera.ray(id.x + 0.5 + static_cast<double>(offset.x),
-                                            id.y + 0.5 + static_cast<double>(offset.y));
+  Vec2f lens;
+  if (frame.camera.has_lens()) lens = sampler.get_2d(dimensions::kLens);
+  CameraRay camera{{}, {0, 0, 1}, -1};
+  frame.camera.ray(id.x + 0.5 + static_cast<double>(offset.x),
+                   id.y + 0.5 + static_cast<double>(offset.y), lens, &camera);
   Ray ray;
   ray.origin = camera.origin;
   ray.direction = camera.direction;
@@ -359,6 +379,10 @@ void trace_paths(const FrameContext& frame, std::span<const PathId> ids, PathScr
   const bool known = takes_packets(frame);
   if (known) frame.accel.closest_hits(std::span(rays).first(ids.size()), hits.data());
   for (std::size_t i = 0; i < ids.size(); ++i) {
+    if (rays[i].t_max < 0) [[unlikely]] {
+      results[i] = {};
+      continue;
+    }
     PathTracer tracer(frame, sampler_of(frame, ids[i]), scratch);
     results[i] = tracer.trace(rays[i], known ? &hits[i] : nullptr);
   }

@@ -9,7 +9,7 @@ namespace tessera::render::dimensions {
 
 /// Camera: x, y position in the pixel filter; z reserved (time); w wavelength.
 inline constexpr std::uint32_t kFilter = 0;
-/// Camera: x, y reserved for the lens.
+/// Camera: x, y point of the lens.
 inline constexpr std::uint32_t kLens = 1;
 
 inline constexpr std::uint32_t kFirstBounceSet = 2;

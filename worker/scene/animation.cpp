@@ -48,7 +48,25 @@ bool all_finite(const std::vector<float>& values) {
   return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
 }
 
-absl::StatusOr<Track> read_track(const Document& document, const AnimationChannel& channel,
+/// What a channel's accessors hold.
+struct TrackShape {
+  std::int32_t input, output;  // accessors
+  Interpolation interpolation;
+  int width;          // numbers a key has
+  bool flat = false;  // which are so many scalars in the output, not one element
+};
+
+TrackShape shape_of(const Document& document, const AnimationChannel& channel) {
+  return {channel.input, channel.output, channel.interpolation, track_width(document, channel),
+          channel.path == AnimationPath::weights};
+}
+
+/// A pointer's numbers are vectors up to four, and scalars one after another beyond.
+TrackShape shape_of(const PointerChannel& channel) {
+  return {channel.input, channel.output, channel.interpolation, channel.width, channel.width > 4};
+}
+
+absl::StatusOr<Track> read_track(const Document& document, const TrackShape& channel,
                                  const std::string& where) {
   const auto fault = [&](const std::string& message) {
     return absl::InvalidArgumentError(absl::StrCat(where, ": ", message));
@@ -58,9 +76,8 @@ absl::StatusOr<Track> read_track(const Document& document, const AnimationChanne
   auto times = read_floats(document, channel.input, 1);
   if (!times.ok()) return times.status();
   track.times = *std::move(times);
-  const bool weights = channel.path == AnimationPath::weights;
-  track.width = track_width(document, channel);
-  auto values = read_floats(document, channel.output, weights ? 1 : track.width);
+  track.width = channel.width;
+  auto values = read_floats(document, channel.output, channel.flat ? 1 : track.width);
   if (!values.ok()) return values.status();
   track.values = *std::move(values);
   const std::size_t per_key = static_cast<std::size_t>(track.width) *
@@ -155,9 +172,15 @@ absl::StatusOr<std::vector<std::int32_t>> choose_animations(const Document& docu
 
 double clip_seconds(const Document& document, std::int32_t animation) {
   double last = 0;
-  for (const AnimationChannel& channel : document.animations[animation].channels) {
-    const auto times = read_floats(document, channel.input, 1);
+  const auto lengthen = [&](std::int32_t input) {
+    const auto times = read_floats(document, input, 1);
     if (times.ok() && !times->empty() && times->back() > last) last = times->back();
+  };
+  for (const AnimationChannel& channel : document.animations[animation].channels) {
+    lengthen(channel.input);
+  }
+  for (const PointerChannel& channel : document.animations[animation].pointers) {
+    lengthen(channel.input);
   }
   return last;
 }
@@ -184,10 +207,15 @@ absl::Status check_animations(const Document& document) {
           document.accessors[c.output].count == output_count(document, c)) {
         continue;
       }
-      const auto track = read_track(document, c, channel_path(static_cast<std::int32_t>(i), k));
+      const auto track = read_track(document, shape_of(document, c),
+                                    channel_path(static_cast<std::int32_t>(i), k));
       if (!track.ok()) return track.status();
       sound.insert(input);
       sound.insert(output);
+    }
+    for (const PointerChannel& c : document.animations[i].pointers) {
+      const auto values = pointer_values(document, static_cast<std::int32_t>(i), c, 0);
+      if (!values.ok()) return values.status();
     }
   }
   return absl::OkStatus();
@@ -198,7 +226,8 @@ absl::Status animate(const Document& document, std::int32_t animation, double se
   const auto& channels = document.animations[animation].channels;
   for (std::size_t k = 0; k < channels.size(); ++k) {
     const AnimationChannel& channel = channels[k];
-    const auto track = read_track(document, channel, channel_path(animation, k));
+    const auto track =
+        read_track(document, shape_of(document, channel), channel_path(animation, k));
     if (!track.ok()) return track.status();
     Node& node = nodes[channel.node];
     const bool rotation = channel.path == AnimationPath::rotation;
@@ -210,6 +239,18 @@ absl::Status animate(const Document& document, std::int32_t animation, double se
     if (channel.path == AnimationPath::weights) node.weights = v;
   }
   return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<double>> pointer_values(const Document& document, std::int32_t animation,
+                                                   const PointerChannel& channel, double seconds) {
+  const auto track =
+      read_track(document, shape_of(channel), channel_path(animation, channel.index));
+  if (!track.ok()) return track.status();
+  if (track->times.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(channel_path(animation, channel.index), ": has no keys"));
+  }
+  return evaluate(*track, seconds, false);
 }
 
 }  // namespace tessera::render

@@ -27,6 +27,10 @@ absl::Status check_animations(const Document& document);
 absl::Status animate(const Document& document, std::int32_t animation, double seconds,
                      std::vector<Node>& nodes);
 
+/// Numbers of a pointer channel at `seconds`. Requires check_animations().
+absl::StatusOr<std::vector<double>> pointer_values(const Document& document, std::int32_t animation,
+                                                   const PointerChannel& channel, double seconds);
+
 /// Quaternion from a to b along the shorter arc, f in [0, 1]; unit when a and b are.
 Vec4d slerp(const Vec4d& a, Vec4d b, double f);
 

@@ -4,6 +4,7 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "worker/math/elementary.h"
 
 namespace tessera::render {
 
@@ -31,12 +32,12 @@ Camera frame_everything(const PosedNodes& nodes) {
 }
 
 absl::Status check_camera(const Camera& camera, const std::string& where) {
-  const bool perspective = camera.kind == Camera::Kind::perspective;
-  const bool valid = perspective ? camera.yfov > 0 && camera.yfov < kPi
-                                 : camera.ymag > 0 && std::isfinite(camera.ymag);
-  if (!valid) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(where, perspective ? ": yfov is not in (0, pi)" : ": ymag is not above 0"));
+  if (camera.kind == Camera::Kind::perspective && !(camera.yfov > 0 && camera.yfov < kPi)) {
+    return absl::InvalidArgumentError(absl::StrCat(where, ": yfov is not in (0, pi)"));
+  }
+  if (camera.kind == Camera::Kind::orthographic &&
+      !(camera.ymag > 0 && std::isfinite(camera.ymag))) {
+    return absl::InvalidArgumentError(absl::StrCat(where, ": ymag is not above 0"));
   }
   if (!(camera.znear >= 0 && camera.zfar > camera.znear)) {
     return absl::InvalidArgumentError(absl::StrCat(where, ": znear and zfar are out of order"));
@@ -54,7 +55,7 @@ std::int32_t find_camera_node(const Document& document, const std::string& wante
     const std::int32_t camera = document.nodes[node].camera;
     if (camera == kNone) continue;
     if (wanted.empty() || document.nodes[node].name == wanted ||
-        document.cameras[camera].name == wanted) {
+        document.cameras[camera].camera.name == wanted) {
       return node;
     }
     if (camera == index && by_index == kNone) by_index = node;
@@ -67,7 +68,7 @@ std::string known_cameras(const Document& document, const std::vector<std::int32
   for (const std::int32_t node : order) {
     const std::int32_t camera = document.nodes[node].camera;
     if (camera == kNone || out.size() > 500) continue;
-    const std::string& own = document.cameras[camera].name;
+    const std::string& own = document.cameras[camera].camera.name;
     absl::StrAppend(&out, out.empty() ? "" : ", ", camera, " \"",
                     own.empty() ? document.nodes[node].name : own, "\"");
   }
@@ -89,6 +90,56 @@ std::optional<Affine3d> rigid_part(const Affine3d& world) {
   return from_axes(x, y, z, world.translation);
 }
 
+namespace {
+
+/// From the space of the camera's node to that of its lookAt; nullopt when no direction is left.
+std::optional<Affine3d> look_at_transform(const LookAt& look) {
+  const Vec3d z = normalize(look.position - look.target);
+  const Vec3d x = normalize(cross(look.up, z));
+  if (z == Vec3d{} || x == Vec3d{}) return std::nullopt;
+  return from_axes(x, cross(z, x), z, look.position);
+}
+
+/// Where the camera stands and looks, not recentred.
+absl::StatusOr<Affine3d> place_camera(const CameraSource& source, const Affine3d& world,
+                                      std::int32_t node, const std::string& where) {
+  Affine3d local;
+  if (source.look_at) {
+    const auto look = look_at_transform(*source.look_at);
+    if (!look) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(where,
+                       ".extensions.TESSERA_camera.lookAt: position, target and up leave "
+                       "no direction"));
+    }
+    local = *look;
+  }
+  auto placed = rigid_part(source.look_at ? world * local : world);
+  if (placed) return *placed;
+  return absl::InvalidArgumentError(absl::StrCat("nodes[", node, "]: a singular camera node"));
+}
+
+/// The lens's size, from its f-number, and what it is focused on. The focal length is the one at
+/// which the sensor's height sees the picture's, so that yfov stays what it is at any focus.
+absl::Status set_up_lens(const CameraSource& source, const std::vector<Affine3d>& world,
+                         const std::string& where, const Affine3d& placed, Camera& camera) {
+  if (source.f_number == 0) return absl::OkStatus();
+  const double half_height =
+      elementary::sin(0.5 * camera.yfov) / elementary::cos(0.5 * camera.yfov);
+  const double focal_length = 0.5 * source.sensor_height / half_height;
+  camera.lens.radius = 0.5 * focal_length / source.f_number;
+  if (source.focus_node == kNone) return absl::OkStatus();
+  const Vec3d back{placed.rows[0].z, placed.rows[1].z, placed.rows[2].z};
+  const Vec3d target = world[source.focus_node].translation;
+  camera.lens.focus_distance = dot(placed.translation - target, back);
+  if (camera.lens.focus_distance > 0) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(where, ".extensions.TESSERA_camera.lens.focusNode: nodes[", source.focus_node,
+                   "] is not in front of the camera"));
+}
+
+}  // namespace
+
 absl::StatusOr<Camera> set_up_camera(const Document& document,
                                      const contract::RenderSettings& settings,
                                      const PosedNodes& nodes, std::vector<Problem>& problems) {
@@ -99,13 +150,13 @@ absl::StatusOr<Camera> set_up_camera(const Document& document,
                                                    "\" in the scene; it has ",
                                                    known_cameras(document, nodes.order)));
   }
-  Camera camera = document.cameras[document.nodes[node].camera];
+  const CameraSource& source = document.cameras[document.nodes[node].camera];
+  Camera camera = source.camera;
   const std::string where = absl::StrCat("cameras[", document.nodes[node].camera, "]");
   absl::Status valid = check_camera(camera, where);
-  auto placed = rigid_part(nodes.world[node]);
-  if (valid.ok() && !placed) {
-    valid = absl::InvalidArgumentError(absl::StrCat("nodes[", node, "]: a singular camera node"));
-  }
+  auto placed = place_camera(source, nodes.world[node], node, where);
+  if (valid.ok()) valid = placed.status();
+  if (valid.ok()) valid = set_up_lens(source, nodes.world, where, *placed, camera);
   if (!valid.ok()) {
     if (!settings.camera.empty()) return valid;
     problems.push_back({Problem::Severity::warning, where,

@@ -303,6 +303,7 @@ class Converter {
   void convert_channel(const tinygltf::Animation& from, std::size_t k, const std::string& where,
                        Animation& animation) {
     const auto& c = from.channels[k];
+    if (c.target_path == "pointer") return;  // see animation_pointers.h
     const std::int32_t sampler = index(c.sampler, from.samplers.size(), where + ".sampler");
     AnimationChannel out;
     out.node = index(c.target_node, in_.nodes.size(), where + ".target.node");
@@ -361,7 +362,7 @@ class Converter {
       } else {
         fault(absl::StrCat("cameras[", i, "].type"), "is not perspective or orthographic");
       }
-      out_.cameras.push_back(std::move(camera));
+      out_.cameras.emplace_back().camera = std::move(camera);
     }
   }
 

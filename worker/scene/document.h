@@ -66,6 +66,19 @@ enum class PrimitiveMode : std::uint8_t {
   fan
 };
 
+/// TESSERA_camera, lookAt, in the space of the camera's node.
+struct LookAt {
+  Vec3d position, target, up = {0, 1, 0};
+};
+
+struct CameraSource {
+  Camera camera;  // camera_to_world and the lens's radius and focus unset
+  std::optional<LookAt> look_at;
+  double f_number = 0;           // 0: no lens
+  double sensor_height = 0.024;  // metres
+  std::int32_t focus_node = kNone;
+};
+
 /// The material of one primitive under some KHR_materials_variants variants.
 struct VariantMapping {
   std::int32_t material = kNone;
@@ -110,7 +123,8 @@ struct ImageSource {
 struct TextureSource {
   std::int32_t image = kNone;
   std::int32_t sampler = kNone;
-  bool basisu_only = false;  // only a KTX2 image, which we cannot read
+  std::int32_t procedure = kNone;  // TESSERA_texture
+  bool basisu_only = false;        // only a KTX2 image, which we cannot read
 };
 
 struct Skin {
@@ -128,9 +142,19 @@ struct AnimationChannel {
   Interpolation interpolation = Interpolation::linear;
 };
 
+/// KHR_animation_pointer: numbers of the file named by a JSON pointer.
+struct PointerChannel {
+  std::string pointer;
+  int width = 1;                               // numbers there
+  std::int32_t input = kNone, output = kNone;  // accessors
+  Interpolation interpolation = Interpolation::linear;
+  std::size_t index = 0;  // of the channel in the file
+};
+
 struct Animation {
   std::string name;
   std::vector<AnimationChannel> channels;
+  std::vector<PointerChannel> pointers;
 };
 
 struct SceneSource {
@@ -145,13 +169,14 @@ struct Document {
   std::vector<Accessor> accessors;
   std::vector<ImageSource> images;
   std::vector<TextureSource> texture_sources;
+  std::vector<Procedure> procedures;
   std::vector<Texture> samplers;    // `image` unset
   std::vector<Material> materials;  // TextureRef::texture indexes texture_sources
   std::vector<MeshSource> meshes;
   std::vector<Node> nodes;
   std::vector<Skin> skins;
   std::vector<Animation> animations;
-  std::vector<Camera> cameras;        // camera_to_world unset
+  std::vector<CameraSource> cameras;
   std::vector<PunctualLight> lights;  // node, position, direction unset
   std::vector<SceneSource> scenes;
   std::int32_t default_scene = kNone;

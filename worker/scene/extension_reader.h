@@ -12,6 +12,13 @@ namespace tessera::render {
 /// Errors: InvalidArgument "ELEMENT: FAULT".
 absl::Status read_node_extensions(const nlohmann::json& root, Document& document);
 
+/// Folds TESSERA_camera into document.cameras. Errors: InvalidArgument.
+absl::Status read_camera_extensions(const nlohmann::json& root, Document& document);
+
+/// TESSERA_texture of document.texture_sources, which come from read_images().
+/// Errors: InvalidArgument.
+absl::Status read_texture_extensions(const nlohmann::json& root, Document& document);
+
 /// Images (data URIs decoded, views resolved, files only named) and textures.
 /// Errors: InvalidArgument.
 absl::Status read_images(const nlohmann::json& root, Document& document);

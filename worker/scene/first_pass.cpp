@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "worker/scene/json_view.h"
 #include "worker/scene/limits.h"
+#include "worker/scene/tessera_extensions.h"
 #include "worker/scene/uri.h"
 
 namespace tessera::render {
@@ -15,10 +16,11 @@ using nlohmann::json;
 
 namespace {
 
-constexpr std::array<std::string_view, 23> kKnownExtensions = {
+constexpr std::array<std::string_view, 24> kKnownExtensions = {
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_webp",
+    "KHR_animation_pointer",
     "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_anisotropy",
@@ -41,8 +43,8 @@ constexpr std::array<std::string_view, 23> kKnownExtensions = {
     "KHR_texture_transform"};
 
 bool is_known(std::string_view name) {
-  return std::find(kKnownExtensions.begin(), kKnownExtensions.end(), name) !=
-         kKnownExtensions.end();
+  return is_tessera_extension(name) || std::find(kKnownExtensions.begin(), kKnownExtensions.end(),
+                                                 name) != kKnownExtensions.end();
 }
 
 /// What tinygltf expects under a key of the core specification, wherever it stands.
@@ -366,7 +368,8 @@ absl::Status check_extensions(const json& root, Document& document) {
                                    name + " is not supported; what it says is ignored"});
     }
   }
-  return fault.status();
+  if (!fault.status().ok()) return fault.status();
+  return check_tessera_extensions(root);
 }
 
 absl::Status resolve_buffers(const json& root, const GltfContainer& container,

@@ -17,7 +17,8 @@ namespace tessera::render {
 /// Parses `text`. Requires split_container()'s checks. Errors: InvalidArgument with the place.
 absl::StatusOr<nlohmann::json> parse_json(std::string_view text);
 
-/// Refuses unknown required extensions by name (Unimplemented), warns of unknown used ones.
+/// Refuses unknown required extensions by name (Unimplemented), warns of unknown used ones; runs
+/// check_tessera_extensions().
 absl::Status check_extensions(const nlohmann::json& root, Document& document);
 
 /// Fills document.buffers from the GLB chunk, data URIs and `reader`; names files in

@@ -1,8 +1,10 @@
 #include "worker/scene/json_view.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "worker/scene/scene.h"
 
 namespace tessera::render {
@@ -67,6 +69,17 @@ std::vector<std::string> JsonView::keys() const {
   }
   for (const auto& item : value_->items()) out.push_back(item.key());
   return out;
+}
+
+void JsonView::allow(std::initializer_list<std::string_view> names) const {
+  for (const std::string& key : keys()) {
+    if (key == "extensions" || key == "extras") continue;
+    if (std::find(names.begin(), names.end(), key) != names.end()) continue;
+    fault_->report(
+        absl::StrCat(path_, ".", key),
+        absl::StrCat("is unknown; there are ",
+                     absl::StrJoin(std::vector<std::string>(names.begin(), names.end()), ", ")));
+  }
 }
 
 double JsonView::number(std::string_view key, double fallback, double low, double high) const {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
 #include <limits>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
@@ -41,6 +42,9 @@ class JsonView {
   [[nodiscard]] JsonView absent() const { return {nullptr, path_, fault_}; }
   /// Elements of an array; none when absent. A fault when it is something else.
   [[nodiscard]] std::vector<JsonView> items() const;
+  /// A fault for every member of this object whose name is not among `names`, `extensions` or
+  /// `extras`: for our own extensions, where a misspelt member must not pass.
+  void allow(std::initializer_list<std::string_view> names) const;
   /// Names of an object's members in the JSON library's (sorted) order.
   [[nodiscard]] std::vector<std::string> keys() const;
 

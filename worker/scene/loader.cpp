@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "worker/scene/accessor_reader.h"
 #include "worker/scene/animation.h"
+#include "worker/scene/animation_pointers.h"
 #include "worker/scene/compression.h"
 #include "worker/scene/container.h"
 #include "worker/scene/core_model.h"
@@ -36,7 +37,7 @@ class LoadedScene final : public SceneFile {
   SceneContents contents() const override {
     SceneContents out;
     for (const SceneSource& s : document_.scenes) out.scenes.push_back(s.name);
-    for (const Camera& c : document_.cameras) out.cameras.push_back(c.name);
+    for (const CameraSource& c : document_.cameras) out.cameras.push_back(c.camera.name);
     for (std::size_t i = 0; i < document_.animations.size(); ++i) {
       out.animations.push_back(
           {document_.animations[i].name, clip_seconds(document_, static_cast<std::int32_t>(i))});
@@ -49,9 +50,22 @@ class LoadedScene final : public SceneFile {
 
   absl::StatusOr<Scene> pose(const contract::RenderSettings& settings,
                              std::int32_t frame) const override {
-    const PoseInput input{document_, has_sky_ ? &sky_ : nullptr, settings, frame};
-    std::vector<Problem> met;
+    const auto animations = choose_animations(document_, settings.animation);
+    if (!animations.ok()) return in_file(name_, animations.status());
     PoseCache cache = last_pose();
+    Document animated;
+    const bool pointers = has_pointers(document_, *animations);
+    if (pointers) {
+      auto read = animated_document(*animations, settings, frame);
+      if (!read.ok()) return in_file(name_, read.status());
+      animated = *std::move(read);
+      // What a mesh needs may follow from numbers of its materials.
+      cache.meshes.clear();
+      cache.bases.clear();
+    }
+    const PoseInput input{pointers ? animated : document_, has_sky_ ? &sky_ : nullptr, settings,
+                          frame};
+    std::vector<Problem> met;
     auto scene = build_scene(input, cache, met);
     remember(met);
     if (!scene.ok()) return in_file(name_, scene.status());
@@ -89,11 +103,44 @@ class LoadedScene final : public SceneFile {
     if (status.ok()) status = check_views(document_);
     if (status.ok()) status = check_accessors(document_);
     if (status.ok()) status = read_images(*root, document_);
-    if (status.ok()) status = read_material_extensions(*root, document_);
-    if (status.ok()) status = read_node_extensions(*root, document_);
+    if (status.ok()) status = read_extensions(*root, document_);
+    if (status.ok()) status = read_animation_pointers(*root, document_);
     if (status.ok()) status = check_animations(document_);
     if (status.ok()) status = fetch_images(reader);
+    const bool animated = std::any_of(document_.animations.begin(), document_.animations.end(),
+                                      [](const Animation& a) { return !a.pointers.empty(); });
+    if (animated) root_ = std::make_unique<nlohmann::json>(*std::move(root));
     return status;
+  }
+
+  static absl::Status read_extensions(const nlohmann::json& root, Document& document) {
+    absl::Status status = read_texture_extensions(root, document);
+    if (status.ok()) status = read_material_extensions(root, document);
+    if (status.ok()) status = read_node_extensions(root, document);
+    if (status.ok()) status = read_camera_extensions(root, document);
+    return status;
+  }
+
+  /// The document with the numbers that pointers animate as they are at `frame`. Buffers and
+  /// images are those of the first reading, which must outlive it.
+  absl::StatusOr<Document> animated_document(const std::vector<std::int32_t>& animations,
+                                             const contract::RenderSettings& settings,
+                                             std::int32_t frame) const {
+    nlohmann::json root = *root_;
+    const double seconds = static_cast<double>(frame) / settings.fps;
+    absl::Status status = animate_json(document_, animations, seconds, root);
+    if (!status.ok()) return status;
+    const auto core = core_text(root);
+    if (!core.ok()) return core.status();
+    Document out;
+    out.buffers = document_.buffers;
+    out.images = document_.images;
+    out.texture_sources = document_.texture_sources;
+    status = read_core_model(*core, out);
+    if (status.ok()) status = read_extensions(root, out);
+    if (!status.ok()) return status;
+    out.animations = document_.animations;
+    return out;
   }
 
   /// Reads the files of the images that materials name.
@@ -102,6 +149,7 @@ class LoadedScene final : public SceneFile {
       for (const TextureRef* ref : texture_refs(material)) {
         if (!*ref) continue;
         const TextureSource& texture = document_.texture_sources[ref->texture];
+        if (texture.procedure != kNone) continue;
         if (texture.basisu_only) {
           return absl::UnimplementedError(
               absl::StrCat("textures[", ref->texture,
@@ -161,7 +209,8 @@ class LoadedScene final : public SceneFile {
   mutable std::mutex mutex_;  // guards document_.problems, said_ and cache_
   mutable PoseCache cache_;   // of the last pose
   mutable std::set<std::string> said_;
-  mutable Document document_;  // after load() only `problems` changes
+  mutable Document document_;                   // after load() only `problems` changes
+  std::unique_ptr<const nlohmann::json> root_;  // if animations have pointers
   Image sky_;
   bool has_sky_ = false;
 };

@@ -75,6 +75,9 @@ std::uint32_t scene_features(const Scene& scene) {
   }
   if (scene.instances.size() > scene.meshes.size()) f |= kNeedsInstances;
   if (scene.camera.kind == Camera::Kind::orthographic) f |= kNeedsOrthographicCamera;
+  if (scene.camera.kind > Camera::Kind::orthographic) f |= kNeedsCurvedScreen;
+  if (scene.camera.lens.radius > 0) f |= kNeedsLens;
+  if (!scene.procedures.empty()) f |= kNeedsProcedures;
   return f;
 }
 
@@ -88,7 +91,8 @@ std::int64_t light_table_bytes(const Scene& scene, const std::vector<bool>& used
   for (std::size_t i = 0; i < scene.materials.size(); ++i) {
     const Material& m = scene.materials[i];
     if (!used_materials[i] || !emits(m) || !m.emissive_texture) continue;
-    bytes += kLightBytesPerTexel * texels(scene.textures[m.emissive_texture.texture].image);
+    const std::int32_t image = scene.textures[m.emissive_texture.texture].image;
+    if (image != kNone) bytes += kLightBytesPerTexel * texels(image);
   }
   if (scene.has_environment && scene.environment.image != kNone) {
     bytes += kLightBytesPerSkyTexel * texels(scene.environment.image);
@@ -233,7 +237,10 @@ std::vector<std::string> feature_names(std::uint32_t features) {
                                            "sheen",
                                            "dispersion",
                                            "iridescence",
-                                           "diffuse-transmission"};
+                                           "diffuse-transmission",
+                                           "curved-screen",
+                                           "lens",
+                                           "procedural-textures"};
   std::vector<std::string> out;
   for (std::size_t bit = 0; bit < std::size(kNames); ++bit) {
     if ((features >> bit & 1) != 0) out.emplace_back(kNames[bit]);

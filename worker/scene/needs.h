@@ -36,6 +36,9 @@ enum Feature : std::uint32_t {
   kNeedsDispersion = 1u << 21,
   kNeedsIridescence = 1u << 22,
   kNeedsDiffuseTransmission = 1u << 23,
+  kNeedsCurvedScreen = 1u << 24,
+  kNeedsLens = 1u << 25,
+  kNeedsProcedures = 1u << 26,
 };
 
 /// Resident memory of a renderer before it has a scene, measured. A Radiance sky adds some 120 MB

@@ -36,11 +36,44 @@ struct Image {
 
 enum class Wrap : std::uint8_t { repeat, clamp, mirror };
 
-/// An image with its sampler.
+/// TESSERA_texture: colours worked out where they are wanted (worker/shading/procedure.h).
+struct Procedure {
+  enum class Pattern : std::uint8_t {
+    noise,
+    fbm,
+    turbulence,
+    ridged,
+    marble,
+    wood,
+    clouds,
+    worn_metal,
+    fire
+  };
+  enum class Space : std::uint8_t { object, world, uv };
+  struct Stop {
+    float at = 0;  // [0, 1], increasing
+    Vec4f color;   // linear
+  };
+  Pattern pattern = Pattern::fbm;
+  Space space = Space::object;
+  std::int32_t dimensions = 3;  // 1 to 4; the fourth is time
+  Vec3f scale = {1, 1, 1};      // features a metre (or a unit of uv), per axis
+  Vec3f offset;                 // in features
+  float time = 0;
+  std::uint32_t seed = 0;
+  std::int32_t octaves = 6;
+  float lacunarity = 2, gain = 0.5f;  // of frequency and amplitude, from octave to octave
+  float distortion = 1;               // of marble and wood by turbulence
+  float bump_height = 0;              // metres from 0 to 1 where a normal map is asked for
+  std::vector<Stop> ramp;             // at least one
+};
+
+/// An image with its sampler, or a procedure.
 struct Texture {
   std::int32_t image = kNone;
   Wrap wrap_u = Wrap::repeat, wrap_v = Wrap::repeat;
-  bool nearest = false;  // magnification filter NEAREST; else bilinear
+  bool nearest = false;            // magnification filter NEAREST; else bilinear
+  std::int32_t procedure = kNone;  // goes before the image
 };
 
 /// How a material reads a texture. uv' = matrix * (u, v, 1) (KHR_texture_transform).
@@ -180,14 +213,35 @@ struct PunctualLight {
   float cos_inner = 1, cos_outer = 0.70710678f;          // spot cone
 };
 
+/// TESSERA_camera's thin lens, of a perspective camera.
+struct Lens {
+  double radius = 0;          // of the aperture, metres; 0: a pinhole, all is sharp
+  double focus_distance = 1;  // metres along -Z
+  std::int32_t blades = 0;    // corners of the aperture; 0: round
+  double blade_rotation = 0;  // radians, counter-clockwise as the camera looks
+  double rim_distance = 0;    // metres before the lens a rim stands that cuts rays off, and
+  double rim_radius = std::numeric_limits<double>::infinity();
+};
+
 struct Camera {
-  enum class Kind : std::uint8_t { perspective, orthographic };
+  enum class Kind : std::uint8_t {
+    perspective,
+    orthographic,
+    spherical,    // curved screens, TESSERA_camera: longitude by latitude
+    cylindrical,  // longitude by height
+    equidistant,  // fisheyes: distance from the middle as the angle
+    equisolid,    // as the sine of half the angle
+  };
   Kind kind = Kind::perspective;
   std::string name;
   double yfov = 0.69813170079773184;  // radians, full vertical angle (perspective)
   double ymag = 1;                    // half height, metres (orthographic)
   double znear = 0;                   // metres; nothing nearer is seen
   double zfar = std::numeric_limits<double>::infinity();
+  double center_x = 0, center_y = 0;  // film's middle: at depth 1, or metres (orthographic)
+  double slant_x = 0, slant_y = 0;    // orthographic: sideways per metre of depth
+  double horizontal_angle = 0, vertical_angle = 0;  // radians, curved screens; fisheyes: both alike
+  Lens lens;
   Affine3d camera_to_world;  // recentred; orthonormal axes; looks down -Z, +Y up
 };
 
@@ -202,6 +256,7 @@ struct Environment {
 struct Scene {
   std::vector<Image> images;
   std::vector<Texture> textures;
+  std::vector<Procedure> procedures;
   std::vector<Material> materials;  // at least one: glTF's default material is last
   std::vector<Mesh> meshes;
   std::vector<Instance> instances;

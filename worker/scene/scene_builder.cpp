@@ -422,7 +422,8 @@ class SceneBuilder {
                        [mesh](const SkinnedMesh& s) { return s.mesh == mesh; });
   }
 
-  /// Decodes each image a used material reads, once; other references are cleared.
+  /// Decodes each image a used material reads, once, and copies each procedure it has worked out;
+  /// other references are cleared.
   absl::Status add_textures() {
     for (const TextureSource& source : document_.texture_sources) {
       Texture texture;
@@ -434,21 +435,32 @@ class SceneBuilder {
     for (std::size_t m = 0; m < scene_.materials.size(); ++m) {
       for (TextureRef* ref : texture_refs(scene_.materials[m])) {
         if (!*ref) continue;
-        const std::int32_t image = document_.texture_sources[ref->texture].image;
-        if (!used_[m] || image == kNone) {
+        const TextureSource& source = document_.texture_sources[ref->texture];
+        if (used_[m] && source.procedure != kNone) {
+          add_procedure(ref->texture);
+          continue;
+        }
+        if (!used_[m] || source.image == kNone) {
           if (used_[m]) warn(absl::StrCat("textures[", ref->texture, "]"), "has no image");
           *ref = TextureRef();
           continue;
         }
-        if (!decoded.contains(image)) {
-          absl::Status status = add_image(image);
+        if (!decoded.contains(source.image)) {
+          absl::Status status = add_image(source.image);
           if (!status.ok()) return status;
-          decoded[image] = static_cast<std::int32_t>(scene_.images.size()) - 1;
+          decoded[source.image] = static_cast<std::int32_t>(scene_.images.size()) - 1;
         }
-        scene_.textures[ref->texture].image = decoded[image];
+        scene_.textures[ref->texture].image = decoded[source.image];
       }
     }
     return absl::OkStatus();
+  }
+
+  void add_procedure(std::int32_t index) {
+    Texture& texture = scene_.textures[index];
+    if (texture.procedure != kNone) return;
+    texture.procedure = static_cast<std::int32_t>(scene_.procedures.size());
+    scene_.procedures.push_back(document_.procedures[document_.texture_sources[index].procedure]);
   }
 
   absl::Status add_image(std::int32_t index) {

@@ -25,14 +25,25 @@ float smallest_alpha(const Image& image) {
   return least;
 }
 
+/// Smallest alpha a procedure can give.
+float smallest_alpha(const Procedure& procedure) {
+  float least = 1;
+  for (const Procedure::Stop& stop : procedure.ramp) least = std::min(least, stop.color.w);
+  return least;
+}
+
 /// Whether some point of the material may let rays through as a hole.
 bool has_holes(const Material& material, const Scene& scene) {
   if (material.alpha_mode == AlphaMode::opaque) return false;
   float least = material.base_color.w;
   if (material.base_color_texture) {
     const auto index = static_cast<std::size_t>(material.base_color_texture.texture);
-    const std::int32_t image = scene.textures[index].image;
-    if (image != kNone) least *= smallest_alpha(scene.images[static_cast<std::size_t>(image)]);
+    const Texture& texture = scene.textures[index];
+    if (texture.procedure != kNone) {
+      least *= smallest_alpha(scene.procedures[static_cast<std::size_t>(texture.procedure)]);
+    } else if (texture.image != kNone) {
+      least *= smallest_alpha(scene.images[static_cast<std::size_t>(texture.image)]);
+    }
   }
   return material.alpha_mode == AlphaMode::mask ? !(least >= material.alpha_cutoff) : !(least >= 1);
 }

@@ -20,6 +20,7 @@ struct ShadingPoint {
   float b1 = 0, b2 = 0;    // barycentrics of the second and third vertex
   Vec3f geometric_normal;  // world, unit, out of the front face (also of mirrored instances)
   bool front = true;       // the ray met the front face
+  float footprint = 0;     // width of what is seen here, metres; 0: a point. For procedures
 };
 
 /// The point `hit` found along `direction`.

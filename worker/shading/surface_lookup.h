@@ -3,6 +3,7 @@
 #include "worker/geometry/frame.h"
 #include "worker/shading/microfacet.h"
 #include "worker/shading/surface.h"
+#include "worker/shading/surface_procedure.h"
 
 /// What a surface's arrays and textures say at a point; for surface.cpp and
 /// surface_extensions.cpp.
@@ -22,6 +23,8 @@ inline Vec2f uv_at(const ShadingPoint& p, const TextureRef& ref) {
 
 inline Vec4f read(const ShadingScene& scene, const ShadingPoint& p, const TextureRef& ref) {
   if (!ref) return {1, 1, 1, 1};
+  if (const Procedure* f = scene.textures.procedure(ref)) [[unlikely]]
+    return procedure_color_at(scene, p, ref, *f);
   return scene.textures.lookup(ref, uv_at(p, ref));
 }
 
@@ -60,6 +63,8 @@ inline TangentPair tangents_at(const ShadingPoint& p, const TextureRef& ref, con
 /// `normal` tilted by a normal texture; itself where tangent or texel are degenerate.
 inline Vec3f normal_mapped(const ShadingScene& scene, const ShadingPoint& p, const TextureRef& ref,
                            float scale, const Vec3f& normal) {
+  if (const Procedure* f = scene.textures.procedure(ref)) [[unlikely]]
+    return procedure_bumped(scene, p, ref, *f, scale, normal);
   const TangentPair axes = tangents_at(p, ref, normal);
   if (axes.tangent == Vec3f{}) return normal;
   const Vec4f texel = read(scene, p, ref);

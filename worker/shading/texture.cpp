@@ -52,12 +52,16 @@ Vec4f spread(const Code* codes, std::int32_t channels, const Color& color, const
 
 }  // namespace
 
-TextureTable::TextureTable(const Scene& scene) : srgb8_(srgb8_table()) {
+TextureTable::TextureTable(const Scene& scene) : center_(scene.center), srgb8_(srgb8_table()) {
   for (std::size_t i = 0; i < linear8_.size(); ++i) linear8_[i] = static_cast<float>(i) / 255;
   bool needs_srgb16 = false;
   for (const Texture& texture : scene.textures) {
     View view;
     if (texture.image != kNone) view.image = &scene.images[static_cast<std::size_t>(texture.image)];
+    if (texture.procedure != kNone) {
+      view.procedure = &scene.procedures[static_cast<std::size_t>(texture.procedure)];
+      has_procedures_ = true;
+    }
     view.wrap_u = texture.wrap_u;
     view.wrap_v = texture.wrap_v;
     view.nearest = texture.nearest;

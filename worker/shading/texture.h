@@ -20,6 +20,14 @@ class TextureTable {
   /// A missing texture is white. Coordinates that are not finite read as 0.
   Vec4f lookup(const TextureRef& ref, Vec2f uv) const;
 
+  /// What `ref` is worked out by, if it is not an image. Requires a ref with a texture.
+  const Procedure* procedure(const TextureRef& ref) const {
+    return views_[static_cast<std::size_t>(ref.texture)].procedure;
+  }
+  bool has_procedures() const { return has_procedures_; }
+  /// Scene::center, which procedures in world space add back.
+  const Vec3d& center() const { return center_; }
+
   /// Texel (x, y) of image `ref` reads, decoded, after wrapping; for tables made at build time.
   Vec4f texel(const TextureRef& ref, std::int32_t x, std::int32_t y) const;
 
@@ -28,6 +36,7 @@ class TextureTable {
  private:
   struct View {
     const Image* image = nullptr;
+    const Procedure* procedure = nullptr;
     Wrap wrap_u = Wrap::repeat, wrap_v = Wrap::repeat;
     bool nearest = false;
   };
@@ -35,6 +44,8 @@ class TextureTable {
   Vec4f fetch(const View& view, bool srgb, std::int32_t x, std::int32_t y) const;
 
   std::vector<View> views_;
+  bool has_procedures_ = false;
+  Vec3d center_;
   std::array<float, 256> linear8_{}, srgb8_{};
   std::vector<float> srgb16_;  // only if a 16-bit image is read as sRGB
 };

@@ -12,7 +12,7 @@ tessera_test(NAME math KIND unit
   SOURCES unit/worker/math/elementary_test.cpp unit/worker/math/vector_test.cpp
   LINKS tessera::render)
 tessera_test(NAME sampling KIND unit
-  SOURCES unit/worker/sampling/distribution_test.cpp unit/worker/sampling/sampler_test.cpp
+  SOURCES unit/worker/sampling/distribution_test.cpp unit/worker/sampling/gradient_noise_test.cpp unit/worker/sampling/sampler_test.cpp
     unit/worker/sampling/warp_test.cpp
   LINKS tessera::render)
 include(unit/worker/scene/tests.cmake)

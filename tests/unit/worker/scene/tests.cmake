@@ -1,9 +1,9 @@
 # The loader: one binary over all of its parts.
 tessera_test(NAME scene KIND unit
   SOURCES
-    unit/worker/scene/accessor_test.cpp unit/worker/scene/animation_test.cpp
+    unit/worker/scene/accessor_test.cpp unit/worker/scene/animation_pointer_test.cpp unit/worker/scene/animation_test.cpp
     unit/worker/scene/compression_test.cpp unit/worker/scene/container_test.cpp
-    unit/worker/scene/inspect_test.cpp
+    unit/worker/scene/extensions_test.cpp unit/worker/scene/inspect_test.cpp
     unit/worker/scene/malformed_test.cpp unit/worker/scene/material_test.cpp
     unit/worker/scene/pose_cache_test.cpp
     unit/worker/scene/pose_test.cpp unit/worker/scene/tangents_test.cpp

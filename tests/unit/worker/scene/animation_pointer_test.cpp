@@ -1,0 +1,133 @@
+/// KHR_animation_pointer: numbers of cameras, materials, lights, textures and nodes over time.
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+
+#include "tests/support/gltf_builder.h"
+#include "tests/support/memory_scene.h"
+
+namespace tessera::testing {
+namespace {
+
+using render::Scene;
+
+/// A file with a camera, a light, a material with a procedural texture, and an animation of the
+/// number at `pointer` from `from` at 0 s to `to` at 2 s.
+std::unique_ptr<GltfBuilder> animated(const std::string& pointer, const std::vector<float>& from,
+                                      const std::vector<float>& to,
+                                      const std::string& interpolation = "LINEAR") {
+  auto file = std::make_unique<GltfBuilder>();
+  for (const char* name : {"KHR_animation_pointer", "KHR_lights_punctual", "TESSERA_camera",
+                           "TESSERA_texture", "KHR_materials_emissive_strength"}) {
+    file->use_extension(name);
+  }
+  file->add("cameras", R"({"type": "perspective", "perspective": {"yfov": 1, "znear": 1},
+      "extensions": {"TESSERA_camera": {"lens": {"fNumber": 2, "focusDistance": 1, "blades": 5}}}})");
+  file->set("/extensions/KHR_lights_punctual/lights", R"([{"type": "point", "intensity": 1}])");
+  file->add("textures", R"({"extensions": {"TESSERA_texture":
+      {"pattern": "fire", "time": 0, "seed": 3, "offset": [0, 0, 0]}}})");
+  file->add_material(R"({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0},
+      "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 2}}})");
+  file->add_node(R"({"camera": 0})");
+  file->add_node(R"({"extensions": {"KHR_lights_punctual": {"light": 0}}})");
+  file->add_node_with_mesh(file->add_mesh(unit_quad(0)));
+  std::vector<float> values = from;
+  values.insert(values.end(), to.begin(), to.end());
+  const char* types[] = {"SCALAR", "SCALAR", "VEC2", "VEC3", "VEC4"};
+  const int times = file->add_floats("SCALAR", {0, 2});
+  const int output = file->add_floats(types[from.size()], values);
+  file->add("animations",
+            R"({"samplers": [{"input": )" + std::to_string(times) + R"(, "output": )" +
+                std::to_string(output) + R"(, "interpolation": ")" + interpolation +
+                R"("}], "channels": [{"sampler": 0, "target": {"path": "pointer", "extensions":
+                {"KHR_animation_pointer": {"pointer": ")" +
+                pointer + R"("}}}}]})");
+  return file;
+}
+
+/// The scene 1.5 s into the clip: three quarters of the way.
+Scene late(const GltfBuilder& file) {
+  auto scene = load_and_pose(file, {}, 36);  // of 24 a second
+  EXPECT_TRUE(scene.ok()) << scene.status();
+  return scene.ok() ? *std::move(scene) : Scene();
+}
+
+TEST(AnimationPointer, MovesNumbersOfEveryKind) {
+  EXPECT_DOUBLE_EQ(late(*animated("/cameras/0/perspective/yfov", {1}, {2})).camera.yfov, 1.75);
+  EXPECT_DOUBLE_EQ(
+      late(*animated("/cameras/0/extensions/TESSERA_camera/lens/focusDistance", {1}, {5}))
+          .camera.lens.focus_distance,
+      4);
+  EXPECT_EQ(late(*animated("/extensions/KHR_lights_punctual/lights/0/intensity", {1}, {9}))
+                .lights[0]
+                .intensity,
+            (render::Vec3f{7, 7, 7}));
+  EXPECT_EQ(
+      late(*animated("/extensions/KHR_lights_punctual/lights/0/color", {0, 0, 0}, {1, 0, 0.5}))
+          .lights[0]
+          .intensity,
+      (render::Vec3f{0.75f, 0, 0.375f}));
+  EXPECT_EQ(late(*animated("/textures/0/extensions/TESSERA_texture/offset", {0, 0, 0}, {4, 8, 0}))
+                .procedures[0]
+                .offset,
+            (render::Vec3f{3, 6, 0}));
+  EXPECT_EQ(
+      late(*animated("/materials/0/emissiveFactor", {0, 0, 0}, {1, 0, 1})).materials[0].emission,
+      (render::Vec3f{1.5f, 0, 1.5f}));
+  // A number that is left to its default, in an object that is left out.
+  EXPECT_EQ(late(*animated("/materials/0/pbrMetallicRoughness/roughnessFactor", {1}, {0}))
+                .materials[0]
+                .roughness,
+            0.25f);
+  EXPECT_EQ(late(*animated("/nodes/2/translation", {0, 0, 0}, {4, 0, 0})).center.x, 3.5);
+  EXPECT_DOUBLE_EQ(late(*animated("/cameras/0/perspective/yfov", {1}, {2}, "STEP")).camera.yfov, 1);
+}
+
+std::string refusal(const std::string& pointer, const std::vector<float>& to) {
+  const auto file = animated(pointer, std::vector<float>(to.size(), 1), to);
+  return std::string(load_and_pose(*file, {}, 36).status().message());
+}
+
+TEST(AnimationPointer, RefusesWhatIsNoNumberOfTheScene) {
+  const std::string at =
+      "scene.gltf: animations[0].channels[0].target.extensions.KHR_animation_pointer.pointer: ";
+  for (const char* pointer :
+       {"", "cameras/0/perspective/yfov", "/cameras/1/perspective/yfov", "/cameras/0/perspective",
+        "/cameras/0/perspective/yfof", "/cameras/x/perspective/yfov", "/asset/version",
+        "/materials/0/emissiveTexture/index", "/materials/0/emissiveFactor/0",
+        "/materials/0/extensions/KHR_materials_ior/ior",
+        "/textures/0/extensions/TESSERA_texture/seed",
+        "/textures/0/extensions/TESSERA_texture/gain", "/textures/0/source",
+        "/cameras/0/extensions/TESSERA_camera/lens/blades", "/nodes/9/translation",
+        "/nodes/0/mesh"}) {
+    EXPECT_EQ(refusal(pointer, {2}),
+              at + "\"" + pointer + "\" names no number that can be animated");
+  }
+}
+
+TEST(AnimationPointer, RefusesTracksOfAnotherShapeAndValuesOutOfRange) {
+  EXPECT_EQ(refusal("/materials/0/emissiveFactor", {2, 2}),
+            "scene.gltf: accessors[4]: has 2 components, want 3");
+  EXPECT_EQ(refusal("/extensions/KHR_lights_punctual/lights/0/intensity", {-9}),
+            "scene.gltf: extensions.KHR_lights_punctual.lights[0].intensity: -6.5 is not in [0, "
+            "1e+30]");
+}
+
+TEST(AnimationPointer, PosesFramesInAnyOrderAlike) {
+  const auto file = animated("/materials/0/emissiveFactor", {0, 0, 0}, {1, 0, 1});
+  MemoryReader reader;
+  reader.put("scene.gltf", file->gltf());
+  const auto loaded = render::load_scene_file("scene.gltf", {}, reader);
+  ASSERT_TRUE(loaded.ok());
+  ASSERT_TRUE((*loaded)->pose({}, 0).ok());
+  for (const std::int32_t frame : {36, 12, 36}) {
+    const auto scene = (*loaded)->pose({}, frame);
+    ASSERT_TRUE(scene.ok());
+    EXPECT_EQ(scene->materials[0].emission.x, static_cast<float>(frame) / 24);
+  }
+  EXPECT_EQ((*loaded)->contents().animations[0].seconds, 2);
+}
+
+}  // namespace
+}  // namespace tessera::testing
