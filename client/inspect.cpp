@@ -84,23 +84,24 @@ void add_counts(Table& table, const ordered_json& report) {
   }
 }
 
-/// A figure of a query, or "-" where it was not counted.
-std::string figure(const ordered_json& query, const char* key) {
-  const auto found = query.find(key);
-  if (found == query.end() || !found->is_number()) return "-";
+/// A figure of a row or a query, or "-" where it was not counted.
+std::string figure(const ordered_json& of, const char* key) {
+  const auto found = of.find(key);
+  if (found == of.end() || !found->is_number()) return "-";
   return absl::StrFormat("%.4g", found->get<double>());
 }
 
 /// The table of acceleration structures.
 std::string accelerators_text(const ordered_json& accelerators) {
   const ordered_json rays = accelerators.value("rays", ordered_json::object());
-  Table table({"structure", "build s", "memory", "closest M/s", "nodes", "triangles", "any M/s",
-               "nodes", "triangles", "wrong"});
+  Table table({"structure", "build s", "memory", "SAH", "overlap", "closest M/s", "nodes",
+               "triangles", "any M/s", "nodes", "triangles", "wrong"});
   for (const ordered_json& row : accelerators.value("structures", ordered_json::array())) {
     const ordered_json closest = row.value("closest_hit", ordered_json::object());
     const ordered_json any = row.value("any_hit", ordered_json::object());
     table.add({row.value("name", ""), absl::StrFormat("%.3f", number(row, "build_seconds")),
-               format_bytes(number(row, "memory_bytes")), figure(closest, "mrays_per_second"),
+               format_bytes(number(row, "memory_bytes")), figure(row, "sah"),
+               figure(row, "end_point_overlap"), figure(closest, "mrays_per_second"),
                figure(closest, "nodes_per_ray"), figure(closest, "triangles_per_ray"),
                figure(any, "mrays_per_second"), figure(any, "nodes_per_ray"),
                figure(any, "triangles_per_ray"),
@@ -108,7 +109,8 @@ std::string accelerators_text(const ordered_json& accelerators) {
   }
   return absl::StrFormat(
       "\nrays of the scene: %.0f from the camera, %.0f after a bounce, %.0f towards lights; "
-      "nodes and triangles are per ray\n%s",
+      "nodes and triangles are per ray; SAH and end-point overlap are what trees are expected to "
+      "cost a ray\n%s",
       number(rays, "camera"), number(rays, "bounce"), number(rays, "shadow"), table.text());
 }
 

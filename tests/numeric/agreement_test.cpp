@@ -58,10 +58,19 @@ std::vector<Ray> bundle(const Scene& scene, std::size_t count, Dice& dice) {
   const Ray first = adversarial_ray(scene, dice);
   const float width = dice.below(4) == 0 ? 2.0f : std::exp2(-12 * dice.unit());
   const bool one_origin = dice.below(2) == 0;
+  // Where the first ray lies in a plane of boxes, so do all, some of them for good: 0 * inf.
+  int flat = -1;
+  for (int k = 0; k < 3; ++k) {
+    if (first.direction[k] == 0) flat = k;
+  }
   std::vector<Ray> rays(count, first);
   for (Ray& ray : rays) {
     if (!one_origin) ray.origin += dice.vector() * width;
     ray.direction += dice.vector() * (width * max_abs(first.direction));
+    if (flat >= 0) {
+      ray.origin[flat] = first.origin[flat];
+      ray.direction[flat] = dice.below(2) == 0 ? 0 : std::fabs(ray.direction[flat]);
+    }
     if (dice.below(16) == 0) ray.t_max = 2 * dice.unit();
     if (dice.below(16) == 0) ray = adversarial_ray(scene, dice);
     if (dice.below(64) == 0) ray.direction = {0, 0, 0};

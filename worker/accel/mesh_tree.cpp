@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "worker/accel/mesh_triangles.h"
+#include "worker/accel/reinsertion.h"
 #include "worker/accel/wide_bvh.h"
 
 namespace tessera::render {
@@ -11,6 +12,8 @@ namespace {
 
 /// References that spatial splits may add, per triangle.
 constexpr double kSplitBudget = 0.5;
+/// More gain little: docs/performance.md.
+constexpr int kReinsertionPasses = 2;
 
 /// The triangles of a mesh that can be hit, each with its rank.
 struct Triangles {
@@ -107,7 +110,8 @@ TriangleBlock make_block(const Triangles& triangles, std::span<const std::uint32
 }  // namespace
 
 template <int kWidth>
-MeshTree<kWidth> build_mesh_tree(const Mesh& mesh, const ParallelFor& parallel_for) {
+MeshTree<kWidth> build_mesh_tree(const Mesh& mesh, const ParallelFor& parallel_for,
+                                 BuildQuality quality) {
   MeshTree<kWidth> tree;
   tree.first_rank = {0};
   for (const Primitive& p : mesh.primitives) {
@@ -116,8 +120,14 @@ MeshTree<kWidth> build_mesh_tree(const Mesh& mesh, const ParallelFor& parallel_f
   }
   const Triangles triangles = gather(mesh, tree.first_rank);
   const TriangleCutter cutter(triangles.corners);
-  const BinaryBvhInput input = {triangles.boxes, kBlockSize, &cutter, kSplitBudget};
-  WideBvh<kWidth> bvh = collapse<kWidth>(build_binary_bvh(input, parallel_for));
+  BinaryBvhInput input = {triangles.boxes, kBlockSize};
+  if (quality != BuildQuality::fast) {
+    input.cut = &cutter;
+    input.split_budget = kSplitBudget;
+  }
+  BinaryBvh binary = build_binary_bvh(input, parallel_for);
+  if (quality == BuildQuality::high) reinsert_subtrees(binary, kReinsertionPasses);
+  WideBvh<kWidth> bvh = collapse<kWidth>(binary);
   tree.nodes = std::move(bvh.nodes);
   tree.bounds = bvh.bounds;
   tree.split = bvh.order.size() > triangles.boxes.size();
@@ -129,7 +139,7 @@ MeshTree<kWidth> build_mesh_tree(const Mesh& mesh, const ParallelFor& parallel_f
   return tree;
 }
 
-template MeshTree<8> build_mesh_tree<8>(const Mesh&, const ParallelFor&);
-template MeshTree<16> build_mesh_tree<16>(const Mesh&, const ParallelFor&);
+template MeshTree<8> build_mesh_tree<8>(const Mesh&, const ParallelFor&, BuildQuality);
+template MeshTree<16> build_mesh_tree<16>(const Mesh&, const ParallelFor&, BuildQuality);
 
 }  // namespace tessera::render

@@ -38,6 +38,24 @@ std::size_t bytes(const AccelTrees<kWidth>& trees) {
   return sum;
 }
 
+template <int kWidth>
+TreeQuality mean_quality(const AccelTrees<kWidth>& trees) {
+  std::vector<double> weights(trees.meshes.size());
+  for (const PlacedMesh& placed : trees.placed) {
+    weights[placed.mesh] += static_cast<double>(trees.meshes[placed.mesh].first_rank.back());
+  }
+  TreeQuality sum;
+  double total = 0;
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    const TreeQuality one = quality_of(trees.meshes[i]);
+    sum.sah += weights[i] * one.sah;
+    sum.end_point_overlap += weights[i] * one.end_point_overlap;
+    total += weights[i];
+  }
+  if (total > 0) sum = {sum.sah / total, sum.end_point_overlap / total};
+  return sum;
+}
+
 }  // namespace
 
 template <>
@@ -52,7 +70,7 @@ const AccelTrees<16>& SceneAccel::trees() const {
 
 template <int kWidth>
 void SceneAccel::build(const Scene& scene, AccelTrees<kWidth>& trees, const SceneAccel* before,
-                       const ParallelFor& parallel_for) {
+                       const ParallelFor& parallel_for, BuildQuality quality) {
   std::map<const Primitive*, const MeshTree<kWidth>*> known;
   if (before != nullptr && before->isa_ == isa_) {
     for (std::size_t i = 0; i < before->origins_.size(); ++i) {
@@ -66,19 +84,19 @@ void SceneAccel::build(const Scene& scene, AccelTrees<kWidth>& trees, const Scen
       trees.meshes.push_back(*same->second);
       ++shared_meshes_;
     } else {
-      trees.meshes.push_back(build_mesh_tree<kWidth>(mesh, parallel_for));
+      trees.meshes.push_back(build_mesh_tree<kWidth>(mesh, parallel_for, quality));
     }
   }
   build_top(scene, trees, parallel_for);
 }
 
 SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for, Isa isa,
-                       const SceneAccel* before)
+                       const SceneAccel* before, BuildQuality quality)
     : isa_(isa) {
   if (isa == Isa::avx512) {
-    build(scene, sixteen_, before, parallel_for);
+    build(scene, sixteen_, before, parallel_for, quality);
   } else {
-    build(scene, eight_, before, parallel_for);
+    build(scene, eight_, before, parallel_for, quality);
   }
 }
 
@@ -92,6 +110,10 @@ std::uint64_t SceneAccel::closest_hits(std::span<const Ray> rays, Hit* hits) con
 
 std::uint64_t SceneAccel::any_hits(std::span<const Ray> rays) const {
   return isa_ == Isa::avx512 ? avx512::any_hits(sixteen_, rays) : avx2::any_hits(eight_, rays);
+}
+
+TreeQuality SceneAccel::tree_quality() const {
+  return isa_ == Isa::avx512 ? mean_quality(sixteen_) : mean_quality(eight_);
 }
 
 std::int64_t SceneAccel::memory_bytes() const {

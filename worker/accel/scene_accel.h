@@ -10,9 +10,11 @@
 
 #include "worker/accel/accel_trees.h"
 #include "worker/accel/binary_bvh.h"
+#include "worker/accel/build_quality.h"
 #include "worker/accel/isa.h"
 #include "worker/accel/kernels.h"
 #include "worker/accel/ray_queries.h"
+#include "worker/accel/tree_quality.h"
 #include "worker/geometry/ray.h"
 #include "worker/scene/scene.h"
 
@@ -49,7 +51,7 @@ class SceneAccel {
   /// degenerate or have a coordinate that is not finite are left out. Requires a supported `isa`.
   /// Trees of meshes that `before` was built of too, if given, are shared with it, not built again.
   SceneAccel(const Scene& scene, const ParallelFor& parallel_for, Isa isa = best_isa(),
-             const SceneAccel* before = nullptr);
+             const SceneAccel* before = nullptr, BuildQuality quality = BuildQuality::normal);
   /// Builds nothing and leaves all queries to `instead`.
   explicit SceneAccel(std::unique_ptr<const RayQueries> instead);
 
@@ -91,13 +93,15 @@ class SceneAccel {
   std::uint64_t any_hits(std::span<const Ray> rays) const;
 
   std::int64_t memory_bytes() const;
+  /// Of its meshes' trees, a mean weighted by placed triangles.
+  TreeQuality tree_quality() const;
   /// How many meshes have the tree of `before`.
   std::size_t shared_meshes() const { return shared_meshes_; }
 
  private:
   template <int kWidth>
   void build(const Scene& scene, AccelTrees<kWidth>& trees, const SceneAccel* before,
-             const ParallelFor& parallel_for);
+             const ParallelFor& parallel_for, BuildQuality quality);
   static bool valid(const Ray& ray) { return ray.t_max > 0; }  // the kernels see to the rest
 
   template <int kWidth>

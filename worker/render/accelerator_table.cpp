@@ -122,6 +122,52 @@ void fill(AcceleratorFigures& row, const Questions& q, double seconds, bool coun
                     [&](std::size_t i, Work& work) { return any(q.any[i], work) == q.blocked[i]; });
 }
 
+std::unique_ptr<const SceneAccel> build_production(const Scene& scene, BuildQuality quality,
+                                                   double* build_seconds) {
+  const double start = cpu_seconds();
+  auto accel =
+      std::make_unique<const SceneAccel>(scene, sequential(), best_isa(), nullptr, quality);
+  *build_seconds = cpu_seconds() - start;
+  return accel;
+}
+
+AcceleratorFigures production_row(const SceneAccel& accel, BuildQuality quality,
+                                  double build_seconds, const Questions& q, double seconds) {
+  AcceleratorFigures row;
+  row.name = std::string("wide-bvh-") + std::string(isa_name(best_isa()));
+  row.title = "production";
+  if (quality != BuildQuality::normal) {
+    row.name += "-" + std::string(quality_name(quality));
+    row.title += ", quality " + std::string(quality_name(quality));
+  }
+  row.build_seconds = build_seconds;
+  row.memory_bytes = accel.memory_bytes();
+  const TreeQuality trees = accel.tree_quality();
+  row.sah = trees.sah;
+  row.end_point_overlap = trees.end_point_overlap;
+  fill(
+      row, q, seconds, false,
+      [&](const Ray& ray, Hit& hit, Work&) { return accel.closest_hit(ray, hit); },
+      [&](const ShadowRay& shadow, Work&) { return accel.any_hit(shadow.ray); });
+  return row;
+}
+
+AcceleratorFigures cached_row(const Scene& scene, const SceneAccel& accel,
+                              const AcceleratorFigures& production, const Questions& q,
+                              double seconds) {
+  ShadowCache cache(scene, accel);
+  AcceleratorFigures row = production;
+  row.name += "+shadow-cache";
+  row.title = "production, shadow cache";
+  fill(
+      row, q, seconds, false,
+      [&](const Ray& ray, Hit& hit, Work&) { return accel.closest_hit(ray, hit); },
+      [&](const ShadowRay& shadow, Work&) {
+        return cache.any_hit(shadow.ray, shadow.light, shadow.depth);
+      });
+  return row;
+}
+
 AcceleratorFigures reference_row(const Scene& scene, const Structure& structure, const Questions& q,
                                  double seconds) {
   AcceleratorFigures row;
@@ -138,8 +184,12 @@ AcceleratorFigures reference_row(const Scene& scene, const Structure& structure,
   return row;
 }
 
+/// null where it is negative.
+nlohmann::json counted(double x) {
+  return x < 0 ? nlohmann::json() : nlohmann::json(x);
+}
+
 nlohmann::json to_object(const AcceleratorFigures::Query& query) {
-  const auto counted = [](double x) { return x < 0 ? nlohmann::json() : nlohmann::json(x); };
   return {{"mrays_per_second", query.mrays},
           {"nodes_per_ray", counted(query.nodes)},
           {"triangles_per_ray", counted(query.triangles)},
@@ -159,26 +209,16 @@ absl::StatusOr<AcceleratorTable> measure_accelerators(const Scene& scene,
   table.bounce_rays = static_cast<std::int64_t>(rays->bounces.size());
   table.shadow_rays = static_cast<std::int64_t>(rays->shadows.size());
   const double seconds = request.seconds_per_query;
-  AcceleratorFigures production;
-  production.name = std::string("wide-bvh-") + std::string(isa_name(best_isa()));
-  production.title = "production";
-  const double start = cpu_seconds();
-  const SceneAccel accel(scene, sequential());
-  production.build_seconds = cpu_seconds() - start;
-  production.memory_bytes = accel.memory_bytes();
-  const Questions q = ask(*std::move(rays), accel);
-  const auto closest = [&](const Ray& ray, Hit& hit, Work&) { return accel.closest_hit(ray, hit); };
-  fill(production, q, seconds, false, closest,
-       [&](const ShadowRay& shadow, Work&) { return accel.any_hit(shadow.ray); });
-  table.rows.push_back(production);
-  ShadowCache cache(scene, accel);
-  AcceleratorFigures cached = production;
-  cached.name += "+shadow-cache";
-  cached.title = "production, shadow cache";
-  fill(cached, q, seconds, false, closest, [&](const ShadowRay& shadow, Work&) {
-    return cache.any_hit(shadow.ray, shadow.light, shadow.depth);
-  });
-  table.rows.push_back(cached);
+  double build_seconds = 0;
+  const auto accel = build_production(scene, BuildQuality::normal, &build_seconds);
+  const Questions q = ask(*std::move(rays), *accel);
+  table.rows.push_back(production_row(*accel, BuildQuality::normal, build_seconds, q, seconds));
+  table.rows.push_back(cached_row(scene, *accel, table.rows.back(), q, seconds));
+  for (const BuildQuality quality : {BuildQuality::fast, BuildQuality::high}) {
+    if (!request.only.empty()) break;
+    const auto other = build_production(scene, quality, &build_seconds);
+    table.rows.push_back(production_row(*other, quality, build_seconds, q, seconds));
+  }
   for (const Structure& structure : reference::structures()) {
     if (!request.only.empty() && request.only != structure.name) continue;
     table.rows.push_back(reference_row(scene, structure, q, seconds));
@@ -193,6 +233,8 @@ std::string to_json(const AcceleratorTable& table) {
                           {"title", row.title},
                           {"build_seconds", row.build_seconds},
                           {"memory_bytes", row.memory_bytes},
+                          {"sah", counted(row.sah)},
+                          {"end_point_overlap", counted(row.end_point_overlap)},
                           {"closest_hit", to_object(row.closest)},
                           {"any_hit", to_object(row.any)}});
   }

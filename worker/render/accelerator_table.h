@@ -20,6 +20,7 @@ struct AcceleratorFigures {
   std::string name, title;
   double build_seconds = 0;
   std::int64_t memory_bytes = 0;
+  double sah = -1, end_point_overlap = -1;  // of TreeQuality; negative: not measured
   Query closest, any;
 };
 
@@ -35,7 +36,8 @@ struct AcceleratorRequest {
 
 /// Renders a small image of the scene's frame, writes down the rays that takes (from the camera,
 /// after at most three bounces, towards the lights), and asks them again of the production
-/// structure, of the same with a shadow cache, and of the reference structures. Their answers are
+/// structure, of the same with a shadow cache and of other build qualities, and of the reference
+/// structures. Their answers are
 /// compared with production's. A structure that is too slow for all rays gets a spread of them.
 ///
 /// Errors: InvalidArgument, the scene or the settings cannot be rendered.

@@ -2,6 +2,7 @@
 //
 //   tessera-bench-accel --peer embree [--json FILE] [--quick] [--scene NAME]... [--rounds N]
 //   tessera-bench-accel --agreement 10000000 [--brute 100000]
+//   tessera-bench-accel --growth | --first-hits
 //
 // Scenes and rays are generated (scenes.h, rays.h). In every round the peer is measured right
 // before and right after ours; each figure is the best of its measurements. With --agreement, so
@@ -10,9 +11,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <bit>
 #include <cstdio>
-#include <ctime>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -21,6 +20,9 @@
 #include "tests/bench/accel/agreement.h"
 #include "tests/bench/accel/embree_peer.h"
 #include "tests/bench/accel/figures.h"
+#include "tests/bench/accel/first_hits.h"
+#include "tests/bench/accel/growth.h"
+#include "tests/bench/accel/measure.h"
 #include "tests/bench/accel/rays.h"
 #include "tests/bench/accel/scenes.h"
 #include "worker/accel/scene_accel.h"
@@ -36,62 +38,18 @@ constexpr std::size_t kRaysAtLeast = 100'000;
 constexpr std::int64_t kBruteTests = 3'000'000'000;
 
 struct Options {
-  std::string peer = "embree", json, isa{isa_name(best_isa())};
+  std::string peer = "embree", json, isa{isa_name(best_isa())}, quality = "default";
   std::vector<std::string> scenes, kinds;  // empty: all
-  bool quick = false;
+  bool quick = false, growth = false, first_hits = false;
   int rounds = 4, side = 512;
   std::int64_t agreement = 0, brute = 100'000;
 };
 
-double cpu_seconds() {
-  std::timespec time{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
-
-std::int64_t closest_hits(const SceneAccel& accel, const std::vector<Ray>& rays) {
-  std::int64_t hits = 0;
-  for (const Ray& ray : rays) {
-    Hit hit;
-    hits += accel.closest_hit(ray, hit) ? 1 : 0;
+BuildQuality quality_named(const std::string& name) {
+  for (const BuildQuality quality : kBuildQualities) {
+    if (quality_name(quality) == name) return quality;
   }
-  return hits;
-}
-
-std::int64_t any_hits(const SceneAccel& accel, const std::vector<Ray>& rays) {
-  std::int64_t hits = 0;
-  for (const Ray& ray : rays) hits += accel.any_hit(ray) ? 1 : 0;
-  return hits;
-}
-
-/// The same in packets.
-std::int64_t closest_hits_together(const SceneAccel& accel, std::span<const Ray> rays) {
-  std::int64_t found = 0;
-  for (std::size_t first = 0; first < rays.size(); first += kPacketSize) {
-    Hit hits[kPacketSize];
-    const auto packet =
-        rays.subspan(first, std::min<std::size_t>(kPacketSize, rays.size() - first));
-    found += std::popcount(accel.closest_hits(packet, hits));
-  }
-  return found;
-}
-
-std::int64_t any_hits_together(const SceneAccel& accel, std::span<const Ray> rays) {
-  std::int64_t found = 0;
-  for (std::size_t first = 0; first < rays.size(); first += kPacketSize) {
-    const auto packet =
-        rays.subspan(first, std::min<std::size_t>(kPacketSize, rays.size() - first));
-    found += std::popcount(accel.any_hits(packet));
-  }
-  return found;
-}
-
-/// Seconds a run takes, of so many in a row; *hits gets what it returned.
-template <typename Run>
-double timed(Run&& run, std::size_t runs, std::int64_t* hits) {
-  const double start = cpu_seconds();
-  for (std::size_t i = 0; i < runs; ++i) *hits = run();
-  return (cpu_seconds() - start) / static_cast<double>(runs);
+  return BuildQuality::normal;
 }
 
 /// Best of the rounds, the peer before and after ours.
@@ -120,14 +78,19 @@ void run_scene(const Options& options, const std::string& name, Figures& figures
   const EmbreePeer peer(bench.scene);
   const double peer_seconds = cpu_seconds() - start;
   start = cpu_seconds();
-  const SceneAccel accel(bench.scene, sequential(), *parse_isa(options.isa));
+  const SceneAccel accel(bench.scene, sequential(), *parse_isa(options.isa), nullptr,
+                         quality_named(options.quality));
   const double ours_seconds = cpu_seconds() - start;
   figures.builds.push_back({name, "build_s", ours_seconds, peer_seconds});
   figures.builds.push_back({name, "memory_mb", static_cast<double>(accel.memory_bytes()) * 1e-6,
                             static_cast<double>(peer.memory_bytes()) * 1e-6});
-  std::printf("%-10s %lld triangles: build %.2f s, peer %.2f s; %.1f MB, peer %.1f MB\n",
-              name.c_str(), static_cast<long long>(triangle_count(bench.scene)), ours_seconds,
-              peer_seconds, figures.builds.back().ours, figures.builds.back().peer);
+  const TreeQuality quality = accel.tree_quality();
+  std::printf(
+      "%-10s %lld triangles: build %.2f s, peer %.2f s; %.1f MB, peer %.1f MB; SAH %.2f, end-point "
+      "overlap %.3f\n",
+      name.c_str(), static_cast<long long>(triangle_count(bench.scene)), ours_seconds, peer_seconds,
+      figures.builds.back().ours, figures.builds.back().peer, quality.sah,
+      quality.end_point_overlap);
   for (const RaySet& set : make_rays(bench, accel, options.quick ? 32 : options.side)) {
     if (!options.kinds.empty() &&
         std::find(options.kinds.begin(), options.kinds.end(), set.kind) == options.kinds.end()) {
@@ -140,7 +103,7 @@ void run_scene(const Options& options, const std::string& name, Figures& figures
       return set.any ? peer.any_hits(set.rays) : peer.closest_hits(set.rays);
     }));
     const auto together = [&] {
-      return set.any ? any_hits_together(accel, set.rays) : closest_hits_together(accel, set.rays);
+      return set.any ? any_in_packets(accel, set.rays) : closest_in_packets(accel, set.rays);
     };
     if (set.camera) {
       figures.rays.push_back(compare(options, {name, set.kind + "16"}, set.rays.size(), together,
@@ -181,19 +144,25 @@ int check_agreement(const Options& options, const std::vector<std::string>& scen
   return wrong == 0 ? 0 : 1;
 }
 
+int write(const Options& options, const nlohmann::json& figures) {
+  if (options.json.empty()) return 0;
+  std::ofstream file(options.json);
+  file << figures.dump(1) << '\n';
+  return file.good() ? 0 : 1;
+}
+
 int run(const Options& options) {
   const std::vector<std::string> scenes = options.scenes.empty() ? scene_names() : options.scenes;
   if (options.agreement > 0) return check_agreement(options, scenes);
+  if (options.growth) return write(options, measure_growth(options.quick));
+  if (options.first_hits) return write(options, measure_first_hits(scenes, options.quick));
   Figures figures;
   for (const std::string& name : scenes) run_scene(options, name, figures);
   std::printf("\ngeometric means of ours / peer\n");
   for (const auto& [kind, mean] : geometric_means(figures)) {
     std::printf("  %-16s %.3f\n", kind.c_str(), mean);
   }
-  if (options.json.empty()) return 0;
-  std::ofstream file(options.json);
-  file << to_json(figures).dump(1) << '\n';
-  return file.good() ? 0 : 1;
+  return write(options, to_json(figures));
 }
 
 }  // namespace
@@ -207,6 +176,8 @@ int main(int argc, char** argv) {
   app.add_option("--json", options.json, "write the rows here");
   app.add_option("--isa", options.isa, "ours: avx2 or avx512")
       ->check(CLI::IsMember({"avx2", "avx512"}));
+  app.add_option("--quality", options.quality, "of our trees: fast, default or high")
+      ->check(CLI::IsMember({"fast", "default", "high"}));
   app.add_option("--scene", options.scenes, "only these scenes")
       ->check(CLI::IsMember(tessera::render::bench::scene_names()));
   app.add_option("--kind", options.kinds, "only these kinds of rays");
@@ -214,6 +185,9 @@ int main(int argc, char** argv) {
   app.add_option("--side", options.side, "camera rays a side");
   app.add_option("--agreement", options.agreement, "compare hits on so many rays instead");
   app.add_option("--brute", options.brute, "of those, rays a scene that brute force traces too");
+  app.add_flag("--growth", options.growth, "how the cost of a ray grows with the scene instead");
+  app.add_flag("--first-hits", options.first_hits,
+               "orders of camera rays, and an item buffer, instead");
   app.add_flag("--quick", options.quick, "small scenes: shows that the harness works");
   CLI11_PARSE(app, argc, argv);
   return tessera::render::bench::run(options);

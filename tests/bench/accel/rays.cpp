@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "proto/contract/hilbert.h"
 #include "tests/bench/accel/shapes.h"
 
 namespace tessera::render::bench {
@@ -15,17 +14,12 @@ struct Start {
 };
 
 std::vector<Ray> camera_rays(const BenchScene& scene, int side, Random& random) {
-  const Vec3f forward = normalize(scene.target - scene.eye);
-  const Vec3f right = normalize(cross(forward, Vec3f{0, 1, 0})), up = cross(right, forward);
-  const float half = std::tan(scene.yfov / 2);
+  const View view(scene);
   std::vector<Ray> rays;
   for (const contract::GridPoint at : contract::hilbert_curve(side, side)) {
     const float x = (static_cast<float>(at.x) + random.unit()) / static_cast<float>(side);
     const float y = (static_cast<float>(at.y) + random.unit()) / static_cast<float>(side);
-    Ray ray;
-    ray.origin = scene.eye;
-    ray.direction = normalize(forward + right * (half * (2 * x - 1)) + up * (half * (1 - 2 * y)));
-    rays.push_back(ray);
+    rays.push_back(view.ray(x, y));
   }
   return rays;
 }
@@ -85,6 +79,32 @@ std::vector<Ray> shadow_rays(const BenchScene& scene, const std::vector<Start>& 
 }
 
 }  // namespace
+
+View::View(const BenchScene& scene)
+    : eye(scene.eye),
+      forward(normalize(scene.target - scene.eye)),
+      right(normalize(cross(forward, Vec3f{0, 1, 0}))),
+      up(cross(right, forward)),
+      half(std::tan(scene.yfov / 2)) {}
+
+Ray View::ray(float x, float y) const {
+  Ray out;
+  out.origin = eye;
+  out.direction = normalize(forward + right * (half * (2 * x - 1)) + up * (half * (1 - 2 * y)));
+  return out;
+}
+
+std::vector<Ray> centre_rays(const BenchScene& scene, int side,
+                             const std::vector<contract::GridPoint>& order) {
+  const View view(scene);
+  std::vector<Ray> rays;
+  rays.reserve(order.size());
+  for (const contract::GridPoint at : order) {
+    rays.push_back(view.ray((static_cast<float>(at.x) + 0.5f) / static_cast<float>(side),
+                            (static_cast<float>(at.y) + 0.5f) / static_cast<float>(side)));
+  }
+  return rays;
+}
 
 std::vector<RaySet> make_rays(const BenchScene& scene, const SceneAccel& accel, int side) {
   Random random(1);

@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "proto/contract/hilbert.h"
 #include "tests/bench/accel/scenes.h"
 #include "worker/accel/scene_accel.h"
 
@@ -15,6 +16,20 @@ struct RaySet {
   bool camera = false;  // coherent: runs of 16 start at one point
   std::vector<Ray> rays;
 };
+
+/// The square view of a scene; `half` is the tangent of half its angle.
+struct View {
+  explicit View(const BenchScene& scene);
+  /// Through (x, y) in [0, 1], y downwards.
+  Ray ray(float x, float y) const;
+
+  Vec3f eye, forward, right, up;
+  float half;
+};
+
+/// A ray through the centre of each pixel of a view of so many a side.
+std::vector<Ray> centre_rays(const BenchScene& scene, int side,
+                             const std::vector<contract::GridPoint>& order);
 
 /// camera (along the Hilbert curve), bounce1, bounce2 (diffuse), shadow1, shadow2 (from the
 /// camera's hits and from those of the first bounce to a rectangle). Deterministic: hits do not

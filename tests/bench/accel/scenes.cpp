@@ -164,9 +164,8 @@ BenchScene bars(bool quick) {
   return out;
 }
 
-BenchScene terrain(bool quick) {
+BenchScene terrain(std::uint32_t n) {
   BenchScene out;
-  const std::uint32_t n = quick ? 48 : 1024;
   set_mesh(out, {grid(n, n, [](double u, double v) {
              const Vec3f at(Vec3d{20 * u - 10, 0, 20 * v - 10});
              return at + Vec3f{0, 2.5f * fractal_noise(at * 0.25f, 11), 0};
@@ -220,6 +219,13 @@ BenchScene instances(bool quick) {
   return out;
 }
 
+BenchScene finished(BenchScene scene, const std::string& name) {
+  scene.name = name;
+  scene.scene.materials.resize(1);
+  scene.scene.camera.camera_to_world.translation = Vec3d(scene.eye);
+  return scene;
+}
+
 }  // namespace
 
 std::vector<std::string> scene_names() {
@@ -232,15 +238,29 @@ BenchScene make_scene(const std::string& name, bool quick) {
     if (name == "model") return model(quick);
     if (name == "stadium") return stadium(quick);
     if (name == "bars") return bars(quick);
-    if (name == "terrain") return terrain(quick);
+    if (name == "terrain") return terrain(quick ? 48 : 1024);
     if (name == "hair") return hair(quick);
     return instances(quick);
   };
-  BenchScene out = make();
-  out.name = name;
-  out.scene.materials.resize(1);
-  out.scene.camera.camera_to_world.translation = Vec3d(out.eye);
-  return out;
+  return finished(make(), name);
+}
+
+BenchScene make_terrain(std::uint32_t cells) {
+  return finished(terrain(cells), "terrain");
+}
+
+BenchScene make_layers(int layers) {
+  BenchScene out;
+  Primitive squares;
+  for (int i = 0; i < layers; ++i) {
+    const float gap = 1 / static_cast<float>(layers);
+    add_quad(squares, {-4, -4, gap * static_cast<float>(-i)}, {8, 0, 0.25f * gap},
+             {0, 8, 0.25f * gap});
+  }
+  set_mesh(out, {std::move(squares)});
+  out.eye = {0, 0, 3};
+  set_light(out, {-1, -1, 4}, 2);
+  return finished(std::move(out), "layers");
 }
 
 std::int64_t triangle_count(const Scene& scene) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,12 @@ std::vector<std::string> scene_names();
 
 /// Generates a scene by name; `quick` makes it a few thousand triangles. Deterministic.
 BenchScene make_scene(const std::string& name, bool quick);
+
+/// The terrain with so many cells a side, two triangles each.
+BenchScene make_terrain(std::uint32_t cells);
+
+/// Squares behind each other, all of which fill the view: two triangles a layer.
+BenchScene make_layers(int layers);
 
 /// Triangles over all instances' meshes, each mesh once.
 std::int64_t triangle_count(const Scene& scene);

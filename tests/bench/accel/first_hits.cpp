@@ -1,0 +1,106 @@
+#include "tests/bench/accel/first_hits.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <utility>
+
+#include "proto/contract/hilbert.h"
+#include "tests/bench/accel/item_buffer.h"
+#include "tests/bench/accel/measure.h"
+#include "tests/bench/accel/rays.h"
+#include "tests/bench/accel/scenes.h"
+#include "worker/render/frame_renderer.h"
+
+namespace tessera::render::bench {
+namespace {
+
+constexpr int kRounds = 3;
+
+using Order = std::vector<contract::GridPoint>;
+
+Order scanlines(int side) {
+  Order order;
+  for (int y = 0; y < side; ++y) {
+    for (int x = 0; x < side; ++x) order.push_back({x, y});
+  }
+  return order;
+}
+
+/// Requires a power of two.
+Order morton(int side) {
+  Order order;
+  for (int i = 0; i < side * side; ++i) {
+    contract::GridPoint at{0, 0};
+    for (int bit = 0; (1 << bit) < side; ++bit) {
+      at.x |= (i >> (2 * bit) & 1) << bit;
+      at.y |= (i >> (2 * bit + 1) & 1) << bit;
+    }
+    order.push_back(at);
+  }
+  return order;
+}
+
+/// Million rays a second, best of the rounds.
+template <typename Run>
+double mrays(std::size_t rays, Run&& run) {
+  double best = 1e30;
+  std::int64_t hits = 0;
+  for (int round = 0; round < kRounds; ++round) best = std::min(best, timed(run, 1, &hits));
+  return static_cast<double>(rays) / best * 1e-6;
+}
+
+/// Share of pixels where both name the same triangle.
+double agreement(const SceneAccel& accel, const std::vector<Ray>& rays, const Order& order,
+                 int side, const std::vector<TriangleId>& items) {
+  std::int64_t same = 0;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    Hit hit;
+    const bool found = accel.closest_hit(rays[i], hit);
+    const auto at = static_cast<std::size_t>(order[i].y) * static_cast<std::size_t>(side) +
+                    static_cast<std::size_t>(order[i].x);
+    same += items[at] == (found ? hit.id : TriangleId{}) ? 1 : 0;
+  }
+  return static_cast<double>(same) / static_cast<double>(rays.size());
+}
+
+}  // namespace
+
+nlohmann::json measure_first_hits(const std::vector<std::string>& scenes, bool quick) {
+  const int side = quick ? 32 : 512;
+  const std::pair<const char*, Order> orders[] = {{"hilbert", contract::hilbert_curve(side, side)},
+                                                  {"morton", morton(side)},
+                                                  {"scanline", scanlines(side)}};
+  nlohmann::json rows = nlohmann::json::array();
+  std::printf("%-10s", "Mrays/s");
+  for (const auto& [name, order] : orders) std::printf(" %8s %9s", name, "packets");
+  std::printf(" %11s %6s\n", "item buffer", "same");
+  for (const std::string& name : scenes) {
+    const BenchScene bench = make_scene(name, quick);
+    const SceneAccel accel(bench.scene, sequential());
+    nlohmann::json row = {{"scene", name}};
+    std::printf("%-10s", name.c_str());
+    std::vector<Ray> along;
+    for (const auto& [curve, order] : orders) {
+      const std::vector<Ray> rays = centre_rays(bench, side, order);
+      const double alone = mrays(rays.size(), [&] { return closest_hits(accel, rays); });
+      const double packets = mrays(rays.size(), [&] { return closest_in_packets(accel, rays); });
+      row[curve] = alone;
+      row[std::string(curve) + "_packets"] = packets;
+      std::printf(" %8.2f %9.2f", alone, packets);
+      if (along.empty()) along = rays;
+    }
+    std::vector<TriangleId> items;
+    row["item_buffer"] = mrays(along.size(), [&] {
+      items = item_buffer(bench, side);
+      return std::int64_t{0};
+    });
+    row["item_buffer_same"] = agreement(accel, along, orders[0].second, side, items);
+    std::printf(" %11.2f %6.4f\n", row["item_buffer"].get<double>(),
+                row["item_buffer_same"].get<double>());
+    std::fflush(stdout);
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+}  // namespace tessera::render::bench

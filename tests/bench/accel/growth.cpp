@@ -1,0 +1,100 @@
+#include "tests/bench/accel/growth.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <vector>
+
+#include "tests/bench/accel/measure.h"
+#include "tests/bench/accel/rays.h"
+#include "tests/bench/accel/scenes.h"
+#include "tests/bench/accel/shapes.h"
+#include "worker/accel/brute_force.h"
+#include "worker/accel/scene_accel.h"
+#include "worker/render/frame_renderer.h"
+
+namespace tessera::render::bench {
+namespace {
+
+constexpr int kRounds = 3;
+/// Triangle tests one measurement of brute force may take.
+constexpr std::size_t kBruteTests = 20'000'000;
+
+/// Nanoseconds a ray takes, least of the rounds.
+template <typename Trace>
+double nanoseconds(std::size_t rays, Trace&& trace) {
+  double best = 1e30;
+  std::int64_t hits = 0;
+  for (int round = 0; round < kRounds; ++round) best = std::min(best, timed(trace, 1, &hits));
+  return best / static_cast<double>(rays) * 1e9;
+}
+
+double brute_nanoseconds(const Scene& scene, const std::vector<Ray>& rays, std::size_t triangles) {
+  const std::size_t count = std::clamp<std::size_t>(kBruteTests / triangles, 10, rays.size());
+  const std::size_t step = rays.size() / count;
+  return nanoseconds(count, [&] {
+    std::int64_t hits = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+      Hit hit;
+      hits += brute_force_closest(scene, rays[i * step], hit) ? 1 : 0;
+    }
+    return hits;
+  });
+}
+
+nlohmann::json against_triangles(bool quick) {
+  nlohmann::json rows = nlohmann::json::array();
+  std::printf("%10s %8s %8s %8s %8s\n", "triangles", "build s", "packets", "single", "bounce");
+  for (const std::uint32_t side : {22u, 71u, 224u, 707u, 2236u}) {
+    if (quick && side > 71) break;
+    const BenchScene bench = make_terrain(side);
+    const double start = cpu_seconds();
+    const SceneAccel accel(bench.scene, sequential());
+    const double build = cpu_seconds() - start;
+    const std::vector<RaySet> sets = make_rays(bench, accel, quick ? 32 : 512);
+    const std::vector<Ray>&camera = sets[0].rays, &bounce = sets[1].rays;
+    const double packets =
+        nanoseconds(camera.size(), [&] { return closest_in_packets(accel, camera); });
+    const double single = nanoseconds(camera.size(), [&] { return closest_hits(accel, camera); });
+    const double scattered =
+        nanoseconds(bounce.size(), [&] { return closest_hits(accel, bounce); });
+    std::printf("%10lld %8.3f %8.1f %8.1f %8.1f\n",
+                static_cast<long long>(triangle_count(bench.scene)), build, packets, single,
+                scattered);
+    std::fflush(stdout);
+    rows.push_back({{"triangles", triangle_count(bench.scene)},
+                    {"build_seconds", build},
+                    {"memory_bytes", accel.memory_bytes()},
+                    {"camera_packets_ns", packets},
+                    {"camera_ns", single},
+                    {"bounce_ns", scattered}});
+  }
+  return rows;
+}
+
+nlohmann::json against_depth(bool quick) {
+  nlohmann::json rows = nlohmann::json::array();
+  std::printf("\n%10s %10s %12s\n", "layers", "hierarchy", "brute force");
+  for (const int layers : {1, 10, 100, 1'000, 10'000, 100'000}) {
+    if (quick && layers > 100) break;
+    const BenchScene bench = make_layers(layers);
+    const SceneAccel accel(bench.scene, sequential());
+    const std::vector<Ray> rays = make_rays(bench, accel, quick ? 32 : 256)[0].rays;
+    const double ours = nanoseconds(rays.size(), [&] { return closest_hits(accel, rays); });
+    const double brute = brute_nanoseconds(bench.scene, rays, 2 * static_cast<std::size_t>(layers));
+    std::printf("%10d %10.1f %12.1f\n", layers, ours, brute);
+    std::fflush(stdout);
+    rows.push_back({{"layers", layers}, {"hierarchy_ns", ours}, {"brute_force_ns", brute}});
+  }
+  return rows;
+}
+
+}  // namespace
+
+nlohmann::json measure_growth(bool quick) {
+  nlohmann::json out;
+  out["triangles"] = against_triangles(quick);
+  out["depth_complexity"] = against_depth(quick);
+  return out;
+}
+
+}  // namespace tessera::render::bench

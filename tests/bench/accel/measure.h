@@ -1,0 +1,63 @@
+#pragma once
+
+#include <algorithm>
+#include <bit>
+#include <cstdint>
+#include <ctime>
+#include <span>
+
+#include "worker/accel/scene_accel.h"
+
+namespace tessera::render::bench {
+
+inline double cpu_seconds() {
+  std::timespec time{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+/// Seconds a run takes, of so many in a row; *hits gets what it returned.
+template <typename Run>
+double timed(Run&& run, std::size_t runs, std::int64_t* hits) {
+  const double start = cpu_seconds();
+  for (std::size_t i = 0; i < runs; ++i) *hits = run();
+  return (cpu_seconds() - start) / static_cast<double>(runs);
+}
+
+/// Rays that hit anything, asked for one by one.
+inline std::int64_t closest_hits(const SceneAccel& accel, std::span<const Ray> rays) {
+  std::int64_t hits = 0;
+  for (const Ray& ray : rays) {
+    Hit hit;
+    hits += accel.closest_hit(ray, hit) ? 1 : 0;
+  }
+  return hits;
+}
+
+inline std::int64_t any_hits(const SceneAccel& accel, std::span<const Ray> rays) {
+  std::int64_t hits = 0;
+  for (const Ray& ray : rays) hits += accel.any_hit(ray) ? 1 : 0;
+  return hits;
+}
+
+/// The same in packets.
+inline std::int64_t closest_in_packets(const SceneAccel& accel, std::span<const Ray> rays) {
+  std::int64_t found = 0;
+  for (std::size_t first = 0; first < rays.size(); first += kPacketSize) {
+    Hit hits[kPacketSize];
+    found += std::popcount(accel.closest_hits(
+        rays.subspan(first, std::min<std::size_t>(kPacketSize, rays.size() - first)), hits));
+  }
+  return found;
+}
+
+inline std::int64_t any_in_packets(const SceneAccel& accel, std::span<const Ray> rays) {
+  std::int64_t found = 0;
+  for (std::size_t first = 0; first < rays.size(); first += kPacketSize) {
+    found += std::popcount(accel.any_hits(
+        rays.subspan(first, std::min<std::size_t>(kPacketSize, rays.size() - first))));
+  }
+  return found;
+}
+
+}  // namespace tessera::render::bench
