@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "tests/numeric/geometry_scenes.h"
+#include "worker/accel/brute_force.h"
 #include "worker/accel/mesh_tree.h"
 #include "worker/accel/reinsertion.h"
 #include "worker/accel/wide_bvh.h"
@@ -124,25 +125,12 @@ TEST(BuildQuality, ChangesTreesAndNoHit) {
   EXPECT_GT(hits, 5'000);
 }
 
-/// A block of one triangle.
-TriangleBlock block_of(const Vec3f& a, const Vec3f& b, const Vec3f& c, std::uint32_t rank) {
-  TriangleBlock block;
-  const Vec3f corners[3] = {a, b, c};
-  for (std::size_t vertex = 0; vertex < 3; ++vertex) {
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      block.v[TriangleBlock::at(vertex, axis)] = corners[vertex][static_cast<int>(axis)];
-    }
-  }
-  block.rank[0] = rank;
-  return block;
-}
-
 TEST(TreeQuality, IsWhatTwoTrianglesGiveByHand) {
   MeshTree<8> tree;
   tree.nodes = HugeArray<WideNode<8>>(1);
   tree.blocks = HugeArray<TriangleBlock>(2);
-  tree.blocks[0] = block_of({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, 0);
-  tree.blocks[1] = block_of({0, 0, -1}, {0.5f, 0, 1}, {0, 2, 0}, 1);
+  tree.blocks[0].set(0, {Vec3f{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, 0);
+  tree.blocks[1].set(0, {Vec3f{0, 0, -1}, {0.5f, 0, 1}, {0, 2, 0}}, 1);
   tree.nodes[0].set_child(0, {{0, 0, 0}, {1, 1, 0}}, kLeafBit | 0u);
   tree.nodes[0].set_child(1, {{0, 0, -1}, {0.5f, 2, 1}}, kLeafBit | 1u);
   tree.bounds = {{0, 0, -1}, {1, 2, 1}};
@@ -153,6 +141,64 @@ TEST(TreeQuality, IsWhatTwoTrianglesGiveByHand) {
   EXPECT_DOUBLE_EQ(quality.sah, 1 + 7.0 / 8);
   const double first = 0.5, second = 0.5 * std::sqrt(16 + 0.25 + 1);
   EXPECT_NEAR(quality.end_point_overlap, 0.375 / (first + second), 1e-15);
+}
+
+/// A soup after a while: every vertex a little elsewhere.
+Primitive moved(Primitive p, float by, Dice& dice) {
+  for (Vec3f& position : p.positions) position += dice.vector() * by;
+  return p;
+}
+
+/// Counts rays for which the tree of `now`, made from that of `before`, differs from brute force.
+int mismatches_after(const Scene& before, const Scene& now, std::size_t expected_refits,
+                     Dice& dice) {
+  int wrong = 0;
+  for (const Isa isa : {Isa::avx2, Isa::avx512}) {
+    if (!is_supported(isa)) continue;
+    const SceneAccel old(before, in_order(), isa);
+    const SceneAccel accel(now, in_order(), isa, &old);
+    EXPECT_EQ(accel.refitted_meshes(), expected_refits);
+    for (int i = 0; i < 4'000; ++i) {
+      const Ray ray = adversarial_ray(now, dice);
+      Hit fast, slow;
+      const bool found = brute_force_closest(now, ray, slow);
+      if (accel.closest_hit(ray, fast) != found || (found && !same_bits(fast, slow))) ++wrong;
+    }
+  }
+  return wrong;
+}
+
+TEST(Refit, TreesOfMovedTrianglesGiveTheHitsOfBruteForce) {
+  Dice dice(3);
+  const Primitive start = terrain(24, dice);
+  EXPECT_EQ(mismatches_after(scene_of({start}), scene_of({moved(start, 1e-3f, dice)}), 1, dice), 0);
+  Dice stretch(4);
+  Primitive stretched = start;
+  for (Vec3f& p : stretched.positions) p = p * Vec3f{3, 3, 3} + Vec3f{100, 0, 0};
+  EXPECT_EQ(mismatches_after(scene_of({start}), scene_of({stretched}), 1, stretch), 0);
+}
+
+TEST(Refit, BuildsAnewWhereTheOldTreeIsNoGood) {
+  Dice dice(5);
+  const Primitive start = terrain(24, dice);
+  EXPECT_EQ(mismatches_after(scene_of({start}), scene_of({moved(start, 1, dice)}), 0, dice), 0);
+}
+
+TEST(Refit, BuildsAnewWhereOtherTrianglesCanBeHit) {
+  Dice dice(6);
+  const Primitive whole = soup(40, dice);
+  // One that becomes a point, one that was one, one for the other; and other counts.
+  Primitive without = whole;
+  without.positions[without.triangles[3][1]] = without.positions[without.triangles[3][0]];
+  without.positions[without.triangles[3][2]] = without.positions[without.triangles[3][0]];
+  Primitive other = whole;
+  other.positions[other.triangles[7][1]] = other.positions[other.triangles[7][0]];
+  other.positions[other.triangles[7][2]] = other.positions[other.triangles[7][0]];
+  EXPECT_EQ(mismatches_after(scene_of({whole}), scene_of({without}), 0, dice), 0);
+  EXPECT_EQ(mismatches_after(scene_of({without}), scene_of({whole}), 0, dice), 0);
+  EXPECT_EQ(mismatches_after(scene_of({without}), scene_of({other}), 0, dice), 0);
+  EXPECT_EQ(mismatches_after(scene_of({whole}), scene_of({whole, soup(3, dice)}), 0, dice), 0);
+  EXPECT_EQ(mismatches_after(scene_of({soup(3, dice)}), scene_of({whole}), 0, dice), 0);
 }
 
 }  // namespace

@@ -19,7 +19,9 @@ struct MeshTree {
   HugeArray<TriangleBlock> blocks;
   std::vector<std::uint32_t> first_rank;  // of each primitive, and one past the last
   Box3f bounds;
-  bool split = false;  // whether a triangle may be in several leaves
+  bool split = false;                // whether a triangle may be in several leaves
+  std::uint32_t triangle_count = 0;  // of those that can be hit
+  double built_sah = 0;              // sah_of() it when it was built, not refitted
 
   /// The id of a triangle of this mesh, from its rank.
   TriangleId id(std::uint32_t instance, std::uint32_t rank) const {

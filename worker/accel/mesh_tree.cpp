@@ -5,6 +5,7 @@
 
 #include "worker/accel/mesh_triangles.h"
 #include "worker/accel/reinsertion.h"
+#include "worker/accel/tree_quality.h"
 #include "worker/accel/wide_bvh.h"
 
 namespace tessera::render {
@@ -95,14 +96,7 @@ class TriangleCutter final : public ItemCutter {
 TriangleBlock make_block(const Triangles& triangles, std::span<const std::uint32_t> items) {
   TriangleBlock block;
   for (std::size_t lane = 0; lane < items.size(); ++lane) {
-    const auto& corners = triangles.corners[items[lane]];
-    for (std::size_t vertex = 0; vertex < 3; ++vertex) {
-      for (int axis = 0; axis < 3; ++axis) {
-        block.v[TriangleBlock::at(vertex, static_cast<std::size_t>(axis)) + lane] =
-            corners[vertex][axis];
-      }
-    }
-    block.rank[lane] = triangles.ranks[items[lane]];
+    block.set(lane, triangles.corners[items[lane]], triangles.ranks[items[lane]]);
   }
   return block;
 }
@@ -136,6 +130,8 @@ MeshTree<kWidth> build_mesh_tree(const Mesh& mesh, const ParallelFor& parallel_f
     const BvhLeaf& leaf = bvh.leaves[i];
     tree.blocks[i] = make_block(triangles, std::span(bvh.order).subspan(leaf.first, leaf.count));
   }
+  tree.triangle_count = static_cast<std::uint32_t>(triangles.boxes.size());
+  tree.built_sah = sah_of(tree);
   return tree;
 }
 

@@ -1,10 +1,12 @@
 #include "worker/accel/scene_accel.h"
 
 #include <map>
+#include <optional>
 #include <utility>
 
 #include "worker/accel/instance_boxes.h"
 #include "worker/accel/mesh_tree.h"
+#include "worker/accel/refit.h"
 #include "worker/accel/wide_bvh.h"
 
 namespace tessera::render {
@@ -78,11 +80,19 @@ void SceneAccel::build(const Scene& scene, AccelTrees<kWidth>& trees, const Scen
     }
   }
   trees.meshes.reserve(scene.meshes.size());
-  for (const Mesh& mesh : scene.meshes) {
+  const auto refit = [&](std::size_t i) -> std::optional<MeshTree<kWidth>> {
+    if (known.empty() || i >= before->origins_.size()) return std::nullopt;
+    return refit_mesh_tree(before->trees<kWidth>().meshes[i], scene.meshes[i]);
+  };
+  for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
+    const Mesh& mesh = scene.meshes[i];
     const auto same = known.find(origins_.emplace_back(mesh.primitives).data());
     if (same != known.end()) {
       trees.meshes.push_back(*same->second);
       ++shared_meshes_;
+    } else if (auto refitted = refit(i)) {
+      trees.meshes.push_back(*std::move(refitted));
+      ++refitted_meshes_;
     } else {
       trees.meshes.push_back(build_mesh_tree<kWidth>(mesh, parallel_for, quality));
     }

@@ -49,7 +49,8 @@ class SceneAccel {
  public:
   /// Builds with `parallel_for`; copies what it needs, so the scene may go. Triangles that are
   /// degenerate or have a coordinate that is not finite are left out. Requires a supported `isa`.
-  /// Trees of meshes that `before` was built of too, if given, are shared with it, not built again.
+  /// Trees of meshes that `before` was built of too, if given, are shared with it, not built again;
+  /// others are made from its trees of the same places in the scene where refit_mesh_tree() does.
   SceneAccel(const Scene& scene, const ParallelFor& parallel_for, Isa isa = best_isa(),
              const SceneAccel* before = nullptr, BuildQuality quality = BuildQuality::normal);
   /// Builds nothing and leaves all queries to `instead`.
@@ -97,6 +98,8 @@ class SceneAccel {
   TreeQuality tree_quality() const;
   /// How many meshes have the tree of `before`.
   std::size_t shared_meshes() const { return shared_meshes_; }
+  /// How many meshes have a tree of `before` with other boxes.
+  std::size_t refitted_meshes() const { return refitted_meshes_; }
 
  private:
   template <int kWidth>
@@ -110,7 +113,7 @@ class SceneAccel {
   Isa isa_;
   std::unique_ptr<const RayQueries> instead_;    // null but where everything is left to it
   std::vector<SharedArray<Primitive>> origins_;  // by mesh: what its tree was built of
-  std::size_t shared_meshes_ = 0;
+  std::size_t shared_meshes_ = 0, refitted_meshes_ = 0;
   AccelTrees<8> eight_;     // filled for avx2
   AccelTrees<16> sixteen_;  // filled for avx512
 };

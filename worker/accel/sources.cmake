@@ -2,7 +2,7 @@
 target_sources(tessera_render
   PRIVATE accel/binary_bvh.cpp accel/instance_boxes.cpp accel/isa.cpp accel/kernel_avx2.cpp
     accel/kernel_avx512.cpp accel/mesh_overlap.cpp accel/mesh_tree.cpp accel/scene_accel.cpp accel/shadow_cache.cpp
-    accel/packet.inc accel/reinsertion.cpp accel/traversal.inc accel/tree_quality.cpp
+    accel/packet.inc accel/refit.cpp accel/reinsertion.cpp accel/traversal.inc accel/tree_quality.cpp
     accel/wide_bvh.cpp
   PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
     FILES accel/accel_trees.h accel/binary_bvh.h accel/brute_force.h accel/build_quality.h

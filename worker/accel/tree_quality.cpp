@@ -58,19 +58,18 @@ class Metrics {
 
   TreeQuality measure() {
     TreeQuality out;
-    const double root = tree_.bounds.half_area();
-    if (tree_.blocks.empty() || !(root > 0)) return out;
-    out.sah = 1 + area_below(0) / root;
+    out.sah = sah_of(tree_);
+    if (!(out.sah > 0)) return out;
     const std::size_t step = 1 + tree_.blocks.size() * kBlockSize / kMostTriangles;
     double total = 0, overlap = 0;
     std::size_t n = 0;
     for (std::size_t b = 0; b < tree_.blocks.size(); ++b) {
-      for (int lane = 0; lane < kBlockSize; ++lane) {
-        const Polygon triangle = corners(tree_.blocks.data()[b], lane);
-        const double area = triangle.area();
-        if (!(area > 0) || n++ % step != 0) continue;
-        total += area;
-        overlap += overlap_below(0, tree_.blocks.data()[b].rank[lane], triangle);
+      const TriangleBlock& block = tree_.blocks[b];
+      for (std::size_t lane = 0; lane < kBlockSize; ++lane) {
+        if (!block.holds(lane) || n++ % step != 0) continue;
+        const Polygon triangle = corners(block, lane);
+        total += triangle.area();
+        overlap += at_node(0, block.rank[lane], triangle).area;
       }
     }
     if (total > 0) out.end_point_overlap = overlap / total;
@@ -78,33 +77,12 @@ class Metrics {
   }
 
  private:
-  static Polygon corners(const TriangleBlock& block, int lane) {
+  static Polygon corners(const TriangleBlock& block, std::size_t lane) {
     Polygon triangle;
     for (std::size_t vertex = 0; vertex < 3; ++vertex) {
-      Vec3d p;
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        p[static_cast<int>(axis)] = static_cast<double>(
-            block.v[TriangleBlock::at(vertex, axis) + static_cast<std::size_t>(lane)]);
-      }
-      triangle.add(p);
+      triangle.add(Vec3d(block.corner(lane, vertex)));
     }
     return triangle;
-  }
-
-  double area_below(std::uint32_t reference) const {
-    const WideNode<kWidth>& node = node_at(tree_.nodes.data(), reference);
-    double sum = 0;
-    for (int slot = 0; slot < kWidth; ++slot) {
-      const Box3f box = node.box(slot);
-      if (box.empty()) continue;
-      sum += box.half_area();
-      if ((node.children[slot] & kLeafBit) == 0) sum += area_below(node.children[slot]);
-    }
-    return sum;
-  }
-
-  double overlap_below(std::uint32_t reference, std::uint32_t rank, const Polygon& polygon) const {
-    return at_node(reference, rank, polygon).area;
   }
 
   Overlap at_node(std::uint32_t reference, std::uint32_t rank, const Polygon& polygon) const {
@@ -125,9 +103,9 @@ class Metrics {
 
   Overlap at_child(std::uint32_t child, std::uint32_t rank, const Polygon& polygon) const {
     if ((child & kLeafBit) == 0) return at_node(child, rank, polygon);
-    const TriangleBlock& block = tree_.blocks.data()[child & ~kLeafBit];
-    for (int lane = 0; lane < kBlockSize; ++lane) {  // unused lanes have rank 0, too
-      if (block.rank[lane] == rank && corners(block, lane).area() > 0) return {0, true};
+    const TriangleBlock& block = tree_.blocks[child & ~kLeafBit];
+    for (std::size_t lane = 0; lane < kBlockSize; ++lane) {
+      if (block.rank[lane] == rank && block.holds(lane)) return {0, true};
     }
     return {0, false};
   }
@@ -138,10 +116,23 @@ class Metrics {
 }  // namespace
 
 template <int kWidth>
+double sah_of(const MeshTree<kWidth>& tree) {
+  const double root = tree.bounds.half_area();
+  if (tree.blocks.empty() || !(root > 0)) return 0;
+  double sum = root;
+  for (std::size_t i = 0; i < tree.nodes.size(); ++i) {
+    for (int slot = 0; slot < kWidth; ++slot) sum += tree.nodes[i].box(slot).half_area();
+  }
+  return sum / root;
+}
+
+template <int kWidth>
 TreeQuality quality_of(const MeshTree<kWidth>& tree) {
   return Metrics<kWidth>(tree).measure();
 }
 
+template double sah_of<8>(const MeshTree<8>&);
+template double sah_of<16>(const MeshTree<16>&);
 template TreeQuality quality_of<8>(const MeshTree<8>&);
 template TreeQuality quality_of<16>(const MeshTree<16>&);
 

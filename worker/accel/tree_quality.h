@@ -16,9 +16,15 @@ struct TreeQuality {
   double end_point_overlap = 0;
 };
 
+/// Its TreeQuality::sah.
+template <int kWidth>
+double sah_of(const MeshTree<kWidth>& tree);
+
 template <int kWidth>
 TreeQuality quality_of(const MeshTree<kWidth>& tree);
 
+extern template double sah_of<8>(const MeshTree<8>&);
+extern template double sah_of<16>(const MeshTree<16>&);
 extern template TreeQuality quality_of<8>(const MeshTree<8>&);
 extern template TreeQuality quality_of<16>(const MeshTree<16>&);
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "worker/accel/lanes.h"
@@ -16,6 +17,22 @@ struct alignas(64) TriangleBlock {
   /// Where the lanes of a vertex's coordinate begin in `v`.
   static constexpr std::size_t at(std::size_t vertex, std::size_t axis) {
     return (3 * vertex + axis) * kBlockSize;
+  }
+
+  void set(std::size_t lane, const std::array<Vec3f, 3>& corners, std::uint32_t of_rank) {
+    for (std::size_t vertex = 0; vertex < 3; ++vertex) {
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        v[at(vertex, axis) + lane] = corners[vertex][static_cast<int>(axis)];
+      }
+    }
+    rank[lane] = of_rank;
+  }
+  Vec3f corner(std::size_t lane, std::size_t vertex) const {
+    return {v[at(vertex, 0) + lane], v[at(vertex, 1) + lane], v[at(vertex, 2) + lane]};
+  }
+  /// Whether a triangle is in the lane: those that can be hit are no points.
+  bool holds(std::size_t lane) const {
+    return corner(lane, 0) != corner(lane, 1) || corner(lane, 0) != corner(lane, 2);
   }
 
   float v[9 * kBlockSize] = {};         // see at()
