@@ -15,6 +15,7 @@ void add_all_commands(CLI::App& app, Invocation& invocation) {
   add_workers_command(app, invocation);
   add_inspect_command(app, invocation);
   add_compare_command(app, invocation);
+  add_bench_command(app, invocation);
   add_completion_command(app, invocation);
 }
 

@@ -34,6 +34,7 @@ void add_extend_command(CLI::App& app, Invocation& invocation);
 void add_workers_command(CLI::App& app, Invocation& invocation);
 void add_inspect_command(CLI::App& app, Invocation& invocation);
 void add_compare_command(CLI::App& app, Invocation& invocation);
+void add_bench_command(CLI::App& app, Invocation& invocation);
 void add_completion_command(CLI::App& app, Invocation& invocation);
 
 void add_all_commands(CLI::App& app, Invocation& invocation);

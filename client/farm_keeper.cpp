@@ -88,6 +88,9 @@ class Keeper {
                         folder_ + "/cache",
                         "--grace",
                         "0"};
+      if (!plan.accelerator.empty()) {
+        worker.command.insert(worker.command.end(), {"--accelerator", plan.accelerator});
+      }
       worker.log = folder_ + "/" + name + ".log";
       workers_.push_back(std::move(worker));
     }

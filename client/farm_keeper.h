@@ -10,6 +10,7 @@ struct KeeperPlan {
   std::string server_program, worker_program;
   std::string store;  // empty: a temporary one
   int worker_count = 1, threads_per_worker = 1;
+  std::string accelerator;  // of the workers; empty: production's
 };
 
 /// First message of a keeper on its socket: the private folder it made, with the server's socket

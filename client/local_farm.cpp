@@ -67,6 +67,7 @@ absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::start(const LocalFarmOptio
   plan.worker_program = *std::move(worker);
   plan.worker_count = options.worker_count;
   plan.threads_per_worker = options.threads_per_worker;
+  plan.accelerator = options.accelerator;
   if (!options.store.empty()) {
     std::error_code error;
     plan.store = std::filesystem::absolute(options.store, error).string();

@@ -15,6 +15,7 @@ namespace tessera::client {
 struct LocalFarmOptions {
   std::string store;  // folder of the store; empty: a temporary one
   int worker_count = 1, threads_per_worker = 1;
+  std::string accelerator;  // a reference structure for the workers to use; empty: production's
 };
 
 /// A server and workers of this machine, reachable only by this user, that live as long as this
