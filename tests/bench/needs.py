@@ -1,0 +1,114 @@
+#!/usr/bin/env python3
+"""What a scene pays for features it does not use.
+
+    tests/bench/needs.py [--pairs 20] [--scene tests/scenes/lit_square.gltf] [FEATURE]...
+
+Builds tessera_render_once twice from copies of the sources, once as they are and once with a
+feature's code taken out by hand (FEATURES below; an edit that no longer applies is an error), and
+renders a scene without that feature: instructions under valgrind's callgrind (AVX2: it knows no
+AVX-512), and CPU time in interleaved pairs, the median ratio with its 95 % interval by bootstrap.
+The pixels must be the same. Limits: 1.005 for instructions, 1.02 for the interval's upper end.
+"""
+
+import argparse
+import os
+import pathlib
+import random
+import re
+import resource
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+TRAVERSAL, PACKET = "worker/accel/traversal.inc", "worker/accel/packet.inc"
+PATHS = "worker/render/path_tracer.cpp"
+FEATURES = {  # feature: (file, what is there, what is put in its place)
+    "instances": [
+        (TRAVERSAL, "if (trees.single()) return meet_placed(", "return meet_placed("),
+        (TRAVERSAL, "  return meet_instances(trees, ray, query);\n}", "}"),
+        (TRAVERSAL, "if (!placed.identity) {", "if (false) {"),
+        (PACKET, "if (trees.single()) {", "if (true) {"),
+        (PACKET, "if (!placed.identity) {", "if (false) {"),
+    ],
+    "alpha": [
+        (PATHS, "if (traits == 0) return frame_.accel.closest_hit(path_.ray, *hit);",
+         "if (true) return frame_.accel.closest_hit(path_.ray, *hit);"),
+        (PATHS, "if (traits == 0) {\n    const TriangleId& target", "if (true) {\n    const TriangleId& target"),
+        (PATHS, "return (frame.shading.traits & traits) == 0 && frame.accel.takes_packets();",
+         "static_cast<void>(traits);\n  return frame.accel.takes_packets();"),
+    ],
+}
+RENDER = ["--size", "64x48", "--spp", "8", "--threads", "1"]
+TIMED = ["--size", "256x192", "--spp", "64", "--threads", "1"]
+
+
+def build(folder, edits):
+    shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns("build", ".git"))
+    for file, old, new in edits:
+        path = folder / file
+        text = path.read_text()
+        if text.count(old) != 1:
+            sys.exit(f"needs: {file}: {old!r} is there {text.count(old)} times; mend FEATURES")
+        path.write_text(text.replace(old, new))
+    subprocess.run(["cmake", "--preset", "dev", "-D", "CMAKE_COMPILE_WARNING_AS_ERROR=OFF"], cwd=folder,
+                   check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    shared = {**os.environ, "CCACHE_BASEDIR": str(folder), "CCACHE_NOHASHDIR": "1"}
+    subprocess.run(["cmake", "--build", "--preset", "dev", "--target", "tessera_render_once"],
+                   cwd=folder, check=True, stdout=subprocess.DEVNULL, env=shared)
+    return folder / "build/dev/bin/tessera_render_once"
+
+
+def instructions(binary, scene, folder):
+    done = subprocess.run(
+        ["valgrind", "--tool=callgrind", f"--callgrind-out-file={folder}/callgrind.out", binary, scene,
+         *RENDER], capture_output=True, text=True, check=True)
+    return int(re.search(r"Collected : (\d+)", done.stderr)[1]), re.search(r"sha256 (\w+)", done.stdout)[1]
+
+
+def cpu_seconds(binary, scene):
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([binary, scene, *TIMED], check=True, stdout=subprocess.DEVNULL)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def ratio_interval(ratios):
+    dice = random.Random(1)
+    medians = sorted(statistics.median(dice.choices(ratios, k=len(ratios))) for _ in range(4000))
+    return statistics.median(ratios), medians[100], medians[3899]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--pairs", type=int, default=20)
+    parser.add_argument("--scene", type=pathlib.Path, default=ROOT / "tests/scenes/lit_square.gltf")
+    parser.add_argument("features", nargs="*", choices=[*FEATURES, []], metavar="FEATURE")
+    args = parser.parse_args()
+    failed = False
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        whole = build(folder / "whole", [])
+        count, pixels = instructions(whole, args.scene, folder)
+        for feature in args.features or FEATURES:
+            without = build(folder / feature, FEATURES[feature])
+            least, same = instructions(without, args.scene, folder)
+            if same != pixels:
+                sys.exit(f"needs: {feature}: other pixels without it; the scene uses it")
+            ratios = []
+            for _ in range(args.pairs):
+                seconds = cpu_seconds(without, args.scene)
+                ratios.append(cpu_seconds(whole, args.scene) / seconds)
+            middle, low, high = ratio_interval(ratios)
+            held = count / least <= 1.005 and high <= 1.02
+            failed = failed or not held
+            print(f"{feature:10} instructions {count:,} / {least:,} = {count / least:.4f}; CPU time, "
+                  f"{args.pairs} pairs: {middle:.4f} ({low:.4f} to {high:.4f})"
+                  f"{'' if held else '  OVER THE LIMIT'}", flush=True)
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
