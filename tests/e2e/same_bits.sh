@@ -11,12 +11,13 @@ if [ -n "${TESSERA_E2E_SMALL:-}" ]; then
 fi
 job=(--size "$size" --spp 80 --max-depth 5 --frames 12)
 
-# draw NAME OPTIONS…: renders, leaves NAME.exr and NAME.json.
+# draw NAME OPTIONS…: renders $scene, leaves NAME.exr and NAME.json.
 seed=7
+scene=same_bits
 draw() {
   local name=$1
   shift
-  tessera render "$scenes/same_bits.gltf" --output "$work/$name.exr" --report "$work/$name.json" --force \
+  tessera render "$scenes/$scene.gltf" --output "$work/$name.exr" --report "$work/$name.json" --force \
     --seed "$seed" "${job[@]}" "$@" >"$work/$name.log" 2>&1 </dev/null || fail "render $name: status $?"
 }
 
@@ -76,14 +77,20 @@ EOF
 }
 tessera inspect "$scenes/lit_square.gltf" --accelerators --json >"$work/accelerators.json"
 job=(--size 48x40 --spp 16 --max-depth 4)
-draw few --tile 16 --workers 1 --threads 1
-few=$(pixels "$work/few.json")
-for name in $(json "$work/accelerators.json" '[s["name"] for s in d["accelerators"]["structures"] if s["closest_hit"]["triangles_per_ray"] is not None]'); do
-  equal "$name" "$(drawn_with --accelerator "$name")" "$few"
-done
-for isa in avx2 avx512; do
-  [ "$isa" = avx2 ] || tessera-worker --version | grep -q "isa $isa" || continue  # lacks it
-  equal "$isa" "$(drawn_with --isa "$isa")" "$few"
+structures=$(json "$work/accelerators.json" '[s["name"] for s in d["accelerators"]["structures"] if s["closest_hit"]["triangles_per_ray"] is not None]')
+for scene in same_bits shapes csg; do
+  [ "$scene" = same_bits ] || job=(--size 48x40 --spp 16 --max-depth 8)
+  draw few --tile 16 --workers 1 --threads 1
+  few=$(pixels "$work/few.json")
+  draw few --tile 16 --workers 2 --threads 1
+  equal "$scene: two workers" "$(pixels "$work/few.json")" "$few"
+  for name in $structures; do
+    equal "$scene: $name" "$(drawn_with --accelerator "$name")" "$few"
+  done
+  for isa in avx2 avx512; do
+    [ "$isa" = avx2 ] || tessera-worker --version | grep -q "isa $isa" || continue  # lacks it
+    equal "$scene: $isa" "$(drawn_with --isa "$isa")" "$few"
+  done
 done
 json "$work/accelerators.json" 'sum(s[q]["wrong"] for s in d["accelerators"]["structures"] for q in ("closest_hit", "any_hit"))' >"$work/wrong"
 equal "rays that structures of inspect answered otherwise" "$(cat "$work/wrong")" 0

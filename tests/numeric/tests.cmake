@@ -4,6 +4,10 @@ tessera_test(NAME geometry KIND numeric
   SOURCES numeric/agreement_test.cpp numeric/tree_quality_test.cpp numeric/geometry_scenes.cpp numeric/geometry_scenes.h numeric/overlap_test.cpp
     numeric/ray_origins_test.cpp numeric/reference_test.cpp numeric/watertight_test.cpp
   LINKS tessera::render)
+tessera_test(NAME solids KIND numeric
+  SOURCES numeric/csg_test.cpp numeric/geometry_scenes.cpp numeric/geometry_scenes.h
+    numeric/shapes_test.cpp numeric/solid_scenes.h
+  LINKS tessera::render)
 # Headers only, with the contraction that everything else forbids.
 tessera_test(NAME contraction KIND numeric SOURCES numeric/contraction_test.cpp)
 target_compile_options(numeric_contraction_test PRIVATE -ffp-contract=fast)

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "worker/accel/huge_array.h"
+#include "worker/accel/solids.h"
 #include "worker/accel/triangle_block.h"
 #include "worker/accel/wide_node.h"
 #include "worker/geometry/ray.h"
@@ -37,11 +39,12 @@ struct MeshTree {
   }
 };
 
-/// A mesh in the world.
+/// A mesh in the world, or a solid.
 struct PlacedMesh {
   Affine3d world_to_object;
   std::uint32_t mesh = 0, instance = 0;
   bool identity = false;
+  std::uint32_t solid = kNoSolid;  // if any, of AccelTrees::solids, in the place of the mesh
 };
 
 /// All that a traversal reads: a tree over placed meshes, and those of the meshes. A leaf of the
@@ -51,8 +54,9 @@ struct AccelTrees {
   std::vector<MeshTree<kWidth>> meshes;
   std::vector<PlacedMesh> placed;
   HugeArray<WideNode<kWidth>> nodes;
-  Box3f bounds;            // of the padded boxes of the placed meshes
-  float origin_limit = 0;  // the pads hold for origins within this, per axis
+  std::shared_ptr<const Solids> solids;  // null in a scene without
+  Box3f bounds;                          // of the padded boxes of the placed meshes
+  float origin_limit = 0;                // the pads hold for origins within this, per axis
 
   /// Whether one mesh, where it is, is all there is: its tree alone will do.
   bool single() const { return placed.size() == 1 && placed[0].identity; }

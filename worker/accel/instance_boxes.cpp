@@ -86,6 +86,61 @@ Box3f padded(const Box3d& box, const Vec3d& pad) {
   return out;
 }
 
+/// The last `count` of the boxes, as an operation makes one of them.
+Box3f combined(CsgOperation operation, std::span<const Box3f> boxes) {
+  Box3f out = boxes[0];
+  for (const Box3f& box : boxes.subspan(1)) {
+    switch (operation) {
+      case CsgOperation::unite:
+      case CsgOperation::exclude:
+        out.extend(box);
+        break;
+      case CsgOperation::intersect:
+        out = {max(out.lo, box.lo), min(out.hi, box.hi)};
+        if (out.empty()) return {};
+        break;
+      case CsgOperation::subtract:
+        return out;
+    }
+  }
+  return out;
+}
+
+/// Around a solid, from the boxes of its operands.
+Box3f solid_box(const CsgSolid& solid, std::span<const Box3f> operands) {
+  std::vector<Box3f> results;
+  for (const CsgStep& step : solid.steps) {
+    if (step.is_operand) {
+      results.push_back(operands[step.number]);
+      continue;
+    }
+    const std::size_t first = results.size() - step.number;
+    results[first] = combined(step.operation, std::span(results).subspan(first));
+    results.resize(first + 1);
+  }
+  return results[0];
+}
+
+/// Puts one box in the place of those of each solid's operands.
+void merge_operands(const Scene& scene, InstanceBoxes& out) {
+  InstanceBoxes merged;
+  merged.origin_limit = out.origin_limit;
+  std::vector<Box3f> boxes(scene.instances.size());
+  for (std::size_t i = 0; i < out.instances.size(); ++i) {
+    boxes[out.instances[i]] = out.boxes[i];
+    if (scene.instances[out.instances[i]].operand) continue;
+    merged.instances.push_back(out.instances[i]);
+    merged.boxes.push_back(out.boxes[i]);
+  }
+  for (const CsgSolid& solid : scene.solids) {
+    const Box3f box = solid_box(solid, std::span(boxes).subspan(solid.first, solid.count));
+    if (box.empty()) continue;
+    merged.instances.push_back(solid.first);
+    merged.boxes.push_back(box);
+  }
+  out = std::move(merged);
+}
+
 }  // namespace
 
 InstanceBoxes place_instances(const Scene& scene, std::span<const Box3f> meshes) {
@@ -106,8 +161,11 @@ InstanceBoxes place_instances(const Scene& scene, std::span<const Box3f> meshes)
     const Instance& instance = scene.instances[out.instances[i]];
     const Box3f& mesh = meshes[static_cast<std::size_t>(instance.mesh)];
     const Vec3d pad = world_pad(instance, mesh, worlds[i], out.origin_limit);
-    out.boxes.push_back(is_identity(instance.world_to_object) ? mesh : padded(worlds[i], pad));
+    const bool same_slabs = is_identity(instance.world_to_object) && !instance.operand &&
+                            scene.meshes[static_cast<std::size_t>(instance.mesh)].shape == nullptr;
+    out.boxes.push_back(same_slabs ? mesh : padded(worlds[i], pad));
   }
+  if (!scene.solids.empty()) merge_operands(scene, out);
   return out;
 }
 

@@ -15,9 +15,13 @@ namespace {
 template <int kWidth>
 void build_top(const Scene& scene, AccelTrees<kWidth>& trees, const ParallelFor& parallel_for) {
   std::vector<Box3f> meshes;
-  for (const MeshTree<kWidth>& mesh : trees.meshes) {
-    meshes.push_back(mesh.blocks.empty() ? Box3f{} : mesh.bounds);
+  for (std::size_t i = 0; i < trees.meshes.size(); ++i) {
+    const MeshTree<kWidth>& mesh = trees.meshes[i];
+    meshes.push_back(scene.meshes[i].shape != nullptr ? scene.meshes[i].shape->bounds
+                     : mesh.blocks.empty()            ? Box3f{}
+                                                      : mesh.bounds);
   }
+  trees.solids = Solids::of(scene);
   const InstanceBoxes placed = place_instances(scene, meshes);
   trees.origin_limit = placed.origin_limit;
   WideBvh<kWidth> bvh = collapse<kWidth>(build_binary_bvh({placed.boxes}, parallel_for));
@@ -27,7 +31,8 @@ void build_top(const Scene& scene, AccelTrees<kWidth>& trees, const ParallelFor&
     const std::uint32_t index = placed.instances[bvh.order[leaf.first]];
     const Instance& instance = scene.instances[index];
     trees.placed.push_back({instance.world_to_object, static_cast<std::uint32_t>(instance.mesh),
-                            index, is_identity(instance.world_to_object)});
+                            index, is_identity(instance.world_to_object),
+                            trees.solids == nullptr ? kNoSolid : trees.solids->at(index)});
   }
 }
 

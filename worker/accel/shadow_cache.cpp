@@ -25,7 +25,9 @@ bool ShadowCache::any_hit(const Ray& ray, std::uint32_t light, std::uint32_t dep
     return true;
   }
   return accel_.any_hit(ray, [&](const Hit& hit) {
-    last = hit.id;
+    const Instance& instance = scene_.instances[hit.id.instance];
+    const bool shape = scene_.meshes[static_cast<std::size_t>(instance.mesh)].shape != nullptr;
+    if (!shape) last = hit.id;
     return true;
   });
 }

@@ -14,6 +14,10 @@ struct TriangleId {
   auto operator<=>(const TriangleId&) const = default;
 };
 
+/// In TriangleId::triangle of a surface that a CSG solid shows from behind (its outside is inside
+/// the operand, as after a subtraction). The rest is the triangle or face.
+inline constexpr std::uint32_t kFlippedSide = 0x80000000u;
+
 /// A world-space ray; the direction need not be unit. Hits have 0 <= t < t_max in multiples of it.
 struct Ray {
   Vec3f origin, direction;
@@ -24,7 +28,8 @@ struct Ray {
 struct Hit {
   float t = 0;
   TriangleId id;
-  float b0 = 0, b1 = 0, b2 = 0;  // barycentrics of the triangle's three vertices, sum 1 (rounded)
+  float b0 = 0, b1 = 0, b2 = 0;  // barycentrics of the triangle's three vertices, sum 1 (rounded);
+                                 // or on a shape (its face is the triangle) the point, object space
 };
 
 /// The order of "One hit": by t, then by id.

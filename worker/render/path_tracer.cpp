@@ -144,7 +144,7 @@ bool PathTracer::find_hit(Hit* hit) {
 
 /// One surface: emission, direct light, and the next ray. False when the path ends.
 bool PathTracer::step(const Hit& hit) {
-  ShadingPoint point = surface_at(frame_.shading, hit.id, hit.b1, hit.b2, path_.ray.direction);
+  ShadingPoint point = surface_at(frame_.shading, hit, path_.ray.direction);
   if (frame_.shading.textures.has_procedures()) [[unlikely]]
     widen(hit.t, &point);
   const SurfacePoint position = position_of(point);

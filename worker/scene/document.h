@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -109,7 +110,10 @@ struct Node {
   Vec3d translation, scale = {1, 1, 1};
   Vec4d rotation = {0, 0, 0, 1};  // unit quaternion, w last
   std::vector<double> weights;
-  Attributes instancing;  // EXT_mesh_gpu_instancing; empty: not instanced
+  Attributes instancing;               // EXT_mesh_gpu_instancing; empty: not instanced
+  std::shared_ptr<const Shape> shape;  // TESSERA_shape; in the place of a mesh
+  std::int32_t shape_material = kNone;
+  std::optional<CsgOperation> csg;  // TESSERA_csg, on its children
 };
 
 struct ImageSource {

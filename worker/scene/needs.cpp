@@ -74,6 +74,7 @@ std::uint32_t scene_features(const Scene& scene) {
     f |= scene.environment.image == kNone ? kNeedsConstantEnvironment : kNeedsEnvironmentMap;
   }
   if (scene.instances.size() > scene.meshes.size()) f |= kNeedsInstances;
+  if (!scene.solids.empty()) f |= kNeedsCsg;
   if (scene.camera.kind == Camera::Kind::orthographic) f |= kNeedsOrthographicCamera;
   if (scene.camera.kind > Camera::Kind::orthographic) f |= kNeedsCurvedScreen;
   if (scene.camera.lens.radius > 0) f |= kNeedsLens;
@@ -182,14 +183,16 @@ SceneNeeds needs_of(const Scene& scene) {
       const auto count = static_cast<std::int64_t>(p.triangles.size());
       triangles[i] += count;
       if (emits(material)) emissive[i] += count;
-      used[p.material] = used[p.material] || count > 0;
-      if (count > 0) needs.features |= material_features(material);
+      const bool surface = count > 0 || scene.meshes[i].shape != nullptr;
+      used[p.material] = used[p.material] || surface;
+      if (surface) needs.features |= material_features(material);
       if (!p.colors.empty()) needs.features |= kNeedsVertexColors;
       needs.vertices += static_cast<std::int64_t>(p.positions.size());
       needs.geometry_bytes += bytes_of_primitive(p);
       ++needs.primitives;
     }
     needs.triangles += triangles[i];
+    if (scene.meshes[i].shape != nullptr) needs.features |= kNeedsShapes;
   }
   for (const Instance& instance : scene.instances) {
     needs.instanced_triangles += triangles[instance.mesh];
@@ -240,7 +243,9 @@ std::vector<std::string> feature_names(std::uint32_t features) {
                                            "diffuse-transmission",
                                            "curved-screen",
                                            "lens",
-                                           "procedural-textures"};
+                                           "procedural-textures",
+                                           "shapes",
+                                           "csg"};
   std::vector<std::string> out;
   for (std::size_t bit = 0; bit < std::size(kNames); ++bit) {
     if ((features >> bit & 1) != 0) out.emplace_back(kNames[bit]);

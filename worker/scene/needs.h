@@ -39,6 +39,8 @@ enum Feature : std::uint32_t {
   kNeedsCurvedScreen = 1u << 24,
   kNeedsLens = 1u << 25,
   kNeedsProcedures = 1u << 26,
+  kNeedsShapes = 1u << 27,
+  kNeedsCsg = 1u << 28,
 };
 
 /// Resident memory of a renderer before it has a scene, measured. A Radiance sky adds some 120 MB

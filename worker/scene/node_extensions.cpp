@@ -4,6 +4,7 @@
 #include "worker/math/elementary.h"
 #include "worker/scene/extension_reader.h"
 #include "worker/scene/json_view.h"
+#include "worker/scene/shape_reader.h"
 
 namespace tessera::render {
 
@@ -44,6 +45,16 @@ PunctualLight read_light(const JsonView& light, JsonFault& fault) {
 }
 
 void read_node(const JsonView& look, Node& node, const Document& document, JsonFault& fault) {
+  const JsonView shape = look.extension("TESSERA_shape");
+  if (shape.present()) {
+    if (node.mesh != kNone) fault.report(shape.path(), "the node has a mesh already");
+    node.shape = read_shape(shape, fault);
+    node.shape_material = shape.index("material", document.materials.size());
+  }
+  node.csg = read_csg(look.extension("TESSERA_csg"), fault);
+  if (node.csg && (node.mesh != kNone || shape.present())) {
+    fault.report(look.path(), "a node with TESSERA_csg has no mesh or shape of its own");
+  }
   node.light = look.extension("KHR_lights_punctual").index("light", document.lights.size());
   node.visible = look.extension("KHR_node_visibility").boolean("visible", true);
   const JsonView attributes = look.extension("EXT_mesh_gpu_instancing")["attributes"];

@@ -3,9 +3,11 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "worker/geometry/shapes/shape.h"
 #include "worker/math/transform.h"
 #include "worker/math/vector.h"
 #include "worker/scene/shared_array.h"
@@ -185,10 +187,11 @@ struct Primitive {
   std::int32_t id = 0;                                  // index of the primitive in its glTF mesh
 };
 
-/// One glTF mesh, or one skinned or morphed copy of it.
+/// One glTF mesh, or one skinned or morphed copy of it; or an analytic shape.
 struct Mesh {
   std::string name;
   SharedArray<Primitive> primitives;
+  std::shared_ptr<const Shape> shape = nullptr;  // if any, the one primitive has its material alone
 };
 
 /// A placed mesh. The index in Scene::instances is the instance id of "One hit": nodes in
@@ -199,6 +202,26 @@ struct Instance {
   Affine3d object_to_world;    // world is recentred: metres minus Scene::center
   Affine3d world_to_object;    // its exact-as-possible inverse; singular nodes are dropped at load
   bool flips_winding = false;  // negative determinant
+  bool operand = false;        // of one of Scene::solids: not met by itself
+};
+
+enum class CsgOperation : std::uint8_t { unite, intersect, subtract, exclude };
+
+/// A step in working out whether a point is inside a solid: whether it is inside an operand, or
+/// what an operation makes of the last results that no step has used yet.
+struct CsgStep {
+  bool is_operand = true;
+  CsgOperation operation = CsgOperation::unite;  // subtract: the first without the others;
+                                                 // exclude: inside an odd number of them
+  std::uint32_t number = 0;                      // of the operand; or how many results
+};
+
+/// TESSERA_csg: instances whose surfaces together bound one body. Each is closed; they follow each
+/// other.
+struct CsgSolid {
+  std::int32_t node = 0;               // glTF node index
+  std::uint32_t first = 0, count = 0;  // of Scene::instances: the operands
+  std::vector<CsgStep> steps;
 };
 
 struct PunctualLight {
@@ -260,6 +283,7 @@ struct Scene {
   std::vector<Material> materials;  // at least one: glTF's default material is last
   std::vector<Mesh> meshes;
   std::vector<Instance> instances;
+  std::vector<CsgSolid> solids;
   std::vector<PunctualLight> lights;
   Camera camera;
   bool has_environment = false;  // lights the scene, whether camera rays see it or not

@@ -11,6 +11,7 @@
 #include "worker/scene/accessor_reader.h"
 #include "worker/scene/animation.h"
 #include "worker/scene/camera_setup.h"
+#include "worker/scene/csg_assembly.h"
 #include "worker/scene/deform.h"
 #include "worker/scene/geometry_reader.h"
 #include "worker/scene/hierarchy.h"
@@ -44,6 +45,7 @@ class SceneBuilder {
     for (const std::int32_t node : order_) {
       if (status.ok()) status = place(node);
     }
+    if (status.ok()) status = assemble_solids(nodes_, order_, scene_);
     if (status.ok()) status = recenter();
     if (status.ok()) status = add_textures();
     if (!status.ok()) return status;
@@ -282,6 +284,7 @@ class SceneBuilder {
   absl::Status place(std::int32_t index) {
     const Node& node = nodes_[index];
     if (node.light != kNone) place_light(index);
+    if (node.shape != nullptr) return place_mesh(shape_mesh(node), index);
     if (node.mesh == kNone) return absl::OkStatus();
     if (node.skin != kNone && has_influences(document_.meshes[node.mesh])) {
       const auto joints = joint_matrices(document_, node.skin, world_);
@@ -297,11 +300,25 @@ class SceneBuilder {
     }
     const auto mesh = shared_mesh(node.mesh, weights_of(node));
     if (!mesh.ok()) return mesh.status();
-    if (node.instancing.empty()) {
-      add_instance(*mesh, index, world_[index]);
-      return absl::OkStatus();
-    }
-    return place_instances(*mesh, index);
+    return place_mesh(*mesh, index);
+  }
+
+  absl::Status place_mesh(std::int32_t mesh, std::int32_t index) {
+    if (!nodes_[index].instancing.empty()) return place_instances(mesh, index);
+    add_instance(mesh, index, world_[index]);
+    return absl::OkStatus();
+  }
+
+  /// A mesh that is an analytic shape.
+  std::int32_t shape_mesh(const Node& node) {
+    Primitive surface;
+    surface.material = node.shape_material == kNone
+                           ? static_cast<std::int32_t>(scene_.materials.size()) - 1
+                           : node.shape_material;
+    used_[surface.material] = true;
+    const Box3f& bounds = node.shape->bounds;
+    return add_mesh({node.name, std::vector<Primitive>{std::move(surface)}, node.shape},
+                    {Vec3d(bounds.lo), Vec3d(bounds.hi)});
   }
 
   static bool has_influences(const MeshSource& mesh) {

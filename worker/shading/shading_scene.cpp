@@ -129,6 +129,8 @@ ShadingScene::ShadingScene(const Scene& scene) : textures(scene) {
     const auto mesh = static_cast<std::size_t>(instance.mesh);
     InstanceView view;
     view.source = &instance;
+    view.shape = scene.meshes[mesh].shape.get();
+    view.solid = view.shape != nullptr || instance.operand;
     view.object_to_world = Affine3f(instance.object_to_world);
     view.world_to_object = Affine3f(instance.world_to_object);
     view.first_primitive = first[mesh];

@@ -39,6 +39,8 @@ struct PrimitiveView {
 struct InstanceView {
   Affine3f object_to_world, world_to_object;
   const Instance* source = nullptr;   // its transforms in double
+  const Shape* shape = nullptr;       // if it is one, and no mesh
+  bool solid = false;                 // a shape, or an operand of a CSG solid
   std::uint32_t first_primitive = 0;  // of its mesh, into ShadingScene::primitives
   std::uint32_t primitive_count = 0;
   std::int32_t node = 0;

@@ -1,5 +1,6 @@
 #include "worker/shading/surface.h"
 
+#include "worker/geometry/shapes/shape_surface.h"
 #include "worker/math/elementary.h"
 #include "worker/shading/surface_extensions.h"
 #include "worker/shading/surface_lookup.h"
@@ -19,6 +20,33 @@ PlacedTriangle placed_triangle(const ShadingPoint& p) {
   const Instance& instance = *p.instance->source;
   return {instance.object_to_world, instance.world_to_object, x[p.vertices[0]], x[p.vertices[1]],
           x[p.vertices[2]]};
+}
+
+ShadingPoint shape_at(const ShadingScene& scene, const Hit& hit) {
+  ShadingPoint p;
+  p.instance = &scene.instances[hit.id.instance];
+  p.primitive = &scene.primitives[p.instance->first_primitive];
+  p.material = &scene.materials[static_cast<std::size_t>(p.primitive->material)];
+  p.shape = p.instance->shape;
+  p.face = hit.id.triangle;
+  p.local = {hit.b0, hit.b1, hit.b2};
+  const Vec3d outwards = shape_normal(*p.shape, p.face, Vec3d(p.local));
+  p.geometric_normal =
+      Vec3f(normalize(transform_normal(p.instance->source->world_to_object, outwards)));
+  return p;
+}
+
+/// A point of a shape, or of an operand of a CSG solid.
+ShadingPoint solid_at(const ShadingScene& scene, const Hit& hit, const Vec3f& direction) {
+  Hit plain = hit;
+  plain.id.triangle &= ~kFlippedSide;
+  ShadingPoint p = scene.instances[hit.id.instance].shape != nullptr
+                       ? shape_at(scene, plain)
+                       : surface_at(scene, plain.id, hit.b1, hit.b2, direction);
+  p.flipped = plain.id != hit.id;
+  if (p.flipped) p.geometric_normal = -p.geometric_normal;
+  p.front = dot(p.geometric_normal, direction) < 0;
+  return p;
 }
 
 BsdfParameters parameters_at(const ShadingScene& scene, const ShadingPoint& p, const Vec4f& base) {
@@ -53,6 +81,12 @@ BsdfParameters parameters_at(const ShadingScene& scene, const ShadingPoint& p, c
 
 }  // namespace
 
+ShadingPoint surface_at(const ShadingScene& scene, const Hit& hit, const Vec3f& direction) {
+  if (scene.instances[hit.id.instance].solid) [[unlikely]]
+    return solid_at(scene, hit, direction);
+  return surface_at(scene, hit.id, hit.b1, hit.b2, direction);
+}
+
 ShadingPoint surface_at(const ShadingScene& scene, const TriangleId& id, float b1, float b2,
                         const Vec3f& direction) {
   ShadingPoint p;
@@ -68,6 +102,8 @@ ShadingPoint surface_at(const ShadingScene& scene, const TriangleId& id, float b
 }
 
 SurfacePoint position_of(const ShadingPoint& p) {
+  if (p.shape != nullptr) [[unlikely]]
+    return placed_shape_point(p.instance->source->object_to_world, p.local, p.geometric_normal);
   return surface_point(placed_triangle(p), p.b1, p.b2, p.geometric_normal);
 }
 

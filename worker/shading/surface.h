@@ -17,13 +17,20 @@ struct ShadingPoint {
   const InstanceView* instance = nullptr;
   const MaterialView* material = nullptr;
   std::array<std::uint32_t, 3> vertices{};
-  float b1 = 0, b2 = 0;    // barycentrics of the second and third vertex
-  Vec3f geometric_normal;  // world, unit, out of the front face (also of mirrored instances)
-  bool front = true;       // the ray met the front face
-  float footprint = 0;     // width of what is seen here, metres; 0: a point. For procedures
+  float b1 = 0, b2 = 0;          // barycentrics of the second and third vertex
+  const Shape* shape = nullptr;  // in the place of the triangle, or null
+  std::uint32_t face = 0;        // of it
+  Vec3f local;                   // the point on it, object space
+  Vec3f geometric_normal;        // world, unit, out of the front face (also of mirrored instances)
+  bool front = true;             // the ray met the front face
+  bool flipped = false;          // the front is what the mesh has as its back (kFlippedSide)
+  float footprint = 0;           // width of what is seen here, metres; 0: a point. For procedures
 };
 
 /// The point `hit` found along `direction`.
+ShadingPoint surface_at(const ShadingScene& scene, const Hit& hit, const Vec3f& direction);
+
+/// The same for a triangle.
 ShadingPoint surface_at(const ShadingScene& scene, const TriangleId& id, float b1, float b2,
                         const Vec3f& direction);
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "worker/geometry/frame.h"
+#include "worker/geometry/shapes/shape_surface.h"
 #include "worker/shading/microfacet.h"
 #include "worker/shading/surface.h"
 #include "worker/shading/surface_procedure.h"
@@ -18,7 +19,8 @@ inline T interpolated(const T* values, const ShadingPoint& p) {
 
 inline Vec2f uv_at(const ShadingPoint& p, const TextureRef& ref) {
   const Vec2f* uv = p.primitive->uv[ref.uv_set == 1 ? 1 : 0];
-  return uv == nullptr ? Vec2f{} : interpolated(uv, p);
+  if (uv == nullptr) return p.shape == nullptr ? Vec2f{} : shape_uv(*p.shape, p.face, p.local);
+  return interpolated(uv, p);
 }
 
 inline Vec4f read(const ShadingScene& scene, const ShadingPoint& p, const TextureRef& ref) {
@@ -31,7 +33,7 @@ inline Vec4f read(const ShadingScene& scene, const ShadingPoint& p, const Textur
 /// Tangent of the UV parametrisation of the triangle, object space; zero if there is none.
 inline Vec4f tangent_from_uv(const ShadingPoint& p, const TextureRef& ref) {
   const Vec2f* uv = p.primitive->uv[ref.uv_set == 1 ? 1 : 0];
-  if (uv == nullptr) return {};
+  if (uv == nullptr) return p.shape == nullptr ? Vec4f{} : shape_tangent(p.face, p.local);
   const Vec3f* x = p.primitive->positions;
   const Vec3f e1 = x[p.vertices[1]] - x[p.vertices[0]], e2 = x[p.vertices[2]] - x[p.vertices[0]];
   const Vec2f d1 = uv[p.vertices[1]] - uv[p.vertices[0]],
@@ -79,7 +81,7 @@ inline Vec3f vertex_normal(const ShadingPoint& p) {
   if (p.primitive->normals == nullptr) return p.geometric_normal;
   const Vec3f smooth = normalize(
       transform_normal(p.instance->world_to_object, interpolated(p.primitive->normals, p)));
-  return smooth == Vec3f{} ? p.geometric_normal : smooth;
+  return smooth == Vec3f{} ? p.geometric_normal : p.flipped ? -smooth : smooth;
 }
 
 /// Both normals on the viewer's side, the shading one bent so that it really is.

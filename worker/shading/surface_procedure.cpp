@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "worker/geometry/frame.h"
+#include "worker/geometry/shapes/shape_surface.h"
 #include "worker/shading/procedure.h"
 
 namespace tessera::render {
@@ -10,7 +11,7 @@ namespace tessera::render {
 namespace {
 
 /// A procedure's coordinates over the plane of a triangle: linear, so a point and two slopes tell
-/// all.
+/// all. On a shape the triangle is one that touches it there, a 1024th of its size.
 class Coordinates {
  public:
   Coordinates(const ShadingScene& scene, const ShadingPoint& p, const TextureRef& ref,
@@ -40,25 +41,40 @@ class Coordinates {
 
  private:
   Vec3d corner(std::size_t k) const {
-    const std::uint32_t v = point_.vertices[k];
     if (f_.space == Procedure::Space::uv) {
+      if (point_.shape != nullptr) {
+        const Vec3f on(position(k));
+        const Vec2f t = transformed_uv(ref_, shape_uv(*point_.shape, point_.face, on));
+        return {static_cast<double>(t.x), static_cast<double>(t.y), 0};
+      }
+      const std::uint32_t v = point_.vertices[k];
       const Vec2f* uv = point_.primitive->uv[ref_.uv_set == 1 ? 1 : 0];
       if (uv == nullptr) return {};
       const Vec2f t = transformed_uv(ref_, uv[v]);
       return {static_cast<double>(t.x), static_cast<double>(t.y), 0};
     }
-    const Vec3d object = Vec3d(point_.primitive->positions[v]);
+    const Vec3d object = position(k);
     if (f_.space == Procedure::Space::object) return object;
     const Affine3d& world = point_.instance->source->object_to_world;
     return transform_point(world, object) + scene_.textures.center();
   }
 
+  /// A corner in object space.
+  Vec3d position(std::size_t k) const {
+    const Shape* shape = point_.shape;
+    if (shape == nullptr) return Vec3d(point_.primitive->positions[point_.vertices[k]]);
+    const Vec3d at(point_.local);
+    if (k == 0) return at;
+    const Vec3f normal(normalize(shape_normal(*shape, point_.face, at)));
+    const Frame plane = Frame::from_normal(normal);
+    const float size = max_abs(shape->bounds.hi - shape->bounds.lo);
+    return at + Vec3d((k == 1 ? plane.s : plane.t) * (size * 0x1p-10f));
+  }
+
   void place() {
     const Affine3d& world = point_.instance->source->object_to_world;
-    const Vec3f* x = point_.primitive->positions;
-    const Vec3d a = Vec3d(x[point_.vertices[0]]);
-    edge1_ = transform_vector(world, Vec3d(x[point_.vertices[1]]) - a);
-    edge2_ = transform_vector(world, Vec3d(x[point_.vertices[2]]) - a);
+    edge1_ = transform_vector(world, position(1) - position(0));
+    edge2_ = transform_vector(world, position(2) - position(0));
   }
 
   const ShadingScene& scene_;

@@ -23,11 +23,12 @@ void append_corners(const Box3f& box, std::vector<Vec3f>& corners) {
 
 }  // namespace
 
-ReferenceAccel::ReferenceAccel(const Scene& scene, const Structure& structure) {
+ReferenceAccel::ReferenceAccel(const Scene& scene, const Structure& structure)
+    : solids_(Solids::of(scene)) {
   std::vector<Box3f> meshes;
   for (const Mesh& mesh : scene.meshes) {
     parts_.push_back(make_part(mesh, structure));
-    meshes.push_back(parts_.back().bounds);
+    meshes.push_back(mesh.shape != nullptr ? mesh.shape->bounds : parts_.back().bounds);
   }
   const InstanceBoxes instances = place_instances(scene, meshes);
   origin_limit_ = instances.origin_limit;
@@ -36,7 +37,8 @@ ReferenceAccel::ReferenceAccel(const Scene& scene, const Structure& structure) {
   for (std::size_t i = 0; i < instances.boxes.size(); ++i) {
     const Instance& instance = scene.instances[instances.instances[i]];
     placed_.push_back({instance.world_to_object, static_cast<std::uint32_t>(instance.mesh),
-                       instances.instances[i]});
+                       instances.instances[i],
+                       solids_ == nullptr ? kNoSolid : solids_->at(instances.instances[i])});
     bounds_.extend(instances.boxes[i]);
     append_corners(instances.boxes[i], corners);
   }
@@ -59,7 +61,7 @@ ReferenceAccel::Part ReferenceAccel::make_part(const Mesh& mesh, const Structure
 }
 
 template <typename Take>
-bool ReferenceAccel::meet_part(const Placed& placed, const Ray& ray, const float& limit,
+bool ReferenceAccel::meet_mesh(const Placed& placed, const Ray& ray, const float& limit,
                                const Take& take, Work& work) const {
   const Part& part = parts_[placed.part];
   Vec3f origin = ray.origin, direction = ray.direction;
@@ -80,12 +82,33 @@ bool ReferenceAccel::meet_part(const Placed& placed, const Ray& ray, const float
   return part.index->walk(object_ray, limit, ShapeVisitor(test), work);
 }
 
+template <typename Take>
+bool ReferenceAccel::meet_solid(std::uint32_t solid, const Ray& ray, const Take& take,
+                                Work& work) const {
+  const auto collect = [&](const Operand& operand, const Ray& of, std::vector<Hit>& hits) {
+    const float all = std::numeric_limits<float>::max();
+    const auto add = [&](const Hit& hit) {
+      hits.push_back(hit);
+      return false;
+    };
+    meet_mesh({operand.world_to_object, operand.mesh, operand.instance, kNoSolid}, of, all, add,
+              work);
+  };
+  ++work.shapes;
+  for (const Hit& hit : solids_->hits(solid, ray, MeshHits(collect))) {
+    if (hit.t < ray.t_max && take(hit)) return true;
+  }
+  return false;
+}
+
 /// Shows `take` hits in any order, some more than once, until it returns true.
 template <typename Take>
 bool ReferenceAccel::meet(const Ray& ray, const float& limit, const Take& take, Work& work) const {
   if (top_ == nullptr || !is_finite(ray.origin) || !is_finite(ray.direction)) return false;
   const auto test = [&](std::uint32_t index) {
-    return meet_part(placed_[index], ray, limit, take, work);
+    const Placed& placed = placed_[index];
+    return placed.solid == kNoSolid ? meet_mesh(placed, ray, limit, take, work)
+                                    : meet_solid(placed.solid, ray, take, work);
   };
   ShapeRay world_ray;
   if (max_abs(ray.origin) <= origin_limit_ &&
@@ -148,7 +171,7 @@ std::vector<Hit> ReferenceAccel::all_hits(const Ray& ray) const {
   };
   meet(ray, limit, take, work);
   std::sort(hits.begin(), hits.end(), precedes);
-  const auto same = [](const Hit& a, const Hit& b) { return a.id == b.id; };
+  const auto same = [](const Hit& a, const Hit& b) { return a.t == b.t && a.id == b.id; };
   hits.erase(std::unique(hits.begin(), hits.end(), same), hits.end());
   return hits;
 }

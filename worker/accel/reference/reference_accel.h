@@ -5,6 +5,7 @@
 
 #include "worker/accel/ray_queries.h"
 #include "worker/accel/reference/structures.h"
+#include "worker/accel/solids.h"
 #include "worker/scene/scene.h"
 
 namespace tessera::render::reference {
@@ -40,18 +41,22 @@ class ReferenceAccel final : public RayQueries {
   struct Placed {
     Affine3d world_to_object;
     std::uint32_t part, instance;
+    std::uint32_t solid;  // or kNoSolid
   };
 
   static Part make_part(const Mesh& mesh, const Structure& structure);
   template <typename Take>
-  bool meet_part(const Placed& placed, const Ray& ray, const float& limit, const Take& take,
+  bool meet_mesh(const Placed& placed, const Ray& ray, const float& limit, const Take& take,
                  Work& work) const;
+  template <typename Take>
+  bool meet_solid(std::uint32_t solid, const Ray& ray, const Take& take, Work& work) const;
   template <typename Take>
   bool meet(const Ray& ray, const float& limit, const Take& take, Work& work) const;
   bool find_closest(const Ray& ray, const HitFilter* filter, Hit& hit, Work& work) const;
 
   std::vector<Part> parts_;
   std::vector<Placed> placed_;
+  std::shared_ptr<const Solids> solids_;  // null if there are none
   std::unique_ptr<ShapeIndex> top_;
   Box3f bounds_;  // of the padded boxes of the placed parts
   float origin_limit_ = 0;

@@ -6,7 +6,8 @@ tessera_test(NAME scene KIND unit
     unit/worker/scene/extensions_test.cpp unit/worker/scene/inspect_test.cpp
     unit/worker/scene/malformed_test.cpp unit/worker/scene/material_test.cpp
     unit/worker/scene/pose_cache_test.cpp
-    unit/worker/scene/pose_test.cpp unit/worker/scene/tangents_test.cpp
+    unit/worker/scene/pose_test.cpp unit/worker/scene/shape_test.cpp
+    unit/worker/scene/tangents_test.cpp
   LINKS tessera::render tessera_test_scene tessera_schema_check draco::draco meshoptimizer::meshoptimizer
     nlohmann_json::nlohmann_json)
 target_compile_definitions(unit_scene_test PRIVATE TESSERA_SOURCE_DIR="${PROJECT_SOURCE_DIR}")

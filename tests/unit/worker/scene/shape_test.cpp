@@ -1,0 +1,185 @@
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "tests/support/gltf_builder.h"
+#include "tests/support/json_schema.h"
+#include "tests/support/memory_scene.h"
+#include "worker/scene/needs.h"
+
+namespace tessera::render {
+namespace {
+
+using testing::GltfBuilder;
+using testing::load_and_pose;
+using testing::unit_quad;
+
+std::string shape_node(const std::string& shape, const std::string& more = "") {
+  return R"({"extensions": {"TESSERA_shape": )" + shape + "}" + more + "}";
+}
+
+std::string csg_node(const std::string& operation, const std::string& children) {
+  return R"({"children": )" + children + R"(, "extensions": {"TESSERA_csg": {"operation": ")" +
+         operation + R"("}}})";
+}
+
+absl::StatusOr<Scene> with_shape(const std::string& shape) {
+  GltfBuilder b;
+  b.use_extension("TESSERA_shape");
+  b.add_node(shape_node(shape));
+  return load_and_pose(b);
+}
+
+TEST(Shapes, AreInstancesWithAMaterial) {
+  GltfBuilder b;
+  b.use_extension("TESSERA_shape");
+  b.add_material(R"({"name": "red"})");
+  b.add_node(shape_node(R"({"type": "sphere", "radius": 2, "material": 0})",
+                        R"(, "translation": [5, 0, 0])"));
+  b.add_node(shape_node(R"({"type": "torus"})"));
+  const auto scene = load_and_pose(b);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_EQ(scene->instances.size(), 2u);
+  const Mesh& ball = scene->meshes[0];
+  ASSERT_NE(ball.shape, nullptr);
+  EXPECT_EQ(ball.shape->bounds.hi, (Vec3f{2, 2, 2}));
+  EXPECT_EQ(ball.primitives[0].material, 0);
+  EXPECT_EQ(scene->meshes[1].primitives[0].material, 1);  // glTF's default material
+  // From the torus at -1.25 to the ball at 7: the centre is that of what is seen.
+  EXPECT_NEAR(scene->center.x, (7 - 1.25) / 2, 1e-6);
+  const std::uint32_t features = needs_of(*scene).features;
+  EXPECT_NE(features & kNeedsShapes, 0u);
+  EXPECT_EQ(features & kNeedsCsg, 0u);
+}
+
+TEST(Shapes, AllTypesAreRead) {
+  for (const char* shape :
+       {R"({"type": "sphere"})", R"({"type": "ellipsoid", "radii": [1, 2, 3]})",
+        R"({"type": "disc", "radius": 2})", R"({"type": "rectangle", "size": [1, 2]})",
+        R"({"type": "box", "size": [1, 2, 3]})", R"({"type": "cylinder", "capped": false})",
+        R"({"type": "cone", "height": 3})", R"({"type": "paraboloid"})",
+        R"({"type": "hyperboloid", "waist": 0.5})",
+        R"({"type": "two-sheet-hyperboloid", "gap": 0.5})",
+        R"({"type": "quadric", "coefficients": [1, 0, 0, 0, 0, 0, 0, 0, 0, -1]})",
+        R"({"type": "torus", "radius": 2, "tube": 0.5, "extras": {}})"}) {
+    const auto scene = with_shape(shape);
+    ASSERT_TRUE(scene.ok()) << shape << scene.status();
+    EXPECT_EQ(scene->instances.size(), 1u) << shape;
+  }
+}
+
+TEST(Shapes, FaultsAreNamed) {
+  struct Case {
+    const char *shape, *element, *fault;
+  };
+  for (const Case& c : std::vector<Case>{
+           {R"({"type": "ball"})", "TESSERA_shape.type", "\"ball\" is none of sphere"},
+           {R"({"type": "sphere", "radius": 0})", "TESSERA_shape.radius", "0 is not in"},
+           {R"({"type": "sphere", "radius": "1"})", "TESSERA_shape.radius", "must be a number"},
+           {R"({"type": "sphere", "height": 1})", "TESSERA_shape.height", "is not a member"},
+           {R"({"type": "box", "size": [1, 1]})", "TESSERA_shape.size", "array of 3 numbers"},
+           {R"({"type": "box", "size": [1, -1, 1]})", "TESSERA_shape.size[1]", "-1 is not in"},
+           {R"({"type": "torus", "tube": 1})", "TESSERA_shape.tube", "below the radius"},
+           {R"({"type": "hyperboloid", "waist": 1})", "TESSERA_shape.waist", "below the radius"},
+           {R"({"type": "two-sheet-hyperboloid", "gap": 2})", "TESSERA_shape.gap",
+            "below the height"},
+           {R"({"type": "quadric", "min": [0, 1, 0]})", "TESSERA_shape.max", "above min"},
+           {R"({"type": "quadric", "max": [1e19, 1, 1]})", "TESSERA_shape.min", "lies beyond"},
+           {R"({"type": "sphere", "material": 7})", "TESSERA_shape.material", "7 is not the index"},
+       }) {
+    const absl::Status status = with_shape(c.shape).status();
+    const std::string message(status.message());
+    EXPECT_NE(message.find(std::string("nodes[0].extensions.") + c.element), std::string::npos)
+        << message;
+    EXPECT_NE(message.find(c.fault), std::string::npos) << message;
+  }
+}
+
+TEST(Shapes, NeedANodeWithoutAMesh) {
+  GltfBuilder b;
+  b.use_extension("TESSERA_shape");
+  b.add_mesh(unit_quad());
+  b.add_node(shape_node(R"({"type": "sphere"})", R"(, "mesh": 0)"));
+  EXPECT_NE(load_and_pose(b).status().message().find("has a mesh already"), std::string::npos);
+}
+
+TEST(Csg, IsPostfixOverItsOperands) {
+  GltfBuilder b;
+  b.use_extension("TESSERA_shape");
+  b.use_extension("TESSERA_csg");
+  b.add_node(csg_node("subtraction", "[1, 2]"));
+  b.add_node(shape_node(R"({"type": "box"})"), false);
+  b.add_node(R"({"children": [3, 4], "translation": [1, 0, 0]})", false);  // a group: their union
+  b.add_node(shape_node(R"({"type": "sphere"})"), false);
+  b.add_node(shape_node(R"({"type": "sphere"})"), false);
+  const auto scene = load_and_pose(b);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_EQ(scene->solids.size(), 1u);
+  const CsgSolid& solid = scene->solids[0];
+  EXPECT_EQ(solid.first, 0u);
+  EXPECT_EQ(solid.count, 3u);
+  ASSERT_EQ(solid.steps.size(), 5u);
+  EXPECT_TRUE(solid.steps[2].is_operand);
+  EXPECT_EQ(solid.steps[2].number, 2u);
+  EXPECT_EQ(solid.steps[3].operation, CsgOperation::unite);
+  EXPECT_EQ(solid.steps[3].number, 2u);
+  EXPECT_EQ(solid.steps[4].operation, CsgOperation::subtract);
+  for (const Instance& instance : scene->instances) EXPECT_TRUE(instance.operand);
+  EXPECT_NE(needs_of(*scene).features & kNeedsCsg, 0u);
+}
+
+TEST(Csg, RefusesWhatHasNoInside) {
+  const auto refused = [](const std::string& operand, const std::string& fault) {
+    GltfBuilder b;
+    b.use_extension("TESSERA_shape");
+    b.use_extension("TESSERA_csg");
+    b.use_extension("KHR_node_visibility");
+    b.add_mesh(unit_quad());
+    b.add_node(csg_node("union", "[1, 2]"));
+    b.add_node(shape_node(R"({"type": "box"})"), false);
+    b.add_node(operand, false);
+    const std::string message(load_and_pose(b).status().message());
+    EXPECT_NE(message.find("nodes[2]: "), std::string::npos) << message;
+    EXPECT_NE(message.find(fault), std::string::npos) << message;
+  };
+  refused(shape_node(R"({"type": "disc"})"), "the shape is open");
+  refused(shape_node(R"({"type": "cylinder", "capped": false})"), "the shape is open");
+  refused(R"({"mesh": 0})", "the mesh is open at 4 edges");
+  refused(R"({"translation": [1, 0, 0]})", "needs a mesh, shape or children");
+  refused(shape_node(R"({"type": "box"})", R"(, "scale": [1, 0, 1])"), "flattened");
+}
+
+TEST(Csg, FaultsAreNamed) {
+  GltfBuilder b;
+  b.use_extension("TESSERA_csg");
+  b.add_node(csg_node("minus", "[]"));
+  const std::string message(load_and_pose(b).status().message());
+  EXPECT_NE(message.find("nodes[0].extensions.TESSERA_csg.operation"), std::string::npos)
+      << message;
+  EXPECT_NE(message.find("none of union"), std::string::npos) << message;
+}
+
+TEST(Schemas, OfShapesAndCsgFitTheExampleScenes) {
+  for (const char* name : {"shapes", "csg"}) {
+    std::ifstream file(std::string(TESSERA_SOURCE_DIR) + "/tests/scenes/" + name + ".gltf");
+    int checked = 0;
+    const auto document = nlohmann::json::parse(file);
+    for (const auto& node : document.at("nodes")) {
+      for (const char* extension : {"TESSERA_shape", "TESSERA_csg"}) {
+        const auto extensions = node.value("extensions", nlohmann::json::object());
+        if (!extensions.contains(extension)) continue;
+        ++checked;
+        const auto faults =
+            support::schema_faults(support::read_schema(extension), extensions.at(extension));
+        EXPECT_TRUE(faults.empty()) << name << ": " << faults.front();
+      }
+    }
+    EXPECT_GT(checked, 10) << name;
+  }
+}
+
+}  // namespace
+}  // namespace tessera::render
