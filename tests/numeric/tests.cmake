@@ -6,6 +6,7 @@ tessera_test(NAME geometry KIND numeric
   LINKS tessera::render)
 tessera_test(NAME solids KIND numeric
   SOURCES numeric/csg_test.cpp numeric/geometry_scenes.cpp numeric/geometry_scenes.h
+    numeric/shape_lights_test.cpp
     numeric/shapes_test.cpp numeric/solid_scenes.h
   LINKS tessera::render)
 # Headers only, with the contraction that everything else forbids.

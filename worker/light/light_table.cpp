@@ -114,6 +114,7 @@ void LightTable::add_emitters(const Scene& scene, std::vector<LightBounds>& boun
         continue;
       }
       slots_.push_back(static_cast<std::int64_t>(entries_.size()));
+      if (mesh.shape != nullptr) add_shape(scene, static_cast<std::uint32_t>(i), bounds);
       for (std::size_t t = 0; t < p.triangles.size(); ++t) {
         Entry entry;
         entry.triangle = {static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(k),
@@ -133,6 +134,20 @@ void LightTable::add_emitters(const Scene& scene, std::vector<LightBounds>& boun
       }
     }
   }
+}
+
+void LightTable::add_shape(const Scene& scene, std::uint32_t instance,
+                           std::vector<LightBounds>& bounds) {
+  const Mesh& mesh = scene.meshes[static_cast<std::size_t>(scene.instances[instance].mesh)];
+  const Material& material = scene.materials[static_cast<std::size_t>(mesh.primitives[0].material)];
+  Entry entry;
+  entry.triangle = {instance, 0, 0};
+  entry.shape = static_cast<std::int32_t>(shapes_.size());
+  shapes_.emplace_back(scene.instances[instance], *mesh.shape);
+  LightBounds light = shapes_.back().bounds(luminance(material.emission), material.double_sided);
+  if (!std::isfinite(light.strength)) light.strength = 0;
+  entries_.push_back(entry);
+  bounds.push_back(light);
 }
 
 void LightTable::add_punctual(const Scene& scene, std::vector<LightBounds>& bounds) {
@@ -186,6 +201,7 @@ bool LightTable::sample(const LightReceiver& receiver, const LightRandom& u,
   const Entry& entry = entries_[choice.light];
   const auto chance = static_cast<float>(s.tree * choice.probability);
   if (entry.punctual != kNone) return sample_point_light(entry, chance, receiver.point, sample);
+  if (entry.shape != kNone) return sample_shape(entry, chance, receiver.point, u, sample);
   return sample_emitter(entry, chance, receiver.point, u, sample);
 }
 
@@ -265,14 +281,47 @@ bool LightTable::sample_emitter(const Entry& entry, float share, const Vec3f& po
   return true;
 }
 
+bool LightTable::sample_shape(const Entry& entry, float share, const Vec3f& point,
+                              const LightRandom& u, LightSample* sample) const {
+  const ShapeEmitter& emitter = shapes_[static_cast<std::size_t>(entry.shape)];
+  const Vec3d from(point);
+  const double solid_angle = emitter.solid_angle(from);
+  if (!(solid_angle > 0)) return false;
+  const Vec3d direction = emitter.sample(from, u.u1, u.u2);
+  ShapeHit found;
+  if (!emitter.find(from, direction, found)) return false;
+  const Vec3f p(found.point);
+  const Hit hit = {
+      static_cast<float>(found.t), {entry.triangle.instance, 0, found.face}, p.x, p.y, p.z};
+  sample->direction = Vec3f(direction);
+  sample->target = Vec3f(from + direction * found.t);
+  sample->distant = false;
+  sample->triangle = hit.id;
+  const ShadingPoint light = surface_at(shading_, hit, sample->direction);
+  const Vec3f radiance =
+      emission_at(shading_, light, -sample->direction) * coverage_at(shading_, light);
+  sample->pdf = static_cast<float>(static_cast<double>(share) / solid_angle);
+  if (!(max_component(radiance) > 0) || !(sample->pdf > 0) || !(sample->pdf < INFINITY)) {
+    return false;
+  }
+  sample->radiance_over_pdf = radiance / sample->pdf;
+  return true;
+}
+
 float LightTable::emitter_pdf(const LightReceiver& receiver, const TriangleId& id, float distance,
                               float cos_light) const {
   if (tree_.empty()) return 0;
   const std::int64_t first = slots_[slot_first_[id.instance] + id.primitive];
   if (first == kNone) return 0;
-  const auto light = static_cast<std::uint32_t>(first) + id.triangle;
+  const std::int32_t shape = entries_[static_cast<std::size_t>(first)].shape;
+  const auto light = static_cast<std::uint32_t>(first) + (shape == kNone ? id.triangle : 0);
   const double share = shares(receiver).tree * tree_.probability(receiver, light);
   if (!(share > 0)) return 0;
+  if (shape != kNone) {
+    const ShapeEmitter& emitter = shapes_[static_cast<std::size_t>(shape)];
+    const double solid_angle = emitter.solid_angle(Vec3d(receiver.point));
+    return solid_angle > 0 ? static_cast<float>(share / solid_angle) : 0;
+  }
   const SphericalTriangle seen = near_triangle(entries_[light], receiver.point);
   if (seen.solid_angle > 0) return static_cast<float>(share / seen.solid_angle);
   return solid_angle_density(static_cast<float>(share) * entries_[light].density, distance,

@@ -7,6 +7,7 @@
 #include "worker/geometry/ray.h"
 #include "worker/light/environment_map.h"
 #include "worker/light/light_tree.h"
+#include "worker/light/shape_emitter.h"
 #include "worker/light/spherical_triangle.h"
 #include "worker/math/vector.h"
 #include "worker/sampling/distribution.h"
@@ -62,16 +63,18 @@ class LightTable {
   std::int64_t memory_bytes() const;
 
  private:
-  /// An emissive triangle or a punctual light.
+  /// An emissive triangle, a shape that emits, or a punctual light.
   struct Entry {
     TriangleId triangle;
     std::int32_t punctual = kNone;
-    float density = 0;  // of a point on it: 1 / area of triangles, 1 for punctual lights
-    Vec3f centre;       // of triangles
-    float reach2 = 0;   // squared distance from it within which they are seen under a large angle
+    std::int32_t shape = kNone;  // of shapes_; its instance is that of `triangle`
+    float density = 0;           // of a point on it: 1 / area of triangles, 1 for punctual lights
+    Vec3f centre;                // of triangles
+    float reach2 = 0;  // squared distance from it within which they are seen under a large angle
   };
 
   void add_emitters(const Scene& scene, std::vector<LightBounds>& bounds);
+  void add_shape(const Scene& scene, std::uint32_t instance, std::vector<LightBounds>& bounds);
   void add_punctual(const Scene& scene, std::vector<LightBounds>& bounds);
   bool has_local_lights() const { return !tree_.empty() || !distant_.empty(); }
   /// Probabilities of the three kinds; those of kinds that are not there are 0.
@@ -84,6 +87,8 @@ class LightTable {
   SphericalTriangle near_triangle(const Entry& entry, const Vec3f& point) const;
   bool sample_emitter(const Entry& entry, float share, const Vec3f& point, const LightRandom& u,
                       LightSample* sample) const;
+  bool sample_shape(const Entry& entry, float share, const Vec3f& point, const LightRandom& u,
+                    LightSample* sample) const;
   bool sample_point_light(const Entry& entry, float share, const Vec3f& point,
                           LightSample* sample) const;
 
@@ -92,6 +97,7 @@ class LightTable {
   std::unique_ptr<EnvironmentMap> environment_;
   double sky_irradiance_ = 0;  // of a sky worth sampling, on average over all normals
   std::vector<Entry> entries_;
+  std::vector<ShapeEmitter> shapes_;
   LightTree tree_;                         // over entries; directional lights have no leaf
   std::vector<std::uint32_t> distant_;     // entries of directional lights
   DiscreteDistribution distant_choice_;    // over distant_, by irradiance

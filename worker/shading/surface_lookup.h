@@ -77,7 +77,7 @@ inline Vec3f normal_mapped(const ShadingScene& scene, const ShadingPoint& p, con
 }
 
 /// Interpolated normal on the front side, unit.
-inline Vec3f vertex_normal(const ShadingPoint& p) {
+inline __attribute__((always_inline)) Vec3f vertex_normal(const ShadingPoint& p) {
   if (p.primitive->normals == nullptr) return p.geometric_normal;
   const Vec3f smooth = normalize(
       transform_normal(p.instance->world_to_object, interpolated(p.primitive->normals, p)));

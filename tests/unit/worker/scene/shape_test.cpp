@@ -79,7 +79,7 @@ TEST(Shapes, FaultsAreNamed) {
            {R"({"type": "ball"})", "TESSERA_shape.type", "\"ball\" is none of sphere"},
            {R"({"type": "sphere", "radius": 0})", "TESSERA_shape.radius", "0 is not in"},
            {R"({"type": "sphere", "radius": "1"})", "TESSERA_shape.radius", "must be a number"},
-           {R"({"type": "sphere", "height": 1})", "TESSERA_shape.height", "is not a member"},
+           {R"({"type": "sphere", "height": 1})", "TESSERA_shape.height", "is unknown"},
            {R"({"type": "box", "size": [1, 1]})", "TESSERA_shape.size", "array of 3 numbers"},
            {R"({"type": "box", "size": [1, -1, 1]})", "TESSERA_shape.size[1]", "-1 is not in"},
            {R"({"type": "torus", "tube": 1})", "TESSERA_shape.tube", "below the radius"},

@@ -1,0 +1,154 @@
+#include "worker/light/shape_emitter.h"
+
+#include <cmath>
+
+#include "worker/light/spherical_triangle.h"
+#include "worker/math/elementary.h"
+
+namespace tessera::render {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+/// 1 - cos of the half angle of the cone around a sphere; 2 where the point is inside it.
+double cone_height(double distance, double radius) {
+  if (!(distance > radius)) return 2;
+  const double sine = radius / distance;
+  const double cosine = std::sqrt((1 - sine) * (1 + sine));
+  return sine * sine / (1 + cosine);
+}
+
+/// Two unit vectors that make a frame with a third.
+void span_plane(const Vec3d& axis, Vec3d& s, Vec3d& t) {
+  s = normalize(cross(axis, std::fabs(axis.x) < 0.5 ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0}));
+  t = cross(axis, s);
+}
+
+/// The most that a transform stretches any vector: exact where it stretches all alike, else its
+/// Frobenius norm, which is at most sqrt(3) times as much.
+double stretch(const Affine3d& m) {
+  const auto& [x, y, z] = m.rows;
+  const double xx = dot(x, x), yy = dot(y, y), zz = dot(z, z);
+  constexpr double kSame = 1e-12;
+  const bool alike = std::fabs(xx - yy) <= kSame * xx && std::fabs(xx - zz) <= kSame * xx &&
+                     std::fabs(dot(x, y)) <= kSame * xx && std::fabs(dot(y, z)) <= kSame * xx &&
+                     std::fabs(dot(z, x)) <= kSame * xx;
+  return std::sqrt(alike ? xx : xx + yy + zz);
+}
+
+/// Of the sphere about the middle of its box.
+double object_radius(const Shape& shape) {
+  const Vec3d half = (Vec3d(shape.bounds.hi) - Vec3d(shape.bounds.lo)) * 0.5;
+  // An ellipsoid lies within its largest radius, a sphere at it.
+  return shape.latitudes ? max_component(half) : length(half);
+}
+
+}  // namespace
+
+ShapeEmitter::ShapeEmitter(const Instance& instance, const Shape& shape)
+    : object_to_world_(instance.object_to_world),
+      world_to_object_(instance.world_to_object),
+      shape_(shape) {
+  const Vec3d lo(shape.bounds.lo), hi(shape.bounds.hi);
+  centre_ = transform_point(object_to_world_, (lo + hi) * 0.5);
+  const int flat = shape.flat_axis();
+  if (flat < 0) {
+    radius_ = object_radius(shape) * stretch(object_to_world_) * (1 + 0x1p-40);
+    return;
+  }
+  corner_ = transform_point(object_to_world_, lo);
+  Vec3d u, v;
+  const int first = (flat + 1) % 3, second = (flat + 2) % 3;
+  u[first] = hi[first] - lo[first];
+  v[second] = hi[second] - lo[second];
+  edge_u_ = transform_vector(object_to_world_, u);
+  edge_v_ = transform_vector(object_to_world_, v);
+}
+
+Box3d ShapeEmitter::world_box() const {
+  Box3d box;
+  for (int corner = 0; corner < 8; ++corner) {
+    const Box3f& b = shape_.bounds;
+    box.extend(transform_point(
+        object_to_world_,
+        Vec3d(Vec3f{(corner & 1) != 0 ? b.hi.x : b.lo.x, (corner & 2) != 0 ? b.hi.y : b.lo.y,
+                    (corner & 4) != 0 ? b.hi.z : b.lo.z})));
+  }
+  return box;
+}
+
+LightBounds ShapeEmitter::bounds(double radiance, bool both_sides) const {
+  LightBounds light;
+  const Box3d box = world_box();
+  light.box_min = box.lo;
+  light.box_max = box.hi;
+  light.emission_angle = kPi / 2;
+  const int flat = shape_.flat_axis();
+  if (flat < 0) {
+    light.normal_angle = kPi;
+    light.strength = radiance * kPi * radius_ * radius_;
+    return light;
+  }
+  Vec3d axis;
+  axis[flat] = 1;
+  light.axis = normalize(transform_normal(world_to_object_, axis));
+  light.both_sides = both_sides;
+  light.strength = radiance * length(cross(edge_u_, edge_v_));
+  return light;
+}
+
+namespace {
+
+/// A rectangle seen from a point as two triangles.
+struct SeenRectangle {
+  SphericalTriangle first, second;
+  double solid_angle() const { return first.solid_angle + second.solid_angle; }
+};
+
+SeenRectangle see(const Vec3d& corner, const Vec3d& u, const Vec3d& v) {
+  return {SphericalTriangle::seen_from_origin(corner, corner + u, corner + u + v),
+          SphericalTriangle::seen_from_origin(corner, corner + u + v, corner + v)};
+}
+
+}  // namespace
+
+double ShapeEmitter::solid_angle(const Vec3d& from) const {
+  if (radius_ > 0) return 2 * kPi * cone_height(length(centre_ - from), radius_);
+  return see(corner_ - from, edge_u_, edge_v_).solid_angle();
+}
+
+Vec3d ShapeEmitter::sample(const Vec3d& from, double u1, double u2) const {
+  if (!(radius_ > 0)) {
+    const SeenRectangle seen = see(corner_ - from, edge_u_, edge_v_);
+    const double u = u1 * seen.solid_angle();
+    return u < seen.first.solid_angle
+               ? seen.first.sample(u / seen.first.solid_angle, u2)
+               : seen.second.sample(clamp((u - seen.first.solid_angle) / seen.second.solid_angle,
+                                          0.0, 1 - 0x1p-53),
+                                    u2);
+  }
+  const Vec3d to = centre_ - from;
+  const double distance = length(to);
+  const Vec3d axis = distance > 0 ? to / distance : Vec3d{0, 1, 0};
+  const double height = u1 * cone_height(distance, radius_);  // 1 - cos
+  const double sine = std::sqrt(height * (2 - height));
+  const elementary::SinCosd around = elementary::sincos(2 * kPi * u2);
+  Vec3d s, t;
+  span_plane(axis, s, t);
+  return axis * (1 - height) + (s * around.cos + t * around.sin) * sine;
+}
+
+bool ShapeEmitter::find(const Vec3d& from, const Vec3d& direction, ShapeHit& hit) const {
+  thread_local std::vector<ShapeHit> hits;
+  hits.clear();
+  intersect_shape(shape_, transform_point(world_to_object_, from),
+                  transform_vector(world_to_object_, direction), hits);
+  const ShapeHit* best = nullptr;
+  for (const ShapeHit& each : hits) {
+    if (each.t > 0 && (best == nullptr || each.t < best->t)) best = &each;
+  }
+  if (best != nullptr) hit = *best;
+  return best != nullptr;
+}
+
+}  // namespace tessera::render
