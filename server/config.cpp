@@ -60,6 +60,10 @@ void add_options(CLI::App& app, Config& config) {
                  "Size of scene files above which unused ones are deleted, GB")
       ->check(size)
       ->capture_default_str();
+  app.add_option("--audit", config.audit,
+                 "Share of units that another worker renders again, to be compared; 0: none")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
   app.add_option("--client-jobs", config.client_jobs,
                  "Most unfinished jobs a client may have; 0: any number")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{1'000'000}))

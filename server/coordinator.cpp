@@ -62,6 +62,8 @@ void Coordinator::settle(Afterwards& afterwards) {
     links_.erase(linked);
     scheduler_.disconnect(key);
   }
+  audits_over(effects.audited);
+  for (const std::string& worker_id : effects.liars) distrust(worker_id, afterwards);
   changed_.insert(effects.changed.begin(), effects.changed.end());
   roster_.insert(roster_.end(), effects.roster.begin(), effects.roster.end());
   if (!effects.changed.empty() || !effects.roster.empty()) writer_signal_.raise();
@@ -422,6 +424,9 @@ absl::StatusOr<JobReport> Coordinator::report(const std::string& job_id) const {
   report.view = view(*job);
   report.counters = job->counters;
   report.contributions = job->contributions;
+  if (const auto film = films_.find(job->key); film != films_.end()) {
+    report.doubts = film->second.doubts;
+  }
   for (const auto& [key, worker] : scheduler_.workers()) {
     if (report.contributions.count(worker.id) == 0) continue;
     report.machines[worker.id] = {worker.isa, worker.thread_count};

@@ -219,6 +219,8 @@ class Coordinator {
     std::map<std::int32_t, std::int64_t> expected_samples;
     std::optional<Certainty> certainty;  // the worst of the finished frames'
 
+    std::vector<std::string> doubts;  // frames that were finished with units of a liar
+
     double wall_at_start = 0;
     std::optional<double> estimated_error;
     std::int64_t create_time_us = 0, end_time_us = 0;
@@ -287,6 +289,11 @@ class Coordinator {
   void make_job(const JobSpec& spec, const OnCreated& done);
   absl::Status check_room(const JobSpec& spec, std::int64_t need_bytes);
   absl::Status check_owners_quota(const JobSpec& spec) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  bool is_ready(const Job& job, std::int32_t frame) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void audits_over(const std::vector<UnitName>& units) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void distrust(const std::string& worker_id, Afterwards& afterwards)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void redo_units_of(const FrameKey& key, const std::string& worker_id);
   void frame_may_be_complete(Job& job, std::int32_t frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void finish_what_is_complete(Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::StatusOr<std::shared_ptr<JobSpec>> spec_to_extend(const std::string& job_id,
@@ -310,7 +317,8 @@ class Coordinator {
   void record_frame(const FrameKey& key, const FrameRecord& record, double error);
   absl::StatusOr<FrameFile> make_frame_file(const FrameQuery& query);
   absl::StatusOr<FrameFile> write_partial(const FrameQuery& query, const JobSpec& spec);
-  void redo_units(const FrameKey& key, const std::vector<contract::Unit>& units);
+  void redo_units(const FrameKey& key, const std::vector<contract::Unit>& units,
+                  bool forget_demands = false);
   void frame_failed(const FrameKey& key, const absl::Status& status);
   void log(LogLevel level, const std::string& message) const;
 

@@ -82,12 +82,18 @@ void Coordinator::refuse(const std::string& worker_id, const BlockHeader& header
 
 /// Judges a unit that is committed already; false if it is not.
 bool Coordinator::judge_repeat(Job& job, const std::string& worker_id, const BlockHeader& header) {
-  const FrameLedger::Place* place = ledger_of(job).find(header.unit());
-  if (place == nullptr) return false;
-  ++job.counters.duplicated;
+  const FrameLedger& ledger = ledger_of(job);
+  const FrameLedger::Place* found = ledger.find(header.unit());
+  if (found == nullptr) return false;
+  const FrameLedger::Place place = *found;
+  const std::string committer = ledger.worker(place);
+  const bool is_answer =
+      scheduler_.answer_audit(job, header.lease, header.unit(), worker_id, place.sha256, committer,
+                              header.sha256, options_.clock());
+  if (!is_answer) ++job.counters.duplicated;
   job.counters.wasted_cpu_seconds += header.cpu_seconds;
   scheduler_.drop(job, header.unit(), worker_id);
-  if (place->sha256 == header.sha256) {
+  if (place.sha256 == header.sha256) {
     answer(worker_id, header.lease.job_id, header.unit(), Verdict::duplicate, "");
   } else {
     ++job.counters.mismatched;
@@ -255,7 +261,8 @@ void Coordinator::sort_group(std::vector<Delivered>& group, Sorted& sorted) {
   for (Delivered& block : group) {
     const BlockHeader& header = block.header;
     Job* job = scheduler_.find_job(header.lease.job_id);
-    if (job == nullptr || !scheduler_.wants(*job, header.lease, header.unit())) {
+    if (job == nullptr || !scheduler_.wants(*job, header.lease, header.unit()) ||
+        scheduler_.is_quarantined(block.worker_id)) {
       ingest_bytes_ -= weight(header);
       refuse(block.worker_id, header);
     } else if (judge_repeat(*job, block.worker_id, header)) {
@@ -270,6 +277,9 @@ void Coordinator::sort_group(std::vector<Delivered>& group, Sorted& sorted) {
       commit.record.worker_id = block.worker_id;
       commit.record.cpu_seconds = header.cpu_seconds;
       commit.record.size_bytes = header.size_bytes;
+      if (scheduler_.wants_audit(*job, header.unit(), block.worker_id)) {
+        commit.record.audit = AuditState::open;
+      }
       commit.block = std::move(block.bytes);
       sorted.commits.push_back(std::move(commit));
       sorted.committed.push_back(std::move(block));
@@ -318,6 +328,13 @@ void Coordinator::note_committed(Sorted& sorted) {
     film.committed_samples +=
         std::int64_t{rect.width} * rect.height * block.header.lease.sample_count;
     scheduler_.commit(*job, record.unit, record.worker_id, record.cpu_seconds);
+    if (scheduler_.is_quarantined(record.worker_id)) {  // found lying while this was on its way
+      film_of(*job).finishing.insert(record.unit.frame);
+      write_tasks_.emplace_back([this, key = FrameKey{job->spec->id, record.unit.frame},
+                                 worker = record.worker_id] { redo_units_of(key, worker); });
+    } else if (record.audit == AuditState::open) {
+      scheduler_.open_audit(*job, record.unit, record.worker_id, record.sha256);
+    }
     answer(block.worker_id, sorted.commits[i].job_id, record.unit, Verdict::committed, "");
     FilmNews news{sorted.commits[i].job_id, record.unit, std::nullopt, 0};
     // A film thread that lags behind reads the block back later instead of holding up commits.
@@ -342,8 +359,13 @@ void Coordinator::note_committed(Sorted& sorted) {
   settle(afterwards);
 }
 
+/// Whether all of a frame is committed and nothing of it is in doubt.
+bool Coordinator::is_ready(const Job& job, std::int32_t frame) const {
+  return job.plan->is_complete(frame) && !scheduler_.has_audits(job, frame);
+}
+
 void Coordinator::frame_may_be_complete(Job& job, std::int32_t frame) {
-  if (has_ended(job.state) || !job.plan->is_complete(frame) || job.plan->is_finished(frame)) return;
+  if (has_ended(job.state) || !is_ready(job, frame) || job.plan->is_finished(frame)) return;
   if (!film_of(job).finishing.insert(frame).second) return;
   enqueue_film([this, key = FrameKey{job.spec->id, frame}] { finish_frame(key); });
 }

@@ -20,6 +20,11 @@ std::string frame_file_name(std::int32_t frame) {
   return absl::StrFormat("frame.%04d.exr", frame);
 }
 
+std::string doubt_about(std::int32_t frame, const std::string& worker_id) {
+  return absl::StrCat("frame ", frame, ": it was finished before worker ", worker_id,
+                      ", which took part in the job, was found lying");
+}
+
 }  // namespace
 
 void Coordinator::film_later(std::function<void()> task) {
@@ -169,7 +174,7 @@ void Coordinator::finish_frame(const FrameKey& key) {
     MutexLock lock(mutex_);
     Job* job = scheduler_.find_job(key.job_id);
     if (job == nullptr) return;
-    if (has_ended(job->state) || !job->plan->is_complete(key.frame)) {
+    if (has_ended(job->state) || !is_ready(*job, key.frame)) {
       film_of(*job).finishing.erase(key.frame);
       return;
     }
@@ -257,6 +262,15 @@ void Coordinator::note_finished(JobFilm& film, const FrameRecord& record, const 
 }
 
 void Coordinator::record_frame(const FrameKey& key, const FrameRecord& record, double error) {
+  {
+    MutexLock lock(mutex_);
+    Job* job = scheduler_.find_job(key.job_id);
+    // A liar's units may have gone since the image was made.
+    if (job != nullptr && !has_ended(job->state) && !is_ready(*job, key.frame)) {
+      film_of(*job).finishing.erase(key.frame);
+      return;
+    }
+  }
   const absl::Status status = store_.finish_frame(key.job_id, record);
   if (!status.ok()) {
     frame_failed(key, status);
@@ -278,8 +292,10 @@ void Coordinator::record_frame(const FrameKey& key, const FrameRecord& record, d
   settle(afterwards);
 }
 
-/// Drops units whose blocks cannot be read any more; workers render them again.
-void Coordinator::redo_units(const FrameKey& key, const std::vector<Unit>& units) {
+/// Drops units whose blocks cannot be read or trusted any more; workers render them again.
+/// `forget_demands`: nor what was decided on them.
+void Coordinator::redo_units(const FrameKey& key, const std::vector<Unit>& units,
+                             bool forget_demands) {
   const absl::Status status = store_.drop_units(key.job_id, units);
   if (!status.ok()) return frame_failed(key, status);
   Afterwards afterwards;
@@ -296,6 +312,11 @@ void Coordinator::redo_units(const FrameKey& key, const std::vector<Unit>& units
     film.committed_samples -= std::int64_t{rect.width} * rect.height *
                               job->plan->passes()[static_cast<std::size_t>(unit.pass)].sample_count;
   }
+  if (forget_demands) scheduler_.forget_demands(*job, key.frame);
+  enqueue_film([this, key] {  // without them, whatever was merged meanwhile
+    film_.close_frame(key);
+    open_film(key);
+  });
   scheduler_.offer_work(options_.clock());
   settle(afterwards);
 }
@@ -315,6 +336,72 @@ void Coordinator::frame_failed(const FrameKey& key, const absl::Status& status) 
     scheduler_.end_job(*job, JobState::failed, reason, options_.clock());
   }
   settle(afterwards);
+}
+
+// Audits -----------------------------------------------------------------------------------------
+
+void Coordinator::audits_over(const std::vector<UnitName>& units) {
+  for (const UnitName& name : units) {
+    write_tasks_.emplace_back([this, name] {
+      const absl::Status status = store_.end_audits(name.job_id, {name.unit});
+      if (!status.ok()) log(LogLevel::error, absl::StrCat("audits: ", status.ToString()));
+    });
+    if (Job* job = scheduler_.find_job(name.job_id)) frame_may_be_complete(*job, name.unit.frame);
+  }
+  if (!units.empty()) writer_signal_.raise();
+}
+
+/// A worker lies: its units of frames that are not finished are rendered again, finished frames
+/// that may hold some are named in their jobs' reports.
+void Coordinator::distrust(const std::string& worker_id, Afterwards& afterwards) {
+  afterwards.add([this, worker_id] {
+    log(LogLevel::error,
+        absl::StrCat("worker ", worker_id, " is quarantined: it delivers wrong pixels"));
+  });
+  for (const auto& [job_key, job] : scheduler_.jobs()) {
+    if (job.contributions.count(worker_id) == 0) continue;
+    JobFilm& film = film_of(job);
+    for (const auto& [frame, record] : film.finished) {
+      film.doubts.push_back(doubt_about(frame, worker_id));
+    }
+    if (has_ended(job.state) || !job.plan) continue;
+    for (const std::int32_t frame : job.plan->frames()) {
+      if (job.plan->is_finished(frame) || !film.ledger || !film.ledger->has(frame)) continue;
+      film.finishing.insert(frame);  // not before they are gone
+      write_tasks_.emplace_back([this, key = FrameKey{job.spec->id, frame}, worker_id] {
+        redo_units_of(key, worker_id);
+      });
+    }
+  }
+  writer_signal_.raise();
+}
+
+/// Drops what a worker has delivered of a frame, and what was decided on it. On the writer thread.
+void Coordinator::redo_units_of(const FrameKey& key, const std::string& worker_id) {
+  std::vector<Unit> units;
+  {
+    MutexLock lock(mutex_);
+    Job* job = scheduler_.find_job(key.job_id);
+    if (job == nullptr || has_ended(job->state)) return;
+    film_of(*job).finishing.erase(key.frame);
+    if (job->plan->is_finished(key.frame)) {
+      film_of(*job).doubts.push_back(doubt_about(key.frame, worker_id));
+      return;
+    }
+    const FrameLedger& ledger = ledger_of(*job);
+    bool has_any = false;
+    for (const Unit& unit : ledger.units(key.frame)) {
+      const bool is_theirs = ledger.worker(*ledger.find(unit)) == worker_id;
+      has_any = has_any || is_theirs;
+      const bool was_decided = job->plan->is_on_demand() && unit.pass >= job->plan->first_passes();
+      if (is_theirs || was_decided) units.push_back(unit);
+    }
+    if (!has_any) {
+      frame_may_be_complete(*job, key.frame);
+      return;
+    }
+  }
+  redo_units(key, units, true);
 }
 
 // Images for clients -----------------------------------------------------------------------------

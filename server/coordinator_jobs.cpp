@@ -20,6 +20,7 @@ absl::Status restore_units(const Store& store, Scheduler& scheduler, Job& job,
   return store.for_each_unit(job.spec->id, [&](const UnitRecord& unit) {
     if (!plan.contains(unit.unit)) return;
     scheduler.restore_unit(job, unit.unit, unit.worker_id, unit.cpu_seconds);
+    if (unit.audit == AuditState::over) ++job.counters.audited;
     if (!plan.is_finished(unit.unit.frame)) visit_open(unit);
   });
 }
@@ -83,6 +84,9 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
   absl::Status status = restore_units(
       store_, scheduler_, job, [&, wall = record.wall_seconds](const UnitRecord& unit) {
         ledger->add(unit, wall);
+        if (unit.audit == AuditState::open) {
+          scheduler_.open_audit(job, unit.unit, unit.worker_id, unit.sha256);
+        }
         const contract::PixelRect rect = grid->rect(unit.unit.tile);
         film.committed_samples +=
             std::int64_t{rect.width} * rect.height *

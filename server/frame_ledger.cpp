@@ -11,9 +11,16 @@ void FrameLedger::add(const UnitRecord& record, double wall_seconds) {
   const auto pass = static_cast<std::size_t>(record.unit.pass);
   auto& places = frame.places[pass];
   if (places.empty()) places.resize(static_cast<std::size_t>(tile_count_));
+  const auto [worker, is_new] =
+      worker_index_.try_emplace(record.worker_id, static_cast<std::int32_t>(workers_.size()));
+  if (is_new) workers_.push_back(record.worker_id);
   places[static_cast<std::size_t>(record.unit.tile)] = {
-      record.sha256, record.segment, record.offset, static_cast<std::int32_t>(record.size_bytes),
-      static_cast<std::int32_t>(record.stored_bytes)};
+      record.sha256,
+      record.segment,
+      record.offset,
+      static_cast<std::int32_t>(record.size_bytes),
+      static_cast<std::int32_t>(record.stored_bytes),
+      worker->second};
   PassProgress& progress = frame.progress[pass];
   ++progress.committed;
   progress.cpu_seconds += record.cpu_seconds;

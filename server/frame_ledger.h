@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "proto/contract/unit.h"
@@ -18,6 +19,7 @@ class FrameLedger {
     contract::Digest sha256;
     std::int64_t segment = -1, offset = 0;  // segment -1: not committed
     std::int32_t size_bytes = 0, stored_bytes = 0;
+    std::int32_t worker = 0;  // index into workers_
   };
   /// Progress of one pass of a frame.
   struct PassProgress {
@@ -39,6 +41,10 @@ class FrameLedger {
   std::optional<UnitRecord> record(const contract::Unit& unit) const;
   /// By pass; empty if nothing of the frame is committed.
   std::vector<PassProgress> progress(std::int32_t frame) const;
+  /// Who delivered a unit that is here.
+  const std::string& worker(const Place& place) const {
+    return workers_[static_cast<std::size_t>(place.worker)];
+  }
   /// Every committed unit of the frame, by pass, then tile.
   std::vector<contract::Unit> units(std::int32_t frame) const;
   bool has(std::int32_t frame) const { return frames_.count(frame) > 0; }
@@ -52,6 +58,8 @@ class FrameLedger {
 
   std::int32_t tile_count_, pass_count_;
   std::map<std::int32_t, Frame> frames_;
+  std::vector<std::string> workers_;  // ids
+  std::map<std::string, std::int32_t> worker_index_;
 };
 
 }  // namespace tessera::server

@@ -39,6 +39,7 @@ struct JobReport {
   std::map<std::string, Contribution> contributions;                     // by worker id
   std::map<std::string, std::pair<std::string, std::int32_t>> machines;  // id → ISA, threads
   std::vector<FrameRecord> frames;                                       // finished ones, in order
+  std::vector<std::string> doubts;  // what a worker found lying may have had a part in
 };
 
 /// An image file to be sent to a client.

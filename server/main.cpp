@@ -30,6 +30,7 @@ std::uint64_t random_bits() {
 
 CoordinatorOptions options_of(const Config& config) {
   CoordinatorOptions options;
+  options.policy.audit_fraction = config.audit;
   options.film_memory_bytes = to_bytes(config.film_memory_gb);
   options.ingest_bytes = to_bytes(config.ingest_memory_gb);
   options.quota_bytes = to_bytes(config.quota_gb);

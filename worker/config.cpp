@@ -140,6 +140,8 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
   // Faults for tests, on purpose not in --help.
   app.add_option("--crash-on", flags.crash_on)->check(is_unit())->group("");
   app.add_flag("--deliver-twice", options.deliver_twice)->group("");
+  app.add_flag("--forge", options.forge)->group("");
+  app.add_option("--lie-every", options.lie_every)->group("");
 }
 
 CLI::App* add_renderer(CLI::App& app, agent::RendererOptions& options, std::string& crash_on) {

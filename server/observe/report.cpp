@@ -106,6 +106,7 @@ std::string report_json(const JobReport& report) {
     for (const std::string& warning : note.warnings) warnings.push_back(prefix + warning);
     for (const std::string& reason : note.reasons) reasons.push_back(prefix + reason);
   }
+  for (const std::string& doubt : report.doubts) warnings.push_back(doubt);
   if (!view.reason.empty()) reasons.push_back(view.reason);
   const double preparing = counters.load_seconds + counters.build_seconds;
   const double spent = preparing + view.cpu_seconds + counters.wasted_cpu_seconds;
@@ -136,7 +137,7 @@ std::string report_json(const JobReport& report) {
         {"retried", counters.retried},
         {"duplicated", counters.duplicated},
         {"redone", counters.redone},
-        {"audited", 0},
+        {"audited", counters.audited},
         {"mismatched", counters.mismatched}}},
       {"workers", workers_json(report)}};
   // What a worker sent may hold bytes that are no UTF-8.

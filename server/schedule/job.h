@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "server/schedule/audit.h"
 #include "server/schedule/job_plan.h"
 #include "server/schedule/job_spec.h"
 
@@ -54,7 +55,8 @@ struct JobCounters {
   std::int64_t retried = 0;       // units leased again after a failure or a loss
   std::int64_t duplicated = 0;    // results of units that were committed already
   std::int64_t mismatched = 0;    // of those, with other bytes
-  std::int64_t redone = 0;        // committed units whose block was found damaged
+  std::int64_t redone = 0;        // committed units whose block was damaged or a liar's
+  std::int64_t audited = 0;       // * committed units that others rendered again
   double load_seconds = 0, build_seconds = 0;
   std::int64_t peak_rss_bytes = 0;
 };
@@ -69,6 +71,10 @@ struct Job {
   std::int32_t frame_count = 0;
   std::optional<JobPlan> plan;  // exists from the first lease
   std::map<contract::Unit, Trouble> troubles;
+  std::map<contract::Unit, Audit> audits;  // open ones, of committed units
+  /// By frame: leases of passes beyond the first ones up to this attempt are void, as what was
+  /// decided then was decided on a liar's results.
+  std::map<std::int32_t, Attempt> voided;
   std::map<WorkerKey, std::int32_t> holders;  // units each worker holds
   std::set<WorkerKey> touched;                // workers that were ever leased units of it
   std::map<std::string, Contribution> contributions;

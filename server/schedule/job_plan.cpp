@@ -16,7 +16,6 @@ JobPlan::JobPlan(std::vector<std::int32_t> frames, std::int32_t tile_count,
       unit_count_(static_cast<std::int64_t>(frames_.size()) * tile_count_ * first_passes()),
       finished_(frames_.size(), false) {}
 
-/// Passes that every tile wants from the start.
 std::int32_t JobPlan::first_passes() const {
   const auto all = static_cast<std::int32_t>(passes_.size());
   return on_demand_ ? std::min(contract::kUnconditionalPasses, all) : all;
@@ -197,6 +196,39 @@ void JobPlan::redo(const Unit& unit) {
   --found->second.count;
   --committed_count_;
   returned_.insert(position(unit));
+}
+
+std::vector<std::pair<Unit, Holder>> JobPlan::forget_demands(std::int32_t frame) {
+  std::vector<std::pair<Unit, Holder>> gone;
+  const auto found = open_.find(frame);
+  if (!on_demand_ || found == open_.end()) return gone;
+  FrameBits& bits = found->second;
+  const auto is_gone = [&](std::int32_t of_frame, std::int32_t pass) {
+    return of_frame == frame && pass >= first_passes();
+  };
+  for (auto it = in_flight_.begin(); it != in_flight_.end();) {
+    if (is_gone(it->first.frame, it->first.pass)) {
+      for (const Holder& holder : it->second.holders) gone.emplace_back(it->first, holder);
+      it = in_flight_.erase(it);
+    } else {
+      ++it;
+    }
+  }
+  std::erase_if(returned_,
+                [&](const Position& p) { return is_gone(std::get<0>(p), std::get<1>(p)); });
+  for (auto pass = static_cast<std::size_t>(first_passes()); pass < bits.committed.size(); ++pass) {
+    const auto count = std::count(bits.committed[pass].begin(), bits.committed[pass].end(), true);
+    bits.count -= count;
+    committed_count_ -= count;
+    bits.committed[pass].clear();
+  }
+  unit_count_ -= bits.wanted_count - std::int64_t{tile_count_} * first_passes();
+  bits.wanted.clear();
+  bits.is_final.clear();
+  bits.wanted_count = 0;
+  bits.final_count = 0;
+  open_frame(frame);
+  return gone;
 }
 
 void JobPlan::finish(std::int32_t frame, std::optional<std::int64_t> unit_count) {

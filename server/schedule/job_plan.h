@@ -51,6 +51,8 @@ class JobPlan {
   JobPlan(std::vector<std::int32_t> frames, std::int32_t tile_count,
           std::vector<contract::Pass> passes, bool on_demand = false);
 
+  /// Passes that every tile wants from the start.
+  std::int32_t first_passes() const;
   /// Units wanted so far.
   std::int64_t unit_count() const { return unit_count_; }
   std::int64_t committed_count() const { return committed_count_; }
@@ -92,6 +94,9 @@ class JobPlan {
   std::vector<Holder> commit(const contract::Unit& unit);
   /// A committed unit of a frame not finished waits again: its block was found damaged.
   void redo(const contract::Unit& unit);
+  /// On demand: takes back what was wanted of a frame beyond the first passes, whose blocks the
+  /// caller drops: it was decided on false results. Returns the holds of units that are gone.
+  std::vector<std::pair<contract::Unit, Holder>> forget_demands(std::int32_t frame);
   /// The frame's output is durable; its units need no state any more. `unit_count`: how many it
   /// had, where this plan has not seen them.
   void finish(std::int32_t frame, std::optional<std::int64_t> unit_count = std::nullopt);
@@ -120,7 +125,6 @@ class JobPlan {
   std::size_t index_of(std::int32_t frame) const;
   bool is_taken(const contract::Unit& unit) const;
   bool is_waiting(const contract::Unit& unit) const;
-  std::int32_t first_passes() const;
   FrameBits& open_frame(std::int32_t frame);
   void ensure_wanted(const contract::Unit& unit);
   void want_what_is_known();

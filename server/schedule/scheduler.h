@@ -24,6 +24,8 @@ struct SchedulePolicy {
   std::int32_t failure_limit = 3;              // the failure of a unit that fails its job
   std::int32_t loss_limit = 10;                // losses of a unit a job survives
   std::int32_t disproved_limit = 3;            // failures, disproved elsewhere, a worker may have
+  Span audit_patience = std::chrono::minutes(1);  // a disputed audit waits so long for lost workers
+  double audit_fraction = 0.01;                   // of units that another worker renders again
   double load_factor = 10;  // a worker works this many load times before it changes job
 };
 
@@ -33,6 +35,8 @@ struct Effects {
   std::vector<WorkerKey> to_close;  // lost workers whose stream, if any, is to be closed
   std::vector<JobKey> changed;      // jobs whose row is to be journaled
   std::vector<std::pair<std::string, bool>> roster;  // worker id; true: joined, false: gone
+  std::vector<UnitName> audited;                     // whose audits are over
+  std::vector<std::string> liars;                    // workers whose committed units are to go
 };
 
 /// Who renders what: the queue, the leases, the failures (farm.md, sections 2 to 4).
@@ -108,6 +112,8 @@ class Scheduler {
               double cpu_seconds);
   /// A committed unit's block was found damaged and dropped: it is to be rendered again.
   void redo(Job& job, const contract::Unit& unit);
+  /// In a plan on demand: what was wanted of the frame so far was decided on false results.
+  void forget_demands(Job& job, std::int32_t frame);
   /// In a plan on demand: the film has decided how many passes a tile wants (JobPlan::want).
   void want(Job& job, std::int32_t frame, std::int32_t tile, std::int32_t pass_count,
             bool is_final);
@@ -116,6 +122,25 @@ class Scheduler {
   void acknowledge(WorkerKey key, Acknowledgement acknowledgement);
   /// The frame's image is durable; ends the job after its last one.
   void finish_frame(Job& job, std::int32_t frame, Time now);
+
+  // Audits (farm.md, section 8) ------------------------------------------------------------------
+  /// Whether a unit that this worker has delivered is to be audited: the worker's first unit, or
+  /// drawn, while there is another worker.
+  bool wants_audit(const Job& job, const contract::Unit& unit, const std::string& worker_id);
+  /// Has a committed unit rendered again by others. Harmless to repeat.
+  void open_audit(Job& job, const contract::Unit& unit, const std::string& worker_id,
+                  const contract::Digest& committed);
+  /// Whether a frame is held up by audits.
+  bool has_audits(const Job& job, std::int32_t frame) const;
+  /// A result of a unit that is committed with `committed` by `committer`: whether it was an answer
+  /// to an audit. One that differs begins an audit, unless there are none (audit_fraction 0).
+  bool answer_audit(Job& job, const Lease& lease, const contract::Unit& unit,
+                    const std::string& worker_id, const contract::Digest& committed,
+                    const std::string& committer, const contract::Digest& digest, Time now);
+  /// Whether the worker was found lying: nothing of it is taken until the server starts again.
+  bool is_quarantined(const std::string& worker_id) const {
+    return quarantined_.count(worker_id) > 0;
+  }
 
   // Time -----------------------------------------------------------------------------------------
   /// Call about every `period`: expires silent workers, opens grants, balances the tail.
@@ -139,11 +164,24 @@ class Scheduler {
   void add_mail(Worker& worker) { mailed_.insert(worker.key); }
   void revoke(Worker& worker, const Job& job, const contract::Unit& unit);
 
+  static bool could_audit(const Worker& worker, const Job& job);
+  bool has_others(const Job& job, const Audit& audit) const;
+  bool may_audit(const Worker& worker, const Job& job, const Audit& audit) const;
+  bool lease_audit(Worker& worker);
+  bool release_audit(Job& job, Worker& worker, const contract::Unit& unit);
+  void settle_audit(Job& job, const contract::Unit& unit, Time now);
+  void quarantine(const std::string& worker_id);
+  void forget_audits(Job& job);
+  void end_hopeless_audits(Time now);
+
+  bool has_work() const { return !queue_.empty() || !waiting_audits_.empty(); }
   bool may_work_for(const Worker& worker, const Job& job) const;
   bool may_take(const Worker& worker, const Job& job, const contract::Unit& unit) const;
   JobKey choose_job(const Worker& worker, const std::set<JobKey>& refused);
   std::int32_t run_length(const Job& job, const Worker& worker) const;
   bool lease_run(Job& job, Worker& worker, Time now);
+  Lease make_lease(const Job& job, const Worker& worker, const Run& run);
+  void send_lease(Worker& worker, const Lease& lease);
   void lease(Job& job, Worker& worker, const Run& run, Time now);
   bool dispatch_one(Worker& worker, Time now);
   void dispatch(Worker& worker, Time now);
@@ -162,9 +200,12 @@ class Scheduler {
   JobQueue queue_;
   std::map<WorkerKey, Worker> workers_;
   std::map<std::string, WorkerKey> worker_by_id_;
-  std::set<WorkerKey> hungry_;                   // working, with credits
-  std::map<std::string, std::int32_t> threads_;  // of working workers, by tag; "": all
-  std::set<std::string> awaited_;                // of the roster, not yet back
+  std::set<std::pair<JobKey, contract::Unit>> waiting_audits_;  // that nobody renders now
+  std::set<std::string> quarantined_;                           // worker ids
+  std::set<WorkerKey> hungry_;                                  // working, with credits
+  std::map<std::string, std::int32_t> threads_;         // of working workers, by tag; "": all
+  std::map<std::string, std::set<std::string>> hosts_;  // likewise
+  std::set<std::string> awaited_;                       // of the roster, not yet back
   Time hold_until_;
   std::optional<Time> last_tick_;
   std::int64_t last_attempt_ = 0;

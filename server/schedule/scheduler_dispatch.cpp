@@ -58,7 +58,7 @@ std::int32_t Scheduler::run_length(const Job& job, const Worker& worker) const {
       std::min({static_cast<std::int64_t>(worker.credits), length, room}));
 }
 
-void Scheduler::lease(Job& job, Worker& worker, const Run& run, Time now) {
+Lease Scheduler::make_lease(const Job& job, const Worker& worker, const Run& run) {
   const contract::Pass& pass = job.plan->passes()[static_cast<std::size_t>(run.pass)];
   Lease lease{job.spec->id,
               run.frame,
@@ -70,13 +70,23 @@ void Scheduler::lease(Job& job, Worker& worker, const Run& run, Time now) {
               {identity_.boot, ++last_attempt_},
               {}};
   lease.seal = seal_of(lease, worker.id, identity_.store_key);
+  return lease;
+}
+
+void Scheduler::send_lease(Worker& worker, const Lease& lease) {
+  worker.credits -= lease.tile_count;
+  if (worker.credits <= 0) hungry_.erase(worker.key);
+  worker.mail.leases.push_back(lease);
+  add_mail(worker);
+}
+
+void Scheduler::lease(Job& job, Worker& worker, const Run& run, Time now) {
+  const Lease lease = make_lease(job, worker, run);
   for (std::int32_t i = 0; i < run.tile_count; ++i) {
     const Unit unit{run.frame, run.first_tile + i, run.pass};
     hold(job, worker, unit, Holder{worker.key, lease.attempt, std::nullopt, false, 0});
     if (job.troubles.count(unit) > 0) ++job.counters.retried;
   }
-  worker.credits -= run.tile_count;
-  if (worker.credits <= 0) hungry_.erase(worker.key);
   if (worker.current_job != job.key) {
     worker.current_job = job.key;
     worker.seconds_in_job = 0;
@@ -84,8 +94,7 @@ void Scheduler::lease(Job& job, Worker& worker, const Run& run, Time now) {
   }
   if (job.state == JobState::queued) set_state(job, JobState::running, "", now);
   if (!job.running_since) job.running_since = now;
-  worker.mail.leases.push_back(std::move(lease));
-  add_mail(worker);
+  send_lease(worker, lease);
   refresh(job);
 }
 
@@ -103,6 +112,7 @@ bool Scheduler::lease_run(Job& job, Worker& worker, Time now) {
 bool Scheduler::dispatch_one(Worker& worker, Time now) {
   if (!awaited_.empty() && now < hold_until_) return false;
   if (!worker.is_working() || worker.credits <= 0) return false;
+  if (lease_audit(worker)) return true;  // frames wait for them
   std::set<JobKey> refused;
   while (const JobKey key = choose_job(worker, refused)) {
     if (lease_run(jobs_.at(key), worker, now)) return true;
@@ -112,7 +122,7 @@ bool Scheduler::dispatch_one(Worker& worker, Time now) {
 }
 
 void Scheduler::dispatch(Worker& worker, Time now) {
-  while (!queue_.empty() && dispatch_one(worker, now)) {
+  while (has_work() && dispatch_one(worker, now)) {
   }
 }
 
@@ -127,10 +137,10 @@ void Scheduler::dispatch_all(Time now) {
   std::stable_sort(waiting.begin(), waiting.end(),
                    [&](const Worker* a, const Worker* b) { return load(a) < load(b); });
   // Round by round, so that a small job is spread over the farm.
-  while (!queue_.empty() && !waiting.empty()) {
+  while (has_work() && !waiting.empty()) {
     std::vector<Worker*> served;
     for (Worker* worker : waiting) {
-      if (!queue_.empty() && dispatch_one(*worker, now)) served.push_back(worker);
+      if (has_work() && dispatch_one(*worker, now)) served.push_back(worker);
     }
     waiting = std::move(served);
   }

@@ -152,6 +152,7 @@ void Scheduler::end_job(Job& job, JobState state, const std::string& reason, Tim
       revoke(*worker, job, unit);
     }
   }
+  forget_audits(job);
   for (const WorkerKey key : job.touched) {
     Worker* worker = find_worker(key);
     if (worker == nullptr) continue;
@@ -167,6 +168,7 @@ void Scheduler::end_job(Job& job, JobState state, const std::string& reason, Tim
 }
 
 void Scheduler::extend(Job& job, std::shared_ptr<const JobSpec> spec) {
+  forget_audits(job);
   job.spec = std::move(spec);
   const contract::RenderSettings& settings = job.spec->settings;
   const auto gone =
@@ -193,6 +195,10 @@ void Scheduler::remove_job(JobKey key) {
 
 bool Scheduler::wants(const Job& job, const Lease& lease, const Unit& unit) const {
   if (has_ended(job.state) || !job.plan || !job.plan->contains(unit)) return false;
+  if (job.plan->is_on_demand() && unit.pass >= job.plan->first_passes()) {
+    const auto voided = job.voided.find(unit.frame);
+    if (voided != job.voided.end() && lease.attempt <= voided->second) return false;
+  }
   const contract::Pass& pass = job.plan->passes()[static_cast<std::size_t>(unit.pass)];
   return lease.covers(unit) && lease.first_sample == pass.first_sample &&
          lease.sample_count == pass.sample_count && !job.plan->is_finished(unit.frame);
@@ -225,8 +231,25 @@ void Scheduler::commit(Job& job, const Unit& unit, const std::string& worker_id,
 }
 
 void Scheduler::redo(Job& job, const Unit& unit) {
+  if (const auto audit = job.audits.find(unit); audit != job.audits.end()) {
+    if (audit->second.holder) {
+      release_audit(job, workers_.at(audit->second.holder->worker), unit);
+    }
+    waiting_audits_.erase({job.key, unit});
+    job.audits.erase(audit);
+  }
   job.open_plan().redo(unit);
   ++job.counters.redone;
+  refresh(job);
+}
+
+void Scheduler::forget_demands(Job& job, std::int32_t frame) {
+  if (!job.open_plan().is_on_demand()) return;
+  job.voided[frame] = {identity_.boot, last_attempt_};
+  for (const auto& [unit, holder] : job.plan->forget_demands(frame)) {
+    forget_hold(job, unit, holder);
+    if (Worker* worker = find_worker(holder.worker)) revoke(*worker, job, unit);
+  }
   refresh(job);
 }
 

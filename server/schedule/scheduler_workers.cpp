@@ -51,11 +51,16 @@ std::set<JobKey> Scheduler::leased_jobs(const std::string& certificate) const {
 
 void Scheduler::count_threads() {
   threads_.clear();
+  hosts_.clear();
+  const auto count = [this](const Worker& worker, const std::string& tag) {
+    threads_[tag] += worker.thread_count;
+    hosts_[tag].insert(worker.host);
+  };
   for (const auto& [key, worker] : workers_) {
     if (!worker.is_working()) continue;
-    threads_[""] += worker.thread_count;
+    count(worker, "");
     for (const std::string& tag : worker.tags) {
-      if (!tag.empty()) threads_[tag] += worker.thread_count;
+      if (!tag.empty()) count(worker, tag);
     }
   }
 }
@@ -74,6 +79,7 @@ WorkerKey Scheduler::connect(const Hello& hello, Time now) {
   worker.tags = {hello.tags.begin(), hello.tags.end()};
   worker.connected = true;
   worker.lost = worker.leaving = false;
+  worker.set_aside = worker.set_aside || is_quarantined(worker.id);
   worker.heard = now;
   worker.credits = std::max(hello.credit_count, 0);
   worker.mail = {};
@@ -115,6 +121,10 @@ void Scheduler::adopt(Worker& worker, const Hello& hello, Time now) {
     if (listed.count(held) > 0) continue;
     Job& job = jobs_.at(held.first);
     const InFlight* in_flight = job.plan->find_in_flight(held.second);
+    if (in_flight == nullptr) {  // an audit: somebody else's now, but a result still counts
+      release(job, worker, held.second);
+      continue;
+    }
     const auto& holders = in_flight->holders;
     const bool started = std::any_of(holders.begin(), holders.end(), [&](const Holder& holder) {
       return holder.worker == worker.key && holder.started;
@@ -207,6 +217,7 @@ void Scheduler::fail_unit(WorkerKey key, const Lease& lease, std::int32_t tile, 
     return;
   }
   if (job->plan->is_committed(unit)) {
+    release_audit(*job, *worker, unit);
     disprove(Trouble{{std::move(failure)}, 0}, "");
     return;
   }
@@ -268,7 +279,7 @@ void Scheduler::forget_hold(Job& job, const Unit& unit, const Holder& holder) {
 
 bool Scheduler::release(Job& job, Worker& worker, const Unit& unit) {
   const auto holder = job.plan->release(unit, worker.key);
-  if (!holder) return false;
+  if (!holder) return release_audit(job, worker, unit);
   forget_hold(job, unit, *holder);
   refresh(job);
   return true;
@@ -337,6 +348,7 @@ void Scheduler::tick(Time now, Span period) {
     for (const std::string& id : awaited_) effects_.roster.emplace_back(id, false);
     awaited_.clear();
   }
+  end_hopeless_audits(now);
   work_appeared_ = true;
   dispatch_all(now);
   balance_tail(now);

@@ -64,7 +64,8 @@ struct Worker {
   bool connected = false;  // has a stream; without one it is lost after the time-out
   bool lost = false;
   bool leaving = false;
-  bool set_aside = false;  // fails units that succeed elsewhere
+  bool set_aside = false;  // fails units that succeed elsewhere, or lies
+  bool is_known = false;   // has delivered a unit; its first is always audited
   Time heard;              // last sign of life
   std::int32_t credits = 0;
   std::set<std::pair<JobKey, contract::Unit>> held;

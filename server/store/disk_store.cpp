@@ -57,6 +57,7 @@ absl::Status read_unit(const SqlRow& row, UnitRecord& record) {
   record.stored_bytes = row.integer(6);
   record.worker_id = row.text(8);
   record.cpu_seconds = row.real(9);
+  record.audit = static_cast<AuditState>(row.integer(10));
   return read_digest(row.bytes(7), record.sha256);
 }
 
@@ -182,10 +183,10 @@ absl::Status DiskStore::insert_units(Database& rows, const JobRow& job,
     bytes += record.stored_bytes;
     absl::Status inserted = rows.run(
         "INSERT INTO units(job, frame, tile, pass, segment, offset, size_bytes, stored_bytes, "
-        "sha256, worker, cpu_seconds) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        "sha256, worker, cpu_seconds, audit) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         {job.sequence, record.unit.frame, record.unit.tile, record.unit.pass, record.segment,
          record.offset, record.size_bytes, record.stored_bytes, blob(record.sha256),
-         record.worker_id, record.cpu_seconds});
+         record.worker_id, record.cpu_seconds, static_cast<std::int64_t>(record.audit)});
     if (absl::IsAlreadyExists(inserted)) {
       return absl::AlreadyExistsError(
           absl::StrCat("unit (", record.unit.frame, ", ", record.unit.tile, ", ", record.unit.pass,
@@ -205,7 +206,7 @@ absl::Status DiskStore::for_each_unit(const std::string& job_id,
   const absl::Status status = journal_->read([&](Database& rows) {
     return rows.each(
         "SELECT frame, tile, pass, segment, offset, size_bytes, stored_bytes, sha256, worker, "
-        "cpu_seconds FROM units "
+        "cpu_seconds, audit FROM units "
         "WHERE job=(SELECT sequence FROM jobs WHERE id=?) ORDER BY frame, tile, pass",
         {job_id}, [&](const SqlRow& row) {
           UnitRecord record;
@@ -254,6 +255,22 @@ absl::Status DiskStore::drop_units(const std::string& job_id,
           rows.run("DELETE FROM units WHERE job=? AND frame=? AND tile=? AND pass=?",
                    {job->sequence, unit.frame, unit.tile, unit.pass});
       if (!dropped.ok()) return dropped;
+    }
+    return absl::OkStatus();
+  });
+}
+
+absl::Status DiskStore::end_audits(const std::string& job_id,
+                                   const std::vector<contract::Unit>& units) {
+  const auto job = find_job(job_id);
+  if (!job.ok()) return job.status();
+  return journal_->write([&](Database& rows) {
+    for (const contract::Unit& unit : units) {
+      absl::Status ended =
+          rows.run("UPDATE units SET audit=? WHERE job=? AND frame=? AND tile=? AND pass=?",
+                   {static_cast<std::int64_t>(AuditState::over), job->sequence, unit.frame,
+                    unit.tile, unit.pass});
+      if (!ended.ok()) return ended;
     }
     return absl::OkStatus();
   });

@@ -44,6 +44,8 @@ class DiskStore final : public Store {
                                          const UnitRecord& record) const override;
   absl::Status drop_units(const std::string& job_id,
                           const std::vector<contract::Unit>& units) override;
+  absl::Status end_audits(const std::string& job_id,
+                          const std::vector<contract::Unit>& units) override;
 
   absl::StatusOr<std::string> output_folder(const std::string& job_id) override;
   absl::Status finish_frame(const std::string& job_id, const FrameRecord& frame) override;

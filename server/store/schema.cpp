@@ -74,6 +74,9 @@ CREATE TABLE joins(
   certificate TEXT NOT NULL,  -- name of the worker's, which nobody else's worker takes over
   PRIMARY KEY (worker, token)) WITHOUT ROWID;
 )sql",
+    R"sql(
+ALTER TABLE units ADD COLUMN audit INTEGER NOT NULL DEFAULT 0;  -- AuditState in store.h
+)sql",
 };
 
 constexpr std::int64_t kSchemaVersion = std::size(kSteps);

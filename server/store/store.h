@@ -28,6 +28,9 @@ struct JobRecord {
   double wall_seconds = 0;                           // spent running, added up over restarts
 };
 
+/// Whether a committed unit is rendered again by others; the numbers are the journal's.
+enum class AuditState : std::int32_t { none = 0, open = 1, over = 2 };
+
 /// A committed unit: where its block lies and what it cost.
 struct UnitRecord {
   contract::Unit unit;
@@ -36,6 +39,7 @@ struct UnitRecord {
   double cpu_seconds = 0;
   std::int64_t segment = 0, offset = 0, size_bytes = 0;  // set by the store
   std::int64_t stored_bytes = 0;                         // on disk
+  AuditState audit = AuditState::none;
 };
 
 /// A finished frame: its output file is durable and its blocks may be gone.
@@ -127,6 +131,10 @@ class Store {
                                                  const UnitRecord& record) const = 0;
   /// Forgets units (redo): rows first, durable on return.
   virtual absl::Status drop_units(const std::string& job_id,
+                                  const std::vector<contract::Unit>& units) = 0;
+
+  /// Audits of these units are over; durable on return.
+  virtual absl::Status end_audits(const std::string& job_id,
                                   const std::vector<contract::Unit>& units) = 0;
 
   // Finished frames.

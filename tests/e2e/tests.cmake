@@ -38,7 +38,9 @@ if(TESSERA_WITH_GRPC)
     set_target_properties(tessera_faults PROPERTIES PREFIX ""
       LIBRARY_OUTPUT_DIRECTORY ${CMAKE_RUNTIME_OUTPUT_DIRECTORY})
     target_link_libraries(tessera_faults PRIVATE tessera::flags ${CMAKE_DL_LIBS})
-    tessera_e2e(chaos 600)
+    tessera_e2e(chaos 1800)
+    tessera_e2e(dead_worker 300)
+    set_tests_properties(e2e.dead_worker PROPERTIES PROCESSORS 2)  # it measures time
     # The soak: cmake --build --preset dev --target soak
     add_custom_target(soak USES_TERMINAL
       COMMAND ${CMAKE_COMMAND} -E env TESSERA_BIN=${CMAKE_RUNTIME_OUTPUT_DIRECTORY}

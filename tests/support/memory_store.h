@@ -104,6 +104,16 @@ class MemoryStore final : public Store {
     return absl::OkStatus();
   }
 
+  absl::Status end_audits(const std::string& job_id,
+                          const std::vector<contract::Unit>& units) override {
+    const std::lock_guard lock(mutex_);
+    for (const contract::Unit& unit : units) {
+      const auto found = units_[job_id].find(unit);
+      if (found != units_[job_id].end()) found->second.first.audit = AuditState::over;
+    }
+    return absl::OkStatus();
+  }
+
   absl::StatusOr<std::string> output_folder(const std::string& job_id) override {
     const std::string folder = folder_ + "/" + job_id;
     std::filesystem::create_directories(folder);

@@ -76,6 +76,7 @@ RenderDeskOptions desk_options(const AgentOptions& options) {
   desk.thread_count = options.thread_count;
   desk.unit_timeout = options.unit_timeout;
   desk.log = options.log;
+  desk.lie_every = options.lie_every;
   desk.arguments = {"renderer",
                     "--fd",
                     "3",
@@ -120,8 +121,8 @@ class Agent {
         cache_(std::move(cache)),
         log_(std::move(log)),
         desk_(desk_options(options_), std::move(renderer), queue_, log_, mailbox_, desk_outlet()),
-        link_(*workers_, {options_.token, options_.deliver_twice, options_.log}, queue_, mailbox_,
-              link_outlet()),
+        link_(*workers_, {options_.token, options_.deliver_twice, options_.forge, options_.log},
+              queue_, mailbox_, link_outlet()),
         fetcher_(*workers_, *assets_, *cache_, options_.token,
                  [this](std::string job_id, absl::StatusOr<JobFiles> files) {
                    // std::function wants copies; the files cannot be copied.

@@ -32,7 +32,9 @@ struct AgentOptions {
   std::string unit_log;            // file; empty: none
   Log log = no_log;
   std::optional<contract::Unit> crash_on;  // fault injection: the renderer dies of this unit
-  bool deliver_twice = false;              // fault injection
+  bool deliver_twice = false;              // fault injection, as are those below
+  bool forge = false;                      // false blocks go first, under leases it was not given
+  int lie_every = 0;                       // every so many blocks have a wrong bit; 0: none
 };
 
 /// Works for a server until SIGTERM, SIGINT, a Drain, or a refusal.

@@ -178,6 +178,9 @@ void RenderDesk::on_unit(v1::UnitOutcome outcome) {
     fail(key, outcome.error(), "", false);
     return;
   }
+  if (options_.lie_every > 0 && ++rendered_count_ % options_.lie_every == 0) {
+    outcome.mutable_block()->front() ^= 1;  // the last bit of the first pixel's red
+  }
   const contract::Digest sha256 = contract::sha256(outcome.block());
   if (!queue_.finish(key, std::move(*outcome.mutable_block()), sha256, outcome.cpu_seconds())) {
     return;

@@ -24,6 +24,7 @@ struct RenderDeskOptions {
   int thread_count = 1;
   std::chrono::seconds unit_timeout{3600};  // a unit, or scene, that takes longer hangs
   int loaded_frames = 2;                    // at most, at once
+  int lie_every = 0;  // fault injection: a bit of every so many blocks; 0: none
   Log log = no_log;
 };
 
@@ -114,6 +115,7 @@ class RenderDesk {
   std::map<UnitKey, Time> taken_up_;  // units a thread of the renderer is at, since when
   std::optional<UnitKey> hung_;       // the one the renderer was killed for
   std::set<UnitKey> suspects_;        // units a renderer died of, or may have: rendered alone
+  std::int64_t rendered_count_ = 0;
   double unit_seconds_ = 0;
   std::int64_t block_bytes_ = 0;
 };

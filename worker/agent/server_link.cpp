@@ -114,6 +114,7 @@ void ServerLink::open_deliver() {
   deliver_cancelled_ = false;
   sending_.reset();
   unanswered_.reset();
+  after_forged_.reset();
   queue_.offer_all_again();
 }
 
@@ -128,6 +129,7 @@ void ServerLink::on_response(v1::WorkResponse response) {
   timeout_ = span_of(response.welcome().timeout(), milliseconds(500));
   session_key_ = response.welcome().session_key();
   welcomed_ = true;
+  unreachable_.clear();
   options_.log(LogLevel::info, absl::StrCat("working for store ", response.welcome().store_id()));
   pause_ = kFirstPause;
   beat_at_ = heard_;
@@ -155,6 +157,9 @@ void ServerLink::on_closed(const absl::Status& status) {
   if (was_welcome) {
     options_.log(LogLevel::warn, absl::StrCat("the server is gone (", std::string(status.message()),
                                               "); connecting again"));
+  } else if (std::exchange(unreachable_, std::string(status.message())) != status.message()) {
+    options_.log(LogLevel::warn,
+                 absl::StrCat("the server cannot be reached (", unreachable_, "); trying again"));
   }
 }
 
@@ -226,13 +231,28 @@ void ServerLink::deliver(Time now) {
   }
 }
 
+std::optional<UnitQueue::Block> ServerLink::next_block() {
+  if (after_forged_) return std::exchange(after_forged_, std::nullopt);
+  auto block = queue_.next_block(Clock::now());
+  if (!block || !options_.forge) return block;
+  after_forged_ = block;
+  v1::Lease lease = *block->lease;
+  lease.set_attempt_counter(lease.attempt_counter() + 1);
+  std::string bytes = *block->bytes;
+  bytes.front() ^= 1;
+  block->sha256 = contract::sha256(bytes);
+  block->lease = std::make_shared<const v1::Lease>(std::move(lease));
+  block->bytes = std::make_shared<const std::string>(std::move(bytes));
+  return block;
+}
+
 /// Fills a message: the rest of the block begun, or as many blocks as fit.
 void ServerLink::add_parts(v1::DeliverRequest& request) {
   std::size_t room = kChunkBytes;
   while (room > 0) {
     const bool begins = !sending_;
     if (begins) {
-      sending_ = queue_.next_block(Clock::now());
+      sending_ = next_block();
       if (!sending_) return;
       sent_bytes_ = 0;
     }

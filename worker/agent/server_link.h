@@ -24,6 +24,8 @@ class ServerLink {
   struct Options {
     std::string token;           // sent until the server gives a session key instead
     bool deliver_twice = false;  // fault injection for tests: every block is sent a second time
+    bool forge =
+        false;  // fault injection: a false block under a lease nobody gave goes before each
     Log log = no_log;
   };
   struct Outlet {
@@ -61,6 +63,7 @@ class ServerLink {
   void on_response(v1::WorkResponse response);
   void on_closed(const absl::Status& status);
   void deliver(Time now);
+  std::optional<UnitQueue::Block> next_block();
   void add_parts(v1::DeliverRequest& request);
   void check_silence(Time now);
   void check_verdicts(Time now);
@@ -74,6 +77,7 @@ class ServerLink {
   std::mt19937 random_;  // jitter only
 
   std::string session_key_;  // empty: none was given
+  std::string unreachable_;  // what was last said of a server that does not answer
   std::unique_ptr<WorkStream> work_;
   std::unique_ptr<DeliverStream> deliver_;
   std::unique_ptr<LifeSign> life_sign_;
@@ -85,7 +89,8 @@ class ServerLink {
 
   std::optional<UnitQueue::Block> sending_;  // block of which a part has been queued
   std::size_t sent_bytes_ = 0;
-  bool sent_once_ = false;          // of deliver_twice
+  bool sent_once_ = false;                        // of deliver_twice
+  std::optional<UnitQueue::Block> after_forged_;  // of forge: the true block
   std::optional<Time> unanswered_;  // when the block was sent that waits longest for a verdict
   double round_trip_seconds_ = 0;
 };

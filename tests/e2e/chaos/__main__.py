@@ -47,7 +47,7 @@ class Round:
             self.wrong.append(f"{kind}: {traceback.format_exc()}")
 
     def run(self, keep):
-        farm = farms.Farm(print)
+        farm = farms.Farm(self.kinds)
         try:
             farm.start()
             farm.submit()
@@ -56,10 +56,12 @@ class Round:
                        for kind in self.kinds]
             for thread in threads:
                 thread.start()
-            farm.finish(180)
+            farm.finish(400)
             for thread in threads:
                 thread.join()
             if not self.wrong:
+                if farm.times and (farm.times[0] > 6 or farm.times[1] > 1):
+                    raise farms.Wrong(f"a dead worker cost {farm.times} s; at most 6 and 1")
                 farm.kill_server()  # what was DONE is DONE after a restart, too
                 farm.restart_server()
                 farm.check_results(self.expected)

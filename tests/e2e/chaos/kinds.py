@@ -48,10 +48,23 @@ def kill_worker(farm, rng):
         if not held:
             return None
         worker.signal(signal.SIGKILL)
+        killed = time.monotonic()
         worker.process.wait()
-        time.sleep(rng.uniform(0, 1))
+        units = farm.held_by(worker) - farm.settled()
+        pause = rng.uniform(0, 1)
+        if not farm.is_alone:
+            time.sleep(pause)
+        else:
+            farm.wait(10, "the dead worker is lost", lambda: is_lost(farm, worker))
+            lost = time.monotonic()
+            farm.wait(10, "its units run elsewhere",
+                      lambda: units <= farm.settled() | farm.started(worker))
+            again = time.monotonic()
+            farm.times = (lost - killed, again - lost)
         farm.start_worker(worker.slot)
-        return f"{worker.id} held {held} units"
+        return f"{worker.id} held {held} units" + (
+            f", lost after {farm.times[0]:.2f} s, running elsewhere {farm.times[1]:.2f} s later"
+            if farm.times else "")
 
 
 def kill_renderer(farm, rng):
@@ -187,6 +200,41 @@ def duplicate(farm, rng):
     return f"{count} blocks came again" if count else None
 
 
+def replaced(farm, worker, *faults):
+    """Another worker in this one's place, with faults of its own."""
+    worker.process.terminate()
+    worker.process.wait(30)
+    return farm.start_worker(worker.slot, *faults)
+
+
+def liar(farm, rng):
+    """A worker flips a bit in every third of its blocks. All units of the round are audited."""
+    with a_worker(farm) as worker:
+        if not worker:
+            return None
+        false_one = replaced(farm, worker, "--lie-every", "3")
+        found = f"worker {false_one.id} is quarantined"
+        farm.lied = True
+        farm.wait(120, "the liar is found", lambda: found in farm.log())
+        replaced(farm, false_one)
+        farm.lied = found in farm.log()
+        return found if farm.lied else None
+
+
+def forger(farm, rng):
+    """Before each block a worker delivers a false one under an attempt it was not given."""
+    with a_worker(farm) as worker:
+        if not worker:
+            return None
+        false_one = replaced(farm, worker, "--forge")
+        rejected = lambda: sum("REJECTED" in line and "seal" in line
+                               for line in false_one.units.read_text().splitlines()
+                               ) if false_one.units.exists() else 0
+        farm.wait(60, "forged blocks are rejected", rejected)
+        replaced(farm, false_one)
+        return f"{rejected()} forged blocks rejected" if rejected() else None
+
+
 def kill_server(farm, rng):
     """kill -9 of the coordinator; workers keep what they have."""
     with farm.server_lock:
@@ -287,5 +335,5 @@ def clock_jump(farm, rng):
 
 KINDS = {kind.__name__: kind for kind in (
     kill_worker, kill_renderer, stop_worker, hang, slow_worker, drain_worker, cut_message, partition,
-    late_delivery, duplicate, kill_server, stop_server, power_cut, power_cut_at_start, slow_disk,
+    late_delivery, duplicate, liar, forger, kill_server, stop_server, power_cut, power_cut_at_start, slow_disk,
     full_disk, clock_jump)}

@@ -1,0 +1,224 @@
+// Audits through the coordinator: who lies is found, and what he delivered is rendered again.
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "tests/unit/server/coordinator/coordinator_walk.h"
+
+namespace tessera::server {
+namespace {
+
+class AuditWalk : public CoordinatorWalk {
+ protected:
+  /// Which units a worker lies about.
+  using Lie = std::function<bool(const Leased&)>;
+  static bool never(const Leased&) { return false; }
+  static bool always(const Leased&) { return true; }
+
+  AuditWalk() { options.policy.audit_fraction = 1; }
+
+  TestWorker& add(const std::string& id, Lie lie = never) {
+    workers_.push_back(join(id));
+    lies_.push_back(std::move(lie));
+    return workers_.back();
+  }
+
+  void deliver_what_is_leased() {
+    for (std::size_t i = 0; i < workers_.size(); ++i) {
+      TestWorker& worker = workers_[i];
+      collect(worker);
+      for (const Leased& unit : std::exchange(worker.units, {})) {
+        if (has_ended(view(unit.name.job_id).state)) continue;
+        std::string bytes = bytes_of(unit);
+        if (lies_[i](unit)) bytes[2] = static_cast<char>(bytes[2] ^ 0x20);  // the first pixel's red
+        deliver(worker, unit, bytes);
+      }
+      pump();
+    }
+  }
+
+  void work_together(const std::string& job_id) {
+    for (int round = 0; round < 200 && !has_ended(view(job_id).state); ++round) {
+      deliver_what_is_leased();
+      for (TestWorker& worker : workers_) coordinator->grant_credits(worker.session, 4);
+      now += std::chrono::milliseconds(100);
+      for (TestWorker& worker : workers_) coordinator->hear(worker.session);
+      coordinator->tick();
+      pump();
+    }
+  }
+
+  /// Pixels of a job that one honest worker, on a farm without audits, has rendered.
+  std::string honest_pixels(const JobSpec& spec) {
+    const double fraction = std::exchange(options.policy.audit_fraction, 0);
+    start();
+    JobSpec calm = spec;
+    calm.name = calm.request = calm.request_id = "calm";
+    const std::string job = create(calm)->view.spec->id;
+    TestWorker worker = join("honest");
+    work_off(worker, job);
+    options.policy.audit_fraction = fraction;
+    start();
+    return pixels_of(job);
+  }
+
+  JobSpec error_spec(const std::string& name) {
+    noise = 0.3;
+    JobSpec spec = spec_of(name, 4096);
+    spec.settings.width = 40;
+    spec.settings.height = 24;
+    spec.settings.tile = 16;
+    spec.settings.error = 0.1;
+    return spec;
+  }
+
+  std::int64_t audited(const std::string& job) {
+    return coordinator->report(job)->counters.audited;
+  }
+  bool is_set_aside(const std::string& id) {
+    for (const auto& [worker, silence] : coordinator->workers()) {
+      if (worker.id == id) return worker.set_aside;
+    }
+    return false;
+  }
+
+  std::vector<TestWorker> workers_;
+  std::vector<Lie> lies_;
+};
+
+TEST_F(AuditWalk, EveryUnitOfAJobIsRenderedTwiceAndTheFrameWaitsForThat) {
+  const std::string job = create_job("a");
+  add("w1");
+  add("w2");
+  deliver_what_is_leased();
+  EXPECT_EQ(view(job).committed_unit_count, 6);
+  EXPECT_EQ(view(job).state, JobState::running) << "no frame is finished before its audits";
+  work_together(job);
+  EXPECT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(audited(job), 6);
+  EXPECT_EQ(coordinator->report(job)->counters.mismatched, 0);
+  EXPECT_FALSE(is_set_aside("w1") || is_set_aside("w2"));
+}
+
+TEST_F(AuditWalk, WithOneWorkerThereIsNoAudit) {
+  const std::string job = create_job("a");
+  add("w1");
+  work_together(job);
+  EXPECT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(audited(job), 0);
+}
+
+TEST_F(AuditWalk, AnAuditIsWaivedWhenTheOtherWorkersHaveGone) {
+  const std::string job = create_job("a");
+  add("w1");
+  TestWorker& gone = add("w2");
+  coordinator->grant_credits(workers_[0].session, 64);
+  for (const Leased& unit : std::exchange(workers_[0].units, {})) {
+    deliver(workers_[0], unit, bytes_of(unit));
+  }
+  pump();
+  coordinator->leave(gone.session);
+  coordinator->part(gone.session);
+  workers_.pop_back();
+  now += std::chrono::seconds(6);
+  coordinator->hear(workers_[0].session);
+  work_together(job);
+  EXPECT_EQ(view(job).state, JobState::done);
+}
+
+TEST_F(AuditWalk, ALiarAmongThreeIsFoundAndItsUnitsAreRenderedAgain) {
+  const std::string truth = honest_pixels(spec_of("a"));
+  const std::string job = create_job("a");
+  add("liar", always);
+  add("w2");
+  add("w3");
+  work_together(job);
+  EXPECT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(pixels_of(job), truth);
+  EXPECT_TRUE(is_set_aside("liar"));
+  EXPECT_FALSE(is_set_aside("w2") || is_set_aside("w3"));
+  EXPECT_GE(coordinator->report(job)->counters.redone, 1);
+}
+
+TEST_F(AuditWalk, WhatWasDecidedOnALiarsWordIsDecidedAgain) {
+  const std::string truth = honest_pixels(error_spec("e"));
+  const std::string job = create(error_spec("e"))->view.spec->id;
+  workers_.push_back(join("liar"));
+  lies_.push_back(always);
+  add("w2");
+  add("w3");
+  work_together(job);
+  EXPECT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(pixels_of(job), truth);
+  EXPECT_TRUE(is_set_aside("liar"));
+}
+
+TEST_F(AuditWalk, OfTwoWorkersTheOneThatContradictsItselfIsFound) {
+  const std::string truth = honest_pixels(spec_of("a"));
+  const std::string job = create_job("a");
+  int count = 0;
+  add("w1");
+  add("liar", [&](const Leased&) { return ++count == 2; });
+  work_together(job);
+  EXPECT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(pixels_of(job), truth);
+  EXPECT_TRUE(is_set_aside("liar"));
+  EXPECT_FALSE(is_set_aside("w1"));
+}
+
+TEST_F(AuditWalk, TwoWorkersThatStandByDifferentPixelsFailTheJob) {
+  const std::string job = create_job("a");
+  add("w1");
+  add("liar", always);
+  work_together(job);
+  EXPECT_EQ(view(job).state, JobState::failed);
+  EXPECT_NE(view(job).reason.find("different pixels"), std::string::npos) << view(job).reason;
+}
+
+TEST_F(AuditWalk, AnAuditThatIsOpenSurvivesARestart) {
+  const std::string job = create_job("a");
+  add("w1");
+  add("w2");
+  deliver_what_is_leased();
+  ASSERT_EQ(view(job).committed_unit_count, 6);
+  workers_.clear();
+  lies_.clear();
+  start();
+  EXPECT_EQ(view(job).state, JobState::running);
+  add("w1");
+  add("w2");
+  now += std::chrono::seconds(6);
+  work_together(job);
+  EXPECT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(audited(job), 6);
+}
+
+TEST_F(AuditWalk, TheFirstUnitOfAWorkerIsAlwaysAudited) {
+  options.policy.audit_fraction = 1e-9;
+  start();
+  add("w1");
+  add("w2");
+  const std::string job = create_job("a");
+  work_together(job);
+  EXPECT_EQ(view(job).state, JobState::done);
+  EXPECT_EQ(coordinator->report(job)->contributions.size(), 2u);
+  EXPECT_EQ(audited(job), 2);
+}
+
+TEST_F(AuditWalk, AQuarantinedWorkerStaysSoWhenItConnectsAgain) {
+  const std::string job = create_job("a");
+  add("liar", always);
+  add("w2");
+  add("w3");
+  work_together(job);
+  ASSERT_TRUE(is_set_aside("liar"));
+  TestWorker again = join("liar");
+  EXPECT_TRUE(is_set_aside("liar"));
+  create_job("b");
+  collect(again);
+  EXPECT_TRUE(again.units.empty());
+}
+
+}  // namespace
+}  // namespace tessera::server

@@ -1,0 +1,121 @@
+#include "server/schedule/audit.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+namespace tessera::server {
+namespace {
+
+using contract::Unit;
+
+const contract::Digest kTrue = contract::sha256("true"), kFalse = contract::sha256("false"),
+                       kOther = contract::sha256("other");
+
+using Names = std::vector<std::string>;
+
+TEST(Audit, TwoWorkersThatAgreeSettleIt) {
+  Audit audit("a", kTrue);
+  EXPECT_FALSE(audit.is_settled());
+  EXPECT_FALSE(audit.may_ask("a", true)) << "its own word is no proof";
+  EXPECT_FALSE(audit.may_ask("a", false));
+  EXPECT_TRUE(audit.may_ask("b", true));
+  audit.answer("b", kTrue);
+  EXPECT_TRUE(audit.is_settled());
+  EXPECT_EQ(audit.liars(), Names());
+}
+
+TEST(Audit, AThirdWorkerSaysWhoOfTwoLies) {
+  for (const bool committer_lies : {false, true}) {
+    Audit audit("a", committer_lies ? kFalse : kTrue);
+    audit.answer("b", committer_lies ? kTrue : kFalse);
+    EXPECT_TRUE(audit.is_disputed());
+    EXPECT_FALSE(audit.is_settled());
+    EXPECT_FALSE(audit.may_ask("a", true)) << "while there are others";
+    audit.answer("c", kTrue);
+    EXPECT_TRUE(audit.is_settled());
+    EXPECT_EQ(audit.liars(), Names{committer_lies ? "a" : "b"});
+  }
+}
+
+TEST(Audit, ThreeDifferentResultsNeedAFourth) {
+  Audit audit("a", kTrue);
+  audit.answer("b", kFalse);
+  audit.answer("c", kOther);
+  EXPECT_FALSE(audit.is_settled());
+  audit.answer("d", kTrue);
+  EXPECT_TRUE(audit.is_settled());
+  EXPECT_EQ(audit.liars(), (Names{"b", "c"}));
+}
+
+TEST(Audit, OfTwoAloneWhoContradictsItselfLies) {
+  Audit audit("a", kTrue);
+  audit.answer("b", kFalse);
+  EXPECT_TRUE(audit.may_ask("a", false));
+  audit.answer("a", kTrue);
+  EXPECT_FALSE(audit.may_ask("a", false)) << "once";
+  EXPECT_FALSE(audit.is_settled());
+  audit.answer("b", kTrue);
+  EXPECT_TRUE(audit.is_settled());
+  EXPECT_EQ(audit.liars(), Names{"b"});
+}
+
+TEST(Audit, OfTwoAloneThatStandByTheirWordsNobodyIsBelieved) {
+  Audit audit("a", kTrue);
+  audit.answer("b", kFalse);
+  audit.answer("a", kTrue);
+  audit.answer("b", kFalse);
+  EXPECT_FALSE(audit.is_settled());
+  EXPECT_FALSE(audit.may_ask("a", false));
+  EXPECT_FALSE(audit.may_ask("b", false));
+}
+
+TEST(Audit, WhoWasFoundLyingElsewhereCountsNoMore) {
+  Audit audit("a", kTrue);
+  audit.answer("b", kFalse);
+  audit.disregard("b");
+  EXPECT_FALSE(audit.is_disputed());
+  EXPECT_FALSE(audit.is_settled());
+}
+
+/// A worker with n false units is found with probability 1 - (1 - f)^n: over many farms (keys), as
+/// often as that, within four standard deviations of the binomial distribution.
+TEST(Audit, ALiarIsFoundAsOftenAsTheShareSays) {
+  constexpr int kFarms = 2000;
+  constexpr double kFraction = 0.01;
+  for (const int units : {10, 100, 300}) {
+    int found = 0;
+    for (int farm = 0; farm < kFarms; ++farm) {
+      const std::string key = "key of farm " + std::to_string(farm);
+      bool drawn = false;
+      for (int tile = 0; tile < units; ++tile) {
+        drawn = drawn || is_drawn_for_audit(key, "job", {0, tile, 0}, kFraction);
+      }
+      found += drawn ? 1 : 0;
+    }
+    const double expected = 1 - std::pow(1 - kFraction, units);
+    const double deviation = std::sqrt(expected * (1 - expected) / kFarms);
+    EXPECT_NEAR(static_cast<double>(found) / kFarms, expected, 4 * deviation) << units << " units";
+  }
+}
+
+TEST(Audit, ADrawHangsOnKeyJobAndUnitAlone) {
+  int differing_keys = 0, differing_jobs = 0, differing_passes = 0;
+  for (int tile = 0; tile < 1000; ++tile) {
+    const bool drawn = is_drawn_for_audit("key", "job", {0, tile, 0}, 0.5);
+    EXPECT_EQ(drawn, is_drawn_for_audit("key", "job", {0, tile, 0}, 0.5));
+    differing_keys += drawn != is_drawn_for_audit("other", "job", {0, tile, 0}, 0.5);
+    differing_jobs += drawn != is_drawn_for_audit("key", "jab", {0, tile, 0}, 0.5);
+    differing_passes += drawn != is_drawn_for_audit("key", "job", {0, tile, 1}, 0.5);
+    EXPECT_TRUE(is_drawn_for_audit("key", "job", {0, tile, 0}, 1));
+    EXPECT_FALSE(is_drawn_for_audit("key", "job", {0, tile, 0}, 0));
+  }
+  for (const int differing : {differing_keys, differing_jobs, differing_passes}) {
+    EXPECT_NEAR(differing, 500, 4 * std::sqrt(250.0));
+  }
+}
+
+}  // namespace
+}  // namespace tessera::server
