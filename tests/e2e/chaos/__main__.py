@@ -18,14 +18,14 @@ import farm as farms
 from kinds import KINDS
 
 FAULTS_PER_ROUND = 6
+DECK = -(-len(KINDS) // FAULTS_PER_ROUND)  # rounds in which every kind has its turn
 
 
 def plan(seed, number):
     """Kinds of a round. Each deck of rounds has every kind once."""
-    decks = -(-len(KINDS) // FAULTS_PER_ROUND)
     deck = sorted(KINDS)
-    random.Random(f"{seed} deck {number // decks}").shuffle(deck)
-    return deck[number % decks::decks]
+    random.Random(f"{seed} deck {number // DECK}").shuffle(deck)
+    return deck[number % DECK::DECK]
 
 
 class Round:
@@ -60,8 +60,8 @@ class Round:
             for thread in threads:
                 thread.join()
             if not self.wrong:
-                if farm.times and (farm.times[0] > 6 or farm.times[1] > 1):
-                    raise farms.Wrong(f"a dead worker cost {farm.times} s; at most 6 and 1")
+                if farm.times and farm.times[0] > 6:
+                    raise farms.Wrong(f"a dead worker was noticed after {farm.times[0]} s, not 6")
                 farm.kill_server()  # what was DONE is DONE after a restart, too
                 farm.restart_server()
                 farm.check_results(self.expected)
@@ -82,7 +82,7 @@ class Round:
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--rounds", type=int, default=DECK, help="default: each kind once")
     parser.add_argument("--seed", default="1")
     parser.add_argument("--first", type=int, default=0, help="number of the first round")
     parser.add_argument("--kinds", help="these only, all in every round: comma-separated")
