@@ -76,6 +76,22 @@ TEST(HardCase22, ARayMayStartInWhatWasTakenAway) {
   EXPECT_EQ(hits[1].id.triangle, 0u);
 }
 
+TEST(HardCase22, ARayMayStartInsideAMesh) {
+  Scene scene;
+  scene.meshes.push_back(mesh_of({uv_sphere(8, 12, 1)}));
+  place(scene, 0);
+  place_shape(scene, ball(0.5), moved({0.1, 0.2, 0}));
+  combine(scene, CsgOperation::subtract);
+  Ray ray;
+  ray.origin = {0, -0.6f, 0};
+  ray.direction = {0, 1, 0};
+  const std::vector<Hit> hits = all_hits(scene, ray);
+  ASSERT_EQ(hits.size(), 3u);  // into the hole, out of it, out of the mesh
+  EXPECT_EQ(hits[0].id.instance, 1u);
+  EXPECT_EQ(hits[1].id.instance, 1u);
+  EXPECT_EQ(hits[2].id.instance, 0u);
+}
+
 TEST(Csg, BoundsOfAnIntersectionAreThoseOfWhatIsShared) {
   Scene scene;
   place_shape(scene, ball(1), moved({-0.9, 0, 0}));

@@ -400,5 +400,22 @@ TEST(HardCase8, RaysThatLeaveAConvexShapeDoNotMeetItAgain) {
   EXPECT_GT(left, 50'000);
 }
 
+TEST(HardCase8, AFlatFaceIsNotMetByRaysThatStartInItAndLeaveIt) {
+  Scene alone = shape_scene(make_box({1, 1, 1})), joined = alone;
+  combine(joined, CsgOperation::unite);
+  for (const Scene& scene : {alone, joined}) {
+    Ray ray;
+    ray.origin = {0, 0.5f, 0};
+    ray.leaves = {0, 0, 4};  // the upper face across y
+    ray.direction = {0, 1, 0};
+    EXPECT_TRUE(all_hits(scene, ray).empty());
+    ray.direction = {0, -1, 0};
+    const std::vector<Hit> hits = all_hits(scene, ray);
+    ASSERT_EQ(hits.size(), 1u);
+    EXPECT_EQ(hits[0].t, 1);
+    EXPECT_EQ(hits[0].id.triangle, 3u);
+  }
+}
+
 }  // namespace
 }  // namespace tessera::render::testing

@@ -24,16 +24,17 @@ void span_plane(const Vec3d& axis, Vec3d& s, Vec3d& t) {
   t = cross(axis, s);
 }
 
-/// The most that a transform stretches any vector: exact where it stretches all alike, else its
-/// Frobenius norm, which is at most sqrt(3) times as much.
+/// The most that a transform stretches any vector, or a little more. Where it stretches all alike,
+/// as rotations rounded to float do, m m' = s^2 (1 + e) with entries of e up to kSame, so that the
+/// factor is at most s sqrt(1 + 3 kSame); else the Frobenius norm, up to sqrt(3) times as much.
 double stretch(const Affine3d& m) {
+  constexpr double kSame = 1e-6;
   const auto& [x, y, z] = m.rows;
   const double xx = dot(x, x), yy = dot(y, y), zz = dot(z, z);
-  constexpr double kSame = 1e-12;
   const bool alike = std::fabs(xx - yy) <= kSame * xx && std::fabs(xx - zz) <= kSame * xx &&
                      std::fabs(dot(x, y)) <= kSame * xx && std::fabs(dot(y, z)) <= kSame * xx &&
                      std::fabs(dot(z, x)) <= kSame * xx;
-  return std::sqrt(alike ? xx : xx + yy + zz);
+  return std::sqrt(alike ? xx * (1 + 3 * kSame) : xx + yy + zz);
 }
 
 /// Of the sphere about the middle of its box.
