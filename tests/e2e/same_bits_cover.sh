@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Any two of workers, tile, threads, instruction set and compiler, together, on five scenes: nine
+# Any two of workers, tile, threads, instruction set and compiler, together, on eight scenes: nine
 # renders a scene hold every pair of values.
 #
-#   same_bits_cover.sh               the five scenes; sanitizer builds: the first
+#   same_bits_cover.sh               the eight scenes; sanitizer builds: the first
 #   same_bits_cover.sh --all SCENE   all 72 combinations on one scene
 #
 # TESSERA_OTHER_BIN: the other compiler's programs; without them, as without AVX-512, the
@@ -67,8 +67,9 @@ if [ "${1:-}" = --all ]; then
   same "$2" "${every[@]}"
 else
   python3 "$scenes/../bench/coverage/make_scenes.py" "$work/scenes"
-  for name in foliage checker caustic many_lamps cornell; do
-    same "$work/scenes/$name.gltf" "${cover[@]}"
+  for scene in "$work"/scenes/{foliage,checker,caustic,many_lamps,cornell}.gltf \
+    "$scenes"/{lens,textures,optics}.gltf; do
+    same "$scene" "${cover[@]}"
     [ -z "${TESSERA_E2E_SMALL:-}" ] || break
   done
 fi

@@ -144,8 +144,31 @@ void add_diffuse_transmission(std::vector<Case>* all) {
   all->push_back({"wax from inside", leaf, 0.3, 1.5, through, true, 0, true});
 }
 
+/// TESSERA_material: white rough facets, and conductors that absorb next to nothing.
+void add_optics(std::vector<Case>* all) {
+  BsdfParameters lambert = base(0, 1);
+  lambert.specular_weight = 0;
+  for (const float r : {0.3f, 1.0f}) {
+    BsdfExtensions rough;
+    rough.diffuse_roughness = r;
+    const std::string name = "rough diffuse " + std::to_string(r).substr(0, 3);
+    all->push_back({name, lambert, 0.995, 1.005, rough, true});
+    rough.exact_fresnel = true;
+    all->push_back({name + " under a dielectric", base(0, 0.3f), 0.3, 1.5, rough, true});
+    rough.coat = 0.5f;
+    all->push_back({name + " under half a coat", lambert, 0.985, 1.005, rough, true});
+  }
+  BsdfExtensions metal;
+  metal.conductor = {true, {0.001f, 0.001f, 0.001f}, {30, 30, 30}, {1, 1, 1}};
+  for (const float r : {0.25f, 0.5f, 1.0f}) {
+    all->push_back(
+        {"conductor " + std::to_string(r).substr(0, 4), base(1, r), 0.99, 1.005, metal, true});
+  }
+}
+
 std::vector<Case> cases() {
   std::vector<Case> all;
+  add_optics(&all);
   add_coats(&all);
   add_anisotropic(&all);
   add_sheen(&all);

@@ -29,6 +29,8 @@ set_tests_properties(numeric.no_libm numeric.exact_reciprocals PROPERTIES LABELS
 tessera_test(NAME sampling KIND numeric SOURCES numeric/sampling_test.cpp LINKS tessera::render)
 tessera_test(NAME render_surface KIND numeric
   SOURCES numeric/render_surface.cpp LINKS tessera_test_render)
+tessera_test(NAME optics KIND numeric
+  SOURCES numeric/optics_test.cpp LINKS tessera_test_scene tessera::render)
 # From a glTF file to the pixel, feature by feature.
 tessera_test(NAME gltf KIND numeric
   SOURCES numeric/gltf_materials.cpp numeric/gltf_material_extensions.cpp numeric/gltf_scenes.cpp

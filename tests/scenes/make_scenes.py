@@ -437,6 +437,41 @@ def lens():
     return gltf
 
 
+def screens():
+    """One room, seen by a camera of each projection of TESSERA_camera."""
+    gltf = Gltf()
+    gltf.use("TESSERA_camera")
+    room(gltf, gltf.add("materials", {"pbrMetallicRoughness": {
+        "baseColorTexture": {"index": gltf.texture(png(64, 64, mosaic))},
+        "metallicFactor": 0, "roughnessFactor": 0.5}}))
+    gltf.node(mesh=gltf.mesh(quad((2, 0, 2), (-4, 0, 0), (0, 3, 0)),
+                             gltf.add("materials", plain(0.3, 0.45, 0.3))))
+    gold = gltf.add("materials", metal(1.0, 0.72, 0.32, 0.6))
+    clay = gltf.add("materials", plain(0.7, 0.3, 0.2))
+    gltf.node(mesh=gltf.mesh(torus(0.5, 0.16, 12), gold), translation=[-1, 1, -1])
+    ball = gltf.mesh(sphere(0.4, 12), clay)
+    for x, z in ((1, -1), (1.2, 1.2), (-1.2, 1.3)):
+        gltf.node(mesh=ball, translation=[x, 0.4, z])
+    plane = {"type": "perspective", "perspective": {"yfov": 1, "znear": 0.01}}
+    flat = {"type": "orthographic",
+            "orthographic": {"xmag": 1.9, "ymag": 1.5, "znear": 0.01, "zfar": 20}}
+    middle = {"position": [0, 1.3, 0], "target": [0, 1.3, -1]}
+    back = {"position": [0, 1.3, 1.9], "target": [0, 1.3, -1]}
+    for name, base, says in (
+            ("spherical", plane, {"projection": "spherical", "lookAt": middle}),
+            ("cylindrical", plane, {"projection": "cylindrical", "verticalAngle": 1.7,
+                                    "lookAt": middle}),
+            ("equidistant", plane, {"projection": "equidistant", "lookAt": back}),
+            ("equisolid", plane, {"projection": "equisolid", "angle": 5.2, "lookAt": middle}),
+            ("off-axis", plane, {"lookAt": back, "frustum": {
+                "left": -0.8, "right": 0.8, "bottom": -0.35, "top": 0.75, "near": 0.8}}),
+            ("oblique", flat, {"direction": [0.35, -0.35, -1], "lookAt": {
+                "position": [0, 1.5, 1.99], "target": [0, 1.5, -1]}})):
+        index = gltf.add("cameras", {"name": name, **base, "extensions": {"TESSERA_camera": says}})
+        gltf.node(camera=index)
+    return gltf
+
+
 def textures():
     """A panel for each pattern of TESSERA_texture, and a ball with a bump of noise."""
     gltf = Gltf()
@@ -585,11 +620,36 @@ def csg():
     return gltf
 
 
+def optics():
+    """Metals by their index above; rough diffuse beside Lambert's and exact beside Schlick below."""
+    gltf = Gltf()
+    gltf.use("TESSERA_material", "KHR_lights_punctual")
+    room(gltf, gltf.add("materials", plain(0.4, 0.4, 0.42)))
+
+    def ball(x, y, look, **optics):
+        look["extensions"] = {"TESSERA_material": optics}
+        gltf.node(mesh=gltf.mesh(sphere(0.34, 16), gltf.add("materials", look)),
+                  translation=rounded(x, y, 0.4))
+    for k, metal_name in enumerate(("gold", "silver", "copper", "aluminium", "iron")):
+        ball(-1.5 + 0.75 * k, 1.5, metal(1, 1, 1, 0.2), conductor={"metal": metal_name})
+    for k, rough in enumerate((0, 0.5, 1)):
+        ball(-1.5 + 0.75 * k, 0.6, plain(0.75, 0.6, 0.5), diffuseRoughness=rough)
+    for k, fresnel in enumerate(("schlick", "exact")):
+        look = plain(0.05, 0.1, 0.3)
+        look["pbrMetallicRoughness"]["roughnessFactor"] = 0.05
+        ball(0.75 + 0.75 * k, 0.6, look, fresnel=fresnel)
+    gltf.doc["extensions"] = {"KHR_lights_punctual": {"lights": [
+        {"type": "point", "intensity": 40}]}}
+    gltf.node(translation=[0.3, 1.5, 5], extensions={"KHR_lights_punctual": {"light": 0}})
+    camera(gltf, (0, 1.3, 5.6), (0, 1.1, 0), 0.5)
+    return gltf
+
+
 def main():
     check = "--check" in sys.argv[1:]
     stale = []
     for make in (quickstart, same_bits, materials, lit_square, missing_texture, stadium, lens,
-                 textures, shapes, csg):
+                 screens, textures, optics, shapes, csg):
         path = FOLDER / f"{make.__name__}.gltf"
         text = make().text()
         if check:

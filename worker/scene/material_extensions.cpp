@@ -6,6 +6,7 @@
 #include "worker/math/elementary.h"
 #include "worker/scene/extension_reader.h"
 #include "worker/scene/json_view.h"
+#include "worker/scene/optics_reader.h"
 
 namespace tessera::render {
 
@@ -45,6 +46,7 @@ class MaterialReader {
         static_cast<float>(layer("KHR_materials_dispersion").number("dispersion", 0, 0, 1e6));
     read_iridescence(layer("KHR_materials_iridescence"));
     read_diffuse_transmission(layer("KHR_materials_diffuse_transmission"));
+    out_.optics = read_optics(layer("TESSERA_material"), fault_);
   }
 
  private:

@@ -61,6 +61,9 @@ std::uint32_t material_features(const Material& m) {
   if (max_component(m.sheen.color) > 0) f |= kNeedsSheen;
   if (m.dispersion > 0 && is_solid_glass(m)) f |= kNeedsDispersion;
   if (m.iridescence.factor > 0) f |= kNeedsIridescence;
+  if (m.optics.conductor || m.optics.exact_fresnel || m.optics.diffuse_roughness > 0) {
+    f |= kNeedsOptics;
+  }
   if (m.diffuse_transmission.factor > 0) {
     f |= kNeedsDiffuseTransmission | (m.has_volume ? kNeedsVolumes : 0u);
   }
@@ -245,7 +248,8 @@ std::vector<std::string> feature_names(std::uint32_t features) {
                                            "lens",
                                            "procedural-textures",
                                            "shapes",
-                                           "csg"};
+                                           "csg",
+                                           "exact-optics"};
   std::vector<std::string> out;
   for (std::size_t bit = 0; bit < std::size(kNames); ++bit) {
     if ((features >> bit & 1) != 0) out.emplace_back(kNames[bit]);

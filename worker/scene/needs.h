@@ -41,6 +41,7 @@ enum Feature : std::uint32_t {
   kNeedsProcedures = 1u << 26,
   kNeedsShapes = 1u << 27,
   kNeedsCsg = 1u << 28,
+  kNeedsOptics = 1u << 29,
 };
 
 /// Resident memory of a renderer before it has a scene, measured. A Radiance sky adds some 120 MB

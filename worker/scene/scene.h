@@ -131,6 +131,14 @@ struct DiffuseTransmission {
   TextureRef color_texture;  // sRGB
 };
 
+/// TESSERA_material: exact optics in place of the metallic-roughness model's.
+struct Optics {
+  bool conductor = false;       // the metallic part reflects by n + ik, tinted by the base colour
+  Vec3f n = {1, 1, 1}, k;       // complex index of refraction, per channel
+  bool exact_fresnel = false;   // of the dielectric layer of what is no solid; else Schlick's
+  float diffuse_roughness = 0;  // [0, 1]: of the diffuse part, which then retroreflects
+};
+
 /// A glTF material with its extensions folded in; factors multiply textures as the
 /// specification says. Further extensions add members here and a bit in scene/needs.h.
 struct Material {
@@ -173,6 +181,7 @@ struct Material {
   float dispersion = 0;  // KHR_materials_dispersion: 20 / Abbe number
   Iridescence iridescence;
   DiffuseTransmission diffuse_transmission;
+  Optics optics;
 };
 
 /// One glTF primitive, as triangles. Optional arrays are empty or as long as `positions`.

@@ -15,6 +15,9 @@ inline BsdfValue evaluate_reflection(const Bsdf& b, const Vec3f& wi) {
   const float c = dot(b.wo, h);
   const Layer layer = layer_at<kExtended>(b, c);
   Vec3f f = b.diffuse * layer.pass * kInvPi;
+  if constexpr (kExtended) {
+    if (b.extended->rough.roughness > 0) f *= rough_diffuse(b.extended->rough, b.wo, wi);
+  }
   float pdf = b.cosine_probability * wi.z * kInvPi;
   if constexpr (kExtended) pdf *= 1 - b.extended->back_probability;
   if (!b.mirror) {

@@ -79,6 +79,13 @@ inline Layer layer_under_film(const Bsdf& b, float c) {
   return {reflect, {pass, pass, pass}};
 }
 
+/// The dielectric layer's Fresnel term with `f0` for what an index gives at normal incidence, from
+/// the exact term of that index: 1 where it is, at grazing or in total reflection.
+inline Vec3f shifted_fresnel(const Vec3f& f0, float exact, float eta) {
+  const float normal = f0_from_ior(eta);
+  return f0 + (Vec3f{1, 1, 1} - f0) * ((exact - normal) / (1 - normal));
+}
+
 template <bool kExtended>
 inline Layer layer_at(const Bsdf& b, float c) {
   if constexpr (kExtended) {
@@ -89,10 +96,13 @@ inline Layer layer_at(const Bsdf& b, float c) {
     const float exact = fresnel_dielectric(c, b.eta);
     if (b.plain_fresnel || exact >= 1)
       return {{exact, exact, exact}, {1 - exact, 1 - exact, 1 - exact}};
-    const float normal = f0_from_ior(b.eta);
-    f = b.f0 + (Vec3f{1, 1, 1} - b.f0) * ((exact - normal) / (1 - normal));
+    f = shifted_fresnel(b.f0, exact, b.eta);
   } else {
     f = schlick(b.f0, c);
+    if constexpr (kExtended) {
+      const float ior = b.extended->exact_ior;
+      if (ior > 0) f = shifted_fresnel(b.f0, fresnel_dielectric(c, ior), ior);
+    }
   }
   const Vec3f reflect = f * b.specular_weight;
   if (b.channelwise) return {reflect, Vec3f{1, 1, 1} - reflect};
@@ -104,29 +114,38 @@ inline bool transmits(const Bsdf& b) {
   return b.interface != Interface::opaque && max_component(b.transmit) > 0;
 }
 
+/// A conductor's own colours, tinted by the base colour, which is metal_f0.
+inline Vec3f conductor_reflectance(const Bsdf& b, float c) {
+  const Conductor& m = b.extended->conductor;
+  return b.metal_f0 * Vec3f{fresnel_conductor(c, m.n.x, m.k.x), fresnel_conductor(c, m.n.y, m.k.y),
+                            fresnel_conductor(c, m.n.z, m.k.z)};
+}
+
 template <bool kExtended>
 inline Vec3f metal_reflectance(const Bsdf& b, float c) {
-  const Vec3f f = schlick(b.metal_f0, c);
   if constexpr (kExtended) {
     const ThinFilm& film = b.extended->film;
-    if (film.weight > 0) {
-      return lerp(f, thin_film_reflectance(film, b.metal_f0, c), film.weight);
-    }
+    const bool conductor = b.extended->conductor.present;
+    const Vec3f f = conductor ? conductor_reflectance(b, c) : schlick(b.metal_f0, c);
+    if (!(film.weight > 0)) return f;
+    const Vec3f f0 = conductor ? conductor_reflectance(b, 1) : b.metal_f0;
+    return lerp(f, thin_film_reflectance(film, f0, c), film.weight);
   }
-  return f;
+  return schlick(b.metal_f0, c);
 }
 
 /// Its mean over the cosine-weighted hemisphere; of a film, its value at the mean cosine.
 template <bool kExtended>
 inline Vec3f average_metal_reflectance(const Bsdf& b) {
-  const Vec3f f = schlick_average(b.metal_f0);
   if constexpr (kExtended) {
-    const ThinFilm& film = b.extended->film;
-    if (film.weight > 0) {
-      return lerp(f, thin_film_reflectance(film, b.metal_f0, 2.0f / 3), film.weight);
-    }
+    const ExtendedLobes& x = *b.extended;
+    const Vec3f f =
+        x.conductor.present ? b.metal_f0 * x.conductor.average : schlick_average(b.metal_f0);
+    if (!(x.film.weight > 0)) return f;
+    const Vec3f f0 = x.conductor.present ? conductor_reflectance(b, 1) : b.metal_f0;
+    return lerp(f, thin_film_reflectance(x.film, f0, 2.0f / 3), x.film.weight);
   }
-  return f;
+  return schlick_average(b.metal_f0);
 }
 
 /// Reflected colour of the facets at cosine c: dielectric and metal in their shares.

@@ -100,14 +100,19 @@ inline void prepare(const BsdfParameters& p, const BsdfExtensions* extensions,
   b.specular_weight = p.specular_weight;
   b.metallic = p.metallic;
   b.metal_f0 = p.base;
-  bool passes_back = false;
+  bool passes_back = false, rough = false;
   if constexpr (kExtended) {
+    rough = extensions->diffuse_roughness > 0;
+    if (rough)
+      b.extended->rough = make_rough_diffuse(p.base, extensions->diffuse_roughness, b.wo.z);
+    b.extended->conductor = extensions->conductor;
+    if (extensions->exact_fresnel) b.extended->exact_ior = p.ior;
     passes_back = p.interface != Interface::opaque && extensions->diffuse_transmission > 0;
     if (passes_back)
       transmit_diffusely(*extensions, dielectric * (1 - transmission), p.interface, &b);
     b.extended->film = extensions->film;
   }
-  if (!transmissive && p.metallic == 0 && p.specular_weight == 0 && !passes_back) {
+  if (!transmissive && p.metallic == 0 && p.specular_weight == 0 && !passes_back && !rough) {
     b.lambert = true;
     return;
   }

@@ -5,6 +5,7 @@
 
 #include "worker/math/vector.h"
 #include "worker/shading/albedo_table.h"
+#include "worker/shading/rough_diffuse.h"
 #include "worker/shading/thin_film.h"
 
 namespace tessera::render {
@@ -36,6 +37,13 @@ struct BsdfParameters {
   Interface interface = Interface::opaque;
 };
 
+/// A metal by its complex index of refraction, per channel.
+struct Conductor {
+  bool present = false;
+  Vec3f n = {1, 1, 1}, k;
+  Vec3f average = {};  // reflectance over the cosine-weighted hemisphere
+};
+
 /// What further extensions say of the material at one point; input of make_extended_bsdf().
 struct BsdfExtensions {
   float coat = 0;            // KHR_materials_clearcoat: share that is coated, [0, 1]
@@ -46,6 +54,9 @@ struct BsdfExtensions {
   ThinFilm film = {};              // KHR_materials_iridescence
   float diffuse_transmission = 0;  // KHR_materials_diffuse_transmission
   Vec3f diffuse_transmission_color = {1, 1, 1};
+  Conductor conductor = {};     // TESSERA_material, as the next two
+  bool exact_fresnel = false;   // of the dielectric layer, where it bounds no solid
+  float diffuse_roughness = 0;  // [0, 1]
 };
 
 /// Albedo tables a BSDF may need; those it does not need may be null.
@@ -92,6 +103,9 @@ struct ExtendedLobes {
   float anisotropy = 0;
   float alpha_t = 0;  // along the tangent, Bsdf::alpha being across it; 0: isotropic
   const AnisotropicAlbedo* anisotropic = nullptr;
+  Conductor conductor;
+  float exact_ior = 0;         // of a dielectric layer with the exact Fresnel term; 0: Schlick's
+  RoughDiffuse rough;          // what makes the cosine lobe of `diffuse` one of rough facets
   Vec3f diffuse_transmit;      // weight of the cosine lobe behind the surface
   float back_probability = 0;  // of taking that one, if one of the cosine lobes is sampled
 };

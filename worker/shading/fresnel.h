@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cmath>
+
 #include "worker/math/vector.h"
 
 namespace tessera::render {
@@ -47,6 +49,26 @@ inline float fresnel_dielectric(float cos_i, float eta) {
   const float denominator = c * (g - c) + 1;
   const float b = numerator / denominator;
   return clamp(0.5f * a * a * (1 + b * b), 0.0f, 1.0f);
+}
+
+/// Reflectance of unpolarised light at a smooth conductor of complex index n + ik, met from air;
+/// exact. `cos_i` as above, n > 0, k >= 0. Source: Born & Wolf, section 14.2, solved for the real
+/// and imaginary parts p, q of (n + ik) cos_t.
+inline float fresnel_conductor(float cos_i, float n, float k) {
+  const float c = clamp(cos_i, 0.0f, 1.0f);
+  const float c2 = c * c, s2 = (1 - c) * (1 + c);
+  // Of (p + iq)^2, without 1 - s2.
+  const float real = (n - 1) * (n + 1) - k * k + c2, imaginary = 2 * n * k;
+  const float modulus = std::sqrt(real * real + imaginary * imaginary);
+  // The smaller of p^2 and q^2 follows from their product: no cancellation.
+  const float larger = 0.5f * (modulus + std::fabs(real));
+  const float p2 = real >= 0 || !(larger > 0) ? larger : 0.25f * imaginary * imaginary / larger;
+  const float twice = 2 * c * std::sqrt(p2);
+  if (!(modulus + c2 + twice > 0)) return 1;  // grazing, at a matched index
+  const float perpendicular = (modulus + c2 - twice) / (modulus + c2 + twice);
+  const float along = c2 * modulus + s2 * s2;
+  const float parallel = perpendicular * (along - twice * s2) / (along + twice * s2);
+  return clamp(0.5f * (perpendicular + parallel), 0.0f, 1.0f);
 }
 
 /// Refracts `w` (unit, pointing away from the surface) about the unit normal `n` on w's side.

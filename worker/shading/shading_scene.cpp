@@ -88,7 +88,25 @@ PrimitiveView view_of(const Primitive& p) {
 /// Whether the material has one of BsdfExtensions.
 bool is_layered(const Material& m) {
   return m.clearcoat.factor > 0 || m.anisotropy.strength > 0 || max_component(m.sheen.color) > 0 ||
-         m.iridescence.factor > 0 || m.diffuse_transmission.factor > 0;
+         m.iridescence.factor > 0 || m.diffuse_transmission.factor > 0 || m.optics.conductor ||
+         m.optics.exact_fresnel || m.optics.diffuse_roughness > 0;
+}
+
+Conductor conductor_of(const Optics& optics) {
+  Conductor c;
+  c.present = optics.conductor;
+  if (!c.present) return c;
+  c.n = optics.n;
+  c.k = optics.k;
+  // Integral of F(sqrt(t)) over [0, 1]: midpoints err by 1e-4 of it.
+  constexpr int kSteps = 64;
+  for (int i = 0; i < kSteps; ++i) {
+    const float cosine = std::sqrt((static_cast<float>(i) + 0.5f) / kSteps);
+    for (int k = 0; k < 3; ++k) {
+      c.average[k] += fresnel_conductor(cosine, c.n[k], c.k[k]) / kSteps;
+    }
+  }
+  return c;
 }
 
 /// Vertex colours can lower alpha below what material and texture give.
@@ -161,6 +179,7 @@ void ShadingScene::add_materials(const Scene& scene) {
       view.interface = m.has_volume ? Interface::solid : Interface::thin;
     }
     view.dispersive = m.dispersion > 0 && view.interface == Interface::solid && m.transmission > 0;
+    view.conductor = conductor_of(m.optics);
     view.extended = (is_layered(m) || view.dispersive) && !m.unlit;
     if (used[materials.size()]) add_tables(&view);
     view.traits = traits_of(m, view, scene);

@@ -57,6 +57,7 @@ struct MaterialView {
   bool extended = false;    // has an extension of BsdfExtensions, or disperses
   bool dispersive = false;  // refracts each wavelength differently
   Interface interface = Interface::opaque;
+  Conductor conductor;
   BsdfTables tables;
   std::uint8_t traits = 0;
 };

@@ -3,4 +3,4 @@ target_sources(tessera_render
           shading/surface.cpp shading/surface_extensions.cpp shading/surface_procedure.cpp shading/texture.cpp
   PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
     FILES shading/albedo_table.h shading/anisotropic_albedo.h shading/dispersion.h shading/half_circle.h shading/sheen.h shading/thin_film.h shading/base_bsdf.h shading/base_facets.h shading/base_prepare.h shading/bsdf.h shading/extended_bsdf.h shading/fresnel.h shading/microfacet.h
-          shading/procedure.h shading/shading_scene.h shading/srgb.h shading/surface.h shading/surface_extensions.h shading/surface_lookup.h shading/surface_procedure.h shading/texture.h)
+          shading/procedure.h shading/rough_diffuse.h shading/shading_scene.h shading/srgb.h shading/surface.h shading/surface_extensions.h shading/surface_lookup.h shading/surface_procedure.h shading/texture.h)

@@ -108,6 +108,9 @@ Bsdf extended_bsdf_at(const ShadingScene& scene, const ShadingPoint& p, const Bs
     e.diffuse_transmission = d.factor * read(scene, p, d.texture).w;
     e.diffuse_transmission_color = d.color * read(scene, p, d.color_texture).xyz();
   }
+  e.conductor = p.material->conductor;
+  e.exact_fresnel = m.optics.exact_fresnel;
+  e.diffuse_roughness = m.optics.diffuse_roughness;
   if (p.material->dispersive && wavelength > 0) disperse(m, wavelength, &parameters);
   return make_extended_bsdf(parameters, e, p.material->tables, frame, coat_frame, wo);
 }
