@@ -347,12 +347,12 @@ Sampler sampler_of(const FrameContext& frame, const PathId& id) {
 }
 
 /// Of a path that sees nothing t_max is below 0: no hit comes before that.
-Ray camera_ray(const FrameContext& frame, const PathId& id) {
-  const Sampler sampler = sampler_of(frame, id);
+Ray camera_ray(const FrameContext& frame, const PathId& id, Sampler sampler) {
   const Vec2f u = sampler.get_2d(dimensions::kFilter);
   const Vec2f offset = frame.filter.sample(u);
   Vec2f lens;
-  if (frame.camera.has_lens()) lens = sampler.get_2d(dimensions::kLens);
+  if (frame.camera.has_lens()) [[unlikely]]
+    lens = sampler.get_2d(dimensions::kLens);
   CameraRay camera{{}, {0, 0, 1}, -1};
   frame.camera.ray(id.x + 0.5 + static_cast<double>(offset.x),
                    id.y + 0.5 + static_cast<double>(offset.y), lens, &camera);
@@ -375,7 +375,9 @@ void trace_paths(const FrameContext& frame, std::span<const PathId> ids, PathScr
                  PathResult* results) {
   std::array<Ray, kPacketSize> rays;
   std::array<Hit, kPacketSize> hits;  // of no triangle where nothing is hit
-  for (std::size_t i = 0; i < ids.size(); ++i) rays[i] = camera_ray(frame, ids[i]);
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    rays[i] = camera_ray(frame, ids[i], sampler_of(frame, ids[i]));
+  }
   const bool known = takes_packets(frame);
   if (known) frame.accel.closest_hits(std::span(rays).first(ids.size()), hits.data());
   for (std::size_t i = 0; i < ids.size(); ++i) {

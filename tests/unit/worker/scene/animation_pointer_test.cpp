@@ -50,7 +50,12 @@ std::unique_ptr<GltfBuilder> animated(const std::string& pointer, const std::vec
 Scene late(const GltfBuilder& file) {
   auto scene = load_and_pose(file, {}, 36);  // of 24 a second
   EXPECT_TRUE(scene.ok()) << scene.status();
-  return scene.ok() ? *std::move(scene) : Scene();
+  Scene out = scene.ok() ? *std::move(scene) : Scene();
+  // One of each at least, so that a failure is told and not crashed on.
+  if (out.lights.empty()) out.lights.emplace_back();
+  if (out.materials.empty()) out.materials.emplace_back();
+  if (out.procedures.empty()) out.procedures.emplace_back();
+  return out;
 }
 
 TEST(AnimationPointer, MovesNumbersOfEveryKind) {

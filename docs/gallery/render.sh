@@ -1,0 +1,26 @@
+#!/usr/bin/env bash
+# Renders the pictures of docs/gallery.md through a farm of one:
+#
+#   docs/gallery/render.sh [NAME…]     with tessera on the path; all of them without names
+set -euo pipefail
+here=$(cd "$(dirname "$0")" && pwd)
+scenes=$here/../../tests/scenes
+
+# picture NAME SCENE OPTION…: NAME.jpg, if it is wanted.
+wanted=" $* "
+picture() {
+  local name=$1 scene=$2
+  shift 2
+  [ "$wanted" = "  " ] || [[ $wanted == *" $name "* ]] || return 0
+  tessera render "$scenes/$scene.gltf" --output "$here/$name.jpg" --force "$@"
+}
+
+picture lens lens --size 420x210 --spp 128
+picture textures textures --size 480x208 --spp 64
+picture optics optics --size 360x200 --spp 96 --clamp 4
+picture spherical screens --camera spherical --size 360x180 --spp 64
+picture cylindrical screens --camera cylindrical --size 360x102 --spp 64
+picture equidistant screens --camera equidistant --size 180x180 --spp 64
+picture equisolid screens --camera equisolid --size 180x180 --spp 64
+picture off-axis screens --camera off-axis --size 240x165 --spp 64
+picture oblique screens --camera oblique --size 240x190 --spp 64
