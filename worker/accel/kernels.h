@@ -42,6 +42,9 @@ bool any_hit(const AccelTrees<8>& trees, const Ray& ray);
 bool any_hit(const AccelTrees<8>& trees, const Ray& ray, const HitFilter& filter);
 std::uint64_t closest_hits(const AccelTrees<8>& trees, std::span<const Ray> rays, Hit* hits);
 std::uint64_t any_hits(const AccelTrees<8>& trees, std::span<const Ray> rays);
+bool closest_hit_with_solids(const AccelTrees<8>& trees, const Ray& ray, const HitFilter* filter,
+                             Hit& hit);
+bool any_hit_with_solids(const AccelTrees<8>& trees, const Ray& ray, const HitFilter* filter);
 }  // namespace avx2
 
 namespace avx512 {
@@ -51,6 +54,9 @@ bool any_hit(const AccelTrees<16>& trees, const Ray& ray);
 bool any_hit(const AccelTrees<16>& trees, const Ray& ray, const HitFilter& filter);
 std::uint64_t closest_hits(const AccelTrees<16>& trees, std::span<const Ray> rays, Hit* hits);
 std::uint64_t any_hits(const AccelTrees<16>& trees, std::span<const Ray> rays);
+bool closest_hit_with_solids(const AccelTrees<16>& trees, const Ray& ray, const HitFilter* filter,
+                             Hit& hit);
+bool any_hit_with_solids(const AccelTrees<16>& trees, const Ray& ray, const HitFilter* filter);
 }  // namespace avx512
 
 }  // namespace tessera::render

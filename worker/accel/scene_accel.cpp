@@ -107,16 +107,30 @@ void SceneAccel::build(const Scene& scene, AccelTrees<kWidth>& trees, const Scen
 
 SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for, Isa isa,
                        const SceneAccel* before, BuildQuality quality)
-    : isa_(isa) {
+    : isa_(isa), route_(Route::other) {
   if (isa == Isa::avx512) {
     build(scene, sixteen_, before, parallel_for, quality);
+    route_ = sixteen_.solids == nullptr ? Route::avx512 : Route::other;
   } else {
     build(scene, eight_, before, parallel_for, quality);
+    route_ = eight_.solids == nullptr ? Route::avx2 : Route::other;
   }
 }
 
 SceneAccel::SceneAccel(std::unique_ptr<const RayQueries> instead)
-    : isa_(Isa::avx2), instead_(std::move(instead)) {}
+    : isa_(Isa::avx2), route_(Route::other), instead_(std::move(instead)) {}
+
+bool SceneAccel::other_closest_hit(const Ray& ray, const HitFilter* filter, Hit& hit) const {
+  if (instead_ != nullptr) return instead_->closest_hit(ray, filter, hit);
+  return isa_ == Isa::avx512 ? avx512::closest_hit_with_solids(sixteen_, ray, filter, hit)
+                             : avx2::closest_hit_with_solids(eight_, ray, filter, hit);
+}
+
+bool SceneAccel::other_any_hit(const Ray& ray, const HitFilter* filter) const {
+  if (instead_ != nullptr) return instead_->any_hit(ray, filter);
+  return isa_ == Isa::avx512 ? avx512::any_hit_with_solids(sixteen_, ray, filter)
+                             : avx2::any_hit_with_solids(eight_, ray, filter);
+}
 
 std::uint64_t SceneAccel::closest_hits(std::span<const Ray> rays, Hit* hits) const {
   return isa_ == Isa::avx512 ? avx512::closest_hits(sixteen_, rays, hits)

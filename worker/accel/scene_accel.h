@@ -61,15 +61,15 @@ class SceneAccel {
   bool closest_hit(const Ray& ray, Hit& hit, Filter&& filter) const {
     if (!valid(ray)) return false;
     const HitFilter call(filter);
-    if (isa_ == Isa::avx512) return avx512::closest_hit(sixteen_, ray, call, hit);
-    return instead_ == nullptr ? avx2::closest_hit(eight_, ray, call, hit)
-                               : instead_->closest_hit(ray, &call, hit);
+    if (route_ == Route::avx512) return avx512::closest_hit(sixteen_, ray, call, hit);
+    return route_ == Route::avx2 ? avx2::closest_hit(eight_, ray, call, hit)
+                                 : other_closest_hit(ray, &call, hit);
   }
   bool closest_hit(const Ray& ray, Hit& hit) const {
     if (!valid(ray)) return false;
-    if (isa_ == Isa::avx512) return avx512::closest_hit(sixteen_, ray, hit);
-    return instead_ == nullptr ? avx2::closest_hit(eight_, ray, hit)
-                               : instead_->closest_hit(ray, nullptr, hit);
+    if (route_ == Route::avx512) return avx512::closest_hit(sixteen_, ray, hit);
+    return route_ == Route::avx2 ? avx2::closest_hit(eight_, ray, hit)
+                                 : other_closest_hit(ray, nullptr, hit);
   }
 
   /// Whether the filter takes any hit.
@@ -77,17 +77,17 @@ class SceneAccel {
   bool any_hit(const Ray& ray, Filter&& filter) const {
     if (!valid(ray)) return false;
     const HitFilter call(filter);
-    if (isa_ == Isa::avx512) return avx512::any_hit(sixteen_, ray, call);
-    return instead_ == nullptr ? avx2::any_hit(eight_, ray, call) : instead_->any_hit(ray, &call);
+    if (route_ == Route::avx512) return avx512::any_hit(sixteen_, ray, call);
+    return route_ == Route::avx2 ? avx2::any_hit(eight_, ray, call) : other_any_hit(ray, &call);
   }
   bool any_hit(const Ray& ray) const {
     if (!valid(ray)) return false;
-    if (isa_ == Isa::avx512) return avx512::any_hit(sixteen_, ray);
-    return instead_ == nullptr ? avx2::any_hit(eight_, ray) : instead_->any_hit(ray, nullptr);
+    if (route_ == Route::avx512) return avx512::any_hit(sixteen_, ray);
+    return route_ == Route::avx2 ? avx2::any_hit(eight_, ray) : other_any_hit(ray, nullptr);
   }
 
-  /// Whether it can trace rays together; not where queries are left to something else.
-  bool takes_packets() const { return instead_ == nullptr; }
+  /// Whether it can trace rays together: in scenes of meshes, unless left to something else.
+  bool takes_packets() const { return route_ != Route::other; }
   /// closest_hit and any_hit for up to kPacketSize rays: bit i is set where rays[i] hits, and
   /// hits[i] is its hit. Gains where rays go much the same way. Requires takes_packets().
   std::uint64_t closest_hits(std::span<const Ray> rays, Hit* hits) const;
@@ -109,8 +109,14 @@ class SceneAccel {
 
   template <int kWidth>
   const AccelTrees<kWidth>& trees() const;
+  bool other_closest_hit(const Ray& ray, const HitFilter* filter, Hit& hit) const;
+  bool other_any_hit(const Ray& ray, const HitFilter* filter) const;
+
+  /// What answers: the kernels for meshes, or what is not worth a branch of theirs.
+  enum class Route : std::uint8_t { avx512, avx2, other };
 
   Isa isa_;
+  Route route_;
   std::unique_ptr<const RayQueries> instead_;    // null but where everything is left to it
   std::vector<SharedArray<Primitive>> origins_;  // by mesh: what its tree was built of
   std::size_t shared_meshes_ = 0, refitted_meshes_ = 0;

@@ -1,10 +1,11 @@
 # Acceleration structures: which triangle a ray hits first.
 target_sources(tessera_render
-  PRIVATE accel/binary_bvh.cpp accel/instance_boxes.cpp accel/isa.cpp accel/kernel_avx2.cpp
-    accel/kernel_avx512.cpp accel/mesh_overlap.cpp accel/mesh_tree.cpp accel/scene_accel.cpp accel/shadow_cache.cpp
-    accel/csg_line.cpp accel/packet.inc accel/refit.cpp accel/reinsertion.cpp
-    accel/solids.cpp accel/traversal.inc accel/tree_quality.cpp
-    accel/wide_bvh.cpp
+  PRIVATE accel/avx2_lanes.inc accel/avx512_lanes.inc accel/binary_bvh.cpp accel/csg_line.cpp
+    accel/instance_boxes.cpp accel/isa.cpp accel/kernel_avx2.cpp accel/kernel_avx2_solids.cpp
+    accel/kernel_avx512.cpp accel/kernel_avx512_solids.cpp accel/mesh_overlap.cpp
+    accel/mesh_tree.cpp accel/packet.inc accel/refit.cpp accel/reinsertion.cpp
+    accel/scene_accel.cpp accel/shadow_cache.cpp accel/solid_traversal.inc accel/solids.cpp
+    accel/traversal.inc accel/tree_quality.cpp accel/wide_bvh.cpp
   PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
     FILES accel/accel_trees.h accel/binary_bvh.h accel/brute_force.h accel/build_quality.h
       accel/csg_line.h accel/huge_array.h
@@ -13,7 +14,7 @@ target_sources(tessera_render
       accel/reinsertion.h accel/scene_accel.h accel/shadow_cache.h
       accel/solids.h accel/tree_quality.h accel/triangle_block.h accel/wide_bvh.h accel/wide_node.h)
 if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)  # GCC 12's own AVX-512 intrinsics set them off
-  set_source_files_properties(accel/kernel_avx512.cpp PROPERTIES
+  set_source_files_properties(accel/kernel_avx512.cpp accel/kernel_avx512_solids.cpp PROPERTIES
     COMPILE_OPTIONS "-Wno-maybe-uninitialized;-Wno-uninitialized")
 endif()
 # The structures that production is compared with: small, plain, one a file.
