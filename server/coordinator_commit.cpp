@@ -86,10 +86,9 @@ bool Coordinator::judge_repeat(Job& job, const std::string& worker_id, const Blo
   const FrameLedger::Place* found = ledger.find(header.unit());
   if (found == nullptr) return false;
   const FrameLedger::Place place = *found;
-  const std::string committer = ledger.worker(place);
   const bool is_answer =
-      scheduler_.answer_audit(job, header.lease, header.unit(), worker_id, place.sha256, committer,
-                              header.sha256, options_.clock());
+      scheduler_.answer_audit(job, header.unit(), header.lease, {worker_id, header.sha256},
+                              {ledger.worker(place), place.sha256}, options_.clock());
   if (!is_answer) ++job.counters.duplicated;
   job.counters.wasted_cpu_seconds += header.cpu_seconds;
   scheduler_.drop(job, header.unit(), worker_id);

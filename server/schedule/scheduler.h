@@ -132,11 +132,15 @@ class Scheduler {
                   const contract::Digest& committed);
   /// Whether a frame is held up by audits.
   bool has_audits(const Job& job, std::int32_t frame) const;
-  /// A result of a unit that is committed with `committed` by `committer`: whether it was an answer
-  /// to an audit. One that differs begins an audit, unless there are none (audit_fraction 0).
-  bool answer_audit(Job& job, const Lease& lease, const contract::Unit& unit,
-                    const std::string& worker_id, const contract::Digest& committed,
-                    const std::string& committer, const contract::Digest& digest, Time now);
+  /// A worker's result of a unit.
+  struct Result {
+    std::string worker_id;
+    contract::Digest digest;
+  };
+  /// A further result, under `lease`, of a unit that is committed: whether it was an answer to an
+  /// audit. One that differs begins an audit, unless there are none (audit_fraction 0).
+  bool answer_audit(Job& job, const contract::Unit& unit, const Lease& lease, const Result& result,
+                    const Result& committed, Time now);
   /// Whether the worker was found lying: nothing of it is taken until the server starts again.
   bool is_quarantined(const std::string& worker_id) const {
     return quarantined_.count(worker_id) > 0;

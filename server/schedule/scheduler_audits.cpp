@@ -98,25 +98,24 @@ bool Scheduler::release_audit(Job& job, Worker& worker, const Unit& unit) {
   return true;
 }
 
-bool Scheduler::answer_audit(Job& job, const Lease& lease, const Unit& unit,
-                             const std::string& worker_id, const contract::Digest& committed,
-                             const std::string& committer, const contract::Digest& digest,
-                             Time now) {
-  const bool differs = digest != committed;
+bool Scheduler::answer_audit(Job& job, const Unit& unit, const Lease& lease, const Result& result,
+                             const Result& committed, Time now) {
+  const bool differs = result.digest != committed.digest;
   auto found = job.audits.find(unit);
   if (found == job.audits.end()) {
     if (!differs || policy_.audit_fraction == 0) return false;
-    open_audit(job, unit, committer, committed);  // somebody lies, whoever was not to be audited
+    // Somebody lies, whoever was not to be audited.
+    open_audit(job, unit, committed.worker_id, committed.digest);
     found = job.audits.find(unit);
   }
   Audit& audit = found->second;
-  Worker* worker = find_worker(worker_id);
+  Worker* worker = find_worker(result.worker_id);
   const bool was_asked = worker != nullptr && audit.holder && audit.holder->worker == worker->key &&
                          audit.holder->attempt == lease.attempt;
   // Its own result sent again says nothing, unless it is another one.
-  if (audit.has_answered(worker_id) && !was_asked && !differs) return false;
+  if (audit.has_answered(result.worker_id) && !was_asked && !differs) return false;
   if (worker != nullptr) release_audit(job, *worker, unit);
-  audit.answer(worker_id, digest);
+  audit.answer(result.worker_id, result.digest);
   if (audit.is_settled()) settle_audit(job, unit, now);
   dispatch_all(now);
   return true;
