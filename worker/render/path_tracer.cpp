@@ -342,12 +342,8 @@ bool PathTracer::scatter(const ShadingPoint& point, const Bsdf& bsdf, const Tria
 
 namespace {
 
-Sampler sampler_of(const FrameContext& frame, const PathId& id) {
-  return Sampler(frame.seed, frame.frame, id.x, id.y, id.sample);
-}
-
 /// Of a path that sees nothing t_max is below 0: no hit comes before that.
-Ray camera_ray(const FrameContext& frame, const PathId& id, Sampler sampler) {
+Ray camera_ray(const FrameContext& frame, const PathId& id, const Sampler& sampler) {
   const Vec2f u = sampler.get_2d(dimensions::kFilter);
   const Vec2f offset = frame.filter.sample(u);
   Vec2f lens;
@@ -373,11 +369,14 @@ bool takes_packets(const FrameContext& frame) {
 
 void trace_paths(const FrameContext& frame, std::span<const PathId> ids, PathScratch* scratch,
                  PathResult* results) {
+  std::array<Sampler, kPacketSize> samplers;
   std::array<Ray, kPacketSize> rays;
-  std::array<Hit, kPacketSize> hits;  // of no triangle where nothing is hit
   for (std::size_t i = 0; i < ids.size(); ++i) {
-    rays[i] = camera_ray(frame, ids[i], sampler_of(frame, ids[i]));
+    const PathId& id = ids[i];
+    samplers[i] = Sampler(frame.seed, frame.frame, id.x, id.y, id.sample);
+    rays[i] = camera_ray(frame, id, samplers[i]);
   }
+  std::array<Hit, kPacketSize> hits;  // of no triangle where nothing is hit
   const bool known = takes_packets(frame);
   if (known) frame.accel.closest_hits(std::span(rays).first(ids.size()), hits.data());
   for (std::size_t i = 0; i < ids.size(); ++i) {
@@ -385,7 +384,7 @@ void trace_paths(const FrameContext& frame, std::span<const PathId> ids, PathScr
       results[i] = {};
       continue;
     }
-    PathTracer tracer(frame, sampler_of(frame, ids[i]), scratch);
+    PathTracer tracer(frame, samplers[i], scratch);
     results[i] = tracer.trace(rays[i], known ? &hits[i] : nullptr);
   }
 }

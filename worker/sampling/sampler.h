@@ -24,6 +24,7 @@ enum class RayKind : std::uint8_t { path, shadow };
 /// [0, 1). Source: B. Burley, "Practical hash-based Owen scrambling", JCGT 9(4), 2020.
 class Sampler {
  public:
+  Sampler() = default;  // of nothing; to be assigned to
   /// `pixel_x` and `pixel_y` count in the full frame, whatever the crop.
   Sampler(std::uint32_t seed, std::int32_t frame, std::int32_t pixel_x, std::int32_t pixel_y,
           std::int64_t sample_index)

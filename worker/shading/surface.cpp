@@ -36,19 +36,6 @@ ShadingPoint shape_at(const ShadingScene& scene, const Hit& hit) {
   return p;
 }
 
-/// A point of a shape, or of an operand of a CSG solid.
-ShadingPoint solid_at(const ShadingScene& scene, const Hit& hit, const Vec3f& direction) {
-  Hit plain = hit;
-  plain.id.triangle &= ~kFlippedSide;
-  ShadingPoint p = scene.instances[hit.id.instance].shape != nullptr
-                       ? shape_at(scene, plain)
-                       : surface_at(scene, plain.id, hit.b1, hit.b2, direction);
-  p.flipped = plain.id != hit.id;
-  if (p.flipped) p.geometric_normal = -p.geometric_normal;
-  p.front = dot(p.geometric_normal, direction) < 0;
-  return p;
-}
-
 BsdfParameters parameters_at(const ShadingScene& scene, const ShadingPoint& p, const Vec4f& base) {
   const Material& m = *p.material->source;
   BsdfParameters b;
@@ -81,10 +68,16 @@ BsdfParameters parameters_at(const ShadingScene& scene, const ShadingPoint& p, c
 
 }  // namespace
 
-ShadingPoint surface_at(const ShadingScene& scene, const Hit& hit, const Vec3f& direction) {
-  if (scene.instances[hit.id.instance].solid) [[unlikely]]
-    return solid_at(scene, hit, direction);
-  return surface_at(scene, hit.id, hit.b1, hit.b2, direction);
+ShadingPoint solid_at(const ShadingScene& scene, const Hit& hit, const Vec3f& direction) {
+  Hit plain = hit;
+  plain.id.triangle &= ~kFlippedSide;
+  ShadingPoint p = scene.instances[hit.id.instance].shape != nullptr
+                       ? shape_at(scene, plain)
+                       : surface_at(scene, plain.id, hit.b1, hit.b2, direction);
+  p.flipped = plain.id != hit.id;
+  if (p.flipped) p.geometric_normal = -p.geometric_normal;
+  p.front = dot(p.geometric_normal, direction) < 0;
+  return p;
 }
 
 ShadingPoint surface_at(const ShadingScene& scene, const TriangleId& id, float b1, float b2,

@@ -27,12 +27,18 @@ struct ShadingPoint {
   float footprint = 0;           // width of what is seen here, metres; 0: a point. For procedures
 };
 
-/// The point `hit` found along `direction`.
-ShadingPoint surface_at(const ShadingScene& scene, const Hit& hit, const Vec3f& direction);
-
-/// The same for a triangle.
+/// The point of a triangle that was met along `direction`.
 ShadingPoint surface_at(const ShadingScene& scene, const TriangleId& id, float b1, float b2,
                         const Vec3f& direction);
+/// That of a shape, or of an operand of a CSG solid.
+ShadingPoint solid_at(const ShadingScene& scene, const Hit& hit, const Vec3f& direction);
+
+/// The point `hit` found along `direction`.
+inline ShadingPoint surface_at(const ShadingScene& scene, const Hit& hit, const Vec3f& direction) {
+  if (scene.instances[hit.id.instance].solid) [[unlikely]]
+    return solid_at(scene, hit, direction);
+  return surface_at(scene, hit.id, hit.b1, hit.b2, direction);
+}
 
 /// Where that is, with what rays that start there need.
 SurfacePoint position_of(const ShadingPoint& point);

@@ -23,7 +23,8 @@ inline Vec2f uv_at(const ShadingPoint& p, const TextureRef& ref) {
   return interpolated(uv, p);
 }
 
-inline Vec4f read(const ShadingScene& scene, const ShadingPoint& p, const TextureRef& ref) {
+inline __attribute__((always_inline)) Vec4f read(const ShadingScene& scene, const ShadingPoint& p,
+                                                 const TextureRef& ref) {
   if (!ref) return {1, 1, 1, 1};
   if (const Procedure* f = scene.textures.procedure(ref)) [[unlikely]]
     return procedure_color_at(scene, p, ref, *f);
