@@ -349,7 +349,7 @@ TEST_F(FrameWriterTest, FullDiskOrMissingFolderIsAnErrorNotACrash) {
   EXPECT_EQ(write_frame(spec_, made_tiles(), path("no/such/folder.exr")).status().code(),
             absl::StatusCode::kUnavailable);
   EXPECT_EQ(write_frame(spec_, made_tiles(), "/dev/full").status().code(),
-            absl::StatusCode::kUnavailable);
+            absl::StatusCode::kResourceExhausted);
 }
 
 TEST_F(FrameWriterTest, WideFrameNeedsABandNotTheFrame) {
