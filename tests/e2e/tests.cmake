@@ -31,6 +31,10 @@ if(TESSERA_WITH_GRPC)
   tessera_e2e(render_alone 300)
   tessera_e2e(secure_farm 300)
   tessera_e2e(documented_commands 300)
+  # Where their tools are not installed these say SKIPPED and why.
+  tessera_e2e(systemd_units 60)
+  tessera_e2e(slurm 600)
+  set_tests_properties(e2e.systemd_units e2e.slurm PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED")
 
   # Chaos puts a library of its own before the C library's functions, as sanitizers do: not both.
   if(NOT CMAKE_CXX_FLAGS MATCHES "sanitize")

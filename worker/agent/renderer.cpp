@@ -177,6 +177,8 @@ class Renderer {
 int run_renderer(const RendererOptions& options) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   ::prctl(PR_SET_NAME, "tessera-render");
+  // A terminal, Slurm and systemd signal all processes of a job: the agent decides what that means.
+  for (const int signal : {SIGTERM, SIGINT, SIGHUP}) ::signal(signal, SIG_IGN);
   if (options.memory_bytes > 0) {
     const auto bytes = static_cast<rlim_t>(options.memory_bytes);
     const rlimit limit{bytes, bytes};

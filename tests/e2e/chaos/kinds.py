@@ -131,14 +131,21 @@ def slow_worker(farm, rng):
 
 
 def drain_worker(farm, rng):
-    """SIGTERM: finishes or hands back within its grace, ends with 0; another joins."""
+    """SIGTERM to agent and renderer, as Slurm and systemd send it: the worker finishes or hands back
+    within its grace and ends with 0, no unit fails; another joins."""
     with a_worker(farm) as worker:
         held = holding(farm, worker)
         if not held:
             return None
+        renderer = worker.renderer()
+        if renderer is not None:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(renderer, signal.SIGTERM)
         worker.process.terminate()
         if worker.process.wait(30) != 0:
             raise AssertionError(f"{worker.id} ended with {worker.process.returncode} on SIGTERM")
+        if "killed by SIGTERM" in worker.text():
+            raise AssertionError(f"the renderer of {worker.id} died of SIGTERM")
         farm.start_worker(worker.slot)
         return f"{worker.id} held {held} units, {len(farm.held_by(worker))} at its end"
 

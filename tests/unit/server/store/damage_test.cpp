@@ -141,7 +141,10 @@ TEST_F(DamageTest, AStoreOfTheFirstSchemaIsBroughtUpToDate) {
   {
     auto database = Database::open(path() + "/store.db", "", Database::Mode::writer);
     ASSERT_TRUE(database.ok()) << database.status();
-    ASSERT_TRUE((*database)->script("DROP TABLE joins; ALTER TABLE units DROP COLUMN audit; PRAGMA user_version=1").ok());
+    ASSERT_TRUE(
+        (*database)
+            ->script("DROP TABLE joins; ALTER TABLE units DROP COLUMN audit; PRAGMA user_version=1")
+            .ok());
   }
   const auto store = open();
   ASSERT_TRUE(store.ok()) << store.status();

@@ -1,0 +1,24 @@
+#!/usr/bin/env bash
+# The units of deploy/systemd are what systemd understands, and they name options that the programs have.
+. "$(dirname "$0")/farm.sh"
+
+command -v systemd-analyze >/dev/null || { echo "SKIPPED: systemd-analyze is not installed"; exit 0; }
+units=$(cd "$(dirname "$0")/../../deploy/systemd" && pwd)
+mkdir "$work/units"
+for unit in "$units"/*.service; do
+  # The programs lie elsewhere here, and there are no man pages to be found.
+  sed -e "s#/usr/bin/tessera#$TESSERA_BIN/tessera#" -e '/^Documentation=/d' "$unit" \
+    >"$work/units/$(basename "$unit")"
+done
+systemd-analyze verify "$work/units"/*.service >"$work/verify.log" 2>&1 || true
+grep "$work/units\|^tessera" "$work/verify.log" >"$work/faults.log" || true
+[ ! -s "$work/faults.log" ] || fail "$(cat "$work/faults.log")"
+say "systemd finds no fault"
+
+for program in server worker; do
+  "$TESSERA_BIN/tessera-$program" --help >"$work/help"
+  for option in $(grep -h '^ExecStart=' "$units"/tessera-$program*.service | grep -o -- '--[a-z-]*'); do
+    grep -q -- "$option " "$work/help" || fail "tessera-$program has no $option"
+  done
+  say "tessera-$program has the options of its unit"
+done
