@@ -1,5 +1,8 @@
 #include "server/service/work_stream.h"
 
+#include <grpcpp/alarm.h>
+
+#include <chrono>
 #include <deque>
 #include <memory>
 #include <mutex>
@@ -81,6 +84,13 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
         link_(std::make_shared<WorkLink>(*this)) {
     if (caller.ok()) {
       StartRead(&request_);
+      // Else a caller that says nothing would be held for ever.
+      alarm_.Set(std::chrono::system_clock::now() + gate_.hello_within,
+                 [link = link_](bool is_due) {
+                   if (is_due) {
+                     link->close(absl::DeadlineExceededError("no hello came in time"));
+                   }
+                 });
     } else {
       finish(caller.status());
     }
@@ -187,6 +197,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
   }
 
   absl::Status begin() {
+    alarm_.Cancel();
     if (!request_.has_hello()) {
       return absl::InvalidArgumentError("the first message must be hello");
     }
@@ -235,6 +246,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
   grpc::CallbackServerContext& context_;
   const Caller caller_;
   const std::shared_ptr<WorkLink> link_;  // owners: this and the coordinator
+  grpc::Alarm alarm_;                     // until the hello
   v1::WorkRequest request_;               // of the one read that is pending
 
   std::mutex mutex_;  // for what follows; taken before the coordinator's lock, never after it

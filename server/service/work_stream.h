@@ -1,5 +1,7 @@
 #pragma once
 
+#include <chrono>
+
 #include "absl/status/statusor.h"
 #include "server/coordinator.h"
 #include "server/service/access.h"
@@ -13,6 +15,7 @@ struct WorkGate {
   Coordinator& coordinator;
   const Access& access;
   const WorkerAdmission& admission;
+  std::chrono::milliseconds hello_within;  // from the beginning of the stream
 };
 
 /// The reactor of a worker's Work stream; deletes itself. `caller`: who, or the status to end with

@@ -11,7 +11,7 @@ namespace tessera::server {
 
 grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* WorkerService::Work(
     grpc::CallbackServerContext* context) {
-  return work_stream({coordinator_, access_, admission_}, *context,
+  return work_stream({coordinator_, access_, admission_, hello_within_}, *context,
                      access_.admit(*context, "WorkerService.Work"));
 }
 

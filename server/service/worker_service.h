@@ -1,5 +1,7 @@
 #pragma once
 
+#include <chrono>
+
 #include "server/coordinator.h"
 #include "server/service/access.h"
 #include "server/service/worker_admission.h"
@@ -11,8 +13,13 @@ namespace tessera::server {
 class WorkerService final : public v1::WorkerService::CallbackService {
  public:
   /// All must outlive the server this is registered with.
-  WorkerService(Coordinator& coordinator, const Access& access, const WorkerAdmission& admission)
-      : coordinator_(coordinator), access_(access), admission_(admission) {}
+  /// `hello_within`: how long a Work stream may be silent at its beginning.
+  WorkerService(Coordinator& coordinator, const Access& access, const WorkerAdmission& admission,
+                std::chrono::milliseconds hello_within = std::chrono::seconds(10))
+      : coordinator_(coordinator),
+        access_(access),
+        admission_(admission),
+        hello_within_(hello_within) {}
 
   grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* Work(
       grpc::CallbackServerContext* context) override;
@@ -29,6 +36,7 @@ class WorkerService final : public v1::WorkerService::CallbackService {
   Coordinator& coordinator_;
   const Access& access_;
   const WorkerAdmission& admission_;
+  const std::chrono::milliseconds hello_within_;
 };
 
 }  // namespace tessera::server

@@ -74,6 +74,22 @@ TEST_F(FarmTest, FromSubmissionToAnImage) {
   EXPECT_EQ(frame["pixels_sha256"], contract::Digest::from_binary(header.pixels_sha256())->hex());
 }
 
+TEST_F(FarmTest, AWorkStreamThatNeverSaysHelloEndsAndOneThatDoesStays) {
+  const std::string job = create_job("a", 64);
+  auto worker = worker_of(*server_, "w1");
+  ASSERT_TRUE(worker->open());
+  grpc::ClientContext context;
+  prepare(context);
+  const auto stub = v1::WorkerService::NewStub(server_->channel());
+  const auto silent = stub->Work(&context);
+  v1::WorkResponse response;
+  EXPECT_FALSE(silent->Read(&response));
+  const grpc::Status status = silent->Finish();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::DEADLINE_EXCEEDED);
+  EXPECT_EQ(status.error_message(), "no hello came in time");
+  EXPECT_EQ(worker->work(), 9 * 2);
+}
+
 TEST_F(FarmTest, ARestartInMidJobChangesNoPixel) {
   const std::string whole = create_job("whole", 64);
   {

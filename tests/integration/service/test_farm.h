@@ -25,13 +25,15 @@ namespace tessera::server {
 /// A whole server but for its socket, over a store on disk that outlives it.
 class TestServer {
  public:
+  static constexpr std::chrono::seconds kHelloWithin{2};
+
   TestServer(const std::string& folder, const std::string& token)
       : running_(folder),
         access_(token),
         admission_(running_.coordinator(), std::nullopt),
         jobs_(running_.coordinator(), access_),
         assets_(running_.coordinator(), access_),
-        workers_(running_.coordinator(), access_, admission_) {
+        workers_(running_.coordinator(), access_, admission_, kHelloWithin) {
     grpc::ServerBuilder builder;
     builder.RegisterService(&jobs_);
     builder.RegisterService(&assets_);
