@@ -78,7 +78,7 @@ EOF
 tessera inspect "$scenes/lit_square.gltf" --accelerators --json >"$work/accelerators.json"
 job=(--size 48x40 --spp 16 --max-depth 4)
 structures=$(json "$work/accelerators.json" '[s["name"] for s in d["accelerators"]["structures"] if s["closest_hit"]["triangles_per_ray"] is not None]')
-for scene in same_bits shapes csg; do
+for scene in same_bits shapes csg blobs; do
   [ "$scene" = same_bits ] || job=(--size 48x40 --spp 16 --max-depth 8)
   draw few --tile 16 --workers 1 --threads 1
   few=$(pixels "$work/few.json")

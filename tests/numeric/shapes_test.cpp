@@ -201,6 +201,13 @@ double round2(const Vec3d& p) {
   return p.x * p.x + p.z * p.z;
 }
 
+Shape three_blobs() {
+  return make_blobs({{{0.4, 0, 0}, {0.8, 0.6, 0.8}, 1},
+                     {{-0.5, 0.1, 0}, {1, 1, 1}, 1.5},
+                     {{0, 0.3, 0.2}, {0.5, 0.5, 0.5}, -1}},
+                    0.25);
+}
+
 std::vector<Known> known_shapes() {
   Quadric saddle;  // x^2 - z^2 - y / 2 <= 0
   saddle.squares = {1, 0, -1};
@@ -237,6 +244,16 @@ std::vector<Known> known_shapes() {
        [](const Vec3d& p) {
          const double out = std::sqrt(round2(p)) - 0.75;
          return out * out + p.y * p.y <= 0.0625;
+       }},
+      {"blobs", three_blobs(),
+       [](const Vec3d& p) {
+         const Vec3d q = {(p.x - 0.4) / 0.8, p.y / 0.6, p.z / 0.8}, r = p - Vec3d{-0.5, 0.1, 0};
+         const Vec3d s = (p - Vec3d{0, 0.3, 0.2}) / 0.5;
+         const auto field = [](const Vec3d& v) {
+           const double left = std::max(1 - dot(v, v), 0.0);
+           return left * left;
+         };
+         return field(q) + 1.5 * field(r) - field(s) >= 0.25;
        }},
   };
 }
@@ -312,7 +329,8 @@ Scene crowd(Dice& dice) {
     const auto first = static_cast<std::uint32_t>(scene.instances.size());
     const Vec3d at(dice.vector());
     place(scene, 1, random_placement(dice, 0.6, at, dice.below(2) == 0));
-    place_shape(scene, make_torus(0.75, 0.25), random_placement(dice, 0.4, at, false));
+    place_shape(scene, operation == CsgOperation::exclude ? three_blobs() : make_torus(0.75, 0.25),
+                random_placement(dice, 0.4, at, false));
     place(scene, 1, random_placement(dice, 0.4, at, false));
     combine(scene, operation, first);
   }
@@ -370,15 +388,19 @@ TEST(Shapes, GiveTheSameHitsInEveryStructure) {
 
 TEST(HardCase8, RaysThatLeaveAConvexShapeDoNotMeetItAgain) {
   Dice dice(8);
-  const std::vector<Shape> convex = {make_ellipsoid({1, 1, 1}),   make_ellipsoid({1, 0.2, 0.5}),
-                                     make_cylinder(0.5, 1, true), make_cone(1, 1, true),
-                                     make_box({1, 1, 1}),         make_paraboloid(1, 1, true)};
+  const std::vector<Shape> convex = {make_ellipsoid({1, 1, 1}),
+                                     make_ellipsoid({1, 0.2, 0.5}),
+                                     make_cylinder(0.5, 1, true),
+                                     make_cone(1, 1, true),
+                                     make_box({1, 1, 1}),
+                                     make_paraboloid(1, 1, true),
+                                     make_blobs({{{}, {1, 1, 1}, 1}}, 0.05)};
   int left = 0, again = 0;
   for (int i = 0; i < 60'000; ++i) {
     const double size = std::pow(10.0, i % 4 * 3 - 3), offset = i / 4 % 2 == 0 ? 0 : size * 1e3;
     const Affine3d at =
         random_placement(dice, size, Vec3d(dice.direction()) * offset, dice.below(2) == 0);
-    const Scene scene = shape_scene(convex[dice.below(6)], at);
+    const Scene scene = shape_scene(convex[dice.below(7)], at);
     const Vec3d inside = Vec3d(dice.vector()) * 0.2;
     Ray ray;
     ray.origin = Vec3f(transform_point(at, Vec3d(dice.direction()) * 3.0));

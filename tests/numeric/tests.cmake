@@ -5,7 +5,7 @@ tessera_test(NAME geometry KIND numeric
     numeric/ray_origins_test.cpp numeric/reference_test.cpp numeric/watertight_test.cpp
   LINKS tessera::render)
 tessera_test(NAME solids KIND numeric
-  SOURCES numeric/csg_test.cpp numeric/geometry_scenes.cpp numeric/geometry_scenes.h
+  SOURCES numeric/blobs_test.cpp numeric/csg_test.cpp numeric/geometry_scenes.cpp numeric/geometry_scenes.h
     numeric/shape_lights_test.cpp
     numeric/shapes_test.cpp numeric/solid_scenes.h
   LINKS tessera::render)

@@ -103,6 +103,14 @@ class Gltf:
         return self.add("nodes", {**node, "children": children, "extensions": {
             "TESSERA_csg": {"operation": operation}}})
 
+    def blobs(self, material, *elements, threshold=0.25, **node):
+        """A node with blobs (TESSERA_blobs): (center, radius or radii, strength) each."""
+        self.use("TESSERA_blobs")
+        return {**node, "extensions": {"TESSERA_blobs": {
+            "material": material, "threshold": threshold, "elements": [
+                {"center": list(center), "radii" if isinstance(size, tuple) else "radius": size,
+                 "strength": strength} for center, size, strength in elements]}}}
+
     def use(self, *extensions):
         self.doc["extensionsUsed"] = sorted({*self.doc.get("extensionsUsed", []), *extensions})
 
@@ -620,6 +628,57 @@ def csg():
     return gltf
 
 
+def blobs():
+    """Blobs that melt together, one with dents, in glass, cut by a box; one of them moves."""
+    gltf = Gltf()
+    room(gltf, gltf.add("materials", plain(0.5, 0.5, 0.52)))
+    gltf.use("KHR_materials_transmission", "KHR_materials_ior", "KHR_materials_volume",
+             "KHR_animation_pointer")
+    clay = gltf.add("materials", plain(0.75, 0.32, 0.18))
+    gold = gltf.add("materials", metal(0.95, 0.75, 0.35, 0.15))
+    sea = gltf.add("materials", glass([0.5, 0.85, 0.8]))
+    ivory = gltf.add("materials", plain(0.8, 0.75, 0.6))
+    green = gltf.add("materials", plain(0.2, 0.5, 0.25))
+    # The neck of two, narrower from left to right until it parts.
+    for k, apart in enumerate((1.2, 1.45, 1.58, 1.64)):
+        half = apart * 0.35 / 2
+        gltf.node(**gltf.blobs(clay, ((0, -half, 0), 0.35, 1), ((0, half, 0), 0.35, 1),
+                               translation=rounded(-1.5 + k, 1.55, -1.2)))
+    # A foot and a body of drops.
+    drops = [((0, 0.06, 0), (0.8, 0.22, 0.6), 1)]
+    for k in range(7):
+        angle = k * 2.4
+        drops.append((rounded(0.09 * k * math.cos(angle) * 0.6, 0.2 + 0.11 * k,
+                              0.09 * k * math.sin(angle) * 0.6), round(0.36 - 0.022 * k, 3), 1))
+    body = gltf.node(**gltf.blobs(green, *drops, translation=[-1.15, 0.08, 0.1]))
+    # One ball, with dents.
+    dents = [((0, 0, 0), 0.8, 1.5)]
+    for k in range(12):
+        y = 1 - (2 * k + 1) / 12
+        r = math.sqrt(1 - y * y)
+        dents.append((rounded(0.6 * r * math.cos(2.4 * k), 0.6 * y, 0.6 * r * math.sin(2.4 * k)),
+                      0.24, -0.7))
+    gltf.node(**gltf.blobs(gold, *dents, translation=[0.2, 0.62, 0.1]))
+    gltf.node(**gltf.blobs(sea, ((-0.22, 0, 0), 0.42, 1), ((0.22, 0, 0.05), 0.42, 1),
+                           ((0, 0.3, 0), 0.36, 1), translation=[-0.45, 0.31, 1.4]))
+    # A part cut out, to show that it has an inside.
+    half = gltf.csg(
+        "subtraction",
+        gltf.blobs(clay, ((-0.3, 0, 0), 0.6, 1), ((0.3, 0, 0), 0.6, 1), ((0, 0.35, 0), 0.5, 1)),
+        gltf.shape("box", ivory, {"translation": [0.5, 0.55, 0.5]}, size=[1, 1, 1]),
+        translation=[1.25, 0.42, 0.4], rotation=[0, -0.1305262, 0, 0.9914449])
+    gltf.doc["scenes"][0]["nodes"].append(half)
+    times = gltf.floats([[0.0], [1.0]], "SCALAR", bounds=True, target=None)
+    moments = gltf.floats([drops[-1][0], [0.5, 1.2, 0]], "VEC3", target=None)
+    gltf.add("animations", {
+        "name": "let go", "samplers": [{"input": times, "output": moments}],
+        "channels": [{"sampler": 0, "target": {"path": "pointer", "extensions": {
+            "KHR_animation_pointer": {"pointer":
+                f"/nodes/{body}/extensions/TESSERA_blobs/elements/{len(drops) - 1}/center"}}}}]})
+    camera(gltf, (0, 1.62, 6.6), (0, 1.0, 0), 0.55)
+    return gltf
+
+
 def optics():
     """Metals by their index above; rough diffuse beside Lambert's and exact beside Schlick below."""
     gltf = Gltf()
@@ -649,7 +708,7 @@ def main():
     check = "--check" in sys.argv[1:]
     stale = []
     for make in (quickstart, same_bits, materials, lit_square, missing_texture, stadium, lens,
-                 screens, textures, optics, shapes, csg):
+                 screens, textures, optics, shapes, csg, blobs):
         path = FOLDER / f"{make.__name__}.gltf"
         text = make().text()
         if check:

@@ -84,13 +84,14 @@ std::size_t element_parts(const std::vector<std::string>& parts) {
   return animated ? 2 : 0;
 }
 
-/// Whether the path goes over an element that exists and over objects from there.
+/// Whether the path goes over an element that exists, and over objects and elements of arrays that
+/// exist from there.
 bool stands_in(const json& root, const std::vector<std::string>& parts, std::size_t element) {
   const json* at = &root;
   for (std::size_t i = 0; i + 1 < parts.size(); ++i) {
     std::uint32_t index = 0;
     if (at->is_array()) {
-      if (i >= element || !absl::SimpleAtoi(parts[i], &index) || index >= at->size()) return false;
+      if (!absl::SimpleAtoi(parts[i], &index) || index >= at->size()) return false;
       at = &(*at)[index];
     } else if (at->is_object()) {
       const auto member = at->find(parts[i]);

@@ -45,10 +45,14 @@ PunctualLight read_light(const JsonView& light, JsonFault& fault) {
 }
 
 void read_node(const JsonView& look, Node& node, const Document& document, JsonFault& fault) {
-  const JsonView shape = look.extension("TESSERA_shape");
+  const JsonView solid = look.extension("TESSERA_shape"), blobs = look.extension("TESSERA_blobs");
+  if (solid.present() && blobs.present()) {
+    fault.report(blobs.path(), "the node has a TESSERA_shape already");
+  }
+  const JsonView& shape = blobs.present() ? blobs : solid;
   if (shape.present()) {
     if (node.mesh != kNone) fault.report(shape.path(), "the node has a mesh already");
-    node.shape = read_shape(shape, fault);
+    node.shape = blobs.present() ? read_blobs(blobs, fault) : read_shape(solid, fault);
     node.shape_material = shape.index("material", document.materials.size());
   }
   node.csg = read_csg(look.extension("TESSERA_csg"), fault);

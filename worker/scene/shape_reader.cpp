@@ -2,6 +2,8 @@
 
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "worker/geometry/shapes/make_shape.h"
@@ -10,6 +12,24 @@ namespace tessera::render {
 namespace {
 
 constexpr double kLargest = 1e18, kSmallest = 1e-18;
+/// Of blobs: beyond these, rounding would show.
+constexpr double kStrongest = 1e6, kWeakest = 1e-6;
+constexpr std::size_t kMostBlobs = 10'000;
+
+/// Numbers, `fallback` by default, each in [low, high].
+Vec3d read_vector(const JsonView& look, std::string_view key, const std::vector<double>& fallback,
+                  double low, double high, JsonFault& fault) {
+  const std::vector<double> values = look.numbers(key, fallback);
+  Vec3d out;
+  for (std::size_t k = 0; k < fallback.size(); ++k) {
+    if (!(values[k] >= low && values[k] <= high)) {
+      fault.report(absl::StrCat(look.path(), ".", std::string(key), "[", k, "]"),
+                   absl::StrCat(values[k], " is not in [", low, ", ", high, "]"));
+    }
+    out[static_cast<int>(k)] = values[k];
+  }
+  return out;
+}
 
 /// Reads dimensions; faults go to the element.
 class ShapeReader {
@@ -52,16 +72,7 @@ class ShapeReader {
 
   /// `count` numbers, 1 by default; the rest 0.
   Vec3d dimensions(std::string_view key, std::size_t count) {
-    const std::vector<double> values = look_.numbers(key, std::vector<double>(count, 1));
-    Vec3d out;
-    for (std::size_t k = 0; k < count; ++k) {
-      if (!(values[k] >= kSmallest && values[k] <= kLargest)) {
-        fault_.report(absl::StrCat(look_.path(), ".", std::string(key), "[", k, "]"),
-                      absl::StrCat(values[k], " is not in [", kSmallest, ", ", kLargest, "]"));
-      }
-      out[static_cast<int>(k)] = values[k];
-    }
-    return out;
+    return read_vector(look_, key, std::vector<double>(count, 1), kSmallest, kLargest, fault_);
   }
 
   /// Those about the y axis with a height.
@@ -135,12 +146,40 @@ class ShapeReader {
   JsonFault& fault_;
 };
 
+Blob read_blob(const JsonView& look, JsonFault& fault) {
+  look.allow({"center", "radius", "radii", "strength"});
+  if (look["radius"].present() && look["radii"].present()) {
+    fault.report(look.path() + ".radii", "there is a radius already");
+  }
+  Blob blob;
+  blob.centre = read_vector(look, "center", {0, 0, 0}, -kLargest, kLargest, fault);
+  const double radius = look.number("radius", 1, kSmallest, kLargest);
+  blob.radii = read_vector(look, "radii", {radius, radius, radius}, kSmallest, kLargest, fault);
+  blob.strength = look.number("strength", 1, -kStrongest, kStrongest);
+  return blob;
+}
+
 }  // namespace
 
 std::shared_ptr<const Shape> read_shape(const JsonView& look, JsonFault& fault) {
   Shape shape = ShapeReader(look, fault).read();
   if (!fault.status().ok()) return nullptr;
   return std::make_shared<const Shape>(std::move(shape));
+}
+
+std::shared_ptr<const Shape> read_blobs(const JsonView& look, JsonFault& fault) {
+  look.allow({"elements", "threshold", "material"});
+  const double threshold = look.number("threshold", 0.25, kWeakest, kStrongest);
+  const std::vector<JsonView> elements = look["elements"].items();
+  if (elements.empty() || elements.size() > kMostBlobs) {
+    fault.report(look.path() + ".elements", absl::StrCat("must be 1 to ", kMostBlobs, " blobs"));
+    return nullptr;
+  }
+  std::vector<Blob> blobs;
+  blobs.reserve(elements.size());
+  for (const JsonView& element : elements) blobs.push_back(read_blob(element, fault));
+  if (!fault.status().ok()) return nullptr;
+  return std::make_shared<const Shape>(make_blobs(std::move(blobs), threshold));
 }
 
 std::optional<CsgOperation> read_csg(const JsonView& look, JsonFault& fault) {

@@ -14,6 +14,9 @@ namespace tessera::render {
 /// Null after a fault.
 std::shared_ptr<const Shape> read_shape(const JsonView& look, JsonFault& fault);
 
+/// The same of a TESSERA_blobs object.
+std::shared_ptr<const Shape> read_blobs(const JsonView& look, JsonFault& fault);
+
 /// The operation of a TESSERA_csg object; nullopt if it is absent or faulty.
 std::optional<CsgOperation> read_csg(const JsonView& look, JsonFault& fault);
 

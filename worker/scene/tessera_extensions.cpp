@@ -19,9 +19,8 @@ struct Place {
 };
 
 constexpr Place kPlaces[] = {
-    {"TESSERA_camera", "cameras"},     {"TESSERA_csg", "nodes"},
-    {"TESSERA_material", "materials"}, {"TESSERA_shape", "nodes"},
-    {"TESSERA_texture", "textures"},
+    {"TESSERA_blobs", "nodes"}, {"TESSERA_camera", "cameras"},     {"TESSERA_csg", "nodes"},
+    {"TESSERA_shape", "nodes"}, {"TESSERA_material", "materials"}, {"TESSERA_texture", "textures"},
 };
 
 constexpr std::string_view kOurs = "TESSERA_";

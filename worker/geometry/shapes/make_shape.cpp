@@ -1,6 +1,7 @@
 #include "worker/geometry/shapes/make_shape.h"
 
 #include <limits>
+#include <utility>
 
 #include "worker/math/float_bits.h"
 
@@ -115,6 +116,14 @@ Shape make_torus(double radius, double tube) {
   shape.radius = radius;
   shape.tube = tube;
   shape.bounds = around(about_origin({radius + tube, tube, radius + tube}));
+  return shape;
+}
+
+Shape make_blobs(std::vector<Blob> blobs, double threshold) {
+  Shape shape;
+  shape.form = Shape::Form::blobs;
+  shape.blobs = std::make_shared<const BlobField>(std::move(blobs), threshold);
+  shape.bounds = around(shape.blobs->bounds());
   return shape;
 }
 

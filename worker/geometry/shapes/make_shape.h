@@ -1,5 +1,8 @@
 #pragma once
 
+#include <vector>
+
+#include "worker/geometry/shapes/blob_field.h"
 #include "worker/geometry/shapes/shape.h"
 
 namespace tessera::render {
@@ -26,5 +29,7 @@ Shape make_two_sheet_hyperboloid(double gap, double radius, double height, bool 
 Shape make_quadric(const Quadric& quadric, const Box3d& clip, bool capped);
 /// Requires tube < radius.
 Shape make_torus(double radius, double tube);
+/// Where the blobs (at least one) add up to the threshold (above 0). Its inside may be empty.
+Shape make_blobs(std::vector<Blob> blobs, double threshold);
 
 }  // namespace tessera::render

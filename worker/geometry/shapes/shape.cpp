@@ -26,6 +26,9 @@ void intersect_shape(const Shape& shape, const Vec3d& origin, const Vec3d& direc
     case Shape::Form::torus:
       intersect_torus(shape, from, direction, hits);
       break;
+    case Shape::Form::blobs:
+      intersect_blobs(shape, from, direction, hits);
+      break;
   }
   for (std::size_t i = first; i < hits.size(); ++i) hits[i].t += nearest;
 }

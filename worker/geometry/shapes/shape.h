@@ -2,12 +2,15 @@
 
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "worker/geometry/bounds.h"
 #include "worker/math/vector.h"
 
 namespace tessera::render {
+
+class BlobField;
 
 /// Q(p) = p' A p + 2 b p + c, with A symmetric; inside where it is at most 0.
 struct Quadric {
@@ -35,6 +38,7 @@ struct Shape {
   enum class Form : std::uint8_t {
     quadric,  // what of the quadric's inside lies in `clip`; a box without thickness: one face
     torus,    // about the y axis
+    blobs,    // where a field reaches its threshold
   };
   Form form = Form::quadric;
   bool capped = true;      // the planes of `clip` bound it too; else only the curved face is there
@@ -42,12 +46,13 @@ struct Shape {
   Quadric quadric;
   Box3d clip;                   // planes may be infinitely far
   double radius = 0, tube = 0;  // of a torus: of its centre line, and about that; tube < radius
-  Box3f bounds;                 // finite
+  std::shared_ptr<const BlobField> blobs;
+  Box3f bounds;  // finite
 
   /// The axis in which it has no thickness, or -1.
   int flat_axis() const;
   /// Whether it has an inside.
-  bool closed() const { return (capped || form == Form::torus) && flat_axis() < 0; }
+  bool closed() const { return (capped || form != Form::quadric) && flat_axis() < 0; }
 };
 
 /// Where a line passes through a surface.
@@ -73,6 +78,8 @@ void intersect_shape(const Shape& shape, const Vec3d& origin, const Vec3d& direc
 void intersect_quadric(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
                        std::vector<ShapeHit>& hits);
 void intersect_torus(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
+                     std::vector<ShapeHit>& hits);
+void intersect_blobs(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
                      std::vector<ShapeHit>& hits);
 
 }  // namespace tessera::render

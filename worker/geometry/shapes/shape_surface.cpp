@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "worker/geometry/shapes/blob_field.h"
 #include "worker/math/elementary.h"
 
 namespace tessera::render {
@@ -66,7 +67,9 @@ FaceAxes face_axes(std::uint32_t face) {
 Vec3d shape_normal(const Shape& shape, std::uint32_t face, const Vec3d& point) {
   if (face != kCurvedFace) return axis_vector(axis_of(face), face % 2 == 1 ? -1 : 1);
   if (shape.form == Shape::Form::torus) return torus_normal(shape, point);
-  const Vec3d gradient = shape.quadric.times(point) + shape.quadric.linear;
+  const Vec3d gradient = shape.form == Shape::Form::blobs
+                             ? shape.blobs->falls(point)
+                             : shape.quadric.times(point) + shape.quadric.linear;
   return gradient == Vec3d{} ? axis_vector(1, 1) : gradient;
 }
 

@@ -6,8 +6,8 @@
 
 namespace tessera::render {
 
-/// The outward normal at a point of a face, object space: the gradient, of any length. At an apex,
-/// where there is none, along the axis. A flat shape faces its axis.
+/// The outward normal at a point of a face, object space: the gradient, of any length. At an apex
+/// or a saddle, where there is none, along the axis. A flat shape faces its axis.
 Vec3d shape_normal(const Shape& shape, std::uint32_t face, const Vec3d& point);
 
 /// Texture coordinates. The curved face: u once around the y axis, rising to the right as seen from

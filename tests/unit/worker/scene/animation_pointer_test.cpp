@@ -1,6 +1,7 @@
 /// KHR_animation_pointer: numbers of cameras, materials, lights, textures and nodes over time.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <memory>
 #include <string>
 
@@ -87,6 +88,19 @@ TEST(AnimationPointer, MovesNumbersOfEveryKind) {
             0.25f);
   EXPECT_EQ(late(*animated("/nodes/2/translation", {0, 0, 0}, {4, 0, 0})).center.x, 3.5);
   EXPECT_DOUBLE_EQ(late(*animated("/cameras/0/perspective/yfov", {1}, {2}, "STEP")).camera.yfov, 1);
+}
+
+TEST(AnimationPointer, MovesOneBlobOfMany) {
+  const auto file =
+      animated("/nodes/3/extensions/TESSERA_blobs/elements/1/center", {0, 0, 0}, {16, 0, 0});
+  file->use_extension("TESSERA_blobs");
+  file->add_node(R"({"extensions": {"TESSERA_blobs": {"elements": [
+      {"center": [-8, 0, 0]}, {"center": [0, 0, 0], "strength": 4}], "threshold": 1}}})");
+  const Scene scene = late(*file);
+  ASSERT_FALSE(scene.meshes.empty());
+  const render::Mesh& mesh = scene.meshes.back();
+  ASSERT_NE(mesh.shape, nullptr);
+  EXPECT_NEAR(mesh.shape->bounds.hi.x, 12 + std::sqrt(0.5), 1e-5);
 }
 
 std::string refusal(const std::string& pointer, const std::vector<float>& to) {

@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "worker/geometry/bounds.h"
+#include "worker/math/vector.h"
+
+namespace tessera::render {
+
+/// An ellipsoid within which a field is strength (1 - r^2)^2, r being 0 at its centre and 1 at its
+/// surface; outside it is 0. Its slope is continuous, and along a line it is a quartic.
+/// Source of the kernel: S. Murakami, H. Ichihara, "On a 3D display method by metaball technique",
+/// Transactions of the IEICE J70-D(8), 1987.
+struct Blob {
+  Vec3d centre;
+  Vec3d radii;  // above 0
+  double strength = 1;
+};
+
+/// The sum of blobs, and where it reaches a threshold. Immutable.
+class BlobField {
+ public:
+  /// At least one blob, and a threshold above 0.
+  BlobField(std::vector<Blob> blobs, double threshold);
+
+  double threshold() const { return threshold_; }
+  /// Around all places where the field reaches the threshold, or of some size where there are none.
+  const Box3d& bounds() const { return bounds_; }
+  /// The field's gradient turned round: it points outwards. 0 where no blob is.
+  Vec3d falls(const Vec3d& point) const;
+
+  /// Shows `visit` each blob whose box, and those around it, `meets` (bool(const Box3d&)); always
+  /// in the same order.
+  template <typename Meets, typename Visit>
+  void each(const Meets& meets, const Visit& visit) const {
+    for (std::size_t i = 0; i < nodes_.size();) {
+      const Node& node = nodes_[i];
+      if (!meets(node.box)) {
+        i = node.skip;
+        continue;
+      }
+      if (node.blob != kInner) visit(blobs_[node.blob]);
+      ++i;
+    }
+  }
+
+ private:
+  static constexpr std::uint32_t kInner = UINT32_MAX;
+
+  /// Of a binary tree, in the order of a depth-first walk.
+  struct Node {
+    Box3d box;
+    std::uint32_t blob = kInner;  // of a leaf
+    std::uint32_t skip = 0;       // the next node that is not below this one
+  };
+
+  void build(std::span<std::uint32_t> blobs);
+  Box3d surface_box() const;
+
+  std::vector<Blob> blobs_;
+  double threshold_;
+  std::vector<Node> nodes_;
+  Box3d bounds_;
+};
+
+}  // namespace tessera::render
