@@ -15,13 +15,13 @@ build_packages=(
   # Scenes and images. libopenimageio-dev does not pull in OpenEXR's headers, nor its tools.
   libtinygltf-dev nlohmann-json3-dev libdraco-dev libmeshoptimizer-dev
   libopenimageio-dev libopenexr-dev openimageio-tools libpng-dev libjpeg62-turbo-dev libwebp-dev
-  # Threads, command lines, logs.
-  libtbb-dev libcli11-dev libspdlog-dev
+  # Threads, command lines, logs, metrics.
+  libtbb-dev libcli11-dev libspdlog-dev prometheus-cpp-dev
 )
 test_packages=(
   libgtest-dev libgmock-dev libembree-dev
   clang-14 libclang-rt-14-dev clang-format-14 clang-tidy-14
-  git python3
+  git python3 prometheus
 )
 
 packages=("${build_packages[@]}" "${test_packages[@]}")

@@ -77,6 +77,10 @@ void add_options(CLI::App& app, Config& config) {
                  "Most store a client's unfinished jobs may need, GB; 0: any")
       ->check(limit)
       ->capture_default_str();
+  app.add_option("--metrics", config.metrics,
+                 "Where Prometheus may ask for metrics, http://HOST:PORT/metrics; on this machine "
+                 "only (port 0: any free one, said in the log)")
+      ->type_name("HOST:PORT");
   app.add_option("--log-level", config.log_level, "What goes to stderr")
       ->check(CLI::IsMember(log_level_names()))
       ->capture_default_str();

@@ -23,6 +23,7 @@ struct Config {
   std::int64_t client_jobs = 0;
   double client_gigasamples = 0, client_gb = 0;
   std::string log_level = "info";
+  std::string metrics;  // HOST:PORT where Prometheus may ask; empty: nowhere
 };
 
 /// The configuration, or another command to run instead, or else the exit code to end with: 0 after

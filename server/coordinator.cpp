@@ -48,6 +48,9 @@ void Coordinator::settle(Afterwards& afterwards) {
     if (linked == links_.end()) continue;
     afterwards.add([link = linked->second.link] { link->wake(); });
   }
+  options_.metrics->errors.worker_lost.Increment(static_cast<double>(effects.to_close.size()));
+  options_.metrics->audits_ended.Increment(static_cast<double>(effects.audited.size()));
+  options_.metrics->workers_quarantined.Increment(static_cast<double>(effects.liars.size()));
   for (const WorkerKey key : effects.to_close) {
     if (const Worker* worker = scheduler_.find_worker(key)) {
       afterwards.add([this, id = worker->id] {
@@ -205,6 +208,7 @@ void Coordinator::fail_unit(Session session, const Lease& lease, std::int32_t ti
   MutexLock lock(mutex_);
   const Worker* worker = worker_of(session);
   if (worker == nullptr) return;
+  options_.metrics->errors.unit_failed.Increment();
   afterwards.add(
       [this, text = absl::StrCat("worker ", worker->id, ": job ", lease.job_id, ", frame ",
                                  lease.frame, ", tile ", tile, ", pass ", lease.pass,

@@ -24,6 +24,7 @@
 #include "server/frame_ledger.h"
 #include "server/job_view.h"
 #include "server/mutex.h"
+#include "server/observe/farm_metrics.h"
 #include "server/schedule/scheduler.h"
 #include "server/store/store.h"
 
@@ -81,6 +82,8 @@ struct CoordinatorOptions {
   /// The request of a job whose sample count or error has become that of `spec`.
   std::function<std::string(const JobSpec& spec)> write_request;
   Log log;  // may be empty
+  /// Owners: the coordinator and who made it, who may count into it too.
+  std::shared_ptr<FarmMetrics> metrics = std::make_shared<FarmMetrics>();
 };
 
 /// The farm's state behind one lock. Every method may be called from any thread.
@@ -185,6 +188,8 @@ class Coordinator {
   std::vector<JobView> list_jobs(JobKey before, std::int32_t most,
                                  const std::string& owner = {}) const;
   absl::StatusOr<JobReport> report(const std::string& job_id) const;
+  /// What Prometheus is told. Walks all jobs and workers under the lock.
+  std::vector<prometheus::MetricFamily> metrics() const;
   /// Finds or makes a frame's image file, on the film thread, then calls back. The caller removes
   /// it if it is temporary. Errors: as FetchFrame.
   void fetch_frame(const FrameQuery& query, std::function<void(absl::StatusOr<FrameFile>)> done);
@@ -284,6 +289,8 @@ class Coordinator {
   bool commit_group();
   void sort_group(std::vector<Delivered>& group, Sorted& sorted);
   void note_committed(Sorted& sorted);
+  void count_committed(Job& job, const UnitRecord& record, std::int64_t samples)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void commit_failed(const Sorted& sorted, const absl::Status& status);
   void pause_for_room(Job& job, const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void make_job(const JobSpec& spec, const OnCreated& done);

@@ -55,6 +55,7 @@ absl::Status Coordinator::hear_delivery(const std::string& worker_id,
 
 void Coordinator::answer(const std::string& worker_id, const std::string& job_id, const Unit& unit,
                          Verdict verdict, const std::string& reason) {
+  options_.metrics->verdict(verdict).Increment();
   const Worker* worker = scheduler_.find_worker(worker_id);
   if (worker != nullptr) scheduler_.acknowledge(worker->key, {{job_id, unit}, verdict, reason});
 }
@@ -63,6 +64,7 @@ void Coordinator::reject(const std::string& worker_id, const BlockHeader& header
                          const std::string& reason, Afterwards& afterwards) {
   Worker* worker = scheduler_.find_worker(worker_id);
   if (worker == nullptr) return;
+  options_.metrics->errors.block_rejected.Increment();
   afterwards.add(
       [this, text = absl::StrCat("worker ", worker_id, ": a block of job ", header.lease.job_id,
                                  " is rejected: ", reason)] { log(LogLevel::warn, text); });
@@ -96,6 +98,7 @@ bool Coordinator::judge_repeat(Job& job, const std::string& worker_id, const Blo
     answer(worker_id, header.lease.job_id, header.unit(), Verdict::duplicate, "");
   } else {
     ++job.counters.mismatched;
+    options_.metrics->results_mismatched.Increment();
     answer(worker_id, header.lease.job_id, header.unit(), Verdict::rejected,
            "the unit is committed with other bytes");
   }
@@ -212,6 +215,7 @@ void Coordinator::journal_changes() {
                               : absl::OkStatus();
     if (status.ok()) status = store_.update_job(record);
     if (status.ok()) continue;
+    options_.metrics->errors.journal.Increment();
     log(LogLevel::error, absl::StrCat("job ", record.id, ": ", status.ToString()));
     MutexLock lock(mutex_);
     unjournaled_.insert(key);
@@ -242,8 +246,11 @@ bool Coordinator::commit_group() {
   Sorted sorted;
   sort_group(group, sorted);
   if (!sorted.commits.empty()) {
+    const Time begun = options_.clock();
     const absl::Status status = store_.commit(sorted.commits);
+    options_.metrics->commit_seconds.Observe(seconds(options_.clock() - begun));
     if (!status.ok()) {
+      options_.metrics->errors.commit.Increment();
       commit_failed(sorted, status);
       return true;
     }
@@ -312,6 +319,22 @@ void Coordinator::pause_for_room(Job& job, const absl::Status& status) {
       .IgnoreError();
 }
 
+/// Before the scheduler hears of it, and forgets who held the unit since when.
+void Coordinator::count_committed(Job& job, const UnitRecord& record, std::int64_t samples) {
+  FarmMetrics& metrics = *options_.metrics;
+  metrics.units_committed.Increment();
+  metrics.samples.Increment(static_cast<double>(samples));
+  metrics.block_bytes.Increment(static_cast<double>(record.size_bytes));
+  metrics.cpu_seconds.Increment(record.cpu_seconds);
+  const Worker* worker = scheduler_.find_worker(record.worker_id);
+  const InFlight* held = job.open_plan().find_in_flight(record.unit);
+  if (worker == nullptr || held == nullptr) return;
+  for (const Holder& holder : held->holders) {
+    if (holder.worker != worker->key || !holder.leased) continue;
+    metrics.lease_seconds.Observe(seconds(options_.clock() - *holder.leased));
+  }
+}
+
 void Coordinator::note_committed(Sorted& sorted) {
   Afterwards afterwards;
   MutexLock lock(mutex_);
@@ -324,8 +347,10 @@ void Coordinator::note_committed(Sorted& sorted) {
     ledger_of(*job).add(record, job->wall_seconds(options_.clock()));
     JobFilm& film = film_of(*job);
     const contract::PixelRect rect = grid_of(*job).rect(record.unit.tile);
-    film.committed_samples +=
+    const std::int64_t samples =
         std::int64_t{rect.width} * rect.height * block.header.lease.sample_count;
+    film.committed_samples += samples;
+    count_committed(*job, record, samples);
     scheduler_.commit(*job, record.unit, record.worker_id, record.cpu_seconds);
     if (scheduler_.is_quarantined(record.worker_id)) {  // found lying while this was on its way
       film_of(*job).finishing.insert(record.unit.frame);

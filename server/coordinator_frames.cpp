@@ -65,6 +65,7 @@ absl::StatusOr<contract::FilmBlock> Coordinator::read_block(const std::string& j
     sample_count = job->plan->passes()[static_cast<std::size_t>(unit.pass)].sample_count;
   }
   if (!record) return absl::NotFoundError("the block is not committed");
+  options_.metrics->film_blocks.read_back.Increment();
   const auto bytes = store_.read_block(job_id, *record);
   if (absl::IsDataLoss(bytes.status())) damaged_.push_back(unit);
   if (!bytes.ok()) return bytes.status();
@@ -141,9 +142,14 @@ void Coordinator::merge(FilmNews news) {
   }
   if (is_wanted) {
     open_film(key);
+    const Time begun = options_.clock();
     const absl::Status status = news.block
                                     ? film_.add(key, news.unit.tile, news.unit.pass, *news.block)
                                     : film_.note_committed(key, news.unit.tile, news.unit.pass);
+    if (news.block) {
+      options_.metrics->film_blocks.delivered.Increment();
+      options_.metrics->merge_seconds.Observe(seconds(options_.clock() - begun));
+    }
     if (!status.ok())
       log(LogLevel::error, absl::StrCat("job ", key.job_id, ": ", status.ToString()));
     decide(key);
@@ -182,7 +188,9 @@ void Coordinator::finish_frame(const FrameKey& key) {
   }
   open_film(key);
   damaged_.clear();
+  const Time begun = options_.clock();
   auto record = write_finished(key, *spec);
+  options_.metrics->frame_seconds.Observe(seconds(options_.clock() - begun));
   const double error = film_.running_estimate(key).error;
   film_.close_frame(key);
   last_estimate_.erase(key);
@@ -324,6 +332,7 @@ void Coordinator::redo_units(const FrameKey& key, const std::vector<Unit>& units
 /// A frame cannot be finished: its job pauses until there is room on the disk, or fails.
 void Coordinator::frame_failed(const FrameKey& key, const absl::Status& status) {
   const std::string reason = absl::StrCat("frame ", key.frame, ": ", status.ToString());
+  options_.metrics->errors.film.Increment();
   log(LogLevel::error, absl::StrCat("job ", key.job_id, ", ", reason));
   Afterwards afterwards;
   MutexLock lock(mutex_);

@@ -8,8 +8,11 @@
 #include <memory>
 #include <string>
 #include <thread>
+#include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "proto/log/log.h"
+#include "proto/metrics/listener.h"
 #include "server/config.h"
 #include "server/coordinator.h"
 #include "server/service/messages.h"
@@ -70,10 +73,23 @@ void tick_until_told(Coordinator& coordinator, const sigset_t& signals) {
 }
 
 int serve(const Config& config, const sigset_t& signals) {
-  auto store = Store::open(config.store, real_filesystem());
+  const CoordinatorOptions options = options_of(config);
+  StoreOptions store_options;
+  store_options.synced = [metrics = options.metrics](double seconds) {
+    metrics->sync_seconds.Observe(seconds);
+  };
+  auto store = Store::open(config.store, real_filesystem(), std::move(store_options));
   if (!store.ok()) return fail(store.status());
-  auto coordinator = Coordinator::open(**store, options_of(config));
+  auto coordinator = Coordinator::open(**store, options);
   if (!coordinator.ok()) return fail(coordinator.status());
+  std::unique_ptr<MetricsListener> metrics;
+  if (!config.metrics.empty()) {
+    auto started =
+        MetricsListener::start(config.metrics, [&farm = **coordinator] { return farm.metrics(); });
+    if (!started.ok()) return fail(started.status());
+    metrics = *std::move(started);
+    options.log(LogLevel::info, absl::StrCat("metrics: http://", metrics->address(), "/metrics"));
+  }
   auto server = FarmServer::start(**coordinator, {config.listen, config.store, config.certs});
   if (!server.ok()) return fail(server.status());
   std::thread writer([&] {

@@ -134,6 +134,10 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{1'000'000}));
   app.add_option("--unit-log", options.unit_log, "File that gets a line for each unit's steps")
       ->type_name("FILE");
+  app.add_option("--metrics", options.metrics,
+                 "Where Prometheus may ask for metrics, http://HOST:PORT/metrics; on this machine "
+                 "only (port 0: any free one, said in the log)")
+      ->type_name("HOST:PORT");
   app.add_option("--log-level", flags.log_level, "What goes to stderr")
       ->check(CLI::IsMember(log_level_names()))
       ->capture_default_str();

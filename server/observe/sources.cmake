@@ -1,3 +1,12 @@
+# tessera_farm_metrics: what is counted for Prometheus, by name.
+add_library(tessera_farm_metrics)
+add_library(tessera::farm_metrics ALIAS tessera_farm_metrics)
+target_sources(tessera_farm_metrics
+  PRIVATE observe/farm_metrics.cpp
+  PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR} FILES observe/farm_metrics.h)
+target_link_libraries(tessera_farm_metrics PUBLIC tessera::schedule prometheus-cpp::core
+  PRIVATE absl::strings)
+
 # tessera_observe: what people read of a job. No gRPC.
 add_library(tessera_observe)
 add_library(tessera::observe ALIAS tessera_observe)

@@ -22,9 +22,10 @@ using WorkerKey = std::int64_t;
 struct Holder {
   WorkerKey worker = 0;
   Attempt attempt;
-  std::optional<Time> started;  // when a heartbeat first named it
-  bool revoking = false;        // asked to hand it back
-  double expected_seconds = 0;  // what fair share counts it as
+  std::optional<Time> started;      // when a heartbeat first named it
+  bool revoking = false;            // asked to hand it back
+  double expected_seconds = 0;      // what fair share counts it as
+  std::optional<Time> leased = {};  // absent: adopted from another process of the server, or audit
 };
 
 /// A unit that somebody holds.

@@ -84,7 +84,7 @@ void Scheduler::lease(Job& job, Worker& worker, const Run& run, Time now) {
   const Lease lease = make_lease(job, worker, run);
   for (std::int32_t i = 0; i < run.tile_count; ++i) {
     const Unit unit{run.frame, run.first_tile + i, run.pass};
-    hold(job, worker, unit, Holder{worker.key, lease.attempt, std::nullopt, false, 0});
+    hold(job, worker, unit, Holder{worker.key, lease.attempt, std::nullopt, false, 0, now});
     if (job.troubles.count(unit) > 0) ++job.counters.retried;
   }
   if (worker.current_job != job.key) {

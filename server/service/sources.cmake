@@ -19,8 +19,7 @@ target_link_libraries(tessera_services
 # tessera-server: wires it all up.
 add_executable(tessera-server main.cpp config.cpp identity_commands.cpp store_commands.cpp)
 target_link_libraries(tessera-server
-  PRIVATE tessera::services tessera::identity tessera::image tessera::observe tessera::log absl::time
-          CLI11::CLI11 OpenSSL::Crypto
-          SQLite::SQLite3 zstd::libzstd_shared Threads::Threads)
+  PRIVATE tessera::services tessera::identity tessera::image tessera::observe tessera::log
+          tessera::metrics absl::time CLI11::CLI11 OpenSSL::Crypto SQLite::SQLite3 zstd::libzstd_shared Threads::Threads)
 target_compile_definitions(tessera-server PRIVATE TESSERA_VERSION="${PROJECT_VERSION}")
 install(TARGETS tessera-server)

@@ -1,5 +1,6 @@
 #include "server/store/durable_files.h"
 
+#include <chrono>
 #include <utility>
 
 #include "absl/status/statusor.h"
@@ -7,8 +8,9 @@
 
 namespace tessera::server {
 
-DurableFiles::DurableFiles(Filesystem& filesystem, std::function<void(const std::string&)> fatal)
-    : filesystem_(filesystem), fatal_(std::move(fatal)) {}
+DurableFiles::DurableFiles(Filesystem& filesystem, std::function<void(const std::string&)> fatal,
+                           std::function<void(double seconds)> synced)
+    : filesystem_(filesystem), fatal_(std::move(fatal)), synced_(std::move(synced)) {}
 
 absl::Status DurableFiles::check_healthy() const {
   const MutexLock lock(mutex_);
@@ -26,7 +28,11 @@ absl::Status DurableFiles::fail_sync(const std::string& message) {
 }
 
 absl::Status DurableFiles::sync(File& file) {
+  const auto begun = std::chrono::steady_clock::now();
   absl::Status synced = file.sync();
+  if (synced_) {
+    synced_(std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count());
+  }
   return synced.ok() ? synced : fail_sync(std::string(synced.message()));
 }
 

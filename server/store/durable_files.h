@@ -19,8 +19,10 @@ namespace tessera::server {
 class DurableFiles {
  public:
   /// `fatal` is called with a message when a sync fails, and is not expected to return; where it
-  /// does (in a test), every later write is refused.
-  DurableFiles(Filesystem& filesystem, std::function<void(const std::string&)> fatal);
+  /// does (in a test), every later write is refused. `synced` is told how long each sync of a file
+  /// took.
+  DurableFiles(Filesystem& filesystem, std::function<void(const std::string&)> fatal,
+               std::function<void(double seconds)> synced = {});
 
   Filesystem& filesystem() { return filesystem_; }
 
@@ -41,6 +43,7 @@ class DurableFiles {
  private:
   Filesystem& filesystem_;
   std::function<void(const std::string&)> fatal_;
+  std::function<void(double seconds)> synced_;
   mutable Mutex mutex_;
   bool broken_ ABSL_GUARDED_BY(mutex_) = false;
   std::unordered_set<std::string> durable_folders_ ABSL_GUARDED_BY(mutex_);

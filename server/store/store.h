@@ -75,6 +75,8 @@ struct StoreOptions {
   /// Called with a message when a sync fails; must not return except in a test, where every later
   /// write is refused (DataLoss). Empty: the message goes to stderr and the process exits with 1.
   std::function<void(const std::string&)> fatal;
+  /// Told how long each fdatasync of blocks and assets took; any thread. May be empty.
+  std::function<void(double seconds)> synced;
 };
 
 /// Everything a coordinator must not forget, in one folder: SQLite rows, append-only segment files

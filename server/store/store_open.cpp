@@ -75,7 +75,7 @@ absl::StatusOr<std::unique_ptr<Store>> DiskStore::open(const std::string& folder
 DiskStore::DiskStore(std::string folder, Filesystem& filesystem, StoreOptions options)
     : options_(std::move(options)),
       folder_(std::move(folder)),
-      files_(filesystem, options_.fatal),
+      files_(filesystem, options_.fatal, options_.synced),
       segments_(files_, absl::StrCat(folder_, "/segments"), options_.segment_bytes) {}
 
 absl::Status DiskStore::make_folders() {

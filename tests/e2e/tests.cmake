@@ -30,6 +30,7 @@ if(TESSERA_WITH_GRPC)
   tessera_e2e(command_line 300)
   tessera_e2e(render_alone 300)
   tessera_e2e(secure_farm 300)
+  tessera_e2e(metrics 300)
   tessera_e2e(documented_commands 300)
   # Where their tools are not installed these say SKIPPED and why.
   tessera_e2e(systemd_units 60)

@@ -17,7 +17,9 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "proto/contract/channel.h"
+#include "proto/metrics/listener.h"
 #include "tessera/v1/asset_service.grpc.pb.h"
+#include "worker/agent/agent_metrics.h"
 #include "worker/agent/render_desk.h"
 #include "worker/agent/renderer.h"
 #include "worker/agent/server_link.h"
@@ -114,16 +116,17 @@ class Agent {
  public:
   Agent(AgentOptions options, RendererProcess::Child renderer,
         const std::shared_ptr<grpc::Channel>& channel, std::unique_ptr<AssetCache> cache,
-        UnitLog log)
+        UnitLog log, AgentMetrics& metrics)
       : options_(std::move(options)),
         workers_(v1::WorkerService::NewStub(channel)),
         assets_(v1::AssetService::NewStub(channel)),
         cache_(std::move(cache)),
         log_(std::move(log)),
+        metrics_(metrics),
         desk_(desk_options(options_), std::move(renderer), queue_, log_, mailbox_, desk_outlet()),
         link_(*workers_, {options_.token, options_.deliver_twice, options_.forge, options_.log},
               queue_, mailbox_, link_outlet()),
-        fetcher_(*workers_, *assets_, *cache_, options_.token,
+        fetcher_(*workers_, *assets_, *cache_, metrics_, options_.token,
                  [this](std::string job_id, absl::StatusOr<JobFiles> files) {
                    // std::function wants copies; the files cannot be copied.
                    auto shared = std::make_shared<absl::StatusOr<JobFiles>>(std::move(files));
@@ -144,6 +147,7 @@ class Agent {
         link_.pump(now);
         wake = std::min(wake, link_.next_due());
       }
+      take_stock();
       if (leaving_ && (queue_.empty() || now >= leave_by_)) break;
       mailbox_.run_until(wake);
     }
@@ -156,17 +160,24 @@ class Agent {
     RenderDesk::Outlet outlet;
     outlet.want_job = [this](const std::string& job_id) { fetcher_.fetch(job_id); };
     outlet.failed = [this](v1::UnitFailure failure) {
+      metrics_.errors.unit_failed.Increment();
       v1::WorkRequest request;
       *request.mutable_failure() = std::move(failure);
       link_.send(std::move(request));
     };
     outlet.given_up = [this](const std::vector<UnitKey>& units) { answer_revocation(units); };
     outlet.scene_loaded = [this](v1::SceneLoaded loaded) {
+      metrics_.scene_load_seconds.Observe(loaded.load_seconds() + loaded.build_seconds());
       v1::WorkRequest request;
       *request.mutable_scene_loaded() = std::move(loaded);
       link_.send(std::move(request));
     };
-    outlet.unit_finished = [] {};  // the loop delivers after every event
+    outlet.unit_finished = [this](const RenderDesk::Rendered& unit) {
+      metrics_.unit_seconds.Observe(unit.seconds);
+      metrics_.cpu_seconds.Increment(unit.cpu_seconds);
+      metrics_.block_bytes.Increment(static_cast<double>(unit.block_bytes));
+    };  // the loop delivers after every event
+    outlet.renderer_died = [this] { metrics_.errors.renderer_died.Increment(); };
     outlet.broken = [this](absl::Status status) { end_ = std::move(status); };
     return outlet;
   }
@@ -180,7 +191,11 @@ class Agent {
                  : credit_window(options_.thread_count, link_.round_trip_seconds(),
                                  desk_.unit_seconds(), desk_.block_bytes(), options_.buffer_bytes);
     };
-    outlet.rss_bytes = [this] { return resident_bytes(::getpid()) + desk_.renderer_rss_bytes(); };
+    outlet.rss_bytes = [this] {
+      const std::int64_t bytes = resident_bytes(::getpid()) + desk_.renderer_rss_bytes();
+      metrics_.resident_bytes.Set(static_cast<double>(bytes));
+      return bytes;
+    };
     outlet.on_response = [this](const v1::WorkResponse& response) { obey(response); };
     outlet.refused = [this](const absl::Status& status) {
       end_ = absl::Status(status.code(), absl::StrCat("the server refused this worker: ",
@@ -241,12 +256,27 @@ class Agent {
     const UnitKey key = key_of(verdict.unit());
     if (!queue_.settle(key)) return;
     link_.note_verdict(Clock::now());
+    if (verdict.verdict() >= v1::Acknowledgement::VERDICT_COMMITTED &&
+        verdict.verdict() <= v1::Acknowledgement::VERDICT_REJECTED) {
+      metrics_.verdicts[static_cast<std::size_t>(verdict.verdict()) - 1]->Increment();
+    }
     const std::string name = v1::Acknowledgement::Verdict_Name(verdict.verdict());
     log_.write(name.substr(sizeof "VERDICT_" - 1).c_str(), key, verdict.reason());
     const bool rejected = verdict.verdict() == v1::Acknowledgement::VERDICT_REJECTED;
     options_.log(rejected ? LogLevel::warn : LogLevel::debug,
                  absl::StrCat("unit ", to_string(key), rejected ? " is rejected: " : ": ",
                               rejected ? verdict.reason() : name));
+  }
+
+  /// Sets the gauges: the queue belongs to this thread, which is not the one that is asked.
+  void take_stock() {
+    const auto waiting = static_cast<double>(queue_.waiting().size());
+    const auto started = static_cast<double>(queue_.started().size());
+    metrics_.units.waiting.Set(waiting);
+    metrics_.units.started.Set(started);
+    metrics_.units.held.Set(queue_.size() - waiting - started);
+    metrics_.connected.Set(link_.connected() ? 1 : 0);
+    metrics_.round_trip_seconds.Set(link_.round_trip_seconds());
   }
 
   void answer_revocation(const std::vector<UnitKey>& units) {
@@ -281,6 +311,7 @@ class Agent {
   const std::unique_ptr<v1::AssetService::Stub> assets_;
   const std::unique_ptr<AssetCache> cache_;
   UnitLog log_;
+  AgentMetrics& metrics_;
   UnitQueue queue_;
   Mailbox mailbox_;
   bool leaving_ = false;
@@ -311,8 +342,18 @@ absl::Status run_agent(const AgentOptions& given) {
   Termination::block_signals();
   auto channel = contract::open_channel(options.server, options.certs);  // starts threads
   if (!channel.ok()) return channel.status();
+  AgentMetrics metrics;
+  metrics.threads.Set(options.thread_count);
+  std::unique_ptr<MetricsListener> listener;
+  if (!options.metrics.empty()) {
+    auto started =
+        MetricsListener::start(options.metrics, [&metrics] { return metrics.collect(); });
+    if (!started.ok()) return started.status();
+    listener = *std::move(started);
+    options.log(LogLevel::info, absl::StrCat("metrics: http://", listener->address(), "/metrics"));
+  }
   return Agent(std::move(options), *std::move(renderer), *channel, *std::move(cache),
-               std::move(log))
+               std::move(log), metrics)
       .run();
 }
 

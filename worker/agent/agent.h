@@ -30,6 +30,7 @@ struct AgentOptions {
   std::chrono::seconds unit_timeout{3600};
   std::chrono::seconds grace{20};  // from SIGTERM to the end
   std::string unit_log;            // file; empty: none
+  std::string metrics;             // HOST:PORT where Prometheus may ask; empty: nowhere
   Log log = no_log;
   std::optional<contract::Unit> crash_on;  // fault injection: the renderer dies of this unit
   bool deliver_twice = false;              // fault injection, as are those below

@@ -22,10 +22,11 @@ constexpr int kMostAssets = 100'000;
 }  // namespace
 
 JobFetcher::JobFetcher(v1::WorkerService::Stub& workers, v1::AssetService::Stub& assets,
-                       AssetCache& cache, std::string token, Done done)
+                       AssetCache& cache, AgentMetrics& metrics, std::string token, Done done)
     : workers_(workers),
       assets_(assets),
       cache_(cache),
+      metrics_(metrics),
       token_(std::move(token)),
       done_(std::move(done)) {
   thread_ = std::thread([this] { run(); });
@@ -98,8 +99,10 @@ absl::StatusOr<Descriptor> JobFetcher::fetch_asset(const v1::AssetId& id) {
   const auto digest = contract::Digest::from_binary(id.sha256());
   if (!digest) return absl::InvalidArgumentError("an asset id without a SHA-256");
   absl::StatusOr<Descriptor> result = absl::UnknownError("");
+  bool is_cached = true;
   const absl::Status status = call(kDownloadTimeout, [&](grpc::ClientContext& context) {
     result = cache_.get(*digest, id.size_bytes(), [&](const auto& write) {
+      is_cached = false;
       v1::DownloadAssetRequest request;
       *request.mutable_asset() = id;
       const auto stream = assets_.DownloadAsset(&context, request);
@@ -112,7 +115,12 @@ absl::StatusOr<Descriptor> JobFetcher::fetch_asset(const v1::AssetId& id) {
     });
     return result.status();
   });
-  if (!status.ok()) return status;
+  if (!status.ok()) {
+    metrics_.errors.asset_failed.Increment();
+    return status;
+  }
+  (is_cached ? metrics_.assets.cache : metrics_.assets.server).Increment();
+  if (!is_cached) metrics_.asset_bytes.Increment(static_cast<double>(id.size_bytes()));
   return result;
 }
 

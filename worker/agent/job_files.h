@@ -15,6 +15,7 @@
 #include "proto/contract/render_settings.h"
 #include "tessera/v1/asset_service.grpc.pb.h"
 #include "tessera/v1/worker_service.grpc.pb.h"
+#include "worker/agent/agent_metrics.h"
 #include "worker/agent/asset_cache.h"
 #include "worker/agent/descriptor.h"
 
@@ -36,7 +37,7 @@ class JobFetcher {
 
   /// All arguments but `done` must outlive the fetcher.
   JobFetcher(v1::WorkerService::Stub& workers, v1::AssetService::Stub& assets, AssetCache& cache,
-             std::string token, Done done);
+             AgentMetrics& metrics, std::string token, Done done);
   /// Breaks off what is running.
   ~JobFetcher();
   JobFetcher(const JobFetcher&) = delete;
@@ -55,6 +56,7 @@ class JobFetcher {
   v1::WorkerService::Stub& workers_;
   v1::AssetService::Stub& assets_;
   AssetCache& cache_;
+  AgentMetrics& metrics_;
   const std::string token_;
   const Done done_;
   std::mutex mutex_;  // guards what follows

@@ -93,6 +93,7 @@ void RenderDesk::on_event(std::int64_t generation, v1::RendererEvent event) {
 void RenderDesk::on_death(std::int64_t generation, const RendererProcess::Death& death) {
   if (generation != generation_) return;
   options_.log(LogLevel::warn, absl::StrCat("the renderer was ", death.reason));
+  outlet_.renderer_died();
   const bool was_ready = ready_ && !taken_up_.empty();
   renderer_.reset();
   deaths_in_a_row_ = was_ready ? 1 : deaths_in_a_row_ + 1;
@@ -166,10 +167,12 @@ void RenderDesk::on_scene(const v1::SceneOutcome& outcome) {
 
 void RenderDesk::on_unit(v1::UnitOutcome outcome) {
   const UnitKey key = key_of(outcome.unit());
+  Rendered rendered{0, outcome.cpu_seconds(), static_cast<std::int64_t>(outcome.block().size())};
   const auto taken_up = taken_up_.find(key);
   if (taken_up != taken_up_.end()) {
-    const double seconds = seconds_between(taken_up->second, Clock::now());
-    unit_seconds_ = unit_seconds_ == 0 ? seconds : 0.75 * unit_seconds_ + 0.25 * seconds;
+    rendered.seconds = seconds_between(taken_up->second, Clock::now());
+    unit_seconds_ =
+        unit_seconds_ == 0 ? rendered.seconds : 0.75 * unit_seconds_ + 0.25 * rendered.seconds;
     taken_up_.erase(taken_up);
   }
   deaths_in_a_row_ = 0;
@@ -188,7 +191,7 @@ void RenderDesk::on_unit(v1::UnitOutcome outcome) {
   log_.write("finished", key, sha256.hex());
   options_.log(LogLevel::debug, absl::StrCat("unit ", to_string(key), " is rendered, ",
                                              outcome.cpu_seconds(), " CPU s"));
-  outlet_.unit_finished();
+  outlet_.unit_finished(rendered);
 }
 
 void RenderDesk::fail(const UnitKey& key, const std::string& message, const std::string& log_tail,

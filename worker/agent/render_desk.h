@@ -35,13 +35,20 @@ struct RenderDeskOptions {
 /// Lives on the agent's thread; what happens elsewhere comes through the mailbox.
 class RenderDesk {
  public:
+  /// What a finished unit took.
+  struct Rendered {
+    double seconds = 0;  // wall time on its thread
+    double cpu_seconds = 0;
+    std::int64_t block_bytes = 0;
+  };
   /// Where the desk's news go.
   struct Outlet {
     std::function<void(const std::string& job_id)> want_job;  // answer with job_fetched()
     std::function<void(v1::UnitFailure)> failed;
     std::function<void(std::vector<UnitKey>)> given_up;  // units of a job that is gone
     std::function<void(v1::SceneLoaded)> scene_loaded;
-    std::function<void()> unit_finished;       // its block is in the queue
+    std::function<void(const Rendered&)> unit_finished;  // its block is in the queue
+    std::function<void()> renderer_died;
     std::function<void(absl::Status)> broken;  // no renderer can be had at all
   };
 

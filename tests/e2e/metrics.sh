@@ -1,0 +1,113 @@
+#!/usr/bin/env bash
+# What Prometheus reads off a real farm in the middle of a job, against the job's report; and that
+# alerts and dashboard speak of metrics there are.
+. "$(dirname "$0")/farm.sh"
+deploy=$(cd "$(dirname "$0")/../../deploy" && pwd)
+
+# scrape LOG FILE: what the program that writes LOG tells, once it has said where it listens.
+scrape() {
+  wait_until 60 "$1 says where" grep -q "metrics: http" "$work/$1"
+  python3 -c '
+import sys, urllib.request
+direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+sys.stdout.write(direct.open(sys.argv[1], timeout=20).read().decode())' \
+    "$(grep -o 'http://[^ ]*/metrics' "$work/$1" | tail -n 1)" >"$work/$2"
+}
+
+# metric FILE NAME{LABELS}: its value, without a fraction of naught.
+metric() {
+  awk -v name="$2" 'substr($0, 1, length(name) + 1) == name " " { print $NF + 0; found = 1 }
+    END { exit !found }' "$work/$1" || fail "$1 has no $2"
+}
+
+exits 2 tessera-server --listen "$socket" --store "$work/store" --metrics 0.0.0.0:0
+says "127.0.0.1:PORT"
+say "metrics are not offered to other machines"
+
+start_server --metrics 127.0.0.1:0
+start_worker one --metrics 127.0.0.1:0
+job=$(farm submit "$scenes/lit_square.gltf" --size 256x256 --spp 160 --tile 8 --name shot)
+wait_until 60 "units are committed" committed_at_least "$job" 3
+# Nothing moves while the worker is stopped, but what it has delivered is still committed.
+kill -STOP "${worker_pid[one]}"
+at_rest() {
+  local before
+  before=$(committed "$job")
+  sleep 0.2
+  [ "$(committed "$job")" -eq "$before" ]
+}
+wait_until 60 "what was delivered is committed" at_rest
+scrape server.log server.txt
+farm report "$job" --json >"$work/report.json"
+kill -CONT "${worker_pid[one]}"
+done=$(json "$work/report.json" 'd["units"]["committed"]')
+total=$(json "$work/report.json" 'd["units"]["total"]')
+[ "$done" -lt "$total" ] || fail "the job was over before it was looked at"
+equal "in mid-job: units committed" "$(metric server.txt tessera_units_committed_total)" "$done"
+waiting=$(metric server.txt 'tessera_units{state="waiting"}')
+leased=$(metric server.txt 'tessera_units{state="leased"}')
+equal "in mid-job: units that wait ($waiting) or are leased ($leased)" \
+  $((waiting + leased)) $((total - done))
+equal "in mid-job: the job" "$(metric server.txt 'tessera_jobs{state="running"}')" 1
+equal "in mid-job: CPU seconds, to a millisecond" \
+  "$(metric server.txt tessera_cpu_seconds_total | xargs printf %.3f)" \
+  "$(json "$work/report.json" 'd["cpu_seconds"]' | xargs printf %.3f)"
+equal "in mid-job: each unit's lease was timed" \
+  "$(metric server.txt tessera_lease_seconds_count)" "$done"
+commits=$(metric server.txt tessera_commit_seconds_count)
+[ "$(metric server.txt tessera_sync_seconds_count)" -ge "$commits" ] ||
+  fail "fewer fdatasyncs than the $commits commits"
+
+# A renderer that dies costs nothing but time.
+kill -KILL "$(children_of "${worker_pid[one]}")"
+died() {
+  scrape worker-one.log worker.txt
+  [ "$(metric worker.txt 'tessera_worker_errors_total{kind="renderer_died"}')" -eq 1 ]
+}
+wait_until 60 "the renderer's death is counted" died
+farm watch "$job" --json </dev/null >"$work/watch.log"
+scrape server.log server.txt
+equal "at the end: samples" "$(metric server.txt tessera_samples_total)" $((256 * 256 * 160))
+equal "at the end: the job" "$(metric server.txt 'tessera_jobs{state="done"}')" 1
+equal "at the end: no unit is left" "$(metric server.txt 'tessera_units{state="waiting"}')" 0
+scrape worker-one.log worker.txt
+equal "the worker counts the same" \
+  "$(metric worker.txt 'tessera_worker_verdicts_total{verdict="committed"}')" "$total"
+equal "the worker's scene came from the server" \
+  "$(metric worker.txt 'tessera_worker_assets_total{source="server"}')" 1
+equal "the worker sees its server" "$(metric worker.txt tessera_worker_connected)" 1
+before=$(metric server.txt 'tessera_errors_total{kind="worker_lost"}')
+kill_worker one
+lost() {
+  scrape server.log server.txt
+  [ "$(metric server.txt 'tessera_workers{state="lost"}')" -eq 1 ]
+}
+wait_until 60 "the killed worker counts as lost" lost
+equal "a lost worker is an error" \
+  "$(metric server.txt 'tessera_errors_total{kind="worker_lost"}')" $((before + 1))
+
+# A second job on a warm cache.
+mv "$work/cache-one" "$work/cache-two"
+start_worker two --metrics localhost:0
+farm submit "$scenes/lit_square.gltf" --size 16x16 --spp 8 --wait >/dev/null
+scrape worker-two.log worker.txt
+[ "$(metric worker.txt 'tessera_worker_assets_total{source="cache"}')" -ge 1 ] || fail "no cache hit"
+equal "a worker with a warm cache fetches nothing" \
+  "$(metric worker.txt 'tessera_worker_assets_total{source="server"}')" 0
+
+cat "$work/server.txt" "$work/worker.txt" | awk '$1 != "#" { sub("[{ ].*", ""); print }' |
+  sort -u >"$work/names"
+grep -ohE 'tessera_[a-z_]+' "$deploy/grafana/tessera.json" "$deploy/prometheus/alerts.yml" | sort -u |
+  comm -23 - "$work/names" >"$work/unknown"
+equal "dashboard and alerts name metrics there are" "$(cat "$work/unknown")" ""
+
+if command -v promtool >/dev/null; then
+  for text in server.txt worker.txt; do
+    promtool check metrics <"$work/$text" >"$work/out" 2>&1 || fail "$text: $(cat "$work/out")"
+    equal "promtool finds nothing to say of $text" "$(cat "$work/out")" ""
+  done
+  exits 0 promtool test rules "$deploy/prometheus/alerts_test.yml"
+  say "the alerts ring when they should, and only then"
+else
+  echo "# promtool is not installed (package prometheus): format and alerts are not checked"
+fi

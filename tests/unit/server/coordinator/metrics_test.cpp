@@ -1,0 +1,136 @@
+// What Prometheus is told, against what was done.
+
+#include <prometheus/text_serializer.h>
+
+#include <map>
+#include <sstream>
+#include <string>
+#include <utility>
+
+#include "tests/unit/server/coordinator/coordinator_walk.h"
+
+namespace tessera::server {
+namespace {
+
+class MetricsWalk : public CoordinatorWalk {
+ protected:
+  /// Lines of the text, name and labels → value.
+  std::map<std::string, double> scrape() {
+    std::map<std::string, double> values;
+    std::istringstream text(prometheus::TextSerializer().Serialize(coordinator->metrics()));
+    for (std::string line; std::getline(text, line);) {
+      if (line.starts_with("#")) continue;
+      const std::size_t space = line.rfind(' ');
+      values[line.substr(0, space)] = std::stod(line.substr(space + 1));
+    }
+    return values;
+  }
+};
+
+TEST_F(MetricsWalk, UnitsAreCountedFromTheQueueToTheFilm) {
+  TestWorker worker = join("w", 4);
+  const std::string job = create_job("a");  // 20 × 12 pixels, 6 tiles
+  const auto total = static_cast<double>(view(job).unit_count);
+  ASSERT_GT(total, 4);
+  auto values = scrape();
+  EXPECT_EQ(values.at(R"(tessera_jobs{state="running"})"), 1);
+  EXPECT_EQ(values.at(R"(tessera_units{state="leased"})"), 4);
+  EXPECT_EQ(values.at(R"(tessera_units{state="waiting"})"), total - 4);
+  EXPECT_EQ(values.at(R"(tessera_workers{state="working"})"), 1);
+  EXPECT_EQ(values.at("tessera_worker_threads"), 2);
+
+  now += std::chrono::seconds(3);
+  deliver_all(worker);
+  EXPECT_GT(scrape().at("tessera_ingest_bytes"), 0);
+  pump();
+  values = scrape();
+  EXPECT_EQ(values.at(R"(tessera_units{state="committed"})"), 4);
+  EXPECT_EQ(values.at("tessera_units_committed_total"), 4);
+  EXPECT_EQ(values.at("tessera_cpu_seconds_total"), 2);
+  EXPECT_EQ(values.at("tessera_lease_seconds_count"), 4);
+  EXPECT_EQ(values.at("tessera_lease_seconds_sum"), 12);
+  EXPECT_EQ(values.at("tessera_commit_seconds_count"), 1);
+  EXPECT_EQ(values.at(R"(tessera_film_blocks_total{source="delivered"})"), 4);
+  EXPECT_EQ(values.at("tessera_merge_seconds_count"), 4);
+  EXPECT_EQ(values.at("tessera_ingest_bytes"), 0);
+  EXPECT_GT(values.at("tessera_film_bytes"), 0);
+
+  ASSERT_TRUE(change(job, Coordinator::Change::pause).ok());
+  values = scrape();
+  EXPECT_EQ(values.at(R"(tessera_units{state="waiting"})"), 0);
+  EXPECT_EQ(values.at(R"(tessera_units{state="paused"})"), total - 4);
+  EXPECT_EQ(values.at(R"(tessera_jobs{state="paused"})"), 1);
+
+  ASSERT_TRUE(change(job, Coordinator::Change::resume).ok());
+  coordinator->grant_credits(worker.session, 64);
+  work_off(worker, job);
+  values = scrape();
+  EXPECT_EQ(values.at(R"(tessera_jobs{state="done"})"), 1);
+  EXPECT_EQ(values.at(R"(tessera_units{state="committed"})"), 0);  // of jobs not ended
+  EXPECT_EQ(values.at("tessera_units_committed_total"), total);
+  EXPECT_EQ(values.at("tessera_samples_total"), 20 * 12 * 8);
+  EXPECT_EQ(values.at(R"(tessera_verdicts_total{verdict="committed"})"), total);
+  EXPECT_EQ(values.at("tessera_frame_seconds_count"), 1);
+}
+
+TEST_F(MetricsWalk, ErrorsAreCountedByKind) {
+  TestWorker worker = join("w", 2);
+  const std::string job = create_job("a");
+  collect(worker);
+  const Leased unit = worker.units.at(0);
+  coordinator->fail_unit(worker.session, unit.lease, unit.name.unit.tile, {"w", "burnt", ""},
+                         false);
+  const Leased other = worker.units.at(1);
+  deliver(worker, other, bytes_of(other).substr(1));
+  pump();
+  auto values = scrape();
+  EXPECT_EQ(values.at(R"(tessera_errors_total{kind="unit_failed"})"), 1);
+  EXPECT_EQ(values.at(R"(tessera_errors_total{kind="block_rejected"})"), 1);
+  EXPECT_EQ(values.at(R"(tessera_verdicts_total{verdict="rejected"})"), 1);
+  EXPECT_EQ(values.at(R"(tessera_errors_total{kind="worker_lost"})"), 0);
+
+  for (int i = 0; i < 60; ++i) {
+    now += std::chrono::milliseconds(100);
+    coordinator->tick();
+  }
+  values = scrape();
+  EXPECT_EQ(values.at(R"(tessera_errors_total{kind="worker_lost"})"), 1);
+  EXPECT_EQ(values.at(R"(tessera_workers{state="lost"})"), 1);
+  EXPECT_EQ(values.at(R"(tessera_workers{state="working"})"), 0);
+}
+
+TEST_F(MetricsWalk, AuditsAndLiarsAreCounted) {
+  options.policy.audit_fraction = 1;
+  start();
+  TestWorker ann = join("ann"), bob = join("bob"), liar = join("liar");
+  const std::string job = create_job("a");
+  for (int round = 0; round < 200 && !has_ended(view(job).state); ++round) {
+    for (TestWorker* worker : {&ann, &bob, &liar}) {
+      collect(*worker);
+      for (const Leased& unit : std::exchange(worker->units, {})) {
+        std::string bytes = bytes_of(unit);
+        if (worker == &liar) bytes[2] = static_cast<char>(bytes[2] ^ 0x20);
+        deliver(*worker, unit, bytes);
+      }
+      pump();
+      coordinator->grant_credits(worker->session, 4);
+      coordinator->hear(worker->session);
+    }
+    now += std::chrono::milliseconds(100);
+    coordinator->tick();
+    pump();
+  }
+  const JobReport report = coordinator->report(job).value();
+  ASSERT_EQ(report.view.state, JobState::done);
+  const auto values = scrape();
+  EXPECT_EQ(values.at("tessera_workers_quarantined_total"), 1);
+  EXPECT_EQ(values.at(R"(tessera_workers{state="set_aside"})"), 1);
+  EXPECT_GE(report.counters.mismatched, 1);
+  EXPECT_EQ(values.at("tessera_results_mismatched_total"),
+            static_cast<double>(report.counters.mismatched));
+  EXPECT_GE(report.counters.audited, report.view.unit_count);
+  EXPECT_EQ(values.at("tessera_audits_total"), static_cast<double>(report.counters.audited));
+}
+
+}  // namespace
+}  // namespace tessera::server
