@@ -81,12 +81,12 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
   const bool has_open_frames = plan.finished_frame_count() < plan.frame_count();
   const contract::TileGrid* grid = has_open_frames ? &grid_of(job) : nullptr;
   FrameLedger* ledger = has_open_frames ? &ledger_of(job) : nullptr;
-  Scheduler& scheduler = scheduler_;  // the analysis does not see into the lambda
+  Scheduler* const scheduler = &scheduler_;  // the analysis does not see into the lambda
   absl::Status status = restore_units(
-      store_, scheduler, job, [&, wall = record.wall_seconds](const UnitRecord& unit) {
+      store_, *scheduler, job, [&, wall = record.wall_seconds](const UnitRecord& unit) {
         ledger->add(unit, wall);
         if (unit.audit == AuditState::open) {
-          scheduler.open_audit(job, unit.unit, unit.worker_id, unit.sha256);
+          scheduler->open_audit(job, unit.unit, unit.worker_id, unit.sha256);
         }
         const contract::PixelRect rect = grid->rect(unit.unit.tile);
         film.committed_samples +=
