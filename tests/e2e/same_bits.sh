@@ -80,6 +80,7 @@ job=(--size 48x40 --spp 16 --max-depth 4)
 structures=$(json "$work/accelerators.json" '[s["name"] for s in d["accelerators"]["structures"] if s["closest_hit"]["triangles_per_ray"] is not None]')
 for scene in same_bits shapes csg blobs; do
   [ "$scene" = same_bits ] || job=(--size 48x40 --spp 16 --max-depth 8)
+  [ -z "${TESSERA_E2E_SMALL:-}" ] || job=(--size 24x20 --spp 8 --max-depth 5)
   draw few --tile 16 --workers 1 --threads 1
   few=$(pixels "$work/few.json")
   draw few --tile 16 --workers 2 --threads 1
