@@ -10,7 +10,7 @@
 namespace tessera::render::testing {
 namespace {
 
-const Vec3d kUnit = {1, 1, 1};
+constexpr Vec3d kUnit = {1, 1, 1};
 
 std::vector<ShapeHit> hits_of(const Shape& shape, const Vec3d& origin, const Vec3d& direction) {
   std::vector<ShapeHit> hits;
