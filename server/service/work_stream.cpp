@@ -20,6 +20,8 @@ namespace {
 constexpr std::size_t kAcknowledgementsPerMessage = 4096;  // well under the largest message
 constexpr std::size_t kLeasesPerMessage = 4096;
 constexpr std::size_t kMostLogBytes = 8 << 10;
+/// How long a write may take once its stream is to end.
+constexpr std::chrono::seconds kPatience{1};
 
 std::vector<UnitName> names_of(const google::protobuf::RepeatedPtrField<v1::UnitId>& units) {
   std::vector<UnitName> names;
@@ -63,6 +65,7 @@ class WorkLink final : public WorkerLink {
   explicit WorkLink(WorkStream& stream) : stream_(&stream) {}
   void wake() override;
   void close(const absl::Status& reason) override;
+  void cut();
   void detach() {
     const std::lock_guard lock(mutex_);
     stream_ = nullptr;
@@ -131,13 +134,18 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
     if (!is_writing_) write_next();
   }
 
+  void cut() { context_.TryCancel(); }
+
   void finish(const absl::Status& status) {
     const std::lock_guard lock(mutex_);
     if (last_words_) return;
     last_words_ = status;
     if (is_entering_) return;  // enter() ends the call: until then it needs this object
     if (is_writing_) {
-      context_.TryCancel();  // a write to a frozen peer would never end
+      // OnWriteDone says the last words; a write to a frozen peer would never end.
+      patience_.Set(std::chrono::system_clock::now() + kPatience, [link = link_](bool is_due) {
+        if (is_due) link->cut();
+      });
     } else {
       Finish(contract::to_rpc(status));
     }
@@ -247,6 +255,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
   const Caller caller_;
   const std::shared_ptr<WorkLink> link_;  // owners: this and the coordinator
   grpc::Alarm alarm_;                     // until the hello
+  grpc::Alarm patience_;                  // from the end's announcement to the end
   v1::WorkRequest request_;               // of the one read that is pending
 
   std::mutex mutex_;  // for what follows; taken before the coordinator's lock, never after it
@@ -265,6 +274,11 @@ void WorkLink::wake() {
 void WorkLink::close(const absl::Status& reason) {
   const std::lock_guard lock(mutex_);
   if (stream_ != nullptr) stream_->finish(reason);
+}
+
+void WorkLink::cut() {
+  const std::lock_guard lock(mutex_);
+  if (stream_ != nullptr) stream_->cut();
 }
 
 }  // namespace

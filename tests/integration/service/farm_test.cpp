@@ -275,6 +275,8 @@ TEST_F(FarmTest, ANewStreamOfAWorkerClosesItsOldOne) {
   ASSERT_TRUE(old->open());
   auto fresh = worker_of(*server_, "w1");
   ASSERT_TRUE(fresh->open());
+  TestWorker::Unit none;
+  EXPECT_FALSE(old->next(none));  // the server ends it: closed from here first, it were cancelled
   EXPECT_EQ(old->close().error_code(), grpc::StatusCode::ABORTED);
 }
 
