@@ -13,7 +13,7 @@ tessera_test(NAME solids KIND numeric
 tessera_test(NAME contraction KIND numeric SOURCES numeric/contraction_test.cpp)
 target_compile_options(numeric_contraction_test PRIVATE -ffp-contract=fast)
 tessera_test(NAME render_lighting KIND numeric
-  SOURCES numeric/render_lighting.cpp LINKS tessera_test_render)
+  SOURCES numeric/render_lighting.cpp numeric/shadow_terminator_test.cpp LINKS tessera_test_render)
 tessera_test(NAME render_transparency KIND numeric
   SOURCES numeric/render_transparency.cpp LINKS tessera_test_render)
 tessera_test(NAME render_frame KIND numeric TIMEOUT 120

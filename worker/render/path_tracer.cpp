@@ -147,7 +147,7 @@ bool PathTracer::step(const Hit& hit) {
   ShadingPoint point = surface_at(frame_.shading, hit, path_.ray.direction);
   if (frame_.shading.textures.has_procedures()) [[unlikely]]
     widen(hit.t, &point);
-  const SurfacePoint position = position_of(point);
+  SurfacePoint position = position_of(point);
   absorb(point, hit.t);
   const Vec4f base = base_color_at(frame_.shading, point);
   if (path_.depth == 0 && !path_.result.hit.present) record(point, position, base);
@@ -159,11 +159,13 @@ bool PathTracer::step(const Hit& hit) {
   if (point.material->interface != Interface::thin && is_cut()) return false;
   if (point.material->dispersive) [[unlikely]]
     choose_wavelength();
+  raise_to_curve(-path_.ray.direction, &point, &position);
   const Bsdf bsdf = bsdf_at(frame_.shading, point, base, -path_.ray.direction, path_.wavelength);
   if (goes_straight(bsdf, hit, position)) return true;
   if (is_cut()) return false;
-  add_direct(bsdf, hit.id, position);
-  return scatter(point, bsdf, hit.id, position);
+  const TriangleId left = point.raised ? TriangleId{} : hit.id;
+  add_direct(bsdf, left, position);
+  return scatter(point, bsdf, left, position);
 }
 
 /// A pixel's cone has come to a surface, which it meets at an angle.

@@ -71,7 +71,7 @@ struct BsdfTables {
 /// Orthonormal shading frame with the viewer on the +z side of both normals.
 struct BsdfFrame {
   Vec3f tangent, bitangent, normal;
-  Vec3f geometric_normal;  // unit, on the viewer's side
+  Vec3f geometric_normal;  // unit, on the viewer's side: what lies above the surface and below it
 };
 
 /// A coat of clear varnish: facets over everything else, with a normal of their own.

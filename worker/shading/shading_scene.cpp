@@ -85,6 +85,26 @@ PrimitiveView view_of(const Primitive& p) {
   return v;
 }
 
+/// Float normals of a flat triangle are off by less than 2^-22.
+bool leans(const Vec3f& normal, const Vec3f& edge) {
+  const float height = dot(edge, normal);
+  return height * height > 0x1p-40f * dot(edge, edge) * dot(normal, normal);
+}
+
+/// Whether some vertex normal leans: else every point is where the curve is, and raise_to_curve()
+/// would find nothing.
+bool has_leaning_normals(const Primitive& p) {
+  if (p.normals.empty()) return false;
+  for (const auto& triangle : p.triangles) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vec3f &normal = p.normals[triangle[k]], &from = p.positions[triangle[k]];
+      if (leans(normal, p.positions[triangle[(k + 1) % 3]] - from)) return true;
+      if (leans(normal, p.positions[triangle[(k + 2) % 3]] - from)) return true;
+    }
+  }
+  return false;
+}
+
 /// Whether the material has one of BsdfExtensions.
 bool is_layered(const Material& m) {
   return m.clearcoat.factor > 0 || m.anisotropy.strength > 0 || max_component(m.sheen.color) > 0 ||
@@ -138,6 +158,8 @@ ShadingScene::ShadingScene(const Scene& scene) : textures(scene) {
       PrimitiveView view = view_of(p);
       const MaterialView& material = materials[static_cast<std::size_t>(p.material)];
       view.traits = material.traits;
+      view.curved = material.interface == Interface::opaque && has_leaning_normals(p) &&
+                    !(material.source->diffuse_transmission.factor > 0);
       if (colors_make_holes(p, *material.source)) view.traits |= kTraitAlpha;
       traits |= view.traits;
       primitives.push_back(view);

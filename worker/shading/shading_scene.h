@@ -33,6 +33,7 @@ struct PrimitiveView {
   std::uint32_t triangle_count = 0;
   std::int32_t material = 0;
   std::int32_t id = 0;  // glTF primitive
+  bool curved = false;  // opaque, with vertex normals: see raise_to_curve()
   std::uint8_t traits = 0;
 };
 

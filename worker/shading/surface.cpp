@@ -1,5 +1,7 @@
 #include "worker/shading/surface.h"
 
+#include <cmath>
+
 #include "worker/geometry/shapes/shape_surface.h"
 #include "worker/math/elementary.h"
 #include "worker/shading/surface_extensions.h"
@@ -98,6 +100,35 @@ SurfacePoint position_of(const ShadingPoint& p) {
   if (p.shape != nullptr) [[unlikely]]
     return placed_shape_point(p.instance->source->object_to_world, p.local, p.geometric_normal);
   return surface_point(placed_triangle(p), p.b1, p.b2, p.geometric_normal);
+}
+
+void raise_to_curve(const Vec3f& wo, ShadingPoint* p, SurfacePoint* position) {
+  if (!p->primitive->curved) return;
+  const float outwards = p->front == p->flipped ? -1.0f : 1.0f;  // of the mesh, for the viewer
+  const Vec3f *x = p->primitive->positions, *n = p->primitive->normals;
+  const Vec3f e1 = x[p->vertices[1]] - x[p->vertices[0]],
+              e2 = x[p->vertices[2]] - x[p->vertices[0]];
+  const Vec3f from_first = e1 * p->b1 + e2 * p->b2;
+  const std::array<Vec3f, 3> from = {from_first, from_first - e1, from_first - e2};
+  const std::array<float, 3> share = {1 - p->b1 - p->b2, p->b1, p->b2};
+  Vec3f lift;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec3f& normal = n[p->vertices[k]];
+    const float below = -outwards * dot(from[k], normal), squared = dot(normal, normal);
+    if (below > 0 && squared > 0) lift += normal * (outwards * share[k] * below / squared);
+  }
+  lift = transform_vector(p->instance->object_to_world, lift);
+  // By less than positions and hits may be off nothing is gained, and rays might start inside.
+  const Vec3f geometric = p->front ? p->geometric_normal : -p->geometric_normal;
+  float least = 0;
+  for (int k = 0; k < 3; ++k) least += 4 * std::fabs(geometric[k]) * position->tolerance[k];
+  if (!(dot(lift, geometric) > least)) return;
+  const Vec3f curved = vertex_normal(*p);
+  if (!(dot(p->front ? curved : -curved, wo) > 0)) return;
+  p->raised = true;
+  position->position += lift;
+  position->tolerance = {};  // the triangle lies below
+  position->depth_tolerance = 0;
 }
 
 Vec4f base_color_at(const ShadingScene& scene, const ShadingPoint& p) {

@@ -24,6 +24,7 @@ struct ShadingPoint {
   Vec3f geometric_normal;        // world, unit, out of the front face (also of mirrored instances)
   bool front = true;             // the ray met the front face
   bool flipped = false;          // the front is what the mesh has as its back (kFlippedSide)
+  bool raised = false;           // light comes and goes by the vertex normal's horizon
   float footprint = 0;           // width of what is seen here, metres; 0: a point. For procedures
 };
 
@@ -42,6 +43,14 @@ inline ShadingPoint surface_at(const ShadingScene& scene, const Hit& hit, const 
 
 /// Where that is, with what rays that start there need.
 SurfacePoint position_of(const ShadingPoint& point);
+
+/// Where vertex normals bulge over a flat triangle, light leaves from the curve that they describe:
+/// its horizon is the vertex normal's, and `position` moves up there, so that neighbouring
+/// triangles throw no shadow where a curved surface would have none. Each vertex's tangent plane
+/// that lies above the point pulls it up by its barycentric share. Nothing happens in hollows, and
+/// where the viewer is below the curve's horizon. Source: Hanika, "Hacking the Shadow Terminator",
+/// Ray Tracing Gems II, chapter 4. `wo`: unit, world, towards the viewer.
+void raise_to_curve(const Vec3f& wo, ShadingPoint* point, SurfacePoint* position);
 
 /// Base colour and alpha: factor times texture times vertex colour.
 Vec4f base_color_at(const ShadingScene& scene, const ShadingPoint& point);
