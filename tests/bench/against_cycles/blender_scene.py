@@ -1,0 +1,325 @@
+"""Run inside Blender: one image of a glTF scene by Cycles, meaning what glTF means.
+
+    blender -b --factory-startup -noaudio -P blender_scene.py -- SCENE OUT.exr '{"spp": 16, ...}'
+
+Options (JSON): spp, seed, size [w, h], depth (scattering events), sky (a latitude-longitude image).
+What Blender 3.4's importer and Cycles' defaults make of a file differs from the specification in
+places; each function below mends one of them. Prints a line CPU_SECONDS of the whole process.
+Only what the comparison's scenes use is mended: punctual lights but spots' cones, Lambert
+surfaces (specularFactor 0), emitters, smooth solid glass, Beer's law, alphaMode MASK.
+"""
+
+import json
+import math
+import os
+import resource
+import struct
+import sys
+
+import numpy
+
+for old in (bool, object, int, float):  # Blender 3.4 uses names that numpy has dropped
+    setattr(numpy, old.__name__, old)
+
+import bpy  # noqa: E402
+
+
+def gltf_of(path):
+    """The JSON of a .gltf or .glb."""
+    data = open(path, "rb").read()
+    if data[:4] != b"glTF":
+        return json.loads(data)
+    (length,) = struct.unpack_from("<I", data, 12)
+    return json.loads(data[20 : 20 + length])
+
+
+def mend_lights(gltf):
+    """Lamps of no size; an intensity that the file leaves out is 1."""
+    lights = gltf.get("extensions", {}).get("KHR_lights_punctual", {}).get("lights", [])
+    silent = {g.get("name") for g in lights if "intensity" not in g}
+    for light in bpy.data.lights:
+        light.shadow_soft_size = 0
+        light.cycles.max_bounces = 1024
+        light.cycles.use_multiple_importance_sampling = False
+        if light.type == "SUN":
+            light.angle = 0
+        if light.name in silent:
+            light.energy = 1 if light.type == "SUN" else 4 * math.pi
+
+
+def mend_meshes():
+    """Both renderers trace the triangles that are there."""
+    for thing in bpy.data.objects:
+        if thing.type == "MESH":
+            thing.cycles.shadow_terminator_geometry_offset = 0
+            thing.cycles.shadow_terminator_offset = 0
+
+
+class Material:
+    """A Blender material beside the glTF one it came from."""
+
+    def __init__(self, blender, gltf):
+        self.gltf = gltf
+        self.tree = blender.node_tree
+        self.principled = next((n for n in self.tree.nodes if n.type == "BSDF_PRINCIPLED"), None)
+        self.output = next(n for n in self.tree.nodes if n.type == "OUTPUT_MATERIAL")
+
+    def extension(self, name):
+        return self.gltf.get("extensions", {}).get("KHR_materials_" + name, {})
+
+    def node(self, kind, **inputs):
+        made = self.tree.nodes.new(kind)
+        for name, value in inputs.items():
+            made.inputs[name].default_value = value
+        return made
+
+    def link(self, source, target):
+        self.tree.links.new(target, source)
+
+    def pass_color(self, socket):
+        base = self.principled.inputs["Base Color"]
+        if base.is_linked:
+            self.link(base.links[0].from_socket, socket)
+        else:
+            socket.default_value = base.default_value
+
+    def mend(self):
+        self.mend_mixes()
+        if self.principled is None:
+            return
+        self.principled.distribution = "GGX"
+        self.mend_mask()
+        self.mend_absorption()
+        self.mend_emission()
+        factors = self.gltf.get("pbrMetallicRoughness", {})
+        plain = factors.get("metallicFactor", 1) == 0 and "metallicRoughnessTexture" not in factors
+        if plain and self.extension("transmission").get("transmissionFactor", 0) == 1:
+            if factors.get("roughnessFactor", 1) == 0 and self.extension("volume").get("thicknessFactor", 0) > 0:
+                self.put(self.solid_glass())
+        elif plain and self.extension("specular").get("specularFactor", 1) == 0:
+            self.put(self.lambert())
+
+    def mend_mixes(self):
+        """The importer wires a colour mix's number output."""
+        for node in self.tree.nodes:
+            if node.type == "MIX" and node.data_type == "RGBA":
+                for link in list(node.outputs[0].links):
+                    target = link.to_socket
+                    self.tree.links.remove(link)
+                    self.link(node.outputs[2], target)
+
+    def mend_mask(self):
+        """Alpha is 0 or 1 there, not blended."""
+        alpha = self.principled.inputs["Alpha"]
+        if self.gltf.get("alphaMode") != "MASK" or not alpha.is_linked:
+            return
+        step = self.tree.nodes.new("ShaderNodeMath")
+        step.operation = "GREATER_THAN"
+        step.inputs[1].default_value = self.gltf.get("alphaCutoff", 0.5) - 1e-6
+        self.link(alpha.links[0].from_socket, step.inputs[0])
+        self.link(step.outputs[0], alpha)
+
+    def mend_absorption(self):
+        """sigma = -ln(colour) / distance."""
+        volume = self.extension("volume")
+        distance = volume.get("attenuationDistance", math.inf)
+        sigma = [-math.log(max(c, 1e-6)) / distance for c in volume.get("attenuationColor", [1, 1, 1])]
+        most = max(sigma)
+        for node in self.tree.nodes:
+            if node.type in ("VOLUME_ABSORPTION", "PRINCIPLED_VOLUME"):
+                node.inputs["Density"].default_value = most
+                node.inputs["Color"].default_value = [1 - s / (most or 1) for s in sigma] + [1]
+
+    def emits(self):
+        emission = self.principled.inputs["Emission"]
+        return emission.is_linked or max(emission.default_value[:3]) > 0
+
+    def mend_emission(self):
+        """Cycles emits from both sides."""
+        strength = self.principled.inputs["Emission Strength"]
+        if not self.emits() or self.gltf.get("doubleSided"):
+            return
+        facing = self.tree.nodes.new("ShaderNodeNewGeometry")
+        scale = self.tree.nodes.new("ShaderNodeMath")
+        scale.operation = "MULTIPLY_ADD"
+        scale.inputs[1].default_value = -strength.default_value
+        scale.inputs[2].default_value = strength.default_value
+        self.link(facing.outputs["Backfacing"], scale.inputs[0])
+        self.link(scale.outputs[0], strength)
+
+    def lambert(self):
+        """Principled has a specular layer whatever specularFactor says."""
+        diffuse = self.node("ShaderNodeBsdfDiffuse", Roughness=0)
+        self.pass_color(diffuse.inputs["Color"])
+        normal = self.principled.inputs["Normal"]
+        if normal.is_linked:
+            self.link(normal.links[0].from_socket, diffuse.inputs["Normal"])
+        return diffuse.outputs[0]
+
+    def solid_glass(self):
+        """What is reflected is not tinted; exact Fresnel, no roughness."""
+        ior = self.extension("ior").get("ior", 1.5)
+        mirror = self.node("ShaderNodeBsdfGlossy", Roughness=0, Color=(1, 1, 1, 1))
+        through = self.node("ShaderNodeBsdfRefraction", Roughness=0, IOR=ior)
+        mirror.distribution = through.distribution = "SHARP"
+        self.pass_color(through.inputs["Color"])
+        fresnel = self.node("ShaderNodeFresnel", IOR=ior)
+        mix = self.tree.nodes.new("ShaderNodeMixShader")
+        self.link(fresnel.outputs[0], mix.inputs[0])
+        self.link(through.outputs[0], mix.inputs[1])
+        self.link(mirror.outputs[0], mix.inputs[2])
+        return mix.outputs[0]
+
+    def put(self, shader):
+        """In Principled's place, with its emission."""
+        if self.emits():
+            light = self.tree.nodes.new("ShaderNodeEmission")
+            for name, target in (("Emission", "Color"), ("Emission Strength", "Strength")):
+                source = self.principled.inputs[name]
+                if source.is_linked:
+                    self.link(source.links[0].from_socket, light.inputs[target])
+                else:
+                    light.inputs[target].default_value = source.default_value
+            both = self.tree.nodes.new("ShaderNodeAddShader")
+            self.link(shader, both.inputs[0])
+            self.link(light.outputs[0], both.inputs[1])
+            shader = both.outputs[0]
+        self.link(shader, self.output.inputs["Surface"])
+
+
+def mend_materials(gltf):
+    by_name = {g.get("name", f"Material_{i}"): g for i, g in enumerate(gltf.get("materials", []))}
+    for material in bpy.data.materials:
+        known = by_name.get(material.name) or by_name.get(material.name.rsplit(".", 1)[0])
+        if material.use_nodes and known is not None:
+            Material(material, known).mend()
+
+
+def decode_textures():
+    """Cycles filters sRGB codes; glTF asks for decoding first."""
+    for image in list(bpy.data.images):
+        if image.type != "IMAGE" or not image.size[0]:
+            continue
+        image.alpha_mode = "CHANNEL_PACKED"
+        if image.colorspace_settings.name != "sRGB" or image.is_float:
+            continue
+        width, height = image.size
+        pixels = numpy.empty(width * height * 4, numpy.float32)
+        image.pixels.foreach_get(pixels)
+        color = pixels.reshape(-1, 4)[:, :3]
+        color[:] = numpy.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4)
+        linear = bpy.data.images.new(image.name + " linear", width, height, alpha=True,
+                                     float_buffer=True, is_data=True)
+        linear.pixels.foreach_set(pixels)
+        linear.alpha_mode = "CHANNEL_PACKED"
+        linear.update()
+        linear.pack()
+        for material in bpy.data.materials:
+            for node in material.node_tree.nodes if material.use_nodes else []:
+                if node.type == "TEX_IMAGE" and node.image == image:
+                    node.image = linear
+
+
+def frame_everything(width, height):
+    """Tessera's camera for scenes without one: box centre c, half diagonal r, 40 degrees,
+    eye c + r / sin(20 degrees) towards (0.5, 0.35, 1)."""
+    from mathutils import Matrix, Vector
+
+    corners = []
+    graph = bpy.context.evaluated_depsgraph_get()
+    for thing in bpy.context.scene.objects:
+        if thing.type == "MESH":
+            mesh = thing.evaluated_get(graph).data
+            points = numpy.empty(len(mesh.vertices) * 3, numpy.float32)
+            mesh.vertices.foreach_get("co", points)
+            world = numpy.array(thing.matrix_world)
+            points = points.reshape(-1, 3) @ world[:3, :3].T + world[:3, 3]
+            corners += [points.min(0), points.max(0)]
+    low, high = numpy.min(corners, 0), numpy.max(corners, 0)
+    angle = math.radians(40)
+    half = angle / 2 if width >= height else math.atan(math.tan(angle / 2) * width / height)
+    towards = Vector((0.5, -1.0, 0.35)).normalized()  # Blender's axes: x, -z, y of glTF
+    eye = Vector((low + high) / 2) + towards * (numpy.linalg.norm(high - low) / 2 / math.sin(half))
+    right = (-towards).cross(Vector((0, 0, 1))).normalized()
+    up = right.cross(-towards)
+    camera = bpy.data.objects.new("all", bpy.data.cameras.new("all"))
+    bpy.context.scene.collection.objects.link(camera)
+    camera.matrix_world = Matrix([(*row, e) for row, e in zip(zip(right, up, towards), eye)] + [(0, 0, 0, 1)])
+    camera.data.sensor_fit = "VERTICAL"
+    camera.data.angle_y = angle
+    camera.data.clip_start, camera.data.clip_end = 1e-3, 1e6
+    return camera
+
+
+def set_sky(path):
+    world = bpy.data.worlds.new("sky")
+    bpy.context.scene.world = world
+    world.use_nodes = True
+    world.cycles.max_bounces = 1024
+    nodes = world.node_tree.nodes
+    background = nodes["Background"]
+    background.inputs["Color"].default_value = (0, 0, 0, 1)
+    if path is None:
+        return
+    image = bpy.data.images.load(os.path.abspath(path))
+    image.colorspace_settings.name = "Linear"
+    sky = nodes.new("ShaderNodeTexEnvironment")
+    sky.image = image
+    world.node_tree.links.new(sky.outputs["Color"], background.inputs["Color"])
+    world.cycles.sampling_method = "MANUAL"
+    world.cycles.sample_map_resolution = 2048
+
+
+def set_sampling(options):
+    """No clamp, no denoiser, nothing adaptive: independent pixels of a box filter."""
+    scene = bpy.context.scene
+    render, cycles = scene.render, scene.cycles
+    render.engine = "CYCLES"
+    bounces = options["depth"] - 1  # Cycles counts them after the first scattering
+    settings = dict(
+        device="CPU", samples=options["spp"], seed=options["seed"], use_animated_seed=False,
+        use_adaptive_sampling=False, use_denoising=False, time_limit=0, pixel_filter_type="BOX",
+        filter_width=1, sample_clamp_direct=0, sample_clamp_indirect=0, blur_glossy=0,
+        light_sampling_threshold=0, caustics_reflective=True, caustics_refractive=True,
+        max_bounces=bounces, diffuse_bounces=bounces, glossy_bounces=bounces,
+        transmission_bounces=bounces, volume_bounces=bounces, transparent_max_bounces=128,
+        min_light_bounces=0, min_transparent_bounces=0, use_auto_tile=False, film_exposure=1)
+    for name, value in settings.items():
+        setattr(cycles, name, value)
+    width, height = options["size"]
+    settings = dict(
+        resolution_x=width, resolution_y=height, resolution_percentage=100, threads_mode="FIXED",
+        threads=1, film_transparent=False, use_compositing=False, use_sequencer=False,
+        dither_intensity=0, use_motion_blur=False, use_simplify=False)
+    for name, value in settings.items():
+        setattr(render, name, value)
+    image = render.image_settings
+    image.file_format, image.color_mode, image.color_depth = "OPEN_EXR", "RGB", "32"
+    scene.view_settings.view_transform = "Standard"
+
+
+def main():
+    path, output, options = sys.argv[sys.argv.index("--") + 1 :]
+    options = json.loads(options)
+    for thing in list(bpy.data.objects):
+        bpy.data.objects.remove(thing)
+    bpy.ops.import_scene.gltf(filepath=os.path.abspath(path), convert_lighting_mode="COMPAT")
+    gltf = gltf_of(path)
+    mend_lights(gltf)
+    mend_meshes()
+    mend_materials(gltf)
+    decode_textures()
+    bpy.context.view_layer.update()
+    cameras = [thing for thing in bpy.context.scene.objects if thing.type == "CAMERA"]
+    camera = cameras[0] if cameras else frame_everything(*options["size"])
+    camera.data.dof.use_dof = False
+    bpy.context.scene.camera = camera
+    set_sky(options.get("sky"))
+    set_sampling(options)
+    bpy.ops.render.render(write_still=False)
+    bpy.data.images["Render Result"].save_render(os.path.abspath(output))
+    spent = resource.getrusage(resource.RUSAGE_SELF)
+    print("CPU_SECONDS", spent.ru_utime + spent.ru_stime)
+
+
+main()
