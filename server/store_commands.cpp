@@ -6,11 +6,23 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "server/store/backup.h"
 #include "server/store/check.h"
 #include "server/store/filesystem.h"
 
 namespace tessera::server {
 namespace {
+
+struct StoreFlags {
+  std::string folder, copy;
+};
+
+void print_sums(const StoreFindings& findings) {
+  std::printf("%s\n", absl::StrCat(findings.jobs, " jobs, ", findings.units, " units, ",
+                                   findings.blocks, " blocks, ", findings.frames, " frames, ",
+                                   findings.assets, " assets: ", findings.faults.size(), " faults")
+                          .c_str());
+}
 
 absl::Status check(const std::string& folder) {
   const auto findings = check_store(folder, real_filesystem());
@@ -19,23 +31,33 @@ absl::Status check(const std::string& folder) {
   for (const std::string& file : findings->litter) {
     std::printf("left over, to be removed by the next start: %s\n", file.c_str());
   }
-  std::printf("%s\n",
-              absl::StrCat(findings->jobs, " jobs, ", findings->units, " units, ", findings->blocks,
-                           " blocks, ", findings->frames, " frames, ", findings->assets,
-                           " assets: ", findings->faults.size(), " faults")
-                  .c_str());
+  print_sums(*findings);
   if (findings->faults.empty()) return absl::OkStatus();
   return absl::DataLossError(absl::StrCat("store ", folder, " is damaged"));
+}
+
+absl::Status back_up(const StoreFlags& flags) {
+  const auto findings = back_up_store(flags.folder, flags.copy, real_filesystem());
+  if (findings.ok()) print_sums(*findings);
+  return findings.status();
 }
 
 }  // namespace
 
 void add_store_commands(CLI::App& app, std::function<absl::Status()>& run) {
-  auto folder = std::make_shared<std::string>();
-  CLI::App* command = app.add_subcommand(
+  auto flags = std::make_shared<StoreFlags>();
+  CLI::App* checking = app.add_subcommand(
       "check", "Compare every row of a store that no server uses with its files; changes nothing");
-  command->add_option("store", *folder, "Folder of the store")->required()->type_name("DIR");
-  command->callback([folder, &run] { run = [folder] { return check(*folder); }; });
+  checking->add_option("store", flags->folder, "Folder of the store")->required()->type_name("DIR");
+  checking->callback([flags, &run] { run = [flags] { return check(flags->folder); }; });
+
+  CLI::App* backup =
+      app.add_subcommand("backup", "Copy a store, also while a server uses it, and check the copy");
+  backup->add_option("store", flags->folder, "Folder of the store")->required()->type_name("DIR");
+  backup->add_option("copy", flags->copy, "Folder to make; a server can be started on it")
+      ->required()
+      ->type_name("COPY");
+  backup->callback([flags, &run] { run = [flags] { return back_up(*flags); }; });
 }
 
 }  // namespace tessera::server

@@ -1,0 +1,117 @@
+// back_up_store(): a copy of a store in use is whole, is a store of its own, and never half there.
+#include "server/store/backup.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/store/store.h"
+#include "tests/unit/server/store/promises.h"
+#include "tests/unit/server/store/scratch_folder.h"
+
+namespace tessera::server {
+namespace {
+
+void write(const std::string& file, const std::string& bytes) {
+  std::ofstream(file, std::ios::binary) << bytes;
+}
+
+/// A store, open, with an asset, a finished frame, and a job of two blocks.
+class BackupTest : public ::testing::Test {
+ protected:
+  BackupTest() {
+    auto opened = Store::open(path(), real_filesystem());
+    EXPECT_TRUE(opened.ok()) << opened.status();
+    store_ = *std::move(opened);
+    for (const char* id : {"open", "done"}) {
+      JobRecord job;
+      job.id = id;
+      EXPECT_TRUE(store_->add_job(job).ok());
+      commit(id, 0);
+      commit(id, 1);
+    }
+    write(store_->output_folder("done").value() + "/frame.exr", "an image");
+    FrameRecord frame;
+    frame.file = "frame.exr";
+    frame.file_sha256 = contract::sha256("an image");
+    EXPECT_TRUE(store_->finish_frame("done", frame).ok());
+    EXPECT_TRUE(store_->release_segments("done").ok());
+    const std::string upload = store_->new_upload_path().value();
+    write(upload, "an asset");
+    EXPECT_TRUE(store_->keep_asset(upload, contract::sha256("an asset")).ok());
+  }
+
+  std::string path() const { return folder_.path() + "/store"; }
+  std::string copy() const { return folder_.path() + "/copy"; }
+
+  void commit(const std::string& job, std::int32_t tile) {
+    std::vector<Commit> group = {make_commit(job, {0, tile, 0}, std::string(5000, 'x'))};
+    EXPECT_TRUE(store_->commit(group).ok());
+  }
+
+  ScratchFolder folder_;
+  std::unique_ptr<Store> store_;
+};
+
+TEST_F(BackupTest, ACopyOfAStoreInUseIsWholeAndOneOfItsOwn) {
+  const auto findings = back_up_store(path(), copy(), real_filesystem());
+  ASSERT_TRUE(findings.ok()) << findings.status();
+  EXPECT_EQ(findings->jobs, 2);
+  EXPECT_EQ(findings->units, 4);
+  EXPECT_EQ(findings->blocks, 2) << "released ones are not copied";
+  EXPECT_EQ(findings->frames, 1);
+  EXPECT_EQ(findings->assets, 1);
+  EXPECT_TRUE(findings->litter.empty()) << ::testing::PrintToString(findings->litter);
+
+  commit("open", 2);  // the original goes on
+  const auto restored = Store::open(copy(), real_filesystem());
+  ASSERT_TRUE(restored.ok()) << restored.status();
+  EXPECT_NE((*restored)->id(), store_->id()) << "a worker could take one for the other";
+  EXPECT_EQ((*restored)->key(), store_->key()) << "session keys would be void";
+  int units = 0;
+  const absl::Status read = (*restored)->for_each_unit("open", [&](const UnitRecord& record) {
+    EXPECT_EQ((*restored)->read_block("open", record).value(), std::string(5000, 'x'));
+    ++units;
+  });
+  EXPECT_TRUE(read.ok()) << read;
+  EXPECT_EQ(units, 2) << "the rows are those of one moment";
+}
+
+TEST_F(BackupTest, JoinTokensAreCopied) {
+  std::filesystem::create_directory(path() + "/tokens");
+  write(path() + "/tokens/0123abcd", "sha256 …");
+  ASSERT_TRUE(back_up_store(path(), copy(), real_filesystem()).ok());
+  EXPECT_TRUE(std::filesystem::exists(copy() + "/tokens/0123abcd"));
+}
+
+TEST_F(BackupTest, NothingIsWrittenOver) {
+  std::filesystem::create_directory(copy());
+  EXPECT_TRUE(absl::IsAlreadyExists(back_up_store(path(), copy(), real_filesystem()).status()));
+  EXPECT_TRUE(
+      absl::IsNotFound(back_up_store(folder_.path(), copy() + "2", real_filesystem()).status()));
+}
+
+TEST_F(BackupTest, ADamagedStoreGivesNoCopy) {
+  std::fstream file(path() + "/segments/open/0.seg", std::ios::in | std::ios::out);
+  file.seekp(77);
+  file << 'z';
+  file.close();
+  const auto findings = back_up_store(path(), copy(), real_filesystem());
+  EXPECT_TRUE(absl::IsDataLoss(findings.status())) << findings.status();
+  EXPECT_FALSE(std::filesystem::exists(copy()));
+  EXPECT_FALSE(std::filesystem::exists(copy() + ".part"));
+}
+
+TEST_F(BackupTest, ALostFileGivesNoCopy) {
+  std::filesystem::remove(path() + "/outputs/done/frame.exr");
+  const auto findings = back_up_store(path(), copy(), real_filesystem());
+  EXPECT_TRUE(absl::IsDataLoss(findings.status())) << findings.status();
+  EXPECT_FALSE(std::filesystem::exists(copy()));
+}
+
+}  // namespace
+}  // namespace tessera::server
