@@ -1,10 +1,13 @@
 #include "client/command.h"
 
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <cstdlib>
+
+#include "absl/strings/str_cat.h"
 
 namespace tessera::client {
 
@@ -23,13 +26,23 @@ void add_connection_options(CLI::App& command, Connection& connection) {
       ->type_name("FILE");
 }
 
+std::string farm_folder() {
+  const char* folder = std::getenv("XDG_RUNTIME_DIR");
+  return folder != nullptr && *folder == '/' ? absl::StrCat(folder, "/tessera")
+                                             : absl::StrCat("/tmp/tessera-", ::geteuid());
+}
+
+bool is_private_folder(const std::string& path) {
+  struct stat info {};
+  return ::lstat(path.c_str(), &info) == 0 && S_ISDIR(info.st_mode) && info.st_uid == ::geteuid() &&
+         (info.st_mode & (S_IRWXG | S_IRWXO)) == 0;
+}
+
 std::string default_server() {
-  if (const char* folder = std::getenv("XDG_RUNTIME_DIR"); folder != nullptr && *folder != 0) {
-    const std::string path = std::string(folder) + "/tessera/server.sock";
-    struct stat info {};
-    if (::stat(path.c_str(), &info) == 0 && S_ISSOCK(info.st_mode)) return "unix:" + path;
-  }
-  return "127.0.0.1:7420";
+  const std::string folder = farm_folder(), path = folder + "/server.sock";
+  struct stat info {};
+  const bool is_socket = ::stat(path.c_str(), &info) == 0 && S_ISSOCK(info.st_mode);
+  return is_socket && is_private_folder(folder) ? "unix:" + path : "127.0.0.1:7420";
 }
 
 int exit_code(const absl::Status& status) {

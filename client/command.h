@@ -39,7 +39,15 @@ struct Invocation {
 /// has already filled from the config file and the environment.
 void add_connection_options(CLI::App& command, Connection& connection);
 
-/// unix:$XDG_RUNTIME_DIR/tessera/server.sock if that socket is there, else 127.0.0.1:7420.
+/// Where the user's farm that stays (`tessera farm up`) has its socket: $XDG_RUNTIME_DIR/tessera,
+/// else /tmp/tessera-UID. It need not be there.
+std::string farm_folder();
+
+/// Whether the path is a folder that only this user can enter.
+bool is_private_folder(const std::string& path);
+
+/// unix:FOLDER/server.sock, of farm_folder(), if that socket is there and nobody else could have
+/// put it there, else 127.0.0.1:7420.
 std::string default_server();
 
 /// The exit code that stands for an error: 2 for what the user can mend in the request, 130 for

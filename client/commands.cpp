@@ -13,6 +13,7 @@ void add_all_commands(CLI::App& app, Invocation& invocation) {
   add_job_control_commands(app, invocation);
   add_extend_command(app, invocation);
   add_workers_command(app, invocation);
+  add_farm_command(app, invocation);
   add_inspect_command(app, invocation);
   add_compare_command(app, invocation);
   add_bench_command(app, invocation);

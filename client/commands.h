@@ -32,6 +32,8 @@ void add_fetch_command(CLI::App& app, Invocation& invocation);
 void add_job_control_commands(CLI::App& app, Invocation& invocation);
 void add_extend_command(CLI::App& app, Invocation& invocation);
 void add_workers_command(CLI::App& app, Invocation& invocation);
+/// farm up and farm down.
+void add_farm_command(CLI::App& app, Invocation& invocation);
 void add_inspect_command(CLI::App& app, Invocation& invocation);
 void add_compare_command(CLI::App& app, Invocation& invocation);
 void add_bench_command(CLI::App& app, Invocation& invocation);

@@ -30,6 +30,7 @@ using std::chrono::seconds;
 constexpr milliseconds kWorkerStopTime{1'000}, kServerStopTime{5'000};
 constexpr seconds kShortLife{5};    // a worker that dies younger counts as failing
 constexpr int kMostShortLives = 8;  // in a row
+constexpr char kLockName[] = "/farm.lock", kSocketName[] = "/server.sock";
 
 struct Child {
   pid_t pid = -1;
@@ -57,15 +58,35 @@ struct Child {
   ::_exit(127);
 }
 
+/// The whole of a lock file, for fcntl. Such a lock ends with its process and is not inherited.
+struct flock whole_file() {
+  struct flock range {};
+  range.l_type = F_WRLCK;
+  range.l_whence = SEEK_SET;
+  return range;
+}
+
+/// Locks a folder until this process ends. False if another has done so.
+bool lock_folder(const std::string& folder) {
+  const int file = ::open((folder + kLockName).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+  struct flock range = whole_file();
+  return file >= 0 && ::fcntl(file, F_SETLK, &range) == 0;
+}
+
 class Keeper {
  public:
-  Keeper(const KeeperPlan& plan, int socket) : socket_(socket), temporary_(plan.store.empty()) {
-    folder_ = make_private_folder();
+  Keeper(const KeeperPlan& plan, int socket)
+      : socket_(socket), temporary_(plan.store.empty()), stays_(!plan.folder.empty()) {
+    folder_ = stays_ ? plan.folder : make_private_folder();
     if (folder_.empty()) {
       tell("no private folder can be made in TMPDIR or /tmp");
       ::_exit(1);
     }
-    const std::string address = "unix:" + folder_ + "/server.sock";
+    if (stays_ && !lock_folder(folder_)) {
+      tell("a farm runs in " + folder_ + " already; `tessera farm down` stops it");
+      ::_exit(1);
+    }
+    const std::string address = "unix:" + folder_ + kSocketName;
     const std::string store = temporary_ ? folder_ + "/store" : plan.store;
     server_.command = {plan.server_program, "--listen", address, "--store", store};
     server_.log = folder_ + "/server.log";
@@ -84,10 +105,9 @@ class Keeper {
                         name,
                         "--threads",
                         std::to_string(plan.threads_per_worker),
-                        "--cache",
-                        folder_ + "/cache",
                         "--grace",
                         "0"};
+      if (!stays_) worker.command.insert(worker.command.end(), {"--cache", folder_ + "/cache"});
       if (!plan.accelerator.empty()) {
         worker.command.insert(worker.command.end(), {"--accelerator", plan.accelerator});
       }
@@ -100,14 +120,16 @@ class Keeper {
     sigset_t watched;
     sigemptyset(&watched);
     sigaddset(&watched, SIGCHLD);
+    if (stays_) sigaddset(&watched, SIGTERM);
     ::sigprocmask(SIG_SETMASK, &watched, nullptr);
     signals_ = ::signalfd(-1, &watched, SFD_CLOEXEC | SFD_NONBLOCK);
+    ::unlink((folder_ + kSocketName).c_str());  // of a keeper that was killed
     start(server_);
     for (Child& worker : workers_) start(worker);
     tell(folder_);
-    while (wait()) {
+    while (wait() && !is_over()) {
       reap();
-      restart_workers();
+      restart();
     }
     stop();
   }
@@ -124,58 +146,77 @@ class Keeper {
     if (child.pid == 0) become(child, keeper);
   }
 
-  /// Sleeps until something happens. False once the client is gone.
+  /// Sleeps until something happens. False once the client, or SIGTERM, has ended the farm.
   bool wait() {
     int timeout = -1;
-    for (const Child& worker : workers_) {
-      if (worker.pid >= 0 || worker.given_up) continue;
+    for (const Child* child : children()) {
+      if (child->pid >= 0 || child->given_up) continue;
       const auto left =
-          std::chrono::duration_cast<milliseconds>(worker.start_at - Clock::now()).count() + 1;
+          std::chrono::duration_cast<milliseconds>(child->start_at - Clock::now()).count() + 1;
       const int wanted = static_cast<int>(std::max<std::int64_t>(0, left));
       timeout = timeout < 0 ? wanted : std::min(timeout, wanted);
     }
     std::array<pollfd, 2> watched = {pollfd{socket_, POLLIN, 0}, pollfd{signals_, POLLIN, 0}};
     ::poll(watched.data(), watched.size(), timeout);
+    bool told = false;
     signalfd_siginfo info;
-    while (::read(signals_, &info, sizeof info) > 0) {
+    while (::read(signals_, &info, sizeof info) > 0) told |= info.ssi_signo == SIGTERM;
+    if (watched[0].revents == 0) return !told;  // the client never sends anything
+    if (stays_) {
+      ::close(socket_);
+      socket_ = -1;  // which poll passes over
     }
-    return watched[0].revents == 0;  // the client never sends anything
+    return stays_ && !told;
   }
 
   void reap() {
     int status = 0;
     for (pid_t pid = ::waitpid(-1, &status, WNOHANG); pid > 0;
          pid = ::waitpid(-1, &status, WNOHANG)) {
-      if (pid == server_.pid) {
-        server_.pid = -1;
-        tell("the server " + end_of(status) + ": " + last_line(server_));
-      }
-      for (Child& worker : workers_) {
-        if (pid == worker.pid) mourn(worker, status);
+      for (Child* child : children()) {
+        if (pid == child->pid) mourn(*child, status);
       }
     }
   }
 
-  /// A worker is started again, at once if it had lived well; one that was refused is not.
-  void mourn(Child& worker, int status) {
+  /// A child is started again, at once if it had lived well; one that was refused is not, nor is a
+  /// server whose client is there to hear of it.
+  void mourn(Child& child, int status) {
     const Clock::time_point now = Clock::now();
-    worker.pid = -1;
-    worker.short_lives = now - worker.started < kShortLife ? worker.short_lives + 1 : 0;
-    worker.start_at = now + milliseconds(50) * (1 << worker.short_lives);
-    // It ends by itself only when it is refused or has no renderer.
-    worker.given_up = WIFEXITED(status) || worker.short_lives >= kMostShortLives;
-    const bool none_left = std::all_of(workers_.begin(), workers_.end(),
-                                       [](const Child& child) { return child.given_up; });
-    if (none_left) {
-      tell("no worker is left; the last " + end_of(status) + ": " + last_line(worker));
+    child.pid = -1;
+    child.short_lives = now - child.started < kShortLife ? child.short_lives + 1 : 0;
+    child.start_at = now + milliseconds(50) * (1 << child.short_lives);
+    // It ends by itself only when it is refused, has no renderer, or may not use its store.
+    child.given_up = WIFEXITED(status) || child.short_lives >= kMostShortLives ||
+                     (!stays_ && &child == &server_);
+    if (!child.given_up) return;
+    if (&child == &server_) {
+      tell("the server " + end_of(status) + ": " + last_line(server_));
+    } else if (no_worker_is_left()) {
+      tell("no worker is left; the last " + end_of(status) + ": " + last_line(child));
     }
   }
 
-  void restart_workers() {
+  bool no_worker_is_left() const {
+    return std::all_of(workers_.begin(), workers_.end(),
+                       [](const Child& child) { return child.given_up; });
+  }
+
+  /// Whether a farm that stays is not worth staying for; of another its client decides.
+  bool is_over() const { return stays_ && (server_.given_up || no_worker_is_left()); }
+
+  void restart() {
     const Clock::time_point now = Clock::now();
-    for (Child& worker : workers_) {
-      if (worker.pid < 0 && !worker.given_up && now >= worker.start_at) start(worker);
+    for (Child* child : children()) {
+      if (child->pid < 0 && !child->given_up && now >= child->start_at) start(*child);
     }
+  }
+
+  /// The server first.
+  std::vector<Child*> children() {
+    std::vector<Child*> all = {&server_};
+    for (Child& worker : workers_) all.push_back(&worker);
+    return all;
   }
 
   /// "was killed by signal 9", "ended with status 1", from a waitpid status.
@@ -227,12 +268,16 @@ class Keeper {
     kill_child(server_, SIGTERM);
     await(server_, kServerStopTime);
     std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
+    if (stays_) {
+      std::filesystem::remove(folder_ + kSocketName, ignored);
+    } else {
+      std::filesystem::remove_all(folder_, ignored);
+    }
     ::_exit(0);
   }
 
-  const int socket_;
-  const bool temporary_;
+  int socket_;  // -1: the client of a farm that stays has gone
+  const bool temporary_, stays_;
   int signals_ = -1;
   std::string folder_;
   Child server_;
@@ -242,7 +287,7 @@ class Keeper {
 }  // namespace
 
 void keep_farm(const KeeperPlan& plan, int socket) {
-  ::setpgid(0, 0);  // Ctrl-C is for the client; this process ends after it
+  ::setsid();  // Ctrl-C is for the client; this process ends after it
   ::prctl(PR_SET_NAME, "tessera-keeper");
   const int nothing = ::open("/dev/null", O_RDWR);
   for (const int standard : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
@@ -253,6 +298,15 @@ void keep_farm(const KeeperPlan& plan, int socket) {
   if (socket != kSocket) ::dup3(socket, kSocket, O_CLOEXEC);
   ::close_range(kSocket + 1, ~0u, 0);
   Keeper(plan, kSocket).run();
+}
+
+pid_t keeper_of(const std::string& folder) {
+  const int file = ::open((folder + kLockName).c_str(), O_RDWR | O_CLOEXEC);
+  if (file < 0) return 0;
+  struct flock range = whole_file();
+  const bool asked = ::fcntl(file, F_GETLK, &range) == 0;
+  ::close(file);
+  return asked && range.l_type != F_UNLCK ? range.l_pid : 0;
 }
 
 }  // namespace tessera::client

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <sys/types.h>
+
 #include <string>
 #include <vector>
 
@@ -8,7 +10,8 @@ namespace tessera::client {
 /// What a keeper runs: one server and its workers.
 struct KeeperPlan {
   std::string server_program, worker_program;
-  std::string store;  // empty: a temporary one
+  std::string folder;  // of socket, logs and lock, private; empty: a temporary one
+  std::string store;   // empty: a temporary one
   int worker_count = 1, threads_per_worker = 1;
   std::string accelerator;  // of the workers; empty: production's
 };
@@ -21,6 +24,12 @@ struct KeeperPlan {
 /// everything, starts workers again when they die, and when the other end of `socket` closes,
 /// however that came about, stops everything, removes the private folder and ends. The children die
 /// with this process. Never returns.
+///
+/// With a folder of its own the farm stays: it ends on SIGTERM or when nothing of it is left, its
+/// server is started again too, and the folder, of which there is one farm at a time, is kept.
 [[noreturn]] void keep_farm(const KeeperPlan& plan, int socket);
+
+/// Process id of the keeper whose farm stays in `folder`; 0: there is none.
+pid_t keeper_of(const std::string& folder);
 
 }  // namespace tessera::client

@@ -68,6 +68,7 @@ absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::start(const LocalFarmOptio
   plan.worker_count = options.worker_count;
   plan.threads_per_worker = options.threads_per_worker;
   plan.accelerator = options.accelerator;
+  plan.folder = options.folder;
   if (!options.store.empty()) {
     std::error_code error;
     plan.store = std::filesystem::absolute(options.store, error).string();
@@ -97,11 +98,15 @@ absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::start(const LocalFarmOptio
     ::waitpid(keeper, nullptr, 0);
     return absl::InternalError(folder.empty() ? "the farm's keeper died" : folder);
   }
-  return std::unique_ptr<LocalFarm>(new LocalFarm(keeper, ends[0], std::move(folder)));
+  return std::unique_ptr<LocalFarm>(
+      new LocalFarm(keeper, ends[0], std::move(folder), !options.folder.empty()));
 }
 
-LocalFarm::LocalFarm(pid_t keeper_pid, int socket, std::string folder)
-    : keeper_pid_(keeper_pid), socket_(socket), folder_(std::move(folder)) {
+LocalFarm::LocalFarm(pid_t keeper_pid, int socket, std::string folder, bool has_own_folder)
+    : keeper_pid_(keeper_pid),
+      socket_(socket),
+      has_own_folder_(has_own_folder),
+      folder_(std::move(folder)) {
   // Signals are for the threads that wait for them, not for this one.
   sigset_t all, before;
   sigfillset(&all);
@@ -118,9 +123,11 @@ LocalFarm::~LocalFarm() {
   ::shutdown(socket_, SHUT_RDWR);
   listener_.join();
   ::close(socket_);
+  if (stays_) return;
+  if (has_own_folder_) ::kill(keeper_pid_, SIGTERM);
   ::waitpid(keeper_pid_, nullptr, 0);
   std::error_code ignored;  // the keeper has done it, unless it was killed
-  std::filesystem::remove_all(folder_, ignored);
+  if (!has_own_folder_) std::filesystem::remove_all(folder_, ignored);
 }
 
 void LocalFarm::listen() {
