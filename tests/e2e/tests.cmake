@@ -32,10 +32,19 @@ if(TESSERA_WITH_GRPC)
   tessera_e2e(secure_farm 300)
   tessera_e2e(metrics 300)
   tessera_e2e(documented_commands 300)
+  tessera_e2e(farm_up_down 300)
   # Where their tools are not installed these say SKIPPED and why.
   tessera_e2e(systemd_units 60)
   tessera_e2e(slurm 600)
-  set_tests_properties(e2e.systemd_units e2e.slurm PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED")
+  tessera_e2e(kubernetes 600)
+  tessera_e2e(containers 600)
+  set_tests_properties(e2e.systemd_units e2e.slurm e2e.kubernetes e2e.containers
+    PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED")
+  # The image, which takes minutes, and the tests that run it: cmake --build --preset dev --target containers
+  add_custom_target(containers USES_TERMINAL
+    COMMAND ${CMAKE_COMMAND} -E env TESSERA_BIN=${CMAKE_RUNTIME_OUTPUT_DIRECTORY}
+            ${CMAKE_CURRENT_SOURCE_DIR}/e2e/containers.sh --build
+    DEPENDS tessera tessera-server tessera-worker)
 
   # Chaos puts a library of its own before the C library's functions, as sanitizers do: not both.
   if(NOT CMAKE_CXX_FLAGS MATCHES "sanitize")
