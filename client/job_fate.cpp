@@ -118,13 +118,20 @@ int watch_to_the_end(FarmClient& client, Interrupts& interrupts, const std::stri
                      bool json) {
   const InterruptAction action(interrupts, [&client] { client.cancel(); });
   ProgressBar bar;
+  std::string said;
   const auto job = client.watch_job(job_id, kWatchInterval, [&](const v1::Job& now) {
     if (json) {
       std::printf("%s\n", job_document(now).dump().c_str());
       std::fflush(stdout);
-    } else {
-      bar.show(now);
+      return true;
     }
+    // What holds a job up is said once, also where nobody sees a bar.
+    if (now.reason() != said && !now.reason().empty() && !has_ended(now)) {
+      bar.clear();
+      std::fprintf(stderr, "job %s waits: %s\n", job_id.c_str(), now.reason().c_str());
+    }
+    said = now.reason();
+    bar.show(now);
     return true;
   });
   bar.clear();

@@ -24,6 +24,19 @@ bool is_of(const Job& job, const std::string& owner) {
   return owner.empty() || job.spec->owner == owner;
 }
 
+/// Why nobody could work for a job that may run: the words for its owner, or "".
+std::string missing_workers(const Job& job, const std::map<WorkerKey, Worker>& workers) {
+  const std::string& tag = job.spec->required_tag;
+  bool any = false;
+  for (const auto& [key, worker] : workers) {
+    // A stream that has just broken is not the worker's end yet.
+    if (worker.lost || worker.leaving || worker.set_aside) continue;
+    if (tag.empty() || worker.tags.count(tag) > 0) return {};
+    any = true;
+  }
+  return any ? absl::StrCat("no worker here has the tag ", tag) : "no worker is here";
+}
+
 }  // namespace
 
 Coordinator::Coordinator(Store& store, CoordinatorOptions options,
@@ -331,6 +344,9 @@ JobView Coordinator::view(const Job& job) const {
   view.spec = job.spec;
   view.state = job.state;
   view.reason = job.reason;
+  if (view.reason.empty() && (job.state == JobState::queued || job.state == JobState::running)) {
+    view.reason = missing_workers(job, scheduler_.workers());
+  }
   view.create_time_us = film.create_time_us;
   view.end_time_us = film.end_time_us;
   view.unit_count = job.plan ? job.plan->unit_count() : job.unit_count;

@@ -35,6 +35,21 @@ TEST_F(CoordinatorTest, AJobOfOneWorkerIsDoneWithAnImage) {
   EXPECT_TRUE(std::filesystem::exists(*store.output_folder(job) + "/" + frames->front().file));
 }
 
+TEST_F(CoordinatorTest, AJobSaysThatNobodyIsThereToWorkForIt) {
+  const std::string job = create_job("a");
+  EXPECT_EQ(view(job).reason, "no worker is here");
+  JobSpec choosy = spec_of("b");
+  choosy.required_tag = "big";
+  const std::string tagged = create(choosy)->view.spec->id;
+  auto worker = join("w1", 1);
+  EXPECT_EQ(view(job).reason, "");
+  EXPECT_EQ(view(tagged).reason, "no worker here has the tag big");
+  coordinator->leave(worker.session);
+  EXPECT_EQ(view(job).reason, "no worker is here");
+  ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
+  EXPECT_EQ(view(job).reason, "cancelled") << "it waits for nobody";
+}
+
 TEST_F(CoordinatorTest, TheLogTellsTroubleFromNewsAndNewsFromRoutine) {
   std::map<LogLevel, std::vector<std::string>> lines;
   options.log = [&lines](LogLevel level, const std::string& text) { lines[level].push_back(text); };
