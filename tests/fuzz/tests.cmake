@@ -9,6 +9,7 @@ function(tessera_fuzz)
   cmake_parse_arguments(PARSE_ARGV 0 arg "" "NAME" "SOURCES;LINKS")
   add_executable(replay_${arg_NAME} fuzz/replay.cpp fuzz/${arg_NAME}_fuzz.cpp support/sanitizer_options.cpp)
   target_link_libraries(replay_${arg_NAME} PRIVATE tessera::flags ${arg_LINKS})
+  add_dependencies(unit_tests replay_${arg_NAME})
   add_test(NAME unit.fuzz_${arg_NAME}
     COMMAND replay_${arg_NAME} ${CMAKE_CURRENT_SOURCE_DIR}/fuzz/corpus/${arg_NAME})
   set_tests_properties(unit.fuzz_${arg_NAME} PROPERTIES LABELS unit TIMEOUT 60)
