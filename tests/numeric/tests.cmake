@@ -40,3 +40,5 @@ tessera_test(NAME gltf KIND numeric
 tessera_test(NAME camera KIND numeric SOURCES numeric/camera_test.cpp LINKS tessera_test_render)
 tessera_test(NAME procedure KIND numeric
   SOURCES numeric/procedure_test.cpp LINKS tessera_test_render)
+tessera_test(NAME media KIND numeric
+  SOURCES numeric/media_bodies_test.cpp numeric/media_test.cpp LINKS tessera_test_render)

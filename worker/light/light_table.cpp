@@ -145,6 +145,7 @@ void LightTable::add_shape(const Scene& scene, std::uint32_t instance,
   entry.shape = static_cast<std::int32_t>(shapes_.size());
   shapes_.emplace_back(scene.instances[instance], *mesh.shape);
   LightBounds light = shapes_.back().bounds(luminance(material.emission), material.double_sided);
+  entry.centre = Vec3f((light.box_min + light.box_max) * 0.5);
   if (!std::isfinite(light.strength)) light.strength = 0;
   entries_.push_back(entry);
   bounds.push_back(light);
@@ -157,6 +158,7 @@ void LightTable::add_punctual(const Scene& scene, std::vector<LightBounds>& boun
     Entry entry;
     entry.punctual = static_cast<std::int32_t>(i);
     entry.density = 1;
+    entry.centre = Vec3f(light.position);
     LightBounds b = punctual_bounds(light);
     if (!std::isfinite(b.strength)) b.strength = 0;
     if (light.kind == PunctualLight::Kind::directional && b.strength > 0) {

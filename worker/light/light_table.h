@@ -46,6 +46,14 @@ class LightTable {
   /// A light for `receiver`. False when the draw gives no light there.
   bool sample(const LightReceiver& receiver, const LightRandom& u, LightSample* sample) const;
 
+  /// Where a light is that matters to `receiver`, for u in [0, 1): its middle. False if no light
+  /// has a place.
+  bool place_of_one(const LightReceiver& receiver, double u, Vec3d* place) const {
+    if (tree_.empty()) return false;
+    *place = Vec3d(entries_[tree_.choose(receiver, u).light].centre);
+    return true;
+  }
+
   /// Density with which sample() would have drawn, for `receiver`, the emissive triangle that a ray
   /// from there met after `distance`; 0 if never. `cos_light` is the absolute cosine there.
   float emitter_pdf(const LightReceiver& receiver, const TriangleId& id, float distance,
@@ -69,7 +77,7 @@ class LightTable {
     std::int32_t punctual = kNone;
     std::int32_t shape = kNone;  // of shapes_; its instance is that of `triangle`
     float density = 0;           // of a point on it: 1 / area of triangles, 1 for punctual lights
-    Vec3f centre;                // of triangles
+    Vec3f centre;
     float reach2 = 0;  // squared distance from it within which they are seen under a large angle
   };
 

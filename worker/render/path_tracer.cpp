@@ -3,11 +3,17 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
+#include <type_traits>
 
 #include "worker/geometry/surface_point.h"
+#include "worker/render/flight.h"
+#include "worker/render/interior.h"
 #include "worker/sampling/dimensions.h"
+#include "worker/sampling/equi_angular.h"
 #include "worker/sampling/sampler.h"
 #include "worker/shading/dispersion.h"
+#include "worker/shading/phase.h"
 
 namespace tessera::render {
 namespace {
@@ -42,16 +48,36 @@ struct Path {
   bool by_chance = true;                 // no light sampling could have made this ray: no MIS
   float pdf = 0;                         // of the last scattering, over solid angle
   LightReceiver scattered_at;            // where that was
-  const MaterialView* medium = nullptr;  // the absorbing solid the ray is in
+  const MaterialView* medium = nullptr;  // the absorbing solid the ray is in; without MediaState
   float footprint = 0;   // width of a pixel where the ray starts, metres, and its growth a metre;
   float growth = 0;      // 0 once chance has scattered the path: the rest is met as points
   float wavelength = 0;  // nanometres; 0 until a dispersive surface asks for one
 };
 
+/// What only paths know that track all bodies they are in, and scatter between surfaces.
+struct MediaState {
+  explicit MediaState(const Sampler& sampler) : chance(sampler) {}
+  Interior interior;
+  Flight flight;
+  ChanceStream chance;
+};
+struct NoMedia {
+  explicit NoMedia(const Sampler& /*sampler*/) {}
+};
+
+/// Whether an event in a medium came before what the ray met.
+enum class Passage : std::uint8_t { none, scattered, ended };
+
+/// `kMedia`: for scenes that track bodies (ShadingScene::tracks_bodies).
+template <bool kMedia>
 class PathTracer {
  public:
   PathTracer(const FrameContext& frame, Sampler sampler, PathScratch* scratch)
-      : frame_(frame), sampler_(sampler), scratch_(scratch), max_depth_(frame.max_depth) {}
+      : frame_(frame),
+        sampler_(sampler),
+        scratch_(scratch),
+        max_depth_(frame.max_depth),
+        media_(sampler_) {}
 
   /// `first`: what the camera ray hits, where that is known; its instance is UINT32_MAX if nothing.
   PathResult trace(const Ray& camera_ray, const Hit* first);
@@ -70,6 +96,16 @@ class PathTracer {
   void add_direct(const Bsdf& bsdf, const TriangleId& id, const SurfacePoint& position);
   Vec3f light_through(const Ray& ray, const LightSample& light);
   Vec3f medium_transmittance(const Ray& ray, const LightSample& light) const;
+  Vec3f light_through_bodies(const Ray& ray, const LightSample& light);
+  bool passes_unseen(const ShadingPoint& point, const Hit& hit, const SurfacePoint& position);
+  Bsdf bsdf_met(ShadingPoint point, const Vec4f& base) const;
+  bool survives(float u);
+  Passage cross_medium(double distance);
+  std::optional<EquiAngular> place_near_a_light(const Stretch& stretch, double select);
+  bool scatter_in_medium(const MediumView& medium, const Vec3f& position, float weight);
+  void add_light_in_medium(const MediumView& medium, const Vec3f& position, const Vec3f& throughput,
+                           std::uint32_t set);
+  bool draw_light(const LightReceiver& receiver, std::uint32_t set, LightSample* light);
   bool scatter(const ShadingPoint& point, const Bsdf& bsdf, const TriangleId& id,
                const SurfacePoint& position);
   std::uint32_t bounce() const { return static_cast<std::uint32_t>(path_.depth); }
@@ -80,16 +116,29 @@ class PathTracer {
   std::int32_t max_depth_;  // of the image; once the path is traced on, of that
   PathResult image_;        // what it came to before it was traced on
   Path path_;
+  std::conditional_t<kMedia, MediaState, NoMedia> media_;
 };
 
-PathResult PathTracer::trace(const Ray& camera_ray, const Hit* first) {
+template <bool kMedia>
+PathResult PathTracer<kMedia>::trace(const Ray& camera_ray, const Hit* first) {
   path_.ray = camera_ray;
   path_.footprint = frame_.camera.footprint_at_start();
   path_.growth = frame_.camera.footprint_growth();
+  if constexpr (kMedia) {
+    media_.interior =
+        interior_at_start(frame_.shading, frame_.accel, camera_ray, scratch_->crossings.get());
+  }
   for (;; first = nullptr) {
     Hit hit;
     if (first != nullptr) hit = *first;
-    if (first != nullptr ? hit.id == TriangleId{} : !find_hit(&hit)) {
+    const bool found = first != nullptr ? hit.id != TriangleId{} : find_hit(&hit);
+    if constexpr (kMedia) {
+      const float distance = found ? hit.t : path_.ray.t_max;
+      const Passage passage = cross_medium(static_cast<double>(distance));
+      if (passage == Passage::ended) break;
+      if (passage == Passage::scattered) continue;
+    }
+    if (!found) {
       add_sky();
       break;
     }
@@ -106,7 +155,8 @@ PathResult PathTracer::trace(const Ray& camera_ray, const Hit* first) {
 
 /// Whether the path has no scattering event left. A few that have not are traced on: from then on
 /// they gather what the image lacks.
-bool PathTracer::is_cut() {
+template <bool kMedia>
+bool PathTracer<kMedia>::is_cut() {
   if (path_.depth < max_depth_) return false;
   const bool cut =
       max_depth_ == kTracedOnDepth || sampler_.hash(dimensions::kTraceOn) % kCutPathsPerTraced != 0;
@@ -117,7 +167,8 @@ bool PathTracer::is_cut() {
   return false;
 }
 
-bool PathTracer::find_hit(Hit* hit) {
+template <bool kMedia>
+bool PathTracer<kMedia>::find_hit(Hit* hit) {
   const bool camera = path_.depth == 0;
   unsigned traits = kTraitAlpha;
   if (!camera) traits |= kTraitUnlit;
@@ -143,12 +194,17 @@ bool PathTracer::find_hit(Hit* hit) {
 }
 
 /// One surface: emission, direct light, and the next ray. False when the path ends.
-bool PathTracer::step(const Hit& hit) {
+template <bool kMedia>
+bool PathTracer<kMedia>::step(const Hit& hit) {
   ShadingPoint point = surface_at(frame_.shading, hit, path_.ray.direction);
   if (frame_.shading.textures.has_procedures()) [[unlikely]]
     widen(hit.t, &point);
   SurfacePoint position = position_of(point);
-  absorb(point, hit.t);
+  if constexpr (kMedia) {
+    if (passes_unseen(point, hit, position)) return true;
+  } else {
+    absorb(point, hit.t);
+  }
   const Vec4f base = base_color_at(frame_.shading, point);
   if (path_.depth == 0 && !path_.result.hit.present) record(point, position, base);
   if (point.material->source->unlit) {
@@ -160,7 +216,7 @@ bool PathTracer::step(const Hit& hit) {
   if (point.material->dispersive) [[unlikely]]
     choose_wavelength();
   raise_to_curve(-path_.ray.direction, &point, &position);
-  const Bsdf bsdf = bsdf_at(frame_.shading, point, base, -path_.ray.direction, path_.wavelength);
+  const Bsdf bsdf = bsdf_met(point, base);
   if (goes_straight(bsdf, hit, position)) return true;
   if (is_cut()) return false;
   const TriangleId left = point.raised ? TriangleId{} : hit.id;
@@ -168,8 +224,38 @@ bool PathTracer::step(const Hit& hit) {
   return scatter(point, bsdf, left, position);
 }
 
+/// Of what the path has come to; of a solid, as seen from what is on the other side.
+template <bool kMedia>
+Bsdf PathTracer<kMedia>::bsdf_met(ShadingPoint point, const Vec4f& base) const {
+  if constexpr (kMedia) {
+    const Body* outside = media_.interior.beside(body_of(point));
+    if (outside != nullptr && point.material->interface == Interface::solid) {
+      point.material = &frame_.shading.between(*point.material, *outside->material);
+    }
+  }
+  return bsdf_at(frame_.shading, point, base, -path_.ray.direction, path_.wavelength);
+}
+
+/// Whether the surface is nothing but the end of a medium, or hidden in a solid of higher priority;
+/// then the path goes on behind it.
+template <bool kMedia>
+bool PathTracer<kMedia>::passes_unseen(const ShadingPoint& point, const Hit& hit,
+                                       const SurfacePoint& position) {
+  if ((point.material->traits & kTraitBody) == 0) return false;
+  const Body body = body_of(point);
+  const bool seen = point.material->rank != kBoundaryRank && !media_.interior.hides(body);
+  if (seen) return false;
+  media_.interior.cross(body, point.front);
+  ++path_.passed;
+  const float rest = path_.ray.t_max - hit.t;
+  path_.ray = spawn_ray(position, hit.id, path_.ray.direction);
+  path_.ray.t_max = rest;
+  return true;
+}
+
 /// A pixel's cone has come to a surface, which it meets at an angle.
-void PathTracer::widen(float distance, ShadingPoint* point) {
+template <bool kMedia>
+void PathTracer<kMedia>::widen(float distance, ShadingPoint* point) {
   path_.footprint += path_.growth * distance;
   constexpr float kLeast = 0.1f;  // further stretched, it would blur what is seen across
   const float cosine = std::fabs(dot(point->geometric_normal, path_.ray.direction));
@@ -177,14 +263,16 @@ void PathTracer::widen(float distance, ShadingPoint* point) {
 }
 
 /// From the first dispersive surface on the path stands for one wavelength.
-void PathTracer::choose_wavelength() {
+template <bool kMedia>
+void PathTracer<kMedia>::choose_wavelength() {
   if (path_.wavelength > 0) return;
   const Wavelength chosen = wavelength_at(sampler_.get_4d(dimensions::kFilter).w);
   path_.wavelength = chosen.nanometres;
   path_.throughput *= chosen.weight;
 }
 
-void PathTracer::add_sky() {
+template <bool kMedia>
+void PathTracer<kMedia>::add_sky() {
   const bool has_sky = frame_.lights.environment() != nullptr;
   if (path_.from_camera) {
     switch (frame_.background) {
@@ -205,8 +293,9 @@ void PathTracer::add_sky() {
   path_.result.radiance += path_.throughput * sky.radiance * weight;
 }
 
-void PathTracer::record(const ShadingPoint& point, const SurfacePoint& position,
-                        const Vec4f& base) {
+template <bool kMedia>
+void PathTracer<kMedia>::record(const ShadingPoint& point, const SurfacePoint& position,
+                                const Vec4f& base) {
   CameraHit& hit = path_.result.hit;
   hit.present = true;
   hit.albedo = base.xyz();
@@ -222,15 +311,17 @@ void PathTracer::record(const ShadingPoint& point, const SurfacePoint& position,
 
 /// Beer's law along the ray that just ended. A solid's inner side tells the medium by itself, so
 /// that cameras may start inside one.
-void PathTracer::absorb(const ShadingPoint& point, float distance) {
+template <bool kMedia>
+void PathTracer<kMedia>::absorb(const ShadingPoint& point, float distance) {
   const MaterialView* medium = path_.medium;
   if (!point.front && point.material->interface == Interface::solid) medium = point.material;
   if (medium == nullptr || !medium->absorbs) return;
   path_.throughput *= beer_transmittance(medium->extinction, distance);
 }
 
-void PathTracer::add_emission(const ShadingPoint& point, const TriangleId& id,
-                              const Vec3f& position) {
+template <bool kMedia>
+void PathTracer<kMedia>::add_emission(const ShadingPoint& point, const TriangleId& id,
+                                      const Vec3f& position) {
   if (!point.material->emissive) return;
   Vec3f light = path_.throughput * emission_at(frame_.shading, point, -path_.ray.direction);
   if (!(max_component(light) > 0)) return;
@@ -245,7 +336,9 @@ void PathTracer::add_emission(const ShadingPoint& point, const TriangleId& id,
 
 /// Thin sheets let light pass without an event: not counted as depth, no roulette, and the density
 /// of the last real scattering stays.
-bool PathTracer::goes_straight(const Bsdf& bsdf, const Hit& hit, const SurfacePoint& position) {
+template <bool kMedia>
+bool PathTracer<kMedia>::goes_straight(const Bsdf& bsdf, const Hit& hit,
+                                       const SurfacePoint& position) {
   const Vec3f share = straight_transmittance(bsdf);
   const float straight = luminance(share);
   if (!(straight > 0)) return false;
@@ -263,17 +356,25 @@ bool PathTracer::goes_straight(const Bsdf& bsdf, const Hit& hit, const SurfacePo
   return true;
 }
 
-void PathTracer::add_direct(const Bsdf& bsdf, const TriangleId& id, const SurfacePoint& position) {
-  if (!frame_.lights.samples_anything() || !has_smooth_density(bsdf)) return;
+template <bool kMedia>
+bool PathTracer<kMedia>::draw_light(const LightReceiver& receiver, std::uint32_t set,
+                                    LightSample* light) {
   LightRandom u;
-  const Vec4f x = sampler_.get_4d(dimensions::light(bounce()));
+  const Vec4f x = sampler_.get_4d(set);
   // 20 more bits each: a texel of the sky or a lamp among millions may be narrower than 2^-24.
-  const std::uint64_t bits = sampler_.hash(dimensions::light(bounce()));
+  const std::uint64_t bits = sampler_.hash(set);
   u.u1 = x.x + fraction(bits) * 0x1p-24;
   u.u2 = x.y + fraction(bits >> 20) * 0x1p-24;
   u.select = x.z + fraction(bits >> 40) * 0x1p-24;
+  return frame_.lights.sample(receiver, u, light);
+}
+
+template <bool kMedia>
+void PathTracer<kMedia>::add_direct(const Bsdf& bsdf, const TriangleId& id,
+                                    const SurfacePoint& position) {
+  if (!frame_.lights.samples_anything() || !has_smooth_density(bsdf)) return;
   LightSample light;
-  if (!frame_.lights.sample(receiver_of(bsdf, position), u, &light)) return;
+  if (!draw_light(receiver_of(bsdf, position), dimensions::light(bounce()), &light)) return;
   const BsdfValue value = evaluate_bsdf(bsdf, light.direction);
   if (!(max_component(value.f_cos) > 0)) return;
   const Ray ray = light.distant ? spawn_ray(position, id, light.direction)
@@ -285,7 +386,9 @@ void PathTracer::add_direct(const Bsdf& bsdf, const TriangleId& id, const Surfac
 }
 
 /// Share of a light sample's radiance that arrives: 0 behind anything opaque.
-Vec3f PathTracer::light_through(const Ray& ray, const LightSample& light) {
+template <bool kMedia>
+Vec3f PathTracer<kMedia>::light_through(const Ray& ray, const LightSample& light) {
+  if constexpr (kMedia) return light_through_bodies(ray, light);
   const auto traits = static_cast<std::uint8_t>(frame_.shading.traits &
                                                 (kTraitAlpha | kTraitUnlit | kTraitStraight));
   if (traits == 0) {
@@ -310,27 +413,167 @@ Vec3f PathTracer::light_through(const Ray& ray, const LightSample& light) {
 }
 
 /// Of the solid the shadow ray is in, which it cannot leave: glass stops it.
-Vec3f PathTracer::medium_transmittance(const Ray& ray, const LightSample& light) const {
+template <bool kMedia>
+Vec3f PathTracer<kMedia>::medium_transmittance(const Ray& ray, const LightSample& light) const {
   if (path_.medium == nullptr) return {1, 1, 1};
   return beer_transmittance(path_.medium->extinction,
                             light.distant ? kInfinity : length(ray.direction));
 }
 
-bool PathTracer::scatter(const ShadingPoint& point, const Bsdf& bsdf, const TriangleId& id,
-                         const SurfacePoint& position) {
+/// light_through() for paths that track bodies.
+template <bool kMedia>
+Vec3f PathTracer<kMedia>::light_through_bodies(const Ray& ray, const LightSample& light) {
+  const ShadingScene& scene = frame_.shading;
+  SheetStack& sheets = scratch_->sheets;
+  Crossings& crossings = *scratch_->crossings;
+  sheets.passed = sheets.count = 0;
+  crossings.clear();
+  const auto traits =
+      static_cast<std::uint8_t>(scene.traits & (kTraitAlpha | kTraitUnlit | kTraitStraight));
+  const ShadowFilter filter{scene,           {sampler_, bounce(), RayKind::shadow},
+                            light.direction, light.triangle,
+                            traits,          &sheets};
+  bool full = false;
+  const bool blocked = frame_.accel.any_hit(ray, [&](const Hit& hit) {
+    if (hit.id == light.triangle) return false;
+    if ((scene.primitive(hit.id).traits & kTraitBody) == 0) return filter(hit);
+    full = !crossings.add(scene, hit, light.direction);
+    return full;
+  });
+  if (full || sheets.passed > kTransparencyLimit) ++path_.result.limit_count;
+  if (blocked || sheets.passed > kTransparencyLimit) return {};
+  return sheets.transmittance() *
+         transmittance_across(scene, media_.interior, ray, crossings.in_order(), &media_.chance);
+}
+
+/// Counts a scattering event, after which faint paths end by chance.
+template <bool kMedia>
+bool PathTracer<kMedia>::survives(float u) {
+  ++path_.depth;
+  const float survival = max_component(path_.throughput) / kRouletteWeight;
+  if (path_.depth > kRouletteDepth && !(survival >= 1)) {
+    if (!(u < survival)) return false;
+    path_.throughput = path_.throughput / survival;
+  }
+  return true;
+}
+
+/// The next `distance` metres, which hold no surface.
+///
+/// Light scattered once more on the way is found in two ways, weighed by their densities along the
+/// ray: where the path collides, and near a light (EquiAngular). For any one light to be near to,
+/// chosen apart, the weights add up to one, so no density of that choice is wanted.
+template <bool kMedia>
+Passage PathTracer<kMedia>::cross_medium(double distance) {
+  const Stretch stretch = stretch_along(frame_.shading, media_.interior, path_.ray.origin,
+                                        path_.ray.direction, 0, distance);
+  if (stretch.empty()) return Passage::none;
+  const MediumView& medium = *stretch.medium;
+  if (!medium.scatters()) {
+    path_.throughput *= transmittance(stretch, &media_.chance);
+    return Passage::none;
+  }
+  const Vec4d u = sampler_.get_4d_fine(dimensions::medium(bounce()));
+  media_.flight.begin(u.x, u.y, path_.throughput);
+  const Flight start = media_.flight;
+  const auto density = [&](double t) { return start.density(medium, t - stretch.begin); };
+  const std::optional<EquiAngular> near = place_near_a_light(stretch, u.w);
+  if (near) {
+    const double t = near->sample(u.z);
+    const auto pdf = static_cast<float>(near->pdf(t));
+    const float here = medium.even() ? 1 : density_at(medium, stretch.body, stretch.at(t));
+    Stretch before = stretch;
+    before.end = t;
+    const Vec3f arrives = transmittance(before, &media_.chance) * medium.scattering * here;
+    add_light_in_medium(medium, Vec3f(stretch.at(t)),
+                        path_.throughput * arrives * (power_heuristic(pdf, density(t)) / pdf),
+                        dimensions::light_in_medium(bounce()));
+  }
+  double t = 0;
+  const bool collides = medium.even()
+                            ? media_.flight.collides(stretch, &path_.throughput, &t)
+                            : collides_unevenly(stretch, &media_.chance, &path_.throughput, &t);
+  if (!collides) return Passage::none;
+  // Where nearness gives light the same weight as colliding does, or none at all, so does this.
+  const float pdf = density(t);
+  float weight = 1;
+  if (near) weight = pdf > 0 ? power_heuristic(pdf, static_cast<float>(near->pdf(t))) : 0;
+  const bool goes_on = scatter_in_medium(medium, Vec3f(stretch.at(t)), weight);
+  return goes_on ? Passage::scattered : Passage::ended;
+}
+
+/// Which light to be near to, chosen for a point about as far on as collisions are likely. None if
+/// no light has a place, and beyond max_depth, where the path is followed for the report only.
+template <bool kMedia>
+std::optional<EquiAngular> PathTracer<kMedia>::place_near_a_light(const Stretch& stretch,
+                                                                  double select) {
+  if (path_.depth >= frame_.max_depth) return std::nullopt;
+  const MediumView& medium = *stretch.medium;
+  const double v = fraction(sampler_.hash(dimensions::medium(bounce())));
+  const auto sigma = static_cast<double>(dot(medium.extinction, Vec3f{1, 1, 1}) * medium.usual) / 3;
+  const double missed = elementary::exp(-sigma * stretch.length());
+  const double reach = -elementary::log(1 - v * (1 - missed)) / sigma;
+  const LightReceiver middle{Vec3f(stretch.at(stretch.begin + reach)), {0, 0, 1}, true};
+  Vec3d place;
+  if (!frame_.lights.place_of_one(middle, select, &place)) return std::nullopt;
+  const EquiAngular near(stretch.origin, stretch.direction, place, stretch.begin, stretch.end);
+  return near.usable() ? std::optional(near) : std::nullopt;
+}
+
+/// The path collided at `position`; `weight` is that of light sampled there.
+template <bool kMedia>
+bool PathTracer<kMedia>::scatter_in_medium(const MediumView& medium, const Vec3f& position,
+                                           float weight) {
+  if (is_cut()) return false;
+  add_light_in_medium(medium, position, path_.throughput * weight, dimensions::light(bounce()));
+  const Vec4f u = sampler_.get_4d(dimensions::bsdf(bounce()));
+  if (!survives(u.w)) return false;
+  const Vec3f before = path_.ray.direction;
+  path_.ray = {};
+  path_.ray.origin = position;
+  path_.ray.direction = phase::sample(medium.anisotropy, before, {u.x, u.y});
+  path_.pdf = phase::density(medium.anisotropy, before, path_.ray.direction);
+  path_.from_camera = path_.by_chance = false;
+  path_.footprint = path_.growth = 0;
+  path_.scattered_at = {position, {0, 0, 1}, true};
+  media_.flight.restart();
+  return true;
+}
+
+/// Light that comes straight to `position` and is scattered there into the path.
+template <bool kMedia>
+void PathTracer<kMedia>::add_light_in_medium(const MediumView& medium, const Vec3f& position,
+                                             const Vec3f& throughput, std::uint32_t set) {
+  if (!frame_.lights.samples_anything() || !(max_component(throughput) > 0)) return;
+  LightSample light;
+  if (!draw_light({position, {0, 0, 1}, true}, set, &light)) return;
+  const float phase = phase::density(medium.anisotropy, path_.ray.direction, light.direction);
+  Ray ray;
+  ray.origin = position;
+  ray.direction = light.distant ? light.direction : light.target - position;
+  if (!light.distant) ray.t_max = 1;
+  const Vec3f open = light_through(ray, light);
+  if (!(max_component(open) > 0)) return;
+  const float weight = light.pdf > 0 ? power_heuristic(light.pdf, phase) : 1.0f;
+  path_.result.radiance += throughput * light.radiance_over_pdf * open * (phase * weight);
+}
+
+template <bool kMedia>
+bool PathTracer<kMedia>::scatter(const ShadingPoint& point, const Bsdf& bsdf, const TriangleId& id,
+                                 const SurfacePoint& position) {
   const Vec4f u = sampler_.get_4d(dimensions::bsdf(bounce()));
   BsdfSample next;
   if (!sample_bsdf(bsdf, u.z, {u.x, u.y}, &next)) return false;
   path_.throughput *= next.weight;
-  ++path_.depth;
-  const float survival = max_component(path_.throughput) / kRouletteWeight;
-  if (path_.depth > kRouletteDepth && !(survival >= 1)) {
-    if (!(u.w < survival)) return false;
-    path_.throughput = path_.throughput / survival;
-  }
+  if (!survives(u.w)) return false;
   if (next.transmitted && bsdf.interface == Interface::solid) {
-    path_.medium = point.front && point.material->absorbs ? point.material : nullptr;
+    if constexpr (kMedia) {
+      media_.interior.cross(body_of(point), point.front);
+    } else {
+      path_.medium = point.front && point.material->absorbs ? point.material : nullptr;
+    }
   }
+  if constexpr (kMedia) media_.flight.restart();
   path_.from_camera = false;
   if (!next.delta) path_.footprint = path_.growth = 0;
   path_.by_chance = next.delta;
@@ -380,14 +623,21 @@ void trace_paths(const FrameContext& frame, std::span<const PathId> ids, PathScr
   }
   std::array<Hit, kPacketSize> hits;  // of no triangle where nothing is hit
   const bool known = takes_packets(frame);
+  if (frame.shading.tracks_bodies && scratch->crossings == nullptr) {
+    scratch->crossings = std::make_unique<Crossings>();
+  }
   if (known) frame.accel.closest_hits(std::span(rays).first(ids.size()), hits.data());
   for (std::size_t i = 0; i < ids.size(); ++i) {
     if (rays[i].t_max < 0) [[unlikely]] {
       results[i] = {};
       continue;
     }
-    PathTracer tracer(frame, samplers[i], scratch);
-    results[i] = tracer.trace(rays[i], known ? &hits[i] : nullptr);
+    const Hit* first = known ? &hits[i] : nullptr;
+    if (frame.shading.tracks_bodies) [[unlikely]] {
+      results[i] = PathTracer<true>(frame, samplers[i], scratch).trace(rays[i], first);
+      continue;
+    }
+    results[i] = PathTracer<false>(frame, samplers[i], scratch).trace(rays[i], first);
   }
 }
 

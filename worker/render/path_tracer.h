@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
 
 #include "proto/contract/render_settings.h"
@@ -8,6 +9,7 @@
 #include "worker/light/light_table.h"
 #include "worker/math/vector.h"
 #include "worker/render/camera_rays.h"
+#include "worker/render/media.h"
 #include "worker/render/transparency.h"
 #include "worker/sampling/pixel_filter.h"
 #include "worker/shading/shading_scene.h"
@@ -34,6 +36,7 @@ struct FrameContext {
 /// Memory a thread lends to the paths it traces, so that none allocates.
 struct PathScratch {
   SheetStack sheets;
+  std::unique_ptr<Crossings> crossings;  // made for the first path that tracks bodies
 };
 
 /// The first surface a camera path met.

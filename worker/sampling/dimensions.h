@@ -23,11 +23,13 @@ constexpr std::uint32_t bsdf(std::uint32_t bounce) {
 constexpr std::uint32_t light(std::uint32_t bounce) {
   return bsdf(bounce) + 1;
 }
-/// For media and subsurface; unused so far.
+/// Media, on the way to that event. x: how far; y: by which channel; z: place near a light; w: near
+/// which.
 constexpr std::uint32_t medium(std::uint32_t bounce) {
   return bsdf(bounce) + 2;
 }
-constexpr std::uint32_t spare(std::uint32_t bounce) {
+/// As light(), for the place near a light.
+constexpr std::uint32_t light_in_medium(std::uint32_t bounce) {
   return bsdf(bounce) + 3;
 }
 

@@ -64,8 +64,9 @@ constexpr Animatable kAnimatable[] = {
 };
 
 /// Whole numbers of our extensions, which name or count things.
-constexpr std::string_view kWhole[] = {"blades",  "dimensions", "focusNode", "material",
-                                       "octaves", "priority",   "seed"};
+constexpr std::string_view kWhole[] = {"accessor",  "blades",   "dimensions",
+                                       "focusNode", "material", "octaves",
+                                       "priority",  "seed",     "texture"};
 
 /// The parts of "/cameras/0/perspective/yfov"; none if it is no such pointer.
 std::vector<std::string> split(const std::string& pointer) {
@@ -79,8 +80,9 @@ std::size_t element_parts(const std::vector<std::string>& parts) {
       parts[2] == "lights") {
     return 4;
   }
-  const bool animated = parts.size() > 2 && (parts[0] == "cameras" || parts[0] == "materials" ||
-                                             parts[0] == "nodes" || parts[0] == "textures");
+  constexpr std::string_view kSections[] = {"cameras", "materials", "nodes", "scenes", "textures"};
+  const bool animated = parts.size() > 2 && std::find(std::begin(kSections), std::end(kSections),
+                                                      parts[0]) != std::end(kSections);
   return animated ? 2 : 0;
 }
 
@@ -126,7 +128,7 @@ int width_at(const json& root, const std::vector<std::string>& parts) {
         std::all_of(value.begin(), value.end(), [](const json& v) { return v.is_number(); });
     return numbers ? static_cast<int>(value.size()) : 0;
   }
-  if (parts[0] == "nodes" || parts[0] == "textures") return 0;
+  if (parts[0] == "nodes" || parts[0] == "scenes" || parts[0] == "textures") return 0;
   if (parent == "KHR_texture_transform") {
     return name == "rotation" ? 1 : name == "offset" || name == "scale" ? 2 : 0;
   }

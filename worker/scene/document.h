@@ -164,6 +164,7 @@ struct Animation {
 struct SceneSource {
   std::string name;
   std::vector<std::int32_t> roots;
+  std::optional<Atmosphere> atmosphere = {};  // TESSERA_medium
 };
 
 struct Document {

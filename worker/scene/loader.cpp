@@ -17,6 +17,7 @@
 #include "worker/scene/first_pass.h"
 #include "worker/scene/image_decoder.h"
 #include "worker/scene/limits.h"
+#include "worker/scene/medium_reader.h"
 #include "worker/scene/scene_builder.h"
 
 namespace tessera::render {
@@ -118,6 +119,7 @@ class LoadedScene final : public SceneFile {
     if (status.ok()) status = read_material_extensions(root, document);
     if (status.ok()) status = read_node_extensions(root, document);
     if (status.ok()) status = read_camera_extensions(root, document);
+    if (status.ok()) status = read_atmospheres(root, document);
     return status;
   }
 

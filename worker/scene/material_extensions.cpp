@@ -6,6 +6,7 @@
 #include "worker/math/elementary.h"
 #include "worker/scene/extension_reader.h"
 #include "worker/scene/json_view.h"
+#include "worker/scene/medium_reader.h"
 #include "worker/scene/optics_reader.h"
 
 namespace tessera::render {
@@ -47,6 +48,7 @@ class MaterialReader {
     read_iridescence(layer("KHR_materials_iridescence"));
     read_diffuse_transmission(layer("KHR_materials_diffuse_transmission"));
     out_.optics = read_optics(layer("TESSERA_material"), fault_);
+    out_.medium = read_medium(layer("TESSERA_medium"), document_, fault_);
   }
 
  private:

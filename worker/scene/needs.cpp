@@ -64,6 +64,7 @@ std::uint32_t material_features(const Material& m) {
   if (m.optics.conductor || m.optics.exact_fresnel || m.optics.diffuse_roughness > 0) {
     f |= kNeedsOptics;
   }
+  if (m.medium || m.optics.has_priority) f |= kNeedsMedia;
   if (m.diffuse_transmission.factor > 0) {
     f |= kNeedsDiffuseTransmission | (m.has_volume ? kNeedsVolumes : 0u);
   }
@@ -82,6 +83,7 @@ std::uint32_t scene_features(const Scene& scene) {
   if (scene.camera.kind > Camera::Kind::orthographic) f |= kNeedsCurvedScreen;
   if (scene.camera.lens.radius > 0) f |= kNeedsLens;
   if (!scene.procedures.empty()) f |= kNeedsProcedures;
+  if (scene.atmosphere) f |= kNeedsMedia;
   return f;
 }
 
@@ -135,7 +137,8 @@ Passage passage(const Scene& scene, const Vec3d& o, const Vec3d& d) {
   for (const Instance& instance : scene.instances) {
     for (const Primitive& p : scene.meshes[instance.mesh].primitives) {
       const Material& m = scene.materials[p.material];
-      const bool clear = m.unlit || (m.transmission > 0 && !m.has_volume);
+      const bool clear =
+          m.unlit || (m.transmission > 0 && !m.has_volume) || (m.medium && !is_solid_glass(m));
       if (clear || (is_solid_glass(m) && result == Passage::through_glass)) continue;
       for (std::size_t t = 0; t < p.triangles.size(); ++t) {
         if (!crosses(world_triangle(instance, p, t), o, d)) continue;
@@ -249,7 +252,8 @@ std::vector<std::string> feature_names(std::uint32_t features) {
                                            "procedural-textures",
                                            "shapes",
                                            "csg",
-                                           "exact-optics"};
+                                           "exact-optics",
+                                           "media"};
   std::vector<std::string> out;
   for (std::size_t bit = 0; bit < std::size(kNames); ++bit) {
     if ((features >> bit & 1) != 0) out.emplace_back(kNames[bit]);

@@ -42,6 +42,7 @@ enum Feature : std::uint32_t {
   kNeedsShapes = 1u << 27,
   kNeedsCsg = 1u << 28,
   kNeedsOptics = 1u << 29,
+  kNeedsMedia = 1u << 30,  // or priorities: paths know all bodies they are in
 };
 
 /// Resident memory of a renderer before it has a scene, measured. A Radiance sky adds some 120 MB

@@ -9,6 +9,8 @@ namespace tessera::render {
 
 namespace {
 
+constexpr std::int64_t kMostPriority = 255;
+
 /// Complex indices of refraction at red, green and blue, as renderers commonly tabulate them after
 /// Johnson & Christy 1972 (gold, silver, copper), Rakic 1995 (aluminium) and Palik 1985 (iron).
 struct Metal {
@@ -66,7 +68,7 @@ void read_conductor(const JsonView& conductor, JsonFault& fault, Optics& out) {
 Optics read_optics(const JsonView& look, JsonFault& fault) {
   Optics out;
   if (!look.present()) return out;
-  look.allow({"conductor", "fresnel", "diffuseRoughness"});
+  look.allow({"conductor", "fresnel", "diffuseRoughness", "priority"});
   read_conductor(look["conductor"], fault, out);
   if (look["fresnel"].present()) {
     const std::string name = look.text("fresnel");
@@ -76,6 +78,10 @@ Optics read_optics(const JsonView& look, JsonFault& fault) {
     }
   }
   out.diffuse_roughness = static_cast<float>(look.number("diffuseRoughness", 0, 0, 1));
+  if (const std::int64_t priority = look.integer("priority", kMostPriority + 1); priority >= 0) {
+    out.has_priority = true;
+    out.priority = static_cast<std::int32_t>(priority);
+  }
   return out;
 }
 

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -137,6 +138,30 @@ struct Optics {
   Vec3f n = {1, 1, 1}, k;       // complex index of refraction, per channel
   bool exact_fresnel = false;   // of the dielectric layer of what is no solid; else Schlick's
   float diffuse_roughness = 0;  // [0, 1]: of the diffuse part, which then retroreflects
+  bool has_priority = false;    // of a solid, among others that overlap it
+  std::int32_t priority = 0;    // the highest is what is there
+};
+
+/// Density at lattice points over a box, trilinear between them and zero outside; x runs fastest.
+struct DensityGrid {
+  std::array<std::int32_t, 3> size = {0, 0, 0};  // lattice points, at least 2 each
+  Vec3f low, high;                               // corners, in the medium's space
+  std::vector<float> values;                     // not negative
+};
+
+/// TESSERA_medium: what absorbs and scatters light between surfaces.
+struct Medium {
+  Vec3f absorption, scattering;               // per metre, where the density is 1
+  float anisotropy = 0;                       // mean cosine (Henyey-Greenstein), |g| <= 0.999
+  std::int32_t procedure = kNone;             // density; a texture's index until posed
+  std::shared_ptr<const DensityGrid> grid{};  // density, in the procedure's place
+};
+
+/// The medium of a whole scene: a ball of it, which may be endless.
+struct Atmosphere {
+  Medium medium;
+  Vec3d center;  // recentred world
+  double radius = std::numeric_limits<double>::infinity();
 };
 
 /// A glTF material with its extensions folded in; factors multiply textures as the
@@ -182,6 +207,7 @@ struct Material {
   Iridescence iridescence;
   DiffuseTransmission diffuse_transmission;
   Optics optics;
+  std::optional<Medium> medium = {};  // TESSERA_medium: fills what surfaces of this material enclose
 };
 
 /// One glTF primitive, as triangles. Optional arrays are empty or as long as `positions`.
@@ -295,6 +321,7 @@ struct Scene {
   std::vector<CsgSolid> solids;
   std::vector<PunctualLight> lights;
   Camera camera;
+  std::optional<Atmosphere> atmosphere = {};
   bool has_environment = false;  // lights the scene, whether camera rays see it or not
   Environment environment;
   Vec3d center;                  // added back to recentred positions in AOVs

@@ -68,15 +68,21 @@ class SceneBuilder {
     problems_.push_back({Problem::Severity::warning, element, message});
   }
 
+  /// Index of the scene to render; kNone: the file has none.
+  [[nodiscard]] std::int32_t chosen_scene() const {
+    if (document_.scenes.empty()) return kNone;
+    if (input_.settings.scene >= 0) return input_.settings.scene;
+    return document_.default_scene == kNone ? 0 : document_.default_scene;
+  }
+
   absl::StatusOr<std::vector<std::int32_t>> roots() {
     const std::int32_t wanted = input_.settings.scene;
     if (wanted >= 0 && static_cast<std::size_t>(wanted) >= document_.scenes.size()) {
       return absl::InvalidArgumentError(absl::StrCat("scene: there is no scene ", wanted,
                                                      "; the file has ", document_.scenes.size()));
     }
-    if (!document_.scenes.empty()) {
-      const std::int32_t fallback = document_.default_scene == kNone ? 0 : document_.default_scene;
-      return document_.scenes[wanted >= 0 ? wanted : fallback].roots;
+    if (const std::int32_t chosen = chosen_scene(); chosen != kNone) {
+      return document_.scenes[chosen].roots;
     }
     std::vector<std::int32_t> all;
     for (std::size_t i = 0; i < document_.nodes.size(); ++i) {
@@ -96,6 +102,9 @@ class SceneBuilder {
     }
     const auto scene_roots = roots();
     if (!scene_roots.ok()) return scene_roots.status();
+    if (const std::int32_t chosen = chosen_scene(); chosen != kNone) {
+      scene_.atmosphere = document_.scenes[chosen].atmosphere;
+    }
     world_ = world_transforms(nodes_);
     order_ = depth_first(nodes_, *scene_roots);
     return absl::OkStatus();
@@ -426,6 +435,7 @@ class SceneBuilder {
           -transform_vector(instance.world_to_object, instance.object_to_world.translation);
     }
     for (PunctualLight& light : scene_.lights) light.position = light.position - center;
+    if (scene_.atmosphere) scene_.atmosphere->center = scene_.atmosphere->center - center;
     auto camera =
         set_up_camera(document_, input_.settings,
                       {order_, world_, center, scene_.bounds_min, scene_.bounds_max}, problems_);
@@ -470,7 +480,24 @@ class SceneBuilder {
         scene_.textures[ref->texture].image = decoded[source.image];
       }
     }
+    add_densities();
     return absl::OkStatus();
+  }
+
+  /// Copies the procedures that media take their densities from, and names those.
+  void add_densities() {
+    const auto add = [this](Medium& medium) {
+      if (medium.procedure == kNone) return;
+      const std::int32_t texture = medium.procedure;
+      add_procedure(texture);
+      medium.procedure = scene_.textures[texture].procedure;
+    };
+    if (scene_.atmosphere) add(scene_.atmosphere->medium);
+    for (std::size_t m = 0; m < scene_.materials.size(); ++m) {
+      std::optional<Medium>& medium = scene_.materials[m].medium;
+      if (!used_[m]) medium.reset();
+      if (medium) add(*medium);
+    }
   }
 
   void add_procedure(std::int32_t index) {

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "worker/accel/mesh_overlap.h"
+#include "worker/geometry/exact_sign.h"
 
 namespace tessera::render {
 namespace {
@@ -14,13 +15,61 @@ using nlohmann::json;
 /// Pairs that are listed of one mesh; all are counted.
 constexpr std::size_t kMostListed = 100;
 
-std::vector<bool> solid_primitives(const Scene& scene, const Mesh& mesh) {
-  std::vector<bool> solid;
+bool is_solid(const Material& material) {
+  return material.transmission > 0 && material.has_volume;
+}
+
+/// Which primitives bound something: a solid, or a medium.
+std::vector<bool> bounding_primitives(const Scene& scene, const Mesh& mesh) {
+  std::vector<bool> bounds;
   for (const Primitive& p : mesh.primitives) {
     const Material& material = scene.materials[static_cast<std::size_t>(p.material)];
-    solid.push_back(material.transmission > 0 && material.has_volume);
+    bounds.push_back(is_solid(material) || material.medium);
   }
-  return solid;
+  return bounds;
+}
+
+TriangleCorners placed(const Scene& scene, const Instance& instance, const OverlapPair::Id& id) {
+  const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
+  const Primitive& p = mesh.primitives[id.primitive];
+  TriangleCorners corners;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec3d corner(p.positions[p.triangles[id.triangle][k]]);
+    corners[k] = Vec3f(transform_point(instance.object_to_world, corner));
+  }
+  return corners;
+}
+
+bool in_one_plane(const TriangleCorners& a, const TriangleCorners& b) {
+  return std::all_of(b.begin(), b.end(), [&](const Vec3f& corner) {
+    return side_of_plane(a[0], a[1], a[2], corner) == 0;
+  });
+}
+
+/// Solids whose surfaces lie in each other, of scenes whose solids have priorities: which of two is
+/// met first there is decided by their order, and what lies between them is neither.
+void check_touching(const Scene& scene, std::vector<Problem>* out) {
+  const bool nested = std::any_of(scene.materials.begin(), scene.materials.end(),
+                                  [](const Material& m) { return m.optics.has_priority; });
+  if (!nested) return;
+  const auto bounds = [&](const Instance& instance, const OverlapPair::Id& id) {
+    const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
+    const auto material = static_cast<std::size_t>(mesh.primitives[id.primitive].material);
+    return is_solid(scene.materials[material]);
+  };
+  for (const InstanceOverlap& overlap : instance_overlaps(scene)) {
+    const Instance &a = scene.instances[overlap.a], &b = scene.instances[overlap.b];
+    const auto touching =
+        std::count_if(overlap.pairs.begin(), overlap.pairs.end(), [&](const OverlapPair& pair) {
+          return bounds(a, pair.a) && bounds(b, pair.b) &&
+                 in_one_plane(placed(scene, a, pair.a), placed(scene, b, pair.b));
+        });
+    if (touching == 0) continue;
+    out->push_back({Problem::Severity::warning, absl::StrCat("nodes[", b.node, "]"),
+                    absl::StrCat("its surface touches that of nodes[", a.node, "] in ", touching,
+                                 " pairs of triangles: let one solid reach into the other, and "
+                                 "priorities say which is there")});
+  }
 }
 
 json listed(const Mesh& a, const Mesh& b, const std::vector<OverlapPair>& pairs) {
@@ -47,13 +96,21 @@ json mesh_report(const Mesh& mesh) {
 std::vector<Problem> check_solids(const Scene& scene) {
   std::vector<Problem> out;
   for (const Mesh& mesh : scene.meshes) {
-    const std::vector<bool> solid = solid_primitives(scene, mesh);
+    const std::vector<bool> solid = bounding_primitives(scene, mesh);
     if (std::find(solid.begin(), solid.end(), true) == solid.end()) continue;
+    const auto& first = mesh.primitives[static_cast<std::size_t>(
+        std::find(solid.begin(), solid.end(), true) - solid.begin())];
+    const bool medium =
+        scene.materials[static_cast<std::size_t>(first.material)].medium.has_value();
     const auto warn = [&](const std::string& fault) {
       out.push_back({Problem::Severity::warning, absl::StrCat("mesh \"", mesh.name, "\""),
-                     absl::StrCat("its material is a solid (it has a thickness), but ", fault)});
+                     absl::StrCat(medium ? "its material encloses a medium"
+                                         : "its material is a solid (it has a thickness)",
+                                  ", but ", fault)});
     };
-    if (const std::int64_t open = boundary_edges(mesh, solid); open > 0) {
+    if (mesh.shape != nullptr && !mesh.shape->closed()) {
+      warn("the shape is open: light that enters it may not be seen to leave");
+    } else if (const std::int64_t open = boundary_edges(mesh, solid); open > 0) {
       warn(absl::StrCat("the surface is open at ", open,
                         " edges: light that enters it may not be seen to leave"));
     } else if (const auto pairs = self_overlaps(mesh, solid); !pairs.empty()) {
@@ -61,6 +118,7 @@ std::vector<Problem> check_solids(const Scene& scene) {
                         " pairs of triangles: what lies between them is inside twice"));
     }
   }
+  check_touching(scene, &out);
   return out;
 }
 

@@ -150,6 +150,7 @@ std::vector<bool> used_materials(const Scene& scene) {
 }  // namespace
 
 ShadingScene::ShadingScene(const Scene& scene) : textures(scene) {
+  add_atmosphere(scene);
   add_materials(scene);
   std::vector<std::uint32_t> first;
   for (const Mesh& mesh : scene.meshes) {
@@ -160,7 +161,8 @@ ShadingScene::ShadingScene(const Scene& scene) : textures(scene) {
       view.traits = material.traits;
       view.curved = material.interface == Interface::opaque && has_leaning_normals(p) &&
                     !(material.source->diffuse_transmission.factor > 0);
-      if (colors_make_holes(p, *material.source)) view.traits |= kTraitAlpha;
+      const bool seen = material.rank != kBoundaryRank;
+      if (seen && colors_make_holes(p, *material.source)) view.traits |= kTraitAlpha;
       traits |= view.traits;
       primitives.push_back(view);
     }
@@ -177,13 +179,30 @@ ShadingScene::ShadingScene(const Scene& scene) : textures(scene) {
     view.primitive_count = static_cast<std::uint32_t>(scene.meshes[mesh].primitives.size());
     view.node = instance.node;
     view.handedness = instance.flips_winding ? -1.0f : 1.0f;
+    view.body = static_cast<std::uint32_t>(instances.size());
     instances.push_back(view);
+  }
+  for (const CsgSolid& solid : scene.solids) {
+    for (std::uint32_t i = 0; i < solid.count; ++i) instances[solid.first + i].body = solid.first;
   }
   memory_bytes = textures.memory_bytes() +
                  static_cast<std::int64_t>(primitives.size() * sizeof(PrimitiveView) +
                                            instances.size() * sizeof(InstanceView) +
                                            materials.size() * sizeof(MaterialView) +
                                            glass_.size() * sizeof(GlassTables));
+}
+
+void ShadingScene::add_atmosphere(const Scene& scene) {
+  const std::vector<bool> used = used_materials(scene);
+  for (std::size_t i = 0; i < scene.materials.size(); ++i) {
+    const Material& m = scene.materials[i];
+    if (used[i] && (m.medium || m.optics.has_priority)) tracks_bodies = true;
+  }
+  if (!scene.atmosphere) return;
+  atmosphere = view_of_medium(scene, &scene.atmosphere->medium, {});
+  atmosphere_center = Vec3f(scene.atmosphere->center);
+  atmosphere_radius = static_cast<float>(scene.atmosphere->radius);
+  tracks_bodies = tracks_bodies || atmosphere.present();
 }
 
 void ShadingScene::add_materials(const Scene& scene) {
@@ -205,8 +224,49 @@ void ShadingScene::add_materials(const Scene& scene) {
     view.extended = (is_layered(m) || view.dispersive) && !m.unlit;
     if (used[materials.size()]) add_tables(&view);
     view.traits = traits_of(m, view, scene);
+    if (tracks_bodies) add_interior(scene, &view);
     materials.push_back(view);
   }
+  if (tracks_bodies) add_relative();
+}
+
+/// What the material's surfaces enclose: of solids, within their interface; of others that have a
+/// medium, within a surface that is not seen itself.
+void ShadingScene::add_interior(const Scene& scene, MaterialView* view) {
+  const Material& m = *view->source;
+  const bool solid = view->interface == Interface::solid;
+  if (!solid && !m.medium) return;
+  view->rank = solid ? m.optics.priority : kBoundaryRank;
+  view->medium = view_of_medium(scene, m.medium ? &*m.medium : nullptr,
+                                solid && view->absorbs ? view->extinction : Vec3f{});
+  view->traits |= kTraitBody;
+  if (solid) return;
+  view->traits = kTraitBody;
+  view->emissive = false;
+}
+
+void ShadingScene::add_relative() {
+  const auto takes_part = [](const MaterialView& v) {
+    return v.interface == Interface::solid && v.source->ior > 0;
+  };
+  bool wanted = false;
+  for (const MaterialView& v : materials) {
+    wanted = wanted || (takes_part(v) && v.source->optics.has_priority);
+  }
+  if (!wanted) return;
+  for (const MaterialView& inside : materials) {
+    if (!takes_part(inside) || inside.dispersive) continue;
+    for (const MaterialView& outside : materials) {
+      auto& relative = relative_[{&inside, outside.source->ior}];
+      if (!takes_part(outside) || outside.source->ior == 1 || relative != nullptr) continue;
+      relative = std::make_unique<Relative>(Relative{*inside.source, inside});
+      relative->material.ior /= outside.source->ior;
+      relative->view.source = &relative->material;
+      relative->view.f0 = relative->material.specular_color * f0_from_ior(relative->material.ior);
+      if (inside.tables.entering != nullptr) add_glass_tables(&relative->view);
+    }
+  }
+  std::erase_if(relative_, [](const auto& entry) { return entry.second == nullptr; });
 }
 
 void ShadingScene::add_tables(MaterialView* view) {

@@ -2,7 +2,9 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "worker/geometry/ray.h"
@@ -10,6 +12,7 @@
 #include "worker/shading/albedo_table.h"
 #include "worker/shading/anisotropic_albedo.h"
 #include "worker/shading/bsdf.h"
+#include "worker/shading/medium.h"
 #include "worker/shading/sheen.h"
 #include "worker/shading/texture.h"
 
@@ -21,6 +24,7 @@ inline constexpr std::uint8_t kTraitUnlit = 1u << 1;     // seen by camera rays 
 inline constexpr std::uint8_t kTraitStraight = 1u << 2;  // a thin sheet: light may go straight on
 inline constexpr std::uint8_t kTraitEmissive = 1u << 3;
 inline constexpr std::uint8_t kTraitOneSided = 1u << 4;  // --cull-backfaces hides its back
+inline constexpr std::uint8_t kTraitBody = 1u << 5;  // bounds a body, in a scene that tracks_bodies
 
 /// One glTF primitive as the hot code reads it. Null where the file has no such attribute.
 struct PrimitiveView {
@@ -46,6 +50,8 @@ struct InstanceView {
   std::uint32_t primitive_count = 0;
   std::int32_t node = 0;
   float handedness = 1;  // -1 for mirrored instances
+  std::uint32_t body =
+      0;  // what its surface is part of: the first instance of its CSG solid, or it
 };
 
 /// A material with everything that does not vary over the surface worked out.
@@ -61,7 +67,12 @@ struct MaterialView {
   Conductor conductor;
   BsdfTables tables;
   std::uint8_t traits = 0;
+  std::int32_t rank = 0;  // among bodies that overlap: the priority of solids, kBoundaryRank
+  MediumView medium;      // what it encloses, if it bounds a body
 };
+
+/// Rank of surfaces that are nothing but the end of a medium: below that of all solids.
+inline constexpr std::int32_t kBoundaryRank = -1;
 
 /// A scene flattened for shading: views into `Scene`, which must outlive it.
 struct ShadingScene {
@@ -73,17 +84,32 @@ struct ShadingScene {
     return primitives[instances[id.instance].first_primitive + id.primitive];
   }
 
+  /// The material of a solid as it is met where the solid `outside` is on the other side of its
+  /// surface: its index of refraction is relative to that. Without priorities, and for dispersive
+  /// ones, `inside` itself.
+  const MaterialView& between(const MaterialView& inside, const MaterialView& outside) const {
+    const auto found = relative_.find({&inside, outside.source->ior});
+    return found == relative_.end() ? inside : found->second->view;
+  }
+
   TextureTable textures;
   std::vector<PrimitiveView> primitives;
   std::vector<InstanceView> instances;
   std::vector<MaterialView> materials;
-  std::uint8_t traits = 0;  // of any primitive
+  std::uint8_t traits = 0;     // of any primitive
+  bool tracks_bodies = false;  // has a medium or priorities: paths know all bodies they are in
+  MediumView atmosphere;
+  Vec3f atmosphere_center;
+  float atmosphere_radius = 0;
   std::int64_t memory_bytes = 0;
 
  private:
+  void add_atmosphere(const Scene& scene);
   void add_materials(const Scene& scene);
+  void add_interior(const Scene& scene, MaterialView* view);
   void add_tables(MaterialView* view);
   void add_glass_tables(MaterialView* view);
+  void add_relative();
 
   struct GlassTables {
     float ior = 0;
@@ -93,6 +119,13 @@ struct ShadingScene {
   std::unique_ptr<SheenTable> sheen_;
   std::unique_ptr<AlbedoTable> reflector_;           // if any metal or thin sheet needs it
   std::vector<std::unique_ptr<GlassTables>> glass_;  // one per index of refraction
+
+  /// A solid's material with the index it has relative to another's.
+  struct Relative {
+    Material material;
+    MaterialView view;
+  };
+  std::map<std::pair<const MaterialView*, float>, std::unique_ptr<Relative>> relative_;
 };
 
 }  // namespace tessera::render
