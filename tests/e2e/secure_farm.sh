@@ -45,6 +45,8 @@ worker_pid[one]=$!
 wait_until 60 "the worker is here" is_here
 exits 3 "${worker[@]}" --cache "$work/cache-two" --token "$worker_token"
 says "used up"
+renderer=$(children_of "${worker_pid[one]}")
+equal "its renderer is confined" "$(awk '/^Seccomp:/ {print $2}' "/proc/$renderer/status")" 2
 say "a token lets in as many workers as it says"
 
 scene=$scenes/lit_square.gltf

@@ -21,6 +21,7 @@
 #include "worker/agent/loaded_frames.h"
 #include "worker/agent/message_socket.h"
 #include "worker/agent/render_pool.h"
+#include "worker/agent/sandbox.h"
 #include "worker/render/float_control.h"
 #include "worker/render/numerics_check.h"
 
@@ -183,6 +184,10 @@ int run_renderer(const RendererOptions& options) {
     const auto bytes = static_cast<rlim_t>(options.memory_bytes);
     const rlimit limit{bytes, bytes};
     ::setrlimit(RLIMIT_AS, &limit);
+  }
+  if (const absl::Status confined = enter_sandbox(); !confined.ok()) {
+    std::fprintf(stderr, "the renderer is not confined: %s\n",
+                 std::string(confined.message()).c_str());
   }
   return Renderer(options).run();
 }
