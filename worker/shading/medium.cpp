@@ -64,12 +64,15 @@ MediumView view_of_medium(const Scene& scene, const Medium* medium, const Vec3f&
 }
 
 float density_at(const MediumView& medium, const InstanceView* body, const Vec3d& point) {
-  const bool in_world = body == nullptr || (medium.procedure != nullptr &&
-                                            medium.procedure->space == Procedure::Space::world);
+  const Procedure* procedure = medium.procedure;
+  const bool in_world =
+      body == nullptr || (procedure != nullptr && procedure->space == Procedure::Space::world);
   const Vec3d p =
       in_world ? point + medium.origin : transform_point(body->source->world_to_object, point);
-  if (medium.grid != nullptr) return clamp(grid_density(*medium.grid, p), 0.0f, medium.most);
-  return clamp(procedure_color(*medium.procedure, p, 0).x, 0.0f, medium.most);
+  if (procedure != nullptr) {
+    return clamp(procedure_color(*procedure, p, 0).x, 0.0f, medium.most);
+  }
+  return medium.grid == nullptr ? 1 : clamp(grid_density(*medium.grid, p), 0.0f, medium.most);
 }
 
 }  // namespace tessera::render

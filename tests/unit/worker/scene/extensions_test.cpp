@@ -241,6 +241,84 @@ TEST(TesseraTexture, StandsBeforeAnImageAndNeedsNone) {
   EXPECT_EQ(scene->textures[static_cast<std::size_t>(ref.texture)].procedure, 0);
 }
 
+/// A quad in a scene of fog; texture 0 is a procedure, texture 1 is none, accessor ACCESSOR has 8
+/// densities.
+std::unique_ptr<GltfBuilder> foggy(const std::string& extension, bool on_material = false) {
+  auto file = textured(R"({"pattern": "fbm"})");
+  file->use_extension("TESSERA_medium");
+  file->add("textures", "{}");
+  const int grid = file->add_floats("SCALAR", {0, 1, 2, 3, 4, 5, 6, 7});
+  std::string text = extension;
+  if (const auto at = text.find("ACCESSOR"); at != std::string::npos) {
+    text.replace(at, 8, std::to_string(grid));
+  }
+  file->set(on_material ? "/materials/0/extensions/TESSERA_medium"
+                        : "/scenes/0/extensions/TESSERA_medium",
+            text);
+  return file;
+}
+
+TEST(TesseraMedium, RefusesWhatMeansNothing) {
+  const std::string grid = R"({"density": {"grid": {"accessor": ACCESSOR, "size": [2, 2, 2], )";
+  const std::string at = "scenes[0].extensions.TESSERA_medium";
+  for (const Refused& c : {
+           Refused{"", R"({"absorb": [1, 1, 1]})", ".absorb: is unknown; there are absorption",
+                   true},
+           {"", R"({"absorption": 1})", ".absorption: must be an array of 3", true},
+           {"", R"({"scattering": [1, -1, 1]})", ".scattering: is not in [0, 1e+09]", true},
+           {"", R"({"anisotropy": 1})", ".anisotropy: 1 is not in [-0.999, 0.999]", true},
+           {"", R"({"radius": -1})", ".radius: -1 is not in", true},
+           {"", R"({"center": [1e30, 0, 0]})", ": center is too far out"},
+           {"", R"({"density": {}})", ".density: must have a texture or a grid"},
+           {"", R"({"density": {"texture": 0, "grid": {}}})", ".density: must have a texture or a",
+            true},
+           {"", R"({"density": {"texture": 7}})", ".density.texture: 7 is not the index of one of"},
+           {"", R"({"density": {"texture": 1}})", ".density.texture: names a texture without"},
+           {"", R"({"density": {"grid": {"size": [2, 2, 1]}}})", ".size: must be whole numbers",
+            true},
+           {"", R"({"density": {"grid": {"size": [2, 2, 2.5]}}})", ".size: must be whole numbers",
+            true},
+           {"", grid + R"("min": [0, 0, 0]}}})", ".density.grid: has no max"},
+           {"", grid + R"("min": [0, 0, 0], "max": [1, 0, 1]}}})", ".grid.max: is not above min"},
+           {"",
+            R"({"density": {"grid": {"size": [2, 2, 3], "accessor": ACCESSOR,
+                "min": [0, 0, 0], "max": [1, 1, 1]}}})",
+            ".accessor: has not the 12 values of size"},
+       }) {
+    const std::string message = refusal(*foggy(c.extension));
+    EXPECT_NE(message.find(at), std::string::npos) << message;
+    EXPECT_NE(message.find(c.fault), std::string::npos) << c.extension << "\n" << message;
+    if (c.extension.find("ACCESSOR") != std::string::npos) continue;
+    const json schema = support::read_schema("TESSERA_medium");
+    EXPECT_EQ(!support::schema_faults(schema, json::parse(c.extension)).empty(), c.by_schema)
+        << c.extension;
+  }
+  EXPECT_NE(refusal(*foggy(R"({"radius": 3})", true)).find("radius: is unknown"),
+            std::string::npos);
+}
+
+TEST(TesseraMedium, IsReadOfScenesAndMaterials) {
+  const auto scene = load_and_pose(*foggy(R"({"absorption": [1, 2, 3], "scattering": [4, 5, 6],
+      "anisotropy": 0.5, "center": [1, 2, 3], "radius": 7, "density": {"texture": 0}})"));
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_TRUE(scene->atmosphere.has_value());
+  EXPECT_EQ(scene->atmosphere->medium.absorption, (render::Vec3f{1, 2, 3}));
+  EXPECT_EQ(scene->atmosphere->medium.scattering, (render::Vec3f{4, 5, 6}));
+  EXPECT_EQ(scene->atmosphere->medium.anisotropy, 0.5f);
+  EXPECT_EQ(scene->atmosphere->center + scene->center, (Vec3d{1, 2, 3}));
+  EXPECT_EQ(scene->atmosphere->radius, 7);
+  EXPECT_EQ(scene->atmosphere->medium.procedure, 0);
+  const auto filled = load_and_pose(*foggy(R"({"density": {"grid": {"accessor": ACCESSOR,
+      "size": [2, 2, 2], "min": [0, 0, 0], "max": [1, 2, 3]}}})",
+                                           true));
+  ASSERT_TRUE(filled.ok()) << filled.status();
+  EXPECT_FALSE(filled->atmosphere.has_value());
+  ASSERT_TRUE(filled->materials[0].medium.has_value());
+  ASSERT_NE(filled->materials[0].medium->grid, nullptr);
+  EXPECT_EQ(filled->materials[0].medium->grid->high, (render::Vec3f{1, 2, 3}));
+  EXPECT_EQ(filled->materials[0].medium->grid->values[5], 5);
+}
+
 /// Every extension of ours in `value`, against its schema.
 void check_schemas(const json& value, const std::string& file) {
   if (!value.is_structured()) return;
