@@ -1,8 +1,10 @@
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 
 #include "tests/support/plain_scene.h"
+#include "worker/light/light_table.h"
 #include "worker/light/environment_map.h"
 #include "worker/light/punctual.h"
 
@@ -131,6 +133,32 @@ TEST(Lighting, FormFactorOfASquareAtAnyDistance) {  // hard case 58
     scene.camera.yfov = 1e-3;
     EXPECT_NEAR(middle(scene, 1024), expected[i], 2e-3) << heights[i];
   }
+}
+
+/// The density of light samples over solid angle, times the solid angle of the halves, for either
+/// half of an emitting parallelogram one metre above.
+std::array<double, 2> shares_of_halves(const Vec3f& along_t) {
+  Scene scene = empty_scene();
+  const auto material = add_material(&scene, lamp(1));
+  const Vec3f a = {-0.5f, 1, -0.5f}, s = {0, 0, 1}, t = along_t;
+  add_primitive(&scene, quad(a, t, s, material));
+  const render::ShadingScene shading(scene);
+  const render::LightTable lights(scene, shading);
+  const Vec3d b(a + t), c(a + t + s), d(a + s);
+  const double halves = render::SphericalTriangle::seen_from_origin(Vec3d(a), b, c).solid_angle +
+                        render::SphericalTriangle::seen_from_origin(Vec3d(a), c, d).solid_angle;
+  const render::LightReceiver receiver{{0, 0, 0}, {0, 1, 0}, false};
+  const auto density = [&](std::uint32_t half) {
+    return static_cast<double>(lights.emitter_pdf(receiver, {0, 0, half}, 1, 1));
+  };
+  return {density(0) * halves, density(1) * halves};
+}
+
+TEST(Lighting, TwoHalvesOfARectangleAreOneLight) {
+  for (const double share : shares_of_halves({1, 0, 0})) EXPECT_NEAR(share, 1, 1e-6);
+  // One that leans is not: its halves are seen under other angles.
+  const auto leaning = shares_of_halves({1, 0, 0.5f});
+  EXPECT_GT(std::fabs(leaning[0] - leaning[1]), 0.1);
 }
 
 TEST(Lighting, ClosedFurnaceSumsTheBounces) {  // hard case 45

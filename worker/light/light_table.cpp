@@ -115,6 +115,7 @@ void LightTable::add_emitters(const Scene& scene, std::vector<LightBounds>& boun
       }
       slots_.push_back(static_cast<std::int64_t>(entries_.size()));
       if (mesh.shape != nullptr) add_shape(scene, static_cast<std::uint32_t>(i), bounds);
+      const std::size_t first = entries_.size();
       for (std::size_t t = 0; t < p.triangles.size(); ++t) {
         Entry entry;
         entry.triangle = {static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(k),
@@ -132,7 +133,58 @@ void LightTable::add_emitters(const Scene& scene, std::vector<LightBounds>& boun
         entries_.push_back(entry);
         bounds.push_back(light);
       }
+      const Material& material = scene.materials[static_cast<std::size_t>(p.material)];
+      if (mesh.shape == nullptr && !material.emissive_texture) {
+        merge_rectangles(instance, p, first, bounds);
+      }
     }
+  }
+}
+
+namespace {
+
+/// The corner of a triangle with a right angle, in the world, up to 2^-20; 3 if there is none.
+std::uint8_t right_angle_of(const std::array<Vec3d, 3>& v) {
+  for (std::uint8_t k = 0; k < 3; ++k) {
+    const Vec3d a = v[(k + 1u) % 3] - v[k], b = v[(k + 2u) % 3] - v[k];
+    if (std::fabs(dot(a, b)) <= 0x1p-20 * std::sqrt(dot(a, a) * dot(b, b))) return k;
+  }
+  return 3;
+}
+
+}  // namespace
+
+/// Makes one light of each two triangles in a row that are the halves of a rectangle and shine
+/// alike: the first stands for both, the second has no strength of its own.
+void LightTable::merge_rectangles(const Instance& instance, const Primitive& p, std::size_t first,
+                                  std::vector<LightBounds>& bounds) {
+  for (std::size_t t = 0; t + 1 < p.triangles.size(); ++t) {
+    LightBounds &a = bounds[first + t], &b = bounds[first + t + 1];
+    if (!(a.strength > 0) || !(b.strength > 0)) continue;
+    std::array<std::array<Vec3d, 3>, 2> v;
+    for (std::size_t half = 0; half < 2; ++half) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        v[half][k] = world_vertex(instance, p, p.triangles[t + half][k]);
+      }
+    }
+    const std::uint8_t r = right_angle_of(v[0]), s = right_angle_of(v[1]);
+    if (r == 3 || s == 3) continue;
+    const Vec3d &next = v[0][(r + 1u) % 3], &last = v[0][(r + 2u) % 3];
+    if (!(v[1][(s + 1u) % 3] == last) || !(v[1][(s + 2u) % 3] == next)) continue;
+    const Vec3d off = v[1][s] - (next + last - v[0][r]);
+    if (!(length(off) <= 0x1p-20 * length(next - last))) continue;
+    Entry& entry = entries_[first + t];
+    entry.other = static_cast<std::uint32_t>(t + 1);
+    entry.right_angle = r;
+    entry.other_right_angle = s;
+    entry.density *= 0.5f;
+    entry.centre = Vec3f((next + last) * 0.5);
+    entries_[first + t + 1].merged = true;
+    a.box_min = min(a.box_min, b.box_min);
+    a.box_max = max(a.box_max, b.box_max);
+    a.strength += b.strength;
+    b.strength = 0;
+    ++t;
   }
 }
 
@@ -238,33 +290,79 @@ bool LightTable::sample_point_light(const Entry& entry, float share, const Vec3f
   return share > 0 && max_component(s.irradiance) > 0;
 }
 
+/// Corner of a triangle of the entry's primitive, relative to `point`.
+Vec3d LightTable::corner_from(const Entry& entry, std::uint32_t triangle, std::size_t corner,
+                              const Vec3f& point) const {
+  const Affine3d& place = shading_.instances[entry.triangle.instance].source->object_to_world;
+  const PrimitiveView& p = shading_.primitive(entry.triangle);
+  return transform_point(place, Vec3d(p.positions[p.triangles[triangle][corner]])) - Vec3d(point);
+}
+
+bool LightTable::may_be_near(const Entry& entry, const Vec3f& point) const {
+  const Vec3f d = entry.centre - point;
+  return dot(d, d) < entry.reach2;
+}
+
 /// The triangle as `point` sees it; without solid angle where its area is sampled instead.
 SphericalTriangle LightTable::near_triangle(const Entry& entry, const Vec3f& point) const {
-  const Vec3f d = entry.centre - point;
-  if (!(dot(d, d) < entry.reach2)) return {};
-  const TriangleId& id = entry.triangle;
-  const Affine3d& place = shading_.instances[id.instance].source->object_to_world;
-  const PrimitiveView& p = shading_.primitive(id);
-  const auto& v = p.triangles[id.triangle];
-  const auto corner = [&](std::uint32_t i) {
-    return transform_point(place, Vec3d(p.positions[i])) - Vec3d(point);
-  };
-  const auto seen = SphericalTriangle::seen_from_origin(corner(v[0]), corner(v[1]), corner(v[2]));
+  if (!may_be_near(entry, point)) return {};
+  const std::uint32_t t = entry.triangle.triangle;
+  const auto seen = SphericalTriangle::seen_from_origin(corner_from(entry, t, 0, point),
+                                                        corner_from(entry, t, 1, point),
+                                                        corner_from(entry, t, 2, point));
   return seen.is_near() ? seen : SphericalTriangle{};
+}
+
+/// The same for a rectangle, from its first triangle's right angle.
+SphericalRectangle LightTable::near_rectangle(const Entry& entry, const Vec3f& point) const {
+  if (!may_be_near(entry, point)) return {};
+  const std::uint32_t t = entry.triangle.triangle;
+  const std::size_t r = entry.right_angle;
+  const Vec3d corner = corner_from(entry, t, r, point);
+  const SphericalRectangle seen(corner, corner_from(entry, t, (r + 1) % 3, point) - corner,
+                                corner_from(entry, t, (r + 2) % 3, point) - corner);
+  return seen.is_near() ? seen : SphericalRectangle();
+}
+
+LightTable::Place LightTable::place_on(const Entry& entry, const Vec3f& point,
+                                       const LightRandom& u) const {
+  Place place{entry.triangle, {}, 0};
+  if (entry.other == kNoTriangle) {
+    const SphericalTriangle seen = near_triangle(entry, point);
+    place.solid_angle = seen.solid_angle;
+    place.weights =
+        seen.solid_angle > 0
+            ? seen.place_of(seen.sample(u.u1, u.u2))
+            : warp::uniform_triangle({static_cast<float>(u.u1), static_cast<float>(u.u2)});
+    return place;
+  }
+  const SphericalRectangle seen = near_rectangle(entry, point);
+  place.solid_angle = seen.solid_angle();
+  std::array<double, 2> at = {u.u1, u.u2};
+  if (place.solid_angle > 0) at = seen.sample(u.u1, u.u2);
+  std::size_t corner = entry.right_angle;
+  if (at[0] + at[1] > 1) {  // the other half starts from the other end
+    place.triangle.triangle = entry.other;
+    corner = entry.other_right_angle;
+    at = {1 - at[0], 1 - at[1]};
+  }
+  std::array<double, 3> weights{};
+  weights[corner] = 1 - at[0] - at[1];
+  weights[(corner + 1) % 3] = at[0];
+  weights[(corner + 2) % 3] = at[1];
+  place.weights = {static_cast<float>(weights[1]), static_cast<float>(weights[2])};
+  return place;
 }
 
 bool LightTable::sample_emitter(const Entry& entry, float share, const Vec3f& point,
                                 const LightRandom& u, LightSample* sample) const {
-  const TriangleId& id = entry.triangle;
+  const Place place = place_on(entry, point, u);
+  const TriangleId& id = place.triangle;
+  const Vec2f& w = place.weights;
   const InstanceView& instance = shading_.instances[id.instance];
   const PrimitiveView& p = shading_.primitive(id);
   const auto& v = p.triangles[id.triangle];
   const Vec3f a = p.positions[v[0]], b = p.positions[v[1]], c = p.positions[v[2]];
-  const SphericalTriangle seen = near_triangle(entry, point);
-  const Vec2f w =
-      seen.solid_angle > 0
-          ? seen.place_of(seen.sample(u.u1, u.u2))
-          : warp::uniform_triangle({static_cast<float>(u.u1), static_cast<float>(u.u2)});
   sample->target = transform_point(instance.object_to_world, a + (b - a) * w.x + (c - a) * w.y);
   const Vec3f to_light = sample->target - point;
   const float distance = length(to_light);
@@ -276,8 +374,9 @@ bool LightTable::sample_emitter(const Entry& entry, float share, const Vec3f& po
       emission_at(shading_, light, -sample->direction) * coverage_at(shading_, light);
   if (!(max_component(radiance) > 0)) return false;
   const float cosine = std::fabs(dot(light.geometric_normal, sample->direction));
-  sample->pdf = seen.solid_angle > 0 ? static_cast<float>(share / seen.solid_angle)
-                                     : solid_angle_density(share * entry.density, distance, cosine);
+  sample->pdf = place.solid_angle > 0
+                    ? static_cast<float>(share / place.solid_angle)
+                    : solid_angle_density(share * entry.density, distance, cosine);
   if (!(sample->pdf > 0) || !(sample->pdf < INFINITY)) return false;
   sample->radiance_over_pdf = radiance / sample->pdf;
   return true;
@@ -316,7 +415,8 @@ float LightTable::emitter_pdf(const LightReceiver& receiver, const TriangleId& i
   const std::int64_t first = slots_[slot_first_[id.instance] + id.primitive];
   if (first == kNone) return 0;
   const std::int32_t shape = entries_[static_cast<std::size_t>(first)].shape;
-  const auto light = static_cast<std::uint32_t>(first) + (shape == kNone ? id.triangle : 0);
+  auto light = static_cast<std::uint32_t>(first) + (shape == kNone ? id.triangle : 0);
+  if (entries_[light].merged) --light;
   const double share = shares(receiver).tree * tree_.probability(receiver, light);
   if (!(share > 0)) return 0;
   if (shape != kNone) {
@@ -324,8 +424,11 @@ float LightTable::emitter_pdf(const LightReceiver& receiver, const TriangleId& i
     const double solid_angle = emitter.solid_angle(Vec3d(receiver.point));
     return solid_angle > 0 ? static_cast<float>(share / solid_angle) : 0;
   }
-  const SphericalTriangle seen = near_triangle(entries_[light], receiver.point);
-  if (seen.solid_angle > 0) return static_cast<float>(share / seen.solid_angle);
+  const Entry& entry = entries_[light];
+  const double solid_angle = entry.other == kNoTriangle
+                                 ? near_triangle(entry, receiver.point).solid_angle
+                                 : near_rectangle(entry, receiver.point).solid_angle();
+  if (solid_angle > 0) return static_cast<float>(share / solid_angle);
   return solid_angle_density(static_cast<float>(share) * entries_[light].density, distance,
                              cos_light);
 }

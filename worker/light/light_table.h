@@ -8,6 +8,7 @@
 #include "worker/light/environment_map.h"
 #include "worker/light/light_tree.h"
 #include "worker/light/shape_emitter.h"
+#include "worker/light/spherical_rectangle.h"
 #include "worker/light/spherical_triangle.h"
 #include "worker/math/vector.h"
 #include "worker/sampling/distribution.h"
@@ -71,17 +72,23 @@ class LightTable {
   std::int64_t memory_bytes() const;
 
  private:
-  /// An emissive triangle, a shape that emits, or a punctual light.
+  /// An emissive triangle, or two that make a rectangle, a shape that emits, or a punctual light.
   struct Entry {
     TriangleId triangle;
+    std::uint32_t other = kNoTriangle;  // the second triangle of a rectangle
+    bool merged = false;                // is the second triangle of the entry before
+    std::uint8_t right_angle = 0, other_right_angle = 0;  // corners of a rectangle's triangles
     std::int32_t punctual = kNone;
     std::int32_t shape = kNone;  // of shapes_; its instance is that of `triangle`
-    float density = 0;           // of a point on it: 1 / area of triangles, 1 for punctual lights
+    float density = 0;           // of a point on it: 1 / area, 1 for punctual lights
     Vec3f centre;
     float reach2 = 0;  // squared distance from it within which they are seen under a large angle
   };
 
+  static constexpr std::uint32_t kNoTriangle = UINT32_MAX;
   void add_emitters(const Scene& scene, std::vector<LightBounds>& bounds);
+  void merge_rectangles(const Instance& instance, const Primitive& p, std::size_t first,
+                        std::vector<LightBounds>& bounds);
   void add_shape(const Scene& scene, std::uint32_t instance, std::vector<LightBounds>& bounds);
   void add_punctual(const Scene& scene, std::vector<LightBounds>& bounds);
   bool has_local_lights() const { return !tree_.empty() || !distant_.empty(); }
@@ -92,7 +99,18 @@ class LightTable {
   Shares shares(const LightReceiver& receiver) const;
   bool sample_sky(float share, const LightRandom& u, LightSample* sample) const;
   bool sample_distant(double u, const Vec3f& point, float share, LightSample* sample) const;
+  Vec3d corner_from(const Entry& entry, std::uint32_t triangle, std::size_t corner,
+                    const Vec3f& point) const;
+  bool may_be_near(const Entry& entry, const Vec3f& point) const;
   SphericalTriangle near_triangle(const Entry& entry, const Vec3f& point) const;
+  SphericalRectangle near_rectangle(const Entry& entry, const Vec3f& point) const;
+  /// A triangle, and where on it.
+  struct Place {
+    TriangleId triangle;
+    Vec2f weights;           // barycentrics of the second and third corner
+    double solid_angle = 0;  // of the emitter; 0 where it is sampled by area
+  };
+  Place place_on(const Entry& entry, const Vec3f& point, const LightRandom& u) const;
   bool sample_emitter(const Entry& entry, float share, const Vec3f& point, const LightRandom& u,
                       LightSample* sample) const;
   bool sample_shape(const Entry& entry, float share, const Vec3f& point, const LightRandom& u,

@@ -341,6 +341,7 @@ LightTree::Weights LightTree::weights(const Node& node, const LightReceiver& rec
 }
 
 LightTree::Choice LightTree::choose(const LightReceiver& receiver, double u) const {
+  if (nodes_.size() == 1 && nodes_[0].count == 1) return {nodes_[0].child[0], 1};
   Choice choice{0, 1};
   for (std::uint32_t at = 0;;) {
     const Node& node = nodes_[at];
@@ -362,6 +363,7 @@ LightTree::Choice LightTree::choose(const LightReceiver& receiver, double u) con
 double LightTree::probability(const LightReceiver& receiver, std::uint32_t light) const {
   Place place = leaves_[light];
   if (place == kNone) return 0;
+  if (nodes_.size() == 1 && nodes_[0].count == 1) return 1;
   double probability = 1;
   for (; place != kNone; place = nodes_[place / kWidth].parent) {
     const Node& node = nodes_[place / kWidth];

@@ -4,4 +4,4 @@ target_sources(tessera_render
   PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
     FILES light/emissive_power.h light/environment_map.h light/light_table.h
           light/light_tree.h light/punctual.h light/shape_emitter.h
-          light/spherical_triangle.h)
+          light/spherical_rectangle.h light/spherical_triangle.h)

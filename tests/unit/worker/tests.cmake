@@ -6,7 +6,8 @@ if(TESSERA_WITH_GRPC)
   tessera_test(NAME agent KIND unit SOURCES unit/worker/agent_test.cpp unit/worker/sandbox_test.cpp unit/worker/unit_queue_test.cpp
     LINKS tessera::agent)
 endif()
-tessera_test(NAME light KIND unit SOURCES unit/worker/light_tree_test.cpp unit/worker/spherical_triangle_test.cpp
+tessera_test(NAME light KIND unit SOURCES unit/worker/light_tree_test.cpp unit/worker/spherical_rectangle_test.cpp
+  unit/worker/spherical_triangle_test.cpp
   LINKS tessera::render)
 tessera_test(NAME math KIND unit
   SOURCES unit/worker/math/elementary_test.cpp unit/worker/math/vector_test.cpp
