@@ -125,6 +125,7 @@ int run_down() {
 void add_farm_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<FarmOptions>();
   CLI::App* command = app.add_subcommand("farm", "A farm on this machine that stays");
+  command->footer("Examples:\n  tessera farm up --workers 2\n  tessera farm down");
   command->require_subcommand(1);
   CLI::App* up = command->add_subcommand(
       "up", "Start a server and workers for this user; other commands find them by themselves");
