@@ -17,8 +17,7 @@ done
 if [ "${1:-}" = --build ]; then
   build_image
 else
-  podman image exists "$image" ||
-    { echo "SKIPPED: no image $image here; the target containers makes it"; exit 0; }
+  has_image || { echo "SKIPPED: no image $image of this version; the target containers makes it"; exit 0; }
 fi
 
 project=tessera-e2e-$$

@@ -49,7 +49,7 @@ done
 # The pods of the local overlay, where there is podman and the image: a job runs on them.
 command -v podman >/dev/null || { echo "# podman is not installed: no pod was run"; exit 0; }
 . "$here/containers/engine.sh"
-podman image exists "$image" || { echo "# no image $image here: no pod was run"; exit 0; }
+has_image || { echo "# no image $image of this version: no pod was run"; exit 0; }
 network=tessera-e2e-$$ secrets=$work/secrets
 pods_of() { (cd "$work/check" && node "$here/kubernetes/pods_for_podman.mjs" "$work/local.yaml" "$1" "$secrets") >"$work/pods-$1.yaml"; }
 finish() {

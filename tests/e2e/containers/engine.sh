@@ -13,6 +13,13 @@ events_logger = "file"
 CONF
 export CONTAINERS_CONF=$work/containers.conf
 
+# has_image: there is one, of programs of this version.
+has_image() {
+  podman image exists "$image" &&
+    [ "$(podman run --rm --no-healthcheck --network none "$image" tessera --version | head -n 1)" = \
+      "$(tessera --version | head -n 1)" ]
+}
+
 # build_image: $image of deploy/Containerfile, with this host's compiler cache if it has one.
 build_image() {
   local base=${TESSERA_BASE_IMAGE:-docker.io/library/debian:bookworm-slim} cache=()
