@@ -19,6 +19,7 @@ picture lens lens --size 420x210 --spp 128
 picture textures textures --size 480x208 --spp 64
 picture optics optics --size 360x200 --spp 96 --clamp 4
 picture blobs blobs --size 420x270 --spp 128 --clamp 4
+picture fog fog --size 400x225 --spp 128
 picture spherical screens --camera spherical --size 360x180 --spp 64
 picture cylindrical screens --camera cylindrical --size 360x102 --spp 64
 picture equidistant screens --camera equidistant --size 180x180 --spp 64
