@@ -54,7 +54,7 @@ class MaterialReader {
  private:
   /// An extension that adds to metal-rough shading; warns of one beside what excludes it.
   JsonView layer(const char* name) {
-    const JsonView found = look_.extension(name);
+    JsonView found = look_.extension(name);
     if (!found.present() || !(out_.unlit || out_.specular_glossiness)) return found;
     document_.problems.push_back(
         {Problem::Severity::warning, found.path(),
