@@ -18,8 +18,8 @@ using render::Camera;
 using render::Scene;
 using render::Vec3d;
 
-const std::string kPerspective = R"("type": "perspective", "perspective": {"yfov": 1, "znear": 1})";
-const std::string kOrthographic =
+const std::string perspective = R"("type": "perspective", "perspective": {"yfov": 1, "znear": 1})";
+const std::string orthographic =
     R"("type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1, "znear": 0, "zfar": 9})";
 
 /// A file with one camera, of a kind and with an extension; node 1 stands at (0, 0, -3).
@@ -45,54 +45,54 @@ struct Refused {
 TEST(TesseraCamera, RefusesWhatMeansNothing) {
   const std::string at = "cameras[0].extensions.TESSERA_camera";
   for (const Refused& c : {
-           Refused{kPerspective, R"({"lense": {}})", ".lense: is unknown; there are projection",
+           Refused{perspective, R"({"lense": {}})", ".lense: is unknown; there are projection",
                    true},
-           {kPerspective, R"({"projection": "flat"})", ".projection: is not spherical", true},
-           {kPerspective, R"({"angle": 1})", ".angle: means nothing without a projection"},
-           {kPerspective, R"({"projection": "spherical", "angle": 1})", ".angle: belongs to"},
-           {kPerspective, R"({"projection": "equisolid", "verticalAngle": 1})",
+           {perspective, R"({"projection": "flat"})", ".projection: is not spherical", true},
+           {perspective, R"({"angle": 1})", ".angle: means nothing without a projection"},
+           {perspective, R"({"projection": "spherical", "angle": 1})", ".angle: belongs to"},
+           {perspective, R"({"projection": "equisolid", "verticalAngle": 1})",
             ".verticalAngle: belongs to"},
-           {kPerspective, R"({"projection": "spherical", "horizontalAngle": 7})",
+           {perspective, R"({"projection": "spherical", "horizontalAngle": 7})",
             ".horizontalAngle: 7 is not in", true},
-           {kPerspective, R"({"projection": "equidistant", "angle": 0})", ".angle: must be above 0",
+           {perspective, R"({"projection": "equidistant", "angle": 0})", ".angle: must be above 0",
             true},
-           {kPerspective,
+           {perspective,
             R"({"projection": "spherical", "lens": {"fNumber": 2, "focusDistance": 1}})",
             ".lens: means nothing on a curved screen"},
-           {kPerspective, R"({"frustum": {"left": -1, "right": 1, "bottom": -1, "top": 1}})",
+           {perspective, R"({"frustum": {"left": -1, "right": 1, "bottom": -1, "top": 1}})",
             ".frustum: has no near", true},
-           {kPerspective,
+           {perspective,
             R"({"frustum": {"left": 1, "right": 1, "bottom": -1, "top": 1, "near": 1}})",
             ".frustum: left is not below right"},
-           {kPerspective,
+           {perspective,
             R"({"frustum": {"left": -1, "right": 1, "bottom": -1, "top": 1, "near": 0}})",
             ".frustum.near: 0 is not in"},
-           {kPerspective,
+           {perspective,
             R"({"frustum": {"left": -1, "right": 1, "bottom": -1, "top": 1, "near": 2, "far": 1}})",
             ".frustum: near is not below far"},
-           {kPerspective, R"({"direction": [0, 0, -1]})",
+           {perspective, R"({"direction": [0, 0, -1]})",
             ".direction: means nothing on a perspective camera"},
-           {kOrthographic, R"({"direction": [1, 0, 0]})", ".direction: does not go forwards"},
-           {kOrthographic, R"({"direction": [1, 0]})", ".direction: must be an array of 3", true},
-           {kOrthographic, R"({"lens": {"fNumber": 2, "focusDistance": 1}})",
+           {orthographic, R"({"direction": [1, 0, 0]})", ".direction: does not go forwards"},
+           {orthographic, R"({"direction": [1, 0]})", ".direction: must be an array of 3", true},
+           {orthographic, R"({"lens": {"fNumber": 2, "focusDistance": 1}})",
             ".lens: needs a perspective camera"},
-           {kPerspective, R"({"lookAt": {"position": [0, 0, 0]}})", ".lookAt: has no target", true},
-           {kPerspective, R"({"lookAt": {"position": [0, 0, 0], "target": [0, 2, 0]}})",
+           {perspective, R"({"lookAt": {"position": [0, 0, 0]}})", ".lookAt: has no target", true},
+           {perspective, R"({"lookAt": {"position": [0, 0, 0], "target": [0, 2, 0]}})",
             ".lookAt: position, target and up leave no direction"},
-           {kPerspective, R"({"lens": {"focusDistance": 1}})", ".lens: has no fNumber", true},
-           {kPerspective, R"({"lens": {"fNumber": 0, "focusDistance": 1}})",
+           {perspective, R"({"lens": {"focusDistance": 1}})", ".lens: has no fNumber", true},
+           {perspective, R"({"lens": {"fNumber": 0, "focusDistance": 1}})",
             ".lens.fNumber: 0 is not in", true},
-           {kPerspective, R"({"lens": {"fNumber": 2}})",
+           {perspective, R"({"lens": {"fNumber": 2}})",
             ".lens: wants either focusDistance or focusNode"},
-           {kPerspective, R"({"lens": {"fNumber": 2, "focusDistance": 1, "focusNode": 1}})",
+           {perspective, R"({"lens": {"fNumber": 2, "focusDistance": 1, "focusNode": 1}})",
             ".lens: wants either focusDistance or focusNode"},
-           {kPerspective, R"({"lens": {"fNumber": 2, "focusNode": 9}})",
+           {perspective, R"({"lens": {"fNumber": 2, "focusNode": 9}})",
             ".lens.focusNode: 9 is not the index"},
-           {kPerspective, R"({"lens": {"fNumber": 2, "focusNode": 0}})",
+           {perspective, R"({"lens": {"fNumber": 2, "focusNode": 0}})",
             ".lens.focusNode: nodes[0] is not in front of the camera"},
-           {kPerspective, R"({"lens": {"fNumber": 2, "focusDistance": 1, "blades": 2}})",
+           {perspective, R"({"lens": {"fNumber": 2, "focusDistance": 1, "blades": 2}})",
             ".lens.blades: must be 0 or 3 to 64"},
-           {kPerspective, R"({"lens": {"fNumber": 2, "focusDistance": 1, "rim": {"radius": 1}}})",
+           {perspective, R"({"lens": {"fNumber": 2, "focusDistance": 1, "rim": {"radius": 1}}})",
             ".lens.rim: has no distance", true},
        }) {
     contract::RenderSettings settings;
@@ -107,22 +107,22 @@ TEST(TesseraCamera, RefusesWhatMeansNothing) {
 }
 
 TEST(TesseraExtensions, StandWhereTheyBelongAndAreListed) {
-  const auto file = filmed(kPerspective, "{}");
+  const auto file = filmed(perspective, "{}");
   EXPECT_EQ(refusal(*file), "");
   file->set("/nodes/0/extensions/TESSERA_camera", "{}");
   EXPECT_EQ(refusal(*file),
             "scene.gltf: nodes[0].extensions.TESSERA_camera: does not belong here, but on elements "
             "of cameras");
-  const auto misspelt = filmed(kPerspective, "{}");
+  const auto misspelt = filmed(perspective, "{}");
   misspelt->set("/cameras/0/extensions/TESSERA_camra", "{}");
   EXPECT_EQ(refusal(*misspelt),
             "scene.gltf: cameras[0].extensions.TESSERA_camra: is no extension of this version of "
             "Tessera; misspelt?");
   GltfBuilder unlisted;
-  unlisted.add("cameras", "{" + kPerspective + R"(, "extensions": {"TESSERA_camera": {}}})");
+  unlisted.add("cameras", "{" + perspective + R"(, "extensions": {"TESSERA_camera": {}}})");
   EXPECT_EQ(refusal(unlisted),
             "scene.gltf: cameras[0].extensions.TESSERA_camera: is not listed in extensionsUsed");
-  const auto extras = filmed(kPerspective, "{}");
+  const auto extras = filmed(perspective, "{}");
   extras->set("/nodes/0/extras/extensions/TESSERA_anything", "{}");
   EXPECT_EQ(refusal(*extras), "");
 }
@@ -135,7 +135,7 @@ Camera camera_of(const GltfBuilder& file) {
 
 TEST(TesseraCamera, IsReadAsItIsWritten) {
   const Camera window = camera_of(*filmed(
-      kPerspective,
+      perspective,
       R"({"frustum": {"left": -1, "right": 3, "bottom": -2, "top": 1, "near": 2, "far": 8}})"));
   EXPECT_DOUBLE_EQ(window.center_x, 0.5);
   EXPECT_DOUBLE_EQ(window.center_y, -0.25);
@@ -143,27 +143,27 @@ TEST(TesseraCamera, IsReadAsItIsWritten) {
   EXPECT_EQ(window.znear, 2);
   EXPECT_EQ(window.zfar, 8);
   const Camera flat = camera_of(
-      *filmed(kOrthographic,
+      *filmed(orthographic,
               R"({"frustum": {"left": -1, "right": 3, "bottom": -2, "top": 1, "near": 2, "far": 8},
           "direction": [1, -2, -4]})"));
   EXPECT_EQ(flat.center_x, 1);
   EXPECT_EQ(flat.ymag, 1.5);
   EXPECT_EQ(flat.slant_x, 0.25);
   EXPECT_EQ(flat.slant_y, -0.5);
-  const Camera round = camera_of(*filmed(kPerspective, R"({"projection": "equisolid"})"));
+  const Camera round = camera_of(*filmed(perspective, R"({"projection": "equisolid"})"));
   EXPECT_EQ(round.kind, Camera::Kind::equisolid);
   EXPECT_EQ(round.vertical_angle, 3.14159265358979323846);
 }
 
 TEST(TesseraCamera, FocalLengthFollowsFromSensorAndFieldOfView) {
   const Camera lens = camera_of(
-      *filmed(kPerspective, R"({"lens": {"fNumber": 2, "sensorHeight": 0.5, "focusNode": 1}})"));
+      *filmed(perspective, R"({"lens": {"fNumber": 2, "sensorHeight": 0.5, "focusNode": 1}})"));
   EXPECT_NEAR(lens.lens.radius, 0.25 / std::tan(0.5) / 2 / 2, 1e-15);
   EXPECT_DOUBLE_EQ(lens.lens.focus_distance, 3);
 }
 
 TEST(TesseraCamera, LooksAtItsTargetInItsNodesSpace) {
-  const auto file = filmed(kPerspective,
+  const auto file = filmed(perspective,
                            R"({"lookAt": {"position": [1, 2, 3], "target": [1, 2, 7],
                                           "up": [1, 0, 0]}})");
   file->set("/nodes/0/translation", "[10, 0, 0]");
