@@ -16,6 +16,8 @@ picture() {
 }
 
 picture lens lens --size 420x210 --spp 128
+picture motion motion --frames 12 --size 420x230 --spp 192
+picture panning motion --camera panning --frames 12 --size 420x230 --spp 192
 picture textures textures --size 480x208 --spp 64
 picture optics optics --size 360x200 --spp 96 --clamp 4
 picture blobs blobs --size 420x270 --spp 128 --clamp 4

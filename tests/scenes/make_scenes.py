@@ -797,11 +797,112 @@ def fog():
     return gltf
 
 
+def turned(axis, *degrees):
+    """Rotation quaternions about an axis."""
+    return [rounded(*(math.sin(math.radians(d) / 2) * x for x in axis),
+                    math.cos(math.radians(d) / 2)) for d in degrees]
+
+
+def motion():
+    """What a shutter blurs: a ball that flies, a wheel and a cut die that turn, a flag that changes
+    (morph targets), a reed that bends (a skin), and cameras that stand and that move."""
+    gltf = Gltf()
+    gltf.use("TESSERA_camera", "KHR_materials_emissive_strength")
+    grey = gltf.add("materials", plain(0.55, 0.55, 0.52))
+    lamp = gltf.add("materials", plain(0, 0, 0, emissiveFactor=[1, 0.95, 0.85], extensions={
+        "KHR_materials_emissive_strength": {"emissiveStrength": 12}}))
+    spark = gltf.add("materials", plain(0, 0, 0, emissiveFactor=[1, 0.5, 0.15], extensions={
+        "KHR_materials_emissive_strength": {"emissiveStrength": 40}}))
+    gltf.node(mesh=gltf.mesh(quad((-7, 0, 3), (14, 0, 0), (0, 0, -5)), grey))
+    gltf.node(mesh=gltf.mesh(quad((-7, 0, -1.5), (14, 0, 0), (0, 5, 0)), grey))
+    gltf.node(mesh=gltf.mesh(quad((-1.5, 4, 0), (3, 0, 0), (0, 0, 2)), lamp))
+
+    tracks = []  # of the one animation: node, path, type, keys at 0 s and 1 s
+
+    def moves(node, path, *keys):
+        tracks.append((node, path, {3: "VEC3", 4: "VEC4", 1: "SCALAR"}[len(keys[0])], keys))
+        return node
+
+    red = gltf.add("materials", plain(0.75, 0.12, 0.08))
+    moves(gltf.node(mesh=gltf.mesh(sphere(0.28, 12), red)), "translation",
+          [-3.1, 0.28, 1.4], [-0.1, 0.28, 1.4])
+    steel = gltf.add("materials", metal(0.6, 0.62, 0.65, 0.3))
+    spokes = [gltf.add("nodes", gltf.shape("cylinder", steel, {"rotation": turn},
+                                           radius=0.04, height=1.2))
+              for turn in turned((0, 0, 1), 0, 60, 120)]
+    rim = gltf.add("nodes", {"mesh": gltf.mesh(torus(0.62, 0.07, 12), steel),
+                             "rotation": turned((1, 0, 0), 90)[0]})
+    glow = gltf.add("nodes", {"mesh": gltf.mesh(sphere(0.05, 6), spark), "translation": [0, 0.8, 0]})
+    wheel = gltf.node(translation=[0.2, 0.9, -0.6], children=[rim, glow, *spokes])
+    moves(wheel, "rotation", *turned((0, 0, 1), 0, 90, 180, 270, 360))
+    gold = gltf.add("materials", metal(1.0, 0.72, 0.32, 0.35))
+    die = gltf.csg("subtraction", gltf.shape("box", gold, size=[0.7, 0.7, 0.7]),
+                   gltf.shape("sphere", red, radius=0.45), translation=[1.7, 0.65, 0.9])
+    gltf.doc["scenes"][0]["nodes"].append(die)
+    moves(die, "rotation", *turned((0, 1, 0), 0, 60, 120))
+
+    def flag(u, v):
+        return (1.1 * u, 0.7 * v, 0.12 * math.sin(2 * math.pi * u)), (0, 0, 1)
+
+    cloth = gltf.add("materials", plain(0.1, 0.3, 0.65, doubleSided=True))
+    rows = grid(6, 12, flag)
+    mesh = gltf.mesh(rows, cloth)
+    targets = [{"POSITION": gltf.floats([rounded(0, 0, -0.3 * math.sin(2 * math.pi * p[0]) + shift)
+                                         for p in rows[0]], "VEC3", bounds=True)}
+               for shift in (0, 0.25)]
+    gltf.doc["meshes"][mesh]["primitives"][0]["targets"] = targets
+    gltf.doc["meshes"][mesh]["weights"] = [0, 0]
+    banner = gltf.node(mesh=mesh, translation=[-2.3, 1.5, 0])
+
+    def reed(u, v):
+        angle = 2 * math.pi * u
+        normal = (math.cos(angle), 0, -math.sin(angle))
+        return (0.07 * normal[0], 1.5 * v, 0.07 * normal[2]), normal
+
+    green = gltf.add("materials", plain(0.15, 0.5, 0.12))
+    rows = grid(12, 8, reed)
+    mesh = gltf.mesh(rows, green)
+    attributes = gltf.doc["meshes"][mesh]["primitives"][0]["attributes"]
+    attributes["WEIGHTS_0"] = gltf.floats(
+        [rounded(1 - p[1] / 1.5, p[1] / 1.5, 0, 0) for p in rows[0]], "VEC4")
+    attributes["JOINTS_0"] = gltf.add("accessors", {
+        "bufferView": gltf.view(bytes([0, 1, 0, 0]) * len(rows[0]), VERTICES),
+        "componentType": 5121, "count": len(rows[0]), "type": "VEC4"})
+    root = gltf.node(translation=[2.6, 0, -0.3])
+    tip = gltf.add("nodes", {})
+    gltf.doc["nodes"][root]["children"] = [tip]
+    moves(tip, "rotation", *turned((0, 0, 1), -50, 50))
+    gltf.node(mesh=mesh, skin=gltf.add("skins", {"joints": [root, tip]}))
+
+    samplers, channels = [], []
+    for node, path, kind, keys in tracks:
+        times = [[k / (len(keys) - 1)] for k in range(len(keys))]
+        samplers.append({"input": gltf.floats(times, "SCALAR", bounds=True, target=None),
+                         "output": gltf.floats(keys, kind, target=None)})
+        channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
+
+    shutter = {"shutter": {"open": -0.1, "close": 0.1}}
+    view = {"lookAt": {"position": [0, 1.6, 6.5], "target": [0, 1.1, 0]}}
+    lens = {"type": "perspective", "perspective": {"yfov": 0.55, "znear": 0.01}}
+    gltf.node(name="still", camera=gltf.add("cameras", {
+        **lens, "extensions": {"TESSERA_camera": {**view, **shutter}}}))
+    panning = gltf.node(name="panning", camera=gltf.add("cameras", {
+        **lens, "extensions": {"TESSERA_camera": {**view, **shutter}}}))
+    for node, path, kind, keys, times in (
+            (panning, "translation", "VEC3", [[-1.5, 0, 0], [1.5, 0, 0]], [[0.0], [1.0]]),
+            (banner, "weights", "SCALAR", [[0.0], [0.0], [1.0], [1.0]], [[0.0], [1.0]])):
+        samplers.append({"input": gltf.floats(times, "SCALAR", bounds=True, target=None),
+                         "output": gltf.floats(keys, kind, target=None)})
+        channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
+    gltf.add("animations", {"name": "all of it", "samplers": samplers, "channels": channels})
+    return gltf
+
+
 def main():
     check = "--check" in sys.argv[1:]
     stale = []
     for make in (quickstart, same_bits, materials, lit_square, missing_texture, stadium, lens,
-                 screens, textures, optics, shapes, csg, blobs, fog):
+                 screens, textures, optics, shapes, csg, blobs, fog, motion):
         path = FOLDER / f"{make.__name__}.gltf"
         text = make().text()
         if check:

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -19,6 +20,7 @@ template <int kWidth>
 struct MeshTree {
   HugeArray<WideNode<kWidth>> nodes;
   HugeArray<TriangleBlock> blocks;
+  HugeArray<TriangleBlock> end_blocks;    // at the next key, of a mesh that changes; else empty
   std::vector<std::uint32_t> first_rank;  // of each primitive, and one past the last
   Box3f bounds;
   bool split = false;                // whether a triangle may be in several leaves
@@ -39,12 +41,15 @@ struct MeshTree {
   }
 };
 
+inline constexpr std::uint32_t kNoMotion = UINT32_MAX;
+
 /// A mesh in the world, or a solid.
 struct PlacedMesh {
   Affine3d world_to_object;
   std::uint32_t mesh = 0, instance = 0;
   bool identity = false;
-  std::uint32_t solid = kNoSolid;  // if any, of AccelTrees::solids, in the place of the mesh
+  std::uint32_t solid = kNoSolid;    // if any, of AccelTrees::solids, in the place of the mesh
+  std::uint32_t motion = kNoMotion;  // if any, of AccelTrees::motions
 };
 
 /// All that a traversal reads: a tree over placed meshes, and those of the meshes. A leaf of the
@@ -54,12 +59,21 @@ struct AccelTrees {
   std::vector<MeshTree<kWidth>> meshes;
   std::vector<PlacedMesh> placed;
   HugeArray<WideNode<kWidth>> nodes;
-  std::shared_ptr<const Solids> solids;  // null in a scene without
-  Box3f bounds;                          // of the padded boxes of the placed meshes
-  float origin_limit = 0;                // the pads hold for origins within this, per axis
+  std::shared_ptr<const Solids> solids;          // null in a scene without
+  std::vector<std::array<Affine3d, 2>> motions;  // object to world at the keys before and after
+  Box3f bounds;                                  // of the padded boxes of the placed meshes
+  float origin_limit = 0;                        // the pads hold for origins within this, per axis
 
   /// Whether one mesh, where it is, is all there is: its tree alone will do.
   bool single() const { return placed.size() == 1 && placed[0].identity; }
+};
+
+/// What moves while the shutter is open: trees of it for each time from one key to the next, with
+/// boxes around all that happens in between. What stands still is apart from it, and held once.
+template <int kWidth>
+struct MovingTrees {
+  std::vector<float> times;                  // of keys; empty if nothing moves
+  std::vector<AccelTrees<kWidth>> segments;  // one less
 };
 
 }  // namespace tessera::render

@@ -15,26 +15,34 @@ template <typename Take>
 void brute_force_mesh_hits(const Scene& scene, std::uint32_t i, const Ray& ray, Take&& take) {
   const Instance& instance = scene.instances[i];
   const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
+  const KeyPlace at = scene.key_times.empty() ? KeyPlace{} : find_key(scene.key_times, ray.time);
   Box3f bounds;
-  for_each_triangle(
-      mesh, [&](std::uint32_t, std::uint32_t, const Vec3f& v0, const Vec3f& v1, const Vec3f& v2) {
-        bounds.extend(v0);
-        bounds.extend(v1);
-        bounds.extend(v2);
-      });
+  for_each_triangle(mesh, at.segment,
+                    [&](std::uint32_t, std::uint32_t, const MovingTriangle& triangle) {
+                      bounds.extend(triangle.box());
+                    });
+  Affine3d world_to_object = instance.world_to_object;
+  if (instance.motion != kNone) {
+    const auto pose = pose_at(scene.motions[static_cast<std::size_t>(instance.motion)], at);
+    if (!pose) return;
+    world_to_object = pose->world_to_object;
+  }
   Vec3f origin = ray.origin, direction = ray.direction;
-  if (!is_identity(instance.world_to_object)) {
-    transform_ray(instance.world_to_object, ray.origin, ray.direction, origin, direction);
+  if (!is_identity(world_to_object)) {
+    transform_ray(world_to_object, ray.origin, ray.direction, origin, direction);
   }
   ObjectRay object_ray;
   if (!make_object_ray(origin, direction, bounds, object_ray)) return;
-  for_each_triangle(mesh, [&](std::uint32_t p, std::uint32_t t, const Vec3f& v0, const Vec3f& v1,
-                              const Vec3f& v2) {
-    const TriangleId id = {i, p, t};
-    TriangleHit hit{};
-    if (id == ray.leaves || !intersect_triangle(object_ray, v0, v1, v2, hit)) return;
-    if (hit.t >= 0 && hit.t < ray.t_max) take(Hit{hit.t, id, hit.b0, hit.b1, hit.b2});
-  });
+  for_each_triangle(mesh, at.segment,
+                    [&](std::uint32_t p, std::uint32_t t, const MovingTriangle& triangle) {
+                      const TriangleId id = {i, p, t};
+                      const auto [v0, v1, v2] = triangle.at(at.f);
+                      TriangleHit hit{};
+                      if (id == ray.leaves || !intersect_triangle(object_ray, v0, v1, v2, hit))
+                        return;
+                      if (hit.t >= 0 && hit.t < ray.t_max)
+                        take(Hit{hit.t, id, hit.b0, hit.b1, hit.b2});
+                    });
 }
 
 /// The oracle of "One hit": every triangle of every instance in turn, and every solid. Slow. Calls

@@ -1,6 +1,7 @@
 #include "worker/accel/instance_boxes.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "worker/math/float_bits.h"
@@ -36,6 +37,46 @@ double reach(const Box3d& box) {
   return lo > hi ? lo : hi;
 }
 
+/// What is known of an instance's transforms: bounds of their numbers, without sign.
+struct PoseBounds {
+  std::array<Vec3d, 3> rows;         // of object to world
+  double norm = 0, translation = 0;  // largest row sum; largest component
+  double inverse_norm = 0, inverse_translation = 0;
+};
+
+PoseBounds bounds_of(const Affine3d& object_to_world, const Affine3d& world_to_object) {
+  PoseBounds out;
+  for (std::size_t k = 0; k < 3; ++k) out.rows[k] = absolute(object_to_world.rows[k]);
+  out.norm = norm(object_to_world);
+  out.translation = max_abs(object_to_world.translation);
+  out.inverse_norm = norm(world_to_object);
+  out.inverse_translation = max_abs(world_to_object.translation);
+  return out;
+}
+
+/// |F(s)^-1| for s in [0, 1/2] of F(s) = F + s (G - F), whose inverse is (1 + s E)^-1 F^-1 with
+/// E = F^-1 (G - F): at most |F^-1| / (1 - |E| / 2). Infinite where that does not bound it.
+double inverse_norm_nearby(const Affine3d& f, const Affine3d& g) {
+  const auto inverted = inverse(f);
+  if (!inverted) return INFINITY;
+  Affine3d difference;
+  for (std::size_t k = 0; k < 3; ++k) difference.rows[k] = g.rows[k] - f.rows[k];
+  difference.translation = {};
+  const double half = 0.5 * norm(Affine3d{inverted->rows, {}} * difference);
+  return half < 1 ? norm(*inverted) / (1 - half) : INFINITY;
+}
+
+/// Of everything between two keys.
+PoseBounds bounds_between(const Affine3d& f, const Affine3d& g) {
+  PoseBounds out;
+  for (std::size_t k = 0; k < 3; ++k) out.rows[k] = max(absolute(f.rows[k]), absolute(g.rows[k]));
+  out.norm = std::max(norm(f), norm(g));
+  out.translation = std::max(max_abs(f.translation), max_abs(g.translation));
+  out.inverse_norm = std::max(inverse_norm_nearby(f, g), inverse_norm_nearby(g, f));
+  out.inverse_translation = out.inverse_norm * out.translation;
+  return out;
+}
+
 /// How far the box of an instance must be padded, per world axis, so that no ray with |origin| <=
 /// `reach` per axis is culled by it that hits one of its triangles in object space.
 ///
@@ -50,17 +91,15 @@ double reach(const Box3d& box) {
 ///   term of the last kind.
 /// So in object space e = (D + |box|) (2^-18 + 2^-47 |W||F|) is ample, and |F| e in the world.
 /// There the slab test itself rounds by 3 u (reach + |world box|), and the corners by 2^-50.
-Vec3d world_pad(const Instance& instance, const Box3f& mesh, const Box3d& world, double origin) {
-  const Affine3d& w = instance.world_to_object;
-  const Affine3d& f = instance.object_to_world;
+/// For one that moves, the same with bounds of W and F over the time in between.
+Vec3d world_pad(const PoseBounds& pose, const Box3f& mesh, const Box3d& world, double origin) {
   const double box = reach({Vec3d(mesh.lo), Vec3d(mesh.hi)});
-  const double object_origin = norm(w) * origin + max_abs(w.translation);
-  const double e = (object_origin + 2 * box) * (0x1p-18 + 0x1p-47 * norm(w) * norm(f));
+  const double object_origin = pose.inverse_norm * origin + pose.inverse_translation;
+  const double e = (object_origin + 2 * box) * (0x1p-18 + 0x1p-47 * pose.inverse_norm * pose.norm);
   const double slab =
-      0x1p-22 * (origin + reach(world)) + 0x1p-48 * (norm(f) * box + max_abs(f.translation));
+      0x1p-22 * (origin + reach(world)) + 0x1p-48 * (pose.norm * box + pose.translation);
   const Vec3d all = {e, e, e};
-  return Vec3d{dot(absolute(f.rows[0]), all), dot(absolute(f.rows[1]), all),
-               dot(absolute(f.rows[2]), all)} +
+  return Vec3d{dot(pose.rows[0], all), dot(pose.rows[1], all), dot(pose.rows[2], all)} +
          Vec3d{slab, slab, slab};
 }
 
@@ -122,7 +161,8 @@ Box3f solid_box(const CsgSolid& solid, std::span<const Box3f> operands) {
 }
 
 /// Puts one box in the place of those of each solid's operands.
-void merge_operands(const Scene& scene, InstanceBoxes& out) {
+void merge_operands(const Scene& scene, const InstanceChoice& choice,
+                    const std::vector<bool>& moving, InstanceBoxes& out) {
   InstanceBoxes merged;
   merged.origin_limit = out.origin_limit;
   std::vector<Box3f> boxes(scene.instances.size());
@@ -133,6 +173,7 @@ void merge_operands(const Scene& scene, InstanceBoxes& out) {
     merged.boxes.push_back(out.boxes[i]);
   }
   for (const CsgSolid& solid : scene.solids) {
+    if (moving[solid.first] ? !choice.segment : !choice.still) continue;
     const Box3f box = solid_box(solid, std::span(boxes).subspan(solid.first, solid.count));
     if (box.empty()) continue;
     merged.instances.push_back(solid.first);
@@ -141,31 +182,71 @@ void merge_operands(const Scene& scene, InstanceBoxes& out) {
   out = std::move(merged);
 }
 
+/// Of the mesh in the world: at the frame's time, or at all keys from the first to the last.
+Box3d world_box(const Scene& scene, const Instance& instance, const Box3f& mesh, std::size_t first,
+                std::size_t last) {
+  if (instance.motion == kNone) return transform_box(instance.object_to_world, mesh);
+  const auto& motion = scene.motions[static_cast<std::size_t>(instance.motion)];
+  Box3d box;
+  for (std::size_t k = first; k <= last; ++k) box.extend(transform_box(motion[k], mesh));
+  return box;
+}
+
 }  // namespace
 
-InstanceBoxes place_instances(const Scene& scene, std::span<const Box3f> meshes) {
+std::vector<bool> moving_instances(const Scene& scene) {
+  std::vector<bool> moving;
+  for (const Instance& instance : scene.instances) {
+    const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
+    moving.push_back(instance.motion != kNone || !mesh.keys.empty());
+  }
+  for (const CsgSolid& solid : scene.solids) {
+    const auto first = moving.begin() + solid.first, last = first + solid.count;
+    if (std::find(first, last, true) != last) std::fill(first, last, true);
+  }
+  return moving;
+}
+
+InstanceBoxes place_instances(const Scene& scene, std::span<const Box3f> meshes,
+                              const InstanceChoice& choice) {
+  const std::size_t first = choice.segment.value_or(0);
+  const std::size_t last = choice.segment ? first + 1 : scene.key_times.size() - 1;
   // Origins: the camera, and points on or just off the instances.
   double origin = max_abs(scene.camera.camera_to_world.translation);
+  for (const CameraKey& key : scene.camera.keys) {
+    origin = std::max(origin, max_abs(key.camera_to_world.translation));
+  }
+  const std::vector<bool> moving = moving_instances(scene);
   InstanceBoxes out;
   std::vector<Box3d> worlds;
   for (std::size_t i = 0; i < scene.instances.size(); ++i) {
     const Instance& instance = scene.instances[i];
     const Box3f& mesh = meshes[static_cast<std::size_t>(instance.mesh)];
     if (mesh.empty()) continue;
+    const Box3d world = world_box(scene, instance, mesh, first, last);
+    origin = std::max(origin, reach(world));
+    if (moving[i] ? !choice.segment : !choice.still) continue;
     out.instances.push_back(static_cast<std::uint32_t>(i));
-    worlds.push_back(transform_box(instance.object_to_world, mesh));
-    origin = std::max(origin, reach(worlds.back()));
+    worlds.push_back(world);
   }
   out.origin_limit = round_outward(origin * 1.0625, false);
   for (std::size_t i = 0; i < out.instances.size(); ++i) {
     const Instance& instance = scene.instances[out.instances[i]];
     const Box3f& mesh = meshes[static_cast<std::size_t>(instance.mesh)];
-    const Vec3d pad = world_pad(instance, mesh, worlds[i], out.origin_limit);
-    const bool same_slabs = is_identity(instance.world_to_object) && !instance.operand &&
+    const bool still = instance.motion == kNone;
+    const bool same_slabs = still && is_identity(instance.world_to_object) && !instance.operand &&
                             scene.meshes[static_cast<std::size_t>(instance.mesh)].shape == nullptr;
-    out.boxes.push_back(same_slabs ? mesh : padded(worlds[i], pad));
+    if (same_slabs) {
+      out.boxes.push_back(mesh);
+      continue;
+    }
+    const PoseBounds pose =
+        still ? bounds_of(instance.object_to_world, instance.world_to_object)
+              : bounds_between(scene.motions[static_cast<std::size_t>(instance.motion)][first],
+                               scene.motions[static_cast<std::size_t>(instance.motion)][last]);
+    out.boxes.push_back(padded(worlds[i], world_pad(pose, mesh, worlds[i], out.origin_limit)));
   }
-  if (!scene.solids.empty()) merge_operands(scene, out);
+  if (!scene.solids.empty()) merge_operands(scene, choice, moving, out);
   return out;
 }
 

@@ -33,8 +33,9 @@ inline constexpr int kPacketSize = 64;
 
 /// The queries of SceneAccel, compiled twice from traversal.inc: with eight-wide nodes for AVX2,
 /// and with sixteen-wide ones for AVX-512 (F, BW, DQ, VL). Rays must be valid. Hits do not depend
-/// on which. closest_hits and any_hits take up to kPacketSize rays and return a bit for each that
-/// hits.
+/// on which. Those with solids and those with motion are apart, so that nobody else pays; of the
+/// latter, `filter` may be null. closest_hits and any_hits take up to kPacketSize rays and return a
+/// bit for each that hits.
 namespace avx2 {
 bool closest_hit(const AccelTrees<8>& trees, const Ray& ray, Hit& hit);
 bool closest_hit(const AccelTrees<8>& trees, const Ray& ray, const HitFilter& filter, Hit& hit);
@@ -45,6 +46,10 @@ std::uint64_t any_hits(const AccelTrees<8>& trees, std::span<const Ray> rays);
 bool closest_hit_with_solids(const AccelTrees<8>& trees, const Ray& ray, const HitFilter* filter,
                              Hit& hit);
 bool any_hit_with_solids(const AccelTrees<8>& trees, const Ray& ray, const HitFilter* filter);
+bool closest_hit_moving(const AccelTrees<8>& still, const MovingTrees<8>& moving, const Ray& ray,
+                        const HitFilter* filter, Hit& hit);
+bool any_hit_moving(const AccelTrees<8>& still, const MovingTrees<8>& moving, const Ray& ray,
+                    const HitFilter* filter);
 }  // namespace avx2
 
 namespace avx512 {
@@ -57,6 +62,10 @@ std::uint64_t any_hits(const AccelTrees<16>& trees, std::span<const Ray> rays);
 bool closest_hit_with_solids(const AccelTrees<16>& trees, const Ray& ray, const HitFilter* filter,
                              Hit& hit);
 bool any_hit_with_solids(const AccelTrees<16>& trees, const Ray& ray, const HitFilter* filter);
+bool closest_hit_moving(const AccelTrees<16>& still, const MovingTrees<16>& moving, const Ray& ray,
+                        const HitFilter* filter, Hit& hit);
+bool any_hit_moving(const AccelTrees<16>& still, const MovingTrees<16>& moving, const Ray& ray,
+                    const HitFilter* filter);
 }  // namespace avx512
 
 }  // namespace tessera::render

@@ -6,23 +6,29 @@
 
 #include "worker/accel/instance_boxes.h"
 #include "worker/accel/mesh_tree.h"
+#include "worker/accel/mesh_triangles.h"
+#include "worker/accel/moving_tree.h"
 #include "worker/accel/refit.h"
 #include "worker/accel/wide_bvh.h"
 
 namespace tessera::render {
 namespace {
 
+/// The tree over instances: those that stand still, or those that move from one key to the next.
 template <int kWidth>
-void build_top(const Scene& scene, AccelTrees<kWidth>& trees, const ParallelFor& parallel_for) {
+void build_top(const Scene& scene, const InstanceChoice& choice, AccelTrees<kWidth>& trees,
+               const ParallelFor& parallel_for) {
   std::vector<Box3f> meshes;
   for (std::size_t i = 0; i < trees.meshes.size(); ++i) {
-    const MeshTree<kWidth>& mesh = trees.meshes[i];
-    meshes.push_back(scene.meshes[i].shape != nullptr ? scene.meshes[i].shape->bounds
-                     : mesh.blocks.empty()            ? Box3f{}
-                                                      : mesh.bounds);
+    const MeshTree<kWidth>& tree = trees.meshes[i];
+    const Mesh& mesh = scene.meshes[i];
+    const bool known = choice.segment || mesh.keys.empty();
+    meshes.push_back(mesh.shape != nullptr ? mesh.shape->bounds
+                     : !known              ? bounds_of(mesh)
+                     : tree.blocks.empty() ? Box3f{}
+                                           : tree.bounds);
   }
-  trees.solids = Solids::of(scene);
-  const InstanceBoxes placed = place_instances(scene, meshes);
+  const InstanceBoxes placed = place_instances(scene, meshes, choice);
   trees.origin_limit = placed.origin_limit;
   WideBvh<kWidth> bvh = collapse<kWidth>(build_binary_bvh({placed.boxes}, parallel_for));
   trees.nodes = std::move(bvh.nodes);
@@ -33,14 +39,52 @@ void build_top(const Scene& scene, AccelTrees<kWidth>& trees, const ParallelFor&
     trees.placed.push_back({instance.world_to_object, static_cast<std::uint32_t>(instance.mesh),
                             index, is_identity(instance.world_to_object),
                             trees.solids == nullptr ? kNoSolid : trees.solids->at(index)});
+    if (instance.motion == kNone) continue;
+    const auto& motion = scene.motions[static_cast<std::size_t>(instance.motion)];
+    trees.placed.back().motion = static_cast<std::uint32_t>(trees.motions.size());
+    trees.motions.push_back({motion[*choice.segment], motion[*choice.segment + 1]});
+  }
+}
+
+/// `still` has the trees of the meshes that do not change.
+template <int kWidth>
+void build_moving(const Scene& scene, const AccelTrees<kWidth>& still, MovingTrees<kWidth>& moving,
+                  const ParallelFor& parallel_for) {
+  moving.times = scene.key_times;
+  for (std::uint32_t s = 0; s + 1 < scene.key_times.size(); ++s) {
+    AccelTrees<kWidth>& trees = moving.segments.emplace_back();
+    trees.meshes = still.meshes;
+    for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
+      if (scene.meshes[i].keys.empty()) continue;
+      trees.meshes[i] = build_moving_tree<kWidth>(scene.meshes[i], s, parallel_for);
+    }
+    trees.solids = still.solids;
+    build_top(scene, {false, s}, trees, parallel_for);
   }
 }
 
 template <int kWidth>
-std::size_t bytes(const AccelTrees<kWidth>& trees) {
-  std::size_t sum = trees.nodes.capacity_bytes() + trees.placed.capacity() * sizeof(PlacedMesh);
-  for (const MeshTree<kWidth>& mesh : trees.meshes) {
-    sum += mesh.nodes.capacity_bytes() + mesh.blocks.capacity_bytes();
+std::size_t bytes(const MeshTree<kWidth>& tree) {
+  return tree.nodes.capacity_bytes() + tree.blocks.capacity_bytes() +
+         tree.end_blocks.capacity_bytes();
+}
+
+/// Without meshes.
+template <int kWidth>
+std::size_t top_bytes(const AccelTrees<kWidth>& trees) {
+  return trees.nodes.capacity_bytes() + trees.placed.capacity() * sizeof(PlacedMesh) +
+         trees.motions.capacity() * sizeof(trees.motions[0]);
+}
+
+template <int kWidth>
+std::size_t bytes(const AccelTrees<kWidth>& still, const MovingTrees<kWidth>& moving) {
+  std::size_t sum = top_bytes(still);
+  for (const MeshTree<kWidth>& mesh : still.meshes) sum += bytes(mesh);
+  for (const AccelTrees<kWidth>& trees : moving.segments) {
+    sum += top_bytes(trees);
+    for (const MeshTree<kWidth>& mesh : trees.meshes) {
+      sum += sizeof(mesh) + (mesh.end_blocks.empty() ? 0 : bytes(mesh));
+    }
   }
   return sum;
 }
@@ -76,8 +120,9 @@ const AccelTrees<16>& SceneAccel::trees() const {
 }
 
 template <int kWidth>
-void SceneAccel::build(const Scene& scene, AccelTrees<kWidth>& trees, const SceneAccel* before,
-                       const ParallelFor& parallel_for, BuildQuality quality) {
+void SceneAccel::build(const Scene& scene, AccelTrees<kWidth>& trees, MovingTrees<kWidth>& moving,
+                       const SceneAccel* before, const ParallelFor& parallel_for,
+                       BuildQuality quality) {
   std::map<const Primitive*, const MeshTree<kWidth>*> known;
   if (before != nullptr && before->isa_ == isa_) {
     for (std::size_t i = 0; i < before->origins_.size(); ++i) {
@@ -91,6 +136,11 @@ void SceneAccel::build(const Scene& scene, AccelTrees<kWidth>& trees, const Scen
   };
   for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
     const Mesh& mesh = scene.meshes[i];
+    if (!mesh.keys.empty()) {  // build_moving() sees to it
+      origins_.emplace_back();
+      trees.meshes.push_back(build_mesh_tree<kWidth>({}, parallel_for, quality));
+      continue;
+    }
     const auto same = known.find(origins_.emplace_back(mesh.primitives).data());
     if (same != known.end()) {
       trees.meshes.push_back(*same->second);
@@ -102,18 +152,22 @@ void SceneAccel::build(const Scene& scene, AccelTrees<kWidth>& trees, const Scen
       trees.meshes.push_back(build_mesh_tree<kWidth>(mesh, parallel_for, quality));
     }
   }
-  build_top(scene, trees, parallel_for);
+  trees.solids = Solids::of(scene);
+  build_top(scene, {}, trees, parallel_for);
+  if (!scene.key_times.empty()) build_moving(scene, trees, moving, parallel_for);
 }
 
 SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for, Isa isa,
                        const SceneAccel* before, BuildQuality quality)
     : isa_(isa), route_(Route::other) {
   if (isa == Isa::avx512) {
-    build(scene, sixteen_, before, parallel_for, quality);
-    route_ = sixteen_.solids == nullptr ? Route::avx512 : Route::other;
+    build(scene, sixteen_, sixteen_moving_, before, parallel_for, quality);
+    const bool plain = sixteen_.solids == nullptr && sixteen_moving_.times.empty();
+    route_ = plain ? Route::avx512 : Route::other;
   } else {
-    build(scene, eight_, before, parallel_for, quality);
-    route_ = eight_.solids == nullptr ? Route::avx2 : Route::other;
+    build(scene, eight_, eight_moving_, before, parallel_for, quality);
+    const bool plain = eight_.solids == nullptr && eight_moving_.times.empty();
+    route_ = plain ? Route::avx2 : Route::other;
   }
 }
 
@@ -122,12 +176,24 @@ SceneAccel::SceneAccel(std::unique_ptr<const RayQueries> instead)
 
 bool SceneAccel::other_closest_hit(const Ray& ray, const HitFilter* filter, Hit& hit) const {
   if (instead_ != nullptr) return instead_->closest_hit(ray, filter, hit);
+  if (!sixteen_moving_.times.empty()) {
+    return avx512::closest_hit_moving(sixteen_, sixteen_moving_, ray, filter, hit);
+  }
+  if (!eight_moving_.times.empty()) {
+    return avx2::closest_hit_moving(eight_, eight_moving_, ray, filter, hit);
+  }
   return isa_ == Isa::avx512 ? avx512::closest_hit_with_solids(sixteen_, ray, filter, hit)
                              : avx2::closest_hit_with_solids(eight_, ray, filter, hit);
 }
 
 bool SceneAccel::other_any_hit(const Ray& ray, const HitFilter* filter) const {
   if (instead_ != nullptr) return instead_->any_hit(ray, filter);
+  if (!sixteen_moving_.times.empty()) {
+    return avx512::any_hit_moving(sixteen_, sixteen_moving_, ray, filter);
+  }
+  if (!eight_moving_.times.empty()) {
+    return avx2::any_hit_moving(eight_, eight_moving_, ray, filter);
+  }
   return isa_ == Isa::avx512 ? avx512::any_hit_with_solids(sixteen_, ray, filter)
                              : avx2::any_hit_with_solids(eight_, ray, filter);
 }
@@ -147,7 +213,7 @@ TreeQuality SceneAccel::tree_quality() const {
 
 std::int64_t SceneAccel::memory_bytes() const {
   if (instead_ != nullptr) return static_cast<std::int64_t>(instead_->memory_bytes());
-  return static_cast<std::int64_t>(bytes(eight_) + bytes(sixteen_));
+  return static_cast<std::int64_t>(bytes(eight_, eight_moving_) + bytes(sixteen_, sixteen_moving_));
 }
 
 }  // namespace tessera::render

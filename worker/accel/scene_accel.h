@@ -86,7 +86,8 @@ class SceneAccel {
     return route_ == Route::avx2 ? avx2::any_hit(eight_, ray) : other_any_hit(ray, nullptr);
   }
 
-  /// Whether it can trace rays together: in scenes of meshes, unless left to something else.
+  /// Whether it can trace rays together: in scenes of meshes that stand still, unless left to
+  /// something else.
   bool takes_packets() const { return route_ != Route::other; }
   /// closest_hit and any_hit for up to kPacketSize rays: bit i is set where rays[i] hits, and
   /// hits[i] is its hit. Gains where rays go much the same way. Requires takes_packets().
@@ -103,8 +104,8 @@ class SceneAccel {
 
  private:
   template <int kWidth>
-  void build(const Scene& scene, AccelTrees<kWidth>& trees, const SceneAccel* before,
-             const ParallelFor& parallel_for, BuildQuality quality);
+  void build(const Scene& scene, AccelTrees<kWidth>& trees, MovingTrees<kWidth>& moving,
+             const SceneAccel* before, const ParallelFor& parallel_for, BuildQuality quality);
   static bool valid(const Ray& ray) { return ray.t_max > 0; }  // the kernels see to the rest
 
   template <int kWidth>
@@ -122,6 +123,8 @@ class SceneAccel {
   std::size_t shared_meshes_ = 0, refitted_meshes_ = 0;
   AccelTrees<8> eight_;     // filled for avx2
   AccelTrees<16> sixteen_;  // filled for avx512
+  MovingTrees<8> eight_moving_;
+  MovingTrees<16> sixteen_moving_;
 };
 
 }  // namespace tessera::render

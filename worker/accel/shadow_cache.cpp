@@ -26,8 +26,9 @@ bool ShadowCache::any_hit(const Ray& ray, std::uint32_t light, std::uint32_t dep
   }
   return accel_.any_hit(ray, [&](const Hit& hit) {
     const Instance& instance = scene_.instances[hit.id.instance];
-    const bool shape = scene_.meshes[static_cast<std::size_t>(instance.mesh)].shape != nullptr;
-    if (!shape) last = hit.id;
+    const Mesh& mesh = scene_.meshes[static_cast<std::size_t>(instance.mesh)];
+    const bool still = instance.motion == kNone && mesh.keys.empty();
+    if (mesh.shape == nullptr && still) last = hit.id;
     return true;
   });
 }

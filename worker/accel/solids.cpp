@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "worker/accel/csg_line.h"
+#include "worker/geometry/motion.h"
 
 namespace tessera::render {
 namespace {
@@ -13,11 +14,26 @@ struct Scratch {
   std::vector<ShapeHit> shape_hits;
   CsgLine line;
   std::vector<Hit> hits;
+  Operand moved;
 };
 
 Scratch& scratch() {
   thread_local Scratch mine;
   return mine;
+}
+
+/// The operand at a time; null where it is singular. One that moves is put into `memory`.
+const Operand* operand_at(const Operand& operand, std::span<const float> key_times, float time,
+                          Operand& memory) {
+  if (operand.motion.empty()) return &operand;
+  const auto pose = pose_at(operand.motion, find_key(key_times, time));
+  if (!pose) return nullptr;
+  memory.world_to_object = pose->world_to_object;
+  memory.mesh = operand.mesh;
+  memory.instance = operand.instance;
+  memory.shape = operand.shape;
+  memory.primitives = operand.primitives;
+  return &memory;
 }
 
 void intersect_operand(const Operand& operand, const Ray& ray, std::vector<ShapeHit>& hits) {
@@ -47,7 +63,8 @@ void shape_alone(const Operand& operand, const Ray& ray, Scratch& memory) {
 
 }  // namespace
 
-Solids::Solids(const Scene& scene) : by_instance_(scene.instances.size(), kNoSolid) {
+Solids::Solids(const Scene& scene)
+    : key_times_(scene.key_times), by_instance_(scene.instances.size(), kNoSolid) {
   for (std::uint32_t i = 0; i < scene.instances.size(); ++i) {
     const Instance& instance = scene.instances[i];
     const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
@@ -67,7 +84,10 @@ void Solids::add(const Scene& scene, std::uint32_t index) {
   const Instance& instance = scene.instances[index];
   const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
   operands_.push_back({instance.world_to_object, static_cast<std::uint32_t>(instance.mesh), index,
-                       mesh.shape, mesh.primitives});
+                       mesh.shape, mesh.primitives,
+                       instance.motion == kNone
+                           ? std::vector<Affine3d>()
+                           : scene.motions[static_cast<std::size_t>(instance.motion)]});
 }
 
 std::shared_ptr<const Solids> Solids::of(const Scene& scene) {
@@ -83,7 +103,9 @@ std::span<const Hit> Solids::hits(std::uint32_t index, const Ray& world_ray,
   Scratch& memory = scratch();
   memory.hits.clear();
   if (solid.steps.empty()) {
-    shape_alone(operands_[solid.first], world_ray, memory);
+    const Operand* const operand =
+        operand_at(operands_[solid.first], key_times_, world_ray.time, memory.moved);
+    if (operand != nullptr) shape_alone(*operand, world_ray, memory);
     return memory.hits;
   }
   Ray ray = world_ray;
@@ -91,7 +113,10 @@ std::span<const Hit> Solids::hits(std::uint32_t index, const Ray& world_ray,
   ray.leaves.triangle &= ~kFlippedSide;
   memory.line.start(solid.count);
   for (std::uint32_t i = 0; i < solid.count; ++i) {
-    const Operand& operand = operands_[solid.first + i];
+    const Operand* const posed =
+        operand_at(operands_[solid.first + i], key_times_, ray.time, memory.moved);
+    if (posed == nullptr) continue;
+    const Operand& operand = *posed;
     if (operand.shape != nullptr) {
       intersect_operand(operand, ray, memory.shape_hits);
       for (const ShapeHit& found : memory.shape_hits) {

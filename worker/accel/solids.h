@@ -20,6 +20,7 @@ struct Operand {
   std::uint32_t mesh = 0, instance = 0;
   std::shared_ptr<const Shape> shape;  // null for a mesh
   SharedArray<Primitive> primitives;   // of a mesh
+  std::vector<Affine3d> motion;        // object to world by key, if it moves
 };
 
 /// A call of a function object that outlives it, which appends all hits with t >= 0 of a ray in the
@@ -67,6 +68,7 @@ class Solids {
   explicit Solids(const Scene& scene);
   void add(const Scene& scene, std::uint32_t instance);
 
+  std::vector<float> key_times_;
   std::vector<Operand> operands_;
   std::vector<Solid> solids_;
   std::vector<std::uint32_t> by_instance_;

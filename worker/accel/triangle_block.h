@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 
 #include "worker/accel/lanes.h"
 #include "worker/geometry/object_ray.h"
@@ -38,6 +39,17 @@ struct alignas(64) TriangleBlock {
   float v[9 * kBlockSize] = {};         // see at()
   std::uint32_t rank[kBlockSize] = {};  // place among the mesh's triangles in id order
 };
+
+/// between() of geometry/motion.h for all corners; `out` gets no ranks.
+inline void between(const TriangleBlock& from, const TriangleBlock& to, float f,
+                    TriangleBlock& out) {
+  const Lanes share = splat(f);
+  for (int i = 0; i < 9 * kBlockSize; i += kBlockSize) {
+    const Lanes a = load(from.v + i), b = load(to.v + i);
+    const Lanes v = fused_multiply_add(share, b - a, a);
+    _mm256_store_ps(out.v + i, lesser(greater(v, lesser(a, b)), greater(a, b)));
+  }
+}
 
 /// A ray for triangle blocks.
 struct BlockRay {

@@ -23,6 +23,7 @@ struct Ray {
   Vec3f origin, direction;
   float t_max = std::numeric_limits<float>::infinity();
   TriangleId leaves = {};  // the flat primitive it starts on, which it cannot hit again
+  float time = 0;          // in [0, 1] of the shutter's, where anything moves
 };
 
 struct Hit {

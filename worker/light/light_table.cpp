@@ -108,8 +108,10 @@ void LightTable::add_emitters(const Scene& scene, std::vector<LightBounds>& boun
     slot_first_.push_back(static_cast<std::uint32_t>(slots_.size()));
     for (std::size_t k = 0; k < mesh.primitives.size(); ++k) {
       const Primitive& p = mesh.primitives[k];
-      // Which part of an operand is seen is known to rays only: left to chance hits.
-      if (instance.operand || !shading_.materials[static_cast<std::size_t>(p.material)].emissive) {
+      // Which part of an operand is seen is known to rays only, and where what moves is depends on
+      // their time: left to chance hits.
+      if (instance.operand || shading_.instances[i].moves ||
+          !shading_.materials[static_cast<std::size_t>(p.material)].emissive) {
         slots_.push_back(kNone);
         continue;
       }

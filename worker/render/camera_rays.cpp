@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "worker/geometry/motion.h"
 #include "worker/math/elementary.h"
 #include "worker/render/aperture.h"
 
@@ -12,15 +13,17 @@ Vec3d column(const Affine3d& m, int k) {
   return {m.rows[0][k], m.rows[1][k], m.rows[2][k]};
 }
 
+/// With axes at right angles, which between two keys they are not quite.
+Affine3d upright(const Affine3d& m) {
+  const Vec3d z = normalize(column(m, 2)), up = column(m, 1);
+  const Vec3d y = normalize(up - z * dot(z, up)), x = cross(y, z);
+  return {{Vec3d{x.x, y.x, z.x}, Vec3d{x.y, y.y, z.y}, Vec3d{x.z, y.z, z.z}}, m.translation};
+}
+
 }  // namespace
 
 CameraRays::CameraRays(const Camera& camera, std::int32_t width, std::int32_t height)
-    : right_(normalize(column(camera.camera_to_world, 0))),
-      up_(normalize(column(camera.camera_to_world, 1))),
-      forward_(-normalize(column(camera.camera_to_world, 2))),
-      eye_(camera.camera_to_world.translation),
-      along_(forward_),
-      half_width_(0.5 * width),
+    : half_width_(0.5 * width),
       half_height_(0.5 * height),
       center_x_(camera.center_x),
       center_y_(camera.center_y),
@@ -29,7 +32,11 @@ CameraRays::CameraRays(const Camera& camera, std::int32_t width, std::int32_t he
       horizontal_angle_(camera.horizontal_angle),
       vertical_angle_(camera.vertical_angle),
       kind_(camera.kind),
-      lens_(camera.lens) {
+      lens_(camera.lens),
+      slant_x_(camera.slant_x),
+      slant_y_(camera.slant_y),
+      keys_(camera.keys) {
+  place(camera.camera_to_world);
   const double half_extent =
       kind_ == Camera::Kind::perspective
           ? elementary::sin(0.5 * camera.yfov) / elementary::cos(0.5 * camera.yfov)
@@ -43,10 +50,30 @@ CameraRays::CameraRays(const Camera& camera, std::int32_t width, std::int32_t he
     footprint_growth_ = static_cast<float>(growth);
     footprint_at_start_ = static_cast<float>(growth * near_);
   }
-  if (camera.slant_x != 0 || camera.slant_y != 0) {
-    along_ = forward_ + right_ * camera.slant_x + up_ * camera.slant_y;
+}
+
+void CameraRays::place(const Affine3d& camera_to_world) {
+  right_ = normalize(column(camera_to_world, 0));
+  up_ = normalize(column(camera_to_world, 1));
+  forward_ = -normalize(column(camera_to_world, 2));
+  eye_ = camera_to_world.translation;
+  along_ = forward_;
+  if (slant_x_ != 0 || slant_y_ != 0) {
+    along_ = forward_ + right_ * slant_x_ + up_ * slant_y_;
     along_length_ = length(along_);
   }
+}
+
+CameraRays CameraRays::at(float time) const {
+  std::size_t next = 1;
+  while (next + 1 < keys_.size() && keys_[next].time <= time) ++next;
+  const CameraKey &a = keys_[next - 1], &b = keys_[next];
+  const float f = (time - a.time) / (b.time - a.time);
+  CameraRays now = *this;
+  now.place(upright(between(a.camera_to_world, b.camera_to_world, f)));
+  now.lens_.focus_distance =
+      a.focus_distance + (b.focus_distance - a.focus_distance) * static_cast<double>(f);
+  return now;
 }
 
 bool CameraRays::ray(double x, double y, Vec2f lens, CameraRay* out) const {

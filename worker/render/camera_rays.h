@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "worker/math/vector.h"
 #include "worker/scene/scene.h"
@@ -21,6 +22,11 @@ class CameraRays {
  public:
   CameraRays(const Camera& camera, std::int32_t width, std::int32_t height);
 
+  /// Whether rays depend on the time.
+  bool moves() const { return !keys_.empty(); }
+  /// The camera as it stands at a time in [0, 1] of the shutter's. Requires moves().
+  CameraRays at(float time) const;
+
   /// Whether rays depend on `lens`.
   bool has_lens() const { return lens_.radius > 0; }
 
@@ -37,6 +43,7 @@ class CameraRays {
   double depth(const Vec3f& p) const;
 
  private:
+  void place(const Affine3d& camera_to_world);
   bool through_lens(double sideways, double upwards, Vec2f lens, CameraRay* out) const;
   bool from_curved_screen(double x, double y, CameraRay* out) const;
 
@@ -51,6 +58,8 @@ class CameraRays {
   float footprint_at_start_ = 0, footprint_growth_ = 0;
   Camera::Kind kind_;
   Lens lens_;
+  double slant_x_, slant_y_;
+  std::span<const CameraKey> keys_;  // of the camera, which must outlive this if it moves
 };
 
 }  // namespace tessera::render

@@ -86,7 +86,14 @@ std::int64_t scene_bytes(const Scene& scene) {
                p.normals.size() * sizeof(Vec3f) + p.tangents.size() * sizeof(Vec4f) +
                (p.uv[0].size() + p.uv[1].size()) * sizeof(Vec2f) + p.colors.size() * sizeof(Vec4f);
     }
+    for (const SharedArray<Primitive>& key : mesh.keys) {
+      for (const Primitive& p : key) {
+        bytes += (p.positions.size() + p.normals.size()) * sizeof(Vec3f) +
+                 p.tangents.size() * sizeof(Vec4f);
+      }
+    }
   }
+  for (const auto& motion : scene.motions) bytes += motion.size() * sizeof(Affine3d);
   return static_cast<std::int64_t>(bytes + scene.instances.size() * sizeof(Instance));
 }
 
@@ -121,7 +128,8 @@ PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& 
                settings.cull_backfaces,
                settings.seed,
                frame,
-               settings.aovs},
+               settings.aovs,
+               !scene_.key_times.empty() || !scene_.camera.keys.empty()},
       clamp_at_(static_cast<float>(settings.clamp)),
       aovs_(settings.aovs) {
   timings_.memory_bytes =
@@ -209,7 +217,11 @@ void PathTracingFrame::store_first_hit(const PathResult& path, std::size_t pixel
                                        contract::FilmBlock* block) const {
   const CameraHit& hit = path.hit;
   if (!hit.present) return;
-  if (!block->depth.empty()) block->depth[pixel] = static_cast<float>(camera_.depth(hit.position));
+  if (!block->depth.empty()) {
+    const double depth =
+        camera_.moves() ? camera_.at(hit.time).depth(hit.position) : camera_.depth(hit.position);
+    block->depth[pixel] = static_cast<float>(depth);
+  }
   if (!block->position.empty()) {
     const Vec3f p = Vec3f(Vec3d(hit.position) + scene_.center);
     block->position[3 * pixel] = p.x;

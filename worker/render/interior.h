@@ -17,7 +17,7 @@ struct Body {
 };
 
 inline Body body_of(const ShadingPoint& point) {
-  return {point.instance->body, point.material, point.instance};
+  return {point.instance->body, point.material, point.instance->still};
 }
 
 /// The bodies that a ray is in, in the order it entered them. Where several overlap, the one of the

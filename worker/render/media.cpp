@@ -145,9 +145,9 @@ bool collides_unevenly(const Stretch& stretch, ChanceStream* chance, Vec3f* thro
   return false;
 }
 
-bool Crossings::add(const ShadingScene& scene, const Hit& hit, const Vec3f& direction) {
+bool Crossings::add(const ShadingScene& scene, const Hit& hit, const Vec3f& direction, float time) {
   if (count_ == kMost) return false;
-  const ShadingPoint point = surface_at(scene, hit, direction);
+  const ShadingPoint point = surface_at(scene, hit, direction, time, moved_);
   all_[count_++] = {hit.t, hit.id, body_of(point), point.front};
   return true;
 }
@@ -172,7 +172,7 @@ Interior interior_at_start(const ShadingScene& scene, const SceneAccel& accel, c
   onwards.t_max = INFINITY;
   accel.any_hit(onwards, [&](const Hit& hit) {
     if ((scene.primitive(hit.id).traits & kTraitBody) == 0) return false;
-    return !crossings->add(scene, hit, onwards.direction);
+    return !crossings->add(scene, hit, onwards.direction, onwards.time);
   });
   const std::span<const Crossing> met = crossings->in_order();
   // What is left last was entered first.

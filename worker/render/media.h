@@ -68,13 +68,14 @@ class Crossings {
 
   void clear() { count_ = 0; }
   /// False if there is no room.
-  bool add(const ShadingScene& scene, const Hit& hit, const Vec3f& direction);
+  bool add(const ShadingScene& scene, const Hit& hit, const Vec3f& direction, float time);
   /// All of them along the ray, in order of (t, id), each once.
   std::span<const Crossing> in_order();
 
  private:
   std::size_t count_ = 0;
   std::array<Crossing, kMost> all_;
+  MovedSurface moved_;
 };
 
 /// The bodies around the start of a ray: those whose surface it first meets from inside.

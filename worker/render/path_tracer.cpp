@@ -108,6 +108,12 @@ class PathTracer {
   bool draw_light(const LightReceiver& receiver, std::uint32_t set, LightSample* light);
   bool scatter(const ShadingPoint& point, const Bsdf& bsdf, const TriangleId& id,
                const SurfacePoint& position);
+  /// Goes on along a ray, at the same time.
+  void follow(const Ray& ray) {
+    const float time = path_.ray.time;
+    path_.ray = ray;
+    path_.ray.time = time;
+  }
   std::uint32_t bounce() const { return static_cast<std::uint32_t>(path_.depth); }
 
   const FrameContext& frame_;
@@ -180,7 +186,9 @@ bool PathTracer<kMedia>::find_hit(Hit* hit) {
                              {sampler_, bounce(), RayKind::path},
                              path_.ray.direction,
                              static_cast<std::uint8_t>(traits),
-                             &passed};
+                             &passed,
+                             path_.ray.time,
+                             &scratch_->passed};
   const bool found = frame_.accel.closest_hit(path_.ray, *hit, filter);
   if (path_.passed + passed > kTransparencyLimit) {
     Ray again = path_.ray;
@@ -196,7 +204,8 @@ bool PathTracer<kMedia>::find_hit(Hit* hit) {
 /// One surface: emission, direct light, and the next ray. False when the path ends.
 template <bool kMedia>
 bool PathTracer<kMedia>::step(const Hit& hit) {
-  ShadingPoint point = surface_at(frame_.shading, hit, path_.ray.direction);
+  ShadingPoint point =
+      surface_at(frame_.shading, hit, path_.ray.direction, path_.ray.time, scratch_->met);
   if (frame_.shading.textures.has_procedures()) [[unlikely]]
     widen(hit.t, &point);
   SurfacePoint position = position_of(point);
@@ -248,7 +257,7 @@ bool PathTracer<kMedia>::passes_unseen(const ShadingPoint& point, const Hit& hit
   media_.interior.cross(body, point.front);
   ++path_.passed;
   const float rest = path_.ray.t_max - hit.t;
-  path_.ray = spawn_ray(position, hit.id, path_.ray.direction);
+  follow(spawn_ray(position, hit.id, path_.ray.direction));
   path_.ray.t_max = rest;
   return true;
 }
@@ -307,6 +316,7 @@ void PathTracer<kMedia>::record(const ShadingPoint& point, const SurfacePoint& p
   hit.node = point.instance->node;
   hit.material = point.primitive->material;
   hit.primitive = point.primitive->id;
+  hit.time = path_.ray.time;
 }
 
 /// Beer's law along the ray that just ended. A solid's inner side tells the medium by itself, so
@@ -351,7 +361,7 @@ bool PathTracer<kMedia>::goes_straight(const Bsdf& bsdf, const Hit& hit,
   path_.from_camera = false;
   ++path_.passed;
   const float rest = path_.ray.t_max - hit.t;
-  path_.ray = spawn_ray(position, hit.id, path_.ray.direction);
+  follow(spawn_ray(position, hit.id, path_.ray.direction));
   path_.ray.t_max = rest;
   return true;
 }
@@ -377,8 +387,9 @@ void PathTracer<kMedia>::add_direct(const Bsdf& bsdf, const TriangleId& id,
   if (!draw_light(receiver_of(bsdf, position), dimensions::light(bounce()), &light)) return;
   const BsdfValue value = evaluate_bsdf(bsdf, light.direction);
   if (!(max_component(value.f_cos) > 0)) return;
-  const Ray ray = light.distant ? spawn_ray(position, id, light.direction)
-                                : spawn_ray_to(position, id, light.target);
+  Ray ray = light.distant ? spawn_ray(position, id, light.direction)
+                          : spawn_ray_to(position, id, light.target);
+  ray.time = path_.ray.time;
   const Vec3f open = light_through(ray, light);
   if (!(max_component(open) > 0)) return;
   const float weight = light.pdf > 0 ? power_heuristic(light.pdf, value.pdf) : 1.0f;
@@ -403,7 +414,8 @@ Vec3f PathTracer<kMedia>::light_through(const Ray& ray, const LightSample& light
   sheets.passed = sheets.count = 0;
   const ShadowFilter filter{frame_.shading,  {sampler_, bounce(), RayKind::shadow},
                             light.direction, light.triangle,
-                            traits,          &sheets};
+                            traits,          &sheets,
+                            ray.time,        &scratch_->passed};
   if (frame_.accel.any_hit(ray, filter)) return {};
   if (sheets.passed > kTransparencyLimit) {
     ++path_.result.limit_count;
@@ -432,12 +444,13 @@ Vec3f PathTracer<kMedia>::light_through_bodies(const Ray& ray, const LightSample
       static_cast<std::uint8_t>(scene.traits & (kTraitAlpha | kTraitUnlit | kTraitStraight));
   const ShadowFilter filter{scene,           {sampler_, bounce(), RayKind::shadow},
                             light.direction, light.triangle,
-                            traits,          &sheets};
+                            traits,          &sheets,
+                            ray.time,        &scratch_->passed};
   bool full = false;
   const bool blocked = frame_.accel.any_hit(ray, [&](const Hit& hit) {
     if (hit.id == light.triangle) return false;
     if ((scene.primitive(hit.id).traits & kTraitBody) == 0) return filter(hit);
-    full = !crossings.add(scene, hit, light.direction);
+    full = !crossings.add(scene, hit, light.direction, ray.time);
     return full;
   });
   if (full || sheets.passed > kTransparencyLimit) ++path_.result.limit_count;
@@ -529,7 +542,7 @@ bool PathTracer<kMedia>::scatter_in_medium(const MediumView& medium, const Vec3f
   const Vec4f u = sampler_.get_4d(dimensions::bsdf(bounce()));
   if (!survives(u.w)) return false;
   const Vec3f before = path_.ray.direction;
-  path_.ray = {};
+  follow({});
   path_.ray.origin = position;
   path_.ray.direction = phase::sample(medium.anisotropy, before, {u.x, u.y});
   path_.pdf = phase::density(medium.anisotropy, before, path_.ray.direction);
@@ -552,6 +565,7 @@ void PathTracer<kMedia>::add_light_in_medium(const MediumView& medium, const Vec
   ray.origin = position;
   ray.direction = light.distant ? light.direction : light.target - position;
   if (!light.distant) ray.t_max = 1;
+  ray.time = path_.ray.time;
   const Vec3f open = light_through(ray, light);
   if (!(max_component(open) > 0)) return;
   const float weight = light.pdf > 0 ? power_heuristic(light.pdf, phase) : 1.0f;
@@ -579,7 +593,7 @@ bool PathTracer<kMedia>::scatter(const ShadingPoint& point, const Bsdf& bsdf, co
   path_.by_chance = next.delta;
   path_.pdf = next.pdf;
   path_.scattered_at = receiver_of(bsdf, position);
-  path_.ray = spawn_ray(position, id, next.wi);
+  follow(spawn_ray(position, id, next.wi));
   return true;
 }
 
@@ -595,9 +609,16 @@ Ray camera_ray(const FrameContext& frame, const PathId& id, const Sampler& sampl
   if (frame.camera.has_lens()) [[unlikely]]
     lens = sampler.get_2d(dimensions::kLens);
   CameraRay camera{{}, {0, 0, 1}, -1};
-  frame.camera.ray(id.x + 0.5 + static_cast<double>(offset.x),
-                   id.y + 0.5 + static_cast<double>(offset.y), lens, &camera);
   Ray ray;
+  if (frame.moves) [[unlikely]]
+    ray.time = sampler.get_4d(dimensions::kFilter).z;
+  const double x = id.x + 0.5 + static_cast<double>(offset.x);
+  const double y = id.y + 0.5 + static_cast<double>(offset.y);
+  if (frame.camera.moves()) [[unlikely]] {
+    frame.camera.at(ray.time).ray(x, y, lens, &camera);
+  } else {
+    frame.camera.ray(x, y, lens, &camera);
+  }
   ray.origin = camera.origin;
   ray.direction = camera.direction;
   ray.t_max = camera.t_max;

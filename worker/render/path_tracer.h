@@ -31,12 +31,14 @@ struct FrameContext {
   std::uint32_t seed = 0;
   std::int32_t frame = 0;
   std::uint32_t aovs = 0;  // contract::Aov bits
+  bool moves = false;      // whether anything does while the shutter is open: rays have times
 };
 
 /// Memory a thread lends to the paths it traces, so that none allocates.
 struct PathScratch {
   SheetStack sheets;
   std::unique_ptr<Crossings> crossings;  // made for the first path that tracks bodies
+  MovedSurface met, passed;              // where the path is; what a ray of it looks through
 };
 
 /// The first surface a camera path met.
@@ -46,6 +48,7 @@ struct CameraHit {
   Vec3f normal;    // shading normal on the viewer's side; zero unless there is a layer of it
   Vec3f position;  // recentred world
   std::int32_t node = 0, material = 0, primitive = 0;
+  float time = 0;  // of the ray that met it
 };
 
 /// One sample of a pixel.

@@ -10,7 +10,7 @@ bool ClosestFilter::operator()(const Hit& hit) const {
   const auto wanted = static_cast<std::uint8_t>(scene.primitive(hit.id).traits & traits);
   if (wanted == 0) return true;
   if ((wanted & kTraitUnlit) != 0) return false;
-  const ShadingPoint point = surface_at(scene, hit, direction);
+  const ShadingPoint point = surface_at(scene, hit, direction, time, *moved);
   if ((wanted & kTraitOneSided) != 0 && !point.front) return false;
   if ((wanted & kTraitAlpha) == 0) return true;
   if (chance.at(hit.id) < coverage_at(scene, point)) return true;
@@ -23,7 +23,7 @@ bool ShadowFilter::operator()(const Hit& hit) const {
   const auto wanted = static_cast<std::uint8_t>(scene.primitive(hit.id).traits & traits);
   if (wanted == 0) return true;
   if ((wanted & kTraitUnlit) != 0) return false;
-  const ShadingPoint point = surface_at(scene, hit, direction);
+  const ShadingPoint point = surface_at(scene, hit, direction, time, *moved);
   if ((wanted & kTraitAlpha) != 0 && !(chance.at(hit.id) < coverage_at(scene, point))) {
     ++stack->passed;
     return false;

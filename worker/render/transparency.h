@@ -7,6 +7,7 @@
 #include "worker/math/vector.h"
 #include "worker/sampling/sampler.h"
 #include "worker/shading/shading_scene.h"
+#include "worker/shading/surface.h"
 
 namespace tessera::render {
 
@@ -40,6 +41,8 @@ struct ClosestFilter {
   Vec3f direction;
   std::uint8_t traits = 0;  // kTrait bits that matter to this ray
   int* passed = nullptr;    // counts the holes
+  float time = 0;           // of the ray
+  MovedSurface* moved = nullptr;
 
   bool operator()(const Hit& hit) const;
 };
@@ -84,6 +87,8 @@ struct ShadowFilter {
   TriangleId target;  // the emitter the ray goes to, which does not shadow itself
   std::uint8_t traits = 0;
   SheetStack* stack = nullptr;
+  float time = 0;  // of the ray
+  MovedSurface* moved = nullptr;
 
   bool operator()(const Hit& hit) const;
 };

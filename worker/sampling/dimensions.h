@@ -7,7 +7,7 @@
 /// (0, 2)-sequence, so they take what is two-dimensional. Part of the render contract.
 namespace tessera::render::dimensions {
 
-/// Camera: x, y position in the pixel filter; z reserved (time); w wavelength.
+/// Camera: x, y position in the pixel filter; z time, if anything moves; w wavelength.
 inline constexpr std::uint32_t kFilter = 0;
 /// Camera: x, y point of the lens.
 inline constexpr std::uint32_t kLens = 1;

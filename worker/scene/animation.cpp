@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
 #include <utility>
 
@@ -183,6 +184,30 @@ double clip_seconds(const Document& document, std::int32_t animation) {
     lengthen(channel.input);
   }
   return last;
+}
+
+std::vector<AnimationKey> animation_keys(const Document& document,
+                                         const std::vector<std::int32_t>& animations, double from,
+                                         double to) {
+  std::map<double, bool> keys;                   // whether something jumps
+  std::set<std::pair<std::int32_t, bool>> read;  // channels share accessors
+  for (const std::int32_t animation : animations) {
+    for (const AnimationChannel& channel : document.animations[animation].channels) {
+      const bool jumps = channel.interpolation == Interpolation::step;
+      if (!read.insert({channel.input, jumps}).second) continue;
+      const auto times = read_floats(document, channel.input, 1);
+      if (!times.ok()) continue;
+      for (const float time : *times) {
+        const auto seconds = static_cast<double>(time);
+        if (!(seconds > from && seconds < to)) continue;
+        bool& known = keys[seconds];
+        known = known || jumps;
+      }
+    }
+  }
+  std::vector<AnimationKey> out;
+  for (const auto& [seconds, jumps] : keys) out.push_back({seconds, jumps});
+  return out;
 }
 
 absl::Status check_animations(const Document& document) {

@@ -17,6 +17,18 @@ absl::StatusOr<std::vector<std::int32_t>> choose_animations(const Document& docu
 /// Time of an animation's last key, seconds. Requires check_animations().
 double clip_seconds(const Document& document, std::int32_t animation);
 
+/// A time at which an animation has a key, and whether something jumps there (STEP).
+struct AnimationKey {
+  double seconds = 0;
+  bool jumps = false;
+};
+
+/// Those after `from` and before `to`, in order, of what moves nodes; several at one time are one.
+/// Requires check_animations().
+std::vector<AnimationKey> animation_keys(const Document& document,
+                                         const std::vector<std::int32_t>& animations, double from,
+                                         double to);
+
 /// Checks what posing relies on: key times are finite and increase, outputs have the right shape
 /// and are finite. Errors: InvalidArgument "animations[i].channels[k]: ...".
 absl::Status check_animations(const Document& document);

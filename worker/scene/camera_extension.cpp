@@ -36,12 +36,13 @@ class CameraReader {
 
   void read() {
     look_.allow({"projection", "horizontalAngle", "verticalAngle", "angle", "frustum", "direction",
-                 "lookAt", "lens"});
+                 "lookAt", "lens", "shutter"});
     read_projection();
     read_frustum(look_["frustum"]);
     read_direction();
     read_look_at(look_["lookAt"]);
     read_lens(look_["lens"]);
+    read_shutter(look_["shutter"]);
   }
 
  private:
@@ -161,6 +162,17 @@ class CameraReader {
     require(rim, {"distance", "radius"}, fault_);
     l.rim_distance = rim.number("distance", 1, kSmallest, kLargest);
     l.rim_radius = rim.number("radius", 1, kSmallest, kLargest);
+  }
+
+  void read_shutter(const JsonView& shutter) {
+    if (!shutter.present()) return;
+    shutter.allow({"open", "close"});
+    require(shutter, {"close"}, fault_);
+    camera_.shutter_open = shutter.number("open", 0, -1e6, 1e6);
+    camera_.shutter_close = shutter.number("close", 0, -1e6, 1e6);
+    if (camera_.shutter_open > camera_.shutter_close) {
+      fault_.report(shutter.path(), "open is after close");
+    }
   }
 
   const JsonView& look_;

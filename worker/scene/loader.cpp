@@ -19,6 +19,7 @@
 #include "worker/scene/limits.h"
 #include "worker/scene/medium_reader.h"
 #include "worker/scene/scene_builder.h"
+#include "worker/scene/shutter.h"
 
 namespace tessera::render {
 
@@ -56,18 +57,23 @@ class LoadedScene final : public SceneFile {
     PoseCache cache = last_pose();
     Document animated;
     const bool pointers = has_pointers(document_, *animations);
+    const double seconds = static_cast<double>(frame) / settings.fps;
     if (pointers) {
-      auto read = animated_document(*animations, settings, frame);
+      auto read = animated_document(*animations, seconds);
       if (!read.ok()) return in_file(name_, read.status());
       animated = *std::move(read);
       // What a mesh needs may follow from numbers of its materials.
       cache.meshes.clear();
       cache.bases.clear();
     }
-    const PoseInput input{pointers ? animated : document_, has_sky_ ? &sky_ : nullptr, settings,
-                          frame};
+    PoseInput input{pointers ? animated : document_, has_sky_ ? &sky_ : nullptr, settings, seconds,
+                    std::nullopt};
     std::vector<Problem> met;
     auto scene = build_scene(input, cache, met);
+    if (scene.ok() && !animations->empty()) {
+      absl::Status status = open_shutter(*animations, input, cache, met, *scene);
+      if (!status.ok()) scene = status;
+    }
     remember(met);
     if (!scene.ok()) return in_file(name_, scene.status());
     keep(std::move(cache));
@@ -123,13 +129,30 @@ class LoadedScene final : public SceneFile {
     return status;
   }
 
-  /// The document with the numbers that pointers animate as they are at `frame`. Buffers and
+  /// Adds what moves while the shutter of the scene's camera is open, if it has one. Numbers that
+  /// pointers animate stay as they are at the frame's time.
+  static absl::Status open_shutter(const std::vector<std::int32_t>& animations, PoseInput input,
+                                   PoseCache& cache, std::vector<Problem>& met, Scene& scene) {
+    const Camera& camera = scene.camera;
+    if (!(camera.shutter_open < camera.shutter_close)) return absl::OkStatus();
+    Exposure exposure;
+    exposure.open = input.seconds + camera.shutter_open;
+    exposure.close = input.seconds + camera.shutter_close;
+    exposure.changes = animation_keys(input.document, animations, exposure.open, exposure.close);
+    input.center = scene.center;
+    exposure.pose = [&](double seconds) {
+      input.seconds = seconds;
+      std::vector<Problem> said_before;
+      return build_scene(input, cache, said_before);
+    };
+    return add_motion(exposure, scene, met);
+  }
+
+  /// The document with the numbers that pointers animate as they are at a time. Buffers and
   /// images are those of the first reading, which must outlive it.
   absl::StatusOr<Document> animated_document(const std::vector<std::int32_t>& animations,
-                                             const contract::RenderSettings& settings,
-                                             std::int32_t frame) const {
+                                             double seconds) const {
     nlohmann::json root = *root_;
-    const double seconds = static_cast<double>(frame) / settings.fps;
     absl::Status status = animate_json(document_, animations, seconds, root);
     if (!status.ok()) return status;
     const auto core = core_text(root);

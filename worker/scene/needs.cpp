@@ -13,9 +13,10 @@ namespace {
 
 // Measured: docs/performance.md, "Memory".
 constexpr std::int64_t kAccelBytesPerTriangle = 75, kAccelBytesPerInstance = 256;
-constexpr std::int64_t kBuildBytesPerTriangle = 130;  // of one mesh at a time
-constexpr std::int64_t kLightBytesPerTriangle = 700;  // emissive, as often as it is placed
-constexpr std::int64_t kLightBytesPerTexel = 12;      // of emissive textures
+constexpr std::int64_t kMovingBytesPerTriangle = 120;  // of a mesh that changes, each segment
+constexpr std::int64_t kBuildBytesPerTriangle = 130;   // of one mesh at a time
+constexpr std::int64_t kLightBytesPerTriangle = 700;   // emissive, as often as it is placed
+constexpr std::int64_t kLightBytesPerTexel = 12;       // of emissive textures
 constexpr std::int64_t kLightBytesPerSkyTexel = 8;
 
 template <typename Array>
@@ -84,6 +85,7 @@ std::uint32_t scene_features(const Scene& scene) {
   if (scene.camera.lens.radius > 0) f |= kNeedsLens;
   if (!scene.procedures.empty()) f |= kNeedsProcedures;
   if (scene.atmosphere) f |= kNeedsMedia;
+  if (!scene.key_times.empty() || !scene.camera.keys.empty()) f |= kNeedsMotion;
   return f;
 }
 
@@ -198,6 +200,13 @@ SceneNeeds needs_of(const Scene& scene) {
       ++needs.primitives;
     }
     needs.triangles += triangles[i];
+    for (const SharedArray<Primitive>& key : scene.meshes[i].keys) {
+      for (const Primitive& p : key) needs.geometry_bytes += bytes_of_primitive(p);
+    }
+    if (!scene.meshes[i].keys.empty()) {  // a tree from each key to the next, of both ends
+      needs.acceleration_bytes += static_cast<std::int64_t>(scene.meshes[i].keys.size() - 1) *
+                                  triangles[i] * kMovingBytesPerTriangle;
+    }
     if (scene.meshes[i].shape != nullptr) needs.features |= kNeedsShapes;
   }
   for (const Instance& instance : scene.instances) {
@@ -214,9 +223,14 @@ SceneNeeds needs_of(const Scene& scene) {
   needs.images = static_cast<std::int64_t>(scene.images.size());
   needs.lights = static_cast<std::int64_t>(scene.lights.size());
   const auto largest = std::max_element(triangles.begin(), triangles.end());
-  needs.acceleration_bytes = needs.triangles * kAccelBytesPerTriangle +
-                             needs.instances * kAccelBytesPerInstance +
-                             (largest == triangles.end() ? 0 : *largest * kBuildBytesPerTriangle);
+  needs.acceleration_bytes += needs.triangles * kAccelBytesPerTriangle +
+                              needs.instances * kAccelBytesPerInstance +
+                              (largest == triangles.end() ? 0 : *largest * kBuildBytesPerTriangle);
+  for (const auto& motion : scene.motions) {
+    needs.acceleration_bytes +=
+        static_cast<std::int64_t>(motion.size()) *
+        (kAccelBytesPerInstance + static_cast<std::int64_t>(3 * sizeof(Affine3d)));
+  }
   needs.light_bytes =
       needs.emissive_triangles * kLightBytesPerTriangle + light_table_bytes(scene, used);
   return needs;
@@ -253,7 +267,8 @@ std::vector<std::string> feature_names(std::uint32_t features) {
                                            "shapes",
                                            "csg",
                                            "exact-optics",
-                                           "media"};
+                                           "media",
+                                           "motion"};
   std::vector<std::string> out;
   for (std::size_t bit = 0; bit < std::size(kNames); ++bit) {
     if ((features >> bit & 1) != 0) out.emplace_back(kNames[bit]);

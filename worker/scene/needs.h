@@ -42,7 +42,8 @@ enum Feature : std::uint32_t {
   kNeedsShapes = 1u << 27,
   kNeedsCsg = 1u << 28,
   kNeedsOptics = 1u << 29,
-  kNeedsMedia = 1u << 30,  // or priorities: paths know all bodies they are in
+  kNeedsMedia = 1u << 30,   // or priorities: paths know all bodies they are in
+  kNeedsMotion = 1u << 31,  // something moves while the shutter is open
 };
 
 /// Resident memory of a renderer before it has a scene, measured. A Radiance sky adds some 120 MB

@@ -207,7 +207,8 @@ struct Material {
   Iridescence iridescence;
   DiffuseTransmission diffuse_transmission;
   Optics optics;
-  std::optional<Medium> medium = {};  // TESSERA_medium: fills what surfaces of this material enclose
+  std::optional<Medium> medium =
+      {};  // TESSERA_medium: fills what surfaces of this material enclose
 };
 
 /// One glTF primitive, as triangles. Optional arrays are empty or as long as `positions`.
@@ -227,17 +228,21 @@ struct Mesh {
   std::string name;
   SharedArray<Primitive> primitives;
   std::shared_ptr<const Shape> shape = nullptr;  // if any, the one primitive has its material alone
+  /// Of one that changes while the shutter is open: positions, normals and tangents of the
+  /// primitives at each of Scene::key_times; nothing else is set in these.
+  std::vector<SharedArray<Primitive>> keys = {};
 };
 
 /// A placed mesh. The index in Scene::instances is the instance id of "One hit": nodes in
 /// depth-first order, then the index within EXT_mesh_gpu_instancing.
 struct Instance {
   std::int32_t mesh = 0;
-  std::int32_t node = 0;       // glTF node index
-  Affine3d object_to_world;    // world is recentred: metres minus Scene::center
-  Affine3d world_to_object;    // its exact-as-possible inverse; singular nodes are dropped at load
-  bool flips_winding = false;  // negative determinant
-  bool operand = false;        // of one of Scene::solids: not met by itself
+  std::int32_t node = 0;        // glTF node index
+  Affine3d object_to_world;     // world is recentred: metres minus Scene::center
+  Affine3d world_to_object;     // its exact-as-possible inverse; singular nodes are dropped at load
+  bool flips_winding = false;   // negative determinant
+  bool operand = false;         // of one of Scene::solids: not met by itself
+  std::int32_t motion = kNone;  // into Scene::motions; kNone: it stands still
 };
 
 enum class CsgOperation : std::uint8_t { unite, intersect, subtract, exclude };
@@ -281,6 +286,13 @@ struct Lens {
   double rim_radius = std::numeric_limits<double>::infinity();
 };
 
+/// Where a camera is at one time.
+struct CameraKey {
+  float time = 0;  // [0, 1] of the shutter's
+  Affine3d camera_to_world;
+  double focus_distance = 1;
+};
+
 struct Camera {
   enum class Kind : std::uint8_t {
     perspective,
@@ -300,7 +312,9 @@ struct Camera {
   double slant_x = 0, slant_y = 0;    // orthographic: sideways per metre of depth
   double horizontal_angle = 0, vertical_angle = 0;  // radians, curved screens; fisheyes: both alike
   Lens lens;
-  Affine3d camera_to_world;  // recentred; orthonormal axes; looks down -Z, +Y up
+  Affine3d camera_to_world;                    // recentred; orthonormal axes; looks down -Z, +Y up
+  double shutter_open = 0, shutter_close = 0;  // seconds from the frame's time; equal: at once
+  std::vector<CameraKey> keys;                 // if it moves meanwhile; linear in between
 };
 
 /// The sky, latitude-longitude, linear (design.md, "Environment").
@@ -320,6 +334,11 @@ struct Scene {
   std::vector<Instance> instances;
   std::vector<CsgSolid> solids;
   std::vector<PunctualLight> lights;
+  /// When the poses of what moves are known, in [0, 1] of the shutter's time, from 0 up to 1;
+  /// linear in between. Empty if nothing moves while it is open. Poses above are those of the
+  /// frame's time.
+  std::vector<float> key_times;
+  std::vector<std::vector<Affine3d>> motions;  // object to world at each of them
   Camera camera;
   std::optional<Atmosphere> atmosphere = {};
   bool has_environment = false;  // lights the scene, whether camera rays see it or not

@@ -95,9 +95,8 @@ class SceneBuilder {
     nodes_ = document_.nodes;
     const auto animations = choose_animations(document_, input_.settings.animation);
     if (!animations.ok()) return animations.status();
-    const double seconds = static_cast<double>(input_.frame) / input_.settings.fps;
     for (const std::int32_t animation : *animations) {
-      absl::Status status = animate(document_, animation, seconds, nodes_);
+      absl::Status status = animate(document_, animation, input_.seconds, nodes_);
       if (!status.ok()) return status;
     }
     const auto scene_roots = roots();
@@ -414,7 +413,7 @@ class SceneBuilder {
       warn("", "the scene has no triangles");
       bounds_ = {{0, 0, 0}, {0, 0, 0}};
     }
-    const Vec3d center = (bounds_.low + bounds_.high) * 0.5;
+    const Vec3d center = input_.center.value_or((bounds_.low + bounds_.high) * 0.5);
     scene_.center = center;
     scene_.bounds_min = bounds_.low - center;
     scene_.bounds_max = bounds_.high - center;

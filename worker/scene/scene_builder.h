@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -15,10 +16,11 @@ struct PoseInput {
   const Document& document;
   const Image* sky = nullptr;  // of settings.environment; null: none
   const contract::RenderSettings& settings;
-  std::int32_t frame = 0;
+  double seconds = 0;           // since the animations began
+  std::optional<Vec3d> center;  // to put at the origin; by default the middle of what is seen
 };
 
-/// The scene at one frame. Takes what it can from `cache`, of any earlier pose of the document, and
+/// The scene at one time. Takes what it can from `cache`, of any earlier pose of the document, and
 /// leaves there what it used. Appends warnings and notes to `problems`, not again for what was
 /// cached. Errors: InvalidArgument "ELEMENT: FAULT".
 absl::StatusOr<Scene> build_scene(const PoseInput& input, PoseCache& cache,

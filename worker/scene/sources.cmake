@@ -6,7 +6,7 @@ target_sources(tessera_render
     scene/first_pass.cpp scene/folder_reader.cpp scene/geometry_reader.cpp scene/hierarchy.cpp
     scene/image_decoder.cpp scene/image_sources.cpp scene/inspect_report.cpp scene/json_view.cpp
     scene/loader.cpp scene/material_extensions.cpp scene/medium_reader.cpp scene/meshopt_decoder.cpp scene/needs.cpp
-    scene/node_extensions.cpp scene/optics_reader.cpp scene/scene_builder.cpp scene/selection.cpp scene/shape_reader.cpp
+    scene/node_extensions.cpp scene/optics_reader.cpp scene/scene_builder.cpp scene/selection.cpp scene/shape_reader.cpp scene/shutter.cpp
     scene/solid_check.cpp
     scene/tangents.cpp
     scene/tessera_extensions.cpp scene/texture_extension.cpp scene/uri.cpp
@@ -17,7 +17,7 @@ target_sources(tessera_render
     scene/extension_reader.h scene/first_pass.h scene/folder_reader.h scene/geometry_reader.h
     scene/hierarchy.h scene/image_decoder.h scene/inspect_report.h scene/json_view.h
     scene/limits.h scene/loader.h scene/medium_reader.h scene/meshopt_decoder.h scene/needs.h scene/scene.h
-    scene/optics_reader.h scene/pose_cache.h scene/scene_builder.h scene/selection.h scene/shape_reader.h scene/shared_array.h scene/solid_check.h
+    scene/optics_reader.h scene/pose_cache.h scene/scene_builder.h scene/selection.h scene/shape_reader.h scene/shared_array.h scene/shutter.h scene/solid_check.h
     scene/tangents.h scene/tessera_extensions.h scene/uri.h)
 # tinygltf is used as a header (see core_model.cpp): nothing to link.
 target_link_libraries(tessera_render

@@ -149,7 +149,7 @@ std::vector<bool> used_materials(const Scene& scene) {
 
 }  // namespace
 
-ShadingScene::ShadingScene(const Scene& scene) : textures(scene) {
+ShadingScene::ShadingScene(const Scene& scene) : source(scene), textures(scene) {
   add_atmosphere(scene);
   add_materials(scene);
   std::vector<std::uint32_t> first;
@@ -159,7 +159,8 @@ ShadingScene::ShadingScene(const Scene& scene) : textures(scene) {
       PrimitiveView view = view_of(p);
       const MaterialView& material = materials[static_cast<std::size_t>(p.material)];
       view.traits = material.traits;
-      view.curved = material.interface == Interface::opaque && has_leaning_normals(p) &&
+      const bool may_lean = has_leaning_normals(p) || (!mesh.keys.empty() && !p.normals.empty());
+      view.curved = material.interface == Interface::opaque && may_lean &&
                     !(material.source->diffuse_transmission.factor > 0);
       const bool seen = material.rank != kBoundaryRank;
       if (seen && colors_make_holes(p, *material.source)) view.traits |= kTraitAlpha;
@@ -173,6 +174,8 @@ ShadingScene::ShadingScene(const Scene& scene) : textures(scene) {
     view.source = &instance;
     view.shape = scene.meshes[mesh].shape.get();
     view.solid = view.shape != nullptr || instance.operand;
+    view.moves = instance.motion != kNone || !scene.meshes[mesh].keys.empty();
+    view.special = view.solid || view.moves;
     view.object_to_world = Affine3f(instance.object_to_world);
     view.world_to_object = Affine3f(instance.world_to_object);
     view.first_primitive = first[mesh];
@@ -185,6 +188,7 @@ ShadingScene::ShadingScene(const Scene& scene) : textures(scene) {
   for (const CsgSolid& solid : scene.solids) {
     for (std::uint32_t i = 0; i < solid.count; ++i) instances[solid.first + i].body = solid.first;
   }
+  for (InstanceView& view : instances) view.still = &view;
   memory_bytes = textures.memory_bytes() +
                  static_cast<std::int64_t>(primitives.size() * sizeof(PrimitiveView) +
                                            instances.size() * sizeof(InstanceView) +

@@ -43,10 +43,13 @@ struct PrimitiveView {
 
 struct InstanceView {
   Affine3f object_to_world, world_to_object;
-  const Instance* source = nullptr;   // its transforms in double
-  const Shape* shape = nullptr;       // if it is one, and no mesh
-  bool solid = false;                 // a shape, or an operand of a CSG solid
-  std::uint32_t first_primitive = 0;  // of its mesh, into ShadingScene::primitives
+  const Instance* source = nullptr;     // its transforms in double
+  const Shape* shape = nullptr;         // if it is one, and no mesh
+  bool solid = false;                   // a shape, or an operand of a CSG solid
+  bool moves = false;                   // or its mesh does, while the shutter is open
+  bool special = false;                 // a solid, or it moves
+  const InstanceView* still = nullptr;  // itself; of one as it is at a time, at the frame's
+  std::uint32_t first_primitive = 0;    // of its mesh, into ShadingScene::primitives
   std::uint32_t primitive_count = 0;
   std::int32_t node = 0;
   float handedness = 1;  // -1 for mirrored instances
@@ -92,6 +95,7 @@ struct ShadingScene {
     return found == relative_.end() ? inside : found->second->view;
   }
 
+  const Scene& source;
   TextureTable textures;
   std::vector<PrimitiveView> primitives;
   std::vector<InstanceView> instances;

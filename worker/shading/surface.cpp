@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "worker/geometry/motion.h"
 #include "worker/geometry/shapes/shape_surface.h"
 #include "worker/math/elementary.h"
 #include "worker/shading/surface_extensions.h"
@@ -24,9 +25,60 @@ PlacedTriangle placed_triangle(const ShadingPoint& p) {
           x[p.vertices[2]]};
 }
 
-ShadingPoint shape_at(const ShadingScene& scene, const Hit& hit) {
+inline __attribute__((always_inline)) ShadingPoint triangle_at(const ShadingScene& scene,
+                                                               const InstanceView& instance,
+                                                               const PrimitiveView& primitive,
+                                                               const Hit& hit,
+                                                               const Vec3f& direction) {
   ShadingPoint p;
-  p.instance = &scene.instances[hit.id.instance];
+  p.instance = &instance;
+  p.primitive = &primitive;
+  p.material = &scene.materials[static_cast<std::size_t>(p.primitive->material)];
+  p.vertices = p.primitive->triangles[hit.id.triangle];
+  p.b1 = hit.b1;
+  p.b2 = hit.b2;
+  p.geometric_normal = world_normal(placed_triangle(p));
+  p.front = dot(p.geometric_normal, direction) < 0;
+  return p;
+}
+
+/// The three corners' values between two keys, or those that do not change; null if it has none.
+template <typename T>
+const T* corners_between(const T* still, const std::vector<T>* from, const std::vector<T>* to,
+                         const std::array<std::uint32_t, 3>& vertices, float f,
+                         std::array<T, 3>& out) {
+  if (still == nullptr) return nullptr;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const std::uint32_t v = vertices[i];
+    out[i] = from == nullptr ? still[v] : between((*from)[v], (*to)[v], f);
+  }
+  return out.data();
+}
+
+/// The one triangle of a mesh that changes, as it is between two keys.
+void move_triangle(const Mesh& mesh, const TriangleId& id, const KeyPlace& at,
+                   const PrimitiveView& still, MovedSurface& memory) {
+  static constexpr std::array<std::uint32_t, 3> kCorners = {0, 1, 2};
+  const Primitive& from = mesh.keys[at.segment][id.primitive];
+  const Primitive& to = mesh.keys[at.segment + 1][id.primitive];
+  const std::array<std::uint32_t, 3>& v = still.triangles[id.triangle];
+  PrimitiveView& p = memory.primitive;
+  p = still;
+  p.positions =
+      corners_between(still.positions, &from.positions, &to.positions, v, at.f, memory.positions);
+  p.normals = corners_between(still.normals, &from.normals, &to.normals, v, at.f, memory.normals);
+  p.tangents =
+      corners_between(still.tangents, &from.tangents, &to.tangents, v, at.f, memory.tangents);
+  for (std::size_t k = 0; k < 2; ++k) {
+    p.uv[k] = corners_between<Vec2f>(still.uv[k], nullptr, nullptr, v, 0, memory.uv[k]);
+  }
+  p.colors = corners_between<Vec4f>(still.colors, nullptr, nullptr, v, 0, memory.colors);
+  p.triangles = &kCorners;
+}
+
+ShadingPoint shape_at(const ShadingScene& scene, const InstanceView& instance, const Hit& hit) {
+  ShadingPoint p;
+  p.instance = &instance;
   p.primitive = &scene.primitives[p.instance->first_primitive];
   p.material = &scene.materials[static_cast<std::size_t>(p.primitive->material)];
   p.shape = p.instance->shape;
@@ -70,12 +122,13 @@ BsdfParameters parameters_at(const ShadingScene& scene, const ShadingPoint& p, c
 
 }  // namespace
 
-ShadingPoint solid_at(const ShadingScene& scene, const Hit& hit, const Vec3f& direction) {
+ShadingPoint solid_at(const ShadingScene& scene, const InstanceView& instance, const Hit& hit,
+                      const Vec3f& direction) {
   Hit plain = hit;
   plain.id.triangle &= ~kFlippedSide;
-  ShadingPoint p = scene.instances[hit.id.instance].shape != nullptr
-                       ? shape_at(scene, plain)
-                       : surface_at(scene, plain.id, hit.b1, hit.b2, direction);
+  ShadingPoint p = instance.shape != nullptr
+                       ? shape_at(scene, instance, plain)
+                       : triangle_at(scene, instance, scene.primitive(plain.id), plain, direction);
   p.flipped = plain.id != hit.id;
   if (p.flipped) p.geometric_normal = -p.geometric_normal;
   p.front = dot(p.geometric_normal, direction) < 0;
@@ -84,16 +137,40 @@ ShadingPoint solid_at(const ShadingScene& scene, const Hit& hit, const Vec3f& di
 
 ShadingPoint surface_at(const ShadingScene& scene, const TriangleId& id, float b1, float b2,
                         const Vec3f& direction) {
-  ShadingPoint p;
-  p.instance = &scene.instances[id.instance];
-  p.primitive = &scene.primitives[p.instance->first_primitive + id.primitive];
-  p.material = &scene.materials[static_cast<std::size_t>(p.primitive->material)];
-  p.vertices = p.primitive->triangles[id.triangle];
-  p.b1 = b1;
-  p.b2 = b2;
-  p.geometric_normal = world_normal(placed_triangle(p));
-  p.front = dot(p.geometric_normal, direction) < 0;
-  return p;
+  const InstanceView& instance = scene.instances[id.instance];
+  return triangle_at(scene, instance, scene.primitives[instance.first_primitive + id.primitive],
+                     {0, id, 0, b1, b2}, direction);
+}
+
+ShadingPoint moved_at(const ShadingScene& scene, const Hit& hit, const Vec3f& direction, float time,
+                      MovedSurface& memory) {
+  const InstanceView& still = scene.instances[hit.id.instance];
+  const KeyPlace at = find_key(scene.source.key_times, time);
+  memory.place = *still.source;
+  memory.instance = still;
+  memory.instance.source = &memory.place;
+  if (still.source->motion != kNone) {
+    const auto& motion = scene.source.motions[static_cast<std::size_t>(still.source->motion)];
+    const auto pose = pose_at(motion, at);
+    if (pose) {  // or there would be no hit
+      memory.place.object_to_world = pose->object_to_world;
+      memory.place.world_to_object = pose->world_to_object;
+    }
+    memory.place.flips_winding = determinant(memory.place.object_to_world) < 0;
+    memory.instance.object_to_world = Affine3f(memory.place.object_to_world);
+    memory.instance.world_to_object = Affine3f(memory.place.world_to_object);
+    memory.instance.handedness = memory.place.flips_winding ? -1.0f : 1.0f;
+  }
+  if (still.solid) return solid_at(scene, memory.instance, hit, direction);
+  const PrimitiveView& primitive = scene.primitive(hit.id);
+  const Mesh& mesh = scene.source.meshes[static_cast<std::size_t>(still.source->mesh)];
+  if (mesh.keys.empty()) {
+    return triangle_at(scene, memory.instance, primitive, hit, direction);
+  }
+  move_triangle(mesh, hit.id, at, primitive, memory);
+  Hit alone = hit;
+  alone.id.triangle = 0;  // the one there
+  return triangle_at(scene, memory.instance, memory.primitive, alone, direction);
 }
 
 SurfacePoint position_of(const ShadingPoint& p) {

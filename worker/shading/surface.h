@@ -31,13 +31,38 @@ struct ShadingPoint {
 /// The point of a triangle that was met along `direction`.
 ShadingPoint surface_at(const ShadingScene& scene, const TriangleId& id, float b1, float b2,
                         const Vec3f& direction);
-/// That of a shape, or of an operand of a CSG solid.
-ShadingPoint solid_at(const ShadingScene& scene, const Hit& hit, const Vec3f& direction);
+/// That of a shape, or of an operand of a CSG solid, placed as `instance` says.
+ShadingPoint solid_at(const ShadingScene& scene, const InstanceView& instance, const Hit& hit,
+                      const Vec3f& direction);
+
+/// Memory for a surface as it is at one time, which its ShadingPoint looks into.
+struct MovedSurface {
+  Instance place;
+  InstanceView instance;
+  PrimitiveView primitive;
+  std::array<Vec3f, 3> positions, normals;  // of the triangle met
+  std::array<Vec4f, 3> tangents, colors;
+  std::array<std::array<Vec2f, 3>, 2> uv;
+};
+/// The point of what moves while the shutter is open, as it is at the ray's time.
+ShadingPoint moved_at(const ShadingScene& scene, const Hit& hit, const Vec3f& direction, float time,
+                      MovedSurface& memory);
 
 /// The point `hit` found along `direction`.
 inline ShadingPoint surface_at(const ShadingScene& scene, const Hit& hit, const Vec3f& direction) {
-  if (scene.instances[hit.id.instance].solid) [[unlikely]]
-    return solid_at(scene, hit, direction);
+  const InstanceView& instance = scene.instances[hit.id.instance];
+  if (instance.solid) [[unlikely]]
+    return solid_at(scene, instance, hit, direction);
+  return surface_at(scene, hit.id, hit.b1, hit.b2, direction);
+}
+/// The same at a time; of what moves it looks into `memory`.
+inline ShadingPoint surface_at(const ShadingScene& scene, const Hit& hit, const Vec3f& direction,
+                               float time, MovedSurface& memory) {
+  const InstanceView& instance = scene.instances[hit.id.instance];
+  if (instance.special) [[unlikely]] {
+    return instance.moves ? moved_at(scene, hit, direction, time, memory)
+                          : solid_at(scene, instance, hit, direction);
+  }
   return surface_at(scene, hit.id, hit.b1, hit.b2, direction);
 }
 

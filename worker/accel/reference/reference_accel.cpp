@@ -24,59 +24,92 @@ void append_corners(const Box3f& box, std::vector<Vec3f>& corners) {
 }  // namespace
 
 ReferenceAccel::ReferenceAccel(const Scene& scene, const Structure& structure)
-    : solids_(Solids::of(scene)) {
+    : key_times_(scene.key_times), solids_(Solids::of(scene)) {
+  const std::size_t count = key_times_.empty() ? 1 : key_times_.size() - 1;
+  for (std::uint32_t s = 0; s < count; ++s) {
+    stretches_.push_back(make_stretch(scene, s, structure));
+  }
+}
+
+ReferenceAccel::Stretch ReferenceAccel::make_stretch(const Scene& scene, std::uint32_t segment,
+                                                     const Structure& structure) const {
+  Stretch out;
   std::vector<Box3f> meshes;
   for (const Mesh& mesh : scene.meshes) {
-    parts_.push_back(make_part(mesh, structure));
-    meshes.push_back(mesh.shape != nullptr ? mesh.shape->bounds : parts_.back().bounds);
+    out.parts.push_back(make_part(mesh, segment, structure));
+    meshes.push_back(mesh.shape != nullptr ? mesh.shape->bounds : out.parts.back().bounds);
   }
-  const InstanceBoxes instances = place_instances(scene, meshes);
-  origin_limit_ = instances.origin_limit;
-  if (instances.boxes.empty()) return;
+  InstanceChoice all;
+  if (!key_times_.empty()) all.segment = segment;
+  const InstanceBoxes instances = place_instances(scene, meshes, all);
+  out.origin_limit = instances.origin_limit;
+  if (instances.boxes.empty()) return out;
   std::vector<Vec3f> corners;
   for (std::size_t i = 0; i < instances.boxes.size(); ++i) {
     const Instance& instance = scene.instances[instances.instances[i]];
-    placed_.push_back({instance.world_to_object, static_cast<std::uint32_t>(instance.mesh),
-                       instances.instances[i],
-                       solids_ == nullptr ? kNoSolid : solids_->at(instances.instances[i])});
-    bounds_.extend(instances.boxes[i]);
+    Placed& placed = out.placed.emplace_back();
+    placed.world_to_object = instance.world_to_object;
+    placed.part = static_cast<std::uint32_t>(instance.mesh);
+    placed.instance = instances.instances[i];
+    placed.solid = solids_ == nullptr ? kNoSolid : solids_->at(placed.instance);
+    if (instance.motion != kNone) {
+      placed.motion = scene.motions[static_cast<std::size_t>(instance.motion)];
+    }
+    out.bounds.extend(instances.boxes[i]);
     append_corners(instances.boxes[i], corners);
   }
-  top_ = structure.build({instances.boxes, corners, 8});
+  out.top = structure.build({instances.boxes, corners, 8});
+  return out;
 }
 
-ReferenceAccel::Part ReferenceAccel::make_part(const Mesh& mesh, const Structure& structure) {
+ReferenceAccel::Part ReferenceAccel::make_part(const Mesh& mesh, std::uint32_t segment,
+                                               const Structure& structure) {
   Part part;
   std::vector<Box3f> boxes;
   std::vector<Vec3f> corners;
-  for_each_triangle(mesh, [&](std::uint32_t p, std::uint32_t t, const Vec3f& v0, const Vec3f& v1,
-                              const Vec3f& v2) {
-    part.triangles.push_back({v0, v1, v2, p, t});
-    boxes.push_back({min(min(v0, v1), v2), max(max(v0, v1), v2)});
-    corners.insert(corners.end(), {v0, v1, v2});
-    part.bounds.extend(boxes.back());
-  });
-  if (!boxes.empty()) part.index = structure.build({boxes, corners, 3});
+  const bool moves = !mesh.keys.empty();
+  for_each_triangle(mesh, segment,
+                    [&](std::uint32_t p, std::uint32_t t, const MovingTriangle& triangle) {
+                      part.triangles.push_back({triangle, p, t});
+                      boxes.push_back(triangle.box());
+                      corners.insert(corners.end(), triangle.from.begin(), triangle.from.end());
+                      if (moves) {
+                        corners.insert(corners.end(), triangle.to.begin(), triangle.to.end());
+                      }
+                      part.bounds.extend(boxes.back());
+                    });
+  if (!boxes.empty()) part.index = structure.build({boxes, corners, moves ? 6u : 3u});
   return part;
+}
+
+KeyPlace ReferenceAccel::place_of(const Ray& ray) const {
+  return key_times_.empty() ? KeyPlace{} : find_key(key_times_, ray.time);
 }
 
 template <typename Take>
 bool ReferenceAccel::meet_mesh(const Placed& placed, const Ray& ray, const float& limit,
                                const Take& take, Work& work) const {
-  const Part& part = parts_[placed.part];
+  const KeyPlace at = place_of(ray);
+  const Part& part = stretches_[at.segment].parts[placed.part];
+  Affine3d world_to_object = placed.world_to_object;
+  if (!placed.motion.empty()) {
+    const auto pose = pose_at(placed.motion, at);
+    if (!pose) return false;
+    world_to_object = pose->world_to_object;
+  }
   Vec3f origin = ray.origin, direction = ray.direction;
-  if (!is_identity(placed.world_to_object)) {
-    transform_ray(placed.world_to_object, ray.origin, ray.direction, origin, direction);
+  if (!is_identity(world_to_object)) {
+    transform_ray(world_to_object, ray.origin, ray.direction, origin, direction);
   }
   ShapeRay object_ray;
   if (!make_shape_ray(origin, direction, part.bounds, object_ray)) return false;
   const auto test = [&](std::uint32_t index) {
     const Triangle& triangle = part.triangles[index];
     const TriangleId id = {placed.instance, triangle.primitive, triangle.triangle};
+    const auto [v0, v1, v2] = triangle.corners.at(at.f);
     TriangleHit hit{};
     ++work.shapes;
-    return !(id == ray.leaves) &&
-           intersect_triangle(object_ray.slabs, triangle.v0, triangle.v1, triangle.v2, hit) &&
+    return !(id == ray.leaves) && intersect_triangle(object_ray.slabs, v0, v1, v2, hit) &&
            hit.t >= 0 && hit.t < ray.t_max && take(Hit{hit.t, id, hit.b0, hit.b1, hit.b2});
   };
   return part.index->walk(object_ray, limit, ShapeVisitor(test), work);
@@ -91,7 +124,7 @@ bool ReferenceAccel::meet_solid(std::uint32_t solid, const Ray& ray, const Take&
       hits.push_back(hit);
       return false;
     };
-    meet_mesh({operand.world_to_object, operand.mesh, operand.instance, kNoSolid}, of, all, add,
+    meet_mesh({operand.world_to_object, operand.mesh, operand.instance, kNoSolid, {}}, of, all, add,
               work);
   };
   ++work.shapes;
@@ -104,18 +137,19 @@ bool ReferenceAccel::meet_solid(std::uint32_t solid, const Ray& ray, const Take&
 /// Shows `take` hits in any order, some more than once, until it returns true.
 template <typename Take>
 bool ReferenceAccel::meet(const Ray& ray, const float& limit, const Take& take, Work& work) const {
-  if (top_ == nullptr || !is_finite(ray.origin) || !is_finite(ray.direction)) return false;
+  const Stretch& stretch = stretches_[place_of(ray).segment];
+  if (stretch.top == nullptr || !is_finite(ray.origin) || !is_finite(ray.direction)) return false;
   const auto test = [&](std::uint32_t index) {
-    const Placed& placed = placed_[index];
+    const Placed& placed = stretch.placed[index];
     return placed.solid == kNoSolid ? meet_mesh(placed, ray, limit, take, work)
                                     : meet_solid(placed.solid, ray, take, work);
   };
   ShapeRay world_ray;
-  if (max_abs(ray.origin) <= origin_limit_ &&
-      make_shape_ray(ray.origin, ray.direction, bounds_, world_ray)) {
-    return top_->walk(world_ray, limit, ShapeVisitor(test), work);
+  if (max_abs(ray.origin) <= stretch.origin_limit &&
+      make_shape_ray(ray.origin, ray.direction, stretch.bounds, world_ray)) {
+    return stretch.top->walk(world_ray, limit, ShapeVisitor(test), work);
   }
-  for (std::uint32_t i = 0; i < placed_.size(); ++i) {  // too far for the pads
+  for (std::uint32_t i = 0; i < stretch.placed.size(); ++i) {  // too far for the pads
     if (test(i)) return true;
   }
   return false;
@@ -177,11 +211,14 @@ std::vector<Hit> ReferenceAccel::all_hits(const Ray& ray) const {
 }
 
 std::size_t ReferenceAccel::memory_bytes() const {
-  std::size_t sum = placed_.capacity() * sizeof(Placed);
-  if (top_ != nullptr) sum += top_->memory_bytes();
-  for (const Part& part : parts_) {
-    sum += part.triangles.capacity() * sizeof(Triangle);
-    if (part.index != nullptr) sum += part.index->memory_bytes();
+  std::size_t sum = 0;
+  for (const Stretch& stretch : stretches_) {
+    sum += stretch.placed.capacity() * sizeof(Placed);
+    if (stretch.top != nullptr) sum += stretch.top->memory_bytes();
+    for (const Part& part : stretch.parts) {
+      sum += part.triangles.capacity() * sizeof(Triangle);
+      if (part.index != nullptr) sum += part.index->memory_bytes();
+    }
   }
   return sum;
 }

@@ -3,9 +3,11 @@
 #include <memory>
 #include <vector>
 
+#include "worker/accel/mesh_triangles.h"
 #include "worker/accel/ray_queries.h"
 #include "worker/accel/reference/structures.h"
 #include "worker/accel/solids.h"
+#include "worker/geometry/motion.h"
 #include "worker/scene/scene.h"
 
 namespace tessera::render::reference {
@@ -29,7 +31,7 @@ class ReferenceAccel final : public RayQueries {
 
  private:
   struct Triangle {
-    Vec3f v0, v1, v2;
+    MovingTriangle corners;
     std::uint32_t primitive, triangle;
   };
   /// A mesh in its object space.
@@ -41,10 +43,21 @@ class ReferenceAccel final : public RayQueries {
   struct Placed {
     Affine3d world_to_object;
     std::uint32_t part, instance;
-    std::uint32_t solid;  // or kNoSolid
+    std::uint32_t solid;           // or kNoSolid
+    std::vector<Affine3d> motion;  // object to world by key; empty: it stands still
+  };
+  /// All of the scene from one key to the next; or at its one time.
+  struct Stretch {
+    std::vector<Part> parts;
+    std::vector<Placed> placed;
+    std::unique_ptr<ShapeIndex> top;
+    Box3f bounds;  // of the padded boxes of the placed parts
+    float origin_limit = 0;
   };
 
-  static Part make_part(const Mesh& mesh, const Structure& structure);
+  static Part make_part(const Mesh& mesh, std::uint32_t segment, const Structure& structure);
+  Stretch make_stretch(const Scene& scene, std::uint32_t segment, const Structure& structure) const;
+  KeyPlace place_of(const Ray& ray) const;
   template <typename Take>
   bool meet_mesh(const Placed& placed, const Ray& ray, const float& limit, const Take& take,
                  Work& work) const;
@@ -54,12 +67,9 @@ class ReferenceAccel final : public RayQueries {
   bool meet(const Ray& ray, const float& limit, const Take& take, Work& work) const;
   bool find_closest(const Ray& ray, const HitFilter* filter, Hit& hit, Work& work) const;
 
-  std::vector<Part> parts_;
-  std::vector<Placed> placed_;
+  std::vector<float> key_times_;          // empty if nothing moves
   std::shared_ptr<const Solids> solids_;  // null if there are none
-  std::unique_ptr<ShapeIndex> top_;
-  Box3f bounds_;  // of the padded boxes of the placed parts
-  float origin_limit_ = 0;
+  std::vector<Stretch> stretches_;
 };
 
 }  // namespace tessera::render::reference

@@ -94,6 +94,9 @@ TEST(TesseraCamera, RefusesWhatMeansNothing) {
             ".lens.blades: must be 0 or 3 to 64"},
            {perspective, R"({"lens": {"fNumber": 2, "focusDistance": 1, "rim": {"radius": 1}}})",
             ".lens.rim: has no distance", true},
+           {kPerspective, R"({"shutter": {"open": 0}})", ".shutter: has no close", true},
+           {kPerspective, R"({"shutter": {"open": 1, "close": 0.5}})",
+            ".shutter: open is after close"},
        }) {
     contract::RenderSettings settings;
     settings.camera = "0";  // a camera that is asked for by name is not replaced by the framing one

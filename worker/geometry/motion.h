@@ -1,0 +1,74 @@
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <optional>
+#include <span>
+
+#include "worker/math/transform.h"
+
+namespace tessera::render {
+
+/// Motion while the shutter is open: known at key times, linear in between. What is worked out here
+/// is worked out nowhere else, so that all structures find the same hits.
+
+/// A time between two keys.
+struct KeyPlace {
+  std::uint32_t segment = 0;  // from the key of this number to the next
+  float f = 0;                // how far: 0 to 1
+};
+
+/// `times` increase from 0 to 1; `time` is in [0, 1].
+inline KeyPlace find_key(std::span<const float> times, float time) {
+  std::uint32_t segment = 0, after = static_cast<std::uint32_t>(times.size()) - 1;
+  while (segment + 1 < after) {
+    const std::uint32_t middle = (segment + after) / 2;
+    (times[middle] <= time ? segment : after) = middle;
+  }
+  return {segment, (time - times[segment]) / (times[segment + 1] - times[segment])};
+}
+
+/// From a (f = 0) to b, never outside the two, whatever the rounding: a box around both holds it.
+inline float between(float a, float b, float f) {
+  const float v = std::fma(f, b - a, a);
+  const float lo = b < a ? b : a, hi = b > a ? b : a;
+  const float from = lo > v ? lo : v;
+  return hi < from ? hi : from;
+}
+
+inline Vec3f between(const Vec3f& a, const Vec3f& b, float f) {
+  return {between(a.x, b.x, f), between(a.y, b.y, f), between(a.z, b.z, f)};
+}
+
+inline Vec2f between(const Vec2f& a, const Vec2f& b, float f) {
+  return {between(a.x, b.x, f), between(a.y, b.y, f)};
+}
+
+inline Vec4f between(const Vec4f& a, const Vec4f& b, float f) {
+  return {between(a.x, b.x, f), between(a.y, b.y, f), between(a.z, b.z, f), between(a.w, b.w, f)};
+}
+
+/// Number by number, rounded: points go along lines, within the boxes of both ends but for that.
+inline Affine3d between(const Affine3d& a, const Affine3d& b, float f) {
+  const auto s = static_cast<double>(f);
+  Affine3d m;
+  for (std::size_t k = 0; k < 3; ++k) m.rows[k] = a.rows[k] + (b.rows[k] - a.rows[k]) * s;
+  m.translation = a.translation + (b.translation - a.translation) * s;
+  return m;
+}
+
+/// The instance `at` of a motion (object to world, by key); nullopt where it is singular: nothing
+/// is hit then.
+struct Pose {
+  Affine3d object_to_world, world_to_object;
+};
+
+inline std::optional<Pose> pose_at(std::span<const Affine3d> motion, const KeyPlace& at) {
+  const Affine3d place = between(motion[at.segment], motion[at.segment + 1], at.f);
+  const auto inverted = inverse(place);
+  if (!inverted) return std::nullopt;
+  return Pose{place, *inverted};
+}
+
+}  // namespace tessera::render
