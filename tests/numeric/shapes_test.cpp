@@ -13,6 +13,8 @@
 namespace tessera::render::testing {
 namespace {
 
+constexpr double kPi = 3.14159265358979323846;
+
 std::vector<ShapeHit> hits_of(const Shape& shape, const Vec3d& origin, const Vec3d& direction) {
   std::vector<ShapeHit> hits;
   intersect_shape(shape, origin, direction, hits);
@@ -208,6 +210,15 @@ Shape three_blobs() {
                     0.25);
 }
 
+TerrainForm hills() {
+  TerrainForm form;
+  form.pattern = TerrainForm::Pattern::waves;
+  form.size = {2, 1.5};
+  form.height = 0.6;
+  form.octaves = 2;
+  return form;
+}
+
 std::vector<Known> known_shapes() {
   Quadric saddle;  // x^2 - z^2 - y / 2 <= 0
   saddle.squares = {1, 0, -1};
@@ -254,6 +265,13 @@ std::vector<Known> known_shapes() {
            return left * left;
          };
          return field(q) + 1.5 * field(r) - field(s) >= 0.25;
+       }},
+      {"terrain", make_terrain(hills(), 0.75),
+       [](const Vec3d& p) {
+         const double wave = std::sin(2 * kPi * p.x) * std::cos(2 * kPi * p.z) +
+                             0.5 * std::sin(4 * kPi * p.x) * std::cos(4 * kPi * p.z);
+         return std::fabs(p.x) <= 1 && std::fabs(p.z) <= 0.75 && p.y >= -0.75 &&
+                p.y <= 0.3 + 0.2 * wave;
        }},
   };
 }

@@ -7,7 +7,8 @@ tessera_test(NAME geometry KIND numeric
 tessera_test(NAME solids KIND numeric
   SOURCES numeric/blobs_test.cpp numeric/csg_test.cpp numeric/geometry_scenes.cpp numeric/geometry_scenes.h
     numeric/shape_lights_test.cpp
-    numeric/shapes_test.cpp numeric/solid_scenes.h
+    numeric/shapes_test.cpp numeric/solid_scenes.h numeric/terrain_test.cpp
+    numeric/tessellation_test.cpp support/tessellation.cpp support/tessellation.h
   LINKS tessera::render)
 # Headers only, with the contraction that everything else forbids.
 tessera_test(NAME contraction KIND numeric SOURCES numeric/contraction_test.cpp)

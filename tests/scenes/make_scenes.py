@@ -111,12 +111,29 @@ class Gltf:
                 {"center": list(center), "radii" if isinstance(size, tuple) else "radius": size,
                  "strength": strength} for center, size, strength in elements]}}}
 
+    def terrain(self, pattern, material, size, ramp=None, **more):
+        """A node's TESSERA_terrain; with a ramp, `material` is coloured by height."""
+        self.use("TESSERA_terrain")
+        form = {"pattern": pattern, "size": list(size), "scale": 1, "offset": [0, 0], "seed": 0,
+                "octaves": 8, **more}
+        if ramp:  # the same pattern as a texture: u and v run over the terrain
+            self.use("TESSERA_texture")
+            scale = [form["scale"] * x for x in size]
+            texture = self.add("textures", {"extensions": {"TESSERA_texture": {
+                "pattern": pattern, "space": "uv", "dimensions": 2, "seed": form["seed"],
+                "octaves": form["octaves"], "scale": [*scale, 1],
+                "offset": [*(o - s / 2 for o, s in zip(form["offset"], scale)), 0],
+                "ramp": [{"at": at, "color": [*color, 1]} for at, color in ramp]}}})
+            material["pbrMetallicRoughness"]["baseColorTexture"] = {"index": texture}
+        return {"TESSERA_terrain": {**form, "material": self.add("materials", material)}}
+
     def use(self, *extensions):
         self.doc["extensionsUsed"] = sorted({*self.doc.get("extensionsUsed", []), *extensions})
 
     def text(self):
         uri = "data:application/octet-stream;base64," + base64.b64encode(self.bytes).decode()
-        self.doc["buffers"] = [{"uri": uri, "byteLength": len(self.bytes)}]
+        if self.bytes:
+            self.doc["buffers"] = [{"uri": uri, "byteLength": len(self.bytes)}]
         return json.dumps({k: v for k, v in self.doc.items() if v or k == "scene"}, indent=1) + "\n"
 
 
@@ -679,6 +696,34 @@ def blobs():
     return gltf
 
 
+ALPINE = ((0, (0.09, 0.11, 0.05)), (0.2, (0.16, 0.16, 0.08)), (0.34, (0.27, 0.23, 0.18)),
+          (0.5, (0.34, 0.31, 0.29)), (0.56, (0.85, 0.87, 0.92)), (1, (0.95, 0.96, 1)))
+
+
+def terrain():
+    """Mountains, a cut block of hills, dunes; their detail is what the camera resolves."""
+    gltf = Gltf()
+    gltf.use("KHR_lights_punctual")
+    eye, angle = (0, 3.2, 9), 0.003
+    rock = plain(1, 1, 1)
+    gltf.node(translation=[0, -0.6, -9], extensions=gltf.terrain(
+        "ridged", rock, [26, 18], ALPINE, scale=0.2, height=5.2, seed=11, octaves=9,
+        detail={"from": [eye[0], eye[1] + 0.6, eye[2] + 9], "angle": angle}))
+    gltf.node(translation=[-2.1, 0.6, 4], rotation=[0, 0.2588190, 0, 0.9659258],
+              extensions=gltf.terrain("fbm", plain(0.36, 0.42, 0.2), [2.2, 2.2], scale=0.9,
+                                      height=1.3, depth=0.25, seed=5, octaves=7))
+    gltf.node(translation=[2.1, 0.6, 4], rotation=[0, -0.2588190, 0, 0.9659258],
+              extensions=gltf.terrain("waves", plain(0.72, 0.55, 0.34), [2.2, 2.2], scale=0.5,
+                                      height=0.5, depth=0.25, octaves=3, gain=0.35,
+                                      offset=[0.1, 0.2]))
+    gltf.doc["extensions"] = {"KHR_lights_punctual": {"lights": [
+        {"type": "directional", "intensity": 4, "color": [1, 0.86, 0.68]}]}}
+    gltf.node(rotation=look_at((-5, 4, 4), (0, 0, 0)),
+              extensions={"KHR_lights_punctual": {"light": 0}})
+    camera(gltf, eye, (0, 1.35, 0), 0.55)
+    return gltf
+
+
 def optics():
     """Metals by their index above; rough diffuse beside Lambert's and exact beside Schlick below."""
     gltf = Gltf()
@@ -902,7 +947,7 @@ def main():
     check = "--check" in sys.argv[1:]
     stale = []
     for make in (quickstart, same_bits, materials, lit_square, missing_texture, stadium, lens,
-                 screens, textures, optics, shapes, csg, blobs, fog, motion):
+                 screens, textures, optics, shapes, csg, blobs, fog, motion, terrain):
         path = FOLDER / f"{make.__name__}.gltf"
         text = make().text()
         if check:

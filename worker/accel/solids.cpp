@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "worker/accel/csg_line.h"
 #include "worker/geometry/motion.h"
 
 namespace tessera::render {
 namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Memory that a thread's queries use over and over.
 struct Scratch {
@@ -36,10 +39,11 @@ const Operand* operand_at(const Operand& operand, std::span<const float> key_tim
   return &memory;
 }
 
-void intersect_operand(const Operand& operand, const Ray& ray, std::vector<ShapeHit>& hits) {
+void intersect_operand(const Operand& operand, const Ray& ray, double from,
+                       std::vector<ShapeHit>& hits) {
   hits.clear();
   intersect_shape(*operand.shape, transform_point(operand.world_to_object, Vec3d(ray.origin)),
-                  transform_vector(operand.world_to_object, Vec3d(ray.direction)), hits);
+                  transform_vector(operand.world_to_object, Vec3d(ray.direction)), hits, from);
 }
 
 Hit to_hit(const Operand& operand, const ShapeHit& hit) {
@@ -49,7 +53,7 @@ Hit to_hit(const Operand& operand, const ShapeHit& hit) {
 
 /// The hits of a shape by itself.
 void shape_alone(const Operand& operand, const Ray& ray, Scratch& memory) {
-  intersect_operand(operand, ray, memory.shape_hits);
+  intersect_operand(operand, ray, 0, memory.shape_hits);
   std::vector<Hit>& out = memory.hits;
   for (const ShapeHit& found : memory.shape_hits) {
     const Hit hit = to_hit(operand, found);
@@ -118,7 +122,7 @@ std::span<const Hit> Solids::hits(std::uint32_t index, const Ray& world_ray,
     if (posed == nullptr) continue;
     const Operand& operand = *posed;
     if (operand.shape != nullptr) {
-      intersect_operand(operand, ray, memory.shape_hits);
+      intersect_operand(operand, ray, -kInfinity, memory.shape_hits);
       for (const ShapeHit& found : memory.shape_hits) {
         const Hit hit = to_hit(operand, found);
         const bool left = hit.id == ray.leaves && found.face != kCurvedFace;

@@ -30,6 +30,16 @@ inline float slope(std::uint64_t hash, const std::array<float, 2>& d) {
   return kRoot2 * ((which & 1) == (which >> 1 & 1) ? x : y);  // both signs of both axes
 }
 
+/// The gradient whose dot product slope() takes, in double.
+inline std::array<double, 2> gradient(std::uint64_t hash) {
+  constexpr double kRoot2 = 1.4142135623730951;
+  const auto which = static_cast<unsigned>(hash >> 61);
+  const double x = (which & 1) != 0 ? -1 : 1, y = (which & 2) != 0 ? -1 : 1;
+  if ((which & 4) != 0) return {x, y};
+  if ((which & 1) == (which >> 1 & 1)) return {kRoot2 * x, 0};
+  return {0, kRoot2 * y};
+}
+
 /// One axis left out, any signs on the others.
 template <int N>
 inline float edge_slope(unsigned left_out, unsigned signs, const std::array<float, N>& d) {
@@ -94,6 +104,44 @@ float gradient_noise(const std::array<double, 3>& p, std::uint32_t seed) {
 }
 float gradient_noise(const std::array<double, 4>& p, std::uint32_t seed) {
   return noise<4>(p, seed);
+}
+
+NoiseSlope gradient_noise_slope(const std::array<double, 2>& p, std::uint32_t seed,
+                                NoiseCell& last) {
+  std::array<std::int64_t, 2> corner;
+  // By axis: the point from the corner, the fade and its slope.
+  std::array<double, 2> from, fade, fade_slope;
+  for (std::size_t k = 0; k < 2; ++k) {
+    if (!(std::fabs(p[k]) < 0x1p51)) return {};
+    const double low = std::floor(p[k]), f = p[k] - low;
+    corner[k] = static_cast<std::int64_t>(low);
+    from[k] = f;
+    fade[k] = f * f * f * (f * (f * 6 - 15) + 10);
+    fade_slope[k] = 30 * (f * f) * ((f - 1) * (f - 1));
+  }
+  if (last.corner[0] != corner[0] || last.corner[1] != corner[1]) {
+    last.corner = corner;
+    for (std::uint64_t k = 0; k < 4; ++k) {
+      const std::uint64_t column = combine(seed, static_cast<std::uint64_t>(corner[0]) + k / 2);
+      last.gradients[k] = gradient(combine(column, static_cast<std::uint64_t>(corner[1]) + k % 2));
+    }
+  }
+  // Of each corner, what its gradient rises to here; blended along y, then along x.
+  const auto& g = last.gradients;
+  const double x0 = from[0], x1 = x0 - 1, y0 = from[1], y1 = y0 - 1;
+  const double rise[4] = {g[0][0] * x0 + g[0][1] * y0, g[1][0] * x0 + g[1][1] * y1,
+                          g[2][0] * x1 + g[2][1] * y0, g[3][0] * x1 + g[3][1] * y1};
+  const auto blend = [&](std::size_t axis, double low, double high) {
+    return low + fade[axis] * (high - low);
+  };
+  const double left = blend(1, rise[0], rise[1]), right = blend(1, rise[2], rise[3]);
+  NoiseSlope out;
+  out.value = blend(0, left, right);
+  out.dx = fade_slope[0] * (right - left) +
+           blend(0, blend(1, g[0][0], g[1][0]), blend(1, g[2][0], g[3][0]));
+  out.dy = fade_slope[1] * blend(0, rise[1] - rise[0], rise[3] - rise[2]) +
+           blend(0, blend(1, g[0][1], g[1][1]), blend(1, g[2][1], g[3][1]));
+  return out;
 }
 
 float gradient_noise(int dimensions, const std::array<double, 4>& p, std::uint32_t seed) {

@@ -111,7 +111,7 @@ struct Node {
   Vec4d rotation = {0, 0, 0, 1};  // unit quaternion, w last
   std::vector<double> weights;
   Attributes instancing;               // EXT_mesh_gpu_instancing; empty: not instanced
-  std::shared_ptr<const Shape> shape;  // TESSERA_shape, TESSERA_blobs; in place of a mesh
+  std::shared_ptr<const Shape> shape;  // TESSERA_shape, _blobs, _terrain; for a mesh
   std::int32_t shape_material = kNone;
   std::optional<CsgOperation> csg;  // TESSERA_csg, on its children
 };

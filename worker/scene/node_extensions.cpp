@@ -44,19 +44,28 @@ PunctualLight read_light(const JsonView& light, JsonFault& fault) {
   return out;
 }
 
+/// An extension that gives a node a shape.
+struct ShapeExtension {
+  const char* name;
+  std::shared_ptr<const Shape> (*read)(const JsonView&, JsonFault&);
+};
+
+constexpr ShapeExtension kShapeExtensions[] = {{"TESSERA_shape", read_shape},
+                                               {"TESSERA_blobs", read_blobs},
+                                               {"TESSERA_terrain", read_terrain}};
+
 void read_node(const JsonView& look, Node& node, const Document& document, JsonFault& fault) {
-  const JsonView solid = look.extension("TESSERA_shape"), blobs = look.extension("TESSERA_blobs");
-  if (solid.present() && blobs.present()) {
-    fault.report(blobs.path(), "the node has a TESSERA_shape already");
-  }
-  const JsonView& shape = blobs.present() ? blobs : solid;
-  if (shape.present()) {
-    if (node.mesh != kNone) fault.report(shape.path(), "the node has a mesh already");
-    node.shape = blobs.present() ? read_blobs(blobs, fault) : read_shape(solid, fault);
+  std::string surface = node.mesh != kNone ? "mesh" : "";  // what the node has
+  for (const ShapeExtension& kind : kShapeExtensions) {
+    const JsonView shape = look.extension(kind.name);
+    if (!shape.present()) continue;
+    if (!surface.empty()) fault.report(shape.path(), "the node has a " + surface + " already");
+    surface = kind.name;
+    node.shape = kind.read(shape, fault);
     node.shape_material = shape.index("material", document.materials.size());
   }
   node.csg = read_csg(look.extension("TESSERA_csg"), fault);
-  if (node.csg && (node.mesh != kNone || shape.present())) {
+  if (node.csg && !surface.empty()) {
     fault.report(look.path(), "a node with TESSERA_csg has no mesh or shape of its own");
   }
   node.light = look.extension("KHR_lights_punctual").index("light", document.lights.size());

@@ -17,6 +17,9 @@ std::shared_ptr<const Shape> read_shape(const JsonView& look, JsonFault& fault);
 /// The same of a TESSERA_blobs object.
 std::shared_ptr<const Shape> read_blobs(const JsonView& look, JsonFault& fault);
 
+/// The same of a TESSERA_terrain object.
+std::shared_ptr<const Shape> read_terrain(const JsonView& look, JsonFault& fault);
+
 /// The operation of a TESSERA_csg object; nullopt if it is absent or faulty.
 std::optional<CsgOperation> read_csg(const JsonView& look, JsonFault& fault);
 

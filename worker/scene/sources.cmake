@@ -9,7 +9,7 @@ target_sources(tessera_render
     scene/node_extensions.cpp scene/optics_reader.cpp scene/scene_builder.cpp scene/selection.cpp scene/shape_reader.cpp scene/shutter.cpp
     scene/solid_check.cpp
     scene/tangents.cpp
-    scene/tessera_extensions.cpp scene/texture_extension.cpp scene/uri.cpp
+    scene/terrain_reader.cpp scene/tessera_extensions.cpp scene/texture_extension.cpp scene/uri.cpp
   PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
   FILES
     scene/accessor_reader.h scene/animation.h scene/animation_pointers.h scene/camera_setup.h scene/compression.h

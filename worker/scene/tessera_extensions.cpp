@@ -19,10 +19,11 @@ struct Place {
 };
 
 constexpr Place kPlaces[] = {
-    {"TESSERA_blobs", "nodes"},   {"TESSERA_camera", "cameras"},
-    {"TESSERA_csg", "nodes"},     {"TESSERA_material", "materials"},
-    {"TESSERA_medium", "scenes"}, {"TESSERA_medium", "materials"},
-    {"TESSERA_shape", "nodes"},   {"TESSERA_texture", "textures"},
+    {"TESSERA_blobs", "nodes"},      {"TESSERA_camera", "cameras"},
+    {"TESSERA_csg", "nodes"},        {"TESSERA_material", "materials"},
+    {"TESSERA_medium", "scenes"},    {"TESSERA_medium", "materials"},
+    {"TESSERA_shape", "nodes"},      {"TESSERA_terrain", "nodes"},
+    {"TESSERA_texture", "textures"},
 };
 
 constexpr std::string_view kOurs = "TESSERA_";

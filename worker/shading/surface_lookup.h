@@ -34,7 +34,7 @@ inline __attribute__((always_inline)) Vec4f read(const ShadingScene& scene, cons
 /// Tangent of the UV parametrisation of the triangle, object space; zero if there is none.
 inline Vec4f tangent_from_uv(const ShadingPoint& p, const TextureRef& ref) {
   const Vec2f* uv = p.primitive->uv[ref.uv_set == 1 ? 1 : 0];
-  if (uv == nullptr) return p.shape == nullptr ? Vec4f{} : shape_tangent(p.face, p.local);
+  if (uv == nullptr) return p.shape == nullptr ? Vec4f{} : shape_tangent(*p.shape, p.face, p.local);
   const Vec3f* x = p.primitive->positions;
   const Vec3f e1 = x[p.vertices[1]] - x[p.vertices[0]], e2 = x[p.vertices[2]] - x[p.vertices[0]];
   const Vec2f d1 = uv[p.vertices[1]] - uv[p.vertices[0]],

@@ -127,4 +127,21 @@ Shape make_blobs(std::vector<Blob> blobs, double threshold) {
   return shape;
 }
 
+Shape make_terrain(const TerrainForm& form, double depth) {
+  Shape shape;
+  shape.form = Shape::Form::terrain;
+  shape.terrain = std::make_shared<const TerrainField>(form);
+  shape.capped = depth > 0;
+  // The upper plane is clear of the ground, and so is the lower one without a depth.
+  const TerrainField::Range& range = shape.terrain->range(0, 0, 0);
+  const double low = double{range.low}, high = double{range.high}, gap = 0.01 * form.height;
+  shape.clip.lo = {-0.5 * form.size.x, depth > 0 ? -depth : low - gap, -0.5 * form.size.y};
+  shape.clip.hi = {0.5 * form.size.x, high + gap, 0.5 * form.size.y};
+  Box3d ground = shape.clip;
+  if (!shape.capped) ground.lo.y = low;
+  ground.hi.y = high;
+  shape.bounds = around(ground);
+  return shape;
+}
+
 }  // namespace tessera::render

@@ -4,6 +4,7 @@
 
 #include "worker/geometry/shapes/blob_field.h"
 #include "worker/geometry/shapes/shape.h"
+#include "worker/geometry/shapes/terrain_field.h"
 
 namespace tessera::render {
 
@@ -31,5 +32,8 @@ Shape make_quadric(const Quadric& quadric, const Box3d& clip, bool capped);
 Shape make_torus(double radius, double tube);
 /// Where the blobs (at least one) add up to the threshold (above 0). Its inside may be empty.
 Shape make_blobs(std::vector<Blob> blobs, double threshold);
+/// A height field; with a depth above 0 the block of ground from it down to y = -depth, else only
+/// the surface.
+Shape make_terrain(const TerrainForm& form, double depth);
 
 }  // namespace tessera::render

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "worker/geometry/shapes/clip_line.h"
 #include "worker/geometry/shapes/shape.h"
 
 namespace tessera::render {
@@ -12,39 +13,11 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// An end of a stretch of the line.
-struct End {
-  double t;
-  std::uint32_t face;
-};
-
-struct Stretch {
-  End first, last;
-};
-
-/// The stretch inside the clip box; false if there is none.
-bool clip_line(const Box3d& clip, const Vec3d& origin, const Vec3d& direction, Stretch& inside) {
-  inside = {{-kInfinity, kCurvedFace}, {kInfinity, kCurvedFace}};
-  for (int k = 0; k < 3; ++k) {
-    if (direction[k] == 0) {
-      if (!(origin[k] >= clip.lo[k] && origin[k] <= clip.hi[k])) return false;
-      continue;
-    }
-    const auto face = static_cast<std::uint32_t>(1 + 2 * k);
-    End near = {(clip.lo[k] - origin[k]) / direction[k], face};
-    End far = {(clip.hi[k] - origin[k]) / direction[k], face + 1};
-    if (direction[k] < 0) std::swap(near, far);
-    if (near.t > inside.first.t) inside.first = near;
-    if (far.t < inside.last.t) inside.last = far;
-  }
-  return inside.first.t <= inside.last.t;
-}
-
 /// Where a t^2 + 2 b t + c <= 0: up to two stretches, by rising t. Without cancellation: the root
 /// that would suffer is worked out from the product of both.
 /// Source: PBR 4e, section 6.1 and B.2.10.
-int inside_stretches(double a, double b, double c, std::array<Stretch, 2>& out) {
-  const Stretch everywhere = {{-kInfinity, kCurvedFace}, {kInfinity, kCurvedFace}};
+int inside_stretches(double a, double b, double c, std::array<LineStretch, 2>& out) {
+  const LineStretch everywhere = {{-kInfinity, kCurvedFace}, {kInfinity, kCurvedFace}};
   out[0] = out[1] = everywhere;
   if (a == 0) {
     if (b == 0) return c <= 0 ? 1 : 0;
@@ -71,28 +44,23 @@ int inside_stretches(double a, double b, double c, std::array<Stretch, 2>& out) 
 
 void intersect_quadric(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
                        std::vector<ShapeHit>& hits) {
-  Stretch box;
+  LineStretch box;
   if (!clip_line(shape.clip, origin, direction, box)) return;
   const Quadric& q = shape.quadric;
   const Vec3d turned = q.times(direction);
   const double a = dot(direction, turned);
   const double b = dot(origin, turned) + dot(q.linear, direction);
-  std::array<Stretch, 2> stretches;
+  std::array<LineStretch, 2> stretches;
   const int count = inside_stretches(a, b, q.at(origin), stretches);
   const int flat = shape.flat_axis();
-  const auto add = [&](const End& end, bool enters) {
+  const auto add = [&](const LineEnd& end, bool enters) {
     if (end.face == kCurvedFace ? std::isinf(end.t) : !shape.capped) return;
-    Vec3d p = origin + direction * end.t;
-    if (end.face != kCurvedFace) {  // in the plane exactly
-      const int axis = static_cast<int>(end.face - 1) / 2;
-      p[axis] = end.face % 2 == 1 ? shape.clip.lo[axis] : shape.clip.hi[axis];
-    }
-    hits.push_back({end.t, p, end.face, enters});
+    hits.push_back({end.t, end_point(shape.clip, origin, direction, end), end.face, enters});
   };
   for (int i = 0; i < count; ++i) {
     const auto& [first, last] = stretches[static_cast<std::size_t>(i)];
-    const End start = first.t >= box.first.t ? first : box.first;
-    const End end = last.t <= box.last.t ? last : box.last;
+    const LineEnd start = first.t >= box.first.t ? first : box.first;
+    const LineEnd end = last.t <= box.last.t ? last : box.last;
     // Where two meet in an apex, one of no length would show it twice.
     if (!(start.t <= end.t) || (count == 2 && start.t == end.t)) continue;
     if (flat >= 0) {

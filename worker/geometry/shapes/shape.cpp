@@ -12,22 +12,25 @@ int Shape::flat_axis() const {
 }
 
 void intersect_shape(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
-                     std::vector<ShapeHit>& hits) {
+                     std::vector<ShapeHit>& hits, double from) {
   const double size2 = dot(direction, direction);
   if (!(size2 > 0 && std::isfinite(size2))) return;
   const Vec3d centre = (Vec3d(shape.bounds.lo) + Vec3d(shape.bounds.hi)) * 0.5;
   const double nearest = dot(centre - origin, direction) / size2;
-  const Vec3d from = origin + direction * nearest;
+  const Vec3d near = origin + direction * nearest;
   const std::size_t first = hits.size();
   switch (shape.form) {
     case Shape::Form::quadric:
-      intersect_quadric(shape, from, direction, hits);
+      intersect_quadric(shape, near, direction, hits);
       break;
     case Shape::Form::torus:
-      intersect_torus(shape, from, direction, hits);
+      intersect_torus(shape, near, direction, hits);
       break;
     case Shape::Form::blobs:
-      intersect_blobs(shape, from, direction, hits);
+      intersect_blobs(shape, near, direction, hits);
+      break;
+    case Shape::Form::terrain:
+      intersect_terrain(shape, near, direction, from - nearest, hits);
       break;
   }
   for (std::size_t i = first; i < hits.size(); ++i) hits[i].t += nearest;

@@ -11,6 +11,7 @@
 namespace tessera::render {
 
 class BlobField;
+class TerrainField;
 
 /// Q(p) = p' A p + 2 b p + c, with A symmetric; inside where it is at most 0.
 struct Quadric {
@@ -39,6 +40,7 @@ struct Shape {
     quadric,  // what of the quadric's inside lies in `clip`; a box without thickness: one face
     torus,    // about the y axis
     blobs,    // where a field reaches its threshold
+    terrain,  // the ground below a height field, as far as it lies in `clip`
   };
   Form form = Form::quadric;
   bool capped = true;      // the planes of `clip` bound it too; else only the curved face is there
@@ -47,12 +49,15 @@ struct Shape {
   Box3d clip;                   // planes may be infinitely far
   double radius = 0, tube = 0;  // of a torus: of its centre line, and about that; tube < radius
   std::shared_ptr<const BlobField> blobs;
+  std::shared_ptr<const TerrainField> terrain;
   Box3f bounds;  // finite
 
   /// The axis in which it has no thickness, or -1.
   int flat_axis() const;
   /// Whether it has an inside.
-  bool closed() const { return (capped || form != Form::quadric) && flat_axis() < 0; }
+  bool closed() const {
+    return (capped || form == Form::torus || form == Form::blobs) && flat_axis() < 0;
+  }
 };
 
 /// Where a line passes through a surface.
@@ -66,13 +71,14 @@ struct ShapeHit {
 /// All points where the line origin + t direction passes through the shape, by rising t of either
 /// sign, appended to `hits`. The direction need not be unit: t is in multiples of it. A line that
 /// touches a closed shape may give two hits with the same t. None for a direction that is zero or
-/// not finite.
+/// not finite. Hits before t = `from` may be left out.
 ///
 /// Worked out in double about the point of the line nearest to the shape, so that distance costs
 /// no digits. Source: E. Haines et al., "Precision improvements for ray/sphere intersection", Ray
 /// Tracing Gems, 2019, chapter 7.
 void intersect_shape(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
-                     std::vector<ShapeHit>& hits);
+                     std::vector<ShapeHit>& hits,
+                     double from = -std::numeric_limits<double>::infinity());
 
 /// The forms of intersect_shape(). `origin` is near the shape; t counts from there.
 void intersect_quadric(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
@@ -81,5 +87,7 @@ void intersect_torus(const Shape& shape, const Vec3d& origin, const Vec3d& direc
                      std::vector<ShapeHit>& hits);
 void intersect_blobs(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
                      std::vector<ShapeHit>& hits);
+void intersect_terrain(const Shape& shape, const Vec3d& origin, const Vec3d& direction, double from,
+                       std::vector<ShapeHit>& hits);
 
 }  // namespace tessera::render

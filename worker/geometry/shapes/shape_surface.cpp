@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "worker/geometry/shapes/blob_field.h"
+#include "worker/geometry/shapes/terrain_field.h"
 #include "worker/math/elementary.h"
 
 namespace tessera::render {
@@ -67,6 +68,10 @@ FaceAxes face_axes(std::uint32_t face) {
 Vec3d shape_normal(const Shape& shape, std::uint32_t face, const Vec3d& point) {
   if (face != kCurvedFace) return axis_vector(axis_of(face), face % 2 == 1 ? -1 : 1);
   if (shape.form == Shape::Form::torus) return torus_normal(shape, point);
+  if (shape.form == Shape::Form::terrain) {
+    const Vec2d slope = shape.terrain->slope({point.x, point.z});
+    return {-slope.x, 1, -slope.y};
+  }
   const Vec3d gradient = shape.form == Shape::Form::blobs
                              ? shape.blobs->falls(point)
                              : shape.quadric.times(point) + shape.quadric.linear;
@@ -74,6 +79,10 @@ Vec3d shape_normal(const Shape& shape, std::uint32_t face, const Vec3d& point) {
 }
 
 Vec2f shape_uv(const Shape& shape, std::uint32_t face, const Vec3f& p) {
+  if (face == kCurvedFace && shape.form == Shape::Form::terrain) {
+    return {share(p.x, shape.bounds.lo.x, shape.bounds.hi.x),
+            share(p.z, shape.bounds.lo.z, shape.bounds.hi.z)};
+  }
   if (face == kCurvedFace) {
     return {0.5f + elementary::atan2(p.x, p.z) / (2 * kPi), height_angle(shape, p)};
   }
@@ -85,9 +94,11 @@ Vec2f shape_uv(const Shape& shape, std::uint32_t face, const Vec3f& p) {
   return {along(axes.u, axes.u_falls), along(axes.v, axes.v_falls)};
 }
 
-Vec4f shape_tangent(std::uint32_t face, const Vec3f& p) {
+Vec4f shape_tangent(const Shape& shape, std::uint32_t face, const Vec3f& p) {
   // Along u, up, and outwards are right-handed everywhere; v goes down.
-  if (face == kCurvedFace) return {p.z, 0, -p.x, -1};
+  if (face == kCurvedFace) {
+    return shape.form == Shape::Form::terrain ? Vec4f{1, 0, 0, -1} : Vec4f{p.z, 0, -p.x, -1};
+  }
   const FaceAxes axes = face_axes(face);
   Vec3f tangent;
   tangent[axes.u] = axes.u_falls ? -1.0f : 1.0f;

@@ -12,12 +12,13 @@ Vec3d shape_normal(const Shape& shape, std::uint32_t face, const Vec3d& point);
 
 /// Texture coordinates. The curved face: u once around the y axis, rising to the right as seen from
 /// outside, 0.5 at +z; v from 0 at the top to 1 at the bottom, with the angle on an ellipsoid, with
-/// the height on others; on a torus v goes round the tube, 0.5 outside. Flat faces: from corner to
+/// the height on others; on a torus v goes round the tube, 0.5 outside. On a terrain u and v run
+/// along x and z. Flat faces: from corner to
 /// corner of their side of the box.
 Vec2f shape_uv(const Shape& shape, std::uint32_t face, const Vec3f& point);
 
 /// The direction in which u rises, and in w the side of the bitangent (+1: cross(normal, tangent)).
-Vec4f shape_tangent(std::uint32_t face, const Vec3f& point);
+Vec4f shape_tangent(const Shape& shape, std::uint32_t face, const Vec3f& point);
 
 /// A point of a face as an instance places it, with what rays that start there need. `normal` is
 /// the unit outward one in the world. With u = 2^-24, `tolerance` bounds the rounding of the point
