@@ -94,8 +94,8 @@ TEST(TesseraCamera, RefusesWhatMeansNothing) {
             ".lens.blades: must be 0 or 3 to 64"},
            {perspective, R"({"lens": {"fNumber": 2, "focusDistance": 1, "rim": {"radius": 1}}})",
             ".lens.rim: has no distance", true},
-           {kPerspective, R"({"shutter": {"open": 0}})", ".shutter: has no close", true},
-           {kPerspective, R"({"shutter": {"open": 1, "close": 0.5}})",
+           {perspective, R"({"shutter": {"open": 0}})", ".shutter: has no close", true},
+           {perspective, R"({"shutter": {"open": 1, "close": 0.5}})",
             ".shutter: open is after close"},
        }) {
     contract::RenderSettings settings;
