@@ -61,7 +61,7 @@ equal "the same when asked for later" "$(json "$work/report.json" "$frame")" "$r
 
 # More than is allowed: files are written, but exit code 4 says that nothing is certified.
 exits 4 tessera render "$scene" --output "$work/capped.exr" --report "$work/capped.json" \
-  --size 48x48 --max-depth 5 --seed 7 --tile 64 --error 0.001 --max-spp 36 --workers 2 --threads 1
+  --size 48x48 --max-depth 5 --seed 8 --tile 64 --error 0.001 --max-spp 36 --workers 2 --threads 1
 says CAPPED
 says --max-spp
 [ -s "$work/capped.exr" ] || fail "a capped job wrote no image"

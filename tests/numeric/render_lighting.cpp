@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "tests/support/plain_scene.h"
-#include "worker/light/light_table.h"
 #include "worker/light/environment_map.h"
+#include "worker/light/light_table.h"
 #include "worker/light/punctual.h"
 
 namespace tessera::testing {

@@ -131,7 +131,7 @@ void SceneAccel::build(const Scene& scene, AccelTrees<kWidth>& trees, MovingTree
   }
   trees.meshes.reserve(scene.meshes.size());
   const auto refit = [&](std::size_t i) -> std::optional<MeshTree<kWidth>> {
-    if (known.empty() || i >= before->origins_.size()) return std::nullopt;
+    if (before == nullptr || known.empty() || i >= before->origins_.size()) return std::nullopt;
     return refit_mesh_tree(before->trees<kWidth>().meshes[i], scene.meshes[i]);
   };
   for (std::size_t i = 0; i < scene.meshes.size(); ++i) {

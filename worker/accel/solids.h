@@ -57,7 +57,8 @@ class Solids {
   /// All hits of a ray in the world with t >= 0, whatever its t_max, in the order of "One hit";
   /// without the face that it leaves if that is flat. Both sides of a body are hits; a place where
   /// the ray only touches it is at most one. Valid until the next call on this thread.
-  std::span<const Hit> hits(std::uint32_t solid, const Ray& ray, const MeshHits& mesh_hits) const;
+  std::span<const Hit> hits(std::uint32_t index, const Ray& world_ray,
+                            const MeshHits& mesh_hits) const;
 
  private:
   struct Solid {
@@ -66,7 +67,7 @@ class Solids {
   };
 
   explicit Solids(const Scene& scene);
-  void add(const Scene& scene, std::uint32_t instance);
+  void add(const Scene& scene, std::uint32_t index);
 
   std::vector<float> key_times_;
   std::vector<Operand> operands_;

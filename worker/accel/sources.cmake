@@ -17,7 +17,7 @@ target_sources(tessera_render
 if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)  # GCC 12's own AVX-512 intrinsics set them off
   set_source_files_properties(accel/kernel_avx512.cpp accel/kernel_avx512_solids.cpp
     accel/kernel_avx512_motion.cpp PROPERTIES
-    COMPILE_OPTIONS "-Wno-maybe-uninitialized;-Wno-uninitialized")
+    COMPILE_OPTIONS "-Wno-unknown-warning-option;-Wno-maybe-uninitialized;-Wno-uninitialized")  # the first for clang-tidy
 endif()
 # The structures that production is compared with: small, plain, one a file.
 target_sources(tessera_render

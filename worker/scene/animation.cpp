@@ -206,6 +206,7 @@ std::vector<AnimationKey> animation_keys(const Document& document,
     }
   }
   std::vector<AnimationKey> out;
+  out.reserve(keys.size());
   for (const auto& [seconds, jumps] : keys) out.push_back({seconds, jumps});
   return out;
 }

@@ -36,8 +36,9 @@ ReferenceAccel::Stretch ReferenceAccel::make_stretch(const Scene& scene, std::ui
   Stretch out;
   std::vector<Box3f> meshes;
   for (const Mesh& mesh : scene.meshes) {
-    out.parts.push_back(make_part(mesh, segment, structure));
-    meshes.push_back(mesh.shape != nullptr ? mesh.shape->bounds : out.parts.back().bounds);
+    Part part = make_part(mesh, segment, structure);
+    meshes.push_back(mesh.shape != nullptr ? mesh.shape->bounds : part.bounds);
+    out.parts.push_back(std::move(part));
   }
   InstanceChoice all;
   if (!key_times_.empty()) all.segment = segment;

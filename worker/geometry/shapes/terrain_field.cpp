@@ -56,19 +56,24 @@ TerrainField::TerrainField(const TerrainForm& form) : form_(form) {
   const double across = 2 * std::max(form.size.x, form.size.y) / finest_;
   int deepest = 0;
   while (deepest < kDeepest && static_cast<double>(1 << deepest) < across) ++deepest;
+  build_levels(deepest);
+}
+
+/// The ranges of all levels, from the deepest up.
+void TerrainField::build_levels(int deepest) {
   levels_.resize(static_cast<std::size_t>(deepest) + 1);
   TerrainCells cells;
   for (int level = deepest; level >= 0; --level) {
     const std::size_t n = std::size_t{1} << level;
     auto& ranges = levels_[static_cast<std::size_t>(level)];
     ranges.resize(n * n);
-    const Vec2d half = form.size * (0.5 / static_cast<double>(n));
+    const Vec2d half = form_.size * (0.5 / static_cast<double>(n));
     for (std::size_t row = 0; row < n; ++row) {
       for (std::size_t column = 0; column < n; ++column) {
         Range& here = ranges[row * n + column];
         if (level == deepest) {
-          here = range_of_cell({(2 * static_cast<double>(column) + 1) * half.x - 0.5 * form.size.x,
-                                (2 * static_cast<double>(row) + 1) * half.y - 0.5 * form.size.y},
+          here = range_of_cell({(2 * static_cast<double>(column) + 1) * half.x - 0.5 * form_.size.x,
+                                (2 * static_cast<double>(row) + 1) * half.y - 0.5 * form_.size.y},
                                half, cells);
           continue;
         }

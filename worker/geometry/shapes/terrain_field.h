@@ -91,6 +91,7 @@ class TerrainField {
   LinearBound<N> octave(const Vec2d& at, const std::array<Vec2d, N>& spans, double error,
                         std::int32_t number, TerrainCells& cells) const;
   double spot_at(const Vec2d& at) const;
+  void build_levels(int deepest);
   Range range_of_cell(const Vec2d& middle, const Vec2d& half, TerrainCells& cells) const;
 
   TerrainForm form_;
