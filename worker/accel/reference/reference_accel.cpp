@@ -37,7 +37,8 @@ ReferenceAccel::Stretch ReferenceAccel::make_stretch(const Scene& scene, std::ui
   std::vector<Box3f> meshes;
   for (const Mesh& mesh : scene.meshes) {
     Part part = make_part(mesh, segment, structure);
-    meshes.push_back(mesh.shape != nullptr ? mesh.shape->bounds : part.bounds);
+    const Shape* const shape = mesh.shape.get();
+    meshes.push_back(shape != nullptr ? shape->bounds : part.bounds);
     out.parts.push_back(std::move(part));
   }
   InstanceChoice all;

@@ -68,21 +68,20 @@ void TerrainField::build_levels(int deepest) {
     auto& ranges = levels_[static_cast<std::size_t>(level)];
     ranges.resize(n * n);
     const Vec2d half = form_.size * (0.5 / static_cast<double>(n));
-    for (std::size_t row = 0; row < n; ++row) {
-      for (std::size_t column = 0; column < n; ++column) {
-        Range& here = ranges[row * n + column];
-        if (level == deepest) {
-          here = range_of_cell({(2 * static_cast<double>(column) + 1) * half.x - 0.5 * form_.size.x,
-                                (2 * static_cast<double>(row) + 1) * half.y - 0.5 * form_.size.y},
-                               half, cells);
-          continue;
-        }
-        here = range(level + 1, 2 * column, 2 * row);
-        for (const std::size_t k : {1, 2, 3}) {
-          const Range& part = range(level + 1, 2 * column + k % 2, 2 * row + k / 2);
-          here.low = std::min(here.low, part.low);
-          here.high = std::max(here.high, part.high);
-        }
+    for (std::size_t i = 0; i < n * n; ++i) {
+      const std::size_t row = i / n, column = i % n;
+      Range& here = ranges[i];
+      if (level == deepest) {
+        here = range_of_cell({(2 * static_cast<double>(column) + 1) * half.x - 0.5 * form_.size.x,
+                              (2 * static_cast<double>(row) + 1) * half.y - 0.5 * form_.size.y},
+                             half, cells);
+        continue;
+      }
+      here = range(level + 1, 2 * column, 2 * row);
+      for (const std::size_t k : {1, 2, 3}) {
+        const Range& part = range(level + 1, 2 * column + k % 2, 2 * row + k / 2);
+        here.low = std::min(here.low, part.low);
+        here.high = std::max(here.high, part.high);
       }
     }
   }
