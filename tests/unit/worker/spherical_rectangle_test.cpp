@@ -66,7 +66,8 @@ TEST(SphericalRectangle, SamplesAreUniformOverSolidAngle) {
     }
     double chi = 0;
     for (int k = 0; k < kCells * kCells; ++k) {
-      const Sides cell = {r.at(1.0 * (k % kCells) / kCells, 1.0 * (k / kCells) / kCells),
+      const int row = k / kCells, column = k % kCells;
+      const Sides cell = {r.at(1.0 * column / kCells, 1.0 * row / kCells),
                           r.along_s * (1.0 / kCells), r.along_t * (1.0 / kCells)};
       const double expected = kSamples * seen(cell).solid_angle() / rectangle.solid_angle();
       const double off = counts.at(static_cast<std::size_t>(k)) - expected;
