@@ -140,9 +140,10 @@ Shots shoot(const Scene& scene, int times, int rays, Dice& dice) {
   Shots out;
   for (int i = 0; i < times; ++i) {
     const std::uint32_t kind = dice.below(6);
-    const float time = kind == 0   ? scene.key_times[dice.below(5)]
-                       : kind == 1 ? 0.5f + 0x1p-24f * dice.unit()
-                                   : dice.unit();
+    const float time =
+        kind == 0 ? scene.key_times[dice.below(static_cast<std::uint32_t>(scene.key_times.size()))]
+        : kind == 1 ? 0.5f + 0x1p-24f * dice.unit()
+                    : dice.unit();
     const Scene now = at_time(scene, time);
     for (int k = 0; k < rays; ++k) {
       Ray ray = adversarial_ray(now, dice);
