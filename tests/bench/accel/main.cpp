@@ -1,6 +1,6 @@
 // Rays a second of our structures beside Embree's, in one process, on one thread, in CPU time.
 //
-//   tessera-bench-accel --peer embree [--json FILE] [--quick] [--scene NAME]... [--rounds N]
+//   tessera-bench-accel --peer embree [--json [FILE]] [--quick] [--scene NAME]... [--rounds N]
 //   tessera-bench-accel --agreement 10000000 [--brute 100000]
 //   tessera-bench-accel --growth | --first-hits
 //
@@ -146,6 +146,10 @@ int check_agreement(const Options& options, const std::vector<std::string>& scen
 
 int write(const Options& options, const nlohmann::json& figures) {
   if (options.json.empty()) return 0;
+  if (options.json == "-") {
+    std::printf("%s\n", figures.dump(2).c_str());
+    return 0;
+  }
   std::ofstream file(options.json);
   file << figures.dump(1) << '\n';
   return file.good() ? 0 : 1;
@@ -173,7 +177,9 @@ int main(int argc, char** argv) {
   CLI::App app("Rays a second of our structures beside Embree's.");
   app.add_option("--peer", options.peer, "what to measure against")
       ->check(CLI::IsMember({"embree"}));
-  app.add_option("--json", options.json, "write the rows here");
+  app.add_option("--json", options.json, "write the rows here, or after the table")
+      ->expected(0, 1)
+      ->default_str("-");
   app.add_option("--isa", options.isa, "ours: avx2 or avx512")
       ->check(CLI::IsMember({"avx2", "avx512"}));
   app.add_option("--quality", options.quality, "of our trees: fast, default or high")
