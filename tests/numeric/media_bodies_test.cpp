@@ -2,8 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <functional>
 
+#include "tests/numeric/simpson.h"
 #include "tests/support/plain_scene.h"
 #include "worker/render/interior.h"
 #include "worker/render/media.h"
@@ -29,13 +29,6 @@ using render::Vec3d;
 using render::Vec3f;
 
 constexpr double kPi = 3.14159265358979323846;
-
-double integral(const std::function<double(double)>& f, double from, double to, int steps) {
-  double sum = f(from) + f(to);
-  const double h = (to - from) / steps;
-  for (int i = 1; i < steps; ++i) sum += f(from + i * h) * (i % 2 == 1 ? 4 : 2);
-  return sum * h / 3;
-}
 
 Medium medium(const Vec3f& absorption, const Vec3f& scattering = {}) {
   Medium m;

@@ -2,9 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <functional>
 #include <vector>
 
+#include "tests/numeric/simpson.h"
 #include "tests/support/plain_scene.h"
 #include "worker/render/flight.h"
 #include "worker/sampling/equi_angular.h"
@@ -23,14 +23,6 @@ using render::Vec3d;
 using render::Vec3f;
 
 constexpr double kPi = 3.14159265358979323846;
-
-/// Composite Simpson rule with `steps` (even) intervals.
-double integral(const std::function<double(double)>& f, double from, double to, int steps) {
-  double sum = f(from) + f(to);
-  const double h = (to - from) / steps;
-  for (int i = 1; i < steps; ++i) sum += f(from + i * h) * (i % 2 == 1 ? 4 : 2);
-  return sum * h / 3;
-}
 
 double henyey_greenstein(double g, double cosine) {
   return (1 - g * g) / (4 * kPi * std::pow(1 + g * g - 2 * g * cosine, 1.5));

@@ -42,7 +42,7 @@ tessera_test(NAME camera KIND numeric SOURCES numeric/camera_test.cpp LINKS tess
 tessera_test(NAME procedure KIND numeric
   SOURCES numeric/procedure_test.cpp LINKS tessera_test_render)
 tessera_test(NAME media KIND numeric
-  SOURCES numeric/media_bodies_test.cpp numeric/media_test.cpp LINKS tessera_test_render)
+  SOURCES numeric/media_bodies_test.cpp numeric/media_test.cpp numeric/simpson.h LINKS tessera_test_render)
 tessera_test(NAME motion KIND numeric
   SOURCES numeric/motion_test.cpp numeric/geometry_scenes.cpp numeric/geometry_scenes.h
     numeric/solid_scenes.h

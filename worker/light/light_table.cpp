@@ -431,8 +431,7 @@ float LightTable::emitter_pdf(const LightReceiver& receiver, const TriangleId& i
                                  ? near_triangle(entry, receiver.point).solid_angle
                                  : near_rectangle(entry, receiver.point).solid_angle();
   if (solid_angle > 0) return static_cast<float>(share / solid_angle);
-  return solid_angle_density(static_cast<float>(share) * entries_[light].density, distance,
-                             cos_light);
+  return solid_angle_density(static_cast<float>(share) * entry.density, distance, cos_light);
 }
 
 std::int64_t LightTable::memory_bytes() const {

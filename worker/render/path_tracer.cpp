@@ -92,6 +92,7 @@ class PathTracer {
   void record(const ShadingPoint& point, const SurfacePoint& position, const Vec4f& base);
   void absorb(const ShadingPoint& point, float distance);
   void add_emission(const ShadingPoint& point, const TriangleId& id, const Vec3f& position);
+  void go_on_behind(const Hit& hit, const SurfacePoint& position);
   bool goes_straight(const Bsdf& bsdf, const Hit& hit, const SurfacePoint& position);
   void add_direct(const Bsdf& bsdf, const TriangleId& id, const SurfacePoint& position);
   Vec3f light_through(const Ray& ray, const LightSample& light);
@@ -255,11 +256,17 @@ bool PathTracer<kMedia>::passes_unseen(const ShadingPoint& point, const Hit& hit
   const bool seen = point.material->rank != kBoundaryRank && !media_.interior.hides(body);
   if (seen) return false;
   media_.interior.cross(body, point.front);
+  go_on_behind(hit, position);
+  return true;
+}
+
+/// The surface was passed: the same ray from its far side, as long as before.
+template <bool kMedia>
+void PathTracer<kMedia>::go_on_behind(const Hit& hit, const SurfacePoint& position) {
   ++path_.passed;
   const float rest = path_.ray.t_max - hit.t;
   follow(spawn_ray(position, hit.id, path_.ray.direction));
   path_.ray.t_max = rest;
-  return true;
 }
 
 /// A pixel's cone has come to a surface, which it meets at an angle.
@@ -359,10 +366,7 @@ bool PathTracer<kMedia>::goes_straight(const Bsdf& bsdf, const Hit& hit,
   }
   path_.throughput *= share / probability;
   path_.from_camera = false;
-  ++path_.passed;
-  const float rest = path_.ray.t_max - hit.t;
-  follow(spawn_ray(position, hit.id, path_.ray.direction));
-  path_.ray.t_max = rest;
+  go_on_behind(hit, position);
   return true;
 }
 

@@ -203,6 +203,7 @@ void raise_to_curve(const Vec3f& wo, ShadingPoint* p, SurfacePoint* position) {
   const Vec3f curved = vertex_normal(*p);
   if (!(dot(p->front ? curved : -curved, wo) > 0)) return;
   p->raised = true;
+  p->horizon = curved;
   position->position += lift;
   position->tolerance = {};  // the triangle lies below
   position->depth_tolerance = 0;

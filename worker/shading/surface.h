@@ -24,8 +24,9 @@ struct ShadingPoint {
   Vec3f geometric_normal;        // world, unit, out of the front face (also of mirrored instances)
   bool front = true;             // the ray met the front face
   bool flipped = false;          // the front is what the mesh has as its back (kFlippedSide)
-  bool raised = false;           // light comes and goes by the vertex normal's horizon
-  float footprint = 0;           // width of what is seen here, metres; 0: a point. For procedures
+  bool raised = false;           // light comes and goes by another horizon, on the front side:
+  Vec3f horizon;
+  float footprint = 0;  // width of what is seen here, metres; 0: a point. For procedures
 };
 
 /// The point of a triangle that was met along `direction`.

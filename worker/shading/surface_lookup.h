@@ -89,7 +89,7 @@ inline __attribute__((always_inline)) Vec3f vertex_normal(const ShadingPoint& p)
 inline BsdfFrame viewing_frame(const ShadingPoint& p, const Vec3f& shading_normal,
                                const Vec3f& wo) {
   BsdfFrame frame;
-  const Vec3f horizon = p.raised ? vertex_normal(p) : p.geometric_normal;
+  const Vec3f& horizon = p.raised ? p.horizon : p.geometric_normal;
   frame.geometric_normal = p.front ? horizon : -horizon;
   Vec3f n = p.front ? shading_normal : -shading_normal;
   if (!(dot(n, frame.geometric_normal) > 0)) n = frame.geometric_normal;
