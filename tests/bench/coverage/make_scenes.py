@@ -13,7 +13,10 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scenes"))
-from make_scenes import Gltf, camera, glass, metal, plain, png, quad, room, sphere  # noqa: E402
+from maker.gltf import Gltf  # noqa: E402
+from maker.looks import glass, metal, plain, png  # noqa: E402
+from maker.meshes import quad, sphere  # noqa: E402
+from maker.settings import camera, room  # noqa: E402
 
 
 def lamp(gltf, strength, centre, side):

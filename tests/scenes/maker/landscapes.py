@@ -1,0 +1,126 @@
+"""Scenes of terrain and of fog."""
+
+import math
+
+from maker.gltf import Gltf
+from maker.looks import plain
+from maker.meshes import joined, quad, rounded
+from maker.settings import camera, look_at
+
+ALPINE = ((0, (0.09, 0.11, 0.05)), (0.2, (0.16, 0.16, 0.08)), (0.34, (0.27, 0.23, 0.18)),
+          (0.5, (0.34, 0.31, 0.29)), (0.56, (0.85, 0.87, 0.92)), (1, (0.95, 0.96, 1)))
+
+def terrain():
+    """Mountains, a cut block of hills, dunes; their detail is what the camera resolves."""
+    gltf = Gltf()
+    gltf.use("KHR_lights_punctual")
+    eye, angle = (0, 3.2, 9), 0.003
+    rock = plain(1, 1, 1)
+    gltf.node(translation=[0, -0.6, -9], extensions=gltf.terrain(
+        "ridged", rock, [26, 18], ALPINE, scale=0.2, height=5.2, seed=11, octaves=9,
+        detail={"from": [eye[0], eye[1] + 0.6, eye[2] + 9], "angle": angle}))
+    gltf.node(translation=[-2.1, 0.6, 4], rotation=[0, 0.2588190, 0, 0.9659258],
+              extensions=gltf.terrain("fbm", plain(0.36, 0.42, 0.2), [2.2, 2.2], scale=0.9,
+                                      height=1.3, depth=0.25, seed=5, octaves=7))
+    gltf.node(translation=[2.1, 0.6, 4], rotation=[0, -0.2588190, 0, 0.9659258],
+              extensions=gltf.terrain("waves", plain(0.72, 0.55, 0.34), [2.2, 2.2], scale=0.5,
+                                      height=0.5, depth=0.25, octaves=3, gain=0.35,
+                                      offset=[0.1, 0.2]))
+    gltf.doc["extensions"] = {"KHR_lights_punctual": {"lights": [
+        {"type": "directional", "intensity": 4, "color": [1, 0.86, 0.68]}]}}
+    gltf.node(rotation=look_at((-5, 4, 4), (0, 0, 0)),
+              extensions={"KHR_lights_punctual": {"light": 0}})
+    camera(gltf, eye, (0, 1.35, 0), 0.55)
+    return gltf
+
+def fog():
+    """Shafts of light in fog; a cloud and smoke in bodies of their own; milk in glass; a tumbler
+    whose water reaches into its wall, by priority."""
+    gltf = Gltf()
+    gltf.use("TESSERA_medium", "TESSERA_material", "TESSERA_texture", "KHR_lights_punctual",
+             "KHR_materials_transmission", "KHR_materials_volume", "KHR_materials_ior")
+
+    def even(scattering, absorption=(0, 0, 0), **more):
+        return {"scattering": list(scattering), "absorption": list(absorption), **more}
+    gltf.doc["scenes"][0]["extensions"] = {"TESSERA_medium": even(
+        (0.035, 0.037, 0.04), anisotropy=0.55, center=[0, 1, 0], radius=6.2)}
+
+    def solid(ior, priority, medium=None):
+        look = plain(1, 1, 1)
+        look["pbrMetallicRoughness"]["roughnessFactor"] = 0
+        look["extensions"] = {"KHR_materials_transmission": {"transmissionFactor": 1},
+                              "KHR_materials_volume": {"thicknessFactor": 1},
+                              "KHR_materials_ior": {"ior": ior},
+                              "TESSERA_material": {"priority": priority}}
+        if medium:
+            look["extensions"]["TESSERA_medium"] = medium
+        return gltf.add("materials", look)
+
+    def filled(medium):
+        return gltf.add("materials", {"name": "not seen itself",
+                                      "extensions": {"TESSERA_medium": medium}})
+    stone = gltf.add("materials", plain(0.45, 0.42, 0.38))
+    wall = gltf.add("materials", plain(0.3, 0.3, 0.32))
+    gltf.node(mesh=gltf.mesh(quad((-7, 0, 6), (14, 0, 0), (0, 0, -11)), stone))
+    gltf.node(mesh=gltf.mesh(quad((-7, 0, -5), (14, 0, 0), (0, 6, 0)), wall))
+    # Boards with gaps between, a lamp behind them, a panel beside the camera: both outside the fog,
+    # where rays that pass near a lamp would be bright without bound.
+    slats = [quad((-2.3 + 0.62 * k, 4.2, -2.6), (0.42, 0, 0), (0, 0, 3.2)) for k in range(8)]
+    gltf.node(mesh=gltf.mesh(joined(*slats), wall))
+    gltf.doc["extensions"] = {"KHR_lights_punctual": {"lights": [
+        {"type": "spot", "intensity": 1500, "color": [1, 0.86, 0.66],
+         "spot": {"innerConeAngle": 0.3, "outerConeAngle": 0.5}}]}}
+    gltf.node(translation=[0.3, 7.9, -2.3], rotation=rounded(-0.6755902, 0, 0, 0.7372773),
+              extensions={"KHR_lights_punctual": {"light": 0}})
+    panel = gltf.add("materials", {"emissiveFactor": [0.62, 0.8, 1], "extensions": {
+        "KHR_materials_emissive_strength": {"emissiveStrength": 7}}})
+    gltf.use("KHR_materials_emissive_strength")
+    gltf.node(mesh=gltf.mesh(quad((-5.5, 0.3, 5.2), (-2, 0, -3.4), (0, 3.4, 0)), panel))
+    # A cloud: clumps of turbulence in a ball.
+    clumps = gltf.add("textures", {"extensions": {"TESSERA_texture": {
+        "pattern": "fbm", "scale": [2.6, 2.6, 2.6], "octaves": 4, "seed": 5, "ramp": [
+            {"at": 0.46, "color": [0, 0, 0, 1]}, {"at": 0.7, "color": [1, 1, 1, 1]}]}}})
+    gltf.node(**gltf.shape("sphere", filled(even(
+        (14, 14, 14), anisotropy=0.3, density={"texture": clumps})),
+        {"translation": [-0.25, 1.75, -0.6]}, radius=0.85))
+    # Smoke: a plume on a small lattice.
+    size = (9, 13, 9)
+    values = []
+    for z in range(size[2]):
+        for y in range(size[1]):
+            for x in range(size[0]):
+                height = y / (size[1] - 1)
+                lean = 0.25 * math.sin(5 * height)
+                r = math.hypot(x / 4 - 1 - lean, z / 4 - 1 - lean / 2)
+                wide = 0.25 + 0.45 * height
+                dense = max(0.0, 1 - (r / wide) ** 2) * min(1, 6 * height) * (1 - height)
+                values.append(rounded(dense))
+    lattice = gltf.floats(values, "SCALAR", target=None)
+    gltf.node(**gltf.shape("box", filled(even(
+        (9, 9, 9), (2, 2.2, 2.6), density={"grid": {"accessor": lattice, "size": list(size),
+                                                  "min": [-0.5, -1, -0.5], "max": [0.5, 1, 0.5]}})),
+        {"translation": [1.45, 1.01, -1.6]}, size=[1, 2, 1]))
+    # Milk in a ball of glass.
+    milk = solid(1.35, 0, even((9, 8.6, 7.6), (0.02, 0.06, 0.2), anisotropy=0.6))
+    gltf.node(**gltf.shape("sphere", milk, {"translation": [-1.75, 0.5, 0.7]}, radius=0.5))
+    # A tumbler of water that reaches 5 mm into the wall and the bottom.
+    glassy = solid(1.5, 2)
+    water = solid(1.333, 1, even((0.1, 0.2, 0.2), (2.4, 0.5, 0.25)))
+    tumbler = gltf.csg(
+        "subtraction",
+        gltf.shape("cylinder", glassy, {"translation": [0, 0.5, 0]}, radius=0.36, height=1),
+        gltf.shape("cylinder", glassy, {"translation": [0, 0.58, 0]}, radius=0.31, height=1),
+        translation=[0.75, 0.001, 1.3])
+    gltf.doc["scenes"][0]["nodes"].append(tumbler)
+    gltf.node(**gltf.shape("cylinder", water, {"translation": [0.75, 0.376, 1.3]}, radius=0.315,
+                           height=0.6))
+    times = gltf.floats([[0.0], [1.0]], "SCALAR", bounds=True, target=None)
+    denser = gltf.floats([[0.035, 0.037, 0.04], [0.12, 0.12, 0.12]], "VEC3", target=None)
+    gltf.add("animations", {
+        "name": "thicken", "samplers": [{"input": times, "output": denser}],
+        "channels": [{"sampler": 0, "target": {"path": "pointer", "extensions": {
+            "KHR_animation_pointer": {
+                "pointer": "/scenes/0/extensions/TESSERA_medium/scattering"}}}}]})
+    gltf.use("KHR_animation_pointer")
+    camera(gltf, (0.2, 1.5, 6.2), (0.1, 1.25, 0), 0.62)
+    return gltf

@@ -1,0 +1,47 @@
+"""What scenes share: a room, and where cameras look."""
+
+import math
+
+from maker.looks import plain
+from maker.meshes import quad, rounded
+
+
+def look_at(eye, target):
+    """Rotation quaternion (x, y, z, w) of a camera that looks from eye to target, up near +Y."""
+    back = [e - t for e, t in zip(eye, target)]
+    length = math.sqrt(sum(x * x for x in back))
+    back = [x / length for x in back]
+    yaw = math.atan2(back[0], back[2])
+    pitch = -math.asin(back[1])
+    sy, cy, sp, cp = math.sin(yaw / 2), math.cos(yaw / 2), math.sin(pitch / 2), math.cos(pitch / 2)
+    return rounded(cy * sp, sy * cp, -sy * sp, cy * cp)
+
+
+def turned(axis, *degrees):
+    """Rotation quaternions about an axis."""
+    return [rounded(*(math.sin(math.radians(d) / 2) * x for x in axis),
+                    math.cos(math.radians(d) / 2)) for d in degrees]
+
+
+def room(gltf, floor):
+    """Five walls of a box 4 x 3 x 4 m, open towards +Z, and a lamp of 1.2 x 1.2 m under its ceiling."""
+    white = gltf.add("materials", plain(0.75, 0.73, 0.7))
+    red = gltf.add("materials", plain(0.62, 0.12, 0.08))
+    blue = gltf.add("materials", plain(0.1, 0.2, 0.5))
+    gltf.use("KHR_materials_emissive_strength")
+    lamp = gltf.add("materials", plain(0, 0, 0, emissiveFactor=[1, 0.86, 0.66], extensions={
+        "KHR_materials_emissive_strength": {"emissiveStrength": 16}}))
+    for shape, material in (
+            (quad((-2, 0, 2), (4, 0, 0), (0, 0, -4)), floor),
+            (quad((-2, 3, -2), (4, 0, 0), (0, 0, 4)), white),
+            (quad((-2, 0, -2), (4, 0, 0), (0, 3, 0)), white),
+            (quad((-2, 0, 2), (0, 0, -4), (0, 3, 0)), red),
+            (quad((2, 0, -2), (0, 0, 4), (0, 3, 0)), blue),
+            (quad((-0.6, 2.99, -0.6), (1.2, 0, 0), (0, 0, 1.2)), lamp)):
+        gltf.node(mesh=gltf.mesh(shape, material))
+
+
+def camera(gltf, eye, target, yfov):
+    index = gltf.add("cameras", {"type": "perspective",
+                                 "perspective": {"yfov": yfov, "znear": 0.01}})
+    gltf.node(camera=index, translation=list(eye), rotation=look_at(eye, target))
