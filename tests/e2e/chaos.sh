@@ -5,4 +5,7 @@ set -euo pipefail
 : "${TESSERA_FAULTS:=$TESSERA_BIN/tessera_faults.so}"
 export TESSERA_BIN TESSERA_FAULTS PYTHONDONTWRITEBYTECODE=1
 unset TESSERA_SERVER TESSERA_TOKEN TESSERA_CERTS
-exec python3 "$(dirname "$0")/chaos" "$@"
+chaos=(python3 "$(dirname "$0")/chaos" "$@")
+# What it mounts goes with it.
+if [ "$(id -u)" -eq 0 ] && unshare --mount true 2>/dev/null; then exec unshare --mount "${chaos[@]}"; fi
+exec "${chaos[@]}"

@@ -55,6 +55,8 @@ if(TESSERA_WITH_GRPC)
     set_target_properties(tessera_faults PROPERTIES PREFIX ""
       LIBRARY_OUTPUT_DIRECTORY ${CMAKE_RUNTIME_OUTPUT_DIRECTORY})
     target_link_libraries(tessera_faults PRIVATE tessera::flags ${CMAKE_DL_LIBS})
+    add_executable(tessera_wide_area_link support/wide_area_link.cpp)
+    target_link_libraries(tessera_wide_area_link PRIVATE tessera::flags)
     tessera_e2e(chaos 1800)
     tessera_e2e(dead_worker 300)
     set_tests_properties(e2e.dead_worker PROPERTIES PROCESSORS 2)  # it measures time
@@ -62,6 +64,6 @@ if(TESSERA_WITH_GRPC)
     add_custom_target(soak USES_TERMINAL
       COMMAND ${CMAKE_COMMAND} -E env TESSERA_BIN=${CMAKE_RUNTIME_OUTPUT_DIRECTORY}
               ${CMAKE_CURRENT_SOURCE_DIR}/e2e/chaos.sh --rounds 200
-      DEPENDS tessera tessera-server tessera-worker tessera_faults)
+      DEPENDS tessera tessera-server tessera-worker tessera_faults tessera_wide_area_link)
   endif()
 endif()

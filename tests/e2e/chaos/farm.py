@@ -2,25 +2,26 @@
 
 import collections
 import json
-import mmap
 import os
 import pathlib
 import re
 import shutil
 import signal
-import struct
 import subprocess
 import tempfile
 import threading
 import time
 import uuid
 
+from control import Control
 from link import Link
+from wide_area import WideAreaLine
 
 BIN = pathlib.Path(os.environ["TESSERA_BIN"])
 FAULTS = pathlib.Path(os.environ["TESSERA_FAULTS"])
 SCENES = pathlib.Path(__file__).resolve().parents[2] / "scenes"
 WORKERS = 4
+SMALL_DISK = 64 << 20  # bytes
 UNIT_TIMEOUT = 8  # seconds, of the workers whose renderers are made to hang
 # name: scene and options. Small units, several passes, several frames, and one asked for its error.
 JOBS = {
@@ -54,22 +55,10 @@ def undisturbed():
     return pixels
 
 
-class Control:
+class FaultsControl(Control):
     """The memory shared with faults.cpp."""
     FIELDS = ("clock_offset_s", "sync_us", "disk_full", "clock_answers", "slow_syncs",
               "full_answers", "steps")
-
-    def __init__(self, path):
-        object.__setattr__(self, "path", str(path))
-        pathlib.Path(path).write_bytes(bytes(8 * len(self.FIELDS)))
-        with open(path, "r+b") as file:
-            object.__setattr__(self, "memory", mmap.mmap(file.fileno(), 0))
-
-    def __getattr__(self, name):
-        return struct.unpack_from("q", self.memory, 8 * self.FIELDS.index(name))[0]
-
-    def __setattr__(self, name, value):
-        struct.pack_into("q", self.memory, 8 * self.FIELDS.index(name), value)
 
 
 class Worker:
@@ -106,7 +95,14 @@ class Farm:
         self.work = pathlib.Path(tempfile.mkdtemp(prefix="tessera-chaos."))
         self.mark = f"TESSERA_CHAOS_ROUND={uuid.uuid4()}"
         self.socket = self.work / "server.sock"
-        self.control = Control(self.work / "server.control")
+        self.disk = self.work / "disk"  # the store's
+        self.disk.mkdir()
+        self.is_small = "small_disk" in kinds
+        if self.is_small:  # in this process's mount namespace: goes with it, at the latest
+            subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={SMALL_DISK}", "tessera-chaos",
+                            self.disk], check=True)
+        self.store = self.disk / "store"
+        self.control = FaultsControl(self.work / "server.control")
         self.server_lock = threading.RLock()  # whoever disturbs the server
         self.workers_lock = threading.Lock()
         self.free = collections.deque()  # slots nobody is disturbing
@@ -123,6 +119,8 @@ class Farm:
                       for slot in range(WORKERS)]
         for link in self.links:
             link.start()
+        self.line = None  # made by whoever needs it
+        self.has_room = True  # nobody fills the disk now
 
     # Processes ------------------------------------------------------------------------------------
 
@@ -134,12 +132,12 @@ class Farm:
     def start_server(self, cut_at=0):
         """Returns whether it listens: with `cut_at` it may be dead before that."""
         self.socket.unlink(missing_ok=True)
-        environment = self.environment(self.control, FAULTS_STORE=str(self.work / "store"),
+        environment = self.environment(self.control, FAULTS_STORE=str(self.store),
                                        FAULTS_LOG=str(self.work / "cuts.log"), FAULTS_CUT_AT=str(cut_at))
         with open(self.work / "server.log", "a") as log:
             self.server = subprocess.Popen(
                 [BIN / "tessera-server", "--listen", f"unix:{self.socket}", "--store",
-                 self.work / "store", "--audit", self.audit], env=environment, stdout=subprocess.PIPE, stderr=log)
+                 self.store, "--audit", self.audit], env=environment, stdout=subprocess.PIPE, stderr=log)
         return bool(self.server.stdout.readline())
 
     def kill_server(self):
@@ -148,8 +146,8 @@ class Farm:
 
     def inspect_dead_store(self):
         """What was acknowledged must be in the store of a server that died, before any repair."""
-        if (self.work / "store" / "store.db").exists():
-            found = run("tessera-server", "check", self.work / "store", check=False)
+        if (self.store / "store.db").exists():
+            found = run("tessera-server", "check", self.store, check=False)
             # A store whose first start did not end has no rows yet.
             if found.returncode != 0 and "has schema 0" not in found.stderr:
                 raise Wrong(f"the store is damaged:\n{found.stdout}{found.stderr}")
@@ -160,7 +158,7 @@ class Farm:
 
     def start_worker(self, slot, *faults):
         identity = f"w{slot}-{len(self.all_workers)}"
-        control = Control(self.work / f"{identity}.control")
+        control = FaultsControl(self.work / f"{identity}.control")
         options = ["--unit-timeout", str(UNIT_TIMEOUT)] if slot == 0 else []
         options += ["--deliver-twice"] if slot == 1 else []
         options += faults
@@ -189,6 +187,15 @@ class Farm:
             done = run("tessera", "submit", SCENES / scene, "--server", f"unix:{self.socket}", *options,
                        "--max-depth", 5, "--name", name)
             self.jobs[name] = done.stdout.strip()
+
+    def open_line(self):
+        self.line = WideAreaLine(self.work, str(self.socket), self.environment(self.control, LD_PRELOAD=""))
+        return self.line
+
+    def close_line(self):
+        if self.line:
+            self.line.close()
+            self.line = None
 
     # What is going on -----------------------------------------------------------------------------
 
@@ -265,7 +272,7 @@ class Farm:
                     self.over = True
                     return
                 for name, (state, reason) in states.items():
-                    if state == "paused" and "the store is full" in reason and not self.control.disk_full:
+                    if state == "paused" and "the store is full" in reason and self.has_room:
                         run("tessera", "resume", name, "--server", f"unix:{self.socket}", check=False)
             time.sleep(0.2)
         raise Wrong(f"not done after {seconds} s: {self.states()}")
@@ -301,6 +308,7 @@ class Farm:
         for link in self.links:
             link.stopping = True
             link.join()
+        self.close_line()
         self.inspect_dead_store()
         left = self.processes()
         if left:
@@ -309,9 +317,11 @@ class Farm:
         for line in pathlib.Path("/proc/net/unix").read_text().splitlines():
             if str(self.work) in line and line.split()[3] == "00010000":
                 raise Wrong(f"a socket is left behind: {line}")
-        known = re.compile(r"store|store\.lost\.\d+|cuts\.log|server\.(log|control|sock)|cache\d"
+        known = re.compile(r"disk|cuts\.log|line\.(control|sock)|server\.(log|control|sock)|cache\d"
                            r"|w\d(-\d+)?\.(sock|log|units|control)")
         extra = [entry.name for entry in self.work.iterdir() if not known.fullmatch(entry.name)]
+        extra += [entry.name for entry in self.disk.iterdir()
+                  if not re.fullmatch(r"store|store\.lost\.\d+", entry.name)]
         extra += [str(part) for part in self.work.glob("cache*/**/*.part")]
         if extra:
             raise Wrong(f"files left behind: {extra}")
@@ -341,5 +351,9 @@ class Farm:
                 process.wait()
         for link in self.links:
             link.stopping = True
-        if not keep:
-            shutil.rmtree(self.work, ignore_errors=True)
+        self.close_line()
+        if keep:
+            return
+        if self.is_small:
+            subprocess.run(["umount", self.disk], check=False)
+        shutil.rmtree(self.work, ignore_errors=True)

@@ -3,12 +3,20 @@ before it could take effect."""
 
 import contextlib
 import os
-import pathlib
 import signal
+import subprocess
 import time
+
+import wide_area as wide_area_line
 
 SILENCE = 5.0  # seconds after which a worker is lost: its leases are others'
 LONGER = SILENCE + 1.5
+
+
+def may_mount():
+    return os.geteuid() == 0 and subprocess.run(
+        ["unshare", "--mount", "mount", "-t", "tmpfs", "none", "/mnt"], check=False,
+        stderr=subprocess.DEVNULL).returncode == 0
 
 
 @contextlib.contextmanager
@@ -37,8 +45,11 @@ def holding(farm, worker):
     return worker and farm.wait(60, f"{worker.id} holds units", lambda: len(farm.held_by(worker)))
 
 
-def is_lost(farm, worker):
-    return f"worker {worker.id} is lost" in farm.log()
+def loss_of(farm, worker):
+    """A question: whether the worker was lost since this call."""
+    count = lambda: farm.log().count(f"worker {worker.id} is lost")
+    before = count()
+    return lambda: count() > before
 
 
 def kill_worker(farm, rng):
@@ -47,6 +58,7 @@ def kill_worker(farm, rng):
         held = holding(farm, worker)
         if not held:
             return None
+        is_lost = loss_of(farm, worker)
         worker.signal(signal.SIGKILL)
         killed = time.monotonic()
         worker.process.wait()
@@ -55,9 +67,9 @@ def kill_worker(farm, rng):
         if not farm.is_alone:
             time.sleep(pause)
         else:
-            farm.wait(10, "the dead worker is lost", lambda: is_lost(farm, worker))
+            farm.wait(10, "the dead worker is lost", is_lost)
             lost = time.monotonic()
-            farm.wait(10, "its units run elsewhere",
+            farm.wait(60, "its units run elsewhere",
                       lambda: units <= farm.settled() | farm.started(worker))
             again = time.monotonic()
             farm.times = (lost - killed, again - lost)
@@ -86,12 +98,13 @@ def stop_worker(farm, rng):
         held = holding(farm, worker)
         if not held:
             return None
+        is_lost = loss_of(farm, worker)
         worker.signal(signal.SIGSTOP)
         try:
-            farm.wait(60, "the stopped worker is lost", lambda: is_lost(farm, worker))
+            farm.wait(60, "the stopped worker is lost", is_lost)
         finally:
             worker.signal(signal.SIGCONT)
-        return f"{worker.id} held {held} units and was lost" if is_lost(farm, worker) else None
+        return f"{worker.id} held {held} units and was lost" if is_lost() else None
 
 
 def hang(farm, rng):
@@ -174,14 +187,14 @@ def partition(farm, rng):
         held = holding(farm, worker)
         if not held:
             return None
-        link = farm.links[worker.slot]
+        link, is_lost = farm.links[worker.slot], loss_of(farm, worker)
         link.held_bytes, link.held = 0, True
         try:
-            farm.wait(60, "the worker behind it is lost", lambda: is_lost(farm, worker))
+            farm.wait(60, "the worker behind it is lost", is_lost)
             time.sleep(rng.uniform(0, 1))
         finally:
             link.held = False
-        if not is_lost(farm, worker) or not link.held_bytes:
+        if not is_lost() or not link.held_bytes:
             return None
         return f"{worker.id} was lost with {held} units, {link.held_bytes} bytes waited"
 
@@ -305,23 +318,71 @@ def slow_disk(farm, rng):
         return f"{slow} syncs were slow" if slow else None
 
 
+def full_jobs(farm):
+    """Jobs that are paused for want of room."""
+    return [name for name, (state, reason) in (farm.states() or {}).items()
+            if state == "paused" and "the store is full" in reason]
+
+
 def full_disk(farm, rng):
     """No write succeeds until a job has paused for it; then there is room and it goes on."""
     with farm.server_lock:
-        def paused():
-            states = farm.states() or {}
-            return [name for name, (state, reason) in states.items()
-                    if state == "paused" and "the store is full" in reason]
         if farm.over:
             return None
         before = farm.control.full_answers
-        farm.control.disk_full = 1
+        farm.control.disk_full, farm.has_room = 1, False
         try:
-            jobs = farm.wait(60, "a job pauses", paused)
+            jobs = farm.wait(60, "a job pauses", lambda: full_jobs(farm))
         finally:
-            farm.control.disk_full = 0
+            farm.control.disk_full, farm.has_room = 0, True
         refused = farm.control.full_answers - before
         return f"{refused} writes refused, {len(jobs)} jobs paused" if jobs and refused else None
+
+
+def small_disk(farm, rng):
+    """The store lies on a small file system; something else takes all that is left of it, and gives it
+    back once a job has paused for it."""
+    with farm.server_lock:
+        if farm.over:
+            return None
+        ballast = farm.disk / "ballast"
+        farm.has_room = False
+        try:
+            with open(ballast, "wb", buffering=0) as file, contextlib.suppress(OSError):
+                while not farm.over:
+                    file.write(bytes(1 << 16))
+            taken = ballast.stat().st_size
+            jobs = farm.wait(60, "a job pauses", lambda: full_jobs(farm))
+        finally:
+            ballast.unlink()
+            farm.has_room = True
+        return f"the last {taken} bytes were taken, {len(jobs)} jobs paused" if jobs else None
+
+
+def wide_area(farm, rng):
+    """A worker's way becomes a line of 100 Mbit/s, 20 ms each way, that loses one packet of a hundred;
+    then it is cut for longer than a lease, and heals."""
+    with a_worker(farm) as worker:
+        if not worker or farm.over:
+            return None
+        line = farm.open_line()
+        link = farm.links[worker.slot]
+        link.move(line.path)
+        try:
+            farm.wait(120, "packets are lost",
+                      lambda: line.control.lost and line.control.passed > 300 and farm.held_by(worker))
+            held, is_lost = len(farm.held_by(worker)), loss_of(farm, worker)
+            line.control.is_cut = 1
+            farm.wait(60, "the worker behind it is lost", is_lost)
+            line.control.is_cut = 0
+            passed = line.control.passed
+            healed = farm.wait(60, "packets pass again", lambda: line.control.passed > passed + 100)
+        finally:
+            link.move(str(farm.socket))
+        if not is_lost() or not line.control.lost or not healed:
+            return None
+        return (f"{worker.id} was lost with {held} units; of its packets {line.control.passed} passed, "
+                f"{line.control.lost} were lost, {line.control.cut} cut off")
 
 
 def clock_jump(farm, rng):
@@ -343,4 +404,12 @@ def clock_jump(farm, rng):
 KINDS = {kind.__name__: kind for kind in (
     kill_worker, kill_renderer, stop_worker, hang, slow_worker, drain_worker, cut_message, partition,
     late_delivery, duplicate, liar, forger, kill_server, stop_server, power_cut, power_cut_at_start, slow_disk,
-    full_disk, clock_jump)}
+    full_disk, small_disk, wide_area, clock_jump)}
+
+# Kinds that take rights not everybody has.
+if not may_mount():
+    print("left out: small_disk, which takes the right to mount")
+    del KINDS["small_disk"]
+if not wide_area_line.is_possible():
+    print("left out: wide_area, which takes the rights to make network namespaces and /dev/net/tun")
+    del KINDS["wide_area"]

@@ -1,5 +1,7 @@
-"""A worker's way to the server: a Unix socket that passes bytes on, until it is told otherwise."""
+"""A worker's way to the server: a socket that passes bytes on, until it is told otherwise."""
 
+import ctypes
+import os
 import selectors
 import socket
 import threading
@@ -18,12 +20,23 @@ class Pipe:
         self.queued = 0
 
 
-class Link(threading.Thread):
-    """Forwards connections to `path` on to `target`. The fields below may be set from any thread."""
+CLONE_NEWNET = 0x40000000
 
-    def __init__(self, path, target):
+
+def family(address):
+    """An address is a path, or (host, port)."""
+    return socket.AF_UNIX if isinstance(address, str) else socket.AF_INET
+
+
+class Link(threading.Thread):
+    """Forwards connections to `path` on to `target`. The fields below may be set from any thread.
+
+    With `space`, the path of a network namespace, its sockets belong to that one.
+    """
+
+    def __init__(self, path, target, space=None):
         super().__init__(daemon=True)
-        self.path, self.target = path, target
+        self.path, self.target, self.space = path, target, space
         self.held = False  # a partition: nothing passes, nothing is refused
         self.delay = 0.0  # seconds what the worker sends is late
         self.cut_in = None  # bytes from the worker after which the connection is cut
@@ -32,14 +45,28 @@ class Link(threading.Thread):
         self.held_bytes = 0  # that waited while held
         self.late_bytes = 0  # that were late
         self.stopping = False
+        self.moved = False  # to another target: what is connected to the old one is cut
         self.pipes = []
-        self.listener = socket.socket(socket.AF_UNIX)
-        self.listener.bind(path)
-        self.listener.listen(16)
-        self.listener.setblocking(False)
+        self.listener = None
+
+    def move(self, target):
+        self.target = target
+        self.moved = True
 
     def run(self):
+        if self.space:
+            with open(self.space, "rb") as space:  # a thread of its own: it alone enters
+                if ctypes.CDLL(None, use_errno=True).setns(space.fileno(), CLONE_NEWNET) != 0:
+                    raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+        self.listener = socket.socket(family(self.path))
+        self.listener.bind(self.path)
+        self.listener.listen(16)
+        self.listener.setblocking(False)
         while not self.stopping:
+            if self.moved:
+                self.moved = False
+                for pipe in list(self.pipes):
+                    self.close(pipe)
             self.turn()
         for pipe in list(self.pipes):
             self.close(pipe)
@@ -84,7 +111,7 @@ class Link(threading.Thread):
             worker, _ = self.listener.accept()
         except OSError:
             return
-        server = socket.socket(socket.AF_UNIX)
+        server = socket.socket(family(self.target))
         try:
             server.connect(self.target)
         except OSError:
