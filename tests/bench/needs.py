@@ -26,7 +26,8 @@ import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 TRAVERSAL, PACKET = "worker/accel/traversal.inc", "worker/accel/packet.inc"
-PATHS = "worker/render/path_tracer.cpp"
+PATHS, FRAME = "worker/render/path_tracer.cpp", "worker/render/frame_renderer.cpp"
+RAY, SURFACE = "worker/geometry/ray.h", "worker/shading/surface.h"
 FEATURES = {  # feature: (file, what is there, what is put in its place)
     "instances": [
         (TRAVERSAL, "if (trees.single()) return meet_placed(", "return meet_placed("),
@@ -41,6 +42,30 @@ FEATURES = {  # feature: (file, what is there, what is put in its place)
         (PATHS, "if (traits == 0) {\n    const TriangleId& target", "if (true) {\n    const TriangleId& target"),
         (PATHS, "return (frame.shading.traits & traits) == 0 && frame.accel.takes_packets();",
          "static_cast<void>(traits);\n  return frame.accel.takes_packets();"),
+    ],
+    "motion": [
+        (RAY, "struct Ray {", "struct NoTime {\n  operator float() const { return 0; }\n"
+         "  NoTime& operator=(float) { return *this; }\n};\nstruct Ray {"),
+        (RAY, "  float time = 0;", "  [[no_unique_address]] NoTime time;"),
+        (PATHS, "rays[i] = frame.moves ? camera_ray<true>(frame, id, samplers[i])\n"
+         "                          : camera_ray<false>(", "rays[i] = camera_ray<false>("),
+        (PATHS, "  hit.time = path_.ray.time;", ""),
+        ("worker/render/path_tracer.h", "  float time = 0;  // of the ray that met it", ""),
+        (FRAME, "camera_.moves() ? camera_.at(hit.time).depth(hit.position) : ", ""),
+        (SURFACE, "return instance.moves ? moved_at(scene, hit, direction, time, memory)\n"
+         "                          : solid_at(", "return solid_at("),
+    ],
+    "media": [
+        (PATHS, "if (frame.shading.tracks_bodies && scratch->crossings == nullptr) {", "if (false) {"),
+        (PATHS, "    if (frame.shading.tracks_bodies) [[unlikely]] {\n      results", "    if (false) {\n      results"),
+    ],
+    "shapes": [
+        (SURFACE, "if (instance.special) [[unlikely]] {", "if (instance.moves) [[unlikely]] {"),
+        (SURFACE, "  if (instance.solid) [[unlikely]]\n    return solid_at(scene, instance, hit, direction);\n", ""),
+        ("worker/shading/surface.cpp", "if (p.shape != nullptr) [[unlikely]]", "if (false)"),
+    ],
+    "procedures": [
+        (PATHS, "if (frame_.shading.textures.has_procedures()) [[unlikely]]", "if (false)"),
     ],
 }
 RENDER = ["--size", "64x48", "--spp", "8", "--threads", "1"]

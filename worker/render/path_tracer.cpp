@@ -120,8 +120,8 @@ class PathTracer {
   const FrameContext& frame_;
   Sampler sampler_;
   PathScratch* scratch_;
-  std::int32_t max_depth_;  // of the image; once the path is traced on, of that
-  PathResult image_;        // what it came to before it was traced on
+  std::int32_t max_depth_;           // of the image; once the path is traced on, of that
+  std::optional<PathResult> image_;  // what it came to before it was traced on
   Path path_;
   std::conditional_t<kMedia, MediaState, NoMedia> media_;
 };
@@ -155,9 +155,9 @@ PathResult PathTracer<kMedia>::trace(const Ray& camera_ray, const Hit* first) {
     }
     if (!step(hit)) break;
   }
-  if (max_depth_ == frame_.max_depth) return path_.result;
-  image_.truncated = path_.result.radiance * static_cast<float>(kCutPathsPerTraced);
-  return image_;
+  if (!image_) return path_.result;
+  image_->truncated = path_.result.radiance * static_cast<float>(kCutPathsPerTraced);
+  return *image_;
 }
 
 /// Whether the path has no scattering event left. A few that have not are traced on: from then on
@@ -606,6 +606,7 @@ bool PathTracer<kMedia>::scatter(const ShadingPoint& point, const Bsdf& bsdf, co
 namespace {
 
 /// Of a path that sees nothing t_max is below 0: no hit comes before that.
+template <bool kMoves>
 Ray camera_ray(const FrameContext& frame, const PathId& id, const Sampler& sampler) {
   const Vec2f u = sampler.get_2d(dimensions::kFilter);
   const Vec2f offset = frame.filter.sample(u);
@@ -614,11 +615,10 @@ Ray camera_ray(const FrameContext& frame, const PathId& id, const Sampler& sampl
     lens = sampler.get_2d(dimensions::kLens);
   CameraRay camera{{}, {0, 0, 1}, -1};
   Ray ray;
-  if (frame.moves) [[unlikely]]
-    ray.time = sampler.get_4d(dimensions::kFilter).z;
+  if constexpr (kMoves) ray.time = sampler.get_4d(dimensions::kFilter).z;
   const double x = id.x + 0.5 + static_cast<double>(offset.x);
   const double y = id.y + 0.5 + static_cast<double>(offset.y);
-  if (frame.camera.moves()) [[unlikely]] {
+  if (kMoves && frame.camera.moves()) {
     frame.camera.at(ray.time).ray(x, y, lens, &camera);
   } else {
     frame.camera.ray(x, y, lens, &camera);
@@ -644,7 +644,8 @@ void trace_paths(const FrameContext& frame, std::span<const PathId> ids, PathScr
   for (std::size_t i = 0; i < ids.size(); ++i) {
     const PathId& id = ids[i];
     samplers[i] = Sampler(frame.seed, frame.frame, id.x, id.y, id.sample);
-    rays[i] = camera_ray(frame, id, samplers[i]);
+    rays[i] = frame.moves ? camera_ray<true>(frame, id, samplers[i])
+                          : camera_ray<false>(frame, id, samplers[i]);
   }
   std::array<Hit, kPacketSize> hits;  // of no triangle where nothing is hit
   const bool known = takes_packets(frame);
