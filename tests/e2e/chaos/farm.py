@@ -110,7 +110,7 @@ class Farm:
         self.workers = {}
         self.all_workers = []
         self.jobs = {}
-        self.power_cuts = 0
+        self.started_at = 0.0  # when the server was
         self.over = False
         self.is_alone = kinds == ["kill_worker"]  # nothing else disturbs: times can be measured
         self.times = None  # seconds from death to loss, and from there until its units run again
@@ -138,7 +138,9 @@ class Farm:
             self.server = subprocess.Popen(
                 [BIN / "tessera-server", "--listen", f"unix:{self.socket}", "--store",
                  self.store, "--audit", self.audit], env=environment, stdout=subprocess.PIPE, stderr=log)
-        return bool(self.server.stdout.readline())
+        listens = bool(self.server.stdout.readline())
+        self.started_at = time.monotonic()
+        return listens
 
     def kill_server(self):
         self.server.kill()

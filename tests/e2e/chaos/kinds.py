@@ -46,10 +46,15 @@ def holding(farm, worker):
 
 
 def loss_of(farm, worker):
-    """A question: whether the worker was lost since this call."""
+    """A question: whether the worker was lost since this call. A server that was started meanwhile has
+    never seen it, and waits for it no longer than its silence allows."""
     count = lambda: farm.log().count(f"worker {worker.id} is lost")
-    before = count()
-    return lambda: count() > before
+    before, start = count(), farm.started_at
+
+    def is_lost():
+        is_given_up = farm.started_at > start and time.monotonic() - farm.started_at > LONGER
+        return count() > before or is_given_up
+    return is_lost
 
 
 def kill_worker(farm, rng):
@@ -292,8 +297,10 @@ def power_cut(farm, rng, steps=(1, 250)):
             end = time.monotonic() + 30
             while farm.server.poll() is None and time.monotonic() < end and not farm.over:
                 time.sleep(0.02)
-        if farm.server.poll() is None:
-            return None  # it runs on; the step may still come: the farm minds that too
+            if farm.server.poll() is None:  # the step must not come when nobody expects it
+                farm.kill_server()
+                farm.restart_server()
+                return None
         farm.server.wait()
         farm.restart_server()
         lines = (farm.work / "cuts.log").read_text().splitlines()
