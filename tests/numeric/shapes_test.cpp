@@ -404,6 +404,41 @@ TEST(Shapes, GiveTheSameHitsInEveryStructure) {
   }
 }
 
+TEST(Shapes, ShowAFilterEveryHitOnceAndGiveTheFirstItTakes) {
+  Dice dice(4);
+  const Scene scene = crowd(dice);
+  std::vector<SceneAccel> own;
+  own.emplace_back(scene, in_order(), Isa::avx2);
+  if (best_isa() == Isa::avx512) own.emplace_back(scene, in_order(), Isa::avx512);
+  int wrong = 0, found = 0;
+  for (int i = 0; i < 4'000; ++i) {
+    const Ray ray = adversarial_ray(scene, dice);
+    const auto refused = [&](const Hit& hit) {
+      return (hit.id.instance + hit.id.triangle + i) % 3;
+    };
+    std::vector<Hit> all = all_hits(scene, ray), taken;
+    std::copy_if(all.begin(), all.end(), std::back_inserter(taken),
+                 [&](const Hit& hit) { return refused(hit) == 0; });
+    found += taken.empty() ? 0 : 1;
+    for (const SceneAccel& accel : own) {
+      Hit hit;
+      const bool hits = accel.closest_hit(ray, hit, [&](const Hit& h) { return refused(h) == 0; });
+      if (hits == taken.empty() || (hits && !same_bits(hit, taken[0]))) ++wrong;
+      std::vector<Hit> shown;
+      const bool any = accel.any_hit(ray, [&](const Hit& h) {
+        shown.push_back(h);
+        return false;
+      });
+      std::sort(shown.begin(), shown.end(), precedes);
+      if (any || !std::equal(shown.begin(), shown.end(), all.begin(), all.end(), same_bits)) {
+        ++wrong;
+      }
+    }
+  }
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GT(found, 1'000);
+}
+
 TEST(HardCase8, RaysThatLeaveAConvexShapeDoNotMeetItAgain) {
   Dice dice(8);
   const std::vector<Shape> convex = {make_ellipsoid({1, 1, 1}),

@@ -6,11 +6,10 @@
 
 #include "worker/accel/csg_line.h"
 #include "worker/geometry/motion.h"
+#include "worker/math/float_bits.h"
 
 namespace tessera::render {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Memory that a thread's queries use over and over.
 struct Scratch {
@@ -39,11 +38,11 @@ const Operand* operand_at(const Operand& operand, std::span<const float> key_tim
   return &memory;
 }
 
-void intersect_operand(const Operand& operand, const Ray& ray, double from,
+void intersect_operand(const Operand& operand, const Ray& ray, const HitsWanted& wanted,
                        std::vector<ShapeHit>& hits) {
   hits.clear();
   intersect_shape(*operand.shape, transform_point(operand.world_to_object, Vec3d(ray.origin)),
-                  transform_vector(operand.world_to_object, Vec3d(ray.direction)), hits, from);
+                  transform_vector(operand.world_to_object, Vec3d(ray.direction)), hits, wanted);
 }
 
 Hit to_hit(const Operand& operand, const ShapeHit& hit) {
@@ -52,8 +51,9 @@ Hit to_hit(const Operand& operand, const ShapeHit& hit) {
 }
 
 /// The hits of a shape by itself.
-void shape_alone(const Operand& operand, const Ray& ray, Scratch& memory) {
-  intersect_operand(operand, ray, 0, memory.shape_hits);
+void shape_alone(const Operand& operand, const Ray& ray, const HitsWanted& wanted,
+                 Scratch& memory) {
+  intersect_operand(operand, ray, wanted, memory.shape_hits);
   std::vector<Hit>& out = memory.hits;
   for (const ShapeHit& found : memory.shape_hits) {
     const Hit hit = to_hit(operand, found);
@@ -74,7 +74,10 @@ Solids::Solids(const Scene& scene)
     const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
     if (mesh.shape == nullptr || instance.operand) continue;
     by_instance_[i] = static_cast<std::uint32_t>(solids_.size());
-    solids_.push_back({static_cast<std::uint32_t>(operands_.size()), 1, {}});
+    solids_.push_back({static_cast<std::uint32_t>(operands_.size()),
+                       1,
+                       {},
+                       mesh.shape->form == Shape::Form::terrain});
     add(scene, i);
   }
   for (const CsgSolid& solid : scene.solids) {
@@ -102,14 +105,16 @@ std::shared_ptr<const Solids> Solids::of(const Scene& scene) {
 }
 
 std::span<const Hit> Solids::hits(std::uint32_t index, const Ray& world_ray,
-                                  const MeshHits& mesh_hits) const {
+                                  const MeshHits& mesh_hits, const LimitedHits& limited) const {
   const Solid& solid = solids_[index];
   Scratch& memory = scratch();
   memory.hits.clear();
   if (solid.steps.empty()) {
     const Operand* const operand =
         operand_at(operands_[solid.first], key_times_, world_ray.time, memory.moved);
-    if (operand != nullptr) shape_alone(*operand, world_ray, memory);
+    // The hit of a double up to the next float is at the limit.
+    const HitsWanted wanted = {0, double{next_up(limited.to)}, limited.first};
+    if (operand != nullptr) shape_alone(*operand, world_ray, wanted, memory);
     return memory.hits;
   }
   Ray ray = world_ray;
@@ -122,7 +127,7 @@ std::span<const Hit> Solids::hits(std::uint32_t index, const Ray& world_ray,
     if (posed == nullptr) continue;
     const Operand& operand = *posed;
     if (operand.shape != nullptr) {
-      intersect_operand(operand, ray, -kInfinity, memory.shape_hits);
+      intersect_operand(operand, ray, {}, memory.shape_hits);
       for (const ShapeHit& found : memory.shape_hits) {
         const Hit hit = to_hit(operand, found);
         const bool left = hit.id == ray.leaves && found.face != kCurvedFace;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
 #include <vector>
@@ -44,6 +45,12 @@ class MeshHits {
   void (*call_)(void*, const Operand&, const Ray&, std::vector<Hit>&);
 };
 
+/// Which hits of a solid are asked for: those up to t, or as far as the first on a curved face.
+struct LimitedHits {
+  float to = std::numeric_limits<float>::max();
+  bool first = false;
+};
+
 /// What of a scene is hit as a whole rather than triangle by triangle: its placed shapes and its
 /// CSG solids. All structures ask this for hits, so that these agree. Immutable once made.
 class Solids {
@@ -54,16 +61,21 @@ class Solids {
   /// The solid in the place of an instance (of a CSG solid: of its first operand), or kNoSolid.
   std::uint32_t at(std::uint32_t instance) const { return by_instance_[instance]; }
 
+  /// Whether hits beyond the first are much more work, so that they are better asked for apart.
+  bool first_is_cheap(std::uint32_t index) const { return solids_[index].first_is_cheap; }
+
   /// All hits of a ray in the world with t >= 0, whatever its t_max, in the order of "One hit";
   /// without the face that it leaves if that is flat. Both sides of a body are hits; a place where
-  /// the ray only touches it is at most one. Valid until the next call on this thread.
-  std::span<const Hit> hits(std::uint32_t index, const Ray& world_ray,
-                            const MeshHits& mesh_hits) const;
+  /// the ray only touches it is at most one. Those beyond the limit may be left out. Valid until
+  /// the next call on this thread.
+  std::span<const Hit> hits(std::uint32_t index, const Ray& world_ray, const MeshHits& mesh_hits,
+                            const LimitedHits& limited = {}) const;
 
  private:
   struct Solid {
     std::uint32_t first = 0, count = 0;  // of operands_
     std::vector<CsgStep> steps;          // none: a shape by itself
+    bool first_is_cheap = false;
   };
 
   explicit Solids(const Scene& scene);

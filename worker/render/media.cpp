@@ -166,7 +166,7 @@ std::span<const Crossing> Crossings::in_order() {
 Interior interior_at_start(const ShadingScene& scene, const SceneAccel& accel, const Ray& ray,
                            Crossings* crossings) {
   Interior interior;
-  if ((scene.traits & kTraitBody) == 0) return interior;
+  if ((scene.traits & kTraitBody) == 0 || !scene.may_be_in_body(ray.origin)) return interior;
   crossings->clear();
   Ray onwards = ray;
   onwards.t_max = INFINITY;

@@ -1,7 +1,11 @@
 #include "worker/shading/shading_scene.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
+#include <span>
 
+#include "worker/accel/instance_boxes.h"
 #include "worker/math/elementary.h"
 #include "worker/shading/fresnel.h"
 
@@ -189,6 +193,7 @@ ShadingScene::ShadingScene(const Scene& scene) : source(scene), textures(scene) 
     for (std::uint32_t i = 0; i < solid.count; ++i) instances[solid.first + i].body = solid.first;
   }
   for (InstanceView& view : instances) view.still = &view;
+  if ((traits & kTraitBody) != 0) add_body_boxes(scene);
   memory_bytes = textures.memory_bytes() +
                  static_cast<std::int64_t>(primitives.size() * sizeof(PrimitiveView) +
                                            instances.size() * sizeof(InstanceView) +
@@ -271,6 +276,40 @@ void ShadingScene::add_relative() {
     }
   }
   std::erase_if(relative_, [](const auto& entry) { return entry.second == nullptr; });
+}
+
+/// One box for each instance or CSG solid that may have a body, padded as for tracing it. Where
+/// anything moves while the shutter is open, one around everything.
+void ShadingScene::add_body_boxes(const Scene& scene) {
+  const std::vector<bool> moving = moving_instances(scene);
+  if (std::find(moving.begin(), moving.end(), true) != moving.end()) {
+    constexpr float kFar = std::numeric_limits<float>::infinity();
+    body_boxes_ = {{{-kFar, -kFar, -kFar}, {kFar, kFar, kFar}}};
+    return;
+  }
+  std::vector<Box3f> meshes(scene.meshes.size());
+  for (std::size_t i = 0; i < instances.size(); ++i) {
+    const auto mesh = static_cast<std::size_t>(scene.instances[i].mesh);
+    const std::span views(primitives.data() + instances[i].first_primitive,
+                          instances[i].primitive_count);
+    const bool body = std::any_of(views.begin(), views.end(), [](const PrimitiveView& view) {
+      return (view.traits & kTraitBody) != 0;
+    });
+    if (!(body || scene.instances[i].operand) || !meshes[mesh].empty()) continue;
+    if (instances[i].shape != nullptr) {
+      meshes[mesh] = instances[i].shape->bounds;
+      continue;
+    }
+    for (const Primitive& p : scene.meshes[mesh].primitives) {
+      for (const Vec3f& at : p.positions) meshes[mesh].extend(at);
+    }
+  }
+  body_boxes_ = place_instances(scene, meshes).boxes;
+}
+
+bool ShadingScene::may_be_in_body(const Vec3f& p) const {
+  return std::any_of(body_boxes_.begin(), body_boxes_.end(),
+                     [&p](const Box3f& box) { return box.contains(p); });
 }
 
 void ShadingScene::add_tables(MaterialView* view) {

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "worker/geometry/bounds.h"
 #include "worker/geometry/ray.h"
 #include "worker/scene/scene.h"
 #include "worker/shading/albedo_table.h"
@@ -95,6 +96,9 @@ struct ShadingScene {
     return found == relative_.end() ? inside : found->second->view;
   }
 
+  /// False where no place near `p` is in a body. Requires: a scene with kTraitBody.
+  bool may_be_in_body(const Vec3f& p) const;
+
   const Scene& source;
   TextureTable textures;
   std::vector<PrimitiveView> primitives;
@@ -114,11 +118,13 @@ struct ShadingScene {
   void add_tables(MaterialView* view);
   void add_glass_tables(MaterialView* view);
   void add_relative();
+  void add_body_boxes(const Scene& scene);
 
   struct GlassTables {
     float ior = 0;
     AlbedoTable entering, leaving;
   };
+  std::vector<Box3f> body_boxes_;  // in the world, around whatever has a body; see add_body_boxes()
   std::unique_ptr<AnisotropicAlbedo> anisotropic_;  // if a metal or thin sheet is anisotropic
   std::unique_ptr<SheenTable> sheen_;
   std::unique_ptr<AlbedoTable> reflector_;           // if any metal or thin sheet needs it

@@ -28,13 +28,13 @@ struct LinearBound {
 };
 
 template <std::size_t N>
-LinearBound<N> operator+(LinearBound<N> a, double b) {
+inline __attribute__((always_inline)) LinearBound<N> operator+(LinearBound<N> a, double b) {
   a.centre += b;
   return a;
 }
 
 template <std::size_t N>
-LinearBound<N> operator*(LinearBound<N> a, double b) {
+inline __attribute__((always_inline)) LinearBound<N> operator*(LinearBound<N> a, double b) {
   a.centre *= b;
   for (double& s : a.slope) s *= b;
   a.error *= std::fabs(b);
@@ -42,7 +42,8 @@ LinearBound<N> operator*(LinearBound<N> a, double b) {
 }
 
 template <std::size_t N>
-LinearBound<N> operator+(LinearBound<N> a, const LinearBound<N>& b) {
+inline __attribute__((always_inline)) LinearBound<N> operator+(LinearBound<N> a,
+                                                               const LinearBound<N>& b) {
   a.centre += b.centre;
   for (std::size_t k = 0; k < N; ++k) a.slope[k] += b.slope[k];
   a.error += b.error;
@@ -50,7 +51,8 @@ LinearBound<N> operator+(LinearBound<N> a, const LinearBound<N>& b) {
 }
 
 template <std::size_t N>
-LinearBound<N> operator*(const LinearBound<N>& a, const LinearBound<N>& b) {
+inline __attribute__((always_inline)) LinearBound<N> operator*(const LinearBound<N>& a,
+                                                               const LinearBound<N>& b) {
   LinearBound<N> out;
   const double reach_a = a.reach(), reach_b = b.reach();
   out.centre = a.centre * b.centre;
@@ -64,7 +66,7 @@ LinearBound<N> operator*(const LinearBound<N>& a, const LinearBound<N>& b) {
 
 /// |x|: where the sign is not known, midway between the chord above and the kink below.
 template <std::size_t N>
-LinearBound<N> absolute(const LinearBound<N>& x) {
+inline __attribute__((always_inline)) LinearBound<N> absolute(const LinearBound<N>& x) {
   const double low = x.low(), high = x.high();
   if (low >= 0) return x;
   if (high <= 0) return x * -1;
@@ -78,7 +80,8 @@ LinearBound<N> absolute(const LinearBound<N>& x) {
 /// The lesser of x and `limit`: where that is not known, midway between the kink and the chord
 /// below it.
 template <std::size_t N>
-LinearBound<N> at_most(const LinearBound<N>& x, double limit) {
+inline __attribute__((always_inline)) LinearBound<N> at_most(const LinearBound<N>& x,
+                                                             double limit) {
   const double low = x.low() - limit, high = x.high() - limit;
   if (high <= 0) return x;
   LinearBound<N> out;
@@ -92,13 +95,14 @@ LinearBound<N> at_most(const LinearBound<N>& x, double limit) {
 
 /// The greater of x and `limit`.
 template <std::size_t N>
-LinearBound<N> at_least(const LinearBound<N>& x, double limit) {
+inline __attribute__((always_inline)) LinearBound<N> at_least(const LinearBound<N>& x,
+                                                              double limit) {
   return at_most(x * -1, -limit) * -1;
 }
 
 /// x^2: between the chord and the tangent beside it.
 template <std::size_t N>
-LinearBound<N> squared(const LinearBound<N>& x) {
+inline __attribute__((always_inline)) LinearBound<N> squared(const LinearBound<N>& x) {
   const double reach = x.reach(), half = 0.5 * reach * reach;
   LinearBound<N> out = x * (2 * x.centre) + (half - x.centre * x.centre);
   out.error += half;

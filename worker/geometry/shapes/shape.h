@@ -68,17 +68,24 @@ struct ShapeHit {
   bool enters = false;  // against the outward normal
 };
 
+/// Which of a line's hits are asked for: those with t from `from` to `to`, and none after the first
+/// of them on a curved face if that is enough.
+struct HitsWanted {
+  double from = -std::numeric_limits<double>::infinity();
+  double to = std::numeric_limits<double>::infinity();
+  bool first = false;
+};
+
 /// All points where the line origin + t direction passes through the shape, by rising t of either
 /// sign, appended to `hits`. The direction need not be unit: t is in multiples of it. A line that
 /// touches a closed shape may give two hits with the same t. None for a direction that is zero or
-/// not finite. Hits before t = `from` may be left out.
+/// not finite. What is not wanted may be left out.
 ///
 /// Worked out in double about the point of the line nearest to the shape, so that distance costs
 /// no digits. Source: E. Haines et al., "Precision improvements for ray/sphere intersection", Ray
 /// Tracing Gems, 2019, chapter 7.
 void intersect_shape(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
-                     std::vector<ShapeHit>& hits,
-                     double from = -std::numeric_limits<double>::infinity());
+                     std::vector<ShapeHit>& hits, const HitsWanted& wanted = {});
 
 /// The forms of intersect_shape(). `origin` is near the shape; t counts from there.
 void intersect_quadric(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
@@ -87,7 +94,7 @@ void intersect_torus(const Shape& shape, const Vec3d& origin, const Vec3d& direc
                      std::vector<ShapeHit>& hits);
 void intersect_blobs(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
                      std::vector<ShapeHit>& hits);
-void intersect_terrain(const Shape& shape, const Vec3d& origin, const Vec3d& direction, double from,
-                       std::vector<ShapeHit>& hits);
+void intersect_terrain(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
+                       const HitsWanted& wanted, std::vector<ShapeHit>& hits);
 
 }  // namespace tessera::render

@@ -19,15 +19,16 @@ namespace {
 class TerrainLine {
  public:
   TerrainLine(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
-              std::vector<ShapeHit>& hits)
+              const HitsWanted& wanted, std::vector<ShapeHit>& hits)
       : shape_(shape),
         field_(*shape.terrain),
         origin_(origin),
         direction_(direction),
         length_(std::sqrt(dot(direction, direction))),
+        wanted_(wanted),
         hits_(hits) {}
 
-  void intersect(double wanted);
+  void intersect();
 
  private:
   struct Cell {
@@ -52,8 +53,10 @@ class TerrainLine {
   const TerrainField& field_;
   Vec3d origin_, direction_;
   double length_;
+  HitsWanted wanted_;
   double least_ = 0;  // a stretch of t that counts as none
   bool inside_ = false;
+  bool done_ = false;  // what follows is not wanted
   TerrainCells cells_;
   std::vector<ShapeHit>& hits_;
 };
@@ -62,10 +65,12 @@ void TerrainLine::settle(double t, bool inside) {
   if (inside == inside_) return;
   inside_ = inside;
   hits_.push_back({t, origin_ + direction_ * t, kCurvedFace, inside});
+  done_ = wanted_.first;
 }
 
 /// The stretch lies over the cell.
 void TerrainLine::walk(const Cell& cell, double first, double last) {
+  if (done_ || first > wanted_.to) return;
   const double start = height(first), end = height(last), slack = field_.rounding();
   const TerrainField::Range& range = field_.range(cell.level, cell.column, cell.row);
   if (std::min(start, end) > double{range.high} + slack) return settle(first, false);
@@ -94,6 +99,7 @@ void TerrainLine::walk(const Cell& cell, double first, double last) {
 }
 
 void TerrainLine::find(double first, double last) {
+  if (done_) return;
   const double middle = 0.5 * (first + last), half = 0.5 * (last - first);
   const LinearBound<1> above =
       field_.clearance<1>({height(middle), {direction_.y * half}, 0}, ground(middle),
@@ -128,11 +134,11 @@ void TerrainLine::find(double first, double last) {
   }
 }
 
-void TerrainLine::intersect(double wanted) {
+void TerrainLine::intersect() {
   LineStretch box;
   if (!clip_line(shape_.clip, origin_, direction_, box)) return;
-  if (!(box.last.t > wanted)) return;
-  if (wanted > box.first.t) box.first = {wanted, kCurvedFace};
+  if (!(box.last.t > wanted_.from && box.first.t <= wanted_.to)) return;
+  if (wanted_.from > box.first.t) box.first = {wanted_.from, kCurvedFace};
   least_ = (box.last.t - box.first.t) * 0x1p-46;
   const auto add_end = [&](const LineEnd& end, bool enters) {
     if (!shape_.capped || end.face == kCurvedFace) return;
@@ -141,14 +147,14 @@ void TerrainLine::intersect(double wanted) {
   inside_ = below(box.first.t);
   if (inside_) add_end(box.first, true);
   walk({0, 0, 0}, box.first.t, box.last.t);
-  if (inside_) add_end(box.last, false);
+  if (inside_ && !done_) add_end(box.last, false);
 }
 
 }  // namespace
 
-void intersect_terrain(const Shape& shape, const Vec3d& origin, const Vec3d& direction, double from,
-                       std::vector<ShapeHit>& hits) {
-  TerrainLine(shape, origin, direction, hits).intersect(from);
+void intersect_terrain(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
+                       const HitsWanted& wanted, std::vector<ShapeHit>& hits) {
+  TerrainLine(shape, origin, direction, wanted, hits).intersect();
 }
 
 }  // namespace tessera::render
