@@ -2,20 +2,26 @@
 # From a clean clone to a picture: installs what is missing, builds Release, renders on a farm of
 # two workers on this machine, and says where the result is.
 #
-#   deploy/quickstart.sh [SCENE.gltf|SCENE.glb] [render options]
+#   deploy/quickstart.sh [SCENE.gltf|SCENE.glb|NAME] [render options]
 #
-# Without a scene: a box of our own with a glass ball. Files go to the current folder as
-# SCENE.exr, SCENE.png and SCENE.report.json. Render options: `tessera render --help`.
+# Without a scene: a box of our own with a glass ball. NAME is one of tests/scenes: `course` is the
+# showpiece. Files go to the current folder as SCENE.exr, SCENE.png and SCENE.report.json. Render
+# options: `tessera render --help`.
 set -euo pipefail
 source_folder=$(cd "$(dirname "$0")/.." && pwd)
 
-scene=$source_folder/tests/scenes/quickstart.gltf
+scene=quickstart
 options=("$@")
 if [ "$#" -gt 0 ] && [ "${1#-}" = "$1" ]; then
   scene=$1
   options=("${@:2}")
-elif [ "$#" -eq 0 ]; then
-  options=(--size 640x480 --spp 128)
+fi
+if [ ! -f "$scene" ] && [ -f "$source_folder/tests/scenes/$scene.gltf" ]; then
+  case ${#options[@]}$scene in
+    0quickstart) options=(--size 640x480 --spp 128) ;;
+    0*) options=(--size 640x360 --spp 64) ;;
+  esac
+  scene=$source_folder/tests/scenes/$scene.gltf
 fi
 [ -f "$scene" ] || { echo "quickstart: no such scene: $scene" >&2; exit 2; }
 

@@ -20,8 +20,13 @@ picture motion motion --frames 12 --size 420x230 --spp 192
 picture panning motion --camera panning --frames 12 --size 420x230 --spp 192
 picture textures textures --size 480x208 --spp 64
 picture optics optics --size 360x200 --spp 96 --clamp 4
+picture materials materials --size 400x240 --spp 64 --clamp 4
+picture shapes shapes --size 400x240 --spp 64 --clamp 4
+picture csg csg --size 400x240 --spp 64 --clamp 4
 picture blobs blobs --size 420x270 --spp 128 --clamp 4
 picture fog fog --size 400x225 --spp 128
+picture terrain terrain --size 400x225 --spp 64
+picture course course --size 640x360 --spp 64
 picture spherical screens --camera spherical --size 360x180 --spp 64
 picture cylindrical screens --camera cylindrical --size 360x102 --spp 64
 picture equidistant screens --camera equidistant --size 180x180 --spp 64

@@ -167,6 +167,17 @@ TEST(CsgVolume, OfABoxWithoutACorner) {
   expect_mass(scene, 7, {c, c, c}, 1e-6);
 }
 
+TEST(CsgVolume, OfBoxesThatOverlapByHalf) {
+  // 3 x 2 x 2 together; without what they share two blocks of 1 x 2 x 2, 2 apart.
+  for (const CsgOperation operation : {CsgOperation::unite, CsgOperation::exclude}) {
+    Scene scene;
+    place_shape(scene, make_box({2, 2, 2}), moved({-0.25, 0.125, 0}));
+    place_shape(scene, make_box({2, 2, 2}), moved({0.75, 0.125, 0}));
+    combine(scene, operation);
+    expect_mass(scene, operation == CsgOperation::unite ? 12 : 8, {0.25, 0.125, 0}, 1e-6);
+  }
+}
+
 TEST(CsgVolume, OfAMeshWithAHole) {
   // A cube of twelve triangles without a cylinder.
   Primitive cube;

@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 from maker.cameras import lens, motion, screens
+from maker.course import course
 from maker.farm import lit_square, missing_texture, quickstart, same_bits, stadium
 from maker.landscapes import fog, terrain
 from maker.solids import blobs, csg, shapes
@@ -24,7 +25,7 @@ def main():
     check = "--check" in sys.argv[1:]
     stale = []
     for make in (quickstart, same_bits, materials, lit_square, missing_texture, stadium, lens,
-                 screens, textures, optics, shapes, csg, blobs, fog, motion, terrain):
+                 screens, textures, optics, shapes, csg, blobs, fog, motion, terrain, course):
         path = FOLDER / f"{make.__name__}.gltf"
         text = make().text()
         if check:

@@ -108,7 +108,8 @@ class Gltf:
             scale = [form["scale"] * x for x in size]
             texture = self.add("textures", {"extensions": {"TESSERA_texture": {
                 "pattern": pattern, "space": "uv", "dimensions": 2, "seed": form["seed"],
-                "octaves": form["octaves"], "scale": [*scale, 1],
+                "octaves": form["octaves"],
+                **({"gain": form["gain"]} if "gain" in form else {}), "scale": [*scale, 1],
                 "offset": [*(o - s / 2 for o, s in zip(form["offset"], scale)), 0],
                 "ramp": [{"at": at, "color": [*color, 1]} for at, color in ramp]}}})
             material["pbrMetallicRoughness"]["baseColorTexture"] = {"index": texture}

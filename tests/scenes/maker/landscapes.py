@@ -5,33 +5,36 @@ import math
 from maker.gltf import Gltf
 from maker.looks import plain
 from maker.meshes import joined, quad, rounded
-from maker.settings import camera, look_at
+from maker.settings import camera, sky, sun
 
-ALPINE = ((0, (0.09, 0.11, 0.05)), (0.2, (0.16, 0.16, 0.08)), (0.34, (0.27, 0.23, 0.18)),
-          (0.5, (0.34, 0.31, 0.29)), (0.56, (0.85, 0.87, 0.92)), (1, (0.95, 0.96, 1)))
+ALPINE = ((0, (0.06, 0.085, 0.035)), (0.4, (0.1, 0.12, 0.055)), (0.56, (0.22, 0.18, 0.13)),
+          (0.8, (0.3, 0.26, 0.23)), (0.86, (0.75, 0.77, 0.82)), (1, (0.88, 0.89, 0.92)))
+MEADOW = ((0.3, (0.16, 0.2, 0.06)), (0.5, (0.22, 0.28, 0.08)), (0.7, (0.36, 0.34, 0.14)))
+
 
 def terrain():
-    """Mountains, a cut block of hills, dunes; their detail is what the camera resolves."""
+    """Models on a table: a block of mountains, whose detail is what the camera resolves, one of
+    hills, one of dunes."""
     gltf = Gltf()
-    gltf.use("KHR_lights_punctual")
-    eye, angle = (0, 3.2, 9), 0.003
-    rock = plain(1, 1, 1)
-    gltf.node(translation=[0, -0.6, -9], extensions=gltf.terrain(
-        "ridged", rock, [26, 18], ALPINE, scale=0.2, height=5.2, seed=11, octaves=9,
-        detail={"from": [eye[0], eye[1] + 0.6, eye[2] + 9], "angle": angle}))
-    gltf.node(translation=[-2.1, 0.6, 4], rotation=[0, 0.2588190, 0, 0.9659258],
-              extensions=gltf.terrain("fbm", plain(0.36, 0.42, 0.2), [2.2, 2.2], scale=0.9,
-                                      height=1.3, depth=0.25, seed=5, octaves=7))
-    gltf.node(translation=[2.1, 0.6, 4], rotation=[0, -0.2588190, 0, 0.9659258],
-              extensions=gltf.terrain("waves", plain(0.72, 0.55, 0.34), [2.2, 2.2], scale=0.5,
-                                      height=0.5, depth=0.25, octaves=3, gain=0.35,
-                                      offset=[0.1, 0.2]))
-    gltf.doc["extensions"] = {"KHR_lights_punctual": {"lights": [
-        {"type": "directional", "intensity": 4, "color": [1, 0.86, 0.68]}]}}
-    gltf.node(rotation=look_at((-5, 4, 4), (0, 0, 0)),
-              extensions={"KHR_lights_punctual": {"light": 0}})
-    camera(gltf, eye, (0, 1.35, 0), 0.55)
+    place = (-22, 17, 9)
+    sun(gltf, place, radius=1.3, strength=750)
+    sky(gltf, place, radius=40, strength=1.6)
+    wood = gltf.add("materials", {"pbrMetallicRoughness": {
+        "baseColorFactor": [0.2, 0.12, 0.075, 1], "metallicFactor": 0, "roughnessFactor": 0.35}})
+    gltf.node(mesh=gltf.mesh(quad((-30, 0, 30), (60, 0, 0), (0, 0, -60)), wood))
+    eye, place = (0, 4.2, 13), (0, 0.4, -1.4)
+    gltf.node(translation=list(place), extensions=gltf.terrain(
+        "ridged", plain(1, 1, 1), [9, 4.2], ALPINE, scale=0.4, height=2.3, depth=0.4, seed=31,
+        octaves=9, gain=0.42, detail={"from": rounded(*(e - p for e, p in zip(eye, place))), "angle": 0.0015}))
+    gltf.node(translation=[-2.4, 0.3, 2.9], extensions=gltf.terrain(
+        "fbm", plain(1, 1, 1), [4.1, 2.6], MEADOW, scale=0.7, height=1.3, depth=0.3, seed=5,
+        octaves=8))
+    gltf.node(translation=[2.4, 0.3, 2.9], extensions=gltf.terrain(
+        "waves", plain(0.66, 0.46, 0.26), [4.1, 2.6], scale=0.4, height=0.7, depth=0.3, octaves=4,
+        gain=0.35, offset=[0.1, 0.2]))
+    camera(gltf, eye, (0, 0.7, 0), 0.5)
     return gltf
+
 
 def fog():
     """Shafts of light in fog; a cloud and smoke in bodies of their own; milk in glass; a tumbler

@@ -2,8 +2,8 @@
 
 import math
 
-from maker.looks import plain
-from maker.meshes import quad, rounded
+from maker.looks import plain, png
+from maker.meshes import grid, quad, rounded
 
 
 def look_at(eye, target):
@@ -45,3 +45,40 @@ def camera(gltf, eye, target, yfov):
     index = gltf.add("cameras", {"type": "perspective",
                                  "perspective": {"yfov": yfov, "znear": 0.01}})
     gltf.node(camera=index, translation=list(eye), rotation=look_at(eye, target))
+
+
+def evening(toward, up):
+    """The sky's colour, `up` from horizon (0) to zenith (1); `toward` is the cosine of the azimuth
+    from the sun's."""
+    rim = (1 - up) ** 5
+    glow = (0.5 + 0.5 * toward) ** 3 * (1 - up) ** 2
+    color = (0.1 + 0.38 * rim + 0.55 * glow, 0.2 + 0.32 * rim + 0.3 * glow,
+             0.42 + 0.2 * rim + 0.04 * glow)
+    return tuple(min(255, round(255 * (1.055 * c ** (1 / 2.4) - 0.055))) for c in color)
+
+
+def sky(gltf, sun, radius, strength):
+    """A dome that glows like the sky of an evening, the sun at `sun`."""
+    gltf.use("KHR_materials_emissive_strength")
+    to_sun = math.atan2(sun[2], sun[0])
+    picture = gltf.texture(png(128, 32, lambda x, y: evening(
+        math.cos(2 * math.pi * (x + 0.5) / 128 - to_sun), 1 - (y + 0.5) / 32)))
+    air = gltf.add("materials", plain(0, 0, 0, emissiveFactor=[1, 1, 1],
+                                      emissiveTexture={"index": picture}, extensions={
+        "KHR_materials_emissive_strength": {"emissiveStrength": strength}}))
+
+    def dome(u, v):  # v from the rim, a little below the horizon, to the zenith
+        phi, theta = 2 * math.pi * u, math.pi * (0.5 * v - 0.03 * (1 - v))
+        out = (math.cos(theta) * math.cos(phi), math.sin(theta), math.cos(theta) * math.sin(phi))
+        return [radius * x for x in out], [-x for x in out]
+    positions, normals, uvs, triangles = grid(6, 24, dome)
+    gltf.node(mesh=gltf.mesh((positions, normals, [rounded(u, 1 - v) for u, v in uvs], triangles),
+                             air))
+
+
+def sun(gltf, place, radius, strength):
+    """A low one: a ball within the sky, which would hide a directional light."""
+    gltf.use("KHR_materials_emissive_strength")
+    glow = gltf.add("materials", plain(0, 0, 0, emissiveFactor=[1, 0.76, 0.5], extensions={
+        "KHR_materials_emissive_strength": {"emissiveStrength": strength}}))
+    gltf.node(**gltf.shape("sphere", glow, {"translation": list(place)}, radius=radius))
