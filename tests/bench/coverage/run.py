@@ -29,46 +29,89 @@ def allowed_misses(claims):
     return misses
 
 
-def run_scene(options, folder, scene, first_seed):
-    command = [str(options.bin / "tessera-bench-coverage"), str(folder / f"{scene['scene']}.gltf"),
-               "--error", str(scene["error"]), "--seeds", str(options.seeds), "--first-seed",
-               str(first_seed), *scene["options"]]
+def run_scene(options, file, scene, first_seed):
+    """The tool's document, from --results if an earlier run left it there."""
+    command = [str(options.bin / "tessera-bench-coverage"), str(file), "--error", str(scene["error"]),
+               "--seeds", str(options.seeds), "--first-seed", str(first_seed), *scene["options"]]
+    key = " ".join([scene["scene"], *command[2:]])
+    if options.results and options.results.exists():
+        for line in options.results.read_text().splitlines():
+            if (row := json.loads(line))["key"] == key:
+                return row
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
-    return json.loads(done.stdout)
+    row = {"key": key, **json.loads(done.stdout)}
+    if options.results:
+        with options.results.open("a") as file:
+            file.write(json.dumps(row) + "\n")
+    return row
 
 
-def failures(scene, row, seeds):
-    """What does not hold of a run, as text; empty if all does."""
+def failures(scene, rows):
+    """What does not hold of a scene's runs taken together, as text; empty if all does."""
     faults = []
-    if row["claims"] - row["covered"] > allowed_misses(row["claims"]):
-        faults.append(f"{row['claims'] - row['covered']} of {row['claims']} claims do not hold")
+    claims, covered, seeds, no_claim = (
+        sum(row[key] for row in rows) for key in ("claims", "covered", "seeds", "no_claim"))
+    if claims - covered > allowed_misses(claims):
+        faults.append(f"{claims - covered} of {claims} claims do not hold")
     if scene["well_behaved"]:
-        if row["uncertain"] + row["capped"] > max(1, seeds // 100):
-            faults.append(f"no claim for {row['uncertain'] + row['capped']} seeds")
-        if row["median_upper_over_true"] > MEDIAN_LIMIT:
-            faults.append(f"median bound over true error {row['median_upper_over_true']:.2f}")
+        if no_claim > max(1, seeds // 100):
+            faults.append(f"no claim for {no_claim} of {seeds} seeds")
+        ratio = max(row["median_upper_over_true"] for row in rows)
+        if ratio > MEDIAN_LIMIT:
+            faults.append(f"median bound over true error {ratio:.2f}")
     return faults
+
+
+def judge(options, folder, scene):
+    """Runs a scene, and once more with new seeds if it fails; both runs count."""
+    rows = []
+    for first_seed in (1, 1 + options.seeds):
+        row = run_scene(options, folder / f"{scene['scene']}.gltf", scene, first_seed)
+        row["no_claim"] = row["uncertain"] + row["capped"]
+        rows.append(row)
+        faults = failures(scene, rows)
+        print(f"{scene['scene']}: {'; '.join(faults) or 'holds'} ({row['cpu_seconds']:.0f} s of CPU)",
+              file=sys.stderr, flush=True)
+        if not faults:
+            break
+    return rows, faults
 
 
 def table(rows):
     text = ("| scene | E | seeds | claims | held | UNCERTAIN | CAPPED | true ≤ E | bound / true | "
-            "spp | fixed spp for E | bias ± s.e. |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n")
+            "spp | fixed spp for E |\n|---|---|---|---|---|---|---|---|---|---|---|\n")
     for row in rows:
         fixed = "-" if row["fixed_samples"] is None else f"{row['fixed_samples']:.0f}"
         text += (f"| {row['scene']} | {row['error']} | {row['seeds']} | {row['claims']} | "
                  f"{row['covered']} | {row['uncertain']} | {row['capped']} | "
                  f"{row['true_within_error']} | {row['median_upper_over_true']:.2f} | "
-                 f"{row['samples_mean']:.0f} | {fixed} | {100 * row['bias']:+.2f} ± "
-                 f"{100 * row['bias_standard_error']:.2f} % |\n")
+                 f"{row['samples_mean']:.0f} | {fixed} |\n")
     return text
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("scenes", nargs="*")
-    parser.add_argument("--seeds", type=int, default=400)
+def bias_table(rows):
+    text = ("| scene | E | error of the reference | bias of the mean ± s.e. | part of the squared "
+            "error that is systematic |\n|---|---|---|---|---|\n")
+    for row in rows:
+        text += (f"| {row['scene']} | {row['error']} | {row['reference_error']:.4f} | "
+                 f"{100 * row['bias']:+.3f} ± {100 * row['bias_standard_error']:.3f} % | "
+                 f"{100 * row['bias_share']:+.2f} % |\n")
+    return text
+
+
+def parser_of(description, seeds):
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--seeds", type=int, default=seeds)
     parser.add_argument("--bin", type=Path, default=ROOT / "build/dev/bin")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    parser.add_argument("--results", type=Path)
     parser.add_argument("--out", type=Path)
+    return parser
+
+
+def main():
+    parser = parser_of(__doc__, seeds=400)
+    parser.add_argument("scenes", nargs="*")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -76,22 +119,13 @@ def main():
                        check=True)
         battery = [scene for scene in json.loads((folder / "battery.json").read_text())
                    if not options.scenes or scene["scene"] in options.scenes]
-
-        def judge(scene):
-            rows = [run_scene(options, folder, scene, 1)]
-            faults = failures(scene, rows[0], options.seeds)
-            if faults:
-                rows.append(run_scene(options, folder, scene, 1 + options.seeds))
-                faults = faults and failures(scene, rows[1], options.seeds)
-            print(f"{scene['scene']}: {'; '.join(faults) or 'holds'}", file=sys.stderr, flush=True)
-            return rows, faults
-
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            results = list(pool.map(judge, battery))
+        with ThreadPoolExecutor(options.jobs) as pool:
+            results = list(pool.map(lambda scene: judge(options, folder, scene), battery))
     rows = [row for some, _ in results for row in some]
-    print(table(rows), end="")
+    text = table(rows) + "\n" + bias_table(rows)
+    print(text, end="")
     if options.out:
-        options.out.write_text(table(rows))
+        options.out.write_text(text)
     return 1 if any(faults for _, faults in results) else 0
 
 

@@ -1,6 +1,7 @@
 # tessera-bench-coverage: claims of --error against the truth.
-add_executable(tessera-bench-coverage coverage/coverage.cpp
-  ../support/folder_reader.cpp ../support/folder_reader.h)
+add_executable(tessera-bench-coverage
+  coverage/coverage.cpp coverage/reference.cpp coverage/reference.h ../support/folder_reader.cpp
+  ../support/folder_reader.h ../support/seeded_frames.cpp ../support/seeded_frames.h)
 target_link_libraries(tessera-bench-coverage PRIVATE tessera::film tessera::render CLI11::CLI11
   nlohmann_json::nlohmann_json)
 

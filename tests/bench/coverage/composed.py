@@ -1,0 +1,73 @@
+#!/usr/bin/env python3
+"""Renders whole scenes by their error, each with many seeds: is the true error at most what was
+asked for, and what does that cost beside the fixed sample count that just reaches it?
+
+    composed.py SCENE.glb… [--seeds N (40)] [--error E (0.05)] [--size PX (96)] [--max-spp N (4096)]
+                [--bin DIR] [--jobs N] [--results FILE.jsonl] [--out FILE.md]
+
+Fails where less than nine seeds in ten are within E, or the samples exceed twice the fixed count; a
+scene that ends CAPPED or UNCERTAIN has claimed nothing and is listed so.
+"""
+
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from run import parser_of, run_scene
+
+SMALLEST_SHARE, MOST_SAMPLES = 0.9, 2.0
+
+
+def verdict(row):
+    faults = []
+    if row["true_within_error"] < SMALLEST_SHARE * row["seeds"]:
+        faults.append("true error above E")
+    if row["fixed_samples"] and row["samples_mean"] > MOST_SAMPLES * row["fixed_samples"]:
+        faults.append("more than twice the fixed samples")
+    if faults and row["uncertain"] + row["capped"] > row["seeds"] / 2:
+        return "no claim: " + ", ".join(faults)
+    return ", ".join(faults) or "holds"
+
+
+def table(rows):
+    text = ("| scene | true error ≤ E | CONVERGED | UNCERTAIN | CAPPED | spp | fixed spp for E | "
+            "ratio | verdict |\n|---|---|---|---|---|---|---|---|---|\n")
+    for row in rows:
+        fixed, ratio = "-", "-"
+        if row["fixed_samples"]:
+            fixed = f"{row['fixed_samples']:.0f}"
+            ratio = f"{row['samples_mean'] / row['fixed_samples']:.2f}"
+        text += (f"| {row['scene']} | {row['true_within_error']} of {row['seeds']} | "
+                 f"{row['claims']} | {row['uncertain']} | {row['capped']} | "
+                 f"{row['samples_mean']:.0f} | {fixed} | {ratio} | {verdict(row)} |\n")
+    return text
+
+
+def main():
+    parser = parser_of(__doc__, seeds=40)
+    parser.add_argument("scenes", nargs="+", type=Path)
+    parser.add_argument("--error", type=float, default=0.05)
+    parser.add_argument("--size", type=int, default=96)
+    parser.add_argument("--max-spp", type=int, default=4096)
+    parser.add_argument("--reference-spp", type=int, default=8192)
+    options = parser.parse_args()
+    settings = ["--width", str(options.size), "--height", str(options.size), "--max-spp",
+                str(options.max_spp), "--reference-spp", str(options.reference_spp)]
+
+    def run(file):
+        scene = {"scene": file.stem, "error": options.error, "options": settings}
+        row = run_scene(options, file, scene, 1)
+        print(f"{file.stem}: {verdict(row)} ({row['cpu_seconds']:.0f} s of CPU)", file=sys.stderr,
+              flush=True)
+        return row
+
+    with ThreadPoolExecutor(options.jobs) as pool:
+        rows = list(pool.map(run, options.scenes))
+    print(table(rows), end="")
+    if options.out:
+        options.out.write_text(table(rows))
+    return 0 if all(verdict(row) == "holds" for row in rows) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

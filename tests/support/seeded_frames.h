@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "proto/contract/error_estimate.h"
+#include "proto/contract/tile_grid.h"
+#include "server/film/merge.h"
+#include "tests/support/folder_reader.h"
+#include "worker/render/frame_renderer.h"
+#include "worker/scene/loader.h"
+
+namespace tessera::testing {
+
+/// R, G, B of a frame, row by row, in double.
+using Image = std::vector<double>;
+
+/// Renders a scene with one seed after the other; what they share is built once.
+class SeededRenderer {
+ public:
+  SeededRenderer(std::string scene, contract::RenderSettings settings)
+      : scene_(std::move(scene)), settings_(std::move(settings)) {}
+
+  /// Errors: those of the loader and of FrameRenderer::create.
+  absl::Status load();
+  absl::Status use_seed(std::uint32_t seed);
+  contract::FilmBlock render(const contract::PixelRect& rect, const contract::Pass& pass,
+                             std::int32_t index) const;
+
+ private:
+  std::string scene_;
+  contract::RenderSettings settings_;
+  std::unique_ptr<FolderReader> reader_;
+  std::unique_ptr<render::SceneFile> file_;
+  std::unique_ptr<render::FrameRenderer> renderer_;
+};
+
+/// Writes a tile's means into its place in an image of `width` pixels a row.
+void put_tile(const server::TileSum& sum, const contract::PixelRect& rect, std::int32_t width,
+              Image& image);
+
+double mean_luminance(const Image& image);
+
+/// A frame of a fixed sample count, and what it estimates of its own error with `m` (0: nothing).
+struct FixedFrame {
+  Image image;
+  contract::ErrorSums sums;
+};
+FixedFrame render_fixed(const SeededRenderer& renderer, const contract::TileGrid& grid,
+                        std::int32_t spp, double m);
+
+/// Mean over frames of independent seeds and the variance of that mean, per pixel and channel.
+class ImageMean {
+ public:
+  void add(const Image& image);
+  const Image& mean() const { return mean_; }
+  Image variance() const;
+
+ private:
+  int count_ = 0;
+  Image mean_, squares_;  // squares: sum of squared distances from the mean (Welford 1962)
+};
+
+}  // namespace tessera::testing
