@@ -47,3 +47,8 @@ tessera_test(NAME motion KIND numeric
   SOURCES numeric/motion_test.cpp numeric/geometry_scenes.cpp numeric/geometry_scenes.h
     numeric/solid_scenes.h
   LINKS tessera_test_render tessera_test_scene tessera::render)
+# Light looked for against light met by chance.
+tessera_test(NAME estimators KIND numeric
+  SOURCES numeric/estimators_test.cpp support/folder_reader.cpp support/folder_reader.h
+  LINKS tessera_test_render)
+target_compile_definitions(numeric_estimators_test PRIVATE TESSERA_SCENES="${PROJECT_SOURCE_DIR}/tests/scenes")

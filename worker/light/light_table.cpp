@@ -89,9 +89,10 @@ class EmittedRadiance {
 
 }  // namespace
 
-LightTable::LightTable(const Scene& scene, const ShadingScene& shading)
+LightTable::LightTable(const Scene& scene, const ShadingScene& shading, Sought sought)
     : shading_(shading), punctual_(scene.lights) {
   if (scene.has_environment) environment_ = std::make_unique<EnvironmentMap>(scene);
+  if (sought == Sought::none) return;
   std::vector<LightBounds> bounds;
   add_emitters(scene, bounds);
   add_punctual(scene, bounds);
@@ -229,7 +230,7 @@ void LightTable::add_punctual(const Scene& scene, std::vector<LightBounds>& boun
 /// By irradiance, as near as it is known; no kind falls below 2^-10 of another.
 LightTable::Shares LightTable::shares(const LightReceiver& receiver) const {
   const bool sky = sky_irradiance_ > 0, distant = !distant_.empty(), tree = !tree_.empty();
-  if (sky + distant + tree == 1) return {sky ? 1.0 : 0, distant ? 1.0 : 0, tree ? 1.0 : 0};
+  if (sky + distant + tree <= 1) return {sky ? 1.0 : 0, distant ? 1.0 : 0, tree ? 1.0 : 0};
   const double near = tree_.importance(receiver);
   const double importance = std::isfinite(near) ? near : std::numeric_limits<double>::max();
   const double most = std::max({sky_irradiance_, distant_choice_.total(), importance});

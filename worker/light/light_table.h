@@ -38,8 +38,12 @@ struct LightSample {
 /// give. A point of an emitter has positive density wherever it gives light.
 class LightTable {
  public:
+  /// Which lights are looked for. `none`: light is found where rays meet it by chance, which is
+  /// slow and leaves out lights without a surface: the independent estimator of tests.
+  enum class Sought : std::uint8_t { all, none };
+
   /// Both must outlive the table.
-  LightTable(const Scene& scene, const ShadingScene& shading);
+  LightTable(const Scene& scene, const ShadingScene& shading, Sought sought = Sought::all);
 
   /// Whether sample() can ever give light: false leaves everything to chance hits.
   bool samples_anything() const { return sky_irradiance_ > 0 || has_local_lights(); }
