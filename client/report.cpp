@@ -11,6 +11,7 @@
 #include "client/frame_files.h"
 #include "client/progress.h"
 #include "client/table.h"
+#include "client/tile_svg.h"
 #include "client/true_error.h"
 
 namespace tessera::client {
@@ -19,7 +20,7 @@ namespace {
 using nlohmann::ordered_json;
 
 struct ReportOptions {
-  std::string job, svg, reference;
+  std::string job, svg, tiles, reference;
   bool json = false, csv = false;
 };
 
@@ -129,6 +130,12 @@ int run(const ReportOptions& options, const Connection& connection) {
     const absl::Status written = write_text_file(options.svg, drawing);
     return written.ok() ? kExitDone : fail(written);
   }
+  if (!options.tiles.empty()) {
+    const auto drawing = tile_svg(report);
+    if (!drawing.ok()) return fail(drawing.status());
+    const absl::Status written = write_text_file(options.tiles, *drawing);
+    return written.ok() ? kExitDone : fail(written);
+  }
   const std::string text = options.json  ? report.dump(2) + "\n"
                            : options.csv ? csv_of(report)
                                          : text_of(report);
@@ -148,6 +155,10 @@ void add_report_command(CLI::App& app, Invocation& invocation) {
   command->add_flag("--csv", options->csv, "Print the error curves, a point a line")
       ->excludes(json);
   command->add_option("--svg", options->svg, "Draw the error curves into FILE instead")
+      ->type_name("FILE");
+  command
+      ->add_option("--tiles", options->tiles,
+                   "Draw the error and the samples of each tile into FILE (SVG) instead")
       ->type_name("FILE");
   command
       ->add_option("--reference", options->reference,

@@ -1,5 +1,6 @@
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "server/film/frame_writer.h"
@@ -10,6 +11,21 @@ namespace {
 using nlohmann::ordered_json;
 
 constexpr double kTellingShare = 0.01;  // of the light cut by --max-depth, to be warned of
+
+/// Beyond it a report would hold little else.
+constexpr std::size_t kMostTilesTold = 16'384;
+
+ordered_json tiles_json(const std::vector<TileFigures>& tiles) {
+  if (tiles.size() > kMostTilesTold) return nullptr;
+  ordered_json errors = ordered_json::array(), samples = ordered_json::array();
+  for (const TileFigures& tile : tiles) {
+    double rounded = 0;  // to what can be told of a tile
+    (void)absl::SimpleAtod(absl::StrFormat("%.4g", tile.error), &rounded);
+    errors.push_back(rounded);
+    samples.push_back(tile.sample_count);
+  }
+  return {{"error", errors}, {"spp", samples}};
+}
 
 ordered_json number_or_null(const std::optional<double>& value) {
   return value ? ordered_json(*value) : ordered_json(nullptr);
@@ -59,6 +75,7 @@ std::string frame_entry_json(const FrameResult& result, const std::string& file,
                               {"truncated_energy", s.truncated_energy},
                               {"transparency_limit_count", s.transparency_limit_count},
                               {"half_overflow_count", s.half_overflow_count},
+                              {"tiles", has_scale ? tiles_json(s.tiles) : nullptr},
                               {"curve", points}};
   return entry.dump();
 }

@@ -170,6 +170,7 @@ class Gatherer {
     statistics_.width = grid.window().width;
     statistics_.height = grid.window().height;
     statistics_.mean_luminance = spec.mean_luminance;
+    statistics_.tiles.resize(error_.size());
   }
 
   void add(std::int32_t index, const TileSum& tile) {
@@ -184,6 +185,8 @@ class Gatherer {
     per_pixel_.clear();
     error_[at(index)] = tile.error_sums(mean_luminance_, &per_pixel_);
     for (const double value : per_pixel_) largest_.add(value);
+    statistics_.tiles[at(index)] = {std::sqrt(contract::mean_scaled(error_[at(index)])),
+                                    tile.sample_count()};
   }
 
   /// Sums are folded in tile order, whatever the order the tiles came in.

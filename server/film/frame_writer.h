@@ -32,6 +32,12 @@ struct FrameSpec {
 /// The sums of a tile by index. Called once per tile, tile row by tile row from the top.
 using TileReader = std::function<absl::StatusOr<TileSum>(std::int32_t tile)>;
 
+/// What a tile came to.
+struct TileFigures {
+  double error = 0;  // √mean of the scaled terms; 0 without m
+  std::int32_t sample_count = 0;
+};
+
 /// The part of a report's frames[] entry that comes from the film.
 struct FrameStatistics {
   std::int32_t frame = 0, width = 0, height = 0;  // of the window
@@ -47,6 +53,7 @@ struct FrameStatistics {
   double truncated_energy = 0;  // Σ over samples and channels of radiance cut at --max-depth
   std::uint64_t transparency_limit_count = 0;
   std::int64_t half_overflow_count = 0;  // values held at 65504 in a half file
+  std::vector<TileFigures> tiles;        // in tile order; missing ones are zeros
 };
 
 struct FrameResult {
@@ -81,7 +88,7 @@ struct CurvePoint {
 
 /// The frames[] entry of the report (design.md, section 4) as a JSON object. `file` is the output's
 /// name, `status` DONE for a fixed sample count, else a certainty's name. `true` is null: no
-/// reference is known here.
+/// reference is known here. `tiles` has at most 16,384, else it is null.
 std::string frame_entry_json(const FrameResult& result, const std::string& file,
                              const std::string& status, const std::vector<CurvePoint>& curve);
 

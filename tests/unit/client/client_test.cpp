@@ -13,6 +13,7 @@
 #include "client/progress.h"
 #include "client/render_options.h"
 #include "client/render_result.h"
+#include "client/tile_svg.h"
 
 namespace tessera::client {
 namespace {
@@ -289,6 +290,27 @@ TEST(CurveSvg, DrawsEstimateAndTruthOnLogarithmicAxes) {
   EXPECT_NEAR(ys[2] - ys[1], ys[1] - ys[0], 0.2);
   EXPECT_GT(ys[1], ys[0]) << "less error is lower on the page";
   EXPECT_EQ(curve_svg(nlohmann::ordered_json::parse(R"({"frames": []})")), "");
+}
+
+TEST(TileSvg, PutsEachTileWhereItIsAndColoursItByItsFigure) {
+  // Three tiles in a row of a crop, the last narrower.
+  auto report = nlohmann::ordered_json::parse(R"({
+    "settings": {"width": 200, "height": 100, "crop": [30, 10, 40, 16], "tile": 16},
+    "frames": [{"frame": 7, "tiles": {"error": [0.01, 1, 0.1], "spp": [8, 8, 8]}}]})");
+  const auto svg = tile_svg(report);
+  ASSERT_TRUE(svg.ok()) << svg.status();
+  EXPECT_NE(svg->find("frame 7, error: 0.01 to 1"), std::string::npos);
+  // 400 wide for 40 pixels: a pixel is 10 units. Least, most, and half-way by the logarithm.
+  const std::string left = "<rect x=\"16.00\" y=\"28.00\" width=\"160.00\" height=\"160.00\" fill=";
+  const std::string middle =
+      "<rect x=\"176.00\" y=\"28.00\" width=\"160.00\" height=\"160.00\" fill=";
+  const std::string narrow =
+      "<rect x=\"336.00\" y=\"28.00\" width=\"80.00\" height=\"160.00\" fill=";
+  EXPECT_NE(svg->find(left + "\"#440154\"><title>tile 0: 0.01"), std::string::npos) << *svg;
+  EXPECT_NE(svg->find(middle + "\"#fde725\"><title>tile 1: 1"), std::string::npos) << *svg;
+  EXPECT_NE(svg->find(narrow + "\"#21918c\"><title>tile 2: 0.1"), std::string::npos) << *svg;
+  report["frames"][0]["tiles"] = nullptr;
+  EXPECT_EQ(tile_svg(report).status().code(), absl::StatusCode::kFailedPrecondition);
 }
 
 TEST(ResultLine, OfAnErrorAskedForHasBoundAndCertainty) {

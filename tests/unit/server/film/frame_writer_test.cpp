@@ -317,11 +317,25 @@ TEST_F(FrameWriterTest, ReportEntryHasEveryKeyOfTheDesign) {
   EXPECT_EQ(entry["estimated"]["error"], result.statistics.estimated.error);
 }
 
+TEST_F(FrameWriterTest, ReportEntryTellsTheErrorAndTheSamplesOfEveryTile) {
+  const FrameResult result = written(made_tiles(), "tiles.exr");
+  const auto entry = nlohmann::json::parse(frame_entry_json(result, "a.exr", "DONE", {}));
+  const contract::TileGrid grid(spec_.settings);
+  ASSERT_EQ(entry["tiles"]["error"].size(), static_cast<std::size_t>(grid.tile_count()));
+  for (std::int32_t index = 0; index < grid.tile_count(); ++index) {
+    const TileSum tile = *made_tiles()(index);
+    const double error = std::sqrt(contract::mean_scaled(tile.error_sums(0.75)));
+    EXPECT_NEAR(entry["tiles"]["error"][index], error, 5e-4 * error);  // told to four digits
+    EXPECT_EQ(entry["tiles"]["spp"][index], tile.sample_count());
+  }
+}
+
 TEST_F(FrameWriterTest, BlackFrameClaimsNoScaleFreeError) {
   spec_.mean_luminance = 0;
   const FrameResult result = written(grey_tiles(0), "black.exr");
   const auto entry = nlohmann::json::parse(frame_entry_json(result, "black.exr", "DONE", {}));
   EXPECT_TRUE(entry["estimated"]["error"].is_null());
+  EXPECT_TRUE(entry["tiles"].is_null());
   EXPECT_EQ(entry["estimated"]["rmse"], 0.0);
 }
 
