@@ -117,8 +117,9 @@ Mass mass_of(const Scene& scene, int axis, int n) {
   const double cell = 4.0 / n;  // over [-2, 2]^2
   for (int i = 0; i < n * n; ++i) {
     Ray ray;
-    ray.origin[u] = static_cast<float>(-2 + (i % n + 0.5) * cell);
-    ray.origin[v] = static_cast<float>(-2 + (i / n + 0.5) * cell);
+    const int column = i % n, row = i / n;
+    ray.origin[u] = static_cast<float>(-2 + (column + 0.5) * cell);
+    ray.origin[v] = static_cast<float>(-2 + (row + 0.5) * cell);
     ray.origin[axis] = -4;
     ray.direction[axis] = 1;
     std::vector<double> ts;

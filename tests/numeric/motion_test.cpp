@@ -217,8 +217,7 @@ TEST(HardCase31, EveryStructureFindsTheSameMovingHits) {
 }
 
 /// Where the world boxes matter most: thin things far from their origins that turn fast.
-TEST(HardCase31, BoxesHoldWhatTurnsBetweenTheirEnds) {
-  Dice dice(32);
+Scene turning_things(Dice& dice) {
   Scene scene;
   scene.key_times = {0, 1};
   scene.meshes = {mesh_of({uv_sphere(3, 4, 0.01f, {1, 0, 0})})};
@@ -231,8 +230,63 @@ TEST(HardCase31, BoxesHoldWhatTurnsBetweenTheirEnds) {
     const Affine3d& from = scene.instances.back().object_to_world;
     scene.motions.push_back({from, from * turn});
   }
+  return scene;
+}
+
+TEST(HardCase31, BoxesHoldWhatTurnsBetweenTheirEnds) {
+  Dice dice(32);
+  const Scene scene = turning_things(dice);
   const Shots shots = shoot(scene, 100, 40, dice);
   EXPECT_GT(shots.moving, 1'500);
+  for (const Isa isa : {Isa::avx2, Isa::avx512}) {
+    if (!is_supported(isa)) continue;
+    EXPECT_EQ(mismatches(SceneAccel(scene, in_order(), isa), shots), 0);
+  }
+}
+
+/// A point of a placed mesh as far out along an axis as any, but for a little: 2e-4 of a triangle.
+Vec3d outermost(const Primitive& p, const Affine3d& placed, int axis, double side) {
+  Vec3d best, found;
+  bool any = false;
+  for (const auto& triangle : p.triangles) {
+    std::array<Vec3d, 3> corners;
+    for (std::size_t k = 0; k < 3; ++k) {
+      corners[k] = transform_point(placed, Vec3d(p.positions[triangle[k]]));
+    }
+    const Vec3d middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+    for (const Vec3d& corner : corners) {
+      if (any && side * corner[axis] <= side * best[axis]) continue;
+      any = true;
+      best = corner;
+      found = corner + (middle - corner) * 2e-4;
+    }
+  }
+  return found;
+}
+
+/// Rays along the faces of the boxes, just inside, when what moves touches them: at keys.
+TEST(HardCase31, BoxesReachAsFarAsWhatIsInThem) {
+  Dice dice(33);
+  const Scene scene = turning_things(dice);
+  Shots shots;
+  for (std::size_t i = 0; i < scene.instances.size() * 12; ++i) {
+    const std::size_t instance = i / 12, key = i % 2;
+    const int axis = static_cast<int>(i % 3);
+    const Vec3d at = outermost(scene.meshes[0].primitives[0], scene.motions[instance][key], axis,
+                               i % 12 < 6 ? -1 : 1);
+    Vec3d along(dice.direction());
+    along[axis] = 0;
+    Ray ray;
+    ray.origin = Vec3f(at - along);
+    ray.direction = Vec3f(along);
+    ray.time = scene.key_times[key];
+    Hit hit;
+    shots.rays.push_back(ray);
+    shots.found.push_back(brute_force_closest(scene, ray, hit));
+    shots.hits.push_back(hit);
+    shots.count += shots.found.back() ? 1 : 0;
+  }
+  EXPECT_GT(shots.count, 300);
   for (const Isa isa : {Isa::avx2, Isa::avx512}) {
     if (!is_supported(isa)) continue;
     EXPECT_EQ(mismatches(SceneAccel(scene, in_order(), isa), shots), 0);

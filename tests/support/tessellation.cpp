@@ -131,12 +131,10 @@ Primitive tessellated(const Shape& shape, std::uint32_t n) {
       add_star(mesh, shape, n);
       break;
     case Shape::Form::quadric:
-      if (shape.latitudes) {
-        add_star(mesh, shape, n);
-      } else if (std::isinf(shape.clip.hi.x)) {
-        add_round(mesh, shape, n);
-      } else if (shape.quadric.squares == Vec3d{}) {
+      if (shape.quadric.squares == Vec3d{}) {
         add_box(mesh, shape.clip, n);
+      } else if (!shape.latitudes && std::isinf(shape.clip.hi.x)) {
+        add_round(mesh, shape, n);
       } else {
         add_star(mesh, shape, n);
       }
