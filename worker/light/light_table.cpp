@@ -22,6 +22,12 @@ Vec3d world_vertex(const Instance& instance, const Primitive& p, std::uint32_t v
   return transform_point(instance.object_to_world, Vec3d(p.positions[v]));
 }
 
+PlacedTriangle placed(const Instance& instance, const Primitive& p, std::size_t t) {
+  const auto& v = p.triangles[t];
+  return {instance.object_to_world, instance.world_to_object, p.positions[v[0]], p.positions[v[1]],
+          p.positions[v[2]]};
+}
+
 /// Box, normal and, for the time being as `strength`, area of one triangle in the world.
 LightBounds triangle_bounds(const Instance& instance, const Primitive& p, std::size_t t) {
   const auto& v = p.triangles[t];
@@ -119,6 +125,9 @@ void LightTable::add_emitters(const Scene& scene, std::vector<LightBounds>& boun
       slots_.push_back(static_cast<std::int64_t>(entries_.size()));
       if (mesh.shape != nullptr) add_shape(scene, static_cast<std::uint32_t>(i), bounds);
       const std::size_t first = entries_.size();
+      const MaterialView& view = shading_.materials[static_cast<std::size_t>(p.material)];
+      const bool even = !view.source->emissive_texture && !view.extended &&
+                        view.source->alpha_mode == AlphaMode::opaque;
       for (std::size_t t = 0; t < p.triangles.size(); ++t) {
         Entry entry;
         entry.triangle = {static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(k),
@@ -130,6 +139,8 @@ void LightTable::add_emitters(const Scene& scene, std::vector<LightBounds>& boun
         entry.density = usable ? density : 0;
         entry.centre = Vec3f((light.box_min + light.box_max) * 0.5);
         entry.reach2 = static_cast<float>(area / kNearSolidAngle);
+        entry.even = even;
+        entry.normal = world_normal(placed(instance, p, t));
         light.both_sides = scene.materials[static_cast<std::size_t>(p.material)].double_sided;
         light.strength = usable ? area * radiance.at(p, p.triangles[t]) : 0;
         if (!std::isfinite(light.strength)) light.strength = 0;
@@ -182,6 +193,7 @@ void LightTable::merge_rectangles(const Instance& instance, const Primitive& p, 
     entry.other_right_angle = s;
     entry.density *= 0.5f;
     entry.centre = Vec3f((next + last) * 0.5);
+    entry.even = entry.even && entry.normal == entries_[first + t + 1].normal;
     entries_[first + t + 1].merged = true;
     a.box_min = min(a.box_min, b.box_min);
     a.box_max = max(a.box_max, b.box_max);
@@ -357,6 +369,19 @@ LightTable::Place LightTable::place_on(const Entry& entry, const Vec3f& point,
   return place;
 }
 
+LightTable::Emitted LightTable::emitted(const Entry& entry, const Place& place,
+                                        const Vec3f& direction) const {
+  if (entry.even) {
+    const Material& m = *shading_.materials[shading_.primitive(place.triangle).material].source;
+    const float along = dot(entry.normal, direction);
+    return {along < 0 || m.double_sided ? m.emission : Vec3f{}, std::fabs(along)};
+  }
+  const ShadingPoint light =
+      surface_at(shading_, place.triangle, place.weights.x, place.weights.y, direction);
+  return {emission_at(shading_, light, -direction) * coverage_at(shading_, light),
+          std::fabs(dot(light.geometric_normal, direction))};
+}
+
 bool LightTable::sample_emitter(const Entry& entry, float share, const Vec3f& point,
                                 const LightRandom& u, LightSample* sample) const {
   const Place place = place_on(entry, point, u);
@@ -372,11 +397,8 @@ bool LightTable::sample_emitter(const Entry& entry, float share, const Vec3f& po
   sample->direction = normalize(to_light);
   sample->distant = false;
   sample->triangle = id;
-  const ShadingPoint light = surface_at(shading_, id, w.x, w.y, sample->direction);
-  const Vec3f radiance =
-      emission_at(shading_, light, -sample->direction) * coverage_at(shading_, light);
+  const auto [radiance, cosine] = emitted(entry, place, sample->direction);
   if (!(max_component(radiance) > 0)) return false;
-  const float cosine = std::fabs(dot(light.geometric_normal, sample->direction));
   sample->pdf = place.solid_angle > 0
                     ? static_cast<float>(share / place.solid_angle)
                     : solid_angle_density(share * entry.density, distance, cosine);

@@ -84,6 +84,8 @@ class LightTable {
     std::uint8_t right_angle = 0, other_right_angle = 0;  // corners of a rectangle's triangles
     std::int32_t punctual = kNone;
     std::int32_t shape = kNone;  // of shapes_; its instance is that of `triangle`
+    bool even = false;           // a plane that shines alike all over: only its side matters
+    Vec3f normal;                // of that plane: world_normal()
     float density = 0;           // of a point on it: 1 / area, 1 for punctual lights
     Vec3f centre;
     float reach2 = 0;  // squared distance from it within which they are seen under a large angle
@@ -115,6 +117,12 @@ class LightTable {
     double solid_angle = 0;  // of the emitter; 0 where it is sampled by area
   };
   Place place_on(const Entry& entry, const Vec3f& point, const LightRandom& u) const;
+  /// What an emitter gives off at a place against `direction`, and the cosine there.
+  struct Emitted {
+    Vec3f radiance;
+    float cosine;
+  };
+  Emitted emitted(const Entry& entry, const Place& place, const Vec3f& direction) const;
   bool sample_emitter(const Entry& entry, float share, const Vec3f& point, const LightRandom& u,
                       LightSample* sample) const;
   bool sample_shape(const Entry& entry, float share, const Vec3f& point, const LightRandom& u,

@@ -27,19 +27,20 @@ class Sampler {
   Sampler() = default;  // of nothing; to be assigned to
   /// `pixel_x` and `pixel_y` count in the full frame, whatever the crop.
   Sampler(std::uint32_t seed, std::int32_t frame, std::int32_t pixel_x, std::int32_t pixel_y,
-          std::int64_t sample_index)
-      : index_(static_cast<std::uint32_t>(sample_index / contract::kReplicates)) {
+          std::int64_t sample_index) {
+    const auto index = static_cast<std::uint32_t>(sample_index / contract::kReplicates);
+    reversed_index_ = reverse_bits(index);
     const auto bits = [](std::int32_t v) { return static_cast<std::uint32_t>(v); };
     const std::uint64_t pixel =
         combine(combine(kDomain, pack(seed, bits(frame))), pack(bits(pixel_x), bits(pixel_y)));
     stream_ = combine(pixel, static_cast<std::uint64_t>(sample_index % contract::kReplicates));
-    sample_ = combine(stream_, index_);
+    sample_ = combine(stream_, index);
   }
 
   /// All four dimensions of a set (dimensions.h).
   Vec4f get_4d(std::uint32_t set) const {
-    const Lanes4 x = scrambled(set);
-    return {unit_float(x[0]), unit_float(x[1]), unit_float(x[2]), unit_float(x[3])};
+    const auto x = unit_floats(scrambled(set));
+    return {x[0], x[1], x[2], x[3]};
   }
 
   /// The same in steps of 2^-32, in (0, 1): to choose from large tables.
@@ -76,16 +77,16 @@ class Sampler {
     const std::uint64_t more = mix(seed);
     const auto shuffle = static_cast<std::uint32_t>(seed);
     // An Owen scramble of the index permutes aligned blocks among themselves: it shuffles.
-    const std::uint32_t index = reverse_bits(laine_karras(reverse_bits(index_), shuffle));
+    const std::uint32_t reversed = laine_karras(reversed_index_, shuffle);
     const Lanes4 seeds = {static_cast<std::uint32_t>(seed >> 32), static_cast<std::uint32_t>(more),
                           static_cast<std::uint32_t>(more >> 32),
                           static_cast<std::uint32_t>(mix(more) >> 16)};
-    return reverse_bits(laine_karras(reversed_sobol(index), seeds));
+    return reverse_bits(laine_karras(reversed_sobol(reversed), seeds));
   }
 
   std::uint64_t stream_;
   std::uint64_t sample_;
-  std::uint32_t index_;
+  std::uint32_t reversed_index_;
 };
 
 }  // namespace tessera::render

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <immintrin.h>
+
 #include <array>
 #include <cstdint>
 
@@ -8,13 +10,24 @@ namespace tessera::render {
 /// Four 32-bit lanes, one for each dimension. Integer arithmetic only, so lanes change no bits.
 using Lanes4 = std::uint32_t __attribute__((vector_size(16)));
 
-/// Reverses the 32 bits of each lane.
+/// unit_float() of hash.h in each lane.
+inline __m128 unit_floats(Lanes4 bits) {
+  return _mm_mul_ps(_mm_cvtepi32_ps(_mm_srli_epi32(reinterpret_cast<__m128i>(bits), 8)),
+                    _mm_set1_ps(0x1p-24f));
+}
+
+/// Reverses the 32 bits of each lane: both halves of every byte by a table, then the bytes.
 inline Lanes4 reverse_bits(Lanes4 x) {
-  x = ((x >> 1) & 0x55555555u) | ((x & 0x55555555u) << 1);
-  x = ((x >> 2) & 0x33333333u) | ((x & 0x33333333u) << 2);
-  x = ((x >> 4) & 0x0f0f0f0fu) | ((x & 0x0f0f0f0fu) << 4);
-  x = ((x >> 8) & 0x00ff00ffu) | ((x & 0x00ff00ffu) << 8);
-  return (x >> 16) | (x << 16);
+  // The reversals of 0 to 15, as low and as high half of a byte.
+  const __m128i high = _mm_setr_epi8(0x00, -0x80, 0x40, -0x40, 0x20, -0x60, 0x60, -0x20, 0x10,
+                                     -0x70, 0x50, -0x30, 0x30, -0x50, 0x70, -0x10);
+  const __m128i low = _mm_setr_epi8(0, 8, 4, 12, 2, 10, 6, 14, 1, 9, 5, 13, 3, 11, 7, 15);
+  const __m128i bytes = _mm_setr_epi8(3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12);
+  const __m128i half = _mm_set1_epi8(15);
+  const auto v = reinterpret_cast<__m128i>(x);
+  const __m128i from_low = _mm_shuffle_epi8(high, _mm_and_si128(v, half));
+  const __m128i from_high = _mm_shuffle_epi8(low, _mm_and_si128(_mm_srli_epi32(v, 4), half));
+  return reinterpret_cast<Lanes4>(_mm_shuffle_epi8(_mm_or_si128(from_low, from_high), bytes));
 }
 
 constexpr std::uint32_t reverse_bits(std::uint32_t x) {
@@ -40,7 +53,7 @@ constexpr T laine_karras(T x, T seed) {
 }
 
 /// The Sobol' sequence in 4 dimensions, bit-reversed (bit 0 is worth 1/2), as one table entry
-/// per value of each nibble of the index.
+/// per value of each nibble of the bit-reversed index: its bit 31 is the index's bit 0.
 struct SobolTable {
   alignas(16) std::array<std::array<std::array<std::uint32_t, 4>, 16>, 8> nibbles;
 };
@@ -80,7 +93,8 @@ constexpr SobolTable make_sobol_table() {
   for (std::uint32_t nibble = 0; nibble < 8; ++nibble) {
     for (std::uint32_t value = 0; value < 16; ++value) {
       for (std::uint32_t bit = 0; bit < 4; ++bit) {
-        if ((value >> bit & 1) != 0) add(table.nibbles[nibble][value], direction[nibble * 4 + bit]);
+        if ((value >> bit & 1) == 0) continue;
+        add(table.nibbles[nibble][value], direction[31 - (nibble * 4 + bit)]);
       }
     }
   }
@@ -89,13 +103,12 @@ constexpr SobolTable make_sobol_table() {
 
 inline constexpr SobolTable kSobolTable = make_sobol_table();
 
-/// Point `index` of the sequence, bit-reversed: dimension 0 is `index` itself.
-inline Lanes4 reversed_sobol(std::uint32_t index) {
+/// The point of the sequence with this bit-reversed index, bit-reversed.
+inline Lanes4 reversed_sobol(std::uint32_t reversed_index) {
   Lanes4 x = {0, 0, 0, 0};
-  for (int nibble = 0; nibble < 8; ++nibble) {
-    const auto& entry = kSobolTable.nibbles[nibble][index & 15u];
-    x ^= Lanes4{entry[0], entry[1], entry[2], entry[3]};
-    index >>= 4;
+  for (std::size_t nibble = 0; nibble < 8; ++nibble) {
+    const auto& entry = kSobolTable.nibbles[nibble][reversed_index >> (4 * nibble) & 15u];
+    x ^= reinterpret_cast<Lanes4>(_mm_load_si128(reinterpret_cast<const __m128i*>(entry.data())));
   }
   return x;
 }

@@ -80,6 +80,12 @@ inline void stretch(float anisotropy, const BsdfTables& tables, Bsdf* b) {
   x.anisotropic = tables.anisotropic;
 }
 
+inline void set_viewer(const BsdfFrame& frame, const Vec3f& wo, Bsdf* b) {
+  b->frame = frame;
+  b->wo = to_local(frame, wo);
+  if (b->wo.z < 1e-6f) b->wo.z = 1e-6f;  // rounding only: frame and wo share a side
+}
+
 /// Fills `b` but for what lies over the base; see make_bsdf(). `extensions` may be null without
 /// kExtended.
 template <bool kExtended>
@@ -87,9 +93,7 @@ inline void prepare(const BsdfParameters& p, const BsdfExtensions* extensions,
                     const BsdfTables& tables, const BsdfFrame& frame, const Vec3f& wo, Bsdf* out) {
   Bsdf& b = *out;
   if constexpr (kExtended) b.extended.emplace();
-  b.frame = frame;
-  b.wo = to_local(frame, wo);
-  if (b.wo.z < 1e-6f) b.wo.z = 1e-6f;  // rounding only: frame and wo share a side
+  set_viewer(frame, wo, &b);
   const float dielectric = 1 - p.metallic;
   const bool transmissive = p.interface != Interface::opaque && p.transmission > 0;
   b.interface = transmissive ? p.interface : Interface::opaque;

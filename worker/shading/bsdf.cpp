@@ -13,6 +13,14 @@ Bsdf make_bsdf(const BsdfParameters& parameters, const BsdfTables& tables, const
   return b;
 }
 
+Bsdf make_lambert(const Vec3f& albedo, const BsdfFrame& frame, const Vec3f& wo) {
+  Bsdf b;
+  base_bsdf::set_viewer(frame, wo, &b);
+  b.diffuse = albedo;
+  b.lambert = true;
+  return b;
+}
+
 BsdfValue evaluate_bsdf(const Bsdf& b, const Vec3f& wi) {
   if (b.extended) [[unlikely]]
     return extended_bsdf::evaluate(b, wi);

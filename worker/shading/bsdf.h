@@ -153,6 +153,9 @@ struct BsdfSample {
 Bsdf make_bsdf(const BsdfParameters& parameters, const BsdfTables& tables, const BsdfFrame& frame,
                const Vec3f& wo);
 
+/// The same where all there is is a diffuse lobe.
+Bsdf make_lambert(const Vec3f& albedo, const BsdfFrame& frame, const Vec3f& wo);
+
 /// The same for a material with extensions; `coat_frame` is the frame of the coat's own normal.
 Bsdf make_extended_bsdf(const BsdfParameters& parameters, const BsdfExtensions& extensions,
                         const BsdfTables& tables, const BsdfFrame& frame,

@@ -231,6 +231,8 @@ void ShadingScene::add_materials(const Scene& scene) {
     view.dispersive = m.dispersion > 0 && view.interface == Interface::solid && m.transmission > 0;
     view.conductor = conductor_of(m.optics);
     view.extended = (is_layered(m) || view.dispersive) && !m.unlit;
+    view.lambert = m.metallic == 0 && m.specular == 0 && !m.specular_glossiness &&
+                   view.interface == Interface::opaque && !view.extended;
     if (used[materials.size()]) add_tables(&view);
     view.traits = traits_of(m, view, scene);
     if (tracks_bodies) add_interior(scene, &view);

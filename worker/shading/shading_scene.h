@@ -67,6 +67,7 @@ struct MaterialView {
   bool emissive = false;
   bool extended = false;    // has an extension of BsdfExtensions, or disperses
   bool dispersive = false;  // refracts each wavelength differently
+  bool lambert = false;     // nothing but a diffuse lobe of the base colour, wherever it is met
   Interface interface = Interface::opaque;
   Conductor conductor;
   BsdfTables tables;

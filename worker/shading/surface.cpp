@@ -250,6 +250,7 @@ Vec3f shading_normal_at(const ShadingScene& scene, const ShadingPoint& p) {
 Bsdf bsdf_at(const ShadingScene& scene, const ShadingPoint& p, const Vec4f& base, const Vec3f& wo,
              float wavelength) {
   const BsdfFrame frame = viewing_frame(p, shading_normal_at(scene, p), wo);
+  if (p.material->lambert) return make_lambert(base.xyz(), frame, wo);
   const BsdfParameters parameters = parameters_at(scene, p, base);
   if (p.material->extended) [[unlikely]]
     return extended_bsdf_at(scene, p, parameters, frame, wo, wavelength);

@@ -5,7 +5,11 @@
 #include <cstdint>
 #include <limits>
 
+#include "worker/geometry/frame.h"
+#include "worker/sampling/sampler.h"
+#include "worker/sampling/warp.h"
 #include "worker/shading/albedo_table.h"
+#include "worker/shading/bsdf.h"
 #include "worker/shading/dispersion.h"
 #include "worker/shading/fresnel.h"
 #include "worker/shading/microfacet.h"
@@ -20,6 +24,31 @@ constexpr double kPi = 3.14159265358979323846;
 
 double cos_degrees(double degrees) {
   return std::cos(degrees * kPi / 180);
+}
+
+TEST(Bsdf, MadeForLambertAloneIsTheGeneralOne) {
+  BsdfParameters parameters;
+  parameters.base = {0.7f, 0.3f, 0.11f};
+  parameters.specular_weight = 0;
+  for (std::int32_t i = 0; i < 1000; ++i) {
+    const Sampler dice(1, 0, i, 0, 0);
+    const Frame f = Frame::from_normal(warp::uniform_sphere(dice.get_2d(0)));
+    const BsdfFrame frame{f.s, f.t, f.n, f.n};
+    const Vec3f wo = f.to_world(warp::uniform_hemisphere(dice.get_2d(1)));
+    const Vec3f wi = warp::uniform_sphere(dice.get_2d(2));
+    const Bsdf general = make_bsdf(parameters, {}, frame, wo);
+    const Bsdf lambert = make_lambert(parameters.base, frame, wo);
+    ASSERT_EQ(evaluate_bsdf(lambert, wi).f_cos, evaluate_bsdf(general, wi).f_cos);
+    ASSERT_EQ(evaluate_bsdf(lambert, wi).pdf, evaluate_bsdf(general, wi).pdf);
+    BsdfSample a, b;
+    ASSERT_EQ(sample_bsdf(lambert, dice.get_1d(3), dice.get_2d(4), &a),
+              sample_bsdf(general, dice.get_1d(3), dice.get_2d(4), &b));
+    ASSERT_EQ(a.wi, b.wi);
+    ASSERT_EQ(a.weight, b.weight);
+    ASSERT_EQ(a.pdf, b.pdf);
+    ASSERT_EQ(straight_transmittance(lambert), straight_transmittance(general));
+    ASSERT_EQ(has_smooth_density(lambert), has_smooth_density(general));
+  }
 }
 
 TEST(Fresnel, MatchesTheExactFormulaAtGrazingAngles) {  // hard case 39

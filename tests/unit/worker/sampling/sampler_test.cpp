@@ -36,6 +36,21 @@ bool is_net(const std::vector<Vec2f>& points, int m) {
   return true;
 }
 
+TEST(Sobol, ReversesBitsInLanesAsInOneNumber) {
+  std::uint64_t hash = 1;
+  for (int i = 0; i < 1000; ++i) {
+    hash = mix(hash + 1);
+    const auto low = static_cast<std::uint32_t>(hash),
+               high = static_cast<std::uint32_t>(hash >> 32);
+    const Lanes4 lanes = reverse_bits(Lanes4{low, high, ~low, low ^ high});
+    ASSERT_EQ(lanes[0], reverse_bits(low));
+    ASSERT_EQ(lanes[1], reverse_bits(high));
+    ASSERT_EQ(lanes[2], reverse_bits(~low));
+    ASSERT_EQ(lanes[3], reverse_bits(low ^ high));
+    ASSERT_EQ(unit_floats(lanes)[2], unit_float(lanes[2]));
+  }
+}
+
 TEST(Sampler, EveryAlignedBlockOfAReplicateIsANet) {
   for (int pixel = 0; pixel < 6; ++pixel) {
     for (int replicate = 0; replicate < kReplicates; ++replicate) {
