@@ -47,8 +47,8 @@ FEATURES = {  # feature: (file, what is there, what is put in its place)
         (RAY, "struct Ray {", "struct NoTime {\n  operator float() const { return 0; }\n"
          "  NoTime& operator=(float) { return *this; }\n};\nstruct Ray {"),
         (RAY, "  float time = 0;", "  [[no_unique_address]] NoTime time;"),
-        (PATHS, "rays[i] = frame.moves ? camera_ray<true>(frame, id, samplers[i])\n"
-         "                          : camera_ray<false>(", "rays[i] = camera_ray<false>("),
+        (PATHS, "frame.moves ? begin_paths<true>(frame, ids, samplers, rays)\n"
+         "              : begin_paths<false>(", "begin_paths<false>("),
         (PATHS, "  hit.time = path_.ray.time;", ""),
         ("worker/render/path_tracer.h", "  float time = 0;  // of the ray that met it", ""),
         (FRAME, "camera_.moves() ? camera_.at(hit.time).depth(hit.position) : ", ""),

@@ -629,6 +629,18 @@ Ray camera_ray(const FrameContext& frame, const PathId& id, const Sampler& sampl
   return ray;
 }
 
+/// The paths' samplers and camera rays. `kMoves` is frame.moves; not inline, so that frames in
+/// which nothing moves do not even carry the other one's constants.
+template <bool kMoves>
+__attribute__((noinline)) void begin_paths(const FrameContext& frame, std::span<const PathId> ids,
+                                           std::span<Sampler> samplers, std::span<Ray> rays) {
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    const PathId& id = ids[i];
+    samplers[i] = Sampler(frame.seed, frame.frame, id.x, id.y, id.sample);
+    rays[i] = camera_ray<kMoves>(frame, id, samplers[i]);
+  }
+}
+
 /// Whether every surface stops camera rays.
 bool takes_packets(const FrameContext& frame) {
   const unsigned traits = kTraitAlpha | (frame.cull_backfaces ? kTraitOneSided : 0u);
@@ -641,12 +653,8 @@ void trace_paths(const FrameContext& frame, std::span<const PathId> ids, PathScr
                  PathResult* results) {
   std::array<Sampler, kPacketSize> samplers;
   std::array<Ray, kPacketSize> rays;
-  for (std::size_t i = 0; i < ids.size(); ++i) {
-    const PathId& id = ids[i];
-    samplers[i] = Sampler(frame.seed, frame.frame, id.x, id.y, id.sample);
-    rays[i] = frame.moves ? camera_ray<true>(frame, id, samplers[i])
-                          : camera_ray<false>(frame, id, samplers[i]);
-  }
+  frame.moves ? begin_paths<true>(frame, ids, samplers, rays)
+              : begin_paths<false>(frame, ids, samplers, rays);
   std::array<Hit, kPacketSize> hits;  // of no triangle where nothing is hit
   const bool known = takes_packets(frame);
   if (frame.shading.tracks_bodies && scratch->crossings == nullptr) {
