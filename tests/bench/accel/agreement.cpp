@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <memory>
+#include <utility>
 #include <vector>
 
 #include "tests/bench/accel/shapes.h"
 #include "worker/accel/brute_force.h"
+#include "worker/accel/reference/reference_accel.h"
 #include "worker/accel/scene_accel.h"
 #include "worker/render/frame_renderer.h"
 
@@ -82,12 +85,17 @@ struct Packets {
     std::uint64_t found, any;
     std::array<Hit, kPacketSize> hits;
   };
-  const std::vector<SceneAccel>& accels;
+  std::vector<const SceneAccel*> accels;  // that take packets
   std::vector<Ray> rays;
   std::vector<Answer> answers;
   bool bundle = false;
 
-  explicit Packets(const std::vector<SceneAccel>& of) : accels(of), answers(of.size()) {}
+  explicit Packets(const std::vector<std::unique_ptr<SceneAccel>>& all) {
+    for (const auto& accel : all) {
+      if (accel->takes_packets()) accels.push_back(accel.get());
+    }
+    answers.resize(accels.size());
+  }
 
   /// Every other packet is of bundles: eight rays each, about one of them.
   void trace(RayMaker& maker, std::size_t count) {
@@ -102,8 +110,8 @@ struct Packets {
       }
     }
     for (std::size_t a = 0; a < accels.size(); ++a) {
-      answers[a].found = accels[a].closest_hits(rays, answers[a].hits.data());
-      answers[a].any = accels[a].any_hits(rays);
+      answers[a].found = accels[a]->closest_hits(rays, answers[a].hits.data());
+      answers[a].any = accels[a]->any_hits(rays);
     }
   }
 
@@ -116,35 +124,63 @@ struct Packets {
   }
 };
 
+Scene with_duplicates(Scene scene) {
+  for (Mesh& mesh : scene.meshes) {
+    std::vector<Primitive> primitives(mesh.primitives.begin(), mesh.primitives.end());
+    for (Primitive& p : primitives) {
+      std::vector<std::array<std::uint32_t, 3>> triangles(p.triangles.begin(), p.triangles.end());
+      for (std::size_t t = 0; t < p.triangles.size(); t += 16) triangles.push_back(triangles[t]);
+      p.triangles = std::move(triangles);
+    }
+    mesh.primitives = std::move(primitives);
+  }
+  return scene;
+}
+
+/// Every structure that is asked one ray at a time, production and references.
+std::vector<std::unique_ptr<SceneAccel>> structures_of(const Scene& scene, bool references) {
+  std::vector<std::unique_ptr<SceneAccel>> all;
+  for (const Isa isa : {Isa::avx2, Isa::avx512}) {
+    if (is_supported(isa)) all.push_back(std::make_unique<SceneAccel>(scene, sequential(), isa));
+  }
+  if (!references) return all;
+  for (const reference::Structure& structure : reference::structures()) {
+    if (structure.build == reference::build_brute_force) continue;  // for the first few alone
+    all.push_back(std::make_unique<SceneAccel>(
+        std::make_unique<reference::ReferenceAccel>(scene, structure)));
+  }
+  return all;
+}
+
 }  // namespace
 
-Agreement compare_structures(const BenchScene& bench, std::int64_t rays, std::int64_t brute_rays) {
-  std::vector<SceneAccel> accels;
-  for (const Isa isa : {Isa::avx2, Isa::avx512}) {
-    if (is_supported(isa)) accels.emplace_back(bench.scene, sequential(), isa);
-  }
-  RayMaker maker(bench.scene);
+Agreement compare_structures(const BenchScene& bench, const AgreementPlan& plan) {
+  const Scene scene = with_duplicates(bench.scene);
+  const auto accels = structures_of(scene, plan.references);
+  RayMaker maker(scene);
   Agreement out;
-  out.rays = rays;
-  out.brute_rays = brute_rays;
+  out.structures = static_cast<std::int64_t>(accels.size());
+  out.rays = plan.rays;
+  out.brute_rays = plan.brute_rays;
   Packets packets(accels);
-  for (std::int64_t i = 0; i < rays; ++i) {
+  for (std::int64_t i = 0; i < plan.rays; ++i) {
     const std::size_t place = static_cast<std::size_t>(i) % kPacketSize;
     if (place == 0) {
-      packets.trace(maker, static_cast<std::size_t>(std::min<std::int64_t>(kPacketSize, rays - i)));
+      packets.trace(maker,
+                    static_cast<std::size_t>(std::min<std::int64_t>(kPacketSize, plan.rays - i)));
     }
     const Ray& ray = packets.rays[place];
     Hit first;
-    const bool found = accels[0].closest_hit(ray, first);
+    const bool found = accels[0]->closest_hit(ray, first);
     bool agree = packets.agrees(place, found, first);
-    for (const SceneAccel& accel : accels) {
+    for (const auto& accel : accels) {
       Hit hit;
-      agree = agree && accel.closest_hit(ray, hit) == found && (!found || same_bits(hit, first)) &&
-              accel.any_hit(ray) == found;
+      agree = agree && accel->closest_hit(ray, hit) == found && (!found || same_bits(hit, first)) &&
+              accel->any_hit(ray) == found;
     }
-    if (i < brute_rays) {
+    if (i < plan.brute_rays) {
       Hit hit;
-      agree = agree && brute_force_closest(bench.scene, ray, hit) == found &&
+      agree = agree && brute_force_closest(scene, ray, hit) == found &&
               (!found || same_bits(hit, first));
     }
     out.hits += found ? 1 : 0;

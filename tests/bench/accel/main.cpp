@@ -1,12 +1,13 @@
 // Rays a second of our structures beside Embree's, in one process, on one thread, in CPU time.
 //
 //   tessera-bench-accel --peer embree [--json [FILE]] [--quick] [--scene NAME]... [--rounds N]
-//   tessera-bench-accel --agreement 10000000 [--brute 100000]
+//   tessera-bench-accel --agreement 10000000 [--brute 100000] [--references] [--quick]
 //   tessera-bench-accel --growth | --first-hits
 //
 // Scenes and rays are generated (scenes.h, rays.h). In every round the peer is measured right
 // before and right after ours; each figure is the best of its measurements. With --agreement, so
-// many rays over all scenes are traced with every instruction set instead, and some of each scene
+// many rays over all scenes are traced with every instruction set (and by every reference structure)
+// instead, and some of each scene
 // by brute force; it fails if any hit differs in any bit.
 
 #include <CLI/CLI.hpp>
@@ -40,7 +41,7 @@ constexpr std::int64_t kBruteTests = 3'000'000'000;
 struct Options {
   std::string peer = "embree", json, isa{isa_name(best_isa())}, quality = "default";
   std::vector<std::string> scenes, kinds;  // empty: all
-  bool quick = false, growth = false, first_hits = false;
+  bool quick = false, growth = false, first_hits = false, references = false;
   int rounds = 4, side = 512;
   std::int64_t agreement = 0, brute = 100'000;
 };
@@ -134,8 +135,9 @@ int check_agreement(const Options& options, const std::vector<std::string>& scen
     const BenchScene bench = make_scene(name, options.quick);
     const std::int64_t brute =
         std::min(options.brute, kBruteTests / std::max<std::int64_t>(1, placed_triangles(bench)));
-    const Agreement result = compare_structures(bench, rays, brute);
-    std::printf("%-10s %lld rays, %lld by brute force: %lld hits, %lld differ\n", name.c_str(),
+    const Agreement result = compare_structures(bench, {rays, brute, options.references});
+    std::printf("%-10s %lld structures, %lld rays, %lld by brute force: %lld hits, %lld differ\n",
+                name.c_str(), static_cast<long long>(result.structures),
                 static_cast<long long>(result.rays), static_cast<long long>(result.brute_rays),
                 static_cast<long long>(result.hits), static_cast<long long>(result.wrong));
     std::fflush(stdout);
@@ -191,6 +193,8 @@ int main(int argc, char** argv) {
   app.add_option("--side", options.side, "camera rays a side");
   app.add_option("--agreement", options.agreement, "compare hits on so many rays instead");
   app.add_option("--brute", options.brute, "of those, rays a scene that brute force traces too");
+  app.add_flag("--references", options.references,
+               "of those, trace all by each reference structure too");
   app.add_flag("--growth", options.growth, "how the cost of a ray grows with the scene instead");
   app.add_flag("--first-hits", options.first_hits,
                "orders of camera rays, and an item buffer, instead");
