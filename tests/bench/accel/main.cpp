@@ -6,9 +6,9 @@
 //
 // Scenes and rays are generated (scenes.h, rays.h). In every round the peer is measured right
 // before and right after ours; each figure is the best of its measurements. With --agreement, so
-// many rays over all scenes are traced with every instruction set (and by every reference structure)
-// instead, and some of each scene
-// by brute force; it fails if any hit differs in any bit.
+// many rays over all scenes are traced with every instruction set instead, some of each scene by
+// brute force, and with --references by every reference structure; it fails if any hit differs in
+// any bit.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
