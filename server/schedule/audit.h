@@ -45,7 +45,8 @@ class Audit {
   /// Who lies, once settled.
   std::vector<std::string> liars() const;
 
-  std::optional<Holder> holder;  // who renders it now
+  std::optional<Holder> holder;     // who renders it now
+  std::optional<Time> alone_since;  // when there was nobody to ask any more
 
  private:
   struct Answers {

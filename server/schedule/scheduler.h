@@ -24,7 +24,7 @@ struct SchedulePolicy {
   std::int32_t failure_limit = 3;              // the failure of a unit that fails its job
   std::int32_t loss_limit = 10;                // losses of a unit a job survives
   std::int32_t disproved_limit = 3;            // failures, disproved elsewhere, a worker may have
-  Span audit_patience = std::chrono::minutes(1);  // a disputed audit waits so long for lost workers
+  Span audit_patience = std::chrono::minutes(1);  // a dispute waits so long for other workers
   double audit_fraction = 0.01;                   // of units that another worker renders again
   double load_factor = 10;  // a worker works this many load times before it changes job
 };

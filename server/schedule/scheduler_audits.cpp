@@ -181,13 +181,21 @@ void Scheduler::end_hopeless_audits(Time now) {
   int looked_at = 0;
   for (const auto& [key, unit] : waiting_audits_) {
     if (++looked_at > kWaivedPerTick) break;
-    const Job& job = jobs_.at(key);
-    const Audit& audit = job.audits.at(unit);
+    Job& job = jobs_.at(key);
+    Audit& audit = job.audits.at(unit);
     const bool others = has_others(job, audit);
-    if (job.state != JobState::paused &&
-        std::none_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
+    const bool somebody =
+        job.state == JobState::paused ||
+        std::any_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
           return could_audit(entry.second, job) && audit.may_ask(entry.second.id, others);
-        })) {
+        });
+    if (somebody) {
+      audit.alone_since.reset();
+      continue;
+    }
+    // Those who could say who is right may be back soon.
+    if (!audit.alone_since) audit.alone_since = now;
+    if (!audit.is_disputed() || now - *audit.alone_since >= policy_.audit_patience) {
       hopeless.emplace_back(key, unit);
     }
   }
