@@ -31,6 +31,9 @@ void add_fetch_command(CLI::App& app, Invocation& invocation);
 /// pause, resume, cancel, retry and remove.
 void add_job_control_commands(CLI::App& app, Invocation& invocation);
 void add_extend_command(CLI::App& app, Invocation& invocation);
+/// logs and events.
+void add_events_commands(CLI::App& app, Invocation& invocation);
+/// workers, and workers drain, ban and allow.
 void add_workers_command(CLI::App& app, Invocation& invocation);
 /// farm up and farm down.
 void add_farm_command(CLI::App& app, Invocation& invocation);

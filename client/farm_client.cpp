@@ -151,6 +151,37 @@ class Client : public FarmClient {
     });
   }
 
+  absl::Status watch_events(v1::WatchEventsRequest request,
+                            const std::function<bool(const v1::Event&)>& visit) override {
+    return retry(milliseconds(0), [&](grpc::ClientContext& context) {
+      const auto stream = jobs_->WatchEvents(&context, request);
+      v1::WatchEventsResponse response;
+      while (stream->Read(&response)) {
+        note_contact();
+        for (const v1::Event& event : response.events()) {
+          request.set_after_sequence(event.sequence());
+          if (visit(event)) continue;
+          context.TryCancel();
+          return stream->Finish(), absl::OkStatus();
+        }
+      }
+      return contract::from_rpc(stream->Finish());
+    });
+  }
+
+  absl::Status drain_worker(const std::string& worker_id) override {
+    return order<v1::DrainWorkerRequest, v1::DrainWorkerResponse>(
+        &v1::WorkerService::Stub::DrainWorker, worker_id);
+  }
+  absl::Status ban_worker(const std::string& worker_id) override {
+    return order<v1::BanWorkerRequest, v1::BanWorkerResponse>(&v1::WorkerService::Stub::BanWorker,
+                                                              worker_id);
+  }
+  absl::Status allow_worker(const std::string& worker_id) override {
+    return order<v1::AllowWorkerRequest, v1::AllowWorkerResponse>(
+        &v1::WorkerService::Stub::AllowWorker, worker_id);
+  }
+
   absl::StatusOr<std::vector<v1::Worker>> list_workers() override {
     v1::ListWorkersResponse response;
     absl::Status status =
@@ -218,6 +249,14 @@ class Client : public FarmClient {
     absl::Status status = unary(jobs_, method, request, response);
     if (!status.ok()) return status;
     return std::move(*response.mutable_job());
+  }
+
+  template <typename Request, typename Response, typename Method>
+  absl::Status order(Method method, const std::string& worker_id) {
+    Request request;
+    request.set_worker_id(worker_id);
+    Response response;
+    return unary(workers_, method, request, response);
   }
 
   template <typename Stub, typename Method, typename Request, typename Response>

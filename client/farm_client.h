@@ -66,6 +66,15 @@ class FarmClient {
 
   /// Ends the running call and all later ones with Cancelled.
   virtual void cancel() = 0;
+
+  /// Calls `visit` with each event that fits, in order, until there are no more (with `follow`:
+  /// for ever) or `visit` returns false.
+  virtual absl::Status watch_events(v1::WatchEventsRequest request,
+                                    const std::function<bool(const v1::Event&)>& visit) = 0;
+  /// `worker_id`: the whole id.
+  virtual absl::Status drain_worker(const std::string& worker_id) = 0;
+  virtual absl::Status ban_worker(const std::string& worker_id) = 0;
+  virtual absl::Status allow_worker(const std::string& worker_id) = 0;
 };
 
 }  // namespace tessera::client

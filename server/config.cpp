@@ -77,6 +77,14 @@ void add_options(CLI::App& app, Config& config) {
                  "Most store a client's unfinished jobs may need, GB; 0: any")
       ->check(limit)
       ->capture_default_str();
+  app.add_option("--client-calls", config.client_calls,
+                 "With --certs: most calls a second of a client; 0: any number")
+      ->check(limit)
+      ->capture_default_str();
+  app.add_option("--client-upload-gb", config.client_upload_gb,
+                 "With --certs: most a client may upload in an hour, GB; 0: any")
+      ->check(limit)
+      ->capture_default_str();
   app.add_option("--metrics", config.metrics,
                  "Where Prometheus may ask for metrics, http://HOST:PORT/metrics; on this machine "
                  "only (port 0: any free one, said in the log)")

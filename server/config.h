@@ -22,6 +22,8 @@ struct Config {
   // Of each owner's unfinished jobs; 0: no limit.
   std::int64_t client_jobs = 0;
   double client_gigasamples = 0, client_gb = 0;
+  // Of each client, with certificates; 0: any number.
+  double client_calls = 500, client_upload_gb = 50;
   std::string log_level = "info";
   std::string metrics;  // HOST:PORT where Prometheus may ask; empty: nowhere
 };

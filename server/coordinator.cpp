@@ -44,6 +44,7 @@ Coordinator::Coordinator(Store& store, CoordinatorOptions options,
     : store_(store),
       options_(std::move(options)),
       film_(options_.film_memory_bytes),
+      events_(store.boot_count(), options_.wall_us),
       scheduler_({store.id(), store.key(), store.boot_count()}, options_.policy, roster,
                  options_.clock()) {}
 
@@ -66,6 +67,7 @@ void Coordinator::settle(Afterwards& afterwards) {
   options_.metrics->workers_quarantined.Increment(static_cast<double>(effects.liars.size()));
   for (const WorkerKey key : effects.to_close) {
     if (const Worker* worker = scheduler_.find_worker(key)) {
+      note(EventKind::worker_lost, worker->id, "");
       afterwards.add([this, id = worker->id] {
         log(LogLevel::warn, absl::StrCat("worker ", id, " is lost"));
       });
@@ -86,6 +88,7 @@ void Coordinator::settle(Afterwards& afterwards) {
   for (const JobKey key : effects.changed) {
     const Job* job = scheduler_.find_job(key);
     if (job == nullptr) continue;
+    note_state(*job);
     afterwards.add([this, id = job->spec->id, state = job->state, reason = job->reason] {
       log(state == JobState::failed ? LogLevel::warn : LogLevel::info,
           absl::StrCat("job ", id, " is ", state_name(state), reason.empty() ? "" : ": ", reason));
@@ -150,10 +153,12 @@ Coordinator::Joined Coordinator::join(const Hello& hello, std::shared_ptr<Worker
     });
   }
   linked = {++last_session_, std::move(link)};
-  afterwards.add(
-      [this, text = absl::StrCat("worker ", hello.worker_id, " is here: ", hello.name, " on ",
-                                 hello.host, ", ", hello.isa, ", ", hello.thread_count,
-                                 " threads")] { log(LogLevel::info, text); });
+  const std::string who = absl::StrCat(hello.name, " on ", hello.host, ", ", hello.isa, ", ",
+                                       hello.thread_count, " threads");
+  note(EventKind::worker_joined, hello.worker_id, who);
+  afterwards.add([this, text = absl::StrCat("worker ", hello.worker_id, " is here: ", who)] {
+    log(LogLevel::info, text);
+  });
   settle(afterwards);
   const bool many = static_cast<std::int32_t>(links_.size()) > kManyWorkers;
   return {{key, linked.session},
@@ -222,9 +227,14 @@ void Coordinator::fail_unit(Session session, const Lease& lease, std::int32_t ti
   const Worker* worker = worker_of(session);
   if (worker == nullptr) return;
   options_.metrics->errors.unit_failed.Increment();
+  const std::string unit =
+      absl::StrCat("frame ", lease.frame, ", tile ", tile, ", pass ", lease.pass);
+  const Job* job = scheduler_.find_job(lease.job_id);
+  if (job != nullptr && job->touched.count(worker->key) > 0) {
+    note_failure(*job, worker->id, unit, failure);
+  }
   afterwards.add(
-      [this, text = absl::StrCat("worker ", worker->id, ": job ", lease.job_id, ", frame ",
-                                 lease.frame, ", tile ", tile, ", pass ", lease.pass,
+      [this, text = absl::StrCat("worker ", worker->id, ": job ", lease.job_id, ", ", unit,
                                  " failed: ", failure.message)] { log(LogLevel::warn, text); });
   scheduler_.fail_unit(session.worker, lease, tile, std::move(failure), bad_scene,
                        options_.clock());

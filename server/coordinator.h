@@ -24,6 +24,7 @@
 #include "server/frame_ledger.h"
 #include "server/job_view.h"
 #include "server/mutex.h"
+#include "server/observe/event_log.h"
 #include "server/observe/farm_metrics.h"
 #include "server/schedule/scheduler.h"
 #include "server/store/store.h"
@@ -64,6 +65,12 @@ struct BlockHeader {
 struct Admission {
   contract::FilmBlockShape shape;
   std::int32_t sample_count = 0;
+};
+
+/// What a worker's log says about a job.
+struct LogLine {
+  std::string job_id;
+  std::string text;
 };
 
 struct CoordinatorOptions {
@@ -138,6 +145,13 @@ class Coordinator {
   /// A job's spec, if workers of this certificate (empty: any) were leased units of it; or nullptr.
   std::shared_ptr<const JobSpec> describe_job(const std::string& job_id,
                                               const std::string& certificate = {}) const;
+  void take_log_lines(Session session, const std::vector<LogLine>& lines);
+  /// Asks a worker to go. Errors: NotFound, it is not connected.
+  absl::Status drain_worker(const std::string& worker_id);
+  /// Shuts a worker out, durably, then calls back. Errors: NotFound, it was not seen lately.
+  void ban_worker(const std::string& worker_id, std::function<void(absl::Status)> done);
+  /// Takes that back, likewise. Errors: NotFound, nothing is known of it.
+  void allow_worker(const std::string& worker_id, std::function<void(absl::Status)> done);
   /// Records a worker's joining with a token, then calls back. Errors: as Store::remember_join.
   void record_join(Join join, std::int64_t most, std::function<void(absl::Status)> done);
   /// What a worker that has joined comes back with: an HMAC under the store's key over its id and
@@ -188,6 +202,8 @@ class Coordinator {
   std::vector<JobView> list_jobs(JobKey before, std::int32_t most,
                                  const std::string& owner = {}) const;
   absl::StatusOr<JobReport> report(const std::string& job_id) const;
+  /// What happened lately.
+  const EventLog& events() const { return events_; }
   /// What Prometheus is told. Walks all jobs and workers under the lock.
   std::vector<prometheus::MetricFamily> metrics() const;
   /// Finds or makes a frame's image file, on the film thread, then calls back. The caller removes
@@ -259,7 +275,7 @@ class Coordinator {
 
   Coordinator(Store& store, CoordinatorOptions options, const std::vector<std::string>& roster);
 
-  absl::Status load(const std::vector<JobRecord>& records);
+  absl::Status load(const std::vector<JobRecord>& records, const std::vector<std::string>& banned);
   absl::Status load_job(const JobRecord& record) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   void settle(Afterwards& afterwards) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -309,7 +325,7 @@ class Coordinator {
   void replan(const std::string& job_id, const std::shared_ptr<const JobSpec>& spec,
               const std::vector<UnitRecord>& kept);
   void open_films(Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  absl::Status forget_job(const std::string& job_id);
+  absl::Status forget_job(const std::string& job_id, std::vector<contract::Digest>& assets);
   void remove_now(const std::string& job_id, const std::function<void(absl::Status)>& done);
   void collect_assets();
 
@@ -328,10 +344,16 @@ class Coordinator {
                   bool forget_demands = false);
   void frame_failed(const FrameKey& key, const absl::Status& status);
   void log(LogLevel level, const std::string& message) const;
+  void note(EventKind kind, const Job& job, const std::string& worker_id, const std::string& text);
+  void note(EventKind kind, const std::string& worker_id, const std::string& text);
+  void note_state(const Job& job);
+  void note_failure(const Job& job, const std::string& worker_id, const std::string& what,
+                    const Failure& failure);
 
   Store& store_;
   const CoordinatorOptions options_;
   FilmCache film_;  // has a lock of its own, never taken under mutex_
+  EventLog events_;
 
   mutable Mutex mutex_;
   Scheduler scheduler_ ABSL_GUARDED_BY(mutex_);

@@ -293,6 +293,7 @@ void Coordinator::record_frame(const FrameKey& key, const FrameRecord& record, d
   note_finished(film, record, read_frame_note(record.statistics_json));
   film.estimated_error = error;
   ledger_of(*job).erase(key.frame);
+  note(EventKind::frame_finished, *job, "", absl::StrCat("frame ", key.frame));
   afterwards.add([this, key] {
     log(LogLevel::info, absl::StrCat("job ", key.job_id, ", frame ", key.frame, " is finished"));
   });
@@ -363,6 +364,7 @@ void Coordinator::audits_over(const std::vector<UnitName>& units) {
 /// A worker lies: its units of frames that are not finished are rendered again, finished frames
 /// that may hold some are named in their jobs' reports.
 void Coordinator::distrust(const std::string& worker_id, Afterwards& afterwards) {
+  note(EventKind::worker_quarantined, worker_id, "it delivers wrong pixels");
   afterwards.add([this, worker_id] {
     log(LogLevel::error,
         absl::StrCat("worker ", worker_id, " is quarantined: it delivers wrong pixels"));
@@ -382,6 +384,11 @@ void Coordinator::distrust(const std::string& worker_id, Afterwards& afterwards)
       });
     }
   }
+  // After its units are gone: a server that dies before must find it out once more.
+  write_tasks_.emplace_back([this, worker_id] {
+    const absl::Status status = store_.ban_worker(worker_id);
+    if (!status.ok()) log(LogLevel::error, absl::StrCat("quarantine: ", status.ToString()));
+  });
   writer_signal_.raise();
 }
 

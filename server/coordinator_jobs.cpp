@@ -31,16 +31,20 @@ absl::StatusOr<std::unique_ptr<Coordinator>> Coordinator::open(Store& store,
                                                                CoordinatorOptions options) {
   const auto roster = store.roster();
   if (!roster.ok()) return roster.status();
+  const auto banned = store.banned_workers();
+  if (!banned.ok()) return banned.status();
   const auto records = store.jobs();
   if (!records.ok()) return records.status();
   std::unique_ptr<Coordinator> coordinator(new Coordinator(store, std::move(options), *roster));
-  if (absl::Status status = coordinator->load(*records); !status.ok()) return status;
+  if (absl::Status status = coordinator->load(*records, *banned); !status.ok()) return status;
   return coordinator;
 }
 
-absl::Status Coordinator::load(const std::vector<JobRecord>& records) {
+absl::Status Coordinator::load(const std::vector<JobRecord>& records,
+                               const std::vector<std::string>& banned) {
   Afterwards afterwards;
   MutexLock lock(mutex_);
+  for (const std::string& worker_id : banned) scheduler_.shut_out(worker_id);
   for (const JobRecord& record : records) {
     if (absl::Status status = load_job(record); !status.ok()) return status;
   }
@@ -187,6 +191,7 @@ void Coordinator::make_job(const JobSpec& spec, const OnCreated& done) {
     Job& job = scheduler_.add_job(record.sequence, std::move(made), JobState::queued);
     job_by_request_[spec.request_id] = record.sequence;
     film_of(job).create_time_us = record.create_time_us;
+    note(EventKind::job_submitted, job, "", record.name);
     scheduler_.offer_work(options_.clock());
     created.view = view(job);
     settle(afterwards);
@@ -332,7 +337,8 @@ void Coordinator::remove_job(const std::string& job_id, std::function<void(absl:
   write_later([this, job_id, done = std::move(done)] { remove_now(job_id, done); });
 }
 
-absl::Status Coordinator::forget_job(const std::string& job_id) {
+absl::Status Coordinator::forget_job(const std::string& job_id,
+                                     std::vector<contract::Digest>& assets) {
   MutexLock lock(mutex_);
   Job* job = scheduler_.find_job(job_id);
   if (job == nullptr) return absl::NotFoundError(absl::StrCat("no job \"", job_id, "\""));
@@ -345,15 +351,19 @@ absl::Status Coordinator::forget_job(const std::string& job_id) {
       enqueue_film([this, key = FrameKey{job_id, frame}] { film_.close_frame(key); });
     }
   }
+  for (const ManifestEntry& entry : job->spec->assets) assets.push_back(entry.digest);
   films_.erase(job->key);
+  note(EventKind::job_removed, *job, "", "");
   scheduler_.remove_job(job->key);
   return absl::OkStatus();
 }
 
 void Coordinator::remove_now(const std::string& job_id,
                              const std::function<void(absl::Status)>& done) {
-  if (absl::Status status = forget_job(job_id); !status.ok()) return done(status);
-  const absl::Status status = store_.remove_job(job_id);
+  std::vector<contract::Digest> assets;
+  if (absl::Status status = forget_job(job_id, assets); !status.ok()) return done(status);
+  absl::Status status = store_.remove_job(job_id);
+  status.Update(store_.release_assets(assets));
   collect_assets();
   done(status);
 }

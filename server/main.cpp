@@ -90,7 +90,9 @@ int serve(const Config& config, const sigset_t& signals) {
     metrics = *std::move(started);
     options.log(LogLevel::info, absl::StrCat("metrics: http://", metrics->address(), "/metrics"));
   }
-  auto server = FarmServer::start(**coordinator, {config.listen, config.store, config.certs});
+  const ClientRates rates{config.client_calls, 1e9 * config.client_upload_gb};
+  auto server =
+      FarmServer::start(**coordinator, {config.listen, config.store, config.certs, rates});
   if (!server.ok()) return fail(server.status());
   std::thread writer([&] {
     while (!(*coordinator)->is_stopping()) (*coordinator)->run_writer(true);

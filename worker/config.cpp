@@ -138,7 +138,8 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
                  "Where Prometheus may ask for metrics, http://HOST:PORT/metrics; on this machine "
                  "only (port 0: any free one, said in the log)")
       ->type_name("HOST:PORT");
-  app.add_option("--log-level", flags.log_level, "What goes to stderr")
+  app.add_option("--log-level", flags.log_level,
+                 "What goes to stderr, and of lines about jobs to the server (tessera logs)")
       ->check(CLI::IsMember(log_level_names()))
       ->capture_default_str();
   // Faults for tests, on purpose not in --help.
@@ -204,6 +205,7 @@ bool complete(WorkerFlags& flags) {
     options.token = token;
   }
   options.log = open_log("tessera-worker", flags.log_level);
+  options.log_level = log_level(flags.log_level);
   options.crash_on = parse_unit(flags.crash_on);
   options.cache_bytes = flags.cache_gb * kGiga;
   options.buffer_bytes = flags.buffer_mb * kMega;

@@ -28,14 +28,17 @@ std::vector<std::string> log_level_names() {
   return {"error", "warn", "info", "debug"};
 }
 
+LogLevel log_level(const std::string& name) {
+  if (name == "error") return LogLevel::error;
+  if (name == "warn") return LogLevel::warn;
+  return name == "debug" ? LogLevel::debug : LogLevel::info;
+}
+
 Log open_log(const std::string& program, const std::string& level) {
   auto logger =
       std::make_shared<spdlog::logger>(program, std::make_shared<spdlog::sinks::stderr_sink_mt>());
   logger->set_pattern("%Y-%m-%dT%H:%M:%S.%e %n %l: %v");
-  logger->set_level(level == "error"   ? spdlog::level::err
-                    : level == "warn"  ? spdlog::level::warn
-                    : level == "debug" ? spdlog::level::debug
-                                       : spdlog::level::info);
+  logger->set_level(spdlog_level(log_level(level)));
   logger->flush_on(spdlog::level::debug);
   return [logger](LogLevel of, const std::string& message) {
     logger->log(spdlog_level(of), "{}", message);

@@ -22,6 +22,8 @@ inline void no_log(LogLevel, const std::string&) {}
 
 /// What `--log-level` takes.
 std::vector<std::string> log_level_names();
+/// The level of that name; of others info.
+LogLevel log_level(const std::string& name);
 
 /// A log on stderr: a line an event, with wall time, `program` and level. `level`, the least that
 /// is written, is one of log_level_names() (others count as info).

@@ -16,3 +16,11 @@ target_sources(tessera_observe
 target_compile_definitions(tessera_observe PRIVATE TESSERA_VERSION="${PROJECT_VERSION}")
 target_link_libraries(tessera_observe PUBLIC tessera::film tessera::schedule tessera::store
   PRIVATE nlohmann_json::nlohmann_json)
+
+# tessera_events: what happened lately, for people who ask.
+add_library(tessera_events)
+add_library(tessera::events ALIAS tessera_events)
+target_sources(tessera_events
+  PRIVATE observe/event_log.cpp
+  PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR} FILES observe/event_log.h)
+target_link_libraries(tessera_events PUBLIC tessera::flags)

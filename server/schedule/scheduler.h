@@ -141,10 +141,19 @@ class Scheduler {
   /// audit. One that differs begins an audit, unless there are none (audit_fraction 0).
   bool answer_audit(Job& job, const contract::Unit& unit, const Lease& lease, const Result& result,
                     const Result& committed, Time now);
-  /// Whether the worker was found lying: nothing of it is taken until the server starts again.
+  /// Whether the worker was found lying or is banned: nothing of it is taken.
   bool is_quarantined(const std::string& worker_id) const {
     return quarantined_.count(worker_id) > 0;
   }
+
+  // Orders ---------------------------------------------------------------------------------------
+  /// Asks a worker to go. Returns whether it is connected.
+  bool drain(const std::string& worker_id);
+  /// Nothing more is leased to the worker or taken of it, whether it is here or not; what it holds,
+  /// others render. What it delivered stays.
+  void shut_out(const std::string& worker_id);
+  /// Takes back that the worker was shut out or set aside. Returns whether either is known of it.
+  bool allow(const std::string& worker_id, Time now);
 
   // Time -----------------------------------------------------------------------------------------
   /// Call about every `period`: expires silent workers, opens grants, balances the tail.
@@ -205,8 +214,8 @@ class Scheduler {
   std::map<WorkerKey, Worker> workers_;
   std::map<std::string, WorkerKey> worker_by_id_;
   std::set<std::pair<JobKey, contract::Unit>> waiting_audits_;  // that nobody renders now
-  std::set<std::string> quarantined_;                           // worker ids
-  std::set<WorkerKey> hungry_;                                  // working, with credits
+  std::set<std::string> quarantined_;                   // worker ids: found lying, or banned
+  std::set<WorkerKey> hungry_;                          // working, with credits
   std::map<std::string, std::int32_t> threads_;         // of working workers, by tag; "": all
   std::map<std::string, std::set<std::string>> hosts_;  // likewise
   std::set<std::string> awaited_;                       // of the roster, not yet back

@@ -145,21 +145,9 @@ void Scheduler::settle_audit(Job& job, const Unit& unit, Time now) {
 
 /// Nothing more is taken of a worker that lies; what it has, others render.
 void Scheduler::quarantine(const std::string& worker_id) {
-  if (!quarantined_.insert(worker_id).second) return;
+  if (quarantined_.count(worker_id) > 0) return;
   effects_.liars.push_back(worker_id);
-  for (auto& [key, job] : jobs_) {
-    for (auto& [unit, audit] : job.audits) audit.disregard(worker_id);
-  }
-  Worker* worker = find_worker(worker_id);
-  if (worker == nullptr) return;
-  worker->set_aside = true;
-  hungry_.erase(worker->key);
-  const auto held = worker->held;
-  for (const auto& [key, unit] : held) {
-    Job& job = jobs_.at(key);
-    if (release(job, *worker, unit)) revoke(*worker, job, unit);
-  }
-  count_threads();
+  shut_out(worker_id);
 }
 
 void Scheduler::forget_audits(Job& job) {

@@ -36,9 +36,11 @@ struct Mail {
   std::vector<UnitName> revoked;
   std::vector<Acknowledgement> acknowledgements;
   std::vector<std::string> ended_jobs;
+  bool drain = false;  // it is to go
 
   bool empty() const {
-    return leases.empty() && revoked.empty() && acknowledgements.empty() && ended_jobs.empty();
+    return leases.empty() && revoked.empty() && acknowledgements.empty() && ended_jobs.empty() &&
+           !drain;
   }
 };
 
@@ -64,7 +66,7 @@ struct Worker {
   bool connected = false;  // has a stream; without one it is lost after the time-out
   bool lost = false;
   bool leaving = false;
-  bool set_aside = false;  // fails units that succeed elsewhere, or lies
+  bool set_aside = false;  // fails units that succeed elsewhere, lies, or is banned
   bool is_known = false;   // has delivered a unit; its first is always audited
   Time heard;              // last sign of life
   std::int32_t credits = 0;

@@ -28,6 +28,7 @@ constexpr AccessRule kRules[] = {
     {"JobService.ExtendJob", true, false, false},
     {"JobService.GetJobReport", true, false, false},
     {"JobService.FetchFrame", true, false, true},
+    {"JobService.WatchEvents", true, false, true},
     {"AssetService.FindMissingAssets", true, false, false},
     {"AssetService.UploadAsset", true, false, true},
     {"AssetService.DownloadAsset", false, true, true},
@@ -35,7 +36,12 @@ constexpr AccessRule kRules[] = {
     {"WorkerService.Deliver", false, true, true},
     {"WorkerService.DescribeJob", false, true, false},
     {"WorkerService.ListWorkers", true, false, false},
+    {"WorkerService.DrainWorker", false, false, false},
+    {"WorkerService.BanWorker", false, false, false},
+    {"WorkerService.AllowWorker", false, false, false},
 };
+
+using Clock = std::chrono::steady_clock;
 
 std::int64_t now_s() {
   return std::chrono::duration_cast<std::chrono::seconds>(
@@ -48,21 +54,11 @@ bool may_call(const AccessRule& rule, Role role) {
          (role == Role::worker && rule.worker);
 }
 
-}  // namespace
-
-absl::StatusOr<std::shared_ptr<const void>> ClientStreams::open(const std::string& client) {
-  const std::lock_guard lock(counts_->mutex);
-  int& count = counts_->open[client];
-  if (count >= kStreamsPerClient) {
-    return absl::ResourceExhaustedError(
-        absl::StrCat("client ", client, " has ", count, " streams open; end one first"));
-  }
-  ++count;
-  return std::shared_ptr<const void>(nullptr, [counts = counts_, client](const void*) {
-    const std::lock_guard end_lock(counts->mutex);
-    if (--counts->open[client] == 0) counts->open.erase(client);
-  });
+bool is_client(const Caller& caller) {
+  return caller.identity && caller.identity->role == Role::client;
 }
+
+}  // namespace
 
 const AccessRule* find_access_rule(std::string_view rpc) {
   for (const AccessRule& rule : kRules) {
@@ -112,12 +108,21 @@ absl::StatusOr<Caller> Access::admit(const grpc::CallbackServerContext& context,
                                                     caller->identity->name, " may not call ",
                                                     std::string(rpc)));
   }
-  if (rule->is_stream && caller->identity && caller->identity->role == Role::client) {
-    auto place = streams_->open(caller->identity->name);
+  if (!is_client(*caller)) return caller;
+  if (absl::Status status = limits_->call(caller->identity->name, Clock::now()); !status.ok()) {
+    return status;
+  }
+  if (rule->is_stream) {
+    auto place = limits_->open(caller->identity->name);
     if (!place.ok()) return place.status();
     caller->stream = *std::move(place);
   }
   return caller;
+}
+
+absl::Status Access::count_upload(const Caller& caller, std::int64_t bytes) const {
+  if (!is_client(caller)) return absl::OkStatus();
+  return limits_->upload(caller.identity->name, bytes, Clock::now());
 }
 
 absl::Status Access::recheck(const Caller& caller) const {

@@ -13,6 +13,7 @@
 #include "absl/status/statusor.h"
 #include "server/identity/identity.h"
 #include "server/identity/revocations.h"
+#include "server/service/client_limits.h"
 
 namespace tessera::server {
 
@@ -42,23 +43,6 @@ struct AccessRule {
   bool is_stream;  // counts while it is open
 };
 
-/// Open streams of all clients, at most kStreamsPerClient each. Any thread.
-class ClientStreams {
- public:
-  static constexpr int kStreamsPerClient = 8;
-
-  /// A place, kept until the object goes. Errors: ResourceExhausted.
-  absl::StatusOr<std::shared_ptr<const void>> open(const std::string& client);
-
- private:
-  struct Counts {
-    std::mutex mutex;
-    std::map<std::string, int> open;  // by client
-  };
-  const std::shared_ptr<Counts> counts_ =
-      std::make_shared<Counts>();  // owners: this and the places
-};
-
 /// The rule for an rpc; nullptr: there is none, and nobody may call it.
 const AccessRule* find_access_rule(std::string_view rpc);
 
@@ -70,25 +54,27 @@ class Access {
   /// `token`: empty for a Unix socket.
   explicit Access(std::string token) : token_(std::move(token)) {}
   /// Callers come with certificates, which TLS has verified.
-  explicit Access(std::unique_ptr<Revocations> revocations)
-      : revocations_(std::move(revocations)), streams_(std::make_unique<ClientStreams>()) {}
+  explicit Access(std::unique_ptr<Revocations> revocations, ClientRates rates = {})
+      : revocations_(std::move(revocations)), limits_(std::make_unique<ClientLimits>(rates)) {}
 
   /// Who the caller is, if it may call `rpc`.
   ///
   /// Errors: Unauthenticated, no token or a wrong one, or a certificate that is revoked, has
   /// expired or names no role; PermissionDenied, not with this role; ResourceExhausted, too many
-  /// streams of this client are open.
+  /// streams of this client are open; Unavailable, it calls too often.
   absl::StatusOr<Caller> admit(const grpc::CallbackServerContext& context,
                                std::string_view rpc) const;
   /// Whether a caller admitted earlier still would be; for streams that stay open.
   absl::Status recheck(const Caller& caller) const;
+  /// Counts what a caller is about to upload. Errors: ResourceExhausted, more than it may.
+  absl::Status count_upload(const Caller& caller, std::int64_t bytes) const;
 
  private:
   absl::StatusOr<Caller> identify(const grpc::CallbackServerContext& context) const;
 
   std::string token_;
   std::unique_ptr<Revocations> revocations_;  // null: no certificates
-  std::unique_ptr<ClientStreams> streams_;    // null likewise
+  std::unique_ptr<ClientLimits> limits_;      // null likewise
 };
 
 /// What the caller sent as its token; empty if nothing.

@@ -21,8 +21,8 @@ constexpr std::int64_t kLargestAssetBytes = std::int64_t{1} << 40;
 /// Writes what arrives to an upload file, hashing on the way; keeps it if it is what it said.
 class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
  public:
-  Upload(Coordinator& coordinator, const absl::StatusOr<Caller>& caller)
-      : coordinator_(coordinator), caller_(caller.value_or(Caller{})) {
+  Upload(Coordinator& coordinator, const Access& access, const absl::StatusOr<Caller>& caller)
+      : coordinator_(coordinator), access_(access), caller_(caller.value_or(Caller{})) {
     if (caller.ok()) {
       StartRead(&request_);
     } else {
@@ -72,6 +72,9 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
           absl::StrCat("asset.size_bytes: ", size_bytes_, " is not in [0, 2^40]"));
     }
     if (coordinator_.has_asset(*digest_)) return absl::OkStatus();
+    if (absl::Status status = access_.count_upload(caller_, size_bytes_); !status.ok()) {
+      return status;
+    }
     const auto path = coordinator_.new_upload_path();
     if (!path.ok()) return path.status();
     path_ = *path;
@@ -102,7 +105,8 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
   }
 
   Coordinator& coordinator_;
-  const Caller caller_;  // for its place among the open streams
+  const Access& access_;
+  const Caller caller_;  // also for its place among the open streams
   v1::UploadAssetRequest request_;
   std::optional<contract::Digest> digest_;
   std::int64_t size_bytes_ = 0, received_bytes_ = 0;
@@ -172,7 +176,7 @@ grpc::ServerUnaryReactor* AssetService::FindMissingAssets(
 
 grpc::ServerReadReactor<v1::UploadAssetRequest>* AssetService::UploadAsset(
     grpc::CallbackServerContext* context, v1::UploadAssetResponse* /*response*/) {
-  return new Upload(coordinator_, access_.admit(*context, "AssetService.UploadAsset"));
+  return new Upload(coordinator_, access_, access_.admit(*context, "AssetService.UploadAsset"));
 }
 
 /// A worker reads assets of jobs it was leased; an admin, and whoever has no certificate, all.

@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "proto/contract/rpc_status.h"
 #include "server/observe/report.h"
+#include "server/service/event_stream.h"
 #include "server/service/frame_stream.h"
 #include "server/service/messages.h"
 #include "server/service/watch_stream.h"
@@ -176,6 +177,14 @@ grpc::ServerWriteReactor<v1::FetchFrameResponse>* JobService::FetchFrame(
     grpc::CallbackServerContext* context, const v1::FetchFrameRequest* request) {
   return send_frame(coordinator_, *request,
                     admit(*context, "JobService.FetchFrame", request->job_id()));
+}
+
+grpc::ServerWriteReactor<v1::WatchEventsResponse>* JobService::WatchEvents(
+    grpc::CallbackServerContext* context, const v1::WatchEventsRequest* request) {
+  auto caller = request->job_id().empty()
+                    ? access_.admit(*context, "JobService.WatchEvents")
+                    : admit(*context, "JobService.WatchEvents", request->job_id());
+  return watch_events(coordinator_, access_, *request, caller);
 }
 
 }  // namespace tessera::server

@@ -51,6 +51,8 @@ class JobService final : public v1::JobService::CallbackService {
                                          v1::GetJobReportResponse* response) override;
   grpc::ServerWriteReactor<v1::FetchFrameResponse>* FetchFrame(
       grpc::CallbackServerContext* context, const v1::FetchFrameRequest* request) override;
+  grpc::ServerWriteReactor<v1::WatchEventsResponse>* WatchEvents(
+      grpc::CallbackServerContext* context, const v1::WatchEventsRequest* request) override;
 
  private:
   struct Change {

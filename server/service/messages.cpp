@@ -194,6 +194,17 @@ v1::SceneManifest to_manifest(const JobSpec& spec) {
   return manifest;
 }
 
+v1::Event to_message(const Event& event) {
+  v1::Event message;
+  message.set_sequence(event.sequence);
+  set_time(event.time_us, *message.mutable_event_time());
+  message.set_kind(static_cast<v1::Event::Kind>(event.kind));
+  message.set_job_id(event.job_id);
+  message.set_worker_id(event.worker_id);
+  message.set_message(event.text);
+  return message;
+}
+
 v1::Worker to_message(const Worker& worker, double silence_seconds) {
   v1::Worker message;
   message.set_id(worker.id);

@@ -59,7 +59,7 @@ absl::StatusOr<Entrance> certified_entrance(const ListenOptions& options) {
   auto credentials = contract::server_credentials(options.certs);
   if (!credentials.ok()) return credentials.status();
   return Entrance{*std::move(credentials),
-                  Access(std::make_unique<Revocations>(options.certs + "/revoked")),
+                  Access(std::make_unique<Revocations>(options.certs + "/revoked"), options.rates),
                   JoinTokens(options.store)};
 }
 
@@ -100,7 +100,7 @@ class GrpcFarmServer final : public FarmServer {
     builder.AddListeningPort(address, credentials_, &port);
     builder.SetMaxReceiveMessageSize(contract::kMaxMessageBytes);
     builder.SetMaxSendMessageSize(contract::kMaxMessageBytes);
-    builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, ClientStreams::kStreamsPerClient);
+    builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, ClientLimits::kStreamsPerClient);
     builder.AddChannelArgument(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
     builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // two servers on a port: an error
     builder.RegisterService(&jobs_);

@@ -2,6 +2,7 @@
 
 #include <grpcpp/alarm.h>
 
+#include <algorithm>
 #include <chrono>
 #include <deque>
 #include <memory>
@@ -20,6 +21,7 @@ namespace {
 constexpr std::size_t kAcknowledgementsPerMessage = 4096;  // well under the largest message
 constexpr std::size_t kLeasesPerMessage = 4096;
 constexpr std::size_t kMostLogBytes = 8 << 10;
+constexpr int kMostLogLines = 64;  // in one message; a worker that sends more talks too much
 /// How long a write may take once its stream is to end.
 constexpr std::chrono::seconds kPatience{1};
 
@@ -28,6 +30,16 @@ std::vector<UnitName> names_of(const google::protobuf::RepeatedPtrField<v1::Unit
   names.reserve(static_cast<std::size_t>(units.size()));
   for (const v1::UnitId& unit : units) names.push_back(from_message(unit));
   return names;
+}
+
+std::vector<LogLine> lines_of(const v1::LogLines& message) {
+  const int count = std::min(message.lines_size(), kMostLogLines);
+  std::vector<LogLine> lines;
+  lines.reserve(static_cast<std::size_t>(count));
+  for (int i = 0; i < count; ++i) {
+    lines.push_back({message.lines(i).job_id(), message.lines(i).message()});
+  }
+  return lines;
 }
 
 /// Seconds as a worker gives them; what is no span counts as none.
@@ -51,6 +63,7 @@ void write_mail(const Mail& mail, std::deque<v1::WorkResponse>& out) {
     out.emplace_back();
     out.back().mutable_job_ended()->set_job_id(job_id);
   }
+  if (mail.drain) out.emplace_back().mutable_drain();
   for (std::size_t i = 0; i < mail.leases.size(); ++i) {
     if (i % kLeasesPerMessage == 0) out.emplace_back();
     *out.back().mutable_leases()->add_leases() = to_message(mail.leases[i]);
@@ -188,6 +201,9 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
                                   span_of(loaded.build_seconds()), loaded.peak_rss_bytes());
         break;
       }
+      case v1::WorkRequest::kLogLines:
+        coordinator_.take_log_lines(session, lines_of(request_.log_lines()));
+        break;
       case v1::WorkRequest::kHello:
         return absl::InvalidArgumentError("hello: only the first message may be one");
       case v1::WorkRequest::EVENT_NOT_SET:

@@ -8,6 +8,19 @@
 #include "server/service/work_stream.h"
 
 namespace tessera::server {
+namespace {
+
+grpc::ServerUnaryReactor* finish(grpc::CallbackServerContext* context, const absl::Status& status) {
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  reactor->Finish(contract::to_rpc(status));
+  return reactor;
+}
+
+std::function<void(absl::Status)> answer_with(grpc::ServerUnaryReactor* reactor) {
+  return [reactor](const absl::Status& status) { reactor->Finish(contract::to_rpc(status)); };
+}
+
+}  // namespace
 
 grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* WorkerService::Work(
     grpc::CallbackServerContext* context) {
@@ -37,9 +50,7 @@ grpc::ServerUnaryReactor* WorkerService::DescribeJob(grpc::CallbackServerContext
     *response->mutable_settings() = contract::to_message(spec->settings);
     *response->mutable_manifest() = to_manifest(*spec);
   }
-  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  reactor->Finish(contract::to_rpc(status));
-  return reactor;
+  return finish(context, status);
 }
 
 grpc::ServerUnaryReactor* WorkerService::ListWorkers(grpc::CallbackServerContext* context,
@@ -51,8 +62,34 @@ grpc::ServerUnaryReactor* WorkerService::ListWorkers(grpc::CallbackServerContext
       *response->add_workers() = to_message(worker, silence);
     }
   }
+  return finish(context, status);
+}
+
+grpc::ServerUnaryReactor* WorkerService::DrainWorker(grpc::CallbackServerContext* context,
+                                                     const v1::DrainWorkerRequest* request,
+                                                     v1::DrainWorkerResponse* /*response*/) {
+  absl::Status status = access_.admit(*context, "WorkerService.DrainWorker").status();
+  if (status.ok()) status = coordinator_.drain_worker(request->worker_id());
+  return finish(context, status);
+}
+
+grpc::ServerUnaryReactor* WorkerService::BanWorker(grpc::CallbackServerContext* context,
+                                                   const v1::BanWorkerRequest* request,
+                                                   v1::BanWorkerResponse* /*response*/) {
+  const absl::Status status = access_.admit(*context, "WorkerService.BanWorker").status();
+  if (!status.ok()) return finish(context, status);
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  reactor->Finish(contract::to_rpc(status));
+  coordinator_.ban_worker(request->worker_id(), answer_with(reactor));
+  return reactor;
+}
+
+grpc::ServerUnaryReactor* WorkerService::AllowWorker(grpc::CallbackServerContext* context,
+                                                     const v1::AllowWorkerRequest* request,
+                                                     v1::AllowWorkerResponse* /*response*/) {
+  const absl::Status status = access_.admit(*context, "WorkerService.AllowWorker").status();
+  if (!status.ok()) return finish(context, status);
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  coordinator_.allow_worker(request->worker_id(), answer_with(reactor));
   return reactor;
 }
 

@@ -31,6 +31,15 @@ class WorkerService final : public v1::WorkerService::CallbackService {
   grpc::ServerUnaryReactor* ListWorkers(grpc::CallbackServerContext* context,
                                         const v1::ListWorkersRequest* request,
                                         v1::ListWorkersResponse* response) override;
+  grpc::ServerUnaryReactor* DrainWorker(grpc::CallbackServerContext* context,
+                                        const v1::DrainWorkerRequest* request,
+                                        v1::DrainWorkerResponse* response) override;
+  grpc::ServerUnaryReactor* BanWorker(grpc::CallbackServerContext* context,
+                                      const v1::BanWorkerRequest* request,
+                                      v1::BanWorkerResponse* response) override;
+  grpc::ServerUnaryReactor* AllowWorker(grpc::CallbackServerContext* context,
+                                        const v1::AllowWorkerRequest* request,
+                                        v1::AllowWorkerResponse* response) override;
 
  private:
   Coordinator& coordinator_;

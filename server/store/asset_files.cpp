@@ -107,6 +107,18 @@ absl::Status AssetFiles::make_visible(const std::string& upload_path,
   return files_.sync_folder(absl::StrCat(folder_, "/", name));
 }
 
+absl::Status AssetFiles::release(const std::vector<contract::Digest>& digests) {
+  const std::int64_t now = now_us_();
+  return journal_.write([&](Database& rows) {
+    for (const contract::Digest& digest : digests) {
+      absl::Status noted =
+          rows.run("UPDATE assets SET used_us=? WHERE sha256=?", {now, blob(digest)});
+      if (!noted.ok()) return noted;
+    }
+    return absl::OkStatus();
+  });
+}
+
 absl::Status AssetFiles::collect(std::int64_t now_us, std::int64_t quota_bytes,
                                  const std::vector<contract::Digest>& named) {
   std::vector<contract::Digest> pinned = named;
@@ -114,14 +126,16 @@ absl::Status AssetFiles::collect(std::int64_t now_us, std::int64_t quota_bytes,
   std::int64_t excess = used_bytes_ - quota_bytes;
   std::vector<std::pair<contract::Digest, std::int64_t>> victims;
   absl::Status status = journal_.read([&](Database& rows) {
-    return rows.each("SELECT sha256, bytes FROM assets WHERE kept_us<=? ORDER BY kept_us, sha256",
-                     {now_us - kPinUs}, [&](const SqlRow& row) {
-                       const auto digest = contract::Digest::from_binary(row.bytes(0));
-                       if (excess <= 0 || !digest.has_value()) return;
-                       if (std::binary_search(pinned.begin(), pinned.end(), *digest)) return;
-                       victims.emplace_back(*digest, row.integer(1));
-                       excess -= row.integer(1);
-                     });
+    return rows.each(
+        "SELECT sha256, bytes FROM assets WHERE kept_us<=? "
+        "ORDER BY MAX(kept_us, used_us), sha256",
+        {now_us - kPinUs}, [&](const SqlRow& row) {
+          const auto digest = contract::Digest::from_binary(row.bytes(0));
+          if (excess <= 0 || !digest.has_value()) return;
+          if (std::binary_search(pinned.begin(), pinned.end(), *digest)) return;
+          victims.emplace_back(*digest, row.integer(1));
+          excess -= row.integer(1);
+        });
   });
   if (!status.ok() || victims.empty()) return status;
   // Rows first: a file without a row is only litter, a row without a file is a lie.

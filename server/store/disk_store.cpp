@@ -370,6 +370,10 @@ std::string DiskStore::asset_path(const contract::Digest& digest) const {
   return assets_->path(digest);
 }
 
+absl::Status DiskStore::release_assets(const std::vector<contract::Digest>& digests) {
+  return assets_->release(digests);
+}
+
 absl::Status DiskStore::collect_assets(std::int64_t now_us, std::int64_t quota_bytes,
                                        const std::vector<contract::Digest>& named) {
   return assets_->collect(now_us, quota_bytes, named);
@@ -387,10 +391,28 @@ absl::Status DiskStore::forget_worker(const std::string& worker_id) {
 }
 
 absl::StatusOr<std::vector<std::string>> DiskStore::roster() const {
+  return read_ids("SELECT id FROM workers ORDER BY id");
+}
+
+absl::Status DiskStore::ban_worker(const std::string& worker_id) {
+  return journal_->write([&](Database& rows) {
+    return rows.run("INSERT OR REPLACE INTO bans(worker) VALUES(?)", {worker_id});
+  });
+}
+
+absl::Status DiskStore::allow_worker(const std::string& worker_id) {
+  return journal_->write(
+      [&](Database& rows) { return rows.run("DELETE FROM bans WHERE worker=?", {worker_id}); });
+}
+
+absl::StatusOr<std::vector<std::string>> DiskStore::banned_workers() const {
+  return read_ids("SELECT worker FROM bans ORDER BY worker");
+}
+
+absl::StatusOr<std::vector<std::string>> DiskStore::read_ids(std::string_view sql) const {
   std::vector<std::string> ids;
   absl::Status status = journal_->read([&](Database& rows) {
-    return rows.each("SELECT id FROM workers ORDER BY id", {},
-                     [&](const SqlRow& row) { ids.push_back(row.text(0)); });
+    return rows.each(sql, {}, [&](const SqlRow& row) { ids.push_back(row.text(0)); });
   });
   if (!status.ok()) return status;
   return ids;

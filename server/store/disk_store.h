@@ -56,12 +56,16 @@ class DiskStore final : public Store {
   absl::StatusOr<std::string> new_upload_path() override;
   absl::Status keep_asset(const std::string& upload_path, const contract::Digest& digest) override;
   std::string asset_path(const contract::Digest& digest) const override;
+  absl::Status release_assets(const std::vector<contract::Digest>& digests) override;
   absl::Status collect_assets(std::int64_t now_us, std::int64_t quota_bytes,
                               const std::vector<contract::Digest>& named) override;
 
   absl::Status remember_worker(const std::string& worker_id, const std::string& name) override;
   absl::Status forget_worker(const std::string& worker_id) override;
   absl::StatusOr<std::vector<std::string>> roster() const override;
+  absl::Status ban_worker(const std::string& worker_id) override;
+  absl::Status allow_worker(const std::string& worker_id) override;
+  absl::StatusOr<std::vector<std::string>> banned_workers() const override;
   absl::Status remember_join(const Join& join, std::int64_t most) override;
 
   std::int64_t used_bytes() const override;
@@ -85,6 +89,7 @@ class DiskStore final : public Store {
                                    const std::vector<Commit*>& units);
   absl::StatusOr<std::int64_t> make_output_durable(const std::string& job_id,
                                                    const std::string& file);
+  absl::StatusOr<std::vector<std::string>> read_ids(std::string_view sql) const;
   absl::StatusOr<std::int64_t> sum_bytes(std::string_view sql, std::int64_t job) const;
 
   StoreOptions options_;

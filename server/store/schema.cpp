@@ -77,6 +77,10 @@ CREATE TABLE joins(
     R"sql(
 ALTER TABLE units ADD COLUMN audit INTEGER NOT NULL DEFAULT 0;  -- AuditState in store.h
 )sql",
+    R"sql(
+CREATE TABLE bans(worker TEXT PRIMARY KEY) WITHOUT ROWID;  -- ids, found lying or banned
+ALTER TABLE assets ADD COLUMN used_us INTEGER NOT NULL DEFAULT 0;  -- when a job last gave it up
+)sql",
 };
 
 constexpr std::int64_t kSchemaVersion = std::size(kSteps);

@@ -162,8 +162,11 @@ class Store {
   virtual absl::Status keep_asset(const std::string& upload_path,
                                   const contract::Digest& digest) = 0;
   virtual std::string asset_path(const contract::Digest& digest) const = 0;
-  /// Deletes the assets uploaded longest ago until all take at most `quota_bytes`, but none that
-  /// was uploaded within the last hour before `now_us` and none that is `named` by a job.
+  /// Jobs no longer name these assets: until now they were in use.
+  virtual absl::Status release_assets(const std::vector<contract::Digest>& digests) = 0;
+  /// Deletes the assets least recently used (released, else uploaded) until all take at most
+  /// `quota_bytes`, but none that was uploaded within the last hour before `now_us` and none that
+  /// is `named` by a job.
   virtual absl::Status collect_assets(std::int64_t now_us, std::int64_t quota_bytes,
                                       const std::vector<contract::Digest>& named) = 0;
 
@@ -171,6 +174,10 @@ class Store {
   virtual absl::Status remember_worker(const std::string& worker_id, const std::string& name) = 0;
   virtual absl::Status forget_worker(const std::string& worker_id) = 0;
   virtual absl::StatusOr<std::vector<std::string>> roster() const = 0;
+  /// Workers that are shut out; durable on return, repeating is harmless.
+  virtual absl::Status ban_worker(const std::string& worker_id) = 0;
+  virtual absl::Status allow_worker(const std::string& worker_id) = 0;
+  virtual absl::StatusOr<std::vector<std::string>> banned_workers() const = 0;
 
   /// Records that a worker has joined with a token, once per worker and token; durable on return.
   ///

@@ -33,6 +33,7 @@ if(TESSERA_WITH_GRPC)
   tessera_e2e(metrics 300)
   tessera_e2e(documented_commands 300)
   tessera_e2e(farm_up_down 300)
+  tessera_e2e(operators 300)
   # What the asan stage of .ci/run has no time for; `ctest --preset asan-long` runs it.
   set_tests_properties(e2e.same_bits_crashes e2e.same_bits_cover e2e.by_error e2e.bench
     e2e.command_line e2e.metrics e2e.documented_commands e2e.farm_up_down PROPERTIES LABELS "e2e;long")

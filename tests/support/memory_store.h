@@ -154,6 +154,9 @@ class MemoryStore final : public Store {
   std::string asset_path(const contract::Digest& digest) const override {
     return folder_ + "/" + digest.hex();
   }
+  absl::Status release_assets(const std::vector<contract::Digest>&) override {
+    return absl::OkStatus();
+  }
   absl::Status collect_assets(std::int64_t, std::int64_t,
                               const std::vector<contract::Digest>&) override {
     return absl::OkStatus();
@@ -172,6 +175,20 @@ class MemoryStore final : public Store {
   absl::StatusOr<std::vector<std::string>> roster() const override {
     const std::lock_guard lock(mutex_);
     return std::vector<std::string>(roster_.begin(), roster_.end());
+  }
+  absl::Status ban_worker(const std::string& worker_id) override {
+    const std::lock_guard lock(mutex_);
+    banned_.insert(worker_id);
+    return absl::OkStatus();
+  }
+  absl::Status allow_worker(const std::string& worker_id) override {
+    const std::lock_guard lock(mutex_);
+    banned_.erase(worker_id);
+    return absl::OkStatus();
+  }
+  absl::StatusOr<std::vector<std::string>> banned_workers() const override {
+    const std::lock_guard lock(mutex_);
+    return std::vector<std::string>(banned_.begin(), banned_.end());
   }
   absl::Status remember_join(const Join& join, std::int64_t most) override {
     const std::lock_guard lock(mutex_);
@@ -192,7 +209,7 @@ class MemoryStore final : public Store {
   absl::Status commit_fault_;
   int group_count_ = 0;
   std::int64_t last_sequence_ = 0, next_offset_ = 0;
-  std::set<std::string> used_ids_, released_, roster_;
+  std::set<std::string> used_ids_, released_, roster_, banned_;
   std::map<std::string, std::set<std::string>> joins_;  // by token
   std::map<std::int64_t, JobRecord> jobs_;
   std::map<std::string, std::map<contract::Unit, std::pair<UnitRecord, std::string>>> units_;

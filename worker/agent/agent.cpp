@@ -20,6 +20,7 @@
 #include "proto/metrics/listener.h"
 #include "tessera/v1/asset_service.grpc.pb.h"
 #include "worker/agent/agent_metrics.h"
+#include "worker/agent/job_log.h"
 #include "worker/agent/render_desk.h"
 #include "worker/agent/renderer.h"
 #include "worker/agent/server_link.h"
@@ -73,11 +74,11 @@ void wait_for_socket(const std::string& address) {
   }
 }
 
-RenderDeskOptions desk_options(const AgentOptions& options) {
+RenderDeskOptions desk_options(const AgentOptions& options, JobLog log) {
   RenderDeskOptions desk;
   desk.thread_count = options.thread_count;
   desk.unit_timeout = options.unit_timeout;
-  desk.log = options.log;
+  desk.log = std::move(log);
   desk.lie_every = options.lie_every;
   desk.arguments = {"renderer",
                     "--fd",
@@ -123,7 +124,8 @@ class Agent {
         cache_(std::move(cache)),
         log_(std::move(log)),
         metrics_(metrics),
-        desk_(desk_options(options_), std::move(renderer), queue_, log_, mailbox_, desk_outlet()),
+        desk_(desk_options(options_, [this](auto... line) { say(line...); }), std::move(renderer),
+              queue_, log_, mailbox_, desk_outlet()),
         link_(*workers_, {options_.token, options_.deliver_twice, options_.forge, options_.log},
               queue_, mailbox_, link_outlet()),
         fetcher_(*workers_, *assets_, *cache_, metrics_, options_.token,
@@ -145,6 +147,7 @@ class Agent {
       Time wake = now + kTick;
       if (desk_.ready() != nullptr) {
         link_.pump(now);
+        relay_lines(now);
         wake = std::min(wake, link_.next_due());
       }
       take_stock();
@@ -237,8 +240,8 @@ class Agent {
         leave("the server's wish");
         break;
       case v1::WorkResponse::kJobEnded:
-        options_.log(LogLevel::info,
-                     absl::StrCat("job ", response.job_ended().job_id(), " has ended"));
+        say(LogLevel::info, response.job_ended().job_id(),
+            absl::StrCat("job ", response.job_ended().job_id(), " has ended"));
         queue_.drop_job(response.job_ended().job_id());
         desk_.job_ended(response.job_ended().job_id());
         break;
@@ -263,9 +266,24 @@ class Agent {
     const std::string name = v1::Acknowledgement::Verdict_Name(verdict.verdict());
     log_.write(name.substr(sizeof "VERDICT_" - 1).c_str(), key, verdict.reason());
     const bool rejected = verdict.verdict() == v1::Acknowledgement::VERDICT_REJECTED;
-    options_.log(rejected ? LogLevel::warn : LogLevel::debug,
-                 absl::StrCat("unit ", to_string(key), rejected ? " is rejected: " : ": ",
-                              rejected ? verdict.reason() : name));
+    say(rejected ? LogLevel::warn : LogLevel::debug, key.job_id,
+        absl::StrCat("unit ", to_string(key), rejected ? " is rejected: " : ": ",
+                     rejected ? verdict.reason() : name));
+  }
+
+  /// Logs a line, and keeps it for the server if it is about a job and worth being logged here.
+  void say(LogLevel level, const std::string& job_id, const std::string& line) {
+    options_.log(level, line);
+    if (!job_id.empty() && level >= options_.log_level) relay_.add(level, job_id, line);
+  }
+
+  void relay_lines(Time now) {
+    if (!link_.connected()) return;
+    auto lines = relay_.take(now);
+    if (!lines) return;
+    v1::WorkRequest request;
+    *request.mutable_log_lines() = *std::move(lines);
+    link_.send(std::move(request));
   }
 
   /// Sets the gauges: the queue belongs to this thread, which is not the one that is asked.
@@ -314,6 +332,7 @@ class Agent {
   AgentMetrics& metrics_;
   UnitQueue queue_;
   Mailbox mailbox_;
+  LogRelay relay_;
   bool leaving_ = false;
   Time leave_by_{};
   std::optional<absl::Status> end_;

@@ -32,6 +32,7 @@ struct AgentOptions {
   std::string unit_log;            // file; empty: none
   std::string metrics;             // HOST:PORT where Prometheus may ask; empty: nowhere
   Log log = no_log;
+  LogLevel log_level = LogLevel::info;  // the least that is told to the server, of lines about jobs
   std::optional<contract::Unit> crash_on;  // fault injection: the renderer dies of this unit
   bool deliver_twice = false;              // fault injection, as are those below
   bool forge = false;                      // false blocks go first, under leases it was not given

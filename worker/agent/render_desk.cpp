@@ -79,8 +79,7 @@ void RenderDesk::on_event(std::int64_t generation, v1::RendererEvent event) {
     case v1::RendererEvent::kStarted:
       taken_up_[key_of(event.started())] = Clock::now();
       log_.write("started", key_of(event.started()));
-      options_.log(LogLevel::debug,
-                   absl::StrCat("unit ", to_string(key_of(event.started())), " is taken up"));
+      say(LogLevel::debug, key_of(event.started()), " is taken up");
       break;
     case v1::RendererEvent::kUnit:
       on_unit(std::move(*event.mutable_unit()));
@@ -92,7 +91,7 @@ void RenderDesk::on_event(std::int64_t generation, v1::RendererEvent event) {
 
 void RenderDesk::on_death(std::int64_t generation, const RendererProcess::Death& death) {
   if (generation != generation_) return;
-  options_.log(LogLevel::warn, absl::StrCat("the renderer was ", death.reason));
+  options_.log(LogLevel::warn, "", absl::StrCat("the renderer was ", death.reason));
   outlet_.renderer_died();
   const bool was_ready = ready_ && !taken_up_.empty();
   renderer_.reset();
@@ -154,8 +153,10 @@ void RenderDesk::on_scene(const v1::SceneOutcome& outcome) {
   found->second.error = outcome.error();
   found->second.loaded = outcome.error().empty();
   if (!found->second.loaded) return;  // pump() fails its units
-  options_.log(LogLevel::info,
-               absl::StrCat("job ", outcome.job_id(), ", frame ", outcome.frame(), " is loaded"));
+  options_.log(
+      LogLevel::info, outcome.job_id(),
+      absl::StrCat("job ", outcome.job_id(), ", frame ", outcome.frame(), " is loaded in ",
+                   outcome.load_seconds(), " s, built in ", outcome.build_seconds(), " s"));
   v1::SceneLoaded loaded;
   loaded.set_job_id(outcome.job_id());
   loaded.set_frame(outcome.frame());
@@ -189,17 +190,20 @@ void RenderDesk::on_unit(v1::UnitOutcome outcome) {
     return;
   }
   log_.write("finished", key, sha256.hex());
-  options_.log(LogLevel::debug, absl::StrCat("unit ", to_string(key), " is rendered, ",
-                                             outcome.cpu_seconds(), " CPU s"));
+  say(LogLevel::debug, key, absl::StrCat(" is rendered, ", outcome.cpu_seconds(), " CPU s"));
   outlet_.unit_finished(rendered);
+}
+
+void RenderDesk::say(LogLevel level, const UnitKey& unit, const std::string& what) {
+  options_.log(level, unit.job_id, absl::StrCat("unit ", to_string(unit), what));
 }
 
 void RenderDesk::fail(const UnitKey& key, const std::string& message, const std::string& log_tail,
                       bool bad_scene) {
-  auto failure = queue_.fail(key, message, log_tail, bad_scene);
+  auto failure = queue_.fail(key, valid_utf8(message), valid_utf8(log_tail), bad_scene);
   if (!failure) return;
   log_.write("failed", key, message);
-  options_.log(LogLevel::warn, absl::StrCat("unit ", to_string(key), " failed: ", message));
+  say(LogLevel::warn, key, absl::StrCat(" failed: ", message));
   outlet_.failed(*std::move(failure));
 }
 
@@ -257,14 +261,13 @@ bool RenderDesk::is_renderer_silent(Time now) {
 bool RenderDesk::kill_hung(Time now) {
   for (const auto& [key, since] : taken_up_) {
     if (now - since < options_.unit_timeout) continue;
-    options_.log(LogLevel::warn,
-                 absl::StrCat("unit ", to_string(key), " hangs; the renderer is killed"));
+    say(LogLevel::warn, key, " hangs; the renderer is killed");
     if (!hung_) hung_ = key;
     renderer_->kill();
     return true;
   }
   if (!taken_up_.empty() || !is_renderer_silent(now)) return false;
-  options_.log(LogLevel::warn, "the renderer hangs; it is killed");
+  options_.log(LogLevel::warn, "", "the renderer hangs; it is killed");
   renderer_->kill();
   return true;
 }

@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "proto/log/log.h"
 #include "worker/agent/job_files.h"
+#include "worker/agent/job_log.h"
 #include "worker/agent/mailbox.h"
 #include "worker/agent/renderer_process.h"
 #include "worker/agent/unit_log.h"
@@ -25,7 +25,7 @@ struct RenderDeskOptions {
   std::chrono::seconds unit_timeout{3600};  // a unit, or scene, that takes longer hangs
   int loaded_frames = 2;                    // at most, at once
   int lie_every = 0;  // fault injection: a bit of every so many blocks; 0: none
-  Log log = no_log;
+  JobLog log;
 };
 
 /// Feeds the renderer process: sees to it that the scenes of leased units are there and loaded,
@@ -91,6 +91,7 @@ class RenderDesk {
   std::vector<UnitKey> possible_causes() const;
   void on_scene(const v1::SceneOutcome& outcome);
   void on_unit(v1::UnitOutcome outcome);
+  void say(LogLevel level, const UnitKey& unit, const std::string& what);
   void fail(const UnitKey& key, const std::string& message, const std::string& log_tail,
             bool bad_scene);
   bool kill_hung(Time now);

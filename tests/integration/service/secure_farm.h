@@ -53,7 +53,7 @@ class SecureFarm : public testing::Test {
     ASSERT_TRUE(issue(certs_, role, name, certs_of(name), year()).ok()) << name;
   }
   absl::StatusOr<std::unique_ptr<FarmServer>> start_server(const std::string& certs) {
-    return FarmServer::start(running_->coordinator(), {"127.0.0.1:0", store_, certs});
+    return FarmServer::start(running_->coordinator(), {"127.0.0.1:0", store_, certs, rates_});
   }
 
   /// A new connection under the certificate issued to `name`.
@@ -75,16 +75,17 @@ class SecureFarm : public testing::Test {
   }
   grpc::Status knock(const std::string& name) const { return knock(channel(name)); }
 
-  grpc::Status upload_scene(const std::string& name) const {
+  grpc::Status upload_scene(const std::string& name) const { return upload(name, kScene); }
+  grpc::Status upload(const std::string& name, const std::string& bytes) const {
     grpc::ClientContext context;
     prepare(context);
     v1::UploadAssetResponse response;
     const auto assets = v1::AssetService::NewStub(channel(name));
     auto stream = assets->UploadAsset(&context, &response);
     v1::UploadAssetRequest request;
-    *request.mutable_asset() = id_of(kScene);
+    *request.mutable_asset() = id_of(bytes);
     stream->Write(request);
-    request.set_chunk(kScene);
+    request.set_chunk(bytes);
     stream->Write(request);
     stream->WritesDone();
     return stream->Finish();
@@ -141,6 +142,7 @@ class SecureFarm : public testing::Test {
   const std::string folder_ = testing::TempDir() + "secure_" +
                               testing::UnitTest::GetInstance()->current_test_info()->name();
   const std::string certs_ = folder_ + "/farm", store_ = folder_ + "/store";
+  ClientRates rates_;
   std::unique_ptr<RunningCoordinator> running_;
   std::unique_ptr<FarmServer> server_;
 

@@ -3,7 +3,7 @@ include(support/scene_support.cmake)
 include(support/render_support.cmake)
 tessera_test(NAME shading KIND unit SOURCES unit/worker/shading_test.cpp LINKS tessera::render)
 if(TESSERA_WITH_GRPC)
-  tessera_test(NAME agent KIND unit SOURCES unit/worker/agent_test.cpp unit/worker/sandbox_test.cpp unit/worker/unit_queue_test.cpp
+  tessera_test(NAME agent KIND unit SOURCES unit/worker/agent_test.cpp unit/worker/job_log_test.cpp unit/worker/sandbox_test.cpp unit/worker/unit_queue_test.cpp
     LINKS tessera::agent)
 endif()
 tessera_test(NAME light KIND unit SOURCES unit/worker/light_tree_test.cpp unit/worker/spherical_rectangle_test.cpp

@@ -116,7 +116,9 @@ TEST_F(StoreCheckTest, AnAlteredAssetIsAFault) {
 
 TEST_F(StoreCheckTest, BlocksThatOverlapAreAFault) {
   change_rows("UPDATE units SET offset=4999 WHERE job=1 AND tile=1");
-  EXPECT_FALSE(check().faults.empty());
+  const StoreFindings found = check();  // its digest is wrong, too
+  ASSERT_EQ(found.faults.size(), 2u) << ::testing::PrintToString(found.faults);
+  EXPECT_TRUE(absl::StrContains(found.faults[0], "lies over another one")) << found.faults[0];
 }
 
 TEST_F(StoreCheckTest, AReleasedBlockOfAnUnfinishedFrameIsAFault) {

@@ -143,7 +143,8 @@ TEST_F(DamageTest, AStoreOfTheFirstSchemaIsBroughtUpToDate) {
     ASSERT_TRUE(database.ok()) << database.status();
     ASSERT_TRUE(
         (*database)
-            ->script("DROP TABLE joins; ALTER TABLE units DROP COLUMN audit; PRAGMA user_version=1")
+            ->script("DROP TABLE joins; ALTER TABLE units DROP COLUMN audit; DROP TABLE bans; "
+                     "ALTER TABLE assets DROP COLUMN used_us; PRAGMA user_version=1")
             .ok());
   }
   const auto store = open();

@@ -421,6 +421,27 @@ TEST_F(StoreTest, CollectsTheOldestAssetsThatNobodyNeeds) {
   EXPECT_TRUE(store().has_asset(fresh));
 }
 
+TEST_F(StoreTest, AnAssetThatAJobGaveUpLastGoesLast) {
+  const contract::Digest reused = upload(std::string(100, 'r'));
+  now_us_ += 1;
+  const contract::Digest unused = upload(std::string(100, 'u'));
+  now_us_ += 2 * kHourUs;
+  ASSERT_TRUE(store().release_assets({reused}).ok());
+  ASSERT_TRUE(store().collect_assets(now_us_, 100, {}).ok());
+  EXPECT_TRUE(store().has_asset(reused));
+  EXPECT_FALSE(store().has_asset(unused));
+}
+
+TEST_F(StoreTest, RemembersWhoIsBanned) {
+  ASSERT_TRUE(store().ban_worker("w2").ok());
+  ASSERT_TRUE(store().ban_worker("w1").ok());
+  ASSERT_TRUE(store().ban_worker("w1").ok());
+  ASSERT_TRUE(store().allow_worker("w2").ok());
+  ASSERT_TRUE(store().allow_worker("nobody").ok());
+  open();
+  EXPECT_EQ(*store().banned_workers(), (std::vector<std::string>{"w1"}));
+}
+
 TEST_F(StoreTest, RemembersItsWorkers) {
   ASSERT_TRUE(store().remember_worker("w2", "second").ok());
   ASSERT_TRUE(store().remember_worker("w1", "first").ok());

@@ -1,0 +1,60 @@
+#!/usr/bin/env bash
+# What an operator sees and orders: events, logs, drain, ban.
+. "$(dirname "$0")/farm.sh"
+scene=$scenes/lit_square.gltf
+job=(--size 64x48 --spp 8 --tile 16)
+
+# worker_state ID: what `tessera workers` says of it.
+worker_state() {
+  farm workers --json >"$work/workers.json"
+  json "$work/workers.json" "[w['state'] for w in d['workers'] if w['id'] == '$1']"
+}
+is_state() { [ "$(worker_state "$1")" = "$2" ]; }
+
+start_server
+start_interruptible events tessera events --server "$socket" --follow --json
+follower=$started
+start_worker one --id w-one --log-level debug
+start_worker two --id w-two
+wait_until 60 "both workers are here" is_state w-two idle
+id=$(farm submit "$scene" "${job[@]}" --name shot)
+exits 0 farm logs shot --follow
+says "job $id job submitted: shot"
+says "job $id job done"
+says "frame 0 is loaded in"
+exits 0 farm logs shot
+grep -q "worker w-one: unit $id 0 [0-9]* [0-9]* is rendered" "$work/out" ||
+  fail "a worker at --log-level debug told nothing of its units"
+! grep -q "worker w-two: unit .* is rendered" "$work/out" ||
+  fail "a worker at --log-level info told of its units"
+say "logs: a job's life, and what its workers' log levels let through"
+
+exits 0 farm workers drain w-two
+wait_until 30 "the drained worker has gone" gone "${worker_pid[two]}"
+wait "${worker_pid[two]}" || fail "a drained worker ended with $?"
+unset "worker_pid[two]"
+say "drain: the worker ends with 0"
+
+exits 0 farm workers ban one # by its name
+equal "a banned worker is set aside" "$(worker_state w-one)" "set aside"
+id=$(farm submit "$scene" "${job[@]}" --seed 2 --name waits)
+kill_server
+start_server
+wait_until 60 "the banned worker is back" is_state w-one "set aside"
+sleep 1
+equal "a ban outlives the server" "$(committed "$id")" 0
+exits 0 farm workers allow w-one
+exits 0 farm watch waits
+say "allow: it works again"
+exits 2 farm workers drain nobody
+
+exits 0 tessera logs "$id" --server "$socket" --json
+while read -r line; do
+  check_schema <<<"$line" || fail "not what docs/schema says: $line"
+done <"$work/out"
+for kind in "job submitted" "frame finished" "job done" "worker drained" "worker banned" "worker allowed"; do
+  wait_until 60 "event '$kind' comes, over the restart" grep -q "\"kind\":\"$kind\"" "$work/events.out"
+done
+interrupted events "$follower"
+say "events: one stream, over a restart of the server"
+echo "$checks checks"

@@ -1,0 +1,211 @@
+// What people are told of a farm, and what they order.
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "server/observe/event_log.h"
+#include "tests/unit/server/coordinator/coordinator_walk.h"
+
+namespace tessera::server {
+namespace {
+
+std::int64_t no_time() {
+  return 0;
+}
+
+Event event_of(EventKind kind, const std::string& job, const std::string& text = "",
+               const std::string& owner = "ann") {
+  return {0, 0, kind, job, owner, "w", text};
+}
+
+std::vector<std::string> texts(const std::vector<Event>& events) {
+  std::vector<std::string> texts;
+  texts.reserve(events.size());
+  for (const Event& event : events) texts.push_back(event.text);
+  return texts;
+}
+
+TEST(EventLog, IsReadFromASequenceOnAndInParts) {
+  EventLog log(1, no_time);
+  for (const char* text : {"a", "b", "c", "d"}) log.add(event_of(EventKind::job_done, "j", text));
+  const auto first = log.read({}, 2);
+  EXPECT_EQ(texts(first), (std::vector<std::string>{"a", "b"}));
+  EXPECT_EQ(texts(log.read({first.back().sequence, "", ""}, 9)),
+            (std::vector<std::string>{"c", "d"}));
+  EventLog next(2, no_time);  // of the next start
+  next.add(event_of(EventKind::job_done, "j"));
+  EXPECT_GT(next.read({}, 1).front().sequence, log.read({}, 9).back().sequence);
+}
+
+TEST(EventLog, AJobsLinesStandAmongItsEventsAndAreNotTheFarms) {
+  EventLog log(1, no_time);
+  log.add(event_of(EventKind::job_submitted, "j", "1"));
+  log.add(event_of(EventKind::log_line, "j", "2"));
+  log.add(event_of(EventKind::job_submitted, "other", "3"));
+  log.add(event_of(EventKind::log_line, "other", "4"));
+  log.add(event_of(EventKind::job_done, "j", "5"));
+  EXPECT_EQ(texts(log.read({0, "j", ""}, 9)), (std::vector<std::string>{"1", "2", "5"}));
+  EXPECT_EQ(texts(log.read({0, "j", ""}, 2)), (std::vector<std::string>{"1", "2"}));
+  EXPECT_EQ(texts(log.read({}, 9)), (std::vector<std::string>{"1", "3", "5"}));
+}
+
+TEST(EventLog, AnOwnerReadsOfHisJobsAndOfWorkers) {
+  EventLog log(1, no_time);
+  log.add(event_of(EventKind::job_done, "a", "ann's", "ann"));
+  log.add(event_of(EventKind::job_done, "b", "bob's", "bob"));
+  log.add(event_of(EventKind::worker_joined, "", "worker", ""));
+  EXPECT_EQ(texts(log.read({0, "", "ann"}, 9)), (std::vector<std::string>{"ann's", "worker"}));
+}
+
+TEST(EventLog, KeepsTheNewestAndTalkPushesOutNoEvents) {
+  EventLog log(1, no_time);
+  log.add(event_of(EventKind::job_submitted, "j", "submitted"));
+  const std::size_t count = EventLog::kMostLinesOfJob + 10;
+  for (std::size_t i = 0; i < count; ++i) {
+    log.add(event_of(EventKind::log_line, "j", std::to_string(i)));
+  }
+  const auto kept = texts(log.read({0, "j", ""}, 2 * count));
+  ASSERT_EQ(kept.size(), EventLog::kMostLinesOfJob + 1);
+  EXPECT_EQ(kept.front(), "submitted");
+  EXPECT_EQ(kept[1], "10");
+  EXPECT_EQ(kept.back(), std::to_string(count - 1));
+}
+
+TEST(EventLog, ManyJobsTogetherKeepNoMoreThanTheMost) {
+  EventLog log(1, no_time);
+  const std::size_t jobs = EventLog::kMostLines / 1000 + 2;
+  for (std::size_t job = 0; job < jobs; ++job) {
+    for (int i = 0; i < 1000; ++i) log.add(event_of(EventKind::log_line, std::to_string(job)));
+  }
+  std::size_t sum = 0;
+  for (std::size_t job = 0; job < jobs; ++job) {
+    sum += log.read({0, std::to_string(job), ""}, 2000).size();
+  }
+  EXPECT_EQ(sum, EventLog::kMostLines);
+  EXPECT_TRUE(log.read({0, "0", ""}, 1).empty());  // the oldest went
+}
+
+TEST(EventLog, ALongLineIsCutBetweenLetters) {
+  EventLog log(1, no_time);
+  std::string umlauts(1, 'x');
+  while (umlauts.size() < 2 * EventLog::kMostTextBytes) umlauts += "\xC3\xA4";
+  log.add(event_of(EventKind::job_failed, "j", umlauts));
+  EXPECT_EQ(log.read({}, 1).front().text, umlauts.substr(0, EventLog::kMostTextBytes - 1));
+}
+
+class Events : public CoordinatorWalk {
+ protected:
+  std::vector<EventKind> kinds(const std::string& job = "") {
+    std::vector<EventKind> kinds;
+    for (const Event& event : coordinator->events().read({0, job, ""}, 1000)) {
+      kinds.push_back(event.kind);
+    }
+    return kinds;
+  }
+  absl::Status ban(const std::string& id) {
+    absl::Status result = absl::UnknownError("no answer");
+    coordinator->ban_worker(id, [&](const absl::Status& status) { result = status; });
+    pump();
+    return result;
+  }
+  absl::Status allow(const std::string& id) {
+    absl::Status result = absl::UnknownError("no answer");
+    coordinator->allow_worker(id, [&](const absl::Status& status) { result = status; });
+    pump();
+    return result;
+  }
+};
+
+TEST_F(Events, TellAJobsLife) {
+  TestWorker worker = join("w");
+  const std::string job = create_job("shot");
+  work_off(worker, job);
+  EXPECT_EQ(kinds(),
+            (std::vector{EventKind::worker_joined, EventKind::job_submitted, EventKind::job_running,
+                         EventKind::frame_finished, EventKind::job_done}));
+  bool is_removed = false;
+  coordinator->remove_job(job, [&](const absl::Status& status) { is_removed = status.ok(); });
+  pump();
+  EXPECT_TRUE(is_removed);
+  EXPECT_EQ(kinds().back(), EventKind::job_removed);
+}
+
+TEST_F(Events, AFailedUnitTellsItsMessageAndWhatItsRendererSaidLast) {
+  TestWorker worker = join("w");
+  const std::string job = create_job("shot");
+  collect(worker);
+  const Leased& unit = worker.units.front();
+  coordinator->fail_unit(worker.session, unit.lease, unit.name.unit.tile,
+                         {"", "it broke", "first\nsecond\n"}, false);
+  const auto told = texts(coordinator->events().read({0, job, ""}, 100));
+  ASSERT_GE(told.size(), 3u);
+  const std::vector<std::string> last(told.end() - 3, told.end());
+  EXPECT_NE(last[0].find("failed: it broke"), std::string::npos);
+  EXPECT_EQ(last[1], "renderer: first");
+  EXPECT_EQ(last[2], "renderer: second");
+}
+
+TEST_F(Events, AWorkersLinesAreTakenForJobsItWasLeasedOnly) {
+  TestWorker worker = join("w");
+  const std::string job = create_job("shot");
+  const TestWorker stranger = join("late", 0);
+  coordinator->take_log_lines(stranger.session, {{job, "not mine"}});
+  coordinator->take_log_lines(worker.session, {{job, "mine"}, {"nosuch", "of no job"}});
+  const auto told = coordinator->events().read({0, job, ""}, 100);
+  EXPECT_EQ(told.back().text, "mine");
+  EXPECT_EQ(told.back().worker_id, "w");
+  for (const Event& event : told) EXPECT_NE(event.text, "not mine");
+  work_off(worker, job);
+  coordinator->take_log_lines(worker.session, {{job, "the last word"}});  // late, but welcome
+  EXPECT_EQ(coordinator->events().read({0, job, ""}, 100).back().text, "the last word");
+}
+
+TEST_F(Events, ADrainedWorkerIsToldToGoAndLeasedNothing) {
+  TestWorker worker = join("w");
+  EXPECT_TRUE(absl::IsNotFound(coordinator->drain_worker("nobody")));
+  EXPECT_TRUE(coordinator->drain_worker("w").ok());
+  EXPECT_TRUE(coordinator->take_mail(worker.session).drain);
+  EXPECT_FALSE(coordinator->take_mail(worker.session).drain);  // once
+  create_job("shot");
+  collect(worker);
+  EXPECT_TRUE(worker.units.empty());
+}
+
+TEST_F(Events, ABannedWorkersUnitsGoToOthersAndItsBlocksAreRefused) {
+  TestWorker bad = join("bad");
+  const std::string job = create_job("shot");
+  collect(bad);
+  ASSERT_FALSE(bad.units.empty());
+  EXPECT_TRUE(absl::IsNotFound(ban("nobody")));
+  EXPECT_TRUE(ban("bad").ok());
+  TestWorker good = join("good");
+  collect(good);
+  EXPECT_EQ(good.units.size(), 6u);  // all there are
+  for (const Leased& unit : bad.units) deliver(bad, unit, bytes_of(unit));
+  pump();
+  EXPECT_EQ(view(job).committed_unit_count, 0);
+  work_off(good, job);
+  EXPECT_EQ(view(job).state, JobState::done);
+}
+
+TEST_F(Events, ABanOutlivesTheServerUntilItIsTakenBack) {
+  join("bad");
+  EXPECT_TRUE(ban("bad").ok());
+  start();
+  TestWorker worker = join("bad");
+  now += std::chrono::seconds(6);  // the roster is not waited for
+  coordinator->hear(worker.session);
+  coordinator->tick();
+  create_job("shot");
+  collect(worker);
+  EXPECT_TRUE(worker.units.empty());
+  EXPECT_TRUE(allow("bad").ok());
+  collect(worker);
+  EXPECT_FALSE(worker.units.empty());
+  EXPECT_TRUE(absl::IsNotFound(allow("nobody")));
+  start();
+  EXPECT_TRUE(store.banned_workers()->empty());
+}
+
+}  // namespace
+}  // namespace tessera::server
