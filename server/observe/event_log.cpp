@@ -17,6 +17,13 @@ auto newer_than(const std::deque<Event>& events, std::int64_t sequence) {
 
 }  // namespace
 
+std::string cut_text(std::string text, std::size_t most) {
+  if (text.size() <= most) return text;
+  while (most > 0 && (static_cast<unsigned char>(text[most]) & 0xC0) == 0x80) --most;
+  text.resize(most);
+  return text;
+}
+
 EventLog::EventLog(std::int64_t boot_count, std::function<std::int64_t()> wall_us)
     : wall_us_(std::move(wall_us)), last_sequence_(boot_count << kSequenceBits) {}
 
@@ -25,11 +32,7 @@ void EventLog::add(Event event) {
   const std::lock_guard lock(mutex_);
   event.sequence = ++last_sequence_;
   event.time_us = now_us;
-  if (event.text.size() > kMostTextBytes) {
-    std::size_t end = kMostTextBytes;
-    while ((static_cast<unsigned char>(event.text[end]) & 0xC0) == 0x80) --end;  // within a letter
-    event.text.resize(end);
-  }
+  event.text = cut_text(std::move(event.text), kMostTextBytes);
   if (event.kind != EventKind::log_line) {
     events_.push_back(std::move(event));
     if (events_.size() > kMostEvents) events_.pop_front();

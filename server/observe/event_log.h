@@ -40,6 +40,9 @@ struct Event {
   std::string text;
 };
 
+/// The first `most` bytes of UTF-8 text, less what would be a part of a letter.
+std::string cut_text(std::string text, std::size_t most);
+
 /// What happened lately, for people who ask. In memory and bounded: the newest kMostEvents events,
 /// and apart from them (so that talk pushes out no events) the newest kMostLines lines of workers'
 /// logs, kMostLinesOfJob of one job, kMostTextBytes each. Thread-safe.

@@ -215,8 +215,8 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
 
   void take_failure(Session session, const v1::UnitFailure& failure) {
     coordinator_.fail_unit(session, from_message(failure.lease()), failure.tile(),
-                           {"", failure.message().substr(0, kMostLogBytes),
-                            failure.log_tail().substr(0, kMostLogBytes)},
+                           {"", cut_text(failure.message(), kMostLogBytes),
+                            cut_text(failure.log_tail(), kMostLogBytes)},
                            failure.bad_scene());
   }
 

@@ -91,6 +91,8 @@ TEST(EventLog, ALongLineIsCutBetweenLetters) {
   while (umlauts.size() < 2 * EventLog::kMostTextBytes) umlauts += "\xC3\xA4";
   log.add(event_of(EventKind::job_failed, "j", umlauts));
   EXPECT_EQ(log.read({}, 1).front().text, umlauts.substr(0, EventLog::kMostTextBytes - 1));
+  EXPECT_EQ(cut_text("a\xE2\x82\xAC", 3), "a");
+  EXPECT_EQ(cut_text("a\xE2\x82\xAC", 4), "a\xE2\x82\xAC");
 }
 
 class Events : public CoordinatorWalk {
