@@ -10,10 +10,10 @@
 namespace tessera::server {
 
 struct ListenOptions {
-  std::string address;  // unix:PATH or HOST:PORT; port 0: any
-  std::string store;    // folder where tokens are kept
-  std::string certs;    // folder of certificates (identity/authority.h); empty: none
-  ClientRates rates;    // with certificates: what each client may do
+  std::string address;     // unix:PATH or HOST:PORT; port 0: any
+  std::string store;       // folder where tokens are kept
+  std::string certs;       // folder of certificates (identity/authority.h); empty: none
+  ClientRates rates = {};  // with certificates: what each client may do
 };
 
 /// The farm's gRPC server: its services, health and reflection, on one address. A Unix socket is
