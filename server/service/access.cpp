@@ -73,6 +73,9 @@ std::string sent_token(const grpc::CallbackServerContext& context) {
   return {sent->second.data(), sent->second.size()};
 }
 
+Access::Access(std::unique_ptr<Revocations> revocations, ClientRates rates)
+    : revocations_(std::move(revocations)), limits_(std::make_unique<ClientLimits>(rates)) {}
+
 absl::StatusOr<Caller> Access::identify(const grpc::CallbackServerContext& context) const {
   if (revocations_) {
     const auto sent = context.auth_context()->FindPropertyValues(GRPC_X509_PEM_CERT_PROPERTY_NAME);

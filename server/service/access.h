@@ -54,8 +54,7 @@ class Access {
   /// `token`: empty for a Unix socket.
   explicit Access(std::string token) : token_(std::move(token)) {}
   /// Callers come with certificates, which TLS has verified.
-  explicit Access(std::unique_ptr<Revocations> revocations, ClientRates rates = {})
-      : revocations_(std::move(revocations)), limits_(std::make_unique<ClientLimits>(rates)) {}
+  explicit Access(std::unique_ptr<Revocations> revocations, ClientRates rates = {});
 
   /// Who the caller is, if it may call `rpc`.
   ///
