@@ -15,34 +15,34 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::minutes;
 
-const ClientLimits::Time kStart{std::chrono::hours(1000)};
+const ClientLimits::Time start_time{std::chrono::hours(1000)};
 
 TEST(ClientLimits, ACallerOutOfBreathIsToldToWaitAndOthersAreNot) {
   ClientLimits limits({10, 0});
   int taken = 0;
   for (int ms = 0; ms < 60'000; ms += 10) {  // 100 a second, for a minute
-    taken += limits.call("ann", kStart + milliseconds(ms)).ok() ? 1 : 0;
+    taken += limits.call("ann", start_time + milliseconds(ms)).ok() ? 1 : 0;
   }
   EXPECT_NEAR(taken, 100 + 600, 2);  // what may come at once, and ten a second
-  EXPECT_TRUE(absl::IsUnavailable(limits.call("ann", kStart + minutes(1))));
-  EXPECT_TRUE(limits.call("bob", kStart + minutes(1)).ok());
-  EXPECT_TRUE(limits.call("ann", kStart + minutes(2)).ok());
+  EXPECT_TRUE(absl::IsUnavailable(limits.call("ann", start_time + minutes(1))));
+  EXPECT_TRUE(limits.call("bob", start_time + minutes(1)).ok());
+  EXPECT_TRUE(limits.call("ann", start_time + minutes(2)).ok());
 }
 
 TEST(ClientLimits, UploadsAreLimitedByTheHour) {
   ClientLimits limits({0, 3600});  // a byte a second
-  EXPECT_TRUE(limits.upload("ann", 3000, kStart).ok());
-  EXPECT_TRUE(absl::IsResourceExhausted(limits.upload("ann", 1000, kStart)));
-  EXPECT_TRUE(limits.upload("bob", 3600, kStart).ok());
-  EXPECT_TRUE(absl::IsResourceExhausted(limits.upload("ann", 1000, kStart + minutes(6))));
-  EXPECT_TRUE(limits.upload("ann", 1000, kStart + minutes(7)).ok());
-  EXPECT_TRUE(absl::IsResourceExhausted(limits.upload("bob", 3601, kStart + minutes(600))));
+  EXPECT_TRUE(limits.upload("ann", 3000, start_time).ok());
+  EXPECT_TRUE(absl::IsResourceExhausted(limits.upload("ann", 1000, start_time)));
+  EXPECT_TRUE(limits.upload("bob", 3600, start_time).ok());
+  EXPECT_TRUE(absl::IsResourceExhausted(limits.upload("ann", 1000, start_time + minutes(6))));
+  EXPECT_TRUE(limits.upload("ann", 1000, start_time + minutes(7)).ok());
+  EXPECT_TRUE(absl::IsResourceExhausted(limits.upload("bob", 3601, start_time + minutes(600))));
 }
 
 TEST(ClientLimits, NoLimitIsNone) {
   ClientLimits limits({0, 0});
-  for (int i = 0; i < 10'000; ++i) EXPECT_TRUE(limits.call("ann", kStart).ok());
-  EXPECT_TRUE(limits.upload("ann", std::int64_t{1} << 50, kStart).ok());
+  for (int i = 0; i < 10'000; ++i) EXPECT_TRUE(limits.call("ann", start_time).ok());
+  EXPECT_TRUE(limits.upload("ann", std::int64_t{1} << 50, start_time).ok());
 }
 
 TEST(ClientLimits, APlaceIsGivenBackWhenItsStreamGoes) {
