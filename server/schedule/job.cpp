@@ -24,6 +24,16 @@ const char* state_name(JobState state) {
   return "UNKNOWN";
 }
 
+SceneKey scene_of(const JobSpec& spec) {
+  std::vector<contract::Digest> files;
+  files.reserve(spec.assets.size());
+  for (const ManifestEntry& entry : spec.assets) files.push_back(entry.digest);
+  std::sort(files.begin(), files.end());
+  contract::Hasher hasher;
+  for (const contract::Digest& file : files) hasher.update(file.binary());
+  return hasher.finish();
+}
+
 bool Trouble::failed_on(const std::string& worker_id) const {
   return std::any_of(failures.begin(), failures.end(),
                      [&](const Failure& failure) { return failure.worker_id == worker_id; });

@@ -65,6 +65,7 @@ struct JobCounters {
 struct Job {
   JobKey key = 0;
   std::shared_ptr<const JobSpec> spec;  // owners: the job and whoever is reading it now
+  SceneKey scene;
   JobState state = JobState::queued;
   std::string reason;
   std::int64_t unit_count = 0;  // of the whole job

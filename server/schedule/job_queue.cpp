@@ -4,14 +4,20 @@
 
 namespace tessera::server {
 
-void JobQueue::insert(JobKey job, std::int32_t priority, const std::string& owner) {
-  jobs_[priority][owner].insert(job);
+void JobQueue::insert(JobKey job, const Place& place) {
+  jobs_[place.priority][place.owner].insert(job);
+  by_scene_[place.scene].emplace(place.priority, place.owner, job);
 }
 
-void JobQueue::erase(JobKey job, std::int32_t priority, const std::string& owner) {
-  const auto level = jobs_.find(priority);
+void JobQueue::erase(JobKey job, const Place& place) {
+  const auto scene = by_scene_.find(place.scene);
+  if (scene != by_scene_.end()) {
+    scene->second.erase({place.priority, place.owner, job});
+    if (scene->second.empty()) by_scene_.erase(scene);
+  }
+  const auto level = jobs_.find(place.priority);
   if (level == jobs_.end()) return;
-  const auto own = level->second.find(owner);
+  const auto own = level->second.find(place.owner);
   if (own == level->second.end()) return;
   own->second.erase(job);
   if (own->second.empty()) level->second.erase(own);
@@ -49,6 +55,19 @@ bool JobQueue::has_above(std::int32_t priority,
     }
   }
   return false;
+}
+
+JobKey JobQueue::oldest_of(const Place& place,
+                           const std::function<bool(JobKey)>& may_work_for) const {
+  const auto scene = by_scene_.find(place.scene);
+  if (scene == by_scene_.end()) return 0;
+  for (auto it = scene->second.lower_bound({place.priority, place.owner, 0});
+       it != scene->second.end(); ++it) {
+    const auto& [priority, owner, job] = *it;
+    if (priority != place.priority || owner != place.owner) return 0;
+    if (may_work_for(job)) return job;
+  }
+  return 0;
 }
 
 }  // namespace tessera::server

@@ -21,6 +21,9 @@ inline double seconds(Span span) {
 /// A job's place in the order of submission; never reused.
 using JobKey = std::int64_t;
 
+/// Names the files of a scene, all of them: jobs with the same ones have the same key.
+using SceneKey = contract::Digest;
+
 /// Where a job stands; the numbers are those of v1.Job.State and of the journal.
 enum class JobState : std::int32_t {
   queued = 1,
@@ -60,5 +63,8 @@ struct JobSpec {
   std::vector<ManifestEntry> assets;
   std::string request;  // as it came over the wire; opaque here
 };
+
+/// The scene a job renders: SHA-256 over the sorted digests of its files, whatever their names.
+SceneKey scene_of(const JobSpec& spec);
 
 }  // namespace tessera::server

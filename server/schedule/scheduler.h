@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <set>
@@ -63,6 +64,8 @@ class Scheduler {
   /// Counts a unit of the journal as committed, without any effect.
   void restore_unit(Job& job, const contract::Unit& unit, const std::string& worker_id,
                     double cpu_seconds);
+  /// Counts what a worker did for a job, of units whose frames are finished.
+  void restore_contribution(Job& job, const std::string& worker_id, const Contribution& done);
   /// Leases nothing new of it. Errors: FailedPrecondition, it has ended.
   absl::Status pause(Job& job, const std::string& reason, Time now);
   absl::Status resume(Job& job, Time now);
@@ -190,6 +193,9 @@ class Scheduler {
   bool has_work() const { return !queue_.empty() || !waiting_audits_.empty(); }
   bool may_work_for(const Worker& worker, const Job& job) const;
   bool may_take(const Worker& worker, const Job& job, const contract::Unit& unit) const;
+  static bool has_scene(const Worker& worker, const Job& job);
+  bool is_seen_to(const Job& job) const;
+  JobKey next_job(const Worker& worker, const std::function<bool(JobKey)>& may) const;
   JobKey choose_job(const Worker& worker, const std::set<JobKey>& refused);
   std::int32_t run_length(const Job& job, const Worker& worker) const;
   bool lease_run(Job& job, Worker& worker, Time now);
@@ -198,6 +204,7 @@ class Scheduler {
   void lease(Job& job, Worker& worker, const Run& run, Time now);
   bool dispatch_one(Worker& worker, Time now);
   void dispatch(Worker& worker, Time now);
+  std::vector<Worker*> by_load_and_scene();
   void dispatch_all(Time now);
   std::vector<Worker*> idle_workers();
   void balance_tail(Time now);

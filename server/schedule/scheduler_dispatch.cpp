@@ -26,6 +26,35 @@ bool Scheduler::may_take(const Worker& worker, const Job& job, const Unit& unit)
   });
 }
 
+/// Whether the files of the job's scene are on this worker, as far as we have seen.
+bool Scheduler::has_scene(const Worker& worker, const Job& job) {
+  return std::find(worker.scenes.begin(), worker.scenes.end(), job.scene) != worker.scenes.end();
+}
+
+/// Whether somebody is at the job, or has room for it and its scene already.
+bool Scheduler::is_seen_to(const Job& job) const {
+  if (!job.holders.empty()) return true;
+  return std::any_of(hungry_.begin(), hungry_.end(), [&](WorkerKey key) {
+    const Worker& worker = workers_.at(key);
+    return has_scene(worker, job) && may_work_for(worker, job);
+  });
+}
+
+/// The job that is next in the queue, or, while somebody else sees to that one, another of its
+/// owner's and priority whose scene the worker has.
+JobKey Scheduler::next_job(const Worker& worker, const std::function<bool(JobKey)>& may) const {
+  const JobKey next = queue_.next(may);
+  if (next == 0 || worker.scenes.empty()) return next;
+  const Job& job = jobs_.at(next);
+  if (has_scene(worker, job) || !is_seen_to(job)) return next;
+  JobKey nearest = 0;
+  for (const SceneKey& scene : worker.scenes) {
+    const JobKey found = queue_.oldest_of({job.spec->priority, job.spec->owner, scene}, may);
+    if (found != 0 && (nearest == 0 || found < nearest)) nearest = found;
+  }
+  return nearest == 0 ? next : nearest;
+}
+
 JobKey Scheduler::choose_job(const Worker& worker, const std::set<JobKey>& refused) {
   const auto may = [&](JobKey key) {
     return refused.count(key) == 0 && may_work_for(worker, jobs_.at(key));
@@ -33,11 +62,11 @@ JobKey Scheduler::choose_job(const Worker& worker, const std::set<JobKey>& refus
   const Job* current = queued_.count(worker.current_job) > 0 && may(worker.current_job)
                            ? find_job(worker.current_job)
                            : nullptr;
-  if (current == nullptr) return queue_.next(may);
+  if (current == nullptr) return next_job(worker, may);
   const bool has_paid_off =
       worker.load_seconds && worker.seconds_in_job >= policy_.load_factor * *worker.load_seconds;
   if (!has_paid_off && !queue_.has_above(current->spec->priority, may)) return current->key;
-  const JobKey next = queue_.next(may);
+  const JobKey next = next_job(worker, may);
   const JobSpec& chosen = *jobs_.at(next).spec;
   const bool equal =
       chosen.priority == current->spec->priority && chosen.owner == current->spec->owner;
@@ -126,16 +155,38 @@ void Scheduler::dispatch(Worker& worker, Time now) {
   }
 }
 
+/// Workers with room: those with the least to do first, among equals those with the scene of a job
+/// in the queue.
+std::vector<Worker*> Scheduler::by_load_and_scene() {
+  struct Place {
+    double load = 0;
+    bool is_stranger = true;
+    Worker* worker = nullptr;
+  };
+  std::vector<Place> places;
+  places.reserve(hungry_.size());
+  for (const WorkerKey key : hungry_) {
+    Worker& worker = workers_.at(key);
+    const bool is_near =
+        std::any_of(worker.scenes.begin(), worker.scenes.end(),
+                    [this](const SceneKey& scene) { return queue_.has_scene(scene); });
+    places.push_back(
+        {static_cast<double>(worker.held.size()) / worker.thread_count, !is_near, &worker});
+  }
+  std::stable_sort(places.begin(), places.end(), [](const Place& a, const Place& b) {
+    return std::pair(a.load, a.is_stranger) < std::pair(b.load, b.is_stranger);
+  });
+  std::vector<Worker*> workers;
+  workers.reserve(places.size());
+  for (const Place& place : places) workers.push_back(place.worker);
+  return workers;
+}
+
 void Scheduler::dispatch_all(Time now) {
   if (!work_appeared_) return;
   work_appeared_ = false;
-  std::vector<Worker*> waiting;
-  for (const WorkerKey key : hungry_) waiting.push_back(&workers_.at(key));
-  const auto load = [](const Worker* worker) {
-    return static_cast<double>(worker->held.size()) / worker->thread_count;
-  };
-  std::stable_sort(waiting.begin(), waiting.end(),
-                   [&](const Worker* a, const Worker* b) { return load(a) < load(b); });
+  if (!has_work()) return;
+  std::vector<Worker*> waiting = by_load_and_scene();
   // Round by round, so that a small job is spread over the farm.
   while (has_work() && !waiting.empty()) {
     std::vector<Worker*> served;

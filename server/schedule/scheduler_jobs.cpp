@@ -21,6 +21,7 @@ Job& Scheduler::add_job(JobKey key, std::shared_ptr<const JobSpec> spec, JobStat
   job.state = state;
   job_by_id_[spec->id] = key;
   job.spec = std::move(spec);
+  job.scene = scene_of(*job.spec);
   JobPlan& plan = job.open_plan();
   job.unit_count = plan.unit_count();
   job.frame_count = plan.frame_count();
@@ -48,13 +49,18 @@ void Scheduler::restore_unit(Job& job, const Unit& unit, const std::string& work
   JobPlan& plan = job.open_plan();
   if (!plan.contains(unit)) return;
   if (!plan.is_finished(unit.frame) && !plan.is_committed(unit)) plan.commit(unit);
-  Contribution& contribution = job.contributions[worker_id];
-  ++contribution.units;
-  contribution.cpu_seconds += cpu_seconds;
-  job.counters.cpu_seconds += cpu_seconds;
-  if (!has_ended(job.state)) charge(job, cpu_seconds);
+  restore_contribution(job, worker_id, {1, cpu_seconds});
   job.times.add(cpu_seconds, plan.passes()[static_cast<std::size_t>(unit.pass)].sample_count);
   refresh(job);
+}
+
+void Scheduler::restore_contribution(Job& job, const std::string& worker_id,
+                                     const Contribution& done) {
+  Contribution& contribution = job.contributions[worker_id];
+  contribution.units += done.units;
+  contribution.cpu_seconds += done.cpu_seconds;
+  job.counters.cpu_seconds += done.cpu_seconds;
+  if (!has_ended(job.state)) charge(job, done.cpu_seconds);
 }
 
 void Scheduler::charge(const Job& job, double cpu_seconds) {
@@ -66,10 +72,10 @@ void Scheduler::refresh(Job& job) {
   const bool queued = queued_.count(job.key) > 0;
   if (runnable && !queued) {
     queued_.insert(job.key);
-    queue_.insert(job.key, job.spec->priority, job.spec->owner);
+    queue_.insert(job.key, {job.spec->priority, job.spec->owner, job.scene});
   } else if (!runnable && queued) {
     queued_.erase(job.key);
-    queue_.erase(job.key, job.spec->priority, job.spec->owner);
+    queue_.erase(job.key, {job.spec->priority, job.spec->owner, job.scene});
   }
   if (runnable) work_appeared_ = true;
 }

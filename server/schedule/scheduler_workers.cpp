@@ -11,6 +11,7 @@ using contract::Unit;
 namespace {
 
 constexpr std::size_t kMostListed = 4096;  // leases, and units, adopted from one hello
+constexpr std::size_t kMostScenes = 16;    // remembered of a worker
 constexpr double kUnknownUnitSeconds = 1;  // what fair share assumes before the first result
 
 std::string describe(const JobSpec& spec, const Unit& unit) {
@@ -251,6 +252,9 @@ void Scheduler::scene_loaded(WorkerKey key, const std::string& job_id, double lo
   if (worker == nullptr || job == nullptr) return;
   if (worker->leased_jobs.count(job->key) == 0) return;
   if (worker->current_job == job->key) worker->load_seconds = load_seconds + build_seconds;
+  std::erase(worker->scenes, job->scene);
+  worker->scenes.insert(worker->scenes.begin(), job->scene);
+  if (worker->scenes.size() > kMostScenes) worker->scenes.pop_back();
   job->counters.load_seconds += load_seconds;
   job->counters.build_seconds += build_seconds;
   job->counters.peak_rss_bytes = std::max(job->counters.peak_rss_bytes, peak_rss_bytes);

@@ -75,6 +75,7 @@ struct Worker {
   JobKey current_job = 0;
   double seconds_in_job = 0;           // CPU seconds committed since it turned to current_job
   std::optional<double> load_seconds;  // of current_job's scene here, once it is loaded
+  std::vector<SceneKey> scenes;        // it has loaded, latest first: their files are here
   std::int64_t committed_count = 0;
   double cpu_seconds = 0;
   std::int64_t rss_bytes = 0;

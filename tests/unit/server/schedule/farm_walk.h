@@ -23,8 +23,15 @@ class FarmWalk {
   struct JobPlanned {
     std::int32_t tiles = 16, frames = 1, spp = 8, priority = 0, max_workers = 0;
     std::string owner = "ann", tag = {};
+    std::string scene = {};  // what its one file holds
   };
   Job& add_job(const JobPlanned& planned) {
+    Job& job = queue_job(planned);
+    scheduler.offer_work(now);
+    return job;
+  }
+  /// Likewise, but leases nothing of it yet.
+  Job& queue_job(const JobPlanned& planned) {
     auto spec = std::make_shared<JobSpec>();
     const JobKey key = ++last_job_;
     spec->id = "j" + std::to_string(key);
@@ -32,14 +39,13 @@ class FarmWalk {
     spec->priority = planned.priority;
     spec->max_workers = planned.max_workers;
     spec->required_tag = planned.tag;
+    spec->assets = {{"scene.glb", contract::sha256(planned.scene), 0}};
     spec->settings.width = 8 * planned.tiles;
     spec->settings.height = 8;
     spec->settings.tile = 8;
     spec->settings.spp = planned.spp;
     spec->settings.frames = {{0, planned.frames - 1, 1}};
-    Job& job = scheduler.add_job(key, spec, JobState::queued);
-    scheduler.offer_work(now);
-    return job;
+    return scheduler.add_job(key, spec, JobState::queued);
   }
 
   struct WorkerPlanned {
