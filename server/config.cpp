@@ -60,6 +60,10 @@ void add_options(CLI::App& app, Config& config) {
                  "Size of scene files above which unused ones are deleted, GB")
       ->check(size)
       ->capture_default_str();
+  app.add_option("--keep-jobs", config.keep_jobs_days,
+                 "Days after its end at which a job is removed, with its images; 0: never")
+      ->check(CLI::Range(0.0, 36'500.0))
+      ->capture_default_str();
   app.add_option("--audit", config.audit,
                  "Share of units that another worker renders again, to be compared; 0: none")
       ->check(CLI::Range(0.0, 1.0))

@@ -13,7 +13,8 @@ using contract::Unit;
 namespace {
 
 constexpr std::int32_t kManyWorkers = 1000;  // above which heartbeats are halved
-constexpr std::chrono::seconds kJournalRunningEvery{20};
+constexpr std::chrono::seconds kJournalRunningEvery{20}, kLookForOldJobsEvery{10};
+constexpr std::size_t kOldJobsAtOnce = 16;
 
 absl::Status no_such_job(const std::string& text) {
   return absl::NotFoundError(absl::StrCat("no job \"", text, "\""));
@@ -115,7 +116,33 @@ void Coordinator::tick() {
     running_journaled_ = now;
     journal_running();
   }
+  if (options_.keep_jobs_us > 0 && now - looked_for_old_jobs_ >= kLookForOldJobsEvery) {
+    looked_for_old_jobs_ = now;
+    remove_old_jobs();
+  }
   settle(afterwards);
+}
+
+/// A few at a time: the writer has other things to do.
+void Coordinator::remove_old_jobs() {
+  const std::int64_t ended_before_us = options_.wall_us() - options_.keep_jobs_us;
+  std::size_t count = 0;
+  for (const auto& [key, job] : scheduler_.jobs()) {
+    const auto film = films_.find(key);
+    if (!has_ended(job.state) || film == films_.end()) continue;
+    const std::int64_t ended_us = film->second.end_time_us;
+    if (ended_us == 0 || ended_us > ended_before_us) continue;
+    write_tasks_.emplace_back([this, id = job.spec->id] {
+      remove_now(id, [this, id](const absl::Status& status) {
+        if (status.ok()) return log(LogLevel::info, absl::StrCat("job ", id, " is old: removed"));
+        // Gone, or going on, by somebody's order that came before.
+        if (absl::IsNotFound(status) || absl::IsFailedPrecondition(status)) return;
+        log(LogLevel::error, absl::StrCat("job ", id, " is old: ", status.ToString()));
+      });
+    });
+    if (++count == kOldJobsAtOnce) break;
+  }
+  if (count > 0) writer_signal_.raise();
 }
 
 /// Has the running time of the jobs so far written to their rows, and what could not be written.

@@ -79,10 +79,11 @@ struct CoordinatorOptions {
   std::int64_t ingest_bytes = std::int64_t{256} << 20;  // delivered, not yet committed
   std::int64_t quota_bytes = std::int64_t{1} << 40;     // of the store
   std::int64_t asset_quota_bytes = std::int64_t{64} << 30;
+  std::int64_t keep_jobs_us = 0;  // jobs that ended so long ago are removed; 0: never
   ClientQuota client_quota;
   Span tick_period = std::chrono::milliseconds(100);
   std::function<Time()> clock;            // monotonic
-  std::function<std::int64_t()> wall_us;  // since 1970; labels things, decides nothing
+  std::function<std::int64_t()> wall_us;  // since 1970; labels things, decides only keep_jobs_us
   std::function<std::uint64_t()> random;  // for job ids
   /// Fills in what a job's row holds in wire form: settings, manifest, limits. Errors: DataLoss.
   std::function<absl::StatusOr<JobSpec>(const JobRecord&)> read_spec;
@@ -280,6 +281,7 @@ class Coordinator {
 
   void settle(Afterwards& afterwards) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void journal_running() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void remove_old_jobs() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   Worker* worker_of(Session session) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   JobFilm& film_of(const Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   const contract::TileGrid& grid_of(const Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -375,6 +377,7 @@ class Coordinator {
   std::deque<std::function<void()>> film_tasks_ ABSL_GUARDED_BY(mutex_);
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
   Time running_journaled_ ABSL_GUARDED_BY(mutex_);
+  Time looked_for_old_jobs_ ABSL_GUARDED_BY(mutex_);
 
   // Film thread only.
   std::map<FrameKey, Time> last_estimate_;

@@ -209,9 +209,9 @@ void Coordinator::journal_changes() {
     callbacks.swap(after_journal_);
   }
   for (const auto& [key, record] : records) {
-    // Blocks first: a job that is DONE in the journal has none left.
+    // Blocks and units first: a job that is DONE in the journal has none left.
     absl::Status status = record.state == static_cast<std::int32_t>(JobState::done)
-                              ? store_.release_segments(record.id)
+                              ? store_.close_job(record.id)
                               : absl::OkStatus();
     if (status.ok()) status = store_.update_job(record);
     if (status.ok()) continue;

@@ -16,6 +16,12 @@ constexpr int kIdLetters = 8;
 /// Restores a job's units from the journal; those of frames not finished go to `visit_open` too.
 absl::Status restore_units(const Store& store, Scheduler& scheduler, Job& job,
                            const std::function<void(const UnitRecord&)>& visit_open) {
+  const auto totals = store.totals(job.spec->id);
+  if (!totals.ok()) return totals.status();
+  for (const UnitTotals& total : *totals) {
+    scheduler.restore_contribution(job, total.worker_id, {total.units, total.cpu_seconds});
+    job.counters.audited += total.audited;
+  }
   const JobPlan& plan = job.open_plan();
   return store.for_each_unit(job.spec->id, [&](const UnitRecord& unit) {
     if (!plan.contains(unit.unit)) return;

@@ -9,12 +9,14 @@
 #include <string>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "proto/log/log.h"
 #include "proto/metrics/listener.h"
 #include "server/config.h"
 #include "server/coordinator.h"
+#include "server/identity/join_tokens.h"
 #include "server/service/messages.h"
 #include "server/service/server.h"
 #include "server/store/filesystem.h"
@@ -24,6 +26,14 @@ namespace tessera::server {
 namespace {
 
 constexpr int kFailed = 1, kWrongUsage = 2;
+constexpr std::int64_t kDayUs = std::int64_t{86'400} * 1'000'000;
+constexpr std::int64_t kForgetJoinsDays = 90;
+
+std::int64_t wall_us() {
+  return std::chrono::duration_cast<std::chrono::microseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
 
 std::uint64_t random_bits() {
   std::uint64_t bits = 0;
@@ -38,14 +48,12 @@ CoordinatorOptions options_of(const Config& config) {
   options.ingest_bytes = to_bytes(config.ingest_memory_gb);
   options.quota_bytes = to_bytes(config.quota_gb);
   options.asset_quota_bytes = to_bytes(config.asset_quota_gb);
+  options.keep_jobs_us =
+      static_cast<std::int64_t>(config.keep_jobs_days * static_cast<double>(kDayUs));
   options.client_quota = {config.client_jobs, to_bytes(config.client_gb),
                           1e9 * config.client_gigasamples};
   options.clock = [] { return std::chrono::steady_clock::now(); };
-  options.wall_us = [] {
-    return std::chrono::duration_cast<std::chrono::microseconds>(
-               std::chrono::system_clock::now().time_since_epoch())
-        .count();
-  };
+  options.wall_us = wall_us;
   options.random = random_bits;
   options.read_spec = read_spec;
   options.write_request = write_request;
@@ -72,6 +80,19 @@ void tick_until_told(Coordinator& coordinator, const sigset_t& signals) {
   while (::sigtimedwait(&signals, nullptr, &period) < 0) coordinator.tick();
 }
 
+/// Workers that joined with tokens which are no more, and stayed away for long, are strangers
+/// again.
+absl::Status forget_old_joins(Store& store, const std::string& folder) {
+  const std::int64_t now_us = wall_us();
+  const auto tokens = JoinTokens(folder).list();
+  if (!tokens.ok()) return tokens.status();
+  std::vector<std::string> valid;
+  for (const JoinToken& token : *tokens) {
+    if (token.expires_s > now_us / 1'000'000) valid.push_back(token.id);
+  }
+  return store.forget_joins(valid, now_us - kForgetJoinsDays * kDayUs);
+}
+
 int serve(const Config& config, const sigset_t& signals) {
   const CoordinatorOptions options = options_of(config);
   StoreOptions store_options;
@@ -80,6 +101,8 @@ int serve(const Config& config, const sigset_t& signals) {
   };
   auto store = Store::open(config.store, real_filesystem(), std::move(store_options));
   if (!store.ok()) return fail(store.status());
+  const absl::Status forgotten = forget_old_joins(**store, config.store);
+  if (!forgotten.ok()) return fail(forgotten);
   auto coordinator = Coordinator::open(**store, options);
   if (!coordinator.ok()) return fail(coordinator.status());
   std::unique_ptr<MetricsListener> metrics;

@@ -18,6 +18,8 @@
 namespace tessera::server {
 namespace {
 
+constexpr std::int64_t kDone = 4;  // v1.Job.State
+
 using SegmentKey = std::pair<std::string, std::int64_t>;  // job id, number
 
 absl::StatusOr<contract::Digest> digest_of(const File& file) {
@@ -44,9 +46,9 @@ class Check {
         segments_(files_, absl::StrCat(folder_, "/segments"), 0) {}
 
   absl::StatusOr<StoreFindings> run() {
-    for (const auto step :
-         {&Check::look_at_database, &Check::look_at_jobs, &Check::look_at_units,
-          &Check::look_at_segments, &Check::look_at_frames, &Check::look_at_assets}) {
+    for (const auto step : {&Check::look_at_database, &Check::look_at_jobs, &Check::look_at_units,
+                            &Check::look_at_totals, &Check::look_at_segments,
+                            &Check::look_at_frames, &Check::look_at_assets}) {
       if (absl::Status done = (this->*step)(); !done.ok()) return done;
     }
     return std::move(findings_);
@@ -56,6 +58,7 @@ class Check {
   struct JobRow {
     std::int64_t first_segment = 0;  // blocks in earlier ones are released
     std::string id;
+    bool is_done = false;  // its units are added up
   };
   struct Extent {
     std::int64_t end = 0, bytes = 0;  // how far blocks reach; what they add up to
@@ -83,10 +86,12 @@ class Check {
   }
 
   absl::Status look_at_jobs() {
-    absl::Status status = rows_.each("SELECT sequence, id, first_segment FROM jobs WHERE removed=0",
-                                     {}, [&](const SqlRow& row) {
-                                       jobs_[row.integer(0)] = {row.integer(2), row.text(1)};
-                                     });
+    absl::Status status = rows_.each(
+        "SELECT sequence, id, first_segment, state FROM jobs "
+        "WHERE removed=0",
+        {}, [&](const SqlRow& row) {
+          jobs_[row.integer(0)] = {row.integer(2), row.text(1), row.integer(3) == kDone};
+        });
     findings_.jobs = static_cast<std::int64_t>(jobs_.size());
     status.Update(rows_.each("SELECT job, frame FROM frames", {}, [&](const SqlRow& row) {
       finished_.emplace(row.integer(0), row.integer(1));
@@ -107,6 +112,7 @@ class Check {
                                           row.integer(2), ", ", row.integer(3), ")");
     const auto job = jobs_.find(row.integer(0));
     if (job == jobs_.end()) return fault(unit, ": there is no such job");
+    if (job->second.is_done) return fault(unit, ": its job is done, it should be added up");
     const std::int64_t segment = row.integer(4), offset = row.integer(5), bytes = row.integer(7);
     if (segment < job->second.first_segment) {
       if (finished_.count({row.integer(0), row.integer(1)}) > 0) return;
@@ -122,6 +128,21 @@ class Check {
     if (contract::sha256(*block).binary() != row.bytes(8)) {
       fault(unit, ": its block does not have the digest of its row");
     }
+  }
+
+  absl::Status look_at_totals() {
+    return rows_.each("SELECT job, worker, units, audited, cpu_seconds FROM totals", {},
+                      [&](const SqlRow& row) {
+                        findings_.units += row.integer(2);
+                        const std::string totals = absl::StrCat("totals of worker ", row.text(1));
+                        if (jobs_.count(row.integer(0)) == 0) {
+                          return fault(totals, ": there is no job ", row.integer(0));
+                        }
+                        if (row.integer(2) < 1 || row.integer(3) < 0 ||
+                            row.integer(3) > row.integer(2) || !(row.real(4) >= 0)) {
+                          fault(totals, " of job ", jobs_.at(row.integer(0)).id, ": damaged");
+                        }
+                      });
   }
 
   absl::Status look_at_segments() {

@@ -126,9 +126,11 @@ absl::Status Database::configure(Mode mode) {
     sqlite3_db_config(connection_.get(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
     return script("PRAGMA query_only=ON; PRAGMA temp_store=MEMORY");
   }
+  // Takes effect in a file that is born now. Others never shrink, but use their free pages again.
+  absl::Status status = script("PRAGMA auto_vacuum=INCREMENTAL");
+  if (!status.ok()) return status;
   std::string journal;
-  absl::Status status =
-      each("PRAGMA journal_mode=WAL", {}, [&](const SqlRow& row) { journal = row.text(0); });
+  status = each("PRAGMA journal_mode=WAL", {}, [&](const SqlRow& row) { journal = row.text(0); });
   if (!status.ok()) return status;
   if (journal != "wal") {
     return absl::FailedPreconditionError(absl::StrCat(

@@ -103,8 +103,8 @@ absl::Status DiskStore::remove_job(const std::string& job_id) {
   if (!freed.ok()) return freed.status();
   absl::Status status = journal_->write([&](Database& rows) {
     for (const std::string_view sql :
-         {"DELETE FROM units WHERE job=?", "DELETE FROM segments WHERE job=?",
-          "DELETE FROM frames WHERE job=?",
+         {"DELETE FROM units WHERE job=?", "DELETE FROM totals WHERE job=?",
+          "DELETE FROM segments WHERE job=?", "DELETE FROM frames WHERE job=?",
           "UPDATE jobs SET removed=1, name='', owner='', request='', reason='' WHERE sequence=?"}) {
       if (absl::Status gone = rows.run(sql, {job->sequence}); !gone.ok()) return gone;
     }
@@ -342,12 +342,14 @@ absl::StatusOr<std::vector<FrameRecord>> DiskStore::frames(const std::string& jo
   return frames;
 }
 
-absl::Status DiskStore::release_segments(const std::string& job_id) {
+absl::Status DiskStore::close_job(const std::string& job_id) {
   const auto job = find_job(job_id);
   if (!job.ok()) return job.status();
   const auto freed = sum_bytes("SELECT TOTAL(bytes) FROM segments WHERE job=?", job->sequence);
   if (!freed.ok()) return freed.status();
   absl::Status status = journal_->write([&](Database& rows) {
+    absl::Status added = add_up_units(rows, job->sequence);
+    if (!added.ok()) return added;
     absl::Status moved = rows.run("UPDATE jobs SET first_segment=? WHERE sequence=?",
                                   {job->next_segment, job->sequence});
     if (!moved.ok()) return moved;
@@ -356,6 +358,31 @@ absl::Status DiskStore::release_segments(const std::string& job_id) {
   if (!status.ok()) return status;
   content_bytes_ -= *freed;
   return segments_.release(job_id, job->next_segment);
+}
+
+absl::Status DiskStore::add_up_units(Database& rows, std::int64_t job) {
+  absl::Status added = rows.run(
+      "INSERT INTO totals(job, worker, units, cpu_seconds, audited) "
+      "SELECT job, worker, COUNT(*), TOTAL(cpu_seconds), COUNT(*) FILTER (WHERE audit=?2) "
+      "FROM units WHERE job=?1 GROUP BY worker "
+      "ON CONFLICT(job, worker) DO UPDATE SET units=units+excluded.units, "
+      "cpu_seconds=cpu_seconds+excluded.cpu_seconds, audited=audited+excluded.audited",
+      {job, static_cast<std::int64_t>(AuditState::over)});
+  return added.ok() ? rows.run("DELETE FROM units WHERE job=?", {job}) : added;
+}
+
+absl::StatusOr<std::vector<UnitTotals>> DiskStore::totals(const std::string& job_id) const {
+  std::vector<UnitTotals> totals;
+  absl::Status status = journal_->read([&](Database& rows) {
+    return rows.each(
+        "SELECT worker, units, audited, cpu_seconds FROM totals "
+        "WHERE job=(SELECT sequence FROM jobs WHERE id=?) ORDER BY worker",
+        {job_id}, [&](const SqlRow& row) {
+          totals.push_back({row.text(0), row.integer(1), row.integer(2), row.real(3)});
+        });
+  });
+  if (!status.ok()) return status;
+  return totals;
 }
 
 absl::StatusOr<std::string> DiskStore::new_upload_path() {
@@ -377,72 +404,6 @@ absl::Status DiskStore::release_assets(const std::vector<contract::Digest>& dige
 absl::Status DiskStore::collect_assets(std::int64_t now_us, std::int64_t quota_bytes,
                                        const std::vector<contract::Digest>& named) {
   return assets_->collect(now_us, quota_bytes, named);
-}
-
-absl::Status DiskStore::remember_worker(const std::string& worker_id, const std::string& name) {
-  return journal_->write([&](Database& rows) {
-    return rows.run("INSERT OR REPLACE INTO workers(id, name) VALUES(?, ?)", {worker_id, name});
-  });
-}
-
-absl::Status DiskStore::forget_worker(const std::string& worker_id) {
-  return journal_->write(
-      [&](Database& rows) { return rows.run("DELETE FROM workers WHERE id=?", {worker_id}); });
-}
-
-absl::StatusOr<std::vector<std::string>> DiskStore::roster() const {
-  return read_ids("SELECT id FROM workers ORDER BY id");
-}
-
-absl::Status DiskStore::ban_worker(const std::string& worker_id) {
-  return journal_->write([&](Database& rows) {
-    return rows.run("INSERT OR REPLACE INTO bans(worker) VALUES(?)", {worker_id});
-  });
-}
-
-absl::Status DiskStore::allow_worker(const std::string& worker_id) {
-  return journal_->write(
-      [&](Database& rows) { return rows.run("DELETE FROM bans WHERE worker=?", {worker_id}); });
-}
-
-absl::StatusOr<std::vector<std::string>> DiskStore::banned_workers() const {
-  return read_ids("SELECT worker FROM bans ORDER BY worker");
-}
-
-absl::StatusOr<std::vector<std::string>> DiskStore::read_ids(std::string_view sql) const {
-  std::vector<std::string> ids;
-  absl::Status status = journal_->read([&](Database& rows) {
-    return rows.each(sql, {}, [&](const SqlRow& row) { ids.push_back(row.text(0)); });
-  });
-  if (!status.ok()) return status;
-  return ids;
-}
-
-absl::Status DiskStore::remember_join(const Join& join, std::int64_t most) {
-  return journal_->write([&](Database& rows) {
-    bool is_known = false, is_taken = false;
-    absl::Status status = rows.each("SELECT token, certificate FROM joins WHERE worker=?",
-                                    {join.worker_id}, [&](const SqlRow& row) {
-                                      is_known = is_known || row.bytes(0) == join.token_id;
-                                      is_taken = is_taken || row.bytes(1) != join.certificate;
-                                    });
-    if (!status.ok()) return status;
-    if (is_taken) {
-      return absl::PermissionDeniedError(
-          absl::StrCat("worker id ", join.worker_id, " belongs to another certificate"));
-    }
-    if (is_known) return absl::OkStatus();
-    std::int64_t count = 0;
-    status = rows.each("SELECT COUNT(*) FROM joins WHERE token=?", {join.token_id},
-                       [&](const SqlRow& row) { count = row.integer(0); });
-    if (!status.ok()) return status;
-    if (most > 0 && count >= most) {
-      return absl::PermissionDeniedError(
-          absl::StrCat("join token ", join.token_id, " is used up: ", count, " workers joined"));
-    }
-    return rows.run("INSERT INTO joins(worker, token, certificate) VALUES(?, ?, ?)",
-                    {join.worker_id, join.token_id, join.certificate});
-  });
 }
 
 std::int64_t DiskStore::used_bytes() const {

@@ -50,7 +50,8 @@ class DiskStore final : public Store {
   absl::StatusOr<std::string> output_folder(const std::string& job_id) override;
   absl::Status finish_frame(const std::string& job_id, const FrameRecord& frame) override;
   absl::StatusOr<std::vector<FrameRecord>> frames(const std::string& job_id) const override;
-  absl::Status release_segments(const std::string& job_id) override;
+  absl::Status close_job(const std::string& job_id) override;
+  absl::StatusOr<std::vector<UnitTotals>> totals(const std::string& job_id) const override;
 
   bool has_asset(const contract::Digest& digest) const override { return assets_->has(digest); }
   absl::StatusOr<std::string> new_upload_path() override;
@@ -67,6 +68,8 @@ class DiskStore final : public Store {
   absl::Status allow_worker(const std::string& worker_id) override;
   absl::StatusOr<std::vector<std::string>> banned_workers() const override;
   absl::Status remember_join(const Join& join, std::int64_t most) override;
+  absl::Status forget_joins(const std::vector<std::string>& valid,
+                            std::int64_t unseen_since_us) override;
 
   std::int64_t used_bytes() const override;
 
@@ -85,6 +88,7 @@ class DiskStore final : public Store {
   absl::StatusOr<JobRow> find_job(const std::string& job_id) const;
   absl::Status append_job(const std::string& job_id, const JobRow& job,
                           const std::vector<Commit*>& units);
+  static absl::Status add_up_units(Database& rows, std::int64_t job);
   static absl::Status insert_units(Database& rows, const JobRow& job,
                                    const std::vector<Commit*>& units);
   absl::StatusOr<std::int64_t> make_output_durable(const std::string& job_id,

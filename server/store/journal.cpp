@@ -1,17 +1,25 @@
 #include "server/store/journal.h"
 
+#include <utility>
+
+#include "absl/strings/str_cat.h"
 #include "server/store/schema.h"
 
 namespace tessera::server {
 
-Journal::Journal(DurableFiles& files, int checkpoint_pages)
-    : files_(files), checkpoint_pages_(checkpoint_pages) {}
+namespace {
+
+constexpr int kPagesAtOnce = 256;  // given back after a write: a write's wait for it is short
+
+}  // namespace
+
+Journal::Journal(DurableFiles& files, Upkeep upkeep) : files_(files), upkeep_(upkeep) {}
 
 absl::StatusOr<std::unique_ptr<Journal>> Journal::open(const std::string& path, DurableFiles& files,
-                                                       int checkpoint_pages) {
+                                                       Upkeep upkeep) {
   // SQLite would make it readable by others; its log takes over the mode of this file.
   if (auto file = files.filesystem().open(path); !file.ok()) return file.status();
-  std::unique_ptr<Journal> journal(new Journal(files, checkpoint_pages));
+  std::unique_ptr<Journal> journal(new Journal(files, upkeep));
   const std::string vfs = files.filesystem().sqlite_vfs();
   auto writer = Database::open(path, vfs, Database::Mode::writer);
   if (!writer.ok()) return writer.status();
@@ -28,8 +36,20 @@ absl::Status Journal::write(const std::function<absl::Status(Database&)>& body) 
   if (absl::Status healthy = files_.check_healthy(); !healthy.ok()) return healthy;
   absl::Status status = after_sync(writer_->transact([&] { return body(*writer_); }));
   if (!status.ok()) return status;
-  if (writer_->wal_pages() >= checkpoint_pages_) status = after_sync(writer_->checkpoint());
-  return status.ok() ? count_pages() : status;
+  return tidy_up();
+}
+
+/// What was written is durable: only a failed sync is an error here. Whatever else goes wrong, a
+/// full disk say, is left to the next time.
+absl::Status Journal::tidy_up() {
+  absl::Status status = count_pages();
+  if (status.ok() && free_page_count_ > upkeep_.slack_pages && 4 * free_page_count_ > page_count_) {
+    status = writer_->run(absl::StrCat("PRAGMA incremental_vacuum(", kPagesAtOnce, ")"));
+    if (status.ok()) status = count_pages();
+  }
+  if (absl::IsAborted(status)) return after_sync(status);
+  if (writer_->wal_pages() >= upkeep_.checkpoint_pages) status = writer_->checkpoint();
+  return absl::IsAborted(status) ? after_sync(status) : absl::OkStatus();
 }
 
 absl::Status Journal::read(const std::function<absl::Status(Database&)>& body) const {
@@ -38,15 +58,16 @@ absl::Status Journal::read(const std::function<absl::Status(Database&)>& body) c
 }
 
 absl::Status Journal::count_pages() {
-  std::int64_t pages = 0;
   std::int64_t page_bytes = 0;
-  absl::Status status =
-      writer_->each("PRAGMA page_count", {}, [&](const SqlRow& row) { pages = row.integer(0); });
-  if (!status.ok()) return status;
-  status = writer_->each("PRAGMA page_size", {},
-                         [&](const SqlRow& row) { page_bytes = row.integer(0); });
-  used_bytes_ = pages * page_bytes;
-  return status;
+  for (const auto& [sql, place] : {std::pair{"PRAGMA page_count", &page_count_},
+                                   std::pair{"PRAGMA freelist_count", &free_page_count_},
+                                   std::pair{"PRAGMA page_size", &page_bytes}}) {
+    absl::Status status =
+        writer_->each(sql, {}, [value = place](const SqlRow& row) { *value = row.integer(0); });
+    if (!status.ok()) return status;
+  }
+  used_bytes_ = page_count_ * page_bytes;
+  return absl::OkStatus();
 }
 
 absl::Status Journal::after_sync(const absl::Status& status) {

@@ -17,10 +17,14 @@ namespace tessera::server {
 /// The store's rows: one connection that writes, one that reads.
 class Journal {
  public:
-  /// Opens `path` and brings its tables up to date. `checkpoint_pages`: length of the write-ahead
-  /// log at which it is copied into the file.
+  /// When the journal is tidied up, in pages of 4 KiB.
+  struct Upkeep {
+    int checkpoint_pages = 0;  // length of the write-ahead log at which it is copied into the file
+    int slack_pages = 0;       // free pages that the file may keep
+  };
+  /// Opens `path` and brings its tables up to date.
   static absl::StatusOr<std::unique_ptr<Journal>> open(const std::string& path, DurableFiles& files,
-                                                       int checkpoint_pages);
+                                                       Upkeep upkeep);
 
   /// Runs `body` as one transaction; durable on return. One thread at a time.
   ///
@@ -40,15 +44,17 @@ class Journal {
   std::int64_t used_bytes() const { return used_bytes_; }
 
  private:
-  Journal(DurableFiles& files, int checkpoint_pages);
+  Journal(DurableFiles& files, Upkeep upkeep);
+  absl::Status tidy_up();
   absl::Status count_pages();
   absl::Status after_sync(const absl::Status& status);
 
   DurableFiles& files_;
-  int checkpoint_pages_;
+  const Upkeep upkeep_;
   std::unique_ptr<Database> writer_;
   mutable Mutex reader_mutex_;
   std::unique_ptr<Database> reader_ ABSL_PT_GUARDED_BY(reader_mutex_);
+  std::int64_t page_count_ = 0, free_page_count_ = 0;
   std::atomic<std::int64_t> used_bytes_ = 0;
 };
 

@@ -81,6 +81,21 @@ ALTER TABLE units ADD COLUMN audit INTEGER NOT NULL DEFAULT 0;  -- AuditState in
 CREATE TABLE bans(worker TEXT PRIMARY KEY) WITHOUT ROWID;  -- ids, found lying or banned
 ALTER TABLE assets ADD COLUMN used_us INTEGER NOT NULL DEFAULT 0;  -- when a job last gave it up
 )sql",
+    R"sql(
+CREATE TABLE totals(  -- what units without a row came to: those of jobs that are over
+  job INTEGER NOT NULL,
+  worker TEXT NOT NULL,
+  units INTEGER NOT NULL,
+  cpu_seconds REAL NOT NULL,
+  audited INTEGER NOT NULL,
+  PRIMARY KEY (job, worker)) WITHOUT ROWID;
+INSERT INTO totals(job, worker, units, cpu_seconds, audited)
+  SELECT job, worker, COUNT(*), TOTAL(cpu_seconds), COUNT(*) FILTER (WHERE audit=2)
+  FROM units WHERE job IN (SELECT sequence FROM jobs WHERE state=4) GROUP BY job, worker;
+DELETE FROM units WHERE job IN (SELECT sequence FROM jobs WHERE state=4);  -- DONE
+ALTER TABLE joins ADD COLUMN seen_us INTEGER NOT NULL DEFAULT 0;  -- when the worker last was here
+UPDATE joins SET seen_us=CAST(strftime('%s', 'now') AS INTEGER) * 1000000;
+)sql",
 };
 
 constexpr std::int64_t kSchemaVersion = std::size(kSteps);

@@ -2,7 +2,7 @@
 add_library(tessera_store)
 add_library(tessera::store ALIAS tessera_store)
 target_sources(tessera_store
-  PRIVATE store/asset_files.cpp store/backup.cpp store/check.cpp store/database.cpp store/disk_store.cpp store/durable_files.cpp
+  PRIVATE store/asset_files.cpp store/backup.cpp store/check.cpp store/database.cpp store/disk_store.cpp store/disk_store_workers.cpp store/durable_files.cpp
           store/filesystem.cpp store/journal.cpp store/schema.cpp store/segments.cpp
           store/store_open.cpp
   PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}

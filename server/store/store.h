@@ -42,6 +42,13 @@ struct UnitRecord {
   AuditState audit = AuditState::none;
 };
 
+/// What units of a job that is over came to, by the worker that rendered them.
+struct UnitTotals {
+  std::string worker_id;
+  std::int64_t units = 0, audited = 0;
+  double cpu_seconds = 0;
+};
+
 /// A finished frame: its output file is durable and its blocks may be gone.
 struct FrameRecord {
   std::int32_t frame = 0;
@@ -70,7 +77,10 @@ struct StoreOptions {
   std::int64_t segment_bytes = std::int64_t{256} << 20;
   /// Pages of SQLite's write-ahead log at which it is copied into the database file.
   int checkpoint_pages = 2000;
-  /// Wall clock, µs since 1970; empty: the machine's. Only the age of assets hangs on it.
+  /// Free pages the database file may keep; beyond them, and a quarter of it, it shrinks.
+  int slack_pages = 256;
+  /// Wall clock, µs since 1970; empty: the machine's. Only the age of assets and of joins hangs on
+  /// it.
   std::function<std::int64_t()> now_us;
   /// Called with a message when a sync fails; must not return except in a test, where every later
   /// write is refused (DataLoss). Empty: the message goes to stderr and the process exits with 1.
@@ -149,9 +159,12 @@ class Store {
   /// Errors: NotFound, no such job or file; InvalidArgument, `file` is no plain file name.
   virtual absl::Status finish_frame(const std::string& job_id, const FrameRecord& frame) = 0;
   virtual absl::StatusOr<std::vector<FrameRecord>> frames(const std::string& job_id) const = 0;
-  /// Unlinks the segments of a job all of whose frames are finished. Its rows of units stay; units
-  /// committed later start new segments. Errors: NotFound.
-  virtual absl::Status release_segments(const std::string& job_id) = 0;
+  /// A job is over, all of its frames finished: its segments are unlinked, and what the rows of its
+  /// units say is added up by worker, so that the journal grows with jobs and not with units.
+  /// Harmless to repeat; units committed later start new segments. Errors: NotFound.
+  virtual absl::Status close_job(const std::string& job_id) = 0;
+  /// What was added up, by worker id. A job that is not there has none.
+  virtual absl::StatusOr<std::vector<UnitTotals>> totals(const std::string& job_id) const = 0;
 
   // Assets.
   virtual bool has_asset(const contract::Digest& digest) const = 0;
@@ -184,6 +197,10 @@ class Store {
   /// Errors: PermissionDenied, `most` others have (0: no limit), or a worker of this id has joined
   /// with another certificate.
   virtual absl::Status remember_join(const Join& join, std::int64_t most) = 0;
+  /// Forgets joins of workers that are not in the roster and have not been since `unseen_since_us`,
+  /// but none with a token that is still `valid`: those are counted.
+  virtual absl::Status forget_joins(const std::vector<std::string>& valid,
+                                    std::int64_t unseen_since_us) = 0;
 
   /// Bytes the store's files take, from its own book-keeping (no folder walk): segments, assets,
   /// finished frames and database, without unfinished uploads. Any thread.

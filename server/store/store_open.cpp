@@ -94,8 +94,8 @@ absl::Status DiskStore::make_folders() {
 }
 
 absl::Status DiskStore::start() {
-  auto journal =
-      Journal::open(absl::StrCat(folder_, "/store.db"), files_, options_.checkpoint_pages);
+  auto journal = Journal::open(absl::StrCat(folder_, "/store.db"), files_,
+                               {options_.checkpoint_pages, options_.slack_pages});
   if (!journal.ok()) return journal.status();
   journal_ = *std::move(journal);
   const auto id = random_bytes(kIdBytes);

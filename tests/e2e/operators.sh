@@ -57,4 +57,16 @@ for kind in "job submitted" "frame finished" "job done" "worker drained" "worker
 done
 interrupted events "$follower"
 say "events: one stream, over a restart of the server"
+
+kill_server
+start_server --keep-jobs 0.00001 # a second
+no_jobs() { farm list --json >"$work/jobs.json" && [ "$(json "$work/jobs.json" 'len(d["jobs"])')" -eq 0 ]; }
+wait_until 30 "jobs that ended are removed" no_jobs
+kill_worker one
+kill "$server_pid"
+wait "$server_pid" || fail "the server ended with $? on SIGTERM"
+server_pid=
+equal "their images went with them" "$(find "$work/store/outputs" "$work/store/segments" -type f | wc -l)" 0
+exits 0 tessera-server check "$work/store"
+say "--keep-jobs: jobs that ended go by themselves, and the store is whole"
 echo "$checks checks"

@@ -38,8 +38,9 @@ class FailingFile final : public server::File {
 FailingDisk::FailingDisk()
     : disk_(server::real_filesystem()),
       vfs_(std::make_unique<RecordingVfs>([this](const DiskEvent& event) {
-        if (event.kind != DiskEvent::Kind::sync_file || failing_sqlite_file_.empty()) return true;
-        return event.path.substr(event.path.find_last_of('/') + 1) != failing_sqlite_file_;
+        const std::string name = event.path.substr(event.path.find_last_of('/') + 1);
+        if (event.kind == DiskEvent::Kind::sync_file) return name != failing_sqlite_file_;
+        return event.kind != DiskEvent::Kind::write || name != full_sqlite_file_;
       })),
       bytes_left_(kUnlimited) {}
 
@@ -57,10 +58,15 @@ void FailingDisk::fail_sqlite_syncs(const std::string& name) {
   failing_sqlite_file_ = name;
 }
 
+void FailingDisk::fail_sqlite_writes(const std::string& name) {
+  full_sqlite_file_ = name;
+}
+
 void FailingDisk::recover() {
   bytes_left_ = kUnlimited;
   syncs_fail_ = false;
   failing_sqlite_file_.clear();
+  full_sqlite_file_.clear();
 }
 
 std::int64_t FailingDisk::grant_bytes(std::int64_t bytes) {

@@ -24,6 +24,8 @@ class FailingDisk final : public server::Filesystem {
   void fail_syncs();
   /// Every sync by SQLite of the file of this name fails with an I/O error.
   void fail_sqlite_syncs(const std::string& name);
+  /// Every write by SQLite to the file of this name fails for want of space.
+  void fail_sqlite_writes(const std::string& name);
   /// All goes well again.
   void recover();
   /// Syncs outside SQLite that were asked for after one had failed.
@@ -50,7 +52,7 @@ class FailingDisk final : public server::Filesystem {
   bool syncs_fail_ = false;
   bool has_failed_ = false;
   int syncs_after_failure_ = 0;
-  std::string failing_sqlite_file_;
+  std::string failing_sqlite_file_, full_sqlite_file_;
 };
 
 }  // namespace tessera::testing

@@ -56,6 +56,7 @@ class MemoryStore final : public Store {
     const std::lock_guard lock(mutex_);
     std::erase_if(jobs_, [&](const auto& entry) { return entry.second.id == job_id; });
     units_.erase(job_id);
+    totals_.erase(job_id);
     frames_.erase(job_id);
     return absl::OkStatus();
   }
@@ -133,10 +134,27 @@ class MemoryStore final : public Store {
     for (const auto& [number, frame] : found->second) frames.push_back(frame);
     return frames;
   }
-  absl::Status release_segments(const std::string& job_id) override {
+  absl::Status close_job(const std::string& job_id) override {
     const std::lock_guard lock(mutex_);
     released_.insert(job_id);
+    for (const auto& [unit, entry] : units_[job_id]) {
+      const UnitRecord& record = entry.first;
+      UnitTotals& totals = totals_[job_id][record.worker_id];
+      totals.worker_id = record.worker_id;
+      ++totals.units;
+      totals.cpu_seconds += record.cpu_seconds;
+      if (record.audit == AuditState::over) ++totals.audited;
+    }
+    units_.erase(job_id);
     return absl::OkStatus();
+  }
+  absl::StatusOr<std::vector<UnitTotals>> totals(const std::string& job_id) const override {
+    const std::lock_guard lock(mutex_);
+    std::vector<UnitTotals> totals;
+    const auto found = totals_.find(job_id);
+    if (found == totals_.end()) return totals;
+    for (const auto& [worker, sum] : found->second) totals.push_back(sum);
+    return totals;
   }
 
   bool has_asset(const contract::Digest& digest) const override {
@@ -198,6 +216,9 @@ class MemoryStore final : public Store {
     joined.insert(join.worker_id);
     return absl::OkStatus();
   }
+  absl::Status forget_joins(const std::vector<std::string>&, std::int64_t) override {
+    return absl::OkStatus();
+  }
   std::int64_t used_bytes() const override { return used_bytes_; }
 
  private:
@@ -213,6 +234,7 @@ class MemoryStore final : public Store {
   std::map<std::string, std::set<std::string>> joins_;  // by token
   std::map<std::int64_t, JobRecord> jobs_;
   std::map<std::string, std::map<contract::Unit, std::pair<UnitRecord, std::string>>> units_;
+  std::map<std::string, std::map<std::string, UnitTotals>> totals_;  // by job, worker
   std::map<std::string, std::map<std::int32_t, FrameRecord>> frames_;
   std::set<contract::Digest> assets_;
   std::set<contract::Unit> damaged_;

@@ -50,8 +50,8 @@ int read_file(sqlite3_file* file, void* out, int count, sqlite3_int64 offset) {
 }
 
 int write_file(sqlite3_file* file, const void* bytes, int count, sqlite3_int64 offset) {
-  report(file, Kind::write, offset,
-         std::string(static_cast<const char*>(bytes), static_cast<std::size_t>(count)));
+  std::string written(static_cast<const char*>(bytes), static_cast<std::size_t>(count));
+  if (!report(file, Kind::write, offset, std::move(written))) return SQLITE_FULL;
   return real(file)->pMethods->xWrite(real(file), bytes, count, offset);
 }
 

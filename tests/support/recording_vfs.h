@@ -8,7 +8,7 @@
 
 namespace tessera::testing {
 
-/// Hears what is about to be done; false makes it fail, if it is a sync.
+/// Hears what is about to be done; false makes it fail, if it is a sync or a write.
 using DiskReport = std::function<bool(DiskEvent)>;
 
 /// An SQLite VFS over the default one that reports what is done to the disk, as full paths.

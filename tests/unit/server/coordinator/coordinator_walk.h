@@ -44,7 +44,7 @@ class CoordinatorWalk : public testing::Test {
     store.reboot();
     now += std::chrono::hours(1);
     options.clock = [this] { return now; };
-    options.wall_us = [] { return std::int64_t{1'700'000'000'000'000}; };
+    options.wall_us = [this] { return wall_us; };
     options.random = [this] {
       return random_ = random_ * 6364136223846793005u + 1442695040888963407u;
     };
@@ -210,6 +210,7 @@ class CoordinatorWalk : public testing::Test {
                              testing::UnitTest::GetInstance()->current_test_info()->name();
   MemoryStore store{folder};
   Time now{};
+  std::int64_t wall_us = 1'700'000'000'000'000;
   CoordinatorOptions options;
   double noise = 0;
   std::unique_ptr<Coordinator> coordinator;

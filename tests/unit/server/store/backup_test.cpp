@@ -39,7 +39,7 @@ class BackupTest : public ::testing::Test {
     frame.file = "frame.exr";
     frame.file_sha256 = contract::sha256("an image");
     EXPECT_TRUE(store_->finish_frame("done", frame).ok());
-    EXPECT_TRUE(store_->release_segments("done").ok());
+    EXPECT_TRUE(store_->close_job("done").ok());
     const std::string upload = store_->new_upload_path().value();
     write(upload, "an asset");
     EXPECT_TRUE(store_->keep_asset(upload, contract::sha256("an asset")).ok());

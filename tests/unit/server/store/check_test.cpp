@@ -38,7 +38,7 @@ class StoreCheckTest : public ::testing::Test {
     frame.file = "frame.exr";
     frame.file_sha256 = contract::sha256("an image");
     EXPECT_TRUE((*store)->finish_frame("done", frame).ok());
-    EXPECT_TRUE((*store)->release_segments("done").ok());
+    EXPECT_TRUE((*store)->close_job("done").ok());
     const std::string upload = (*store)->new_upload_path().value();
     write(upload, "an asset");
     EXPECT_TRUE((*store)->keep_asset(upload, contract::sha256("an asset")).ok());
@@ -80,7 +80,7 @@ TEST_F(StoreCheckTest, ASoundStoreHasNoFaults) {
   EXPECT_TRUE(found.faults.empty()) << ::testing::PrintToString(found.faults);
   EXPECT_TRUE(found.litter.empty()) << ::testing::PrintToString(found.litter);
   EXPECT_EQ(found.jobs, 2);
-  EXPECT_EQ(found.units, 4);
+  EXPECT_EQ(found.units, 4) << "two of them added up";
   EXPECT_EQ(found.blocks, 2) << "released ones are not looked at";
   EXPECT_EQ(found.frames, 1);
   EXPECT_EQ(found.assets, 1);
@@ -122,11 +122,31 @@ TEST_F(StoreCheckTest, BlocksThatOverlapAreAFault) {
 }
 
 TEST_F(StoreCheckTest, AReleasedBlockOfAnUnfinishedFrameIsAFault) {
+  change_rows("UPDATE jobs SET first_segment=1 WHERE id='open'");
+  const StoreFindings found = check();
+  ASSERT_EQ(found.faults.size(), 2u) << ::testing::PrintToString(found.faults);
+  EXPECT_TRUE(absl::StrContains(found.faults[0], "is not finished")) << found.faults[0];
+}
+
+TEST_F(StoreCheckTest, AnImageWithoutARowIsLeftOver) {
   change_rows("DELETE FROM frames");
   const StoreFindings found = check();
-  EXPECT_EQ(found.faults.size(), 2u) << ::testing::PrintToString(found.faults);
   ASSERT_EQ(found.litter.size(), 1u);
   EXPECT_EQ(found.litter[0], "outputs/done/frame.exr");
+}
+
+TEST_F(StoreCheckTest, ADoneJobsUnitsThatAreNotAddedUpAreAFault) {
+  change_rows("UPDATE jobs SET state=4 WHERE id='done'");
+  EXPECT_TRUE(check().faults.empty());
+  change_rows("UPDATE jobs SET state=4");
+  EXPECT_EQ(check().faults.size(), 2u);
+}
+
+TEST_F(StoreCheckTest, TotalsThatCannotBeAreAFault) {
+  change_rows("UPDATE totals SET audited=9");
+  expect_fault("totals of worker worker of job done: damaged");
+  change_rows("UPDATE totals SET audited=0, job=77");
+  expect_fault("there is no job 77");
 }
 
 TEST_F(StoreCheckTest, UnitsOfARemovedJobAreAFault) {

@@ -141,11 +141,11 @@ TEST_F(DamageTest, AStoreOfTheFirstSchemaIsBroughtUpToDate) {
   {
     auto database = Database::open(path() + "/store.db", "", Database::Mode::writer);
     ASSERT_TRUE(database.ok()) << database.status();
-    ASSERT_TRUE(
-        (*database)
-            ->script("DROP TABLE joins; ALTER TABLE units DROP COLUMN audit; DROP TABLE bans; "
-                     "ALTER TABLE assets DROP COLUMN used_us; PRAGMA user_version=1")
-            .ok());
+    ASSERT_TRUE((*database)
+                    ->script("DROP TABLE joins; DROP TABLE totals; ALTER TABLE units DROP COLUMN "
+                             "audit; DROP TABLE bans; "
+                             "ALTER TABLE assets DROP COLUMN used_us; PRAGMA user_version=1")
+                    .ok());
   }
   const auto store = open();
   ASSERT_TRUE(store.ok()) << store.status();
@@ -153,6 +153,43 @@ TEST_F(DamageTest, AStoreOfTheFirstSchemaIsBroughtUpToDate) {
   std::size_t units = 0;
   EXPECT_TRUE((*store)->for_each_unit(group[0].job_id, [&](const UnitRecord&) { ++units; }).ok());
   EXPECT_EQ(units, group.size());
+}
+
+TEST_F(DamageTest, UnitsOfJobsThatWereDoneUnderAnOlderSchemaAreAddedUp) {
+  make_store();
+  {
+    auto database = Database::open(path() + "/store.db", "", Database::Mode::writer);
+    ASSERT_TRUE(database.ok()) << database.status();
+    ASSERT_TRUE((*database)
+                    ->script("DROP TABLE totals; ALTER TABLE joins DROP COLUMN seen_us; "
+                             "UPDATE jobs SET state=4; PRAGMA user_version=4")
+                    .ok());
+  }
+  const auto store = open();
+  ASSERT_TRUE(store.ok()) << store.status();
+  EXPECT_TRUE((*store)->for_each_unit("a", [](const UnitRecord&) { FAIL(); }).ok());
+  const auto totals = (*store)->totals("a");
+  ASSERT_TRUE(totals.ok()) << totals.status();
+  ASSERT_EQ(totals->size(), 1U);
+  EXPECT_EQ((*totals)[0].units, 2);
+  EXPECT_EQ((*totals)[0].cpu_seconds, 0.5);
+}
+
+/// The rows are durable; were it called a failure, its units could never be committed again.
+TEST_F(DamageTest, ADiskThatIsFullAtACheckpointFailsNothing) {
+  checkpoint_pages_ = 1;
+  make_store();
+  FailingDisk disk;
+  const auto store = open(disk);
+  ASSERT_TRUE(store.ok()) << store.status();
+  disk.fail_sqlite_writes("store.db");
+  std::vector<Commit> group = some_units(1);
+  EXPECT_TRUE((*store)->commit(group).ok());
+  EXPECT_EQ(*(*store)->read_block("a", group[0].record), group[0].block);
+  disk.recover();
+  std::vector<Commit> next = some_units(2);
+  EXPECT_TRUE((*store)->commit(next).ok());
+  EXPECT_TRUE(deaths_.empty());
 }
 
 TEST_F(DamageTest, AForeignDatabaseIsRefused) {

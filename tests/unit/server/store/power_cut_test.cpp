@@ -40,6 +40,7 @@ StoreOptions small_options() {
   StoreOptions options;
   options.segment_bytes = 3000;   // a few blocks
   options.checkpoint_pages = 24;  // a few commits
+  options.slack_pages = 0;        // a quarter of the file at most
   options.now_us = [] { return kHourUs; };
   options.fatal = [](const std::string& message) { ADD_FAILURE() << message; };
   return options;
@@ -87,7 +88,8 @@ class Coordinator {
   }
 
   void remove_job(const std::string& id) {
-    for (const char* kind : {"job ", "unit ", "frame "}) promises_.end_all(kind + id, step());
+    for (const char* kind : {"job ", "unit ", "frame ", "work "})
+      promises_.end_all(kind + id, step());
     ASSERT_TRUE(store_->remove_job(id).ok());
   }
 
@@ -104,11 +106,17 @@ class Coordinator {
       promises_.make(unit_key(commit.job_id, commit.record.unit), step(),
                      unit_is_there(commit.job_id, commit.record.unit, commit.block));
     }
+    for (const std::string& id : ids) {
+      unit_counts_[id] += count;
+      promises_.make("work " + id, step(), work_is_counted(id, unit_counts_[id]));
+    }
   }
 
   void drop(const std::string& id, contract::Unit unit) {
     promises_.end(unit_key(id, unit), step());
+    promises_.end("work " + id, step());
     ASSERT_TRUE(store_->drop_units(id, {unit}).ok());
+    promises_.make("work " + id, step(), work_is_counted(id, --unit_counts_[id]));
   }
 
   void finish_frame(const std::string& id, int frame) {
@@ -130,9 +138,19 @@ class Coordinator {
     promises_.make("frame " + id + " " + record.file, step(), frame_is_there(id, record, bytes));
   }
 
-  void release_segments(const std::string& id) {
+  void close_job(const std::string& id) {
     promises_.end_all("unit " + id, step());
-    ASSERT_TRUE(store_->release_segments(id).ok());
+    ASSERT_TRUE(store_->close_job(id).ok());
+  }
+
+  void join(const std::string& worker) {
+    ASSERT_TRUE(store_->remember_join({worker, "token", "rack"}, 0).ok());
+    promises_.make("join " + worker, step(), worker_has_joined(worker));
+  }
+
+  void forget_joins() {
+    promises_.end_all("join ", step());
+    ASSERT_TRUE(store_->forget_joins({}, 2 * kHourUs).ok());
   }
 
   void upload(const std::string& bytes) {
@@ -175,6 +193,7 @@ class Coordinator {
   Promises& promises_;
   std::unique_ptr<Store> store_;
   std::map<std::string, JobRecord> jobs_;
+  std::map<std::string, std::int64_t> unit_counts_;
   int block_seed_ = 0;
 };
 
@@ -213,8 +232,9 @@ void use_everything(Coordinator& farm, const std::vector<std::string>& assets) {
   farm.commit({"a"}, 1, 1, 0);
   farm.upload(assets[1]);
   farm.finish_frame("a", 0);
-  farm.release_segments("a");
+  farm.close_job("a");
   farm.commit({"a"}, 0, 2, 1);
+  farm.join("w1");
   farm.close();
 
   farm.open();
@@ -228,6 +248,8 @@ void use_everything(Coordinator& farm, const std::vector<std::string>& assets) {
   farm.collect_all_assets_but(assets[2], {assets[0], assets[1]});
   farm.upload(assets[0]);
   farm.finish_frame("c", 7);
+  farm.close_job("c");
+  farm.forget_joins();
   farm.update_job("c", 4);
   farm.close();
 }

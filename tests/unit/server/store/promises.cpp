@@ -137,6 +137,33 @@ Promises::Test unit_is_there(const std::string& job_id, contract::Unit unit, std
   };
 }
 
+Promises::Test work_is_counted(const std::string& job_id, std::int64_t units) {
+  return [job_id, units](Store& store) -> std::string {
+    std::int64_t count = 0;
+    double cpu_seconds = 0;
+    const absl::Status status = store.for_each_unit(job_id, [&](const UnitRecord& unit) {
+      ++count;
+      cpu_seconds += unit.cpu_seconds;
+    });
+    const auto totals = store.totals(job_id);
+    if (!status.ok() || !totals.ok()) return "cannot be read";
+    for (const UnitTotals& total : *totals) {
+      count += total.units;
+      cpu_seconds += total.cpu_seconds;
+    }
+    if (count < units)
+      return "is " + std::to_string(count) + " units, was " + std::to_string(units);
+    return cpu_seconds == 0.25 * static_cast<double>(count) ? "" : "has other figures";
+  };
+}
+
+Promises::Test worker_has_joined(const std::string& worker_id) {
+  return [worker_id](Store& store) -> std::string {
+    const absl::Status status = store.remember_join({worker_id, "token", "thief"}, 0);
+    return absl::IsPermissionDenied(status) ? "" : "is forgotten: " + status.ToString();
+  };
+}
+
 Promises::Test frame_is_there(const std::string& job_id, const FrameRecord& frame,
                               std::string bytes) {
   return [job_id, frame, bytes = std::move(bytes)](Store& store) -> std::string {
@@ -215,6 +242,11 @@ std::vector<std::string> facts(Store& store) {
       lines.push_back("unit " + job.id + name(unit.unit) + unit.sha256.hex());
     });
     if (!status.ok()) lines.push_back(status.ToString());
+    const auto totals = store.totals(job.id);
+    if (!totals.ok()) continue;
+    for (const UnitTotals& total : *totals) {
+      lines.push_back("totals " + job.id + " " + total.worker_id + std::to_string(total.units));
+    }
     const auto frames = store.frames(job.id);
     if (!frames.ok()) continue;
     for (const FrameRecord& frame : *frames) {

@@ -27,6 +27,8 @@ class StoreTest : public ::testing::Test {
     store_.reset();
     StoreOptions options;
     options.segment_bytes = segment_bytes_;
+    options.slack_pages = slack_pages_;
+    options.checkpoint_pages = checkpoint_pages_;
     options.now_us = [this] { return now_us_; };
     auto store = Store::open(path(), real_filesystem(), options);
     ASSERT_TRUE(store.ok()) << store.status();
@@ -95,6 +97,7 @@ class StoreTest : public ::testing::Test {
   ScratchFolder folder_;
   std::unique_ptr<Store> store_;
   std::int64_t segment_bytes_ = 1 << 20;
+  int slack_pages_ = 256, checkpoint_pages_ = 2000;
   std::int64_t now_us_ = 100 * kHourUs;
 };
 
@@ -213,8 +216,9 @@ TEST_F(StoreTest, KnowsNothingOfAJobThatIsNotThere) {
   EXPECT_TRUE(absl::IsNotFound(store().commit(group)));
   EXPECT_TRUE(absl::IsNotFound(store().drop_units("nobody", {})));
   EXPECT_TRUE(absl::IsNotFound(store().finish_frame("nobody", {})));
-  EXPECT_TRUE(absl::IsNotFound(store().release_segments("nobody")));
+  EXPECT_TRUE(absl::IsNotFound(store().close_job("nobody")));
   EXPECT_TRUE(units("nobody").empty());
+  EXPECT_TRUE(store().totals("nobody")->empty());
   EXPECT_TRUE(store().frames("nobody")->empty());
 }
 
@@ -329,25 +333,77 @@ TEST_F(StoreTest, RefusesAFrameWithoutItsFile) {
   EXPECT_TRUE(store().frames("a")->empty());
 }
 
-TEST_F(StoreTest, ReleasesBlocksButKeepsTheirRows) {
+TEST_F(StoreTest, AddsUpTheUnitsOfAClosedJobByWorker) {
   add_job("a");
-  commit("a", 0, 3);
-  ASSERT_TRUE(store().release_segments("a").ok());
+  add_job("b");
+  commit("b", 0, 2);
+  std::vector<Commit> group;
+  for (int tile = 0; tile < 5; ++tile) {
+    group.push_back(make_commit("a", {0, tile, 0}, "block"));
+    group.back().record.worker_id = tile < 3 ? "one" : "two";
+    group.back().record.cpu_seconds = 1 << tile;
+    group.back().record.audit = AuditState::open;
+  }
+  ASSERT_TRUE(store().commit(group).ok());
+  ASSERT_TRUE(store().end_audits("a", {{0, 0, 0}, {0, 2, 0}, {0, 4, 0}}).ok());
+  for (int times = 0; times < 2; ++times) {
+    ASSERT_TRUE(store().close_job("a").ok());
+    if (times == 1) open();
+    const auto totals = store().totals("a");
+    ASSERT_TRUE(totals.ok()) << totals.status();
+    ASSERT_EQ(totals->size(), 2U);
+    EXPECT_EQ((*totals)[0].worker_id, "one");
+    EXPECT_EQ((*totals)[0].units, 3);
+    EXPECT_EQ((*totals)[0].audited, 2);
+    EXPECT_EQ((*totals)[0].cpu_seconds, 1 + 2 + 4);
+    EXPECT_EQ((*totals)[1].units, 2);
+    EXPECT_EQ((*totals)[1].audited, 1);
+    EXPECT_EQ((*totals)[1].cpu_seconds, 8 + 16);
+    EXPECT_TRUE(units("a").empty());
+  }
+  EXPECT_EQ(units("b").size(), 2U);
+  EXPECT_TRUE(store().totals("b")->empty());
+}
+
+TEST_F(StoreTest, AClosedJobsBlocksAreReleasedAndLaterOnesAreNot) {
+  add_job("a");
+  const std::vector<Commit> before = commit("a", 0, 3);
+  ASSERT_TRUE(store().close_job("a").ok());
   EXPECT_TRUE(std::filesystem::is_empty(path() + "/segments/a"));
-  ASSERT_EQ(units("a").size(), 3U);
-  EXPECT_TRUE(absl::IsNotFound(store().read_block("a", units("a")[0]).status()));
+  EXPECT_TRUE(absl::IsNotFound(store().read_block("a", before[0].record).status()));
   const std::vector<Commit> later = commit("a", 1, 1);
   EXPECT_EQ(*store().read_block("a", later[0].record), later[0].block);
   open();
-  EXPECT_TRUE(absl::IsNotFound(store().read_block("a", units("a")[0]).status()));
+  EXPECT_TRUE(absl::IsNotFound(store().read_block("a", before[0].record).status()));
   EXPECT_EQ(*store().read_block("a", later[0].record), later[0].block);
+  ASSERT_TRUE(store().close_job("a").ok());
+  EXPECT_EQ(store().totals("a")->at(0).units, 4);
+}
+
+TEST_F(StoreTest, TheJournalShrinksWhenItsJobsAreClosed) {
+  slack_pages_ = 8;
+  checkpoint_pages_ = 1;
+  open();
+  const std::int64_t empty = store().used_bytes();
+  add_job("a");
+  commit("a", 0, 4000, 1);
+  const std::int64_t full = store().used_bytes();
+  EXPECT_GT(full, empty + 200'000);
+  ASSERT_TRUE(store().close_job("a").ok());
+  add_job("b");  // another write, by which the rest goes
+  EXPECT_LT(store().used_bytes(), empty + 100'000);
+  add_job("c");  // the log is copied into the file by the next one
+  EXPECT_LT(std::filesystem::file_size(path() + "/store.db"),
+            static_cast<std::uintmax_t>(empty) + 100'000);
 }
 
 TEST_F(StoreTest, RemovesAllThatAJobHad) {
   add_job("a");
   const std::vector<Commit> group = commit("a", 0, 3);
   finish_frame("a", 0, "image");
+  ASSERT_TRUE(store().close_job("a").ok());
   ASSERT_TRUE(store().remove_job("a").ok());
+  EXPECT_TRUE(store().totals("a")->empty());
   EXPECT_FALSE(std::filesystem::exists(path() + "/segments/a"));
   EXPECT_FALSE(std::filesystem::exists(path() + "/outputs/a"));
   EXPECT_TRUE(units("a").empty());
@@ -477,7 +533,7 @@ TEST_F(StoreTest, CountsTheBytesItUses) {
   EXPECT_EQ(store().used_bytes(), empty + count_files());
   open();
   EXPECT_EQ(store().used_bytes(), empty + count_files());
-  ASSERT_TRUE(store().release_segments("b").ok());
+  ASSERT_TRUE(store().close_job("b").ok());
   EXPECT_EQ(store().used_bytes(), empty + count_files());
   ASSERT_TRUE(store().remove_job("a").ok());
   now_us_ += 2 * kHourUs;
@@ -517,6 +573,24 @@ TEST_F(StoreTest, AWorkersIdStaysWithItsCertificate) {
   open();
   EXPECT_TRUE(absl::IsPermissionDenied(store().remember_join({"one", "token", "thief"}, 0)));
   EXPECT_TRUE(absl::IsPermissionDenied(store().remember_join({"one", "other", "thief"}, 0)));
+}
+
+TEST_F(StoreTest, ForgetsJoinsOfWorkersLongGoneWithTokensThatAreNoMore) {
+  for (const char* worker : {"gone", "here", "late", "counted"}) {
+    const std::string token = worker == std::string("counted") ? "valid" : "expired";
+    ASSERT_TRUE(store().remember_join({worker, token, "rack"}, 0).ok());
+  }
+  ASSERT_TRUE(store().remember_worker("here", "here").ok());
+  ASSERT_TRUE(store().remember_worker("late", "late").ok());
+  now_us_ += 2 * kHourUs;
+  ASSERT_TRUE(store().forget_worker("late").ok());
+  ASSERT_TRUE(store().forget_joins({"valid"}, now_us_ - kHourUs).ok());
+  open();
+  for (const char* worker : {"here", "late", "counted"}) {
+    EXPECT_TRUE(absl::IsPermissionDenied(store().remember_join({worker, "t", "thief"}, 0)))
+        << worker;
+  }
+  EXPECT_TRUE(store().remember_join({"gone", "t", "other"}, 0).ok());
 }
 
 }  // namespace

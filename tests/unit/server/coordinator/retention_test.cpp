@@ -1,0 +1,110 @@
+// Jobs that ended long ago go by themselves, where an operator wants that.
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "tests/unit/server/coordinator/coordinator_walk.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr std::int64_t kDayUs = std::int64_t{86'400} * 1'000'000;
+
+class RetentionTest : public CoordinatorWalk {
+ protected:
+  void keep_for(std::int64_t span_us) {
+    options.keep_jobs_us = span_us;
+    start();
+  }
+  /// Lets this much wall time pass, and the coordinator notice.
+  void pass(std::int64_t span_us) {
+    wall_us += span_us;
+    now += std::chrono::seconds(10);
+    coordinator->tick();
+    pump();
+  }
+  bool is_there(const std::string& job) { return coordinator->job(job).ok(); }
+};
+
+TEST_F(RetentionTest, AJobIsRemovedSoLongAfterItsEndAndNoOther) {
+  keep_for(2 * kDayUs);
+  auto worker = join("w1");
+  const std::string done = create_job("done");
+  work_off(worker, done);
+  const std::string cancelled = create_job("cancelled");
+  ASSERT_TRUE(change(cancelled, Coordinator::Change::cancel).ok());
+  const std::string paused = create_job("paused");
+  ASSERT_TRUE(change(paused, Coordinator::Change::pause).ok());
+  pass(kDayUs);
+  const std::string later = create_job("later");
+  ASSERT_TRUE(change(later, Coordinator::Change::cancel).ok());
+  EXPECT_TRUE(is_there(done) && is_there(cancelled));
+  pass(kDayUs);
+  EXPECT_FALSE(is_there(done));
+  EXPECT_FALSE(is_there(cancelled));
+  EXPECT_TRUE(is_there(paused) && is_there(later));
+  EXPECT_EQ(store.jobs()->size(), 2u);
+}
+
+TEST_F(RetentionTest, WhatEndedBeforeARestartCountsToo) {
+  keep_for(0);
+  const std::string job = create_job("a");
+  ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
+  pass(100 * kDayUs);
+  EXPECT_TRUE(is_there(job)) << "by default jobs stay";
+  keep_for(kDayUs);
+  pass(0);
+  EXPECT_FALSE(is_there(job));
+}
+
+TEST_F(RetentionTest, AJobThatGoesOnIsNotOld) {
+  keep_for(kDayUs);
+  const std::string job = create_job("a");
+  ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
+  ASSERT_TRUE(change(job, Coordinator::Change::retry).ok());
+  pass(10 * kDayUs);
+  ASSERT_TRUE(is_there(job));
+  ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
+  pass(kDayUs / 2);
+  EXPECT_TRUE(is_there(job)) << "counted from its last end";
+  pass(kDayUs / 2);
+  EXPECT_FALSE(is_there(job));
+}
+
+TEST_F(RetentionTest, ManyGoAFewAtATime) {
+  keep_for(kDayUs);
+  for (int i = 0; i < 20; ++i) {
+    const std::string job = create_job("j" + std::to_string(i));
+    ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
+  }
+  pass(kDayUs);
+  EXPECT_EQ(store.jobs()->size(), 4u);
+  coordinator->tick();  // too early
+  pump();
+  EXPECT_EQ(store.jobs()->size(), 4u);
+  pass(0);
+  EXPECT_TRUE(store.jobs()->empty());
+}
+
+TEST_F(RetentionTest, FiguresOfADoneJobOutliveItsUnits) {
+  const std::string job = create_job("a", 64);
+  auto worker = join("w1");
+  work_off(worker, job);
+  const JobReport before = coordinator->report(job).value();
+  ASSERT_TRUE(store.for_each_unit(job, [](const UnitRecord&) { FAIL(); }).ok());
+  start();
+  const JobReport after = coordinator->report(job).value();
+  EXPECT_EQ(after.view.committed_unit_count, before.view.committed_unit_count);
+  EXPECT_EQ(after.view.committed_sample_count, before.view.committed_sample_count);
+  EXPECT_DOUBLE_EQ(after.view.cpu_seconds, before.view.cpu_seconds);
+  EXPECT_EQ(after.counters.audited, before.counters.audited);
+  ASSERT_EQ(after.contributions.size(), 1u);
+  EXPECT_EQ(after.contributions.at("w1").units, before.contributions.at("w1").units);
+}
+
+}  // namespace
+}  // namespace tessera::server
