@@ -1,6 +1,7 @@
 """A farm of real processes for one round of chaos, and what must be true of it afterwards."""
 
 import collections
+import contextlib
 import json
 import os
 import pathlib
@@ -121,6 +122,8 @@ class Farm:
             link.start()
         self.line = None  # made by whoever needs it
         self.has_room = True  # nobody fills the disk now
+        self.in_need = 0  # faults that are not through: the round is to last
+        self.more = 0  # further jobs
 
     # Processes ------------------------------------------------------------------------------------
 
@@ -185,10 +188,24 @@ class Farm:
             self.free.append(slot)
 
     def submit(self):
-        for name, (scene, options) in JOBS.items():
-            done = run("tessera", "submit", SCENES / scene, "--server", f"unix:{self.socket}", *options,
-                       "--max-depth", 5, "--name", name)
-            self.jobs[name] = done.stdout.strip()
+        for name in JOBS:
+            self.jobs[name] = self.submit_one(name, name).stdout.strip()
+
+    def submit_one(self, template, name, check=True):
+        scene, options = JOBS[template]
+        return run("tessera", "submit", SCENES / scene, "--server", f"unix:{self.socket}", *options,
+                   "--max-depth", 5, "--name", name, check=check)
+
+    @contextlib.contextmanager
+    def time_needed(self):
+        """While this lasts the farm gets further jobs, so that the round does not end."""
+        with self.workers_lock:
+            self.in_need += 1
+        try:
+            yield
+        finally:
+            with self.workers_lock:
+                self.in_need -= 1
 
     def open_line(self):
         self.line = WideAreaLine(self.work, str(self.socket), self.environment(self.control, LD_PRELOAD=""))
@@ -267,12 +284,16 @@ class Farm:
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             states = self.states()
-            if states and len(states) == len(JOBS):
+            if states and set(JOBS) <= set(states):
                 if any(state in ("failed", "cancelled") for state, _ in states.values()):
                     raise Wrong(f"a job ended badly: {states}")
-                if all(state == "done" for state, _ in states.values()):
+                open_jobs = sum(state != "done" for state, _ in states.values())
+                if open_jobs == 0 and not self.in_need:
                     self.over = True
                     return
+                if open_jobs <= 1 and self.in_need:
+                    self.more += 1  # a name is never used twice: whoever gets no answer may have made it
+                    self.submit_one("passes", f"passes+{self.more}", check=False)
                 for name, (state, reason) in states.items():
                     if state == "paused" and "the store is full" in reason and self.has_room:
                         run("tessera", "resume", name, "--server", f"unix:{self.socket}", check=False)
@@ -282,7 +303,8 @@ class Farm:
     # Afterwards -----------------------------------------------------------------------------------
 
     def check_results(self, expected):
-        for name, (pixels, units) in expected.items():
+        for name in self.states():
+            pixels, units = expected[name.split("+")[0]]
             report = self.report(name)
             found = [frame["pixels_sha256"] for frame in report["frames"]]
             if found != pixels:

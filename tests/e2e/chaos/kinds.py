@@ -369,7 +369,7 @@ def small_disk(farm, rng):
 def wide_area(farm, rng):
     """A worker's way becomes a line of 100 Mbit/s, 20 ms each way, that loses one packet of a hundred;
     then it is cut for longer than a lease, and heals."""
-    with a_worker(farm) as worker:
+    with farm.time_needed(), a_worker(farm) as worker:
         if not worker or farm.over:
             return None
         line = farm.open_line()
