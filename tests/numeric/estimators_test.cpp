@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cmath>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -154,6 +155,28 @@ TEST(Estimators, AgreeInFog) {
 
 TEST(Estimators, AgreeWhereThingsMove) {
   expect_agreement(scene_of_file("motion"), 8, 32);
+}
+
+// A small lamp that shines down goes along over a floor, and a quarter round.
+TEST(Estimators, LampsThatMoveAreLookedFor) {
+  Scene scene = empty_scene();
+  render::Material lamp = lambert({0.5f, 0.5f, 0.5f});
+  lamp.emission = {40, 30, 20};
+  const auto light = add_material(&scene, lamp);
+  add_primitive(&scene, quad({-3, -1, 3}, {6, 0, 0}, {0, 0, -6},
+                             add_material(&scene, lambert({0.7f, 0.6f, 0.5f}))));
+  const auto moves = add_primitive(&scene, quad({0, 0, 0}, {0.2f, 0, 0}, {0, 0, 0.2f}, light));
+  scene.instances[static_cast<std::size_t>(moves)].motion = 0;
+  render::Affine3d turned = translation(1, 0.3, 0.5);
+  turned.rows = {render::Vec3d{0, 0, 1}, render::Vec3d{0, 1, 0}, render::Vec3d{-1, 0, 0}};
+  scene.key_times = {0, 1};
+  scene.motions = {{translation(-1, 0, 0), turned}};
+  look_at(&scene, {0, 0.6, 5}, {0, -0.4, 0});
+  expect_agreement(scene, 16, 128);
+  const Figures full = figures(scene, LightTable::Sought::all, 1, 16);
+  const Figures slow = figures(scene, LightTable::Sought::none, 1'000, 16);
+  const double noise = std::accumulate(full.variance.begin(), full.variance.end(), 0.0);
+  EXPECT_LT(noise * 10, std::accumulate(slow.variance.begin(), slow.variance.end(), 0.0));
 }
 
 // Both strategies find the lamp often, so that each has to give the other its due.

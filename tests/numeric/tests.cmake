@@ -44,8 +44,9 @@ tessera_test(NAME procedure KIND numeric
 tessera_test(NAME media KIND numeric
   SOURCES numeric/media_bodies_test.cpp numeric/media_test.cpp numeric/simpson.h LINKS tessera_test_render)
 tessera_test(NAME motion KIND numeric
-  SOURCES numeric/motion_test.cpp numeric/geometry_scenes.cpp numeric/geometry_scenes.h
-    numeric/solid_scenes.h
+  SOURCES numeric/motion_test.cpp numeric/motion_blur_test.cpp numeric/motion_files.h
+    numeric/moving_lights_test.cpp numeric/moving_scenes.h numeric/shutter_test.cpp
+    numeric/geometry_scenes.cpp numeric/geometry_scenes.h numeric/solid_scenes.h
   LINKS tessera_test_render tessera_test_scene tessera::render)
 # Light looked for against light met by chance.
 tessera_test(NAME estimators KIND numeric

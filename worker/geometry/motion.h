@@ -58,6 +58,19 @@ inline Affine3d between(const Affine3d& a, const Affine3d& b, float f) {
   return m;
 }
 
+/// Where a punctual light is, recentred world.
+struct PunctualPose {
+  Vec3d position;
+  Vec3f direction = {0, 0, -1};  // unit, the way light travels
+
+  bool operator==(const PunctualPose&) const = default;
+};
+
+inline PunctualPose between(const PunctualPose& a, const PunctualPose& b, float f) {
+  return {a.position + (b.position - a.position) * static_cast<double>(f),
+          normalize(between(a.direction, b.direction, f))};
+}
+
 /// The instance `at` of a motion (object to world, by key); nullopt where it is singular: nothing
 /// is hit then.
 struct Pose {

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "worker/shading/shading_scene.h"
@@ -26,6 +28,31 @@ class EmissiveTextureSums {
   bool repeats_u_ = true, repeats_v_ = true;
   std::vector<double> sums_;        // (width + 1) x (height + 1)
   std::vector<std::uint32_t> lit_;  // texels that are not black
+};
+
+/// Mean radiance of a triangle's front, as far as its material and textures tell. Texture sums are
+/// made once per material.
+class EmittedRadiance {
+ public:
+  EmittedRadiance(const Scene& scene, const TextureTable& textures)
+      : scene_(scene), textures_(textures), sums_(scene.materials.size()) {}
+
+  double at(const Primitive& p, const std::array<std::uint32_t, 3>& t) {
+    const auto index = static_cast<std::size_t>(p.material);
+    const Material& material = scene_.materials[index];
+    const double full = luminance(material.emission);
+    const TextureRef& ref = material.emissive_texture;
+    if (!ref) return full;
+    if (!sums_[index]) sums_[index] = std::make_unique<EmissiveTextureSums>(textures_, ref, scene_);
+    const auto& uv = p.uv[ref.uv_set == 1 ? 1 : 0];
+    if (uv.empty()) return full * sums_[index]->mean({}, {}, {});
+    return full * sums_[index]->mean(uv[t[0]], uv[t[1]], uv[t[2]]);
+  }
+
+ private:
+  const Scene& scene_;
+  const TextureTable& textures_;
+  std::vector<std::unique_ptr<EmissiveTextureSums>> sums_;  // by material
 };
 
 }  // namespace tessera::render

@@ -5,15 +5,14 @@
 #include <limits>
 
 #include "worker/light/emissive_power.h"
+#include "worker/light/moving_lights.h"
 #include "worker/light/punctual.h"
-#include "worker/math/elementary.h"
 #include "worker/sampling/warp.h"
 #include "worker/shading/surface.h"
 
 namespace tessera::render {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 /// Seen under more than about this many steradians, triangles are sampled by solid angle.
 constexpr double kNearSolidAngle = 0.1;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
@@ -28,70 +27,11 @@ PlacedTriangle placed(const Instance& instance, const Primitive& p, std::size_t 
           p.positions[v[2]]};
 }
 
-/// Box, normal and, for the time being as `strength`, area of one triangle in the world.
-LightBounds triangle_bounds(const Instance& instance, const Primitive& p, std::size_t t) {
+Corners corners_of(const Instance& instance, const Primitive& p, std::size_t t) {
   const auto& v = p.triangles[t];
-  const Vec3d a = world_vertex(instance, p, v[0]), b = world_vertex(instance, p, v[1]),
-              c = world_vertex(instance, p, v[2]);
-  LightBounds light;
-  light.box_min = min(a, min(b, c));
-  light.box_max = max(a, max(b, c));
-  const Vec3d normal = cross(b - a, c - a);
-  const double size = length(normal);
-  light.strength = 0.5 * size;
-  // Mirrored instances turn the winding over, not the side that shines.
-  if (size > 0) light.axis = normal * ((instance.flips_winding ? -1 : 1) / size);
-  light.emission_angle = kPi / 2;
-  return light;
+  return {world_vertex(instance, p, v[0]), world_vertex(instance, p, v[1]),
+          world_vertex(instance, p, v[2])};
 }
-
-LightBounds punctual_bounds(const PunctualLight& light) {
-  LightBounds b;
-  b.box_min = b.box_max = light.position;
-  b.axis = Vec3d(light.direction);
-  b.strength = luminance(light.intensity);
-  if (light.kind == PunctualLight::Kind::spot) {
-    b.normal_angle = elementary::acos(clamp(static_cast<double>(light.cos_inner), -1.0, 1.0));
-    b.emission_angle =
-        elementary::acos(clamp(static_cast<double>(light.cos_outer), -1.0, 1.0)) - b.normal_angle;
-    b.emission_angle = b.emission_angle > 0 ? b.emission_angle : 0;
-  } else {
-    b.normal_angle = kPi;
-    b.emission_angle = kPi / 2;
-  }
-  return b;
-}
-
-/// From density over a triangle's area to density over the solid angle it is seen under.
-float solid_angle_density(float per_area, float distance, float cos_light) {
-  if (!(cos_light > 0)) return kInfinity;
-  return per_area * distance * distance / cos_light;
-}
-
-/// Mean radiance of a triangle's front, as far as its material and textures tell. Texture sums are
-/// made once per material.
-class EmittedRadiance {
- public:
-  EmittedRadiance(const Scene& scene, const TextureTable& textures)
-      : scene_(scene), textures_(textures), sums_(scene.materials.size()) {}
-
-  double at(const Primitive& p, const std::array<std::uint32_t, 3>& t) {
-    const auto index = static_cast<std::size_t>(p.material);
-    const Material& material = scene_.materials[index];
-    const double full = luminance(material.emission);
-    const TextureRef& ref = material.emissive_texture;
-    if (!ref) return full;
-    if (!sums_[index]) sums_[index] = std::make_unique<EmissiveTextureSums>(textures_, ref, scene_);
-    const auto& uv = p.uv[ref.uv_set == 1 ? 1 : 0];
-    if (uv.empty()) return full * sums_[index]->mean({}, {}, {});
-    return full * sums_[index]->mean(uv[t[0]], uv[t[1]], uv[t[2]]);
-  }
-
- private:
-  const Scene& scene_;
-  const TextureTable& textures_;
-  std::vector<std::unique_ptr<EmissiveTextureSums>> sums_;  // by material
-};
 
 }  // namespace
 
@@ -109,49 +49,60 @@ LightTable::LightTable(const Scene& scene, const ShadingScene& shading, Sought s
 
 void LightTable::add_emitters(const Scene& scene, std::vector<LightBounds>& bounds) {
   EmittedRadiance radiance(scene, shading_.textures);
-  for (std::size_t i = 0; i < scene.instances.size(); ++i) {
+  for (std::uint32_t i = 0; i < scene.instances.size(); ++i) {
     const Instance& instance = scene.instances[i];
     const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
     slot_first_.push_back(static_cast<std::uint32_t>(slots_.size()));
-    for (std::size_t k = 0; k < mesh.primitives.size(); ++k) {
-      const Primitive& p = mesh.primitives[k];
-      // Which part of an operand is seen is known to rays only, and where what moves is depends on
-      // their time: left to chance hits.
-      if (instance.operand || shading_.instances[i].moves ||
-          !shading_.materials[static_cast<std::size_t>(p.material)].emissive) {
+    for (std::uint32_t k = 0; k < mesh.primitives.size(); ++k) {
+      const auto material = static_cast<std::size_t>(mesh.primitives[k].material);
+      // Which part of an operand is seen is known to rays only: left to chance hits.
+      if (instance.operand || !shading_.materials[material].emissive) {
         slots_.push_back(kNone);
         continue;
       }
       slots_.push_back(static_cast<std::int64_t>(entries_.size()));
-      if (mesh.shape != nullptr) add_shape(scene, static_cast<std::uint32_t>(i), bounds);
-      const std::size_t first = entries_.size();
-      const MaterialView& view = shading_.materials[static_cast<std::size_t>(p.material)];
-      const bool even = !view.source->emissive_texture && !view.extended &&
-                        view.source->alpha_mode == AlphaMode::opaque;
-      for (std::size_t t = 0; t < p.triangles.size(); ++t) {
-        Entry entry;
-        entry.triangle = {static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(k),
-                          static_cast<std::uint32_t>(t)};
-        LightBounds light = triangle_bounds(instance, p, t);
-        const double area = light.strength;
-        const auto density = area > 0 ? static_cast<float>(1 / area) : kInfinity;
-        const bool usable = density < kInfinity;  // slivers are left to chance hits
-        entry.density = usable ? density : 0;
-        entry.centre = Vec3f((light.box_min + light.box_max) * 0.5);
-        entry.reach2 = static_cast<float>(area / kNearSolidAngle);
-        entry.even = even;
-        entry.normal = world_normal(placed(instance, p, t));
-        light.both_sides = scene.materials[static_cast<std::size_t>(p.material)].double_sided;
-        light.strength = usable ? area * radiance.at(p, p.triangles[t]) : 0;
-        if (!std::isfinite(light.strength)) light.strength = 0;
-        entries_.push_back(entry);
-        bounds.push_back(light);
-      }
-      const Material& material = scene.materials[static_cast<std::size_t>(p.material)];
-      if (mesh.shape == nullptr && !material.emissive_texture) {
-        merge_rectangles(instance, p, first, bounds);
+      if (mesh.shape != nullptr) {
+        add_shape(scene, i, bounds);
+      } else {
+        add_triangles(scene, {i, k, 0}, radiance, bounds);
       }
     }
+  }
+}
+
+/// All triangles of a primitive, from its `first` on.
+void LightTable::add_triangles(const Scene& scene, const TriangleId& first,
+                               EmittedRadiance& radiance, std::vector<LightBounds>& bounds) {
+  const Instance& instance = scene.instances[first.instance];
+  const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
+  const Primitive& p = mesh.primitives[first.primitive];
+  const MaterialView& view = shading_.materials[static_cast<std::size_t>(p.material)];
+  const Material& material = *view.source;
+  const std::size_t first_entry = entries_.size();
+  Entry entry;
+  entry.triangle = first;
+  entry.moves = entry.special = shading_.instances[first.instance].moves;
+  entry.even =
+      !material.emissive_texture && !view.extended && material.alpha_mode == AlphaMode::opaque;
+  for (std::uint32_t t = 0; t < p.triangles.size(); ++t) {
+    entry.triangle.triangle = t;
+    LightBounds light = entry.moves ? bounds_of_moving(scene, entry.triangle)
+                                    : bounds_of(corners_of(instance, p, t), instance.flips_winding);
+    const double area = light.strength;
+    const auto density = area > 0 ? static_cast<float>(1 / area) : kInfinity;
+    const bool usable = density < kInfinity;  // slivers are left to chance hits
+    entry.density = usable ? density : 0;
+    entry.centre = Vec3f((light.box_min + light.box_max) * 0.5);
+    entry.reach2 = static_cast<float>(area / kNearSolidAngle);
+    entry.normal = world_normal(placed(instance, p, t));
+    light.both_sides = material.double_sided;
+    light.strength = usable ? area * radiance.at(p, p.triangles[t]) : 0;
+    if (!std::isfinite(light.strength)) light.strength = 0;
+    entries_.push_back(entry);
+    bounds.push_back(light);
+  }
+  if (!material.emissive_texture && !entry.moves) {
+    merge_rectangles(instance, p, first_entry, bounds);
   }
 }
 
@@ -205,13 +156,18 @@ void LightTable::merge_rectangles(const Instance& instance, const Primitive& p, 
 
 void LightTable::add_shape(const Scene& scene, std::uint32_t instance,
                            std::vector<LightBounds>& bounds) {
-  const Mesh& mesh = scene.meshes[static_cast<std::size_t>(scene.instances[instance].mesh)];
+  const Instance& placed = scene.instances[instance];
+  const Mesh& mesh = scene.meshes[static_cast<std::size_t>(placed.mesh)];
   const Material& material = scene.materials[static_cast<std::size_t>(mesh.primitives[0].material)];
   Entry entry;
   entry.triangle = {instance, 0, 0};
   entry.shape = static_cast<std::int32_t>(shapes_.size());
-  shapes_.emplace_back(scene.instances[instance], *mesh.shape);
-  LightBounds light = shapes_.back().bounds(luminance(material.emission), material.double_sided);
+  entry.special = true;
+  entry.moves = placed.motion != kNone;
+  shapes_.emplace_back(placed.object_to_world, placed.world_to_object, *mesh.shape);
+  const double radiance = luminance(material.emission);
+  LightBounds light = entry.moves ? bounds_of_moving(scene, placed, radiance, material.double_sided)
+                                  : shapes_.back().bounds(radiance, material.double_sided);
   entry.centre = Vec3f((light.box_min + light.box_max) * 0.5);
   if (!std::isfinite(light.strength)) light.strength = 0;
   entries_.push_back(entry);
@@ -225,8 +181,9 @@ void LightTable::add_punctual(const Scene& scene, std::vector<LightBounds>& boun
     Entry entry;
     entry.punctual = static_cast<std::int32_t>(i);
     entry.density = 1;
-    entry.centre = Vec3f(light.position);
-    LightBounds b = punctual_bounds(light);
+    entry.special = entry.moves = !light.keys.empty();
+    LightBounds b = entry.moves ? bounds_of_moving(light) : bounds_of(light, light);
+    entry.centre = Vec3f((b.box_min + b.box_max) * 0.5);
     if (!std::isfinite(b.strength)) b.strength = 0;
     if (light.kind == PunctualLight::Kind::directional && b.strength > 0) {
       distant_.push_back(static_cast<std::uint32_t>(entries_.size()));
@@ -262,23 +219,34 @@ bool LightTable::sample(const LightReceiver& receiver, const LightRandom& u,
   if (rest < s.sky) return sample_sky(static_cast<float>(s.sky), u, sample);
   rest -= s.sky;
   if (rest < s.distant) {
-    return sample_distant(rest / s.distant, receiver.point, static_cast<float>(s.distant), sample);
+    return sample_distant(rest / s.distant, receiver.time, static_cast<float>(s.distant), sample);
   }
   if (!(s.tree > 0)) return false;
   const double select = clamp((rest - s.distant) / s.tree, 0.0, 1 - 0x1p-53);
   const LightTree::Choice choice = tree_.choose(receiver, select);
   const Entry& entry = entries_[choice.light];
   const auto chance = static_cast<float>(s.tree * choice.probability);
-  if (entry.punctual != kNone) return sample_point_light(entry, chance, receiver.point, sample);
-  if (entry.shape != kNone) return sample_shape(entry, chance, receiver.point, u, sample);
+  if (entry.special) [[unlikely]]
+    return sample_special(entry, chance, receiver, u, sample);
+  if (entry.punctual != kNone) {
+    const PunctualLight& light = punctual_[static_cast<std::size_t>(entry.punctual)];
+    return sample_point_light(light, light, chance, receiver.point, sample);
+  }
   return sample_emitter(entry, chance, receiver.point, u, sample);
 }
 
-bool LightTable::sample_distant(double u, const Vec3f& point, float share,
-                                LightSample* sample) const {
+bool LightTable::sample_distant(double u, float time, float share, LightSample* sample) const {
   const DiscreteDistribution::Choice choice = distant_choice_.sample(u);
   const Entry& entry = entries_[distant_[static_cast<std::size_t>(choice.index)]];
-  return sample_point_light(entry, share * choice.pdf, point, sample);
+  const PunctualLight& light = punctual_[static_cast<std::size_t>(entry.punctual)];
+  sample->direction =
+      -(entry.moves ? pose_of(shading_.source, light, time).direction : light.direction);
+  sample->distant = true;
+  sample->triangle = TriangleId{};
+  sample->pdf = 0;
+  const float chance = share * choice.pdf;
+  sample->radiance_over_pdf = light.intensity / chance;
+  return chance > 0 && max_component(light.intensity) > 0;
 }
 
 bool LightTable::sample_sky(float share, const LightRandom& u, LightSample* sample) const {
@@ -292,13 +260,12 @@ bool LightTable::sample_sky(float share, const LightRandom& u, LightSample* samp
   return max_component(sky.radiance) > 0;
 }
 
-bool LightTable::sample_point_light(const Entry& entry, float share, const Vec3f& point,
-                                    LightSample* sample) const {
-  const PunctualLight& light = punctual_[static_cast<std::size_t>(entry.punctual)];
-  const PunctualSample s = sample_punctual(light, point);
+bool LightTable::sample_point_light(const PunctualLight& light, const PunctualPose& pose,
+                                    float share, const Vec3f& point, LightSample* sample) {
+  const PunctualSample s = sample_punctual(light, pose, point);
   sample->direction = s.direction;
-  sample->distant = light.kind == PunctualLight::Kind::directional;
-  sample->target = Vec3f(light.position);
+  sample->distant = false;
+  sample->target = Vec3f(pose.position);
   sample->triangle = TriangleId{};
   sample->pdf = 0;
   sample->radiance_over_pdf = s.irradiance / share;
@@ -407,49 +374,19 @@ bool LightTable::sample_emitter(const Entry& entry, float share, const Vec3f& po
   return true;
 }
 
-bool LightTable::sample_shape(const Entry& entry, float share, const Vec3f& point,
-                              const LightRandom& u, LightSample* sample) const {
-  const ShapeEmitter& emitter = shapes_[static_cast<std::size_t>(entry.shape)];
-  const Vec3d from(point);
-  const double solid_angle = emitter.solid_angle(from);
-  if (!(solid_angle > 0)) return false;
-  const Vec3d direction = emitter.sample(from, u.u1, u.u2);
-  ShapeHit found;
-  if (!emitter.find(from, direction, found)) return false;
-  const Vec3f p(found.point);
-  const Hit hit = {
-      static_cast<float>(found.t), {entry.triangle.instance, 0, found.face}, p.x, p.y, p.z};
-  sample->direction = Vec3f(direction);
-  sample->target = Vec3f(from + direction * found.t);
-  sample->distant = false;
-  sample->triangle = hit.id;
-  const ShadingPoint light = surface_at(shading_, hit, sample->direction);
-  const Vec3f radiance =
-      emission_at(shading_, light, -sample->direction) * coverage_at(shading_, light);
-  sample->pdf = static_cast<float>(static_cast<double>(share) / solid_angle);
-  if (!(max_component(radiance) > 0) || !(sample->pdf > 0) || !(sample->pdf < INFINITY)) {
-    return false;
-  }
-  sample->radiance_over_pdf = radiance / sample->pdf;
-  return true;
-}
-
 float LightTable::emitter_pdf(const LightReceiver& receiver, const TriangleId& id, float distance,
                               float cos_light) const {
   if (tree_.empty()) return 0;
   const std::int64_t first = slots_[slot_first_[id.instance] + id.primitive];
   if (first == kNone) return 0;
-  const std::int32_t shape = entries_[static_cast<std::size_t>(first)].shape;
-  auto light = static_cast<std::uint32_t>(first) + (shape == kNone ? id.triangle : 0);
+  const bool shape = entries_[static_cast<std::size_t>(first)].shape != kNone;
+  auto light = static_cast<std::uint32_t>(first) + (shape ? 0 : id.triangle);
   if (entries_[light].merged) --light;
   const double share = shares(receiver).tree * tree_.probability(receiver, light);
   if (!(share > 0)) return 0;
-  if (shape != kNone) {
-    const ShapeEmitter& emitter = shapes_[static_cast<std::size_t>(shape)];
-    const double solid_angle = emitter.solid_angle(Vec3d(receiver.point));
-    return solid_angle > 0 ? static_cast<float>(share / solid_angle) : 0;
-  }
   const Entry& entry = entries_[light];
+  if (entry.special) [[unlikely]]
+    return special_pdf(entry, share, receiver, id, distance, cos_light);
   const double solid_angle = entry.other == kNoTriangle
                                  ? near_triangle(entry, receiver.point).solid_angle
                                  : near_rectangle(entry, receiver.point).solid_angle();

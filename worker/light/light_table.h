@@ -1,11 +1,13 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <vector>
 
 #include "worker/geometry/ray.h"
 #include "worker/light/environment_map.h"
+#include "worker/light/light_bounds.h"
 #include "worker/light/light_tree.h"
 #include "worker/light/shape_emitter.h"
 #include "worker/light/spherical_rectangle.h"
@@ -16,6 +18,8 @@
 #include "worker/shading/shading_scene.h"
 
 namespace tessera::render {
+
+class EmittedRadiance;
 
 /// Random numbers for one light sample.
 struct LightRandom {
@@ -84,6 +88,8 @@ class LightTable {
     std::uint8_t right_angle = 0, other_right_angle = 0;  // corners of a rectangle's triangles
     std::int32_t punctual = kNone;
     std::int32_t shape = kNone;  // of shapes_; its instance is that of `triangle`
+    bool moves = false;          // while the shutter is open: looked up at the receiver's time
+    bool special = false;        // a shape, or it moves
     bool even = false;           // a plane that shines alike all over: only its side matters
     Vec3f normal;                // of that plane: world_normal()
     float density = 0;           // of a point on it: 1 / area, 1 for punctual lights
@@ -93,6 +99,8 @@ class LightTable {
 
   static constexpr std::uint32_t kNoTriangle = UINT32_MAX;
   void add_emitters(const Scene& scene, std::vector<LightBounds>& bounds);
+  void add_triangles(const Scene& scene, const TriangleId& first, EmittedRadiance& radiance,
+                     std::vector<LightBounds>& bounds);
   void merge_rectangles(const Instance& instance, const Primitive& p, std::size_t first,
                         std::vector<LightBounds>& bounds);
   void add_shape(const Scene& scene, std::uint32_t instance, std::vector<LightBounds>& bounds);
@@ -104,7 +112,7 @@ class LightTable {
   };
   Shares shares(const LightReceiver& receiver) const;
   bool sample_sky(float share, const LightRandom& u, LightSample* sample) const;
-  bool sample_distant(double u, const Vec3f& point, float share, LightSample* sample) const;
+  bool sample_distant(double u, float time, float share, LightSample* sample) const;
   Vec3d corner_from(const Entry& entry, std::uint32_t triangle, std::size_t corner,
                     const Vec3f& point) const;
   bool may_be_near(const Entry& entry, const Vec3f& point) const;
@@ -125,10 +133,19 @@ class LightTable {
   Emitted emitted(const Entry& entry, const Place& place, const Vec3f& direction) const;
   bool sample_emitter(const Entry& entry, float share, const Vec3f& point, const LightRandom& u,
                       LightSample* sample) const;
+  bool sample_special(const Entry& entry, float share, const LightReceiver& receiver,
+                      const LightRandom& u, LightSample* sample) const;
   bool sample_shape(const Entry& entry, float share, const Vec3f& point, const LightRandom& u,
                     LightSample* sample) const;
-  bool sample_point_light(const Entry& entry, float share, const Vec3f& point,
-                          LightSample* sample) const;
+  static bool sample_point_light(const PunctualLight& light, const PunctualPose& pose, float share,
+                                 const Vec3f& point, LightSample* sample);
+  // Of what moves, at the receiver's time:
+  bool sample_moving_triangle(const Entry& entry, float share, const LightReceiver& receiver,
+                              const LightRandom& u, LightSample* sample) const;
+  bool sample_moving_shape(const Entry& entry, float share, const LightReceiver& receiver,
+                           const LightRandom& u, LightSample* sample) const;
+  float special_pdf(const Entry& entry, double share, const LightReceiver& receiver,
+                    const TriangleId& id, float distance, float cos_light) const;
 
   const ShadingScene& shading_;
   const std::vector<PunctualLight>& punctual_;
@@ -142,6 +159,12 @@ class LightTable {
   std::vector<std::uint32_t> slot_first_;  // per instance: first of its primitives' slots
   std::vector<std::int64_t> slots_;        // per instance and primitive: first entry or kNone
 };
+
+/// From density over a triangle's area to density over the solid angle it is seen under.
+inline float solid_angle_density(float per_area, float distance, float cos_light) {
+  if (!(cos_light > 0)) return std::numeric_limits<float>::infinity();
+  return per_area * distance * distance / cos_light;
+}
 
 /// Veach's power heuristic for a sample of density `pdf` against one other strategy, from the
 /// ratio, so that no square of a density overflows. Requires pdf > 0.

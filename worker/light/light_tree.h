@@ -14,6 +14,7 @@ struct LightReceiver {
   Vec3f point;
   Vec3f normal;             // unit; on the side that receives
   bool every_side = false;  // the surface also lets light through: `normal` tells nothing
+  float time = 0;           // [0, 1] of the shutter's
 };
 
 /// What a light, or a group of lights, can give at most: all of it lies in the box, its brightest

@@ -28,11 +28,13 @@ struct PunctualSample {
   Vec3f irradiance;    // on a surface facing it, lux: I / d^2, or E; zero out of cone and range
 };
 
-inline PunctualSample sample_punctual(const PunctualLight& light, const Vec3f& point) {
+/// Of the light where `pose` has it.
+inline PunctualSample sample_punctual(const PunctualLight& light, const PunctualPose& pose,
+                                      const Vec3f& point) {
   if (light.kind == PunctualLight::Kind::directional) {
-    return {-light.direction, std::numeric_limits<float>::infinity(), light.intensity};
+    return {-pose.direction, std::numeric_limits<float>::infinity(), light.intensity};
   }
-  const Vec3f to_light = Vec3f(light.position) - point;
+  const Vec3f to_light = Vec3f(pose.position) - point;
   const float distance = length(to_light);
   PunctualSample s;
   s.direction = normalize(to_light);
@@ -40,10 +42,14 @@ inline PunctualSample sample_punctual(const PunctualLight& light, const Vec3f& p
   if (!(distance > 0)) return s;
   float share = range_attenuation(distance, light.range);
   if (light.kind == PunctualLight::Kind::spot) {
-    share *= spot_attenuation(-dot(s.direction, light.direction), light.cos_inner, light.cos_outer);
+    share *= spot_attenuation(-dot(s.direction, pose.direction), light.cos_inner, light.cos_outer);
   }
   s.irradiance = light.intensity * share / (distance * distance);
   return s;
+}
+
+inline PunctualSample sample_punctual(const PunctualLight& light, const Vec3f& point) {
+  return sample_punctual(light, light, point);
 }
 
 }  // namespace tessera::render

@@ -44,26 +44,70 @@ double object_radius(const Shape& shape) {
   return shape.latitudes ? max_component(half) : length(half);
 }
 
+/// Whether the shape's sections across an axis lie in the ellipses that its box is around.
+bool is_round(const Shape& shape, int axis) {
+  const bool uncut = shape.form == Shape::Form::quadric && std::isinf(shape.clip.hi.x);
+  return shape.latitudes || (axis == 1 && (shape.form == Shape::Form::torus || uncut));
+}
+
+/// The largest length of a s + b t over the unit circle, or over the square [-1, 1]^2.
+double reach(const Vec3d& a, const Vec3d& b, bool circle) {
+  const double aa = dot(a, a), bb = dot(b, b), ab = std::fabs(dot(a, b));
+  if (!circle) return std::sqrt(aa + bb + 2 * ab);
+  const double half = 0.5 * (aa - bb);
+  return std::sqrt(0.5 * (aa + bb) + std::sqrt(half * half + ab * ab));
+}
+
 }  // namespace
 
-ShapeEmitter::ShapeEmitter(const Instance& instance, const Shape& shape)
-    : object_to_world_(instance.object_to_world),
-      world_to_object_(instance.world_to_object),
-      shape_(shape) {
+ShapeEmitter::ShapeEmitter(const Affine3d& object_to_world, const Affine3d& world_to_object,
+                           const Shape& shape)
+    : object_to_world_(object_to_world), world_to_object_(world_to_object), shape_(shape) {
   const Vec3d lo(shape.bounds.lo), hi(shape.bounds.hi);
   centre_ = transform_point(object_to_world_, (lo + hi) * 0.5);
   const int flat = shape.flat_axis();
-  if (flat < 0) {
-    radius_ = object_radius(shape) * stretch(object_to_world_) * (1 + 0x1p-40);
+  if (flat >= 0) {
+    enclose_flat(flat);
     return;
   }
+  radius_ = object_radius(shape) * stretch(object_to_world_) * (1 + 0x1p-40);
+  std::array<Vec3d, 3> half;
+  for (int k = 0; k < 3; ++k) {
+    Vec3d edge;
+    edge[k] = (hi[k] - lo[k]) * 0.5;
+    half[static_cast<std::size_t>(k)] = transform_vector(object_to_world_, edge);
+  }
+  enclose_long(half);
+}
+
+void ShapeEmitter::enclose_flat(int flat_axis) {
+  const Vec3d lo(shape_.bounds.lo), hi(shape_.bounds.hi);
   corner_ = transform_point(object_to_world_, lo);
   Vec3d u, v;
-  const int first = (flat + 1) % 3, second = (flat + 2) % 3;
+  const int first = (flat_axis + 1) % 3, second = (flat_axis + 2) % 3;
   u[first] = hi[first] - lo[first];
   v[second] = hi[second] - lo[second];
   edge_u_ = transform_vector(object_to_world_, u);
   edge_v_ = transform_vector(object_to_world_, v);
+}
+
+/// `half`: the edges of the box in the world, halved.
+void ShapeEmitter::enclose_long(const std::array<Vec3d, 3>& half) {
+  std::size_t longest = 0;
+  for (std::size_t k = 1; k < 3; ++k) {
+    if (dot(half[k], half[k]) > dot(half[longest], half[longest])) longest = k;
+  }
+  const Vec3d axis = normalize(half[longest]);
+  const Vec3d &a = half[(longest + 1) % 3], &b = half[(longest + 2) % 3];
+  const double a_along = dot(a, axis), b_along = dot(b, axis);  // 0 but under shear
+  Column around;
+  around.axis = axis;
+  around.radius =
+      reach(a - axis * a_along, b - axis * b_along, is_round(shape_, static_cast<int>(longest))) *
+      (1 + 0x1p-40);
+  around.half_length =
+      (length(half[longest]) + std::fabs(a_along) + std::fabs(b_along)) * (1 + 0x1p-40);
+  if (around.half_length >= 2 * around.radius) column_ = around;
 }
 
 Box3d ShapeEmitter::world_box() const {
@@ -87,7 +131,11 @@ LightBounds ShapeEmitter::bounds(double radiance, bool both_sides) const {
   const int flat = shape_.flat_axis();
   if (flat < 0) {
     light.normal_angle = kPi;
-    light.strength = radiance * kPi * radius_ * radius_;
+    // What is seen of the cover, on average over all directions: a quarter of its surface.
+    light.strength =
+        radiance * kPi *
+        (column_.radius > 0 ? column_.radius * (column_.half_length + 0.5 * column_.radius)
+                            : radius_ * radius_);
     return light;
   }
   Vec3d axis;
@@ -114,8 +162,9 @@ SeenRectangle see(const Vec3d& corner, const Vec3d& u, const Vec3d& v) {
 }  // namespace
 
 double ShapeEmitter::solid_angle(const Vec3d& from) const {
-  if (radius_ > 0) return 2 * kPi * cone_height(length(centre_ - from), radius_);
-  return see(corner_ - from, edge_u_, edge_v_).solid_angle();
+  if (!(radius_ > 0)) return see(corner_ - from, edge_u_, edge_v_).solid_angle();
+  if (const SphericalStrip seen = strip(from); seen.usable()) return seen.solid_angle();
+  return 2 * kPi * cone_height(length(centre_ - from), radius_);
 }
 
 Vec3d ShapeEmitter::sample(const Vec3d& from, double u1, double u2) const {
@@ -128,6 +177,7 @@ Vec3d ShapeEmitter::sample(const Vec3d& from, double u1, double u2) const {
                                           0.0, 1 - 0x1p-53),
                                     u2);
   }
+  if (const SphericalStrip seen = strip(from); seen.usable()) return seen.sample(u1, u2);
   const Vec3d to = centre_ - from;
   const double distance = length(to);
   const Vec3d axis = distance > 0 ? to / distance : Vec3d{0, 1, 0};

@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "worker/math/elementary.h"
+#include "worker/scene/moved_pose.h"
 #include "worker/shading/surface.h"
 
 namespace tessera::render {
@@ -35,10 +36,9 @@ void clip(const Vec3f& center, float radius, Stretch* stretch) {
 void clip_to_grid(Stretch* stretch) {
   const DensityGrid& grid = *stretch->medium->grid;
   Vec3d from = stretch->origin + stretch->medium->origin, along = stretch->direction;
-  if (stretch->body != nullptr) {
-    const Affine3d& inwards = stretch->body->source->world_to_object;
-    from = transform_point(inwards, stretch->origin);
-    along = transform_vector(inwards, stretch->direction);
+  if (stretch->inwards) {
+    from = transform_point(*stretch->inwards, stretch->origin);
+    along = transform_vector(*stretch->inwards, stretch->direction);
   }
   for (int k = 0; k < 3; ++k) {
     const double a = (static_cast<double>(grid.low[k]) - from[k]) / along[k];
@@ -71,8 +71,7 @@ class Steps {
   /// Probability, by channel, that the collision is with something.
   Vec3f real() const {
     const MediumView& medium = *stretch_.medium;
-    const float density = density_at(medium, stretch_.body, stretch_.at(t_));
-    return medium.extinction * (density / static_cast<float>(densest_));
+    return medium.extinction * (stretch_.density(t_) / static_cast<float>(densest_));
   }
 
  private:
@@ -81,17 +80,25 @@ class Steps {
   double t_, densest_;
 };
 
+/// To the space that the body's medium is given in, unless that is the world's.
+std::optional<Affine3d> inwards_of(const ShadingScene& scene, const Body& body, float time) {
+  const Procedure* procedure = body.material->medium.procedure;
+  if (procedure != nullptr && procedure->space == Procedure::Space::world) return std::nullopt;
+  const auto pose = pose_of(scene.source, *body.instance->source, time);
+  return pose ? pose->world_to_object : body.instance->source->world_to_object;
+}
+
 }  // namespace
 
-Stretch stretch_along(const ShadingScene& scene, const Interior& interior, const Vec3f& origin,
-                      const Vec3f& direction, double begin, double end) {
+Stretch stretch_along(const ShadingScene& scene, const Interior& interior, const Ray& ray,
+                      double begin, double end) {
   Stretch out;
   const Body* body = interior.top();
   out.medium = body != nullptr ? &body->material->medium : &scene.atmosphere;
   if (!out.medium->present()) return out;
-  out.body = body == nullptr ? nullptr : body->instance;
-  out.origin = Vec3d(origin);
-  out.direction = Vec3d(direction);
+  if (body != nullptr && !out.medium->even()) out.inwards = inwards_of(scene, *body, ray.time);
+  out.origin = Vec3d(ray.origin);
+  out.direction = Vec3d(ray.direction);
   out.begin = begin;
   out.end = end;
   if (body == nullptr && scene.atmosphere_radius < INFINITY) {
@@ -187,12 +194,12 @@ Interior interior_at_start(const ShadingScene& scene, const SceneAccel& accel, c
 Vec3f transmittance_across(const ShadingScene& scene, Interior interior, const Ray& ray,
                            std::span<const Crossing> crossed, ChanceStream* chance) {
   const auto unit = static_cast<double>(length(ray.direction));
-  const Vec3f direction = normalize(ray.direction);
+  Ray along = ray;
+  along.direction = normalize(ray.direction);
   Vec3f passes{1, 1, 1};
   double from = 0;
   const auto pass_to = [&](double to) {
-    passes *=
-        transmittance(stretch_along(scene, interior, ray.origin, direction, from, to), chance);
+    passes *= transmittance(stretch_along(scene, interior, along, from, to), chance);
     from = to;
   };
   for (const Crossing& c : crossed) {

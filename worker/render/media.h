@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include "worker/accel/scene_accel.h"
@@ -15,19 +16,22 @@ namespace tessera::render {
 /// The part of a ray that lies in one medium, metres from the ray's origin.
 struct Stretch {
   const MediumView* medium = nullptr;
-  const InstanceView* body = nullptr;  // what the medium fills; null: the scene
-  Vec3d origin, direction;             // of the ray; unit
+  Vec3d origin, direction;  // of the ray; unit
   double begin = 0, end = 0;
+  std::optional<Affine3d> inwards;  // of an uneven medium that a body has in its own space
 
   bool empty() const { return !(begin < end); }
   double length() const { return end - begin; }
   Vec3d at(double t) const { return origin + direction * t; }
+  float density(double t) const {
+    return density_at(*medium, inwards ? &*inwards : nullptr, at(t));
+  }
 };
 
-/// What of [begin, end] along a ray (unit `direction`) has a medium for a path that is in
-/// `interior`: that of the body that is there, or the scene's, as far as it reaches.
-Stretch stretch_along(const ShadingScene& scene, const Interior& interior, const Vec3f& origin,
-                      const Vec3f& direction, double begin, double end);
+/// What of [begin, end] along a ray, in multiples of its unit direction, has a medium for a path
+/// that is in `interior`: that of the body that is there, or the scene's, as far as it reaches.
+Stretch stretch_along(const ShadingScene& scene, const Interior& interior, const Ray& ray,
+                      double begin, double end);
 
 /// As many random numbers as an uneven medium takes. Which ones a path uses follows from what it
 /// did before, so they are as much its own as its dimensions are.

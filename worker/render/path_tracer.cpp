@@ -33,8 +33,8 @@ double fraction(std::uint64_t bits) {
   return static_cast<double>(bits & 0xfffffu) * 0x1p-20;
 }
 
-LightReceiver receiver_of(const Bsdf& bsdf, const SurfacePoint& position) {
-  return {position.position, bsdf.frame.normal, bsdf.interface != Interface::opaque};
+LightReceiver receiver_of(const Bsdf& bsdf, const SurfacePoint& position, float time) {
+  return {position.position, bsdf.frame.normal, bsdf.interface != Interface::opaque, time};
 }
 
 /// Where a path is: the ray that has not been traced yet, and what it carries.
@@ -388,7 +388,8 @@ void PathTracer<kMedia>::add_direct(const Bsdf& bsdf, const TriangleId& id,
                                     const SurfacePoint& position) {
   if (!frame_.lights.samples_anything() || !has_smooth_density(bsdf)) return;
   LightSample light;
-  if (!draw_light(receiver_of(bsdf, position), dimensions::light(bounce()), &light)) return;
+  const LightReceiver receiver = receiver_of(bsdf, position, path_.ray.time);
+  if (!draw_light(receiver, dimensions::light(bounce()), &light)) return;
   const BsdfValue value = evaluate_bsdf(bsdf, light.direction);
   if (!(max_component(value.f_cos) > 0)) return;
   Ray ray = light.distant ? spawn_ray(position, id, light.direction)
@@ -482,8 +483,7 @@ bool PathTracer<kMedia>::survives(float u) {
 /// chosen apart, the weights add up to one, so no density of that choice is wanted.
 template <bool kMedia>
 Passage PathTracer<kMedia>::cross_medium(double distance) {
-  const Stretch stretch = stretch_along(frame_.shading, media_.interior, path_.ray.origin,
-                                        path_.ray.direction, 0, distance);
+  const Stretch stretch = stretch_along(frame_.shading, media_.interior, path_.ray, 0, distance);
   if (stretch.empty()) return Passage::none;
   const MediumView& medium = *stretch.medium;
   if (!medium.scatters()) {
@@ -498,7 +498,7 @@ Passage PathTracer<kMedia>::cross_medium(double distance) {
   if (near) {
     const double t = near->sample(u.z);
     const auto pdf = static_cast<float>(near->pdf(t));
-    const float here = medium.even() ? 1 : density_at(medium, stretch.body, stretch.at(t));
+    const float here = medium.even() ? 1 : stretch.density(t);
     Stretch before = stretch;
     before.end = t;
     const Vec3f arrives = transmittance(before, &media_.chance) * medium.scattering * here;
@@ -552,7 +552,7 @@ bool PathTracer<kMedia>::scatter_in_medium(const MediumView& medium, const Vec3f
   path_.pdf = phase::density(medium.anisotropy, before, path_.ray.direction);
   path_.from_camera = path_.by_chance = false;
   path_.footprint = path_.growth = 0;
-  path_.scattered_at = {position, {0, 0, 1}, true};
+  path_.scattered_at = {position, {0, 0, 1}, true, path_.ray.time};
   media_.flight.restart();
   return true;
 }
@@ -563,7 +563,7 @@ void PathTracer<kMedia>::add_light_in_medium(const MediumView& medium, const Vec
                                              const Vec3f& throughput, std::uint32_t set) {
   if (!frame_.lights.samples_anything() || !(max_component(throughput) > 0)) return;
   LightSample light;
-  if (!draw_light({position, {0, 0, 1}, true}, set, &light)) return;
+  if (!draw_light({position, {0, 0, 1}, true, path_.ray.time}, set, &light)) return;
   const float phase = phase::density(medium.anisotropy, path_.ray.direction, light.direction);
   Ray ray;
   ray.origin = position;
@@ -596,7 +596,7 @@ bool PathTracer<kMedia>::scatter(const ShadingPoint& point, const Bsdf& bsdf, co
   if (!next.delta) path_.footprint = path_.growth = 0;
   path_.by_chance = next.delta;
   path_.pdf = next.pdf;
-  path_.scattered_at = receiver_of(bsdf, position);
+  path_.scattered_at = receiver_of(bsdf, position, path_.ray.time);
   follow(spawn_ray(position, id, next.wi));
   return true;
 }

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "worker/geometry/motion.h"
 #include "worker/geometry/shapes/shape.h"
 #include "worker/math/transform.h"
 #include "worker/math/vector.h"
@@ -264,16 +265,15 @@ struct CsgSolid {
   std::vector<CsgStep> steps;
 };
 
-struct PunctualLight {
+struct PunctualLight : PunctualPose {
   enum class Kind : std::uint8_t { point, spot, directional };
   Kind kind = Kind::point;
   std::string name;
   std::int32_t node = 0;
-  Vec3f intensity;               // colour * intensity: candela, or lux for directional lights
-  Vec3d position;                // recentred world
-  Vec3f direction = {0, 0, -1};  // unit, the way light travels, world
+  Vec3f intensity;  // colour * intensity: candela, or lux for directional lights
   float range = std::numeric_limits<float>::infinity();  // metres
   float cos_inner = 1, cos_outer = 0.70710678f;          // spot cone
+  std::vector<PunctualPose> keys;                        // if it moves, at Scene::key_times
 };
 
 /// TESSERA_camera's thin lens, of a perspective camera.

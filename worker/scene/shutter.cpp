@@ -24,6 +24,7 @@ struct KeyPose {
   std::map<std::uint32_t, Affine3d> placed;                 // by instance: object to world
   std::map<std::uint32_t, SharedArray<Primitive>> changed;  // by instance: what its mesh became
   CameraKey camera;
+  std::vector<PunctualPose> lights;  // of Scene::lights
 };
 
 /// The vertices alone, of one that changes.
@@ -124,7 +125,29 @@ class MotionBuilder {
                              camera.shutter_open == scene_.camera.shutter_open;
     const Camera& seen = same_camera ? camera : scene_.camera;  // else it could not be set up
     out.camera = {static_cast<float>(time), seen.camera_to_world, seen.lens.focus_distance};
+    note_lights(*scene, out);
     return out;
+  }
+
+  /// Directions of point lights and places of directional ones mean nothing.
+  void note_lights(const Scene& posed, KeyPose& out) {
+    const auto same_node = [](const PunctualLight& a, const PunctualLight& b) {
+      return a.node == b.node;
+    };
+    if (!std::equal(scene_.lights.begin(), scene_.lights.end(), posed.lights.begin(),
+                    posed.lights.end(), same_node)) {
+      if (!std::exchange(lights_left_out_, true)) {
+        warn("nodes", "not all lights can be placed all the while the shutter is open; none moves");
+      }
+      return;
+    }
+    for (std::size_t i = 0; i < posed.lights.size(); ++i) {
+      const PunctualLight &here = scene_.lights[i], &there = posed.lights[i];
+      const bool point = here.kind == PunctualLight::Kind::point;
+      const bool distant = here.kind == PunctualLight::Kind::directional;
+      out.lights.push_back(
+          {distant ? here.position : there.position, point ? here.direction : there.direction});
+    }
   }
 
   /// Notes how an instance differs from what it is at the frame's time.
@@ -290,7 +313,22 @@ class MotionBuilder {
           kTolerance * diagonal(boxes_[static_cast<std::size_t>(scene_.instances[i].mesh)]);
       if (!vertices_near(mesh(a, i), mesh(b, i), f, mesh(truth, i), most)) return false;
     }
-    return camera_near(a.camera, b.camera, f, truth.camera);
+    return camera_near(a.camera, b.camera, f, truth.camera) && lights_near(a, b, f, truth);
+  }
+
+  /// As the camera: neither has a size.
+  [[nodiscard]] bool lights_near(const KeyPose& a, const KeyPose& b, float f,
+                                 const KeyPose& truth) const {
+    if (lights_left_out_) return true;
+    const double most = kCameraTolerance * length(scene_.bounds_max - scene_.bounds_min);
+    for (std::size_t i = 0; i < truth.lights.size(); ++i) {
+      const PunctualPose line = between(a.lights[i], b.lights[i], f);
+      if (!(length(line.position - truth.lights[i].position) <= most)) return false;
+      if (!(length(Vec3d(line.direction) - Vec3d(truth.lights[i].direction)) <= kCameraTolerance)) {
+        return false;
+      }
+    }
+    return true;
   }
 
   static bool vertices_near(const SharedArray<Primitive>& a, const SharedArray<Primitive>& b,
@@ -336,6 +374,7 @@ class MotionBuilder {
                      key.camera.focus_distance != first.focus_distance ||
                      !(key.camera.camera_to_world == scene_.camera.camera_to_world);
     }
+    const bool lights_move = store_lights();
     for (const std::uint32_t i : placed) {
       scene_.instances[i].motion = static_cast<std::int32_t>(scene_.motions.size());
       std::vector<Affine3d>& motion = scene_.motions.emplace_back();
@@ -343,12 +382,27 @@ class MotionBuilder {
     }
     store_meshes(changed);
     for (const auto& [time, key] : keys_) {
-      if (!placed.empty() || !changed.empty()) {
+      if (!placed.empty() || !changed.empty() || lights_move) {
         scene_.key_times.push_back(static_cast<float>(time));
       }
       if (camera_moves) scene_.camera.keys.push_back(key.camera);
     }
     return absl::OkStatus();
+  }
+
+  /// Whether any light moves.
+  bool store_lights() {
+    bool any = false;
+    for (std::size_t i = 0; i < scene_.lights.size() && !lights_left_out_; ++i) {
+      std::vector<PunctualPose> keys;
+      for (const auto& [time, key] : keys_) keys.push_back(key.lights[i]);
+      const PunctualPose& still = scene_.lights[i];
+      const auto stands = [&still](const PunctualPose& key) { return key == still; };
+      if (std::all_of(keys.begin(), keys.end(), stands)) continue;
+      scene_.lights[i].keys = std::move(keys);
+      any = true;
+    }
+    return any;
   }
 
   /// A mesh that instances share now need not stay the same for all of them.
@@ -403,6 +457,7 @@ class MotionBuilder {
   std::map<double, KeyPose> keys_;              // by time in [0, 1], multiples of kTick
   std::set<double> jumps_;                      // keys that something jumps after
   std::set<std::int32_t> left_out_, said_;      // nodes
+  bool lights_left_out_ = false;
   std::uint64_t bytes_ = 0;
 };
 

@@ -19,14 +19,15 @@ struct Exposure {
   std::function<absl::StatusOr<Scene>(double seconds)> pose;
 };
 
-/// Gives `scene` what moves meanwhile: Scene::key_times and motions, Mesh::keys, Camera::keys.
+/// Gives `scene` what moves meanwhile: Scene::key_times and motions, keys of meshes, lights and the
+/// camera.
 ///
 /// Keys are where the animation has some and halfway between two, again and again, until the true
 /// poses a quarter and three quarters of the way lie within a tolerance of the straight line: 2^-10
-/// of the size of what moves, for cameras 2^-12 radians and 2^-12 of the scene's size. For paths
-/// that are cubic in time no point is then off by more than 4/3 of it: with e(s) = s (1 - s)
-/// (a + b s) known at 1/4 and 3/4, |e| <= 4/3 max in [0, 1]. No more keys than kMostKeys, with a
-/// warning. A jump (STEP) is two keys with no time a ray can have in between.
+/// of the size of what moves; for cameras and punctual lights 2^-12 radians and 2^-12 of the
+/// scene's size. For paths that are cubic in time no point is then off by more than 4/3 of it: with
+/// e(s) = s (1 - s) (a + b s) known at 1/4 and 3/4, |e| <= 4/3 max in [0, 1]. No more keys than
+/// kMostKeys, with a warning. A jump (STEP) is two keys with no time a ray can have in between.
 ///
 /// Errors: InvalidArgument where a pose fails or the keys take too much memory.
 absl::Status add_motion(const Exposure& exposure, Scene& scene, std::vector<Problem>& problems);

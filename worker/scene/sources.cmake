@@ -16,7 +16,7 @@ target_sources(tessera_render
     scene/container.h scene/core_model.h scene/csg_assembly.h scene/deform.h scene/document.h scene/draco_decoder.h
     scene/extension_reader.h scene/first_pass.h scene/folder_reader.h scene/geometry_reader.h
     scene/hierarchy.h scene/image_decoder.h scene/inspect_report.h scene/json_view.h
-    scene/limits.h scene/loader.h scene/medium_reader.h scene/meshopt_decoder.h scene/needs.h scene/scene.h
+    scene/limits.h scene/loader.h scene/medium_reader.h scene/moved_pose.h scene/meshopt_decoder.h scene/needs.h scene/scene.h
     scene/optics_reader.h scene/pose_cache.h scene/scene_builder.h scene/selection.h scene/shape_reader.h scene/shared_array.h scene/shutter.h scene/solid_check.h
     scene/tangents.h scene/tessera_extensions.h scene/uri.h)
 # tinygltf is used as a header (see core_model.cpp): nothing to link.

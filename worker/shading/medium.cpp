@@ -63,14 +63,10 @@ MediumView view_of_medium(const Scene& scene, const Medium* medium, const Vec3f&
   return view;
 }
 
-float density_at(const MediumView& medium, const InstanceView* body, const Vec3d& point) {
-  const Procedure* procedure = medium.procedure;
-  const bool in_world =
-      body == nullptr || (procedure != nullptr && procedure->space == Procedure::Space::world);
-  const Vec3d p =
-      in_world ? point + medium.origin : transform_point(body->source->world_to_object, point);
-  if (procedure != nullptr) {
-    return clamp(procedure_color(*procedure, p, 0).x, 0.0f, medium.most);
+float density_at(const MediumView& medium, const Affine3d* inwards, const Vec3d& point) {
+  const Vec3d p = inwards == nullptr ? point + medium.origin : transform_point(*inwards, point);
+  if (medium.procedure != nullptr) {
+    return clamp(procedure_color(*medium.procedure, p, 0).x, 0.0f, medium.most);
   }
   return medium.grid == nullptr ? 1 : clamp(grid_density(*medium.grid, p), 0.0f, medium.most);
 }

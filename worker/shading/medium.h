@@ -1,11 +1,10 @@
 #pragma once
 
+#include "worker/math/transform.h"
 #include "worker/math/vector.h"
 #include "worker/scene/scene.h"
 
 namespace tessera::render {
-
-struct InstanceView;
 
 /// What lies between surfaces, as paths read it: TESSERA_medium and what KHR_materials_volume
 /// absorbs, added up.
@@ -26,8 +25,8 @@ struct MediumView {
 /// `medium`, of `scene`, may be null. `absorption` is added to its own.
 MediumView view_of_medium(const Scene& scene, const Medium* medium, const Vec3f& absorption);
 
-/// Density at a point of recentred world space, in [0, most]. `body` is what the medium fills;
-/// null: the scene.
-float density_at(const MediumView& medium, const InstanceView* body, const Vec3d& point);
+/// Density at a point of recentred world space, in [0, most]. `inwards`: from there to the space of
+/// the body that it is given in; null if that is the world.
+float density_at(const MediumView& medium, const Affine3d* inwards, const Vec3d& point);
 
 }  // namespace tessera::render

@@ -1,0 +1,150 @@
+// LightTable's part for emitters that are shapes, or move while the shutter is open: these are
+// looked up as they are at the receiver's time.
+
+#include <cmath>
+
+#include "worker/light/light_table.h"
+#include "worker/light/moving_lights.h"
+#include "worker/light/punctual.h"
+#include "worker/light/spherical_triangle.h"
+#include "worker/sampling/warp.h"
+#include "worker/shading/surface.h"
+
+namespace tessera::render {
+namespace {
+
+/// The density of directions over all of which an emitter is looked for alike; 0 if there are none.
+float density_over(double share, double solid_angle) {
+  return solid_angle > 0 ? static_cast<float>(share / solid_angle) : 0;
+}
+
+/// Draws a direction to a shape, one of so many steradians. 0 if it misses.
+double aim_at(const ShapeEmitter& emitter, const TriangleId& id, const Vec3f& point,
+              const LightRandom& u, Hit* hit, LightSample* sample) {
+  const Vec3d from(point);
+  const double solid_angle = emitter.solid_angle(from);
+  if (!(solid_angle > 0)) return 0;
+  const Vec3d direction = emitter.sample(from, u.u1, u.u2);
+  ShapeHit found;
+  if (!emitter.find(from, direction, found)) return 0;
+  const Vec3f p(found.point);
+  *hit = {static_cast<float>(found.t), {id.instance, 0, found.face}, p.x, p.y, p.z};
+  sample->direction = Vec3f(direction);
+  sample->target = Vec3f(from + direction * found.t);
+  sample->distant = false;
+  sample->triangle = hit->id;
+  return solid_angle;
+}
+
+/// What the light gives off towards the receiver, over sample->pdf. False if that is nothing.
+bool take_emission(const ShadingScene& scene, const ShadingPoint& light, LightSample* sample) {
+  const Vec3f radiance = emission_at(scene, light, -sample->direction) * coverage_at(scene, light);
+  if (!(max_component(radiance) > 0) || !(sample->pdf > 0) || !(sample->pdf < INFINITY)) {
+    return false;
+  }
+  sample->radiance_over_pdf = radiance / sample->pdf;
+  return true;
+}
+
+/// A triangle that moves, as a point sees it at a time.
+struct SeenCorners {
+  Corners corners;
+  SphericalTriangle seen;
+  float density = 0;  // over its area; 0 where that is too small
+
+  SeenCorners(const Corners& at, const Vec3d& from)
+      : corners(at),
+        seen(SphericalTriangle::seen_from_origin(at[0] - from, at[1] - from, at[2] - from)) {
+    const auto per_area = static_cast<float>(2 / length(cross(at[1] - at[0], at[2] - at[0])));
+    if (per_area < INFINITY) density = per_area;
+  }
+};
+
+}  // namespace
+
+bool LightTable::sample_special(const Entry& entry, float share, const LightReceiver& receiver,
+                                const LightRandom& u, LightSample* sample) const {
+  if (!entry.moves) return sample_shape(entry, share, receiver.point, u, sample);
+  if (entry.punctual != kNone) {
+    const PunctualLight& light = punctual_[static_cast<std::size_t>(entry.punctual)];
+    return sample_point_light(light, pose_of(shading_.source, light, receiver.time), share,
+                              receiver.point, sample);
+  }
+  return entry.shape != kNone ? sample_moving_shape(entry, share, receiver, u, sample)
+                              : sample_moving_triangle(entry, share, receiver, u, sample);
+}
+
+bool LightTable::sample_shape(const Entry& entry, float share, const Vec3f& point,
+                              const LightRandom& u, LightSample* sample) const {
+  const ShapeEmitter& emitter = shapes_[static_cast<std::size_t>(entry.shape)];
+  Hit hit;
+  const double solid_angle = aim_at(emitter, entry.triangle, point, u, &hit, sample);
+  if (!(solid_angle > 0)) return false;
+  sample->pdf = density_over(double{share}, solid_angle);
+  return take_emission(shading_, surface_at(shading_, hit, sample->direction), sample);
+}
+
+bool LightTable::sample_moving_shape(const Entry& entry, float share, const LightReceiver& receiver,
+                                     const LightRandom& u, LightSample* sample) const {
+  const InstanceView& instance = shading_.instances[entry.triangle.instance];
+  const auto pose = pose_of(shading_.source, *instance.source, receiver.time);
+  if (!pose) return false;
+  const ShapeEmitter emitter(pose->object_to_world, pose->world_to_object, *instance.shape);
+  Hit hit;
+  const double solid_angle = aim_at(emitter, entry.triangle, receiver.point, u, &hit, sample);
+  if (!(solid_angle > 0)) return false;
+  sample->pdf = density_over(double{share}, solid_angle);
+  MovedSurface memory;
+  return take_emission(shading_, moved_at(shading_, hit, sample->direction, receiver.time, memory),
+                       sample);
+}
+
+bool LightTable::sample_moving_triangle(const Entry& entry, float share,
+                                        const LightReceiver& receiver, const LightRandom& u,
+                                        LightSample* sample) const {
+  const TriangleId& id = entry.triangle;
+  const auto corners = corners_of(shading_.source, id, receiver.time);
+  if (!corners) return false;
+  const auto& [a, b, c] = *corners;
+  const Vec3d from(receiver.point);
+  const SeenCorners light(*corners, from);
+  const bool near = light.seen.is_near();
+  const Vec2f w =
+      near ? light.seen.place_of(light.seen.sample(u.u1, u.u2))
+           : warp::uniform_triangle({static_cast<float>(u.u1), static_cast<float>(u.u2)});
+  const Vec3d place = a + (b - a) * static_cast<double>(w.x) + (c - a) * static_cast<double>(w.y);
+  sample->direction = Vec3f(normalize(place - from));
+  sample->target = Vec3f(place);
+  sample->distant = false;
+  sample->triangle = id;
+  const Hit hit = {0, id, 1 - w.x - w.y, w.x, w.y};
+  MovedSurface memory;
+  const ShadingPoint point = moved_at(shading_, hit, sample->direction, receiver.time, memory);
+  sample->pdf =
+      near ? density_over(double{share}, light.seen.solid_angle)
+           : solid_angle_density(share * light.density, static_cast<float>(length(place - from)),
+                                 std::fabs(dot(point.geometric_normal, sample->direction)));
+  return take_emission(shading_, point, sample);
+}
+
+float LightTable::special_pdf(const Entry& entry, double share, const LightReceiver& receiver,
+                              const TriangleId& id, float distance, float cos_light) const {
+  const Vec3d from(receiver.point);
+  if (!entry.moves) {
+    return density_over(share, shapes_[static_cast<std::size_t>(entry.shape)].solid_angle(from));
+  }
+  const InstanceView& instance = shading_.instances[id.instance];
+  if (entry.shape != kNone) {
+    const auto pose = pose_of(shading_.source, *instance.source, receiver.time);
+    if (!pose) return 0;
+    const ShapeEmitter emitter(pose->object_to_world, pose->world_to_object, *instance.shape);
+    return density_over(share, emitter.solid_angle(from));
+  }
+  const auto corners = corners_of(shading_.source, id, receiver.time);
+  if (!corners) return 0;
+  const SeenCorners light(*corners, from);
+  if (light.seen.is_near()) return density_over(share, light.seen.solid_angle);
+  return solid_angle_density(static_cast<float>(share) * light.density, distance, cos_light);
+}
+
+}  // namespace tessera::render
