@@ -15,8 +15,8 @@ from maker.cameras import lens, motion, screens
 from maker.course import course
 from maker.farm import lit_square, missing_texture, quickstart, same_bits, stadium
 from maker.landscapes import fog, terrain
-from maker.solids import blobs, csg, shapes
-from maker.surfaces import materials, optics, textures
+from maker.solids import blobs, csg, lamps, shapes
+from maker.surfaces import materials, nested, optics, textures
 
 FOLDER = Path(__file__).resolve().parent
 
@@ -25,7 +25,8 @@ def main():
     check = "--check" in sys.argv[1:]
     stale = []
     for make in (quickstart, same_bits, materials, lit_square, missing_texture, stadium, lens,
-                 screens, textures, optics, shapes, csg, blobs, fog, motion, terrain, course):
+                 screens, textures, optics, nested, shapes, csg, blobs, lamps, fog, motion, terrain,
+                 course):
         path = FOLDER / f"{make.__name__}.gltf"
         text = make().text()
         if check:

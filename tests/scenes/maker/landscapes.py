@@ -3,7 +3,7 @@
 import math
 
 from maker.gltf import Gltf
-from maker.looks import plain
+from maker.looks import plain, solid
 from maker.meshes import joined, quad, rounded
 from maker.settings import camera, sky, sun
 
@@ -47,17 +47,6 @@ def fog():
         return {"scattering": list(scattering), "absorption": list(absorption), **more}
     gltf.doc["scenes"][0]["extensions"] = {"TESSERA_medium": even(
         (0.035, 0.037, 0.04), anisotropy=0.55, center=[0, 1, 0], radius=6.2)}
-
-    def solid(ior, priority, medium=None):
-        look = plain(1, 1, 1)
-        look["pbrMetallicRoughness"]["roughnessFactor"] = 0
-        look["extensions"] = {"KHR_materials_transmission": {"transmissionFactor": 1},
-                              "KHR_materials_volume": {"thicknessFactor": 1},
-                              "KHR_materials_ior": {"ior": ior},
-                              "TESSERA_material": {"priority": priority}}
-        if medium:
-            look["extensions"]["TESSERA_medium"] = medium
-        return gltf.add("materials", look)
 
     def filled(medium):
         return gltf.add("materials", {"name": "not seen itself",
@@ -104,11 +93,12 @@ def fog():
                                                   "min": [-0.5, -1, -0.5], "max": [0.5, 1, 0.5]}})),
         {"translation": [1.45, 1.01, -1.6]}, size=[1, 2, 1]))
     # Milk in a ball of glass.
-    milk = solid(1.35, 0, even((9, 8.6, 7.6), (0.02, 0.06, 0.2), anisotropy=0.6))
+    milk = gltf.add("materials", solid(1.35, 0, even((9, 8.6, 7.6), (0.02, 0.06, 0.2),
+                                                     anisotropy=0.6)))
     gltf.node(**gltf.shape("sphere", milk, {"translation": [-1.75, 0.5, 0.7]}, radius=0.5))
     # A tumbler of water that reaches 5 mm into the wall and the bottom.
-    glassy = solid(1.5, 2)
-    water = solid(1.333, 1, even((0.1, 0.2, 0.2), (2.4, 0.5, 0.25)))
+    glassy = gltf.add("materials", solid(1.5, 2))
+    water = gltf.add("materials", solid(1.333, 1, even((0.1, 0.2, 0.2), (2.4, 0.5, 0.25))))
     tumbler = gltf.csg(
         "subtraction",
         gltf.shape("cylinder", glassy, {"translation": [0, 0.5, 0]}, radius=0.36, height=1),

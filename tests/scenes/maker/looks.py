@@ -46,3 +46,16 @@ def glass(tint):
                            "KHR_materials_volume": {"thicknessFactor": 1,
                                                     "attenuationDistance": 1,
                                                     "attenuationColor": tint}}}
+
+
+def solid(ior, priority, medium=None):
+    """What fills a body, clear but for its medium; `priority` says what is there where two overlap."""
+    look = plain(1, 1, 1)
+    look["pbrMetallicRoughness"]["roughnessFactor"] = 0
+    look["extensions"] = {"KHR_materials_transmission": {"transmissionFactor": 1},
+                          "KHR_materials_volume": {"thicknessFactor": 1},
+                          "KHR_materials_ior": {"ior": ior},
+                          "TESSERA_material": {"priority": priority}}
+    if medium:
+        look["extensions"]["TESSERA_medium"] = medium
+    return look

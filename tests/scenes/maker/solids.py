@@ -4,7 +4,7 @@ import math
 
 from maker.gltf import Gltf
 from maker.looks import glass, metal, mosaic, plain, png
-from maker.meshes import rounded, torus
+from maker.meshes import quad, rounded, torus
 from maker.settings import camera, room
 
 
@@ -147,4 +147,43 @@ def blobs():
             "KHR_animation_pointer": {"pointer":
                 f"/nodes/{body}/extensions/TESSERA_blobs/elements/{len(drops) - 1}/center"}}}}]})
     camera(gltf, (0, 1.62, 6.6), (0, 1.0, 0), 0.55)
+    return gltf
+
+
+def lamps():
+    """Shapes that shine, each in a niche of its own with a post and a ball: a ball, a disc, a
+    rectangle, a thin tube upright, a cone."""
+    gltf = Gltf()
+    gltf.use("KHR_materials_emissive_strength")
+    plaster = gltf.add("materials", plain(0.72, 0.7, 0.66))
+    clay = gltf.add("materials", plain(0.7, 0.35, 0.2))
+    steel = gltf.add("materials", metal(0.85, 0.85, 0.87, 0.25))
+    gltf.node(mesh=gltf.mesh(quad((-3.1, 0, 2), (6.2, 0, 0), (0, 0, -3.2)), plaster))
+    gltf.node(mesh=gltf.mesh(quad((-3.1, 0, -1.2), (6.2, 0, 0), (0, 2.2, 0)), plaster))
+    for k in range(6):
+        gltf.node(**gltf.shape("box", plaster, {"translation": rounded(-3 + 1.2 * k, 1.1, -0.4)},
+                               size=[0.08, 2.2, 1.6]))
+
+    def glow(color, strength):
+        return gltf.add("materials", plain(0, 0, 0, emissiveFactor=list(color), extensions={
+            "KHR_materials_emissive_strength": {"emissiveStrength": strength}}))
+    down = [1, 0, 0, 0]  # half a turn about x
+    for k, (kind, color, strength, node, dimensions) in enumerate((
+            ("sphere", (1, 0.8, 0.55), 60, {"translation": [0, 1.75, -0.35]}, {"radius": 0.1}),
+            ("disc", (0.75, 0.85, 1), 20, {"translation": [0, 1.9, -0.5], "rotation": down},
+             {"radius": 0.3}),
+            ("rectangle", (1, 0.95, 0.85), 24,
+             {"translation": [0, 1.9, -0.5], "rotation": down}, {"size": [0.9, 0.15]}),
+            ("cylinder", (0.35, 0.8, 1), 70, {"translation": [-0.38, 1.05, -0.75]},
+             {"radius": 0.012, "height": 1.8}),
+            ("cone", (1, 0.6, 0.5), 45, {"translation": [0.05, 1.65, -0.45]},
+             {"radius": 0.07, "height": 0.8}))):
+        x = -2.4 + 1.2 * k
+        node["translation"] = rounded(x + node["translation"][0], *node["translation"][1:])
+        gltf.node(**gltf.shape(kind, glow(color, strength), node, **dimensions))
+        gltf.node(**gltf.shape("cylinder", clay, {"translation": rounded(x - 0.1, 0.4, -0.35)},
+                               radius=0.07, height=0.8))
+        gltf.node(**gltf.shape("sphere", steel, {"translation": rounded(x + 0.22, 0.18, 0)},
+                               radius=0.18))
+    camera(gltf, (0, 1.3, 6.4), (0, 1.03, 0), 0.42)
     return gltf

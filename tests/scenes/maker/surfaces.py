@@ -3,7 +3,7 @@
 import math
 
 from maker.gltf import Gltf
-from maker.looks import glass, metal, plain
+from maker.looks import glass, metal, plain, png, solid
 from maker.meshes import quad, rounded, sphere, torus
 from maker.settings import camera, room
 
@@ -128,4 +128,45 @@ def optics():
         {"type": "point", "intensity": 40}]}}
     gltf.node(translation=[0.3, 1.5, 5], extensions={"KHR_lights_punctual": {"light": 0}})
     camera(gltf, (0, 1.3, 5.6), (0, 1.1, 0), 0.5)
+    return gltf
+
+
+def nested():
+    """Solids in solids, before a board that shines: water that reaches into its tumbler, water with
+    a gap of air around, a bubble in a ball of glass, a ball of diamond in one of water."""
+    gltf = Gltf()
+    gltf.use("TESSERA_material", "TESSERA_medium", "KHR_materials_transmission",
+             "KHR_materials_volume", "KHR_materials_ior", "KHR_materials_emissive_strength")
+    stripes = gltf.texture(png(64, 32, lambda x, y: (
+        (235, 226, 205) if (x // 4 + y // 4) % 2 else (60, 96, 128))))
+    board = gltf.add("materials", plain(0, 0, 0, emissiveFactor=[1, 1, 1],
+                                        emissiveTexture={"index": stripes}, extensions={
+        "KHR_materials_emissive_strength": {"emissiveStrength": 1.6}}))
+    gltf.node(mesh=gltf.mesh(quad((-3, 0, -1.6), (6, 0, 0), (0, 3, 0)), board))
+    table = gltf.add("materials", plain(0.4, 0.38, 0.36))
+    gltf.node(mesh=gltf.mesh(quad((-3, 0, 3), (6, 0, 0), (0, 0, -4.6)), table))
+    panel = gltf.add("materials", plain(0, 0, 0, emissiveFactor=[1, 0.95, 0.9], extensions={
+        "KHR_materials_emissive_strength": {"emissiveStrength": 5}}))
+    gltf.node(mesh=gltf.mesh(quad((-2, 3.2, -0.5), (4, 0, 0), (0, 0, 3)), panel))
+    glassy = gltf.add("materials", solid(1.5, 3))
+    water = gltf.add("materials", solid(1.333, 2, {"absorption": [1.6, 0.35, 0.2]}))
+    air = gltf.add("materials", solid(1.0, 4))
+    diamond = gltf.add("materials", solid(2.42, 5))
+
+    def tumbler(x, reach):
+        gltf.doc["scenes"][0]["nodes"].append(gltf.csg(
+            "subtraction",
+            gltf.shape("cylinder", glassy, {"translation": [0, 0.5, 0]}, radius=0.34, height=1),
+            gltf.shape("cylinder", glassy, {"translation": [0, 0.58, 0]}, radius=0.3, height=1),
+            translation=[x, 0.001, 0]))
+        low, high = 0.081 - reach, 0.75
+        gltf.node(**gltf.shape(
+            "cylinder", water, {"translation": rounded(x, (low + high) / 2, 0)},
+            radius=rounded(0.3 + reach)[0], height=rounded(high - low)[0]))
+    tumbler(-1.2, 0.005)
+    tumbler(-0.4, -0.003)
+    for x, outer, inner in ((0.45, glassy, air), (1.25, water, diamond)):
+        gltf.node(**gltf.shape("sphere", outer, {"translation": [x, 0.36, 0.1]}, radius=0.36))
+        gltf.node(**gltf.shape("sphere", inner, {"translation": [x, 0.4, 0.1]}, radius=0.2))
+    camera(gltf, (0, 0.95, 4.6), (0, 0.52, 0), 0.39)
     return gltf
