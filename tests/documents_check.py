@@ -21,7 +21,8 @@ def test_names():
 def main():
     wrong = []
     known = test_names()
-    for page in ("docs/numerics.md", "docs/reliability.md", "docs/security.md"):
+    for page in ("docs/course.md", "docs/numerics.md", "docs/reliability.md",
+                 "docs/security.md"):
         for name in re.findall(r"`(\w+\.[A-Z]\w+)`", (ROOT / page).read_text()):
             if name not in known:
                 wrong.append(f"{page}: no test is called {name}")

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "tests/support/plain_scene.h"
@@ -77,6 +78,56 @@ TEST(Procedure, SumsOctavesAsItsFormulasSay) {
     f.pattern = Pattern::marble;
     const double phase = 2 * kPi * (p[0] + double{f.distortion} * absolute);
     EXPECT_NEAR(pattern_at(f, p, 0), 0.5 + 0.5 * std::sin(phase), 1e-5);
+  }
+}
+
+double smooth_step(double low, double high, double x) {
+  const double f = std::min(std::max((x - low) / (high - low), 0.0), 1.0);
+  return f * f * (3 - 2 * f);
+}
+
+/// Sum of the octaves' noise, or of its absolute value, at p over the sum of their amplitudes.
+double octave_mean(const Procedure& f, const std::array<double, 4>& p, int octaves, bool absolute) {
+  double sum = 0, most = 0;
+  for (int k = 0; k < octaves; ++k) {
+    const double n = octave(f, p, k), amplitude = std::pow(double{f.gain}, k);
+    sum += amplitude * (absolute ? std::fabs(n) : n);
+    most += amplitude;
+  }
+  return sum / most;
+}
+
+/// As docs/extensions.md names them: rings and grain, clumps, patches with scratched rims, flames.
+TEST(Procedure, WoodCloudsWornMetalAndFireAreWhatTheirFormulasSay) {
+  for (int i = 0; i < 1000; ++i) {
+    Procedure f = procedure(Pattern::wood);
+    f.dimensions = 1 + i % 4;
+    f.seed = 7;
+    f.octaves = 1 + i % 5;
+    f.distortion = 0.7f;
+    auto p = point(i);
+    const double distortion = double{f.distortion};
+    const double fbm = octave_mean(f, p, f.octaves, false);
+    const double rings =
+        0.5 + 0.5 * std::sin(2 * kPi * (std::hypot(p[0], p[2]) + distortion * fbm));
+    const double grain = octave_mean(f, {24 * p[0], 0.5 * p[1], 24 * p[2], p[3]}, 1, false);
+    // Floats of a few operations; sines and steps multiply what is below them by up to 10.
+    EXPECT_NEAR(pattern_at(f, p, 0), std::clamp(0.15 + 0.7 * rings + 0.15 * grain, 0.0, 1.0), 1e-5);
+    f.pattern = Pattern::clouds;
+    EXPECT_NEAR(pattern_at(f, p, 0), smooth_step(-0.1, 0.5, fbm), 1e-5);
+    f.pattern = Pattern::worn_metal;
+    const double scratches = octave_mean(f, {0.7 * p[0], 16 * p[1], 16 * p[2], p[3]}, 1, false);
+    EXPECT_NEAR(pattern_at(f, p, 0), smooth_step(-0.05, 0.15, fbm + 0.12 * distortion * scratches),
+                2e-5);
+    f.pattern = Pattern::fire;
+    p[1] = p[1] / 1000 + 0.5;
+    double most = 0;
+    for (int k = 0; k < f.octaves; ++k) most += std::pow(double{f.gain}, k);
+    const std::array<double, 4> rising = {3 * p[0], 3 * p[1] - 2 * p[3], 3 * p[2], p[3]};
+    const double mean = double{render::kMeanAbsoluteNoise[static_cast<std::size_t>(f.dimensions)]};
+    const double torn = most * (octave_mean(f, rising, f.octaves, true) - mean);
+    EXPECT_NEAR(pattern_at(f, p, 0), std::clamp(1 - p[1] + 2 * distortion * p[1] * torn, 0.0, 1.0),
+                1e-5);
   }
 }
 

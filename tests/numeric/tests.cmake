@@ -35,6 +35,7 @@ tessera_test(NAME optics KIND numeric
 # From a glTF file to the pixel, feature by feature.
 tessera_test(NAME gltf KIND numeric
   SOURCES numeric/gltf_materials.cpp numeric/gltf_material_extensions.cpp numeric/gltf_scenes.cpp
+    numeric/gltf_solids.cpp
     numeric/material_probe.h
     support/gltf_probe.cpp support/gltf_probe.h
   LINKS tessera_test_render tessera_test_scene PkgConfig::WebP)

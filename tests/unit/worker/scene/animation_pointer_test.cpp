@@ -103,6 +103,46 @@ TEST(AnimationPointer, MovesOneBlobOfMany) {
   EXPECT_NEAR(mesh.shape->bounds.hi.x, 12 + std::sqrt(0.5), 1e-5);
 }
 
+/// Of camera, texture and blobs: above. TESSERA_csg has no numbers.
+TEST(AnimationPointer, MovesNumbersOfShapesTerrainsMaterialsAndMedia) {
+  const auto file_with = [](const std::string& pointer, const std::vector<float>& from,
+                            const std::vector<float>& to) {
+    auto file = animated(pointer, from, to);
+    for (const char* name :
+         {"TESSERA_shape", "TESSERA_terrain", "TESSERA_material", "TESSERA_medium"}) {
+      file->use_extension(name);
+    }
+    file->set("/materials/0/extensions/TESSERA_material", R"({"diffuseRoughness": 0})");
+    file->set("/scenes/0/extensions/TESSERA_medium", R"({"scattering": [1, 1, 1], "radius": 3})");
+    file->add_node(R"({"extensions": {"TESSERA_shape": {"type": "torus", "radius": 1}}})");
+    file->add_node(R"({"extensions": {"TESSERA_terrain": {"pattern": "waves", "height": 1,
+        "octaves": 1}}})");
+    return late(*file);
+  };
+  const auto shape = [](const Scene& scene, std::int32_t node) {
+    for (const render::Instance& instance : scene.instances) {
+      if (instance.node == node) return scene.meshes[static_cast<std::size_t>(instance.mesh)].shape;
+    }
+    return std::shared_ptr<const render::Shape>();
+  };
+  const Scene torus = file_with("/nodes/3/extensions/TESSERA_shape/radius", {1}, {5});
+  ASSERT_NE(shape(torus, 3), nullptr);
+  EXPECT_EQ(shape(torus, 3)->radius, 4);
+  const float low =
+      shape(file_with("/nodes/4/extensions/TESSERA_terrain/height", {1}, {1}), 4)->bounds.hi.y;
+  const Scene high = file_with("/nodes/4/extensions/TESSERA_terrain/height", {1}, {5});
+  EXPECT_NEAR(shape(high, 4)->bounds.hi.y / low, 4, 1e-5);
+  const Scene rough =
+      file_with("/materials/0/extensions/TESSERA_material/diffuseRoughness", {0}, {1});
+  EXPECT_EQ(rough.materials[0].optics.diffuse_roughness, 0.75f);
+  const Scene fog =
+      file_with("/scenes/0/extensions/TESSERA_medium/scattering", {0, 0, 0}, {4, 0, 8});
+  ASSERT_TRUE(fog.atmosphere.has_value());
+  EXPECT_EQ(fog.atmosphere->medium.scattering, (render::Vec3f{3, 0, 6}));
+  EXPECT_EQ(file_with("/scenes/0/extensions/TESSERA_medium/radius", {1}, {5}).atmosphere->radius,
+            4);
+}
+
 std::string refusal(const std::string& pointer, const std::vector<float>& to) {
   const auto file = animated(pointer, std::vector<float>(to.size(), 1), to);
   return std::string(load_and_pose(*file, {}, 36).status().message());

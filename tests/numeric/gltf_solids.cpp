@@ -1,0 +1,84 @@
+// CSG solids from the file to the pixel: which operand's material is seen, and glass made of them.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "tests/support/gltf_probe.h"
+
+namespace tessera::testing {
+namespace {
+
+using render::Vec3d;
+
+std::string shape(const std::string& content, int material, const std::string& more = "") {
+  return R"({"extensions": {"TESSERA_shape": {)" + content + R"(, "material": )" +
+         std::to_string(material) + "}}" + more + "}";
+}
+
+/// A solid of two operands.
+void add_solid(GltfBuilder& file, const std::string& operation, const std::string& first,
+               const std::string& second) {
+  file.use_extension("TESSERA_shape");
+  file.use_extension("TESSERA_csg");
+  const int a = file.add_node(first, false), b = file.add_node(second, false);
+  file.add_node(R"({"children": [)" + std::to_string(a) + ", " + std::to_string(b) +
+                R"(], "extensions": {"TESSERA_csg": {"operation": ")" + operation + R"("}}})");
+}
+
+/// A box of 2 m and a ball of 0.5 m, half in its front face, each of its own colour.
+Vec3d colour_of(const std::string& operation, double x) {
+  const auto file = probe_of(x, 0.01);
+  file->use_extension("KHR_materials_unlit");
+  const auto paint = [&file](const std::string& color) {
+    return file->add_material(R"({"pbrMetallicRoughness": {"baseColorFactor": )" + color +
+                              R"(}, "extensions": {"KHR_materials_unlit": {}}})");
+  };
+  const int red = paint("[1, 0, 0, 1]"), green = paint("[0, 1, 0, 1]");
+  add_solid(*file, operation, shape(R"("type": "box", "size": [2, 2, 2])", red),
+            shape(R"("type": "sphere", "radius": 0.5)", green, R"(, "translation": [0, 0, 1])"));
+  return seen(*file, probe_settings());
+}
+
+TEST(Csg, EveryPointHasTheMaterialOfItsOperand) {
+  const Vec3d red = {1, 0, 0}, green = {0, 1, 0};
+  for (const char* operation : {"union", "subtraction", "xor"}) {
+    EXPECT_EQ(colour_of(operation, 0.1), green) << operation;  // in a hole: its wall
+    EXPECT_EQ(colour_of(operation, 0.8), red) << operation;
+  }
+  EXPECT_EQ(colour_of("intersection", 0.1), red);  // the box's face cuts the ball
+}
+
+/// What two balls share whose centres are 1 m apart along the camera's rays, of glass that is seen
+/// only by what it absorbs: at x from the axis it is 2 sqrt(1 - x^2) - 1 thick.
+TEST(Csg, ALensOfGlassAbsorbsAlongTheWayInIt) {
+  for (const double x : {0.0, 0.3, 0.7, 0.95}) {
+    const auto file = probe_of(x, 0);
+    for (const char* name :
+         {"KHR_materials_transmission", "KHR_materials_volume", "KHR_materials_ior"}) {
+      file->use_extension(name);
+    }
+    const int glass = file->add_material(
+        R"({"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 0}, "extensions": {
+            "KHR_materials_transmission": {"transmissionFactor": 1},
+            "KHR_materials_ior": {"ior": 1}, "KHR_materials_volume": {"thicknessFactor": 1,
+            "attenuationDistance": 0.5, "attenuationColor": [1, 0.5, 0.2]}}})");
+    const std::string ball = R"("type": "sphere", "radius": 1)";
+    add_solid(*file, "intersection", shape(ball, glass, R"(, "translation": [0, 0, 0.5])"),
+              shape(ball, glass, R"(, "translation": [0, 0, -0.5])"));
+    contract::RenderSettings settings = probe_settings();
+    settings.max_depth = 8;
+    settings.background = contract::Background::color;
+    settings.background_color = {1, 1, 1};
+    const double thick = std::max(2 * std::sqrt(1 - x * x) - 1, 0.0);
+    const Vec3d found = seen(*file, settings);
+    EXPECT_NEAR(found.x, 1, 1e-5) << x;
+    EXPECT_NEAR(found.y, std::pow(0.5, thick / 0.5), 1e-4) << x;
+    EXPECT_NEAR(found.z, std::pow(0.2, thick / 0.5), 1e-4) << x;
+  }
+}
+
+}  // namespace
+}  // namespace tessera::testing
