@@ -24,15 +24,15 @@ StoppingRule::StoppingRule(double error, std::vector<Pass> passes,
     : target_(error * error),
       passes_(std::move(passes)),
       tiles_(tile_pixels.size()),
-      first_pass_(std::min(kUnconditionalPasses - 1, last_pass())),
       looks_(std::max(1, last_pass())),
       unsettled_(passes_.size(), tile_count()),
       looked_(passes_.size(), false) {
+  const std::int32_t always = std::min(kUnconditionalPasses, last_pass() + 1);
   for (std::size_t i = 0; i < tiles_.size(); ++i) {
     tiles_[i].pixels = tile_pixels[i];
-    tiles_[i].pass_count = first_pass_ + 1;
+    tiles_[i].pass_count = always;
     frame_pixels_ += static_cast<double>(tile_pixels[i]);
-    wanted_samples_ += tile_pixels[i] * static_cast<std::int64_t>(samples_after(first_pass_));
+    wanted_samples_ += tile_pixels[i] * static_cast<std::int64_t>(samples_after(always - 1));
   }
 }
 
@@ -54,13 +54,13 @@ std::vector<StoppingRule::Demand> StoppingRule::take_changes() {
 
 void StoppingRule::add(std::int32_t tile_index, std::int32_t pass, const ErrorSums& sums) {
   Tile& tile = tiles_[at(tile_index)];
-  if (pass < first_pass_ || pass <= tile.seen || pass >= tile.pass_count) return;
+  if (pass != tile.seen + 1 || pass >= tile.pass_count) return;
   tile.before = tile.newest;
   tile.newest = sums;
   tile.seen = pass;
   --unsettled_[at(pass)];
   decide(tile_index);
-  for (std::int32_t look = first_pass_; look + 2 <= last_pass(); ++look) {
+  for (std::int32_t look = 0; look + 2 <= last_pass(); ++look) {
     if (unsettled_[at(look)] == 0 && !looked_[at(look)]) take_look(look);
   }
 }
@@ -77,7 +77,6 @@ double StoppingRule::heavy(std::int64_t pixels) const {
 
 bool StoppingRule::may_stop(const Tile& tile) const {
   if (is_concentrated(tile.newest)) return false;
-  if (tile.seen == first_pass_) return upper_mean(tile.newest, looks_) <= target_;
   return mean_scaled(tile.newest) <= tile.allotment;
 }
 
@@ -92,8 +91,7 @@ void StoppingRule::decide(std::int32_t index) {
   Tile& tile = tiles_[at(index)];
   if (tile.stopped || tile.seen + 1 != tile.pass_count) return;
   const bool is_last = tile.seen == last_pass();
-  const bool needs_look = !is_last && tile.seen > first_pass_;
-  if (needs_look && !looked_[at(tile.seen - 1)]) return;  // it is not taken yet
+  if (!is_last && !looked_[at(tile.seen - 1)]) return;  // the look is not taken yet
   if (is_last || may_stop(tile)) {
     stop(tile);
   } else {

@@ -15,20 +15,19 @@ namespace tessera::contract {
 /// after pass p and on look p − 1, which is taken when every tile is settled at p − 1; so nobody
 /// waits for the slowest tile. With + − × ÷ √ and a table of quantiles only.
 ///
-/// After pass 1 a tile stops when its own bound is at most E². Every look shares out what is left
-/// of E²: it foresees, with squares falling as 1/n, at which pass each tile should stop so that the
-/// frame's bound is met with the fewest samples (those ∝ σ: square ÷ samples at most one λ for
-/// all), and allots each the square it will have there, scaled up to what is left. A tile stops
-/// once its square is at most its allotment, so those who stop never take from the others. A tile
-/// whose error sits in fewer than 30 pixels goes on while it holds a thirtieth of what the frame
-/// may have.
+/// Every look shares out what is left of E²: it foresees, with squares falling as 1/n, at which
+/// pass each tile should stop so that the frame's bound is met with the fewest samples (those ∝ σ:
+/// square ÷ samples at most one λ for all), and allots each the square it will have there, scaled
+/// up to what is left. A tile stops once its square is at most its allotment, so those who stop
+/// never take from the others. A tile whose error sits in fewer than 30 pixels goes on while it
+/// holds a thirtieth of what the frame may have.
 class StoppingRule {
  public:
   /// `error`: E > 0. Requires at least one pass and one tile; pixels of each tile > 0.
   StoppingRule(double error, std::vector<Pass> passes, std::vector<std::int64_t> tile_pixels);
 
-  /// Tells of a tile after its pass `pass`. Harmless to repeat. Passes of a tile come in order;
-  /// pass 0 is not looked at.
+  /// Tells of a tile after its pass `pass`. Those of a tile count in order, others are ignored;
+  /// harmless to repeat.
   void add(std::int32_t tile_index, std::int32_t pass, const ErrorSums& sums);
 
   /// What is known now of how many passes a tile is to have.
@@ -96,7 +95,6 @@ class StoppingRule {
   double frame_pixels_ = 0;
   std::vector<Pass> passes_;
   std::vector<Tile> tiles_;
-  std::int32_t first_pass_;  // of the first decision
   int looks_;
   std::vector<std::int32_t> unsettled_;  // by pass: tiles not settled at it
   std::vector<bool> looked_;             // by the pass looked at

@@ -239,7 +239,10 @@ absl::Status FilmCache::catch_up(const FrameKey& key, Frame& frame) {
     for (std::int32_t tile = 0; tile < frame.grid.tile_count(); ++tile) {
       const Tile& state = frame.tiles[at(tile)];
       const auto next = at(frame.rule->pass_count(tile));
-      if (!state.error[next - 1] && state.committed[next - 1]) {
+      const auto first = std::find(state.error.begin(), state.error.end(), std::nullopt);
+      const auto unmeasured = static_cast<std::size_t>(first - state.error.begin());
+      if (unmeasured < next && state.committed[unmeasured]) {
+        if (!is_measured(frame, key, tile)) drop_entry(index_.at({key, tile}));
         Entry& entry = fetch_entry(key, frame, tile);
         absl::Status status = advance(frame, entry, nullptr, pass_count(frame));
         evict(&entry);

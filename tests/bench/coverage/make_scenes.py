@@ -196,13 +196,13 @@ BATTERY = {
     small_lamp: (0.08, True, []),
     many_lamps: (0.15, True, []),
     checker: (0.1, True, []),
-    foliage: (0.2, True, []),
-    points: (0.15, True, ["--max-depth", "3"]),
-    glossy: (0.2, True, []),
-    glint: (0.2, False, ["--max-spp", "128"]),
-    caustic: (0.3, False, ["--max-spp", "128", "--reference-spp", "16384"]),
-    caged_lamp: (0.5, False, ["--max-spp", "128", "--reference-spp", "16384"]),
-    window: (0.6, False, ["--max-spp", "1024", "--reference-spp", "16384"]),
+    foliage: (0.15, True, []),
+    points: (0.1, True, ["--max-depth", "3"]),
+    glossy: (0.1, True, []),
+    glint: (0.2, False, ["--max-spp", "256"]),
+    caustic: (0.3, False, ["--max-spp", "256", "--reference-spp", "16384"]),
+    caged_lamp: (0.5, False, ["--max-spp", "256", "--reference-spp", "16384"]),
+    window: (0.4, False, ["--max-spp", "512", "--reference-spp", "16384"]),
 }
 
 

@@ -135,15 +135,22 @@ TEST(StoppingRule, ReachesTheErrorWithFewSamplesMoreThanAFixedCountNeeds) {
       double mean = 0;
       for (const double variance : variances) mean += variance / 64;
       const double fixed = mean / (error * error);  // samples at which the mean square is E²
-      if (fixed < 32) continue;                     // fewer than a tile has at least
       MadeFrame frame(variances, error, 1 << 20);
       frame.render(1);
       EXPECT_LE(frame.bound(), error) << "spread " << spread << ", error " << error;
-      EXPECT_LE(frame.samples(), 1.7 * fixed) << "spread " << spread << ", error " << error;
+      EXPECT_LE(frame.samples(), std::max(32.0, 1.7 * fixed))  // a tile has 32 at least
+          << "spread " << spread << ", error " << error;
       EXPECT_EQ(frame.rule().capped_tile_count(), 0);
       EXPECT_EQ(frame.rule().concentrated_tile_count(), 0);
     }
   }
+}
+
+TEST(StoppingRule, ATileAboveTheErrorStopsWhereTheFrameIsBelowIt) {
+  MadeFrame frame({3, 1, 1, 1, 1, 1, 1, 1}, 0.23, 4096);  // 32 samples: 0.306 there, 0.198 in all
+  frame.render(1);
+  EXPECT_LE(frame.bound(), 0.23);
+  EXPECT_EQ(frame.samples(), 32);
 }
 
 TEST(StoppingRule, UnequalTilesNeedFewerSamplesThanAFixedCount) {
@@ -182,8 +189,11 @@ TEST(StoppingRule, ErrorInFewPixelsGoesOnUntilItIsSmallOrIsCounted) {
 TEST(StoppingRule, NobodyWaitsForTheSlowestTile) {
   MadeFrame frame({10, 10}, 0.05, 4096);  // wants 4,000 samples
   StoppingRule& rule = frame.rule();
+  rule.add(0, 0, frame.figures(0, 0));
   rule.add(0, 1, frame.figures(0, 1));
-  EXPECT_EQ(rule.pass_count(0), 3) << "pass 2 needs its own passes only";
+  EXPECT_EQ(rule.pass_count(0), 2) << "pass 2 needs the look at pass 0";
+  rule.add(1, 0, frame.figures(1, 0));
+  EXPECT_EQ(rule.pass_count(0), 3) << "taken, though tile 1 has no pass 1 yet";
   rule.add(0, 2, frame.figures(0, 2));
   EXPECT_EQ(rule.pass_count(0), 3) << "pass 3 needs the look at pass 1";
   rule.add(1, 1, frame.figures(1, 1));
@@ -210,7 +220,7 @@ TEST(StoppingRule, AFrameOfOnePassStopsAfterIt) {
 TEST(StoppingRule, WhatIsForeseenNearsWhatIsDone) {
   MadeFrame frame(spread_variances(64, 0.3), 0.05, 1 << 20);
   StoppingRule& rule = frame.rule();
-  for (std::int32_t tile = 0; tile < 64; ++tile) rule.add(tile, 1, frame.figures(tile, 1));
+  for (std::int32_t tile = 0; tile < 64; ++tile) rule.add(tile, 0, frame.figures(tile, 0));
   const double foreseen = static_cast<double>(rule.expected_samples()) / (64 * kTilePixels);
   frame.render(1);
   EXPECT_NEAR(foreseen / frame.samples(), 1, 0.25);
