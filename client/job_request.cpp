@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "client/frame_files.h"
 #include "client/scene_probe.h"
+#include "client/true_error.h"
 #include "proto/contract/digest.h"
 #include "proto/contract/settings_message.h"
 
@@ -47,6 +48,33 @@ absl::Status report_errors(const SceneProbe& probe) {
   return absl::InvalidArgumentError(lines);
 }
 
+/// Reads the references and lays them down as the assets that the farm takes.
+absl::Status add_references(const std::string& path, const contract::RenderSettings& settings,
+                            PreparedJob& job) {
+  auto images = read_references(path, contract::frame_list(settings.frames));
+  if (!images.ok()) return images.status();
+  job.references = *std::move(images);
+  job.folder = std::make_shared<PrivateFolder>();
+  for (const Image& image : job.references) {
+    if (image.width != settings.width || image.height != settings.height) {
+      return absl::InvalidArgumentError(absl::StrCat(path, ": the reference is ", image.width, "x",
+                                                     image.height, ", the image ", settings.width,
+                                                     "x", settings.height));
+    }
+    const std::string asset =
+        absl::StrCat(job.folder->path(), "/reference.", job.request.references_size());
+    std::ofstream file(asset, std::ios::binary);
+    file.write(reinterpret_cast<const char*>(image.rgba.data()),
+               static_cast<std::streamsize>(image.rgba.size() * sizeof(float)));
+    if (!file.flush()) return absl::UnavailableError(absl::StrCat(asset, ": cannot be written"));
+    auto id = identify(asset);
+    if (!id.ok()) return id.status();
+    job.files.emplace(id->sha256(), asset);
+    *job.request.add_references() = *std::move(id);
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<PreparedJob> prepare_job(const RenderOptions& options, const std::string& name) {
@@ -77,6 +105,10 @@ absl::StatusOr<PreparedJob> prepare_job(const RenderOptions& options, const std:
   }
   *job.request.mutable_settings() = contract::to_message(*settings);
   job.request.set_name(name.empty() ? stem_of(options.scene) : name);
+  if (!options.reference.empty()) {
+    absl::Status status = add_references(options.reference, *settings, job);
+    if (!status.ok()) return status;
+  }
   return job;
 }
 
@@ -85,6 +117,7 @@ absl::Status upload_missing(FarmClient& client, const PreparedJob& job) {
   for (const v1::ManifestEntry& entry : job.request.manifest().assets()) {
     assets.emplace(entry.asset().sha256(), entry.asset());
   }
+  for (const v1::AssetId& id : job.request.references()) assets.emplace(id.sha256(), id);
   std::vector<v1::AssetId> wanted;
   wanted.reserve(assets.size());
   for (const auto& [sha256, id] : assets) wanted.push_back(id);
@@ -100,6 +133,7 @@ absl::Status upload_missing(FarmClient& client, const PreparedJob& job) {
 std::string derived_request_id(const v1::CreateJobRequest& request) {
   v1::CreateJobRequest named = request;
   named.clear_request_id();
+  named.clear_references();
   return contract::sha256(named.SerializeAsString()).hex();
 }
 

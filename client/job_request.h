@@ -1,11 +1,14 @@
 #pragma once
 
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "client/farm_client.h"
+#include "client/image_file.h"
+#include "client/private_folder.h"
 #include "client/render_options.h"
 
 namespace tessera::client {
@@ -15,18 +18,21 @@ struct PreparedJob {
   v1::CreateJobRequest request;              // all but the request id
   std::map<std::string, std::string> files;  // path of each asset, by its SHA-256 (32 bytes)
   std::vector<std::string> warnings;         // of the scene, for people
+  std::vector<Image> references;             // of each frame, in their order; empty: none
+  std::shared_ptr<PrivateFolder> folder;     // where those lie as assets
 };
 
 /// Inspects the scene, takes the digests of its files and puts the request together.
 ///
 /// Errors: InvalidArgument, what is wrong with the scene or the options, one line each; those of
-/// probe_scene.
+/// probe_scene and read_references.
 absl::StatusOr<PreparedJob> prepare_job(const RenderOptions& options, const std::string& name);
 
 /// Sends the assets the farm lacks. Errors: those of FarmClient.
 absl::Status upload_missing(FarmClient& client, const PreparedJob& job);
 
-/// A request id that the same job gets every time: a digest of settings, manifest and name.
+/// A request id that the same job gets every time, with references or without: a digest of
+/// settings, manifest and name.
 std::string derived_request_id(const v1::CreateJobRequest& request);
 
 /// One that no other job gets.

@@ -31,7 +31,7 @@ constexpr std::chrono::seconds kPatience{30};
 
 struct RenderCommandOptions {
   RenderOptions render;
-  std::string output, name, store, report, reference;
+  std::string output, name, store, report;
   double exposure_ev = 0;
   int workers = 1, threads = 0;
   bool force = false, json = false;
@@ -47,7 +47,6 @@ struct Output {
   std::string path;
   v1::FetchFrameRequest::Format format = v1::FetchFrameRequest::FORMAT_EXR;
   std::vector<std::int32_t> frames;
-  std::vector<Image> references;  // one a frame, with --reference
   std::string path_of(std::int32_t frame) const {
     return frames.size() == 1 ? path : with_frame_number(path, frame);
   }
@@ -79,11 +78,6 @@ absl::StatusOr<Output> plan_output(const RenderCommandOptions& options) {
       return absl::AlreadyExistsError(
           absl::StrCat(output.path_of(frame), ": is there already; --force replaces it"));
     }
-  }
-  if (!options.reference.empty()) {
-    auto references = read_references(options.reference, output.frames);
-    if (!references.ok()) return references.status();
-    output.references = *std::move(references);
   }
   return output;
 }
@@ -173,8 +167,8 @@ absl::StatusOr<nlohmann::ordered_json> render_on(FarmClient& client,
   if (!text.ok()) return text.status();
   auto report = nlohmann::ordered_json::parse(*text, nullptr, false);
   if (!report.is_object()) return absl::InternalError("the report is not JSON");
-  if (job->state() == v1::Job::STATE_DONE && !output.references.empty()) {
-    const absl::Status added = add_true_errors(client, job->id(), output.references, report);
+  if (job->state() == v1::Job::STATE_DONE && !prepared.references.empty()) {
+    const absl::Status added = add_true_errors(client, job->id(), prepared.references, report);
     if (!added.ok()) return added;
   }
   return report;
@@ -256,12 +250,6 @@ void add_render_command(CLI::App& app, Invocation& invocation) {
       ->group(group);
   command->add_option("--report", options->report, "Write the report, JSON")
       ->type_name("FILE")
-      ->group(group);
-  command
-      ->add_option("--reference", options->reference,
-                   "Image to tell the true error by, for the report (several frames: with their "
-                   "numbers put in)")
-      ->type_name("REF.exr")
       ->group(group);
   command->add_flag("--force", options->force, "Replace files that are there")->group(group);
   command->add_flag("--json", options->json, "Print the report instead of a line")->group(group);

@@ -175,6 +175,12 @@ void add_render_options(CLI::App& command, RenderOptions& options) {
   add_light_options(command, options);
   const char* group = "Output";
   command
+      .add_option("--reference", options.reference,
+                  "Image to tell the true error by, for the report (several frames: with their "
+                  "numbers put in)")
+      ->type_name("REF.exr")
+      ->group(group);
+  command
       .add_option("--aov", options.aovs,
                   "More layers: albedo, normal, depth, position, ids, samples, stderr")
       ->delimiter(',')

@@ -14,7 +14,7 @@ namespace tessera::client {
 
 /// The render options as typed: what `render` and `submit` share.
 struct RenderOptions {
-  std::string scene;
+  std::string scene, reference;
   std::string size = "1280x720", crop, frames = "0", background, filter = "box";
   std::string camera, animation, variant, environment;
   std::vector<std::string> aovs;

@@ -57,6 +57,7 @@ absl::Status add_true_errors(FarmClient& client, const std::string& job_id,
                      {"relmse", difference->relmse},
                      {"error", error},
                      {"flip", difference->flip}};
+    // The farm tells it after each round where it was given the reference with the job.
     if (!frame["curve"].empty()) frame["curve"].back()["error_true"] = error;
   }
   return absl::OkStatus();

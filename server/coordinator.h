@@ -332,6 +332,7 @@ class Coordinator {
   void collect_assets();
 
   void merge(FilmNews news);
+  ReferenceReader reference_reader(const JobSpec& spec, std::int32_t frame);
   void open_film(const FrameKey& key);
   absl::StatusOr<contract::FilmBlock> read_block(const std::string& job_id,
                                                  const contract::Unit& unit);

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <system_error>
 #include <utility>
 
@@ -13,6 +14,8 @@ namespace tessera::server {
 using contract::Unit;
 
 namespace {
+
+constexpr std::int64_t kReferencePixelBytes = 16;
 
 constexpr auto kEstimateEvery = std::chrono::milliseconds(250);
 
@@ -72,6 +75,30 @@ absl::StatusOr<contract::FilmBlock> Coordinator::read_block(const std::string& j
   return contract::decode(*bytes, shape, sample_count);
 }
 
+/// Reads the frame's reference, if the job has one. It is an asset: R, G, B, A of each pixel as
+/// little-endian float32, as pixels_sha256 takes them.
+ReferenceReader Coordinator::reference_reader(const JobSpec& spec, std::int32_t frame) {
+  if (spec.references.empty()) return {};
+  const std::vector<std::int32_t> frames = contract::frame_list(spec.settings.frames);
+  const auto place = std::find(frames.begin(), frames.end(), frame) - frames.begin();
+  const contract::Digest& digest = spec.references[static_cast<std::size_t>(place)];
+  return [this, id = spec.id, path = store_.asset_path(digest),
+          width = std::int64_t{spec.settings.width}](
+             const contract::PixelRect& rect) -> absl::StatusOr<std::vector<float>> {
+    std::ifstream file(path, std::ios::binary);
+    const std::size_t row_floats = 4 * static_cast<std::size_t>(rect.width);
+    std::vector<float> pixels(row_floats * static_cast<std::size_t>(rect.height));
+    for (std::int32_t row = 0; row < rect.height; ++row) {
+      file.seekg(((rect.y + row) * width + rect.x) * kReferencePixelBytes);
+      file.read(reinterpret_cast<char*>(&pixels[static_cast<std::size_t>(row) * row_floats]),
+                rect.width * kReferencePixelBytes);
+    }
+    if (file) return pixels;
+    log(LogLevel::warn, absl::StrCat("job ", id, ": the reference cannot be read: ", path));
+    return absl::DataLossError(path);
+  };
+}
+
 void Coordinator::open_film(const FrameKey& key) {
   if (film_.is_open(key)) return;
   std::shared_ptr<const JobSpec> spec;
@@ -83,9 +110,12 @@ void Coordinator::open_film(const FrameKey& key) {
     spec = job->spec;
     units = ledger_of(*job).units(key.frame);
   }
-  film_.open_frame(key, spec->settings, [this, key](std::int32_t tile, std::int32_t pass) {
-    return read_block(key.job_id, {key.frame, tile, pass});
-  });
+  film_.open_frame(
+      key, spec->settings,
+      [this, key](std::int32_t tile, std::int32_t pass) {
+        return read_block(key.job_id, {key.frame, tile, pass});
+      },
+      reference_reader(*spec, key.frame));
   for (const Unit& unit : units) {
     const absl::Status status = film_.note_committed(key, unit.tile, unit.pass);
     if (!status.ok())
@@ -237,6 +267,7 @@ absl::StatusOr<FrameRecord> Coordinator::write_finished(const FrameKey& key, con
     point.samples = figures.samples;
     point.relmse = figures.estimate.relmse;
     point.error = *luminance > 0 ? std::optional(figures.estimate.error) : std::nullopt;
+    point.error_true = *luminance > 0 ? figures.true_error : std::nullopt;
     curve.push_back(point);
     note.unit_count += progress[pass].committed;
   }

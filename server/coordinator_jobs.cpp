@@ -135,6 +135,11 @@ absl::Status Coordinator::check_room(const JobSpec& spec, std::int64_t need_byte
     return absl::FailedPreconditionError(absl::StrCat("manifest: asset ", entry.digest.hex(), " (",
                                                       entry.uri, ") is not here; upload it"));
   }
+  for (const contract::Digest& digest : spec.references) {
+    if (has_asset(digest)) continue;
+    return absl::FailedPreconditionError(
+        absl::StrCat("references: asset ", digest.hex(), " is not here; upload it"));
+  }
   const std::int64_t left = options_.quota_bytes - store_.used_bytes();
   if (need_bytes <= left) return absl::OkStatus();
   return absl::ResourceExhaustedError(absl::StrCat("the job may need ", need_bytes,
@@ -357,7 +362,7 @@ absl::Status Coordinator::forget_job(const std::string& job_id,
       enqueue_film([this, key = FrameKey{job_id, frame}] { film_.close_frame(key); });
     }
   }
-  for (const ManifestEntry& entry : job->spec->assets) assets.push_back(entry.digest);
+  assets = job->spec->asset_digests();
   films_.erase(job->key);
   note(EventKind::job_removed, *job, "", "");
   scheduler_.remove_job(job->key);
@@ -405,7 +410,8 @@ void Coordinator::collect_assets() {
       }
     }
     for (const auto& [key, job] : scheduler_.jobs()) {
-      for (const ManifestEntry& entry : job.spec->assets) named.push_back(entry.digest);
+      const std::vector<contract::Digest> digests = job.spec->asset_digests();
+      named.insert(named.end(), digests.begin(), digests.end());
     }
   }
   const absl::Status status =

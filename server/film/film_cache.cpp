@@ -1,6 +1,7 @@
 #include "server/film/film_cache.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "absl/strings/str_cat.h"
 
@@ -25,7 +26,7 @@ std::string label(const FrameKey& key) {
 FilmCache::FilmCache(std::int64_t budget_bytes) : budget_bytes_(budget_bytes) {}
 
 void FilmCache::open_frame(const FrameKey& key, const contract::RenderSettings& settings,
-                           BlockReader reader) {
+                           BlockReader reader, ReferenceReader reference) {
   const std::lock_guard lock(mutex_);
   contract::TileGrid grid(settings);
   std::vector<contract::Pass> passes = contract::schedule(settings);
@@ -42,15 +43,12 @@ void FilmCache::open_frame(const FrameKey& key, const contract::RenderSettings& 
   Tile tile;
   tile.committed.resize(passes.size());
   tile.error.resize(passes.size());
-  Frame frame{std::move(grid),
-              settings.aovs,
-              std::move(passes),
-              std::move(reader),
-              std::vector<Tile>(at(tile_count), tile),
-              tile_count,
-              std::nullopt,
-              std::move(rule),
-              false};
+  if (reference) tile.true_square.resize(passes.size());
+  Frame frame{std::move(grid),      settings.aovs,
+              std::move(passes),    std::move(reader),
+              std::move(reference), std::vector<Tile>(at(tile_count), tile),
+              tile_count,           std::nullopt,
+              std::move(rule),      false};
   frames_.emplace(key, std::move(frame));
 }
 
@@ -128,8 +126,17 @@ absl::Status FilmCache::advance(Frame& frame, Entry& entry, const contract::Film
 /// Keeps the error of a tile after its newest pass, and tells the stopping rule. Requires m.
 void FilmCache::measure(Frame& frame, std::int32_t tile, const TileSum& sum) {
   const std::int32_t pass = sum.pass_count() - 1;
-  std::optional<ErrorSums>& error = frame.tiles[at(tile)].error[at(pass)];
+  Tile& state = frame.tiles[at(tile)];
+  std::optional<ErrorSums>& error = state.error[at(pass)];
   if (!error) error = sum.error_sums(*frame.mean_luminance);
+  if (frame.reference && !state.true_square[at(pass)]) {
+    const auto reference = frame.reference(frame.grid.rect(tile));
+    if (reference.ok()) {
+      state.true_square[at(pass)] = sum.true_square(*reference, *frame.mean_luminance);
+    } else {
+      frame.reference = {};
+    }
+  }
   if (frame.rule) frame.rule->add(tile, pass, *error);
 }
 
@@ -330,9 +337,13 @@ FilmCache::PassFigures FilmCache::after_pass(const FrameKey& key, std::int32_t p
 FilmCache::PassFigures FilmCache::figures(const Frame& frame, std::int32_t pass) {
   ErrorSums sums;
   PassFigures figures;
+  bool is_truth_known = frame.reference != nullptr;
+  double true_square = 0;
   for (const Tile& tile : frame.tiles) {
     std::int32_t newest = pass;
     while (newest >= 0 && !tile.error[at(newest)]) --newest;
+    is_truth_known = is_truth_known && newest >= 0 && tile.true_square[at(newest)];
+    if (is_truth_known) true_square += *tile.true_square[at(newest)];
     if (newest < 0) continue;
     const ErrorSums& error = *tile.error[at(newest)];
     const contract::Pass& last = frame.passes[at(newest)];
@@ -340,6 +351,9 @@ FilmCache::PassFigures FilmCache::figures(const Frame& frame, std::int32_t pass)
     sums.add(error);
   }
   figures.estimate = contract::estimate_error(sums, frame.rule ? frame.rule->looks() : 1);
+  if (is_truth_known) {
+    figures.true_error = std::sqrt(true_square / (3 * static_cast<double>(sums.pixels)));
+  }
   return figures;
 }
 

@@ -32,6 +32,10 @@ struct FrameKey {
 using BlockReader =
     std::function<absl::StatusOr<contract::FilmBlock>(std::int32_t tile, std::int32_t pass)>;
 
+/// Pixels of the frame's reference image: R, G, B, A of each in the rectangle, row by row.
+using ReferenceReader =
+    std::function<absl::StatusOr<std::vector<float>>(const contract::PixelRect& rect)>;
+
 /// The film of all open frames: sums per tile as a cache over the committed blocks, which are the
 /// only truth. Memory stays at the budget (least recently used tiles go first, and are rebuilt
 /// through the frame's BlockReader); per tile it keeps the passes' error sums, 48 bytes each.
@@ -43,9 +47,10 @@ class FilmCache {
   /// `budget_bytes`: --film-memory. One tile is held however small it is.
   explicit FilmCache(std::int64_t budget_bytes);
 
-  /// Begins a frame. Requires that it is not open.
-  void open_frame(const FrameKey& key, const contract::RenderSettings& settings,
-                  BlockReader reader);
+  /// Begins a frame. Requires that it is not open. With a `reference` the true error is kept too,
+  /// for as long as it can be read.
+  void open_frame(const FrameKey& key, const contract::RenderSettings& settings, BlockReader reader,
+                  ReferenceReader reference = {});
   /// Forgets a frame (finished or cancelled). Harmless if it is not open.
   void close_frame(const FrameKey& key);
   bool is_open(const FrameKey& key) const;
@@ -92,6 +97,7 @@ class FilmCache {
   struct PassFigures {
     ErrorEstimate estimate;
     std::int64_t samples = 0;
+    std::optional<double> true_error;  // with a reference, once every tile is measured
   };
   PassFigures after_pass(const FrameKey& key, std::int32_t pass) const;
 
@@ -103,12 +109,15 @@ class FilmCache {
     std::vector<bool> committed;                  // by pass
     std::optional<double> luminance_sum;          // after pass 0
     std::vector<std::optional<ErrorSums>> error;  // after each pass, once m is known
+    /// After each pass: Σ over pixels, R, G, B of (x − ref)² / (ref² + 0.01 m²).
+    std::vector<std::optional<double>> true_square;
   };
   struct Frame {
     contract::TileGrid grid;
     std::uint32_t aovs;
     std::vector<contract::Pass> passes;
     BlockReader reader;
+    ReferenceReader reference;  // empty: none
     std::vector<Tile> tiles;
     std::int32_t tiles_without_luminance;
     std::optional<double> mean_luminance;

@@ -48,7 +48,7 @@ std::string frame_entry_json(const FrameResult& result, const std::string& file,
                       {"samples", point.samples},
                       {"relmse", point.relmse},
                       {"error", number_or_null(point.error)},
-                      {"error_true", nullptr}});
+                      {"error_true", number_or_null(point.error_true)}});
   }
   const ordered_json entry = {{"frame", s.frame},
                               {"file", file},

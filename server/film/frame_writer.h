@@ -83,7 +83,7 @@ struct CurvePoint {
   double cpu_seconds = 0, wall_seconds = 0;
   std::int64_t samples = 0;
   double relmse = 0;
-  std::optional<double> error;
+  std::optional<double> error, error_true;  // the latter against the job's reference
 };
 
 /// The frames[] entry of the report (design.md, section 4) as a JSON object. `file` is the output's

@@ -299,4 +299,18 @@ ErrorSums TileSum::error_sums(double mean_luminance, std::vector<double>* per_pi
   return sums;
 }
 
+double TileSum::true_square(std::span<const float> reference, double mean_luminance) const {
+  double sum = 0;
+  for (std::int64_t pixel = 0; pixel < pixel_count(); ++pixel) {
+    float mean[4];
+    rgba(pixel, mean);
+    for (std::size_t channel = 0; channel < std::size_t{kChannels}; ++channel) {
+      const double ref = reference[4 * at(pixel) + channel];
+      const double difference = mean[channel] - ref;
+      sum += difference * difference / (ref * ref + 0.01 * mean_luminance * mean_luminance);
+    }
+  }
+  return sum;
+}
+
 }  // namespace tessera::server

@@ -67,6 +67,9 @@ class TileSum {
   /// Estimated error of the tile by the estimator of design.md, section 4. `mean_luminance` is m,
   /// >= 0. If `per_pixel` is not null, each pixel's scaled sum is appended to it, row-major.
   ErrorSums error_sums(double mean_luminance, std::vector<double>* per_pixel = nullptr) const;
+  /// Σ over pixels, R, G, B of (x − ref)² / (ref² + 0.01 m²), as compare_images of proto/contract
+  /// has it. `reference` holds R, G, B, A of each pixel; `mean_luminance` is m > 0.
+  double true_square(std::span<const float> reference, double mean_luminance) const;
 
  private:
   /// Means of one channel of a pixel, one per replicate that kept a sample.

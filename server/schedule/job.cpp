@@ -34,6 +34,12 @@ SceneKey scene_of(const JobSpec& spec) {
   return hasher.finish();
 }
 
+std::vector<contract::Digest> JobSpec::asset_digests() const {
+  std::vector<contract::Digest> digests = references;
+  for (const ManifestEntry& entry : assets) digests.push_back(entry.digest);
+  return digests;
+}
+
 bool Trouble::failed_on(const std::string& worker_id) const {
   return std::any_of(failures.begin(), failures.end(),
                      [&](const Failure& failure) { return failure.worker_id == worker_id; });

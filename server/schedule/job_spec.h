@@ -61,7 +61,11 @@ struct JobSpec {
   contract::RenderSettings settings;
   std::string scene_uri;
   std::vector<ManifestEntry> assets;
-  std::string request;  // as it came over the wire; opaque here
+  std::vector<contract::Digest> references;  // of each frame, in their order; empty: none
+  std::string request;                       // as it came over the wire; opaque here
+
+  /// What the store must keep for the job: the manifest's assets and the references.
+  std::vector<contract::Digest> asset_digests() const;
 };
 
 /// The scene a job renders: SHA-256 over the sorted digests of its files, whatever their names.

@@ -45,6 +45,26 @@ bool is_inside(const std::string& uri) {
   return true;
 }
 
+/// A reference is R, G, B, A of every pixel as float32.
+absl::Status read_references(const v1::CreateJobRequest& request, JobSpec& spec) {
+  if (request.references().empty()) return absl::OkStatus();
+  if (static_cast<std::size_t>(request.references_size()) !=
+      contract::frame_list(spec.settings.frames).size()) {
+    return bad("references", "must be one for each frame, or none");
+  }
+  const std::int64_t size = 16 * std::int64_t{spec.settings.width} * spec.settings.height;
+  for (const v1::AssetId& asset : request.references()) {
+    const auto digest = contract::Digest::from_binary(asset.sha256());
+    if (!digest) return bad("references.sha256", "is not 32 bytes");
+    if (asset.size_bytes() != size) {
+      return bad("references.size_bytes", absl::StrCat(asset.size_bytes(), " is not ", size,
+                                                       ", 16 bytes a pixel of the frame"));
+    }
+    spec.references.push_back(*digest);
+  }
+  return absl::OkStatus();
+}
+
 absl::Status read_manifest(const v1::SceneManifest& message, JobSpec& spec) {
   if (message.assets_size() > kMostAssets) return bad("manifest.assets", "more than 100000");
   spec.scene_uri = message.scene_uri();
@@ -136,6 +156,7 @@ absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::
   spec.settings = *settings;
   status.Update(check_tiles(spec.settings));
   status.Update(read_manifest(request.manifest(), spec));
+  status.Update(read_references(request, spec));
   if (!status.ok()) return status;
   spec.request = request.SerializeAsString();
   return spec;

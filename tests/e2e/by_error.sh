@@ -59,6 +59,19 @@ exits 0 farm watch "$id" --json
 farm report "$id" --json >"$work/report.json"
 equal "the same when asked for later" "$(json "$work/report.json" "$frame")" "$reference"
 
+# The true error of each round beside the estimate, told by the farm that was given a reference.
+id=$(farm submit "$scene" "${job[@]/%7/8}" --spp 64 --reference "$work/reference.exr")
+exits 0 farm watch "$id" --json
+farm report "$id" --json >"$work/told.json"
+farm report "$id" --json --reference "$work/reference.exr" >"$work/compared.json"
+curve='[p["error_true"] for p in d["frames"][0]["curve"]]'
+equal "every round has a true error, and it falls" "$(json "$work/told.json" \
+  "all(e > 0 for e in $curve) and len($curve) > 1 and $curve[0] > $curve[-1]")" True
+equal "the last is that of the image" "$(json "$work/told.json" "'%.5g' % $curve[-1]")" \
+  "$(json "$work/compared.json" "'%.5g' % d['frames'][0]['true']['error']")"
+exits 2 farm submit "$scene" --size 32x32 --reference "$work/reference.exr"
+says "the reference is"
+
 # More than is allowed: files are written, but exit code 4 says that nothing is certified.
 exits 4 tessera render "$scene" --output "$work/capped.exr" --report "$work/capped.json" \
   --size 48x48 --max-depth 5 --seed 8 --tile 64 --error 0.001 --max-spp 36 --workers 2 --threads 1

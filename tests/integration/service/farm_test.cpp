@@ -9,7 +9,21 @@
 namespace tessera::server {
 namespace {
 
-using FarmTest = TestFarm;
+/// Of the test jobs' 48 x 40 pixels.
+const std::string kBlackReference(std::size_t{16} * 48 * 40, '\0');
+
+class FarmTest : public TestFarm {
+ protected:
+  nlohmann::json report_of(const std::string& job) {
+    grpc::ClientContext context;
+    prepare(context);
+    v1::GetJobReportRequest request;
+    request.set_job_id(job);
+    v1::GetJobReportResponse response;
+    EXPECT_TRUE(jobs_->GetJobReport(&context, request, &response).ok());
+    return nlohmann::json::parse(response.report_json());
+  }
+};
 
 std::unique_ptr<TestWorker> worker_of(const TestServer& server, const std::string& id) {
   return std::make_unique<TestWorker>(server.channel(), id);
@@ -29,13 +43,7 @@ TEST_F(FarmTest, FromSubmissionToAnImage) {
   const v1::FrameHeader header = fetch_exr(job);
   EXPECT_EQ(header.pixels_sha256().size(), 32u);
 
-  grpc::ClientContext context;
-  prepare(context);
-  v1::GetJobReportRequest request;
-  request.set_job_id(job);
-  v1::GetJobReportResponse response;
-  ASSERT_TRUE(jobs_->GetJobReport(&context, request, &response).ok());
-  const auto report = nlohmann::json::parse(response.report_json());
+  const nlohmann::json report = report_of(job);
   for (const char* key : {"schema",
                           "version",
                           "job",
@@ -72,6 +80,25 @@ TEST_F(FarmTest, FromSubmissionToAnImage) {
   EXPECT_TRUE(frame["true"].is_null());
   EXPECT_EQ(frame["curve"].size(), 2u);
   EXPECT_EQ(frame["pixels_sha256"], contract::Digest::from_binary(header.pixels_sha256())->hex());
+}
+
+TEST_F(FarmTest, AReferenceTellsTheTrueErrorOfEachRound) {
+  ASSERT_TRUE(upload(id_of(kScene), kScene).ok());
+  v1::CreateJobRequest request = request_of("a", 64);
+  *request.add_references() = id_of(kBlackReference);
+  v1::CreateJobResponse made;
+  const grpc::Status refused = create(request, made);
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_NE(refused.error_message().find("references"), std::string::npos);
+  ASSERT_TRUE(upload(id_of(kBlackReference), kBlackReference).ok());
+  ASSERT_TRUE(create(request, made).ok());
+  auto worker = worker_of(*server_, "w1");
+  ASSERT_TRUE(worker->open());
+  EXPECT_EQ(worker->work(), 9 * 2);
+  watch(made.job().id());
+  const auto curve = report_of(made.job().id())["frames"].at(0)["curve"];
+  ASSERT_EQ(curve.size(), 2u);
+  for (const auto& point : curve) EXPECT_GT(point["error_true"].get<double>(), 0);
 }
 
 TEST_F(FarmTest, AWorkStreamThatNeverSaysHelloEndsAndOneThatDoesStays) {
@@ -209,7 +236,13 @@ TEST_F(FarmTest, AMalformedJobIsRefusedByTheNameOfItsField) {
       {"uri", [](auto& r) { r.mutable_manifest()->mutable_assets(0)->set_uri("/etc/passwd"); }},
       {"sha256",
        [](auto& r) { r.mutable_manifest()->mutable_assets(0)->mutable_asset()->set_sha256("x"); }},
-      {"environment_uri", [](auto& r) { r.mutable_settings()->set_environment_uri("sky.exr"); }}};
+      {"environment_uri", [](auto& r) { r.mutable_settings()->set_environment_uri("sky.exr"); }},
+      {"references",
+       [](auto& r) {
+         for (int i = 0; i < 2; ++i) *r.add_references() = id_of(kBlackReference);
+       }},
+      {"references.size_bytes", [](auto& r) { *r.add_references() = id_of("short"); }},
+      {"references.sha256", [](auto& r) { r.add_references()->set_size_bytes(48 * 40 * 16); }}};
   for (const auto& [field, edit] : cases) {
     v1::CreateJobRequest request = request_of("a");
     edit(request);

@@ -9,6 +9,7 @@
 #include <set>
 #include <thread>
 
+#include "proto/contract/image_metrics.h"
 #include "tests/unit/server/film/made_blocks.h"
 
 namespace tessera::server {
@@ -36,11 +37,14 @@ class FilmCacheTest : public ::testing::Test {
     return made_block(grid_->rect(tile), settings_.aovs, pass,
                       passes_[static_cast<std::size_t>(pass)]);
   }
-  void open(FilmCache& cache) {
-    cache.open_frame(frame_key, settings_, [this](std::int32_t tile, std::int32_t pass) {
-      ++reads_;
-      return absl::StatusOr<FilmBlock>(block(tile, pass));
-    });
+  void open(FilmCache& cache, ReferenceReader reference = {}) {
+    cache.open_frame(
+        frame_key, settings_,
+        [this](std::int32_t tile, std::int32_t pass) {
+          ++reads_;
+          return absl::StatusOr<FilmBlock>(block(tile, pass));
+        },
+        std::move(reference));
   }
   std::vector<std::pair<std::int32_t, std::int32_t>> all_units() const {
     std::vector<std::pair<std::int32_t, std::int32_t>> units;
@@ -179,6 +183,58 @@ TEST_F(FilmCacheTest, ProgressKnowsNoErrorUntilPassZeroIsWhole) {
     ASSERT_TRUE(cache.add(frame_key, tile, 1, block(tile, 1)).ok());
   }
   EXPECT_LT(cache.running_estimate(frame_key).error, after_first.error);
+}
+
+TEST_F(FilmCacheTest, TheTrueErrorAfterEachPassIsThatOfTheImageThen) {
+  std::vector<float> reference, image(std::size_t{4} * 70 * 50);
+  std::mt19937 rng(7);
+  std::uniform_real_distribution<float> uniform(0, 2);
+  for (int i = 0; i < 4 * 70 * 50; ++i) reference.push_back(uniform(rng));
+  for (const std::int64_t budget : {std::int64_t{1}, kPlenty}) {
+    FilmCache cache(budget);
+    open(cache, [&](const contract::PixelRect& rect) {
+      std::vector<float> pixels;
+      for (std::int32_t y = rect.y; y < rect.y + rect.height; ++y) {
+        const auto row = reference.begin() + 4 * (y * 70 + rect.x);
+        pixels.insert(pixels.end(), row, row + 4 * rect.width);
+      }
+      return absl::StatusOr<std::vector<float>>(pixels);
+    });
+    for (std::int32_t pass = 0; pass < 3; ++pass) {
+      for (std::int32_t tile = 0; tile < grid_->tile_count(); ++tile) {
+        EXPECT_FALSE(cache.after_pass(frame_key, 0).true_error && pass == 0);
+        ASSERT_TRUE(cache.add(frame_key, tile, pass, block(tile, pass)).ok());
+      }
+      for (std::int32_t tile = 0; tile < grid_->tile_count(); ++tile) {
+        const auto sum = cache.tile(frame_key, tile);
+        ASSERT_TRUE(sum.ok());
+        const contract::PixelRect rect = grid_->rect(tile);
+        for (std::int64_t pixel = 0; pixel < sum->pixel_count(); ++pixel) {
+          const std::int64_t x = rect.x + pixel % rect.width, y = rect.y + pixel / rect.width;
+          sum->rgba(pixel, std::span<float, 4>(&image[static_cast<std::size_t>(4 * (y * 70 + x))],
+                                               std::size_t{4}));
+        }
+      }
+      const double m = *cache.mean_luminance(frame_key);
+      const auto difference = contract::compare_images({70, 50, image}, {70, 50, reference}, m);
+      ASSERT_TRUE(difference.ok()) << difference.status();
+      const auto error = cache.after_pass(frame_key, pass).true_error;
+      ASSERT_TRUE(error) << "pass " << pass;
+      EXPECT_NEAR(*error, *difference->error, 1e-12 * *error) << "pass " << pass;  // other order
+    }
+  }
+}
+
+TEST_F(FilmCacheTest, AReferenceThatCannotBeReadLeavesTheErrorUnknown) {
+  FilmCache cache(kPlenty);
+  open(cache, [](const contract::PixelRect&) -> absl::StatusOr<std::vector<float>> {
+    return absl::DataLossError("gone");
+  });
+  for (const auto& [tile, pass] : all_units()) {
+    ASSERT_TRUE(cache.add(frame_key, tile, pass, block(tile, pass)).ok());
+  }
+  EXPECT_FALSE(cache.after_pass(frame_key, 2).true_error);
+  EXPECT_GT(cache.after_pass(frame_key, 2).estimate.error, 0);
 }
 
 TEST_F(FilmCacheTest, RefusesWhatDoesNotBelongToTheFrame) {
