@@ -5,6 +5,7 @@
 #include <grpcpp/grpcpp.h>
 #include <oneapi/tbb/version.h>
 #include <openssl/crypto.h>
+#include <unistd.h>
 #include <zstd.h>
 
 #include <CLI/CLI.hpp>
@@ -26,10 +27,14 @@ namespace {
 constexpr int kWrongUsage = 2;
 constexpr std::int64_t kMega = 1'000'000, kGiga = 1'000'000'000;
 
+std::int64_t quarter_of_memory_mb() {
+  return ::sysconf(_SC_PHYS_PAGES) * ::sysconf(_SC_PAGESIZE) / 4 / kMega;
+}
+
 struct WorkerFlags {
   agent::AgentOptions options;
   std::string token_file, crash_on, log_level = "info";
-  std::int64_t cache_gb = 20, buffer_mb = 256, memory_mb = 0;
+  std::int64_t cache_gb = 20, buffer_mb = 256, memory_mb = 0, texture_mb = quarter_of_memory_mb();
   std::int64_t unit_timeout_s = 3600, grace_s = 20;
 };
 
@@ -115,8 +120,12 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
       ->capture_default_str()
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000}));
   app.add_option("--memory-mb", flags.memory_mb,
-                 "Limit of the renderer's address space, MB; 0: none")
+                 "Limit of the renderer's memory, without what is mapped from files, MB; 0: none")
       ->capture_default_str()
+      ->check(CLI::Range(std::int64_t{0}, std::int64_t{100'000'000}));
+  app.add_option("--texture-mb", flags.texture_mb,
+                 "Memory for a scene's images, MB; what is over lies in a file beside the cache "
+                 "(default: a quarter of the machine's)")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{100'000'000}));
   add_isa(app, options.isa);
   add_accelerator(app, options.accelerator);
@@ -154,6 +163,7 @@ CLI::App* add_renderer(CLI::App& app, agent::RendererOptions& options, std::stri
   renderer->add_option("--fd", options.fd)->required();
   renderer->add_option("--threads", options.thread_count)->required();
   renderer->add_option("--memory-bytes", options.memory_bytes);
+  renderer->add_option("--texel-bytes", options.texel_bytes);
   add_isa(*renderer, options.isa);
   add_accelerator(*renderer, options.accelerator);
   renderer->add_option("--crash-on", crash_on)->check(is_unit());
@@ -210,6 +220,7 @@ bool complete(WorkerFlags& flags) {
   options.cache_bytes = flags.cache_gb * kGiga;
   options.buffer_bytes = flags.buffer_mb * kMega;
   options.memory_bytes = flags.memory_mb * kMega;
+  options.texel_bytes = flags.texture_mb * kMega;
   options.unit_timeout = std::chrono::seconds(flags.unit_timeout_s);
   options.grace = std::chrono::seconds(flags.grace_s);
   return true;

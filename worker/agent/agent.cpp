@@ -86,7 +86,9 @@ RenderDeskOptions desk_options(const AgentOptions& options, JobLog log) {
                     "--threads",
                     absl::StrCat(options.thread_count),
                     "--isa",
-                    std::string(render::isa_name(options.isa))};
+                    std::string(render::isa_name(options.isa)),
+                    "--texel-bytes",
+                    absl::StrCat(options.texel_bytes)};
   if (options.memory_bytes > 0) {
     desk.arguments.insert(desk.arguments.end(),
                           {"--memory-bytes", absl::StrCat(options.memory_bytes)});
@@ -107,6 +109,7 @@ absl::StatusOr<RendererProcess::Child> fork_renderer(const AgentOptions& options
   RendererOptions renderer;
   renderer.thread_count = options.thread_count;
   renderer.memory_bytes = options.memory_bytes;
+  renderer.texel_bytes = options.texel_bytes;
   renderer.isa = options.isa;
   renderer.accelerator = options.accelerator;
   renderer.crash_on = options.crash_on;

@@ -24,9 +24,10 @@ struct AgentOptions {
   std::string cache_folder;
   std::int64_t cache_bytes = 20'000'000'000;
   std::int64_t buffer_bytes = 256'000'000;  // of blocks without a verdict
-  std::int64_t memory_bytes = 0;            // limit of the renderer's address space; 0: none
-  render::Isa isa = render::best_isa();     // what rays are traced with; supported
-  std::string accelerator;                  // see RendererOptions
+  std::int64_t memory_bytes = 0;            // see RendererOptions, as the next
+  std::int64_t texel_bytes = 0;
+  render::Isa isa = render::best_isa();  // what rays are traced with; supported
+  std::string accelerator;               // see RendererOptions
   std::chrono::seconds unit_timeout{3600};
   std::chrono::seconds grace{20};  // from SIGTERM to the end
   std::string unit_log;            // file; empty: none

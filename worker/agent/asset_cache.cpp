@@ -130,6 +130,17 @@ absl::StatusOr<Descriptor> AssetCache::fill(const contract::Digest& digest, std:
   return file;
 }
 
+absl::StatusOr<Descriptor> AssetCache::scratch() {
+  Descriptor file(::open(folder_.c_str(), O_RDWR | O_TMPFILE | O_CLOEXEC, 0600));
+  if (!file) {  // not every file system has those
+    std::string name = folder_ + "/scratch.XXXXXX";
+    file = Descriptor(::mkostemp(name.data(), O_CLOEXEC));
+    if (file) ::unlink(name.c_str());
+  }
+  if (!file) return disk_error(folder_);
+  return file;
+}
+
 void AssetCache::note_verified(const contract::Digest& digest) {
   const std::lock_guard lock(mutex_);
   verified_.insert(digest);

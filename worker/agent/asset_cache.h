@@ -36,6 +36,10 @@ class AssetCache {
   absl::StatusOr<Descriptor> get(const contract::Digest& digest, std::int64_t size_bytes,
                                  const Source& download);
 
+  /// A new file without a name, for reading and writing: it goes when it is closed everywhere.
+  /// Errors: FailedPrecondition, the folder cannot be written.
+  absl::StatusOr<Descriptor> scratch();
+
   /// Removes the least recently used files until the rest fit the limit.
   void trim();
 

@@ -92,6 +92,9 @@ absl::StatusOr<JobFiles> JobFetcher::fetch_once(const std::string& job_id) {
     }
     files.descriptors.push_back(*std::move(descriptor));
   }
+  auto scratch = cache_.scratch();
+  if (!scratch.ok()) return scratch.status();
+  files.descriptors.push_back(*std::move(scratch));
   return files;
 }
 

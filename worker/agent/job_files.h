@@ -26,7 +26,7 @@ struct JobFiles {
   v1::RenderSettings message;
   contract::RenderSettings settings;
   v1::SceneManifest manifest;
-  std::vector<Descriptor> descriptors;  // of the manifest's assets, in its order
+  std::vector<Descriptor> descriptors;  // as DescriptorReader wants them
 };
 
 /// Fetches job descriptions and their assets on a thread of its own, one job after the other.

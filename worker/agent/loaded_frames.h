@@ -28,7 +28,9 @@ struct LoadedFrame {
 /// which is why units and this table share it.
 class LoadedFrames {
  public:
-  explicit LoadedFrames(render::Tracing tracing) : tracing_(std::move(tracing)) {}
+  /// `texel_bytes`: see DescriptorReader.
+  LoadedFrames(render::Tracing tracing, std::int64_t texel_bytes)
+      : tracing_(std::move(tracing)), texel_bytes_(texel_bytes) {}
 
   struct Outcome {
     double load_seconds = 0;   // parsing, decoding, posing
@@ -62,6 +64,7 @@ class LoadedFrames {
   std::shared_ptr<const LoadedFrame> any_frame(const std::string& job_id);
 
   const render::Tracing tracing_;
+  const std::int64_t texel_bytes_;
   std::mutex mutex_;  // guards what follows
   std::map<std::string, std::shared_ptr<JobScene>> jobs_;
   std::map<std::pair<std::string, std::int32_t>, std::shared_ptr<const LoadedFrame>> frames_;

@@ -24,6 +24,7 @@
 #include "worker/agent/sandbox.h"
 #include "worker/render/float_control.h"
 #include "worker/render/numerics_check.h"
+#include "worker/scene/limits.h"
 
 namespace tessera::agent {
 namespace {
@@ -42,12 +43,15 @@ render::Tracing tracing_of(const RendererOptions& options) {
           }};
 }
 
+/// The only file it may write to gets texels, each image's from a new page on.
+constexpr rlim_t kMostFileBytes = render::kMaxAllImageBytes * 2;
+
 class Renderer {
  public:
   explicit Renderer(const RendererOptions& options)
       : options_(options),
         socket_(Descriptor(options.fd)),
-        frames_(tracing_of(options)),
+        frames_(tracing_of(options), options.texel_bytes),
         pool_(options.thread_count) {}
 
   int run() {
@@ -97,8 +101,9 @@ class Renderer {
   /// Loads on a thread of its own, one scene after the other, helped by threads without a unit. The
   /// agent never waits: this thread goes on reading.
   bool load(v1::LoadScene command) {
+    // The scene's files, and one for texels that do not fit.
     auto descriptors =
-        socket_.receive_descriptors(static_cast<std::size_t>(command.manifest().assets_size()));
+        socket_.receive_descriptors(static_cast<std::size_t>(command.manifest().assets_size()) + 1);
     if (!descriptors.ok()) return false;
     const auto files = std::make_shared<std::vector<Descriptor>>(*std::move(descriptors));
     loader_.submit([this, command = std::move(command), files] {
@@ -183,8 +188,10 @@ int run_renderer(const RendererOptions& options) {
   if (options.memory_bytes > 0) {
     const auto bytes = static_cast<rlim_t>(options.memory_bytes);
     const rlimit limit{bytes, bytes};
-    ::setrlimit(RLIMIT_AS, &limit);
+    ::setrlimit(RLIMIT_DATA, &limit);  // what is mapped from files can be read again
   }
+  const rlimit file_limit{kMostFileBytes, kMostFileBytes};
+  ::setrlimit(RLIMIT_FSIZE, &file_limit);
   if (const absl::Status confined = enter_sandbox(); !confined.ok()) {
     std::fprintf(stderr, "the renderer is not confined: %s\n",
                  std::string(confined.message()).c_str());

@@ -12,7 +12,8 @@ namespace tessera::agent {
 struct RendererOptions {
   int fd = 3;                     // socket to the agent
   int thread_count = 1;           // units rendered at once
-  std::int64_t memory_bytes = 0;  // limit of address space; 0: none
+  std::int64_t memory_bytes = 0;  // limit of what is not mapped from files; 0: none
+  std::int64_t texel_bytes = 0;   // of a scene's images in memory; the rest is mapped from a file
   render::Isa isa = render::best_isa();
   /// A structure of worker/accel/reference to trace rays with instead, for tests; empty: none.
   std::string accelerator;

@@ -66,7 +66,11 @@ class LoadedScene final : public SceneFile {
       cache.meshes.clear();
       cache.bases.clear();
     }
-    PoseInput input{pointers ? animated : document_, has_sky_ ? &sky_ : nullptr, settings, seconds,
+    PoseInput input{pointers ? animated : document_,
+                    *reader_,
+                    has_sky_ ? &sky_ : nullptr,
+                    settings,
+                    seconds,
                     std::nullopt};
     std::vector<Problem> met;
     auto scene = build_scene(input, cache, met);
@@ -81,6 +85,7 @@ class LoadedScene final : public SceneFile {
   }
 
   absl::Status load(const contract::RenderSettings& settings, ResourceReader& reader) {
+    reader_ = &reader;
     absl::Status status = read_document(reader);
     if (status.ok() && !settings.environment.empty()) status = read_sky(settings, reader);
     return status;
@@ -237,6 +242,7 @@ class LoadedScene final : public SceneFile {
   mutable Document document_;                   // after load() only `problems` changes
   std::unique_ptr<const nlohmann::json> root_;  // if animations have pointers
   Image sky_;
+  ResourceReader* reader_ = nullptr;
   bool has_sky_ = false;
 };
 

@@ -21,6 +21,13 @@ class ResourceReader {
   /// The bytes named by `uri`, as written in the glTF file (percent-decoded), valid as long as
   /// the reader lives. Errors: NotFound, PermissionDenied (a path that leaves the scene's folder).
   virtual absl::StatusOr<std::span<const std::byte>> read(std::string_view uri) = 0;
+  /// Offers the texels of an image that has been decoded. What a scene's images take over what
+  /// memory they may is copied elsewhere, to where it lies in memory only while it is looked at;
+  /// null: they stay where they are. Any thread. Errors: ResourceExhausted.
+  virtual absl::StatusOr<std::shared_ptr<const std::byte>> set_aside(
+      std::span<const std::byte> /*texels*/) {
+    return nullptr;
+  }
 };
 
 /// One thing wrong with, or notable about, a file.

@@ -506,6 +506,23 @@ class SceneBuilder {
     scene_.procedures.push_back(document_.procedures[document_.texture_sources[index].procedure]);
   }
 
+  template <typename T>
+  absl::Status set_aside(SharedArray<T>& texels) {
+    auto elsewhere =
+        input_.reader.set_aside(std::as_bytes(std::span(texels.data(), texels.size())));
+    if (!elsewhere.ok()) return elsewhere.status();
+    if (*elsewhere == nullptr) return absl::OkStatus();
+    const auto* const first = reinterpret_cast<const T*>(elsewhere->get());
+    texels = SharedArray<T>(*std::move(elsewhere), first, texels.size());
+    return absl::OkStatus();
+  }
+
+  absl::Status set_aside(Image& image) {
+    if (!image.u8.empty()) return set_aside(image.u8);
+    if (!image.u16.empty()) return set_aside(image.u16);
+    return set_aside(image.f32);
+  }
+
   absl::Status add_image(std::int32_t index) {
     const ImageSource& source = document_.images[index];
     Image& image = kept_.images[index];
@@ -513,9 +530,9 @@ class SceneBuilder {
       image = before->second;
     } else {
       auto decoded = decode_image(source.bytes, source.name);
-      if (!decoded.ok()) {
-        return absl::Status(decoded.status().code(),
-                            absl::StrCat(source.name, ": ", decoded.status().message()));
+      absl::Status status = decoded.ok() ? set_aside(*decoded) : decoded.status();
+      if (!status.ok()) {
+        return absl::Status(status.code(), absl::StrCat(source.name, ": ", status.message()));
       }
       image = *std::move(decoded);
     }

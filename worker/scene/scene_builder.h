@@ -6,6 +6,7 @@
 #include "absl/status/statusor.h"
 #include "proto/contract/render_settings.h"
 #include "worker/scene/document.h"
+#include "worker/scene/loader.h"
 #include "worker/scene/pose_cache.h"
 #include "worker/scene/scene.h"
 
@@ -14,6 +15,7 @@ namespace tessera::render {
 /// What the loader hands over for posing.
 struct PoseInput {
   const Document& document;
+  ResourceReader& reader;      // for texels that do not fit into memory
   const Image* sky = nullptr;  // of settings.environment; null: none
   const contract::RenderSettings& settings;
   double seconds = 0;           // since the animations began

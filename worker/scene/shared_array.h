@@ -16,11 +16,17 @@ class SharedArray {
  public:
   SharedArray() = default;
   SharedArray(std::vector<T> values)  // NOLINT(google-explicit-constructor): takes over a vector
-      : values_(values.empty() ? nullptr
-                               : std::make_shared<const std::vector<T>>(std::move(values))),
-        data_(values_ == nullptr ? nullptr : values_->data()),
-        size_(values_ == nullptr ? 0 : values_->size()) {}
+  {
+    if (values.empty()) return;
+    const auto held = std::make_shared<const std::vector<T>>(std::move(values));
+    data_ = held->data();
+    size_ = held->size();
+    owner_ = held;
+  }
   SharedArray(std::initializer_list<T> values) : SharedArray(std::vector<T>(values)) {}
+  /// `size` values at `data`, which `owner` keeps there.
+  SharedArray(std::shared_ptr<const void> owner, const T* data, std::size_t size)
+      : owner_(std::move(owner)), data_(data), size_(size) {}
 
   const T* data() const { return data_; }
   std::size_t size() const { return size_; }
@@ -37,7 +43,7 @@ class SharedArray {
   bool shares(const SharedArray& other) const { return data_ == other.data_; }
 
  private:
-  std::shared_ptr<const std::vector<T>> values_;
+  std::shared_ptr<const void> owner_;
   const T* data_ = nullptr;
   std::size_t size_ = 0;
 };

@@ -43,7 +43,7 @@ Descriptor file_with(const std::string& text) {
   Folder folder;
   const std::string path = folder.path() + "/file";
   std::ofstream(path) << text;
-  return Descriptor(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  return Descriptor(::open(path.c_str(), O_RDWR | O_CLOEXEC));
 }
 
 std::string contents(const Descriptor& file) {
@@ -125,7 +125,8 @@ TEST(DescriptorReader, ReadsTheManifestsFilesAndNothingElse) {
     entry->mutable_asset()->set_size_bytes(text == "short" ? 100 : static_cast<int>(text.size()));
     files.push_back(file_with(text));
   }
-  DescriptorReader reader(manifest, std::move(files));
+  files.push_back(file_with(""));
+  DescriptorReader reader(manifest, std::move(files), 0);
   const auto bytes = reader.read("uri of gltf");
   ASSERT_TRUE(bytes.ok());
   EXPECT_EQ(std::string(reinterpret_cast<const char*>(bytes->data()), bytes->size()), "gltf");
@@ -133,6 +134,26 @@ TEST(DescriptorReader, ReadsTheManifestsFilesAndNothingElse) {
   EXPECT_TRUE(reader.read("uri of ")->empty());
   EXPECT_TRUE(absl::IsNotFound(reader.read("/etc/passwd").status()));
   EXPECT_TRUE(absl::IsDataLoss(reader.read("uri of short").status()));
+}
+
+TEST(DescriptorReader, TexelsOverTheLimitLieInTheFile) {
+  const std::vector<std::byte> first(60, std::byte{1}), second(5000, std::byte{2});
+  const Descriptor scratch = file_with("");
+  const auto reader_of = [&](std::int64_t texel_bytes) {
+    std::vector<Descriptor> files;
+    files.emplace_back(::dup(scratch.get()));
+    return std::make_unique<DescriptorReader>(v1::SceneManifest(), std::move(files), texel_bytes);
+  };
+  auto reader = reader_of(100);
+  EXPECT_EQ(*reader->set_aside(first), nullptr) << "within the limit";
+  const auto aside = *reader->set_aside(second);
+  ASSERT_NE(aside, nullptr);
+  // Another reader of the file writes behind it; both stay when their readers have gone.
+  reader = reader_of(0);
+  const auto other = *reader->set_aside(first);
+  reader.reset();
+  EXPECT_TRUE(std::equal(second.begin(), second.end(), aside.get()));
+  EXPECT_TRUE(std::equal(first.begin(), first.end(), other.get()));
 }
 
 TEST(RenderPool, ALoopRunsEveryIndexOnceFromTasksAndFromOutside) {
