@@ -506,6 +506,17 @@ class SceneBuilder {
     scene_.procedures.push_back(document_.procedures[document_.texture_sources[index].procedure]);
   }
 
+  /// Keeps one texel of an image whose texels are all the same: our filter is exact on constants.
+  template <typename T>
+  static void fold_uniform(SharedArray<T>& texels, Image& image) {
+    const auto channels = static_cast<std::size_t>(image.channels);
+    if (texels.size() <= channels) return;
+    // All are the same if each is what the one before it is.
+    if (!std::equal(texels.begin() + channels, texels.end(), texels.begin())) return;
+    texels = std::vector<T>(texels.begin(), texels.begin() + channels);
+    image.width = image.height = 1;
+  }
+
   template <typename T>
   absl::Status set_aside(SharedArray<T>& texels) {
     auto elsewhere =
@@ -517,7 +528,10 @@ class SceneBuilder {
     return absl::OkStatus();
   }
 
-  absl::Status set_aside(Image& image) {
+  absl::Status keep_texels(Image& image) {
+    fold_uniform(image.u8, image);
+    fold_uniform(image.u16, image);
+    fold_uniform(image.f32, image);
     if (!image.u8.empty()) return set_aside(image.u8);
     if (!image.u16.empty()) return set_aside(image.u16);
     return set_aside(image.f32);
@@ -530,7 +544,7 @@ class SceneBuilder {
       image = before->second;
     } else {
       auto decoded = decode_image(source.bytes, source.name);
-      absl::Status status = decoded.ok() ? set_aside(*decoded) : decoded.status();
+      absl::Status status = decoded.ok() ? keep_texels(*decoded) : decoded.status();
       if (!status.ok()) {
         return absl::Status(status.code(), absl::StrCat(source.name, ": ", status.message()));
       }

@@ -218,6 +218,32 @@ TEST(Textures, OfUnusedMaterialsAreNotDecoded) {
   EXPECT_FALSE(scene->materials[0].emissive_texture);
 }
 
+TEST(Textures, OfOneColourAreOneTexel) {
+  const auto image_of = [](const std::string& base64) {
+    GltfBuilder b;
+    b.add("images", R"({"uri": "data:image/png;base64,)" + base64 + R"("})");
+    b.add_texture(0);
+    b.add_mesh(unit_quad(
+        b.add_material(R"({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})")));
+    b.add_node_with_mesh(0);
+    const auto scene = load_and_pose(b);
+    EXPECT_TRUE(scene.ok()) << scene.status();
+    return scene->images.at(0);
+  };
+  // 2 x 2 texels of 10, 20, 30; in the second, the last is 10, 20, 31.
+  const Image even = image_of(
+      "iVBORw0KGgoAAAANSUhEUgAAAAIAAAACCAIAAAD91JpzAAAAEElEQVR42mPgEpEDIgYIBQAGTgDx0GKdDgAAAABJRU5E"
+      "rkJggg==");
+  EXPECT_EQ(even.width, 1);
+  EXPECT_EQ(even.height, 1);
+  EXPECT_EQ(even.u8, (SharedArray<std::uint8_t>{10, 20, 30}));
+  const Image uneven = image_of(
+      "iVBORw0KGgoAAAANSUhEUgAAAAIAAAACCAIAAAD91JpzAAAAEUlEQVR42mPgEpEDIgYwJQ8ABk8A8qmbb9UAAAAASUVO"
+      "RK5CYII=");
+  EXPECT_EQ(uneven.width, 2);
+  EXPECT_EQ(uneven.u8.size(), 12u);
+}
+
 TEST(Textures, ReadOnlyTheUvSetsAMaterialUses) {
   GltfBuilder b;
   b.add("images", std::string(R"({"uri": ")") + kPng + R"("})");
