@@ -70,6 +70,20 @@ float encoded(double linear) {
   return static_cast<float>(v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1 / 2.4) - 0.055);
 }
 
+/// Writes a Portable FloatMap: rows from the bottom, R, G and B little-endian.
+bool write_pfm(const Options& options, const std::vector<float>& pixels, const Film& film) {
+  std::ofstream file(options.output, std::ios::binary);
+  file << "PF\n" << film.window.width << ' ' << film.window.height << "\n-1.0\n";
+  for (std::int32_t y = film.window.height; y-- > 0;) {
+    for (std::int32_t x = 0; x < film.window.width; ++x) {
+      const auto pixel = static_cast<std::size_t>(y) * static_cast<std::size_t>(film.window.width) +
+                         static_cast<std::size_t>(x);
+      file.write(reinterpret_cast<const char*>(&pixels[4 * pixel]), 3 * sizeof(float));
+    }
+  }
+  return file.flush().good();
+}
+
 /// Writes a PNG of what a screen shows.
 bool write_png(const Options& options, const std::vector<float>& pixels, const Film& film) {
   std::vector<std::uint8_t> codes;
@@ -157,7 +171,8 @@ int run(Options options) {
               loaded - start, built - loaded, done - built, cpu - start_cpu,
               sum / static_cast<double>(film.rgb.size()),
               contract::sha256(std::as_bytes(std::span(pixels))).hex().c_str());
-  if (!options.output.empty() && !write_png(options, pixels, film)) {
+  const auto write = options.output.ends_with(".pfm") ? write_pfm : write_png;
+  if (!options.output.empty() && !write(options, pixels, film)) {
     std::fprintf(stderr, "%s: cannot be written\n", options.output.c_str());
     return 1;
   }
@@ -190,7 +205,7 @@ int main(int argc, char** argv) {
   tessera::testing::Options o;
   CLI::App app("Renders one frame without a farm");
   app.add_option("scene", o.scene)->required();
-  app.add_option("-o", o.output, "PNG");
+  app.add_option("-o", o.output, "PNG, or .pfm of the pixels themselves");
   app.add_option("--size", o.size);
   app.add_option("--crop", o.crop);
   app.add_option("--spp", o.settings.spp);

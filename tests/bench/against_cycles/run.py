@@ -5,6 +5,8 @@ Per scene, both renderers in turns, one thread each, box filter, no clamp, no de
 - agreement: Welch's t-test of the two references, per block of 8 x 8 pixels;
 - error: relMSE of images of more and more samples against the renderer's own reference, whose
   relMSE is taken off; the samples that 0.01 takes by interpolation between logarithms;
+- agreement with the same BSDF: scenes of opaque metallic-roughness materials once more, Tessera with
+  Cycles' own formula (tessera_render_cycles34), so that everything else is compared;
 - speed: CPU seconds of two whole processes that differ in samples alone, over that difference, so
   that loading, building and starting drop out. The least of several.
 relMSE = mean of (x - r)^2 / (r^2 + 0.01) over pixels and channels.
@@ -18,6 +20,7 @@ import os
 import pathlib
 import resource
 import statistics
+import struct
 import subprocess
 import sys
 import tempfile
@@ -36,6 +39,11 @@ SCENES = {
     "cm_manylights200": (16384, 9, None),
     "DamagedHelmet": (1024, 9, VENICE),
     "cm_bunnies1024": (2048, 9, VENICE),
+}
+SAME_BSDF = {  # as above
+    "cm_spheres_grid": (2048, 9, VENICE),
+    "DamagedHelmet": SCENES["DamagedHelmet"],
+    "cm_bunnies1024": SCENES["cm_bunnies1024"],
 }
 PR_SET_CHILD_SUBREAPER = 36
 GOAL = 0.01  # relMSE
@@ -85,8 +93,20 @@ class Runner:
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         return out, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
+    def cycles34(self, name, spp, seed, size):
+        """Tessera with the BSDF of Cycles."""
+        _, depth, sky = SAME_BSDF[name]
+        marked = self.folder / f"{name}.glb"
+        if not marked.exists():
+            mark_materials(self.scene(name), marked)
+        out = self.file(".pfm")
+        subprocess.run([self.binaries / "tessera_render_cycles34", marked, "-o", out, "--spp", str(spp),
+                        "--seed", str(seed), "--size", "%dx%d" % size, "--max-depth", str(depth),
+                        "--environment", self.sky(sky)], check=True, stdout=subprocess.DEVNULL)
+        return out, 0
+
     def cycles(self, name, spp, seed, size):
-        _, depth, sky = SCENES[name]
+        _, depth, sky = {**SAME_BSDF, **SCENES}[name]
         out = self.file(".exr")
         options = {"spp": spp, "seed": seed, "size": size, "depth": depth}
         if sky is not None:
@@ -98,6 +118,22 @@ class Runner:
         if not spent or not out.exists():
             sys.exit(f"against_cycles: Blender failed on {name}:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
         return out, float(spent[0].split()[1])
+
+
+def mark_materials(source, target):
+    """Copies a .glb and gives its opaque materials an extension that changes nothing by itself."""
+    data = source.read_bytes()
+    (length,) = struct.unpack_from("<I", data, 12)
+    gltf = json.loads(data[20 : 20 + length])
+    for material in gltf.get("materials", []):
+        if "KHR_materials_transmission" not in material.get("extensions", {}):
+            material.setdefault("extensions", {})["TESSERA_material"] = {"fresnel": "exact"}
+    gltf.setdefault("extensionsUsed", []).append("TESSERA_material")
+    text = json.dumps(gltf).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + length :]
+    target.write_bytes(struct.pack("<4sIIII", b"glTF", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A)
+                       + text + rest)
 
 
 def wait_for_orphans():
@@ -148,6 +184,16 @@ def agreement(ours, theirs):
         freedom = v**2 / ((va[k] ** 2 + vb[k] ** 2) / (n - 1))
         apart += student_tail(difference / math.sqrt(v), freedom) < 0.01
     return apart / a.shape[1], numpy.mean(theirs) / numpy.mean(ours)
+
+
+def compare_materials(runner, name):
+    spp = SAME_BSDF[name][0] // REFERENCES
+    images = {"cycles34": [], "cycles": []}
+    for seed in range(REFERENCES):
+        for renderer in images:
+            images[renderer].append(pixels(getattr(runner, renderer)(name, spp, 1 + seed, ERROR_SIZE)[0]))
+    apart, ratio = agreement(images["cycles34"], images["cycles"])
+    return {"scene": f"{name}, Cycles' BSDF in both", "blocks_apart": apart, "mean_ratio": float(ratio)}
 
 
 class Reference:
@@ -201,14 +247,16 @@ def compare(runner, name):
     return row
 
 
-def table(rows):
+def table(rows, same_bsdf):
     """Markdown."""
     lines = ["| scene | blocks that differ at 1 % | Cycles / Tessera, mean radiance | comparable |",
              "|---|---|---|---|"]
-    for row in rows:
+    for row in rows + same_bsdf:
         same = row["blocks_apart"] <= 0.04
         lines.append(f"| {row['scene']} | {100 * row['blocks_apart']:.1f} % | {row['mean_ratio']:.4f} | "
                      f"{'yes' if same else 'not within noise'} |")
+    if not rows:
+        return "\n".join(lines), math.inf
     lines += ["", "| scene | 1,000 paths / CPU s: Tessera, Cycles | spp for relMSE 0.01 | own relMSE of the "
               "references | CPU s per megapixel for that | Cycles / Tessera |", "|---|---|---|---|---|---|"]
     for row in rows:
@@ -225,22 +273,28 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("scenes", type=pathlib.Path)
     parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/release/bin")
-    parser.add_argument("--only", action="append", choices=SCENES)
+    parser.add_argument("--only", action="append", choices=[*SCENES, "cm_spheres_grid"])
+    parser.add_argument("--agreement", action="store_true", help="with the same BSDF alone")
     parser.add_argument("--out", type=pathlib.Path, help="the tables; beside it .json")
     args = parser.parse_args()
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
-    rows = []
+    rows, same_bsdf = [], []
     with tempfile.TemporaryDirectory() as folder:
         os.environ["TMPDIR"] = folder
         runner = Runner(args.scenes.resolve(), args.bin.resolve(), pathlib.Path(folder))
-        for name in args.only or SCENES:
-            rows.append(compare(runner, name))
-            print(json.dumps(rows[-1]), flush=True)
-    text, mean = table(rows)
+        for name in SAME_BSDF:
+            if not args.only or name in args.only:
+                same_bsdf.append(compare_materials(runner, name))
+                print(json.dumps(same_bsdf[-1]), flush=True)
+        for name in SCENES:
+            if not args.agreement and (not args.only or name in args.only):
+                rows.append(compare(runner, name))
+                print(json.dumps(rows[-1]), flush=True)
+    text, mean = table(rows, same_bsdf)
     print(text)
     if args.out:
         args.out.write_text(text + "\n")
-        args.out.with_suffix(".json").write_text(json.dumps(rows, indent=1) + "\n")
+        args.out.with_suffix(".json").write_text(json.dumps(rows + same_bsdf, indent=1) + "\n")
     return 0 if mean >= 2 and all(row["ratio"] >= 1 for row in rows) else 1
 
 
