@@ -188,8 +188,10 @@ double StoppingRule::scale_to_fill(const Foreseen& foreseen) const {
   return low;
 }
 
+/// Where E² cannot be met (λ = 0) nothing is allotted: no tile stops because it did better than was
+/// foreseen.
 void StoppingRule::allot(std::int32_t pass, double lambda) {
-  const double scale = scale_to_fill(foresee(pass, lambda));
+  const double scale = lambda > 0 ? scale_to_fill(foresee(pass, lambda)) : 0;
   foreseen_samples_ = 0;
   for (Tile& tile : tiles_) {
     const Seen seen = as_of(tile, pass);

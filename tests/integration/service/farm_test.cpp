@@ -10,7 +10,7 @@ namespace tessera::server {
 namespace {
 
 /// Of the test jobs' 48 x 40 pixels.
-const std::string kBlackReference(std::size_t{16} * 48 * 40, '\0');
+const std::string black_reference(std::size_t{16} * 48 * 40, '\0');
 
 class FarmTest : public TestFarm {
  protected:
@@ -85,12 +85,12 @@ TEST_F(FarmTest, FromSubmissionToAnImage) {
 TEST_F(FarmTest, AReferenceTellsTheTrueErrorOfEachRound) {
   ASSERT_TRUE(upload(id_of(kScene), kScene).ok());
   v1::CreateJobRequest request = request_of("a", 64);
-  *request.add_references() = id_of(kBlackReference);
+  *request.add_references() = id_of(black_reference);
   v1::CreateJobResponse made;
   const grpc::Status refused = create(request, made);
   EXPECT_EQ(refused.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
   EXPECT_NE(refused.error_message().find("references"), std::string::npos);
-  ASSERT_TRUE(upload(id_of(kBlackReference), kBlackReference).ok());
+  ASSERT_TRUE(upload(id_of(black_reference), black_reference).ok());
   ASSERT_TRUE(create(request, made).ok());
   auto worker = worker_of(*server_, "w1");
   ASSERT_TRUE(worker->open());
@@ -239,7 +239,7 @@ TEST_F(FarmTest, AMalformedJobIsRefusedByTheNameOfItsField) {
       {"environment_uri", [](auto& r) { r.mutable_settings()->set_environment_uri("sky.exr"); }},
       {"references",
        [](auto& r) {
-         for (int i = 0; i < 2; ++i) *r.add_references() = id_of(kBlackReference);
+         for (int i = 0; i < 2; ++i) *r.add_references() = id_of(black_reference);
        }},
       {"references.size_bytes", [](auto& r) { *r.add_references() = id_of("short"); }},
       {"references.sha256", [](auto& r) { r.add_references()->set_size_bytes(48 * 40 * 16); }}};

@@ -34,8 +34,8 @@ class MadeFrame {
   ErrorSums figures(std::int32_t tile, std::int32_t pass) const {
     const Pass& last = passes_[static_cast<std::size_t>(pass)];
     const std::size_t t = static_cast<std::size_t>(tile);
-    const double mean =
-        variances_[t] / last.end() * factors_[t * passes_.size() + static_cast<std::size_t>(pass)];
+    const double mean = (pass == 0 ? first_seems_ : 1) * variances_[t] / last.end() *
+                        factors_[t * passes_.size() + static_cast<std::size_t>(pass)];
     const double sum = 3 * mean * kTilePixels;
     return {kTilePixels, sum, sum, sum, 2 * sum * sum / kTilePixels / concentration_};
   }
@@ -98,11 +98,13 @@ class MadeFrame {
     return std::sqrt(upper_mean(sums, rule_.looks()));
   }
   void concentrate(double factor) { concentration_ = 1 / factor; }
+  /// Makes squares after pass 0 so many times as large as they should be.
+  void first_seems(double factor) { first_seems_ = factor; }
 
  private:
   std::vector<Pass> passes_;
   std::vector<double> variances_, factors_;
-  double concentration_ = 1;
+  double concentration_ = 1, first_seems_ = 1;
   std::size_t stopped_ = 0;
   StoppingRule rule_;
 };
@@ -168,6 +170,14 @@ TEST(StoppingRule, TilesThatReachTheMostAreCounted) {
   frame.render(1);
   EXPECT_TRUE(frame.is_finished());
   EXPECT_GT(frame.bound(), 0.01);
+  EXPECT_EQ(frame.rule().capped_tile_count(), 16);
+  EXPECT_EQ(frame.samples(), 256);
+}
+
+TEST(StoppingRule, TilesDoNotStopForDoingBetterThanForeseenIfThatIsNotEnough) {
+  MadeFrame frame(spread_variances(16, 0.5), 0.01, 256);
+  frame.first_seems(8);  // what is foreseen for 256 samples has come after 32
+  frame.render(1);
   EXPECT_EQ(frame.rule().capped_tile_count(), 16);
   EXPECT_EQ(frame.samples(), 256);
 }
