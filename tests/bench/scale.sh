@@ -4,6 +4,8 @@
 #
 #   tests/bench/scale.sh [JOBS]     100,000; TESSERA_BIN: folder of the programs (build/release/bin)
 #
+# Then tests/bench/scaling/run.sh: real renders over a few workers, and many workers on paper.
+#
 # Jobs are copies of one that was submitted, put into the store's rows while no server uses it. Times are
 # of whole commands, the least of five: a process's start is in them. Figures: docs/scale.md.
 set -euo pipefail
@@ -76,3 +78,7 @@ row "a small job of higher priority, submitted to done (one worker, which joins 
 tessera-server backup "$work/store" "$work/copy" >"$work/backup.log"
 row "\`tessera-server backup\` meanwhile" "$(cat "$work/backup.log")"
 stop_server
+kill_worker one
+
+echo
+"$root/tests/bench/scaling/run.sh"
