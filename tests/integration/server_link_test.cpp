@@ -159,7 +159,7 @@ class ServerLinkTest : public testing::Test {
       hello.set_worker_id("worker");
       return hello;
     };
-    outlet.window = [] { return 4; };
+    outlet.window = [] { return CreditWindow{4, 4}; };
     outlet.rss_bytes = [] { return std::int64_t{123}; };
     outlet.on_response = [this](const v1::WorkResponse& response) {
       for (const auto& lease : response.leases().leases()) queue_.add_lease(lease);

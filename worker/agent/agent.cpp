@@ -193,7 +193,7 @@ class Agent {
     outlet.hello = [this] { return hello(); };
     outlet.window = [this] {
       return leaving_
-                 ? 0
+                 ? CreditWindow{}
                  : credit_window(options_.thread_count, link_.round_trip_seconds(),
                                  desk_.unit_seconds(), desk_.block_bytes(), options_.buffer_bytes);
     };
@@ -260,8 +260,9 @@ class Agent {
 
   void settle(const v1::Acknowledgement& verdict) {
     const UnitKey key = key_of(verdict.unit());
+    const auto offered = queue_.offered(key);
     if (!queue_.settle(key)) return;
-    link_.note_verdict(Clock::now());
+    if (offered) link_.note_verdict(*offered, Clock::now());
     if (verdict.verdict() >= v1::Acknowledgement::VERDICT_COMMITTED &&
         verdict.verdict() <= v1::Acknowledgement::VERDICT_REJECTED) {
       metrics_.verdicts[static_cast<std::size_t>(verdict.verdict()) - 1]->Increment();

@@ -69,7 +69,7 @@ AgentMetrics::AgentMetrics()
       connected(
           gauge(registry_, "tessera_worker_connected", "1 while the server knows this worker")),
       round_trip_seconds(gauge(registry_, "tessera_worker_round_trip_seconds",
-                               "From the end of a delivery to its verdict, smoothed")),
+                               "From when a block is offered to its verdict, least of late")),
       resident_bytes(gauge(registry_, "tessera_worker_resident_bytes",
                            "Memory of the worker and its renderer")),
       verdicts(verdict_counters(registry_)),

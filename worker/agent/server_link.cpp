@@ -68,7 +68,7 @@ void ServerLink::pump(Time now) {
     check_verdicts(now);
     beat_at_ = now + std::chrono::duration_cast<Clock::duration>(interval_);
   }
-  deliver(now);
+  deliver();
 }
 
 Time ServerLink::next_due() const {
@@ -99,7 +99,7 @@ void ServerLink::connect(Time now) {
 
 void ServerLink::open_deliver() {
   DeliverStream::Listener listener;
-  listener.on_room = [this] { mailbox_.post([this] { deliver(Clock::now()); }); };
+  listener.on_room = [this] { mailbox_.post([this] { deliver(); }); };
   listener.on_closed = [this, &mailbox = mailbox_](const absl::Status& status) {
     mailbox.post([this, status] {
       if (!status.ok() && welcomed_ && !deliver_cancelled_) {
@@ -113,7 +113,6 @@ void ServerLink::open_deliver() {
   names_itself_ = true;
   deliver_cancelled_ = false;
   sending_.reset();
-  unanswered_.reset();
   after_forged_.reset();
   queue_.offer_all_again();
 }
@@ -209,14 +208,14 @@ void ServerLink::cancel() {
   if (life_sign_ != nullptr) life_sign_->cancel();
 }
 
-void ServerLink::note_verdict(Time now) {
-  if (!unanswered_) return;
-  const double trip = std::chrono::duration<double>(now - *unanswered_).count();
-  round_trip_seconds_ = round_trip_seconds_ == 0 ? trip : 0.75 * round_trip_seconds_ + 0.25 * trip;
-  unanswered_.reset();
+void ServerLink::note_verdict(Time offered, Time now) {
+  const double trip = std::chrono::duration<double>(now - offered).count();
+  constexpr double kForgets = 1.01;  // twice as long a way is believed after 70 verdicts
+  round_trip_seconds_ =
+      round_trip_seconds_ == 0 ? trip : std::min(kForgets * round_trip_seconds_, trip);
 }
 
-void ServerLink::deliver(Time now) {
+void ServerLink::deliver() {
   if (!welcomed_ || finishing_) return;
   if (deliver_ == nullptr) open_deliver();
   while (deliver_->has_room()) {
@@ -227,7 +226,6 @@ void ServerLink::deliver(Time now) {
       request.set_worker_id(outlet_.hello().worker_id());
     }
     deliver_->send(std::move(request));
-    if (!unanswered_) unanswered_ = now;
   }
 }
 

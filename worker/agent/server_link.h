@@ -30,7 +30,7 @@ class ServerLink {
   };
   struct Outlet {
     std::function<v1::WorkerHello()> hello;             // all but what the queue describes
-    std::function<std::int32_t()> window;               // credits wanted, in all
+    std::function<CreditWindow()> window;               // units wanted
     std::function<std::int64_t()> rss_bytes;            // for heartbeats
     std::function<void(v1::WorkResponse)> on_response;  // but Welcome
     std::function<void(absl::Status)> refused;          // connecting again is useless
@@ -52,17 +52,18 @@ class ServerLink {
   bool closed() const { return work_ == nullptr && deliver_ == nullptr && life_sign_ == nullptr; }
   /// Breaks off both streams.
   void cancel();
-  /// Time from the end of a block's delivery to its verdict, smoothed, seconds.
+  /// What a question takes to its answer, seconds: the least time of late from when a block was
+  /// offered to its verdict, which did not wait behind others.
   double round_trip_seconds() const { return round_trip_seconds_; }
-  /// A verdict came.
-  void note_verdict(Time now);
+  /// A verdict came, on a block that was offered at `offered`.
+  void note_verdict(Time offered, Time now);
 
  private:
   void connect(Time now);
   void open_deliver();
   void on_response(v1::WorkResponse response);
   void on_closed(const absl::Status& status);
-  void deliver(Time now);
+  void deliver();
   std::optional<UnitQueue::Block> next_block();
   void add_parts(v1::DeliverRequest& request);
   void check_silence(Time now);
@@ -91,7 +92,6 @@ class ServerLink {
   std::size_t sent_bytes_ = 0;
   bool sent_once_ = false;                        // of deliver_twice
   std::optional<UnitQueue::Block> after_forged_;  // of forge: the true block
-  std::optional<Time> unanswered_;  // when the block was sent that waits longest for a verdict
   double round_trip_seconds_ = 0;
 };
 

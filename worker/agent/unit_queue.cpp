@@ -152,13 +152,18 @@ void UnitQueue::offer_all_again() {
   }
 }
 
+std::optional<Time> UnitQueue::offered(const UnitKey& key) const {
+  const auto found = entries_.find(key);
+  return found == entries_.end() ? std::nullopt : found->second.offered;
+}
+
 bool UnitQueue::settle(const UnitKey& key) {
   if (find(key, Phase::held) == nullptr) return false;
   erase(key);
   return true;
 }
 
-void UnitQueue::describe(v1::WorkerHello& hello, std::int32_t window) {
+void UnitQueue::describe(v1::WorkerHello& hello, const CreditWindow& window) {
   hand_back_waiting();
   std::set<const v1::Lease*> named;
   for (const auto& [key, entry] : entries_) {
@@ -166,7 +171,7 @@ void UnitQueue::describe(v1::WorkerHello& hello, std::int32_t window) {
     if (named.insert(entry.lease.get()).second) *hello.add_leases() = *entry.lease;
   }
   hello.set_store_id(entries_.empty() ? "" : store_id_);
-  credits_ = std::max(0, window - size());
+  credits_ = std::max(0, room(window));
   hello.set_credit_count(credits_);
 }
 
@@ -184,20 +189,28 @@ void UnitQueue::drop_job(const std::string& job_id) {
   std::erase_if(entries_, [&](const auto& entry) { return entry.first.job_id == job_id; });
 }
 
-std::int32_t UnitQueue::credits_to_grant(std::int32_t window) {
-  const std::int32_t grant = std::max(0, window - size() - credits_);
+std::int32_t UnitQueue::room(const CreditWindow& window) const {
+  const auto under_way = std::count_if(entries_.begin(), entries_.end(), [](const auto& entry) {
+    return entry.second.offered.has_value();
+  });
+  return std::min(window.ahead + static_cast<std::int32_t>(under_way), window.total) - size();
+}
+
+std::int32_t UnitQueue::credits_to_grant(const CreditWindow& window) {
+  const std::int32_t grant = std::max(0, room(window) - credits_);
   credits_ += grant;
   return grant;
 }
 
-std::int32_t credit_window(int thread_count, double round_trip_seconds, double unit_seconds,
+CreditWindow credit_window(int thread_count, double round_trip_seconds, double unit_seconds,
                            std::int64_t block_bytes, std::int64_t buffer_bytes) {
   constexpr double kMostInFlight = 10'000;  // a bound on nonsense: units of no time at all
   const double in_flight =
       unit_seconds > 0 ? std::ceil(thread_count * round_trip_seconds / unit_seconds) : 0;
   const double wanted = 2.0 * thread_count + std::min(in_flight, kMostInFlight);
-  const std::int64_t fits = buffer_bytes / std::max<std::int64_t>(block_bytes, 1);
-  return static_cast<std::int32_t>(std::max(1.0, std::min(wanted, static_cast<double>(fits))));
+  const std::int64_t fits =
+      std::clamp<std::int64_t>(buffer_bytes / std::max<std::int64_t>(block_bytes, 1), 1, 1 << 30);
+  return {static_cast<std::int32_t>(wanted), static_cast<std::int32_t>(fits)};
 }
 
 }  // namespace tessera::agent

@@ -32,11 +32,17 @@ v1::UnitId id_of(const UnitKey& key);
 /// "JOB FRAME TILE PASS", for logs.
 std::string to_string(const UnitKey& key);
 
+/// How many units a worker wants.
+struct CreditWindow {
+  std::int32_t ahead = 0;  // leased, and their blocks not yet under way to the server
+  std::int32_t total = 0;  // leased and not acknowledged
+};
+
 /// The units a worker has, from lease to verdict: waiting → started → held → forgotten.
 ///
 /// A pure state machine: no thread, clock or socket. It keeps farm.md's promises on the worker's
 /// side: a block is kept until its one verdict and offered again on every new stream; what has been
-/// started is never handed back; the units leased and not acknowledged never exceed the credits.
+/// started is never handed back; the units leased and not acknowledged never exceed the window.
 class UnitQueue {
  public:
   /// A finished unit to deliver.
@@ -79,6 +85,8 @@ class UnitQueue {
   // Delivery.
   /// The next held block that has not been offered on this stream; it counts as offered now.
   std::optional<Block> next_block(Time now);
+  /// When a held block was offered on this stream; nullopt: it was not, or is not held.
+  std::optional<Time> offered(const UnitKey& key) const;
   /// When the block was offered that waits longest for its verdict; nullopt: none does.
   std::optional<Time> oldest_offer() const;
   /// A new delivery stream: every held block is offered again.
@@ -89,12 +97,15 @@ class UnitQueue {
   // The server.
   /// Fills in what the server adopts, and the credits; units that wait are forgotten, as the server
   /// leases them anew.
-  void describe(v1::WorkerHello& hello, std::int32_t window);
+  void describe(v1::WorkerHello& hello, const CreditWindow& window);
   /// The store is another one: everything from before is worthless.
   void welcome(const std::string& store_id);
   void drop_job(const std::string& job_id);
-  /// Credits to grant now so that at most `window` units are leased or may be.
-  std::int32_t credits_to_grant(std::int32_t window);
+  /// Credits to grant now so that no more units are leased, or may be, than the window says. Blocks
+  /// that the line has taken make room ahead: however many are on their way, the next units are
+  /// here in time. Those it has no room for yet do not, so that units are rendered no faster than
+  /// sent.
+  std::int32_t credits_to_grant(const CreditWindow& window);
   /// Units leased and not acknowledged.
   std::int32_t size() const { return static_cast<std::int32_t>(entries_.size()); }
   bool empty() const { return entries_.empty(); }
@@ -110,6 +121,7 @@ class UnitQueue {
     double cpu_seconds = 0;
   };
 
+  std::int32_t room(const CreditWindow& window) const;
   Entry* find(const UnitKey& key, Phase phase);
   void erase(const UnitKey& key);
 
@@ -120,9 +132,10 @@ class UnitQueue {
   std::string store_id_;
 };
 
-/// How many units a worker should have leased or on offer: 2 × threads, and as many as are rendered
-/// during a round trip; at most what `buffer_bytes` holds, at least one (farm.md, section 2).
-std::int32_t credit_window(int thread_count, double round_trip_seconds, double unit_seconds,
+/// How many units a worker should have: 2 × threads, and as many as are rendered during the round
+/// trip from a credit to its lease; in all at most what `buffer_bytes` holds, at least one
+/// (farm.md, section 2).
+CreditWindow credit_window(int thread_count, double round_trip_seconds, double unit_seconds,
                            std::int64_t block_bytes, std::int64_t buffer_bytes);
 
 }  // namespace tessera::agent

@@ -121,7 +121,7 @@ TEST(UnitQueue, HelloNamesWhatIsStartedAndHeldWithTheirLeasesOnce) {
   queue.start(unit(0));
   render(queue, 1);
   v1::WorkerHello hello;
-  queue.describe(hello, 5);
+  queue.describe(hello, {5, 5});
   ASSERT_EQ(hello.running_size(), 1);
   EXPECT_EQ(key_of(hello.running(0)), unit(0));
   ASSERT_EQ(hello.held_size(), 1);
@@ -149,17 +149,41 @@ TEST(UnitQueue, AnotherStoreMakesEverythingWorthless) {
 
 TEST(UnitQueue, LeasedAndGrantedNeverExceedTheWindow) {
   UnitQueue queue;
-  EXPECT_EQ(queue.credits_to_grant(4), 4);
-  EXPECT_EQ(queue.credits_to_grant(4), 0);
+  const CreditWindow four{4, 4};
+  EXPECT_EQ(queue.credits_to_grant(four), 4);
+  EXPECT_EQ(queue.credits_to_grant(four), 0);
   queue.add_lease(lease(0, 3));
-  EXPECT_EQ(queue.credits_to_grant(4), 0) << "three leased, one still granted";
+  EXPECT_EQ(queue.credits_to_grant(four), 0) << "three leased, one still granted";
   render(queue, 0);
-  EXPECT_EQ(queue.credits_to_grant(4), 0) << "a block without a verdict still takes room";
+  EXPECT_EQ(queue.credits_to_grant(four), 0) << "a block without a verdict still takes room";
   queue.settle(unit(0));
-  EXPECT_EQ(queue.credits_to_grant(4), 1);
+  EXPECT_EQ(queue.credits_to_grant(four), 1);
   queue.revoke({unit(1)});
-  EXPECT_EQ(queue.credits_to_grant(4), 1);
-  EXPECT_EQ(queue.credits_to_grant(2), 0) << "a smaller window takes nothing back";
+  EXPECT_EQ(queue.credits_to_grant(four), 1);
+  EXPECT_EQ(queue.credits_to_grant({2, 2}), 0) << "a smaller window takes nothing back";
+}
+
+TEST(UnitQueue, BlocksUnderWayMakeRoomAheadUpToTheTotal) {
+  UnitQueue queue;
+  const CreditWindow window{2, 4};
+  EXPECT_EQ(queue.credits_to_grant(window), 2);
+  queue.add_lease(lease(0, 2));
+  render(queue, 0);
+  EXPECT_EQ(queue.credits_to_grant(window), 0) << "the line has not taken it";
+  ASSERT_TRUE(queue.next_block(Time()).has_value());
+  EXPECT_EQ(queue.credits_to_grant(window), 1);
+  queue.add_lease(lease(2, 1));
+  for (int i = 1; i <= 2; ++i) render(queue, i);
+  while (queue.next_block(Time())) continue;
+  EXPECT_EQ(queue.credits_to_grant(window), 1) << "three under way: four in all";
+  queue.offer_all_again();
+  queue.settle(unit(0));
+  v1::WorkerHello hello;
+  queue.describe(hello, window);
+  EXPECT_EQ(hello.credit_count(), 0) << "two held ones wait for a line";
+  while (queue.next_block(Time())) continue;
+  queue.describe(hello, window);
+  EXPECT_EQ(hello.credit_count(), 2);
 }
 
 TEST(UnitQueue, AHeldUnitLeasedAgainIsOfferedUnderTheNewLease) {
@@ -186,10 +210,11 @@ TEST(UnitQueue, TheEndOfAJobForgetsItsUnitsOnly) {
 }
 
 TEST(CreditWindow, CoversTheRoundTripAndFitsTheBuffer) {
-  EXPECT_EQ(credit_window(4, 0, 0, 0, 1'000'000), 8) << "nothing measured yet";
-  EXPECT_EQ(credit_window(4, 0.1, 0.2, 0, 1'000'000), 8 + 2);
-  EXPECT_EQ(credit_window(4, 0.1, 0.2, 200'000, 1'000'000), 5);
-  EXPECT_EQ(credit_window(4, 0.1, 0.2, 2'000'000, 1'000'000), 1) << "never none";
+  EXPECT_EQ(credit_window(4, 0, 0, 0, 1'000'000).ahead, 8) << "nothing measured yet";
+  EXPECT_EQ(credit_window(4, 0.1, 0.2, 0, 1'000'000).ahead, 8 + 2);
+  EXPECT_EQ(credit_window(4, 0.1, 0.2, 200'000, 1'000'000).total, 5);
+  EXPECT_EQ(credit_window(4, 0.1, 0.2, 2'000'000, 1'000'000).total, 1) << "never none";
+  EXPECT_GE(credit_window(4, 0.1, 0.2, 0, 1LL << 60).total, 1 << 30) << "no overflow";
 }
 
 TEST(UnitQueue, TheBlockThatWaitsLongestForItsVerdictIsKnownWhateverComesForOthers) {
@@ -202,7 +227,10 @@ TEST(UnitQueue, TheBlockThatWaitsLongestForItsVerdictIsKnownWhateverComesForOthe
   render(queue, 1);
   ASSERT_TRUE(queue.next_block(begin + seconds(5)).has_value());
   EXPECT_EQ(queue.oldest_offer(), begin);
+  EXPECT_EQ(queue.offered(unit(0)), begin);
+  EXPECT_EQ(queue.offered(unit(1)), begin + seconds(5)) << "each block has its own round trip";
   ASSERT_TRUE(queue.settle(unit(0)));
+  EXPECT_FALSE(queue.offered(unit(0)).has_value());
   EXPECT_EQ(queue.oldest_offer(), begin + seconds(5));
   queue.offer_all_again();
   EXPECT_FALSE(queue.oldest_offer().has_value());
