@@ -76,10 +76,13 @@ EOF
   pixels "$work/structure.json"
 }
 tessera inspect "$scenes/lit_square.gltf" --accelerators --json >"$work/accelerators.json"
-job=(--size 48x40 --spp 16 --max-depth 4)
 structures=$(json "$work/accelerators.json" '[s["name"] for s in d["accelerators"]["structures"] if s["closest_hit"]["triangles_per_ray"] is not None]')
-for scene in same_bits shapes csg blobs; do
-  [ "$scene" = same_bits ] || job=(--size 48x40 --spp 16 --max-depth 8)
+for scene in same_bits shapes csg blobs motion textures fog course; do
+  case $scene in
+    same_bits) job=(--size 48x40 --spp 16 --max-depth 4) ;;
+    shapes | csg | blobs) job=(--size 48x40 --spp 16 --max-depth 8) ;;
+    *) job=(--size 24x20 --spp 8 --max-depth 6 --frames 5) ;;
+  esac
   [ -z "${TESSERA_E2E_SMALL:-}" ] || job=(--size 24x20 --spp 8 --max-depth 5)
   draw few --tile 16 --workers 1 --threads 1
   few=$(pixels "$work/few.json")

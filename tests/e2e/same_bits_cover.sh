@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Any two of workers, tile, threads, instruction set and compiler, together, on eleven scenes: nine
+# Any two of workers, tile, threads, instruction set and compiler, together, on thirteen scenes: nine
 # renders a scene hold every pair of values.
 #
-#   same_bits_cover.sh               the eleven scenes; sanitizer builds: the first
+#   same_bits_cover.sh               the thirteen scenes; sanitizer builds: the first
 #   same_bits_cover.sh --all SCENE   all 72 combinations on one scene
 #
 # TESSERA_OTHER_BIN: the other compiler's programs; without them, as without AVX-512, the
@@ -68,7 +68,7 @@ if [ "${1:-}" = --all ]; then
 else
   python3 "$scenes/../bench/coverage/make_scenes.py" "$work/scenes"
   for scene in "$work"/scenes/{foliage,checker,caustic,many_lamps,cornell}.gltf \
-    "$scenes"/{motion,lens,textures,optics,fog,terrain}.gltf; do
+    "$scenes"/{motion,lens,textures,optics,fog,terrain,lamps,nested}.gltf; do
     same "$scene" "${cover[@]}"
     [ -z "${TESSERA_E2E_SMALL:-}" ] || break
   done

@@ -1,5 +1,6 @@
 #include "worker/accel/scene_accel.h"
 
+#include <algorithm>
 #include <map>
 #include <optional>
 #include <utility>
@@ -44,6 +45,12 @@ void build_top(const Scene& scene, const InstanceChoice& choice, AccelTrees<kWid
     trees.placed.back().motion = static_cast<std::uint32_t>(trees.motions.size());
     trees.motions.push_back({motion[*choice.segment], motion[*choice.segment + 1]});
   }
+}
+
+/// Whether rays need to know the time: where only lights move, they do not.
+bool surfaces_move(const Scene& scene) {
+  return !scene.motions.empty() || std::any_of(scene.meshes.begin(), scene.meshes.end(),
+                                               [](const Mesh& mesh) { return !mesh.keys.empty(); });
 }
 
 /// `still` has the trees of the meshes that do not change.
@@ -154,7 +161,7 @@ void SceneAccel::build(const Scene& scene, AccelTrees<kWidth>& trees, MovingTree
   }
   trees.solids = Solids::of(scene);
   build_top(scene, {}, trees, parallel_for);
-  if (!scene.key_times.empty()) build_moving(scene, trees, moving, parallel_for);
+  if (surfaces_move(scene)) build_moving(scene, trees, moving, parallel_for);
 }
 
 SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for, Isa isa,
