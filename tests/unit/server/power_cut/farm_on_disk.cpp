@@ -59,7 +59,7 @@ FarmOnDisk::~FarmOnDisk() {
 
 absl::Status FarmOnDisk::start() {
   StoreOptions store_options;
-  store_options.checkpoint_pages = 24;
+  store_options.checkpoint_pages = 40;  // not before the scene is acknowledged
   store_options.segment_bytes = 20'000;
   auto store = Store::open(root_ + "/store", disk_, store_options);
   if (!store.ok()) return store.status();

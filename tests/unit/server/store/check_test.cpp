@@ -154,6 +154,18 @@ TEST_F(StoreCheckTest, UnitsOfARemovedJobAreAFault) {
   EXPECT_GE(check().faults.size(), 2u);
 }
 
+TEST_F(StoreCheckTest, ARemovedJobLeavesNothing) {
+  {
+    const auto store = Store::open(path(), real_filesystem());
+    ASSERT_TRUE(store.ok()) << store.status();
+    for (const char* id : {"open", "done"}) EXPECT_TRUE((*store)->remove_job(id).ok());
+  }
+  const StoreFindings found = check();
+  EXPECT_TRUE(found.faults.empty()) << ::testing::PrintToString(found.faults);
+  EXPECT_TRUE(found.litter.empty()) << ::testing::PrintToString(found.litter);
+  EXPECT_EQ(found.jobs + found.units + found.frames, 0);
+}
+
 TEST_F(StoreCheckTest, FilesWithoutARowAreLeftOver) {
   write(path() + "/segments/open/7.seg", "x");
   write(path() + "/assets/upload/1-1", "x");

@@ -101,6 +101,7 @@ class Coordinator {
         group.push_back(make_commit(id, {0, tile, pass}, some_bytes(++block_seed_, 700)));
       }
     }
+    for (const std::string& id : ids) promises_.end("work " + id, step());
     ASSERT_TRUE(store_->commit(group).ok());
     for (const Commit& commit : group) {
       promises_.make(unit_key(commit.job_id, commit.record.unit), step(),

@@ -151,7 +151,7 @@ Promises::Test work_is_counted(const std::string& job_id, std::int64_t units) {
       count += total.units;
       cpu_seconds += total.cpu_seconds;
     }
-    if (count < units)
+    if (count != units)
       return "is " + std::to_string(count) + " units, was " + std::to_string(units);
     return cpu_seconds == 0.25 * static_cast<double>(count) ? "" : "has other figures";
   };

@@ -46,7 +46,7 @@ Commit make_commit(const std::string& job_id, contract::Unit unit, std::string b
 Promises::Test job_is_there(const JobRecord& job);
 Promises::Test id_is_taken(const std::string& job_id);
 Promises::Test unit_is_there(const std::string& job_id, contract::Unit unit, std::string bytes);
-/// Units of the job, with a row or added up, are at least so many.
+/// Units of the job, with a row or added up, are so many: none is lost or counted twice.
 Promises::Test work_is_counted(const std::string& job_id, std::int64_t units);
 Promises::Test worker_has_joined(const std::string& worker_id);
 Promises::Test frame_is_there(const std::string& job_id, const FrameRecord& frame,
