@@ -129,8 +129,8 @@ void Coordinator::remove_old_jobs() {
   std::size_t count = 0;
   for (const auto& [key, job] : scheduler_.jobs()) {
     const auto film = films_.find(key);
-    if (!has_ended(job.state) || film == films_.end()) continue;
-    const std::int64_t ended_us = film->second.end_time_us;
+    if (film == films_.end()) continue;
+    const std::int64_t ended_us = film->second.end_time_us;  // 0: it has not
     if (ended_us == 0 || ended_us > ended_before_us) continue;
     write_tasks_.emplace_back([this, id = job.spec->id] {
       remove_now(id, [this, id](const absl::Status& status) {

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Checks that the documents speak of what is there: tests that pages name, relative links,
-and paths in backquotes that begin with a folder of ours."""
+"""Checks that the documents speak of what is there: tests and kinds of fault that pages name,
+relative links, and paths in backquotes that begin with a folder of ours."""
 
 import re
 import sys
@@ -18,6 +18,12 @@ def test_names():
     return names
 
 
+def chaos_kinds():
+    """The faults that tests/e2e/chaos knows: one function each, of the farm and a random generator."""
+    text = (ROOT / "tests/e2e/chaos/kinds.py").read_text()
+    return set(re.findall(r"^def (\w+)\(farm, rng", text, re.M))
+
+
 def main():
     wrong = []
     known = test_names()
@@ -26,6 +32,12 @@ def main():
         for name in re.findall(r"`(\w+\.[A-Z]\w+)`", (ROOT / page).read_text()):
             if name not in known:
                 wrong.append(f"{page}: no test is called {name}")
+    kinds = chaos_kinds()
+    page = "docs/reliability.md"
+    for names in re.findall(r"chaos: ((?:`\w+`(?:, )?)+)", (ROOT / page).read_text()):
+        for name in re.findall(r"\w+", names):
+            if name not in kinds:
+                wrong.append(f"{page}: chaos has no kind {name}")
     pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("*/README.md")]
     for page in pages:
         text = page.read_text()

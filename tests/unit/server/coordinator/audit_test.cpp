@@ -99,13 +99,15 @@ TEST_F(AuditWalk, EveryUnitOfAJobIsRenderedTwiceAndTheFrameWaitsForThat) {
   EXPECT_EQ(audited(job), 6);
   EXPECT_EQ(coordinator->report(job)->counters.mismatched, 0);
   EXPECT_FALSE(is_set_aside("w1") || is_set_aside("w2"));
+  start();
+  EXPECT_EQ(audited(job), 6) << "its units have no rows any more";
 }
 
 TEST_F(AuditWalk, WithOneWorkerThereIsNoAudit) {
   const std::string job = create_job("a");
   add("w1");
-  work_together(job);
-  EXPECT_EQ(view(job).state, JobState::done);
+  deliver_what_is_leased();
+  EXPECT_EQ(view(job).state, JobState::done) << "at once: there is none to be waived";
   EXPECT_EQ(audited(job), 0);
 }
 

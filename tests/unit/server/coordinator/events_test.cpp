@@ -160,6 +160,10 @@ TEST_F(Events, AWorkersLinesAreTakenForJobsItWasLeasedOnly) {
   work_off(worker, job);
   coordinator->take_log_lines(worker.session, {{job, "the last word"}});  // late, but welcome
   EXPECT_EQ(coordinator->events().read({0, job, ""}, 100).back().text, "the last word");
+  start();
+  worker = join("w");  // the server went, its lines had to wait
+  coordinator->take_log_lines(worker.session, {{job, "the very last"}});
+  EXPECT_EQ(coordinator->events().read({0, job, ""}, 100).back().text, "the very last");
 }
 
 TEST_F(Events, ADrainedWorkerIsToldToGoAndLeasedNothing) {
@@ -185,6 +189,9 @@ TEST_F(Events, ABannedWorkersUnitsGoToOthersAndItsBlocksAreRefused) {
   EXPECT_EQ(good.units.size(), 6u);  // all there are
   for (const Leased& unit : bad.units) deliver(bad, unit, bytes_of(unit));
   pump();
+  collect(bad);
+  ASSERT_EQ(bad.verdicts.size(), bad.units.size());
+  for (const Acknowledgement& told : bad.verdicts) EXPECT_EQ(told.verdict, Verdict::unwanted);
   EXPECT_EQ(view(job).committed_unit_count, 0);
   work_off(good, job);
   EXPECT_EQ(view(job).state, JobState::done);

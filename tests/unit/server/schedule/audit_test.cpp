@@ -11,70 +11,82 @@ namespace {
 
 using contract::Unit;
 
-const contract::Digest kTrue = contract::sha256("true"), kFalse = contract::sha256("false"),
-                       kOther = contract::sha256("other");
+const contract::Digest truth = contract::sha256("true"), lie = contract::sha256("false"),
+                       other_lie = contract::sha256("other");
 
 using Names = std::vector<std::string>;
 
 TEST(Audit, TwoWorkersThatAgreeSettleIt) {
-  Audit audit("a", kTrue);
+  Audit audit("a", truth);
   EXPECT_FALSE(audit.is_settled());
   EXPECT_FALSE(audit.may_ask("a", true)) << "its own word is no proof";
   EXPECT_FALSE(audit.may_ask("a", false));
   EXPECT_TRUE(audit.may_ask("b", true));
-  audit.answer("b", kTrue);
+  audit.answer("b", truth);
   EXPECT_TRUE(audit.is_settled());
   EXPECT_EQ(audit.liars(), Names());
 }
 
 TEST(Audit, AThirdWorkerSaysWhoOfTwoLies) {
   for (const bool committer_lies : {false, true}) {
-    Audit audit("a", committer_lies ? kFalse : kTrue);
-    audit.answer("b", committer_lies ? kTrue : kFalse);
+    Audit audit("a", committer_lies ? lie : truth);
+    audit.answer("b", committer_lies ? truth : lie);
     EXPECT_TRUE(audit.is_disputed());
     EXPECT_FALSE(audit.is_settled());
     EXPECT_FALSE(audit.may_ask("a", true)) << "while there are others";
-    audit.answer("c", kTrue);
+    audit.answer("c", truth);
     EXPECT_TRUE(audit.is_settled());
     EXPECT_EQ(audit.liars(), Names{committer_lies ? "a" : "b"});
   }
 }
 
 TEST(Audit, ThreeDifferentResultsNeedAFourth) {
-  Audit audit("a", kTrue);
-  audit.answer("b", kFalse);
-  audit.answer("c", kOther);
+  Audit audit("a", truth);
+  audit.answer("b", lie);
+  audit.answer("c", other_lie);
   EXPECT_FALSE(audit.is_settled());
-  audit.answer("d", kTrue);
+  audit.answer("d", truth);
   EXPECT_TRUE(audit.is_settled());
   EXPECT_EQ(audit.liars(), (Names{"b", "c"}));
 }
 
 TEST(Audit, OfTwoAloneWhoContradictsItselfLies) {
-  Audit audit("a", kTrue);
-  audit.answer("b", kFalse);
+  Audit audit("a", truth);
+  audit.answer("b", lie);
   EXPECT_TRUE(audit.may_ask("a", false));
-  audit.answer("a", kTrue);
+  audit.answer("a", truth);
   EXPECT_FALSE(audit.may_ask("a", false)) << "once";
   EXPECT_FALSE(audit.is_settled());
-  audit.answer("b", kTrue);
+  audit.answer("b", truth);
   EXPECT_TRUE(audit.is_settled());
   EXPECT_EQ(audit.liars(), Names{"b"});
 }
 
 TEST(Audit, OfTwoAloneThatStandByTheirWordsNobodyIsBelieved) {
-  Audit audit("a", kTrue);
-  audit.answer("b", kFalse);
-  audit.answer("a", kTrue);
-  audit.answer("b", kFalse);
+  Audit audit("a", truth);
+  audit.answer("b", lie);
+  audit.answer("a", truth);
+  audit.answer("b", lie);
   EXPECT_FALSE(audit.is_settled());
   EXPECT_FALSE(audit.may_ask("a", false));
   EXPECT_FALSE(audit.may_ask("b", false));
 }
 
+TEST(Audit, WhoContradictsItselfSupportsNobody) {
+  Audit audit("a", truth);
+  audit.answer("b", lie);
+  audit.answer("c", other_lie);
+  audit.answer("a", other_lie);
+  audit.answer("d", truth);
+  EXPECT_FALSE(audit.is_settled()) << "a has said the same, once";
+  audit.answer("e", truth);
+  EXPECT_TRUE(audit.is_settled());
+  EXPECT_EQ(audit.liars(), (Names{"a", "b", "c"}));
+}
+
 TEST(Audit, WhoWasFoundLyingElsewhereCountsNoMore) {
-  Audit audit("a", kTrue);
-  audit.answer("b", kFalse);
+  Audit audit("a", truth);
+  audit.answer("b", lie);
   audit.disregard("b");
   EXPECT_FALSE(audit.is_disputed());
   EXPECT_FALSE(audit.is_settled());
