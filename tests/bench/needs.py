@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""What a scene pays for features it does not use.
+"""What a scene pays for features it does not use, and what it gains as things are chosen by needs.
 
     tests/bench/needs.py [--pairs 20] [--scene tests/scenes/lit_square.gltf] [FEATURE]...
+    tests/bench/needs.py --general [--pairs 20] [--scene tests/scenes/quickstart.gltf] [FEATURE]...
 
 Builds tessera_render_once twice from copies of the sources, once as they are and once with a
 feature's code taken out by hand (FEATURES below; an edit that no longer applies is an error), and
@@ -9,9 +10,16 @@ renders a scene without that feature: instructions under valgrind's callgrind (A
 AVX-512), and CPU time in interleaved pairs (each side the least of three runs by turns), the median
 ratio with its 95 % interval by bootstrap.
 The pixels must be the same. Limits: 1.005 for instructions, 1.02 for the interval's upper end.
+
+--general: the general way against the special one. A scene without a feature is rendered as though
+everything in it had it (tessera_render_once --assume): instructions of twice the samples less those
+of once, so that loading and building do not count, and the same pairs. The pixels must be the same,
+but for the extended BSDF, which rounds otherwise. --pairs 0 leaves the pairs out.
 """
 
 import argparse
+import functools
+import json
 import math
 import os
 import pathlib
@@ -65,11 +73,18 @@ FEATURES = {  # feature: (file, what is there, what is put in its place)
         ("worker/shading/surface.cpp", "if (p.shape != nullptr) [[unlikely]]", "if (false)"),
     ],
     "procedures": [
-        (PATHS, "if (frame_.shading.textures.has_procedures()) [[unlikely]]", "if (false)"),
+        (PATHS, "if (frame_.shading.tracks_footprints) [[unlikely]]", "if (false)"),
     ],
 }
+GENERAL = ["textures", "texture-transforms", "vertex-colors", "alpha-mask", "unlit", "specular",
+           "thin-transmission", "instances", "lens", "procedural-textures", "shapes", "media", "motion"]
+EXTENDED = "extended"  # the BSDF with all extensions of materials, where there are none
+EXTEND = [("worker/shading/shading_scene.cpp", "view.extended = (is_layered(m) || view.dispersive) && !m.unlit;",
+           "view.extended = !m.unlit;")]
 RENDER = ["--size", "64x48", "--spp", "8", "--threads", "1"]
+TWICE = ["--size", "64x48", "--spp", "16", "--threads", "1"]
 TIMED = ["--size", "256x192", "--spp", "64", "--threads", "1"]
+TIMED_GENERAL = ["--size", "160x120", "--spp", "16", "--threads", "1"]
 
 
 def build(folder, edits):
@@ -88,16 +103,24 @@ def build(folder, edits):
     return folder / "build/dev/bin/tessera_render_once"
 
 
-def instructions(binary, scene, folder):
+def instructions(command, folder, render=RENDER):
     done = subprocess.run(
-        ["valgrind", "--tool=callgrind", f"--callgrind-out-file={folder}/callgrind.out", binary, scene,
-         *RENDER], capture_output=True, text=True, check=True)
+        ["valgrind", "--tool=callgrind", f"--callgrind-out-file={folder}/callgrind.out", *command,
+         *render], capture_output=True, text=True, check=True)
     return int(re.search(r"Collected : (\d+)", done.stderr)[1]), re.search(r"sha256 (\w+)", done.stdout)[1]
 
 
-def cpu_seconds(binary, scene):
+@functools.lru_cache
+def instructions_of_samples(command, folder):
+    """Of as many samples as RENDER asks for, beyond as many; and the pixels."""
+    once, pixels = instructions(command, folder)
+    twice, _ = instructions(command, folder, TWICE)
+    return twice - once, pixels
+
+
+def cpu_seconds(command, timed):
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run([binary, scene, *TIMED], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([*command, *timed], check=True, stdout=subprocess.DEVNULL)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
@@ -108,35 +131,82 @@ def ratio_interval(ratios):
     return statistics.median(ratios), medians[100], medians[3899]
 
 
+def pairs_of(more, less, count, timed):
+    """Ratios of the CPU time of two commands."""
+    ratios = []
+    for _ in range(count):
+        least_of = {"more": math.inf, "less": math.inf}
+        for side, command in [("less", less), ("more", more)] * 3:
+            least_of[side] = min(least_of[side], cpu_seconds(command, timed))
+        ratios.append(least_of["more"] / least_of["less"])
+    return ratios
+
+
+def matt(scene, folder):
+    """A copy of a scene whose dielectrics have no specular layer, for what is chosen by that."""
+    gltf = json.loads(scene.read_text())
+    for material in gltf["materials"]:
+        extensions = material.setdefault("extensions", {})
+        if "KHR_materials_transmission" not in extensions:
+            extensions["KHR_materials_specular"] = {"specularFactor": 0}
+    gltf["extensionsUsed"] = sorted({*gltf.get("extensionsUsed", []), "KHR_materials_specular"})
+    path = folder / "matt.gltf"
+    path.write_text(json.dumps(gltf))
+    return path
+
+
+def compare_without(args, folder):
+    failed = False
+    whole = [build(folder / "whole", []), args.scene]
+    count, pixels = instructions(whole, folder)
+    for feature in args.features or FEATURES:
+        without = [build(folder / feature, FEATURES[feature]), args.scene]
+        least, same = instructions(without, folder)
+        if same != pixels:
+            sys.exit(f"needs: {feature}: other pixels without it; the scene uses it")
+        middle, low, high = ratio_interval(pairs_of(whole, without, args.pairs, TIMED))
+        held = count / least <= 1.005 and high <= 1.02
+        failed = failed or not held
+        print(f"{feature:10} instructions {count:,} / {least:,} = {count / least:.4f}; CPU time, "
+              f"{args.pairs} pairs: {middle:.4f} ({low:.4f} to {high:.4f})"
+              f"{'' if held else '  OVER THE LIMIT'}", flush=True)
+    return 1 if failed else 0
+
+
+def compare_general(args, folder):
+    special = build(folder / "special", [])
+    asked = args.features or [*GENERAL, EXTENDED, "all"]
+    extended = build(folder / "extended", EXTEND) if EXTENDED in asked else None
+    for feature in asked:
+        scene = matt(args.scene, folder) if feature == "specular" else args.scene
+        less = (special, scene)
+        assumed = GENERAL if feature == "all" else [feature]
+        more = (extended, scene) if feature == EXTENDED else (*less, "--assume", ",".join(assumed))
+        least, pixels = instructions_of_samples(less, folder)
+        count, same = instructions_of_samples(more, folder)
+        if same != pixels and feature != EXTENDED:
+            sys.exit(f"needs: {feature}: the general way gives other pixels")
+        line = f"{feature:20} instructions {count:,} / {least:,} = {count / least:.4f}"
+        if args.pairs > 0:
+            middle, low, high = ratio_interval(pairs_of(more, less, args.pairs, TIMED_GENERAL))
+            line += f"; CPU time, {args.pairs} pairs: {middle:.3f} ({low:.3f} to {high:.3f})"
+        print(line, flush=True)
+    return 0
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--pairs", type=int, default=20)
-    parser.add_argument("--scene", type=pathlib.Path, default=ROOT / "tests/scenes/lit_square.gltf")
-    parser.add_argument("features", nargs="*", choices=[*FEATURES, []], metavar="FEATURE")
+    parser.add_argument("--general", action="store_true")
+    parser.add_argument("--scene", type=pathlib.Path)
+    parser.add_argument("features", nargs="*", metavar="FEATURE")
     args = parser.parse_args()
-    failed = False
+    args.scene = args.scene or ROOT / "tests/scenes" / ("quickstart.gltf" if args.general else "lit_square.gltf")
+    unknown = {*args.features} - {*([*GENERAL, EXTENDED, "all"] if args.general else FEATURES)}
+    if unknown:
+        parser.error(f"no such feature: {', '.join(sorted(unknown))}")
     with tempfile.TemporaryDirectory() as name:
-        folder = pathlib.Path(name)
-        whole = build(folder / "whole", [])
-        count, pixels = instructions(whole, args.scene, folder)
-        for feature in args.features or FEATURES:
-            without = build(folder / feature, FEATURES[feature])
-            least, same = instructions(without, args.scene, folder)
-            if same != pixels:
-                sys.exit(f"needs: {feature}: other pixels without it; the scene uses it")
-            ratios = []
-            for _ in range(args.pairs):
-                least_of = {without: math.inf, whole: math.inf}
-                for binary in [without, whole] * 3:
-                    least_of[binary] = min(least_of[binary], cpu_seconds(binary, args.scene))
-                ratios.append(least_of[whole] / least_of[without])
-            middle, low, high = ratio_interval(ratios)
-            held = count / least <= 1.005 and high <= 1.02
-            failed = failed or not held
-            print(f"{feature:10} instructions {count:,} / {least:,} = {count / least:.4f}; CPU time, "
-                  f"{args.pairs} pairs: {middle:.4f} ({low:.4f} to {high:.4f})"
-                  f"{'' if held else '  OVER THE LIMIT'}", flush=True)
-    return 1 if failed else 0
+        return (compare_general if args.general else compare_without)(args, pathlib.Path(name))
 
 
 if __name__ == "__main__":

@@ -462,6 +462,38 @@ TEST(Bsdf, NothingGoesThroughToTheWrongSide) {
   EXPECT_EQ(below.f_cos, Vec3f{});
 }
 
+// Materials without extensions are spared the code for them. What is drawn differs by no more than
+// where it is evaluated: at the direction in the world, or in the frame before that is rounded.
+TEST(Bsdf, OfNoExtensionTheExtendedOneIsThePlainOne) {
+  for (Case c : cases()) {
+    if (c.extended) continue;
+    for (const double cos_o : kCosines) {
+      const Vec3f wo(Vec3d{std::sqrt(1 - cos_o * cos_o), 0, cos_o});
+      c.extended = false;
+      const Bsdf plain = bsdf_for(c, wo);
+      c.extended = true;
+      const Bsdf extended = bsdf_for(c, wo);
+      ASSERT_TRUE(extended.extended.has_value());
+      Random random(10);
+      for (int i = 0; i < 2000; ++i) {
+        const float lobe = random.next(), u1 = random.next(), u2 = random.next();
+        BsdfSample a, b;
+        const bool drawn = sample_bsdf(plain, lobe, {u1, u2}, &a);
+        ASSERT_EQ(sample_bsdf(extended, lobe, {u1, u2}, &b), drawn) << c.name;
+        if (!drawn) continue;
+        ASSERT_EQ(a.wi, b.wi) << c.name;
+        ASSERT_EQ(a.transmitted, b.transmitted) << c.name;
+        ASSERT_EQ(a.delta, b.delta) << c.name;
+        const BsdfValue there = evaluate_bsdf(plain, a.wi), same = evaluate_bsdf(extended, a.wi);
+        ASSERT_EQ(there.f_cos, same.f_cos) << c.name;
+        ASSERT_EQ(there.pdf, same.pdf) << c.name;
+        ASSERT_EQ(b.pdf, there.pdf) << c.name;
+        ASSERT_EQ(b.weight, a.delta ? a.weight : there.f_cos / there.pdf) << c.name;
+      }
+    }
+  }
+}
+
 TEST(Bsdf, IorZeroReflectsEverything) {  // hard case 41
   BsdfParameters p = base(0, 0);
   p.ior = 0;

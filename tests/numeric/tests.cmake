@@ -49,6 +49,12 @@ tessera_test(NAME motion KIND numeric
     numeric/moving_lights_test.cpp numeric/moving_scenes.h numeric/shutter_test.cpp
     numeric/geometry_scenes.cpp numeric/geometry_scenes.h numeric/solid_scenes.h
   LINKS tessera_test_render tessera_test_scene tessera::render)
+# What is chosen by a scene's needs against the general way.
+tessera_test(NAME assumed_features KIND numeric
+  SOURCES numeric/assumed_features_test.cpp support/folder_reader.cpp support/folder_reader.h
+  LINKS tessera_test_render)
+target_compile_definitions(numeric_assumed_features_test
+  PRIVATE TESSERA_SCENES="${PROJECT_SOURCE_DIR}/tests/scenes")
 # Light looked for against light met by chance.
 tessera_test(NAME estimators KIND numeric
   SOURCES numeric/estimators_test.cpp support/folder_reader.cpp support/folder_reader.h

@@ -16,6 +16,7 @@
 #include "proto/contract/pass_schedule.h"
 #include "proto/contract/tile_grid.h"
 #include "proto/image/image_codec.h"
+#include "tests/support/assumed_features.h"
 #include "tests/support/folder_reader.h"
 #include "worker/render/frame_renderer.h"
 #include "worker/render/parallel_tbb.h"
@@ -30,6 +31,7 @@ struct Options {
   std::int32_t frame = 0;
   int threads = 1;
   double exposure = 0;
+  std::vector<std::string> assumed;  // names of features
 };
 
 double seconds(clockid_t clock) {
@@ -157,9 +159,13 @@ int run(Options options) {
   }
   auto scene = (*file)->pose(options.settings, options.frame);
   if (!scene.ok()) return fail(scene.status());
+  std::uint32_t assumed = 0;
+  for (const std::string& name : options.assumed) assumed |= feature_named(name);
+  const render::Tracing tracing = assume(assumed, &*scene);
   const double loaded = seconds(CLOCK_MONOTONIC);
-  auto renderer = render::FrameRenderer::create(*std::move(scene), options.settings, options.frame,
-                                                render::parallel_tbb(options.threads));
+  auto renderer =
+      render::FrameRenderer::create(*std::move(scene), options.settings, options.frame,
+                                    render::parallel_tbb(options.threads), nullptr, tracing);
   if (!renderer.ok()) return fail(renderer.status());
   const double built = seconds(CLOCK_MONOTONIC);
   const Film film = render_all(**renderer, options);
@@ -220,6 +226,11 @@ int main(int argc, char** argv) {
   app.add_option("--background", o.background, "R,G,B, none or auto");
   app.add_option("--exposure", o.exposure, "Stops");
   app.add_flag("--cull-backfaces", o.settings.cull_backfaces);
+  app.add_option("--assume", o.assumed, "Features that everything is taken to have")
+      ->delimiter(',')
+      ->check([](const std::string& name) {
+        return tessera::testing::feature_named(name) == 0 ? "no such feature: " + name : "";
+      });
   CLI11_PARSE(app, argc, argv);
   if (!tessera::testing::parse_size(o.size, &o.settings) ||
       !tessera::testing::parse_crop(o.crop, &o.settings) ||

@@ -11,6 +11,7 @@
 #include "worker/accel/moving_tree.h"
 #include "worker/accel/refit.h"
 #include "worker/accel/wide_bvh.h"
+#include "worker/scene/needs.h"
 
 namespace tessera::render {
 namespace {
@@ -67,6 +68,18 @@ void build_moving(const Scene& scene, const AccelTrees<kWidth>& still, MovingTre
     }
     trees.solids = still.solids;
     build_top(scene, {false, s}, trees, parallel_for);
+  }
+}
+
+/// Makes the trees ready for features that the scene is taken to have.
+template <int kWidth>
+void assume(std::uint32_t features, AccelTrees<kWidth>& trees, MovingTrees<kWidth>& moving) {
+  if ((features & kNeedsInstances) != 0) {
+    for (PlacedMesh& placed : trees.placed) placed.identity = false;
+  }
+  if ((features & kNeedsMotion) != 0 && moving.times.empty()) {
+    moving.times = {0, 1};
+    moving.segments.emplace_back();
   }
 }
 
@@ -164,16 +177,19 @@ void SceneAccel::build(const Scene& scene, AccelTrees<kWidth>& trees, MovingTree
   if (surfaces_move(scene)) build_moving(scene, trees, moving, parallel_for);
 }
 
-SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for, Isa isa,
+SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for, const Tracing& tracing,
                        const SceneAccel* before, BuildQuality quality)
-    : isa_(isa), route_(Route::other) {
-  if (isa == Isa::avx512) {
+    : isa_(tracing.isa), route_(Route::other) {
+  const bool no_solids = (tracing.assumed & (kNeedsShapes | kNeedsCsg)) == 0;
+  if (isa_ == Isa::avx512) {
     build(scene, sixteen_, sixteen_moving_, before, parallel_for, quality);
-    const bool plain = sixteen_.solids == nullptr && sixteen_moving_.times.empty();
+    assume(tracing.assumed, sixteen_, sixteen_moving_);
+    const bool plain = no_solids && sixteen_.solids == nullptr && sixteen_moving_.times.empty();
     route_ = plain ? Route::avx512 : Route::other;
   } else {
     build(scene, eight_, eight_moving_, before, parallel_for, quality);
-    const bool plain = eight_.solids == nullptr && eight_moving_.times.empty();
+    assume(tracing.assumed, eight_, eight_moving_);
+    const bool plain = no_solids && eight_.solids == nullptr && eight_moving_.times.empty();
     route_ = plain ? Route::avx2 : Route::other;
   }
 }

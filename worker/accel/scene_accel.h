@@ -20,7 +20,7 @@
 
 namespace tessera::render {
 
-/// How the rays of a frame are traced; hits do not depend on it.
+/// How the rays of a frame are traced; hits and pixels do not depend on it.
 struct Tracing {
   /// Makes what answers queries in the place of SceneAccel's own trees.
   using Maker = std::function<std::unique_ptr<const RayQueries>(const Scene&)>;
@@ -31,6 +31,10 @@ struct Tracing {
 
   Isa isa;        // supported
   Maker instead;  // null: SceneAccel's own
+  /// Features (scene/needs.h) that everything in the scene is taken to have, so that what is chosen
+  /// for scenes without can be compared with what is for all: docs/performance.md says which
+  /// choices that are.
+  std::uint32_t assumed = 0;
 };
 
 /// Finds ray hits in a scene: a BVH over instances, and one over the triangles of each mesh that
@@ -48,10 +52,11 @@ struct Tracing {
 class SceneAccel {
  public:
   /// Builds with `parallel_for`; copies what it needs, so the scene may go. Triangles that are
-  /// degenerate or have a coordinate that is not finite are left out. Requires a supported `isa`.
+  /// degenerate or have a coordinate that is not finite are left out. `tracing.instead` is the
+  /// other constructor's.
   /// Trees of meshes that `before` was built of too, if given, are shared with it, not built again;
   /// others are made from its trees of the same places in the scene where refit_mesh_tree() does.
-  SceneAccel(const Scene& scene, const ParallelFor& parallel_for, Isa isa = best_isa(),
+  SceneAccel(const Scene& scene, const ParallelFor& parallel_for, const Tracing& tracing = {},
              const SceneAccel* before = nullptr, BuildQuality quality = BuildQuality::normal);
   /// Builds nothing and leaves all queries to `instead`.
   explicit SceneAccel(std::unique_ptr<const RayQueries> instead);

@@ -8,6 +8,7 @@
 #include "worker/light/moving_lights.h"
 #include "worker/light/punctual.h"
 #include "worker/sampling/warp.h"
+#include "worker/scene/needs.h"
 #include "worker/shading/surface.h"
 
 namespace tessera::render {
@@ -81,9 +82,9 @@ void LightTable::add_triangles(const Scene& scene, const TriangleId& first,
   const std::size_t first_entry = entries_.size();
   Entry entry;
   entry.triangle = first;
-  entry.moves = entry.special = shading_.instances[first.instance].moves;
-  entry.even =
-      !material.emissive_texture && !view.extended && material.alpha_mode == AlphaMode::opaque;
+  entry.moves = entry.special = instance.motion != kNone || !mesh.keys.empty();
+  entry.even = !material.emissive_texture && !view.extended &&
+               material.alpha_mode == AlphaMode::opaque && !shading_.assumes(kNeedsTextures);
   for (std::uint32_t t = 0; t < p.triangles.size(); ++t) {
     entry.triangle.triangle = t;
     LightBounds light = entry.moves ? bounds_of_moving(scene, entry.triangle)

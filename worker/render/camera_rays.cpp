@@ -5,6 +5,7 @@
 #include "worker/geometry/motion.h"
 #include "worker/math/elementary.h"
 #include "worker/render/aperture.h"
+#include "worker/scene/needs.h"
 
 namespace tessera::render {
 namespace {
@@ -22,7 +23,8 @@ Affine3d upright(const Affine3d& m) {
 
 }  // namespace
 
-CameraRays::CameraRays(const Camera& camera, std::int32_t width, std::int32_t height)
+CameraRays::CameraRays(const Camera& camera, std::int32_t width, std::int32_t height,
+                       std::uint32_t assumed)
     : half_width_(0.5 * width),
       half_height_(0.5 * height),
       center_x_(camera.center_x),
@@ -33,6 +35,7 @@ CameraRays::CameraRays(const Camera& camera, std::int32_t width, std::int32_t he
       vertical_angle_(camera.vertical_angle),
       kind_(camera.kind),
       lens_(camera.lens),
+      takes_lens_(camera.lens.radius > 0 || (assumed & kNeedsLens) != 0),
       slant_x_(camera.slant_x),
       slant_y_(camera.slant_y),
       keys_(camera.keys) {
@@ -80,7 +83,7 @@ bool CameraRays::ray(double x, double y, Vec2f lens, CameraRay* out) const {
   if (kind_ > Camera::Kind::orthographic) return from_curved_screen(x, y, out);
   const double sideways = (x - half_width_) * pixel_ + center_x_;
   const double upwards = (half_height_ - y) * pixel_ + center_y_;
-  if (has_lens()) return through_lens(sideways, upwards, lens, out);
+  if (lens_.radius > 0) return through_lens(sideways, upwards, lens, out);
   const Vec3d across = right_ * sideways + up_ * upwards;
   if (kind_ == Camera::Kind::perspective) {
     const Vec3d d = forward_ + across;  // reaches depth 1 at d

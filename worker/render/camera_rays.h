@@ -20,15 +20,17 @@ struct CameraRay {
 /// or cylindrical panorama fills the image, a fisheye the largest circle in it.
 class CameraRays {
  public:
-  CameraRays(const Camera& camera, std::int32_t width, std::int32_t height);
+  /// `assumed`: Tracing::assumed.
+  CameraRays(const Camera& camera, std::int32_t width, std::int32_t height,
+             std::uint32_t assumed = 0);
 
   /// Whether rays depend on the time.
   bool moves() const { return !keys_.empty(); }
   /// The camera as it stands at a time in [0, 1] of the shutter's. Requires moves().
   CameraRays at(float time) const;
 
-  /// Whether rays depend on `lens`.
-  bool has_lens() const { return lens_.radius > 0; }
+  /// Whether rays are to be given `lens`.
+  bool takes_lens() const { return takes_lens_; }
 
   /// The ray through film point (x, y), in pixels of the full frame, and the point of the aperture
   /// that `lens`, in [0, 1)^2, is mapped to with uniform density. False, and `out` as it was, where
@@ -58,6 +60,7 @@ class CameraRays {
   float footprint_at_start_ = 0, footprint_growth_ = 0;
   Camera::Kind kind_;
   Lens lens_;
+  bool takes_lens_;
   double slant_x_, slant_y_;
   std::span<const CameraKey> keys_;  // of the camera, which must outlive this if it moves
 };

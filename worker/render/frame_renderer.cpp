@@ -16,6 +16,7 @@
 #include "worker/render/float_control.h"
 #include "worker/render/path_tracer.h"
 #include "worker/render/pixel_sums.h"
+#include "worker/scene/needs.h"
 #include "worker/shading/shading_scene.h"
 
 namespace tessera::render {
@@ -101,7 +102,7 @@ SceneAccel timed_accel(const Scene& scene, const ParallelFor& parallel_for,
                        const FrameRenderer* before, const Tracing& tracing, double* seconds) {
   const auto start = std::chrono::steady_clock::now();
   SceneAccel accel = tracing.instead ? SceneAccel(tracing.instead(scene))
-                                     : SceneAccel(scene, parallel_for, tracing.isa,
+                                     : SceneAccel(scene, parallel_for, tracing,
                                                   before == nullptr ? nullptr : &before->accel());
   *seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return accel;
@@ -111,8 +112,8 @@ PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& 
                                    std::int32_t frame, const ParallelFor& parallel_for,
                                    const FrameRenderer* before, const Tracing& tracing)
     : scene_(std::move(scene)),
-      shading_(scene_),
-      camera_(scene_.camera, settings.width, settings.height),
+      shading_(scene_, tracing.assumed),
+      camera_(scene_.camera, settings.width, settings.height, tracing.assumed),
       accel_(timed_accel(scene_, parallel_for, before, tracing, &timings_.accel_build_seconds)),
       lights_(scene_, shading_),
       filter_(settings.filter, settings.filter_width),
@@ -129,7 +130,8 @@ PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& 
                settings.seed,
                frame,
                settings.aovs,
-               !scene_.key_times.empty() || !scene_.camera.keys.empty()},
+               !scene_.key_times.empty() || !scene_.camera.keys.empty() ||
+                   shading_.assumes(kNeedsMotion)},
       clamp_at_(static_cast<float>(settings.clamp)),
       aovs_(settings.aovs) {
   timings_.memory_bytes =

@@ -207,7 +207,7 @@ template <bool kMedia>
 bool PathTracer<kMedia>::step(const Hit& hit) {
   ShadingPoint point =
       surface_at(frame_.shading, hit, path_.ray.direction, path_.ray.time, scratch_->met);
-  if (frame_.shading.textures.has_procedures()) [[unlikely]]
+  if (frame_.shading.tracks_footprints) [[unlikely]]
     widen(hit.t, &point);
   SurfacePoint position = position_of(point);
   if constexpr (kMedia) {
@@ -611,7 +611,7 @@ Ray camera_ray(const FrameContext& frame, const PathId& id, const Sampler& sampl
   const Vec2f u = sampler.get_2d(dimensions::kFilter);
   const Vec2f offset = frame.filter.sample(u);
   Vec2f lens;
-  if (frame.camera.has_lens()) [[unlikely]]
+  if (frame.camera.takes_lens()) [[unlikely]]
     lens = sampler.get_2d(dimensions::kLens);
   CameraRay camera{{}, {0, 0, 1}, -1};
   Ray ray;

@@ -10,7 +10,7 @@
 namespace tessera::render {
 
 /// What a posed scene asks of a renderer. Bits of SceneNeeds::features; a scene pays only for
-/// what it needs.
+/// what it needs. What is chosen by them: docs/performance.md, "What choosing by needs gains".
 enum Feature : std::uint32_t {
   kNeedsTextures = 1u << 0,
   kNeedsNormalMaps = 1u << 1,

@@ -7,6 +7,7 @@
 
 #include "worker/accel/instance_boxes.h"
 #include "worker/math/elementary.h"
+#include "worker/scene/needs.h"
 #include "worker/shading/fresnel.h"
 
 namespace tessera::render {
@@ -153,7 +154,9 @@ std::vector<bool> used_materials(const Scene& scene) {
 
 }  // namespace
 
-ShadingScene::ShadingScene(const Scene& scene) : source(scene), textures(scene) {
+ShadingScene::ShadingScene(const Scene& scene, std::uint32_t assumed)
+    : source(scene), textures(scene), assumed_(assumed) {
+  tracks_footprints = textures.has_procedures() || assumes(kNeedsProcedures);
   add_atmosphere(scene);
   add_materials(scene);
   std::vector<std::uint32_t> first;
@@ -168,17 +171,21 @@ ShadingScene::ShadingScene(const Scene& scene) : source(scene), textures(scene) 
                     !(material.source->diffuse_transmission.factor > 0);
       const bool seen = material.rank != kBoundaryRank;
       if (seen && colors_make_holes(p, *material.source)) view.traits |= kTraitAlpha;
+      if (seen) view.traits |= assumed_traits();
       traits |= view.traits;
       primitives.push_back(view);
     }
   }
+  if (assumes(kNeedsUnlit)) traits |= kTraitUnlit;
   for (const Instance& instance : scene.instances) {
     const auto mesh = static_cast<std::size_t>(instance.mesh);
     InstanceView view;
     view.source = &instance;
     view.shape = scene.meshes[mesh].shape.get();
-    view.solid = view.shape != nullptr || instance.operand;
-    view.moves = instance.motion != kNone || !scene.meshes[mesh].keys.empty();
+    const bool changes = !scene.meshes[mesh].keys.empty();  // no solid does
+    view.solid = view.shape != nullptr || instance.operand ||
+                 (assumes(kNeedsShapes | kNeedsCsg) && !changes);
+    view.moves = instance.motion != kNone || changes || assumes(kNeedsMotion);
     view.special = view.solid || view.moves;
     view.object_to_world = Affine3f(instance.object_to_world);
     view.world_to_object = Affine3f(instance.world_to_object);
@@ -201,7 +208,16 @@ ShadingScene::ShadingScene(const Scene& scene) : source(scene), textures(scene) 
                                            glass_.size() * sizeof(GlassTables));
 }
 
+/// Of every surface that is seen: none of them changes what becomes of a ray.
+std::uint8_t ShadingScene::assumed_traits() const {
+  unsigned assumed = 0;
+  if (assumes(kNeedsAlphaMask | kNeedsAlphaBlend)) assumed |= kTraitAlpha;
+  if (assumes(kNeedsThinTransmission)) assumed |= kTraitStraight;
+  return static_cast<std::uint8_t>(assumed);
+}
+
 void ShadingScene::add_atmosphere(const Scene& scene) {
+  tracks_bodies = assumes(kNeedsMedia);
   const std::vector<bool> used = used_materials(scene);
   for (std::size_t i = 0; i < scene.materials.size(); ++i) {
     const Material& m = scene.materials[i];
@@ -232,7 +248,8 @@ void ShadingScene::add_materials(const Scene& scene) {
     view.conductor = conductor_of(m.optics);
     view.extended = (is_layered(m) || view.dispersive) && !m.unlit;
     view.lambert = m.metallic == 0 && m.specular == 0 && !m.specular_glossiness &&
-                   view.interface == Interface::opaque && !view.extended;
+                   view.interface == Interface::opaque && !view.extended &&
+                   !assumes(kNeedsSpecular);
     if (used[materials.size()]) add_tables(&view);
     view.traits = traits_of(m, view, scene);
     if (tracks_bodies) add_interior(scene, &view);

@@ -81,13 +81,17 @@ inline constexpr std::int32_t kBoundaryRank = -1;
 
 /// A scene flattened for shading: views into `Scene`, which must outlive it.
 struct ShadingScene {
-  explicit ShadingScene(const Scene& scene);
+  /// `assumed`: Tracing::assumed.
+  explicit ShadingScene(const Scene& scene, std::uint32_t assumed = 0);
   ShadingScene(const ShadingScene&) = delete;
   ShadingScene& operator=(const ShadingScene&) = delete;
 
   const PrimitiveView& primitive(const TriangleId& id) const {
     return primitives[instances[id.instance].first_primitive + id.primitive];
   }
+
+  /// Whether everything is taken to have one of the features.
+  bool assumes(std::uint32_t features) const { return (assumed_ & features) != 0; }
 
   /// The material of a solid as it is met where the solid `outside` is on the other side of its
   /// surface: its index of refraction is relative to that. Without priorities, and for dispersive
@@ -105,14 +109,16 @@ struct ShadingScene {
   std::vector<PrimitiveView> primitives;
   std::vector<InstanceView> instances;
   std::vector<MaterialView> materials;
-  std::uint8_t traits = 0;     // of any primitive
-  bool tracks_bodies = false;  // has a medium or priorities: paths know all bodies they are in
+  std::uint8_t traits = 0;         // of any primitive
+  bool tracks_bodies = false;      // has a medium or priorities: paths know all bodies they are in
+  bool tracks_footprints = false;  // has procedures, which ask how wide a spot is seen
   MediumView atmosphere;
   Vec3f atmosphere_center;
   float atmosphere_radius = 0;
   std::int64_t memory_bytes = 0;
 
  private:
+  std::uint8_t assumed_traits() const;
   void add_atmosphere(const Scene& scene);
   void add_materials(const Scene& scene);
   void add_interior(const Scene& scene, MaterialView* view);
@@ -125,6 +131,7 @@ struct ShadingScene {
     float ior = 0;
     AlbedoTable entering, leaving;
   };
+  const std::uint32_t assumed_;
   std::vector<Box3f> body_boxes_;  // in the world, around whatever has a body; see add_body_boxes()
   std::unique_ptr<AnisotropicAlbedo> anisotropic_;  // if a metal or thin sheet is anisotropic
   std::unique_ptr<SheenTable> sheen_;

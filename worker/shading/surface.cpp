@@ -145,7 +145,8 @@ ShadingPoint surface_at(const ShadingScene& scene, const TriangleId& id, float b
 ShadingPoint moved_at(const ShadingScene& scene, const Hit& hit, const Vec3f& direction, float time,
                       MovedSurface& memory) {
   const InstanceView& still = scene.instances[hit.id.instance];
-  const KeyPlace at = find_key(scene.source.key_times, time);
+  const std::vector<float>& times = scene.source.key_times;  // none where motion is but assumed
+  const KeyPlace at = times.empty() ? KeyPlace{} : find_key(times, time);
   memory.place = *still.source;
   memory.instance = still;
   memory.instance.source = &memory.place;

@@ -3,4 +3,4 @@
 add_executable(tessera_render_cycles34
   against_cycles/cycles34_bsdf.cpp ../support/render_once.cpp ../support/folder_reader.cpp
   ../support/folder_reader.h)
-target_link_libraries(tessera_render_cycles34 PRIVATE tessera::render tessera::image CLI11::CLI11)
+target_link_libraries(tessera_render_cycles34 PRIVATE tessera_test_render tessera::image CLI11::CLI11)
