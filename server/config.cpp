@@ -34,6 +34,30 @@ std::string version_text() {
       image::library_versions());
 }
 
+void add_client_limits(CLI::App& app, Config& config) {
+  app.add_option("--client-jobs", config.client_jobs,
+                 "Most unfinished jobs a client may have; 0: any number")
+      ->check(CLI::Range(std::int64_t{0}, std::int64_t{1'000'000}))
+      ->capture_default_str();
+  const auto limit = CLI::Range(0.0, 1e9);
+  app.add_option("--client-gigasamples", config.client_gigasamples,
+                 "Most pixels x samples of a client's unfinished jobs, 10^9; 0: any number")
+      ->check(limit)
+      ->capture_default_str();
+  app.add_option("--client-gb", config.client_gb,
+                 "Most store a client's unfinished jobs may need, GB; 0: any")
+      ->check(limit)
+      ->capture_default_str();
+  app.add_option("--client-calls", config.client_calls,
+                 "With --certs: most calls a second of a client; 0: any number")
+      ->check(limit)
+      ->capture_default_str();
+  app.add_option("--client-upload-gb", config.client_upload_gb,
+                 "With --certs: most a client may upload in an hour, GB; 0: any")
+      ->check(limit)
+      ->capture_default_str();
+}
+
 void add_options(CLI::App& app, Config& config) {
   app.add_option("--listen", config.listen,
                  "Where to listen: unix:PATH, or HOST:PORT (port 0: any free one); addresses other "
@@ -68,27 +92,7 @@ void add_options(CLI::App& app, Config& config) {
                  "Share of units that another worker renders again, to be compared; 0: none")
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
-  app.add_option("--client-jobs", config.client_jobs,
-                 "Most unfinished jobs a client may have; 0: any number")
-      ->check(CLI::Range(std::int64_t{0}, std::int64_t{1'000'000}))
-      ->capture_default_str();
-  const auto limit = CLI::Range(0.0, 1e9);
-  app.add_option("--client-gigasamples", config.client_gigasamples,
-                 "Most pixels x samples of a client's unfinished jobs, 10^9; 0: any number")
-      ->check(limit)
-      ->capture_default_str();
-  app.add_option("--client-gb", config.client_gb,
-                 "Most store a client's unfinished jobs may need, GB; 0: any")
-      ->check(limit)
-      ->capture_default_str();
-  app.add_option("--client-calls", config.client_calls,
-                 "With --certs: most calls a second of a client; 0: any number")
-      ->check(limit)
-      ->capture_default_str();
-  app.add_option("--client-upload-gb", config.client_upload_gb,
-                 "With --certs: most a client may upload in an hour, GB; 0: any")
-      ->check(limit)
-      ->capture_default_str();
+  add_client_limits(app, config);
   app.add_option("--metrics", config.metrics,
                  "Where Prometheus may ask for metrics, http://HOST:PORT/metrics; on this machine "
                  "only (port 0: any free one, said in the log)")
