@@ -7,6 +7,7 @@
 #include "tests/numeric/simpson.h"
 #include "tests/support/plain_scene.h"
 #include "worker/render/flight.h"
+#include "worker/render/transparency.h"
 #include "worker/sampling/equi_angular.h"
 #include "worker/shading/phase.h"
 
@@ -292,6 +293,41 @@ TEST(HardCase52, AnEmptyMediumChangesNoBit) {
   fill(&scene, medium({1, 1, 1}, {2, 2, 2}), 1);
   scene.atmosphere->center = {0, 0, -1e3};
   EXPECT_EQ(middle(scene, 8, 4).rgb, without.rgb);
+}
+
+// The limit is one of what light passes. How much a ray meets before what blocks it is up to the
+// order of the traversal.
+TEST(Fog, LightThatIsBlockedMeetsNoLimitWhateverIsMetFirst) {
+  Scene scene = spot({3, 0, 0.5}, {0, 0, 0});
+  Material hole = lambert({1, 1, 1});
+  hole.base_color.w = 0;
+  hole.alpha_mode = render::AlphaMode::blend;
+  const auto floor = add_material(&scene, lambert({0.5f, 0.5f, 0.5f}));
+  const auto veil = add_material(&scene, hole);
+  add_primitive(&scene, quad({-2, -2, 0}, {4, 0, 0}, {0, 4, 0}, floor));
+  const auto square = [](float z, std::int32_t material) {
+    return quad({-0.01f, -0.01f, z}, {0.02f, 0, 0}, {0, 0.02f, 0}, material);
+  };
+  render::Primitive veils;  // twice the limit on either side of the middle
+  veils.material = veil;
+  for (int i = 0; i < 4 * render::kTransparencyLimit; ++i) {
+    const render::Primitive q = square(1 + 0.002f * static_cast<float>(i), veil);
+    const auto first = static_cast<std::uint32_t>(veils.positions.size());
+    veils.positions.insert(veils.positions.end(), q.positions.begin(), q.positions.end());
+    for (const auto& t : q.triangles) {
+      veils.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+    }
+  }
+  add_primitive(&scene, veils);
+  scene.lights.push_back(point_light(1, {0, 0, 20}));
+  fill(&scene, medium({1e-6f, 1e-6f, 1e-6f}, {}));
+  const Picture open = middle(scene, 8, 1);
+  EXPECT_GT(open.blocks[0].transparency_limit_count, 0u);
+  scene.meshes.back().primitives = std::vector<render::Primitive>{
+      veils, square(1 + 0.002f * 2.5f * static_cast<float>(render::kTransparencyLimit), floor)};
+  const Picture blocked = middle(scene, 8, 1);
+  EXPECT_EQ(blocked.mean(), 0);
+  EXPECT_EQ(blocked.blocks[0].transparency_limit_count, 0u);
 }
 
 TEST(HardCase52, ADenseMediumEndsItsPathsByRoulette) {

@@ -455,11 +455,14 @@ Vec3f PathTracer<kMedia>::light_through_bodies(const Ray& ray, const LightSample
   const bool blocked = frame_.accel.any_hit(ray, [&](const Hit& hit) {
     if (hit.id == light.triangle) return false;
     if ((scene.primitive(hit.id).traits & kTraitBody) == 0) return filter(hit);
-    full = !crossings.add(scene, hit, light.direction, ray.time);
-    return full;
+    full = !crossings.add(scene, hit, light.direction, ray.time) || full;
+    return false;
   });
-  if (full || sheets.passed > kTransparencyLimit) ++path_.result.limit_count;
-  if (blocked || sheets.passed > kTransparencyLimit) return {};
+  if (blocked) return {};  // whatever was met before: that depends on the traversal
+  if (full || sheets.passed > kTransparencyLimit) {
+    ++path_.result.limit_count;
+    return {};
+  }
   return sheets.transmittance() *
          transmittance_across(scene, media_.interior, ray, crossings.in_order(), &media_.chance);
 }
