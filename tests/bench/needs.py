@@ -80,10 +80,11 @@ GENERAL = ["textures", "texture-transforms", "vertex-colors", "alpha-mask", "unl
            "thin-transmission", "instances", "lens", "procedural-textures", "shapes", "media", "motion"]
 EXTENDED = "extended"  # the BSDF with all extensions of materials, where there are none
 EXTEND = [("worker/shading/shading_scene.cpp", "view.extended = (is_layered(m) || view.dispersive) && !m.unlit;",
-           "view.extended = !m.unlit;")]
+           "view.extended = (is_layered(m) || true) && !m.unlit;")]
 RENDER = ["--size", "64x48", "--spp", "8", "--threads", "1"]
-TWICE = ["--size", "64x48", "--spp", "16", "--threads", "1"]
 TIMED = ["--size", "256x192", "--spp", "64", "--threads", "1"]
+ONCE = ["--size", "32x24", "--spp", "8", "--threads", "1"]  # and twice the samples
+TWICE = ["--size", "32x24", "--spp", "16", "--threads", "1"]
 TIMED_GENERAL = ["--size", "160x120", "--spp", "16", "--threads", "1"]
 
 
@@ -112,8 +113,8 @@ def instructions(command, folder, render=RENDER):
 
 @functools.lru_cache
 def instructions_of_samples(command, folder):
-    """Of as many samples as RENDER asks for, beyond as many; and the pixels."""
-    once, pixels = instructions(command, folder)
+    """Of what TWICE asks for beyond ONCE; and the pixels."""
+    once, pixels = instructions(command, folder, ONCE)
     twice, _ = instructions(command, folder, TWICE)
     return twice - once, pixels
 
