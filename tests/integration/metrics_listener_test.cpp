@@ -14,8 +14,9 @@ std::vector<prometheus::MetricFamily> nothing() {
 }
 
 TEST(MetricsListener, ListensOnThisMachineOnly) {
-  for (const std::string address : {"0.0.0.0:0", "[::]:0", "192.0.2.1:0", "farm.example:0",
-                                    "127.example:0", ":0", "unix:/tmp/metrics"}) {
+  for (const std::string address :
+       {"0.0.0.0:0", "[::]:0", "192.0.2.1:0", "farm.example:0", "127.example:0", ":0",
+        "unix:/tmp/metrics", "unix:/tmp/metrics:0"}) {
     const auto listener = MetricsListener::start(address, nothing);
     EXPECT_TRUE(absl::IsInvalidArgument(listener.status())) << address;
     EXPECT_TRUE(absl::StrContains(listener.status().message(), "127.0.0.1:PORT")) << address;

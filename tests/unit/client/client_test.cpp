@@ -309,6 +309,8 @@ TEST(TileSvg, PutsEachTileWhereItIsAndColoursItByItsFigure) {
   EXPECT_NE(svg->find(left + "\"#440154\"><title>tile 0: 0.01"), std::string::npos) << *svg;
   EXPECT_NE(svg->find(middle + "\"#fde725\"><title>tile 1: 1"), std::string::npos) << *svg;
   EXPECT_NE(svg->find(narrow + "\"#21918c\"><title>tile 2: 0.1"), std::string::npos) << *svg;
+  EXPECT_NE(svg->find("samples a pixel: 8 to 8"), std::string::npos);
+  EXPECT_NE(svg->find("<title>tile 2: 8<"), std::string::npos) << "beside it, the samples";
   report["frames"][0]["tiles"] = nullptr;
   EXPECT_EQ(tile_svg(report).status().code(), absl::StatusCode::kFailedPrecondition);
 }
