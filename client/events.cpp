@@ -6,10 +6,10 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
 #include "client/commands.h"
+#include "client/event_name.h"
 #include "client/farm_client.h"
 #include "client/interrupt.h"
 
@@ -21,14 +21,6 @@ struct EventsOptions {
   bool follow = false;
   bool json = false;
 };
-
-/// "job submitted" for KIND_JOB_SUBMITTED.
-std::string kind_name(v1::Event::Kind kind) {
-  std::string name = absl::AsciiStrToLower(v1::Event::Kind_Name(kind));
-  name.erase(0, std::min(name.size(), sizeof "kind_" - 1));
-  std::replace(name.begin(), name.end(), '_', ' ');
-  return name;
-}
 
 std::string time_text(const v1::Event& event) {
   const absl::Time time = absl::FromUnixSeconds(event.event_time().seconds()) +
@@ -50,14 +42,14 @@ std::string line_of(const v1::Event& event) {
     return absl::StrCat(line, ": ", printable(event.message()));
   }
   if (!event.job_id().empty()) absl::StrAppend(&line, " job ", event.job_id());
-  absl::StrAppend(&line, " ", kind_name(event.kind()));
+  absl::StrAppend(&line, " ", event_name(event.kind()));
   if (!event.message().empty()) absl::StrAppend(&line, ": ", printable(event.message()));
   return line;
 }
 
 nlohmann::ordered_json document_of(const v1::Event& event) {
   return {{"schema", "tessera.event/1"}, {"sequence", event.sequence()},
-          {"time", time_text(event)},    {"kind", kind_name(event.kind())},
+          {"time", time_text(event)},    {"kind", event_name(event.kind())},
           {"job", event.job_id()},       {"worker", event.worker_id()},
           {"message", event.message()}};
 }

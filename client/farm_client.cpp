@@ -134,6 +134,21 @@ class Client : public FarmClient {
     return std::move(*response.mutable_report_json());
   }
 
+  absl::StatusOr<std::vector<v1::Delivery>> list_deliveries(const std::string& job_id) override {
+    std::vector<v1::Delivery> deliveries;
+    v1::ListDeliveriesRequest request;
+    request.set_job_id(job_id);
+    do {
+      v1::ListDeliveriesResponse response;
+      absl::Status status = unary(jobs_, &v1::JobService::Stub::ListDeliveries, request, response);
+      if (!status.ok()) return status;
+      deliveries.insert(deliveries.end(), response.deliveries().begin(),
+                        response.deliveries().end());
+      request.set_page_token(response.next_page_token());
+    } while (!request.page_token().empty());
+    return deliveries;
+  }
+
   absl::Status fetch_frame(const v1::FetchFrameRequest& request, const FrameSink& sink) override {
     return retry(milliseconds(0), [&](grpc::ClientContext& context) {
       const auto stream = jobs_->FetchFrame(&context, request);

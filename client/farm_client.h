@@ -48,6 +48,8 @@ class FarmClient {
                                              double error) = 0;
   /// The report, a JSON document.
   virtual absl::StatusOr<std::string> get_report(const std::string& job_id) = 0;
+  /// What workers delivered of a job, as far as the server remembers, in order.
+  virtual absl::StatusOr<std::vector<v1::Delivery>> list_deliveries(const std::string& job_id) = 0;
   /// A frame's file: `start` once with its header, then `write` with its bytes in order. When the
   /// stream breaks and is retried, `start` is called again. A status they return ends the call.
   struct FrameSink {

@@ -1,9 +1,10 @@
 # Commands over jobs, workers and files, completion, and the man pages.
 target_sources(tessera_client
-  PRIVATE bench.cpp bench_figures.cpp compare.cpp completion.cpp curve_svg.cpp events.cpp extend.cpp farm.cpp fetch.cpp image_file.cpp inspect.cpp
-          job_control.cpp list.cpp report.cpp status.cpp table.cpp tile_svg.cpp true_error.cpp
+  PRIVATE bench.cpp bench_figures.cpp compare.cpp completion.cpp curve_svg.cpp event_name.cpp events.cpp extend.cpp farm.cpp fetch.cpp image_file.cpp inspect.cpp
+          job_control.cpp list.cpp report.cpp status.cpp table.cpp tile_svg.cpp timeline.cpp true_error.cpp
           workers.cpp
-  PUBLIC FILE_SET HEADERS FILES bench_figures.h completion.h curve_svg.h image_file.h table.h tile_svg.h true_error.h)
+  PUBLIC FILE_SET HEADERS FILES bench_figures.h completion.h curve_svg.h event_name.h image_file.h table.h
+    tile_svg.h timeline.h true_error.h)
 target_link_libraries(tessera_client PRIVATE tessera::image)
 
 # `ninja man` writes man/*.1, read off the parser as --help is.

@@ -2,6 +2,8 @@
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -12,6 +14,7 @@
 #include "client/progress.h"
 #include "client/table.h"
 #include "client/tile_svg.h"
+#include "client/timeline.h"
 #include "client/true_error.h"
 
 namespace tessera::client {
@@ -20,7 +23,7 @@ namespace {
 using nlohmann::ordered_json;
 
 struct ReportOptions {
-  std::string job, svg, tiles, reference;
+  std::string job, svg, tiles, trace, reference;
   bool json = false, csv = false;
 };
 
@@ -107,6 +110,21 @@ std::string csv_of(const ordered_json& report) {
   return text;
 }
 
+int write_timeline(const std::string& path, FarmClient& client, const ordered_json& report) {
+  const auto deliveries = client.list_deliveries(text_at(report, "job"));
+  if (!deliveries.ok()) return fail(deliveries.status());
+  std::vector<v1::Event> events;
+  absl::Status status = client.watch_events({}, [&](const v1::Event& event) {
+    events.push_back(event);
+    return true;
+  });
+  if (!status.ok()) return fail(status);
+  const auto timeline = timeline_json(report, *deliveries, events);
+  if (!timeline.ok()) return fail(timeline.status());
+  status = write_text_file(path, *timeline);
+  return status.ok() ? kExitDone : fail(status);
+}
+
 int run(const ReportOptions& options, const Connection& connection) {
   const auto client = FarmClient::connect(connection);
   if (!client.ok()) return fail(client.status());
@@ -136,6 +154,7 @@ int run(const ReportOptions& options, const Connection& connection) {
     const absl::Status written = write_text_file(options.tiles, *drawing);
     return written.ok() ? kExitDone : fail(written);
   }
+  if (!options.trace.empty()) return write_timeline(options.trace, **client, report);
   const std::string text = options.json  ? report.dump(2) + "\n"
                            : options.csv ? csv_of(report)
                                          : text_of(report);
@@ -159,6 +178,11 @@ void add_report_command(CLI::App& app, Invocation& invocation) {
   command
       ->add_option("--tiles", options->tiles,
                    "Draw the error and the samples of each tile into FILE (SVG) instead")
+      ->type_name("FILE");
+  command
+      ->add_option("--trace", options->trace,
+                   "Write the timeline of its units into FILE (JSON for ui.perfetto.dev and "
+                   "chrome://tracing) instead")
       ->type_name("FILE");
   command
       ->add_option("--reference", options->reference,

@@ -24,6 +24,7 @@
 #include "server/frame_ledger.h"
 #include "server/job_view.h"
 #include "server/mutex.h"
+#include "server/observe/delivery_log.h"
 #include "server/observe/event_log.h"
 #include "server/observe/farm_metrics.h"
 #include "server/schedule/scheduler.h"
@@ -205,6 +206,9 @@ class Coordinator {
   absl::StatusOr<JobReport> report(const std::string& job_id) const;
   /// What happened lately.
   const EventLog& events() const { return events_; }
+  /// Up to `most` of what workers delivered of a job lately, after a sequence. Errors: NotFound.
+  absl::StatusOr<std::vector<Delivery>> deliveries(const std::string& job_id, std::int64_t after,
+                                                   std::size_t most) const;
   /// What Prometheus is told. Walks all jobs and workers under the lock.
   std::vector<prometheus::MetricFamily> metrics() const;
   /// Finds or makes a frame's image file, on the film thread, then calls back. The caller removes
@@ -309,6 +313,8 @@ class Coordinator {
   void note_committed(Sorted& sorted);
   void count_committed(Job& job, const UnitRecord& record, std::int64_t samples)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  std::optional<double> seconds_leased(Job& job, const UnitRecord& record)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void commit_failed(const Sorted& sorted, const absl::Status& status);
   void pause_for_room(Job& job, const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void make_job(const JobSpec& spec, const OnCreated& done);
@@ -357,6 +363,7 @@ class Coordinator {
   const CoordinatorOptions options_;
   FilmCache film_;  // has a lock of its own, never taken under mutex_
   EventLog events_;
+  DeliveryLog deliveries_;
 
   mutable Mutex mutex_;
   Scheduler scheduler_ ABSL_GUARDED_BY(mutex_);

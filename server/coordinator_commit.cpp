@@ -92,6 +92,12 @@ bool Coordinator::judge_repeat(Job& job, const std::string& worker_id, const Blo
       scheduler_.answer_audit(job, header.unit(), header.lease, {worker_id, header.sha256},
                               {ledger.worker(place), place.sha256}, options_.clock());
   if (!is_answer) ++job.counters.duplicated;
+  deliveries_.add({.job = job.key,
+                   .unit = header.unit(),
+                   .worker_id = worker_id,
+                   .outcome = is_answer ? DeliveryOutcome::audit : DeliveryOutcome::repeat,
+                   .end_us = options_.wall_us(),
+                   .cpu_seconds = header.cpu_seconds});
   job.counters.wasted_cpu_seconds += header.cpu_seconds;
   scheduler_.drop(job, header.unit(), worker_id);
   if (place.sha256 == header.sha256) {
@@ -326,13 +332,32 @@ void Coordinator::count_committed(Job& job, const UnitRecord& record, std::int64
   metrics.samples.Increment(static_cast<double>(samples));
   metrics.block_bytes.Increment(static_cast<double>(record.size_bytes));
   metrics.cpu_seconds.Increment(record.cpu_seconds);
+  const std::optional<double> leased = seconds_leased(job, record);
+  if (leased) metrics.lease_seconds.Observe(*leased);
+  const auto trouble = job.troubles.find(record.unit);
+  const std::int32_t retries =
+      trouble == job.troubles.end()
+          ? 0
+          : trouble->second.losses + static_cast<std::int32_t>(trouble->second.failures.size());
+  deliveries_.add({.job = job.key,
+                   .unit = record.unit,
+                   .worker_id = record.worker_id,
+                   .retry_count = retries,
+                   .end_us = options_.wall_us(),
+                   .cpu_seconds = record.cpu_seconds,
+                   .lease_seconds = leased});
+}
+
+/// How long ago the worker that has rendered a unit was leased it, if this process did that.
+std::optional<double> Coordinator::seconds_leased(Job& job, const UnitRecord& record) {
   const Worker* worker = scheduler_.find_worker(record.worker_id);
   const InFlight* held = job.open_plan().find_in_flight(record.unit);
-  if (worker == nullptr || held == nullptr) return;
+  if (worker == nullptr || held == nullptr) return std::nullopt;
   for (const Holder& holder : held->holders) {
     if (holder.worker != worker->key || !holder.leased) continue;
-    metrics.lease_seconds.Observe(seconds(options_.clock() - *holder.leased));
+    return seconds(options_.clock() - *holder.leased);
   }
+  return std::nullopt;
 }
 
 void Coordinator::note_committed(Sorted& sorted) {

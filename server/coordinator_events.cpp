@@ -52,6 +52,19 @@ void Coordinator::note_failure(const Job& job, const std::string& worker_id,
   }
 }
 
+absl::StatusOr<std::vector<Delivery>> Coordinator::deliveries(const std::string& job_id,
+                                                              std::int64_t after,
+                                                              std::size_t most) const {
+  JobKey key = 0;
+  {
+    MutexLock lock(mutex_);
+    const Job* job = scheduler_.find_job(job_id);
+    if (job == nullptr) return absl::NotFoundError(absl::StrCat("no job \"", job_id, "\""));
+    key = job->key;
+  }
+  return deliveries_.read(key, after, most);
+}
+
 void Coordinator::take_log_lines(Session session, const std::vector<LogLine>& lines) {
   MutexLock lock(mutex_);
   const Worker* worker = worker_of(session);

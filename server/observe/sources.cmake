@@ -21,6 +21,7 @@ target_link_libraries(tessera_observe PUBLIC tessera::film tessera::schedule tes
 add_library(tessera_events)
 add_library(tessera::events ALIAS tessera_events)
 target_sources(tessera_events
-  PRIVATE observe/event_log.cpp
-  PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR} FILES observe/event_log.h)
+  PRIVATE observe/delivery_log.cpp observe/event_log.cpp
+  PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
+    FILES observe/delivery_log.h observe/event_log.h)
 target_link_libraries(tessera_events PUBLIC tessera::flags)

@@ -27,6 +27,7 @@ constexpr AccessRule kRules[] = {
     {"JobService.RemoveJob", true, false, false},
     {"JobService.ExtendJob", true, false, false},
     {"JobService.GetJobReport", true, false, false},
+    {"JobService.ListDeliveries", true, false, false},
     {"JobService.FetchFrame", true, false, true},
     {"JobService.WatchEvents", true, false, true},
     {"AssetService.FindMissingAssets", true, false, false},

@@ -15,6 +15,7 @@ namespace tessera::server {
 namespace {
 
 constexpr std::int32_t kPageSize = 100, kLargestPageSize = 1000;
+constexpr std::int32_t kMostDeliveries = 10'000;  // of a page: a message stays below 1 MiB
 
 grpc::ServerUnaryReactor* finish(grpc::CallbackServerContext* context, const absl::Status& status) {
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
@@ -171,6 +172,32 @@ grpc::ServerUnaryReactor* JobService::GetJobReport(grpc::CallbackServerContext* 
   const auto report = coordinator_.report(request->job_id());
   if (report.ok()) response->set_report_json(report_json(*report));
   return finish(context, report.status());
+}
+
+grpc::ServerUnaryReactor* JobService::ListDeliveries(grpc::CallbackServerContext* context,
+                                                     const v1::ListDeliveriesRequest* request,
+                                                     v1::ListDeliveriesResponse* response) {
+  const auto caller = admit(*context, "JobService.ListDeliveries", request->job_id());
+  if (!caller.ok()) return finish(context, caller.status());
+  std::int64_t after = 0;
+  if (!request->page_token().empty() &&
+      (!absl::SimpleAtoi(request->page_token(), &after) || after <= 0)) {
+    return finish(context, absl::InvalidArgumentError("page_token: was not given out here"));
+  }
+  if (request->page_size() < 0 || request->page_size() > kMostDeliveries) {
+    return finish(
+        context, absl::InvalidArgumentError(absl::StrCat("page_size: ", request->page_size(),
+                                                         " is not in [0, ", kMostDeliveries, "]")));
+  }
+  const std::int32_t size = request->page_size() == 0 ? kMostDeliveries : request->page_size();
+  const auto deliveries =
+      coordinator_.deliveries(request->job_id(), after, static_cast<std::size_t>(size));
+  if (!deliveries.ok()) return finish(context, deliveries.status());
+  for (const Delivery& delivery : *deliveries) *response->add_deliveries() = to_message(delivery);
+  if (static_cast<std::int32_t>(deliveries->size()) == size) {
+    response->set_next_page_token(absl::StrCat(deliveries->back().sequence));
+  }
+  return finish(context, absl::OkStatus());
 }
 
 grpc::ServerWriteReactor<v1::FetchFrameResponse>* JobService::FetchFrame(

@@ -49,6 +49,9 @@ class JobService final : public v1::JobService::CallbackService {
   grpc::ServerUnaryReactor* GetJobReport(grpc::CallbackServerContext* context,
                                          const v1::GetJobReportRequest* request,
                                          v1::GetJobReportResponse* response) override;
+  grpc::ServerUnaryReactor* ListDeliveries(grpc::CallbackServerContext* context,
+                                           const v1::ListDeliveriesRequest* request,
+                                           v1::ListDeliveriesResponse* response) override;
   grpc::ServerWriteReactor<v1::FetchFrameResponse>* FetchFrame(
       grpc::CallbackServerContext* context, const v1::FetchFrameRequest* request) override;
   grpc::ServerWriteReactor<v1::WatchEventsResponse>* WatchEvents(

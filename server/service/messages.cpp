@@ -226,6 +226,20 @@ v1::Event to_message(const Event& event) {
   return message;
 }
 
+v1::Delivery to_message(const Delivery& delivery) {
+  v1::Delivery message;
+  message.set_frame(delivery.unit.frame);
+  message.set_tile(delivery.unit.tile);
+  message.set_pass(delivery.unit.pass);
+  message.set_worker_id(std::string(delivery.worker_id));
+  message.set_outcome(static_cast<v1::Delivery::Outcome>(delivery.outcome));
+  set_time(delivery.end_us, *message.mutable_end_time());
+  set_duration(delivery.cpu_seconds, *message.mutable_cpu_time());
+  if (delivery.lease_seconds) set_duration(*delivery.lease_seconds, *message.mutable_lease_time());
+  message.set_retry_count(delivery.retry_count);
+  return message;
+}
+
 v1::Worker to_message(const Worker& worker, double silence_seconds) {
   v1::Worker message;
   message.set_id(worker.id);

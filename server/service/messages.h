@@ -25,6 +25,7 @@ std::string write_request(const JobSpec& spec);
 v1::Job to_message(const JobView& view);
 v1::SceneManifest to_manifest(const JobSpec& spec);
 v1::Event to_message(const Event& event);
+v1::Delivery to_message(const Delivery& delivery);
 v1::Worker to_message(const Worker& worker, double silence_seconds);
 v1::UnitId to_message(const UnitName& name);
 v1::Lease to_message(const Lease& lease);

@@ -29,6 +29,17 @@ grep -q "worker w-one: unit $id 0 [0-9]* [0-9]* is rendered" "$work/out" ||
   fail "a worker at --log-level info told of its units"
 say "logs: a job's life, and what its workers' log levels let through"
 
+exits 0 farm report shot --trace "$work/trace.json"
+farm report shot --json >"$work/report.json"
+equal "the timeline has every unit once" \
+  "$(json "$work/trace.json" 'len({(e["args"]["frame"], e["args"]["tile"], e["args"]["pass"]) for e in d["traceEvents"] if e["ph"] == "X" and e["cat"] == "unit"})')" \
+  "$(json "$work/report.json" 'd["units"]["committed"]')"
+equal "a row for each thread that rendered some" \
+  "$(json "$work/trace.json" 'len({(e["pid"], e["tid"]) for e in d["traceEvents"] if e["ph"] == "X" and e["cat"] == "unit"})')" \
+  "$(json "$work/report.json" 'len(d["workers"])')"
+equal "and what happened to the job" \
+  "$(json "$work/trace.json" 'sum(e["name"] in ("job submitted", "frame finished", "job done") for e in d["traceEvents"])')" 3
+
 exits 0 farm workers drain w-two
 wait_until 30 "the drained worker has gone" gone "${worker_pid[two]}"
 wait "${worker_pid[two]}" || fail "a drained worker ended with $?"

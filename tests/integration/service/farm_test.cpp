@@ -3,6 +3,8 @@
 
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <set>
+#include <utility>
 
 #include "tests/integration/service/test_farm.h"
 
@@ -98,7 +100,10 @@ TEST_F(FarmTest, AReferenceTellsTheTrueErrorOfEachRound) {
   watch(made.job().id());
   const auto curve = report_of(made.job().id())["frames"].at(0)["curve"];
   ASSERT_EQ(curve.size(), 2u);
-  for (const auto& point : curve) EXPECT_GT(point["error_true"].get<double>(), 0);
+  for (const auto& point : curve) {
+    EXPECT_GT(point["error_true"].get<double>(), 0);
+    EXPECT_NE(point["error_true"], point["error"]) << "the estimate knows nothing of the reference";
+  }
 }
 
 TEST_F(FarmTest, AWorkStreamThatNeverSaysHelloEndsAndOneThatDoesStays) {
@@ -408,6 +413,45 @@ TEST_F(FarmTest, DeliveringNeedsAWorkStream) {
   message.add_parts()->set_chunk("x");
   worker->send({message});
   EXPECT_EQ(worker->finish_deliver().error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+}
+
+TEST_F(FarmTest, DeliveriesAreListedInPages) {
+  const std::string job = create_job("a", 64);
+  auto worker = worker_of(*server_, "w1");
+  ASSERT_TRUE(worker->open());
+  EXPECT_EQ(worker->work(), 9 * 2);
+  EXPECT_EQ(watch(job).back().state(), v1::Job::STATE_DONE);
+  v1::ListDeliveriesRequest request;
+  request.set_job_id(job);
+  request.set_page_size(9);
+  std::set<std::pair<std::int32_t, std::int32_t>> units;
+  const auto list = [&](v1::ListDeliveriesResponse& response) {
+    grpc::ClientContext context;
+    prepare(context);
+    return jobs_->ListDeliveries(&context, request, &response);
+  };
+  int pages = 0;
+  do {
+    v1::ListDeliveriesResponse response;
+    ASSERT_TRUE(list(response).ok());
+    for (const v1::Delivery& delivery : response.deliveries()) {
+      units.emplace(delivery.tile(), delivery.pass());
+      EXPECT_EQ(delivery.worker_id(), "w1");
+      EXPECT_EQ(delivery.outcome(), v1::Delivery::OUTCOME_COMMITTED);
+      EXPECT_TRUE(delivery.has_lease_time());
+      EXPECT_EQ(delivery.end_time().seconds(), 1'700'000'000) << "by the test's clock";
+    }
+    request.set_page_token(response.next_page_token());
+    ++pages;
+  } while (!request.page_token().empty());
+  EXPECT_EQ(units.size(), 18u);
+  EXPECT_EQ(pages, 3) << "two full ones, and one that says that there is no more";
+  v1::ListDeliveriesResponse none;
+  request.set_page_token("x");
+  EXPECT_EQ(list(none).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  request.clear_page_token();
+  request.set_page_size(10'001);
+  EXPECT_EQ(list(none).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
 }
 
 class TokenTest : public TestFarm {

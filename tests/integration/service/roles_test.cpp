@@ -113,7 +113,7 @@ class RolesTest : public SecureFarm {
 };
 
 TEST_F(RolesTest, EveryRpcHasARuleAndKeepsIt) {
-  ASSERT_GE(all_methods().size(), 23u);
+  ASSERT_GE(all_methods().size(), 24u);
   const auto client = channel("ann"), worker = channel("w1"), admin = channel("root");
   for (const auto* method : all_methods()) {
     const std::string rpc = method->service()->name() + "." + method->name();
@@ -162,20 +162,23 @@ TEST_F(RolesTest, AClientTouchesItsOwnJobsOnly) {
             .error_code(),
         job_call<v1::GetJobReportRequest, v1::GetJobReportResponse>(name, &Stub::GetJobReport, job)
             .error_code(),
+        job_call<v1::ListDeliveriesRequest, v1::ListDeliveriesResponse>(name, &Stub::ListDeliveries,
+                                                                        job)
+            .error_code(),
         job_call<v1::CancelJobRequest, v1::CancelJobResponse>(name, &Stub::CancelJob, job)
             .error_code(),
         job_call<v1::RetryJobRequest, v1::RetryJobResponse>(name, &Stub::RetryJob, job)
             .error_code(),
     };
   };
-  EXPECT_EQ(codes("bob"), std::vector<StatusCode>(6, StatusCode::NOT_FOUND));
+  EXPECT_EQ(codes("bob"), std::vector<StatusCode>(7, StatusCode::NOT_FOUND));
   EXPECT_EQ((job_call<v1::RemoveJobRequest, v1::RemoveJobResponse>("bob", &Stub::RemoveJob, job)
                  .error_code()),
             StatusCode::NOT_FOUND);
   EXPECT_EQ(watch("bob", job), StatusCode::NOT_FOUND);
   EXPECT_EQ(fetch("bob", job), StatusCode::NOT_FOUND);
-  EXPECT_EQ(codes("ann"), std::vector<StatusCode>(6, StatusCode::OK));
-  EXPECT_EQ(codes("root"), std::vector<StatusCode>(6, StatusCode::OK));
+  EXPECT_EQ(codes("ann"), std::vector<StatusCode>(7, StatusCode::OK));
+  EXPECT_EQ(codes("root"), std::vector<StatusCode>(7, StatusCode::OK));
 }
 
 TEST_F(RolesTest, AClientHasEightStreamsOpenHoweverManyConnections) {
