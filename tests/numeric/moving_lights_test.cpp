@@ -8,6 +8,7 @@
 
 #include "tests/numeric/moving_scenes.h"
 #include "worker/light/light_table.h"
+#include "worker/light/shape_emitter.h"
 #include "worker/shading/surface.h"
 
 namespace tessera::render::testing {
@@ -25,6 +26,14 @@ Scene shining_scene(Dice& dice) {
 
 LightReceiver somewhere(Dice& dice) {
   return {dice.vector() * 2.0f, dice.direction(), true, dice.unit()};
+}
+
+bool lies_in(const LightBounds& bounds, const Vec3d& p) {
+  constexpr double kSlack = 1e-12;  // roundings of numbers of about 1
+  for (int k = 0; k < 3; ++k) {
+    if (!(p[k] >= bounds.box_min[k] - kSlack && p[k] <= bounds.box_max[k] + kSlack)) return false;
+  }
+  return true;
 }
 
 double cosine_at(const ShadingScene& shading, const Hit& hit, const Ray& ray) {
@@ -91,13 +100,6 @@ TEST(MovingLights, HaveDensityWhereverTheyAreMet) {
 TEST(MovingLights, LieWithinTheirBounds) {
   Dice dice(43);
   const Scene scene = shining_scene(dice);
-  const auto lies_in = [](const LightBounds& bounds, const Vec3d& p) {
-    const double slack = 1e-12;  // roundings of numbers of about 1
-    for (int k = 0; k < 3; ++k) {
-      if (!(p[k] >= bounds.box_min[k] - slack && p[k] <= bounds.box_max[k] + slack)) return false;
-    }
-    return true;
-  };
   int outside_of_ends = 0;
   for (std::uint32_t i = 0; i < scene.instances.size(); ++i) {
     const Mesh& mesh = scene.meshes[static_cast<std::size_t>(scene.instances[i].mesh)];
@@ -121,6 +123,36 @@ TEST(MovingLights, LieWithinTheirBounds) {
     }
   }
   EXPECT_GT(outside_of_ends, 0) << "paths have become straight";
+}
+
+TEST(MovingLights, OfShapesLieWithinTheirBounds) {
+  Dice dice(44);
+  const Scene scene = shining_scene(dice);
+  int met = 0, outside_at_first = 0;
+  for (const Instance& instance : scene.instances) {
+    const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
+    if (mesh.shape == nullptr || instance.motion == kNone) continue;
+    const LightBounds bounds = bounds_of_moving(scene, instance, 1, true);
+    const Affine3d& first = scene.motions[static_cast<std::size_t>(instance.motion)][0];
+    const LightBounds before = ShapeEmitter(first, *inverse(first), *mesh.shape).bounds(1, true);
+    for (int i = 0; i < 2'000; ++i) {
+      const auto pose = pose_of(scene, instance, dice.unit());
+      if (!pose) continue;
+      const ShapeEmitter emitter(pose->object_to_world, pose->world_to_object, *mesh.shape);
+      const Vec3d from = Vec3d(dice.vector()) * 3.0;
+      if (!(emitter.solid_angle(from) > 0)) continue;
+      const Vec3d direction =
+          emitter.sample(from, static_cast<double>(dice.unit()), static_cast<double>(dice.unit()));
+      ShapeHit hit;
+      if (!emitter.find(from, direction, hit)) continue;
+      const Vec3d point = from + direction * hit.t;
+      ASSERT_TRUE(lies_in(bounds, point)) << mesh.name;
+      ++met;
+      outside_at_first += lies_in(before, point) ? 0 : 1;
+    }
+  }
+  EXPECT_GT(met, 1'000);
+  EXPECT_GT(outside_at_first, 100);
 }
 
 }  // namespace
