@@ -246,20 +246,6 @@ Bsdf PathTracer<kMedia>::bsdf_met(ShadingPoint point, const Vec4f& base) const {
   return bsdf_at(frame_.shading, point, base, -path_.ray.direction, path_.wavelength);
 }
 
-/// Whether the surface is nothing but the end of a medium, or hidden in a solid of higher priority;
-/// then the path goes on behind it.
-template <bool kMedia>
-bool PathTracer<kMedia>::passes_unseen(const ShadingPoint& point, const Hit& hit,
-                                       const SurfacePoint& position) {
-  if ((point.material->traits & kTraitBody) == 0) return false;
-  const Body body = body_of(point);
-  const bool seen = point.material->rank != kBoundaryRank && !media_.interior.hides(body);
-  if (seen) return false;
-  media_.interior.cross(body, point.front);
-  go_on_behind(hit, position);
-  return true;
-}
-
 /// The surface was passed: the same ray from its far side, as long as before.
 template <bool kMedia>
 void PathTracer<kMedia>::go_on_behind(const Hit& hit, const SurfacePoint& position) {
@@ -437,36 +423,6 @@ Vec3f PathTracer<kMedia>::medium_transmittance(const Ray& ray, const LightSample
                             light.distant ? kInfinity : length(ray.direction));
 }
 
-/// light_through() for paths that track bodies.
-template <bool kMedia>
-Vec3f PathTracer<kMedia>::light_through_bodies(const Ray& ray, const LightSample& light) {
-  const ShadingScene& scene = frame_.shading;
-  SheetStack& sheets = scratch_->sheets;
-  Crossings& crossings = *scratch_->crossings;
-  sheets.passed = sheets.count = 0;
-  crossings.clear();
-  const auto traits =
-      static_cast<std::uint8_t>(scene.traits & (kTraitAlpha | kTraitUnlit | kTraitStraight));
-  const ShadowFilter filter{scene,           {sampler_, bounce(), RayKind::shadow},
-                            light.direction, light.triangle,
-                            traits,          &sheets,
-                            ray.time,        &scratch_->passed};
-  bool full = false;
-  const bool blocked = frame_.accel.any_hit(ray, [&](const Hit& hit) {
-    if (hit.id == light.triangle) return false;
-    if ((scene.primitive(hit.id).traits & kTraitBody) == 0) return filter(hit);
-    full = !crossings.add(scene, hit, light.direction, ray.time) || full;
-    return false;
-  });
-  if (blocked) return {};  // whatever was met before: that depends on the traversal
-  if (full || sheets.passed > kTransparencyLimit) {
-    ++path_.result.limit_count;
-    return {};
-  }
-  return sheets.transmittance() *
-         transmittance_across(scene, media_.interior, ray, crossings.in_order(), &media_.chance);
-}
-
 /// Counts a scattering event, after which faint paths end by chance.
 template <bool kMedia>
 bool PathTracer<kMedia>::survives(float u) {
@@ -479,105 +435,7 @@ bool PathTracer<kMedia>::survives(float u) {
   return true;
 }
 
-/// The next `distance` metres, which hold no surface.
-///
-/// Light scattered once more on the way is found in two ways, weighed by their densities along the
-/// ray: where the path collides, and near a light (EquiAngular). For any one light to be near to,
-/// chosen apart, the weights add up to one, so no density of that choice is wanted.
-template <bool kMedia>
-Passage PathTracer<kMedia>::cross_medium(double distance) {
-  const Stretch stretch = stretch_along(frame_.shading, media_.interior, path_.ray, 0, distance);
-  if (stretch.empty()) return Passage::none;
-  const MediumView& medium = *stretch.medium;
-  if (!medium.scatters()) {
-    path_.throughput *= transmittance(stretch, &media_.chance);
-    return Passage::none;
-  }
-  const Vec4d u = sampler_.get_4d_fine(dimensions::medium(bounce()));
-  media_.flight.begin(u.x, u.y, path_.throughput);
-  const Flight start = media_.flight;
-  const auto density = [&](double t) { return start.density(medium, t - stretch.begin); };
-  const std::optional<EquiAngular> near = place_near_a_light(stretch, u.w);
-  if (near) {
-    const double t = near->sample(u.z);
-    const auto pdf = static_cast<float>(near->pdf(t));
-    const float here = medium.even() ? 1 : stretch.density(t);
-    Stretch before = stretch;
-    before.end = t;
-    const Vec3f arrives = transmittance(before, &media_.chance) * medium.scattering * here;
-    add_light_in_medium(medium, Vec3f(stretch.at(t)),
-                        path_.throughput * arrives * (power_heuristic(pdf, density(t)) / pdf),
-                        dimensions::light_in_medium(bounce()));
-  }
-  double t = 0;
-  const bool collides = medium.even()
-                            ? media_.flight.collides(stretch, &path_.throughput, &t)
-                            : collides_unevenly(stretch, &media_.chance, &path_.throughput, &t);
-  if (!collides) return Passage::none;
-  // Where nearness gives light the same weight as colliding does, or none at all, so does this.
-  const float pdf = density(t);
-  float weight = 1;
-  if (near) weight = pdf > 0 ? power_heuristic(pdf, static_cast<float>(near->pdf(t))) : 0;
-  const bool goes_on = scatter_in_medium(medium, Vec3f(stretch.at(t)), weight);
-  return goes_on ? Passage::scattered : Passage::ended;
-}
-
-/// Which light to be near to, chosen for a point about as far on as collisions are likely. None if
-/// no light has a place, and beyond max_depth, where the path is followed for the report only.
-template <bool kMedia>
-std::optional<EquiAngular> PathTracer<kMedia>::place_near_a_light(const Stretch& stretch,
-                                                                  double select) {
-  if (path_.depth >= frame_.max_depth) return std::nullopt;
-  const MediumView& medium = *stretch.medium;
-  const double v = fraction(sampler_.hash(dimensions::medium(bounce())));
-  const auto sigma = static_cast<double>(dot(medium.extinction, Vec3f{1, 1, 1}) * medium.usual) / 3;
-  const double missed = elementary::exp(-sigma * stretch.length());
-  const double reach = -elementary::log(1 - v * (1 - missed)) / sigma;
-  const LightReceiver middle{Vec3f(stretch.at(stretch.begin + reach)), {0, 0, 1}, true};
-  Vec3d place;
-  if (!frame_.lights.place_of_one(middle, select, &place)) return std::nullopt;
-  const EquiAngular near(stretch.origin, stretch.direction, place, stretch.begin, stretch.end);
-  return near.usable() ? std::optional(near) : std::nullopt;
-}
-
-/// The path collided at `position`; `weight` is that of light sampled there.
-template <bool kMedia>
-bool PathTracer<kMedia>::scatter_in_medium(const MediumView& medium, const Vec3f& position,
-                                           float weight) {
-  if (is_cut()) return false;
-  add_light_in_medium(medium, position, path_.throughput * weight, dimensions::light(bounce()));
-  const Vec4f u = sampler_.get_4d(dimensions::bsdf(bounce()));
-  if (!survives(u.w)) return false;
-  const Vec3f before = path_.ray.direction;
-  follow({});
-  path_.ray.origin = position;
-  path_.ray.direction = phase::sample(medium.anisotropy, before, {u.x, u.y});
-  path_.pdf = phase::density(medium.anisotropy, before, path_.ray.direction);
-  path_.from_camera = path_.by_chance = false;
-  path_.footprint = path_.growth = 0;
-  path_.scattered_at = {position, {0, 0, 1}, true, path_.ray.time};
-  media_.flight.restart();
-  return true;
-}
-
-/// Light that comes straight to `position` and is scattered there into the path.
-template <bool kMedia>
-void PathTracer<kMedia>::add_light_in_medium(const MediumView& medium, const Vec3f& position,
-                                             const Vec3f& throughput, std::uint32_t set) {
-  if (!frame_.lights.samples_anything() || !(max_component(throughput) > 0)) return;
-  LightSample light;
-  if (!draw_light({position, {0, 0, 1}, true, path_.ray.time}, set, &light)) return;
-  const float phase = phase::density(medium.anisotropy, path_.ray.direction, light.direction);
-  Ray ray;
-  ray.origin = position;
-  ray.direction = light.distant ? light.direction : light.target - position;
-  if (!light.distant) ray.t_max = 1;
-  ray.time = path_.ray.time;
-  const Vec3f open = light_through(ray, light);
-  if (!(max_component(open) > 0)) return;
-  const float weight = light.pdf > 0 ? power_heuristic(light.pdf, phase) : 1.0f;
-  path_.result.radiance += throughput * light.radiance_over_pdf * open * (phase * weight);
-}
+#include "worker/render/path_media.inc"
 
 template <bool kMedia>
 bool PathTracer<kMedia>::scatter(const ShadingPoint& point, const Bsdf& bsdf, const TriangleId& id,

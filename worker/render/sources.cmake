@@ -1,7 +1,7 @@
 target_sources(tessera_render
   PRIVATE render/accelerator_table.cpp render/aperture.cpp render/camera_rays.cpp render/frame_renderer.cpp render/media.cpp render/numerics_check.cpp
           render/numerics_images.cpp render/parallel_tbb.cpp
-          render/parallel_threads.cpp render/path_tracer.cpp render/pixel_sums.cpp
+          render/parallel_threads.cpp render/path_media.inc render/path_tracer.cpp render/pixel_sums.cpp
           render/ray_recorder.cpp
           render/transparency.cpp
   PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR}
