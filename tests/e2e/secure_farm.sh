@@ -36,6 +36,9 @@ say "who has no certificate is not let in"
 worker_token=$work/join.token
 tessera-server tokens create --store "$work/store" --max-joins 1 --out "$worker_token"
 equal "a token's file is private" "$(stat -c %a "$worker_token")" 600
+secret=$(cut -c10- "$worker_token")
+[ "${#secret}" -eq 64 ] || fail "no secret to look for"
+! grep -rF -- "$secret" "$work/store" || fail "the token's secret is in the store"
 worker=(tessera-worker --server "$address" --certs "$certs/worker-rack" --threads 1)
 exits 3 "${worker[@]}" --cache "$work/cache-none"
 says "join token"
@@ -81,8 +84,6 @@ sleep 1.2
 exits 3 as client-ann list
 says "revoked"
 
-secret=$(cut -c10- "$worker_token")
-[ "${#secret}" -eq 64 ] || fail "no secret to look for"
 for text in "$secret" "PRIVATE KEY" "$(sed -n 2p "$certs/tls.key")" \
   "$(sed -n 2p "$certs/client-ann/tls.key")" "$(sed -n 2p "$certs/worker-rack/tls.key")"; do
   ! grep -F -- "$text" "$work/server.log" "$work/worker-one.log" || fail "a secret is in a log"
