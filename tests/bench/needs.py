@@ -38,10 +38,10 @@ PATHS, FRAME = "worker/render/path_tracer.cpp", "worker/render/frame_renderer.cp
 RAY, SURFACE = "worker/geometry/ray.h", "worker/shading/surface.h"
 FEATURES = {  # feature: (file, what is there, what is put in its place)
     "instances": [
-        (TRAVERSAL, "if (trees.single()) return meet_placed(", "return meet_placed("),
+        (TRAVERSAL, "if (trees.single) return meet_placed(", "return meet_placed("),
         (TRAVERSAL, "  return meet_instances(trees, ray, query);\n}", "}"),
         (TRAVERSAL, "if (!placed.identity) {", "if (false) {"),
-        (PACKET, "if (trees.single()) {", "if (true) {"),
+        (PACKET, "if (trees.single) {", "if (true) {"),
         (PACKET, "if (!placed.identity) {", "if (false) {"),
     ],
     "alpha": [

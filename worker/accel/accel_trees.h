@@ -63,9 +63,7 @@ struct AccelTrees {
   std::vector<std::array<Affine3d, 2>> motions;  // object to world at the keys before and after
   Box3f bounds;                                  // of the padded boxes of the placed meshes
   float origin_limit = 0;                        // the pads hold for origins within this, per axis
-
-  /// Whether one mesh, where it is, is all there is: its tree alone will do.
-  bool single() const { return placed.size() == 1 && placed[0].identity; }
+  bool single = false;  // whether one placed mesh is all there is: its tree alone will do
 };
 
 /// What moves while the shutter is open: trees of it for each time from one key to the next, with

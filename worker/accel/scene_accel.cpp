@@ -35,6 +35,7 @@ void build_top(const Scene& scene, const InstanceChoice& choice, AccelTrees<kWid
   WideBvh<kWidth> bvh = collapse<kWidth>(build_binary_bvh({placed.boxes}, parallel_for));
   trees.nodes = std::move(bvh.nodes);
   trees.bounds = bvh.bounds;
+  trees.single = bvh.leaves.size() == 1;
   for (const BvhLeaf& leaf : bvh.leaves) {
     const std::uint32_t index = placed.instances[bvh.order[leaf.first]];
     const Instance& instance = scene.instances[index];
@@ -75,6 +76,7 @@ void build_moving(const Scene& scene, const AccelTrees<kWidth>& still, MovingTre
 template <int kWidth>
 void assume(std::uint32_t features, AccelTrees<kWidth>& trees, MovingTrees<kWidth>& moving) {
   if ((features & kNeedsInstances) != 0) {
+    trees.single = false;
     for (PlacedMesh& placed : trees.placed) placed.identity = false;
   }
   if ((features & kNeedsMotion) != 0 && moving.times.empty()) {
