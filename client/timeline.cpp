@@ -44,7 +44,7 @@ std::vector<Slice> place(std::vector<const v1::Delivery*> deliveries, std::size_
       thread = free_until.insert(free_until.end(), end);
     }
     const std::int64_t last = std::min(end, *thread);
-    *thread = last - micros(delivery->cpu_time());
+    *thread = last - micros(delivery->cpu_duration());
     slices.push_back(
         {delivery, *thread, last, static_cast<std::size_t>(thread - free_until.begin())});
   }
@@ -78,8 +78,8 @@ ordered_json slice_json(const Slice& slice, int process, std::int64_t begin_us) 
                         {"pass", delivery.pass()},
                         {"retries", delivery.retry_count()},
                         {"cpu_seconds", 1e-6 * static_cast<double>(slice.end_us - slice.begin_us)}};
-  if (delivery.has_lease_time()) {
-    facts["lease_seconds"] = 1e-6 * static_cast<double>(micros(delivery.lease_time()));
+  if (delivery.has_lease_duration()) {
+    facts["lease_seconds"] = 1e-6 * static_cast<double>(micros(delivery.lease_duration()));
   }
   return {{"name", title(delivery)},
           {"cat", category(delivery)},

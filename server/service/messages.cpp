@@ -234,8 +234,9 @@ v1::Delivery to_message(const Delivery& delivery) {
   message.set_worker_id(std::string(delivery.worker_id));
   message.set_outcome(static_cast<v1::Delivery::Outcome>(delivery.outcome));
   set_time(delivery.end_us, *message.mutable_end_time());
-  set_duration(delivery.cpu_seconds, *message.mutable_cpu_time());
-  if (delivery.lease_seconds) set_duration(*delivery.lease_seconds, *message.mutable_lease_time());
+  set_duration(delivery.cpu_seconds, *message.mutable_cpu_duration());
+  if (delivery.lease_seconds)
+    set_duration(*delivery.lease_seconds, *message.mutable_lease_duration());
   message.set_retry_count(delivery.retry_count);
   return message;
 }

@@ -35,7 +35,8 @@ double irradiance(const Scene& scene, int side) {
   const LightReceiver receiver = {{0, 0, 0}, {0, 0, 1}};
   double sum = 0;
   for (int i = 0; i < side * side; ++i) {
-    const LightRandom u = {0.5, (i % side + 0.5) / side, (i / side + 0.5) / side};
+    const int row = i / side;
+    const LightRandom u = {0.5, (i % side + 0.5) / side, (row + 0.5) / side};
     LightSample sample;
     if (!lights.sample(receiver, u, &sample)) continue;
     sum += std::max(0.0, static_cast<double>(sample.radiance_over_pdf.x) *

@@ -438,7 +438,7 @@ TEST_F(FarmTest, DeliveriesAreListedInPages) {
       units.emplace(delivery.tile(), delivery.pass());
       EXPECT_EQ(delivery.worker_id(), "w1");
       EXPECT_EQ(delivery.outcome(), v1::Delivery::OUTCOME_COMMITTED);
-      EXPECT_TRUE(delivery.has_lease_time());
+      EXPECT_TRUE(delivery.has_lease_duration());
       EXPECT_EQ(delivery.end_time().seconds(), 1'700'000'000) << "by the test's clock";
     }
     request.set_page_token(response.next_page_token());

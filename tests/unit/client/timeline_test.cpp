@@ -25,8 +25,8 @@ v1::Delivery delivery(const std::string& worker, std::int32_t tile, std::int64_t
   made.set_outcome(v1::Delivery::OUTCOME_COMMITTED);
   made.mutable_end_time()->set_seconds(kStart + end_ms / 1000);
   made.mutable_end_time()->set_nanos(static_cast<int>(end_ms % 1000) * 1'000'000);
-  made.mutable_cpu_time()->set_seconds(cpu_ms / 1000);
-  made.mutable_cpu_time()->set_nanos(static_cast<int>(cpu_ms % 1000) * 1'000'000);
+  made.mutable_cpu_duration()->set_seconds(cpu_ms / 1000);
+  made.mutable_cpu_duration()->set_nanos(static_cast<int>(cpu_ms % 1000) * 1'000'000);
   return made;
 }
 
@@ -63,7 +63,7 @@ ordered_json of_tile(const std::vector<ordered_json>& slices, int tile) {
 
 TEST(Timeline, ASliceEndsWithItsResultAndIsAsLongAsItsCpuTime) {
   v1::Delivery one = delivery("w1", 7, 2500, 1250);
-  one.mutable_lease_time()->set_seconds(2);
+  one.mutable_lease_duration()->set_seconds(2);
   const auto text =
       timeline_json(report_of(1), {one}, {event(v1::Event::KIND_JOB_SUBMITTED, "j", "", 1)});
   ASSERT_TRUE(text.ok()) << text.status();
