@@ -1,13 +1,14 @@
 #include "worker/agent/asset_cache.h"
 
 #include <fcntl.h>
+#include <stdlib.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <system_error>
@@ -20,7 +21,7 @@ namespace tessera::agent {
 namespace {
 
 constexpr std::size_t kReadBytes = 1 << 20;
-constexpr std::chrono::hours kAbandoned{24};  // age of a partial file that nobody writes any more
+constexpr char kPartEnd[] = ".part";  // of names of files being written
 
 absl::Status disk_error(const std::string& path) {
   return absl::FailedPreconditionError(absl::StrCat(path, ": ", std::strerror(errno)));
@@ -56,6 +57,25 @@ absl::Status sync_folder(const std::string& path) {
   return absl::OkStatus();
 }
 
+/// A new file PATH.XXXXXX.part, its name in `name`, locked for as long as it is open anywhere: the
+/// kernel frees the lock of a worker that is killed.
+Descriptor create_part(const std::string& path, std::string& name) {
+  while (true) {
+    name = absl::StrCat(path, ".XXXXXX", kPartEnd);
+    Descriptor file(::mkostemps(name.data(), static_cast<int>(sizeof kPartEnd - 1), O_CLOEXEC));
+    if (!file) return file;
+    ::flock(file.get(), LOCK_EX);
+    struct stat info {};  // another worker may have taken it for abandoned before it was locked
+    if (::fstat(file.get(), &info) == 0 && info.st_nlink > 0) return file;
+  }
+}
+
+/// Removes a partial file unless somebody still writes it.
+void remove_if_abandoned(const std::string& part) {
+  const Descriptor file(::open(part.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW));
+  if (file && ::flock(file.get(), LOCK_EX | LOCK_NB) == 0) ::unlink(part.c_str());
+}
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<AssetCache>> AssetCache::open(const std::string& folder,
@@ -63,7 +83,9 @@ absl::StatusOr<std::unique_ptr<AssetCache>> AssetCache::open(const std::string& 
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) return absl::FailedPreconditionError(absl::StrCat(folder, ": ", error.message()));
-  return std::unique_ptr<AssetCache>(new AssetCache(folder, limit_bytes));
+  std::unique_ptr<AssetCache> cache(new AssetCache(folder, limit_bytes));
+  cache->trim();
+  return cache;
 }
 
 std::string AssetCache::path_of(const contract::Digest& digest) const {
@@ -97,13 +119,8 @@ std::optional<Descriptor> AssetCache::open_verified(const contract::Digest& dige
 
 absl::StatusOr<Descriptor> AssetCache::fill(const contract::Digest& digest, std::int64_t size_bytes,
                                             const Source& download) {
-  std::int64_t number = 0;
-  {
-    const std::lock_guard lock(mutex_);
-    number = next_part_++;
-  }
-  const std::string part = absl::StrCat(path_of(digest), ".", ::getpid(), "-", number, ".part");
-  Descriptor file(::open(part.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+  std::string part;
+  Descriptor file = create_part(path_of(digest), part);
   if (!file) return disk_error(part);
   contract::Hasher hasher;
   std::int64_t received = 0;
@@ -161,10 +178,8 @@ void AssetCache::trim() {
     const auto size = static_cast<std::int64_t>(entry.file_size(gone));
     const fs::file_time_type used = entry.last_write_time(gone);
     if (gone) continue;
-    if (!entry.path().extension().empty()) {  // .part: being written, or left by a worker killed
-      if (fs::file_time_type::clock::now() - used > kAbandoned) fs::remove(entry.path(), gone);
-      continue;
-    }
+    if (entry.path().extension() == kPartEnd) remove_if_abandoned(entry.path());
+    if (!entry.path().extension().empty()) continue;
     files.push_back({used, entry.path(), size});
     total += size;
   }

@@ -22,7 +22,7 @@ namespace tessera::agent {
 /// nothing needs a pin. Any thread.
 class AssetCache {
  public:
-  /// Makes `folder` if need be. Errors: FailedPrecondition naming the folder.
+  /// Makes `folder` if need be, and trims it. Errors: FailedPrecondition naming the folder.
   static absl::StatusOr<std::unique_ptr<AssetCache>> open(const std::string& folder,
                                                           std::int64_t limit_bytes);
 
@@ -40,7 +40,8 @@ class AssetCache {
   /// Errors: FailedPrecondition, the folder cannot be written.
   absl::StatusOr<Descriptor> scratch();
 
-  /// Removes the least recently used files until the rest fit the limit.
+  /// Removes what killed workers left half written, and the least recently used files until the
+  /// rest fit the limit.
   void trim();
 
  private:
@@ -57,7 +58,6 @@ class AssetCache {
   const std::int64_t limit_bytes_;
   std::mutex mutex_;  // guards what follows
   std::set<contract::Digest> verified_;
-  std::int64_t next_part_ = 0;
 };
 
 }  // namespace tessera::agent

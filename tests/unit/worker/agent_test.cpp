@@ -265,15 +265,25 @@ TEST(AssetCache, AFileDamagedOnDiskIsFetchedAgain) {
   EXPECT_EQ(download.calls, 2);
 }
 
-TEST(AssetCache, PartialFilesOfKilledWorkersGoAfterADayOthersStay) {
+TEST(AssetCache, PartialFilesOfKilledWorkersGoThoseBeingWrittenStay) {
   Folder folder;
   const auto cache = *AssetCache::open(folder.path(), 1000);
-  for (const char* name : {"/old.part", "/new.part"}) std::ofstream(folder.path() + name) << "x";
-  fs::last_write_time(folder.path() + "/old.part",
-                      fs::file_time_type::clock::now() - std::chrono::hours(25));
-  cache->trim();
-  EXPECT_FALSE(fs::exists(folder.path() + "/old.part"));
-  EXPECT_TRUE(fs::exists(folder.path() + "/new.part"));
+  const auto part_count = [&] {
+    return std::count_if(fs::directory_iterator(folder.path()), fs::directory_iterator(),
+                         [](const auto& entry) { return entry.path().extension() == ".part"; });
+  };
+  Download download{"a scene file"};
+  const auto file = cache->get(contract::sha256(download.bytes), 12, [&](const auto& write) {
+    EXPECT_TRUE(write("a scene").ok());
+    std::ofstream(folder.path() + "/left.part") << "x";  // as by a worker that was killed
+    EXPECT_EQ(part_count(), 2);
+    EXPECT_TRUE(AssetCache::open(folder.path(), 1000).ok());  // of another worker of this host
+    EXPECT_EQ(part_count(), 1);
+    return write(" file");
+  });
+  ASSERT_TRUE(file.ok()) << file.status();
+  EXPECT_EQ(contents(*file), "a scene file");
+  EXPECT_EQ(part_count(), 0);
 }
 
 TEST(AssetCache, TheLeastRecentlyUsedGoFirstAndOpenFilesStayReadable) {
