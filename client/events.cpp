@@ -3,13 +3,11 @@
 #include <algorithm>
 #include <cstdio>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <string>
 
 #include "absl/strings/str_cat.h"
-#include "absl/time/time.h"
 #include "client/commands.h"
-#include "client/event_name.h"
+#include "client/event_document.h"
 #include "client/farm_client.h"
 #include "client/interrupt.h"
 
@@ -22,12 +20,6 @@ struct EventsOptions {
   bool json = false;
 };
 
-std::string time_text(const v1::Event& event) {
-  const absl::Time time = absl::FromUnixSeconds(event.event_time().seconds()) +
-                          absl::Nanoseconds(event.event_time().nanos());
-  return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", time, absl::UTCTimeZone());
-}
-
 /// What came from other machines does not steer this terminal.
 std::string printable(std::string text) {
   std::replace_if(
@@ -36,7 +28,7 @@ std::string printable(std::string text) {
 }
 
 std::string line_of(const v1::Event& event) {
-  std::string line = time_text(event);
+  std::string line = event_time_text(event);
   if (!event.worker_id().empty()) absl::StrAppend(&line, " worker ", event.worker_id());
   if (event.kind() == v1::Event::KIND_LOG_LINE) {
     return absl::StrCat(line, ": ", printable(event.message()));
@@ -45,13 +37,6 @@ std::string line_of(const v1::Event& event) {
   absl::StrAppend(&line, " ", event_name(event.kind()));
   if (!event.message().empty()) absl::StrAppend(&line, ": ", printable(event.message()));
   return line;
-}
-
-nlohmann::ordered_json document_of(const v1::Event& event) {
-  return {{"schema", "tessera.event/1"}, {"sequence", event.sequence()},
-          {"time", time_text(event)},    {"kind", event_name(event.kind())},
-          {"job", event.job_id()},       {"worker", event.worker_id()},
-          {"message", event.message()}};
 }
 
 /// Whether nothing more comes of a job that is followed.
@@ -74,7 +59,7 @@ int run(const EventsOptions& options, const Connection& connection) {
     request.set_job_id(job->id());
   }
   const absl::Status status = (*client)->watch_events(request, [&](const v1::Event& event) {
-    const std::string text = options.json ? document_of(event).dump() : line_of(event);
+    const std::string text = options.json ? event_document(event).dump() : line_of(event);
     std::printf("%s\n", text.c_str());
     std::fflush(stdout);
     return !(options.follow && !options.job.empty() && is_last(event));

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "client/event_name.h"
+#include "client/event_document.h"
 
 namespace tessera::client {
 namespace {

@@ -15,8 +15,8 @@ build_packages=(
   # Scenes and images. libopenimageio-dev does not pull in OpenEXR's headers, nor its tools.
   libtinygltf-dev nlohmann-json3-dev libdraco-dev libmeshoptimizer-dev
   libopenimageio-dev libopenexr-dev openimageio-tools libpng-dev libjpeg62-turbo-dev libwebp-dev
-  # Threads, command lines, logs, metrics.
-  libtbb-dev libcli11-dev libspdlog-dev prometheus-cpp-dev
+  # Threads, command lines, logs, metrics, webhooks.
+  libtbb-dev libcli11-dev libspdlog-dev prometheus-cpp-dev libcurl4-openssl-dev
 )
 test_packages=(
   libgtest-dev libgmock-dev libembree-dev

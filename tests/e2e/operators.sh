@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What an operator sees and orders: events, logs, drain, ban.
+# What an operator sees and orders: events, logs, webhooks, drain, ban.
 . "$(dirname "$0")/farm.sh"
 scene=$scenes/lit_square.gltf
 job=(--size 64x48 --spp 8 --tile 16)
@@ -14,6 +14,20 @@ is_state() { [ "$(worker_state "$1")" = "$2" ]; }
 start_server
 start_interruptible events tessera events --server "$socket" --follow --json
 follower=$started
+echo hush >"$work/secret"
+python3 "$(dirname "$0")/operators/receiver.py" "$work/secret" "$work/posts" >"$work/receiver.port" 2>"$work/receiver.log" &
+worker_pid[receiver]=$! # so that it is stopped at the end
+wait_until 30 "the receiver listens" test -s "$work/receiver.port"
+export TESSERA_WEBHOOK_URL=http://127.0.0.1:$(cat "$work/receiver.port")/hook no_proxy=127.0.0.1
+start_webhook() {
+  tessera-webhook --server "$socket" --secret "$work/secret" --state "$work/webhook.state" 2>>"$work/webhook.log" &
+  worker_pid[webhook]=$!
+}
+start_webhook
+wait_until 30 "the webhook has begun" test -s "$work/webhook.state"
+# posted: the receiver has what the follower has, in order, and nothing twice.
+sequences() { sed -n 's/.*"sequence":\([0-9]*\),.*/\1/p' "$1"; }
+posted() { cmp -s <(sequences "$work/events.out") <(sequences "$work/posts"); }
 start_worker one --id w-one --log-level debug
 start_worker two --id w-two
 wait_until 60 "both workers are here" is_state w-two idle
@@ -46,8 +60,13 @@ wait "${worker_pid[two]}" || fail "a drained worker ended with $?"
 unset "worker_pid[two]"
 say "drain: the worker ends with 0"
 
+kill "${worker_pid[webhook]}"
+wait "${worker_pid[webhook]}" || fail "tessera-webhook ended with $? on SIGTERM"
+
 exits 0 farm workers ban one # by its name
 equal "a banned worker is set aside" "$(worker_state w-one)" "set aside"
+start_webhook
+wait_until 60 "what the webhook missed is posted" posted
 id=$(farm submit "$scene" "${job[@]}" --seed 2 --name waits)
 kill_server
 start_server
@@ -66,6 +85,15 @@ done <"$work/out"
 for kind in "job submitted" "frame finished" "job done" "worker drained" "worker banned" "worker allowed"; do
   wait_until 60 "event '$kind' comes, over the restart" grep -q "\"kind\":\"$kind\"" "$work/events.out"
 done
+wait_until 60 "all events are posted" posted
+grep -q "http://127.0.0.1:[0-9]* answers 503; again in 1s" "$work/webhook.log" ||
+  fail "the receiver was not busy at first"
+kill "${worker_pid[webhook]}"
+wait "${worker_pid[webhook]}" || fail "tessera-webhook ended with $? on SIGTERM"
+kill "${worker_pid[receiver]}"
+wait "${worker_pid[receiver]}" || true
+unset "worker_pid[webhook]" "worker_pid[receiver]"
+say "webhook: signed, in order, through a busy receiver, over restarts of itself and of the server"
 interrupted events "$follower"
 say "events: one stream, over a restart of the server"
 
