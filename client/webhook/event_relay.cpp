@@ -46,7 +46,7 @@ absl::Status EventRelay::post(const v1::Event& event) {
   const std::string body = event_document(event).dump();
   absl::Duration wait = options_.first_wait;
   for (int failures = 0;; ++failures) {
-    const absl::Status status = poster_.post(body);
+    absl::Status status = poster_.post(body);
     if (status.ok() && failures > 0) log_(LogLevel::info, "events are taken again");
     if (status.ok() || absl::IsCancelled(status)) return status;
     const std::string what = absl::StrCat("event ", event.sequence(), " (",
