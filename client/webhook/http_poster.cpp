@@ -76,7 +76,6 @@ class CurlPoster final : public HttpPoster {
   }
 
   absl::Status post(const std::string& body) override {
-    if (is_cancelled_) return absl::CancelledError("interrupted");
     CURL* curl = curl_.get();
     const auto headers = headers_of(body);
     curl_easy_setopt(curl, CURLOPT_HTTPHEADER, headers.get());

@@ -11,6 +11,7 @@
 #include <chrono>
 #include <cstdlib>
 #include <future>
+#include <memory>
 #include <string>
 #include <thread>
 #include <utility>
@@ -158,12 +159,17 @@ TEST(HttpPoster, FollowsNoRedirect) {
 }
 
 TEST(HttpPoster, HearsHowLongToWait) {
-  Receiver receiver({"429 Too Many Requests\r\nRetry-After: 7", "200 OK"});
-  const auto poster = poster_to(receiver);
+  const std::string busy = "429 Too Many Requests\r\nRetry-After: 7";
+  auto receiver = std::make_unique<Receiver>(std::vector<std::string>{busy, "200 OK", busy});
+  const auto poster = poster_to(*receiver);
   EXPECT_FALSE(poster->post("{}").ok());
   EXPECT_EQ(poster->asked_to_wait(), absl::Seconds(7));
   EXPECT_TRUE(poster->post("{}").ok());
   EXPECT_EQ(poster->asked_to_wait(), absl::ZeroDuration());
+  EXPECT_FALSE(poster->post("{}").ok());
+  receiver.reset();
+  EXPECT_FALSE(poster->post("{}").ok());
+  EXPECT_EQ(poster->asked_to_wait(), absl::ZeroDuration()) << "nobody answered, nobody asked";
 }
 
 TEST(HttpPoster, WaitsSoLongAndNoLonger) {

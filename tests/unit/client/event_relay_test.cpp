@@ -29,9 +29,10 @@ class ScriptedPoster final : public HttpPoster {
     if (before_answer) before_answer(posted.size());
     return index < answers_.size() ? answers_[index] : absl::OkStatus();
   }
-  absl::Duration asked_to_wait() const override { return absl::ZeroDuration(); }
+  absl::Duration asked_to_wait() const override { return asked; }
   void cancel() override {}
 
+  absl::Duration asked = absl::ZeroDuration();
   std::vector<nlohmann::json> posted;
   std::function<void(std::size_t)> before_answer;  // gets the number of posts so far
 
@@ -86,6 +87,23 @@ TEST(EventRelay, LeavesOutWhatIsRefusedAndSaysSo) {
   EXPECT_EQ(poster.posted.size(), 1);
   ASSERT_EQ(said.size(), 1);
   EXPECT_EQ(said[0], "event 4 (job done): answers 400; left out");
+}
+
+TEST(EventRelay, WaitsTwiceAsLongEachTimeOrAsLongAsItIsAskedTo) {
+  ScriptedPoster poster(std::vector<absl::Status>(5, absl::UnavailableError("busy")));
+  std::vector<std::string> said;
+  EventRelay::Options options = quick();
+  options.longest_wait = absl::Milliseconds(4);
+  EventRelay relay(poster, options,
+                   [&](LogLevel, const std::string& line) { said.push_back(line); });
+  poster.before_answer = [&](std::size_t posts) {
+    poster.asked = posts == 2 ? absl::Milliseconds(9) : absl::ZeroDuration();
+    if (posts == 3) poster.asked = absl::Hours(1);  // more than anybody waits
+  };
+  EXPECT_TRUE(relay.pass(event(v1::Event::KIND_JOB_DONE, 4)).ok());
+  const std::string busy = "event 4 (job done): busy; again in ";
+  EXPECT_EQ(said, (std::vector<std::string>{busy + "1ms", busy + "9ms", busy + "40ms", busy + "4ms",
+                                            busy + "4ms", "events are taken again"}));
 }
 
 TEST(EventRelay, PassesTheKindsThatAreWanted) {
