@@ -334,7 +334,7 @@ TEST(HardCase52, ADenseMediumEndsItsPathsByRoulette) {
   Scene scene = spot({0, 0, 5}, {0, 0, 0});
   set_constant_sky(&scene, 1);
   fill(&scene, medium({2e5f, 2e5f, 2e5f}, {8e5f, 8e5f, 8e5f}), 1);
-  const Picture picture = middle(scene, 64, 64);
+  const Picture picture = middle(scene, 512, 64);
   // Isotropic, half-infinite, lit from everywhere, met at right angles: 1 - H(1) sqrt(1 - albedo)
   // with Chandrasekhar's H(1) = 1.9228 at albedo 0.8 (iterated below).
   const double albedo = 0.8;
@@ -356,7 +356,7 @@ TEST(HardCase52, ADenseMediumEndsItsPathsByRoulette) {
   EXPECT_NEAR(picture.mean(), expected, 4 * std::sqrt(3) * picture.mean_error() + 2e-3);
   double truncated = 0;
   for (const auto& block : picture.blocks) truncated += block.truncated_energy;
-  EXPECT_LT(truncated / (64 * 16), 1e-3 * expected);  // next to none comes as far as 64 collisions
+  EXPECT_LT(truncated / (512 * 16), 1e-3 * expected);  // next to none comes as far as 64 collisions
 }
 
 }  // namespace

@@ -341,7 +341,7 @@ Scene crowd(Dice& dice) {
   place_shape(scene, make_disc(0.5), random_placement(dice, 1, Vec3d(dice.vector()), false));
   place_shape(scene, make_rectangle(1, 0.5), random_placement(dice, 1, Vec3d(dice.vector()), true));
   place_shape(scene, make_cylinder(0.4, 1, false), moved({0.5, 0, 0}));
-  place_shape(scene, make_box({0.5, 0.5, 0.5}));
+  for (int i = 0; i < 2; ++i) place_shape(scene, make_box({0.5, 0.5, 0.5}));  // ties
   for (const CsgOperation operation : {CsgOperation::unite, CsgOperation::intersect,
                                        CsgOperation::subtract, CsgOperation::exclude}) {
     const auto first = static_cast<std::uint32_t>(scene.instances.size());

@@ -236,8 +236,7 @@ absl::Status animate_json(const Document& document, const std::vector<std::int32
       const auto values = pointer_values(document, animation, channel, seconds);
       if (!values.ok()) return values.status();
       json& place = root[json::json_pointer(channel.pointer)];
-      const bool single = channel.width == 1 && !place.is_array();
-      place = single ? json(values->front()) : json(*values);
+      place = channel.width == 1 ? json(values->front()) : json(*values);
     }
   }
   return absl::OkStatus();

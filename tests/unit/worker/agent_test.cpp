@@ -1,6 +1,7 @@
 // The agent's parts that touch the machine: sockets with descriptors, threads, the asset cache.
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -146,7 +147,7 @@ TEST(DescriptorReader, TexelsOverTheLimitLieInTheFile) {
   };
   auto reader = reader_of(100);
   EXPECT_EQ(*reader->set_aside(first), nullptr) << "within the limit";
-  const auto aside = *reader->set_aside(second);
+  auto aside = *reader->set_aside(second);
   ASSERT_NE(aside, nullptr);
   // Another reader of the file writes behind it; both stay when their readers have gone.
   reader = reader_of(0);
@@ -154,6 +155,11 @@ TEST(DescriptorReader, TexelsOverTheLimitLieInTheFile) {
   reader.reset();
   EXPECT_TRUE(std::equal(second.begin(), second.end(), aside.get()));
   EXPECT_TRUE(std::equal(first.begin(), first.end(), other.get()));
+  // What nobody looks at any more is not mapped any more.
+  const std::byte* const was_at = aside.get();
+  aside.reset();
+  unsigned char resident = 0;
+  EXPECT_EQ(::mincore(const_cast<std::byte*>(was_at), 1, &resident), -1);
 }
 
 TEST(RenderPool, ALoopRunsEveryIndexOnceFromTasksAndFromOutside) {
