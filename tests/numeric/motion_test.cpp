@@ -63,6 +63,19 @@ struct Shots {
   std::vector<bool> found;
   std::vector<Hit> hits;
   int count = 0, moving = 0;
+
+  void add(const Scene& scene, const Ray& ray) {
+    Hit hit;
+    rays.push_back(ray);
+    found.push_back(brute_force_closest(scene, ray, hit));
+    hits.push_back(hit);
+    if (!found.back()) return;
+    ++count;
+    const Instance& instance = scene.instances[hit.id.instance];
+    const bool moves = instance.motion != kNone ||
+                       !scene.meshes[static_cast<std::size_t>(instance.mesh)].keys.empty();
+    moving += moves ? 1 : 0;
+  }
 };
 
 Shots shoot(const Scene& scene, int times, int rays, Dice& dice) {
@@ -78,16 +91,7 @@ Shots shoot(const Scene& scene, int times, int rays, Dice& dice) {
       Ray ray = adversarial_ray(now, dice);
       ray.time = time;
       if (dice.below(8) == 0) ray.leaves = {dice.below(12), dice.below(2), dice.below(10)};
-      Hit hit;
-      out.rays.push_back(ray);
-      out.found.push_back(brute_force_closest(scene, ray, hit));
-      out.hits.push_back(hit);
-      if (!out.found.back()) continue;
-      ++out.count;
-      const Instance& instance = scene.instances[hit.id.instance];
-      const bool moves = instance.motion != kNone ||
-                         !scene.meshes[static_cast<std::size_t>(instance.mesh)].keys.empty();
-      out.moving += moves ? 1 : 0;
+      out.add(scene, ray);
     }
   }
   return out;
@@ -209,11 +213,7 @@ TEST(HardCase31, BoxesReachAsFarAsWhatIsInThem) {
     ray.origin = Vec3f(at - along);
     ray.direction = Vec3f(along);
     ray.time = scene.key_times[key];
-    Hit hit;
-    shots.rays.push_back(ray);
-    shots.found.push_back(brute_force_closest(scene, ray, hit));
-    shots.hits.push_back(hit);
-    shots.count += shots.found.back() ? 1 : 0;
+    shots.add(scene, ray);
   }
   EXPECT_GT(shots.count, 300);
   for (const Isa isa : {Isa::avx2, Isa::avx512}) {
@@ -248,11 +248,7 @@ TEST(HardCase31, SquashedThingsThatMoveAreNotCulledByTheirBoxes) {
     ray.time = scene.key_times[key];
     ray.origin = dice.vector() * 2.0f;
     ray.direction = near + dice.vector() * 1e-3f - ray.origin;
-    Hit hit;
-    shots.rays.push_back(ray);
-    shots.found.push_back(brute_force_closest(scene, ray, hit));
-    shots.hits.push_back(hit);
-    shots.count += shots.found.back() ? 1 : 0;
+    shots.add(scene, ray);
   }
   EXPECT_GT(shots.count, 400);
   for (const Isa isa : {Isa::avx2, Isa::avx512}) {
