@@ -15,7 +15,7 @@ grep "$work/units\|^tessera" "$work/verify.log" >"$work/faults.log" || true
 [ ! -s "$work/faults.log" ] || fail "$(cat "$work/faults.log")"
 say "systemd finds no fault"
 
-for program in server worker; do
+for program in server worker webhook; do
   "$TESSERA_BIN/tessera-$program" --help >"$work/help"
   for option in $(grep -h '^ExecStart=' "$units"/tessera-$program*.service | grep -o -- '--[a-z-]*'); do
     grep -q -- "$option " "$work/help" || fail "tessera-$program has no $option"
