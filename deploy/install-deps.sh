@@ -2,7 +2,7 @@
 # Installs the Debian 12 packages Tessera is built from. Idempotent; asks apt only for what lacks.
 #
 #   deploy/install-deps.sh           all: to build, test, lint and fuzz
-#   deploy/install-deps.sh --build   only what building and running the three programs takes
+#   deploy/install-deps.sh --build   only what building and running the programs takes
 #   deploy/install-deps.sh --list    print the names and change nothing
 set -euo pipefail
 

@@ -57,7 +57,7 @@ EventRelay::Options quick(const std::string& state_file = "") {
 
 /// A path in a folder of this test alone, where no file is.
 std::string fresh_file() {
-  const std::string file =
+  std::string file =
       absl::StrCat(testing::TempDir(), "webhook-",
                    testing::UnitTest::GetInstance()->current_test_info()->name(), "-", ::getpid());
   std::filesystem::remove(file);
