@@ -9,6 +9,7 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
+#include "proto/contract/finite_range.h"
 #include "proto/contract/version_text.h"
 #include "proto/image/library_versions.h"
 #include "proto/log/log.h"
@@ -39,7 +40,7 @@ void add_client_limits(CLI::App& app, Config& config) {
                  "Most unfinished jobs a client may have; 0: any number")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{1'000'000}))
       ->capture_default_str();
-  const auto limit = CLI::Range(0.0, 1e9);
+  const auto limit = contract::finite_range(0.0, 1e9);
   app.add_option("--client-gigasamples", config.client_gigasamples,
                  "Most pixels x samples of a client's unfinished jobs, 10^9; 0: any number")
       ->check(limit)
@@ -69,7 +70,7 @@ void add_options(CLI::App& app, Config& config) {
                  "Folder with ca.crt, tls.crt and tls.key (see init-certs); TCP then takes only "
                  "callers with a certificate of that authority")
       ->type_name("DIR");
-  const auto size = CLI::Range(0.001, 1e6);
+  const auto size = contract::finite_range(0.001, 1e6);
   app.add_option("--film-memory", config.film_memory_gb, "Merged tiles kept in memory, GB")
       ->check(size)
       ->capture_default_str();
@@ -86,11 +87,11 @@ void add_options(CLI::App& app, Config& config) {
       ->capture_default_str();
   app.add_option("--keep-jobs", config.keep_jobs_days,
                  "Days after its end at which a job is removed, with its images; 0: never")
-      ->check(CLI::Range(0.0, 36'500.0))
+      ->check(contract::finite_range(0.0, 36'500.0))
       ->capture_default_str();
   app.add_option("--audit", config.audit,
                  "Share of units that another worker renders again, to be compared; 0: none")
-      ->check(CLI::Range(0.0, 1.0))
+      ->check(contract::finite_range(0.0, 1.0))
       ->capture_default_str();
   add_client_limits(app, config);
   app.add_option("--metrics", config.metrics,

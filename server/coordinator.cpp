@@ -423,6 +423,7 @@ JobRecord Coordinator::record(const Job& job) const {
   record.create_time_us = now.create_time_us;
   record.end_time_us = now.end_time_us;
   record.wall_seconds = now.elapsed_seconds;
+  record.render_contract = job.spec->render_contract;
   return record;
 }
 

@@ -282,6 +282,7 @@ class Coordinator {
 
   absl::Status load(const std::vector<JobRecord>& records, const std::vector<std::string>& banned);
   absl::Status load_job(const JobRecord& record) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status load_units(Job& job, const JobRecord& record) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   void settle(Afterwards& afterwards) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void journal_running() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

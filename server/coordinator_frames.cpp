@@ -267,7 +267,7 @@ absl::StatusOr<FrameRecord> Coordinator::write_finished(const FrameKey& key, con
     point.samples = figures.samples;
     point.relmse = figures.estimate.relmse;
     point.error = *luminance > 0 ? std::optional(figures.estimate.error) : std::nullopt;
-    point.error_true = *luminance > 0 ? figures.true_error : std::nullopt;
+    point.truth = figures.truth;
     curve.push_back(point);
     note.unit_count += progress[pass].committed;
   }

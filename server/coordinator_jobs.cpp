@@ -13,15 +13,21 @@ namespace {
 constexpr auto kAssetPin = std::chrono::hours(1);
 constexpr int kIdLetters = 8;
 
-/// Restores a job's units from the journal; those of frames not finished go to `visit_open` too.
-absl::Status restore_units(const Store& store, Scheduler& scheduler, Job& job,
-                           const std::function<void(const UnitRecord&)>& visit_open) {
+/// Restores what units of a job came to that have no row of their own any more.
+absl::Status restore_totals(const Store& store, Scheduler& scheduler, Job& job) {
   const auto totals = store.totals(job.spec->id);
   if (!totals.ok()) return totals.status();
   for (const UnitTotals& total : *totals) {
     scheduler.restore_contribution(job, total.worker_id, {total.units, total.cpu_seconds});
     job.counters.audited += total.audited;
   }
+  return absl::OkStatus();
+}
+
+/// Restores a job's units from the journal; those of frames not finished go to `visit_open` too.
+absl::Status restore_units(const Store& store, Scheduler& scheduler, Job& job,
+                           const std::function<void(const UnitRecord&)>& visit_open) {
+  if (absl::Status status = restore_totals(store, scheduler, job); !status.ok()) return status;
   const JobPlan& plan = job.open_plan();
   return store.for_each_unit(job.spec->id, [&](const UnitRecord& unit) {
     if (!plan.contains(unit.unit)) return;
@@ -29,6 +35,34 @@ absl::Status restore_units(const Store& store, Scheduler& scheduler, Job& job,
     if (unit.audit == AuditState::over) ++job.counters.audited;
     if (!plan.is_finished(unit.unit.frame)) visit_open(unit);
   });
+}
+
+/// Restores what a job cost whose units this server does not read.
+absl::Status restore_costs(const Store& store, Scheduler& scheduler, Job& job) {
+  if (absl::Status status = restore_totals(store, scheduler, job); !status.ok()) return status;
+  return store.for_each_unit(job.spec->id, [&](const UnitRecord& unit) {
+    scheduler.restore_contribution(job, unit.worker_id, {1, unit.cpu_seconds});
+  });
+}
+
+/// Whether anything of a job has been rendered.
+absl::StatusOr<bool> has_begun(const Store& store, const std::string& job_id) {
+  const auto frames = store.frames(job_id);
+  if (!frames.ok()) return frames.status();
+  bool begun = !frames->empty();
+  if (begun) return true;
+  absl::Status status = store.for_each_unit(job_id, [&](const UnitRecord&) { begun = true; });
+  if (!status.ok()) return status;
+  return begun;
+}
+
+/// Errors: FailedPrecondition for a job whose blocks are of another render contract; passes and
+/// sampling may be others now, and a frame is of one contract.
+absl::Status check_contract(const JobSpec& spec) {
+  if (spec.render_contract == contract::kRenderContract) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("job ", spec.id, " was begun under render contract ", spec.render_contract,
+                   ", and this server's is ", contract::kRenderContract, "; submit it again"));
 }
 
 }  // namespace
@@ -62,6 +96,14 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
   auto spec = options_.read_spec(record);
   if (!spec.ok()) return spec.status();
   auto state = static_cast<JobState>(record.state);
+  const bool is_of_ours = record.render_contract == contract::kRenderContract;
+  bool begun = true;
+  if (state == JobState::queued || !is_of_ours) {
+    const auto found = has_begun(store_, record.id);
+    if (!found.ok()) return found.status();
+    begun = *found;
+  }
+  if (begun) spec->render_contract = record.render_contract;
   Job& job =
       scheduler_.add_job(record.sequence, std::make_shared<const JobSpec>(*std::move(spec)), state);
   job.reason = record.reason;
@@ -71,23 +113,29 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
   film.create_time_us = record.create_time_us;
   film.end_time_us = record.end_time_us;
   film.wall_at_start = record.wall_seconds;
+  if (!begun && !is_of_ours) changed_.insert(job.key);  // nothing of it is of another contract
+  if (!begun && state == JobState::queued) return absl::OkStatus();
   const auto frames = store_.frames(record.id);
   if (!frames.ok()) return frames.status();
-  const contract::RenderSettings& settings = job.spec->settings;
-  if (state == JobState::queued && frames->empty()) {
-    bool is_untouched = true;
-    absl::Status status =
-        store_.for_each_unit(record.id, [&](const UnitRecord&) { is_untouched = false; });
-    if (!status.ok() || is_untouched) return status;
-  }
   JobPlan& plan = job.open_plan();
   for (const FrameRecord& frame : *frames) {
     const FrameNote note = read_frame_note(frame.statistics_json);
-    if (!note.fits(settings)) continue;
+    if (!note.fits(job.spec->settings)) continue;
     note_finished(film, frame, note);
     plan.finish(frame.frame, note.unit_count);
     film.committed_samples += note.samples;
   }
+  const absl::Status same = check_contract(*job.spec);
+  if (same.ok() || state == JobState::done) return load_units(job, record);
+  if (!has_ended(state)) {
+    scheduler_.end_job(job, JobState::failed, std::string(same.message()), options_.clock());
+  }
+  return restore_costs(store_, scheduler_, job);
+}
+
+absl::Status Coordinator::load_units(Job& job, const JobRecord& record) {
+  JobPlan& plan = job.open_plan();
+  JobFilm& film = film_of(job);
   const bool has_open_frames = plan.finished_frame_count() < plan.frame_count();
   const contract::TileGrid* grid = has_open_frames ? &grid_of(job) : nullptr;
   FrameLedger* ledger = has_open_frames ? &ledger_of(job) : nullptr;
@@ -105,7 +153,7 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
       });
   if (!status.ok()) return status;
   film.samples_at_start = film.committed_samples;
-  if (has_ended(state)) return absl::OkStatus();
+  if (has_ended(job.state)) return absl::OkStatus();
   for (const std::int32_t frame : plan.frames()) frame_may_be_complete(job, frame);
   open_films(job);
   if (plan.finished_frame_count() == plan.frame_count()) {
@@ -185,6 +233,7 @@ void Coordinator::make_job(const JobSpec& spec, const OnCreated& done) {
   record.request = spec.request;
   record.state = static_cast<std::int32_t>(JobState::queued);
   record.create_time_us = options_.wall_us();
+  record.render_contract = spec.render_contract;
   for (int attempt = 0; attempt < 4; ++attempt) {  // a removed job's id may be drawn again
     {
       MutexLock lock(mutex_);
@@ -227,7 +276,8 @@ void Coordinator::change_job(const std::string& job_id, Change change, const OnJ
     } else if (change == Change::cancel) {
       status = scheduler_.cancel(*job, now);
     } else {
-      status = check_owners_quota(*job->spec);
+      status = check_contract(*job->spec);
+      status.Update(check_owners_quota(*job->spec));
       if (status.ok()) status = scheduler_.retry(*job, now);
       if (status.ok()) finish_what_is_complete(*job);
     }
@@ -262,6 +312,7 @@ absl::StatusOr<std::shared_ptr<JobSpec>> Coordinator::spec_to_extend(
     return absl::FailedPreconditionError(
         absl::StrCat("job ", job_id, " is done and its blocks are gone; submit a new one"));
   }
+  if (absl::Status status = check_contract(*job->spec); !status.ok()) return status;
   const contract::RenderSettings& present = job->spec->settings;
   const std::int32_t spp = extension.spp.value_or(present.spp);
   if (spp < present.spp || spp > contract::kMaxSpp) {

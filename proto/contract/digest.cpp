@@ -4,6 +4,7 @@
 #include <openssl/evp.h>
 #include <openssl/hmac.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -94,6 +95,14 @@ Digest sha256(std::span<const std::byte> bytes) {
 
 Digest sha256(std::string_view bytes) {
   return sha256(std::as_bytes(std::span(bytes)));
+}
+
+Digest sha256_of_set(std::vector<Digest> digests) {
+  std::sort(digests.begin(), digests.end());
+  digests.erase(std::unique(digests.begin(), digests.end()), digests.end());
+  Hasher hasher;
+  for (const Digest& digest : digests) hasher.update(digest.binary());
+  return hasher.finish();
 }
 
 Digest hmac_sha256(std::string_view key, std::string_view message) {

@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace tessera::contract {
 
@@ -45,6 +46,10 @@ class Hasher {
 
 Digest sha256(std::span<const std::byte> bytes);
 Digest sha256(std::string_view bytes);
+
+/// Digest of the sorted list of `digests`, repeats left out: the same for any order. A report's
+/// `scene_sha256` is that of the job's assets: the same bytes under other names are the same scene.
+Digest sha256_of_set(std::vector<Digest> digests);
 
 /// HMAC-SHA-256 of `message` under `key`.
 Digest hmac_sha256(std::string_view key, std::string_view message);

@@ -13,11 +13,13 @@ constexpr double kChannels = 3;
 
 /// Quantiles of the normal distribution at 1 − 0.05/k, k = 1, 2, … (a table: decisions must have
 /// the same bits everywhere).
-constexpr std::array kQuantiles = {1.6448536270, 1.9599639845, 2.1280452342, 2.2414027276,
-                                   2.3263478740, 2.3939797998, 2.4499976606, 2.4977054744,
-                                   2.5391848137, 2.5758293035, 2.6086163874, 2.6382572735,
-                                   2.6652851060, 2.6901095272, 2.7130518885, 2.7343687865,
-                                   2.7542682706, 2.7729212946, 2.7904699911, 2.8070337683};
+constexpr std::array kQuantiles = {
+    1.6448536270, 1.9599639845, 2.1280452342, 2.2414027276, 2.3263478740, 2.3939797998,
+    2.4499976606, 2.4977054744, 2.5391848137, 2.5758293035, 2.6086163874, 2.6382572735,
+    2.6652851060, 2.6901095272, 2.7130518885, 2.7343687865, 2.7542682706, 2.7729212946,
+    2.7904699911, 2.8070337683, 2.8227138814, 2.8375969129, 2.8517574606, 2.8652602385,
+    2.8781617391, 2.8905115607, 2.9023534789, 2.9137263183, 2.9246646672, 2.9351994689,
+    2.9453585129, 2.9551668475};
 
 }  // namespace
 
@@ -27,6 +29,11 @@ void ErrorSums::add(const ErrorSums& other) {
   relative += other.relative;
   scaled += other.scaled;
   scaled_squares += other.scaled_squares;
+}
+
+ErrorSums ErrorSums::without(const ErrorSums& part) const {
+  return {pixels - part.pixels, squared - part.squared, relative - part.relative,
+          scaled - part.scaled, scaled_squares - part.scaled_squares};
 }
 
 ErrorSums ErrorSums::scaled_by(double factor) const {

@@ -15,6 +15,8 @@ struct ErrorSums {
   double scaled_squares = 0;
 
   void add(const ErrorSums& other);
+  /// The sums of the rest, if `part` is among what was added; within the rounding of the whole.
+  ErrorSums without(const ErrorSums& part) const;
   /// The sums there would be if every pixel's error were `factor` times as large.
   ErrorSums scaled_by(double factor) const;
 };

@@ -12,6 +12,16 @@ constexpr std::int32_t kFirstPassSamples = 8;
 constexpr std::int32_t kFewestSamples = 32;        // before a tile may stop by its error
 constexpr std::int32_t kGrowth = 8;                // each pass brings the total to kGrowth times
 constexpr std::int32_t kLargestPassSamples = 512;  // bounds what a lost unit costs
+constexpr std::int32_t kLargestDoubled = 512;  // by error: later totals are 2ⁿ and 1.5 · 2ⁿ
+
+/// Samples after the pass that follows on `done` in a job asked for by its error.
+std::int32_t next_total(std::int32_t done) {
+  if (done == 0) return kFirstPassSamples;
+  if (done == kFirstPassSamples) return kFewestSamples;
+  if (done < kLargestDoubled) return 2 * done;
+  const bool is_power_of_two = (done & (done - 1)) == 0;
+  return is_power_of_two ? done / 2 * 3 : done / 3 * 4;
+}
 
 }  // namespace
 
@@ -38,10 +48,7 @@ std::vector<Pass> error_schedule(std::int32_t max_spp) {
   std::vector<Pass> passes;
   std::int32_t done = 0;
   while (done < cap) {
-    const std::int32_t total = done == 0                   ? kFirstPassSamples
-                               : done == kFirstPassSamples ? kFewestSamples
-                                                           : 2 * done;
-    passes.push_back({done, std::min(total, cap) - done});
+    passes.push_back({done, std::min(next_total(done), cap) - done});
     done += passes.back().sample_count;
   }
   return passes;

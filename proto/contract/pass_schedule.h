@@ -30,7 +30,9 @@ std::vector<Pass> fixed_schedule(std::int32_t spp);
 inline constexpr std::int32_t kUnconditionalPasses = 2;
 
 /// The passes a tile may want in a job asked for by its error: 8 for a preview, up to 32, then each
-/// doubles the total, up to `max_spp`; the last is cut. A tile may stop after any but the first.
+/// doubles the total up to 512, and two double it from there: a long pass too many is dear, a short
+/// one costs bytes on the wire. Up to `max_spp`; the last is cut. A tile may stop after any but the
+/// first. Totals have few factors other than 2, since Sobol' points are best in powers of it.
 std::vector<Pass> error_schedule(std::int32_t max_spp);
 
 /// The passes of a job.

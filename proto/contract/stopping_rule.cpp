@@ -7,10 +7,10 @@
 namespace tessera::contract {
 namespace {
 
-/// Shares of E²: the foreseen bound is made to meet the first with as few samples as it takes, and
-/// allotments are then scaled up to the second, so that noise in the estimates sends few tiles
-/// into another pass.
-constexpr double kAim = 0.8, kFill = 0.97;
+/// The share of E² that may be filled; and, of what tiles that have stopped leave of it, the share
+/// that the foreseen bound is made to meet with as few samples as it takes. What is foreseen is
+/// then scaled up to fill all, so that noise in the estimates sends few tiles into another pass.
+constexpr double kFill = 0.97, kAim = 0.9;
 constexpr int kBisections = 40;
 
 std::size_t at(std::int32_t index) {
@@ -76,8 +76,11 @@ double StoppingRule::heavy(std::int64_t pixels) const {
 }
 
 bool StoppingRule::may_stop(const Tile& tile) const {
-  if (is_concentrated(tile.newest)) return false;
-  return mean_scaled(tile.newest) <= tile.allotment;
+  if (tile.newest.scaled == 0) return true;  // without noise; also where E² cannot be met
+  if (is_concentrated(tile.newest) || !tile.others) return false;
+  ErrorSums frame = *tile.others;
+  frame.add(tile.newest);
+  return upper_mean(frame, looks_) <= kFill * target_;
 }
 
 void StoppingRule::stop(Tile& tile) {
@@ -109,7 +112,7 @@ StoppingRule::Seen StoppingRule::as_of(const Tile& tile, std::int32_t pass) {
 
 void StoppingRule::take_look(std::int32_t pass) {
   looked_[at(pass)] = true;
-  allot(pass, level(pass));
+  share_out(pass, level(pass));
   for (std::int32_t tile = 0; tile < tile_count(); ++tile) {
     if (tiles_[at(tile)].seen == pass + 1) decide(tile);
   }
@@ -151,7 +154,8 @@ double StoppingRule::bound(const Foreseen& foreseen, double factor) const {
   return upper_mean(total, looks_);
 }
 
-/// λ after a look: the largest at which the foreseen bound is at most kAim E²; 0 if none is.
+/// λ after a look: the largest at which the foreseen bound fills at most kAim of what is left of
+/// E²; 0 if none does.
 double StoppingRule::level(std::int32_t pass) const {
   double largest = 0;  // mean square ÷ samples of any tile that goes on
   for (const Tile& tile : tiles_) {
@@ -162,7 +166,8 @@ double StoppingRule::level(std::int32_t pass) const {
     const double ratio = samples_after(pass) / samples_after(end);
     return ratio * ratio;
   };
-  const double room = kAim * target_;
+  const double stopped = bound(foresee(pass, 0), 0);
+  const double room = stopped + kAim * (kFill * target_ - stopped);
   double high = largest * shrunk(pass + 1);  // at which all stop after the next pass
   if (bound(foresee(pass, high)) <= room) return high;
   double low = high * shrunk(last_pass()) * shrunk(last_pass());
@@ -188,17 +193,24 @@ double StoppingRule::scale_to_fill(const Foreseen& foreseen) const {
   return low;
 }
 
-/// Where E² cannot be met (λ = 0) nothing is allotted: no tile stops because it did better than was
-/// foreseen.
-void StoppingRule::allot(std::int32_t pass, double lambda) {
-  const double scale = lambda > 0 ? scale_to_fill(foresee(pass, lambda)) : 0;
+/// Where E² cannot be met (λ = 0) no tile is told of the others: none stops because it did better
+/// than was foreseen.
+void StoppingRule::share_out(std::int32_t pass, double lambda) {
+  Foreseen foreseen = foresee(pass, lambda);
+  const double scale = scale_to_fill(foreseen);
+  ErrorSums frame = foreseen.stopped;
+  frame.add(foreseen.active.scaled_by(scale));
   foreseen_samples_ = 0;
   for (Tile& tile : tiles_) {
     const Seen seen = as_of(tile, pass);
     std::int32_t end = tile.pass_count - 1;
     if (seen.is_active) {
       end = foreseen_pass(seen.sums, pass, lambda);
-      tile.allotment = scale * mean_scaled(seen.sums) * (samples_after(pass) / samples_after(end));
+      tile.others.reset();
+      if (lambda > 0) {
+        const double shrunk = scale * samples_after(pass) / samples_after(end);
+        tile.others = frame.without(seen.sums.scaled_by(shrunk));
+      }
     }
     foreseen_samples_ += tile.pixels * static_cast<std::int64_t>(samples_after(end));
   }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "proto/contract/error_estimate.h"
@@ -15,12 +16,12 @@ namespace tessera::contract {
 /// after pass p and on look p − 1, which is taken when every tile is settled at p − 1; so nobody
 /// waits for the slowest tile. With + − × ÷ √ and a table of quantiles only.
 ///
-/// Every look shares out what is left of E²: it foresees, with squares falling as 1/n, at which
-/// pass each tile should stop so that the frame's bound is met with the fewest samples (those ∝ σ:
-/// square ÷ samples at most one λ for all), and allots each the square it will have there, scaled
-/// up to what is left. A tile stops once its square is at most its allotment, so those who stop
-/// never take from the others. A tile whose error sits in fewer than 30 pixels goes on while it
-/// holds a thirtieth of what the frame may have.
+/// Every look shares out what tiles that have stopped leave of E²: it foresees, with squares
+/// falling as 1/n, at which pass each tile should stop so that the frame's bound is met with the
+/// fewest samples (those ∝ σ: square ÷ samples at most one λ for all), and scales what is foreseen
+/// up to what is left. A tile stops once its own figures, with the others as foreseen, meet the
+/// frame's bound, so those who stop never take from the others. A tile whose error sits in fewer
+/// than 30 pixels goes on while it holds a thirtieth of what the frame may have.
 class StoppingRule {
  public:
   /// `error`: E > 0. Requires at least one pass and one tile; pixels of each tile > 0.
@@ -60,8 +61,9 @@ class StoppingRule {
     std::int32_t pass_count = 0;  // wanted
     std::int32_t seen = -1;       // newest pass with figures
     bool stopped = false;
-    double allotment = 0;      // mean square at which it may stop, of the newest look
     ErrorSums newest, before;  // after passes `seen` and `seen` − 1
+    /// The other tiles when they stop, as the newest look foresees; none: E² cannot be met.
+    std::optional<ErrorSums> others;
   };
   /// A tile as a look at some pass sees it.
   struct Seen {
@@ -89,7 +91,7 @@ class StoppingRule {
   Foreseen foresee(std::int32_t pass, double lambda) const;
   double bound(const Foreseen& foreseen, double factor = 1) const;
   double scale_to_fill(const Foreseen& foreseen) const;
-  void allot(std::int32_t pass, double lambda);
+  void share_out(std::int32_t pass, double lambda);
 
   double target_;  // E²
   double frame_pixels_ = 0;

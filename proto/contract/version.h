@@ -5,7 +5,7 @@ namespace tessera::contract {
 /// Version of the render contract: everything that decides a pixel's bits. Raised by any change
 /// of sampling, shading, geometry rules, pass schedule or film block meaning, and together with
 /// the committed reference hashes only.
-inline constexpr int kRenderContract = 10;
+inline constexpr int kRenderContract = 11;
 
 /// SHA-256, in hex, of the reference tile every renderer of this contract makes of itself when it
 /// starts (worker/render/numerics_check.h). A worker that gets another one is refused. Measured

@@ -44,21 +44,22 @@ Claim claim_of(const FrameStatistics& s, const StoppingFigures& stopping, double
     doubt(absl::StrCat(stopping.concentrated_tiles, " tiles have their error in fewer than ",
                        kFewest, " pixels each: too few to bound it"));
   }
-  const bool holds = s.estimated.error_upper95 <= error;
-  const std::string bound = absl::StrFormat("the error's upper bound is %.4g, asked for was %.4g",
-                                            s.estimated.error_upper95, error);
-  if (!claim.reasons.empty()) {
-    if (!holds) doubt(bound);
-    return claim;
+  const bool is_doubtful = !claim.reasons.empty();
+  const bool holds = s.estimated.error_upper95 <= error, is_capped = stopping.capped_tiles > 0;
+  if (!holds) {
+    std::string bound = absl::StrFormat("the error's upper bound is %.4g, asked for was %.4g",
+                                        s.estimated.error_upper95, error);
+    if (is_capped) {
+      absl::StrAppend(&bound, "; ", stopping.capped_tiles,
+                      " tiles have all the samples --max-spp allows");
+    }
+    doubt(bound);
   }
+  if (is_doubtful) return claim;
   if (holds) {
     claim.certainty = Certainty::converged;
-  } else if (stopping.capped_tiles > 0) {
+  } else if (is_capped) {
     claim.certainty = Certainty::capped;
-    doubt(absl::StrCat(bound, "; ", stopping.capped_tiles, " tiles have all the samples --max-spp ",
-                       "allows"));
-  } else {
-    doubt(bound);
   }
   return claim;
 }

@@ -21,6 +21,14 @@ std::string label(const FrameKey& key) {
   return absl::StrCat("job ", key.job_id, ", frame ", key.frame);
 }
 
+/// `has_scale`: m is known and above 0.
+TrueFigures figures_of(const TrueSums& sums, std::int64_t pixels, bool has_scale) {
+  const double values = 3 * static_cast<double>(pixels);
+  TrueFigures figures{std::sqrt(sums.squared / values), sums.relative / values, std::nullopt};
+  if (has_scale) figures.error = std::sqrt(sums.scaled / values);
+  return figures;
+}
+
 }  // namespace
 
 FilmCache::FilmCache(std::int64_t budget_bytes) : budget_bytes_(budget_bytes) {}
@@ -43,7 +51,7 @@ void FilmCache::open_frame(const FrameKey& key, const contract::RenderSettings& 
   Tile tile;
   tile.committed.resize(passes.size());
   tile.error.resize(passes.size());
-  if (reference) tile.true_square.resize(passes.size());
+  if (reference) tile.truth.resize(passes.size());
   Frame frame{std::move(grid),      settings.aovs,
               std::move(passes),    std::move(reader),
               std::move(reference), std::vector<Tile>(at(tile_count), tile),
@@ -129,10 +137,10 @@ void FilmCache::measure(Frame& frame, std::int32_t tile, const TileSum& sum) {
   Tile& state = frame.tiles[at(tile)];
   std::optional<ErrorSums>& error = state.error[at(pass)];
   if (!error) error = sum.error_sums(*frame.mean_luminance);
-  if (frame.reference && !state.true_square[at(pass)]) {
+  if (frame.reference && !state.truth[at(pass)]) {
     const auto reference = frame.reference(frame.grid.rect(tile));
     if (reference.ok()) {
-      state.true_square[at(pass)] = sum.true_square(*reference, *frame.mean_luminance);
+      state.truth[at(pass)] = sum.true_sums(*reference, *frame.mean_luminance);
     } else {
       frame.reference = {};
     }
@@ -338,12 +346,12 @@ FilmCache::PassFigures FilmCache::figures(const Frame& frame, std::int32_t pass)
   ErrorSums sums;
   PassFigures figures;
   bool is_truth_known = frame.reference != nullptr;
-  double true_square = 0;
+  TrueSums truth;
   for (const Tile& tile : frame.tiles) {
     std::int32_t newest = pass;
     while (newest >= 0 && !tile.error[at(newest)]) --newest;
-    is_truth_known = is_truth_known && newest >= 0 && tile.true_square[at(newest)];
-    if (is_truth_known) true_square += *tile.true_square[at(newest)];
+    is_truth_known = is_truth_known && newest >= 0 && tile.truth[at(newest)];
+    if (is_truth_known) truth.add(*tile.truth[at(newest)]);
     if (newest < 0) continue;
     const ErrorSums& error = *tile.error[at(newest)];
     const contract::Pass& last = frame.passes[at(newest)];
@@ -352,7 +360,7 @@ FilmCache::PassFigures FilmCache::figures(const Frame& frame, std::int32_t pass)
   }
   figures.estimate = contract::estimate_error(sums, frame.rule ? frame.rule->looks() : 1);
   if (is_truth_known) {
-    figures.true_error = std::sqrt(true_square / (3 * static_cast<double>(sums.pixels)));
+    figures.truth = figures_of(truth, sums.pixels, frame.mean_luminance.value_or(0) > 0);
   }
   return figures;
 }

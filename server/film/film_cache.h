@@ -97,7 +97,7 @@ class FilmCache {
   struct PassFigures {
     ErrorEstimate estimate;
     std::int64_t samples = 0;
-    std::optional<double> true_error;  // with a reference, once every tile is measured
+    std::optional<TrueFigures> truth;  // with a reference, once every tile is measured
   };
   PassFigures after_pass(const FrameKey& key, std::int32_t pass) const;
 
@@ -109,8 +109,7 @@ class FilmCache {
     std::vector<bool> committed;                  // by pass
     std::optional<double> luminance_sum;          // after pass 0
     std::vector<std::optional<ErrorSums>> error;  // after each pass, once m is known
-    /// After each pass: Σ over pixels, R, G, B of (x − ref)² / (ref² + 0.01 m²).
-    std::vector<std::optional<double>> true_square;
+    std::vector<std::optional<TrueSums>> truth;   // the same, with a reference
   };
   struct Frame {
     contract::TileGrid grid;

@@ -31,6 +31,14 @@ ordered_json number_or_null(const std::optional<double>& value) {
   return value ? ordered_json(*value) : ordered_json(nullptr);
 }
 
+ordered_json truth_json(const std::optional<TrueFigures>& truth) {
+  if (!truth) return nullptr;
+  return {{"rmse", truth->rmse},
+          {"relmse", truth->relmse},
+          {"error", number_or_null(truth->error)},
+          {"flip", nullptr}};
+}
+
 }  // namespace
 
 std::string frame_entry_json(const FrameResult& result, const std::string& file,
@@ -48,7 +56,7 @@ std::string frame_entry_json(const FrameResult& result, const std::string& file,
                       {"samples", point.samples},
                       {"relmse", point.relmse},
                       {"error", number_or_null(point.error)},
-                      {"error_true", number_or_null(point.error_true)}});
+                      {"error_true", point.truth ? number_or_null(point.truth->error) : nullptr}});
   }
   const ordered_json entry = {{"frame", s.frame},
                               {"file", file},
@@ -67,7 +75,7 @@ std::string frame_entry_json(const FrameResult& result, const std::string& file,
                                 {"error", if_scaled(s.estimated.error)},
                                 {"error_upper95", if_scaled(s.estimated.error_upper95)},
                                 {"n_eff", if_scaled(s.estimated.n_eff)}}},
-                              {"true", nullptr},
+                              {"true", curve.empty() ? nullptr : truth_json(curve.back().truth)},
                               {"heavy_tail_share", if_scaled(s.heavy_tail_share)},
                               {"unseen_event_bound", s.unseen_event_bound},
                               {"dropped_samples", s.dropped_samples},

@@ -83,12 +83,14 @@ struct CurvePoint {
   double cpu_seconds = 0, wall_seconds = 0;
   std::int64_t samples = 0;
   double relmse = 0;
-  std::optional<double> error, error_true;  // the latter against the job's reference
+  std::optional<double> error;
+  std::optional<TrueFigures> truth;  // against the job's reference
 };
 
 /// The frames[] entry of the report (design.md, section 4) as a JSON object. `file` is the output's
-/// name, `status` DONE for a fixed sample count, else a certainty's name. `true` is null: no
-/// reference is known here. `tiles` has at most 16,384, else it is null.
+/// name, `status` DONE for a fixed sample count, else a certainty's name. `true` is the truth of
+/// the curve's last point, without FLIP, which takes the whole image. `tiles` has at most 16,384,
+/// else it is null.
 std::string frame_entry_json(const FrameResult& result, const std::string& file,
                              const std::string& status, const std::vector<CurvePoint>& curve);
 

@@ -299,18 +299,27 @@ ErrorSums TileSum::error_sums(double mean_luminance, std::vector<double>* per_pi
   return sums;
 }
 
-double TileSum::true_square(std::span<const float> reference, double mean_luminance) const {
-  double sum = 0;
+void TrueSums::add(const TrueSums& other) {
+  squared += other.squared;
+  relative += other.relative;
+  scaled += other.scaled;
+}
+
+TrueSums TileSum::true_sums(std::span<const float> reference, double mean_luminance) const {
+  TrueSums sums;
+  const double floor_scaled = 0.01 * mean_luminance * mean_luminance;
   for (std::int64_t pixel = 0; pixel < pixel_count(); ++pixel) {
     float mean[4];
     rgba(pixel, mean);
     for (std::size_t channel = 0; channel < std::size_t{kChannels}; ++channel) {
       const double ref = reference[4 * at(pixel) + channel];
-      const double difference = mean[channel] - ref;
-      sum += difference * difference / (ref * ref + 0.01 * mean_luminance * mean_luminance);
+      const double difference = mean[channel] - ref, square = difference * difference;
+      sums.squared += square;
+      sums.relative += square / (ref * ref + 0.01);
+      if (mean_luminance > 0) sums.scaled += square / (ref * ref + floor_scaled);
     }
   }
-  return sum;
+  return sums;
 }
 
 }  // namespace tessera::server

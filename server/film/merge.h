@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -15,6 +16,21 @@ namespace tessera::server {
 
 using contract::ErrorEstimate;
 using contract::ErrorSums;
+
+/// How far an image is from a reference: sums over pixels, R, G, B.
+struct TrueSums {
+  double squared = 0;   // Σ (x − ref)²
+  double relative = 0;  // the same, each term over ref² + 0.01
+  double scaled = 0;    // the same, each term over ref² + 0.01 m²; 0 without m
+
+  void add(const TrueSums& other);
+};
+
+/// What comes of them, as compare_images of proto/contract has it.
+struct TrueFigures {
+  double rmse = 0, relmse = 0;
+  std::optional<double> error;  // none without m
+};
 
 /// Sums of all passes over one tile, in double: the film of farm.md, section 1.
 ///
@@ -67,9 +83,8 @@ class TileSum {
   /// Estimated error of the tile by the estimator of design.md, section 4. `mean_luminance` is m,
   /// >= 0. If `per_pixel` is not null, each pixel's scaled sum is appended to it, row-major.
   ErrorSums error_sums(double mean_luminance, std::vector<double>* per_pixel = nullptr) const;
-  /// Σ over pixels, R, G, B of (x − ref)² / (ref² + 0.01 m²), as compare_images of proto/contract
-  /// has it. `reference` holds R, G, B, A of each pixel; `mean_luminance` is m > 0.
-  double true_square(std::span<const float> reference, double mean_luminance) const;
+  /// Against `reference`, which holds R, G, B, A of each pixel. `mean_luminance` is m >= 0.
+  TrueSums true_sums(std::span<const float> reference, double mean_luminance) const;
 
  private:
   /// Means of one channel of a pixel, one per replicate that kept a sample.

@@ -54,6 +54,11 @@ void EventLog::add(Event event) {
   if (victim->second.empty()) lines_.erase(victim);
 }
 
+std::int64_t EventLog::newest() const {
+  const std::lock_guard lock(mutex_);
+  return last_sequence_;
+}
+
 std::vector<Event> EventLog::read(const Query& query, std::size_t most) const {
   const std::lock_guard lock(mutex_);
   std::vector<Event> found;

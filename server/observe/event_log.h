@@ -65,6 +65,8 @@ class EventLog {
   };
   /// The oldest `most` that fit, in order.
   std::vector<Event> read(const Query& query, std::size_t most) const;
+  /// The sequence of the newest, whether or not it is still kept; older logs' are smaller.
+  std::int64_t newest() const;
 
  private:
   const std::function<std::int64_t()> wall_us_;

@@ -1,9 +1,11 @@
 #include "server/observe/report.h"
 
-#include <algorithm>
 #include <nlohmann/json.hpp>
+#include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
+#include "proto/contract/pass_schedule.h"
 #include "proto/contract/version.h"
 #include "server/film/frame_note.h"
 
@@ -12,15 +14,10 @@ namespace {
 
 using nlohmann::json;
 
-/// Digest of the sorted list of asset digests: the same bytes under other names are the same scene.
 std::string scene_sha256(const JobSpec& spec) {
   std::vector<contract::Digest> digests;
   for (const ManifestEntry& entry : spec.assets) digests.push_back(entry.digest);
-  std::sort(digests.begin(), digests.end());
-  digests.erase(std::unique(digests.begin(), digests.end()), digests.end());
-  contract::Hasher hasher;
-  for (const contract::Digest& digest : digests) hasher.update(digest.binary());
-  return hasher.finish().hex();
+  return contract::sha256_of_set(std::move(digests)).hex();
 }
 
 const char* filter_name(contract::PixelFilter filter) {
@@ -96,6 +93,7 @@ std::string report_json(const JobReport& report) {
   const JobView& view = report.view;
   const JobCounters& counters = report.counters;
   json frames = json::array(), warnings = json::array(), reasons = json::array();
+  for (const std::string& warning : view.spec->scene_warnings) warnings.push_back(warning);
   for (const FrameRecord& frame : report.frames) {
     const FrameNote note = read_frame_note(frame.statistics_json);
     json entry = json::parse(note.entry_json, nullptr, false);
@@ -107,6 +105,11 @@ std::string report_json(const JobReport& report) {
     for (const std::string& reason : note.reasons) reasons.push_back(prefix + reason);
   }
   for (const std::string& doubt : report.doubts) warnings.push_back(doubt);
+  const contract::RenderSettings& settings = view.spec->settings;
+  if (const int rounded = contract::rounded_spp(settings.spp); rounded != settings.spp) {
+    warnings.push_back(absl::StrCat(settings.error ? "--max-spp " : "--spp ", settings.spp,
+                                    " was rounded up to ", rounded));
+  }
   if (!view.reason.empty()) reasons.push_back(view.reason);
   const double preparing = counters.load_seconds + counters.build_seconds;
   const double spent = preparing + view.cpu_seconds + counters.wasted_cpu_seconds;
@@ -115,7 +118,7 @@ std::string report_json(const JobReport& report) {
       {"version", TESSERA_VERSION},
       {"job", view.spec->id},
       {"name", view.spec->name},
-      {"contract", contract::kRenderContract},
+      {"contract", view.spec->render_contract},
       {"status", view.certainty ? certainty_name(*view.certainty) : state_name(view.state)},
       {"reasons", reasons},
       {"warnings", warnings},

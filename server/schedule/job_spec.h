@@ -7,6 +7,7 @@
 
 #include "proto/contract/digest.h"
 #include "proto/contract/render_settings.h"
+#include "proto/contract/version.h"
 
 namespace tessera::server {
 
@@ -62,7 +63,10 @@ struct JobSpec {
   std::string scene_uri;
   std::vector<ManifestEntry> assets;
   std::vector<contract::Digest> references;  // of each frame, in their order; empty: none
+  std::vector<std::string> scene_warnings;   // the client's, for the report
   std::string request;                       // as it came over the wire; opaque here
+  /// What its blocks were rendered by; all of a job's are of one contract.
+  std::int32_t render_contract = contract::kRenderContract;
 
   /// What the store must keep for the job: the manifest's assets and the references.
   std::vector<contract::Digest> asset_digests() const;

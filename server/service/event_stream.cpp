@@ -5,6 +5,7 @@
 #include <chrono>
 #include <mutex>
 
+#include "absl/strings/str_cat.h"
 #include "proto/contract/rpc_status.h"
 #include "server/service/messages.h"
 
@@ -25,8 +26,13 @@ class EventStream final : public grpc::ServerWriteReactor<v1::WatchEventsRespons
         follow_(request.follow()),
         query_{request.after_sequence(), request.job_id(), caller_.sees()} {
     const std::lock_guard lock(mutex_);
+    const std::int64_t newest = coordinator_.events().newest();
     if (!caller.ok()) {
       finish(caller.status());
+    } else if (query_.after > newest) {
+      finish(absl::OutOfRangeError(
+          absl::StrCat("the newest event here is ", newest, ", and what follows ", query_.after,
+                       " was asked for: has the server another store now?")));
     } else {
       look();
     }

@@ -11,7 +11,8 @@
 namespace tessera::server {
 namespace {
 
-constexpr std::size_t kMostIdLetters = 64, kMostNameLetters = 200, kMostUriLetters = 4096;
+constexpr std::size_t kMostIdLetters = 64, kMostNameLetters = 200, kMostUriLetters = 4096,
+                      kMostWarningLetters = 4000, kMostWarnings = 101;
 constexpr int kMostAssets = 100'000;
 constexpr int kMostTags = 64;
 constexpr std::int32_t kMostThreads = 4096;
@@ -135,6 +136,17 @@ void set_progress(const JobView& view, v1::JobProgress& progress) {
   if (view.remaining_seconds) set_duration(*view.remaining_seconds, *progress.mutable_remaining());
 }
 
+absl::Status read_warnings(const v1::CreateJobRequest& request, JobSpec& spec) {
+  const auto& texts = request.scene_warnings();
+  spec.scene_warnings = {texts.begin(), texts.end()};
+  absl::Status status =
+      check_range("scene_warnings", request.scene_warnings_size(), 0, kMostWarnings);
+  for (const std::string& text : spec.scene_warnings) {
+    status.Update(check_text("scene_warnings", text, 1, kMostWarningLetters));
+  }
+  return status;
+}
+
 }  // namespace
 
 absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::string& owner) {
@@ -157,6 +169,7 @@ absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::
   status.Update(check_tiles(spec.settings));
   status.Update(read_manifest(request.manifest(), spec));
   status.Update(read_references(request, spec));
+  status.Update(read_warnings(request, spec));
   if (!status.ok()) return status;
   spec.request = request.SerializeAsString();
   return spec;

@@ -44,6 +44,7 @@ JobRecord read_job(const SqlRow& row) {
   job.create_time_us = row.integer(8);
   job.end_time_us = row.integer(9);
   job.wall_seconds = row.real(10);
+  job.render_contract = static_cast<std::int32_t>(row.integer(11));
   return job;
 }
 
@@ -70,9 +71,9 @@ absl::Status DiskStore::add_job(JobRecord& job) {
   return journal_->write([&](Database& rows) {
     absl::Status added = rows.run(
         "INSERT INTO jobs(id, request_id, name, owner, request, state, reason, create_time_us, "
-        "end_time_us, wall_seconds) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        "end_time_us, wall_seconds, render_contract) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         {job.id, optional_text(job.request_id), job.name, job.owner, Blob{job.request}, job.state,
-         job.reason, job.create_time_us, job.end_time_us, job.wall_seconds});
+         job.reason, job.create_time_us, job.end_time_us, job.wall_seconds, job.render_contract});
     if (absl::IsAlreadyExists(added)) {
       return absl::AlreadyExistsError(
           absl::StrCat("job ", job.id, " or its request ", job.request_id, " was seen before"));
@@ -86,9 +87,9 @@ absl::Status DiskStore::update_job(const JobRecord& job) {
   return journal_->write([&](Database& rows) {
     const absl::Status updated = rows.run(
         "UPDATE jobs SET name=?, owner=?, request=?, state=?, reason=?, create_time_us=?, "
-        "end_time_us=?, wall_seconds=? WHERE id=? AND removed=0",
+        "end_time_us=?, wall_seconds=?, render_contract=? WHERE id=? AND removed=0",
         {job.name, job.owner, Blob{job.request}, job.state, job.reason, job.create_time_us,
-         job.end_time_us, job.wall_seconds, job.id});
+         job.end_time_us, job.wall_seconds, job.render_contract, job.id});
     return updated.ok() && rows.changes() == 0 ? no_such_job(job.id) : updated;
   });
 }
@@ -122,7 +123,7 @@ absl::StatusOr<std::vector<JobRecord>> DiskStore::jobs() const {
   absl::Status status = journal_->read([&](Database& rows) {
     return rows.each(
         "SELECT sequence, id, request_id, name, owner, request, state, reason, create_time_us, "
-        "end_time_us, wall_seconds FROM jobs WHERE removed=0 ORDER BY sequence",
+        "end_time_us, wall_seconds, render_contract FROM jobs WHERE removed=0 ORDER BY sequence",
         {}, [&](const SqlRow& row) { jobs.push_back(read_job(row)); });
   });
   if (!status.ok()) return status;

@@ -96,6 +96,9 @@ DELETE FROM units WHERE job IN (SELECT sequence FROM jobs WHERE state=4);  -- DO
 ALTER TABLE joins ADD COLUMN seen_us INTEGER NOT NULL DEFAULT 0;  -- when the worker last was here
 UPDATE joins SET seen_us=CAST(strftime('%s', 'now') AS INTEGER) * 1000000;
 )sql",
+    R"sql(
+ALTER TABLE jobs ADD COLUMN render_contract INTEGER NOT NULL DEFAULT 10;  -- that of schema 5
+)sql",
 };
 
 constexpr std::int64_t kSchemaVersion = std::size(kSteps);

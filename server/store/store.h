@@ -26,6 +26,7 @@ struct JobRecord {
   std::string reason;
   std::int64_t create_time_us = 0, end_time_us = 0;  // wall clock, for people only
   double wall_seconds = 0;                           // spent running, added up over restarts
+  std::int32_t render_contract = 0;                  // contract::kRenderContract when it was begun
 };
 
 /// Whether a committed unit is rendered again by others; the numbers are the journal's.

@@ -84,6 +84,13 @@ TEST_F(FarmTest, FromSubmissionToAnImage) {
   EXPECT_EQ(frame["pixels_sha256"], contract::Digest::from_binary(header.pixels_sha256())->hex());
 }
 
+TEST_F(FarmTest, TheReportSaysWhatSampleCountsAreRoundedTo) {
+  EXPECT_TRUE(report_of(create_job("a", 64))["warnings"].empty());
+  const nlohmann::json warnings = report_of(create_job("b", 62))["warnings"];
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_EQ(warnings[0], "--spp 62 was rounded up to 64");
+}
+
 TEST_F(FarmTest, AReferenceTellsTheTrueErrorOfEachRound) {
   ASSERT_TRUE(upload(id_of(kScene), kScene).ok());
   v1::CreateJobRequest request = request_of("a", 64);
@@ -98,12 +105,13 @@ TEST_F(FarmTest, AReferenceTellsTheTrueErrorOfEachRound) {
   ASSERT_TRUE(worker->open());
   EXPECT_EQ(worker->work(), 9 * 2);
   watch(made.job().id());
-  const auto curve = report_of(made.job().id())["frames"].at(0)["curve"];
+  const auto frame = report_of(made.job().id())["frames"].at(0), curve = frame["curve"];
   ASSERT_EQ(curve.size(), 2u);
   for (const auto& point : curve) {
     EXPECT_GT(point["error_true"].get<double>(), 0);
     EXPECT_NE(point["error_true"], point["error"]) << "the estimate knows nothing of the reference";
   }
+  EXPECT_EQ(frame["true"]["error"], curve[1]["error_true"]) << "the image's is that of the last";
 }
 
 TEST_F(FarmTest, AWorkStreamThatNeverSaysHelloEndsAndOneThatDoesStays) {
@@ -247,6 +255,11 @@ TEST_F(FarmTest, AMalformedJobIsRefusedByTheNameOfItsField) {
          for (int i = 0; i < 2; ++i) *r.add_references() = id_of(black_reference);
        }},
       {"references.size_bytes", [](auto& r) { *r.add_references() = id_of("short"); }},
+      {"scene_warnings", [](auto& r) { r.add_scene_warnings(""); }},
+      {"scene_warnings",
+       [](auto& r) {
+         for (int i = 0; i < 102; ++i) r.add_scene_warnings("w");
+       }},
       {"references.sha256", [](auto& r) { r.add_references()->set_size_bytes(48 * 40 * 16); }}};
   for (const auto& [field, edit] : cases) {
     v1::CreateJobRequest request = request_of("a");
@@ -452,6 +465,28 @@ TEST_F(FarmTest, DeliveriesAreListedInPages) {
   request.clear_page_token();
   request.set_page_size(10'001);
   EXPECT_EQ(list(none).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+TEST_F(FarmTest, EventsAfterOneThatNeverHappenedAreRefused) {
+  create_job("a", 64);
+  // Of the events after a sequence, the newest; and how the stream ended.
+  const auto read = [this](std::int64_t after, std::int64_t& newest) {
+    grpc::ClientContext context;
+    prepare(context);
+    v1::WatchEventsRequest request;
+    request.set_after_sequence(after);
+    const auto stream = jobs_->WatchEvents(&context, request);
+    v1::WatchEventsResponse response;
+    while (stream->Read(&response)) newest = response.events().rbegin()->sequence();
+    return stream->Finish();
+  };
+  std::int64_t newest = 0;
+  ASSERT_TRUE(read(0, newest).ok());
+  ASSERT_GT(newest, 0);
+  EXPECT_TRUE(read(newest, newest).ok());
+  EXPECT_EQ(read(newest + 1, newest).error_code(), grpc::StatusCode::OUT_OF_RANGE);
+  restart();
+  EXPECT_TRUE(read(newest + 1, newest).ok()) << "what another start of this server may have had";
 }
 
 class TokenTest : public TestFarm {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cctype>
 
 namespace tessera::contract {
@@ -24,6 +25,13 @@ TEST(Digest, OfPartsIsThatOfTheWhole) {
     hasher.update(std::string_view(text).substr(cut));
     EXPECT_EQ(hasher.finish(), sha256(text)) << cut;
   }
+}
+
+TEST(Digest, OfASetKnowsNeitherOrderNorRepeats) {
+  const Digest a = sha256(std::string_view("a")), b = sha256(std::string_view("b"));
+  const Digest both = sha256(std::min(a, b).binary() + std::max(a, b).binary());
+  EXPECT_EQ(sha256_of_set({a, b}), both);
+  EXPECT_EQ(sha256_of_set({b, a, b}), both);
 }
 
 TEST(Digest, ComesBackFromHexAndBytes) {

@@ -59,7 +59,7 @@ TEST(ErrorEstimate, LooksShareTheConfidence) {
   const ErrorSums sums = draw(rng, 512, 0).sums;
   const double mean = mean_scaled(sums);
   const double one = upper_mean(sums, 1) - mean;
-  for (int looks = 1; looks <= 20; ++looks) {
+  for (int looks = 1; looks <= 32; ++looks) {
     // z of the tail 0.05/looks: erfc(z/√2)/2 gives the tail back.
     const double z = (upper_mean(sums, looks) - mean) / one * 1.6448536269514722;
     EXPECT_NEAR(std::erfc(z / std::sqrt(2.0)) / 2 * looks, 0.05, 1e-8) << looks << " looks";
@@ -73,6 +73,17 @@ TEST(ErrorEstimate, ScalingErrorsScalesEveryFigure) {
   EXPECT_DOUBLE_EQ(mean_scaled(quarter), mean_scaled(sums) / 4);
   EXPECT_NEAR(upper_mean(quarter, 3), upper_mean(sums, 3) / 4, 1e-15);
   EXPECT_NEAR(effective_pixels(quarter), effective_pixels(sums), 1e-9);
+}
+
+TEST(ErrorEstimate, TakingAPartOutLeavesTheRest) {
+  std::mt19937_64 rng(6);
+  const ErrorSums part = draw(rng, 64, 0.2).sums, rest = draw(rng, 128, 0.1).sums;
+  ErrorSums whole = rest;
+  whole.add(part);
+  const ErrorSums left = whole.without(part);
+  EXPECT_EQ(left.pixels, 128);
+  EXPECT_NEAR(mean_scaled(left), mean_scaled(rest), 1e-13 * mean_scaled(whole));
+  EXPECT_NEAR(effective_pixels(left), effective_pixels(rest), 1e-11 * effective_pixels(rest));
 }
 
 TEST(ErrorEstimate, ErrorInOnePixelIsOneEffectivePixel) {

@@ -69,11 +69,15 @@ TEST(FrameCount, CountsWithoutAllocatingOrOverflow) {
   EXPECT_EQ(frame_count({{1, 9, 2}, {3, 3, 7}}), 6);
 }
 
-TEST(PassSchedule, ByErrorEachPassDoublesTheTotal) {
+TEST(PassSchedule, ByErrorOnePassDoublesTheTotalThenTwo) {
   EXPECT_EQ(error_schedule(4), (std::vector<Pass>{{0, 4}}));
   EXPECT_EQ(error_schedule(20), (std::vector<Pass>{{0, 8}, {8, 12}}));
   EXPECT_EQ(error_schedule(200),
             (std::vector<Pass>{{0, 8}, {8, 24}, {32, 32}, {64, 64}, {128, 72}}));
+  std::vector<std::int32_t> totals;
+  for (const Pass& pass : error_schedule(3500)) totals.push_back(pass.end());
+  EXPECT_EQ(totals, (std::vector<std::int32_t>{8, 32, 64, 128, 256, 512, 768, 1024, 1536, 2048,
+                                               3072, 3500}));
   for (const std::int32_t max_spp : {1, 33, 1000, 16384, kMaxSpp}) {
     std::int32_t next = 0;
     for (const Pass& pass : error_schedule(max_spp)) {
@@ -83,7 +87,7 @@ TEST(PassSchedule, ByErrorEachPassDoublesTheTotal) {
     }
     EXPECT_EQ(next, rounded_spp(max_spp));
   }
-  EXPECT_LE(error_schedule(kMaxSpp).size(), 20u) << "the table of quantiles ends there";
+  EXPECT_LE(error_schedule(kMaxSpp).size(), 32u) << "the table of quantiles ends there";
 }
 
 }  // namespace

@@ -18,7 +18,7 @@ constexpr std::int64_t kTilePixels = 1024;
 class MadeFrame {
  public:
   MadeFrame(std::vector<double> variances, double error, std::int32_t max_spp,
-            std::uint32_t seed = 1)
+            std::uint32_t seed = 1, double noise = 0.03)
       : passes_(error_schedule(max_spp)),
         variances_(std::move(variances)),
         rule_(error, passes_, std::vector<std::int64_t>(variances_.size(), kTilePixels)) {
@@ -26,7 +26,7 @@ class MadeFrame {
     std::mt19937_64 rng(seed);
     std::normal_distribution<double> normal;
     for (std::size_t i = 0; i < variances_.size() * passes_.size(); ++i) {
-      factors_.push_back(std::exp(0.03 * normal(rng)));
+      factors_.push_back(std::exp(noise * normal(rng)));
     }
   }
 
@@ -37,7 +37,8 @@ class MadeFrame {
     const double mean = (pass == 0 ? first_seems_ : 1) * variances_[t] / last.end() *
                         factors_[t * passes_.size() + static_cast<std::size_t>(pass)];
     const double sum = 3 * mean * kTilePixels;
-    return {kTilePixels, sum, sum, sum, 2 * sum * sum / kTilePixels / concentration_};
+    const double concentration = pass < concentrated_passes_ ? concentration_ : 1;
+    return {kTilePixels, sum, sum, sum, 2 * sum * sum / kTilePixels * concentration};
   }
 
   /// Renders until every tile has stopped, the unit to come next drawn with `order`.
@@ -97,7 +98,11 @@ class MadeFrame {
     }
     return std::sqrt(upper_mean(sums, rule_.looks()));
   }
-  void concentrate(double factor) { concentration_ = 1 / factor; }
+  /// Puts the error of the first passes into so many times fewer pixels.
+  void concentrate(double factor, std::int32_t passes = 1000) {
+    concentration_ = factor;
+    concentrated_passes_ = passes;
+  }
   /// Makes squares after pass 0 so many times as large as they should be.
   void first_seems(double factor) { first_seems_ = factor; }
 
@@ -105,6 +110,7 @@ class MadeFrame {
   std::vector<Pass> passes_;
   std::vector<double> variances_, factors_;
   double concentration_ = 1, first_seems_ = 1;
+  std::int32_t concentrated_passes_ = 0;
   std::size_t stopped_ = 0;
   StoppingRule rule_;
 };
@@ -129,8 +135,8 @@ TEST(StoppingRule, DecisionsDoNotDependOnTheOrderOfResults) {
 }
 
 TEST(StoppingRule, ReachesTheErrorWithFewSamplesMoreThanAFixedCountNeeds) {
-  // Passes double, the bound lies above the estimate, and part of E² is kept for surprises: 1.3 to
-  // 1.65 times was measured over 200 seeds (docs/accuracy.md).
+  // Passes grow by halves and doubles, the bound lies above the estimate, and part of E² is kept
+  // for surprises: docs/accuracy.md has what was measured over 200 seeds.
   for (const double spread : {0.0, 0.2, 0.5}) {
     for (const double error : {0.2, 0.1, 0.071, 0.05, 0.03}) {
       const std::vector<double> variances = spread_variances(64, spread);
@@ -140,7 +146,7 @@ TEST(StoppingRule, ReachesTheErrorWithFewSamplesMoreThanAFixedCountNeeds) {
       MadeFrame frame(variances, error, 1 << 20);
       frame.render(1);
       EXPECT_LE(frame.bound(), error) << "spread " << spread << ", error " << error;
-      EXPECT_LE(frame.samples(), std::max(32.0, 1.7 * fixed))  // a tile has 32 at least
+      EXPECT_LE(frame.samples(), std::max(32.0, 1.45 * fixed))  // a tile has 32 at least
           << "spread " << spread << ", error " << error;
       EXPECT_EQ(frame.rule().capped_tile_count(), 0);
       EXPECT_EQ(frame.rule().concentrated_tile_count(), 0);
@@ -149,10 +155,39 @@ TEST(StoppingRule, ReachesTheErrorWithFewSamplesMoreThanAFixedCountNeeds) {
 }
 
 TEST(StoppingRule, ATileAboveTheErrorStopsWhereTheFrameIsBelowIt) {
-  MadeFrame frame({3, 1, 1, 1, 1, 1, 1, 1}, 0.23, 4096);  // 32 samples: 0.306 there, 0.198 in all
+  MadeFrame frame({3, 1, 1, 1, 1, 1, 1, 1}, 0.24, 4096);  // 32 samples: 0.306 there, 0.198 in all
   frame.render(1);
-  EXPECT_LE(frame.bound(), 0.23);
+  EXPECT_LE(frame.bound(), 0.24);
   EXPECT_EQ(frame.samples(), 32);
+}
+
+TEST(StoppingRule, NoTileGoesOnForEverAndTheBoundIsMetWhereEstimatesAreNoisy) {
+  // When every look aimed at a fixed share of E², whatever tiles that had stopped left of it, one
+  // of these frames sent a tile to a million samples.
+  const auto render = [](std::size_t tiles, double noise, std::uint32_t i) {
+    const std::vector<double> variances = spread_variances(tiles, tiles == 1 ? 0 : 1);
+    double mean = 0;
+    for (const double variance : variances) mean += variance / static_cast<double>(tiles);
+    const double fixed = 40 * std::exp2(7 * (i + 0.5) / 200), error = std::sqrt(mean / fixed);
+    MadeFrame frame(variances, error, 1 << 20, i + 1, noise);
+    frame.render(1);
+    EXPECT_LE(frame.samples(), std::max(64.0, 3 * fixed)) << tiles << " tiles, seed " << i + 1;
+    EXPECT_LE(frame.bound(), error) << tiles << " tiles, seed " << i + 1;
+  };
+  for (std::uint32_t i = 0; i < 200; ++i) {
+    render(1, 0.1, i);
+    render(16, 0.5, i);
+  }
+}
+
+TEST(StoppingRule, ATileStopsWhenItsErrorHasSpreadAsFarAsTheBoundNeeds) {
+  // While the error sits in 32 pixels the bound is half as much again above the estimate, and the
+  // look foresees 512 samples; after 256 it sits in 512 pixels, and the bound is met.
+  MadeFrame frame({1}, 0.075, 4096, 1, 0);
+  frame.concentrate(512.0 / 32, 4);
+  frame.render(1);
+  EXPECT_EQ(frame.samples(), 256);
+  EXPECT_LE(frame.bound(), 0.075);
 }
 
 TEST(StoppingRule, UnequalTilesNeedFewerSamplesThanAFixedCount) {
@@ -210,13 +245,19 @@ TEST(StoppingRule, NobodyWaitsForTheSlowestTile) {
   EXPECT_EQ(rule.pass_count(0), 4) << "taken, though tile 1 has no pass 2 yet";
 }
 
-TEST(StoppingRule, BlackTilesStopAtOnce) {
-  MadeFrame frame({0, 0, 1, 0}, 0.05, 4096);
-  frame.render(1);
-  const std::vector<std::int32_t> counts = frame.pass_counts();
-  EXPECT_EQ(counts[0], 2);
-  EXPECT_EQ(counts[3], 2);
-  EXPECT_GT(counts[2], 2);
+TEST(StoppingRule, TilesWithoutNoiseStopAtOnce) {
+  for (const double error : {0.05, 1e-6}) {  // the second is out of reach
+    MadeFrame frame({0, 0, 1, 0}, error, 4096);
+    frame.render(1);
+    const std::vector<std::int32_t> counts = frame.pass_counts();
+    EXPECT_EQ(counts[0], 2);
+    EXPECT_EQ(counts[3], 2);
+    EXPECT_GT(counts[2], 2);
+  }
+  MadeFrame still({0, 0, 0, 0}, 0.05, 4096);
+  still.render(1);
+  EXPECT_EQ(still.samples(), 32);
+  EXPECT_EQ(still.rule().capped_tile_count(), 0);
 }
 
 TEST(StoppingRule, AFrameOfOnePassStopsAfterIt) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "absl/strings/match.h"
 #include "tests/unit/server/coordinator/coordinator_walk.h"
 
 namespace tessera::server {
@@ -511,6 +512,56 @@ TEST_F(CoordinatorTest, ExtendingGivesThePixelsOfALongerJob) {
   work_off(again, job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(pixels_of(job), pixels_of(longer));
+}
+
+/// Makes the store's jobs those of an older render contract, as after an upgrade.
+void age_jobs(MemoryStore& store) {
+  const std::vector<JobRecord> jobs = store.jobs().value();
+  for (JobRecord record : jobs) {
+    record.render_contract = contract::kRenderContract - 1;
+    ASSERT_TRUE(store.update_job(record).ok());
+  }
+}
+
+TEST_F(CoordinatorTest, AJobIsNotGoneOnWithUnderAnotherContract) {
+  const std::string done = create_job("done"), begun = create_job("begun");
+  auto worker = join("w1", 8);  // of 12 units
+  deliver_all(worker);
+  pump();
+  ASSERT_EQ(view(done).state, JobState::done);
+  ASSERT_EQ(view(begun).committed_unit_count, 2);
+  const std::string pixels = pixels_of(done);
+  const double cpu_seconds = view(done).cpu_seconds, spent = view(begun).cpu_seconds;
+  for (int restart = 0; restart < 2; ++restart) {
+    if (restart == 0) age_jobs(store);
+    start();
+    pump();
+    EXPECT_EQ(view(done).state, JobState::done);
+    EXPECT_EQ(pixels_of(done), pixels);
+    EXPECT_EQ(view(done).cpu_seconds, cpu_seconds);
+    EXPECT_EQ(view(done).spec->render_contract, contract::kRenderContract - 1);
+    EXPECT_EQ(view(begun).state, JobState::failed);
+    EXPECT_TRUE(absl::StrContains(view(begun).reason, "submit it again")) << view(begun).reason;
+    EXPECT_EQ(view(begun).committed_unit_count, 0) << "its blocks are read by other passes now";
+    EXPECT_DOUBLE_EQ(view(begun).cpu_seconds, spent);
+  }
+  EXPECT_TRUE(absl::IsFailedPrecondition(change(begun, Coordinator::Change::retry).status()));
+  absl::StatusOr<JobView> extended = absl::UnknownError("");
+  coordinator->extend_job(begun, {64, {}}, [&](const auto& view) { extended = view; });
+  pump();
+  EXPECT_TRUE(absl::IsFailedPrecondition(extended.status())) << extended.status();
+}
+
+TEST_F(CoordinatorTest, AJobOfWhichNothingIsRenderedGoesOverToTheNewContract) {
+  const std::string job = create_job("a");
+  age_jobs(store);
+  start();
+  pump();
+  EXPECT_EQ(view(job).state, JobState::queued);
+  EXPECT_EQ(store.jobs()->front().render_contract, contract::kRenderContract) << "noted at once";
+  auto worker = join("w1");
+  work_off(worker, job);
+  EXPECT_EQ(view(job).state, JobState::done);
 }
 
 TEST_F(CoordinatorTest, APartialFrameListsWhatIsMissing) {

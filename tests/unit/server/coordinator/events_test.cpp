@@ -37,6 +37,14 @@ TEST(EventLog, IsReadFromASequenceOnAndInParts) {
   EXPECT_GT(next.read({}, 1).front().sequence, log.read({}, 9).back().sequence);
 }
 
+TEST(EventLog, KnowsItsNewestAlsoBeforeAndAfterItIsKept) {
+  EventLog log(1, no_time), next(2, no_time);
+  const std::int64_t before = log.newest();
+  log.add({});  // a line
+  EXPECT_EQ(log.newest(), before + 1);
+  EXPECT_GT(next.newest(), log.newest());
+}
+
 TEST(EventLog, AJobsLinesStandAmongItsEventsAndAreNotTheFarms) {
   EventLog log(1, no_time);
   log.add(event_of(EventKind::job_submitted, "j", "1"));

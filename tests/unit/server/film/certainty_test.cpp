@@ -52,7 +52,13 @@ TEST(Certainty, TheCapIsTheReasonOnlyWhereTheBoundIsMissed) {
   FrameStatistics statistics = good();
   statistics.estimated.error_upper95 = 0.11;
   EXPECT_EQ(claim_of(statistics, {9, 3, 0}, 0.1).certainty, Certainty::capped);
-  EXPECT_EQ(claim_of(statistics, {9, 3, 1}, 0.1).certainty, Certainty::uncertain);
+  const Claim claim = claim_of(statistics, {9, 3, 1}, 0.1);
+  EXPECT_EQ(claim.certainty, Certainty::uncertain);
+  ASSERT_EQ(claim.reasons.size(), 2u);
+  EXPECT_EQ(claim.reasons[1],
+            "the error's upper bound is 0.11, asked for was 0.1; 3 tiles have all the samples "
+            "--max-spp allows")
+      << "also where it is not the only reason";
 }
 
 TEST(Certainty, NamesGoBothWays) {

@@ -202,7 +202,7 @@ TEST_F(FilmCacheTest, TheTrueErrorAfterEachPassIsThatOfTheImageThen) {
     });
     for (std::int32_t pass = 0; pass < 3; ++pass) {
       for (std::int32_t tile = 0; tile < grid_->tile_count(); ++tile) {
-        EXPECT_FALSE(cache.after_pass(frame_key, 0).true_error && pass == 0);
+        EXPECT_FALSE(cache.after_pass(frame_key, 0).truth && pass == 0);
         ASSERT_TRUE(cache.add(frame_key, tile, pass, block(tile, pass)).ok());
       }
       for (std::int32_t tile = 0; tile < grid_->tile_count(); ++tile) {
@@ -218,9 +218,14 @@ TEST_F(FilmCacheTest, TheTrueErrorAfterEachPassIsThatOfTheImageThen) {
       const double m = *cache.mean_luminance(frame_key);
       const auto difference = contract::compare_images({70, 50, image}, {70, 50, reference}, m);
       ASSERT_TRUE(difference.ok()) << difference.status();
-      const auto error = cache.after_pass(frame_key, pass).true_error;
-      ASSERT_TRUE(error) << "pass " << pass;
-      EXPECT_NEAR(*error, *difference->error, 1e-12 * *error) << "pass " << pass;  // other order
+      const auto truth = cache.after_pass(frame_key, pass).truth;
+      ASSERT_TRUE(truth && truth->error) << "pass " << pass;
+      const auto near = [&](double figure, double expected) {
+        EXPECT_NEAR(figure, expected, 1e-12 * expected) << "pass " << pass;  // other order
+      };
+      near(*truth->error, *difference->error);
+      near(truth->relmse, difference->relmse);
+      near(truth->rmse, difference->rmse);
     }
   }
 }
@@ -233,7 +238,7 @@ TEST_F(FilmCacheTest, AReferenceThatCannotBeReadLeavesTheErrorUnknown) {
   for (const auto& [tile, pass] : all_units()) {
     ASSERT_TRUE(cache.add(frame_key, tile, pass, block(tile, pass)).ok());
   }
-  EXPECT_FALSE(cache.after_pass(frame_key, 2).true_error);
+  EXPECT_FALSE(cache.after_pass(frame_key, 2).truth);
   EXPECT_GT(cache.after_pass(frame_key, 2).estimate.error, 0);
 }
 

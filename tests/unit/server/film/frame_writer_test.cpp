@@ -299,7 +299,7 @@ TEST_F(FrameWriterTest, StatisticsAreThoseOfTheWholeFrame) {
 
 TEST_F(FrameWriterTest, ReportEntryHasEveryKeyOfTheDesign) {
   const FrameResult result = written(made_tiles(), "entry.exr");
-  const CurvePoint point{1.5, 0.5, 28000, 0.25, 0.125, 0.1};
+  const CurvePoint point{1.5, 0.5, 28000, 0.25, 0.125, TrueFigures{0.3, 0.2, 0.1}};
   const auto entry = nlohmann::json::parse(frame_entry_json(result, "a.exr", "DONE", {point}));
   for (const char* key :
        {"frame", "file", "width", "height", "pixels_sha256", "spp_mean", "spp_max", "samples",
@@ -314,6 +314,9 @@ TEST_F(FrameWriterTest, ReportEntryHasEveryKeyOfTheDesign) {
   EXPECT_EQ(support::schema_faults(schema, entry), std::vector<std::string>{});
   EXPECT_EQ(entry["pixels_sha256"], result.pixels_sha256.hex());
   EXPECT_EQ(entry["curve"][0]["error"], 0.125);
+  EXPECT_EQ(entry["curve"][0]["error_true"], 0.1);
+  EXPECT_EQ(entry["true"],
+            nlohmann::json::parse(R"({"rmse": 0.3, "relmse": 0.2, "error": 0.1, "flip": null})"));
   EXPECT_EQ(entry["estimated"]["error"], result.statistics.estimated.error);
 }
 

@@ -144,7 +144,9 @@ TEST_F(DamageTest, AStoreOfTheFirstSchemaIsBroughtUpToDate) {
     ASSERT_TRUE((*database)
                     ->script("DROP TABLE joins; DROP TABLE totals; ALTER TABLE units DROP COLUMN "
                              "audit; DROP TABLE bans; "
-                             "ALTER TABLE assets DROP COLUMN used_us; PRAGMA user_version=1")
+                             "ALTER TABLE assets DROP COLUMN used_us; "
+                             "ALTER TABLE jobs DROP COLUMN render_contract; "
+                             "PRAGMA user_version=1")
                     .ok());
   }
   const auto store = open();
@@ -153,6 +155,7 @@ TEST_F(DamageTest, AStoreOfTheFirstSchemaIsBroughtUpToDate) {
   std::size_t units = 0;
   EXPECT_TRUE((*store)->for_each_unit(group[0].job_id, [&](const UnitRecord&) { ++units; }).ok());
   EXPECT_EQ(units, group.size());
+  EXPECT_EQ((*store)->jobs()->front().render_contract, 10) << "the last that was not noted";
 }
 
 TEST_F(DamageTest, UnitsOfJobsThatWereDoneUnderAnOlderSchemaAreAddedUp) {
@@ -162,6 +165,7 @@ TEST_F(DamageTest, UnitsOfJobsThatWereDoneUnderAnOlderSchemaAreAddedUp) {
     ASSERT_TRUE(database.ok()) << database.status();
     ASSERT_TRUE((*database)
                     ->script("DROP TABLE totals; ALTER TABLE joins DROP COLUMN seen_us; "
+                             "ALTER TABLE jobs DROP COLUMN render_contract; "
                              "UPDATE jobs SET state=4; PRAGMA user_version=4")
                     .ok());
   }

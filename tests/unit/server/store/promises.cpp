@@ -110,7 +110,8 @@ Promises::Test job_is_there(const JobRecord& job) {
       if (found.id != job.id) continue;
       const bool same = found.sequence == job.sequence && found.request_id == job.request_id &&
                         found.request == job.request && found.state == job.state &&
-                        found.reason == job.reason && found.wall_seconds == job.wall_seconds;
+                        found.reason == job.reason && found.wall_seconds == job.wall_seconds &&
+                        found.render_contract == job.render_contract;
       return same ? "" : "is not as it was acknowledged";
     }
     return "is lost";

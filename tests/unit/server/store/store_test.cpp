@@ -4,102 +4,18 @@
 #include <sys/stat.h>
 
 #include <filesystem>
-#include <fstream>
 #include <limits>
 #include <string>
 #include <thread>
 #include <utility>
 #include <vector>
 
-#include "tests/unit/server/store/promises.h"
-#include "tests/unit/server/store/scratch_folder.h"
+#include "tests/unit/server/store/store_walk.h"
 
 namespace tessera::server {
 namespace {
 
-constexpr std::int64_t kHourUs = std::int64_t{3600} * 1'000'000;
-
-class StoreTest : public ::testing::Test {
- protected:
-  StoreTest() { open(); }
-
-  void open() {
-    store_.reset();
-    StoreOptions options;
-    options.segment_bytes = segment_bytes_;
-    options.slack_pages = slack_pages_;
-    options.checkpoint_pages = checkpoint_pages_;
-    options.now_us = [this] { return now_us_; };
-    auto store = Store::open(path(), real_filesystem(), options);
-    ASSERT_TRUE(store.ok()) << store.status();
-    store_ = *std::move(store);
-  }
-
-  std::string path() const { return folder_.path() + "/store"; }
-  Store& store() { return *store_; }
-
-  JobRecord add_job(const std::string& id) {
-    JobRecord job;
-    job.id = id;
-    job.request_id = "request-" + id;
-    job.name = "a name, with 'quotes'";
-    job.owner = "owner";
-    job.request = std::string("\0bytes\xff", 7);
-    job.create_time_us = 1234567;
-    EXPECT_TRUE(store().add_job(job).ok());
-    return job;
-  }
-
-  std::vector<Commit> commit(const std::string& job_id, int frame, int tile_count,
-                             std::size_t block_bytes = 100) {
-    std::vector<Commit> group;
-    for (int tile = 0; tile < tile_count; ++tile) {
-      const char letter = static_cast<char>('a' + tile % 26);
-      group.push_back(make_commit(job_id, {frame, tile, 0}, std::string(block_bytes, letter)));
-    }
-    const absl::Status status = store().commit(group);
-    EXPECT_TRUE(status.ok()) << status;
-    return group;
-  }
-
-  std::vector<UnitRecord> units(const std::string& job_id) {
-    std::vector<UnitRecord> records;
-    const absl::Status status =
-        store().for_each_unit(job_id, [&](const UnitRecord& record) { records.push_back(record); });
-    EXPECT_TRUE(status.ok()) << status;
-    return records;
-  }
-
-  void write_file(const std::string& file, const std::string& bytes) {
-    std::ofstream(file, std::ios::binary) << bytes;
-  }
-
-  FrameRecord finish_frame(const std::string& job_id, int frame, const std::string& bytes) {
-    FrameRecord record;
-    record.frame = frame;
-    record.file = "image." + std::to_string(frame) + ".exr";
-    record.file_sha256 = contract::sha256(bytes);
-    record.pixels_sha256 = contract::sha256("pixels");
-    record.statistics_json = R"({"frame": 1})";
-    write_file(*store().output_folder(job_id) + "/" + record.file, bytes);
-    EXPECT_TRUE(store().finish_frame(job_id, record).ok());
-    return record;
-  }
-
-  contract::Digest upload(const std::string& bytes) {
-    const std::string upload = *store().new_upload_path();
-    write_file(upload, bytes);
-    EXPECT_TRUE(store().keep_asset(upload, contract::sha256(bytes)).ok());
-    EXPECT_FALSE(std::filesystem::exists(upload));
-    return contract::sha256(bytes);
-  }
-
-  ScratchFolder folder_;
-  std::unique_ptr<Store> store_;
-  std::int64_t segment_bytes_ = 1 << 20;
-  int slack_pages_ = 256, checkpoint_pages_ = 2000;
-  std::int64_t now_us_ = 100 * kHourUs;
-};
+using StoreTest = StoreWalk;
 
 TEST_F(StoreTest, KeepsItsIdAndKeyAndCountsItsBoots) {
   const std::string id = store().id();
@@ -145,6 +61,7 @@ TEST_F(StoreTest, GivesJobsBackAsTheyWereInOrderOfSubmission) {
   second.reason = "because";
   second.end_time_us = std::numeric_limits<std::int64_t>::max();
   second.wall_seconds = 0.1;
+  second.render_contract = 4;
   ASSERT_TRUE(store().update_job(second).ok());
   open();
   const auto jobs = store().jobs();
@@ -162,7 +79,9 @@ TEST_F(StoreTest, GivesJobsBackAsTheyWereInOrderOfSubmission) {
   EXPECT_EQ(found.create_time_us, 1234567);
   EXPECT_EQ(found.end_time_us, second.end_time_us);
   EXPECT_EQ(found.wall_seconds, 0.1);
+  EXPECT_EQ(found.render_contract, 4);
   EXPECT_EQ(jobs->back().id, "a");
+  EXPECT_EQ(jobs->back().render_contract, 3);
 }
 
 TEST_F(StoreTest, RefusesAJobThatWasSeenBefore) {
@@ -489,27 +408,6 @@ TEST_F(StoreTest, AnAssetThatAJobGaveUpLastGoesLast) {
   EXPECT_FALSE(store().has_asset(unused));
 }
 
-TEST_F(StoreTest, RemembersWhoIsBanned) {
-  ASSERT_TRUE(store().ban_worker("w2").ok());
-  ASSERT_TRUE(store().ban_worker("w1").ok());
-  ASSERT_TRUE(store().ban_worker("w1").ok());
-  ASSERT_TRUE(store().allow_worker("w2").ok());
-  ASSERT_TRUE(store().allow_worker("nobody").ok());
-  open();
-  EXPECT_EQ(*store().banned_workers(), (std::vector<std::string>{"w1"}));
-}
-
-TEST_F(StoreTest, RemembersItsWorkers) {
-  ASSERT_TRUE(store().remember_worker("w2", "second").ok());
-  ASSERT_TRUE(store().remember_worker("w1", "first").ok());
-  ASSERT_TRUE(store().remember_worker("w1", "first again").ok());
-  ASSERT_TRUE(store().remember_worker("w3", "third").ok());
-  ASSERT_TRUE(store().forget_worker("w3").ok());
-  ASSERT_TRUE(store().forget_worker("nobody").ok());
-  open();
-  EXPECT_EQ(*store().roster(), (std::vector<std::string>{"w1", "w2"}));
-}
-
 TEST_F(StoreTest, CountsTheBytesItUses) {
   const auto count_files = [&] {
     std::int64_t bytes = 0;
@@ -557,41 +455,6 @@ TEST_F(StoreTest, CanBeReadWhileItIsWrittenTo) {
   for (int frame = 0; frame < 50; ++frame) commit("a", frame, 3);
   reader.join();
   EXPECT_EQ(units("a").size(), 150U);
-}
-
-TEST_F(StoreTest, ATokenIsJoinedWithSoOftenAndRemembersByWhom) {
-  EXPECT_TRUE(store().remember_join({"one", "token", "rack"}, 2).ok());
-  EXPECT_TRUE(store().remember_join({"two", "token", "rack"}, 2).ok());
-  open();
-  EXPECT_TRUE(absl::IsPermissionDenied(store().remember_join({"three", "token", "rack"}, 2)));
-  EXPECT_TRUE(store().remember_join({"one", "token", "rack"}, 2).ok()) << "it has joined already";
-  EXPECT_TRUE(store().remember_join({"three", "other", "rack"}, 1).ok());
-  EXPECT_TRUE(store().remember_join({"four", "token", "rack"}, 0).ok()) << "no limit";
-}
-
-TEST_F(StoreTest, AWorkersIdStaysWithItsCertificate) {
-  EXPECT_TRUE(store().remember_join({"one", "token", "rack"}, 0).ok());
-  open();
-  EXPECT_TRUE(absl::IsPermissionDenied(store().remember_join({"one", "token", "thief"}, 0)));
-  EXPECT_TRUE(absl::IsPermissionDenied(store().remember_join({"one", "other", "thief"}, 0)));
-}
-
-TEST_F(StoreTest, ForgetsJoinsOfWorkersLongGoneWithTokensThatAreNoMore) {
-  for (const char* worker : {"gone", "here", "late", "counted"}) {
-    const std::string token = worker == std::string("counted") ? "valid" : "expired";
-    ASSERT_TRUE(store().remember_join({worker, token, "rack"}, 0).ok());
-  }
-  ASSERT_TRUE(store().remember_worker("here", "here").ok());
-  ASSERT_TRUE(store().remember_worker("late", "late").ok());
-  now_us_ += 2 * kHourUs;
-  ASSERT_TRUE(store().forget_worker("late").ok());
-  ASSERT_TRUE(store().forget_joins({"valid"}, now_us_ - kHourUs).ok());
-  open();
-  for (const char* worker : {"here", "late", "counted"}) {
-    EXPECT_TRUE(absl::IsPermissionDenied(store().remember_join({worker, "t", "thief"}, 0)))
-        << worker;
-  }
-  EXPECT_TRUE(store().remember_join({"gone", "t", "other"}, 0).ok());
 }
 
 }  // namespace

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+namespace tessera::contract {
+
+/// Checks an option: a number in [least, most]. CLI::Range takes NaN for one.
+inline CLI::Validator finite_range(double least, double most) {
+  const CLI::Range range(least, most);
+  return {[range](std::string& text) {
+            double value = 0;
+            const bool is_nan = CLI::detail::lexical_cast(text, value) && value != value;
+            return is_nan ? text + " is not a number" : range(text);
+          },
+          range.get_description()};
+}
+
+}  // namespace tessera::contract
