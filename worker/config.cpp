@@ -15,11 +15,11 @@
 #include <string_view>
 #include <thread>
 
+#include "proto/contract/structure_names.h"
 #include "proto/contract/version_text.h"
 #include "proto/image/library_versions.h"
 #include "proto/log/log.h"
 #include "worker/accel/isa.h"
-#include "worker/accel/reference/structures.h"
 
 namespace tessera::worker {
 namespace {
@@ -86,14 +86,14 @@ void add_isa(CLI::App& app, render::Isa& isa) {
       });
 }
 
-/// --accelerator, for tests of the structures: not in --help.
-void add_accelerator(CLI::App& app, std::string& accelerator) {
-  app.add_option("--accelerator", accelerator)
-      ->check([](const std::string& name) {
-        const bool known = render::reference::find_structure(name) != nullptr;
-        return known ? std::string() : "no reference structure: " + name;
-      })
-      ->group("");
+CLI::Option* add_accelerator(CLI::App& app, std::string& accelerator, const char* description) {
+  return app.add_option("--accelerator", accelerator, description)
+      ->check(CLI::IsMember(contract::kStructureNames));
+}
+
+/// --accelerator of what renders, for tests of the structures: not in --help.
+void add_hidden_accelerator(CLI::App& app, std::string& accelerator) {
+  add_accelerator(app, accelerator, "")->group("");
 }
 
 void add_worker_options(CLI::App& app, WorkerFlags& flags) {
@@ -128,7 +128,7 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
                  "(default: a quarter of the machine's)")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{100'000'000}));
   add_isa(app, options.isa);
-  add_accelerator(app, options.accelerator);
+  add_hidden_accelerator(app, options.accelerator);
   app.add_option("--id", options.worker_id,
                  "Identity kept over restarts; the server takes back at once what an earlier "
                  "process of it had (default: random)");
@@ -165,7 +165,7 @@ CLI::App* add_renderer(CLI::App& app, agent::RendererOptions& options, std::stri
   renderer->add_option("--memory-bytes", options.memory_bytes);
   renderer->add_option("--texel-bytes", options.texel_bytes);
   add_isa(*renderer, options.isa);
-  add_accelerator(*renderer, options.accelerator);
+  add_hidden_accelerator(*renderer, options.accelerator);
   renderer->add_option("--crash-on", crash_on)->check(is_unit());
   return renderer;
 }
@@ -178,7 +178,7 @@ void add_inspect_options(CLI::App& inspect, InspectConfig& config) {
       ->type_name("FILE");
   inspect.add_flag("--accelerators", config.accelerators,
                    "Measure acceleration structures on rays of the scene");
-  add_accelerator(inspect, config.accelerator);
+  add_accelerator(inspect, config.accelerator, "The same for production and this structure alone");
   inspect.add_flag("--self-intersections", config.self_intersections,
                    "List triangles that overlap, and say which meshes are closed");
   inspect.add_option("--settings", config.settings_hex)

@@ -34,10 +34,11 @@ constexpr const char* kWhiteLambert =
     R"({"pbrMetallicRoughness": {"metallicFactor": 0},
         "extensions": {"KHR_materials_specular": {"specularFactor": 0}}})";
 
-/// KHR_lights_punctual's falloff between the cones, in double.
+/// KHR_lights_punctual's falloff between the cones, in double, without the floor of its example.
 double spot_share(double angle, double inner, double outer) {
-  const double scale = 1 / std::max(0.001, std::cos(inner) - std::cos(outer));
-  const double a = std::min(std::max((std::cos(angle) - std::cos(outer)) * scale, 0.0), 1.0);
+  const double ramp = std::cos(inner) - std::cos(outer);
+  if (!(ramp > 0)) return angle < outer ? 1 : 0;
+  const double a = std::min(std::max((std::cos(angle) - std::cos(outer)) / ramp, 0.0), 1.0);
   return a * a;
 }
 
@@ -67,16 +68,19 @@ TEST(GltfSpot, FallsOffSmoothlyFromItsInnerToItsOuterCone) {
         inner, outer,
         R"({"innerConeAngle": )" + text(inner) + R"(, "outerConeAngle": )" + text(outer) + "}"};
   };
-  const Cones all[] = {
-      cones(0.3, 0.6), {0, kPi / 4, "{}"}, cones(0, 0.1), cones(0.2, 0.2004), cones(1, kPi / 2)};
+  const Cones all[] = {cones(0.3, 0.6),   {0, kPi / 4, "{}"}, cones(0, 0.1),    cones(0.2, 0.2004),
+                       cones(1, kPi / 2), cones(0.009, 0.01), cones(0.02, 0.02)};
   for (const Cones& c : all) {
     const double width = c.outer - c.inner;
     // Places up to 9 m off are good to 5e-7 m, cosines to 1.2e-7; the squared ramp magnifies both.
-    const double ramp = 1 / std::max(0.001, std::cos(c.inner) - std::cos(c.outer));
+    const double ramp = width > 0 ? 1 / (std::cos(c.inner) - std::cos(c.outer)) : 0;
     const double tolerance = (2e-6 + 2 * (5e-7 + 1.2e-7) * ramp) / kPi;
+    double middle = 0.9 * c.inner;
+    EXPECT_NEAR(wall_under_a_spot(c.spot, &middle), std::pow(std::cos(middle), 3) / kPi, 2e-6)
+        << c.spot << " inside";
     for (const double step : {-0.5, -0.01, 0.0, 0.01, 0.25, 0.5, 0.75, 0.99, 1.0}) {
       double angle = c.inner + step * width;
-      if (angle < 0 || angle > 1.4) continue;
+      if (angle < 0 || angle > 1.4 || !(width > 0)) continue;
       const double got = wall_under_a_spot(c.spot, &angle);
       const double cosine = std::cos(angle);  // of the wall too; the way is 1 / cosine
       EXPECT_NEAR(got, spot_share(angle, c.inner, c.outer) * cosine * cosine * cosine / kPi,

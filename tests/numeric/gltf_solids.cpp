@@ -80,5 +80,43 @@ TEST(Csg, ALensOfGlassAbsorbsAlongTheWayInIt) {
   }
 }
 
+/// A ball of 1 m, of index 1, on the way from the sun to a white wall and from there to the eye.
+Vec3d wall_behind_a_ball(double x, const std::string& ball) {
+  const auto file = probe_of(x, 0);
+  for (const char* name : {"TESSERA_shape", "KHR_materials_transmission", "KHR_materials_volume",
+                           "KHR_materials_ior", "KHR_materials_specular"}) {
+    file->use_extension(name);
+  }
+  add_sun(*file, 1);
+  TriangleMesh wall = unit_quad(file->add_material(
+      R"({"pbrMetallicRoughness": {"metallicFactor": 0},
+          "extensions": {"KHR_materials_specular": {"specularFactor": 0}}})"));
+  for (render::Vec3f& p : wall.positions) p = p * 8.0f - render::Vec3f{3, 5, 2};
+  file->add_node_with_mesh(file->add_mesh(wall));
+  if (!ball.empty()) {
+    const int glass = file->add_material(
+        R"({"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 0.5)" + ball +
+        R"(}, "extensions": {"KHR_materials_transmission": {"transmissionFactor": 1},
+            "KHR_materials_ior": {"ior": 1}, "KHR_materials_volume": {"thicknessFactor": 1,
+            "attenuationDistance": 2, "attenuationColor": [1, 0.5, 0.25]}}})");
+    file->add_node(shape(R"("type": "sphere", "radius": 1)", glass));
+  }
+  return seen(*file, probe_settings());
+}
+
+TEST(SolidOfIndexOne, LetsTheSunThroughAndAbsorbs) {  // hard case 41
+  constexpr double kWhite = 1 / 3.14159265358979323846;
+  for (const double x : {0.0, 0.5, 0.9}) {
+    const double way = 2 * 2 * std::sqrt(1 - x * x);  // to the wall and back, metres
+    const Vec3d bare = wall_behind_a_ball(x, ""), seen = wall_behind_a_ball(x, ", \"extras\": 0");
+    EXPECT_NEAR(bare.x, kWhite, 1e-6);
+    EXPECT_EQ(seen.x, bare.x) << x;
+    EXPECT_NEAR(seen.y, kWhite * std::pow(0.5, way / 2), 1e-5) << x;
+    EXPECT_NEAR(seen.z, kWhite * std::pow(0.25, way / 2), 1e-5) << x;
+  }
+  // A base colour tints at the surface: then it is one, and points and suns do not go through.
+  EXPECT_EQ(wall_behind_a_ball(0, R"(, "baseColorFactor": [1, 1, 0.5, 1])").x, 0);
+}
+
 }  // namespace
 }  // namespace tessera::testing

@@ -82,6 +82,14 @@ TEST(HardCase36, ClosedConvexMeshesDoNotMeetThemselvesAndPuncturedOnesAreOpen) {
   Primitive flipped = uv_sphere(12, 16, 1);
   std::swap(flipped.triangles[40][0], flipped.triangles[40][1]);
   EXPECT_EQ(boundary_edges(mesh_of({flipped}), {true}), 3);
+  // A seam whose sides differ by rounding is one, if that is asked for.
+  Primitive cracked = sphere.primitives[0];
+  const std::uint32_t moved = cracked.triangles[0][0];
+  cracked.positions.push_back(cracked.positions[moved] + render::Vec3f{2e-7f, -2e-7f, 0});
+  cracked.triangles[0][0] = static_cast<std::uint32_t>(cracked.positions.size() - 1);
+  EXPECT_GT(boundary_edges(mesh_of({cracked}), {true}), 0);
+  EXPECT_GT(boundary_edges(mesh_of({cracked}), {true}, 1e-8), 0);
+  EXPECT_EQ(boundary_edges(mesh_of({cracked}), {true}, 1e-6), 0);
 }
 
 TEST(HardCase36, NeighboursOverlapOnlyWhereFoldedOrCrossing) {

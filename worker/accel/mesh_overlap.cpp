@@ -1,6 +1,8 @@
 #include "worker/accel/mesh_overlap.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <map>
 #include <memory>
 #include <utility>
@@ -145,15 +147,58 @@ std::vector<InstanceOverlap> instance_overlaps(const Scene& scene) {
   return out;
 }
 
-std::int64_t boundary_edges(const Mesh& mesh, const std::vector<bool>& primitives) {
-  using Corner = std::array<float, 3>;
+namespace {
+
+using Corner = std::array<float, 3>;
+
+/// Takes corners that lie near each other for one.
+class Welder {
+ public:
+  explicit Welder(double apart) : apart_(apart) {}
+
+  Corner operator()(const Corner& corner) {
+    if (!(apart_ > 0)) return corner;
+    Cell cell{};
+    for (std::size_t k = 0; k < 3; ++k) {
+      cell[k] = std::floor(static_cast<double>(corner[k]) / (2 * apart_));
+    }
+    for (int i = 0; i < 27; ++i) {
+      const int x = i % 3 - 1, y = i / 3 % 3 - 1, z = i / 9 - 1;
+      const Cell beside = {cell[0] + x, cell[1] + y, cell[2] + z};
+      const auto [first, last] = firsts_.equal_range(beside);
+      for (auto known = first; known != last; ++known) {
+        if (is_near(known->second, corner)) return known->second;
+      }
+    }
+    return firsts_.emplace(cell, corner)->second;
+  }
+
+ private:
+  using Cell = std::array<double, 3>;  // whole numbers
+
+  bool is_near(const Corner& a, const Corner& b) const {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double gap = static_cast<double>(a[k]) - static_cast<double>(b[k]);
+      if (!(std::fabs(gap) <= apart_)) return false;
+    }
+    return true;
+  }
+
+  double apart_;
+  std::multimap<Cell, Corner> firsts_;
+};
+
+}  // namespace
+
+std::int64_t boundary_edges(const Mesh& mesh, const std::vector<bool>& primitives, double apart) {
+  Welder welded(apart);
   std::map<std::pair<Corner, Corner>, std::int64_t> balance;  // ways along less ways back
   for (std::size_t p = 0; p < mesh.primitives.size(); ++p) {
     if (!primitives[p]) continue;
     const Primitive& primitive = mesh.primitives[p];
     const auto corner = [&](std::uint32_t i) {
       const Vec3f& v = primitive.positions[i];
-      return Corner{v.x + 0.0f, v.y + 0.0f, v.z + 0.0f};  // -0 is 0
+      return welded({v.x + 0.0f, v.y + 0.0f, v.z + 0.0f});  // -0 is 0
     };
     for (const auto& triangle : primitive.triangles) {
       for (std::size_t i = 0; i < 3; ++i) {

@@ -34,7 +34,9 @@ struct InstanceOverlap {
 std::vector<InstanceOverlap> instance_overlaps(const Scene& scene);
 
 /// How many edges of the chosen primitives bound the surface: those run along more often one way
-/// than the other. Corners are the same where their coordinates are. 0: it is closed.
-std::int64_t boundary_edges(const Mesh& mesh, const std::vector<bool>& primitives);
+/// than the other. Corners are the same where their coordinates are, or with `apart` > 0 where they
+/// are as near to the first of them along each axis. 0: it is closed.
+std::int64_t boundary_edges(const Mesh& mesh, const std::vector<bool>& primitives,
+                            double apart = 0);
 
 }  // namespace tessera::render

@@ -13,11 +13,13 @@ constexpr float range_attenuation(float distance, float range) {
 }
 
 /// Share of a spot's intensity in a direction `cos_theta` off its axis: 1 inside the inner cone, 0
-/// outside the outer one, squared ramp between. Source: KHR_lights_punctual.
+/// outside the outer one, squared ramp between; without a ramp where both are one. Source:
+/// KHR_lights_punctual, but for the example's floor of 0.001 under the ramp's width, which would
+/// darken spots of a few degrees also inside their inner cones.
 constexpr float spot_attenuation(float cos_theta, float cos_inner, float cos_outer) {
   const float width = cos_inner - cos_outer;
-  const float scale = 1 / (width > 0.001f ? width : 0.001f);
-  const float a = clamp((cos_theta - cos_outer) * scale, 0.0f, 1.0f);
+  if (!(width > 0)) return cos_theta >= cos_outer ? 1 : 0;
+  const float a = clamp((cos_theta - cos_outer) * (1 / width), 0.0f, 1.0f);
   return a * a;
 }
 

@@ -1,6 +1,8 @@
 #include "worker/scene/deform.h"
 
+#include <array>
 #include <cmath>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "worker/scene/accessor_reader.h"
@@ -133,22 +135,24 @@ absl::StatusOr<SkinnedPrimitive> skin(const BasePrimitive& base, Primitive posed
   for (const auto& set : base.influences) {
     if (absl::Status status = check_joints(set, joints.size()); !status.ok()) return status;
   }
-  SkinnedPrimitive out{std::move(posed), {}, false};
+  SkinnedPrimitive out{std::move(posed), {}};
   Primitive& p = out.primitive;
   out.world_positions.resize(p.positions.size());
+  std::vector<bool> is_mirrored(p.positions.size());
   for (std::size_t v = 0; v < p.positions.size(); ++v) {
     const Affine3d m = blend(base, v, joints);
+    is_mirrored[v] = determinant(m) < 0;
     out.world_positions[v] = transform_point(m, Vec3d(p.positions[v]));
     if (!p.normals.empty()) {
       p.normals[v] = unit_or(transform_direction_normal(m, Vec3d(p.normals[v])), p.normals[v]);
     }
     if (!p.tangents.empty()) {
       const Vec3f t = unit_or(transform_vector(m, Vec3d(p.tangents[v].xyz())), p.tangents[v].xyz());
-      p.tangents[v] = {t.x, t.y, t.z, p.tangents[v].w};
+      p.tangents[v] = {t.x, t.y, t.z, is_mirrored[v] ? -p.tangents[v].w : p.tangents[v].w};
     }
   }
-  if (!p.triangles.empty()) {
-    out.mirrored = determinant(blend(base, p.triangles.front()[0], joints)) < 0;
+  for (std::array<std::uint32_t, 3>& triangle : p.triangles) {
+    if (is_mirrored[triangle[0]]) std::swap(triangle[1], triangle[2]);
   }
   return out;
 }

@@ -24,11 +24,12 @@ absl::StatusOr<std::vector<Affine3d>> joint_matrices(const Document& document,
 struct SkinnedPrimitive {
   Primitive primitive;
   std::vector<Vec3d> world_positions;
-  bool mirrored = false;  // the joints turn its winding round
 };
 
 /// Linear blend skinning of `posed` (the morphed primitive) with the influences of `base`.
-/// Weights are scaled to a sum of 1. Errors: InvalidArgument when a joint number is too large.
+/// Weights are scaled to a sum of 1. Where joints mirror, triangles and tangents are turned round,
+/// so that a world-space copy has its front where the specification has it. Errors: InvalidArgument
+/// when a joint number is too large.
 absl::StatusOr<SkinnedPrimitive> skin(const BasePrimitive& base, Primitive posed,
                                       const std::vector<Affine3d>& joints);
 

@@ -3,8 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <utility>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "worker/scene/json_view.h"
 #include "worker/scene/limits.h"
 #include "worker/scene/tessera_extensions.h"
@@ -216,9 +220,38 @@ void check_required(const JsonView& element, const Required& required, JsonFault
   }
 }
 
-/// Checks kRequired, and the two values tinygltf judges without naming their place.
+/// "2.1" as {2, 1}; nullopt: is no version.
+std::optional<std::pair<int, int>> parse_version(const std::string& text) {
+  const std::vector<std::string> parts = absl::StrSplit(text, '.');
+  std::pair<int, int> version;
+  if (parts.size() != 2 || !absl::SimpleAtoi(parts[0], &version.first) ||
+      !absl::SimpleAtoi(parts[1], &version.second)) {
+    return std::nullopt;
+  }
+  return version;
+}
+
+/// Refuses what is not for a reader of glTF 2.0. Source: glTF 2.0, section 3.2.
+void check_version(const JsonView& asset, JsonFault& fault) {
+  for (const char* key : {"minVersion", "version"}) {
+    const JsonView member = asset[key];
+    if (!member.present() && key == std::string_view("minVersion")) continue;
+    const auto version = parse_version(member.present() ? member.as_text() : "");
+    const bool is_ours = version && version->first == 2 &&
+                         (version->second == 0 || key == std::string_view("version"));
+    if (!is_ours) {
+      fault.report(absl::StrCat("asset.", key),
+                   member.present()
+                       ? absl::StrCat("is \"", member.as_text(), "\"; glTF 2.0 is read")
+                       : "is missing; glTF 2.0 is read");
+    }
+  }
+}
+
+/// Checks kRequired, and the values tinygltf judges without naming their place, or does not.
 void check_core(const json& core, JsonFault& fault) {
   const JsonView root(core, "", fault);
+  check_version(root["asset"], fault);
   for (const Required& required : kRequired) {
     for (const JsonView& element : root[required.section].items()) {
       if (required.inner.empty()) {

@@ -27,6 +27,11 @@ struct Descriptor {
   Descriptor& operator=(const Descriptor&) = delete;
 };
 
+/// A fault, without ": ": in "FILE: ELEMENT: FAULT" that would make an element of its first half.
+std::string fault_at(const char* fault, const fs::path& path) {
+  return absl::StrCat(fault, " (", path.string(), ")");
+}
+
 bool is_beneath(const fs::path& path, const fs::path& folder) {
   const auto mismatch = std::mismatch(folder.begin(), folder.end(), path.begin(), path.end());
   return mismatch.first == folder.end();
@@ -53,7 +58,7 @@ absl::StatusOr<fs::path> FolderReader::resolve(std::string_view uri) const {
   std::error_code error;
   if (const auto known = allowed_.find(uri); known != allowed_.end()) {
     const fs::path path = fs::canonical(known->second, error);
-    if (error) return absl::NotFoundError("no such file: " + known->second.string());
+    if (error) return absl::NotFoundError(fault_at("no such file", known->second));
     return path;
   }
   const fs::path relative{std::string(uri)};
@@ -63,7 +68,7 @@ absl::StatusOr<fs::path> FolderReader::resolve(std::string_view uri) const {
     return absl::PermissionDeniedError("the path leaves the scene's folder");
   }
   const fs::path path = fs::canonical(folder_ / relative, error);
-  if (error) return absl::NotFoundError("no such file: " + (folder_ / relative).string());
+  if (error) return absl::NotFoundError(fault_at("no such file", folder_ / relative));
   if (!is_beneath(path, folder_)) {
     return absl::PermissionDeniedError("a symbolic link leaves the scene's folder");
   }
@@ -80,13 +85,13 @@ absl::StatusOr<std::span<const std::byte>> FolderReader::read(std::string_view u
   const Descriptor file(::open(path->c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
   struct stat info = {};
   if (file.number < 0 || ::fstat(file.number, &info) != 0 || !S_ISREG(info.st_mode)) {
-    return absl::PermissionDeniedError("not a readable file: " + path->string());
+    return absl::PermissionDeniedError(fault_at("not a readable file", *path));
   }
   Mapping mapping{*path, nullptr, static_cast<std::size_t>(info.st_size)};
   if (mapping.size > 0) {
     void* data = ::mmap(nullptr, mapping.size, PROT_READ, MAP_PRIVATE, file.number, 0);
     if (data == MAP_FAILED) {
-      return absl::PermissionDeniedError("cannot read " + path->string());
+      return absl::PermissionDeniedError(fault_at("cannot be read", *path));
     }
     mapping.data = static_cast<const std::byte*>(data);
   }

@@ -147,13 +147,18 @@ class PrimitiveReader {
     if (!floats.ok()) return fault(std::string(floats.status().message()));
     std::vector<Vec4f>& colors = out_.primitive.colors;
     colors.resize(floats->size() / static_cast<std::size_t>(components));
+    bool is_clamped = false;
     for (std::size_t i = 0; i < colors.size(); ++i) {
       const float* f = floats->data() + i * static_cast<std::size_t>(components);
       colors[i] = {f[0], f[1], f[2], components == 4 ? f[3] : 1.0f};
       for (int k = 0; k < 4; ++k) {
         if (!std::isfinite(colors[i][k])) return fault("COLOR_0 is not finite");
+        const float within = clamp(colors[i][k], 0.0f, 1.0f);  // glTF 2.0, section 3.7.2.1
+        is_clamped = is_clamped || within != colors[i][k];
+        colors[i][k] = within;
       }
     }
+    if (is_clamped) warn("COLOR_0 leaves [0, 1]; clamped");
     return check_count("COLOR_0", colors.size());
   }
 

@@ -73,14 +73,25 @@ std::vector<Affine3d> world_transforms(const std::vector<Node>& nodes) {
   return world;
 }
 
+Vec3d unscaled_direction(const std::vector<Node>& nodes, std::int32_t node) {
+  Vec3d direction{0, 0, -1};
+  for (std::int32_t n = node; n != kNone; n = nodes[n].parent) {
+    Node local = nodes[n];
+    const Vec3d& s = local.scale;
+    if (s.x == 0 || s.y == 0 || s.z == 0) local.scale = {1, 1, 1};
+    direction = transform_vector(local_transform(local), direction);
+  }
+  return normalize(direction);
+}
+
 std::vector<std::int32_t> depth_first(const std::vector<Node>& nodes,
-                                      const std::vector<std::int32_t>& roots) {
+                                      const std::vector<std::int32_t>& roots, HiddenNodes hidden) {
   std::vector<std::int32_t> order;
   std::vector<std::int32_t> open(roots.rbegin(), roots.rend());
   while (!open.empty()) {
     const std::int32_t node = open.back();
     open.pop_back();
-    if (!nodes[node].visible) continue;
+    if (!nodes[node].visible && hidden == HiddenNodes::left_out) continue;
     order.push_back(node);
     const auto& children = nodes[node].children;
     open.insert(open.end(), children.rbegin(), children.rend());

@@ -20,9 +20,16 @@ Affine3d local_transform(const Node& node);
 /// World transform of every node, composed in double from the roots down.
 std::vector<Affine3d> world_transforms(const std::vector<Node>& nodes);
 
-/// The nodes beneath `roots`, depth first, each before its children, hidden subtrees
-/// (KHR_node_visibility) left out. Requires link_parents().
+/// A node's -z in the world, unit, by rotations alone where a scale is 0: lights point there
+/// whatever their scale (KHR_lights_punctual). 0 where matrices leave nothing of it.
+Vec3d unscaled_direction(const std::vector<Node>& nodes, std::int32_t node);
+
+enum class HiddenNodes { left_out, included };
+
+/// The nodes beneath `roots`, depth first, each before its children. Hidden are whole subtrees
+/// (KHR_node_visibility). Requires link_parents().
 std::vector<std::int32_t> depth_first(const std::vector<Node>& nodes,
-                                      const std::vector<std::int32_t>& roots);
+                                      const std::vector<std::int32_t>& roots,
+                                      HiddenNodes hidden = HiddenNodes::left_out);
 
 }  // namespace tessera::render

@@ -29,8 +29,10 @@ PunctualLight read_light(const JsonView& light, JsonFault& fault) {
     const JsonView spot = light["spot"];
     const double inner = spot.number("innerConeAngle", 0, 0, kHalfPi);
     const double outer = spot.number("outerConeAngle", kHalfPi / 2, 0, kHalfPi);
-    if (!(inner < outer)) {
-      fault.report(light.path() + ".spot", "innerConeAngle must be below outerConeAngle");
+    // One and the same angle is written for a spot without a soft edge.
+    if (!(inner <= outer && outer > 0)) {
+      fault.report(light.path() + ".spot",
+                   "needs 0 <= innerConeAngle <= outerConeAngle and a cone");
     }
     out.cos_inner = static_cast<float>(elementary::cos(inner));
     out.cos_outer = static_cast<float>(elementary::cos(outer));

@@ -12,12 +12,16 @@
 #include "worker/scene/animation.h"
 #include "worker/scene/camera_setup.h"
 #include "worker/scene/csg_assembly.h"
+#include "worker/scene/declared_lights.h"
 #include "worker/scene/deform.h"
 #include "worker/scene/geometry_reader.h"
+#include "worker/scene/gpu_instancing.h"
 #include "worker/scene/hierarchy.h"
 #include "worker/scene/image_decoder.h"
 #include "worker/scene/limits.h"
+#include "worker/scene/precision_check.h"
 #include "worker/scene/selection.h"
+#include "worker/scene/volumes.h"
 
 namespace tessera::render {
 
@@ -50,6 +54,7 @@ class SceneBuilder {
     if (status.ok()) status = add_textures();
     if (!status.ok()) return status;
     add_environment();
+    turn_matched_solids_into_media(scene_);
     cache_ = std::move(kept_);
     return std::move(scene_);
   }
@@ -60,7 +65,6 @@ class SceneBuilder {
     const std::vector<Affine3d>* joints = nullptr;
     std::vector<Primitive> primitives;
     std::vector<std::vector<Vec3d>> worlds;  // by primitive, until the scene's centre is known
-    bool mirrored = false;                   // the joints turn its winding round
   };
 
   void warn(const std::string& element, const std::string& message) {
@@ -99,13 +103,14 @@ class SceneBuilder {
       absl::Status status = animate(document_, animation, input_.seconds, nodes_);
       if (!status.ok()) return status;
     }
-    const auto scene_roots = roots();
+    auto scene_roots = roots();
     if (!scene_roots.ok()) return scene_roots.status();
+    roots_ = *std::move(scene_roots);
     if (const std::int32_t chosen = chosen_scene(); chosen != kNone) {
       scene_.atmosphere = document_.scenes[chosen].atmosphere;
     }
     world_ = world_transforms(nodes_);
-    order_ = depth_first(nodes_, *scene_roots);
+    order_ = depth_first(nodes_, roots_);
     return absl::OkStatus();
   }
 
@@ -205,7 +210,6 @@ class SceneBuilder {
                             absl::StrCat(where, ": ", bent.status().message()));
       }
       posed = std::move(bent->primitive);
-      skinned->mirrored = skinned->mirrored || bent->mirrored;
       for (std::size_t v = 0; v < posed.positions.size(); ++v) {
         posed.positions[v] = Vec3f(bent->world_positions[v]);
       }
@@ -258,7 +262,7 @@ class SceneBuilder {
 
   /// A copy of a glTF mesh of its own, bent by joints; it gets its primitives in recenter().
   absl::StatusOr<std::int32_t> skinned_mesh(std::int32_t source, const std::vector<double>& weights,
-                                            const std::vector<Affine3d>& joints, bool& mirrored) {
+                                            const std::vector<Affine3d>& joints) {
     SkinnedMesh skinned;
     skinned.joints = &joints;
     PosedBox box;
@@ -275,7 +279,6 @@ class SceneBuilder {
     }
     skinned.joints = nullptr;
     skinned.mesh = add_mesh({document_.meshes[source].name, {}}, box);
-    mirrored = skinned.mirrored;
     const std::int32_t mesh = skinned.mesh;
     skinned_.push_back(std::move(skinned));
     return mesh;
@@ -297,13 +300,9 @@ class SceneBuilder {
     if (node.skin != kNone && has_influences(document_.meshes[node.mesh])) {
       const auto joints = joint_matrices(document_, node.skin, world_);
       if (!joints.ok()) return joints.status();
-      bool mirrored = false;
-      const auto mesh = skinned_mesh(node.mesh, weights_of(node), *joints, mirrored);
+      const auto mesh = skinned_mesh(node.mesh, weights_of(node), *joints);
       if (!mesh.ok()) return mesh.status();
       add_instance(*mesh, index, Affine3d());
-      if (!scene_.instances.empty() && scene_.instances.back().mesh == *mesh) {
-        scene_.instances.back().flips_winding = mirrored;
-      }
       return absl::OkStatus();
     }
     const auto mesh = shared_mesh(node.mesh, weights_of(node));
@@ -335,47 +334,14 @@ class SceneBuilder {
     });
   }
 
-  /// EXT_mesh_gpu_instancing: one instance an element, TRS beneath the node.
   absl::Status place_instances(std::int32_t mesh, std::int32_t index) {
-    const auto attribute = [&](const char* name) {
-      const auto it = nodes_[index].instancing.find(name);
-      return it == nodes_[index].instancing.end() ? kNone : it->second;
-    };
-    const std::int32_t t = attribute("TRANSLATION"), r = attribute("ROTATION"),
-                       s = attribute("SCALE");
-    std::vector<Vec3f> translations, scales;
-    std::vector<Vec4f> rotations;
-    const auto read = [](auto values, auto& to) {
-      absl::Status result = values.status();
-      if (values.ok()) to = *std::move(values);
-      return result;
-    };
-    absl::Status status;
-    if (t != kNone) status = read(read_vec3(document_, t), translations);
-    if (status.ok() && r != kNone) status = read(read_vec4(document_, r), rotations);
-    if (status.ok() && s != kNone) status = read(read_vec3(document_, s), scales);
-    if (!status.ok()) return status;
-    const auto first = nodes_[index].instancing.begin()->second;
-    const auto count = static_cast<std::size_t>(document_.accessors[first].count);
-    for (const auto& [name, accessor] : nodes_[index].instancing) {
-      if (document_.accessors[accessor].view == kNone) {
-        return absl::InvalidArgumentError(
-            absl::StrCat("accessors[", accessor, "]: instances need values in a bufferView"));
-      }
-    }
-    if (count + scene_.instances.size() > kMaxInstances) {
+    const auto locals = instance_transforms(document_, nodes_[index]);
+    if (!locals.ok()) return locals.status();
+    if (locals->size() + scene_.instances.size() > kMaxInstances) {
       return absl::InvalidArgumentError(
           absl::StrCat("nodes[", index, "]: more than ", kMaxInstances, " instances"));
     }
-    for (std::size_t i = 0; i < count; ++i) {
-      Node local;
-      if (t != kNone) local.translation = Vec3d(translations[i]);
-      if (s != kNone) local.scale = Vec3d(scales[i]);
-      if (r != kNone) {
-        local.rotation = {rotations[i].x, rotations[i].y, rotations[i].z, rotations[i].w};
-      }
-      add_instance(mesh, index, world_[index] * local_transform(local));
-    }
+    for (const Affine3d& local : *locals) add_instance(mesh, index, world_[index] * local);
     return absl::OkStatus();
   }
 
@@ -386,18 +352,20 @@ class SceneBuilder {
     if (!inverted) return warn(where, "its transform is singular or not finite; left out");
     const PosedBox box = transformed(world, boxes_[mesh]);
     if (!(max_abs(box.low) <= kMaxCoordinate && max_abs(box.high) <= kMaxCoordinate)) {
-      return warn(where, "lies farther than 1e18 from the origin; left out");
+      return warn(where, "its place is not finite, or farther than 1e18 from the origin; left out");
     }
     bounds_.add(box.low);
     bounds_.add(box.high);
     scene_.instances.push_back({mesh, node, world, *inverted, determinant(world) < 0});
+    placed_.push_back({box, node});
   }
 
   void place_light(std::int32_t index) {
     PunctualLight light = document_.lights[nodes_[index].light];
     light.node = index;
     light.position = world_[index].translation;
-    const Vec3d towards = normalize(transform_vector(world_[index], Vec3d{0, 0, -1}));
+    Vec3d towards = normalize(transform_vector(world_[index], Vec3d{0, 0, -1}));
+    if (towards == Vec3d{}) towards = unscaled_direction(nodes_, index);
     light.direction = Vec3f(towards);
     if (!(max_abs(light.position) <= kMaxCoordinate) || !is_finite(light.direction) ||
         (towards == Vec3d{} && light.kind != PunctualLight::Kind::point)) {
@@ -415,6 +383,7 @@ class SceneBuilder {
     }
     const Vec3d center = input_.center.value_or((bounds_.low + bounds_.high) * 0.5);
     scene_.center = center;
+    if (auto problem = check_precision(placed_, center)) problems_.push_back(*std::move(problem));
     scene_.bounds_min = bounds_.low - center;
     scene_.bounds_max = bounds_.high - center;
     for (SkinnedMesh& s : skinned_) {
@@ -581,10 +550,14 @@ class SceneBuilder {
       const auto& c = settings.background_color;
       sky.constant = {c[0], c[1], c[2]};
     } else if (scene_.lights.empty() && !has_emitters()) {
-      scene_.has_environment = true;
-      sky.constant = {1, 1, 1};
-      problems_.push_back({Problem::Severity::note, "",
-                           "the scene has no light; a white environment of radiance 1 lights it"});
+      const bool is_dark =
+          declares_light(document_, roots_, [&](auto& p) { return material_of(p); });
+      scene_.has_environment = !is_dark;
+      if (!is_dark) sky.constant = {1, 1, 1};
+      problems_.push_back(
+          {Problem::Severity::note, "",
+           is_dark ? "all lights of the scene are dark or hidden here"
+                   : "the scene has no light; a white environment of radiance 1 lights it"});
     }
   }
 
@@ -596,10 +569,11 @@ class SceneBuilder {
   Scene scene_;
   std::vector<Node> nodes_;  // posed
   std::vector<Affine3d> world_;
-  std::vector<std::int32_t> order_;
+  std::vector<std::int32_t> roots_, order_;  // of the scene; its nodes, depth first
   std::int32_t variant_ = kNone;
-  std::vector<bool> used_;       // materials
-  std::vector<PosedBox> boxes_;  // by scene mesh; of skinned ones in world space
+  std::vector<bool> used_;         // materials
+  std::vector<PlacedBox> placed_;  // of instances
+  std::vector<PosedBox> boxes_;    // by scene mesh; of skinned ones in world space
   std::map<std::pair<std::int32_t, std::vector<double>>, std::int32_t> shared_;
   std::vector<SkinnedMesh> skinned_;
   PosedBox bounds_;

@@ -14,11 +14,18 @@ inline BsdfValue evaluate_reflection(const Bsdf& b, const Vec3f& wi) {
   const Vec3f h = direction_of(b.wo + wi);
   const float c = dot(b.wo, h);
   const Layer layer = layer_at<kExtended>(b, c);
-  Vec3f f = b.diffuse * layer.pass * kInvPi;
+  const bool within = b.interface == Interface::solid && b.eta < 1;
+  Vec3f f;
+  if (!within) {
+    f = b.diffuse * layer.pass * kInvPi;
+  } else if (max_component(b.diffuse) > 0) {
+    f = b.diffuse * pass_of_solid<kExtended>(b, wi) * kInvPi;
+  }
   if constexpr (kExtended) {
     if (b.extended->rough.roughness > 0) f *= rough_diffuse(b.extended->rough, b.wo, wi);
   }
-  float pdf = b.cosine_probability * wi.z * kInvPi;
+  float pdf = within ? b.cosine_probability * spread_density(wi.z, cone_index(b, true))
+                     : b.cosine_probability * wi.z * kInvPi;
   if constexpr (kExtended) pdf *= 1 - b.extended->back_probability;
   if (!b.mirror) {
     const float d = facet_density<kExtended>(b, h);
@@ -63,15 +70,18 @@ inline BsdfValue evaluate_refraction(const Bsdf& b, const Vec3f& wi) {
   return {b.transmit * layer.pass * (4 * d * v * c_o * jacobian * b.transmit_gain * cos_i), pdf};
 }
 
-/// Light spread evenly behind the surface; the dielectric layer takes its share as of light that is
-/// spread before it.
+/// Light spread evenly behind the surface; the dielectric layer of a thin one takes its share as of
+/// light that is spread before it.
 inline void add_diffuse_transmission(const Bsdf& b, const Vec3f& wi, BsdfValue* value) {
   const ExtendedLobes& x = *b.extended;
   if (!(x.back_probability > 0)) return;
   const float cos_i = -wi.z;
   const float c = dot(b.wo, direction_of(b.wo + Vec3f{wi.x, wi.y, cos_i}));
-  value->f_cos += x.diffuse_transmit * layer_at<true>(b, c).pass * (kInvPi * cos_i);
-  value->pdf += b.cosine_probability * x.back_probability * kInvPi * cos_i;
+  const Vec3f pass =
+      b.interface == Interface::solid ? pass_of_solid<true>(b, wi) : layer_at<true>(b, c).pass;
+  value->f_cos += x.diffuse_transmit * pass * (kInvPi * cos_i);
+  const float index = cone_index(b, false), chosen = b.cosine_probability * x.back_probability;
+  value->pdf += index == 1 ? chosen * kInvPi * cos_i : chosen * spread_density(cos_i, index);
 }
 
 /// Value and density for `wi`.
@@ -138,13 +148,13 @@ inline bool turn_to_its_side(const Bsdf& b, BsdfSample* sample) {
 template <bool kExtended>
 inline bool draw(const Bsdf& b, float u_lobe, const Vec2f& u, BsdfSample* sample, Vec3f* local) {
   if (u_lobe < b.cosine_probability) {
-    *local = warp::cosine_hemisphere(u);
-    if (!(local->z > 0)) return false;
     sample->transmitted = sample->delta = false;
     if constexpr (kExtended) {
       sample->transmitted = u_lobe < b.cosine_probability * b.extended->back_probability;
-      if (sample->transmitted) local->z = -local->z;
     }
+    *local = spread_direction(u, cone_index(b, !sample->transmitted));
+    if (!(local->z > 0)) return false;
+    if (sample->transmitted) local->z = -local->z;
   } else {
     const float p_facets = 1 - b.cosine_probability;
     const float u_side = (u_lobe - b.cosine_probability) / p_facets;

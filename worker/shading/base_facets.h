@@ -110,6 +110,45 @@ inline Layer layer_at(const Bsdf& b, float c) {
   return {reflect, {pass, pass, pass}};
 }
 
+/// What the layer of a solid lets pass of light that is spread diffusely on the side of `wi`: its
+/// Fresnel terms on both ways, the second normalised, so that what has passed is spread and no
+/// more. Inside, a layer judged at the half vector would pass light that is totally reflected as
+/// well.
+template <bool kExtended>
+inline Vec3f pass_of_solid(const Bsdf& b, const Vec3f& wi) {
+  const bool is_dense = (b.eta < 1) == (wi.z > 0);  // the side of wi
+  const float n2 = b.eta < 1 ? 1 / (b.eta * b.eta) : b.eta * b.eta;
+  const float mean = is_dense ? b.dense_mean : b.dense_mean * n2;
+  const float exact = fresnel_dielectric(std::fabs(wi.z), wi.z > 0 ? b.eta : 1 / b.eta);
+  return layer_at<kExtended>(b, b.wo.z).pass * ((1 - exact) / mean);
+}
+
+/// Index of the denser side over the other's, if the diffuse lobe on the side of the viewer (or, if
+/// not `same_side`, the other) is on the denser side of a solid's surface; else 1. Light is spread
+/// there within the critical cone alone.
+inline float cone_index(const Bsdf& b, bool same_side) {
+  if (b.interface != Interface::solid || (b.eta < 1) != same_side) return 1;
+  if (same_side && b.metallic > 0) return 1;  // the metal's share of the lobe is everywhere
+  return b.eta < 1 ? 1 / b.eta : b.eta;
+}
+
+/// Density of spread_direction() for a cosine `z` > 0.
+inline float spread_density(float z, float index) {
+  const float eta = 1 / index;
+  return (eta - 1) * (eta + 1) + z * z > 0 ? index * index * kInvPi * z : 0;
+}
+
+/// A direction with a density in proportion to its cosine, within the cone that light from the
+/// other side of a smooth surface is refracted into: drawn there, and refracted.
+inline Vec3f spread_direction(const Vec2f& u, float index) {
+  Vec3f w = warp::cosine_hemisphere(u);
+  if (index == 1) return w;
+  w.x /= index;
+  w.y /= index;
+  w.z = std::sqrt(1 - (w.x * w.x + w.y * w.y));
+  return w;
+}
+
 inline bool transmits(const Bsdf& b) {
   return b.interface != Interface::opaque && max_component(b.transmit) > 0;
 }

@@ -130,6 +130,9 @@ inline void prepare(const BsdfParameters& p, const BsdfExtensions* extensions,
     b.plain_fresnel = p.specular_weight == 1 && p.f0 == Vec3f{f0, f0, f0};
     if (!(p.ior > 0)) b.interface = Interface::opaque;  // ior 0: everything is reflected, F = 1
     if (b.eta > 1 - kMatchedIndices && b.eta < 1 + kMatchedIndices) b.alpha = 0;
+    if (passes_back || max_component(b.diffuse) > 0) {
+      b.dense_mean = mean_transmittance_from_dense(p.ior);
+    }
   }
   if constexpr (kExtended) {
     const bool matched = b.alpha == 0 && p.roughness > 0;

@@ -123,7 +123,8 @@ struct Bsdf {
   float specular_weight = 0;
   float metallic = 0;
   float alpha = 1, roughness = 1;
-  float eta = 1;  // n(far side) / n(viewer's side) of a solid
+  float eta = 1;         // n(far side) / n(viewer's side) of a solid
+  float dense_mean = 1;  // of a solid with a diffuse lobe: mean_transmittance_from_dense()
   float root_o = 1;
   float reflect_gain = 1, transmit_gain = 1;  // what multiple scattering gives back in glass
   float cosine_probability = 1;               // of sampling the cosine lobe

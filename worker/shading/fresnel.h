@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "worker/math/elementary.h"
 #include "worker/math/vector.h"
 
 namespace tessera::render {
@@ -80,6 +81,22 @@ inline bool refract(const Vec3f& w, const Vec3f& n, float eta, Vec3f* wt) {
   const float g = std::sqrt(g2);
   *wt = (n * (c - g) - w) / eta;
   return true;
+}
+
+/// Mean, over the cosine-weighted hemisphere on the denser side of a smooth dielectric interface,
+/// of what passes it, 1 - F. On the other side it is n^2 times as much. `ior` > 0 is either side's
+/// index over the other's. Source: Walsh's closed form of the diffuse Fresnel reflectance, in
+/// Duntley 1942, J. Opt. Soc. Am. 32, 61.
+inline float mean_transmittance_from_dense(float ior) {
+  const double n = ior > 1 ? ior : 1 / static_cast<double>(ior);
+  if (n < 1.001) return 1;  // where the terms below cancel; F is small up to grazing angles
+  const double n2 = n * n, n4 = n2 * n2, up = n + 1, sum = n2 + 1, difference = n4 - 1;
+  const double reflected =
+      0.5 + (n - 1) * (3 * n + 1) / (6 * up * up) +
+      n2 * (n2 - 1) * (n2 - 1) / (sum * sum * sum) * elementary::log((n - 1) / up) -
+      2 * n2 * n * (n2 + 2 * n - 1) / (sum * difference) +
+      8 * n4 * (n4 + 1) / (sum * difference * difference) * elementary::log(n);
+  return static_cast<float>((1 - reflected) / n2);
 }
 
 /// Average of the dielectric Fresnel reflectance of Schlick's form over the cosine-weighted

@@ -8,6 +8,7 @@
 #include "worker/accel/instance_boxes.h"
 #include "worker/math/elementary.h"
 #include "worker/scene/needs.h"
+#include "worker/scene/volumes.h"
 #include "worker/shading/fresnel.h"
 
 namespace tessera::render {
@@ -51,17 +52,6 @@ bool has_holes(const Material& material, const Scene& scene) {
     }
   }
   return material.alpha_mode == AlphaMode::mask ? !(least >= material.alpha_cutoff) : !(least >= 1);
-}
-
-Vec3f extinction_of(const Material& material) {
-  Vec3f sigma;
-  for (int k = 0; k < 3; ++k) {
-    const float c = material.attenuation_color[k];
-    const bool clear = !(c < 1) || !(material.attenuation_distance < INFINITY);
-    if (clear) continue;
-    sigma[k] = c > 0 ? -elementary::log(c) / material.attenuation_distance : INFINITY;
-  }
-  return sigma;
 }
 
 std::uint8_t traits_of(const Material& material, const MaterialView& view, const Scene& scene) {

@@ -1,5 +1,10 @@
 #include "worker/accel/reference/structures.h"
 
+#include <algorithm>
+#include <iterator>
+
+#include "proto/contract/structure_names.h"
+
 namespace tessera::render::reference {
 
 std::span<const Structure> structures() {
@@ -17,6 +22,9 @@ std::span<const Structure> structures() {
       {"hierarchical-grid", "a grid per size", build_hierarchical_grid},
       {"proximity-grid", "grid, proximity clouds", build_proximity_grid},
   };
+  static_assert(std::equal(std::begin(kStructures), std::end(kStructures),
+                           contract::kStructureNames.begin(), contract::kStructureNames.end(),
+                           [](const Structure& a, std::string_view b) { return a.name == b; }));
   return kStructures;
 }
 

@@ -206,6 +206,22 @@ TEST(VertexColors, OfThreeComponentsAreOpaqueAndOfFourKeepAlpha) {
   EXPECT_EQ(scene->meshes[0].primitives[1].colors[2], (Vec4f{0, 0, 1, 1}));
 }
 
+TEST(VertexColors, AreClampedWithAWarning) {  // glTF 2.0, section 3.7.2.1
+  testing::MemoryReader reader;
+  GltfBuilder b;
+  b.add_vec3({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}});
+  b.add_floats("VEC4", {5, -1, 0.5f, 2, 0, 0, 0, 1, 1, 1, 1, 1});
+  b.add("meshes", R"({"primitives": [{"attributes": {"POSITION": 0, "COLOR_0": 1}}]})");
+  b.add_node_with_mesh(0);
+  reader.put("scene.gltf", b.gltf());
+  const auto file = load_scene_file("scene.gltf", {}, reader);
+  const auto scene = (*file)->pose({}, 0);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  EXPECT_EQ(scene->meshes[0].primitives[0].colors[0], (Vec4f{1, 0, 0.5f, 1}));
+  ASSERT_FALSE((*file)->problems().empty());
+  EXPECT_EQ((*file)->problems()[0].message, "COLOR_0 leaves [0, 1]; clamped");
+}
+
 TEST(Positions, ThatAreNotFiniteOrTooLargeDropTheirTrianglesWithAWarning) {
   testing::MemoryReader reader;
   GltfBuilder b;

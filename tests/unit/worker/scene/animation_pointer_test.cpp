@@ -90,6 +90,18 @@ TEST(AnimationPointer, MovesNumbersOfEveryKind) {
   EXPECT_DOUBLE_EQ(late(*animated("/cameras/0/perspective/yfov", {1}, {2}, "STEP")).camera.yfov, 1);
 }
 
+TEST(AnimationPointer, ALampThatIsDarkForAWhileBringsNoSky) {
+  for (const float last : {1.0f, 2.0f}) {
+    const auto file = animated(
+        "/materials/0/extensions/KHR_materials_emissive_strength/emissiveStrength", {0}, {last});
+    file->set("/nodes/1", "{}");  // without its light
+    const auto scene = load_and_pose(*file);
+    ASSERT_TRUE(scene.ok()) << scene.status();
+    EXPECT_EQ(scene->materials[0].emission, render::Vec3f{});
+    EXPECT_FALSE(scene->has_environment);
+  }
+}
+
 TEST(AnimationPointer, MovesOneBlobOfMany) {
   const auto file =
       animated("/nodes/3/extensions/TESSERA_blobs/elements/1/center", {0, 0, 0}, {16, 0, 0});

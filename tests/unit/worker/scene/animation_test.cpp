@@ -223,7 +223,7 @@ TEST(Morphing, FollowsAnAnimationOfWeights) {
 }
 
 /// An arm of two joints: vertices 0 and 1 follow the first, 2 the second, 3 both by 1/4 and 3/4;
-/// with `second_set`, the latter by JOINTS_1 and WEIGHTS_1.
+/// with `second_set`, the latter by JOINTS_1 and WEIGHTS_1. Brushed along x.
 std::string skinned_arm(bool second_set = false) {
   GltfBuilder b;
   b.add_vec3({{0, 0, 0}, {1, 0, 0}, {0, 2, 0}, {1, 2, 0}});
@@ -235,6 +235,7 @@ std::string skinned_arm(bool second_set = false) {
                   .type = "VEC4"});
   b.add_vec4({{1, 0, 0, 0}, {1, 0, 0, 0}, {1, 0, 0, 0}, {0.25f, second_set ? 0 : 0.75f, 0, 0}});
   b.add_indices({0, 1, 2, 1, 3, 2});
+  b.use_extension("KHR_materials_anisotropy");
   // The second joint's bind pose is at (0, 1, 0).
   b.add_floats("MAT4", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0,  0, 1,
                         1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, -1, 0, 1});
@@ -250,6 +251,13 @@ std::string skinned_arm(bool second_set = false) {
     b.set("/meshes/0/primitives/0/attributes/JOINTS_1", std::to_string(joint));
     b.set("/meshes/0/primitives/0/attributes/WEIGHTS_1", std::to_string(weight));
   }
+  const int brushed = b.add_material(
+      R"({"extensions": {"KHR_materials_anisotropy": {"anisotropyStrength": 0.5}}})");
+  const int along = b.add_vec4({{1, 0, 0, 1}, {1, 0, 0, 1}, {1, 0, 0, 1}, {0, 1, 0, 1}});
+  b.set("/meshes/0/primitives/0/material", std::to_string(brushed));
+  b.set("/meshes/0/primitives/0/attributes/TANGENT", std::to_string(along));
+  b.set("/meshes/0/primitives/0/attributes/TEXCOORD_0",
+        std::to_string(b.add_vec2({{0, 0}, {1, 0}, {0, 1}, {1, 1}})));
   b.add("skins", R"({"joints": [1, 2], "inverseBindMatrices": 5})");
   b.add_node(R"({"mesh": 0, "skin": 0, "translation": [77, 77, 77]})");  // ignored for skins
   b.add_node(R"({"translation": [10, 0, 0], "children": [2]})");
@@ -276,6 +284,31 @@ TEST(Skins, BlendJointMatricesAsAnIndependentEvaluationDoes) {
   const double length = std::sqrt(0.25 * 0.25 + 0.75 * 0.75);
   expect_near(Vec3d(p.normals[3]), {0.25 / length, 0.75 / length, 0});
   EXPECT_EQ(scene->instances[0].object_to_world, Affine3d());
+}
+
+TEST(Skins, TurnRoundWhatTheirJointsMirror) {
+  std::string file = skinned_arm();
+  const std::string joint = R"("translation":[10,0,0])";  // the first; the second is its child
+  const std::size_t at = file.find(joint);
+  ASSERT_NE(at, std::string::npos);
+  const auto straight = load_and_pose(file);
+  const auto mirrored = load_and_pose(file.insert(at, R"("scale":[-1,1,1],)"));
+  ASSERT_TRUE(straight.ok() && mirrored.ok()) << mirrored.status();
+  const Primitive &p = straight->meshes[0].primitives[0], &q = mirrored->meshes[0].primitives[0];
+  for (std::size_t t = 0; t < 2; ++t) {
+    EXPECT_EQ(q.triangles[t][1], p.triangles[t][2]);
+    EXPECT_EQ(q.triangles[t][2], p.triangles[t][1]);
+    // The front is where the normals are: +z, which this mirror leaves as it is.
+    const Vec3f a = q.positions[q.triangles[t][0]];
+    const Vec3f across =
+        cross(q.positions[q.triangles[t][1]] - a, q.positions[q.triangles[t][2]] - a);
+    EXPECT_GT(dot(across, q.normals[0]), 0);
+  }
+  EXPECT_FALSE(mirrored->instances[0].flips_winding);
+  // The other tangent is that of the mirrored texture: up, as before.
+  ASSERT_EQ(q.tangents.size(), 4u);
+  EXPECT_EQ(p.tangents[0], (Vec4f{1, 0, 0, 1}));
+  EXPECT_EQ(q.tangents[0], (Vec4f{-1, 0, 0, -1}));
 }
 
 TEST(Skins, TakeFurtherInfluencesFromTheSecondSet) {

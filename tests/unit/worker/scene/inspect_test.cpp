@@ -95,6 +95,17 @@ TEST_F(InspectTest, NamesFileElementAndFaultOfABadScene) {
   EXPECT_EQ(json::parse(to_json(report))["counts"], nullptr);
 }
 
+TEST_F(InspectTest, NamesTheSceneThatIsNotThere) {
+  const InspectReport report = inspect_scene({folder_ / "none.gltf", {}, {}});
+  ASSERT_EQ(report.findings.size(), 1u);
+  EXPECT_EQ(report.findings[0].file, "none.gltf");
+  EXPECT_EQ(report.findings[0].problem.element, "");
+  EXPECT_EQ(report.findings[0].problem.message,
+            "no such file (" + (folder_ / "none.gltf").string() + ")");
+  fs::create_directories(folder_ / "folder.gltf");
+  EXPECT_EQ(inspect_scene({folder_ / "folder.gltf", {}, {}}).findings[0].problem.element, "");
+}
+
 TEST_F(InspectTest, ReadsASkyFromAnywhereAndNamesItInTheManifest) {
   GltfBuilder b;
   b.add_mesh(unit_quad());

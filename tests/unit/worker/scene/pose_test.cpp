@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -331,6 +333,91 @@ TEST(Environment, IsWhiteWithANoteWhenNothingElseLights) {
   EXPECT_EQ(scene->environment.constant, (Vec3f{1, 1, 1}));
   ASSERT_EQ((*file)->problems().size(), 1u);
   EXPECT_EQ((*file)->problems()[0].severity, Problem::Severity::note);
+}
+
+TEST(Lights, PointWhereTheirNodesTurnWhateverTheScale) {
+  for (const char* scale : {"[0, 0, 0]", "[1, 1, 0]"}) {
+    GltfBuilder b;
+    b.use_extension("KHR_lights_punctual");
+    b.add_node_with_mesh(b.add_mesh(unit_quad()));
+    b.set("/extensions/KHR_lights_punctual/lights", R"([{"type": "directional"}])");
+    b.add_node(std::string(R"({"scale": )") + scale +
+               R"(, "rotation": [-0.7071067811865476, 0, 0, 0.7071067811865476],
+                   "extensions": {"KHR_lights_punctual": {"light": 0}}})");
+    const auto scene = load_and_pose(b);
+    ASSERT_TRUE(scene.ok()) << scene.status();
+    ASSERT_EQ(scene->lights.size(), 1u) << scale;
+    expect_near(Vec3d(scene->lights[0].direction), {0, -1, 0}, 1e-7);
+  }
+}
+
+TEST(Volumes, OfIndexOneThatOnlyAbsorbAreMediaUnlessTheirVerticesTint) {
+  GltfBuilder b;
+  const char* const clear = R"({"pbrMetallicRoughness": {"metallicFactor": 0}, "extensions": {
+      "KHR_materials_transmission": {"transmissionFactor": 1}, "KHR_materials_ior": {"ior": 1},
+      "KHR_materials_volume": {"thicknessFactor": 1, "attenuationDistance": 2,
+                               "attenuationColor": [1, 0.5, 0]}}})";
+  for (const char* name :
+       {"KHR_materials_transmission", "KHR_materials_ior", "KHR_materials_volume"}) {
+    b.use_extension(name);
+  }
+  b.add_node_with_mesh(b.add_mesh(unit_quad(b.add_material(clear))));
+  const int tinted = b.add_mesh(unit_quad(b.add_material(clear)));
+  b.add_node_with_mesh(tinted);
+  b.set("/meshes/" + std::to_string(tinted) + "/primitives/0/attributes/COLOR_0",
+        std::to_string(b.add_floats("VEC3", std::vector<float>(12, 0.5f))));
+  const auto scene = load_and_pose(b);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  EXPECT_FALSE(scene->materials[0].has_volume);
+  ASSERT_TRUE(scene->materials[0].medium);
+  const Vec3f absorbed = scene->materials[0].medium->absorption;
+  EXPECT_EQ(absorbed.x, 0);
+  EXPECT_NEAR(absorbed.y, std::log(2.0) / 2, 1e-7);
+  EXPECT_EQ(absorbed.z, std::numeric_limits<float>::infinity());
+  EXPECT_TRUE(scene->materials[1].has_volume);
+  EXPECT_FALSE(scene->materials[1].medium);
+}
+
+TEST(Precision, IsWarnedOfWhereAThingIsFarFromTheMiddleForItsSize) {
+  const auto warned_at = [](const char* x) {
+    testing::MemoryReader reader;
+    GltfBuilder b;
+    b.add_mesh(unit_quad());
+    b.add_node_with_mesh(0);
+    b.add_node_with_mesh(0, std::string(R"({"translation": [)") + x + ", 0, 0]}");
+    reader.put("scene.gltf", b.gltf());
+    const auto file = load_scene_file("scene.gltf", {}, reader);
+    EXPECT_TRUE((*file)->pose({}, 0).ok());
+    const auto& problems = (*file)->problems();
+    return std::any_of(problems.begin(), problems.end(), [](const Problem& p) {
+      return p.severity == Problem::Severity::warning &&
+             p.message.find("its place is good to") != std::string::npos;
+    });
+  };
+  EXPECT_FALSE(warned_at("1e5"));  // floats are 0.004 m apart 5e4 m from the middle
+  EXPECT_TRUE(warned_at("1e6"));   // 0.06 m
+}
+
+TEST(Environment, IsNotAddedWhereLightsAreDarkOrHidden) {
+  const auto lit_by = [](const char* light, const char* node, const char* material) {
+    GltfBuilder b;
+    b.use_extension("KHR_lights_punctual");
+    b.use_extension("KHR_node_visibility");
+    b.add_node_with_mesh(b.add_mesh(unit_quad()));
+    b.set("/extensions/KHR_lights_punctual/lights", light);
+    b.add_node_with_mesh(b.add_mesh(unit_quad(b.add_material(material))), node);
+    const auto scene = load_and_pose(b);
+    EXPECT_TRUE(scene.ok()) << scene.status();
+    return scene.ok() && scene->has_environment;
+  };
+  const char* const dark = R"([{"type": "point", "intensity": 0}])";
+  const char* const holds_it = R"({"extensions": {"KHR_lights_punctual": {"light": 0}}})";
+  const char* const hidden = R"({"extensions": {"KHR_node_visibility": {"visible": false}}})";
+  const char* const lamp = R"({"emissiveFactor": [1, 1, 1]})";
+  EXPECT_TRUE(lit_by(dark, "{}", "{}"));  // a light that no node has
+  EXPECT_FALSE(lit_by(dark, holds_it, "{}"));
+  EXPECT_FALSE(lit_by(dark, hidden, lamp));
+  EXPECT_TRUE(lit_by(dark, hidden, "{}"));
 }
 
 TEST(Environment, IsNotAddedToAnEmitterAndIsTheBackgroundWhereOneIsGiven) {
