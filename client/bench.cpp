@@ -3,12 +3,14 @@
 #include <chrono>
 #include <cstdio>
 #include <fstream>
+#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <thread>
 
 #include "absl/strings/str_cat.h"
 #include "client/bench_figures.h"
+#include "client/bench_reference.h"
 #include "client/commands.h"
 #include "client/frame_files.h"
 #include "client/job_fate.h"
@@ -16,6 +18,8 @@
 #include "client/local_farm.h"
 #include "client/table.h"
 #include "client/true_error.h"
+#include "proto/contract/digest.h"
+#include "proto/contract/structure_names.h"
 
 namespace tessera::client {
 namespace {
@@ -35,43 +39,75 @@ struct BenchOptions {
 
 /// A scene with what it is measured against.
 struct Subject {
-  std::string name;
-  RenderOptions render;
-  std::vector<Image> reference;  // one
-  double reference_relmse = 0;
+  std::string name, scene;
+  BenchReference reference;
+  std::vector<Image> image;  // one: the reference's
+  PreparedJob job;           // for any seed and sample count
 };
+
+absl::StatusOr<std::string> text_of_file(const std::string& path) {
+  std::ifstream file(path);
+  if (!file) return absl::InvalidArgumentError("cannot be read");
+  return std::string(std::istreambuf_iterator<char>(file), {});
+}
+
+/// The sky is that of --environment: a report knows its name and digest, not where it is.
+absl::Status check_sky(const BenchReference& reference, const std::string& environment) {
+  if (!reference.sky.empty() && environment.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat("the reference is lit by ", reference.sky,
+                                                   ": name that file with --environment"));
+  }
+  if (reference.sky.empty() && !environment.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat("the reference has no sky, --environment ",
+                                                   environment, " gives the renders one"));
+  }
+  return absl::OkStatus();
+}
+
+/// The reference is of the same bytes as the job.
+absl::Status check_scene(const BenchReference& reference, const PreparedJob& job) {
+  std::vector<contract::Digest> digests;
+  for (const v1::ManifestEntry& entry : job.request.manifest().assets()) {
+    digests.push_back(contract::Digest::from_binary(entry.asset().sha256()).value());
+  }
+  const std::string now = contract::sha256_of_set(std::move(digests)).hex();
+  if (now == reference.scene_sha256) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      "the reference is of other files than the scene and its sky are now (scene_sha256 ",
+      reference.scene_sha256.substr(0, 12), "…, now ", now.substr(0, 12), "…)"));
+}
 
 /// Opens DIR/NAME.exr and DIR/NAME.json, which `render` wrote, and takes over their settings.
 absl::StatusOr<Subject> open_subject(const BenchOptions& options, const std::string& scene) {
   Subject subject;
   subject.name = stem_of(scene);
+  subject.scene = scene;
   const std::string base = options.references + "/" + subject.name;
-  std::ifstream file(base + ".json");
-  const auto report = ordered_json::parse(file, nullptr, false);
-  const auto missing = [&](const char* what) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(base, what, "; make a reference by: tessera render ", scene, " -o ", base,
-                     ".exr --report ", base, ".json --size 320x240 --spp 4096 --seed 1000003"));
+  const auto fault = [&](const char* file, const absl::Status& status) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        base, file, ": ", status.message(), "; make a reference by: tessera render ", scene, " -o ",
+        base, ".exr --report ", base, ".json --size 320x240 --spp 4096 --seed 1000003"));
   };
-  if (!report.is_object() || !report.contains("settings") || !report.contains("frames")) {
-    return missing(".json: no report of a render");
+  const auto text = text_of_file(base + ".json");
+  if (!text.ok()) return fault(".json", text.status());
+  auto reference = read_reference_report(*text);
+  if (!reference.ok()) return fault(".json", reference.status());
+  subject.reference = *std::move(reference);
+  if (absl::Status sky = check_sky(subject.reference, options.environment); !sky.ok()) {
+    return absl::InvalidArgumentError(absl::StrCat(base, ".json: ", sky.message()));
   }
-  const ordered_json& frame = report["frames"].at(0);
-  if (!frame["estimated"].is_object()) return missing(".json: without an estimate of its error");
-  subject.reference_relmse = frame["estimated"].value("relmse", 0.0);
-  const ordered_json& settings = report["settings"];
-  subject.render.scene = scene;
-  subject.render.environment = options.environment;
-  subject.render.size = absl::StrCat(settings.value("width", 0), "x", settings.value("height", 0));
-  subject.render.max_depth = settings.value("max_depth", subject.render.max_depth);
-  subject.render.camera = settings.value("camera", "");
-  subject.render.variant = settings.value("variant", "");
-  subject.render.filter = settings.value("filter", subject.render.filter);
-  subject.render.filter_width = settings.value("filter_width", 0.0);
-  subject.render.cull_backfaces = settings.value("cull_backfaces", false);
+  RenderOptions render = subject.reference.render;
+  render.scene = scene;
+  render.environment = options.environment;
+  auto job = prepare_job(render, subject.name);
+  if (!job.ok()) return job.status();
+  subject.job = *std::move(job);
+  if (absl::Status same = check_scene(subject.reference, subject.job); !same.ok()) {
+    return fault(".json", same);
+  }
   auto image = read_image(base + ".exr");
-  if (!image.ok()) return missing(absl::StrCat(".exr: ", image.status().message()).c_str());
-  subject.reference.push_back(*std::move(image));
+  if (!image.ok()) return fault(".exr", image.status());
+  subject.image.push_back(*std::move(image));
   return subject;
 }
 
@@ -85,17 +121,18 @@ absl::StatusOr<ordered_json> finish(FarmClient& client, const std::string& job_i
   if (!text.ok()) return text.status();
   auto report = ordered_json::parse(*text, nullptr, false);
   if (!report.is_object()) return absl::InternalError("the report is not JSON");
-  const absl::Status added = add_true_errors(client, job_id, subject.reference, report);
+  const absl::Status added = add_true_errors(client, job_id, subject.image, report);
   if (!added.ok()) return added;
   return report;
 }
 
 /// One render; its report.
-absl::StatusOr<ordered_json> render_once(FarmClient& client, const Subject& subject) {
-  const auto prepared = prepare_job(subject.render, subject.name);
-  if (!prepared.ok()) return prepared.status();
-  if (absl::Status sent = upload_missing(client, *prepared); !sent.ok()) return sent;
-  v1::CreateJobRequest request = prepared->request;
+absl::StatusOr<ordered_json> render_once(FarmClient& client, const Subject& subject,
+                                         std::int64_t seed, int spp) {
+  if (absl::Status sent = upload_missing(client, subject.job); !sent.ok()) return sent;
+  v1::CreateJobRequest request = subject.job.request;
+  request.mutable_settings()->set_seed(seed);
+  request.mutable_settings()->set_sample_count(spp);
   request.set_request_id(random_request_id());
   const auto made = client.create_job(request);
   if (!made.ok()) return made.status();
@@ -124,13 +161,11 @@ void add_times(const ordered_json& report, const BenchOptions& options, SceneBen
 }
 
 /// One seed at each sample count; the times are those of the last.
-absl::Status run_seed(FarmClient& client, const BenchOptions& options, Subject subject, int seed,
-                      SceneBench& bench) {
-  subject.render.seed = seed;
+absl::Status run_seed(FarmClient& client, const BenchOptions& options, const Subject& subject,
+                      std::int64_t seed, SceneBench& bench) {
   std::vector<BenchPoint>& curve = bench.points.emplace_back();
   for (const int spp : bench.spp) {
-    subject.render.spp = spp;
-    const auto report = render_once(client, subject);
+    const auto report = render_once(client, subject, seed, spp);
     if (!report.ok()) return report.status();
     const ordered_json& frame = (*report)["frames"].at(0);
     curve.push_back(
@@ -144,13 +179,15 @@ absl::StatusOr<SceneBench> run_scene(FarmClient& client, const BenchOptions& opt
                                      const Subject& subject) {
   SceneBench bench;
   bench.scene = subject.name;
-  bench.reference_relmse = subject.reference_relmse;
+  bench.reference_relmse = subject.reference.relmse;
   bench.spp = options.spp;
-  for (int seed = 1; seed <= options.seeds; ++seed) {
-    std::fprintf(stderr, "%s: seed %d of %d\n", subject.name.c_str(), seed, options.seeds);
+  bench.seeds = bench_seeds(options.seeds, subject.reference.seed);
+  for (const std::int64_t seed : bench.seeds) {
+    std::fprintf(stderr, "%s: seed %lld, render %zu of %d\n", subject.name.c_str(),
+                 static_cast<long long>(seed), bench.points.size() + 1, options.seeds);
     const absl::Status done = run_seed(client, options, subject, seed, bench);
     if (!done.ok()) {
-      return absl::Status(done.code(), absl::StrCat(subject.render.scene, ": ", done.message()));
+      return absl::Status(done.code(), absl::StrCat(subject.scene, ": ", done.message()));
     }
   }
   return bench;
@@ -202,10 +239,13 @@ void add_bench_command(CLI::App& app, Invocation& invocation) {
   command
       ->add_option("--reference", options->references,
                    "Folder with NAME.exr and NAME.json, image and report of a long render of each "
-                   "scene with another seed; sizes and settings are taken from there")
+                   "scene; its settings are taken from there, all that decide which image is "
+                   "expected")
       ->required()
       ->type_name("DIR");
-  command->add_option("--seeds", options->seeds, "Renders of each scene")
+  command
+      ->add_option("--seeds", options->seeds,
+                   "Renders of each scene: seeds 1, 2, 3, … without the reference's")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   command->add_option("--spp", options->spp, "Sample counts of each (default: 8,64,512)")
@@ -214,11 +254,12 @@ void add_bench_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--threads", options->threads, "Threads of the worker")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
-  command->add_option("--environment", options->environment, "Sky of all scenes")
-      ->type_name("FILE");
   command
-      ->add_option("--accelerator", options->accelerator,
-                   "Trace with this reference structure (names: inspect --accelerators)")
+      ->add_option("--environment", options->environment,
+                   "Sky of all scenes, the same file as their references'")
+      ->type_name("FILE");
+  command->add_option("--accelerator", options->accelerator, "Trace with this reference structure")
+      ->check(CLI::IsMember(contract::kStructureNames))
       ->type_name("NAME");
   command->add_flag("--json", options->json, "Print a JSON document (tessera.bench/1)");
   command->footer(

@@ -67,15 +67,19 @@ std::optional<double> efficiency_value(const SceneBench& bench) {
   return interval ? std::optional(interval->value) : std::nullopt;
 }
 
-ordered_json or_null(const std::optional<double>& value) {
-  return value ? ordered_json(*value) : ordered_json(nullptr);
-}
-
 /// JSON has no infinity: null.
 ordered_json to_json(const Interval& interval) {
   return {{"value", interval.value},
           {"low", interval.low},
           {"high", std::isfinite(interval.high) ? ordered_json(interval.high) : ordered_json()}};
+}
+
+ordered_json or_null(const std::optional<double>& value) {
+  return value ? ordered_json(*value) : ordered_json(nullptr);
+}
+
+ordered_json or_null(const std::optional<Interval>& interval) {
+  return interval ? to_json(*interval) : ordered_json(nullptr);
 }
 
 std::string text_of(const std::optional<double>& value) {
@@ -98,6 +102,11 @@ Interval median_and_band(std::vector<double> values) {
   const double median =
       values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
   return {values.front(), median, values.back()};
+}
+
+std::optional<Interval> relmse_at(const SceneBench& bench, std::size_t k) {
+  const Interval error = median_and_band(column(bench, k, &BenchPoint::relmse));
+  return error.low >= least_relmse(bench) ? std::optional(error) : std::nullopt;
 }
 
 std::optional<double> seconds_to(const SceneBench& bench, double relmse) {
@@ -143,6 +152,7 @@ ordered_json bench_document(std::span<const SceneBench> scenes) {
   for (const SceneBench& bench : scenes) {
     ordered_json entry = {{"scene", bench.scene},
                           {"seeds", bench.points.size()},
+                          {"seeds_used", bench.seeds},
                           {"reference_relmse", bench.reference_relmse},
                           {"least_relmse", least_relmse(bench)},
                           {"rounds", ordered_json::array()}};
@@ -150,13 +160,12 @@ ordered_json bench_document(std::span<const SceneBench> scenes) {
       entry["rounds"].push_back(
           {{"spp", bench.spp[k]},
            {"cpu_seconds", to_json(median_and_band(column(bench, k, &BenchPoint::cpu_seconds)))},
-           {"relmse", to_json(median_and_band(column(bench, k, &BenchPoint::relmse)))}});
+           {"relmse", or_null(relmse_at(bench, k))}});
     }
     for (const double target : kTargets) {
       entry["cpu_seconds_to"][absl::StrFormat("%g", target)] = or_null(seconds_to(bench, target));
     }
-    const auto interval = efficiency(bench);
-    entry["efficiency"] = interval ? to_json(*interval) : ordered_json(nullptr);
+    entry["efficiency"] = or_null(efficiency(bench));
     entry["seconds"] = {
         {"load", bench.load},         {"build", bench.build}, {"first_pixel", bench.first_pixel},
         {"render_cpu", bench.render}, {"wall", bench.wall},   {"rest", bench.rest}};
@@ -178,12 +187,11 @@ std::string bench_text(std::span<const SceneBench> scenes) {
                  "render CPU s", "rest s"});
   for (const SceneBench& bench : scenes) {
     for (std::size_t k = 0; k < bench.spp.size(); ++k) {
-      const Interval error = median_and_band(column(bench, k, &BenchPoint::relmse));
-      const bool shown = error.low >= least_relmse(bench);
+      const auto error = relmse_at(bench, k);
       rounds.add({bench.scene, absl::StrCat(bench.spp[k]),
                   absl::StrFormat(
                       "%.4g", median_and_band(column(bench, k, &BenchPoint::cpu_seconds)).value),
-                  shown ? text_of(error) : "below ten times the reference's own"});
+                  error ? text_of(*error) : "below ten times the reference's own"});
     }
     const auto interval = efficiency(bench);
     summary.add({bench.scene, absl::StrFormat("%.2g", bench.reference_relmse),

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <span>
@@ -13,10 +14,11 @@ struct BenchPoint {
   double cpu_seconds = 0, relmse = 0;
 };
 
-/// What one scene gave: `points[s][k]` is seed s at `spp[k]`, counts rising.
+/// What one scene gave: `points[s][k]` is `seeds[s]` at `spp[k]`, counts rising.
 struct SceneBench {
   std::string scene;
   double reference_relmse = 0;  // the reference's own, as its report estimates it
+  std::vector<std::int64_t> seeds;
   std::vector<int> spp;
   std::vector<std::vector<BenchPoint>> points;
   /// Seconds of the renders with most samples, means over seeds: loading and building, wall time to
@@ -37,6 +39,9 @@ Interval median_and_band(std::vector<double> values);
 inline double least_relmse(const SceneBench& bench) {
   return 10 * bench.reference_relmse;
 }
+
+/// relMSE at `spp[k]`. Null where a seed's is below least_relmse().
+std::optional<Interval> relmse_at(const SceneBench& bench, std::size_t k);
 
 /// CPU seconds to a relMSE: each seed's curve interpolated in logarithms, the median over seeds.
 /// Null where a curve does not reach it, or it is below least_relmse().

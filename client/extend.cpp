@@ -7,6 +7,7 @@
 #include "client/commands.h"
 #include "client/farm_client.h"
 #include "client/job_fate.h"
+#include "proto/contract/finite_range.h"
 #include "proto/contract/pass_schedule.h"
 
 namespace tessera::client {
@@ -56,7 +57,7 @@ void add_extend_command(CLI::App& app, Invocation& invocation) {
                    "New number of samples a pixel (the most, with an error), above the present")
       ->check(CLI::Range(1, contract::kMaxSpp));
   command->add_option("--error", options->error, "New error, below the present one")
-      ->check(CLI::Range(1e-6, 1.0));
+      ->check(contract::finite_range(1e-6, 1.0));
   command->add_flag("--json", options->json, "Print a JSON document (tessera.job/1)");
   command->footer(
       "The image is the one the job would have had with the new count from the start. Not possible "

@@ -17,11 +17,12 @@ namespace {
 constexpr image::PixelLimits kLimits = {65'536, std::int64_t{4} << 30, std::int64_t{1} << 28};
 
 absl::StatusOr<std::string> bytes_of(const std::string& path) {
+  errno = 0;  // streams leave there what the system said: nothing of a file without a byte
   std::ifstream file(path, std::ios::binary);
   std::ostringstream bytes;
-  errno = 0;
   if (!file || !(bytes << file.rdbuf())) {
-    return absl::NotFoundError(absl::StrCat(path, ": ", std::strerror(errno)));
+    return absl::NotFoundError(
+        absl::StrCat(path, ": ", errno != 0 ? std::strerror(errno) : "the file is empty"));
   }
   return std::move(bytes).str();
 }

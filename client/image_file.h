@@ -20,8 +20,8 @@ struct Image {
 /// Reads the R, G, B and, where there is one, A channels of an EXR, HDR, PNG, JPEG or WebP file. 8-
 /// and 16-bit files are taken as sRGB and made linear; without A, alpha is 1.
 ///
-/// Errors: NotFound, no such file; InvalidArgument, not such an image, or too large (what, which
-/// limit).
+/// Errors: NotFound, no such file, or an empty or unreadable one; InvalidArgument, not such an
+/// image, or too large (what, which limit).
 absl::StatusOr<Image> read_image(const std::string& path);
 
 }  // namespace tessera::client

@@ -9,6 +9,7 @@
 #include "client/commands.h"
 #include "client/scene_probe.h"
 #include "client/table.h"
+#include "proto/contract/structure_names.h"
 
 namespace tessera::client {
 namespace {
@@ -201,6 +202,7 @@ void add_inspect_command(CLI::App& app, Invocation& invocation) {
   command
       ->add_option("--accelerator", options->accelerator,
                    "The same for production and this structure alone")
+      ->check(CLI::IsMember(contract::kStructureNames))
       ->type_name("NAME");
   command->add_flag(
       "--self-intersections", options->self_intersections,

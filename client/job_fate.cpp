@@ -7,6 +7,7 @@
 #include "absl/strings/match.h"
 #include "absl/time/time.h"
 #include "client/progress.h"
+#include "client/render_result.h"
 
 namespace tessera::client {
 namespace {
@@ -42,6 +43,13 @@ nlohmann::ordered_json progress_document(const v1::JobProgress& progress) {
   if (progress.has_remaining()) document["remaining_seconds"] = seconds(progress.remaining());
   if (progress.has_estimated_error()) document["estimated_error"] = progress.estimated_error();
   return document;
+}
+
+/// What the report of a job that is done says against it, to stderr.
+void say_doubts(FarmClient& client, const std::string& job_id, std::span<const std::string> said) {
+  const auto text = client.get_report(job_id);
+  const auto report = nlohmann::ordered_json::parse(text.value_or(""), nullptr, false);
+  if (report.is_object()) std::fputs(doubt_lines(report, said).c_str(), stderr);
 }
 
 }  // namespace
@@ -115,10 +123,10 @@ nlohmann::ordered_json job_document(const v1::Job& job) {
 }
 
 int watch_to_the_end(FarmClient& client, Interrupts& interrupts, const std::string& job_id,
-                     bool json) {
+                     bool json, std::span<const std::string> said) {
   const InterruptAction action(interrupts, [&client] { client.cancel(); });
   ProgressBar bar;
-  std::string said;
+  std::string waits_for;
   const auto job = client.watch_job(job_id, kWatchInterval, [&](const v1::Job& now) {
     if (json) {
       std::printf("%s\n", job_document(now).dump().c_str());
@@ -126,11 +134,11 @@ int watch_to_the_end(FarmClient& client, Interrupts& interrupts, const std::stri
       return true;
     }
     // What holds a job up is said once, also where nobody sees a bar.
-    if (now.reason() != said && !now.reason().empty() && !has_ended(now)) {
+    if (now.reason() != waits_for && !now.reason().empty() && !has_ended(now)) {
       bar.clear();
       std::fprintf(stderr, "job %s waits: %s\n", job_id.c_str(), now.reason().c_str());
     }
-    said = now.reason();
+    waits_for = now.reason();
     bar.show(now);
     return true;
   });
@@ -146,6 +154,7 @@ int watch_to_the_end(FarmClient& client, Interrupts& interrupts, const std::stri
     std::fprintf(stderr, "job %s %s%s%s%s%s\n", job_id.c_str(), state_name(job->state()).c_str(),
                  certainty.empty() ? "" : ", ", certainty.c_str(),
                  job->reason().empty() ? "" : ": ", job->reason().c_str());
+    if (job->state() == v1::Job::STATE_DONE) say_doubts(client, job_id, said);
   }
   return fate_of(*job);
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
+#include <span>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -24,8 +25,9 @@ std::string certainty_name(const v1::Job& job);
 nlohmann::ordered_json job_document(const v1::Job& job);
 
 /// Follows a job to its end on stderr's terminal, or as lines of JSON on stdout. On an interrupt it
-/// says that the job goes on. Returns the exit code.
+/// says that the job goes on. At the end it says what the report has against the result and has not
+/// been `said`. Returns the exit code.
 int watch_to_the_end(FarmClient& client, Interrupts& interrupts, const std::string& job_id,
-                     bool json);
+                     bool json, std::span<const std::string> said = {});
 
 }  // namespace tessera::client

@@ -1,6 +1,7 @@
 #include "client/job_request.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <fstream>
 #include <random>
 #include <utility>
@@ -48,31 +49,68 @@ absl::Status report_errors(const SceneProbe& probe) {
   return absl::InvalidArgumentError(lines);
 }
 
+/// Lays a reference down as the farm takes it: the whole frame, nothing outside the window.
+absl::Status write_reference(const std::string& path, const Image& image, const Window& window) {
+  constexpr std::int64_t kPixelBytes = 4 * sizeof(float);
+  const contract::PixelRect& rect = window.rect;
+  std::ofstream file(path, std::ios::binary);
+  for (std::int32_t row = 0; row < rect.height; ++row) {
+    file.seekp(kPixelBytes * (std::int64_t{rect.y + row} * window.width + rect.x));
+    file.write(
+        reinterpret_cast<const char*>(
+            &image.rgba[4 * static_cast<std::size_t>(row) * static_cast<std::size_t>(rect.width)]),
+        kPixelBytes * rect.width);
+  }
+  file.close();
+  std::error_code error;
+  std::filesystem::resize_file(
+      path, static_cast<std::uintmax_t>(kPixelBytes * window.width * window.height), error);
+  if (file && !error) return absl::OkStatus();
+  return absl::UnavailableError(absl::StrCat(path, ": cannot be written"));
+}
+
 /// Reads the references and lays them down as the assets that the farm takes.
 absl::Status add_references(const std::string& path, const contract::RenderSettings& settings,
                             PreparedJob& job) {
-  auto images = read_references(path, contract::frame_list(settings.frames));
+  const Window window{settings.width, settings.height, settings.window()};
+  auto images = read_references(path, contract::frame_list(settings.frames), window);
   if (!images.ok()) return images.status();
   job.references = *std::move(images);
   job.folder = std::make_shared<PrivateFolder>();
   for (const Image& image : job.references) {
-    if (image.width != settings.width || image.height != settings.height) {
-      return absl::InvalidArgumentError(absl::StrCat(path, ": the reference is ", image.width, "x",
-                                                     image.height, ", the image ", settings.width,
-                                                     "x", settings.height));
-    }
     const std::string asset =
         absl::StrCat(job.folder->path(), "/reference.", job.request.references_size());
-    std::ofstream file(asset, std::ios::binary);
-    file.write(reinterpret_cast<const char*>(image.rgba.data()),
-               static_cast<std::streamsize>(image.rgba.size() * sizeof(float)));
-    if (!file.flush()) return absl::UnavailableError(absl::StrCat(asset, ": cannot be written"));
+    absl::Status status = write_reference(asset, image, window);
+    if (!status.ok()) return status;
     auto id = identify(asset);
     if (!id.ok()) return id.status();
     job.files.emplace(id->sha256(), asset);
     *job.request.add_references() = *std::move(id);
   }
   return absl::OkStatus();
+}
+
+constexpr int kMostWarnings = 100;  // and a last line; the server's limits
+constexpr std::size_t kMostWarningLetters = 4000;
+
+/// The first bytes of a text in UTF-8, no character cut in two.
+std::string beginning_of(const std::string& text, std::size_t most) {
+  if (text.size() <= most) return text;
+  std::size_t end = most;
+  while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0u) == 0x80u) --end;
+  return text.substr(0, end);
+}
+
+/// For people at once; the warnings among them for the report, too.
+void add_remarks(const SceneProbe& probe, PreparedJob& job) {
+  for (const SceneProbe::Problem& problem : probe.problems) {
+    job.remarks.push_back(problem.text());
+    if (problem.severity != "warning" || job.request.scene_warnings_size() > kMostWarnings)
+      continue;
+    job.request.add_scene_warnings(job.request.scene_warnings_size() < kMostWarnings
+                                       ? beginning_of(problem.text(), kMostWarningLetters)
+                                       : "further warnings of the scene are left out");
+  }
 }
 
 }  // namespace
@@ -90,7 +128,7 @@ absl::StatusOr<PreparedJob> prepare_job(const RenderOptions& options, const std:
   if (!probe.ok()) return probe.status();
   if (probe->has_errors()) return report_errors(*probe);
   PreparedJob job;
-  for (const SceneProbe::Problem& problem : probe->problems) job.warnings.push_back(problem.text());
+  add_remarks(*probe, job);
   std::map<std::string, std::string> files;  // path by URI, in the manifest's order
   for (const auto& resource : probe->resources) files.emplace(resource.uri, resource.file);
   v1::SceneManifest& manifest = *job.request.mutable_manifest();
@@ -134,6 +172,7 @@ std::string derived_request_id(const v1::CreateJobRequest& request) {
   v1::CreateJobRequest named = request;
   named.clear_request_id();
   named.clear_references();
+  named.clear_scene_warnings();
   return contract::sha256(named.SerializeAsString()).hex();
 }
 

@@ -17,8 +17,8 @@ namespace tessera::client {
 struct PreparedJob {
   v1::CreateJobRequest request;              // all but the request id
   std::map<std::string, std::string> files;  // path of each asset, by its SHA-256 (32 bytes)
-  std::vector<std::string> warnings;         // of the scene, for people
-  std::vector<Image> references;             // of each frame, in their order; empty: none
+  std::vector<std::string> remarks;          // on the scene, for people: warnings and notes
+  std::vector<Image> references;             // of each frame's window, in their order; or none
   std::shared_ptr<PrivateFolder> folder;     // where those lie as assets
 };
 
@@ -31,8 +31,8 @@ absl::StatusOr<PreparedJob> prepare_job(const RenderOptions& options, const std:
 /// Sends the assets the farm lacks. Errors: those of FarmClient.
 absl::Status upload_missing(FarmClient& client, const PreparedJob& job);
 
-/// A request id that the same job gets every time, with references or without: a digest of
-/// settings, manifest and name.
+/// A request id that the same job gets every time, with references or without and whatever is said
+/// of its scene: a digest of settings, manifest and name.
 std::string derived_request_id(const v1::CreateJobRequest& request);
 
 /// One that no other job gets.

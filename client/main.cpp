@@ -5,9 +5,11 @@
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdlib>
+#include <memory>
 #include <string>
 
 #include "client/commands.h"
+#include "client/defaults_file.h"
 #include "proto/contract/version_text.h"
 #include "proto/image/library_versions.h"
 
@@ -35,6 +37,7 @@ void add_top_options(CLI::App& app, Invocation& invocation) {
       ->group("");
   app.set_config("--config", config_path(),
                  "File of defaults (TOML): server = \"…\", [render] spp = 256");
+  app.config_formatter(std::make_shared<tessera::client::DefaultsFile>(app));
   app.set_version_flag(
       "--version",
       tessera::contract::version_text(

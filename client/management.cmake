@@ -1,9 +1,9 @@
 # Commands over jobs, workers and files, completion, and the man pages.
 target_sources(tessera_client
-  PRIVATE bench.cpp bench_figures.cpp compare.cpp completion.cpp curve_svg.cpp event_document.cpp events.cpp extend.cpp farm.cpp fetch.cpp image_file.cpp inspect.cpp
+  PRIVATE bench.cpp bench_figures.cpp bench_reference.cpp compare.cpp completion.cpp curve_svg.cpp event_document.cpp events.cpp extend.cpp farm.cpp fetch.cpp image_file.cpp inspect.cpp
           job_control.cpp list.cpp report.cpp status.cpp table.cpp tile_svg.cpp timeline.cpp true_error.cpp
           workers.cpp
-  PUBLIC FILE_SET HEADERS FILES bench_figures.h completion.h curve_svg.h event_document.h image_file.h table.h
+  PUBLIC FILE_SET HEADERS FILES bench_figures.h bench_reference.h completion.h curve_svg.h event_document.h image_file.h table.h
     tile_svg.h timeline.h true_error.h)
 target_link_libraries(tessera_client PRIVATE tessera::image)
 

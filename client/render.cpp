@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "client/commands.h"
 #include "client/frame_files.h"
 #include "client/job_fate.h"
@@ -20,6 +21,7 @@
 #include "client/progress.h"
 #include "client/render_result.h"
 #include "client/true_error.h"
+#include "proto/contract/finite_range.h"
 #include "proto/contract/settings_message.h"
 
 namespace tessera::client {
@@ -52,6 +54,14 @@ struct Output {
   }
 };
 
+/// Errors: InvalidArgument, the file's folder cannot be written to.
+absl::Status check_folder_of(const std::string& file) {
+  const std::size_t slash = file.rfind('/');
+  const std::string folder = slash == std::string::npos ? "." : file.substr(0, slash + 1);
+  if (::access(folder.c_str(), W_OK | X_OK) == 0) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(folder, ": no folder that can be written to"));
+}
+
 /// Checks before anything is rendered what can be checked of the end.
 absl::StatusOr<Output> plan_output(const RenderCommandOptions& options) {
   const auto ranges = parse_frames(options.render.frames);
@@ -66,10 +76,14 @@ absl::StatusOr<Output> plan_output(const RenderCommandOptions& options) {
   const auto format = format_of(output.path);
   if (!format.ok()) return format.status();
   output.format = *format;
-  const std::size_t slash = output.path.rfind('/');
-  const std::string folder = slash == std::string::npos ? "." : output.path.substr(0, slash + 1);
-  if (::access(folder.c_str(), W_OK | X_OK) != 0) {
-    return absl::InvalidArgumentError(absl::StrCat(folder, ": no folder that can be written to"));
+  absl::Status status = check_folder_of(output.path);
+  if (!options.report.empty()) status.Update(check_folder_of(options.report));
+  if (!status.ok()) return status;
+  for (const std::int32_t frame : output.frames) {
+    if (options.report == output.path_of(frame)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("--report: ", options.report, " is to be an image"));
+    }
   }
   for (const std::int32_t frame : output.frames) {
     // With a store the files may be what an earlier run wrote; their digests tell at the end.
@@ -80,6 +94,16 @@ absl::StatusOr<Output> plan_output(const RenderCommandOptions& options) {
     }
   }
   return output;
+}
+
+/// What was asked for that the file's format cannot hold, a line; else empty.
+std::string left_out(const RenderCommandOptions& options, const Output& output) {
+  std::vector<std::string> lost;
+  if (!options.render.aovs.empty()) lost.emplace_back("--aov");
+  if (options.render.half) lost.emplace_back("--half");
+  if (output.format == v1::FetchFrameRequest::FORMAT_EXR || lost.empty()) return {};
+  return absl::StrCat("tessera: ", output.path, ": without ", absl::StrJoin(lost, " and "),
+                      ", which only an .exr has\n");
 }
 
 LocalFarmOptions farm_options(const RenderCommandOptions& options) {
@@ -169,7 +193,7 @@ absl::StatusOr<nlohmann::ordered_json> render_on(FarmClient& client,
   if (!report.is_object()) return absl::InternalError("the report is not JSON");
   if (job->state() == v1::Job::STATE_DONE && !prepared.references.empty()) {
     const absl::Status added = add_true_errors(client, job->id(), prepared.references, report);
-    if (!added.ok()) return added;
+    if (!added.ok()) fate = fail(added);  // the report holds without them
   }
   return report;
 }
@@ -178,14 +202,15 @@ int run(const RenderCommandOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   const auto output = plan_output(options);
   if (!output.ok()) return fail(output.status());
+  std::fputs(left_out(options, *output).c_str(), stderr);
   // The farm comes up while the scene is inspected; it gets nothing before that has gone well.
   auto farm = LocalFarm::start(farm_options(options));  // forks: before any thread
   if (!farm.ok()) return fail(farm.status());
   Interrupts interrupts;
   const auto prepared = prepare_job(options.render, options.name);
   if (!prepared.ok()) return fail(prepared.status());
-  for (const std::string& warning : prepared->warnings) {
-    std::fprintf(stderr, "%s\n", warning.c_str());
+  for (const std::string& remark : prepared->remarks) {
+    std::fprintf(stderr, "%s\n", remark.c_str());
   }
   absl::Status up = (*farm)->wait_until_up();
   if (!up.ok()) return fail(up);
@@ -223,9 +248,7 @@ int run(const RenderCommandOptions& options) {
   if (options.json) {
     std::printf("%s\n", report->dump().c_str());
   } else if (fate == kExitDone || fate == kExitUncertain) {
-    for (const auto& reason : report->value("reasons", nlohmann::ordered_json::array())) {
-      std::fprintf(stderr, "tessera: %s\n", reason.get<std::string>().c_str());
-    }
+    std::fputs(doubt_lines(*report, prepared->remarks).c_str(), stderr);
     const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
     std::printf("%s\n", result_line(*report, wall.count()).c_str());
   }
@@ -245,7 +268,7 @@ void add_render_command(CLI::App& app, Invocation& invocation) {
       ->type_name("FILE")
       ->group(group);
   command->add_option("--exposure", options->exposure_ev, "Stops of exposure, PNG and JPEG only")
-      ->check(CLI::Range(-100.0, 100.0))
+      ->check(contract::finite_range(-100.0, 100.0))
       ->type_name("EV")
       ->group(group);
   command->add_option("--report", options->report, "Write the report, JSON")

@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "absl/strings/str_cat.h"
+#include "proto/contract/finite_range.h"
 #include "proto/contract/settings_message.h"
 
 namespace tessera::client {
@@ -72,7 +73,7 @@ void add_view_options(CLI::App& command, RenderOptions& options) {
       ->capture_default_str()
       ->group(group);
   command.add_option("--fps", options.fps, "Frame n shows the scene at n/fps seconds")
-      ->check(CLI::Range(1e-6, 1e6))
+      ->check(contract::finite_range(1e-6, 1e6))
       ->type_name("N")
       ->capture_default_str()
       ->group(group);
@@ -97,7 +98,7 @@ void add_sampling_options(CLI::App& command, RenderOptions& options) {
                          ->group(group);
   CLI::Option* error =
       command.add_option("--error", options.error, "Sample until the error is at most this: 0.05")
-          ->check(CLI::Range(1e-6, 1.0))
+          ->check(contract::finite_range(1e-6, 1.0))
           ->type_name("E")
           ->excludes(spp)
           ->group(group);
@@ -130,13 +131,13 @@ void add_sampling_options(CLI::App& command, RenderOptions& options) {
   command
       .add_option("--filter-width", options.filter_width,
                   "Full support of the filter, pixels (default: box 1, others 3)")
-      ->check(CLI::Range(1e-3, 64.0))
+      ->check(contract::finite_range(1e-3, 64.0))
       ->type_name("W")
       ->group(group);
   command
       .add_option("--clamp", options.clamp,
                   "Largest radiance of a sample (default: off); voids any claim about error")
-      ->check(CLI::Range(1e-30, 1e30))
+      ->check(contract::finite_range(1e-30, 1e30))
       ->type_name("V")
       ->group(group);
 }
@@ -149,12 +150,12 @@ void add_light_options(CLI::App& command, RenderOptions& options) {
       ->group(group);
   command
       .add_option("--environment-rotation", options.environment_rotation, "Turn about +Y, degrees")
-      ->check(CLI::Range(-1e6, 1e6))
+      ->check(contract::finite_range(-1e6, 1e6))
       ->type_name("DEG")
       ->group(group);
   command
       .add_option("--environment-strength", options.environment_strength, "Factor on its radiance")
-      ->check(CLI::Range(0.0, 1e30))
+      ->check(contract::finite_range(0.0, 1e30))
       ->type_name("S")
       ->group(group);
   command

@@ -42,10 +42,24 @@ std::string result_line(const nlohmann::ordered_json& report, double wall_second
   const std::string status = report.value("status", "");
   for (const char* certainty : {"CONVERGED", "CAPPED", "UNCERTAIN"}) {
     if (status != certainty) continue;
-    if (error) absl::StrAppend(&line, absl::StrFormat(", at most %.4g with 95 %%", *upper));
+    const bool is_bounded = error && status != "UNCERTAIN";  // which claims nothing
+    if (is_bounded) absl::StrAppend(&line, absl::StrFormat(", at most %.4g with 95 %%", *upper));
     absl::StrAppend(&line, ", ", status);
   }
   return absl::StrCat(line, ", ", format_seconds(wall_seconds));
+}
+
+std::string doubt_lines(const nlohmann::ordered_json& report, std::span<const std::string> said) {
+  std::string lines;
+  for (const char* list : {"reasons", "warnings"}) {
+    for (const auto& doubt : report.value(list, nlohmann::ordered_json::array())) {
+      if (!doubt.is_string()) continue;
+      const auto text = doubt.get<std::string>();
+      if (std::find(said.begin(), said.end(), text) != said.end()) continue;
+      absl::StrAppend(&lines, "tessera: ", text, "\n");
+    }
+  }
+  return lines;
 }
 
 }  // namespace tessera::client

@@ -25,6 +25,9 @@ using nlohmann::ordered_json;
 struct ReportOptions {
   std::string job, svg, tiles, trace, reference;
   bool json = false, csv = false;
+
+  /// A file asked for is all there is, unless something to print is named as well.
+  bool prints() const { return json || csv || (svg.empty() && tiles.empty() && trace.empty()); }
 };
 
 /// The number at `pointer` as "%.*g", "-" if it is null or not there.
@@ -110,19 +113,39 @@ std::string csv_of(const ordered_json& report) {
   return text;
 }
 
-int write_timeline(const std::string& path, FarmClient& client, const ordered_json& report) {
+absl::Status write_curve(const std::string& path, const ordered_json& report) {
+  const std::string drawing = curve_svg(report);
+  if (drawing.empty()) return absl::FailedPreconditionError("no frame has an error curve yet");
+  return write_text_file(path, drawing);
+}
+
+absl::Status write_tiles(const std::string& path, const ordered_json& report) {
+  const auto drawing = tile_svg(report);
+  return drawing.ok() ? write_text_file(path, *drawing) : drawing.status();
+}
+
+absl::Status write_timeline(const std::string& path, FarmClient& client,
+                            const ordered_json& report) {
   const auto deliveries = client.list_deliveries(text_at(report, "job"));
-  if (!deliveries.ok()) return fail(deliveries.status());
+  if (!deliveries.ok()) return deliveries.status();
   std::vector<v1::Event> events;
   absl::Status status = client.watch_events({}, [&](const v1::Event& event) {
     events.push_back(event);
     return true;
   });
-  if (!status.ok()) return fail(status);
+  if (!status.ok()) return status;
   const auto timeline = timeline_json(report, *deliveries, events);
-  if (!timeline.ok()) return fail(timeline.status());
-  status = write_text_file(path, *timeline);
-  return status.ok() ? kExitDone : fail(status);
+  return timeline.ok() ? write_text_file(path, *timeline) : timeline.status();
+}
+
+/// Every file asked for that can be made. The first error.
+absl::Status write_files(const ReportOptions& options, FarmClient& client,
+                         const ordered_json& report) {
+  absl::Status status;
+  if (!options.svg.empty()) status.Update(write_curve(options.svg, report));
+  if (!options.tiles.empty()) status.Update(write_tiles(options.tiles, report));
+  if (!options.trace.empty()) status.Update(write_timeline(options.trace, client, report));
+  return status;
 }
 
 int run(const ReportOptions& options, const Connection& connection) {
@@ -135,31 +158,19 @@ int run(const ReportOptions& options, const Connection& connection) {
   ordered_json report = ordered_json::parse(*bytes, nullptr, false);
   if (!report.is_object()) return fail(absl::InternalError("the farm's report is not JSON"));
   if (!options.reference.empty()) {
-    const auto references = read_references(options.reference, frames_of(report));
+    const auto references =
+        read_references(options.reference, frames_of(report), window_of(report));
     if (!references.ok()) return fail(references.status());
     const absl::Status added = add_true_errors(**client, job->id(), *references, report);
     if (!added.ok()) return fail(added);
   }
-  if (!options.svg.empty()) {
-    const std::string drawing = curve_svg(report);
-    if (drawing.empty()) {
-      return fail(absl::FailedPreconditionError("no frame has an error curve yet"));
-    }
-    const absl::Status written = write_text_file(options.svg, drawing);
-    return written.ok() ? kExitDone : fail(written);
-  }
-  if (!options.tiles.empty()) {
-    const auto drawing = tile_svg(report);
-    if (!drawing.ok()) return fail(drawing.status());
-    const absl::Status written = write_text_file(options.tiles, *drawing);
-    return written.ok() ? kExitDone : fail(written);
-  }
-  if (!options.trace.empty()) return write_timeline(options.trace, **client, report);
+  const absl::Status written = write_files(options, **client, report);
+  if (!options.prints()) return written.ok() ? kExitDone : fail(written);
   const std::string text = options.json  ? report.dump(2) + "\n"
                            : options.csv ? csv_of(report)
                                          : text_of(report);
   std::fputs(text.c_str(), stdout);
-  return kExitDone;
+  return written.ok() ? kExitDone : fail(written);
 }
 
 }  // namespace
@@ -173,22 +184,22 @@ void add_report_command(CLI::App& app, Invocation& invocation) {
       command->add_flag("--json", options->json, "Print the JSON document (tessera.report/1)");
   command->add_flag("--csv", options->csv, "Print the error curves, a point a line")
       ->excludes(json);
-  command->add_option("--svg", options->svg, "Draw the error curves into FILE instead")
-      ->type_name("FILE");
+  command->add_option("--svg", options->svg, "Draw the error curves into FILE")->type_name("FILE");
   command
       ->add_option("--tiles", options->tiles,
-                   "Draw the error and the samples of each tile into FILE (SVG) instead")
+                   "Draw the error and the samples of each tile into FILE (SVG)")
       ->type_name("FILE");
   command
       ->add_option("--trace", options->trace,
                    "Write the timeline of its units into FILE (JSON for ui.perfetto.dev and "
-                   "chrome://tracing) instead")
+                   "chrome://tracing)")
       ->type_name("FILE");
   command
       ->add_option("--reference", options->reference,
                    "Image to tell the true error by (several frames: with their numbers put in)")
       ->type_name("REF.exr");
   command->footer(
+      "With a file asked for, only --json and --csv print.\n"
       "Examples:\n  tessera report last\n  tessera report last --json > report.json\n"
       "  tessera report last --svg curve.svg");
   command->callback([options, &invocation] {

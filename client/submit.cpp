@@ -34,8 +34,8 @@ void say_submitted(const v1::CreateJobResponse& made, bool json) {
 int run(const SubmitOptions& options, const Connection& connection) {
   auto prepared = prepare_job(options.render, options.name);
   if (!prepared.ok()) return fail(prepared.status());
-  for (const std::string& warning : prepared->warnings) {
-    std::fprintf(stderr, "%s\n", warning.c_str());
+  for (const std::string& remark : prepared->remarks) {
+    std::fprintf(stderr, "%s\n", remark.c_str());
   }
   Interrupts interrupts;
   auto client = FarmClient::connect(connection);
@@ -55,7 +55,7 @@ int run(const SubmitOptions& options, const Connection& connection) {
   if (!made.ok()) return fail(made.status());
   say_submitted(*made, options.json);
   if (!options.wait) return kExitDone;
-  return watch_to_the_end(**client, interrupts, made->job().id(), options.json);
+  return watch_to_the_end(**client, interrupts, made->job().id(), options.json, prepared->remarks);
 }
 
 }  // namespace

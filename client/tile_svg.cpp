@@ -15,7 +15,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr double kMapWidth = 400, kMargin = 16, kHeading = 28;
+constexpr double kMapSide = 400, kMargin = 16, kHeading = 28;  // the longer side of a map
 
 /// Stops from the least to the most, sRGB: they grow in lightness, so that they stay apart in grey.
 constexpr std::array<std::array<int, 3>, 5> kStops = {
@@ -44,49 +44,56 @@ contract::TileGrid grid_of(const ordered_json& settings) {
   return contract::TileGrid(window, settings.value("tile", 1));
 }
 
-/// One map: a value for each tile.
+/// One map: a value for each tile. `scale`: units a pixel.
 struct Map {
-  const char* name;
+  std::string name;
   std::vector<double> values;
-  double left, top;
+  double left, top, scale;
 };
 
+/// Colours go by the logarithm from the least to the most; a tile of 0 has no place there.
 void draw(const Map& map, const contract::TileGrid& grid, std::string& svg) {
   double low = 0, high = 0;  // of those above 0
+  bool has_zero = false;
   for (const double value : map.values) {
+    has_zero = has_zero || !(value > 0);
     if (!(value > 0)) continue;
     low = low > 0 ? std::min(low, value) : value;
     high = std::max(high, value);
   }
-  absl::StrAppend(&svg, absl::StrFormat("<text x=\"%.1f\" y=\"%.1f\">%s: %.3g to %.3g</text>\n",
-                                        map.left, map.top - 8, map.name, low, high));
-  const double scale = kMapWidth / grid.window().width;
+  const std::string range = high > 0 ? absl::StrFormat("%.3g to %.3g", low, high) : "";
+  absl::StrAppend(&svg, absl::StrFormat("<text x=\"%.1f\" y=\"%.1f\">", map.left, map.top - 8),
+                  map.name, ": ", range, has_zero && high > 0 ? ", " : "",
+                  has_zero ? "0 hatched" : "", "</text>\n");
   for (std::int32_t tile = 0; tile < grid.tile_count(); ++tile) {
     const contract::PixelRect rect = grid.rect(tile);
     const double value = map.values[static_cast<std::size_t>(tile)];
-    const double share = value > 0 && high > low ? std::log(value / low) / std::log(high / low) : 0;
+    const double share = high > low ? std::log(value / low) / std::log(high / low) : 0;
     absl::StrAppend(
-        &svg,
-        absl::StrFormat("<rect x=\"%.2f\" y=\"%.2f\" width=\"%.2f\" height=\"%.2f\" fill=\"%s\">"
-                        "<title>tile %d: %.4g</title></rect>\n",
-                        map.left + scale * (rect.x - grid.window().x),
-                        map.top + scale * (rect.y - grid.window().y), scale * rect.width,
-                        scale * rect.height, colour(share), tile, value));
+        &svg, absl::StrFormat(
+                  "<rect x=\"%.2f\" y=\"%.2f\" width=\"%.2f\" height=\"%.2f\" fill=\"%s\">"
+                  "<title>tile %d: %.4g</title></rect>\n",
+                  map.left + map.scale * (rect.x - grid.window().x),
+                  map.top + map.scale * (rect.y - grid.window().y), map.scale * rect.width,
+                  map.scale * rect.height, value > 0 ? colour(share) : "url(#zero)", tile, value));
   }
 }
 
-constexpr char kStyle[] = R"(<style>
+constexpr char kStyle[] = R"svg(<style>
 text{font:13px sans-serif;fill:#333}rect{shape-rendering:crispEdges}
 @media(prefers-color-scheme:dark){text{fill:#ddd}}
 </style>
-)";
+<defs><pattern id="zero" width="6" height="6" patternUnits="userSpaceOnUse"
+ patternTransform="rotate(45)"><path d="M3 0V6" stroke="#888" stroke-width="1.5"/></pattern></defs>
+)svg";
 
 }  // namespace
 
 absl::StatusOr<std::string> tile_svg(const ordered_json& report) {
   const contract::TileGrid grid = grid_of(report.value("settings", ordered_json::object()));
   const auto tiles = static_cast<std::size_t>(grid.tile_count());
-  const double height = kMapWidth / grid.window().width * grid.window().height;
+  const contract::PixelRect& window = grid.window();
+  const double scale = kMapSide / std::max(window.width, window.height);
   std::string body;
   double top = kHeading;
   for (const ordered_json& frame : report.value("frames", ordered_json::array())) {
@@ -96,9 +103,9 @@ absl::StatusOr<std::string> tile_svg(const ordered_json& report) {
     const auto samples = figures->value("spp", std::vector<double>());
     if (errors.size() != tiles || samples.size() != tiles) continue;
     const std::string label = absl::StrCat("frame ", frame.value("frame", 0), ", error");
-    draw({label.c_str(), errors, kMargin, top}, grid, body);
-    draw({"samples a pixel", samples, 2 * kMargin + kMapWidth, top}, grid, body);
-    top += height + kMargin + kHeading;
+    draw({label, errors, kMargin, top, scale}, grid, body);
+    draw({"samples a pixel", samples, 2 * kMargin + kMapSide, top, scale}, grid, body);
+    top += scale * window.height + kMargin + kHeading;
   }
   if (body.empty()) {
     return absl::FailedPreconditionError(
@@ -107,7 +114,7 @@ absl::StatusOr<std::string> tile_svg(const ordered_json& report) {
   }
   return absl::StrCat(
       absl::StrFormat("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\">\n",
-                      3 * kMargin + 2 * kMapWidth, top - kHeading),
+                      3 * kMargin + 2 * kMapSide, top - kHeading),
       kStyle, body, "</svg>\n");
 }
 

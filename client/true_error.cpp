@@ -1,5 +1,8 @@
 #include "client/true_error.h"
 
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
@@ -10,6 +13,45 @@ namespace tessera::client {
 
 using nlohmann::ordered_json;
 
+namespace {
+
+/// Requires that `rect` lies in the image.
+Image cut(const Image& image, const contract::PixelRect& rect) {
+  Image part{rect.width, rect.height, {}};
+  for (std::int32_t y = rect.y; y < rect.y + rect.height; ++y) {
+    const auto row = image.rgba.begin() + 4 * (std::ptrdiff_t{y} * image.width + rect.x);
+    part.rgba.insert(part.rgba.end(), row, row + 4 * std::ptrdiff_t{rect.width});
+  }
+  return part;
+}
+
+/// A reference of the window's size. The farm's images are compared at the very end, so all that
+/// could then be found wrong is found here.
+absl::StatusOr<Image> read_reference(const std::string& path, const Window& window) {
+  auto image = read_image(path);
+  if (!image.ok()) return image.status();
+  const contract::PixelRect& rect = window.rect;
+  const bool is_whole = image->width == window.width && image->height == window.height;
+  const bool is_part = image->width == rect.width && image->height == rect.height;
+  if (!is_whole && !is_part) {
+    const bool is_crop = rect.width != window.width || rect.height != window.height;
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": the reference is ", image->width, "x", image->height, ", the image ",
+                     window.width, "x", window.height,
+                     is_crop ? absl::StrCat(", its crop ", rect.width, "x", rect.height) : "",
+                     "; render it in that size"));
+  }
+  if (!is_part) *image = cut(*image, rect);
+  if (!std::all_of(image->rgba.begin(), image->rgba.end(),
+                   [](float value) { return std::isfinite(value); })) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": the reference has values that are not finite; render it anew"));
+  }
+  return image;
+}
+
+}  // namespace
+
 std::vector<std::int32_t> frames_of(const ordered_json& report) {
   std::vector<std::int32_t> frames;
   for (const ordered_json& frame : report.value("frames", ordered_json::array())) {
@@ -18,11 +60,26 @@ std::vector<std::int32_t> frames_of(const ordered_json& report) {
   return frames;
 }
 
+Window window_of(const ordered_json& report) {
+  const ordered_json settings = report.value("settings", ordered_json::object());
+  Window window{settings.value("width", 0), settings.value("height", 0), {}};
+  const ordered_json crop = settings.value("crop", ordered_json());
+  window.rect = {0, 0, window.width, window.height};
+  if (!crop.is_array() || crop.size() != 4) return window;
+  const contract::PixelRect rect{crop[0], crop[1], crop[2], crop[3]};
+  if (rect.x >= 0 && rect.y >= 0 && rect.width > 0 && rect.height > 0 &&
+      rect.x <= window.width - rect.width && rect.y <= window.height - rect.height) {
+    window.rect = rect;
+  }
+  return window;
+}
+
 absl::StatusOr<std::vector<Image>> read_references(const std::string& path,
-                                                   const std::vector<std::int32_t>& frames) {
+                                                   const std::vector<std::int32_t>& frames,
+                                                   const Window& window) {
   std::vector<Image> images;
   for (const std::int32_t frame : frames) {
-    auto image = read_image(frames.size() == 1 ? path : with_frame_number(path, frame));
+    auto image = read_reference(frames.size() == 1 ? path : with_frame_number(path, frame), window);
     if (!image.ok()) return image.status();
     images.push_back(*std::move(image));
   }

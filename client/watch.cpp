@@ -31,8 +31,8 @@ void add_watch_command(CLI::App& app, Invocation& invocation) {
   command->add_option("job", options->job, "Id, unique prefix, name, or last")->required();
   command->add_flag("--json", options->json, "Print one JSON object a line");
   command->footer(
-      "Returns the job's fate: 0 done, 1 failed or cancelled. Ctrl-C leaves the job "
-      "running.\nExample: tessera watch last");
+      "Returns the job's fate: 0 done, 1 failed or cancelled, 4 done, but the error asked for is\n"
+      "not certified. Ctrl-C leaves the job running.\nExample: tessera watch last");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };
   });

@@ -51,11 +51,8 @@ absl::Status watch(FarmClient& client, std::int64_t after, bool follow,
   return client.watch_events(request, visit);
 }
 
-/// The sequence to begin after: where the last run ended; without a state file, now.
-absl::StatusOr<std::int64_t> beginning(FarmClient& client, EventRelay& relay) {
-  const auto kept = relay.last_sequence();
-  if (!kept.ok()) return kept.status();
-  if (*kept) return **kept;
+/// The sequence to begin after to pass on what happens from now on.
+absl::StatusOr<std::int64_t> now(FarmClient& client, EventRelay& relay) {
   std::int64_t last = 0;
   absl::Status status = watch(client, 0, false, [&last](const v1::Event& event) {
     last = event.sequence();
@@ -66,6 +63,32 @@ absl::StatusOr<std::int64_t> beginning(FarmClient& client, EventRelay& relay) {
   return last;
 }
 
+/// The sequence to begin after: where the last run ended; without a state file, now.
+absl::StatusOr<std::int64_t> beginning(FarmClient& client, EventRelay& relay) {
+  const auto kept = relay.last_sequence();
+  if (!kept.ok()) return kept.status();
+  if (*kept) return **kept;
+  return now(client, relay);
+}
+
+/// Passes events on until something fails for good or `client` and `relay` are cancelled.
+absl::Status pass_events(FarmClient& client, EventRelay& relay, const Log& log) {
+  auto after = beginning(client, relay);
+  while (after.ok()) {
+    absl::Status passed;
+    const absl::Status watched = watch(client, *after, true, [&](const v1::Event& event) {
+      passed = relay.pass(event);
+      return passed.ok();
+    });
+    if (!passed.ok()) return passed;
+    if (!absl::IsOutOfRange(watched)) return watched;
+    log(LogLevel::warn,
+        absl::StrCat(watched.message(), "; going on with what happens from now on"));
+    after = now(client, relay);
+  }
+  return after.status();
+}
+
 absl::Status pass_on(const WebhookOptions& options, Interrupts& interrupts) {
   auto secret = read_secret(options.secret_file);
   if (!secret.ok()) return secret.status();
@@ -73,19 +96,13 @@ absl::Status pass_on(const WebhookOptions& options, Interrupts& interrupts) {
   if (!poster.ok()) return poster.status();
   auto client = FarmClient::connect(options.connection);
   if (!client.ok()) return client.status();
-  EventRelay relay(**poster, options.relay, open_log("tessera-webhook", options.log_level));
+  const Log log = open_log("tessera-webhook", options.log_level);
+  EventRelay relay(**poster, options.relay, log);
   const InterruptAction on_interrupt(interrupts, [&client, &relay] {
     (*client)->cancel();
     relay.cancel();
   });
-  const auto after = beginning(**client, relay);
-  if (!after.ok()) return after.status();
-  absl::Status passed;
-  const absl::Status watched = watch(**client, *after, true, [&](const v1::Event& event) {
-    passed = relay.pass(event);
-    return passed.ok();
-  });
-  return passed.ok() ? watched : passed;
+  return pass_events(**client, relay, log);
 }
 
 int run(const WebhookOptions& options) {

@@ -5,12 +5,15 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cstddef>
 #include <fstream>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "client/completion.h"
 #include "proto/contract/settings_message.h"
 #include "tests/integration/client/fake_farm.h"
+#include "tests/integration/client/made_image.h"
 #include "tests/support/json_schema.h"
 
 namespace tessera::client {
@@ -20,6 +23,7 @@ using nlohmann::json;
 using support::document_faults;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 
 std::string read_file(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
@@ -116,6 +120,18 @@ TEST_F(CommandsTest, WrongUsageIsBadInput) {
   EXPECT_EQ(run({"report", "last", "--json", "--csv"}).exit, kExitBadInput);
 }
 
+TEST_F(CommandsTest, UnknownStructureIsToldWithTheKnownOnes) {
+  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
+           {"inspect", "none.gltf"}, {"bench", "none.gltf", "--reference", "none"}}) {
+    std::vector<std::string> words = command;
+    words.insert(words.end(), {"--accelerator", "foo"});
+    const Outcome outcome = run_client(words);
+    EXPECT_EQ(outcome.exit, kExitBadInput);
+    EXPECT_THAT(outcome.err, HasSubstr("--accelerator: foo not in {brute-force,bvh2,"));
+    EXPECT_THAT(outcome.err, Not(HasSubstr("tessera-worker"))) << "no child was started";
+  }
+}
+
 TEST_F(CommandsTest, ControlsChangeTheJobAndPrintIt) {
   farm_.add_job("aaa111", "lamp", v1::Job::STATE_RUNNING);
   const std::pair<const char*, v1::Job::State> steps[] = {{"pause", v1::Job::STATE_PAUSED},
@@ -171,6 +187,73 @@ TEST_F(CommandsTest, ReportIsGivenAsTextDocumentAndCurve) {
             "frame,cpu_seconds,wall_seconds,samples,relmse,error,error_true\n"
             "1,1.5,1,16384,0.02,0.125,\n"
             "1,12.5,7,131072,0.002,0.042500000000000003,\n");
+}
+
+TEST_F(CommandsTest, ReportWritesEveryFileAskedForAndPrintsWhatIsNamed) {
+  farm_.add_job("abc", "scene", v1::Job::STATE_DONE);
+  json known = json::parse(report());
+  known["frames"][0]["tiles"] = {{"error", {0.5}}, {"spp", {8}}};
+  farm_.reports["abc"] = known.dump();
+  const std::string curve = farm_.folder() / "curve.svg", tiles = farm_.folder() / "tiles.svg";
+  const std::pair<std::vector<std::string>, std::string> cases[] = {
+      {{}, ""},
+      {{"--json"}, run({"report", "abc", "--json"}).out},
+      {{"--csv"}, run({"report", "abc", "--csv"}).out}};
+  for (const auto& [prints, text] : cases) {
+    std::vector<std::string> words = {"report", "abc", "--svg", curve, "--tiles", tiles};
+    words.insert(words.end(), prints.begin(), prints.end());
+    const Outcome outcome = run(words);
+    EXPECT_EQ(outcome.exit, kExitDone) << outcome.err;
+    EXPECT_EQ(outcome.out, text);
+    EXPECT_THAT(read_file(curve), HasSubstr("estimated error"));
+    EXPECT_THAT(read_file(tiles), HasSubstr("<title>tile 0: 0.5</title>"));
+    std::filesystem::remove(curve);
+    std::filesystem::remove(tiles);
+  }
+  // What cannot be drawn is said and keeps nothing else back.
+  farm_.reports["abc"] = report();
+  const Outcome outcome = run({"report", "abc", "--tiles", tiles, "--svg", curve, "--json"});
+  EXPECT_EQ(outcome.exit, kExitBadInput);
+  EXPECT_THAT(outcome.err, HasSubstr("no frame has figures of its tiles"));
+  EXPECT_EQ(json::parse(outcome.out), json::parse(report()));
+  EXPECT_TRUE(std::filesystem::exists(curve));
+}
+
+TEST_F(CommandsTest, ReportTakesAReferenceOfTheFrameOrOfItsCrop) {
+  const std::string folder = farm_.folder();
+  std::vector<float> frame(std::size_t{4} * 64 * 48, 9.0f);
+  for (std::size_t y = 10; y < 40; ++y) {
+    for (std::size_t i = 4 * (64 * y + 16); i < 4 * (64 * y + 48); ++i) {
+      frame[i] = static_cast<float>(i % 7);
+    }
+  }
+  std::vector<float> part;
+  for (std::size_t y = 10; y < 40; ++y) {
+    const auto row = frame.begin() + static_cast<std::ptrdiff_t>(4 * (64 * y + 16));
+    part.insert(part.end(), row, row + 4 * 32);
+  }
+  write_image(folder + "/frame.exr", 64, 48, 4, frame);
+  write_image(folder + "/part.exr", 32, 30, 4, part);
+  write_image(folder + "/other.exr", 32, 29, 4, part);
+  part[7] = std::numeric_limits<float>::infinity();
+  write_image(folder + "/infinite.exr", 32, 30, 4, part);
+  farm_.add_job("abc", "scene", v1::Job::STATE_DONE);
+  farm_.frames["abc"][1].bytes = read_file(folder + "/part.exr");
+  json known = json::parse(report());
+  known["settings"] = {{"width", 64}, {"height", 48}, {"crop", {16, 10, 32, 30}}};
+  farm_.reports["abc"] = known.dump();
+  for (const char* reference : {"/frame.exr", "/part.exr"}) {
+    const Outcome outcome = run({"report", "abc", "--json", "--reference", folder + reference});
+    EXPECT_EQ(outcome.exit, kExitDone) << outcome.err;
+    EXPECT_EQ(json::parse(outcome.out)["frames"][0]["true"]["rmse"], 0.0) << reference;
+  }
+  const Outcome other = run({"report", "abc", "--reference", folder + "/other.exr"});
+  EXPECT_EQ(other.exit, kExitBadInput);
+  EXPECT_THAT(other.err,
+              HasSubstr("other.exr: the reference is 32x29, the image 64x48, its crop 32x30"));
+  const Outcome infinite = run({"report", "abc", "--reference", folder + "/infinite.exr"});
+  EXPECT_THAT(infinite.err,
+              HasSubstr("infinite.exr: the reference has values that are not finite"));
 }
 
 TEST_F(CommandsTest, ReportThatIsNotADocumentIsAnError) {

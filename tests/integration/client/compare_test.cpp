@@ -86,6 +86,20 @@ TEST_F(CompareTest, RefusesWrongLimitsFilesAndSizes) {
   EXPECT_THAT(text.err, HasSubstr("text.exr"));
 }
 
+TEST_F(CompareTest, SaysWhyAFileCannotBeRead) {
+  const std::string a = image("a.exr", 0.5f), empty = folder_ / "empty.exr";
+  std::ofstream(empty).flush();
+  const std::pair<std::string, const char*> files[] = {
+      {folder_ / "none.exr", "none.exr: No such file or directory"},
+      {folder_, ": Is a directory"},
+      {empty, "empty.exr: the file is empty"}};
+  for (const auto& [file, fault] : files) {
+    const Outcome outcome = run_client({"compare", a, file});
+    EXPECT_EQ(outcome.exit, kExitBadInput);
+    EXPECT_THAT(outcome.err, HasSubstr(fault));
+  }
+}
+
 TEST_F(CompareTest, RefusesValuesThatAreNotFinite) {
   // Hard case 70: a metric that skips or swallows them hides the fault it should show.
   const std::string a = image("a.exr", 0.5f);

@@ -4,6 +4,8 @@
 #include <nlohmann/json.hpp>
 
 #include "client/bench_figures.h"
+#include "client/bench_reference.h"
+#include "proto/contract/settings_message.h"
 
 namespace tessera::client {
 namespace {
@@ -12,6 +14,7 @@ namespace {
 SceneBench falling() {
   SceneBench bench;
   bench.scene = "falling";
+  bench.seeds = {1, 2};
   bench.spp = {1, 10, 100};
   for (const double factor : {0.1, 0.4}) {
     auto& curve = bench.points.emplace_back();
@@ -47,6 +50,15 @@ TEST(Bench, NothingIsSaidBelowTenTimesTheReferencesOwnError) {
   EXPECT_FALSE(efficiency(bench));
 }
 
+TEST(Bench, DocumentSaysNoMoreThanTheText) {
+  SceneBench bench = falling();
+  bench.reference_relmse = 0.0009;
+  const auto scene = bench_document({&bench, 1})["scenes"][0];
+  EXPECT_EQ(scene["rounds"][1]["relmse"]["low"], 0.01);
+  EXPECT_TRUE(scene["rounds"][2]["relmse"].is_null()) << "0.001 is below ten times 0.0009";
+  EXPECT_EQ(scene["rounds"][2]["cpu_seconds"]["value"], 50);
+}
+
 TEST(Bench, EfficiencysIntervalIsStudents) {
   // Logarithms of 1 / (relMSE * seconds): ln 20 and ln 5. Their spread over root two is ln 2; one
   // degree of freedom.
@@ -69,6 +81,77 @@ TEST(Bench, MeansOverScenesNeedTheFigureOfEach) {
   EXPECT_NEAR(means["cpu_seconds_to"]["0.01"].get<double>(), 12.5 * 2, 1e-9);
   EXPECT_TRUE(means["cpu_seconds_to"]["0.0001"].is_null());
   EXPECT_NEAR(means["efficiency"].get<double>(), 5, 1e-9);
+}
+
+TEST(Bench, SeedsAreNotTheReferences) {
+  EXPECT_EQ(bench_seeds(3, 1'000'003), (std::vector<std::int64_t>{1, 2, 3}));
+  EXPECT_EQ(bench_seeds(3, 2), (std::vector<std::int64_t>{1, 3, 4}));
+  SceneBench bench = falling();
+  bench.seeds = bench_seeds(2, 1);
+  EXPECT_EQ(bench_document({&bench, 1})["scenes"][0]["seeds_used"], nlohmann::ordered_json({2, 3}));
+}
+
+/// A report with no setting at its default.
+nlohmann::json odd_report() {
+  return nlohmann::json::parse(R"({"scene_sha256": "abc", "settings": {
+      "width": 40, "height": 30, "crop": [4, 5, 16, 12], "camera": "Top", "scene": 1,
+      "frames": [{"first": 12, "last": 12, "step": 1}], "fps": 30.5, "animation": "none",
+      "variant": "red", "spp": 1024, "error": 0.01, "max_depth": 7, "seed": 9, "tile": 16,
+      "filter": "gaussian", "filter_width": 2.5, "environment": "environment-0123/sky.exr",
+      "environment_rotation": 90.25, "environment_strength": 0.123456789012,
+      "background": [1, 0.5, 0.20000000298023224], "half": true, "clamp": 3.5,
+      "cull_backfaces": true, "aov_bits": 127},
+    "frames": [{"frame": 12, "estimated": {"relmse": 0.0002}}]})");
+}
+
+TEST(Bench, TakesOverWhatDecidesTheExpectedImage) {
+  const auto reference = read_reference_report(odd_report().dump());
+  ASSERT_TRUE(reference.ok()) << reference.status();
+  EXPECT_EQ(reference->sky, "sky.exr");
+  EXPECT_EQ(reference->scene_sha256, "abc");
+  EXPECT_EQ(reference->seed, 9);
+  EXPECT_EQ(reference->relmse, 0.0002);
+  contract::RenderSettings expected;
+  expected.width = 40;
+  expected.height = 30;
+  expected.crop = contract::PixelRect{4, 5, 16, 12};
+  expected.camera = "Top";
+  expected.scene = 1;
+  expected.frames = {{12, 12, 1}};
+  expected.fps = 30.5;
+  expected.animation = "none";
+  expected.variant = "red";
+  expected.max_depth = 7;
+  expected.filter = contract::PixelFilter::gaussian;
+  expected.filter_width = 2.5;
+  expected.environment_rotation = 90.25;
+  expected.environment_strength = 0.123456789012;
+  expected.background = contract::Background::color;
+  expected.background_color = {1, 0.5f, 0.2f};
+  expected.clamp = 3.5;
+  expected.cull_backfaces = true;
+  const auto taken = settings_of(reference->render, "");
+  ASSERT_TRUE(taken.ok()) << taken.status();
+  EXPECT_EQ(contract::to_message(*taken).DebugString(),
+            contract::to_message(expected).DebugString());
+}
+
+TEST(Bench, ReportThatCannotServeIsRefused) {
+  const auto fault = [](const nlohmann::json& report) {
+    return std::string(read_reference_report(report.dump()).status().message());
+  };
+  EXPECT_EQ(fault(nlohmann::json::array()), "no report of a render");
+  nlohmann::json report = odd_report();
+  report["frames"].push_back(report["frames"][0]);
+  EXPECT_EQ(fault(report), "of 2 frames, not of one");
+  report["frames"] = nlohmann::json::array();
+  EXPECT_EQ(fault(report), "of 0 frames, not of one");
+  report = odd_report();
+  report["frames"][0]["estimated"] = nullptr;
+  EXPECT_EQ(fault(report), "without an estimate of its error");
+  report = odd_report();
+  report["settings"]["fps"] = "fast";
+  EXPECT_NE(fault(report).find("no report of a render (["), std::string::npos) << fault(report);
 }
 
 }  // namespace

@@ -315,6 +315,28 @@ TEST(TileSvg, PutsEachTileWhereItIsAndColoursItByItsFigure) {
   EXPECT_EQ(tile_svg(report).status().code(), absl::StatusCode::kFailedPrecondition);
 }
 
+TEST(TileSvg, GivesZeroAPlaceOfItsOwn) {
+  auto report = nlohmann::ordered_json::parse(R"({
+    "settings": {"width": 48, "height": 16, "tile": 16},
+    "frames": [{"frame": 7, "tiles": {"error": [0, 0.5, 0.25], "spp": [8, 8, 8]}}]})");
+  const std::string svg = *tile_svg(report);
+  EXPECT_NE(svg.find("frame 7, error: 0.25 to 0.5, 0 hatched<"), std::string::npos) << svg;
+  EXPECT_NE(svg.find("fill=\"url(#zero)\"><title>tile 0: 0<"), std::string::npos) << svg;
+  EXPECT_NE(svg.find("fill=\"#440154\"><title>tile 2: 0.25<"), std::string::npos) << svg;
+  EXPECT_NE(svg.find("samples a pixel: 8 to 8<"), std::string::npos) << "none there is 0";
+  report["frames"][0]["tiles"]["error"] = {0, 0, 0};
+  EXPECT_NE(tile_svg(report)->find("frame 7, error: 0 hatched<"), std::string::npos);
+}
+
+TEST(TileSvg, FitsTallCropsIntoTheSameSquare) {
+  const auto report = nlohmann::ordered_json::parse(R"({
+    "settings": {"width": 64, "height": 640, "crop": [0, 0, 8, 640], "tile": 320},
+    "frames": [{"frame": 7, "tiles": {"error": [0.5, 0.5], "spp": [8, 8]}}]})");
+  const std::string svg = *tile_svg(report);
+  EXPECT_NE(svg.find("viewBox=\"0 0 848 444\""), std::string::npos) << svg;
+  EXPECT_NE(svg.find("width=\"5.00\" height=\"200.00\""), std::string::npos) << svg;
+}
+
 TEST(ResultLine, OfAnErrorAskedForHasBoundAndCertainty) {
   const auto report = nlohmann::ordered_json::parse(R"({"status": "CAPPED", "frames": [
     {"file": "out.exr", "width": 64, "height": 48, "samples": 3072,
@@ -322,6 +344,19 @@ TEST(ResultLine, OfAnErrorAskedForHasBoundAndCertainty) {
   EXPECT_EQ(result_line(report, 1.5),
             "out.exr: 64x48, 3.1 k samples, estimated error 0.1, at most 0.125 with 95 %, CAPPED, "
             "1.5 s");
+}
+
+TEST(ResultLine, ClaimsNothingWhereTheErrorIsUncertain) {
+  const auto report = nlohmann::ordered_json::parse(R"({"status": "UNCERTAIN",
+    "reasons": ["frame 0: --clamp removed radiance"], "warnings": ["--max-depth cut light"],
+    "frames": [{"file": "out.exr", "width": 64, "height": 48, "samples": 3072,
+     "estimated": {"error": 0.1, "error_upper95": 0.125}}]})");
+  EXPECT_EQ(result_line(report, 1.5),
+            "out.exr: 64x48, 3.1 k samples, estimated error 0.1, UNCERTAIN, 1.5 s");
+  EXPECT_EQ(doubt_lines(report),
+            "tessera: frame 0: --clamp removed radiance\ntessera: --max-depth cut light\n");
+  const std::string said[] = {"--max-depth cut light"};
+  EXPECT_EQ(doubt_lines(report, said), "tessera: frame 0: --clamp removed radiance\n");
 }
 
 }  // namespace
