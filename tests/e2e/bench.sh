@@ -23,6 +23,47 @@ equal "more samples, less error" \
   "$(json "$work/bench.json" 'd["scenes"][0]["rounds"][1]["relmse"]["high"] < d["scenes"][0]["rounds"][0]["relmse"]["low"]')" True
 equal "rendering takes time" "$(json "$work/bench.json" 'd["scenes"][0]["seconds"]["render_cpu"] > 0')" True
 
+# A reference in nothing like the default. With any other setting the image is another, and far off.
+mkdir "$work/odd"
+cp "$scenes/motion.gltf" "$work/odd.gltf"
+tessera render "$scenes/lit_square.gltf" -o "$work/sky.exr" --size 16x8 --spp 64 --background 0.2,0.4,0.8 \
+  >"$work/sky.log" || fail "sky: status $?"
+render_odd() {
+  tessera render "$work/odd.gltf" -o "$work/odd/odd.exr" --report "$work/odd/odd.json" --force --seed 2 \
+    --size 40x30 --crop 6,4,24,20 --spp 1024 --max-depth 3 --filter gaussian --filter-width 2 "$@" \
+    >"$work/odd.log" || fail "odd reference: status $?"
+}
+# bench_odd OPTIONS…: leaves odd_bench.json.
+bench_odd() {
+  tessera bench "$work/odd.gltf" --reference "$work/odd" --seeds 2 --spp 16 --json "$@" \
+    >"$work/odd_bench.json" 2>"$work/odd_bench.log"
+}
+odd_error='d["scenes"][0]["rounds"][0]["relmse"]["high"]'
+sky=(--environment "$work/sky.exr")
+render_odd --frames 6 --fps 12 --background 1,0.5,0.2 --clamp 0.5 \
+  "${sky[@]}" --environment-rotation 130 --environment-strength 0.7
+bench_odd "${sky[@]}" || fail "bench of an odd reference: status $? ($(tail -1 "$work/odd_bench.log"))"
+echo "# relMSE of an odd reference: $(json "$work/odd_bench.json" "$odd_error")"
+equal "the reference's settings are taken over" "$(json "$work/odd_bench.json" "$odd_error < 0.02")" True
+equal "its seed is not" "$(json "$work/odd_bench.json" 'd["scenes"][0]["seeds_used"]')" "1 3"
+
+# refused WHAT TEXT COMMAND…: it returns 2 and says TEXT.
+refused() {
+  local what=$1 text=$2 status=0
+  shift 2
+  "$@" || status=$?
+  equal "$what" "$status" 2
+  grep -qF -- "$text" "$work/odd_bench.log" || fail "$what: not said: $text"
+}
+refused "a sky that is not named" "is lit by sky.exr: name that file with --environment" bench_odd
+cp "$work/reference/lit_square.exr" "$work/other.exr"
+refused "another sky" "other files than the scene and its sky are now" bench_odd --environment "$work/other.exr"
+sed -i 's/"scene"/ "scene"/' "$work/odd.gltf"
+refused "a scene that has changed" "other files than the scene and its sky are now" bench_odd "${sky[@]}"
+render_odd --animation none
+bench_odd || fail "bench without a sky: status $?"
+refused "a sky the reference has not" "the reference has no sky" bench_odd "${sky[@]}"
+
 # The same seeds give the same pixels in any structure, so the same errors.
 measure tree --accelerator kd-tree
 equal "errors do not depend on the structure" "$(json "$work/tree.json" "$errors")" \

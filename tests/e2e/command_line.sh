@@ -10,6 +10,12 @@ exits 2 tessera
 exits 2 tessera render "$square" --no-such-option
 exits 2 tessera render "$square" --size 0x10
 exits 2 tessera render "$square" --tile 12
+exits 2 tessera render "$square" --error nan
+says "nan is not a number"
+exits 2 tessera render "$square" -o "$work/x.exr" --report "$work/none/x.json"
+says "no folder that can be written to"
+exits 2 tessera render "$square" -o "$work/x.exr" --report "$work/x.exr"
+(cd /proc/self && exits 0 tessera render "$square" -o "$work/x.exr" "${job[@]}") # where nobody may write
 exits 2 tessera render "$work/nothing.gltf"
 says nothing.gltf
 echo '{"asset":' >"$work/broken.gltf"
@@ -20,6 +26,18 @@ exits 2 tessera list --server 192.0.2.1:7420
 exits 2 tessera-server --listen 0.0.0.0:0 --store "$work/refused"
 [ ! -e "$work/refused/token" ] || fail "a server on a foreign address made a store"
 say "exit codes of wrong usage, bad input and no farm"
+
+# samples FILE OPTIONS…: samples a pixel of a render with that file of defaults.
+samples() {
+  tessera --config "$1" render "$square" -o "$work/x.exr" --report "$work/x.json" --force --size 16x16 "${@:2}" \
+    >"$work/x.log" 2>&1 || [ $? -eq 4 ] || fail "with the defaults of $1: $(cat "$work/x.log")"
+  json "$work/x.json" 'int(d["frames"][0]["spp_mean"])'
+}
+printf '[render]\nspp = 8\n' >"$work/spp.toml"
+printf '[render]\nerror = 0.9\nmax-spp = 32\n' >"$work/error.toml"
+equal "a file of defaults" "$(samples "$work/spp.toml")" 8
+equal "--error wins over its spp" "$(samples "$work/spp.toml" --error 0.9 --max-spp 32)" 32
+equal "--spp wins over its error and max-spp" "$(samples "$work/error.toml" --spp 16)" 16
 
 for program in tessera tessera-server tessera-worker; do
   exits 0 "$program" --version
@@ -61,6 +79,9 @@ equal "retry finishes a cancelled job" "$(json "$work/last.json" 'd["state"]')" 
 exits 0 farm report "$id" --json
 cp "$work/out" "$work/report.json"
 equal "the report's schema" "$(json "$work/report.json" 'd["schema"]')" tessera.report/1
+exits 0 farm report "$id" --csv --svg "$work/curve.svg" --tiles "$work/tiles.svg" --trace "$work/trace.json"
+says frame,cpu_seconds
+for file in curve.svg tiles.svg trace.json; do [ -s "$work/$file" ] || fail "report left $file out"; done
 exits 0 farm fetch "$id" -o "$work/files" --json
 equal "one file was written" "$(json "$work/out" '[f["state"] for f in d["frames"]]')" written
 exits 0 farm fetch "$id" -o "$work/files" --json
@@ -81,6 +102,28 @@ exits 0 farm fetch other -o "$work/files"
 exits 1 tessera compare "$work/files/first.exr" "$work/files/other.exr" --fail-above rmse=1e-9
 exits 2 tessera compare "$work/files/first.exr" "$scenes/lit_square.gltf"
 say "compare"
+
+# The reference of a crop: the whole frame's image or the crop's alone.
+crop=("${job[@]}" --crop "16,8,24,32")
+exits 0 tessera render "$square" "${job[@]}" -o "$work/whole.exr"
+exits 0 tessera render "$square" "${crop[@]}" -o "$work/part.exr"
+for reference in whole part; do
+  exits 0 tessera render "$square" "${crop[@]}" --seed 9 --reference "$work/$reference.exr" \
+    -o "$work/against.exr" --force --json
+  cp "$work/out" "$work/$reference.json"
+  exits 0 farm submit "$square" "${crop[@]}" --seed 9 --reference "$work/$reference.exr" --name "$reference" --wait
+  exits 0 farm report "$reference" --json
+  equal "the farm has the same true error" "$(json "$work/out" '"%.5g" % d["frames"][0]["true"]["error"]')" \
+    "$(json "$work/$reference.json" '"%.5g" % d["frames"][0]["true"]["error"]')"
+  exits 0 farm report "$reference" --json --reference "$work/whole.exr"
+  equal "report tells the same" "$(json "$work/out" 'd["frames"][0]["true"]')" \
+    "$(json "$work/$reference.json" 'd["frames"][0]["true"]')"
+done
+equal "both tell the same" "$(json "$work/whole.json" 'd["frames"][0]["true"]')" \
+  "$(json "$work/part.json" 'd["frames"][0]["true"]')"
+exits 2 tessera render "$square" "${job[@]}" --reference "$work/part.exr" -o "$work/none.exr"
+says "part.exr: the reference is 24x32, the image 64x48"
+say "references of crops"
 
 # Every document for programs says what it is.
 for words in "list" "workers" "status $id" "report $id"; do

@@ -68,6 +68,8 @@ equal "a banned worker is set aside" "$(worker_state w-one)" "set aside"
 start_webhook
 wait_until 60 "what the webhook missed is posted" posted
 id=$(farm submit "$scene" "${job[@]}" --seed 2 --name waits)
+submission_is_posted() { grep -q "$id" "$work/events.out" && posted; }
+wait_until 60 "the submission is posted" submission_is_posted # what nobody has seen goes with a killed server
 kill_server
 start_server
 wait_until 60 "the banned worker is back" is_state w-one "set aside"
@@ -88,6 +90,14 @@ done
 wait_until 60 "all events are posted" posted
 grep -q "http://127.0.0.1:[0-9]* answers 503; again in 1s" "$work/webhook.log" ||
   fail "the receiver was not busy at first"
+kill "${worker_pid[webhook]}"
+wait "${worker_pid[webhook]}" || fail "tessera-webhook ended with $? on SIGTERM"
+# A state file of a store that had been started more often.
+echo $((1 << 60)) >"$work/webhook.state"
+at_newest() { [ "$(cat "$work/webhook.state")" = "$(sequences "$work/events.out" | tail -n 1)" ]; }
+start_webhook
+wait_until 30 "the webhook goes on from the newest event" at_newest
+grep -q "has the server another store now" "$work/webhook.log" || fail "the webhook does not say so"
 kill "${worker_pid[webhook]}"
 wait "${worker_pid[webhook]}" || fail "tessera-webhook ended with $? on SIGTERM"
 kill "${worker_pid[receiver]}"

@@ -100,6 +100,20 @@ equal "no unit was rendered twice" \
 kept=$(json "$work/resumed.json" "sum(w['units'] for w in d['workers'] if w['id'] == '$first_worker')")
 equal "the second run did only the units that were not committed" "$kept" "$before"
 
+# What is odd about a scene is said once, and kept with its report.
+python3 -c '
+import json, sys
+scene = json.load(open(sys.argv[1]))
+scene["extensionsUsed"] = [*scene.get("extensionsUsed", []), "ACME_glow"]
+json.dump(scene, open(sys.argv[2], "w"))' "$scenes/lit_square.gltf" "$work/odd.gltf"
+exits 0 tessera render "$work/odd.gltf" -o "$work/odd.exr" --size 16x16 --spp 4 --report "$work/odd.json"
+equal "the scene's warnings are said once" "$(grep -c ACME_glow "$work/err")" 1
+equal "and are in the report" "$(json "$work/odd.json" 'd["warnings"]')" \
+  "odd.gltf: extensionsUsed: ACME_glow is not supported; what it says is ignored"
+
+exits 0 tessera render "$scene" -o "$work/flat.png" --size 16x16 --spp 4 --aov albedo --half
+says "flat.png: without --aov and --half, which only an .exr has"
+
 # Its server may be slow to answer: render waits while it lives, and not a moment longer.
 listen_for=$(
   cat <<'PY'

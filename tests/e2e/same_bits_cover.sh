@@ -3,7 +3,7 @@
 # renders a scene hold every pair of values.
 #
 #   same_bits_cover.sh               the thirteen scenes; sanitizer builds: the first
-#   same_bits_cover.sh --all SCENE   all 72 combinations on one scene
+#   same_bits_cover.sh --all SCENE   all 72 combinations on one scene (target same_bits_all)
 #
 # TESSERA_OTHER_BIN: the other compiler's programs; without them, as without AVX-512, the
 # combinations that want it are counted as skipped.

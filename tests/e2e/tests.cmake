@@ -24,6 +24,13 @@ if(TESSERA_WITH_GRPC)
   set_tests_properties(e2e.same_bits PROPERTIES PROCESSORS 2)
   tessera_e2e(same_bits_crashes 400)
   tessera_e2e(same_bits_cover 400)
+  # All 72 combinations: TESSERA_OTHER_BIN=… cmake --build --preset dev --target same_bits_all
+  add_custom_target(same_bits_all USES_TERMINAL
+    COMMAND ${CMAKE_COMMAND} -E env TESSERA_BIN=${CMAKE_RUNTIME_OUTPUT_DIRECTORY}
+            ASAN_OPTIONS=intercept_tls_get_addr=0
+            ${CMAKE_CURRENT_SOURCE_DIR}/e2e/same_bits_cover.sh --all
+            ${CMAKE_CURRENT_SOURCE_DIR}/scenes/same_bits.gltf
+    DEPENDS tessera tessera-server tessera-worker)
   tessera_e2e(by_error 400)
   tessera_e2e(bench 300)
   tessera_e2e(failures 400)

@@ -3,7 +3,8 @@
 asked for, and what does that cost beside the fixed sample count that just reaches it?
 
     composed.py SCENE.glb… [--seeds N (40)] [--error E (0.05)] [--size PX (96)] [--tile PX (16)]
-                [--max-spp N (4096)] [--bin DIR] [--jobs N] [--results FILE.jsonl] [--out FILE.md]
+                [--max-spp N (16384)] [--background R,G,B] [--bin DIR] [--jobs N]
+                [--results FILE.jsonl] [--out FILE.md]
 
 Fails where less than nine seeds in ten are within E, or the samples exceed twice the fixed count; a
 scene that ends CAPPED or UNCERTAIN has claimed nothing and is listed so.
@@ -49,12 +50,15 @@ def main():
     parser.add_argument("--error", type=float, default=0.05)
     parser.add_argument("--size", type=int, default=96)
     parser.add_argument("--tile", type=int, default=16)
-    parser.add_argument("--max-spp", type=int, default=4096)
+    parser.add_argument("--max-spp", type=int, default=16384)
+    parser.add_argument("--background")
     parser.add_argument("--reference-spp", type=int, default=8192)
     options = parser.parse_args()
     settings = ["--width", str(options.size), "--height", str(options.size), "--tile",
                 str(options.tile), "--max-spp", str(options.max_spp), "--reference-spp",
                 str(options.reference_spp)]
+    if options.background:
+        settings += ["--background", options.background]
 
     def run(file):
         scene = {"scene": file.stem, "error": options.error, "options": settings}

@@ -302,7 +302,15 @@ int main(int argc, char** argv) {
   app.add_option("--height", o.settings.height);
   app.add_option("--tile", o.settings.tile);
   app.add_option("--max-depth", o.settings.max_depth);
+  std::vector<float> background;
+  app.add_option("--background", background, "R,G,B, which lights the scene too")
+      ->delimiter(',')
+      ->expected(3);
   CLI11_PARSE(app, argc, argv);
+  if (!background.empty()) {
+    o.settings.background = tessera::contract::Background::color;
+    std::copy(background.begin(), background.end(), o.settings.background_color.begin());
+  }
   if (o.fixed_spp == 0) o.settings.error = error;
   return tessera::bench::run(o);
 }

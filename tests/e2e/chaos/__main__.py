@@ -39,8 +39,9 @@ class Round:
         rng = random.Random(f"{self.seed} {self.number} {kind}")
         try:
             begin = total * rng.uniform(0.02, 0.3)
-            farm.wait(120, "the round has got so far", lambda: farm.committed() >= begin)
-            found = None if farm.over else KINDS[kind](farm, rng)
+            with farm.time_needed():
+                farm.wait(120, "the round has got so far", lambda: farm.committed() >= begin)
+                found = None if farm.over else KINDS[kind](farm, rng)
             if found:
                 self.evidence[kind] = found
         except Exception:  # pylint: disable=broad-except
@@ -56,7 +57,7 @@ class Round:
                        for kind in self.kinds]
             for thread in threads:
                 thread.start()
-            farm.finish(400)
+            farm.finish(240)
             for thread in threads:
                 thread.join()
             if not self.wrong:
@@ -94,7 +95,7 @@ def main():
     seen = collections.Counter()
     begin = time.monotonic()
     number = given.first
-    # Kinds that the last deck's rounds were too short for get a few more rounds.
+    # Kinds that took no effect in the last deck's rounds get a few more rounds.
     while number < given.first + given.rounds or (
             wanted - set(seen) and number < given.first + given.rounds + 4):
         is_extra = number >= given.first + given.rounds

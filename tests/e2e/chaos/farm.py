@@ -6,6 +6,7 @@ import json
 import os
 import pathlib
 import re
+import select
 import shutil
 import signal
 import subprocess
@@ -141,6 +142,8 @@ class Farm:
             self.server = subprocess.Popen(
                 [BIN / "tessera-server", "--listen", f"unix:{self.socket}", "--store",
                  self.store, "--audit", self.audit], env=environment, stdout=subprocess.PIPE, stderr=log)
+        if not select.select([self.server.stdout], [], [], 60)[0]:
+            raise Wrong("after 60 s the server still does not listen")
         listens = bool(self.server.stdout.readline())
         self.started_at = time.monotonic()
         return listens
@@ -257,6 +260,12 @@ class Farm:
                     held.discard(tuple(unit))
         return held
 
+    def unfinished_by(self, worker):
+        """Units a worker has started and not finished: it cannot have delivered them."""
+        events = [line.split() for line in worker.units.read_text().splitlines()] if worker.units.exists() else []
+        return {tuple(event[1:5]) for event in events if event[0] == "started"} - {
+            tuple(event[1:5]) for event in events if event[0] != "started"}
+
     def wait(self, seconds, what, condition):
         """Until the condition holds, or the round is over: then None."""
         end = time.monotonic() + seconds
@@ -272,9 +281,16 @@ class Farm:
         return json.loads(run("tessera", "report", name, "--server", f"unix:{self.socket}",
                               "--json").stdout)
 
+    def duplicated(self):
+        """Blocks that came again, of the jobs the server can be asked for."""
+        reports = [run("tessera", "report", name, "--server", f"unix:{self.socket}", "--json", check=False)
+                   for name in self.jobs]
+        return sum(json.loads(report.stdout)["units"]["duplicated"]
+                   for report in reports if report.returncode == 0)
+
     def states(self):
         """State and reason of each job, or None while the server cannot be asked."""
-        done = run("tessera", "list", "--server", f"unix:{self.socket}", "--json", check=False)
+        done = run("tessera", "list", "--limit", 0, "--server", f"unix:{self.socket}", "--json", check=False)
         if done.returncode != 0:
             return None
         return {job["name"]: (job["state"], job.get("reason", "")) for job in json.loads(done.stdout)["jobs"]}

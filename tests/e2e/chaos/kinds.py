@@ -1,5 +1,4 @@
-"""The faults. Each is a function (farm, rng) that returns its evidence, or None if the round was over
-before it could take effect."""
+"""The faults. Each is a function (farm, rng) that returns its evidence, or None if it took no effect."""
 
 import contextlib
 import os
@@ -45,6 +44,11 @@ def holding(farm, worker):
     return worker and farm.wait(60, f"{worker.id} holds units", lambda: len(farm.held_by(worker)))
 
 
+def held_by_all(farm):
+    """How many units the workers hold."""
+    return sum(len(farm.held_by(worker)) for worker in farm.workers.values())
+
+
 def loss_of(farm, worker):
     """A question: whether the worker was lost since this call. A server that was started meanwhile has
     never seen it, and waits for it no longer than its silence allows."""
@@ -67,11 +71,11 @@ def kill_worker(farm, rng):
         worker.signal(signal.SIGKILL)
         killed = time.monotonic()
         worker.process.wait()
-        units = farm.held_by(worker) - farm.settled()
+        units = farm.unfinished_by(worker) - farm.settled()
         pause = rng.uniform(0, 1)
         if not farm.is_alone:
             time.sleep(pause)
-        else:
+        elif units:
             farm.wait(10, "the dead worker is lost", is_lost)
             lost = time.monotonic()
             farm.wait(60, "its units run elsewhere",
@@ -79,6 +83,8 @@ def kill_worker(farm, rng):
             again = time.monotonic()
             farm.times = (lost - killed, again - lost)
         farm.start_worker(worker.slot)
+        if farm.is_alone and not farm.times:
+            return None  # it had finished all it held
         return f"{worker.id} held {held} units" + (
             f", lost after {farm.times[0]:.2f} s, running elsewhere {farm.times[1]:.2f} s later"
             if farm.times else "")
@@ -220,8 +226,7 @@ def late_delivery(farm, rng):
 
 def duplicate(farm, rng):
     """The worker in slot 1 delivers every block twice: the second ones are known for what they are."""
-    farm.wait(300, "the jobs are done", lambda: farm.over)
-    count = sum(farm.report(name)["units"]["duplicated"] for name in farm.jobs)
+    count = farm.wait(60, "blocks come again", farm.duplicated)
     return f"{count} blocks came again" if count else None
 
 
@@ -263,12 +268,11 @@ def forger(farm, rng):
 def kill_server(farm, rng):
     """kill -9 of the coordinator; workers keep what they have."""
     with farm.server_lock:
-        if not farm.wait(60, "units are held", lambda: any(
-                farm.held_by(worker) for worker in farm.workers.values())):
+        if not farm.wait(60, "units are held", lambda: held_by_all(farm)):
             return None
         farm.kill_server()
         time.sleep(rng.uniform(0, 1))
-        held = sum(len(farm.held_by(worker)) for worker in farm.workers.values())
+        held = held_by_all(farm)
         farm.restart_server()
         return f"{held} units were held"
 
@@ -334,7 +338,7 @@ def full_jobs(farm):
 def full_disk(farm, rng):
     """No write succeeds until a job has paused for it; then there is room and it goes on."""
     with farm.server_lock:
-        if farm.over:
+        if not farm.wait(60, "units are held", lambda: held_by_all(farm)):
             return None
         before = farm.control.full_answers
         farm.control.disk_full, farm.has_room = 1, False
@@ -350,7 +354,7 @@ def small_disk(farm, rng):
     """The store lies on a small file system; something else takes all that is left of it, and gives it
     back once a job has paused for it."""
     with farm.server_lock:
-        if farm.over:
+        if not farm.wait(60, "units are held", lambda: held_by_all(farm)):
             return None
         ballast = farm.disk / "ballast"
         farm.has_room = False
@@ -369,7 +373,7 @@ def small_disk(farm, rng):
 def wide_area(farm, rng):
     """A worker's way becomes a line of 100 Mbit/s, 20 ms each way, that loses one packet of a hundred;
     then it is cut for longer than a lease, and heals."""
-    with farm.time_needed(), a_worker(farm) as worker:
+    with a_worker(farm) as worker:
         if not worker or farm.over:
             return None
         line = farm.open_line()
