@@ -84,8 +84,8 @@ class CurlPoster final : public HttpPoster {
     const CURLcode code = curl_easy_perform(curl);
     curl_easy_setopt(curl, CURLOPT_HTTPHEADER, nullptr);
     wait_s_ = 0;
-    if (is_cancelled_) return absl::CancelledError("interrupted");
     if (code != CURLE_OK) {
+      if (is_cancelled_) return absl::CancelledError("interrupted");
       return absl::UnavailableError(absl::StrCat(receiver_, ": ", curl_easy_strerror(code)));
     }
     long answer = 0;
