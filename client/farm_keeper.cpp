@@ -259,6 +259,14 @@ class Keeper {
     child.pid = -1;
   }
 
+  /// Renderers whose agent was killed: they die with it and become children of this process.
+  static void await_orphans() {
+    const Clock::time_point deadline = Clock::now() + kWorkerStopTime;
+    while (::waitpid(-1, nullptr, WNOHANG) >= 0 && Clock::now() < deadline) {
+      std::this_thread::sleep_for(milliseconds(2));
+    }
+  }
+
   /// A store that stays deserves an orderly end: workers say that they leave. One that goes does
   /// not.
   [[noreturn]] void stop() {
@@ -267,6 +275,7 @@ class Keeper {
     for (Child& worker : workers_) await(worker, kWorkerStopTime);
     kill_child(server_, SIGTERM);
     await(server_, kServerStopTime);
+    await_orphans();
     std::error_code ignored;
     if (stays_) {
       std::filesystem::remove(folder_ + kSocketName, ignored);
@@ -289,6 +298,7 @@ class Keeper {
 void keep_farm(const KeeperPlan& plan, int socket) {
   ::setsid();  // Ctrl-C is for the client; this process ends after it
   ::prctl(PR_SET_NAME, "tessera-keeper");
+  ::prctl(PR_SET_CHILD_SUBREAPER, 1);
   const int nothing = ::open("/dev/null", O_RDWR);
   for (const int standard : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
     ::dup2(nothing, standard);
