@@ -6,7 +6,7 @@
 #
 # Without a scene: a box of our own with a glass ball. NAME is one of tests/scenes: `course` is the
 # showpiece. Files go to the current folder as SCENE.exr, SCENE.png and SCENE.report.json. Render
-# options: `tessera render --help`.
+# options: `tessera render --help`. TESSERA_PRESET names another preset of CMakePresets.json than release.
 set -euo pipefail
 source_folder=$(cd "$(dirname "$0")/.." && pwd)
 
@@ -26,12 +26,13 @@ fi
 [ -f "$scene" ] || { echo "quickstart: no such scene: $scene" >&2; exit 2; }
 
 "$source_folder/deploy/install-deps.sh" --build
-cmake -S "$source_folder" --preset release -B "$source_folder/build/release" \
-  -D TESSERA_BUILD_BENCHES=OFF >/dev/null
-cmake --build "$source_folder/build/release"
+preset=${TESSERA_PRESET:-release}
+build=$source_folder/build/$preset
+cmake -S "$source_folder" --preset "$preset" -B "$build" >/dev/null
+cmake --build "$build" --target tessera tessera-server tessera-worker
 
 name=$(basename "${scene%.*}")
-PATH=$source_folder/build/release/bin:$PATH
+PATH=$build/bin:$PATH
 result=$(tessera render "$scene" --output "$PWD/$name.exr" --report "$PWD/$name.report.json" \
   --workers 2 --force "${options[@]}")
 oiiotool "$PWD/$name.exr" --ch R,G,B --clamp:min=0:max=1 --colorconvert linear sRGB -d uint8 \

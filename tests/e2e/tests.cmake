@@ -20,10 +20,10 @@ if(TESSERA_WITH_GRPC)
   # Limits are for sanitizer builds on two busy cores; a dev build takes a tenth. Most of it is
   # waiting, so they share the cores.
   tessera_e2e(same_bits 400)
-  # Each of its eight workers is to get units: no other test may hold one up.
-  set_tests_properties(e2e.same_bits PROPERTIES PROCESSORS 2)
   tessera_e2e(same_bits_crashes 400)
   tessera_e2e(same_bits_cover 400)
+  # What takes longest begins first, so that nothing is left to run alone.
+  set_tests_properties(e2e.same_bits e2e.same_bits_cover PROPERTIES COST 100)
   # All 72 combinations: TESSERA_OTHER_BIN=… cmake --build --preset dev --target same_bits_all
   add_custom_target(same_bits_all USES_TERMINAL
     COMMAND ${CMAKE_COMMAND} -E env TESSERA_BIN=${CMAKE_RUNTIME_OUTPUT_DIRECTORY}
@@ -68,6 +68,7 @@ if(TESSERA_WITH_GRPC)
     tessera_e2e(chaos 1800)
     tessera_e2e(dead_worker 300)
     set_tests_properties(e2e.dead_worker PROPERTIES PROCESSORS 2)  # it measures time
+    set_tests_properties(e2e.chaos PROPERTIES COST 200)
     # The soak: cmake --build --preset dev --target soak
     add_custom_target(soak USES_TERMINAL
       COMMAND ${CMAKE_COMMAND} -E env TESSERA_BIN=${CMAKE_RUNTIME_OUTPUT_DIRECTORY}

@@ -12,7 +12,7 @@ function(tessera_fuzz)
   add_dependencies(unit_tests replay_${arg_NAME})
   add_test(NAME unit.fuzz_${arg_NAME}
     COMMAND replay_${arg_NAME} ${CMAKE_CURRENT_SOURCE_DIR}/fuzz/corpus/${arg_NAME})
-  set_tests_properties(unit.fuzz_${arg_NAME} PROPERTIES LABELS unit TIMEOUT 60)
+  set_tests_properties(unit.fuzz_${arg_NAME} PROPERTIES LABELS unit TIMEOUT ${TESSERA_TEST_SECONDS})
   if(tessera_has_fuzzer)
     add_executable(fuzz_${arg_NAME} fuzz/${arg_NAME}_fuzz.cpp ${arg_SOURCES} support/sanitizer_options.cpp)
     target_link_libraries(fuzz_${arg_NAME} PRIVATE tessera::flags ${arg_LINKS})

@@ -1,5 +1,5 @@
 # Tests of this folder (see ../CMakeLists.txt).
-tessera_test(NAME render_bsdf KIND numeric TIMEOUT 240 SOURCES numeric/render_bsdf.cpp LINKS tessera::render)
+tessera_test(NAME render_bsdf KIND numeric SOURCES numeric/render_bsdf.cpp LINKS tessera::render)
 tessera_test(NAME geometry KIND numeric
   SOURCES numeric/agreement_test.cpp numeric/tree_quality_test.cpp numeric/geometry_scenes.cpp numeric/geometry_scenes.h numeric/overlap_test.cpp
     numeric/ray_origins_test.cpp numeric/reference_test.cpp numeric/watertight_test.cpp
@@ -17,7 +17,7 @@ tessera_test(NAME render_lighting KIND numeric
   SOURCES numeric/render_lighting.cpp numeric/shadow_terminator_test.cpp LINKS tessera_test_render)
 tessera_test(NAME render_transparency KIND numeric
   SOURCES numeric/render_transparency.cpp LINKS tessera_test_render)
-tessera_test(NAME render_frame KIND numeric TIMEOUT 120
+tessera_test(NAME render_frame KIND numeric
   SOURCES numeric/render_frame.cpp LINKS tessera_test_render)
 # No object of the pixel path calls libm.
 add_test(NAME numeric.no_libm

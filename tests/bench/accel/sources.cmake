@@ -16,5 +16,5 @@ if(embree_FOUND)
   add_test(NAME bench.accel_agreement
     COMMAND tessera-bench-accel --quick --agreement 70000 --brute 500 --references)
   set_tests_properties(bench.accel bench.accel_agreement bench.accel_growth bench.accel_first_hits PROPERTIES
-    LABELS integration TIMEOUT 300)
+    LABELS "integration;long" TIMEOUT ${TESSERA_TEST_SECONDS})
 endif()

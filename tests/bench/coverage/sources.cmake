@@ -9,4 +9,4 @@ target_link_libraries(tessera-bench-coverage PRIVATE tessera::film tessera::rend
 add_test(NAME bench.coverage
   COMMAND ${PROJECT_SOURCE_DIR}/tests/bench/coverage.sh --seeds 8 --bin ${CMAKE_RUNTIME_OUTPUT_DIRECTORY}
           furnace checker)
-set_tests_properties(bench.coverage PROPERTIES LABELS integration TIMEOUT 300 PROCESSORS 2)
+set_tests_properties(bench.coverage PROPERTIES LABELS "integration;long" TIMEOUT ${TESSERA_TEST_SECONDS} PROCESSORS 2)
