@@ -19,8 +19,12 @@ for mark, block in blocks:
 print("\n".join(block for mark, block in blocks if mark == "run"))
 PY
   [ -s "$work/commands" ] && grep -q . "$work/commands" || continue
-  (set -eu; . "$work/commands") >"$work/commands.log" 2>&1 </dev/null ||
-    fail "a command of ${page#"$root"/} failed"
+  # A shell of its own: beside `||` the subshell would go on after a command that fails.
+  set +e
+  (set -eu; . "$work/commands") >"$work/commands.log" 2>&1 </dev/null
+  status=$?
+  set -e
+  [ "$status" -eq 0 ] || fail "a command of ${page#"$root"/} failed"
   say "commands of ${page#"$root"/}: $(grep -c . "$work/commands") lines"
 done
 [ "$checks" -gt 0 ] || fail "no page has commands to run"

@@ -19,9 +19,14 @@ equal "nothing was submitted" "$(json "$work/out" 'len(d["jobs"])')" 0
 
 # A worker whose numerics differ is refused by name, be it the first to come.
 other_hash=$(printf 'ab%.0s' {1..32})
+mkfifo "$work/stranger.in"
 bench_simulated_workers --server "$socket" --name stranger --numerics "$other_hash" \
-  >"$work/stranger.out" 2>"$work/stranger.log" < <(sleep 2)
-grep -qi numerics "$work/stranger.log" || fail "refused without naming its numerics"
+  >"$work/stranger.out" 2>"$work/stranger.log" <"$work/stranger.in" &
+stranger=$!
+exec {stranger_in}>"$work/stranger.in" # it stays until this is closed
+wait_until 60 "it is refused, and its numerics are named" grep -qi numerics "$work/stranger.log"
+exec {stranger_in}>&-
+wait "$stranger" || fail "the stranger ended with $?"
 grep -q '"welcomed": 0' "$work/stranger.out" || fail "a worker with other numerics was let in"
 say "a worker with another numerics hash is refused: $(head -n 1 "$work/stranger.log")"
 
@@ -76,7 +81,7 @@ stop_at_a_unit() {
   local renderer
   renderer=$(children_of "${worker_pid[sleeper]}")
   [ -n "$renderer" ] && kill -STOP "$renderer" || return 1
-  sleep 0.2  # until what it has said is written down
+  sleep 1 # until what it has said is written down
   hung=$(awk '$1 == "started" { at = $3 " " $4 " " $5 }
     $1 == "finished" || $1 == "failed" { at = "" }
     END { print at }' "$work/units-sleeper.log")
@@ -84,13 +89,13 @@ stop_at_a_unit() {
   kill -CONT "$renderer"
   return 1
 }
-start_worker sleeper --unit-timeout 4 --unit-log "$work/units-sleeper.log" --log-level debug
+start_worker sleeper --unit-timeout 10 --unit-log "$work/units-sleeper.log" --log-level debug
 id=$(farm submit "$scenes/lit_square.gltf" "${job[@]}" --name hung)
 wait_until 60 "its renderer is stopped at a unit" stop_at_a_unit
 farm watch "$id" --json </dev/null >"$work/watch.log" || fail "a unit that hung once failed the job"
 equal "the unit that hung failed, and no other" \
   "$(grep '^failed' "$work/units-sleeper.log" | cut -d' ' -f3-)" \
-  "$hung it took longer than 4 s; its renderer was killed"
+  "$hung it took longer than 10 s; its renderer was killed"
 grep -q "tessera-worker warning: unit .* ${hung} hangs" "$work/worker-sleeper.log" ||
   fail "the log does not say that unit $hung hangs"
 grep -q "tessera-worker debug: unit .* ${hung} is rendered" "$work/worker-sleeper.log" ||
@@ -112,9 +117,8 @@ says "--log-level"
 job=(--size 128x128 --spp 600 --tile 32)
 id=$(farm submit "$scenes/lit_square.gltf" "${job[@]}" --name losses)
 for attempt in $(seq 10); do
-  start_worker "mortal$attempt" --id mortal
-  wait_until 60 "it holds leases" bash -c "tessera status '$id' --server '$socket' --json |
-    grep -q '\"units_leased\": [1-9]'"
+  start_worker "mortal$attempt" --id mortal --unit-log "$work/units-mortal$attempt.log"
+  wait_until 60 "it holds leases" grep -q "^started" "$work/units-mortal$attempt.log"
   kill_worker "mortal$attempt"
 done
 start_worker survivor --id mortal

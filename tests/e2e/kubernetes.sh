@@ -13,7 +13,7 @@ for program in kubectl node npm; do
 done
 mkdir "$work/check"
 cp "$here/kubernetes/package.json" "$work/check"
-(cd "$work/check" && HOME=$HOME npm install --no-audit --no-fund --silent >"$work/npm.log" 2>&1) ||
+(cd "$work/check" && HOME=$HOME timeout 120 npm install --prefer-offline --no-audit --no-fund --silent >"$work/npm.log" 2>&1) ||
   { echo "SKIPPED: npm cannot get the schemas"; exit 0; }
 check() { (cd "$work/check" && node "$here/kubernetes/check_manifests.mjs" "$@"); }
 

@@ -30,15 +30,14 @@ job=$(farm submit "$scenes/lit_square.gltf" --size 256x256 --spp 160 --tile 8 --
 wait_until 60 "units are committed" committed_at_least "$job" 3
 # Nothing moves while the worker is stopped, but what it has delivered is still committed.
 kill -STOP "${worker_pid[one]}"
-at_rest() {
+scrape_at_rest() {
   local before
   before=$(committed "$job")
-  sleep 0.2
+  scrape server.log server.txt
+  farm report "$job" --json >"$work/report.json"
   [ "$(committed "$job")" -eq "$before" ]
 }
-wait_until 60 "what was delivered is committed" at_rest
-scrape server.log server.txt
-farm report "$job" --json >"$work/report.json"
+wait_until 60 "what was delivered is committed" scrape_at_rest
 kill -CONT "${worker_pid[one]}"
 done=$(json "$work/report.json" 'd["units"]["committed"]')
 total=$(json "$work/report.json" 'd["units"]["total"]')

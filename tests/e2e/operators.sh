@@ -9,6 +9,7 @@ worker_state() {
   farm workers --json >"$work/workers.json"
   json "$work/workers.json" "[w['state'] for w in d['workers'] if w['id'] == '$1']"
 }
+both_idle() { is_state w-one idle && is_state w-two idle; }
 is_state() { [ "$(worker_state "$1")" = "$2" ]; }
 
 start_server
@@ -28,9 +29,10 @@ wait_until 30 "the webhook has begun" test -s "$work/webhook.state"
 # posted: the receiver has what the follower has, in order, and nothing twice.
 sequences() { sed -n 's/.*"sequence":\([0-9]*\),.*/\1/p' "$1"; }
 posted() { cmp -s <(sequences "$work/events.out") <(sequences "$work/posts"); }
+at_newest() { [ "$(cat "$work/webhook.state")" = "$(sequences "$work/events.out" | tail -n 1)" ]; }
 start_worker one --id w-one --log-level debug
 start_worker two --id w-two
-wait_until 60 "both workers are here" is_state w-two idle
+wait_until 60 "both workers are here" both_idle
 id=$(farm submit "$scene" "${job[@]}" --name shot)
 exits 0 farm logs shot --follow
 says "job $id job submitted: shot"
@@ -60,6 +62,7 @@ wait "${worker_pid[two]}" || fail "a drained worker ended with $?"
 unset "worker_pid[two]"
 say "drain: the worker ends with 0"
 
+wait_until 60 "no post is on its way, which might come twice" at_newest
 kill "${worker_pid[webhook]}"
 wait "${worker_pid[webhook]}" || fail "tessera-webhook ended with $? on SIGTERM"
 
@@ -94,7 +97,6 @@ kill "${worker_pid[webhook]}"
 wait "${worker_pid[webhook]}" || fail "tessera-webhook ended with $? on SIGTERM"
 # A state file of a store that had been started more often.
 echo $((1 << 60)) >"$work/webhook.state"
-at_newest() { [ "$(cat "$work/webhook.state")" = "$(sequences "$work/events.out" | tail -n 1)" ]; }
 start_webhook
 wait_until 30 "the webhook goes on from the newest event" at_newest
 grep -q "has the server another store now" "$work/webhook.log" || fail "the webhook does not say so"

@@ -54,11 +54,11 @@ for signal in INT KILL; do
 done
 
 # A frame is there as soon as it is finished, and stays when the rest is broken off.
-start_interruptible frames tessera render "$scene" -o "$work/clip.exr" --frames 0-1 \
+start_interruptible frames tessera render "$scene" -o "$work/clip.exr" --frames 0-7 \
   --size 64x64 --spp 800 --tile 16 --workers 1
 wait_until 120 "the first frame is there" test -s "$work/clip.0000.exr"
 interrupted frames "$started"
-[ ! -e "$work/clip.0001.exr" ] || fail "the job was over before it could be broken off"
+[ ! -e "$work/clip.0007.exr" ] || fail "the job was over before it could be broken off"
 exits 0 tessera compare "$work/clip.0000.exr" "$work/clip.0000.exr"
 say "a frame is fetched while the next is being rendered"
 
@@ -142,6 +142,6 @@ started_at=$(date +%s%N)
 exits 3 "$work/bin/tessera" render "$scene" -o "$work/dead.exr" --size 16x16 --spp 4
 took_ms=$((($(date +%s%N) - started_at) / 1000000))
 says "ended with status 7: tessera-server: the disk is gone"
-[ "$took_ms" -lt 15000 ] || fail "a dead server was waited for, $took_ms ms"
+[ "$took_ms" -lt 25000 ] || fail "a dead server was waited for, $took_ms ms"
 nothing_left || fail "a folder was left"
 say "a server that dies ends the wait, with its last words"

@@ -21,6 +21,9 @@ draw() {
     --seed "$seed" "${job[@]}" "$@" >"$work/$name.log" 2>&1 </dev/null || fail "render $name: status $?"
 }
 
+# idle COUNT: so many workers wait for units.
+idle() { [ "$(farm workers --json | grep -c '"state": "idle"')" -eq "$1" ]; }
+
 draw reference --tile 16 --workers 1 --threads 1
 reference=$(pixels "$work/reference.json")
 units=$(json "$work/reference.json" 'd["units"]["total"]')
@@ -29,7 +32,15 @@ say "the reference is $reference, of $units units"
 
 for count in $workers; do
   [ "$count" = 1 ] && continue
-  draw workers --tile 16 --workers "$count" --threads 1
+  rm -rf "$work/store"
+  start_server
+  for ((worker = 1; worker <= count; ++worker)); do start_worker "of-$count-$worker"; done
+  wait_until 60 "$count workers have joined" idle "$count"
+  id=$(farm submit "$scenes/$scene.gltf" --tile 16 --seed "$seed" "${job[@]}")
+  farm watch "$id" --json </dev/null >"$work/watch.log" || fail "watch: status $?"
+  farm report "$id" --json >"$work/workers.json"
+  for ((worker = 1; worker <= count; ++worker)); do kill_worker "of-$count-$worker"; done
+  kill_server
   equal "$count workers" "$(pixels "$work/workers.json")" "$reference"
   busy=$(json "$work/workers.json" 'sum(w["units"] > 0 for w in d["workers"])')
   equal "each of $count workers committed units" "$busy" "$count"

@@ -13,7 +13,7 @@ reference=$(pixels "$work/reference.json")
 units=$(json "$work/reference.json" 'd["units"]["total"]')
 
 start_server
-start_worker a
+start_worker a --id a
 start_worker b
 id=$(farm submit "$scenes/same_bits.gltf" "${job[@]}" --spp 80)
 
@@ -55,7 +55,7 @@ id=$(farm submit "$scenes/same_bits.gltf" "${job[@]}" --spp 4000 --name stopped)
 wait_until 60 "the third pass has begun" committed_at_least "$id" $((2 * units / 3 + 5))
 kill -STOP "${worker_pid[a]}"
 start_worker d
-sleep 5
+wait_until 60 "it is given up" grep -q "worker a is lost" "$work/server.log"
 wait_until 60 "another took over" committed_at_least "$id" $(($(committed "$id") + 20))
 kill -CONT "${worker_pid[a]}"
 duplicates() { farm report "$id" --json >"$work/report.json" && json "$work/report.json" 'd["units"]["duplicated"]'; }

@@ -99,7 +99,7 @@ TEST_F(SecureFarm, SilentConnectionsStarveNobody) {
   }
   const auto begun = std::chrono::steady_clock::now();
   EXPECT_TRUE(knock("ann").ok());
-  EXPECT_LT(std::chrono::steady_clock::now() - begun, std::chrono::seconds(5));
+  EXPECT_LT(std::chrono::steady_clock::now() - begun, std::chrono::seconds(20));
   for (const int socket : silent) ::close(socket);
 }
 

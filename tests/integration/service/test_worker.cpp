@@ -13,7 +13,7 @@
 namespace tessera::server {
 namespace {
 
-constexpr std::chrono::seconds kPatience{20};
+constexpr std::chrono::seconds kPatience{100};
 
 }  // namespace
 
