@@ -15,6 +15,7 @@
 #include "tests/integration/client/fake_farm.h"
 #include "tests/integration/client/made_image.h"
 #include "tests/support/json_schema.h"
+#include "tests/support/scratch_folder.h"
 
 namespace tessera::client {
 namespace {
@@ -415,19 +416,19 @@ TEST(Completion, HoldsEveryCommandAndOptionForEveryShell) {
 }
 
 TEST(Completion, BashCompletesCommandsAndOptions) {
-  const auto path = std::filesystem::temp_directory_path() / "tessera_completion_test.bash";
+  const ScratchFolder folder;
+  const std::string path = folder.path() + "/completion.bash";
   std::ofstream(path) << run_client({"completion", "bash"}).out
                       << "COMP_WORDS=(tessera rep); COMP_CWORD=1; _tessera\n"
                          "echo \"${COMPREPLY[*]}\"\n"
                          "COMP_WORDS=(tessera fetch last --fo); COMP_CWORD=3; _tessera\n"
                          "echo \"${COMPREPLY[*]}\"\n";
-  FILE* pipe = ::popen(("bash " + path.string() + " 2>&1").c_str(), "r");
+  FILE* pipe = ::popen(("bash " + path + " 2>&1").c_str(), "r");
   ASSERT_NE(pipe, nullptr);
   std::string output(1000, '\0');
   output.resize(std::fread(output.data(), 1, output.size(), pipe));
   EXPECT_EQ(::pclose(pipe), 0);
   EXPECT_EQ(output, "report\n--format --force\n");
-  std::filesystem::remove(path);
 }
 
 TEST(Help, EveryCommandHasADescriptionAndAnExample) {

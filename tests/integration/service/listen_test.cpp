@@ -7,6 +7,7 @@
 #include "server/service/server.h"
 #include "server/service/token.h"
 #include "tests/support/memory_store.h"
+#include "tests/support/scratch_folder.h"
 
 namespace tessera::server {
 namespace {
@@ -14,21 +15,17 @@ namespace {
 class ListenTest : public testing::Test {
  protected:
   void SetUp() override {
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
-    std::filesystem::permissions(folder_, std::filesystem::perms::owner_all);
     options_.clock = [] { return std::chrono::steady_clock::now(); };
     options_.wall_us = [] { return std::int64_t{0}; };
     options_.random = [] { return std::uint64_t{1}; };
     coordinator_ = Coordinator::open(store_, options_).value();
   }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
   absl::StatusOr<std::unique_ptr<FarmServer>> listen(const std::string& address) {
     return FarmServer::start(*coordinator_, {address, folder_, ""});
   }
 
-  const std::string folder_ = testing::TempDir() + "listen_" +
-                              testing::UnitTest::GetInstance()->current_test_info()->name();
+  ScratchFolder scratch_;
+  const std::string& folder_ = scratch_.path();
   MemoryStore store_{folder_};
   CoordinatorOptions options_;
   std::unique_ptr<Coordinator> coordinator_;

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <ctime>
-#include <filesystem>
 #include <fstream>
 #include <memory>
 #include <mutex>
@@ -18,6 +17,7 @@
 #include "tests/integration/service/made_job.h"
 #include "tests/integration/service/running_coordinator.h"
 #include "tests/integration/service/test_worker.h"
+#include "tests/support/scratch_folder.h"
 
 namespace tessera::server {
 
@@ -25,8 +25,6 @@ namespace tessera::server {
 class SecureFarm : public testing::Test {
  protected:
   void SetUp() override {
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
     ASSERT_TRUE(make_authority(certs_, year()).ok());
     ASSERT_TRUE(issue_server(certs_, {"127.0.0.1"}, year()).ok());
     for (const char* name : {"ann", "bob"}) issue_to(Role::client, name);
@@ -41,7 +39,6 @@ class SecureFarm : public testing::Test {
   void TearDown() override {
     server_.reset();
     running_.reset();
-    std::filesystem::remove_all(folder_);
   }
 
   static Validity year() {
@@ -139,8 +136,8 @@ class SecureFarm : public testing::Test {
     return log_;
   }
 
-  const std::string folder_ = testing::TempDir() + "secure_" +
-                              testing::UnitTest::GetInstance()->current_test_info()->name();
+  ScratchFolder scratch_;
+  const std::string& folder_ = scratch_.path();
   const std::string certs_ = folder_ + "/farm", store_ = folder_ + "/store";
   ClientRates rates_;
   std::unique_ptr<RunningCoordinator> running_;

@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
-#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -19,6 +18,7 @@
 #include "tests/integration/service/made_job.h"
 #include "tests/integration/service/running_coordinator.h"
 #include "tests/integration/service/test_worker.h"
+#include "tests/support/scratch_folder.h"
 
 namespace tessera::server {
 
@@ -59,14 +59,8 @@ class TestServer {
 /// A server that can be restarted, and what a client does with it.
 class TestFarm : public testing::Test {
  protected:
-  void SetUp() override {
-    std::filesystem::remove_all(folder_);
-    restart();
-  }
-  void TearDown() override {
-    server_.reset();
-    std::filesystem::remove_all(folder_);
-  }
+  void SetUp() override { restart(); }
+  void TearDown() override { server_.reset(); }
   void restart() {
     jobs_.reset();
     assets_.reset();
@@ -143,8 +137,8 @@ class TestFarm : public testing::Test {
     return header;
   }
 
-  const std::string folder_ = testing::TempDir() + "test_farm_" +
-                              testing::UnitTest::GetInstance()->current_test_info()->name();
+  ScratchFolder scratch_;
+  const std::string& folder_ = scratch_.path();
   std::string token_;
   std::unique_ptr<TestServer> server_;
   std::unique_ptr<v1::JobService::Stub> jobs_;

@@ -5,7 +5,6 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
-#include <filesystem>
 #include <map>
 #include <memory>
 #include <random>
@@ -16,6 +15,7 @@
 #include "proto/contract/pass_schedule.h"
 #include "server/coordinator.h"
 #include "tests/support/memory_store.h"
+#include "tests/support/scratch_folder.h"
 
 namespace tessera::server {
 
@@ -33,10 +33,7 @@ class RememberingLink final : public WorkerLink {
 class CoordinatorWalk : public testing::Test {
  protected:
   void SetUp() override { start(); }
-  void TearDown() override {
-    coordinator.reset();
-    std::filesystem::remove_all(folder);
-  }
+  void TearDown() override { coordinator.reset(); }
 
   /// Starts a coordinator on what the store holds, as after a crash.
   void start() {
@@ -206,9 +203,8 @@ class CoordinatorWalk : public testing::Test {
     return frames->empty() ? "" : frames->front().pixels_sha256.hex();
   }
 
-  const std::string folder = testing::TempDir() + "coordinator_walk_" +
-                             testing::UnitTest::GetInstance()->current_test_info()->name();
-  MemoryStore store{folder};
+  ScratchFolder folder;
+  MemoryStore store{folder.path()};
   Time now{};
   std::int64_t wall_us = 1'700'000'000'000'000;
   CoordinatorOptions options;

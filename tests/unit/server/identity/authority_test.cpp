@@ -4,22 +4,18 @@
 #include <sys/stat.h>
 
 #include <ctime>
-#include <filesystem>
 #include <fstream>
 
 #include "server/identity/private_file.h"
 #include "server/identity/revocations.h"
+#include "tests/support/scratch_folder.h"
 
 namespace tessera::server {
 namespace {
 
 class AuthorityTest : public testing::Test {
  protected:
-  void SetUp() override {
-    std::filesystem::remove_all(folder_);
-    ASSERT_TRUE(make_authority(folder_, year()).ok());
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
+  void SetUp() override { ASSERT_TRUE(make_authority(folder_, year()).ok()); }
 
   static Validity year() {
     const std::int64_t now = std::time(nullptr);
@@ -34,8 +30,8 @@ class AuthorityTest : public testing::Test {
     return ::stat(path.c_str(), &info) == 0 ? info.st_mode & 0777u : 0;
   }
 
-  const std::string folder_ = testing::TempDir() + "authority_" +
-                              testing::UnitTest::GetInstance()->current_test_info()->name();
+  ScratchFolder scratch_;
+  const std::string folder_ = scratch_.path() + "/farm";
 };
 
 TEST_F(AuthorityTest, ACertificateSaysRoleNameSerialAndEnd) {

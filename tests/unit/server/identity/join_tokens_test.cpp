@@ -6,20 +6,15 @@
 #include <filesystem>
 
 #include "server/identity/private_file.h"
+#include "tests/support/scratch_folder.h"
 
 namespace tessera::server {
 namespace {
 
 class JoinTokensTest : public testing::Test {
  protected:
-  void SetUp() override {
-    std::filesystem::remove_all(folder_);
-    ASSERT_TRUE(make_private_folder(folder_).ok());
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
-  const std::string folder_ = testing::TempDir() + "join_tokens_" +
-                              testing::UnitTest::GetInstance()->current_test_info()->name();
+  ScratchFolder scratch_;
+  const std::string& folder_ = scratch_.path();
   const JoinTokens tokens_{folder_};
 };
 

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "tests/support/disk_model.h"
+#include "tests/support/scratch_folder.h"
 #include "tests/unit/server/power_cut/farm_on_disk.h"
 #include "tests/unit/server/store/promises.h"
-#include "tests/unit/server/store/scratch_folder.h"
 #include "tests/unit/server/store/sync_sites.h"
 
 namespace tessera::server {

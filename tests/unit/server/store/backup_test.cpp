@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "server/store/store.h"
+#include "tests/support/scratch_folder.h"
 #include "tests/unit/server/store/promises.h"
-#include "tests/unit/server/store/scratch_folder.h"
 
 namespace tessera::server {
 namespace {

@@ -12,8 +12,8 @@
 #include "server/store/database.h"
 #include "server/store/store.h"
 #include "tests/support/failing_disk.h"
+#include "tests/support/scratch_folder.h"
 #include "tests/unit/server/store/promises.h"
-#include "tests/unit/server/store/scratch_folder.h"
 
 namespace tessera::server {
 namespace {

@@ -5,7 +5,6 @@
 
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <map>
 #include <random>
 #include <set>
@@ -15,8 +14,8 @@
 
 #include "server/store/store.h"
 #include "tests/support/disk_model.h"
+#include "tests/support/scratch_folder.h"
 #include "tests/unit/server/store/promises.h"
-#include "tests/unit/server/store/scratch_folder.h"
 #include "tests/unit/server/store/sync_sites.h"
 
 namespace tessera::server {

@@ -9,6 +9,7 @@
 #include "tests/support/gltf_builder.h"
 #include "tests/support/json_schema.h"
 #include "tests/support/memory_scene.h"
+#include "tests/support/scratch_folder.h"
 #include "worker/accel/reference/structures.h"
 #include "worker/render/accelerator_table.h"
 #include "worker/scene/inspect_report.h"
@@ -26,20 +27,12 @@ using testing::unit_quad;
 /// A folder of its own for one test.
 class InspectTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = fs::path(::testing::TempDir()) /
-              (std::string("tessera_inspect_") +
-               ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   void write(const std::string& name, const std::string& bytes) const {
     std::ofstream(folder_ / name, std::ios::binary) << bytes;
   }
 
-  fs::path folder_;
+  ScratchFolder scratch_;
+  const fs::path folder_ = scratch_.path();
 };
 
 TEST_F(InspectTest, ListsResourcesCountsAndNeedsOfAGoodScene) {

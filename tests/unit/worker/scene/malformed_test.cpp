@@ -8,6 +8,7 @@
 
 #include "tests/support/gltf_builder.h"
 #include "tests/support/memory_scene.h"
+#include "tests/support/scratch_folder.h"
 #include "worker/scene/folder_reader.h"
 
 namespace tessera::render {
@@ -96,8 +97,8 @@ TEST(Malformed, EveryTruncationAndEverySpoiledByteOfAGoodFileIsHandled) {
 }
 
 TEST(Folder, RefusesLinksAndPathsThatLeaveIt) {
-  const fs::path base = fs::path(::testing::TempDir()) / "tessera_folder_reader_test";
-  fs::remove_all(base);
+  const ScratchFolder scratch;
+  const fs::path base = scratch.path();
   fs::create_directories(base / "scene/sub");
   std::ofstream(base / "secret.bin") << "secret";
   std::ofstream(base / "scene/sub/inside.bin") << "inside";
@@ -119,7 +120,6 @@ TEST(Folder, RefusesLinksAndPathsThatLeaveIt) {
   const auto sky = reader.read("sky.hdr");
   ASSERT_TRUE(sky.ok());
   EXPECT_EQ(sky->size(), 6u);
-  fs::remove_all(base);
 }
 
 }  // namespace

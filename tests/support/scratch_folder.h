@@ -6,15 +6,15 @@
 #include <filesystem>
 #include <string>
 
-namespace tessera::server {
+namespace tessera {
 
-/// A folder that is gone afterwards. In memory where there is such a place: here the model decides
-/// what is durable, and a busy disk would only cost time.
+/// A folder of this test alone, of mode 0700, that is gone afterwards. In memory where there is
+/// such a place: no test here asks what a real disk keeps, and a busy one would only cost time.
 class ScratchFolder {
  public:
-  ScratchFolder() : path_("/dev/shm/store-XXXXXX") {
+  ScratchFolder() : path_("/dev/shm/tessera-XXXXXX") {
     if (::mkdtemp(path_.data()) != nullptr) return;
-    path_ = ::testing::TempDir() + "store-XXXXXX";
+    path_ = ::testing::TempDir() + "tessera-XXXXXX";
     if (::mkdtemp(path_.data()) == nullptr) std::abort();
   }
   ~ScratchFolder() { std::filesystem::remove_all(path_); }
@@ -26,4 +26,4 @@ class ScratchFolder {
   std::string path_;
 };
 
-}  // namespace tessera::server
+}  // namespace tessera
