@@ -76,7 +76,7 @@ absl::Status pass_events(FarmClient& client, EventRelay& relay, const Log& log) 
   auto after = beginning(client, relay);
   while (after.ok()) {
     absl::Status passed;
-    const absl::Status watched = watch(client, *after, true, [&](const v1::Event& event) {
+    absl::Status watched = watch(client, *after, true, [&](const v1::Event& event) {
       passed = relay.pass(event);
       return passed.ok();
     });

@@ -11,7 +11,8 @@ if(TESSERA_WITH_GRPC)
     add_test(NAME e2e.${name} COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/e2e/${name}.sh)
     set(environment TESSERA_BIN=${CMAKE_RUNTIME_OUTPUT_DIRECTORY})
     if(CMAKE_CXX_FLAGS MATCHES "sanitize")
-      list(APPEND environment TESSERA_E2E_SMALL=1 ASAN_OPTIONS=intercept_tls_get_addr=0)
+      list(APPEND environment TESSERA_E2E_SMALL=1 ASAN_OPTIONS=intercept_tls_get_addr=0
+        LSAN_OPTIONS=suppressions=${CMAKE_CURRENT_SOURCE_DIR}/e2e/leaks.supp:print_suppressions=0)
     endif()
     set_tests_properties(e2e.${name} PROPERTIES LABELS e2e TIMEOUT ${seconds}
       ENVIRONMENT "${environment}")

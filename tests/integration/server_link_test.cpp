@@ -152,7 +152,7 @@ class ServerLinkTest : public testing::Test {
     server_.reset();
   }
 
-  void open(ServerLink::Options options = {}) {
+  void open(const ServerLink::Options& options = {}) {
     ServerLink::Outlet outlet;
     outlet.hello = [] {
       v1::WorkerHello hello;
