@@ -105,7 +105,8 @@ TEST_F(FarmTest, AReferenceTellsTheTrueErrorOfEachRound) {
   ASSERT_TRUE(worker->open());
   EXPECT_EQ(worker->work(), 9 * 2);
   watch(made.job().id());
-  const auto frame = report_of(made.job().id())["frames"].at(0), curve = frame["curve"];
+  const auto frame = report_of(made.job().id())["frames"].at(0);
+  const auto& curve = frame["curve"];
   ASSERT_EQ(curve.size(), 2u);
   for (const auto& point : curve) {
     EXPECT_GT(point["error_true"].get<double>(), 0);
