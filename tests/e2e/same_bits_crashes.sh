@@ -13,7 +13,7 @@ reference=$(pixels "$work/reference.json")
 units=$(json "$work/reference.json" 'd["units"]["total"]')
 
 start_server
-start_worker a --id a
+start_worker a --unit-log "$work/units-a.log"
 start_worker b
 id=$(farm submit "$scenes/same_bits.gltf" "${job[@]}" --spp 80)
 
@@ -53,10 +53,17 @@ id=$(farm submit "$scenes/same_bits.gltf" "${job[@]}" --spp 4000 --name stopped)
 # Not before the third pass, of 448 samples: the units before it take 2 ms, and between two of them
 # a worker holds nothing. The reference had three passes.
 wait_until 60 "the third pass has begun" committed_at_least "$id" $((2 * units / 3 + 5))
-kill -STOP "${worker_pid[a]}"
-start_worker d
-wait_until 60 "it is given up" grep -q "worker a is lost" "$work/server.log"
-wait_until 60 "another took over" committed_at_least "$id" $(($(committed "$id") + 20))
+stop_at_a_unit() {
+  kill -STOP "${worker_pid[a]}"
+  held=$(awk '{ unit = $2 " " $3 " " $4 " " $5 } $1 == "started" { at[unit] } $1 != "started" { delete at[unit] }
+    END { for (unit in at) { print unit; exit } }' "$work/units-a.log")
+  [ -n "$held" ] && return
+  kill -CONT "${worker_pid[a]}"
+  return 1
+}
+wait_until 60 "it is stopped at a unit" stop_at_a_unit
+start_worker d --unit-log "$work/units-d.log"
+wait_until 60 "another did what it held" grep -qs "^COMMITTED $held\b" "$work/units-d.log"
 kill -CONT "${worker_pid[a]}"
 duplicates() { farm report "$id" --json >"$work/report.json" && json "$work/report.json" 'd["units"]["duplicated"]'; }
 some_duplicates() { [ "$(duplicates)" -ge 1 ]; }
