@@ -15,7 +15,7 @@ measure() {
     "$@" >"$work/$name.json" 2>"$work/$name.log" || fail "bench: status $? ($(tail -1 "$work/$name.log"))"
 }
 measure bench
-check_schema <"$work/bench.json" || fail "not what docs/schema says"
+check_schema <"$work/bench.json" || fail "not what docs/reference/schema says"
 rounds='[r["spp"] for r in d["scenes"][0]["rounds"]]'
 errors='[r["relmse"]["value"] for r in d["scenes"][0]["rounds"]]'
 equal "rounds come in order" "$(json "$work/bench.json" "$rounds")" "8 64"

@@ -85,7 +85,7 @@ exits 2 farm workers drain nobody
 
 exits 0 tessera logs "$id" --server "$socket" --json
 while read -r line; do
-  check_schema <<<"$line" || fail "not what docs/schema says: $line"
+  check_schema <<<"$line" || fail "not what docs/reference/schema says: $line"
 done <"$work/out"
 for kind in "job submitted" "frame finished" "job done" "worker drained" "worker banned" "worker allowed"; do
   wait_until 60 "event '$kind' comes, over the restart" grep -q "\"kind\":\"$kind\"" "$work/events.out"

@@ -114,7 +114,7 @@ json read_schema(const std::string& kind) {
   std::string name = kind;
   if (name.rfind("tessera.", 0) == 0) name = name.substr(8);
   name = name.substr(0, name.find('/'));
-  std::ifstream file(std::string(TESSERA_SOURCE_DIR) + "/docs/schema/" + name + ".json");
+  std::ifstream file(std::string(TESSERA_SOURCE_DIR) + "/docs/reference/schema/" + name + ".json");
   if (!file) throw std::runtime_error("no schema of " + kind);
   return json::parse(file);
 }

@@ -8,14 +8,14 @@ namespace tessera::support {
 
 /// What is wrong with `document` under `schema`, each as "PATH: FAULT"; empty if nothing is.
 ///
-/// Knows the part of JSON Schema that docs/schema uses: type, const, enum, required, properties,
+/// Knows the part of JSON Schema that docs/reference/schema uses: type, const, enum, required, properties,
 /// additionalProperties (false), items, minItems, maxItems, minimum, exclusiveMinimum, maximum,
 /// pattern. Any other keyword that would restrict is a fault, so that a
 /// schema cannot say what nobody checks.
 std::vector<std::string> schema_faults(const nlohmann::json& schema,
                                        const nlohmann::json& document);
 
-/// The schema of documents of a kind ("tessera.job/1" or "job"), from docs/schema. Throws if there
+/// The schema of documents of a kind ("tessera.job/1" or "job"), from docs/reference/schema. Throws if there
 /// is none.
 nlohmann::json read_schema(const std::string& kind);
 
