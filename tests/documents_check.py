@@ -1,55 +1,203 @@
 #!/usr/bin/env python3
-"""Checks that the documents speak of what is there: tests and kinds of fault that pages name,
-relative links, and paths in backquotes that begin with a folder of ours."""
+"""Checks that the documentation agrees with the repository.
 
+    tests/documents_check.py [ROOT]             check every page; exit code 1 and a line per fault
+    tests/documents_check.py --commands PAGE    print the commands of PAGE that a test may run
+
+Pages are all Markdown files of the source tree. tests/documents_check_test.py shows each check fail.
+"""
+
+import os
 import re
 import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-FOLDERS = "proto|server|worker|client|tests|docs|deploy|.ci"
+
+# Folders whose paths, written in backquotes on a page, must exist.
+FOLDERS = ("proto contract rpc image telemetry cli cmake server worker client webhook tests docs "
+           "deploy .ci").split()
+# Folders that hold no sources of this repository.
+SKIPPED_FOLDERS = {".git", "build", "node_modules", "__pycache__"}
+SOURCE_SUFFIXES = {".h", ".cpp", ".inc", ".cmake", ".txt", ".py", ".sh", ".proto", ".md", ".yaml",
+                   ".yml", ".json", ".service"}
+PICTURE_SUFFIXES = {".jpg", ".png", ".svg"}
+# Documents that no longer exist; nothing may refer to them.
+RETIRED = re.compile(r"\b(?:design|farm)\.m[d]\b")
+
+FENCE = re.compile(r"^(```|~~~)[^\n]*\n.*?^\1[ \t]*$", re.M | re.S)
+LINK = re.compile(r"(!?)\[(?:[^\[\]]|\[[^\[\]]*\])*\]\(\s*<?([^)\s>]+)>?(?:\s+\"[^\"]*\")?\s*\)")
+INLINE_CODE = re.compile(r"`[^`\n]*`")
+HTML_IMAGE = re.compile(r"<img[^>]*\ssrc=\"([^\"]+)\"")
+SHELL_BLOCK = re.compile(r"(?:<!-- (run|not run: [^\n]+) -->\n+)?```sh\n(.*?)```", re.S)
 
 
-def test_names():
-    names = set()
-    for path in (ROOT / "tests").rglob("*.cpp"):
-        names.update(f"{a}.{b}" for a, b in re.findall(
-            r"^TEST(?:_F|_P)?\((\w+),\s*(\w+)\)", path.read_text(), re.M))
-    return names
+def shell_blocks(text):
+    """(mark, commands) of each ```sh block; the mark is `run`, `not run: WHY` or empty."""
+    return SHELL_BLOCK.findall(text)
 
 
-def chaos_kinds():
-    """The faults that tests/e2e/chaos knows: one function each, of the farm and a random generator."""
-    text = (ROOT / "tests/e2e/chaos/kinds.py").read_text()
-    return set(re.findall(r"^def (\w+)\(farm, rng", text, re.M))
+def slug(heading):
+    """GitHub's anchor for a heading: link text only, no punctuation, hyphens for spaces."""
+    text = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", heading)
+    text = re.sub(r"[`*]|<[^>]*>", "", text).strip().lower()
+    return re.sub(r"[^\w\- ]", "", text).replace(" ", "-")
 
 
-def main():
-    wrong = []
-    known = test_names()
-    for page in ("docs/course.md", "docs/numerics.md", "docs/reliability.md",
-                 "docs/security.md"):
-        for name in re.findall(r"`(\w+\.[A-Z]\w+)`", (ROOT / page).read_text()):
+def anchors(text):
+    """Anchors of a page; the second heading of the same text gets the suffix -1, and so on."""
+    seen, found = {}, set()
+    for heading in re.findall(r"^#{1,6}[ \t]+(.+?)[ \t]*#*$", FENCE.sub("", text), re.M):
+        name = slug(heading)
+        count = seen.get(name, 0)
+        seen[name] = count + 1
+        found.add(f"{name}-{count}" if count else name)
+    return found | set(re.findall(r"<a (?:id|name)=\"([^\"]+)\"", text))
+
+
+def chaos_kinds(root):
+    """Faults that the chaos test injects: one function each, of the farm and a random generator."""
+    path = root / "tests/e2e/chaos/kinds.py"
+    return set(re.findall(r"^def (\w+)\(farm, rng", path.read_text(), re.M)) if path.exists() else set()
+
+
+class Repository:
+    """The files that the checks look at, each read once."""
+
+    def __init__(self, root):
+        self.root = root
+        self.sources, self.pictures = {}, []
+        for folder, subfolders, names in os.walk(root):
+            subfolders[:] = [name for name in subfolders if name not in SKIPPED_FOLDERS]
+            for name in names:
+                path = Path(folder, name)
+                if path.suffix in SOURCE_SUFFIXES:
+                    self.sources[path] = path.read_text(errors="replace")
+                elif path.suffix in PICTURE_SUFFIXES:
+                    self.pictures.append(path)
+        self.pages = {path: text for path, text in self.sources.items() if path.suffix == ".md"}
+        self.anchors = {path: anchors(text) for path, text in self.pages.items()}
+
+    def name(self, path):
+        return str(path.relative_to(self.root))
+
+    def test_names(self):
+        """SUITE.NAME of each unit test, and SERVICE.RPC of the protocol, which look the same."""
+        names = set()
+        for path, text in self.sources.items():
+            if path.suffix == ".cpp" and "tests" in path.parts:
+                names.update(f"{suite}.{name}" for suite, name in re.findall(
+                    r"^(?:TYPED_)?TEST(?:_F|_P)?\(\s*(\w+),\s*(\w+)\s*\)", text, re.M))
+            elif path.suffix == ".proto":
+                for service, body in re.findall(r"^service (\w+) \{\n(.*?)^\}", text, re.M | re.S):
+                    names.update(f"{service}.{rpc}" for rpc in re.findall(r"rpc (\w+)\(", body))
+        return names
+
+
+class Checks:
+    """Each check adds a line to `faults` for each thing that is wrong."""
+
+    def __init__(self, repository):
+        self.repository = repository
+        self.faults = []
+        self.linked = set()  # files that some other page links to or shows
+
+    def run(self):
+        tests, kinds = self.repository.test_names(), chaos_kinds(self.repository.root)
+        for page, text in sorted(self.repository.pages.items()):
+            prose = FENCE.sub("", text)
+            self.check_links(page, INLINE_CODE.sub("``", prose))
+            self.check_paths(page, prose)
+            self.check_tests(page, prose, tests)
+            self.check_chaos_kinds(page, prose, kinds)
+            self.check_shell_blocks(page, text)
+        self.check_everything_is_linked()
+        self.check_retired_documents()
+        return self.faults
+
+    def fault(self, path, message):
+        self.faults.append(f"{self.repository.name(path)}: {message}")
+
+    def check_links(self, page, text):
+        """Relative links and pictures name files; fragments name headings."""
+        targets = [target for _, target in LINK.findall(text)] + HTML_IMAGE.findall(text)
+        for target in targets:
+            if re.match(r"[a-z][a-z0-9+.-]*:", target):
+                continue  # another site
+            name, _, fragment = target.partition("#")
+            path = (page.parent / name).resolve() if name else page
+            if not path.exists():
+                self.fault(page, f"link to a missing file: {target}")
+            elif fragment and path in self.repository.anchors:
+                if fragment not in self.repository.anchors[path]:
+                    self.fault(page, f"link to a missing heading: {target}")
+            if path != page:
+                self.linked.add(path)
+
+    def check_paths(self, page, text):
+        """Paths in backquotes that begin with a folder of the repository exist."""
+        folders = "|".join(re.escape(folder) for folder in FOLDERS)
+        for path in re.findall(rf"`((?:{folders})/[\w./-]*\w)`", text):
+            root = self.repository.root
+            if not (root / path).exists() and not list(root.glob(path + ".*")):
+                self.fault(page, f"missing file in backquotes: {path}")
+
+    def check_tests(self, page, text, known):
+        for name in re.findall(r"`(\w+\.[A-Z]\w+)`", text):
             if name not in known:
-                wrong.append(f"{page}: no test is called {name}")
-    kinds = chaos_kinds()
-    page = "docs/reliability.md"
-    for names in re.findall(r"chaos: ((?:`\w+`(?:, )?)+)", (ROOT / page).read_text()):
-        for name in re.findall(r"\w+", names):
-            if name not in kinds:
-                wrong.append(f"{page}: chaos has no kind {name}")
-    pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("*/README.md")]
-    for page in pages:
-        text = page.read_text()
-        for target in re.findall(r"\]\((?!https?:|#)([^)#]+)", text):
-            if not (page.parent / target).exists():
-                wrong.append(f"{page.relative_to(ROOT)}: no such file: {target}")
-        for path in re.findall(rf"`((?:{FOLDERS})/[\w./-]*\w)`", text):
-            if not (ROOT / path).exists() and not list(ROOT.glob(path + ".*")):
-                wrong.append(f"{page.relative_to(ROOT)}: no such file: {path}")
-    print("\n".join(wrong) or f"{len(pages)} pages speak of what is there")
-    sys.exit(1 if wrong else 0)
+                self.fault(page, f"no test or rpc has this name: {name}")
+
+    def check_chaos_kinds(self, page, text, known):
+        for names in re.findall(r"chaos: ((?:`\w+`(?:, )?)+)", text):
+            for name in re.findall(r"\w+", names):
+                if name not in known:
+                    self.fault(page, f"the chaos test has no such fault: {name}")
+
+    def check_shell_blocks(self, page, text):
+        """tests/e2e/documented_commands.sh runs README.md and docs/."""
+        name = self.repository.name(page)
+        if name != "README.md" and not name.startswith("docs/"):
+            return
+        for mark, commands in shell_blocks(text):
+            if not mark:
+                first = commands.strip().split("\n")[0]
+                self.fault(page, f"```sh block without `run` or `not run: WHY`: {first}")
+
+    def check_everything_is_linked(self):
+        """A page or picture of docs/ that nothing links to cannot be found by a reader."""
+        docs = self.repository.root / "docs"
+        files = [*self.repository.pages, *self.repository.pictures]
+        for path in sorted(files):
+            if docs in path.parents and path != docs / "README.md" and path not in self.linked:
+                self.fault(path, "no page links to it")
+
+    def check_retired_documents(self):
+        for path, text in sorted(self.repository.sources.items()):
+            match = RETIRED.search(text)
+            if match:
+                line = text.count("\n", 0, match.start()) + 1
+                self.fault(path, f"line {line} refers to {match.group()}, which does not exist")
+
+
+def print_commands(page):
+    """The commands of the blocks marked `run`. Exits with a message at a block without a mark."""
+    blocks = shell_blocks(Path(page).read_text())
+    for mark, commands in blocks:
+        if not mark:
+            sys.exit(f"{page}: a ```sh block has neither `run` nor `not run: WHY`:\n{commands}")
+    print("\n".join(commands for mark, commands in blocks if mark == "run"))
+
+
+def main(arguments):
+    if arguments[:1] == ["--commands"]:
+        print_commands(arguments[1])
+        return 0
+    root = Path(arguments[0]).resolve() if arguments else ROOT
+    repository = Repository(root)
+    faults = Checks(repository).run()
+    print("\n".join(faults) or f"{len(repository.pages)} pages agree with the repository")
+    return 1 if faults else 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main(sys.argv[1:]))
