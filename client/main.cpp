@@ -8,10 +8,10 @@
 #include <memory>
 #include <string>
 
-#include "client/commands.h"
-#include "client/defaults_file.h"
-#include "proto/contract/version_text.h"
-#include "proto/image/library_versions.h"
+#include "client/commands/commands.h"
+#include "client/cli/config_file.h"
+#include "cli/version_text.h"
+#include "image/codecs/library_versions.h"
 
 namespace {
 
@@ -37,7 +37,7 @@ void add_top_options(CLI::App& app, Invocation& invocation) {
       ->group("");
   app.set_config("--config", config_path(),
                  "File of defaults (TOML): server = \"…\", [render] spp = 256");
-  app.config_formatter(std::make_shared<tessera::client::DefaultsFile>(app));
+  app.config_formatter(std::make_shared<tessera::client::ConfigFile>(app));
   app.set_version_flag(
       "--version",
       tessera::contract::version_text(

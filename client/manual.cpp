@@ -4,8 +4,8 @@
 #include <iostream>
 #include <string>
 
-#include "client/commands.h"
-#include "client/completion.h"
+#include "client/commands/commands.h"
+#include "client/commands/completion.h"
 
 // tessera-manual FOLDER [PROGRAM…]: writes tessera.1 and tessera-COMMAND.1, read off the parser,
 // and for each other program a page that holds what it prints for --help. Run by the target `man`;

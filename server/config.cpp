@@ -9,10 +9,10 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
-#include "proto/contract/finite_range.h"
-#include "proto/contract/version_text.h"
-#include "proto/image/library_versions.h"
-#include "proto/log/log.h"
+#include "cli/finite_range.h"
+#include "cli/version_text.h"
+#include "image/codecs/library_versions.h"
+#include "telemetry/log/log.h"
 #include "server/identity_commands.h"
 #include "server/store_commands.h"
 

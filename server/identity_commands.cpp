@@ -13,7 +13,7 @@
 #include "server/identity/authority.h"
 #include "server/identity/join_tokens.h"
 #include "server/identity/private_file.h"
-#include "server/store/database.h"
+#include "server/store/sqlite/database.h"
 
 namespace tessera::server {
 namespace {

@@ -12,14 +12,14 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "proto/log/log.h"
-#include "proto/metrics/listener.h"
+#include "telemetry/log/log.h"
+#include "telemetry/metrics/listener.h"
 #include "server/config.h"
-#include "server/coordinator.h"
+#include "server/coordinator/coordinator.h"
 #include "server/identity/join_tokens.h"
-#include "server/service/messages.h"
+#include "server/service/messages/messages.h"
 #include "server/service/server.h"
-#include "server/store/filesystem.h"
+#include "server/store/files/filesystem.h"
 #include "server/store/store.h"
 
 namespace tessera::server {

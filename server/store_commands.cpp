@@ -6,9 +6,9 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
-#include "server/store/backup.h"
-#include "server/store/check.h"
-#include "server/store/filesystem.h"
+#include "server/store/maintenance/backup.h"
+#include "server/store/maintenance/check.h"
+#include "server/store/files/filesystem.h"
 
 namespace tessera::server {
 namespace {
@@ -28,7 +28,7 @@ absl::Status check(const std::string& folder) {
   const auto findings = check_store(folder, real_filesystem());
   if (!findings.ok()) return findings.status();
   for (const std::string& fault : findings->faults) std::printf("fault: %s\n", fault.c_str());
-  for (const std::string& file : findings->litter) {
+  for (const std::string& file : findings->orphans) {
     std::printf("left over, to be removed by the next start: %s\n", file.c_str());
   }
   print_sums(*findings);

@@ -15,11 +15,11 @@
 #include <string_view>
 #include <thread>
 
-#include "proto/contract/structure_names.h"
-#include "proto/contract/version_text.h"
-#include "proto/image/library_versions.h"
-#include "proto/log/log.h"
-#include "worker/accel/isa.h"
+#include "contract/structure_names.h"
+#include "cli/version_text.h"
+#include "image/codecs/library_versions.h"
+#include "telemetry/log/log.h"
+#include "worker/accel/layout/isa.h"
 
 namespace tessera::worker {
 namespace {

@@ -5,7 +5,7 @@
 #include <variant>
 
 #include "worker/agent/agent.h"
-#include "worker/agent/renderer.h"
+#include "worker/renderer/renderer.h"
 
 namespace tessera::worker {
 

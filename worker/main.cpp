@@ -3,13 +3,13 @@
 #include <string>
 
 #include "absl/strings/escaping.h"
-#include "proto/contract/settings_message.h"
+#include "rpc/settings_message.h"
 #include "worker/agent/agent.h"
-#include "worker/agent/renderer.h"
+#include "worker/renderer/renderer.h"
 #include "worker/config.h"
-#include "worker/render/accelerator_table.h"
-#include "worker/scene/inspect_report.h"
-#include "worker/scene/solid_check.h"
+#include "worker/inspect/accelerator_table.h"
+#include "worker/inspect/inspect_report.h"
+#include "worker/inspect/solid_check.h"
 
 namespace {
 

@@ -9,7 +9,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "proto/contract/render_settings.h"
+#include "contract/render_settings.h"
 
 namespace tessera::server {
 

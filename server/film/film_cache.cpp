@@ -22,9 +22,9 @@ std::string label(const FrameKey& key) {
 }
 
 /// `has_scale`: m is known and above 0.
-TrueFigures figures_of(const TrueSums& sums, std::int64_t pixels, bool has_scale) {
+TrueErrorStats figures_of(const TrueSums& sums, std::int64_t pixels, bool has_scale) {
   const double values = 3 * static_cast<double>(pixels);
-  TrueFigures figures{std::sqrt(sums.squared / values), sums.relative / values, std::nullopt};
+  TrueErrorStats figures{std::sqrt(sums.squared / values), sums.relative / values, std::nullopt};
   if (has_scale) figures.error = std::sqrt(sums.scaled / values);
   return figures;
 }
@@ -271,7 +271,7 @@ absl::Status FilmCache::catch_up(const FrameKey& key, Frame& frame) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::vector<contract::StoppingRule::Demand>> FilmCache::take_demands(
+absl::StatusOr<std::vector<contract::StoppingRule::Demand>> FilmCache::take_pass_targets(
     const FrameKey& key) {
   const std::lock_guard lock(mutex_);
   const absl::StatusOr<Frame*> found = find(key, 0, 0);
@@ -335,16 +335,16 @@ ErrorEstimate FilmCache::running_estimate(const FrameKey& key) const {
   return figures(found->second, pass_count(found->second) - 1).estimate;
 }
 
-FilmCache::PassFigures FilmCache::after_pass(const FrameKey& key, std::int32_t pass) const {
+FilmCache::PassStats FilmCache::after_pass(const FrameKey& key, std::int32_t pass) const {
   const std::lock_guard lock(mutex_);
   const auto found = frames_.find(key);
   if (found == frames_.end() || pass < 0 || pass >= pass_count(found->second)) return {};
   return figures(found->second, pass);
 }
 
-FilmCache::PassFigures FilmCache::figures(const Frame& frame, std::int32_t pass) {
+FilmCache::PassStats FilmCache::figures(const Frame& frame, std::int32_t pass) {
   ErrorSums sums;
-  PassFigures figures;
+  PassStats figures;
   bool is_truth_known = frame.reference != nullptr;
   TrueSums truth;
   for (const Tile& tile : frame.tiles) {
@@ -365,7 +365,7 @@ FilmCache::PassFigures FilmCache::figures(const Frame& frame, std::int32_t pass)
   return figures;
 }
 
-StoppingFigures FilmCache::stopping(const FrameKey& key) const {
+StoppingStats FilmCache::stopping(const FrameKey& key) const {
   const std::lock_guard lock(mutex_);
   const auto found = frames_.find(key);
   if (found == frames_.end() || !found->second.rule) return {};

@@ -12,11 +12,11 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "proto/contract/film_block.h"
-#include "proto/contract/render_settings.h"
-#include "proto/contract/stopping_rule.h"
-#include "proto/contract/tile_grid.h"
-#include "server/film/certainty.h"
+#include "contract/film_block.h"
+#include "contract/render_settings.h"
+#include "contract/stopping_rule.h"
+#include "contract/tile_grid.h"
+#include "server/film/convergence.h"
 #include "server/film/merge.h"
 
 namespace tessera::server {
@@ -74,9 +74,9 @@ class FilmCache {
   /// In a job asked for by its error: how many passes tiles are to have, as decided since the last
   /// call; empty for others. Reads what has to be read for it. Errors: as mean_luminance's, but
   /// not that pass 0 is incomplete.
-  absl::StatusOr<std::vector<contract::StoppingRule::Demand>> take_demands(const FrameKey& key);
+  absl::StatusOr<std::vector<contract::StoppingRule::Demand>> take_pass_targets(const FrameKey& key);
   /// How the frame's tiles stopped; looks is 1 and the rest 0 with a fixed sample count.
-  StoppingFigures stopping(const FrameKey& key) const;
+  StoppingStats stopping(const FrameKey& key) const;
   /// Samples of the pixels that have most; 0 before the first block, and if it is not open.
   std::int32_t most_samples(const FrameKey& key) const;
   /// Samples of the frame, done and foreseen; nullopt if it is not open or the count is fixed.
@@ -94,12 +94,12 @@ class FilmCache {
   ErrorEstimate running_estimate(const FrameKey& key) const;
   /// The frame had it ended after `pass`: the points of the report's curve. Tiles that have fewer
   /// passes count with what they have. Covers every tile once each has been asked for with m known.
-  struct PassFigures {
+  struct PassStats {
     ErrorEstimate estimate;
     std::int64_t samples = 0;
-    std::optional<TrueFigures> truth;  // with a reference, once every tile is measured
+    std::optional<TrueErrorStats> truth;  // with a reference, once every tile is measured
   };
-  PassFigures after_pass(const FrameKey& key, std::int32_t pass) const;
+  PassStats after_pass(const FrameKey& key, std::int32_t pass) const;
 
   /// Memory of the cached sums.
   std::int64_t used_bytes() const;
@@ -137,7 +137,7 @@ class FilmCache {
   bool is_measured(const Frame& frame, const FrameKey& key, std::int32_t tile) const;
   absl::Status read_luminance(const FrameKey& key, Frame& frame);
   absl::Status catch_up(const FrameKey& key, Frame& frame);
-  static PassFigures figures(const Frame& frame, std::int32_t pass);
+  static PassStats figures(const Frame& frame, std::int32_t pass);
   static std::int32_t wanted_passes(const Frame& frame, std::int32_t tile);
   static void measure(Frame& frame, std::int32_t tile, const TileSum& sum);
   void note_pass(Frame& frame, const Entry& entry);

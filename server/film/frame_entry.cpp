@@ -13,12 +13,12 @@ using nlohmann::ordered_json;
 constexpr double kTellingShare = 0.01;  // of the light cut by --max-depth, to be warned of
 
 /// Beyond it a report would hold little else.
-constexpr std::size_t kMostTilesTold = 16'384;
+constexpr std::size_t kMaxTilesTold = 16'384;
 
-ordered_json tiles_json(const std::vector<TileFigures>& tiles) {
-  if (tiles.size() > kMostTilesTold) return nullptr;
+ordered_json tiles_json(const std::vector<TileStats>& tiles) {
+  if (tiles.size() > kMaxTilesTold) return nullptr;
   ordered_json errors = ordered_json::array(), samples = ordered_json::array();
-  for (const TileFigures& tile : tiles) {
+  for (const TileStats& tile : tiles) {
     double rounded = 0;  // to what can be told of a tile
     (void)absl::SimpleAtod(absl::StrFormat("%.4g", tile.error), &rounded);
     errors.push_back(rounded);
@@ -31,7 +31,7 @@ ordered_json number_or_null(const std::optional<double>& value) {
   return value ? ordered_json(*value) : ordered_json(nullptr);
 }
 
-ordered_json truth_json(const std::optional<TrueFigures>& truth) {
+ordered_json truth_json(const std::optional<TrueErrorStats>& truth) {
   if (!truth) return nullptr;
   return {{"rmse", truth->rmse},
           {"relmse", truth->relmse},

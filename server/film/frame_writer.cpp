@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "proto/contract/tile_grid.h"
-#include "proto/contract/version.h"
+#include "contract/tile_grid.h"
+#include "contract/version.h"
 #include "server/film/exr_file.h"
 
 namespace tessera::server {

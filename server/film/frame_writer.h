@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "proto/contract/digest.h"
-#include "proto/contract/render_settings.h"
+#include "contract/digest.h"
+#include "contract/render_settings.h"
 #include "server/film/merge.h"
 
 namespace tessera::server {
@@ -33,7 +33,7 @@ struct FrameSpec {
 using TileReader = std::function<absl::StatusOr<TileSum>(std::int32_t tile)>;
 
 /// What a tile came to.
-struct TileFigures {
+struct TileStats {
   double error = 0;  // √mean of the scaled terms; 0 without m
   std::int32_t sample_count = 0;
 };
@@ -53,7 +53,7 @@ struct FrameStatistics {
   double truncated_energy = 0;  // Σ over samples and channels of radiance cut at --max-depth
   std::uint64_t transparency_limit_count = 0;
   std::int64_t half_overflow_count = 0;  // values held at 65504 in a half file
-  std::vector<TileFigures> tiles;        // in tile order; missing ones are zeros
+  std::vector<TileStats> tiles;        // in tile order; missing ones are zeros
 };
 
 struct FrameResult {
@@ -84,7 +84,7 @@ struct CurvePoint {
   std::int64_t samples = 0;
   double relmse = 0;
   std::optional<double> error;
-  std::optional<TrueFigures> truth;  // against the job's reference
+  std::optional<TrueErrorStats> truth;  // against the job's reference
 };
 
 /// The frames[] entry of the report (design.md, section 4) as a JSON object. `file` is the output's

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "proto/image/image_codec.h"
+#include "image/codecs/image_codec.h"
 
 namespace tessera::server {
 namespace {

@@ -6,11 +6,11 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "proto/contract/error_estimate.h"
-#include "proto/contract/film_block.h"
-#include "proto/contract/pass_schedule.h"
-#include "proto/contract/render_settings.h"
-#include "proto/contract/version.h"
+#include "contract/error_estimate.h"
+#include "contract/film_block.h"
+#include "contract/pass_schedule.h"
+#include "contract/render_settings.h"
+#include "contract/version.h"
 
 namespace tessera::server {
 
@@ -27,7 +27,7 @@ struct TrueSums {
 };
 
 /// What comes of them, as compare_images of proto/contract has it.
-struct TrueFigures {
+struct TrueErrorStats {
   double rmse = 0, relmse = 0;
   std::optional<double> error;  // none without m
 };

@@ -7,7 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
 #include "server/identity/openssl_objects.h"
-#include "server/store/names.h"
+#include "server/store/files/names.h"
 
 namespace tessera::server {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "proto/contract/digest.h"
+#include "contract/digest.h"
 
 namespace tessera::server {
 

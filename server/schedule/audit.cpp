@@ -77,14 +77,14 @@ bool Audit::is_settled() const {
   return answers_.size() > 1 && consistent_count() <= 1;
 }
 
-std::vector<std::string> Audit::liars() const {
+std::vector<std::string> Audit::faulty_workers() const {
   const auto truth = agreed();
-  std::vector<std::string> liars;
+  std::vector<std::string> faulty_workers;
   for (const Answers& answers : answers_) {
     const bool differs = truth && answers.digests.front() != *truth;
-    if (!answers.is_consistent() || differs) liars.push_back(answers.worker_id);
+    if (!answers.is_consistent() || differs) faulty_workers.push_back(answers.worker_id);
   }
-  return liars;
+  return faulty_workers;
 }
 
 }  // namespace tessera::server

@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include "proto/contract/digest.h"
-#include "proto/contract/unit.h"
+#include "contract/digest.h"
+#include "contract/unit.h"
 #include "server/schedule/job_plan.h"
 
 namespace tessera::server {
@@ -43,7 +43,7 @@ class Audit {
   /// Whether it is known who is right: two workers agree, or all but one contradict themselves.
   bool is_settled() const;
   /// Who lies, once settled.
-  std::vector<std::string> liars() const;
+  std::vector<std::string> faulty_workers() const;
 
   std::optional<Holder> holder;     // who renders it now
   std::optional<Time> alone_since;  // when there was nobody to ask any more

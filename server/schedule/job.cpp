@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "proto/contract/tile_grid.h"
+#include "contract/tile_grid.h"
 
 namespace tessera::server {
 
@@ -40,7 +40,7 @@ std::vector<contract::Digest> JobSpec::asset_digests() const {
   return digests;
 }
 
-bool Trouble::failed_on(const std::string& worker_id) const {
+bool UnitFailures::failed_on(const std::string& worker_id) const {
   return std::any_of(failures.begin(), failures.end(),
                      [&](const Failure& failure) { return failure.worker_id == worker_id; });
 }

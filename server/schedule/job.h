@@ -23,7 +23,7 @@ struct Failure {
 };
 
 /// What went wrong with a unit that is not committed yet.
-struct Trouble {
+struct UnitFailures {
   std::vector<Failure> failures;
   std::int32_t losses = 0;
   bool failed_on(const std::string& worker_id) const;
@@ -71,7 +71,7 @@ struct Job {
   std::int64_t unit_count = 0;  // of the whole job
   std::int32_t frame_count = 0;
   std::optional<JobPlan> plan;  // exists from the first lease
-  std::map<contract::Unit, Trouble> troubles;
+  std::map<contract::Unit, UnitFailures> troubles;
   std::map<contract::Unit, Audit> audits;  // open ones, of committed units
   /// By frame: leases of passes beyond the first ones up to this attempt are void, as what was
   /// decided then was decided on a liar's results.

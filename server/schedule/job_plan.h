@@ -8,8 +8,8 @@
 #include <tuple>
 #include <vector>
 
-#include "proto/contract/pass_schedule.h"
-#include "proto/contract/unit.h"
+#include "contract/pass_schedule.h"
+#include "contract/unit.h"
 #include "server/schedule/job_spec.h"
 #include "server/schedule/lease.h"
 

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "proto/contract/digest.h"
-#include "proto/contract/render_settings.h"
-#include "proto/contract/version.h"
+#include "contract/digest.h"
+#include "contract/render_settings.h"
+#include "contract/version.h"
 
 namespace tessera::server {
 

@@ -1,6 +1,6 @@
 #include "server/schedule/lease.h"
 
-#include "proto/contract/digest.h"
+#include "contract/digest.h"
 
 namespace tessera::server {
 namespace {

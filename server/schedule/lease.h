@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-#include "proto/contract/unit.h"
+#include "contract/unit.h"
 
 namespace tessera::server {
 

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "proto/contract/unit.h"
+#include "contract/unit.h"
 #include "server/schedule/job_plan.h"
 #include "server/schedule/job_spec.h"
 #include "server/schedule/lease.h"
@@ -31,7 +31,7 @@ struct Acknowledgement {
 };
 
 /// What is to be told to a worker. Filled under the coordinator's lock, sent outside it.
-struct Mail {
+struct Outbox {
   std::vector<Lease> leases;
   std::vector<UnitName> revoked;
   std::vector<Acknowledgement> acknowledgements;
@@ -80,7 +80,7 @@ struct Worker {
   double cpu_seconds = 0;
   std::int64_t rss_bytes = 0;
   std::int32_t disproved_failures = 0;  // units it failed that succeeded elsewhere
-  Mail mail;
+  Outbox mail;
 
   /// Whether it may be leased units, credits apart.
   bool is_working() const { return connected && !lost && !leaving && !set_aside; }

@@ -8,13 +8,13 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
-#include "proto/contract/digest.h"
-#include "proto/contract/rpc_status.h"
+#include "contract/digest.h"
+#include "rpc/rpc_status.h"
 
 namespace tessera::server {
 namespace {
 
-constexpr int kMostAssets = 100'000;
+constexpr int kMaxAssets = 100'000;
 constexpr std::size_t kChunkBytes = 1 << 20;
 constexpr std::int64_t kLargestAssetBytes = std::int64_t{1} << 40;
 
@@ -157,7 +157,7 @@ grpc::ServerUnaryReactor* AssetService::FindMissingAssets(
     grpc::CallbackServerContext* context, const v1::FindMissingAssetsRequest* request,
     v1::FindMissingAssetsResponse* response) {
   absl::Status status = access_.admit(*context, "AssetService.FindMissingAssets").status();
-  if (status.ok() && request->assets_size() > kMostAssets) {
+  if (status.ok() && request->assets_size() > kMaxAssets) {
     status = absl::InvalidArgumentError("assets: more than 100000; split the list");
   }
   for (int i = 0; status.ok() && i < request->assets_size(); ++i) {

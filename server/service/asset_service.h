@@ -1,7 +1,7 @@
 #pragma once
 
-#include "server/coordinator.h"
-#include "server/service/access.h"
+#include "server/coordinator/coordinator.h"
+#include "server/service/access/access.h"
 #include "tessera/v1/asset_service.grpc.pb.h"
 
 namespace tessera::server {

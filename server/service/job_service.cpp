@@ -4,18 +4,18 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "proto/contract/rpc_status.h"
-#include "server/observe/report.h"
-#include "server/service/event_stream.h"
-#include "server/service/frame_stream.h"
-#include "server/service/messages.h"
-#include "server/service/watch_stream.h"
+#include "rpc/rpc_status.h"
+#include "server/report/report.h"
+#include "server/service/streams/event_stream.h"
+#include "server/service/streams/frame_stream.h"
+#include "server/service/messages/messages.h"
+#include "server/service/streams/watch_stream.h"
 
 namespace tessera::server {
 namespace {
 
 constexpr std::int32_t kPageSize = 100, kLargestPageSize = 1000;
-constexpr std::int32_t kMostDeliveries = 10'000;  // of a page: a message stays below 1 MiB
+constexpr std::int32_t kMaxDeliveries = 10'000;  // of a page: a message stays below 1 MiB
 
 grpc::ServerUnaryReactor* finish(grpc::CallbackServerContext* context, const absl::Status& status) {
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
@@ -184,12 +184,12 @@ grpc::ServerUnaryReactor* JobService::ListDeliveries(grpc::CallbackServerContext
       (!absl::SimpleAtoi(request->page_token(), &after) || after <= 0)) {
     return finish(context, absl::InvalidArgumentError("page_token: was not given out here"));
   }
-  if (request->page_size() < 0 || request->page_size() > kMostDeliveries) {
+  if (request->page_size() < 0 || request->page_size() > kMaxDeliveries) {
     return finish(
         context, absl::InvalidArgumentError(absl::StrCat("page_size: ", request->page_size(),
-                                                         " is not in [0, ", kMostDeliveries, "]")));
+                                                         " is not in [0, ", kMaxDeliveries, "]")));
   }
-  const std::int32_t size = request->page_size() == 0 ? kMostDeliveries : request->page_size();
+  const std::int32_t size = request->page_size() == 0 ? kMaxDeliveries : request->page_size();
   const auto deliveries =
       coordinator_.deliveries(request->job_id(), after, static_cast<std::size_t>(size));
   if (!deliveries.ok()) return finish(context, deliveries.status());

@@ -4,8 +4,8 @@
 #include <string>
 #include <string_view>
 
-#include "server/coordinator.h"
-#include "server/service/access.h"
+#include "server/coordinator/coordinator.h"
+#include "server/service/access/access.h"
 #include "tessera/v1/job_service.grpc.pb.h"
 
 namespace tessera::server {

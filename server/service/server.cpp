@@ -12,14 +12,14 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "proto/contract/channel.h"
-#include "proto/contract/credentials.h"
+#include "rpc/channel.h"
+#include "rpc/credentials.h"
 #include "server/identity/join_tokens.h"
-#include "server/service/access.h"
+#include "server/service/access/access.h"
 #include "server/service/asset_service.h"
 #include "server/service/job_service.h"
-#include "server/service/token.h"
-#include "server/service/worker_admission.h"
+#include "server/service/access/token.h"
+#include "server/service/access/worker_admission.h"
 #include "server/service/worker_service.h"
 
 namespace tessera::server {
@@ -70,7 +70,7 @@ absl::StatusOr<Entrance> loopback_entrance(const ListenOptions& options) {
         "certificates:\n  tessera-server init-certs certs --host NAME-OR-IP-OF-THIS-MACHINE\n",
         "makes them; then add --certs certs"));
   }
-  auto token = keep_token(absl::StrCat(options.store, "/token"));
+  auto token = load_or_create_token(absl::StrCat(options.store, "/token"));
   if (!token.ok()) return token.status();
   return Entrance{grpc::InsecureServerCredentials(), Access(*std::move(token)), std::nullopt};
 }

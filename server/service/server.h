@@ -4,8 +4,8 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "server/coordinator.h"
-#include "server/service/client_limits.h"
+#include "server/coordinator/coordinator.h"
+#include "server/service/access/client_limits.h"
 
 namespace tessera::server {
 

@@ -1,11 +1,11 @@
 #include "server/service/worker_service.h"
 
 #include "absl/strings/str_cat.h"
-#include "proto/contract/rpc_status.h"
-#include "proto/contract/settings_message.h"
-#include "server/service/deliver_stream.h"
-#include "server/service/messages.h"
-#include "server/service/work_stream.h"
+#include "rpc/rpc_status.h"
+#include "rpc/settings_message.h"
+#include "server/service/streams/deliver_stream.h"
+#include "server/service/messages/messages.h"
+#include "server/service/streams/work_stream.h"
 
 namespace tessera::server {
 namespace {

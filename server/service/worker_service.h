@@ -2,9 +2,9 @@
 
 #include <chrono>
 
-#include "server/coordinator.h"
-#include "server/service/access.h"
-#include "server/service/worker_admission.h"
+#include "server/coordinator/coordinator.h"
+#include "server/service/access/access.h"
+#include "server/service/access/worker_admission.h"
 #include "tessera/v1/worker_service.grpc.pb.h"
 
 namespace tessera::server {

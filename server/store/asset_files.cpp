@@ -138,7 +138,7 @@ absl::Status AssetFiles::collect(std::int64_t now_us, std::int64_t quota_bytes,
         });
   });
   if (!status.ok() || victims.empty()) return status;
-  // Rows first: a file without a row is only litter, a row without a file is a lie.
+  // Rows first: a file without a row is only orphans, a row without a file is a lie.
   status = journal_.write([&](Database& rows) {
     for (const auto& victim : victims) {
       absl::Status gone = rows.run("DELETE FROM assets WHERE sha256=?", {blob(victim.first)});

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "proto/contract/digest.h"
-#include "server/store/durable_files.h"
-#include "server/store/journal.h"
+#include "contract/digest.h"
+#include "server/store/files/durable_files.h"
+#include "server/store/sqlite/journal.h"
 
 namespace tessera::server {
 

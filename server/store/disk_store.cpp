@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "server/store/names.h"
+#include "server/store/files/names.h"
 
 namespace tessera::server {
 namespace {

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "server/store/asset_files.h"
-#include "server/store/durable_files.h"
-#include "server/store/journal.h"
-#include "server/store/segments.h"
+#include "server/store/files/durable_files.h"
+#include "server/store/sqlite/journal.h"
+#include "server/store/files/segments.h"
 #include "server/store/store.h"
 
 namespace tessera::server {
@@ -22,7 +22,7 @@ namespace tessera::server {
 ///   outputs/JOB/…      finished images
 ///
 /// Rows decide. A file is durable before its row is written and unlinked after its row is gone, so
-/// what has no row is litter, swept up at the next open.
+/// what has no row is orphans, swept up at the next open.
 class DiskStore final : public Store {
  public:
   static absl::StatusOr<std::unique_ptr<Store>> open(const std::string& folder,

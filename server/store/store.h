@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "proto/contract/digest.h"
-#include "proto/contract/unit.h"
-#include "server/store/filesystem.h"
+#include "contract/digest.h"
+#include "contract/unit.h"
+#include "server/store/files/filesystem.h"
 
 namespace tessera::server {
 

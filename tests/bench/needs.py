@@ -33,9 +33,9 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-TRAVERSAL, PACKET = "worker/accel/traversal.inc", "worker/accel/packet.inc"
+TRAVERSAL, PACKET = "worker/accel/kernels/traversal.inc", "worker/accel/kernels/packet.inc"
 PATHS, FRAME = "worker/render/path_tracer.cpp", "worker/render/frame_renderer.cpp"
-RAY, SURFACE = "worker/geometry/ray.h", "worker/shading/surface.h"
+RAY, SURFACE = "worker/geometry/ray.h", "worker/shading/surface/surface.h"
 FEATURES = {  # feature: (file, what is there, what is put in its place)
     "instances": [
         (TRAVERSAL, "if (trees.single) return meet_placed(", "return meet_placed("),
@@ -70,7 +70,7 @@ FEATURES = {  # feature: (file, what is there, what is put in its place)
     "shapes": [
         (SURFACE, "if (instance.special) [[unlikely]] {", "if (instance.moves) [[unlikely]] {"),
         (SURFACE, "  if (instance.solid) [[unlikely]]\n    return solid_at(scene, instance, hit, direction);\n", ""),
-        ("worker/shading/surface.cpp", "if (p.shape != nullptr) [[unlikely]]", "if (false)"),
+        ("worker/shading/surface/surface.cpp", "if (p.shape != nullptr) [[unlikely]]", "if (false)"),
     ],
     "procedures": [
         (PATHS, "if (frame_.shading.tracks_footprints) [[unlikely]]", "if (false)"),
@@ -79,7 +79,7 @@ FEATURES = {  # feature: (file, what is there, what is put in its place)
 GENERAL = ["textures", "texture-transforms", "vertex-colors", "alpha-mask", "unlit", "specular",
            "thin-transmission", "instances", "lens", "procedural-textures", "shapes", "media", "motion"]
 EXTENDED = "extended"  # the BSDF with all extensions of materials, where there are none
-EXTEND = [("worker/shading/shading_scene.cpp", "view.extended = (is_layered(m) || view.dispersive) && !m.unlit;",
+EXTEND = [("worker/shading/surface/shading_scene.cpp", "view.extended = (is_layered(m) || view.dispersive) && !m.unlit;",
            "view.extended = (is_layered(m) || true) && !m.unlit;")]
 RENDER = ["--size", "64x48", "--spp", "8", "--threads", "1"]
 TIMED = ["--size", "256x192", "--spp", "64", "--threads", "1"]

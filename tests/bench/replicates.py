@@ -34,7 +34,7 @@ def build(folder, replicates):
     tree = folder / "tree"
     if not tree.exists():
         shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns("build", ".git", "gallery"))
-    version = tree / "proto/contract/version.h"
+    version = tree / "contract/version.h"
     changed = re.sub(r"kReplicates = \d+;", f"kReplicates = {replicates};", version.read_text())
     version.write_text(changed)
     for command in (["cmake", "--preset", "release"],

@@ -3,7 +3,7 @@
 #include <cstdlib>
 #include <string_view>
 
-#include "proto/contract/film_block.h"
+#include "contract/film_block.h"
 
 // Film blocks come from the network. The first four bytes choose the shape a unit implies, the rest
 // is what a worker sent for it. What is accepted must encode to the very bytes that came, and must

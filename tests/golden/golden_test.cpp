@@ -11,7 +11,7 @@
 #include <string>
 #include <utility>
 
-#include "proto/image/image_codec.h"
+#include "image/codecs/image_codec.h"
 #include "server/film/exr_file.h"
 #include "tests/support/seeded_frames.h"
 

@@ -5,8 +5,9 @@
 #include <utility>
 #include <vector>
 
-#include "worker/scene/document.h"
-#include "worker/scene/needs.h"
+#include "worker/gltf/model/gltf_model.h"
+#include "worker/scene/features.h"
+#include "worker/scene/texture_refs.h"
 
 namespace tessera::testing {
 namespace {
@@ -70,23 +71,23 @@ void change_primitives(Scene* scene, const Change& change) {
 
 }  // namespace
 
-render::Tracing assume(std::uint32_t features, Scene* scene, render::Isa isa) {
-  if ((features & render::kNeedsTextures) != 0) {
+render::TraceOptions assume(std::uint32_t features, Scene* scene, render::Isa isa) {
+  if ((features & render::kFeatureTextures) != 0) {
     const std::int32_t white = add_white_texture(scene);
     change_primitives(scene, [scene](Primitive* p) { add_coordinates(*scene, p); });
     for (Material& m : scene->materials) add_textures(white, &m);
   }
-  if ((features & render::kNeedsTextureTransforms) != 0) {
+  if ((features & render::kFeatureTextureTransforms) != 0) {
     for (Material& m : scene->materials) {
       for (TextureRef* ref : texture_refs(m)) ref->has_transform = true;
     }
   }
-  if ((features & render::kNeedsVertexColors) != 0) {
+  if ((features & render::kFeatureVertexColors) != 0) {
     change_primitives(scene, [](Primitive* p) {
       if (p->colors.empty()) p->colors.assign(p->positions.size(), {1, 1, 1, 1});
     });
   }
-  render::Tracing tracing = isa;
+  render::TraceOptions tracing = isa;
   tracing.assumed = features;
   return tracing;
 }

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <string_view>
 
-#include "worker/accel/isa.h"
+#include "worker/accel/layout/isa.h"
 #include "worker/accel/scene_accel.h"
 #include "worker/scene/scene.h"
 
@@ -11,10 +11,10 @@ namespace tessera::testing {
 
 /// How to trace a scene as though everything in it had `features` (bits of render::Feature): the
 /// pixels are to be the same. What a renderer finds out about a scene it is told by
-/// Tracing::assumed. What loading leaves out, the scene is given: factors a white texture (of
-/// 2 x 2 texels, with coordinates) for kNeedsTextures, textures the transform that changes nothing,
+/// TraceOptions::assumed. What loading leaves out, the scene is given: factors a white texture (of
+/// 2 x 2 texels, with coordinates) for kFeatureTextures, textures the transform that changes nothing,
 /// vertices the colour white.
-render::Tracing assume(std::uint32_t features, render::Scene* scene,
+render::TraceOptions assume(std::uint32_t features, render::Scene* scene,
                        render::Isa isa = render::best_isa());
 
 /// The feature that render::feature_names() calls so; 0 if there is none.

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "server/store/filesystem.h"
+#include "server/store/files/filesystem.h"
 
 namespace tessera::testing {
 

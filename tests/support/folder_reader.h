@@ -4,7 +4,7 @@
 #include <map>
 #include <string>
 
-#include "worker/scene/loader.h"
+#include "worker/gltf/build/loader.h"
 
 namespace tessera::testing {
 

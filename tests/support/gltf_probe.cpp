@@ -4,7 +4,7 @@
 
 #include <limits>
 
-#include "proto/image/image_codec.h"
+#include "image/codecs/image_codec.h"
 #include "tests/support/memory_scene.h"
 #include "tests/support/plain_scene.h"
 

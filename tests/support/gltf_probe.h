@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "proto/contract/render_settings.h"
+#include "contract/render_settings.h"
 #include "tests/support/gltf_builder.h"
 #include "worker/math/vector.h"
 

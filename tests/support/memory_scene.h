@@ -4,7 +4,7 @@
 #include <string>
 
 #include "tests/support/gltf_builder.h"
-#include "worker/scene/loader.h"
+#include "worker/gltf/build/loader.h"
 
 namespace tessera::testing {
 

@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "proto/contract/film_block.h"
-#include "proto/contract/pass_schedule.h"
-#include "proto/contract/render_settings.h"
+#include "contract/film_block.h"
+#include "contract/pass_schedule.h"
+#include "contract/render_settings.h"
 #include "worker/render/frame_renderer.h"
 #include "worker/scene/scene.h"
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "server/store/filesystem.h"
+#include "server/store/files/filesystem.h"
 #include "tests/support/disk_model.h"
 
 namespace tessera::testing {

@@ -12,15 +12,15 @@
 #include <string>
 #include <vector>
 
-#include "proto/contract/digest.h"
-#include "proto/contract/pass_schedule.h"
-#include "proto/contract/tile_grid.h"
-#include "proto/image/image_codec.h"
+#include "contract/digest.h"
+#include "contract/pass_schedule.h"
+#include "contract/tile_grid.h"
+#include "image/codecs/image_codec.h"
 #include "tests/support/assumed_features.h"
 #include "tests/support/folder_reader.h"
 #include "worker/render/frame_renderer.h"
 #include "worker/render/parallel_tbb.h"
-#include "worker/scene/loader.h"
+#include "worker/gltf/build/loader.h"
 
 namespace tessera::testing {
 namespace {
@@ -161,7 +161,7 @@ int run(Options options) {
   if (!scene.ok()) return fail(scene.status());
   std::uint32_t assumed = 0;
   for (const std::string& name : options.assumed) assumed |= feature_named(name);
-  const render::Tracing tracing = assume(assumed, &*scene);
+  const render::TraceOptions tracing = assume(assumed, &*scene);
   const double loaded = seconds(CLOCK_MONOTONIC);
   auto renderer =
       render::FrameRenderer::create(*std::move(scene), options.settings, options.frame,

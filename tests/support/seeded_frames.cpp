@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <utility>
 
-#include "proto/contract/pass_schedule.h"
+#include "contract/pass_schedule.h"
 
 namespace tessera::testing {
 namespace {

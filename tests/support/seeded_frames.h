@@ -7,12 +7,12 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "proto/contract/error_estimate.h"
-#include "proto/contract/tile_grid.h"
+#include "contract/error_estimate.h"
+#include "contract/tile_grid.h"
 #include "server/film/merge.h"
 #include "tests/support/folder_reader.h"
 #include "worker/render/frame_renderer.h"
-#include "worker/scene/loader.h"
+#include "worker/gltf/build/loader.h"
 
 namespace tessera::testing {
 

@@ -5,24 +5,24 @@
 #include <optional>
 #include <utility>
 
-#include "worker/accel/instance_boxes.h"
-#include "worker/accel/mesh_tree.h"
-#include "worker/accel/mesh_triangles.h"
-#include "worker/accel/moving_tree.h"
-#include "worker/accel/refit.h"
-#include "worker/accel/wide_bvh.h"
-#include "worker/scene/needs.h"
+#include "worker/accel/build/instance_boxes.h"
+#include "worker/accel/build/mesh_bvh.h"
+#include "worker/accel/build/mesh_triangles.h"
+#include "worker/accel/build/motion_bvh.h"
+#include "worker/accel/build/refit.h"
+#include "worker/accel/build/wide_bvh.h"
+#include "worker/scene/features.h"
 
 namespace tessera::render {
 namespace {
 
 /// The tree over instances: those that stand still, or those that move from one key to the next.
 template <int kWidth>
-void build_top(const Scene& scene, const InstanceChoice& choice, AccelTrees<kWidth>& trees,
+void build_top(const Scene& scene, const InstanceChoice& choice, SceneBvh<kWidth>& trees,
                const ParallelFor& parallel_for) {
   std::vector<Box3f> meshes;
   for (std::size_t i = 0; i < trees.meshes.size(); ++i) {
-    const MeshTree<kWidth>& tree = trees.meshes[i];
+    const MeshBvh<kWidth>& tree = trees.meshes[i];
     const Mesh& mesh = scene.meshes[i];
     const bool known = choice.segment || mesh.keys.empty();
     meshes.push_back(mesh.shape != nullptr ? mesh.shape->bounds
@@ -57,11 +57,11 @@ bool surfaces_move(const Scene& scene) {
 
 /// `still` has the trees of the meshes that do not change.
 template <int kWidth>
-void build_moving(const Scene& scene, const AccelTrees<kWidth>& still, MovingTrees<kWidth>& moving,
+void build_moving(const Scene& scene, const SceneBvh<kWidth>& still, MotionBvh<kWidth>& moving,
                   const ParallelFor& parallel_for) {
   moving.times = scene.key_times;
   for (std::uint32_t s = 0; s + 1 < scene.key_times.size(); ++s) {
-    AccelTrees<kWidth>& trees = moving.segments.emplace_back();
+    SceneBvh<kWidth>& trees = moving.segments.emplace_back();
     trees.meshes = still.meshes;
     for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
       if (scene.meshes[i].keys.empty()) continue;
@@ -74,37 +74,37 @@ void build_moving(const Scene& scene, const AccelTrees<kWidth>& still, MovingTre
 
 /// Makes the trees ready for features that the scene is taken to have.
 template <int kWidth>
-void assume(std::uint32_t features, AccelTrees<kWidth>& trees, MovingTrees<kWidth>& moving) {
-  if ((features & kNeedsInstances) != 0) {
+void assume(std::uint32_t features, SceneBvh<kWidth>& trees, MotionBvh<kWidth>& moving) {
+  if ((features & kFeatureInstances) != 0) {
     trees.single = false;
     for (PlacedMesh& placed : trees.placed) placed.identity = false;
   }
-  if ((features & kNeedsMotion) != 0 && moving.times.empty()) {
+  if ((features & kFeatureMotion) != 0 && moving.times.empty()) {
     moving.times = {0, 1};
     moving.segments.emplace_back();
   }
 }
 
 template <int kWidth>
-std::size_t bytes(const MeshTree<kWidth>& tree) {
+std::size_t bytes(const MeshBvh<kWidth>& tree) {
   return tree.nodes.capacity_bytes() + tree.blocks.capacity_bytes() +
          tree.end_blocks.capacity_bytes();
 }
 
 /// Without meshes.
 template <int kWidth>
-std::size_t top_bytes(const AccelTrees<kWidth>& trees) {
+std::size_t top_bytes(const SceneBvh<kWidth>& trees) {
   return trees.nodes.capacity_bytes() + trees.placed.capacity() * sizeof(PlacedMesh) +
          trees.motions.capacity() * sizeof(trees.motions[0]);
 }
 
 template <int kWidth>
-std::size_t bytes(const AccelTrees<kWidth>& still, const MovingTrees<kWidth>& moving) {
+std::size_t bytes(const SceneBvh<kWidth>& still, const MotionBvh<kWidth>& moving) {
   std::size_t sum = top_bytes(still);
-  for (const MeshTree<kWidth>& mesh : still.meshes) sum += bytes(mesh);
-  for (const AccelTrees<kWidth>& trees : moving.segments) {
+  for (const MeshBvh<kWidth>& mesh : still.meshes) sum += bytes(mesh);
+  for (const SceneBvh<kWidth>& trees : moving.segments) {
     sum += top_bytes(trees);
-    for (const MeshTree<kWidth>& mesh : trees.meshes) {
+    for (const MeshBvh<kWidth>& mesh : trees.meshes) {
       sum += sizeof(mesh) + (mesh.end_blocks.empty() ? 0 : bytes(mesh));
     }
   }
@@ -112,7 +112,7 @@ std::size_t bytes(const AccelTrees<kWidth>& still, const MovingTrees<kWidth>& mo
 }
 
 template <int kWidth>
-TreeQuality mean_quality(const AccelTrees<kWidth>& trees) {
+TreeQuality mean_quality(const SceneBvh<kWidth>& trees) {
   std::vector<double> weights(trees.meshes.size());
   for (const PlacedMesh& placed : trees.placed) {
     weights[placed.mesh] += static_cast<double>(trees.meshes[placed.mesh].first_rank.back());
@@ -132,27 +132,27 @@ TreeQuality mean_quality(const AccelTrees<kWidth>& trees) {
 }  // namespace
 
 template <>
-const AccelTrees<8>& SceneAccel::trees() const {
+const SceneBvh<8>& SceneAccel::trees() const {
   return eight_;
 }
 
 template <>
-const AccelTrees<16>& SceneAccel::trees() const {
+const SceneBvh<16>& SceneAccel::trees() const {
   return sixteen_;
 }
 
 template <int kWidth>
-void SceneAccel::build(const Scene& scene, AccelTrees<kWidth>& trees, MovingTrees<kWidth>& moving,
+void SceneAccel::build(const Scene& scene, SceneBvh<kWidth>& trees, MotionBvh<kWidth>& moving,
                        const SceneAccel* before, const ParallelFor& parallel_for,
                        BuildQuality quality) {
-  std::map<const Primitive*, const MeshTree<kWidth>*> known;
+  std::map<const Primitive*, const MeshBvh<kWidth>*> known;
   if (before != nullptr && before->isa_ == isa_) {
     for (std::size_t i = 0; i < before->origins_.size(); ++i) {
       known[before->origins_[i].data()] = &before->trees<kWidth>().meshes[i];
     }
   }
   trees.meshes.reserve(scene.meshes.size());
-  const auto refit = [&](std::size_t i) -> std::optional<MeshTree<kWidth>> {
+  const auto refit = [&](std::size_t i) -> std::optional<MeshBvh<kWidth>> {
     if (before == nullptr || known.empty() || i >= before->origins_.size()) return std::nullopt;
     return refit_mesh_tree(before->trees<kWidth>().meshes[i], scene.meshes[i]);
   };
@@ -179,10 +179,10 @@ void SceneAccel::build(const Scene& scene, AccelTrees<kWidth>& trees, MovingTree
   if (surfaces_move(scene)) build_moving(scene, trees, moving, parallel_for);
 }
 
-SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for, const Tracing& tracing,
+SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for, const TraceOptions& tracing,
                        const SceneAccel* before, BuildQuality quality)
     : isa_(tracing.isa), route_(Route::other) {
-  const bool no_solids = (tracing.assumed & (kNeedsShapes | kNeedsCsg)) == 0;
+  const bool no_solids = (tracing.assumed & (kFeatureShapes | kFeatureCsg)) == 0;
   if (isa_ == Isa::avx512) {
     build(scene, sixteen_, sixteen_moving_, before, parallel_for, quality);
     assume(tracing.assumed, sixteen_, sixteen_moving_);
@@ -196,7 +196,7 @@ SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for, cons
   }
 }
 
-SceneAccel::SceneAccel(std::unique_ptr<const RayQueries> instead)
+SceneAccel::SceneAccel(std::unique_ptr<const Accelerator> instead)
     : isa_(Isa::avx2), route_(Route::other), instead_(std::move(instead)) {}
 
 bool SceneAccel::other_closest_hit(const Ray& ray, const HitFilter* filter, Hit& hit) const {

@@ -8,26 +8,26 @@
 #include <variant>
 #include <vector>
 
-#include "worker/accel/accel_trees.h"
-#include "worker/accel/binary_bvh.h"
-#include "worker/accel/build_quality.h"
-#include "worker/accel/isa.h"
-#include "worker/accel/kernels.h"
-#include "worker/accel/ray_queries.h"
-#include "worker/accel/tree_quality.h"
+#include "worker/accel/layout/scene_bvh.h"
+#include "worker/accel/build/binary_bvh.h"
+#include "worker/accel/build/build_quality.h"
+#include "worker/accel/layout/isa.h"
+#include "worker/accel/kernels/kernels.h"
+#include "worker/accel/accelerator.h"
+#include "worker/accel/build/tree_quality.h"
 #include "worker/geometry/ray.h"
 #include "worker/scene/scene.h"
 
 namespace tessera::render {
 
 /// How the rays of a frame are traced; hits and pixels do not depend on it.
-struct Tracing {
+struct TraceOptions {
   /// Makes what answers queries in the place of SceneAccel's own trees.
-  using Maker = std::function<std::unique_ptr<const RayQueries>(const Scene&)>;
+  using Maker = std::function<std::unique_ptr<const Accelerator>(const Scene&)>;
 
   // An instruction set alone says it all in most places.
   // NOLINTNEXTLINE(google-explicit-constructor)
-  Tracing(Isa with = best_isa(), Maker by = nullptr) : isa(with), instead(std::move(by)) {}
+  TraceOptions(Isa with = best_isa(), Maker by = nullptr) : isa(with), instead(std::move(by)) {}
 
   Isa isa;        // supported
   Maker instead;  // null: SceneAccel's own
@@ -47,7 +47,7 @@ struct Tracing {
 /// A `filter` is called as bool(const Hit&) for hits that would otherwise be taken, in no order
 /// that may matter: what it returns must depend on the hit alone. For closest_hit only hits
 /// before the best so far are shown. any_hit shows each triangle of each instance at most once (of
-/// the first kMostShownOnce of an instance), and all of them while the filter returns false, so
+/// the first kMaxShownOnce of an instance), and all of them while the filter returns false, so
 /// that it can collect.
 class SceneAccel {
  public:
@@ -56,10 +56,10 @@ class SceneAccel {
   /// other constructor's.
   /// Trees of meshes that `before` was built of too, if given, are shared with it, not built again;
   /// others are made from its trees of the same places in the scene where refit_mesh_tree() does.
-  SceneAccel(const Scene& scene, const ParallelFor& parallel_for, const Tracing& tracing = {},
+  SceneAccel(const Scene& scene, const ParallelFor& parallel_for, const TraceOptions& tracing = {},
              const SceneAccel* before = nullptr, BuildQuality quality = BuildQuality::normal);
   /// Builds nothing and leaves all queries to `instead`.
-  explicit SceneAccel(std::unique_ptr<const RayQueries> instead);
+  explicit SceneAccel(std::unique_ptr<const Accelerator> instead);
 
   /// The first hit over (t, instance, primitive, triangle) that the filter takes.
   template <typename Filter>
@@ -109,12 +109,12 @@ class SceneAccel {
 
  private:
   template <int kWidth>
-  void build(const Scene& scene, AccelTrees<kWidth>& trees, MovingTrees<kWidth>& moving,
+  void build(const Scene& scene, SceneBvh<kWidth>& trees, MotionBvh<kWidth>& moving,
              const SceneAccel* before, const ParallelFor& parallel_for, BuildQuality quality);
   static bool valid(const Ray& ray) { return ray.t_max > 0; }  // the kernels see to the rest
 
   template <int kWidth>
-  const AccelTrees<kWidth>& trees() const;
+  const SceneBvh<kWidth>& trees() const;
   bool other_closest_hit(const Ray& ray, const HitFilter* filter, Hit& hit) const;
   bool other_any_hit(const Ray& ray, const HitFilter* filter) const;
 
@@ -123,13 +123,13 @@ class SceneAccel {
 
   Isa isa_;
   Route route_;
-  std::unique_ptr<const RayQueries> instead_;    // null but where everything is left to it
+  std::unique_ptr<const Accelerator> instead_;    // null but where everything is left to it
   std::vector<SharedArray<Primitive>> origins_;  // by mesh: what its tree was built of
   std::size_t shared_meshes_ = 0, refitted_meshes_ = 0;
-  AccelTrees<8> eight_;     // filled for avx2
-  AccelTrees<16> sixteen_;  // filled for avx512
-  MovingTrees<8> eight_moving_;
-  MovingTrees<16> sixteen_moving_;
+  SceneBvh<8> eight_;     // filled for avx2
+  SceneBvh<16> sixteen_;  // filled for avx512
+  MotionBvh<8> eight_moving_;
+  MotionBvh<16> sixteen_moving_;
 };
 
 }  // namespace tessera::render

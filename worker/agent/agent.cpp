@@ -16,15 +16,15 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "proto/contract/channel.h"
-#include "proto/metrics/listener.h"
+#include "rpc/channel.h"
+#include "telemetry/metrics/listener.h"
 #include "tessera/v1/asset_service.grpc.pb.h"
-#include "worker/agent/agent_metrics.h"
-#include "worker/agent/job_log.h"
-#include "worker/agent/render_desk.h"
-#include "worker/agent/renderer.h"
-#include "worker/agent/server_link.h"
-#include "worker/agent/termination.h"
+#include "worker/agent/units/agent_metrics.h"
+#include "worker/agent/server/job_log.h"
+#include "worker/agent/supervisor/renderer_supervisor.h"
+#include "worker/renderer/renderer.h"
+#include "worker/agent/server/server_connection.h"
+#include "worker/agent/signal_handler.h"
 
 namespace tessera::agent {
 namespace {
@@ -132,16 +132,16 @@ class Agent {
         link_(*workers_, {options_.token, options_.deliver_twice, options_.forge, options_.log},
               queue_, mailbox_, link_outlet()),
         fetcher_(*workers_, *assets_, *cache_, metrics_, options_.token,
-                 [this](std::string job_id, absl::StatusOr<JobFiles> files) {
+                 [this](std::string job_id, absl::StatusOr<JobInputs> files) {
                    // std::function wants copies; the files cannot be copied.
-                   auto shared = std::make_shared<absl::StatusOr<JobFiles>>(std::move(files));
+                   auto shared = std::make_shared<absl::StatusOr<JobInputs>>(std::move(files));
                    mailbox_.post([this, job_id = std::move(job_id), shared] {
                      desk_.job_fetched(job_id, std::move(*shared));
                    });
                  }) {}
 
   absl::Status run() {
-    const Termination termination([this] { mailbox_.post([this] { leave("a signal"); }); });
+    const SignalHandler termination([this] { mailbox_.post([this] { leave("a signal"); }); });
     desk_.pump(Clock::now());  // the renderer starts while the server may still be starting
     wait_for_socket(options_.server);
     while (!end_) {
@@ -162,8 +162,8 @@ class Agent {
   }
 
  private:
-  RenderDesk::Outlet desk_outlet() {
-    RenderDesk::Outlet outlet;
+  RendererSupervisor::Callbacks desk_outlet() {
+    RendererSupervisor::Callbacks outlet;
     outlet.want_job = [this](const std::string& job_id) { fetcher_.fetch(job_id); };
     outlet.failed = [this](v1::UnitFailure failure) {
       metrics_.errors.unit_failed.Increment();
@@ -178,7 +178,7 @@ class Agent {
       *request.mutable_scene_loaded() = std::move(loaded);
       link_.send(std::move(request));
     };
-    outlet.unit_finished = [this](const RenderDesk::Rendered& unit) {
+    outlet.unit_finished = [this](const RendererSupervisor::Rendered& unit) {
       metrics_.unit_seconds.Observe(unit.seconds);
       metrics_.cpu_seconds.Increment(unit.cpu_seconds);
       metrics_.block_bytes.Increment(static_cast<double>(unit.block_bytes));
@@ -188,8 +188,8 @@ class Agent {
     return outlet;
   }
 
-  ServerLink::Outlet link_outlet() {
-    ServerLink::Outlet outlet;
+  ServerConnection::Callbacks link_outlet() {
+    ServerConnection::Callbacks outlet;
     outlet.hello = [this] { return hello(); };
     outlet.window = [this] {
       return leaving_
@@ -236,7 +236,7 @@ class Agent {
       }
       case v1::WorkResponse::kAcknowledgements:
         for (const auto& verdict : response.acknowledgements().acknowledgements()) {
-          settle(verdict);
+          acknowledge(verdict);
         }
         break;
       case v1::WorkResponse::kDrain:
@@ -258,10 +258,10 @@ class Agent {
     if (leaving_) answer_revocation(queue_.hand_back_waiting());
   }
 
-  void settle(const v1::Acknowledgement& verdict) {
+  void acknowledge(const v1::Acknowledgement& verdict) {
     const UnitKey key = key_of(verdict.unit());
     const auto offered = queue_.offered(key);
-    if (!queue_.settle(key)) return;
+    if (!queue_.acknowledge(key)) return;
     if (offered) link_.note_verdict(*offered, Clock::now());
     if (verdict.verdict() >= v1::Acknowledgement::VERDICT_COMMITTED &&
         verdict.verdict() <= v1::Acknowledgement::VERDICT_REJECTED) {
@@ -335,13 +335,13 @@ class Agent {
   UnitLog log_;
   AgentMetrics& metrics_;
   UnitQueue queue_;
-  Mailbox mailbox_;
-  LogRelay relay_;
+  EventLoop mailbox_;
+  JobLogForwarder relay_;
   bool leaving_ = false;
   Time leave_by_{};
   std::optional<absl::Status> end_;
-  RenderDesk desk_;
-  ServerLink link_;
+  RendererSupervisor desk_;
+  ServerConnection link_;
   JobFetcher fetcher_;  // last: its thread ends before what it posts to
 };
 
@@ -362,7 +362,7 @@ absl::Status run_agent(const AgentOptions& given) {
   }
   auto renderer = fork_renderer(options);
   if (!renderer.ok()) return renderer.status();
-  Termination::block_signals();
+  SignalHandler::block_signals();
   auto channel = contract::open_channel(options.server, options.certs);  // starts threads
   if (!channel.ok()) return channel.status();
   AgentMetrics metrics;

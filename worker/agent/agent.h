@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "proto/contract/unit.h"
-#include "proto/log/log.h"
-#include "worker/accel/isa.h"
+#include "contract/unit.h"
+#include "telemetry/log/log.h"
+#include "worker/accel/layout/isa.h"
 
 namespace tessera::agent {
 

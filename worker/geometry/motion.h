@@ -14,13 +14,13 @@ namespace tessera::render {
 /// is worked out nowhere else, so that all structures find the same hits.
 
 /// A time between two keys.
-struct KeyPlace {
+struct KeyframePosition {
   std::uint32_t segment = 0;  // from the key of this number to the next
   float f = 0;                // how far: 0 to 1
 };
 
 /// `times` increase from 0 to 1; `time` is in [0, 1].
-inline KeyPlace find_key(std::span<const float> times, float time) {
+inline KeyframePosition find_key(std::span<const float> times, float time) {
   std::uint32_t segment = 0, after = static_cast<std::uint32_t>(times.size()) - 1;
   while (segment + 1 < after) {
     const std::uint32_t middle = (segment + after) / 2;
@@ -77,7 +77,7 @@ struct Pose {
   Affine3d object_to_world, world_to_object;
 };
 
-inline std::optional<Pose> pose_at(std::span<const Affine3d> motion, const KeyPlace& at) {
+inline std::optional<Pose> pose_at(std::span<const Affine3d> motion, const KeyframePosition& at) {
   const Affine3d place = between(motion[at.segment], motion[at.segment + 1], at.f);
   const auto inverted = inverse(place);
   if (!inverted) return std::nullopt;

@@ -1,14 +1,14 @@
-// LightTable's part for emitters that are shapes, or move while the shutter is open: these are
+// LightSampler's part for emitters that are shapes, or move while the shutter is open: these are
 // looked up as they are at the receiver's time.
 
 #include <cmath>
 
-#include "worker/light/light_table.h"
-#include "worker/light/moving_lights.h"
-#include "worker/light/punctual.h"
-#include "worker/light/spherical_triangle.h"
+#include "worker/light/light_sampler.h"
+#include "worker/light/emitters/moving_lights.h"
+#include "worker/light/emitters/punctual.h"
+#include "worker/light/emitters/spherical_triangle.h"
 #include "worker/sampling/warp.h"
-#include "worker/shading/surface.h"
+#include "worker/shading/surface/surface.h"
 
 namespace tessera::render {
 namespace {
@@ -19,7 +19,7 @@ float density_over(double share, double solid_angle) {
 }
 
 /// Draws a direction to a shape, one of so many steradians. 0 if it misses.
-double aim_at(const ShapeEmitter& emitter, const TriangleId& id, const Vec3f& point,
+double aim_at(const ShapeLight& emitter, const TriangleId& id, const Vec3f& point,
               const LightRandom& u, Hit* hit, LightSample* sample) {
   const Vec3d from(point);
   const double solid_angle = emitter.solid_angle(from);
@@ -62,7 +62,7 @@ struct SeenCorners {
 
 }  // namespace
 
-bool LightTable::sample_special(const Entry& entry, float share, const LightReceiver& receiver,
+bool LightSampler::sample_special(const Entry& entry, float share, const LightSampleContext& receiver,
                                 const LightRandom& u, LightSample* sample) const {
   if (!entry.moves) return sample_shape(entry, share, receiver.point, u, sample);
   if (entry.punctual != kNone) {
@@ -74,9 +74,9 @@ bool LightTable::sample_special(const Entry& entry, float share, const LightRece
                               : sample_moving_triangle(entry, share, receiver, u, sample);
 }
 
-bool LightTable::sample_shape(const Entry& entry, float share, const Vec3f& point,
+bool LightSampler::sample_shape(const Entry& entry, float share, const Vec3f& point,
                               const LightRandom& u, LightSample* sample) const {
-  const ShapeEmitter& emitter = shapes_[static_cast<std::size_t>(entry.shape)];
+  const ShapeLight& emitter = shapes_[static_cast<std::size_t>(entry.shape)];
   Hit hit;
   const double solid_angle = aim_at(emitter, entry.triangle, point, u, &hit, sample);
   if (!(solid_angle > 0)) return false;
@@ -84,12 +84,12 @@ bool LightTable::sample_shape(const Entry& entry, float share, const Vec3f& poin
   return take_emission(shading_, surface_at(shading_, hit, sample->direction), sample);
 }
 
-bool LightTable::sample_moving_shape(const Entry& entry, float share, const LightReceiver& receiver,
+bool LightSampler::sample_moving_shape(const Entry& entry, float share, const LightSampleContext& receiver,
                                      const LightRandom& u, LightSample* sample) const {
   const InstanceView& instance = shading_.instances[entry.triangle.instance];
   const auto pose = pose_of(shading_.source, *instance.source, receiver.time);
   if (!pose) return false;
-  const ShapeEmitter emitter(pose->object_to_world, pose->world_to_object, *instance.shape);
+  const ShapeLight emitter(pose->object_to_world, pose->world_to_object, *instance.shape);
   Hit hit;
   const double solid_angle = aim_at(emitter, entry.triangle, receiver.point, u, &hit, sample);
   if (!(solid_angle > 0)) return false;
@@ -99,8 +99,8 @@ bool LightTable::sample_moving_shape(const Entry& entry, float share, const Ligh
                        sample);
 }
 
-bool LightTable::sample_moving_triangle(const Entry& entry, float share,
-                                        const LightReceiver& receiver, const LightRandom& u,
+bool LightSampler::sample_moving_triangle(const Entry& entry, float share,
+                                        const LightSampleContext& receiver, const LightRandom& u,
                                         LightSample* sample) const {
   const TriangleId& id = entry.triangle;
   const auto corners = corners_of(shading_.source, id, receiver.time);
@@ -127,7 +127,7 @@ bool LightTable::sample_moving_triangle(const Entry& entry, float share,
   return take_emission(shading_, point, sample);
 }
 
-float LightTable::special_pdf(const Entry& entry, double share, const LightReceiver& receiver,
+float LightSampler::special_pdf(const Entry& entry, double share, const LightSampleContext& receiver,
                               const TriangleId& id, float distance, float cos_light) const {
   const Vec3d from(receiver.point);
   if (!entry.moves) {
@@ -137,7 +137,7 @@ float LightTable::special_pdf(const Entry& entry, double share, const LightRecei
   if (entry.shape != kNone) {
     const auto pose = pose_of(shading_.source, *instance.source, receiver.time);
     if (!pose) return 0;
-    const ShapeEmitter emitter(pose->object_to_world, pose->world_to_object, *instance.shape);
+    const ShapeLight emitter(pose->object_to_world, pose->world_to_object, *instance.shape);
     return density_over(share, emitter.solid_angle(from));
   }
   const auto corners = corners_of(shading_.source, id, receiver.time);

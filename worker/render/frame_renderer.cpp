@@ -10,14 +10,14 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "proto/contract/hilbert.h"
-#include "worker/light/light_table.h"
-#include "worker/render/camera_rays.h"
+#include "contract/hilbert.h"
+#include "worker/light/light_sampler.h"
+#include "worker/render/camera/camera_rays.h"
 #include "worker/render/float_control.h"
 #include "worker/render/path_tracer.h"
 #include "worker/render/pixel_sums.h"
-#include "worker/scene/needs.h"
-#include "worker/shading/shading_scene.h"
+#include "worker/scene/features.h"
+#include "worker/shading/surface/shading_scene.h"
 
 namespace tessera::render {
 namespace {
@@ -50,7 +50,7 @@ class PathTracingFrame final : public FrameRenderer {
  public:
   PathTracingFrame(Scene scene, const contract::RenderSettings& settings, std::int32_t frame,
                    const ParallelFor& parallel_for, const FrameRenderer* before,
-                   const Tracing& tracing);
+                   const TraceOptions& tracing);
 
   contract::FilmBlock render(const contract::PixelRect& rect, const contract::Pass& pass,
                              std::int32_t pass_index,
@@ -69,7 +69,7 @@ class PathTracingFrame final : public FrameRenderer {
   const ShadingScene shading_;
   const CameraRays camera_;
   const SceneAccel accel_;
-  const LightTable lights_;
+  const LightSampler lights_;
   const PixelFilterSampler filter_;
   const FrameContext context_;
   const float clamp_at_;
@@ -99,7 +99,7 @@ std::int64_t scene_bytes(const Scene& scene) {
 }
 
 SceneAccel timed_accel(const Scene& scene, const ParallelFor& parallel_for,
-                       const FrameRenderer* before, const Tracing& tracing, double* seconds) {
+                       const FrameRenderer* before, const TraceOptions& tracing, double* seconds) {
   const auto start = std::chrono::steady_clock::now();
   SceneAccel accel = tracing.instead ? SceneAccel(tracing.instead(scene))
                                      : SceneAccel(scene, parallel_for, tracing,
@@ -110,7 +110,7 @@ SceneAccel timed_accel(const Scene& scene, const ParallelFor& parallel_for,
 
 PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& settings,
                                    std::int32_t frame, const ParallelFor& parallel_for,
-                                   const FrameRenderer* before, const Tracing& tracing)
+                                   const FrameRenderer* before, const TraceOptions& tracing)
     : scene_(std::move(scene)),
       shading_(scene_, tracing.assumed),
       camera_(scene_.camera, settings.width, settings.height, tracing.assumed),
@@ -131,7 +131,7 @@ PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& 
                frame,
                settings.aovs,
                !scene_.key_times.empty() || !scene_.camera.keys.empty() ||
-                   shading_.assumes(kNeedsMotion)},
+                   shading_.assumes(kFeatureMotion)},
       clamp_at_(static_cast<float>(settings.clamp)),
       aovs_(settings.aovs) {
   timings_.memory_bytes =
@@ -241,7 +241,7 @@ void PathTracingFrame::store_first_hit(const PathResult& path, std::size_t pixel
 
 absl::StatusOr<std::unique_ptr<FrameRenderer>> FrameRenderer::create(
     Scene scene, const contract::RenderSettings& settings, std::int32_t frame,
-    const ParallelFor& parallel_for, const FrameRenderer* before, const Tracing& tracing) {
+    const ParallelFor& parallel_for, const FrameRenderer* before, const TraceOptions& tracing) {
   if (settings.width < 1 || settings.height < 1) {
     return absl::InvalidArgumentError(
         absl::StrCat("render settings: size ", settings.width, "x", settings.height));

@@ -3,9 +3,9 @@
 #include <memory>
 
 #include "absl/status/statusor.h"
-#include "proto/contract/film_block.h"
-#include "proto/contract/pass_schedule.h"
-#include "proto/contract/render_settings.h"
+#include "contract/film_block.h"
+#include "contract/pass_schedule.h"
+#include "contract/render_settings.h"
 #include "worker/accel/scene_accel.h"
 #include "worker/scene/scene.h"
 
@@ -23,7 +23,7 @@ class FrameRenderer {
   static absl::StatusOr<std::unique_ptr<FrameRenderer>> create(
       Scene scene, const contract::RenderSettings& settings, std::int32_t frame,
       const ParallelFor& parallel_for, const FrameRenderer* before = nullptr,
-      const Tracing& tracing = {});
+      const TraceOptions& tracing = {});
   virtual ~FrameRenderer() = default;
 
   /// The block of one unit: the samples of `pass` over the pixels of `rect`. A function of the

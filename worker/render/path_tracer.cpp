@@ -7,13 +7,13 @@
 #include <type_traits>
 
 #include "worker/geometry/surface_point.h"
-#include "worker/render/flight.h"
-#include "worker/render/interior.h"
+#include "worker/media/medium_traversal.h"
+#include "worker/media/medium_stack.h"
 #include "worker/sampling/dimensions.h"
 #include "worker/sampling/equi_angular.h"
 #include "worker/sampling/sampler.h"
-#include "worker/shading/dispersion.h"
-#include "worker/shading/phase.h"
+#include "worker/shading/microfacet/dispersion.h"
+#include "worker/media/phase.h"
 
 namespace tessera::render {
 namespace {
@@ -33,7 +33,7 @@ double fraction(std::uint64_t bits) {
   return static_cast<double>(bits & 0xfffffu) * 0x1p-20;
 }
 
-LightReceiver receiver_of(const Bsdf& bsdf, const SurfacePoint& position, float time) {
+LightSampleContext receiver_of(const Bsdf& bsdf, const SurfacePoint& position, float time) {
   return {position.position, bsdf.frame.normal, bsdf.interface != Interface::opaque, time};
 }
 
@@ -45,9 +45,9 @@ struct Path {
   std::int32_t depth = 0;                // scattering events so far
   std::int32_t passed = 0;               // transparent surfaces so far
   bool from_camera = true;               // nothing but alpha holes so far
-  bool by_chance = true;                 // no light sampling could have made this ray: no MIS
+  bool specular_bounce = true;                 // no light sampling could have made this ray: no MIS
   float pdf = 0;                         // of the last scattering, over solid angle
-  LightReceiver scattered_at;            // where that was
+  LightSampleContext scattered_at;            // where that was
   const MaterialView* medium = nullptr;  // the absorbing solid the ray is in; without MediaState
   float footprint = 0;   // width of a pixel where the ray starts, metres, and its growth a metre;
   float growth = 0;      // 0 once chance has scattered the path: the rest is met as points
@@ -57,9 +57,9 @@ struct Path {
 /// What only paths know that track all bodies they are in, and scatter between surfaces.
 struct MediaState {
   explicit MediaState(const Sampler& sampler) : chance(sampler) {}
-  Interior interior;
-  Flight flight;
-  ChanceStream chance;
+  MediumStack interior;
+  MediumTraversal flight;
+  HashSequence chance;
 };
 struct NoMedia {
   explicit NoMedia(const Sampler& /*sampler*/) {}
@@ -102,11 +102,11 @@ class PathTracer {
   Bsdf bsdf_met(ShadingPoint point, const Vec4f& base) const;
   bool survives(float u);
   Passage cross_medium(double distance);
-  std::optional<EquiAngular> place_near_a_light(const Stretch& stretch, double select);
+  std::optional<EquiAngular> place_near_a_light(const MediumSegment& stretch, double select);
   bool scatter_in_medium(const MediumView& medium, const Vec3f& position, float weight);
   void add_light_in_medium(const MediumView& medium, const Vec3f& position, const Vec3f& throughput,
                            std::uint32_t set);
-  bool draw_light(const LightReceiver& receiver, std::uint32_t set, LightSample* light);
+  bool draw_light(const LightSampleContext& receiver, std::uint32_t set, LightSample* light);
   bool scatter(const ShadingPoint& point, const Bsdf& bsdf, const TriangleId& id,
                const SurfacePoint& position);
   /// Goes on along a ray, at the same time.
@@ -225,7 +225,7 @@ bool PathTracer<kMedia>::step(const Hit& hit) {
   if (point.material->interface != Interface::thin && is_cut()) return false;
   if (point.material->dispersive) [[unlikely]]
     choose_wavelength();
-  raise_to_curve(-path_.ray.direction, &point, &position);
+  offset_shadow_terminator(-path_.ray.direction, &point, &position);
   const Bsdf bsdf = bsdf_met(point, base);
   if (goes_straight(bsdf, hit, position)) return true;
   if (is_cut()) return false;
@@ -291,7 +291,7 @@ void PathTracer<kMedia>::add_sky() {
   }
   if (!has_sky) return;
   const EnvironmentMap::Lookup sky = frame_.lights.sky(path_.scattered_at, path_.ray.direction);
-  const float weight = path_.by_chance ? 1 : power_heuristic(path_.pdf, sky.pdf);
+  const float weight = path_.specular_bounce ? 1 : power_heuristic(path_.pdf, sky.pdf);
   path_.result.radiance += path_.throughput * sky.radiance * weight;
 }
 
@@ -328,7 +328,7 @@ void PathTracer<kMedia>::add_emission(const ShadingPoint& point, const TriangleI
   if (!point.material->emissive) return;
   Vec3f light = path_.throughput * emission_at(frame_.shading, point, -path_.ray.direction);
   if (!(max_component(light) > 0)) return;
-  if (!path_.by_chance) {
+  if (!path_.specular_bounce) {
     const float distance = length(position - path_.scattered_at.point);
     const float cosine = std::fabs(dot(point.geometric_normal, path_.ray.direction));
     const float other = frame_.lights.emitter_pdf(path_.scattered_at, id, distance, cosine);
@@ -357,7 +357,7 @@ bool PathTracer<kMedia>::goes_straight(const Bsdf& bsdf, const Hit& hit,
 }
 
 template <bool kMedia>
-bool PathTracer<kMedia>::draw_light(const LightReceiver& receiver, std::uint32_t set,
+bool PathTracer<kMedia>::draw_light(const LightSampleContext& receiver, std::uint32_t set,
                                     LightSample* light) {
   LightRandom u;
   const Vec4f x = sampler_.get_4d(set);
@@ -374,7 +374,7 @@ void PathTracer<kMedia>::add_direct(const Bsdf& bsdf, const TriangleId& id,
                                     const SurfacePoint& position) {
   if (!frame_.lights.samples_anything() || !has_smooth_density(bsdf)) return;
   LightSample light;
-  const LightReceiver receiver = receiver_of(bsdf, position, path_.ray.time);
+  const LightSampleContext receiver = receiver_of(bsdf, position, path_.ray.time);
   if (!draw_light(receiver, dimensions::light(bounce()), &light)) return;
   const BsdfValue value = evaluate_bsdf(bsdf, light.direction);
   if (!(max_component(value.f_cos) > 0)) return;
@@ -401,7 +401,7 @@ Vec3f PathTracer<kMedia>::light_through(const Ray& ray, const LightSample& light
             : frame_.accel.any_hit(ray, [&](const Hit& hit) { return hit.id != target; });
     return blocked ? Vec3f{} : medium_transmittance(ray, light);
   }
-  SheetStack& sheets = scratch_->sheets;
+  ThinSurfaceStack& sheets = scratch_->sheets;
   sheets.passed = sheets.count = 0;
   const ShadowFilter filter{frame_.shading,  {sampler_, bounce(), RayKind::shadow},
                             light.direction, light.triangle,
@@ -455,7 +455,7 @@ bool PathTracer<kMedia>::scatter(const ShadingPoint& point, const Bsdf& bsdf, co
   if constexpr (kMedia) media_.flight.restart();
   path_.from_camera = false;
   if (!next.delta) path_.footprint = path_.growth = 0;
-  path_.by_chance = next.delta;
+  path_.specular_bounce = next.delta;
   path_.pdf = next.pdf;
   path_.scattered_at = receiver_of(bsdf, position, path_.ray.time);
   follow(spawn_ray(position, id, next.wi));

@@ -4,16 +4,16 @@
 #include <memory>
 #include <span>
 
-#include "proto/contract/render_settings.h"
+#include "contract/render_settings.h"
 #include "worker/accel/scene_accel.h"
-#include "worker/light/light_table.h"
+#include "worker/light/light_sampler.h"
 #include "worker/math/vector.h"
-#include "worker/render/camera_rays.h"
-#include "worker/render/media.h"
+#include "worker/render/camera/camera_rays.h"
+#include "worker/media/media.h"
 #include "worker/render/transparency.h"
 #include "worker/sampling/pixel_filter.h"
-#include "worker/shading/shading_scene.h"
-#include "worker/shading/surface.h"
+#include "worker/shading/surface/shading_scene.h"
+#include "worker/shading/surface/surface.h"
 
 namespace tessera::render {
 
@@ -21,7 +21,7 @@ namespace tessera::render {
 struct FrameContext {
   const ShadingScene& shading;
   const SceneAccel& accel;
-  const LightTable& lights;
+  const LightSampler& lights;
   const CameraRays& camera;
   const PixelFilterSampler& filter;
   contract::Background background = contract::Background::automatic;
@@ -36,7 +36,7 @@ struct FrameContext {
 
 /// Memory a thread lends to the paths it traces, so that none allocates.
 struct PathScratch {
-  SheetStack sheets;
+  ThinSurfaceStack sheets;
   std::unique_ptr<Crossings> crossings;  // made for the first path that tracks bodies
   MovedSurface met, passed;              // where the path is; what a ray of it looks through
 };

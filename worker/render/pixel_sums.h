@@ -3,7 +3,7 @@
 #include <array>
 #include <cstdint>
 
-#include "proto/contract/film_block.h"
+#include "contract/film_block.h"
 #include "worker/math/vector.h"
 #include "worker/render/path_tracer.h"
 

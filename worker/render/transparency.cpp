@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <tuple>
 
-#include "worker/shading/surface.h"
+#include "worker/shading/surface/surface.h"
 
 namespace tessera::render {
 bool ClosestFilter::operator()(const Hit& hit) const {
@@ -40,9 +40,9 @@ bool ShadowFilter::operator()(const Hit& hit) const {
   return false;
 }
 
-Vec3f SheetStack::transmittance() {
+Vec3f ThinSurfaceStack::transmittance() {
   const auto end = sheets.begin() + count;
-  std::sort(sheets.begin(), end, [](const Sheet& a, const Sheet& b) {
+  std::sort(sheets.begin(), end, [](const ThinSurface& a, const ThinSurface& b) {
     return std::tie(a.t, a.id) < std::tie(b.t, b.id);
   });
   Vec3f product{1, 1, 1};

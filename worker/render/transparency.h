@@ -6,8 +6,8 @@
 #include "worker/geometry/ray.h"
 #include "worker/math/vector.h"
 #include "worker/sampling/sampler.h"
-#include "worker/shading/shading_scene.h"
-#include "worker/shading/surface.h"
+#include "worker/shading/surface/shading_scene.h"
+#include "worker/shading/surface/surface.h"
 
 namespace tessera::render {
 
@@ -62,17 +62,17 @@ struct HoleCounter {
 };
 
 /// Light through one thin sheet, kept until all sheets of the ray are known.
-struct Sheet {
+struct ThinSurface {
   float t;
   TriangleId id;
   Vec3f transmittance;
 };
 
 /// The sheets a shadow ray met so far; scratch memory of a thread.
-struct SheetStack {
+struct ThinSurfaceStack {
   int passed = 0;  // holes and sheets
   int count = 0;   // of `sheets` in use
-  std::array<Sheet, kTransparencyLimit> sheets;
+  std::array<ThinSurface, kTransparencyLimit> sheets;
 
   /// Product of all transmittances, multiplied in (t, id) order so that rounding does not depend
   /// on the traversal. Requires passed <= kTransparencyLimit.
@@ -86,7 +86,7 @@ struct ShadowFilter {
   Vec3f direction;    // unit, towards the light
   TriangleId target;  // the emitter the ray goes to, which does not shadow itself
   std::uint8_t traits = 0;
-  SheetStack* stack = nullptr;
+  ThinSurfaceStack* stack = nullptr;
   float time = 0;  // of the ray
   MovedSurface* moved = nullptr;
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "proto/contract/render_settings.h"
+#include "contract/render_settings.h"
 #include "worker/math/vector.h"
 #include "worker/sampling/distribution.h"
 

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "proto/contract/version.h"
+#include "contract/version.h"
 #include "worker/math/vector.h"
 #include "worker/sampling/hash.h"
 #include "worker/sampling/sobol.h"

@@ -19,7 +19,7 @@ inline std::optional<Pose> pose_of(const Scene& scene, const Instance& instance,
 
 inline PunctualPose pose_of(const Scene& scene, const PunctualLight& light, float time) {
   if (light.keys.empty()) return {light.position, light.direction};
-  const KeyPlace at = find_key(scene.key_times, time);
+  const KeyframePosition at = find_key(scene.key_times, time);
   return between(light.keys[at.segment], light.keys[at.segment + 1], at.f);
 }
 

@@ -40,8 +40,8 @@ struct Image {
 
 enum class Wrap : std::uint8_t { repeat, clamp, mirror };
 
-/// TESSERA_texture: colours worked out where they are wanted (worker/shading/procedure.h).
-struct Procedure {
+/// TESSERA_texture: colours worked out where they are wanted (worker/shading/surface/procedure.h).
+struct ProceduralTexture {
   enum class Pattern : std::uint8_t {
     noise,
     fbm,
@@ -328,7 +328,7 @@ struct Environment {
 struct Scene {
   std::vector<Image> images;
   std::vector<Texture> textures;
-  std::vector<Procedure> procedures;
+  std::vector<ProceduralTexture> procedures;
   std::vector<Material> materials;  // at least one: glTF's default material is last
   std::vector<Mesh> meshes;
   std::vector<Instance> instances;

@@ -33,7 +33,7 @@ Vec3f extinction_of(const Material& material) {
   return sigma;
 }
 
-void turn_matched_solids_into_media(Scene& scene) {
+void convert_index_matched_solids(Scene& scene) {
   std::vector<bool> tinted(scene.materials.size());
   for (const Mesh& mesh : scene.meshes) {
     for (const Primitive& p : mesh.primitives) {

@@ -11,6 +11,6 @@ Vec3f extinction_of(const Material& material);
 /// Solids of index 1 that neither reflect nor tint are nothing but the ends of what they absorb
 /// with. They become that, TESSERA_medium's boundaries: light from points and suns goes through
 /// them, and a ball of clear glass of index 1 is no ball at all (hard case 41).
-void turn_matched_solids_into_media(Scene& scene);
+void convert_index_matched_solids(Scene& scene);
 
 }  // namespace tessera::render

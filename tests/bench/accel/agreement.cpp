@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "tests/bench/accel/shapes.h"
-#include "worker/accel/brute_force.h"
-#include "worker/accel/reference/reference_accel.h"
+#include "worker/accel/reference/brute_force.h"
+#include "worker/accelerators/reference_accel.h"
 #include "worker/accel/scene_accel.h"
 #include "worker/render/frame_renderer.h"
 

@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <utility>
 
-#include "proto/contract/hilbert.h"
+#include "contract/hilbert.h"
 #include "tests/bench/accel/item_buffer.h"
 #include "tests/bench/accel/measure.h"
 #include "tests/bench/accel/rays.h"

@@ -9,7 +9,7 @@
 #include "tests/bench/accel/rays.h"
 #include "tests/bench/accel/scenes.h"
 #include "tests/bench/accel/shapes.h"
-#include "worker/accel/brute_force.h"
+#include "worker/accel/reference/brute_force.h"
 #include "worker/accel/scene_accel.h"
 #include "worker/render/frame_renderer.h"
 

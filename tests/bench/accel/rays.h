@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "proto/contract/hilbert.h"
+#include "contract/hilbert.h"
 #include "tests/bench/accel/scenes.h"
 #include "worker/accel/scene_accel.h"
 

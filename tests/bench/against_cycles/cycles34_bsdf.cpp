@@ -1,5 +1,5 @@
 // The BSDF of Blender Cycles 3.4 for opaque metallic-roughness materials, linked in the place of
-// worker/shading/extended_bsdf.cpp: what differs between two pictures then is not the material.
+// worker/shading/bsdf/extended_bsdf.cpp: what differs between two pictures then is not the material.
 // Directions are drawn as Tessera draws them; only values differ. A material takes part if it has
 // any extension, however little that says; coats, sheens and the like are left out.
 //
@@ -8,9 +8,9 @@
 
 #include <cmath>
 
-#include "worker/shading/base_bsdf.h"
-#include "worker/shading/base_prepare.h"
-#include "worker/shading/extended_bsdf.h"
+#include "worker/shading/bsdf/base_bsdf.h"
+#include "worker/shading/bsdf/base_prepare.h"
+#include "worker/shading/bsdf/extended_bsdf.h"
 
 namespace tessera::render {
 

@@ -9,8 +9,8 @@
 #include <thread>
 #include <vector>
 
-#include "proto/contract/digest.h"
-#include "proto/contract/version.h"
+#include "contract/digest.h"
+#include "contract/version.h"
 #include "tests/bench/coordinator/simulated_worker.h"
 
 namespace {

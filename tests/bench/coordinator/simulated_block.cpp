@@ -3,8 +3,8 @@
 #include <random>
 #include <span>
 
-#include "proto/contract/tile_grid.h"
-#include "proto/contract/version.h"
+#include "contract/tile_grid.h"
+#include "contract/version.h"
 
 namespace tessera::bench {
 namespace {

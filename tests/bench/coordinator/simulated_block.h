@@ -4,10 +4,10 @@
 #include <string>
 #include <vector>
 
-#include "proto/contract/digest.h"
-#include "proto/contract/film_block.h"
-#include "proto/contract/pass_schedule.h"
-#include "proto/contract/render_settings.h"
+#include "contract/digest.h"
+#include "contract/film_block.h"
+#include "contract/pass_schedule.h"
+#include "contract/render_settings.h"
 
 namespace tessera::bench {
 

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <utility>
 
-#include "proto/contract/channel.h"
-#include "proto/contract/settings_message.h"
-#include "proto/contract/version.h"
+#include "rpc/channel.h"
+#include "rpc/settings_message.h"
+#include "contract/version.h"
 
 namespace tessera::bench {
 namespace {

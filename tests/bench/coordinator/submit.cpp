@@ -8,9 +8,9 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "proto/contract/channel.h"
-#include "proto/contract/digest.h"
-#include "proto/contract/settings_message.h"
+#include "rpc/channel.h"
+#include "contract/digest.h"
+#include "rpc/settings_message.h"
 #include "tessera/v1/asset_service.grpc.pb.h"
 #include "tessera/v1/job_service.grpc.pb.h"
 #include "tests/bench/coordinator/simulated_block.h"

@@ -16,8 +16,8 @@
 #include <utility>
 #include <vector>
 
-#include "proto/contract/pass_schedule.h"
-#include "server/film/certainty.h"
+#include "contract/pass_schedule.h"
+#include "server/film/convergence.h"
 #include "server/film/film_cache.h"
 #include "tests/bench/coverage/reference.h"
 
@@ -72,7 +72,7 @@ absl::Status render_on_demand(const SeededRenderer& renderer, const contract::Ti
     absl::Status status =
         film.add(key, tile, pass, renderer.render(grid.rect(tile), passes[at(pass)], pass));
     if (!status.ok()) return status;
-    const auto demands = film.take_demands(key);
+    const auto demands = film.take_pass_targets(key);
     if (!demands.ok()) return demands.status();
     for (const auto& demand : *demands) want(demand.tile, demand.pass_count);
   }
@@ -109,7 +109,7 @@ absl::StatusOr<Outcome> render_by_error(const SeededRenderer& renderer,
     testing::put_tile(*sum, grid.rect(tile), width, image);
   }
   outcome.certainty =
-      server::claim_of(statistics, film.stopping(key), *options.settings.error).certainty;
+      server::assess_convergence(statistics, film.stopping(key), *options.settings.error).certainty;
   outcome.estimate = statistics.estimated.error;
   outcome.upper = statistics.estimated.error_upper95;
   outcome.true_square = true_square(image, reference, *m);

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "absl/status/statusor.h"
-#include "proto/contract/tile_grid.h"
+#include "contract/tile_grid.h"
 #include "tests/support/seeded_frames.h"
 
 namespace tessera::bench {

@@ -13,8 +13,8 @@
 #include <utility>
 #include <vector>
 
-#include "proto/contract/pass_schedule.h"
-#include "server/schedule/scheduler.h"
+#include "contract/pass_schedule.h"
+#include "server/schedule/scheduler/scheduler.h"
 
 namespace tessera::bench {
 namespace {
@@ -22,7 +22,7 @@ namespace {
 using contract::Unit;
 using server::Job;
 using server::JobState;
-using server::Mail;
+using server::Outbox;
 using server::Scheduler;
 using server::Span;
 using server::Time;
@@ -134,7 +134,7 @@ class SimulatedFarm {
   }
 
   void connect_workers() {
-    // As worker/agent/unit_queue.cpp: what it renders, what comes next, what is on its way.
+    // As worker/agent/units/unit_queue.cpp: what it renders, what comes next, what is on its way.
     double sum = 0;
     for (const double seconds : measured_.sample_seconds) sum += seconds;
     const contract::Pass longest = contract::schedule(job_.spec->settings).back();
@@ -242,7 +242,7 @@ class SimulatedFarm {
     for (const WorkerKey key : effects.mailed) {
       server::Worker* worker = scheduler_.find_worker(key);
       if (worker == nullptr) continue;  // long dead
-      const Mail mail = std::exchange(worker->mail, Mail{});
+      const Outbox mail = std::exchange(worker->mail, Outbox{});
       for (const server::UnitName& name : mail.revoked) push(there, key, Kind::revoke, name.unit);
       for (const server::Lease& lease : mail.leases) {
         leased_ += lease.tile_count;

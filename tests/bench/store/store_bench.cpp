@@ -18,7 +18,7 @@
 #include <utility>
 #include <vector>
 
-#include "proto/contract/film_block.h"
+#include "contract/film_block.h"
 #include "server/store/store.h"
 
 namespace tessera::server {

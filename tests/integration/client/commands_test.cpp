@@ -1,4 +1,4 @@
-#include "client/commands.h"
+#include "client/commands/commands.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,8 +10,8 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "client/completion.h"
-#include "proto/contract/settings_message.h"
+#include "client/commands/completion.h"
+#include "rpc/settings_message.h"
 #include "tests/integration/client/fake_farm.h"
 #include "tests/integration/client/made_image.h"
 #include "tests/support/json_schema.h"
@@ -372,7 +372,7 @@ TEST_F(CommandsTest, WorkersAreListed) {
   worker.set_id("w1");
   worker.set_name("render-7");
   worker.set_host("node7");
-  worker.set_state(v1::Worker::STATE_SET_ASIDE);
+  worker.set_state(v1::Worker::STATE_QUARANTINED);
   worker.set_isa("avx2");
   worker.set_thread_count(16);
   worker.add_tags("big");

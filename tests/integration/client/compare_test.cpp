@@ -7,8 +7,8 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "client/command.h"
-#include "client/image_file.h"
+#include "client/cli/command.h"
+#include "client/output/image_file.h"
 #include "tests/integration/client/fake_farm.h"
 #include "tests/integration/client/made_image.h"
 #include "tests/support/json_schema.h"

@@ -8,9 +8,9 @@
 #include <algorithm>
 #include <cstdlib>
 
-#include "client/commands.h"
-#include "proto/contract/digest.h"
-#include "proto/contract/settings_message.h"
+#include "client/commands/commands.h"
+#include "contract/digest.h"
+#include "rpc/settings_message.h"
 
 namespace tessera::client {
 namespace {

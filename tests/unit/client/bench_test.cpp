@@ -3,9 +3,9 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "client/bench_figures.h"
-#include "client/bench_reference.h"
-#include "proto/contract/settings_message.h"
+#include "client/bench/bench_stats.h"
+#include "client/bench/bench_reference.h"
+#include "rpc/settings_message.h"
 
 namespace tessera::client {
 namespace {

@@ -6,14 +6,14 @@
 #include <string>
 #include <vector>
 
-#include "client/curve_svg.h"
-#include "client/frame_files.h"
-#include "client/job_fate.h"
-#include "client/job_request.h"
-#include "client/progress.h"
-#include "client/render_options.h"
-#include "client/render_result.h"
-#include "client/tile_svg.h"
+#include "client/charts/curve_svg.h"
+#include "client/output/frame_files.h"
+#include "client/output/job_status.h"
+#include "client/request/job_request.h"
+#include "client/cli/progress.h"
+#include "client/request/render_options.h"
+#include "client/output/render_result.h"
+#include "client/charts/tile_svg.h"
 
 namespace tessera::client {
 namespace {
@@ -222,14 +222,14 @@ TEST(Figures, AreRoundedForPeople) {
 TEST(Fate, IsTheExitCodeOfTheContract) {
   v1::Job job;
   job.set_state(v1::Job::STATE_DONE);
-  EXPECT_EQ(fate_of(job), 0);
+  EXPECT_EQ(exit_code_of(job), 0);
   job.set_state(v1::Job::STATE_CANCELLED);
-  EXPECT_EQ(fate_of(job), 1);
+  EXPECT_EQ(exit_code_of(job), 1);
   job.set_state(v1::Job::STATE_FAILED);
   job.set_reason("unit failed three times");
-  EXPECT_EQ(fate_of(job), 1);
+  EXPECT_EQ(exit_code_of(job), 1);
   job.set_reason("bad scene: scene.glb: cameras: no camera \"Top\"");
-  EXPECT_EQ(fate_of(job), 2);
+  EXPECT_EQ(exit_code_of(job), 2);
   EXPECT_EQ(exit_code(absl::UnavailableError("")), 3);
   EXPECT_EQ(exit_code(absl::UnauthenticatedError("")), 3);
   EXPECT_EQ(exit_code(absl::InvalidArgumentError("")), 2);

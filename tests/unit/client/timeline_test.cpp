@@ -1,5 +1,5 @@
 // A job's timeline: where slices lie, and what is marked.
-#include "client/timeline.h"
+#include "client/charts/timeline.h"
 
 #include <gtest/gtest.h>
 
@@ -129,7 +129,7 @@ TEST(Timeline, RetriesAuditsAndRepeatsAreToldApart) {
                repeat = delivery("w1", 2, 3000, 10);
   retry.set_retry_count(2);
   audit.set_outcome(v1::Delivery::OUTCOME_AUDIT);
-  repeat.set_outcome(v1::Delivery::OUTCOME_REPEAT);
+  repeat.set_outcome(v1::Delivery::OUTCOME_DUPLICATE);
   const auto text = timeline_json(report_of(1), {retry, audit, repeat}, {});
   ASSERT_TRUE(text.ok()) << text.status();
   const auto slices = of_phase("X", *text);

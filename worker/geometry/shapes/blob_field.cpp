@@ -69,7 +69,7 @@ Box3d BlobField::surface_box() const {
   return out.empty() ? nodes_[0].box : out;
 }
 
-Vec3d BlobField::falls(const Vec3d& point) const {
+Vec3d BlobField::outward_gradient(const Vec3d& point) const {
   Vec3d sum;
   each([&](const Box3d& box) { return box.contains(point); },
        [&](const Blob& blob) {

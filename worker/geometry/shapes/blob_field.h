@@ -30,7 +30,7 @@ class BlobField {
   /// Around all places where the field reaches the threshold, or of some size where there are none.
   const Box3d& bounds() const { return bounds_; }
   /// The field's gradient turned round: it points outwards. 0 where no blob is.
-  Vec3d falls(const Vec3d& point) const;
+  Vec3d outward_gradient(const Vec3d& point) const;
 
   /// Shows `visit` each blob whose box, and those around it, `meets` (bool(const Box3d&)); always
   /// in the same order.

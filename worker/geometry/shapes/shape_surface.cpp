@@ -73,7 +73,7 @@ Vec3d shape_normal(const Shape& shape, std::uint32_t face, const Vec3d& point) {
     return {-slope.x, 1, -slope.y};
   }
   const Vec3d gradient = shape.form == Shape::Form::blobs
-                             ? shape.blobs->falls(point)
+                             ? shape.blobs->outward_gradient(point)
                              : shape.quadric.times(point) + shape.quadric.linear;
   return gradient == Vec3d{} ? axis_vector(1, 1) : gradient;
 }

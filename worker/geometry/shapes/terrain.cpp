@@ -101,7 +101,7 @@ void TerrainLine::walk(const Cell& cell, double first, double last) {
 void TerrainLine::find(double first, double last) {
   if (done_) return;
   const double middle = 0.5 * (first + last), half = 0.5 * (last - first);
-  const LinearBound<1> above =
+  const AffineForm<1> above =
       field_.clearance<1>({height(middle), {direction_.y * half}, 0}, ground(middle),
                           {Vec2d{direction_.x * half, direction_.z * half}}, cells_);
   // The zone, from -1 to 1, in which it can be 0.

@@ -93,7 +93,7 @@ TerrainField::Range TerrainField::range_of_cell(const Vec2d& middle, const Vec2d
   double low = form_.height + rounding_, high = -rounding_;  // where no height can be
   for (const double x : {-0.5, 0.5}) {
     for (const double z : {-0.5, 0.5}) {
-      const LinearBound<2> part =
+      const AffineForm<2> part =
           heights<2>({middle.x + x * half.x, middle.y + z * half.y},
                      {Vec2d{0.5 * half.x, 0}, Vec2d{0, 0.5 * half.y}}, cells);
       low = std::min(low, part.low());
@@ -116,20 +116,20 @@ double TerrainField::precision(const Vec2d& at) const {
 
 double TerrainField::height(const Vec2d& at) const {
   TerrainCells cells;
-  return heights_until<0>(at, {}, cells, [](const LinearBound<0>&) { return false; }).centre;
+  return heights_until<0>(at, {}, cells, [](const AffineForm<0>&) { return false; }).centre;
 }
 
 Vec2d TerrainField::slope(const Vec2d& at) const {
   const double span = finest_ * 0x1p-20;
   TerrainCells cells;
-  const LinearBound<2> around = heights<2>(at, {Vec2d{span, 0}, Vec2d{0, span}}, cells);
+  const AffineForm<2> around = heights<2>(at, {Vec2d{span, 0}, Vec2d{0, span}}, cells);
   return {around.slope[0] / span, around.slope[1] / span};
 }
 
 /// The width of a spot, in features.
 template <std::size_t N>
-LinearBound<N> TerrainField::spots(const Vec2d& at, const std::array<Vec2d, N>& spans) const {
-  LinearBound<N> spot;
+AffineForm<N> TerrainField::spots(const Vec2d& at, const std::array<Vec2d, N>& spans) const {
+  AffineForm<N> spot;
   if (!(form_.spot_angle > 0)) return spot;
   const Vec3d to = Vec3d{at.x, 0, at.y} - form_.seen_from;
   const double distance = std::sqrt(dot(to, to)), reach2 = squares(spans);
@@ -148,24 +148,24 @@ LinearBound<N> TerrainField::spots(const Vec2d& at, const std::array<Vec2d, N>& 
 /// The pattern's wave, from -1 to 1, of an octave: `at` and `spans` in its features. To first order
 /// about the middle, the rest by the largest second derivative there can be, in `error`.
 template <std::size_t N>
-LinearBound<N> TerrainField::octave(const Vec2d& at, const std::array<Vec2d, N>& spans,
+AffineForm<N> TerrainField::octave(const Vec2d& at, const std::array<Vec2d, N>& spans,
                                     double error, std::int32_t number, TerrainCells& cells) const {
   const NoiseSlope here =
       form_.pattern == TerrainForm::Pattern::waves
           ? wave_slope(at)
           : gradient_noise_slope({at.x, at.y}, form_.seed + static_cast<std::uint32_t>(number),
                                  cells[static_cast<std::size_t>(number)]);
-  LinearBound<N> out;
+  AffineForm<N> out;
   out.centre = here.value;
   out.error = error;
   for (std::size_t k = 0; k < N; ++k) out.slope[k] = here.dx * spans[k].x + here.dy * spans[k].y;
   return out;
 }
 
-/// Asks `enough` (bool(const LinearBound<N>&)) after each octave whether what is known by then, of
+/// Asks `enough` (bool(const AffineForm<N>&)) after each octave whether what is known by then, of
 /// which it returns the last, will do.
 template <std::size_t N, typename Enough>
-LinearBound<N> TerrainField::heights_until(const Vec2d& at, const std::array<Vec2d, N>& spans,
+AffineForm<N> TerrainField::heights_until(const Vec2d& at, const std::array<Vec2d, N>& spans,
                                            TerrainCells& cells, const Enough& enough) const {
   const bool ridged = form_.pattern == TerrainForm::Pattern::ridged;
   constexpr double kMean = double{kMeanRidgedNoise[2]};
@@ -174,19 +174,19 @@ LinearBound<N> TerrainField::heights_until(const Vec2d& at, const std::array<Vec
   Vec2d p = at * form_.scale + form_.offset;
   std::array<Vec2d, N> reach;
   for (std::size_t k = 0; k < N; ++k) reach[k] = spans[k] * form_.scale;
-  LinearBound<N> spot = spots(at, spans);
+  AffineForm<N> spot = spots(at, spans);
   double error = 0.5 * curvature * squares(reach);
 
   // What the sum of octaves makes, with `open` for the amplitudes of those to come: they add up to
   // [0, open] in a ridged field, else to [-open, open].
-  const auto known = [&](LinearBound<N> sum, double open) {
+  const auto known = [&](AffineForm<N> sum, double open) {
     if (ridged) sum.centre += 0.5 * open;
     sum.error += ridged ? 0.5 * open : open;
     sum = sum * to_height_ + base_;
     sum.error += rounding_;
     return sum;
   };
-  LinearBound<N> sum, weight;
+  AffineForm<N> sum, weight;
   weight.centre = 1;
   double amplitude = 1, open = amplitudes_;
   for (std::int32_t i = 0; i < form_.octaves; ++i) {
@@ -197,7 +197,7 @@ LinearBound<N> TerrainField::heights_until(const Vec2d& at, const std::array<Vec
       sum = sum + weight * amplitude;
     } else {
       if (error >= kUnresolved) return known(sum, open);  // and so are all finer ones
-      LinearBound<N> wave = octave<N>(p, reach, error, i, cells);
+      AffineForm<N> wave = octave<N>(p, reach, error, i, cells);
       if (ridged) wave = squared(absolute(wave) * -1 + 1);
       if (!whole) {
         const double mean = ridged ? kMean : 0;
@@ -211,7 +211,7 @@ LinearBound<N> TerrainField::heights_until(const Vec2d& at, const std::array<Vec
     }
     open -= amplitude;
     if (i + 1 == form_.octaves) break;
-    const LinearBound<N> so_far = known(sum, open + 0x1p-40);  // more than its own rounding
+    const AffineForm<N> so_far = known(sum, open + 0x1p-40);  // more than its own rounding
     if (enough(so_far)) return so_far;
     if (ridged) weight = at_most(weight * 2, 1);
     amplitude *= form_.gain;
@@ -224,29 +224,29 @@ LinearBound<N> TerrainField::heights_until(const Vec2d& at, const std::array<Vec
 }
 
 template <std::size_t N>
-LinearBound<N> TerrainField::heights(const Vec2d& at, const std::array<Vec2d, N>& spans,
+AffineForm<N> TerrainField::heights(const Vec2d& at, const std::array<Vec2d, N>& spans,
                                      TerrainCells& cells) const {
-  return heights_until(at, spans, cells, [](const LinearBound<N>&) { return false; });
+  return heights_until(at, spans, cells, [](const AffineForm<N>&) { return false; });
 }
 
 template <std::size_t N>
-LinearBound<N> TerrainField::clearance(const LinearBound<N>& y, const Vec2d& at,
+AffineForm<N> TerrainField::clearance(const AffineForm<N>& y, const Vec2d& at,
                                        const std::array<Vec2d, N>& spans,
                                        TerrainCells& cells) const {
-  const auto above = [&y](const LinearBound<N>& ground) { return y + ground * -1; };
-  return above(heights_until(at, spans, cells, [&](const LinearBound<N>& ground) {
-    const LinearBound<N> left = above(ground);
+  const auto above = [&y](const AffineForm<N>& ground) { return y + ground * -1; };
+  return above(heights_until(at, spans, cells, [&](const AffineForm<N>& ground) {
+    const AffineForm<N> left = above(ground);
     return std::fabs(left.centre) > left.reach();
   }));
 }
 
-template LinearBound<1> TerrainField::heights(const Vec2d&, const std::array<Vec2d, 1>&,
+template AffineForm<1> TerrainField::heights(const Vec2d&, const std::array<Vec2d, 1>&,
                                               TerrainCells&) const;
-template LinearBound<2> TerrainField::heights(const Vec2d&, const std::array<Vec2d, 2>&,
+template AffineForm<2> TerrainField::heights(const Vec2d&, const std::array<Vec2d, 2>&,
                                               TerrainCells&) const;
-template LinearBound<0> TerrainField::clearance(const LinearBound<0>&, const Vec2d&,
+template AffineForm<0> TerrainField::clearance(const AffineForm<0>&, const Vec2d&,
                                                 const std::array<Vec2d, 0>&, TerrainCells&) const;
-template LinearBound<1> TerrainField::clearance(const LinearBound<1>&, const Vec2d&,
+template AffineForm<1> TerrainField::clearance(const AffineForm<1>&, const Vec2d&,
                                                 const std::array<Vec2d, 1>&, TerrainCells&) const;
 
 }  // namespace tessera::render

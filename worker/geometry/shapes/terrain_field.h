@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "worker/geometry/shapes/linear_bound.h"
+#include "worker/geometry/shapes/affine_form.h"
 #include "worker/math/vector.h"
 #include "worker/sampling/gradient_noise.h"
 
@@ -37,10 +37,10 @@ struct TerrainForm {
   Vec3d seen_from;
 };
 
-inline constexpr std::int32_t kMostTerrainOctaves = 24;
+inline constexpr std::int32_t kMaxTerrainOctaves = 24;
 
 /// The cell of each octave's noise that was asked for last: places along a line share most.
-using TerrainCells = std::array<NoiseCell, kMostTerrainOctaves>;
+using TerrainCells = std::array<NoiseCell, kMaxTerrainOctaves>;
 
 /// Heights, and bounds for them. Immutable; what it changes is its caller's.
 class TerrainField {
@@ -52,13 +52,13 @@ class TerrainField {
   /// What the height is within at + sum of spans[k] s[k], s[k] in [-1, 1]; spans are at right
   /// angles. True with its rounding.
   template <std::size_t N>
-  LinearBound<N> heights(const Vec2d& at, const std::array<Vec2d, N>& spans,
+  AffineForm<N> heights(const Vec2d& at, const std::array<Vec2d, N>& spans,
                          TerrainCells& cells) const;
 
   /// What a height above y = 0, over the same places, is above the ground; worked out only until
   /// its sign is known.
   template <std::size_t N>
-  LinearBound<N> clearance(const LinearBound<N>& y, const Vec2d& at,
+  AffineForm<N> clearance(const AffineForm<N>& y, const Vec2d& at,
                            const std::array<Vec2d, N>& spans, TerrainCells& cells) const;
 
   double height(const Vec2d& at) const;
@@ -83,12 +83,12 @@ class TerrainField {
 
  private:
   template <std::size_t N, typename Enough>
-  LinearBound<N> heights_until(const Vec2d& at, const std::array<Vec2d, N>& spans,
+  AffineForm<N> heights_until(const Vec2d& at, const std::array<Vec2d, N>& spans,
                                TerrainCells& cells, const Enough& enough) const;
   template <std::size_t N>
-  LinearBound<N> spots(const Vec2d& at, const std::array<Vec2d, N>& spans) const;
+  AffineForm<N> spots(const Vec2d& at, const std::array<Vec2d, N>& spans) const;
   template <std::size_t N>
-  LinearBound<N> octave(const Vec2d& at, const std::array<Vec2d, N>& spans, double error,
+  AffineForm<N> octave(const Vec2d& at, const std::array<Vec2d, N>& spans, double error,
                         std::int32_t number, TerrainCells& cells) const;
   double spot_at(const Vec2d& at) const;
   void build_levels(int deepest);
@@ -102,14 +102,14 @@ class TerrainField {
   std::vector<std::vector<Range>> levels_;  // from the whole down
 };
 
-extern template LinearBound<1> TerrainField::heights(const Vec2d&, const std::array<Vec2d, 1>&,
+extern template AffineForm<1> TerrainField::heights(const Vec2d&, const std::array<Vec2d, 1>&,
                                                      TerrainCells&) const;
-extern template LinearBound<2> TerrainField::heights(const Vec2d&, const std::array<Vec2d, 2>&,
+extern template AffineForm<2> TerrainField::heights(const Vec2d&, const std::array<Vec2d, 2>&,
                                                      TerrainCells&) const;
-extern template LinearBound<0> TerrainField::clearance(const LinearBound<0>&, const Vec2d&,
+extern template AffineForm<0> TerrainField::clearance(const AffineForm<0>&, const Vec2d&,
                                                        const std::array<Vec2d, 0>&,
                                                        TerrainCells&) const;
-extern template LinearBound<1> TerrainField::clearance(const LinearBound<1>&, const Vec2d&,
+extern template AffineForm<1> TerrainField::clearance(const AffineForm<1>&, const Vec2d&,
                                                        const std::array<Vec2d, 1>&,
                                                        TerrainCells&) const;
 

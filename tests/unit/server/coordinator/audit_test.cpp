@@ -4,12 +4,12 @@
 #include <string>
 #include <vector>
 
-#include "tests/unit/server/coordinator/coordinator_walk.h"
+#include "tests/unit/server/coordinator/coordinator_fixture.h"
 
 namespace tessera::server {
 namespace {
 
-class AuditWalk : public CoordinatorWalk {
+class AuditWalk : public CoordinatorFixture {
  protected:
   /// Which units a worker lies about.
   using Lie = std::function<bool(const Leased&)>;

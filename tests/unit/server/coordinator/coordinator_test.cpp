@@ -1,17 +1,17 @@
-#include "server/coordinator.h"
+#include "server/coordinator/coordinator.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
 #include "absl/strings/match.h"
-#include "tests/unit/server/coordinator/coordinator_walk.h"
+#include "tests/unit/server/coordinator/coordinator_fixture.h"
 
 namespace tessera::server {
 namespace {
 
 using namespace std::chrono_literals;
-using CoordinatorTest = CoordinatorWalk;
+using CoordinatorTest = CoordinatorFixture;
 
 int count(const std::vector<Acknowledgement>& verdicts, Verdict verdict) {
   return static_cast<int>(std::count_if(verdicts.begin(), verdicts.end(),
@@ -291,7 +291,7 @@ TEST_F(CoordinatorTest, ANewStreamClosesTheOldOneOfItsWorker) {
   coordinator->part(old.session);  // the old stream's end must not touch the new one
   EXPECT_TRUE(coordinator->hear_delivery("w1").ok());
   coordinator->grant_credits(old.session, 1000);
-  EXPECT_TRUE(coordinator->take_mail(old.session).empty());
+  EXPECT_TRUE(coordinator->take_outbox(old.session).empty());
   coordinator->part(fresh.session);
   EXPECT_FALSE(coordinator->hear_delivery("w1").ok());
 }

@@ -3,8 +3,8 @@
 #include <utility>
 #include <vector>
 
-#include "server/observe/delivery_log.h"
-#include "tests/unit/server/coordinator/coordinator_walk.h"
+#include "server/telemetry/delivery_log.h"
+#include "tests/unit/server/coordinator/coordinator_fixture.h"
 
 namespace tessera::server {
 namespace {
@@ -42,7 +42,7 @@ TEST(DeliveryLog, KeepsTheNewestAndTheNamesOfWorkersThatAreGone) {
   EXPECT_EQ(log.read(2, kept.back().sequence - 1, 9).at(0).unit.tile, most - 1);
 }
 
-class Deliveries : public CoordinatorWalk {
+class Deliveries : public CoordinatorFixture {
  protected:
   std::vector<Delivery> all(const std::string& job) {
     return coordinator->deliveries(job, 0, 1000).value();

@@ -5,14 +5,14 @@
 #include <random>
 #include <utility>
 
-#include "server/observe/report.h"
-#include "tests/unit/server/coordinator/coordinator_walk.h"
+#include "server/report/report.h"
+#include "tests/unit/server/coordinator/coordinator_fixture.h"
 
 namespace tessera::server {
 namespace {
 
 /// A job asked for by its error, of tiles with ever more noise.
-class ErrorJobTest : public CoordinatorWalk {
+class ErrorJobTest : public CoordinatorFixture {
  protected:
   ErrorJobTest() { noise = 0.3; }
   std::string create_error_job(const std::string& name, double error, std::int32_t max_spp = 4096,

@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "server/observe/event_log.h"
-#include "tests/unit/server/coordinator/coordinator_walk.h"
+#include "server/telemetry/event_log.h"
+#include "tests/unit/server/coordinator/coordinator_fixture.h"
 
 namespace tessera::server {
 namespace {
@@ -68,12 +68,12 @@ TEST(EventLog, AnOwnerReadsOfHisJobsAndOfWorkers) {
 TEST(EventLog, KeepsTheNewestAndTalkPushesOutNoEvents) {
   EventLog log(1, no_time);
   log.add(event_of(EventKind::job_submitted, "j", "submitted"));
-  const std::size_t count = EventLog::kMostLinesOfJob + 10;
+  const std::size_t count = EventLog::kMaxLinesOfJob + 10;
   for (std::size_t i = 0; i < count; ++i) {
     log.add(event_of(EventKind::log_line, "j", std::to_string(i)));
   }
   const auto kept = texts(log.read({0, "j", ""}, 2 * count));
-  ASSERT_EQ(kept.size(), EventLog::kMostLinesOfJob + 1);
+  ASSERT_EQ(kept.size(), EventLog::kMaxLinesOfJob + 1);
   EXPECT_EQ(kept.front(), "submitted");
   EXPECT_EQ(kept[1], "10");
   EXPECT_EQ(kept.back(), std::to_string(count - 1));
@@ -81,7 +81,7 @@ TEST(EventLog, KeepsTheNewestAndTalkPushesOutNoEvents) {
 
 TEST(EventLog, ManyJobsTogetherKeepNoMoreThanTheMost) {
   EventLog log(1, no_time);
-  const std::size_t jobs = EventLog::kMostLines / 1000 + 2;
+  const std::size_t jobs = EventLog::kMaxLines / 1000 + 2;
   for (std::size_t job = 0; job < jobs; ++job) {
     for (int i = 0; i < 1000; ++i) log.add(event_of(EventKind::log_line, std::to_string(job)));
   }
@@ -89,21 +89,21 @@ TEST(EventLog, ManyJobsTogetherKeepNoMoreThanTheMost) {
   for (std::size_t job = 0; job < jobs; ++job) {
     sum += log.read({0, std::to_string(job), ""}, 2000).size();
   }
-  EXPECT_EQ(sum, EventLog::kMostLines);
+  EXPECT_EQ(sum, EventLog::kMaxLines);
   EXPECT_TRUE(log.read({0, "0", ""}, 1).empty());  // the oldest went
 }
 
 TEST(EventLog, ALongLineIsCutBetweenLetters) {
   EventLog log(1, no_time);
   std::string umlauts(1, 'x');
-  while (umlauts.size() < 2 * EventLog::kMostTextBytes) umlauts += "\xC3\xA4";
+  while (umlauts.size() < 2 * EventLog::kMaxTextBytes) umlauts += "\xC3\xA4";
   log.add(event_of(EventKind::job_failed, "j", umlauts));
-  EXPECT_EQ(log.read({}, 1).front().text, umlauts.substr(0, EventLog::kMostTextBytes - 1));
+  EXPECT_EQ(log.read({}, 1).front().text, umlauts.substr(0, EventLog::kMaxTextBytes - 1));
   EXPECT_EQ(cut_text("a\xE2\x82\xAC", 3), "a");
   EXPECT_EQ(cut_text("a\xE2\x82\xAC", 4), "a\xE2\x82\xAC");
 }
 
-class Events : public CoordinatorWalk {
+class Events : public CoordinatorFixture {
  protected:
   std::vector<EventKind> kinds(const std::string& job = "") {
     std::vector<EventKind> kinds;
@@ -179,8 +179,8 @@ TEST_F(Events, ADrainedWorkerIsToldToGoAndLeasedNothing) {
   TestWorker worker = join("w");
   EXPECT_TRUE(absl::IsNotFound(coordinator->drain_worker("nobody")));
   EXPECT_TRUE(coordinator->drain_worker("w").ok());
-  EXPECT_TRUE(coordinator->take_mail(worker.session).drain);
-  EXPECT_FALSE(coordinator->take_mail(worker.session).drain);  // once
+  EXPECT_TRUE(coordinator->take_outbox(worker.session).drain);
+  EXPECT_FALSE(coordinator->take_outbox(worker.session).drain);  // once
   create_job("shot");
   collect(worker);
   EXPECT_TRUE(worker.units.empty());

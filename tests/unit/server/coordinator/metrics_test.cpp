@@ -7,12 +7,12 @@
 #include <string>
 #include <utility>
 
-#include "tests/unit/server/coordinator/coordinator_walk.h"
+#include "tests/unit/server/coordinator/coordinator_fixture.h"
 
 namespace tessera::server {
 namespace {
 
-class MetricsWalk : public CoordinatorWalk {
+class MetricsWalk : public CoordinatorFixture {
  protected:
   /// Lines of the text, name and labels → value.
   std::map<std::string, double> scrape() {

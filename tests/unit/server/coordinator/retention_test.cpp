@@ -7,14 +7,14 @@
 #include <string>
 #include <vector>
 
-#include "tests/unit/server/coordinator/coordinator_walk.h"
+#include "tests/unit/server/coordinator/coordinator_fixture.h"
 
 namespace tessera::server {
 namespace {
 
 constexpr std::int64_t kDayUs = std::int64_t{86'400} * 1'000'000;
 
-class RetentionTest : public CoordinatorWalk {
+class RetentionTest : public CoordinatorFixture {
  protected:
   void keep_for(std::int64_t span_us) {
     options.keep_jobs_us = span_us;

@@ -5,14 +5,14 @@
 #include <thread>
 #include <vector>
 
-#include "tests/unit/server/coordinator/coordinator_walk.h"
+#include "tests/unit/server/coordinator/coordinator_fixture.h"
 
 namespace tessera::server {
 namespace {
 
 /// The point of this test is the tsan preset: workers, clients, writer, film thread and timer all
 /// at once, without gRPC.
-class CoordinatorThreads : public CoordinatorWalk {
+class CoordinatorThreads : public CoordinatorFixture {
  protected:
   /// A worker that delivers whatever it is leased until the job is done.
   void work(const std::string& id, const std::string& job, int duplicates) {

@@ -9,7 +9,7 @@
 #include <set>
 #include <thread>
 
-#include "proto/contract/image_metrics.h"
+#include "image/metrics/image_metrics.h"
 #include "tests/unit/server/film/made_blocks.h"
 
 namespace tessera::server {
@@ -323,11 +323,11 @@ class ErrorFilmTest : public FilmCacheTest {
       committed.push_back(unit);
       // Had this block come before the film was asked after the restart, it would be the same.
       if (seed % 2 == 0) {
-        EXPECT_TRUE(cache->take_demands(frame_key).ok());
+        EXPECT_TRUE(cache->take_pass_targets(frame_key).ok());
       }
       EXPECT_TRUE(
           cache->add(frame_key, unit.first, unit.second, block(unit.first, unit.second)).ok());
-      const auto demands = cache->take_demands(frame_key);
+      const auto demands = cache->take_pass_targets(frame_key);
       EXPECT_TRUE(demands.ok()) << demands.status();
       if (!demands.ok()) break;
       for (const auto& demand : *demands) {
@@ -371,8 +371,8 @@ TEST_F(ErrorFilmTest, AFixedCountDemandsNothing) {
   settings_.error.reset();
   FilmCache cache(kPlenty);
   open(cache);
-  ASSERT_TRUE(cache.take_demands(frame_key).ok());
-  EXPECT_TRUE(cache.take_demands(frame_key)->empty());
+  ASSERT_TRUE(cache.take_pass_targets(frame_key).ok());
+  EXPECT_TRUE(cache.take_pass_targets(frame_key)->empty());
   EXPECT_FALSE(cache.expected_samples(frame_key));
   EXPECT_EQ(cache.stopping(frame_key).looks, 1);
 }

@@ -299,7 +299,7 @@ TEST_F(FrameWriterTest, StatisticsAreThoseOfTheWholeFrame) {
 
 TEST_F(FrameWriterTest, ReportEntryHasEveryKeyOfTheDesign) {
   const FrameResult result = written(made_tiles(), "entry.exr");
-  const CurvePoint point{1.5, 0.5, 28000, 0.25, 0.125, TrueFigures{0.3, 0.2, 0.1}};
+  const CurvePoint point{1.5, 0.5, 28000, 0.25, 0.125, TrueErrorStats{0.3, 0.2, 0.1}};
   const auto entry = nlohmann::json::parse(frame_entry_json(result, "a.exr", "DONE", {point}));
   for (const char* key :
        {"frame", "file", "width", "height", "pixels_sha256", "spp_mean", "spp_max", "samples",

@@ -4,9 +4,9 @@
 #include <random>
 #include <vector>
 
-#include "proto/contract/film_block.h"
-#include "proto/contract/pass_schedule.h"
-#include "proto/contract/tile_grid.h"
+#include "contract/film_block.h"
+#include "contract/pass_schedule.h"
+#include "contract/tile_grid.h"
 
 namespace tessera::server {
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <fstream>
 
-#include "proto/contract/pass_schedule.h"
-#include "proto/contract/tile_grid.h"
+#include "contract/pass_schedule.h"
+#include "contract/tile_grid.h"
 
 namespace tessera::server {
 namespace {
@@ -43,7 +43,7 @@ std::string block_of(const UnitName& name, const Lease& lease) {
 
 }  // namespace
 
-class FarmOnDisk::Link final : public WorkerLink {
+class FarmOnDisk::Link final : public WorkerConnection {
  public:
   void wake() override {}
   void close(const absl::Status& /*reason*/) override {}
@@ -130,7 +130,7 @@ void FarmOnDisk::connect(const WorkerLog& held) {
 }
 
 void FarmOnDisk::collect() {
-  Mail mail = coordinator_->take_mail(session_);
+  Outbox mail = coordinator_->take_outbox(session_);
   for (const Lease& lease : mail.leases) {
     for (std::int32_t i = 0; i < lease.tile_count; ++i) {
       const UnitName name{lease.job_id, {lease.frame, lease.first_tile + i, lease.pass}};

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/coordinator.h"
+#include "server/coordinator/coordinator.h"
 #include "server/store/store.h"
 #include "tests/support/power_cut.h"
 

@@ -11,7 +11,7 @@
 #include "tests/support/disk_model.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/server/power_cut/farm_on_disk.h"
-#include "tests/unit/server/store/promises.h"
+#include "tests/unit/server/store/durability_checker.h"
 #include "tests/unit/server/store/sync_sites.h"
 
 namespace tessera::server {

@@ -24,7 +24,7 @@ TEST(Audit, TwoWorkersThatAgreeSettleIt) {
   EXPECT_TRUE(audit.may_ask("b", true));
   audit.answer("b", truth);
   EXPECT_TRUE(audit.is_settled());
-  EXPECT_EQ(audit.liars(), Names());
+  EXPECT_EQ(audit.faulty_workers(), Names());
 }
 
 TEST(Audit, AThirdWorkerSaysWhoOfTwoLies) {
@@ -36,7 +36,7 @@ TEST(Audit, AThirdWorkerSaysWhoOfTwoLies) {
     EXPECT_FALSE(audit.may_ask("a", true)) << "while there are others";
     audit.answer("c", truth);
     EXPECT_TRUE(audit.is_settled());
-    EXPECT_EQ(audit.liars(), Names{committer_lies ? "a" : "b"});
+    EXPECT_EQ(audit.faulty_workers(), Names{committer_lies ? "a" : "b"});
   }
 }
 
@@ -47,7 +47,7 @@ TEST(Audit, ThreeDifferentResultsNeedAFourth) {
   EXPECT_FALSE(audit.is_settled());
   audit.answer("d", truth);
   EXPECT_TRUE(audit.is_settled());
-  EXPECT_EQ(audit.liars(), (Names{"b", "c"}));
+  EXPECT_EQ(audit.faulty_workers(), (Names{"b", "c"}));
 }
 
 TEST(Audit, OfTwoAloneWhoContradictsItselfLies) {
@@ -59,7 +59,7 @@ TEST(Audit, OfTwoAloneWhoContradictsItselfLies) {
   EXPECT_FALSE(audit.is_settled());
   audit.answer("b", truth);
   EXPECT_TRUE(audit.is_settled());
-  EXPECT_EQ(audit.liars(), Names{"b"});
+  EXPECT_EQ(audit.faulty_workers(), Names{"b"});
 }
 
 TEST(Audit, OfTwoAloneThatStandByTheirWordsNobodyIsBelieved) {
@@ -81,7 +81,7 @@ TEST(Audit, WhoContradictsItselfSupportsNobody) {
   EXPECT_FALSE(audit.is_settled()) << "a has said the same, once";
   audit.answer("e", truth);
   EXPECT_TRUE(audit.is_settled());
-  EXPECT_EQ(audit.liars(), (Names{"a", "b", "c"}));
+  EXPECT_EQ(audit.faulty_workers(), (Names{"a", "b", "c"}));
 }
 
 TEST(Audit, WhoWasFoundLyingElsewhereCountsNoMore) {

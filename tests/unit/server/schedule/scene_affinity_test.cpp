@@ -6,7 +6,7 @@
 #include <chrono>
 #include <string>
 
-#include "tests/unit/server/schedule/farm_walk.h"
+#include "tests/unit/server/schedule/scheduler_harness.h"
 
 namespace tessera::server {
 namespace {
@@ -17,7 +17,7 @@ struct Busy {
 };
 
 /// A worker of one thread and one credit that has loaded this scene and is at a unit.
-Busy connect_busy_with(FarmWalk& farm, const std::string& id, const std::string& scene) {
+Busy connect_busy_with(SchedulerHarness& farm, const std::string& id, const std::string& scene) {
   const WorkerKey worker = farm.connect(id, {.threads = 1, .credits = 1, .tags = {id}});
   const Job& job = farm.add_job({.tiles = 1, .priority = 100, .tag = id, .scene = scene});
   const auto units = farm.leased(worker);
@@ -27,20 +27,20 @@ Busy connect_busy_with(FarmWalk& farm, const std::string& id, const std::string&
 }
 
 /// Likewise, and idle.
-WorkerKey connect_with(FarmWalk& farm, const std::string& id, const std::string& scene) {
+WorkerKey connect_with(SchedulerHarness& farm, const std::string& id, const std::string& scene) {
   const Busy busy = connect_busy_with(farm, id, scene);
   farm.complete(busy.worker, busy.unit);
   return busy.worker;
 }
 
 /// The job the worker was leased units of; "" for none.
-std::string job_of(FarmWalk& farm, WorkerKey worker) {
+std::string job_of(SchedulerHarness& farm, WorkerKey worker) {
   const auto units = farm.leased(worker);
   return units.empty() ? "" : units.at(0).job_id;
 }
 
 TEST(SceneAffinity, OfIdleWorkersTheOneThatHasTheSceneGoesFirst) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   const WorkerKey has_x = connect_with(farm, "w1", "x");
   const WorkerKey has_y = connect_with(farm, "w2", "y");
   const Job& job = farm.add_job({.tiles = 1, .scene = "y"});
@@ -49,7 +49,7 @@ TEST(SceneAffinity, OfIdleWorkersTheOneThatHasTheSceneGoesFirst) {
 }
 
 TEST(SceneAffinity, IdleWorkersTurnToTheJobsWhoseScenesTheyHave) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   const WorkerKey has_x = connect_with(farm, "w1", "x");
   const WorkerKey has_y = connect_with(farm, "w2", "y");
   const Job& of_y = farm.queue_job({.tiles = 4, .scene = "y"});
@@ -60,7 +60,7 @@ TEST(SceneAffinity, IdleWorkersTurnToTheJobsWhoseScenesTheyHave) {
 }
 
 TEST(SceneAffinity, TheOldestJobIsLeftOnlyToWhoSeesToIt) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   const WorkerKey first = connect_with(farm, "w1", "x");
   const WorkerKey second = connect_with(farm, "w2", "x");
   const Job& strange = farm.queue_job({.tiles = 40, .scene = "z"});
@@ -73,7 +73,7 @@ TEST(SceneAffinity, TheOldestJobIsLeftOnlyToWhoSeesToIt) {
 }
 
 TEST(SceneAffinity, PriorityComesBeforeScenes) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   const Busy busy = connect_busy_with(farm, "w1", "x");
   farm.queue_job({.tiles = 40, .scene = "x"});
   const Job& urgent = farm.queue_job({.tiles = 40, .priority = 1, .scene = "z"});
@@ -84,7 +84,7 @@ TEST(SceneAffinity, PriorityComesBeforeScenes) {
 }
 
 TEST(SceneAffinity, FairShareComesBeforeScenes) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   const Busy busy = connect_busy_with(farm, "w1", "x");
   farm.queue_job({.tiles = 40, .owner = "ann", .scene = "x"});
   const Job& of_ben = farm.queue_job({.tiles = 40, .owner = "ben", .scene = "z"});
@@ -95,7 +95,7 @@ TEST(SceneAffinity, FairShareComesBeforeScenes) {
 }
 
 TEST(SceneAffinity, AWorkerThatComesBackStillHasItsScene) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   const WorkerKey has_x = connect_with(farm, "w1", "x");
   const WorkerKey has_y = connect_with(farm, "w2", "y");
   farm.scheduler.disconnect(has_y);

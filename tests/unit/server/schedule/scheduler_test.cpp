@@ -1,10 +1,10 @@
-#include "server/schedule/scheduler.h"
+#include "server/schedule/scheduler/scheduler.h"
 
 #include <gtest/gtest.h>
 
 #include <set>
 
-#include "tests/unit/server/schedule/farm_walk.h"
+#include "tests/unit/server/schedule/scheduler_harness.h"
 
 namespace tessera::server {
 namespace {
@@ -14,7 +14,7 @@ using namespace std::chrono_literals;
 // Leases ------------------------------------------------------------------------------------------
 
 TEST(Scheduler, LeasesNoMoreThanTheCredits) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   farm.add_job({.tiles = 100});
   const WorkerKey worker = farm.connect("w1", {.credits = 5});
   EXPECT_EQ(farm.leased(worker).size(), 5u);
@@ -23,7 +23,7 @@ TEST(Scheduler, LeasesNoMoreThanTheCredits) {
 }
 
 TEST(Scheduler, EveryLeaseCarriesItsSealAndANumberOfItsOwn) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   farm.add_job({.tiles = 100});
   const WorkerKey worker = farm.connect("w1", {.threads = 1, .credits = 40});
   std::set<Attempt> attempts;
@@ -35,7 +35,7 @@ TEST(Scheduler, EveryLeaseCarriesItsSealAndANumberOfItsOwn) {
 }
 
 TEST(Scheduler, RunsShrinkTowardsTheEnd) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   farm.add_job({.tiles = 64});
   const WorkerKey worker = farm.connect("w1", {.threads = 2, .credits = 64});
   std::vector<std::int32_t> lengths;
@@ -47,7 +47,7 @@ TEST(Scheduler, RunsShrinkTowardsTheEnd) {
 }
 
 TEST(Scheduler, NearTheEndNobodyHoldsMoreThanHisShare) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   const WorkerKey one = farm.connect("w1", {.threads = 2, .credits = 100});
   const WorkerKey two = farm.connect("w2", {.threads = 2, .credits = 100});
   farm.add_job({.tiles = 8});
@@ -56,7 +56,7 @@ TEST(Scheduler, NearTheEndNobodyHoldsMoreThanHisShare) {
 }
 
 TEST(Scheduler, AQueuedJobHasNoPlanUntilItsFirstLease) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 4, .frames = 1000});
   EXPECT_FALSE(job.plan);
   EXPECT_EQ(job.unit_count, 4000);
@@ -66,7 +66,7 @@ TEST(Scheduler, AQueuedJobHasNoPlanUntilItsFirstLease) {
 }
 
 TEST(Scheduler, CreditsOfAHostileWorkerDoNotOverflow) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   const WorkerKey worker = farm.connect("w1");
   for (int i = 0; i < 10; ++i) farm.scheduler.grant_credits(worker, 2'000'000'000, farm.now);
   EXPECT_GT(farm.scheduler.find_worker(worker)->credits, 0);
@@ -77,7 +77,7 @@ TEST(Scheduler, CreditsOfAHostileWorkerDoNotOverflow) {
 // Loss and reconnection ---------------------------------------------------------------------------
 
 TEST(Scheduler, UnitsOfASilentWorkerGoToOthersAfterFiveSeconds) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 4});
   const WorkerKey silent = farm.connect("w1", {.threads = 4, .credits = 4});
   ASSERT_EQ(farm.leased(silent).size(), 4u);
@@ -91,7 +91,7 @@ TEST(Scheduler, UnitsOfASilentWorkerGoToOthersAfterFiveSeconds) {
 }
 
 TEST(Scheduler, ABrokenStreamIsNoLossByItself) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   farm.add_job({.tiles = 4});
   const WorkerKey worker = farm.connect("w1", {.threads = 4, .credits = 4});
   const auto units = farm.leased(worker);
@@ -99,7 +99,7 @@ TEST(Scheduler, ABrokenStreamIsNoLossByItself) {
   const WorkerKey other = farm.connect("w2", {.threads = 4, .credits = 4});
   farm.pass(3s, {other});
   EXPECT_TRUE(farm.leased(other).empty());
-  FarmWalk::WorkerPlanned back{.threads = 4, .credits = 0};
+  SchedulerHarness::WorkerPlanned back{.threads = 4, .credits = 0};
   for (const UnitName& unit : units) back.leases.push_back(farm.leases.at({worker, unit}));
   back.running = units;
   EXPECT_EQ(farm.connect("w1", back), worker) << "it is the same worker";
@@ -110,11 +110,11 @@ TEST(Scheduler, ABrokenStreamIsNoLossByItself) {
 }
 
 TEST(Scheduler, WhatAReconnectedWorkerDoesNotListIsLeasedAgainWithoutALoss) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 4});
   const WorkerKey worker = farm.connect("w1", {.threads = 4, .credits = 4});
   const auto units = farm.leased(worker);
-  FarmWalk::WorkerPlanned back{.threads = 4, .credits = 3};
+  SchedulerHarness::WorkerPlanned back{.threads = 4, .credits = 3};
   back.leases = {farm.leases.at({worker, units[0]})};
   back.running = {units[0]};
   farm.connect("w1", back);
@@ -124,11 +124,11 @@ TEST(Scheduler, WhatAReconnectedWorkerDoesNotListIsLeasedAgainWithoutALoss) {
 
 TEST(Scheduler, AdoptsOnlyUnderItsOwnSealAndStore) {
   for (const bool is_forged : {true, false}) {
-    FarmWalk farm;
+    SchedulerHarness farm;
     Job& job = farm.add_job({.tiles = 2});
     Lease lease{"j1", 0, 0, 0, 2, 0, 8, {1, 77}, {}};
     lease.seal = seal_of(lease, "w1", is_forged ? "wrong key" : "key");
-    FarmWalk::WorkerPlanned hello{.credits = 0, .leases = {lease}, .running = {{"j1", {0, 0, 0}}}};
+    SchedulerHarness::WorkerPlanned hello{.credits = 0, .leases = {lease}, .running = {{"j1", {0, 0, 0}}}};
     farm.connect("w1", hello);
     EXPECT_EQ(job.plan && job.plan->find_in_flight({0, 0, 0}) != nullptr, !is_forged);
     hello.store_id = "another";
@@ -138,7 +138,7 @@ TEST(Scheduler, AdoptsOnlyUnderItsOwnSealAndStore) {
 }
 
 TEST(Scheduler, GrantsWaitForTheRosterButNotForEver) {
-  FarmWalk farm({"w1", "w2"});
+  SchedulerHarness farm({"w1", "w2"});
   farm.add_job({.tiles = 8});
   const WorkerKey one = farm.connect("w1");
   farm.pass(2s, {one});
@@ -147,7 +147,7 @@ TEST(Scheduler, GrantsWaitForTheRosterButNotForEver) {
   EXPECT_FALSE(farm.leased(one).empty()) << "all are back";
   EXPECT_FALSE(farm.leased(two).empty());
 
-  FarmWalk alone({"w1", "gone"});
+  SchedulerHarness alone({"w1", "gone"});
   alone.add_job({.tiles = 8});
   const WorkerKey worker = alone.connect("w1");
   alone.pass(4900ms, {worker});
@@ -157,12 +157,12 @@ TEST(Scheduler, GrantsWaitForTheRosterButNotForEver) {
 }
 
 TEST(Scheduler, ALateTimerOfItsOwnExpiresNobody) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   farm.add_job({.tiles = 4});
   const WorkerKey worker = farm.connect("w1");
   farm.pass(1s, {worker});
   farm.now += 60s;  // SIGSTOP: nobody could be heard
-  farm.scheduler.tick(farm.now, FarmWalk::kPeriod);
+  farm.scheduler.tick(farm.now, SchedulerHarness::kPeriod);
   farm.pass(200ms, {});
   EXPECT_FALSE(farm.scheduler.find_worker(worker)->lost);
   farm.pass(6s, {});
@@ -170,7 +170,7 @@ TEST(Scheduler, ALateTimerOfItsOwnExpiresNobody) {
 }
 
 TEST(Scheduler, ALeavingWorkerKeepsItsUnitsAndGetsNoMore) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   farm.add_job({.tiles = 100});
   const WorkerKey worker = farm.connect("w1");
   const auto units = farm.leased(worker);
@@ -184,7 +184,7 @@ TEST(Scheduler, ALeavingWorkerKeepsItsUnitsAndGetsNoMore) {
 // Failures ----------------------------------------------------------------------------------------
 
 TEST(Scheduler, AFailedUnitGoesToAWorkerThatHasNotFailedIt) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 1});
   const WorkerKey one = farm.connect("w1");
   const auto unit = farm.leased(one).at(0);
@@ -199,7 +199,7 @@ TEST(Scheduler, AFailedUnitGoesToAWorkerThatHasNotFailedIt) {
 
 TEST(Scheduler, TheThirdFailureFailsTheJobWithWhatEachSaid) {
   for (const int workers : {1, 4}) {
-    FarmWalk farm;
+    SchedulerHarness farm;
     Job& job = farm.add_job({.tiles = 1});
     std::vector<WorkerKey> keys;
     for (int i = 0; i < workers; ++i) keys.push_back(farm.connect("w" + std::to_string(i)));
@@ -220,7 +220,7 @@ TEST(Scheduler, TheThirdFailureFailsTheJobWithWhatEachSaid) {
 }
 
 TEST(Scheduler, ABadSceneFailsTheJobAtOnce) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 8});
   const WorkerKey worker = farm.connect("w1");
   farm.fail(worker, farm.leased(worker).at(0), true);
@@ -229,7 +229,7 @@ TEST(Scheduler, ABadSceneFailsTheJobAtOnce) {
 }
 
 TEST(Scheduler, TenLossesOfAUnitDoNotFailItsJobElevenDo) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 1});
   for (int loss = 1; loss <= 11; ++loss) {
     ASSERT_EQ(job.state == JobState::failed, false) << "after " << loss - 1 << " losses";
@@ -241,7 +241,7 @@ TEST(Scheduler, TenLossesOfAUnitDoNotFailItsJobElevenDo) {
 }
 
 TEST(Scheduler, AWorkerIsSetAsideOnlyForFailuresThatAreDisproved) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   farm.add_job({.tiles = 50});
   const WorkerKey bad = farm.connect("bad", {.threads = 1, .credits = 4});
   const auto units = farm.leased(bad);
@@ -260,7 +260,7 @@ TEST(Scheduler, AWorkerIsSetAsideOnlyForFailuresThatAreDisproved) {
 }
 
 TEST(Scheduler, AFailureWithoutASealIsIgnored) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 4});
   const WorkerKey worker = farm.connect("w1");
   Lease lease = farm.mail(worker).leases.at(0);
@@ -272,7 +272,7 @@ TEST(Scheduler, AFailureWithoutASealIsIgnored) {
 // Priority and fairness ---------------------------------------------------------------------------
 
 TEST(Scheduler, HigherPriorityGoesFirst) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   farm.add_job({.tiles = 4});
   farm.add_job({.tiles = 4, .priority = 5});
   const WorkerKey worker = farm.connect("w1", {.threads = 4, .credits = 4});
@@ -280,7 +280,7 @@ TEST(Scheduler, HigherPriorityGoesFirst) {
 }
 
 TEST(Scheduler, OwnersShareByCpuSecondsNotByJobs) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   for (int i = 0; i < 3; ++i) farm.add_job({.tiles = 400, .owner = "ann"});
   farm.add_job({.tiles = 400, .owner = "ben"});
   std::map<std::string, double> spent;
@@ -304,7 +304,7 @@ TEST(Scheduler, OwnersShareByCpuSecondsNotByJobs) {
 }
 
 TEST(Scheduler, AWorkerStaysUntilItsSceneHasPaidOff) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   farm.add_job({.tiles = 400, .owner = "ann"});
   const WorkerKey worker = farm.connect("w1", {.threads = 1, .credits = 1});
   farm.add_job({.tiles = 400, .owner = "ben"});
@@ -320,7 +320,7 @@ TEST(Scheduler, AWorkerStaysUntilItsSceneHasPaidOff) {
 }
 
 TEST(Scheduler, APriorityJobNeedNotWaitForThat) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   farm.add_job({.tiles = 400});
   const WorkerKey worker = farm.connect("w1", {.threads = 1, .credits = 1});
   farm.scheduler.scene_loaded(worker, "j1", 100, 0, 0);
@@ -330,7 +330,7 @@ TEST(Scheduler, APriorityJobNeedNotWaitForThat) {
 }
 
 TEST(Scheduler, RequiredTagAndMaxWorkersAreKept) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   farm.add_job({.tiles = 40, .max_workers = 1, .tag = "big"});
   const WorkerKey plain = farm.connect("w1");
   const WorkerKey big = farm.connect("w2", {.tags = {"big", "fast"}});
@@ -343,13 +343,13 @@ TEST(Scheduler, RequiredTagAndMaxWorkersAreKept) {
 // Job states --------------------------------------------------------------------------------------
 
 TEST(Scheduler, PausingLeasesNothingNewAndLeavesWhatRuns) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 40});
   const WorkerKey worker = farm.connect("w1");
   const auto units = farm.leased(worker);
   ASSERT_TRUE(farm.scheduler.pause(job, "asked", farm.now).ok());
   farm.complete(worker, units[0]);
-  const Mail mail = farm.mail(worker);
+  const Outbox mail = farm.mail(worker);
   EXPECT_TRUE(mail.leases.empty() && mail.revoked.empty());
   EXPECT_EQ(job.plan->committed_count(), 1);
   ASSERT_TRUE(farm.scheduler.resume(job, farm.now).ok());
@@ -357,12 +357,12 @@ TEST(Scheduler, PausingLeasesNothingNewAndLeavesWhatRuns) {
 }
 
 TEST(Scheduler, CancellingRevokesEveryLeaseAndTellsTheWorkers) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 40});
   const WorkerKey worker = farm.connect("w1");
   const auto units = farm.leased(worker);
   ASSERT_TRUE(farm.scheduler.cancel(job, farm.now).ok());
-  const Mail mail = farm.mail(worker);
+  const Outbox mail = farm.mail(worker);
   EXPECT_EQ(mail.revoked, units);
   EXPECT_EQ(mail.ended_jobs, std::vector<std::string>{"j1"});
   const Lease lease = farm.leases.at({worker, units[0]});
@@ -371,7 +371,7 @@ TEST(Scheduler, CancellingRevokesEveryLeaseAndTellsTheWorkers) {
 }
 
 TEST(Scheduler, RetryGoesOnFromTheCommittedUnitsWithFailuresAtZero) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 2});
   const WorkerKey worker = farm.connect("w1", {.threads = 2, .credits = 2});
   const auto units = farm.leased(worker);
@@ -389,7 +389,7 @@ TEST(Scheduler, RetryGoesOnFromTheCommittedUnitsWithFailuresAtZero) {
 }
 
 TEST(Scheduler, AJobIsDoneWithItsLastFrame) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 1, .frames = 2});
   const WorkerKey worker = farm.connect("w1");
   for (const UnitName& unit : farm.leased(worker)) farm.commit(worker, unit);
@@ -411,7 +411,7 @@ struct Tail {
     for (std::size_t i = 1; i < units.size(); ++i) farm.complete(slow, units[i], 1);
     fast = farm.connect("fast", {.threads = 2, .credits = 2});
   }
-  FarmWalk farm;
+  SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 4});
   WorkerKey slow = farm.connect("slow", {.threads = 4, .credits = 4});
   WorkerKey fast = 0;
@@ -441,7 +441,7 @@ TEST(Scheduler, AtTheCommitTheOtherCopyIsRevoked) {
 }
 
 TEST(Scheduler, UnitsNotStartedAreHandedBackForIdleWorkers) {
-  FarmWalk farm;
+  SchedulerHarness farm;
   farm.add_job({.tiles = 8});
   const WorkerKey busy = farm.connect("busy", {.threads = 2, .credits = 8});
   const auto units = farm.leased(busy);

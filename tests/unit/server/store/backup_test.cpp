@@ -1,5 +1,5 @@
 // back_up_store(): a copy of a store in use is whole, is a store of its own, and never half there.
-#include "server/store/backup.h"
+#include "server/store/maintenance/backup.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 
 #include "server/store/store.h"
 #include "tests/support/scratch_folder.h"
-#include "tests/unit/server/store/promises.h"
+#include "tests/unit/server/store/durability_checker.h"
 
 namespace tessera::server {
 namespace {
@@ -65,7 +65,7 @@ TEST_F(BackupTest, ACopyOfAStoreInUseIsWholeAndOneOfItsOwn) {
   EXPECT_EQ(findings->blocks, 2) << "released ones are not copied";
   EXPECT_EQ(findings->frames, 1);
   EXPECT_EQ(findings->assets, 1);
-  EXPECT_TRUE(findings->litter.empty()) << ::testing::PrintToString(findings->litter);
+  EXPECT_TRUE(findings->orphans.empty()) << ::testing::PrintToString(findings->orphans);
 
   commit("open", 2);  // the original goes on
   const auto restored = Store::open(copy(), real_filesystem());

@@ -1,5 +1,5 @@
 // check_store() finds each kind of damage, and none where there is none.
-#include "server/store/check.h"
+#include "server/store/maintenance/check.h"
 
 #include <gtest/gtest.h>
 
@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "absl/strings/match.h"
-#include "server/store/database.h"
+#include "server/store/sqlite/database.h"
 #include "server/store/store.h"
 #include "tests/support/scratch_folder.h"
-#include "tests/unit/server/store/promises.h"
+#include "tests/unit/server/store/durability_checker.h"
 
 namespace tessera::server {
 namespace {
@@ -78,7 +78,7 @@ class StoreCheckTest : public ::testing::Test {
 TEST_F(StoreCheckTest, ASoundStoreHasNoFaults) {
   const StoreFindings found = check();
   EXPECT_TRUE(found.faults.empty()) << ::testing::PrintToString(found.faults);
-  EXPECT_TRUE(found.litter.empty()) << ::testing::PrintToString(found.litter);
+  EXPECT_TRUE(found.orphans.empty()) << ::testing::PrintToString(found.orphans);
   EXPECT_EQ(found.jobs, 2);
   EXPECT_EQ(found.units, 4) << "two of them added up";
   EXPECT_EQ(found.blocks, 2) << "released ones are not looked at";
@@ -131,8 +131,8 @@ TEST_F(StoreCheckTest, AReleasedBlockOfAnUnfinishedFrameIsAFault) {
 TEST_F(StoreCheckTest, AnImageWithoutARowIsLeftOver) {
   change_rows("DELETE FROM frames");
   const StoreFindings found = check();
-  ASSERT_EQ(found.litter.size(), 1u);
-  EXPECT_EQ(found.litter[0], "outputs/done/frame.exr");
+  ASSERT_EQ(found.orphans.size(), 1u);
+  EXPECT_EQ(found.orphans[0], "outputs/done/frame.exr");
 }
 
 TEST_F(StoreCheckTest, ADoneJobsUnitsThatAreNotAddedUpAreAFault) {
@@ -162,7 +162,7 @@ TEST_F(StoreCheckTest, ARemovedJobLeavesNothing) {
   }
   const StoreFindings found = check();
   EXPECT_TRUE(found.faults.empty()) << ::testing::PrintToString(found.faults);
-  EXPECT_TRUE(found.litter.empty()) << ::testing::PrintToString(found.litter);
+  EXPECT_TRUE(found.orphans.empty()) << ::testing::PrintToString(found.orphans);
   EXPECT_EQ(found.jobs + found.units + found.frames, 0);
 }
 
@@ -171,7 +171,7 @@ TEST_F(StoreCheckTest, FilesWithoutARowAreLeftOver) {
   write(path() + "/assets/upload/1-1", "x");
   const StoreFindings found = check();
   EXPECT_TRUE(found.faults.empty()) << ::testing::PrintToString(found.faults);
-  EXPECT_EQ(found.litter.size(), 2u) << ::testing::PrintToString(found.litter);
+  EXPECT_EQ(found.orphans.size(), 2u) << ::testing::PrintToString(found.orphans);
 }
 
 TEST_F(StoreCheckTest, AStoreInUseOrOfAnotherVersionIsNotLookedAt) {

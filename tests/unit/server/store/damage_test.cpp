@@ -9,11 +9,11 @@
 #include <vector>
 
 #include "absl/strings/match.h"
-#include "server/store/database.h"
+#include "server/store/sqlite/database.h"
 #include "server/store/store.h"
 #include "tests/support/failing_disk.h"
 #include "tests/support/scratch_folder.h"
-#include "tests/unit/server/store/promises.h"
+#include "tests/unit/server/store/durability_checker.h"
 
 namespace tessera::server {
 namespace {
@@ -120,7 +120,7 @@ TEST_F(DamageTest, RowsThatCannotBeReadAreReportedAndNotTakenForNone) {
   }
   const auto store = open();
   EXPECT_TRUE(absl::IsDataLoss(store.status())) << store.status();
-  EXPECT_TRUE(std::filesystem::exists(segment())) << "a damaged table must not look like litter";
+  EXPECT_TRUE(std::filesystem::exists(segment())) << "a damaged table must not look like orphans";
 }
 
 TEST_F(DamageTest, ANewerSchemaIsRefusedAndLeftAlone) {

@@ -15,7 +15,7 @@
 #include "server/store/store.h"
 #include "tests/support/disk_model.h"
 #include "tests/support/scratch_folder.h"
-#include "tests/unit/server/store/promises.h"
+#include "tests/unit/server/store/durability_checker.h"
 #include "tests/unit/server/store/sync_sites.h"
 
 namespace tessera::server {
@@ -48,7 +48,7 @@ StoreOptions small_options() {
 /// Uses a store on a recording disk and notes what it answers for.
 class Coordinator {
  public:
-  Coordinator(PowerCutDisk& disk, std::string root, Promises& promises)
+  Coordinator(PowerCutDisk& disk, std::string root, DurabilityChecker& promises)
       : disk_(disk), root_(std::move(root)), promises_(promises) {}
 
   Store& store() { return *store_; }
@@ -190,7 +190,7 @@ class Coordinator {
 
   PowerCutDisk& disk_;
   std::string root_;
-  Promises& promises_;
+  DurabilityChecker& promises_;
   std::unique_ptr<Store> store_;
   std::map<std::string, JobRecord> jobs_;
   std::map<std::string, std::int64_t> unit_counts_;
@@ -215,7 +215,7 @@ std::vector<std::string> make_assets() {
 /// A day in the life of a store: everything it can do, on a disk that remembers each step.
 struct Recording {
   std::vector<DiskEvent> events;
-  Promises promises;
+  DurabilityChecker promises;
   std::vector<std::string> assets = make_assets();
 };
 
@@ -364,7 +364,7 @@ TEST(PowerCut, AfterAKillLosesNothingThatTheNextProcessSaw) {
     disk.apply(recording.events[i]);
     testing::restore_image(disk.visible(), killed_folder.path());
     DiskModel second_disk = disk;
-    Promises promises;
+    DurabilityChecker promises;
     std::vector<std::string> seen;
     {
       PowerCutDisk second(killed_folder.path());

@@ -10,12 +10,12 @@
 #include <utility>
 #include <vector>
 
-#include "tests/unit/server/store/store_walk.h"
+#include "tests/unit/server/store/store_fixture.h"
 
 namespace tessera::server {
 namespace {
 
-using StoreTest = StoreWalk;
+using StoreTest = StoreFixture;
 
 TEST_F(StoreTest, KeepsItsIdAndKeyAndCountsItsBoots) {
   const std::string id = store().id();

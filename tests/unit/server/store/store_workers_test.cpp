@@ -1,12 +1,12 @@
 #include <gtest/gtest.h>
 
 #include "server/store/store.h"
-#include "tests/unit/server/store/store_walk.h"
+#include "tests/unit/server/store/store_fixture.h"
 
 namespace tessera::server {
 namespace {
 
-using StoreWorkersTest = StoreWalk;
+using StoreWorkersTest = StoreFixture;
 
 TEST_F(StoreWorkersTest, RemembersWhoIsBanned) {
   ASSERT_TRUE(store().ban_worker("w2").ok());

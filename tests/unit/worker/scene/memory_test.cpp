@@ -4,7 +4,7 @@
 
 #include "tests/support/plain_scene.h"
 #include "worker/render/frame_renderer.h"
-#include "worker/scene/needs.h"
+#include "worker/scene/features.h"
 
 namespace tessera::testing {
 namespace {
@@ -33,7 +33,7 @@ render::Material lamp() {
 /// Holds the estimate against what the renderer says it keeps. Making that takes up to twice as
 /// much again, lights, which pass through more forms, up to ten times.
 void expect_about_what_is_kept(Scene scene, double most) {
-  const render::SceneNeeds needs = needs_of(scene);
+  const render::SceneFeatures needs = features_of(scene);
   const std::int64_t estimate = needs.total_bytes() - render::kProcessBytes;
   const auto made = render::FrameRenderer::create(std::move(scene), small_settings(8, 8, 4), 0,
                                                   render::sequential());
@@ -45,20 +45,20 @@ void expect_about_what_is_kept(Scene scene, double most) {
 
 TEST(MemoryEstimate, CountsTreesByTriangle) {
   expect_about_what_is_kept(balls(lambert({1, 1, 1})), 3);
-  EXPECT_EQ(needs_of(balls(lambert({1, 1, 1}))).light_bytes, 0);
+  EXPECT_EQ(features_of(balls(lambert({1, 1, 1}))).light_bytes, 0);
 }
 
 TEST(MemoryEstimate, CountsLightsByEmissiveTriangleAsOftenAsItIsPlaced) {
   Scene scene = balls(lamp());
-  const std::int64_t three = needs_of(scene).light_bytes;
+  const std::int64_t three = features_of(scene).light_bytes;
   expect_about_what_is_kept(scene, 10);
   scene.instances.pop_back();
-  EXPECT_EQ(3 * needs_of(scene).light_bytes, 2 * three);
+  EXPECT_EQ(3 * features_of(scene).light_bytes, 2 * three);
 }
 
 TEST(MemoryEstimate, CountsTheTexelsThatLightsAreChosenBy) {
   Scene scene = balls(lamp());
-  const render::SceneNeeds plain = needs_of(scene);
+  const render::SceneFeatures plain = features_of(scene);
   render::Image image;
   image.width = 512;
   image.height = 256;
@@ -67,13 +67,13 @@ TEST(MemoryEstimate, CountsTheTexelsThatLightsAreChosenBy) {
   scene.images.push_back(image);
   scene.textures.push_back({0, render::Wrap::repeat, render::Wrap::repeat, false});
   scene.materials[1].emissive_texture.texture = 0;
-  const render::SceneNeeds textured = needs_of(scene);
+  const render::SceneFeatures textured = features_of(scene);
   EXPECT_EQ(textured.image_bytes, 512 * 256 * 4);
   // A sum in double and a count a texel, for as long as the lights are gathered.
   EXPECT_EQ(textured.light_bytes - plain.light_bytes, 512 * 256 * (8 + 4));
 
   set_sky(&scene, 128, 64, std::vector<float>(128 * 64 * 3, 1.0f));
-  EXPECT_EQ(needs_of(scene).light_bytes - textured.light_bytes, 128 * 64 * 8);
+  EXPECT_EQ(features_of(scene).light_bytes - textured.light_bytes, 128 * 64 * 8);
   expect_about_what_is_kept(scene, 10);
 }
 

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "contract/version.h"
+
+namespace tessera::contract {
+
+/// A library a program uses, and the version of it that is there.
+struct LibraryVersion {
+  std::string_view name;
+  std::string version;
+};
+
+/// The instruction set that all three programs are built for; the renderer may choose a wider one.
+inline constexpr std::string_view kBaselineIsa = "x86-64-v3";
+
+/// What --version prints: program, render contract and ISA on one line, libraries on the next.
+inline std::string version_text(std::string_view program, std::string_view version,
+                                std::string_view isa, const std::vector<LibraryVersion>& libraries,
+                                const std::vector<LibraryVersion>& more = {}) {
+  std::string text(program);
+  text.append(" ").append(version).append(", render contract ");
+  text.append(std::to_string(kRenderContract)).append(", isa ").append(isa);
+  const char* before = "\n";
+  for (const auto* list : {&libraries, &more}) {
+    for (const LibraryVersion& library : *list) {
+      text.append(before).append(library.name).append(" ").append(library.version);
+      before = ", ";
+    }
+  }
+  return text;
+}
+
+}  // namespace tessera::contract

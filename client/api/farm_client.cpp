@@ -1,0 +1,365 @@
+#include "client/api/farm_client.h"
+
+#include <algorithm>
+#include <condition_variable>
+#include <fstream>
+#include <iterator>
+#include <mutex>
+#include <random>
+#include <set>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "rpc/channel.h"
+#include "rpc/rpc_status.h"
+#include "tessera/v1/asset_service.grpc.pb.h"
+#include "tessera/v1/job_service.grpc.pb.h"
+#include "tessera/v1/worker_service.grpc.pb.h"
+
+namespace tessera::client {
+namespace {
+
+using std::chrono::milliseconds;
+using Clock = std::chrono::steady_clock;
+
+constexpr milliseconds kCallTimeout{20'000};
+constexpr milliseconds kPatienceAfterContact{60'000};
+constexpr milliseconds kFirstPause{50}, kLongestPause{3'000};
+constexpr std::size_t kChunkBytes = 1 << 20;
+constexpr std::size_t kAssetsPerCall = 100'000;
+
+absl::StatusOr<std::string> read_token(const Connection& connection) {
+  if (connection.token_file.empty()) {
+    const char* token = std::getenv("TESSERA_TOKEN");
+    return std::string(token == nullptr ? "" : token);
+  }
+  std::ifstream file(connection.token_file);
+  std::string token;
+  if (!std::getline(file, token)) {
+    return absl::NotFoundError(
+        absl::StrCat("token file ", connection.token_file, " cannot be read"));
+  }
+  return token;
+}
+
+class Client : public FarmClient {
+ public:
+  Client(std::string address, std::string token, milliseconds connect_timeout,
+         const std::shared_ptr<grpc::Channel>& channel)
+      : address_(std::move(address)),
+        token_(std::move(token)),
+        patience_before_contact_(connect_timeout),
+        jobs_(v1::JobService::NewStub(channel)),
+        assets_(v1::AssetService::NewStub(channel)),
+        workers_(v1::WorkerService::NewStub(channel)),
+        random_(std::random_device{}()) {}
+
+  absl::StatusOr<v1::CreateJobResponse> create_job(const v1::CreateJobRequest& request) override {
+    v1::CreateJobResponse response;
+    absl::Status status = unary(jobs_, &v1::JobService::Stub::CreateJob, request, response);
+    if (!status.ok()) return status;
+    return response;
+  }
+
+  absl::StatusOr<v1::Job> get_job(const std::string& job) override {
+    v1::GetJobRequest request;
+    request.set_job(job);
+    return job_of<v1::GetJobResponse>(&v1::JobService::Stub::GetJob, request);
+  }
+
+  absl::StatusOr<v1::ListJobsResponse> list_jobs(const v1::ListJobsRequest& request) override {
+    v1::ListJobsResponse response;
+    absl::Status status = unary(jobs_, &v1::JobService::Stub::ListJobs, request, response);
+    if (!status.ok()) return status;
+    return response;
+  }
+
+  absl::StatusOr<v1::Job> watch_job(const std::string& job_id, milliseconds interval,
+                                    const std::function<bool(const v1::Job&)>& visit) override {
+    v1::WatchJobRequest request;
+    request.set_job_id(job_id);
+    request.mutable_interval()->set_seconds(interval.count() / 1000);
+    request.mutable_interval()->set_nanos(static_cast<int>(interval.count() % 1000) * 1'000'000);
+    v1::Job last;
+    const absl::Status status = retry(milliseconds(0), [&](grpc::ClientContext& context) {
+      const auto stream = jobs_->WatchJob(&context, request);
+      v1::WatchJobResponse response;
+      while (stream->Read(&response)) {
+        note_contact();
+        last = std::move(*response.mutable_job());
+        if (visit(last)) continue;
+        context.TryCancel();
+        return stream->Finish(), absl::OkStatus();
+      }
+      return contract::from_rpc(stream->Finish());
+    });
+    if (!status.ok()) return status;
+    return last;
+  }
+
+  absl::StatusOr<v1::Job> pause_job(const std::string& job_id) override {
+    return job_of<v1::PauseJobResponse>(&v1::JobService::Stub::PauseJob,
+                                        naming<v1::PauseJobRequest>(job_id));
+  }
+  absl::StatusOr<v1::Job> resume_job(const std::string& job_id) override {
+    return job_of<v1::ResumeJobResponse>(&v1::JobService::Stub::ResumeJob,
+                                         naming<v1::ResumeJobRequest>(job_id));
+  }
+  absl::StatusOr<v1::Job> cancel_job(const std::string& job_id) override {
+    return job_of<v1::CancelJobResponse>(&v1::JobService::Stub::CancelJob,
+                                         naming<v1::CancelJobRequest>(job_id));
+  }
+  absl::StatusOr<v1::Job> retry_job(const std::string& job_id) override {
+    return job_of<v1::RetryJobResponse>(&v1::JobService::Stub::RetryJob,
+                                        naming<v1::RetryJobRequest>(job_id));
+  }
+  absl::Status remove_job(const std::string& job_id) override {
+    v1::RemoveJobResponse response;
+    return unary(jobs_, &v1::JobService::Stub::RemoveJob, naming<v1::RemoveJobRequest>(job_id),
+                 response);
+  }
+  absl::StatusOr<v1::Job> extend_job(const std::string& job_id, std::int32_t sample_count,
+                                     double error) override {
+    auto request = naming<v1::ExtendJobRequest>(job_id);
+    request.set_sample_count(sample_count);
+    if (error > 0) request.set_error_target(error);
+    return job_of<v1::ExtendJobResponse>(&v1::JobService::Stub::ExtendJob, request);
+  }
+
+  absl::StatusOr<std::string> get_report(const std::string& job_id) override {
+    v1::GetJobReportResponse response;
+    absl::Status status = unary(jobs_, &v1::JobService::Stub::GetJobReport,
+                                naming<v1::GetJobReportRequest>(job_id), response);
+    if (!status.ok()) return status;
+    return std::move(*response.mutable_report_json());
+  }
+
+  absl::StatusOr<std::vector<v1::Delivery>> list_deliveries(const std::string& job_id) override {
+    std::vector<v1::Delivery> deliveries;
+    v1::ListDeliveriesRequest request;
+    request.set_job_id(job_id);
+    do {
+      v1::ListDeliveriesResponse response;
+      absl::Status status = unary(jobs_, &v1::JobService::Stub::ListDeliveries, request, response);
+      if (!status.ok()) return status;
+      deliveries.insert(deliveries.end(), response.deliveries().begin(),
+                        response.deliveries().end());
+      request.set_page_token(response.next_page_token());
+    } while (!request.page_token().empty());
+    return deliveries;
+  }
+
+  absl::Status fetch_frame(const v1::FetchFrameRequest& request, const FrameSink& sink) override {
+    return retry(milliseconds(0), [&](grpc::ClientContext& context) {
+      const auto stream = jobs_->FetchFrame(&context, request);
+      v1::FetchFrameResponse response;
+      absl::Status kept;
+      while (kept.ok() && stream->Read(&response)) {
+        kept = response.has_header() ? sink.start(response.header()) : sink.write(response.chunk());
+      }
+      if (!kept.ok()) {
+        context.TryCancel();
+        stream->Finish();
+        return kept;
+      }
+      return contract::from_rpc(stream->Finish());
+    });
+  }
+
+  absl::Status watch_events(v1::WatchEventsRequest request,
+                            const std::function<bool(const v1::Event&)>& visit) override {
+    return retry(milliseconds(0), [&](grpc::ClientContext& context) {
+      const auto stream = jobs_->WatchEvents(&context, request);
+      v1::WatchEventsResponse response;
+      while (stream->Read(&response)) {
+        note_contact();
+        for (const v1::Event& event : response.events()) {
+          request.set_after_sequence(event.sequence());
+          if (visit(event)) continue;
+          context.TryCancel();
+          return stream->Finish(), absl::OkStatus();
+        }
+      }
+      return contract::from_rpc(stream->Finish());
+    });
+  }
+
+  absl::Status drain_worker(const std::string& worker_id) override {
+    return order<v1::DrainWorkerRequest, v1::DrainWorkerResponse>(
+        &v1::WorkerService::Stub::DrainWorker, worker_id);
+  }
+  absl::Status ban_worker(const std::string& worker_id) override {
+    return order<v1::BanWorkerRequest, v1::BanWorkerResponse>(&v1::WorkerService::Stub::BanWorker,
+                                                              worker_id);
+  }
+  absl::Status allow_worker(const std::string& worker_id) override {
+    return order<v1::AllowWorkerRequest, v1::AllowWorkerResponse>(
+        &v1::WorkerService::Stub::AllowWorker, worker_id);
+  }
+
+  absl::StatusOr<std::vector<v1::Worker>> list_workers() override {
+    v1::ListWorkersResponse response;
+    absl::Status status =
+        unary(workers_, &v1::WorkerService::Stub::ListWorkers, v1::ListWorkersRequest(), response);
+    if (!status.ok()) return status;
+    return std::vector<v1::Worker>(response.workers().begin(), response.workers().end());
+  }
+
+  absl::StatusOr<std::vector<v1::AssetId>> find_missing_assets(
+      const std::vector<v1::AssetId>& assets) override {
+    std::vector<v1::AssetId> missing;
+    for (std::size_t first = 0; first < assets.size(); first += kAssetsPerCall) {
+      v1::FindMissingAssetsRequest request;
+      const std::size_t end = std::min(assets.size(), first + kAssetsPerCall);
+      for (std::size_t i = first; i < end; ++i) *request.add_assets() = assets[i];
+      v1::FindMissingAssetsResponse response;
+      absl::Status status =
+          unary(assets_, &v1::AssetService::Stub::FindMissingAssets, request, response);
+      if (!status.ok()) return status;
+      missing.insert(missing.end(), response.missing().begin(), response.missing().end());
+    }
+    return missing;
+  }
+
+  absl::Status upload_asset(const v1::AssetId& asset, const std::string& path) override {
+    return retry(milliseconds(0), [&](grpc::ClientContext& context) {
+      std::ifstream file(path, std::ios::binary);
+      if (!file) return absl::NotFoundError(absl::StrCat(path, ": cannot be read"));
+      v1::UploadAssetResponse response;
+      const auto stream = assets_->UploadAsset(&context, &response);
+      v1::UploadAssetRequest request;
+      *request.mutable_asset() = asset;
+      bool open = stream->Write(request);
+      std::string chunk(kChunkBytes, '\0');
+      while (open && (file.read(chunk.data(), kChunkBytes) || file.gcount() > 0)) {
+        request.set_chunk(chunk.data(), static_cast<std::size_t>(file.gcount()));
+        open = stream->Write(request);
+      }
+      stream->WritesDone();
+      absl::Status status = contract::from_rpc(stream->Finish());
+      if (status.ok() || !absl::IsInvalidArgument(status)) return status;
+      return absl::InvalidArgumentError(
+          absl::StrCat(path, ": ", std::string(status.message()), " (was it changed just now?)"));
+    });
+  }
+
+  void cancel() override {
+    const std::lock_guard lock(mutex_);
+    cancelled_ = true;
+    for (grpc::ClientContext* context : running_) context->TryCancel();
+    wake_.notify_all();
+  }
+
+ private:
+  template <typename Request>
+  static Request naming(const std::string& job_id) {
+    Request request;
+    request.set_job_id(job_id);
+    return request;
+  }
+
+  template <typename Response, typename Method, typename Request>
+  absl::StatusOr<v1::Job> job_of(Method method, const Request& request) {
+    Response response;
+    absl::Status status = unary(jobs_, method, request, response);
+    if (!status.ok()) return status;
+    return std::move(*response.mutable_job());
+  }
+
+  template <typename Request, typename Response, typename Method>
+  absl::Status order(Method method, const std::string& worker_id) {
+    Request request;
+    request.set_worker_id(worker_id);
+    Response response;
+    return unary(workers_, method, request, response);
+  }
+
+  template <typename Stub, typename Method, typename Request, typename Response>
+  absl::Status unary(const std::unique_ptr<Stub>& stub, Method method, const Request& request,
+                     Response& response) {
+    return retry(kCallTimeout, [&](grpc::ClientContext& context) {
+      return contract::from_rpc(((*stub).*method)(&context, request, &response));
+    });
+  }
+
+  /// Runs `attempt` until it returns something else than Unavailable, or connect_timeout ends.
+  template <typename Attempt>
+  absl::Status retry(milliseconds timeout, const Attempt& attempt) {
+    Clock::time_point start = Clock::now();
+    milliseconds pause = kFirstPause;
+    while (true) {
+      const std::int64_t contacts_before = contacts_;
+      absl::Status status = run_once(timeout, attempt);
+      if (is_cancelled()) return absl::CancelledError("interrupted");
+      if (!absl::IsUnavailable(status)) {
+        note_contact();
+        return status;
+      }
+      if (contacts_ != contacts_before) {  // a stream that worked for a while
+        start = Clock::now();
+        pause = kFirstPause;
+      }
+      if (Clock::now() - start >
+          (contacts_ > 0 ? kPatienceAfterContact : patience_before_contact_)) {
+        return absl::UnavailableError(
+            absl::StrCat("no farm answers at ", address_, ": ", std::string(status.message())));
+      }
+      sleep(pause);
+      pause = std::min(2 * pause, kLongestPause);
+    }
+  }
+
+  template <typename Attempt>
+  absl::Status run_once(milliseconds timeout, const Attempt& attempt) {
+    grpc::ClientContext context;
+    contract::prepare_call(context, token_, timeout);
+    {
+      const std::lock_guard lock(mutex_);
+      if (cancelled_) return absl::CancelledError("interrupted");
+      running_.insert(&context);
+    }
+    absl::Status status = attempt(context);
+    const std::lock_guard lock(mutex_);
+    running_.erase(&context);
+    return status;
+  }
+
+  void sleep(milliseconds pause) {
+    std::uniform_int_distribution<std::int64_t> jitter(pause.count() / 2, pause.count());
+    std::unique_lock lock(mutex_);
+    wake_.wait_for(lock, milliseconds(jitter(random_)), [this] { return cancelled_; });
+  }
+
+  bool is_cancelled() {
+    const std::lock_guard lock(mutex_);
+    return cancelled_;
+  }
+
+  void note_contact() { ++contacts_; }
+
+  const std::string address_, token_;
+  const milliseconds patience_before_contact_;
+  const std::unique_ptr<v1::JobService::Stub> jobs_;
+  const std::unique_ptr<v1::AssetService::Stub> assets_;
+  const std::unique_ptr<v1::WorkerService::Stub> workers_;
+  std::mt19937 random_;  // jitter only
+  std::int64_t contacts_ = 0;
+
+  std::mutex mutex_;  // guards what follows
+  std::condition_variable wake_;
+  std::set<grpc::ClientContext*> running_;
+  bool cancelled_ = false;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<FarmClient>> FarmClient::connect(const Connection& connection) {
+  const std::string address = connection.server.empty() ? default_server() : connection.server;
+  auto token = read_token(connection);
+  if (!token.ok()) return token.status();
+  auto channel = contract::open_channel(address, connection.certs);
+  if (!channel.ok()) return channel.status();
+  return std::make_unique<Client>(address, *std::move(token), connection.connect_timeout, *channel);
+}
+
+}  // namespace tessera::client

@@ -1,0 +1,277 @@
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "client/bench/bench_stats.h"
+#include "client/bench/bench_reference.h"
+#include "client/commands/commands.h"
+#include "client/output/frame_files.h"
+#include "client/output/job_status.h"
+#include "client/request/job_request.h"
+#include "client/local_farm/local_farm.h"
+#include "client/cli/table.h"
+#include "client/output/true_error.h"
+#include "contract/digest.h"
+#include "contract/structure_names.h"
+
+namespace tessera::client {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr std::chrono::milliseconds kWatchInterval{20};
+constexpr std::chrono::seconds kPatience{30};
+
+struct BenchOptions {
+  std::vector<std::string> scenes;
+  std::string references, accelerator, environment;
+  std::vector<int> spp = {8, 64, 512};
+  int seeds = 3, threads = 1;
+  bool json = false;
+};
+
+/// A scene with what it is measured against.
+struct Subject {
+  std::string name, scene;
+  BenchReference reference;
+  std::vector<Image> image;  // one: the reference's
+  PreparedJob job;           // for any seed and sample count
+};
+
+absl::StatusOr<std::string> text_of_file(const std::string& path) {
+  std::ifstream file(path);
+  if (!file) return absl::InvalidArgumentError("cannot be read");
+  return std::string(std::istreambuf_iterator<char>(file), {});
+}
+
+/// The sky is that of --environment: a report knows its name and digest, not where it is.
+absl::Status check_sky(const BenchReference& reference, const std::string& environment) {
+  if (!reference.sky.empty() && environment.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat("the reference is lit by ", reference.sky,
+                                                   ": name that file with --environment"));
+  }
+  if (reference.sky.empty() && !environment.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat("the reference has no sky, --environment ",
+                                                   environment, " gives the renders one"));
+  }
+  return absl::OkStatus();
+}
+
+/// The reference is of the same bytes as the job.
+absl::Status check_scene(const BenchReference& reference, const PreparedJob& job) {
+  std::vector<contract::Digest> digests;
+  for (const v1::ManifestEntry& entry : job.request.manifest().assets()) {
+    digests.push_back(contract::Digest::from_binary(entry.asset().sha256()).value());
+  }
+  const std::string now = contract::sha256_of_set(std::move(digests)).hex();
+  if (now == reference.scene_sha256) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      "the reference is of other files than the scene and its sky are now (scene_sha256 ",
+      reference.scene_sha256.substr(0, 12), "…, now ", now.substr(0, 12), "…)"));
+}
+
+/// Opens DIR/NAME.exr and DIR/NAME.json, which `render` wrote, and takes over their settings.
+absl::StatusOr<Subject> open_subject(const BenchOptions& options, const std::string& scene) {
+  Subject subject;
+  subject.name = stem_of(scene);
+  subject.scene = scene;
+  const std::string base = options.references + "/" + subject.name;
+  const auto fault = [&](const char* file, const absl::Status& status) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        base, file, ": ", status.message(), "; make a reference by: tessera render ", scene, " -o ",
+        base, ".exr --report ", base, ".json --size 320x240 --spp 4096 --seed 1000003"));
+  };
+  const auto text = text_of_file(base + ".json");
+  if (!text.ok()) return fault(".json", text.status());
+  auto reference = read_reference_report(*text);
+  if (!reference.ok()) return fault(".json", reference.status());
+  subject.reference = *std::move(reference);
+  if (absl::Status sky = check_sky(subject.reference, options.environment); !sky.ok()) {
+    return absl::InvalidArgumentError(absl::StrCat(base, ".json: ", sky.message()));
+  }
+  RenderOptions render = subject.reference.render;
+  render.scene = scene;
+  render.environment = options.environment;
+  auto job = prepare_job(render, subject.name);
+  if (!job.ok()) return job.status();
+  subject.job = *std::move(job);
+  if (absl::Status same = check_scene(subject.reference, subject.job); !same.ok()) {
+    return fault(".json", same);
+  }
+  auto image = read_image(base + ".exr");
+  if (!image.ok()) return fault(".exr", image.status());
+  subject.image.push_back(*std::move(image));
+  return subject;
+}
+
+/// Runs the job to its end; its report with the true error.
+absl::StatusOr<ordered_json> finish(FarmClient& client, const std::string& job_id,
+                                    const Subject& subject) {
+  const auto job = client.watch_job(job_id, kWatchInterval, [](const v1::Job&) { return true; });
+  if (!job.ok()) return job.status();
+  if (job->state() != v1::Job::STATE_DONE) return absl::InternalError(job->reason());
+  const auto text = client.get_report(job_id);
+  if (!text.ok()) return text.status();
+  auto report = ordered_json::parse(*text, nullptr, false);
+  if (!report.is_object()) return absl::InternalError("the report is not JSON");
+  const absl::Status added = add_true_errors(client, job_id, subject.image, report);
+  if (!added.ok()) return added;
+  return report;
+}
+
+/// One render; its report.
+absl::StatusOr<ordered_json> render_once(FarmClient& client, const Subject& subject,
+                                         std::int64_t seed, int spp) {
+  if (absl::Status sent = upload_missing(client, subject.job); !sent.ok()) return sent;
+  v1::CreateJobRequest request = subject.job.request;
+  request.mutable_settings()->set_seed(seed);
+  request.mutable_settings()->set_sample_count(spp);
+  request.set_request_id(random_request_id());
+  const auto made = client.create_job(request);
+  if (!made.ok()) return made.status();
+  auto report = finish(client, made->job().id(), subject);
+  if (!report.ok()) return report;
+  if (absl::Status gone = client.remove_job(made->job().id()); !gone.ok()) return gone;
+  if (!(*report)["frames"].at(0)["true"].is_object()) {
+    return absl::InternalError("the job has no image");
+  }
+  return report;
+}
+
+/// Adds the times of a render to the means.
+void add_times(const ordered_json& report, const BenchOptions& options, SceneBench& bench) {
+  const double share = 1.0 / options.seeds;
+  const double load = report.value("load_seconds", 0.0), build = report.value("build_seconds", 0.0);
+  const double render = report.value("render_seconds", 0.0);
+  const ordered_json& rounds = report["frames"].at(0)["curve"];
+  const double wall = report.value("wall_seconds", 0.0);
+  bench.load += share * load;
+  bench.build += share * build;
+  bench.render += share * render;
+  bench.wall += share * wall;
+  bench.first_pixel += share * rounds.front().value("wall_seconds", 0.0);
+  bench.rest += share * std::max(0.0, wall - load - build - render / options.threads);
+}
+
+/// One seed at each sample count; the times are those of the last.
+absl::Status run_seed(FarmClient& client, const BenchOptions& options, const Subject& subject,
+                      std::int64_t seed, SceneBench& bench) {
+  std::vector<BenchPoint>& curve = bench.points.emplace_back();
+  for (const int spp : bench.spp) {
+    const auto report = render_once(client, subject, seed, spp);
+    if (!report.ok()) return report.status();
+    const ordered_json& frame = (*report)["frames"].at(0);
+    curve.push_back(
+        {frame["curve"].back().value("cpu_seconds", 0.0), frame["true"].value("relmse", 0.0)});
+    if (spp == bench.spp.back()) add_times(*report, options, bench);
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<SceneBench> run_scene(FarmClient& client, const BenchOptions& options,
+                                     const Subject& subject) {
+  SceneBench bench;
+  bench.scene = subject.name;
+  bench.reference_relmse = subject.reference.relmse;
+  bench.spp = options.spp;
+  bench.seeds = bench_seeds(options.seeds, subject.reference.seed);
+  for (const std::int64_t seed : bench.seeds) {
+    std::fprintf(stderr, "%s: seed %lld, render %zu of %d\n", subject.name.c_str(),
+                 static_cast<long long>(seed), bench.points.size() + 1, options.seeds);
+    const absl::Status done = run_seed(client, options, subject, seed, bench);
+    if (!done.ok()) {
+      return absl::Status(done.code(), absl::StrCat(subject.scene, ": ", done.message()));
+    }
+  }
+  return bench;
+}
+
+int run(BenchOptions options) {
+  std::sort(options.spp.begin(), options.spp.end());
+  options.spp.erase(std::unique(options.spp.begin(), options.spp.end()), options.spp.end());
+  std::vector<Subject> subjects;
+  for (const std::string& scene : options.scenes) {
+    auto subject = open_subject(options, scene);
+    if (!subject.ok()) return fail(subject.status());
+    subjects.push_back(*std::move(subject));
+  }
+  LocalFarmOptions local;
+  local.threads_per_worker = options.threads;
+  local.accelerator = options.accelerator;
+  auto farm = LocalFarm::start(local);  // forks: before any thread
+  if (!farm.ok()) return fail(farm.status());
+  if (absl::Status up = (*farm)->wait_until_up(); !up.ok()) return fail(up);
+  Connection connection;
+  connection.server = (*farm)->address();
+  connection.connect_timeout = kPatience;
+  const auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+  (*farm)->on_death([&] { (*client)->cancel(); });
+  std::vector<SceneBench> benches;
+  for (const Subject& subject : subjects) {
+    auto bench = run_scene(**client, options, subject);
+    if (!bench.ok()) {
+      const absl::Status health = (*farm)->health();
+      return fail(health.ok() ? bench.status() : health);
+    }
+    benches.push_back(*std::move(bench));
+  }
+  (*farm)->on_death({});
+  const std::string text =
+      options.json ? bench_document(benches).dump(2) + "\n" : bench_text(benches);
+  std::fputs(text.c_str(), stdout);
+  return kExitDone;
+}
+
+}  // namespace
+
+void add_bench_command(CLI::App& app, Invocation& invocation) {
+  auto options = std::make_shared<BenchOptions>();
+  CLI::App* command = app.add_subcommand("bench", "Measure speed against error on this machine");
+  command->add_option("scene", options->scenes, "Scenes: .gltf or .glb")->required();
+  command
+      ->add_option("--reference", options->references,
+                   "Folder with NAME.exr and NAME.json, image and report of a long render of each "
+                   "scene; its settings are taken from there, all that decide which image is "
+                   "expected")
+      ->required()
+      ->type_name("DIR");
+  command
+      ->add_option("--seeds", options->seeds,
+                   "Renders of each scene: seeds 1, 2, 3, … without the reference's")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  command->add_option("--spp", options->spp, "Sample counts of each (default: 8,64,512)")
+      ->delimiter(',')
+      ->check(CLI::Range(1, 1 << 20));
+  command->add_option("--threads", options->threads, "Threads of the worker")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  command
+      ->add_option("--environment", options->environment,
+                   "Sky of all scenes, the same file as their references'")
+      ->type_name("FILE");
+  command->add_option("--accelerator", options->accelerator, "Trace with this reference structure")
+      ->check(CLI::IsMember(contract::kStructureNames))
+      ->type_name("NAME");
+  command->add_flag("--json", options->json, "Print a JSON document (tessera.bench/1)");
+  command->footer(
+      "Prints relMSE against the reference and CPU seconds, median and band over seeds; CPU "
+      "seconds "
+      "to relMSE 1e-2, 1e-3 and 1e-4; efficiency 1 / (relMSE x CPU seconds) with its 95 % "
+      "interval; "
+      "geometric means last. Nothing below ten times the reference's own relMSE is printed.\n"
+      "Example:\n  tessera render box.glb -o ref/box.exr --report ref/box.json --size 320x240 "
+      "--spp 4096 --seed 1000003\n  tessera bench box.glb --reference ref --seeds 5");
+  command->callback(
+      [options, &invocation] { invocation.run = [options] { return run(*options); }; });
+}
+
+}  // namespace tessera::client

@@ -1,0 +1,24 @@
+#include "client/commands/commands.h"
+
+namespace tessera::client {
+
+void add_all_commands(CLI::App& app, Invocation& invocation) {
+  add_render_command(app, invocation);
+  add_submit_command(app, invocation);
+  add_watch_command(app, invocation);
+  add_list_command(app, invocation);
+  add_status_command(app, invocation);
+  add_report_command(app, invocation);
+  add_fetch_command(app, invocation);
+  add_job_control_commands(app, invocation);
+  add_extend_command(app, invocation);
+  add_events_commands(app, invocation);
+  add_workers_command(app, invocation);
+  add_farm_command(app, invocation);
+  add_inspect_command(app, invocation);
+  add_compare_command(app, invocation);
+  add_bench_command(app, invocation);
+  add_completion_command(app, invocation);
+}
+
+}  // namespace tessera::client

@@ -1,0 +1,103 @@
+// tessera events and tessera logs: what happened, to the farm or to a job.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "client/commands/commands.h"
+#include "client/api/event_document.h"
+#include "client/api/farm_client.h"
+#include "client/api/signal_handler.h"
+
+namespace tessera::client {
+namespace {
+
+struct EventsOptions {
+  std::string job;  // empty: the whole farm
+  bool follow = false;
+  bool json = false;
+};
+
+/// What came from other machines does not steer this terminal.
+std::string printable(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7F; }, ' ');
+  return text;
+}
+
+std::string line_of(const v1::Event& event) {
+  std::string line = event_time_text(event);
+  if (!event.worker_id().empty()) absl::StrAppend(&line, " worker ", event.worker_id());
+  if (event.kind() == v1::Event::KIND_LOG_LINE) {
+    return absl::StrCat(line, ": ", printable(event.message()));
+  }
+  if (!event.job_id().empty()) absl::StrAppend(&line, " job ", event.job_id());
+  absl::StrAppend(&line, " ", event_name(event.kind()));
+  if (!event.message().empty()) absl::StrAppend(&line, ": ", printable(event.message()));
+  return line;
+}
+
+/// Whether nothing more comes of a job that is followed.
+bool is_last(const v1::Event& event) {
+  return event.kind() == v1::Event::KIND_JOB_DONE || event.kind() == v1::Event::KIND_JOB_FAILED ||
+         event.kind() == v1::Event::KIND_JOB_CANCELLED ||
+         event.kind() == v1::Event::KIND_JOB_REMOVED;
+}
+
+int run(const EventsOptions& options, const Connection& connection) {
+  SignalHandler interrupts;
+  auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+  const InterruptAction on_interrupt(interrupts, [&client] { (*client)->cancel(); });
+  v1::WatchEventsRequest request;
+  request.set_follow(options.follow);
+  if (!options.job.empty()) {
+    const auto job = (*client)->get_job(options.job);
+    if (!job.ok()) return fail(job.status());
+    request.set_job_id(job->id());
+  }
+  const absl::Status status = (*client)->watch_events(request, [&](const v1::Event& event) {
+    const std::string text = options.json ? event_document(event).dump() : line_of(event);
+    std::printf("%s\n", text.c_str());
+    std::fflush(stdout);
+    return !(options.follow && !options.job.empty() && is_last(event));
+  });
+  if (absl::IsCancelled(status)) return kExitInterrupted;
+  return status.ok() ? kExitDone : fail(status);
+}
+
+CLI::App* add_command(CLI::App& app, Invocation& invocation, const char* name,
+                      const char* description, const std::shared_ptr<EventsOptions>& options) {
+  CLI::App* command = app.add_subcommand(name, description);
+  add_connection_options(*command, invocation.connection);
+  command->add_flag("--json", options->json, "Print one JSON object a line (tessera.event/1)");
+  command->callback([options, &invocation] {
+    invocation.run = [options, &invocation] { return run(*options, invocation.connection); };
+  });
+  return command;
+}
+
+}  // namespace
+
+void add_events_commands(CLI::App& app, Invocation& invocation) {
+  const auto of_job = std::make_shared<EventsOptions>();
+  CLI::App* logs =
+      add_command(app, invocation, "logs",
+                  "What happened to a job, and what its workers logged about it", of_job);
+  logs->add_option("job", of_job->job, "Id, unique prefix, name, or last")->required();
+  logs->add_flag("--follow", of_job->follow, "Go on until the job ends");
+  logs->footer(
+      "The server keeps the newest lines in memory: none from before its start. Workers send what "
+      "their\n--log-level lets through; at debug these are lines for every unit.\n"
+      "Examples:\n  tessera logs last\n  tessera logs last --follow");
+
+  const auto of_farm = std::make_shared<EventsOptions>();
+  CLI::App* events = add_command(app, invocation, "events",
+                                 "What happened on the farm: jobs, frames, workers", of_farm);
+  events->add_flag("--follow", of_farm->follow, "Go on with what happens next, until Ctrl-C");
+  events->footer("Examples:\n  tessera events\n  tessera events --follow --json");
+}
+
+}  // namespace tessera::client

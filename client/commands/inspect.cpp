@@ -1,0 +1,218 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "client/commands/commands.h"
+#include "client/request/scene_report.h"
+#include "client/cli/table.h"
+#include "contract/structure_names.h"
+
+namespace tessera::client {
+namespace {
+
+using nlohmann::ordered_json;
+
+struct InspectOptions {
+  std::string scene, environment, accelerator;
+  bool json = false, accelerators = false, self_intersections = false;
+};
+
+double number(const ordered_json& object, const char* key) {
+  const auto found = object.find(key);
+  return found != object.end() && found->is_number() ? found->get<double>() : 0;
+}
+
+/// The strings of an array, joined; those of its objects by their name.
+std::string joined(const ordered_json& list) {
+  std::vector<std::string> words;
+  for (const ordered_json& each : list) {
+    const std::string name = each.is_object()   ? each.value("name", "")
+                             : each.is_string() ? each.get<std::string>()
+                                                : each.dump();
+    words.push_back(name.empty() ? "(unnamed)" : name);
+  }
+  return absl::StrJoin(words, ", ");
+}
+
+std::string point(const ordered_json& coordinates) {
+  std::vector<std::string> words;
+  for (const ordered_json& each : coordinates) {
+    words.push_back(absl::StrFormat("%.4g", each.is_number() ? each.get<double>() : 0.0));
+  }
+  return absl::StrCat("(", absl::StrJoin(words, ", "), ")");
+}
+
+/// A list of the file's contents, if it has any.
+void add_list(Table& table, const ordered_json& object, const char* key, const char* title) {
+  const auto found = object.find(key);
+  if (found != object.end() && found->is_array() && !found->empty()) {
+    table.add({title, joined(*found)});
+  }
+}
+
+void add_counts(Table& table, const ordered_json& report) {
+  const ordered_json counts = report.value("counts", ordered_json());
+  if (counts.is_object()) {
+    table.add(
+        {"triangles",
+         absl::StrFormat("%.0f, seen %.0f in %.0f instances", number(counts, "triangles"),
+                         number(counts, "instanced_triangles"), number(counts, "instances"))});
+    table.add({"materials",
+               absl::StrFormat("%.0f, %.0f textures, %.0f images", number(counts, "materials"),
+                               number(counts, "textures"), number(counts, "images"))});
+    table.add({"lights",
+               absl::StrFormat("%.0f punctual, %.0f emissive triangles", number(counts, "lights"),
+                               number(counts, "emissive_triangles"))});
+  }
+  const ordered_json memory = report.value("memory", ordered_json());
+  if (memory.is_object()) {
+    table.add({"memory",
+               absl::StrCat(format_bytes(number(memory, "total_bytes")), ": geometry ",
+                            format_bytes(number(memory, "geometry_bytes")), ", images ",
+                            format_bytes(number(memory, "image_bytes")), ", acceleration ",
+                            format_bytes(number(memory, "acceleration_bytes")), ", lights ",
+                            format_bytes(number(memory, "light_bytes")), ", the renderer itself ",
+                            format_bytes(number(memory, "process_bytes")))});
+  }
+  const ordered_json bounds = report.value("bounds", ordered_json());
+  if (bounds.is_object()) {
+    table.add({"bounds", absl::StrCat(point(bounds.value("min", ordered_json())), " to ",
+                                      point(bounds.value("max", ordered_json())), " m")});
+  }
+}
+
+/// A figure of a row or a query, or "-" where it was not counted.
+std::string figure(const ordered_json& of, const char* key) {
+  const auto found = of.find(key);
+  if (found == of.end() || !found->is_number()) return "-";
+  return absl::StrFormat("%.4g", found->get<double>());
+}
+
+/// The table of acceleration structures.
+std::string accelerators_text(const ordered_json& accelerators) {
+  const ordered_json rays = accelerators.value("rays", ordered_json::object());
+  Table table({"structure", "build s", "memory", "SAH", "overlap", "closest M/s", "nodes",
+               "triangles", "any M/s", "nodes", "triangles", "wrong"});
+  for (const ordered_json& row : accelerators.value("structures", ordered_json::array())) {
+    const ordered_json closest = row.value("closest_hit", ordered_json::object());
+    const ordered_json any = row.value("any_hit", ordered_json::object());
+    table.add({row.value("name", ""), absl::StrFormat("%.3f", number(row, "build_seconds")),
+               format_bytes(number(row, "memory_bytes")), figure(row, "sah"),
+               figure(row, "end_point_overlap"), figure(closest, "mrays_per_second"),
+               figure(closest, "nodes_per_ray"), figure(closest, "triangles_per_ray"),
+               figure(any, "mrays_per_second"), figure(any, "nodes_per_ray"),
+               figure(any, "triangles_per_ray"),
+               absl::StrFormat("%.0f", number(closest, "wrong") + number(any, "wrong"))});
+  }
+  return absl::StrFormat(
+      "\nrays of the scene: %.0f from the camera, %.0f after a bounce, %.0f towards lights; "
+      "nodes and triangles are per ray; SAH and end-point overlap are what trees are expected to "
+      "cost a ray\n%s",
+      number(rays, "camera"), number(rays, "bounce"), number(rays, "shadow"), table.text());
+}
+
+/// "mesh "ring": closed, 3 pairs of triangles overlap: 0.12 and 0.40, …" a line.
+std::string overlaps_text(const ordered_json& overlaps) {
+  const auto add = [](std::string& text, const ordered_json& entry) {
+    absl::StrAppend(&text, number(entry, "pair_count"), " pairs of triangles overlap");
+    const char* separator = ": ";
+    for (const ordered_json& pair : entry.value("pairs", ordered_json::array())) {
+      absl::StrAppend(&text, separator, pair[0].dump(), ".", pair[1].dump(), " and ",
+                      pair[2].dump(), ".", pair[3].dump());
+      separator = ", ";
+    }
+    text += "\n";
+  };
+  std::string text;
+  for (const ordered_json& mesh : overlaps.value("meshes", ordered_json::array())) {
+    absl::StrAppend(&text, "mesh \"", mesh.value("name", ""), "\": ");
+    if (mesh.value("closed", false)) {
+      text += "closed, ";
+    } else {
+      absl::StrAppend(&text, "open at ", number(mesh, "open_edges"), " edges, ");
+    }
+    add(text, mesh);
+  }
+  for (const ordered_json& both : overlaps.value("instances", ordered_json::array())) {
+    absl::StrAppend(&text, "nodes ", both["nodes"][0].dump(), " and ", both["nodes"][1].dump(),
+                    ": ");
+    add(text, both);
+  }
+  return text;
+}
+
+std::string text_of(const ordered_json& report, const SceneReport& probe) {
+  double bytes = 0;
+  const ordered_json resources = report.value("resources", ordered_json::array());
+  for (const ordered_json& resource : resources) bytes += number(resource, "bytes");
+  Table table({"scene", report.value("scene", "")});
+  table.add({"files", absl::StrCat(resources.size(), ", ", format_bytes(bytes))});
+  add_list(table, report, "needs", "needs");
+  add_counts(table, report);
+  const ordered_json contents = report.value("contents", ordered_json::object());
+  add_list(table, contents, "scenes", "scenes");
+  add_list(table, contents, "cameras", "cameras");
+  add_list(table, contents, "animations", "animations");
+  add_list(table, contents, "variants", "variants");
+  add_list(table, contents, "extensions_used", "extensions");
+  std::string text = table.text();
+  if (report.contains("self_intersections")) {
+    text += overlaps_text(report["self_intersections"]);
+  }
+  if (report.contains("accelerators")) text += accelerators_text(report["accelerators"]);
+  for (const SceneReport::Problem& problem : probe.problems) {
+    absl::StrAppend(&text, problem.severity, ": ", problem.text(), "\n");
+  }
+  return text;
+}
+
+int run(const InspectOptions& options) {
+  std::vector<std::string> further;
+  if (options.accelerators) further.emplace_back("--accelerators");
+  if (!options.accelerator.empty()) {
+    further.insert(further.end(), {"--accelerator", options.accelerator});
+  }
+  if (options.self_intersections) further.emplace_back("--self-intersections");
+  const auto probe = inspect_scene(options.scene, options.environment, nullptr, further);
+  if (!probe.ok()) return fail(probe.status());
+  if (options.json) {
+    std::fputs(probe->json.c_str(), stdout);
+  } else {
+    const ordered_json report = ordered_json::parse(probe->json, nullptr, false);
+    std::fputs(text_of(report, *probe).c_str(), stdout);
+  }
+  return probe->has_errors() ? kExitBadInput : kExitDone;
+}
+
+}  // namespace
+
+void add_inspect_command(CLI::App& app, Invocation& invocation) {
+  auto options = std::make_shared<InspectOptions>();
+  CLI::App* command =
+      app.add_subcommand("inspect", "Say what a scene needs, its size, and what is wrong with it");
+  command->add_option("scene", options->scene, "glTF file (.gltf or .glb)")->required();
+  command->add_option("--environment", options->environment, "Sky image it will be rendered with")
+      ->type_name("FILE");
+  command->add_flag("--accelerators", options->accelerators,
+                    "Measure acceleration structures on rays of the scene");
+  command
+      ->add_option("--accelerator", options->accelerator,
+                   "The same for production and this structure alone")
+      ->check(CLI::IsMember(contract::kStructureNames))
+      ->type_name("NAME");
+  command->add_flag(
+      "--self-intersections", options->self_intersections,
+      "List triangles that overlap (primitive.triangle), and which meshes are closed");
+  command->add_flag("--json", options->json, "Print a JSON document (tessera.inspect/1)");
+  command->footer(
+      "Returns 2 if the scene cannot be rendered.\nExamples:\n  tessera inspect scene.glb\n"
+      "  tessera inspect scene.gltf --environment sky.exr --json");
+  command->callback(
+      [options, &invocation] { invocation.run = [options] { return run(*options); }; });
+}
+
+}  // namespace tessera::client

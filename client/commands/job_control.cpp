@@ -1,0 +1,107 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "client/commands/commands.h"
+#include "client/api/farm_client.h"
+#include "client/output/job_status.h"
+
+namespace tessera::client {
+namespace {
+
+struct ControlOptions {
+  std::string job;
+  bool json = false;
+};
+
+/// A command that changes a job's state and prints the job.
+struct Control {
+  const char* name;
+  const char* description;
+  const char* footer;
+  absl::StatusOr<v1::Job> (FarmClient::*call)(const std::string& job_id);
+};
+
+constexpr Control kControls[] = {
+    {"pause", "Lease nothing new of a job; units being rendered still count",
+     "Examples:\n  tessera pause last\n  tessera resume last", &FarmClient::pause_job},
+    {"resume", "Go on with a paused job", "Example:\n  tessera resume last",
+     &FarmClient::resume_job},
+    {"cancel", "Stop a job; what is committed is kept",
+     "`tessera retry JOB` goes on from there, `tessera remove JOB` forgets it.\n"
+     "Example:\n  tessera cancel last",
+     &FarmClient::cancel_job},
+    {"retry", "Go on with a failed or cancelled job from its committed units",
+     "Example:\n  tessera retry last", &FarmClient::retry_job},
+};
+
+void print_job(const v1::Job& job, bool json) {
+  if (json) {
+    std::printf("%s\n", job_document(job).dump(2).c_str());
+  } else {
+    std::printf("%s %s\n", job.id().c_str(), state_name(job.state()).c_str());
+  }
+}
+
+int run(const Control& control, const ControlOptions& options, const Connection& connection) {
+  const auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+  const auto found = (*client)->get_job(options.job);
+  if (!found.ok()) return fail(found.status());
+  const auto job = ((**client).*control.call)(found->id());
+  if (!job.ok()) return fail(job.status());
+  print_job(*job, options.json);
+  return kExitDone;
+}
+
+int run_remove(const ControlOptions& options, const Connection& connection) {
+  const auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+  const auto found = (*client)->get_job(options.job);
+  if (!found.ok()) return fail(found.status());
+  if (const absl::Status status = (*client)->remove_job(found->id()); !status.ok()) {
+    return fail(status);
+  }
+  if (options.json) {
+    const nlohmann::ordered_json document = {{"schema", "tessera.removed/1"}, {"id", found->id()}};
+    std::printf("%s\n", document.dump(2).c_str());
+  } else {
+    std::printf("%s removed\n", found->id().c_str());
+  }
+  return kExitDone;
+}
+
+CLI::App* add_command(CLI::App& app, Invocation& invocation, const char* name,
+                      const char* description, ControlOptions& options) {
+  CLI::App* command = app.add_subcommand(name, description);
+  add_connection_options(*command, invocation.connection);
+  command->add_option("job", options.job, "Id, unique prefix, name, or last")->required();
+  command->add_flag("--json", options.json, "Print a JSON document");
+  return command;
+}
+
+}  // namespace
+
+void add_job_control_commands(CLI::App& app, Invocation& invocation) {
+  for (const Control& control : kControls) {
+    auto options = std::make_shared<ControlOptions>();
+    CLI::App* command = add_command(app, invocation, control.name, control.description, *options);
+    command->footer(control.footer);
+    command->callback([options, &control, &invocation] {
+      invocation.run = [options, &control, &invocation] {
+        return run(control, *options, invocation.connection);
+      };
+    });
+  }
+  auto options = std::make_shared<ControlOptions>();
+  CLI::App* command =
+      add_command(app, invocation, "remove",
+                  "Forget an ended job: its blocks and images are deleted", *options);
+  command->footer("Files already fetched stay. Example:\n  tessera remove last");
+  command->callback([options, &invocation] {
+    invocation.run = [options, &invocation] { return run_remove(*options, invocation.connection); };
+  });
+}
+
+}  // namespace tessera::client

@@ -1,0 +1,305 @@
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "client/commands/commands.h"
+#include "client/output/frame_files.h"
+#include "client/output/job_status.h"
+#include "client/request/job_request.h"
+#include "client/local_farm/local_farm.h"
+#include "client/cli/progress.h"
+#include "client/output/render_result.h"
+#include "client/output/true_error.h"
+#include "cli/finite_range.h"
+#include "rpc/settings_message.h"
+
+namespace tessera::client {
+namespace {
+
+constexpr std::chrono::milliseconds kWatchInterval{200};
+// With our own server, which a busy machine may keep waiting; its death ends the wait at once.
+constexpr std::chrono::seconds kPatience{30};
+
+struct RenderCommandOptions {
+  RenderOptions render;
+  std::string output, name, store, report;
+  double exposure_ev = 0;
+  int workers = 1, threads = 0;
+  bool force = false, json = false;
+};
+
+bool is_folder(const std::string& path) {
+  struct stat info {};
+  return ::stat(path.c_str(), &info) == 0 && S_ISDIR(info.st_mode);
+}
+
+/// Where the image goes; of several frames, with the number put in.
+struct Output {
+  std::string path;
+  v1::FetchFrameRequest::Format format = v1::FetchFrameRequest::FORMAT_EXR;
+  std::vector<std::int32_t> frames;
+  std::string path_of(std::int32_t frame) const {
+    return frames.size() == 1 ? path : with_frame_number(path, frame);
+  }
+};
+
+/// Errors: InvalidArgument, the file's folder cannot be written to.
+absl::Status check_folder_of(const std::string& file) {
+  const std::size_t slash = file.rfind('/');
+  const std::string folder = slash == std::string::npos ? "." : file.substr(0, slash + 1);
+  if (::access(folder.c_str(), W_OK | X_OK) == 0) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(folder, ": no folder that can be written to"));
+}
+
+/// Checks before anything is rendered what can be checked of the end.
+absl::StatusOr<Output> plan_output(const RenderCommandOptions& options) {
+  const auto ranges = parse_frames(options.render.frames);
+  if (!ranges.ok()) return ranges.status();
+  Output output;
+  output.frames = contract::frame_list(*ranges);
+  const std::string name =
+      clean_name(options.name.empty() ? stem_of(options.render.scene) : options.name) + ".exr";
+  output.path = options.output.empty()      ? name
+                : is_folder(options.output) ? options.output + "/" + name
+                                            : options.output;
+  const auto format = format_of(output.path);
+  if (!format.ok()) return format.status();
+  output.format = *format;
+  absl::Status status = check_folder_of(output.path);
+  if (!options.report.empty()) status.Update(check_folder_of(options.report));
+  if (!status.ok()) return status;
+  for (const std::int32_t frame : output.frames) {
+    if (options.report == output.path_of(frame)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("--report: ", options.report, " is to be an image"));
+    }
+  }
+  for (const std::int32_t frame : output.frames) {
+    // With a store the files may be what an earlier run wrote; their digests tell at the end.
+    if (options.force || !options.store.empty()) break;
+    if (::access(output.path_of(frame).c_str(), F_OK) == 0) {
+      return absl::AlreadyExistsError(
+          absl::StrCat(output.path_of(frame), ": is there already; --force replaces it"));
+    }
+  }
+  return output;
+}
+
+/// What was asked for that the file's format cannot hold, a line; else empty.
+std::string left_out(const RenderCommandOptions& options, const Output& output) {
+  std::vector<std::string> lost;
+  if (!options.render.aovs.empty()) lost.emplace_back("--aov");
+  if (options.render.half) lost.emplace_back("--half");
+  if (output.format == v1::FetchFrameRequest::FORMAT_EXR || lost.empty()) return {};
+  return absl::StrCat("tessera: ", output.path, ": without ", absl::StrJoin(lost, " and "),
+                      ", which only an .exr has\n");
+}
+
+LocalFarmOptions farm_options(const RenderCommandOptions& options) {
+  LocalFarmOptions farm;
+  farm.store = options.store;
+  farm.worker_count = options.workers;
+  const int cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  farm.threads_per_worker =
+      options.threads > 0 ? options.threads : std::max(1, cores / options.workers);
+  return farm;
+}
+
+/// Makes the job, or finds it in a store where an earlier run left it, and sees that it runs.
+absl::StatusOr<v1::Job> start_job(FarmClient& client, const PreparedJob& prepared) {
+  if (absl::Status status = upload_missing(client, prepared); !status.ok()) return status;
+  v1::CreateJobRequest request = prepared.request;
+  request.set_request_id(derived_request_id(request));
+  const auto made = client.create_job(request);
+  if (!made.ok()) return made.status();
+  const v1::Job& job = made->job();
+  if (job.state() == v1::Job::STATE_PAUSED) return client.resume_job(job.id());
+  const bool broken_off =
+      job.state() == v1::Job::STATE_FAILED || job.state() == v1::Job::STATE_CANCELLED;
+  return broken_off ? client.retry_job(job.id()) : job;
+}
+
+/// Brings a job's frames to their files as they are finished.
+class FrameCollector {
+ public:
+  /// All references must outlive it.
+  FrameCollector(FarmClient& client, const RenderCommandOptions& options, const Output& output)
+      : client_(client), options_(options), output_(output), wanted_(output.frames) {}
+
+  /// Fetches the frames that are finished by now. Frames are finished nearly in order, so few are
+  /// asked for in vain. Errors: those of fetch_frame_file.
+  absl::Status collect(const v1::Job& job) {
+    const auto finished = static_cast<std::size_t>(job.progress().finished_frame_count());
+    for (auto frame = wanted_.begin();
+         frame != wanted_.end() && output_.frames.size() - wanted_.size() < finished;) {
+      const FrameFile file{
+          job.id(), *frame,        output_.path_of(*frame), output_.format, options_.exposure_ev,
+          false,    options_.force};
+      const auto fetched = fetch_frame_file(client_, file);
+      if (!fetched.ok()) return fetched.status();
+      frame = fetched->unfinished.empty() ? wanted_.erase(frame) : frame + 1;
+    }
+    return absl::OkStatus();
+  }
+  bool has_all() const { return wanted_.empty(); }
+
+ private:
+  FarmClient& client_;
+  const RenderCommandOptions& options_;
+  const Output& output_;
+  std::vector<std::int32_t> wanted_;  // not fetched yet, in order
+};
+
+/// All that happens while the farm is up. The report, even of a failed job; its exit code is in
+/// `fate`.
+absl::StatusOr<nlohmann::ordered_json> render_on(FarmClient& client,
+                                                 const RenderCommandOptions& options,
+                                                 const PreparedJob& prepared, const Output& output,
+                                                 int& fate) {
+  auto job = start_job(client, prepared);
+  if (!job.ok()) return job.status();
+  ProgressBar bar;
+  FrameCollector collector(client, options, output);
+  absl::Status collected;
+  job = client.watch_job(job->id(), kWatchInterval, [&](const v1::Job& now) {
+    bar.show(now);
+    collected = collector.collect(now);
+    return collected.ok();
+  });
+  bar.clear();
+  if (!job.ok()) return job.status();
+  if (!collected.ok()) return collected;
+  fate = exit_code_of(*job);
+  if (job->state() != v1::Job::STATE_DONE) {
+    std::fprintf(stderr, "tessera: the job %s: %s\n", state_name(job->state()).c_str(),
+                 job->reason().c_str());
+  } else if (!collector.has_all()) {
+    return absl::InternalError("the job is done, but not every frame could be fetched");
+  }
+  const auto text = client.get_report(job->id());
+  if (!text.ok()) return text.status();
+  auto report = nlohmann::ordered_json::parse(*text, nullptr, false);
+  if (!report.is_object()) return absl::InternalError("the report is not JSON");
+  if (job->state() == v1::Job::STATE_DONE && !prepared.references.empty()) {
+    const absl::Status added = add_true_errors(client, job->id(), prepared.references, report);
+    if (!added.ok()) fate = fail(added);  // the report holds without them
+  }
+  return report;
+}
+
+int run(const RenderCommandOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  const auto output = plan_output(options);
+  if (!output.ok()) return fail(output.status());
+  std::fputs(left_out(options, *output).c_str(), stderr);
+  // The farm comes up while the scene is inspected; it gets nothing before that has gone well.
+  auto farm = LocalFarm::start(farm_options(options));  // forks: before any thread
+  if (!farm.ok()) return fail(farm.status());
+  SignalHandler interrupts;
+  const auto prepared = prepare_job(options.render, options.name);
+  if (!prepared.ok()) return fail(prepared.status());
+  for (const std::string& remark : prepared->remarks) {
+    std::fprintf(stderr, "%s\n", remark.c_str());
+  }
+  absl::Status up = (*farm)->wait_until_up();
+  if (!up.ok()) return fail(up);
+  Connection connection;
+  connection.server = (*farm)->address();
+  connection.connect_timeout = kPatience;
+  const auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+
+  if (interrupts.interrupted()) return kExitInterrupted;
+  int fate = kExitDone;
+  absl::StatusOr<nlohmann::ordered_json> report = absl::UnknownError("");
+  {
+    const InterruptAction action(interrupts, [&] { (*client)->cancel(); });
+    (*farm)->on_death([&] { (*client)->cancel(); });
+    report = render_on(**client, options, *prepared, *output, fate);
+    (*farm)->on_death({});
+  }
+  if (interrupts.interrupted()) {
+    std::fprintf(stderr, "tessera: interrupted%s\n",
+                 options.store.empty() ? "" : "; the same command goes on from here");
+    return kExitInterrupted;
+  }
+  if (const absl::Status health = (*farm)->health(); !report.ok() && !health.ok()) {
+    return fail(health);
+  }
+  if (!report.ok()) return fail(report.status());
+  std::vector<std::string> files;
+  for (const std::int32_t frame : output->frames) files.push_back(output->path_of(frame));
+  name_files(*report, files);
+  if (!options.report.empty()) {
+    const absl::Status written = write_text_file(options.report, report->dump(2) + "\n");
+    if (!written.ok()) return fail(written);
+  }
+  if (options.json) {
+    std::printf("%s\n", report->dump().c_str());
+  } else if (fate == kExitDone || fate == kExitUncertain) {
+    std::fputs(doubt_lines(*report, prepared->remarks).c_str(), stderr);
+    const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
+    std::printf("%s\n", result_line(*report, wall.count()).c_str());
+  }
+  return fate;
+}
+
+}  // namespace
+
+void add_render_command(CLI::App& app, Invocation& invocation) {
+  auto options = std::make_shared<RenderCommandOptions>();
+  CLI::App* command = app.add_subcommand("render", "Render a scene on this machine");
+  add_render_options(*command, options->render);
+  const char* group = "Output";
+  command
+      ->add_option("-o,--output", options->output,
+                   "Image, .exr .png or .jpg, or a folder (default: SCENE's name .exr)")
+      ->type_name("FILE")
+      ->group(group);
+  command->add_option("--exposure", options->exposure_ev, "Stops of exposure, PNG and JPEG only")
+      ->check(contract::finite_range(-100.0, 100.0))
+      ->type_name("EV")
+      ->group(group);
+  command->add_option("--report", options->report, "Write the report, JSON")
+      ->type_name("FILE")
+      ->group(group);
+  command->add_flag("--force", options->force, "Replace files that are there")->group(group);
+  command->add_flag("--json", options->json, "Print the report instead of a line")->group(group);
+  group = "The farm on this machine";
+  command->add_option("--workers", options->workers, "Worker processes")
+      ->check(CLI::Range(1, 256))
+      ->type_name("N")
+      ->capture_default_str()
+      ->group(group);
+  command
+      ->add_option("--threads", options->threads, "Threads of each (default: the cores shared out)")
+      ->check(CLI::Range(1, 1024))
+      ->type_name("N")
+      ->group(group);
+  command
+      ->add_option("--store", options->store,
+                   "Keep the work here; the same command goes on where it stopped")
+      ->type_name("DIR")
+      ->group(group);
+  command->add_option("--name", options->name, "Name of the job (default: SCENE's)")->group(group);
+  command->footer(
+      "Examples:\n  tessera render scene.glb -o out.exr --spp 256\n"
+      "  tessera render scene.glb -o out.exr --error 0.05\n"
+      "  tessera render scene.gltf -o out.png --exposure 1 --size 640x360\n"
+      "  tessera render anim.glb --frames 0-47 --store work");
+  command->callback(
+      [options, &invocation] { invocation.run = [options] { return run(*options); }; });
+}
+
+}  // namespace tessera::client

@@ -1,0 +1,78 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "client/commands/commands.h"
+#include "client/api/farm_client.h"
+#include "client/output/job_status.h"
+#include "client/cli/progress.h"
+#include "client/cli/table.h"
+
+namespace tessera::client {
+namespace {
+
+struct StatusOptions {
+  std::string job;
+  bool json = false;
+};
+
+double seconds(const google::protobuf::Duration& span) {
+  return static_cast<double>(span.seconds()) + 1e-9 * span.nanos();
+}
+
+std::string text_of(const v1::Job& job) {
+  const v1::JobProgress& progress = job.progress();
+  Table table({"job", absl::StrCat(job.id(), "  ", job.name())});
+  table.add({"state", job.reason().empty()
+                          ? state_name(job.state())
+                          : absl::StrCat(state_name(job.state()), ": ", job.reason())});
+  table.add({"frames", absl::StrCat(progress.finished_frame_count(), " of ", progress.frame_count(),
+                                    " finished")});
+  table.add(
+      {"units",
+       absl::StrCat(progress.committed_unit_count(), " of ", progress.unit_count(), " committed (",
+                    format_share(static_cast<double>(progress.committed_unit_count()),
+                                 static_cast<double>(progress.unit_count())),
+                    "), ", progress.leased_unit_count(), " leased")});
+  table.add({"samples",
+             absl::StrCat(progress.committed_sample_count(), " of ", progress.sample_count())});
+  table.add({"error", progress.has_estimated_error()
+                          ? absl::StrFormat("%.5f (estimated)", progress.estimated_error())
+                          : "not known yet"});
+  table.add({"workers", std::to_string(progress.worker_count())});
+  table.add({"cpu", absl::StrFormat("%.1f s", progress.cpu_seconds())});
+  table.add({"elapsed", format_seconds(seconds(progress.elapsed()))});
+  if (progress.has_remaining()) {
+    table.add({"remaining", format_seconds(seconds(progress.remaining()))});
+  }
+  return table.text();
+}
+
+int run(const StatusOptions& options, const Connection& connection) {
+  const auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+  const auto job = (*client)->get_job(options.job);
+  if (!job.ok()) return fail(job.status());
+  const std::string text = options.json ? job_document(*job).dump(2) + "\n" : text_of(*job);
+  std::fputs(text.c_str(), stdout);
+  return kExitDone;
+}
+
+}  // namespace
+
+void add_status_command(CLI::App& app, Invocation& invocation) {
+  auto options = std::make_shared<StatusOptions>();
+  CLI::App* command = app.add_subcommand("status", "Say how a job is doing");
+  add_connection_options(*command, invocation.connection);
+  command->add_option("job", options->job, "Id, unique prefix, name, or last")->required();
+  command->add_flag("--json", options->json, "Print a JSON document (tessera.job/1)");
+  command->footer("Examples:\n  tessera status last\n  tessera status 4f2a --json");
+  command->callback([options, &invocation] {
+    invocation.run = [options, &invocation] { return run(*options, invocation.connection); };
+  });
+}
+
+}  // namespace tessera::client

@@ -1,0 +1,88 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "client/commands/commands.h"
+#include "client/output/job_status.h"
+#include "client/request/job_request.h"
+
+namespace tessera::client {
+namespace {
+
+struct SubmitOptions {
+  RenderOptions render;
+  std::string name, required_tag;
+  int priority = 0, max_workers = 0;
+  bool wait = false, json = false;
+};
+
+void say_submitted(const v1::CreateJobResponse& made, bool json) {
+  if (json) {
+    nlohmann::ordered_json document = job_document(made.job());
+    document["store_bytes"] = made.store_bytes();
+    std::printf("%s\n", document.dump().c_str());
+  } else {
+    std::printf("%s\n", made.job().id().c_str());
+    std::fprintf(stderr, "the job may need %.1f MB of store\n",
+                 1e-6 * static_cast<double>(made.store_bytes()));
+  }
+  std::fflush(stdout);
+}
+
+int run(const SubmitOptions& options, const Connection& connection) {
+  auto prepared = prepare_job(options.render, options.name);
+  if (!prepared.ok()) return fail(prepared.status());
+  for (const std::string& remark : prepared->remarks) {
+    std::fprintf(stderr, "%s\n", remark.c_str());
+  }
+  SignalHandler interrupts;
+  auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+  v1::CreateJobRequest& request = prepared->request;
+  request.set_request_id(random_request_id());
+  request.set_priority(options.priority);
+  request.set_max_worker_count(options.max_workers);
+  request.set_required_tag(options.required_tag);
+  absl::StatusOr<v1::CreateJobResponse> made = absl::UnknownError("");
+  {
+    const InterruptAction action(interrupts, [&] { (*client)->cancel(); });
+    const absl::Status uploaded = upload_missing(**client, *prepared);
+    if (!uploaded.ok()) return fail(uploaded);
+    made = (*client)->create_job(request);
+  }
+  if (!made.ok()) return fail(made.status());
+  say_submitted(*made, options.json);
+  if (!options.wait) return kExitDone;
+  return watch_until_finished(**client, interrupts, made->job().id(), options.json, prepared->remarks);
+}
+
+}  // namespace
+
+void add_submit_command(CLI::App& app, Invocation& invocation) {
+  auto options = std::make_shared<SubmitOptions>();
+  CLI::App* command = app.add_subcommand("submit", "Hand a scene to a farm; prints the job's id");
+  add_render_options(*command, options->render);
+  add_connection_options(*command, invocation.connection);
+  command->add_option("--name", options->name, "Name of the job (default: the scene's)");
+  command->add_option("--priority", options->priority, "Higher runs first")
+      ->check(CLI::Range(-100, 100))
+      ->type_name("P")
+      ->capture_default_str();
+  command->add_option("--max-workers", options->max_workers, "Most workers at once (default: all)")
+      ->check(CLI::Range(0, 1'000'000))
+      ->type_name("N");
+  command->add_option("--require", options->required_tag, "Only workers with this tag")
+      ->type_name("TAG");
+  command->add_flag("--wait", options->wait, "Follow the job and return its fate");
+  command->add_flag("--json", options->json, "Print JSON documents");
+  command->footer(
+      "Examples:\n  tessera submit scene.glb --frames 0-99 --spp 256\n"
+      "  tessera submit scene.glb --wait --require gpu-free");
+  command->callback([options, &invocation] {
+    invocation.run = [options, &invocation] { return run(*options, invocation.connection); };
+  });
+}
+
+}  // namespace tessera::client

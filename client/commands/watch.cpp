@@ -1,0 +1,41 @@
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <string>
+
+#include "client/commands/commands.h"
+#include "client/output/job_status.h"
+
+namespace tessera::client {
+namespace {
+
+struct WatchOptions {
+  std::string job;
+  bool json = false;
+};
+
+int run(const WatchOptions& options, const Connection& connection) {
+  SignalHandler interrupts;
+  auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+  const auto job = (*client)->get_job(options.job);
+  if (!job.ok()) return fail(job.status());
+  return watch_until_finished(**client, interrupts, job->id(), options.json);
+}
+
+}  // namespace
+
+void add_watch_command(CLI::App& app, Invocation& invocation) {
+  auto options = std::make_shared<WatchOptions>();
+  CLI::App* command = app.add_subcommand("watch", "Follow a job until it ends");
+  add_connection_options(*command, invocation.connection);
+  command->add_option("job", options->job, "Id, unique prefix, name, or last")->required();
+  command->add_flag("--json", options->json, "Print one JSON object a line");
+  command->footer(
+      "Returns the job's fate: 0 done, 1 failed or cancelled, 4 done, but the error asked for is\n"
+      "not certified. Ctrl-C leaves the job running.\nExample: tessera watch last");
+  command->callback([options, &invocation] {
+    invocation.run = [options, &invocation] { return run(*options, invocation.connection); };
+  });
+}
+
+}  // namespace tessera::client

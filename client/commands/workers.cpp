@@ -1,0 +1,160 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "client/commands/commands.h"
+#include "client/api/farm_client.h"
+#include "client/cli/table.h"
+
+namespace tessera::client {
+namespace {
+
+struct WorkersOptions {
+  bool json = false;
+};
+
+std::string state_name(v1::Worker::State state) {
+  switch (state) {
+    case v1::Worker::STATE_IDLE:
+      return "idle";
+    case v1::Worker::STATE_BUSY:
+      return "busy";
+    case v1::Worker::STATE_LEAVING:
+      return "leaving";
+    case v1::Worker::STATE_LOST:
+      return "lost";
+    case v1::Worker::STATE_QUARANTINED:
+      return "set aside";
+    default:
+      return "unknown";
+  }
+}
+
+double seconds(const google::protobuf::Duration& span) {
+  return static_cast<double>(span.seconds()) + 1e-9 * span.nanos();
+}
+
+nlohmann::ordered_json document_of(const v1::Worker& worker) {
+  nlohmann::ordered_json tags = nlohmann::ordered_json::array();
+  for (const std::string& tag : worker.tags()) tags.push_back(tag);
+  return {{"id", worker.id()},
+          {"name", worker.name()},
+          {"host", worker.host()},
+          {"state", state_name(worker.state())},
+          {"isa", worker.isa()},
+          {"threads", worker.thread_count()},
+          {"tags", tags},
+          {"units_leased", worker.leased_unit_count()},
+          {"units_committed", worker.committed_unit_count()},
+          {"cpu_seconds", worker.cpu_seconds()},
+          {"rss_bytes", worker.rss_bytes()},
+          {"silence_seconds", seconds(worker.silence())}};
+}
+
+int run(const WorkersOptions& options, const Connection& connection) {
+  const auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+  const auto workers = (*client)->list_workers();
+  if (!workers.ok()) return fail(workers.status());
+  if (options.json) {
+    nlohmann::ordered_json document = {{"schema", "tessera.workers/1"},
+                                       {"workers", nlohmann::ordered_json::array()}};
+    for (const v1::Worker& worker : *workers) document["workers"].push_back(document_of(worker));
+    std::printf("%s\n", document.dump(2).c_str());
+    return kExitDone;
+  }
+  Table table({"WORKER", "STATE", "THREADS", "ISA", "LEASED", "COMMITTED", "CPU S", "MEMORY",
+               "HOST", "NAME"});
+  for (const v1::Worker& worker : *workers) {
+    table.add({worker.id(), state_name(worker.state()), std::to_string(worker.thread_count()),
+               worker.isa(), std::to_string(worker.leased_unit_count()),
+               std::to_string(worker.committed_unit_count()),
+               absl::StrFormat("%.1f", worker.cpu_seconds()),
+               format_bytes(static_cast<double>(worker.rss_bytes())), worker.host(),
+               worker.name()});
+  }
+  std::fputs(table.text().c_str(), stdout);
+  return kExitDone;
+}
+
+/// What can be ordered of a worker.
+struct Order {
+  const char* name;
+  const char* description;
+  const char* done;  // what is printed of it
+  absl::Status (FarmClient::*call)(const std::string& worker_id);
+};
+
+constexpr Order kOrders[] = {
+    {"drain", "Have a worker finish what it has begun, hand back the rest, and end",
+     "is asked to go", &FarmClient::drain_worker},
+    {"ban", "Shut a worker out: nothing is leased to it or taken of it, also after a restart",
+     "is banned", &FarmClient::ban_worker},
+    {"allow", "Take back that a worker was banned or set aside", "is allowed",
+     &FarmClient::allow_worker},
+};
+
+/// The worker's id: `text` itself if it is not listed (it may be banned and long gone), else the
+/// one it is, or begins, or names. Errors: InvalidArgument, it fits several.
+absl::StatusOr<std::string> find_worker(FarmClient& client, const std::string& text) {
+  const auto workers = client.list_workers();
+  if (!workers.ok()) return workers.status();
+  std::vector<std::string> fits;
+  for (const v1::Worker& worker : *workers) {
+    if (worker.id() == text) return text;
+    if (worker.name() == text || absl::StartsWith(worker.id(), text)) fits.push_back(worker.id());
+  }
+  if (fits.size() < 2) return fits.empty() ? text : fits.front();
+  return absl::InvalidArgumentError(
+      absl::StrCat("\"", text, "\" fits several workers: ", absl::StrJoin(fits, " ")));
+}
+
+int give_order(const Order& order, const std::string& text, const Connection& connection) {
+  const auto client = FarmClient::connect(connection);
+  if (!client.ok()) return fail(client.status());
+  const auto id = find_worker(**client, text);
+  if (!id.ok()) return fail(id.status());
+  if (const absl::Status status = ((**client).*order.call)(*id); !status.ok()) return fail(status);
+  std::printf("%s %s\n", id->c_str(), order.done);
+  return kExitDone;
+}
+
+void add_orders(CLI::App& command, Invocation& invocation) {
+  for (const Order& order : kOrders) {
+    auto worker = std::make_shared<std::string>();
+    CLI::App* sub = command.add_subcommand(order.name, order.description);
+    add_connection_options(*sub, invocation.connection);
+    sub->add_option("worker", *worker, "Id, unique prefix, or name")->required();
+    sub->callback([&order, worker, &invocation] {
+      invocation.run = [&order, worker, &invocation] {
+        return give_order(order, *worker, invocation.connection);
+      };
+    });
+  }
+  command.require_subcommand(0, 1);
+}
+
+}  // namespace
+
+void add_workers_command(CLI::App& app, Invocation& invocation) {
+  auto options = std::make_shared<WorkersOptions>();
+  CLI::App* command =
+      app.add_subcommand("workers", "List workers connected now or within the last hour");
+  add_connection_options(*command, invocation.connection);
+  command->add_flag("--json", options->json, "Print a JSON document (tessera.workers/1)");
+  add_orders(*command, invocation);
+  command->footer(
+      "With certificates, drain, ban and allow take an admin's.\n"
+      "Examples:\n  tessera workers\n  tessera workers drain w-0f3a");
+  command->callback([command, options, &invocation] {
+    if (!command->get_subcommands().empty()) return;  // theirs is called, too
+    invocation.run = [options, &invocation] { return run(*options, invocation.connection); };
+  });
+}
+
+}  // namespace tessera::client

@@ -1,0 +1,162 @@
+#include "client/output/job_status.h"
+
+#include <chrono>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/match.h"
+#include "absl/time/time.h"
+#include "client/cli/progress.h"
+#include "client/output/render_result.h"
+
+namespace tessera::client {
+namespace {
+
+// How the server begins the reason of a job whose scene a worker found faulty.
+constexpr char kBadScene[] = "bad scene:";
+constexpr std::chrono::milliseconds kWatchInterval{500};
+
+double seconds(const google::protobuf::Duration& span) {
+  return static_cast<double>(span.seconds()) + 1e-9 * span.nanos();
+}
+
+std::string rfc3339(const google::protobuf::Timestamp& moment) {
+  return absl::FormatTime(
+      "%Y-%m-%dT%H:%M:%E3SZ",
+      absl::FromUnixSeconds(moment.seconds()) + absl::Nanoseconds(moment.nanos()),
+      absl::UTCTimeZone());
+}
+
+nlohmann::ordered_json progress_document(const v1::JobProgress& progress) {
+  nlohmann::ordered_json document = {{"units", progress.unit_count()},
+                                     {"units_committed", progress.committed_unit_count()},
+                                     {"units_leased", progress.leased_unit_count()},
+                                     {"frames", progress.frame_count()},
+                                     {"frames_finished", progress.finished_frame_count()},
+                                     {"samples", progress.sample_count()},
+                                     {"samples_committed", progress.committed_sample_count()},
+                                     {"workers", progress.worker_count()},
+                                     {"cpu_seconds", progress.cpu_seconds()},
+                                     {"elapsed_seconds", seconds(progress.elapsed())},
+                                     {"remaining_seconds", nullptr},
+                                     {"estimated_error", nullptr}};
+  if (progress.has_remaining()) document["remaining_seconds"] = seconds(progress.remaining());
+  if (progress.has_estimated_error()) document["estimated_error"] = progress.estimated_error();
+  return document;
+}
+
+/// What the report of a job that is done says against it, to stderr.
+void say_doubts(FarmClient& client, const std::string& job_id, std::span<const std::string> said) {
+  const auto text = client.get_report(job_id);
+  const auto report = nlohmann::ordered_json::parse(text.value_or(""), nullptr, false);
+  if (report.is_object()) std::fputs(doubt_lines(report, said).c_str(), stderr);
+}
+
+}  // namespace
+
+std::string state_name(v1::Job::State state) {
+  switch (state) {
+    case v1::Job::STATE_QUEUED:
+      return "queued";
+    case v1::Job::STATE_RUNNING:
+      return "running";
+    case v1::Job::STATE_PAUSED:
+      return "paused";
+    case v1::Job::STATE_DONE:
+      return "done";
+    case v1::Job::STATE_FAILED:
+      return "failed";
+    case v1::Job::STATE_CANCELLED:
+      return "cancelled";
+    default:
+      return "unknown";
+  }
+}
+
+std::string certainty_name(const v1::Job& job) {
+  switch (job.certainty()) {
+    case v1::Job::CERTAINTY_CONVERGED:
+      return "converged";
+    case v1::Job::CERTAINTY_CAPPED:
+      return "capped";
+    case v1::Job::CERTAINTY_UNCERTAIN:
+      return "uncertain";
+    default:
+      return "";
+  }
+}
+
+bool has_ended(const v1::Job& job) {
+  return job.state() == v1::Job::STATE_DONE || job.state() == v1::Job::STATE_FAILED ||
+         job.state() == v1::Job::STATE_CANCELLED;
+}
+
+int exit_code_of(const v1::Job& job) {
+  if (job.state() == v1::Job::STATE_DONE) {
+    const bool in_doubt = job.certainty() == v1::Job::CERTAINTY_CAPPED ||
+                          job.certainty() == v1::Job::CERTAINTY_UNCERTAIN;
+    return in_doubt ? kExitUncertain : kExitDone;
+  }
+  return absl::StartsWith(job.reason(), kBadScene) ? kExitBadInput : kExitJobFailed;
+}
+
+nlohmann::ordered_json job_document(const v1::Job& job) {
+  nlohmann::ordered_json document = {{"schema", "tessera.job/1"},
+                                     {"id", job.id()},
+                                     {"name", job.name()},
+                                     {"owner", job.owner()},
+                                     {"state", state_name(job.state())},
+                                     {"reason", job.reason()},
+                                     {"priority", job.priority()},
+                                     {"max_workers", job.max_worker_count()},
+                                     {"required_tag", job.required_tag()},
+                                     {"created", rfc3339(job.create_time())},
+                                     {"ended", nullptr},
+                                     {"progress", progress_document(job.progress())}};
+  if (job.settings().has_error_target()) {
+    document["error_target"] = job.settings().error_target();
+    document["certainty"] = nullptr;
+    if (const std::string name = certainty_name(job); !name.empty()) document["certainty"] = name;
+  }
+  if (job.has_end_time()) document["ended"] = rfc3339(job.end_time());
+  return document;
+}
+
+int watch_until_finished(FarmClient& client, SignalHandler& interrupts, const std::string& job_id,
+                     bool json, std::span<const std::string> said) {
+  const InterruptAction action(interrupts, [&client] { client.cancel(); });
+  ProgressBar bar;
+  std::string waits_for;
+  const auto job = client.watch_job(job_id, kWatchInterval, [&](const v1::Job& now) {
+    if (json) {
+      std::printf("%s\n", job_document(now).dump().c_str());
+      std::fflush(stdout);
+      return true;
+    }
+    // What holds a job up is said once, also where nobody sees a bar.
+    if (now.reason() != waits_for && !now.reason().empty() && !has_ended(now)) {
+      bar.clear();
+      std::fprintf(stderr, "job %s waits: %s\n", job_id.c_str(), now.reason().c_str());
+    }
+    waits_for = now.reason();
+    bar.show(now);
+    return true;
+  });
+  bar.clear();
+  if (absl::IsCancelled(job.status())) {
+    std::fprintf(stderr, "tessera: job %s goes on; `tessera watch %s` follows it again\n",
+                 job_id.c_str(), job_id.c_str());
+    return kExitInterrupted;
+  }
+  if (!job.ok()) return fail(job.status());
+  if (!json) {
+    const std::string certainty = certainty_name(*job);
+    std::fprintf(stderr, "job %s %s%s%s%s%s\n", job_id.c_str(), state_name(job->state()).c_str(),
+                 certainty.empty() ? "" : ", ", certainty.c_str(),
+                 job->reason().empty() ? "" : ": ", job->reason().c_str());
+    if (job->state() == v1::Job::STATE_DONE) say_doubts(client, job_id, said);
+  }
+  return exit_code_of(*job);
+}
+
+}  // namespace tessera::client

@@ -1,0 +1,27 @@
+#include "image/codecs/library_versions.h"
+
+#include <OpenEXR/OpenEXRConfig.h>
+#include <OpenImageIO/oiioversion.h>
+#include <png.h>
+#include <webp/decode.h>
+
+// Of libjpeg's headers only this one says which it is.
+#include <jconfig.h>
+
+#include "absl/strings/str_cat.h"
+
+#define TESSERA_TEXT(x) #x
+#define TESSERA_VALUE_TEXT(x) TESSERA_TEXT(x)
+
+namespace tessera::image {
+
+std::vector<contract::LibraryVersion> library_versions() {
+  const int webp = WebPGetDecoderVersion();  // a byte a part
+  return {{"libpng", png_get_libpng_ver(nullptr)},
+          {"libjpeg-turbo", TESSERA_VALUE_TEXT(LIBJPEG_TURBO_VERSION)},
+          {"libwebp", absl::StrCat(webp >> 16, ".", webp >> 8 & 0xff, ".", webp & 0xff)},
+          {"OpenEXR", OPENEXR_VERSION_STRING},
+          {"OpenImageIO", OIIO_VERSION_STRING}};
+}
+
+}  // namespace tessera::image

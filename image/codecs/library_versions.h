@@ -1,0 +1,12 @@
+#pragma once
+
+#include <vector>
+
+#include "cli/version_text.h"
+
+namespace tessera::image {
+
+/// The libraries that read and write images.
+std::vector<contract::LibraryVersion> library_versions();
+
+}  // namespace tessera::image

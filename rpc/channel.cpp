@@ -1,0 +1,59 @@
+#include "rpc/channel.h"
+
+#include <grpcpp/create_channel.h>
+#include <grpcpp/security/credentials.h>
+
+#include "absl/status/status.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "rpc/credentials.h"
+
+namespace tessera::contract {
+namespace {
+
+std::string host_of(const std::string& address) {
+  if (absl::StartsWith(address, "[")) return address.substr(0, address.find(']') + 1);
+  return address.substr(0, address.rfind(':'));
+}
+
+}  // namespace
+
+bool is_local_address(const std::string& address) {
+  if (absl::StartsWith(address, "unix:")) return true;
+  const std::string host = host_of(address);
+  if (host == "localhost" || host == "[::1]") return true;
+  // 127.0.0.0/8 in digits; a name such as 127.example is not an address.
+  return absl::StartsWith(host, "127.") &&
+         host.find_first_not_of("0123456789.") == std::string::npos;
+}
+
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address,
+                                                            const std::string& certs) {
+  const bool has_tls = !certs.empty() && !absl::StartsWith(address, "unix:");
+  if (!has_tls && !is_local_address(address)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("server ", address, " is on another machine and needs a certificate: --certs ",
+                     "DIR, the folder that `tessera-server issue-cert` made for you"));
+  }
+  auto credentials = has_tls ? channel_credentials(certs) : grpc::InsecureChannelCredentials();
+  if (!credentials.ok()) return credentials.status();
+  grpc::ChannelArguments arguments;
+  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
+  arguments.SetMaxSendMessageSize(kMaxMessageBytes);
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
+  // Despite its name also the time a connection may take; on a busy machine 100 ms is too short.
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 10'000);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);
+  // Channels of one process share connections unless told otherwise; a worker wants its own.
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  return grpc::CreateCustomChannel(address, *credentials, arguments);
+}
+
+void prepare_call(grpc::ClientContext& context, const std::string& token,
+                  std::chrono::milliseconds timeout) {
+  if (timeout.count() > 0) context.set_deadline(std::chrono::system_clock::now() + timeout);
+  if (!token.empty()) context.AddMetadata(kTokenKey, token);
+}
+
+}  // namespace tessera::contract

@@ -1,0 +1,397 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "contract/film_block.h"
+#include "contract/tile_grid.h"
+#include "telemetry/log/log.h"
+#include "server/coordinator/client_quota.h"
+#include "server/film/film_cache.h"
+#include "server/film/frame_summary.h"
+#include "server/film/frame_writer.h"
+#include "server/coordinator/block_index.h"
+#include "server/report/job_view.h"
+#include "server/sync/mutex.h"
+#include "server/telemetry/delivery_log.h"
+#include "server/telemetry/event_log.h"
+#include "server/telemetry/farm_metrics.h"
+#include "server/schedule/scheduler/scheduler.h"
+#include "server/store/store.h"
+
+namespace tessera::server {
+
+/// The far end of a worker's stream, as the coordinator sees it. Called without any lock held, from
+/// any thread; must not block. Kept alive by whoever calls it.
+class WorkerConnection {
+ public:
+  virtual ~WorkerConnection() = default;
+  /// There is mail: fetch it with Coordinator::take_outbox.
+  virtual void wake() = 0;
+  /// The stream is over: ABORTED, a newer one has taken its place; UNAVAILABLE, the worker was
+  /// given up and is to connect again.
+  virtual void close(const absl::Status& reason) = 0;
+};
+
+/// One connection of a worker. A session ends when a newer one of the same worker begins; calls
+/// under an ended session do nothing.
+struct Session {
+  WorkerKey worker = 0;
+  std::int64_t number = 0;
+};
+
+/// What the wire says about a block before its bytes.
+struct BlockHeader {
+  Lease lease;
+  std::int32_t tile = 0;
+  std::int64_t size_bytes = 0;  // of the encoded block
+  contract::Digest sha256;
+  double cpu_seconds = 0;
+
+  contract::Unit unit() const { return {lease.frame, tile, lease.pass}; }
+};
+
+/// What is known of a block once its header was accepted.
+struct Admission {
+  contract::FilmBlockShape shape;
+  std::int32_t sample_count = 0;
+};
+
+/// What a worker's log says about a job.
+struct LogLine {
+  std::string job_id;
+  std::string text;
+};
+
+struct CoordinatorOptions {
+  SchedulePolicy policy;
+  std::int64_t film_memory_bytes = std::int64_t{1} << 30;
+  std::int64_t ingest_bytes = std::int64_t{256} << 20;  // delivered, not yet committed
+  std::int64_t quota_bytes = std::int64_t{1} << 40;     // of the store
+  std::int64_t asset_quota_bytes = std::int64_t{64} << 30;
+  std::int64_t keep_jobs_us = 0;  // jobs that ended so long ago are removed; 0: never
+  ClientQuota client_quota;
+  Span tick_period = std::chrono::milliseconds(100);
+  std::function<Time()> clock;            // monotonic
+  std::function<std::int64_t()> wall_us;  // since 1970; labels things, decides only keep_jobs_us
+  std::function<std::uint64_t()> random;  // for job ids
+  /// Fills in what a job's row holds in wire form: settings, manifest, limits. Errors: DataLoss.
+  std::function<absl::StatusOr<JobSpec>(const JobRecord&)> read_spec;
+  /// The request of a job whose sample count or error has become that of `spec`.
+  std::function<std::string(const JobSpec& spec)> write_request;
+  Log log;  // may be empty
+  /// Owners: the coordinator and who made it, who may count into it too.
+  std::shared_ptr<FarmMetrics> metrics = std::make_shared<FarmMetrics>();
+};
+
+/// The farm's state behind one lock. Every method may be called from any thread.
+///
+/// No gRPC in here: ThreadSanitizer cannot see through Debian's libgrpc, so the lock sits below it,
+/// where plain threads can test it. No lock is held over a disk operation: two threads do those,
+/// the writer (the journal: one group of blocks, rows and tasks after the other) and the film
+/// thread (merging, images). Callbacks come from one of them, without a lock, and must not block.
+class Coordinator {
+ public:
+  /// Reads the store's jobs. `store` must outlive the coordinator, which is its only writer.
+  static absl::StatusOr<std::unique_ptr<Coordinator>> open(Store& store,
+                                                           CoordinatorOptions options);
+  ~Coordinator();
+
+  // Threads --------------------------------------------------------------------------------------
+  /// The writer's body: one round of what there is to journal. Waits for something if `wait`.
+  /// Returns whether it did anything. To be called from one thread only.
+  bool run_writer(bool wait);
+  /// The film thread's body, likewise.
+  bool run_film(bool wait);
+  /// Expires, grants, balances; about every tick_period.
+  void tick();
+  /// Ends waiting rounds; what is queued is still done by further rounds without waiting.
+  void stop();
+  bool is_stopping() const;
+
+  // Workers --------------------------------------------------------------------------------------
+  struct Joined {
+    Session session;
+    std::string store_id;
+    std::int32_t heartbeat_ms = 1000;
+    std::int32_t timeout_ms = 5000;
+  };
+  /// Begins a session; an older one of the same worker is closed.
+  Joined join(const Hello& hello, std::shared_ptr<WorkerConnection> link);
+  /// The stream is gone.
+  void part(Session session);
+  void hear(Session session);
+  void heartbeat(Session session, const std::vector<UnitName>& started, std::int64_t rss_bytes);
+  void grant_credits(Session session, std::int32_t count);
+  void leave(Session session);
+  void return_units(Session session, const std::vector<UnitName>& units);
+  void fail_unit(Session session, const Lease& lease, std::int32_t tile, Failure failure,
+                 bool bad_scene);
+  void scene_loaded(Session session, const std::string& job_id, double load_seconds,
+                    double build_seconds, std::int64_t peak_rss_bytes);
+  /// What is to be sent now; empty when the session has ended.
+  Outbox take_outbox(Session session);
+  /// Workers connected or lost within the last hour; with the silence of each.
+  std::vector<std::pair<Worker, double>> workers() const;
+  /// A job's spec, if workers of this certificate (empty: any) were leased units of it; or nullptr.
+  std::shared_ptr<const JobSpec> describe_job(const std::string& job_id,
+                                              const std::string& certificate = {}) const;
+  void take_log_lines(Session session, const std::vector<LogLine>& lines);
+  /// Asks a worker to go. Errors: NotFound, it is not connected.
+  absl::Status drain_worker(const std::string& worker_id);
+  /// Shuts a worker out, durably, then calls back. Errors: NotFound, it was not seen lately.
+  void ban_worker(const std::string& worker_id, std::function<void(absl::Status)> done);
+  /// Takes that back, likewise. Errors: NotFound, nothing is known of it.
+  void allow_worker(const std::string& worker_id, std::function<void(absl::Status)> done);
+  /// Records a worker's joining with a token, then calls back. Errors: as Store::remember_join.
+  void record_join(Join join, std::int64_t most, std::function<void(absl::Status)> done);
+  /// What a worker that has joined comes back with: an HMAC under the store's key over its id and
+  /// its certificate's name, so that none needs to be kept.
+  std::string session_key(const std::string& worker_id, const std::string& certificate) const;
+
+  // Blocks ---------------------------------------------------------------------------------------
+  /// Whether a worker with this id has a session, under this certificate; a sign of life. Errors:
+  /// FailedPrecondition.
+  absl::Status hear_delivery(const std::string& worker_id, const std::string& certificate = {});
+  /// Judges a block by its header. nullopt: it got its verdict, its bytes are to be skipped.
+  std::optional<Admission> admit(const std::string& worker_id, const BlockHeader& header);
+  /// Takes an admitted block. Its one verdict follows by mail. Checks the bytes before it takes the
+  /// lock.
+  void deliver(const std::string& worker_id, const BlockHeader& header, const Admission& admission,
+               std::string bytes);
+  /// Whether more may be read now. If not, `resume` is called once there is room.
+  bool has_room_or_call(std::function<void()> resume);
+
+  // Jobs -----------------------------------------------------------------------------------------
+  struct Created {
+    JobView view;
+    std::int64_t store_bytes = 0;
+  };
+  using OnCreated = std::function<void(absl::StatusOr<Created>)>;
+  using OnJob = std::function<void(absl::StatusOr<JobView>)>;
+  enum class Change { pause, resume, cancel, retry };
+
+  /// Makes a job durable, then calls back. Errors: as CreateJob in job_service.proto.
+  void create_job(JobSpec spec, OnCreated done);
+  /// Changes a job, journals it, then calls back. Errors: as the rpc of that name.
+  void change_job(const std::string& job_id, Change change, const OnJob& done);
+  /// What a job is extended to; absent: as it is.
+  struct Extension {
+    std::optional<std::int32_t> spp;
+    std::optional<double> error;
+  };
+  void extend_job(const std::string& job_id, const Extension& extension, OnJob done);
+  void remove_job(const std::string& job_id, std::function<void(absl::Status)> done);
+  // `owner`: only jobs of this owner are there; empty: all.
+  /// By id, unique prefix, name or `last`. Errors: NotFound, InvalidArgument.
+  absl::StatusOr<JobView> find_job(const std::string& text, const std::string& owner = {}) const;
+  /// Errors: NotFound, there is no such job, or it is not the owner's.
+  absl::Status check_owner(const std::string& job_id, const std::string& owner) const;
+  /// By id only. Errors: NotFound.
+  absl::StatusOr<JobView> job(const std::string& job_id) const;
+  /// Up to `most` jobs older than `before` (0: from the newest), newest first.
+  std::vector<JobView> list_jobs(JobKey before, std::int32_t most,
+                                 const std::string& owner = {}) const;
+  absl::StatusOr<JobReport> report(const std::string& job_id) const;
+  /// What happened lately.
+  const EventLog& events() const { return events_; }
+  /// Up to `most` of what workers delivered of a job lately, after a sequence. Errors: NotFound.
+  absl::StatusOr<std::vector<Delivery>> deliveries(const std::string& job_id, std::int64_t after,
+                                                   std::size_t most) const;
+  /// What Prometheus is told. Walks all jobs and workers under the lock.
+  std::vector<prometheus::MetricFamily> metrics() const;
+  /// Finds or makes a frame's image file, on the film thread, then calls back. The caller removes
+  /// it if it is temporary. Errors: as FetchFrame.
+  void fetch_frame(const FrameQuery& query, std::function<void(absl::StatusOr<FrameFile>)> done);
+
+  // Assets ---------------------------------------------------------------------------------------
+  /// Whether the asset is here; pins it for an hour.
+  bool has_asset(const contract::Digest& digest);
+  absl::StatusOr<std::string> new_upload_path() { return store_.new_upload_path(); }
+  void keep_asset(const std::string& upload_path, const contract::Digest& digest,
+                  std::function<void(absl::Status)> done);
+  std::string asset_path(const contract::Digest& digest) const { return store_.asset_path(digest); }
+  /// Whether a job names the asset of which workers of this certificate were leased units.
+  bool is_leased_asset(const contract::Digest& digest, const std::string& certificate) const;
+
+ private:
+  struct Delivered {
+    std::string worker_id;
+    BlockHeader header;
+    contract::FilmBlock block;
+    std::string bytes;
+  };
+  /// What the coordinator keeps of a job beside its schedule.
+  struct JobFilm {
+    std::shared_ptr<const contract::TileGrid> grid;  // owners: the job and who is using it now
+    std::optional<BlockIndex> ledger;
+    std::map<std::int32_t, FrameRecord> finished;
+    std::set<std::int32_t> finishing;  // complete, being written
+    std::int64_t committed_samples = 0;
+    std::int64_t samples_at_start = 0;  // committed before this process
+    // Of jobs asked for by their error: samples of finished frames, and those foreseen of others.
+    std::int64_t finished_samples = 0;
+    std::map<std::int32_t, std::int64_t> expected_samples;
+    std::optional<Certainty> certainty;  // the worst of the finished frames'
+
+    std::vector<std::string> warnings;  // frames that were finished with units of a liar
+
+    double wall_at_start = 0;
+    std::optional<double> estimated_error;
+    std::int64_t create_time_us = 0, end_time_us = 0;
+  };
+  struct Linked {
+    std::int64_t session = 0;
+    std::shared_ptr<WorkerConnection> link;  // owners: the stream and this table
+  };
+  /// Calls that wait until the lock is given up: declare it before the MutexLock.
+  class DeferredCalls {
+   public:
+    DeferredCalls() = default;
+    ~DeferredCalls() {
+      for (const auto& call : calls_) call();
+    }
+    DeferredCalls(const DeferredCalls&) = delete;
+    DeferredCalls& operator=(const DeferredCalls&) = delete;
+    void add(std::function<void()> call) { calls_.push_back(std::move(call)); }
+
+   private:
+    std::vector<std::function<void()>> calls_;
+  };
+  /// A committed block on its way to the film, or (without a block) only the news of it.
+  struct FilmUpdate {
+    std::string job_id;
+    contract::Unit unit;
+    std::optional<contract::FilmBlock> block;
+    std::int64_t bytes = 0;
+  };
+  struct Sorted;  // a group of delivered blocks, judged
+
+  Coordinator(Store& store, CoordinatorOptions options, const std::vector<std::string>& roster);
+
+  absl::Status load(const std::vector<JobRecord>& records, const std::vector<std::string>& banned);
+  absl::Status load_job(const JobRecord& record) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status load_units(Job& job, const JobRecord& record) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  void settle(DeferredCalls& afterwards) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void journal_running() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void remove_old_jobs() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  Worker* worker_of(Session session) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  JobFilm& film_of(const Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  const contract::TileGrid& grid_of(const Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  BlockIndex& ledger_of(Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  JobView view(const Job& job) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  static std::int64_t sample_count(const Job& job, const JobFilm& film);
+  static void note_finished(JobFilm& film, const FrameRecord& record, const FrameSummary& note);
+  JobRecord record(const Job& job) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  std::string new_job_id() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void answer(const std::string& worker_id, const std::string& job_id, const contract::Unit& unit,
+              Verdict verdict, const std::string& reason) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void reject(const std::string& worker_id, const BlockHeader& header, const std::string& reason,
+              DeferredCalls& afterwards) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void refuse(const std::string& worker_id, const BlockHeader& header)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  bool judge_repeat(Job& job, const std::string& worker_id, const BlockHeader& header)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  void write_later(std::function<void()> task);
+  void film_later(std::function<void()> task);
+  void enqueue_film(std::function<void()> task) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void journal_changes();
+  bool commit_group();
+  void sort_group(std::vector<Delivered>& group, Sorted& sorted);
+  void note_committed(Sorted& sorted);
+  void count_committed(Job& job, const UnitRecord& record, std::int64_t samples)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  std::optional<double> seconds_leased(Job& job, const UnitRecord& record)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void commit_failed(const Sorted& sorted, const absl::Status& status);
+  void pause_for_room(Job& job, const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void make_job(const JobSpec& spec, const OnCreated& done);
+  absl::Status check_room(const JobSpec& spec, std::int64_t need_bytes);
+  absl::Status check_owners_quota(const JobSpec& spec) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  bool is_ready(const Job& job, std::int32_t frame) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void audits_over(const std::vector<UnitName>& units) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void quarantine_worker(const std::string& worker_id, DeferredCalls& afterwards)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void redo_units_of(const FrameKey& key, const std::string& worker_id);
+  void frame_may_be_complete(Job& job, std::int32_t frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void finish_what_is_complete(Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::StatusOr<std::shared_ptr<JobSpec>> spec_to_extend(const std::string& job_id,
+                                                          const Extension& extension) const;
+  void extend_now(const std::string& job_id, const Extension& extension, const OnJob& done);
+  void replan(const std::string& job_id, const std::shared_ptr<const JobSpec>& spec,
+              const std::vector<UnitRecord>& kept);
+  void open_films(Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status forget_job(const std::string& job_id, std::vector<contract::Digest>& assets);
+  void remove_now(const std::string& job_id, const std::function<void(absl::Status)>& done);
+  void collect_assets();
+
+  void merge(FilmUpdate news);
+  ReferenceReader reference_reader(const JobSpec& spec, std::int32_t frame);
+  void open_film(const FrameKey& key);
+  absl::StatusOr<contract::FilmBlock> read_block(const std::string& job_id,
+                                                 const contract::Unit& unit);
+  void decide(const FrameKey& key);
+  void estimate(const FrameKey& key);
+  void finish_frame(const FrameKey& key);
+  absl::StatusOr<FrameRecord> write_finished(const FrameKey& key, const JobSpec& spec);
+  void record_frame(const FrameKey& key, const FrameRecord& record, double error);
+  absl::StatusOr<FrameFile> make_frame_file(const FrameQuery& query);
+  absl::StatusOr<FrameFile> write_partial(const FrameQuery& query, const JobSpec& spec);
+  void redo_units(const FrameKey& key, const std::vector<contract::Unit>& units,
+                  bool forget_demands = false);
+  void frame_failed(const FrameKey& key, const absl::Status& status);
+  void log(LogLevel level, const std::string& message) const;
+  void note(EventKind kind, const Job& job, const std::string& worker_id, const std::string& text);
+  void note(EventKind kind, const std::string& worker_id, const std::string& text);
+  void note_state(const Job& job);
+  void note_failure(const Job& job, const std::string& worker_id, const std::string& what,
+                    const Failure& failure);
+
+  Store& store_;
+  const CoordinatorOptions options_;
+  FilmCache film_;  // has a lock of its own, never taken under mutex_
+  EventLog events_;
+  DeliveryLog deliveries_;
+
+  mutable Mutex mutex_;
+  Scheduler scheduler_ ABSL_GUARDED_BY(mutex_);
+  std::map<JobKey, JobFilm> films_ ABSL_GUARDED_BY(mutex_);
+  std::map<WorkerKey, Linked> links_ ABSL_GUARDED_BY(mutex_);
+  std::map<std::string, JobKey> job_by_request_ ABSL_GUARDED_BY(mutex_);
+  std::map<contract::Digest, Time> asked_assets_ ABSL_GUARDED_BY(mutex_);
+  std::int64_t last_session_ ABSL_GUARDED_BY(mutex_) = 0;
+
+  ConditionVariable writer_signal_, film_signal_;
+  std::vector<Delivered> delivered_ ABSL_GUARDED_BY(mutex_);
+  std::int64_t ingest_bytes_ ABSL_GUARDED_BY(mutex_) = 0;  // delivered or on the way to the film
+  std::vector<std::function<void()>> resumes_ ABSL_GUARDED_BY(mutex_);
+  std::set<JobKey> changed_ ABSL_GUARDED_BY(mutex_);
+  std::set<JobKey> unjournaled_ ABSL_GUARDED_BY(mutex_);  // changes the disk had no room for
+  std::vector<std::pair<std::string, bool>> roster_ ABSL_GUARDED_BY(mutex_);
+  std::vector<std::function<void()>> after_journal_ ABSL_GUARDED_BY(mutex_);
+  std::deque<std::function<void()>> write_tasks_ ABSL_GUARDED_BY(mutex_);
+  std::deque<std::function<void()>> film_tasks_ ABSL_GUARDED_BY(mutex_);
+  bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
+  Time running_journaled_ ABSL_GUARDED_BY(mutex_);
+  Time looked_for_old_jobs_ ABSL_GUARDED_BY(mutex_);
+
+  // Film thread only.
+  std::map<FrameKey, Time> last_estimate_;
+  std::vector<contract::Unit> damaged_;  // blocks of the frame being finished
+  std::int64_t partial_count_ = 0;
+};
+
+}  // namespace tessera::server

@@ -1,0 +1,422 @@
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "server/coordinator/coordinator.h"
+
+namespace tessera::server {
+
+using contract::Unit;
+
+namespace {
+
+constexpr std::size_t kGroupUnits =
+    1024;  // one group of the journal; bounds an acknowledgement's wait
+constexpr std::int64_t kGroupBytes = std::int64_t{64} << 20;
+constexpr std::int64_t kDroppedEntryBytes = 12;
+
+/// What a block weighs while it waits: its bytes and, decoded, as many again.
+std::int64_t weight(const BlockHeader& header) {
+  return 2 * header.size_bytes;
+}
+
+absl::Status check_size(const BlockHeader& header, const contract::FilmBlockShape& shape) {
+  const std::int64_t fixed = contract::film_block_bytes(shape);
+  const std::int64_t most =
+      fixed + kDroppedEntryBytes * shape.pixel_count() * contract::kReplicates;
+  const std::int64_t extra = header.size_bytes - fixed;
+  if (extra >= 0 && header.size_bytes <= most && extra % kDroppedEntryBytes == 0) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(absl::StrCat("size_bytes: ", header.size_bytes,
+                                                 ", the unit implies ", fixed, " plus 12 for each ",
+                                                 "of at most ", (most - fixed) / 12, " entries"));
+}
+
+}  // namespace
+
+/// A group of delivered blocks, judged.
+struct Coordinator::Sorted {
+  std::vector<Commit> commits;
+  std::vector<Delivered> committed;  // in the order of `commits`
+  std::vector<Delivered> repeats;    // of units earlier in this very group
+};
+
+absl::Status Coordinator::hear_delivery(const std::string& worker_id,
+                                        const std::string& certificate) {
+  MutexLock lock(mutex_);
+  const Worker* worker = scheduler_.find_worker(worker_id);
+  if (worker == nullptr || !worker->connected || worker->certificate != certificate) {
+    return absl::FailedPreconditionError("no Work stream of this worker is open");
+  }
+  scheduler_.hear(worker->key, options_.clock());
+  return absl::OkStatus();
+}
+
+void Coordinator::answer(const std::string& worker_id, const std::string& job_id, const Unit& unit,
+                         Verdict verdict, const std::string& reason) {
+  options_.metrics->verdict(verdict).Increment();
+  const Worker* worker = scheduler_.find_worker(worker_id);
+  if (worker != nullptr) scheduler_.acknowledge(worker->key, {{job_id, unit}, verdict, reason});
+}
+
+void Coordinator::reject(const std::string& worker_id, const BlockHeader& header,
+                         const std::string& reason, DeferredCalls& afterwards) {
+  Worker* worker = scheduler_.find_worker(worker_id);
+  if (worker == nullptr) return;
+  options_.metrics->errors.block_rejected.Increment();
+  afterwards.add(
+      [this, text = absl::StrCat("worker ", worker_id, ": a block of job ", header.lease.job_id,
+                                 " is rejected: ", reason)] { log(LogLevel::warn, text); });
+  answer(worker_id, header.lease.job_id, header.unit(), Verdict::rejected, reason);
+  scheduler_.fail_unit(worker->key, header.lease, header.tile,
+                       {worker_id, absl::StrCat("its block was rejected: ", reason), ""}, false,
+                       options_.clock());
+}
+
+void Coordinator::refuse(const std::string& worker_id, const BlockHeader& header) {
+  answer(worker_id, header.lease.job_id, header.unit(), Verdict::unwanted, "");
+  Job* job = scheduler_.find_job(header.lease.job_id);
+  if (job == nullptr) return;
+  job->counters.wasted_cpu_seconds += header.cpu_seconds;
+  if (job->plan) scheduler_.drop(*job, header.unit(), worker_id);
+}
+
+/// Judges a unit that is committed already; false if it is not.
+bool Coordinator::judge_repeat(Job& job, const std::string& worker_id, const BlockHeader& header) {
+  const BlockIndex& ledger = ledger_of(job);
+  const BlockIndex::Place* found = ledger.find(header.unit());
+  if (found == nullptr) return false;
+  const BlockIndex::Place place = *found;
+  const bool is_answer =
+      scheduler_.answer_audit(job, header.unit(), header.lease, {worker_id, header.sha256},
+                              {ledger.worker(place), place.sha256}, options_.clock());
+  if (!is_answer) ++job.counters.duplicated;
+  deliveries_.add({.job = job.key,
+                   .unit = header.unit(),
+                   .worker_id = worker_id,
+                   .outcome = is_answer ? DeliveryOutcome::audit : DeliveryOutcome::repeat,
+                   .end_us = options_.wall_us(),
+                   .cpu_seconds = header.cpu_seconds});
+  job.counters.wasted_cpu_seconds += header.cpu_seconds;
+  scheduler_.drop(job, header.unit(), worker_id);
+  if (place.sha256 == header.sha256) {
+    answer(worker_id, header.lease.job_id, header.unit(), Verdict::duplicate, "");
+  } else {
+    ++job.counters.mismatched;
+    options_.metrics->results_mismatched.Increment();
+    answer(worker_id, header.lease.job_id, header.unit(), Verdict::rejected,
+           "the unit is committed with other bytes");
+  }
+  return true;
+}
+
+std::optional<Admission> Coordinator::admit(const std::string& worker_id,
+                                            const BlockHeader& header) {
+  const bool is_ours = seal_holds(header.lease, worker_id, store_.key());
+  DeferredCalls afterwards;
+  MutexLock lock(mutex_);
+  std::optional<Admission> admission;
+  Job* job = scheduler_.find_job(header.lease.job_id);
+  if (!is_ours) {
+    answer(worker_id, header.lease.job_id, header.unit(), Verdict::rejected,
+           "the lease's seal is not of this store and worker");
+  } else if (job == nullptr) {
+    refuse(worker_id, header);
+  } else {
+    if (!has_ended(job->state)) job->open_plan();
+    if (!scheduler_.wants(*job, header.lease, header.unit())) {
+      refuse(worker_id, header);
+    } else {
+      const contract::PixelRect rect = grid_of(*job).rect(header.tile);
+      const Admission candidate{
+          {rect.width, rect.height, job->spec->settings.aovs, header.lease.pass == 0},
+          header.lease.sample_count};
+      const absl::Status size = check_size(header, candidate.shape);
+      if (size.ok()) {
+        admission = candidate;
+      } else {
+        reject(worker_id, header, std::string(size.message()), afterwards);
+      }
+    }
+  }
+  settle(afterwards);
+  return admission;
+}
+
+void Coordinator::deliver(const std::string& worker_id, const BlockHeader& header,
+                          const Admission& admission, std::string bytes) {
+  std::string fault;
+  absl::StatusOr<contract::FilmBlock> block = absl::InternalError("not decoded");
+  if (contract::sha256(bytes) != header.sha256) {
+    fault = "its bytes do not match sha256";
+  } else {
+    block = contract::decode(bytes, admission.shape, admission.sample_count);
+    if (!block.ok()) fault = std::string(block.status().message());
+  }
+  DeferredCalls afterwards;
+  MutexLock lock(mutex_);
+  if (!fault.empty()) {
+    reject(worker_id, header, fault, afterwards);
+    settle(afterwards);
+    return;
+  }
+  ingest_bytes_ += weight(header);
+  delivered_.push_back({worker_id, header, *std::move(block), std::move(bytes)});
+  writer_signal_.raise();
+}
+
+bool Coordinator::has_room_or_call(std::function<void()> resume) {
+  MutexLock lock(mutex_);
+  if (ingest_bytes_ < options_.ingest_bytes || stopping_) return true;
+  resumes_.push_back(std::move(resume));
+  return false;
+}
+
+// The writer -------------------------------------------------------------------------------------
+
+void Coordinator::write_later(std::function<void()> task) {
+  MutexLock lock(mutex_);
+  write_tasks_.push_back(std::move(task));
+  writer_signal_.raise();
+}
+
+bool Coordinator::run_writer(bool wait) {
+  std::deque<std::function<void()>> tasks;
+  {
+    MutexLock lock(mutex_);
+    while (wait && !stopping_ && delivered_.empty() && write_tasks_.empty() && changed_.empty() &&
+           roster_.empty() && after_journal_.empty()) {
+      writer_signal_.wait(mutex_);
+    }
+    if (delivered_.empty() && write_tasks_.empty() && changed_.empty() && roster_.empty() &&
+        after_journal_.empty()) {
+      return false;
+    }
+    tasks.swap(write_tasks_);
+  }
+  journal_changes();
+  for (const auto& task : tasks) task();
+  commit_group();
+  return true;
+}
+
+void Coordinator::journal_changes() {
+  std::vector<std::pair<JobKey, JobRecord>> records;
+  std::vector<std::pair<std::string, bool>> roster;
+  std::vector<std::function<void()>> callbacks;
+  {
+    MutexLock lock(mutex_);
+    for (const JobKey key : changed_) {
+      if (const Job* job = scheduler_.find_job(key)) records.emplace_back(key, record(*job));
+    }
+    changed_.clear();
+    roster.swap(roster_);
+    callbacks.swap(after_journal_);
+  }
+  for (const auto& [key, record] : records) {
+    // Blocks and units first: a job that is DONE in the journal has none left.
+    absl::Status status = record.state == static_cast<std::int32_t>(JobState::done)
+                              ? store_.close_job(record.id)
+                              : absl::OkStatus();
+    if (status.ok()) status = store_.update_job(record);
+    if (status.ok()) continue;
+    options_.metrics->errors.journal.Increment();
+    log(LogLevel::error, absl::StrCat("job ", record.id, ": ", status.ToString()));
+    MutexLock lock(mutex_);
+    unjournaled_.insert(key);
+  }
+  for (const auto& [worker_id, joined] : roster) {
+    const absl::Status status =
+        joined ? store_.remember_worker(worker_id, worker_id) : store_.forget_worker(worker_id);
+    if (!status.ok())
+      log(LogLevel::error, absl::StrCat("worker ", worker_id, ": ", status.ToString()));
+  }
+  for (const auto& callback : callbacks) callback();
+}
+
+bool Coordinator::commit_group() {
+  std::vector<Delivered> group;
+  {
+    MutexLock lock(mutex_);
+    std::int64_t bytes = 0;
+    std::size_t count = 0;
+    while (count < delivered_.size() && count < kGroupUnits && bytes < kGroupBytes) {
+      bytes += delivered_[count++].header.size_bytes;
+    }
+    const auto end = delivered_.begin() + static_cast<std::ptrdiff_t>(count);
+    group.assign(std::make_move_iterator(delivered_.begin()), std::make_move_iterator(end));
+    delivered_.erase(delivered_.begin(), end);
+  }
+  if (group.empty()) return false;
+  Sorted sorted;
+  sort_group(group, sorted);
+  if (!sorted.commits.empty()) {
+    const Time begun = options_.clock();
+    const absl::Status status = store_.commit(sorted.commits);
+    options_.metrics->commit_seconds.Observe(seconds(options_.clock() - begun));
+    if (!status.ok()) {
+      options_.metrics->errors.commit.Increment();
+      commit_failed(sorted, status);
+      return true;
+    }
+  }
+  note_committed(sorted);
+  log(LogLevel::debug, absl::StrCat(sorted.commits.size(), " units committed in one group"));
+  return true;
+}
+
+void Coordinator::sort_group(std::vector<Delivered>& group, Sorted& sorted) {
+  DeferredCalls afterwards;
+  MutexLock lock(mutex_);
+  std::set<std::pair<std::string, Unit>> seen;
+  for (Delivered& block : group) {
+    const BlockHeader& header = block.header;
+    Job* job = scheduler_.find_job(header.lease.job_id);
+    if (job == nullptr || !scheduler_.wants(*job, header.lease, header.unit()) ||
+        scheduler_.is_quarantined(block.worker_id)) {
+      ingest_bytes_ -= weight(header);
+      refuse(block.worker_id, header);
+    } else if (judge_repeat(*job, block.worker_id, header)) {
+      ingest_bytes_ -= weight(header);
+    } else if (!seen.insert({header.lease.job_id, header.unit()}).second) {
+      sorted.repeats.push_back(std::move(block));
+    } else {
+      Commit commit;
+      commit.job_id = header.lease.job_id;
+      commit.record.unit = header.unit();
+      commit.record.sha256 = header.sha256;
+      commit.record.worker_id = block.worker_id;
+      commit.record.cpu_seconds = header.cpu_seconds;
+      commit.record.size_bytes = header.size_bytes;
+      if (scheduler_.wants_audit(*job, header.unit(), block.worker_id)) {
+        commit.record.audit = AuditState::open;
+      }
+      commit.block = std::move(block.bytes);
+      sorted.commits.push_back(std::move(commit));
+      sorted.committed.push_back(std::move(block));
+    }
+  }
+  settle(afterwards);
+}
+
+void Coordinator::commit_failed(const Sorted& sorted, const absl::Status& status) {
+  log(LogLevel::error,
+      absl::StrCat("commit of ", sorted.commits.size(), " units: ", status.ToString()));
+  DeferredCalls afterwards;
+  MutexLock lock(mutex_);
+  for (const auto* list : {&sorted.committed, &sorted.repeats}) {
+    for (const Delivered& block : *list) {
+      ingest_bytes_ -= weight(block.header);  // no verdict: the worker keeps it and sends it again
+      Job* job = scheduler_.find_job(block.header.lease.job_id);
+      if (job == nullptr || !absl::IsResourceExhausted(status)) continue;
+      pause_for_room(*job, status);
+    }
+  }
+  for (auto& resume : std::exchange(resumes_, {})) afterwards.add(std::move(resume));
+  settle(afterwards);
+}
+
+/// Leases nothing new of a job whose results do not fit on the disk. An ended job stays as it is.
+void Coordinator::pause_for_room(Job& job, const absl::Status& status) {
+  scheduler_
+      .pause(job, absl::StrCat("the store is full: ", std::string(status.message())),
+             options_.clock())
+      .IgnoreError();
+}
+
+/// Before the scheduler hears of it, and forgets who held the unit since when.
+void Coordinator::count_committed(Job& job, const UnitRecord& record, std::int64_t samples) {
+  FarmMetrics& metrics = *options_.metrics;
+  metrics.units_committed.Increment();
+  metrics.samples.Increment(static_cast<double>(samples));
+  metrics.block_bytes.Increment(static_cast<double>(record.size_bytes));
+  metrics.cpu_seconds.Increment(record.cpu_seconds);
+  const std::optional<double> leased = seconds_leased(job, record);
+  if (leased) metrics.lease_seconds.Observe(*leased);
+  const auto trouble = job.troubles.find(record.unit);
+  const std::int32_t retries =
+      trouble == job.troubles.end()
+          ? 0
+          : trouble->second.losses + static_cast<std::int32_t>(trouble->second.failures.size());
+  deliveries_.add({.job = job.key,
+                   .unit = record.unit,
+                   .worker_id = record.worker_id,
+                   .retry_count = retries,
+                   .end_us = options_.wall_us(),
+                   .cpu_seconds = record.cpu_seconds,
+                   .lease_seconds = leased});
+}
+
+/// How long ago the worker that has rendered a unit was leased it, if this process did that.
+std::optional<double> Coordinator::seconds_leased(Job& job, const UnitRecord& record) {
+  const Worker* worker = scheduler_.find_worker(record.worker_id);
+  const InFlight* held = job.open_plan().find_in_flight(record.unit);
+  if (worker == nullptr || held == nullptr) return std::nullopt;
+  for (const Holder& holder : held->holders) {
+    if (holder.worker != worker->key || !holder.leased) continue;
+    return seconds(options_.clock() - *holder.leased);
+  }
+  return std::nullopt;
+}
+
+void Coordinator::note_committed(Sorted& sorted) {
+  DeferredCalls afterwards;
+  MutexLock lock(mutex_);
+  for (std::size_t i = 0; i < sorted.committed.size(); ++i) {
+    Delivered& block = sorted.committed[i];
+    const UnitRecord& record = sorted.commits[i].record;
+    ingest_bytes_ -= weight(block.header);
+    Job* job = scheduler_.find_job(sorted.commits[i].job_id);
+    if (job == nullptr) continue;
+    ledger_of(*job).add(record, job->wall_seconds(options_.clock()));
+    JobFilm& film = film_of(*job);
+    const contract::PixelRect rect = grid_of(*job).rect(record.unit.tile);
+    const std::int64_t samples =
+        std::int64_t{rect.width} * rect.height * block.header.lease.sample_count;
+    film.committed_samples += samples;
+    count_committed(*job, record, samples);
+    scheduler_.commit(*job, record.unit, record.worker_id, record.cpu_seconds);
+    if (scheduler_.is_quarantined(record.worker_id)) {  // found lying while this was on its way
+      film_of(*job).finishing.insert(record.unit.frame);
+      write_tasks_.emplace_back([this, key = FrameKey{job->spec->id, record.unit.frame},
+                                 worker = record.worker_id] { redo_units_of(key, worker); });
+    } else if (record.audit == AuditState::open) {
+      scheduler_.open_audit(*job, record.unit, record.worker_id, record.sha256);
+    }
+    answer(block.worker_id, sorted.commits[i].job_id, record.unit, Verdict::committed, "");
+    FilmUpdate news{sorted.commits[i].job_id, record.unit, std::nullopt, 0};
+    // A film thread that lags behind reads the block back later instead of holding up commits.
+    if (ingest_bytes_ < options_.ingest_bytes / 2) {
+      news.block = std::move(block.block);
+      news.bytes = block.header.size_bytes;
+      ingest_bytes_ += news.bytes;
+    }
+    enqueue_film([this, shared = std::make_shared<FilmUpdate>(std::move(news))] {
+      merge(std::move(*shared));
+    });
+    frame_may_be_complete(*job, record.unit.frame);
+  }
+  for (Delivered& block : sorted.repeats) {
+    ingest_bytes_ -= weight(block.header);
+    Job* job = scheduler_.find_job(block.header.lease.job_id);
+    if (job == nullptr || !judge_repeat(*job, block.worker_id, block.header)) {
+      refuse(block.worker_id, block.header);
+    }
+  }
+  for (auto& resume : std::exchange(resumes_, {})) afterwards.add(std::move(resume));
+  settle(afterwards);
+}
+
+/// Whether all of a frame is committed and nothing of it is in doubt.
+bool Coordinator::is_ready(const Job& job, std::int32_t frame) const {
+  return job.plan->is_complete(frame) && !scheduler_.has_audits(job, frame);
+}
+
+void Coordinator::frame_may_be_complete(Job& job, std::int32_t frame) {
+  if (has_ended(job.state) || !is_ready(job, frame) || job.plan->is_finished(frame)) return;
+  if (!film_of(job).finishing.insert(frame).second) return;
+  enqueue_film([this, key = FrameKey{job.spec->id, frame}] { finish_frame(key); });
+}
+
+}  // namespace tessera::server

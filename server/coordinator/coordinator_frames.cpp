@@ -1,0 +1,547 @@
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "server/coordinator/coordinator.h"
+#include "server/film/image_export.h"
+
+namespace tessera::server {
+
+using contract::Unit;
+
+namespace {
+
+constexpr std::int64_t kReferencePixelBytes = 16;
+
+constexpr auto kEstimateEvery = std::chrono::milliseconds(250);
+
+std::string frame_file_name(std::int32_t frame) {
+  return absl::StrFormat("frame.%04d.exr", frame);
+}
+
+std::string doubt_about(std::int32_t frame, const std::string& worker_id) {
+  return absl::StrCat("frame ", frame, ": it was finished before worker ", worker_id,
+                      ", which took part in the job, was found lying");
+}
+
+}  // namespace
+
+void Coordinator::film_later(std::function<void()> task) {
+  MutexLock lock(mutex_);
+  enqueue_film(std::move(task));
+}
+
+void Coordinator::enqueue_film(std::function<void()> task) {
+  film_tasks_.push_back(std::move(task));
+  film_signal_.raise();
+}
+
+bool Coordinator::run_film(bool wait) {
+  std::deque<std::function<void()>> tasks;
+  {
+    MutexLock lock(mutex_);
+    while (wait && !stopping_ && film_tasks_.empty()) film_signal_.wait(mutex_);
+    tasks.swap(film_tasks_);
+  }
+  for (const auto& task : tasks) task();
+  return !tasks.empty();
+}
+
+absl::StatusOr<contract::FilmBlock> Coordinator::read_block(const std::string& job_id,
+                                                            const Unit& unit) {
+  std::optional<UnitRecord> record;
+  contract::FilmBlockShape shape;
+  std::int32_t sample_count = 0;
+  {
+    MutexLock lock(mutex_);
+    Job* job = scheduler_.find_job(job_id);
+    if (job == nullptr || !job->plan || !job->plan->contains(unit)) {
+      return absl::NotFoundError("the job or the pass is gone");
+    }
+    record = ledger_of(*job).record(unit);
+    const contract::PixelRect rect = grid_of(*job).rect(unit.tile);
+    shape = {rect.width, rect.height, job->spec->settings.aovs, unit.pass == 0};
+    sample_count = job->plan->passes()[static_cast<std::size_t>(unit.pass)].sample_count;
+  }
+  if (!record) return absl::NotFoundError("the block is not committed");
+  options_.metrics->film_blocks.read_back.Increment();
+  const auto bytes = store_.read_block(job_id, *record);
+  if (absl::IsDataLoss(bytes.status())) damaged_.push_back(unit);
+  if (!bytes.ok()) return bytes.status();
+  return contract::decode(*bytes, shape, sample_count);
+}
+
+/// Reads the frame's reference, if the job has one. It is an asset: R, G, B, A of each pixel as
+/// little-endian float32, as pixels_sha256 takes them.
+ReferenceReader Coordinator::reference_reader(const JobSpec& spec, std::int32_t frame) {
+  if (spec.references.empty()) return {};
+  const std::vector<std::int32_t> frames = contract::frame_list(spec.settings.frames);
+  const auto place = std::find(frames.begin(), frames.end(), frame) - frames.begin();
+  const contract::Digest& digest = spec.references[static_cast<std::size_t>(place)];
+  return [this, id = spec.id, path = store_.asset_path(digest),
+          width = std::int64_t{spec.settings.width}](
+             const contract::PixelRect& rect) -> absl::StatusOr<std::vector<float>> {
+    std::ifstream file(path, std::ios::binary);
+    const std::size_t row_floats = 4 * static_cast<std::size_t>(rect.width);
+    std::vector<float> pixels(row_floats * static_cast<std::size_t>(rect.height));
+    for (std::int32_t row = 0; row < rect.height; ++row) {
+      file.seekg(((rect.y + row) * width + rect.x) * kReferencePixelBytes);
+      file.read(reinterpret_cast<char*>(&pixels[static_cast<std::size_t>(row) * row_floats]),
+                rect.width * kReferencePixelBytes);
+    }
+    if (file) return pixels;
+    log(LogLevel::warn, absl::StrCat("job ", id, ": the reference cannot be read: ", path));
+    return absl::DataLossError(path);
+  };
+}
+
+void Coordinator::open_film(const FrameKey& key) {
+  if (film_.is_open(key)) return;
+  std::shared_ptr<const JobSpec> spec;
+  std::vector<Unit> units;
+  {
+    MutexLock lock(mutex_);
+    Job* job = scheduler_.find_job(key.job_id);
+    if (job == nullptr) return;
+    spec = job->spec;
+    units = ledger_of(*job).units(key.frame);
+  }
+  film_.open_frame(
+      key, spec->settings,
+      [this, key](std::int32_t tile, std::int32_t pass) {
+        return read_block(key.job_id, {key.frame, tile, pass});
+      },
+      reference_reader(*spec, key.frame));
+  for (const Unit& unit : units) {
+    const absl::Status status = film_.note_committed(key, unit.tile, unit.pass);
+    if (!status.ok())
+      log(LogLevel::error, absl::StrCat("job ", key.job_id, ": ", status.ToString()));
+  }
+  decide(key);
+}
+
+/// Hands on what the film has decided about the passes of tiles.
+void Coordinator::decide(const FrameKey& key) {
+  damaged_.clear();
+  const auto demands = film_.take_pass_targets(key);
+  if (!demands.ok()) {
+    if (absl::IsNotFound(demands.status())) return;  // the job has been removed
+    if (damaged_.empty()) return frame_failed(key, demands.status());
+    log(LogLevel::warn, absl::StrCat("job ", key.job_id, ", frame ", key.frame, ": ",
+                                     demands.status().ToString(), "; it is rendered again"));
+    film_.close_frame(key);
+    write_later([this, key, units = damaged_] { redo_units(key, units); });
+    return;
+  }
+  if (demands->empty()) return;
+  const auto expected = film_.expected_samples(key);
+  DeferredCalls afterwards;
+  MutexLock lock(mutex_);
+  Job* job = scheduler_.find_job(key.job_id);
+  if (job == nullptr || !job->plan || job->plan->is_finished(key.frame)) return;
+  for (const contract::StoppingRule::Demand& demand : *demands) {
+    scheduler_.want(*job, key.frame, demand.tile, demand.pass_count, demand.is_final);
+  }
+  if (expected) film_of(*job).expected_samples[key.frame] = *expected;
+  scheduler_.offer_work(options_.clock());
+  frame_may_be_complete(*job, key.frame);
+  settle(afterwards);
+}
+
+/// Has the frames of a job that have begun opened, so that what was decided of them is known again.
+void Coordinator::open_films(Job& job) {
+  if (!job.plan || !job.plan->is_on_demand()) return;
+  for (const std::int32_t frame : job.plan->frames()) {
+    if (job.plan->is_finished(frame) || !ledger_of(job).has(frame)) continue;
+    enqueue_film([this, key = FrameKey{job.spec->id, frame}] { open_film(key); });
+  }
+}
+
+void Coordinator::merge(FilmUpdate news) {
+  const FrameKey key{news.job_id, news.unit.frame};
+  bool is_wanted = false;
+  {
+    MutexLock lock(mutex_);
+    const Job* job = scheduler_.find_job(news.job_id);
+    is_wanted = job != nullptr && job->plan && job->plan->contains(news.unit) &&
+                !job->plan->is_finished(news.unit.frame);
+  }
+  if (is_wanted) {
+    open_film(key);
+    const Time begun = options_.clock();
+    const absl::Status status = news.block
+                                    ? film_.add(key, news.unit.tile, news.unit.pass, *news.block)
+                                    : film_.note_committed(key, news.unit.tile, news.unit.pass);
+    if (news.block) {
+      options_.metrics->film_blocks.delivered.Increment();
+      options_.metrics->merge_seconds.Observe(seconds(options_.clock() - begun));
+    }
+    if (!status.ok())
+      log(LogLevel::error, absl::StrCat("job ", key.job_id, ": ", status.ToString()));
+    decide(key);
+    estimate(key);
+  }
+  DeferredCalls afterwards;
+  MutexLock lock(mutex_);
+  ingest_bytes_ -= news.bytes;
+  if (ingest_bytes_ >= options_.ingest_bytes) return;
+  for (auto& resume : std::exchange(resumes_, {})) afterwards.add(std::move(resume));
+}
+
+void Coordinator::estimate(const FrameKey& key) {
+  const Time now = options_.clock();
+  const auto last = last_estimate_.find(key);
+  if (last != last_estimate_.end() && now - last->second < kEstimateEvery) return;
+  last_estimate_[key] = now;
+  const ErrorEstimate estimate = film_.running_estimate(key);
+  if (estimate.pixels == 0) return;
+  MutexLock lock(mutex_);
+  Job* job = scheduler_.find_job(key.job_id);
+  if (job != nullptr) film_of(*job).estimated_error = estimate.error;
+}
+
+void Coordinator::finish_frame(const FrameKey& key) {
+  std::shared_ptr<const JobSpec> spec;
+  {
+    MutexLock lock(mutex_);
+    Job* job = scheduler_.find_job(key.job_id);
+    if (job == nullptr) return;
+    if (has_ended(job->state) || !is_ready(*job, key.frame)) {
+      film_of(*job).finishing.erase(key.frame);
+      return;
+    }
+    spec = job->spec;
+  }
+  open_film(key);
+  damaged_.clear();
+  const Time begun = options_.clock();
+  auto record = write_finished(key, *spec);
+  options_.metrics->frame_seconds.Observe(seconds(options_.clock() - begun));
+  const double error = film_.running_estimate(key).error;
+  film_.close_frame(key);
+  last_estimate_.erase(key);
+  if (!record.ok() && !damaged_.empty()) {
+    log(LogLevel::warn, absl::StrCat("job ", key.job_id, ", frame ", key.frame, ": ",
+                                     record.status().ToString(), "; it is rendered again"));
+    write_later([this, key, units = damaged_] { redo_units(key, units); });
+    return;
+  }
+  if (!record.ok()) {
+    frame_failed(key, record.status());
+    return;
+  }
+  write_later(
+      [this, key, error, record = *std::move(record)] { record_frame(key, record, error); });
+}
+
+absl::StatusOr<FrameRecord> Coordinator::write_finished(const FrameKey& key, const JobSpec& spec) {
+  const auto folder = store_.output_folder(key.job_id);
+  if (!folder.ok()) return folder.status();
+  const auto luminance = film_.mean_luminance(key);
+  if (!luminance.ok()) return luminance.status();
+  const StoppingStats stopping = film_.stopping(key);
+  const FrameSpec frame{
+      spec.settings,           key.frame, spec.id, spec.name, *luminance, stopping.looks,
+      film_.most_samples(key), false};
+  const std::string name = frame_file_name(key.frame);
+  const auto result = write_frame(
+      frame, [&](std::int32_t tile) { return film_.tile(key, tile); },
+      absl::StrCat(*folder, "/", name));
+  if (!result.ok()) return result.status();
+  std::vector<BlockIndex::PassProgress> progress;
+  {
+    MutexLock lock(mutex_);
+    if (Job* job = scheduler_.find_job(key.job_id)) progress = ledger_of(*job).progress(key.frame);
+  }
+  std::vector<CurvePoint> curve;
+  FrameSummary note;
+  CurvePoint point;
+  for (std::size_t pass = 0; pass < progress.size() && progress[pass].committed > 0; ++pass) {
+    const auto figures = film_.after_pass(key, static_cast<std::int32_t>(pass));
+    point.cpu_seconds += progress[pass].cpu_seconds;
+    point.wall_seconds = std::max(point.wall_seconds, progress[pass].wall_seconds);
+    point.samples = figures.samples;
+    point.relmse = figures.estimate.relmse;
+    point.error = *luminance > 0 ? std::optional(figures.estimate.error) : std::nullopt;
+    point.truth = figures.truth;
+    curve.push_back(point);
+    note.unit_count += progress[pass].committed;
+  }
+  FrameRecord record;
+  record.frame = key.frame;
+  record.file = name;
+  record.file_sha256 = result->file_sha256;
+  record.pixels_sha256 = result->pixels_sha256;
+  note.spp = contract::rounded_spp(spec.settings.spp);
+  note.error = spec.settings.error;
+  note.samples = result->statistics.samples;
+  note.warnings = frame_warnings(result->statistics);
+  std::string status = "DONE";
+  if (note.error) {
+    ConvergenceResult claim = assess_convergence(result->statistics, stopping, *note.error);
+    note.certainty = claim.certainty;
+    note.reasons = std::move(claim.reasons);
+    status = certainty_name(claim.certainty);
+  }
+  note.entry_json = frame_entry_json(*result, name, status, curve);
+  record.statistics_json = write_frame_note(note);
+  return record;
+}
+
+void Coordinator::note_finished(JobFilm& film, const FrameRecord& record, const FrameSummary& note) {
+  film.finished[record.frame] = record;
+  film.expected_samples.erase(record.frame);
+  film.finished_samples += note.samples;
+  if (note.certainty)
+    film.certainty = std::max(film.certainty.value_or(*note.certainty), *note.certainty);
+}
+
+void Coordinator::record_frame(const FrameKey& key, const FrameRecord& record, double error) {
+  {
+    MutexLock lock(mutex_);
+    Job* job = scheduler_.find_job(key.job_id);
+    // A liar's units may have gone since the image was made.
+    if (job != nullptr && !has_ended(job->state) && !is_ready(*job, key.frame)) {
+      film_of(*job).finishing.erase(key.frame);
+      return;
+    }
+  }
+  const absl::Status status = store_.finish_frame(key.job_id, record);
+  if (!status.ok()) {
+    frame_failed(key, status);
+    return;
+  }
+  DeferredCalls afterwards;
+  MutexLock lock(mutex_);
+  Job* job = scheduler_.find_job(key.job_id);
+  if (job == nullptr) return;
+  JobFilm& film = film_of(*job);
+  film.finishing.erase(key.frame);
+  note_finished(film, record, read_frame_note(record.statistics_json));
+  film.estimated_error = error;
+  ledger_of(*job).erase(key.frame);
+  note(EventKind::frame_finished, *job, "", absl::StrCat("frame ", key.frame));
+  afterwards.add([this, key] {
+    log(LogLevel::info, absl::StrCat("job ", key.job_id, ", frame ", key.frame, " is finished"));
+  });
+  scheduler_.finish_frame(*job, key.frame, options_.clock());
+  settle(afterwards);
+}
+
+/// Drops units whose blocks cannot be read or trusted any more; workers render them again.
+/// `forget_demands`: nor what was decided on them.
+void Coordinator::redo_units(const FrameKey& key, const std::vector<Unit>& units,
+                             bool forget_demands) {
+  const absl::Status status = store_.drop_units(key.job_id, units);
+  if (!status.ok()) return frame_failed(key, status);
+  DeferredCalls afterwards;
+  MutexLock lock(mutex_);
+  Job* job = scheduler_.find_job(key.job_id);
+  if (job == nullptr) return;
+  JobFilm& film = film_of(*job);
+  film.finishing.erase(key.frame);
+  for (const Unit& unit : units) {
+    if (ledger_of(*job).find(unit) == nullptr) continue;
+    ledger_of(*job).remove(unit);
+    scheduler_.redo(*job, unit);
+    const contract::PixelRect rect = grid_of(*job).rect(unit.tile);
+    film.committed_samples -= std::int64_t{rect.width} * rect.height *
+                              job->plan->passes()[static_cast<std::size_t>(unit.pass)].sample_count;
+  }
+  if (forget_demands) scheduler_.forget_demands(*job, key.frame);
+  enqueue_film([this, key] {  // without them, whatever was merged meanwhile
+    film_.close_frame(key);
+    open_film(key);
+  });
+  scheduler_.offer_work(options_.clock());
+  settle(afterwards);
+}
+
+/// A frame cannot be finished: its job pauses until there is room on the disk, or fails.
+void Coordinator::frame_failed(const FrameKey& key, const absl::Status& status) {
+  const std::string reason = absl::StrCat("frame ", key.frame, ": ", status.ToString());
+  options_.metrics->errors.film.Increment();
+  log(LogLevel::error, absl::StrCat("job ", key.job_id, ", ", reason));
+  DeferredCalls afterwards;
+  MutexLock lock(mutex_);
+  Job* job = scheduler_.find_job(key.job_id);
+  if (job == nullptr) return;
+  film_of(*job).finishing.erase(key.frame);
+  if (absl::IsResourceExhausted(status)) {
+    pause_for_room(*job, status);
+  } else {
+    scheduler_.end_job(*job, JobState::failed, reason, options_.clock());
+  }
+  settle(afterwards);
+}
+
+// Audits -----------------------------------------------------------------------------------------
+
+void Coordinator::audits_over(const std::vector<UnitName>& units) {
+  for (const UnitName& name : units) {
+    write_tasks_.emplace_back([this, name] {
+      const absl::Status status = store_.end_audits(name.job_id, {name.unit});
+      if (!status.ok()) log(LogLevel::error, absl::StrCat("audits: ", status.ToString()));
+    });
+    if (Job* job = scheduler_.find_job(name.job_id)) frame_may_be_complete(*job, name.unit.frame);
+  }
+  if (!units.empty()) writer_signal_.raise();
+}
+
+/// A worker lies: its units of frames that are not finished are rendered again, finished frames
+/// that may hold some are named in their jobs' reports.
+void Coordinator::quarantine_worker(const std::string& worker_id, DeferredCalls& afterwards) {
+  note(EventKind::worker_quarantined, worker_id, "it delivers wrong pixels");
+  afterwards.add([this, worker_id] {
+    log(LogLevel::error,
+        absl::StrCat("worker ", worker_id, " is quarantined: it delivers wrong pixels"));
+  });
+  for (const auto& [job_key, job] : scheduler_.jobs()) {
+    if (job.contributions.count(worker_id) == 0) continue;
+    JobFilm& film = film_of(job);
+    for (const auto& [frame, record] : film.finished) {
+      film.warnings.push_back(doubt_about(frame, worker_id));
+    }
+    if (has_ended(job.state) || !job.plan) continue;
+    for (const std::int32_t frame : job.plan->frames()) {
+      if (job.plan->is_finished(frame) || !film.ledger || !film.ledger->has(frame)) continue;
+      film.finishing.insert(frame);  // not before they are gone
+      write_tasks_.emplace_back([this, key = FrameKey{job.spec->id, frame}, worker_id] {
+        redo_units_of(key, worker_id);
+      });
+    }
+  }
+  // After its units are gone: a server that dies before must find it out once more.
+  write_tasks_.emplace_back([this, worker_id] {
+    const absl::Status status = store_.ban_worker(worker_id);
+    if (!status.ok()) log(LogLevel::error, absl::StrCat("quarantine: ", status.ToString()));
+  });
+  writer_signal_.raise();
+}
+
+/// Drops what a worker has delivered of a frame, and what was decided on it. On the writer thread.
+void Coordinator::redo_units_of(const FrameKey& key, const std::string& worker_id) {
+  std::vector<Unit> units;
+  {
+    MutexLock lock(mutex_);
+    Job* job = scheduler_.find_job(key.job_id);
+    if (job == nullptr || has_ended(job->state)) return;
+    film_of(*job).finishing.erase(key.frame);
+    if (job->plan->is_finished(key.frame)) {
+      film_of(*job).warnings.push_back(doubt_about(key.frame, worker_id));
+      return;
+    }
+    const BlockIndex& ledger = ledger_of(*job);
+    bool has_any = false;
+    for (const Unit& unit : ledger.units(key.frame)) {
+      const bool is_theirs = ledger.worker(*ledger.find(unit)) == worker_id;
+      has_any = has_any || is_theirs;
+      const bool was_decided = job->plan->is_on_demand() && unit.pass >= job->plan->first_passes();
+      if (is_theirs || was_decided) units.push_back(unit);
+    }
+    if (!has_any) {
+      frame_may_be_complete(*job, key.frame);
+      return;
+    }
+  }
+  redo_units(key, units, true);
+}
+
+// Images for clients -----------------------------------------------------------------------------
+
+void Coordinator::fetch_frame(const FrameQuery& query,
+                              std::function<void(absl::StatusOr<FrameFile>)> done) {
+  film_later([this, query, done = std::move(done)] { done(make_frame_file(query)); });
+}
+
+absl::StatusOr<FrameFile> Coordinator::make_frame_file(const FrameQuery& query) {
+  std::shared_ptr<const JobSpec> spec;
+  std::optional<FrameRecord> finished;
+  {
+    MutexLock lock(mutex_);
+    Job* job = scheduler_.find_job(query.job_id);
+    if (job == nullptr) return absl::NotFoundError(absl::StrCat("no job \"", query.job_id, "\""));
+    spec = job->spec;
+    const auto& frames = film_of(*job).finished;
+    if (const auto found = frames.find(query.frame); found != frames.end()) {
+      finished = found->second;
+    } else if (!job->open_plan().contains({query.frame, 0, 0})) {
+      return absl::NotFoundError(absl::StrCat("job ", query.job_id, " has no frame ", query.frame));
+    }
+  }
+  const auto folder = store_.output_folder(query.job_id);
+  if (!folder.ok()) return folder.status();
+  FrameFile file;
+  if (finished) {
+    file.path = absl::StrCat(*folder, "/", finished->file);
+    file.file_sha256 = finished->file_sha256;
+    file.pixels_sha256 = finished->pixels_sha256;
+  } else if (query.allow_partial) {
+    const auto partial = write_partial(query, *spec);
+    if (!partial.ok()) return partial.status();
+    file = *partial;
+  } else {
+    return absl::FailedPreconditionError(
+        absl::StrCat("frame ", query.frame, " of job ", query.job_id, " is not finished"));
+  }
+  if (query.format == FrameFormat::exr) {
+    std::error_code error;
+    file.size_bytes = static_cast<std::int64_t>(std::filesystem::file_size(file.path, error));
+    if (error) return absl::NotFoundError(absl::StrCat(file.path, ": ", error.message()));
+    return file;
+  }
+  const auto format = query.format == FrameFormat::png ? ExportFormat::png : ExportFormat::jpeg;
+  auto image = export_image(file.path, format, query.exposure_ev);
+  std::error_code ignored;
+  if (file.is_temporary) std::filesystem::remove(file.path, ignored);
+  if (!image.ok()) return image.status();
+  file.path.clear();
+  file.is_temporary = false;
+  file.size_bytes = static_cast<std::int64_t>(image->size());
+  file.file_sha256 = contract::sha256(*image);
+  file.bytes = *std::move(image);
+  return file;
+}
+
+absl::StatusOr<FrameFile> Coordinator::write_partial(const FrameQuery& query, const JobSpec& spec) {
+  const FrameKey key{query.job_id, query.frame};
+  {
+    MutexLock lock(mutex_);
+    Job* job = scheduler_.find_job(query.job_id);
+    if (job == nullptr || !ledger_of(*job).has(query.frame)) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("nothing of frame ", query.frame, " is committed yet"));
+    }
+  }
+  const bool was_open = film_.is_open(key);
+  open_film(key);
+  const auto folder = store_.output_folder(query.job_id);
+  if (!folder.ok()) return folder.status();
+  const std::string path = absl::StrCat(*folder, "/partial.", ++partial_count_, ".exr");
+  const auto luminance = film_.mean_luminance(key);
+  const FrameSpec frame{spec.settings,
+                        query.frame,
+                        spec.id,
+                        spec.name,
+                        luminance.ok() ? std::optional(*luminance) : std::nullopt,
+                        film_.stopping(key).looks,
+                        film_.most_samples(key),
+                        true};
+  const auto result = write_frame(
+      frame, [&](std::int32_t tile) { return film_.tile(key, tile); }, path);
+  if (!was_open) film_.close_frame(key);
+  if (!result.ok()) return result.status();
+  FrameFile file;
+  file.path = path;
+  file.is_temporary = true;
+  file.size_bytes = result->file_bytes;
+  file.file_sha256 = result->file_sha256;
+  file.missing_tiles = result->missing_tiles;
+  return file;
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,76 @@
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "server/coordinator/coordinator.h"
+
+namespace tessera::server {
+namespace {
+
+/// What the gauges count, one pass over jobs and workers.
+struct Census {
+  std::array<std::int64_t, 6> jobs{};  // by JobState − 1
+  std::int64_t waiting = 0, paused = 0, leased = 0, committed = 0;
+  std::int64_t working = 0, leaving = 0, set_aside = 0, away = 0, lost = 0, threads = 0;
+
+  void add(const Job& job) {
+    ++jobs[static_cast<std::size_t>(job.state) - 1];
+    if (has_ended(job.state)) return;
+    const std::int64_t total = job.plan ? job.plan->unit_count() : job.unit_count;
+    const std::int64_t done = job.plan ? job.plan->committed_count() : 0;
+    const std::int64_t held = job.plan ? job.plan->in_flight_count() : 0;
+    committed += done;
+    leased += held;
+    (job.state == JobState::paused ? paused : waiting) += total - done - held;
+  }
+  void add(const Worker& worker) {
+    if (worker.is_working()) {
+      ++working;
+      threads += worker.thread_count;
+    } else if (worker.set_aside) {
+      ++set_aside;
+    } else if (worker.lost) {
+      ++lost;
+    } else {
+      ++(worker.connected ? leaving : away);
+    }
+  }
+};
+
+}  // namespace
+
+std::vector<prometheus::MetricFamily> Coordinator::metrics() const {
+  FarmMetrics& metrics = *options_.metrics;
+  Census census;
+  std::size_t film_tasks = 0;
+  std::int64_t ingest_bytes = 0;
+  {
+    MutexLock lock(mutex_);
+    for (const auto& [key, job] : scheduler_.jobs()) census.add(job);
+    for (const auto& [key, worker] : scheduler_.workers()) census.add(worker);
+    film_tasks = film_tasks_.size();
+    ingest_bytes = ingest_bytes_;
+  }
+  const auto set = [](prometheus::Gauge& gauge, auto value) {
+    gauge.Set(static_cast<double>(value));
+  };
+  for (std::size_t i = 0; i < census.jobs.size(); ++i) set(*metrics.jobs[i], census.jobs[i]);
+  set(metrics.units.waiting, census.waiting);
+  set(metrics.units.paused, census.paused);
+  set(metrics.units.leased, census.leased);
+  set(metrics.units.committed, census.committed);
+  set(metrics.workers.working, census.working);
+  set(metrics.workers.leaving, census.leaving);
+  set(metrics.workers.set_aside, census.set_aside);
+  set(metrics.workers.away, census.away);
+  set(metrics.workers.lost, census.lost);
+  set(metrics.worker_threads, census.threads);
+  set(metrics.ingest_bytes, ingest_bytes);
+  set(metrics.film_tasks, film_tasks);
+  set(metrics.film_bytes, film_.used_bytes());
+  set(metrics.store_bytes, store_.used_bytes());
+  return metrics.collect();
+}
+
+}  // namespace tessera::server

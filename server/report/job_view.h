@@ -1,0 +1,66 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "contract/digest.h"
+#include "server/film/convergence.h"
+#include "server/schedule/job.h"
+#include "server/store/store.h"
+
+namespace tessera::server {
+
+/// A job as a client sees it: a copy, taken at one moment.
+struct JobView {
+  JobKey key = 0;
+  std::shared_ptr<const JobSpec> spec;  // owners: the coordinator and this copy
+  JobState state = JobState::queued;
+  std::string reason;
+  std::int64_t create_time_us = 0, end_time_us = 0;  // wall clock; 0: not ended
+  std::int64_t unit_count = 0, committed_unit_count = 0, leased_unit_count = 0;
+  std::int32_t frame_count = 0, finished_frame_count = 0;
+  std::int64_t committed_sample_count = 0, sample_count = 0;
+  std::int32_t worker_count = 0;
+  double cpu_seconds = 0;
+  std::optional<double> estimated_error;
+  std::optional<Certainty> certainty;  // of an error asked for, once done
+  double elapsed_seconds = 0;
+  std::optional<double> remaining_seconds;
+};
+
+/// What a report is made of.
+struct JobReport {
+  JobView view;
+  JobCounters counters;
+  std::map<std::string, Contribution> contributions;                     // by worker id
+  std::map<std::string, std::pair<std::string, std::int32_t>> machines;  // id → ISA, threads
+  std::vector<FrameRecord> frames;                                       // finished ones, in order
+  std::vector<std::string> warnings;  // what a worker found lying may have had a part in
+};
+
+/// An image file to be sent to a client.
+struct FrameFile {
+  std::string path;
+  std::string bytes;          // the file itself, where there is no path
+  bool is_temporary = false;  // to be removed once sent
+  std::int64_t size_bytes = 0;
+  contract::Digest file_sha256;
+  std::optional<contract::Digest> pixels_sha256;  // absent for a partial frame
+  std::vector<contract::PixelRect> missing_tiles;
+};
+
+enum class FrameFormat : std::uint8_t { exr, png, jpeg };
+
+struct FrameQuery {
+  std::string job_id;
+  std::int32_t frame = 0;
+  FrameFormat format = FrameFormat::exr;
+  double exposure_ev = 0;
+  bool allow_partial = false;
+};
+
+}  // namespace tessera::server

@@ -1,0 +1,277 @@
+#include <algorithm>
+#include <utility>
+
+#include "server/schedule/scheduler/scheduler.h"
+
+namespace tessera::server {
+
+using contract::Unit;
+
+bool Scheduler::may_work_for(const Worker& worker, const Job& job) const {
+  const JobSpec& spec = *job.spec;
+  if (!spec.required_tag.empty() && worker.tags.count(spec.required_tag) == 0) return false;
+  return spec.max_workers == 0 || job.holders.count(worker.key) > 0 ||
+         static_cast<std::int32_t>(job.holders.size()) < spec.max_workers;
+}
+
+bool Scheduler::may_take(const Worker& worker, const Job& job, const Unit& unit) const {
+  const auto trouble = job.troubles.find(unit);
+  if (trouble == job.troubles.end() || !trouble->second.failed_on(worker.id)) return true;
+  // It failed here: somebody else first, while there is somebody else.
+  return std::none_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
+    const Worker& other = entry.second;
+    const std::string& tag = job.spec->required_tag;
+    return other.is_working() && !trouble->second.failed_on(other.id) &&
+           (tag.empty() || other.tags.count(tag) > 0);
+  });
+}
+
+/// Whether the files of the job's scene are on this worker, as far as we have seen.
+bool Scheduler::has_scene(const Worker& worker, const Job& job) {
+  return std::find(worker.scenes.begin(), worker.scenes.end(), job.scene) != worker.scenes.end();
+}
+
+/// Whether somebody is at the job, or has room for it and its scene already.
+bool Scheduler::is_seen_to(const Job& job) const {
+  if (!job.holders.empty()) return true;
+  return std::any_of(workers_with_credits_.begin(), workers_with_credits_.end(), [&](WorkerKey key) {
+    const Worker& worker = workers_.at(key);
+    return has_scene(worker, job) && may_work_for(worker, job);
+  });
+}
+
+/// The job that is next in the queue, or, while somebody else sees to that one, another of its
+/// owner's and priority whose scene the worker has.
+JobKey Scheduler::next_job(const Worker& worker, const std::function<bool(JobKey)>& may) const {
+  const JobKey next = queue_.next(may);
+  if (next == 0 || worker.scenes.empty()) return next;
+  const Job& job = jobs_.at(next);
+  if (has_scene(worker, job) || !is_seen_to(job)) return next;
+  JobKey nearest = 0;
+  for (const SceneKey& scene : worker.scenes) {
+    const JobKey found = queue_.oldest_of({job.spec->priority, job.spec->owner, scene}, may);
+    if (found != 0 && (nearest == 0 || found < nearest)) nearest = found;
+  }
+  return nearest == 0 ? next : nearest;
+}
+
+JobKey Scheduler::choose_job(const Worker& worker, const std::set<JobKey>& refused) {
+  const auto may = [&](JobKey key) {
+    return refused.count(key) == 0 && may_work_for(worker, jobs_.at(key));
+  };
+  const Job* current = queued_.count(worker.current_job) > 0 && may(worker.current_job)
+                           ? find_job(worker.current_job)
+                           : nullptr;
+  if (current == nullptr) return next_job(worker, may);
+  const bool has_paid_off =
+      worker.load_seconds && worker.seconds_in_job >= policy_.load_factor * *worker.load_seconds;
+  if (!has_paid_off && !queue_.has_above(current->spec->priority, may)) return current->key;
+  const JobKey next = next_job(worker, may);
+  const JobSpec& chosen = *jobs_.at(next).spec;
+  const bool equal =
+      chosen.priority == current->spec->priority && chosen.owner == current->spec->owner;
+  return equal ? current->key : next;  // the scene is here already
+}
+
+std::int32_t Scheduler::run_length(const Job& job, const Worker& worker) const {
+  const auto found = threads_.find(job.spec->required_tag);
+  const std::int64_t threads = found == threads_.end() ? 1 : std::max(found->second, 1);
+  const std::int64_t waiting = job.plan->waiting_count();
+  const std::int64_t open = waiting + job.plan->in_flight_count();
+  const std::int64_t length = std::max<std::int64_t>(waiting / (2 * threads), 1);
+  // Near the end nobody holds more than his share of what is left, else others would idle.
+  const std::int64_t share = (open * worker.thread_count + threads - 1) / threads;
+  const auto held = job.holders.find(worker.key);
+  const std::int64_t room = share - (held == job.holders.end() ? 0 : held->second);
+  return static_cast<std::int32_t>(
+      std::min({static_cast<std::int64_t>(worker.credits), length, room}));
+}
+
+Lease Scheduler::make_lease(const Job& job, const Worker& worker, const Run& run) {
+  const contract::Pass& pass = job.plan->passes()[static_cast<std::size_t>(run.pass)];
+  Lease lease{job.spec->id,
+              run.frame,
+              run.pass,
+              run.first_tile,
+              run.tile_count,
+              pass.first_sample,
+              pass.sample_count,
+              {identity_.boot, ++last_attempt_},
+              {}};
+  lease.seal = seal_of(lease, worker.id, identity_.store_key);
+  return lease;
+}
+
+void Scheduler::send_lease(Worker& worker, const Lease& lease) {
+  worker.credits -= lease.tile_count;
+  if (worker.credits <= 0) workers_with_credits_.erase(worker.key);
+  worker.mail.leases.push_back(lease);
+  add_mail(worker);
+}
+
+void Scheduler::lease(Job& job, Worker& worker, const Run& run, Time now) {
+  const Lease lease = make_lease(job, worker, run);
+  for (std::int32_t i = 0; i < run.tile_count; ++i) {
+    const Unit unit{run.frame, run.first_tile + i, run.pass};
+    hold(job, worker, unit, Holder{worker.key, lease.attempt, std::nullopt, false, 0, now});
+    if (job.troubles.count(unit) > 0) ++job.counters.retried;
+  }
+  if (worker.current_job != job.key) {
+    worker.current_job = job.key;
+    worker.seconds_in_job = 0;
+    worker.load_seconds.reset();
+  }
+  if (job.state == JobState::queued) set_state(job, JobState::running, "", now);
+  if (!job.running_since) job.running_since = now;
+  send_lease(worker, lease);
+  refresh(job);
+}
+
+bool Scheduler::lease_run(Job& job, Worker& worker, Time now) {
+  job.open_plan();
+  const std::int32_t most = run_length(job, worker);
+  if (most <= 0) return false;
+  const auto run =
+      job.plan->next_run(most, [&](const Unit& unit) { return may_take(worker, job, unit); });
+  if (!run) return false;
+  lease(job, worker, *run, now);
+  return true;
+}
+
+bool Scheduler::dispatch_one(Worker& worker, Time now) {
+  if (!awaited_.empty() && now < hold_until_) return false;
+  if (!worker.is_working() || worker.credits <= 0) return false;
+  if (lease_audit(worker)) return true;  // frames wait for them
+  std::set<JobKey> refused;
+  while (const JobKey key = choose_job(worker, refused)) {
+    if (lease_run(jobs_.at(key), worker, now)) return true;
+    refused.insert(key);
+  }
+  return false;
+}
+
+void Scheduler::dispatch(Worker& worker, Time now) {
+  while (has_work() && dispatch_one(worker, now)) {
+  }
+}
+
+/// Workers with room: those with the least to do first, among equals those with the scene of a job
+/// in the queue.
+std::vector<Worker*> Scheduler::by_load_and_scene() {
+  struct Place {
+    double load = 0;
+    bool is_stranger = true;
+    Worker* worker = nullptr;
+  };
+  std::vector<Place> places;
+  places.reserve(workers_with_credits_.size());
+  for (const WorkerKey key : workers_with_credits_) {
+    Worker& worker = workers_.at(key);
+    const bool is_near =
+        std::any_of(worker.scenes.begin(), worker.scenes.end(),
+                    [this](const SceneKey& scene) { return queue_.has_scene(scene); });
+    places.push_back(
+        {static_cast<double>(worker.held.size()) / worker.thread_count, !is_near, &worker});
+  }
+  std::stable_sort(places.begin(), places.end(), [](const Place& a, const Place& b) {
+    return std::pair(a.load, a.is_stranger) < std::pair(b.load, b.is_stranger);
+  });
+  std::vector<Worker*> workers;
+  workers.reserve(places.size());
+  for (const Place& place : places) workers.push_back(place.worker);
+  return workers;
+}
+
+void Scheduler::dispatch_all(Time now) {
+  if (!work_appeared_) return;
+  work_appeared_ = false;
+  if (!has_work()) return;
+  std::vector<Worker*> waiting = by_load_and_scene();
+  // Round by round, so that a small job is spread over the farm.
+  while (has_work() && !waiting.empty()) {
+    std::vector<Worker*> served;
+    for (Worker* worker : waiting) {
+      if (has_work() && dispatch_one(*worker, now)) served.push_back(worker);
+    }
+    waiting = std::move(served);
+  }
+  work_appeared_ = false;
+}
+
+std::vector<Worker*> Scheduler::idle_workers() {
+  std::vector<Worker*> idle;
+  for (const WorkerKey key : workers_with_credits_) {
+    Worker& worker = workers_.at(key);
+    if (static_cast<std::int32_t>(worker.held.size()) < worker.thread_count) {
+      idle.push_back(&worker);
+    }
+  }
+  return idle;
+}
+
+void Scheduler::balance_tail(Time now) {
+  if (workers_with_credits_.empty() || active_.empty() || !awaited_.empty()) return;
+  std::vector<Worker*> idle = idle_workers();
+  if (idle.empty()) return;
+  copy_slow_units(idle, now);
+  std::int32_t wanted = 0;
+  for (const Worker* worker : idle) {
+    wanted += std::min(worker->credits,
+                       worker->thread_count - static_cast<std::int32_t>(worker->held.size()));
+  }
+  if (wanted > 0) steal_unstarted(wanted);
+}
+
+void Scheduler::copy_slow_units(std::vector<Worker*>& idle, Time now) {
+  for (const JobKey key : active_) {
+    Job& job = jobs_.at(key);
+    if (job.state != JobState::running || job.plan->waiting_count() > 0) continue;
+    std::vector<Unit> slow;
+    for (const auto& [unit, in_flight] : job.plan->in_flight()) {
+      const Holder& holder = in_flight.holders.front();
+      if (in_flight.copied || in_flight.holders.size() > 1 || !holder.started) continue;
+      const auto& pass = job.plan->passes()[static_cast<std::size_t>(unit.pass)];
+      const auto median = job.times.median(pass.sample_count);
+      if (median && seconds(now - *holder.started) > 2 * *median) slow.push_back(unit);
+    }
+    for (const Unit& unit : slow) {
+      const auto taker = std::find_if(idle.begin(), idle.end(), [&](const Worker* worker) {
+        const WorkerKey holder = job.plan->find_in_flight(unit)->holders.front().worker;
+        return worker->key != holder && worker->credits > 0 && may_work_for(*worker, job) &&
+               may_take(*worker, job, unit) &&
+               static_cast<std::int32_t>(worker->held.size()) < worker->thread_count;
+      });
+      if (taker == idle.end()) continue;
+      lease(job, **taker, Run{unit.frame, unit.pass, unit.tile, 1}, now);
+      job.plan->find_in_flight(unit)->copied = true;
+    }
+  }
+}
+
+void Scheduler::steal_unstarted(std::int32_t wanted) {
+  for (const JobKey key : active_) {
+    Job& job = jobs_.at(key);
+    if (job.state != JobState::running || job.plan->waiting_count() > 0) continue;
+    std::map<WorkerKey, std::int32_t> surplus;  // beyond what its threads will take up next
+    for (const auto& [holder, count] : job.holders) {
+      const Worker& worker = workers_.at(holder);
+      surplus[holder] = static_cast<std::int32_t>(worker.held.size()) - worker.thread_count;
+    }
+    std::vector<Unit> units;
+    for (const auto& [unit, in_flight] : job.plan->in_flight()) {
+      units.push_back(unit);
+      if (in_flight.holders.front().revoking) --wanted;  // on its way already
+    }
+    for (auto unit = units.rbegin(); unit != units.rend() && wanted > 0; ++unit) {
+      InFlight& in_flight = *job.plan->find_in_flight(*unit);
+      Holder& holder = in_flight.holders.front();
+      if (in_flight.holders.size() > 1 || holder.started || holder.revoking) continue;
+      if (surplus[holder.worker]-- <= 0) continue;
+      holder.revoking = true;
+      revoke(workers_.at(holder.worker), job, *unit);
+      --wanted;
+    }
+  }
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,288 @@
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "server/schedule/scheduler/scheduler.h"
+
+namespace tessera::server {
+
+using contract::Unit;
+
+Scheduler::Scheduler(Identity identity, SchedulePolicy policy,
+                     const std::vector<std::string>& roster, Time start)
+    : identity_(std::move(identity)),
+      policy_(policy),
+      awaited_(roster.begin(), roster.end()),
+      hold_until_(start + policy.restart_grace) {}
+
+Job& Scheduler::add_job(JobKey key, std::shared_ptr<const JobSpec> spec, JobState state) {
+  Job& job = jobs_[key];
+  job.key = key;
+  job.state = state;
+  job_by_id_[spec->id] = key;
+  job.spec = std::move(spec);
+  job.scene = scene_of(*job.spec);
+  JobPlan& plan = job.open_plan();
+  job.unit_count = plan.unit_count();
+  job.frame_count = plan.frame_count();
+  job.plan.reset();  // a queued job is a row and a cursor
+  if (state == JobState::running) {
+    job.open_plan();
+    active_.insert(key);
+  }
+  refresh(job);
+  return job;
+}
+
+Job* Scheduler::find_job(JobKey key) {
+  const auto found = jobs_.find(key);
+  return found == jobs_.end() ? nullptr : &found->second;
+}
+
+Job* Scheduler::find_job(const std::string& id) {
+  const auto found = job_by_id_.find(id);
+  return found == job_by_id_.end() ? nullptr : find_job(found->second);
+}
+
+void Scheduler::restore_unit(Job& job, const Unit& unit, const std::string& worker_id,
+                             double cpu_seconds) {
+  JobPlan& plan = job.open_plan();
+  if (!plan.contains(unit)) return;
+  if (!plan.is_finished(unit.frame) && !plan.is_committed(unit)) plan.commit(unit);
+  restore_contribution(job, worker_id, {1, cpu_seconds});
+  job.times.add(cpu_seconds, plan.passes()[static_cast<std::size_t>(unit.pass)].sample_count);
+  refresh(job);
+}
+
+void Scheduler::restore_contribution(Job& job, const std::string& worker_id,
+                                     const Contribution& done) {
+  Contribution& contribution = job.contributions[worker_id];
+  contribution.units += done.units;
+  contribution.cpu_seconds += done.cpu_seconds;
+  job.counters.cpu_seconds += done.cpu_seconds;
+  if (!has_ended(job.state)) charge(job, done.cpu_seconds);
+}
+
+void Scheduler::charge(const Job& job, double cpu_seconds) {
+  queue_.charge(job.spec->owner, cpu_seconds);
+}
+
+void Scheduler::refresh(Job& job) {
+  const bool runnable = job.is_runnable();
+  const bool queued = queued_.count(job.key) > 0;
+  if (runnable && !queued) {
+    queued_.insert(job.key);
+    queue_.insert(job.key, {job.spec->priority, job.spec->owner, job.scene});
+  } else if (!runnable && queued) {
+    queued_.erase(job.key);
+    queue_.erase(job.key, {job.spec->priority, job.spec->owner, job.scene});
+  }
+  if (runnable) work_appeared_ = true;
+}
+
+void Scheduler::set_state(Job& job, JobState state, const std::string& reason, Time now) {
+  if (job.state == state && job.reason == reason) return;
+  const bool was_running = job.state == JobState::running;
+  job.state = state;
+  job.reason = reason;
+  if (was_running && state != JobState::running) {
+    job.wall_seconds_before = job.wall_seconds(now);
+    job.running_since.reset();
+  }
+  if (state == JobState::running) {
+    if (!job.running_since) job.running_since = now;
+    job.open_plan();
+    active_.insert(job.key);
+  } else {
+    active_.erase(job.key);
+  }
+  effects_.changed.push_back(job.key);
+  refresh(job);
+}
+
+const Job* Scheduler::find_job(const std::string& id) const {
+  const auto found = job_by_id_.find(id);
+  return found == job_by_id_.end() ? nullptr : &jobs_.at(found->second);
+}
+
+absl::Status Scheduler::pause(Job& job, const std::string& reason, Time now) {
+  if (has_ended(job.state)) {
+    return absl::FailedPreconditionError(absl::StrCat("job ", job.spec->id, " has ended"));
+  }
+  if (job.state != JobState::paused) set_state(job, JobState::paused, reason, now);
+  return absl::OkStatus();
+}
+
+absl::Status Scheduler::resume(Job& job, Time now) {
+  if (has_ended(job.state)) {
+    return absl::FailedPreconditionError(absl::StrCat("job ", job.spec->id, " has ended"));
+  }
+  if (job.state == JobState::paused) {
+    set_state(job, job.plan ? JobState::running : JobState::queued, "", now);
+    dispatch_all(now);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Scheduler::cancel(Job& job, Time now) {
+  if (job.state == JobState::done || job.state == JobState::failed) {
+    return absl::FailedPreconditionError(absl::StrCat("job ", job.spec->id, " has ended"));
+  }
+  if (job.state != JobState::cancelled) end_job(job, JobState::cancelled, "cancelled", now);
+  return absl::OkStatus();
+}
+
+absl::Status Scheduler::retry(Job& job, Time now) {
+  if (job.state == JobState::done) {
+    return absl::FailedPreconditionError(absl::StrCat("job ", job.spec->id, " is done"));
+  }
+  if (!has_ended(job.state)) return absl::OkStatus();
+  job.troubles.clear();
+  job.end_time_us = 0;
+  charge(job, job.counters.cpu_seconds);
+  set_state(job, job.plan ? JobState::running : JobState::queued, "", now);
+  dispatch_all(now);
+  return absl::OkStatus();
+}
+
+void Scheduler::end_job(Job& job, JobState state, const std::string& reason, Time now) {
+  if (has_ended(job.state)) return;
+  if (job.plan) {
+    std::vector<std::pair<Unit, WorkerKey>> holds;
+    for (const auto& [unit, in_flight] : job.plan->in_flight()) {
+      for (const Holder& holder : in_flight.holders) holds.emplace_back(unit, holder.worker);
+    }
+    for (const auto& [unit, key] : holds) {
+      Worker* worker = find_worker(key);
+      if (worker == nullptr || !release(job, *worker, unit)) continue;
+      revoke(*worker, job, unit);
+    }
+  }
+  forget_audits(job);
+  for (const WorkerKey key : job.touched) {
+    Worker* worker = find_worker(key);
+    if (worker == nullptr) continue;
+    worker->leased_jobs.erase(job.key);
+    if (!worker->connected) continue;
+    worker->mail.ended_jobs.push_back(job.spec->id);
+    add_mail(*worker);
+  }
+  job.touched.clear();
+  charge(job, -job.counters.cpu_seconds);
+  set_state(job, state, reason, now);
+  dispatch_all(now);
+}
+
+void Scheduler::extend(Job& job, std::shared_ptr<const JobSpec> spec) {
+  forget_audits(job);
+  job.spec = std::move(spec);
+  const contract::RenderSettings& settings = job.spec->settings;
+  const auto gone =
+      job.open_plan().extend(contract::schedule(settings), settings.error.has_value());
+  job.unit_count = job.plan->unit_count();
+  for (const auto& [unit, holder] : gone) {
+    forget_hold(job, unit, holder);
+    if (Worker* worker = find_worker(holder.worker)) revoke(*worker, job, unit);
+  }
+  // What was counted is counted again as the caller restores units from the journal.
+  if (!has_ended(job.state)) charge(job, -job.counters.cpu_seconds);
+  job.counters.cpu_seconds = 0;
+  job.contributions.clear();
+  refresh(job);
+  effects_.changed.push_back(job.key);
+}
+
+void Scheduler::remove_job(JobKey key) {
+  const auto found = jobs_.find(key);
+  if (found == jobs_.end()) return;
+  job_by_id_.erase(found->second.spec->id);
+  jobs_.erase(found);
+}
+
+bool Scheduler::wants(const Job& job, const Lease& lease, const Unit& unit) const {
+  if (has_ended(job.state) || !job.plan || !job.plan->contains(unit)) return false;
+  if (job.plan->is_on_demand() && unit.pass >= job.plan->first_passes()) {
+    const auto voided = job.voided.find(unit.frame);
+    if (voided != job.voided.end() && lease.attempt <= voided->second) return false;
+  }
+  const contract::Pass& pass = job.plan->passes()[static_cast<std::size_t>(unit.pass)];
+  return lease.covers(unit) && lease.first_sample == pass.first_sample &&
+         lease.sample_count == pass.sample_count && !job.plan->is_finished(unit.frame);
+}
+
+void Scheduler::commit(Job& job, const Unit& unit, const std::string& worker_id,
+                       double cpu_seconds) {
+  JobPlan& plan = job.open_plan();
+  for (const Holder& holder : plan.commit(unit)) {
+    forget_hold(job, unit, holder);
+    Worker* other = find_worker(holder.worker);
+    if (other != nullptr && other->id != worker_id) revoke(*other, job, unit);
+  }
+  if (const auto trouble = job.troubles.find(unit); trouble != job.troubles.end()) {
+    disprove(trouble->second, worker_id);
+    job.troubles.erase(trouble);
+  }
+  Contribution& contribution = job.contributions[worker_id];
+  ++contribution.units;
+  contribution.cpu_seconds += cpu_seconds;
+  job.counters.cpu_seconds += cpu_seconds;
+  if (!has_ended(job.state)) charge(job, cpu_seconds);
+  job.times.add(cpu_seconds, plan.passes()[static_cast<std::size_t>(unit.pass)].sample_count);
+  if (Worker* worker = find_worker(worker_id)) {
+    ++worker->committed_count;
+    worker->cpu_seconds += cpu_seconds;
+    if (worker->current_job == job.key) worker->seconds_in_job += cpu_seconds;
+  }
+  refresh(job);
+}
+
+void Scheduler::redo(Job& job, const Unit& unit) {
+  if (const auto audit = job.audits.find(unit); audit != job.audits.end()) {
+    if (audit->second.holder) {
+      release_audit(job, workers_.at(audit->second.holder->worker), unit);
+    }
+    waiting_audits_.erase({job.key, unit});
+    job.audits.erase(audit);
+  }
+  job.open_plan().redo(unit);
+  ++job.counters.redone;
+  refresh(job);
+}
+
+void Scheduler::forget_demands(Job& job, std::int32_t frame) {
+  if (!job.open_plan().is_on_demand()) return;
+  job.voided[frame] = {identity_.boot, last_attempt_};
+  for (const auto& [unit, holder] : job.plan->forget_demands(frame)) {
+    forget_hold(job, unit, holder);
+    if (Worker* worker = find_worker(holder.worker)) revoke(*worker, job, unit);
+  }
+  refresh(job);
+}
+
+void Scheduler::drop(Job& job, const Unit& unit, const std::string& worker_id) {
+  if (Worker* worker = find_worker(worker_id)) release(job, *worker, unit);
+}
+
+void Scheduler::want(Job& job, std::int32_t frame, std::int32_t tile, std::int32_t pass_count,
+                     bool is_final) {
+  if (!job.plan || job.plan->is_finished(frame)) return;
+  job.plan->want(frame, tile, pass_count, is_final);
+  refresh(job);
+}
+
+void Scheduler::finish_frame(Job& job, std::int32_t frame, Time now) {
+  JobPlan& plan = job.open_plan();
+  plan.finish(frame);
+  refresh(job);
+  if (plan.finished_frame_count() == plan.frame_count() && !has_ended(job.state)) {
+    end_job(job, JobState::done, "", now);
+  }
+}
+
+Effects Scheduler::take_effects() {
+  effects_.mailed.assign(mailed_.begin(), mailed_.end());
+  mailed_.clear();
+  return std::exchange(effects_, Effects{});
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,361 @@
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "server/schedule/scheduler/scheduler.h"
+
+namespace tessera::server {
+
+using contract::Unit;
+
+namespace {
+
+constexpr std::size_t kMaxListed = 4096;  // leases, and units, adopted from one hello
+constexpr std::size_t kMaxScenes = 16;    // remembered of a worker
+constexpr double kUnknownUnitSeconds = 1;  // what fair share assumes before the first result
+
+std::string describe(const JobSpec& spec, const Unit& unit) {
+  return absl::StrCat("job ", spec.id, ", frame ", unit.frame, ", tile ", unit.tile, ", pass ",
+                      unit.pass);
+}
+
+std::string failure_reason(const JobSpec& spec, const Unit& unit,
+                           const std::vector<Failure>& failures) {
+  std::string reason = absl::StrCat(describe(spec, unit), " failed ", failures.size(), " times");
+  for (const Failure& failure : failures) {
+    absl::StrAppend(&reason, "\nworker ", failure.worker_id, ": ", failure.message);
+    if (!failure.log_tail.empty()) absl::StrAppend(&reason, "\n", failure.log_tail);
+  }
+  return reason;
+}
+
+}  // namespace
+
+Worker* Scheduler::find_worker(WorkerKey worker) {
+  const auto found = workers_.find(worker);
+  return found == workers_.end() ? nullptr : &found->second;
+}
+
+Worker* Scheduler::find_worker(const std::string& id) {
+  const auto found = worker_by_id_.find(id);
+  return found == worker_by_id_.end() ? nullptr : find_worker(found->second);
+}
+
+std::set<JobKey> Scheduler::leased_jobs(const std::string& certificate) const {
+  std::set<JobKey> jobs;
+  for (const auto& [key, worker] : workers_) {
+    if (worker.certificate != certificate) continue;
+    jobs.insert(worker.leased_jobs.begin(), worker.leased_jobs.end());
+  }
+  return jobs;
+}
+
+void Scheduler::count_threads() {
+  threads_.clear();
+  hosts_.clear();
+  const auto count = [this](const Worker& worker, const std::string& tag) {
+    threads_[tag] += worker.thread_count;
+    hosts_[tag].insert(worker.host);
+  };
+  for (const auto& [key, worker] : workers_) {
+    if (!worker.is_working()) continue;
+    count(worker, "");
+    for (const std::string& tag : worker.tags) {
+      if (!tag.empty()) count(worker, tag);
+    }
+  }
+}
+
+WorkerKey Scheduler::connect(const Hello& hello, Time now) {
+  WorkerKey& key = worker_by_id_[hello.worker_id];
+  if (key == 0) key = ++last_worker_;
+  Worker& worker = workers_[key];
+  worker.key = key;
+  worker.id = hello.worker_id;
+  worker.name = hello.name;
+  worker.host = hello.host;
+  worker.isa = hello.isa;
+  worker.certificate = hello.certificate;
+  worker.thread_count = std::max(hello.thread_count, 1);
+  worker.tags = {hello.tags.begin(), hello.tags.end()};
+  worker.connected = true;
+  worker.lost = worker.leaving = false;
+  worker.set_aside = worker.set_aside || is_quarantined(worker.id);
+  worker.heard = now;
+  worker.credits = std::max(hello.credit_count, 0);
+  worker.mail = {};
+  awaited_.erase(worker.id);
+  effects_.roster.emplace_back(worker.id, true);
+  adopt(worker, hello, now);
+  count_threads();
+  if (worker.is_working() && worker.credits > 0) workers_with_credits_.insert(key);
+  work_appeared_ = true;
+  dispatch_all(now);
+  return key;
+}
+
+void Scheduler::adopt(Worker& worker, const Hello& hello, Time now) {
+  std::vector<const Lease*> leases;  // ours; a list without end would hold up everybody
+  for (const Lease& lease : hello.leases) {
+    if (leases.size() == kMaxListed) break;
+    if (seal_holds(lease, worker.id, identity_.store_key)) leases.push_back(&lease);
+  }
+  std::map<std::pair<JobKey, Unit>, Attempt> listed;
+  const auto list = [&](const UnitName& name) {
+    if (listed.size() == kMaxListed) return;  // further results count when they come
+    const auto found = std::find_if(leases.begin(), leases.end(), [&](const Lease* candidate) {
+      return candidate->covers(name.unit) && candidate->job_id == name.job_id;
+    });
+    Job* job = find_job(name.job_id);
+    if (found == leases.end() || job == nullptr || has_ended(job->state)) return;
+    const Lease* lease = *found;
+    job->open_plan();
+    if (!wants(*job, *lease, name.unit) || job->plan->is_committed(name.unit)) return;
+    listed.emplace(std::pair(job->key, name.unit), lease->attempt);
+  };
+  if (hello.store_id == identity_.store_id) {
+    for (const UnitName& name : hello.running) list(name);
+    for (const UnitName& name : hello.held) list(name);
+  }
+  const auto before = worker.held;
+  for (const auto& held : before) {
+    if (listed.count(held) > 0) continue;
+    Job& job = jobs_.at(held.first);
+    const InFlight* in_flight = job.plan->find_in_flight(held.second);
+    if (in_flight == nullptr) {  // an audit: somebody else's now, but a result still counts
+      release(job, worker, held.second);
+      continue;
+    }
+    const auto& holders = in_flight->holders;
+    const bool started = std::any_of(holders.begin(), holders.end(), [&](const Holder& holder) {
+      return holder.worker == worker.key && holder.started;
+    });
+    if (started) {
+      lose_unit(job, worker, held.second, now);
+    } else {
+      release(job, worker, held.second);
+    }
+  }
+  for (const auto& [held, attempt] : listed) {
+    Job& job = jobs_.at(held.first);
+    if (worker.held.count(held) > 0 || has_ended(job.state)) continue;
+    hold(job, worker, held.second, Holder{worker.key, attempt, now, false, 0});
+    if (job.state == JobState::queued) set_state(job, JobState::running, "", now);
+  }
+}
+
+void Scheduler::disconnect(WorkerKey key) {
+  Worker* worker = find_worker(key);
+  if (worker == nullptr || !worker->connected) return;
+  worker->connected = false;
+  workers_with_credits_.erase(key);
+  count_threads();
+  if (!worker->leaving || !worker->held.empty()) return;
+  worker->lost = true;  // it said goodbye and left nothing behind
+  effects_.roster.emplace_back(worker->id, false);
+}
+
+void Scheduler::hear(WorkerKey key, Time now) {
+  if (Worker* worker = find_worker(key)) worker->heard = now;
+}
+
+void Scheduler::heartbeat(WorkerKey key, const std::vector<UnitName>& started,
+                          std::int64_t rss_bytes, Time now) {
+  Worker* worker = find_worker(key);
+  if (worker == nullptr) return;
+  worker->rss_bytes = rss_bytes;
+  for (const UnitName& name : started) {
+    Job* job = find_job(name.job_id);
+    InFlight* in_flight =
+        job != nullptr && job->plan ? job->plan->find_in_flight(name.unit) : nullptr;
+    if (in_flight == nullptr) continue;
+    for (Holder& holder : in_flight->holders) {
+      if (holder.worker == key && !holder.started) holder.started = now;
+    }
+  }
+}
+
+void Scheduler::grant_credits(WorkerKey key, std::int32_t count, Time now) {
+  constexpr std::int32_t kMaxCredits = 1 << 20;  // a worker's arithmetic is not ours to trust
+  Worker* worker = find_worker(key);
+  if (worker == nullptr || count <= 0) return;
+  worker->credits = std::min(worker->credits, kMaxCredits) + std::min(count, kMaxCredits);
+  if (!worker->is_working()) return;
+  workers_with_credits_.insert(key);
+  dispatch(*worker, now);
+}
+
+void Scheduler::leave(WorkerKey key) {
+  Worker* worker = find_worker(key);
+  if (worker == nullptr) return;
+  worker->leaving = true;
+  workers_with_credits_.erase(key);
+  count_threads();
+}
+
+void Scheduler::return_units(WorkerKey key, const std::vector<UnitName>& units, Time now) {
+  Worker* worker = find_worker(key);
+  if (worker == nullptr) return;
+  for (const UnitName& name : units) {
+    Job* job = find_job(name.job_id);
+    if (job != nullptr && job->plan) release(*job, *worker, name.unit);
+  }
+  dispatch_all(now);
+}
+
+void Scheduler::fail_unit(WorkerKey key, const Lease& lease, std::int32_t tile, Failure failure,
+                          bool bad_scene, Time now) {
+  Worker* worker = find_worker(key);
+  Job* job = find_job(lease.job_id);
+  if (worker == nullptr || job == nullptr || has_ended(job->state)) return;
+  if (!seal_holds(lease, worker->id, identity_.store_key)) return;
+  const Unit unit{lease.frame, tile, lease.pass};
+  job->open_plan();
+  if (!wants(*job, lease, unit)) return;
+  failure.worker_id = worker->id;
+  if (bad_scene) {
+    end_job(*job, JobState::failed, absl::StrCat("bad scene: ", failure.message), now);
+    return;
+  }
+  if (job->plan->is_committed(unit)) {
+    release_audit(*job, *worker, unit);
+    disprove(UnitFailures{{std::move(failure)}, 0}, "");
+    return;
+  }
+  release(*job, *worker, unit);
+  UnitFailures& trouble = job->troubles[unit];
+  trouble.failures.push_back(std::move(failure));
+  if (static_cast<std::int32_t>(trouble.failures.size()) >= policy_.failure_limit) {
+    end_job(*job, JobState::failed, failure_reason(*job->spec, unit, trouble.failures), now);
+    return;
+  }
+  work_appeared_ = true;
+  dispatch_all(now);
+}
+
+void Scheduler::disprove(const UnitFailures& trouble, const std::string& worker_id) {
+  for (const Failure& failure : trouble.failures) {
+    Worker* worker = find_worker(failure.worker_id);
+    if (worker == nullptr || worker->id == worker_id) continue;
+    if (++worker->disproved_failures < policy_.disproved_limit || worker->set_aside) continue;
+    worker->set_aside = true;
+    workers_with_credits_.erase(worker->key);
+    count_threads();
+    for (const auto& [job, unit] : worker->held) revoke(*worker, jobs_.at(job), unit);
+  }
+}
+
+void Scheduler::scene_loaded(WorkerKey key, const std::string& job_id, double load_seconds,
+                             double build_seconds, std::int64_t peak_rss_bytes) {
+  Worker* worker = find_worker(key);
+  Job* job = find_job(job_id);
+  if (worker == nullptr || job == nullptr) return;
+  if (worker->leased_jobs.count(job->key) == 0) return;
+  if (worker->current_job == job->key) worker->load_seconds = load_seconds + build_seconds;
+  std::erase(worker->scenes, job->scene);
+  worker->scenes.insert(worker->scenes.begin(), job->scene);
+  if (worker->scenes.size() > kMaxScenes) worker->scenes.pop_back();
+  job->counters.load_seconds += load_seconds;
+  job->counters.build_seconds += build_seconds;
+  job->counters.peak_rss_bytes = std::max(job->counters.peak_rss_bytes, peak_rss_bytes);
+}
+
+void Scheduler::hold(Job& job, Worker& worker, const Unit& unit, const Holder& holder) {
+  Holder held = holder;
+  const auto& pass = job.plan->passes()[static_cast<std::size_t>(unit.pass)];
+  held.expected_seconds = job.times.median(pass.sample_count).value_or(kUnknownUnitSeconds);
+  job.plan->hold(unit, held);
+  worker.held.emplace(job.key, unit);
+  ++job.holders[worker.key];
+  job.touched.insert(worker.key);
+  worker.leased_jobs.insert(job.key);
+  job.leased_seconds += held.expected_seconds;
+  charge(job, held.expected_seconds);
+}
+
+void Scheduler::forget_hold(Job& job, const Unit& unit, const Holder& holder) {
+  const auto count = job.holders.find(holder.worker);
+  if (count != job.holders.end() && --count->second == 0) job.holders.erase(count);
+  job.leased_seconds -= holder.expected_seconds;
+  charge(job, -holder.expected_seconds);
+  if (Worker* worker = find_worker(holder.worker)) worker->held.erase({job.key, unit});
+}
+
+bool Scheduler::release(Job& job, Worker& worker, const Unit& unit) {
+  const auto holder = job.plan->release(unit, worker.key);
+  if (!holder) return release_audit(job, worker, unit);
+  forget_hold(job, unit, *holder);
+  refresh(job);
+  return true;
+}
+
+void Scheduler::lose_unit(Job& job, Worker& worker, const Unit& unit, Time now) {
+  if (!release(job, worker, unit) || has_ended(job.state)) return;
+  UnitFailures& trouble = job.troubles[unit];
+  if (++trouble.losses <= policy_.loss_limit) return;
+  end_job(job, JobState::failed,
+          absl::StrCat(describe(*job.spec, unit), " was lost with its worker ", trouble.losses,
+                       " times; the last was ", worker.id),
+          now);
+}
+
+void Scheduler::lose(Worker& worker, Time now) {
+  worker.lost = true;
+  workers_with_credits_.erase(worker.key);
+  effects_.to_close.push_back(worker.key);
+  effects_.roster.emplace_back(worker.id, false);
+  const auto held = worker.held;
+  for (const auto& [key, unit] : held) {
+    if (Job* job = find_job(key)) lose_unit(*job, worker, unit, now);
+  }
+  worker.held.clear();
+}
+
+void Scheduler::acknowledge(WorkerKey key, Acknowledgement acknowledgement) {
+  Worker* worker = find_worker(key);
+  if (worker == nullptr || !worker->connected) return;  // silence: it will send again
+  worker->mail.acknowledgements.push_back(std::move(acknowledgement));
+  add_mail(*worker);
+}
+
+void Scheduler::revoke(Worker& worker, const Job& job, const Unit& unit) {
+  worker.mail.revoked.push_back({job.spec->id, unit});
+  add_mail(worker);
+}
+
+void Scheduler::tick(Time now, Span period) {
+  const Span late = last_tick_ ? now - *last_tick_ - period : Span(0);
+  last_tick_ = now;
+  if (late > policy_.timer_slack) {
+    // We were stopped, not they: what arrived meanwhile is still to be read.
+    for (auto& [key, worker] : workers_) worker.heard += late;
+    hold_until_ += late;
+    return;
+  }
+  bool lost_some = false;
+  for (auto it = workers_.begin(); it != workers_.end();) {
+    Worker& worker = it->second;
+    const Span silence = now - worker.heard;
+    if (!worker.lost && silence > policy_.silence) {
+      lose(worker, now);
+      lost_some = true;
+    }
+    if (worker.lost && !worker.connected && silence > policy_.forget_after) {
+      worker_by_id_.erase(worker.id);
+      it = workers_.erase(it);
+    } else {
+      ++it;
+    }
+  }
+  if (lost_some) count_threads();
+  if (!awaited_.empty() && now >= hold_until_) {
+    for (const std::string& id : awaited_) effects_.roster.emplace_back(id, false);
+    awaited_.clear();
+  }
+  end_hopeless_audits(now);
+  work_appeared_ = true;
+  dispatch_all(now);
+  balance_tail(now);
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,144 @@
+#include "server/service/access/access.h"
+
+#include <grpc/grpc_security_constants.h>
+#include <grpcpp/security/auth_context.h>
+
+#include <chrono>
+
+#include "absl/strings/str_cat.h"
+#include "rpc/channel.h"
+#include "contract/digest.h"
+
+namespace tessera::server {
+namespace {
+
+// Every rpc there is. What a role may do with it is narrowed where it is done: a client sees and
+// changes jobs of its own name only, a worker reads jobs and assets it was leased units of.
+constexpr AccessRule kRules[] = {
+    // rpc, client, worker, is a stream
+    {"JobService.CreateJob", true, false, false},
+    {"JobService.GetJob", true, false, false},
+    {"JobService.ListJobs", true, false, false},
+    {"JobService.WatchJob", true, false, true},
+    {"JobService.PauseJob", true, false, false},
+    {"JobService.ResumeJob", true, false, false},
+    {"JobService.CancelJob", true, false, false},
+    {"JobService.RetryJob", true, false, false},
+    {"JobService.RemoveJob", true, false, false},
+    {"JobService.ExtendJob", true, false, false},
+    {"JobService.GetJobReport", true, false, false},
+    {"JobService.ListDeliveries", true, false, false},
+    {"JobService.FetchFrame", true, false, true},
+    {"JobService.WatchEvents", true, false, true},
+    {"AssetService.FindMissingAssets", true, false, false},
+    {"AssetService.UploadAsset", true, false, true},
+    {"AssetService.DownloadAsset", false, true, true},
+    {"WorkerService.Work", false, true, true},
+    {"WorkerService.Deliver", false, true, true},
+    {"WorkerService.DescribeJob", false, true, false},
+    {"WorkerService.ListWorkers", true, false, false},
+    {"WorkerService.DrainWorker", false, false, false},
+    {"WorkerService.BanWorker", false, false, false},
+    {"WorkerService.AllowWorker", false, false, false},
+};
+
+using Clock = std::chrono::steady_clock;
+
+std::int64_t now_s() {
+  return std::chrono::duration_cast<std::chrono::seconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+bool may_call(const AccessRule& rule, Role role) {
+  return role == Role::admin || (role == Role::client && rule.client) ||
+         (role == Role::worker && rule.worker);
+}
+
+bool is_client(const Caller& caller) {
+  return caller.identity && caller.identity->role == Role::client;
+}
+
+}  // namespace
+
+const AccessRule* find_access_rule(std::string_view rpc) {
+  for (const AccessRule& rule : kRules) {
+    if (rpc == rule.rpc) return &rule;
+  }
+  return nullptr;
+}
+
+std::string sent_token(const grpc::CallbackServerContext& context) {
+  const auto sent = context.client_metadata().find(contract::kTokenKey);
+  if (sent == context.client_metadata().end()) return {};
+  return {sent->second.data(), sent->second.size()};
+}
+
+Access::Access(std::unique_ptr<Revocations> revocations, ClientRates rates)
+    : revocations_(std::move(revocations)), limits_(std::make_unique<ClientLimits>(rates)) {}
+
+absl::StatusOr<Caller> Access::identify(const grpc::CallbackServerContext& context) const {
+  if (revocations_) {
+    const auto sent = context.auth_context()->FindPropertyValues(GRPC_X509_PEM_CERT_PROPERTY_NAME);
+    if (sent.empty()) return absl::UnauthenticatedError("this server needs a certificate");
+    auto identity = read_identity({sent.front().data(), sent.front().size()});
+    if (!identity.ok()) return identity.status();
+    Caller caller;
+    caller.identity = *std::move(identity);
+    if (absl::Status status = recheck(caller); !status.ok()) return status;
+    return caller;
+  }
+  if (token_.empty()) return Caller{};
+  const std::string token = sent_token(context);
+  if (token.empty()) {
+    return absl::UnauthenticatedError("this server needs the token in STORE/token");
+  }
+  if (contract::equal_in_constant_time(contract::sha256(token), contract::sha256(token_))) {
+    return Caller{};
+  }
+  return absl::UnauthenticatedError("wrong token: this server's is in STORE/token");
+}
+
+absl::StatusOr<Caller> Access::admit(const grpc::CallbackServerContext& context,
+                                     std::string_view rpc) const {
+  auto caller = identify(context);
+  if (!caller.ok()) return caller;
+  const AccessRule* rule = find_access_rule(rpc);
+  if (rule == nullptr) {
+    return absl::PermissionDeniedError(absl::StrCat("no rule allows ", std::string(rpc)));
+  }
+  if (caller->identity && !may_call(*rule, caller->identity->role)) {
+    return absl::PermissionDeniedError(absl::StrCat(role_name(caller->identity->role), " ",
+                                                    caller->identity->name, " may not call ",
+                                                    std::string(rpc)));
+  }
+  if (!is_client(*caller)) return caller;
+  if (absl::Status status = limits_->call(caller->identity->name, Clock::now()); !status.ok()) {
+    return status;
+  }
+  if (rule->is_stream) {
+    auto place = limits_->open(caller->identity->name);
+    if (!place.ok()) return place.status();
+    caller->stream = *std::move(place);
+  }
+  return caller;
+}
+
+absl::Status Access::count_upload(const Caller& caller, std::int64_t bytes) const {
+  if (!is_client(caller)) return absl::OkStatus();
+  return limits_->upload(caller.identity->name, bytes, Clock::now());
+}
+
+absl::Status Access::recheck(const Caller& caller) const {
+  if (!caller.identity) return absl::OkStatus();
+  const std::string uri = identity_uri(caller.identity->role, caller.identity->name);
+  if (revocations_->contains(caller.identity->serial)) {
+    return absl::UnauthenticatedError(absl::StrCat("the certificate of ", uri, " is revoked"));
+  }
+  if (now_s() > caller.identity->expires_s) {
+    return absl::UnauthenticatedError(absl::StrCat("the certificate of ", uri, " has expired"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace tessera::server

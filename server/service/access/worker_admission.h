@@ -1,0 +1,35 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "server/coordinator/coordinator.h"
+#include "server/identity/join_tokens.h"
+#include "server/service/access/access.h"
+
+namespace tessera::server {
+
+/// Lets workers in. On a Unix socket and under the store's token, all; with certificates those that
+/// bring a join token or, when they come again, the session key that joining gave them.
+class WorkerAdmission {
+ public:
+  /// `tokens`: absent where none are asked for. The coordinator must outlive this.
+  WorkerAdmission(Coordinator& coordinator, std::optional<JoinTokens> tokens)
+      : coordinator_(coordinator), tokens_(std::move(tokens)) {}
+
+  /// Calls back, here or on the writer thread, with the worker's session key (empty: it needs none)
+  /// once its joining is journaled.
+  ///
+  /// Errors: Unauthenticated, the token is missing, unknown, revoked or expired; PermissionDenied,
+  /// it is used up, or the worker's id is another certificate's.
+  void admit(const Caller& caller, const std::string& worker_id, const std::string& token,
+             const std::function<void(absl::StatusOr<std::string>)>& done) const;
+
+ private:
+  Coordinator& coordinator_;
+  const std::optional<JoinTokens> tokens_;
+};
+
+}  // namespace tessera::server

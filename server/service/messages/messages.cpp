@@ -1,0 +1,388 @@
+#include "server/service/messages/messages.h"
+
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "rpc/settings_message.h"
+#include "contract/tile_grid.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr std::size_t kMaxIdLetters = 64, kMaxNameLetters = 200, kMaxUriLetters = 4096,
+                      kMaxWarningLetters = 4000, kMaxWarnings = 101;
+constexpr int kMaxAssets = 100'000;
+constexpr int kMaxTags = 64;
+constexpr std::int32_t kMaxThreads = 4096;
+constexpr double kMaxUnitSeconds = 1e9;
+
+absl::Status bad(const std::string& field, const std::string& need) {
+  return absl::InvalidArgumentError(absl::StrCat(field, ": ", need));
+}
+
+absl::Status check_text(const std::string& field, const std::string& text, std::size_t least,
+                        std::size_t most) {
+  if (text.size() >= least && text.size() <= most) return absl::OkStatus();
+  return bad(field, absl::StrCat("has ", text.size(), " characters, needs ", least, " to ", most));
+}
+
+absl::Status check_range(const std::string& field, std::int64_t value, std::int64_t low,
+                         std::int64_t high) {
+  if (value >= low && value <= high) return absl::OkStatus();
+  return bad(field, absl::StrCat(value, " is not in [", low, ", ", high, "]"));
+}
+
+/// A URI that cannot lead out of a folder; workers read resources by it and no other name.
+bool is_inside(const std::string& uri) {
+  if (uri.empty() || uri.size() > kMaxUriLetters || uri.front() == '/') return false;
+  if (uri.find('\0') != std::string::npos || uri.find('\\') != std::string::npos) return false;
+  for (std::size_t begin = 0; begin <= uri.size();) {
+    const std::size_t end = std::min(uri.find('/', begin), uri.size());
+    if (uri.compare(begin, end - begin, "..") == 0) return false;
+    begin = end + 1;
+  }
+  return true;
+}
+
+/// A reference is R, G, B, A of every pixel as float32.
+absl::Status read_references(const v1::CreateJobRequest& request, JobSpec& spec) {
+  if (request.references().empty()) return absl::OkStatus();
+  if (static_cast<std::size_t>(request.references_size()) !=
+      contract::frame_list(spec.settings.frames).size()) {
+    return bad("references", "must be one for each frame, or none");
+  }
+  const std::int64_t size = 16 * std::int64_t{spec.settings.width} * spec.settings.height;
+  for (const v1::AssetId& asset : request.references()) {
+    const auto digest = contract::Digest::from_binary(asset.sha256());
+    if (!digest) return bad("references.sha256", "is not 32 bytes");
+    if (asset.size_bytes() != size) {
+      return bad("references.size_bytes", absl::StrCat(asset.size_bytes(), " is not ", size,
+                                                       ", 16 bytes a pixel of the frame"));
+    }
+    spec.references.push_back(*digest);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status read_manifest(const v1::SceneManifest& message, JobSpec& spec) {
+  if (message.assets_size() > kMaxAssets) return bad("manifest.assets", "more than 100000");
+  spec.scene_uri = message.scene_uri();
+  std::set<std::string> uris;
+  for (const v1::ManifestEntry& entry : message.assets()) {
+    const auto digest = contract::Digest::from_binary(entry.asset().sha256());
+    if (!is_inside(entry.uri())) {
+      return bad("manifest.assets.uri", absl::StrCat("\"", entry.uri().substr(0, 200),
+                                                     "\" is not a path inside the scene's folder"));
+    }
+    if (!digest) return bad("manifest.assets.asset.sha256", "is not 32 bytes");
+    if (entry.asset().size_bytes() < 0)
+      return bad("manifest.assets.asset.size_bytes", "is negative");
+    if (!uris.insert(entry.uri()).second) {
+      return bad("manifest.assets.uri", absl::StrCat("\"", entry.uri(), "\" is there twice"));
+    }
+    spec.assets.push_back({entry.uri(), *digest, entry.asset().size_bytes()});
+  }
+  if (uris.count(spec.scene_uri) == 0) {
+    return bad("manifest.scene_uri",
+               absl::StrCat("\"", spec.scene_uri, "\" is not among the assets"));
+  }
+  const std::string& sky = spec.settings.environment;
+  if (!sky.empty() && uris.count(sky) == 0) {
+    return bad("settings.environment_uri", absl::StrCat("\"", sky, "\" is not among the assets"));
+  }
+  return absl::OkStatus();
+}
+
+void set_duration(double span_seconds, google::protobuf::Duration& duration) {
+  const double clamped = std::min(std::max(span_seconds, 0.0), 1e9);
+  duration.set_seconds(static_cast<std::int64_t>(clamped));
+  duration.set_nanos(static_cast<std::int32_t>((clamped - std::floor(clamped)) * 1e9));
+}
+
+void set_time(std::int64_t time_us, google::protobuf::Timestamp& timestamp) {
+  timestamp.set_seconds(time_us / 1'000'000);
+  timestamp.set_nanos(static_cast<std::int32_t>(time_us % 1'000'000 * 1000));
+}
+
+/// What a frame costs in memory grows with its tiles, however small they are.
+absl::Status check_tiles(const contract::RenderSettings& settings) {
+  constexpr std::int32_t kMaxTiles = 1 << 22;
+  const std::int32_t tiles = contract::tile_count(settings);
+  if (tiles <= kMaxTiles) return absl::OkStatus();
+  return bad("settings.tile_px",
+             absl::StrCat(settings.tile, " gives ", tiles, " tiles a frame, at most ", kMaxTiles));
+}
+
+bool is_worker_id(const std::string& id) {
+  constexpr char kAllowed[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
+  return !id.empty() && id.size() <= kMaxIdLetters &&
+         id.find_first_not_of(kAllowed) == std::string::npos;
+}
+
+void set_progress(const JobView& view, v1::JobProgress& progress) {
+  progress.set_unit_count(view.unit_count);
+  progress.set_committed_unit_count(view.committed_unit_count);
+  progress.set_leased_unit_count(view.leased_unit_count);
+  progress.set_frame_count(view.frame_count);
+  progress.set_finished_frame_count(view.finished_frame_count);
+  progress.set_committed_sample_count(view.committed_sample_count);
+  progress.set_sample_count(view.sample_count);
+  progress.set_worker_count(view.worker_count);
+  progress.set_cpu_seconds(view.cpu_seconds);
+  if (view.estimated_error) progress.set_estimated_error(*view.estimated_error);
+  set_duration(view.elapsed_seconds, *progress.mutable_elapsed());
+  if (view.remaining_seconds) set_duration(*view.remaining_seconds, *progress.mutable_remaining());
+}
+
+absl::Status read_warnings(const v1::CreateJobRequest& request, JobSpec& spec) {
+  const auto& texts = request.scene_warnings();
+  spec.scene_warnings = {texts.begin(), texts.end()};
+  absl::Status status =
+      check_range("scene_warnings", request.scene_warnings_size(), 0, kMaxWarnings);
+  for (const std::string& text : spec.scene_warnings) {
+    status.Update(check_text("scene_warnings", text, 1, kMaxWarningLetters));
+  }
+  return status;
+}
+
+}  // namespace
+
+absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::string& owner) {
+  JobSpec spec;
+  spec.request_id = request.request_id();
+  spec.name = request.name();
+  spec.owner = owner;
+  spec.priority = request.priority();
+  spec.max_workers = request.max_worker_count();
+  spec.required_tag = request.required_tag();
+  absl::Status status = check_text("request_id", spec.request_id, 1, kMaxIdLetters);
+  status.Update(check_text("name", spec.name, 1, kMaxNameLetters));
+  status.Update(check_range("priority", spec.priority, -100, 100));
+  status.Update(check_range("max_worker_count", spec.max_workers, 0, 1'000'000));
+  status.Update(check_text("required_tag", spec.required_tag, 0, kMaxIdLetters));
+  if (!status.ok()) return status;
+  const auto settings = contract::from_message(request.settings());
+  if (!settings.ok()) return settings.status();
+  spec.settings = *settings;
+  status.Update(check_tiles(spec.settings));
+  status.Update(read_manifest(request.manifest(), spec));
+  status.Update(read_references(request, spec));
+  status.Update(read_warnings(request, spec));
+  if (!status.ok()) return status;
+  spec.request = request.SerializeAsString();
+  return spec;
+}
+
+absl::StatusOr<JobSpec> read_spec(const JobRecord& record) {
+  v1::CreateJobRequest request;
+  if (!request.ParseFromString(record.request)) {
+    return absl::DataLossError(absl::StrCat("job ", record.id, ": its request does not parse"));
+  }
+  auto spec = to_spec(request, record.owner);
+  if (!spec.ok()) {
+    return absl::DataLossError(
+        absl::StrCat("job ", record.id, ": ", std::string(spec.status().message())));
+  }
+  spec->id = record.id;
+  spec->request = record.request;
+  return spec;
+}
+
+std::string write_request(const JobSpec& spec) {
+  v1::CreateJobRequest request;
+  request.ParseFromString(spec.request);
+  request.mutable_settings()->set_sample_count(spec.settings.spp);
+  if (spec.settings.error) request.mutable_settings()->set_error_target(*spec.settings.error);
+  return request.SerializeAsString();
+}
+
+v1::Job to_message(const JobView& view) {
+  v1::Job job;
+  job.set_id(view.spec->id);
+  job.set_name(view.spec->name);
+  job.set_owner(view.spec->owner);
+  job.set_state(static_cast<v1::Job::State>(view.state));
+  job.set_reason(view.reason);
+  job.set_priority(view.spec->priority);
+  job.set_max_worker_count(view.spec->max_workers);
+  job.set_required_tag(view.spec->required_tag);
+  set_time(view.create_time_us, *job.mutable_create_time());
+  if (view.end_time_us != 0) set_time(view.end_time_us, *job.mutable_end_time());
+  *job.mutable_settings() = contract::to_message(view.spec->settings);
+  set_progress(view, *job.mutable_progress());
+  if (view.certainty) job.set_certainty(static_cast<v1::Job::Certainty>(*view.certainty));
+  return job;
+}
+
+v1::SceneManifest to_manifest(const JobSpec& spec) {
+  v1::SceneManifest manifest;
+  manifest.set_scene_uri(spec.scene_uri);
+  for (const ManifestEntry& asset : spec.assets) {
+    v1::ManifestEntry* entry = manifest.add_assets();
+    entry->set_uri(asset.uri);
+    entry->mutable_asset()->set_sha256(asset.digest.binary());
+    entry->mutable_asset()->set_size_bytes(asset.size_bytes);
+  }
+  return manifest;
+}
+
+v1::Event to_message(const Event& event) {
+  v1::Event message;
+  message.set_sequence(event.sequence);
+  set_time(event.time_us, *message.mutable_event_time());
+  message.set_kind(static_cast<v1::Event::Kind>(event.kind));
+  message.set_job_id(event.job_id);
+  message.set_worker_id(event.worker_id);
+  message.set_message(event.text);
+  return message;
+}
+
+v1::Delivery to_message(const Delivery& delivery) {
+  v1::Delivery message;
+  message.set_frame(delivery.unit.frame);
+  message.set_tile(delivery.unit.tile);
+  message.set_pass(delivery.unit.pass);
+  message.set_worker_id(std::string(delivery.worker_id));
+  message.set_outcome(static_cast<v1::Delivery::Outcome>(delivery.outcome));
+  set_time(delivery.end_us, *message.mutable_end_time());
+  set_duration(delivery.cpu_seconds, *message.mutable_cpu_duration());
+  if (delivery.lease_seconds)
+    set_duration(*delivery.lease_seconds, *message.mutable_lease_duration());
+  message.set_retry_count(delivery.retry_count);
+  return message;
+}
+
+v1::Worker to_message(const Worker& worker, double silence_seconds) {
+  v1::Worker message;
+  message.set_id(worker.id);
+  message.set_name(worker.name);
+  message.set_host(worker.host);
+  message.set_state(worker.lost && !worker.leaving ? v1::Worker::STATE_LOST
+                    : worker.set_aside             ? v1::Worker::STATE_QUARANTINED
+                    : worker.leaving               ? v1::Worker::STATE_LEAVING
+                    : worker.held.empty()          ? v1::Worker::STATE_IDLE
+                                                   : v1::Worker::STATE_BUSY);
+  message.set_isa(worker.isa);
+  message.set_thread_count(worker.thread_count);
+  for (const std::string& tag : worker.tags) message.add_tags(tag);
+  message.set_leased_unit_count(static_cast<std::int32_t>(worker.held.size()));
+  message.set_committed_unit_count(worker.committed_count);
+  message.set_cpu_seconds(worker.cpu_seconds);
+  message.set_rss_bytes(worker.rss_bytes);
+  set_duration(silence_seconds, *message.mutable_silence());
+  return message;
+}
+
+v1::UnitId to_message(const UnitName& name) {
+  v1::UnitId message;
+  message.set_job_id(name.job_id);
+  message.set_frame(name.unit.frame);
+  message.set_tile(name.unit.tile);
+  message.set_pass(name.unit.pass);
+  return message;
+}
+
+v1::Lease to_message(const Lease& lease) {
+  v1::Lease message;
+  message.set_job_id(lease.job_id);
+  message.set_frame(lease.frame);
+  message.set_pass(lease.pass);
+  message.set_first_tile(lease.first_tile);
+  message.set_tile_count(lease.tile_count);
+  message.set_first_sample(lease.first_sample);
+  message.set_sample_count(lease.sample_count);
+  message.set_attempt_boot(lease.attempt.boot);
+  message.set_attempt_counter(lease.attempt.counter);
+  message.set_seal(lease.seal);
+  return message;
+}
+
+v1::Acknowledgement to_message(const Acknowledgement& acknowledgement) {
+  v1::Acknowledgement message;
+  *message.mutable_unit() = to_message(acknowledgement.unit);
+  message.set_verdict(static_cast<v1::Acknowledgement::Verdict>(acknowledgement.verdict));
+  message.set_reason(acknowledgement.reason);
+  return message;
+}
+
+v1::FrameHeader to_message(const FrameFile& file) {
+  v1::FrameHeader header;
+  header.set_size_bytes(file.size_bytes);
+  header.set_file_sha256(file.file_sha256.binary());
+  if (file.pixels_sha256) header.set_pixels_sha256(file.pixels_sha256->binary());
+  for (const contract::PixelRect& tile : file.missing_tiles) {
+    *header.add_missing_tiles() = contract::to_message(tile);
+  }
+  return header;
+}
+
+UnitName from_message(const v1::UnitId& message) {
+  return {message.job_id(), {message.frame(), message.tile(), message.pass()}};
+}
+
+Lease from_message(const v1::Lease& message) {
+  return {message.job_id(),       message.frame(),
+          message.pass(),         message.first_tile(),
+          message.tile_count(),   message.first_sample(),
+          message.sample_count(), {message.attempt_boot(), message.attempt_counter()},
+          message.seal()};
+}
+
+absl::StatusOr<Hello> from_message(const v1::WorkerHello& message) {
+  if (!is_worker_id(message.worker_id())) {
+    return bad("hello.worker_id", "needs 1 to 64 characters of [a-zA-Z0-9._-]");
+  }
+  absl::Status status = check_text("hello.name", message.name(), 1, 100);
+  status.Update(check_text("hello.host", message.host(), 0, kMaxNameLetters));
+  status.Update(check_text("hello.isa", message.isa(), 0, kMaxIdLetters));
+  status.Update(check_range("hello.thread_count", message.thread_count(), 1, kMaxThreads));
+  status.Update(check_range("hello.credit_count", message.credit_count(), 0, 1 << 20));
+  status.Update(check_range("hello.tags", message.tags_size(), 0, kMaxTags));
+  if (!status.ok()) return status;
+  Hello hello;
+  hello.worker_id = message.worker_id();
+  hello.name = message.name();
+  hello.host = message.host();
+  hello.isa = message.isa();
+  hello.thread_count = message.thread_count();
+  hello.tags = {message.tags().begin(), message.tags().end()};
+  hello.credit_count = message.credit_count();
+  hello.store_id = message.store_id();
+  for (const v1::Lease& lease : message.leases()) hello.leases.push_back(from_message(lease));
+  for (const v1::UnitId& unit : message.running()) hello.running.push_back(from_message(unit));
+  for (const v1::UnitId& unit : message.held()) hello.held.push_back(from_message(unit));
+  return hello;
+}
+
+absl::StatusOr<BlockHeader> from_message(const v1::BlockHeader& message) {
+  const auto digest = contract::Digest::from_binary(message.sha256());
+  if (!digest) return bad("header.sha256", "is not 32 bytes");
+  if (!(message.cpu_seconds() >= 0 && message.cpu_seconds() <= kMaxUnitSeconds)) {
+    return bad("header.cpu_seconds", absl::StrCat(message.cpu_seconds(), " is not in [0, 1e9]"));
+  }
+  BlockHeader header;
+  header.lease = from_message(message.lease());
+  header.tile = message.tile();
+  header.size_bytes = message.size_bytes();
+  header.sha256 = *digest;
+  header.cpu_seconds = message.cpu_seconds();
+  return header;
+}
+
+absl::StatusOr<FrameQuery> from_message(const v1::FetchFrameRequest& message) {
+  if (!(message.exposure_ev() >= -100 && message.exposure_ev() <= 100)) {
+    return bad("exposure_ev", absl::StrCat(message.exposure_ev(), " is not in [-100, 100]"));
+  }
+  FrameQuery query;
+  query.job_id = message.job_id();
+  query.frame = message.frame();
+  query.exposure_ev = message.exposure_ev();
+  query.allow_partial = message.allow_partial();
+  if (message.format() == v1::FetchFrameRequest::FORMAT_PNG) query.format = FrameFormat::png;
+  if (message.format() == v1::FetchFrameRequest::FORMAT_JPEG) query.format = FrameFormat::jpeg;
+  return query;
+}
+
+}  // namespace tessera::server

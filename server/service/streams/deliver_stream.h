@@ -1,0 +1,15 @@
+#pragma once
+
+#include "absl/status/statusor.h"
+#include "server/coordinator/coordinator.h"
+#include "server/service/access/access.h"
+#include "tessera/v1/worker_service.grpc.pb.h"
+
+namespace tessera::server {
+
+/// The reactor of a worker's Deliver stream; deletes itself. `caller`: who, or the status to end
+/// with at once.
+grpc::ServerReadReactor<v1::DeliverRequest>* deliver_stream(Coordinator& coordinator,
+                                                            const absl::StatusOr<Caller>& caller);
+
+}  // namespace tessera::server

@@ -1,0 +1,104 @@
+#include "server/service/streams/event_stream.h"
+
+#include <grpcpp/alarm.h>
+
+#include <chrono>
+#include <mutex>
+
+#include "absl/strings/str_cat.h"
+#include "rpc/rpc_status.h"
+#include "server/service/messages/messages.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr std::chrono::milliseconds kLook{100};  // how soon what happens is seen
+constexpr std::size_t kEventsPerMessage = 256;
+
+/// Looks by a timer, sends what is new.
+class EventStream final : public grpc::ServerWriteReactor<v1::WatchEventsResponse> {
+ public:
+  EventStream(Coordinator& coordinator, const Access& access, const v1::WatchEventsRequest& request,
+              const absl::StatusOr<Caller>& caller)
+      : coordinator_(coordinator),
+        access_(access),
+        caller_(caller.value_or(Caller{})),
+        follow_(request.follow()),
+        query_{request.after_sequence(), request.job_id(), caller_.sees()} {
+    const std::lock_guard lock(mutex_);
+    const std::int64_t newest = coordinator_.events().newest();
+    if (!caller.ok()) {
+      finish(caller.status());
+    } else if (query_.after > newest) {
+      finish(absl::OutOfRangeError(
+          absl::StrCat("the newest event here is ", newest, ", and what follows ", query_.after,
+                       " was asked for: has the server another store now?")));
+    } else {
+      look();
+    }
+  }
+
+  void OnWriteDone(bool ok) override {
+    const std::lock_guard lock(mutex_);
+    if (!ok || is_cancelled_) {
+      finish(absl::CancelledError("the client is gone"));
+    } else {
+      look();
+    }
+  }
+
+  void OnCancel() override {
+    const std::lock_guard lock(mutex_);
+    is_cancelled_ = true;
+    alarm_.Cancel();
+  }
+
+  void OnDone() override {
+    { const std::lock_guard lock(mutex_); }
+    delete this;
+  }
+
+ private:
+  void look() {
+    if (absl::Status status = access_.recheck(caller_); !status.ok()) return finish(status);
+    const std::vector<Event> events = coordinator_.events().read(query_, kEventsPerMessage);
+    if (events.empty()) return follow_ ? wait() : finish(absl::OkStatus());
+    query_.after = events.back().sequence;
+    response_.Clear();
+    for (const Event& event : events) *response_.add_events() = to_message(event);
+    StartWrite(&response_);
+  }
+
+  void wait() {
+    alarm_.Set(std::chrono::system_clock::now() + kLook, [this](bool) {
+      const std::lock_guard lock(mutex_);
+      if (is_cancelled_) {
+        finish(absl::CancelledError("the client is gone"));
+      } else {
+        look();
+      }
+    });
+  }
+
+  void finish(const absl::Status& status) { Finish(contract::to_rpc(status)); }
+
+  Coordinator& coordinator_;
+  const Access& access_;
+  const Caller caller_;
+  const bool follow_;
+  EventLog::Query query_;
+  std::mutex mutex_;  // callbacks may come from several threads
+  bool is_cancelled_ = false;
+  v1::WatchEventsResponse response_;
+  grpc::Alarm alarm_;
+};
+
+}  // namespace
+
+grpc::ServerWriteReactor<v1::WatchEventsResponse>* watch_events(
+    Coordinator& coordinator, const Access& access, const v1::WatchEventsRequest& request,
+    const absl::StatusOr<Caller>& caller) {
+  return new EventStream(coordinator, access, request, caller);
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,86 @@
+#include "server/service/streams/frame_stream.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "rpc/rpc_status.h"
+#include "server/service/messages/messages.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr std::size_t kChunkBytes = 1 << 20;
+
+/// Header first, then chunks; one write at a time, so no lock is needed after start().
+class FrameStream final : public grpc::ServerWriteReactor<v1::FetchFrameResponse> {
+ public:
+  explicit FrameStream(Caller caller) : caller_(std::move(caller)) {}
+
+  void start(const absl::StatusOr<FrameFile>& file) {
+    if (!file.ok()) return Finish(contract::to_rpc(file.status()));
+    file_ = *file;
+    if (!file_.path.empty()) {
+      input_.open(file_.path, std::ios::binary);
+      if (!input_) {
+        return Finish(
+            contract::to_rpc(absl::DataLossError(absl::StrCat("cannot read ", file_.path))));
+      }
+    }
+    *response_.mutable_header() = to_message(file_);
+    StartWrite(&response_);
+  }
+
+  void OnWriteDone(bool ok) override {
+    if (!ok) return Finish(contract::to_rpc(absl::CancelledError("the client is gone")));
+    const std::int64_t left = file_.size_bytes - sent_bytes_;
+    if (left == 0) return Finish(grpc::Status::OK);
+    const std::size_t size = std::min(static_cast<std::size_t>(left), kChunkBytes);
+    std::string& chunk = *response_.mutable_chunk();
+    if (file_.path.empty()) {
+      chunk = file_.bytes.substr(static_cast<std::size_t>(sent_bytes_), size);
+    } else {
+      chunk.resize(size);
+      if (!input_.read(chunk.data(), static_cast<std::streamsize>(size))) {
+        return Finish(
+            contract::to_rpc(absl::DataLossError(absl::StrCat(file_.path, " has become shorter"))));
+      }
+    }
+    sent_bytes_ += static_cast<std::int64_t>(size);
+    StartWrite(&response_);
+  }
+
+  void OnDone() override {
+    std::error_code ignored;
+    if (file_.is_temporary) std::filesystem::remove(file_.path, ignored);
+    delete this;
+  }
+
+ private:
+  const Caller caller_;  // for its place among the open streams
+  FrameFile file_;
+  std::ifstream input_;
+  std::int64_t sent_bytes_ = 0;
+  v1::FetchFrameResponse response_;
+};
+
+}  // namespace
+
+grpc::ServerWriteReactor<v1::FetchFrameResponse>* send_frame(Coordinator& coordinator,
+                                                             const v1::FetchFrameRequest& request,
+                                                             const absl::StatusOr<Caller>& caller) {
+  auto* stream = new FrameStream(caller.value_or(Caller{}));
+  const auto query = from_message(request);
+  if (!caller.ok() || !query.ok()) {
+    stream->start(caller.ok() ? query.status() : caller.status());
+  } else {
+    coordinator.fetch_frame(*query, [stream](const auto& file) { stream->start(file); });
+  }
+  return stream;
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,16 @@
+#pragma once
+
+#include "absl/status/statusor.h"
+#include "server/coordinator/coordinator.h"
+#include "server/service/access/access.h"
+#include "tessera/v1/job_service.grpc.pb.h"
+
+namespace tessera::server {
+
+/// A reactor that sends a frame's file (JobService.FetchFrame), and deletes itself. `caller`: who,
+/// or the status to end with at once.
+grpc::ServerWriteReactor<v1::FetchFrameResponse>* send_frame(Coordinator& coordinator,
+                                                             const v1::FetchFrameRequest& request,
+                                                             const absl::StatusOr<Caller>& caller);
+
+}  // namespace tessera::server

@@ -1,0 +1,128 @@
+#include "server/service/streams/watch_stream.h"
+
+#include <grpcpp/alarm.h>
+
+#include <algorithm>
+#include <chrono>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "rpc/rpc_status.h"
+#include "server/service/messages/messages.h"
+
+namespace tessera::server {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr milliseconds kDefaultInterval{500}, kLeastInterval{100}, kLongestInterval{60'000};
+constexpr milliseconds kLook{50};  // how soon a change of state is seen; progress waits longer
+
+milliseconds interval_of(const v1::WatchJobRequest& request) {
+  if (!request.has_interval()) return kDefaultInterval;
+  const auto& interval = request.interval();
+  const std::int64_t wanted =
+      std::clamp<std::int64_t>(interval.seconds(), 0, 60) * 1000 + interval.nanos() / 1'000'000;
+  return std::clamp(milliseconds(wanted), kLeastInterval, kLongestInterval);
+}
+
+/// Looks at the job by a timer, sends what has changed.
+class WatchStream final : public grpc::ServerWriteReactor<v1::WatchJobResponse> {
+ public:
+  WatchStream(Coordinator& coordinator, const Access& access, const v1::WatchJobRequest& request,
+              const absl::StatusOr<Caller>& caller)
+      : coordinator_(coordinator),
+        access_(access),
+        caller_(caller.value_or(Caller{})),
+        job_id_(request.job_id()),
+        interval_(interval_of(request)) {
+    const std::lock_guard lock(mutex_);
+    if (!caller.ok()) {
+      finish(caller.status());
+    } else {
+      look();
+    }
+  }
+
+  void OnWriteDone(bool ok) override {
+    const std::lock_guard lock(mutex_);
+    is_writing_ = false;
+    if (!ok || is_cancelled_) {
+      finish(absl::CancelledError("the client is gone"));
+    } else if (has_ended_) {
+      finish(absl::OkStatus());
+    } else {
+      wait();
+    }
+  }
+
+  void OnCancel() override {
+    const std::lock_guard lock(mutex_);
+    is_cancelled_ = true;
+    alarm_.Cancel();
+  }
+
+  void OnDone() override {
+    { const std::lock_guard lock(mutex_); }
+    delete this;
+  }
+
+ private:
+  void look() {
+    if (absl::Status status = access_.recheck(caller_); !status.ok()) return finish(status);
+    const auto view = coordinator_.job(job_id_);
+    if (!view.ok()) return finish(view.status());
+    const auto now = std::chrono::steady_clock::now();
+    const bool is_new = !sent_ || sent_->state != view->state || sent_->reason != view->reason;
+    const bool has_moved =
+        sent_ && (sent_->committed_unit_count != view->committed_unit_count ||
+                  sent_->leased_unit_count != view->leased_unit_count ||
+                  sent_->finished_frame_count != view->finished_frame_count ||
+                  sent_->worker_count != view->worker_count ||
+                  sent_->estimated_error != view->estimated_error || sent_->spec != view->spec);
+    if (!is_new && !(has_moved && now - sent_at_ >= interval_)) return wait();
+    sent_ = *view;
+    sent_at_ = now;
+    has_ended_ = tessera::server::has_ended(view->state);
+    *response_.mutable_job() = to_message(*view);
+    is_writing_ = true;
+    StartWrite(&response_);
+  }
+
+  void wait() {
+    alarm_.Set(std::chrono::system_clock::now() + std::min(interval_, kLook), [this](bool) {
+      const std::lock_guard lock(mutex_);
+      if (is_cancelled_) {
+        finish(absl::CancelledError("the client is gone"));
+      } else {
+        look();
+      }
+    });
+  }
+
+  void finish(const absl::Status& status) { Finish(contract::to_rpc(status)); }
+
+  Coordinator& coordinator_;
+  const Access& access_;
+  const Caller caller_;
+  const std::string job_id_;
+  const milliseconds interval_;
+  std::mutex mutex_;  // callbacks may come from several threads
+  bool is_writing_ = false, is_cancelled_ = false, has_ended_ = false;
+  std::optional<JobView> sent_;
+  std::chrono::steady_clock::time_point sent_at_;
+  v1::WatchJobResponse response_;
+  grpc::Alarm alarm_;
+};
+
+}  // namespace
+
+grpc::ServerWriteReactor<v1::WatchJobResponse>* watch_job(Coordinator& coordinator,
+                                                          const Access& access,
+                                                          const v1::WatchJobRequest& request,
+                                                          const absl::StatusOr<Caller>& caller) {
+  return new WatchStream(coordinator, access, request, caller);
+}
+
+}  // namespace tessera::server

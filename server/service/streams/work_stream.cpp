@@ -1,0 +1,308 @@
+#include "server/service/streams/work_stream.h"
+
+#include <grpcpp/alarm.h>
+
+#include <algorithm>
+#include <chrono>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "rpc/rpc_status.h"
+#include "server/service/messages/messages.h"
+#include "server/service/access/numerics_check.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr std::size_t kAcknowledgementsPerMessage = 4096;  // well under the largest message
+constexpr std::size_t kLeasesPerMessage = 4096;
+constexpr std::size_t kMaxLogBytes = 8 << 10;
+constexpr int kMaxLogLines = 64;  // in one message; a worker that sends more talks too much
+/// How long a write may take once its stream is to end.
+constexpr std::chrono::seconds kPatience{1};
+
+std::vector<UnitName> names_of(const google::protobuf::RepeatedPtrField<v1::UnitId>& units) {
+  std::vector<UnitName> names;
+  names.reserve(static_cast<std::size_t>(units.size()));
+  for (const v1::UnitId& unit : units) names.push_back(from_message(unit));
+  return names;
+}
+
+std::vector<LogLine> lines_of(const v1::LogLines& message) {
+  const int count = std::min(message.lines_size(), kMaxLogLines);
+  std::vector<LogLine> lines;
+  lines.reserve(static_cast<std::size_t>(count));
+  for (int i = 0; i < count; ++i) {
+    lines.push_back({message.lines(i).job_id(), message.lines(i).message()});
+  }
+  return lines;
+}
+
+/// Seconds as a worker gives them; what is no span counts as none.
+double span_of(double seconds) {
+  constexpr double kLongest = 1e9;
+  return seconds >= 0 && seconds <= kLongest ? seconds : 0;
+}
+
+/// A worker's mail as messages, verdicts first: they free what the rest needs.
+void write_mail(const Outbox& mail, std::deque<v1::WorkResponse>& out) {
+  for (std::size_t i = 0; i < mail.acknowledgements.size(); ++i) {
+    if (i % kAcknowledgementsPerMessage == 0) out.emplace_back();
+    *out.back().mutable_acknowledgements()->add_acknowledgements() =
+        to_message(mail.acknowledgements[i]);
+  }
+  for (std::size_t i = 0; i < mail.revoked.size(); ++i) {
+    if (i % kAcknowledgementsPerMessage == 0) out.emplace_back();
+    *out.back().mutable_revocation()->add_units() = to_message(mail.revoked[i]);
+  }
+  for (const std::string& job_id : mail.ended_jobs) {
+    out.emplace_back();
+    out.back().mutable_job_ended()->set_job_id(job_id);
+  }
+  if (mail.drain) out.emplace_back().mutable_drain();
+  for (std::size_t i = 0; i < mail.leases.size(); ++i) {
+    if (i % kLeasesPerMessage == 0) out.emplace_back();
+    *out.back().mutable_leases()->add_leases() = to_message(mail.leases[i]);
+  }
+}
+
+class WorkStream;
+
+/// What the coordinator holds of a stream: outlives it, and then does nothing.
+class WorkLink final : public WorkerConnection {
+ public:
+  explicit WorkLink(WorkStream& stream) : stream_(&stream) {}
+  void wake() override;
+  void close(const absl::Status& reason) override;
+  void cut();
+  void detach() {
+    const std::lock_guard lock(mutex_);
+    stream_ = nullptr;
+  }
+
+ private:
+  std::mutex mutex_;  // held while the stream is called, so that it cannot go meanwhile
+  WorkStream* stream_;
+};
+
+class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse> {
+ public:
+  WorkStream(const WorkStreamContext& gate, grpc::CallbackServerContext& context,
+             const absl::StatusOr<Caller>& caller)
+      : gate_(gate),
+        coordinator_(gate.coordinator),
+        context_(context),
+        caller_(caller.value_or(Caller{})),
+        link_(std::make_shared<WorkLink>(*this)) {
+    if (caller.ok()) {
+      StartRead(&request_);
+      // Else a caller that says nothing would be held for ever.
+      alarm_.Set(std::chrono::system_clock::now() + gate_.hello_within,
+                 [link = link_](bool is_due) {
+                   if (is_due) {
+                     link->close(absl::DeadlineExceededError("no hello came in time"));
+                   }
+                 });
+    } else {
+      finish(caller.status());
+    }
+  }
+
+  void OnReadDone(bool ok) override {
+    absl::Status status = ok ? gate_.access.recheck(caller_) : absl::OkStatus();
+    if (!ok || !status.ok()) return finish(status);
+    const bool is_known = session_.has_value();
+    status = is_known ? take() : begin();
+    if (!status.ok()) return finish(status);
+    if (!is_known) return;  // enter() reads on
+    const std::lock_guard lock(mutex_);
+    if (!last_words_) StartRead(&request_);
+  }
+
+  void OnWriteDone(bool ok) override {
+    const std::lock_guard lock(mutex_);
+    is_writing_ = false;
+    if (!out_.empty()) out_.pop_front();
+    if (last_words_) {
+      Finish(contract::to_rpc(*last_words_));
+    } else if (ok) {
+      write_next();
+    }
+  }
+
+  void OnDone() override {
+    link_->detach();
+    if (session_) coordinator_.part(*session_);
+    { const std::lock_guard lock(mutex_); }
+    delete this;
+  }
+
+  /// Sends what is in the mailbox unless something is being sent: then OnWriteDone goes on.
+  void pump() {
+    const std::lock_guard lock(mutex_);
+    if (!is_writing_) write_next();
+  }
+
+  void cut() { context_.TryCancel(); }
+
+  void finish(const absl::Status& status) {
+    const std::lock_guard lock(mutex_);
+    if (last_words_) return;
+    last_words_ = status;
+    if (is_entering_) return;  // enter() ends the call: until then it needs this object
+    if (is_writing_) {
+      // OnWriteDone says the last words; a write to a frozen peer would never end.
+      patience_.Set(std::chrono::system_clock::now() + kPatience, [link = link_](bool is_due) {
+        if (is_due) link->cut();
+      });
+    } else {
+      Finish(contract::to_rpc(status));
+    }
+  }
+
+ private:
+  void write_next() {
+    if (last_words_ || !session_) return;
+    if (out_.empty()) write_mail(coordinator_.take_outbox(*session_), out_);
+    if (out_.empty()) return;
+    is_writing_ = true;
+    StartWrite(&out_.front());
+  }
+
+  absl::Status take() {
+    const Session session = *session_;
+    switch (request_.event_case()) {
+      case v1::WorkRequest::kHeartbeat:
+        coordinator_.heartbeat(session, names_of(request_.heartbeat().started()),
+                               request_.heartbeat().rss_bytes());
+        break;
+      case v1::WorkRequest::kCredits:
+        if (request_.credits().unit_count() < 1) {
+          return absl::InvalidArgumentError("credits.unit_count: must be at least 1");
+        }
+        coordinator_.grant_credits(session, request_.credits().unit_count());
+        break;
+      case v1::WorkRequest::kFailure:
+        take_failure(session, request_.failure());
+        break;
+      case v1::WorkRequest::kRevoked:
+        coordinator_.return_units(session, names_of(request_.revoked().units()));
+        break;
+      case v1::WorkRequest::kLeaving:
+        coordinator_.leave(session);
+        break;
+      case v1::WorkRequest::kSceneLoaded: {
+        const v1::SceneLoaded& loaded = request_.scene_loaded();
+        coordinator_.scene_loaded(session, loaded.job_id(), span_of(loaded.load_seconds()),
+                                  span_of(loaded.build_seconds()), loaded.peak_rss_bytes());
+        break;
+      }
+      case v1::WorkRequest::kLogLines:
+        coordinator_.take_log_lines(session, lines_of(request_.log_lines()));
+        break;
+      case v1::WorkRequest::kHello:
+        return absl::InvalidArgumentError("hello: only the first message may be one");
+      case v1::WorkRequest::EVENT_NOT_SET:
+        break;  // a newer worker's news; a sign of life all the same
+    }
+    coordinator_.hear(session);
+    return absl::OkStatus();
+  }
+
+  void take_failure(Session session, const v1::UnitFailure& failure) {
+    coordinator_.fail_unit(session, from_message(failure.lease()), failure.tile(),
+                           {"", cut_text(failure.message(), kMaxLogBytes),
+                            cut_text(failure.log_tail(), kMaxLogBytes)},
+                           failure.bad_scene());
+  }
+
+  absl::Status begin() {
+    alarm_.Cancel();
+    if (!request_.has_hello()) {
+      return absl::InvalidArgumentError("the first message must be hello");
+    }
+    const v1::WorkerHello& message = request_.hello();
+    if (absl::Status status = check_numerics(message.contract_version(), message.numerics_sha256());
+        !status.ok()) {
+      return status;
+    }
+    auto hello = from_message(message);
+    if (!hello.ok()) return hello.status();
+    hello->certificate = caller_.certificate();
+    is_entering_ = true;  // no callback but enter() comes before the next read
+    gate_.admission.admit(
+        caller_, hello->worker_id, sent_token(context_),
+        [this, hello = *hello](const absl::StatusOr<std::string>& key) { enter(hello, key); });
+    return absl::OkStatus();
+  }
+
+  /// Greets a worker that was admitted, and reads on. On any thread.
+  void enter(const Hello& hello, const absl::StatusOr<std::string>& session_key) {
+    std::optional<Coordinator::Joined> joined;
+    if (session_key.ok()) joined = coordinator_.join(hello, link_);
+    const std::lock_guard lock(mutex_);
+    is_entering_ = false;
+    if (joined) session_ = joined->session;
+    if (!joined && !last_words_) last_words_ = session_key.status();
+    if (last_words_) return Finish(contract::to_rpc(*last_words_));
+    write_welcome(*joined, *session_key);
+    StartRead(&request_);
+  }
+
+  /// Requires the lock.
+  void write_welcome(const Coordinator::Joined& joined, const std::string& session_key) {
+    v1::Welcome& welcome = *out_.emplace_back().mutable_welcome();
+    welcome.set_session_key(session_key);
+    welcome.set_store_id(joined.store_id);
+    welcome.mutable_heartbeat_interval()->set_seconds(joined.heartbeat_ms / 1000);
+    welcome.mutable_heartbeat_interval()->set_nanos(joined.heartbeat_ms % 1000 * 1'000'000);
+    welcome.mutable_timeout()->set_seconds(joined.timeout_ms / 1000);
+    welcome.mutable_timeout()->set_nanos(joined.timeout_ms % 1000 * 1'000'000);
+    write_next();
+  }
+
+  const WorkStreamContext gate_;
+  Coordinator& coordinator_;
+  grpc::CallbackServerContext& context_;
+  const Caller caller_;
+  const std::shared_ptr<WorkLink> link_;  // owners: this and the coordinator
+  grpc::Alarm alarm_;                     // until the hello
+  grpc::Alarm patience_;                  // from the end's announcement to the end
+  v1::WorkRequest request_;               // of the one read that is pending
+
+  std::mutex mutex_;  // for what follows; taken before the coordinator's lock, never after it
+  bool is_entering_ = false;  // between the hello and its welcome
+  std::optional<Session> session_;
+  std::deque<v1::WorkResponse> out_;  // the front one is being written
+  bool is_writing_ = false;
+  std::optional<absl::Status> last_words_;
+};
+
+void WorkLink::wake() {
+  const std::lock_guard lock(mutex_);
+  if (stream_ != nullptr) stream_->pump();
+}
+
+void WorkLink::close(const absl::Status& reason) {
+  const std::lock_guard lock(mutex_);
+  if (stream_ != nullptr) stream_->finish(reason);
+}
+
+void WorkLink::cut() {
+  const std::lock_guard lock(mutex_);
+  if (stream_ != nullptr) stream_->cut();
+}
+
+}  // namespace
+
+grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* work_stream(
+    const WorkStreamContext& gate, grpc::CallbackServerContext& context,
+    const absl::StatusOr<Caller>& caller) {
+  return new WorkStream(gate, context, caller);
+}
+
+}  // namespace tessera::server

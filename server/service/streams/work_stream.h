@@ -1,0 +1,27 @@
+#pragma once
+
+#include <chrono>
+
+#include "absl/status/statusor.h"
+#include "server/coordinator/coordinator.h"
+#include "server/service/access/access.h"
+#include "server/service/access/worker_admission.h"
+#include "tessera/v1/worker_service.grpc.pb.h"
+
+namespace tessera::server {
+
+/// What a Work stream needs of the server; all outlive it.
+struct WorkStreamContext {
+  Coordinator& coordinator;
+  const Access& access;
+  const WorkerAdmission& admission;
+  std::chrono::milliseconds hello_within;  // from the beginning of the stream
+};
+
+/// The reactor of a worker's Work stream; deletes itself. `caller`: who, or the status to end with
+/// at once.
+grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* work_stream(
+    const WorkStreamContext& gate, grpc::CallbackServerContext& context,
+    const absl::StatusOr<Caller>& caller);
+
+}  // namespace tessera::server

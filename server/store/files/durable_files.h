@@ -1,0 +1,52 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <unordered_set>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/status/status.h"
+#include "server/sync/mutex.h"
+#include "server/store/files/filesystem.h"
+
+namespace tessera::server {
+
+/// A file system on which a failed sync ends the process.
+///
+/// After a failed fsync the kernel may have thrown the dirty pages away and marked them clean: a
+/// second fsync would succeed and prove nothing. So there is no second one (farm.md, section 1).
+/// Any thread may call it.
+class DurableFiles {
+ public:
+  /// `fatal` is called with a message when a sync fails, and is not expected to return; where it
+  /// does (in a test), every later write is refused. `synced` is told how long each sync of a file
+  /// took.
+  DurableFiles(Filesystem& filesystem, std::function<void(const std::string&)> fatal,
+               std::function<void(double seconds)> synced = {});
+
+  Filesystem& filesystem() { return filesystem_; }
+
+  /// Errors: DataLoss once a sync has failed.
+  absl::Status check_healthy() const;
+  /// Reports a failed sync; returns what check_healthy() will say from now on.
+  absl::Status fail_sync(const std::string& message);
+
+  absl::Status sync(File& file);
+  absl::Status sync_folder(const std::string& path);
+
+  /// Makes `parent`/`name` and syncs the parent, once per process: a folder that is found there
+  /// may have been made by a process that died before it synced.
+  absl::Status ensure_folder(const std::string& parent, const std::string& name);
+  /// Removes a folder of files; fine if it is gone. Not durable: callers can do it again.
+  absl::Status remove_folder(const std::string& path);
+
+ private:
+  Filesystem& filesystem_;
+  std::function<void(const std::string&)> fatal_;
+  std::function<void(double seconds)> synced_;
+  mutable Mutex mutex_;
+  bool broken_ ABSL_GUARDED_BY(mutex_) = false;
+  std::unordered_set<std::string> durable_folders_ ABSL_GUARDED_BY(mutex_);
+};
+
+}  // namespace tessera::server

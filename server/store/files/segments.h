@@ -1,0 +1,83 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <list>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/status/statusor.h"
+#include "server/sync/mutex.h"
+#include "server/store/files/durable_files.h"
+
+namespace tessera::server {
+
+/// Where bytes lie: FOLDER/JOB/NUMBER.seg from `offset`.
+struct SegmentPlace {
+  std::int64_t segment = 0;
+  std::int64_t offset = 0;
+};
+
+/// Append-only files of film blocks, a folder per job.
+///
+/// What a segment holds beyond the rows that point into it was never committed. It is never built
+/// upon: after a restart, and after a failed write, a job goes on in a new segment.
+/// One thread may append, release and remove; any thread may read.
+class Segments {
+ public:
+  /// `segment_bytes`: a segment at least as large gets a successor.
+  Segments(DurableFiles& files, std::string folder, std::int64_t segment_bytes);
+
+  /// Appends blocks of one job and syncs once; fills in `places`, one a block. A segment that this
+  /// process has not begun itself gets number `next_segment`, which must be free. After an error
+  /// the job goes on in a new segment.
+  absl::Status append(const std::string& job_id, std::int64_t next_segment,
+                      std::span<const std::string_view> blocks, std::span<SegmentPlace> places);
+  /// Errors: NotFound, the segment is gone; OutOfRange, it is too short.
+  absl::StatusOr<std::string> read(const std::string& job_id, SegmentPlace place,
+                                   std::int64_t size_bytes) const;
+
+  /// Unlinks a job's segments below `first_kept`.
+  absl::Status release(const std::string& job_id, std::int64_t first_kept);
+  /// Unlinks all of a job.
+  absl::Status remove_job(const std::string& job_id);
+  /// Unlinks what no row knows: `is_known` says of each (job, segment) whether one does.
+  absl::Status remove_strays(
+      const std::function<bool(const std::string& job_id, std::int64_t segment)>& is_known);
+
+ private:
+  /// The segment that a job appends to.
+  struct Tail {
+    std::int64_t segment = 0;
+    std::unique_ptr<File> file;  // null: closed to save descriptors, or abandoned
+    std::int64_t bytes = 0;
+    bool abandoned = false;  // a write failed: its end is unknown
+  };
+  /// A file kept open for reading; shared by the cache and by readers that are under way.
+  struct OpenSegment {
+    std::string path;
+    std::shared_ptr<const File> file;
+  };
+
+  std::string job_folder(const std::string& job_id) const;
+  std::string path(const std::string& job_id, std::int64_t segment) const;
+  absl::StatusOr<Tail*> tail_for(const std::string& job_id, std::int64_t next_segment);
+  absl::Status begin_segment(const std::string& job_id, std::int64_t segment, Tail& tail);
+  absl::Status write_all(Tail& tail, std::span<const std::string_view> blocks,
+                         std::span<SegmentPlace> places);
+  absl::StatusOr<std::shared_ptr<const File>> open_for_reading(const std::string& path) const;
+  void forget_readers(const std::string& path_prefix);
+
+  DurableFiles& files_;
+  std::string folder_;
+  std::int64_t segment_bytes_;
+  std::map<std::string, Tail> tails_;
+  mutable Mutex readers_mutex_;
+  mutable std::list<OpenSegment> readers_ ABSL_GUARDED_BY(readers_mutex_);  // latest first
+};
+
+}  // namespace tessera::server

@@ -1,0 +1,196 @@
+#include "server/store/maintenance/backup.h"
+
+#include <sys/random.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/str_cat.h"
+#include "server/store/sqlite/database.h"
+#include "server/store/sqlite/schema.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr int kMaxTries = 3;
+constexpr std::size_t kChunkBytes = std::size_t{1} << 20, kIdBytes = 16;
+
+std::string parent_of(const std::string& path) {
+  const std::size_t slash = path.find_last_of('/');
+  return slash == std::string::npos ? "." : path.substr(0, std::max<std::size_t>(slash, 1));
+}
+
+/// One try. A file that the rows promise and that is gone, since the server has moved on, is
+/// NotFound.
+class Backup {
+ public:
+  Backup(std::string from, std::string to, Filesystem& filesystem)
+      : from_(std::move(from)), to_(std::move(to)), filesystem_(filesystem) {}
+
+  absl::Status run() {
+    absl::Status status = filesystem_.make_folder(to_);
+    if (status.ok()) status = copy_rows();
+    if (!status.ok()) return status;
+    auto rows = Database::open(to_ + "/store.db", "", Database::Mode::writer);
+    if (!rows.ok()) return rows.status();
+    status = check_schema(**rows);
+    if (status.ok()) status = name_anew(**rows);
+    if (status.ok()) status = list_files(**rows);
+    if (status.ok()) status = (*rows)->checkpoint();
+    rows->reset();
+    for (auto file = files_.begin(); status.ok() && file != files_.end(); ++file) {
+      status = copy_file(*file);
+    }
+    if (status.ok()) status = copy_tokens();
+    if (status.ok()) status = sync_rows();
+    return status.ok() ? sync_folders() : status;
+  }
+
+ private:
+  /// The rows as of now: VACUUM INTO reads in one transaction and holds up no writer.
+  absl::Status copy_rows() {
+    const auto rows = Database::open(from_ + "/store.db", "", Database::Mode::reader);
+    if (!rows.ok()) return rows.status();
+    absl::Status status = (*rows)->script("PRAGMA query_only=OFF");  // it writes, to another file
+    return status.ok() ? (*rows)->run("VACUUM INTO ?", {std::string_view(to_ + "/store.db")})
+                       : status;
+  }
+
+  absl::Status sync_rows() {
+    const auto rows = filesystem_.open_existing(to_ + "/store.db");
+    return rows.ok() ? (*rows)->sync() : rows.status();
+  }
+
+  static absl::Status name_anew(Database& rows) {
+    std::string id(kIdBytes, '\0');
+    if (::getentropy(id.data(), id.size()) != 0) {
+      return absl::UnavailableError("the kernel has no random bytes");
+    }
+    const std::string hex = absl::BytesToHexString(id);
+    return rows.run("UPDATE store SET id=?", {std::string_view(hex)});
+  }
+
+  absl::Status list_files(Database& rows) {
+    // Segments before the first kept one are released, and may be gone.
+    for (const std::string_view sql :
+         {"SELECT 'segments/' || id || '/' || segment || '.seg' FROM segments JOIN jobs "
+          "ON job=sequence WHERE segment >= first_segment",
+          "SELECT 'outputs/' || id || '/' || file FROM frames JOIN jobs ON job=sequence",
+          "SELECT 'assets/' || substr(lower(hex(sha256)), 1, 2) || '/' || "
+          "substr(lower(hex(sha256)), 3) FROM assets"}) {
+      absl::Status listed =
+          rows.each(sql, {}, [&](const SqlRow& row) { files_.push_back(row.text(0)); });
+      if (!listed.ok()) return listed;
+    }
+    std::sort(files_.begin(), files_.end());
+    return absl::OkStatus();
+  }
+
+  /// `name` is FOLDER/GROUP/FILE. A segment may have grown since; what follows no row is never
+  /// read.
+  absl::Status copy_file(const std::string& name) {
+    const auto source = filesystem_.open_existing(absl::StrCat(from_, "/", name));
+    if (!source.ok()) return source.status();
+    const std::string group = parent_of(name);
+    absl::Status status = filesystem_.make_folder(absl::StrCat(to_, "/", parent_of(group)));
+    if (status.ok()) status = filesystem_.make_folder(absl::StrCat(to_, "/", group));
+    if (!status.ok()) return status;
+    const auto target = filesystem_.open(absl::StrCat(to_, "/", name));
+    if (!target.ok()) return target.status();
+    std::vector<char> chunk(kChunkBytes);
+    const std::int64_t bytes = (*source)->size();
+    for (std::int64_t offset = 0; offset < bytes;) {
+      const auto left = static_cast<std::size_t>(bytes - offset);
+      const std::span<char> part(chunk.data(), std::min(left, chunk.size()));
+      status = (*source)->read_at(offset, part);
+      if (status.ok()) status = (*target)->append(std::string_view(part.data(), part.size()));
+      if (!status.ok()) return status;
+      offset += static_cast<std::int64_t>(part.size());
+    }
+    return (*target)->sync();
+  }
+
+  /// Files of join tokens (identity/join_tokens.h), which no row knows.
+  absl::Status copy_tokens() {
+    const auto names = filesystem_.list(from_ + "/tokens");
+    if (!names.ok()) return absl::OkStatus();  // none were made
+    for (const std::string& name : *names) {
+      const std::string token = "tokens/" + name;
+      if (absl::Status copied = copy_file(token); !copied.ok() && !absl::IsNotFound(copied)) {
+        return copied;
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  /// Names are durable from the leaves up.
+  absl::Status sync_folders() {
+    std::vector<std::string> folders = {to_, parent_of(to_)};
+    for (const char* top : {"/segments", "/assets", "/outputs"}) {
+      absl::Status made = filesystem_.make_folder(to_ + top);
+      if (!made.ok()) return made;
+      folders.push_back(to_ + top);
+    }
+    for (const std::string& name : files_)
+      folders.push_back(absl::StrCat(to_, "/", parent_of(name)));
+    std::sort(folders.begin(), folders.end(), std::greater<>());
+    folders.erase(std::unique(folders.begin(), folders.end()), folders.end());
+    for (const std::string& folder : folders) {
+      if (absl::Status synced = filesystem_.sync_folder(folder); !synced.ok()) return synced;
+    }
+    return absl::OkStatus();
+  }
+
+  const std::string from_, to_;
+  Filesystem& filesystem_;
+  std::vector<std::string> files_;
+};
+
+/// Removes what a try has left: folders of folders of files, at most.
+void remove_all(Filesystem& filesystem, const std::string& path) {
+  if (const auto names = filesystem.list(path); names.ok()) {
+    for (const std::string& name : *names) remove_all(filesystem, absl::StrCat(path, "/", name));
+  }
+  (void)filesystem.remove(path);  // what stays is beside the copy, under a name that says so
+}
+
+}  // namespace
+
+absl::StatusOr<StoreFindings> back_up_store(const std::string& folder, const std::string& copy,
+                                            Filesystem& filesystem) {
+  if (filesystem.list(copy).ok() || filesystem.open_existing(copy).ok()) {
+    return absl::AlreadyExistsError(absl::StrCat(copy, " is there already"));
+  }
+  if (const auto rows = filesystem.open_existing(folder + "/store.db"); !rows.ok()) {
+    return absl::NotFoundError(absl::StrCat(folder, " is no store: ", rows.status().message()));
+  }
+  const std::string part = copy + ".part";
+  std::string last_fault;
+  for (int i = 0; i < kMaxTries; ++i) {
+    remove_all(filesystem, part);
+    const absl::Status copied = Backup(folder, part, filesystem).run();
+    if (!copied.ok() && !absl::IsNotFound(copied)) return copied;
+    last_fault = std::string(copied.message());
+    if (!copied.ok()) continue;
+    auto findings = check_store(part, filesystem);
+    if (!findings.ok()) return findings;
+    if (findings->faults.empty()) {
+      absl::Status status = filesystem.rename(part, copy);
+      if (status.ok()) status = filesystem.sync_folder(parent_of(copy));
+      if (!status.ok()) return status;
+      return findings;
+    }
+    last_fault = findings->faults.front();  // a frame replaced meanwhile, or damage
+  }
+  remove_all(filesystem, part);
+  return absl::DataLossError(absl::StrCat(folder, " cannot be copied whole: ", last_fault));
+}
+
+}  // namespace tessera::server

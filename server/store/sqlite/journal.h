@@ -1,0 +1,61 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/status/statusor.h"
+#include "server/sync/mutex.h"
+#include "server/store/sqlite/database.h"
+#include "server/store/files/durable_files.h"
+
+namespace tessera::server {
+
+/// The store's rows: one connection that writes, one that reads.
+class Journal {
+ public:
+  /// When the journal is tidied up, in pages of 4 KiB.
+  struct Upkeep {
+    int checkpoint_pages = 0;  // length of the write-ahead log at which it is copied into the file
+    int slack_pages = 0;       // free pages that the file may keep
+  };
+  /// Opens `path` and brings its tables up to date.
+  static absl::StatusOr<std::unique_ptr<Journal>> open(const std::string& path, DurableFiles& files,
+                                                       Upkeep upkeep);
+
+  /// Runs `body` as one transaction; durable on return. One thread at a time.
+  ///
+  /// Errors: `body`'s own, after which nothing has changed; those of Database. A failed sync ends
+  /// the process (DurableFiles).
+  absl::Status write(const std::function<absl::Status(Database&)>& body);
+
+  /// Runs queries. Any thread, one after the other; `body` must not call the journal.
+  absl::Status read(const std::function<absl::Status(Database&)>& body) const;
+
+  /// Runs queries for the thread that writes, so that it need not wait for a long read().
+  absl::Status read_as_writer(const std::function<absl::Status(Database&)>& body) const {
+    return body(*writer_);
+  }
+
+  /// Bytes of the database file, without its log.
+  std::int64_t used_bytes() const { return used_bytes_; }
+
+ private:
+  Journal(DurableFiles& files, Upkeep upkeep);
+  absl::Status tidy_up();
+  absl::Status count_pages();
+  absl::Status after_sync(const absl::Status& status);
+
+  DurableFiles& files_;
+  const Upkeep upkeep_;
+  std::unique_ptr<Database> writer_;
+  mutable Mutex reader_mutex_;
+  std::unique_ptr<Database> reader_ ABSL_PT_GUARDED_BY(reader_mutex_);
+  std::int64_t page_count_ = 0, free_page_count_ = 0;
+  std::atomic<std::int64_t> used_bytes_ = 0;
+};
+
+}  // namespace tessera::server

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "contract/unit.h"
+
+namespace tessera::server {
+
+/// What a delivered result was; the numbers are those of v1.Delivery.Outcome.
+enum class DeliveryOutcome : std::int32_t { committed = 1, audit, repeat };
+
+/// A unit that a worker has rendered and delivered.
+struct Delivery {
+  std::int64_t sequence = 0;  // set by the log
+  std::int64_t job = 0;       // JobKey
+  contract::Unit unit;
+  std::string_view worker_id;  // read from the log: lives as long as the log
+  DeliveryOutcome outcome = DeliveryOutcome::committed;
+  std::int32_t retry_count = 0;  // failures and losses of the unit before it was committed
+  std::int64_t end_us = 0;       // wall clock: durable, or judged
+  double cpu_seconds = 0;
+  std::optional<double> lease_seconds = {};  // from its lease to its end, where that is known
+};
+
+/// What workers delivered lately, for timelines. In memory and bounded: the newest kMost deliveries
+/// of all jobs, less than a hundred bytes each. Thread-safe.
+class DeliveryLog {
+ public:
+  static constexpr std::size_t kMost = 100'000;
+
+  void add(Delivery delivery);
+  /// The oldest `most` of a job after this sequence (0: from the first), in order.
+  std::vector<Delivery> read(std::int64_t job, std::int64_t after, std::size_t most) const;
+
+ private:
+  mutable std::mutex mutex_;  // guards what follows
+  std::int64_t last_sequence_ = 0;
+  std::deque<Delivery> deliveries_;  // sequences without a gap
+  std::set<std::string, std::less<>> workers_;
+};
+
+}  // namespace tessera::server

@@ -1,0 +1,130 @@
+#include "server/telemetry/farm_metrics.h"
+
+#include <string>
+
+#include "absl/strings/ascii.h"
+#include "server/schedule/job_spec.h"
+
+namespace tessera::server {
+namespace {
+
+using prometheus::Counter;
+using prometheus::Family;
+using prometheus::Gauge;
+using prometheus::Histogram;
+using prometheus::Registry;
+
+/// Bounds in seconds, for the disk and for merging.
+Histogram::BucketBoundaries to_ten_seconds() {
+  return {0.0001, 0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3, 10};
+}
+
+/// The same for leases and frames, as units differ that much.
+Histogram::BucketBoundaries to_half_a_day() {
+  return {0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 100, 1000, 10000, 40000};
+}
+
+Family<Counter>& counters(Registry& registry, const std::string& name, const std::string& help) {
+  return prometheus::BuildCounter().Name(name).Help(help).Register(registry);
+}
+
+Family<Gauge>& gauges(Registry& registry, const std::string& name, const std::string& help) {
+  return prometheus::BuildGauge().Name(name).Help(help).Register(registry);
+}
+
+Counter& counter(Registry& registry, const std::string& name, const std::string& help) {
+  return counters(registry, name, help).Add({});
+}
+
+Gauge& gauge(Registry& registry, const std::string& name, const std::string& help) {
+  return gauges(registry, name, help).Add({});
+}
+
+Histogram& histogram(Registry& registry, const std::string& name, const std::string& help,
+                     const Histogram::BucketBoundaries& bounds) {
+  return prometheus::BuildHistogram().Name(name).Help(help).Register(registry).Add({}, bounds);
+}
+
+std::array<Counter*, 4> verdict_counters(Registry& registry) {
+  Family<Counter>& family =
+      counters(registry, "tessera_verdicts_total", "Verdicts on delivered results");
+  return {&family.Add({{"verdict", "committed"}}), &family.Add({{"verdict", "duplicate"}}),
+          &family.Add({{"verdict", "unwanted"}}), &family.Add({{"verdict", "rejected"}})};
+}
+
+FarmMetrics::Errors error_counters(Registry& registry) {
+  Family<Counter>& family =
+      counters(registry, "tessera_errors_total", "What failed while the farm went on");
+  const auto add = [&](const char* kind) -> Counter& { return family.Add({{"kind", kind}}); };
+  return {add("unit_failed"), add("worker_lost"), add("block_rejected"),
+          add("commit"),      add("journal"),     add("film")};
+}
+
+FarmMetrics::FilmBlocks film_block_counters(Registry& registry) {
+  Family<Counter>& family = counters(registry, "tessera_film_blocks_total",
+                                     "Blocks merged as delivered, or read back from the store");
+  return {family.Add({{"source", "delivered"}}), family.Add({{"source", "store"}})};
+}
+
+FarmMetrics::Units unit_gauges(Registry& registry) {
+  Family<Gauge>& family =
+      gauges(registry, "tessera_units", "Units of jobs not ended; those waiting are the queue");
+  const auto add = [&](const char* state) -> Gauge& { return family.Add({{"state", state}}); };
+  return {add("waiting"), add("paused"), add("leased"), add("committed")};
+}
+
+std::array<Gauge*, 6> job_gauges(Registry& registry) {
+  Family<Gauge>& family = gauges(registry, "tessera_jobs", "Jobs that are not removed");
+  std::array<Gauge*, 6> jobs{};
+  for (std::size_t i = 0; i < jobs.size(); ++i) {
+    const std::string state = state_name(static_cast<JobState>(i + 1));
+    jobs[i] = &family.Add({{"state", absl::AsciiStrToLower(state)}});
+  }
+  return jobs;
+}
+
+FarmMetrics::Workers worker_gauges(Registry& registry) {
+  Family<Gauge>& family =
+      gauges(registry, "tessera_workers", "Workers connected, or lost within the last hour");
+  const auto add = [&](const char* state) -> Gauge& { return family.Add({{"state", state}}); };
+  return {add("working"), add("leaving"), add("set_aside"), add("away"), add("lost")};
+}
+
+}  // namespace
+
+FarmMetrics::FarmMetrics()
+    : units_committed(counter(registry_, "tessera_units_committed_total", "Units made durable")),
+      samples(counter(registry_, "tessera_samples_total", "Samples of committed units")),
+      block_bytes(counter(registry_, "tessera_block_bytes_total", "Film blocks made durable")),
+      cpu_seconds(counter(registry_, "tessera_cpu_seconds_total",
+                          "CPU time that workers spent on committed units")),
+      verdicts(verdict_counters(registry_)),
+      audits_ended(counter(registry_, "tessera_audits_total", "Audits of units that are over")),
+      results_mismatched(counter(registry_, "tessera_results_mismatched_total",
+                                 "Results that differ from the committed one of their unit")),
+      workers_quarantined(counter(registry_, "tessera_workers_quarantined_total",
+                                  "Workers found to deliver wrong pixels")),
+      errors(error_counters(registry_)),
+      film_blocks(film_block_counters(registry_)),
+      lease_seconds(histogram(registry_, "tessera_lease_seconds",
+                              "From a unit's lease to its being durable", to_half_a_day())),
+      commit_seconds(histogram(registry_, "tessera_commit_seconds",
+                               "A group of units made durable, fsyncs included", to_ten_seconds())),
+      sync_seconds(histogram(registry_, "tessera_sync_seconds",
+                             "fdatasync of blocks and scene files", to_ten_seconds())),
+      merge_seconds(histogram(registry_, "tessera_merge_seconds", "A block merged into the film",
+                              to_ten_seconds())),
+      frame_seconds(histogram(registry_, "tessera_frame_seconds",
+                              "A finished frame's image written", to_half_a_day())),
+      units(unit_gauges(registry_)),
+      jobs(job_gauges(registry_)),
+      workers(worker_gauges(registry_)),
+      worker_threads(
+          gauge(registry_, "tessera_worker_threads", "Threads of the workers that are working")),
+      ingest_bytes(gauge(registry_, "tessera_ingest_bytes",
+                         "Delivered blocks in memory, not yet durable and merged")),
+      film_bytes(gauge(registry_, "tessera_film_bytes", "Merged tiles in memory")),
+      film_tasks(gauge(registry_, "tessera_film_tasks", "What the film thread has still to do")),
+      store_bytes(gauge(registry_, "tessera_store_bytes", "Disk space the store's files take")) {}
+
+}  // namespace tessera::server

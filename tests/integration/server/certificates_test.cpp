@@ -1,0 +1,123 @@
+// Who gets a connection at all: real sockets, real certificates.
+#include <grpcpp/security/tls_certificate_provider.h>
+#include <grpcpp/security/tls_credentials_options.h>
+
+#include <chrono>
+#include <thread>
+
+#include "server/identity/private_file.h"
+#include "tests/integration/server/secure_farm.h"
+
+namespace tessera::server {
+namespace {
+
+using grpc::StatusCode;
+
+using CertificatesTest = SecureFarm;
+
+TEST_F(CertificatesTest, EveryRoleGetsIn) {
+  EXPECT_TRUE(knock("ann").ok());
+  EXPECT_TRUE(knock("root").ok());
+  EXPECT_EQ(knock("w1").error_code(), StatusCode::PERMISSION_DENIED) << "in, but no client";
+}
+
+TEST_F(CertificatesTest, NobodyGetsInWithoutACertificate) {
+  grpc::experimental::TlsChannelCredentialsOptions options;
+  options.set_certificate_provider(
+      std::make_shared<grpc::experimental::StaticDataCertificateProvider>(
+          read_file(certs_ + "/ca.crt").value()));
+  options.watch_root_certs();
+  const auto anonymous =
+      grpc::CreateChannel(server_->address(), grpc::experimental::TlsCredentials(options));
+  EXPECT_EQ(knock(anonymous).error_code(), StatusCode::UNAVAILABLE);
+  const auto plain = grpc::CreateChannel(server_->address(), grpc::InsecureChannelCredentials());
+  EXPECT_EQ(knock(plain).error_code(), StatusCode::UNAVAILABLE);
+}
+
+TEST_F(CertificatesTest, AnotherAuthoritysCertificateIsRefused) {
+  const std::string other = folder_ + "/other";
+  ASSERT_TRUE(make_authority(other, year()).ok());
+  ASSERT_TRUE(issue(other, Role::admin, "root", folder_ + "/stranger", year()).ok());
+  EXPECT_EQ(knock("stranger").error_code(), StatusCode::UNAVAILABLE) << "it distrusts the server";
+  ASSERT_TRUE(
+      write_file(folder_ + "/stranger/ca.crt", read_file(certs_ + "/ca.crt").value(), 0644).ok());
+  EXPECT_EQ(knock("stranger").error_code(), StatusCode::UNAVAILABLE) << "the server distrusts it";
+}
+
+TEST_F(CertificatesTest, CertificatesHoldInTheirTimeOnly) {
+  const std::int64_t now = std::time(nullptr);
+  ASSERT_TRUE(issue(certs_, Role::client, "ann", certs_of("late"), {now - 7200, now - 3600}).ok());
+  ASSERT_TRUE(issue(certs_, Role::client, "ann", certs_of("early"), {now + 3600, now + 7200}).ok());
+  EXPECT_EQ(knock("late").error_code(), StatusCode::UNAVAILABLE);
+  EXPECT_EQ(knock("early").error_code(), StatusCode::UNAVAILABLE);
+}
+
+TEST_F(CertificatesTest, AnOpenConnectionEndsWithItsCertificate) {
+  const std::int64_t now = std::time(nullptr);
+  ASSERT_TRUE(issue(certs_, Role::client, "ann", certs_of("brief"), {now - 60, now + 8}).ok());
+  const auto open = channel("brief");
+  ASSERT_TRUE(knock(open).ok());
+  grpc::Status answer;
+  while (std::time(nullptr) < now + 30 && answer.ok()) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    answer = knock(open);
+  }
+  EXPECT_EQ(answer.error_code(), StatusCode::UNAUTHENTICATED);
+}
+
+TEST_F(CertificatesTest, AClientTalksToNoServerOfAnotherName) {
+  ASSERT_TRUE(issue_server(certs_, {"elsewhere.example"}, year()).ok());
+  const auto server = start_server(certs_);
+  ASSERT_TRUE(server.ok());
+  const auto to = contract::open_channel((*server)->address(), certs_of("ann")).value();
+  EXPECT_EQ(knock(to).error_code(), StatusCode::UNAVAILABLE);
+}
+
+TEST_F(CertificatesTest, AWorkersCertificateMakesNoServer) {
+  const auto impostor = start_server(certs_of("w1"));
+  ASSERT_TRUE(impostor.ok());
+  const auto to = contract::open_channel((*impostor)->address(), certs_of("ann")).value();
+  EXPECT_EQ(knock(to).error_code(), StatusCode::UNAVAILABLE);
+}
+
+TEST_F(CertificatesTest, ARenewedCertificateIsTakenUpWithoutARestart) {
+  ASSERT_TRUE(issue_server(certs_, {"elsewhere.example"}, year()).ok());
+  const auto server = start_server(certs_);
+  ASSERT_TRUE(server.ok());
+  const auto knock_anew = [&] {
+    return knock(contract::open_channel((*server)->address(), certs_of("ann")).value());
+  };
+  ASSERT_EQ(knock_anew().error_code(), StatusCode::UNAVAILABLE);
+  ASSERT_TRUE(issue_server(certs_, {"127.0.0.1"}, year()).ok());
+  const auto limit = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  grpc::Status status;
+  do {
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    status = knock_anew();
+  } while (!status.ok() && std::chrono::steady_clock::now() < limit);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+}
+
+TEST_F(CertificatesTest, ARevokedCertificateIsRefusedAndANewOneForTheNameIsNot) {
+  const auto open = channel("ann");
+  ASSERT_TRUE(knock(open).ok());
+  ASSERT_TRUE(revoke(certs_, Role::client, "ann").ok());
+  std::this_thread::sleep_for(std::chrono::milliseconds(1100));  // how often the list is looked at
+  EXPECT_EQ(knock(open).error_code(), StatusCode::UNAUTHENTICATED) << "on the open connection";
+  EXPECT_EQ(knock("ann").error_code(), StatusCode::UNAUTHENTICATED) << "on a new one";
+  EXPECT_TRUE(knock("bob").ok());
+  ASSERT_TRUE(issue(certs_, Role::client, "ann", certs_of("again"), year()).ok());
+  EXPECT_TRUE(knock("again").ok());
+}
+
+TEST_F(CertificatesTest, AServerWithoutItsFilesSaysWhich) {
+  const absl::Status none = start_server(folder_ + "/none").status();
+  EXPECT_TRUE(absl::IsNotFound(none));
+  EXPECT_NE(none.message().find("/none/tls.key"), std::string::npos) << none;
+  std::filesystem::permissions(certs_ + "/tls.key", std::filesystem::perms::others_read,
+                               std::filesystem::perm_options::add);
+  EXPECT_TRUE(absl::IsPermissionDenied(start_server(certs_).status()));
+}
+
+}  // namespace
+}  // namespace tessera::server

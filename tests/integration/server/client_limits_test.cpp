@@ -1,0 +1,107 @@
+#include "server/service/access/client_limits.h"
+
+#include <arpa/inet.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <vector>
+
+#include "tests/integration/server/secure_farm.h"
+
+namespace tessera::server {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::minutes;
+
+const ClientLimits::Time start_time{std::chrono::hours(1000)};
+
+TEST(ClientLimits, ACallerOutOfBreathIsToldToWaitAndOthersAreNot) {
+  ClientLimits limits({10, 0});
+  int taken = 0;
+  for (int ms = 0; ms < 60'000; ms += 10) {  // 100 a second, for a minute
+    taken += limits.call("ann", start_time + milliseconds(ms)).ok() ? 1 : 0;
+  }
+  EXPECT_NEAR(taken, 100 + 600, 2);  // what may come at once, and ten a second
+  EXPECT_TRUE(absl::IsUnavailable(limits.call("ann", start_time + minutes(1))));
+  EXPECT_TRUE(limits.call("bob", start_time + minutes(1)).ok());
+  EXPECT_TRUE(limits.call("ann", start_time + minutes(2)).ok());
+}
+
+TEST(ClientLimits, UploadsAreLimitedByTheHour) {
+  ClientLimits limits({0, 3600});  // a byte a second
+  EXPECT_TRUE(limits.upload("ann", 3000, start_time).ok());
+  EXPECT_TRUE(absl::IsResourceExhausted(limits.upload("ann", 1000, start_time)));
+  EXPECT_TRUE(limits.upload("bob", 3600, start_time).ok());
+  EXPECT_TRUE(absl::IsResourceExhausted(limits.upload("ann", 1000, start_time + minutes(6))));
+  EXPECT_TRUE(limits.upload("ann", 1000, start_time + minutes(7)).ok());
+  EXPECT_TRUE(absl::IsResourceExhausted(limits.upload("bob", 3601, start_time + minutes(600))));
+}
+
+TEST(ClientLimits, NoLimitIsNone) {
+  ClientLimits limits({0, 0});
+  for (int i = 0; i < 10'000; ++i) EXPECT_TRUE(limits.call("ann", start_time).ok());
+  EXPECT_TRUE(limits.upload("ann", std::int64_t{1} << 50, start_time).ok());
+}
+
+TEST(ClientLimits, APlaceIsGivenBackWhenItsStreamGoes) {
+  ClientLimits limits;
+  std::vector<std::shared_ptr<const void>> places;
+  for (int i = 0; i < ClientLimits::kStreamsPerClient; ++i) {
+    places.push_back(*limits.open("ann"));
+  }
+  EXPECT_TRUE(absl::IsResourceExhausted(limits.open("ann").status()));
+  EXPECT_TRUE(limits.open("bob").ok());
+  places.pop_back();
+  EXPECT_TRUE(limits.open("ann").ok());
+}
+
+class GreedyClient : public SecureFarm {
+ protected:
+  GreedyClient() { rates_ = {1, static_cast<double>(2 * sizeof kScene - 4)}; }
+};
+
+TEST_F(GreedyClient, IsRefusedAndOthersAreNot) {
+  const auto ann = channel("ann");
+  int refused = 0;
+  for (int i = 0; i < 40; ++i) {
+    refused += knock(ann).error_code() == grpc::StatusCode::UNAVAILABLE ? 1 : 0;
+  }
+  EXPECT_GE(refused, 20);
+  EXPECT_TRUE(knock("bob").ok());
+  EXPECT_TRUE(knock("root").ok());
+}
+
+TEST_F(GreedyClient, MayUploadSoMuch) {
+  EXPECT_TRUE(upload_scene("ann").ok());
+  EXPECT_TRUE(upload_scene("ann").ok()) << "what is here already costs nothing";
+  const std::string other(sizeof kScene - 1, 'x');
+  EXPECT_EQ(upload("ann", other).error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_TRUE(upload("bob", other).ok());
+}
+
+/// Connections that say nothing, and such that begin a handshake and go no further.
+TEST_F(SecureFarm, SilentConnectionsStarveNobody) {
+  const std::string address = server_->address();
+  sockaddr_in where{};
+  where.sin_family = AF_INET;
+  where.sin_port =
+      htons(static_cast<std::uint16_t>(std::stoi(address.substr(address.rfind(':') + 1))));
+  where.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  std::vector<int> silent;
+  for (int i = 0; i < 300; ++i) {
+    silent.push_back(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    ASSERT_EQ(::connect(silent.back(), reinterpret_cast<const sockaddr*>(&where), sizeof where), 0);
+    if (i % 2 == 0) {
+      ASSERT_EQ(::write(silent.back(), "\x16\x03\x01", 3), 3);  // of a hello
+    }
+  }
+  const auto begun = std::chrono::steady_clock::now();
+  EXPECT_TRUE(knock("ann").ok());
+  EXPECT_LT(std::chrono::steady_clock::now() - begun, std::chrono::seconds(20));
+  for (const int socket : silent) ::close(socket);
+}
+
+}  // namespace
+}  // namespace tessera::server

@@ -1,0 +1,70 @@
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "server/service/server.h"
+#include "server/service/access/token.h"
+#include "tests/support/memory_store.h"
+#include "tests/support/scratch_folder.h"
+
+namespace tessera::server {
+namespace {
+
+class ListenTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    options_.clock = [] { return std::chrono::steady_clock::now(); };
+    options_.wall_us = [] { return std::int64_t{0}; };
+    options_.random = [] { return std::uint64_t{1}; };
+    coordinator_ = Coordinator::open(store_, options_).value();
+  }
+  absl::StatusOr<std::unique_ptr<FarmServer>> listen(const std::string& address) {
+    return FarmServer::start(*coordinator_, {address, folder_, ""});
+  }
+
+  ScratchFolder scratch_;
+  const std::string& folder_ = scratch_.path();
+  MemoryStore store_{folder_};
+  CoordinatorOptions options_;
+  std::unique_ptr<Coordinator> coordinator_;
+};
+
+TEST_F(ListenTest, RefusesAddressesThatOthersCouldReach) {
+  for (const char* address : {"0.0.0.0:0", "192.168.1.7:7411", "[::]:0", "example.org:80", "*:0"}) {
+    const auto server = listen(address);
+    EXPECT_TRUE(absl::IsInvalidArgument(server.status())) << address;
+    EXPECT_NE(server.status().message().find("tessera-server init-certs"), std::string::npos);
+  }
+}
+
+TEST_F(ListenTest, SaysWhichPortItGotAndKeepsAPrivateToken) {
+  const auto server = listen("127.0.0.1:0");
+  ASSERT_TRUE(server.ok()) << server.status();
+  EXPECT_NE((*server)->address(), "127.0.0.1:0");
+  struct stat info {};
+  ASSERT_EQ(::stat((folder_ + "/token").c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777u, 0600u);
+  const std::string token = load_or_create_token(folder_ + "/token").value();
+  EXPECT_EQ(token.size(), 64u);
+  EXPECT_EQ(load_or_create_token(folder_ + "/token").value(), token) << "it stays";
+}
+
+TEST_F(ListenTest, RefusesATokenThatOthersCanRead) {
+  ASSERT_TRUE(load_or_create_token(folder_ + "/token").ok());
+  std::filesystem::permissions(folder_ + "/token", std::filesystem::perms::others_read,
+                               std::filesystem::perm_options::add);
+  EXPECT_TRUE(absl::IsPermissionDenied(listen("127.0.0.1:0").status()));
+}
+
+TEST_F(ListenTest, ASocketNeedsAPrivateFolder) {
+  EXPECT_TRUE(listen("unix:" + folder_ + "/s").ok());
+  std::filesystem::permissions(folder_, std::filesystem::perms::others_exec,
+                               std::filesystem::perm_options::add);
+  EXPECT_TRUE(absl::IsPermissionDenied(listen("unix:" + folder_ + "/s").status()));
+  EXPECT_TRUE(absl::IsUnavailable(listen("unix:/no/such/folder/s").status()));
+}
+
+}  // namespace
+}  // namespace tessera::server

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "server/coordinator/coordinator.h"
+#include "server/service/messages/messages.h"
+#include "server/store/files/filesystem.h"
+#include "server/store/store.h"
+
+namespace tessera::server {
+
+/// A coordinator with its threads, over a store on disk that outlives it.
+class RunningCoordinator {
+ public:
+  explicit RunningCoordinator(const std::string& folder, Log log = {})
+      : store_(Store::open(folder, real_filesystem()).value()),
+        coordinator_(Coordinator::open(*store_, options(std::move(log))).value()) {
+    writer_ = std::thread([this] {
+      while (!coordinator_->is_stopping()) coordinator_->run_writer(true);
+    });
+    film_ = std::thread([this] {
+      while (!coordinator_->is_stopping()) coordinator_->run_film(true);
+    });
+    timer_ = std::thread([this] {
+      while (!coordinator_->is_stopping()) {
+        coordinator_->tick();
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      }
+    });
+  }
+  ~RunningCoordinator() {
+    coordinator_->stop();
+    for (std::thread* thread : {&writer_, &film_, &timer_}) thread->join();
+  }
+
+  Coordinator& coordinator() { return *coordinator_; }
+
+ private:
+  static CoordinatorOptions options(Log log) {
+    CoordinatorOptions options;
+    options.policy.restart_grace = std::chrono::milliseconds(50);
+    options.clock = [] { return std::chrono::steady_clock::now(); };
+    options.wall_us = [] { return std::int64_t{1'700'000'000'000'000}; };
+    options.random = [state = std::uint64_t{7}]() mutable {
+      return state = state * 6364136223846793005u + 1442695040888963407u;
+    };
+    options.read_spec = read_spec;
+    options.write_request = write_request;
+    options.log = std::move(log);
+    return options;
+  }
+
+  std::unique_ptr<Store> store_;
+  std::unique_ptr<Coordinator> coordinator_;
+  std::thread writer_, film_, timer_;
+};
+
+}  // namespace tessera::server

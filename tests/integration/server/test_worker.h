@@ -1,0 +1,68 @@
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <deque>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "contract/film_block.h"
+#include "tessera/v1/worker_service.grpc.pb.h"
+
+namespace tessera::server {
+
+/// A worker on real streams that does one thing after the other, as the test says.
+class TestWorker {
+ public:
+  TestWorker(const std::shared_ptr<grpc::Channel>& channel, std::string id);
+  ~TestWorker();
+
+  /// What it would say first; change it before open().
+  v1::WorkerHello hello;
+  /// What it sends as its token, and the key its welcome brought.
+  std::string token, session_key;
+  /// Sends hello; whether it was welcomed.
+  bool open();
+  /// Closes both streams; the status of Work.
+  grpc::Status close();
+
+  struct Unit {
+    v1::Lease lease;
+    std::int32_t tile = 0;
+  };
+  /// Reads Work until there is a unit to render; false when the stream has ended or the job has.
+  bool next(Unit& unit);
+  /// Reads Work until the next verdict; UNSPECIFIED when the stream ends first.
+  v1::Acknowledgement verdict();
+  /// The bytes of the unit's block: a function of the unit alone.
+  std::string block_of(const Unit& unit);
+  /// Asks what the job is.
+  grpc::Status describe(const std::string& job_id);
+  /// A message with the block, in chunks of at most `chunk` bytes a message.
+  std::vector<v1::DeliverRequest> messages_of(const Unit& unit, const std::string& block,
+                                              std::size_t chunk = 64 << 10);
+  /// Sends messages on the Deliver stream; false when it has ended.
+  bool send(const std::vector<v1::DeliverRequest>& messages);
+  grpc::Status finish_deliver();
+  /// Renders and delivers until the job has ended or `most` units are acknowledged. How many were.
+  int work(int most = 1 << 30);
+  void grant(int credits);
+
+ private:
+  bool read();
+  const v1::RenderSettings& settings_of(const std::string& job_id);
+
+  std::unique_ptr<v1::WorkerService::Stub> stub_;
+  grpc::ClientContext work_context_, deliver_context_;
+  std::unique_ptr<grpc::ClientReaderWriter<v1::WorkRequest, v1::WorkResponse>> work_;
+  v1::DeliverResponse deliver_response_;
+  std::unique_ptr<grpc::ClientWriter<v1::DeliverRequest>> deliver_;
+  bool has_ended_ = false, is_closed_ = false;
+  std::deque<Unit> units_;
+  std::deque<v1::Acknowledgement> verdicts_;
+  std::string job_id_;
+  v1::RenderSettings settings_;
+};
+
+}  // namespace tessera::server

@@ -1,0 +1,351 @@
+#include <gtest/gtest.h>
+#include <immintrin.h>
+
+#include <cmath>
+#include <set>
+#include <string>
+
+#include "contract/tile_grid.h"
+#include "contract/version.h"
+#include "tests/support/plain_scene.h"
+#include "worker/render/numerics/numerics_check.h"
+#include "worker/render/parallel_tbb.h"
+#include "worker/render/parallel_threads.h"
+
+namespace tessera::testing {
+namespace {
+
+using render::Material;
+using render::Scene;
+using render::Vec3d;
+using render::Vec3f;
+
+Material lamp(float radiance) {
+  Material m = lambert({0.5f, 0.5f, 0.5f});
+  m.emission = {radiance, radiance, radiance};
+  return m;
+}
+
+/// A small room with a lamp, a rough metal ball, a glass ball, a sky through a missing wall.
+Scene room(double scale = 1, double light_scale = 1) {
+  Scene scene = empty_scene();
+  const auto s = static_cast<float>(scale);
+  const auto wall = add_material(&scene, lambert({0.7f, 0.6f, 0.5f}));
+  const auto light = add_material(&scene, lamp(8));
+  const auto gold = add_material(&scene, metal(0.4f));
+  Material clear = glass(1.5f);
+  clear.attenuation_color = {0.9f, 0.5f, 0.8f};
+  clear.attenuation_distance = 2 * s;
+  const auto ball = add_material(&scene, clear);
+  Material pane = glass(1.5f);
+  pane.has_volume = false;
+  pane.base_color = {0.9f, 0.9f, 0.7f, 0.75f};
+  pane.alpha_mode = render::AlphaMode::blend;
+  const auto sheet = add_material(&scene, pane);
+  add_primitive(&scene, quad({-2 * s, -1 * s, 2 * s}, {4 * s, 0, 0}, {0, 0, -4 * s}, wall));
+  add_primitive(&scene, quad({-2 * s, -1 * s, -2 * s}, {4 * s, 0, 0}, {0, 3 * s, 0}, wall));
+  add_primitive(&scene, quad({-0.5f * s, 2 * s, -0.5f * s}, {1 * s, 0, 0}, {0, 0, 1 * s}, light));
+  add_primitive(&scene, sphere({-0.8f * s, -0.3f * s, 0}, 0.6f * s, 24, gold));
+  add_primitive(&scene, sphere({0.8f * s, -0.3f * s, 0.3f * s}, 0.6f * s, 24, ball));
+  add_primitive(&scene, quad({-1 * s, -1 * s, 1.2f * s}, {2 * s, 0, 0}, {0, 1.5f * s, 0}, sheet));
+  std::vector<float> sky(32 * 16 * 3);
+  for (std::size_t i = 0; i < sky.size(); ++i) sky[i] = static_cast<float>(i % 11) * 0.1f;
+  set_sky(&scene, 32, 16, sky);
+  render::PunctualLight point;
+  const auto candela = static_cast<float>(3 * light_scale);
+  point.intensity = {candela, candela, candela};
+  point.position = Vec3d{1.5, 1.5, 1.5} * scale;
+  scene.lights.push_back(point);
+  look_at(&scene, Vec3d{0.5, 0.8, 5} * scale, {0, 0, 0});
+  return scene;
+}
+
+std::string bytes(const Picture& picture) {
+  std::string all;
+  for (const auto& block : picture.blocks) all += contract::encode(block);
+  return all;
+}
+
+contract::RenderSettings room_settings() {
+  auto settings = small_settings(24, 20, 16);
+  settings.aovs = contract::kAovAlbedo | contract::kAovNormal | contract::kAovDepth |
+                  contract::kAovPosition | contract::kAovIds;
+  return settings;
+}
+
+TEST(FrameRenderer, ScalingByPowersOfTwoKeepsEveryBit) {  // hard case 6
+  const auto settings = small_settings(24, 20, 16);
+  const std::string reference = bytes(render_picture(room(), settings));
+  for (const int k : {-20, -10, 10, 30}) {
+    const double scale = std::ldexp(1.0, k);
+    EXPECT_TRUE(bytes(render_picture(room(scale, scale * scale), settings)) == reference) << k;
+  }
+}
+
+TEST(FrameRenderer, TilesAndCropsGiveTheBitsOfTheWhole) {
+  const auto settings = room_settings();
+  auto renderer = render::FrameRenderer::create(room(), settings, 0, render::sequential());
+  ASSERT_TRUE(renderer.ok());
+  const contract::Pass pass{8, 8};
+  const auto whole = (*renderer)->render({0, 0, 24, 20}, pass, 1, render::sequential());
+  for (const contract::PixelRect rect :
+       {contract::PixelRect{0, 0, 8, 8}, {8, 8, 16, 12}, {23, 19, 1, 1}}) {
+    const auto part = (*renderer)->render(rect, pass, 1, render::sequential());
+    for (std::int32_t y = 0; y < rect.height; ++y) {
+      for (std::int32_t x = 0; x < rect.width; ++x) {
+        const auto to = static_cast<std::size_t>(y * rect.width + x);
+        const auto from = static_cast<std::size_t>((y + rect.y) * 24 + x + rect.x);
+        for (std::size_t i = 0; i < 12; ++i)
+          ASSERT_EQ(part.rgb[to * 12 + i], whole.rgb[from * 12 + i]);
+        ASSERT_EQ(part.alpha[to], whole.alpha[from]);
+        ASSERT_EQ(part.normal[3 * to], whole.normal[3 * from]);
+      }
+    }
+  }
+  auto cropped = settings;
+  cropped.crop = contract::PixelRect{8, 8, 16, 12};
+  auto other = render::FrameRenderer::create(room(), cropped, 0, render::sequential());
+  EXPECT_TRUE((*other)->render({8, 8, 16, 12}, pass, 1, render::sequential()) ==
+              (*renderer)->render({8, 8, 16, 12}, pass, 1, render::sequential()));
+}
+
+TEST(FrameRenderer, ThreadsDoNotChangeTheBlock) {  // hard case 77
+  const auto settings = room_settings();
+  auto renderer = render::FrameRenderer::create(room(), settings, 0, render::sequential());
+  ASSERT_TRUE(renderer.ok());
+  const auto one = (*renderer)->render({0, 0, 24, 20}, {0, 8}, 0, render::sequential());
+  for (const int threads : {2, 5, 16}) {
+    EXPECT_TRUE((*renderer)->render({0, 0, 24, 20}, {0, 8}, 0, render::parallel_threads(threads)) ==
+                one);
+  }
+  auto built = render::FrameRenderer::create(room(), settings, 0, render::parallel_tbb(3));
+  EXPECT_TRUE((*built)->render({0, 0, 24, 20}, {0, 8}, 0, render::parallel_tbb(3)) == one);
+}
+
+TEST(FrameRenderer, SeedAndFrameChangeTheSamples) {
+  auto settings = small_settings(24, 20, 4);
+  std::set<std::string> images;
+  for (const std::uint32_t seed : {0u, 1u, 2u}) {
+    settings.seed = seed;
+    images.insert(bytes(render_picture(room(), settings)));
+  }
+  EXPECT_EQ(images.size(), 3u);
+  auto a = render::FrameRenderer::create(room(), settings, 0, render::sequential());
+  auto b = render::FrameRenderer::create(room(), settings, 1, render::sequential());
+  EXPECT_FALSE((*a)->render({0, 0, 24, 20}, {0, 4}, 0, render::sequential()) ==
+               (*b)->render({0, 0, 24, 20}, {0, 4}, 0, render::sequential()));
+}
+
+TEST(FrameRenderer, FourTimesTheSamplesBringTheErrorToSixTenths) {
+  const auto rmse = [](const Picture& a, const Picture& b) {
+    double sum = 0;
+    for (std::size_t i = 0; i < a.rgb.size(); ++i)
+      sum += (a.rgb[i] - b.rgb[i]) * (a.rgb[i] - b.rgb[i]);
+    return std::sqrt(sum / static_cast<double>(a.rgb.size()));
+  };
+  Scene scene = room();
+  scene.materials[4] =
+      lambert({0.5f, 0.5f, 0.9f});  // caustics would need more samples than a test has
+  auto settings = small_settings(24, 20, 1024);
+  settings.seed = 77;
+  const Picture reference = render_picture(scene, settings);
+  settings.seed = 1;
+  settings.spp = 16;
+  const double coarse = rmse(render_picture(scene, settings), reference);
+  settings.spp = 64;
+  const double fine = rmse(render_picture(scene, settings), reference);
+  EXPECT_LE(fine, 0.6 * coarse);
+}
+
+TEST(FrameRenderer, MirroredCopiesLookLikeTheMirror) {  // hard case 27
+  // A textured, normal-mapped, asymmetric mesh, and its mirror image placed by scale -1.
+  const auto shot = [](bool mirrored) {
+    Scene scene = empty_scene();
+    render::Image image;
+    image.width = image.height = 4;
+    image.channels = 3;
+    std::vector<std::uint8_t> codes;
+    for (int i = 0; i < 16; ++i) {
+      for (const int v : {100 + 9 * i, 200 - 7 * i, 220}) {
+        codes.push_back(static_cast<std::uint8_t>(v));
+      }
+    }
+    image.u8 = codes;
+    scene.images.push_back(image);
+    scene.textures.push_back({0, render::Wrap::clamp, render::Wrap::clamp, false});
+    Material m = lambert({1, 1, 1});
+    m.normal_texture.texture = 0;
+    m.base_color_texture.texture = 0;
+    const auto index = add_material(&scene, m);
+    render::Primitive q = quad({-1, -1, 0}, {1.7f, 0, 0.5f}, {0.2f, 2, 0}, index);
+    const Vec3f along = normalize(Vec3f{1.7f, 0, 0.5f});
+    q.tangents.assign(4, {along.x, along.y, along.z, 1});
+    add_primitive(&scene, q, scaling(mirrored ? -1 : 1, 1, 1));
+    render::PunctualLight light;
+    light.intensity = {20, 20, 20};
+    light.position = {mirrored ? -1.5 : 1.5, 1, 2};
+    scene.lights.push_back(light);
+    return render_picture(scene, small_settings(32, 32, 64));
+  };
+  const Picture plain = shot(false), mirror = shot(true);
+  double difference = 0;
+  for (int y = 0; y < 32; ++y) {
+    for (int x = 0; x < 32; ++x) difference += std::fabs(plain.at(x, y).x - mirror.at(31 - x, y).x);
+  }
+  EXPECT_GT(plain.mean(), 0.05);
+  EXPECT_LT(difference / 1024, 0.01 * plain.mean());
+}
+
+/// The pixel that a small lamp at `p` lights.
+contract::GridPoint lit_pixel(Scene scene, const Vec3d& p, std::int32_t width,
+                              std::int32_t height) {
+  const auto index = add_material(&scene, lamp(1));
+  add_primitive(&scene, sphere(Vec3f(p), 0.02f, 8, index));
+  const Picture picture = render_picture(scene, small_settings(width, height, 16));
+  contract::GridPoint best{-1, -1};
+  double most = 0;
+  for (std::int32_t y = 0; y < height; ++y) {
+    for (std::int32_t x = 0; x < width; ++x) {
+      if (picture.at(x, y).x > most) {
+        most = picture.at(x, y).x;
+        best = {x, y};
+      }
+    }
+  }
+  return best;
+}
+
+TEST(Camera, KnownPointsLandOnPredictedPixels) {
+  constexpr int kWidth = 96, kHeight = 64;
+  const Vec3d points[] = {{0.31, 0.22, 0}, {-1.0, 0.4, 1}, {0.8, -0.9, -2}};
+  for (const Vec3d& p : points) {
+    Scene scene = empty_scene();
+    scene.camera.yfov = 0.8;
+    look_at(&scene, {1, 2, 5}, {0.2, 0, 0});
+    const auto& m = scene.camera.camera_to_world;
+    const Vec3d d = p - m.translation;
+    const Vec3d local{d.x * m.rows[0].x + d.y * m.rows[1].x + d.z * m.rows[2].x,
+                      d.x * m.rows[0].y + d.y * m.rows[1].y + d.z * m.rows[2].y,
+                      d.x * m.rows[0].z + d.y * m.rows[1].z + d.z * m.rows[2].z};
+    const double focal = kHeight / 2.0 / std::tan(0.4);
+    const contract::GridPoint perspective{
+        static_cast<std::int32_t>(std::floor(kWidth / 2.0 + focal * local.x / -local.z)),
+        static_cast<std::int32_t>(std::floor(kHeight / 2.0 - focal * local.y / -local.z))};
+    EXPECT_EQ(lit_pixel(scene, p, kWidth, kHeight), perspective);
+    scene.camera.kind = render::Camera::Kind::orthographic;
+    scene.camera.ymag = 2.5;
+    const contract::GridPoint orthographic{
+        static_cast<std::int32_t>(std::floor(kWidth / 2.0 + local.x / 2.5 * kHeight / 2)),
+        static_cast<std::int32_t>(std::floor(kHeight / 2.0 - local.y / 2.5 * kHeight / 2))};
+    EXPECT_EQ(lit_pixel(scene, p, kWidth, kHeight), orthographic);
+  }
+}
+
+TEST(Camera, NearAndFarPlanesCutWhatIsSeen) {
+  Scene scene = empty_scene();
+  const auto near_lamp = add_material(&scene, lamp(1)), far_lamp = add_material(&scene, lamp(2));
+  add_primitive(&scene, quad({-9, -9, 0}, {18, 0, 0}, {0, 18, 0}, near_lamp));
+  add_primitive(&scene, quad({-9, -9, -1}, {18, 0, 0}, {0, 18, 0}, far_lamp));
+  const auto seen = [&] {
+    auto settings = small_settings(1, 1, 4);
+    settings.max_depth = 1;
+    scene.has_environment = false;
+    return render_picture(scene, settings).alpha[0] == 0
+               ? -1
+               : std::floor(render_picture(scene, settings).mean());
+  };
+  EXPECT_EQ(seen(), 1);
+  scene.camera.znear = 5.5;
+  EXPECT_EQ(seen(), 2);
+  scene.camera.zfar = 5.75;
+  EXPECT_EQ(seen(), -1);
+}
+
+TEST(Aovs, OfTheFirstHitAreExact) {
+  Scene scene = empty_scene();
+  scene.center = {100, 0, 0};
+  Material m = lambert({0.25f, 0.5f, 0.75f});
+  const auto index = add_material(&scene, m);
+  render::Primitive q = quad({-9, -9, -1}, {18, 0, 0}, {0, 18, 0}, index);
+  q.id = 6;
+  add_primitive(&scene, q);
+  auto settings = room_settings();
+  settings.width = settings.height = 2;
+  auto renderer = render::FrameRenderer::create(scene, settings, 0, render::sequential());
+  const auto first = (*renderer)->render({0, 0, 2, 2}, {0, 8}, 0, render::sequential());
+  EXPECT_EQ(first.hits[0], 8);
+  EXPECT_EQ(first.albedo[1], 4);
+  EXPECT_EQ(first.normal[2], 8);
+  EXPECT_FLOAT_EQ(first.depth[0], 6);
+  EXPECT_FLOAT_EQ(first.position[2], -1);
+  EXPECT_NEAR(first.position[0], 100, 3);
+  EXPECT_EQ(first.ids, (std::vector<std::uint32_t>{1, 2, 7, 1, 2, 7, 1, 2, 7, 1, 2, 7}));
+  EXPECT_EQ(first.rgb[0], 0);  // nothing lights it
+  const auto second = (*renderer)->render({0, 0, 2, 2}, {8, 8}, 1, render::sequential());
+  EXPECT_TRUE(second.depth.empty());
+  EXPECT_EQ(second.albedo[1], 4);
+}
+
+TEST(FrameRenderer, SharesTreesWithAnotherFrameWithoutAChangeOfBits) {
+  const auto settings = small_settings(32, 32, 4);
+  const auto scene_at = [](const render::Mesh& sphere_mesh, double x) {
+    Scene scene = empty_scene();
+    add_primitive(&scene, quad({-2, -2, -1}, {4, 0, 0}, {0, 4, 0}, 0));
+    scene.meshes.push_back(sphere_mesh);
+    scene.instances.push_back({1, 1, translation(x, 0, 0), translation(-x, 0, 0), false});
+    set_constant_sky(&scene, 1);
+    return scene;
+  };
+  const render::Mesh mesh{"", {sphere({0, 0, 0}, 0.5f, 16, 0)}};
+  const auto make = [&](double x, const render::FrameRenderer* before) {
+    auto made =
+        render::FrameRenderer::create(scene_at(mesh, x), settings, 0, render::sequential(), before);
+    EXPECT_TRUE(made.ok());
+    return *std::move(made);
+  };
+  const auto block_of = [&](const render::FrameRenderer& frame) {
+    return contract::encode(frame.render({0, 0, 32, 32}, {0, 4}, 0, render::sequential()));
+  };
+  const auto first = make(-0.5, nullptr), alone = make(0.5, nullptr);
+  const std::string want = block_of(*alone);
+  EXPECT_NE(block_of(*first), want) << "the sphere has moved";
+  auto sharing = make(0.5, first.get());
+  EXPECT_EQ(sharing->accel().shared_meshes(), 1u) << "the sphere; the quad was made anew";
+  EXPECT_EQ(block_of(*sharing), want);
+}
+
+TEST(NumericsCheck, IsTheSameEachTime) {
+  const auto a = render::numerics_digest(), b = render::numerics_digest();
+  ASSERT_TRUE(a.ok()) << a.status();
+  EXPECT_EQ(a->hex(), b->hex());
+}
+
+TEST(NumericsCheck, DoesNotDependOnTheInstructionSet) {
+  const auto narrow = render::numerics_digest(render::Isa::avx2);
+  const auto widest = render::numerics_digest(render::best_isa());
+  ASSERT_TRUE(narrow.ok() && widest.ok());
+  EXPECT_EQ(narrow->hex(), widest->hex());
+}
+
+TEST(NumericsCheck, GivesTheReferenceDigest) {
+  const auto digest = render::numerics_digest();
+  ASSERT_TRUE(digest.ok()) << digest.status();
+  EXPECT_EQ(digest->hex(), contract::kNumericsSha256)
+      << "it changes only on purpose, together with contract::kRenderContract";
+}
+
+TEST(FloatControlDeathTest, ALibraryThatFlushesDenormalsIsCaught) {  // hard case 79
+  const Scene scene = room();
+  constexpr unsigned kFlushToZero = 0x8000, kDenormalsAreZero = 0x0040, kRoundUp = 0x4000;
+  for (const unsigned mode : {kFlushToZero, kDenormalsAreZero, kRoundUp}) {
+    EXPECT_DEATH(
+        {
+          _mm_setcsr(_mm_getcsr() | mode);
+          render_picture(scene, small_settings(8, 8, 4));
+        },
+        "flushes denormals or rounds unusually");
+  }
+}
+
+}  // namespace
+}  // namespace tessera::testing

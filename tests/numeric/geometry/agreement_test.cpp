@@ -1,0 +1,521 @@
+// Hard cases 6, 11, 15, 16, 28, 30, 32, 33, 34: every structure gives the one hit of brute force,
+// bit for bit, whatever the input.
+
+#include <gtest/gtest.h>
+#include <xmmintrin.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <limits>
+
+#include "tests/numeric/geometry/geometry_scenes.h"
+#include "worker/accel/reference/brute_force.h"
+#include "worker/accel/build/mesh_bvh.h"
+#include "worker/accel/reference/plain_traversal.h"
+#include "worker/accel/build/wide_bvh.h"
+
+namespace tessera::render::testing {
+namespace {
+
+constexpr float kInf = std::numeric_limits<float>::infinity();
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+std::vector<Isa> supported_isas() {
+  std::vector<Isa> isas;
+  for (const Isa isa : {Isa::avx2, Isa::avx512}) {
+    if (is_supported(isa)) isas.push_back(isa);
+  }
+  return isas;
+}
+
+/// Counts rays for which closest_hit or any_hit differs from brute force in any bit.
+int mismatches(const Scene& scene, int rays, std::uint32_t seed, int* hits = nullptr) {
+  std::vector<SceneAccel> accels;
+  for (const Isa isa : supported_isas()) accels.emplace_back(scene, in_order(), isa);
+  Dice dice(seed);
+  int wrong = 0;
+  for (int i = 0; i < rays; ++i) {
+    const Ray ray = adversarial_ray(scene, dice);
+    Hit slow;
+    const bool expected = brute_force_closest(scene, ray, slow);
+    for (const SceneAccel& accel : accels) {
+      Hit fast;
+      const bool found = accel.closest_hit(ray, fast);
+      if (found != expected || (found && !same_bits(fast, slow))) ++wrong;
+      if (accel.any_hit(ray) != expected) ++wrong;
+    }
+    if (hits != nullptr && expected) ++*hits;
+  }
+  return wrong;
+}
+
+/// A bundle: rays that begin near each other and go much the same way, as camera rays do, or (wide)
+/// whatever way they like.
+std::vector<Ray> bundle(const Scene& scene, std::size_t count, Dice& dice) {
+  const Ray first = adversarial_ray(scene, dice);
+  const float width = dice.below(4) == 0 ? 2.0f : std::exp2(-12 * dice.unit());
+  const bool one_origin = dice.below(2) == 0;
+  // Where the first ray lies in a plane of boxes, so do all, some of them for good: 0 * inf.
+  int flat = -1;
+  for (int k = 0; k < 3; ++k) {
+    if (first.direction[k] == 0) flat = k;
+  }
+  std::vector<Ray> rays(count, first);
+  for (Ray& ray : rays) {
+    if (!one_origin) ray.origin += dice.vector() * width;
+    ray.direction += dice.vector() * (width * max_abs(first.direction));
+    if (flat >= 0) {
+      ray.origin[flat] = first.origin[flat];
+      ray.direction[flat] = dice.below(2) == 0 ? 0 : std::fabs(ray.direction[flat]);
+    }
+    if (dice.below(16) == 0) ray.t_max = 2 * dice.unit();
+    if (dice.below(16) == 0) ray = adversarial_ray(scene, dice);
+    if (dice.below(64) == 0) ray.direction = {0, 0, 0};
+    if (dice.below(4) == 0) {
+      ray.leaves = {dice.below(3), dice.below(2), dice.below(20)};
+    }
+  }
+  return rays;
+}
+
+/// Counts rays for which packets differ in any bit from single rays, of which a few are compared
+/// with brute force.
+int packet_mismatches(const Scene& scene, int packets, std::uint32_t seed, int* hits = nullptr) {
+  std::vector<SceneAccel> accels;
+  for (const Isa isa : supported_isas()) accels.emplace_back(scene, in_order(), isa);
+  Dice dice(seed);
+  int wrong = 0;
+  for (int i = 0; i < packets; ++i) {
+    const auto count = static_cast<std::size_t>(i % 4 == 0 ? 1 + dice.below(64) : 64);
+    const std::vector<Ray> rays = bundle(scene, count, dice);
+    for (const SceneAccel& accel : accels) {
+      std::array<Hit, kPacketSize> together;
+      const std::uint64_t found = accel.closest_hits(rays, together.data());
+      const std::uint64_t any = accel.any_hits(rays);
+      if (count < 64 && ((found | any) >> count) != 0) ++wrong;
+      for (std::size_t k = 0; k < count; ++k) {
+        Hit alone;
+        const bool expected = k % 16 == 0 ? brute_force_closest(scene, rays[k], alone)
+                                          : accel.closest_hit(rays[k], alone);
+        const bool got = (found >> k & 1) != 0;
+        if (got != expected || (got && !same_bits(together[k], alone))) ++wrong;
+        if (((any >> k & 1) != 0) != expected) ++wrong;
+        if (hits != nullptr && expected) ++*hits;
+      }
+    }
+  }
+  return wrong;
+}
+
+TEST(HardCase15, PacketsFindWhatSingleRaysFind) {
+  Dice dice(120);
+  int hits = 0;
+  EXPECT_EQ(packet_mismatches(scene_of({soup(150, dice), soup(50, dice)}), 400, 121, &hits), 0);
+  EXPECT_EQ(packet_mismatches(scene_of({terrain(40, dice)}), 300, 122, &hits), 0);
+  EXPECT_EQ(packet_mismatches(scene_of({needles(1'000, dice)}), 300, 123, &hits), 0);
+  EXPECT_EQ(packet_mismatches(scene_of({uv_sphere(24, 32, 1)}), 300, 124, &hits), 0);
+  EXPECT_GT(hits, 30'000) << "the rays no longer aim";
+}
+
+TEST(HardCase15, PacketsFindWhatSingleRaysFindAmongInstances) {
+  Dice dice(130);
+  Scene scene;
+  scene.meshes.push_back(mesh_of({soup(20, dice), soup(10, dice)}));
+  scene.meshes.push_back(mesh_of({uv_sphere(12, 16, 1)}));
+  for (int i = 0; i < 40; ++i) {
+    const double scale = std::exp2(-6 * dice.unit());
+    place(scene, i % 2, random_placement(dice, scale, Vec3d(dice.vector()), i % 3 == 0));
+  }
+  place(scene, 0);
+  place(scene, 0);  // an exact duplicate
+  Affine3d far;
+  far.translation = {1e5, -3e5, 2e4};
+  place(scene, 0, far);
+  int hits = 0;
+  EXPECT_EQ(packet_mismatches(scene, 400, 131, &hits), 0);
+  EXPECT_GT(hits, 10'000);
+}
+
+TEST(HardCase15, SoupsAgreeWithBruteForce) {
+  int hits = 0;
+  for (std::uint32_t seed = 0; seed < 6; ++seed) {
+    Dice dice(seed);
+    EXPECT_EQ(mismatches(scene_of({soup(150, dice), soup(50, dice)}), 8'000, seed, &hits), 0);
+  }
+  EXPECT_GT(hits, 15'000) << "the rays no longer aim";
+}
+
+TEST(HardCase15, SplitNeedlesAgreeWithBruteForce) {
+  Dice dice(10);
+  const Scene scene = scene_of({needles(3'000, dice)});
+  const MeshBvh<16> tree = build_mesh_tree<16>(scene.meshes[0], in_order());
+  ASSERT_TRUE(tree.split) << "the test no longer tests splits";
+  int hits = 0;
+  EXPECT_EQ(mismatches(scene, 4'000, 11, &hits), 0);
+  EXPECT_GT(hits, 2'000);
+}
+
+TEST(HardCase15, TerrainAgreesWithBruteForce) {
+  Dice dice(20);
+  EXPECT_EQ(mismatches(scene_of({terrain(12, dice)}), 20'000, 21), 0);
+  EXPECT_EQ(mismatches(scene_of({terrain(48, dice)}), 2'000, 22), 0);
+}
+
+TEST(HardCase15, InstancesMirroredScaledAndStackedAgreeWithBruteForce) {
+  Dice dice(30);
+  Scene scene;
+  scene.meshes.push_back(mesh_of({soup(20, dice), soup(10, dice)}));
+  scene.meshes.push_back(mesh_of({uv_sphere(4, 6, 1)}));
+  scene.meshes.push_back(mesh_of({}));
+  for (int i = 0; i < 12; ++i) {
+    const double scale = std::exp2(-6 * dice.unit());
+    place(scene, i % 3, random_placement(dice, scale, Vec3d(dice.vector()), i % 2 == 0));
+  }
+  place(scene, 0);
+  place(scene, 1);
+  place(scene, 1);                                      // an exact duplicate
+  place(scene, 0, scene.instances[3].object_to_world);  // and a transformed one
+  Affine3d squashed = random_placement(dice, 1, {0, 0, 0}, false);
+  squashed.rows[1] *= 1e-4;
+  place(scene, 1, squashed);
+  Affine3d far;
+  far.translation = {1e5, -3e5, 2e4};
+  place(scene, 0, far);
+  EXPECT_EQ(mismatches(scene, 20'000, 31), 0);
+}
+
+TEST(HardCase15, SquashedInstancesAreNotCulledByTheirWorldBoxes) {
+  // Squashed by 1e4 along a slanted axis, so that rounding the ray in object space moves it by far
+  // more than an ulp in the world, at triangles whose vertices are the box's own extremes.
+  Dice dice(35);
+  Scene scene;
+  scene.meshes.push_back(mesh_of({soup(1, dice)}));
+  for (int i = 0; i < 8; ++i) {
+    Affine3d m = random_placement(dice, 1, {0, 0, 0}, false);
+    m.rows[1] *= 1e-4;
+    m = random_placement(dice, 1, Vec3d(dice.vector()), false) * m;
+    place(scene, 0, m);
+  }
+  const SceneAccel accel(scene, in_order());
+  int hits = 0;
+  for (int i = 0; i < 100'000; ++i) {
+    const Instance& instance = scene.instances[dice.below(8)];
+    const Vec3f vertex = edge_or_vertex(scene.meshes[0].primitives[0], false, dice);
+    const Vec3f near(transform_point(instance.object_to_world, Vec3d(vertex)));
+    Ray ray;
+    ray.origin = dice.vector() * 2.0f;
+    ray.direction = near + dice.vector() * 1e-3f - ray.origin;
+    Hit fast, slow;
+    const bool found = accel.closest_hit(ray, fast);
+    ASSERT_EQ(found, brute_force_closest(scene, ray, slow)) << i;
+    ASSERT_TRUE(!found || same_bits(fast, slow));
+    hits += found ? 1 : 0;
+  }
+  EXPECT_GT(hits, 1'000);
+}
+
+TEST(HardCase15, OriginsFarOutsideTheSceneAgreeWithBruteForce) {
+  Dice dice(40);
+  Scene scene;
+  scene.meshes.push_back(mesh_of({uv_sphere(6, 8, 1)}));
+  for (int i = 0; i < 5; ++i)
+    place(scene, 0, random_placement(dice, 0.3, Vec3d(dice.vector()), false));
+  const SceneAccel accel(scene, in_order());
+  int hits = 0;
+  for (int i = 0; i < 20'000; ++i) {
+    Ray ray;
+    ray.origin = dice.direction() * std::exp2(24 * dice.unit());
+    ray.direction = dice.vector() - ray.origin;
+    Hit fast, slow;
+    const bool found = accel.closest_hit(ray, fast);
+    ASSERT_EQ(found, brute_force_closest(scene, ray, slow));
+    ASSERT_TRUE(!found || same_bits(fast, slow));
+    hits += found ? 1 : 0;
+  }
+  EXPECT_GT(hits, 1000);
+}
+
+TEST(HardCase15, FiltersSeeTheSameHitsAsBruteForce) {
+  Dice dice(50);
+  Scene scene = scene_of({soup(100, dice), needles(20, dice)});
+  scene.materials.resize(1);
+  scene.materials[0].alpha_mode = AlphaMode::mask;
+  const SceneAccel accel(scene, in_order());
+  const auto opaque = [](const Hit& hit) { return hit.id.triangle % 3 != 0; };
+  for (int i = 0; i < 5'000; ++i) {
+    const Ray ray = adversarial_ray(scene, dice);
+    Hit fast, slow;
+    bool expected = false;
+    std::vector<TriangleId> all;
+    brute_force_hits(scene, ray, [&](const Hit& hit) {
+      all.push_back(hit.id);
+      if (!opaque(hit) || (expected && !precedes(hit, slow))) return;
+      slow = hit;
+      expected = true;
+    });
+    ASSERT_EQ(accel.closest_hit(ray, fast, opaque), expected);
+    ASSERT_TRUE(!expected || same_bits(fast, slow));
+    ASSERT_EQ(accel.any_hit(ray, opaque), expected);
+    std::vector<TriangleId> seen;
+    const auto collect = [&](const Hit& hit) {
+      seen.push_back(hit.id);
+      return false;
+    };
+    ASSERT_FALSE(accel.any_hit(ray, collect));
+    std::sort(seen.begin(), seen.end());
+    ASSERT_EQ(seen, all);
+  }
+}
+
+TEST(HardCase15, CollectorsSeeSplitTrianglesOnce) {
+  Dice dice(55);
+  const Scene scene = scene_of({needles(1'000, dice)});
+  ASSERT_TRUE(build_mesh_tree<16>(scene.meshes[0], in_order()).split);
+  std::vector<SceneAccel> accels;
+  for (const Isa isa : supported_isas()) accels.emplace_back(scene, in_order(), isa);
+  std::size_t hits = 0;
+  for (int i = 0; i < 1'000; ++i) {
+    const Ray ray = adversarial_ray(scene, dice);
+    std::vector<TriangleId> all;
+    brute_force_hits(scene, ray, [&](const Hit& hit) { all.push_back(hit.id); });
+    for (const SceneAccel& accel : accels) {
+      std::vector<TriangleId> seen;
+      accel.any_hit(ray, [&](const Hit& hit) {
+        seen.push_back(hit.id);
+        return false;
+      });
+      std::sort(seen.begin(), seen.end());
+      ASSERT_EQ(seen, all);
+    }
+    hits += all.size();
+  }
+  EXPECT_GT(hits, 500u);
+}
+
+TEST(HardCase11, CoplanarDuplicatesGoToTheLowestId) {
+  const Primitive a = quad({-1, -1, 0}, {2, 0, 0}, {0, 2, 0});
+  Scene scene;
+  scene.meshes.push_back(mesh_of({a, a, a}));
+  scene.meshes.push_back(mesh_of({a}));
+  place(scene, 1);
+  place(scene, 0);
+  place(scene, 1);
+  const SceneAccel forwards(scene, in_order()), backwards(scene, in_reverse());
+  Dice dice(60);
+  for (int i = 0; i < 10'000; ++i) {
+    Ray ray;
+    ray.origin = {dice.both(), dice.both(), 1 + dice.unit()};
+    ray.direction = Vec3f{dice.both(), dice.both(), 0} - ray.origin;
+    Hit one, two;
+    ASSERT_TRUE(forwards.closest_hit(ray, one));
+    ASSERT_TRUE(backwards.closest_hit(ray, two));
+    ASSERT_EQ(one.id.instance, 0u);
+    ASSERT_TRUE(same_bits(one, two));
+  }
+}
+
+TEST(HardCase16, AxisParallelRaysVisitNoMoreNodesThanTiltedOnes) {
+  Dice dice(70);
+  const Primitive surface = terrain(64, dice);
+  std::vector<Box3f> boxes;
+  boxes.reserve(surface.triangles.size());
+  for (const auto& triangle : surface.triangles) {
+    Box3f box;
+    for (const std::uint32_t vertex : triangle) box.extend(surface.positions[vertex]);
+    boxes.push_back(box);
+  }
+  const WideBvh<8> bvh = collapse<8>(build_binary_bvh({boxes, 8}, in_order()));
+  int visits[2] = {0, 0};
+  for (int tilted = 0; tilted < 2; ++tilted) {
+    for (int i = 0; i < 64 * 64; ++i) {
+      // Onto the vertices' own planes, and beside the mesh: where 0 * inf happens.
+      const int column = i % 64 - 16, row = i / 64 - 16;
+      const Vec3f origin = {static_cast<float>(column) / 32, 1, static_cast<float>(row) / 32};
+      ObjectRay ray;
+      ASSERT_TRUE(make_object_ray(origin, {tilted * 1e-3f, -1, tilted * 1e-3f}, bvh.bounds, ray));
+      const float limit = std::numeric_limits<float>::max();
+      traverse_plainly(
+          bvh.nodes.data(), 0, ray, limit, [](std::uint32_t) {}, [&] { ++visits[tilted]; });
+    }
+  }
+  EXPECT_LE(visits[0], visits[1] + visits[1] / 2);
+}
+
+TEST(HardCase6, PowersOfTwoInScaleChangeNoBits) {
+  Dice dice(80);
+  const Primitive small = soup(200, dice);
+  std::vector<Ray> rays;
+  rays.reserve(4'000);
+  const Scene base_scene = scene_of({small});
+  const SceneAccel base(base_scene, in_order());
+  for (int i = 0; i < 4'000; ++i) rays.push_back(adversarial_ray(base_scene, dice));
+  for (const int k : {-20, -10, 10, 30}) {
+    const float scale = std::ldexp(1.0f, k);
+    Primitive scaled = small;
+    for (Vec3f& p : scaled.positions) p = p * scale;
+    const SceneAccel accel(scene_of({scaled}), in_order());
+    for (const Ray& ray : rays) {
+      Ray big = ray;
+      big.origin = ray.origin * scale;
+      big.direction = ray.direction * scale;
+      Hit a, b;
+      const bool found = base.closest_hit(ray, a);
+      ASSERT_EQ(accel.closest_hit(big, b), found) << k;
+      ASSERT_TRUE(!found || same_bits(a, b)) << k;
+    }
+  }
+}
+
+TEST(HardCase28, ExtremeScalesGiveNoNan) {
+  Dice dice(90);
+  Scene scene;
+  scene.meshes.push_back(mesh_of({uv_sphere(4, 6, 1)}));
+  place(scene, 0, random_placement(dice, 1e-20, {0, 0, 0}, false));
+  place(scene, 0, random_placement(dice, 1e15, {0, 0, 0}, false));
+  Affine3d flat;
+  flat.rows[1] *= 1e-20;
+  place(scene, 0, flat);
+  EXPECT_EQ(mismatches(scene, 5'000, 91), 0);
+}
+
+TEST(HardCase30, DepthsOfDifferentlyScaledInstancesAreComparable) {
+  Scene scene;
+  scene.meshes.push_back(mesh_of({quad({-1, -1, 0}, {2, 0, 0}, {0, 2, 0})}));
+  const std::array<double, 3> scales = {1, 100, 0.01};
+  const std::array<double, 3> depths = {6, 7, 5};
+  for (std::size_t i = 0; i < 3; ++i) {
+    Affine3d m;
+    for (Vec3d& row : m.rows) row *= scales[i];
+    m.translation = {0, 0, -depths[i]};
+    place(scene, 0, m);
+  }
+  const SceneAccel accel(scene, in_order());
+  Ray ray;
+  ray.origin = {0.0012f, 0.0034f, 0};
+  ray.direction = {0, 0, -1};
+  std::vector<Hit> hits;
+  accel.any_hit(ray, [&](const Hit& hit) {
+    hits.push_back(hit);
+    return false;
+  });
+  std::sort(hits.begin(), hits.end(), precedes);
+  ASSERT_EQ(hits.size(), 3u);
+  const std::array<std::uint32_t, 3> order = {2, 0, 1};
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(hits[i].id.instance, order[i]);
+    EXPECT_NEAR(hits[i].t, static_cast<double>(5 + i), 4 * 0x1p-21);
+  }
+}
+
+/// Levels of the tree below and including node `reference`.
+int depth_of(const WideBvh<8>& bvh, std::uint32_t reference) {
+  int deepest = 0;
+  for (const std::uint32_t child : node_at(bvh.nodes.data(), reference).children) {
+    if ((child & kLeafBit) == 0) deepest = std::max(deepest, depth_of(bvh, child));
+  }
+  return deepest + 1;
+}
+
+/// Every item in exactly one leaf, and no leaf above its size.
+void expect_complete(const WideBvh<8>& bvh, std::size_t items) {
+  std::vector<int> seen(items, 0);
+  for (const BvhLeaf& leaf : bvh.leaves) {
+    EXPECT_LE(leaf.count, 8u);
+    for (std::uint32_t i = 0; i < leaf.count; ++i) ++seen[bvh.order[leaf.first + i]];
+  }
+  EXPECT_TRUE(std::all_of(seen.begin(), seen.end(), [](int n) { return n == 1; }));
+}
+
+TEST(HardCase32, EqualCentroidsAndDuplicatesBuildShallowTrees) {
+  constexpr std::size_t kCount = 100'000;
+  std::vector<Box3f> concentric, duplicates(kCount, Box3f{{1, 2, 3}, {2, 3, 4}}), nested;
+  for (std::size_t i = 0; i < kCount; ++i) {
+    const auto r = static_cast<float>(i + 1);
+    concentric.push_back({{-r, -r, -r}, {r, r, r}});
+    const float s = std::ldexp(1.0f, -static_cast<int>(i % 120));
+    nested.push_back({{0, 0, 0}, {s, s, s}});
+  }
+  for (const auto& boxes : {concentric, duplicates, nested}) {
+    const WideBvh<8> bvh = collapse<8>(build_binary_bvh({boxes, 8}, in_order()));
+    expect_complete(bvh, kCount);
+    EXPECT_LE(depth_of(bvh, 0), kMaxLevels);
+  }
+}
+
+TEST(HardCase32, NestedTrianglesAtEveryScaleStayWithinTheStack) {
+  // Each is half as large as the one before: splits peel them off one by one.
+  std::vector<Box3f> boxes;
+  boxes.reserve(240);
+  for (int i = 0; i < 240; ++i) {
+    const float s = std::ldexp(1.0f, 100 - i);
+    boxes.push_back({{s, s, s}, {2 * s, 2 * s, 2 * s}});
+  }
+  const WideBvh<8> bvh = collapse<8>(build_binary_bvh({boxes}, in_order()));
+  expect_complete(bvh, boxes.size());
+  EXPECT_LE(depth_of(bvh, 0), kMaxLevels);
+}
+
+TEST(WideBvh, DoesNotDependOnTheOrderOfParallelWork) {
+  Dice dice(100);
+  std::vector<Box3f> boxes;
+  boxes.reserve(50'000);
+  for (int i = 0; i < 50'000; ++i) {
+    const Vec3f p = dice.vector();
+    boxes.push_back({p, p + Vec3f{dice.unit(), dice.unit(), dice.unit()} * 0.01f});
+  }
+  const WideBvh<8> a = collapse<8>(build_binary_bvh({boxes, 8}, in_order()));
+  const WideBvh<8> b = collapse<8>(build_binary_bvh({boxes, 8}, in_reverse()));
+  EXPECT_EQ(a.order, b.order);
+  ASSERT_EQ(a.nodes.size(), b.nodes.size());
+  EXPECT_EQ(std::memcmp(a.nodes.data(), b.nodes.data(), a.nodes.size() * sizeof(a.nodes[0])), 0);
+  expect_complete(a, boxes.size());
+}
+
+TEST(HardCase33, InvalidRaysMiss) {
+  const SceneAccel accel(scene_of({uv_sphere(8, 8, 1)}), in_order());
+  std::vector<Ray> invalid(9);
+  for (Ray& ray : invalid) ray.direction = {0, 0, 1};
+  invalid[0].direction = {0, 0, 0};
+  invalid[1].direction = {kNan, 0, 1};
+  invalid[2].direction = {0, -kInf, 0};
+  invalid[3].origin = {kNan, kNan, kNan};
+  invalid[4].origin = {0, kInf, 0};
+  invalid[5].t_max = 0;
+  invalid[6].t_max = kNan;
+  invalid[7].t_max = -1;
+  invalid[8].direction = {0x1p-149f, 0, 0};
+  for (const Ray& ray : invalid) {
+    Hit hit;
+    EXPECT_FALSE(accel.closest_hit(ray, hit));
+    EXPECT_FALSE(accel.any_hit(ray));
+  }
+  EXPECT_FALSE(SceneAccel(Scene{}, in_order()).any_hit(Ray{{0, 0, 0}, {0, 0, 1}}));
+}
+
+TEST(HardCase34, DenormalDirectionsEqualZeroAndModesDoNotMatter) {
+  Dice dice(110);
+  const Scene scene = scene_of({uv_sphere(12, 16, 1)});
+  const SceneAccel accel(scene, in_order());
+  const unsigned int mode = _mm_getcsr();
+  for (int i = 0; i < 2'000; ++i) {
+    Ray zero;
+    zero.origin = {0.9f * dice.both(), 0.9f * dice.both(), -2};
+    zero.direction = {0, 0.01f * dice.both(), 1};
+    Ray tiny = zero;
+    tiny.direction.x = i % 2 == 0 ? 1e-40f : -1e-40f;
+    Hit a, b, c;
+    const bool found = accel.closest_hit(zero, a);
+    ASSERT_EQ(accel.closest_hit(tiny, b), found);
+    _mm_setcsr(mode | 0x8040u);  // FTZ and DAZ, as other libraries set them
+    const bool flushed = accel.closest_hit(zero, c);
+    _mm_setcsr(mode);
+    ASSERT_EQ(flushed, found);
+    ASSERT_TRUE(!found || (same_bits(a, b) && same_bits(a, c)));
+  }
+}
+
+}  // namespace
+}  // namespace tessera::render::testing

@@ -1,0 +1,284 @@
+// Every reference structure gives the one hit of brute force, bit for bit: hard cases 13 to 16, 32
+// and 35 for structures other than the production one.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "tests/numeric/geometry/geometry_scenes.h"
+#include "worker/accel/reference/brute_force.h"
+#include "worker/accelerators/grids/grid.h"
+#include "worker/accelerators/reference_accel.h"
+
+namespace tessera::render::reference {
+
+// NOLINTNEXTLINE(readability-identifier-naming): the name gtest looks for
+void PrintTo(const Structure& structure, std::ostream* out) {
+  *out << structure.name;
+}
+
+}  // namespace tessera::render::reference
+
+namespace tessera::render::testing {
+namespace {
+
+using reference::ReferenceAccel;
+using reference::Structure;
+using reference::structures;
+
+/// A scene, rays in it, and what they hit.
+struct Trial {
+  Scene scene;
+  std::vector<Ray> rays;
+  std::vector<bool> found;
+  std::vector<Hit> hits;
+  std::size_t hit_count = 0;
+
+  void add(const Ray& ray) {
+    Hit hit;
+    rays.push_back(ray);
+    found.push_back(brute_force_closest(scene, ray, hit));
+    hits.push_back(hit);
+    hit_count += found.back() ? 1 : 0;
+  }
+  void add_adversarial(int count, Dice& dice) {
+    for (int i = 0; i < count; ++i) add(adversarial_ray(scene, dice));
+  }
+};
+
+/// Rays whose closest or any hit differs from brute force in any bit.
+int mismatches(const Trial& trial, const Structure& structure) {
+  const ReferenceAccel accel(trial.scene, structure);
+  int wrong = 0;
+  for (std::size_t i = 0; i < trial.rays.size(); ++i) {
+    Hit hit;
+    reference::Work work;
+    const bool found = accel.closest_hit(trial.rays[i], hit, work);
+    if (found != trial.found[i] || (found && !same_bits(hit, trial.hits[i]))) ++wrong;
+    if (accel.any_hit(trial.rays[i], work) != trial.found[i]) ++wrong;
+  }
+  return wrong;
+}
+
+class EveryStructure : public ::testing::TestWithParam<Structure> {};
+
+INSTANTIATE_TEST_SUITE_P(Reference, EveryStructure,
+                         ::testing::ValuesIn(structures().begin(), structures().end()),
+                         [](const auto& of) {
+                           std::string name(of.param.name);
+                           std::replace(name.begin(), name.end(), '-', '_');
+                           return name;
+                         });
+
+TEST_P(EveryStructure, AgreesOnSoupsWithDuplicatesAndFlatBoxes) {
+  Dice dice(1);
+  Trial trial;
+  trial.scene = scene_of({soup(150, dice), soup(60, dice)});
+  trial.add_adversarial(30'000, dice);
+  EXPECT_GT(trial.hit_count, 10'000u);
+  EXPECT_EQ(mismatches(trial, GetParam()), 0);
+}
+
+TEST_P(EveryStructure, AgreesOnTerrainWhosePlanesAreShared) {
+  Dice dice(2);
+  Trial trial;
+  trial.scene = scene_of({terrain(10, dice)});
+  trial.add_adversarial(30'000, dice);
+  EXPECT_GT(trial.hit_count, 10'000u);
+  EXPECT_EQ(mismatches(trial, GetParam()), 0);
+}
+
+TEST_P(EveryStructure, AgreesOnNeedlesAslant) {
+  Dice dice(3);
+  Trial trial;
+  trial.scene = scene_of({needles(250, dice)});
+  trial.add_adversarial(20'000, dice);
+  EXPECT_GT(trial.hit_count, 7'000u);
+  EXPECT_EQ(mismatches(trial, GetParam()), 0);
+}
+
+TEST_P(EveryStructure, AgreesOnInstancesMirroredScaledAndStacked) {
+  Dice dice(4);
+  Trial trial;
+  trial.scene.meshes = {mesh_of({soup(20, dice), soup(10, dice)}), mesh_of({uv_sphere(4, 6, 1)}),
+                        mesh_of({})};
+  for (int i = 0; i < 12; ++i) {
+    const double scale = std::exp2(-6 * dice.unit());
+    place(trial.scene, i % 3, random_placement(dice, scale, Vec3d(dice.vector()), i % 2 == 0));
+  }
+  place(trial.scene, 0);
+  place(trial.scene, 1);
+  place(trial.scene, 1);  // an exact duplicate
+  Affine3d squashed = random_placement(dice, 1, {0, 0, 0}, false);
+  squashed.rows[1] *= 1e-4;
+  place(trial.scene, 1, squashed);
+  trial.add_adversarial(20'000, dice);
+  EXPECT_GT(trial.hit_count, 7'000u);
+  EXPECT_EQ(mismatches(trial, GetParam()), 0);
+}
+
+TEST_P(EveryStructure, AgreesForOriginsFarOutsideAndOnTheSurfaces) {
+  Dice dice(5);
+  Trial trial;
+  trial.scene = scene_of({uv_sphere(8, 12, 1), quad({-1, 0, -1}, {2, 0, 0}, {0, 0, 2})});
+  const Primitive& sphere = trial.scene.meshes[0].primitives[0];
+  for (int i = 0; i < 20'000; ++i) {
+    Ray ray;
+    if (i % 2 == 0) {
+      ray.origin = dice.direction() * std::exp2(24 * dice.unit());
+      ray.direction = dice.vector() - ray.origin;
+    } else {
+      ray.origin = edge_or_vertex(sphere, i % 4 == 1, dice);
+      ray.direction = edge_or_vertex(sphere, true, dice) - ray.origin;
+    }
+    trial.add(ray);
+  }
+  EXPECT_GT(trial.hit_count, 5'000u);
+  EXPECT_EQ(mismatches(trial, GetParam()), 0);
+}
+
+/// Hard case 32, and a body of one triangle, and of triangles in one plane.
+TEST_P(EveryStructure, AgreesOnEqualNestedSingleAndCoplanarTriangles) {
+  Dice dice(6);
+  Primitive nested, coplanar;
+  for (int i = 0; i < 60; ++i) {
+    const auto first = static_cast<std::uint32_t>(3 * i);
+    const float size = std::exp2(-static_cast<float>(i % 20));
+    for (Primitive* p : {&nested, &coplanar}) p->triangles.push_back({first, first + 1, first + 2});
+    nested.positions.insert(nested.positions.end(),
+                            {{-size, 0, -size}, {size, 0, -size}, {0, 0, 2 * size}});
+    for (int k = 0; k < 3; ++k) coplanar.positions.push_back({dice.both(), 0.25f, dice.both()});
+  }
+  Primitive one;
+  one.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  one.triangles = {{0, 1, 2}};
+  for (const Primitive& each : {nested, coplanar, one}) {
+    Trial trial;
+    trial.scene = scene_of({each});
+    trial.add_adversarial(4'000, dice);
+    EXPECT_GT(trial.hit_count, 200u);
+    EXPECT_EQ(mismatches(trial, GetParam()), 0);
+  }
+}
+
+/// Hard case 33: NaN, infinite and zero rays miss; so do all rays where there is nothing.
+TEST_P(EveryStructure, MissesWithInvalidRaysAndInEmptyScenes) {
+  constexpr float kInf = std::numeric_limits<float>::infinity();
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  const ReferenceAccel full(scene_of({uv_sphere(4, 6, 1)}), GetParam());
+  const ReferenceAccel empty(Scene{}, GetParam());
+  const ReferenceAccel hollow(scene_of({}), GetParam());
+  Hit hit;
+  for (const Vec3f& bad :
+       {Vec3f{}, Vec3f{kNan, 1, 0}, Vec3f{0, kInf, 0}, Vec3f{-0.0f, 0, 1e-40f}}) {
+    EXPECT_FALSE(full.closest_hit({{0, 0, 0}, bad}, nullptr, hit));
+  }
+  EXPECT_FALSE(full.closest_hit({{kNan, 0, 0}, {1, 0, 0}}, nullptr, hit));
+  EXPECT_TRUE(full.closest_hit({{0, 0, 0}, {1, 0, 0}}, nullptr, hit));
+  EXPECT_FALSE(empty.closest_hit({{0, 0, 0}, {1, 0, 0}}, nullptr, hit));
+  EXPECT_FALSE(hollow.any_hit({{0, 0, 0}, {1, 0, 0}}, nullptr));
+}
+
+TEST_P(EveryStructure, GivesAllHitsInOrderOnceEach) {
+  Dice dice(7);
+  const Scene scene = scene_of({soup(60, dice), needles(60, dice)});
+  const ReferenceAccel accel(scene, GetParam());
+  std::size_t count = 0;
+  for (int i = 0; i < 2'000; ++i) {
+    const Ray ray = adversarial_ray(scene, dice);
+    std::vector<Hit> expected;
+    brute_force_hits(scene, ray, [&](const Hit& hit) { expected.push_back(hit); });
+    std::sort(expected.begin(), expected.end(), precedes);
+    const std::vector<Hit> hits = accel.all_hits(ray);
+    ASSERT_EQ(hits.size(), expected.size());
+    for (std::size_t k = 0; k < hits.size(); ++k) ASSERT_TRUE(same_bits(hits[k], expected[k]));
+    std::size_t shown = 0;
+    const auto count_shown = [&](const Hit&) { return ++shown == 0; };
+    ASSERT_EQ(accel.any_hit(ray, nullptr), !expected.empty());
+    const HitFilter filter(count_shown);
+    ASSERT_FALSE(accel.any_hit(ray, &filter));
+    ASSERT_EQ(shown, expected.size());
+    count += hits.size();
+  }
+  EXPECT_GT(count, 1'000u);
+}
+
+TEST(HardCase35, RaysAlongTheDiagonalVisitItsCells) {
+  // 512 shapes / 2 cells a shape would be 8 cells a side but for the pad; any number will do.
+  const reference::Grid grid({{0, 0, 0}, {8, 8, 8}}, 256);
+  for (const float sign : {1.0f, -1.0f}) {
+    reference::ShapeRay ray;
+    const Vec3f origin = sign > 0 ? Vec3f{-1, -1, -1} : Vec3f{9, 9, 9};
+    ASSERT_TRUE(
+        reference::make_shape_ray(origin, Vec3f{1, 1, 1} * sign, {{0, 0, 0}, {8, 8, 8}}, ray));
+    std::set<std::array<int, 3>> visited;
+    reference::GridWalk walk(grid, ray, grid.inside(ray, 1e6f).first);
+    do visited.insert(walk.cell());
+    while (walk.next());
+    ASSERT_GE(grid.count(0), 6);
+    for (int i = 0; i < grid.count(0); ++i) EXPECT_TRUE(visited.count({i, i, i})) << i;
+  }
+}
+
+TEST(HardCase35, RaysInAPlaneBetweenCellsHitWhatLiesOnIt) {
+  // Quads on every plane between the cells of a grid, and rays in those planes through their edges.
+  Trial trial;
+  std::vector<Primitive> quads;
+  for (int i = 0; i <= 8; ++i) {
+    const auto x = static_cast<float>(i);
+    quads.push_back(quad({x, 0, 0}, {0, 8, 0}, {0, 0, 8}));
+    quads.push_back(quad({0, x, 0}, {8, 0, 0}, {0, 0, 8}));
+  }
+  trial.scene = scene_of(std::move(quads));
+  for (int i = 0; i <= 8; ++i) {
+    for (int j = 0; j <= 8; ++j) {
+      const Vec3f at = {static_cast<float>(i), static_cast<float>(j), 4};
+      for (const Vec3f& d : {Vec3f{1, 0, 0}, Vec3f{0, -1, 0}, Vec3f{0, 0, 1}, Vec3f{1, 1, 0}}) {
+        Ray ray;
+        ray.origin = at - d * 20.0f;
+        ray.direction = d;
+        trial.add(ray);
+      }
+    }
+  }
+  EXPECT_GT(trial.hit_count, 150u);
+  for (const Structure& structure : structures()) {
+    EXPECT_EQ(mismatches(trial, structure), 0) << structure.name;
+  }
+}
+
+/// Cells sized for the whole scene hold all of a small dense body: its triangles are tested by the
+/// thousand. What adapts to where the triangles are tests a few.
+TEST(TeapotInAStadium, FillsOneCellOfAUniformGridAndDoesNotTroubleHierarchies) {
+  const Scene scene = scene_of(
+      {uv_sphere(40, 60, 0.5f, {0, 0.5f, 0}), quad({-200, 0, 200}, {400, 0, 0}, {0, 0, -400})});
+  Dice dice(8);
+  std::vector<Ray> rays;
+  for (int i = 0; i < 2'000; ++i) {
+    rays.push_back({{0, 1.5f, 3}, dice.vector() * 0.6f + Vec3f{0, -1, -3}});
+  }
+  const auto triangles_per_ray = [&](std::string_view name) {
+    const ReferenceAccel accel(scene, *reference::find_structure(name));
+    reference::Work work;
+    Hit hit;
+    for (const Ray& ray : rays) accel.closest_hit(ray, hit, work);
+    return static_cast<double>(work.shapes) / static_cast<double>(rays.size());
+  };
+  for (const char* grid : {"grid", "proximity-grid"})
+    EXPECT_GT(triangles_per_ray(grid), 1000) << grid;
+  for (const char* adaptive : {"bvh2", "bvh2-skip", "spheres", "oriented-boxes", "kd-tree",
+                               "octree", "hierarchical-grid"}) {
+    EXPECT_LT(triangles_per_ray(adaptive), 50) << adaptive;
+  }
+  for (const char* slower : {"recursive-grid", "polygon-bsp"}) {
+    EXPECT_LT(triangles_per_ray(slower), 400) << slower;
+  }
+}
+
+}  // namespace
+}  // namespace tessera::render::testing

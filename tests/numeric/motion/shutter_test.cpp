@@ -1,0 +1,154 @@
+/// When the poses of what moves are known, and that they are those of the file's animations.
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/numeric/geometry/geometry_scenes.h"
+#include "tests/numeric/motion/motion_files.h"
+#include "tests/support/memory_scene.h"
+#include "worker/accelerators/reference_accel.h"
+#include "worker/geometry/motion.h"
+
+namespace tessera::render::testing {
+namespace {
+
+using tessera::testing::GltfBuilder;
+using tessera::testing::load_and_pose;
+using tessera::testing::render_picture;
+
+constexpr double kPi = 3.14159265358979323846;
+
+/// The catalogue's own: a ball of radius 0.1, 1 m from the z axis, which it goes half round.
+TEST(HardCase31, ABallThatGoesHalfRoundIsHitAtTheTop) {
+  GltfBuilder file;
+  add_camera(file, 0, 1);
+  file.use_extension("TESSERA_shape");
+  const int ball = file.add_node(
+      R"({"translation": [1, 0, 0], "extensions": {"TESSERA_shape": {"type": "sphere", "radius": 0.1}}})",
+      false);
+  const Primitive sphere = uv_sphere(8, 12, 0.1f);
+  tessera::testing::TriangleMesh triangles;
+  triangles.positions = sphere.positions;
+  for (const auto& t : sphere.triangles) {
+    triangles.indices.insert(triangles.indices.end(), t.begin(), t.end());
+  }
+  const int mesh = file.add_node(
+      R"({"translation": [1, 0, 1], "mesh": )" + number(file.add_mesh(triangles)) + "}", false);
+  const int arm = file.add_node(R"({"children": [)" + number(ball) + ", " + number(mesh) + "]}");
+  const auto half = static_cast<float>(std::sin(kPi / 2));
+  animate(file, arm, "rotation", {0, 1}, "VEC4", {0, 0, 0, 1, 0, 0, half, 0});
+  const auto scene = load_and_pose(file, all_animations());
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_EQ(scene->motions.size(), 2u);
+  const SceneAccel accel(*scene, in_order());
+  const reference::ReferenceAccel other(*scene, reference::structures().front());
+  for (const float time : {0.0f, 0.125f, 0.5f, 0.8125f, 1.0f}) {
+    const double angle = kPi * static_cast<double>(time);
+    for (const double z : {0.0, 1.0}) {
+      // From 0.15 above the ball's centre, straight at it.
+      const Vec3d out = {std::cos(angle), std::sin(angle), 0};
+      Ray ray;
+      ray.origin = Vec3f(out * 1.15 + Vec3d{0, 0, z} - scene->center);
+      ray.direction = Vec3f(-out);
+      ray.time = time;
+      Hit hit, same;
+      ASSERT_TRUE(accel.closest_hit(ray, hit)) << time << " " << z;
+      ASSERT_TRUE(other.closest_hit(ray, nullptr, same));
+      EXPECT_TRUE(same_bits(hit, same));
+      // The tolerance of add_motion() is 2^-10 of the ball's box, whose diagonal is 0.35 m, times
+      // 4/3; the mesh is within 0.1 (1 - cos(pi / 8)^2) of the ball.
+      EXPECT_NEAR(hit.t, 0.05f, z == 0 ? 0.00047 : 0.015) << time;
+      // The ball was elsewhere at other times.
+      ray.time = time < 0.5f ? time + 0.25f : time - 0.25f;
+      EXPECT_FALSE(accel.closest_hit(ray, hit) && hit.t < 0.1f);
+    }
+  }
+}
+
+/// S curves and what stands still: keys are only where they are needed.
+TEST(Shutter, PutsKeysWherePathsBendAndNowhereElse) {
+  const auto keys = [](const char* interpolation, const std::vector<float>& times,
+                       const std::vector<float>& values, double open, double close) {
+    GltfBuilder file;
+    add_camera(file, open, close);
+    const int node = file.add_node_with_mesh(file.add_mesh(tessera::testing::unit_quad()));
+    animate(file, node, "translation", times, "VEC3", values, interpolation);
+    const auto scene = load_and_pose(file, all_animations());
+    EXPECT_TRUE(scene.ok()) << scene.status();
+    return scene.ok() ? scene->key_times : std::vector<float>{-1};
+  };
+  using Times = std::vector<float>;
+  EXPECT_EQ(keys("LINEAR", {0, 1}, {0, 0, 0, 1, 0, 0}, 0, 0.5), (Times{0, 1}));
+  EXPECT_EQ(keys("LINEAR", {0, 1}, {0, 0, 0, 1, 0, 0}, 0.5, 0.5), Times{});
+  EXPECT_EQ(keys("LINEAR", {0, 1}, {0, 0, 0, 0, 0, 0}, 0, 0.5), Times{});
+  EXPECT_EQ(keys("LINEAR", {1, 2}, {0, 0, 0, 1, 0, 0}, 0, 0.5), Times{});
+  EXPECT_EQ(keys("LINEAR", {0, 0.25f, 1}, {0, 0, 0, 1, 0, 0, 0, 1, 0}, 0, 0.5),
+            (Times{0, 0.5f, 1}));
+  // From (0, 0, 0) to (1, 0, 0) with no speed at either end: halfway it lies on the straight line.
+  const Times curve =
+      keys("CUBICSPLINE", {0, 1}, {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0}, 0, 1);
+  EXPECT_GT(curve.size(), 8u);
+  EXPECT_LT(curve.size(), 40u);
+  const Times jump = keys("STEP", {0, 0.3f}, {0, 0, 0, 1, 0, 0}, 0, 0.5);
+  ASSERT_EQ(jump.size(), 4u);
+  EXPECT_EQ(jump[2] - jump[1], 0x1p-24f);
+  EXPECT_NEAR(jump[2], 0.6, 1e-6);
+}
+
+TEST(Shutter, FollowsJumpsWithoutSmearingThem) {
+  GltfBuilder file;
+  add_camera(file, 0, 1);
+  const int node = file.add_node_with_mesh(file.add_mesh(tessera::testing::unit_quad()));
+  animate(file, node, "translation", {0, 0.3f}, "VEC3", {0, 0, 0, 4, 0, 0}, "STEP");
+  const auto scene = load_and_pose(file, all_animations());
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_EQ(scene->motions.size(), 1u);
+  for (std::uint32_t k = 0; k <= 0x1000; ++k) {
+    const float time = static_cast<float>(k) / 0x1000;
+    const auto pose = pose_at(scene->motions[0], find_key(scene->key_times, time));
+    ASSERT_TRUE(pose.has_value());
+    EXPECT_EQ(pose->object_to_world.translation.x + scene->center.x, time < 0.3f ? 0 : 4) << time;
+  }
+}
+
+TEST(Shutter, OfAStillSceneChangesNothing) {
+  GltfBuilder open, closed;
+  for (GltfBuilder* file : {&open, &closed}) {
+    add_camera(*file, 0, file == &open ? 1 : 0);
+    file->add_node_with_mesh(file->add_mesh(tessera::testing::unit_quad()));
+    const int far = file->add_node(R"({})");
+    animate(*file, far, "translation", {0, 1}, "VEC3", {0, 0, 0, 4, 0, 0});
+  }
+  auto settings = all_animations();
+  const auto a = load_and_pose(open, settings), b = load_and_pose(closed, settings);
+  ASSERT_TRUE(a.ok() && b.ok());
+  EXPECT_TRUE(a->key_times.empty() && a->camera.keys.empty());
+  EXPECT_EQ(render_picture(*a, settings).rgb, render_picture(*b, settings).rgb);
+}
+
+TEST(Shutter, SplitsMeshesThatArePosedAlikeOnlyAtTheFramesTime) {
+  GltfBuilder file;
+  add_camera(file, 0, 1);
+  tessera::testing::TriangleMesh quad = tessera::testing::unit_quad();
+  const int mesh = file.add_mesh(quad);
+  const int moves = file.add_vec3({{0, 0, 1}, {0, 0, 1}, {0, 0, 1}, {0, 0, 1}});
+  file.set("/meshes/0/primitives/0/targets", R"([{"POSITION": )" + number(moves) + "}]");
+  const int still = file.add_node_with_mesh(mesh), up = file.add_node_with_mesh(mesh),
+            down = file.add_node_with_mesh(mesh);
+  animate(file, up, "weights", {0, 1}, "SCALAR", {0, 1});
+  animate(file, down, "weights", {0, 1}, "SCALAR", {0, -1});
+  const auto scene = load_and_pose(file, all_animations());
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_EQ(scene->instances.size(), 3u);
+  for (const Instance& instance : scene->instances) {
+    const Mesh& own = scene->meshes[static_cast<std::size_t>(instance.mesh)];
+    ASSERT_EQ(own.keys.size(), instance.node == still ? 0u : 2u);
+    if (own.keys.empty()) continue;
+    EXPECT_EQ(own.keys[1][0].positions[0].z, instance.node == up ? 1 : -1);
+    EXPECT_TRUE(own.keys[1][0].triangles.empty());
+  }
+}
+
+}  // namespace
+}  // namespace tessera::render::testing

@@ -1,0 +1,270 @@
+// Hard case 24: lines through blobs.
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/numeric/shapes/solid_scenes.h"
+#include "worker/geometry/shapes/shape_surface.h"
+
+namespace tessera::render::testing {
+namespace {
+
+constexpr Vec3d kUnit = {1, 1, 1};
+
+std::vector<ShapeHit> hits_of(const Shape& shape, const Vec3d& origin, const Vec3d& direction) {
+  std::vector<ShapeHit> hits;
+  intersect_shape(shape, origin, direction, hits);
+  return hits;
+}
+
+/// Two of radius 1, this far apart along x.
+Shape pair_apart(double distance) {
+  const Vec3d half = {distance / 2, 0, 0};
+  return make_blobs({{-half, kUnit, 1}, {half, kUnit, 1}}, 0.25);
+}
+
+/// Written down on its own.
+double field(const std::vector<Blob>& blobs, const Vec3d& p) {
+  double sum = 0;
+  for (const Blob& blob : blobs) {
+    double r2 = 0;
+    for (int k = 0; k < 3; ++k) {
+      const double x = (p[k] - blob.centre[k]) / blob.radii[k];
+      r2 += x * x;
+    }
+    if (r2 < 1) sum += blob.strength * (1 - r2) * (1 - r2);
+  }
+  return sum;
+}
+
+/// Of all sizes and both signs, in and about [-1, 1]^3.
+std::vector<Blob> random_blobs(Dice& dice) {
+  std::vector<Blob> blobs(1 + dice.below(40));
+  for (Blob& blob : blobs) {
+    blob.centre = Vec3d(dice.vector());
+    for (int k = 0; k < 3; ++k) blob.radii[k] = 0.1 + 0.5 * static_cast<double>(dice.unit());
+    blob.strength = static_cast<double>(dice.unit()) * (dice.below(4) == 0 ? -2 : 2);
+  }
+  return blobs;
+}
+
+TEST(HardCase24, OneBlobIsTheSphereItIs) {
+  const Shape blob = make_blobs({{{}, kUnit, 1}}, 0.25);
+  const auto through = hits_of(blob, {0, 0, -3}, {0, 0, 1});
+  ASSERT_EQ(through.size(), 2u);
+  EXPECT_NEAR(through[0].t, 2.2928932, 1e-7);
+  EXPECT_NEAR(through[1].t, 3.7071068, 1e-7);
+
+  const double radius = std::sqrt(0.5);  // (1 - r^2)^2 = 1 / 4
+  const Shape sphere = make_ellipsoid(kUnit * radius);
+  EXPECT_NEAR(blob.bounds.hi.x, radius, 1e-7);
+  Dice dice(24);
+  int hit = 0;
+  for (int i = 0; i < 20'000; ++i) {
+    const double distance = std::pow(10.0, i % 4);
+    const Vec3d origin = Vec3d(dice.direction()) * distance;
+    const Vec3d direction = Vec3d(dice.direction()) * 0.9 - origin;
+    const auto expected = hits_of(sphere, origin, direction);
+    const auto found = hits_of(blob, origin, direction);
+    // A ray that all but touches may do so or not.
+    if (expected.size() == 2 && expected[1].t - expected[0].t < 1e-6 / distance) continue;
+    ASSERT_EQ(found.size(), expected.size()) << i;
+    for (std::size_t k = 0; k < found.size(); ++k) {
+      ++hit;
+      EXPECT_LE(length(found[k].point - expected[k].point), 1e-10 * distance);
+      EXPECT_EQ(found[k].enters, expected[k].enters);
+    }
+  }
+  EXPECT_GT(hit, 15'000);
+}
+
+TEST(HardCase24, TheNeckOfTwoIsWhereItIs) {
+  const auto crossings = [](double distance, double height) {
+    return hits_of(pair_apart(distance), {0, height, -3}, {0, 0, 1}).size();
+  };
+  EXPECT_EQ(crossings(1.6080, 0.005), 2u);
+  EXPECT_EQ(crossings(1.6080, 0.006), 0u);
+  EXPECT_EQ(crossings(1.6080380, 0), 2u);
+  EXPECT_EQ(crossings(1.6080382, 0), 0u);
+  // Along both: through the neck, or in and out of each.
+  EXPECT_EQ(hits_of(pair_apart(1.608), {-3, 0, 0}, {1, 0, 0}).size(), 2u);
+  EXPECT_EQ(hits_of(pair_apart(1.609), {-3, 0, 0}, {1, 0, 0}).size(), 4u);
+}
+
+TEST(HardCase24, TwoFarBlobsAreTwoSpheres) {
+  const Shape both = pair_apart(3);
+  const Shape sphere = make_ellipsoid(kUnit * std::sqrt(0.5));
+  Dice dice(25);
+  int hit = 0;
+  for (int i = 0; i < 10'000; ++i) {
+    const Vec3d origin = Vec3d(dice.vector()) * 4.0, direction(dice.direction());
+    std::vector<double> expected;
+    for (const double x : {-1.5, 1.5}) {
+      for (const ShapeHit& h : hits_of(sphere, origin - Vec3d{x, 0, 0}, direction)) {
+        expected.push_back(h.t);
+      }
+    }
+    std::sort(expected.begin(), expected.end());
+    const auto found = hits_of(both, origin, direction);
+    ASSERT_EQ(found.size(), expected.size());
+    for (std::size_t k = 0; k < found.size(); ++k) EXPECT_NEAR(found[k].t, expected[k], 1e-7);
+    hit += static_cast<int>(found.size());
+  }
+  EXPECT_GT(hit, 1'000);
+}
+
+TEST(Blobs, RootsAreThoseOfDenseBisection) {
+  constexpr int kSteps = 2048;
+  Dice dice(26);
+  int roots = 0, off = 0, missed = 0, lone = 0;
+  for (int i = 0; i < 800; ++i) {
+    const std::vector<Blob> blobs = random_blobs(dice);
+    const Vec3d origin = Vec3d(dice.vector()) * 3.0, direction = Vec3d(dice.vector()) - origin;
+    const auto at = [&](double t) { return field(blobs, origin + direction * t) - 0.25; };
+    const auto found = hits_of(make_blobs(blobs, 0.25), origin, direction);
+    std::vector<char> seen(found.size(), 0);
+    const double step = 1.0 / kSteps;  // from t = -1 to 3
+    for (int k = -kSteps; k < 3 * kSteps; ++k) {
+      double low = k * step, high = low + step;
+      const bool inside = at(low) > 0;
+      if (inside == (at(high) > 0)) continue;
+      for (int n = 0; n < 60; ++n) {
+        const double middle = 0.5 * (low + high);
+        ((at(middle) > 0) == inside ? low : high) = middle;
+      }
+      ++roots;
+      bool near = false;
+      for (std::size_t h = 0; h < found.size(); ++h) {
+        if (std::fabs(found[h].t - low) > 1e-9 || found[h].enters == inside) continue;
+        near = true;
+        seen[h] = 1;
+      }
+      missed += near ? 0 : 1;
+    }
+    // What steps do not see comes in pairs closer than a step, and is a root all the same.
+    for (std::size_t h = 0; h < found.size(); ++h) {
+      off += std::fabs(at(found[h].t)) <= 1e-12 ? 0 : 1;
+      if (seen[h] != 0 || found[h].t < -1 || found[h].t > 3) continue;
+      const bool paired = (h > 0 && found[h].t - found[h - 1].t < step) ||
+                          (h + 1 < found.size() && found[h + 1].t - found[h].t < step);
+      lone += paired ? 0 : 1;
+    }
+  }
+  EXPECT_GT(roots, 500);
+  EXPECT_EQ(missed, 0);
+  EXPECT_EQ(off, 0);
+  EXPECT_EQ(lone, 0);
+}
+
+TEST(Blobs, NormalsAreCentralDifferences) {
+  Dice dice(27);
+  int checked = 0;
+  for (int i = 0; i < 1'500; ++i) {
+    const std::vector<Blob> blobs = random_blobs(dice);
+    const Shape shape = make_blobs(blobs, 0.25);
+    const Vec3d origin = Vec3d(dice.vector()) * 3.0;
+    for (const ShapeHit& hit : hits_of(shape, origin, Vec3d(dice.vector()) - origin)) {
+      Vec3d slope;
+      for (int k = 0; k < 3; ++k) {
+        Vec3d h;
+        h[k] = 1e-5;
+        slope[k] = (field(blobs, hit.point + h) - field(blobs, hit.point - h)) / 2e-5;
+      }
+      const Vec3d normal = shape_normal(shape, hit.face, hit.point);
+      EXPECT_LE(length(normal + slope), 1e-6 * (1 + length(slope)));
+      EXPECT_TRUE(shape.bounds.contains(Vec3f(hit.point))) << i;
+      ++checked;
+    }
+  }
+  EXPECT_GT(checked, 500);
+}
+
+TEST(Blobs, ANegativeOneTakesAwayWhatAPositiveOneGives) {
+  const Blob kept = {{0.25, 0, 0}, {1, 0.5, 0.75}, 1};
+  const Blob plus = {{0.5, 0.25, 0}, kUnit, 1.5}, minus = {{0.5, 0.25, 0}, kUnit, -1.5};
+  const Shape alone = make_blobs({kept}, 0.25), all = make_blobs({plus, kept, minus}, 0.25);
+  Dice dice(28);
+  for (int i = 0; i < 2'000; ++i) {
+    const Vec3d origin = Vec3d(dice.direction()) * 3.0;
+    const Vec3d direction = Vec3d(dice.vector()) * 0.4 - origin;
+    const auto expected = hits_of(alone, origin, direction),
+               found = hits_of(all, origin, direction);
+    ASSERT_EQ(found.size(), expected.size());
+    for (std::size_t k = 0; k < found.size(); ++k) EXPECT_NEAR(found[k].t, expected[k].t, 1e-7);
+  }
+  EXPECT_TRUE(hits_of(make_blobs({plus, minus}, 0.25), {0, 0, -3}, {0, 0, 1}).empty());
+}
+
+TEST(Blobs, AFieldThatIsTheThresholdEverywhereIsStillClosed) {
+  // 1 (1 - x)^2 - 6 (1 - x / 2)^2 + 8 (1 - x / 4)^2 = 3, x being the square of the distance.
+  const std::vector<Blob> blobs = {
+      {{}, kUnit, 1}, {{}, kUnit * std::sqrt(2.0), -6}, {{}, kUnit * 2.0, 8}};
+  EXPECT_NEAR(field(blobs, {0.5, 0.25, -0.125}), 3, 1e-12);
+  Dice dice(29);
+  for (int i = 0; i < 2'000; ++i) {
+    const Vec3d origin = Vec3d(dice.direction()) * 3.0;
+    const auto hits = hits_of(make_blobs(blobs, 3), origin, Vec3d(dice.vector()) * 0.5 - origin);
+    EXPECT_EQ(hits.size() % 2, 0u);
+    for (std::size_t k = 0; k < hits.size(); ++k) {
+      EXPECT_EQ(hits[k].enters, k % 2 == 0);
+      EXPECT_NEAR(field(blobs, hits[k].point), 3, 1e-12);
+    }
+  }
+}
+
+TEST(Blobs, WhereDoublesAreTooCoarseTheyAreStillClosed) {
+  const Shape shape = make_blobs({{{}, kUnit, 1}, {{1e15, 0, 0}, kUnit, 1}}, 1e-4);
+  Dice dice(30);
+  int found = 0;
+  for (int i = 0; i < 2'000; ++i) {
+    const Vec3d origin = {1e15, 0, 0};
+    const auto hits = hits_of(shape, origin, Vec3d(dice.direction()) + Vec3d{3, 0, 0});
+    found += hits.empty() ? 0 : 1;
+    EXPECT_EQ(hits.size() % 2, 0u);
+  }
+  EXPECT_GT(found, 500);
+}
+
+TEST(Blobs, BoundsHoldTheSurfaceAndLittleElse) {
+  // Of two that overlap a little, each reaches at least as far as alone.
+  const Shape both = pair_apart(1.6);
+  EXPECT_GE(both.bounds.hi.x, 0.8f + static_cast<float>(std::sqrt(0.5)));
+  EXPECT_LT(both.bounds.hi.x, 1.8f);
+  EXPECT_LT(both.bounds.hi.y, static_cast<float>(std::sqrt(1 - std::sqrt(0.125))) + 1e-6f);
+  // Two in one place, neither of which would reach that far alone: 0.6 (1 - r^2)^2 = 0.25.
+  const Shape weak = make_blobs({{{}, kUnit, 0.3}, {{}, kUnit, 0.3}}, 0.25);
+  EXPECT_NEAR(weak.bounds.hi.x, std::sqrt(1 - std::sqrt(0.25 / 0.6)), 1e-6);
+  // Negative ones count for nothing, and what is never reached still has bounds.
+  const Shape one = make_blobs({{{}, kUnit, 1}, {{2, 0, 0}, kUnit * 3.0, -1}}, 0.25);
+  EXPECT_NEAR(one.bounds.hi.x, std::sqrt(0.5), 1e-6);
+  const Shape none = make_blobs({{{}, kUnit, 0.2}}, 0.25);
+  EXPECT_EQ(none.bounds.lo.x, -std::nextafter(1.0f, 2.0f));
+  EXPECT_TRUE(hits_of(none, {0, 0, -3}, {0, 0, 1}).empty());
+}
+
+TEST(Blobs, AreOperandsOfSolids) {
+  Scene scene;
+  place_shape(scene, pair_apart(1.2));
+  place_shape(scene, make_box({0.25, 4, 4}), moved({0.125, 0, 0}));
+  combine(scene, CsgOperation::intersect);
+  Ray ray;
+  ray.origin = {-3, 0, 0};
+  ray.direction = {1, 0, 0};
+  const std::vector<Hit> through = all_hits(scene, ray);  // the slice is all inside
+  ASSERT_EQ(through.size(), 2u);
+  EXPECT_EQ(through[0].t, 3);
+  EXPECT_EQ(through[1].t, 3.25f);
+  ray.origin = {0.125f, 0, -3};
+  ray.direction = {0, 0, 1};
+  const std::vector<Hit> across = all_hits(scene, ray);
+  ASSERT_EQ(across.size(), 2u);
+  EXPECT_EQ(across[0].id.instance, 0u);
+  const std::vector<Blob> blobs = {{{-0.6, 0, 0}, kUnit, 1}, {{0.6, 0, 0}, kUnit, 1}};
+  for (const Hit& hit : across) {
+    EXPECT_NEAR(field(blobs, {0.125, 0, static_cast<double>(hit.t) - 3}), 0.25, 1e-6);
+  }
+}
+
+}  // namespace
+}  // namespace tessera::render::testing

@@ -1,0 +1,209 @@
+// Hard cases 19, 58 and 59: shapes that emit, sampled by solid angle.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "tests/numeric/shapes/solid_scenes.h"
+#include "worker/light/light_sampler.h"
+
+namespace tessera::render::testing {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+/// A lamp of radiance `radiance`, alone.
+Scene lamp(const Shape& shape, const Affine3d& at, float radiance) {
+  Scene scene = shape_scene(shape, at);
+  Material material;
+  material.emission = Vec3f{1, 1, 1} * radiance;
+  scene.materials.push_back(material);
+  return scene;
+}
+
+ShapeLight emitter_of(const Scene& scene) {
+  const Instance& instance = scene.instances[0];
+  return {instance.object_to_world, instance.world_to_object, *scene.meshes[0].shape};
+}
+
+/// Irradiance at the origin, looking to +z, by light samples on a grid of random numbers.
+double irradiance(const Scene& scene, int side) {
+  const ShadingScene shading(scene);
+  const LightSampler lights(scene, shading);
+  const LightSampleContext receiver = {{0, 0, 0}, {0, 0, 1}};
+  double sum = 0;
+  for (int i = 0; i < side * side; ++i) {
+    const int row = i / side;
+    const LightRandom u = {0.5, (i % side + 0.5) / side, (row + 0.5) / side};
+    LightSample sample;
+    if (!lights.sample(receiver, u, &sample)) continue;
+    sum += std::max(0.0, static_cast<double>(sample.radiance_over_pdf.x) *
+                             static_cast<double>(sample.direction.z));
+    EXPECT_EQ(lights.emitter_pdf(receiver, sample.triangle, length(sample.target), 1), sample.pdf);
+  }
+  return sum / (side * side);
+}
+
+TEST(HardCase19, ATinySphereFarAwayGivesItsLight) {
+  const Scene scene = lamp(make_ellipsoid({1, 1, 1}), moved({0, 0, 1e6}), 1e12f);
+  EXPECT_NEAR(irradiance(scene, 32) / kPi, 1, 1e-5);
+}
+
+TEST(HardCase59, SpheresOfAnySolidAngleGiveTheirLight) {
+  for (const double sine : {0.9, 0.1, 1e-3, 1e-4, 1e-5, 1e-6}) {
+    const Scene scene = lamp(make_ellipsoid({sine, sine, sine}), moved({0, 0, 1}), 1);
+    EXPECT_NEAR(irradiance(scene, 64) / (kPi * sine * sine), 1, 1e-3) << sine;
+  }
+}
+
+TEST(HardCase58, FlatShapesGiveTheirLightAtAnyDistance) {
+  // Facing the origin: y down to -z.
+  Affine3d facing;
+  facing.rows = {Vec3d{1, 0, 0}, Vec3d{0, 0, 1}, Vec3d{0, -1, 0}};
+  const double square[] = {0.239456, 0.968340, 0.999673}, heights[] = {1, 0.1, 0.01};
+  for (int i = 0; i < 3; ++i) {
+    facing.translation = {0, 0, heights[i]};
+    EXPECT_NEAR(irradiance(lamp(make_rectangle(1, 1), facing, 1), 256) / kPi, square[i], 1e-3);
+    const double disc = 0.25 / (0.25 + heights[i] * heights[i]);
+    EXPECT_NEAR(irradiance(lamp(make_disc(0.5), facing, 1), 256) / kPi, disc, 2e-3);
+  }
+  facing.translation = {0, 0, 1e4};
+  EXPECT_NEAR(irradiance(lamp(make_rectangle(1, 1), facing, 1e8f), 64), 1, 1e-3);
+}
+
+/// The share of a cylinder's side, upright, `length` long, in what an element sees that faces its
+/// axis at `distance`, level with its end. Source: J. Howell, "A catalog of radiation heat transfer
+/// configuration factors", B-31.
+double cylinder_factor(double radius, double length, double distance) {
+  const double l = length / radius, d = distance / radius;
+  const double a = (d + 1) * (d + 1) + l * l, b = (d - 1) * (d - 1) + l * l;
+  const double ends =
+      (a - 2 * d) / std::sqrt(a * b) * std::atan(std::sqrt(a * (d - 1) / (b * (d + 1)))) -
+      std::atan(std::sqrt((d - 1) / (d + 1)));
+  return (std::atan(l / std::sqrt(d * d - 1)) + l * ends) / (kPi * d);
+}
+
+/// Upright before the origin, from `below` it to `above` it.
+Scene upright_tube(double radius, double below, double above, double distance, float radiance) {
+  return lamp(make_cylinder(radius, above + below, true),
+              moved({0, 0.5 * (above - below), distance}), radiance);
+}
+
+TEST(HardCase58, CylindersGiveTheirLightAtAnyDistance) {
+  for (const double radius : {1e-5, 1e-3, 0.02, 0.2}) {
+    for (const double distance : {1.01 * radius, 1.5 * radius, 0.25, 1.0, 30.0}) {
+      if (!(distance > radius)) continue;
+      const double expected =
+          cylinder_factor(radius, 0.7, distance) + cylinder_factor(radius, 1.3, distance);
+      const double found = irradiance(upright_tube(radius, 0.7, 1.3, distance, 1), 256) / kPi;
+      EXPECT_NEAR(found / expected, 1, 2e-3) << radius << " at " << distance;
+    }
+  }
+}
+
+TEST(HardCase59, CylindersOfAnySolidAngleGiveTheirLight) {
+  for (const double scale : {1.0, 1e-2, 1e-4, 1e-6, 1e-7, 1e-8, 1e-9}) {
+    const double radius = 0.01 * scale, half = 0.5 * scale;
+    const double expected = 2 * cylinder_factor(radius, half, 1);
+    // Seen as small as that, it is looked for in a sphere around it.
+    const bool beside = scale > 2e-8;
+    const double found =
+        irradiance(upright_tube(radius, half, half, 1, 1), beside ? 256 : 512) / kPi;
+    EXPECT_NEAR(found / expected, 1, beside ? 1e-3 : 0.03) << scale;
+  }
+}
+
+/// The share of light samples that meet the lamp.
+double share_that_meets(const Scene& scene) {
+  const ShapeLight emitter = emitter_of(scene);
+  Dice dice(7);
+  const int n = 20'000;
+  int met = 0;
+  for (int i = 0; i < n; ++i) {
+    const double u1 = static_cast<double>(dice.unit());
+    ShapeHit hit;
+    met += emitter.find({}, emitter.sample({}, u1, static_cast<double>(dice.unit())), hit) ? 1 : 0;
+  }
+  return met / static_cast<double>(n);
+}
+
+TEST(ShapeLights, LongThinOnesWasteNothing) {
+  for (const double radius : {1e-4, 5e-3, 0.02}) {
+    for (const double height : {0.0, 0.9, 1.7}) {  // beside it, and beyond its end
+      const Scene scene = upright_tube(radius, 1 - height, 1 + height, 0.5, 1);
+      EXPECT_GT(share_that_meets(scene), 1 - 3 * radius) << radius << " " << height;
+    }
+  }
+  // Half of the column around it is a cone; of that around an ellipsoid, three quarters and more;
+  // a square bar is at least 1 / sqrt(2) as wide as its own.
+  const Affine3d at = moved({0, 0, 1});
+  EXPECT_GT(share_that_meets(lamp(make_cone(0.02, 2, true), at, 1)), 0.48);
+  EXPECT_GT(share_that_meets(lamp(make_ellipsoid({1, 0.02, 0.02}), at, 1)), 0.75);
+  EXPECT_GT(share_that_meets(lamp(make_box({2, 0.02, 0.02}), at, 1)), 0.69);
+  const Shape ball = make_ellipsoid({0.02, 0.02, 0.02});  // made long by its placement
+  EXPECT_GT(share_that_meets(lamp(ball, at * scaled({50, 1, 1}), 1)), 0.75);
+}
+
+/// χ² over cells of equal solid angle that lie within the lamp: as many samples in each.
+TEST(ShapeLights, LongOnesAreMetAlikeInAllDirections) {
+  const Scene scene = upright_tube(0.2, 0.3, 1.7, 0.8, 1);
+  const ShapeLight emitter = emitter_of(scene);
+  const double solid_angle = emitter.solid_angle({});
+  // About the y axis: the angle, and the sine of the height. The tube is within asin(1 / 4).
+  constexpr int kAround = 12, kUp = 16;
+  const double angle = std::asin(0.25), low = -0.3, high = 0.85;
+  ASSERT_LT(high, 1.7 / std::hypot(1.7, std::sqrt(0.8 * 0.8 - 0.2 * 0.2)));
+  ASSERT_GT(low, -0.3 / std::hypot(0.3, std::sqrt(0.8 * 0.8 - 0.2 * 0.2)));
+  std::array<int, kAround * kUp> count{};
+  Dice dice(11);
+  const int n = 400'000;
+  for (int i = 0; i < n; ++i) {
+    const double u1 = static_cast<double>(dice.unit());
+    const Vec3d w = emitter.sample({}, u1, static_cast<double>(dice.unit()));
+    const double x = (std::atan2(w.x, w.z) + angle) / (2 * angle), y = (w.y - low) / (high - low);
+    ASSERT_GE(x, -1e-12);
+    ASSERT_LE(x, 1 + 1e-12);
+    if (!(y >= 0 && y < 1)) continue;
+    ShapeHit hit;
+    ASSERT_TRUE(emitter.find({}, w, hit));
+    const int column = std::clamp(static_cast<int>(x * kAround), 0, kAround - 1);
+    ++count[static_cast<std::size_t>(static_cast<int>(y * kUp) * kAround + column)];
+  }
+  const double expected = n * 2 * angle * (high - low) / (kAround * kUp) / solid_angle;
+  double chi2 = 0;
+  for (const int c : count) chi2 += (c - expected) * (c - expected) / expected;
+  // 192 degrees of freedom (the rest of the strip is a cell of its own): 1 in 1,000 passes 258.
+  EXPECT_LT(chi2, 258);
+  EXPECT_GT(expected, 1'000);
+}
+
+TEST(ShapeLights, GiveWhatUniformDirectionsFind) {
+  Dice dice(5);
+  for (const Shape& shape :
+       {make_cylinder(0.3, 1.5, true), make_box({1, 1, 1}), make_torus(0.5, 0.2),
+        make_ellipsoid({1, 0.3, 0.2}), make_cylinder(0.3, 1.5, false), make_cone(0.3, 1.5, true),
+        make_box({0.3, 0.2, 1.5}), make_one_sheet_hyperboloid(0.1, 0.3, 1.5, false)}) {
+    for (const bool inside : {false, true}) {
+      const double away = inside ? 0.45 : 1.5;
+      Affine3d at = random_placement(dice, 0.8, {0, 0.1, away}, false);
+      if (shape.capped) at = at * scaled({1, 0.7, 1.2}) * random_placement(dice, 1, {}, false);
+      const Scene scene = lamp(shape, at, 1);
+      const ShapeLight emitter = emitter_of(scene);
+      double sum = 0;
+      const int n = 400'000;
+      for (int i = 0; i < n; ++i) {
+        const Vec3d direction(dice.direction());
+        ShapeHit hit;
+        if (!emitter.find({}, direction, hit) || !hit.enters) continue;
+        sum += std::max(0.0, direction.z) * 4 * kPi;
+      }
+      const double expected = sum / n;
+      EXPECT_NEAR(irradiance(scene, 400), expected, 0.03 * expected + 0.01);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace tessera::render::testing

@@ -1,0 +1,94 @@
+#include "server/film/convergence.h"
+
+#include <gtest/gtest.h>
+
+#include "server/film/frame_summary.h"
+
+namespace tessera::server {
+namespace {
+
+/// A frame that was asked for 0.1 and has it.
+FrameStatistics good() {
+  FrameStatistics statistics;
+  statistics.mean_luminance = 0.5;
+  statistics.estimated.pixels = 4096;
+  statistics.estimated.error = 0.08;
+  statistics.estimated.error_upper95 = 0.09;
+  statistics.estimated.n_eff = 900;
+  return statistics;
+}
+
+TEST(Certainty, AFrameIsConvergedOnlyIfNothingSpeaksAgainstIt) {
+  const ConvergenceResult claim = assess_convergence(good(), {9, 0, 0}, 0.1);
+  EXPECT_EQ(claim.certainty, Certainty::converged);
+  EXPECT_TRUE(claim.reasons.empty());
+  EXPECT_EQ(assess_convergence(good(), {9, 5, 0}, 0.1).certainty, Certainty::converged)
+      << "capped tiles do no harm if the bound holds";
+
+  const auto uncertain = [](const FrameStatistics& statistics, const StoppingStats& stopping) {
+    const ConvergenceResult doubtful = assess_convergence(statistics, stopping, 0.1);
+    EXPECT_FALSE(doubtful.reasons.empty());
+    return doubtful.certainty == Certainty::uncertain;
+  };
+  FrameStatistics statistics = good();
+  statistics.mean_luminance = 0;
+  EXPECT_TRUE(uncertain(statistics, {9, 0, 0})) << "black";
+  statistics = good();
+  statistics.dropped_samples = 1;
+  EXPECT_TRUE(uncertain(statistics, {9, 0, 0})) << "a sample that was not finite";
+  statistics = good();
+  statistics.clamped_energy = 1e-3;
+  EXPECT_TRUE(uncertain(statistics, {9, 0, 0})) << "--clamp removed light";
+  statistics = good();
+  statistics.estimated.n_eff = 29;
+  EXPECT_TRUE(uncertain(statistics, {9, 0, 0})) << "error in few pixels of the frame";
+  EXPECT_TRUE(uncertain(good(), {9, 0, 1})) << "error in few pixels of a tile";
+  statistics = good();
+  statistics.estimated.error_upper95 = 0.11;
+  EXPECT_TRUE(uncertain(statistics, {9, 0, 0})) << "the bound is missed with no tile at the cap";
+}
+
+TEST(Certainty, TheCapIsTheReasonOnlyWhereTheBoundIsMissed) {
+  FrameStatistics statistics = good();
+  statistics.estimated.error_upper95 = 0.11;
+  EXPECT_EQ(assess_convergence(statistics, {9, 3, 0}, 0.1).certainty, Certainty::capped);
+  const ConvergenceResult claim = assess_convergence(statistics, {9, 3, 1}, 0.1);
+  EXPECT_EQ(claim.certainty, Certainty::uncertain);
+  ASSERT_EQ(claim.reasons.size(), 2u);
+  EXPECT_EQ(claim.reasons[1],
+            "the error's upper bound is 0.11, asked for was 0.1; 3 tiles have all the samples "
+            "--max-spp allows")
+      << "also where it is not the only reason";
+}
+
+TEST(Certainty, NamesGoBothWays) {
+  for (const Certainty each : {Certainty::converged, Certainty::capped, Certainty::uncertain}) {
+    EXPECT_EQ(parse_certainty(certainty_name(each)), each);
+  }
+  EXPECT_EQ(parse_certainty("DONE"), std::nullopt);
+}
+
+TEST(FrameSummary, SurvivesTheJournal) {
+  FrameSummary note;
+  note.spp = 16384;
+  note.error = 0.05;
+  note.samples = 123456789012;
+  note.unit_count = 77;
+  note.certainty = Certainty::capped;
+  note.warnings = {"one"};
+  note.reasons = {"two", "three"};
+  note.entry_json = R"({"frame":3})";
+  EXPECT_EQ(read_frame_note(write_frame_note(note)), note);
+  note.error.reset();
+  note.certainty.reset();
+  EXPECT_EQ(read_frame_note(write_frame_note(note)), note);
+  contract::RenderSettings settings;
+  settings.spp = 16384;
+  EXPECT_TRUE(note.fits(settings));
+  settings.error = 0.05;
+  EXPECT_FALSE(note.fits(settings)) << "finished for a fixed count";
+  EXPECT_EQ(read_frame_note("no JSON").spp, 0);
+}
+
+}  // namespace
+}  // namespace tessera::server

@@ -1,0 +1,120 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <map>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "server/schedule/scheduler/scheduler.h"
+
+namespace tessera::server {
+
+/// A scheduler with a clock that the test turns, and workers that do what the test says.
+class SchedulerHarness {
+ public:
+  explicit SchedulerHarness(const std::vector<std::string>& roster = {})
+      : scheduler({"store", "key", 1}, SchedulePolicy{}, roster, now) {}
+
+  /// A job of `tiles` 8x8 tiles in a row, so many frames.
+  struct JobPlanned {
+    std::int32_t tiles = 16, frames = 1, spp = 8, priority = 0, max_workers = 0;
+    std::string owner = "ann", tag = {};
+    std::string scene = {};  // what its one file holds
+  };
+  Job& add_job(const JobPlanned& planned) {
+    Job& job = queue_job(planned);
+    scheduler.offer_work(now);
+    return job;
+  }
+  /// Likewise, but leases nothing of it yet.
+  Job& queue_job(const JobPlanned& planned) {
+    auto spec = std::make_shared<JobSpec>();
+    const JobKey key = ++last_job_;
+    spec->id = "j" + std::to_string(key);
+    spec->owner = planned.owner;
+    spec->priority = planned.priority;
+    spec->max_workers = planned.max_workers;
+    spec->required_tag = planned.tag;
+    spec->assets = {{"scene.glb", contract::sha256(planned.scene), 0}};
+    spec->settings.width = 8 * planned.tiles;
+    spec->settings.height = 8;
+    spec->settings.tile = 8;
+    spec->settings.spp = planned.spp;
+    spec->settings.frames = {{0, planned.frames - 1, 1}};
+    return scheduler.add_job(key, spec, JobState::queued);
+  }
+
+  struct WorkerPlanned {
+    std::int32_t threads = 2, credits = 4;
+    std::vector<std::string> tags = {};
+    std::vector<Lease> leases = {};
+    std::vector<UnitName> running = {}, held = {};
+    std::string store_id = "store";
+  };
+  WorkerKey connect(const std::string& id, const WorkerPlanned& planned) {
+    Hello hello;
+    hello.worker_id = hello.name = id;
+    hello.thread_count = planned.threads;
+    hello.credit_count = planned.credits;
+    hello.tags = planned.tags;
+    hello.store_id = planned.store_id;
+    hello.leases = planned.leases;
+    hello.running = planned.running;
+    hello.held = planned.held;
+    return scheduler.connect(hello, now);
+  }
+  WorkerKey connect(const std::string& id) { return connect(id, {}); }
+
+  /// What the worker was sent since the last call.
+  Outbox mail(WorkerKey worker) { return std::exchange(scheduler.find_worker(worker)->mail, Outbox{}); }
+  /// The units of its new leases; the leases are remembered.
+  std::vector<UnitName> leased(WorkerKey worker) {
+    std::vector<UnitName> units;
+    for (const Lease& lease : mail(worker).leases) {
+      for (std::int32_t i = 0; i < lease.tile_count; ++i) {
+        units.push_back({lease.job_id, {lease.frame, lease.first_tile + i, lease.pass}});
+        leases[{worker, units.back()}] = lease;
+      }
+    }
+    return units;
+  }
+  void start(WorkerKey worker, const std::vector<UnitName>& units) {
+    scheduler.heartbeat(worker, units, 0, now);
+  }
+  void commit(WorkerKey worker, const UnitName& unit, double cpu_seconds = 1) {
+    scheduler.commit(*scheduler.find_job(unit.job_id), unit.unit, scheduler.find_worker(worker)->id,
+                     cpu_seconds);
+  }
+  /// Commits and gives the credit back, as a worker does once it has heard the verdict.
+  void complete(WorkerKey worker, const UnitName& unit, double cpu_seconds = 1) {
+    commit(worker, unit, cpu_seconds);
+    scheduler.grant_credits(worker, 1, now);
+  }
+  void fail(WorkerKey worker, const UnitName& unit, bool bad_scene = false) {
+    scheduler.fail_unit(worker, leases.at({worker, unit}), unit.unit.tile, {"", "broke", "log"},
+                        bad_scene, now);
+    scheduler.grant_credits(worker, 1, now);
+  }
+  /// Lets time pass in steps of 100 ms; `awake` workers are heard at each.
+  void pass(std::chrono::milliseconds span, const std::vector<WorkerKey>& awake) {
+    for (const Time end = now + span; now < end;) {
+      now += kPeriod;
+      for (const WorkerKey worker : awake) scheduler.hear(worker, now);
+      scheduler.tick(now, kPeriod);
+    }
+  }
+
+  static constexpr std::chrono::milliseconds kPeriod{100};
+  Time now{};
+  Scheduler scheduler;
+  std::map<std::pair<WorkerKey, UnitName>, Lease> leases;
+
+ private:
+  JobKey last_job_ = 0;
+};
+
+}  // namespace tessera::server

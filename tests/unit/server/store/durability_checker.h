@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "server/store/store.h"
+
+namespace tessera::server {
+
+/// What a store has answered for, and between which steps: the answer holds from the step at which
+/// a call returned until the step at which a call began that takes it back.
+class DurabilityChecker {
+ public:
+  /// Returns what is wrong, or an empty string.
+  using Test = std::function<std::string(Store&)>;
+
+  /// `key` names the promise, so that it can be ended or replaced.
+  void make(const std::string& key, int step, Test test);
+  /// A promise not in force is no error.
+  void end(const std::string& key, int step);
+  /// Ends all whose key starts with `prefix`.
+  void end_all(const std::string& prefix, int step);
+
+  /// What is wrong with a store that was cut at `step`, or an empty string.
+  std::string check(Store& store, int step) const;
+  /// Steps at which something was promised.
+  std::vector<int> steps() const;
+
+ private:
+  struct Promise {
+    std::string key;
+    int from = 0;
+    int until = 0;
+    Test test;
+  };
+  std::vector<Promise> promises_;
+};
+
+/// A block of `bytes` for a unit, as a worker would send it.
+Commit make_commit(const std::string& job_id, contract::Unit unit, std::string bytes);
+
+/// Tests for DurabilityChecker.
+DurabilityChecker::Test job_is_there(const JobRecord& job);
+DurabilityChecker::Test id_is_taken(const std::string& job_id);
+DurabilityChecker::Test unit_is_there(const std::string& job_id, contract::Unit unit, std::string bytes);
+/// Units of the job, with a row or added up, are so many: none is lost or counted twice.
+DurabilityChecker::Test work_is_counted(const std::string& job_id, std::int64_t units);
+DurabilityChecker::Test worker_has_joined(const std::string& worker_id);
+DurabilityChecker::Test frame_is_there(const std::string& job_id, const FrameRecord& frame,
+                              std::string bytes);
+DurabilityChecker::Test asset_is_there(std::string bytes);
+DurabilityChecker::Test worker_is_known(const std::string& worker_id);
+DurabilityChecker::Test booted_before(std::int64_t boot_count, const std::string& id,
+                             const std::string& key);
+DurabilityChecker::Test sequence_was_used(std::int64_t sequence);
+
+/// What must hold of any store at any time: rows point to whole data, ids are unique, no file is
+/// visible that should not be. Returns what is wrong, or an empty string.
+std::string check_store(Store& store, const std::vector<std::string>& asset_bytes);
+
+/// All that a store shows, one fact a line.
+std::vector<std::string> facts(Store& store);
+
+std::string read_file(const std::string& path);
+
+}  // namespace tessera::server

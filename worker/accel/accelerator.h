@@ -1,0 +1,20 @@
+#pragma once
+
+#include <cstddef>
+
+#include "worker/accel/kernels/kernels.h"
+#include "worker/geometry/ray.h"
+
+namespace tessera::render {
+
+/// What SceneAccel answers, answered by something else: a reference structure, or one that writes
+/// down what it is asked. The same contract; `filter` may be null. Requires t_max > 0.
+class Accelerator {
+ public:
+  virtual ~Accelerator() = default;
+  virtual bool closest_hit(const Ray& ray, const HitFilter* filter, Hit& hit) const = 0;
+  virtual bool any_hit(const Ray& ray, const HitFilter* filter) const = 0;
+  virtual std::size_t memory_bytes() const = 0;
+};
+
+}  // namespace tessera::render

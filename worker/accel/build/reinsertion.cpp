@@ -1,0 +1,169 @@
+#include "worker/accel/build/reinsertion.h"
+
+#include <algorithm>
+#include <numeric>
+#include <vector>
+
+#include "worker/accel/layout/wide_node.h"
+
+namespace tessera::render {
+namespace {
+
+constexpr std::uint32_t kNone = UINT32_MAX;
+
+Box3f together(Box3f a, const Box3f& b) {
+  a.extend(b);
+  return a;
+}
+
+class Reinserter {
+ public:
+  explicit Reinserter(std::vector<BinaryNode>& nodes)
+      : nodes_(nodes), parents_(nodes.size(), kNone) {
+    for (std::uint32_t i = 0; i < nodes.size(); ++i) {
+      if (nodes[i].leaf()) continue;
+      parents_[nodes[i].left] = parents_[nodes[i].right] = i;
+    }
+  }
+
+  void pass() {
+    std::vector<double> areas(nodes_.size());
+    for (std::size_t i = 0; i < nodes_.size(); ++i) areas[i] = nodes_[i].box.half_area();
+    std::vector<std::uint32_t> order(nodes_.size());
+    std::iota(order.begin(), order.end(), 0u);
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::uint32_t a, std::uint32_t b) { return areas[a] > areas[b]; });
+    for (const std::uint32_t node : order) {
+      // The parent goes with the subtree, so it cannot be the root.
+      if (node == 0 || parents_[node] == 0) continue;
+      const std::uint32_t target = best_place(node);
+      if (target != kNone) move(node, target);
+    }
+  }
+
+ private:
+  std::uint32_t sibling(std::uint32_t node) const {
+    const BinaryNode& parent = nodes_[parents_[node]];
+    return parent.left == node ? parent.right : parent.left;
+  }
+
+  /// The node beside which the subtree saves most area; kNone if it is best where it is.
+  std::uint32_t best_place(std::uint32_t node) {
+    const Box3f box = nodes_[node].box;
+    const double own = box.half_area();
+    const std::uint32_t parent = parents_[node];
+    double saved = nodes_[parent].box.half_area();  // by what was taken out so far
+    double best = saved * 1e-6;                     // less is rounding
+    std::uint32_t place = kNone;
+    Box3f without = nodes_[sibling(node)].box;  // what is below `pivot` once the subtree is gone
+    std::uint32_t pivot = parent;
+    bool first = true;
+    std::uint32_t start = sibling(node);
+    for (;;) {
+      search(start, box, own, saved, first, best, place);
+      if (pivot == 0) return place;
+      if (!first) without.extend(nodes_[start].box);
+      first = false;
+      const std::uint32_t above = parents_[pivot];
+      if (pivot != parent) saved += nodes_[pivot].box.half_area() - without.half_area();
+      start = sibling(pivot);
+      pivot = above;
+    }
+  }
+
+  /// Looks at places at and below `start`. Beside its own sibling the subtree saves nothing.
+  void search(std::uint32_t start, const Box3f& box, double own, double saved, bool is_sibling,
+              double& best, std::uint32_t& place) {
+    stack_.clear();
+    stack_.push_back({start, saved});
+    while (!stack_.empty()) {
+      const auto [node, so_far] = stack_.back();
+      stack_.pop_back();
+      if (so_far - own <= best) continue;  // a parent of the subtree is as large at least
+      const BinaryNode& at = nodes_[node];
+      const double both = together(at.box, box).half_area();
+      if (so_far - both > best && !(is_sibling && node == start)) {
+        best = so_far - both;
+        place = node;
+      }
+      const double below = so_far - (both - at.box.half_area());
+      if (at.leaf() || below - own <= best) continue;
+      stack_.push_back({at.left, below});
+      stack_.push_back({at.right, below});
+    }
+  }
+
+  /// Takes the subtree out with its parent, which then joins it and `target`.
+  void move(std::uint32_t node, std::uint32_t target) {
+    const std::uint32_t parent = parents_[node], other = sibling(node);
+    replace_child(parents_[parent], parent, other);
+    refit(parents_[other]);
+    const std::uint32_t above = parents_[target];
+    replace_child(above, target, parent);
+    nodes_[parent].left = node;
+    nodes_[parent].right = target;
+    parents_[node] = parents_[target] = parent;
+    refit(parent);
+  }
+
+  void replace_child(std::uint32_t parent, std::uint32_t from, std::uint32_t to) {
+    BinaryNode& node = nodes_[parent];
+    (node.left == from ? node.left : node.right) = to;
+    parents_[to] = parent;
+  }
+
+  void refit(std::uint32_t node) {
+    for (; node != kNone; node = parents_[node]) {
+      BinaryNode& n = nodes_[node];
+      n.box = together(nodes_[n.left].box, nodes_[n.right].box);
+    }
+  }
+
+  struct Open {
+    std::uint32_t node;
+    double saved;
+  };
+  std::vector<BinaryNode>& nodes_;
+  std::vector<std::uint32_t> parents_;
+  std::vector<Open> stack_;
+};
+
+/// The nodes with children after their parent, left ones first; empty if that takes more than
+/// kMaxLevels levels.
+std::vector<BinaryNode> in_depth_first_order(const std::vector<BinaryNode>& nodes) {
+  struct Open {
+    std::uint32_t from, parent;
+    bool right;
+    int level;
+  };
+  std::vector<BinaryNode> out;
+  out.reserve(nodes.size());
+  std::vector<Open> stack = {{0, kNone, false, 1}};
+  while (!stack.empty()) {
+    const Open open = stack.back();
+    stack.pop_back();
+    if (open.level > kMaxLevels) return {};
+    const auto index = static_cast<std::uint32_t>(out.size());
+    const BinaryNode& node = out.emplace_back(nodes[open.from]);
+    if (open.parent != kNone) {
+      (open.right ? out[open.parent].right : out[open.parent].left) = index;
+    }
+    if (node.leaf()) continue;
+    stack.push_back({node.right, index, true, open.level + 1});
+    stack.push_back({node.left, index, false, open.level + 1});
+  }
+  return out;
+}
+
+}  // namespace
+
+void reinsert_subtrees(BinaryBvh& bvh, int passes) {
+  if (bvh.nodes.size() < 5) return;  // nothing but the root has grandchildren
+  std::vector<BinaryNode> nodes = bvh.nodes;
+  Reinserter reinserter(nodes);
+  for (int i = 0; i < passes; ++i) reinserter.pass();
+  nodes = in_depth_first_order(nodes);
+  if (!nodes.empty()) bvh.nodes = std::move(nodes);
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,215 @@
+#include "worker/accel/overlap/mesh_overlap.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <utility>
+
+#include "worker/accel/build/binary_bvh.h"
+#include "worker/accel/build/mesh_triangles.h"
+
+namespace tessera::render {
+namespace {
+
+constexpr std::uint32_t kLeafSize = 4;
+
+bool boxes_meet(const Box3f& a, const Box3f& b) {
+  return a.lo.x <= b.hi.x && b.lo.x <= a.hi.x && a.lo.y <= b.hi.y && b.lo.y <= a.hi.y &&
+         a.lo.z <= b.hi.z && b.lo.z <= a.hi.z;
+}
+
+/// The triangles of a mesh that can be hit, where they are, and a tree over them.
+struct Body {
+  std::vector<TriangleCorners> triangles;
+  std::vector<OverlapPair::Id> ids;
+  std::vector<Box3f> boxes;
+  BinaryBvh bvh;
+
+  Body(const Mesh& mesh, const std::vector<bool>& primitives, const Affine3d& to_world) {
+    const bool moves = !is_identity(to_world);
+    const auto place = [&](const Vec3f& p) {
+      return moves ? Vec3f(transform_point(to_world, Vec3d(p))) : p;
+    };
+    for_each_triangle(mesh, [&](std::uint32_t p, std::uint32_t t, const Vec3f& v0, const Vec3f& v1,
+                                const Vec3f& v2) {
+      if (!primitives[p]) return;
+      const TriangleCorners corners = {place(v0), place(v1), place(v2)};
+      if (!is_hittable(corners[0], corners[1], corners[2])) return;  // rounding may have folded it
+      triangles.push_back(corners);
+      ids.push_back({p, t});
+      Box3f& box = boxes.emplace_back();
+      for (const Vec3f& corner : corners) box.extend(corner);
+    });
+    const ParallelFor in_turn = [](std::int64_t count, const auto& body) {
+      for (std::int64_t i = 0; i < count; ++i) body(i);
+    };
+    bvh = build_binary_bvh({boxes, kLeafSize}, in_turn);
+  }
+};
+
+/// Walks two trees, or one against itself, at once.
+class Collision {
+ public:
+  Collision(const Body& a, const Body& b) : a_(a), b_(b), self_(&a == &b) {}
+
+  std::vector<OverlapPair> find() {
+    if (!a_.triangles.empty() && !b_.triangles.empty()) meet(0, 0);
+    std::sort(pairs_.begin(), pairs_.end());
+    return std::move(pairs_);
+  }
+
+ private:
+  void meet(std::uint32_t i, std::uint32_t j) {
+    const BinaryNode &a = a_.bvh.nodes[i], &b = b_.bvh.nodes[j];
+    if (!boxes_meet(a.box, b.box)) return;
+    if (a.leaf() && b.leaf()) {
+      compare(a, b, self_ && i == j);
+    } else if (self_ && i == j) {
+      meet(a.left, a.left);
+      meet(a.right, a.right);
+      meet(a.left, a.right);
+    } else if (b.leaf() || (!a.leaf() && a.box.half_area() > b.box.half_area())) {
+      meet(a.left, j);
+      meet(a.right, j);
+    } else {
+      meet(i, b.left);
+      meet(i, b.right);
+    }
+  }
+
+  void compare(const BinaryNode& a, const BinaryNode& b, bool same) {
+    for (std::uint32_t i = 0; i < a.count; ++i) {
+      for (std::uint32_t j = same ? i + 1 : 0; j < b.count; ++j) {
+        const std::uint32_t s = a_.bvh.order[a.first + i], t = b_.bvh.order[b.first + j];
+        if (!boxes_meet(a_.boxes[s], b_.boxes[t])) continue;
+        if (!triangles_overlap(a_.triangles[s], b_.triangles[t])) continue;
+        OverlapPair pair{a_.ids[s], b_.ids[t]};
+        if (self_ && pair.b < pair.a) std::swap(pair.a, pair.b);
+        pairs_.push_back(pair);
+      }
+    }
+  }
+
+  const Body& a_;
+  const Body& b_;
+  const bool self_;
+  std::vector<OverlapPair> pairs_;
+};
+
+std::vector<bool> all_primitives(const Mesh& mesh) {
+  return std::vector<bool>(mesh.primitives.size(), true);
+}
+
+}  // namespace
+
+std::vector<OverlapPair> self_intersections(const Mesh& mesh, const std::vector<bool>& primitives) {
+  const Body body(mesh, primitives, {});
+  return Collision(body, body).find();
+}
+
+std::vector<OverlapPair> self_intersections(const Mesh& mesh) {
+  return self_intersections(mesh, all_primitives(mesh));
+}
+
+std::vector<InstanceOverlap> instance_overlaps(const Scene& scene) {
+  const auto mesh_of = [&](std::size_t i) -> const Mesh& {
+    return scene.meshes[static_cast<std::size_t>(scene.instances[i].mesh)];
+  };
+  std::vector<Box3f> boxes(scene.instances.size());
+  for (std::size_t i = 0; i < boxes.size(); ++i) {
+    for (const Primitive& primitive : mesh_of(i).primitives) {
+      for (const Vec3f& p : primitive.positions) {
+        boxes[i].extend(Vec3f(transform_point(scene.instances[i].object_to_world, Vec3d(p))));
+      }
+    }
+  }
+  std::vector<std::unique_ptr<Body>> bodies(boxes.size());  // made when first needed
+  const auto body = [&](std::size_t i) -> const Body& {
+    if (bodies[i] == nullptr) {
+      bodies[i] = std::make_unique<Body>(mesh_of(i), all_primitives(mesh_of(i)),
+                                         scene.instances[i].object_to_world);
+    }
+    return *bodies[i];
+  };
+  std::vector<InstanceOverlap> out;
+  for (std::size_t i = 0; i < boxes.size(); ++i) {
+    for (std::size_t j = i + 1; j < boxes.size(); ++j) {
+      if (!boxes_meet(boxes[i], boxes[j])) continue;
+      std::vector<OverlapPair> pairs = Collision(body(i), body(j)).find();
+      if (pairs.empty()) continue;
+      out.push_back(
+          {static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(j), std::move(pairs)});
+    }
+    bodies[i].reset();
+  }
+  return out;
+}
+
+namespace {
+
+using Corner = std::array<float, 3>;
+
+/// Takes corners that lie near each other for one.
+class Welder {
+ public:
+  explicit Welder(double apart) : apart_(apart) {}
+
+  Corner operator()(const Corner& corner) {
+    if (!(apart_ > 0)) return corner;
+    Cell cell{};
+    for (std::size_t k = 0; k < 3; ++k) {
+      cell[k] = std::floor(static_cast<double>(corner[k]) / (2 * apart_));
+    }
+    for (int i = 0; i < 27; ++i) {
+      const int x = i % 3 - 1, y = i / 3 % 3 - 1, z = i / 9 - 1;
+      const Cell beside = {cell[0] + x, cell[1] + y, cell[2] + z};
+      const auto [first, last] = firsts_.equal_range(beside);
+      for (auto known = first; known != last; ++known) {
+        if (is_near(known->second, corner)) return known->second;
+      }
+    }
+    return firsts_.emplace(cell, corner)->second;
+  }
+
+ private:
+  using Cell = std::array<double, 3>;  // whole numbers
+
+  bool is_near(const Corner& a, const Corner& b) const {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double gap = static_cast<double>(a[k]) - static_cast<double>(b[k]);
+      if (!(std::fabs(gap) <= apart_)) return false;
+    }
+    return true;
+  }
+
+  double apart_;
+  std::multimap<Cell, Corner> firsts_;
+};
+
+}  // namespace
+
+std::int64_t boundary_edges(const Mesh& mesh, const std::vector<bool>& primitives, double apart) {
+  Welder welded(apart);
+  std::map<std::pair<Corner, Corner>, std::int64_t> balance;  // ways along less ways back
+  for (std::size_t p = 0; p < mesh.primitives.size(); ++p) {
+    if (!primitives[p]) continue;
+    const Primitive& primitive = mesh.primitives[p];
+    const auto corner = [&](std::uint32_t i) {
+      const Vec3f& v = primitive.positions[i];
+      return welded({v.x + 0.0f, v.y + 0.0f, v.z + 0.0f});  // -0 is 0
+    };
+    for (const auto& triangle : primitive.triangles) {
+      for (std::size_t i = 0; i < 3; ++i) {
+        const Corner from = corner(triangle[i]), to = corner(triangle[i == 2 ? 0 : i + 1]);
+        if (from < to) ++balance[{from, to}];
+        if (to < from) --balance[{to, from}];
+      }
+    }
+  }
+  return std::count_if(balance.begin(), balance.end(),
+                       [](const auto& edge) { return edge.second != 0; });
+}
+
+}  // namespace tessera::render

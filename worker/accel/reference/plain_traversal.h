@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstdint>
+
+#include "worker/accel/layout/wide_node.h"
+#include "worker/geometry/object_ray.h"
+
+namespace tessera::render {
+
+/// The readable reference of traversal.inc: walks the nodes the ray meets, in the order they are
+/// stored, by recursion. Nodes entered after `limit`, read anew at every step, are culled.
+/// `leaf(index)` is called for each leaf met, and `visit()` once a node.
+template <int kWidth, typename Leaf, typename Visit>
+void traverse_plainly(const WideNode<kWidth>* nodes, std::uint32_t reference, const ObjectRay& ray,
+                      const float& limit, const Leaf& leaf, const Visit& visit) {
+  const WideNode<kWidth>& node = node_at(nodes, reference);
+  visit();
+  for (int slot = 0; slot < kWidth; ++slot) {
+    const Box3f box = node.box(slot);
+    const EnterLeave t = enter_leave(ray, box.lo, box.hi);
+    if (!(t.enter <= t.leave) || t.leave < 0 || t.enter > limit) continue;
+    const std::uint32_t child = node.children[slot];
+    if ((child & kLeafBit) != 0) {
+      leaf(child & ~kLeafBit);
+    } else {
+      traverse_plainly(nodes, child, ray, limit, leaf, visit);
+    }
+  }
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,147 @@
+#include "worker/accel/solids/solids.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "worker/accel/solids/csg_line.h"
+#include "worker/geometry/motion.h"
+#include "worker/math/float_bits.h"
+
+namespace tessera::render {
+namespace {
+
+/// Memory that a thread's queries use over and over.
+struct Scratch {
+  std::vector<ShapeHit> shape_hits;
+  CsgLine line;
+  std::vector<Hit> hits;
+  Operand moved;
+};
+
+Scratch& scratch() {
+  thread_local Scratch mine;
+  return mine;
+}
+
+/// The operand at a time; null where it is singular. One that moves is put into `memory`.
+const Operand* operand_at(const Operand& operand, std::span<const float> key_times, float time,
+                          Operand& memory) {
+  if (operand.motion.empty()) return &operand;
+  const auto pose = pose_at(operand.motion, find_key(key_times, time));
+  if (!pose) return nullptr;
+  memory.world_to_object = pose->world_to_object;
+  memory.mesh = operand.mesh;
+  memory.instance = operand.instance;
+  memory.shape = operand.shape;
+  memory.primitives = operand.primitives;
+  return &memory;
+}
+
+void intersect_operand(const Operand& operand, const Ray& ray, const HitsWanted& wanted,
+                       std::vector<ShapeHit>& hits) {
+  hits.clear();
+  intersect_shape(*operand.shape, transform_point(operand.world_to_object, Vec3d(ray.origin)),
+                  transform_vector(operand.world_to_object, Vec3d(ray.direction)), hits, wanted);
+}
+
+Hit to_hit(const Operand& operand, const ShapeHit& hit) {
+  const Vec3f p(hit.point);
+  return {static_cast<float>(hit.t), {operand.instance, 0, hit.face}, p.x, p.y, p.z};
+}
+
+/// The hits of a shape by itself.
+void shape_alone(const Operand& operand, const Ray& ray, const HitsWanted& wanted,
+                 Scratch& memory) {
+  intersect_operand(operand, ray, wanted, memory.shape_hits);
+  std::vector<Hit>& out = memory.hits;
+  for (const ShapeHit& found : memory.shape_hits) {
+    const Hit hit = to_hit(operand, found);
+    const bool left = hit.id == ray.leaves && found.face != kCurvedFace;
+    if (!(found.t >= 0) || !std::isfinite(hit.t) || left) continue;
+    const bool again = !out.empty() && out.back().t == hit.t && out.back().id == hit.id;
+    if (!again) out.push_back(hit);
+  }
+  std::sort(out.begin(), out.end(), precedes);
+}
+
+}  // namespace
+
+Solids::Solids(const Scene& scene)
+    : key_times_(scene.key_times), by_instance_(scene.instances.size(), kNoSolid) {
+  for (std::uint32_t i = 0; i < scene.instances.size(); ++i) {
+    const Instance& instance = scene.instances[i];
+    const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
+    if (mesh.shape == nullptr || instance.operand) continue;
+    by_instance_[i] = static_cast<std::uint32_t>(solids_.size());
+    solids_.push_back({static_cast<std::uint32_t>(operands_.size()),
+                       1,
+                       {},
+                       mesh.shape->form == Shape::Form::terrain});
+    add(scene, i);
+  }
+  for (const CsgSolid& solid : scene.solids) {
+    by_instance_[solid.first] = static_cast<std::uint32_t>(solids_.size());
+    solids_.push_back({static_cast<std::uint32_t>(operands_.size()), solid.count, solid.steps});
+    for (std::uint32_t i = 0; i < solid.count; ++i) add(scene, solid.first + i);
+  }
+}
+
+void Solids::add(const Scene& scene, std::uint32_t index) {
+  const Instance& instance = scene.instances[index];
+  const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
+  operands_.push_back({instance.world_to_object, static_cast<std::uint32_t>(instance.mesh), index,
+                       mesh.shape, mesh.primitives,
+                       instance.motion == kNone
+                           ? std::vector<Affine3d>()
+                           : scene.motions[static_cast<std::size_t>(instance.motion)]});
+}
+
+std::shared_ptr<const Solids> Solids::of(const Scene& scene) {
+  const bool any =
+      !scene.solids.empty() || std::any_of(scene.meshes.begin(), scene.meshes.end(),
+                                           [](const Mesh& mesh) { return mesh.shape != nullptr; });
+  return any ? std::shared_ptr<const Solids>(new Solids(scene)) : nullptr;
+}
+
+std::span<const Hit> Solids::hits(std::uint32_t index, const Ray& world_ray,
+                                  const MeshHits& mesh_hits, const LimitedHits& limited) const {
+  const Solid& solid = solids_[index];
+  Scratch& memory = scratch();
+  memory.hits.clear();
+  if (solid.steps.empty()) {
+    const Operand* const operand =
+        operand_at(operands_[solid.first], key_times_, world_ray.time, memory.moved);
+    // The hit of a double up to the next float is at the limit.
+    const HitsWanted wanted = {0, double{next_up(limited.to)}, limited.first};
+    if (operand != nullptr) shape_alone(*operand, world_ray, wanted, memory);
+    return memory.hits;
+  }
+  Ray ray = world_ray;
+  ray.t_max = std::numeric_limits<float>::infinity();
+  ray.leaves.triangle &= ~kFlippedSide;
+  memory.line.start(solid.count);
+  for (std::uint32_t i = 0; i < solid.count; ++i) {
+    const Operand* const posed =
+        operand_at(operands_[solid.first + i], key_times_, ray.time, memory.moved);
+    if (posed == nullptr) continue;
+    const Operand& operand = *posed;
+    if (operand.shape != nullptr) {
+      intersect_operand(operand, ray, {}, memory.shape_hits);
+      for (const ShapeHit& found : memory.shape_hits) {
+        const Hit hit = to_hit(operand, found);
+        const bool left = hit.id == ray.leaves && found.face != kCurvedFace;
+        memory.line.add_shape(i, hit, found.enters, left || found.t < 0);
+      }
+    } else {
+      memory.hits.clear();
+      mesh_hits(operand, ray, memory.hits);
+      memory.line.add_mesh(i, operand, ray, memory.hits);
+    }
+  }
+  memory.hits.clear();
+  memory.line.finish(solid.steps, memory.hits);
+  return memory.hits;
+}
+
+}  // namespace tessera::render

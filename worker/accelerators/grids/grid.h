@@ -1,0 +1,168 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "worker/accelerators/shapes/shapes.h"
+
+namespace tessera::render::reference {
+
+/// A box divided into equal cells, about as many as there are shapes, about as long as wide.
+///
+/// Shapes are registered in every cell that their box overlaps when it is widened by `pad`, so that
+/// a hit's shape is in whatever cell the ray is in then, also where cells meet: the box is right,
+/// the hit near it, and the ray's position in double is off by far less.
+/// Source of the numbers of cells, proportional to the sides of the box: K. Klimaszewski,
+/// T. Sederberg, "Faster ray tracing using adaptive grids", 1997.
+class Grid {
+ public:
+  /// Over `region`, widened by the pad.
+  Grid(const Box3d& region, std::size_t shape_count);
+
+  /// Whether the pad covers what hits of this ray may be off: not for one from thousands of cells
+  /// away, which must be shown everything.
+  bool serves(const ShapeRay& ray) const { return 2 * ray.near <= pad_; }
+
+  std::size_t cell_count() const {
+    return static_cast<std::size_t>(count_[0]) * static_cast<std::size_t>(count_[1]) *
+           static_cast<std::size_t>(count_[2]);
+  }
+  int count(int axis) const { return count_[static_cast<std::size_t>(axis)]; }
+  double pad() const { return pad_; }
+  double plane(int axis, int i) const { return lo_[axis] + width_[axis] * i; }
+  std::size_t index(const std::array<int, 3>& cell) const {
+    return (static_cast<std::size_t>(cell[2]) * static_cast<std::size_t>(count_[1]) +
+            static_cast<std::size_t>(cell[1])) *
+               static_cast<std::size_t>(count_[0]) +
+           static_cast<std::size_t>(cell[0]);
+  }
+  Box3d cell_box(const std::array<int, 3>& cell) const;
+  /// The cell of a coordinate; the first or last for one outside.
+  int cell_of(int axis, double x) const {
+    const double i = (x - lo_[axis]) / width_[axis];
+    const int last = count(axis) - 1;
+    return i > 0 ? (i < last ? static_cast<int>(i) : last) : 0;
+  }
+  /// Calls visit(cell) for each that the box overlaps once it is widened.
+  template <typename Visit>
+  void for_each_cell(const Box3f& box, Visit&& visit) const {
+    std::array<int, 3> from{}, to{}, cell{};
+    for (int k = 0; k < 3; ++k) {
+      const auto i = static_cast<std::size_t>(k);
+      from[i] = cell_of(k, static_cast<double>(box.lo[k]) - pad_);
+      to[i] = cell_of(k, static_cast<double>(box.hi[k]) + pad_);
+    }
+    for (cell[2] = from[2]; cell[2] <= to[2]; ++cell[2]) {
+      for (cell[1] = from[1]; cell[1] <= to[1]; ++cell[1]) {
+        for (cell[0] = from[0]; cell[0] <= to[0]; ++cell[0]) visit(cell);
+      }
+    }
+  }
+  /// The part of the ray in the grid.
+  Segment inside(const ShapeRay& ray, float limit) const;
+
+ private:
+  Vec3d lo_, width_;
+  std::array<int, 3> count_ = {1, 1, 1};
+  double pad_ = 0;
+};
+
+/// Steps from cell to cell along a ray: a 3D-DDA whose distances are those of planes, not sums.
+/// Source: J. Amanatides, A. Woo, "A fast voxel traversal algorithm for ray tracing", 1987.
+class GridWalk {
+ public:
+  /// Starts where the ray is at `first`. Requires that it is in the grid there.
+  GridWalk(const Grid& grid, const ShapeRay& ray, double first) : grid_(grid), ray_(ray) {
+    for (int k = 0; k < 3; ++k) {
+      const double d = ray.box_direction[k];
+      step_[at(k)] = d > 0 ? 1 : d < 0 ? -1 : 0;
+      place(k, grid.cell_of(k, ray.origin[k] + first * d));
+    }
+  }
+
+  const std::array<int, 3>& cell() const { return cell_; }
+  /// Where the ray leaves the cell.
+  double exit() const { return exit_[at(axis_of_exit())]; }
+  /// Goes on to the next cell; false outside the grid.
+  bool next() { return leap(axis_of_exit(), 1); }
+  /// Goes through `radius` - 1 cells around this one at once.
+  bool skip(int radius);
+
+ private:
+  static std::size_t at(int k) { return static_cast<std::size_t>(k); }
+
+  void place(int k, int cell) {
+    cell_[at(k)] = cell;
+    const int step = step_[at(k)];
+    exit_[at(k)] = step == 0 ? std::numeric_limits<double>::infinity()
+                             : (grid_.plane(k, cell + (step > 0 ? 1 : 0)) - ray_.origin[k]) /
+                                   ray_.box_direction[k];
+  }
+  bool leap(int k, int cells) {
+    const int cell = cell_[at(k)] + cells * step_[at(k)];
+    if (step_[at(k)] == 0 || cell < 0 || cell >= grid_.count(k)) return false;
+    place(k, cell);
+    return true;
+  }
+  int axis_of_exit() const {
+    const int x_or_y = exit_[0] <= exit_[1] ? 0 : 1;
+    return exit_[at(x_or_y)] <= exit_[2] ? x_or_y : 2;
+  }
+
+  const Grid& grid_;
+  const ShapeRay& ray_;
+  std::array<int, 3> cell_{}, step_{};
+  std::array<double, 3> exit_{};
+};
+
+/// The shapes of each cell of a grid.
+class CellLists {
+ public:
+  CellLists() = default;
+  CellLists(const Grid& grid, std::span<const Box3f> boxes, std::span<const std::uint32_t> shapes);
+
+  std::span<const std::uint32_t> of(std::size_t cell) const {
+    return std::span(shapes_).subspan(starts_[cell], starts_[cell + 1] - starts_[cell]);
+  }
+  std::size_t memory_bytes() const {
+    return (starts_.capacity() + shapes_.capacity()) * sizeof(std::uint32_t);
+  }
+
+ private:
+  std::vector<std::uint32_t> starts_, shapes_;
+};
+
+/// A grid with the shapes of its cells.
+class UniformGrid {
+ public:
+  /// Over those of `boxes` that `shapes` names.
+  UniformGrid(std::span<const Box3f> boxes, std::vector<std::uint32_t> shapes);
+
+  const Grid& grid() const { return grid_; }
+  const CellLists& cells() const { return cells_; }
+  std::span<const std::uint32_t> shapes() const { return shapes_; }
+  bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit, Mailbox& mailbox,
+            TraversalStats& work) const;
+  std::size_t memory_bytes() const {
+    return cells_.memory_bytes() + shapes_.capacity() * sizeof(std::uint32_t);
+  }
+
+ private:
+  std::vector<std::uint32_t> shapes_;
+  Grid grid_;
+  CellLists cells_;
+};
+
+/// Shows `visit` those of `shapes` that are not in the mailbox.
+bool visit_all(std::span<const std::uint32_t> shapes, const ShapeVisitor& visit, Mailbox& mailbox);
+
+/// 0, 1, … count - 1.
+std::vector<std::uint32_t> all_shapes(std::uint32_t count);
+
+/// Around those of `boxes` that `shapes` names.
+Box3d box_of(std::span<const Box3f> boxes, std::span<const std::uint32_t> shapes);
+
+}  // namespace tessera::render::reference

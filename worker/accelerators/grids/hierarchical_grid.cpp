@@ -1,0 +1,63 @@
+// One grid for each size of shape: large shapes do not fill the small cells that small ones need,
+// and the small ones' grid is as small as they are. The grids are walked one after the other, the
+// one with the smallest shapes first. Source: F. Cazals, G. Drettakis, C. Puech, "Filtering,
+// clustering and hierarchy construction: a new solution for ray-tracing complex scenes", 1995 (the
+// filtering by size).
+
+#include <algorithm>
+#include <bit>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "worker/accelerators/grids/grid.h"
+#include "worker/accelerators/grids/grids.h"
+
+namespace tessera::render::reference {
+namespace {
+
+/// Sizes of one grid differ by less than this power of two.
+constexpr std::uint32_t kSizeBits = 3;
+/// Fewer shapes than this share of all join those of the next larger size.
+constexpr std::size_t kLeastShare = 256;
+
+class HierarchicalGrid final : public ShapeIndex {
+ public:
+  explicit HierarchicalGrid(const ShapeBounds& shapes) {
+    std::map<std::uint32_t, std::vector<std::uint32_t>> by_size;
+    for (std::uint32_t i = 0; i < shapes.size(); ++i) {
+      const float size = max_component(shapes.boxes[i].hi - shapes.boxes[i].lo);
+      by_size[(std::bit_cast<std::uint32_t>(size) >> 23) / kSizeBits].push_back(i);
+    }
+    std::vector<std::uint32_t> some;
+    for (auto& [size, members] : by_size) {
+      some.insert(some.end(), members.begin(), members.end());
+      if (some.size() < shapes.size() / kLeastShare && size != by_size.rbegin()->first) continue;
+      grids_.emplace_back(shapes.boxes, std::exchange(some, {}));
+    }
+  }
+
+  bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
+            TraversalStats& work) const override {
+    Mailbox mailbox;
+    return std::any_of(grids_.begin(), grids_.end(), [&](const UniformGrid& grid) {
+      return grid.walk(ray, limit, visit, mailbox, work);
+    });
+  }
+  std::size_t memory_bytes() const override {
+    std::size_t sum = 0;
+    for (const UniformGrid& grid : grids_) sum += grid.memory_bytes();
+    return sum;
+  }
+
+ private:
+  std::vector<UniformGrid> grids_;
+};
+
+}  // namespace
+
+std::unique_ptr<ShapeIndex> build_hierarchical_grid(const ShapeBounds& shapes) {
+  return std::make_unique<HierarchicalGrid>(shapes);
+}
+
+}  // namespace tessera::render::reference

@@ -1,0 +1,118 @@
+// A grid whose full cells hold grids of their own, around what is in them. Source: D. Jevans,
+// B. Wyvill, "Adaptive voxel subdivision for ray tracing", 1989.
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "worker/accelerators/grids/grid.h"
+#include "worker/accelerators/grids/grids.h"
+
+namespace tessera::render::reference {
+namespace {
+
+constexpr std::size_t kFullCell = 12;
+constexpr int kLevels = 4;
+
+Box3d intersection(const Box3d& a, const Box3d& b) {
+  return {max(a.lo, b.lo), min(a.hi, b.hi)};
+}
+
+Box3d widened(const Box3d& box, double pad) {
+  const Vec3d by = {pad, pad, pad};
+  return {box.lo - by, box.hi + by};
+}
+
+class Level {
+ public:
+  /// Over `region`, which must hold whatever part of the shapes counts.
+  Level(std::span<const Box3f> boxes, std::vector<std::uint32_t> shapes, const Box3d& region,
+        int levels)
+      : shapes_(std::move(shapes)),
+        grid_(region, shapes_.size()),
+        cells_(grid_, boxes, shapes_),
+        below_(grid_.cell_count(), 0) {
+    if (levels <= 1) return;
+    std::array<int, 3> cell{};
+    for (cell[2] = 0; cell[2] < grid_.count(2); ++cell[2]) {
+      for (cell[1] = 0; cell[1] < grid_.count(1); ++cell[1]) {
+        for (cell[0] = 0; cell[0] < grid_.count(0); ++cell[0]) fill(boxes, cell, levels);
+      }
+    }
+  }
+
+  bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit, Mailbox& mailbox,
+            TraversalStats& work) const {
+    if (!grid_.serves(ray)) return visit_all(shapes_, visit, mailbox);
+    const Segment part = grid_.inside(ray, limit);
+    if (part.empty()) return false;
+    GridWalk walk(grid_, ray, part.first);
+    do {
+      ++work.nodes;
+      const std::size_t index = grid_.index(walk.cell());
+      const std::uint32_t below = below_[index];
+      const bool satisfied = below == 0
+                                 ? visit_all(cells_.of(index), visit, mailbox)
+                                 : levels_[below - 1]->walk(ray, limit, visit, mailbox, work);
+      if (satisfied) return true;
+    } while (!(static_cast<double>(limit) < walk.exit()) && walk.next());
+    return false;
+  }
+
+  std::size_t memory_bytes() const {
+    std::size_t sum = sizeof *this + cells_.memory_bytes() +
+                      (shapes_.capacity() + below_.capacity()) * sizeof(std::uint32_t);
+    for (const auto& level : levels_) sum += level->memory_bytes();
+    return sum;
+  }
+
+ private:
+  /// Gives a full cell a grid, around the parts in it of the widened boxes that put shapes there;
+  /// not where most shapes are larger than the cell, which smaller ones would only multiply.
+  void fill(std::span<const Box3f> boxes, const std::array<int, 3>& cell, int levels) {
+    const auto members = cells_.of(grid_.index(cell));
+    if (members.size() <= kFullCell) return;
+    const Box3d box = grid_.cell_box(cell);
+    const double width = max_component(box.hi - box.lo);
+    const auto small = std::count_if(members.begin(), members.end(), [&](std::uint32_t shape) {
+      return static_cast<double>(max_component(boxes[shape].hi - boxes[shape].lo)) < 0.5 * width;
+    });
+    if (2 * static_cast<std::size_t>(small) < members.size()) return;
+    const Box3d region = intersection(box, widened(box_of(boxes, members), grid_.pad()));
+    levels_.push_back(std::make_unique<Level>(
+        boxes, std::vector<std::uint32_t>(members.begin(), members.end()), region, levels - 1));
+    below_[grid_.index(cell)] = static_cast<std::uint32_t>(levels_.size());
+  }
+
+  std::vector<std::uint32_t> shapes_;
+  Grid grid_;
+  CellLists cells_;
+  std::vector<std::uint32_t> below_;  // of each cell: 0, or one more than an index of levels_
+  std::vector<std::unique_ptr<Level>> levels_;
+};
+
+class RecursiveGrid final : public ShapeIndex {
+ public:
+  explicit RecursiveGrid(const ShapeBounds& shapes)
+      : top_(shapes.boxes, all_shapes(shapes.size()),
+             {Vec3d(shapes.all().lo), Vec3d(shapes.all().hi)}, kLevels) {}
+
+  bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
+            TraversalStats& work) const override {
+    Mailbox mailbox;
+    return top_.walk(ray, limit, visit, mailbox, work);
+  }
+  std::size_t memory_bytes() const override { return top_.memory_bytes(); }
+
+ private:
+  Level top_;
+};
+
+}  // namespace
+
+std::unique_ptr<ShapeIndex> build_recursive_grid(const ShapeBounds& shapes) {
+  return std::make_unique<RecursiveGrid>(shapes);
+}
+
+}  // namespace tessera::render::reference

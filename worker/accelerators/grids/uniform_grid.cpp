@@ -1,0 +1,32 @@
+// Equal cells, walked one after the other. Sources: A. Fujimoto, T. Tanaka, K. Iwata, "ARTS:
+// accelerated ray-tracing system", 1986; and those of grid.h.
+
+#include "worker/accelerators/grids/grid.h"
+#include "worker/accelerators/grids/grids.h"
+
+namespace tessera::render::reference {
+namespace {
+
+class UniformGridIndex final : public ShapeIndex {
+ public:
+  explicit UniformGridIndex(const ShapeBounds& shapes)
+      : grid_(shapes.boxes, all_shapes(shapes.size())) {}
+
+  bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
+            TraversalStats& work) const override {
+    Mailbox mailbox;
+    return grid_.walk(ray, limit, visit, mailbox, work);
+  }
+  std::size_t memory_bytes() const override { return grid_.memory_bytes(); }
+
+ private:
+  UniformGrid grid_;
+};
+
+}  // namespace
+
+std::unique_ptr<ShapeIndex> build_uniform_grid(const ShapeBounds& shapes) {
+  return std::make_unique<UniformGridIndex>(shapes);
+}
+
+}  // namespace tessera::render::reference

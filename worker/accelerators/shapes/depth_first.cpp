@@ -1,0 +1,40 @@
+#include "worker/accelerators/shapes/depth_first.h"
+
+#include "worker/accel/build/binary_bvh.h"
+
+namespace tessera::render::reference {
+namespace {
+
+constexpr std::uint32_t kLeafSize = 4;
+
+/// Appends what is below `node`, and it; at most kMaxLevels deep.
+void append(const BinaryBvh& bvh, const BinaryNode& node, DepthFirstTree& tree) {
+  const std::size_t at = tree.nodes.size();
+  const auto first = static_cast<std::uint32_t>(tree.order.size());
+  tree.nodes.push_back({node.box, 0, first, 0});
+  if (node.leaf()) {
+    const auto begin = bvh.order.begin() + node.first;
+    tree.order.insert(tree.order.end(), begin, begin + node.count);
+  } else {
+    append(bvh, bvh.nodes[node.left], tree);
+    append(bvh, bvh.nodes[node.right], tree);
+  }
+  tree.nodes[at].skip = static_cast<std::uint32_t>(tree.nodes.size());
+  tree.nodes[at].count = static_cast<std::uint32_t>(tree.order.size()) - first;
+}
+
+}  // namespace
+
+DepthFirstTree build_depth_first(const ShapeBounds& shapes) {
+  const ParallelFor in_turn = [](std::int64_t count, const auto& body) {
+    for (std::int64_t i = 0; i < count; ++i) body(i);
+  };
+  const BinaryBvh bvh = build_binary_bvh({shapes.boxes, kLeafSize}, in_turn);
+  DepthFirstTree tree;
+  tree.nodes.reserve(bvh.nodes.size());
+  tree.order.reserve(bvh.order.size());
+  append(bvh, bvh.nodes[0], tree);
+  return tree;
+}
+
+}  // namespace tessera::render::reference

@@ -1,0 +1,28 @@
+#include "worker/accelerators/shapes/shapes.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tessera::render::reference {
+
+bool make_shape_ray(const Vec3f& origin, const Vec3f& direction, const Box3f& all, ShapeRay& ray) {
+  if (!make_object_ray(origin, direction, all, ray.slabs)) return false;
+  ray.origin = Vec3d(origin);
+  ray.direction = ray.box_direction = Vec3d(direction);
+  double reach = 0, steepest = 0;
+  for (int k = 0; k < 3; ++k) {
+    const double o = ray.origin[k];
+    const auto lo = static_cast<double>(all.lo[k]), hi = static_cast<double>(all.hi[k]);
+    reach = std::max({reach, std::fabs(lo - o), std::fabs(hi - o)});
+    if (std::isinf(ray.slabs.inverse[k])) {
+      ray.box_direction[k] = 0;
+    } else {
+      steepest = std::max(steepest, std::fabs(static_cast<double>(ray.slabs.inverse[k])));
+    }
+  }
+  ray.near = kNear * reach;
+  ray.hull_slack = ray.near * steepest;
+  return true;
+}
+
+}  // namespace tessera::render::reference

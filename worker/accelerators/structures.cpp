@@ -1,0 +1,40 @@
+#include "worker/accelerators/structures.h"
+
+#include <algorithm>
+#include <iterator>
+
+#include "contract/structure_names.h"
+#include "worker/accelerators/grids/grids.h"
+#include "worker/accelerators/trees/trees.h"
+
+namespace tessera::render::reference {
+
+std::span<const Structure> structures() {
+  static constexpr Structure kStructures[] = {
+      {"brute-force", "every triangle", build_brute_force},
+      {"bvh2", "two-wide BVH, recursive", build_two_wide_bvh},
+      {"bvh2-skip", "two-wide BVH, skip pointers", build_skip_bvh},
+      {"spheres", "bounding spheres", build_sphere_tree},
+      {"oriented-boxes", "oriented boxes", build_oriented_boxes},
+      {"kd-tree", "kd-tree", build_kd_tree},
+      {"polygon-bsp", "polygon-aligned BSP", build_polygon_bsp},
+      {"octree", "octree", build_octree},
+      {"grid", "uniform grid", build_uniform_grid},
+      {"recursive-grid", "grids in full cells", build_recursive_grid},
+      {"hierarchical-grid", "a grid per size", build_hierarchical_grid},
+      {"proximity-grid", "grid, proximity clouds", build_proximity_grid},
+  };
+  static_assert(std::equal(std::begin(kStructures), std::end(kStructures),
+                           contract::kStructureNames.begin(), contract::kStructureNames.end(),
+                           [](const Structure& a, std::string_view b) { return a.name == b; }));
+  return kStructures;
+}
+
+const Structure* find_structure(std::string_view name) {
+  for (const Structure& structure : structures()) {
+    if (structure.name == name) return &structure;
+  }
+  return nullptr;
+}
+
+}  // namespace tessera::render::reference

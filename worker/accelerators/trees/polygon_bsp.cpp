@@ -1,0 +1,206 @@
+// A BSP tree whose planes are those of the polygons, or stand on them along an edge (a smooth body
+// lies on one side of each of its own planes). Nothing is cut: a polygon is referred to from each
+// side it is on, whole, so that its hits keep their bits; one in the plane stays at the node.
+//
+// A hit's t may be off the polygon by ShapeRay::hull_slack, so the ray's parts reach over the plane
+// by ShapeRay::near across it and by the slack along it; what bounds t are the nodes' boxes.
+// Source: H. Fuchs, Z. Kedem, B. Naylor, "On visible surface generation by a priori tree
+// structures", 1980.
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "worker/accelerators/trees/trees.h"
+
+namespace tessera::render::reference {
+namespace {
+
+constexpr std::size_t kLeafSize = 6;
+constexpr std::size_t kCandidates = 10, kJudges = 512;
+/// A plane that leaves more than this on one side (see share()) is not worth a node.
+constexpr double kWorstShare = 0.9;
+
+struct Plane {
+  Vec3d normal, point;
+  double side(const Vec3d& p) const { return dot(normal, p - point); }
+};
+
+struct Node {
+  Box3f box;  // around all shapes below
+  Plane plane;
+  std::uint32_t front = 0, back = 0;   // 0: no child; both: a leaf
+  std::uint32_t first = 0, count = 0;  // of `items`: those of a leaf, or in the plane
+};
+
+class Builder {
+ public:
+  explicit Builder(const ShapeBounds& shapes) : shapes_(shapes) {
+    const Box3f all = shapes.all();
+    flat_ = 0x1p-40 * max_abs(Vec3d(all.hi) - Vec3d(all.lo));
+  }
+
+  std::uint32_t build(std::vector<std::uint32_t> shapes, int depth) {
+    const auto index = static_cast<std::uint32_t>(nodes.size());
+    Node node;
+    for (const std::uint32_t shape : shapes) node.box.extend(shapes_.boxes[shape]);
+    nodes.push_back(node);
+    Plane plane;
+    if (depth == 0 || shapes.size() <= kLeafSize || !choose(shapes, plane)) {
+      keep(index, shapes);
+      return index;
+    }
+    std::vector<std::uint32_t> front, back, inside;
+    for (const std::uint32_t shape : shapes) {
+      const Sides sides = sides_of(shape, plane);
+      if (sides.front) front.push_back(shape);
+      if (sides.back) back.push_back(shape);
+      if (!sides.front && !sides.back) inside.push_back(shape);
+    }
+    std::vector<std::uint32_t>().swap(shapes);
+    keep(index, inside);
+    nodes[index].plane = plane;
+    if (!front.empty()) {
+      const std::uint32_t child = build(std::move(front), depth - 1);
+      nodes[index].front = child;
+    }
+    if (!back.empty()) {
+      const std::uint32_t child = build(std::move(back), depth - 1);
+      nodes[index].back = child;
+    }
+    return index;
+  }
+
+  std::vector<Node> nodes;
+  std::vector<std::uint32_t> items;
+
+ private:
+  struct Sides {
+    bool front = false, back = false;
+  };
+
+  Sides sides_of(std::uint32_t shape, const Plane& plane) const {
+    Sides sides;
+    for (const Vec3f& p : shapes_.hull(shape)) {
+      const double side = plane.side(Vec3d(p));
+      sides.front = sides.front || side > flat_;
+      sides.back = sides.back || side < -flat_;
+    }
+    return sides;
+  }
+
+  void keep(std::uint32_t index, const std::vector<std::uint32_t>& shapes) {
+    nodes[index].first = static_cast<std::uint32_t>(items.size());
+    nodes[index].count = static_cast<std::uint32_t>(shapes.size());
+    items.insert(items.end(), shapes.begin(), shapes.end());
+  }
+
+  /// The plane of some shape, or upright on one of its edges, that divides best; false if none
+  /// divides well.
+  bool choose(const std::vector<std::uint32_t>& shapes, Plane& best) const {
+    double least = kWorstShare;
+    const std::size_t step = shapes.size() / kCandidates + 1;
+    for (std::size_t i = step / 2; i < shapes.size(); i += step) {
+      const std::span<const Vec3f> hull = shapes_.hull(shapes[i]);
+      const Vec3d a(hull[0]), b(hull[1]), c(hull[2]);
+      const Vec3d normal = normalize(cross(b - a, c - a));
+      for (const Plane& plane :
+           {Plane{normal, a}, Plane{normalize(cross(normal, b - a)), a},
+            Plane{normalize(cross(normal, c - b)), b}, Plane{normalize(cross(normal, a - c)), c}}) {
+        const double cost = share(shapes, plane);
+        if (plane.normal == Vec3d{} || !(cost < least)) continue;
+        least = cost;
+        best = plane;
+      }
+    }
+    return least < kWorstShare;
+  }
+
+  /// The larger side's share of the shapes, plus half of what is in both, judged by some of them.
+  double share(const std::vector<std::uint32_t>& shapes, const Plane& plane) const {
+    const std::size_t step = shapes.size() / kJudges + 1;
+    double front = 0, back = 0, both = 0, all = 0;
+    for (std::size_t i = 0; i < shapes.size(); i += step) {
+      const Sides sides = sides_of(shapes[i], plane);
+      front += sides.front ? 1 : 0;
+      back += sides.back ? 1 : 0;
+      both += sides.front && sides.back ? 1 : 0;
+      all += 1;
+    }
+    return (std::max(front, back) + 0.5 * both) / all;
+  }
+
+  const ShapeBounds& shapes_;
+  double flat_ = 0;  // points nearer than this are in a plane
+};
+
+class PolygonBsp final : public ShapeIndex {
+ public:
+  explicit PolygonBsp(const ShapeBounds& shapes) {
+    std::vector<std::uint32_t> all(shapes.size());
+    for (std::uint32_t i = 0; i < shapes.size(); ++i) all[i] = i;
+    Builder builder(shapes);
+    builder.build(std::move(all), 2 * static_cast<int>(std::bit_width(shapes.size())) + 4);
+    nodes_ = std::move(builder.nodes);
+    items_ = std::move(builder.items);
+  }
+
+  bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
+            TraversalStats& work) const override {
+    Mailbox mailbox;
+    return descend(nodes_[0], {ray, limit, visit, mailbox, work});
+  }
+  std::size_t memory_bytes() const override {
+    return nodes_.capacity() * sizeof(Node) + items_.capacity() * sizeof(std::uint32_t);
+  }
+
+ private:
+  struct Walk {
+    const ShapeRay& ray;
+    const float& limit;
+    const ShapeVisitor& visit;
+    Mailbox& mailbox;
+    TraversalStats& work;
+  };
+
+  bool descend(const Node& node, const Walk& walk) const {
+    const EnterLeave t = enter_leave(walk.ray.slabs, node.box.lo, node.box.hi);
+    if (!(t.enter <= t.leave) || t.leave < 0 || t.enter > walk.limit) return false;
+    ++walk.work.nodes;
+    for (std::uint32_t i = 0; i < node.count; ++i) {
+      const std::uint32_t shape = items_[node.first + i];
+      if (walk.mailbox.add(shape) && walk.visit(shape)) return true;
+    }
+    if (node.front == 0 && node.back == 0) return false;
+    const double slack = walk.ray.hull_slack;
+    const double first = std::max(0.0, static_cast<double>(t.enter)) - slack;
+    const double last = static_cast<double>(std::min(t.leave, walk.limit)) + slack;
+    const double start = node.plane.side(walk.ray.origin);
+    const double speed = dot(node.plane.normal, walk.ray.direction);
+    const auto side = [&](double at) { return speed == 0 ? start : start + at * speed; };
+    const double margin = 2 * walk.ray.near;  // near is per axis: sqrt(3) of it, and rounding
+    const double a = side(first), b = side(last);
+    const bool front = node.front != 0 && !(std::max(a, b) < -margin);
+    const bool back = node.back != 0 && !(std::min(a, b) > margin);
+    if (a >= 0) {
+      return (front && descend(nodes_[node.front], walk)) ||
+             (back && descend(nodes_[node.back], walk));
+    }
+    return (back && descend(nodes_[node.back], walk)) ||
+           (front && descend(nodes_[node.front], walk));
+  }
+
+  std::vector<Node> nodes_;
+  std::vector<std::uint32_t> items_;
+};
+
+}  // namespace
+
+std::unique_ptr<ShapeIndex> build_polygon_bsp(const ShapeBounds& shapes) {
+  return std::make_unique<PolygonBsp>(shapes);
+}
+
+}  // namespace tessera::render::reference

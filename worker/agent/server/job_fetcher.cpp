@@ -1,0 +1,150 @@
+#include "worker/agent/server/job_fetcher.h"
+
+#include <algorithm>
+#include <chrono>
+#include <random>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "rpc/channel.h"
+#include "rpc/rpc_status.h"
+#include "rpc/settings_message.h"
+
+namespace tessera::agent {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr milliseconds kCallTimeout{20'000}, kDownloadTimeout{0};
+constexpr milliseconds kFirstPause{50}, kLongestPause{5'000};
+constexpr int kMaxAssets = 100'000;
+
+}  // namespace
+
+JobFetcher::JobFetcher(v1::WorkerService::Stub& workers, v1::AssetService::Stub& assets,
+                       AssetCache& cache, AgentMetrics& metrics, std::string token, Done done)
+    : workers_(workers),
+      assets_(assets),
+      cache_(cache),
+      metrics_(metrics),
+      token_(std::move(token)),
+      done_(std::move(done)) {
+  thread_ = std::thread([this] { run(); });
+}
+
+JobFetcher::~JobFetcher() {
+  {
+    const std::lock_guard lock(mutex_);
+    ending_ = true;
+    if (running_ != nullptr) running_->TryCancel();
+  }
+  wake_.notify_all();
+  thread_.join();
+}
+
+void JobFetcher::fetch(const std::string& job_id) {
+  {
+    const std::lock_guard lock(mutex_);
+    wanted_.push_back(job_id);
+  }
+  wake_.notify_all();
+}
+
+void JobFetcher::run() {
+  while (true) {
+    std::string job_id;
+    {
+      std::unique_lock lock(mutex_);
+      wake_.wait(lock, [this] { return ending_ || !wanted_.empty(); });
+      if (ending_) return;
+      job_id = std::move(wanted_.front());
+      wanted_.pop_front();
+    }
+    auto files = fetch_once(job_id);
+    done_(std::move(job_id), std::move(files));
+  }
+}
+
+absl::StatusOr<JobInputs> JobFetcher::fetch_once(const std::string& job_id) {
+  v1::DescribeJobRequest request;
+  request.set_job_id(job_id);
+  v1::DescribeJobResponse response;
+  absl::Status status = call(kCallTimeout, [&](grpc::ClientContext& context) {
+    return contract::from_rpc(workers_.DescribeJob(&context, request, &response));
+  });
+  if (!status.ok()) return status;
+  auto settings = contract::from_message(response.settings());
+  if (!settings.ok()) return settings.status();
+  JobInputs files;
+  files.settings = *std::move(settings);
+  files.message = std::move(*response.mutable_settings());
+  files.manifest = std::move(*response.mutable_manifest());
+  if (files.manifest.assets_size() > kMaxAssets) {
+    return absl::InvalidArgumentError(absl::StrCat("a manifest of ", files.manifest.assets_size(),
+                                                   " assets; at most ", kMaxAssets));
+  }
+  for (const v1::ManifestEntry& entry : files.manifest.assets()) {
+    auto descriptor = fetch_asset(entry.asset());
+    if (!descriptor.ok()) {
+      return absl::Status(
+          descriptor.status().code(),
+          absl::StrCat(entry.uri(), ": ", std::string(descriptor.status().message())));
+    }
+    files.descriptors.push_back(*std::move(descriptor));
+  }
+  auto scratch = cache_.scratch();
+  if (!scratch.ok()) return scratch.status();
+  files.descriptors.push_back(*std::move(scratch));
+  return files;
+}
+
+absl::StatusOr<Descriptor> JobFetcher::fetch_asset(const v1::AssetId& id) {
+  const auto digest = contract::Digest::from_binary(id.sha256());
+  if (!digest) return absl::InvalidArgumentError("an asset id without a SHA-256");
+  absl::StatusOr<Descriptor> result = absl::UnknownError("");
+  bool is_cached = true;
+  const absl::Status status = call(kDownloadTimeout, [&](grpc::ClientContext& context) {
+    result = cache_.get(*digest, id.size_bytes(), [&](const auto& write) {
+      is_cached = false;
+      v1::DownloadAssetRequest request;
+      *request.mutable_asset() = id;
+      const auto stream = assets_.DownloadAsset(&context, request);
+      v1::DownloadAssetResponse response;
+      absl::Status kept;
+      while (kept.ok() && stream->Read(&response)) kept = write(response.chunk());
+      if (!kept.ok()) context.TryCancel();
+      const grpc::Status finished = stream->Finish();
+      return kept.ok() ? contract::from_rpc(finished) : kept;
+    });
+    return result.status();
+  });
+  if (!status.ok()) {
+    metrics_.errors.asset_failed.Increment();
+    return status;
+  }
+  (is_cached ? metrics_.assets.cache : metrics_.assets.server).Increment();
+  if (!is_cached) metrics_.asset_bytes.Increment(static_cast<double>(id.size_bytes()));
+  return result;
+}
+
+absl::Status JobFetcher::call(milliseconds timeout,
+                              const std::function<absl::Status(grpc::ClientContext&)>& attempt) {
+  std::mt19937 random(std::random_device{}());  // jitter only
+  for (milliseconds pause = kFirstPause;; pause = std::min(2 * pause, kLongestPause)) {
+    grpc::ClientContext context;
+    contract::prepare_call(context, token_, timeout);
+    {
+      const std::lock_guard lock(mutex_);
+      if (ending_) return absl::CancelledError("the worker is leaving");
+      running_ = &context;
+    }
+    absl::Status status = attempt(context);
+    std::unique_lock lock(mutex_);
+    running_ = nullptr;
+    if (!absl::IsUnavailable(status)) return status;
+    std::uniform_int_distribution<std::int64_t> jitter(pause.count() / 2, pause.count());
+    wake_.wait_for(lock, milliseconds(jitter(random)), [this] { return ending_; });
+  }
+}
+
+}  // namespace tessera::agent

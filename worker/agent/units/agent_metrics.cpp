@@ -1,0 +1,88 @@
+#include "worker/agent/units/agent_metrics.h"
+
+#include <string>
+
+namespace tessera::agent {
+namespace {
+
+using prometheus::Counter;
+using prometheus::Family;
+using prometheus::Gauge;
+using prometheus::Histogram;
+using prometheus::Registry;
+
+/// Bounds in seconds: units and scenes take from milliseconds to hours.
+Histogram::BucketBoundaries bounds() {
+  return {0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 100, 1000, 10000};
+}
+
+Family<Counter>& counters(Registry& registry, const std::string& name, const std::string& help) {
+  return prometheus::BuildCounter().Name(name).Help(help).Register(registry);
+}
+
+Counter& counter(Registry& registry, const std::string& name, const std::string& help) {
+  return counters(registry, name, help).Add({});
+}
+
+Gauge& gauge(Registry& registry, const std::string& name, const std::string& help) {
+  return prometheus::BuildGauge().Name(name).Help(help).Register(registry).Add({});
+}
+
+Histogram& histogram(Registry& registry, const std::string& name, const std::string& help) {
+  return prometheus::BuildHistogram().Name(name).Help(help).Register(registry).Add({}, bounds());
+}
+
+AgentMetrics::Units unit_gauges(Registry& registry) {
+  Family<Gauge>& family = prometheus::BuildGauge()
+                              .Name("tessera_worker_units")
+                              .Help("Units leased to this worker and not acknowledged")
+                              .Register(registry);
+  const auto add = [&](const char* state) -> Gauge& { return family.Add({{"state", state}}); };
+  return {add("waiting"), add("started"), add("held")};
+}
+
+std::array<Counter*, 4> verdict_counters(Registry& registry) {
+  Family<Counter>& family = counters(registry, "tessera_worker_verdicts_total",
+                                     "The server's verdicts on this worker's results");
+  const auto add = [&](const char* verdict) { return &family.Add({{"verdict", verdict}}); };
+  return {add("committed"), add("duplicate"), add("unwanted"), add("rejected")};
+}
+
+AgentMetrics::Errors error_counters(Registry& registry) {
+  Family<Counter>& family =
+      counters(registry, "tessera_worker_errors_total", "What failed while the worker went on");
+  const auto add = [&](const char* kind) -> Counter& { return family.Add({{"kind", kind}}); };
+  return {add("unit_failed"), add("renderer_died"), add("asset_failed")};
+}
+
+AgentMetrics::Assets asset_counters(Registry& registry) {
+  Family<Counter>& family = counters(registry, "tessera_worker_assets_total",
+                                     "Scene files jobs needed, by where they came from");
+  return {family.Add({{"source", "cache"}}), family.Add({{"source", "server"}})};
+}
+
+}  // namespace
+
+AgentMetrics::AgentMetrics()
+    : units(unit_gauges(registry_)),
+      threads(gauge(registry_, "tessera_worker_render_threads", "Units rendered at once at most")),
+      connected(
+          gauge(registry_, "tessera_worker_connected", "1 while the server knows this worker")),
+      round_trip_seconds(gauge(registry_, "tessera_worker_round_trip_seconds",
+                               "From when a block is offered to its verdict, least of late")),
+      resident_bytes(gauge(registry_, "tessera_worker_resident_bytes",
+                           "Memory of the worker and its renderer")),
+      verdicts(verdict_counters(registry_)),
+      errors(error_counters(registry_)),
+      assets(asset_counters(registry_)),
+      asset_bytes(counter(registry_, "tessera_worker_asset_bytes_total",
+                          "Scene files that came from the server")),
+      block_bytes(counter(registry_, "tessera_worker_block_bytes_total", "Film blocks rendered")),
+      cpu_seconds(counter(registry_, "tessera_worker_cpu_seconds_total",
+                          "CPU time spent on units that were rendered")),
+      unit_seconds(histogram(registry_, "tessera_worker_unit_seconds",
+                             "A unit rendered, wall time on its thread")),
+      scene_load_seconds(histogram(registry_, "tessera_worker_scene_load_seconds",
+                                   "A frame's scene read and made ready")) {}
+
+}  // namespace tessera::agent

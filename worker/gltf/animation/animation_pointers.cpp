@@ -1,0 +1,245 @@
+#include "worker/gltf/animation/animation_pointers.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <string_view>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "worker/gltf/animation/animation.h"
+#include "worker/gltf/file/json_view.h"
+
+namespace tessera::render {
+
+using nlohmann::json;
+
+namespace {
+
+/// A number, or several, that can be animated though the file may leave it to its default.
+struct Animatable {
+  std::string_view name;
+  int width;
+};
+
+/// Of cameras, lights and materials, by name. Source: Khronos, "glTF 2.0 Asset Object Model".
+constexpr Animatable kAnimatable[] = {
+    {"alphaCutoff", 1},
+    {"anisotropyRotation", 1},
+    {"anisotropyStrength", 1},
+    {"attenuationColor", 3},
+    {"attenuationDistance", 1},
+    {"baseColorFactor", 4},
+    {"clearcoatFactor", 1},
+    {"clearcoatRoughnessFactor", 1},
+    {"color", 3},
+    {"diffuseTransmissionColorFactor", 3},
+    {"diffuseTransmissionFactor", 1},
+    {"dispersion", 1},
+    {"emissiveFactor", 3},
+    {"emissiveStrength", 1},
+    {"innerConeAngle", 1},
+    {"intensity", 1},
+    {"ior", 1},
+    {"iridescenceFactor", 1},
+    {"iridescenceIor", 1},
+    {"iridescenceThicknessMaximum", 1},
+    {"iridescenceThicknessMinimum", 1},
+    {"metallicFactor", 1},
+    {"outerConeAngle", 1},
+    {"range", 1},
+    {"roughnessFactor", 1},
+    {"sheenColorFactor", 3},
+    {"sheenRoughnessFactor", 1},
+    {"specularColorFactor", 3},
+    {"specularFactor", 1},
+    {"thicknessFactor", 1},
+    {"transmissionFactor", 1},
+    {"xmag", 1},
+    {"yfov", 1},
+    {"ymag", 1},
+    {"zfar", 1},
+    {"znear", 1},
+};
+
+/// Whole numbers of our extensions, which name or count things.
+constexpr std::string_view kWhole[] = {"accessor",  "blades",   "dimensions",
+                                       "focusNode", "material", "octaves",
+                                       "priority",  "seed",     "texture"};
+
+/// The parts of "/cameras/0/perspective/yfov"; none if it is no such pointer.
+std::vector<std::string> split(const std::string& pointer) {
+  if (pointer.empty() || pointer[0] != '/' || pointer.find('~') != std::string::npos) return {};
+  return absl::StrSplit(pointer.substr(1), '/');
+}
+
+/// Parts that name the element: 2, or 4 of a light; 0 if elements there cannot be animated.
+std::size_t element_parts(const std::vector<std::string>& parts) {
+  if (parts.size() > 4 && parts[0] == "extensions" && parts[1] == "KHR_lights_punctual" &&
+      parts[2] == "lights") {
+    return 4;
+  }
+  constexpr std::string_view kSections[] = {"cameras", "materials", "nodes", "scenes", "textures"};
+  const bool animated = parts.size() > 2 && std::find(std::begin(kSections), std::end(kSections),
+                                                      parts[0]) != std::end(kSections);
+  return animated ? 2 : 0;
+}
+
+/// Whether the path goes over an element that exists, and over objects and elements of arrays that
+/// exist from there.
+bool stands_in(const json& root, const std::vector<std::string>& parts, std::size_t element) {
+  const json* at = &root;
+  for (std::size_t i = 0; i + 1 < parts.size(); ++i) {
+    std::uint32_t index = 0;
+    if (at->is_array()) {
+      if (!absl::SimpleAtoi(parts[i], &index) || index >= at->size()) return false;
+      at = &(*at)[index];
+    } else if (at->is_object()) {
+      const auto member = at->find(parts[i]);
+      if (member == at->end()) {
+        // Objects that are all defaults may be left out; extensions say that they are there.
+        return i >= element && i > 0 && parts[i - 1] != "extensions" && parts[i] != "extensions";
+      }
+      at = &*member;
+    } else {
+      return false;
+    }
+  }
+  return at->is_object();
+}
+
+/// Numbers at the pointer; 0 if it does not name what can be animated.
+int width_at(const json& root, const std::vector<std::string>& parts) {
+  const std::size_t element = element_parts(parts);
+  if (element == 0 || !stands_in(root, parts, element)) return 0;
+  const std::string& name = parts.back();
+  const std::string& parent = parts[parts.size() - 2];
+  const bool ours = std::any_of(parts.begin(), parts.end(),
+                                [](const std::string& p) { return p.starts_with("TESSERA_"); });
+  if (ours) {
+    const json::json_pointer pointer("/" + absl::StrJoin(parts, "/"));
+    if (!root.contains(pointer)) return 0;
+    if (std::find(std::begin(kWhole), std::end(kWhole), name) != std::end(kWhole)) return 0;
+    const json& value = root[pointer];
+    if (value.is_number()) return 1;
+    const bool numbers =
+        value.is_array() && !value.empty() && value.size() <= 64 &&
+        std::all_of(value.begin(), value.end(), [](const json& v) { return v.is_number(); });
+    return numbers ? static_cast<int>(value.size()) : 0;
+  }
+  if (parts[0] == "nodes" || parts[0] == "scenes" || parts[0] == "textures") return 0;
+  if (parent == "KHR_texture_transform") {
+    return name == "rotation" ? 1 : name == "offset" || name == "scale" ? 2 : 0;
+  }
+  if (name == "scale") return parent == "normalTexture" || parent == "clearcoatNormalTexture";
+  const auto* known = std::find_if(std::begin(kAnimatable), std::end(kAnimatable),
+                                   [&](const Animatable& a) { return a.name == name; });
+  return known == std::end(kAnimatable) ? 0 : known->width;
+}
+
+/// A node's own transform or weights; nullopt: something else.
+std::optional<AnimationPath> node_path(const std::vector<std::string>& parts) {
+  if (parts.size() != 3 || parts[0] != "nodes") return std::nullopt;
+  if (parts[2] == "translation") return AnimationPath::translation;
+  if (parts[2] == "rotation") return AnimationPath::rotation;
+  if (parts[2] == "scale") return AnimationPath::scale;
+  if (parts[2] == "weights") return AnimationPath::weights;
+  return std::nullopt;
+}
+
+Interpolation interpolation_of(const JsonView& sampler, JsonFault& fault) {
+  const JsonView given = sampler["interpolation"];
+  const std::string name = given.present() ? given.as_text() : "LINEAR";
+  if (name == "STEP") return Interpolation::step;
+  if (name == "CUBICSPLINE") return Interpolation::cubic_spline;
+  if (name != "LINEAR") fault.report(given.path(), "is not STEP, LINEAR or CUBICSPLINE");
+  return Interpolation::linear;
+}
+
+class PointerReader {
+ public:
+  PointerReader(const json& root, GltfModel& document, JsonFault& fault)
+      : root_(root), document_(document), fault_(fault) {}
+
+  void read(const JsonView& animation, Animation& out) {
+    const std::vector<JsonView> samplers = animation["samplers"].items();
+    const std::vector<JsonView> channels = animation["channels"].items();
+    for (std::size_t k = 0; k < channels.size(); ++k) {
+      const JsonView target = channels[k]["target"];
+      if (target.text("path") != "pointer") continue;
+      const std::int32_t sampler = channels[k].index("sampler", samplers.size());
+      if (sampler == kNone) continue;  // a fault has been reported
+      PointerChannel channel = source(samplers[static_cast<std::size_t>(sampler)]);
+      channel.index = k;
+      add(target.extension("KHR_animation_pointer"), std::move(channel), out);
+    }
+  }
+
+ private:
+  PointerChannel source(const JsonView& sampler) {
+    PointerChannel channel;
+    channel.input = sampler.index("input", document_.accessors.size());
+    channel.output = sampler.index("output", document_.accessors.size());
+    if (channel.input == kNone || channel.output == kNone) {
+      fault_.report(sampler.path(), "has no input or no output");
+    }
+    channel.interpolation = interpolation_of(sampler, fault_);
+    return channel;
+  }
+
+  void add(const JsonView& extension, PointerChannel channel, Animation& out) {
+    channel.pointer = extension.text("pointer");
+    const std::vector<std::string> parts = split(channel.pointer);
+    if (const auto path = node_path(parts)) {
+      std::int32_t node = kNone;
+      if (absl::SimpleAtoi(parts[1], &node) && node >= 0 &&
+          static_cast<std::size_t>(node) < document_.nodes.size()) {
+        out.channels.push_back({node, *path, channel.input, channel.output, channel.interpolation});
+        return;
+      }
+    }
+    channel.width = width_at(root_, parts);
+    if (channel.width == 0) {
+      fault_.report(extension.path() + ".pointer",
+                    absl::StrCat("\"", channel.pointer, "\" names no number that can be animated"));
+    }
+    out.pointers.push_back(std::move(channel));
+  }
+
+  const json& root_;
+  GltfModel& document_;
+  JsonFault& fault_;
+};
+
+}  // namespace
+
+absl::Status read_animation_pointers(const json& root, GltfModel& document) {
+  JsonFault fault;
+  PointerReader reader(root, document, fault);
+  const std::vector<JsonView> animations = JsonView(root, "", fault)["animations"].items();
+  for (std::size_t i = 0; i < animations.size() && i < document.animations.size(); ++i) {
+    reader.read(animations[i], document.animations[i]);
+  }
+  return fault.status();
+}
+
+bool has_pointers(const GltfModel& document, const std::vector<std::int32_t>& animations) {
+  return std::any_of(animations.begin(), animations.end(),
+                     [&](std::int32_t a) { return !document.animations[a].pointers.empty(); });
+}
+
+absl::Status animate_json(const GltfModel& document, const std::vector<std::int32_t>& animations,
+                          double seconds, json& root) {
+  for (const std::int32_t animation : animations) {
+    for (const PointerChannel& channel : document.animations[animation].pointers) {
+      const auto values = pointer_values(document, animation, channel, seconds);
+      if (!values.ok()) return values.status();
+      json& place = root[json::json_pointer(channel.pointer)];
+      place = channel.width == 1 ? json(values->front()) : json(*values);
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace tessera::render

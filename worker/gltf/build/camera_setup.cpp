@@ -1,0 +1,172 @@
+#include "worker/gltf/build/camera_setup.h"
+
+#include <cmath>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "worker/math/elementary.h"
+
+namespace tessera::render {
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kFramingYfov = 0.69813170079773184;  // 40 degrees
+constexpr double kSin20Degrees = 0.34202014332566873;
+
+Affine3d from_axes(const Vec3d& x, const Vec3d& y, const Vec3d& z, const Vec3d& origin) {
+  return {{Vec3d{x.x, y.x, z.x}, Vec3d{x.y, y.y, z.y}, Vec3d{x.z, y.z, z.z}}, origin};
+}
+
+Camera frame_everything(const PosedNodes& nodes) {
+  Camera camera;
+  camera.name = "framed";
+  camera.yfov = kFramingYfov;
+  const double r = length(nodes.bounds_max - nodes.bounds_min) / 2;
+  const Vec3d back = normalize(Vec3d{0.5, 0.35, 1});
+  const double distance = (r > 0 ? r : 1) / kSin20Degrees;
+  const Vec3d middle = (nodes.bounds_min + nodes.bounds_max) * 0.5;
+  const Vec3d right = normalize(cross(Vec3d{0, 1, 0}, back));
+  camera.camera_to_world = from_axes(right, cross(back, right), back, middle + back * distance);
+  return camera;
+}
+
+absl::Status check_camera(const Camera& camera, const std::string& where) {
+  if (camera.kind == Camera::Kind::perspective && !(camera.yfov > 0 && camera.yfov < kPi)) {
+    return absl::InvalidArgumentError(absl::StrCat(where, ": yfov is not in (0, pi)"));
+  }
+  if (camera.kind == Camera::Kind::orthographic &&
+      !(camera.ymag > 0 && std::isfinite(camera.ymag))) {
+    return absl::InvalidArgumentError(absl::StrCat(where, ": ymag is not above 0"));
+  }
+  if (!(camera.znear >= 0 && camera.zfar > camera.znear)) {
+    return absl::InvalidArgumentError(absl::StrCat(where, ": znear and zfar are out of order"));
+  }
+  return absl::OkStatus();
+}
+
+/// The node that carries the camera `wanted`; kNone if there is none in the scene.
+std::int32_t find_camera_node(const GltfModel& document, const std::string& wanted,
+                              const std::vector<std::int32_t>& order) {
+  std::int32_t index = kNone;
+  if (!absl::SimpleAtoi(wanted, &index)) index = kNone;
+  std::int32_t by_index = kNone;
+  for (const std::int32_t node : order) {
+    const std::int32_t camera = document.nodes[node].camera;
+    if (camera == kNone) continue;
+    if (wanted.empty() || document.nodes[node].name == wanted ||
+        document.cameras[camera].camera.name == wanted) {
+      return node;
+    }
+    if (camera == index && by_index == kNone) by_index = node;
+  }
+  return by_index;
+}
+
+std::string known_cameras(const GltfModel& document, const std::vector<std::int32_t>& order) {
+  std::string out;
+  for (const std::int32_t node : order) {
+    const std::int32_t camera = document.nodes[node].camera;
+    if (camera == kNone || out.size() > 500) continue;
+    const std::string& own = document.cameras[camera].camera.name;
+    absl::StrAppend(&out, out.empty() ? "" : ", ", camera, " \"",
+                    own.empty() ? document.nodes[node].name : own, "\"");
+  }
+  return out.empty() ? "none" : out;
+}
+
+}  // namespace
+
+std::optional<Affine3d> rigid_part(const Affine3d& world) {
+  const auto column = [&](int k) {
+    return Vec3d{world.rows[0][k], world.rows[1][k], world.rows[2][k]};
+  };
+  const Vec3d z = normalize(column(2));
+  const Vec3d up = normalize(column(1));
+  const Vec3d y = normalize(up - z * dot(z, up));
+  const Vec3d x = cross(y, z);
+  const double size = max_abs(z) + max_abs(y) + max_abs(x) + max_abs(world.translation);
+  if (z == Vec3d{} || y == Vec3d{} || !std::isfinite(size)) return std::nullopt;
+  return from_axes(x, y, z, world.translation);
+}
+
+namespace {
+
+/// From the space of the camera's node to that of its lookAt; nullopt when no direction is left.
+std::optional<Affine3d> look_at_transform(const LookAt& look) {
+  const Vec3d z = normalize(look.position - look.target);
+  const Vec3d x = normalize(cross(look.up, z));
+  if (z == Vec3d{} || x == Vec3d{}) return std::nullopt;
+  return from_axes(x, cross(z, x), z, look.position);
+}
+
+/// Where the camera stands and looks, not recentred.
+absl::StatusOr<Affine3d> place_camera(const GltfCamera& source, const Affine3d& world,
+                                      std::int32_t node, const std::string& where) {
+  Affine3d local;
+  if (source.look_at) {
+    const auto look = look_at_transform(*source.look_at);
+    if (!look) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(where,
+                       ".extensions.TESSERA_camera.lookAt: position, target and up leave "
+                       "no direction"));
+    }
+    local = *look;
+  }
+  auto placed = rigid_part(source.look_at ? world * local : world);
+  if (placed) return *placed;
+  return absl::InvalidArgumentError(absl::StrCat("nodes[", node, "]: a singular camera node"));
+}
+
+/// The lens's size, from its f-number, and what it is focused on. The focal length is the one at
+/// which the sensor's height sees the picture's, so that yfov stays what it is at any focus.
+absl::Status set_up_lens(const GltfCamera& source, const std::vector<Affine3d>& world,
+                         const std::string& where, const Affine3d& placed, Camera& camera) {
+  if (source.f_number == 0) return absl::OkStatus();
+  const double half_height =
+      elementary::sin(0.5 * camera.yfov) / elementary::cos(0.5 * camera.yfov);
+  const double focal_length = 0.5 * source.sensor_height / half_height;
+  camera.lens.radius = 0.5 * focal_length / source.f_number;
+  if (source.focus_node == kNone) return absl::OkStatus();
+  const Vec3d back{placed.rows[0].z, placed.rows[1].z, placed.rows[2].z};
+  const Vec3d target = world[source.focus_node].translation;
+  camera.lens.focus_distance = dot(placed.translation - target, back);
+  if (camera.lens.focus_distance > 0) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(where, ".extensions.TESSERA_camera.lens.focusNode: nodes[", source.focus_node,
+                   "] is not in front of the camera"));
+}
+
+}  // namespace
+
+absl::StatusOr<Camera> set_up_camera(const GltfModel& document,
+                                     const contract::RenderSettings& settings,
+                                     const PosedNodes& nodes, std::vector<Problem>& problems) {
+  const std::int32_t node = find_camera_node(document, settings.camera, nodes.order);
+  if (node == kNone) {
+    if (settings.camera.empty()) return frame_everything(nodes);
+    return absl::InvalidArgumentError(absl::StrCat("camera: there is no \"", settings.camera,
+                                                   "\" in the scene; it has ",
+                                                   known_cameras(document, nodes.order)));
+  }
+  const GltfCamera& source = document.cameras[document.nodes[node].camera];
+  Camera camera = source.camera;
+  const std::string where = absl::StrCat("cameras[", document.nodes[node].camera, "]");
+  absl::Status valid = check_camera(camera, where);
+  auto placed = place_camera(source, nodes.world[node], node, where);
+  if (valid.ok()) valid = placed.status();
+  if (valid.ok()) valid = set_up_lens(source, nodes.world, where, *placed, camera);
+  if (!valid.ok()) {
+    if (!settings.camera.empty()) return valid;
+    problems.push_back({Problem::Severity::warning, where,
+                        absl::StrCat(valid.message(), "; the whole scene is framed instead")});
+    return frame_everything(nodes);
+  }
+  if (camera.name.empty()) camera.name = document.nodes[node].name;
+  placed->translation = placed->translation - nodes.center;
+  camera.camera_to_world = *placed;
+  return camera;
+}
+
+}  // namespace tessera::render

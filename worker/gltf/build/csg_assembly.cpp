@@ -1,0 +1,100 @@
+#include "worker/gltf/build/csg_assembly.h"
+
+#include <map>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "worker/accel/overlap/mesh_overlap.h"
+
+namespace tessera::render {
+namespace {
+
+/// Writes down the steps of one solid.
+class Assembly {
+ public:
+  Assembly(const std::vector<Node>& nodes, const std::map<std::int32_t, std::uint32_t>& instances,
+           Scene& scene)
+      : nodes_(nodes), instances_(instances), scene_(scene) {}
+
+  absl::Status add(std::int32_t index, CsgSolid& solid) {
+    const Node& node = nodes_[static_cast<std::size_t>(index)];
+    if (node.mesh != kNone || node.shape != nullptr) return add_operand(index, solid);
+    if (node.children.empty()) return fault(index, "a CSG operand needs a mesh, shape or children");
+    for (const std::int32_t child : node.children) {
+      absl::Status status = add(child, solid);
+      if (!status.ok()) return status;
+    }
+    solid.steps.push_back({false, node.csg.value_or(CsgOperation::unite),
+                           static_cast<std::uint32_t>(node.children.size())});
+    return absl::OkStatus();
+  }
+
+ private:
+  static absl::Status fault(std::int32_t node, const std::string& message) {
+    return absl::InvalidArgumentError(absl::StrCat("nodes[", node, "]: ", message));
+  }
+
+  absl::Status add_operand(std::int32_t index, CsgSolid& solid) {
+    const Node& node = nodes_[static_cast<std::size_t>(index)];
+    if (!node.children.empty()) {
+      return fault(index, "a CSG operand with a mesh or shape cannot have children as well");
+    }
+    if (!node.instancing.empty()) {
+      return fault(index, "a CSG operand cannot have EXT_mesh_gpu_instancing");
+    }
+    const auto found = instances_.find(index);
+    if (found == instances_.end()) {
+      return fault(index, "this CSG operand is hidden, empty, or flattened by its transform");
+    }
+    Instance& instance = scene_.instances[found->second];
+    const Mesh& mesh = scene_.meshes[static_cast<std::size_t>(instance.mesh)];
+    if (mesh.shape != nullptr) {
+      if (!mesh.shape->closed()) {
+        return fault(index, "the shape is open, so it has no inside; CSG needs closed operands");
+      }
+    } else {
+      const std::int64_t open =
+          boundary_edges(mesh, std::vector<bool>(mesh.primitives.size(), true));
+      if (open > 0) {
+        return fault(index, absl::StrCat("the mesh is open at ", open,
+                                         " edges, so it has no inside; CSG needs closed operands"));
+      }
+    }
+    if (solid.count == 0) solid.first = found->second;
+    instance.operand = true;
+    solid.steps.push_back({true, CsgOperation::unite, solid.count++});
+    return absl::OkStatus();
+  }
+
+  const std::vector<Node>& nodes_;
+  const std::map<std::int32_t, std::uint32_t>& instances_;
+  Scene& scene_;
+};
+
+}  // namespace
+
+absl::Status assemble_solids(const std::vector<Node>& nodes, const std::vector<std::int32_t>& order,
+                             Scene& scene) {
+  std::map<std::int32_t, std::uint32_t> instances;  // by node; made when first needed
+  std::vector<bool> inside(nodes.size());           // beneath a node with an operation
+  for (const std::int32_t index : order) {
+    const Node& node = nodes[static_cast<std::size_t>(index)];
+    const bool covered = inside[static_cast<std::size_t>(index)];
+    if (!node.csg && !covered) continue;
+    for (const std::int32_t child : node.children) inside[static_cast<std::size_t>(child)] = true;
+    if (covered) continue;
+    if (instances.empty()) {
+      for (std::uint32_t i = 0; i < scene.instances.size(); ++i) {
+        instances.emplace(scene.instances[i].node, i);
+      }
+    }
+    CsgSolid solid;
+    solid.node = index;
+    absl::Status status = Assembly(nodes, instances, scene).add(index, solid);
+    if (!status.ok()) return status;
+    scene.solids.push_back(std::move(solid));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "worker/gltf/model/gltf_model.h"
+#include "worker/scene/scene.h"
+
+namespace tessera::render {
+
+/// Makes scene.solids of the nodes with TESSERA_csg, once all of `order` (depth first) have their
+/// instances. The operands are the node's children; one without mesh, shape or operation stands for
+/// the union of its own children.
+///
+/// Errors: InvalidArgument "nodes[i]: ..." for an operand that is open, missing, or placed by
+/// EXT_mesh_gpu_instancing.
+absl::Status assemble_solids(const std::vector<Node>& nodes, const std::vector<std::int32_t>& order,
+                             Scene& scene);
+
+}  // namespace tessera::render

@@ -1,0 +1,591 @@
+#include "worker/gltf/build/scene_builder.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "worker/gltf/decode/accessor_reader.h"
+#include "worker/gltf/animation/animation.h"
+#include "worker/gltf/build/camera_setup.h"
+#include "worker/gltf/build/csg_assembly.h"
+#include "worker/gltf/build/declared_lights.h"
+#include "worker/gltf/animation/deform.h"
+#include "worker/gltf/decode/geometry_reader.h"
+#include "worker/gltf/animation/gpu_instancing.h"
+#include "worker/gltf/model/hierarchy.h"
+#include "worker/gltf/decode/image_decoder.h"
+#include "worker/gltf/file/limits.h"
+#include "worker/gltf/build/precision_check.h"
+#include "worker/gltf/animation/selection.h"
+#include "worker/scene/texture_refs.h"
+#include "worker/scene/volumes.h"
+
+namespace tessera::render {
+
+namespace {
+
+/// Box of the transformed box, corner by corner.
+PosedBox transformed(const Affine3d& m, const PosedBox& box) {
+  PosedBox out;
+  for (unsigned corner = 0; corner < 8 && !box.is_empty(); ++corner) {
+    out.add(transform_point(m, Vec3d{(corner & 1) != 0 ? box.high.x : box.low.x,
+                                     (corner & 2) != 0 ? box.high.y : box.low.y,
+                                     (corner & 4) != 0 ? box.high.z : box.low.z}));
+  }
+  return out;
+}
+
+class SceneBuilder {
+ public:
+  SceneBuilder(const PoseInput& input, PoseCache& cache, std::vector<Problem>& problems)
+      : document_(input.document), input_(input), cache_(cache), problems_(problems) {}
+
+  absl::StatusOr<Scene> build() {
+    absl::Status status = pose_nodes();
+    if (status.ok()) status = read_materials();
+    for (const std::int32_t node : order_) {
+      if (status.ok()) status = place(node);
+    }
+    if (status.ok()) status = assemble_solids(nodes_, order_, scene_);
+    if (status.ok()) status = recenter();
+    if (status.ok()) status = add_textures();
+    if (!status.ok()) return status;
+    add_environment();
+    convert_index_matched_solids(scene_);
+    cache_ = std::move(kept_);
+    return std::move(scene_);
+  }
+
+ private:
+  struct SkinnedMesh {
+    std::int32_t mesh = kNone;
+    const std::vector<Affine3d>* joints = nullptr;
+    std::vector<Primitive> primitives;
+    std::vector<std::vector<Vec3d>> worlds;  // by primitive, until the scene's centre is known
+  };
+
+  void warn(const std::string& element, const std::string& message) {
+    if (problems_.size() > kMaxProblems) return;
+    problems_.push_back({Problem::Severity::warning, element, message});
+  }
+
+  /// Index of the scene to render; kNone: the file has none.
+  [[nodiscard]] std::int32_t chosen_scene() const {
+    if (document_.scenes.empty()) return kNone;
+    if (input_.settings.scene >= 0) return input_.settings.scene;
+    return document_.default_scene == kNone ? 0 : document_.default_scene;
+  }
+
+  absl::StatusOr<std::vector<std::int32_t>> roots() {
+    const std::int32_t wanted = input_.settings.scene;
+    if (wanted >= 0 && static_cast<std::size_t>(wanted) >= document_.scenes.size()) {
+      return absl::InvalidArgumentError(absl::StrCat("scene: there is no scene ", wanted,
+                                                     "; the file has ", document_.scenes.size()));
+    }
+    if (const std::int32_t chosen = chosen_scene(); chosen != kNone) {
+      return document_.scenes[chosen].roots;
+    }
+    std::vector<std::int32_t> all;
+    for (std::size_t i = 0; i < document_.nodes.size(); ++i) {
+      if (document_.nodes[i].parent == kNone) all.push_back(static_cast<std::int32_t>(i));
+    }
+    return all;
+  }
+
+  absl::Status pose_nodes() {
+    nodes_ = document_.nodes;
+    const auto animations = choose_animations(document_, input_.settings.animation);
+    if (!animations.ok()) return animations.status();
+    for (const std::int32_t animation : *animations) {
+      absl::Status status = animate(document_, animation, input_.seconds, nodes_);
+      if (!status.ok()) return status;
+    }
+    auto scene_roots = roots();
+    if (!scene_roots.ok()) return scene_roots.status();
+    roots_ = *std::move(scene_roots);
+    if (const std::int32_t chosen = chosen_scene(); chosen != kNone) {
+      scene_.atmosphere = document_.scenes[chosen].atmosphere;
+    }
+    world_ = world_transforms(nodes_);
+    order_ = depth_first(nodes_, roots_);
+    return absl::OkStatus();
+  }
+
+  absl::Status read_materials() {
+    scene_.materials = document_.materials;
+    scene_.materials.emplace_back();
+    used_.assign(scene_.materials.size(), false);
+    if (input_.settings.variant.empty()) return absl::OkStatus();
+    const auto variant = choose(document_.variants, input_.settings.variant, "variant");
+    if (!variant.ok()) return variant.status();
+    variant_ = *variant;
+    return absl::OkStatus();
+  }
+
+  /// Material of a primitive under the chosen variant.
+  [[nodiscard]] std::int32_t material_of(const GltfPrimitive& source) const {
+    for (const VariantMapping& mapping : source.mappings) {
+      const auto& v = mapping.variants;
+      if (variant_ != kNone && std::find(v.begin(), v.end(), variant_) != v.end()) {
+        return mapping.material == kNone ? source.material : mapping.material;
+      }
+    }
+    return source.material == kNone ? static_cast<std::int32_t>(scene_.materials.size()) - 1
+                                    : source.material;
+  }
+
+  VertexNeeds needs_of(std::int32_t material) {
+    VertexNeeds needs;
+    Material& m = scene_.materials[material];
+    for (const TextureRef* ref : texture_refs(m)) {
+      if (*ref) needs.uv[static_cast<std::size_t>(ref->uv_set)] = true;
+    }
+    const TextureRef& coat = m.clearcoat.normal_texture;
+    const bool anisotropic = m.anisotropy.strength > 0;
+    needs.tangents = (m.normal_texture || coat || anisotropic) && !m.unlit;
+    needs.tangent_uv_set = m.normal_texture ? m.normal_texture.uv_set
+                           : coat           ? coat.uv_set
+                                            : m.anisotropy.texture.uv_set;
+    if (anisotropic) needs.uv[static_cast<std::size_t>(needs.tangent_uv_set)] = true;
+    return needs;
+  }
+
+  /// Adds what a primitive decodes to; a fault when the scene becomes too large.
+  absl::Status count_bytes(const GltfPrimitive& primitive, std::int32_t mesh) {
+    if (primitive.indices != kNone) geometry_bytes_ += decoded_bytes(document_, primitive.indices);
+    for (const auto& [name, accessor] : primitive.attributes) {
+      geometry_bytes_ += decoded_bytes(document_, accessor);
+    }
+    for (const Attributes& target : primitive.targets) {
+      for (const auto& [name, accessor] : target) {
+        geometry_bytes_ += decoded_bytes(document_, accessor);
+      }
+    }
+    if (geometry_bytes_ <= kMaxGeometryBytes) return absl::OkStatus();
+    return absl::InvalidArgumentError(absl::StrCat("meshes[", mesh,
+                                                   "]: the scene's meshes decode to more than ",
+                                                   kMaxGeometryBytes, " bytes"));
+  }
+
+  /// A primitive as the file has it, from the last pose if that had it; null: has no triangles.
+  /// What does not deform is not kept: its mesh is.
+  absl::StatusOr<std::shared_ptr<const BasePrimitive>> base_primitive(std::int32_t mesh,
+                                                                      std::size_t index,
+                                                                      bool deforms) {
+    const PoseCache::BaseKey key(mesh, variant_, index);
+    if (const auto known = cache_.bases.find(key); deforms && known != cache_.bases.end()) {
+      return kept_.bases[key] = known->second;
+    }
+    const std::int32_t material = material_of(document_.meshes[mesh].primitives[index]);
+    auto read = read_primitive(document_, mesh, index, needs_of(material), problems_);
+    if (!read.ok()) return read.status();
+    std::shared_ptr<const BasePrimitive> base;
+    if (*read && !(*read)->primitive.triangles.empty()) {
+      base = std::make_shared<const BasePrimitive>(**std::move(read));
+    }
+    if (deforms) kept_.bases[key] = base;
+    return base;
+  }
+
+  /// Reads and poses a primitive; with `joints`, skinned, its true positions added to `worlds`.
+  /// nullopt: has no triangles.
+  absl::StatusOr<std::optional<Primitive>> pose_primitive(std::int32_t mesh, std::size_t index,
+                                                          const std::vector<double>& weights,
+                                                          SkinnedMesh* skinned) {
+    const GltfPrimitive& source = document_.meshes[mesh].primitives[index];
+    absl::Status affordable = count_bytes(source, mesh);
+    if (!affordable.ok()) return affordable;
+    const auto base = base_primitive(mesh, index, skinned != nullptr || !source.targets.empty());
+    if (!base.ok()) return base.status();
+    if (*base == nullptr) return std::optional<Primitive>();
+    const std::string where = absl::StrCat("meshes[", mesh, "].primitives[", index, "]");
+    Primitive posed = morph(**base, weights);
+    if (skinned != nullptr) {
+      auto bent = skin(**base, std::move(posed), *skinned->joints);
+      if (!bent.ok()) {
+        return absl::Status(bent.status().code(),
+                            absl::StrCat(where, ": ", bent.status().message()));
+      }
+      posed = std::move(bent->primitive);
+      for (std::size_t v = 0; v < posed.positions.size(); ++v) {
+        posed.positions[v] = Vec3f(bent->world_positions[v]);
+      }
+      skinned->worlds.push_back(std::move(bent->world_positions));
+    }
+    if (const std::size_t gone = drop_wild_triangles(posed); gone > 0) {
+      warn(where, absl::StrCat(gone,
+                               " triangles left the range of floats when posed; "
+                               "they are left out"));
+    }
+    posed.material = material_of(source);
+    return std::optional<Primitive>(std::move(posed));
+  }
+
+  /// Adds a mesh that has been posed or kept.
+  std::int32_t add_mesh(Mesh mesh, const PosedBox& box) {
+    for (const Primitive& p : mesh.primitives) {
+      used_[p.material] = used_[p.material] || !p.triangles.empty();
+    }
+    scene_.meshes.push_back(std::move(mesh));
+    boxes_.push_back(box);
+    return static_cast<std::int32_t>(scene_.meshes.size()) - 1;
+  }
+
+  /// The scene mesh of a glTF mesh at given weights; shared by the nodes and poses that use it so.
+  absl::StatusOr<std::int32_t> shared_mesh(std::int32_t source,
+                                           const std::vector<double>& weights) {
+    const auto key = std::make_pair(source, weights);
+    if (const auto known = shared_.find(key); known != shared_.end()) return known->second;
+    const PoseCache::MeshKey kept_as(source, variant_, weights);
+    PoseCache::PosedMesh& posed = kept_.meshes[kept_as];
+    if (const auto before = cache_.meshes.find(kept_as); before != cache_.meshes.end()) {
+      posed = before->second;
+    } else {
+      std::vector<Primitive> primitives;
+      for (std::size_t k = 0; k < document_.meshes[source].primitives.size(); ++k) {
+        auto primitive = pose_primitive(source, k, weights, nullptr);
+        if (!primitive.ok()) return primitive.status();
+        if (*primitive) primitives.push_back(**std::move(primitive));
+      }
+      for (const Primitive& p : primitives) {
+        for (const auto& t : p.triangles) {
+          for (const std::uint32_t v : t) posed.box.add(Vec3d(p.positions[v]));
+        }
+      }
+      posed.mesh = {document_.meshes[source].name, std::move(primitives)};
+    }
+    return shared_[key] = add_mesh(posed.mesh, posed.box);
+  }
+
+  /// A copy of a glTF mesh of its own, bent by joints; it gets its primitives in recenter().
+  absl::StatusOr<std::int32_t> skinned_mesh(std::int32_t source, const std::vector<double>& weights,
+                                            const std::vector<Affine3d>& joints) {
+    SkinnedMesh skinned;
+    skinned.joints = &joints;
+    PosedBox box;
+    for (std::size_t k = 0; k < document_.meshes[source].primitives.size(); ++k) {
+      auto primitive = pose_primitive(source, k, weights, &skinned);
+      if (!primitive.ok()) return primitive.status();
+      if (!*primitive) continue;
+      const Primitive& p = **primitive;
+      used_[p.material] = used_[p.material] || !p.triangles.empty();
+      for (const auto& t : p.triangles) {
+        for (const std::uint32_t v : t) box.add(skinned.worlds.back()[v]);
+      }
+      skinned.primitives.push_back(**std::move(primitive));
+    }
+    skinned.joints = nullptr;
+    skinned.mesh = add_mesh({document_.meshes[source].name, {}}, box);
+    const std::int32_t mesh = skinned.mesh;
+    skinned_.push_back(std::move(skinned));
+    return mesh;
+  }
+
+  [[nodiscard]] std::vector<double> weights_of(const Node& node) const {
+    const GltfMesh& mesh = document_.meshes[node.mesh];
+    const bool morphs = std::any_of(mesh.primitives.begin(), mesh.primitives.end(),
+                                    [](const GltfPrimitive& p) { return !p.targets.empty(); });
+    if (!morphs) return {};
+    return node.weights.empty() ? mesh.weights : node.weights;
+  }
+
+  absl::Status place(std::int32_t index) {
+    const Node& node = nodes_[index];
+    if (node.light != kNone) place_light(index);
+    if (node.shape != nullptr) return place_mesh(shape_mesh(node), index);
+    if (node.mesh == kNone) return absl::OkStatus();
+    if (node.skin != kNone && has_influences(document_.meshes[node.mesh])) {
+      const auto joints = joint_matrices(document_, node.skin, world_);
+      if (!joints.ok()) return joints.status();
+      const auto mesh = skinned_mesh(node.mesh, weights_of(node), *joints);
+      if (!mesh.ok()) return mesh.status();
+      add_instance(*mesh, index, Affine3d());
+      return absl::OkStatus();
+    }
+    const auto mesh = shared_mesh(node.mesh, weights_of(node));
+    if (!mesh.ok()) return mesh.status();
+    return place_mesh(*mesh, index);
+  }
+
+  absl::Status place_mesh(std::int32_t mesh, std::int32_t index) {
+    if (!nodes_[index].instancing.empty()) return place_instances(mesh, index);
+    add_instance(mesh, index, world_[index]);
+    return absl::OkStatus();
+  }
+
+  /// A mesh that is an analytic shape.
+  std::int32_t shape_mesh(const Node& node) {
+    Primitive surface;
+    surface.material = node.shape_material == kNone
+                           ? static_cast<std::int32_t>(scene_.materials.size()) - 1
+                           : node.shape_material;
+    used_[surface.material] = true;
+    const Box3f& bounds = node.shape->bounds;
+    return add_mesh({node.name, std::vector<Primitive>{std::move(surface)}, node.shape},
+                    {Vec3d(bounds.lo), Vec3d(bounds.hi)});
+  }
+
+  static bool has_influences(const GltfMesh& mesh) {
+    return std::any_of(mesh.primitives.begin(), mesh.primitives.end(), [](const auto& p) {
+      return p.attributes.contains("JOINTS_0") && p.attributes.contains("WEIGHTS_0");
+    });
+  }
+
+  absl::Status place_instances(std::int32_t mesh, std::int32_t index) {
+    const auto locals = instance_transforms(document_, nodes_[index]);
+    if (!locals.ok()) return locals.status();
+    if (locals->size() + scene_.instances.size() > kMaxInstances) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("nodes[", index, "]: more than ", kMaxInstances, " instances"));
+    }
+    for (const Affine3d& local : *locals) add_instance(mesh, index, world_[index] * local);
+    return absl::OkStatus();
+  }
+
+  void add_instance(std::int32_t mesh, std::int32_t node, const Affine3d& world) {
+    if (boxes_[mesh].is_empty()) return;
+    const std::string where = absl::StrCat("nodes[", node, "]");
+    const auto inverted = inverse(world);
+    if (!inverted) return warn(where, "its transform is singular or not finite; left out");
+    const PosedBox box = transformed(world, boxes_[mesh]);
+    if (!(max_abs(box.low) <= kMaxCoordinate && max_abs(box.high) <= kMaxCoordinate)) {
+      return warn(where, "its place is not finite, or farther than 1e18 from the origin; left out");
+    }
+    bounds_.add(box.low);
+    bounds_.add(box.high);
+    scene_.instances.push_back({mesh, node, world, *inverted, determinant(world) < 0});
+    placed_.push_back({box, node});
+  }
+
+  void place_light(std::int32_t index) {
+    PunctualLight light = document_.lights[nodes_[index].light];
+    light.node = index;
+    light.position = world_[index].translation;
+    Vec3d towards = normalize(transform_vector(world_[index], Vec3d{0, 0, -1}));
+    if (towards == Vec3d{}) towards = unscaled_direction(nodes_, index);
+    light.direction = Vec3f(towards);
+    if (!(max_abs(light.position) <= kMaxCoordinate) || !is_finite(light.direction) ||
+        (towards == Vec3d{} && light.kind != PunctualLight::Kind::point)) {
+      return warn(absl::StrCat("nodes[", index, "]"),
+                  "its light has no finite position and direction; left out");
+    }
+    if (light.intensity == Vec3f{}) return;
+    scene_.lights.push_back(std::move(light));
+  }
+
+  absl::Status recenter() {
+    if (bounds_.is_empty()) {
+      warn("", "the scene has no triangles");
+      bounds_ = {{0, 0, 0}, {0, 0, 0}};
+    }
+    const Vec3d center = input_.center.value_or((bounds_.low + bounds_.high) * 0.5);
+    scene_.center = center;
+    if (auto problem = check_precision(placed_, center)) problems_.push_back(*std::move(problem));
+    scene_.bounds_min = bounds_.low - center;
+    scene_.bounds_max = bounds_.high - center;
+    for (SkinnedMesh& s : skinned_) {
+      for (std::size_t k = 0; k < s.primitives.size(); ++k) {
+        for (std::size_t v = 0; v < s.worlds[k].size(); ++v) {
+          const Vec3d p = s.worlds[k][v] - center;
+          const bool finite = max_abs(p) <= kMaxCoordinate && std::isfinite(p.x + p.y + p.z);
+          s.primitives[k].positions[v] = finite ? Vec3f(p) : Vec3f{};
+        }
+      }
+      scene_.meshes[s.mesh].primitives = std::move(s.primitives);
+    }
+    for (Instance& instance : scene_.instances) {
+      if (is_skinned(instance.mesh)) continue;  // its vertices have been moved
+      instance.object_to_world.translation = instance.object_to_world.translation - center;
+      instance.world_to_object.translation =
+          -transform_vector(instance.world_to_object, instance.object_to_world.translation);
+    }
+    for (PunctualLight& light : scene_.lights) light.position = light.position - center;
+    if (scene_.atmosphere) scene_.atmosphere->center = scene_.atmosphere->center - center;
+    auto camera =
+        set_up_camera(document_, input_.settings,
+                      {order_, world_, center, scene_.bounds_min, scene_.bounds_max}, problems_);
+    if (!camera.ok()) return camera.status();
+    scene_.camera = *std::move(camera);
+    return absl::OkStatus();
+  }
+
+  [[nodiscard]] bool is_skinned(std::int32_t mesh) const {
+    return std::any_of(skinned_.begin(), skinned_.end(),
+                       [mesh](const SkinnedMesh& s) { return s.mesh == mesh; });
+  }
+
+  /// Decodes each image a used material reads, once, and copies each procedure it has worked out;
+  /// other references are cleared.
+  absl::Status add_textures() {
+    for (const GltfTexture& source : document_.texture_sources) {
+      Texture texture;
+      if (source.sampler != kNone) texture = document_.samplers[source.sampler];
+      texture.image = kNone;
+      scene_.textures.push_back(texture);
+    }
+    std::map<std::int32_t, std::int32_t> decoded;  // glTF image -> Scene::images
+    for (std::size_t m = 0; m < scene_.materials.size(); ++m) {
+      for (TextureRef* ref : texture_refs(scene_.materials[m])) {
+        if (!*ref) continue;
+        const GltfTexture& source = document_.texture_sources[ref->texture];
+        if (used_[m] && source.procedure != kNone) {
+          add_procedure(ref->texture);
+          continue;
+        }
+        if (!used_[m] || source.image == kNone) {
+          if (used_[m]) warn(absl::StrCat("textures[", ref->texture, "]"), "has no image");
+          *ref = TextureRef();
+          continue;
+        }
+        if (!decoded.contains(source.image)) {
+          absl::Status status = add_image(source.image);
+          if (!status.ok()) return status;
+          decoded[source.image] = static_cast<std::int32_t>(scene_.images.size()) - 1;
+        }
+        scene_.textures[ref->texture].image = decoded[source.image];
+      }
+    }
+    add_densities();
+    return absl::OkStatus();
+  }
+
+  /// Copies the procedures that media take their densities from, and names those.
+  void add_densities() {
+    const auto add = [this](Medium& medium) {
+      if (medium.procedure == kNone) return;
+      const std::int32_t texture = medium.procedure;
+      add_procedure(texture);
+      medium.procedure = scene_.textures[texture].procedure;
+    };
+    if (scene_.atmosphere) add(scene_.atmosphere->medium);
+    for (std::size_t m = 0; m < scene_.materials.size(); ++m) {
+      std::optional<Medium>& medium = scene_.materials[m].medium;
+      if (!used_[m]) medium.reset();
+      if (medium) add(*medium);
+    }
+  }
+
+  void add_procedure(std::int32_t index) {
+    Texture& texture = scene_.textures[index];
+    if (texture.procedure != kNone) return;
+    texture.procedure = static_cast<std::int32_t>(scene_.procedures.size());
+    scene_.procedures.push_back(document_.procedures[document_.texture_sources[index].procedure]);
+  }
+
+  /// Keeps one texel of an image whose texels are all the same: our filter is exact on constants.
+  template <typename T>
+  static void fold_uniform(SharedArray<T>& texels, Image& image) {
+    const auto channels = static_cast<std::size_t>(image.channels);
+    if (texels.size() <= channels) return;
+    // All are the same if each is what the one before it is.
+    if (!std::equal(texels.begin() + channels, texels.end(), texels.begin())) return;
+    texels = std::vector<T>(texels.begin(), texels.begin() + channels);
+    image.width = image.height = 1;
+  }
+
+  template <typename T>
+  absl::Status set_aside(SharedArray<T>& texels) {
+    auto elsewhere =
+        input_.reader.set_aside(std::as_bytes(std::span(texels.data(), texels.size())));
+    if (!elsewhere.ok()) return elsewhere.status();
+    if (*elsewhere == nullptr) return absl::OkStatus();
+    const auto* const first = reinterpret_cast<const T*>(elsewhere->get());
+    texels = SharedArray<T>(*std::move(elsewhere), first, texels.size());
+    return absl::OkStatus();
+  }
+
+  absl::Status keep_texels(Image& image) {
+    fold_uniform(image.u8, image);
+    fold_uniform(image.u16, image);
+    fold_uniform(image.f32, image);
+    if (!image.u8.empty()) return set_aside(image.u8);
+    if (!image.u16.empty()) return set_aside(image.u16);
+    return set_aside(image.f32);
+  }
+
+  absl::Status add_image(std::int32_t index) {
+    const GltfImage& source = document_.images[index];
+    Image& image = kept_.images[index];
+    if (const auto before = cache_.images.find(index); before != cache_.images.end()) {
+      image = before->second;
+    } else {
+      auto decoded = decode_image(source.bytes, source.name);
+      absl::Status status = decoded.ok() ? keep_texels(*decoded) : decoded.status();
+      if (!status.ok()) {
+        return absl::Status(status.code(), absl::StrCat(source.name, ": ", status.message()));
+      }
+      image = *std::move(decoded);
+    }
+    image_bytes_ += image.u8.size() + 2 * image.u16.size() + 4 * image.f32.size();
+    if (image_bytes_ > kMaxAllImageBytes) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          source.name, ": the images decode to more than ", kMaxAllImageBytes, " bytes"));
+    }
+    scene_.images.push_back(image);
+    return absl::OkStatus();
+  }
+
+  [[nodiscard]] bool has_emitters() const {
+    for (std::size_t m = 0; m < scene_.materials.size(); ++m) {
+      const Material& material = scene_.materials[m];
+      if (used_[m] && !material.unlit && max_component(material.emission) > 0) return true;
+    }
+    return false;
+  }
+
+  void add_environment() {
+    const contract::RenderSettings& settings = input_.settings;
+    Environment& sky = scene_.environment;
+    if (input_.sky != nullptr) {
+      scene_.has_environment = true;
+      sky.image = static_cast<std::int32_t>(scene_.images.size());
+      sky.rotation_degrees = settings.environment_rotation;
+      sky.strength = static_cast<float>(settings.environment_strength);
+      scene_.images.push_back(*input_.sky);
+    } else if (settings.background == contract::Background::color) {
+      scene_.has_environment = true;
+      const auto& c = settings.background_color;
+      sky.constant = {c[0], c[1], c[2]};
+    } else if (scene_.lights.empty() && !has_emitters()) {
+      const bool is_dark =
+          declares_light(document_, roots_, [&](auto& p) { return material_of(p); });
+      scene_.has_environment = !is_dark;
+      if (!is_dark) sky.constant = {1, 1, 1};
+      problems_.push_back(
+          {Problem::Severity::note, "",
+           is_dark ? "all lights of the scene are dark or hidden here"
+                   : "the scene has no light; a white environment of radiance 1 lights it"});
+    }
+  }
+
+  const GltfModel& document_;
+  const PoseInput& input_;
+  PoseCache& cache_;  // of the last pose
+  PoseCache kept_;    // for the next
+  std::vector<Problem>& problems_;
+  Scene scene_;
+  std::vector<Node> nodes_;  // posed
+  std::vector<Affine3d> world_;
+  std::vector<std::int32_t> roots_, order_;  // of the scene; its nodes, depth first
+  std::int32_t variant_ = kNone;
+  std::vector<bool> used_;         // materials
+  std::vector<PlacedBox> placed_;  // of instances
+  std::vector<PosedBox> boxes_;    // by scene mesh; of skinned ones in world space
+  std::map<std::pair<std::int32_t, std::vector<double>>, std::int32_t> shared_;
+  std::vector<SkinnedMesh> skinned_;
+  PosedBox bounds_;
+  std::uint64_t geometry_bytes_ = 0, image_bytes_ = 0;
+};
+
+}  // namespace
+
+absl::StatusOr<Scene> build_scene(const PoseInput& input, PoseCache& cache,
+                                  std::vector<Problem>& problems) {
+  return SceneBuilder(input, cache, problems).build();
+}
+
+}  // namespace tessera::render

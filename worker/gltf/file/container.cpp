@@ -1,0 +1,120 @@
+#include "worker/gltf/file/container.h"
+
+#include <cstdint>
+#include <cstring>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "worker/gltf/file/limits.h"
+
+namespace tessera::render {
+
+namespace {
+
+constexpr std::uint32_t kGlbMagic = 0x46546C67;   // "glTF"
+constexpr std::uint32_t kJsonChunk = 0x4E4F534A;  // "JSON"
+constexpr std::uint32_t kBinChunk = 0x004E4942;   // "BIN\0"
+constexpr std::size_t kHeaderBytes = 12, kChunkHeaderBytes = 8;
+
+std::uint32_t read_u32(std::span<const std::byte> bytes, std::size_t at) {
+  std::uint32_t value = 0;
+  std::memcpy(&value, bytes.data() + at, sizeof value);  // glTF is little endian, and so are we
+  return value;
+}
+
+std::string_view as_text(std::span<const std::byte> bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+absl::Status check_json(std::string_view json) {
+  if (json.size() > kMaxJsonBytes) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("JSON: ", json.size(), " bytes, more than the limit of ", kMaxJsonBytes));
+  }
+  if (json_depth(json) > kMaxJsonDepth) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("JSON: nested deeper than ", kMaxJsonDepth, " levels"));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<GltfContainer> split_glb(std::span<const std::byte> file) {
+  if (file.size() < kHeaderBytes + kChunkHeaderBytes) {
+    return absl::InvalidArgumentError("GLB header: the file is truncated");
+  }
+  const std::uint32_t version = read_u32(file, 4);
+  if (version != 2) {
+    return absl::InvalidArgumentError(absl::StrCat("GLB header: version ", version, ", want 2"));
+  }
+  const std::uint32_t length = read_u32(file, 8);
+  if (length > file.size() || length < kHeaderBytes + kChunkHeaderBytes) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("GLB header: length ", length, ", but the file has ", file.size(), " bytes"));
+  }
+  GltfContainer parts;
+  std::size_t at = kHeaderBytes;
+  for (int chunk = 0; at + kChunkHeaderBytes <= length; ++chunk) {
+    const std::uint32_t size = read_u32(file, at);
+    const std::uint32_t type = read_u32(file, at + 4);
+    at += kChunkHeaderBytes;
+    if (size > length - at) {
+      return absl::InvalidArgumentError(absl::StrCat("GLB chunk ", chunk, ": ", size,
+                                                     " bytes, but only ", length - at,
+                                                     " are left in the file"));
+    }
+    const auto body = file.subspan(at, size);
+    if (chunk == 0 && type != kJsonChunk) {
+      return absl::InvalidArgumentError("GLB chunk 0: not a JSON chunk");
+    }
+    if (chunk == 0) parts.json = as_text(body);
+    if (chunk == 1 && type == kBinChunk) {
+      parts.bin = body;
+      parts.has_bin = true;
+    }
+    at += size;
+  }
+  return parts;
+}
+
+}  // namespace
+
+int json_depth(std::string_view json) {
+  int depth = 0, deepest = 0;
+  bool in_string = false;
+  for (std::size_t i = 0; i < json.size() && deepest <= kMaxJsonDepth; ++i) {
+    const char c = json[i];
+    if (in_string) {
+      if (c == '\\') ++i;
+      if (c == '"') in_string = false;
+    } else if (c == '"') {
+      in_string = true;
+    } else if (c == '[' || c == '{') {
+      deepest = ++depth > deepest ? depth : deepest;
+    } else if (c == ']' || c == '}') {
+      --depth;
+    }
+  }
+  return deepest;
+}
+
+absl::StatusOr<GltfContainer> split_container(std::span<const std::byte> file) {
+  GltfContainer parts;
+  if (file.size() >= 4 && read_u32(file, 0) == kGlbMagic) {
+    auto glb = split_glb(file);
+    if (!glb.ok()) return glb.status();
+    parts = *glb;
+  } else {
+    parts.json = as_text(file);
+    if (parts.json.substr(0, 3) == "\xEF\xBB\xBF") parts.json.remove_prefix(3);
+    const std::size_t first = parts.json.find_first_not_of(" \t\r\n");
+    if (first == std::string_view::npos || parts.json[first] != '{') {
+      return absl::InvalidArgumentError(
+          "file: neither glTF JSON (it does not begin with '{') nor GLB (no 'glTF' magic)");
+    }
+  }
+  absl::Status valid = check_json(parts.json);
+  if (!valid.ok()) return valid;
+  return parts;
+}
+
+}  // namespace tessera::render

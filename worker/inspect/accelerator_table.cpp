@@ -1,0 +1,249 @@
+#include "worker/inspect/accelerator_table.h"
+
+#include <algorithm>
+#include <ctime>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <numeric>
+#include <utility>
+
+#include "worker/accelerators/reference_accel.h"
+#include "worker/accelerators/shadow_cache.h"
+#include "worker/render/frame_renderer.h"
+#include "worker/inspect/ray_recorder.h"
+
+namespace tessera::render {
+namespace {
+
+using reference::ReferenceAccel;
+using reference::Structure;
+using reference::TraversalStats;
+
+constexpr std::int32_t kPixelsAcross = 128;
+constexpr std::int32_t kDepth = 3;
+/// Rays traced between looks at the clock; neighbours, so that caches see what a renderer's do.
+constexpr std::size_t kRun = 32;
+
+double cpu_seconds() {
+  std::timespec t{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+absl::StatusOr<RecordedRays> record_rays(const Scene& scene, contract::RenderSettings settings) {
+  settings.height = std::max(1, kPixelsAcross * settings.height / settings.width);
+  settings.height = std::min(settings.height, kPixelsAcross);
+  settings.width = kPixelsAcross;
+  settings.max_depth = kDepth;
+  settings.aovs = 0;
+  RecordedRays rays;
+  const TraceOptions recording(best_isa(), [&rays](const Scene& of) {
+    return std::make_unique<const RayRecorder>(of, &rays);
+  });
+  const auto frame = FrameRenderer::create(scene, settings, 0, sequential(), nullptr, recording);
+  if (!frame.ok()) return frame.status();
+  (*frame)->render({0, 0, settings.width, settings.height}, contract::Pass{0, 1}, 0, sequential());
+  return rays;
+}
+
+/// Calls trace(i) for i in [0, count) in runs spread over the whole, again and again until
+/// `seconds` of CPU time are over; returns how many calls that were and the time.
+template <typename Trace>
+std::pair<std::int64_t, double> repeat(std::size_t count, double seconds, Trace&& trace) {
+  if (count == 0) return {0, 0};
+  const std::size_t runs = (count + kRun - 1) / kRun;
+  std::size_t stride = runs * 5 / 8 + 1;  // visits every run if it shares no factor with `runs`
+  while (std::gcd(stride, runs) != 1) ++stride;
+  std::int64_t calls = 0;
+  const double start = cpu_seconds();
+  double elapsed = 0;
+  for (std::size_t run = 0; elapsed < seconds; run = (run + stride) % runs) {
+    const std::size_t end = std::min(count, (run + 1) * kRun);
+    for (std::size_t i = run * kRun; i < end; ++i) trace(i);
+    calls += static_cast<std::int64_t>(end - run * kRun);
+    elapsed = cpu_seconds() - start;
+  }
+  return {calls, elapsed};
+}
+
+/// The rays and what production answers.
+struct Questions {
+  std::vector<Ray> closest;
+  std::vector<ShadowRay> any;
+  std::vector<bool> found, blocked;
+  std::vector<Hit> hits;
+};
+
+bool same(const Hit& a, const Hit& b) {
+  return a.t == b.t && a.id == b.id && a.b0 == b.b0 && a.b1 == b.b1 && a.b2 == b.b2;
+}
+
+Questions ask(RecordedRays rays, const SceneAccel& accel) {
+  Questions q;
+  q.closest = std::move(rays.camera);
+  q.closest.insert(q.closest.end(), rays.bounces.begin(), rays.bounces.end());
+  q.any = std::move(rays.shadows);
+  for (const Ray& ray : q.closest) {
+    q.found.push_back(accel.closest_hit(ray, q.hits.emplace_back()));
+  }
+  for (const ShadowRay& shadow : q.any) q.blocked.push_back(accel.any_hit(shadow.ray));
+  return q;
+}
+
+/// Asks for `seconds`, comparing each answer: closest(i, work) and any(i, work) say whether it is
+/// right.
+template <typename Trace>
+AcceleratorStats::Query measure(std::size_t count, double seconds, bool counted, Trace&& trace) {
+  AcceleratorStats::Query figures;
+  TraversalStats work;
+  const auto [calls, elapsed] = repeat(count, seconds, [&](std::size_t i) {
+    if (!trace(i, work)) ++figures.wrong;
+  });
+  figures.compared = std::min(calls, static_cast<std::int64_t>(count));
+  if (calls == 0) return figures;
+  const auto n = static_cast<double>(calls);
+  figures.mrays = n / elapsed * 1e-6;
+  if (!counted) return figures;
+  figures.nodes = static_cast<double>(work.nodes) / n;
+  figures.triangles = static_cast<double>(work.shapes) / n;
+  return figures;
+}
+
+/// `closest(ray, hit, work)` and `any(shadow ray, work)` ask a structure.
+template <typename Closest, typename Any>
+void fill(AcceleratorStats& row, const Questions& q, double seconds, bool counted,
+          const Closest& closest, const Any& any) {
+  row.closest = measure(q.closest.size(), seconds, counted, [&](std::size_t i, TraversalStats& work) {
+    Hit hit;
+    const bool found = closest(q.closest[i], hit, work);
+    return found == q.found[i] && (!found || same(hit, q.hits[i]));
+  });
+  row.any = measure(q.any.size(), seconds, counted,
+                    [&](std::size_t i, TraversalStats& work) { return any(q.any[i], work) == q.blocked[i]; });
+}
+
+std::unique_ptr<const SceneAccel> build_production(const Scene& scene, BuildQuality quality,
+                                                   double* build_seconds) {
+  const double start = cpu_seconds();
+  auto accel =
+      std::make_unique<const SceneAccel>(scene, sequential(), best_isa(), nullptr, quality);
+  *build_seconds = cpu_seconds() - start;
+  return accel;
+}
+
+AcceleratorStats production_row(const SceneAccel& accel, BuildQuality quality,
+                                  double build_seconds, const Questions& q, double seconds) {
+  AcceleratorStats row;
+  row.name = std::string("wide-bvh-") + std::string(isa_name(best_isa()));
+  row.title = "production";
+  if (quality != BuildQuality::normal) {
+    row.name += "-" + std::string(quality_name(quality));
+    row.title += ", quality " + std::string(quality_name(quality));
+  }
+  row.build_seconds = build_seconds;
+  row.memory_bytes = accel.memory_bytes();
+  const TreeQuality trees = accel.tree_quality();
+  row.sah = trees.sah;
+  row.end_point_overlap = trees.end_point_overlap;
+  fill(
+      row, q, seconds, false,
+      [&](const Ray& ray, Hit& hit, TraversalStats&) { return accel.closest_hit(ray, hit); },
+      [&](const ShadowRay& shadow, TraversalStats&) { return accel.any_hit(shadow.ray); });
+  return row;
+}
+
+AcceleratorStats cached_row(const Scene& scene, const SceneAccel& accel,
+                              const AcceleratorStats& production, const Questions& q,
+                              double seconds) {
+  ShadowCache cache(scene, accel);
+  AcceleratorStats row = production;
+  row.name += "+shadow-cache";
+  row.title = "production, shadow cache";
+  fill(
+      row, q, seconds, false,
+      [&](const Ray& ray, Hit& hit, TraversalStats&) { return accel.closest_hit(ray, hit); },
+      [&](const ShadowRay& shadow, TraversalStats&) {
+        return cache.any_hit(shadow.ray, shadow.light, shadow.depth);
+      });
+  return row;
+}
+
+AcceleratorStats reference_row(const Scene& scene, const Structure& structure, const Questions& q,
+                                 double seconds) {
+  AcceleratorStats row;
+  row.name = structure.name;
+  row.title = structure.title;
+  const double start = cpu_seconds();
+  const ReferenceAccel accel(scene, structure);
+  row.build_seconds = cpu_seconds() - start;
+  row.memory_bytes = static_cast<std::int64_t>(accel.memory_bytes());
+  fill(
+      row, q, seconds, true,
+      [&](const Ray& ray, Hit& hit, TraversalStats& work) { return accel.closest_hit(ray, hit, work); },
+      [&](const ShadowRay& shadow, TraversalStats& work) { return accel.any_hit(shadow.ray, work); });
+  return row;
+}
+
+/// null where it is negative.
+nlohmann::json counted(double x) {
+  return x < 0 ? nlohmann::json() : nlohmann::json(x);
+}
+
+nlohmann::json to_object(const AcceleratorStats::Query& query) {
+  return {{"mrays_per_second", query.mrays},
+          {"nodes_per_ray", counted(query.nodes)},
+          {"triangles_per_ray", counted(query.triangles)},
+          {"compared", query.compared},
+          {"wrong", query.wrong}};
+}
+
+}  // namespace
+
+absl::StatusOr<AcceleratorTable> measure_accelerators(const Scene& scene,
+                                                      const contract::RenderSettings& settings,
+                                                      const AcceleratorRequest& request) {
+  auto rays = record_rays(scene, settings);
+  if (!rays.ok()) return rays.status();
+  AcceleratorTable table;
+  table.camera_rays = static_cast<std::int64_t>(rays->camera.size());
+  table.bounce_rays = static_cast<std::int64_t>(rays->bounces.size());
+  table.shadow_rays = static_cast<std::int64_t>(rays->shadows.size());
+  const double seconds = request.seconds_per_query;
+  double build_seconds = 0;
+  const auto accel = build_production(scene, BuildQuality::normal, &build_seconds);
+  const Questions q = ask(*std::move(rays), *accel);
+  table.rows.push_back(production_row(*accel, BuildQuality::normal, build_seconds, q, seconds));
+  table.rows.push_back(cached_row(scene, *accel, table.rows.back(), q, seconds));
+  for (const BuildQuality quality : {BuildQuality::fast, BuildQuality::high}) {
+    if (!request.only.empty()) break;
+    const auto other = build_production(scene, quality, &build_seconds);
+    table.rows.push_back(production_row(*other, quality, build_seconds, q, seconds));
+  }
+  for (const Structure& structure : reference::structures()) {
+    if (!request.only.empty() && request.only != structure.name) continue;
+    table.rows.push_back(reference_row(scene, structure, q, seconds));
+  }
+  return table;
+}
+
+std::string to_json(const AcceleratorTable& table) {
+  nlohmann::json structures = nlohmann::json::array();
+  for (const AcceleratorStats& row : table.rows) {
+    structures.push_back({{"name", row.name},
+                          {"title", row.title},
+                          {"build_seconds", row.build_seconds},
+                          {"memory_bytes", row.memory_bytes},
+                          {"sah", counted(row.sah)},
+                          {"end_point_overlap", counted(row.end_point_overlap)},
+                          {"closest_hit", to_object(row.closest)},
+                          {"any_hit", to_object(row.any)}});
+  }
+  return nlohmann::json{{"rays",
+                         {{"camera", table.camera_rays},
+                          {"bounce", table.bounce_rays},
+                          {"shadow", table.shadow_rays}}},
+                        {"structures", structures}}
+      .dump();
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,54 @@
+#include "worker/inspect/ray_recorder.h"
+
+#include <cmath>
+
+#include "worker/render/frame_renderer.h"
+#include "worker/sampling/hash.h"
+
+namespace tessera::render {
+namespace {
+
+/// Lights are told apart if they are farther from each other than this share of the scene.
+constexpr double kLightShare = 1.0 / 32;
+
+std::uint64_t cell_of(const Vec3f& p, float scale) {
+  std::uint64_t cell = 0;
+  for (int k = 0; k < 3; ++k) {
+    const float x = clamp(std::floor(p[k] * scale), -1e6f, 1e6f);
+    cell = cell * 2097152 + static_cast<std::uint64_t>(static_cast<std::int64_t>(x) + 1048576);
+  }
+  return cell;
+}
+
+}  // namespace
+
+RayRecorder::RayRecorder(const Scene& scene, RecordedRays* rays)
+    : accel_(scene, sequential()), rays_(rays) {
+  const double size = max_abs(scene.bounds_max - scene.bounds_min);
+  light_scale_ = size > 0 ? static_cast<float>(1 / (kLightShare * size)) : 1;
+}
+
+std::uint32_t RayRecorder::light_of(const Ray& ray) const {
+  const bool ends = ray.t_max < std::numeric_limits<float>::max();
+  const std::uint64_t cell = ends ? cell_of(ray.origin + ray.direction * ray.t_max, light_scale_)
+                                  : ~cell_of(normalize(ray.direction), 4);
+  return static_cast<std::uint32_t>(combine(cell, 0));
+}
+
+bool RayRecorder::closest_hit(const Ray& ray, const HitFilter* filter, Hit& hit) const {
+  const bool camera = ray.leaves == TriangleId{};  // all others leave a surface
+  depth_ = camera ? 0 : depth_ + 1;
+  (camera ? rays_->camera : rays_->bounces).push_back(ray);
+  return filter == nullptr ? accel_.closest_hit(ray, hit) : accel_.closest_hit(ray, hit, *filter);
+}
+
+bool RayRecorder::any_hit(const Ray& ray, const HitFilter* filter) const {
+  rays_->shadows.push_back({ray, depth_, light_of(ray)});
+  return filter == nullptr ? accel_.any_hit(ray) : accel_.any_hit(ray, *filter);
+}
+
+std::size_t RayRecorder::memory_bytes() const {
+  return static_cast<std::size_t>(accel_.memory_bytes());
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,149 @@
+#include "worker/light/emitters/environment_map.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "worker/math/elementary.h"
+
+namespace tessera::render {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+/// Index of the cell of a rising cdf (count + 1 values from 0 to 1) that holds u, and where in it.
+struct Cell {
+  std::int32_t index;
+  double inside;  // [0, 1)
+};
+Cell find_cell(const double* cdf, std::int32_t count, double u) {
+  // The last cell whose lower edge is at or below u; empty cells are stepped over.
+  const double* upper = std::upper_bound(cdf, cdf + count, u);
+  const auto i = static_cast<std::int32_t>(upper - cdf) - 1;
+  const double low = cdf[i], width = cdf[i + 1] - low;
+  return {i, width > 0 ? (u - low) / width : 0.5};
+}
+
+/// Offset in (-1, 1) with the density of the tent 1 - |x|.
+double tent(double u) {
+  return u < 0.5 ? std::sqrt(2 * u) - 1 : 1 - std::sqrt(2 * (1 - u));
+}
+
+}  // namespace
+
+EnvironmentMap::EnvironmentMap(const Scene& scene)
+    : constant_(scene.environment.constant), strength_(scene.environment.strength) {
+  if (scene.environment.image == kNone) return;
+  image_ = &scene.images[static_cast<std::size_t>(scene.environment.image)];
+  width_ = image_->width;
+  height_ = image_->height;
+  const double turns = scene.environment.rotation_degrees / 360;
+  turn_ = turns - std::floor(turns);
+  build();
+}
+
+Vec3f EnvironmentMap::fetch(std::int32_t x, std::int32_t y) const {
+  if (x < 0) x += width_;
+  if (x >= width_) x -= width_;
+  y = clamp(y, std::int32_t{0}, height_ - 1);
+  const auto n = static_cast<std::size_t>(image_->channels);
+  const float* p = &image_->f32[(static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
+                                 static_cast<std::size_t>(x)) *
+                                n];
+  const Vec3f c = n >= 3 ? Vec3f{p[0], p[1], p[2]} : Vec3f{p[0], p[0], p[0]};
+  return max(c, Vec3f{0, 0, 0});
+}
+
+EnvironmentMap::Lookup EnvironmentMap::look_up(const Vec3f& d) const {
+  if (image_ == nullptr) return {constant_ * strength_, 0};
+  const double dx = d.x, dy = d.y, dz = d.z;
+  double u = 0.5 + elementary::atan2(dz, dx) / (2 * kPi) + turn_;
+  u -= std::floor(u);
+  const double sine = std::sqrt(dx * dx + dz * dz);
+  const double v = elementary::atan2(sine, dy) / kPi;
+  const double x = u * width_ - 0.5, y = v * height_ - 0.5;
+  const double left = std::floor(x), top = std::floor(y);
+  const auto i = static_cast<std::int32_t>(clamp(left, -1.0, width_ - 1.0));
+  const auto j = static_cast<std::int32_t>(clamp(top, -1.0, height_ - 1.0));
+  const auto fx = static_cast<float>(x - left), fy = static_cast<float>(y - top);
+  const Vec3f a = fetch(i, j), b = fetch(i + 1, j), c = fetch(i, j + 1), e = fetch(i + 1, j + 1);
+  const float density =
+      lerp(lerp(excess(a), excess(b), fx) * row_sines_[static_cast<std::size_t>(j < 0 ? 0 : j)],
+           lerp(excess(c), excess(e), fx) *
+               row_sines_[static_cast<std::size_t>(j + 1 < height_ ? j + 1 : height_ - 1)],
+           fy);
+  const auto spread = static_cast<float>(sine > 1e-18 ? sine : 1e-18);  // never 0 / 0
+  return {lerp(lerp(a, b, fx), lerp(c, e, fx), fy) * strength_, density * density_scale_ / spread};
+}
+
+void EnvironmentMap::build() {
+  const auto w = static_cast<std::size_t>(width_), h = static_cast<std::size_t>(height_);
+  row_sines_.resize(h);
+  for (std::int32_t j = 0; j < height_; ++j) {
+    const double above = elementary::cos(kPi * j / height_);
+    const double below = elementary::cos(kPi * (j + 1) / height_);
+    row_sines_[static_cast<std::size_t>(j)] =
+        static_cast<float>(elementary::sin(kPi * (j + 0.5) / height_));
+    double row = 0;
+    for (std::int32_t i = 0; i < width_; ++i) row += luminance(fetch(i, j));
+    power_ += row * (above - below) * 2 * kPi / width_;
+  }
+  // A little more: the texels of an even sky have nothing above it, whatever the rounding.
+  mean_ = static_cast<float>(power_ / (4 * kPi) * (1 + 0x1p-16));
+  row_cdf_.assign(h + 1, 0);
+  cdf_.assign(h * (w + 1), 0);
+  for (std::size_t j = 0; j < h; ++j) {
+    double* cdf = &cdf_[j * (w + 1)];
+    for (std::size_t i = 0; i < w; ++i) {
+      const Vec3f c = fetch(static_cast<std::int32_t>(i), static_cast<std::int32_t>(j));
+      cdf[i + 1] = cdf[i] + static_cast<double>(excess(c));
+    }
+    const double row = cdf[w];
+    row_cdf_[j + 1] = row_cdf_[j] + row * static_cast<double>(row_sines_[j]);
+    for (std::size_t i = 1; i <= w; ++i) {
+      cdf[i] = row > 0 ? cdf[i] / row : static_cast<double>(i) / width_;
+    }
+    cdf[w] = 1;
+  }
+  total_ = row_cdf_[h];
+  if (!(total_ > 0) || !std::isfinite(total_)) {
+    total_ = 0;
+    return;
+  }
+  for (double& c : row_cdf_) c /= total_;
+  row_cdf_[h] = 1;
+  density_scale_ =
+      static_cast<float>(static_cast<double>(width_) * height_ / (2 * kPi * kPi) / total_);
+}
+
+EnvironmentMap::Sample EnvironmentMap::sample(double u1, double u2) const {
+  const Cell row = find_cell(row_cdf_.data(), height_, u1);
+  const auto j = static_cast<std::size_t>(row.index), w = static_cast<std::size_t>(width_);
+  const Cell column = find_cell(&cdf_[j * (w + 1)], width_, u2);
+  double y = row.index + 0.5 + tent(row.inside);
+  // Beyond the centres of the first and last row the lookup repeats them: their tents have a flat
+  // half there, uniform over half a texel.
+  if (row.index == 0 && row.inside < 0.5) y = row.inside;
+  if (row.index == height_ - 1 && row.inside >= 0.5) y = height_ - 1 + row.inside;
+  const double x = column.index + 0.5 + tent(column.inside);
+  const double theta = kPi * y / height_, phi = 2 * kPi * (x / width_ - 0.5 - turn_);
+  const elementary::SinCosd t = elementary::sincos(theta), p = elementary::sincos(phi);
+  Sample s;
+  s.direction = normalize(Vec3f(Vec3d{t.sin * p.cos, t.cos, t.sin * p.sin}));
+  // Looked up through the rounded direction, as a path that finds the sky by chance does.
+  const Lookup found = look_up(s.direction);
+  s.radiance = found.radiance;
+  s.pdf = found.pdf;
+  return s;
+}
+
+double EnvironmentMap::power() const {
+  if (image_ == nullptr) return 4 * kPi * luminance(constant_ * strength_);
+  return power_ * strength_;
+}
+
+std::int64_t EnvironmentMap::memory_bytes() const {
+  return static_cast<std::int64_t>((row_cdf_.size() + cdf_.size()) * sizeof(double) +
+                                   row_sines_.size() * sizeof(float));
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "worker/math/vector.h"
+#include "worker/scene/scene.h"
+
+namespace tessera::render {
+
+/// A ray from the camera, worked out in double and rounded once.
+struct CameraRay {
+  Vec3f origin;     // on the near plane (curved screens: the near sphere), recentred world
+  Vec3f direction;  // unit
+  float t_max = 0;  // to the far plane or sphere
+};
+
+/// Turns points of the film into rays. yfov or ymag is kept, the image's aspect ratio decides the
+/// width; y of the film grows downwards, pixel (i, j) covers [i, i + 1) x [j, j + 1). A spherical
+/// or cylindrical panorama fills the image, a fisheye the largest circle in it.
+class CameraRays {
+ public:
+  /// `assumed`: TraceOptions::assumed.
+  CameraRays(const Camera& camera, std::int32_t width, std::int32_t height,
+             std::uint32_t assumed = 0);
+
+  /// Whether rays depend on the time.
+  bool moves() const { return !keys_.empty(); }
+  /// The camera as it stands at a time in [0, 1] of the shutter's. Requires moves().
+  CameraRays at(float time) const;
+
+  /// Whether rays are to be given `lens`.
+  bool takes_lens() const { return takes_lens_; }
+
+  /// The ray through film point (x, y), in pixels of the full frame, and the point of the aperture
+  /// that `lens`, in [0, 1)^2, is mapped to with uniform density. False, and `out` as it was, where
+  /// no light reaches the film: outside a fisheye's circle, behind the lens's rim.
+  bool ray(double x, double y, Vec2f lens, CameraRay* out) const;
+
+  /// Width of what a pixel covers where rays start, metres, and how much it grows a metre.
+  float footprint_at_start() const { return footprint_at_start_; }
+  float footprint_growth() const { return footprint_growth_; }
+
+  /// Distance of `p` (recentred world) along the viewing direction, metres.
+  double depth(const Vec3f& p) const;
+
+ private:
+  void place(const Affine3d& camera_to_world);
+  bool through_lens(double sideways, double upwards, Vec2f lens, CameraRay* out) const;
+  bool from_curved_screen(double x, double y, CameraRay* out) const;
+
+  Vec3d right_, up_, forward_, eye_;
+  Vec3d along_;                      // direction of orthographic rays, one metre of depth
+  double along_length_ = 1;          // of it
+  double pixel_ = 0;                 // world units per pixel, at unit distance if perspective
+  double half_width_, half_height_;  // pixels
+  double center_x_, center_y_;       // of the film, in world units, at unit distance if perspective
+  double near_, far_;
+  double horizontal_angle_, vertical_angle_;
+  float footprint_at_start_ = 0, footprint_growth_ = 0;
+  Camera::Kind kind_;
+  Lens lens_;
+  bool takes_lens_;
+  double slant_x_, slant_y_;
+  std::span<const CameraKey> keys_;  // of the camera, which must outlive this if it moves
+};
+
+}  // namespace tessera::render

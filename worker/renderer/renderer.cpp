@@ -1,0 +1,202 @@
+#include "worker/renderer/renderer.h"
+
+#include <sys/prctl.h>
+#include <sys/resource.h>
+
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "contract/film_block.h"
+#include "contract/pass_schedule.h"
+#include "contract/version.h"
+#include "tessera/v1/renderer.pb.h"
+#include "worker/accel/layout/isa.h"
+#include "worker/accelerators/reference_accel.h"
+#include "worker/renderer/loaded_frames.h"
+#include "worker/ipc/message_socket.h"
+#include "worker/renderer/render_pool.h"
+#include "worker/renderer/sandbox.h"
+#include "worker/render/float_control.h"
+#include "worker/render/numerics/numerics_check.h"
+#include "worker/gltf/file/limits.h"
+
+namespace tessera::agent {
+namespace {
+
+std::int64_t peak_rss_bytes() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return std::int64_t{usage.ru_maxrss} * 1024;
+}
+
+render::TraceOptions tracing_of(const RendererOptions& options) {
+  const auto* structure = render::reference::find_structure(options.accelerator);
+  if (structure == nullptr) return options.isa;
+  return {options.isa, [structure](const render::Scene& scene) {
+            return std::make_unique<const render::reference::ReferenceAccel>(scene, *structure);
+          }};
+}
+
+/// The only file it may write to gets texels, each image's from a new page on.
+constexpr rlim_t kMaxFileBytes = render::kMaxAllImageBytes * 2;
+
+class Renderer {
+ public:
+  explicit Renderer(const RendererOptions& options)
+      : options_(options),
+        socket_(Descriptor(options.fd)),
+        frames_(tracing_of(options), options.texel_bytes),
+        pool_(options.thread_count) {}
+
+  int run() {
+    announce();
+    while (true) {
+      auto message = socket_.receive();
+      if (!message.ok() || !message->has_value()) break;
+      v1::RendererCommand command;
+      if (!command.ParseFromString(**message) || !obey(command)) break;
+    }
+    // The agent is gone, or wants us gone: nobody waits for what is still running.
+    std::_Exit(0);
+  }
+
+ private:
+  void announce() {
+    v1::RendererEvent event;
+    v1::RendererReady& ready = *event.mutable_ready();
+    ready.set_contract_version(contract::kRenderContract);
+    ready.set_isa(std::string(render::isa_name(options_.isa)));
+    const auto digest = render::numerics_digest(options_.isa);
+    if (digest.ok()) {
+      ready.set_numerics_sha256(digest->binary());
+    } else {
+      ready.set_error(std::string(digest.status().message()));
+    }
+    send(event);
+  }
+
+  bool obey(v1::RendererCommand& command) {
+    switch (command.command_case()) {
+      case v1::RendererCommand::kLoadScene:
+        return load(std::move(*command.mutable_load_scene()));
+      case v1::RendererCommand::kRenderUnit: {
+        auto unit = std::move(*command.mutable_render_unit());
+        pool_.submit([this, unit = std::move(unit)] { render_unit(unit); });
+        return true;
+      }
+      case v1::RendererCommand::kForgetScene:
+        frames_.forget(command.unload_scene());
+        return true;
+      default:
+        return false;
+    }
+  }
+
+  /// Loads on a thread of its own, one scene after the other, helped by threads without a unit. The
+  /// agent never waits: this thread goes on reading.
+  bool load(v1::LoadScene command) {
+    // The scene's files, and one for texels that do not fit.
+    auto descriptors =
+        socket_.receive_descriptors(static_cast<std::size_t>(command.manifest().assets_size()) + 1);
+    if (!descriptors.ok()) return false;
+    const auto files = std::make_shared<std::vector<Descriptor>>(*std::move(descriptors));
+    loader_.submit([this, command = std::move(command), files] {
+      std::atomic<std::int64_t> helper_cpu_ns = 0;
+      const auto outcome =
+          frames_.load(command, std::move(*files), pool_.parallel_for(helper_cpu_ns));
+      v1::RendererEvent event;
+      v1::LoadSceneResult& scene = *event.mutable_scene();
+      scene.set_job_id(command.job_id());
+      scene.set_frame(command.frame());
+      scene.set_peak_rss_bytes(peak_rss_bytes());
+      if (outcome.ok()) {
+        scene.set_load_seconds(outcome->load_seconds);
+        scene.set_build_seconds(outcome->build_seconds);
+      } else {
+        scene.set_error(std::string(outcome.status().message()));
+      }
+      send(event);
+    });
+    return true;
+  }
+
+  void render_unit(const v1::RenderUnit& unit) {
+    const std::int64_t start = thread_cpu_ns();
+    std::atomic<std::int64_t> helper_cpu_ns = 0;
+    v1::RendererEvent event;
+    *event.mutable_started() = unit;
+    send(event);
+    if (options_.crash_on == contract::Unit{unit.frame(), unit.tile(), unit.pass()}) {
+      std::fprintf(stderr, "crashing on unit %d:%d:%d as told\n", unit.frame(), unit.tile(),
+                   unit.pass());
+      std::signal(SIGSEGV, SIG_DFL);
+      std::raise(SIGSEGV);
+    }
+    v1::UnitOutcome& outcome = *event.mutable_unit();
+    *outcome.mutable_unit() = unit;
+    auto block = render_block(unit, helper_cpu_ns);
+    if (block.ok()) {
+      outcome.set_block(*std::move(block));
+    } else {
+      outcome.set_error(std::string(block.status().message()));
+    }
+    outcome.set_cpu_seconds(1e-9 * static_cast<double>(thread_cpu_ns() - start + helper_cpu_ns));
+    send(event);
+  }
+
+  absl::StatusOr<std::string> render_block(const v1::RenderUnit& unit,
+                                           std::atomic<std::int64_t>& helper_cpu_ns) {
+    const auto frame = frames_.find(unit.job_id(), unit.frame());
+    if (frame == nullptr) return absl::FailedPreconditionError("its scene is not loaded");
+    if (unit.tile() < 0 || unit.tile() >= frame->grid.tile_count()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("tile ", unit.tile(), " of ", frame->grid.tile_count()));
+    }
+    if (!render::has_ieee_floats()) {
+      return absl::InternalError("the floating-point mode of this thread is not IEEE's default");
+    }
+    return contract::encode(frame->renderer->render(
+        frame->grid.rect(unit.tile()), contract::Pass{unit.first_sample(), unit.sample_count()},
+        unit.pass(), pool_.parallel_for(helper_cpu_ns)));
+  }
+
+  void send(const v1::RendererEvent& event) {
+    // An agent that does not read any more is gone; the main thread sees that too.
+    (void)socket_.send(event.SerializeAsString());
+  }
+
+  const RendererOptions options_;
+  MessageSocket socket_;
+  LoadedFrames frames_;
+  RenderPool pool_;
+  RenderPool loader_{1};
+};
+
+}  // namespace
+
+int run_renderer(const RendererOptions& options) {
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  ::prctl(PR_SET_NAME, "tessera-render");
+  // A terminal, Slurm and systemd signal all processes of a job: the agent decides what that means.
+  for (const int signal : {SIGTERM, SIGINT, SIGHUP}) ::signal(signal, SIG_IGN);
+  if (options.memory_bytes > 0) {
+    const auto bytes = static_cast<rlim_t>(options.memory_bytes);
+    const rlimit limit{bytes, bytes};
+    ::setrlimit(RLIMIT_DATA, &limit);  // what is mapped from files can be read again
+  }
+  const rlimit file_limit{kMaxFileBytes, kMaxFileBytes};
+  ::setrlimit(RLIMIT_FSIZE, &file_limit);
+  if (const absl::Status confined = enter_sandbox(); !confined.ok()) {
+    std::fprintf(stderr, "the renderer is not confined: %s\n",
+                 std::string(confined.message()).c_str());
+  }
+  return Renderer(options).run();
+}
+
+}  // namespace tessera::agent

@@ -1,0 +1,208 @@
+#include "worker/scene/features.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "worker/scene/texture_refs.h"
+
+namespace tessera::render {
+
+namespace {
+
+// Measured: docs/performance.md, "Memory".
+constexpr std::int64_t kAccelBytesPerTriangle = 75, kAccelBytesPerInstance = 256;
+constexpr std::int64_t kMovingBytesPerTriangle = 120;  // of a mesh that changes, each segment
+constexpr std::int64_t kBuildBytesPerTriangle = 130;   // of one mesh at a time
+constexpr std::int64_t kLightBytesPerTriangle = 700;   // emissive, as often as it is placed
+constexpr std::int64_t kLightBytesPerTexel = 12;       // of emissive textures
+constexpr std::int64_t kLightBytesPerSkyTexel = 8;
+
+template <typename Array>
+std::int64_t bytes_in(const Array& v) {
+  return static_cast<std::int64_t>(v.size() * sizeof(*v.data()));
+}
+
+std::int64_t bytes_of_primitive(const Primitive& p) {
+  return bytes_in(p.positions) + bytes_in(p.triangles) + bytes_in(p.normals) +
+         bytes_in(p.tangents) + bytes_in(p.uv[0]) + bytes_in(p.uv[1]) + bytes_in(p.colors);
+}
+
+std::uint32_t texture_features(const TextureRef& ref) {
+  if (!ref) return 0;
+  return kFeatureTextures | (ref.has_transform ? kFeatureTextureTransforms : 0u) |
+         (ref.uv_set == 1 ? kFeatureSecondUvSet : 0u);
+}
+
+bool emits(const Material& m) {
+  return !m.unlit && max_component(m.emission) > 0;
+}
+
+bool is_solid_glass(const Material& m) {
+  return m.transmission > 0 && m.has_volume;
+}
+
+std::uint32_t material_features(const Material& m) {
+  std::uint32_t f = 0;
+  for (const TextureRef* ref : texture_refs(m)) f |= texture_features(*ref);
+  if (m.normal_texture || m.clearcoat.normal_texture) f |= kFeatureNormalMaps;
+  if (m.alpha_mode == AlphaMode::mask) f |= kFeatureAlphaMask;
+  if (m.alpha_mode == AlphaMode::blend) f |= kFeatureAlphaBlend;
+  if (m.unlit) f |= kFeatureUnlit;
+  if (m.specular_glossiness) f |= kFeatureSpecularGlossiness;
+  if (m.specular != 1 || m.specular_texture || m.specular_color_texture ||
+      m.specular_color != Vec3f{1, 1, 1}) {
+    f |= kFeatureSpecular;
+  }
+  if (m.transmission > 0) f |= m.has_volume ? kFeatureVolumes : kFeatureThinTransmission;
+  if (emits(m)) f |= kFeatureEmissiveTriangles;
+  if (m.clearcoat.factor > 0) f |= kFeatureClearcoat;
+  if (m.anisotropy.strength > 0) f |= kFeatureAnisotropy;
+  if (max_component(m.sheen.color) > 0) f |= kFeatureSheen;
+  if (m.dispersion > 0 && is_solid_glass(m)) f |= kFeatureDispersion;
+  if (m.iridescence.factor > 0) f |= kFeatureIridescence;
+  if (m.optics.conductor || m.optics.exact_fresnel || m.optics.diffuse_roughness > 0) {
+    f |= kFeatureOptics;
+  }
+  if (m.medium || m.optics.has_priority) f |= kFeatureMedia;
+  if (m.diffuse_transmission.factor > 0) {
+    f |= kFeatureDiffuseTransmission | (m.has_volume ? kFeatureVolumes : 0u);
+  }
+  return f;
+}
+
+std::uint32_t scene_features(const Scene& scene) {
+  std::uint32_t f = 0;
+  if (!scene.lights.empty()) f |= kFeaturePunctualLights;
+  if (scene.has_environment) {
+    f |= scene.environment.image == kNone ? kFeatureConstantEnvironment : kFeatureEnvironmentMap;
+  }
+  if (scene.instances.size() > scene.meshes.size()) f |= kFeatureInstances;
+  if (!scene.solids.empty()) f |= kFeatureCsg;
+  if (scene.camera.kind == Camera::Kind::orthographic) f |= kFeatureOrthographicCamera;
+  if (scene.camera.kind > Camera::Kind::orthographic) f |= kFeatureCurvedScreen;
+  if (scene.camera.lens.radius > 0) f |= kFeatureLens;
+  if (!scene.procedures.empty()) f |= kFeatureProcedures;
+  if (scene.atmosphere) f |= kFeatureMedia;
+  if (!scene.key_times.empty() || !scene.camera.keys.empty()) f |= kFeatureMotion;
+  return f;
+}
+
+/// Texels that the tables for choosing lights go over.
+std::int64_t light_table_bytes(const Scene& scene, const std::vector<bool>& used_materials) {
+  const auto texels = [&](std::int32_t image) {
+    const Image& i = scene.images[static_cast<std::size_t>(image)];
+    return std::int64_t{i.width} * i.height;
+  };
+  std::int64_t bytes = 0;
+  for (std::size_t i = 0; i < scene.materials.size(); ++i) {
+    const Material& m = scene.materials[i];
+    if (!used_materials[i] || !emits(m) || !m.emissive_texture) continue;
+    const std::int32_t image = scene.textures[m.emissive_texture.texture].image;
+    if (image != kNone) bytes += kLightBytesPerTexel * texels(image);
+  }
+  if (scene.has_environment && scene.environment.image != kNone) {
+    bytes += kLightBytesPerSkyTexel * texels(scene.environment.image);
+  }
+  return bytes;
+}
+
+}  // namespace
+
+SceneFeatures features_of(const Scene& scene) {
+  SceneFeatures needs;
+  needs.features = scene_features(scene);
+  std::vector<bool> used(scene.materials.size());
+  std::vector<std::int64_t> triangles(scene.meshes.size()), emissive(scene.meshes.size());
+  for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
+    for (const Primitive& p : scene.meshes[i].primitives) {
+      const Material& material = scene.materials[p.material];
+      const auto count = static_cast<std::int64_t>(p.triangles.size());
+      triangles[i] += count;
+      if (emits(material)) emissive[i] += count;
+      const bool surface = count > 0 || scene.meshes[i].shape != nullptr;
+      used[p.material] = used[p.material] || surface;
+      if (surface) needs.features |= material_features(material);
+      if (!p.colors.empty()) needs.features |= kFeatureVertexColors;
+      needs.vertices += static_cast<std::int64_t>(p.positions.size());
+      needs.geometry_bytes += bytes_of_primitive(p);
+      ++needs.primitives;
+    }
+    needs.triangles += triangles[i];
+    for (const SharedArray<Primitive>& key : scene.meshes[i].keys) {
+      for (const Primitive& p : key) needs.geometry_bytes += bytes_of_primitive(p);
+    }
+    if (!scene.meshes[i].keys.empty()) {  // a tree from each key to the next, of both ends
+      needs.acceleration_bytes += static_cast<std::int64_t>(scene.meshes[i].keys.size() - 1) *
+                                  triangles[i] * kMovingBytesPerTriangle;
+    }
+    if (scene.meshes[i].shape != nullptr) needs.features |= kFeatureShapes;
+  }
+  for (const Instance& instance : scene.instances) {
+    needs.instanced_triangles += triangles[instance.mesh];
+    needs.emissive_triangles += emissive[instance.mesh];
+  }
+  for (const Image& image : scene.images) {
+    needs.image_bytes += bytes_in(image.u8) + bytes_in(image.u16) + bytes_in(image.f32);
+  }
+  for (const bool u : used) needs.materials += u ? 1 : 0;
+  for (const Texture& texture : scene.textures) needs.textures += texture.image != kNone ? 1 : 0;
+  needs.meshes = static_cast<std::int64_t>(scene.meshes.size());
+  needs.instances = static_cast<std::int64_t>(scene.instances.size());
+  needs.images = static_cast<std::int64_t>(scene.images.size());
+  needs.lights = static_cast<std::int64_t>(scene.lights.size());
+  const auto largest = std::max_element(triangles.begin(), triangles.end());
+  needs.acceleration_bytes += needs.triangles * kAccelBytesPerTriangle +
+                              needs.instances * kAccelBytesPerInstance +
+                              (largest == triangles.end() ? 0 : *largest * kBuildBytesPerTriangle);
+  for (const auto& motion : scene.motions) {
+    needs.acceleration_bytes +=
+        static_cast<std::int64_t>(motion.size()) *
+        (kAccelBytesPerInstance + static_cast<std::int64_t>(3 * sizeof(Affine3d)));
+  }
+  needs.light_bytes =
+      needs.emissive_triangles * kLightBytesPerTriangle + light_table_bytes(scene, used);
+  return needs;
+}
+
+std::vector<std::string> feature_names(std::uint32_t features) {
+  static constexpr const char* kNames[] = {"textures",
+                                           "normal-maps",
+                                           "texture-transforms",
+                                           "second-uv-set",
+                                           "vertex-colors",
+                                           "alpha-mask",
+                                           "alpha-blend",
+                                           "unlit",
+                                           "specular-glossiness",
+                                           "specular",
+                                           "thin-transmission",
+                                           "volumes",
+                                           "emissive-triangles",
+                                           "punctual-lights",
+                                           "environment-map",
+                                           "constant-environment",
+                                           "instances",
+                                           "orthographic-camera",
+                                           "clearcoat",
+                                           "anisotropy",
+                                           "sheen",
+                                           "dispersion",
+                                           "iridescence",
+                                           "diffuse-transmission",
+                                           "curved-screen",
+                                           "lens",
+                                           "procedural-textures",
+                                           "shapes",
+                                           "csg",
+                                           "exact-optics",
+                                           "media",
+                                           "motion"};
+  std::vector<std::string> out;
+  for (std::size_t bit = 0; bit < std::size(kNames); ++bit) {
+    if ((features >> bit & 1) != 0) out.emplace_back(kNames[bit]);
+  }
+  return out;
+}
+
+}  // namespace tessera::render

@@ -1,0 +1,15 @@
+#pragma once
+
+#include "worker/shading/bsdf/bsdf.h"
+
+/// The functions of bsdf.h for materials with an extension of BsdfExtensions. Apart from the
+/// others, which branch to them once and pay nothing else. All require `b.extended`.
+namespace tessera::render::extended_bsdf {
+
+BsdfValue evaluate(const Bsdf& b, const Vec3f& wi);
+bool sample(const Bsdf& b, float u_lobe, const Vec2f& u, BsdfSample* sample);
+Vec3f straight_transmittance(const Bsdf& b);
+float scattered_albedo(const Bsdf& b);
+bool has_smooth_density(const Bsdf& b);
+
+}  // namespace tessera::render::extended_bsdf

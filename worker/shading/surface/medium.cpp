@@ -1,0 +1,74 @@
+#include "worker/shading/surface/medium.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "worker/shading/surface/procedural_texture.h"
+#include "worker/shading/surface/shading_scene.h"
+
+namespace tessera::render {
+namespace {
+
+/// Trilinear; a point outside the box has none.
+float grid_density(const DensityGrid& grid, const Vec3d& p) {
+  std::array<std::size_t, 3> cell{};
+  std::array<float, 3> f{};
+  for (int k = 0; k < 3; ++k) {
+    const auto axis = static_cast<std::size_t>(k);
+    const double low = static_cast<double>(grid.low[k]), high = static_cast<double>(grid.high[k]);
+    if (!(p[k] >= low && p[k] <= high)) return 0;
+    const double x = (p[k] - low) / (high - low) * (grid.size[axis] - 1);
+    const double whole = std::min(std::floor(x), static_cast<double>(grid.size[axis] - 2));
+    cell[axis] = static_cast<std::size_t>(whole);
+    f[axis] = static_cast<float>(x - whole);
+  }
+  const auto nx = static_cast<std::size_t>(grid.size[0]),
+             ny = static_cast<std::size_t>(grid.size[1]);
+  const auto along_x = [&](std::size_t y, std::size_t z) {
+    const float* row = grid.values.data() + ((cell[2] + z) * ny + cell[1] + y) * nx + cell[0];
+    return lerp(row[0], row[1], f[0]);
+  };
+  const float near = lerp(along_x(0, 0), along_x(1, 0), f[1]);
+  return lerp(near, lerp(along_x(0, 1), along_x(1, 1), f[1]), f[2]);
+}
+
+}  // namespace
+
+MediumView view_of_medium(const Scene& scene, const Medium* medium, const Vec3f& absorption) {
+  MediumView view;
+  view.extinction = absorption;
+  if (medium == nullptr) return view;
+  view.scattering = medium->scattering;
+  view.extinction += medium->absorption + medium->scattering;
+  // Beside scattering, what absorbs all at once is as good as this and keeps products finite.
+  view.extinction = min(view.extinction, Vec3f{1e30f, 1e30f, 1e30f});
+  view.anisotropy = medium->anisotropy;
+  view.origin = scene.center;
+  if (medium->grid != nullptr) {
+    view.grid = medium->grid.get();
+    view.most = view.usual = 0;
+    for (const float v : view.grid->values) {
+      view.most = std::max(view.most, v);
+      view.usual += v / static_cast<float>(view.grid->values.size());
+    }
+  } else if (medium->procedure != kNone) {
+    view.procedure = &scene.procedures[static_cast<std::size_t>(medium->procedure)];
+    view.most = view.usual = 0;
+    for (const ProceduralTexture::Stop& stop : view.procedure->ramp) {
+      view.most = std::max(view.most, stop.color.x);
+      view.usual += stop.color.x / static_cast<float>(view.procedure->ramp.size());
+    }
+  }
+  if (!(view.most > 0)) view.extinction = view.scattering = {};
+  return view;
+}
+
+float density_at(const MediumView& medium, const Affine3d* inwards, const Vec3d& point) {
+  const Vec3d p = inwards == nullptr ? point + medium.origin : transform_point(*inwards, point);
+  if (medium.procedure != nullptr) {
+    return clamp(procedure_color(*medium.procedure, p, 0).x, 0.0f, medium.most);
+  }
+  return medium.grid == nullptr ? 1 : clamp(grid_density(*medium.grid, p), 0.0f, medium.most);
+}
+
+}  // namespace tessera::render
