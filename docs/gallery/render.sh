@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Renders the pictures of docs/gallery.md through a farm of one:
+# Renders the pictures of docs/gallery.md into this directory. Needs tessera on the path.
 #
-#   docs/gallery/render.sh [NAME…]     with tessera on the path; all of them without names
+#   docs/gallery/render.sh [NAME…]     all pictures, or those with the given names
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 scenes=$here/../../tests/scenes
 
-# picture NAME SCENE OPTION…: NAME.jpg, if it is wanted.
+# picture NAME SCENE OPTION…: renders NAME.jpg if NAME was asked for, or none was.
 wanted=" $* "
 picture() {
   local name=$1 scene=$2
