@@ -82,11 +82,11 @@ class DocumentsCheck(unittest.TestCase):
         self.expect("docs/page.md: ```sh block without `run` or `not run: WHY`: true",
                     docs__page_md="\n```sh\ntrue\n```\n")
 
-    def test_retired_document_in_a_source_file(self):
-        name = "design." + "md"
-        self.assertEqual(
-            faults_of({"tests/a_test.cpp": f"// {name}, section 3\n"}),
-            [f"tests/a_test.cpp: line 2 refers to {name}, which does not exist"])
+    def test_missing_document_in_a_source_file(self):
+        for name in ("design." + "md", "docs/" + "no.md"):
+            self.assertEqual(
+                faults_of({"tests/a_test.cpp": f"// {name}, section 3\n"}),
+                [f"tests/a_test.cpp: line 2 names a document that does not exist: {name}"])
 
 
 if __name__ == "__main__":
