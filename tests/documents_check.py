@@ -22,12 +22,14 @@ SKIPPED_FOLDERS = {".git", "build", "node_modules", "__pycache__"}
 SOURCE_SUFFIXES = {".h", ".cpp", ".inc", ".cmake", ".txt", ".py", ".sh", ".proto", ".md", ".yaml",
                    ".yml", ".json", ".service"}
 PICTURE_SUFFIXES = {".jpg", ".png", ".svg"}
+METRICS_PAGE = "docs/reference/metrics.md"
 # A document that a source file names, or one of those that were never in this repository.
 RETIRED = re.compile(r"(?<![\w-])(?:design|farm)\.m[d]\b")
 DOCUMENT = re.compile(r"\bdocs/[\w/-]+\.(?:md|svg|jpg|json)\b|" + RETIRED.pattern)
 
 FENCE = re.compile(r"^(```|~~~)[^\n]*\n.*?^\1[ \t]*$", re.M | re.S)
 LINK = re.compile(r"(!?)\[(?:[^\[\]]|\[[^\[\]]*\])*\]\(\s*<?([^)\s>]+)>?(?:\s+\"[^\"]*\")?\s*\)")
+OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]+")
 INLINE_CODE = re.compile(r"`[^`\n]*`")
 HTML_IMAGE = re.compile(r"<img[^>]*\ssrc=\"([^\"]+)\"")
 SHELL_BLOCK = re.compile(r"(?:<!-- (run|not run: [^\n]+) -->\n+)?```sh\n(.*?)```", re.S)
@@ -94,6 +96,17 @@ class Repository:
                     names.update(f"{service}.{rpc}" for rpc in re.findall(r"rpc (\w+)\(", body))
         return names
 
+    def options(self):
+        """Every --option that a program or a script mentions."""
+        return {option for path, text in self.sources.items() if path.suffix != ".md"
+                for option in OPTION.findall(text)}
+
+    def metrics(self):
+        """Names of the metrics that server and worker register."""
+        return {name for path, text in self.sources.items()
+                if path.suffix == ".cpp" and "tests" not in path.parts
+                for name in re.findall(r"\"(tessera_\w+?)\"", text)}
+
 
 class Checks:
     """Each check adds a line to `faults` for each thing that is wrong."""
@@ -105,13 +118,16 @@ class Checks:
 
     def run(self):
         tests, kinds = self.repository.test_names(), chaos_kinds(self.repository.root)
+        options = self.repository.options()
         for page, text in sorted(self.repository.pages.items()):
             prose = FENCE.sub("", text)
             self.check_links(page, INLINE_CODE.sub("``", prose))
             self.check_paths(page, prose)
             self.check_tests(page, prose, tests)
             self.check_chaos_kinds(page, prose, kinds)
+            self.check_options(page, prose, options)
             self.check_shell_blocks(page, text)
+        self.check_metrics()
         self.check_everything_is_linked()
         self.check_documents_in_sources()
         return self.faults
@@ -153,6 +169,25 @@ class Checks:
             for name in re.findall(r"\w+", names):
                 if name not in known:
                     self.fault(page, f"the chaos test has no such fault: {name}")
+
+    def check_options(self, page, text, known):
+        """An option in backquotes belongs to some program or script."""
+        for code in INLINE_CODE.findall(text):
+            for option in OPTION.findall(code):
+                if option not in known:
+                    self.fault(page, f"no program has this option: {option}")
+
+    def check_metrics(self):
+        """The reference lists exactly the metrics that the programs register."""
+        page = self.repository.root / METRICS_PAGE
+        if page not in self.repository.pages:
+            return
+        listed = set(re.findall(r"^\| `(tessera_\w+)`", self.repository.pages[page], re.M))
+        registered = self.repository.metrics()
+        for name in sorted(listed - registered):
+            self.fault(page, f"no program has this metric: {name}")
+        for name in sorted(registered - listed):
+            self.fault(page, f"this metric is missing: {name}")
 
     def check_shell_blocks(self, page, text):
         """tests/e2e/documented_commands.sh runs README.md and docs/."""

@@ -17,7 +17,7 @@ GOOD = {
                     "<!-- not run: slow -->\n```sh\nfalse\n```\n",
     "docs/picture.jpg": "",
     "proto/farm.proto": "service FarmService {\n  rpc Lease(A) returns (B);\n}\n",
-    "tests/a_test.cpp": "TEST(Suite, Name) {\n",
+    "tests/a_test.cpp": 'TEST(Suite, Name) {\n  run("--seed");\n',
     "tests/e2e/chaos/kinds.py": "def power_cut(farm, rng):\ndef hang(farm, rng):\n",
 }
 
@@ -78,6 +78,19 @@ class DocumentsCheck(unittest.TestCase):
         self.expect("README.md: the chaos test has no such fault: flood",
                     README_md="chaos: `hang`, `flood`")
 
+    def test_unknown_option(self):
+        self.expect("README.md: no program has this option: --seeds",
+                    README_md="`render --seed 1 --seeds 2`")
+
+    def test_metrics_of_page_and_programs(self):
+        page = "| `tessera_jobs` | jobs |\n| `tessera_units` | units |\n"
+        self.assertEqual(
+            faults_of({"docs/reference/metrics.md": page,
+                       "server/metrics.cpp": '"tessera_jobs", "tessera_tasks"',
+                       "README.md": "[metrics](docs/reference/metrics.md)"}),
+            ["docs/reference/metrics.md: no program has this metric: tessera_units",
+             "docs/reference/metrics.md: this metric is missing: tessera_tasks"])
+
     def test_shell_block_without_mark(self):
         self.expect("docs/page.md: ```sh block without `run` or `not run: WHY`: true",
                     docs__page_md="\n```sh\ntrue\n```\n")
@@ -86,7 +99,7 @@ class DocumentsCheck(unittest.TestCase):
         for name in ("design." + "md", "docs/" + "no.md"):
             self.assertEqual(
                 faults_of({"tests/a_test.cpp": f"// {name}, section 3\n"}),
-                [f"tests/a_test.cpp: line 2 names a document that does not exist: {name}"])
+                [f"tests/a_test.cpp: line 3 names a document that does not exist: {name}"])
 
 
 if __name__ == "__main__":
