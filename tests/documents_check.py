@@ -17,8 +17,8 @@ ROOT = Path(__file__).resolve().parents[1]
 # Folders whose paths, written in backquotes on a page, must exist.
 FOLDERS = ("proto contract rpc image telemetry cli cmake server worker client webhook tests docs "
            "deploy .ci").split()
-# Folders that hold no sources of this repository.
-SKIPPED_FOLDERS = {".git", "build", "node_modules", "__pycache__"}
+# Folders of the root that hold no sources of this repository.
+SKIPPED_FOLDERS = {".git", "build"}
 SOURCE_SUFFIXES = {".h", ".cpp", ".inc", ".cmake", ".txt", ".py", ".sh", ".proto", ".md", ".yaml",
                    ".yml", ".json", ".service"}
 PICTURE_SUFFIXES = {".jpg", ".png", ".svg"}
@@ -71,7 +71,8 @@ class Repository:
         self.root = root
         self.sources, self.pictures = {}, []
         for folder, subfolders, names in os.walk(root):
-            subfolders[:] = [name for name in subfolders if name not in SKIPPED_FOLDERS]
+            if Path(folder) == root:
+                subfolders[:] = [name for name in subfolders if name not in SKIPPED_FOLDERS]
             for name in names:
                 path = Path(folder, name)
                 if path.suffix in SOURCE_SUFFIXES:

@@ -41,6 +41,11 @@ class DocumentsCheck(unittest.TestCase):
     def test_good_tree_has_no_fault(self):
         self.assertEqual(faults_of({}), [])
 
+    def test_only_the_build_folder_of_the_root_is_skipped(self):
+        self.assertEqual(faults_of({"build/page.md": "[x](no.md)"}), [])
+        self.assertEqual(faults_of({"worker/build/README.md": "[x](no.md)"}),
+                         ["worker/build/README.md: link to a missing file: no.md"])
+
     def test_missing_file(self):
         self.expect("README.md: link to a missing file: docs/no.md", README_md="[x](docs/no.md)")
 
