@@ -12,9 +12,9 @@
 #include "cli/finite_range.h"
 #include "cli/version_text.h"
 #include "image/codecs/library_versions.h"
-#include "telemetry/log/log.h"
 #include "server/identity_commands.h"
 #include "server/store_commands.h"
+#include "telemetry/log/log.h"
 
 namespace tessera::server {
 
@@ -71,10 +71,10 @@ void add_options(CLI::App& app, Config& config) {
                  "callers with a certificate of that authority")
       ->type_name("DIR");
   const auto size = contract::finite_range(0.001, 1e6);
-  app.add_option("--film-memory", config.film_memory_gb, "Merged tiles kept in memory, GB")
+  app.add_option("--film-memory-gb", config.film_memory_gb, "Merged tiles kept in memory, GB")
       ->check(size)
       ->capture_default_str();
-  app.add_option("--ingest-memory", config.ingest_memory_gb,
+  app.add_option("--ingest-memory-gb", config.ingest_memory_gb,
                  "Delivered blocks kept in memory until they are durable, GB")
       ->check(size)
       ->capture_default_str();
@@ -85,11 +85,11 @@ void add_options(CLI::App& app, Config& config) {
                  "Size of scene files above which unused ones are deleted, GB")
       ->check(size)
       ->capture_default_str();
-  app.add_option("--keep-jobs", config.keep_jobs_days,
+  app.add_option("--job-retention-days", config.job_retention_days,
                  "Days after its end at which a job is removed, with its images; 0: never")
       ->check(contract::finite_range(0.0, 36'500.0))
       ->capture_default_str();
-  app.add_option("--audit", config.audit,
+  app.add_option("--audit-fraction", config.audit_fraction,
                  "Share of units that another worker renders again, to be compared; 0: none")
       ->check(contract::finite_range(0.0, 1.0))
       ->capture_default_str();

@@ -18,8 +18,8 @@ struct Config {
   double ingest_memory_gb = 0.25;  // of delivered blocks not yet committed
   double quota_gb = 1000;          // of the store, jobs beyond it are refused
   double asset_quota_gb = 64;      // beyond it assets no job names are deleted
-  double keep_jobs_days = 0;       // jobs that ended so long ago are removed; 0: never
-  double audit = 0.01;             // share of units that a second worker renders again
+  double job_retention_days = 0;   // jobs that ended so long ago are removed; 0: never
+  double audit_fraction = 0.01;    // share of units that a second worker renders again
   // Of each owner's unfinished jobs; 0: no limit.
   std::int64_t client_jobs = 0;
   double client_gigasamples = 0, client_gb = 0;

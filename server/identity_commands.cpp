@@ -120,10 +120,10 @@ struct TokenFlags {
 
 absl::Status create_token(const TokenFlags& flags) {
   absl::Duration valid;
-  if (!absl::ParseDuration(flags.valid, &valid) || valid < absl::Seconds(1) ||
+  if (!absl::ParseDuration(flags.ttl, &valid) || valid < absl::Seconds(1) ||
       valid > absl::Hours(24 * kAuthorityDays)) {
     return absl::InvalidArgumentError(
-        absl::StrCat("--valid \"", flags.valid, "\" is no span such as 90m, 24h or 720h"));
+        absl::StrCat("--ttl \"", flags.ttl, "\" is no span such as 90m, 24h or 720h"));
   }
   const auto token =
       JoinTokens(flags.store).create(now_s() + absl::ToInt64Seconds(valid), flags.most_joins);
@@ -177,7 +177,7 @@ void add_token_commands(CLI::App& app, Run& run) {
   };
   CLI::App* create = tokens->add_subcommand("create", "Make a token and print it, once");
   add_store(*create);
-  create->add_option("--valid", flags->valid, "For how long workers may join with it")
+  create->add_option("--ttl", flags->ttl, "For how long workers may join with it")
       ->type_name("SPAN")
       ->capture_default_str();
   create->add_option("--max-joins", flags->most_joins, "Most workers that may; 0: any number")

@@ -12,8 +12,6 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "telemetry/log/log.h"
-#include "telemetry/metrics/listener.h"
 #include "server/config.h"
 #include "server/coordinator/coordinator.h"
 #include "server/identity/join_tokens.h"
@@ -21,6 +19,8 @@
 #include "server/service/server.h"
 #include "server/store/files/filesystem.h"
 #include "server/store/store.h"
+#include "telemetry/log/log.h"
+#include "telemetry/metrics/listener.h"
 
 namespace tessera::server {
 namespace {
@@ -43,13 +43,13 @@ std::uint64_t random_bits() {
 
 CoordinatorOptions options_of(const Config& config) {
   CoordinatorOptions options;
-  options.policy.audit_fraction = config.audit;
+  options.policy.audit_fraction = config.audit_fraction;
   options.film_memory_bytes = to_bytes(config.film_memory_gb);
   options.ingest_bytes = to_bytes(config.ingest_memory_gb);
   options.quota_bytes = to_bytes(config.quota_gb);
   options.asset_quota_bytes = to_bytes(config.asset_quota_gb);
-  options.keep_jobs_us =
-      static_cast<std::int64_t>(config.keep_jobs_days * static_cast<double>(kDayUs));
+  options.job_retention_us =
+      static_cast<std::int64_t>(config.job_retention_days * static_cast<double>(kDayUs));
   options.client_quota = {config.client_jobs, to_bytes(config.client_gb),
                           1e9 * config.client_gigasamples};
   options.clock = [] { return std::chrono::steady_clock::now(); };
@@ -97,7 +97,7 @@ int serve(const Config& config, const sigset_t& signals) {
   const CoordinatorOptions options = options_of(config);
   StoreOptions store_options;
   store_options.synced = [metrics = options.metrics](double seconds) {
-    metrics->sync_seconds.Observe(seconds);
+    metrics->fsync_seconds.Observe(seconds);
   };
   auto store = Store::open(config.store, real_filesystem(), std::move(store_options));
   if (!store.ok()) return fail(store.status());

@@ -6,9 +6,9 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "server/store/files/filesystem.h"
 #include "server/store/maintenance/backup.h"
 #include "server/store/maintenance/check.h"
-#include "server/store/files/filesystem.h"
 
 namespace tessera::server {
 namespace {

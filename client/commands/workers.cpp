@@ -24,12 +24,12 @@ std::string state_name(v1::Worker::State state) {
       return "idle";
     case v1::Worker::STATE_BUSY:
       return "busy";
-    case v1::Worker::STATE_LEAVING:
-      return "leaving";
+    case v1::Worker::STATE_DRAINING:
+      return "draining";
     case v1::Worker::STATE_LOST:
       return "lost";
     case v1::Worker::STATE_QUARANTINED:
-      return "set aside";
+      return "quarantined";
     default:
       return "unknown";
   }
@@ -62,7 +62,7 @@ int run(const WorkersOptions& options, const Connection& connection) {
   const auto workers = (*client)->list_workers();
   if (!workers.ok()) return fail(workers.status());
   if (options.json) {
-    nlohmann::ordered_json document = {{"schema", "tessera.workers/1"},
+    nlohmann::ordered_json document = {{"schema", "tessera.workers/2"},
                                        {"workers", nlohmann::ordered_json::array()}};
     for (const v1::Worker& worker : *workers) document["workers"].push_back(document_of(worker));
     std::printf("%s\n", document.dump(2).c_str());
@@ -146,7 +146,7 @@ void add_workers_command(CLI::App& app, Invocation& invocation) {
   CLI::App* command =
       app.add_subcommand("workers", "List workers connected now or within the last hour");
   add_connection_options(*command, invocation.connection);
-  command->add_flag("--json", options->json, "Print a JSON document (tessera.workers/1)");
+  command->add_flag("--json", options->json, "Print a JSON document (tessera.workers/2)");
   add_orders(*command, invocation);
   command->footer(
       "With certificates, drain, ban and allow take an admin's.\n"

@@ -31,7 +31,7 @@ std::string missing_workers(const Job& job, const std::map<WorkerKey, Worker>& w
   bool any = false;
   for (const auto& [key, worker] : workers) {
     // A stream that has just broken is not the worker's end yet.
-    if (worker.lost || worker.leaving || worker.set_aside) continue;
+    if (worker.lost || worker.draining || worker.quarantined) continue;
     if (tag.empty() || worker.tags.count(tag) > 0) return {};
     any = true;
   }
@@ -65,7 +65,8 @@ void Coordinator::settle(DeferredCalls& afterwards) {
   }
   options_.metrics->errors.worker_lost.Increment(static_cast<double>(effects.to_close.size()));
   options_.metrics->audits_ended.Increment(static_cast<double>(effects.audited.size()));
-  options_.metrics->workers_quarantined.Increment(static_cast<double>(effects.faulty_workers.size()));
+  options_.metrics->workers_quarantined.Increment(
+      static_cast<double>(effects.faulty_workers.size()));
   for (const WorkerKey key : effects.to_close) {
     if (const Worker* worker = scheduler_.find_worker(key)) {
       note(EventKind::worker_lost, worker->id, "");
@@ -82,7 +83,8 @@ void Coordinator::settle(DeferredCalls& afterwards) {
     scheduler_.disconnect(key);
   }
   audits_over(effects.audited);
-  for (const std::string& worker_id : effects.faulty_workers) quarantine_worker(worker_id, afterwards);
+  for (const std::string& worker_id : effects.faulty_workers)
+    quarantine_worker(worker_id, afterwards);
   changed_.insert(effects.changed.begin(), effects.changed.end());
   roster_.insert(roster_.end(), effects.roster.begin(), effects.roster.end());
   if (!effects.changed.empty() || !effects.roster.empty()) writer_signal_.raise();
@@ -116,7 +118,7 @@ void Coordinator::tick() {
     running_journaled_ = now;
     journal_running();
   }
-  if (options_.keep_jobs_us > 0 && now - looked_for_old_jobs_ >= kLookForOldJobsEvery) {
+  if (options_.job_retention_us > 0 && now - looked_for_old_jobs_ >= kLookForOldJobsEvery) {
     looked_for_old_jobs_ = now;
     remove_old_jobs();
   }
@@ -125,7 +127,7 @@ void Coordinator::tick() {
 
 /// A few at a time: the writer has other things to do.
 void Coordinator::remove_old_jobs() {
-  const std::int64_t ended_before_us = options_.wall_us() - options_.keep_jobs_us;
+  const std::int64_t ended_before_us = options_.wall_us() - options_.job_retention_us;
   std::size_t count = 0;
   for (const auto& [key, job] : scheduler_.jobs()) {
     const auto film = films_.find(key);

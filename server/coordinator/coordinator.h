@@ -16,19 +16,19 @@
 #include "absl/status/statusor.h"
 #include "contract/film_block.h"
 #include "contract/tile_grid.h"
-#include "telemetry/log/log.h"
+#include "server/coordinator/block_index.h"
 #include "server/coordinator/client_quota.h"
 #include "server/film/film_cache.h"
 #include "server/film/frame_summary.h"
 #include "server/film/frame_writer.h"
-#include "server/coordinator/block_index.h"
 #include "server/report/job_view.h"
+#include "server/schedule/scheduler/scheduler.h"
+#include "server/store/store.h"
 #include "server/sync/mutex.h"
 #include "server/telemetry/delivery_log.h"
 #include "server/telemetry/event_log.h"
 #include "server/telemetry/farm_metrics.h"
-#include "server/schedule/scheduler/scheduler.h"
-#include "server/store/store.h"
+#include "telemetry/log/log.h"
 
 namespace tessera::server {
 
@@ -80,11 +80,12 @@ struct CoordinatorOptions {
   std::int64_t ingest_bytes = std::int64_t{256} << 20;  // delivered, not yet committed
   std::int64_t quota_bytes = std::int64_t{1} << 40;     // of the store
   std::int64_t asset_quota_bytes = std::int64_t{64} << 30;
-  std::int64_t keep_jobs_us = 0;  // jobs that ended so long ago are removed; 0: never
+  std::int64_t job_retention_us = 0;  // jobs that ended so long ago are removed; 0: never
   ClientQuota client_quota;
   Span tick_period = std::chrono::milliseconds(100);
-  std::function<Time()> clock;            // monotonic
-  std::function<std::int64_t()> wall_us;  // since 1970; labels things, decides only keep_jobs_us
+  std::function<Time()> clock;  // monotonic
+  std::function<std::int64_t()>
+      wall_us;  // since 1970; labels things, decides only job_retention_us
   std::function<std::uint64_t()> random;  // for job ids
   /// Fills in what a job's row holds in wire form: settings, manifest, limits. Errors: DataLoss.
   std::function<absl::StatusOr<JobSpec>(const JobRecord&)> read_spec;
@@ -297,7 +298,7 @@ class Coordinator {
   JobRecord record(const Job& job) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   std::string new_job_id() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void answer(const std::string& worker_id, const std::string& job_id, const contract::Unit& unit,
-              Verdict verdict, const std::string& reason) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+              AckStatus status, const std::string& reason) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void reject(const std::string& worker_id, const BlockHeader& header, const std::string& reason,
               DeferredCalls& afterwards) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void refuse(const std::string& worker_id, const BlockHeader& header)

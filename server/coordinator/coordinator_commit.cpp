@@ -54,10 +54,10 @@ absl::Status Coordinator::hear_delivery(const std::string& worker_id,
 }
 
 void Coordinator::answer(const std::string& worker_id, const std::string& job_id, const Unit& unit,
-                         Verdict verdict, const std::string& reason) {
-  options_.metrics->verdict(verdict).Increment();
+                         AckStatus status, const std::string& reason) {
+  options_.metrics->acknowledgement(status).Increment();
   const Worker* worker = scheduler_.find_worker(worker_id);
-  if (worker != nullptr) scheduler_.acknowledge(worker->key, {{job_id, unit}, verdict, reason});
+  if (worker != nullptr) scheduler_.acknowledge(worker->key, {{job_id, unit}, status, reason});
 }
 
 void Coordinator::reject(const std::string& worker_id, const BlockHeader& header,
@@ -68,14 +68,14 @@ void Coordinator::reject(const std::string& worker_id, const BlockHeader& header
   afterwards.add(
       [this, text = absl::StrCat("worker ", worker_id, ": a block of job ", header.lease.job_id,
                                  " is rejected: ", reason)] { log(LogLevel::warn, text); });
-  answer(worker_id, header.lease.job_id, header.unit(), Verdict::rejected, reason);
+  answer(worker_id, header.lease.job_id, header.unit(), AckStatus::rejected, reason);
   scheduler_.fail_unit(worker->key, header.lease, header.tile,
                        {worker_id, absl::StrCat("its block was rejected: ", reason), ""}, false,
                        options_.clock());
 }
 
 void Coordinator::refuse(const std::string& worker_id, const BlockHeader& header) {
-  answer(worker_id, header.lease.job_id, header.unit(), Verdict::unwanted, "");
+  answer(worker_id, header.lease.job_id, header.unit(), AckStatus::obsolete, "");
   Job* job = scheduler_.find_job(header.lease.job_id);
   if (job == nullptr) return;
   job->counters.wasted_cpu_seconds += header.cpu_seconds;
@@ -101,11 +101,11 @@ bool Coordinator::judge_repeat(Job& job, const std::string& worker_id, const Blo
   job.counters.wasted_cpu_seconds += header.cpu_seconds;
   scheduler_.drop(job, header.unit(), worker_id);
   if (place.sha256 == header.sha256) {
-    answer(worker_id, header.lease.job_id, header.unit(), Verdict::duplicate, "");
+    answer(worker_id, header.lease.job_id, header.unit(), AckStatus::duplicate, "");
   } else {
     ++job.counters.mismatched;
     options_.metrics->results_mismatched.Increment();
-    answer(worker_id, header.lease.job_id, header.unit(), Verdict::rejected,
+    answer(worker_id, header.lease.job_id, header.unit(), AckStatus::rejected,
            "the unit is committed with other bytes");
   }
   return true;
@@ -119,7 +119,7 @@ std::optional<Admission> Coordinator::admit(const std::string& worker_id,
   std::optional<Admission> admission;
   Job* job = scheduler_.find_job(header.lease.job_id);
   if (!is_ours) {
-    answer(worker_id, header.lease.job_id, header.unit(), Verdict::rejected,
+    answer(worker_id, header.lease.job_id, header.unit(), AckStatus::rejected,
            "the lease's seal is not of this store and worker");
   } else if (job == nullptr) {
     refuse(worker_id, header);
@@ -333,7 +333,7 @@ void Coordinator::count_committed(Job& job, const UnitRecord& record, std::int64
   metrics.block_bytes.Increment(static_cast<double>(record.size_bytes));
   metrics.cpu_seconds.Increment(record.cpu_seconds);
   const std::optional<double> leased = seconds_leased(job, record);
-  if (leased) metrics.lease_seconds.Observe(*leased);
+  if (leased) metrics.unit_turnaround_seconds.Observe(*leased);
   const auto trouble = job.troubles.find(record.unit);
   const std::int32_t retries =
       trouble == job.troubles.end()
@@ -384,7 +384,7 @@ void Coordinator::note_committed(Sorted& sorted) {
     } else if (record.audit == AuditState::open) {
       scheduler_.open_audit(*job, record.unit, record.worker_id, record.sha256);
     }
-    answer(block.worker_id, sorted.commits[i].job_id, record.unit, Verdict::committed, "");
+    answer(block.worker_id, sorted.commits[i].job_id, record.unit, AckStatus::committed, "");
     FilmUpdate news{sorted.commits[i].job_id, record.unit, std::nullopt, 0};
     // A film thread that lags behind reads the block back later instead of holding up commits.
     if (ingest_bytes_ < options_.ingest_bytes / 2) {

@@ -220,7 +220,7 @@ void Coordinator::finish_frame(const FrameKey& key) {
   damaged_.clear();
   const Time begun = options_.clock();
   auto record = write_finished(key, *spec);
-  options_.metrics->frame_seconds.Observe(seconds(options_.clock() - begun));
+  options_.metrics->frame_write_seconds.Observe(seconds(options_.clock() - begun));
   const double error = film_.running_estimate(key).error;
   film_.close_frame(key);
   last_estimate_.erase(key);
@@ -292,7 +292,8 @@ absl::StatusOr<FrameRecord> Coordinator::write_finished(const FrameKey& key, con
   return record;
 }
 
-void Coordinator::note_finished(JobFilm& film, const FrameRecord& record, const FrameSummary& note) {
+void Coordinator::note_finished(JobFilm& film, const FrameRecord& record,
+                                const FrameSummary& note) {
   film.finished[record.frame] = record;
   film.expected_samples.erase(record.frame);
   film.finished_samples += note.samples;

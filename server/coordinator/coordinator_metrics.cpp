@@ -12,7 +12,7 @@ namespace {
 struct Census {
   std::array<std::int64_t, 6> jobs{};  // by JobState − 1
   std::int64_t waiting = 0, paused = 0, leased = 0, committed = 0;
-  std::int64_t working = 0, leaving = 0, set_aside = 0, away = 0, lost = 0, threads = 0;
+  std::int64_t working = 0, draining = 0, quarantined = 0, disconnected = 0, lost = 0, threads = 0;
 
   void add(const Job& job) {
     ++jobs[static_cast<std::size_t>(job.state) - 1];
@@ -28,12 +28,12 @@ struct Census {
     if (worker.is_working()) {
       ++working;
       threads += worker.thread_count;
-    } else if (worker.set_aside) {
-      ++set_aside;
+    } else if (worker.quarantined) {
+      ++quarantined;
     } else if (worker.lost) {
       ++lost;
     } else {
-      ++(worker.connected ? leaving : away);
+      ++(worker.connected ? draining : disconnected);
     }
   }
 };
@@ -43,13 +43,13 @@ struct Census {
 std::vector<prometheus::MetricFamily> Coordinator::metrics() const {
   FarmMetrics& metrics = *options_.metrics;
   Census census;
-  std::size_t film_tasks = 0;
+  std::size_t film_queue_length = 0;
   std::int64_t ingest_bytes = 0;
   {
     MutexLock lock(mutex_);
     for (const auto& [key, job] : scheduler_.jobs()) census.add(job);
     for (const auto& [key, worker] : scheduler_.workers()) census.add(worker);
-    film_tasks = film_tasks_.size();
+    film_queue_length = film_tasks_.size();
     ingest_bytes = ingest_bytes_;
   }
   const auto set = [](prometheus::Gauge& gauge, auto value) {
@@ -61,13 +61,13 @@ std::vector<prometheus::MetricFamily> Coordinator::metrics() const {
   set(metrics.units.leased, census.leased);
   set(metrics.units.committed, census.committed);
   set(metrics.workers.working, census.working);
-  set(metrics.workers.leaving, census.leaving);
-  set(metrics.workers.set_aside, census.set_aside);
-  set(metrics.workers.away, census.away);
+  set(metrics.workers.draining, census.draining);
+  set(metrics.workers.quarantined, census.quarantined);
+  set(metrics.workers.disconnected, census.disconnected);
   set(metrics.workers.lost, census.lost);
   set(metrics.worker_threads, census.threads);
   set(metrics.ingest_bytes, ingest_bytes);
-  set(metrics.film_tasks, film_tasks);
+  set(metrics.film_queue_length, film_queue_length);
   set(metrics.film_bytes, film_.used_bytes());
   set(metrics.store_bytes, store_.used_bytes());
   return metrics.collect();

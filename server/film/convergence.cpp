@@ -25,7 +25,8 @@ std::optional<Certainty> parse_certainty(const std::string& name) {
   return std::nullopt;
 }
 
-ConvergenceResult assess_convergence(const FrameStatistics& s, const StoppingStats& stopping, double error) {
+ConvergenceResult assess_convergence(const FrameStatistics& s, const StoppingStats& stopping,
+                                     double error) {
   constexpr double kFewest = contract::StoppingRule::kFewestPixels;
   ConvergenceResult claim;
   const auto doubt = [&](const std::string& reason) { claim.reasons.push_back(reason); };

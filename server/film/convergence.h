@@ -29,6 +29,7 @@ struct ConvergenceResult {
 };
 
 /// Judges a finished frame: CONVERGED only if the bound is at most `error` and nothing voids it.
-ConvergenceResult assess_convergence(const FrameStatistics& statistics, const StoppingStats& stopping, double error);
+ConvergenceResult assess_convergence(const FrameStatistics& statistics,
+                                     const StoppingStats& stopping, double error);
 
 }  // namespace tessera::server

@@ -44,7 +44,7 @@ using ReferenceReader =
 /// call with the coordinator's lock held, and a BlockReader must not call back into the cache.
 class FilmCache {
  public:
-  /// `budget_bytes`: --film-memory. One tile is held however small it is.
+  /// `budget_bytes`: --film-memory-gb. One tile is held however small it is.
   explicit FilmCache(std::int64_t budget_bytes);
 
   /// Begins a frame. Requires that it is not open. With a `reference` the true error is kept too,
@@ -74,7 +74,8 @@ class FilmCache {
   /// In a job asked for by its error: how many passes tiles are to have, as decided since the last
   /// call; empty for others. Reads what has to be read for it. Errors: as mean_luminance's, but
   /// not that pass 0 is incomplete.
-  absl::StatusOr<std::vector<contract::StoppingRule::Demand>> take_pass_targets(const FrameKey& key);
+  absl::StatusOr<std::vector<contract::StoppingRule::Demand>> take_pass_targets(
+      const FrameKey& key);
   /// How the frame's tiles stopped; looks is 1 and the rest 0 with a fixed sample count.
   StoppingStats stopping(const FrameKey& key) const;
   /// Samples of the pixels that have most; 0 before the first block, and if it is not open.

@@ -53,7 +53,7 @@ struct FrameStatistics {
   double truncated_energy = 0;  // Σ over samples and channels of radiance cut at --max-depth
   std::uint64_t transparency_limit_count = 0;
   std::int64_t half_overflow_count = 0;  // values held at 65504 in a half file
-  std::vector<TileStats> tiles;        // in tile order; missing ones are zeros
+  std::vector<TileStats> tiles;          // in tile order; missing ones are zeros
 };
 
 struct FrameResult {

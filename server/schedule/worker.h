@@ -22,11 +22,11 @@ struct UnitName {
 };
 
 /// What became of a delivered block.
-enum class Verdict : std::uint8_t { committed = 1, duplicate = 2, unwanted = 3, rejected = 4 };
+enum class AckStatus : std::uint8_t { committed = 1, duplicate = 2, obsolete = 3, rejected = 4 };
 
 struct Acknowledgement {
   UnitName unit;
-  Verdict verdict = Verdict::committed;
+  AckStatus status = AckStatus::committed;
   std::string reason;
 };
 
@@ -53,7 +53,7 @@ struct Hello {
   std::int32_t credit_count = 0;
   std::string store_id;  // of the leases below
   std::vector<Lease> leases;
-  std::vector<UnitName> running, held;
+  std::vector<UnitName> running, unacknowledged;
 };
 
 /// A worker that is connected, or was lately. Units it holds are named by (job, unit).
@@ -65,10 +65,10 @@ struct Worker {
   std::set<std::string> tags;
   bool connected = false;  // has a stream; without one it is lost after the time-out
   bool lost = false;
-  bool leaving = false;
-  bool set_aside = false;  // fails units that succeed elsewhere, lies, or is banned
-  bool is_known = false;   // has delivered a unit; its first is always audited
-  Time heard;              // last sign of life
+  bool draining = false;
+  bool quarantined = false;  // fails units that succeed elsewhere, lies, or is banned
+  bool is_known = false;     // has delivered a unit; its first is always audited
+  Time heard;                // last sign of life
   std::int32_t credits = 0;
   std::set<std::pair<JobKey, contract::Unit>> held;
   std::set<JobKey> leased_jobs;  // not ended, of which it was ever leased units
@@ -83,7 +83,7 @@ struct Worker {
   Outbox mail;
 
   /// Whether it may be leased units, credits apart.
-  bool is_working() const { return connected && !lost && !leaving && !set_aside; }
+  bool is_working() const { return connected && !lost && !draining && !quarantined; }
 };
 
 }  // namespace tessera::server

@@ -6,9 +6,9 @@
 #include "absl/strings/str_cat.h"
 #include "rpc/rpc_status.h"
 #include "server/report/report.h"
+#include "server/service/messages/messages.h"
 #include "server/service/streams/event_stream.h"
 #include "server/service/streams/frame_stream.h"
-#include "server/service/messages/messages.h"
 #include "server/service/streams/watch_stream.h"
 
 namespace tessera::server {
@@ -185,9 +185,9 @@ grpc::ServerUnaryReactor* JobService::ListDeliveries(grpc::CallbackServerContext
     return finish(context, absl::InvalidArgumentError("page_token: was not given out here"));
   }
   if (request->page_size() < 0 || request->page_size() > kMaxDeliveries) {
-    return finish(
-        context, absl::InvalidArgumentError(absl::StrCat("page_size: ", request->page_size(),
-                                                         " is not in [0, ", kMaxDeliveries, "]")));
+    return finish(context,
+                  absl::InvalidArgumentError(absl::StrCat("page_size: ", request->page_size(),
+                                                          " is not in [0, ", kMaxDeliveries, "]")));
   }
   const std::int32_t size = request->page_size() == 0 ? kMaxDeliveries : request->page_size();
   const auto deliveries =

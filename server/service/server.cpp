@@ -16,10 +16,10 @@
 #include "rpc/credentials.h"
 #include "server/identity/join_tokens.h"
 #include "server/service/access/access.h"
-#include "server/service/asset_service.h"
-#include "server/service/job_service.h"
 #include "server/service/access/token.h"
 #include "server/service/access/worker_admission.h"
+#include "server/service/asset_service.h"
+#include "server/service/job_service.h"
 #include "server/service/worker_service.h"
 
 namespace tessera::server {

@@ -3,8 +3,8 @@
 #include "absl/strings/str_cat.h"
 #include "rpc/rpc_status.h"
 #include "rpc/settings_message.h"
-#include "server/service/streams/deliver_stream.h"
 #include "server/service/messages/messages.h"
+#include "server/service/streams/deliver_stream.h"
 #include "server/service/streams/work_stream.h"
 
 namespace tessera::server {

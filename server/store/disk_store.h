@@ -7,8 +7,8 @@
 
 #include "server/store/asset_files.h"
 #include "server/store/files/durable_files.h"
-#include "server/store/sqlite/journal.h"
 #include "server/store/files/segments.h"
+#include "server/store/sqlite/journal.h"
 #include "server/store/store.h"
 
 namespace tessera::server {

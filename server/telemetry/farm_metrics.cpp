@@ -45,11 +45,11 @@ Histogram& histogram(Registry& registry, const std::string& name, const std::str
   return prometheus::BuildHistogram().Name(name).Help(help).Register(registry).Add({}, bounds);
 }
 
-std::array<Counter*, 4> verdict_counters(Registry& registry) {
+std::array<Counter*, 4> acknowledgement_counters(Registry& registry) {
   Family<Counter>& family =
-      counters(registry, "tessera_verdicts_total", "Verdicts on delivered results");
-  return {&family.Add({{"verdict", "committed"}}), &family.Add({{"verdict", "duplicate"}}),
-          &family.Add({{"verdict", "unwanted"}}), &family.Add({{"verdict", "rejected"}})};
+      counters(registry, "tessera_acknowledgements_total", "Acknowledgements of delivered results");
+  return {&family.Add({{"status", "committed"}}), &family.Add({{"status", "duplicate"}}),
+          &family.Add({{"status", "obsolete"}}), &family.Add({{"status", "rejected"}})};
 }
 
 FarmMetrics::Errors error_counters(Registry& registry) {
@@ -87,7 +87,7 @@ FarmMetrics::Workers worker_gauges(Registry& registry) {
   Family<Gauge>& family =
       gauges(registry, "tessera_workers", "Workers connected, or lost within the last hour");
   const auto add = [&](const char* state) -> Gauge& { return family.Add({{"state", state}}); };
-  return {add("working"), add("leaving"), add("set_aside"), add("away"), add("lost")};
+  return {add("working"), add("draining"), add("quarantined"), add("disconnected"), add("lost")};
 }
 
 }  // namespace
@@ -98,7 +98,7 @@ FarmMetrics::FarmMetrics()
       block_bytes(counter(registry_, "tessera_block_bytes_total", "Film blocks made durable")),
       cpu_seconds(counter(registry_, "tessera_cpu_seconds_total",
                           "CPU time that workers spent on committed units")),
-      verdicts(verdict_counters(registry_)),
+      acknowledgements(acknowledgement_counters(registry_)),
       audits_ended(counter(registry_, "tessera_audits_total", "Audits of units that are over")),
       results_mismatched(counter(registry_, "tessera_results_mismatched_total",
                                  "Results that differ from the committed one of their unit")),
@@ -106,16 +106,17 @@ FarmMetrics::FarmMetrics()
                                   "Workers found to deliver wrong pixels")),
       errors(error_counters(registry_)),
       film_blocks(film_block_counters(registry_)),
-      lease_seconds(histogram(registry_, "tessera_lease_seconds",
-                              "From a unit's lease to its being durable", to_half_a_day())),
+      unit_turnaround_seconds(histogram(registry_, "tessera_unit_turnaround_seconds",
+                                        "From a unit's lease to its being durable",
+                                        to_half_a_day())),
       commit_seconds(histogram(registry_, "tessera_commit_seconds",
                                "A group of units made durable, fsyncs included", to_ten_seconds())),
-      sync_seconds(histogram(registry_, "tessera_sync_seconds",
-                             "fdatasync of blocks and scene files", to_ten_seconds())),
+      fsync_seconds(histogram(registry_, "tessera_fsync_duration_seconds",
+                              "fdatasync of blocks and scene files", to_ten_seconds())),
       merge_seconds(histogram(registry_, "tessera_merge_seconds", "A block merged into the film",
                               to_ten_seconds())),
-      frame_seconds(histogram(registry_, "tessera_frame_seconds",
-                              "A finished frame's image written", to_half_a_day())),
+      frame_write_seconds(histogram(registry_, "tessera_frame_write_duration_seconds",
+                                    "A finished frame's image written", to_half_a_day())),
       units(unit_gauges(registry_)),
       jobs(job_gauges(registry_)),
       workers(worker_gauges(registry_)),
@@ -124,7 +125,8 @@ FarmMetrics::FarmMetrics()
       ingest_bytes(gauge(registry_, "tessera_ingest_bytes",
                          "Delivered blocks in memory, not yet durable and merged")),
       film_bytes(gauge(registry_, "tessera_film_bytes", "Merged tiles in memory")),
-      film_tasks(gauge(registry_, "tessera_film_tasks", "What the film thread has still to do")),
+      film_queue_length(
+          gauge(registry_, "tessera_film_queue_length", "What the film thread has still to do")),
       store_bytes(gauge(registry_, "tessera_store_bytes", "Disk space the store's files take")) {}
 
 }  // namespace tessera::server

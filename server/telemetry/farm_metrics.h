@@ -25,7 +25,7 @@ class FarmMetrics {
 
   // Counted and timed as it happens.
   prometheus::Counter &units_committed, &samples, &block_bytes, &cpu_seconds;
-  std::array<prometheus::Counter*, 4> verdicts;  // by Verdict − 1
+  std::array<prometheus::Counter*, 4> acknowledgements;  // by AckStatus − 1
   prometheus::Counter &audits_ended, &results_mismatched, &workers_quarantined;
   /// What failed while the farm went on.
   struct Errors {
@@ -34,8 +34,8 @@ class FarmMetrics {
   struct FilmBlocks {
     prometheus::Counter &delivered, &read_back;
   } film_blocks;  // merged as they came (the cache's hits), or read from the store (its misses)
-  prometheus::Histogram &lease_seconds, &commit_seconds, &sync_seconds, &merge_seconds,
-      &frame_seconds;
+  prometheus::Histogram &unit_turnaround_seconds, &commit_seconds, &fsync_seconds, &merge_seconds,
+      &frame_write_seconds;
 
   // Set by the coordinator when they are asked for.
   struct Units {
@@ -43,12 +43,12 @@ class FarmMetrics {
   } units;
   std::array<prometheus::Gauge*, 6> jobs;  // by JobState − 1
   struct Workers {
-    prometheus::Gauge &working, &leaving, &set_aside, &away, &lost;
+    prometheus::Gauge &working, &draining, &quarantined, &disconnected, &lost;
   } workers;  // away: without a stream, and silent for less than the time-out
-  prometheus::Gauge &worker_threads, &ingest_bytes, &film_bytes, &film_tasks, &store_bytes;
+  prometheus::Gauge &worker_threads, &ingest_bytes, &film_bytes, &film_queue_length, &store_bytes;
 
-  prometheus::Counter& verdict(Verdict verdict) {
-    return *verdicts[static_cast<std::size_t>(verdict) - 1];
+  prometheus::Counter& acknowledgement(AckStatus status) {
+    return *acknowledgements[static_cast<std::size_t>(status) - 1];
   }
   std::vector<prometheus::MetricFamily> collect() const { return registry_.Collect(); }
 };

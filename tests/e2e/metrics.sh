@@ -52,9 +52,9 @@ equal "in mid-job: CPU seconds, to a millisecond" \
   "$(metric server.txt tessera_cpu_seconds_total | xargs printf %.3f)" \
   "$(json "$work/report.json" 'd["cpu_seconds"]' | xargs printf %.3f)"
 equal "in mid-job: each unit's lease was timed" \
-  "$(metric server.txt tessera_lease_seconds_count)" "$done"
+  "$(metric server.txt tessera_unit_turnaround_seconds_count)" "$done"
 commits=$(metric server.txt tessera_commit_seconds_count)
-[ "$(metric server.txt tessera_sync_seconds_count)" -ge "$commits" ] ||
+[ "$(metric server.txt tessera_fsync_duration_seconds_count)" -ge "$commits" ] ||
   fail "fewer fdatasyncs than the $commits commits"
 
 # A renderer that dies costs nothing but time.
@@ -71,7 +71,7 @@ equal "at the end: the job" "$(metric server.txt 'tessera_jobs{state="done"}')" 
 equal "at the end: no unit is left" "$(metric server.txt 'tessera_units{state="waiting"}')" 0
 scrape worker-one.log worker.txt
 equal "the worker counts the same" \
-  "$(metric worker.txt 'tessera_worker_verdicts_total{verdict="committed"}')" "$total"
+  "$(metric worker.txt 'tessera_worker_acknowledgements_total{status="committed"}')" "$total"
 equal "the worker's scene came from the server" \
   "$(metric worker.txt 'tessera_worker_assets_total{source="server"}')" 1
 equal "the worker sees its server" "$(metric worker.txt tessera_worker_connected)" 1

@@ -67,7 +67,7 @@ kill "${worker_pid[webhook]}"
 wait "${worker_pid[webhook]}" || fail "tessera-webhook ended with $? on SIGTERM"
 
 exits 0 farm workers ban one # by its name
-equal "a banned worker is set aside" "$(worker_state w-one)" "set aside"
+equal "a banned worker is set aside" "$(worker_state w-one)" "quarantined"
 start_webhook
 wait_until 60 "what the webhook missed is posted" posted
 id=$(farm submit "$scene" "${job[@]}" --seed 2 --name waits)
@@ -75,7 +75,7 @@ submission_is_posted() { grep -q "$id" "$work/events.out" && posted; }
 wait_until 60 "the submission is posted" submission_is_posted # what nobody has seen goes with a killed server
 kill_server
 start_server
-wait_until 60 "the banned worker is back" is_state w-one "set aside"
+wait_until 60 "the banned worker is back" is_state w-one "quarantined"
 sleep 1
 equal "a ban outlives the server" "$(committed "$id")" 0
 exits 0 farm workers allow w-one
@@ -110,7 +110,7 @@ interrupted events "$follower"
 say "events: one stream, over a restart of the server"
 
 kill_server
-start_server --keep-jobs 0.00001 # a second
+start_server --job-retention-days 0.00001 # a second
 no_jobs() { farm list --json >"$work/jobs.json" && [ "$(json "$work/jobs.json" 'len(d["jobs"])')" -eq 0 ]; }
 wait_until 30 "jobs that ended are removed" no_jobs
 kill_worker one
@@ -119,5 +119,5 @@ wait "$server_pid" || fail "the server ended with $? on SIGTERM"
 server_pid=
 equal "their images went with them" "$(find "$work/store/outputs" "$work/store/segments" -type f | wc -l)" 0
 exits 0 tessera-server check "$work/store"
-say "--keep-jobs: jobs that ended go by themselves, and the store is whole"
+say "--job-retention-days: jobs that ended go by themselves, and the store is whole"
 echo "$checks checks"

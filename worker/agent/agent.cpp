@@ -263,13 +263,13 @@ class Agent {
     const auto offered = queue_.offered(key);
     if (!queue_.acknowledge(key)) return;
     if (offered) link_.note_verdict(*offered, Clock::now());
-    if (verdict.verdict() >= v1::Acknowledgement::VERDICT_COMMITTED &&
-        verdict.verdict() <= v1::Acknowledgement::VERDICT_REJECTED) {
-      metrics_.verdicts[static_cast<std::size_t>(verdict.verdict()) - 1]->Increment();
+    if (verdict.status() >= v1::Acknowledgement::ACK_STATUS_COMMITTED &&
+        verdict.status() <= v1::Acknowledgement::ACK_STATUS_REJECTED) {
+      metrics_.verdicts[static_cast<std::size_t>(verdict.status()) - 1]->Increment();
     }
-    const std::string name = v1::Acknowledgement::Verdict_Name(verdict.verdict());
-    log_.write(name.substr(sizeof "VERDICT_" - 1).c_str(), key, verdict.reason());
-    const bool rejected = verdict.verdict() == v1::Acknowledgement::VERDICT_REJECTED;
+    const std::string name = v1::Acknowledgement::AckStatus_Name(verdict.status());
+    log_.write(name.substr(sizeof "ACK_STATUS_" - 1).c_str(), key, verdict.reason());
+    const bool rejected = verdict.status() == v1::Acknowledgement::ACK_STATUS_REJECTED;
     say(rejected ? LogLevel::warn : LogLevel::debug, key.job_id,
         absl::StrCat("unit ", to_string(key), rejected ? " is rejected: " : ": ",
                      rejected ? verdict.reason() : name));
@@ -296,15 +296,15 @@ class Agent {
     const auto started = static_cast<double>(queue_.started().size());
     metrics_.units.waiting.Set(waiting);
     metrics_.units.started.Set(started);
-    metrics_.units.held.Set(queue_.size() - waiting - started);
+    metrics_.units.unacknowledged.Set(queue_.size() - waiting - started);
     metrics_.connected.Set(link_.connected() ? 1 : 0);
-    metrics_.round_trip_seconds.Set(link_.round_trip_seconds());
+    metrics_.ack_latency_seconds.Set(link_.round_trip_seconds());
   }
 
   void answer_revocation(const std::vector<UnitKey>& units) {
     if (units.empty()) return;
     v1::WorkRequest request;
-    for (const UnitKey& key : units) *request.mutable_revoked()->add_units() = id_of(key);
+    for (const UnitKey& key : units) *request.mutable_returned()->add_units() = id_of(key);
     link_.send(std::move(request));
   }
 
@@ -314,7 +314,7 @@ class Agent {
     leave_by_ = Clock::now() + options_.grace;
     options_.log(LogLevel::info, absl::StrCat("leaving on ", why));
     v1::WorkRequest request;
-    request.mutable_leaving();
+    request.mutable_draining();
     link_.send(std::move(request));
     answer_revocation(queue_.hand_back_waiting());
   }

@@ -90,7 +90,7 @@ class Renderer {
         pool_.submit([this, unit = std::move(unit)] { render_unit(unit); });
         return true;
       }
-      case v1::RendererCommand::kForgetScene:
+      case v1::RendererCommand::kUnloadScene:
         frames_.forget(command.unload_scene());
         return true;
       default:
@@ -138,7 +138,7 @@ class Renderer {
       std::signal(SIGSEGV, SIG_DFL);
       std::raise(SIGSEGV);
     }
-    v1::UnitOutcome& outcome = *event.mutable_unit();
+    v1::RenderUnitResult& outcome = *event.mutable_unit();
     *outcome.mutable_unit() = unit;
     auto block = render_block(unit, helper_cpu_ns);
     if (block.ok()) {

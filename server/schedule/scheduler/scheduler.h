@@ -18,13 +18,13 @@ namespace tessera::server {
 
 /// The constants of farm.md, sections 2 and 3.
 struct SchedulePolicy {
-  Span silence = std::chrono::seconds(5);      // after which a worker is lost
+  Span silence = std::chrono::seconds(5);        // after which a worker is lost
   Span restart_grace = std::chrono::seconds(5);  // grants wait so long for known workers
-  Span timer_slack = std::chrono::seconds(1);  // a tick later than this extends every lease
-  Span forget_after = std::chrono::hours(1);   // lost workers are listed so long
-  std::int32_t failure_limit = 3;              // the failure of a unit that fails its job
-  std::int32_t loss_limit = 10;                // losses of a unit a job survives
-  std::int32_t disproved_limit = 3;            // failures, disproved elsewhere, a worker may have
+  Span timer_slack = std::chrono::seconds(1);    // a tick later than this extends every lease
+  Span forget_after = std::chrono::hours(1);     // lost workers are listed so long
+  std::int32_t failure_limit = 3;                // the failure of a unit that fails its job
+  std::int32_t loss_limit = 10;                  // losses of a unit a job survives
+  std::int32_t disproved_limit = 3;              // failures, disproved elsewhere, a worker may have
   Span audit_patience = std::chrono::minutes(1);  // a dispute waits so long for other workers
   double audit_fraction = 0.01;                   // of units that another worker renders again
   double load_factor = 10;  // a worker works this many load times before it changes job
@@ -37,7 +37,7 @@ struct Effects {
   std::vector<JobKey> changed;      // jobs whose row is to be journaled
   std::vector<std::pair<std::string, bool>> roster;  // worker id; true: joined, false: gone
   std::vector<UnitName> audited;                     // whose audits are over
-  std::vector<std::string> faulty_workers;                    // workers whose committed units are to go
+  std::vector<std::string> faulty_workers;           // workers whose committed units are to go
 };
 
 /// Who renders what: the queue, the leases, the failures (farm.md, sections 2 to 4).
@@ -50,7 +50,8 @@ class Scheduler {
     std::string store_id, store_key;
     std::int64_t boot = 0;
   };
-  /// Grants nothing until every worker of the roster is back, or policy.restart_grace after `start`.
+  /// Grants nothing until every worker of the roster is back, or policy.restart_grace after
+  /// `start`.
   Scheduler(Identity identity, SchedulePolicy policy, const std::vector<std::string>& roster,
             Time start);
 
@@ -222,7 +223,7 @@ class Scheduler {
   std::map<std::string, WorkerKey> worker_by_id_;
   std::set<std::pair<JobKey, contract::Unit>> waiting_audits_;  // that nobody renders now
   std::set<std::string> quarantined_;                   // worker ids: found lying, or banned
-  std::set<WorkerKey> workers_with_credits_;                          // working, with credits
+  std::set<WorkerKey> workers_with_credits_;            // working, with credits
   std::map<std::string, std::int32_t> threads_;         // of working workers, by tag; "": all
   std::map<std::string, std::set<std::string>> hosts_;  // likewise
   std::set<std::string> awaited_;                       // of the roster, not yet back

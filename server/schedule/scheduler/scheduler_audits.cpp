@@ -18,7 +18,7 @@ constexpr int kWaivedPerTick = 64;  // audits looked at in a tick that may have 
 /// Whether the worker could be leased units of the job but for what it is doing now.
 bool Scheduler::could_audit(const Worker& worker, const Job& job) {
   const std::string& tag = job.spec->required_tag;
-  return !worker.lost && !worker.leaving && !worker.set_aside &&
+  return !worker.lost && !worker.draining && !worker.quarantined &&
          (tag.empty() || worker.tags.count(tag) > 0);
 }
 
@@ -53,7 +53,7 @@ bool Scheduler::has_others(const Job& job, const Audit& audit) const {
   return std::any_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
     const Worker& worker = entry.second;
     if (audit.has_answered(worker.id)) return false;
-    const bool may_return = is_disputed && worker.lost && !worker.leaving && !worker.set_aside &&
+    const bool may_return = is_disputed && worker.lost && !worker.draining && !worker.quarantined &&
                             last_tick_ && *last_tick_ - worker.heard < policy_.audit_patience;
     return may_return || could_audit(worker, job);
   });

@@ -34,10 +34,11 @@ bool Scheduler::has_scene(const Worker& worker, const Job& job) {
 /// Whether somebody is at the job, or has room for it and its scene already.
 bool Scheduler::is_seen_to(const Job& job) const {
   if (!job.holders.empty()) return true;
-  return std::any_of(workers_with_credits_.begin(), workers_with_credits_.end(), [&](WorkerKey key) {
-    const Worker& worker = workers_.at(key);
-    return has_scene(worker, job) && may_work_for(worker, job);
-  });
+  return std::any_of(workers_with_credits_.begin(), workers_with_credits_.end(),
+                     [&](WorkerKey key) {
+                       const Worker& worker = workers_.at(key);
+                       return has_scene(worker, job) && may_work_for(worker, job);
+                     });
 }
 
 /// The job that is next in the queue, or, while somebody else sees to that one, another of its

@@ -19,7 +19,7 @@ void Scheduler::ban(const std::string& worker_id) {
   }
   Worker* worker = find_worker(worker_id);
   if (worker == nullptr) return;
-  worker->set_aside = true;
+  worker->quarantined = true;
   workers_with_credits_.erase(worker->key);
   const auto held = worker->held;
   for (const auto& [key, unit] : held) {
@@ -34,7 +34,7 @@ bool Scheduler::allow(const std::string& worker_id, Time now) {
   const bool was_shut_out = quarantined_.erase(worker_id) > 0;
   Worker* worker = find_worker(worker_id);
   if (worker == nullptr) return was_shut_out;
-  worker->set_aside = false;
+  worker->quarantined = false;
   worker->disproved_failures = 0;
   if (worker->is_working() && worker->credits > 0) workers_with_credits_.insert(worker->key);
   count_threads();

@@ -10,8 +10,8 @@ using contract::Unit;
 
 namespace {
 
-constexpr std::size_t kMaxListed = 4096;  // leases, and units, adopted from one hello
-constexpr std::size_t kMaxScenes = 16;    // remembered of a worker
+constexpr std::size_t kMaxListed = 4096;   // leases, and units, adopted from one hello
+constexpr std::size_t kMaxScenes = 16;     // remembered of a worker
 constexpr double kUnknownUnitSeconds = 1;  // what fair share assumes before the first result
 
 std::string describe(const JobSpec& spec, const Unit& unit) {
@@ -79,8 +79,8 @@ WorkerKey Scheduler::connect(const Hello& hello, Time now) {
   worker.thread_count = std::max(hello.thread_count, 1);
   worker.tags = {hello.tags.begin(), hello.tags.end()};
   worker.connected = true;
-  worker.lost = worker.leaving = false;
-  worker.set_aside = worker.set_aside || is_quarantined(worker.id);
+  worker.lost = worker.draining = false;
+  worker.quarantined = worker.quarantined || is_quarantined(worker.id);
   worker.heard = now;
   worker.credits = std::max(hello.credit_count, 0);
   worker.mail = {};
@@ -115,7 +115,7 @@ void Scheduler::adopt(Worker& worker, const Hello& hello, Time now) {
   };
   if (hello.store_id == identity_.store_id) {
     for (const UnitName& name : hello.running) list(name);
-    for (const UnitName& name : hello.held) list(name);
+    for (const UnitName& name : hello.unacknowledged) list(name);
   }
   const auto before = worker.held;
   for (const auto& held : before) {
@@ -150,7 +150,7 @@ void Scheduler::disconnect(WorkerKey key) {
   worker->connected = false;
   workers_with_credits_.erase(key);
   count_threads();
-  if (!worker->leaving || !worker->held.empty()) return;
+  if (!worker->draining || !worker->held.empty()) return;
   worker->lost = true;  // it said goodbye and left nothing behind
   effects_.roster.emplace_back(worker->id, false);
 }
@@ -188,7 +188,7 @@ void Scheduler::grant_credits(WorkerKey key, std::int32_t count, Time now) {
 void Scheduler::leave(WorkerKey key) {
   Worker* worker = find_worker(key);
   if (worker == nullptr) return;
-  worker->leaving = true;
+  worker->draining = true;
   workers_with_credits_.erase(key);
   count_threads();
 }
@@ -237,8 +237,8 @@ void Scheduler::disprove(const UnitFailures& trouble, const std::string& worker_
   for (const Failure& failure : trouble.failures) {
     Worker* worker = find_worker(failure.worker_id);
     if (worker == nullptr || worker->id == worker_id) continue;
-    if (++worker->disproved_failures < policy_.disproved_limit || worker->set_aside) continue;
-    worker->set_aside = true;
+    if (++worker->disproved_failures < policy_.disproved_limit || worker->quarantined) continue;
+    worker->quarantined = true;
     workers_with_credits_.erase(worker->key);
     count_threads();
     for (const auto& [job, unit] : worker->held) revoke(*worker, jobs_.at(job), unit);

@@ -6,8 +6,8 @@
 #include <chrono>
 
 #include "absl/strings/str_cat.h"
-#include "rpc/channel.h"
 #include "contract/digest.h"
+#include "rpc/channel.h"
 
 namespace tessera::server {
 namespace {

@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "rpc/settings_message.h"
 #include "contract/tile_grid.h"
+#include "rpc/settings_message.h"
 
 namespace tessera::server {
 namespace {
@@ -259,11 +259,11 @@ v1::Worker to_message(const Worker& worker, double silence_seconds) {
   message.set_id(worker.id);
   message.set_name(worker.name);
   message.set_host(worker.host);
-  message.set_state(worker.lost && !worker.leaving ? v1::Worker::STATE_LOST
-                    : worker.set_aside             ? v1::Worker::STATE_QUARANTINED
-                    : worker.leaving               ? v1::Worker::STATE_LEAVING
-                    : worker.held.empty()          ? v1::Worker::STATE_IDLE
-                                                   : v1::Worker::STATE_BUSY);
+  message.set_state(worker.lost && !worker.draining ? v1::Worker::STATE_LOST
+                    : worker.quarantined            ? v1::Worker::STATE_QUARANTINED
+                    : worker.draining               ? v1::Worker::STATE_DRAINING
+                    : worker.held.empty()           ? v1::Worker::STATE_IDLE
+                                                    : v1::Worker::STATE_BUSY);
   message.set_isa(worker.isa);
   message.set_thread_count(worker.thread_count);
   for (const std::string& tag : worker.tags) message.add_tags(tag);
@@ -302,7 +302,7 @@ v1::Lease to_message(const Lease& lease) {
 v1::Acknowledgement to_message(const Acknowledgement& acknowledgement) {
   v1::Acknowledgement message;
   *message.mutable_unit() = to_message(acknowledgement.unit);
-  message.set_verdict(static_cast<v1::Acknowledgement::Verdict>(acknowledgement.verdict));
+  message.set_status(static_cast<v1::Acknowledgement::AckStatus>(acknowledgement.status));
   message.set_reason(acknowledgement.reason);
   return message;
 }
@@ -352,7 +352,8 @@ absl::StatusOr<Hello> from_message(const v1::WorkerHello& message) {
   hello.store_id = message.store_id();
   for (const v1::Lease& lease : message.leases()) hello.leases.push_back(from_message(lease));
   for (const v1::UnitId& unit : message.running()) hello.running.push_back(from_message(unit));
-  for (const v1::UnitId& unit : message.held()) hello.held.push_back(from_message(unit));
+  for (const v1::UnitId& unit : message.unacknowledged())
+    hello.unacknowledged.push_back(from_message(unit));
   return hello;
 }
 

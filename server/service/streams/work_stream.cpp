@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "rpc/rpc_status.h"
-#include "server/service/messages/messages.h"
 #include "server/service/access/numerics_check.h"
+#include "server/service/messages/messages.h"
 
 namespace tessera::server {
 namespace {
@@ -189,10 +189,10 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
       case v1::WorkRequest::kFailure:
         take_failure(session, request_.failure());
         break;
-      case v1::WorkRequest::kRevoked:
-        coordinator_.return_units(session, names_of(request_.revoked().units()));
+      case v1::WorkRequest::kReturned:
+        coordinator_.return_units(session, names_of(request_.returned().units()));
         break;
-      case v1::WorkRequest::kLeaving:
+      case v1::WorkRequest::kDraining:
         coordinator_.leave(session);
         break;
       case v1::WorkRequest::kSceneLoaded: {
@@ -214,10 +214,10 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
   }
 
   void take_failure(Session session, const v1::UnitFailure& failure) {
-    coordinator_.fail_unit(session, from_message(failure.lease()), failure.tile(),
-                           {"", cut_text(failure.message(), kMaxLogBytes),
-                            cut_text(failure.log_tail(), kMaxLogBytes)},
-                           failure.bad_scene());
+    coordinator_.fail_unit(
+        session, from_message(failure.lease()), failure.tile(),
+        {"", cut_text(failure.message(), kMaxLogBytes), cut_text(failure.log_tail(), kMaxLogBytes)},
+        failure.bad_scene());
   }
 
   absl::Status begin() {

@@ -6,8 +6,8 @@
 
 #include "absl/base/thread_annotations.h"
 #include "absl/status/status.h"
-#include "server/sync/mutex.h"
 #include "server/store/files/filesystem.h"
+#include "server/sync/mutex.h"
 
 namespace tessera::server {
 

@@ -11,8 +11,8 @@
 
 #include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
-#include "server/sync/mutex.h"
 #include "server/store/files/durable_files.h"
+#include "server/sync/mutex.h"
 
 namespace tessera::server {
 

@@ -3,8 +3,8 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "server/store/maintenance/check.h"
 #include "server/store/files/filesystem.h"
+#include "server/store/maintenance/check.h"
 
 namespace tessera::server {
 

@@ -10,10 +10,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "contract/digest.h"
-#include "server/store/sqlite/database.h"
 #include "server/store/files/durable_files.h"
-#include "server/store/sqlite/schema.h"
 #include "server/store/files/segments.h"
+#include "server/store/sqlite/database.h"
+#include "server/store/sqlite/schema.h"
 
 namespace tessera::server {
 namespace {

@@ -11,7 +11,7 @@ namespace tessera::server {
 
 /// What a look at every byte of a store has found.
 struct StoreFindings {
-  std::vector<std::string> faults;  // a row promises what is not there, or not as it says
+  std::vector<std::string> faults;   // a row promises what is not there, or not as it says
   std::vector<std::string> orphans;  // files that no row knows; the next start removes them
   std::int64_t jobs = 0, units = 0, blocks = 0, frames = 0, assets = 0;
 };

@@ -77,7 +77,7 @@ seconds = (end - start) / 1e6
 units = sum(s["committed"] for s in sims)
 assert units == job["units"], f"{units} acknowledged of {job['units']} units"
 assert job["pixels_right"], "the merged image is not what the blocks imply"
-bad = {k: sum(s[k] for s in sims) for k in ("duplicate", "unwanted", "rejected")}
+bad = {k: sum(s[k] for s in sims) for k in ("duplicate", "obsolete", "rejected")}
 print(f"{what}: {units} blocks of {job['block_bytes']} bytes durable in {seconds:.2f} s: "
       f"{units / seconds:.0f}/s, {units * job['block_bytes'] / seconds / 1e6:.0f} MB/s; "
       f"image {job['wall_seconds'] - seconds:.1f} s later; server at most {peak} MiB; "

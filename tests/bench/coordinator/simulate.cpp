@@ -63,11 +63,11 @@ int run(const Options& options) {
   heartbeats.join();
   printf(
       "{\"workers\": %d, \"welcomed\": %lld, \"closed\": %lld, \"committed\": %lld, "
-      "\"duplicate\": %lld, \"unwanted\": %lld, \"rejected\": %lld, \"bytes\": %lld, "
+      "\"duplicate\": %lld, \"obsolete\": %lld, \"rejected\": %lld, \"bytes\": %lld, "
       "\"first_lease_us\": %lld, \"last_commit_us\": %lld}\n",
       options.workers, static_cast<long long>(counters.welcomed),
       static_cast<long long>(counters.closed), static_cast<long long>(counters.committed),
-      static_cast<long long>(counters.duplicate), static_cast<long long>(counters.unwanted),
+      static_cast<long long>(counters.duplicate), static_cast<long long>(counters.obsolete),
       static_cast<long long>(counters.rejected), static_cast<long long>(counters.committed_bytes),
       static_cast<long long>(counters.first_lease_us),
       static_cast<long long>(counters.last_commit_us));

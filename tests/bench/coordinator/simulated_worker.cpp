@@ -190,26 +190,26 @@ void SimulatedWorker::on_event(const v1::WorkResponse& event) {
   } else if (event.has_revocation()) {
     // Everything leased counts as started: it is on its way.
     v1::WorkRequest message;
-    message.mutable_revoked();
+    message.mutable_returned();
     work_->send(std::move(message));
   }
 }
 
 void SimulatedWorker::on_acknowledgements(const v1::AcknowledgementBatch& batch) {
   for (const v1::Acknowledgement& item : batch.acknowledgements()) {
-    switch (item.verdict()) {
-      case v1::Acknowledgement::VERDICT_COMMITTED: {
+    switch (item.status()) {
+      case v1::Acknowledgement::ACK_STATUS_COMMITTED: {
         const SimulatedFilm* film = shelf_.film(item.unit().job_id());
         ++counters_.committed;
         counters_.committed_bytes += film == nullptr ? 0 : film->block_bytes();
         counters_.last_commit_us = now_us();
         break;
       }
-      case v1::Acknowledgement::VERDICT_DUPLICATE:
+      case v1::Acknowledgement::ACK_STATUS_DUPLICATE:
         ++counters_.duplicate;
         break;
-      case v1::Acknowledgement::VERDICT_UNWANTED:
-        ++counters_.unwanted;
+      case v1::Acknowledgement::ACK_STATUS_OBSOLETE:
+        ++counters_.obsolete;
         break;
       default:
         if (counters_.rejected++ == 0) fprintf(stderr, "rejected: %s\n", item.reason().c_str());

@@ -16,7 +16,7 @@ namespace tessera::bench {
 
 /// What all simulated workers of a process count together.
 struct Counters {
-  std::atomic<std::int64_t> welcomed = 0, committed = 0, duplicate = 0, unwanted = 0, rejected = 0;
+  std::atomic<std::int64_t> welcomed = 0, committed = 0, duplicate = 0, obsolete = 0, rejected = 0;
   std::atomic<std::int64_t> committed_bytes = 0;
   std::atomic<std::int64_t> first_lease_us = 0, last_commit_us = 0;  // monotonic clock
   std::atomic<std::int64_t> closed = 0;                              // streams the server ended

@@ -141,7 +141,7 @@ class Farm:
         with open(self.work / "server.log", "a") as log:
             self.server = subprocess.Popen(
                 [BIN / "tessera-server", "--listen", f"unix:{self.socket}", "--store",
-                 self.store, "--audit", self.audit], env=environment, stdout=subprocess.PIPE, stderr=log)
+                 self.store, "--audit-fraction", self.audit], env=environment, stdout=subprocess.PIPE, stderr=log)
         if not select.select([self.server.stdout], [], [], 60)[0]:
             raise Wrong("after 60 s the server still does not listen")
         listens = bool(self.server.stdout.readline())

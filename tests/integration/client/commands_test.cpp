@@ -379,7 +379,7 @@ TEST_F(CommandsTest, WorkersAreListed) {
   worker.set_rss_bytes(3 << 20);
   farm_.workers = {worker};
   const Outcome text = run({"workers"});
-  EXPECT_THAT(text.out, HasSubstr("set aside"));
+  EXPECT_THAT(text.out, HasSubstr("quarantined"));
   EXPECT_THAT(text.out, HasSubstr("3.0 MiB"));
   const Outcome document = run({"workers", "--json"});
   EXPECT_EQ(document.exit, kExitDone);

@@ -349,7 +349,7 @@ TEST_F(FarmTest, BlocksComeInPiecesOrSeveralToAMessage) {
   *both.add_parts() = worker->messages_of(units[2], worker->block_of(units[2]))[0].parts(0);
   ASSERT_TRUE(worker->send({both}));
   for (int i = 0; i < 3; ++i) {
-    EXPECT_EQ(worker->verdict().verdict(), v1::Acknowledgement::VERDICT_COMMITTED);
+    EXPECT_EQ(worker->next_acknowledgement().status(), v1::Acknowledgement::ACK_STATUS_COMMITTED);
   }
 }
 
@@ -372,7 +372,7 @@ TEST_F(FarmTest, BlocksMayBeCompressed) {
   part.mutable_header()->set_wire_size_bytes(static_cast<std::int64_t>(wire.size()));
   part.mutable_header()->set_compression(v1::BlockHeader::COMPRESSION_ZSTD_PLANES);
   ASSERT_TRUE(worker->send({message}));
-  EXPECT_EQ(worker->verdict().verdict(), v1::Acknowledgement::VERDICT_COMMITTED);
+  EXPECT_EQ(worker->next_acknowledgement().status(), v1::Acknowledgement::ACK_STATUS_COMMITTED);
 
   ASSERT_TRUE(worker->next(unit));
   v1::DeliverRequest bomb = worker->messages_of(unit, worker->block_of(unit))[0];
@@ -381,7 +381,7 @@ TEST_F(FarmTest, BlocksMayBeCompressed) {
   bomb.mutable_parts(0)->mutable_header()->set_compression(
       v1::BlockHeader::COMPRESSION_ZSTD_PLANES);
   ASSERT_TRUE(worker->send({bomb}));
-  EXPECT_EQ(worker->verdict().verdict(), v1::Acknowledgement::VERDICT_REJECTED);
+  EXPECT_EQ(worker->next_acknowledgement().status(), v1::Acknowledgement::ACK_STATUS_REJECTED);
 }
 
 TEST_F(FarmTest, DeliveriesThatBreakTheRulesEndTheStream) {

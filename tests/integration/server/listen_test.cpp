@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "server/service/server.h"
 #include "server/service/access/token.h"
+#include "server/service/server.h"
 #include "tests/support/memory_store.h"
 #include "tests/support/scratch_folder.h"
 

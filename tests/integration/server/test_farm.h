@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "rpc/channel.h"
 #include "contract/film_block.h"
 #include "contract/tile_grid.h"
+#include "rpc/channel.h"
 #include "server/service/access/access.h"
 #include "server/service/asset_service.h"
 #include "server/service/job_service.h"

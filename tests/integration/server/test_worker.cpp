@@ -4,11 +4,11 @@
 #include <chrono>
 #include <utility>
 
-#include "rpc/channel.h"
 #include "contract/digest.h"
-#include "rpc/settings_message.h"
 #include "contract/tile_grid.h"
 #include "contract/version.h"
+#include "rpc/channel.h"
+#include "rpc/settings_message.h"
 
 namespace tessera::server {
 namespace {
@@ -60,7 +60,7 @@ bool TestWorker::read() {
     for (int i = 0; i < lease.tile_count(); ++i) units_.push_back({lease, lease.first_tile() + i});
   }
   for (const auto& verdict : response.acknowledgements().acknowledgements()) {
-    verdicts_.push_back(verdict);
+    acknowledgements_.push_back(verdict);
   }
   if (response.has_job_ended()) has_ended_ = true;
   return true;
@@ -75,12 +75,12 @@ bool TestWorker::next(Unit& unit) {
   return true;
 }
 
-v1::Acknowledgement TestWorker::verdict() {
-  while (verdicts_.empty()) {
+v1::Acknowledgement TestWorker::next_acknowledgement() {
+  while (acknowledgements_.empty()) {
     if (!read()) return {};
   }
-  v1::Acknowledgement verdict = verdicts_.front();
-  verdicts_.pop_front();
+  v1::Acknowledgement verdict = acknowledgements_.front();
+  acknowledgements_.pop_front();
   return verdict;
 }
 
@@ -162,7 +162,7 @@ int TestWorker::work(int most) {
   int done = 0;
   for (Unit unit; done < most && next(unit); ++done) {
     send(messages_of(unit, block_of(unit), 5000));
-    if (verdict().verdict() == v1::Acknowledgement::VERDICT_UNSPECIFIED) break;
+    if (next_acknowledgement().status() == v1::Acknowledgement::ACK_STATUS_UNSPECIFIED) break;
     grant(1);
   }
   return done;

@@ -34,7 +34,7 @@ class TestWorker {
   /// Reads Work until there is a unit to render; false when the stream has ended or the job has.
   bool next(Unit& unit);
   /// Reads Work until the next verdict; UNSPECIFIED when the stream ends first.
-  v1::Acknowledgement verdict();
+  v1::Acknowledgement next_acknowledgement();
   /// The bytes of the unit's block: a function of the unit alone.
   std::string block_of(const Unit& unit);
   /// Asks what the job is.
@@ -60,7 +60,7 @@ class TestWorker {
   std::unique_ptr<grpc::ClientWriter<v1::DeliverRequest>> deliver_;
   bool has_ended_ = false, is_closed_ = false;
   std::deque<Unit> units_;
-  std::deque<v1::Acknowledgement> verdicts_;
+  std::deque<v1::Acknowledgement> acknowledgements_;
   std::string job_id_;
   v1::RenderSettings settings_;
 };

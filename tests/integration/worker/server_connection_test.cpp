@@ -201,7 +201,7 @@ class ServerLinkTest : public testing::Test {
     v1::WorkResponse response;
     auto* entry = response.mutable_acknowledgements()->add_acknowledgements();
     *entry->mutable_unit() = id_of(key(tile));
-    entry->set_verdict(v1::Acknowledgement::VERDICT_COMMITTED);
+    entry->set_status(v1::Acknowledgement::ACK_STATUS_COMMITTED);
     return response;
   }
 
@@ -271,8 +271,8 @@ TEST_F(ServerLinkTest, AfterABrokenStreamItSendsAgainWhatHasNoVerdict) {
   ASSERT_TRUE(run_until([this] { return fake_.blocks.size() == 3; }));
   EXPECT_EQ(fake_.blocks[2].bytes, "second");
   ASSERT_EQ(fake_.hellos.size(), 2u);
-  ASSERT_EQ(fake_.hellos[1].held_size(), 1);
-  EXPECT_EQ(key_of(fake_.hellos[1].held(0)), key(1));
+  ASSERT_EQ(fake_.hellos[1].unacknowledged_size(), 1);
+  EXPECT_EQ(key_of(fake_.hellos[1].unacknowledged(0)), key(1));
   EXPECT_EQ(fake_.hellos[1].store_id(), "store");
   ASSERT_EQ(fake_.hellos[1].leases_size(), 1);
 }

@@ -166,7 +166,7 @@ void RendererSupervisor::on_scene(const v1::LoadSceneResult& outcome) {
   outlet_.scene_loaded(std::move(loaded));
 }
 
-void RendererSupervisor::on_unit(v1::UnitOutcome outcome) {
+void RendererSupervisor::on_unit(v1::RenderUnitResult outcome) {
   const UnitKey key = key_of(outcome.unit());
   Rendered rendered{0, outcome.cpu_seconds(), static_cast<std::int64_t>(outcome.block().size())};
   const auto taken_up = running_units_.find(key);
@@ -226,7 +226,7 @@ void RendererSupervisor::job_ended(const std::string& job_id) {
   std::erase_if(frames_, [&](const auto& entry) { return entry.first.first == job_id; });
   if (renderer_ == nullptr) return;
   v1::RendererCommand command;
-  command.mutable_forget_scene()->set_job_id(job_id);
+  command.mutable_unload_scene()->set_job_id(job_id);
   (void)renderer_->send(command);  // a renderer that is dead has forgotten it
 }
 
@@ -370,8 +370,8 @@ bool RendererSupervisor::make_room(const FrameKey& wanted) {
     if (count < static_cast<std::size_t>(options_.loaded_frames)) return true;
     if (oldest == frames_.end() || oldest->first == wanted) return false;
     v1::RendererCommand command;
-    command.mutable_forget_scene()->set_job_id(oldest->first.first);
-    command.mutable_forget_scene()->set_frame(oldest->first.second);
+    command.mutable_unload_scene()->set_job_id(oldest->first.first);
+    command.mutable_unload_scene()->set_frame(oldest->first.second);
     (void)renderer_->send(command);
     frames_.erase(oldest);
   }

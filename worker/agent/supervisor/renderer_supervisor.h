@@ -90,7 +90,7 @@ class RendererSupervisor {
   void attribute_crash(const RendererProcess::Death& death);
   std::vector<UnitKey> possible_causes() const;
   void on_scene(const v1::LoadSceneResult& outcome);
-  void on_unit(v1::UnitOutcome outcome);
+  void on_unit(v1::RenderUnitResult outcome);
   void say(LogLevel level, const UnitKey& unit, const std::string& what);
   void fail(const UnitKey& key, const std::string& message, const std::string& log_tail,
             bool bad_scene);

@@ -38,14 +38,14 @@ AgentMetrics::Units unit_gauges(Registry& registry) {
                               .Help("Units leased to this worker and not acknowledged")
                               .Register(registry);
   const auto add = [&](const char* state) -> Gauge& { return family.Add({{"state", state}}); };
-  return {add("waiting"), add("started"), add("held")};
+  return {add("waiting"), add("started"), add("unacknowledged")};
 }
 
 std::array<Counter*, 4> verdict_counters(Registry& registry) {
-  Family<Counter>& family = counters(registry, "tessera_worker_verdicts_total",
+  Family<Counter>& family = counters(registry, "tessera_worker_acknowledgements_total",
                                      "The server's verdicts on this worker's results");
-  const auto add = [&](const char* verdict) { return &family.Add({{"verdict", verdict}}); };
-  return {add("committed"), add("duplicate"), add("unwanted"), add("rejected")};
+  const auto add = [&](const char* verdict) { return &family.Add({{"status", verdict}}); };
+  return {add("committed"), add("duplicate"), add("obsolete"), add("rejected")};
 }
 
 AgentMetrics::Errors error_counters(Registry& registry) {
@@ -68,7 +68,7 @@ AgentMetrics::AgentMetrics()
       threads(gauge(registry_, "tessera_worker_render_threads", "Units rendered at once at most")),
       connected(
           gauge(registry_, "tessera_worker_connected", "1 while the server knows this worker")),
-      round_trip_seconds(gauge(registry_, "tessera_worker_round_trip_seconds",
+      ack_latency_seconds(gauge(registry_, "tessera_worker_ack_latency_seconds",
                                "From when a block is offered to its verdict, least of late")),
       resident_bytes(gauge(registry_, "tessera_worker_resident_bytes",
                            "Memory of the worker and its renderer")),

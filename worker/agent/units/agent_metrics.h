@@ -21,10 +21,10 @@ class AgentMetrics {
   AgentMetrics();
 
   struct Units {
-    prometheus::Gauge &waiting, &started, &held;
+    prometheus::Gauge &waiting, &started, &unacknowledged;
   } units;  // leased, by what became of them here; held ones wait for their verdict
-  prometheus::Gauge &threads, &connected, &round_trip_seconds, &resident_bytes;
-  std::array<prometheus::Counter*, 4> verdicts;  // by v1::Acknowledgement::Verdict − 1
+  prometheus::Gauge &threads, &connected, &ack_latency_seconds, &resident_bytes;
+  std::array<prometheus::Counter*, 4> verdicts;  // by v1::Acknowledgement::AckStatus − 1
   struct Errors {
     prometheus::Counter &unit_failed, &renderer_died, &asset_failed;
   } errors;

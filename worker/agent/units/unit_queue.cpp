@@ -167,7 +167,7 @@ void UnitQueue::describe(v1::WorkerHello& hello, const CreditWindow& window) {
   hand_back_waiting();
   std::set<const v1::Lease*> named;
   for (const auto& [key, entry] : entries_) {
-    *(entry.phase == Phase::started ? hello.add_running() : hello.add_held()) = id_of(key);
+    *(entry.phase == Phase::started ? hello.add_running() : hello.add_unacknowledged()) = id_of(key);
     if (named.insert(entry.lease.get()).second) *hello.add_leases() = *entry.lease;
   }
   hello.set_store_id(entries_.empty() ? "" : store_id_);

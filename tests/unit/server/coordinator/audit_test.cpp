@@ -76,9 +76,9 @@ class AuditWalk : public CoordinatorFixture {
   std::int64_t audited(const std::string& job) {
     return coordinator->report(job)->counters.audited;
   }
-  bool is_set_aside(const std::string& id) {
+  bool is_quarantined(const std::string& id) {
     for (const auto& [worker, silence] : coordinator->workers()) {
-      if (worker.id == id) return worker.set_aside;
+      if (worker.id == id) return worker.quarantined;
     }
     return false;
   }
@@ -98,7 +98,7 @@ TEST_F(AuditWalk, EveryUnitOfAJobIsRenderedTwiceAndTheFrameWaitsForThat) {
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(audited(job), 6);
   EXPECT_EQ(coordinator->report(job)->counters.mismatched, 0);
-  EXPECT_FALSE(is_set_aside("w1") || is_set_aside("w2"));
+  EXPECT_FALSE(is_quarantined("w1") || is_quarantined("w2"));
   start();
   EXPECT_EQ(audited(job), 6) << "its units have no rows any more";
 }
@@ -138,8 +138,8 @@ TEST_F(AuditWalk, ALiarAmongThreeIsFoundAndItsUnitsAreRenderedAgain) {
   work_together(job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(pixels_of(job), truth);
-  EXPECT_TRUE(is_set_aside("liar"));
-  EXPECT_FALSE(is_set_aside("w2") || is_set_aside("w3"));
+  EXPECT_TRUE(is_quarantined("liar"));
+  EXPECT_FALSE(is_quarantined("w2") || is_quarantined("w3"));
   EXPECT_GE(coordinator->report(job)->counters.redone, 1);
 }
 
@@ -153,7 +153,7 @@ TEST_F(AuditWalk, WhatWasDecidedOnALiarsWordIsDecidedAgain) {
   work_together(job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(pixels_of(job), truth);
-  EXPECT_TRUE(is_set_aside("liar"));
+  EXPECT_TRUE(is_quarantined("liar"));
 }
 
 TEST_F(AuditWalk, OfTwoWorkersTheOneThatContradictsItselfIsFound) {
@@ -165,8 +165,8 @@ TEST_F(AuditWalk, OfTwoWorkersTheOneThatContradictsItselfIsFound) {
   work_together(job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(pixels_of(job), truth);
-  EXPECT_TRUE(is_set_aside("liar"));
-  EXPECT_FALSE(is_set_aside("w1"));
+  EXPECT_TRUE(is_quarantined("liar"));
+  EXPECT_FALSE(is_quarantined("w1"));
 }
 
 TEST_F(AuditWalk, TwoWorkersThatStandByDifferentPixelsFailTheJob) {
@@ -216,9 +216,9 @@ TEST_F(AuditWalk, AQuarantinedWorkerStaysSoWhenItConnectsAgain) {
   add("w2");
   add("w3");
   work_together(job);
-  ASSERT_TRUE(is_set_aside("liar"));
+  ASSERT_TRUE(is_quarantined("liar"));
   TestWorker again = join("liar");
-  EXPECT_TRUE(is_set_aside("liar"));
+  EXPECT_TRUE(is_quarantined("liar"));
   create_job("b");
   collect(again);
   EXPECT_TRUE(again.units.empty());

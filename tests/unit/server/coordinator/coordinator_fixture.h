@@ -109,7 +109,7 @@ class CoordinatorFixture : public testing::Test {
     Session session;
     std::shared_ptr<RecordingConnection> link;
     std::vector<Leased> units;  // leased and not yet delivered by the test
-    std::vector<Acknowledgement> verdicts;
+    std::vector<Acknowledgement> acknowledgements;
     std::vector<std::string> ended;
   };
   TestWorker join(const std::string& id, std::int32_t credits = 64) {
@@ -131,7 +131,8 @@ class CoordinatorFixture : public testing::Test {
             {{lease.job_id, {lease.frame, lease.first_tile + i, lease.pass}}, lease});
       }
     }
-    for (auto& verdict : mail.acknowledgements) worker.verdicts.push_back(std::move(verdict));
+    for (auto& acknowledgement : mail.acknowledgements)
+      worker.acknowledgements.push_back(std::move(acknowledgement));
     for (auto& job : mail.ended_jobs) worker.ended.push_back(std::move(job));
   }
 
@@ -190,12 +191,12 @@ class CoordinatorFixture : public testing::Test {
   /// Works until the job has ended.
   void work_off(TestWorker& worker, const std::string& job_id) {
     for (int round = 0; round < 100 && !has_ended(view(job_id).state); ++round) {
-      const std::size_t before = worker.verdicts.size();
+      const std::size_t before = worker.acknowledgements.size();
       deliver_all(worker);
       pump();
       collect(worker);
-      coordinator->grant_credits(worker.session,
-                                 static_cast<std::int32_t>(worker.verdicts.size() - before));
+      coordinator->grant_credits(
+          worker.session, static_cast<std::int32_t>(worker.acknowledgements.size() - before));
     }
   }
   std::string pixels_of(const std::string& job_id) {

@@ -13,9 +13,9 @@ namespace {
 using namespace std::chrono_literals;
 using CoordinatorTest = CoordinatorFixture;
 
-int count(const std::vector<Acknowledgement>& verdicts, Verdict verdict) {
-  return static_cast<int>(std::count_if(verdicts.begin(), verdicts.end(),
-                                        [&](const auto& v) { return v.verdict == verdict; }));
+int count(const std::vector<Acknowledgement>& acknowledgements, AckStatus status) {
+  return static_cast<int>(std::count_if(acknowledgements.begin(), acknowledgements.end(),
+                                        [&](const auto& v) { return v.status == status; }));
 }
 
 // Results -----------------------------------------------------------------------------------------
@@ -29,7 +29,7 @@ TEST_F(CoordinatorTest, AJobOfOneWorkerIsDoneWithAnImage) {
   EXPECT_EQ(done.committed_unit_count, 12);
   EXPECT_EQ(done.committed_sample_count, 20 * 12 * 64);
   EXPECT_DOUBLE_EQ(done.cpu_seconds, 6);
-  EXPECT_EQ(count(worker.verdicts, Verdict::committed), 12);
+  EXPECT_EQ(count(worker.acknowledgements, AckStatus::committed), 12);
   EXPECT_EQ(worker.ended, std::vector<std::string>{job});
   const auto frames = store.frames(job);
   ASSERT_EQ(frames->size(), 1u);
@@ -82,11 +82,11 @@ TEST_F(CoordinatorTest, NothingIsAcknowledgedBeforeItIsDurable) {
   auto worker = join("w1");
   deliver_all(worker);
   collect(worker);
-  EXPECT_TRUE(worker.verdicts.empty());
+  EXPECT_TRUE(worker.acknowledgements.empty());
   store.fail_commits_with(absl::UnavailableError("disk"));
   pump();
   collect(worker);
-  EXPECT_TRUE(worker.verdicts.empty()) << "silence: send again";
+  EXPECT_TRUE(worker.acknowledgements.empty()) << "silence: send again";
 }
 
 TEST_F(CoordinatorTest, ManyBlocksAreOneGroupOfTheJournal) {
@@ -130,13 +130,13 @@ TEST_F(CoordinatorTest, EveryDeliveredBlockGetsExactlyOneVerdict) {
   deliver(worker, units[0], bytes_of(units[0]));  // twice in one group
   pump();
   collect(worker);
-  EXPECT_EQ(count(worker.verdicts, Verdict::committed), 1);
-  EXPECT_EQ(count(worker.verdicts, Verdict::duplicate), 1);
+  EXPECT_EQ(count(worker.acknowledgements, AckStatus::committed), 1);
+  EXPECT_EQ(count(worker.acknowledgements, AckStatus::duplicate), 1);
   deliver(worker, units[0], bytes_of(units[0]));  // and later
   pump();
   collect(worker);
-  EXPECT_EQ(count(worker.verdicts, Verdict::duplicate), 2);
-  EXPECT_EQ(worker.verdicts.size(), 3u);
+  EXPECT_EQ(count(worker.acknowledgements, AckStatus::duplicate), 2);
+  EXPECT_EQ(worker.acknowledgements.size(), 3u);
   const auto report = coordinator->report(job);
   EXPECT_EQ(report->counters.duplicated, 2);
   EXPECT_DOUBLE_EQ(report->counters.wasted_cpu_seconds, 1);
@@ -153,7 +153,7 @@ TEST_F(CoordinatorTest, ADuplicateWithOtherBytesIsRejectedAndCounted) {
   deliver(worker, unit, contract::encode(other));
   pump();
   collect(worker);
-  EXPECT_EQ(count(worker.verdicts, Verdict::rejected), 1);
+  EXPECT_EQ(count(worker.acknowledgements, AckStatus::rejected), 1);
   EXPECT_EQ(coordinator->report(job)->counters.mismatched, 1);
   EXPECT_EQ(view(job).state, JobState::running);
 }
@@ -171,7 +171,7 @@ TEST_F(CoordinatorTest, LateResultsOfALostWorkerCount) {
   EXPECT_TRUE(deliver(again, units[0], bytes_of(units[0])));
   pump();
   collect(again);
-  EXPECT_EQ(count(again.verdicts, Verdict::committed), 1);
+  EXPECT_EQ(count(again.acknowledgements, AckStatus::committed), 1);
   EXPECT_EQ(view(job).committed_unit_count, 1);
 }
 
@@ -194,11 +194,11 @@ TEST_F(CoordinatorTest, BadBlocksAreRejectedEachWithAReason) {
   deliver(worker, units[3], contract::encode(poisoned));
   pump();
   collect(worker);
-  ASSERT_EQ(count(worker.verdicts, Verdict::rejected), 4);
-  EXPECT_NE(worker.verdicts[0].reason.find("seal"), std::string::npos);
-  EXPECT_NE(worker.verdicts[1].reason.find("size_bytes"), std::string::npos);
-  EXPECT_NE(worker.verdicts[2].reason.find("sha256"), std::string::npos);
-  EXPECT_NE(worker.verdicts[3].reason.find("finite"), std::string::npos);
+  ASSERT_EQ(count(worker.acknowledgements, AckStatus::rejected), 4);
+  EXPECT_NE(worker.acknowledgements[0].reason.find("seal"), std::string::npos);
+  EXPECT_NE(worker.acknowledgements[1].reason.find("size_bytes"), std::string::npos);
+  EXPECT_NE(worker.acknowledgements[2].reason.find("sha256"), std::string::npos);
+  EXPECT_NE(worker.acknowledgements[3].reason.find("finite"), std::string::npos);
   EXPECT_EQ(store.group_count(), 0);
 }
 
@@ -213,7 +213,8 @@ TEST_F(CoordinatorTest, ResultsOfACancelledJobAreUnwantedAndItsBlocksKept) {
   EXPECT_FALSE(deliver(worker, units[2], bytes_of(units[2])));
   pump();
   collect(worker);
-  EXPECT_EQ(count(worker.verdicts, Verdict::unwanted), 2) << "one delivered before, one after";
+  EXPECT_EQ(count(worker.acknowledgements, AckStatus::obsolete), 2)
+      << "one delivered before, one after";
   EXPECT_EQ(worker.ended, std::vector<std::string>{job});
   ASSERT_TRUE(change(job, Coordinator::Change::retry).ok());
   coordinator->grant_credits(worker.session, 64);

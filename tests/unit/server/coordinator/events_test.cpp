@@ -199,8 +199,9 @@ TEST_F(Events, ABannedWorkersUnitsGoToOthersAndItsBlocksAreRefused) {
   for (const Leased& unit : bad.units) deliver(bad, unit, bytes_of(unit));
   pump();
   collect(bad);
-  ASSERT_EQ(bad.verdicts.size(), bad.units.size());
-  for (const Acknowledgement& told : bad.verdicts) EXPECT_EQ(told.verdict, Verdict::unwanted);
+  ASSERT_EQ(bad.acknowledgements.size(), bad.units.size());
+  for (const Acknowledgement& told : bad.acknowledgements)
+    EXPECT_EQ(told.status, AckStatus::obsolete);
   EXPECT_EQ(view(job).committed_unit_count, 0);
   work_off(good, job);
   EXPECT_EQ(view(job).state, JobState::done);

@@ -47,8 +47,8 @@ TEST_F(MetricsWalk, UnitsAreCountedFromTheQueueToTheFilm) {
   EXPECT_EQ(values.at(R"(tessera_units{state="committed"})"), 4);
   EXPECT_EQ(values.at("tessera_units_committed_total"), 4);
   EXPECT_EQ(values.at("tessera_cpu_seconds_total"), 2);
-  EXPECT_EQ(values.at("tessera_lease_seconds_count"), 4);
-  EXPECT_EQ(values.at("tessera_lease_seconds_sum"), 12);
+  EXPECT_EQ(values.at("tessera_unit_turnaround_seconds_count"), 4);
+  EXPECT_EQ(values.at("tessera_unit_turnaround_seconds_sum"), 12);
   EXPECT_EQ(values.at("tessera_commit_seconds_count"), 1);
   EXPECT_EQ(values.at(R"(tessera_film_blocks_total{source="delivered"})"), 4);
   EXPECT_EQ(values.at("tessera_merge_seconds_count"), 4);
@@ -69,8 +69,8 @@ TEST_F(MetricsWalk, UnitsAreCountedFromTheQueueToTheFilm) {
   EXPECT_EQ(values.at(R"(tessera_units{state="committed"})"), 0);  // of jobs not ended
   EXPECT_EQ(values.at("tessera_units_committed_total"), total);
   EXPECT_EQ(values.at("tessera_samples_total"), 20 * 12 * 8);
-  EXPECT_EQ(values.at(R"(tessera_verdicts_total{verdict="committed"})"), total);
-  EXPECT_EQ(values.at("tessera_frame_seconds_count"), 1);
+  EXPECT_EQ(values.at(R"(tessera_acknowledgements_total{status="committed"})"), total);
+  EXPECT_EQ(values.at("tessera_frame_write_duration_seconds_count"), 1);
 }
 
 TEST_F(MetricsWalk, ErrorsAreCountedByKind) {
@@ -86,7 +86,7 @@ TEST_F(MetricsWalk, ErrorsAreCountedByKind) {
   auto values = scrape();
   EXPECT_EQ(values.at(R"(tessera_errors_total{kind="unit_failed"})"), 1);
   EXPECT_EQ(values.at(R"(tessera_errors_total{kind="block_rejected"})"), 1);
-  EXPECT_EQ(values.at(R"(tessera_verdicts_total{verdict="rejected"})"), 1);
+  EXPECT_EQ(values.at(R"(tessera_acknowledgements_total{status="rejected"})"), 1);
   EXPECT_EQ(values.at(R"(tessera_errors_total{kind="worker_lost"})"), 0);
 
   for (int i = 0; i < 60; ++i) {
@@ -124,7 +124,7 @@ TEST_F(MetricsWalk, AuditsAndLiarsAreCounted) {
   ASSERT_EQ(report.view.state, JobState::done);
   const auto values = scrape();
   EXPECT_EQ(values.at("tessera_workers_quarantined_total"), 1);
-  EXPECT_EQ(values.at(R"(tessera_workers{state="set_aside"})"), 1);
+  EXPECT_EQ(values.at(R"(tessera_workers{state="quarantined"})"), 1);
   EXPECT_GE(report.counters.mismatched, 1);
   EXPECT_EQ(values.at("tessera_results_mismatched_total"),
             static_cast<double>(report.counters.mismatched));

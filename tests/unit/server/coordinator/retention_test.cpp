@@ -17,7 +17,7 @@ constexpr std::int64_t kDayUs = std::int64_t{86'400} * 1'000'000;
 class RetentionTest : public CoordinatorFixture {
  protected:
   void keep_for(std::int64_t span_us) {
-    options.keep_jobs_us = span_us;
+    options.job_retention_us = span_us;
     start();
   }
   /// Lets this much wall time pass, and the coordinator notice.

@@ -18,7 +18,7 @@ class CoordinatorThreads : public CoordinatorFixture {
   void work(const std::string& id, const std::string& job, int duplicates) {
     TestWorker worker = join(id, 3);
     while (!has_ended(view(job).state)) {
-      const std::size_t before = worker.verdicts.size();
+      const std::size_t before = worker.acknowledgements.size();
       collect(worker);
       for (const Leased& unit : std::exchange(worker.units, {})) {
         coordinator->heartbeat(worker.session, {unit.name}, 1000);
@@ -26,8 +26,8 @@ class CoordinatorThreads : public CoordinatorFixture {
       }
       std::this_thread::yield();
       collect(worker);
-      coordinator->grant_credits(worker.session,
-                                 static_cast<std::int32_t>(worker.verdicts.size() - before));
+      coordinator->grant_credits(
+          worker.session, static_cast<std::int32_t>(worker.acknowledgements.size() - before));
     }
     coordinator->part(worker.session);
   }

@@ -122,7 +122,7 @@ void FarmOnDisk::connect(const WorkerLog& held) {
   hello.store_id = store_->id();
   std::set<Attempt> attempts;
   for (const auto& [name, entry] : held) {
-    hello.held.push_back(name);
+    hello.unacknowledged.push_back(name);
     waiting_.emplace_back(name, entry.lease);
     if (attempts.insert(entry.lease.attempt).second) hello.leases.push_back(entry.lease);
   }
@@ -138,14 +138,14 @@ void FarmOnDisk::collect() {
       waiting_.emplace_back(name, lease);
     }
   }
-  int verdict_count = 0;
-  for (const Acknowledgement& verdict : mail.acknowledgements) {
-    WorkerEntry& entry = log_[verdict.unit];
-    entry.verdict_step = step();
-    entry.verdict = verdict.verdict;
-    ++verdict_count;
+  int acknowledged_count = 0;
+  for (const Acknowledgement& acknowledgement : mail.acknowledgements) {
+    WorkerEntry& entry = log_[acknowledgement.unit];
+    entry.acknowledged_step = step();
+    entry.status = acknowledgement.status;
+    ++acknowledged_count;
   }
-  if (verdict_count > 0) coordinator_->grant_credits(session_, verdict_count);
+  if (acknowledged_count > 0) coordinator_->grant_credits(session_, acknowledged_count);
 }
 
 void FarmOnDisk::send(const UnitName& name, const Lease& lease) {

@@ -22,8 +22,8 @@ class FarmOnDisk {
   struct WorkerEntry {
     Lease lease;
     int sent_step = 0;
-    int verdict_step = -1;  // -1: never
-    Verdict verdict = Verdict::rejected;
+    int acknowledged_step = -1;  // -1: never
+    AckStatus status = AckStatus::rejected;
   };
   using WorkerLog = std::map<UnitName, WorkerEntry>;
 

@@ -73,7 +73,7 @@ void live(Life& life) {
 FarmOnDisk::WorkerLog held_at(const Life& life, int step) {
   FarmOnDisk::WorkerLog held;
   for (const auto& [name, entry] : life.log) {
-    if (entry.sent_step <= step && entry.verdict_step > step) held[name] = entry;
+    if (entry.sent_step <= step && entry.acknowledged_step > step) held[name] = entry;
   }
   return held;
 }
@@ -82,8 +82,9 @@ FarmOnDisk::WorkerLog held_at(const Life& life, int step) {
 std::set<UnitName> acknowledged_at(const Life& life, int step) {
   std::set<UnitName> units;
   for (const auto& [name, entry] : life.log) {
-    const bool is_committed = entry.verdict == Verdict::committed;
-    if (is_committed && entry.verdict_step >= 0 && entry.verdict_step <= step) units.insert(name);
+    const bool is_committed = entry.status == AckStatus::committed;
+    if (is_committed && entry.acknowledged_step >= 0 && entry.acknowledged_step <= step)
+      units.insert(name);
   }
   return units;
 }

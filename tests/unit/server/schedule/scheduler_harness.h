@@ -52,7 +52,7 @@ class SchedulerHarness {
     std::int32_t threads = 2, credits = 4;
     std::vector<std::string> tags = {};
     std::vector<Lease> leases = {};
-    std::vector<UnitName> running = {}, held = {};
+    std::vector<UnitName> running = {}, unacknowledged = {};
     std::string store_id = "store";
   };
   WorkerKey connect(const std::string& id, const WorkerPlanned& planned) {
@@ -64,13 +64,15 @@ class SchedulerHarness {
     hello.store_id = planned.store_id;
     hello.leases = planned.leases;
     hello.running = planned.running;
-    hello.held = planned.held;
+    hello.unacknowledged = planned.unacknowledged;
     return scheduler.connect(hello, now);
   }
   WorkerKey connect(const std::string& id) { return connect(id, {}); }
 
   /// What the worker was sent since the last call.
-  Outbox mail(WorkerKey worker) { return std::exchange(scheduler.find_worker(worker)->mail, Outbox{}); }
+  Outbox mail(WorkerKey worker) {
+    return std::exchange(scheduler.find_worker(worker)->mail, Outbox{});
+  }
   /// The units of its new leases; the leases are remembered.
   std::vector<UnitName> leased(WorkerKey worker) {
     std::vector<UnitName> units;

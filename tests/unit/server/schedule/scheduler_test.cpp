@@ -128,7 +128,8 @@ TEST(Scheduler, AdoptsOnlyUnderItsOwnSealAndStore) {
     Job& job = farm.add_job({.tiles = 2});
     Lease lease{"j1", 0, 0, 0, 2, 0, 8, {1, 77}, {}};
     lease.seal = seal_of(lease, "w1", is_forged ? "wrong key" : "key");
-    SchedulerHarness::WorkerPlanned hello{.credits = 0, .leases = {lease}, .running = {{"j1", {0, 0, 0}}}};
+    SchedulerHarness::WorkerPlanned hello{
+        .credits = 0, .leases = {lease}, .running = {{"j1", {0, 0, 0}}}};
     farm.connect("w1", hello);
     EXPECT_EQ(job.plan && job.plan->find_in_flight({0, 0, 0}) != nullptr, !is_forged);
     hello.store_id = "another";
@@ -248,12 +249,12 @@ TEST(Scheduler, AWorkerIsSetAsideOnlyForFailuresThatAreDisproved) {
   ASSERT_EQ(units.size(), 4u);
   const WorkerKey good = farm.connect("good", {.threads = 1, .credits = 0});
   for (std::size_t i = 0; i < 3; ++i) farm.fail(bad, units[i]);
-  EXPECT_FALSE(farm.scheduler.find_worker(bad)->set_aside) << "nothing has succeeded yet";
+  EXPECT_FALSE(farm.scheduler.find_worker(bad)->quarantined) << "nothing has succeeded yet";
   farm.scheduler.grant_credits(good, 3, farm.now);
   const auto again = farm.leased(good);
   for (const UnitName& unit : again) farm.commit(good, unit);
-  EXPECT_TRUE(farm.scheduler.find_worker(bad)->set_aside);
-  EXPECT_FALSE(farm.scheduler.find_worker(good)->set_aside);
+  EXPECT_TRUE(farm.scheduler.find_worker(bad)->quarantined);
+  EXPECT_FALSE(farm.scheduler.find_worker(good)->quarantined);
   farm.mail(bad);
   farm.scheduler.grant_credits(bad, 5, farm.now);
   EXPECT_TRUE(farm.leased(bad).empty());

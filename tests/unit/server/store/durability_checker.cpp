@@ -127,7 +127,8 @@ DurabilityChecker::Test id_is_taken(const std::string& job_id) {
   };
 }
 
-DurabilityChecker::Test unit_is_there(const std::string& job_id, contract::Unit unit, std::string bytes) {
+DurabilityChecker::Test unit_is_there(const std::string& job_id, contract::Unit unit,
+                                      std::string bytes) {
   return [job_id, unit, bytes = std::move(bytes)](Store& store) -> std::string {
     const auto record = find_unit(store, job_id, unit);
     if (!record.has_value()) return "is lost";
@@ -166,7 +167,7 @@ DurabilityChecker::Test worker_has_joined(const std::string& worker_id) {
 }
 
 DurabilityChecker::Test frame_is_there(const std::string& job_id, const FrameRecord& frame,
-                              std::string bytes) {
+                                       std::string bytes) {
   return [job_id, frame, bytes = std::move(bytes)](Store& store) -> std::string {
     const auto frames = store.frames(job_id);
     const auto folder = store.output_folder(job_id);
@@ -200,7 +201,7 @@ DurabilityChecker::Test worker_is_known(const std::string& worker_id) {
 }
 
 DurabilityChecker::Test booted_before(std::int64_t boot_count, const std::string& id,
-                             const std::string& key) {
+                                      const std::string& key) {
   return [=](Store& store) -> std::string {
     if (store.id() != id || store.key() != key) return "this is another store";
     return store.boot_count() > boot_count ? "" : "a boot count came twice";

@@ -45,16 +45,17 @@ Commit make_commit(const std::string& job_id, contract::Unit unit, std::string b
 /// Tests for DurabilityChecker.
 DurabilityChecker::Test job_is_there(const JobRecord& job);
 DurabilityChecker::Test id_is_taken(const std::string& job_id);
-DurabilityChecker::Test unit_is_there(const std::string& job_id, contract::Unit unit, std::string bytes);
+DurabilityChecker::Test unit_is_there(const std::string& job_id, contract::Unit unit,
+                                      std::string bytes);
 /// Units of the job, with a row or added up, are so many: none is lost or counted twice.
 DurabilityChecker::Test work_is_counted(const std::string& job_id, std::int64_t units);
 DurabilityChecker::Test worker_has_joined(const std::string& worker_id);
 DurabilityChecker::Test frame_is_there(const std::string& job_id, const FrameRecord& frame,
-                              std::string bytes);
+                                       std::string bytes);
 DurabilityChecker::Test asset_is_there(std::string bytes);
 DurabilityChecker::Test worker_is_known(const std::string& worker_id);
 DurabilityChecker::Test booted_before(std::int64_t boot_count, const std::string& id,
-                             const std::string& key);
+                                      const std::string& key);
 DurabilityChecker::Test sequence_was_used(std::int64_t sequence);
 
 /// What must hold of any store at any time: rows point to whole data, ids are unique, no file is

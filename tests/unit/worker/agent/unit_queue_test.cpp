@@ -124,8 +124,8 @@ TEST(UnitQueue, HelloNamesWhatIsStartedAndHeldWithTheirLeasesOnce) {
   queue.describe(hello, {5, 5});
   ASSERT_EQ(hello.running_size(), 1);
   EXPECT_EQ(key_of(hello.running(0)), unit(0));
-  ASSERT_EQ(hello.held_size(), 1);
-  EXPECT_EQ(key_of(hello.held(0)), unit(1));
+  ASSERT_EQ(hello.unacknowledged_size(), 1);
+  EXPECT_EQ(key_of(hello.unacknowledged(0)), unit(1));
   ASSERT_EQ(hello.leases_size(), 1) << "a lease of units that only wait is not adopted";
   EXPECT_EQ(hello.leases(0).seal(), "seal 1");
   EXPECT_EQ(hello.store_id(), "store");
