@@ -39,7 +39,7 @@ class CommandsTest : public ::testing::Test {
   }
   /// A report with one finished frame, as a server makes it.
   static std::string report() {
-    return R"({"schema":"tessera.report/1","version":"0.1.0","job":"abc","name":"scene","contract":1,
+    return R"({"schema":"tessera.report/1","version":"1.0.0","job":"abc","name":"scene","contract":1,
       "status":"DONE","reasons":[],"warnings":["frame 1: 2 samples were not finite"],
       "scene_sha256":")" +
            std::string(64, 'a') + R"(","settings":{},"frames":[{"frame":1,"file":"1.exr",
