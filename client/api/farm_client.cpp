@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "rpc/channel.h"
+#include "rpc/protocol_version.h"
 #include "rpc/rpc_status.h"
 #include "tessera/v1/asset_service.grpc.pb.h"
 #include "tessera/v1/job_service.grpc.pb.h"
@@ -55,8 +56,10 @@ class Client : public FarmClient {
         random_(std::random_device{}()) {}
 
   absl::StatusOr<v1::CreateJobResponse> create_job(const v1::CreateJobRequest& request) override {
+    v1::CreateJobRequest versioned = request;
+    versioned.set_protocol_version(contract::kProtocolVersion);
     v1::CreateJobResponse response;
-    absl::Status status = unary(jobs_, &v1::JobService::Stub::CreateJob, request, response);
+    absl::Status status = unary(jobs_, &v1::JobService::Stub::CreateJob, versioned, response);
     if (!status.ok()) return status;
     return response;
   }
@@ -293,7 +296,10 @@ class Client : public FarmClient {
       if (is_cancelled()) return absl::CancelledError("interrupted");
       if (!absl::IsUnavailable(status)) {
         note_contact();
-        return status;
+        if (!absl::IsUnimplemented(status)) return status;
+        return absl::FailedPreconditionError(absl::StrCat(
+            "the server at ", address_, " does not offer this call: it is older than this ",
+            "client; upgrade the server"));
       }
       if (contacts_ != contacts_before) {  // a stream that worked for a while
         start = Clock::now();

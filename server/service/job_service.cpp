@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "rpc/rpc_status.h"
 #include "server/report/report.h"
+#include "server/service/access/protocol_check.h"
 #include "server/service/messages/messages.h"
 #include "server/service/streams/event_stream.h"
 #include "server/service/streams/frame_stream.h"
@@ -48,6 +49,9 @@ grpc::ServerUnaryReactor* JobService::CreateJob(grpc::CallbackServerContext* con
                                                 v1::CreateJobResponse* response) {
   const auto caller = access_.admit(*context, "JobService.CreateJob");
   if (!caller.ok()) return finish(context, caller.status());
+  if (absl::Status status = check_protocol("client", request->protocol_version()); !status.ok()) {
+    return finish(context, status);
+  }
   auto spec = to_spec(*request, caller->owner());
   if (!spec.ok()) return finish(context, spec.status());
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();

@@ -17,14 +17,15 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "rpc/channel.h"
+#include "rpc/protocol_version.h"
 #include "telemetry/metrics/listener.h"
 #include "tessera/v1/asset_service.grpc.pb.h"
-#include "worker/agent/units/agent_metrics.h"
 #include "worker/agent/server/job_log.h"
-#include "worker/agent/supervisor/renderer_supervisor.h"
-#include "worker/renderer/renderer.h"
 #include "worker/agent/server/server_connection.h"
 #include "worker/agent/signal_handler.h"
+#include "worker/agent/supervisor/renderer_supervisor.h"
+#include "worker/agent/units/agent_metrics.h"
+#include "worker/renderer/renderer.h"
 
 namespace tessera::agent {
 namespace {
@@ -49,7 +50,7 @@ std::string random_id() {
   return id;
 }
 
-/// A scene may have more files than the usual soft limit of open descriptors.
+/// Raises the soft limit of open descriptors: a scene may have more files than it allows.
 void raise_descriptor_limit() {
   rlimit limit{};
   if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
@@ -57,8 +58,8 @@ void raise_descriptor_limit() {
   ::setrlimit(RLIMIT_NOFILE, &limit);
 }
 
-/// Waits a little for a server that is being started on a Unix socket: gRPC's own back-off would
-/// waste a tenth of a second.
+/// Waits up to 1 s for a server on a Unix socket to listen. gRPC's back-off would wait 0.1 s or
+/// more between attempts.
 void wait_for_socket(const std::string& address) {
   if (!absl::StartsWith(address, "unix:")) return;
   sockaddr_un where{};
@@ -74,37 +75,35 @@ void wait_for_socket(const std::string& address) {
   }
 }
 
-RenderDeskOptions desk_options(const AgentOptions& options, JobLog log) {
-  RenderDeskOptions desk;
-  desk.thread_count = options.thread_count;
-  desk.unit_timeout = options.unit_timeout;
-  desk.log = std::move(log);
-  desk.lie_every = options.lie_every;
-  desk.arguments = {"renderer",
-                    "--fd",
-                    "3",
-                    "--threads",
-                    absl::StrCat(options.thread_count),
-                    "--isa",
-                    std::string(render::isa_name(options.isa)),
-                    "--texel-bytes",
-                    absl::StrCat(options.texel_bytes)};
+RendererSupervisorOptions supervisor_options(const AgentOptions& options, JobLog log) {
+  RendererSupervisorOptions supervisor;
+  supervisor.thread_count = options.thread_count;
+  supervisor.unit_timeout = options.unit_timeout;
+  supervisor.log = std::move(log);
+  supervisor.block_rendered = options.faults.block_rendered;
+  supervisor.arguments = {"renderer",
+                          "--fd",
+                          "3",
+                          "--threads",
+                          absl::StrCat(options.thread_count),
+                          "--isa",
+                          std::string(render::isa_name(options.isa)),
+                          "--texel-bytes",
+                          absl::StrCat(options.texel_bytes)};
   if (options.memory_bytes > 0) {
-    desk.arguments.insert(desk.arguments.end(),
-                          {"--memory-bytes", absl::StrCat(options.memory_bytes)});
+    supervisor.arguments.insert(supervisor.arguments.end(),
+                                {"--memory-bytes", absl::StrCat(options.memory_bytes)});
   }
   if (!options.accelerator.empty()) {
-    desk.arguments.insert(desk.arguments.end(), {"--accelerator", options.accelerator});
+    supervisor.arguments.insert(supervisor.arguments.end(), {"--accelerator", options.accelerator});
   }
-  if (options.crash_on) {
-    const contract::Unit& unit = *options.crash_on;
-    desk.arguments.insert(desk.arguments.end(),
-                          {"--crash-on", absl::StrCat(unit.frame, ":", unit.tile, ":", unit.pass)});
-  }
-  return desk;
+  const auto& fault_arguments = options.faults.renderer_arguments;
+  supervisor.arguments.insert(supervisor.arguments.end(), fault_arguments.begin(),
+                              fault_arguments.end());
+  return supervisor;
 }
 
-/// The first renderer, while this process has one thread.
+/// Forks the first renderer. Requires that this process has one thread.
 absl::StatusOr<RendererProcess::Child> fork_renderer(const AgentOptions& options) {
   RendererOptions renderer;
   renderer.thread_count = options.thread_count;
@@ -112,7 +111,7 @@ absl::StatusOr<RendererProcess::Child> fork_renderer(const AgentOptions& options
   renderer.texel_bytes = options.texel_bytes;
   renderer.isa = options.isa;
   renderer.accelerator = options.accelerator;
-  renderer.crash_on = options.crash_on;
+  renderer.before_unit = options.faults.before_unit;
   return RendererProcess::fork_off([&renderer] { return run_renderer(renderer); });
 }
 
@@ -127,87 +126,87 @@ class Agent {
         cache_(std::move(cache)),
         log_(std::move(log)),
         metrics_(metrics),
-        desk_(desk_options(options_, [this](auto... line) { say(line...); }), std::move(renderer),
-              queue_, log_, mailbox_, desk_outlet()),
-        link_(*workers_, {options_.token, options_.deliver_twice, options_.forge, options_.log},
-              queue_, mailbox_, link_outlet()),
+        supervisor_(supervisor_options(options_, [this](auto... line) { log_job_line(line...); }),
+                    std::move(renderer), queue_, log_, event_loop_, supervisor_callbacks()),
+        connection_(*workers_, {options_.token, options_.faults.blocks_to_send, options_.log},
+                    queue_, event_loop_, connection_callbacks()),
         fetcher_(*workers_, *assets_, *cache_, metrics_, options_.token,
                  [this](std::string job_id, absl::StatusOr<JobInputs> files) {
-                   // std::function wants copies; the files cannot be copied.
+                   // std::function requires copies, and JobInputs cannot be copied.
                    auto shared = std::make_shared<absl::StatusOr<JobInputs>>(std::move(files));
-                   mailbox_.post([this, job_id = std::move(job_id), shared] {
-                     desk_.job_fetched(job_id, std::move(*shared));
+                   event_loop_.post([this, job_id = std::move(job_id), shared] {
+                     supervisor_.job_fetched(job_id, std::move(*shared));
                    });
                  }) {}
 
   absl::Status run() {
-    const SignalHandler termination([this] { mailbox_.post([this] { leave("a signal"); }); });
-    desk_.pump(Clock::now());  // the renderer starts while the server may still be starting
+    const SignalHandler signals([this] { event_loop_.post([this] { drain("signal received"); }); });
+    supervisor_.pump(Clock::now());  // starts the renderer while the server may be starting
     wait_for_socket(options_.server);
     while (!end_) {
       const Time now = Clock::now();
-      desk_.pump(now);
+      supervisor_.pump(now);
       Time wake = now + kTick;
-      if (desk_.ready() != nullptr) {
-        link_.pump(now);
-        relay_lines(now);
-        wake = std::min(wake, link_.next_due());
+      if (supervisor_.ready() != nullptr) {
+        connection_.pump(now);
+        forward_log_lines(now);
+        wake = std::min(wake, connection_.next_due());
       }
-      take_stock();
-      if (leaving_ && (queue_.empty() || now >= leave_by_)) break;
-      mailbox_.run_until(wake);
+      update_gauges();
+      if (draining_ && (queue_.empty() || now >= drain_deadline_)) break;
+      event_loop_.run_until(wake);
     }
     close();
     return end_.value_or(absl::OkStatus());
   }
 
  private:
-  RendererSupervisor::Callbacks desk_outlet() {
-    RendererSupervisor::Callbacks outlet;
-    outlet.want_job = [this](const std::string& job_id) { fetcher_.fetch(job_id); };
-    outlet.failed = [this](v1::UnitFailure failure) {
+  RendererSupervisor::Callbacks supervisor_callbacks() {
+    RendererSupervisor::Callbacks callbacks;
+    callbacks.fetch_job = [this](const std::string& job_id) { fetcher_.fetch(job_id); };
+    callbacks.failed = [this](v1::UnitFailure failure) {
       metrics_.errors.unit_failed.Increment();
       v1::WorkRequest request;
       *request.mutable_failure() = std::move(failure);
-      link_.send(std::move(request));
+      connection_.send(std::move(request));
     };
-    outlet.given_up = [this](const std::vector<UnitKey>& units) { answer_revocation(units); };
-    outlet.scene_loaded = [this](v1::SceneLoaded loaded) {
+    callbacks.units_returned = [this](const std::vector<UnitKey>& units) { return_units(units); };
+    callbacks.scene_loaded = [this](v1::SceneLoaded loaded) {
       metrics_.scene_load_seconds.Observe(loaded.load_seconds() + loaded.build_seconds());
       v1::WorkRequest request;
       *request.mutable_scene_loaded() = std::move(loaded);
-      link_.send(std::move(request));
+      connection_.send(std::move(request));
     };
-    outlet.unit_finished = [this](const RendererSupervisor::Rendered& unit) {
+    callbacks.unit_finished = [this](const RendererSupervisor::Rendered& unit) {
       metrics_.unit_seconds.Observe(unit.seconds);
       metrics_.cpu_seconds.Increment(unit.cpu_seconds);
       metrics_.block_bytes.Increment(static_cast<double>(unit.block_bytes));
-    };  // the loop delivers after every event
-    outlet.renderer_died = [this] { metrics_.errors.renderer_died.Increment(); };
-    outlet.broken = [this](absl::Status status) { end_ = std::move(status); };
-    return outlet;
+    };  // run() delivers after every event
+    callbacks.renderer_died = [this] { metrics_.errors.renderer_died.Increment(); };
+    callbacks.failed_for_good = [this](absl::Status status) { end_ = std::move(status); };
+    return callbacks;
   }
 
-  ServerConnection::Callbacks link_outlet() {
-    ServerConnection::Callbacks outlet;
-    outlet.hello = [this] { return hello(); };
-    outlet.window = [this] {
-      return leaving_
-                 ? CreditWindow{}
-                 : credit_window(options_.thread_count, link_.round_trip_seconds(),
-                                 desk_.unit_seconds(), desk_.block_bytes(), options_.buffer_bytes);
+  ServerConnection::Callbacks connection_callbacks() {
+    ServerConnection::Callbacks callbacks;
+    callbacks.hello = [this] { return hello(); };
+    callbacks.window = [this] {
+      return draining_ ? CreditWindow{}
+                       : credit_window(options_.thread_count, connection_.ack_latency_seconds(),
+                                       supervisor_.unit_seconds(), supervisor_.block_bytes(),
+                                       options_.buffer_bytes);
     };
-    outlet.rss_bytes = [this] {
-      const std::int64_t bytes = resident_bytes(::getpid()) + desk_.renderer_rss_bytes();
+    callbacks.rss_bytes = [this] {
+      const std::int64_t bytes = resident_bytes(::getpid()) + supervisor_.renderer_rss_bytes();
       metrics_.resident_bytes.Set(static_cast<double>(bytes));
       return bytes;
     };
-    outlet.on_response = [this](const v1::WorkResponse& response) { obey(response); };
-    outlet.refused = [this](const absl::Status& status) {
-      end_ = absl::Status(status.code(), absl::StrCat("the server refused this worker: ",
-                                                      std::string(status.message())));
+    callbacks.on_response = [this](const v1::WorkResponse& response) { handle(response); };
+    callbacks.refused = [this](const absl::Status& status) {
+      end_ = absl::Status(status.code(),
+                          absl::StrCat("refused by the server: ", std::string(status.message())));
     };
-    return outlet;
+    return callbacks;
   }
 
   v1::WorkerHello hello() {
@@ -215,15 +214,16 @@ class Agent {
     hello.set_worker_id(options_.worker_id);
     hello.set_name(options_.name);
     hello.set_host(host_name());
-    hello.set_contract_version(desk_.ready()->contract_version());
-    hello.set_numerics_sha256(desk_.ready()->numerics_sha256());
-    hello.set_isa(desk_.ready()->isa());
+    hello.set_protocol_version(contract::kProtocolVersion);
+    hello.set_contract_version(supervisor_.ready()->contract_version());
+    hello.set_numerics_sha256(supervisor_.ready()->numerics_sha256());
+    hello.set_isa(supervisor_.ready()->isa());
     hello.set_thread_count(options_.thread_count);
     for (const std::string& tag : options_.tags) hello.add_tags(tag);
     return hello;
   }
 
-  void obey(const v1::WorkResponse& response) {
+  void handle(const v1::WorkResponse& response) {
     switch (response.event_case()) {
       case v1::WorkResponse::kLeases:
         for (const v1::Lease& lease : response.leases().leases()) take(lease);
@@ -231,100 +231,101 @@ class Agent {
       case v1::WorkResponse::kRevocation: {
         std::vector<UnitKey> units;
         for (const v1::UnitId& id : response.revocation().units()) units.push_back(key_of(id));
-        answer_revocation(queue_.revoke(units));
+        return_units(queue_.revoke(units));
         break;
       }
       case v1::WorkResponse::kAcknowledgements:
-        for (const auto& verdict : response.acknowledgements().acknowledgements()) {
-          acknowledge(verdict);
+        for (const auto& acknowledgement : response.acknowledgements().acknowledgements()) {
+          acknowledge(acknowledgement);
         }
         break;
       case v1::WorkResponse::kDrain:
-        leave("the server's wish");
+        drain("requested by the server");
         break;
       case v1::WorkResponse::kJobEnded:
-        say(LogLevel::info, response.job_ended().job_id(),
-            absl::StrCat("job ", response.job_ended().job_id(), " has ended"));
+        log_job_line(LogLevel::info, response.job_ended().job_id(),
+                     absl::StrCat("job ", response.job_ended().job_id(), " ended"));
         queue_.drop_job(response.job_ended().job_id());
-        desk_.job_ended(response.job_ended().job_id());
+        supervisor_.job_ended(response.job_ended().job_id());
         break;
       default:
-        break;  // a sign of life
+        break;  // only a heartbeat
     }
   }
 
   void take(const v1::Lease& lease) {
     queue_.add_lease(lease);
-    if (leaving_) answer_revocation(queue_.hand_back_waiting());
+    if (draining_) return_units(queue_.return_waiting());
   }
 
-  void acknowledge(const v1::Acknowledgement& verdict) {
-    const UnitKey key = key_of(verdict.unit());
+  void acknowledge(const v1::Acknowledgement& acknowledgement) {
+    const UnitKey key = key_of(acknowledgement.unit());
     const auto offered = queue_.offered(key);
     if (!queue_.acknowledge(key)) return;
-    if (offered) link_.note_verdict(*offered, Clock::now());
-    if (verdict.status() >= v1::Acknowledgement::ACK_STATUS_COMMITTED &&
-        verdict.status() <= v1::Acknowledgement::ACK_STATUS_REJECTED) {
-      metrics_.verdicts[static_cast<std::size_t>(verdict.status()) - 1]->Increment();
+    if (offered) connection_.record_acknowledgement(*offered, Clock::now());
+    if (acknowledgement.status() >= v1::Acknowledgement::ACK_STATUS_COMMITTED &&
+        acknowledgement.status() <= v1::Acknowledgement::ACK_STATUS_REJECTED) {
+      metrics_.acknowledgements[static_cast<std::size_t>(acknowledgement.status()) - 1]
+          ->Increment();
     }
-    const std::string name = v1::Acknowledgement::AckStatus_Name(verdict.status());
-    log_.write(name.substr(sizeof "ACK_STATUS_" - 1).c_str(), key, verdict.reason());
-    const bool rejected = verdict.status() == v1::Acknowledgement::ACK_STATUS_REJECTED;
-    say(rejected ? LogLevel::warn : LogLevel::debug, key.job_id,
-        absl::StrCat("unit ", to_string(key), rejected ? " is rejected: " : ": ",
-                     rejected ? verdict.reason() : name));
+    const std::string name = v1::Acknowledgement::AckStatus_Name(acknowledgement.status());
+    log_.write(name.substr(sizeof "ACK_STATUS_" - 1).c_str(), key, acknowledgement.reason());
+    const bool rejected = acknowledgement.status() == v1::Acknowledgement::ACK_STATUS_REJECTED;
+    log_job_line(rejected ? LogLevel::warn : LogLevel::debug, key.job_id,
+                 absl::StrCat("unit ", to_string(key), rejected ? " rejected: " : ": ",
+                              rejected ? acknowledgement.reason() : name));
   }
 
-  /// Logs a line, and keeps it for the server if it is about a job and worth being logged here.
-  void say(LogLevel level, const std::string& job_id, const std::string& line) {
+  /// Logs a line, and forwards it to the server if it is about a job and at or above the log level.
+  void log_job_line(LogLevel level, const std::string& job_id, const std::string& line) {
     options_.log(level, line);
-    if (!job_id.empty() && level >= options_.log_level) relay_.add(level, job_id, line);
+    if (!job_id.empty() && level >= options_.log_level) log_forwarder_.add(level, job_id, line);
   }
 
-  void relay_lines(Time now) {
-    if (!link_.connected()) return;
-    auto lines = relay_.take(now);
+  void forward_log_lines(Time now) {
+    if (!connection_.connected()) return;
+    auto lines = log_forwarder_.take(now);
     if (!lines) return;
     v1::WorkRequest request;
     *request.mutable_log_lines() = *std::move(lines);
-    link_.send(std::move(request));
+    connection_.send(std::move(request));
   }
 
-  /// Sets the gauges: the queue belongs to this thread, which is not the one that is asked.
-  void take_stock() {
+  /// Updates the gauges: the queue belongs to this thread, and metrics are read on another.
+  void update_gauges() {
     const auto waiting = static_cast<double>(queue_.waiting().size());
     const auto started = static_cast<double>(queue_.started().size());
     metrics_.units.waiting.Set(waiting);
     metrics_.units.started.Set(started);
     metrics_.units.unacknowledged.Set(queue_.size() - waiting - started);
-    metrics_.connected.Set(link_.connected() ? 1 : 0);
-    metrics_.ack_latency_seconds.Set(link_.round_trip_seconds());
+    metrics_.connected.Set(connection_.connected() ? 1 : 0);
+    metrics_.ack_latency_seconds.Set(connection_.ack_latency_seconds());
   }
 
-  void answer_revocation(const std::vector<UnitKey>& units) {
+  void return_units(const std::vector<UnitKey>& units) {
     if (units.empty()) return;
     v1::WorkRequest request;
     for (const UnitKey& key : units) *request.mutable_returned()->add_units() = id_of(key);
-    link_.send(std::move(request));
+    connection_.send(std::move(request));
   }
 
-  void leave(const char* why) {
-    if (leaving_) return;
-    leaving_ = true;
-    leave_by_ = Clock::now() + options_.grace;
-    options_.log(LogLevel::info, absl::StrCat("leaving on ", why));
+  void drain(const char* reason) {
+    if (draining_) return;
+    draining_ = true;
+    drain_deadline_ = Clock::now() + options_.grace;
+    options_.log(LogLevel::info, absl::StrCat("draining: ", reason));
     v1::WorkRequest request;
     request.mutable_draining();
-    link_.send(std::move(request));
-    answer_revocation(queue_.hand_back_waiting());
+    connection_.send(std::move(request));
+    return_units(queue_.return_waiting());
   }
 
   void close() {
-    link_.finish();
+    connection_.finish();
     const Time limit = Clock::now() + kCloseTimeout;
-    while (!link_.closed()) {
-      if (Clock::now() >= limit) link_.cancel();
-      mailbox_.run_until(Clock::now() + milliseconds(50));
+    while (!connection_.closed()) {
+      if (Clock::now() >= limit) connection_.cancel();
+      event_loop_.run_until(Clock::now() + milliseconds(50));
     }
   }
 
@@ -335,14 +336,14 @@ class Agent {
   UnitLog log_;
   AgentMetrics& metrics_;
   UnitQueue queue_;
-  EventLoop mailbox_;
-  JobLogForwarder relay_;
-  bool leaving_ = false;
-  Time leave_by_{};
+  EventLoop event_loop_;
+  JobLogForwarder log_forwarder_;
+  bool draining_ = false;
+  Time drain_deadline_{};
   std::optional<absl::Status> end_;
-  RendererSupervisor desk_;
-  ServerConnection link_;
-  JobFetcher fetcher_;  // last: its thread ends before what it posts to
+  RendererSupervisor supervisor_;
+  ServerConnection connection_;
+  JobFetcher fetcher_;  // last: its thread ends before the members it posts to
 };
 
 }  // namespace

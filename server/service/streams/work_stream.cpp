@@ -13,6 +13,7 @@
 
 #include "rpc/rpc_status.h"
 #include "server/service/access/numerics_check.h"
+#include "server/service/access/protocol_check.h"
 #include "server/service/messages/messages.h"
 
 namespace tessera::server {
@@ -226,10 +227,9 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
       return absl::InvalidArgumentError("the first message must be hello");
     }
     const v1::WorkerHello& message = request_.hello();
-    if (absl::Status status = check_numerics(message.contract_version(), message.numerics_sha256());
-        !status.ok()) {
-      return status;
-    }
+    absl::Status status = check_protocol("worker", message.protocol_version());
+    if (status.ok()) status = check_numerics(message.contract_version(), message.numerics_sha256());
+    if (!status.ok()) return status;
     auto hello = from_message(message);
     if (!hello.ok()) return hello.status();
     hello->certificate = caller_.certificate();

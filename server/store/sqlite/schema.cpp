@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::int64_t kApplicationId = 0x54535241;  // "TSRA", in the SQLite header
 
-/// Step n brings version n to version n + 1. Steps are only ever added.
+/// Step n migrates schema version n to n + 1. Released steps never change.
 constexpr const char* kSteps[] = {
     R"sql(
 CREATE TABLE store(
@@ -22,7 +22,7 @@ CREATE TABLE jobs(
   sequence INTEGER PRIMARY KEY AUTOINCREMENT,
   id TEXT NOT NULL UNIQUE,
   request_id TEXT UNIQUE,
-  removed INTEGER NOT NULL DEFAULT 0,        -- the row stays, so that the ids stay taken
+  removed INTEGER NOT NULL DEFAULT 0,        -- the row stays, so that the IDs stay taken
   first_segment INTEGER NOT NULL DEFAULT 0,  -- blocks in earlier segments are released
   name TEXT NOT NULL,
   owner TEXT NOT NULL,
@@ -70,19 +70,19 @@ CREATE TABLE workers(
     R"sql(
 CREATE TABLE joins(
   worker TEXT NOT NULL,
-  token TEXT NOT NULL,        -- its id
-  certificate TEXT NOT NULL,  -- name of the worker's, which nobody else's worker takes over
+  token TEXT NOT NULL,        -- its ID
+  certificate TEXT NOT NULL,  -- its name; no other certificate may use the worker ID
   PRIMARY KEY (worker, token)) WITHOUT ROWID;
 )sql",
     R"sql(
 ALTER TABLE units ADD COLUMN audit INTEGER NOT NULL DEFAULT 0;  -- AuditState in store.h
 )sql",
     R"sql(
-CREATE TABLE bans(worker TEXT PRIMARY KEY) WITHOUT ROWID;  -- ids, found lying or banned
-ALTER TABLE assets ADD COLUMN used_us INTEGER NOT NULL DEFAULT 0;  -- when a job last gave it up
+CREATE TABLE bans(worker TEXT PRIMARY KEY) WITHOUT ROWID;  -- IDs of banned or quarantined workers
+ALTER TABLE assets ADD COLUMN used_us INTEGER NOT NULL DEFAULT 0;  -- when the last job that used it was removed
 )sql",
     R"sql(
-CREATE TABLE totals(  -- what units without a row came to: those of jobs that are over
+CREATE TABLE totals(  -- sums over units of finished jobs, whose rows are deleted
   job INTEGER NOT NULL,
   worker TEXT NOT NULL,
   units INTEGER NOT NULL,
@@ -93,7 +93,7 @@ INSERT INTO totals(job, worker, units, cpu_seconds, audited)
   SELECT job, worker, COUNT(*), TOTAL(cpu_seconds), COUNT(*) FILTER (WHERE audit=2)
   FROM units WHERE job IN (SELECT sequence FROM jobs WHERE state=4) GROUP BY job, worker;
 DELETE FROM units WHERE job IN (SELECT sequence FROM jobs WHERE state=4);  -- DONE
-ALTER TABLE joins ADD COLUMN seen_us INTEGER NOT NULL DEFAULT 0;  -- when the worker last was here
+ALTER TABLE joins ADD COLUMN seen_us INTEGER NOT NULL DEFAULT 0;  -- when the worker was last connected
 UPDATE joins SET seen_us=CAST(strftime('%s', 'now') AS INTEGER) * 1000000;
 )sql",
     R"sql(
@@ -114,25 +114,30 @@ absl::Status read_version(Database& database, std::int64_t& version) {
   if (status.ok()) status = read_pragma(database, "PRAGMA application_id", application);
   if (!status.ok()) return status;
   if (version < 0 || (version > 0 && application != kApplicationId)) {
-    return absl::DataLossError("the store's database was not written by this program");
+    return absl::DataLossError("store.db is not a database of tessera-server");
   }
   if (version > kSchemaVersion) {
-    return absl::FailedPreconditionError(absl::StrCat("the store has schema ", version,
-                                                      ", written by a newer version; this one ",
-                                                      "reads up to ", kSchemaVersion));
+    return absl::FailedPreconditionError(
+        absl::StrCat("the store has schema ", version,
+                     ", written by a newer version; this version reads schema ", kSchemaVersion,
+                     " and older: upgrade this program"));
   }
   return absl::OkStatus();
 }
 
 }  // namespace
 
+std::int64_t schema_version() {
+  return kSchemaVersion;
+}
+
 absl::Status check_schema(Database& database) {
   std::int64_t version = 0;
   if (absl::Status status = read_version(database, version); !status.ok()) return status;
   if (version == kSchemaVersion) return absl::OkStatus();
-  return absl::FailedPreconditionError(absl::StrCat(
-      "the store has schema ", version, ", written by an older version; starting this version's ",
-      "server on it once brings it up to ", kSchemaVersion));
+  return absl::FailedPreconditionError(
+      absl::StrCat("the store has schema ", version, ", written by an older version; start this ",
+                   "version's server on it once, which migrates it to schema ", kSchemaVersion));
 }
 
 absl::Status migrate(Database& database) {

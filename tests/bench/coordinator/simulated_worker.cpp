@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "rpc/channel.h"
+#include "rpc/protocol_version.h"
 #include "rpc/settings_message.h"
 #include "contract/version.h"
 
@@ -155,6 +156,7 @@ void SimulatedWorker::start() {
   hello.set_worker_id(options_.id);
   hello.set_name(options_.id);
   hello.set_host("simulated");
+  hello.set_protocol_version(contract::kProtocolVersion);
   hello.set_contract_version(contract::kRenderContract);
   hello.set_numerics_sha256(options_.numerics);
   hello.set_isa("none");

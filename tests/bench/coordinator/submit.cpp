@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rpc/channel.h"
+#include "rpc/protocol_version.h"
 #include "contract/digest.h"
 #include "rpc/settings_message.h"
 #include "tessera/v1/asset_service.grpc.pb.h"
@@ -45,6 +46,7 @@ bool upload(const std::shared_ptr<grpc::Channel>& channel, const std::string& to
 
 v1::CreateJobRequest job_request(const RenderSettings& settings, const std::string& scene) {
   v1::CreateJobRequest request;
+  request.set_protocol_version(tessera::contract::kProtocolVersion);
   request.set_request_id("bench-" + std::to_string(getpid()));
   request.set_name("bench");
   *request.mutable_settings() = tessera::contract::to_message(settings);

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "contract/digest.h"
+#include "rpc/protocol_version.h"
 #include "tessera/v1/job_service.pb.h"
 
 namespace tessera::server {
@@ -20,6 +21,7 @@ inline v1::AssetId id_of(const std::string& bytes) {
 /// A job of 3 x 3 tiles over the asset kScene.
 inline v1::CreateJobRequest request_of(const std::string& name, std::int32_t spp = 16) {
   v1::CreateJobRequest request;
+  request.set_protocol_version(contract::kProtocolVersion);
   request.set_request_id("request-" + name);
   request.set_name(name);
   v1::RenderSettings& settings = *request.mutable_settings();

@@ -8,6 +8,7 @@
 #include "contract/tile_grid.h"
 #include "contract/version.h"
 #include "rpc/channel.h"
+#include "rpc/protocol_version.h"
 #include "rpc/settings_message.h"
 
 namespace tessera::server {
@@ -21,6 +22,7 @@ TestWorker::TestWorker(const std::shared_ptr<grpc::Channel>& channel, std::strin
     : stub_(v1::WorkerService::NewStub(channel)) {
   hello.set_worker_id(id);
   hello.set_name(std::move(id));
+  hello.set_protocol_version(contract::kProtocolVersion);
   hello.set_contract_version(contract::kRenderContract);
   hello.set_numerics_sha256(contract::Digest::from_hex(contract::kNumericsSha256)->binary());
   hello.set_isa("avx2");

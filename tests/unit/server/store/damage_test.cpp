@@ -9,7 +9,9 @@
 #include <vector>
 
 #include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
 #include "server/store/sqlite/database.h"
+#include "server/store/sqlite/schema.h"
 #include "server/store/store.h"
 #include "tests/support/failing_disk.h"
 #include "tests/support/scratch_folder.h"
@@ -54,6 +56,23 @@ class DamageTest : public ::testing::Test {
     ASSERT_TRUE(stream.is_open()) << file;
     stream.seekp(offset);
     stream << bytes;
+  }
+
+  void change_rows(const std::string& sql) const {
+    const auto rows = Database::open(path() + "/store.db", "", Database::Mode::writer);
+    ASSERT_TRUE(rows.ok()) << rows.status();
+    const absl::Status changed = (*rows)->script(sql.c_str());
+    ASSERT_TRUE(changed.ok()) << changed;
+  }
+  std::int64_t stored_schema() const {
+    std::int64_t version = -1;
+    const auto rows = Database::open(path() + "/store.db", "", Database::Mode::reader);
+    EXPECT_TRUE(rows.ok()) << rows.status();
+    EXPECT_TRUE(
+        (*rows)
+            ->each("PRAGMA user_version", {}, [&](const SqlRow& row) { version = row.integer(0); })
+            .ok());
+    return version;
   }
 
   ScratchFolder folder_;
@@ -123,32 +142,40 @@ TEST_F(DamageTest, RowsThatCannotBeReadAreReportedAndNotTakenForNone) {
   EXPECT_TRUE(std::filesystem::exists(segment())) << "a damaged table must not look like orphans";
 }
 
-TEST_F(DamageTest, ANewerSchemaIsRefusedAndLeftAlone) {
-  const std::vector<Commit> group = make_store();
-  {
-    auto database = Database::open(path() + "/store.db", "", Database::Mode::writer);
-    ASSERT_TRUE(database.ok()) << database.status();
-    ASSERT_TRUE((*database)->script("PRAGMA user_version=1000").ok());
-  }
+TEST_F(DamageTest, NextSchemaIsRefusedAndStoreIsUnchanged) {
+  make_store();
+  const std::int64_t next = schema_version() + 1;
+  change_rows(absl::StrCat("PRAGMA user_version=", next));
   const auto store = open();
   EXPECT_TRUE(absl::IsFailedPrecondition(store.status())) << store.status();
-  EXPECT_TRUE(absl::StrContains(store.status().message(), "newer")) << store.status();
+  EXPECT_EQ(store.status().message(),
+            absl::StrCat("store ", path(), ": the store has schema ", next,
+                         ", written by a newer version; this version reads schema ", next - 1,
+                         " and older: upgrade this program"));
+  EXPECT_EQ(stored_schema(), next);
   EXPECT_TRUE(std::filesystem::exists(segment()));
+}
+
+TEST_F(DamageTest, PreviousSchemaIsMigrated) {
+  const std::vector<Commit> group = make_store();
+  change_rows(absl::StrCat("ALTER TABLE jobs DROP COLUMN render_contract; PRAGMA user_version=",
+                           schema_version() - 1));
+  const auto store = open();
+  ASSERT_TRUE(store.ok()) << store.status();
+  EXPECT_EQ(stored_schema(), schema_version());
+  std::size_t units = 0;
+  EXPECT_TRUE((*store)->for_each_unit(group[0].job_id, [&](const UnitRecord&) { ++units; }).ok());
+  EXPECT_EQ(units, group.size());
 }
 
 TEST_F(DamageTest, AStoreOfTheFirstSchemaIsBroughtUpToDate) {
   const std::vector<Commit> group = make_store();
-  {
-    auto database = Database::open(path() + "/store.db", "", Database::Mode::writer);
-    ASSERT_TRUE(database.ok()) << database.status();
-    ASSERT_TRUE((*database)
-                    ->script("DROP TABLE joins; DROP TABLE totals; ALTER TABLE units DROP COLUMN "
-                             "audit; DROP TABLE bans; "
-                             "ALTER TABLE assets DROP COLUMN used_us; "
-                             "ALTER TABLE jobs DROP COLUMN render_contract; "
-                             "PRAGMA user_version=1")
-                    .ok());
-  }
+  change_rows(
+      "DROP TABLE joins; DROP TABLE totals; ALTER TABLE units DROP COLUMN "
+      "audit; DROP TABLE bans; "
+      "ALTER TABLE assets DROP COLUMN used_us; "
+      "ALTER TABLE jobs DROP COLUMN render_contract; "
+      "PRAGMA user_version=1");
   const auto store = open();
   ASSERT_TRUE(store.ok()) << store.status();
   EXPECT_TRUE((*store)->remember_join({"worker", "token", "certificate"}, 1).ok());
@@ -160,15 +187,10 @@ TEST_F(DamageTest, AStoreOfTheFirstSchemaIsBroughtUpToDate) {
 
 TEST_F(DamageTest, UnitsOfJobsThatWereDoneUnderAnOlderSchemaAreAddedUp) {
   make_store();
-  {
-    auto database = Database::open(path() + "/store.db", "", Database::Mode::writer);
-    ASSERT_TRUE(database.ok()) << database.status();
-    ASSERT_TRUE((*database)
-                    ->script("DROP TABLE totals; ALTER TABLE joins DROP COLUMN seen_us; "
-                             "ALTER TABLE jobs DROP COLUMN render_contract; "
-                             "UPDATE jobs SET state=4; PRAGMA user_version=4")
-                    .ok());
-  }
+  change_rows(
+      "DROP TABLE totals; ALTER TABLE joins DROP COLUMN seen_us; "
+      "ALTER TABLE jobs DROP COLUMN render_contract; "
+      "UPDATE jobs SET state=4; PRAGMA user_version=4");
   const auto store = open();
   ASSERT_TRUE(store.ok()) << store.status();
   EXPECT_TRUE((*store)->for_each_unit("a", [](const UnitRecord&) { FAIL(); }).ok());
@@ -198,11 +220,7 @@ TEST_F(DamageTest, ADiskThatIsFullAtACheckpointFailsNothing) {
 
 TEST_F(DamageTest, AForeignDatabaseIsRefused) {
   std::filesystem::create_directory(path());
-  {
-    auto database = Database::open(path() + "/store.db", "", Database::Mode::writer);
-    ASSERT_TRUE(database.ok()) << database.status();
-    ASSERT_TRUE((*database)->script("CREATE TABLE theirs(x); PRAGMA user_version=1").ok());
-  }
+  change_rows("CREATE TABLE theirs(x); PRAGMA user_version=1");
   const auto store = open();
   EXPECT_TRUE(absl::IsDataLoss(store.status())) << store.status();
 }

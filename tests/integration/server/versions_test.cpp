@@ -1,0 +1,89 @@
+// Programs of other versions get a message that names both versions and says what to do.
+#include <string>
+
+#include "contract/version.h"
+#include "rpc/protocol_version.h"
+#include "tests/integration/server/test_farm.h"
+
+namespace tessera::server {
+namespace {
+
+using grpc::StatusCode;
+
+class VersionsTest : public TestFarm {
+ protected:
+  /// The status with which the server refuses a worker that sends this hello.
+  grpc::Status refusal(const v1::WorkerHello& hello) {
+    TestWorker worker(server_->channel(), hello.worker_id());
+    worker.hello = hello;
+    EXPECT_FALSE(worker.open());
+    return worker.close();
+  }
+  v1::WorkerHello hello() { return TestWorker(server_->channel(), "w1").hello; }
+  grpc::Status submit(int protocol_version) {
+    v1::CreateJobRequest request = request_of("a");
+    request.set_protocol_version(protocol_version);
+    v1::CreateJobResponse response;
+    EXPECT_TRUE(upload(id_of(kScene), kScene).ok());
+    return create(request, response);
+  }
+};
+
+TEST_F(VersionsTest, WorkerWithoutProtocolVersionIsRefused) {
+  v1::WorkerHello old = hello();
+  old.clear_protocol_version();
+  const grpc::Status status = refusal(old);
+  EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
+  EXPECT_EQ(status.error_message(),
+            "this worker speaks protocol version 0 (none was sent), this server version 1: upgrade "
+            "the worker");
+}
+
+TEST_F(VersionsTest, WorkerWithNewerProtocolIsRefused) {
+  v1::WorkerHello newer = hello();
+  newer.set_protocol_version(contract::kProtocolVersion + 1);
+  const grpc::Status status = refusal(newer);
+  EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
+  EXPECT_EQ(status.error_message(),
+            "this worker speaks protocol version 2, this server version 1: upgrade the server, or "
+            "install its version of the worker");
+}
+
+TEST_F(VersionsTest, WorkerWithOlderRenderContractIsRefused) {
+  v1::WorkerHello old = hello();
+  old.set_contract_version(10);
+  const grpc::Status status = refusal(old);
+  EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
+  EXPECT_EQ(status.error_message(), "this worker has render contract 10, this server " +
+                                        std::to_string(contract::kRenderContract) +
+                                        ": install the server's version of the worker");
+}
+
+TEST_F(VersionsTest, WorkerOfThisVersionIsWelcomed) {
+  TestWorker worker(server_->channel(), "w1");
+  EXPECT_TRUE(worker.open());
+}
+
+TEST_F(VersionsTest, ClientWithoutProtocolVersionIsRefused) {
+  const grpc::Status status = submit(0);
+  EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
+  EXPECT_EQ(status.error_message(),
+            "this client speaks protocol version 0 (none was sent), this server version 1: upgrade "
+            "the client");
+}
+
+TEST_F(VersionsTest, ClientWithNewerProtocolIsRefused) {
+  const grpc::Status status = submit(contract::kProtocolVersion + 1);
+  EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
+  EXPECT_EQ(status.error_message(),
+            "this client speaks protocol version 2, this server version 1: upgrade the server, or "
+            "install its version of the client");
+}
+
+TEST_F(VersionsTest, ClientOfThisVersionSubmits) {
+  const grpc::Status status = submit(contract::kProtocolVersion);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+}
+
+}  // namespace
+}  // namespace tessera::server
