@@ -1,68 +1,13 @@
-#include <google/protobuf/stubs/common.h>
-#include <grpcpp/grpcpp.h>
-#include <openssl/crypto.h>
-
 #include <CLI/CLI.hpp>
 #include <csignal>
-#include <cstdlib>
-#include <memory>
-#include <string>
 
-#include "client/commands/commands.h"
-#include "client/cli/config_file.h"
-#include "cli/version_text.h"
-#include "image/codecs/library_versions.h"
-
-namespace {
-
-using tessera::client::Invocation;
-
-/// $XDG_CONFIG_HOME/tessera/config.toml, else ~/.config/tessera/config.toml; empty without a home.
-std::string config_path() {
-  if (const char* folder = std::getenv("XDG_CONFIG_HOME"); folder != nullptr && *folder != 0) {
-    return std::string(folder) + "/tessera/config.toml";
-  }
-  const char* home = std::getenv("HOME");
-  return home == nullptr ? "" : std::string(home) + "/.config/tessera/config.toml";
-}
-
-void add_top_options(CLI::App& app, Invocation& invocation) {
-  app.add_option("--server", invocation.connection.server, "Default of every --server")
-      ->envname("TESSERA_SERVER")
-      ->group("");
-  app.add_option("--certs", invocation.connection.certs, "Default of every --certs")
-      ->envname("TESSERA_CERTS")
-      ->group("");
-  app.add_option("--token", invocation.connection.token_file, "Default of every --token")
-      ->group("");
-  app.set_config("--config", config_path(),
-                 "File of defaults (TOML): server = \"…\", [render] spp = 256");
-  app.config_formatter(std::make_shared<tessera::client::ConfigFile>(app));
-  app.set_version_flag(
-      "--version",
-      tessera::contract::version_text(
-          "tessera", TESSERA_VERSION, tessera::contract::kBaselineIsa,
-          {{"gRPC", grpc::Version()},
-           {"protobuf", google::protobuf::internal::VersionString(GOOGLE_PROTOBUF_VERSION)},
-           {"OpenSSL", OpenSSL_version(OPENSSL_VERSION_STRING)}},
-          tessera::image::library_versions()));
-  app.require_subcommand(1);
-  app.footer(
-      "Examples:\n"
-      "  tessera render scene.glb -o out.exr --spp 256\n"
-      "  tessera submit scene.glb --frames 0-99 --wait\n"
-      "  tessera watch last");
-}
-
-}  // namespace
+#include "client/program.h"
 
 int main(int argc, char** argv) {
   std::signal(SIGPIPE, SIG_IGN);
-  Invocation invocation;
-  CLI::App app("Renders glTF scenes on this machine or on a farm, the same bits either way.",
-               "tessera");
-  add_top_options(app, invocation);
-  tessera::client::add_all_commands(app, invocation);
+  tessera::client::Invocation invocation;
+  CLI::App app;
+  tessera::client::describe_program(app, invocation);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {  // CLI11 reports wrong usage, and --help, by throwing

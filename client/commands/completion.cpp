@@ -7,37 +7,11 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
+#include "client/cli/shown_options.h"
 #include "client/commands/commands.h"
 
 namespace tessera::client {
 namespace {
-
-/// Options of a command that --help shows, with their names as they are typed.
-struct ShownOption {
-  std::vector<std::string> names;  // "-o", "--output"
-  std::string description;
-  bool takes_value = false;
-  bool takes_folder = false;
-};
-
-std::vector<ShownOption> shown_options(const CLI::App& app) {
-  std::vector<ShownOption> shown;
-  for (const CLI::Option* option : app.get_options()) {
-    if (option->get_group().empty() || option->get_positional()) continue;
-    ShownOption one;
-    for (const std::string& name : option->get_snames()) one.names.push_back("-" + name);
-    for (const std::string& name : option->get_lnames()) one.names.push_back("--" + name);
-    one.description = option->get_description();
-    one.takes_value = option->get_items_expected_max() > 0;
-    one.takes_folder = option->get_type_name() == "DIR";
-    if (!one.names.empty()) shown.push_back(std::move(one));
-  }
-  return shown;
-}
-
-std::vector<const CLI::App*> subcommands(const CLI::App& app) {
-  return app.get_subcommands([](const CLI::App* each) { return !each->get_group().empty(); });
-}
 
 std::string all_names(const CLI::App& app) {
   std::vector<std::string> words;
@@ -49,7 +23,7 @@ std::string all_names(const CLI::App& app) {
 
 std::string command_names(const CLI::App& app) {
   std::vector<std::string> names;
-  for (const CLI::App* command : subcommands(app)) names.push_back(command->get_name());
+  for (const CLI::App* command : shown_subcommands(app)) names.push_back(command->get_name());
   return absl::StrJoin(names, " ");
 }
 
@@ -66,7 +40,7 @@ std::string bash_script(const CLI::App& app) {
       "  case \"$command\" in\n";
   absl::StrAppend(&script, "    \"\") COMPREPLY=($(compgen -W \"", command_names(app), " ",
                   all_names(app), "\" -- \"$word\")) ;;\n");
-  for (const CLI::App* command : subcommands(app)) {
+  for (const CLI::App* command : shown_subcommands(app)) {
     absl::StrAppend(&script, "    ", command->get_name(), ") [[ $word == -* ]] && ",
                     "COMPREPLY=($(compgen -W \"", all_names(*command), "\" -- \"$word\")) ;;\n");
   }
@@ -87,9 +61,9 @@ std::string zsh_options(const CLI::App& app, const std::string& indent) {
   std::string text;
   for (const ShownOption& option : shown_options(app)) {
     for (const std::string& name : option.names) {
-      const char* value = !option.takes_value   ? ""
-                          : option.takes_folder ? ":folder:_files -/"
-                                                : ":value:_files";
+      const char* value = option.value.empty()    ? ""
+                          : option.value == "DIR" ? ":folder:_files -/"
+                                                  : ":value:_files";
       absl::StrAppend(&text, " \\\n", indent, "'", name, "[", zsh_text(option.description), "]",
                       value, "'");
     }
@@ -104,7 +78,7 @@ std::string zsh_script(const CLI::App& app) {
       "_tessera() {\n"
       "  local -a commands\n"
       "  commands=(\n";
-  for (const CLI::App* command : subcommands(app)) {
+  for (const CLI::App* command : shown_subcommands(app)) {
     absl::StrAppend(&script, "    '", command->get_name(), ":",
                     zsh_text(command->get_description()), "'\n");
   }
@@ -114,7 +88,7 @@ std::string zsh_script(const CLI::App& app) {
                   "    command) _describe command commands ;;\n"
                   "    argument)\n"
                   "      case \"$words[1]\" in\n");
-  for (const CLI::App* command : subcommands(app)) {
+  for (const CLI::App* command : shown_subcommands(app)) {
     absl::StrAppend(&script, "        ", command->get_name(), ") _arguments",
                     zsh_options(*command, "          "), " \\\n          '*:file:_files' ;;\n");
   }
@@ -137,8 +111,8 @@ std::string fish_options(const CLI::App& app, const std::string& condition) {
     for (const std::string& name : option.names) {
       absl::StrAppend(&text, name[1] == '-' ? " -l " + name.substr(2) : " -s " + name.substr(1));
     }
-    absl::StrAppend(&text, option.takes_value ? " -r" : "", " -d '", fish_text(option.description),
-                    "'\n");
+    absl::StrAppend(&text, !option.value.empty() ? " -r" : "", " -d '",
+                    fish_text(option.description), "'\n");
   }
   return text;
 }
@@ -146,23 +120,16 @@ std::string fish_options(const CLI::App& app, const std::string& condition) {
 std::string fish_script(const CLI::App& app) {
   std::string script =
       "# fish completion of tessera: put it into ~/.config/fish/completions/tessera.fish\n";
-  for (const CLI::App* command : subcommands(app)) {
+  for (const CLI::App* command : shown_subcommands(app)) {
     absl::StrAppend(&script, "complete -c tessera -f -n __fish_use_subcommand -a ",
                     command->get_name(), " -d '", fish_text(command->get_description()), "'\n");
   }
   absl::StrAppend(&script, fish_options(app, "__fish_use_subcommand"));
-  for (const CLI::App* command : subcommands(app)) {
+  for (const CLI::App* command : shown_subcommands(app)) {
     absl::StrAppend(&script,
                     fish_options(*command, "__fish_seen_subcommand_from " + command->get_name()));
   }
   return script;
-}
-
-/// Text as roff shows it unchanged: backslashes, hyphens, and leading dots escaped.
-std::string roff_text(const std::string& text) {
-  std::string escaped = absl::StrReplaceAll(text, {{"\\", "\\e"}, {"-", "\\-"}});
-  escaped = absl::StrReplaceAll(escaped, {{"\n.", "\n\\&."}, {"\n'", "\n\\&'"}});
-  return !escaped.empty() && (escaped[0] == '.' || escaped[0] == '\'') ? "\\&" + escaped : escaped;
 }
 
 struct CompletionOptions {
@@ -176,54 +143,6 @@ std::string completion_script(const CLI::App& app, const std::string& shell) {
   if (shell == "zsh") return zsh_script(app);
   if (shell == "fish") return fish_script(app);
   return "";
-}
-
-std::string man_page(const CLI::App& command, const std::string& program) {
-  const std::string name = absl::StrReplaceAll(program, {{" ", "-"}});
-  std::string page =
-      absl::StrCat(".TH \"", name, "\" 1 \"\" \"tessera\" \"Tessera manual\"\n", ".SH NAME\n",
-                   roff_text(name), " \\- ", roff_text(command.get_description()), "\n");
-  std::string positionals;
-  for (const CLI::Option* option : command.get_options()) {
-    if (!option->get_positional()) continue;
-    const std::string word = "\\fI" + roff_text(option->get_name(true)) + "\\fR";
-    absl::StrAppend(&positionals, " ", option->get_required() ? word : "[" + word + "]");
-  }
-  absl::StrAppend(&page, ".SH SYNOPSIS\n.B ", roff_text(program), "\n[options]", positionals,
-                  subcommands(command).empty() ? "" : " \\fIcommand\\fR", "\n");
-  if (!subcommands(command).empty()) {
-    absl::StrAppend(&page, ".SH COMMANDS\n");
-    for (const CLI::App* each : subcommands(command)) {
-      absl::StrAppend(&page, ".TP\n.B ", roff_text(each->get_name()), "\n",
-                      roff_text(each->get_description()), "\n");
-    }
-  }
-  absl::StrAppend(&page, ".SH OPTIONS\n");
-  for (const CLI::Option* option : command.get_options()) {
-    if (!option->get_positional()) continue;
-    absl::StrAppend(&page, ".TP\n.I ", roff_text(option->get_name(true)), "\n",
-                    roff_text(option->get_description()), "\n");
-  }
-  for (const ShownOption& option : shown_options(command)) {
-    absl::StrAppend(&page, ".TP\n.B ", roff_text(absl::StrJoin(option.names, ", ")),
-                    option.takes_value ? " \\fIvalue\\fR" : "", "\n", roff_text(option.description),
-                    "\n");
-  }
-  if (!command.get_footer().empty()) {
-    absl::StrAppend(&page, ".SH NOTES\n.nf\n", roff_text(command.get_footer()), "\n.fi\n");
-  }
-  absl::StrAppend(&page,
-                  ".SH EXIT STATUS\n"
-                  "0 done; 1 job failed or cancelled, or a comparison over its limit; 2 wrong "
-                  "usage or bad input; 3 farm not reachable, or it refused; 130 interrupted.\n");
-  return page;
-}
-
-std::string man_page_of_help(const std::string& name, const std::string& help) {
-  const std::string first_line = help.substr(0, help.find('\n'));
-  return absl::StrCat(".TH \"", name, "\" 1 \"\" \"tessera\" \"Tessera manual\"\n.SH NAME\n",
-                      roff_text(name), " \\- ", roff_text(first_line), "\n.SH DESCRIPTION\n.nf\n",
-                      roff_text(help), "\n.fi\n");
 }
 
 void add_completion_command(CLI::App& app, Invocation& invocation) {

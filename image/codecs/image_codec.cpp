@@ -17,11 +17,18 @@ bool begins_with(std::span<const std::byte> file, const std::string& magic, std:
          std::memcmp(file.data() + at, magic.data(), magic.size()) == 0;
 }
 
-/// The module lies beside the program: build folders, packages and images all keep it there.
-absl::StatusOr<RadianceDecoder> open_radiance() {
+/// Path of the decoder module: beside the program in a build directory, in ../lib/tessera where
+/// installed. The programs may be installed under any prefix.
+std::string radiance_path() {
   std::error_code error;
   const auto program = std::filesystem::read_symlink("/proc/self/exe", error);
-  const std::string path = (program.parent_path() / kRadianceModule).string();
+  const auto beside = program.parent_path() / kRadianceModule;
+  if (std::filesystem::exists(beside, error)) return beside.string();
+  return (program.parent_path().parent_path() / "lib/tessera" / kRadianceModule).string();
+}
+
+absl::StatusOr<RadianceDecoder> open_radiance() {
+  const std::string path = radiance_path();
   // Kept until the process ends: its objects and their code must not part.
   void* module = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (module == nullptr) {

@@ -1,0 +1,27 @@
+#include "client/cli/shown_options.h"
+
+#include <CLI/CLI.hpp>
+#include <utility>
+
+namespace tessera::client {
+
+std::vector<ShownOption> shown_options(const CLI::App& app) {
+  std::vector<ShownOption> shown;
+  for (const CLI::Option* option : app.get_options()) {
+    if (option->get_group().empty() || option->get_positional()) continue;
+    ShownOption one;
+    for (const std::string& name : option->get_snames()) one.names.push_back("-" + name);
+    for (const std::string& name : option->get_lnames()) one.names.push_back("--" + name);
+    one.description = option->get_description();
+    if (option->get_items_expected_max() > 0) one.value = option->get_type_name();
+    one.default_value = option->get_default_str();
+    if (!one.names.empty()) shown.push_back(std::move(one));
+  }
+  return shown;
+}
+
+std::vector<const CLI::App*> shown_subcommands(const CLI::App& app) {
+  return app.get_subcommands([](const CLI::App* each) { return !each->get_group().empty(); });
+}
+
+}  // namespace tessera::client
