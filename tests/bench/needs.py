@@ -33,15 +33,15 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-TRAVERSAL, PACKET = "worker/accel/kernels/traversal.inc", "worker/accel/kernels/packet.inc"
+TRAVERSAL, PACKET = "worker/accel/kernels/traversal.h", "worker/accel/kernels/packet_traversal.h"
 PATHS, FRAME = "worker/render/path_tracer.cpp", "worker/render/frame_renderer.cpp"
 RAY, SURFACE = "worker/geometry/ray.h", "worker/shading/surface/surface.h"
 FEATURES = {  # feature: (file, what is there, what is put in its place)
     "instances": [
-        (TRAVERSAL, "if (trees.single) return meet_placed(", "return meet_placed("),
-        (TRAVERSAL, "  return meet_instances(trees, ray, query);\n}", "}"),
+        (TRAVERSAL, "if (scene.single) return intersect_placed(", "return intersect_placed("),
+        (TRAVERSAL, "  return intersect_instances(scene, ray, query);\n}", "}"),
         (TRAVERSAL, "if (!placed.identity) {", "if (false) {"),
-        (PACKET, "if (trees.single) {", "if (true) {"),
+        (PACKET, "if (scene.single) {", "if (true) {"),
         (PACKET, "if (!placed.identity) {", "if (false) {"),
     ],
     "alpha": [

@@ -30,27 +30,28 @@ inline KeyframePosition find_key(std::span<const float> times, float time) {
 }
 
 /// From a (f = 0) to b, never outside the two, whatever the rounding: a box around both holds it.
-inline float between(float a, float b, float f) {
+inline float lerp_bounded(float a, float b, float f) {
   const float v = std::fma(f, b - a, a);
   const float lo = b < a ? b : a, hi = b > a ? b : a;
   const float from = lo > v ? lo : v;
   return hi < from ? hi : from;
 }
 
-inline Vec3f between(const Vec3f& a, const Vec3f& b, float f) {
-  return {between(a.x, b.x, f), between(a.y, b.y, f), between(a.z, b.z, f)};
+inline Vec3f lerp_bounded(const Vec3f& a, const Vec3f& b, float f) {
+  return {lerp_bounded(a.x, b.x, f), lerp_bounded(a.y, b.y, f), lerp_bounded(a.z, b.z, f)};
 }
 
-inline Vec2f between(const Vec2f& a, const Vec2f& b, float f) {
-  return {between(a.x, b.x, f), between(a.y, b.y, f)};
+inline Vec2f lerp_bounded(const Vec2f& a, const Vec2f& b, float f) {
+  return {lerp_bounded(a.x, b.x, f), lerp_bounded(a.y, b.y, f)};
 }
 
-inline Vec4f between(const Vec4f& a, const Vec4f& b, float f) {
-  return {between(a.x, b.x, f), between(a.y, b.y, f), between(a.z, b.z, f), between(a.w, b.w, f)};
+inline Vec4f lerp_bounded(const Vec4f& a, const Vec4f& b, float f) {
+  return {lerp_bounded(a.x, b.x, f), lerp_bounded(a.y, b.y, f), lerp_bounded(a.z, b.z, f),
+          lerp_bounded(a.w, b.w, f)};
 }
 
 /// Number by number, rounded: points go along lines, within the boxes of both ends but for that.
-inline Affine3d between(const Affine3d& a, const Affine3d& b, float f) {
+inline Affine3d lerp(const Affine3d& a, const Affine3d& b, float f) {
   const auto s = static_cast<double>(f);
   Affine3d m;
   for (std::size_t k = 0; k < 3; ++k) m.rows[k] = a.rows[k] + (b.rows[k] - a.rows[k]) * s;
@@ -66,9 +67,9 @@ struct PunctualPose {
   bool operator==(const PunctualPose&) const = default;
 };
 
-inline PunctualPose between(const PunctualPose& a, const PunctualPose& b, float f) {
+inline PunctualPose lerp(const PunctualPose& a, const PunctualPose& b, float f) {
   return {a.position + (b.position - a.position) * static_cast<double>(f),
-          normalize(between(a.direction, b.direction, f))};
+          normalize(lerp_bounded(a.direction, b.direction, f))};
 }
 
 /// The instance `at` of a motion (object to world, by key); nullopt where it is singular: nothing
@@ -78,7 +79,7 @@ struct Pose {
 };
 
 inline std::optional<Pose> pose_at(std::span<const Affine3d> motion, const KeyframePosition& at) {
-  const Affine3d place = between(motion[at.segment], motion[at.segment + 1], at.f);
+  const Affine3d place = lerp(motion[at.segment], motion[at.segment + 1], at.f);
   const auto inverted = inverse(place);
   if (!inverted) return std::nullopt;
   return Pose{place, *inverted};

@@ -9,6 +9,7 @@
 #include "worker/geometry/surface_point.h"
 #include "worker/media/medium_traversal.h"
 #include "worker/media/medium_stack.h"
+#include "worker/render/path_media.h"
 #include "worker/sampling/dimensions.h"
 #include "worker/sampling/equi_angular.h"
 #include "worker/sampling/sampler.h"
@@ -20,18 +21,13 @@ namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 /// After the second scattering event, paths that carry less than this end by chance, or go on
-/// carrying this much. Measured: docs/performance.md.
+/// carrying this much. Measured: docs/notes/dropped-ideas.md.
 constexpr float kRouletteWeight = 0.5f;
 constexpr std::int32_t kRouletteDepth = 1;
 /// One in so many of the paths that are cut at max_depth is traced on, for the report only, up to
-/// so many scattering events (design.md, section 5).
+/// so many scattering events (docs/explanation/error-estimation.md#error-measure).
 constexpr std::uint64_t kCutPathsPerTraced = 64;
 constexpr std::int32_t kTracedOnDepth = 4096;
-
-/// The low 20 bits as a number in [0, 1).
-double fraction(std::uint64_t bits) {
-  return static_cast<double>(bits & 0xfffffu) * 0x1p-20;
-}
 
 LightSampleContext receiver_of(const Bsdf& bsdf, const SurfacePoint& position, float time) {
   return {position.position, bsdf.frame.normal, bsdf.interface != Interface::opaque, time};
@@ -54,23 +50,13 @@ struct Path {
   float wavelength = 0;  // nanometres; 0 until a dispersive surface asks for one
 };
 
-/// What only paths know that track all bodies they are in, and scatter between surfaces.
-struct MediaState {
-  explicit MediaState(const Sampler& sampler) : chance(sampler) {}
-  MediumStack interior;
-  MediumTraversal flight;
-  HashSequence chance;
-};
 struct NoMedia {
   explicit NoMedia(const Sampler& /*sampler*/) {}
 };
 
-/// Whether an event in a medium came before what the ray met.
-enum class Passage : std::uint8_t { none, scattered, ended };
-
 /// `kMedia`: for scenes that track bodies (ShadingScene::tracks_bodies).
 template <bool kMedia>
-class PathTracer {
+class PathTracer : PathMedia<PathTracer<kMedia>> {
  public:
   PathTracer(const FrameContext& frame, Sampler sampler, PathScratch* scratch)
       : frame_(frame),
@@ -83,6 +69,9 @@ class PathTracer {
   PathResult trace(const Ray& camera_ray, const Hit* first);
 
  private:
+  friend class PathMedia<PathTracer>;
+  using Media = PathMedia<PathTracer>;
+
   bool find_hit(Hit* hit);
   bool step(const Hit& hit);
   void widen(float distance, ShadingPoint* point);
@@ -97,15 +86,8 @@ class PathTracer {
   void add_direct(const Bsdf& bsdf, const TriangleId& id, const SurfacePoint& position);
   Vec3f light_through(const Ray& ray, const LightSample& light);
   Vec3f medium_transmittance(const Ray& ray, const LightSample& light) const;
-  Vec3f light_through_bodies(const Ray& ray, const LightSample& light);
-  bool passes_unseen(const ShadingPoint& point, const Hit& hit, const SurfacePoint& position);
   Bsdf bsdf_met(ShadingPoint point, const Vec4f& base) const;
   bool survives(float u);
-  Passage cross_medium(double distance);
-  std::optional<EquiAngular> place_near_a_light(const MediumSegment& stretch, double select);
-  bool scatter_in_medium(const MediumView& medium, const Vec3f& position, float weight);
-  void add_light_in_medium(const MediumView& medium, const Vec3f& position, const Vec3f& throughput,
-                           std::uint32_t set);
   bool draw_light(const LightSampleContext& receiver, std::uint32_t set, LightSample* light);
   bool scatter(const ShadingPoint& point, const Bsdf& bsdf, const TriangleId& id,
                const SurfacePoint& position);
@@ -133,7 +115,7 @@ PathResult PathTracer<kMedia>::trace(const Ray& camera_ray, const Hit* first) {
   path_.growth = frame_.camera.footprint_growth();
   if constexpr (kMedia) {
     media_.interior =
-        interior_at_start(frame_.shading, frame_.accel, camera_ray, scratch_->crossings.get());
+        initial_medium_stack(frame_.shading, frame_.accel, camera_ray, scratch_->crossings.get());
   }
   for (;; first = nullptr) {
     Hit hit;
@@ -141,7 +123,7 @@ PathResult PathTracer<kMedia>::trace(const Ray& camera_ray, const Hit* first) {
     const bool found = first != nullptr ? hit.id != TriangleId{} : find_hit(&hit);
     if constexpr (kMedia) {
       const float distance = found ? hit.t : path_.ray.t_max;
-      const Passage passage = cross_medium(static_cast<double>(distance));
+      const Passage passage = Media::cross_medium(static_cast<double>(distance));
       if (passage == Passage::ended) break;
       if (passage == Passage::scattered) continue;
     }
@@ -211,7 +193,7 @@ bool PathTracer<kMedia>::step(const Hit& hit) {
     widen(hit.t, &point);
   SurfacePoint position = position_of(point);
   if constexpr (kMedia) {
-    if (passes_unseen(point, hit, position)) return true;
+    if (Media::passes_unseen(point, hit, position)) return true;
   } else {
     absorb(point, hit.t);
   }
@@ -390,7 +372,7 @@ void PathTracer<kMedia>::add_direct(const Bsdf& bsdf, const TriangleId& id,
 /// Share of a light sample's radiance that arrives: 0 behind anything opaque.
 template <bool kMedia>
 Vec3f PathTracer<kMedia>::light_through(const Ray& ray, const LightSample& light) {
-  if constexpr (kMedia) return light_through_bodies(ray, light);
+  if constexpr (kMedia) return Media::light_through_bodies(ray, light);
   const auto traits = static_cast<std::uint8_t>(frame_.shading.traits &
                                                 (kTraitAlpha | kTraitUnlit | kTraitStraight));
   if (traits == 0) {
@@ -434,8 +416,6 @@ bool PathTracer<kMedia>::survives(float u) {
   }
   return true;
 }
-
-#include "worker/render/path_media.inc"
 
 template <bool kMedia>
 bool PathTracer<kMedia>::scatter(const ShadingPoint& point, const Bsdf& bsdf, const TriangleId& id,

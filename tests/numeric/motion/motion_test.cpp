@@ -18,7 +18,7 @@ TEST(Between, NeverLeavesItsEndsAndIsExactWhereTheyAgree) {
   for (int i = 0; i < 1'000'000; ++i) {
     const float a = dice.both() * std::exp2(static_cast<float>(dice.below(40)) - 20);
     const float b = dice.below(4) == 0 ? a : dice.both();
-    const float v = between(a, b, dice.below(8) == 0 ? 1.0f : dice.unit());
+    const float v = lerp_bounded(a, b, dice.below(8) == 0 ? 1.0f : dice.unit());
     ASSERT_GE(v, std::min(a, b));
     ASSERT_LE(v, std::max(a, b));
   }
@@ -48,8 +48,8 @@ Scene at_time(const Scene& scene, float time) {
     std::vector<Primitive> primitives(mesh.primitives.begin(), mesh.primitives.end());
     for (std::size_t p = 0; p < primitives.size(); ++p) {
       for (std::size_t v = 0; v < primitives[p].positions.size(); ++v) {
-        primitives[p].positions[v] = between(mesh.keys[at.segment][p].positions[v],
-                                             mesh.keys[at.segment + 1][p].positions[v], at.f);
+        primitives[p].positions[v] = lerp_bounded(mesh.keys[at.segment][p].positions[v],
+                                                  mesh.keys[at.segment + 1][p].positions[v], at.f);
       }
     }
     mesh.primitives = std::move(primitives);
@@ -159,7 +159,7 @@ Scene turning_things(Dice& dice) {
     // By any angle up to half a turn, where it shrinks to nothing on the way.
     scene.instances.back().motion = i;
     const Affine3d all = random_placement(dice, 1, Vec3d(dice.vector()), i % 3 == 0);
-    const Affine3d turn = between(Affine3d{}, all, i % 4 == 0 ? 1 : 0.3f * dice.unit());
+    const Affine3d turn = lerp(Affine3d{}, all, i % 4 == 0 ? 1 : 0.3f * dice.unit());
     const Affine3d& from = scene.instances.back().object_to_world;
     scene.motions.push_back({from, from * turn});
   }

@@ -30,7 +30,7 @@ struct MovingTriangle {
   std::array<Vec3f, 3> from, to;
 
   std::array<Vec3f, 3> at(float f) const {
-    return {between(from[0], to[0], f), between(from[1], to[1], f), between(from[2], to[2], f)};
+    return {lerp_bounded(from[0], to[0], f), lerp_bounded(from[1], to[1], f), lerp_bounded(from[2], to[2], f)};
   }
   /// Around it at all times between.
   Box3f box() const {

@@ -1,37 +1,33 @@
-#include <immintrin.h>
-
-#include <cmath>
-#include <limits>
-
+#include "worker/accel/kernels/avx2.h"
 #include "worker/accel/kernels/kernels.h"
-#include "worker/accel/layout/lanes.h"
-#include "worker/geometry/object_ray.h"
+#include "worker/accel/kernels/packet_traversal.h"
 
 namespace tessera::render::avx2 {
 namespace {
 
-#include "worker/accel/kernels/avx2_lanes.inc"
-#include "worker/accel/kernels/packet.inc"
+/// A type of this file alone gives the templates internal linkage, so that functions with one
+/// caller are inlined.
+struct LocalAvx2 : kernels::Avx2 {};
 
 }  // namespace
 
-bool closest_hit(const SceneBvh<8>& trees, const Ray& ray, Hit& hit) {
-  return find_closest<false>(trees, ray, nullptr, hit);
+bool closest_hit(const SceneBvh<8>& scene, const Ray& ray, Hit& hit) {
+  return kernels::find_closest_hit<LocalAvx2, false>(scene, ray, nullptr, hit);
 }
-bool closest_hit(const SceneBvh<8>& trees, const Ray& ray, const HitFilter& filter, Hit& hit) {
-  return find_closest<true>(trees, ray, &filter, hit);
+bool closest_hit(const SceneBvh<8>& scene, const Ray& ray, const HitFilter& filter, Hit& hit) {
+  return kernels::find_closest_hit<LocalAvx2, true>(scene, ray, &filter, hit);
 }
-bool any_hit(const SceneBvh<8>& trees, const Ray& ray) {
-  return find_any<false>(trees, ray, nullptr);
+bool any_hit(const SceneBvh<8>& scene, const Ray& ray) {
+  return kernels::find_any_hit<LocalAvx2, false>(scene, ray, nullptr);
 }
-bool any_hit(const SceneBvh<8>& trees, const Ray& ray, const HitFilter& filter) {
-  return find_any<true>(trees, ray, &filter);
+bool any_hit(const SceneBvh<8>& scene, const Ray& ray, const HitFilter& filter) {
+  return kernels::find_any_hit<LocalAvx2, true>(scene, ray, &filter);
 }
-std::uint64_t closest_hits(const SceneBvh<8>& trees, std::span<const Ray> rays, Hit* hits) {
-  return find_closest_of(trees, rays, hits);
+std::uint64_t closest_hits(const SceneBvh<8>& scene, std::span<const Ray> rays, Hit* hits) {
+  return kernels::find_closest_hits<LocalAvx2>(scene, rays, hits);
 }
-std::uint64_t any_hits(const SceneBvh<8>& trees, std::span<const Ray> rays) {
-  return find_any_of(trees, rays);
+std::uint64_t any_hits(const SceneBvh<8>& scene, std::span<const Ray> rays) {
+  return kernels::find_any_hits<LocalAvx2>(scene, rays);
 }
 
 }  // namespace tessera::render::avx2

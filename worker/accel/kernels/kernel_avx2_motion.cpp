@@ -1,30 +1,27 @@
-#include <immintrin.h>
-
-#include <cmath>
-#include <limits>
-
+#include "worker/accel/kernels/avx2.h"
 #include "worker/accel/kernels/kernels.h"
-#include "worker/accel/layout/lanes.h"
-#include "worker/geometry/motion.h"
-#include "worker/geometry/object_ray.h"
+#include "worker/accel/kernels/motion_traversal.h"
 
 namespace tessera::render::avx2 {
 namespace {
 
-#include "worker/accel/kernels/avx2_lanes.inc"
-#include "worker/accel/kernels/motion_traversal.inc"
+/// A type of this file alone gives the templates internal linkage, so that functions with one
+/// caller are inlined.
+struct LocalAvx2 : kernels::Avx2 {};
 
 }  // namespace
 
 bool closest_hit_moving(const SceneBvh<8>& still, const MotionBvh<8>& moving, const Ray& ray,
                         const HitFilter* filter, Hit& hit) {
-  return filter == nullptr ? find_closest_moving<false>(still, moving, ray, nullptr, hit)
-                           : find_closest_moving<true>(still, moving, ray, filter, hit);
+  return filter == nullptr
+             ? kernels::find_closest_hit_moving<LocalAvx2, false>(still, moving, ray, nullptr, hit)
+             : kernels::find_closest_hit_moving<LocalAvx2, true>(still, moving, ray, filter, hit);
 }
 bool any_hit_moving(const SceneBvh<8>& still, const MotionBvh<8>& moving, const Ray& ray,
                     const HitFilter* filter) {
-  return filter == nullptr ? find_any_moving<false>(still, moving, ray, nullptr)
-                           : find_any_moving<true>(still, moving, ray, filter);
+  return filter == nullptr
+             ? kernels::find_any_hit_moving<LocalAvx2, false>(still, moving, ray, nullptr)
+             : kernels::find_any_hit_moving<LocalAvx2, true>(still, moving, ray, filter);
 }
 
 }  // namespace tessera::render::avx2

@@ -1,53 +1,38 @@
-#include <immintrin.h>
-
-#include <cmath>
-#include <limits>
-
+#include "worker/accel/kernels/avx512.h"
 #include "worker/accel/kernels/kernels.h"
-#include "worker/accel/layout/lanes.h"
-#include "worker/geometry/object_ray.h"
 
-// Only what follows may use AVX-512, not the inline functions of headers: the linker keeps one copy
-// of those, and it must run everywhere.
-#if defined(__clang__)
-#pragma clang attribute push(__attribute__((target("avx512f,avx512bw,avx512dq,avx512vl"))), \
-                             apply_to = function)
-#else
-#pragma GCC push_options
-#pragma GCC target("avx512f,avx512bw,avx512dq,avx512vl")
-#endif
+TESSERA_BEGIN_AVX512
+
+#include "worker/accel/kernels/packet_traversal.h"
 
 namespace tessera::render::avx512 {
 namespace {
 
-#include "worker/accel/kernels/avx512_lanes.inc"
-#include "worker/accel/kernels/packet.inc"
+/// A type of this file alone gives the templates internal linkage: functions with one caller are
+/// inlined, and no symbol compiled for AVX-512 is shared with another file.
+struct LocalAvx512 : kernels::Avx512 {};
 
 }  // namespace
 
-bool closest_hit(const SceneBvh<16>& trees, const Ray& ray, Hit& hit) {
-  return find_closest<false>(trees, ray, nullptr, hit);
+bool closest_hit(const SceneBvh<16>& scene, const Ray& ray, Hit& hit) {
+  return kernels::find_closest_hit<LocalAvx512, false>(scene, ray, nullptr, hit);
 }
-bool closest_hit(const SceneBvh<16>& trees, const Ray& ray, const HitFilter& filter, Hit& hit) {
-  return find_closest<true>(trees, ray, &filter, hit);
+bool closest_hit(const SceneBvh<16>& scene, const Ray& ray, const HitFilter& filter, Hit& hit) {
+  return kernels::find_closest_hit<LocalAvx512, true>(scene, ray, &filter, hit);
 }
-bool any_hit(const SceneBvh<16>& trees, const Ray& ray) {
-  return find_any<false>(trees, ray, nullptr);
+bool any_hit(const SceneBvh<16>& scene, const Ray& ray) {
+  return kernels::find_any_hit<LocalAvx512, false>(scene, ray, nullptr);
 }
-bool any_hit(const SceneBvh<16>& trees, const Ray& ray, const HitFilter& filter) {
-  return find_any<true>(trees, ray, &filter);
+bool any_hit(const SceneBvh<16>& scene, const Ray& ray, const HitFilter& filter) {
+  return kernels::find_any_hit<LocalAvx512, true>(scene, ray, &filter);
 }
-std::uint64_t closest_hits(const SceneBvh<16>& trees, std::span<const Ray> rays, Hit* hits) {
-  return find_closest_of(trees, rays, hits);
+std::uint64_t closest_hits(const SceneBvh<16>& scene, std::span<const Ray> rays, Hit* hits) {
+  return kernels::find_closest_hits<LocalAvx512>(scene, rays, hits);
 }
-std::uint64_t any_hits(const SceneBvh<16>& trees, std::span<const Ray> rays) {
-  return find_any_of(trees, rays);
+std::uint64_t any_hits(const SceneBvh<16>& scene, std::span<const Ray> rays) {
+  return kernels::find_any_hits<LocalAvx512>(scene, rays);
 }
 
 }  // namespace tessera::render::avx512
 
-#if defined(__clang__)
-#pragma clang attribute pop
-#else
-#pragma GCC pop_options
-#endif
+TESSERA_END_AVX512

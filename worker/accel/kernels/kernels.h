@@ -9,7 +9,7 @@
 
 namespace tessera::render {
 
-/// A call of a function object that outlives it: bool(const Hit&).
+/// Non-owning reference to a function object bool(const Hit&), which must outlive it.
 class HitFilter {
  public:
   template <typename Filter>
@@ -24,28 +24,29 @@ class HitFilter {
   bool (*call_)(void*, const Hit&);
 };
 
-/// Triangles of one mesh that a filtered any_hit surely shows once only, should spatial splits have
-/// put them in several leaves: twice as many as may be transparent to one ray.
+/// Triangles of one mesh that a filtered any_hit is guaranteed to offer only once although spatial
+/// splits have put them in several leaves: twice the transparency limit of a ray.
 inline constexpr int kMaxShownOnce = 2048;
 
-/// Rays that may be traced at one go.
+/// Maximum number of rays that are traced together.
 inline constexpr int kPacketSize = 64;
 
-/// The queries of SceneAccel, compiled twice from traversal.inc: with eight-wide nodes for AVX2,
-/// and with sixteen-wide ones for AVX-512 (F, BW, DQ, VL). Rays must be valid. Hits do not depend
-/// on which. Those with solids and those with motion are apart, so that nobody else pays; of the
-/// latter, `filter` may be null. closest_hits and any_hits take up to kPacketSize rays and return a
-/// bit for each that hits.
+// The queries of SceneAccel, compiled from the same templates for AVX2, with nodes of eight
+// children, and for AVX-512 (F, BW, DQ, VL), with nodes of sixteen. The hits are the same. Requires
+// rays with t_max > 0. Scenes with solids and scenes with motion have functions of their own, so
+// that other scenes do not pay for them; `filter` may be null in those. closest_hits and any_hits
+// take up to kPacketSize rays, any t_max, and return one bit per ray that hits.
+
 namespace avx2 {
-bool closest_hit(const SceneBvh<8>& trees, const Ray& ray, Hit& hit);
-bool closest_hit(const SceneBvh<8>& trees, const Ray& ray, const HitFilter& filter, Hit& hit);
-bool any_hit(const SceneBvh<8>& trees, const Ray& ray);
-bool any_hit(const SceneBvh<8>& trees, const Ray& ray, const HitFilter& filter);
-std::uint64_t closest_hits(const SceneBvh<8>& trees, std::span<const Ray> rays, Hit* hits);
-std::uint64_t any_hits(const SceneBvh<8>& trees, std::span<const Ray> rays);
-bool closest_hit_with_solids(const SceneBvh<8>& trees, const Ray& ray, const HitFilter* filter,
+bool closest_hit(const SceneBvh<8>& scene, const Ray& ray, Hit& hit);
+bool closest_hit(const SceneBvh<8>& scene, const Ray& ray, const HitFilter& filter, Hit& hit);
+bool any_hit(const SceneBvh<8>& scene, const Ray& ray);
+bool any_hit(const SceneBvh<8>& scene, const Ray& ray, const HitFilter& filter);
+std::uint64_t closest_hits(const SceneBvh<8>& scene, std::span<const Ray> rays, Hit* hits);
+std::uint64_t any_hits(const SceneBvh<8>& scene, std::span<const Ray> rays);
+bool closest_hit_with_solids(const SceneBvh<8>& scene, const Ray& ray, const HitFilter* filter,
                              Hit& hit);
-bool any_hit_with_solids(const SceneBvh<8>& trees, const Ray& ray, const HitFilter* filter);
+bool any_hit_with_solids(const SceneBvh<8>& scene, const Ray& ray, const HitFilter* filter);
 bool closest_hit_moving(const SceneBvh<8>& still, const MotionBvh<8>& moving, const Ray& ray,
                         const HitFilter* filter, Hit& hit);
 bool any_hit_moving(const SceneBvh<8>& still, const MotionBvh<8>& moving, const Ray& ray,
@@ -53,15 +54,15 @@ bool any_hit_moving(const SceneBvh<8>& still, const MotionBvh<8>& moving, const 
 }  // namespace avx2
 
 namespace avx512 {
-bool closest_hit(const SceneBvh<16>& trees, const Ray& ray, Hit& hit);
-bool closest_hit(const SceneBvh<16>& trees, const Ray& ray, const HitFilter& filter, Hit& hit);
-bool any_hit(const SceneBvh<16>& trees, const Ray& ray);
-bool any_hit(const SceneBvh<16>& trees, const Ray& ray, const HitFilter& filter);
-std::uint64_t closest_hits(const SceneBvh<16>& trees, std::span<const Ray> rays, Hit* hits);
-std::uint64_t any_hits(const SceneBvh<16>& trees, std::span<const Ray> rays);
-bool closest_hit_with_solids(const SceneBvh<16>& trees, const Ray& ray, const HitFilter* filter,
+bool closest_hit(const SceneBvh<16>& scene, const Ray& ray, Hit& hit);
+bool closest_hit(const SceneBvh<16>& scene, const Ray& ray, const HitFilter& filter, Hit& hit);
+bool any_hit(const SceneBvh<16>& scene, const Ray& ray);
+bool any_hit(const SceneBvh<16>& scene, const Ray& ray, const HitFilter& filter);
+std::uint64_t closest_hits(const SceneBvh<16>& scene, std::span<const Ray> rays, Hit* hits);
+std::uint64_t any_hits(const SceneBvh<16>& scene, std::span<const Ray> rays);
+bool closest_hit_with_solids(const SceneBvh<16>& scene, const Ray& ray, const HitFilter* filter,
                              Hit& hit);
-bool any_hit_with_solids(const SceneBvh<16>& trees, const Ray& ray, const HitFilter* filter);
+bool any_hit_with_solids(const SceneBvh<16>& scene, const Ray& ray, const HitFilter* filter);
 bool closest_hit_moving(const SceneBvh<16>& still, const MotionBvh<16>& moving, const Ray& ray,
                         const HitFilter* filter, Hit& hit);
 bool any_hit_moving(const SceneBvh<16>& still, const MotionBvh<16>& moving, const Ray& ray,

@@ -6,8 +6,8 @@
 
 namespace tessera::render {
 
-/// Eight floats; AVX2 and FMA are part of the baseline. Each lane sees the same IEEE operations
-/// as a scalar would, so results have the same bits.
+/// Eight floats; AVX2 and FMA are part of the baseline. Each lane performs the IEEE operations of
+/// the scalar code, so results have the same bits.
 using Lanes = __m256;
 
 inline Lanes load(const float* p) {
@@ -18,10 +18,10 @@ inline Lanes splat(float x) {
 }
 
 /// b < a ? b : a and b > a ? b : a: a where either is NaN.
-inline Lanes lesser(Lanes a, Lanes b) {
+inline Lanes min_lanes(Lanes a, Lanes b) {
   return _mm256_min_ps(b, a);
 }
-inline Lanes greater(Lanes a, Lanes b) {
+inline Lanes max_lanes(Lanes a, Lanes b) {
   return _mm256_max_ps(b, a);
 }
 
@@ -29,7 +29,7 @@ inline Lanes fused_multiply_add(Lanes a, Lanes b, Lanes c) {
   return _mm256_fmadd_ps(a, b, c);
 }
 
-/// difference_of_products() of vector.h in lanes.
+/// a * b - c * d, as difference_of_products() of math/vector.h.
 inline Lanes difference_of_products(Lanes a, Lanes b, Lanes c, Lanes d) {
   const Lanes cd = _mm256_mul_ps(c, d);
   const Lanes error = _mm256_fnmadd_ps(c, d, cd);
@@ -41,7 +41,7 @@ inline Lanes at_least(Lanes a, Lanes b) {
   return _mm256_cmp_ps(a, b, _CMP_GE_OQ);
 }
 
-/// One bit a lane.
+/// One bit per lane of a comparison mask.
 inline std::uint32_t bits(Lanes mask) {
   return static_cast<std::uint32_t>(_mm256_movemask_ps(mask));
 }

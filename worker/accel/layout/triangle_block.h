@@ -40,14 +40,14 @@ struct alignas(64) TriangleBlock {
   std::uint32_t rank[kBlockSize] = {};  // place among the mesh's triangles in id order
 };
 
-/// between() of geometry/motion.h for all corners; `out` gets no ranks.
-inline void between(const TriangleBlock& from, const TriangleBlock& to, float f,
-                    TriangleBlock& out) {
+/// lerp_bounded() of geometry/motion.h for all corners; `out` gets no ranks.
+inline void lerp_bounded(const TriangleBlock& from, const TriangleBlock& to, float f,
+                         TriangleBlock& out) {
   const Lanes share = splat(f);
   for (int i = 0; i < 9 * kBlockSize; i += kBlockSize) {
     const Lanes a = load(from.v + i), b = load(to.v + i);
     const Lanes v = fused_multiply_add(share, b - a, a);
-    _mm256_store_ps(out.v + i, lesser(greater(v, lesser(a, b)), greater(a, b)));
+    _mm256_store_ps(out.v + i, min_lanes(max_lanes(v, min_lanes(a, b)), max_lanes(a, b)));
   }
 }
 
@@ -102,8 +102,8 @@ inline std::uint32_t intersect_block(const BlockRay& block_ray, const TriangleBl
   const Lanes v = difference_of_products(ax, cy, ay, cx);
   const Lanes w = difference_of_products(bx, ay, by, ax);
   const Lanes zero = _mm256_setzero_ps();
-  const Lanes same_sign = _mm256_or_ps(at_least(lesser(lesser(u, v), w), zero),
-                                       at_least(zero, greater(greater(u, v), w)));
+  const Lanes same_sign = _mm256_or_ps(at_least(min_lanes(min_lanes(u, v), w), zero),
+                                       at_least(zero, max_lanes(max_lanes(u, v), w)));
   if (bits(same_sign) == 0) return 0;
   const Lanes determinant = (u + v) + w;
   const Lanes accepted = _mm256_and_ps(same_sign, _mm256_cmp_ps(determinant, zero, _CMP_NEQ_UQ));
@@ -115,16 +115,16 @@ inline std::uint32_t intersect_block(const BlockRay& block_ray, const TriangleBl
   Lanes leave = splat(std::numeric_limits<float>::infinity());
   for (int k = 0; k < 3; ++k) {
     const auto axis = static_cast<std::size_t>(k);
-    const Lanes lo = lesser(lesser(corner(0, axis), corner(1, axis)), corner(2, axis));
-    const Lanes hi = greater(greater(corner(0, axis), corner(1, axis)), corner(2, axis));
+    const Lanes lo = min_lanes(min_lanes(corner(0, axis), corner(1, axis)), corner(2, axis));
+    const Lanes hi = max_lanes(max_lanes(corner(0, axis), corner(1, axis)), corner(2, axis));
     const bool backwards = ray.backwards[axis] != 0;
     const Lanes origin = splat(component(ray.origin, k)),
                 inverse = splat(component(ray.inverse, k));
-    enter = greater(enter, ((backwards ? hi : lo) - origin) * inverse);
-    leave = lesser(leave, ((backwards ? lo : hi) - origin) * inverse);
+    enter = max_lanes(enter, ((backwards ? hi : lo) - origin) * inverse);
+    leave = min_lanes(leave, ((backwards ? lo : hi) - origin) * inverse);
   }
   leave = fused_multiply_add(leave, splat(kLeaveScale), splat(ray.slack));
-  t = lesser(greater(t, enter), leave);
+  t = min_lanes(max_lanes(t, enter), leave);
   _mm256_store_ps(hits.t, t);
   _mm256_store_ps(hits.b0, b0);
   _mm256_store_ps(hits.b1, b1);

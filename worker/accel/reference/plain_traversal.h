@@ -7,7 +7,7 @@
 
 namespace tessera::render {
 
-/// The readable reference of traversal.inc: walks the nodes the ray meets, in the order they are
+/// The readable reference of kernels/traversal.h: walks the nodes the ray meets, in the order they are
 /// stored, by recursion. Nodes entered after `limit`, read anew at every step, are culled.
 /// `leaf(index)` is called for each leaf met, and `visit()` once a node.
 template <int kWidth, typename Leaf, typename Visit>

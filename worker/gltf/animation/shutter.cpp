@@ -298,7 +298,7 @@ class MotionBuilder {
     for (const std::uint32_t i : any_of({&a.placed, &b.placed, &truth.placed})) {
       const Affine3d& placed = place(truth, i);
       const Box3d& box = boxes_[static_cast<std::size_t>(scene_.instances[i].mesh)];
-      const Affine3d line = between(place(a, i), place(b, i), f);
+      const Affine3d line = lerp(place(a, i), place(b, i), f);
       Box3d world;
       double off = 0;
       for (unsigned k = 0; k < 8; ++k) {
@@ -322,7 +322,7 @@ class MotionBuilder {
     if (lights_left_out_) return true;
     const double most = kCameraTolerance * length(scene_.bounds_max - scene_.bounds_min);
     for (std::size_t i = 0; i < truth.lights.size(); ++i) {
-      const PunctualPose line = between(a.lights[i], b.lights[i], f);
+      const PunctualPose line = lerp(a.lights[i], b.lights[i], f);
       if (!(length(line.position - truth.lights[i].position) <= most)) return false;
       if (!(length(Vec3d(line.direction) - Vec3d(truth.lights[i].direction)) <= kCameraTolerance)) {
         return false;
@@ -335,7 +335,7 @@ class MotionBuilder {
                             float f, const SharedArray<Primitive>& truth, double most) {
     for (std::size_t p = 0; p < truth.size(); ++p) {
       for (std::size_t v = 0; v < truth[p].positions.size(); ++v) {
-        const Vec3f line = between(a[p].positions[v], b[p].positions[v], f);
+        const Vec3f line = lerp_bounded(a[p].positions[v], b[p].positions[v], f);
         if (!(length(Vec3d(line) - Vec3d(truth[p].positions[v])) <= most)) return false;
       }
     }
@@ -344,7 +344,7 @@ class MotionBuilder {
 
   [[nodiscard]] bool camera_near(const CameraKey& a, const CameraKey& b, float f,
                                  const CameraKey& truth) const {
-    const Affine3d line = between(a.camera_to_world, b.camera_to_world, f);
+    const Affine3d line = lerp(a.camera_to_world, b.camera_to_world, f);
     const Vec3d moved = line.translation - truth.camera_to_world.translation;
     if (!(length(moved) <= kCameraTolerance * length(scene_.bounds_max - scene_.bounds_min))) {
       return false;
@@ -463,7 +463,8 @@ class MotionBuilder {
 
 }  // namespace
 
-absl::Status add_motion(const ShutterInterval& exposure, Scene& scene, std::vector<Problem>& problems) {
+absl::Status add_motion(const ShutterInterval& exposure, Scene& scene,
+                        std::vector<Problem>& problems) {
   return MotionBuilder(exposure, scene, problems).build();
 }
 

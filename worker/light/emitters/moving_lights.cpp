@@ -41,10 +41,11 @@ std::optional<Corners> corners_of(const Scene& scene, const TriangleId& id, floa
   Corners corners;
   for (std::size_t k = 0; k < 3; ++k) {
     const std::uint32_t v = p.triangles[id.triangle][k];
-    const Vec3f vertex = mesh.keys.empty()
-                             ? p.positions[v]
-                             : between(mesh.keys[at.segment][id.primitive].positions[v],
-                                       mesh.keys[at.segment + 1][id.primitive].positions[v], at.f);
+    const Vec3f vertex =
+        mesh.keys.empty()
+            ? p.positions[v]
+            : lerp_bounded(mesh.keys[at.segment][id.primitive].positions[v],
+                           mesh.keys[at.segment + 1][id.primitive].positions[v], at.f);
     corners[k] = transform_point(pose->object_to_world, Vec3d(vertex));
   }
   return corners;

@@ -31,7 +31,7 @@ Lanes above(Lanes a, Lanes b) {
 
 /// The sine of an angle in [0, pi] from its cosine, and back up to pi / 2.
 Lanes sine_of(Lanes cosine) {
-  return _mm256_sqrt_ps(greater(splat(1) - cosine * cosine, splat(0)));
+  return _mm256_sqrt_ps(max_lanes(splat(1) - cosine * cosine, splat(0)));
 }
 
 /// cos(max(0, a - b)) from both angles' cosines and sines.
@@ -125,7 +125,7 @@ class LightTree::Builder {
     if (order_.empty()) return;
     build_pairs();
     // Breadth is taken from the costliest child first. The root is a node even over one light.
-    std::vector<std::pair<std::uint32_t, Place>> open = {{0, kNone}};  // pair, its place
+    std::vector<std::pair<std::uint32_t, Slot>> open = {{0, kNone}};  // pair, its place
     for (std::size_t next = 0; next < open.size(); ++next) {
       const auto [root, parent] = open[next];
       const auto index = static_cast<std::uint32_t>(tree_.nodes_.size());
@@ -133,8 +133,8 @@ class LightTree::Builder {
       tree_.nodes_.emplace_back();
       tree_.nodes_.back().parent = parent;
       for (const std::uint32_t child : children_of(root)) {
-        const Place place = add_child(tree_.nodes_.back(), index, pairs_[child]);
-        if (pairs_[child].second != kNone) open.emplace_back(child, place);
+        const Slot slot = add_child(tree_.nodes_.back(), index, pairs_[child]);
+        if (pairs_[child].second != kNone) open.emplace_back(child, slot);
       }
     }
   }
@@ -187,7 +187,7 @@ class LightTree::Builder {
     return children;
   }
 
-  Place add_child(Node& node, std::uint32_t index, const Pair& pair) {
+  Slot add_child(Node& node, std::uint32_t index, const Pair& pair) {
     const std::uint32_t lane = node.count++;
     const LightBounds& b = pair.bounds;
     const Vec3f centre((b.box_min + b.box_max) * 0.5), axis(b.axis);
@@ -205,13 +205,13 @@ class LightTree::Builder {
     node.cos_emission[lane] = static_cast<float>(elementary::cos(b.emission_angle)) - 0x1p-20f;
     node.both_sides[lane] = b.both_sides ? 1 : 0;
     node.strength[lane] = static_cast<float>(b.strength / tree_.total_);
-    const Place place = index * static_cast<Place>(kWidth) + lane;
+    const Slot slot = index * static_cast<Slot>(kWidth) + lane;
     if (pair.second == kNone) {
       node.leaves |= 1u << lane;
       node.child[lane] = pair.light;
-      tree_.leaves_[pair.light] = place;
+      tree_.leaves_[pair.light] = slot;
     }
-    return place;
+    return slot;
   }
 
   LightBounds bounds_of(std::size_t begin, std::size_t end) const {
@@ -271,8 +271,8 @@ class LightTree::Builder {
   }
 
   std::size_t bucket_of(std::uint32_t light, int axis, const Vec3d& low, const Vec3d& high) const {
-    const double place = (centre(light)[axis] - low[axis]) / (high[axis] - low[axis]);
-    return static_cast<std::size_t>(clamp(place * kBuckets, 0.0, kBuckets - 1.0));
+    const double slot = (centre(light)[axis] - low[axis]) / (high[axis] - low[axis]);
+    return static_cast<std::size_t>(clamp(slot * kBuckets, 0.0, kBuckets - 1.0));
   }
 
   const std::vector<LightBounds>& lights_;
@@ -287,11 +287,11 @@ LightTree::LightTree(const std::vector<LightBounds>& lights) {
 
 /// Strength over squared distance, times the largest cosines the bounds allow at the light and at
 /// the receiver (the paper's equation 3), for eight children at once.
-void LightTree::importances(const Node& node, const LightSampleContext& receiver, LaneArray& out) {
+void LightTree::importances(const Node& node, const LightSampleContext& context, LaneArray& out) {
   const Lanes one = splat(1), least = splat(std::numeric_limits<float>::min());
-  const Lanes x = load(node.centre_x.data()) - splat(receiver.point.x);
-  const Lanes y = load(node.centre_y.data()) - splat(receiver.point.y);
-  const Lanes z = load(node.centre_z.data()) - splat(receiver.point.z);
+  const Lanes x = load(node.centre_x.data()) - splat(context.point.x);
+  const Lanes y = load(node.centre_y.data()) - splat(context.point.y);
+  const Lanes z = load(node.centre_z.data()) - splat(context.point.z);
   const Lanes d2 = x * x + y * y + z * z, radius2 = load(node.radius2.data());
   const Lanes outside = above(d2, radius2);
   const Lanes safe_d2 = select(outside, d2, one);
@@ -302,7 +302,7 @@ void LightTree::importances(const Node& node, const LightSampleContext& receiver
   const Lanes towards =
       load(node.axis_x.data()) * x + load(node.axis_y.data()) * y + load(node.axis_z.data()) * z;
   const Lanes along = splat(0) - towards * scale;
-  const Lanes size = greater(along, splat(0) - along);
+  const Lanes size = max_lanes(along, splat(0) - along);
   const Lanes cos_w = select(above(load(node.both_sides.data()), splat(0)), size, along);
   const Lanes sin_w = sine_of(cos_w);
   const Lanes cos_n = load(node.cos_normal.data()), sin_n = load(node.sin_normal.data());
@@ -314,21 +314,21 @@ void LightTree::importances(const Node& node, const LightSampleContext& receiver
   const Lanes sin_x = select(in_cone, splat(0), sin_w * cos_n - cos_w * sin_n);
   const Lanes at_light = cos_of_rest(cos_x, sin_x, cos_b, sin_b);
   const Lanes cos_i =
-      (splat(receiver.normal.x) * x + splat(receiver.normal.y) * y + splat(receiver.normal.z) * z) *
+      (splat(context.normal.x) * x + splat(context.normal.y) * y + splat(context.normal.z) * z) *
       scale;
   const Lanes facing = cos_of_rest(cos_i, sine_of(cos_i), cos_b, sin_b);
 
   const Lanes emits = at_least(at_light, load(node.cos_emission.data()));
-  const Lanes given = greater(_mm256_and_ps(emits, at_light), splat(kFloor));
-  const Lanes taken = greater(facing, splat(receiver.every_side ? 1 : kFloor));
+  const Lanes given = max_lanes(_mm256_and_ps(emits, at_light), splat(kFloor));
+  const Lanes taken = max_lanes(facing, splat(context.every_side ? 1 : kFloor));
   const Lanes share = select(outside, given * taken, one);
-  const Lanes reach2 = greater(select(outside, d2, radius2), least);
+  const Lanes reach2 = max_lanes(select(outside, d2, radius2), least);
   _mm256_store_ps(out.data(), load(node.strength.data()) * share / reach2);
 }
 
-LightTree::Weights LightTree::weights(const Node& node, const LightSampleContext& receiver) {
+LightTree::Weights LightTree::weights(const Node& node, const LightSampleContext& context) {
   alignas(32) LaneArray importance;
-  importances(node, receiver, importance);
+  importances(node, context, importance);
   double total = 0;
   for (std::size_t i = 0; i < node.count; ++i) total += static_cast<double>(importance[i]);
   // No child is cut off by another's size, or by weights too small for floats.
@@ -340,12 +340,12 @@ LightTree::Weights LightTree::weights(const Node& node, const LightSampleContext
   return sums;
 }
 
-LightTree::Choice LightTree::choose(const LightSampleContext& receiver, double u) const {
+LightTree::Choice LightTree::choose(const LightSampleContext& context, double u) const {
   if (nodes_.size() == 1 && nodes_[0].count == 1) return {nodes_[0].child[0], 1};
   Choice choice{0, 1};
   for (std::uint32_t at = 0;;) {
     const Node& node = nodes_[at];
-    const Weights sums = weights(node, receiver);
+    const Weights sums = weights(node, context);
     const double total = sums[node.count], target = u * total;
     std::size_t lane = 0;
     while (lane + 1 < node.count && !(target < sums[lane + 1])) ++lane;
@@ -360,31 +360,31 @@ LightTree::Choice LightTree::choose(const LightSampleContext& receiver, double u
   }
 }
 
-double LightTree::probability(const LightSampleContext& receiver, std::uint32_t light) const {
-  Place place = leaves_[light];
-  if (place == kNone) return 0;
+double LightTree::probability(const LightSampleContext& context, std::uint32_t light) const {
+  Slot slot = leaves_[light];
+  if (slot == kNone) return 0;
   if (nodes_.size() == 1 && nodes_[0].count == 1) return 1;
   double probability = 1;
-  for (; place != kNone; place = nodes_[place / kWidth].parent) {
-    const Node& node = nodes_[place / kWidth];
-    const Weights sums = weights(node, receiver);
-    const std::size_t lane = place % kWidth;
+  for (; slot != kNone; slot = nodes_[slot / kWidth].parent) {
+    const Node& node = nodes_[slot / kWidth];
+    const Weights sums = weights(node, context);
+    const std::size_t lane = slot % kWidth;
     probability *= (sums[lane + 1] - sums[lane]) / sums[node.count];
   }
   return probability;
 }
 
-double LightTree::importance(const LightSampleContext& receiver) const {
+double LightTree::importance(const LightSampleContext& context) const {
   if (empty()) return 0;
   alignas(32) LaneArray importance;
-  importances(nodes_[0], receiver, importance);
+  importances(nodes_[0], context, importance);
   double sum = 0;
   for (const float i : importance) sum += static_cast<double>(i);
   return total_ * sum;
 }
 
 std::int64_t LightTree::memory_bytes() const {
-  return static_cast<std::int64_t>(nodes_.size() * sizeof(Node) + leaves_.size() * sizeof(Place));
+  return static_cast<std::int64_t>(nodes_.size() * sizeof(Node) + leaves_.size() * sizeof(Slot));
 }
 
 }  // namespace tessera::render

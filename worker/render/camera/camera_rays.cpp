@@ -73,24 +73,24 @@ CameraRays CameraRays::at(float time) const {
   const CameraKey &a = keys_[next - 1], &b = keys_[next];
   const float f = (time - a.time) / (b.time - a.time);
   CameraRays now = *this;
-  now.place(upright(between(a.camera_to_world, b.camera_to_world, f)));
+  now.place(upright(lerp(a.camera_to_world, b.camera_to_world, f)));
   now.lens_.focus_distance =
       a.focus_distance + (b.focus_distance - a.focus_distance) * static_cast<double>(f);
   return now;
 }
 
 bool CameraRays::ray(double x, double y, Vec2f lens, CameraRay* out) const {
-  if (kind_ > Camera::Kind::orthographic) return from_curved_screen(x, y, out);
+  if (kind_ > Camera::Kind::orthographic) return from_curved_projection(x, y, out);
   const double sideways = (x - half_width_) * pixel_ + center_x_;
   const double upwards = (half_height_ - y) * pixel_ + center_y_;
   if (lens_.radius > 0) return through_lens(sideways, upwards, lens, out);
   const Vec3d across = right_ * sideways + up_ * upwards;
   if (kind_ == Camera::Kind::perspective) {
     const Vec3d d = forward_ + across;  // reaches depth 1 at d
-    const double stretch = length(d);
+    const double norm = length(d);
     out->origin = Vec3f(eye_ + d * near_);
-    out->direction = Vec3f(d / stretch);
-    out->t_max = static_cast<float>((far_ - near_) * stretch);
+    out->direction = Vec3f(d / norm);
+    out->t_max = static_cast<float>((far_ - near_) * norm);
   } else {
     out->origin = Vec3f(eye_ + across + along_ * near_);
     out->direction = Vec3f(along_ / along_length_);
@@ -109,14 +109,14 @@ bool CameraRays::through_lens(double sideways, double upwards, Vec2f lens, Camer
   const double rim_y = point.y + slope_y * lens_.rim_distance;
   if (rim_x * rim_x + rim_y * rim_y > lens_.rim_radius * lens_.rim_radius) return false;
   const Vec3d d = forward_ + right_ * slope_x + up_ * slope_y;
-  const double stretch = length(d);
+  const double norm = length(d);
   out->origin = Vec3f(eye_ + right_ * point.x + up_ * point.y + d * near_);
-  out->direction = Vec3f(d / stretch);
-  out->t_max = static_cast<float>((far_ - near_) * stretch);
+  out->direction = Vec3f(d / norm);
+  out->t_max = static_cast<float>((far_ - near_) * norm);
   return true;
 }
 
-bool CameraRays::from_curved_screen(double x, double y, CameraRay* out) const {
+bool CameraRays::from_curved_projection(double x, double y, CameraRay* out) const {
   Vec3d local;  // right, up, forward
   if (kind_ == Camera::Kind::spherical || kind_ == Camera::Kind::cylindrical) {
     const auto turn = elementary::sincos(0.5 * (x / half_width_ - 1) * horizontal_angle_);

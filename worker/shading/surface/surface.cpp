@@ -50,7 +50,7 @@ const T* corners_between(const T* still, const std::vector<T>* from, const std::
   if (still == nullptr) return nullptr;
   for (std::size_t i = 0; i < 3; ++i) {
     const std::uint32_t v = vertices[i];
-    out[i] = from == nullptr ? still[v] : between((*from)[v], (*to)[v], f);
+    out[i] = from == nullptr ? still[v] : lerp_bounded((*from)[v], (*to)[v], f);
   }
   return out.data();
 }
