@@ -19,6 +19,7 @@ find_package(PNG REQUIRED)
 find_package(JPEG REQUIRED)
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(WebP REQUIRED IMPORTED_TARGET libwebp)  # Debian ships no CMake file of it
+pkg_check_modules(Seccomp REQUIRED IMPORTED_TARGET libseccomp)
 
 # OpenImageIO's package names an OpenCV include folder that need not exist.
 find_package(OpenImageIO CONFIG REQUIRED)

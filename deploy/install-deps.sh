@@ -17,6 +17,8 @@ build_packages=(
   libopenimageio-dev libopenexr-dev openimageio-tools libpng-dev libjpeg62-turbo-dev libwebp-dev
   # Threads, command lines, logs, metrics, webhooks.
   libtbb-dev libcli11-dev libspdlog-dev prometheus-cpp-dev libcurl4-openssl-dev
+  # The renderer's sandbox.
+  libseccomp-dev
 )
 test_packages=(
   libgtest-dev libgmock-dev libembree-dev

@@ -46,22 +46,22 @@ for spp in "$@"; do
   pass=0 size=4096x2048 crop=0,1024,4096,1024
   [ "$spp" -le 8 ] || pass=1 size=1024x512 crop=0,256,1024,256
   job=$(near submit "$scenes/quickstart.gltf" --size "$size" --crop "$crop" --tile 64 --spp "$((pass * 8 + spp))" 2>/dev/null)
-  begun() { [ "$(grep -c "unit $job 0 [0-9]* $pass: ACK_STATUS_COMMITTED" "$work/worker.log")" -ge 8 ]; }
+  begun() { [ "$(grep -c "unit $job 0 [0-9]* $pass: COMMITTED" "$work/worker.log")" -ge 8 ]; }
   wait_until 600 "units of pass $pass are committed" begun
   sleep "$seconds"
   near cancel "$job" >/dev/null
   python3 - "$work/worker.log" "$job" "$pass" "$seconds" "$spp" <<'PY'
 import datetime, re, sys
 log, job, wanted, seconds, spp = sys.argv[1:]
-line = re.compile(rf"(\S+) \S+ debug: unit {job} (\d+ \d+ {wanted})(?: is |: )(taken up|rendered|ACK_STATUS_COMMITTED)")
+line = re.compile(rf"(\S+) \S+ debug: unit {job} (\d+ \d+ {wanted})(?: |: )(started|rendered|COMMITTED)")
 events = [(datetime.datetime.fromisoformat(m[1]).timestamp(), m[2], m[3])
           for m in map(line.match, open(log)) if m]
 ends = [at for at, _, what in events if what == "rendered"]
 end = ends[-1]
-begin = next(at for at, _, what in events if what == "taken up" and at > end - float(seconds))
+begin = next(at for at, _, what in events if what == "started" and at > end - float(seconds))
 taken, rendered, busy, units, trips = {}, {}, 0.0, 0, []
 for at, unit, what in events:
-    if what == "taken up":
+    if what == "started":
         taken[unit] = at
     elif what == "rendered":
         rendered[unit] = at

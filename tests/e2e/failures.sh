@@ -57,7 +57,7 @@ threads=4
 for names in "p1" "p1 p2 p3 p4"; do
   count=$(wc -w <<<"$names")
   for name in $names; do
-    start_worker "$name" --crash-on "$poisoned" --unit-log "$work/units-$count-$name.log"
+    worker_program=tessera-worker-faults start_worker "$name" --fault-crash-on "$poisoned" --unit-log "$work/units-$count-$name.log"
   done
   id=$(farm submit "$scenes/lit_square.gltf" "${job[@]}" --name "poison")
   exits 1 farm watch "$id" --json
@@ -65,7 +65,7 @@ for names in "p1" "p1 p2 p3 p4"; do
   equal "the poisoned job failed" "$(json "$work/status.json" 'd["state"]')" failed
   reason=$(json "$work/status.json" 'd["reason"]')
   equal "$count worker(s): the reason names three failures" \
-    "$(grep -o 'the renderer was killed by SIGSEGV' <<<"$reason" | wc -l)" 3
+    "$(grep -o 'renderer process died: killed by SIGSEGV' <<<"$reason" | wc -l)" 3
   equal "$count worker(s): no unit but the poisoned one failed" \
     "$(grep -h '^failed' "$work/units-$count-"*.log | cut -d' ' -f3-5 | sort | uniq -c | xargs)" \
     "3 ${poisoned//:/ }"
@@ -95,10 +95,10 @@ wait_until 60 "its renderer is stopped at a unit" stop_at_a_unit
 farm watch "$id" --json </dev/null >"$work/watch.log" || fail "a unit that hung once failed the job"
 equal "the unit that hung failed, and no other" \
   "$(grep '^failed' "$work/units-sleeper.log" | cut -d' ' -f3-)" \
-  "$hung it took longer than 10 s; its renderer was killed"
-grep -q "tessera-worker warning: unit .* ${hung} hangs" "$work/worker-sleeper.log" ||
-  fail "the log does not say that unit $hung hangs"
-grep -q "tessera-worker debug: unit .* ${hung} is rendered" "$work/worker-sleeper.log" ||
+  "$hung timed out after 10 s; renderer killed"
+grep -q "tessera-worker warning: unit .* ${hung} timed out; killing the renderer" "$work/worker-sleeper.log" ||
+  fail "the log does not report that unit $hung timed out"
+grep -q "tessera-worker debug: unit .* ${hung} rendered in" "$work/worker-sleeper.log" ||
   fail "the log at level debug does not follow units"
 farm report "$id" --json >"$work/hung.json"
 kill_worker sleeper
@@ -112,6 +112,14 @@ equal "with a unit that hung the pixels are the same" \
 equal "a worker at --log-level error is silent" "$(cat "$work/worker-hush.log")" ""
 exits 2 tessera-worker --server "$socket" --log-level loud
 says "--log-level"
+
+# The shipped worker has no options that inject faults.
+for fault in "--fault-crash-on 1:1:1" --fault-forge "--fault-corrupt-every 3" --fault-deliver-twice; do
+  # shellcheck disable=SC2086
+  exits 2 tessera-worker --server "$socket" $fault
+  says "${fault%% *}"
+done
+say "the shipped worker rejects the options that inject faults"
 
 # A worker that is killed again and again is a loss each time, never a failure.
 job=(--size 128x128 --spp 600 --tile 32)

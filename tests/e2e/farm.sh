@@ -71,12 +71,13 @@ kill_server() {
   server_pid=
 }
 
-# start_worker NAME [OPTIONS]: of $threads threads (1).
+# start_worker NAME [OPTIONS]: $worker_program (tessera-worker) with $threads threads (1).
 threads=1
+worker_program=tessera-worker
 start_worker() {
   local name=$1
   shift
-  tessera-worker --server "$socket" --name "$name" --threads "$threads" --cache "$work/cache-$name" "$@" \
+  "$worker_program" --server "$socket" --name "$name" --threads "$threads" --cache "$work/cache-$name" "$@" \
     >>"$work/worker-$name.log" 2>&1 &
   worker_pid[$name]=$!
 }

@@ -37,11 +37,11 @@ id=$(farm submit "$scene" "${job[@]}" --name shot)
 exits 0 farm logs shot --follow
 says "job $id job submitted: shot"
 says "job $id job done"
-says "frame 0 is loaded in"
+says "frame 0: scene loaded in"
 exits 0 farm logs shot
-grep -q "worker w-one: unit $id 0 [0-9]* [0-9]* is rendered" "$work/out" ||
+grep -q "worker w-one: unit $id 0 [0-9]* [0-9]* rendered in" "$work/out" ||
   fail "a worker at --log-level debug told nothing of its units"
-! grep -q "worker w-two: unit .* is rendered" "$work/out" ||
+! grep -q "worker w-two: unit .* rendered in" "$work/out" ||
   fail "a worker at --log-level info told of its units"
 say "logs: a job's life, and what its workers' log levels let through"
 

@@ -38,7 +38,7 @@ say "the worker that joined half-way took part"
 
 # Every block is delivered twice on purpose.
 kill_worker c
-start_worker twice --deliver-twice
+worker_program=tessera-worker-faults start_worker twice --fault-deliver-twice
 id=$(farm submit "$scenes/same_bits.gltf" "${job[@]}" --spp 80 --name twice)
 farm watch "$id" --json </dev/null >"$work/watch.log" || fail "watch: status $?"
 farm report "$id" --json >"$work/report.json"

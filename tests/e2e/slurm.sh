@@ -99,7 +99,7 @@ wait_until 60 "some units are committed" committed_at_least "$id" 5
 scancel "${array}_0"
 wait_until 30 "the cancelled worker has drained" joined 2
 cancelled=$work/tessera-worker-${array}_0.log
-wait_until 20 "it got the signal" grep -q "leaving on a signal" "$cancelled"
+wait_until 20 "it got the signal" grep -q "draining: signal received" "$cancelled"
 ! grep -q "killed by SIGTERM" "$cancelled" || fail "the signal to all of the step ended the renderer"
 
 # A node dies with its worker; Slurm queues the task again on the node that is free.

@@ -268,8 +268,9 @@ class Agent {
       metrics_.acknowledgements[static_cast<std::size_t>(acknowledgement.status()) - 1]
           ->Increment();
     }
-    const std::string name = v1::Acknowledgement::AckStatus_Name(acknowledgement.status());
-    log_.write(name.substr(sizeof "ACK_STATUS_" - 1).c_str(), key, acknowledgement.reason());
+    const std::string name = v1::Acknowledgement::AckStatus_Name(acknowledgement.status())
+                                 .substr(sizeof "ACK_STATUS_" - 1);
+    log_.write(name.c_str(), key, acknowledgement.reason());
     const bool rejected = acknowledgement.status() == v1::Acknowledgement::ACK_STATUS_REJECTED;
     log_job_line(rejected ? LogLevel::warn : LogLevel::debug, key.job_id,
                  absl::StrCat("unit ", to_string(key), rejected ? " rejected: " : ": ",

@@ -2,52 +2,48 @@
 
 #include <chrono>
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "absl/status/status.h"
-#include "contract/unit.h"
 #include "telemetry/log/log.h"
 #include "worker/accel/layout/isa.h"
+#include "worker/agent/units/fault_hooks.h"
 
 namespace tessera::agent {
 
 struct AgentOptions {
   std::string server;     // unix:PATH or HOST:PORT
-  std::string certs;      // folder of certificates; empty: none
-  std::string token;      // the store's; with certificates, a join token
-  std::string worker_id;  // empty: a random one
-  std::string name;       // for people; empty: the host's
+  std::string certs;      // directory of certificates; empty: no TLS
+  std::string token;      // the server's token; with certificates, a join token
+  std::string worker_id;  // empty: random
+  std::string name;       // display name; empty: the host name
   std::vector<std::string> tags;
   int thread_count = 1;
-  std::string cache_folder;
+  std::string cache_folder;  // directory of the asset cache
   std::int64_t cache_bytes = 20'000'000'000;
-  std::int64_t buffer_bytes = 256'000'000;  // of blocks without a verdict
-  std::int64_t memory_bytes = 0;            // see RendererOptions, as the next
-  std::int64_t texel_bytes = 0;
-  render::Isa isa = render::best_isa();  // what rays are traced with; supported
-  std::string accelerator;               // see RendererOptions
+  std::int64_t buffer_bytes = 256'000'000;  // limit of unacknowledged blocks
+  std::int64_t memory_bytes = 0;            // RendererOptions::memory_bytes
+  std::int64_t texel_bytes = 0;             // RendererOptions::texel_bytes
+  render::Isa isa = render::best_isa();     // instruction set for ray traversal; supported
+  std::string accelerator;                  // RendererOptions::accelerator
   std::chrono::seconds unit_timeout{3600};
-  std::chrono::seconds grace{20};  // from SIGTERM to the end
-  std::string unit_log;            // file; empty: none
-  std::string metrics;             // HOST:PORT where Prometheus may ask; empty: nowhere
+  std::chrono::seconds grace{20};  // from SIGTERM to exit
+  std::string unit_log;            // path of the UnitLog; empty: none
+  std::string metrics;             // HOST:PORT of the Prometheus endpoint; empty: none
   Log log = no_log;
-  LogLevel log_level = LogLevel::info;  // the least that is told to the server, of lines about jobs
-  std::optional<contract::Unit> crash_on;  // fault injection: the renderer dies of this unit
-  bool deliver_twice = false;              // fault injection, as are those below
-  bool forge = false;                      // false blocks go first, under leases it was not given
-  int lie_every = 0;                       // every so many blocks have a wrong bit; 0: none
+  LogLevel log_level = LogLevel::info;  // minimum level of job lines sent to the server
+  FaultHooks faults;                    // empty except in test builds
 };
 
-/// Works for a server until SIGTERM, SIGINT, a Drain, or a refusal.
+/// Works for a server until SIGTERM, SIGINT, a Drain message, or a refusal.
 ///
-/// On the first signal it says Leaving, hands back what it has not started, and ends once the rest
-/// is acknowledged or `grace` is over; a second signal ends it at once. Call from the main thread,
-/// before any other thread is started.
+/// On the first signal the worker announces that it is draining, returns the units it has not
+/// started, and exits when the rest is acknowledged or `grace` is over. A second signal ends the
+/// process at once. Call from the main thread, before any other thread is started.
 ///
-/// Errors: what the server refused the worker with; InvalidArgument, an option is unusable;
-/// FailedPrecondition, the cache folder cannot be used; Internal, no renderer can be started.
+/// Errors: the server's reason for refusing the worker; InvalidArgument, an option is unusable;
+/// FailedPrecondition, the cache directory cannot be used; Internal, no renderer can be started.
 absl::Status run_agent(const AgentOptions& given);
 
 }  // namespace tessera::agent

@@ -14,7 +14,7 @@ constexpr int kInterruptedExit = 130;
 sigset_t terminating_signals() {
   sigset_t signals;
   sigemptyset(&signals);
-  // SIGUSR2 is how the destructor ends the waiting thread.
+  // The destructor ends the waiting thread with SIGUSR2.
   for (const int signal : {SIGTERM, SIGINT, SIGUSR2}) sigaddset(&signals, signal);
   return signals;
 }
@@ -28,13 +28,12 @@ void SignalHandler::block_signals() {
 
 SignalHandler::SignalHandler(std::function<void()> on_signal) {
   thread_ = std::thread([on_signal = std::move(on_signal), signals = terminating_signals()] {
-    bool told = false;
+    bool is_first = true;
     while (true) {
       const int signal = sigwaitinfo(&signals, nullptr);
       if (signal == SIGUSR2) return;
       if (signal < 0) continue;
-      if (told) _exit(kInterruptedExit);
-      told = true;
+      if (!std::exchange(is_first, false)) _exit(kInterruptedExit);
       on_signal();
     }
   });

@@ -21,7 +21,7 @@ class Descriptor {
 
   int get() const { return fd_; }
   explicit operator bool() const { return fd_ >= 0; }
-  /// Closes it.
+  /// Closes the descriptor.
   void reset();
 
  private:

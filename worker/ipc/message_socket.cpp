@@ -28,7 +28,8 @@ void Descriptor::reset() {
 
 absl::Status MessageSocket::send(const std::string& message, std::span<const int> descriptors) {
   if (message.size() > kMaxMessageBytes) {
-    return absl::InvalidArgumentError(absl::StrCat("a message of ", message.size(), " bytes"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("message of ", message.size(), " bytes exceeds the limit"));
   }
   const std::lock_guard lock(send_mutex_);
   const auto length = static_cast<std::uint32_t>(message.size());
@@ -46,18 +47,18 @@ absl::Status MessageSocket::send(const std::string& message, std::span<const int
 
 absl::StatusOr<std::optional<std::string>> MessageSocket::receive() {
   std::array<char, 4> prefix;
-  auto got = read_all(prefix.data(), prefix.size());
-  if (!got.ok()) return got.status();
-  if (*got == 0) return std::nullopt;
+  auto received = read_all(prefix.data(), prefix.size());
+  if (!received.ok()) return received.status();
+  if (*received == 0) return std::nullopt;
   std::uint32_t length = 0;
   std::memcpy(&length, prefix.data(), prefix.size());
-  if (*got < prefix.size() || length > kMaxMessageBytes) {
-    return absl::DataLossError("a broken message prefix");
+  if (*received < prefix.size() || length > kMaxMessageBytes) {
+    return absl::DataLossError("invalid message length");
   }
   std::string message(length, '\0');
-  got = read_all(message.data(), length);
-  if (!got.ok()) return got.status();
-  if (*got < length) return absl::DataLossError("the other end closed inside a message");
+  received = read_all(message.data(), length);
+  if (!received.ok()) return received.status();
+  if (*received < length) return absl::DataLossError("connection closed within a message");
   return message;
 }
 
@@ -67,7 +68,7 @@ absl::StatusOr<std::vector<Descriptor>> MessageSocket::receive_descriptors(std::
     const std::size_t before = descriptors.size();
     if (absl::Status status = receive_batch(descriptors); !status.ok()) return status;
     if (descriptors.size() == before || descriptors.size() > count) {
-      return absl::DataLossError("descriptors do not match the message before them");
+      return absl::DataLossError("unexpected number of descriptors");
     }
   }
   return descriptors;
@@ -91,13 +92,13 @@ absl::Status MessageSocket::write_all(const char* bytes, std::size_t count) {
 absl::StatusOr<std::size_t> MessageSocket::read_all(char* bytes, std::size_t count) {
   std::size_t done = 0;
   while (done < count) {
-    const ssize_t got = ::recv(socket_.get(), bytes + done, count - done, 0);
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0 && errno != ECONNRESET) {
+    const ssize_t received = ::recv(socket_.get(), bytes + done, count - done, 0);
+    if (received < 0 && errno == EINTR) continue;
+    if (received < 0 && errno != ECONNRESET) {
       return absl::UnavailableError(absl::StrCat("recv: ", std::strerror(errno)));
     }
-    if (got <= 0) break;
-    done += static_cast<std::size_t>(got);
+    if (received <= 0) break;
+    done += static_cast<std::size_t>(received);
   }
   return done;
 }
@@ -132,11 +133,11 @@ absl::Status MessageSocket::receive_batch(std::vector<Descriptor>& out) {
   header.msg_iovlen = 1;
   header.msg_control = control.data();
   header.msg_controllen = control.size();
-  ssize_t got = -1;
+  ssize_t received = -1;
   do {
-    got = ::recvmsg(socket_.get(), &header, MSG_CMSG_CLOEXEC);
-  } while (got < 0 && errno == EINTR);
-  if (got != 1) return absl::DataLossError("the other end closed before its descriptors came");
+    received = ::recvmsg(socket_.get(), &header, MSG_CMSG_CLOEXEC);
+  } while (received < 0 && errno == EINTR);
+  if (received != 1) return absl::DataLossError("connection closed before the descriptors");
   for (cmsghdr* part = CMSG_FIRSTHDR(&header); part != nullptr; part = CMSG_NXTHDR(&header, part)) {
     if (part->cmsg_level != SOL_SOCKET || part->cmsg_type != SCM_RIGHTS) continue;
     const std::size_t count = (part->cmsg_len - CMSG_LEN(0)) / sizeof(int);

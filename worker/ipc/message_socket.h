@@ -12,31 +12,32 @@
 
 namespace tessera::agent {
 
-/// One end of the socket pair between agent and renderer: messages of a 4-byte little-endian length
-/// and that many bytes, and open descriptors between messages where both ends expect them.
+/// One end of the socket pair between agent and renderer. A message is a 4-byte little-endian
+/// length and its bytes; open descriptors follow a message where both ends expect them.
 ///
-/// Any thread may send; one thread receives.
+/// send() is thread-safe; only one thread may receive.
 class MessageSocket {
  public:
-  /// No message is longer.
+  /// Maximum length of a message.
   static constexpr std::size_t kMaxMessageBytes = 256u << 20;
 
   /// Takes a connected Unix stream socket.
   explicit MessageSocket(Descriptor socket) : socket_(std::move(socket)) {}
 
   /// Sends a message, then `descriptors` in batches of at most 200. Blocks while the other end does
-  /// not read. Errors: Unavailable, the other end is gone; InvalidArgument, over kMaxMessageBytes.
+  /// not read. Errors: Unavailable, the other end is closed; InvalidArgument, the message is longer
+  /// than kMaxMessageBytes.
   absl::Status send(const std::string& message, std::span<const int> descriptors = {});
 
-  /// The next message; nullopt when the other end has closed. Errors: DataLoss, it closed in the
-  /// middle of a message, or the length is over kMaxMessageBytes.
+  /// Returns the next message; nullopt when the other end has closed. Errors: DataLoss, it closed
+  /// within a message, or the length exceeds kMaxMessageBytes.
   absl::StatusOr<std::optional<std::string>> receive();
 
-  /// The `count` descriptors sent after the message received last, in order, close-on-exec.
-  /// Errors: DataLoss, fewer came.
+  /// Returns the `count` descriptors sent after the last received message, in order, close-on-exec.
+  /// Errors: DataLoss, fewer arrived.
   absl::StatusOr<std::vector<Descriptor>> receive_descriptors(std::size_t count);
 
-  /// Makes both ends' receive() return; for another thread that wants to end this one.
+  /// Makes receive() return at both ends. Thread-safe.
   void shut_down();
 
  private:
@@ -46,10 +47,10 @@ class MessageSocket {
   absl::Status receive_batch(std::vector<Descriptor>& out);
 
   Descriptor socket_;
-  std::mutex send_mutex_;  // keeps messages whole
+  std::mutex send_mutex_;  // one message at a time
 };
 
-/// Two connected sockets, both close-on-exec. Errors: Internal.
+/// Returns two connected sockets, both close-on-exec. Errors: Internal.
 absl::StatusOr<std::pair<Descriptor, Descriptor>> socket_pair();
 
 }  // namespace tessera::agent

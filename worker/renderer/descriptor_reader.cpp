@@ -33,7 +33,7 @@ DescriptorReader::~DescriptorReader() {
 absl::StatusOr<std::span<const std::byte>> DescriptorReader::read(std::string_view uri) {
   const auto found = resources_.find(uri);
   if (found == resources_.end()) {
-    return absl::NotFoundError(absl::StrCat(std::string(uri), ": not among the job's assets"));
+    return absl::NotFoundError(absl::StrCat(std::string(uri), ": not in the job's manifest"));
   }
   Resource& resource = found->second;
   if (resource.size == 0) return std::span<const std::byte>();
@@ -42,7 +42,7 @@ absl::StatusOr<std::span<const std::byte>> DescriptorReader::read(std::string_vi
     if (::fstat(resource.descriptor.get(), &info) != 0 ||
         static_cast<std::size_t>(info.st_size) != resource.size) {
       return absl::DataLossError(absl::StrCat(std::string(uri), ": ", info.st_size,
-                                              " bytes, the manifest says ", resource.size));
+                                              " bytes; expected ", resource.size, " (manifest)"));
     }
     void* mapped =
         ::mmap(nullptr, resource.size, PROT_READ, MAP_PRIVATE, resource.descriptor.get(), 0);
@@ -56,16 +56,17 @@ absl::StatusOr<std::span<const std::byte>> DescriptorReader::read(std::string_vi
   return std::span(resource.bytes, resource.size);
 }
 
-absl::StatusOr<std::shared_ptr<const std::byte>> DescriptorReader::set_aside(
+absl::StatusOr<std::shared_ptr<const std::byte>> DescriptorReader::spill(
     std::span<const std::byte> texels) {
   const std::lock_guard lock(mutex_);
   texel_bytes_left_ -= static_cast<std::int64_t>(texels.size());
   if (texel_bytes_left_ >= 0) return nullptr;
-  const auto failed = [](const char* what) {
+  const auto failed = [](const char* call) {
     return absl::ResourceExhaustedError(absl::StrCat(
-        "texels do not fit into memory, and the cache's disk: ", what, ": ", std::strerror(errno)));
+        "textures exceed --texture-mb and cannot be written to the cache directory: ", call, ": ",
+        std::strerror(errno)));
   };
-  // After all that is there: other scenes of the job may look at it.
+  // Append: other scenes of the job may use what is there.
   struct stat info {};
   if (::fstat(scratch_.get(), &info) != 0) return failed("fstat");
   const auto page = static_cast<off_t>(::sysconf(_SC_PAGESIZE));

@@ -7,27 +7,28 @@
 #include <vector>
 
 #include "tessera/v1/render_settings.pb.h"
-#include "worker/ipc/descriptor.h"
 #include "worker/gltf/build/loader.h"
+#include "worker/ipc/descriptor.h"
 
 namespace tessera::agent {
 
-/// Reads a scene's resources from descriptors that were handed over: nothing else exists for it.
+/// Reads a scene's resources from descriptors received from the agent, and from nothing else.
 class DescriptorReader : public render::ResourceReader {
  public:
-  /// `descriptors` are those of the manifest's assets, in its order, which are closed once mapped,
-  /// and last a nameless file: for texels that are over `texel_bytes` in all.
+  /// `descriptors`: the manifest's assets in its order, each closed once it is mapped, then an
+  /// unnamed file for the texels that exceed `texel_bytes` in total.
   DescriptorReader(const v1::SceneManifest& manifest, std::vector<Descriptor> descriptors,
                    std::int64_t texel_bytes);
   ~DescriptorReader() override;
   DescriptorReader(const DescriptorReader&) = delete;
   DescriptorReader& operator=(const DescriptorReader&) = delete;
 
-  /// Errors: NotFound, the manifest does not name `uri`; DataLoss, the file has another size than
-  /// the manifest says; ResourceExhausted, it cannot be mapped.
+  /// Maps and returns a resource. Errors: NotFound, `uri` is not in the manifest; DataLoss, the
+  /// file does not have the size in the manifest; ResourceExhausted, it cannot be mapped.
   absl::StatusOr<std::span<const std::byte>> read(std::string_view uri) override;
-  /// Maps what it has written to the file; the system takes such pages away when memory is short.
-  absl::StatusOr<std::shared_ptr<const std::byte>> set_aside(
+  /// Writes texels over the limit to the file and returns their mapping, whose pages the system can
+  /// evict. Errors: ResourceExhausted, the file cannot be written or mapped.
+  absl::StatusOr<std::shared_ptr<const std::byte>> spill(
       std::span<const std::byte> texels) override;
 
  private:

@@ -33,9 +33,9 @@ absl::StatusOr<LoadedFrames::Outcome> LoadedFrames::load(const v1::LoadScene& co
     outcome.load_seconds = seconds_since(start);
     const auto build_start = Clock::now();
     const auto other = any_frame(command.job_id());
-    auto made =
-        render::FrameRenderer::create(*std::move(scene), *settings, command.frame(), parallel_for,
-                                      other == nullptr ? nullptr : other->renderer.get(), tracing_);
+    auto made = render::FrameRenderer::create(
+        *std::move(scene), *settings, command.frame(), parallel_for,
+        other == nullptr ? nullptr : other->renderer.get(), trace_options_);
     if (!made.ok()) return made.status();
     renderer = *std::move(made);
     outcome.build_seconds = seconds_since(build_start);
@@ -61,7 +61,7 @@ absl::StatusOr<std::shared_ptr<LoadedFrames::JobScene>> LoadedFrames::job_scene(
   auto file = render::load_scene_file(command.manifest().scene_uri(), settings, *job->reader);
   if (!file.ok()) return file.status();
   job->file = *std::move(file);
-  if (contract::frame_count(settings.frames) > 1) {  // a single frame needs its file only once
+  if (contract::frame_count(settings.frames) > 1) {  // a single frame uses its file only once
     const std::lock_guard lock(mutex_);
     jobs_[command.job_id()] = job;
   }
@@ -81,7 +81,7 @@ std::shared_ptr<const LoadedFrame> LoadedFrames::find(const std::string& job_id,
   return found == frames_.end() ? nullptr : found->second;
 }
 
-void LoadedFrames::forget(const v1::UnloadScene& command) {
+void LoadedFrames::unload(const v1::UnloadScene& command) {
   const std::lock_guard lock(mutex_);
   if (command.has_frame()) {
     frames_.erase({command.job_id(), command.frame()});

@@ -11,46 +11,46 @@
 #include "contract/render_settings.h"
 #include "contract/tile_grid.h"
 #include "tessera/v1/renderer.pb.h"
-#include "worker/renderer/descriptor_reader.h"
 #include "worker/render/frame_renderer.h"
+#include "worker/renderer/descriptor_reader.h"
 
 namespace tessera::agent {
 
-/// A job's frame, ready to render from.
+/// A frame of a job, ready to render.
 struct LoadedFrame {
   contract::RenderSettings settings;
   contract::TileGrid grid;
   std::unique_ptr<const render::FrameRenderer> renderer;
 };
 
-/// The scenes a renderer process holds: parsed files by job, posed frames by (job, frame). What is
-/// kept is the agent's decision; a frame that is forgotten lives on until its last unit is done,
-/// which is why units and this table share it.
+/// Scenes of a renderer process: parsed files by job, posed frames by (job, frame). The agent
+/// decides what to load and unload. An unloaded frame lives until its last unit is done, so units
+/// and this table share ownership.
 class LoadedFrames {
  public:
-  /// `texel_bytes`: see DescriptorReader.
-  LoadedFrames(render::TraceOptions tracing, std::int64_t texel_bytes)
-      : tracing_(std::move(tracing)), texel_bytes_(texel_bytes) {}
+  /// `texel_bytes`: limit of DescriptorReader.
+  LoadedFrames(render::TraceOptions trace_options, std::int64_t texel_bytes)
+      : trace_options_(std::move(trace_options)), texel_bytes_(texel_bytes) {}
 
   struct Outcome {
     double load_seconds = 0;   // parsing, decoding, posing
-    double build_seconds = 0;  // structures and tables
+    double build_seconds = 0;  // acceleration structures and sampling tables
   };
 
-  /// Loads a frame; `descriptors` are those of the command's manifest. One call at a time.
+  /// Loads a frame. `descriptors`: as for DescriptorReader. One call at a time.
   ///
   /// Errors: those of the loader, naming file, element and fault.
   absl::StatusOr<Outcome> load(const v1::LoadScene& command, std::vector<Descriptor> descriptors,
                                const render::ParallelFor& parallel_for);
 
-  /// The frame; null unless it is loaded. Any thread.
+  /// Returns a frame; null if it is not loaded. Thread-safe.
   std::shared_ptr<const LoadedFrame> find(const std::string& job_id, std::int32_t frame);
 
-  /// Any thread.
-  void forget(const v1::UnloadScene& command);
+  /// Removes a frame, or all frames of a job. Thread-safe.
+  void unload(const v1::UnloadScene& command);
 
  private:
-  /// The reader must outlive the file: it lends it the bytes.
+  /// The reader must outlive the file, which refers to its bytes.
   struct JobScene {
     std::unique_ptr<DescriptorReader> reader;
     std::unique_ptr<render::SceneFile> file;
@@ -60,10 +60,11 @@ class LoadedFrames {
                                                       const contract::RenderSettings& settings,
                                                       std::vector<Descriptor> descriptors);
 
-  /// Some loaded frame of the job, with which another can share; null if there is none.
+  /// Returns a loaded frame of the job, whose structures another frame can share; null if there is
+  /// none.
   std::shared_ptr<const LoadedFrame> any_frame(const std::string& job_id);
 
-  const render::TraceOptions tracing_;
+  const render::TraceOptions trace_options_;
   const std::int64_t texel_bytes_;
   std::mutex mutex_;  // guards what follows
   std::map<std::string, std::shared_ptr<JobScene>> jobs_;

@@ -14,14 +14,14 @@
 
 namespace tessera::agent {
 
-/// The renderer's threads. Each takes one task (a unit) at a time; a thread that finds none helps
-/// with the loops that running tasks have open. So units never share a thread while there are
-/// enough of them, and their pixels are split while there are not.
+/// Thread pool of the renderer. Each thread runs one task (a unit) at a time; a thread without a
+/// task helps with the parallel loops of running tasks. Thus units run on one thread each while
+/// there are enough of them, and their pixels are divided among threads otherwise.
 class RenderPool {
  public:
   /// Requires thread_count >= 1.
   explicit RenderPool(int thread_count);
-  /// Runs what is queued to the end, then joins.
+  /// Runs all queued tasks, then joins the threads.
   ~RenderPool();
   RenderPool(const RenderPool&) = delete;
   RenderPool& operator=(const RenderPool&) = delete;
@@ -29,8 +29,8 @@ class RenderPool {
   /// Queues a task; tasks start in order.
   void submit(std::function<void()> task);
 
-  /// A loop for tasks and for threads outside the pool, which idle threads help with. The CPU time
-  /// helpers spend is added to `helper_cpu_ns`, which must outlive the loop's calls.
+  /// Returns a parallel loop, callable from tasks and from other threads, with which idle threads
+  /// help. Adds the helpers' CPU time to `helper_cpu_ns`, which must outlive the loop's calls.
   render::ParallelFor parallel_for(std::atomic<std::int64_t>& helper_cpu_ns);
 
  private:
@@ -59,7 +59,7 @@ class RenderPool {
   std::vector<std::thread> threads_;
 };
 
-/// CPU time the calling thread has used so far.
+/// Returns the CPU time of the calling thread, ns.
 std::int64_t thread_cpu_ns();
 
 }  // namespace tessera::agent

@@ -18,13 +18,13 @@
 #include "tessera/v1/renderer.pb.h"
 #include "worker/accel/layout/isa.h"
 #include "worker/accelerators/reference_accel.h"
-#include "worker/renderer/loaded_frames.h"
+#include "worker/gltf/file/limits.h"
 #include "worker/ipc/message_socket.h"
-#include "worker/renderer/render_pool.h"
-#include "worker/renderer/sandbox.h"
 #include "worker/render/float_control.h"
 #include "worker/render/numerics/numerics_check.h"
-#include "worker/gltf/file/limits.h"
+#include "worker/renderer/loaded_frames.h"
+#include "worker/renderer/render_pool.h"
+#include "worker/renderer/sandbox.h"
 
 namespace tessera::agent {
 namespace {
@@ -35,7 +35,7 @@ std::int64_t peak_rss_bytes() {
   return std::int64_t{usage.ru_maxrss} * 1024;
 }
 
-render::TraceOptions tracing_of(const RendererOptions& options) {
+render::TraceOptions trace_options(const RendererOptions& options) {
   const auto* structure = render::reference::find_structure(options.accelerator);
   if (structure == nullptr) return options.isa;
   return {options.isa, [structure](const render::Scene& scene) {
@@ -43,7 +43,8 @@ render::TraceOptions tracing_of(const RendererOptions& options) {
           }};
 }
 
-/// The only file it may write to gets texels, each image's from a new page on.
+/// Size limit of the only file that may be written: the texels that exceed the memory limit, each
+/// image on a page boundary.
 constexpr rlim_t kMaxFileBytes = render::kMaxAllImageBytes * 2;
 
 class Renderer {
@@ -51,7 +52,7 @@ class Renderer {
   explicit Renderer(const RendererOptions& options)
       : options_(options),
         socket_(Descriptor(options.fd)),
-        frames_(tracing_of(options), options.texel_bytes),
+        frames_(trace_options(options), options.texel_bytes),
         pool_(options.thread_count) {}
 
   int run() {
@@ -60,9 +61,9 @@ class Renderer {
       auto message = socket_.receive();
       if (!message.ok() || !message->has_value()) break;
       v1::RendererCommand command;
-      if (!command.ParseFromString(**message) || !obey(command)) break;
+      if (!command.ParseFromString(**message) || !execute(command)) break;
     }
-    // The agent is gone, or wants us gone: nobody waits for what is still running.
+    // The agent has closed the socket: nobody waits for running units.
     std::_Exit(0);
   }
 
@@ -81,7 +82,7 @@ class Renderer {
     send(event);
   }
 
-  bool obey(v1::RendererCommand& command) {
+  bool execute(v1::RendererCommand& command) {
     switch (command.command_case()) {
       case v1::RendererCommand::kLoadScene:
         return load(std::move(*command.mutable_load_scene()));
@@ -91,17 +92,17 @@ class Renderer {
         return true;
       }
       case v1::RendererCommand::kUnloadScene:
-        frames_.forget(command.unload_scene());
+        frames_.unload(command.unload_scene());
         return true;
       default:
         return false;
     }
   }
 
-  /// Loads on a thread of its own, one scene after the other, helped by threads without a unit. The
-  /// agent never waits: this thread goes on reading.
+  /// Loads scenes one at a time on their own thread, helped by threads without a unit, so that this
+  /// thread keeps reading commands.
   bool load(v1::LoadScene command) {
-    // The scene's files, and one for texels that do not fit.
+    // The scene's files, and one for texels over the limit.
     auto descriptors =
         socket_.receive_descriptors(static_cast<std::size_t>(command.manifest().assets_size()) + 1);
     if (!descriptors.ok()) return false;
@@ -120,6 +121,7 @@ class Renderer {
         scene.set_build_seconds(outcome->build_seconds);
       } else {
         scene.set_error(std::string(outcome.status().message()));
+        scene.set_error_code(static_cast<std::int32_t>(outcome.status().code()));
       }
       send(event);
     });
@@ -132,34 +134,29 @@ class Renderer {
     v1::RendererEvent event;
     *event.mutable_started() = unit;
     send(event);
-    if (options_.crash_on == contract::Unit{unit.frame(), unit.tile(), unit.pass()}) {
-      std::fprintf(stderr, "crashing on unit %d:%d:%d as told\n", unit.frame(), unit.tile(),
-                   unit.pass());
-      std::signal(SIGSEGV, SIG_DFL);
-      std::raise(SIGSEGV);
-    }
-    v1::RenderUnitResult& outcome = *event.mutable_unit();
-    *outcome.mutable_unit() = unit;
+    if (options_.before_unit) options_.before_unit({unit.frame(), unit.tile(), unit.pass()});
+    v1::RenderUnitResult& result = *event.mutable_unit();
+    *result.mutable_unit() = unit;
     auto block = render_block(unit, helper_cpu_ns);
     if (block.ok()) {
-      outcome.set_block(*std::move(block));
+      result.set_block(*std::move(block));
     } else {
-      outcome.set_error(std::string(block.status().message()));
+      result.set_error(std::string(block.status().message()));
     }
-    outcome.set_cpu_seconds(1e-9 * static_cast<double>(thread_cpu_ns() - start + helper_cpu_ns));
+    result.set_cpu_seconds(1e-9 * static_cast<double>(thread_cpu_ns() - start + helper_cpu_ns));
     send(event);
   }
 
   absl::StatusOr<std::string> render_block(const v1::RenderUnit& unit,
                                            std::atomic<std::int64_t>& helper_cpu_ns) {
     const auto frame = frames_.find(unit.job_id(), unit.frame());
-    if (frame == nullptr) return absl::FailedPreconditionError("its scene is not loaded");
+    if (frame == nullptr) return absl::FailedPreconditionError("the scene is not loaded");
     if (unit.tile() < 0 || unit.tile() >= frame->grid.tile_count()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("tile ", unit.tile(), " of ", frame->grid.tile_count()));
+      return absl::InvalidArgumentError(absl::StrCat("tile ", unit.tile(), " of a frame of ",
+                                                     frame->grid.tile_count(), " tiles"));
     }
     if (!render::has_ieee_floats()) {
-      return absl::InternalError("the floating-point mode of this thread is not IEEE's default");
+      return absl::InternalError("the thread's floating-point mode is not the IEEE 754 default");
     }
     return contract::encode(frame->renderer->render(
         frame->grid.rect(unit.tile()), contract::Pass{unit.first_sample(), unit.sample_count()},
@@ -167,7 +164,7 @@ class Renderer {
   }
 
   void send(const v1::RendererEvent& event) {
-    // An agent that does not read any more is gone; the main thread sees that too.
+    // If the agent has closed the socket, the main thread notices as well.
     (void)socket_.send(event.SerializeAsString());
   }
 
@@ -183,17 +180,17 @@ class Renderer {
 int run_renderer(const RendererOptions& options) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   ::prctl(PR_SET_NAME, "tessera-render");
-  // A terminal, Slurm and systemd signal all processes of a job: the agent decides what that means.
+  // A terminal, Slurm and systemd signal all processes of a job; the agent handles the signal.
   for (const int signal : {SIGTERM, SIGINT, SIGHUP}) ::signal(signal, SIG_IGN);
   if (options.memory_bytes > 0) {
     const auto bytes = static_cast<rlim_t>(options.memory_bytes);
     const rlimit limit{bytes, bytes};
-    ::setrlimit(RLIMIT_DATA, &limit);  // what is mapped from files can be read again
+    ::setrlimit(RLIMIT_DATA, &limit);  // file mappings do not count
   }
   const rlimit file_limit{kMaxFileBytes, kMaxFileBytes};
   ::setrlimit(RLIMIT_FSIZE, &file_limit);
   if (const absl::Status confined = enter_sandbox(); !confined.ok()) {
-    std::fprintf(stderr, "the renderer is not confined: %s\n",
+    std::fprintf(stderr, "warning: the renderer runs without a seccomp sandbox: %s\n",
                  std::string(confined.message()).c_str());
   }
   return Renderer(options).run();

@@ -1,7 +1,7 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
+#include <functional>
 #include <string>
 
 #include "contract/unit.h"
@@ -12,17 +12,19 @@ namespace tessera::agent {
 struct RendererOptions {
   int fd = 3;                     // socket to the agent
   int thread_count = 1;           // units rendered at once
-  std::int64_t memory_bytes = 0;  // limit of what is not mapped from files; 0: none
-  std::int64_t texel_bytes = 0;   // of a scene's images in memory; the rest is mapped from a file
+  std::int64_t memory_bytes = 0;  // limit without file mappings; 0: none
+  std::int64_t texel_bytes = 0;   // limit of a scene's images in memory; the rest is mapped
   render::Isa isa = render::best_isa();
-  /// A structure of worker/accel/reference to trace rays with instead, for tests; empty: none.
+  /// Name of the acceleration structure (worker/accelerators), for tests; empty: production's.
   std::string accelerator;
-  /// Fault injection for tests: dies by SIGSEGV when it takes up this unit.
-  std::optional<contract::Unit> crash_on;
+  /// Called on the rendering thread before each unit, by test builds that inject faults; may be
+  /// empty.
+  std::function<void(const contract::Unit&)> before_unit;
 };
 
-/// The renderer process: loads scenes from the descriptors it is given, renders units, and answers,
-/// until the agent closes the socket. It opens no path and no connection. Returns the exit code.
+/// Runs the renderer process until the agent closes the socket: loads scenes from descriptors that
+/// the agent sends, renders units and returns their blocks. Opens no files and no connections.
+/// Returns the exit code.
 int run_renderer(const RendererOptions& options);
 
 }  // namespace tessera::agent

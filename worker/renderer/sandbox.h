@@ -4,13 +4,14 @@
 
 namespace tessera::agent {
 
-/// Gives up, for this process and for good, what rendering does not take: new sockets, other
-/// programs, other processes, and writing to any file that is not open yet. A scene that takes over
-/// its parser can then reach neither the network nor the disk. What is refused fails with EPERM.
+/// Installs a seccomp filter that denies this process for its lifetime what rendering does not
+/// need: new sockets, executing programs, access to other processes, and opening files for writing.
+/// A scene that exploits a parser can then reach neither the network nor the disk. Denied calls
+/// fail with EPERM.
 ///
-/// Reading files stays allowed (libraries are loaded late), as does all that is done with open
-/// descriptors. Call it while the process has one thread. Errors: Unavailable, this kernel has no
-/// seccomp filters; nothing is given up then.
+/// Reading files stays allowed, since libraries are loaded late, as does the use of open
+/// descriptors. Call it while the process has one thread. Errors: Unavailable, the kernel does not
+/// support seccomp filters; nothing is denied then.
 absl::Status enter_sandbox();
 
 }  // namespace tessera::agent

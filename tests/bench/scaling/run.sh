@@ -51,7 +51,7 @@ PY
 done
 
 # Of the run with one worker per core: CPU seconds of a unit by its samples (passes of 8 and 24).
-sed -nE 's/.* unit .* ([0-9]+) is rendered, ([0-9.e-]+) CPU s.*/\1 \2/p' "$work/worker-1-0.log" |
+sed -nE 's/.* unit .* ([0-9]+) rendered in ([0-9.e-]+) s of CPU time.*/\1 \2/p' "$work/worker-1-0.log" |
   awk '{ print $2 / ($1 == 0 ? 8 : 24) }' >"$work/units.txt"
 figure() { awk -v name="tessera_$1" '$1 == name { print $2 }' "$work/metrics.txt"; }
 block_bytes=$(awk "BEGIN { print $(figure block_bytes_total) / $(figure units_committed_total) }")

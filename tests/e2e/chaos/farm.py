@@ -168,12 +168,12 @@ class Farm:
         identity = f"w{slot}-{len(self.all_workers)}"
         control = FaultsControl(self.work / f"{identity}.control")
         options = ["--unit-timeout", str(UNIT_TIMEOUT)] if slot == 0 else []
-        options += ["--deliver-twice"] if slot == 1 else []
+        options += ["--fault-deliver-twice"] if slot == 1 else []
         options += faults
         log, units = self.work / f"{identity}.log", self.work / f"{identity}.units"
         with open(log, "a") as file:
             process = subprocess.Popen(
-                [BIN / "tessera-worker", "--server", f"unix:{self.links[slot].path}", "--id", identity,
+                [BIN / "tessera-worker-faults", "--server", f"unix:{self.links[slot].path}", "--id", identity,
                  "--name", identity, "--threads", "1", "--cache", self.work / f"cache{slot}",
                  "--unit-log", units, *options],
                 env=self.environment(control), stdin=subprocess.DEVNULL, stdout=file, stderr=file)

@@ -126,8 +126,8 @@ def kill_renderer(farm, rng):
         if renderer is None:
             return None
         os.kill(renderer, signal.SIGKILL)
-        farm.wait(30, "the agent notices", lambda: "the renderer was" in worker.text())
-        return f"of {worker.id}" if "the renderer was" in worker.text() else None
+        farm.wait(30, "the agent notices", lambda: "renderer process died" in worker.text())
+        return f"of {worker.id}" if "renderer process died" in worker.text() else None
 
 
 def stop_worker(farm, rng):
@@ -155,11 +155,11 @@ def hang(farm, rng):
             return None
         os.kill(renderer, signal.SIGSTOP)
         try:
-            farm.wait(60, "the agent notices", lambda: " hangs; " in worker.text())
+            farm.wait(60, "the agent notices", lambda: "timed out; killing the renderer" in worker.text())
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(renderer, signal.SIGCONT)
-        return f"the renderer of {worker.id} was killed" if " hangs; " in worker.text() else None
+        return f"the renderer of {worker.id} was killed" if "timed out; killing the renderer" in worker.text() else None
 
 
 def slow_worker(farm, rng):
@@ -269,7 +269,7 @@ def liar(farm, rng):
     with a_worker(farm) as worker:
         if not worker:
             return None
-        false_one = replaced(farm, worker, "--lie-every", "3")
+        false_one = replaced(farm, worker, "--fault-corrupt-every", "3")
         found = f"worker {false_one.id} is quarantined"
         farm.lied = True
         farm.wait(120, "the liar is found", lambda: found in farm.log())
@@ -283,7 +283,7 @@ def forger(farm, rng):
     with a_worker(farm) as worker:
         if not worker:
             return None
-        false_one = replaced(farm, worker, "--forge")
+        false_one = replaced(farm, worker, "--fault-forge")
         rejected = lambda: sum("REJECTED" in line and "seal" in line
                                for line in false_one.units.read_text().splitlines()
                                ) if false_one.units.exists() else 0
@@ -314,7 +314,7 @@ def stop_server(farm, rng):
             time.sleep(LONGER)
         finally:
             farm.server.send_signal(signal.SIGCONT)
-        gone = [worker for worker in farm.all_workers if "the server is gone" in worker.text()]
+        gone = [worker for worker in farm.all_workers if "connection lost" in worker.text()]
         return f"{len(gone)} workers connected again" if gone else None
 
 

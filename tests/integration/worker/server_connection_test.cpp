@@ -132,9 +132,9 @@ class ServerLinkTest : public testing::Test {
   }
 
   ~ServerLinkTest() override {
-    if (link_) {
-      link_->cancel();
-      run_until([this] { return link_->closed(); });
+    if (connection_) {
+      connection_->cancel();
+      run_until([this] { return connection_->closed(); });
     }
     stop_server();
     std::filesystem::remove_all(folder_);
@@ -153,34 +153,35 @@ class ServerLinkTest : public testing::Test {
   }
 
   void open(const ServerConnection::Options& options = {}) {
-    ServerConnection::Callbacks outlet;
-    outlet.hello = [] {
+    ServerConnection::Callbacks callbacks;
+    callbacks.hello = [] {
       v1::WorkerHello hello;
       hello.set_worker_id("worker");
       return hello;
     };
-    outlet.window = [] { return CreditWindow{4, 4}; };
-    outlet.rss_bytes = [] { return std::int64_t{123}; };
-    outlet.on_response = [this](const v1::WorkResponse& response) {
+    callbacks.window = [] { return CreditWindow{4, 4}; };
+    callbacks.rss_bytes = [] { return std::int64_t{123}; };
+    callbacks.on_response = [this](const v1::WorkResponse& response) {
       for (const auto& lease : response.leases().leases()) queue_.add_lease(lease);
       for (const auto& verdict : response.acknowledgements().acknowledgements()) {
         queue_.acknowledge(key_of(verdict.unit()));
       }
     };
-    outlet.refused = [this](const absl::Status& status) { refused_ = status; };
-    link_ = std::make_unique<ServerConnection>(*stub_, options, queue_, mailbox_, std::move(outlet));
+    callbacks.refused = [this](const absl::Status& status) { refused_ = status; };
+    connection_ = std::make_unique<ServerConnection>(*stub_, options, queue_, event_loop_,
+                                                     std::move(callbacks));
   }
 
   /// Turns the agent's loop until `done` (asked under the fake server's lock) or 20 s have passed.
   bool run_until(const std::function<bool()>& done) {
     const Time limit = Clock::now() + seconds(20);
     while (Clock::now() < limit) {
-      link_->pump(Clock::now());
+      connection_->pump(Clock::now());
       {
         const std::lock_guard lock(fake_.mutex);
         if (done()) return true;
       }
-      mailbox_.run_until(std::min(Clock::now() + milliseconds(20), link_->next_due()));
+      event_loop_.run_until(std::min(Clock::now() + milliseconds(20), connection_->next_due()));
     }
     return false;
   }
@@ -211,19 +212,19 @@ class ServerLinkTest : public testing::Test {
   std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::WorkerService::Stub> stub_;
   UnitQueue queue_;
-  EventLoop mailbox_;
+  EventLoop event_loop_;
   absl::Status refused_;
-  std::unique_ptr<ServerConnection> link_;
+  std::unique_ptr<ServerConnection> connection_;
 };
 
 TEST_F(ServerLinkTest, SaysHelloThenBeatsWithWhatIsStarted) {
   open();
-  queue_.welcome("store");
+  queue_.set_store("store");
   ASSERT_TRUE(run_until([this] { return fake_.hellos.size() == 1; }));
   v1::Lease lease;
   lease.set_job_id("job");
   lease.set_tile_count(1);
-  ASSERT_TRUE(run_until([this] { return link_->connected(); }));
+  ASSERT_TRUE(run_until([this] { return connection_->connected(); }));
   queue_.add_lease(lease);
   queue_.start(key(0));
   EXPECT_TRUE(run_until([this] {
@@ -240,7 +241,7 @@ TEST_F(ServerLinkTest, SaysHelloThenBeatsWithWhatIsStarted) {
 
 TEST_F(ServerLinkTest, BlocksSmallAndLargeArriveWholeWithTheirLease) {
   open();
-  ASSERT_TRUE(run_until([this] { return link_->connected(); }));
+  ASSERT_TRUE(run_until([this] { return connection_->connected(); }));
   const std::vector<std::string> blocks = {std::string(100, 'a'), std::string(200'000, 'b'),
                                            std::string(65'536, 'c'), std::string(5, 'd'),
                                            std::string(65'537, 'e')};
@@ -261,7 +262,7 @@ TEST_F(ServerLinkTest, BlocksSmallAndLargeArriveWholeWithTheirLease) {
 
 TEST_F(ServerLinkTest, AfterABrokenStreamItSendsAgainWhatHasNoVerdict) {
   open();
-  ASSERT_TRUE(run_until([this] { return link_->connected(); }));
+  ASSERT_TRUE(run_until([this] { return connection_->connected(); }));
   lease_and_render(0, "first");
   lease_and_render(1, "second");
   ASSERT_TRUE(run_until([this] { return fake_.blocks.size() == 2; }));
@@ -279,9 +280,9 @@ TEST_F(ServerLinkTest, AfterABrokenStreamItSendsAgainWhatHasNoVerdict) {
 
 TEST_F(ServerLinkTest, AServerThatComesBackWithItsStoreGetsWhatIsHeld) {
   open();
-  ASSERT_TRUE(run_until([this] { return link_->connected(); }));
+  ASSERT_TRUE(run_until([this] { return connection_->connected(); }));
   stop_server();
-  ASSERT_TRUE(run_until([this] { return !link_->connected(); }));
+  ASSERT_TRUE(run_until([this] { return !connection_->connected(); }));
   lease_and_render(0, "rendered while nobody was there");
   start_server();
   ASSERT_TRUE(run_until([this] { return fake_.blocks.size() == 1; }));
@@ -290,13 +291,13 @@ TEST_F(ServerLinkTest, AServerThatComesBackWithItsStoreGetsWhatIsHeld) {
 
 TEST_F(ServerLinkTest, ABlockOfAnotherStoreIsDropped) {
   open();
-  ASSERT_TRUE(run_until([this] { return link_->connected(); }));
+  ASSERT_TRUE(run_until([this] { return connection_->connected(); }));
   stop_server();
-  ASSERT_TRUE(run_until([this] { return !link_->connected(); }));
+  ASSERT_TRUE(run_until([this] { return !connection_->connected(); }));
   lease_and_render(0, "old");
   fake_.store_id = "another";
   start_server();
-  ASSERT_TRUE(run_until([this] { return link_->connected(); }));
+  ASSERT_TRUE(run_until([this] { return connection_->connected(); }));
   EXPECT_TRUE(queue_.empty());
 }
 
@@ -324,11 +325,11 @@ TEST_F(ServerLinkTest, ARefusalIsFinal) {
   EXPECT_EQ(fake_.hellos.size(), 1u);
 }
 
-TEST_F(ServerLinkTest, ADuplicateIsDeliveredWhenATestAsksForIt) {
+TEST_F(ServerLinkTest, SendsTheBlocksOfTheFaultHook) {
   ServerConnection::Options options;
-  options.deliver_twice = true;
+  options.blocks_to_send = [](const UnitQueue::Block& block) { return std::vector{block, block}; };
   open(options);
-  ASSERT_TRUE(run_until([this] { return link_->connected(); }));
+  ASSERT_TRUE(run_until([this] { return connection_->connected(); }));
   lease_and_render(0, std::string(70'000, 'x'));
   ASSERT_TRUE(run_until([this] { return fake_.blocks.size() == 2; }));
   EXPECT_EQ(fake_.blocks[0].bytes, fake_.blocks[1].bytes);
@@ -336,7 +337,7 @@ TEST_F(ServerLinkTest, ADuplicateIsDeliveredWhenATestAsksForIt) {
 
 TEST_F(ServerLinkTest, CreditsGrowBackWithVerdicts) {
   open();
-  ASSERT_TRUE(run_until([this] { return link_->connected(); }));
+  ASSERT_TRUE(run_until([this] { return connection_->connected(); }));
   v1::WorkResponse leases;
   auto* lease = leases.mutable_leases()->add_leases();
   lease->set_job_id("job");

@@ -21,7 +21,7 @@ namespace tessera::agent {
 namespace {
 
 constexpr std::size_t kReadBytes = 1 << 20;
-constexpr char kPartEnd[] = ".part";  // of names of files being written
+constexpr char kPartExtension[] = ".part";  // of files being written
 
 absl::Status disk_error(const std::string& path) {
   return absl::FailedPreconditionError(absl::StrCat(path, ": ", std::strerror(errno)));
@@ -32,12 +32,12 @@ bool has_digest(int fd, const contract::Digest& digest) {
   std::vector<char> buffer(kReadBytes);
   off_t offset = 0;
   while (true) {
-    const ssize_t got = ::pread(fd, buffer.data(), buffer.size(), offset);
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) return false;
-    if (got == 0) return hasher.finish() == digest;
-    hasher.update(std::string_view(buffer.data(), static_cast<std::size_t>(got)));
-    offset += got;
+    const ssize_t count = ::pread(fd, buffer.data(), buffer.size(), offset);
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) return false;
+    if (count == 0) return hasher.finish() == digest;
+    hasher.update(std::string_view(buffer.data(), static_cast<std::size_t>(count)));
+    offset += count;
   }
 }
 
@@ -57,20 +57,21 @@ absl::Status sync_folder(const std::string& path) {
   return absl::OkStatus();
 }
 
-/// A new file PATH.XXXXXX.part, its name in `name`, locked for as long as it is open anywhere: the
-/// kernel frees the lock of a worker that is killed.
+/// Creates a file PATH.XXXXXX.part, stores its name in `name` and locks it while it is open: the
+/// kernel releases the lock of a killed worker.
 Descriptor create_part(const std::string& path, std::string& name) {
   while (true) {
-    name = absl::StrCat(path, ".XXXXXX", kPartEnd);
-    Descriptor file(::mkostemps(name.data(), static_cast<int>(sizeof kPartEnd - 1), O_CLOEXEC));
+    name = absl::StrCat(path, ".XXXXXX", kPartExtension);
+    Descriptor file(
+        ::mkostemps(name.data(), static_cast<int>(sizeof kPartExtension - 1), O_CLOEXEC));
     if (!file) return file;
     ::flock(file.get(), LOCK_EX);
-    struct stat info {};  // another worker may have taken it for abandoned before it was locked
+    struct stat info {};  // another worker may have removed it before it was locked
     if (::fstat(file.get(), &info) == 0 && info.st_nlink > 0) return file;
   }
 }
 
-/// Removes a partial file unless somebody still writes it.
+/// Removes a partial file unless a worker is still writing it.
 void remove_if_abandoned(const std::string& part) {
   const Descriptor file(::open(part.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW));
   if (file && ::flock(file.get(), LOCK_EX | LOCK_NB) == 0) ::unlink(part.c_str());
@@ -111,9 +112,9 @@ std::optional<Descriptor> AssetCache::open_verified(const contract::Digest& dige
     const std::lock_guard lock(mutex_);
     known = verified_.contains(digest);
   }
-  if (!known && !has_digest(file.get(), digest)) return std::nullopt;  // overwritten by fill()
+  if (!known && !has_digest(file.get(), digest)) return std::nullopt;  // fill() replaces it
   note_verified(digest);
-  ::futimens(file.get(), nullptr);  // used now
+  ::futimens(file.get(), nullptr);  // marks it as used now
   return file;
 }
 
@@ -126,13 +127,13 @@ absl::StatusOr<Descriptor> AssetCache::fill(const contract::Digest& digest, std:
   std::int64_t received = 0;
   absl::Status status = download([&](std::string_view bytes) {
     received += static_cast<std::int64_t>(bytes.size());
-    if (received > size_bytes) return absl::DataLossError("more bytes than its id says");
+    if (received > size_bytes) return absl::DataLossError("download exceeds the size of the asset");
     hasher.update(bytes);
     return write_all(file.get(), bytes, part);
   });
   if (status.ok() && (received != size_bytes || hasher.finish() != digest)) {
     status = absl::DataLossError(
-        absl::StrCat("asset ", digest.hex(), ": the bytes that came do not match it"));
+        absl::StrCat("asset ", digest.hex(), ": downloaded bytes do not match the digest"));
   }
   if (status.ok() && ::fsync(file.get()) != 0) status = disk_error(part);
   if (status.ok() && ::rename(part.c_str(), path_of(digest).c_str()) != 0) {
@@ -149,7 +150,7 @@ absl::StatusOr<Descriptor> AssetCache::fill(const contract::Digest& digest, std:
 
 absl::StatusOr<Descriptor> AssetCache::scratch() {
   Descriptor file(::open(folder_.c_str(), O_RDWR | O_TMPFILE | O_CLOEXEC, 0600));
-  if (!file) {  // not every file system has those
+  if (!file) {  // not every file system supports O_TMPFILE
     std::string name = folder_ + "/scratch.XXXXXX";
     file = Descriptor(::mkostemp(name.data(), O_CLOEXEC));
     if (file) ::unlink(name.c_str());
@@ -178,7 +179,7 @@ void AssetCache::trim() {
     const auto size = static_cast<std::int64_t>(entry.file_size(gone));
     const fs::file_time_type used = entry.last_write_time(gone);
     if (gone) continue;
-    if (entry.path().extension() == kPartEnd) remove_if_abandoned(entry.path());
+    if (entry.path().extension() == kPartExtension) remove_if_abandoned(entry.path());
     if (!entry.path().extension().empty()) continue;
     files.push_back({used, entry.path(), size});
     total += size;

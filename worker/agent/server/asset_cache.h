@@ -15,14 +15,15 @@
 
 namespace tessera::agent {
 
-/// A folder of scene files named by their SHA-256, shared by the workers of a host.
+/// Directory of scene files named by their SHA-256, shared by the workers of a host.
 ///
-/// A file is visible only after its bytes have been verified (temporary file, fsync, rename, folder
-/// fsync). The least recently used go first; descriptors that are open outlive their names, so
-/// nothing needs a pin. Any thread.
+/// A file becomes visible only after its bytes are verified (temporary file, fsync, rename, fsync
+/// of the directory). The least recently used files are removed first. Open descriptors outlive
+/// their names, so files need no pinning. Thread-safe.
 class AssetCache {
  public:
-  /// Makes `folder` if need be, and trims it. Errors: FailedPrecondition naming the folder.
+  /// Opens `folder`, creating it if missing, and trims it. Errors: FailedPrecondition, the
+  /// directory cannot be created.
   static absl::StatusOr<std::unique_ptr<AssetCache>> open(const std::string& folder,
                                                           std::int64_t limit_bytes);
 
@@ -30,18 +31,18 @@ class AssetCache {
   using Source =
       std::function<absl::Status(const std::function<absl::Status(std::string_view)>& write)>;
 
-  /// The asset, open for reading: from the folder (verified once by this process), else from
-  /// `download`. Errors: DataLoss, the bytes that came do not match; FailedPrecondition, the folder
-  /// cannot be written; those of `download`.
+  /// Opens an asset for reading, from the directory (verified once per process) or else from
+  /// `download`. Errors: DataLoss, the downloaded bytes do not match the digest;
+  /// FailedPrecondition, the directory is not writable; those of `download`.
   absl::StatusOr<Descriptor> get(const contract::Digest& digest, std::int64_t size_bytes,
                                  const Source& download);
 
-  /// A new file without a name, for reading and writing: it goes when it is closed everywhere.
-  /// Errors: FailedPrecondition, the folder cannot be written.
+  /// Creates an unnamed file for reading and writing, which is deleted with its last descriptor.
+  /// Errors: FailedPrecondition, the directory is not writable.
   absl::StatusOr<Descriptor> scratch();
 
-  /// Removes what killed workers left half written, and the least recently used files until the
-  /// rest fit the limit.
+  /// Removes partial files of killed workers, and the least recently used files until the rest fits
+  /// the limit.
   void trim();
 
  private:

@@ -45,7 +45,7 @@ JobFetcher::~JobFetcher() {
 void JobFetcher::fetch(const std::string& job_id) {
   {
     const std::lock_guard lock(mutex_);
-    wanted_.push_back(job_id);
+    queue_.push_back(job_id);
   }
   wake_.notify_all();
 }
@@ -55,13 +55,13 @@ void JobFetcher::run() {
     std::string job_id;
     {
       std::unique_lock lock(mutex_);
-      wake_.wait(lock, [this] { return ending_ || !wanted_.empty(); });
+      wake_.wait(lock, [this] { return ending_ || !queue_.empty(); });
       if (ending_) return;
-      job_id = std::move(wanted_.front());
-      wanted_.pop_front();
+      job_id = std::move(queue_.front());
+      queue_.pop_front();
     }
-    auto files = fetch_once(job_id);
-    done_(std::move(job_id), std::move(files));
+    auto inputs = fetch_once(job_id);
+    done_(std::move(job_id), std::move(inputs));
   }
 }
 
@@ -75,32 +75,32 @@ absl::StatusOr<JobInputs> JobFetcher::fetch_once(const std::string& job_id) {
   if (!status.ok()) return status;
   auto settings = contract::from_message(response.settings());
   if (!settings.ok()) return settings.status();
-  JobInputs files;
-  files.settings = *std::move(settings);
-  files.message = std::move(*response.mutable_settings());
-  files.manifest = std::move(*response.mutable_manifest());
-  if (files.manifest.assets_size() > kMaxAssets) {
-    return absl::InvalidArgumentError(absl::StrCat("a manifest of ", files.manifest.assets_size(),
-                                                   " assets; at most ", kMaxAssets));
+  JobInputs inputs;
+  inputs.settings = *std::move(settings);
+  inputs.message = std::move(*response.mutable_settings());
+  inputs.manifest = std::move(*response.mutable_manifest());
+  if (inputs.manifest.assets_size() > kMaxAssets) {
+    return absl::InvalidArgumentError(absl::StrCat("the job has ", inputs.manifest.assets_size(),
+                                                   " assets; the maximum is ", kMaxAssets));
   }
-  for (const v1::ManifestEntry& entry : files.manifest.assets()) {
+  for (const v1::ManifestEntry& entry : inputs.manifest.assets()) {
     auto descriptor = fetch_asset(entry.asset());
     if (!descriptor.ok()) {
       return absl::Status(
           descriptor.status().code(),
           absl::StrCat(entry.uri(), ": ", std::string(descriptor.status().message())));
     }
-    files.descriptors.push_back(*std::move(descriptor));
+    inputs.descriptors.push_back(*std::move(descriptor));
   }
   auto scratch = cache_.scratch();
   if (!scratch.ok()) return scratch.status();
-  files.descriptors.push_back(*std::move(scratch));
-  return files;
+  inputs.descriptors.push_back(*std::move(scratch));
+  return inputs;
 }
 
 absl::StatusOr<Descriptor> JobFetcher::fetch_asset(const v1::AssetId& id) {
   const auto digest = contract::Digest::from_binary(id.sha256());
-  if (!digest) return absl::InvalidArgumentError("an asset id without a SHA-256");
+  if (!digest) return absl::InvalidArgumentError("asset ID without a SHA-256 digest");
   absl::StatusOr<Descriptor> result = absl::UnknownError("");
   bool is_cached = true;
   const absl::Status status = call(kDownloadTimeout, [&](grpc::ClientContext& context) {
@@ -135,7 +135,7 @@ absl::Status JobFetcher::call(milliseconds timeout,
     contract::prepare_call(context, token_, timeout);
     {
       const std::lock_guard lock(mutex_);
-      if (ending_) return absl::CancelledError("the worker is leaving");
+      if (ending_) return absl::CancelledError("the worker is shutting down");
       running_ = &context;
     }
     absl::Status status = attempt(context);

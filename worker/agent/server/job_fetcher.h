@@ -15,41 +15,44 @@
 #include "contract/render_settings.h"
 #include "tessera/v1/asset_service.grpc.pb.h"
 #include "tessera/v1/worker_service.grpc.pb.h"
-#include "worker/agent/units/agent_metrics.h"
 #include "worker/agent/server/asset_cache.h"
+#include "worker/agent/units/agent_metrics.h"
 #include "worker/ipc/descriptor.h"
 
 namespace tessera::agent {
 
-/// What a renderer needs of a job.
+/// Everything a renderer needs to render a job.
 struct JobInputs {
   v1::RenderSettings message;
   contract::RenderSettings settings;
   v1::SceneManifest manifest;
-  std::vector<Descriptor> descriptors;  // as DescriptorReader wants them
+  std::vector<Descriptor> descriptors;  // as DescriptorReader expects them
 };
 
-/// Fetches job descriptions and their assets on a thread of its own, one job after the other.
+/// Fetches job descriptions and their assets on its own thread, one job at a time.
 class JobFetcher {
  public:
-  /// Called on the fetcher's thread. Errors: NotFound, the job is gone; others name what failed.
-  using Done = std::function<void(std::string job_id, absl::StatusOr<JobInputs> files)>;
+  /// Called on the fetcher's thread. Errors: NotFound, the job does not exist; others name the
+  /// failed step.
+  using Done = std::function<void(std::string job_id, absl::StatusOr<JobInputs> inputs)>;
 
   /// All arguments but `done` must outlive the fetcher.
   JobFetcher(v1::WorkerService::Stub& workers, v1::AssetService::Stub& assets, AssetCache& cache,
              AgentMetrics& metrics, std::string token, Done done);
-  /// Breaks off what is running.
+  /// Cancels the running call.
   ~JobFetcher();
   JobFetcher(const JobFetcher&) = delete;
   JobFetcher& operator=(const JobFetcher&) = delete;
 
+  /// Queues a job.
   void fetch(const std::string& job_id);
 
  private:
   void run();
   absl::StatusOr<JobInputs> fetch_once(const std::string& job_id);
   absl::StatusOr<Descriptor> fetch_asset(const v1::AssetId& id);
-  /// Runs a call, repeated after UNAVAILABLE with back-off until it works or the fetcher ends.
+  /// Runs a call and repeats it after UNAVAILABLE, with back-off, until it succeeds or the fetcher
+  /// ends.
   absl::Status call(std::chrono::milliseconds timeout,
                     const std::function<absl::Status(grpc::ClientContext&)>& attempt);
 
@@ -61,7 +64,7 @@ class JobFetcher {
   const Done done_;
   std::mutex mutex_;  // guards what follows
   std::condition_variable wake_;
-  std::deque<std::string> wanted_;
+  std::deque<std::string> queue_;
   grpc::ClientContext* running_ = nullptr;
   bool ending_ = false;
   std::thread thread_;

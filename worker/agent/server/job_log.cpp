@@ -8,9 +8,9 @@
 namespace tessera::agent {
 namespace {
 
-/// Bytes of the UTF-8 letter at `text[at]`; 0: there is none. Longer forms than needed and
-/// surrogates are none (Unicode 15, table 3-7).
-std::size_t letter_bytes(const std::string& text, std::size_t at) {
+/// Returns the length in bytes of the UTF-8 character at `text[at]`; 0 if it is not valid. Overlong
+/// forms and surrogates are invalid (Unicode 15, table 3-7).
+std::size_t character_bytes(const std::string& text, std::size_t at) {
   const auto byte = [&](std::size_t i) {
     return at + i < text.size() ? static_cast<unsigned char>(text[at + i]) : 0U;
   };
@@ -21,12 +21,12 @@ std::size_t letter_bytes(const std::string& text, std::size_t at) {
   if (first < 0x80) return 1;
   if (first >= 0xC2 && first <= 0xDF) return follows(1) ? 2 : 0;
   if (first >= 0xE0 && first <= 0xEF) {
-    const bool good = follows(1, first == 0xE0 ? 0xA0 : 0x80, first == 0xED ? 0x9F : 0xBF);
-    return good && follows(2) ? 3 : 0;
+    const bool is_valid = follows(1, first == 0xE0 ? 0xA0 : 0x80, first == 0xED ? 0x9F : 0xBF);
+    return is_valid && follows(2) ? 3 : 0;
   }
   if (first >= 0xF0 && first <= 0xF4) {
-    const bool good = follows(1, first == 0xF0 ? 0x90 : 0x80, first == 0xF4 ? 0x8F : 0xBF);
-    return good && follows(2) && follows(3) ? 4 : 0;
+    const bool is_valid = follows(1, first == 0xF0 ? 0x90 : 0x80, first == 0xF4 ? 0x8F : 0xBF);
+    return is_valid && follows(2) && follows(3) ? 4 : 0;
   }
   return 0;
 }
@@ -49,7 +49,7 @@ v1::LogLine::Level level_of(LogLevel level) {
 
 std::string valid_utf8(std::string text) {
   for (std::size_t at = 0; at < text.size();) {
-    const std::size_t bytes = letter_bytes(text, at);
+    const std::size_t bytes = character_bytes(text, at);
     if (bytes == 0) text[at] = '?';
     at += std::max<std::size_t>(bytes, 1);
   }
@@ -63,7 +63,7 @@ void JobLogForwarder::add(LogLevel level, const std::string& job_id, const std::
   kept.set_message(valid_utf8(line.substr(0, kMaxLineBytes)));
   if (waiting_.size() <= kMaxWaiting) return;
   waiting_.pop_front();
-  ++left_out_;
+  ++dropped_count_;
 }
 
 std::optional<v1::LogLines> JobLogForwarder::take(Time now) {
@@ -74,11 +74,12 @@ std::optional<v1::LogLines> JobLogForwarder::take(Time now) {
   taken_ = now;
   if (waiting_.empty() || allowance_ < 1) return std::nullopt;
   v1::LogLines lines;
-  if (left_out_ > 0) {
+  if (dropped_count_ > 0) {
     v1::LogLine& note = *lines.add_lines();
     note.set_job_id(waiting_.front().job_id());
     note.set_level(v1::LogLine::LEVEL_WARNING);
-    note.set_message(absl::StrCat(std::exchange(left_out_, 0), " lines of this worker left out"));
+    note.set_message(
+        absl::StrCat(std::exchange(dropped_count_, 0), " log lines dropped (rate limit)"));
   }
   while (!waiting_.empty() && allowance_ >= 1 &&
          lines.lines_size() < static_cast<int>(kMaxInMessage)) {

@@ -11,14 +11,15 @@
 
 namespace tessera::agent {
 
-/// Writes a line about a job (its id; empty: about none).
+/// Writes a log line about a job; an empty `job_id` means no job.
 using JobLog = std::function<void(LogLevel, const std::string& job_id, const std::string& line)>;
 
-/// `text` with what is not UTF-8 replaced by '?': protobuf refuses it.
+/// Returns `text` with invalid UTF-8 bytes replaced by '?': protobuf rejects them.
 std::string valid_utf8(std::string text);
 
-/// Lines about jobs that wait for the server, where `tessera logs` reads them. Bounded: of what
-/// waits the oldest goes first, and lines are sent at most at kLinesPerSecond, after a burst.
+/// Queue of log lines about jobs for the server, where `tessera logs` reads them. When it is full
+/// the oldest lines are dropped. Lines are sent at kLinesPerSecond at most, after a burst of
+/// kBurst.
 class JobLogForwarder {
  public:
   static constexpr std::size_t kMaxWaiting = 256, kMaxInMessage = 64;
@@ -26,14 +27,15 @@ class JobLogForwarder {
   static constexpr std::size_t kMaxLineBytes = 1024;
 
   void add(LogLevel level, const std::string& job_id, const std::string& line);
-  /// What may be sent now; says how many lines were left out. nullopt: nothing.
+  /// Returns the lines that may be sent now, with a note about dropped ones; nullopt if there are
+  /// none.
   std::optional<v1::LogLines> take(Time now);
 
  private:
   std::deque<v1::LogLine> waiting_;
-  std::int64_t left_out_ = 0;  // since the last message
-  double allowance_ = kBurst;  // lines that may be sent now
-  std::optional<Time> taken_;  // when the allowance was last reckoned
+  std::int64_t dropped_count_ = 0;  // lines dropped since the last message
+  double allowance_ = kBurst;       // lines that may be sent now
+  std::optional<Time> taken_;       // when the allowance was last updated
 };
 
 }  // namespace tessera::agent

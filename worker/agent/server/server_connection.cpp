@@ -12,12 +12,12 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr milliseconds kFirstPause{50}, kLongestPause{5'000};
-constexpr seconds kHelloTimeout{10};    // from Hello to Welcome
-constexpr seconds kVerdictTimeout{30};  // after which blocks are sent again
+constexpr seconds kHelloTimeout{10};  // from Hello to Welcome
+constexpr seconds kAckTimeout{30};    // then blocks are sent again
 constexpr std::size_t kChunkBytes = 64 << 10;
 
-std::chrono::nanoseconds span_of(const google::protobuf::Duration& span,
-                                 std::chrono::nanoseconds least) {
+std::chrono::nanoseconds to_nanoseconds(const google::protobuf::Duration& span,
+                                        std::chrono::nanoseconds least) {
   return std::max(least, seconds(span.seconds()) + std::chrono::nanoseconds(span.nanos()));
 }
 
@@ -28,7 +28,7 @@ bool is_final(const absl::Status& status) {
     case absl::StatusCode::kUnauthenticated:
     case absl::StatusCode::kPermissionDenied:
     case absl::StatusCode::kUnimplemented:
-    case absl::StatusCode::kAborted:  // another process has this worker's id
+    case absl::StatusCode::kAborted:  // another process uses this worker ID
       return true;
     default:
       return false;
@@ -38,12 +38,12 @@ bool is_final(const absl::Status& status) {
 }  // namespace
 
 ServerConnection::ServerConnection(v1::WorkerService::Stub& stub, Options options, UnitQueue& queue,
-                       EventLoop& mailbox, Callbacks outlet)
+                                   EventLoop& event_loop, Callbacks callbacks)
     : stub_(stub),
       options_(std::move(options)),
       queue_(queue),
-      mailbox_(mailbox),
-      outlet_(std::move(outlet)),
+      event_loop_(event_loop),
+      callbacks_(std::move(callbacks)),
       random_(std::random_device{}()),
       interval_(seconds(1)),
       timeout_(kHelloTimeout),
@@ -53,85 +53,85 @@ void ServerConnection::pump(Time now) {
   check_silence(now);
   if (work_ == nullptr && deliver_ == nullptr && !finishing_ && now >= connect_at_) connect(now);
   if (!welcomed_) return;
-  if (const std::int32_t grant = queue_.credits_to_grant(outlet_.window()); grant > 0) {
+  if (const std::int32_t grant = queue_.credits_to_grant(callbacks_.window()); grant > 0) {
     v1::WorkRequest request;
     request.mutable_credits()->set_unit_count(grant);
     work_->send(std::move(request));
   }
-  if (now >= beat_at_) {
+  if (now >= heartbeat_at_) {
     v1::WorkRequest request;
     for (const UnitKey& key : queue_.started()) {
       *request.mutable_heartbeat()->add_started() = id_of(key);
     }
-    request.mutable_heartbeat()->set_rss_bytes(outlet_.rss_bytes());
+    request.mutable_heartbeat()->set_rss_bytes(callbacks_.rss_bytes());
     work_->send(std::move(request));
-    check_verdicts(now);
-    beat_at_ = now + std::chrono::duration_cast<Clock::duration>(interval_);
+    check_acknowledgements(now);
+    heartbeat_at_ = now + std::chrono::duration_cast<Clock::duration>(interval_);
   }
   deliver();
 }
 
 Time ServerConnection::next_due() const {
   if (work_ == nullptr) return deliver_ == nullptr ? connect_at_ : Time::max();
-  const Time silent = heard_ + std::chrono::duration_cast<Clock::duration>(timeout_ / 2);
-  return welcomed_ ? std::min(beat_at_, silent) : silent;
+  const Time silent = last_response_at_ + std::chrono::duration_cast<Clock::duration>(timeout_ / 2);
+  return welcomed_ ? std::min(heartbeat_at_, silent) : silent;
 }
 
 void ServerConnection::connect(Time now) {
   WorkStream::Listener listener;
   listener.on_response = [this](v1::WorkResponse response) {
-    mailbox_.post(
+    event_loop_.post(
         [this, response = std::move(response)]() mutable { on_response(std::move(response)); });
   };
-  // The stream is gone when this has run: there is never more than one, and no message after it.
-  listener.on_closed = [this, &mailbox = mailbox_](const absl::Status& status) {
-    mailbox.post([this, status] { on_closed(status); });
+  // Destroys the stream: there is never more than one, and no message arrives after on_closed.
+  listener.on_closed = [this, &event_loop = event_loop_](const absl::Status& status) {
+    event_loop.post([this, status] { on_closed(status); });
   };
   const std::string& token = session_key_.empty() ? options_.token : session_key_;
   work_ = std::make_unique<WorkStream>(stub_, token, std::move(listener));
   v1::WorkRequest request;
-  *request.mutable_hello() = outlet_.hello();
-  queue_.describe(*request.mutable_hello(), outlet_.window());
+  *request.mutable_hello() = callbacks_.hello();
+  queue_.fill_hello(*request.mutable_hello(), callbacks_.window());
   work_->send(std::move(request));
-  heard_ = now;
+  last_response_at_ = now;
   timeout_ = kHelloTimeout;
 }
 
 void ServerConnection::open_deliver() {
   DeliverStream::Listener listener;
-  listener.on_room = [this] { mailbox_.post([this] { deliver(); }); };
-  listener.on_closed = [this, &mailbox = mailbox_](const absl::Status& status) {
-    mailbox.post([this, status] {
+  listener.on_room = [this] { event_loop_.post([this] { deliver(); }); };
+  listener.on_closed = [this, &event_loop = event_loop_](const absl::Status& status) {
+    event_loop.post([this, status] {
       if (!status.ok() && welcomed_ && !deliver_cancelled_) {
         options_.log(LogLevel::warn,
-                     absl::StrCat("delivery broke off: ", std::string(status.message())));
+                     absl::StrCat("delivery stream failed: ", std::string(status.message())));
       }
       deliver_.reset();
     });
   };
   deliver_ = std::make_unique<DeliverStream>(stub_, options_.token, std::move(listener));
-  names_itself_ = true;
+  is_first_request_ = true;
   deliver_cancelled_ = false;
   sending_.reset();
-  after_forged_.reset();
-  queue_.offer_all_again();
+  to_send_.clear();
+  queue_.reset_offers();
 }
 
 void ServerConnection::on_response(v1::WorkResponse response) {
-  heard_ = Clock::now();
+  last_response_at_ = Clock::now();
   if (response.event_case() != v1::WorkResponse::kWelcome) {
-    outlet_.on_response(std::move(response));
+    callbacks_.on_response(std::move(response));
     return;
   }
-  queue_.welcome(response.welcome().store_id());
-  interval_ = span_of(response.welcome().heartbeat_interval(), milliseconds(50));
-  timeout_ = span_of(response.welcome().timeout(), milliseconds(500));
+  queue_.set_store(response.welcome().store_id());
+  interval_ = to_nanoseconds(response.welcome().heartbeat_interval(), milliseconds(50));
+  timeout_ = to_nanoseconds(response.welcome().timeout(), milliseconds(500));
   session_key_ = response.welcome().session_key();
   welcomed_ = true;
-  unreachable_.clear();
-  options_.log(LogLevel::info, absl::StrCat("working for store ", response.welcome().store_id()));
+  last_connect_error_.clear();
+  options_.log(LogLevel::info, absl::StrCat("connected to store ", response.welcome().store_id()));
   pause_ = kFirstPause;
-  beat_at_ = heard_;
+  heartbeat_at_ = last_response_at_;
 }
 
 void ServerConnection::on_closed(const absl::Status& status) {
@@ -142,52 +142,53 @@ void ServerConnection::on_closed(const absl::Status& status) {
     deliver_->cancel();
   }
   if (finishing_) return;
-  // Another store knows not our key, but may take the token.
+  // A different store does not know the session key but may accept the token.
   const bool has_stale_key = absl::IsUnauthenticated(status) && !session_key_.empty();
   if (has_stale_key) session_key_.clear();
   if (is_final(status) && !has_stale_key) {
     finishing_ = true;
-    outlet_.refused(status);
+    callbacks_.refused(status);
     return;
   }
   std::uniform_int_distribution<std::int64_t> jitter(pause_.count() / 2, pause_.count());
   connect_at_ = Clock::now() + milliseconds(jitter(random_));
   pause_ = std::min(2 * pause_, kLongestPause);
   if (was_welcome) {
-    options_.log(LogLevel::warn, absl::StrCat("the server is gone (", std::string(status.message()),
-                                              "); connecting again"));
-  } else if (std::exchange(unreachable_, std::string(status.message())) != status.message()) {
+    options_.log(LogLevel::warn, absl::StrCat("connection lost (", std::string(status.message()),
+                                              "); reconnecting"));
+  } else if (std::exchange(last_connect_error_, std::string(status.message())) !=
+             status.message()) {
     options_.log(LogLevel::warn,
-                 absl::StrCat("the server cannot be reached (", unreachable_, "); trying again"));
+                 absl::StrCat("cannot reach the server (", last_connect_error_, "); retrying"));
   }
 }
 
 void ServerConnection::check_silence(Time now) {
-  if (work_ != nullptr && now - heard_ >= timeout_) {
-    heard_ = now;  // once is enough; on_closed follows
+  if (work_ != nullptr && now - last_response_at_ >= timeout_) {
+    last_response_at_ = now;  // cancel once; on_closed follows
     work_->cancel();
-  } else if (welcomed_ && life_sign_ == nullptr && now - heard_ >= timeout_ / 2) {
-    ask_for_life_sign();
+  } else if (welcomed_ && keepalive_ == nullptr && now - last_response_at_ >= timeout_ / 2) {
+    send_keepalive();
   }
 }
 
-/// A block whose verdict does not come is sent again, on another stream, with all others.
-void ServerConnection::check_verdicts(Time now) {
+/// Replaces the delivery stream if a block is not acknowledged in time: all blocks are sent again.
+void ServerConnection::check_acknowledgements(Time now) {
   const auto oldest = queue_.oldest_offer();
-  if (!oldest || now - *oldest <= kVerdictTimeout || deliver_ == nullptr || deliver_cancelled_)
-    return;
+  if (!oldest || now - *oldest <= kAckTimeout || deliver_ == nullptr || deliver_cancelled_) return;
   deliver_cancelled_ = true;
   deliver_->cancel();
 }
 
-void ServerConnection::ask_for_life_sign() {
+void ServerConnection::send_keepalive() {
   const auto limit = std::chrono::duration_cast<milliseconds>(timeout_ / 2);
-  life_sign_ = std::make_unique<KeepaliveProbe>(stub_, options_.token, limit, [this](bool answered) {
-    mailbox_.post([this, answered] {
-      life_sign_.reset();
-      if (answered) heard_ = Clock::now();
-    });
-  });
+  keepalive_ =
+      std::make_unique<KeepaliveProbe>(stub_, options_.token, limit, [this](bool answered) {
+        event_loop_.post([this, answered] {
+          keepalive_.reset();
+          if (answered) last_response_at_ = Clock::now();
+        });
+      });
 }
 
 void ServerConnection::send(v1::WorkRequest request) {
@@ -198,21 +199,21 @@ void ServerConnection::finish() {
   finishing_ = true;
   if (work_ != nullptr) work_->finish();
   if (deliver_ != nullptr) deliver_->finish();
-  if (life_sign_ != nullptr) life_sign_->cancel();
+  if (keepalive_ != nullptr) keepalive_->cancel();
 }
 
 void ServerConnection::cancel() {
   finishing_ = true;
   if (work_ != nullptr) work_->cancel();
   if (deliver_ != nullptr) deliver_->cancel();
-  if (life_sign_ != nullptr) life_sign_->cancel();
+  if (keepalive_ != nullptr) keepalive_->cancel();
 }
 
-void ServerConnection::note_verdict(Time offered, Time now) {
+void ServerConnection::record_acknowledgement(Time offered, Time now) {
   const double trip = std::chrono::duration<double>(now - offered).count();
-  constexpr double kForgets = 1.01;  // twice as long a way is believed after 70 verdicts
-  round_trip_seconds_ =
-      round_trip_seconds_ == 0 ? trip : std::min(kForgets * round_trip_seconds_, trip);
+  constexpr double kDecay = 1.01;  // the minimum at most doubles in 70 acknowledgements
+  ack_latency_seconds_ =
+      ack_latency_seconds_ == 0 ? trip : std::min(kDecay * ack_latency_seconds_, trip);
 }
 
 void ServerConnection::deliver() {
@@ -222,29 +223,26 @@ void ServerConnection::deliver() {
     v1::DeliverRequest request;
     add_parts(request);
     if (request.parts().empty()) return;
-    if (std::exchange(names_itself_, false)) {
-      request.set_worker_id(outlet_.hello().worker_id());
+    if (std::exchange(is_first_request_, false)) {
+      request.set_worker_id(callbacks_.hello().worker_id());
     }
     deliver_->send(std::move(request));
   }
 }
 
 std::optional<UnitQueue::Block> ServerConnection::next_block() {
-  if (after_forged_) return std::exchange(after_forged_, std::nullopt);
-  auto block = queue_.next_block(Clock::now());
-  if (!block || !options_.forge) return block;
-  after_forged_ = block;
-  v1::Lease lease = *block->lease;
-  lease.set_attempt_counter(lease.attempt_counter() + 1);
-  std::string bytes = *block->bytes;
-  bytes.front() ^= 1;
-  block->sha256 = contract::sha256(bytes);
-  block->lease = std::make_shared<const v1::Lease>(std::move(lease));
-  block->bytes = std::make_shared<const std::string>(std::move(bytes));
+  if (to_send_.empty()) {
+    auto block = queue_.next_block(Clock::now());
+    if (!block || !options_.blocks_to_send) return block;
+    auto blocks = options_.blocks_to_send(*std::move(block));
+    to_send_.assign(blocks.begin(), blocks.end());
+  }
+  auto block = std::move(to_send_.front());
+  to_send_.pop_front();
   return block;
 }
 
-/// Fills a message: the rest of the block begun, or as many blocks as fit.
+/// Fills a message with the rest of a partly sent block, or with as many whole blocks as fit.
 void ServerConnection::add_parts(v1::DeliverRequest& request) {
   std::size_t room = kChunkBytes;
   while (room > 0) {
@@ -255,7 +253,7 @@ void ServerConnection::add_parts(v1::DeliverRequest& request) {
       sent_bytes_ = 0;
     }
     const std::string& bytes = *sending_->bytes;
-    // A block that does not fit behind others starts a message of its own.
+    // A block that does not fit after others starts its own message.
     if (sent_bytes_ == 0 && !request.parts().empty() && bytes.size() > room) return;
     v1::BlockPart& part = *request.add_parts();
     if (sent_bytes_ == 0) {
@@ -271,14 +269,7 @@ void ServerConnection::add_parts(v1::DeliverRequest& request) {
     part.set_chunk(bytes.substr(sent_bytes_, count));
     sent_bytes_ += count;
     room -= count;
-    if (sent_bytes_ < bytes.size()) return;  // a message with a part of a block has nothing else
-    if (options_.deliver_twice && !sent_once_) {
-      sent_once_ = true;
-      sent_bytes_ = 0;
-      if (bytes.size() > room) return;
-      continue;
-    }
-    sent_once_ = false;
+    if (sent_bytes_ < bytes.size()) return;  // a message with part of a block has nothing else
     sending_.reset();
     if (!begins || count == kChunkBytes) return;
   }

@@ -2,61 +2,64 @@
 
 #include <grpcpp/channel.h>
 
+#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <random>
 #include <string>
+#include <vector>
 
 #include "telemetry/log/log.h"
+#include "worker/agent/server/worker_streams.h"
 #include "worker/agent/units/event_loop.h"
 #include "worker/agent/units/unit_queue.h"
-#include "worker/agent/server/worker_streams.h"
 
 namespace tessera::agent {
 
-/// The worker's two streams to its server: opens them, says Hello, beats, delivers blocks, and
-/// connects again with back-off and jitter when they break or fall silent (farm.md, section 2).
+/// The worker's two streams to its server. Opens them, sends Hello, heartbeats and blocks, and
+/// reconnects with exponential back-off and jitter when a stream breaks or the server is silent.
 ///
-/// Lives on the agent's thread; gRPC's callbacks come through the mailbox.
+/// All calls are on the agent's thread; gRPC's callbacks arrive through the event loop.
+/// See docs/reference/protocol.md.
 class ServerConnection {
  public:
   struct Options {
-    std::string token;           // sent until the server gives a session key instead
-    bool deliver_twice = false;  // fault injection for tests: every block is sent a second time
-    bool forge =
-        false;  // fault injection: a false block under a lease nobody gave goes before each
+    std::string token;  // sent until the server issues a session key
+    /// FaultHooks::blocks_to_send; empty: each block is sent once.
+    std::function<std::vector<UnitQueue::Block>(UnitQueue::Block)> blocks_to_send;
     Log log = no_log;
   };
   struct Callbacks {
-    std::function<v1::WorkerHello()> hello;             // all but what the queue describes
-    std::function<CreditWindow()> window;               // units wanted
+    std::function<v1::WorkerHello()> hello;             // without the units, which the queue adds
+    std::function<CreditWindow()> window;               // current limits
     std::function<std::int64_t()> rss_bytes;            // for heartbeats
-    std::function<void(v1::WorkResponse)> on_response;  // but Welcome
-    std::function<void(absl::Status)> refused;          // connecting again is useless
+    std::function<void(v1::WorkResponse)> on_response;  // all responses but Welcome
+    std::function<void(absl::Status)> refused;          // final: no reconnection
   };
 
-  /// All references must outlive the link.
-  ServerConnection(v1::WorkerService::Stub& stub, Options options, UnitQueue& queue, EventLoop& mailbox,
-             Callbacks outlet);
+  /// All references must outlive the connection.
+  ServerConnection(v1::WorkerService::Stub& stub, Options options, UnitQueue& queue,
+                   EventLoop& event_loop, Callbacks callbacks);
 
-  /// Connects, beats and delivers as is due. Call after every change and at next_due().
+  /// Connects, sends heartbeats and delivers blocks as due. Call after every change and at
+  /// next_due().
   void pump(Time now);
   Time next_due() const;
-  /// Queues a message; dropped without a connection, as Hello says it all again.
+  /// Queues a message. Without a connection it is dropped: the next Hello contains the full state.
   void send(v1::WorkRequest request);
   bool connected() const { return welcomed_; }
-  /// Closes both streams in order. No others are opened.
+  /// Closes both streams after their queued messages and opens no others.
   void finish();
-  /// Whether nothing is open any more.
-  bool closed() const { return work_ == nullptr && deliver_ == nullptr && life_sign_ == nullptr; }
-  /// Breaks off both streams.
+  /// Returns whether no stream or call is open.
+  bool closed() const { return work_ == nullptr && deliver_ == nullptr && keepalive_ == nullptr; }
+  /// Cancels both streams.
   void cancel();
-  /// What a question takes to its answer, seconds: the least time of late from when a block was
-  /// offered to its verdict, which did not wait behind others.
-  double round_trip_seconds() const { return round_trip_seconds_; }
-  /// A verdict came, on a block that was offered at `offered`.
-  void note_verdict(Time offered, Time now);
+  /// Recent minimum time from offering a block to its acknowledgement, seconds. The minimum
+  /// excludes queueing.
+  double ack_latency_seconds() const { return ack_latency_seconds_; }
+  /// Records the acknowledgement of a block that was offered at `offered`.
+  void record_acknowledgement(Time offered, Time now);
 
  private:
   void connect(Time now);
@@ -67,32 +70,31 @@ class ServerConnection {
   std::optional<UnitQueue::Block> next_block();
   void add_parts(v1::DeliverRequest& request);
   void check_silence(Time now);
-  void check_verdicts(Time now);
-  void ask_for_life_sign();
+  void check_acknowledgements(Time now);
+  void send_keepalive();
 
   v1::WorkerService::Stub& stub_;
   const Options options_;
   UnitQueue& queue_;
-  EventLoop& mailbox_;
-  const Callbacks outlet_;
+  EventLoop& event_loop_;
+  const Callbacks callbacks_;
   std::mt19937 random_;  // jitter only
 
-  std::string session_key_;  // empty: none was given
-  std::string unreachable_;  // what was last said of a server that does not answer
+  std::string session_key_;         // empty: none issued
+  std::string last_connect_error_;  // last logged
   std::unique_ptr<WorkStream> work_;
   std::unique_ptr<DeliverStream> deliver_;
-  std::unique_ptr<KeepaliveProbe> life_sign_;
+  std::unique_ptr<KeepaliveProbe> keepalive_;
   bool welcomed_ = false, finishing_ = false;
-  bool deliver_cancelled_ = false, names_itself_ = false;
+  bool deliver_cancelled_ = false, is_first_request_ = false;
   std::chrono::nanoseconds interval_, timeout_;
   std::chrono::milliseconds pause_;
-  Time connect_at_{}, heard_{}, beat_at_{};
+  Time connect_at_{}, last_response_at_{}, heartbeat_at_{};
 
-  std::optional<UnitQueue::Block> sending_;  // block of which a part has been queued
+  std::optional<UnitQueue::Block> sending_;  // block being split into parts
   std::size_t sent_bytes_ = 0;
-  bool sent_once_ = false;                        // of deliver_twice
-  std::optional<UnitQueue::Block> after_forged_;  // of forge: the true block
-  double round_trip_seconds_ = 0;
+  std::deque<UnitQueue::Block> to_send_;  // further blocks of options_.blocks_to_send
+  double ack_latency_seconds_ = 0;
 };
 
 }  // namespace tessera::agent

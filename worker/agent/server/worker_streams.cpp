@@ -9,12 +9,12 @@
 namespace tessera::agent {
 namespace {
 
-constexpr std::chrono::milliseconds kNoDeadline{0};  // streams live by heartbeats
+constexpr std::chrono::milliseconds kNoDeadline{0};  // heartbeats detect dead streams
 
 }  // namespace
 
-// A hold keeps the reactor alive while messages may still be written from outside its callbacks; it
-// is given back when writing is over: after finish(), or when the stream has broken.
+// A hold keeps the reactor alive while messages may be written outside its callbacks. It is
+// released when writing is over: after finish(), or when the stream is broken.
 
 WorkStream::WorkStream(v1::WorkerService::Stub& stub, const std::string& token, Listener listener)
     : listener_(std::move(listener)) {
@@ -68,11 +68,11 @@ void WorkStream::OnWriteDone(bool ok) {
   const std::lock_guard lock(mutex_);
   queue_.pop_front();
   if (ok && !broken_) write_next();
-  // Not ok: the read fails as well, and ends the stream.
+  // If not ok, the read fails as well and ends the stream.
 }
 
 void WorkStream::OnDone(const grpc::Status& status) {
-  const auto on_closed = std::move(listener_.on_closed);  // it may lead to our destruction
+  const auto on_closed = std::move(listener_.on_closed);  // it may destroy this object
   on_closed(contract::from_rpc(status));
 }
 
@@ -141,17 +141,18 @@ void DeliverStream::OnWriteDone(bool ok) {
 }
 
 void DeliverStream::OnDone(const grpc::Status& status) {
-  const auto on_closed = std::move(listener_.on_closed);  // it may lead to our destruction
+  const auto on_closed = std::move(listener_.on_closed);  // it may destroy this object
   on_closed(contract::from_rpc(status));
 }
 
 KeepaliveProbe::KeepaliveProbe(v1::WorkerService::Stub& stub, const std::string& token,
-                   std::chrono::milliseconds timeout, std::function<void(bool)> on_answer) {
+                               std::chrono::milliseconds timeout,
+                               std::function<void(bool)> on_answer) {
   contract::prepare_call(context_, token, timeout);
   stub.async()->DescribeJob(
       &context_, &request_, &response_,
       [on_answer = std::move(on_answer)](const grpc::Status& status) {
-        // Any answer of the server's will do, refusals included; these are the channel's own.
+        // Any answer of the server counts, including an error; these codes come from the channel.
         on_answer(status.error_code() != grpc::StatusCode::UNAVAILABLE &&
                   status.error_code() != grpc::StatusCode::DEADLINE_EXCEEDED &&
                   status.error_code() != grpc::StatusCode::CANCELLED);

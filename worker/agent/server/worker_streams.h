@@ -15,8 +15,8 @@
 
 namespace tessera::agent {
 
-/// The control stream. Made open; `on_closed` is called once, last, and only then may the object be
-/// destroyed. Callbacks run on gRPC's threads and must not block.
+/// The control stream, open from construction. `on_closed` is the last callback and called once;
+/// destroy the object only after it. Callbacks run on gRPC's threads and must not block.
 class WorkStream : private grpc::ClientBidiReactor<v1::WorkRequest, v1::WorkResponse> {
  public:
   struct Listener {
@@ -25,11 +25,11 @@ class WorkStream : private grpc::ClientBidiReactor<v1::WorkRequest, v1::WorkResp
   };
   WorkStream(v1::WorkerService::Stub& stub, const std::string& token, Listener listener);
 
-  /// Queues a message. Any thread.
+  /// Queues a message. Thread-safe.
   void send(v1::WorkRequest request);
-  /// Says that no more messages come, after those queued.
+  /// Closes the sending side after the queued messages.
   void finish();
-  /// Ends the stream now; on_closed follows.
+  /// Cancels the stream; on_closed follows.
   void cancel() { context_.TryCancel(); }
 
  private:
@@ -47,18 +47,18 @@ class WorkStream : private grpc::ClientBidiReactor<v1::WorkRequest, v1::WorkResp
   bool broken_ = false, finishing_ = false, holding_ = true;
 };
 
-/// The stream that carries blocks. Rules of life as WorkStream's.
+/// The stream that delivers blocks. Lifetime rules as for WorkStream.
 class DeliverStream : private grpc::ClientWriteReactor<v1::DeliverRequest> {
  public:
   struct Listener {
-    std::function<void()> on_room;  // fewer than kMaxQueued messages wait again
+    std::function<void()> on_room;  // fewer than kMaxQueued messages are queued again
     std::function<void(absl::Status)> on_closed;
   };
   static constexpr std::size_t kMaxQueued = 8;
 
   DeliverStream(v1::WorkerService::Stub& stub, const std::string& token, Listener listener);
 
-  /// Whether another message should be queued. Any thread.
+  /// Returns whether another message should be queued. Thread-safe.
   bool has_room();
   void send(v1::DeliverRequest request);
   void finish();
@@ -78,18 +78,18 @@ class DeliverStream : private grpc::ClientWriteReactor<v1::DeliverRequest> {
   bool broken_ = false, finishing_ = false, holding_ = true;
 };
 
-/// A small question to the server, for its answer as a sign of life: what the server has nothing to
-/// say about it does not say, and a long silence may be either. Destroy it only after `on_answer`.
+/// Keepalive probe: a small unary call that tells an idle server from a dead one. Destroy it only
+/// after `on_answer`.
 class KeepaliveProbe {
  public:
-  /// `on_answer(true)`: the server answered within `timeout`. Called once, on a thread of gRPC's.
+  /// Calls `on_answer` once, on a gRPC thread, with whether the server answered within `timeout`.
   KeepaliveProbe(v1::WorkerService::Stub& stub, const std::string& token,
-           std::chrono::milliseconds timeout, std::function<void(bool)> on_answer);
+                 std::chrono::milliseconds timeout, std::function<void(bool)> on_answer);
   void cancel() { context_.TryCancel(); }
 
  private:
   grpc::ClientContext context_;
-  v1::DescribeJobRequest request_;  // of no job
+  v1::DescribeJobRequest request_;  // names no job
   v1::DescribeJobResponse response_;
 };
 

@@ -20,7 +20,7 @@ namespace {
 constexpr std::size_t kLogTailBytes = 8 << 10;
 constexpr int kChildSocket = 3;
 
-/// The child's side of things, undone when this goes.
+/// posix_spawn settings of a renderer: descriptors, signals and process group.
 class SpawnSettings {
  public:
   SpawnSettings(int socket, int log) {
@@ -35,7 +35,7 @@ class SpawnSettings {
     sigfillset(&all);
     posix_spawnattr_setsigmask(&attributes_, &none);
     posix_spawnattr_setsigdefault(&attributes_, &all);
-    posix_spawnattr_setpgroup(&attributes_, 0);  // Ctrl-C is the agent's business
+    posix_spawnattr_setpgroup(&attributes_, 0);  // the agent handles Ctrl-C
     posix_spawnattr_setflags(
         &attributes_, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
   }
@@ -60,10 +60,10 @@ class SpawnSettings {
   posix_spawnattr_t attributes_;
 };
 
-/// Both ends of what connects a child to us.
+/// Both ends of the socket and the log pipe of a child.
 struct Channels {
-  RendererProcess::Child child;  // our ends
-  Descriptor socket, log;        // the child's
+  RendererProcess::Child child;  // the agent's ends
+  Descriptor socket, log;        // the child's ends
 };
 
 absl::StatusOr<Channels> open_channels() {
@@ -113,10 +113,10 @@ absl::StatusOr<RendererProcess::Child> RendererProcess::fork_off(
     return absl::InternalError(absl::StrCat("fork: ", std::strerror(errno)));
   }
   if (channels->child.pid > 0) return std::move(channels->child);
-  ::setpgid(0, 0);  // Ctrl-C is the agent's business
-  const int nothing = ::open("/dev/null", O_RDWR);
-  ::dup2(nothing, STDIN_FILENO);
-  ::dup2(nothing, STDOUT_FILENO);
+  ::setpgid(0, 0);  // the agent handles Ctrl-C
+  const int null = ::open("/dev/null", O_RDWR);
+  ::dup2(null, STDIN_FILENO);
+  ::dup2(null, STDOUT_FILENO);
   ::dup2(channels->log.get(), STDERR_FILENO);
   if (channels->socket.get() != kChildSocket) ::dup2(channels->socket.get(), kChildSocket);
   ::close_range(kChildSocket + 1, ~0u, 0);
@@ -144,7 +144,7 @@ absl::Status RendererProcess::send(const v1::RendererCommand& command,
 
 void RendererProcess::kill() {
   const std::lock_guard lock(mutex_);
-  if (!reaped_) ::kill(pid_, SIGKILL);  // once reaped, the pid may be somebody else's
+  if (!reaped_) ::kill(pid_, SIGKILL);  // once reaped, the pid may be reused
 }
 
 void RendererProcess::listen() {
@@ -154,7 +154,7 @@ void RendererProcess::listen() {
     if (!message.ok() || !message->has_value() || !event.ParseFromString(**message)) break;
     listener_.on_event(std::move(event));
   }
-  kill();  // one that talks nonsense is as good as dead; a dead one does not mind
+  kill();  // after an invalid message; harmless if the child is dead
   Death death;
   death.reason = wait_for_end();
   log_thread_.join();
@@ -162,23 +162,23 @@ void RendererProcess::listen() {
   listener_.on_death(std::move(death));
 }
 
-/// Keeps the tail for reports, and passes everything on to our own stderr.
+/// Copies the child's stderr to this process's stderr and keeps its tail for reports.
 void RendererProcess::copy_log() {
   std::array<char, 4096> buffer;
   while (true) {
-    const ssize_t got = ::read(log_.get(), buffer.data(), buffer.size());
-    if (got < 0 && errno == EINTR) continue;
-    if (got <= 0) return;
-    (void)!::write(STDERR_FILENO, buffer.data(), static_cast<std::size_t>(got));
+    const ssize_t count = ::read(log_.get(), buffer.data(), buffer.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) return;
+    (void)!::write(STDERR_FILENO, buffer.data(), static_cast<std::size_t>(count));
     const std::lock_guard lock(mutex_);
-    log_tail_.append(buffer.data(), static_cast<std::size_t>(got));
+    log_tail_.append(buffer.data(), static_cast<std::size_t>(count));
     if (log_tail_.size() > kLogTailBytes) log_tail_.erase(0, log_tail_.size() - kLogTailBytes);
   }
 }
 
 std::string RendererProcess::wait_for_end() {
   siginfo_t info{};
-  // First without reaping, so that kill() never meets a pid that was given out again.
+  // Waits without reaping first, so that kill() never sees a reused pid.
   while (::waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOWAIT) != 0 &&
          errno == EINTR) {
   }

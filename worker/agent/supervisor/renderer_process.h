@@ -19,44 +19,44 @@ namespace tessera::agent {
 
 /// A renderer running as a child process, seen from the agent.
 ///
-/// The child is this program started again (posix_spawn: nothing of gRPC's threads is inherited;
-/// or, before there are any, a fork) in a process group of its own, with three descriptors: none,
-/// our pipe as stderr, and the socket. It dies with the thread that started it (PR_SET_PDEATHSIG)
-/// and when the socket closes.
+/// The child is this program, started again with posix_spawn so that it inherits nothing of gRPC's
+/// threads, or forked before there are any. It runs in its own process group with /dev/null as
+/// stdin and stdout, a pipe to the agent as stderr, and the socket. It dies with the thread that
+/// started it (PR_SET_PDEATHSIG) and when the socket closes.
 class RendererProcess {
  public:
   struct Death {
     std::string reason;    // "killed by SIGSEGV (Segmentation fault)", "exited with status 3"
-    std::string log_tail;  // the last 8 KiB it wrote to stderr
+    std::string log_tail;  // last 8 KiB of its stderr
   };
-  /// Called on a thread of this object.
+  /// Callbacks run on a thread of the RendererProcess.
   struct Listener {
     std::function<void(v1::RendererEvent)> on_event;
-    std::function<void(Death)> on_death;  // last of all
+    std::function<void(Death)> on_death;  // the last call
   };
 
-  /// A child that runs and is not listened to yet. It ends when this goes.
+  /// A running child without a listener. It ends when this is destroyed.
   struct Child {
     pid_t pid = -1;
     Descriptor socket, log;
   };
 
-  /// Starts `program` with `arguments` (argv[1] on); the socket is its descriptor 3. Call from a
-  /// thread that outlives the child. Errors: Internal, it cannot be started.
+  /// Starts `program` with `arguments` (from argv[1]); the socket is its descriptor 3. Call from a
+  /// thread that outlives the child. Errors: Internal, the program cannot be started.
   static absl::StatusOr<Child> start(const std::string& program,
                                      const std::vector<std::string>& arguments);
-  /// The same by a plain fork that runs `child_main`: saves the fifth of a second that loading the
-  /// program's libraries takes. Requires that this process has one thread.
+  /// Forks a child that runs `child_main`, which saves the 0.2 s that loading the program's
+  /// libraries takes. Requires that this process has one thread. Errors: as start().
   static absl::StatusOr<Child> fork_off(const std::function<int()>& child_main);
 
-  /// Listens to a child from now on.
+  /// Starts listening to a child.
   RendererProcess(Child child, Listener listener);
-  /// Kills the child and waits for it; on_death has been called when this returns.
+  /// Kills the child and waits for it. on_death has been called when this returns.
   ~RendererProcess();
   RendererProcess(const RendererProcess&) = delete;
   RendererProcess& operator=(const RendererProcess&) = delete;
 
-  /// Errors: Unavailable, it is dead (on_death says more).
+  /// Sends a command. Errors: Unavailable, the child is dead (on_death has the reason).
   absl::Status send(const v1::RendererCommand& command, std::span<const int> descriptors = {});
   void kill();
   pid_t pid() const { return pid_; }
@@ -76,7 +76,7 @@ class RendererProcess {
   std::thread log_thread_, event_thread_;
 };
 
-/// Resident memory of a process, bytes; 0 if it is gone.
+/// Returns the resident memory of a process in bytes; 0 if the process does not exist.
 std::int64_t resident_bytes(pid_t pid);
 
 }  // namespace tessera::agent

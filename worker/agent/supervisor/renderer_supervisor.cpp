@@ -11,8 +11,8 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr milliseconds kFirstRestartPause{100}, kLongestRestartPause{5'000};
-constexpr int kMaxDeathsInARow = 5;        // without ever getting ready
-constexpr std::size_t kLookAhead = 32;      // units
+constexpr int kMaxDeathsInARow = 5;         // before it has ever been ready
+constexpr std::size_t kLookAhead = 32;      // units whose scenes are loaded in advance
 constexpr double kShortUnitSeconds = 0.05;  // below it every thread gets a spare unit
 
 double seconds_between(Time from, Time to) {
@@ -25,13 +25,15 @@ UnitKey key_of(const v1::RenderUnit& unit) {
 
 }  // namespace
 
-RendererSupervisor::RendererSupervisor(RenderDeskOptions options, std::optional<RendererProcess::Child> first,
-                       UnitQueue& queue, UnitLog& log, EventLoop& mailbox, Callbacks outlet)
+RendererSupervisor::RendererSupervisor(RendererSupervisorOptions options,
+                                       std::optional<RendererProcess::Child> first,
+                                       UnitQueue& queue, UnitLog& log, EventLoop& event_loop,
+                                       Callbacks callbacks)
     : options_(std::move(options)),
       queue_(queue),
       log_(log),
-      mailbox_(mailbox),
-      outlet_(std::move(outlet)),
+      event_loop_(event_loop),
+      callbacks_(std::move(callbacks)),
       first_(std::move(first)) {}
 
 std::int64_t RendererSupervisor::renderer_rss_bytes() const {
@@ -43,17 +45,17 @@ void RendererSupervisor::start_renderer(Time now) {
   const std::int64_t generation = ++generation_;
   RendererProcess::Listener listener;
   listener.on_event = [this, generation](v1::RendererEvent event) {
-    mailbox_.post([this, generation, event = std::move(event)]() mutable {
+    event_loop_.post([this, generation, event = std::move(event)]() mutable {
       on_event(generation, std::move(event));
     });
   };
   listener.on_death = [this, generation](RendererProcess::Death death) {
-    mailbox_.post([this, generation, death = std::move(death)] { on_death(generation, death); });
+    event_loop_.post([this, generation, death = std::move(death)] { on_death(generation, death); });
   };
   if (!first_) {
     auto started = RendererProcess::start(options_.program, options_.arguments);
     if (!started.ok()) {
-      outlet_.broken(started.status());
+      callbacks_.failed_for_good(started.status());
       return;
     }
     first_ = *std::move(started);
@@ -64,13 +66,13 @@ void RendererSupervisor::start_renderer(Time now) {
 
 void RendererSupervisor::on_event(std::int64_t generation, v1::RendererEvent event) {
   if (generation != generation_ || renderer_ == nullptr) return;
-  heard_at_ = Clock::now();
+  last_event_at_ = Clock::now();
   switch (event.event_case()) {
     case v1::RendererEvent::kReady:
       ready_ = std::move(*event.mutable_ready());
       if (!ready_->error().empty()) {
-        outlet_.broken(absl::InternalError(
-            absl::StrCat("the renderer fails its numerics check: ", ready_->error())));
+        callbacks_.failed_for_good(absl::InternalError(
+            absl::StrCat("the renderer failed its numerics check: ", ready_->error())));
       }
       break;
     case v1::RendererEvent::kScene:
@@ -79,7 +81,7 @@ void RendererSupervisor::on_event(std::int64_t generation, v1::RendererEvent eve
     case v1::RendererEvent::kStarted:
       running_units_[key_of(event.started())] = Clock::now();
       log_.write("started", key_of(event.started()));
-      say(LogLevel::debug, key_of(event.started()), " is taken up");
+      log_unit(LogLevel::debug, key_of(event.started()), " started");
       break;
     case v1::RendererEvent::kUnit:
       on_unit(std::move(*event.mutable_unit()));
@@ -91,44 +93,45 @@ void RendererSupervisor::on_event(std::int64_t generation, v1::RendererEvent eve
 
 void RendererSupervisor::on_death(std::int64_t generation, const RendererProcess::Death& death) {
   if (generation != generation_) return;
-  options_.log(LogLevel::warn, "", absl::StrCat("the renderer was ", death.reason));
-  outlet_.renderer_died();
+  options_.log(LogLevel::warn, "", absl::StrCat("renderer process died: ", death.reason));
+  callbacks_.renderer_died();
   const bool was_ready = ready_ && !running_units_.empty();
   renderer_.reset();
-  deaths_in_a_row_ = was_ready ? 1 : deaths_in_a_row_ + 1;
-  if (!ready_ && deaths_in_a_row_ >= kMaxDeathsInARow) {
-    outlet_.broken(absl::InternalError(
-        absl::StrCat("the renderer dies at its start: ", death.reason, "\n", death.log_tail)));
+  consecutive_deaths_ = was_ready ? 1 : consecutive_deaths_ + 1;
+  if (!ready_ && consecutive_deaths_ >= kMaxDeathsInARow) {
+    callbacks_.failed_for_good(absl::InternalError(absl::StrCat(
+        "the renderer process dies at startup: ", death.reason, "\n", death.log_tail)));
     return;
   }
   attribute_crash(death);
   frames_.clear();
-  const milliseconds pause = kFirstRestartPause * (1 << std::min(deaths_in_a_row_ - 1, 10));
+  const milliseconds pause = kFirstRestartPause * (1 << std::min(consecutive_deaths_ - 1, 10));
   start_at_ = Clock::now() + std::min(pause, kLongestRestartPause);
 }
 
-/// Only the unit at fault fails. Where it is not known which one that is, every unit that may have
-/// been it is rendered alone from now on, so that the next death has one cause.
+/// Fails only the unit at fault. If several units may be at fault, each of them is rendered alone
+/// from now on, so that the next death has one possible cause.
 void RendererSupervisor::attribute_crash(const RendererProcess::Death& death) {
   const std::vector<UnitKey> causes = possible_causes();
   const std::vector<UnitKey> started = queue_.started();
   for (auto key = started.rbegin(); key != started.rend(); ++key) queue_.requeue(*key);
-  suspects_.insert(causes.begin(), causes.end());
+  suspect_units_.insert(causes.begin(), causes.end());
   if (causes.size() == 1) {
     const UnitKey& key = causes.front();
     const std::string message =
-        hung_ ? absl::StrCat("it took longer than ", options_.unit_timeout.count(),
-                             " s; its renderer was killed")
-              : absl::StrCat("the renderer was ", death.reason,
-                             running_units_.contains(key) ? "" : " while it loaded the scene");
-    fail(key, message, death.log_tail, false);
+        hung_
+            ? absl::StrCat("timed out after ", options_.unit_timeout.count(), " s; renderer killed")
+            : absl::StrCat("renderer process died: ", death.reason,
+                           running_units_.contains(key) ? "" : " while loading the scene");
+    fail(key, message, death.log_tail,
+         hung_ ? absl::StatusCode::kDeadlineExceeded : absl::StatusCode::kInternal);
   }
   running_units_.clear();
   hung_.reset();
 }
 
-/// The unit that hung; else those the threads were at and, for each scene that was being loaded,
-/// one unit that waits for it.
+/// Returns the unit that hung, if any. Otherwise returns the units being rendered and, for each
+/// scene being loaded, one unit that waits for it.
 std::vector<UnitKey> RendererSupervisor::possible_causes() const {
   if (hung_) return {*hung_};
   std::vector<UnitKey> causes;
@@ -136,11 +139,11 @@ std::vector<UnitKey> RendererSupervisor::possible_causes() const {
     if (queue_.lease_of(key) != nullptr) causes.push_back(key);
   }
   for (const auto& [frame, state] : frames_) {
-    if (state.loaded || !state.error.empty()) continue;
+    if (!state.is_loading()) continue;
     const UnitKey* waits = nullptr;
     for (const UnitKey& key : queue_.waiting()) {
       if (FrameKey(key.job_id, key.unit.frame) != frame) continue;
-      if (waits == nullptr || suspects_.contains(key)) waits = &key;
+      if (waits == nullptr || suspect_units_.contains(key)) waits = &key;
     }
     if (waits != nullptr) causes.push_back(*waits);
   }
@@ -150,12 +153,15 @@ std::vector<UnitKey> RendererSupervisor::possible_causes() const {
 void RendererSupervisor::on_scene(const v1::LoadSceneResult& outcome) {
   const auto found = frames_.find({outcome.job_id(), outcome.frame()});
   if (found == frames_.end()) return;  // its job has ended
-  found->second.error = outcome.error();
   found->second.loaded = outcome.error().empty();
-  if (!found->second.loaded) return;  // pump() fails its units
+  if (!found->second.loaded) {  // pump() fails its units
+    found->second.error =
+        absl::Status(static_cast<absl::StatusCode>(outcome.error_code()), outcome.error());
+    return;
+  }
   options_.log(
       LogLevel::info, outcome.job_id(),
-      absl::StrCat("job ", outcome.job_id(), ", frame ", outcome.frame(), " is loaded in ",
+      absl::StrCat("job ", outcome.job_id(), ", frame ", outcome.frame(), ": scene loaded in ",
                    outcome.load_seconds(), " s, built in ", outcome.build_seconds(), " s"));
   v1::SceneLoaded loaded;
   loaded.set_job_id(outcome.job_id());
@@ -163,83 +169,82 @@ void RendererSupervisor::on_scene(const v1::LoadSceneResult& outcome) {
   loaded.set_load_seconds(outcome.load_seconds());
   loaded.set_build_seconds(outcome.build_seconds());
   loaded.set_peak_rss_bytes(outcome.peak_rss_bytes());
-  outlet_.scene_loaded(std::move(loaded));
+  callbacks_.scene_loaded(std::move(loaded));
 }
 
 void RendererSupervisor::on_unit(v1::RenderUnitResult outcome) {
   const UnitKey key = key_of(outcome.unit());
   Rendered rendered{0, outcome.cpu_seconds(), static_cast<std::int64_t>(outcome.block().size())};
-  const auto taken_up = running_units_.find(key);
-  if (taken_up != running_units_.end()) {
-    rendered.seconds = seconds_between(taken_up->second, Clock::now());
+  const auto running = running_units_.find(key);
+  if (running != running_units_.end()) {
+    rendered.seconds = seconds_between(running->second, Clock::now());
     unit_seconds_ =
         unit_seconds_ == 0 ? rendered.seconds : 0.75 * unit_seconds_ + 0.25 * rendered.seconds;
-    running_units_.erase(taken_up);
+    running_units_.erase(running);
   }
-  deaths_in_a_row_ = 0;
-  suspects_.erase(key);
+  consecutive_deaths_ = 0;
+  suspect_units_.erase(key);
   if (!outcome.error().empty()) {
-    fail(key, outcome.error(), "", false);
+    fail(key, outcome.error(), "", absl::StatusCode::kInternal);
     return;
   }
-  if (options_.lie_every > 0 && ++rendered_count_ % options_.lie_every == 0) {
-    outcome.mutable_block()->front() ^= 1;  // the last bit of the first pixel's red
-  }
+  if (options_.block_rendered) options_.block_rendered(*outcome.mutable_block());
   const contract::Digest sha256 = contract::sha256(outcome.block());
   if (!queue_.finish(key, std::move(*outcome.mutable_block()), sha256, outcome.cpu_seconds())) {
     return;
   }
   log_.write("finished", key, sha256.hex());
-  say(LogLevel::debug, key, absl::StrCat(" is rendered, ", outcome.cpu_seconds(), " CPU s"));
-  outlet_.unit_finished(rendered);
+  log_unit(LogLevel::debug, key,
+           absl::StrCat(" rendered in ", outcome.cpu_seconds(), " s of CPU time"));
+  callbacks_.unit_finished(rendered);
 }
 
-void RendererSupervisor::say(LogLevel level, const UnitKey& unit, const std::string& what) {
-  options_.log(level, unit.job_id, absl::StrCat("unit ", to_string(unit), what));
+void RendererSupervisor::log_unit(LogLevel level, const UnitKey& unit, const std::string& text) {
+  options_.log(level, unit.job_id, absl::StrCat("unit ", to_string(unit), text));
 }
 
-void RendererSupervisor::fail(const UnitKey& key, const std::string& message, const std::string& log_tail,
-                      bool bad_scene) {
-  auto failure = queue_.fail(key, valid_utf8(message), valid_utf8(log_tail), bad_scene);
+void RendererSupervisor::fail(const UnitKey& key, const std::string& message,
+                              const std::string& log_tail, absl::StatusCode code) {
+  auto failure = queue_.fail(key, valid_utf8(message), valid_utf8(log_tail), code);
   if (!failure) return;
   log_.write("failed", key, message);
-  say(LogLevel::warn, key, absl::StrCat(" failed: ", message));
-  outlet_.failed(*std::move(failure));
+  log_unit(LogLevel::warn, key, absl::StrCat(" failed: ", message));
+  callbacks_.failed(*std::move(failure));
 }
 
-void RendererSupervisor::job_fetched(const std::string& job_id, absl::StatusOr<JobInputs> files) {
+void RendererSupervisor::job_fetched(const std::string& job_id, absl::StatusOr<JobInputs> inputs) {
   const auto found = jobs_.find(job_id);
-  if (found == jobs_.end()) return;  // it ended meanwhile
-  if (!files.ok()) {
-    found->second.error = files.status();
+  if (found == jobs_.end()) return;  // the job has ended
+  if (!inputs.ok()) {
+    found->second.error = inputs.status();
     return;
   }
-  const contract::FilmBlockShape largest{files->settings.tile, files->settings.tile,
-                                         files->settings.aovs, true};
+  const contract::FilmBlockShape largest{inputs->settings.tile, inputs->settings.tile,
+                                         inputs->settings.aovs, true};
   block_bytes_ = std::max(block_bytes_, contract::film_block_bytes(largest));
-  found->second.files = *std::move(files);
+  found->second.inputs = *std::move(inputs);
 }
 
 void RendererSupervisor::job_ended(const std::string& job_id) {
   jobs_.erase(job_id);
-  std::erase_if(suspects_, [&](const UnitKey& key) { return key.job_id == job_id; });
+  std::erase_if(suspect_units_, [&](const UnitKey& key) { return key.job_id == job_id; });
   std::erase_if(frames_, [&](const auto& entry) { return entry.first.first == job_id; });
   if (renderer_ == nullptr) return;
   v1::RendererCommand command;
   command.mutable_unload_scene()->set_job_id(job_id);
-  (void)renderer_->send(command);  // a renderer that is dead has forgotten it
+  (void)renderer_->send(command);  // a dead renderer holds no scenes
 }
 
 void RendererSupervisor::pump(Time now) {
   start_renderer(now);
   if (renderer_ == nullptr || !ready_) return;
   if (kill_hung(now) || render_suspects(now)) return;
-  // In the order of leases, but past units whose scene is not there yet.
+  // In the order of leases, skipping units whose scene is not loaded.
   const std::vector<UnitKey> waiting(queue_.waiting().begin(), queue_.waiting().end());
   std::size_t handed_out = queue_.started().size();
-  std::size_t beyond = 0;  // a look ahead, to load what comes next in time
+  std::size_t beyond = 0;  // units looked at to load their scenes in advance
   for (const UnitKey& key : waiting) {
-    const bool room = handed_out < most_handed_out();
+    const bool room = handed_out < handed_out_limit();
     if (!room && ++beyond > kLookAhead) break;
     if (!prepare(key, now) || !room) continue;
     hand_out(key);
@@ -247,36 +252,35 @@ void RendererSupervisor::pump(Time now) {
   }
 }
 
-/// Whether the renderer has had something to do for too long without taking up a unit or finishing
-/// a scene.
+/// Returns whether the renderer has had work for longer than the timeout without starting a unit or
+/// finishing a scene.
 bool RendererSupervisor::is_renderer_silent(Time now) {
-  const bool is_loading = std::any_of(frames_.begin(), frames_.end(), [](const auto& frame) {
-    return !frame.second.loaded && frame.second.error.empty();
-  });
-  if (!is_loading && queue_.started().empty()) heard_at_ = now;
-  return now - heard_at_ >= options_.unit_timeout;
+  const bool is_loading = std::any_of(frames_.begin(), frames_.end(),
+                                      [](const auto& frame) { return frame.second.is_loading(); });
+  if (!is_loading && queue_.started().empty()) last_event_at_ = now;
+  return now - last_event_at_ >= options_.unit_timeout;
 }
 
-/// Kills the renderer if a unit takes too long, or nothing comes of it at all.
+/// Kills the renderer if a unit exceeds the timeout or the renderer is silent. Returns whether it
+/// did.
 bool RendererSupervisor::kill_hung(Time now) {
   for (const auto& [key, since] : running_units_) {
     if (now - since < options_.unit_timeout) continue;
-    say(LogLevel::warn, key, " hangs; the renderer is killed");
+    log_unit(LogLevel::warn, key, " timed out; killing the renderer");
     if (!hung_) hung_ = key;
     renderer_->kill();
     return true;
   }
   if (!running_units_.empty() || !is_renderer_silent(now)) return false;
-  options_.log(LogLevel::warn, "", "the renderer hangs; it is killed");
+  options_.log(LogLevel::warn, "", "the renderer does not respond; killing it");
   renderer_->kill();
   return true;
 }
 
-/// Renders units under suspicion one after the other, and nothing beside them. False if there are
-/// none.
+/// Renders suspect units one at a time and nothing else. Returns false if there are none.
 bool RendererSupervisor::render_suspects(Time now) {
-  if (suspects_.empty()) return false;
-  const auto is_suspect = [this](const UnitKey& key) { return suspects_.contains(key); };
+  if (suspect_units_.empty()) return false;
+  const auto is_suspect = [this](const UnitKey& key) { return suspect_units_.contains(key); };
   const std::vector<UnitKey> started = queue_.started();
   if (std::any_of(started.begin(), started.end(), is_suspect)) return true;
   const std::vector<UnitKey> waiting(queue_.waiting().begin(), queue_.waiting().end());
@@ -284,31 +288,32 @@ bool RendererSupervisor::render_suspects(Time now) {
   if (next == waiting.end()) return false;
   const UnitKey& key = *next;
   const bool others_load = std::any_of(frames_.begin(), frames_.end(), [&](const auto& frame) {
-    return !frame.second.loaded && frame.second.error.empty() &&
-           frame.first != FrameKey(key.job_id, key.unit.frame);
+    return frame.second.is_loading() && frame.first != FrameKey(key.job_id, key.unit.frame);
   });
   if (started.empty() && !others_load && prepare(key, now)) hand_out(key);
   return true;
 }
 
-/// One unit a thread, and a few more, so that no thread waits for us.
-std::size_t RendererSupervisor::most_handed_out() const {
+/// Returns how many units the renderer may have: one per thread, plus spare ones so that no thread
+/// waits for the agent.
+std::size_t RendererSupervisor::handed_out_limit() const {
   const int spare =
       unit_seconds_ > 0 && unit_seconds_ < kShortUnitSeconds ? options_.thread_count : 1;
   return static_cast<std::size_t>(options_.thread_count) + static_cast<std::size_t>(spare);
 }
 
-/// Whether the unit's frame is loaded; does what is needed to get there.
+/// Returns whether the unit's frame is loaded; starts fetching or loading it if necessary.
 bool RendererSupervisor::prepare(const UnitKey& key, Time now) {
   if (!prepare_job(key)) return false;
   const FrameKey frame_key{key.job_id, key.unit.frame};
   const auto frame = frames_.find(frame_key);
   if (frame == frames_.end()) {
-    load_frame(frame_key, *jobs_.at(key.job_id).files, now);
+    load_frame(frame_key, *jobs_.at(key.job_id).inputs, now);
     return false;
   }
-  if (!frame->second.error.empty()) {
-    fail(key, frame->second.error, "", true);
+  if (!frame->second.error.ok()) {
+    const absl::Status& error = frame->second.error;
+    fail(key, std::string(error.message()), "", error.code());
     return false;
   }
   frame->second.used = now;
@@ -318,41 +323,42 @@ bool RendererSupervisor::prepare(const UnitKey& key, Time now) {
 bool RendererSupervisor::prepare_job(const UnitKey& key) {
   const auto [place, is_new] = jobs_.try_emplace(key.job_id);
   const Job& job = place->second;
-  if (is_new) outlet_.want_job(key.job_id);
-  if (job.files) return true;
+  if (is_new) callbacks_.fetch_job(key.job_id);
+  if (job.inputs) return true;
   if (absl::IsNotFound(job.error)) {
     queue_.revoke({key});
-    outlet_.given_up({key});
+    callbacks_.units_returned({key});
   } else if (!job.error.ok()) {
-    fail(key, absl::StrCat("assets: ", std::string(job.error.message())), "", false);
+    fail(key, absl::StrCat("fetching assets: ", std::string(job.error.message())), "",
+         absl::StatusCode::kUnavailable);
   }
-  if (!job.error.ok()) jobs_.erase(place);  // asked for again with the next lease
+  if (!job.error.ok()) jobs_.erase(place);  // fetched again for the next lease
   return false;
 }
 
-bool RendererSupervisor::load_frame(const FrameKey& key, const JobInputs& files, Time now) {
+bool RendererSupervisor::load_frame(const FrameKey& key, const JobInputs& inputs, Time now) {
   if (!make_room(key)) return false;
   v1::RendererCommand command;
   v1::LoadScene& load = *command.mutable_load_scene();
   load.set_job_id(key.first);
   load.set_frame(key.second);
-  *load.mutable_settings() = files.message;
-  *load.mutable_manifest() = files.manifest;
+  *load.mutable_settings() = inputs.message;
+  *load.mutable_manifest() = inputs.manifest;
   std::vector<int> descriptors;
-  for (const Descriptor& descriptor : files.descriptors) descriptors.push_back(descriptor.get());
+  for (const Descriptor& descriptor : inputs.descriptors) descriptors.push_back(descriptor.get());
   if (!renderer_->send(command, descriptors).ok()) return false;
   frames_[key].used = now;
   return true;
 }
 
-/// Forgets loaded frames, least recently used first, that no unit is being rendered of and that the
-/// first in line does not need. False if all must stay.
+/// Unloads the least recently used frames that neither a started unit nor the first waiting unit
+/// needs, until another frame fits. Returns false if none can be unloaded.
 bool RendererSupervisor::make_room(const FrameKey& wanted) {
   while (true) {
     std::size_t count = 0;
     auto oldest = frames_.end();
     for (auto frame = frames_.begin(); frame != frames_.end(); ++frame) {
-      if (!frame->second.error.empty()) continue;  // takes no memory
+      if (!frame->second.error.ok()) continue;  // takes no memory
       ++count;
       const FrameKey& key = frame->first;
       bool busy = !frame->second.loaded;
@@ -388,7 +394,7 @@ void RendererSupervisor::hand_out(const UnitKey& key) {
   unit.set_first_sample(lease.first_sample());
   unit.set_sample_count(lease.sample_count());
   queue_.start(key);
-  (void)renderer_->send(command);  // if it is dead, on_death puts the unit back
+  (void)renderer_->send(command);  // if it is dead, on_death requeues the unit
 }
 
 }  // namespace tessera::agent

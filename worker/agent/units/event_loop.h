@@ -8,17 +8,17 @@
 
 namespace tessera::agent {
 
-/// Brings what happens on other threads (gRPC's, the renderer's reader, downloads) to one thread.
+/// Runs events posted by other threads (gRPC, the renderer's reader, downloads) on one thread.
 class EventLoop {
  public:
-  /// Any thread.
+  /// Queues an event. Thread-safe.
   void post(std::function<void()> event) {
     const std::lock_guard lock(mutex_);
     events_.push_back(std::move(event));
     arrived_.notify_one();
   }
 
-  /// Waits for an event until `deadline`, then runs all that have come. One thread.
+  /// Waits for an event until `deadline`, then runs all queued events. One thread only.
   void run_until(std::chrono::steady_clock::time_point deadline) {
     std::deque<std::function<void()>> events;
     {

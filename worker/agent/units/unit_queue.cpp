@@ -46,7 +46,7 @@ void UnitQueue::add_lease(const v1::Lease& lease) {
     entry.lease = shared;
     if (is_new) {
       waiting_.push_back(std::move(key));
-    } else if (entry.phase == Phase::held && entry.offered) {
+    } else if (entry.phase == Phase::unacknowledged && entry.offered) {
       entry.offered.reset();
       to_offer_.push_back(std::move(key));
     }
@@ -68,7 +68,7 @@ std::vector<UnitKey> UnitQueue::revoke(const std::vector<UnitKey>& units) {
   return returned;
 }
 
-std::vector<UnitKey> UnitQueue::hand_back_waiting() {
+std::vector<UnitKey> UnitQueue::return_waiting() {
   std::vector<UnitKey> returned(waiting_.begin(), waiting_.end());
   for (const UnitKey& key : returned) entries_.erase(key);
   waiting_.clear();
@@ -93,7 +93,7 @@ bool UnitQueue::finish(const UnitKey& key, std::string block, const contract::Di
                        double cpu_seconds) {
   Entry* entry = find(key, Phase::started);
   if (entry == nullptr) return false;
-  entry->phase = Phase::held;
+  entry->phase = Phase::unacknowledged;
   entry->block = std::make_shared<const std::string>(std::move(block));
   entry->sha256 = sha256;
   entry->cpu_seconds = cpu_seconds;
@@ -102,15 +102,15 @@ bool UnitQueue::finish(const UnitKey& key, std::string block, const contract::Di
 }
 
 std::optional<v1::UnitFailure> UnitQueue::fail(const UnitKey& key, const std::string& message,
-                                               const std::string& log_tail, bool bad_scene) {
+                                               const std::string& log_tail, absl::StatusCode code) {
   const auto found = entries_.find(key);
-  if (found == entries_.end() || found->second.phase == Phase::held) return std::nullopt;
+  if (found == entries_.end() || found->second.phase == Phase::unacknowledged) return std::nullopt;
   v1::UnitFailure failure;
   *failure.mutable_lease() = *found->second.lease;
   failure.set_tile(key.unit.tile);
   failure.set_message(message);
   failure.set_log_tail(log_tail);
-  failure.set_bad_scene(bad_scene);
+  failure.set_code(static_cast<std::int32_t>(code));
   erase(key);
   return failure;
 }
@@ -127,7 +127,7 @@ std::optional<UnitQueue::Block> UnitQueue::next_block(Time now) {
   while (!to_offer_.empty()) {
     const UnitKey key = std::move(to_offer_.front());
     to_offer_.pop_front();
-    Entry* entry = find(key, Phase::held);
+    Entry* entry = find(key, Phase::unacknowledged);
     if (entry == nullptr || entry->offered) continue;
     entry->offered = now;
     return Block{key, entry->lease, entry->block, entry->sha256, entry->cpu_seconds};
@@ -143,10 +143,10 @@ std::optional<Time> UnitQueue::oldest_offer() const {
   return oldest;
 }
 
-void UnitQueue::offer_all_again() {
+void UnitQueue::reset_offers() {
   to_offer_.clear();
   for (auto& [key, entry] : entries_) {
-    if (entry.phase != Phase::held) continue;
+    if (entry.phase != Phase::unacknowledged) continue;
     entry.offered.reset();
     to_offer_.push_back(key);
   }
@@ -158,16 +158,17 @@ std::optional<Time> UnitQueue::offered(const UnitKey& key) const {
 }
 
 bool UnitQueue::acknowledge(const UnitKey& key) {
-  if (find(key, Phase::held) == nullptr) return false;
+  if (find(key, Phase::unacknowledged) == nullptr) return false;
   erase(key);
   return true;
 }
 
-void UnitQueue::describe(v1::WorkerHello& hello, const CreditWindow& window) {
-  hand_back_waiting();
+void UnitQueue::fill_hello(v1::WorkerHello& hello, const CreditWindow& window) {
+  return_waiting();
   std::set<const v1::Lease*> named;
   for (const auto& [key, entry] : entries_) {
-    *(entry.phase == Phase::started ? hello.add_running() : hello.add_unacknowledged()) = id_of(key);
+    *(entry.phase == Phase::started ? hello.add_running() : hello.add_unacknowledged()) =
+        id_of(key);
     if (named.insert(entry.lease.get()).second) *hello.add_leases() = *entry.lease;
   }
   hello.set_store_id(entries_.empty() ? "" : store_id_);
@@ -175,7 +176,7 @@ void UnitQueue::describe(v1::WorkerHello& hello, const CreditWindow& window) {
   hello.set_credit_count(credits_);
 }
 
-void UnitQueue::welcome(const std::string& store_id) {
+void UnitQueue::set_store(const std::string& store_id) {
   if (store_id_ != store_id) {
     entries_.clear();
     waiting_.clear();
@@ -193,7 +194,9 @@ std::int32_t UnitQueue::room(const CreditWindow& window) const {
   const auto under_way = std::count_if(entries_.begin(), entries_.end(), [](const auto& entry) {
     return entry.second.offered.has_value();
   });
-  return std::min(window.ahead + static_cast<std::int32_t>(under_way), window.total) - size();
+  return std::min(window.prefetch_limit + static_cast<std::int32_t>(under_way),
+                  window.in_flight_limit) -
+         size();
 }
 
 std::int32_t UnitQueue::credits_to_grant(const CreditWindow& window) {
@@ -202,11 +205,11 @@ std::int32_t UnitQueue::credits_to_grant(const CreditWindow& window) {
   return grant;
 }
 
-CreditWindow credit_window(int thread_count, double round_trip_seconds, double unit_seconds,
+CreditWindow credit_window(int thread_count, double ack_latency_seconds, double unit_seconds,
                            std::int64_t block_bytes, std::int64_t buffer_bytes) {
-  constexpr double kMaxInFlight = 10'000;  // a bound on nonsense: units of no time at all
+  constexpr double kMaxInFlight = 10'000;  // for units that take almost no time
   const double in_flight =
-      unit_seconds > 0 ? std::ceil(thread_count * round_trip_seconds / unit_seconds) : 0;
+      unit_seconds > 0 ? std::ceil(thread_count * ack_latency_seconds / unit_seconds) : 0;
   const double wanted = 2.0 * thread_count + std::min(in_flight, kMaxInFlight);
   const std::int64_t fits =
       std::clamp<std::int64_t>(buffer_bytes / std::max<std::int64_t>(block_bytes, 1), 1, 1 << 30);

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "contract/digest.h"
 #include "contract/unit.h"
 #include "tessera/v1/worker_service.pb.h"
@@ -29,91 +30,94 @@ struct UnitKey {
 
 UnitKey key_of(const v1::UnitId& id);
 v1::UnitId id_of(const UnitKey& key);
-/// "JOB FRAME TILE PASS", for logs.
+/// Returns "JOB FRAME TILE PASS", for logs.
 std::string to_string(const UnitKey& key);
 
-/// How many units a worker wants.
+/// Maximum number of units leased to a worker.
 struct CreditWindow {
-  std::int32_t ahead = 0;  // leased, and their blocks not yet under way to the server
-  std::int32_t total = 0;  // leased and not acknowledged
+  std::int32_t prefetch_limit = 0;   // leased, with blocks not yet handed to the delivery stream
+  std::int32_t in_flight_limit = 0;  // leased and not acknowledged
 };
 
-/// The units a worker has, from lease to verdict: waiting → started → held → forgotten.
+/// The units of a worker from lease to acknowledgement: waiting → started → unacknowledged → gone.
 ///
-/// A pure state machine: no thread, clock or socket. It keeps farm.md's promises on the worker's
-/// side: a block is kept until its one verdict and offered again on every new stream; what has been
-/// started is never handed back; the units leased and not acknowledged never exceed the window.
+/// A pure state machine: no thread, clock or socket. It implements the worker's side of
+/// docs/explanation/fault-tolerance.md: a block is kept until its acknowledgement and offered again
+/// on every new stream; started units are never returned; the units leased and not acknowledged
+/// never exceed the window. The caller serialises the calls.
 class UnitQueue {
  public:
   /// A finished unit to deliver.
   struct Block {
     UnitKey key;
     std::shared_ptr<const v1::Lease> lease;
-    std::shared_ptr<const std::string> bytes;  // shared: a verdict may come while it is being sent
+    std::shared_ptr<const std::string> bytes;  // shared: may be acknowledged while being sent
     contract::Digest sha256;
     double cpu_seconds = 0;
   };
 
   // Leases.
-  /// Takes a lease: its units wait, but for those that are here already. A held one is offered
-  /// again under the new lease.
+  /// Adds the units of a lease. A unit that is present already keeps its state; an unacknowledged
+  /// one is offered again under the new lease.
   void add_lease(const v1::Lease& lease);
-  /// Units that wait, in the order they were leased.
+  /// Waiting units, in the order of their leases.
   const std::deque<UnitKey>& waiting() const { return waiting_; }
-  /// The lease of a unit that is here; null otherwise.
+  /// Returns the lease of a unit; null if the unit is not present.
   const v1::Lease* lease_of(const UnitKey& key) const;
-  /// Forgets those of `units` that wait, and returns them.
+  /// Removes those of `units` that are waiting, and returns them.
   std::vector<UnitKey> revoke(const std::vector<UnitKey>& units);
-  /// Forgets every unit that waits, and returns them.
-  std::vector<UnitKey> hand_back_waiting();
+  /// Removes all waiting units, and returns them.
+  std::vector<UnitKey> return_waiting();
 
   // Rendering.
-  /// A waiting unit was handed to the renderer.
+  /// Marks a waiting unit started: it was handed to the renderer.
   void start(const UnitKey& key);
-  /// A started unit must be rendered again: it waits once more, first in line.
+  /// Makes a started unit wait again, first in line.
   void requeue(const UnitKey& key);
-  /// Its block. Ignored (false) unless the unit is started: its job may have ended meanwhile.
+  /// Stores the block of a started unit. Returns false, and does nothing, if the unit is not
+  /// started: its job may have ended.
   bool finish(const UnitKey& key, std::string block, const contract::Digest& sha256,
               double cpu_seconds);
-  /// Forgets a unit that waits or is started and returns what to tell the server; nullopt if it is
-  /// not here.
+  /// Removes a waiting or started unit and returns the message for the server; nullopt if there is
+  /// no such unit. `code` INVALID_ARGUMENT, NOT_FOUND or UNIMPLEMENTED: the scene is at fault.
   std::optional<v1::UnitFailure> fail(const UnitKey& key, const std::string& message,
-                                      const std::string& log_tail, bool bad_scene);
-  /// Started units, in order.
+                                      const std::string& log_tail, absl::StatusCode code);
+  /// Started units, sorted by key.
   std::vector<UnitKey> started() const;
 
   // Delivery.
-  /// The next held block that has not been offered on this stream; it counts as offered now.
+  /// Returns the next unacknowledged block that has not been offered on this stream, and marks it
+  /// offered at `now`.
   std::optional<Block> next_block(Time now);
-  /// When a held block was offered on this stream; nullopt: it was not, or is not held.
+  /// Returns when a block was offered on this stream; nullopt if it was not.
   std::optional<Time> offered(const UnitKey& key) const;
-  /// When the block was offered that waits longest for its verdict; nullopt: none does.
+  /// Returns when the oldest offered and unacknowledged block was offered; nullopt if there is
+  /// none.
   std::optional<Time> oldest_offer() const;
-  /// A new delivery stream: every held block is offered again.
-  void offer_all_again();
-  /// The verdict on a delivered block: forgets it. False if it was not held.
+  /// Marks all unacknowledged blocks as not offered, for a new delivery stream.
+  void reset_offers();
+  /// Removes an acknowledged unit. Returns false if the unit is not unacknowledged.
   bool acknowledge(const UnitKey& key);
 
   // The server.
-  /// Fills in what the server adopts, and the credits; units that wait are forgotten, as the server
-  /// leases them anew.
-  void describe(v1::WorkerHello& hello, const CreditWindow& window);
-  /// The store is another one: everything from before is worthless.
-  void welcome(const std::string& store_id);
+  /// Adds the units that the server adopts and the credits to `hello`. Waiting units are removed:
+  /// the server leases them again.
+  void fill_hello(v1::WorkerHello& hello, const CreditWindow& window);
+  /// Sets the server's store. If it differs from the previous one, removes all units.
+  void set_store(const std::string& store_id);
   void drop_job(const std::string& job_id);
-  /// Credits to grant now so that no more units are leased, or may be, than the window says. Blocks
-  /// that the line has taken make room ahead: however many are on their way, the next units are
-  /// here in time. Those it has no room for yet do not, so that units are rendered no faster than
-  /// sent.
+  /// Returns the credits to grant without exceeding `window`, and counts them as granted. Blocks
+  /// already handed to the stream free prefetch slots; queued ones do not, which throttles
+  /// rendering to the send rate.
   std::int32_t credits_to_grant(const CreditWindow& window);
-  /// Units leased and not acknowledged.
+  /// Number of units leased and not acknowledged.
   std::int32_t size() const { return static_cast<std::int32_t>(entries_.size()); }
   bool empty() const { return entries_.empty(); }
 
  private:
-  enum class Phase : std::uint8_t { waiting, started, held };
+  enum class Phase : std::uint8_t { waiting, started, unacknowledged };
   struct Entry {
-    std::shared_ptr<const v1::Lease> lease;  // owned by all units of its run together
+    std::shared_ptr<const v1::Lease> lease;  // shared by all units of the lease
     Phase phase = Phase::waiting;
     std::optional<Time> offered;  // on this delivery stream
     std::shared_ptr<const std::string> block;
@@ -126,16 +130,16 @@ class UnitQueue {
   void erase(const UnitKey& key);
 
   std::map<UnitKey, Entry> entries_;
-  std::deque<UnitKey> waiting_;   // keys of entries that wait
-  std::deque<UnitKey> to_offer_;  // keys of held entries, not offered; may name forgotten ones
-  std::int32_t credits_ = 0;      // granted, and no lease came for them yet
+  std::deque<UnitKey> waiting_;   // keys of waiting entries
+  std::deque<UnitKey> to_offer_;  // keys of blocks not offered yet; may include removed ones
+  std::int32_t credits_ = 0;      // granted and not used by a lease yet
   std::string store_id_;
 };
 
-/// How many units a worker should have: 2 × threads, and as many as are rendered during the round
-/// trip from a credit to its lease; in all at most what `buffer_bytes` holds, at least one
-/// (farm.md, section 2).
-CreditWindow credit_window(int thread_count, double round_trip_seconds, double unit_seconds,
+/// Returns the window of a worker: prefetch_limit is 2 × threads plus the units rendered during
+/// `ack_latency_seconds`; in_flight_limit is the number of blocks that fit into `buffer_bytes`, at
+/// least 1.
+CreditWindow credit_window(int thread_count, double ack_latency_seconds, double unit_seconds,
                            std::int64_t block_bytes, std::int64_t buffer_bytes);
 
 }  // namespace tessera::agent

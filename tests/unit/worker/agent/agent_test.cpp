@@ -15,8 +15,8 @@
 #include <vector>
 
 #include "worker/agent/server/asset_cache.h"
-#include "worker/renderer/descriptor_reader.h"
 #include "worker/ipc/message_socket.h"
+#include "worker/renderer/descriptor_reader.h"
 #include "worker/renderer/render_pool.h"
 
 namespace tessera::agent {
@@ -146,12 +146,12 @@ TEST(DescriptorReader, TexelsOverTheLimitLieInTheFile) {
     return std::make_unique<DescriptorReader>(v1::SceneManifest(), std::move(files), texel_bytes);
   };
   auto reader = reader_of(100);
-  EXPECT_EQ(*reader->set_aside(first), nullptr) << "within the limit";
-  auto aside = *reader->set_aside(second);
+  EXPECT_EQ(*reader->spill(first), nullptr) << "within the limit";
+  auto aside = *reader->spill(second);
   ASSERT_NE(aside, nullptr);
   // Another reader of the file writes behind it; both stay when their readers have gone.
   reader = reader_of(0);
-  const auto other = *reader->set_aside(first);
+  const auto other = *reader->spill(first);
   reader.reset();
   EXPECT_TRUE(std::equal(second.begin(), second.end(), aside.get()));
   EXPECT_TRUE(std::equal(first.begin(), first.end(), other.get()));

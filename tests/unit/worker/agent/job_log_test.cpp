@@ -45,7 +45,7 @@ TEST(JobLogForwarder, WhatIsTooMuchIsLeftOutOldestFirstAndSaidSo) {
   for (int i = 0; i < count; ++i) relay.add(LogLevel::info, "j", std::to_string(i));
   const auto lines = relay.take(Time{});
   ASSERT_EQ(lines_in(lines), static_cast<int>(JobLogForwarder::kMaxInMessage));
-  EXPECT_EQ(lines->lines(0).message(), "7 lines of this worker left out");
+  EXPECT_EQ(lines->lines(0).message(), "7 log lines dropped (rate limit)");
   EXPECT_EQ(lines->lines(1).message(), "7");
 }
 

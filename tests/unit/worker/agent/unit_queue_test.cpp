@@ -52,11 +52,11 @@ TEST(UnitQueue, ABlockIsKeptUntilItsVerdictAndOfferedOncePerStream) {
   EXPECT_EQ(block->lease->seal(), "seal 1");
   EXPECT_EQ(block->cpu_seconds, 0.5);
   EXPECT_FALSE(queue.next_block(Time()).has_value());
-  queue.offer_all_again();  // a new stream
+  queue.reset_offers();  // a new stream
   EXPECT_TRUE(queue.next_block(Time()).has_value());
   EXPECT_TRUE(queue.acknowledge(unit(0)));
   EXPECT_FALSE(queue.acknowledge(unit(0)));
-  queue.offer_all_again();
+  queue.reset_offers();
   EXPECT_FALSE(queue.next_block(Time()).has_value());
   EXPECT_TRUE(queue.empty());
 }
@@ -94,14 +94,14 @@ TEST(UnitQueue, AFailureCarriesItsLeaseAndForgetsTheUnit) {
   UnitQueue queue;
   queue.add_lease(lease(0, 2));
   queue.start(unit(1));
-  const auto failure = queue.fail(unit(1), "why", "log", true);
+  const auto failure = queue.fail(unit(1), "why", "log", absl::StatusCode::kNotFound);
   ASSERT_TRUE(failure.has_value());
   EXPECT_EQ(failure->lease().seal(), "seal 1");
   EXPECT_EQ(failure->tile(), 1);
   EXPECT_EQ(failure->message(), "why");
   EXPECT_EQ(failure->log_tail(), "log");
-  EXPECT_TRUE(failure->bad_scene());
-  EXPECT_FALSE(queue.fail(unit(1), "why", "log", true).has_value());
+  EXPECT_EQ(failure->code(), 5) << "NOT_FOUND";
+  EXPECT_FALSE(queue.fail(unit(1), "why", "log", absl::StatusCode::kNotFound).has_value());
   EXPECT_EQ(queue.size(), 1);
 }
 
@@ -109,19 +109,19 @@ TEST(UnitQueue, AFinishedUnitCannotFail) {
   UnitQueue queue;
   queue.add_lease(lease(0, 1));
   render(queue, 0);
-  EXPECT_FALSE(queue.fail(unit(0), "too late", "", false).has_value());
+  EXPECT_FALSE(queue.fail(unit(0), "too late", "", absl::StatusCode::kInternal).has_value());
   EXPECT_TRUE(queue.next_block(Time()).has_value());
 }
 
 TEST(UnitQueue, HelloNamesWhatIsStartedAndHeldWithTheirLeasesOnce) {
   UnitQueue queue;
-  queue.welcome("store");
+  queue.set_store("store");
   queue.add_lease(lease(0, 3, 1));
   queue.add_lease(lease(8, 2, 2));
   queue.start(unit(0));
   render(queue, 1);
   v1::WorkerHello hello;
-  queue.describe(hello, {5, 5});
+  queue.fill_hello(hello, {5, 5});
   ASSERT_EQ(hello.running_size(), 1);
   EXPECT_EQ(key_of(hello.running(0)), unit(0));
   ASSERT_EQ(hello.unacknowledged_size(), 1);
@@ -135,13 +135,13 @@ TEST(UnitQueue, HelloNamesWhatIsStartedAndHeldWithTheirLeasesOnce) {
 
 TEST(UnitQueue, AnotherStoreMakesEverythingWorthless) {
   UnitQueue queue;
-  queue.welcome("one");
+  queue.set_store("one");
   queue.add_lease(lease(0, 3));
   queue.start(unit(0));
   render(queue, 1);
-  queue.welcome("one");
+  queue.set_store("one");
   EXPECT_EQ(queue.size(), 3);
-  queue.welcome("two");
+  queue.set_store("two");
   EXPECT_TRUE(queue.empty());
   EXPECT_FALSE(queue.next_block(Time()).has_value());
   EXPECT_FALSE(queue.finish(unit(0), "block", {}, 0));
@@ -176,13 +176,13 @@ TEST(UnitQueue, BlocksUnderWayMakeRoomAheadUpToTheTotal) {
   for (int i = 1; i <= 2; ++i) render(queue, i);
   while (queue.next_block(Time())) continue;
   EXPECT_EQ(queue.credits_to_grant(window), 1) << "three under way: four in all";
-  queue.offer_all_again();
+  queue.reset_offers();
   queue.acknowledge(unit(0));
   v1::WorkerHello hello;
-  queue.describe(hello, window);
+  queue.fill_hello(hello, window);
   EXPECT_EQ(hello.credit_count(), 0) << "two held ones wait for a line";
   while (queue.next_block(Time())) continue;
-  queue.describe(hello, window);
+  queue.fill_hello(hello, window);
   EXPECT_EQ(hello.credit_count(), 2);
 }
 
@@ -210,11 +210,11 @@ TEST(UnitQueue, TheEndOfAJobForgetsItsUnitsOnly) {
 }
 
 TEST(CreditWindow, CoversTheRoundTripAndFitsTheBuffer) {
-  EXPECT_EQ(credit_window(4, 0, 0, 0, 1'000'000).ahead, 8) << "nothing measured yet";
-  EXPECT_EQ(credit_window(4, 0.1, 0.2, 0, 1'000'000).ahead, 8 + 2);
-  EXPECT_EQ(credit_window(4, 0.1, 0.2, 200'000, 1'000'000).total, 5);
-  EXPECT_EQ(credit_window(4, 0.1, 0.2, 2'000'000, 1'000'000).total, 1) << "never none";
-  EXPECT_GE(credit_window(4, 0.1, 0.2, 0, 1LL << 60).total, 1 << 30) << "no overflow";
+  EXPECT_EQ(credit_window(4, 0, 0, 0, 1'000'000).prefetch_limit, 8) << "nothing measured yet";
+  EXPECT_EQ(credit_window(4, 0.1, 0.2, 0, 1'000'000).prefetch_limit, 8 + 2);
+  EXPECT_EQ(credit_window(4, 0.1, 0.2, 200'000, 1'000'000).in_flight_limit, 5);
+  EXPECT_EQ(credit_window(4, 0.1, 0.2, 2'000'000, 1'000'000).in_flight_limit, 1) << "never none";
+  EXPECT_GE(credit_window(4, 0.1, 0.2, 0, 1LL << 60).in_flight_limit, 1 << 30) << "no overflow";
 }
 
 TEST(UnitQueue, TheBlockThatWaitsLongestForItsVerdictIsKnownWhateverComesForOthers) {
@@ -232,7 +232,7 @@ TEST(UnitQueue, TheBlockThatWaitsLongestForItsVerdictIsKnownWhateverComesForOthe
   ASSERT_TRUE(queue.acknowledge(unit(0)));
   EXPECT_FALSE(queue.offered(unit(0)).has_value());
   EXPECT_EQ(queue.oldest_offer(), begin + seconds(5));
-  queue.offer_all_again();
+  queue.reset_offers();
   EXPECT_FALSE(queue.oldest_offer().has_value());
 }
 

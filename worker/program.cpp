@@ -1,0 +1,80 @@
+#include "worker/program.h"
+
+#include <csignal>
+#include <cstdio>
+#include <string>
+
+#include "absl/strings/escaping.h"
+#include "rpc/settings_message.h"
+#include "worker/agent/agent.h"
+#include "worker/config.h"
+#include "worker/inspect/accelerator_table.h"
+#include "worker/inspect/inspect_report.h"
+#include "worker/inspect/solid_check.h"
+#include "worker/renderer/renderer.h"
+
+namespace tessera::worker {
+namespace {
+
+constexpr int kWrongInput = 2, kRefused = 3;
+
+int work(const agent::AgentOptions& options) {
+  const absl::Status status = agent::run_agent(options);
+  if (status.ok()) return 0;
+  std::fprintf(stderr, "tessera-worker: %s\n", std::string(status.message()).c_str());
+  return kRefused;
+}
+
+/// Adds the comparison of acceleration structures to `report`; a failure becomes a finding.
+void add_accelerators(const InspectConfig& config, const contract::RenderSettings& settings,
+                      const render::Scene& scene, render::InspectReport& report) {
+  const auto table = render::measure_accelerators(scene, settings, {config.accelerator});
+  if (table.ok()) {
+    report.extras.emplace_back("accelerators", to_json(*table));
+  } else {
+    report.findings.push_back({report.scene,
+                               {render::Problem::Severity::error, "accelerators",
+                                std::string(table.status().message())}});
+  }
+}
+
+int inspect(const InspectConfig& config) {
+  render::InspectRequest request;
+  request.scene = config.scene;
+  request.environment = config.environment;
+  if (!config.settings_hex.empty()) {
+    v1::RenderSettings message;
+    if (!message.ParseFromString(absl::HexStringToBytes(config.settings_hex))) return kWrongInput;
+    auto settings = contract::from_message(message);
+    if (!settings.ok()) return kWrongInput;
+    request.settings = *std::move(settings);
+  }
+  request.examine = [&](const auto& scene, auto& report) {
+    if (config.accelerators || !config.accelerator.empty()) {
+      add_accelerators(config, request.settings, scene, report);
+    }
+    if (config.self_intersections) {
+      report.extras.emplace_back("self_intersections", render::overlap_report(scene));
+    }
+  };
+  const auto report = render::inspect_scene(request);
+  const std::string text = to_json(report);
+  std::fwrite(text.data(), 1, text.size(), stdout);
+  return report.has_errors() ? kWrongInput : 0;
+}
+
+}  // namespace
+
+int run_program(int argc, char** argv, FaultInjector& faults) {
+  std::signal(SIGPIPE, SIG_IGN);
+  const auto parsed = parse_command_line(argc, argv, faults);
+  if (const int* exit_code = std::get_if<int>(&parsed)) return *exit_code;
+  const auto& config = std::get<Config>(parsed);
+  if (const auto* renderer = std::get_if<agent::RendererOptions>(&config)) {
+    return agent::run_renderer(*renderer);
+  }
+  if (const auto* request = std::get_if<InspectConfig>(&config)) return inspect(*request);
+  return work(std::get<agent::AgentOptions>(config));
+}
+
+}  // namespace tessera::worker
