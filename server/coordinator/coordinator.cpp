@@ -13,7 +13,7 @@ using contract::Unit;
 namespace {
 
 constexpr std::int32_t kManyWorkers = 1000;  // above which heartbeats are halved
-constexpr std::chrono::seconds kJournalRunningEvery{20}, kLookForOldJobsEvery{10};
+constexpr std::chrono::seconds kJournalRunningEvery{20}, kRetentionCheckPeriod{10};
 constexpr std::size_t kOldJobsAtOnce = 16;
 
 absl::Status no_such_job(const std::string& text) {
@@ -56,12 +56,12 @@ void Coordinator::log(LogLevel level, const std::string& message) const {
 }
 
 /// Carries out what the scheduler decided: calls to links wait until the lock is given up.
-void Coordinator::settle(DeferredCalls& afterwards) {
+void Coordinator::settle(DeferredCalls& deferred) {
   Effects effects = scheduler_.take_effects();
-  for (const WorkerKey key : effects.mailed) {
-    const auto linked = links_.find(key);
-    if (linked == links_.end()) continue;
-    afterwards.add([link = linked->second.link] { link->wake(); });
+  for (const WorkerKey key : effects.to_wake) {
+    const auto connected = connections_.find(key);
+    if (connected == connections_.end()) continue;
+    deferred.add([connection = connected->second.connection] { connection->wake(); });
   }
   options_.metrics->errors.worker_lost.Increment(static_cast<double>(effects.to_close.size()));
   options_.metrics->audits_ended.Increment(static_cast<double>(effects.audited.size()));
@@ -70,29 +70,29 @@ void Coordinator::settle(DeferredCalls& afterwards) {
   for (const WorkerKey key : effects.to_close) {
     if (const Worker* worker = scheduler_.find_worker(key)) {
       note(EventKind::worker_lost, worker->id, "");
-      afterwards.add([this, id = worker->id] {
+      deferred.add([this, id = worker->id] {
         log(LogLevel::warn, absl::StrCat("worker ", id, " is lost"));
       });
     }
-    const auto linked = links_.find(key);
-    if (linked == links_.end()) continue;
-    afterwards.add([link = linked->second.link] {
-      link->close(absl::UnavailableError("nothing was heard of this worker; connect again"));
+    const auto connected = connections_.find(key);
+    if (connected == connections_.end()) continue;
+    deferred.add([connection = connected->second.connection] {
+      connection->close(absl::UnavailableError("nothing was heard of this worker; connect again"));
     });
-    links_.erase(linked);
+    connections_.erase(connected);
     scheduler_.disconnect(key);
   }
   audits_over(effects.audited);
   for (const std::string& worker_id : effects.faulty_workers)
-    quarantine_worker(worker_id, afterwards);
+    quarantine_worker(worker_id, deferred);
   changed_.insert(effects.changed.begin(), effects.changed.end());
   roster_.insert(roster_.end(), effects.roster.begin(), effects.roster.end());
-  if (!effects.changed.empty() || !effects.roster.empty()) writer_signal_.raise();
+  if (!effects.changed.empty() || !effects.roster.empty()) writer_wakeup_.notify_all();
   for (const JobKey key : effects.changed) {
     const Job* job = scheduler_.find_job(key);
     if (job == nullptr) continue;
     note_state(*job);
-    afterwards.add([this, id = job->spec->id, state = job->state, reason = job->reason] {
+    deferred.add([this, id = job->spec->id, state = job->state, reason = job->reason] {
       log(state == JobState::failed ? LogLevel::warn : LogLevel::info,
           absl::StrCat("job ", id, " is ", state_name(state), reason.empty() ? "" : ": ", reason));
     });
@@ -104,25 +104,25 @@ void Coordinator::settle(DeferredCalls& afterwards) {
     }
     if (job->state == JobState::done) {  // its blocks are no longer needed, nor where they lie
       film.grid.reset();
-      film.ledger.reset();
+      film.block_index.reset();
     }
   }
 }
 
 void Coordinator::tick() {
-  DeferredCalls afterwards;
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
   const Time now = options_.clock();
   scheduler_.tick(now, options_.tick_period);
-  if (now - running_journaled_ >= kJournalRunningEvery) {
-    running_journaled_ = now;
+  if (now - last_running_journal_ >= kJournalRunningEvery) {
+    last_running_journal_ = now;
     journal_running();
   }
-  if (options_.job_retention_us > 0 && now - looked_for_old_jobs_ >= kLookForOldJobsEvery) {
-    looked_for_old_jobs_ = now;
+  if (options_.job_retention_us > 0 && now - last_retention_check_ >= kRetentionCheckPeriod) {
+    last_retention_check_ = now;
     remove_old_jobs();
   }
-  settle(afterwards);
+  settle(deferred);
 }
 
 /// A few at a time: the writer has other things to do.
@@ -144,7 +144,7 @@ void Coordinator::remove_old_jobs() {
     });
     if (++count == kOldJobsAtOnce) break;
   }
-  if (count > 0) writer_signal_.raise();
+  if (count > 0) writer_wakeup_.notify_all();
 }
 
 /// Has the running time of the jobs so far written to their rows, and what could not be written.
@@ -153,15 +153,15 @@ void Coordinator::journal_running() {
   for (const auto& [key, job] : scheduler_.jobs()) {
     if (job.running_since) changed_.insert(key);
   }
-  if (!changed_.empty()) writer_signal_.raise();
+  if (!changed_.empty()) writer_wakeup_.notify_all();
 }
 
 void Coordinator::stop() {
   MutexLock lock(mutex_);
   stopping_ = true;
   journal_running();
-  writer_signal_.raise();
-  film_signal_.raise();
+  writer_wakeup_.notify_all();
+  film_wakeup_.notify_all();
 }
 
 bool Coordinator::is_stopping() const {
@@ -171,52 +171,54 @@ bool Coordinator::is_stopping() const {
 
 // Workers ----------------------------------------------------------------------------------------
 
-Coordinator::Joined Coordinator::join(const Hello& hello, std::shared_ptr<WorkerConnection> link) {
-  DeferredCalls afterwards;
+Coordinator::Joined Coordinator::join(const Hello& hello,
+                                      std::shared_ptr<WorkerConnection> connection) {
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
   const WorkerKey key = scheduler_.connect(hello, options_.clock());
-  Linked& linked = links_[key];
-  if (linked.link) {
-    afterwards.add([old = linked.link] {
+  Connected& connected = connections_[key];
+  if (connected.connection) {
+    deferred.add([old = connected.connection] {
       old->close(absl::AbortedError("replaced by a newer stream of this worker"));
     });
   }
-  linked = {++last_session_, std::move(link)};
+  connected = {++last_session_, std::move(connection)};
   const std::string who = absl::StrCat(hello.name, " on ", hello.host, ", ", hello.isa, ", ",
                                        hello.thread_count, " threads");
   note(EventKind::worker_joined, hello.worker_id, who);
-  afterwards.add([this, text = absl::StrCat("worker ", hello.worker_id, " is here: ", who)] {
+  deferred.add([this, text = absl::StrCat("worker ", hello.worker_id, " is here: ", who)] {
     log(LogLevel::info, text);
   });
-  settle(afterwards);
-  const bool many = static_cast<std::int32_t>(links_.size()) > kManyWorkers;
-  return {{key, linked.session},
+  settle(deferred);
+  const bool many = static_cast<std::int32_t>(connections_.size()) > kManyWorkers;
+  return {{key, connected.session},
           store_.id(),
           many ? 2000 : 1000,
-          static_cast<std::int32_t>(seconds(options_.policy.silence) * 1000)};
+          static_cast<std::int32_t>(seconds(options_.policy.worker_timeout) * 1000)};
 }
 
 Worker* Coordinator::worker_of(Session session) {
-  const auto linked = links_.find(session.worker);
-  if (linked == links_.end() || linked->second.session != session.number) return nullptr;
+  const auto connected = connections_.find(session.worker);
+  if (connected == connections_.end() || connected->second.session != session.number)
+    return nullptr;
   Worker* worker = scheduler_.find_worker(session.worker);
-  if (worker != nullptr) scheduler_.hear(session.worker, options_.clock());
+  if (worker != nullptr) scheduler_.record_contact(session.worker, options_.clock());
   return worker;
 }
 
-void Coordinator::part(Session session) {
-  DeferredCalls afterwards;
+void Coordinator::disconnect(Session session) {
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
-  const auto linked = links_.find(session.worker);
-  if (linked == links_.end() || linked->second.session != session.number) return;
-  // The link may own what calls us: it dies after the lock.
-  afterwards.add([link = std::move(linked->second.link)] {});
-  links_.erase(linked);
+  const auto connected = connections_.find(session.worker);
+  if (connected == connections_.end() || connected->second.session != session.number) return;
+  // The connection may own what calls us: it dies after the lock.
+  deferred.add([connection = std::move(connected->second.connection)] {});
+  connections_.erase(connected);
   scheduler_.disconnect(session.worker);
-  settle(afterwards);
+  settle(deferred);
 }
 
-void Coordinator::hear(Session session) {
+void Coordinator::record_contact(Session session) {
   MutexLock lock(mutex_);
   worker_of(session);
 }
@@ -229,29 +231,29 @@ void Coordinator::heartbeat(Session session, const std::vector<UnitName>& starte
 }
 
 void Coordinator::grant_credits(Session session, std::int32_t count) {
-  DeferredCalls afterwards;
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
   if (worker_of(session) == nullptr) return;
   scheduler_.grant_credits(session.worker, count, options_.clock());
-  settle(afterwards);
+  settle(deferred);
 }
 
-void Coordinator::leave(Session session) {
+void Coordinator::begin_draining(Session session) {
   MutexLock lock(mutex_);
-  if (worker_of(session) != nullptr) scheduler_.leave(session.worker);
+  if (worker_of(session) != nullptr) scheduler_.begin_draining(session.worker);
 }
 
 void Coordinator::return_units(Session session, const std::vector<UnitName>& units) {
-  DeferredCalls afterwards;
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
   if (worker_of(session) == nullptr) return;
   scheduler_.return_units(session.worker, units, options_.clock());
-  settle(afterwards);
+  settle(deferred);
 }
 
 void Coordinator::fail_unit(Session session, const Lease& lease, std::int32_t tile, Failure failure,
-                            bool bad_scene) {
-  DeferredCalls afterwards;
+                            absl::StatusCode code) {
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
   const Worker* worker = worker_of(session);
   if (worker == nullptr) return;
@@ -259,15 +261,14 @@ void Coordinator::fail_unit(Session session, const Lease& lease, std::int32_t ti
   const std::string unit =
       absl::StrCat("frame ", lease.frame, ", tile ", tile, ", pass ", lease.pass);
   const Job* job = scheduler_.find_job(lease.job_id);
-  if (job != nullptr && job->touched.count(worker->key) > 0) {
+  if (job != nullptr && job->ever_leased_to.count(worker->key) > 0) {
     note_failure(*job, worker->id, unit, failure);
   }
-  afterwards.add(
+  deferred.add(
       [this, text = absl::StrCat("worker ", worker->id, ": job ", lease.job_id, ", ", unit,
                                  " failed: ", failure.message)] { log(LogLevel::warn, text); });
-  scheduler_.fail_unit(session.worker, lease, tile, std::move(failure), bad_scene,
-                       options_.clock());
-  settle(afterwards);
+  scheduler_.fail_unit(session.worker, lease, tile, std::move(failure), code, options_.clock());
+  settle(deferred);
 }
 
 void Coordinator::scene_loaded(Session session, const std::string& job_id, double load_seconds,
@@ -279,10 +280,10 @@ void Coordinator::scene_loaded(Session session, const std::string& job_id, doubl
 
 Outbox Coordinator::take_outbox(Session session) {
   MutexLock lock(mutex_);
-  const auto linked = links_.find(session.worker);
-  if (linked == links_.end() || linked->second.session != session.number) return {};
+  const auto connected = connections_.find(session.worker);
+  if (connected == connections_.end() || connected->second.session != session.number) return {};
   Worker* worker = scheduler_.find_worker(session.worker);
-  return worker == nullptr ? Outbox{} : std::exchange(worker->mail, Outbox{});
+  return worker == nullptr ? Outbox{} : std::exchange(worker->outbox, Outbox{});
 }
 
 std::vector<std::pair<Worker, double>> Coordinator::workers() const {
@@ -290,7 +291,7 @@ std::vector<std::pair<Worker, double>> Coordinator::workers() const {
   const Time now = options_.clock();
   std::vector<std::pair<Worker, double>> workers;
   for (const auto& [key, worker] : scheduler_.workers()) {
-    workers.emplace_back(worker, seconds(now - worker.heard));
+    workers.emplace_back(worker, seconds(now - worker.last_contact));
   }
   return workers;
 }
@@ -320,8 +321,8 @@ bool Coordinator::is_leased_asset(const contract::Digest& digest,
 
 void Coordinator::record_join(Join join, std::int64_t most,
                               std::function<void(absl::Status)> done) {
-  write_later([this, join = std::move(join), most, done = std::move(done)] {
-    done(store_.remember_join(join, most));
+  post_to_writer([this, join = std::move(join), most, done = std::move(done)] {
+    done(store_.record_join(join, most));
   });
 }
 
@@ -345,13 +346,13 @@ const contract::TileGrid& Coordinator::grid_of(const Job& job) {
   return *film.grid;
 }
 
-BlockIndex& Coordinator::ledger_of(Job& job) {
+BlockIndex& Coordinator::block_index_of(Job& job) {
   JobFilm& film = film_of(job);
-  if (!film.ledger) {
+  if (!film.block_index) {
     const JobPlan& plan = job.open_plan();
-    film.ledger.emplace(plan.tile_count(), static_cast<std::int32_t>(plan.passes().size()));
+    film.block_index.emplace(plan.tile_count(), static_cast<std::int32_t>(plan.passes().size()));
   }
-  return *film.ledger;
+  return *film.block_index;
 }
 
 /// Samples of the whole job, foreseen where an error is asked for: frames not begun are taken for
@@ -383,6 +384,7 @@ JobView Coordinator::view(const Job& job) const {
   view.spec = job.spec;
   view.state = job.state;
   view.reason = job.reason;
+  view.failure_code = job.failure_code;
   if (view.reason.empty() && (job.state == JobState::queued || job.state == JobState::running)) {
     view.reason = missing_workers(job, scheduler_.workers());
   }
@@ -422,6 +424,7 @@ JobRecord Coordinator::record(const Job& job) const {
   record.request = job.spec->request;
   record.state = static_cast<std::int32_t>(job.state);
   record.reason = job.reason;
+  record.failure_code = static_cast<std::int32_t>(job.failure_code);
   record.create_time_us = now.create_time_us;
   record.end_time_us = now.end_time_us;
   record.wall_seconds = now.elapsed_seconds;

@@ -82,7 +82,7 @@ struct CoordinatorOptions {
   std::int64_t asset_quota_bytes = std::int64_t{64} << 30;
   std::int64_t job_retention_us = 0;  // jobs that ended so long ago are removed; 0: never
   ClientQuota client_quota;
-  Span tick_period = std::chrono::milliseconds(100);
+  Duration tick_period = std::chrono::milliseconds(100);
   std::function<Time()> clock;  // monotonic
   std::function<std::int64_t()>
       wall_us;  // since 1970; labels things, decides only job_retention_us
@@ -129,16 +129,16 @@ class Coordinator {
     std::int32_t timeout_ms = 5000;
   };
   /// Begins a session; an older one of the same worker is closed.
-  Joined join(const Hello& hello, std::shared_ptr<WorkerConnection> link);
+  Joined join(const Hello& hello, std::shared_ptr<WorkerConnection> connection);
   /// The stream is gone.
-  void part(Session session);
-  void hear(Session session);
+  void disconnect(Session session);
+  void record_contact(Session session);
   void heartbeat(Session session, const std::vector<UnitName>& started, std::int64_t rss_bytes);
   void grant_credits(Session session, std::int32_t count);
-  void leave(Session session);
+  void begin_draining(Session session);
   void return_units(Session session, const std::vector<UnitName>& units);
   void fail_unit(Session session, const Lease& lease, std::int32_t tile, Failure failure,
-                 bool bad_scene);
+                 absl::StatusCode code);
   void scene_loaded(Session session, const std::string& job_id, double load_seconds,
                     double build_seconds, std::int64_t peak_rss_bytes);
   /// What is to be sent now; empty when the session has ended.
@@ -155,7 +155,7 @@ class Coordinator {
   void ban_worker(const std::string& worker_id, std::function<void(absl::Status)> done);
   /// Takes that back, likewise. Errors: NotFound, nothing is known of it.
   void allow_worker(const std::string& worker_id, std::function<void(absl::Status)> done);
-  /// Records a worker's joining with a token, then calls back. Errors: as Store::remember_join.
+  /// Records a worker's joining with a token, then calls back. Errors: as Store::record_join.
   void record_join(Join join, std::int64_t most, std::function<void(absl::Status)> done);
   /// What a worker that has joined comes back with: an HMAC under the store's key over its id and
   /// its certificate's name, so that none needs to be kept.
@@ -164,7 +164,7 @@ class Coordinator {
   // Blocks ---------------------------------------------------------------------------------------
   /// Whether a worker with this id has a session, under this certificate; a sign of life. Errors:
   /// FailedPrecondition.
-  absl::Status hear_delivery(const std::string& worker_id, const std::string& certificate = {});
+  absl::Status check_delivery(const std::string& worker_id, const std::string& certificate = {});
   /// Judges a block by its header. nullopt: it got its verdict, its bytes are to be skipped.
   std::optional<Admission> admit(const std::string& worker_id, const BlockHeader& header);
   /// Takes an admitted block. Its one verdict follows by mail. Checks the bytes before it takes the
@@ -220,8 +220,8 @@ class Coordinator {
   /// Whether the asset is here; pins it for an hour.
   bool has_asset(const contract::Digest& digest);
   absl::StatusOr<std::string> new_upload_path() { return store_.new_upload_path(); }
-  void keep_asset(const std::string& upload_path, const contract::Digest& digest,
-                  std::function<void(absl::Status)> done);
+  void publish_asset(const std::string& upload_path, const contract::Digest& digest,
+                     std::function<void(absl::Status)> done);
   std::string asset_path(const contract::Digest& digest) const { return store_.asset_path(digest); }
   /// Whether a job names the asset of which workers of this certificate were leased units.
   bool is_leased_asset(const contract::Digest& digest, const std::string& certificate) const;
@@ -236,7 +236,7 @@ class Coordinator {
   /// What the coordinator keeps of a job beside its schedule.
   struct JobFilm {
     std::shared_ptr<const contract::TileGrid> grid;  // owners: the job and who is using it now
-    std::optional<BlockIndex> ledger;
+    std::optional<BlockIndex> block_index;
     std::map<std::int32_t, FrameRecord> finished;
     std::set<std::int32_t> finishing;  // complete, being written
     std::int64_t committed_samples = 0;
@@ -252,9 +252,9 @@ class Coordinator {
     std::optional<double> estimated_error;
     std::int64_t create_time_us = 0, end_time_us = 0;
   };
-  struct Linked {
+  struct Connected {
     std::int64_t session = 0;
-    std::shared_ptr<WorkerConnection> link;  // owners: the stream and this table
+    std::shared_ptr<WorkerConnection> connection;  // owners: the stream and this table
   };
   /// Calls that wait until the lock is given up: declare it before the MutexLock.
   class DeferredCalls {
@@ -277,7 +277,7 @@ class Coordinator {
     std::optional<contract::FilmBlock> block;
     std::int64_t bytes = 0;
   };
-  struct Sorted;  // a group of delivered blocks, judged
+  struct CheckedGroup;  // a group of delivered blocks, judged
 
   Coordinator(Store& store, CoordinatorOptions options, const std::vector<std::string>& roster);
 
@@ -285,50 +285,50 @@ class Coordinator {
   absl::Status load_job(const JobRecord& record) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status load_units(Job& job, const JobRecord& record) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  void settle(DeferredCalls& afterwards) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void settle(DeferredCalls& deferred) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void journal_running() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void remove_old_jobs() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   Worker* worker_of(Session session) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   JobFilm& film_of(const Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   const contract::TileGrid& grid_of(const Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  BlockIndex& ledger_of(Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  BlockIndex& block_index_of(Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   JobView view(const Job& job) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   static std::int64_t sample_count(const Job& job, const JobFilm& film);
-  static void note_finished(JobFilm& film, const FrameRecord& record, const FrameSummary& note);
+  static void count_finished(JobFilm& film, const FrameRecord& record, const FrameSummary& summary);
   JobRecord record(const Job& job) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   std::string new_job_id() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void answer(const std::string& worker_id, const std::string& job_id, const contract::Unit& unit,
               AckStatus status, const std::string& reason) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void reject(const std::string& worker_id, const BlockHeader& header, const std::string& reason,
-              DeferredCalls& afterwards) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void refuse(const std::string& worker_id, const BlockHeader& header)
+              DeferredCalls& deferred) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void answer_obsolete(const std::string& worker_id, const BlockHeader& header)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  bool judge_repeat(Job& job, const std::string& worker_id, const BlockHeader& header)
+  bool handle_duplicate(Job& job, const std::string& worker_id, const BlockHeader& header)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  void write_later(std::function<void()> task);
-  void film_later(std::function<void()> task);
+  void post_to_writer(std::function<void()> task);
+  void post_to_film(std::function<void()> task);
   void enqueue_film(std::function<void()> task) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void journal_changes();
   bool commit_group();
-  void sort_group(std::vector<Delivered>& group, Sorted& sorted);
-  void note_committed(Sorted& sorted);
+  void check_group(std::vector<Delivered>& group, CheckedGroup& checked);
+  void apply_commit(CheckedGroup& checked);
   void count_committed(Job& job, const UnitRecord& record, std::int64_t samples)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  std::optional<double> seconds_leased(Job& job, const UnitRecord& record)
+  std::optional<double> turnaround_seconds(Job& job, const UnitRecord& record)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void commit_failed(const Sorted& sorted, const absl::Status& status);
+  void commit_failed(const CheckedGroup& checked, const absl::Status& status);
   void pause_for_room(Job& job, const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void make_job(const JobSpec& spec, const OnCreated& done);
+  void create_now(const JobSpec& spec, const OnCreated& done);
   absl::Status check_room(const JobSpec& spec, std::int64_t need_bytes);
   absl::Status check_owners_quota(const JobSpec& spec) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   bool is_ready(const Job& job, std::int32_t frame) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void audits_over(const std::vector<UnitName>& units) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void quarantine_worker(const std::string& worker_id, DeferredCalls& afterwards)
+  void quarantine_worker(const std::string& worker_id, DeferredCalls& deferred)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void redo_units_of(const FrameKey& key, const std::string& worker_id);
-  void frame_may_be_complete(Job& job, std::int32_t frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void finish_what_is_complete(Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void redo_units_by_worker(const FrameKey& key, const std::string& worker_id);
+  void finish_if_complete(Job& job, std::int32_t frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void finish_complete_frames(Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::StatusOr<std::shared_ptr<JobSpec>> spec_to_extend(const std::string& job_id,
                                                           const Extension& extension) const;
   void extend_now(const std::string& job_id, const Extension& extension, const OnJob& done);
@@ -339,7 +339,7 @@ class Coordinator {
   void remove_now(const std::string& job_id, const std::function<void(absl::Status)>& done);
   void collect_assets();
 
-  void merge(FilmUpdate news);
+  void merge(FilmUpdate update);
   ReferenceReader reference_reader(const JobSpec& spec, std::int32_t frame);
   void open_film(const FrameKey& key);
   absl::StatusOr<contract::FilmBlock> read_block(const std::string& job_id,
@@ -352,7 +352,7 @@ class Coordinator {
   absl::StatusOr<FrameFile> make_frame_file(const FrameQuery& query);
   absl::StatusOr<FrameFile> write_partial(const FrameQuery& query, const JobSpec& spec);
   void redo_units(const FrameKey& key, const std::vector<contract::Unit>& units,
-                  bool forget_demands = false);
+                  bool reset_pass_targets = false);
   void frame_failed(const FrameKey& key, const absl::Status& status);
   void log(LogLevel level, const std::string& message) const;
   void note(EventKind kind, const Job& job, const std::string& worker_id, const std::string& text);
@@ -370,12 +370,12 @@ class Coordinator {
   mutable Mutex mutex_;
   Scheduler scheduler_ ABSL_GUARDED_BY(mutex_);
   std::map<JobKey, JobFilm> films_ ABSL_GUARDED_BY(mutex_);
-  std::map<WorkerKey, Linked> links_ ABSL_GUARDED_BY(mutex_);
+  std::map<WorkerKey, Connected> connections_ ABSL_GUARDED_BY(mutex_);
   std::map<std::string, JobKey> job_by_request_ ABSL_GUARDED_BY(mutex_);
-  std::map<contract::Digest, Time> asked_assets_ ABSL_GUARDED_BY(mutex_);
+  std::map<contract::Digest, Time> asset_requests_ ABSL_GUARDED_BY(mutex_);
   std::int64_t last_session_ ABSL_GUARDED_BY(mutex_) = 0;
 
-  ConditionVariable writer_signal_, film_signal_;
+  ConditionVariable writer_wakeup_, film_wakeup_;
   std::vector<Delivered> delivered_ ABSL_GUARDED_BY(mutex_);
   std::int64_t ingest_bytes_ ABSL_GUARDED_BY(mutex_) = 0;  // delivered or on the way to the film
   std::vector<std::function<void()>> resumes_ ABSL_GUARDED_BY(mutex_);
@@ -386,8 +386,8 @@ class Coordinator {
   std::deque<std::function<void()>> write_tasks_ ABSL_GUARDED_BY(mutex_);
   std::deque<std::function<void()>> film_tasks_ ABSL_GUARDED_BY(mutex_);
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
-  Time running_journaled_ ABSL_GUARDED_BY(mutex_);
-  Time looked_for_old_jobs_ ABSL_GUARDED_BY(mutex_);
+  Time last_running_journal_ ABSL_GUARDED_BY(mutex_);
+  Time last_retention_check_ ABSL_GUARDED_BY(mutex_);
 
   // Film thread only.
   std::map<FrameKey, Time> last_estimate_;

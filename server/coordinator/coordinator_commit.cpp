@@ -36,20 +36,20 @@ absl::Status check_size(const BlockHeader& header, const contract::FilmBlockShap
 }  // namespace
 
 /// A group of delivered blocks, judged.
-struct Coordinator::Sorted {
+struct Coordinator::CheckedGroup {
   std::vector<Commit> commits;
   std::vector<Delivered> committed;  // in the order of `commits`
   std::vector<Delivered> repeats;    // of units earlier in this very group
 };
 
-absl::Status Coordinator::hear_delivery(const std::string& worker_id,
-                                        const std::string& certificate) {
+absl::Status Coordinator::check_delivery(const std::string& worker_id,
+                                         const std::string& certificate) {
   MutexLock lock(mutex_);
   const Worker* worker = scheduler_.find_worker(worker_id);
   if (worker == nullptr || !worker->connected || worker->certificate != certificate) {
     return absl::FailedPreconditionError("no Work stream of this worker is open");
   }
-  scheduler_.hear(worker->key, options_.clock());
+  scheduler_.record_contact(worker->key, options_.clock());
   return absl::OkStatus();
 }
 
@@ -61,46 +61,47 @@ void Coordinator::answer(const std::string& worker_id, const std::string& job_id
 }
 
 void Coordinator::reject(const std::string& worker_id, const BlockHeader& header,
-                         const std::string& reason, DeferredCalls& afterwards) {
+                         const std::string& reason, DeferredCalls& deferred) {
   Worker* worker = scheduler_.find_worker(worker_id);
   if (worker == nullptr) return;
   options_.metrics->errors.block_rejected.Increment();
-  afterwards.add(
+  deferred.add(
       [this, text = absl::StrCat("worker ", worker_id, ": a block of job ", header.lease.job_id,
                                  " is rejected: ", reason)] { log(LogLevel::warn, text); });
   answer(worker_id, header.lease.job_id, header.unit(), AckStatus::rejected, reason);
   scheduler_.fail_unit(worker->key, header.lease, header.tile,
-                       {worker_id, absl::StrCat("its block was rejected: ", reason), ""}, false,
-                       options_.clock());
+                       {worker_id, absl::StrCat("its block was rejected: ", reason), ""},
+                       absl::StatusCode::kDataLoss, options_.clock());
 }
 
-void Coordinator::refuse(const std::string& worker_id, const BlockHeader& header) {
+void Coordinator::answer_obsolete(const std::string& worker_id, const BlockHeader& header) {
   answer(worker_id, header.lease.job_id, header.unit(), AckStatus::obsolete, "");
   Job* job = scheduler_.find_job(header.lease.job_id);
   if (job == nullptr) return;
   job->counters.wasted_cpu_seconds += header.cpu_seconds;
-  if (job->plan) scheduler_.drop(*job, header.unit(), worker_id);
+  if (job->plan) scheduler_.release_duplicate(*job, header.unit(), worker_id);
 }
 
 /// Judges a unit that is committed already; false if it is not.
-bool Coordinator::judge_repeat(Job& job, const std::string& worker_id, const BlockHeader& header) {
-  const BlockIndex& ledger = ledger_of(job);
-  const BlockIndex::Place* found = ledger.find(header.unit());
+bool Coordinator::handle_duplicate(Job& job, const std::string& worker_id,
+                                   const BlockHeader& header) {
+  const BlockIndex& block_index = block_index_of(job);
+  const BlockIndex::BlockLocation* found = block_index.find(header.unit());
   if (found == nullptr) return false;
-  const BlockIndex::Place place = *found;
+  const BlockIndex::BlockLocation location = *found;
   const bool is_answer =
       scheduler_.answer_audit(job, header.unit(), header.lease, {worker_id, header.sha256},
-                              {ledger.worker(place), place.sha256}, options_.clock());
+                              {block_index.worker(location), location.sha256}, options_.clock());
   if (!is_answer) ++job.counters.duplicated;
   deliveries_.add({.job = job.key,
                    .unit = header.unit(),
                    .worker_id = worker_id,
-                   .outcome = is_answer ? DeliveryOutcome::audit : DeliveryOutcome::repeat,
+                   .outcome = is_answer ? DeliveryOutcome::audit : DeliveryOutcome::duplicate,
                    .end_us = options_.wall_us(),
                    .cpu_seconds = header.cpu_seconds});
   job.counters.wasted_cpu_seconds += header.cpu_seconds;
-  scheduler_.drop(job, header.unit(), worker_id);
-  if (place.sha256 == header.sha256) {
+  scheduler_.release_duplicate(job, header.unit(), worker_id);
+  if (location.sha256 == header.sha256) {
     answer(worker_id, header.lease.job_id, header.unit(), AckStatus::duplicate, "");
   } else {
     ++job.counters.mismatched;
@@ -114,7 +115,7 @@ bool Coordinator::judge_repeat(Job& job, const std::string& worker_id, const Blo
 std::optional<Admission> Coordinator::admit(const std::string& worker_id,
                                             const BlockHeader& header) {
   const bool is_ours = seal_holds(header.lease, worker_id, store_.key());
-  DeferredCalls afterwards;
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
   std::optional<Admission> admission;
   Job* job = scheduler_.find_job(header.lease.job_id);
@@ -122,11 +123,11 @@ std::optional<Admission> Coordinator::admit(const std::string& worker_id,
     answer(worker_id, header.lease.job_id, header.unit(), AckStatus::rejected,
            "the lease's seal is not of this store and worker");
   } else if (job == nullptr) {
-    refuse(worker_id, header);
+    answer_obsolete(worker_id, header);
   } else {
     if (!has_ended(job->state)) job->open_plan();
     if (!scheduler_.wants(*job, header.lease, header.unit())) {
-      refuse(worker_id, header);
+      answer_obsolete(worker_id, header);
     } else {
       const contract::PixelRect rect = grid_of(*job).rect(header.tile);
       const Admission candidate{
@@ -136,11 +137,11 @@ std::optional<Admission> Coordinator::admit(const std::string& worker_id,
       if (size.ok()) {
         admission = candidate;
       } else {
-        reject(worker_id, header, std::string(size.message()), afterwards);
+        reject(worker_id, header, std::string(size.message()), deferred);
       }
     }
   }
-  settle(afterwards);
+  settle(deferred);
   return admission;
 }
 
@@ -154,16 +155,16 @@ void Coordinator::deliver(const std::string& worker_id, const BlockHeader& heade
     block = contract::decode(bytes, admission.shape, admission.sample_count);
     if (!block.ok()) fault = std::string(block.status().message());
   }
-  DeferredCalls afterwards;
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
   if (!fault.empty()) {
-    reject(worker_id, header, fault, afterwards);
-    settle(afterwards);
+    reject(worker_id, header, fault, deferred);
+    settle(deferred);
     return;
   }
   ingest_bytes_ += weight(header);
   delivered_.push_back({worker_id, header, *std::move(block), std::move(bytes)});
-  writer_signal_.raise();
+  writer_wakeup_.notify_all();
 }
 
 bool Coordinator::has_room_or_call(std::function<void()> resume) {
@@ -175,10 +176,10 @@ bool Coordinator::has_room_or_call(std::function<void()> resume) {
 
 // The writer -------------------------------------------------------------------------------------
 
-void Coordinator::write_later(std::function<void()> task) {
+void Coordinator::post_to_writer(std::function<void()> task) {
   MutexLock lock(mutex_);
   write_tasks_.push_back(std::move(task));
-  writer_signal_.raise();
+  writer_wakeup_.notify_all();
 }
 
 bool Coordinator::run_writer(bool wait) {
@@ -187,7 +188,7 @@ bool Coordinator::run_writer(bool wait) {
     MutexLock lock(mutex_);
     while (wait && !stopping_ && delivered_.empty() && write_tasks_.empty() && changed_.empty() &&
            roster_.empty() && after_journal_.empty()) {
-      writer_signal_.wait(mutex_);
+      writer_wakeup_.wait(mutex_);
     }
     if (delivered_.empty() && write_tasks_.empty() && changed_.empty() && roster_.empty() &&
         after_journal_.empty()) {
@@ -228,7 +229,7 @@ void Coordinator::journal_changes() {
   }
   for (const auto& [worker_id, joined] : roster) {
     const absl::Status status =
-        joined ? store_.remember_worker(worker_id, worker_id) : store_.forget_worker(worker_id);
+        joined ? store_.add_worker(worker_id, worker_id) : store_.remove_worker(worker_id);
     if (!status.ok())
       log(LogLevel::error, absl::StrCat("worker ", worker_id, ": ", status.ToString()));
   }
@@ -249,25 +250,25 @@ bool Coordinator::commit_group() {
     delivered_.erase(delivered_.begin(), end);
   }
   if (group.empty()) return false;
-  Sorted sorted;
-  sort_group(group, sorted);
-  if (!sorted.commits.empty()) {
+  CheckedGroup checked;
+  check_group(group, checked);
+  if (!checked.commits.empty()) {
     const Time begun = options_.clock();
-    const absl::Status status = store_.commit(sorted.commits);
+    const absl::Status status = store_.commit(checked.commits);
     options_.metrics->commit_seconds.Observe(seconds(options_.clock() - begun));
     if (!status.ok()) {
       options_.metrics->errors.commit.Increment();
-      commit_failed(sorted, status);
+      commit_failed(checked, status);
       return true;
     }
   }
-  note_committed(sorted);
-  log(LogLevel::debug, absl::StrCat(sorted.commits.size(), " units committed in one group"));
+  apply_commit(checked);
+  log(LogLevel::debug, absl::StrCat(checked.commits.size(), " units committed in one group"));
   return true;
 }
 
-void Coordinator::sort_group(std::vector<Delivered>& group, Sorted& sorted) {
-  DeferredCalls afterwards;
+void Coordinator::check_group(std::vector<Delivered>& group, CheckedGroup& checked) {
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
   std::set<std::pair<std::string, Unit>> seen;
   for (Delivered& block : group) {
@@ -276,11 +277,11 @@ void Coordinator::sort_group(std::vector<Delivered>& group, Sorted& sorted) {
     if (job == nullptr || !scheduler_.wants(*job, header.lease, header.unit()) ||
         scheduler_.is_quarantined(block.worker_id)) {
       ingest_bytes_ -= weight(header);
-      refuse(block.worker_id, header);
-    } else if (judge_repeat(*job, block.worker_id, header)) {
+      answer_obsolete(block.worker_id, header);
+    } else if (handle_duplicate(*job, block.worker_id, header)) {
       ingest_bytes_ -= weight(header);
     } else if (!seen.insert({header.lease.job_id, header.unit()}).second) {
-      sorted.repeats.push_back(std::move(block));
+      checked.repeats.push_back(std::move(block));
     } else {
       Commit commit;
       commit.job_id = header.lease.job_id;
@@ -293,19 +294,19 @@ void Coordinator::sort_group(std::vector<Delivered>& group, Sorted& sorted) {
         commit.record.audit = AuditState::open;
       }
       commit.block = std::move(block.bytes);
-      sorted.commits.push_back(std::move(commit));
-      sorted.committed.push_back(std::move(block));
+      checked.commits.push_back(std::move(commit));
+      checked.committed.push_back(std::move(block));
     }
   }
-  settle(afterwards);
+  settle(deferred);
 }
 
-void Coordinator::commit_failed(const Sorted& sorted, const absl::Status& status) {
+void Coordinator::commit_failed(const CheckedGroup& checked, const absl::Status& status) {
   log(LogLevel::error,
-      absl::StrCat("commit of ", sorted.commits.size(), " units: ", status.ToString()));
-  DeferredCalls afterwards;
+      absl::StrCat("commit of ", checked.commits.size(), " units: ", status.ToString()));
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
-  for (const auto* list : {&sorted.committed, &sorted.repeats}) {
+  for (const auto* list : {&checked.committed, &checked.repeats}) {
     for (const Delivered& block : *list) {
       ingest_bytes_ -= weight(block.header);  // no verdict: the worker keeps it and sends it again
       Job* job = scheduler_.find_job(block.header.lease.job_id);
@@ -313,8 +314,8 @@ void Coordinator::commit_failed(const Sorted& sorted, const absl::Status& status
       pause_for_room(*job, status);
     }
   }
-  for (auto& resume : std::exchange(resumes_, {})) afterwards.add(std::move(resume));
-  settle(afterwards);
+  for (auto& resume : std::exchange(resumes_, {})) deferred.add(std::move(resume));
+  settle(deferred);
 }
 
 /// Leases nothing new of a job whose results do not fit on the disk. An ended job stays as it is.
@@ -332,13 +333,13 @@ void Coordinator::count_committed(Job& job, const UnitRecord& record, std::int64
   metrics.samples.Increment(static_cast<double>(samples));
   metrics.block_bytes.Increment(static_cast<double>(record.size_bytes));
   metrics.cpu_seconds.Increment(record.cpu_seconds);
-  const std::optional<double> leased = seconds_leased(job, record);
+  const std::optional<double> leased = turnaround_seconds(job, record);
   if (leased) metrics.unit_turnaround_seconds.Observe(*leased);
-  const auto trouble = job.troubles.find(record.unit);
+  const auto failures = job.unit_failures.find(record.unit);
   const std::int32_t retries =
-      trouble == job.troubles.end()
+      failures == job.unit_failures.end()
           ? 0
-          : trouble->second.losses + static_cast<std::int32_t>(trouble->second.failures.size());
+          : failures->second.losses + static_cast<std::int32_t>(failures->second.failures.size());
   deliveries_.add({.job = job.key,
                    .unit = record.unit,
                    .worker_id = record.worker_id,
@@ -349,7 +350,7 @@ void Coordinator::count_committed(Job& job, const UnitRecord& record, std::int64
 }
 
 /// How long ago the worker that has rendered a unit was leased it, if this process did that.
-std::optional<double> Coordinator::seconds_leased(Job& job, const UnitRecord& record) {
+std::optional<double> Coordinator::turnaround_seconds(Job& job, const UnitRecord& record) {
   const Worker* worker = scheduler_.find_worker(record.worker_id);
   const InFlight* held = job.open_plan().find_in_flight(record.unit);
   if (worker == nullptr || held == nullptr) return std::nullopt;
@@ -360,16 +361,16 @@ std::optional<double> Coordinator::seconds_leased(Job& job, const UnitRecord& re
   return std::nullopt;
 }
 
-void Coordinator::note_committed(Sorted& sorted) {
-  DeferredCalls afterwards;
+void Coordinator::apply_commit(CheckedGroup& checked) {
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
-  for (std::size_t i = 0; i < sorted.committed.size(); ++i) {
-    Delivered& block = sorted.committed[i];
-    const UnitRecord& record = sorted.commits[i].record;
+  for (std::size_t i = 0; i < checked.committed.size(); ++i) {
+    Delivered& block = checked.committed[i];
+    const UnitRecord& record = checked.commits[i].record;
     ingest_bytes_ -= weight(block.header);
-    Job* job = scheduler_.find_job(sorted.commits[i].job_id);
+    Job* job = scheduler_.find_job(checked.commits[i].job_id);
     if (job == nullptr) continue;
-    ledger_of(*job).add(record, job->wall_seconds(options_.clock()));
+    block_index_of(*job).add(record, job->wall_seconds(options_.clock()));
     JobFilm& film = film_of(*job);
     const contract::PixelRect rect = grid_of(*job).rect(record.unit.tile);
     const std::int64_t samples =
@@ -380,32 +381,32 @@ void Coordinator::note_committed(Sorted& sorted) {
     if (scheduler_.is_quarantined(record.worker_id)) {  // found lying while this was on its way
       film_of(*job).finishing.insert(record.unit.frame);
       write_tasks_.emplace_back([this, key = FrameKey{job->spec->id, record.unit.frame},
-                                 worker = record.worker_id] { redo_units_of(key, worker); });
+                                 worker = record.worker_id] { redo_units_by_worker(key, worker); });
     } else if (record.audit == AuditState::open) {
       scheduler_.open_audit(*job, record.unit, record.worker_id, record.sha256);
     }
-    answer(block.worker_id, sorted.commits[i].job_id, record.unit, AckStatus::committed, "");
-    FilmUpdate news{sorted.commits[i].job_id, record.unit, std::nullopt, 0};
+    answer(block.worker_id, checked.commits[i].job_id, record.unit, AckStatus::committed, "");
+    FilmUpdate update{checked.commits[i].job_id, record.unit, std::nullopt, 0};
     // A film thread that lags behind reads the block back later instead of holding up commits.
     if (ingest_bytes_ < options_.ingest_bytes / 2) {
-      news.block = std::move(block.block);
-      news.bytes = block.header.size_bytes;
-      ingest_bytes_ += news.bytes;
+      update.block = std::move(block.block);
+      update.bytes = block.header.size_bytes;
+      ingest_bytes_ += update.bytes;
     }
-    enqueue_film([this, shared = std::make_shared<FilmUpdate>(std::move(news))] {
+    enqueue_film([this, shared = std::make_shared<FilmUpdate>(std::move(update))] {
       merge(std::move(*shared));
     });
-    frame_may_be_complete(*job, record.unit.frame);
+    finish_if_complete(*job, record.unit.frame);
   }
-  for (Delivered& block : sorted.repeats) {
+  for (Delivered& block : checked.repeats) {
     ingest_bytes_ -= weight(block.header);
     Job* job = scheduler_.find_job(block.header.lease.job_id);
-    if (job == nullptr || !judge_repeat(*job, block.worker_id, block.header)) {
-      refuse(block.worker_id, block.header);
+    if (job == nullptr || !handle_duplicate(*job, block.worker_id, block.header)) {
+      answer_obsolete(block.worker_id, block.header);
     }
   }
-  for (auto& resume : std::exchange(resumes_, {})) afterwards.add(std::move(resume));
-  settle(afterwards);
+  for (auto& resume : std::exchange(resumes_, {})) deferred.add(std::move(resume));
+  settle(deferred);
 }
 
 /// Whether all of a frame is committed and nothing of it is in doubt.
@@ -413,7 +414,7 @@ bool Coordinator::is_ready(const Job& job, std::int32_t frame) const {
   return job.plan->is_complete(frame) && !scheduler_.has_audits(job, frame);
 }
 
-void Coordinator::frame_may_be_complete(Job& job, std::int32_t frame) {
+void Coordinator::finish_if_complete(Job& job, std::int32_t frame) {
   if (has_ended(job.state) || !is_ready(job, frame) || job.plan->is_finished(frame)) return;
   if (!film_of(job).finishing.insert(frame).second) return;
   enqueue_film([this, key = FrameKey{job.spec->id, frame}] { finish_frame(key); });

@@ -30,21 +30,21 @@ std::string doubt_about(std::int32_t frame, const std::string& worker_id) {
 
 }  // namespace
 
-void Coordinator::film_later(std::function<void()> task) {
+void Coordinator::post_to_film(std::function<void()> task) {
   MutexLock lock(mutex_);
   enqueue_film(std::move(task));
 }
 
 void Coordinator::enqueue_film(std::function<void()> task) {
   film_tasks_.push_back(std::move(task));
-  film_signal_.raise();
+  film_wakeup_.notify_all();
 }
 
 bool Coordinator::run_film(bool wait) {
   std::deque<std::function<void()>> tasks;
   {
     MutexLock lock(mutex_);
-    while (wait && !stopping_ && film_tasks_.empty()) film_signal_.wait(mutex_);
+    while (wait && !stopping_ && film_tasks_.empty()) film_wakeup_.wait(mutex_);
     tasks.swap(film_tasks_);
   }
   for (const auto& task : tasks) task();
@@ -62,7 +62,7 @@ absl::StatusOr<contract::FilmBlock> Coordinator::read_block(const std::string& j
     if (job == nullptr || !job->plan || !job->plan->contains(unit)) {
       return absl::NotFoundError("the job or the pass is gone");
     }
-    record = ledger_of(*job).record(unit);
+    record = block_index_of(*job).record(unit);
     const contract::PixelRect rect = grid_of(*job).rect(unit.tile);
     shape = {rect.width, rect.height, job->spec->settings.aovs, unit.pass == 0};
     sample_count = job->plan->passes()[static_cast<std::size_t>(unit.pass)].sample_count;
@@ -108,7 +108,7 @@ void Coordinator::open_film(const FrameKey& key) {
     Job* job = scheduler_.find_job(key.job_id);
     if (job == nullptr) return;
     spec = job->spec;
-    units = ledger_of(*job).units(key.frame);
+    units = block_index_of(*job).units(key.frame);
   }
   film_.open_frame(
       key, spec->settings,
@@ -117,7 +117,7 @@ void Coordinator::open_film(const FrameKey& key) {
       },
       reference_reader(*spec, key.frame));
   for (const Unit& unit : units) {
-    const absl::Status status = film_.note_committed(key, unit.tile, unit.pass);
+    const absl::Status status = film_.record_committed(key, unit.tile, unit.pass);
     if (!status.ok())
       log(LogLevel::error, absl::StrCat("job ", key.job_id, ": ", status.ToString()));
   }
@@ -134,49 +134,49 @@ void Coordinator::decide(const FrameKey& key) {
     log(LogLevel::warn, absl::StrCat("job ", key.job_id, ", frame ", key.frame, ": ",
                                      demands.status().ToString(), "; it is rendered again"));
     film_.close_frame(key);
-    write_later([this, key, units = damaged_] { redo_units(key, units); });
+    post_to_writer([this, key, units = damaged_] { redo_units(key, units); });
     return;
   }
   if (demands->empty()) return;
   const auto expected = film_.expected_samples(key);
-  DeferredCalls afterwards;
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
   Job* job = scheduler_.find_job(key.job_id);
   if (job == nullptr || !job->plan || job->plan->is_finished(key.frame)) return;
-  for (const contract::StoppingRule::Demand& demand : *demands) {
-    scheduler_.want(*job, key.frame, demand.tile, demand.pass_count, demand.is_final);
+  for (const contract::StoppingRule::PassTarget& demand : *demands) {
+    scheduler_.set_pass_target(*job, key.frame, demand.tile, demand.pass_count, demand.is_final);
   }
   if (expected) film_of(*job).expected_samples[key.frame] = *expected;
   scheduler_.offer_work(options_.clock());
-  frame_may_be_complete(*job, key.frame);
-  settle(afterwards);
+  finish_if_complete(*job, key.frame);
+  settle(deferred);
 }
 
 /// Has the frames of a job that have begun opened, so that what was decided of them is known again.
 void Coordinator::open_films(Job& job) {
-  if (!job.plan || !job.plan->is_on_demand()) return;
+  if (!job.plan || !job.plan->is_adaptive()) return;
   for (const std::int32_t frame : job.plan->frames()) {
-    if (job.plan->is_finished(frame) || !ledger_of(job).has(frame)) continue;
+    if (job.plan->is_finished(frame) || !block_index_of(job).has(frame)) continue;
     enqueue_film([this, key = FrameKey{job.spec->id, frame}] { open_film(key); });
   }
 }
 
-void Coordinator::merge(FilmUpdate news) {
-  const FrameKey key{news.job_id, news.unit.frame};
+void Coordinator::merge(FilmUpdate update) {
+  const FrameKey key{update.job_id, update.unit.frame};
   bool is_wanted = false;
   {
     MutexLock lock(mutex_);
-    const Job* job = scheduler_.find_job(news.job_id);
-    is_wanted = job != nullptr && job->plan && job->plan->contains(news.unit) &&
-                !job->plan->is_finished(news.unit.frame);
+    const Job* job = scheduler_.find_job(update.job_id);
+    is_wanted = job != nullptr && job->plan && job->plan->contains(update.unit) &&
+                !job->plan->is_finished(update.unit.frame);
   }
   if (is_wanted) {
     open_film(key);
     const Time begun = options_.clock();
-    const absl::Status status = news.block
-                                    ? film_.add(key, news.unit.tile, news.unit.pass, *news.block)
-                                    : film_.note_committed(key, news.unit.tile, news.unit.pass);
-    if (news.block) {
+    const absl::Status status =
+        update.block ? film_.add(key, update.unit.tile, update.unit.pass, *update.block)
+                     : film_.record_committed(key, update.unit.tile, update.unit.pass);
+    if (update.block) {
       options_.metrics->film_blocks.delivered.Increment();
       options_.metrics->merge_seconds.Observe(seconds(options_.clock() - begun));
     }
@@ -185,11 +185,11 @@ void Coordinator::merge(FilmUpdate news) {
     decide(key);
     estimate(key);
   }
-  DeferredCalls afterwards;
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
-  ingest_bytes_ -= news.bytes;
+  ingest_bytes_ -= update.bytes;
   if (ingest_bytes_ >= options_.ingest_bytes) return;
-  for (auto& resume : std::exchange(resumes_, {})) afterwards.add(std::move(resume));
+  for (auto& resume : std::exchange(resumes_, {})) deferred.add(std::move(resume));
 }
 
 void Coordinator::estimate(const FrameKey& key) {
@@ -227,14 +227,14 @@ void Coordinator::finish_frame(const FrameKey& key) {
   if (!record.ok() && !damaged_.empty()) {
     log(LogLevel::warn, absl::StrCat("job ", key.job_id, ", frame ", key.frame, ": ",
                                      record.status().ToString(), "; it is rendered again"));
-    write_later([this, key, units = damaged_] { redo_units(key, units); });
+    post_to_writer([this, key, units = damaged_] { redo_units(key, units); });
     return;
   }
   if (!record.ok()) {
     frame_failed(key, record.status());
     return;
   }
-  write_later(
+  post_to_writer(
       [this, key, error, record = *std::move(record)] { record_frame(key, record, error); });
 }
 
@@ -245,8 +245,8 @@ absl::StatusOr<FrameRecord> Coordinator::write_finished(const FrameKey& key, con
   if (!luminance.ok()) return luminance.status();
   const StoppingStats stopping = film_.stopping(key);
   const FrameSpec frame{
-      spec.settings,           key.frame, spec.id, spec.name, *luminance, stopping.looks,
-      film_.most_samples(key), false};
+      spec.settings,          key.frame, spec.id, spec.name, *luminance, stopping.looks,
+      film_.max_samples(key), false};
   const std::string name = frame_file_name(key.frame);
   const auto result = write_frame(
       frame, [&](std::int32_t tile) { return film_.tile(key, tile); },
@@ -255,10 +255,11 @@ absl::StatusOr<FrameRecord> Coordinator::write_finished(const FrameKey& key, con
   std::vector<BlockIndex::PassProgress> progress;
   {
     MutexLock lock(mutex_);
-    if (Job* job = scheduler_.find_job(key.job_id)) progress = ledger_of(*job).progress(key.frame);
+    if (Job* job = scheduler_.find_job(key.job_id))
+      progress = block_index_of(*job).progress(key.frame);
   }
   std::vector<CurvePoint> curve;
-  FrameSummary note;
+  FrameSummary summary;
   CurvePoint point;
   for (std::size_t pass = 0; pass < progress.size() && progress[pass].committed > 0; ++pass) {
     const auto figures = film_.after_pass(key, static_cast<std::int32_t>(pass));
@@ -269,36 +270,37 @@ absl::StatusOr<FrameRecord> Coordinator::write_finished(const FrameKey& key, con
     point.error = *luminance > 0 ? std::optional(figures.estimate.error) : std::nullopt;
     point.truth = figures.truth;
     curve.push_back(point);
-    note.unit_count += progress[pass].committed;
+    summary.unit_count += progress[pass].committed;
   }
   FrameRecord record;
   record.frame = key.frame;
   record.file = name;
   record.file_sha256 = result->file_sha256;
   record.pixels_sha256 = result->pixels_sha256;
-  note.spp = contract::rounded_spp(spec.settings.spp);
-  note.error = spec.settings.error;
-  note.samples = result->statistics.samples;
-  note.warnings = frame_warnings(result->statistics);
+  summary.spp = contract::rounded_spp(spec.settings.spp);
+  summary.error = spec.settings.error;
+  summary.samples = result->statistics.samples;
+  summary.warnings = frame_warnings(result->statistics);
   std::string status = "DONE";
-  if (note.error) {
-    ConvergenceResult claim = assess_convergence(result->statistics, stopping, *note.error);
-    note.certainty = claim.certainty;
-    note.reasons = std::move(claim.reasons);
-    status = certainty_name(claim.certainty);
+  if (summary.error) {
+    ConvergenceResult convergence =
+        assess_convergence(result->statistics, stopping, *summary.error);
+    summary.certainty = convergence.certainty;
+    summary.reasons = std::move(convergence.reasons);
+    status = certainty_name(convergence.certainty);
   }
-  note.entry_json = frame_entry_json(*result, name, status, curve);
-  record.statistics_json = write_frame_note(note);
+  summary.entry_json = frame_entry_json(*result, name, status, curve);
+  record.statistics_json = write_frame_summary(summary);
   return record;
 }
 
-void Coordinator::note_finished(JobFilm& film, const FrameRecord& record,
-                                const FrameSummary& note) {
+void Coordinator::count_finished(JobFilm& film, const FrameRecord& record,
+                                 const FrameSummary& summary) {
   film.finished[record.frame] = record;
   film.expected_samples.erase(record.frame);
-  film.finished_samples += note.samples;
-  if (note.certainty)
-    film.certainty = std::max(film.certainty.value_or(*note.certainty), *note.certainty);
+  film.finished_samples += summary.samples;
+  if (summary.certainty)
+    film.certainty = std::max(film.certainty.value_or(*summary.certainty), *summary.certainty);
 }
 
 void Coordinator::record_frame(const FrameKey& key, const FrameRecord& record, double error) {
@@ -316,50 +318,50 @@ void Coordinator::record_frame(const FrameKey& key, const FrameRecord& record, d
     frame_failed(key, status);
     return;
   }
-  DeferredCalls afterwards;
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
   Job* job = scheduler_.find_job(key.job_id);
   if (job == nullptr) return;
   JobFilm& film = film_of(*job);
   film.finishing.erase(key.frame);
-  note_finished(film, record, read_frame_note(record.statistics_json));
+  count_finished(film, record, read_frame_summary(record.statistics_json));
   film.estimated_error = error;
-  ledger_of(*job).erase(key.frame);
+  block_index_of(*job).erase(key.frame);
   note(EventKind::frame_finished, *job, "", absl::StrCat("frame ", key.frame));
-  afterwards.add([this, key] {
+  deferred.add([this, key] {
     log(LogLevel::info, absl::StrCat("job ", key.job_id, ", frame ", key.frame, " is finished"));
   });
   scheduler_.finish_frame(*job, key.frame, options_.clock());
-  settle(afterwards);
+  settle(deferred);
 }
 
 /// Drops units whose blocks cannot be read or trusted any more; workers render them again.
-/// `forget_demands`: nor what was decided on them.
+/// `reset_pass_targets`: nor what was decided on them.
 void Coordinator::redo_units(const FrameKey& key, const std::vector<Unit>& units,
-                             bool forget_demands) {
+                             bool reset_pass_targets) {
   const absl::Status status = store_.drop_units(key.job_id, units);
   if (!status.ok()) return frame_failed(key, status);
-  DeferredCalls afterwards;
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
   Job* job = scheduler_.find_job(key.job_id);
   if (job == nullptr) return;
   JobFilm& film = film_of(*job);
   film.finishing.erase(key.frame);
   for (const Unit& unit : units) {
-    if (ledger_of(*job).find(unit) == nullptr) continue;
-    ledger_of(*job).remove(unit);
+    if (block_index_of(*job).find(unit) == nullptr) continue;
+    block_index_of(*job).remove(unit);
     scheduler_.redo(*job, unit);
     const contract::PixelRect rect = grid_of(*job).rect(unit.tile);
     film.committed_samples -= std::int64_t{rect.width} * rect.height *
                               job->plan->passes()[static_cast<std::size_t>(unit.pass)].sample_count;
   }
-  if (forget_demands) scheduler_.forget_demands(*job, key.frame);
+  if (reset_pass_targets) scheduler_.reset_pass_targets(*job, key.frame);
   enqueue_film([this, key] {  // without them, whatever was merged meanwhile
     film_.close_frame(key);
     open_film(key);
   });
   scheduler_.offer_work(options_.clock());
-  settle(afterwards);
+  settle(deferred);
 }
 
 /// A frame cannot be finished: its job pauses until there is room on the disk, or fails.
@@ -367,7 +369,7 @@ void Coordinator::frame_failed(const FrameKey& key, const absl::Status& status) 
   const std::string reason = absl::StrCat("frame ", key.frame, ": ", status.ToString());
   options_.metrics->errors.film.Increment();
   log(LogLevel::error, absl::StrCat("job ", key.job_id, ", ", reason));
-  DeferredCalls afterwards;
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
   Job* job = scheduler_.find_job(key.job_id);
   if (job == nullptr) return;
@@ -375,9 +377,9 @@ void Coordinator::frame_failed(const FrameKey& key, const absl::Status& status) 
   if (absl::IsResourceExhausted(status)) {
     pause_for_room(*job, status);
   } else {
-    scheduler_.end_job(*job, JobState::failed, reason, options_.clock());
+    scheduler_.fail_job(*job, absl::Status(status.code(), reason), options_.clock());
   }
-  settle(afterwards);
+  settle(deferred);
 }
 
 // Audits -----------------------------------------------------------------------------------------
@@ -388,16 +390,16 @@ void Coordinator::audits_over(const std::vector<UnitName>& units) {
       const absl::Status status = store_.end_audits(name.job_id, {name.unit});
       if (!status.ok()) log(LogLevel::error, absl::StrCat("audits: ", status.ToString()));
     });
-    if (Job* job = scheduler_.find_job(name.job_id)) frame_may_be_complete(*job, name.unit.frame);
+    if (Job* job = scheduler_.find_job(name.job_id)) finish_if_complete(*job, name.unit.frame);
   }
-  if (!units.empty()) writer_signal_.raise();
+  if (!units.empty()) writer_wakeup_.notify_all();
 }
 
 /// A worker lies: its units of frames that are not finished are rendered again, finished frames
 /// that may hold some are named in their jobs' reports.
-void Coordinator::quarantine_worker(const std::string& worker_id, DeferredCalls& afterwards) {
+void Coordinator::quarantine_worker(const std::string& worker_id, DeferredCalls& deferred) {
   note(EventKind::worker_quarantined, worker_id, "it delivers wrong pixels");
-  afterwards.add([this, worker_id] {
+  deferred.add([this, worker_id] {
     log(LogLevel::error,
         absl::StrCat("worker ", worker_id, " is quarantined: it delivers wrong pixels"));
   });
@@ -409,10 +411,11 @@ void Coordinator::quarantine_worker(const std::string& worker_id, DeferredCalls&
     }
     if (has_ended(job.state) || !job.plan) continue;
     for (const std::int32_t frame : job.plan->frames()) {
-      if (job.plan->is_finished(frame) || !film.ledger || !film.ledger->has(frame)) continue;
+      if (job.plan->is_finished(frame) || !film.block_index || !film.block_index->has(frame))
+        continue;
       film.finishing.insert(frame);  // not before they are gone
       write_tasks_.emplace_back([this, key = FrameKey{job.spec->id, frame}, worker_id] {
-        redo_units_of(key, worker_id);
+        redo_units_by_worker(key, worker_id);
       });
     }
   }
@@ -421,11 +424,11 @@ void Coordinator::quarantine_worker(const std::string& worker_id, DeferredCalls&
     const absl::Status status = store_.ban_worker(worker_id);
     if (!status.ok()) log(LogLevel::error, absl::StrCat("quarantine: ", status.ToString()));
   });
-  writer_signal_.raise();
+  writer_wakeup_.notify_all();
 }
 
 /// Drops what a worker has delivered of a frame, and what was decided on it. On the writer thread.
-void Coordinator::redo_units_of(const FrameKey& key, const std::string& worker_id) {
+void Coordinator::redo_units_by_worker(const FrameKey& key, const std::string& worker_id) {
   std::vector<Unit> units;
   {
     MutexLock lock(mutex_);
@@ -436,16 +439,16 @@ void Coordinator::redo_units_of(const FrameKey& key, const std::string& worker_i
       film_of(*job).warnings.push_back(doubt_about(key.frame, worker_id));
       return;
     }
-    const BlockIndex& ledger = ledger_of(*job);
+    const BlockIndex& block_index = block_index_of(*job);
     bool has_any = false;
-    for (const Unit& unit : ledger.units(key.frame)) {
-      const bool is_theirs = ledger.worker(*ledger.find(unit)) == worker_id;
+    for (const Unit& unit : block_index.units(key.frame)) {
+      const bool is_theirs = block_index.worker(*block_index.find(unit)) == worker_id;
       has_any = has_any || is_theirs;
-      const bool was_decided = job->plan->is_on_demand() && unit.pass >= job->plan->first_passes();
+      const bool was_decided = job->plan->is_adaptive() && unit.pass >= job->plan->first_passes();
       if (is_theirs || was_decided) units.push_back(unit);
     }
     if (!has_any) {
-      frame_may_be_complete(*job, key.frame);
+      finish_if_complete(*job, key.frame);
       return;
     }
   }
@@ -456,7 +459,7 @@ void Coordinator::redo_units_of(const FrameKey& key, const std::string& worker_i
 
 void Coordinator::fetch_frame(const FrameQuery& query,
                               std::function<void(absl::StatusOr<FrameFile>)> done) {
-  film_later([this, query, done = std::move(done)] { done(make_frame_file(query)); });
+  post_to_film([this, query, done = std::move(done)] { done(make_frame_file(query)); });
 }
 
 absl::StatusOr<FrameFile> Coordinator::make_frame_file(const FrameQuery& query) {
@@ -513,7 +516,7 @@ absl::StatusOr<FrameFile> Coordinator::write_partial(const FrameQuery& query, co
   {
     MutexLock lock(mutex_);
     Job* job = scheduler_.find_job(query.job_id);
-    if (job == nullptr || !ledger_of(*job).has(query.frame)) {
+    if (job == nullptr || !block_index_of(*job).has(query.frame)) {
       return absl::FailedPreconditionError(
           absl::StrCat("nothing of frame ", query.frame, " is committed yet"));
     }
@@ -530,7 +533,7 @@ absl::StatusOr<FrameFile> Coordinator::write_partial(const FrameQuery& query, co
                         spec.name,
                         luminance.ok() ? std::optional(*luminance) : std::nullopt,
                         film_.stopping(key).looks,
-                        film_.most_samples(key),
+                        film_.max_samples(key),
                         true};
   const auto result = write_frame(
       frame, [&](std::int32_t tile) { return film_.tile(key, tile); }, path);

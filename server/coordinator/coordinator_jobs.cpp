@@ -82,13 +82,13 @@ absl::StatusOr<std::unique_ptr<Coordinator>> Coordinator::open(Store& store,
 
 absl::Status Coordinator::load(const std::vector<JobRecord>& records,
                                const std::vector<std::string>& banned) {
-  DeferredCalls afterwards;
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
   for (const std::string& worker_id : banned) scheduler_.ban(worker_id);
   for (const JobRecord& record : records) {
     if (absl::Status status = load_job(record); !status.ok()) return status;
   }
-  settle(afterwards);
+  settle(deferred);
   return absl::OkStatus();
 }
 
@@ -107,6 +107,7 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
   Job& job =
       scheduler_.add_job(record.sequence, std::make_shared<const JobSpec>(*std::move(spec)), state);
   job.reason = record.reason;
+  job.failure_code = static_cast<absl::StatusCode>(record.failure_code);
   job.wall_seconds_before = record.wall_seconds;
   job_by_request_[record.request_id] = record.sequence;
   JobFilm& film = film_of(job);
@@ -119,16 +120,16 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
   if (!frames.ok()) return frames.status();
   JobPlan& plan = job.open_plan();
   for (const FrameRecord& frame : *frames) {
-    const FrameSummary note = read_frame_note(frame.statistics_json);
-    if (!note.fits(job.spec->settings)) continue;
-    note_finished(film, frame, note);
-    plan.finish(frame.frame, note.unit_count);
-    film.committed_samples += note.samples;
+    const FrameSummary summary = read_frame_summary(frame.statistics_json);
+    if (!summary.fits(job.spec->settings)) continue;
+    count_finished(film, frame, summary);
+    plan.finish(frame.frame, summary.unit_count);
+    film.committed_samples += summary.samples;
   }
   const absl::Status same = check_contract(*job.spec);
   if (same.ok() || state == JobState::done) return load_units(job, record);
   if (!has_ended(state)) {
-    scheduler_.end_job(job, JobState::failed, std::string(same.message()), options_.clock());
+    scheduler_.fail_job(job, same, options_.clock());
   }
   return restore_costs(store_, scheduler_, job);
 }
@@ -138,11 +139,11 @@ absl::Status Coordinator::load_units(Job& job, const JobRecord& record) {
   JobFilm& film = film_of(job);
   const bool has_open_frames = plan.finished_frame_count() < plan.frame_count();
   const contract::TileGrid* grid = has_open_frames ? &grid_of(job) : nullptr;
-  BlockIndex* ledger = has_open_frames ? &ledger_of(job) : nullptr;
+  BlockIndex* block_index = has_open_frames ? &block_index_of(job) : nullptr;
   Scheduler* const scheduler = &scheduler_;  // the analysis does not see into the lambda
   absl::Status status = restore_units(
       store_, *scheduler, job, [&, wall = record.wall_seconds](const UnitRecord& unit) {
-        ledger->add(unit, wall);
+        block_index->add(unit, wall);
         if (unit.audit == AuditState::open) {
           scheduler->open_audit(job, unit.unit, unit.worker_id, unit.sha256);
         }
@@ -154,7 +155,7 @@ absl::Status Coordinator::load_units(Job& job, const JobRecord& record) {
   if (!status.ok()) return status;
   film.samples_at_start = film.committed_samples;
   if (has_ended(job.state)) return absl::OkStatus();
-  for (const std::int32_t frame : plan.frames()) frame_may_be_complete(job, frame);
+  for (const std::int32_t frame : plan.frames()) finish_if_complete(job, frame);
   open_films(job);
   if (plan.finished_frame_count() == plan.frame_count()) {
     scheduler_.end_job(job, JobState::done, "", options_.clock());
@@ -174,7 +175,8 @@ std::string Coordinator::new_job_id() {
 }
 
 void Coordinator::create_job(JobSpec spec, OnCreated done) {
-  write_later([this, spec = std::move(spec), done = std::move(done)] { make_job(spec, done); });
+  post_to_writer(
+      [this, spec = std::move(spec), done = std::move(done)] { create_now(spec, done); });
 }
 
 absl::Status Coordinator::check_room(const JobSpec& spec, std::int64_t need_bytes) {
@@ -206,7 +208,7 @@ absl::Status Coordinator::check_owners_quota(const JobSpec& spec) const {
   return check_quota(options_.client_quota, use, spec);
 }
 
-void Coordinator::make_job(const JobSpec& spec, const OnCreated& done) {
+void Coordinator::create_now(const JobSpec& spec, const OnCreated& done) {
   Created created;
   created.store_bytes = size_of(spec).store_bytes;
   const auto find_made = [&]() -> bool {
@@ -244,7 +246,7 @@ void Coordinator::make_job(const JobSpec& spec, const OnCreated& done) {
   }
   if (!status.ok()) return done(status);
   {
-    DeferredCalls afterwards;
+    DeferredCalls deferred;
     MutexLock lock(mutex_);
     auto made = std::make_shared<JobSpec>(spec);
     made->id = record.id;
@@ -254,7 +256,7 @@ void Coordinator::make_job(const JobSpec& spec, const OnCreated& done) {
     note(EventKind::job_submitted, job, "", record.name);
     scheduler_.offer_work(options_.clock());
     created.view = view(job);
-    settle(afterwards);
+    settle(deferred);
   }
   done(created);
 }
@@ -262,7 +264,7 @@ void Coordinator::make_job(const JobSpec& spec, const OnCreated& done) {
 void Coordinator::change_job(const std::string& job_id, Change change, const OnJob& done) {
   absl::Status status;
   {
-    DeferredCalls afterwards;
+    DeferredCalls deferred;
     MutexLock lock(mutex_);
     Job* job = scheduler_.find_job(job_id);
     const Time now = options_.clock();
@@ -272,33 +274,33 @@ void Coordinator::change_job(const std::string& job_id, Change change, const OnJ
       status = scheduler_.pause(*job, "paused by the user", now);
     } else if (change == Change::resume) {
       status = scheduler_.resume(*job, now);
-      if (status.ok()) finish_what_is_complete(*job);
+      if (status.ok()) finish_complete_frames(*job);
     } else if (change == Change::cancel) {
       status = scheduler_.cancel(*job, now);
     } else {
       status = check_contract(*job->spec);
       status.Update(check_owners_quota(*job->spec));
       if (status.ok()) status = scheduler_.retry(*job, now);
-      if (status.ok()) finish_what_is_complete(*job);
+      if (status.ok()) finish_complete_frames(*job);
     }
-    settle(afterwards);
+    settle(deferred);
     if (status.ok()) {
       after_journal_.emplace_back([this, job_id, done] { done(this->job(job_id)); });
-      writer_signal_.raise();
+      writer_wakeup_.notify_all();
     }
   }
   if (!status.ok()) done(status);
 }
 
 /// A job goes on: what it had finished rendering before may now be finished for good.
-void Coordinator::finish_what_is_complete(Job& job) {
+void Coordinator::finish_complete_frames(Job& job) {
   if (!job.plan) return;
-  for (const std::int32_t frame : job.plan->frames()) frame_may_be_complete(job, frame);
+  for (const std::int32_t frame : job.plan->frames()) finish_if_complete(job, frame);
   open_films(job);
 }
 
 void Coordinator::extend_job(const std::string& job_id, const Extension& extension, OnJob done) {
-  write_later(
+  post_to_writer(
       [this, job_id, extension, done = std::move(done)] { extend_now(job_id, extension, done); });
 }
 
@@ -367,19 +369,19 @@ void Coordinator::extend_now(const std::string& job_id, const Extension& extensi
 /// Begins a job again under other settings, with the units that are still of it.
 void Coordinator::replan(const std::string& job_id, const std::shared_ptr<const JobSpec>& spec,
                          const std::vector<UnitRecord>& kept) {
-  DeferredCalls afterwards;
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
   Job* job = scheduler_.find_job(job_id);
   JobFilm& film = film_of(*job);
   scheduler_.extend(*job, spec);
-  film.ledger.reset();
+  film.block_index.reset();
   film.finished.clear();
   film.expected_samples.clear();
   film.certainty.reset();
   film.committed_samples = film.finished_samples = 0;
   for (const UnitRecord& record : kept) {
     scheduler_.restore_unit(*job, record.unit, record.worker_id, record.cpu_seconds);
-    ledger_of(*job).add(record, job->wall_seconds(options_.clock()));
+    block_index_of(*job).add(record, job->wall_seconds(options_.clock()));
     const contract::PixelRect rect = grid_of(*job).rect(record.unit.tile);
     const auto pass = static_cast<std::size_t>(record.unit.pass);
     film.committed_samples +=
@@ -392,11 +394,11 @@ void Coordinator::replan(const std::string& job_id, const std::shared_ptr<const 
   }
   open_films(*job);
   scheduler_.offer_work(options_.clock());
-  settle(afterwards);
+  settle(deferred);
 }
 
 void Coordinator::remove_job(const std::string& job_id, std::function<void(absl::Status)> done) {
-  write_later([this, job_id, done = std::move(done)] { remove_now(job_id, done); });
+  post_to_writer([this, job_id, done = std::move(done)] { remove_now(job_id, done); });
 }
 
 absl::Status Coordinator::forget_job(const std::string& job_id,
@@ -435,14 +437,14 @@ void Coordinator::remove_now(const std::string& job_id,
 bool Coordinator::has_asset(const contract::Digest& digest) {
   if (!store_.has_asset(digest)) return false;
   MutexLock lock(mutex_);
-  asked_assets_[digest] = options_.clock();
+  asset_requests_[digest] = options_.clock();
   return true;
 }
 
-void Coordinator::keep_asset(const std::string& upload_path, const contract::Digest& digest,
-                             std::function<void(absl::Status)> done) {
-  write_later([this, upload_path, digest, done = std::move(done)] {
-    const absl::Status status = store_.keep_asset(upload_path, digest);
+void Coordinator::publish_asset(const std::string& upload_path, const contract::Digest& digest,
+                                std::function<void(absl::Status)> done) {
+  post_to_writer([this, upload_path, digest, done = std::move(done)] {
+    const absl::Status status = store_.publish_asset(upload_path, digest);
     if (store_.used_bytes() > options_.asset_quota_bytes) collect_assets();
     done(status);
   });
@@ -453,9 +455,9 @@ void Coordinator::collect_assets() {
   {
     MutexLock lock(mutex_);
     const Time now = options_.clock();
-    for (auto it = asked_assets_.begin(); it != asked_assets_.end();) {
+    for (auto it = asset_requests_.begin(); it != asset_requests_.end();) {
       if (now - it->second > kAssetPin) {
-        it = asked_assets_.erase(it);
+        it = asset_requests_.erase(it);
       } else {
         named.push_back(it++->first);
       }

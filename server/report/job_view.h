@@ -20,6 +20,7 @@ struct JobView {
   std::shared_ptr<const JobSpec> spec;  // owners: the coordinator and this copy
   JobState state = JobState::queued;
   std::string reason;
+  absl::StatusCode failure_code = absl::StatusCode::kOk;  // of a failed job
   std::int64_t create_time_us = 0, end_time_us = 0;  // wall clock; 0: not ended
   std::int64_t unit_count = 0, committed_unit_count = 0, leased_unit_count = 0;
   std::int32_t frame_count = 0, finished_frame_count = 0;

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "server/schedule/audit.h"
 #include "server/schedule/job_plan.h"
 #include "server/schedule/job_spec.h"
@@ -68,16 +69,17 @@ struct Job {
   SceneKey scene;
   JobState state = JobState::queued;
   std::string reason;
-  std::int64_t unit_count = 0;  // of the whole job
+  absl::StatusCode failure_code = absl::StatusCode::kOk;  // of a failed job
+  std::int64_t unit_count = 0;                            // of the whole job
   std::int32_t frame_count = 0;
   std::optional<JobPlan> plan;  // exists from the first lease
-  std::map<contract::Unit, UnitFailures> troubles;
+  std::map<contract::Unit, UnitFailures> unit_failures;
   std::map<contract::Unit, Audit> audits;  // open ones, of committed units
   /// By frame: leases of passes beyond the first ones up to this attempt are void, as what was
   /// decided then was decided on a liar's results.
   std::map<std::int32_t, Attempt> voided;
   std::map<WorkerKey, std::int32_t> holders;  // units each worker holds
-  std::set<WorkerKey> touched;                // workers that were ever leased units of it
+  std::set<WorkerKey> ever_leased_to;         // workers that were ever leased units of it
   std::map<std::string, Contribution> contributions;
   UnitTimes times;
   double leased_seconds = 0;  // expected CPU seconds of the units in flight

@@ -45,6 +45,7 @@ JobRecord read_job(const SqlRow& row) {
   job.end_time_us = row.integer(9);
   job.wall_seconds = row.real(10);
   job.render_contract = static_cast<std::int32_t>(row.integer(11));
+  job.failure_code = static_cast<std::int32_t>(row.integer(12));
   return job;
 }
 
@@ -71,9 +72,11 @@ absl::Status DiskStore::add_job(JobRecord& job) {
   return journal_->write([&](Database& rows) {
     absl::Status added = rows.run(
         "INSERT INTO jobs(id, request_id, name, owner, request, state, reason, create_time_us, "
-        "end_time_us, wall_seconds, render_contract) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        "end_time_us, wall_seconds, render_contract, failure_code) "
+        "VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         {job.id, optional_text(job.request_id), job.name, job.owner, Blob{job.request}, job.state,
-         job.reason, job.create_time_us, job.end_time_us, job.wall_seconds, job.render_contract});
+         job.reason, job.create_time_us, job.end_time_us, job.wall_seconds, job.render_contract,
+         job.failure_code});
     if (absl::IsAlreadyExists(added)) {
       return absl::AlreadyExistsError(
           absl::StrCat("job ", job.id, " or its request ", job.request_id, " was seen before"));
@@ -87,9 +90,9 @@ absl::Status DiskStore::update_job(const JobRecord& job) {
   return journal_->write([&](Database& rows) {
     const absl::Status updated = rows.run(
         "UPDATE jobs SET name=?, owner=?, request=?, state=?, reason=?, create_time_us=?, "
-        "end_time_us=?, wall_seconds=?, render_contract=? WHERE id=? AND removed=0",
+        "end_time_us=?, wall_seconds=?, render_contract=?, failure_code=? WHERE id=? AND removed=0",
         {job.name, job.owner, Blob{job.request}, job.state, job.reason, job.create_time_us,
-         job.end_time_us, job.wall_seconds, job.render_contract, job.id});
+         job.end_time_us, job.wall_seconds, job.render_contract, job.failure_code, job.id});
     return updated.ok() && rows.changes() == 0 ? no_such_job(job.id) : updated;
   });
 }
@@ -123,7 +126,8 @@ absl::StatusOr<std::vector<JobRecord>> DiskStore::jobs() const {
   absl::Status status = journal_->read([&](Database& rows) {
     return rows.each(
         "SELECT sequence, id, request_id, name, owner, request, state, reason, create_time_us, "
-        "end_time_us, wall_seconds, render_contract FROM jobs WHERE removed=0 ORDER BY sequence",
+        "end_time_us, wall_seconds, render_contract, failure_code FROM jobs WHERE removed=0 "
+        "ORDER BY sequence",
         {}, [&](const SqlRow& row) { jobs.push_back(read_job(row)); });
   });
   if (!status.ok()) return status;
@@ -161,15 +165,15 @@ absl::Status DiskStore::commit(std::vector<Commit>& group) {
 absl::Status DiskStore::append_job(const std::string& job_id, const JobRow& job,
                                    const std::vector<Commit*>& units) {
   std::vector<std::string_view> blocks;
-  std::vector<SegmentPlace> places(units.size());
+  std::vector<SegmentPosition> positions(units.size());
   blocks.reserve(units.size());
   for (const Commit* unit : units) blocks.emplace_back(unit->block);
-  absl::Status appended = segments_.append(job_id, job.next_segment, blocks, places);
+  absl::Status appended = segments_.append(job_id, job.next_segment, blocks, positions);
   if (!appended.ok()) return appended;
   for (std::size_t i = 0; i < units.size(); ++i) {
     UnitRecord& record = units[i]->record;
-    record.segment = places[i].segment;
-    record.offset = places[i].offset;
+    record.segment = positions[i].segment;
+    record.offset = positions[i].offset;
     record.size_bytes = static_cast<std::int64_t>(blocks[i].size());
     record.stored_bytes = record.size_bytes;
   }
@@ -390,8 +394,9 @@ absl::StatusOr<std::string> DiskStore::new_upload_path() {
   return assets_->new_upload_path(boot_count_);
 }
 
-absl::Status DiskStore::keep_asset(const std::string& upload_path, const contract::Digest& digest) {
-  return assets_->keep(upload_path, digest);
+absl::Status DiskStore::publish_asset(const std::string& upload_path,
+                                      const contract::Digest& digest) {
+  return assets_->publish(upload_path, digest);
 }
 
 std::string DiskStore::asset_path(const contract::Digest& digest) const {

@@ -24,6 +24,7 @@ struct JobRecord {
   std::string request;
   std::int32_t state = 0;  // v1.Job.State
   std::string reason;
+  std::int32_t failure_code = 0;  // absl::StatusCode of a failed job
   std::int64_t create_time_us = 0, end_time_us = 0;  // wall clock, for people only
   double wall_seconds = 0;                           // spent running, added up over restarts
   std::int32_t render_contract = 0;                  // contract::kRenderContract when it was begun
@@ -169,12 +170,12 @@ class Store {
 
   // Assets.
   virtual bool has_asset(const contract::Digest& digest) const = 0;
-  /// A file to write an upload to; visible only after keep_asset. Any thread.
+  /// A file to write an upload to; visible only after publish_asset. Any thread.
   virtual absl::StatusOr<std::string> new_upload_path() = 0;
   /// Makes a complete, verified upload visible: fsync, rename, fsync of the folder. From then it is
   /// safe from collect_assets() for an hour. The upload's file is gone afterwards.
-  virtual absl::Status keep_asset(const std::string& upload_path,
-                                  const contract::Digest& digest) = 0;
+  virtual absl::Status publish_asset(const std::string& upload_path,
+                                     const contract::Digest& digest) = 0;
   virtual std::string asset_path(const contract::Digest& digest) const = 0;
   /// Jobs no longer name these assets: until now they were in use.
   virtual absl::Status release_assets(const std::vector<contract::Digest>& digests) = 0;
@@ -185,8 +186,8 @@ class Store {
                                       const std::vector<contract::Digest>& named) = 0;
 
   // Small durable facts: the roster of workers.
-  virtual absl::Status remember_worker(const std::string& worker_id, const std::string& name) = 0;
-  virtual absl::Status forget_worker(const std::string& worker_id) = 0;
+  virtual absl::Status add_worker(const std::string& worker_id, const std::string& name) = 0;
+  virtual absl::Status remove_worker(const std::string& worker_id) = 0;
   virtual absl::StatusOr<std::vector<std::string>> roster() const = 0;
   /// Workers that are shut out; durable on return, repeating is harmless.
   virtual absl::Status ban_worker(const std::string& worker_id) = 0;
@@ -197,11 +198,11 @@ class Store {
   ///
   /// Errors: PermissionDenied, `most` others have (0: no limit), or a worker of this id has joined
   /// with another certificate.
-  virtual absl::Status remember_join(const Join& join, std::int64_t most) = 0;
+  virtual absl::Status record_join(const Join& join, std::int64_t most) = 0;
   /// Forgets joins of workers that are not in the roster and have not been since `unseen_since_us`,
   /// but none with a token that is still `valid`: those are counted.
-  virtual absl::Status forget_joins(const std::vector<std::string>& valid,
-                                    std::int64_t unseen_since_us) = 0;
+  virtual absl::Status remove_stale_joins(const std::vector<std::string>& valid,
+                                          std::int64_t unseen_since_us) = 0;
 
   /// Bytes the store's files take, from its own book-keeping (no folder walk): segments, assets,
   /// finished frames and database, without unfinished uploads. Any thread.

@@ -18,21 +18,21 @@ namespace tessera::server {
 
 /// The constants of farm.md, sections 2 and 3.
 struct SchedulePolicy {
-  Span silence = std::chrono::seconds(5);        // after which a worker is lost
-  Span restart_grace = std::chrono::seconds(5);  // grants wait so long for known workers
-  Span timer_slack = std::chrono::seconds(1);    // a tick later than this extends every lease
-  Span forget_after = std::chrono::hours(1);     // lost workers are listed so long
-  std::int32_t failure_limit = 3;                // the failure of a unit that fails its job
-  std::int32_t loss_limit = 10;                  // losses of a unit a job survives
-  std::int32_t disproved_limit = 3;              // failures, disproved elsewhere, a worker may have
-  Span audit_patience = std::chrono::minutes(1);  // a dispute waits so long for other workers
-  double audit_fraction = 0.01;                   // of units that another worker renders again
+  Duration worker_timeout = std::chrono::seconds(5);  // after which a worker is lost
+  Duration restart_grace = std::chrono::seconds(5);   // grants wait so long for known workers
+  Duration timer_slack = std::chrono::seconds(1);     // a tick later than this extends every lease
+  Duration forget_after = std::chrono::hours(1);      // lost workers are listed so long
+  std::int32_t failure_limit = 3;                     // the failure of a unit that fails its job
+  std::int32_t loss_limit = 10;                       // losses of a unit a job survives
+  std::int32_t disproved_limit = 3;  // failures, disproved elsewhere, a worker may have
+  Duration audit_timeout = std::chrono::minutes(1);  // a dispute waits so long for other workers
+  double audit_fraction = 0.01;                      // of units that another worker renders again
   double load_factor = 10;  // a worker works this many load times before it changes job
 };
 
 /// What the scheduler has decided and the rim has to carry out.
 struct Effects {
-  std::vector<WorkerKey> mailed;    // workers with mail
+  std::vector<WorkerKey> to_wake;   // workers with mail
   std::vector<WorkerKey> to_close;  // lost workers whose stream, if any, is to be closed
   std::vector<JobKey> changed;      // jobs whose row is to be journaled
   std::vector<std::pair<std::string, bool>> roster;  // worker id; true: joined, false: gone
@@ -76,6 +76,8 @@ class Scheduler {
   absl::Status retry(Job& job, Time now);
   /// Ends the job: revokes its leases, tells every worker that had any.
   void end_job(Job& job, JobState state, const std::string& reason, Time now);
+  /// Ends the job as failed, with the code and message of `failure`. Ignored if it has ended.
+  void fail_job(Job& job, const absl::Status& failure, Time now);
   /// Goes on with a longer schedule; `spec` has the new count. The caller restores finished frames.
   void extend(Job& job, std::shared_ptr<const JobSpec> spec);
   /// Leases what is waiting to workers with room. After add_job and extend.
@@ -89,17 +91,17 @@ class Scheduler {
   /// Its stream broke; it is lost once the silence has lasted.
   void disconnect(WorkerKey key);
   /// A sign of life.
-  void hear(WorkerKey key, Time now);
+  void record_contact(WorkerKey key, Time now);
   void heartbeat(WorkerKey key, const std::vector<UnitName>& started, std::int64_t rss_bytes,
                  Time now);
   void grant_credits(WorkerKey key, std::int32_t count, Time now);
   /// The worker takes nothing more; what it has it finishes.
-  void leave(WorkerKey key);
+  void begin_draining(WorkerKey key);
   /// It handed units back that it had not started.
   void return_units(WorkerKey key, const std::vector<UnitName>& units, Time now);
   /// It failed to render `tile` of `lease`. Ignored without our seal.
   void fail_unit(WorkerKey key, const Lease& lease, std::int32_t tile, Failure failure,
-                 bool bad_scene, Time now);
+                 absl::StatusCode code, Time now);
   void scene_loaded(WorkerKey key, const std::string& job_id, double load_seconds,
                     double build_seconds, std::int64_t peak_rss_bytes);
   Worker* find_worker(WorkerKey worker);
@@ -117,12 +119,13 @@ class Scheduler {
   /// A committed unit's block was found damaged and dropped: it is to be rendered again.
   void redo(Job& job, const contract::Unit& unit);
   /// In a plan on demand: what was wanted of the frame so far was decided on false results.
-  void forget_demands(Job& job, std::int32_t frame);
-  /// In a plan on demand: the film has decided how many passes a tile wants (JobPlan::want).
-  void want(Job& job, std::int32_t frame, std::int32_t tile, std::int32_t pass_count,
-            bool is_final);
+  void reset_pass_targets(Job& job, std::int32_t frame);
+  /// In a plan on demand: the film has decided how many passes a tile wants
+  /// (JobPlan::set_pass_target).
+  void set_pass_target(Job& job, std::int32_t frame, std::int32_t tile, std::int32_t pass_count,
+                       bool is_final);
   /// The unit came once more from this worker; it holds it no longer.
-  void drop(Job& job, const contract::Unit& unit, const std::string& worker_id);
+  void release_duplicate(Job& job, const contract::Unit& unit, const std::string& worker_id);
   void acknowledge(WorkerKey key, Acknowledgement acknowledgement);
   /// The frame's image is durable; ends the job after its last one.
   void finish_frame(Job& job, std::int32_t frame, Time now);
@@ -161,7 +164,7 @@ class Scheduler {
 
   // Time -----------------------------------------------------------------------------------------
   /// Call about every `period`: expires silent workers, opens grants, balances the tail.
-  void tick(Time now, Span period);
+  void tick(Time now, Duration period);
   /// Takes what has been decided since the last call.
   Effects take_effects();
 
@@ -176,9 +179,9 @@ class Scheduler {
   void lose_unit(Job& job, Worker& worker, const contract::Unit& unit, Time now);
   void lose(Worker& worker, Time now);
   void adopt(Worker& worker, const Hello& hello, Time now);
-  void disprove(const UnitFailures& trouble, const std::string& worker_id);
+  void disprove(const UnitFailures& failures, const std::string& worker_id);
   void count_threads();
-  void add_mail(Worker& worker) { mailed_.insert(worker.key); }
+  void wake(Worker& worker) { to_wake_.insert(worker.key); }
   void revoke(Worker& worker, const Job& job, const contract::Unit& unit);
 
   static bool could_audit(const Worker& worker, const Job& job);
@@ -189,13 +192,13 @@ class Scheduler {
   void settle_audit(Job& job, const contract::Unit& unit, Time now);
   void quarantine(const std::string& worker_id);
   void forget_audits(Job& job);
-  void end_hopeless_audits(Time now);
+  void fail_unresolvable_audits(Time now);
 
   bool has_work() const { return !queue_.empty() || !waiting_audits_.empty(); }
   bool may_work_for(const Worker& worker, const Job& job) const;
   bool may_take(const Worker& worker, const Job& job, const contract::Unit& unit) const;
   static bool has_scene(const Worker& worker, const Job& job);
-  bool is_seen_to(const Job& job) const;
+  bool has_enough_workers(const Job& job) const;
   JobKey next_job(const Worker& worker, const std::function<bool(JobKey)>& may) const;
   JobKey choose_job(const Worker& worker, const std::set<JobKey>& refused);
   std::int32_t run_length(const Job& job, const Worker& worker) const;
@@ -205,7 +208,7 @@ class Scheduler {
   void lease(Job& job, Worker& worker, const Run& run, Time now);
   bool dispatch_one(Worker& worker, Time now);
   void dispatch(Worker& worker, Time now);
-  std::vector<Worker*> by_load_and_scene();
+  std::vector<Worker*> workers_by_load_and_scene();
   void dispatch_all(Time now);
   std::vector<Worker*> idle_workers();
   void balance_tail(Time now);
@@ -226,13 +229,13 @@ class Scheduler {
   std::set<WorkerKey> workers_with_credits_;            // working, with credits
   std::map<std::string, std::int32_t> threads_;         // of working workers, by tag; "": all
   std::map<std::string, std::set<std::string>> hosts_;  // likewise
-  std::set<std::string> awaited_;                       // of the roster, not yet back
-  Time hold_until_;
+  std::set<std::string> missing_workers_;               // of the roster, not yet back
+  Time grace_ends_;
   std::optional<Time> last_tick_;
   std::int64_t last_attempt_ = 0;
   WorkerKey last_worker_ = 0;
   bool work_appeared_ = false;  // since the last dispatch_all
-  std::set<WorkerKey> mailed_;
+  std::set<WorkerKey> to_wake_;
   Effects effects_;
 };
 

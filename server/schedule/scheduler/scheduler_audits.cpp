@@ -24,7 +24,7 @@ bool Scheduler::could_audit(const Worker& worker, const Job& job) {
 
 bool Scheduler::wants_audit(const Job& job, const Unit& unit, const std::string& worker_id) {
   Worker* worker = find_worker(worker_id);
-  const bool is_first = worker != nullptr && !std::exchange(worker->is_known, true);
+  const bool is_first = worker != nullptr && !std::exchange(worker->has_delivered, true);
   const double fraction = policy_.audit_fraction;
   const bool is_drawn = (is_first && fraction > 0) ||
                         is_drawn_for_audit(identity_.store_key, job.spec->id, unit, fraction);
@@ -54,7 +54,7 @@ bool Scheduler::has_others(const Job& job, const Audit& audit) const {
     const Worker& worker = entry.second;
     if (audit.has_answered(worker.id)) return false;
     const bool may_return = is_disputed && worker.lost && !worker.draining && !worker.quarantined &&
-                            last_tick_ && *last_tick_ - worker.heard < policy_.audit_patience;
+                            last_tick_ && *last_tick_ - worker.last_contact < policy_.audit_timeout;
     return may_return || could_audit(worker, job);
   });
 }
@@ -77,7 +77,7 @@ bool Scheduler::lease_audit(Worker& worker) {
     audit.holder = Holder{worker.key, lease.attempt, std::nullopt, false, 0};
     worker.held.emplace(key, unit);
     worker.leased_jobs.insert(key);
-    job.touched.insert(worker.key);
+    job.ever_leased_to.insert(worker.key);
     waiting_audits_.erase({key, unit});
     send_lease(worker, lease);
     return true;
@@ -134,11 +134,12 @@ void Scheduler::settle_audit(Job& job, const Unit& unit, Time now) {
     ++job.counters.audited;
     for (const std::string& liar : audit.faulty_workers()) quarantine(liar);
   } else if (audit.is_disputed()) {
-    end_job(job, JobState::failed,
-            absl::StrCat("job ", job.spec->id, ", frame ", unit.frame, ", tile ", unit.tile,
-                         ", pass ", unit.pass, ": workers deliver different pixels, and nobody is ",
-                         "left to say who is right"),
-            now);
+    fail_job(job,
+             absl::DataLossError(absl::StrCat("job ", job.spec->id, ", frame ", unit.frame,
+                                              ", tile ", unit.tile, ", pass ", unit.pass,
+                                              ": workers deliver different pixels, and nobody is ",
+                                              "left to say who is right")),
+             now);
   }
   effects_.audited.push_back({job.spec->id, unit});
 }
@@ -161,10 +162,10 @@ void Scheduler::forget_audits(Job& job) {
 }
 
 /// With nobody left to ask there is no audit; a dispute without an end fails its job.
-void Scheduler::end_hopeless_audits(Time now) {
+void Scheduler::fail_unresolvable_audits(Time now) {
   const bool anybody = std::any_of(workers_.begin(), workers_.end(),
                                    [](const auto& entry) { return entry.second.is_working(); });
-  if (!anybody || !awaited_.empty()) return;
+  if (!anybody || !missing_workers_.empty()) return;
   std::vector<std::pair<JobKey, Unit>> hopeless;
   int looked_at = 0;
   for (const auto& [key, unit] : waiting_audits_) {
@@ -183,7 +184,7 @@ void Scheduler::end_hopeless_audits(Time now) {
     }
     // Those who could say who is right may be back soon.
     if (!audit.alone_since) audit.alone_since = now;
-    if (!audit.is_disputed() || now - *audit.alone_since >= policy_.audit_patience) {
+    if (!audit.is_disputed() || now - *audit.alone_since >= policy_.audit_timeout) {
       hopeless.emplace_back(key, unit);
     }
   }

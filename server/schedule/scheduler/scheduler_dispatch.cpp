@@ -15,13 +15,13 @@ bool Scheduler::may_work_for(const Worker& worker, const Job& job) const {
 }
 
 bool Scheduler::may_take(const Worker& worker, const Job& job, const Unit& unit) const {
-  const auto trouble = job.troubles.find(unit);
-  if (trouble == job.troubles.end() || !trouble->second.failed_on(worker.id)) return true;
+  const auto failures = job.unit_failures.find(unit);
+  if (failures == job.unit_failures.end() || !failures->second.failed_on(worker.id)) return true;
   // It failed here: somebody else first, while there is somebody else.
   return std::none_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
     const Worker& other = entry.second;
     const std::string& tag = job.spec->required_tag;
-    return other.is_working() && !trouble->second.failed_on(other.id) &&
+    return other.is_working() && !failures->second.failed_on(other.id) &&
            (tag.empty() || other.tags.count(tag) > 0);
   });
 }
@@ -32,7 +32,7 @@ bool Scheduler::has_scene(const Worker& worker, const Job& job) {
 }
 
 /// Whether somebody is at the job, or has room for it and its scene already.
-bool Scheduler::is_seen_to(const Job& job) const {
+bool Scheduler::has_enough_workers(const Job& job) const {
   if (!job.holders.empty()) return true;
   return std::any_of(workers_with_credits_.begin(), workers_with_credits_.end(),
                      [&](WorkerKey key) {
@@ -47,7 +47,7 @@ JobKey Scheduler::next_job(const Worker& worker, const std::function<bool(JobKey
   const JobKey next = queue_.next(may);
   if (next == 0 || worker.scenes.empty()) return next;
   const Job& job = jobs_.at(next);
-  if (has_scene(worker, job) || !is_seen_to(job)) return next;
+  if (has_scene(worker, job) || !has_enough_workers(job)) return next;
   JobKey nearest = 0;
   for (const SceneKey& scene : worker.scenes) {
     const JobKey found = queue_.oldest_of({job.spec->priority, job.spec->owner, scene}, may);
@@ -106,8 +106,8 @@ Lease Scheduler::make_lease(const Job& job, const Worker& worker, const Run& run
 void Scheduler::send_lease(Worker& worker, const Lease& lease) {
   worker.credits -= lease.tile_count;
   if (worker.credits <= 0) workers_with_credits_.erase(worker.key);
-  worker.mail.leases.push_back(lease);
-  add_mail(worker);
+  worker.outbox.leases.push_back(lease);
+  wake(worker);
 }
 
 void Scheduler::lease(Job& job, Worker& worker, const Run& run, Time now) {
@@ -115,7 +115,7 @@ void Scheduler::lease(Job& job, Worker& worker, const Run& run, Time now) {
   for (std::int32_t i = 0; i < run.tile_count; ++i) {
     const Unit unit{run.frame, run.first_tile + i, run.pass};
     hold(job, worker, unit, Holder{worker.key, lease.attempt, std::nullopt, false, 0, now});
-    if (job.troubles.count(unit) > 0) ++job.counters.retried;
+    if (job.unit_failures.count(unit) > 0) ++job.counters.retried;
   }
   if (worker.current_job != job.key) {
     worker.current_job = job.key;
@@ -140,7 +140,7 @@ bool Scheduler::lease_run(Job& job, Worker& worker, Time now) {
 }
 
 bool Scheduler::dispatch_one(Worker& worker, Time now) {
-  if (!awaited_.empty() && now < hold_until_) return false;
+  if (!missing_workers_.empty() && now < grace_ends_) return false;
   if (!worker.is_working() || worker.credits <= 0) return false;
   if (lease_audit(worker)) return true;  // frames wait for them
   std::set<JobKey> refused;
@@ -158,28 +158,29 @@ void Scheduler::dispatch(Worker& worker, Time now) {
 
 /// Workers with room: those with the least to do first, among equals those with the scene of a job
 /// in the queue.
-std::vector<Worker*> Scheduler::by_load_and_scene() {
-  struct Place {
+std::vector<Worker*> Scheduler::workers_by_load_and_scene() {
+  struct Candidate {
     double load = 0;
     bool is_stranger = true;
     Worker* worker = nullptr;
   };
-  std::vector<Place> places;
-  places.reserve(workers_with_credits_.size());
+  std::vector<Candidate> candidates;
+  candidates.reserve(workers_with_credits_.size());
   for (const WorkerKey key : workers_with_credits_) {
     Worker& worker = workers_.at(key);
     const bool is_near =
         std::any_of(worker.scenes.begin(), worker.scenes.end(),
                     [this](const SceneKey& scene) { return queue_.has_scene(scene); });
-    places.push_back(
+    candidates.push_back(
         {static_cast<double>(worker.held.size()) / worker.thread_count, !is_near, &worker});
   }
-  std::stable_sort(places.begin(), places.end(), [](const Place& a, const Place& b) {
-    return std::pair(a.load, a.is_stranger) < std::pair(b.load, b.is_stranger);
-  });
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const Candidate& a, const Candidate& b) {
+                     return std::pair(a.load, a.is_stranger) < std::pair(b.load, b.is_stranger);
+                   });
   std::vector<Worker*> workers;
-  workers.reserve(places.size());
-  for (const Place& place : places) workers.push_back(place.worker);
+  workers.reserve(candidates.size());
+  for (const Candidate& candidate : candidates) workers.push_back(candidate.worker);
   return workers;
 }
 
@@ -187,7 +188,7 @@ void Scheduler::dispatch_all(Time now) {
   if (!work_appeared_) return;
   work_appeared_ = false;
   if (!has_work()) return;
-  std::vector<Worker*> waiting = by_load_and_scene();
+  std::vector<Worker*> waiting = workers_by_load_and_scene();
   // Round by round, so that a small job is spread over the farm.
   while (has_work() && !waiting.empty()) {
     std::vector<Worker*> served;
@@ -211,7 +212,7 @@ std::vector<Worker*> Scheduler::idle_workers() {
 }
 
 void Scheduler::balance_tail(Time now) {
-  if (workers_with_credits_.empty() || active_.empty() || !awaited_.empty()) return;
+  if (workers_with_credits_.empty() || active_.empty() || !missing_workers_.empty()) return;
   std::vector<Worker*> idle = idle_workers();
   if (idle.empty()) return;
   copy_slow_units(idle, now);

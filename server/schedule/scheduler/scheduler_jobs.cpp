@@ -12,8 +12,8 @@ Scheduler::Scheduler(Identity identity, SchedulePolicy policy,
                      const std::vector<std::string>& roster, Time start)
     : identity_(std::move(identity)),
       policy_(policy),
-      awaited_(roster.begin(), roster.end()),
-      hold_until_(start + policy.restart_grace) {}
+      missing_workers_(roster.begin(), roster.end()),
+      grace_ends_(start + policy.restart_grace) {}
 
 Job& Scheduler::add_job(JobKey key, std::shared_ptr<const JobSpec> spec, JobState state) {
   Job& job = jobs_[key];
@@ -137,12 +137,19 @@ absl::Status Scheduler::retry(Job& job, Time now) {
     return absl::FailedPreconditionError(absl::StrCat("job ", job.spec->id, " is done"));
   }
   if (!has_ended(job.state)) return absl::OkStatus();
-  job.troubles.clear();
+  job.unit_failures.clear();
+  job.failure_code = absl::StatusCode::kOk;
   job.end_time_us = 0;
   charge(job, job.counters.cpu_seconds);
   set_state(job, job.plan ? JobState::running : JobState::queued, "", now);
   dispatch_all(now);
   return absl::OkStatus();
+}
+
+void Scheduler::fail_job(Job& job, const absl::Status& failure, Time now) {
+  if (has_ended(job.state)) return;
+  job.failure_code = failure.code();
+  end_job(job, JobState::failed, std::string(failure.message()), now);
 }
 
 void Scheduler::end_job(Job& job, JobState state, const std::string& reason, Time now) {
@@ -159,15 +166,15 @@ void Scheduler::end_job(Job& job, JobState state, const std::string& reason, Tim
     }
   }
   forget_audits(job);
-  for (const WorkerKey key : job.touched) {
+  for (const WorkerKey key : job.ever_leased_to) {
     Worker* worker = find_worker(key);
     if (worker == nullptr) continue;
     worker->leased_jobs.erase(job.key);
     if (!worker->connected) continue;
-    worker->mail.ended_jobs.push_back(job.spec->id);
-    add_mail(*worker);
+    worker->outbox.ended_jobs.push_back(job.spec->id);
+    wake(*worker);
   }
-  job.touched.clear();
+  job.ever_leased_to.clear();
   charge(job, -job.counters.cpu_seconds);
   set_state(job, state, reason, now);
   dispatch_all(now);
@@ -201,7 +208,7 @@ void Scheduler::remove_job(JobKey key) {
 
 bool Scheduler::wants(const Job& job, const Lease& lease, const Unit& unit) const {
   if (has_ended(job.state) || !job.plan || !job.plan->contains(unit)) return false;
-  if (job.plan->is_on_demand() && unit.pass >= job.plan->first_passes()) {
+  if (job.plan->is_adaptive() && unit.pass >= job.plan->first_passes()) {
     const auto voided = job.voided.find(unit.frame);
     if (voided != job.voided.end() && lease.attempt <= voided->second) return false;
   }
@@ -218,9 +225,9 @@ void Scheduler::commit(Job& job, const Unit& unit, const std::string& worker_id,
     Worker* other = find_worker(holder.worker);
     if (other != nullptr && other->id != worker_id) revoke(*other, job, unit);
   }
-  if (const auto trouble = job.troubles.find(unit); trouble != job.troubles.end()) {
-    disprove(trouble->second, worker_id);
-    job.troubles.erase(trouble);
+  if (const auto failures = job.unit_failures.find(unit); failures != job.unit_failures.end()) {
+    disprove(failures->second, worker_id);
+    job.unit_failures.erase(failures);
   }
   Contribution& contribution = job.contributions[worker_id];
   ++contribution.units;
@@ -249,24 +256,24 @@ void Scheduler::redo(Job& job, const Unit& unit) {
   refresh(job);
 }
 
-void Scheduler::forget_demands(Job& job, std::int32_t frame) {
-  if (!job.open_plan().is_on_demand()) return;
+void Scheduler::reset_pass_targets(Job& job, std::int32_t frame) {
+  if (!job.open_plan().is_adaptive()) return;
   job.voided[frame] = {identity_.boot, last_attempt_};
-  for (const auto& [unit, holder] : job.plan->forget_demands(frame)) {
+  for (const auto& [unit, holder] : job.plan->reset_pass_targets(frame)) {
     forget_hold(job, unit, holder);
     if (Worker* worker = find_worker(holder.worker)) revoke(*worker, job, unit);
   }
   refresh(job);
 }
 
-void Scheduler::drop(Job& job, const Unit& unit, const std::string& worker_id) {
+void Scheduler::release_duplicate(Job& job, const Unit& unit, const std::string& worker_id) {
   if (Worker* worker = find_worker(worker_id)) release(job, *worker, unit);
 }
 
-void Scheduler::want(Job& job, std::int32_t frame, std::int32_t tile, std::int32_t pass_count,
-                     bool is_final) {
+void Scheduler::set_pass_target(Job& job, std::int32_t frame, std::int32_t tile,
+                                std::int32_t pass_count, bool is_final) {
   if (!job.plan || job.plan->is_finished(frame)) return;
-  job.plan->want(frame, tile, pass_count, is_final);
+  job.plan->set_pass_target(frame, tile, pass_count, is_final);
   refresh(job);
 }
 
@@ -280,8 +287,8 @@ void Scheduler::finish_frame(Job& job, std::int32_t frame, Time now) {
 }
 
 Effects Scheduler::take_effects() {
-  effects_.mailed.assign(mailed_.begin(), mailed_.end());
-  mailed_.clear();
+  effects_.to_wake.assign(to_wake_.begin(), to_wake_.end());
+  to_wake_.clear();
   return std::exchange(effects_, Effects{});
 }
 

@@ -6,9 +6,9 @@ namespace tessera::server {
 bool Scheduler::drain(const std::string& worker_id) {
   Worker* worker = find_worker(worker_id);
   if (worker == nullptr || !worker->connected) return false;
-  worker->mail.drain = true;
-  add_mail(*worker);
-  leave(worker->key);
+  worker->outbox.drain = true;
+  wake(*worker);
+  begin_draining(worker->key);
   return true;
 }
 

@@ -19,6 +19,12 @@ std::string describe(const JobSpec& spec, const Unit& unit) {
                       unit.pass);
 }
 
+/// Returns whether a unit failed because of its scene, so that every worker would fail.
+bool is_scene_fault(absl::StatusCode code) {
+  return code == absl::StatusCode::kInvalidArgument || code == absl::StatusCode::kNotFound ||
+         code == absl::StatusCode::kUnimplemented;
+}
+
 std::string failure_reason(const JobSpec& spec, const Unit& unit,
                            const std::vector<Failure>& failures) {
   std::string reason = absl::StrCat(describe(spec, unit), " failed ", failures.size(), " times");
@@ -81,10 +87,10 @@ WorkerKey Scheduler::connect(const Hello& hello, Time now) {
   worker.connected = true;
   worker.lost = worker.draining = false;
   worker.quarantined = worker.quarantined || is_quarantined(worker.id);
-  worker.heard = now;
+  worker.last_contact = now;
   worker.credits = std::max(hello.credit_count, 0);
-  worker.mail = {};
-  awaited_.erase(worker.id);
+  worker.outbox = {};
+  missing_workers_.erase(worker.id);
   effects_.roster.emplace_back(worker.id, true);
   adopt(worker, hello, now);
   count_threads();
@@ -155,8 +161,8 @@ void Scheduler::disconnect(WorkerKey key) {
   effects_.roster.emplace_back(worker->id, false);
 }
 
-void Scheduler::hear(WorkerKey key, Time now) {
-  if (Worker* worker = find_worker(key)) worker->heard = now;
+void Scheduler::record_contact(WorkerKey key, Time now) {
+  if (Worker* worker = find_worker(key)) worker->last_contact = now;
 }
 
 void Scheduler::heartbeat(WorkerKey key, const std::vector<UnitName>& started,
@@ -185,7 +191,7 @@ void Scheduler::grant_credits(WorkerKey key, std::int32_t count, Time now) {
   dispatch(*worker, now);
 }
 
-void Scheduler::leave(WorkerKey key) {
+void Scheduler::begin_draining(WorkerKey key) {
   Worker* worker = find_worker(key);
   if (worker == nullptr) return;
   worker->draining = true;
@@ -204,7 +210,7 @@ void Scheduler::return_units(WorkerKey key, const std::vector<UnitName>& units, 
 }
 
 void Scheduler::fail_unit(WorkerKey key, const Lease& lease, std::int32_t tile, Failure failure,
-                          bool bad_scene, Time now) {
+                          absl::StatusCode code, Time now) {
   Worker* worker = find_worker(key);
   Job* job = find_job(lease.job_id);
   if (worker == nullptr || job == nullptr || has_ended(job->state)) return;
@@ -213,8 +219,8 @@ void Scheduler::fail_unit(WorkerKey key, const Lease& lease, std::int32_t tile, 
   job->open_plan();
   if (!wants(*job, lease, unit)) return;
   failure.worker_id = worker->id;
-  if (bad_scene) {
-    end_job(*job, JobState::failed, absl::StrCat("bad scene: ", failure.message), now);
+  if (is_scene_fault(code)) {
+    fail_job(*job, absl::Status(code, absl::StrCat("bad scene: ", failure.message)), now);
     return;
   }
   if (job->plan->is_committed(unit)) {
@@ -223,18 +229,19 @@ void Scheduler::fail_unit(WorkerKey key, const Lease& lease, std::int32_t tile, 
     return;
   }
   release(*job, *worker, unit);
-  UnitFailures& trouble = job->troubles[unit];
-  trouble.failures.push_back(std::move(failure));
-  if (static_cast<std::int32_t>(trouble.failures.size()) >= policy_.failure_limit) {
-    end_job(*job, JobState::failed, failure_reason(*job->spec, unit, trouble.failures), now);
+  UnitFailures& failures = job->unit_failures[unit];
+  failures.failures.push_back(std::move(failure));
+  if (static_cast<std::int32_t>(failures.failures.size()) >= policy_.failure_limit) {
+    const std::string reason = failure_reason(*job->spec, unit, failures.failures);
+    fail_job(*job, absl::Status(code, reason), now);
     return;
   }
   work_appeared_ = true;
   dispatch_all(now);
 }
 
-void Scheduler::disprove(const UnitFailures& trouble, const std::string& worker_id) {
-  for (const Failure& failure : trouble.failures) {
+void Scheduler::disprove(const UnitFailures& failures, const std::string& worker_id) {
+  for (const Failure& failure : failures.failures) {
     Worker* worker = find_worker(failure.worker_id);
     if (worker == nullptr || worker->id == worker_id) continue;
     if (++worker->disproved_failures < policy_.disproved_limit || worker->quarantined) continue;
@@ -267,7 +274,7 @@ void Scheduler::hold(Job& job, Worker& worker, const Unit& unit, const Holder& h
   job.plan->hold(unit, held);
   worker.held.emplace(job.key, unit);
   ++job.holders[worker.key];
-  job.touched.insert(worker.key);
+  job.ever_leased_to.insert(worker.key);
   worker.leased_jobs.insert(job.key);
   job.leased_seconds += held.expected_seconds;
   charge(job, held.expected_seconds);
@@ -291,12 +298,13 @@ bool Scheduler::release(Job& job, Worker& worker, const Unit& unit) {
 
 void Scheduler::lose_unit(Job& job, Worker& worker, const Unit& unit, Time now) {
   if (!release(job, worker, unit) || has_ended(job.state)) return;
-  UnitFailures& trouble = job.troubles[unit];
-  if (++trouble.losses <= policy_.loss_limit) return;
-  end_job(job, JobState::failed,
-          absl::StrCat(describe(*job.spec, unit), " was lost with its worker ", trouble.losses,
-                       " times; the last was ", worker.id),
-          now);
+  UnitFailures& failures = job.unit_failures[unit];
+  if (++failures.losses <= policy_.loss_limit) return;
+  fail_job(
+      job,
+      absl::UnavailableError(absl::StrCat(describe(*job.spec, unit), " was lost with its worker ",
+                                          failures.losses, " times; the last was ", worker.id)),
+      now);
 }
 
 void Scheduler::lose(Worker& worker, Time now) {
@@ -314,29 +322,29 @@ void Scheduler::lose(Worker& worker, Time now) {
 void Scheduler::acknowledge(WorkerKey key, Acknowledgement acknowledgement) {
   Worker* worker = find_worker(key);
   if (worker == nullptr || !worker->connected) return;  // silence: it will send again
-  worker->mail.acknowledgements.push_back(std::move(acknowledgement));
-  add_mail(*worker);
+  worker->outbox.acknowledgements.push_back(std::move(acknowledgement));
+  wake(*worker);
 }
 
 void Scheduler::revoke(Worker& worker, const Job& job, const Unit& unit) {
-  worker.mail.revoked.push_back({job.spec->id, unit});
-  add_mail(worker);
+  worker.outbox.revoked.push_back({job.spec->id, unit});
+  wake(worker);
 }
 
-void Scheduler::tick(Time now, Span period) {
-  const Span late = last_tick_ ? now - *last_tick_ - period : Span(0);
+void Scheduler::tick(Time now, Duration period) {
+  const Duration late = last_tick_ ? now - *last_tick_ - period : Duration(0);
   last_tick_ = now;
   if (late > policy_.timer_slack) {
     // We were stopped, not they: what arrived meanwhile is still to be read.
-    for (auto& [key, worker] : workers_) worker.heard += late;
-    hold_until_ += late;
+    for (auto& [key, worker] : workers_) worker.last_contact += late;
+    grace_ends_ += late;
     return;
   }
   bool lost_some = false;
   for (auto it = workers_.begin(); it != workers_.end();) {
     Worker& worker = it->second;
-    const Span silence = now - worker.heard;
-    if (!worker.lost && silence > policy_.silence) {
+    const Duration silence = now - worker.last_contact;
+    if (!worker.lost && silence > policy_.worker_timeout) {
       lose(worker, now);
       lost_some = true;
     }
@@ -348,11 +356,11 @@ void Scheduler::tick(Time now, Span period) {
     }
   }
   if (lost_some) count_threads();
-  if (!awaited_.empty() && now >= hold_until_) {
-    for (const std::string& id : awaited_) effects_.roster.emplace_back(id, false);
-    awaited_.clear();
+  if (!missing_workers_.empty() && now >= grace_ends_) {
+    for (const std::string& id : missing_workers_) effects_.roster.emplace_back(id, false);
+    missing_workers_.clear();
   }
-  end_hopeless_audits(now);
+  fail_unresolvable_audits(now);
   work_appeared_ = true;
   dispatch_all(now);
   balance_tail(now);

@@ -205,6 +205,7 @@ v1::Job to_message(const JobView& view) {
   job.set_owner(view.spec->owner);
   job.set_state(static_cast<v1::Job::State>(view.state));
   job.set_reason(view.reason);
+  job.set_failure_code(static_cast<std::int32_t>(view.failure_code));
   job.set_priority(view.spec->priority);
   job.set_max_worker_count(view.spec->max_workers);
   job.set_required_tag(view.spec->required_tag);

@@ -24,7 +24,7 @@ constexpr std::size_t kLeasesPerMessage = 4096;
 constexpr std::size_t kMaxLogBytes = 8 << 10;
 constexpr int kMaxLogLines = 64;  // in one message; a worker that sends more talks too much
 /// How long a write may take once its stream is to end.
-constexpr std::chrono::seconds kPatience{1};
+constexpr std::chrono::seconds kFinishTimeout{1};
 
 std::vector<UnitName> names_of(const google::protobuf::RepeatedPtrField<v1::UnitId>& units) {
   std::vector<UnitName> names;
@@ -44,39 +44,39 @@ std::vector<LogLine> lines_of(const v1::LogLines& message) {
 }
 
 /// Seconds as a worker gives them; what is no span counts as none.
-double span_of(double seconds) {
+double valid_seconds(double seconds) {
   constexpr double kLongest = 1e9;
   return seconds >= 0 && seconds <= kLongest ? seconds : 0;
 }
 
 /// A worker's mail as messages, verdicts first: they free what the rest needs.
-void write_mail(const Outbox& mail, std::deque<v1::WorkResponse>& out) {
-  for (std::size_t i = 0; i < mail.acknowledgements.size(); ++i) {
+void write_outbox(const Outbox& outbox, std::deque<v1::WorkResponse>& out) {
+  for (std::size_t i = 0; i < outbox.acknowledgements.size(); ++i) {
     if (i % kAcknowledgementsPerMessage == 0) out.emplace_back();
     *out.back().mutable_acknowledgements()->add_acknowledgements() =
-        to_message(mail.acknowledgements[i]);
+        to_message(outbox.acknowledgements[i]);
   }
-  for (std::size_t i = 0; i < mail.revoked.size(); ++i) {
+  for (std::size_t i = 0; i < outbox.revoked.size(); ++i) {
     if (i % kAcknowledgementsPerMessage == 0) out.emplace_back();
-    *out.back().mutable_revocation()->add_units() = to_message(mail.revoked[i]);
+    *out.back().mutable_revocation()->add_units() = to_message(outbox.revoked[i]);
   }
-  for (const std::string& job_id : mail.ended_jobs) {
+  for (const std::string& job_id : outbox.ended_jobs) {
     out.emplace_back();
     out.back().mutable_job_ended()->set_job_id(job_id);
   }
-  if (mail.drain) out.emplace_back().mutable_drain();
-  for (std::size_t i = 0; i < mail.leases.size(); ++i) {
+  if (outbox.drain) out.emplace_back().mutable_drain();
+  for (std::size_t i = 0; i < outbox.leases.size(); ++i) {
     if (i % kLeasesPerMessage == 0) out.emplace_back();
-    *out.back().mutable_leases()->add_leases() = to_message(mail.leases[i]);
+    *out.back().mutable_leases()->add_leases() = to_message(outbox.leases[i]);
   }
 }
 
 class WorkStream;
 
 /// What the coordinator holds of a stream: outlives it, and then does nothing.
-class WorkLink final : public WorkerConnection {
+class StreamConnection final : public WorkerConnection {
  public:
-  explicit WorkLink(WorkStream& stream) : stream_(&stream) {}
+  explicit StreamConnection(WorkStream& stream) : stream_(&stream) {}
   void wake() override;
   void close(const absl::Status& reason) override;
   void cut();
@@ -92,52 +92,52 @@ class WorkLink final : public WorkerConnection {
 
 class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse> {
  public:
-  WorkStream(const WorkStreamContext& gate, grpc::CallbackServerContext& context,
+  WorkStream(const WorkStreamContext& services, grpc::CallbackServerContext& context,
              const absl::StatusOr<Caller>& caller)
-      : gate_(gate),
-        coordinator_(gate.coordinator),
+      : services_(services),
+        coordinator_(services.coordinator),
         context_(context),
         caller_(caller.value_or(Caller{})),
-        link_(std::make_shared<WorkLink>(*this)) {
+        connection_(std::make_shared<StreamConnection>(*this)) {
     if (caller.ok()) {
       StartRead(&request_);
       // Else a caller that says nothing would be held for ever.
-      alarm_.Set(std::chrono::system_clock::now() + gate_.hello_within,
-                 [link = link_](bool is_due) {
-                   if (is_due) {
-                     link->close(absl::DeadlineExceededError("no hello came in time"));
-                   }
-                 });
+      hello_alarm_.Set(std::chrono::system_clock::now() + services_.hello_timeout,
+                       [connection = connection_](bool is_due) {
+                         if (is_due) {
+                           connection->close(absl::DeadlineExceededError("no hello came in time"));
+                         }
+                       });
     } else {
       finish(caller.status());
     }
   }
 
   void OnReadDone(bool ok) override {
-    absl::Status status = ok ? gate_.access.recheck(caller_) : absl::OkStatus();
+    absl::Status status = ok ? services_.access.recheck(caller_) : absl::OkStatus();
     if (!ok || !status.ok()) return finish(status);
     const bool is_known = session_.has_value();
     status = is_known ? take() : begin();
     if (!status.ok()) return finish(status);
     if (!is_known) return;  // enter() reads on
     const std::lock_guard lock(mutex_);
-    if (!last_words_) StartRead(&request_);
+    if (!final_status_) StartRead(&request_);
   }
 
   void OnWriteDone(bool ok) override {
     const std::lock_guard lock(mutex_);
     is_writing_ = false;
     if (!out_.empty()) out_.pop_front();
-    if (last_words_) {
-      Finish(contract::to_rpc(*last_words_));
+    if (final_status_) {
+      Finish(contract::to_rpc(*final_status_));
     } else if (ok) {
       write_next();
     }
   }
 
   void OnDone() override {
-    link_->detach();
-    if (session_) coordinator_.part(*session_);
+    connection_->detach();
+    if (session_) coordinator_.disconnect(*session_);
     { const std::lock_guard lock(mutex_); }
     delete this;
   }
@@ -152,14 +152,15 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
 
   void finish(const absl::Status& status) {
     const std::lock_guard lock(mutex_);
-    if (last_words_) return;
-    last_words_ = status;
+    if (final_status_) return;
+    final_status_ = status;
     if (is_entering_) return;  // enter() ends the call: until then it needs this object
     if (is_writing_) {
       // OnWriteDone says the last words; a write to a frozen peer would never end.
-      patience_.Set(std::chrono::system_clock::now() + kPatience, [link = link_](bool is_due) {
-        if (is_due) link->cut();
-      });
+      finish_alarm_.Set(std::chrono::system_clock::now() + kFinishTimeout,
+                        [connection = connection_](bool is_due) {
+                          if (is_due) connection->cut();
+                        });
     } else {
       Finish(contract::to_rpc(status));
     }
@@ -167,8 +168,8 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
 
  private:
   void write_next() {
-    if (last_words_ || !session_) return;
-    if (out_.empty()) write_mail(coordinator_.take_outbox(*session_), out_);
+    if (final_status_ || !session_) return;
+    if (out_.empty()) write_outbox(coordinator_.take_outbox(*session_), out_);
     if (out_.empty()) return;
     is_writing_ = true;
     StartWrite(&out_.front());
@@ -194,12 +195,12 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
         coordinator_.return_units(session, names_of(request_.returned().units()));
         break;
       case v1::WorkRequest::kDraining:
-        coordinator_.leave(session);
+        coordinator_.begin_draining(session);
         break;
       case v1::WorkRequest::kSceneLoaded: {
         const v1::SceneLoaded& loaded = request_.scene_loaded();
-        coordinator_.scene_loaded(session, loaded.job_id(), span_of(loaded.load_seconds()),
-                                  span_of(loaded.build_seconds()), loaded.peak_rss_bytes());
+        coordinator_.scene_loaded(session, loaded.job_id(), valid_seconds(loaded.load_seconds()),
+                                  valid_seconds(loaded.build_seconds()), loaded.peak_rss_bytes());
         break;
       }
       case v1::WorkRequest::kLogLines:
@@ -210,7 +211,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
       case v1::WorkRequest::EVENT_NOT_SET:
         break;  // a newer worker's news; a sign of life all the same
     }
-    coordinator_.hear(session);
+    coordinator_.record_contact(session);
     return absl::OkStatus();
   }
 
@@ -218,11 +219,11 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
     coordinator_.fail_unit(
         session, from_message(failure.lease()), failure.tile(),
         {"", cut_text(failure.message(), kMaxLogBytes), cut_text(failure.log_tail(), kMaxLogBytes)},
-        failure.bad_scene());
+        static_cast<absl::StatusCode>(failure.code()));
   }
 
   absl::Status begin() {
-    alarm_.Cancel();
+    hello_alarm_.Cancel();
     if (!request_.has_hello()) {
       return absl::InvalidArgumentError("the first message must be hello");
     }
@@ -234,7 +235,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
     if (!hello.ok()) return hello.status();
     hello->certificate = caller_.certificate();
     is_entering_ = true;  // no callback but enter() comes before the next read
-    gate_.admission.admit(
+    services_.admission.admit(
         caller_, hello->worker_id, sent_token(context_),
         [this, hello = *hello](const absl::StatusOr<std::string>& key) { enter(hello, key); });
     return absl::OkStatus();
@@ -243,12 +244,12 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
   /// Greets a worker that was admitted, and reads on. On any thread.
   void enter(const Hello& hello, const absl::StatusOr<std::string>& session_key) {
     std::optional<Coordinator::Joined> joined;
-    if (session_key.ok()) joined = coordinator_.join(hello, link_);
+    if (session_key.ok()) joined = coordinator_.join(hello, connection_);
     const std::lock_guard lock(mutex_);
     is_entering_ = false;
     if (joined) session_ = joined->session;
-    if (!joined && !last_words_) last_words_ = session_key.status();
-    if (last_words_) return Finish(contract::to_rpc(*last_words_));
+    if (!joined && !final_status_) final_status_ = session_key.status();
+    if (final_status_) return Finish(contract::to_rpc(*final_status_));
     write_welcome(*joined, *session_key);
     StartRead(&request_);
   }
@@ -265,34 +266,34 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
     write_next();
   }
 
-  const WorkStreamContext gate_;
+  const WorkStreamContext services_;
   Coordinator& coordinator_;
   grpc::CallbackServerContext& context_;
   const Caller caller_;
-  const std::shared_ptr<WorkLink> link_;  // owners: this and the coordinator
-  grpc::Alarm alarm_;                     // until the hello
-  grpc::Alarm patience_;                  // from the end's announcement to the end
-  v1::WorkRequest request_;               // of the one read that is pending
+  const std::shared_ptr<StreamConnection> connection_;  // owners: this and the coordinator
+  grpc::Alarm hello_alarm_;                             // until the hello
+  grpc::Alarm finish_alarm_;                            // from the end's announcement to the end
+  v1::WorkRequest request_;                             // of the one read that is pending
 
   std::mutex mutex_;  // for what follows; taken before the coordinator's lock, never after it
   bool is_entering_ = false;  // between the hello and its welcome
   std::optional<Session> session_;
   std::deque<v1::WorkResponse> out_;  // the front one is being written
   bool is_writing_ = false;
-  std::optional<absl::Status> last_words_;
+  std::optional<absl::Status> final_status_;
 };
 
-void WorkLink::wake() {
+void StreamConnection::wake() {
   const std::lock_guard lock(mutex_);
   if (stream_ != nullptr) stream_->pump();
 }
 
-void WorkLink::close(const absl::Status& reason) {
+void StreamConnection::close(const absl::Status& reason) {
   const std::lock_guard lock(mutex_);
   if (stream_ != nullptr) stream_->finish(reason);
 }
 
-void WorkLink::cut() {
+void StreamConnection::cut() {
   const std::lock_guard lock(mutex_);
   if (stream_ != nullptr) stream_->cut();
 }
@@ -300,9 +301,9 @@ void WorkLink::cut() {
 }  // namespace
 
 grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* work_stream(
-    const WorkStreamContext& gate, grpc::CallbackServerContext& context,
+    const WorkStreamContext& services, grpc::CallbackServerContext& context,
     const absl::StatusOr<Caller>& caller) {
-  return new WorkStream(gate, context, caller);
+  return new WorkStream(services, context, caller);
 }
 
 }  // namespace tessera::server

@@ -99,6 +99,10 @@ UPDATE joins SET seen_us=CAST(strftime('%s', 'now') AS INTEGER) * 1000000;
     R"sql(
 ALTER TABLE jobs ADD COLUMN render_contract INTEGER NOT NULL DEFAULT 10;  -- that of schema 5
 )sql",
+    R"sql(
+ALTER TABLE jobs ADD COLUMN failure_code INTEGER NOT NULL DEFAULT 0;  -- status code of a failed job
+UPDATE jobs SET failure_code=3 WHERE state=5 AND reason LIKE 'bad scene:%';  -- INVALID_ARGUMENT
+)sql",
 };
 
 constexpr std::int64_t kSchemaVersion = std::size(kSteps);

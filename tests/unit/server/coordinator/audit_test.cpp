@@ -43,7 +43,7 @@ class AuditWalk : public CoordinatorFixture {
       deliver_what_is_leased();
       for (TestWorker& worker : workers_) coordinator->grant_credits(worker.session, 4);
       now += std::chrono::milliseconds(100);
-      for (TestWorker& worker : workers_) coordinator->hear(worker.session);
+      for (TestWorker& worker : workers_) coordinator->record_contact(worker.session);
       coordinator->tick();
       pump();
     }
@@ -120,11 +120,11 @@ TEST_F(AuditWalk, AnAuditIsWaivedWhenTheOtherWorkersHaveGone) {
     deliver(workers_[0], unit, bytes_of(unit));
   }
   pump();
-  coordinator->leave(gone.session);
-  coordinator->part(gone.session);
+  coordinator->begin_draining(gone.session);
+  coordinator->disconnect(gone.session);
   workers_.pop_back();
   now += std::chrono::seconds(6);
-  coordinator->hear(workers_[0].session);
+  coordinator->record_contact(workers_[0].session);
   work_together(job);
   EXPECT_EQ(view(job).state, JobState::done);
 }

@@ -124,16 +124,16 @@ class CoordinatorFixture : public testing::Test {
   }
   /// Takes the worker's mail.
   void collect(TestWorker& worker) {
-    Outbox mail = coordinator->take_outbox(worker.session);
-    for (const Lease& lease : mail.leases) {
+    Outbox outbox = coordinator->take_outbox(worker.session);
+    for (const Lease& lease : outbox.leases) {
       for (std::int32_t i = 0; i < lease.tile_count; ++i) {
         worker.units.push_back(
             {{lease.job_id, {lease.frame, lease.first_tile + i, lease.pass}}, lease});
       }
     }
-    for (auto& acknowledgement : mail.acknowledgements)
+    for (auto& acknowledgement : outbox.acknowledgements)
       worker.acknowledgements.push_back(std::move(acknowledgement));
-    for (auto& job : mail.ended_jobs) worker.ended.push_back(std::move(job));
+    for (auto& job : outbox.ended_jobs) worker.ended.push_back(std::move(job));
   }
 
   /// The block a renderer would make of a unit here: a function of the unit alone.

@@ -45,7 +45,7 @@ TEST_F(CoordinatorTest, AJobSaysThatNobodyIsThereToWorkForIt) {
   auto worker = join("w1", 1);
   EXPECT_EQ(view(job).reason, "");
   EXPECT_EQ(view(tagged).reason, "no worker here has the tag big");
-  coordinator->leave(worker.session);
+  coordinator->begin_draining(worker.session);
   EXPECT_EQ(view(job).reason, "no worker is here");
   ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
   EXPECT_EQ(view(job).reason, "cancelled") << "it waits for nobody";
@@ -63,7 +63,7 @@ TEST_F(CoordinatorTest, TheLogTellsTroubleFromNewsAndNewsFromRoutine) {
   ASSERT_FALSE(ann.units.empty());
   const Leased unit = ann.units.front();
   coordinator->fail_unit(ann.session, unit.lease, unit.name.unit.tile, {"", "out of luck", ""},
-                         false);
+                         absl::StatusCode::kInternal);
   ASSERT_EQ(lines[LogLevel::warn].size(), 1u);
   EXPECT_EQ(lines[LogLevel::warn].front(), "worker ann: job " + id + ", frame 0, tile " +
                                                std::to_string(unit.name.unit.tile) +
@@ -289,12 +289,12 @@ TEST_F(CoordinatorTest, ANewStreamClosesTheOldOneOfItsWorker) {
   auto old = join("w1");
   auto fresh = join("w1");
   EXPECT_TRUE(absl::IsAborted(old.link->closed));
-  coordinator->part(old.session);  // the old stream's end must not touch the new one
-  EXPECT_TRUE(coordinator->hear_delivery("w1").ok());
+  coordinator->disconnect(old.session);  // the old stream's end must not touch the new one
+  EXPECT_TRUE(coordinator->check_delivery("w1").ok());
   coordinator->grant_credits(old.session, 1000);
   EXPECT_TRUE(coordinator->take_outbox(old.session).empty());
-  coordinator->part(fresh.session);
-  EXPECT_FALSE(coordinator->hear_delivery("w1").ok());
+  coordinator->disconnect(fresh.session);
+  EXPECT_FALSE(coordinator->check_delivery("w1").ok());
 }
 
 TEST_F(CoordinatorTest, MailWakesItsLink) {
@@ -508,7 +508,7 @@ TEST_F(CoordinatorTest, ExtendingGivesThePixelsOfALongerJob) {
   EXPECT_EQ(extended->committed_unit_count, 5) << "pass 0 is the same in both";
   coordinator->grant_credits(worker.session, 64);
   // The units of pass 0 that it still holds go to nobody else; it is as if it had died.
-  coordinator->part(worker.session);
+  coordinator->disconnect(worker.session);
   auto again = join("w1");
   work_off(again, job);
   EXPECT_EQ(view(job).state, JobState::done);

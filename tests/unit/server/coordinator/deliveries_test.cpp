@@ -33,11 +33,11 @@ TEST(DeliveryLog, KeepsTheNewestAndTheNamesOfWorkersThatAreGone) {
     log.add({.job = 1, .unit = {0, i, 0}, .worker_id = "worker " + std::to_string(i)});
   }
   EXPECT_EQ(log.read(1, 0, 99).at(7).worker_id, "worker 7");
-  const auto most = static_cast<std::int32_t>(DeliveryLog::kMost);
+  const auto most = static_cast<std::int32_t>(DeliveryLog::kMaxDeliveries);
   for (std::int32_t i = 0; i < most; ++i) log.add(made(2, i));
   EXPECT_TRUE(log.read(1, 0, 99).empty());
-  const auto kept = log.read(2, 0, 2 * DeliveryLog::kMost);
-  ASSERT_EQ(kept.size(), DeliveryLog::kMost);
+  const auto kept = log.read(2, 0, 2 * DeliveryLog::kMaxDeliveries);
+  ASSERT_EQ(kept.size(), DeliveryLog::kMaxDeliveries);
   EXPECT_EQ(kept.front().unit.tile, 0);
   EXPECT_EQ(log.read(2, kept.back().sequence - 1, 9).at(0).unit.tile, most - 1);
 }
@@ -77,7 +77,7 @@ TEST_F(Deliveries, CountFailuresAndLossesOfTheUnitBefore) {
   collect(first);
   const Leased unit = std::exchange(first.units, {}).at(0);
   coordinator->fail_unit(first.session, unit.lease, unit.name.unit.tile, {"first", "burnt", ""},
-                         false);
+                         absl::StatusCode::kInternal);
   TestWorker second = join("second", 64);
   collect(second);
   work_off(second, job);
@@ -115,7 +115,7 @@ TEST_F(Deliveries, TellAuditsAndRepeatsApart) {
   }
   ASSERT_GE(outcomes.size(), 3U);
   EXPECT_EQ(outcomes[0], DeliveryOutcome::committed);
-  EXPECT_EQ(outcomes[1], DeliveryOutcome::repeat);
+  EXPECT_EQ(outcomes[1], DeliveryOutcome::duplicate);
   EXPECT_EQ(outcomes.back(), DeliveryOutcome::audit);
   EXPECT_EQ(workers.back(), "bob");
 }

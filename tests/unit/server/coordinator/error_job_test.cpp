@@ -123,7 +123,7 @@ TEST_F(ErrorJobTest, AskingForLessErrorLaterGivesTheSamePixels) {
                           [&](const auto& /*view*/) { was_asked = coordinator->job(job).ok(); });
   pump();
   EXPECT_TRUE(was_asked);
-  coordinator->part(worker.session);
+  coordinator->disconnect(worker.session);
   auto again = join("w1");
   work_off(again, job);
   ASSERT_EQ(view(job).state, JobState::done);

@@ -146,7 +146,7 @@ TEST_F(Events, AFailedUnitTellsItsMessageAndWhatItsRendererSaidLast) {
   collect(worker);
   const Leased& unit = worker.units.front();
   coordinator->fail_unit(worker.session, unit.lease, unit.name.unit.tile,
-                         {"", "it broke", "first\nsecond\n"}, false);
+                         {"", "it broke", "first\nsecond\n"}, absl::StatusCode::kInternal);
   const auto told = texts(coordinator->events().read({0, job, ""}, 100));
   ASSERT_GE(told.size(), 3u);
   const std::vector<std::string> last(told.end() - 3, told.end());
@@ -213,7 +213,7 @@ TEST_F(Events, ABanOutlivesTheServerUntilItIsTakenBack) {
   start();
   TestWorker worker = join("bad");
   now += std::chrono::seconds(6);  // the roster is not waited for
-  coordinator->hear(worker.session);
+  coordinator->record_contact(worker.session);
   coordinator->tick();
   create_job("shot");
   collect(worker);

@@ -79,7 +79,7 @@ TEST_F(MetricsWalk, ErrorsAreCountedByKind) {
   collect(worker);
   const Leased unit = worker.units.at(0);
   coordinator->fail_unit(worker.session, unit.lease, unit.name.unit.tile, {"w", "burnt", ""},
-                         false);
+                         absl::StatusCode::kInternal);
   const Leased other = worker.units.at(1);
   deliver(worker, other, bytes_of(other).substr(1));
   pump();
@@ -114,7 +114,7 @@ TEST_F(MetricsWalk, AuditsAndLiarsAreCounted) {
       }
       pump();
       coordinator->grant_credits(worker->session, 4);
-      coordinator->hear(worker->session);
+      coordinator->record_contact(worker->session);
     }
     now += std::chrono::milliseconds(100);
     coordinator->tick();

@@ -29,7 +29,7 @@ class CoordinatorThreads : public CoordinatorFixture {
       coordinator->grant_credits(
           worker.session, static_cast<std::int32_t>(worker.acknowledgements.size() - before));
     }
-    coordinator->part(worker.session);
+    coordinator->disconnect(worker.session);
   }
 };
 

@@ -142,7 +142,7 @@ TEST(JobPlan, OnDemandOnlyTheFirstTwoPassesAreWantedUnasked) {
   EXPECT_EQ(plan.unit_count(), 12);
   EXPECT_EQ(take(plan, 1, 100).size(), 3u);
   const std::vector<Unit> pass1 = take(plan, 1, 100);
-  plan.want(0, 1, 3, false);
+  plan.set_pass_target(0, 1, 3, false);
   EXPECT_EQ(plan.unit_count(), 13);
   const std::vector<Unit> asked = take(plan, 1, 100);
   EXPECT_EQ(asked, (std::vector<Unit>{{0, 1, 2}})) << "of frame 0 before frame 1 is begun";
@@ -155,13 +155,13 @@ TEST(JobPlan, OnDemandAFrameIsCompleteWhenEveryTileHasItsLastPass) {
     for (const std::int32_t tile : {0, 1}) plan.commit({0, tile, pass});
   }
   EXPECT_FALSE(plan.is_complete(0)) << "nothing is decided yet";
-  plan.want(0, 0, 2, true);
-  plan.want(0, 1, 3, false);
+  plan.set_pass_target(0, 0, 2, true);
+  plan.set_pass_target(0, 1, 3, false);
   EXPECT_FALSE(plan.is_complete(0));
   plan.commit({0, 1, 2});
   EXPECT_FALSE(plan.is_complete(0)) << "tile 1 may want more";
-  plan.want(0, 1, 3, true);
-  plan.want(0, 1, 3, true);
+  plan.set_pass_target(0, 1, 3, true);
+  plan.set_pass_target(0, 1, 3, true);
   EXPECT_TRUE(plan.is_complete(0));
   EXPECT_EQ(plan.committed_count(), 5);
   EXPECT_EQ(plan.waiting_count(), 0);
@@ -176,7 +176,7 @@ TEST(JobPlan, OnDemandALeaseProvesThatItsUnitIsWanted) {
   plan.hold({0, 1, 3}, Holder{1, {}, std::nullopt, false, 0});
   EXPECT_EQ(plan.unit_count(), 6) << "4, and passes 2 and 3 of tile 1";
   EXPECT_EQ(plan.in_flight_count(), 1);
-  plan.want(0, 1, 4, false);
+  plan.set_pass_target(0, 1, 4, false);
   EXPECT_EQ(plan.unit_count(), 6) << "the film's word is no news";
   ASSERT_TRUE(plan.release({0, 1, 3}, 1));
   EXPECT_EQ(plan.waiting_count(), 6);

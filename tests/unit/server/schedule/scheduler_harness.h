@@ -70,7 +70,7 @@ class SchedulerHarness {
   WorkerKey connect(const std::string& id) { return connect(id, {}); }
 
   /// What the worker was sent since the last call.
-  Outbox mail(WorkerKey worker) {
+  Outbox outbox(WorkerKey worker) {
     return std::exchange(scheduler.find_worker(worker)->mail, Outbox{});
   }
   /// The units of its new leases; the leases are remembered.
@@ -96,16 +96,17 @@ class SchedulerHarness {
     commit(worker, unit, cpu_seconds);
     scheduler.grant_credits(worker, 1, now);
   }
-  void fail(WorkerKey worker, const UnitName& unit, bool bad_scene = false) {
+  void fail(WorkerKey worker, const UnitName& unit,
+            absl::StatusCode code = absl::StatusCode::kInternal) {
     scheduler.fail_unit(worker, leases.at({worker, unit}), unit.unit.tile, {"", "broke", "log"},
-                        bad_scene, now);
+                        code, now);
     scheduler.grant_credits(worker, 1, now);
   }
   /// Lets time pass in steps of 100 ms; `awake` workers are heard at each.
   void pass(std::chrono::milliseconds span, const std::vector<WorkerKey>& awake) {
     for (const Time end = now + span; now < end;) {
       now += kPeriod;
-      for (const WorkerKey worker : awake) scheduler.hear(worker, now);
+      for (const WorkerKey worker : awake) scheduler.record_contact(worker, now);
       scheduler.tick(now, kPeriod);
     }
   }

@@ -119,7 +119,7 @@ TEST(Scheduler, WhatAReconnectedWorkerDoesNotListIsLeasedAgainWithoutALoss) {
   back.running = {units[0]};
   farm.connect("w1", back);
   EXPECT_EQ(farm.leased(worker).size(), 3u);
-  EXPECT_TRUE(job.troubles.empty());
+  EXPECT_TRUE(job.unit_failures.empty());
 }
 
 TEST(Scheduler, AdoptsOnlyUnderItsOwnSealAndStore) {
@@ -175,7 +175,7 @@ TEST(Scheduler, ALeavingWorkerKeepsItsUnitsAndGetsNoMore) {
   farm.add_job({.tiles = 100});
   const WorkerKey worker = farm.connect("w1");
   const auto units = farm.leased(worker);
-  farm.scheduler.leave(worker);
+  farm.scheduler.begin_draining(worker);
   farm.complete(worker, units[0]);
   farm.pass(1s, {worker});
   EXPECT_TRUE(farm.leased(worker).empty());
@@ -224,9 +224,10 @@ TEST(Scheduler, ABadSceneFailsTheJobAtOnce) {
   SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 8});
   const WorkerKey worker = farm.connect("w1");
-  farm.fail(worker, farm.leased(worker).at(0), true);
+  farm.fail(worker, farm.leased(worker).at(0), absl::StatusCode::kNotFound);
   EXPECT_EQ(job.state, JobState::failed);
   EXPECT_EQ(job.reason, "bad scene: broke");
+  EXPECT_EQ(job.failure_code, absl::StatusCode::kNotFound);
 }
 
 TEST(Scheduler, TenLossesOfAUnitDoNotFailItsJobElevenDo) {
@@ -266,7 +267,8 @@ TEST(Scheduler, AFailureWithoutASealIsIgnored) {
   const WorkerKey worker = farm.connect("w1");
   Lease lease = farm.mail(worker).leases.at(0);
   lease.seal[0] = static_cast<char>(lease.seal[0] ^ 1);
-  farm.scheduler.fail_unit(worker, lease, lease.first_tile, {"", "lie", ""}, true, farm.now);
+  farm.scheduler.fail_unit(worker, lease, lease.first_tile, {"", "lie", ""},
+                           absl::StatusCode::kInvalidArgument, farm.now);
   EXPECT_EQ(job.state, JobState::running);
 }
 
@@ -350,8 +352,8 @@ TEST(Scheduler, PausingLeasesNothingNewAndLeavesWhatRuns) {
   const auto units = farm.leased(worker);
   ASSERT_TRUE(farm.scheduler.pause(job, "asked", farm.now).ok());
   farm.complete(worker, units[0]);
-  const Outbox mail = farm.mail(worker);
-  EXPECT_TRUE(mail.leases.empty() && mail.revoked.empty());
+  const Outbox outbox = farm.mail(worker);
+  EXPECT_TRUE(outbox.leases.empty() && outbox.revoked.empty());
   EXPECT_EQ(job.plan->committed_count(), 1);
   ASSERT_TRUE(farm.scheduler.resume(job, farm.now).ok());
   EXPECT_EQ(farm.leased(worker).size(), 1u);
@@ -363,9 +365,9 @@ TEST(Scheduler, CancellingRevokesEveryLeaseAndTellsTheWorkers) {
   const WorkerKey worker = farm.connect("w1");
   const auto units = farm.leased(worker);
   ASSERT_TRUE(farm.scheduler.cancel(job, farm.now).ok());
-  const Outbox mail = farm.mail(worker);
-  EXPECT_EQ(mail.revoked, units);
-  EXPECT_EQ(mail.ended_jobs, std::vector<std::string>{"j1"});
+  const Outbox outbox = farm.mail(worker);
+  EXPECT_EQ(outbox.revoked, units);
+  EXPECT_EQ(outbox.ended_jobs, std::vector<std::string>{"j1"});
   const Lease lease = farm.leases.at({worker, units[0]});
   EXPECT_FALSE(farm.scheduler.wants(job, lease, units[0].unit)) << "late results are unwanted";
   EXPECT_TRUE(farm.scheduler.cancel(job, farm.now).ok()) << "idempotent";

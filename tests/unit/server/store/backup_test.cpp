@@ -42,7 +42,7 @@ class BackupTest : public ::testing::Test {
     EXPECT_TRUE(store_->close_job("done").ok());
     const std::string upload = store_->new_upload_path().value();
     write(upload, "an asset");
-    EXPECT_TRUE(store_->keep_asset(upload, contract::sha256("an asset")).ok());
+    EXPECT_TRUE(store_->publish_asset(upload, contract::sha256("an asset")).ok());
   }
 
   std::string path() const { return folder_.path() + "/store"; }

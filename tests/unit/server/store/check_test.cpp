@@ -41,7 +41,7 @@ class StoreCheckTest : public ::testing::Test {
     EXPECT_TRUE((*store)->close_job("done").ok());
     const std::string upload = (*store)->new_upload_path().value();
     write(upload, "an asset");
-    EXPECT_TRUE((*store)->keep_asset(upload, contract::sha256("an asset")).ok());
+    EXPECT_TRUE((*store)->publish_asset(upload, contract::sha256("an asset")).ok());
     asset_ = (*store)->asset_path(contract::sha256("an asset"));
   }
 

@@ -158,7 +158,7 @@ TEST_F(DamageTest, NextSchemaIsRefusedAndStoreIsUnchanged) {
 
 TEST_F(DamageTest, PreviousSchemaIsMigrated) {
   const std::vector<Commit> group = make_store();
-  change_rows(absl::StrCat("ALTER TABLE jobs DROP COLUMN render_contract; PRAGMA user_version=",
+  change_rows(absl::StrCat("ALTER TABLE jobs DROP COLUMN failure_code; PRAGMA user_version=",
                            schema_version() - 1));
   const auto store = open();
   ASSERT_TRUE(store.ok()) << store.status();
@@ -174,11 +174,11 @@ TEST_F(DamageTest, AStoreOfTheFirstSchemaIsBroughtUpToDate) {
       "DROP TABLE joins; DROP TABLE totals; ALTER TABLE units DROP COLUMN "
       "audit; DROP TABLE bans; "
       "ALTER TABLE assets DROP COLUMN used_us; "
-      "ALTER TABLE jobs DROP COLUMN render_contract; "
+      "ALTER TABLE jobs DROP COLUMN render_contract; ALTER TABLE jobs DROP COLUMN failure_code; "
       "PRAGMA user_version=1");
   const auto store = open();
   ASSERT_TRUE(store.ok()) << store.status();
-  EXPECT_TRUE((*store)->remember_join({"worker", "token", "certificate"}, 1).ok());
+  EXPECT_TRUE((*store)->record_join({"worker", "token", "certificate"}, 1).ok());
   std::size_t units = 0;
   EXPECT_TRUE((*store)->for_each_unit(group[0].job_id, [&](const UnitRecord&) { ++units; }).ok());
   EXPECT_EQ(units, group.size());
@@ -189,7 +189,7 @@ TEST_F(DamageTest, UnitsOfJobsThatWereDoneUnderAnOlderSchemaAreAddedUp) {
   make_store();
   change_rows(
       "DROP TABLE totals; ALTER TABLE joins DROP COLUMN seen_us; "
-      "ALTER TABLE jobs DROP COLUMN render_contract; "
+      "ALTER TABLE jobs DROP COLUMN render_contract; ALTER TABLE jobs DROP COLUMN failure_code; "
       "UPDATE jobs SET state=4; PRAGMA user_version=4");
   const auto store = open();
   ASSERT_TRUE(store.ok()) << store.status();
@@ -269,7 +269,7 @@ TEST_F(DamageTest, AFailedSyncOfAnAssetOrAnImageEndsTheProcess) {
     const std::string upload = *(*store)->new_upload_path();
     std::ofstream(upload) << "texture";
     disk.fail_syncs();
-    EXPECT_TRUE(absl::IsDataLoss((*store)->keep_asset(upload, contract::sha256("texture"))));
+    EXPECT_TRUE(absl::IsDataLoss((*store)->publish_asset(upload, contract::sha256("texture"))));
     EXPECT_FALSE((*store)->has_asset(contract::sha256("texture")));
     EXPECT_EQ(deaths_.size(), 1U);
   }
@@ -291,7 +291,7 @@ TEST_F(DamageTest, AFailedSyncWithinSqliteEndsTheProcess) {
   const auto store = open(disk);
   ASSERT_TRUE(store.ok()) << store.status();
   disk.fail_sqlite_syncs("store.db-wal");
-  EXPECT_TRUE(absl::IsDataLoss((*store)->remember_worker("w", "w")));
+  EXPECT_TRUE(absl::IsDataLoss((*store)->add_worker("w", "w")));
   EXPECT_EQ(deaths_.size(), 1U);
 }
 
@@ -302,7 +302,7 @@ TEST_F(DamageTest, AFailedSyncOfACheckpointEndsTheProcess) {
   const auto store = open(disk);
   ASSERT_TRUE(store.ok()) << store.status();
   disk.fail_sqlite_syncs("store.db");
-  EXPECT_TRUE(absl::IsDataLoss((*store)->remember_worker("w", "w")));
+  EXPECT_TRUE(absl::IsDataLoss((*store)->add_worker("w", "w")));
   EXPECT_EQ(deaths_.size(), 1U);
 }
 
@@ -313,7 +313,7 @@ TEST(DamageDeathTest, WithoutATestsAnswerTheProcessExitsWithAMessage) {
     FailingDisk disk;
     auto store = Store::open(folder.path() + "/store", disk);
     disk.fail_sqlite_syncs("store.db-wal");
-    if (store.ok()) (*store)->remember_worker("w", "w").IgnoreError();
+    if (store.ok()) (*store)->add_worker("w", "w").IgnoreError();
     std::exit(0);
   };
   EXPECT_EXIT(die(), ::testing::ExitedWithCode(1), "cannot make data durable");

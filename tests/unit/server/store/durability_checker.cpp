@@ -111,7 +111,8 @@ DurabilityChecker::Test job_is_there(const JobRecord& job) {
       const bool same = found.sequence == job.sequence && found.request_id == job.request_id &&
                         found.request == job.request && found.state == job.state &&
                         found.reason == job.reason && found.wall_seconds == job.wall_seconds &&
-                        found.render_contract == job.render_contract;
+                        found.render_contract == job.render_contract &&
+                        found.failure_code == job.failure_code;
       return same ? "" : "is not as it was acknowledged";
     }
     return "is lost";
@@ -161,7 +162,7 @@ DurabilityChecker::Test work_is_counted(const std::string& job_id, std::int64_t 
 
 DurabilityChecker::Test worker_has_joined(const std::string& worker_id) {
   return [worker_id](Store& store) -> std::string {
-    const absl::Status status = store.remember_join({worker_id, "token", "thief"}, 0);
+    const absl::Status status = store.record_join({worker_id, "token", "thief"}, 0);
     return absl::IsPermissionDenied(status) ? "" : "is forgotten: " + status.ToString();
   };
 }

@@ -144,13 +144,13 @@ class Coordinator {
   }
 
   void join(const std::string& worker) {
-    ASSERT_TRUE(store_->remember_join({worker, "token", "rack"}, 0).ok());
+    ASSERT_TRUE(store_->record_join({worker, "token", "rack"}, 0).ok());
     promises_.make("join " + worker, step(), worker_has_joined(worker));
   }
 
-  void forget_joins() {
+  void remove_stale_joins() {
     promises_.end_all("join ", step());
-    ASSERT_TRUE(store_->forget_joins({}, 2 * kHourUs).ok());
+    ASSERT_TRUE(store_->remove_stale_joins({}, 2 * kHourUs).ok());
   }
 
   void upload(const std::string& bytes) {
@@ -161,7 +161,7 @@ class Coordinator {
     const std::size_t half = bytes.size() / 2;
     ASSERT_TRUE((*file)->append(std::string_view(bytes).substr(0, half)).ok());
     ASSERT_TRUE((*file)->append(std::string_view(bytes).substr(half)).ok());
-    ASSERT_TRUE(store_->keep_asset(*path, contract::sha256(bytes)).ok());
+    ASSERT_TRUE(store_->publish_asset(*path, contract::sha256(bytes)).ok());
     promises_.make("asset " + contract::sha256(bytes).hex(), step(), asset_is_there(bytes));
   }
 
@@ -173,14 +173,14 @@ class Coordinator {
     ASSERT_TRUE(store_->collect_assets(now, 0, {contract::sha256(kept)}).ok());
   }
 
-  void remember_worker(const std::string& id) {
-    ASSERT_TRUE(store_->remember_worker(id, "name").ok());
+  void add_worker(const std::string& id) {
+    ASSERT_TRUE(store_->add_worker(id, "name").ok());
     promises_.make("worker " + id, step(), worker_is_known(id));
   }
 
-  void forget_worker(const std::string& id) {
+  void remove_worker(const std::string& id) {
     promises_.end("worker " + id, step());
-    ASSERT_TRUE(store_->forget_worker(id).ok());
+    ASSERT_TRUE(store_->remove_worker(id).ok());
   }
 
  private:
@@ -223,7 +223,7 @@ void use_everything(Coordinator& farm, const std::vector<std::string>& assets) {
   farm.open();
   farm.add_job("a");
   farm.upload(assets[0]);
-  farm.remember_worker("w1");
+  farm.add_worker("w1");
   farm.commit({"a"}, 0, 3, 0);
   farm.add_job("b");
   farm.commit({"a", "b"}, 3, 2, 0);
@@ -241,15 +241,15 @@ void use_everything(Coordinator& farm, const std::vector<std::string>& assets) {
   farm.commit({"a", "b"}, 5, 2, 1);
   farm.remove_job("b");
   farm.add_job("c");
-  farm.remember_worker("w2");
-  farm.forget_worker("w1");
+  farm.add_worker("w2");
+  farm.remove_worker("w1");
   for (int i = 0; i < 8; ++i) farm.commit({"c"}, i, 1, 0);
   farm.upload(assets[2]);
   farm.collect_all_assets_but(assets[2], {assets[0], assets[1]});
   farm.upload(assets[0]);
   farm.finish_frame("c", 7);
   farm.close_job("c");
-  farm.forget_joins();
+  farm.remove_stale_joins();
   farm.update_job("c", 4);
   farm.close();
 }

@@ -89,7 +89,7 @@ class StoreFixture : public ::testing::Test {
   contract::Digest upload(const std::string& bytes) {
     const std::string upload = *store().new_upload_path();
     write_file(upload, bytes);
-    EXPECT_TRUE(store().keep_asset(upload, contract::sha256(bytes)).ok());
+    EXPECT_TRUE(store().publish_asset(upload, contract::sha256(bytes)).ok());
     EXPECT_FALSE(std::filesystem::exists(upload));
     return contract::sha256(bytes);
   }

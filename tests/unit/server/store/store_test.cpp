@@ -62,6 +62,7 @@ TEST_F(StoreTest, GivesJobsBackAsTheyWereInOrderOfSubmission) {
   second.end_time_us = std::numeric_limits<std::int64_t>::max();
   second.wall_seconds = 0.1;
   second.render_contract = 4;
+  second.failure_code = 5;
   ASSERT_TRUE(store().update_job(second).ok());
   open();
   const auto jobs = store().jobs();
@@ -80,6 +81,7 @@ TEST_F(StoreTest, GivesJobsBackAsTheyWereInOrderOfSubmission) {
   EXPECT_EQ(found.end_time_us, second.end_time_us);
   EXPECT_EQ(found.wall_seconds, 0.1);
   EXPECT_EQ(found.render_contract, 4);
+  EXPECT_EQ(found.failure_code, 5);
   EXPECT_EQ(jobs->back().id, "a");
   EXPECT_EQ(jobs->back().render_contract, 3);
 }
@@ -361,7 +363,7 @@ TEST_F(StoreTest, ShowsAnAssetOnceItIsKept) {
   write_file(upload_path, "texture");
   EXPECT_FALSE(store().has_asset(digest));
   EXPECT_FALSE(std::filesystem::exists(store().asset_path(digest)));
-  ASSERT_TRUE(store().keep_asset(upload_path, digest).ok());
+  ASSERT_TRUE(store().publish_asset(upload_path, digest).ok());
   EXPECT_EQ(upload("texture"), digest);  // a second upload of the same is no harm
   open();
   EXPECT_TRUE(store().has_asset(digest));
@@ -369,7 +371,7 @@ TEST_F(StoreTest, ShowsAnAssetOnceItIsKept) {
 }
 
 TEST_F(StoreTest, RefusesToKeepAnUploadThatIsNotThere) {
-  const auto status = store().keep_asset(*store().new_upload_path(), contract::sha256("x"));
+  const auto status = store().publish_asset(*store().new_upload_path(), contract::sha256("x"));
   EXPECT_TRUE(absl::IsNotFound(status)) << status;
   EXPECT_FALSE(store().has_asset(contract::sha256("x")));
 }

@@ -19,49 +19,48 @@ TEST_F(StoreWorkersTest, RemembersWhoIsBanned) {
 }
 
 TEST_F(StoreWorkersTest, RemembersItsWorkers) {
-  ASSERT_TRUE(store().remember_worker("w2", "second").ok());
-  ASSERT_TRUE(store().remember_worker("w1", "first").ok());
-  ASSERT_TRUE(store().remember_worker("w1", "first again").ok());
-  ASSERT_TRUE(store().remember_worker("w3", "third").ok());
-  ASSERT_TRUE(store().forget_worker("w3").ok());
-  ASSERT_TRUE(store().forget_worker("nobody").ok());
+  ASSERT_TRUE(store().add_worker("w2", "second").ok());
+  ASSERT_TRUE(store().add_worker("w1", "first").ok());
+  ASSERT_TRUE(store().add_worker("w1", "first again").ok());
+  ASSERT_TRUE(store().add_worker("w3", "third").ok());
+  ASSERT_TRUE(store().remove_worker("w3").ok());
+  ASSERT_TRUE(store().remove_worker("nobody").ok());
   open();
   EXPECT_EQ(*store().roster(), (std::vector<std::string>{"w1", "w2"}));
 }
 
 TEST_F(StoreWorkersTest, ATokenIsJoinedWithSoOftenAndRemembersByWhom) {
-  EXPECT_TRUE(store().remember_join({"one", "token", "rack"}, 2).ok());
-  EXPECT_TRUE(store().remember_join({"two", "token", "rack"}, 2).ok());
+  EXPECT_TRUE(store().record_join({"one", "token", "rack"}, 2).ok());
+  EXPECT_TRUE(store().record_join({"two", "token", "rack"}, 2).ok());
   open();
-  EXPECT_TRUE(absl::IsPermissionDenied(store().remember_join({"three", "token", "rack"}, 2)));
-  EXPECT_TRUE(store().remember_join({"one", "token", "rack"}, 2).ok()) << "it has joined already";
-  EXPECT_TRUE(store().remember_join({"three", "other", "rack"}, 1).ok());
-  EXPECT_TRUE(store().remember_join({"four", "token", "rack"}, 0).ok()) << "no limit";
+  EXPECT_TRUE(absl::IsPermissionDenied(store().record_join({"three", "token", "rack"}, 2)));
+  EXPECT_TRUE(store().record_join({"one", "token", "rack"}, 2).ok()) << "it has joined already";
+  EXPECT_TRUE(store().record_join({"three", "other", "rack"}, 1).ok());
+  EXPECT_TRUE(store().record_join({"four", "token", "rack"}, 0).ok()) << "no limit";
 }
 
 TEST_F(StoreWorkersTest, AWorkersIdStaysWithItsCertificate) {
-  EXPECT_TRUE(store().remember_join({"one", "token", "rack"}, 0).ok());
+  EXPECT_TRUE(store().record_join({"one", "token", "rack"}, 0).ok());
   open();
-  EXPECT_TRUE(absl::IsPermissionDenied(store().remember_join({"one", "token", "thief"}, 0)));
-  EXPECT_TRUE(absl::IsPermissionDenied(store().remember_join({"one", "other", "thief"}, 0)));
+  EXPECT_TRUE(absl::IsPermissionDenied(store().record_join({"one", "token", "thief"}, 0)));
+  EXPECT_TRUE(absl::IsPermissionDenied(store().record_join({"one", "other", "thief"}, 0)));
 }
 
 TEST_F(StoreWorkersTest, ForgetsJoinsOfWorkersLongGoneWithTokensThatAreNoMore) {
   for (const char* worker : {"gone", "here", "late", "counted"}) {
     const std::string token = worker == std::string("counted") ? "valid" : "expired";
-    ASSERT_TRUE(store().remember_join({worker, token, "rack"}, 0).ok());
+    ASSERT_TRUE(store().record_join({worker, token, "rack"}, 0).ok());
   }
-  ASSERT_TRUE(store().remember_worker("here", "here").ok());
-  ASSERT_TRUE(store().remember_worker("late", "late").ok());
+  ASSERT_TRUE(store().add_worker("here", "here").ok());
+  ASSERT_TRUE(store().add_worker("late", "late").ok());
   now_us_ += 2 * kHourUs;
-  ASSERT_TRUE(store().forget_worker("late").ok());
-  ASSERT_TRUE(store().forget_joins({"valid"}, now_us_ - kHourUs).ok());
+  ASSERT_TRUE(store().remove_worker("late").ok());
+  ASSERT_TRUE(store().remove_stale_joins({"valid"}, now_us_ - kHourUs).ok());
   open();
   for (const char* worker : {"here", "late", "counted"}) {
-    EXPECT_TRUE(absl::IsPermissionDenied(store().remember_join({worker, "t", "thief"}, 0)))
-        << worker;
+    EXPECT_TRUE(absl::IsPermissionDenied(store().record_join({worker, "t", "thief"}, 0))) << worker;
   }
-  EXPECT_TRUE(store().remember_join({"gone", "t", "other"}, 0).ok());
+  EXPECT_TRUE(store().record_join({"gone", "t", "other"}, 0).ok());
 }
 
 }  // namespace
