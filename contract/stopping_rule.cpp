@@ -48,7 +48,7 @@ std::int64_t StoppingRule::expected_samples() const {
   return std::max(wanted_samples_, foreseen_samples_);
 }
 
-std::vector<StoppingRule::Demand> StoppingRule::take_changes() {
+std::vector<StoppingRule::PassTarget> StoppingRule::take_changes() {
   return std::exchange(changes_, {});
 }
 

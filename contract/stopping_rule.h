@@ -32,13 +32,13 @@ class StoppingRule {
   void add(std::int32_t tile_index, std::int32_t pass, const ErrorSums& sums);
 
   /// What is known now of how many passes a tile is to have.
-  struct Demand {
+  struct PassTarget {
     std::int32_t tile = 0;
     std::int32_t pass_count = 0;
     bool is_final = false;  // it has stopped
   };
   /// Demands that have changed since the last call.
-  std::vector<Demand> take_changes();
+  std::vector<PassTarget> take_changes();
   /// Passes the tile wants, as far as is known.
   std::int32_t pass_count(std::int32_t tile) const;
 
@@ -100,7 +100,7 @@ class StoppingRule {
   int looks_;
   std::vector<std::int32_t> unsettled_;  // by pass: tiles not settled at it
   std::vector<bool> looked_;             // by the pass looked at
-  std::vector<Demand> changes_;
+  std::vector<PassTarget> changes_;
   std::int64_t wanted_samples_ = 0, foreseen_samples_ = 0;
   std::int32_t capped_tiles_ = 0, concentrated_tiles_ = 0;
 };

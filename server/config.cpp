@@ -111,6 +111,7 @@ ParsedConfig parse_config(int argc, char** argv) {
   CLI::App app{"The coordinator of a Tessera farm: takes jobs, leases units, merges film blocks."};
   app.name("tessera-server");
   app.set_version_flag("--version", version_text());
+  app.set_help_all_flag("--help-all", "Print this help and that of all commands");
   app.set_config("--config", "", "Read options from a TOML file; the command line wins");
   add_options(app, config);
   add_identity_commands(app, parsed.command);

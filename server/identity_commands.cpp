@@ -114,19 +114,19 @@ void add_certificate_commands(CLI::App& app, Run& run) {
 }
 
 struct TokenFlags {
-  std::string store, id, out, valid = "24h";
-  std::int64_t most_joins = 0;
+  std::string store, id, out, ttl = "24h";
+  std::int64_t max_joins = 0;
 };
 
 absl::Status create_token(const TokenFlags& flags) {
-  absl::Duration valid;
-  if (!absl::ParseDuration(flags.ttl, &valid) || valid < absl::Seconds(1) ||
-      valid > absl::Hours(24 * kAuthorityDays)) {
+  absl::Duration ttl;
+  if (!absl::ParseDuration(flags.ttl, &ttl) || ttl < absl::Seconds(1) ||
+      ttl > absl::Hours(24 * kAuthorityDays)) {
     return absl::InvalidArgumentError(
         absl::StrCat("--ttl \"", flags.ttl, "\" is no span such as 90m, 24h or 720h"));
   }
   const auto token =
-      JoinTokens(flags.store).create(now_s() + absl::ToInt64Seconds(valid), flags.most_joins);
+      JoinTokens(flags.store).create(now_s() + absl::ToInt64Seconds(ttl), flags.max_joins);
   if (!token.ok()) return token.status();
   if (!flags.out.empty()) return write_file(flags.out, *token + "\n", 0600);
   std::printf("%s\n", token->c_str());
@@ -159,8 +159,8 @@ absl::Status list_tokens(const TokenFlags& flags) {
                 end <= absl::Now()
                     ? "expired"
                     : absl::FormatTime("%Y-%m-%dT%H:%M:%SZ", end, absl::UTCTimeZone()).c_str(),
-                token.most_joins == 0 ? absl::StrCat(count).c_str()
-                                      : absl::StrCat(count, " of ", token.most_joins).c_str());
+                token.max_joins == 0 ? absl::StrCat(count).c_str()
+                                     : absl::StrCat(count, " of ", token.max_joins).c_str());
   }
   return absl::OkStatus();
 }
@@ -180,7 +180,7 @@ void add_token_commands(CLI::App& app, Run& run) {
   create->add_option("--ttl", flags->ttl, "For how long workers may join with it")
       ->type_name("SPAN")
       ->capture_default_str();
-  create->add_option("--max-joins", flags->most_joins, "Most workers that may; 0: any number")
+  create->add_option("--max-joins", flags->max_joins, "Most workers that may; 0: any number")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{1'000'000}))
       ->capture_default_str();
   create->add_option("--out", flags->out, "Write it to a file of mode 0600 instead")

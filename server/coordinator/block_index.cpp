@@ -6,15 +6,15 @@ namespace tessera::server {
 
 void BlockIndex::add(const UnitRecord& record, double wall_seconds) {
   Frame& frame = frames_[record.unit.frame];
-  frame.places.resize(static_cast<std::size_t>(pass_count_));
+  frame.locations.resize(static_cast<std::size_t>(pass_count_));
   frame.progress.resize(static_cast<std::size_t>(pass_count_));
   const auto pass = static_cast<std::size_t>(record.unit.pass);
-  auto& places = frame.places[pass];
-  if (places.empty()) places.resize(static_cast<std::size_t>(tile_count_));
+  auto& locations = frame.locations[pass];
+  if (locations.empty()) locations.resize(static_cast<std::size_t>(tile_count_));
   const auto [worker, is_new] =
       worker_index_.try_emplace(record.worker_id, static_cast<std::int32_t>(workers_.size()));
   if (is_new) workers_.push_back(record.worker_id);
-  places[static_cast<std::size_t>(record.unit.tile)] = {
+  locations[static_cast<std::size_t>(record.unit.tile)] = {
       record.sha256,
       record.segment,
       record.offset,
@@ -31,29 +31,29 @@ void BlockIndex::remove(const contract::Unit& unit) {
   if (find(unit) == nullptr) return;
   Frame& frame = frames_.at(unit.frame);
   const auto pass = static_cast<std::size_t>(unit.pass);
-  frame.places[pass][static_cast<std::size_t>(unit.tile)].segment = -1;
+  frame.locations[pass][static_cast<std::size_t>(unit.tile)].segment = -1;
   --frame.progress[pass].committed;
 }
 
-const BlockIndex::Place* BlockIndex::find(const contract::Unit& unit) const {
+const BlockIndex::BlockLocation* BlockIndex::find(const contract::Unit& unit) const {
   const auto frame = frames_.find(unit.frame);
   if (frame == frames_.end()) return nullptr;
-  const auto& places = frame->second.places[static_cast<std::size_t>(unit.pass)];
-  if (places.empty()) return nullptr;
-  const Place& place = places[static_cast<std::size_t>(unit.tile)];
-  return place.segment < 0 ? nullptr : &place;
+  const auto& locations = frame->second.locations[static_cast<std::size_t>(unit.pass)];
+  if (locations.empty()) return nullptr;
+  const BlockLocation& location = locations[static_cast<std::size_t>(unit.tile)];
+  return location.segment < 0 ? nullptr : &location;
 }
 
 std::optional<UnitRecord> BlockIndex::record(const contract::Unit& unit) const {
-  const Place* place = find(unit);
-  if (place == nullptr) return std::nullopt;
+  const BlockLocation* location = find(unit);
+  if (location == nullptr) return std::nullopt;
   UnitRecord record;
   record.unit = unit;
-  record.sha256 = place->sha256;
-  record.segment = place->segment;
-  record.offset = place->offset;
-  record.size_bytes = place->size_bytes;
-  record.stored_bytes = place->stored_bytes;
+  record.sha256 = location->sha256;
+  record.segment = location->segment;
+  record.offset = location->offset;
+  record.size_bytes = location->size_bytes;
+  record.stored_bytes = location->stored_bytes;
   return record;
 }
 
@@ -67,9 +67,9 @@ std::vector<contract::Unit> BlockIndex::units(std::int32_t frame) const {
   const auto found = frames_.find(frame);
   if (found == frames_.end()) return units;
   for (std::int32_t pass = 0; pass < pass_count_; ++pass) {
-    const auto& places = found->second.places[static_cast<std::size_t>(pass)];
-    for (std::size_t tile = 0; tile < places.size(); ++tile) {
-      if (places[tile].segment < 0) continue;
+    const auto& locations = found->second.locations[static_cast<std::size_t>(pass)];
+    for (std::size_t tile = 0; tile < locations.size(); ++tile) {
+      if (locations[tile].segment < 0) continue;
       units.push_back({frame, static_cast<std::int32_t>(tile), pass});
     }
   }

@@ -15,7 +15,7 @@ namespace tessera::server {
 /// back and to tell whether a repeated block is the same. 64 bytes a unit, freed with its frame.
 class BlockIndex {
  public:
-  struct Place {
+  struct BlockLocation {
     contract::Digest sha256;
     std::int64_t segment = -1, offset = 0;  // segment -1: not committed
     std::int32_t size_bytes = 0, stored_bytes = 0;
@@ -36,14 +36,14 @@ class BlockIndex {
   /// Forgets a unit that was dropped from the store. Harmless if it is not here.
   void remove(const contract::Unit& unit);
   /// nullptr if the unit is not here.
-  const Place* find(const contract::Unit& unit) const;
+  const BlockLocation* find(const contract::Unit& unit) const;
   /// What Store::read_block needs of a committed unit; nullopt if it is not here.
   std::optional<UnitRecord> record(const contract::Unit& unit) const;
   /// By pass; empty if nothing of the frame is committed.
   std::vector<PassProgress> progress(std::int32_t frame) const;
   /// Who delivered a unit that is here.
-  const std::string& worker(const Place& place) const {
-    return workers_[static_cast<std::size_t>(place.worker)];
+  const std::string& worker(const BlockLocation& location) const {
+    return workers_[static_cast<std::size_t>(location.worker)];
   }
   /// Every committed unit of the frame, by pass, then tile.
   std::vector<contract::Unit> units(std::int32_t frame) const;
@@ -52,7 +52,8 @@ class BlockIndex {
 
  private:
   struct Frame {
-    std::vector<std::vector<Place>> places;  // [pass][tile]; a pass is empty until its first
+    std::vector<std::vector<BlockLocation>>
+        locations;  // [pass][tile]; a pass is empty until its first
     std::vector<PassProgress> progress;
   };
 

@@ -33,13 +33,13 @@ absl::Status over(const char* what, double sum, double limit) {
 
 JobSize size_of(const JobSpec& spec) {
   constexpr std::int64_t kImageBytesPerPixel = 96;  // every layer, 24 floats, uncompressed
-  constexpr std::int64_t kMost = std::int64_t{1} << 62;
+  constexpr std::int64_t kMaxDeliveries = std::int64_t{1} << 62;
   const contract::PixelRect window = spec.settings.window();
   const std::int64_t pixels = std::int64_t{window.width} * window.height;
   const auto frames = static_cast<std::int64_t>(contract::frame_count(spec.settings.frames));
   const std::int64_t frame = frame_store_bytes(spec.settings) + kImageBytesPerPixel * pixels;
   const double product = static_cast<double>(frame) * static_cast<double>(frames);
-  return {product > 4e18 ? kMost : frame * frames,
+  return {product > 4e18 ? kMaxDeliveries : frame * frames,
           static_cast<double>(pixels) * static_cast<double>(frames) * spec.settings.spp};
 }
 

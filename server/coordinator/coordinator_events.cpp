@@ -73,26 +73,27 @@ void Coordinator::take_log_lines(Session session, const std::vector<LogLine>& li
     const Job* job = scheduler_.find_job(line.job_id);
     if (job == nullptr) continue;
     // Of a job that has ended, too: the last lines come late.
-    const bool is_its = job->touched.count(worker->key) + job->contributions.count(worker->id) > 0;
+    const bool is_its =
+        job->ever_leased_to.count(worker->key) + job->contributions.count(worker->id) > 0;
     if (!is_its) continue;
     note(EventKind::log_line, *job, worker->id, line.text);
   }
 }
 
 absl::Status Coordinator::drain_worker(const std::string& worker_id) {
-  DeferredCalls afterwards;
+  DeferredCalls deferred;
   MutexLock lock(mutex_);
   if (!scheduler_.drain(worker_id)) return no_such_worker(worker_id);
   note(EventKind::worker_drained, worker_id, "");
-  afterwards.add([this, worker_id] {
+  deferred.add([this, worker_id] {
     log(LogLevel::info, absl::StrCat("worker ", worker_id, " is asked to go"));
   });
-  settle(afterwards);
+  settle(deferred);
   return absl::OkStatus();
 }
 
 void Coordinator::ban_worker(const std::string& worker_id, std::function<void(absl::Status)> done) {
-  write_later([this, worker_id, done = std::move(done)] {
+  post_to_writer([this, worker_id, done = std::move(done)] {
     absl::Status status;
     {
       MutexLock lock(mutex_);
@@ -101,15 +102,15 @@ void Coordinator::ban_worker(const std::string& worker_id, std::function<void(ab
     if (status.ok()) status = store_.ban_worker(worker_id);
     if (!status.ok()) return done(status);
     {
-      DeferredCalls afterwards;
+      DeferredCalls deferred;
       MutexLock lock(mutex_);
       scheduler_.ban(worker_id);
       scheduler_.offer_work(options_.clock());
       note(EventKind::worker_banned, worker_id, "");
-      afterwards.add([this, worker_id] {
+      deferred.add([this, worker_id] {
         log(LogLevel::warn, absl::StrCat("worker ", worker_id, " is banned"));
       });
-      settle(afterwards);
+      settle(deferred);
     }
     done(absl::OkStatus());
   });
@@ -117,18 +118,18 @@ void Coordinator::ban_worker(const std::string& worker_id, std::function<void(ab
 
 void Coordinator::allow_worker(const std::string& worker_id,
                                std::function<void(absl::Status)> done) {
-  write_later([this, worker_id, done = std::move(done)] {
+  post_to_writer([this, worker_id, done = std::move(done)] {
     absl::Status status = store_.allow_worker(worker_id);
     if (!status.ok()) return done(status);
     {
-      DeferredCalls afterwards;
+      DeferredCalls deferred;
       MutexLock lock(mutex_);
       if (!scheduler_.allow(worker_id, options_.clock())) {
         status = no_such_worker(worker_id);
       } else {
         note(EventKind::worker_allowed, worker_id, "");
       }
-      settle(afterwards);
+      settle(deferred);
     }
     done(status);
   });

@@ -104,7 +104,7 @@ FilmCache::Entry& FilmCache::fetch_entry(const FrameKey& key, Frame& frame, std:
 }
 
 /// Passes that go into a tile, as far as is known.
-std::int32_t FilmCache::wanted_passes(const Frame& frame, std::int32_t tile) {
+std::int32_t FilmCache::pass_target(const Frame& frame, std::int32_t tile) {
   return frame.rule ? frame.rule->pass_count(tile) : pass_count(frame);
 }
 
@@ -116,7 +116,7 @@ absl::Status FilmCache::advance(Frame& frame, Entry& entry, const contract::Film
   const std::int64_t bytes_before = entry.sum.bytes();
   absl::Status status;
   while (status.ok() && entry.sum.pass_count() < end &&
-         entry.sum.pass_count() < wanted_passes(frame, entry.key.second) &&
+         entry.sum.pass_count() < pass_target(frame, entry.key.second) &&
          tile.committed[at(entry.sum.pass_count())]) {
     const std::int32_t pass = entry.sum.pass_count();
     if (block != nullptr && pass == end - 1) {
@@ -172,7 +172,7 @@ void FilmCache::measure_cached(const FrameKey& key, Frame& frame) {
     const TileSum& sum = it->second->sum;
     if (sum.pass_count() > 0) measure(frame, it->first.second, sum);
   }
-  frame.is_behind = true;  // tiles may have been evicted unmeasured
+  frame.has_unread_blocks = true;  // tiles may have been evicted unmeasured
 }
 
 void FilmCache::drop_entry(Entries::iterator entry) {
@@ -207,17 +207,17 @@ absl::Status FilmCache::add(const FrameKey& key, std::int32_t tile, std::int32_t
   Entry& entry = fetch_entry(key, frame, tile);
   absl::Status status = advance(frame, entry, &block, pass + 1);
   if (status.ok()) status = advance(frame, entry, nullptr, pass_count(frame));
-  if (entry.sum.pass_count() <= pass) frame.is_behind = true;
+  if (entry.sum.pass_count() <= pass) frame.has_unread_blocks = true;
   evict(&entry);
   return status;
 }
 
-absl::Status FilmCache::note_committed(const FrameKey& key, std::int32_t tile, std::int32_t pass) {
+absl::Status FilmCache::record_committed(const FrameKey& key, std::int32_t tile, std::int32_t pass) {
   const std::lock_guard lock(mutex_);
   const absl::StatusOr<Frame*> found = find(key, tile, pass);
   if (!found.ok()) return found.status();
   (*found)->tiles[at(tile)].committed[at(pass)] = true;
-  (*found)->is_behind = true;
+  (*found)->has_unread_blocks = true;
   return absl::OkStatus();
 }
 
@@ -250,7 +250,7 @@ absl::Status FilmCache::read_luminance(const FrameKey& key, Frame& frame) {
 absl::Status FilmCache::catch_up(const FrameKey& key, Frame& frame) {
   bool has_read = true;
   while (has_read) {  // a decision may let a tile go on whose blocks are there already
-    has_read = frame.is_behind = false;
+    has_read = frame.has_unread_blocks = false;
     for (std::int32_t tile = 0; tile < frame.grid.tile_count(); ++tile) {
       const Tile& state = frame.tiles[at(tile)];
       const auto next = at(frame.rule->pass_count(tile));
@@ -264,26 +264,27 @@ absl::Status FilmCache::catch_up(const FrameKey& key, Frame& frame) {
         if (!status.ok()) return status;
         has_read = true;
       } else if (next < state.committed.size() && state.committed[next]) {
-        frame.is_behind = true;  // its decision is still to come
+        frame.has_unread_blocks = true;  // its decision is still to come
       }
     }
   }
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::vector<contract::StoppingRule::Demand>> FilmCache::take_pass_targets(
+absl::StatusOr<std::vector<contract::StoppingRule::PassTarget>> FilmCache::take_pass_targets(
     const FrameKey& key) {
   const std::lock_guard lock(mutex_);
   const absl::StatusOr<Frame*> found = find(key, 0, 0);
   if (!found.ok()) return found.status();
   Frame& frame = **found;
-  if (!frame.rule) return std::vector<contract::StoppingRule::Demand>();
+  if (!frame.rule) return std::vector<contract::StoppingRule::PassTarget>();
   if (!frame.mean_luminance) {
     const absl::Status status = read_luminance(key, frame);
-    if (absl::IsFailedPrecondition(status)) return std::vector<contract::StoppingRule::Demand>();
+    if (absl::IsFailedPrecondition(status))
+      return std::vector<contract::StoppingRule::PassTarget>();
     if (!status.ok()) return status;
   }
-  if (frame.is_behind) {
+  if (frame.has_unread_blocks) {
     if (absl::Status status = catch_up(key, frame); !status.ok()) return status;
   }
   return frame.rule->take_changes();
@@ -298,7 +299,7 @@ bool FilmCache::is_measured(const Frame& frame, const FrameKey& key, std::int32_
                      [](const auto& error) { return error.has_value(); });
 }
 
-absl::StatusOr<TileSum> FilmCache::rebuilt(const FrameKey& key, std::int32_t tile, bool keep) {
+absl::StatusOr<TileSum> FilmCache::rebuild(const FrameKey& key, std::int32_t tile, bool keep) {
   const std::lock_guard lock(mutex_);
   const absl::StatusOr<Frame*> found = find(key, tile, 0);
   if (!found.ok()) return found.status();
@@ -321,28 +322,28 @@ absl::StatusOr<TileSum> FilmCache::rebuilt(const FrameKey& key, std::int32_t til
 }
 
 absl::StatusOr<TileSum> FilmCache::tile(const FrameKey& key, std::int32_t tile) {
-  return rebuilt(key, tile, true);
+  return rebuild(key, tile, true);
 }
 
 absl::StatusOr<TileSum> FilmCache::take_tile(const FrameKey& key, std::int32_t tile) {
-  return rebuilt(key, tile, false);
+  return rebuild(key, tile, false);
 }
 
 ErrorEstimate FilmCache::running_estimate(const FrameKey& key) const {
   const std::lock_guard lock(mutex_);
   const auto found = frames_.find(key);
   if (found == frames_.end()) return {};
-  return figures(found->second, pass_count(found->second) - 1).estimate;
+  return stats_after(found->second, pass_count(found->second) - 1).estimate;
 }
 
 FilmCache::PassStats FilmCache::after_pass(const FrameKey& key, std::int32_t pass) const {
   const std::lock_guard lock(mutex_);
   const auto found = frames_.find(key);
   if (found == frames_.end() || pass < 0 || pass >= pass_count(found->second)) return {};
-  return figures(found->second, pass);
+  return stats_after(found->second, pass);
 }
 
-FilmCache::PassStats FilmCache::figures(const Frame& frame, std::int32_t pass) {
+FilmCache::PassStats FilmCache::stats_after(const Frame& frame, std::int32_t pass) {
   ErrorSums sums;
   PassStats figures;
   bool is_truth_known = frame.reference != nullptr;
@@ -373,7 +374,7 @@ StoppingStats FilmCache::stopping(const FrameKey& key) const {
   return {rule.looks(), rule.capped_tile_count(), rule.concentrated_tile_count()};
 }
 
-std::int32_t FilmCache::most_samples(const FrameKey& key) const {
+std::int32_t FilmCache::max_samples(const FrameKey& key) const {
   const std::lock_guard lock(mutex_);
   const auto found = frames_.find(key);
   if (found == frames_.end()) return 0;
@@ -381,7 +382,7 @@ std::int32_t FilmCache::most_samples(const FrameKey& key) const {
   std::int32_t most = 0;
   for (std::size_t tile = 0; tile < frame.tiles.size(); ++tile) {
     const std::vector<bool>& committed = frame.tiles[tile].committed;
-    const std::int32_t wanted = wanted_passes(frame, static_cast<std::int32_t>(tile));
+    const std::int32_t wanted = pass_target(frame, static_cast<std::int32_t>(tile));
     for (std::int32_t pass = 0; pass < wanted && committed[at(pass)]; ++pass) {
       most = std::max(most, frame.passes[at(pass)].end());
     }

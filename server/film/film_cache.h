@@ -63,7 +63,7 @@ class FilmCache {
   absl::Status add(const FrameKey& key, std::int32_t tile, std::int32_t pass,
                    const contract::FilmBlock& block);
   /// The same after a restart, for a unit of the journal, without reading anything yet.
-  absl::Status note_committed(const FrameKey& key, std::int32_t tile, std::int32_t pass);
+  absl::Status record_committed(const FrameKey& key, std::int32_t tile, std::int32_t pass);
 
   /// m: mean luminance of the frame after pass 0 of every tile, folded in tile order. Reads
   /// blocks of pass 0 that this process has not seen.
@@ -74,12 +74,12 @@ class FilmCache {
   /// In a job asked for by its error: how many passes tiles are to have, as decided since the last
   /// call; empty for others. Reads what has to be read for it. Errors: as mean_luminance's, but
   /// not that pass 0 is incomplete.
-  absl::StatusOr<std::vector<contract::StoppingRule::Demand>> take_pass_targets(
+  absl::StatusOr<std::vector<contract::StoppingRule::PassTarget>> take_pass_targets(
       const FrameKey& key);
   /// How the frame's tiles stopped; looks is 1 and the rest 0 with a fixed sample count.
   StoppingStats stopping(const FrameKey& key) const;
   /// Samples of the pixels that have most; 0 before the first block, and if it is not open.
-  std::int32_t most_samples(const FrameKey& key) const;
+  std::int32_t max_samples(const FrameKey& key) const;
   /// Samples of the frame, done and foreseen; nullopt if it is not open or the count is fixed.
   std::optional<std::int64_t> expected_samples(const FrameKey& key) const;
 
@@ -122,7 +122,7 @@ class FilmCache {
     std::int32_t tiles_without_luminance;
     std::optional<double> mean_luminance;
     std::optional<contract::StoppingRule> rule;  // of a job asked for by its error
-    bool is_behind = false;  // blocks may be committed that the rule has not heard of
+    bool has_unread_blocks = false;  // blocks may be committed that the rule has not heard of
   };
   using TileKey = std::pair<FrameKey, std::int32_t>;
   struct Entry {
@@ -138,12 +138,12 @@ class FilmCache {
   bool is_measured(const Frame& frame, const FrameKey& key, std::int32_t tile) const;
   absl::Status read_luminance(const FrameKey& key, Frame& frame);
   absl::Status catch_up(const FrameKey& key, Frame& frame);
-  static PassStats figures(const Frame& frame, std::int32_t pass);
-  static std::int32_t wanted_passes(const Frame& frame, std::int32_t tile);
+  static PassStats stats_after(const Frame& frame, std::int32_t pass);
+  static std::int32_t pass_target(const Frame& frame, std::int32_t tile);
   static void measure(Frame& frame, std::int32_t tile, const TileSum& sum);
   void note_pass(Frame& frame, const Entry& entry);
   void measure_cached(const FrameKey& key, Frame& frame);
-  absl::StatusOr<TileSum> rebuilt(const FrameKey& key, std::int32_t tile, bool keep);
+  absl::StatusOr<TileSum> rebuild(const FrameKey& key, std::int32_t tile, bool keep);
   void drop_entry(Entries::iterator entry);
   void evict(const Entry* keep);
 

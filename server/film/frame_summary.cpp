@@ -12,30 +12,30 @@ bool FrameSummary::fits(const contract::RenderSettings& settings) const {
   return spp == contract::rounded_spp(settings.spp) && error == settings.error;
 }
 
-std::string write_frame_note(const FrameSummary& note) {
-  json document = {{"spp", note.spp},          {"samples", note.samples},
-                   {"units", note.unit_count}, {"warnings", note.warnings},
-                   {"reasons", note.reasons},  {"entry", json::parse(note.entry_json)}};
-  if (note.error) document["error"] = *note.error;
-  if (note.certainty) document["certainty"] = certainty_name(*note.certainty);
+std::string write_frame_summary(const FrameSummary& summary) {
+  json document = {{"spp", summary.spp},          {"samples", summary.samples},
+                   {"units", summary.unit_count}, {"warnings", summary.warnings},
+                   {"reasons", summary.reasons},  {"entry", json::parse(summary.entry_json)}};
+  if (summary.error) document["error"] = *summary.error;
+  if (summary.certainty) document["certainty"] = certainty_name(*summary.certainty);
   return document.dump();
 }
 
-FrameSummary read_frame_note(const std::string& text) {
-  FrameSummary note;
+FrameSummary read_frame_summary(const std::string& text) {
+  FrameSummary summary;
   const json document = json::parse(text, nullptr, false);
-  if (!document.is_object()) return note;
-  note.spp = document.value("spp", 0);
-  note.samples = document.value("samples", std::int64_t{0});
-  note.unit_count = document.value("units", std::int64_t{0});
-  note.warnings = document.value("warnings", note.warnings);
-  note.reasons = document.value("reasons", note.reasons);
-  note.entry_json = document.value("entry", json::object()).dump();
-  if (document.contains("error")) note.error = document["error"].get<double>();
+  if (!document.is_object()) return summary;
+  summary.spp = document.value("spp", 0);
+  summary.samples = document.value("samples", std::int64_t{0});
+  summary.unit_count = document.value("units", std::int64_t{0});
+  summary.warnings = document.value("warnings", summary.warnings);
+  summary.reasons = document.value("reasons", summary.reasons);
+  summary.entry_json = document.value("entry", json::object()).dump();
+  if (document.contains("error")) summary.error = document["error"].get<double>();
   if (document.contains("certainty")) {
-    note.certainty = parse_certainty(document["certainty"].get<std::string>());
+    summary.certainty = parse_certainty(document["certainty"].get<std::string>());
   }
-  return note;
+  return summary;
 }
 
 }  // namespace tessera::server

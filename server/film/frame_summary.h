@@ -24,8 +24,8 @@ struct FrameSummary {
   bool fits(const contract::RenderSettings& settings) const;
 };
 
-std::string write_frame_note(const FrameSummary& note);
+std::string write_frame_summary(const FrameSummary& summary);
 /// A note of nothing if `text` is none.
-FrameSummary read_frame_note(const std::string& text);
+FrameSummary read_frame_summary(const std::string& text);
 
 }  // namespace tessera::server

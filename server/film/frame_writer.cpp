@@ -225,7 +225,7 @@ ExrHeader header_of(const FrameSpec& spec, const PixelRect& window) {
   if (!settings.camera.empty()) header.texts.emplace_back("tessera:camera", settings.camera);
   header.numbers = {{"tessera:contract", contract::kRenderContract},
                     {"tessera:frame", spec.frame},
-                    {"tessera:samples", spec.most_samples}};
+                    {"tessera:samples", spec.max_samples}};
   return header;
 }
 

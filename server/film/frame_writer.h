@@ -24,7 +24,7 @@ struct FrameSpec {
   /// Looks among which the bound's confidence is divided; 1 for a fixed sample count.
   int looks = 1;
   /// Samples of the pixels that have most; attribute only.
-  std::int32_t most_samples = 0;
+  std::int32_t max_samples = 0;
   /// Write tiles without any pass as transparent black and list them, instead of failing.
   bool allow_missing = false;
 };

@@ -32,7 +32,7 @@ absl::Status no_such_token() {
 }  // namespace
 
 absl::StatusOr<std::string> JoinTokens::create(std::int64_t expires_s,
-                                               std::int64_t most_joins) const {
+                                               std::int64_t max_joins) const {
   contract::Digest secret, name;
   if (RAND_bytes(secret.bytes.data(), static_cast<int>(secret.bytes.size())) != 1 ||
       RAND_bytes(name.bytes.data(), static_cast<int>(name.bytes.size())) != 1) {
@@ -41,7 +41,7 @@ absl::StatusOr<std::string> JoinTokens::create(std::int64_t expires_s,
   if (absl::Status status = make_private_folder(folder_); !status.ok()) return status;
   const std::string id = name.hex().substr(0, kIdDigits);
   const std::string text = absl::StrCat("sha256 ", contract::sha256(secret.hex()).hex(),
-                                        "\nexpires ", expires_s, "\njoins ", most_joins, "\n");
+                                        "\nexpires ", expires_s, "\njoins ", max_joins, "\n");
   absl::Status status = write_file(absl::StrCat(folder_, "/", id), text, kPrivate);
   if (!status.ok()) return status;
   return absl::StrCat(id, ".", secret.hex());
@@ -64,7 +64,7 @@ absl::StatusOr<JoinToken> JoinTokens::read(const std::string& id) const {
     } else if (words[0] == "expires") {
       fields += absl::SimpleAtoi(words[1], &token.expires_s);
     } else if (words[0] == "joins") {
-      fields += absl::SimpleAtoi(words[1], &token.most_joins);
+      fields += absl::SimpleAtoi(words[1], &token.max_joins);
     }
   }
   if (fields != 3) return absl::DataLossError(absl::StrCat(folder_, "/", id, " holds no token"));

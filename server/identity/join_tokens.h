@@ -14,8 +14,8 @@ namespace tessera::server {
 struct JoinToken {
   std::string id;
   contract::Digest secret_sha256;
-  std::int64_t expires_s = 0;   // since 1970
-  std::int64_t most_joins = 0;  // 0: no limit
+  std::int64_t expires_s = 0;  // since 1970
+  std::int64_t max_joins = 0;  // 0: no limit
 };
 
 /// The join tokens of a store: STORE/tokens/ID, a file each, mode 0600. Made and removed by
@@ -26,7 +26,7 @@ class JoinTokens {
   explicit JoinTokens(const std::string& store_folder) : folder_(store_folder + "/tokens") {}
 
   /// Makes a token; its text. Errors: NotFound, there is no store; others of errno.
-  absl::StatusOr<std::string> create(std::int64_t expires_s, std::int64_t most_joins) const;
+  absl::StatusOr<std::string> create(std::int64_t expires_s, std::int64_t max_joins) const;
   /// All that are not revoked, by id; expired ones too.
   absl::StatusOr<std::vector<JoinToken>> list() const;
   /// Errors: NotFound.

@@ -18,14 +18,14 @@ constexpr std::chrono::seconds kLookEvery{1};
 bool Revocations::contains(const std::string& serial) {
   const std::lock_guard lock(mutex_);
   const auto now = std::chrono::steady_clock::now();
-  if (looked_ == decltype(looked_){} || now - looked_ >= kLookEvery) {
-    looked_ = now;
-    look();
+  if (last_check_ == decltype(last_check_){} || now - last_check_ >= kLookEvery) {
+    last_check_ = now;
+    reload_if_changed();
   }
   return serials_.count(serial) != 0;
 }
 
-void Revocations::look() {
+void Revocations::reload_if_changed() {
   struct stat info {};
   if (::stat(path_.c_str(), &info) != 0) return;
   const Version version{info.st_ino, info.st_size, info.st_mtim.tv_sec, info.st_mtim.tv_nsec};

@@ -20,11 +20,11 @@ class Revocations {
   bool contains(const std::string& serial);
 
  private:
-  void look();
+  void reload_if_changed();
 
   const std::string path_;
   std::mutex mutex_;  // guards what follows
-  std::chrono::steady_clock::time_point looked_{};
+  std::chrono::steady_clock::time_point last_check_{};
   struct Version {
     ino_t file = 0;
     off_t size = 0;

@@ -95,14 +95,14 @@ std::string report_json(const JobReport& report) {
   json frames = json::array(), warnings = json::array(), reasons = json::array();
   for (const std::string& warning : view.spec->scene_warnings) warnings.push_back(warning);
   for (const FrameRecord& frame : report.frames) {
-    const FrameSummary note = read_frame_note(frame.statistics_json);
-    json entry = json::parse(note.entry_json, nullptr, false);
+    const FrameSummary summary = read_frame_summary(frame.statistics_json);
+    json entry = json::parse(summary.entry_json, nullptr, false);
     if (!entry.is_object()) continue;
     entry["file_sha256"] = frame.file_sha256.hex();
     frames.push_back(std::move(entry));
     const std::string prefix = "frame " + std::to_string(frame.frame) + ": ";
-    for (const std::string& warning : note.warnings) warnings.push_back(prefix + warning);
-    for (const std::string& reason : note.reasons) reasons.push_back(prefix + reason);
+    for (const std::string& warning : summary.warnings) warnings.push_back(prefix + warning);
+    for (const std::string& reason : summary.reasons) reasons.push_back(prefix + reason);
   }
   for (const std::string& doubt : report.warnings) warnings.push_back(doubt);
   const contract::RenderSettings& settings = view.spec->settings;

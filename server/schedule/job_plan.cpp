@@ -8,17 +8,17 @@ namespace tessera::server {
 using contract::Unit;
 
 JobPlan::JobPlan(std::vector<std::int32_t> frames, std::int32_t tile_count,
-                 std::vector<contract::Pass> passes, bool on_demand)
+                 std::vector<contract::Pass> passes, bool is_adaptive)
     : frames_(std::move(frames)),
       tile_count_(tile_count),
       passes_(std::move(passes)),
-      on_demand_(on_demand),
+      is_adaptive_(is_adaptive),
       unit_count_(static_cast<std::int64_t>(frames_.size()) * tile_count_ * first_passes()),
       finished_(frames_.size(), false) {}
 
 std::int32_t JobPlan::first_passes() const {
   const auto all = static_cast<std::int32_t>(passes_.size());
-  return on_demand_ ? std::min(contract::kUnconditionalPasses, all) : all;
+  return is_adaptive_ ? std::min(contract::kUnconditionalPasses, all) : all;
 }
 
 InFlight* JobPlan::find_in_flight(const Unit& unit) {
@@ -54,7 +54,7 @@ bool JobPlan::is_complete(std::int32_t frame) const {
   const auto found = open_.find(frame);
   if (found == open_.end()) return is_finished(frame);
   const FrameBits& bits = found->second;
-  if (on_demand_) return bits.final_count == tile_count_ && bits.count == bits.wanted_count;
+  if (is_adaptive_) return bits.final_count == tile_count_ && bits.count == bits.wanted_count;
   return bits.count == std::int64_t{tile_count_} * first_passes();
 }
 
@@ -122,7 +122,7 @@ std::optional<Run> JobPlan::next_run(std::int32_t most,
 JobPlan::FrameBits& JobPlan::open_frame(std::int32_t frame) {
   FrameBits& bits = open_[frame];
   bits.committed.resize(passes_.size());
-  if (on_demand_ && bits.wanted.empty()) {
+  if (is_adaptive_ && bits.wanted.empty()) {
     bits.wanted.resize(static_cast<std::size_t>(tile_count_), first_passes());
     bits.is_final.resize(static_cast<std::size_t>(tile_count_), false);
     bits.wanted_count = std::int64_t{tile_count_} * first_passes();
@@ -130,7 +130,8 @@ JobPlan::FrameBits& JobPlan::open_frame(std::int32_t frame) {
   return bits;
 }
 
-void JobPlan::want(std::int32_t frame, std::int32_t tile, std::int32_t pass_count, bool is_final) {
+void JobPlan::set_pass_target(std::int32_t frame, std::int32_t tile, std::int32_t pass_count,
+                              bool is_final) {
   FrameBits& bits = open_frame(frame);
   std::int32_t& wanted = bits.wanted[static_cast<std::size_t>(tile)];
   for (; wanted < pass_count; ++wanted) {
@@ -146,12 +147,12 @@ void JobPlan::want(std::int32_t frame, std::int32_t tile, std::int32_t pass_coun
 }
 
 /// A unit under our seal was wanted, even if the film has not said so since a restart.
-void JobPlan::ensure_wanted(const Unit& unit) {
-  if (unit.pass >= first_passes()) want(unit.frame, unit.tile, unit.pass + 1, false);
+void JobPlan::include_in_targets(const Unit& unit) {
+  if (unit.pass >= first_passes()) set_pass_target(unit.frame, unit.tile, unit.pass + 1, false);
 }
 
 void JobPlan::hold(const Unit& unit, const Holder& holder) {
-  ensure_wanted(unit);
+  include_in_targets(unit);
   returned_.erase(position(unit));
   in_flight_[unit].holders.push_back(holder);
 }
@@ -173,7 +174,7 @@ std::optional<Holder> JobPlan::release(const Unit& unit, WorkerKey worker) {
 }
 
 std::vector<Holder> JobPlan::commit(const Unit& unit) {
-  ensure_wanted(unit);
+  include_in_targets(unit);
   FrameBits& frame = open_frame(unit.frame);
   auto& bits = frame.committed[static_cast<std::size_t>(unit.pass)];
   if (bits.empty()) bits.resize(static_cast<std::size_t>(tile_count_), false);
@@ -198,10 +199,10 @@ void JobPlan::redo(const Unit& unit) {
   returned_.insert(position(unit));
 }
 
-std::vector<std::pair<Unit, Holder>> JobPlan::forget_demands(std::int32_t frame) {
+std::vector<std::pair<Unit, Holder>> JobPlan::reset_pass_targets(std::int32_t frame) {
   std::vector<std::pair<Unit, Holder>> gone;
   const auto found = open_.find(frame);
-  if (!on_demand_ || found == open_.end()) return gone;
+  if (!is_adaptive_ || found == open_.end()) return gone;
   FrameBits& bits = found->second;
   const auto is_gone = [&](std::int32_t of_frame, std::int32_t pass) {
     return of_frame == frame && pass >= first_passes();
@@ -238,7 +239,7 @@ void JobPlan::finish(std::int32_t frame, std::optional<std::int64_t> unit_count)
   std::int64_t counted = 0, wanted = first;
   if (const auto found = open_.find(frame); found != open_.end()) {
     counted = found->second.count;
-    if (on_demand_ && found->second.wanted_count > 0) wanted = found->second.wanted_count;
+    if (is_adaptive_ && found->second.wanted_count > 0) wanted = found->second.wanted_count;
     open_.erase(found);
   }
   finished_[index] = true;
@@ -249,7 +250,7 @@ void JobPlan::finish(std::int32_t frame, std::optional<std::int64_t> unit_count)
 }
 
 /// Units that are committed or held were wanted.
-void JobPlan::want_what_is_known() {
+void JobPlan::plan_known_passes() {
   std::vector<Unit> units;
   for (const auto& [unit, in_flight] : in_flight_) units.push_back(unit);
   for (const auto& [number, frame] : open_) {
@@ -260,15 +261,15 @@ void JobPlan::want_what_is_known() {
       }
     }
   }
-  for (const Unit& unit : units) ensure_wanted(unit);
+  for (const Unit& unit : units) include_in_targets(unit);
 }
 
 std::vector<std::pair<Unit, Holder>> JobPlan::extend(std::vector<contract::Pass> passes,
-                                                     bool on_demand) {
+                                                     bool is_adaptive) {
   std::size_t same = 0;
   while (same < passes_.size() && same < passes.size() && passes_[same] == passes[same]) ++same;
   passes_ = std::move(passes);
-  on_demand_ = on_demand;
+  is_adaptive_ = is_adaptive;
   unit_count_ = static_cast<std::int64_t>(frames_.size()) * tile_count_ * first_passes();
   std::vector<std::pair<Unit, Holder>> gone;
   const auto is_gone = [&](std::int32_t pass) { return static_cast<std::size_t>(pass) >= same; };
@@ -296,7 +297,7 @@ std::vector<std::pair<Unit, Holder>> JobPlan::extend(std::vector<contract::Pass>
   finished_.assign(frames_.size(), false);
   finished_count_ = 0;
   returned_.clear();
-  if (on_demand_) want_what_is_known();
+  if (is_adaptive_) plan_known_passes();
   cursor_frame_ = 0;
   cursor_pass_ = cursor_tile_ = 0;
   return gone;

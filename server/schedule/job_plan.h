@@ -50,14 +50,14 @@ class JobPlan {
  public:
   /// Requires sorted frames without repeats, tile_count >= 1, at least one pass.
   JobPlan(std::vector<std::int32_t> frames, std::int32_t tile_count,
-          std::vector<contract::Pass> passes, bool on_demand = false);
+          std::vector<contract::Pass> passes, bool is_adaptive = false);
 
   /// Passes that every tile wants from the start.
   std::int32_t first_passes() const;
   /// Units wanted so far.
   std::int64_t unit_count() const { return unit_count_; }
   std::int64_t committed_count() const { return committed_count_; }
-  bool is_on_demand() const { return on_demand_; }
+  bool is_adaptive() const { return is_adaptive_; }
   std::int64_t in_flight_count() const { return static_cast<std::int64_t>(in_flight_.size()); }
   /// Units neither committed nor held by anybody.
   std::int64_t waiting_count() const { return unit_count() - committed_count_ - in_flight_count(); }
@@ -78,7 +78,8 @@ class JobPlan {
   bool is_complete(std::int32_t frame) const;
   /// On demand: the tile wants `pass_count` passes, and if `is_final`, never more. Harmless to
   /// repeat. Requires a tile of a frame not finished.
-  void want(std::int32_t frame, std::int32_t tile, std::int32_t pass_count, bool is_final);
+  void set_pass_target(std::int32_t frame, std::int32_t tile, std::int32_t pass_count,
+                       bool is_final);
 
   /// The next run of waiting units of which `may_take` accepts each, at most `most` units long.
   /// Takes nothing: call hold() for each. nullopt when there is none.
@@ -97,7 +98,7 @@ class JobPlan {
   void redo(const contract::Unit& unit);
   /// On demand: takes back what was wanted of a frame beyond the first passes, whose blocks the
   /// caller drops: it was decided on false results. Returns the holds of units that are gone.
-  std::vector<std::pair<contract::Unit, Holder>> forget_demands(std::int32_t frame);
+  std::vector<std::pair<contract::Unit, Holder>> reset_pass_targets(std::int32_t frame);
   /// The frame's output is durable; its units need no state any more. `unit_count`: how many it
   /// had, where this plan has not seen them.
   void finish(std::int32_t frame, std::optional<std::int64_t> unit_count = std::nullopt);
@@ -106,7 +107,7 @@ class JobPlan {
   /// both stay committed; the bits of the others are forgotten, and so are finished frames and what
   /// was wanted: commit() and want() them again. Returns the holds of units that are gone.
   std::vector<std::pair<contract::Unit, Holder>> extend(std::vector<contract::Pass> passes,
-                                                        bool on_demand);
+                                                        bool is_adaptive);
 
  private:
   using Position = std::tuple<std::int32_t, std::int32_t, std::int32_t>;  // frame, pass, tile
@@ -127,8 +128,8 @@ class JobPlan {
   bool is_taken(const contract::Unit& unit) const;
   bool is_waiting(const contract::Unit& unit) const;
   FrameBits& open_frame(std::int32_t frame);
-  void ensure_wanted(const contract::Unit& unit);
-  void want_what_is_known();
+  void include_in_targets(const contract::Unit& unit);
+  void plan_known_passes();
   contract::Unit at_cursor() const;
   bool cursor_at_end() const { return cursor_frame_ == frames_.size(); }
   void skip_taken();
@@ -139,7 +140,7 @@ class JobPlan {
   std::vector<std::int32_t> frames_;
   std::int32_t tile_count_;
   std::vector<contract::Pass> passes_;
-  bool on_demand_;
+  bool is_adaptive_;
   std::int64_t unit_count_;
   std::vector<bool> finished_;  // by index of the frame
   std::int32_t finished_count_ = 0;

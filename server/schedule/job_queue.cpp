@@ -4,20 +4,20 @@
 
 namespace tessera::server {
 
-void JobQueue::insert(JobKey job, const Place& place) {
-  jobs_[place.priority][place.owner].insert(job);
-  by_scene_[place.scene].emplace(place.priority, place.owner, job);
+void JobQueue::insert(JobKey job, const QueueKey& key) {
+  jobs_[key.priority][key.owner].insert(job);
+  by_scene_[key.scene].emplace(key.priority, key.owner, job);
 }
 
-void JobQueue::erase(JobKey job, const Place& place) {
-  const auto scene = by_scene_.find(place.scene);
+void JobQueue::erase(JobKey job, const QueueKey& key) {
+  const auto scene = by_scene_.find(key.scene);
   if (scene != by_scene_.end()) {
-    scene->second.erase({place.priority, place.owner, job});
+    scene->second.erase({key.priority, key.owner, job});
     if (scene->second.empty()) by_scene_.erase(scene);
   }
-  const auto level = jobs_.find(place.priority);
+  const auto level = jobs_.find(key.priority);
   if (level == jobs_.end()) return;
-  const auto own = level->second.find(place.owner);
+  const auto own = level->second.find(key.owner);
   if (own == level->second.end()) return;
   own->second.erase(job);
   if (own->second.empty()) level->second.erase(own);
@@ -57,14 +57,14 @@ bool JobQueue::has_above(std::int32_t priority,
   return false;
 }
 
-JobKey JobQueue::oldest_of(const Place& place,
+JobKey JobQueue::oldest_of(const QueueKey& key,
                            const std::function<bool(JobKey)>& may_work_for) const {
-  const auto scene = by_scene_.find(place.scene);
+  const auto scene = by_scene_.find(key.scene);
   if (scene == by_scene_.end()) return 0;
-  for (auto it = scene->second.lower_bound({place.priority, place.owner, 0});
-       it != scene->second.end(); ++it) {
+  for (auto it = scene->second.lower_bound({key.priority, key.owner, 0}); it != scene->second.end();
+       ++it) {
     const auto& [priority, owner, job] = *it;
-    if (priority != place.priority || owner != place.owner) return 0;
+    if (priority != key.priority || owner != key.owner) return 0;
     if (may_work_for(job)) return job;
   }
   return 0;

@@ -18,15 +18,15 @@ namespace tessera::server {
 class JobQueue {
  public:
   /// Where a job stands.
-  struct Place {
+  struct QueueKey {
     std::int32_t priority = 0;
     std::string owner;
     SceneKey scene;
   };
   /// Requires a job that is not here.
-  void insert(JobKey job, const Place& place);
+  void insert(JobKey job, const QueueKey& key);
   /// Harmless if it is not here. Requires the place it was inserted at.
-  void erase(JobKey job, const Place& place);
+  void erase(JobKey job, const QueueKey& key);
   bool empty() const { return jobs_.empty(); }
 
   /// Adds to an owner's usage (negative: takes back), CPU seconds.
@@ -39,7 +39,7 @@ class JobQueue {
   /// Whether a job of higher priority than `priority` is waiting for it.
   bool has_above(std::int32_t priority, const std::function<bool(JobKey)>& may_work_for) const;
   /// The oldest job at this place, scene included, that the worker may work for; 0: there is none.
-  JobKey oldest_of(const Place& place, const std::function<bool(JobKey)>& may_work_for) const;
+  JobKey oldest_of(const QueueKey& key, const std::function<bool(JobKey)>& may_work_for) const;
   /// Whether any job has this scene.
   bool has_scene(const SceneKey& scene) const { return by_scene_.count(scene) > 0; }
 

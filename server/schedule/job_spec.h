@@ -12,10 +12,10 @@
 namespace tessera::server {
 
 using Time = std::chrono::steady_clock::time_point;
-using Span = std::chrono::steady_clock::duration;
+using Duration = std::chrono::steady_clock::duration;
 
 /// Seconds in a span.
-inline double seconds(Span span) {
+inline double seconds(Duration span) {
   return std::chrono::duration<double>(span).count();
 }
 

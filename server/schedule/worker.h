@@ -66,9 +66,9 @@ struct Worker {
   bool connected = false;  // has a stream; without one it is lost after the time-out
   bool lost = false;
   bool draining = false;
-  bool quarantined = false;  // fails units that succeed elsewhere, lies, or is banned
-  bool is_known = false;     // has delivered a unit; its first is always audited
-  Time heard;                // last sign of life
+  bool quarantined = false;    // fails units that succeed elsewhere, lies, or is banned
+  bool has_delivered = false;  // has delivered a unit; its first is always audited
+  Time last_contact;           // last sign of life
   std::int32_t credits = 0;
   std::set<std::pair<JobKey, contract::Unit>> held;
   std::set<JobKey> leased_jobs;  // not ended, of which it was ever leased units
@@ -80,7 +80,7 @@ struct Worker {
   double cpu_seconds = 0;
   std::int64_t rss_bytes = 0;
   std::int32_t disproved_failures = 0;  // units it failed that succeeded elsewhere
-  Outbox mail;
+  Outbox outbox;
 
   /// Whether it may be leased units, credits apart.
   bool is_working() const { return connected && !lost && !draining && !quarantined; }

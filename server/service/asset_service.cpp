@@ -94,7 +94,7 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
     if (output_->fail()) {
       return Finish(contract::to_rpc(absl::ResourceExhaustedError("the upload is not complete")));
     }
-    coordinator_.keep_asset(path_, *digest_, [this](const absl::Status& status) {
+    coordinator_.publish_asset(path_, *digest_, [this](const absl::Status& status) {
       is_kept_ = status.ok();
       Finish(contract::to_rpc(status));
     });

@@ -24,7 +24,7 @@ std::function<void(absl::Status)> answer_with(grpc::ServerUnaryReactor* reactor)
 
 grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* WorkerService::Work(
     grpc::CallbackServerContext* context) {
-  return work_stream({coordinator_, access_, admission_, hello_within_}, *context,
+  return work_stream({coordinator_, access_, admission_, hello_timeout_}, *context,
                      access_.admit(*context, "WorkerService.Work"));
 }
 

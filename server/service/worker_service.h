@@ -13,13 +13,13 @@ namespace tessera::server {
 class WorkerService final : public v1::WorkerService::CallbackService {
  public:
   /// All must outlive the server this is registered with.
-  /// `hello_within`: how long a Work stream may be silent at its beginning.
+  /// `hello_timeout`: how long a Work stream may be silent at its beginning.
   WorkerService(Coordinator& coordinator, const Access& access, const WorkerAdmission& admission,
-                std::chrono::milliseconds hello_within = std::chrono::seconds(10))
+                std::chrono::milliseconds hello_timeout = std::chrono::seconds(10))
       : coordinator_(coordinator),
         access_(access),
         admission_(admission),
-        hello_within_(hello_within) {}
+        hello_timeout_(hello_timeout) {}
 
   grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* Work(
       grpc::CallbackServerContext* context) override;
@@ -45,7 +45,7 @@ class WorkerService final : public v1::WorkerService::CallbackService {
   Coordinator& coordinator_;
   const Access& access_;
   const WorkerAdmission& admission_;
-  const std::chrono::milliseconds hello_within_;
+  const std::chrono::milliseconds hello_timeout_;
 };
 
 }  // namespace tessera::server

@@ -73,7 +73,7 @@ absl::StatusOr<std::string> AssetFiles::new_upload_path(std::int64_t boot_count)
   return absl::StrCat(folder_, "/", kUploads, "/", boot_count, "-", ++upload_count_);
 }
 
-absl::Status AssetFiles::keep(const std::string& upload_path, const contract::Digest& digest) {
+absl::Status AssetFiles::publish(const std::string& upload_path, const contract::Digest& digest) {
   if (absl::Status healthy = files_.check_healthy(); !healthy.ok()) return healthy;
   const bool is_new = !has(digest);
   auto upload = files_.filesystem().open_existing(upload_path);

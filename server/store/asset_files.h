@@ -28,7 +28,7 @@ class AssetFiles {
   bool has(const contract::Digest& digest) const;
   std::string path(const contract::Digest& digest) const;
   absl::StatusOr<std::string> new_upload_path(std::int64_t boot_count);
-  absl::Status keep(const std::string& upload_path, const contract::Digest& digest);
+  absl::Status publish(const std::string& upload_path, const contract::Digest& digest);
   absl::Status release(const std::vector<contract::Digest>& digests);
   absl::Status collect(std::int64_t now_us, std::int64_t quota_bytes,
                        const std::vector<contract::Digest>& named);

@@ -55,21 +55,22 @@ class DiskStore final : public Store {
 
   bool has_asset(const contract::Digest& digest) const override { return assets_->has(digest); }
   absl::StatusOr<std::string> new_upload_path() override;
-  absl::Status keep_asset(const std::string& upload_path, const contract::Digest& digest) override;
+  absl::Status publish_asset(const std::string& upload_path,
+                             const contract::Digest& digest) override;
   std::string asset_path(const contract::Digest& digest) const override;
   absl::Status release_assets(const std::vector<contract::Digest>& digests) override;
   absl::Status collect_assets(std::int64_t now_us, std::int64_t quota_bytes,
                               const std::vector<contract::Digest>& named) override;
 
-  absl::Status remember_worker(const std::string& worker_id, const std::string& name) override;
-  absl::Status forget_worker(const std::string& worker_id) override;
+  absl::Status add_worker(const std::string& worker_id, const std::string& name) override;
+  absl::Status remove_worker(const std::string& worker_id) override;
   absl::StatusOr<std::vector<std::string>> roster() const override;
   absl::Status ban_worker(const std::string& worker_id) override;
   absl::Status allow_worker(const std::string& worker_id) override;
   absl::StatusOr<std::vector<std::string>> banned_workers() const override;
-  absl::Status remember_join(const Join& join, std::int64_t most) override;
-  absl::Status forget_joins(const std::vector<std::string>& valid,
-                            std::int64_t unseen_since_us) override;
+  absl::Status record_join(const Join& join, std::int64_t most) override;
+  absl::Status remove_stale_joins(const std::vector<std::string>& valid,
+                                  std::int64_t unseen_since_us) override;
 
   std::int64_t used_bytes() const override;
 

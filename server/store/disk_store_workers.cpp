@@ -14,7 +14,7 @@ absl::Status note_seen(Database& rows, const std::string& worker_id, std::int64_
 
 }  // namespace
 
-absl::Status DiskStore::remember_worker(const std::string& worker_id, const std::string& name) {
+absl::Status DiskStore::add_worker(const std::string& worker_id, const std::string& name) {
   const std::int64_t now = options_.now_us();
   return journal_->write([&](Database& rows) {
     absl::Status seen = note_seen(rows, worker_id, now);
@@ -23,7 +23,7 @@ absl::Status DiskStore::remember_worker(const std::string& worker_id, const std:
   });
 }
 
-absl::Status DiskStore::forget_worker(const std::string& worker_id) {
+absl::Status DiskStore::remove_worker(const std::string& worker_id) {
   const std::int64_t now = options_.now_us();
   return journal_->write([&](Database& rows) {
     absl::Status seen = note_seen(rows, worker_id, now);
@@ -59,7 +59,7 @@ absl::StatusOr<std::vector<std::string>> DiskStore::read_ids(std::string_view sq
   return ids;
 }
 
-absl::Status DiskStore::remember_join(const Join& join, std::int64_t most) {
+absl::Status DiskStore::record_join(const Join& join, std::int64_t most) {
   const std::int64_t now = options_.now_us();
   return journal_->write([&](Database& rows) {
     bool is_known = false, is_taken = false;
@@ -87,8 +87,8 @@ absl::Status DiskStore::remember_join(const Join& join, std::int64_t most) {
   });
 }
 
-absl::Status DiskStore::forget_joins(const std::vector<std::string>& valid,
-                                     std::int64_t unseen_since_us) {
+absl::Status DiskStore::remove_stale_joins(const std::vector<std::string>& valid,
+                                           std::int64_t unseen_since_us) {
   return journal_->write([&](Database& rows) {
     std::vector<std::pair<std::string, std::string>> gone;  // worker, token
     absl::Status status = rows.each(

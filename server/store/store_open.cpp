@@ -139,7 +139,7 @@ absl::Status DiskStore::clean_up() {
                      });
   });
   if (!status.ok()) return status;
-  status = segments_.remove_strays([&](const std::string& job_id, std::int64_t segment) {
+  status = segments_.remove_orphans([&](const std::string& job_id, std::int64_t segment) {
     return known_segments.count({job_id, segment}) != 0;
   });
   return status.ok() ? clean_outputs() : status;

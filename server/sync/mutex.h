@@ -49,7 +49,7 @@ class ConditionVariable {
     condition_.wait_until(lock, std::chrono::steady_clock::now() + timeout);
     lock.release();
   }
-  void raise() { condition_.notify_all(); }
+  void notify_all() { condition_.notify_all(); }
 
  private:
   std::condition_variable condition_;

@@ -11,7 +11,7 @@ void DeliveryLog::add(Delivery delivery) {
       known != workers_.end() ? *known : *workers_.emplace(delivery.worker_id).first;
   delivery.sequence = ++last_sequence_;
   deliveries_.push_back(delivery);
-  if (deliveries_.size() > kMost) deliveries_.pop_front();
+  if (deliveries_.size() > kMaxDeliveries) deliveries_.pop_front();
 }
 
 std::vector<Delivery> DeliveryLog::read(std::int64_t job, std::int64_t after,

@@ -15,7 +15,7 @@
 namespace tessera::server {
 
 /// What a delivered result was; the numbers are those of v1.Delivery.Outcome.
-enum class DeliveryOutcome : std::int32_t { committed = 1, audit, repeat };
+enum class DeliveryOutcome : std::int32_t { committed = 1, audit, duplicate };
 
 /// A unit that a worker has rendered and delivered.
 struct Delivery {
@@ -30,11 +30,11 @@ struct Delivery {
   std::optional<double> lease_seconds = {};  // from its lease to its end, where that is known
 };
 
-/// What workers delivered lately, for timelines. In memory and bounded: the newest kMost deliveries
-/// of all jobs, less than a hundred bytes each. Thread-safe.
+/// What workers delivered lately, for timelines. In memory and bounded: the newest kMaxDeliveries
+/// deliveries of all jobs, less than a hundred bytes each. Thread-safe.
 class DeliveryLog {
  public:
-  static constexpr std::size_t kMost = 100'000;
+  static constexpr std::size_t kMaxDeliveries = 100'000;
 
   void add(Delivery delivery);
   /// The oldest `most` of a job after this sequence (0: from the first), in order.

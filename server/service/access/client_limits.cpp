@@ -12,9 +12,9 @@ constexpr double kBurstSeconds = 10, kSecondsPerHour = 3600;
 }  // namespace
 
 bool ClientLimits::Bucket::take(double amount, double capacity, double leak_per_s, Time now) {
-  const std::chrono::duration<double> passed = now - reckoned;
+  const std::chrono::duration<double> passed = now - updated;
   level = std::max(0.0, level - passed.count() * leak_per_s);
-  reckoned = now;
+  updated = now;
   if (level + amount > capacity) return false;
   level += amount;
   return true;
@@ -22,7 +22,7 @@ bool ClientLimits::Bucket::take(double amount, double capacity, double leak_per_
 
 absl::StatusOr<std::shared_ptr<const void>> ClientLimits::open(const std::string& client) {
   const std::lock_guard lock(uses_->mutex);
-  int& count = uses_->of[client].streams;
+  int& count = uses_->by_client[client].streams;
   if (count >= kStreamsPerClient) {
     return absl::ResourceExhaustedError(
         absl::StrCat("client ", client, " has ", count, " streams open; end one first"));
@@ -30,14 +30,14 @@ absl::StatusOr<std::shared_ptr<const void>> ClientLimits::open(const std::string
   ++count;
   return std::shared_ptr<const void>(nullptr, [uses = uses_, client](const void*) {
     const std::lock_guard end_lock(uses->mutex);
-    --uses->of[client].streams;
+    --uses->by_client[client].streams;
   });
 }
 
 absl::Status ClientLimits::call(const std::string& client, Time now) {
   const double rate = rates_.calls_per_s;
   const std::lock_guard lock(uses_->mutex);
-  if (rate == 0 || uses_->of[client].calls.take(1, kBurstSeconds * rate, rate, now)) {
+  if (rate == 0 || uses_->by_client[client].calls.take(1, kBurstSeconds * rate, rate, now)) {
     return absl::OkStatus();
   }
   return absl::UnavailableError(
@@ -47,8 +47,8 @@ absl::Status ClientLimits::call(const std::string& client, Time now) {
 absl::Status ClientLimits::upload(const std::string& client, std::int64_t bytes, Time now) {
   const double most = rates_.upload_bytes_per_hour;
   const std::lock_guard lock(uses_->mutex);
-  if (most == 0 || uses_->of[client].upload_bytes.take(static_cast<double>(bytes), most,
-                                                       most / kSecondsPerHour, now)) {
+  if (most == 0 || uses_->by_client[client].upload_bytes.take(static_cast<double>(bytes), most,
+                                                              most / kSecondsPerHour, now)) {
     return absl::OkStatus();
   }
   return absl::ResourceExhaustedError(

@@ -38,7 +38,7 @@ class ClientLimits {
   /// What came and has not leaked yet.
   struct Bucket {
     double level = 0;
-    Time reckoned;
+    Time updated;
     bool take(double amount, double capacity, double leak_per_s, Time now);
   };
   struct Use {
@@ -47,7 +47,7 @@ class ClientLimits {
   };
   struct Uses {
     std::mutex mutex;
-    std::map<std::string, Use> of;  // by client: one for each certificate's name
+    std::map<std::string, Use> by_client;  // by client: one for each certificate's name
   };
   const ClientRates rates_;
   const std::shared_ptr<Uses> uses_ = std::make_shared<Uses>();  // owners: this and the places

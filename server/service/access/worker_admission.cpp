@@ -23,7 +23,7 @@ void WorkerAdmission::admit(const Caller& caller, const std::string& worker_id,
                                  .count();
   const auto found = tokens_->find(token, now_s);
   if (!found.ok()) return done(found.status());
-  coordinator_.record_join({worker_id, found->id, caller.certificate()}, found->most_joins,
+  coordinator_.record_join({worker_id, found->id, caller.certificate()}, found->max_joins,
                            [done, key](const absl::Status& status) {
                              if (status.ok()) return done(key);
                              done(status);

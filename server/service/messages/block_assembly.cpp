@@ -37,7 +37,7 @@ absl::Status BlockAssembly::take(v1::DeliverRequest& request) {
     }
     worker_id_ = request.worker_id();
   }
-  absl::Status status = coordinator_.hear_delivery(worker_id_, certificate_);
+  absl::Status status = coordinator_.check_delivery(worker_id_, certificate_);
   for (int i = 0; status.ok() && i < request.parts_size(); ++i) {
     v1::BlockPart& part = *request.mutable_parts(i);
     if (part.has_header()) status = begin(part.header());

@@ -15,13 +15,13 @@ struct WorkStreamContext {
   Coordinator& coordinator;
   const Access& access;
   const WorkerAdmission& admission;
-  std::chrono::milliseconds hello_within;  // from the beginning of the stream
+  std::chrono::milliseconds hello_timeout;  // from the beginning of the stream
 };
 
 /// The reactor of a worker's Work stream; deletes itself. `caller`: who, or the status to end with
 /// at once.
 grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* work_stream(
-    const WorkStreamContext& gate, grpc::CallbackServerContext& context,
+    const WorkStreamContext& services, grpc::CallbackServerContext& context,
     const absl::StatusOr<Caller>& caller);
 
 }  // namespace tessera::server

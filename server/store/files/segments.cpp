@@ -41,11 +41,11 @@ std::string Segments::path(const std::string& job_id, std::int64_t segment) cons
 
 absl::Status Segments::append(const std::string& job_id, std::int64_t next_segment,
                               std::span<const std::string_view> blocks,
-                              std::span<SegmentPlace> places) {
+                              std::span<SegmentPosition> positions) {
   const auto found = tail_for(job_id, next_segment);
   if (!found.ok()) return found.status();
   Tail& tail = **found;
-  absl::Status written = write_all(tail, blocks, places);
+  absl::Status written = write_all(tail, blocks, positions);
   if (written.ok()) written = files_.sync(*tail.file);
   if (!written.ok()) {
     tail.abandoned = true;
@@ -55,10 +55,10 @@ absl::Status Segments::append(const std::string& job_id, std::int64_t next_segme
 }
 
 absl::Status Segments::write_all(Tail& tail, std::span<const std::string_view> blocks,
-                                 std::span<SegmentPlace> places) {
+                                 std::span<SegmentPosition> positions) {
   std::string gathered;
   for (std::size_t i = 0; i < blocks.size(); ++i) {
-    places[i] = {tail.segment, tail.bytes};
+    positions[i] = {tail.segment, tail.bytes};
     tail.bytes += static_cast<std::int64_t>(blocks[i].size());
     if (gathered.size() + blocks[i].size() > kGatherBytes && !gathered.empty()) {
       if (absl::Status status = tail.file->append(gathered); !status.ok()) return status;
@@ -112,16 +112,16 @@ absl::Status Segments::begin_segment(const std::string& job_id, std::int64_t seg
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::string> Segments::read(const std::string& job_id, SegmentPlace place,
+absl::StatusOr<std::string> Segments::read(const std::string& job_id, SegmentPosition position,
                                            std::int64_t size_bytes) const {
-  const auto file = open_for_reading(path(job_id, place.segment));
+  const auto file = open_for_reading(path(job_id, position.segment));
   if (!file.ok()) return file.status();
-  if (size_bytes < 0 || size_bytes > kMaxBlockBytes || place.offset < 0) {
-    return absl::OutOfRangeError(absl::StrCat(path(job_id, place.segment), ": no block has ",
-                                              size_bytes, " bytes at ", place.offset));
+  if (size_bytes < 0 || size_bytes > kMaxBlockBytes || position.offset < 0) {
+    return absl::OutOfRangeError(absl::StrCat(path(job_id, position.segment), ": no block has ",
+                                              size_bytes, " bytes at ", position.offset));
   }
   std::string bytes(static_cast<std::size_t>(size_bytes), '\0');
-  if (absl::Status status = (*file)->read_at(place.offset, bytes); !status.ok()) return status;
+  if (absl::Status status = (*file)->read_at(position.offset, bytes); !status.ok()) return status;
   return bytes;
 }
 
@@ -169,7 +169,7 @@ absl::Status Segments::remove_job(const std::string& job_id) {
   return files_.remove_folder(job_folder(job_id));
 }
 
-absl::Status Segments::remove_strays(
+absl::Status Segments::remove_orphans(
     const std::function<bool(const std::string& job_id, std::int64_t segment)>& is_known) {
   const auto jobs = files_.filesystem().list(folder_);
   if (!jobs.ok()) return jobs.status();

@@ -17,7 +17,7 @@
 namespace tessera::server {
 
 /// Where bytes lie: FOLDER/JOB/NUMBER.seg from `offset`.
-struct SegmentPlace {
+struct SegmentPosition {
   std::int64_t segment = 0;
   std::int64_t offset = 0;
 };
@@ -32,13 +32,14 @@ class Segments {
   /// `segment_bytes`: a segment at least as large gets a successor.
   Segments(DurableFiles& files, std::string folder, std::int64_t segment_bytes);
 
-  /// Appends blocks of one job and syncs once; fills in `places`, one a block. A segment that this
-  /// process has not begun itself gets number `next_segment`, which must be free. After an error
-  /// the job goes on in a new segment.
+  /// Appends blocks of one job and syncs once; fills in `positions`, one a block. A segment that
+  /// this process has not begun itself gets number `next_segment`, which must be free. After an
+  /// error the job goes on in a new segment.
   absl::Status append(const std::string& job_id, std::int64_t next_segment,
-                      std::span<const std::string_view> blocks, std::span<SegmentPlace> places);
+                      std::span<const std::string_view> blocks,
+                      std::span<SegmentPosition> positions);
   /// Errors: NotFound, the segment is gone; OutOfRange, it is too short.
-  absl::StatusOr<std::string> read(const std::string& job_id, SegmentPlace place,
+  absl::StatusOr<std::string> read(const std::string& job_id, SegmentPosition position,
                                    std::int64_t size_bytes) const;
 
   /// Unlinks a job's segments below `first_kept`.
@@ -46,7 +47,7 @@ class Segments {
   /// Unlinks all of a job.
   absl::Status remove_job(const std::string& job_id);
   /// Unlinks what no row knows: `is_known` says of each (job, segment) whether one does.
-  absl::Status remove_strays(
+  absl::Status remove_orphans(
       const std::function<bool(const std::string& job_id, std::int64_t segment)>& is_known);
 
  private:
@@ -68,7 +69,7 @@ class Segments {
   absl::StatusOr<Tail*> tail_for(const std::string& job_id, std::int64_t next_segment);
   absl::Status begin_segment(const std::string& job_id, std::int64_t segment, Tail& tail);
   absl::Status write_all(Tail& tail, std::span<const std::string_view> blocks,
-                         std::span<SegmentPlace> places);
+                         std::span<SegmentPosition> positions);
   absl::StatusOr<std::shared_ptr<const File>> open_for_reading(const std::string& path) const;
   void forget_readers(const std::string& path_prefix);
 

@@ -12,7 +12,7 @@ root=$(cd "$(dirname "$0")/../../.." && pwd)
 export TESSERA_BIN=${TESSERA_BIN:-$root/build/release/bin}
 . "$root/tests/e2e/farm.sh"
 scene=${1:-$scenes/quickstart.gltf}
-job=(--size "${SIZE:-960x576}" --tile 64 --spp 32)
+job=(--size "${SIZE:-960x576}" --tile-size 64 --spp 32)
 cores=$(nproc)
 metrics=127.0.0.1:9431
 

@@ -20,11 +20,11 @@ namespace tessera::bench {
 namespace {
 
 using contract::Unit;
+using server::Duration;
 using server::Job;
 using server::JobState;
 using server::Outbox;
 using server::Scheduler;
-using server::Span;
 using server::Time;
 using server::WorkerKey;
 
@@ -32,8 +32,8 @@ constexpr std::chrono::milliseconds kTick{100};
 constexpr std::int32_t kTileEdge = 64;
 constexpr std::int32_t kLongestRow = 1000;  // tiles
 
-Span span_of(double seconds) {
-  return std::chrono::duration_cast<Span>(std::chrono::duration<double>(seconds));
+Duration span_of(double seconds) {
+  return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(seconds));
 }
 
 /// A number that hangs on the unit's tile alone (the finaliser of SplitMix64, Steele et al. 2014).
@@ -164,7 +164,7 @@ class SimulatedFarm {
     switch (event.kind) {
       case Kind::tick:
         for (const auto& [key, worker] : workers_) {
-          if (!worker.is_dead) scheduler_.hear(key, now_);
+          if (!worker.is_dead) scheduler_.record_contact(key, now_);
         }
         scheduler_.tick(now_, kTick);
         push(now_ + kTick, 0, Kind::tick, {});
@@ -225,7 +225,7 @@ class SimulatedFarm {
   void commit(WorkerKey key, const Unit& unit) {
     const std::string& id = scheduler_.find_worker(key)->id;
     if (job_.plan->is_committed(unit)) {
-      scheduler_.drop(job_, unit, id);
+      scheduler_.release_duplicate(job_, unit, id);
     } else {
       scheduler_.commit(job_, unit, id, seconds_of(unit));
       unit_seconds_ += seconds_of(unit);
@@ -239,12 +239,12 @@ class SimulatedFarm {
     const Time there = now_ + span_of(farm_.round_trip_seconds / 2);
     const server::Effects effects = scheduler_.take_effects();
     for (const WorkerKey key : effects.to_close) scheduler_.disconnect(key);
-    for (const WorkerKey key : effects.mailed) {
+    for (const WorkerKey key : effects.to_wake) {
       server::Worker* worker = scheduler_.find_worker(key);
       if (worker == nullptr) continue;  // long dead
-      const Outbox mail = std::exchange(worker->mail, Outbox{});
-      for (const server::UnitName& name : mail.revoked) push(there, key, Kind::revoke, name.unit);
-      for (const server::Lease& lease : mail.leases) {
+      const Outbox outbox = std::exchange(worker->outbox, Outbox{});
+      for (const server::UnitName& name : outbox.revoked) push(there, key, Kind::revoke, name.unit);
+      for (const server::Lease& lease : outbox.leases) {
         leased_ += lease.tile_count;
         for (std::int32_t i = 0; i < lease.tile_count; ++i) {
           push(there, key, Kind::lease, {lease.frame, lease.first_tile + i, lease.pass});

@@ -114,8 +114,8 @@ class SecureFarm : public testing::Test {
   }
 
   /// A join token's text.
-  std::string token(std::int64_t seconds = 3600, std::int64_t most_joins = 0) const {
-    return JoinTokens(store_).create(std::time(nullptr) + seconds, most_joins).value();
+  std::string token(std::int64_t seconds = 3600, std::int64_t max_joins = 0) const {
+    return JoinTokens(store_).create(std::time(nullptr) + seconds, max_joins).value();
   }
   std::unique_ptr<TestWorker> worker(const std::string& certificate, const std::string& id,
                                      const std::string& token) const {

@@ -25,7 +25,7 @@ namespace tessera::server {
 /// A whole server but for its socket, over a store on disk that outlives it.
 class TestServer {
  public:
-  static constexpr std::chrono::seconds kHelloWithin{2};
+  static constexpr std::chrono::seconds kHelloTimeout{2};
 
   TestServer(const std::string& folder, const std::string& token)
       : running_(folder),
@@ -33,7 +33,7 @@ class TestServer {
         admission_(running_.coordinator(), std::nullopt),
         jobs_(running_.coordinator(), access_),
         assets_(running_.coordinator(), access_),
-        workers_(running_.coordinator(), access_, admission_, kHelloWithin) {
+        workers_(running_.coordinator(), access_, admission_, kHelloTimeout) {
     grpc::ServerBuilder builder;
     builder.RegisterService(&jobs_);
     builder.RegisterService(&assets_);

@@ -61,7 +61,7 @@ class MadeFrame {
       rule_.add(tile, pass, figures(tile, pass));
       ++done[static_cast<std::size_t>(tile)];
       open_up(tile);
-      for (const StoppingRule::Demand& demand : rule_.take_changes()) {
+      for (const StoppingRule::PassTarget& demand : rule_.take_changes()) {
         if (demand.is_final) ++stopped_;
         std::int32_t& count = wanted[static_cast<std::size_t>(demand.tile)];
         const bool waited = done[static_cast<std::size_t>(demand.tile)] == count;

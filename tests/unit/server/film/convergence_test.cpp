@@ -69,25 +69,25 @@ TEST(Certainty, NamesGoBothWays) {
 }
 
 TEST(FrameSummary, SurvivesTheJournal) {
-  FrameSummary note;
-  note.spp = 16384;
-  note.error = 0.05;
-  note.samples = 123456789012;
-  note.unit_count = 77;
-  note.certainty = Certainty::capped;
-  note.warnings = {"one"};
-  note.reasons = {"two", "three"};
-  note.entry_json = R"({"frame":3})";
-  EXPECT_EQ(read_frame_note(write_frame_note(note)), note);
-  note.error.reset();
-  note.certainty.reset();
-  EXPECT_EQ(read_frame_note(write_frame_note(note)), note);
+  FrameSummary summary;
+  summary.spp = 16384;
+  summary.error = 0.05;
+  summary.samples = 123456789012;
+  summary.unit_count = 77;
+  summary.certainty = Certainty::capped;
+  summary.warnings = {"one"};
+  summary.reasons = {"two", "three"};
+  summary.entry_json = R"({"frame":3})";
+  EXPECT_EQ(read_frame_summary(write_frame_summary(summary)), summary);
+  summary.error.reset();
+  summary.certainty.reset();
+  EXPECT_EQ(read_frame_summary(write_frame_summary(summary)), summary);
   contract::RenderSettings settings;
   settings.spp = 16384;
-  EXPECT_TRUE(note.fits(settings));
+  EXPECT_TRUE(summary.fits(settings));
   settings.error = 0.05;
-  EXPECT_FALSE(note.fits(settings)) << "finished for a fixed count";
-  EXPECT_EQ(read_frame_note("no JSON").spp, 0);
+  EXPECT_FALSE(summary.fits(settings)) << "finished for a fixed count";
+  EXPECT_EQ(read_frame_summary("no JSON").spp, 0);
 }
 
 }  // namespace

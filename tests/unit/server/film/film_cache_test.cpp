@@ -130,7 +130,7 @@ TEST_F(FilmCacheTest, RestartFromTheJournalGivesTheSameBits) {
   EXPECT_EQ(reads_, 0) << "in order, nothing is read back";
   open(after);
   for (const auto& [tile, pass] : all_units()) {
-    ASSERT_TRUE(after.note_committed(frame_key, tile, pass).ok());
+    ASSERT_TRUE(after.record_committed(frame_key, tile, pass).ok());
   }
   EXPECT_EQ(reads_, 0) << "noting reads nothing";
   EXPECT_EQ(*before.mean_luminance(frame_key), *after.mean_luminance(frame_key));
@@ -257,7 +257,7 @@ TEST_F(FilmCacheTest, FaultOfTheStoreReachesTheCaller) {
   cache.open_frame(frame_key, settings_, [](std::int32_t, std::int32_t) {
     return absl::StatusOr<FilmBlock>(absl::DataLossError("segment 3 is damaged"));
   });
-  ASSERT_TRUE(cache.note_committed(frame_key, 0, 0).ok());
+  ASSERT_TRUE(cache.record_committed(frame_key, 0, 0).ok());
   EXPECT_EQ(cache.tile(frame_key, 0).status().code(), absl::StatusCode::kDataLoss);
 }
 
@@ -317,7 +317,7 @@ class ErrorFilmTest : public FilmCacheTest {
         cache = std::make_unique<FilmCache>(budget);
         open(*cache);
         for (const Unit& each : committed) {
-          EXPECT_TRUE(cache->note_committed(frame_key, each.first, each.second).ok());
+          EXPECT_TRUE(cache->record_committed(frame_key, each.first, each.second).ok());
         }
       }
       committed.push_back(unit);
@@ -346,7 +346,7 @@ class ErrorFilmTest : public FilmCacheTest {
     EXPECT_EQ(final_tiles.size(), counts.size());
     std::int32_t most_passes = 0;
     for (const auto& [tile, count] : counts) most_passes = std::max(most_passes, count);
-    EXPECT_EQ(cache->most_samples(frame_key),
+    EXPECT_EQ(cache->max_samples(frame_key),
               passes_[static_cast<std::size_t>(most_passes - 1)].end());
     return counts;
   }

@@ -220,7 +220,7 @@ TEST_F(FrameWriterTest, CropKeepsItsPlaceInTheFrame) {
 
 TEST_F(FrameWriterTest, AttributesNameJobContractAndSamples) {
   spec_.settings.camera = "front";
-  spec_.most_samples = 24;
+  spec_.max_samples = 24;
   written(made_tiles(), "attributes.exr");
   const OIIO::ImageSpec spec = read_back(path("attributes.exr")).spec;
   EXPECT_EQ(spec.get_string_attribute("tessera:job"), "abc123");

@@ -22,7 +22,7 @@ TEST_F(JoinTokensTest, ATokenIsGoodUntilItExpires) {
   const std::string text = tokens_.create(1000, 3).value();
   const auto token = tokens_.find(text, 999);
   ASSERT_TRUE(token.ok()) << token.status();
-  EXPECT_EQ(token->most_joins, 3);
+  EXPECT_EQ(token->max_joins, 3);
   EXPECT_EQ(token->id, text.substr(0, 8));
   EXPECT_TRUE(absl::IsUnauthenticated(tokens_.find(text, 1000).status()));
 }

@@ -98,7 +98,7 @@ absl::StatusOr<int> FarmOnDisk::upload_scene() {
   if (!path.ok()) return path.status();
   std::ofstream(*path, std::ios::binary) << kScene;
   absl::StatusOr<int> answer = absl::UnknownError("no answer");
-  coordinator_->keep_asset(*path, digest, [&](const absl::Status& status) {
+  coordinator_->publish_asset(*path, digest, [&](const absl::Status& status) {
     answer = status.ok() ? absl::StatusOr<int>(step()) : status;
   });
   pump();
@@ -130,8 +130,8 @@ void FarmOnDisk::connect(const WorkerLog& held) {
 }
 
 void FarmOnDisk::collect() {
-  Outbox mail = coordinator_->take_outbox(session_);
-  for (const Lease& lease : mail.leases) {
+  Outbox outbox = coordinator_->take_outbox(session_);
+  for (const Lease& lease : outbox.leases) {
     for (std::int32_t i = 0; i < lease.tile_count; ++i) {
       const UnitName name{lease.job_id, {lease.frame, lease.first_tile + i, lease.pass}};
       leased_.insert(name);
@@ -139,7 +139,7 @@ void FarmOnDisk::collect() {
     }
   }
   int acknowledged_count = 0;
-  for (const Acknowledgement& acknowledgement : mail.acknowledgements) {
+  for (const Acknowledgement& acknowledgement : outbox.acknowledgements) {
     WorkerEntry& entry = log_[acknowledgement.unit];
     entry.acknowledged_step = step();
     entry.status = acknowledgement.status;

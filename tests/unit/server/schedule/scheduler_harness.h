@@ -71,12 +71,12 @@ class SchedulerHarness {
 
   /// What the worker was sent since the last call.
   Outbox outbox(WorkerKey worker) {
-    return std::exchange(scheduler.find_worker(worker)->mail, Outbox{});
+    return std::exchange(scheduler.find_worker(worker)->outbox, Outbox{});
   }
   /// The units of its new leases; the leases are remembered.
   std::vector<UnitName> leased(WorkerKey worker) {
     std::vector<UnitName> units;
-    for (const Lease& lease : mail(worker).leases) {
+    for (const Lease& lease : outbox(worker).leases) {
       for (std::int32_t i = 0; i < lease.tile_count; ++i) {
         units.push_back({lease.job_id, {lease.frame, lease.first_tile + i, lease.pass}});
         leases[{worker, units.back()}] = lease;

@@ -27,7 +27,7 @@ TEST(Scheduler, EveryLeaseCarriesItsSealAndANumberOfItsOwn) {
   farm.add_job({.tiles = 100});
   const WorkerKey worker = farm.connect("w1", {.threads = 1, .credits = 40});
   std::set<Attempt> attempts;
-  for (const Lease& lease : farm.mail(worker).leases) {
+  for (const Lease& lease : farm.outbox(worker).leases) {
     EXPECT_TRUE(seal_holds(lease, "w1", "key"));
     EXPECT_TRUE(attempts.insert(lease.attempt).second);
     EXPECT_EQ(lease.attempt.boot, 1);
@@ -39,7 +39,7 @@ TEST(Scheduler, RunsShrinkTowardsTheEnd) {
   farm.add_job({.tiles = 64});
   const WorkerKey worker = farm.connect("w1", {.threads = 2, .credits = 64});
   std::vector<std::int32_t> lengths;
-  for (const Lease& lease : farm.mail(worker).leases) lengths.push_back(lease.tile_count);
+  for (const Lease& lease : farm.outbox(worker).leases) lengths.push_back(lease.tile_count);
   ASSERT_GT(lengths.size(), 3u);
   EXPECT_EQ(lengths.front(), 64 / (2 * 2)) << "units left / (2 x threads of the farm)";
   EXPECT_EQ(lengths.back(), 1);
@@ -256,7 +256,7 @@ TEST(Scheduler, AWorkerIsSetAsideOnlyForFailuresThatAreDisproved) {
   for (const UnitName& unit : again) farm.commit(good, unit);
   EXPECT_TRUE(farm.scheduler.find_worker(bad)->quarantined);
   EXPECT_FALSE(farm.scheduler.find_worker(good)->quarantined);
-  farm.mail(bad);
+  farm.outbox(bad);
   farm.scheduler.grant_credits(bad, 5, farm.now);
   EXPECT_TRUE(farm.leased(bad).empty());
 }
@@ -265,7 +265,7 @@ TEST(Scheduler, AFailureWithoutASealIsIgnored) {
   SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 4});
   const WorkerKey worker = farm.connect("w1");
-  Lease lease = farm.mail(worker).leases.at(0);
+  Lease lease = farm.outbox(worker).leases.at(0);
   lease.seal[0] = static_cast<char>(lease.seal[0] ^ 1);
   farm.scheduler.fail_unit(worker, lease, lease.first_tile, {"", "lie", ""},
                            absl::StatusCode::kInvalidArgument, farm.now);
@@ -352,7 +352,7 @@ TEST(Scheduler, PausingLeasesNothingNewAndLeavesWhatRuns) {
   const auto units = farm.leased(worker);
   ASSERT_TRUE(farm.scheduler.pause(job, "asked", farm.now).ok());
   farm.complete(worker, units[0]);
-  const Outbox outbox = farm.mail(worker);
+  const Outbox outbox = farm.outbox(worker);
   EXPECT_TRUE(outbox.leases.empty() && outbox.revoked.empty());
   EXPECT_EQ(job.plan->committed_count(), 1);
   ASSERT_TRUE(farm.scheduler.resume(job, farm.now).ok());
@@ -365,7 +365,7 @@ TEST(Scheduler, CancellingRevokesEveryLeaseAndTellsTheWorkers) {
   const WorkerKey worker = farm.connect("w1");
   const auto units = farm.leased(worker);
   ASSERT_TRUE(farm.scheduler.cancel(job, farm.now).ok());
-  const Outbox outbox = farm.mail(worker);
+  const Outbox outbox = farm.outbox(worker);
   EXPECT_EQ(outbox.revoked, units);
   EXPECT_EQ(outbox.ended_jobs, std::vector<std::string>{"j1"});
   const Lease lease = farm.leases.at({worker, units[0]});
@@ -436,10 +436,10 @@ TEST(Scheduler, AtTheCommitTheOtherCopyIsRevoked) {
   Tail tail;
   tail.farm.pass(3s, {tail.slow, tail.fast});
   tail.farm.leased(tail.fast);
-  tail.farm.mail(tail.slow);
+  tail.farm.outbox(tail.slow);
   tail.farm.commit(tail.fast, tail.units[0]);
-  EXPECT_EQ(tail.farm.mail(tail.slow).revoked, std::vector<UnitName>{tail.units[0]});
-  EXPECT_TRUE(tail.farm.mail(tail.fast).revoked.empty());
+  EXPECT_EQ(tail.farm.outbox(tail.slow).revoked, std::vector<UnitName>{tail.units[0]});
+  EXPECT_TRUE(tail.farm.outbox(tail.fast).revoked.empty());
   EXPECT_TRUE(tail.farm.scheduler.find_worker(tail.slow)->held.empty());
 }
 
@@ -452,7 +452,7 @@ TEST(Scheduler, UnitsNotStartedAreHandedBackForIdleWorkers) {
   farm.start(busy, {units[0], units[1]});
   const WorkerKey idle = farm.connect("idle", {.threads = 2, .credits = 4});
   farm.pass(200ms, {busy, idle});
-  const auto revoked = farm.mail(busy).revoked;
+  const auto revoked = farm.outbox(busy).revoked;
   ASSERT_EQ(revoked.size(), 2u) << "as many as the idle threads";
   farm.scheduler.return_units(busy, revoked, farm.now);
   EXPECT_EQ(farm.leased(idle).size(), 2u);
