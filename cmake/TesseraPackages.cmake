@@ -38,8 +38,9 @@ set(CPACK_COMPONENT_WORKER_DESCRIPTION
 "render farm for glTF scenes - worker
  Path-traces tiles of glTF scenes for a coordinator, in a sandboxed process, with
  the same bits on every machine.")
-# `tessera render` starts a server and workers; `tessera submit` needs neither.
-set(CPACK_DEBIAN_CLI_PACKAGE_RECOMMENDS "tessera-server, tessera-worker")
+# `tessera submit` and `inspect` read scenes through the worker's sandbox; `render` starts a server too.
+set(CPACK_DEBIAN_CLI_PACKAGE_DEPENDS tessera-worker)
+set(CPACK_DEBIAN_CLI_PACKAGE_RECOMMENDS tessera-server)
 set(CPACK_DEBIAN_SERVER_PACKAGE_DEPENDS adduser)
 set(CPACK_DEBIAN_WORKER_PACKAGE_DEPENDS adduser)
 

@@ -164,7 +164,8 @@ class MemoryStore final : public Store {
     std::filesystem::create_directories(folder_);
     return folder_ + "/upload";
   }
-  absl::Status keep_asset(const std::string& upload_path, const contract::Digest& digest) override {
+  absl::Status publish_asset(const std::string& upload_path,
+                             const contract::Digest& digest) override {
     std::filesystem::rename(upload_path, asset_path(digest));
     assets_.insert(digest);
     return absl::OkStatus();
@@ -180,12 +181,12 @@ class MemoryStore final : public Store {
     return absl::OkStatus();
   }
 
-  absl::Status remember_worker(const std::string& worker_id, const std::string&) override {
+  absl::Status add_worker(const std::string& worker_id, const std::string&) override {
     const std::lock_guard lock(mutex_);
     roster_.insert(worker_id);
     return absl::OkStatus();
   }
-  absl::Status forget_worker(const std::string& worker_id) override {
+  absl::Status remove_worker(const std::string& worker_id) override {
     const std::lock_guard lock(mutex_);
     roster_.erase(worker_id);
     return absl::OkStatus();
@@ -208,7 +209,7 @@ class MemoryStore final : public Store {
     const std::lock_guard lock(mutex_);
     return std::vector<std::string>(banned_.begin(), banned_.end());
   }
-  absl::Status remember_join(const Join& join, std::int64_t most) override {
+  absl::Status record_join(const Join& join, std::int64_t most) override {
     const std::lock_guard lock(mutex_);
     std::set<std::string>& joined = joins_[join.token_id];
     const bool is_full = most > 0 && static_cast<std::int64_t>(joined.size()) >= most;
@@ -216,7 +217,7 @@ class MemoryStore final : public Store {
     joined.insert(join.worker_id);
     return absl::OkStatus();
   }
-  absl::Status forget_joins(const std::vector<std::string>&, std::int64_t) override {
+  absl::Status remove_stale_joins(const std::vector<std::string>&, std::int64_t) override {
     return absl::OkStatus();
   }
   std::int64_t used_bytes() const override { return used_bytes_; }

@@ -1,0 +1,26 @@
+# tessera_precompiled(NAME HEADERS …  LINKS …): a precompiled header for the layers of a directory.
+#
+# Headers of libraries take most of a build: CLI11 and nlohmann::json a third of the client's, gRPC a
+# third of the services'. A directory that sets TESSERA_PRECOMPILED to NAME has its layers use it. A
+# source still includes what it uses: -DTESSERA_PRECOMPILED_HEADERS=OFF must build as well.
+option(TESSERA_PRECOMPILED_HEADERS "Precompile headers of libraries" ON)
+
+function(tessera_precompiled name)
+  if(NOT TESSERA_PRECOMPILED_HEADERS)
+    return()
+  endif()
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "HEADERS;LINKS")
+  set(source ${PROJECT_BINARY_DIR}/precompiled/${name}.cpp)
+  file(CONFIGURE OUTPUT ${source} CONTENT "")
+  add_library(tessera_precompiled_${name} OBJECT ${source})
+  target_link_libraries(tessera_precompiled_${name} PRIVATE tessera::flags Threads::Threads ${arg_LINKS})
+  target_precompile_headers(tessera_precompiled_${name} PRIVATE ${arg_HEADERS})
+endfunction()
+
+# Applied by tessera_layer().
+function(tessera_use_precompiled target)
+  if(TESSERA_PRECOMPILED_HEADERS AND TESSERA_PRECOMPILED)
+    target_link_libraries(${target} PRIVATE Threads::Threads)  # the flags must be those of the header
+    target_precompile_headers(${target} REUSE_FROM tessera_precompiled_${TESSERA_PRECOMPILED})
+  endif()
+endfunction()
