@@ -111,7 +111,7 @@ bool ReferenceAccel::meet_mesh(const Placed& placed, const Ray& ray, const float
     const auto [v0, v1, v2] = triangle.corners.at(at.f);
     TriangleHit hit{};
     ++work.shapes;
-    return !(id == ray.leaves) && intersect_triangle(object_ray.slabs, v0, v1, v2, hit) &&
+    return !(id == ray.origin_triangle) && intersect_triangle(object_ray.slabs, v0, v1, v2, hit) &&
            hit.t >= 0 && hit.t < ray.t_max && take(Hit{hit.t, id, hit.b0, hit.b1, hit.b2});
   };
   return part.index->walk(object_ray, limit, ShapeVisitor(test), work);

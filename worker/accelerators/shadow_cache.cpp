@@ -35,7 +35,7 @@ bool ShadowCache::any_hit(const Ray& ray, std::uint32_t light, std::uint32_t dep
 
 /// The test of brute_force.h for one triangle.
 bool ShadowCache::stops(const TriangleId& id, const Ray& ray) const {
-  if (id == ray.leaves) return false;
+  if (id == ray.origin_triangle) return false;
   const Instance& instance = scene_.instances[id.instance];
   const auto mesh = static_cast<std::size_t>(instance.mesh);
   const Primitive& primitive = scene_.meshes[mesh].primitives[id.primitive];

@@ -6,7 +6,7 @@
 
 namespace tessera::render {
 
-/// An axis-aligned closed box; empty when made.
+/// Closed axis-aligned box, initially empty.
 template <typename T>
 struct Box {
   Vec3<T> lo = {std::numeric_limits<T>::infinity(), std::numeric_limits<T>::infinity(),
@@ -31,8 +31,8 @@ struct Box {
     return p.x >= lo.x && p.x <= hi.x && p.y >= lo.y && p.y <= hi.y && p.z >= lo.z && p.z <= hi.z;
   }
 
-  /// Half the surface area in double (floats as large as the loader admits do not overflow);
-  /// 0 when empty.
+  /// Half the surface area in double, so that coordinates within the loader's limits do not
+  /// overflow; 0 if empty.
   double half_area() const {
     if (empty()) return 0;
     const Vec3d e = Vec3d(hi) - Vec3d(lo);

@@ -6,8 +6,8 @@
 namespace tessera::render {
 namespace {
 
-/// A sum of doubles kept without rounding: parts that do not overlap, the largest last.
-template <std::size_t kMost>
+/// Exact sum of doubles, as an expansion of non-overlapping parts in ascending order.
+template <std::size_t kMaxParts>
 class ExactSum {
  public:
   void add(double x) {
@@ -24,13 +24,13 @@ class ExactSum {
   int sign() const { return count_ == 0 ? 0 : parts_[count_ - 1] > 0 ? 1 : -1; }
 
  private:
-  std::array<double, kMost> parts_{};
+  std::array<double, kMaxParts> parts_{};
   std::size_t count_ = 0;
 };
 
-/// Adds sign * a b c: the product of two floats is a double, times a third it is two.
-template <std::size_t kMost>
-void add_product(ExactSum<kMost>& sum, int sign, float a, float b, float c) {
+/// Adds sign * a b c. The product of two floats is a double; with a third it is the sum of two.
+template <std::size_t kMaxParts>
+void add_product(ExactSum<kMaxParts>& sum, int sign, float a, float b, float c) {
   const double ab = sign * static_cast<double>(a) * static_cast<double>(b);
   const double high = ab * static_cast<double>(c);
   sum.add(high);
@@ -38,8 +38,9 @@ void add_product(ExactSum<kMost>& sum, int sign, float a, float b, float c) {
 }
 
 /// Adds sign * dot(a, cross(b, c)).
-template <std::size_t kMost>
-void add_volume(ExactSum<kMost>& sum, int sign, const Vec3f& a, const Vec3f& b, const Vec3f& c) {
+template <std::size_t kMaxParts>
+void add_volume(ExactSum<kMaxParts>& sum, int sign, const Vec3f& a, const Vec3f& b,
+                const Vec3f& c) {
   add_product(sum, sign, a.x, b.y, c.z);
   add_product(sum, -sign, a.x, b.z, c.y);
   add_product(sum, sign, a.y, b.z, c.x);
@@ -51,8 +52,8 @@ void add_volume(ExactSum<kMost>& sum, int sign, const Vec3f& a, const Vec3f& b, 
 }  // namespace
 
 int side_of_plane(const Vec3f& a, const Vec3f& b, const Vec3f& c, const Vec3f& d) {
-  // dot(a - d, cross(b - d, c - d)), first in double: differences, products and sums round nine
-  // times at most, each by 2^-53 of the sum of the sizes of all products.
+  // dot(a - d, cross(b - d, c - d)), first in double: at most nine roundings of differences,
+  // products and sums, each by 2^-53 of the sum of the magnitudes of all products.
   const Vec3d p = Vec3d(a) - Vec3d(d), q = Vec3d(b) - Vec3d(d), r = Vec3d(c) - Vec3d(d);
   const auto size = [](double x, double y, double z, double w) {
     return std::fabs(x * y) + std::fabs(z * w);

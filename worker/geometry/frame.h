@@ -6,11 +6,11 @@
 
 namespace tessera::render {
 
-/// A right-handed orthonormal basis whose third axis is a given unit vector.
+/// Right-handed orthonormal basis; n is the third axis.
 struct Frame {
   Vec3f s, t, n;
 
-  /// Requires |n| = 1 to float rounding; orthonormal to 4e-7 for every such n, -z included.
+  /// Orthonormal to 4e-7 for every n, including -z. Requires |n| = 1 up to float rounding.
   /// Source: Duff et al., "Building an orthonormal basis, revisited", JCGT 6(1), 2017.
   static Frame from_normal(const Vec3f& n) {
     const float sign = std::copysign(1.0f, n.z);

@@ -10,16 +10,17 @@
 
 namespace tessera::render {
 
-/// Motion while the shutter is open: known at key times, linear in between. What is worked out here
-/// is worked out nowhere else, so that all structures find the same hits.
+// Motion during the exposure: piecewise linear between keyframes. All acceleration structures
+// interpolate with these functions, so that they find the same hits.
 
-/// A time between two keys.
+/// A time between two keyframes.
 struct KeyframePosition {
-  std::uint32_t segment = 0;  // from the key of this number to the next
-  float f = 0;                // how far: 0 to 1
+  std::uint32_t segment = 0;  // index of the keyframe before it
+  float f = 0;                // fraction of the interval to the next keyframe, 0 to 1
 };
 
-/// `times` increase from 0 to 1; `time` is in [0, 1].
+/// Finds the keyframes around `time`. Requires increasing `times` from 0 to 1, and `time` in [0,
+/// 1].
 inline KeyframePosition find_key(std::span<const float> times, float time) {
   std::uint32_t segment = 0, after = static_cast<std::uint32_t>(times.size()) - 1;
   while (segment + 1 < after) {
@@ -29,7 +30,8 @@ inline KeyframePosition find_key(std::span<const float> times, float time) {
   return {segment, (time - times[segment]) / (times[segment + 1] - times[segment])};
 }
 
-/// From a (f = 0) to b, never outside the two, whatever the rounding: a box around both holds it.
+/// Linear interpolation clamped to [min(a, b), max(a, b)], so that a box around both ends contains
+/// the result in spite of rounding.
 inline float lerp_bounded(float a, float b, float f) {
   const float v = std::fma(f, b - a, a);
   const float lo = b < a ? b : a, hi = b > a ? b : a;
@@ -50,7 +52,7 @@ inline Vec4f lerp_bounded(const Vec4f& a, const Vec4f& b, float f) {
           lerp_bounded(a.w, b.w, f)};
 }
 
-/// Number by number, rounded: points go along lines, within the boxes of both ends but for that.
+/// Interpolates each element: points move along straight lines, up to rounding.
 inline Affine3d lerp(const Affine3d& a, const Affine3d& b, float f) {
   const auto s = static_cast<double>(f);
   Affine3d m;
@@ -59,10 +61,10 @@ inline Affine3d lerp(const Affine3d& a, const Affine3d& b, float f) {
   return m;
 }
 
-/// Where a punctual light is, recentred world.
+/// Position and orientation of a punctual light, recentred world.
 struct PunctualPose {
   Vec3d position;
-  Vec3f direction = {0, 0, -1};  // unit, the way light travels
+  Vec3f direction = {0, 0, -1};  // unit, in which light travels
 
   bool operator==(const PunctualPose&) const = default;
 };
@@ -72,12 +74,13 @@ inline PunctualPose lerp(const PunctualPose& a, const PunctualPose& b, float f) 
           normalize(lerp_bounded(a.direction, b.direction, f))};
 }
 
-/// The instance `at` of a motion (object to world, by key); nullopt where it is singular: nothing
-/// is hit then.
+/// Transform of an instance at one time.
 struct Pose {
   Affine3d object_to_world, world_to_object;
 };
 
+/// The pose at a time, given the object-to-world transforms at the keyframes. Returns nullopt if it
+/// is singular; the instance is then invisible.
 inline std::optional<Pose> pose_at(std::span<const Affine3d> motion, const KeyframePosition& at) {
   const Affine3d place = lerp(motion[at.segment], motion[at.segment + 1], at.f);
   const auto inverted = inverse(place);

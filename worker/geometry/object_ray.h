@@ -10,36 +10,37 @@
 
 namespace tessera::render {
 
-/// The leave distances of boxes are widened by this fraction of themselves, and by
-/// ObjectRay::slack (see enter_leave).
+/// The distance at which a ray leaves a box is multiplied by kLeaveScale, then increased by
+/// ObjectRay::slack, which is kSlackScale times a distance; see enter_leave().
 inline constexpr float kLeaveScale = 1 + 0x1p-20f;
 inline constexpr float kSlackScale = 0x1p-21f;
 
-/// A ray made ready for the boxes and triangles of one structure, in its object space.
+/// A ray prepared for tests against the boxes and triangles of one structure, in its object space.
 struct ObjectRay {
   Vec3f origin;
-  Vec3f inverse;                          // 1 / direction; infinite where it is 0 or below 2^-128
+  Vec3f inverse;                          // 1 / direction; infinite for components below 2^-128
   std::array<std::uint8_t, 3> backwards;  // 1 where the direction's sign bit is set
   std::uint8_t kx, ky, kz;                // kz: axis of the largest |direction|
   float sx, sy, sz;                       // shear that takes the direction to the kz axis
   float slack;                            // in t; see enter_leave
 };
 
-/// v[k] by an address rather than by branches, which random directions would mispredict.
+/// v[k] by indexing instead of branches, which would be mispredicted for random directions.
 inline float component(const Vec3f& v, int k) {
   const std::array<float, 3> lanes = {v.x, v.y, v.z};
   return lanes[static_cast<std::size_t>(k)];
 }
 
-/// The axis of the largest component; the last of those that are equal, z of all.
+/// The axis of the largest component; among equal ones the last.
 inline int largest_axis(const Vec3f& size) {
   const int x_or_y = size.x > size.y ? 0 : 1;
   const float larger = size.x > size.y ? size.x : size.y;
   return larger > size.z ? x_or_y : 2;
 }
 
-/// Makes the ray. `bounds` must hold all that will be tested against it. False for a direction
-/// that is zero, not finite, or so small that 1 / direction overflows in every component.
+/// Prepares a ray; `bounds` must contain everything it will be tested against. Returns false for an
+/// origin or direction that is not finite, and for a direction that is zero or so small that
+/// 1 / direction overflows in every component.
 inline bool make_object_ray(const Vec3f& origin, const Vec3f& direction, const Box3f& bounds,
                             ObjectRay& ray) {
   const Vec3f size = {std::fabs(direction.x), std::fabs(direction.y), std::fabs(direction.z)};
@@ -66,33 +67,33 @@ inline bool make_object_ray(const Vec3f& origin, const Vec3f& direction, const B
          origin.z == origin.z;
 }
 
-/// The ray's origin and direction in an instance's space, by `world_to_object` in double and
-/// rounded once; the direction is not normalised, so t means the same in both spaces.
+/// Transforms a ray into object space, in double and rounded once. The direction is not normalised,
+/// so t is the same in both spaces.
 inline void transform_ray(const Affine3d& world_to_object, const Vec3f& origin,
                           const Vec3f& direction, Vec3f& object_origin, Vec3f& object_direction) {
   object_origin = Vec3f(transform_point(world_to_object, Vec3d(origin)));
   object_direction = Vec3f(transform_vector(world_to_object, Vec3d(direction)));
 }
 
-/// The t at which the ray enters a box and the widened one at which it leaves it; the box is met
-/// iff enter <= leave (t >= 0 apart).
+/// Interval of t in a box, widened at its end. The ray's line meets the box iff enter <= leave.
 struct EnterLeave {
   float enter, leave;
 };
 
-/// The slab test of "One hit". Every step rounds monotonically, so for a box inside another,
-/// enter is never smaller and leave never larger: a node cannot be culled for a triangle in it
-/// that would be hit.
+/// Slab test (docs/explanation/determinism.md#closest-hit). Every step rounds monotonically, so for
+/// a box inside another, enter is never smaller and leave never larger: no node is culled that
+/// contains a triangle that would be hit.
 ///
-/// `leave` is widened by 2^-20 of itself and by `slack`, 2^-21 of the largest distance in t along
-/// kz to a plane of the whole structure. With u = 2^-24 the former covers the three roundings of
-/// each slab distance (2 gamma(3) < 6.1 u) and that of v - o in the triangle test; the latter
-/// covers the shear (relative error of s * A[kz]: 2 u, hence 2 u |A[kz]| |d[k] / d[kz]| in place
-/// and 2 u |A[kz]| / |d[kz]| in t, at two vertices). So the box of a triangle does not reject
-/// what its edge functions accept, which would tear a mesh where edges lie in box faces.
+/// `leave` is widened by 2^-20 of itself and by `slack`, which is 2^-21 of the largest distance in
+/// t along kz to a plane of the whole structure. With u = 2^-24, the former covers the three
+/// roundings of each slab distance (2 gamma(3) < 6.1 u) and the one of v - o in the triangle test.
+/// The latter covers the shear: s * A[kz] has a relative error of 2 u, hence an error of 2 u
+/// |A[kz]| |d[k] / d[kz]| in position and of 2 u |A[kz]| / |d[kz]| in t, at two vertices. So the
+/// box of a triangle never rejects what its edge functions accept, which would open cracks where
+/// edges lie in the faces of boxes.
 ///
-/// A ray in a slab's plane gives 0 * inf = NaN; comparisons are then false and leave the interval
-/// as it was, so boxes are closed. Do not build with -ffast-math.
+/// A ray in a slab's plane gives 0 * inf = NaN; comparisons are then false and do not change the
+/// interval, so boxes are closed. Do not build with -ffast-math.
 inline EnterLeave enter_leave(const ObjectRay& ray, const Vec3f& lo, const Vec3f& hi) {
   float enter = -std::numeric_limits<float>::infinity();
   float leave = std::numeric_limits<float>::infinity();

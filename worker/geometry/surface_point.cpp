@@ -25,7 +25,7 @@ Vec3f world_normal(const PlacedTriangle& triangle) {
   const Vec3d across = cross(Vec3d(triangle.v1) - origin, Vec3d(triangle.v2) - origin);
   const Vec3d n = transform_normal(triangle.world_to_object, across);
   const double size2 = dot(n, n);
-  // Squares of products of floats and ordinary transforms lie well inside a double's range.
+  // Almost always: squares of products of floats and ordinary transforms fit into a double.
   if (size2 > 0x1p-900 && size2 < 0x1p900) return Vec3f(n * (1 / std::sqrt(size2)));
   return Vec3f(normalize(transform_normal(triangle.world_to_object, normalize(across))));
 }
@@ -81,7 +81,7 @@ Ray spawn_ray(const SurfacePoint& point, const TriangleId& id, const Vec3f& dire
   Ray ray;
   ray.origin = offset_ray_origin(point, direction);
   ray.direction = direction;
-  ray.leaves = id;
+  ray.origin_triangle = id;
   return ray;
 }
 

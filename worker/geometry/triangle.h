@@ -4,30 +4,31 @@
 
 namespace tessera::render {
 
-/// Whether a triangle takes part in any structure: finite, and its corners not on one line (by a
-/// cross product in double, exact unless coordinates differ by more than 2^29), since the shear's
-/// rounding would open some of those that are.
+/// Whether a triangle can be hit: it is finite and its corners are not collinear, by a cross
+/// product in double that is exact unless coordinates differ by more than 2^29. Collinear triangles
+/// are left out of all structures because the rounding of the shear would make some of them
+/// visible.
 inline bool is_hittable(const Vec3f& v0, const Vec3f& v1, const Vec3f& v2) {
   const Vec3d origin(v0);
   return is_finite(v0) && is_finite(v1) && is_finite(v2) &&
          cross(Vec3d(v1) - origin, Vec3d(v2) - origin) != Vec3d{};
 }
 
-/// Where a ray's line meets a triangle; t may be negative.
+/// Intersection of a ray's line with a triangle; t may be negative.
 struct TriangleHit {
   float t, b0, b1, b2;
 };
 
-/// Whether the line of the ray meets the triangle, by "One hit": Woop's sheared edge functions
-/// accept, with Kahan's difference of products, and so does the triangle's own box; t is then
-/// clamped to that box. Watertight: every line through a shared edge or vertex hits one of the
-/// triangles that share it. Both sides count. A zero determinant (a triangle seen edge-on) and NaN
-/// are never hit. Requires is_hittable().
+/// Intersects the ray's line with a triangle, from both sides
+/// (docs/explanation/determinism.md#closest-hit). The line hits if Woop's sheared edge functions,
+/// with Kahan's difference of products, and the triangle's box accept it; t is clamped to the box.
+/// Watertight: every line through a shared edge or vertex hits one of the triangles that share it.
+/// A zero determinant (a triangle seen edge-on) and NaN never hit. Requires is_hittable().
 ///
-/// The edge functions are the largest powers (length squared), so coordinates up to 1e18 do not
-/// overflow; the signs are exact while products of sheared coordinates stay above 2^-101.
+/// No intermediate exceeds a length squared, so coordinates up to 1e18 do not overflow. The signs
+/// of the edge functions are exact while products of sheared coordinates are above 2^-101.
 ///
-/// This is the reference for accel/triangle_block.h, which does the same operations in lanes.
+/// Reference for accel/layout/triangle_block.h, which performs the same operations in lanes.
 /// Source: S. Woop, C. Benthin, I. Wald, "Watertight ray/triangle intersection", JCGT 2(1), 2013.
 inline bool intersect_triangle(const ObjectRay& ray, const Vec3f& v0, const Vec3f& v1,
                                const Vec3f& v2, TriangleHit& hit) {

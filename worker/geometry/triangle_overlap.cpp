@@ -7,7 +7,7 @@
 namespace tessera::render {
 namespace {
 
-/// An axis along which the triangle is not seen edge-on.
+/// An axis along which the triangle does not project to a line.
 int open_axis(const TriangleCorners& t) {
   for (int axis = 0; axis < 2; ++axis) {
     if (side_of_line(t[0], t[1], t[2], axis) != 0) return axis;
@@ -19,24 +19,24 @@ bool same_sign(int a, int b, int c) {
   return (a >= 0 && b >= 0 && c >= 0) || (a <= 0 && b <= 0 && c <= 0);
 }
 
-/// Whether p, on the line through a and b, is between them.
-bool between(const Vec3f& a, const Vec3f& b, const Vec3f& p) {
+/// Whether p is between a and b. Requires p on the line through them.
+bool is_between(const Vec3f& a, const Vec3f& b, const Vec3f& p) {
   for (int k = 0; k < 3; ++k) {
     if ((p[k] < a[k] && p[k] < b[k]) || (p[k] > a[k] && p[k] > b[k])) return false;
   }
   return true;
 }
 
-/// Whether segments in one plane, seen along `axis`, have a point in common.
+/// Whether two segments in one plane, projected along `axis`, have a point in common.
 bool segments_meet(const Vec3f& p, const Vec3f& q, const Vec3f& a, const Vec3f& b, int axis) {
   const int pa = side_of_line(p, q, a, axis), pb = side_of_line(p, q, b, axis);
   const int ap = side_of_line(a, b, p, axis), aq = side_of_line(a, b, q, axis);
   if (pa * pb < 0 && ap * aq < 0) return true;
-  return (pa == 0 && between(p, q, a)) || (pb == 0 && between(p, q, b)) ||
-         (ap == 0 && between(a, b, p)) || (aq == 0 && between(a, b, q));
+  return (pa == 0 && is_between(p, q, a)) || (pb == 0 && is_between(p, q, b)) ||
+         (ap == 0 && is_between(a, b, p)) || (aq == 0 && is_between(a, b, q));
 }
 
-/// The same for a segment in the plane of the triangle.
+/// Whether a segment in the plane of the triangle meets it.
 bool meets_in_plane(const Vec3f& p, const Vec3f& q, const TriangleCorners& t) {
   const int axis = open_axis(t);
   const bool inside =
@@ -59,7 +59,7 @@ bool any_edge_meets(const TriangleCorners& edges, const TriangleCorners& t) {
          segment_meets(edges[2], edges[0], t);
 }
 
-/// Moves the corners that both have to the front of each; returns how many there are.
+/// Moves shared corners to the front of both triangles; returns their number.
 std::size_t match_corners(TriangleCorners& a, TriangleCorners& b) {
   std::size_t shared = 0;
   for (std::size_t i = 0; i < 3; ++i) {
@@ -82,8 +82,8 @@ bool triangles_overlap(const TriangleCorners& first, const TriangleCorners& seco
     case 0:
       return any_edge_meets(a, b) || any_edge_meets(b, a);
     case 1:
-      // Where they meet away from the corner, they do so along a line from it, which leaves one of
-      // them through the edge opposite.
+      // If they meet away from the shared corner, they do so along a segment from it that ends on
+      // the opposite edge of one of them.
       return segment_meets(a[1], a[2], b) || segment_meets(b[1], b[2], a);
     case 2: {
       if (side_of_plane(a[0], a[1], a[2], b[2]) != 0) return false;

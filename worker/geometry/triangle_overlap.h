@@ -8,13 +8,13 @@ namespace tessera::render {
 
 using TriangleCorners = std::array<Vec3f, 3>;
 
-/// Whether two triangles have points in common other than those that being neighbours gives them,
-/// exactly: corners are the same where their coordinates are.
-/// - Three shared corners: always (the same triangle twice).
-/// - An edge: if they lie folded onto each other in one plane.
-/// - One corner: if they meet anywhere else too.
-/// - None: if they meet at all, touching included.
-/// Requires triangles whose corners are not on one line.
+/// Whether two triangles have more in common than neighbours do; exact. Corners with equal
+/// coordinates are shared. Triangles overlap if they share
+/// - three corners: always (the same triangle twice);
+/// - two corners: if they lie in one plane, folded onto each other;
+/// - one corner: if they meet elsewhere too;
+/// - none: if they meet or touch.
+/// Requires triangles whose corners are not collinear.
 bool triangles_overlap(const TriangleCorners& first, const TriangleCorners& second);
 
 }  // namespace tessera::render

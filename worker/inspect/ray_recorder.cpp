@@ -8,7 +8,7 @@
 namespace tessera::render {
 namespace {
 
-/// Lights are told apart if they are farther from each other than this share of the scene.
+/// Lights are distinguished if their distance exceeds this fraction of the scene's size.
 constexpr double kLightShare = 1.0 / 32;
 
 std::uint64_t cell_of(const Vec3f& p, float scale) {
@@ -36,7 +36,7 @@ std::uint32_t RayRecorder::light_of(const Ray& ray) const {
 }
 
 bool RayRecorder::closest_hit(const Ray& ray, const HitFilter* filter, Hit& hit) const {
-  const bool camera = ray.leaves == TriangleId{};  // all others leave a surface
+  const bool camera = ray.origin_triangle == TriangleId{};  // all other rays leave a surface
   depth_ = camera ? 0 : depth_ + 1;
   (camera ? rays_->camera : rays_->bounces).push_back(ray);
   return filter == nullptr ? accel_.closest_hit(ray, hit) : accel_.closest_hit(ray, hit, *filter);

@@ -4,7 +4,7 @@
 #include "worker/math/elementary.h"
 #include "worker/math/elementary_kernels.h"
 
-// Taylor series cut where the next term is below 2^-54 of the result.
+// Polynomials are Taylor series, truncated where the next term is below 2^-54 of the result.
 
 namespace tessera::render::elementary {
 namespace {
@@ -12,7 +12,7 @@ namespace {
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-/// An unevaluated sum, |low| <= ulp(high) / 2 or so.
+/// An unevaluated sum, with |low| about ulp(high) / 2 at most.
 struct Pair {
   double high, low;
 };
@@ -52,11 +52,11 @@ double cos_polynomial(double a, double low) {
   const double z = a * a;
   const double half = 0.5 * z;
   const double head = 1 - half;
-  // What 1 - half lost, then the rest of the series and the slope for `low`.
+  // The rounding error of 1 - half, the rest of the series, and the derivative times `low`.
   return head + (((1 - head) - half) + std::fma(z * z, horner(kC, z), -a * low));
 }
 
-/// e^(x + low) for |low| << 1, by 2^n e^r; overflow and underflow in two exact steps.
+/// e^(x + low) for |low| << 1, as 2^n e^r. 2^n is two exact factors, so that neither overflows.
 double exp_of(double x, double low) {
   constexpr double kC[] = {1.0 / 2,       1.0 / 6,        1.0 / 24,        1.0 / 120,
                            1.0 / 720,     1.0 / 5040,     1.0 / 40320,     1.0 / 362880,
@@ -68,7 +68,7 @@ double exp_of(double x, double low) {
   return value * power_of_two(half) * power_of_two(static_cast<int>(n) - half);
 }
 
-/// 2 (s^3/3 + s^5/5 + ...): what follows 2s in log((1 + s)/(1 - s)). Requires |s| < 0.172.
+/// 2 (s^3/3 + s^5/5 + ...): the terms after 2s of log((1 + s)/(1 - s)). Requires |s| < 0.172.
 double atanh_tail(double s) {
   constexpr double kC[] = {2.0 / 3,  2.0 / 5,  2.0 / 7,  2.0 / 9,  2.0 / 11,
                            2.0 / 13, 2.0 / 15, 2.0 / 17, 2.0 / 19, 2.0 / 21};
@@ -76,7 +76,7 @@ double atanh_tail(double s) {
   return s * z * horner(kC, z);
 }
 
-/// log x with about 2^-60 of relative error. Requires finite x > 0.
+/// log x with a relative error of about 2^-60. Requires finite x > 0.
 Pair log_pair(double x) {
   const LogSplit split = split_for_log(x);
   const double f = split.fraction, e = split.exponent;
@@ -171,7 +171,7 @@ double log(double x) {
   const LogSplit split = split_for_log(x);
   const double f = split.fraction, e = split.exponent;
   const double s = f / (2 + f);
-  // log(1 + f) = f - (f^2/2 - s (f^2/2 + tail)): f is exact, so its rounding is not felt.
+  // log(1 + f) = f - (f^2/2 - s (f^2/2 + tail)), where f is exact.
   const double half = 0.5 * f * f;
   const double series = std::fma(s, half, atanh_tail(s));
   if (e == 0) return f - (half - series);

@@ -4,8 +4,8 @@
 #include "worker/math/elementary.h"
 #include "worker/math/elementary_kernels.h"
 
-// Polynomials are Taylor series cut where the next term is below 2^-33 of the result, so that
-// truncation adds at most 0.002 ulp of float to the half ulp of the final rounding.
+// Polynomials are Taylor series, truncated where the next term is below 2^-33 of the result, so
+// that truncation adds at most 0.002 ulp of float to the half ulp of the final rounding.
 
 namespace tessera::render::elementary {
 namespace {
@@ -14,12 +14,12 @@ constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr float kInf = std::numeric_limits<float>::infinity();
 
 struct ShortAngle {
-  double angle;  // in [-pi/4, pi/4], to 2^-44 relative
+  double angle;  // in [-pi/4, pi/4], relative error 2^-44
   int quadrant;
 };
 
-/// Requires finite x. A float is never nearer than 2^-30 to a multiple of pi/2 at |x| < 2^20, so
-/// the two parts of pi/2 (error 2^-90 here) leave 2^-52 of relative error.
+/// Requires finite x. For |x| < 2^20 no float is closer than 2^-30 to a multiple of pi/2, so the
+/// two parts of pi/2, with an error of 2^-90 here, leave a relative error of 2^-52.
 ShortAngle reduce(float x) {
   const double wide = x;
   if (std::fabs(wide) > kCodyWaiteLimit) {
@@ -62,7 +62,7 @@ SinCosWide sincos_wide(float x) {
   }
 }
 
-/// e^x in double, to 2^-33 relative. Requires |x| <= 110.
+/// e^x in double, with a relative error of 2^-33. Requires |x| <= 110.
 double exp_wide(double x) {
   constexpr double kC[] = {1.0,       1.0,       1.0 / 2,    1.0 / 6,     1.0 / 24,
                            1.0 / 120, 1.0 / 720, 1.0 / 5040, 1.0 / 40320, 1.0 / 362880};
@@ -71,7 +71,7 @@ double exp_wide(double x) {
   return horner(kC, r) * power_of_two(static_cast<int>(n));
 }
 
-/// log(1 + f) to 2^-36 relative. Requires -0.3 <= f <= 0.42.
+/// log(1 + f) with a relative error of 2^-36. Requires -0.3 <= f <= 0.42.
 double log1p_series(double f) {
   constexpr double kC[] = {2.0, 2.0 / 3, 2.0 / 5, 2.0 / 7, 2.0 / 9, 2.0 / 11, 2.0 / 13};
   const double s = f / (2 + f);
@@ -84,8 +84,8 @@ double log_wide(double x) {
   return std::fma(static_cast<double>(split.exponent), kLn2, log1p_series(split.fraction));
 }
 
-/// Angle of (x, y) in double, to 2^-36 relative; the arguments need not be floats but must be
-/// within float's range of magnitudes.
+/// Angle of (x, y) in double, with a relative error of 2^-36. Requires arguments within the range
+/// of magnitudes of float.
 double atan2_wide(double y, double x) {
   constexpr double kC[] = {-1.0 / 3, 1.0 / 5, -1.0 / 7, 1.0 / 9};
   double small = std::fabs(y), large = std::fabs(x);

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-/// What elementary_float.cpp and elementary_double.cpp share. Included by nothing else.
+/// Constants and steps shared by elementary_float.cpp, elementary_double.cpp and huge_angle.cpp.
 namespace tessera::render::elementary {
 
 inline constexpr double kPi = 0x1.921fb54442d18p+1, kPiLow = 0x1.1a62633145c07p-53;
@@ -36,7 +36,7 @@ inline constexpr double kAtanEighthLow[9] = {0,
                                              -0x1.8c34d25aadef6p-56,
                                              0x1.1a62633145c07p-55};
 
-/// c[0] + c[1] x + ... , one fma a step.
+/// c[0] + c[1] x + ..., one fma per coefficient.
 template <std::size_t N>
 inline double horner(const double (&c)[N], double x) {
   double sum = c[N - 1];
@@ -55,10 +55,10 @@ struct ReducedAngle {
   int quadrant;
 };
 
-/// Largest |x| that three-part Cody-Waite reduction may take; beyond it reduce_huge_angle().
+/// Largest |x| for three-part Cody-Waite reduction; larger arguments use reduce_huge_angle().
 inline constexpr double kCodyWaiteLimit = 0x1p20;
 
-/// Payne and Hanek's reduction: exact to 2^-70 of the result. Requires finite |x| >= 1.
+/// Payne and Hanek's reduction, with a relative error of 2^-70. Requires finite |x| >= 1.
 /// Source: Payne & Hanek, "Radian reduction for trigonometric functions", SIGNUM 1983.
 ReducedAngle reduce_huge_angle(double x);
 

@@ -31,24 +31,24 @@ ReducedAngle reduce_huge_angle(double x) {
   const auto bits = std::bit_cast<std::uint64_t>(x);
   const int exponent = static_cast<int>(bits >> 52 & 0x7ff) - 1075;  // |x| = mantissa * 2^exponent
   const std::uint64_t mantissa = (bits & 0xfffffffffffffULL) | 0x10000000000000ULL;
-  // Of 2/pi, bits above 2^(2 - exponent) only add multiples of 4 quadrants. The next 192 bits
-  // times the mantissa, modulo 2^192, are the quadrant (2 bits) and 190 bits of fraction.
+  // Bits of 2/pi above 2^(2 - exponent) only add multiples of four quadrants. The next 192 bits
+  // times the mantissa, modulo 2^192, give the quadrant (2 bits) and 190 bits of fraction.
   const int start = 64 + exponent - 2;
   const std::uint64_t w0 = bits_at(start), w1 = bits_at(start + 64), w2 = bits_at(start + 128);
   const U128 low = U128{mantissa} * w2;
   const U128 middle = U128{mantissa} * w1 + (low >> 64);
-  const std::uint64_t high_word = mantissa * w0;      // modulo 2^64: whole turns fall away
+  const std::uint64_t high_word = mantissa * w0;      // modulo 2^64, which drops whole turns
   const U128 top = (U128{high_word} << 64) + middle;  // bits 64..191 of the product
   int quadrant = static_cast<int>(top >> 126);
-  U128 fraction = top << 2 | static_cast<std::uint64_t>(low) >> 62;  // of a quadrant, times 2^128
+  U128 fraction = top << 2 | static_cast<std::uint64_t>(low) >> 62;  // quadrants, times 2^128
   const bool round_up = fraction >> 127 != 0;
   if (round_up) {
     fraction = ~fraction + 1;
     ++quadrant;
   }
-  // The top 53 bits and the next 53 of the fraction, as doubles.
+  // The first 53 bits of the fraction and the next 53, as doubles.
   const auto upper = static_cast<std::uint64_t>(fraction >> 64);
-  const int zeros = std::countl_zero(upper);  // a double is never nearer than 2^-62 to a quadrant
+  const int zeros = std::countl_zero(upper);  // at most 62: no double is closer to a quadrant
   const U128 normal = fraction << zeros;
   const double high = static_cast<double>(static_cast<std::int64_t>(normal >> 75));
   const double low_part = static_cast<double>(

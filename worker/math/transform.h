@@ -7,7 +7,7 @@
 
 namespace tessera::render {
 
-/// Affine map p -> M p + t, rows of the 3x3 matrix then the translation. Column-vector convention.
+/// Affine map p -> M p + t of column vectors: the rows of M, then t.
 template <typename T>
 struct Affine {
   std::array<Vec3<T>, 3> rows = {Vec3<T>{1, 0, 0}, Vec3<T>{0, 1, 0}, Vec3<T>{0, 0, 1}};
@@ -34,14 +34,14 @@ inline Vec3<T> transform_point(const Affine<T>& m, const Vec3<T>& p) {
   return transform_vector(m, p) + m.translation;
 }
 
-/// M^T n: takes normals from object to world when `m` is the world-to-object map (inverse
-/// transpose); the result is not normalised.
+/// M^T n. Transforms normals from object to world space when `inverse` is the world-to-object
+/// transform; the result is not normalised.
 template <typename T>
 inline Vec3<T> transform_normal(const Affine<T>& inverse, const Vec3<T>& n) {
   return inverse.rows[0] * n.x + inverse.rows[1] * n.y + inverse.rows[2] * n.z;
 }
 
-/// a after b.
+/// The map that applies b, then a.
 template <typename T>
 inline Affine<T> operator*(const Affine<T>& a, const Affine<T>& b) {
   Affine<T> c;

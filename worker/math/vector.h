@@ -104,7 +104,7 @@ constexpr Vec4<T> operator*(const Vec4<T>& a, T s) {
   return {a.x * s, a.y * s, a.z * s, a.w * s};
 }
 
-/// x*x + y*y + z*z, summed left to right.
+/// Dot product, summed from left to right.
 template <typename T>
 constexpr T dot(const Vec3<T>& a, const Vec3<T>& b) {
   return a.x * b.x + a.y * b.y + a.z * b.z;
@@ -139,8 +139,8 @@ inline T max_abs(const Vec3<T>& a) {
   return z > largest ? z : largest;
 }
 
-/// Unit vector along a, at any scale: components are first divided by the largest one, so that
-/// squares neither overflow nor vanish. The zero vector stays zero.
+/// Unit vector along a, for any length: components are first divided by the largest one, so that
+/// squares neither overflow nor underflow. The zero vector stays zero.
 template <typename T>
 inline Vec3<T> normalize(const Vec3<T>& a) {
   const T scale = max_abs(a);
@@ -182,7 +182,7 @@ inline bool is_finite(const Vec3f& a) {
   return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z);
 }
 
-/// Relative luminance of linear Rec. 709.
+/// Relative luminance of a linear Rec. 709 colour.
 constexpr float luminance(const Vec3f& c) {
   return 0.2126f * c.x + 0.7152f * c.y + 0.0722f * c.z;
 }

@@ -16,9 +16,8 @@ std::int32_t cell_of(float x, std::int32_t count) {
   return static_cast<std::int32_t>(clamp(scaled, 0.0, static_cast<double>(count - 1)));
 }
 
-/// A float inside cell `index`, at about (index + offset) / count. Rounding to float could step
-/// over an edge of the cell; then its nearest inner float is taken, so that pdf() of the point
-/// finds the same cell.
+/// A float inside cell `index`, close to (index + offset) / count. Where rounding to float crosses
+/// the cell's boundary, the nearest float inside is returned, so that pdf() finds the same cell.
 float place_in_cell(std::int32_t index, float offset, std::int32_t count) {
   const double wanted = (static_cast<double>(index) + static_cast<double>(offset)) / count;
   auto x = static_cast<float>(wanted);
@@ -31,14 +30,14 @@ float place_in_cell(std::int32_t index, float offset, std::int32_t count) {
 
 DiscreteDistribution::DiscreteDistribution(std::span<const double> weights) {
   const auto usable = [](double w) { return w > 0 && std::isfinite(w) ? w : 0; };
-  // Scaled by the largest first, so that the sum of finite weights is finite.
+  // Weights are divided by the largest, so that the sum of finite weights is finite.
   double largest = 0;
   for (const double w : weights) largest = usable(w) > largest ? usable(w) : largest;
   cdf_.assign(weights.size() + 1, 0);
   if (!(largest > 0)) return;
   double sum = 0;
   for (const double w : weights) sum += usable(w) / largest;
-  // Nothing positive gets a width that could vanish beside 1.
+  // Every positive entry gets a width that does not round to zero next to 1.
   const double least = sum * 0x1p-50;
   sum = 0;
   for (std::size_t i = 0; i < weights.size(); ++i) {

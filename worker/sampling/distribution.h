@@ -8,13 +8,13 @@
 
 namespace tessera::render {
 
-/// A choice among n weights by inversion of their running sum, so that close numbers choose close
-/// entries and stratification survives. Built in double.
+/// Discrete distribution over n weights, sampled by inverting the cumulative sum in double, which
+/// preserves stratification.
 ///
-/// Only entries with a weight above 0 are ever chosen, whatever u, and each of them has a
-/// probability above 0. Tables of more than 2^12 entries want a u of more than float's 24 bits
-/// (Sampler::get_4d_fine). Weights that are negative or not finite count as 0; all 0 makes it
-/// empty.
+/// Exactly the entries with a positive weight have a positive probability, and for any u only they
+/// are chosen. For tables of more than 2^12 entries, sample with more than the 24 bits of a float
+/// (Sampler::get_4d_fine). Negative and non-finite weights count as 0; without a positive weight
+/// the distribution is empty.
 class DiscreteDistribution {
  public:
   DiscreteDistribution() = default;
@@ -30,10 +30,10 @@ class DiscreteDistribution {
   bool empty() const { return !(total_ > 0); }
   double total() const { return total_; }
 
-  /// Chooses by u in [0, 1). Requires !empty(). O(log n).
+  /// Samples with u in [0, 1). Requires !empty(). O(log n).
   Choice sample(double u) const;
 
-  /// The probability of an entry, the very number that sample() returns for it.
+  /// The probability of an entry, bit for bit the one that sample() returns for it.
   float probability(std::int32_t index) const {
     const auto i = static_cast<std::size_t>(index);
     return static_cast<float>(cdf_[i + 1] - cdf_[i]);
@@ -48,8 +48,8 @@ class DiscreteDistribution {
   double total_ = 0;
 };
 
-/// A density on the unit square, constant on each cell of a width x height grid; for
-/// environments. Rows are chosen first, then columns.
+/// Density on the unit square that is constant on each cell of a width x height grid, as used for
+/// environment maps. Samples the row first, then the column.
 class PiecewiseConstant2d {
  public:
   PiecewiseConstant2d() = default;
@@ -64,7 +64,7 @@ class PiecewiseConstant2d {
   bool empty() const { return rows_.empty(); }
   double total() const { return rows_.total(); }
 
-  /// `u` chooses the column, `v` the row, both in [0, 1). Requires !empty().
+  /// Samples the column with `u` and the row with `v`, both in [0, 1). Requires !empty().
   Sample sample(double u, double v) const;
 
   /// Density with respect to area of the unit square; 0 outside it and when empty.
@@ -77,7 +77,7 @@ class PiecewiseConstant2d {
 
   std::int32_t width_ = 0, height_ = 0;
   DiscreteDistribution rows_;
-  std::vector<DiscreteDistribution> columns_;  // one a row
+  std::vector<DiscreteDistribution> columns_;  // one per row
 };
 
 }  // namespace tessera::render

@@ -5,13 +5,13 @@
 
 namespace tessera::render {
 
-/// Places along a ray by the angle under which they are seen from a point beside it: dense where
-/// the ray is near to that point, as light that falls off with the squared distance wants it.
+/// Equi-angular distribution of distances along a ray: uniform in the angle at a point beside the
+/// ray, so that the density follows the squared falloff of a light at that point.
 /// Source: C. Kulla and M. Fajardo, "Importance sampling techniques for path tracing in
 /// participating media", 2012.
 class EquiAngular {
  public:
-  /// Of the ray's part [begin, end], metres; `end` may be infinite. `direction` is unit.
+  /// Distances are in [begin, end], metres; `end` may be infinite. Requires a unit `direction`.
   EquiAngular(const Vec3d& origin, const Vec3d& direction, const Vec3d& point, double begin,
               double end) {
     const Vec3d to_point = point - origin;
@@ -23,17 +23,17 @@ class EquiAngular {
     end_ = end;
   }
 
-  /// False where the point is on the ray, or the part is seen from it under no angle.
+  /// False if the point is on the ray or the interval subtends no angle.
   bool usable() const { return distance_ > 0 && range_ > 0; }
 
-  /// For u in [0, 1). Requires usable(), as pdf().
+  /// Samples a distance with u in [0, 1). Requires usable().
   double sample(double u) const {
     const elementary::SinCosd a = elementary::sincos(first_ + u * range_);
     const double t = nearest_ + distance_ * (a.sin / a.cos);
     return clamp(t, begin_, end_);
   }
 
-  /// Density a metre.
+  /// Density per metre. Requires usable().
   double pdf(double t) const {
     const double x = (t - nearest_) / distance_;
     return 1 / (range_ * distance_ * (1 + x * x));

@@ -8,16 +8,16 @@ namespace tessera::render {
 
 namespace {
 
-/// Where a point lies in its cell of the lattice.
+/// A point's position in its lattice cell.
 template <int N>
 struct Cell {
   std::array<std::int64_t, N> corner;  // the lowest
-  std::array<float, N> from;           // the point, from there: [0, 1]
-  std::array<float, N> fade;           // 6 f^5 - 15 f^4 + 10 f^3 of that
+  std::array<float, N> from;           // offset from the corner, [0, 1]
+  std::array<float, N> fade;           // 6 f^5 - 15 f^4 + 10 f^3 of the offset
 };
 
-/// Dot product of the gradient that `hash` chooses with `d`, scaled so that noise stays in [-1, 1]:
-/// in the middle of a cell, where it is largest, |d| is sqrt(N) / 2.
+/// Dot product of `d` and the gradient chosen by `hash`, scaled so that noise stays in [-1, 1]: it
+/// is largest in the centre of a cell, where |d| is sqrt(N) / 2.
 inline float slope(std::uint64_t hash, const std::array<float, 1>& d) {
   return (hash >> 63) != 0 ? -2 * d[0] : 2 * d[0];
 }
@@ -30,7 +30,7 @@ inline float slope(std::uint64_t hash, const std::array<float, 2>& d) {
   return kRoot2 * ((which & 1) == (which >> 1 & 1) ? x : y);  // both signs of both axes
 }
 
-/// The gradient whose dot product slope() takes, in double.
+/// The gradient of the two-dimensional slope(), in double.
 inline std::array<double, 2> gradient(std::uint64_t hash) {
   constexpr double kRoot2 = 1.4142135623730951;
   const auto which = static_cast<unsigned>(hash >> 61);
@@ -40,7 +40,7 @@ inline std::array<double, 2> gradient(std::uint64_t hash) {
   return {0, kRoot2 * y};
 }
 
-/// One axis left out, any signs on the others.
+/// Dot product with an edge midpoint: one component is zero, the others are +-1.
 template <int N>
 inline float edge_slope(unsigned left_out, unsigned signs, const std::array<float, N>& d) {
   float sum = 0;
@@ -61,7 +61,7 @@ inline float slope(std::uint64_t hash, const std::array<float, 4>& d) {
   return edge_slope<4>(which >> 3, which & 7, d) * (2.0f / 3);
 }
 
-/// Blends the corners that agree in the first K coordinates, folded into `hash`.
+/// Interpolates between the corners that share their first K coordinates, which `hash` includes.
 template <int N, int K>
 inline float blend(const Cell<N>& cell, std::uint64_t hash, std::array<float, N>& from) {
   if constexpr (K == N) {
@@ -109,7 +109,7 @@ float gradient_noise(const std::array<double, 4>& p, std::uint32_t seed) {
 NoiseSlope gradient_noise_slope(const std::array<double, 2>& p, std::uint32_t seed,
                                 NoiseCell& last) {
   std::array<std::int64_t, 2> corner;
-  // By axis: the point from the corner, the fade and its slope.
+  // By axis: offset from the corner, the fade and its derivative.
   std::array<double, 2> from, fade, fade_slope;
   for (std::size_t k = 0; k < 2; ++k) {
     if (!(std::fabs(p[k]) < 0x1p51)) return {};
@@ -126,7 +126,7 @@ NoiseSlope gradient_noise_slope(const std::array<double, 2>& p, std::uint32_t se
       last.gradients[k] = gradient(combine(column, static_cast<std::uint64_t>(corner[1]) + k % 2));
     }
   }
-  // Of each corner, what its gradient rises to here; blended along y, then along x.
+  // The dot product of each corner's gradient and offset, interpolated along y, then along x.
   const auto& g = last.gradients;
   const double x0 = from[0], x1 = x0 - 1, y0 = from[1], y1 = y0 - 1;
   const double rise[4] = {g[0][0] * x0 + g[0][1] * y0, g[1][0] * x0 + g[1][1] * y1,

@@ -4,7 +4,7 @@
 
 namespace tessera::render {
 
-/// A bijection of 64 bits in which every input bit moves about half the output bits.
+/// Bijection of 64-bit numbers in which every input bit affects about half of the output bits.
 /// Source: D. Stafford's "Mix13" constants for MurmurHash3's finalizer, as in SplitMix64.
 constexpr std::uint64_t mix(std::uint64_t x) {
   x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ULL;
@@ -12,7 +12,7 @@ constexpr std::uint64_t mix(std::uint64_t x) {
   return x ^ (x >> 31);
 }
 
-/// Folds `value` into `hash`; the order of folding matters. Start from any constant.
+/// Combines `value` into `hash`; the order of calls matters. Start from any constant.
 constexpr std::uint64_t combine(std::uint64_t hash, std::uint64_t value) {
   return mix(hash * 0x9e3779b97f4a7c15ULL + value + 0x632be59bd9b4e019ULL);
 }
@@ -27,7 +27,7 @@ constexpr float unit_float(std::uint32_t bits) {
   return static_cast<float>(static_cast<std::int32_t>(bits >> 8)) * 0x1p-24f;
 }
 
-/// All 32 bits, at the middles of their intervals: in (0, 1).
+/// All 32 bits as the midpoint of one of 2^32 intervals of (0, 1).
 constexpr double unit_double(std::uint32_t bits) {
   return (static_cast<double>(bits) + 0.5) * 0x1p-32;
 }

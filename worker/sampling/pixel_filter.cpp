@@ -10,7 +10,7 @@ namespace {
 constexpr double kPi = 0x1.921fb54442d18p+1;
 constexpr int kSteps = 1024, kMiddle = kSteps / 2;
 
-/// The filter over its support, x in [-1/2, 1/2]; any scale.
+/// The filter over its support, x in [-1/2, 1/2], up to a constant factor.
 double value(contract::PixelFilter filter, double x) {
   if (filter == contract::PixelFilter::gaussian) return elementary::exp(-18 * x * x);
   // F. Harris, "On the use of windows for harmonic analysis", 1978: 4 terms, -92 dB.
@@ -34,7 +34,7 @@ PixelFilterSampler::PixelFilterSampler(contract::PixelFilter filter, double widt
 float PixelFilterSampler::invert(float u) const {
   if (steps_.empty()) return u - 0.5f;
   const DiscreteDistribution::Choice step = steps_.sample(static_cast<double>(u));
-  // Exact up to its last step: multiples of 2^-10 and a fraction of one.
+  // A multiple of 2^-10 plus a fraction of 2^-10; only the last sum rounds.
   const float x = (static_cast<float>(step.index - kMiddle) + step.remapped) / kSteps;
   constexpr float kBelowHalf = 0x1.fffffep-2f;
   return x < kBelowHalf ? x : kBelowHalf;

@@ -6,12 +6,12 @@
 
 namespace tessera::render {
 
-/// Importance sampling of the pixel filter: samples are placed with the filter as their density,
-/// so that each has the weight 1 and belongs to one pixel.
+/// Importance sampling of the pixel filter: samples are distributed by the filter, so each has the
+/// weight 1 and belongs to one pixel.
 ///
-/// All filters are products of two equal one-dimensional ones, positive on their support of
-/// `width` pixels: box (constant), gaussian (sigma = width / 6, cut at 3 sigma) and Blackman-Harris
-/// (4 terms). Those but the box are tables of 1024 steps over the support.
+/// Every filter is the product of two equal one-dimensional filters, positive on their support of
+/// `width` pixels: box (constant), gaussian (sigma = width / 6, truncated at 3 sigma) and
+/// Blackman-Harris (4 terms). All except the box are tables of 1024 steps over the support.
 class PixelFilterSampler {
  public:
   /// Requires width > 0, in pixels.

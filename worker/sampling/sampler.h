@@ -9,23 +9,23 @@
 
 namespace tessera::render {
 
-/// Why a ray was traced, where chance depends on it (Sampler::chance).
+/// Kind of ray that Sampler::chance distinguishes.
 enum class RayKind : std::uint8_t { path, shadow };
 
-/// The random numbers of one sample of one pixel: a function of (seed, frame, pixel, sample
-/// index, dimension) and of nothing else ("The bits", rules 1 and 5).
+/// The random numbers of one sample of one pixel: a function of (seed, frame, pixel, sample index,
+/// dimension) and of nothing else (docs/explanation/determinism.md#sample-streams).
 ///
 /// Owen-scrambled Sobol' points by hashing, padded with sets of four dimensions that are shuffled
 /// independently. Sample i is point i / R of replicate i mod R (R = contract::kReplicates); the
 /// replicates of a pixel, like pixels, frames and sets, are scrambled independently. So every
 /// 2^k consecutive points of a replicate that start at a multiple of 2^k are stratified.
 ///
-/// Stateless: asking for a set twice gives the same numbers. Values are multiples of 2^-24 in
-/// [0, 1). Source: B. Burley, "Practical hash-based Owen scrambling", JCGT 9(4), 2020.
+/// Stateless: the same set always gives the same numbers. Values are multiples of 2^-24 in [0, 1).
+/// Source: B. Burley, "Practical hash-based Owen scrambling", JCGT 9(4), 2020.
 class Sampler {
  public:
-  Sampler() = default;  // of nothing; to be assigned to
-  /// `pixel_x` and `pixel_y` count in the full frame, whatever the crop.
+  Sampler() = default;  // indeterminate until assigned
+  /// `pixel_x` and `pixel_y` are coordinates in the full frame, also with a crop.
   Sampler(std::uint32_t seed, std::int32_t frame, std::int32_t pixel_x, std::int32_t pixel_y,
           std::int64_t sample_index) {
     const auto index = static_cast<std::uint32_t>(sample_index / contract::kReplicates);
@@ -43,7 +43,7 @@ class Sampler {
     return {x[0], x[1], x[2], x[3]};
   }
 
-  /// The same in steps of 2^-32, in (0, 1): to choose from large tables.
+  /// The same in steps of 2^-32, in (0, 1), for sampling large tables.
   Vec4d get_4d_fine(std::uint32_t set) const {
     const Lanes4 x = scrambled(set);
     return {unit_double(x[0]), unit_double(x[1]), unit_double(x[2]), unit_double(x[3])};
@@ -58,15 +58,15 @@ class Sampler {
   /// Component x of the set.
   float get_1d(std::uint32_t set) const { return unit_float(scrambled(set)[0]); }
 
-  /// A number in [0, 1) that depends on the thing met and not on when it is met: for alpha, at
-  /// bounce `bounce` of this sample, of triangle (instance, primitive, triangle).
+  /// A number in [0, 1) for stochastic alpha at triangle (instance, primitive, triangle). Depends
+  /// on the triangle and the bounce, not on the order in which triangles are visited.
   float chance(std::uint32_t bounce, RayKind kind, std::uint32_t instance, std::uint32_t primitive,
                std::uint32_t triangle) const {
     const std::uint64_t ray = combine(sample_, pack(bounce, static_cast<std::uint32_t>(kind)));
     return unit_float(combine(combine(ray, pack(instance, primitive)), triangle));
   }
 
-  /// A hash of this sample and of what the caller adds, for decisions outside the sets.
+  /// A hash of this sample and `purpose`, for decisions outside the sets.
   std::uint64_t hash(std::uint64_t purpose) const { return combine(~sample_, purpose); }
 
  private:
@@ -76,7 +76,7 @@ class Sampler {
     const std::uint64_t seed = combine(stream_, set);
     const std::uint64_t more = mix(seed);
     const auto shuffle = static_cast<std::uint32_t>(seed);
-    // An Owen scramble of the index permutes aligned blocks among themselves: it shuffles.
+    // An Owen scramble of the index shuffles the points, permuting aligned blocks.
     const std::uint32_t reversed = laine_karras(reversed_index_, shuffle);
     const Lanes4 seeds = {static_cast<std::uint32_t>(seed >> 32), static_cast<std::uint32_t>(more),
                           static_cast<std::uint32_t>(more >> 32),

@@ -7,7 +7,8 @@
 
 namespace tessera::render {
 
-/// Four 32-bit lanes, one for each dimension. Integer arithmetic only, so lanes change no bits.
+/// Four 32-bit lanes, one per dimension. Integer arithmetic: the results equal those of scalar
+/// code.
 using Lanes4 = std::uint32_t __attribute__((vector_size(16)));
 
 /// unit_float() of hash.h in each lane.
@@ -16,9 +17,9 @@ inline __m128 unit_floats(Lanes4 bits) {
                     _mm_set1_ps(0x1p-24f));
 }
 
-/// Reverses the 32 bits of each lane: both halves of every byte by a table, then the bytes.
+/// Reverses the 32 bits of each lane: the halves of every byte by a table, then the bytes.
 inline Lanes4 reverse_bits(Lanes4 x) {
-  // The reversals of 0 to 15, as low and as high half of a byte.
+  // The reversals of 0 to 15, as the high and as the low half of a byte.
   const __m128i high = _mm_setr_epi8(0x00, -0x80, 0x40, -0x40, 0x20, -0x60, 0x60, -0x20, 0x10,
                                      -0x70, 0x50, -0x30, 0x30, -0x50, 0x70, -0x10);
   const __m128i low = _mm_setr_epi8(0, 8, 4, 12, 2, 10, 6, 14, 1, 9, 5, 13, 3, 11, 7, 15);
@@ -52,13 +53,13 @@ constexpr T laine_karras(T x, T seed) {
   return x;
 }
 
-/// The Sobol' sequence in 4 dimensions, bit-reversed (bit 0 is worth 1/2), as one table entry
-/// per value of each nibble of the bit-reversed index: its bit 31 is the index's bit 0.
+/// The Sobol' sequence in 4 dimensions with bit-reversed numbers (bit 0 stands for 1/2), as one
+/// entry per value of each nibble of the bit-reversed index (bit 31 is bit 0 of the index).
 struct SobolTable {
   alignas(16) std::array<std::array<std::array<std::uint32_t, 4>, 16>, 8> nibbles;
 };
 
-/// Addition over GF(2), dimension by dimension.
+/// Adds over GF(2) in each dimension.
 constexpr void add(std::array<std::uint32_t, 4>& to, const std::array<std::uint32_t, 4>& number) {
   for (std::uint32_t d = 0; d < 4; ++d) to[d] ^= number[d];
 }

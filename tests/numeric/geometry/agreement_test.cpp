@@ -12,10 +12,10 @@
 #include <limits>
 
 #include "tests/numeric/geometry/geometry_scenes.h"
-#include "worker/accel/reference/brute_force.h"
 #include "worker/accel/build/mesh_bvh.h"
-#include "worker/accel/reference/plain_traversal.h"
 #include "worker/accel/build/wide_bvh.h"
+#include "worker/accel/reference/brute_force.h"
+#include "worker/accel/reference/plain_traversal.h"
 
 namespace tessera::render::testing {
 namespace {
@@ -75,7 +75,7 @@ std::vector<Ray> bundle(const Scene& scene, std::size_t count, Dice& dice) {
     if (dice.below(16) == 0) ray = adversarial_ray(scene, dice);
     if (dice.below(64) == 0) ray.direction = {0, 0, 0};
     if (dice.below(4) == 0) {
-      ray.leaves = {dice.below(3), dice.below(2), dice.below(20)};
+      ray.origin_triangle = {dice.below(3), dice.below(2), dice.below(20)};
     }
   }
   return rays;

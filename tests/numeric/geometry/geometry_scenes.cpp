@@ -184,7 +184,7 @@ Ray adversarial_ray(const Scene& scene, Dice& dice) {
     }
   }
   if (dice.below(8) == 0) ray.t_max = 2 * dice.unit();
-  if (dice.below(16) == 0) ray.leaves = {0, 0, dice.below(4)};
+  if (dice.below(16) == 0) ray.origin_triangle = {0, 0, dice.below(4)};
   return ray;
 }
 

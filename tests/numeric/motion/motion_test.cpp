@@ -90,7 +90,7 @@ Shots shoot(const Scene& scene, int times, int rays, Dice& dice) {
     for (int k = 0; k < rays; ++k) {
       Ray ray = adversarial_ray(now, dice);
       ray.time = time;
-      if (dice.below(8) == 0) ray.leaves = {dice.below(12), dice.below(2), dice.below(10)};
+      if (dice.below(8) == 0) ray.origin_triangle = {dice.below(12), dice.below(2), dice.below(10)};
       out.add(scene, ray);
     }
   }

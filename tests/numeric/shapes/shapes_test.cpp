@@ -396,7 +396,7 @@ TEST(Shapes, GiveTheSameHitsInEveryStructure) {
       on_solids += expected[0].id.instance > 0 ? 1 : 0;
       next.origin = ray.origin + ray.direction * expected[0].t;
       next.direction = dice.vector();
-      next.leaves = expected[0].id;
+      next.origin_triangle = expected[0].id;
     }
     EXPECT_EQ(wrong, 0) << round;
     EXPECT_GT(found, 2'000);
@@ -481,7 +481,7 @@ TEST(HardCase8, AFlatFaceIsNotMetByRaysThatStartInItAndLeaveIt) {
   for (const Scene& scene : {alone, joined}) {
     Ray ray;
     ray.origin = {0, 0.5f, 0};
-    ray.leaves = {0, 0, 4};  // the upper face across y
+    ray.origin_triangle = {0, 0, 4};  // the upper face across y
     ray.direction = {0, 1, 0};
     EXPECT_TRUE(all_hits(scene, ray).empty());
     ray.direction = {0, -1, 0};

@@ -14,7 +14,7 @@ namespace tessera::render::kernels {
 using RayMask = std::uint64_t;  // one bit per ray of a packet
 static_assert(kPacketSize == 64);
 
-/// Fewer rays than this are traced one by one. Measured: docs/notes/performance.md.
+/// Fewer rays than this are traced one by one. Measured: docs/notes/rays-against-embree.md.
 inline constexpr int kMinPacketRays = 8;
 
 /// Direction class of rays that no packet takes.

@@ -376,7 +376,7 @@ RayMask intersect_placed_packet(const SceneBvh<Query::Isa::kWidth>& scene, const
         for (int i = 0; i < some.count; ++i) {
           const Ray& ray = rays[some.index[i]];
           excluded_ranks[i] =
-              ray.leaves.instance == placed.instance ? mesh.rank(ray.leaves) : UINT32_MAX;
+              ray.origin_triangle.instance == placed.instance ? mesh.rank(ray.origin_triangle) : UINT32_MAX;
         }
         RayMask satisfied =
             MeshPacket<Query>(mesh, placed.instance, some, direction_class, excluded_ranks, queries)

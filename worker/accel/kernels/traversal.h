@@ -71,7 +71,7 @@ __attribute__((noinline)) bool intersect_placed(const SceneBvh<Query::Isa::kWidt
   ObjectRay object_ray;
   if (!make_object_ray(origin, direction, mesh.bounds, object_ray)) return false;
   const std::uint32_t excluded_rank =
-      ray.leaves.instance == placed.instance ? mesh.rank(ray.leaves) : UINT32_MAX;
+      ray.origin_triangle.instance == placed.instance ? mesh.rank(ray.origin_triangle) : UINT32_MAX;
   return intersect_mesh(mesh, object_ray, placed.instance, excluded_rank, query);
 }
 

@@ -38,7 +38,7 @@ void brute_force_mesh_hits(const Scene& scene, std::uint32_t i, const Ray& ray, 
                       const TriangleId id = {i, p, t};
                       const auto [v0, v1, v2] = triangle.at(at.f);
                       TriangleHit hit{};
-                      if (id == ray.leaves || !intersect_triangle(object_ray, v0, v1, v2, hit))
+                      if (id == ray.origin_triangle || !intersect_triangle(object_ray, v0, v1, v2, hit))
                         return;
                       if (hit.t >= 0 && hit.t < ray.t_max)
                         take(Hit{hit.t, id, hit.b0, hit.b1, hit.b2});

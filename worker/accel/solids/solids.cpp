@@ -38,11 +38,11 @@ const Operand* operand_at(const Operand& operand, std::span<const float> key_tim
   return &memory;
 }
 
-void intersect_operand(const Operand& operand, const Ray& ray, const HitsWanted& wanted,
+void intersect_operand(const Operand& operand, const Ray& ray, const HitRequest& request,
                        std::vector<ShapeHit>& hits) {
   hits.clear();
   intersect_shape(*operand.shape, transform_point(operand.world_to_object, Vec3d(ray.origin)),
-                  transform_vector(operand.world_to_object, Vec3d(ray.direction)), hits, wanted);
+                  transform_vector(operand.world_to_object, Vec3d(ray.direction)), hits, request);
 }
 
 Hit to_hit(const Operand& operand, const ShapeHit& hit) {
@@ -51,13 +51,13 @@ Hit to_hit(const Operand& operand, const ShapeHit& hit) {
 }
 
 /// The hits of a shape by itself.
-void shape_alone(const Operand& operand, const Ray& ray, const HitsWanted& wanted,
+void shape_alone(const Operand& operand, const Ray& ray, const HitRequest& request,
                  Scratch& memory) {
-  intersect_operand(operand, ray, wanted, memory.shape_hits);
+  intersect_operand(operand, ray, request, memory.shape_hits);
   std::vector<Hit>& out = memory.hits;
   for (const ShapeHit& found : memory.shape_hits) {
     const Hit hit = to_hit(operand, found);
-    const bool left = hit.id == ray.leaves && found.face != kCurvedFace;
+    const bool left = hit.id == ray.origin_triangle && found.face != kCurvedFace;
     if (!(found.t >= 0) || !std::isfinite(hit.t) || left) continue;
     const bool again = !out.empty() && out.back().t == hit.t && out.back().id == hit.id;
     if (!again) out.push_back(hit);
@@ -113,13 +113,13 @@ std::span<const Hit> Solids::hits(std::uint32_t index, const Ray& world_ray,
     const Operand* const operand =
         operand_at(operands_[solid.first], key_times_, world_ray.time, memory.moved);
     // The hit of a double up to the next float is at the limit.
-    const HitsWanted wanted = {0, double{next_up(limited.to)}, limited.first};
-    if (operand != nullptr) shape_alone(*operand, world_ray, wanted, memory);
+    const HitRequest request = {0, double{next_up(limited.to)}, limited.first};
+    if (operand != nullptr) shape_alone(*operand, world_ray, request, memory);
     return memory.hits;
   }
   Ray ray = world_ray;
   ray.t_max = std::numeric_limits<float>::infinity();
-  ray.leaves.triangle &= ~kFlippedSide;
+  ray.origin_triangle.triangle &= ~kFlippedSide;
   memory.line.start(solid.count);
   for (std::uint32_t i = 0; i < solid.count; ++i) {
     const Operand* const posed =
@@ -130,7 +130,7 @@ std::span<const Hit> Solids::hits(std::uint32_t index, const Ray& world_ray,
       intersect_operand(operand, ray, {}, memory.shape_hits);
       for (const ShapeHit& found : memory.shape_hits) {
         const Hit hit = to_hit(operand, found);
-        const bool left = hit.id == ray.leaves && found.face != kCurvedFace;
+        const bool left = hit.id == ray.origin_triangle && found.face != kCurvedFace;
         memory.line.add_shape(i, hit, found.enters, left || found.t < 0);
       }
     } else {

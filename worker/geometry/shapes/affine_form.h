@@ -7,11 +7,12 @@
 
 namespace tessera::render {
 
-/// What is known of a function over a region: it is centre + sum of slope[k] s[k], give or take
-/// `error`, s[k] in [-1, 1] being where in the region. With N = 0 the region is a point. The
-/// operations keep bounds true but for rounding; those of one variable are the best linear ones.
+/// Linear bounds of a function over a region: its value at the position s, s[k] in [-1, 1], is
+/// centre + sum of slope[k] s[k], with an error of at most `error`. With N = 0 the region is a
+/// point. Operations preserve the bounds up to rounding; those of one variable are optimal among
+/// linear bounds.
 /// Source: J. Stolfi, L. H. de Figueiredo, "Self-validated numerical methods and applications",
-/// 1997, chapter 3, with one term for all errors.
+/// 1997, chapter 3, with a single term for all errors.
 template <std::size_t N>
 struct AffineForm {
   double centre = 0;
@@ -43,7 +44,7 @@ inline __attribute__((always_inline)) AffineForm<N> operator*(AffineForm<N> a, d
 
 template <std::size_t N>
 inline __attribute__((always_inline)) AffineForm<N> operator+(AffineForm<N> a,
-                                                               const AffineForm<N>& b) {
+                                                              const AffineForm<N>& b) {
   a.centre += b.centre;
   for (std::size_t k = 0; k < N; ++k) a.slope[k] += b.slope[k];
   a.error += b.error;
@@ -52,11 +53,11 @@ inline __attribute__((always_inline)) AffineForm<N> operator+(AffineForm<N> a,
 
 template <std::size_t N>
 inline __attribute__((always_inline)) AffineForm<N> operator*(const AffineForm<N>& a,
-                                                               const AffineForm<N>& b) {
+                                                              const AffineForm<N>& b) {
   AffineForm<N> out;
   const double reach_a = a.reach(), reach_b = b.reach();
   out.centre = a.centre * b.centre;
-  // What is left of (a - centre) (b - centre) and of the errors times the centres.
+  // Bounds (a - centre) (b - centre) and the errors times the centres.
   out.error = reach_a * reach_b + std::fabs(a.centre) * b.error + std::fabs(b.centre) * a.error;
   for (std::size_t k = 0; k < N; ++k) {
     out.slope[k] = a.centre * b.slope[k] + b.centre * a.slope[k];
@@ -64,24 +65,23 @@ inline __attribute__((always_inline)) AffineForm<N> operator*(const AffineForm<N
   return out;
 }
 
-/// |x|: where the sign is not known, midway between the chord above and the kink below.
+/// |x|. If the sign is unknown: the line midway between the chord above the graph and its kink.
 template <std::size_t N>
 inline __attribute__((always_inline)) AffineForm<N> absolute(const AffineForm<N>& x) {
   const double low = x.low(), high = x.high();
   if (low >= 0) return x;
   if (high <= 0) return x * -1;
-  const double rise = (high + low) / (high - low);  // of the chord from -low to high
-  const double gap = -low * high / (high - low);    // half of what the chord has at 0
+  const double rise = (high + low) / (high - low);  // slope of the chord from -low to high
+  const double gap = -low * high / (high - low);    // half of the chord's value at 0
   AffineForm<N> out = x * rise + gap;
   out.error += gap;
   return out;
 }
 
-/// The lesser of x and `limit`: where that is not known, midway between the kink and the chord
-/// below it.
+/// min(x, limit). If it is unknown which is smaller: the line midway between the kink of the graph
+/// and the chord below it.
 template <std::size_t N>
-inline __attribute__((always_inline)) AffineForm<N> at_most(const AffineForm<N>& x,
-                                                             double limit) {
+inline __attribute__((always_inline)) AffineForm<N> at_most(const AffineForm<N>& x, double limit) {
   const double low = x.low() - limit, high = x.high() - limit;
   if (high <= 0) return x;
   AffineForm<N> out;
@@ -93,14 +93,13 @@ inline __attribute__((always_inline)) AffineForm<N> at_most(const AffineForm<N>&
   return out;
 }
 
-/// The greater of x and `limit`.
+/// max(x, limit).
 template <std::size_t N>
-inline __attribute__((always_inline)) AffineForm<N> at_least(const AffineForm<N>& x,
-                                                              double limit) {
+inline __attribute__((always_inline)) AffineForm<N> at_least(const AffineForm<N>& x, double limit) {
   return at_most(x * -1, -limit) * -1;
 }
 
-/// x^2: between the chord and the tangent beside it.
+/// x^2: the line midway between the chord and the parallel tangent.
 template <std::size_t N>
 inline __attribute__((always_inline)) AffineForm<N> squared(const AffineForm<N>& x) {
   const double reach = x.reach(), half = 0.5 * reach * reach;

@@ -8,7 +8,7 @@
 namespace tessera::render {
 namespace {
 
-/// Around an ellipsoid whose radii are scaled, and its rounding.
+/// Box around an ellipsoid with scaled radii, padded for rounding.
 Box3d box_of(const Blob& blob, double scale) {
   const Vec3d half = blob.radii * (scale * (1 + 0x1p-40));
   return {blob.centre - half, blob.centre + half};
@@ -42,7 +42,7 @@ void BlobField::build(std::span<std::uint32_t> blobs) {
   if (blobs.size() > 1) {
     const Vec3d size = centres.hi - centres.lo;
     const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
-    // A whole order, so that the tree is the same with every library.
+    // A total order, so that the tree does not depend on the standard library's sort.
     std::sort(blobs.begin(), blobs.end(), [&](std::uint32_t a, std::uint32_t b) {
       return std::pair(blobs_[a].centre[axis], a) < std::pair(blobs_[b].centre[axis], b);
     });
@@ -52,9 +52,9 @@ void BlobField::build(std::span<std::uint32_t> blobs) {
   nodes_[index].skip = static_cast<std::uint32_t>(nodes_.size());
 }
 
-/// Where the sum reaches the threshold T, let S be the strengths of the positive blobs there, added
-/// up. One of these has (1 - r^2)^2 >= T / S, or else their sum would be less than T. All of them
-/// meet its box, so T / S is at least that of all positive blobs that do.
+/// At a point where the field reaches the threshold T, let S be the sum of the strengths of the
+/// positive blobs there. One of these has (1 - r^2)^2 >= T / S, or else the field would be below T.
+/// All of them meet its box, so S is at most the sum over all positive blobs that do.
 Box3d BlobField::surface_box() const {
   Box3d out;
   for (const Blob& blob : blobs_) {

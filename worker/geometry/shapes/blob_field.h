@@ -10,8 +10,8 @@
 
 namespace tessera::render {
 
-/// An ellipsoid within which a field is strength (1 - r^2)^2, r being 0 at its centre and 1 at its
-/// surface; outside it is 0. Its slope is continuous, and along a line it is a quartic.
+/// An ellipsoid with the field strength (1 - r^2)^2 inside, where r is 0 at its centre and 1 at its
+/// surface, and 0 outside. The gradient is continuous, and along a line the field is a quartic.
 /// Source of the kernel: S. Murakami, H. Ichihara, "On a 3D display method by metaball technique",
 /// Transactions of the IEICE J70-D(8), 1987.
 struct Blob {
@@ -20,20 +20,20 @@ struct Blob {
   double strength = 1;
 };
 
-/// The sum of blobs, and where it reaches a threshold. Immutable.
+/// The sum of blobs and its isosurface at a threshold. Immutable.
 class BlobField {
  public:
-  /// At least one blob, and a threshold above 0.
+  /// Requires at least one blob and a threshold above 0.
   BlobField(std::vector<Blob> blobs, double threshold);
 
   double threshold() const { return threshold_; }
-  /// Around all places where the field reaches the threshold, or of some size where there are none.
+  /// Contains all points where the field reaches the threshold; never empty.
   const Box3d& bounds() const { return bounds_; }
-  /// The field's gradient turned round: it points outwards. 0 where no blob is.
+  /// The field's negated gradient, which points outwards; 0 outside all blobs.
   Vec3d outward_gradient(const Vec3d& point) const;
 
-  /// Shows `visit` each blob whose box, and those around it, `meets` (bool(const Box3d&)); always
-  /// in the same order.
+  /// Calls `visit(blob)` for each blob for whose box, and the boxes of the nodes above it,
+  /// `meets(box)` is true; always in the same order.
   template <typename Meets, typename Visit>
   void each(const Meets& meets, const Visit& visit) const {
     for (std::size_t i = 0; i < nodes_.size();) {
@@ -50,11 +50,11 @@ class BlobField {
  private:
   static constexpr std::uint32_t kInner = UINT32_MAX;
 
-  /// Of a binary tree, in the order of a depth-first walk.
+  /// Node of a binary tree stored in depth-first order.
   struct Node {
     Box3d box;
-    std::uint32_t blob = kInner;  // of a leaf
-    std::uint32_t skip = 0;       // the next node that is not below this one
+    std::uint32_t blob = kInner;  // the blob of a leaf
+    std::uint32_t skip = 0;       // index of the next node that is not below this one
   };
 
   void build(std::span<std::uint32_t> blobs);

@@ -1,8 +1,8 @@
-// A line through blobs: the roots of a quartic between each two places where it enters or leaves
-// one. The quartic is in Bernstein form, whose coefficients bound its values, so that intervals
-// are halved until each is known to hold one root or none: no root between steps is missed.
-// Source: T. Nishita, E. Nakamae, "A method for displaying metaballs by using Bezier clipping",
-// Computer Graphics Forum 13(3), 1994; subdivision instead of clipping.
+// Intersection of a line with blobs. Between successive points where the line enters or leaves a
+// blob, the field is a quartic. Its Bernstein coefficients bound its values, so intervals are
+// halved until each is known to contain one root or none; no root is missed. Source: T. Nishita, E.
+// Nakamae, "A method for displaying metaballs by using Bezier clipping", Computer Graphics Forum
+// 13(3), 1994; subdivision instead of clipping.
 
 #include <algorithm>
 #include <array>
@@ -15,10 +15,10 @@
 namespace tessera::render {
 namespace {
 
-/// Where the line is within a blob: in the space in which that is the unit sphere.
-struct Stay {
-  double nearest = 0;  // t of the point nearest to the centre,
-  Vec3d point;         // and that point
+/// The part of the line inside a blob, in the space in which the blob is the unit sphere.
+struct BlobSpan {
+  double nearest = 0;  // t of the point nearest to the centre
+  Vec3d point;         // that point
   Vec3d direction;
   double strength = 0;
 
@@ -27,11 +27,11 @@ struct Stay {
 
 struct Event {
   double t;
-  std::uint32_t stay;
+  std::uint32_t span;
   bool enters;
 };
 
-/// The field less the threshold from t = first to t = last.
+/// The field minus the threshold from t = first to t = last.
 struct Piece {
   double first, last;
   std::array<double, 5> b;  // Bernstein coefficients
@@ -45,7 +45,7 @@ std::array<double, 2> value_and_slope(std::array<double, 5> b, double x) {
   return {b[0] + (b[1] - b[0]) * x, 4 * (b[1] - b[0])};
 }
 
-/// Halves a piece, which becomes the second half; returns the first.
+/// Splits a piece at `middle`: returns the first half and sets `piece` to the second.
 Piece take_half(Piece& piece, double middle) {
   Piece half = piece;
   half.last = piece.first = middle;
@@ -63,7 +63,7 @@ class BlobLine {
                  std::vector<ShapeHit>& hits);
 
  private:
-  void find_stays(const BlobField& field, const Vec3d& origin, const Vec3d& direction);
+  void find_spans(const BlobField& field, const Vec3d& origin, const Vec3d& direction);
   void find_crossings(double first, double last, double threshold);
   double crossing(const Piece& piece) const;
 
@@ -73,21 +73,21 @@ class BlobLine {
     crossings_.push_back(t);
   }
 
-  std::vector<Stay> stays_;
+  std::vector<BlobSpan> spans_;
   std::vector<Event> events_;
-  std::vector<std::uint32_t> active_;  // of stays_
-  std::vector<Piece> pieces_;          // to be looked at, the first one last
+  std::vector<std::uint32_t> active_;  // of spans_
+  std::vector<Piece> pieces_;          // still to examine, the first one last
   std::vector<double> crossings_;
   bool inside_ = false;
 };
 
-void BlobLine::find_stays(const BlobField& field, const Vec3d& origin, const Vec3d& direction) {
+void BlobLine::find_spans(const BlobField& field, const Vec3d& origin, const Vec3d& direction) {
   const auto absolute = [](const Vec3d& v) {
     return Vec3d{std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)};
   };
   const Vec3d along = absolute(direction);
-  // No axis that is across both the line and an edge of the box parts them; with slack for the
-  // rounding of what is compared, which is at most 8 u of `size`.
+  // Separating axes: the cross products of the line with the box's edges. The slack covers the
+  // rounding of both sides, which is at most 8 u of `size`.
   const auto meets = [&](const Box3d& box) {
     const Vec3d half = (box.hi - box.lo) * 0.5, to = (box.lo + box.hi) * 0.5 - origin;
     const Vec3d apart = absolute(cross(to, direction));
@@ -100,24 +100,24 @@ void BlobLine::find_stays(const BlobField& field, const Vec3d& origin, const Vec
     return true;
   };
   field.each(meets, [&](const Blob& blob) {
-    Stay stay;
-    stay.direction = direction / blob.radii;
-    stay.strength = blob.strength;
+    BlobSpan span;
+    span.direction = direction / blob.radii;
+    span.strength = blob.strength;
     const Vec3d from = (origin - blob.centre) / blob.radii;
-    const double size2 = dot(stay.direction, stay.direction);
-    stay.nearest = -dot(from, stay.direction) / size2;
-    stay.point = from + stay.direction * stay.nearest;
-    const double left = 1 - dot(stay.point, stay.point);
+    const double size2 = dot(span.direction, span.direction);
+    span.nearest = -dot(from, span.direction) / size2;
+    span.point = from + span.direction * span.nearest;
+    const double left = 1 - dot(span.point, span.point);
     if (!(left > 0)) return;
     const double half = std::sqrt(left / size2);
-    const auto index = static_cast<std::uint32_t>(stays_.size());
-    events_.push_back({stay.nearest - half, index, true});
-    events_.push_back({stay.nearest + half, index, false});
-    stays_.push_back(stay);
+    const auto index = static_cast<std::uint32_t>(spans_.size());
+    events_.push_back({span.nearest - half, index, true});
+    events_.push_back({span.nearest + half, index, false});
+    spans_.push_back(span);
   });
 }
 
-/// Where a piece whose signs differ once crosses zero: Newton's method, guarded by bisection.
+/// Root of a piece with one sign change, by Newton's method safeguarded by bisection.
 double BlobLine::crossing(const Piece& piece) const {
   double low = 0, high = 1, x = 0.5, step = 1;
   for (;;) {
@@ -133,28 +133,28 @@ double BlobLine::crossing(const Piece& piece) const {
   return std::min(piece.first + (piece.last - piece.first) * x, piece.last);
 }
 
-/// Between first and last, where the blobs of active_ are. Each 1 - |p|^2 is a quadratic whose
-/// Bernstein coefficients are 1 - p.p, 1 - p.q, 1 - q.q of its ends p and q, without cancellation;
-/// those of its square follow (Farouki, Rajan, "Algorithms for polynomials in Bernstein form",
-/// Computer Aided Geometric Design 5(1), 1988).
+/// Finds the crossings between first and last, where the blobs of active_ are. Each 1 - |p|^2 is a
+/// quadratic with the Bernstein coefficients 1 - p.p, 1 - p.q, 1 - q.q for its ends p and q,
+/// without cancellation; those of its square follow. Source: Farouki, Rajan, "Algorithms for
+/// polynomials in Bernstein form", Computer Aided Geometric Design 5(1), 1988.
 void BlobLine::find_crossings(double first, double last, double threshold) {
   Piece whole = {first, last, {}};
   whole.b.fill(-threshold);
   for (const std::uint32_t i : active_) {
-    const Stay& stay = stays_[i];
-    const Vec3d p = stay.at(first), q = stay.at(last);
+    const BlobSpan& span = spans_[i];
+    const Vec3d p = span.at(first), q = span.at(last);
     const double start = 1 - dot(p, p), middle = 1 - dot(p, q), end = 1 - dot(q, q);
-    whole.b[0] += stay.strength * (start * start);
-    whole.b[1] += stay.strength * (start * middle);
-    whole.b[2] += stay.strength * ((start * end + 2 * middle * middle) / 3);
-    whole.b[3] += stay.strength * (middle * end);
-    whole.b[4] += stay.strength * (end * end);
+    whole.b[0] += span.strength * (start * start);
+    whole.b[1] += span.strength * (start * middle);
+    whole.b[2] += span.strength * ((start * end + 2 * middle * middle) / 3);
+    whole.b[3] += span.strength * (middle * end);
+    whole.b[4] += span.strength * (end * end);
   }
   pieces_.assign(1, whole);
   while (!pieces_.empty()) {
     Piece piece = pieces_.back();
     pieces_.pop_back();
-    // What is known of the start is where it lies, not what rounding makes of b[0].
+    // The sign at the start is that of inside_, not that of the rounded b[0].
     int changes = 0;
     bool above = inside_;
     for (std::size_t i = 1; i < 5; ++i) {
@@ -179,25 +179,25 @@ void BlobLine::find_crossings(double first, double last, double threshold) {
 
 void BlobLine::intersect(const BlobField& field, const Vec3d& origin, const Vec3d& direction,
                          std::vector<ShapeHit>& hits) {
-  stays_.clear();
+  spans_.clear();
   events_.clear();
   active_.clear();
   crossings_.clear();
   inside_ = false;
-  find_stays(field, origin, direction);
+  find_spans(field, origin, direction);
   std::sort(events_.begin(), events_.end(), [](const Event& a, const Event& b) {
-    return std::tie(a.t, a.stay, b.enters) < std::tie(b.t, b.stay, a.enters);
+    return std::tie(a.t, a.span, b.enters) < std::tie(b.t, b.span, a.enters);
   });
   double last = 0;
   for (const Event& event : events_) {
     if (!active_.empty() && last < event.t) find_crossings(last, event.t, field.threshold());
     last = event.t;
     if (event.enters) {
-      active_.push_back(event.stay);
+      active_.push_back(event.span);
     } else {
-      std::erase(active_, event.stay);
+      std::erase(active_, event.span);
     }
-    if (active_.empty() && inside_) pass(last);  // there is no field
+    if (active_.empty() && inside_) pass(last);  // the field is 0 behind the last blob
   }
   for (std::size_t i = 0; i < crossings_.size(); ++i) {
     const double t = crossings_[i];

@@ -9,20 +9,20 @@
 
 namespace tessera::render {
 
-/// An end of a stretch of a line: in a flat face of a box, or of kCurvedFace.
+/// An end of a line segment, on a flat face of a box or on kCurvedFace.
 struct LineEnd {
   double t;
   std::uint32_t face;
 };
 
-struct LineStretch {
+struct LineSegment {
   LineEnd first, last;
 };
 
-/// The stretch of origin + t direction inside a box, whose planes may be infinitely far; false if
-/// there is none.
+/// Clips the line origin + t direction to a box, whose planes may be at infinity. Returns false if
+/// nothing is left.
 inline bool clip_line(const Box3d& box, const Vec3d& origin, const Vec3d& direction,
-                      LineStretch& inside) {
+                      LineSegment& inside) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   inside = {{-kInfinity, kCurvedFace}, {kInfinity, kCurvedFace}};
   for (int k = 0; k < 3; ++k) {
@@ -40,7 +40,7 @@ inline bool clip_line(const Box3d& box, const Vec3d& origin, const Vec3d& direct
   return inside.first.t <= inside.last.t;
 }
 
-/// The point at an end, in its plane exactly.
+/// The point at an end; exactly in the plane of a flat face.
 inline Vec3d end_point(const Box3d& box, const Vec3d& origin, const Vec3d& direction,
                        const LineEnd& end) {
   Vec3d p = origin + direction * end.t;

@@ -8,8 +8,8 @@
 namespace tessera::render {
 namespace {
 
-/// The floats around a box of finite doubles.
-Box3f around(const Box3d& box) {
+/// The smallest box of floats around a box of finite doubles.
+Box3f enclosing_floats(const Box3d& box) {
   Box3f out;
   for (int k = 0; k < 3; ++k) {
     const auto lo = static_cast<float>(box.lo[k]), hi = static_cast<float>(box.hi[k]);
@@ -19,21 +19,22 @@ Box3f around(const Box3d& box) {
   return out;
 }
 
-Box3d about_origin(const Vec3d& half) {
+Box3d centered_box(const Vec3d& half) {
   return {-half, half};
 }
 
-/// x^2 + z^2 = slope (y - from)^2 ..., of revolution: squares of y, linear in y, constant.
-Shape make_round(double yy, double y, double constant, const Vec3d& half, bool capped) {
+/// The quadric of revolution x^2 + z^2 + yy y^2 + 2 y_linear y + constant = 0, clipped in y.
+Shape make_surface_of_revolution(double yy, double y_linear, double constant, const Vec3d& half,
+                                 bool capped) {
   Shape shape;
   shape.capped = capped;
   shape.quadric.squares = {1, yy, 1};
-  shape.quadric.linear = {0, y, 0};
+  shape.quadric.linear = {0, y_linear, 0};
   shape.quadric.constant = constant;
   shape.clip.lo = {-std::numeric_limits<double>::infinity(), -half.y,
                    -std::numeric_limits<double>::infinity()};
   shape.clip.hi = -shape.clip.lo;
-  shape.bounds = around(about_origin(half));
+  shape.bounds = enclosing_floats(centered_box(half));
   return shape;
 }
 
@@ -41,7 +42,7 @@ Shape make_round(double yy, double y, double constant, const Vec3d& half, bool c
 
 Shape make_ellipsoid(const Vec3d& radii) {
   Shape shape;
-  // Scaled by the largest radius squared, so that a sphere is x^2 + y^2 + z^2 = r^2.
+  // Scaled by the square of the largest radius, so that a sphere is x^2 + y^2 + z^2 = r^2.
   const double largest = max_component(radii);
   for (int k = 0; k < 3; ++k) {
     const double ratio = largest / radii[k];
@@ -51,12 +52,12 @@ Shape make_ellipsoid(const Vec3d& radii) {
   shape.latitudes = true;
   shape.clip.lo = Vec3d{-1, -1, -1} * std::numeric_limits<double>::infinity();
   shape.clip.hi = -shape.clip.lo;
-  shape.bounds = around(about_origin(radii));
+  shape.bounds = enclosing_floats(centered_box(radii));
   return shape;
 }
 
 Shape make_disc(double radius) {
-  Shape shape = make_round(0, 0, -radius * radius, {radius, 0, radius}, true);
+  Shape shape = make_surface_of_revolution(0, 0, -radius * radius, {radius, 0, radius}, true);
   shape.clip.lo.y = shape.clip.hi.y = 0;
   return shape;
 }
@@ -68,37 +69,39 @@ Shape make_rectangle(double width, double depth) {
 Shape make_box(const Vec3d& size) {
   Shape shape;
   shape.quadric.constant = -1;  // everywhere inside
-  shape.clip = about_origin(size * 0.5);
-  shape.bounds = around(shape.clip);
+  shape.clip = centered_box(size * 0.5);
+  shape.bounds = enclosing_floats(shape.clip);
   return shape;
 }
 
 Shape make_cylinder(double radius, double height, bool capped) {
-  return make_round(0, 0, -radius * radius, {radius, height * 0.5, radius}, capped);
+  return make_surface_of_revolution(0, 0, -radius * radius, {radius, height * 0.5, radius}, capped);
 }
 
 Shape make_cone(double radius, double height, bool capped) {
   // x^2 + z^2 = s^2 (y - h/2)^2 with s = radius / height.
   const double s2 = (radius / height) * (radius / height), top = height * 0.5;
-  return make_round(-s2, s2 * top, -s2 * top * top, {radius, top, radius}, capped);
+  return make_surface_of_revolution(-s2, s2 * top, -s2 * top * top, {radius, top, radius}, capped);
 }
 
 Shape make_paraboloid(double radius, double height, bool capped) {
   // x^2 + z^2 = r^2 (y + h/2) / h.
   const double s = radius * radius / height;
-  return make_round(0, -0.5 * s, -0.5 * s * height, {radius, height * 0.5, radius}, capped);
+  return make_surface_of_revolution(0, -0.5 * s, -0.5 * s * height, {radius, height * 0.5, radius},
+                                    capped);
 }
 
 Shape make_one_sheet_hyperboloid(double waist, double radius, double height, bool capped) {
   // x^2 + z^2 = w^2 + (r^2 - w^2) (2 y / h)^2.
   const double s = 4 * (radius - waist) * (radius + waist) / (height * height);
-  return make_round(-s, 0, -waist * waist, {radius, height * 0.5, radius}, capped);
+  return make_surface_of_revolution(-s, 0, -waist * waist, {radius, height * 0.5, radius}, capped);
 }
 
 Shape make_two_sheet_hyperboloid(double gap, double radius, double height, bool capped) {
   // x^2 + z^2 = s (y^2 - (g/2)^2), r^2 = s (h^2 - g^2) / 4.
   const double s = 4 * radius * radius / ((height - gap) * (height + gap));
-  return make_round(-s, 0, s * gap * gap * 0.25, {radius, height * 0.5, radius}, capped);
+  return make_surface_of_revolution(-s, 0, s * gap * gap * 0.25, {radius, height * 0.5, radius},
+                                    capped);
 }
 
 Shape make_quadric(const Quadric& quadric, const Box3d& clip, bool capped) {
@@ -106,7 +109,7 @@ Shape make_quadric(const Quadric& quadric, const Box3d& clip, bool capped) {
   shape.capped = capped;
   shape.quadric = quadric;
   shape.clip = clip;
-  shape.bounds = around(clip);
+  shape.bounds = enclosing_floats(clip);
   return shape;
 }
 
@@ -115,7 +118,7 @@ Shape make_torus(double radius, double tube) {
   shape.form = Shape::Form::torus;
   shape.radius = radius;
   shape.tube = tube;
-  shape.bounds = around(about_origin({radius + tube, tube, radius + tube}));
+  shape.bounds = enclosing_floats(centered_box({radius + tube, tube, radius + tube}));
   return shape;
 }
 
@@ -123,7 +126,7 @@ Shape make_blobs(std::vector<Blob> blobs, double threshold) {
   Shape shape;
   shape.form = Shape::Form::blobs;
   shape.blobs = std::make_shared<const BlobField>(std::move(blobs), threshold);
-  shape.bounds = around(shape.blobs->bounds());
+  shape.bounds = enclosing_floats(shape.blobs->bounds());
   return shape;
 }
 
@@ -132,7 +135,7 @@ Shape make_terrain(const TerrainForm& form, double depth) {
   shape.form = Shape::Form::terrain;
   shape.terrain = std::make_shared<const TerrainField>(form);
   shape.capped = depth > 0;
-  // The upper plane is clear of the ground, and so is the lower one without a depth.
+  // Keeps the upper plane, and without a depth the lower one, away from the ground.
   const TerrainField::Range& range = shape.terrain->range(0, 0, 0);
   const double low = double{range.low}, high = double{range.high}, gap = 0.01 * form.height;
   shape.clip.lo = {-0.5 * form.size.x, depth > 0 ? -depth : low - gap, -0.5 * form.size.y};
@@ -140,7 +143,7 @@ Shape make_terrain(const TerrainForm& form, double depth) {
   Box3d ground = shape.clip;
   if (!shape.capped) ground.lo.y = low;
   ground.hi.y = high;
-  shape.bounds = around(ground);
+  shape.bounds = enclosing_floats(ground);
   return shape;
 }
 

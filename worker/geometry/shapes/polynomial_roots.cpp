@@ -5,7 +5,7 @@
 namespace tessera::render {
 namespace {
 
-/// A value with a bound on the rounding errors in it.
+/// A value and a bound of its rounding error.
 struct Estimate {
   double value, error;
   int sign() const { return value > error ? 1 : value < -error ? -1 : 0; }
@@ -23,8 +23,9 @@ class Polynomial {
     return sum;
   }
 
-  /// Horner's rule rounds twice a step: 2 n u of the sum of the terms' sizes (Higham, "Accuracy
-  /// and stability of numerical algorithms", section 5.1). The coefficients have as much again.
+  /// Horner's rule rounds twice per step: its error is at most 2 n u of the sum of the terms'
+  /// magnitudes (Higham, "Accuracy and stability of numerical algorithms", section 5.1). Doubled
+  /// for the errors of the coefficients.
   Estimate estimate(double x) const {
     double size = 0;
     for (int i = degree_; i >= 0; --i) {
@@ -43,7 +44,7 @@ class Polynomial {
 
   int degree() const { return degree_; }
 
-  /// The root between a and b, where the signs differ.
+  /// The root between a and b. Requires different signs there.
   double root_between(double a, double b, bool rising) const {
     const Polynomial slope = derivative();
     const double near = 0x1p-53 * (std::fabs(a) + std::fabs(b));
@@ -65,16 +66,16 @@ class Polynomial {
   int degree_;
 };
 
-/// The places where the polynomial changes its sign, and with `touches` those where it touches
-/// zero, twice.
+/// Finds the points where the polynomial changes sign and, with `touches`, those where it touches
+/// zero, which are stored twice. Returns the number of roots.
 int sign_changes(const Polynomial& p, double low, double high, bool touches,
                  std::array<double, 4>& roots) {
   std::array<double, 4> turns{};
   const int turn_count = p.degree() > 1 ? sign_changes(p.derivative(), low, high, false, turns) : 0;
   int count = 0, last_sign = p.estimate(low).sign();
-  double last = low;     // where it had that sign
-  bool at_zero = false;  // whether it has been zero since,
-  double zero = low;     // and where
+  double last = low;     // where it had last_sign
+  bool at_zero = false;  // whether it has been zero since then
+  double zero = low;     // where it was zero
   for (int i = 0; i <= turn_count; ++i) {
     const double x = i < turn_count ? turns[static_cast<std::size_t>(i)] : high;
     const int sign = p.estimate(x).sign();

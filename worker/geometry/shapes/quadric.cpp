@@ -1,4 +1,4 @@
-// What of a quadric's inside lies in a box, along a line.
+// Intersection of a line with a quadric clipped to a box.
 
 #include <array>
 #include <cmath>
@@ -13,11 +13,11 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Where a t^2 + 2 b t + c <= 0: up to two stretches, by rising t. Without cancellation: the root
-/// that would suffer is worked out from the product of both.
+/// Finds up to two segments with a t^2 + 2 b t + c <= 0, by ascending t; returns their number. The
+/// root that would suffer from cancellation is computed from the product of both.
 /// Source: PBR 4e, section 6.1 and B.2.10.
-int inside_stretches(double a, double b, double c, std::array<LineStretch, 2>& out) {
-  const LineStretch everywhere = {{-kInfinity, kCurvedFace}, {kInfinity, kCurvedFace}};
+int inside_segments(double a, double b, double c, std::array<LineSegment, 2>& out) {
+  const LineSegment everywhere = {{-kInfinity, kCurvedFace}, {kInfinity, kCurvedFace}};
   out[0] = out[1] = everywhere;
   if (a == 0) {
     if (b == 0) return c <= 0 ? 1 : 0;
@@ -44,24 +44,24 @@ int inside_stretches(double a, double b, double c, std::array<LineStretch, 2>& o
 
 void intersect_quadric(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
                        std::vector<ShapeHit>& hits) {
-  LineStretch box;
+  LineSegment box;
   if (!clip_line(shape.clip, origin, direction, box)) return;
   const Quadric& q = shape.quadric;
   const Vec3d turned = q.times(direction);
   const double a = dot(direction, turned);
   const double b = dot(origin, turned) + dot(q.linear, direction);
-  std::array<LineStretch, 2> stretches;
-  const int count = inside_stretches(a, b, q.at(origin), stretches);
+  std::array<LineSegment, 2> segments;
+  const int count = inside_segments(a, b, q.at(origin), segments);
   const int flat = shape.flat_axis();
   const auto add = [&](const LineEnd& end, bool enters) {
     if (end.face == kCurvedFace ? std::isinf(end.t) : !shape.capped) return;
     hits.push_back({end.t, end_point(shape.clip, origin, direction, end), end.face, enters});
   };
   for (int i = 0; i < count; ++i) {
-    const auto& [first, last] = stretches[static_cast<std::size_t>(i)];
+    const auto& [first, last] = segments[static_cast<std::size_t>(i)];
     const LineEnd start = first.t >= box.first.t ? first : box.first;
     const LineEnd end = last.t <= box.last.t ? last : box.last;
-    // Where two meet in an apex, one of no length would show it twice.
+    // If two segments meet in an apex, one of length zero would report it twice.
     if (!(start.t <= end.t) || (count == 2 && start.t == end.t)) continue;
     if (flat >= 0) {
       add({start.t, static_cast<std::uint32_t>(2 + 2 * flat)}, direction[flat] < 0);

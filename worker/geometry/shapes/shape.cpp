@@ -12,7 +12,7 @@ int Shape::flat_axis() const {
 }
 
 void intersect_shape(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
-                     std::vector<ShapeHit>& hits, const HitsWanted& wanted) {
+                     std::vector<ShapeHit>& hits, const HitRequest& request) {
   const double size2 = dot(direction, direction);
   if (!(size2 > 0 && std::isfinite(size2))) return;
   const Vec3d centre = (Vec3d(shape.bounds.lo) + Vec3d(shape.bounds.hi)) * 0.5;
@@ -31,7 +31,7 @@ void intersect_shape(const Shape& shape, const Vec3d& origin, const Vec3d& direc
       break;
     case Shape::Form::terrain:
       intersect_terrain(shape, near, direction,
-                        {wanted.from - nearest, wanted.to - nearest, wanted.first}, hits);
+                        {request.from - nearest, request.to - nearest, request.first}, hits);
       break;
   }
   for (std::size_t i = first; i < hits.size(); ++i) hits[i].t += nearest;

@@ -13,7 +13,7 @@ namespace tessera::render {
 class BlobField;
 class TerrainField;
 
-/// Q(p) = p' A p + 2 b p + c, with A symmetric; inside where it is at most 0.
+/// Q(p) = p' A p + 2 b p + c, with A symmetric. The inside is Q(p) <= 0.
 struct Quadric {
   Vec3d squares;   // of A: xx, yy, zz
   Vec3d products;  // of A: yz, zx, xy
@@ -29,65 +29,65 @@ struct Quadric {
   double at(const Vec3d& p) const { return dot(p, times(p) + linear * 2.0) + constant; }
 };
 
-/// Faces are numbered: 0 is the curved one; 1 + 2 axis is in the lower plane of Shape::clip across
-/// that axis, 2 + 2 axis in the upper one. Those from 1 on are flat: a ray that leaves one cannot
+/// Face 0 is the curved one. Face 1 + 2 axis lies in the lower plane of Shape::clip perpendicular
+/// to that axis, face 2 + 2 axis in the upper one. These are flat: a ray that starts on one cannot
 /// hit it again.
 inline constexpr std::uint32_t kCurvedFace = 0;
 
 /// An analytic surface in its object space.
 struct Shape {
   enum class Form : std::uint8_t {
-    quadric,  // what of the quadric's inside lies in `clip`; a box without thickness: one face
-    torus,    // about the y axis
-    blobs,    // where a field reaches its threshold
-    terrain,  // the ground below a height field, as far as it lies in `clip`
+    quadric,  // the quadric's inside, clipped to `clip`; one face if that has no thickness
+    torus,    // around the y axis
+    blobs,    // the region where a field reaches its threshold
+    terrain,  // the ground below a height field, clipped to `clip`
   };
   Form form = Form::quadric;
-  bool capped = true;      // the planes of `clip` bound it too; else only the curved face is there
-  bool latitudes = false;  // v runs with the angle from +y, as on a globe; else with the height
+  bool capped = true;      // whether the planes of `clip` are faces too
+  bool latitudes = false;  // whether v is the angle from +y, as on a globe, instead of the height
   Quadric quadric;
-  Box3d clip;                   // planes may be infinitely far
-  double radius = 0, tube = 0;  // of a torus: of its centre line, and about that; tube < radius
+  Box3d clip;                   // planes may be at infinity
+  double radius = 0, tube = 0;  // torus: radii of the centre line and of the tube; tube < radius
   std::shared_ptr<const BlobField> blobs;
   std::shared_ptr<const TerrainField> terrain;
   Box3f bounds;  // finite
 
-  /// The axis in which it has no thickness, or -1.
+  /// The axis along which it has no thickness, or -1.
   int flat_axis() const;
-  /// Whether it has an inside.
+  /// Whether it encloses a volume.
   bool closed() const {
     return (capped || form == Form::torus || form == Form::blobs) && flat_axis() < 0;
   }
 };
 
-/// Where a line passes through a surface.
+/// Intersection of a line with a shape's surface.
 struct ShapeHit {
   double t = 0;
-  Vec3d point;  // object space, to double rounding on the surface
+  Vec3d point;  // object space, on the surface up to rounding of double
   std::uint32_t face = kCurvedFace;
-  bool enters = false;  // against the outward normal
+  bool enters = false;  // whether the line goes against the outward normal
 };
 
-/// Which of a line's hits are asked for: those with t from `from` to `to`, and none after the first
-/// of them on a curved face if that is enough.
-struct HitsWanted {
+/// The hits of a line that a caller needs: those with t from `from` to `to` and, with `first`, none
+/// after the first of them on a curved face.
+struct HitRequest {
   double from = -std::numeric_limits<double>::infinity();
   double to = std::numeric_limits<double>::infinity();
   bool first = false;
 };
 
-/// All points where the line origin + t direction passes through the shape, by rising t of either
-/// sign, appended to `hits`. The direction need not be unit: t is in multiples of it. A line that
-/// touches a closed shape may give two hits with the same t. None for a direction that is zero or
-/// not finite. What is not wanted may be left out.
+/// Appends to `hits` all intersections of the line origin + t direction with the shape, by
+/// ascending t of either sign; hits that are not requested may be missing. t is in multiples of the
+/// direction, which need not be unit. A line that touches a closed shape may give two hits with the
+/// same t. A direction that is zero or not finite gives none.
 ///
-/// Worked out in double about the point of the line nearest to the shape, so that distance costs
-/// no digits. Source: E. Haines et al., "Precision improvements for ray/sphere intersection", Ray
-/// Tracing Gems, 2019, chapter 7.
+/// Computed in double relative to the point of the line nearest to the shape, so that distance does
+/// not reduce precision. Source: E. Haines et al., "Precision improvements for ray/sphere
+/// intersection", Ray Tracing Gems, 2019, chapter 7.
 void intersect_shape(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
-                     std::vector<ShapeHit>& hits, const HitsWanted& wanted = {});
+                     std::vector<ShapeHit>& hits, const HitRequest& request = {});
 
-/// The forms of intersect_shape(). `origin` is near the shape; t counts from there.
+/// intersect_shape() for each form. Requires an `origin` near the shape.
 void intersect_quadric(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
                        std::vector<ShapeHit>& hits);
 void intersect_torus(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
@@ -95,6 +95,6 @@ void intersect_torus(const Shape& shape, const Vec3d& origin, const Vec3d& direc
 void intersect_blobs(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
                      std::vector<ShapeHit>& hits);
 void intersect_terrain(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
-                       const HitsWanted& wanted, std::vector<ShapeHit>& hits);
+                       const HitRequest& request, std::vector<ShapeHit>& hits);
 
 }  // namespace tessera::render

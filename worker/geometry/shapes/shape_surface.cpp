@@ -29,7 +29,7 @@ Vec3d torus_normal(const Shape& shape, const Vec3d& p) {
   return {p.x * out, p.y, p.z * out};
 }
 
-/// Where x lies between low and high.
+/// Position of x between low and high as a fraction, clamped to [0, 1].
 float share(float x, float low, float high) {
   return high > low ? clamp((x - low) / (high - low), 0.0f, 1.0f) : 0.5f;
 }
@@ -45,7 +45,8 @@ float height_angle(const Shape& shape, const Vec3f& p) {
   return 1 - share(p.y, shape.bounds.lo.y, shape.bounds.hi.y);
 }
 
-/// The axes along which u and v of a flat face rise; v downwards where there is a down.
+/// The axes of u and v on a flat face, and whether they decrease along them. On vertical faces v
+/// increases downwards.
 struct FaceAxes {
   int u, v;
   bool u_falls, v_falls;
@@ -95,7 +96,8 @@ Vec2f shape_uv(const Shape& shape, std::uint32_t face, const Vec3f& p) {
 }
 
 Vec4f shape_tangent(const Shape& shape, std::uint32_t face, const Vec3f& p) {
-  // Along u, up, and outwards are right-handed everywhere; v goes down.
+  // The direction of u, up and outwards form a right-handed frame everywhere; v increases
+  // downwards.
   if (face == kCurvedFace) {
     return shape.form == Shape::Form::terrain ? Vec4f{1, 0, 0, -1} : Vec4f{p.z, 0, -p.x, -1};
   }

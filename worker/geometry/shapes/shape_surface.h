@@ -6,24 +6,23 @@
 
 namespace tessera::render {
 
-/// The outward normal at a point of a face, object space: the gradient, of any length. At an apex
-/// or a saddle, where there is none, along the axis. A flat shape faces its axis.
+/// Outward normal at a point of a face, object space, of any length: the gradient or, where that is
+/// zero, as at an apex, the y axis. A flat shape faces the positive axis.
 Vec3d shape_normal(const Shape& shape, std::uint32_t face, const Vec3d& point);
 
-/// Texture coordinates. The curved face: u once around the y axis, rising to the right as seen from
-/// outside, 0.5 at +z; v from 0 at the top to 1 at the bottom, with the angle on an ellipsoid, with
-/// the height on others; on a torus v goes round the tube, 0.5 outside. On a terrain u and v run
-/// along x and z. Flat faces: from corner to
-/// corner of their side of the box.
+/// Texture coordinates. On the curved face, u goes once around the y axis, increasing to the right
+/// as seen from outside and 0.5 at +z; v goes from 0 at the top to 1 at the bottom, by angle on an
+/// ellipsoid and by height on others. On a torus v goes around the tube and is 0.5 on the outside.
+/// On a terrain u and v follow x and z. On flat faces they span the side of the box.
 Vec2f shape_uv(const Shape& shape, std::uint32_t face, const Vec3f& point);
 
-/// The direction in which u rises, and in w the side of the bitangent (+1: cross(normal, tangent)).
+/// Direction of increasing u; w is the sign of the bitangent (+1: cross(normal, tangent)).
 Vec4f shape_tangent(const Shape& shape, std::uint32_t face, const Vec3f& point);
 
-/// A point of a face as an instance places it, with what rays that start there need. `normal` is
-/// the unit outward one in the world. With u = 2^-24, `tolerance` bounds the rounding of the point
-/// in object space, u |p|, doubled for margin and taken to world space, and that of the position,
-/// u |world|; nothing else rounds to float.
+/// World-space point of a face, with error bounds for spawning rays. Requires the unit outward
+/// normal in world space. With u = 2^-24, `tolerance` bounds the rounding of the point in object
+/// space, u |p|, doubled for margin and transformed to world space, and the rounding of the
+/// position, u |world|; nothing else rounds to float.
 SurfacePoint placed_shape_point(const Affine3d& object_to_world, const Vec3f& point,
                                 const Vec3f& normal);
 

@@ -1,10 +1,11 @@
-// A line through a height field. A quadtree of least and greatest heights leaves out where the line
-// is above or below the ground for sure; in the stretches that remain, bounds of the height along
-// the line, linear but for an error that shrinks with the square of the stretch, narrow down where
-// it can pass through, until that is known to double rounding. A stretch shorter than the field's
-// precision whose ends are on one side is let go: precision follows the spot that is seen, as in
-// F. K. Musgrave, "QAEB rendering for procedural models" (Texturing & Modeling: A Procedural
-// Approach, 3rd edition, 2003, chapter 17), but no stretch in which the line changes sides is.
+// Intersection of a line with a height field. A quadtree of minimum and maximum heights skips
+// segments in which the line is certainly above or below the ground. In the remaining segments,
+// affine bounds of the clearance, whose error shrinks with the square of the segment's length,
+// narrow down where it can be zero, to the precision of double. A segment that is shorter than the
+// field's precision and has both ends on one side is dropped; a segment in which the line changes
+// sides never is. The precision follows the size of the resolved detail, as in F. K. Musgrave,
+// "QAEB rendering for procedural models" (Texturing & Modeling: A Procedural Approach, 3rd edition,
+// 2003, chapter 17).
 
 #include <algorithm>
 #include <cmath>
@@ -19,13 +20,13 @@ namespace {
 class TerrainLine {
  public:
   TerrainLine(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
-              const HitsWanted& wanted, std::vector<ShapeHit>& hits)
+              const HitRequest& request, std::vector<ShapeHit>& hits)
       : shape_(shape),
         field_(*shape.terrain),
         origin_(origin),
         direction_(direction),
         length_(std::sqrt(dot(direction, direction))),
-        wanted_(wanted),
+        request_(request),
         hits_(hits) {}
 
   void intersect();
@@ -44,7 +45,7 @@ class TerrainLine {
     return field_.clearance<0>({height(t), {}, 0}, ground(t), {}, cells_).centre < 0;
   }
 
-  /// From t on the line is on this side, as far as is known.
+  /// Records that the line is on this side from t on; adds a hit if the side changes.
   void settle(double t, bool inside);
   void walk(const Cell& cell, double first, double last);
   void find(double first, double last);
@@ -53,10 +54,10 @@ class TerrainLine {
   const TerrainField& field_;
   Vec3d origin_, direction_;
   double length_;
-  HitsWanted wanted_;
-  double least_ = 0;  // a stretch of t that counts as none
+  HitRequest request_;
+  double least_ = 0;  // length in t at which a segment counts as a point
   bool inside_ = false;
-  bool done_ = false;  // what follows is not wanted
+  bool done_ = false;  // whether no further hits are requested
   TerrainCells cells_;
   std::vector<ShapeHit>& hits_;
 };
@@ -65,18 +66,18 @@ void TerrainLine::settle(double t, bool inside) {
   if (inside == inside_) return;
   inside_ = inside;
   hits_.push_back({t, origin_ + direction_ * t, kCurvedFace, inside});
-  done_ = wanted_.first;
+  done_ = request_.first;
 }
 
-/// The stretch lies over the cell.
+/// Finds the crossings from t = first to t = last, where the line is over the cell.
 void TerrainLine::walk(const Cell& cell, double first, double last) {
-  if (done_ || first > wanted_.to) return;
+  if (done_ || first > request_.to) return;
   const double start = height(first), end = height(last), slack = field_.rounding();
   const TerrainField::Range& range = field_.range(cell.level, cell.column, cell.row);
   if (std::min(start, end) > double{range.high} + slack) return settle(first, false);
   if (std::max(start, end) < double{range.low} - slack) return settle(first, true);
   if (cell.level + 1 == field_.levels()) return find(first, last);
-  // Along the line, the cell's quarters: up to three, between the planes that part them.
+  // Visits the cell's quarters along the line: up to three, separated by two planes.
   const Vec2d size = field_.form().size;
   const double share = 1 / static_cast<double>(std::size_t{1} << cell.level);
   const double x = ((static_cast<double>(cell.column) + 0.5) * share - 0.5) * size.x;
@@ -104,7 +105,7 @@ void TerrainLine::find(double first, double last) {
   const AffineForm<1> above =
       field_.clearance<1>({height(middle), {direction_.y * half}, 0}, ground(middle),
                           {Vec2d{direction_.x * half, direction_.z * half}}, cells_);
-  // The zone, from -1 to 1, in which it can be 0.
+  // The part of [-1, 1] in which the clearance can be 0.
   const double c = above.centre, s = above.slope[0], e = above.error;
   double low = -1, high = 1;
   if (s != 0) {
@@ -117,7 +118,7 @@ void TerrainLine::find(double first, double last) {
   if (low > -1) settle(first, s > 0);
   const double length = to - from, centre = 0.5 * (from + to);
   const bool resolved = length <= least_ || e <= 2 * field_.rounding();
-  bool end = s < 0;  // beyond the zone
+  bool end = s < 0;  // whether the line is below the ground after that part
   if (high >= 1 && (resolved || length * length_ <= field_.precision(ground(centre)))) {
     end = below(last);
   }
@@ -135,10 +136,10 @@ void TerrainLine::find(double first, double last) {
 }
 
 void TerrainLine::intersect() {
-  LineStretch box;
+  LineSegment box;
   if (!clip_line(shape_.clip, origin_, direction_, box)) return;
-  if (!(box.last.t > wanted_.from && box.first.t <= wanted_.to)) return;
-  if (wanted_.from > box.first.t) box.first = {wanted_.from, kCurvedFace};
+  if (!(box.last.t > request_.from && box.first.t <= request_.to)) return;
+  if (request_.from > box.first.t) box.first = {request_.from, kCurvedFace};
   least_ = (box.last.t - box.first.t) * 0x1p-46;
   const auto add_end = [&](const LineEnd& end, bool enters) {
     if (!shape_.capped || end.face == kCurvedFace) return;
@@ -153,8 +154,8 @@ void TerrainLine::intersect() {
 }  // namespace
 
 void intersect_terrain(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
-                       const HitsWanted& wanted, std::vector<ShapeHit>& hits) {
-  TerrainLine(shape, origin, direction, wanted, hits).intersect();
+                       const HitRequest& request, std::vector<ShapeHit>& hits) {
+  TerrainLine(shape, origin, direction, request, hits).intersect();
 }
 
 }  // namespace tessera::render

@@ -10,11 +10,12 @@ namespace tessera::render {
 namespace {
 
 constexpr double kTwoPi = 6.28318530717958647692;
-/// Of sin(2 pi x) cos(2 pi z), in any direction: the sum of two sines across each other.
+/// Bound of the second derivative of sin(2 pi x) cos(2 pi z) in any direction: it is the mean of
+/// two sines along the diagonals.
 constexpr double kWaveCurvature = kTwoPi * kTwoPi;
-/// At most 256 by 256 cells: below that, lines are looked at one by one.
+/// Depth limit of the quadtree: 256 by 256 cells.
 constexpr int kDeepest = 8;
-/// Of an octave's wave, which is in [-1, 1]: with this error there is nothing to be had of it.
+/// An octave is in [-1, 1]; bounds with an error from here on are not worth evaluating.
 constexpr double kUnresolved = 0.75;
 
 NoiseSlope wave_slope(const Vec2d& p) {
@@ -33,9 +34,9 @@ double squares(const std::array<Vec2d, N>& spans) {
 }  // namespace
 
 TerrainField::TerrainField(const TerrainForm& form) : form_(form) {
-  // An octave's place is a few roundings off, and its value by what the steepest noise (a slope of
-  // at most 2.93, of waves 2 pi) makes of that, doubled where it is squared. A ridge is weighted by
-  // twice the one before, with that one's error.
+  // The coordinates of an octave have a few rounding errors; the error of its value is those times
+  // the largest slope (2.93 for noise, 2 pi for waves), doubled where it is squared. A ridge is
+  // weighted by twice the previous one, including its error.
   const bool ridged = form.pattern == TerrainForm::Pattern::ridged;
   double farthest = 0.5 * form.scale * (form.size.x + form.size.y) + std::fabs(form.offset.x) +
                     std::fabs(form.offset.y);
@@ -59,7 +60,7 @@ TerrainField::TerrainField(const TerrainForm& form) : form_(form) {
   build_levels(deepest);
 }
 
-/// The ranges of all levels, from the deepest up.
+/// Computes the ranges of all levels, the deepest first.
 void TerrainField::build_levels(int deepest) {
   levels_.resize(static_cast<std::size_t>(deepest) + 1);
   TerrainCells cells;
@@ -87,10 +88,10 @@ void TerrainField::build_levels(int deepest) {
   }
 }
 
-/// Of its quarters.
+/// The range of a deepest cell, from the bounds of its quarters.
 TerrainField::Range TerrainField::range_of_cell(const Vec2d& middle, const Vec2d& half,
                                                 TerrainCells& cells) const {
-  double low = form_.height + rounding_, high = -rounding_;  // where no height can be
+  double low = form_.height + rounding_, high = -rounding_;  // an empty range
   for (const double x : {-0.5, 0.5}) {
     for (const double z : {-0.5, 0.5}) {
       const AffineForm<2> part =
@@ -126,7 +127,7 @@ Vec2d TerrainField::slope(const Vec2d& at) const {
   return {around.slope[0] / span, around.slope[1] / span};
 }
 
-/// The width of a spot, in features.
+/// Bounds of the size of the smallest resolved detail, in features.
 template <std::size_t N>
 AffineForm<N> TerrainField::spots(const Vec2d& at, const std::array<Vec2d, N>& spans) const {
   AffineForm<N> spot;
@@ -145,11 +146,11 @@ AffineForm<N> TerrainField::spots(const Vec2d& at, const std::array<Vec2d, N>& s
   return spot * (form_.spot_angle * form_.scale);
 }
 
-/// The pattern's wave, from -1 to 1, of an octave: `at` and `spans` in its features. To first order
-/// about the middle, the rest by the largest second derivative there can be, in `error`.
+/// Bounds of an octave of the pattern, in [-1, 1]; `at` and `spans` are in its features.
+/// First-order around the middle; `error` bounds the second-order term.
 template <std::size_t N>
-AffineForm<N> TerrainField::octave(const Vec2d& at, const std::array<Vec2d, N>& spans,
-                                    double error, std::int32_t number, TerrainCells& cells) const {
+AffineForm<N> TerrainField::octave(const Vec2d& at, const std::array<Vec2d, N>& spans, double error,
+                                   std::int32_t number, TerrainCells& cells) const {
   const NoiseSlope here =
       form_.pattern == TerrainForm::Pattern::waves
           ? wave_slope(at)
@@ -162,11 +163,11 @@ AffineForm<N> TerrainField::octave(const Vec2d& at, const std::array<Vec2d, N>& 
   return out;
 }
 
-/// Asks `enough` (bool(const AffineForm<N>&)) after each octave whether what is known by then, of
-/// which it returns the last, will do.
+/// Returns bounds of the height. After each octave, `enough(bounds)` decides whether the bounds so
+/// far suffice.
 template <std::size_t N, typename Enough>
 AffineForm<N> TerrainField::heights_until(const Vec2d& at, const std::array<Vec2d, N>& spans,
-                                           TerrainCells& cells, const Enough& enough) const {
+                                          TerrainCells& cells, const Enough& enough) const {
   const bool ridged = form_.pattern == TerrainForm::Pattern::ridged;
   constexpr double kMean = double{kMeanRidgedNoise[2]};
   const double curvature =
@@ -177,8 +178,8 @@ AffineForm<N> TerrainField::heights_until(const Vec2d& at, const std::array<Vec2
   AffineForm<N> spot = spots(at, spans);
   double error = 0.5 * curvature * squares(reach);
 
-  // What the sum of octaves makes, with `open` for the amplitudes of those to come: they add up to
-  // [0, open] in a ridged field, else to [-open, open].
+  // Bounds of the height from the sum of the octaves so far, with `open` as the sum of the
+  // remaining amplitudes: the rest is in [0, open] for a ridged pattern, else in [-open, open].
   const auto known = [&](AffineForm<N> sum, double open) {
     if (ridged) sum.centre += 0.5 * open;
     sum.error += ridged ? 0.5 * open : open;
@@ -196,7 +197,7 @@ AffineForm<N> TerrainField::heights_until(const Vec2d& at, const std::array<Vec2
       weight = weight * kMean;
       sum = sum + weight * amplitude;
     } else {
-      if (error >= kUnresolved) return known(sum, open);  // and so are all finer ones
+      if (error >= kUnresolved) return known(sum, open);  // finer octaves have larger errors
       AffineForm<N> wave = octave<N>(p, reach, error, i, cells);
       if (ridged) wave = squared(absolute(wave) * -1 + 1);
       if (!whole) {
@@ -211,7 +212,7 @@ AffineForm<N> TerrainField::heights_until(const Vec2d& at, const std::array<Vec2
     }
     open -= amplitude;
     if (i + 1 == form_.octaves) break;
-    const AffineForm<N> so_far = known(sum, open + 0x1p-40);  // more than its own rounding
+    const AffineForm<N> so_far = known(sum, open + 0x1p-40);  // covers the rounding of `open`
     if (enough(so_far)) return so_far;
     if (ridged) weight = at_most(weight * 2, 1);
     amplitude *= form_.gain;
@@ -225,14 +226,14 @@ AffineForm<N> TerrainField::heights_until(const Vec2d& at, const std::array<Vec2
 
 template <std::size_t N>
 AffineForm<N> TerrainField::heights(const Vec2d& at, const std::array<Vec2d, N>& spans,
-                                     TerrainCells& cells) const {
+                                    TerrainCells& cells) const {
   return heights_until(at, spans, cells, [](const AffineForm<N>&) { return false; });
 }
 
 template <std::size_t N>
 AffineForm<N> TerrainField::clearance(const AffineForm<N>& y, const Vec2d& at,
-                                       const std::array<Vec2d, N>& spans,
-                                       TerrainCells& cells) const {
+                                      const std::array<Vec2d, N>& spans,
+                                      TerrainCells& cells) const {
   const auto above = [&y](const AffineForm<N>& ground) { return y + ground * -1; };
   return above(heights_until(at, spans, cells, [&](const AffineForm<N>& ground) {
     const AffineForm<N> left = above(ground);
@@ -241,12 +242,12 @@ AffineForm<N> TerrainField::clearance(const AffineForm<N>& y, const Vec2d& at,
 }
 
 template AffineForm<1> TerrainField::heights(const Vec2d&, const std::array<Vec2d, 1>&,
-                                              TerrainCells&) const;
+                                             TerrainCells&) const;
 template AffineForm<2> TerrainField::heights(const Vec2d&, const std::array<Vec2d, 2>&,
-                                              TerrainCells&) const;
+                                             TerrainCells&) const;
 template AffineForm<0> TerrainField::clearance(const AffineForm<0>&, const Vec2d&,
-                                                const std::array<Vec2d, 0>&, TerrainCells&) const;
+                                               const std::array<Vec2d, 0>&, TerrainCells&) const;
 template AffineForm<1> TerrainField::clearance(const AffineForm<1>&, const Vec2d&,
-                                                const std::array<Vec2d, 1>&, TerrainCells&) const;
+                                               const std::array<Vec2d, 1>&, TerrainCells&) const;
 
 }  // namespace tessera::render

@@ -1,4 +1,4 @@
-// A line through a torus: the real roots of a quartic.
+// Intersection of a line with a torus: the real roots of a quartic.
 
 #include <array>
 #include <cmath>
@@ -8,17 +8,17 @@
 
 namespace tessera::render {
 
-/// With R the radius, r the tube's and k = R^2 - r^2, the surface is
-/// (p.p + k)^2 = 4 R^2 (x^2 + z^2). The constant term is the product
-/// ((rho - R)^2 + y^2 - r^2) ((rho + R)^2 + y^2 - r^2), rho^2 = x^2 + z^2, which keeps its digits
-/// near the surface.
+/// With the radius R, the tube's radius r and k = R^2 - r^2, the surface is
+/// (p.p + k)^2 = 4 R^2 (x^2 + z^2). The constant term is computed as the product
+/// ((rho - R)^2 + y^2 - r^2) ((rho + R)^2 + y^2 - r^2), rho^2 = x^2 + z^2, which is accurate near
+/// the surface.
 void intersect_torus(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
                      std::vector<ShapeHit>& hits) {
   const double outer = shape.radius + shape.tube;
   const double size = length(direction);
   const Vec3d d = direction / size, o = origin;
   const double along = dot(o, d), o2 = dot(o, o);
-  // Half of what the line cuts out of the sphere about it all, and a little more.
+  // Half of the chord of the bounding sphere, enlarged a little.
   const double half2 = outer * outer * (1 + 0x1p-40) - (o2 - along * along);
   if (!(half2 > 0)) return;
   const double half = std::sqrt(half2) * (1 + 0x1p-20);
