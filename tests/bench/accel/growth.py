@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Measures how the cost of a ray grows and draws it.
 
-    tests/bench/accel/growth.py [--bin build/release/bin] [--svg docs/cost-growth.svg]
+    tests/bench/accel/growth.py [--bin build/release/bin] [--svg docs/notes/cost-growth.svg]
 
-Runs `tessera-bench-accel --growth`, which prints the table, and draws nanoseconds a ray against
+Runs `tessera-bench-accel --growth`, which prints the table, and draws nanoseconds per ray against
 triangles and against depth complexity, both axes logarithmic; readable in light and dark.
 """
 
@@ -72,17 +72,17 @@ class Plot:
 
 def draw(figures):
     triangles, layers = figures["triangles"], figures["depth_complexity"]
-    kinds = [("bounce_ns", "scattered"), ("camera_ns", "camera, alone"),
+    kinds = [("bounce_ns", "scattered"), ("camera_ns", "camera, single rays"),
              ("camera_packets_ns", "camera, in packets")]
-    left = Plot(LEFT, "nanoseconds a ray, terrain", "triangles",
+    left = Plot(LEFT, "nanoseconds per ray, terrain", "triangles",
                 [row["triangles"] for row in triangles],
                 [row[key] for row in triangles for key, _ in kinds])
     for colour, (key, label) in enumerate(kinds):
         left.line(colour, label, [(row["triangles"], row[key]) for row in triangles])
-    right = Plot(LEFT + PLOT_WIDTH + GAP, "nanoseconds a ray, layers behind each other",
+    right = Plot(LEFT + PLOT_WIDTH + GAP, "nanoseconds per ray, parallel layers",
                  "depth complexity", [row["layers"] for row in layers],
                  [row[key] for row in layers for key in ("hierarchy_ns", "brute_force_ns")])
-    right.line(0, "hierarchy", [(row["layers"], row["hierarchy_ns"]) for row in layers])
+    right.line(0, "BVH", [(row["layers"], row["hierarchy_ns"]) for row in layers])
     right.line(1, "brute force", [(row["layers"], row["brute_force_ns"]) for row in layers])
     return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}">\n'
             f"<style>{STYLE}</style>\n" + "\n".join(left.parts + right.parts) + "\n</svg>\n")
@@ -92,7 +92,7 @@ def main():
     root = pathlib.Path(__file__).resolve().parents[3]
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--bin", type=pathlib.Path, default=root / "build/release/bin")
-    parser.add_argument("--svg", type=pathlib.Path, default=root / "docs/cost-growth.svg")
+    parser.add_argument("--svg", type=pathlib.Path, default=root / "docs/notes/cost-growth.svg")
     parser.add_argument("--quick", action="store_true")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
