@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Runs the commands of README.md and of every page of docs/, as tests/documents_check.py prints them:
+# Runs the commands of README.md and of every page of docs/, as tests/documents/check.py prints them:
 # each ```sh block under a line `<!-- run -->`. A block that is not run says why, in a line
 # `<!-- not run: WHY -->` above it. The blocks of a page run in order, in a directory of their own
 # that looks like the root of the clone, with the programs on the path.
@@ -9,7 +9,7 @@ root=$(cd "$(dirname "$0")/../.." && pwd)
 mapfile -t pages < <(cd "$root" && echo README.md && find docs -name '*.md' | LC_ALL=C sort)
 clones=0
 for page in "${pages[@]}"; do
-  python3 "$root/tests/documents_check.py" --commands "$root/$page" >"$work/commands" ||
+  python3 "$root/tests/documents/check.py" --commands "$root/$page" >"$work/commands" ||
     fail "$page: see above"
   grep -q '[^[:space:]]' "$work/commands" || continue
   clone=$work/clone$((++clones))  # a short path, as sockets need

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Checks that the documentation agrees with the repository.
 
-    tests/documents_check.py [ROOT]             check every page; exit code 1 and a line per fault
-    tests/documents_check.py --commands PAGE    print the commands of PAGE that a test may run
+    tests/documents/check.py [ROOT]             check every page; exit code 1 and a line per fault
+    tests/documents/check.py --commands PAGE    print the commands of PAGE that a test may run
 
-Pages are all Markdown files of the source tree. tests/documents_check_test.py shows each check fail.
+Pages are all Markdown files of the source tree. tests/documents/check_test.py shows each check fail.
 """
 
 import os
@@ -12,7 +12,7 @@ import re
 import sys
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 # Folders whose paths, written in backquotes on a page, must exist.
 FOLDERS = ("proto contract rpc image telemetry cli cmake server worker client webhook tests docs "
@@ -211,7 +211,7 @@ class Checks:
     def check_documents_in_sources(self):
         """Comments and scripts name documents that exist; the links of pages are checked above."""
         for path, text in sorted(self.repository.sources.items()):
-            if path.name == "documents_check_test.py":
+            if path.name == "check_test.py":
                 continue  # has examples of missing documents
             for match in (RETIRED if path.suffix == ".md" else DOCUMENT).finditer(text):
                 name = match.group()

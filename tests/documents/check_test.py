@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Shows that each check of documents_check.py finds its fault, and only that."""
+"""Shows that each check of check.py finds its fault, and only that."""
 
 import tempfile
 import unittest
 from pathlib import Path
 
-import documents_check
+import check
 
 GOOD = {
     "README.md": "# Title\n[docs](docs/README.md) `tests/a_test.cpp`\n",
@@ -30,7 +30,7 @@ def faults_of(changes):
             path = root / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(GOOD.get(name, "") + changes.get(name, ""))
-        return documents_check.Checks(documents_check.Repository(root)).run()
+        return check.Checks(check.Repository(root)).run()
 
 
 class DocumentsCheck(unittest.TestCase):
@@ -71,7 +71,7 @@ class DocumentsCheck(unittest.TestCase):
                          ["docs/how-to/x.md: no page links to it"])
 
     def test_missing_path_in_backquotes(self):
-        for folder in documents_check.FOLDERS:
+        for folder in check.FOLDERS:
             self.expect(f"README.md: missing file in backquotes: {folder}/no.cpp",
                         README_md=f"`{folder}/no.cpp`")
 
