@@ -96,7 +96,7 @@ void remake(SeededRenderer& renderer, const std::string& scene) {
   write_exr(kept_file(scene, "variance"), variance);
 }
 
-TEST_P(Golden, TheImageIsThatOfBeforeButForItsNoise) {
+TEST_P(Golden, MatchesReferenceWithinNoise) {
   const std::string scene = GetParam();
   SeededRenderer renderer(std::string(TESSERA_SCENES) + "/" + scene + ".gltf", settings());
   ASSERT_TRUE(renderer.load().ok());

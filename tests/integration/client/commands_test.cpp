@@ -61,7 +61,7 @@ class CommandsTest : public ::testing::Test {
   FakeFarm farm_;
 };
 
-TEST_F(CommandsTest, ListShowsTheNewestFirst) {
+TEST_F(CommandsTest, ListPrintsNewestJobFirst) {
   farm_.add_job("aaa111", "first", v1::Job::STATE_DONE);
   farm_.add_job("bbb222", "second", v1::Job::STATE_RUNNING);
   const Outcome text = run({"list"});
@@ -73,7 +73,7 @@ TEST_F(CommandsTest, ListShowsTheNewestFirst) {
   EXPECT_EQ(json::parse(document.out)["jobs"][0]["id"], "bbb222");
 }
 
-TEST_F(CommandsTest, ListGoesThroughAllPagesUpToTheLimit) {
+TEST_F(CommandsTest, ListReadsPagesUpToLimit) {
   for (int i = 0; i < 250; ++i) {
     farm_.add_job("job" + std::to_string(i), "name", v1::Job::STATE_DONE);
   }
@@ -86,7 +86,7 @@ TEST_F(CommandsTest, ListGoesThroughAllPagesUpToTheLimit) {
   EXPECT_EQ(run({"list", "--limit", "-1"}).exit, kExitBadInput);
 }
 
-TEST_F(CommandsTest, StatusTellsOfOneJob) {
+TEST_F(CommandsTest, StatusPrintsOneJob) {
   farm_.add_job("aaa111", "lamp", v1::Job::STATE_PAUSED).set_reason("paused by the user");
   const Outcome text = run({"status", "lamp"});
   EXPECT_EQ(text.exit, kExitDone);
@@ -96,7 +96,7 @@ TEST_F(CommandsTest, StatusTellsOfOneJob) {
   EXPECT_THAT(document_faults(document.out), IsEmpty()) << document.out;
 }
 
-TEST_F(CommandsTest, UnknownJobIsBadInputForEveryCommand) {
+TEST_F(CommandsTest, UnknownJobExitsWithBadInput) {
   for (const char* command :
        {"status", "report", "fetch", "pause", "resume", "cancel", "retry", "remove"}) {
     const Outcome outcome = run({command, "nothing"});
@@ -106,14 +106,14 @@ TEST_F(CommandsTest, UnknownJobIsBadInputForEveryCommand) {
   }
 }
 
-TEST_F(CommandsTest, AbsentFarmIsUnreachable) {
+TEST_F(CommandsTest, MissingServerExitsWithUnreachable) {
   const Outcome outcome =
       run_client({"list", "--server", "unix:" + (farm_.folder() / "none").string()});
   EXPECT_EQ(outcome.exit, kExitUnreachable);
   EXPECT_THAT(outcome.err, HasSubstr("none"));
 }
 
-TEST_F(CommandsTest, WrongUsageIsBadInput) {
+TEST_F(CommandsTest, WrongUsageExitsWithBadInput) {
   EXPECT_EQ(run({"status"}).exit, kExitBadInput) << "no job";
   EXPECT_EQ(run({"list", "--colour"}).exit, kExitBadInput);
   EXPECT_EQ(run({"extend", "last", "--spp", "0"}).exit, kExitBadInput);
@@ -121,7 +121,7 @@ TEST_F(CommandsTest, WrongUsageIsBadInput) {
   EXPECT_EQ(run({"report", "last", "--json", "--csv"}).exit, kExitBadInput);
 }
 
-TEST_F(CommandsTest, UnknownStructureIsToldWithTheKnownOnes) {
+TEST_F(CommandsTest, UnknownAcceleratorListsKnownOnes) {
   for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
            {"inspect", "none.gltf"}, {"bench", "none.gltf", "--reference", "none"}}) {
     std::vector<std::string> words = command;
@@ -133,7 +133,7 @@ TEST_F(CommandsTest, UnknownStructureIsToldWithTheKnownOnes) {
   }
 }
 
-TEST_F(CommandsTest, ControlsChangeTheJobAndPrintIt) {
+TEST_F(CommandsTest, ControlsChangeAndPrintJobState) {
   farm_.add_job("aaa111", "lamp", v1::Job::STATE_RUNNING);
   const std::pair<const char*, v1::Job::State> steps[] = {{"pause", v1::Job::STATE_PAUSED},
                                                           {"resume", v1::Job::STATE_RUNNING},
@@ -148,7 +148,7 @@ TEST_F(CommandsTest, ControlsChangeTheJobAndPrintIt) {
   EXPECT_EQ(run({"pause", "lamp"}).out, "aaa111 paused\n");
 }
 
-TEST_F(CommandsTest, RefusalOfTheFarmIsSaidAndReturned) {
+TEST_F(CommandsTest, ServerRefusalIsPrintedAndReturned) {
   farm_.add_job("aaa111", "lamp", v1::Job::STATE_RUNNING);
   const Outcome outcome = run({"remove", "lamp"});
   EXPECT_EQ(outcome.exit, kExitBadInput);
@@ -156,7 +156,7 @@ TEST_F(CommandsTest, RefusalOfTheFarmIsSaidAndReturned) {
   EXPECT_EQ(farm_.jobs.size(), 1u);
 }
 
-TEST_F(CommandsTest, RemoveForgetsAnEndedJob) {
+TEST_F(CommandsTest, RemoveDeletesEndedJob) {
   farm_.add_job("aaa111", "lamp", v1::Job::STATE_DONE);
   const Outcome document = run({"remove", "lamp", "--json"});
   EXPECT_EQ(document.exit, kExitDone);
@@ -164,7 +164,7 @@ TEST_F(CommandsTest, RemoveForgetsAnEndedJob) {
   EXPECT_TRUE(farm_.jobs.empty());
 }
 
-TEST_F(CommandsTest, ExtendRaisesTheSampleCount) {
+TEST_F(CommandsTest, ExtendRaisesSampleCount) {
   farm_.add_job("aaa111", "lamp", v1::Job::STATE_RUNNING);
   const Outcome outcome = run({"extend", "lamp", "--spp", "256"});
   EXPECT_EQ(outcome.exit, kExitDone);
@@ -173,7 +173,7 @@ TEST_F(CommandsTest, ExtendRaisesTheSampleCount) {
   EXPECT_EQ(run({"extend", "lamp", "--spp", "8"}).exit, kExitBadInput);
 }
 
-TEST_F(CommandsTest, ReportIsGivenAsTextDocumentAndCurve) {
+TEST_F(CommandsTest, ReportPrintsTextJsonAndCurve) {
   farm_.add_job("abc", "scene", v1::Job::STATE_DONE);
   farm_.reports["abc"] = report();
   const Outcome text = run({"report", "last"});
@@ -190,7 +190,7 @@ TEST_F(CommandsTest, ReportIsGivenAsTextDocumentAndCurve) {
             "1,12.5,7,131072,0.002,0.042500000000000003,\n");
 }
 
-TEST_F(CommandsTest, ReportWritesEveryFileAskedForAndPrintsWhatIsNamed) {
+TEST_F(CommandsTest, ReportWritesRequestedFiles) {
   farm_.add_job("abc", "scene", v1::Job::STATE_DONE);
   json known = json::parse(report());
   known["frames"][0]["tiles"] = {{"error", {0.5}}, {"spp", {8}}};
@@ -220,7 +220,7 @@ TEST_F(CommandsTest, ReportWritesEveryFileAskedForAndPrintsWhatIsNamed) {
   EXPECT_TRUE(std::filesystem::exists(curve));
 }
 
-TEST_F(CommandsTest, ReportTakesAReferenceOfTheFrameOrOfItsCrop) {
+TEST_F(CommandsTest, ReportAcceptsFullOrCropReference) {
   const std::string folder = farm_.folder();
   std::vector<float> frame(std::size_t{4} * 64 * 48, 9.0f);
   for (std::size_t y = 10; y < 40; ++y) {
@@ -257,13 +257,13 @@ TEST_F(CommandsTest, ReportTakesAReferenceOfTheFrameOrOfItsCrop) {
               HasSubstr("infinite.exr: the reference has values that are not finite"));
 }
 
-TEST_F(CommandsTest, ReportThatIsNotADocumentIsAnError) {
+TEST_F(CommandsTest, MalformedReportIsAnError) {
   farm_.add_job("abc", "scene", v1::Job::STATE_DONE);
   farm_.reports["abc"] = "<html>";
   EXPECT_EQ(run({"report", "last"}).exit, kExitUnreachable);
 }
 
-TEST_F(CommandsTest, SchemaOfTheReportNoticesWhatIsMissing) {
+TEST_F(CommandsTest, ReportSchemaDetectsMissingKeys) {
   json broken = json::parse(report());
   broken["frames"][0].erase("heavy_tail_share");
   broken["status"] = "FINE";
@@ -302,7 +302,7 @@ TEST_F(FetchTest, WritesNumberedFramesAndTheReport) {
   EXPECT_EQ(files, 4) << "three frames, the report, no .part";
 }
 
-TEST_F(FetchTest, LeavesFilesWithTheRightContentAlone) {
+TEST_F(FetchTest, KeepsFilesWithMatchingContent) {
   ASSERT_EQ(fetch().exit, kExitDone);
   const auto before = std::filesystem::last_write_time(output_ / "my_scene_1.0001.exr");
   const Outcome again = fetch({"--json"});
@@ -311,7 +311,7 @@ TEST_F(FetchTest, LeavesFilesWithTheRightContentAlone) {
   EXPECT_EQ(std::filesystem::last_write_time(output_ / "my_scene_1.0001.exr"), before);
 }
 
-TEST_F(FetchTest, ReplacesOtherContentOnlyWhenForced) {
+TEST_F(FetchTest, OverwritesOtherFilesOnlyWithForce) {
   ASSERT_EQ(fetch().exit, kExitDone);
   std::ofstream(output_ / "my_scene_1.0001.exr") << "mine";
   const Outcome refused = fetch();
@@ -322,7 +322,7 @@ TEST_F(FetchTest, ReplacesOtherContentOnlyWhenForced) {
   EXPECT_EQ(read_file(output_ / "my_scene_1.0001.exr"), std::string(2500, '1'));
 }
 
-TEST_F(FetchTest, TakesFinishedFramesOfARunningJobAndNamesTheOthers) {
+TEST_F(FetchTest, RunningJobYieldsFinishedFramesOnly) {
   farm_.frames["abc"][3].finished = false;
   const Outcome outcome = fetch({"--json"});
   EXPECT_EQ(outcome.exit, kExitDone);
@@ -331,7 +331,7 @@ TEST_F(FetchTest, TakesFinishedFramesOfARunningJobAndNamesTheOthers) {
   EXPECT_FALSE(std::filesystem::exists(output_ / "my_scene_1.0003.exr"));
 }
 
-TEST_F(FetchTest, PartialTakesWhatThereIsAndListsWhatIsMissing) {
+TEST_F(FetchTest, PartialListsMissingTiles) {
   v1::PixelRect hole;
   hole.set_x_px(64);
   hole.set_width_px(64);
@@ -346,12 +346,12 @@ TEST_F(FetchTest, PartialTakesWhatThereIsAndListsWhatIsMissing) {
   EXPECT_TRUE(std::filesystem::exists(output_ / "my_scene_1.0003.exr"));
 }
 
-TEST_F(FetchTest, NothingFetchedIsNotASuccess) {
+TEST_F(FetchTest, NoFinishedFrameIsAnError) {
   for (auto& [number, frame] : farm_.frames["abc"]) frame.finished = false;
   EXPECT_EQ(fetch().exit, kExitBadInput);
 }
 
-TEST_F(FetchTest, BytesThatDoNotMatchTheirDigestLeaveNoFile) {
+TEST_F(FetchTest, DigestMismatchLeavesNoFile) {
   farm_.frames["abc"][1].lies = true;
   const Outcome outcome = fetch();
   EXPECT_NE(outcome.exit, kExitDone);
@@ -360,14 +360,14 @@ TEST_F(FetchTest, BytesThatDoNotMatchTheirDigestLeaveNoFile) {
   EXPECT_FALSE(std::filesystem::exists(output_ / "my_scene_1.0001.exr.part"));
 }
 
-TEST_F(FetchTest, FolderThatCannotBeMadeIsNamed) {
+TEST_F(FetchTest, ErrorNamesFolderThatCannotBeCreated) {
   std::ofstream(farm_.folder() / "file") << "x";
   const Outcome outcome = run({"fetch", "abc", "-o", (farm_.folder() / "file" / "out").string()});
   EXPECT_EQ(outcome.exit, kExitBadInput);
   EXPECT_THAT(outcome.err, HasSubstr("file/out"));
 }
 
-TEST_F(CommandsTest, WorkersAreListed) {
+TEST_F(CommandsTest, WorkersPrintsStateAndTraffic) {
   v1::Worker worker;
   worker.set_id("w1");
   worker.set_name("render-7");
@@ -399,7 +399,7 @@ std::vector<std::string> names_of(const CLI::App& app) {
   return names;
 }
 
-TEST(Completion, HoldsEveryCommandAndOptionForEveryShell) {
+TEST(Completion, EveryShellHasAllCommandsAndOptions) {
   Invocation invocation;
   CLI::App app("test", "tessera");
   add_all_commands(app, invocation);
@@ -431,7 +431,7 @@ TEST(Completion, BashCompletesCommandsAndOptions) {
   EXPECT_EQ(output, "report\n--format --force\n");
 }
 
-TEST(Help, EveryCommandHasADescriptionAndAnExample) {
+TEST(Help, EveryCommandHasDescriptionAndExample) {
   Invocation invocation;
   CLI::App app("test", "tessera");
   add_all_commands(app, invocation);

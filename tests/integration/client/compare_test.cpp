@@ -54,7 +54,7 @@ TEST_F(CompareTest, PrintsEveryMetric) {
   }
 }
 
-TEST_F(CompareTest, ReturnsOneOverALimitAndZeroUnderIt) {
+TEST_F(CompareTest, ExitsWithOneAboveLimit) {
   const std::string a = image("a.exr", 0.5f), b = image("b.exr", 0.25f);
   EXPECT_EQ(run_client({"compare", a, b, "--fail-above", "rmse=0.24"}).exit, kExitJobFailed);
   EXPECT_EQ(run_client({"compare", a, b, "--fail-above", "rmse=0.26"}).exit, kExitDone);
@@ -65,13 +65,13 @@ TEST_F(CompareTest, ReturnsOneOverALimitAndZeroUnderIt) {
   EXPECT_EQ(run_client({"compare", a, a, "--fail-above", "largest=0"}).exit, kExitDone);
 }
 
-TEST_F(CompareTest, UndefinedErrorIsOverAnyLimit) {
+TEST_F(CompareTest, UndefinedErrorExceedsEveryLimit) {
   const std::string a = image("a.exr", 0.5f), black = image("b.exr", 0);
   EXPECT_EQ(run_client({"compare", a, black, "--fail-above", "error=1000"}).exit, kExitJobFailed);
   EXPECT_EQ(run_client({"compare", black, black, "--fail-above", "error=0"}).exit, kExitDone);
 }
 
-TEST_F(CompareTest, RefusesWrongLimitsFilesAndSizes) {
+TEST_F(CompareTest, RejectsWrongLimitsFilesAndSizes) {
   const std::string a = image("a.exr", 0.5f), wide = image("w.exr", 0.5f, 4, 32);
   for (const char* limit : {"rmse", "beauty=1", "rmse=", "rmse=-1", "rmse=nan", "psnr_db=30"}) {
     EXPECT_EQ(run_client({"compare", a, a, "--fail-above", limit}).exit, kExitBadInput) << limit;
@@ -86,7 +86,7 @@ TEST_F(CompareTest, RefusesWrongLimitsFilesAndSizes) {
   EXPECT_THAT(text.err, HasSubstr("text.exr"));
 }
 
-TEST_F(CompareTest, SaysWhyAFileCannotBeRead) {
+TEST_F(CompareTest, ExplainsUnreadableFiles) {
   const std::string a = image("a.exr", 0.5f), empty = folder_ / "empty.exr";
   std::ofstream(empty).flush();
   const std::pair<std::string, const char*> files[] = {
@@ -100,7 +100,7 @@ TEST_F(CompareTest, SaysWhyAFileCannotBeRead) {
   }
 }
 
-TEST_F(CompareTest, RefusesValuesThatAreNotFinite) {
+TEST_F(CompareTest, RejectsNonFinitePixels) {
   // Hard case 70: a metric that skips or swallows them hides the fault it should show.
   const std::string a = image("a.exr", 0.5f);
   const std::string bad = image("bad.exr", std::numeric_limits<float>::quiet_NaN());
@@ -109,7 +109,7 @@ TEST_F(CompareTest, RefusesValuesThatAreNotFinite) {
   EXPECT_THAT(outcome.err, HasSubstr("not finite"));
 }
 
-TEST_F(CompareTest, ReadsLinearAndEncodedImagesAlike) {
+TEST_F(CompareTest, DecodesLinearAndSrgbImages) {
   const auto linear = read_image(image("a.exr", 0.5f, 3));
   ASSERT_TRUE(linear.ok()) << linear.status();
   EXPECT_EQ(linear->rgba[0], 0.5f);
@@ -119,7 +119,7 @@ TEST_F(CompareTest, ReadsLinearAndEncodedImagesAlike) {
   EXPECT_NEAR(encoded->rgba[0], std::pow((128 / 255.0 + 0.055) / 1.055, 2.4), 1e-6);
 }
 
-TEST_F(CompareTest, GoesByContentNotByName) {
+TEST_F(CompareTest, DetectsFormatByContent) {
   const std::string png = image("a.png", 0.5f, 3);
   const std::string renamed = folder_ / "a.exr";
   std::filesystem::rename(png, renamed);

@@ -15,13 +15,13 @@ using grpc::StatusCode;
 
 using CertificatesTest = SecureFarm;
 
-TEST_F(CertificatesTest, EveryRoleGetsIn) {
+TEST_F(CertificatesTest, EveryRoleCanConnect) {
   EXPECT_TRUE(knock("ann").ok());
   EXPECT_TRUE(knock("root").ok());
   EXPECT_EQ(knock("w1").error_code(), StatusCode::PERMISSION_DENIED) << "in, but no client";
 }
 
-TEST_F(CertificatesTest, NobodyGetsInWithoutACertificate) {
+TEST_F(CertificatesTest, MissingCertificateIsRefused) {
   grpc::experimental::TlsChannelCredentialsOptions options;
   options.set_certificate_provider(
       std::make_shared<grpc::experimental::StaticDataCertificateProvider>(
@@ -34,7 +34,7 @@ TEST_F(CertificatesTest, NobodyGetsInWithoutACertificate) {
   EXPECT_EQ(knock(plain).error_code(), StatusCode::UNAVAILABLE);
 }
 
-TEST_F(CertificatesTest, AnotherAuthoritysCertificateIsRefused) {
+TEST_F(CertificatesTest, ForeignAuthorityIsRefused) {
   const std::string other = folder_ + "/other";
   ASSERT_TRUE(make_authority(other, year()).ok());
   ASSERT_TRUE(issue(other, Role::admin, "root", folder_ + "/stranger", year()).ok());
@@ -44,7 +44,7 @@ TEST_F(CertificatesTest, AnotherAuthoritysCertificateIsRefused) {
   EXPECT_EQ(knock("stranger").error_code(), StatusCode::UNAVAILABLE) << "the server distrusts it";
 }
 
-TEST_F(CertificatesTest, CertificatesHoldInTheirTimeOnly) {
+TEST_F(CertificatesTest, ValidityPeriodIsEnforced) {
   const std::int64_t now = std::time(nullptr);
   ASSERT_TRUE(issue(certs_, Role::client, "ann", certs_of("late"), {now - 7200, now - 3600}).ok());
   ASSERT_TRUE(issue(certs_, Role::client, "ann", certs_of("early"), {now + 3600, now + 7200}).ok());
@@ -52,7 +52,7 @@ TEST_F(CertificatesTest, CertificatesHoldInTheirTimeOnly) {
   EXPECT_EQ(knock("early").error_code(), StatusCode::UNAVAILABLE);
 }
 
-TEST_F(CertificatesTest, AnOpenConnectionEndsWithItsCertificate) {
+TEST_F(CertificatesTest, ExpiryEndsOpenConnections) {
   const std::int64_t now = std::time(nullptr);
   ASSERT_TRUE(issue(certs_, Role::client, "ann", certs_of("brief"), {now - 60, now + 8}).ok());
   const auto open = channel("brief");
@@ -65,7 +65,7 @@ TEST_F(CertificatesTest, AnOpenConnectionEndsWithItsCertificate) {
   EXPECT_EQ(answer.error_code(), StatusCode::UNAUTHENTICATED);
 }
 
-TEST_F(CertificatesTest, AClientTalksToNoServerOfAnotherName) {
+TEST_F(CertificatesTest, ClientChecksServerName) {
   ASSERT_TRUE(issue_server(certs_, {"elsewhere.example"}, year()).ok());
   const auto server = start_server(certs_);
   ASSERT_TRUE(server.ok());
@@ -73,14 +73,14 @@ TEST_F(CertificatesTest, AClientTalksToNoServerOfAnotherName) {
   EXPECT_EQ(knock(to).error_code(), StatusCode::UNAVAILABLE);
 }
 
-TEST_F(CertificatesTest, AWorkersCertificateMakesNoServer) {
+TEST_F(CertificatesTest, WorkerCertificateCannotServe) {
   const auto impostor = start_server(certs_of("w1"));
   ASSERT_TRUE(impostor.ok());
   const auto to = contract::open_channel((*impostor)->address(), certs_of("ann")).value();
   EXPECT_EQ(knock(to).error_code(), StatusCode::UNAVAILABLE);
 }
 
-TEST_F(CertificatesTest, ARenewedCertificateIsTakenUpWithoutARestart) {
+TEST_F(CertificatesTest, RenewalNeedsNoRestart) {
   ASSERT_TRUE(issue_server(certs_, {"elsewhere.example"}, year()).ok());
   const auto server = start_server(certs_);
   ASSERT_TRUE(server.ok());
@@ -98,7 +98,7 @@ TEST_F(CertificatesTest, ARenewedCertificateIsTakenUpWithoutARestart) {
   EXPECT_TRUE(status.ok()) << status.error_message();
 }
 
-TEST_F(CertificatesTest, ARevokedCertificateIsRefusedAndANewOneForTheNameIsNot) {
+TEST_F(CertificatesTest, RevokedNameCanBeReissued) {
   const auto open = channel("ann");
   ASSERT_TRUE(knock(open).ok());
   ASSERT_TRUE(revoke(certs_, Role::client, "ann").ok());
@@ -110,7 +110,7 @@ TEST_F(CertificatesTest, ARevokedCertificateIsRefusedAndANewOneForTheNameIsNot) 
   EXPECT_TRUE(knock("again").ok());
 }
 
-TEST_F(CertificatesTest, AServerWithoutItsFilesSaysWhich) {
+TEST_F(CertificatesTest, ServerNamesMissingFiles) {
   const absl::Status none = start_server(folder_ + "/none").status();
   EXPECT_TRUE(absl::IsNotFound(none));
   EXPECT_NE(none.message().find("/none/tls.key"), std::string::npos) << none;

@@ -17,7 +17,7 @@ using std::chrono::minutes;
 
 const ClientLimits::Time start_time{std::chrono::hours(1000)};
 
-TEST(ClientLimits, ACallerOutOfBreathIsToldToWaitAndOthersAreNot) {
+TEST(ClientLimits, CallRateIsLimitedPerClient) {
   ClientLimits limits({10, 0});
   int taken = 0;
   for (int ms = 0; ms < 60'000; ms += 10) {  // 100 a second, for a minute
@@ -29,7 +29,7 @@ TEST(ClientLimits, ACallerOutOfBreathIsToldToWaitAndOthersAreNot) {
   EXPECT_TRUE(limits.call("ann", start_time + minutes(2)).ok());
 }
 
-TEST(ClientLimits, UploadsAreLimitedByTheHour) {
+TEST(ClientLimits, UploadedBytesAreLimitedPerHour) {
   ClientLimits limits({0, 3600});  // a byte a second
   EXPECT_TRUE(limits.upload("ann", 3000, start_time).ok());
   EXPECT_TRUE(absl::IsResourceExhausted(limits.upload("ann", 1000, start_time)));
@@ -39,13 +39,13 @@ TEST(ClientLimits, UploadsAreLimitedByTheHour) {
   EXPECT_TRUE(absl::IsResourceExhausted(limits.upload("bob", 3601, start_time + minutes(600))));
 }
 
-TEST(ClientLimits, NoLimitIsNone) {
+TEST(ClientLimits, ZeroMeansUnlimited) {
   ClientLimits limits({0, 0});
   for (int i = 0; i < 10'000; ++i) EXPECT_TRUE(limits.call("ann", start_time).ok());
   EXPECT_TRUE(limits.upload("ann", std::int64_t{1} << 50, start_time).ok());
 }
 
-TEST(ClientLimits, APlaceIsGivenBackWhenItsStreamGoes) {
+TEST(ClientLimits, ClosedStreamFreesItsReservation) {
   ClientLimits limits;
   std::vector<std::shared_ptr<const void>> places;
   for (int i = 0; i < ClientLimits::kStreamsPerClient; ++i) {
@@ -62,7 +62,7 @@ class GreedyClient : public SecureFarm {
   GreedyClient() { rates_ = {1, static_cast<double>(2 * sizeof kScene - 4)}; }
 };
 
-TEST_F(GreedyClient, IsRefusedAndOthersAreNot) {
+TEST_F(GreedyClient, ExcessCallsOfOneClientAreRefused) {
   const auto ann = channel("ann");
   int refused = 0;
   for (int i = 0; i < 40; ++i) {
@@ -73,7 +73,7 @@ TEST_F(GreedyClient, IsRefusedAndOthersAreNot) {
   EXPECT_TRUE(knock("root").ok());
 }
 
-TEST_F(GreedyClient, MayUploadSoMuch) {
+TEST_F(GreedyClient, ExcessUploadsAreRefused) {
   EXPECT_TRUE(upload_scene("ann").ok());
   EXPECT_TRUE(upload_scene("ann").ok()) << "what is here already costs nothing";
   const std::string other(sizeof kScene - 1, 'x');
@@ -82,7 +82,7 @@ TEST_F(GreedyClient, MayUploadSoMuch) {
 }
 
 /// Connections that say nothing, and such that begin a handshake and go no further.
-TEST_F(SecureFarm, SilentConnectionsStarveNobody) {
+TEST_F(SecureFarm, SilentConnectionsDoNotBlockClients) {
   const std::string address = server_->address();
   sockaddr_in where{};
   where.sin_family = AF_INET;

@@ -33,7 +33,7 @@ std::unique_ptr<TestWorker> worker_of(const TestServer& server, const std::strin
 
 // The whole road ----------------------------------------------------------------------------------
 
-TEST_F(FarmTest, FromSubmissionToAnImage) {
+TEST_F(FarmTest, JobRendersFromSubmissionToImage) {
   const std::string job = create_job("a", 64);
   auto worker = worker_of(*server_, "w1");
   ASSERT_TRUE(worker->open());
@@ -84,14 +84,14 @@ TEST_F(FarmTest, FromSubmissionToAnImage) {
   EXPECT_EQ(frame["pixels_sha256"], contract::Digest::from_binary(header.pixels_sha256())->hex());
 }
 
-TEST_F(FarmTest, TheReportSaysWhatSampleCountsAreRoundedTo) {
+TEST_F(FarmTest, ReportWarnsOfRoundedSampleCount) {
   EXPECT_TRUE(report_of(create_job("a", 64))["warnings"].empty());
   const nlohmann::json warnings = report_of(create_job("b", 62))["warnings"];
   ASSERT_EQ(warnings.size(), 1u);
   EXPECT_EQ(warnings[0], "--spp 62 was rounded up to 64");
 }
 
-TEST_F(FarmTest, AReferenceTellsTheTrueErrorOfEachRound) {
+TEST_F(FarmTest, ReferenceGivesTrueErrorPerPass) {
   ASSERT_TRUE(upload(id_of(kScene), kScene).ok());
   v1::CreateJobRequest request = request_of("a", 64);
   *request.add_references() = id_of(black_reference);
@@ -115,7 +115,7 @@ TEST_F(FarmTest, AReferenceTellsTheTrueErrorOfEachRound) {
   EXPECT_EQ(frame["true"]["error"], curve[1]["error_true"]) << "the image's is that of the last";
 }
 
-TEST_F(FarmTest, AWorkStreamThatNeverSaysHelloEndsAndOneThatDoesStays) {
+TEST_F(FarmTest, WorkStreamWithoutHelloTimesOut) {
   const std::string job = create_job("a", 64);
   auto worker = worker_of(*server_, "w1");
   ASSERT_TRUE(worker->open());
@@ -131,7 +131,7 @@ TEST_F(FarmTest, AWorkStreamThatNeverSaysHelloEndsAndOneThatDoesStays) {
   EXPECT_EQ(worker->work(), 9 * 2);
 }
 
-TEST_F(FarmTest, ARestartInMidJobChangesNoPixel) {
+TEST_F(FarmTest, RestartMidJobKeepsEveryPixel) {
   const std::string whole = create_job("whole", 64);
   {
     auto worker = worker_of(*server_, "w1");
@@ -153,7 +153,7 @@ TEST_F(FarmTest, ARestartInMidJobChangesNoPixel) {
   EXPECT_EQ(fetch_exr(cut).pixels_sha256(), fetch_exr(whole).pixels_sha256());
 }
 
-TEST_F(FarmTest, ImagesComeAsPngAndJpegToo) {
+TEST_F(FarmTest, ImagesAreExportedAsPngAndJpeg) {
   const std::string job = create_job("a");
   auto worker = worker_of(*server_, "w1");
   ASSERT_TRUE(worker->open());
@@ -180,7 +180,7 @@ TEST_F(FarmTest, ImagesComeAsPngAndJpegToo) {
 
 // Assets ------------------------------------------------------------------------------------------
 
-TEST_F(FarmTest, AnAssetIsVisibleOnlyWholeAndVerified) {
+TEST_F(FarmTest, OnlyVerifiedAssetsAreVisible) {
   const std::string bytes(5000, 'x');
   const auto missing = [&] {
     grpc::ClientContext context;
@@ -212,7 +212,7 @@ TEST_F(FarmTest, AnAssetIsVisibleOnlyWholeAndVerified) {
   EXPECT_EQ(got, bytes);
 }
 
-TEST_F(FarmTest, AnEmptyAssetIsAnAsset) {
+TEST_F(FarmTest, EmptyAssetIsAccepted) {
   ASSERT_TRUE(upload(id_of(""), "").ok());
   grpc::ClientContext context;
   prepare(context);
@@ -228,7 +228,7 @@ TEST_F(FarmTest, AnEmptyAssetIsAnAsset) {
 
 // Requests ----------------------------------------------------------------------------------------
 
-TEST_F(FarmTest, AMalformedJobIsRefusedByTheNameOfItsField) {
+TEST_F(FarmTest, MalformedJobErrorNamesField) {
   ASSERT_TRUE(upload(id_of(kScene), kScene).ok());
   using Edit = std::function<void(v1::CreateJobRequest&)>;
   const std::pair<const char*, Edit> cases[] = {
@@ -272,14 +272,14 @@ TEST_F(FarmTest, AMalformedJobIsRefusedByTheNameOfItsField) {
   }
 }
 
-TEST_F(FarmTest, AJobWaitsForItsAssets) {
+TEST_F(FarmTest, JobWithMissingAssetIsRefused) {
   v1::CreateJobResponse response;
   const grpc::Status status = create(request_of("a"), response);
   EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
   EXPECT_NE(status.error_message().find("scene.gltf"), std::string::npos);
 }
 
-TEST_F(FarmTest, WatchingAnUnknownJobIsNotFound) {
+TEST_F(FarmTest, WatchingUnknownJobIsNotFound) {
   grpc::ClientContext context;
   prepare(context);
   v1::WatchJobRequest request;
@@ -290,7 +290,7 @@ TEST_F(FarmTest, WatchingAnUnknownJobIsNotFound) {
   EXPECT_EQ(stream->Finish().error_code(), grpc::StatusCode::NOT_FOUND);
 }
 
-TEST_F(FarmTest, WatchingFollowsACancellation) {
+TEST_F(FarmTest, WatchReportsCancellation) {
   const std::string job = create_job("a");
   std::thread canceller([&] {
     grpc::ClientContext context;
@@ -307,7 +307,7 @@ TEST_F(FarmTest, WatchingFollowsACancellation) {
 
 // Workers -----------------------------------------------------------------------------------------
 
-TEST_F(FarmTest, AWorkerWithOtherNumericsIsRefusedByNameEvenAsTheFirst) {
+TEST_F(FarmTest, WorkerWithOtherNumericsIsRefused) {
   auto other = worker_of(*server_, "w2");
   other->hello.set_numerics_sha256(std::string(32, 'm'));
   EXPECT_FALSE(other->open());
@@ -322,7 +322,7 @@ TEST_F(FarmTest, AWorkerWithOtherNumericsIsRefusedByNameEvenAsTheFirst) {
   EXPECT_EQ(newer->close().error_code(), grpc::StatusCode::FAILED_PRECONDITION);
 }
 
-TEST_F(FarmTest, ANewStreamOfAWorkerClosesItsOldOne) {
+TEST_F(FarmTest, NewWorkStreamClosesOldOne) {
   auto old = worker_of(*server_, "w1");
   ASSERT_TRUE(old->open());
   auto fresh = worker_of(*server_, "w1");
@@ -332,13 +332,13 @@ TEST_F(FarmTest, ANewStreamOfAWorkerClosesItsOldOne) {
   EXPECT_EQ(old->close().error_code(), grpc::StatusCode::ABORTED);
 }
 
-TEST_F(FarmTest, AMalformedHelloIsInvalid) {
+TEST_F(FarmTest, MalformedHelloIsRefused) {
   auto worker = worker_of(*server_, "no spaces allowed");
   EXPECT_FALSE(worker->open());
   EXPECT_EQ(worker->close().error_code(), grpc::StatusCode::INVALID_ARGUMENT);
 }
 
-TEST_F(FarmTest, BlocksComeInPiecesOrSeveralToAMessage) {
+TEST_F(FarmTest, BlocksMayBeSplitOrBatched) {
   create_job("a");
   auto worker = worker_of(*server_, "w1");
   ASSERT_TRUE(worker->open());
@@ -353,7 +353,7 @@ TEST_F(FarmTest, BlocksComeInPiecesOrSeveralToAMessage) {
   }
 }
 
-TEST_F(FarmTest, BlocksMayBeCompressed) {
+TEST_F(FarmTest, CompressedBlocksAreCommitted) {
   create_job("a");
   auto worker = worker_of(*server_, "w1");
   ASSERT_TRUE(worker->open());
@@ -384,7 +384,7 @@ TEST_F(FarmTest, BlocksMayBeCompressed) {
   EXPECT_EQ(worker->next_acknowledgement().status(), v1::Acknowledgement::ACK_STATUS_REJECTED);
 }
 
-TEST_F(FarmTest, DeliveriesThatBreakTheRulesEndTheStream) {
+TEST_F(FarmTest, InvalidDeliveryEndsStream) {
   create_job("a");
   using Edit = std::function<void(v1::DeliverRequest&)>;
   const std::pair<const char*, Edit> cases[] = {
@@ -421,7 +421,7 @@ TEST_F(FarmTest, DeliveriesThatBreakTheRulesEndTheStream) {
   }
 }
 
-TEST_F(FarmTest, DeliveringNeedsAWorkStream) {
+TEST_F(FarmTest, DeliverWithoutWorkStreamIsRefused) {
   auto worker = worker_of(*server_, "w1");
   v1::DeliverRequest message;
   message.add_parts()->set_chunk("x");
@@ -429,7 +429,7 @@ TEST_F(FarmTest, DeliveringNeedsAWorkStream) {
   EXPECT_EQ(worker->finish_deliver().error_code(), grpc::StatusCode::FAILED_PRECONDITION);
 }
 
-TEST_F(FarmTest, DeliveriesAreListedInPages) {
+TEST_F(FarmTest, ListDeliveriesReturnsPages) {
   const std::string job = create_job("a", 64);
   auto worker = worker_of(*server_, "w1");
   ASSERT_TRUE(worker->open());
@@ -468,7 +468,7 @@ TEST_F(FarmTest, DeliveriesAreListedInPages) {
   EXPECT_EQ(list(none).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
 }
 
-TEST_F(FarmTest, EventsAfterOneThatNeverHappenedAreRefused) {
+TEST_F(FarmTest, FutureEventSequenceIsRefused) {
   create_job("a", 64);
   // Of the events after a sequence, the newest; and how the stream ended.
   const auto read = [this](std::int64_t after, std::int64_t& newest) {
@@ -495,7 +495,7 @@ class TokenTest : public TestFarm {
   TokenTest() { token_ = "secret"; }
 };
 
-TEST_F(TokenTest, NothingIsAnsweredWithoutTheToken) {
+TEST_F(TokenTest, EveryCallNeedsToken) {
   for (const char* sent : {"", "wrong", "secret"}) {
     grpc::ClientContext context;
     contract::prepare_call(context, sent, std::chrono::seconds(10));

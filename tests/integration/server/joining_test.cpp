@@ -11,7 +11,7 @@ using grpc::StatusCode;
 
 using JoiningTest = SecureFarm;
 
-TEST_F(JoiningTest, AWorkerNeedsATokenThatIsInForce) {
+TEST_F(JoiningTest, WorkerNeedsValidToken) {
   EXPECT_EQ(join("w1", "one", "").error_code(), StatusCode::UNAUTHENTICATED);
   EXPECT_EQ(join("w1", "one", "01234567.0123").error_code(), StatusCode::UNAUTHENTICATED);
   EXPECT_EQ(join("w1", "one", "../../x.y").error_code(), StatusCode::UNAUTHENTICATED);
@@ -22,7 +22,7 @@ TEST_F(JoiningTest, AWorkerNeedsATokenThatIsInForce) {
   EXPECT_TRUE(join("w1", "one", token()).ok());
 }
 
-TEST_F(JoiningTest, ATokenLetsInSoManyWorkersAndEachOfThemAgain) {
+TEST_F(JoiningTest, TokenAdmitsLimitedWorkersRepeatedly) {
   const std::string two = token(3600, 2);
   EXPECT_TRUE(join("w1", "one", two).ok());
   EXPECT_TRUE(join("w1", "two", two).ok());
@@ -35,7 +35,7 @@ TEST_F(JoiningTest, ATokenLetsInSoManyWorkersAndEachOfThemAgain) {
   EXPECT_EQ(join("w1", "three", two).error_code(), StatusCode::PERMISSION_DENIED) << "remembered";
 }
 
-TEST_F(JoiningTest, WhoHasJoinedComesBackWithItsKeyWhateverBecameOfTheToken) {
+TEST_F(JoiningTest, SessionKeyOutlivesToken) {
   const std::string once = token(3600, 1);
   const auto joined = worker("w1", "one", once);
   ASSERT_TRUE(joined->open());
@@ -48,18 +48,18 @@ TEST_F(JoiningTest, WhoHasJoinedComesBackWithItsKeyWhateverBecameOfTheToken) {
       << "another certificate";
 }
 
-TEST_F(JoiningTest, AWorkersIdStaysItsCertificates) {
+TEST_F(JoiningTest, WorkerIdIsBoundToCertificate) {
   const std::string text = token();
   EXPECT_TRUE(join("w1", "one", text).ok());
   EXPECT_EQ(join("w2", "one", text).error_code(), StatusCode::PERMISSION_DENIED);
 }
 
-TEST_F(JoiningTest, AnAdminsCertificateAloneMakesNoWorker) {
+TEST_F(JoiningTest, NonWorkerCertificateCannotJoin) {
   EXPECT_EQ(join("root", "one", "").error_code(), StatusCode::UNAUTHENTICATED);
   EXPECT_EQ(join("ann", "one", token()).error_code(), StatusCode::PERMISSION_DENIED);
 }
 
-TEST_F(JoiningTest, ARevokedWorkersStreamEnds) {
+TEST_F(JoiningTest, RevocationEndsWorkStream) {
   const auto joined = worker("w1", "one", token());
   ASSERT_TRUE(joined->open());
   ASSERT_TRUE(revoke(certs_, Role::worker, "w1").ok());

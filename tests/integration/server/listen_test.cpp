@@ -31,7 +31,7 @@ class ListenTest : public testing::Test {
   std::unique_ptr<Coordinator> coordinator_;
 };
 
-TEST_F(ListenTest, RefusesAddressesThatOthersCouldReach) {
+TEST_F(ListenTest, InsecurePublicAddressIsRefused) {
   for (const char* address : {"0.0.0.0:0", "192.168.1.7:7411", "[::]:0", "example.org:80", "*:0"}) {
     const auto server = listen(address);
     EXPECT_TRUE(absl::IsInvalidArgument(server.status())) << address;
@@ -39,7 +39,7 @@ TEST_F(ListenTest, RefusesAddressesThatOthersCouldReach) {
   }
 }
 
-TEST_F(ListenTest, SaysWhichPortItGotAndKeepsAPrivateToken) {
+TEST_F(ListenTest, ReportsPortAndCreatesPrivateToken) {
   const auto server = listen("127.0.0.1:0");
   ASSERT_TRUE(server.ok()) << server.status();
   EXPECT_NE((*server)->address(), "127.0.0.1:0");
@@ -51,14 +51,14 @@ TEST_F(ListenTest, SaysWhichPortItGotAndKeepsAPrivateToken) {
   EXPECT_EQ(load_or_create_token(folder_ + "/token").value(), token) << "it stays";
 }
 
-TEST_F(ListenTest, RefusesATokenThatOthersCanRead) {
+TEST_F(ListenTest, ReadableTokenFileIsRefused) {
   ASSERT_TRUE(load_or_create_token(folder_ + "/token").ok());
   std::filesystem::permissions(folder_ + "/token", std::filesystem::perms::others_read,
                                std::filesystem::perm_options::add);
   EXPECT_TRUE(absl::IsPermissionDenied(listen("127.0.0.1:0").status()));
 }
 
-TEST_F(ListenTest, ASocketNeedsAPrivateFolder) {
+TEST_F(ListenTest, UnixSocketNeedsPrivateFolder) {
   EXPECT_TRUE(listen("unix:" + folder_ + "/s").ok());
   std::filesystem::permissions(folder_, std::filesystem::perms::others_exec,
                                std::filesystem::perm_options::add);

@@ -112,7 +112,7 @@ class RolesTest : public SecureFarm {
   }
 };
 
-TEST_F(RolesTest, EveryRpcHasARuleAndKeepsIt) {
+TEST_F(RolesTest, EveryRpcEnforcesItsRule) {
   ASSERT_GE(all_methods().size(), 24u);
   const auto client = channel("ann"), worker = channel("w1"), admin = channel("root");
   for (const auto* method : all_methods()) {
@@ -132,7 +132,7 @@ TEST_F(RolesTest, EveryRpcHasARuleAndKeepsIt) {
   }
 }
 
-TEST_F(RolesTest, AClientFindsItsOwnJobsOnly) {
+TEST_F(RolesTest, ClientFindsOnlyItsJobs) {
   const std::string ann = create_job("ann", "shot");
   const std::string bob = create_job("bob", "other");
   v1::Job job;
@@ -149,7 +149,7 @@ TEST_F(RolesTest, AClientFindsItsOwnJobsOnly) {
   EXPECT_EQ(list("root"), (std::vector<std::string>{"other", "shot"}));
 }
 
-TEST_F(RolesTest, AClientTouchesItsOwnJobsOnly) {
+TEST_F(RolesTest, ClientControlsOnlyItsJobs) {
   using Stub = v1::JobService::Stub;
   const std::string job = create_job("ann", "shot");
   const auto codes = [&](const std::string& name) {
@@ -181,7 +181,7 @@ TEST_F(RolesTest, AClientTouchesItsOwnJobsOnly) {
   EXPECT_EQ(codes("root"), std::vector<StatusCode>(7, StatusCode::OK));
 }
 
-TEST_F(RolesTest, AClientHasEightStreamsOpenHoweverManyConnections) {
+TEST_F(RolesTest, ClientStreamsAreLimitedToEight) {
   const std::string job = create_job("ann", "shot");
   struct Watch {
     std::unique_ptr<v1::JobService::Stub> stub;
@@ -215,7 +215,7 @@ TEST_F(RolesTest, AClientHasEightStreamsOpenHoweverManyConnections) {
   for (const auto& watch : watches) watch->context.TryCancel();
 }
 
-TEST_F(RolesTest, ARequestIdOfAnothersYieldsNothing) {
+TEST_F(RolesTest, ForeignRequestIdRevealsNothing) {
   create_job("ann", "shot");
   v1::CreateJobResponse response;
   const grpc::Status status = create("bob", request_of("shot"), response);
@@ -224,7 +224,7 @@ TEST_F(RolesTest, ARequestIdOfAnothersYieldsNothing) {
   EXPECT_TRUE(create("ann", request_of("shot"), response).ok()) << "its own is the same job";
 }
 
-TEST_F(RolesTest, AWorkerReadsWhatItWasLeasedOnly) {
+TEST_F(RolesTest, WorkerReadsOnlyLeasedJobs) {
   const std::string job = create_job("ann", "shot");
   EXPECT_EQ(download_scene("w1").error_code(), StatusCode::NOT_FOUND);
   const auto busy = worker("w1", "one", token());
@@ -247,7 +247,7 @@ TEST_F(RolesTest, AWorkerReadsWhatItWasLeasedOnly) {
   EXPECT_EQ(busy->work(), 17) << "two passes of nine tiles, but for the one above";
 }
 
-TEST_F(RolesTest, AWorkerDeliversUnderItsOwnCertificateOnly) {
+TEST_F(RolesTest, WorkerCannotDeliverForAnother) {
   create_job("ann", "shot");
   const auto honest = worker("w1", "one", token());
   ASSERT_TRUE(honest->open());

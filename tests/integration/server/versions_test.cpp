@@ -29,7 +29,7 @@ class VersionsTest : public TestFarm {
   }
 };
 
-TEST_F(VersionsTest, WorkerWithoutProtocolVersionIsRefused) {
+TEST_F(VersionsTest, WorkerWithoutProtocolIsRefused) {
   v1::WorkerHello old = hello();
   old.clear_protocol_version();
   const grpc::Status status = refusal(old);
@@ -49,7 +49,7 @@ TEST_F(VersionsTest, WorkerWithNewerProtocolIsRefused) {
             "install its version of the worker");
 }
 
-TEST_F(VersionsTest, WorkerWithOlderRenderContractIsRefused) {
+TEST_F(VersionsTest, WorkerWithOlderContractIsRefused) {
   v1::WorkerHello old = hello();
   old.set_contract_version(10);
   const grpc::Status status = refusal(old);
@@ -59,12 +59,12 @@ TEST_F(VersionsTest, WorkerWithOlderRenderContractIsRefused) {
                                         ": install the server's version of the worker");
 }
 
-TEST_F(VersionsTest, WorkerOfThisVersionIsWelcomed) {
+TEST_F(VersionsTest, WorkerOfThisVersionConnects) {
   TestWorker worker(server_->channel(), "w1");
   EXPECT_TRUE(worker.open());
 }
 
-TEST_F(VersionsTest, ClientWithoutProtocolVersionIsRefused) {
+TEST_F(VersionsTest, ClientWithoutProtocolIsRefused) {
   const grpc::Status status = submit(0);
   EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
   EXPECT_EQ(status.error_message(),

@@ -13,7 +13,7 @@ std::vector<prometheus::MetricFamily> nothing() {
   return {};
 }
 
-TEST(MetricsListener, ListensOnThisMachineOnly) {
+TEST(MetricsListener, NonLoopbackAddressIsRefused) {
   for (const std::string address :
        {"0.0.0.0:0", "[::]:0", "192.0.2.1:0", "farm.example:0", "127.example:0", ":0",
         "unix:/tmp/metrics", "unix:/tmp/metrics:0"}) {
@@ -23,13 +23,13 @@ TEST(MetricsListener, ListensOnThisMachineOnly) {
   }
 }
 
-TEST(MetricsListener, TakesNoPortThatIsNone) {
+TEST(MetricsListener, InvalidPortIsRefused) {
   for (const std::string address : {"localhost", "127.0.0.1:", "127.0.0.1:http", "127.0.0.1:1,0"}) {
     EXPECT_FALSE(MetricsListener::start(address, nothing).ok()) << address;
   }
 }
 
-TEST(MetricsListener, SaysWhichPortItFoundAndThatOneIsTaken) {
+TEST(MetricsListener, ReportsPortAndRefusesBusyOne) {
   const auto first = MetricsListener::start("localhost:0", nothing);
   ASSERT_TRUE(first.ok()) << first.status();
   const std::string address = (*first)->address();

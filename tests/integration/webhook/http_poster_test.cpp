@@ -129,13 +129,13 @@ TEST(HttpPoster, PostsSignedDocumentsOverOneConnection) {
   EXPECT_EQ(receiver.connections(), 1);
 }
 
-TEST(HttpPoster, WithoutASecretNothingIsSigned) {
+TEST(HttpPoster, WithoutSecretSendsNoSignature) {
   Receiver receiver({"200 OK"});
   EXPECT_TRUE(poster_to(receiver)->post("{}").ok());
   EXPECT_FALSE(absl::StrContains(receiver.requests()[0], "Tessera-Signature"));
 }
 
-TEST(HttpPoster, SaysWhetherTryingAgainMayHelp) {
+TEST(HttpPoster, ClassifiesRetryableStatusCodes) {
   for (const char* answer : {"408 Request Timeout", "425 Too Early", "429 Too Many Requests",
                              "500 Internal Server Error", "503 Service Unavailable"}) {
     Receiver receiver({answer});
@@ -151,14 +151,14 @@ TEST(HttpPoster, SaysWhetherTryingAgainMayHelp) {
   }
 }
 
-TEST(HttpPoster, FollowsNoRedirect) {
+TEST(HttpPoster, DoesNotFollowRedirects) {
   Receiver other({"200 OK"});
   Receiver receiver({absl::StrCat("307 Temporary Redirect\r\nLocation: ", other.url())});
   EXPECT_TRUE(absl::IsFailedPrecondition(poster_to(receiver)->post("{}")));
   EXPECT_TRUE(other.requests().empty());
 }
 
-TEST(HttpPoster, HearsHowLongToWait) {
+TEST(HttpPoster, ParsesRetryAfter) {
   const std::string busy = "429 Too Many Requests\r\nRetry-After: 7";
   auto receiver = std::make_unique<Receiver>(std::vector<std::string>{busy, "200 OK", busy});
   const auto poster = poster_to(*receiver);
@@ -172,19 +172,19 @@ TEST(HttpPoster, HearsHowLongToWait) {
   EXPECT_EQ(poster->retry_after(), absl::ZeroDuration()) << "nobody answered, nobody asked";
 }
 
-TEST(HttpPoster, WaitsSoLongAndNoLonger) {
+TEST(HttpPoster, TimesOut) {
   Receiver receiver({});
   const auto start = steady_clock::now();
   EXPECT_TRUE(absl::IsUnavailable(poster_to(receiver, "", absl::Milliseconds(200))->post("{}")));
   EXPECT_LT(steady_clock::now() - start, std::chrono::seconds(20));
 }
 
-TEST(HttpPoster, ToNobodyIsUnavailable) {
+TEST(HttpPoster, RefusedConnectionIsUnavailable) {
   const auto poster = *HttpPoster::create({"http://127.0.0.1:1/hush", ""});
   EXPECT_TRUE(absl::IsUnavailable(poster->post("{}")));
 }
 
-TEST(HttpPoster, EndsWhenCancelled) {
+TEST(HttpPoster, CancelEndsPendingPost) {
   Receiver receiver({});
   const auto poster = poster_to(receiver);
   auto posted = std::async(std::launch::async, [&] { return poster->post("{}"); });
@@ -195,7 +195,7 @@ TEST(HttpPoster, EndsWhenCancelled) {
   EXPECT_TRUE(absl::IsCancelled(poster->post("{}")));
 }
 
-TEST(HttpPoster, TakesHttpAddressesOnly) {
+TEST(HttpPoster, RejectsNonHttpAddresses) {
   for (const char* url : {"ftp://host/", "file:///etc/passwd", "no address", ""}) {
     EXPECT_TRUE(absl::IsInvalidArgument(HttpPoster::create({url, ""}).status())) << url;
   }

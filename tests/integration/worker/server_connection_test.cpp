@@ -120,9 +120,9 @@ class FakeServer : public v1::WorkerService::Service {
       work_ = {};
 };
 
-class ServerLinkTest : public testing::Test {
+class ServerConnectionTest : public testing::Test {
  protected:
-  ServerLinkTest() {
+  ServerConnectionTest() {
     std::string name = std::filesystem::temp_directory_path() / "tessera-link-XXXXXX";
     folder_ = ::mkdtemp(name.data());
     address_ = "unix:" + folder_ + "/s";
@@ -131,7 +131,7 @@ class ServerLinkTest : public testing::Test {
     stub_ = v1::WorkerService::NewStub(channel_);
   }
 
-  ~ServerLinkTest() override {
+  ~ServerConnectionTest() override {
     if (connection_) {
       connection_->cancel();
       run_until([this] { return connection_->closed(); });
@@ -217,7 +217,7 @@ class ServerLinkTest : public testing::Test {
   std::unique_ptr<ServerConnection> connection_;
 };
 
-TEST_F(ServerLinkTest, SaysHelloThenBeatsWithWhatIsStarted) {
+TEST_F(ServerConnectionTest, HeartbeatsNameStartedUnits) {
   open();
   queue_.set_store("store");
   ASSERT_TRUE(run_until([this] { return fake_.hellos.size() == 1; }));
@@ -239,7 +239,7 @@ TEST_F(ServerLinkTest, SaysHelloThenBeatsWithWhatIsStarted) {
   EXPECT_EQ(fake_.hellos[0].credit_count(), 4);
 }
 
-TEST_F(ServerLinkTest, BlocksSmallAndLargeArriveWholeWithTheirLease) {
+TEST_F(ServerConnectionTest, BlocksOfAnySizeArriveWhole) {
   open();
   ASSERT_TRUE(run_until([this] { return connection_->connected(); }));
   const std::vector<std::string> blocks = {std::string(100, 'a'), std::string(200'000, 'b'),
@@ -260,7 +260,7 @@ TEST_F(ServerLinkTest, BlocksSmallAndLargeArriveWholeWithTheirLease) {
   }
 }
 
-TEST_F(ServerLinkTest, AfterABrokenStreamItSendsAgainWhatHasNoVerdict) {
+TEST_F(ServerConnectionTest, ResendsUnacknowledgedBlocks) {
   open();
   ASSERT_TRUE(run_until([this] { return connection_->connected(); }));
   lease_and_render(0, "first");
@@ -278,7 +278,7 @@ TEST_F(ServerLinkTest, AfterABrokenStreamItSendsAgainWhatHasNoVerdict) {
   ASSERT_EQ(fake_.hellos[1].leases_size(), 1);
 }
 
-TEST_F(ServerLinkTest, AServerThatComesBackWithItsStoreGetsWhatIsHeld) {
+TEST_F(ServerConnectionTest, RestartedServerGetsBlocks) {
   open();
   ASSERT_TRUE(run_until([this] { return connection_->connected(); }));
   stop_server();
@@ -289,7 +289,7 @@ TEST_F(ServerLinkTest, AServerThatComesBackWithItsStoreGetsWhatIsHeld) {
   EXPECT_EQ(fake_.blocks[0].bytes, "rendered while nobody was there");
 }
 
-TEST_F(ServerLinkTest, ABlockOfAnotherStoreIsDropped) {
+TEST_F(ServerConnectionTest, BlockOfOtherStoreIsDropped) {
   open();
   ASSERT_TRUE(run_until([this] { return connection_->connected(); }));
   stop_server();
@@ -301,7 +301,7 @@ TEST_F(ServerLinkTest, ABlockOfAnotherStoreIsDropped) {
   EXPECT_TRUE(queue_.empty());
 }
 
-TEST_F(ServerLinkTest, AServerThatIsDeadIsLeftAndConnectedToAgain) {
+TEST_F(ServerConnectionTest, ReconnectsAfterDeadServer) {
   fake_.timeout = milliseconds(500);
   fake_.plays_dead = true;
   open();
@@ -309,7 +309,7 @@ TEST_F(ServerLinkTest, AServerThatIsDeadIsLeftAndConnectedToAgain) {
   fake_.plays_dead = false;
 }
 
-TEST_F(ServerLinkTest, AServerThatHasNothingToSayIsAskedAndNotLeft) {
+TEST_F(ServerConnectionTest, ProbeKeepsIdleServer) {
   fake_.timeout = milliseconds(3'000);  // half of which a busy machine does not hold anybody up
   open();
   const Time end = Clock::now() + milliseconds(7'000);  // more than twice the limit
@@ -317,7 +317,7 @@ TEST_F(ServerLinkTest, AServerThatHasNothingToSayIsAskedAndNotLeft) {
   EXPECT_EQ(fake_.hellos.size(), 1u);
 }
 
-TEST_F(ServerLinkTest, ARefusalIsFinal) {
+TEST_F(ServerConnectionTest, RefusalIsFinal) {
   fake_.refusal = {grpc::StatusCode::FAILED_PRECONDITION, "other numerics"};
   open();
   ASSERT_TRUE(run_until([this] { return !refused_.ok(); }));
@@ -325,7 +325,7 @@ TEST_F(ServerLinkTest, ARefusalIsFinal) {
   EXPECT_EQ(fake_.hellos.size(), 1u);
 }
 
-TEST_F(ServerLinkTest, SendsTheBlocksOfTheFaultHook) {
+TEST_F(ServerConnectionTest, SendsFaultHookBlocks) {
   ServerConnection::Options options;
   options.blocks_to_send = [](const UnitQueue::Block& block) { return std::vector{block, block}; };
   open(options);
@@ -335,7 +335,7 @@ TEST_F(ServerLinkTest, SendsTheBlocksOfTheFaultHook) {
   EXPECT_EQ(fake_.blocks[0].bytes, fake_.blocks[1].bytes);
 }
 
-TEST_F(ServerLinkTest, CreditsGrowBackWithVerdicts) {
+TEST_F(ServerConnectionTest, AcknowledgementGivesCredits) {
   open();
   ASSERT_TRUE(run_until([this] { return connection_->connected(); }));
   v1::WorkResponse leases;

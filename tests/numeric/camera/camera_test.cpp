@@ -59,7 +59,7 @@ Scene curved(Camera::Kind kind, double horizontal, double vertical) {
   return scene;
 }
 
-TEST(CurvedScreens, SendRaysWhereTheirProjectionsSay) {
+TEST(PanoramicCamera, RaysFollowProjectionFormula) {
   for (const Camera& camera : {curved(Camera::Kind::spherical, 2 * kPi, kPi).camera,
                                curved(Camera::Kind::spherical, 1.3, 1).camera,
                                curved(Camera::Kind::cylindrical, 2 * kPi, 2).camera,
@@ -92,7 +92,7 @@ TEST(CurvedScreens, SendRaysWhereTheirProjectionsSay) {
   }
 }
 
-TEST(CurvedScreens, AreBlackOutsideAFisheyesCircle) {
+TEST(PanoramicCamera, FisheyeIsBlackOutsideCircle) {
   Scene scene = curved(Camera::Kind::equidistant, kPi, kPi);
   set_constant_sky(&scene, 1);
   const Picture picture = render_picture(scene, small_settings(40, 20, 4));
@@ -101,7 +101,7 @@ TEST(CurvedScreens, AreBlackOutsideAFisheyesCircle) {
   EXPECT_EQ(picture.alpha[10 * 40 + 2], 1);
 }
 
-TEST(OffAxisWindows, OfHalvesSeeTheHalvesOfTheWhole) {
+TEST(OffAxisCamera, HalfWindowsMatchFullWindow) {
   for (const auto kind : {Camera::Kind::perspective, Camera::Kind::orthographic}) {
     Scene scene = empty_scene();
     look_at(&scene, {1, 2, 5}, {0.2, 0, 0});
@@ -125,7 +125,7 @@ TEST(OffAxisWindows, OfHalvesSeeTheHalvesOfTheWhole) {
   }
 }
 
-TEST(ObliqueProjection, ShiftsWhatIsDeeperAndKeepsTheFilmUpright) {
+TEST(ObliqueCamera, ShiftGrowsWithDepth) {
   Scene scene = empty_scene();
   look_at(&scene, {0, 0, 5}, {0, 0, 0});
   scene.camera.kind = Camera::Kind::orthographic;
@@ -147,7 +147,7 @@ TEST(ObliqueProjection, ShiftsWhatIsDeeperAndKeepsTheFilmUpright) {
   EXPECT_NEAR(far.y, -1 - 0.25 * 11, 1e-5);
 }
 
-TEST(Camera, NeverSeesWhatIsBehindIt) {
+TEST(Camera, ObjectsBehindItAreInvisible) {
   const auto seen = [](Scene scene) {
     render::Material m = lambert({0, 0, 0});
     m.emission = {1, 1, 1};
@@ -179,7 +179,7 @@ TEST(Camera, NeverSeesWhatIsBehindIt) {
   }
 }
 
-TEST(Aperture, IsUniformOverItsPolygon) {
+TEST(Aperture, SamplesAreUniformOverPolygon) {
   constexpr int kSide = 256;
   for (const std::int32_t blades : {0, 3, 5, 8}) {
     render::Lens lens;
@@ -219,7 +219,7 @@ double common_share(double r, double d) {
   return (a - std::sin(2 * a) / 2 + r * r * (b - std::sin(2 * b) / 2)) / kPi;
 }
 
-TEST(Lens, BehindARimGetsTheLightThatTwoDiscsShare) {
+TEST(Lens, VignettingEqualsDiscOverlap) {
   Scene scene = empty_scene();
   scene.camera.yfov = 2 * std::atan(1.0);
   scene.camera.lens = {0.5, 1e12, 0, 0, 0.8, 0.6};
@@ -287,7 +287,7 @@ Picture through_window(double x, double y, double focus, std::uint32_t seed) {
   return render_picture(sharp, settings);
 }
 
-TEST(Lens, BlursAsTheAverageOfManySharpWindowsDoes) {
+TEST(Lens, BlurEqualsAverageOfPinholes) {
   constexpr double kRadius = 0.25, kFocus = 5;
   constexpr int kSide = 16;  // strata of radius, and of angle
   constexpr std::uint32_t kPictures = 32;

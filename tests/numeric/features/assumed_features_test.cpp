@@ -104,20 +104,20 @@ void expect_same_bits(const Scene& scene, const std::vector<std::uint32_t>& assu
   }
 }
 
-class GeneralWay : public ::testing::TestWithParam<const char*> {};
+class GeneralPath : public ::testing::TestWithParam<const char*> {};
 
-TEST_P(GeneralWay, GivesTheBitsOfTheSpecialOne) {
+TEST_P(GeneralPath, MatchesSpecialisedBits) {
   std::vector<std::uint32_t> each(std::begin(kChoices), std::end(kChoices));
   each.push_back(all_choices());
   expect_same_bits(scene_named(GetParam()), each);
 }
 
-INSTANTIATE_TEST_SUITE_P(Scenes, GeneralWay,
+INSTANTIATE_TEST_SUITE_P(Scenes, GeneralPath,
                          ::testing::Values("lit_square", "painted", "same_bits", "quickstart",
                                            "textures", "shapes", "fog", "motion"),
                          [](const auto& scene) { return std::string(scene.param); });
 
-TEST(AssumedFeatures, ChangeNoBitOfAnyMaterial) {
+TEST(AssumedFeatures, MaterialBitsAreUnchanged) {
   expect_same_bits(scene_named("materials"), {all_choices()});
 }
 
@@ -161,7 +161,7 @@ bool is_ready_for(std::uint32_t feature, Scene scene, std::uint32_t assumed) {
 }
 
 // What is compared above would be the same as well if nothing came of what is assumed.
-TEST(AssumedFeatures, AreWhatTheFrameIsMadeReadyFor) {
+TEST(AssumedFeatures, FrameEnablesAssumedFeature) {
   for (const std::uint32_t feature : kChoices) {
     if (feature == render::kFeatureInstances) continue;  // nothing but rays can tell
     const std::string name = render::feature_names(feature).front();

@@ -73,7 +73,7 @@ contract::RenderSettings room_settings() {
   return settings;
 }
 
-TEST(FrameRenderer, ScalingByPowersOfTwoKeepsEveryBit) {  // hard case 6
+TEST(FrameRenderer, PowerOfTwoScaleKeepsEveryBit) {  // hard case 6
   const auto settings = small_settings(24, 20, 16);
   const std::string reference = bytes(render_picture(room(), settings));
   for (const int k : {-20, -10, 10, 30}) {
@@ -82,7 +82,7 @@ TEST(FrameRenderer, ScalingByPowersOfTwoKeepsEveryBit) {  // hard case 6
   }
 }
 
-TEST(FrameRenderer, TilesAndCropsGiveTheBitsOfTheWhole) {
+TEST(FrameRenderer, TilesAndCropsMatchWholeFrame) {
   const auto settings = room_settings();
   auto renderer = render::FrameRenderer::create(room(), settings, 0, render::sequential());
   ASSERT_TRUE(renderer.ok());
@@ -109,7 +109,7 @@ TEST(FrameRenderer, TilesAndCropsGiveTheBitsOfTheWhole) {
               (*renderer)->render({8, 8, 16, 12}, pass, 1, render::sequential()));
 }
 
-TEST(FrameRenderer, ThreadsDoNotChangeTheBlock) {  // hard case 77
+TEST(FrameRenderer, ThreadCountKeepsEveryBit) {  // hard case 77
   const auto settings = room_settings();
   auto renderer = render::FrameRenderer::create(room(), settings, 0, render::sequential());
   ASSERT_TRUE(renderer.ok());
@@ -122,7 +122,7 @@ TEST(FrameRenderer, ThreadsDoNotChangeTheBlock) {  // hard case 77
   EXPECT_TRUE((*built)->render({0, 0, 24, 20}, {0, 8}, 0, render::parallel_tbb(3)) == one);
 }
 
-TEST(FrameRenderer, SeedAndFrameChangeTheSamples) {
+TEST(FrameRenderer, SeedAndFrameChangeSamples) {
   auto settings = small_settings(24, 20, 4);
   std::set<std::string> images;
   for (const std::uint32_t seed : {0u, 1u, 2u}) {
@@ -136,7 +136,7 @@ TEST(FrameRenderer, SeedAndFrameChangeTheSamples) {
                (*b)->render({0, 0, 24, 20}, {0, 4}, 0, render::sequential()));
 }
 
-TEST(FrameRenderer, FourTimesTheSamplesBringTheErrorToSixTenths) {
+TEST(FrameRenderer, FourfoldSamplesCutErrorBy40Percent) {
   const auto rmse = [](const Picture& a, const Picture& b) {
     double sum = 0;
     for (std::size_t i = 0; i < a.rgb.size(); ++i)
@@ -157,7 +157,7 @@ TEST(FrameRenderer, FourTimesTheSamplesBringTheErrorToSixTenths) {
   EXPECT_LE(fine, 0.6 * coarse);
 }
 
-TEST(FrameRenderer, MirroredCopiesLookLikeTheMirror) {  // hard case 27
+TEST(FrameRenderer, MirroredMeshRendersMirrored) {  // hard case 27
   // A textured, normal-mapped, asymmetric mesh, and its mirror image placed by scale -1.
   const auto shot = [](bool mirrored) {
     Scene scene = empty_scene();
@@ -215,7 +215,7 @@ contract::GridPoint lit_pixel(Scene scene, const Vec3d& p, std::int32_t width,
   return best;
 }
 
-TEST(Camera, KnownPointsLandOnPredictedPixels) {
+TEST(Camera, PointsProjectToPredictedPixels) {
   constexpr int kWidth = 96, kHeight = 64;
   const Vec3d points[] = {{0.31, 0.22, 0}, {-1.0, 0.4, 1}, {0.8, -0.9, -2}};
   for (const Vec3d& p : points) {
@@ -241,7 +241,7 @@ TEST(Camera, KnownPointsLandOnPredictedPixels) {
   }
 }
 
-TEST(Camera, NearAndFarPlanesCutWhatIsSeen) {
+TEST(Camera, NearAndFarPlanesClip) {
   Scene scene = empty_scene();
   const auto near_lamp = add_material(&scene, lamp(1)), far_lamp = add_material(&scene, lamp(2));
   add_primitive(&scene, quad({-9, -9, 0}, {18, 0, 0}, {0, 18, 0}, near_lamp));
@@ -261,7 +261,7 @@ TEST(Camera, NearAndFarPlanesCutWhatIsSeen) {
   EXPECT_EQ(seen(), -1);
 }
 
-TEST(Aovs, OfTheFirstHitAreExact) {
+TEST(Aovs, FirstHitValuesAreExact) {
   Scene scene = empty_scene();
   scene.center = {100, 0, 0};
   Material m = lambert({0.25f, 0.5f, 0.75f});
@@ -286,7 +286,7 @@ TEST(Aovs, OfTheFirstHitAreExact) {
   EXPECT_EQ(second.albedo[1], 4);
 }
 
-TEST(FrameRenderer, SharesTreesWithAnotherFrameWithoutAChangeOfBits) {
+TEST(FrameRenderer, SharedTreesKeepEveryBit) {
   const auto settings = small_settings(32, 32, 4);
   const auto scene_at = [](const render::Mesh& sphere_mesh, double x) {
     Scene scene = empty_scene();
@@ -314,27 +314,27 @@ TEST(FrameRenderer, SharesTreesWithAnotherFrameWithoutAChangeOfBits) {
   EXPECT_EQ(block_of(*sharing), want);
 }
 
-TEST(NumericsCheck, IsTheSameEachTime) {
+TEST(NumericsCheck, DigestIsReproducible) {
   const auto a = render::numerics_digest(), b = render::numerics_digest();
   ASSERT_TRUE(a.ok()) << a.status();
   EXPECT_EQ(a->hex(), b->hex());
 }
 
-TEST(NumericsCheck, DoesNotDependOnTheInstructionSet) {
+TEST(NumericsCheck, DigestIsIndependentOfIsa) {
   const auto narrow = render::numerics_digest(render::Isa::avx2);
   const auto widest = render::numerics_digest(render::best_isa());
   ASSERT_TRUE(narrow.ok() && widest.ok());
   EXPECT_EQ(narrow->hex(), widest->hex());
 }
 
-TEST(NumericsCheck, GivesTheReferenceDigest) {
+TEST(NumericsCheck, DigestMatchesContract) {
   const auto digest = render::numerics_digest();
   ASSERT_TRUE(digest.ok()) << digest.status();
   EXPECT_EQ(digest->hex(), contract::kNumericsSha256)
       << "it changes only on purpose, together with contract::kRenderContract";
 }
 
-TEST(FloatControlDeathTest, ALibraryThatFlushesDenormalsIsCaught) {  // hard case 79
+TEST(FloatControlDeathTest, ChangedFloatModeAborts) {  // hard case 79
   const Scene scene = room();
   constexpr unsigned kFlushToZero = 0x8000, kDenormalsAreZero = 0x0040, kRoundUp = 0x4000;
   for (const unsigned mode : {kFlushToZero, kDenormalsAreZero, kRoundUp}) {

@@ -19,7 +19,7 @@ namespace {
 
 constexpr float kLargest = 1 - 0x1p-24f;
 
-TEST(HardCase63, NoGeneratorReachesOne) {
+TEST(UniformNumbers, StayBelowOne) {
   // Exhaustive where it matters: the conversion of all 2^8 patterns that round up to 1 in
   // u32 * 2^-32 and their neighbours.
   for (std::uint32_t i = 0; i < 1024; ++i) {
@@ -30,7 +30,7 @@ TEST(HardCase63, NoGeneratorReachesOne) {
   EXPECT_EQ(unit_float(~std::uint64_t{0}), kLargest);
 }
 
-TEST(HardCase63, EndsOfTheIntervalAreSafeEverywhere) {
+TEST(UniformNumbers, IntervalEndsAreSafeInMappings) {
   const DiscreteDistribution table(std::vector<double>{0, 1, 2, 0});
   for (const float u : {0.0f, 0x1p-24f, kLargest}) {
     EXPECT_TRUE(std::isfinite(elementary::log1p(-u)));
@@ -74,7 +74,7 @@ double product(const Sampler& sampler) {
   return 16.0 * first.x * first.y * second.x * second.y;
 }
 
-TEST(HardCase64, BouncesAreIndependent) {
+TEST(SampleSequence, BouncesAreIndependent) {
   EXPECT_LT(std::fabs(converge(product, 1, 16).bias_in_errors), 4.5);
   EXPECT_LT(std::fabs(converge(product, 1, 256).bias_in_errors), 4.5);
   const auto same_component = [](const Sampler& sampler) {
@@ -90,11 +90,11 @@ TEST(HardCase64, BouncesAreIndependent) {
   EXPECT_LT(std::fabs(converge(within_set, 1, 64).bias_in_errors), 4.5);
 }
 
-TEST(HardCase64, MoreSamplesAreNotWorseThanThePowerOfTwoBelow) {
+TEST(SampleSequence, SamplesPastPowerOfTwoReduceError) {
   EXPECT_LT(converge(product, 1, 1000).rmse, converge(product, 1, 512).rmse);
 }
 
-TEST(HardCase65, NoTwoSamplesShareAStream) {
+TEST(SampleSequence, StreamsAreDistinct) {
   // 2^18 pixels x 4 replicates: 64-bit hashes collide by chance with probability 3e-8.
   std::vector<std::uint64_t> streams;
   constexpr int kSide = 512;

@@ -42,7 +42,7 @@ Sphere sphere() {
   return s;
 }
 
-TEST(HardCase3, SharedEdgesAndVerticesDoNotLeakUnderContraction) {
+TEST(Contraction, SharedEdgesDoNotLeak) {
   const Sphere s = sphere();
   ASSERT_EQ(s.triangles.size(), 960u);
   const Box3f bounds = {{-2, -2, -2}, {2, 2, 2}};

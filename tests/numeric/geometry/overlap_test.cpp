@@ -35,19 +35,19 @@ OverlapPair pair(std::uint32_t first, std::uint32_t second) {
 
 const Primitive one_tetrahedron = tetrahedron({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, -1});
 
-TEST(HardCase36, TetrahedraThatShareAFaceOverlapInThatFaceOnly) {
+TEST(MeshOverlap, SharedFaceIsOnlyOverlap) {
   EXPECT_EQ(pairs_of(one_tetrahedron, tetrahedron({0, 0, 0}, {0, 1, 0}, {1, 0, 0}, {0, 0, 1})),
             (Pairs{pair(0, 0)}));
 }
 
-TEST(HardCase36, TetrahedraThatShareAnEdgeOrAVertexDoNotOverlap) {
+TEST(MeshOverlap, SharedEdgeOrVertexIsNoOverlap) {
   EXPECT_EQ(pairs_of(one_tetrahedron, tetrahedron({0, 0, 0}, {1, 0, 0}, {0, -1, 0.5f}, {0, -1, 1})),
             Pairs{});
   EXPECT_EQ(pairs_of(one_tetrahedron, tetrahedron({0, 0, 0}, {-1, 0, 0}, {0, -1, 1}, {0, 0, 1})),
             Pairs{});
 }
 
-TEST(HardCase36, TetrahedraAnUlpApartDoNotOverlapAndThoseThatTouchDo) {
+TEST(MeshOverlap, OneUlpGapSeparates) {
   // The tip of the other, at (0.25, 0.25, z), over the inside of triangle 0.
   const auto over = [](float z) {
     return tetrahedron({0, 0, 1}, {0, 1, 1}, {1, 0, 1}, {0.25f, 0.25f, z});
@@ -65,14 +65,14 @@ TEST(HardCase36, TetrahedraAnUlpApartDoNotOverlapAndThoseThatTouchDo) {
   EXPECT_EQ(pairs_of(moved(one_tetrahedron), near), Pairs{});
 }
 
-TEST(HardCase36, InterpenetratingTetrahedraListThePairsThatCross) {
+TEST(MeshOverlap, CrossingPairsAreListed) {
   // The other's tip comes in through triangle 0 and stays inside.
   const Primitive other =
       tetrahedron({0.1f, 0.1f, 1}, {0.1f, 0.3f, 1}, {0.3f, 0.1f, 1}, {0.2f, 0.2f, -0.1f});
   EXPECT_EQ(pairs_of(one_tetrahedron, other), (Pairs{pair(0, 1), pair(0, 2), pair(0, 3)}));
 }
 
-TEST(HardCase36, ClosedConvexMeshesDoNotMeetThemselvesAndPuncturedOnesAreOpen) {
+TEST(MeshOverlap, ConvexMeshIsClosedWithoutOverlap) {
   const Mesh sphere = mesh_of({uv_sphere(12, 16, 1)});
   EXPECT_EQ(self_intersections(sphere), Pairs{});
   EXPECT_EQ(boundary_edges(sphere, {true}), 0);
@@ -92,7 +92,7 @@ TEST(HardCase36, ClosedConvexMeshesDoNotMeetThemselvesAndPuncturedOnesAreOpen) {
   EXPECT_EQ(boundary_edges(mesh_of({cracked}), {true}, 1e-6), 0);
 }
 
-TEST(HardCase36, NeighboursOverlapOnlyWhereFoldedOrCrossing) {
+TEST(MeshOverlap, NeighboursOverlapOnlyIfFolded) {
   const Vec3f a = {0, 0, 0}, b = {1, 0, 0}, up = {0, 1, 0}, down = {0, -1, 0};
   const Vec3f tilted = {0, 1, 0x1p-140f};
   EXPECT_FALSE(triangles_overlap({a, b, up}, {b, a, down}));      // flat on
@@ -104,7 +104,7 @@ TEST(HardCase36, NeighboursOverlapOnlyWhereFoldedOrCrossing) {
   EXPECT_FALSE(triangles_overlap({a, b, up}, {a, {2, -1, 0}, {-1, -2, 0}}));
 }
 
-TEST(HardCase36, TheTreeFindsThePairsThatTryingAllFinds) {
+TEST(MeshOverlap, TreeMatchesExhaustiveSearch) {
   Dice dice(9);
   for (const Primitive& p : {soup(150, dice), terrain(8, dice), needles(60, dice)}) {
     Pairs expected;
@@ -128,7 +128,7 @@ TEST(HardCase36, TheTreeFindsThePairsThatTryingAllFinds) {
   }
 }
 
-TEST(HardCase36, InstancesMeetWhereTheirPlacesMakeThem) {
+TEST(MeshOverlap, InstanceTransformsAreApplied) {
   Scene scene;
   scene.meshes = {mesh_of({uv_sphere(6, 8, 1)})};
   for (const double x : {0.0, 1.5, 3.6}) {
@@ -143,7 +143,7 @@ TEST(HardCase36, InstancesMeetWhereTheirPlacesMakeThem) {
   EXPECT_GT(overlaps[0].pairs.size(), 8u);
 }
 
-TEST(ExactSign, IsRightWhereDoublesRoundToNothing) {
+TEST(ExactSign, OneUlpOffPlaneIsDetected) {
   // d is an ulp off the plane x + y + z = 3 * 2^20 through a, b, c.
   const float big = 1 << 20;
   const Vec3f a = {big, big, big}, b = {big + 1, big - 1, big}, c = {big - 1, big, big + 1};

@@ -27,7 +27,7 @@ SurfacePoint point_of(const Scene& scene, const Hit& hit) {
   return surface_point(placed(scene, hit.id), hit.b1, hit.b2);
 }
 
-TEST(HardCase8, NoTriangleIsHitAgainNorItsCoplanarTwin) {
+TEST(RaySpawning, CoplanarTwinIsNotHit) {
   Dice dice(1);
   const Affine3d identity;
   int self_hits = 0, trials = 0;
@@ -63,7 +63,7 @@ TEST(HardCase8, NoTriangleIsHitAgainNorItsCoplanarTwin) {
   EXPECT_LE(largest_shift, 1e-6f);
 }
 
-TEST(HardCase8, NeighboursOfATiltedPlaneAreNotHit) {
+TEST(RaySpawning, TiltedPlaneNeighboursAreNotHit) {
   // A finely divided plane under random placements: a ray that leaves it may not meet any part.
   Dice dice(2);
   Primitive plane;
@@ -138,7 +138,7 @@ Vec3f departure(const Vec3f& n, Dice& dice) {
   return d;
 }
 
-TEST(HardCase8, NeighboursInOnePlaneAreNotHitHoweverItLies) {
+TEST(RaySpawning, CoplanarNeighboursAreNotHit) {
   // Planes with and without extent along the axes, points on shared edges and vertices as often as
   // inside. A needle's neighbour is met along its length, far from where its plane is thin.
   const std::vector<std::array<Vec3f, 2>> edges = {
@@ -178,7 +178,7 @@ TEST(HardCase8, NeighboursInOnePlaneAreNotHitHoweverItLies) {
   EXPECT_LT(largest_shift, 3 * 12 * 0x1p-24f);
 }
 
-TEST(HardCase8, PointsInCoordinatePlanesLeaveTheirTwinsBehind) {
+TEST(RaySpawning, AxisAlignedTwinIsNotHit) {
   // The plane's own coordinate is exact, zero even: what a ray must clear is the rounding of t.
   const Primitive sheet = quad({-1, -1, 0}, {2, 0, 0}, {0, 2, 0});
   const Scene scene = scene_of({sheet, sheet});
@@ -193,7 +193,7 @@ TEST(HardCase8, PointsInCoordinatePlanesLeaveTheirTwinsBehind) {
   }
 }
 
-TEST(HardCase9, GrazingBouncesLeaveTheirPlane) {
+TEST(RaySpawning, GrazingBouncesLeavePlane) {
   // A plane of 1e4 by 1e4 and a wall one unit behind it.
   Scene scene = scene_of({quad({-5e3f, 0, -5e3f}, {1e4f, 0, 0}, {0, 0, 1e4f}),
                           quad({-5e3f, -1, -5e3f}, {1e4f, 0, 0}, {0, 0, 1e4f})});
@@ -219,7 +219,7 @@ TEST(HardCase9, GrazingBouncesLeaveTheirPlane) {
   EXPECT_GT(hits, 40'000);
 }
 
-TEST(HardCase10, ThinWallsDoNotLeak) {
+TEST(RaySpawning, ThinWallsDoNotLeak) {
   // Two sheets 1e-5 apart in a room of unit size, slanted; a light behind the second one.
   Dice dice(4);
   for (int placement = 0; placement < 8; ++placement) {
@@ -246,7 +246,7 @@ TEST(HardCase10, ThinWallsDoNotLeak) {
   }
 }
 
-TEST(HardCase10, RaysBetweenSurfacePointsSeeTheirTargets) {
+TEST(RaySpawning, ShadowRaysReachTheirTargets) {
   Dice dice(5);
   for (const float scale : {1e-6f, 1.0f, 1e9f}) {
     const Primitive room = uv_sphere(8, 12, scale);
@@ -270,7 +270,7 @@ TEST(HardCase10, RaysBetweenSurfacePointsSeeTheirTargets) {
   }
 }
 
-TEST(HardCase27, NormalsPointOutwardsUnderMirroring) {
+TEST(SurfaceNormals, PointOutwardsWhenMirrored) {
   Dice dice(6);
   const Primitive sphere = uv_sphere(8, 12, 1);
   for (const bool mirrored : {false, true}) {
@@ -293,7 +293,7 @@ TEST(HardCase27, NormalsPointOutwardsUnderMirroring) {
   }
 }
 
-TEST(HardCase49, FramesNearMinusZAreOrthonormal) {
+TEST(ShadingFrame, IsOrthonormalNearMinusZ) {
   Dice dice(7);
   double worst = 0;
   const auto check = [&](const Vec3f& n) {

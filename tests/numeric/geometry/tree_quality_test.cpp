@@ -55,7 +55,7 @@ void expect_sound(const BinaryBvh& bvh, std::size_t items) {
   EXPECT_TRUE(std::all_of(seen.begin(), seen.end(), [](int n) { return n == 1; }));
 }
 
-TEST(Reinsertion, MakesTreesCheaperAndKeepsThemSound) {
+TEST(Reinsertion, ReducesTreeCost) {
   Dice dice(1);
   const std::vector<Box3f> boxes = boxes_of_needles(4'000, dice);
   const BinaryBvh before = build_binary_bvh({boxes}, in_order());
@@ -66,7 +66,7 @@ TEST(Reinsertion, MakesTreesCheaperAndKeepsThemSound) {
   EXPECT_LT(summed_area(after), 0.98 * summed_area(before));
 }
 
-TEST(Reinsertion, LeavesATreeAloneThatWouldGetTooDeep) {
+TEST(Reinsertion, RespectsDepthLimit) {
   // A chain of nested boxes as deep as a tree may be, a leaf beside each; and in another branch a
   // leaf that belongs into the innermost, one level below.
   BinaryBvh bvh;
@@ -104,7 +104,7 @@ TEST(Reinsertion, LeavesATreeAloneThatWouldGetTooDeep) {
   EXPECT_EQ(bvh.nodes.size(), before.size());
 }
 
-TEST(BuildQuality, ChangesTreesAndNoHit) {
+TEST(BuildQuality, ChangesTreesButNoHits) {
   Dice dice(2);
   const Scene scene = scene_of({needles(3'000, dice)});
   const SceneAccel normal(scene, in_order());
@@ -125,7 +125,7 @@ TEST(BuildQuality, ChangesTreesAndNoHit) {
   EXPECT_GT(hits, 5'000);
 }
 
-TEST(TreeQuality, IsWhatTwoTrianglesGiveByHand) {
+TEST(TreeQuality, TwoTrianglesMatchHandCalculation) {
   MeshBvh<8> tree;
   tree.nodes = HugeArray<WideNode<8>>(1);
   tree.blocks = HugeArray<TriangleBlock>(2);
@@ -168,7 +168,7 @@ int mismatches_after(const Scene& before, const Scene& now, std::size_t expected
   return wrong;
 }
 
-TEST(Refit, TreesOfMovedTrianglesGiveTheHitsOfBruteForce) {
+TEST(Refit, MovedTrianglesMatchBruteForce) {
   Dice dice(3);
   const Primitive start = terrain(24, dice);
   EXPECT_EQ(mismatches_after(scene_of({start}), scene_of({moved(start, 1e-3f, dice)}), 1, dice), 0);
@@ -178,13 +178,13 @@ TEST(Refit, TreesOfMovedTrianglesGiveTheHitsOfBruteForce) {
   EXPECT_EQ(mismatches_after(scene_of({start}), scene_of({stretched}), 1, stretch), 0);
 }
 
-TEST(Refit, BuildsAnewWhereTheOldTreeIsNoGood) {
+TEST(Refit, LargeMotionRebuilds) {
   Dice dice(5);
   const Primitive start = terrain(24, dice);
   EXPECT_EQ(mismatches_after(scene_of({start}), scene_of({moved(start, 1, dice)}), 0, dice), 0);
 }
 
-TEST(Refit, BuildsAnewWhereOtherTrianglesCanBeHit) {
+TEST(Refit, ChangedTriangleSetRebuilds) {
   Dice dice(6);
   const Primitive whole = soup(40, dice);
   // One that becomes a point, one that was one, one for the other; and other counts.

@@ -32,7 +32,7 @@ double facets_towards(const Vec3d& l, double along_x, double along_y) {
   return d * 0.5 / (l.z + root);
 }
 
-TEST(GltfClearcoat, ReflectsAtTwentyFifthAndDimsTheRest) {
+TEST(GltfClearcoat, Reflects4PercentAndDimsBase) {
   const auto coated = [](double factor, double roughness) {
     return lit(with("KHR_materials_clearcoat", R"({"clearcoatFactor": )" + std::to_string(factor) +
                                                    R"(, "clearcoatRoughnessFactor": )" +
@@ -49,7 +49,7 @@ TEST(GltfClearcoat, ReflectsAtTwentyFifthAndDimsTheRest) {
   EXPECT_EQ(coated(0, 0.3), lit(with("", "")));
 }
 
-TEST(GltfClearcoat, TakesItsFresnelTermAtItsOwnNormal) {
+TEST(GltfClearcoat, FresnelUsesCoatNormal) {
   // The view along the normal of the surface meets a coat tilted by its map; the base stays.
   const std::vector<std::uint8_t> texel = {179, 128, 230, 255};
   const double z = 2 * 230 / 255.0 - 1, x = 2 * 179 / 255.0 - 1, y = 2 * 128 / 255.0 - 1;
@@ -75,7 +75,7 @@ TEST(GltfClearcoat, TakesItsFresnelTermAtItsOwnNormal) {
   expect_near(coated(R"(, "scale": 0.5)"), expected(0.5), 1e-4);
 }
 
-TEST(GltfClearcoat, DimsEmissionBelowIt) {
+TEST(GltfClearcoat, DimsEmissionBelow) {
   const std::string glowing = R"({"emissiveFactor": [1, 0.5, 0.25], "pbrMetallicRoughness":
       {"baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0}, "extensions": {
       "KHR_materials_specular": {"specularFactor": 0}, "KHR_materials_clearcoat": {)";
@@ -84,7 +84,7 @@ TEST(GltfClearcoat, DimsEmissionBelowIt) {
               kRounding);
 }
 
-TEST(GltfClearcoat, OfGlassIsOnItsOutsideOnly) {
+TEST(GltfClearcoat, CoatsGlassOnOutsideOnly) {
   // Straight through a box of matched index: 4 % lost at the coat of the face that is entered.
   const auto through = [](const std::string& coat) {
     const auto file = probe_of(kX, kY);
@@ -117,7 +117,7 @@ void expect_texture(const std::string& slot, const std::string& plain,
   EXPECT_GT(std::fabs(white.x - want.x), 1e-3 * want.x) << "the texture changes the result";
 }
 
-TEST(GltfClearcoat, TexturesMultiplyTheirFactorsByTheirOwnChannels) {
+TEST(GltfClearcoat, TextureChannelsScaleFactors) {
   const std::vector<std::uint8_t> texel = {51, 102, 204, 128};
   const auto coat = [](const std::string& content) {
     return with("KHR_materials_clearcoat", "{" + content + "}", kGrey);
@@ -132,7 +132,7 @@ TEST(GltfClearcoat, TexturesMultiplyTheirFactorsByTheirOwnChannels) {
                  turned(0));
 }
 
-TEST(GltfClearcoat, HighlightFollowsItsRoughness) {
+TEST(GltfClearcoat, HighlightFollowsRoughness) {
   const double angle = 0.5;
   const Vec3d l{std::sin(angle), 0, std::cos(angle)};
   const std::string black = R"("baseColorFactor": [0, 0, 0, 1])";
@@ -152,7 +152,7 @@ std::string black_with(const std::string& extension, const std::string& content)
   return with(extension, content, R"("baseColorFactor": [0, 0, 0, 1])", 0.5);
 }
 
-TEST(GltfAnisotropy, StretchesTheHighlightAlongItsDirection) {
+TEST(GltfAnisotropy, HighlightStretchesAlongDirection) {
   // Tangents follow the coordinates u = x, v = y; the bitangent runs against v.
   const double angle = 0.6, roughness = 0.5, alpha = 0.25;
   const auto expected = [&](double strength, double rotation, const Vec3d& l) {
@@ -222,7 +222,7 @@ std::string sheen(const std::string& content) {
          content + "}}}";
 }
 
-TEST(GltfSheen, ShinesTowardsGrazingAndDimsTheBaseByItsAlbedo) {
+TEST(GltfSheen, DimsBaseByItsAlbedo) {
   for (const double angle : {0.5, 1.3}) {
     const Vec3d v{0, 0, 1}, l{std::sin(angle), 0, std::cos(angle)};
     for (const double roughness : {0.3, 0.6, 1.0}) {
@@ -241,7 +241,7 @@ TEST(GltfSheen, ShinesTowardsGrazingAndDimsTheBaseByItsAlbedo) {
   EXPECT_EQ(lit(sheen(R"("sheenRoughnessFactor": 0.5)")), (Vec3d{1, 1, 1} * lit(sheen("")).x));
 }
 
-TEST(GltfSheen, TexturesMultiplyTheirFactorsByTheirOwnChannels) {
+TEST(GltfSheen, TextureChannelsScaleFactors) {
   const std::vector<std::uint8_t> texel = {51, 102, 204, 128};
   const auto text = [](double x) { return std::to_string(x); };
   expect_texture(
@@ -286,7 +286,7 @@ Vec3d through_a_prism(double dispersion) {
   return seen(*file, settings);
 }
 
-TEST(GltfDispersion, PrismSendsShortWavesFarther) {
+TEST(GltfDispersion, PrismBendsBlueMoreThanRed) {
   // All of blue's band lies below 549 nm, nothing of red's, and of green's triangle between 464 and
   // 611 nm with its top there the part below. Four standard errors of 65,536 samples: 2 %.
   const double passed = 0.96 * (1 - 0.0443);  // at both faces; the second is met at 20 degrees
@@ -333,7 +333,7 @@ Vec3d film_terms(const Vec3d& f0, double ior, double thickness, double factor) {
   return f;
 }
 
-TEST(GltfIridescence, ColoursReflectionsByTheThicknessOfItsFilm) {
+TEST(GltfIridescence, FilmThicknessColoursReflection) {
   const std::vector<std::uint8_t> texel = {128, 51, 0, 255};
   const auto film = [&](double metallic, const std::string& content) {
     return lit(with("KHR_materials_iridescence", "{" + content + "}",
@@ -364,7 +364,7 @@ std::string leaf(const std::string& content) {
   return with("KHR_materials_diffuse_transmission", "{" + content + "}");
 }
 
-TEST(GltfDiffuseTransmission, TakesItsShareOfTheDiffuseLightToTheOtherSide) {
+TEST(GltfDiffuseTransmission, TransmitsItsShare) {
   const std::string behind = "[0, 1, 0, 0]";
   const std::vector<std::uint8_t> texel = {51, 102, 204, 128};
   const std::string share = R"("diffuseTransmissionFactor": 0.75,

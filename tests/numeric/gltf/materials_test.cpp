@@ -18,14 +18,14 @@ using render::Vec2f;
 using render::Vec3d;
 using render::Vec4f;
 
-TEST(GltfMaterial, DielectricMixesItsBaseAndItsFacets) {
+TEST(GltfMaterial, DielectricMixesDiffuseAndSpecular) {
   for (const double roughness : {0.3, 0.5, 1.0}) {
     expect_near(lit(with("", "", R"("baseColorFactor": [0.8, 0.4, 0.2, 1])", roughness)),
                 dielectric(kBase, kPlain, roughness), kRounding);
   }
 }
 
-TEST(GltfMaterial, MetalReflectsItsBaseColour) {
+TEST(GltfMaterial, MetalReflectsBaseColour) {
   // At so little roughness what facets lose to each other is below 1e-4 of the highlight.
   constexpr double kRoughness = 0.2;
   const auto seen_at = [&](double metallic) {
@@ -36,7 +36,7 @@ TEST(GltfMaterial, MetalReflectsItsBaseColour) {
   expect_near(seen_at(0.5), (dielectric(kBase, kPlain, kRoughness) + metal) * 0.5, 1e-4);
 }
 
-TEST(GltfMaterial, IorSetsTheFacetsReflectance) {
+TEST(GltfMaterial, IorSetsSpecularReflectance) {
   const double f0 = 1.0 / 9;  // ((2 - 1) / (2 + 1))^2
   expect_near(lit(with("KHR_materials_ior", R"({"ior": 2})")), dielectric(kBase, {f0, f0, f0}, 0.5),
               kRounding);
@@ -45,7 +45,7 @@ TEST(GltfMaterial, IorSetsTheFacetsReflectance) {
               kRounding);
 }
 
-TEST(GltfMaterial, SpecularWeighsAndTintsTheFacets) {
+TEST(GltfMaterial, SpecularExtensionScalesAndTints) {
   // F0 = min(0.04 colour, 1) factor; the base gets what the brightest channel leaves.
   expect_near(lit(with("KHR_materials_specular",
                        R"({"specularFactor": 0.5, "specularColorFactor": [2, 1, 0.5]})")),
@@ -56,7 +56,7 @@ TEST(GltfMaterial, SpecularWeighsAndTintsTheFacets) {
               kRounding);
 }
 
-TEST(GltfMaterial, SpecularGlossinessReplacesTheMetalWorkflow) {
+TEST(GltfMaterial, SpecularGlossinessReplacesMetallic) {
   const std::string material =
       with("KHR_materials_pbrSpecularGlossiness",
            R"({"diffuseFactor": [0.8, 0.4, 0.2, 1], "specularFactor": [0.1, 0.2, 0.3],
@@ -74,7 +74,7 @@ struct Slot {
   std::string slot, plain;
 };
 
-TEST(GltfMaterial, TexturesMultiplyTheirFactorsByTheirOwnChannels) {
+TEST(GltfMaterial, TextureChannelsScaleFactors) {
   const std::vector<std::uint8_t> texel = {51, 102, 204, 128};  // 0.2, 0.4, 0.8; alpha 128 / 255
   const std::string code_alpha = std::to_string(128 / 255.0);
   const auto srgb = [](double factor) {
@@ -131,7 +131,7 @@ TEST(GltfMaterial, OcclusionIsIgnored) {
   EXPECT_EQ(lit(occluded), lit(core));
 }
 
-TEST(GltfMaterial, EmissionTimesItsStrengthIsTheRadianceSeen) {
+TEST(GltfMaterial, EmissiveStrengthScalesRadiance) {
   const std::string black = R"({"emissiveFactor": [1, 0.5, 0.25], "pbrMetallicRoughness":
       {"baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0}, "extensions": {
       "KHR_materials_specular": {"specularFactor": 0})";
@@ -140,11 +140,11 @@ TEST(GltfMaterial, EmissionTimesItsStrengthIsTheRadianceSeen) {
   EXPECT_EQ(lit(black + "}}"), (Vec3d{1, 0.5, 0.25}));
 }
 
-TEST(GltfMaterial, UnlitIsTheBaseColourItself) {
+TEST(GltfMaterial, UnlitShowsBaseColour) {
   expect_near(lit(with("KHR_materials_unlit", "{}")), kBase, 1e-7);
 }
 
-TEST(GltfMaterial, VertexColoursMultiplyTheBaseColour) {
+TEST(GltfMaterial, VertexColourScalesBaseColour) {
   const auto file = probe_of(kX, kY);
   const int material = file->add_material(with("KHR_materials_unlit", "{}"));
   file->add_node_with_mesh(file->add_mesh(unit_quad(material)));
@@ -164,7 +164,7 @@ Vec3d before_a_background(const std::string& material, int spp = 16) {
   return seen(*file, settings);
 }
 
-TEST(GltfMaterial, AlphaCoversAsItsModeSays) {
+TEST(GltfMaterial, AlphaModeSetsCoverage) {
   const auto material = [](const char* alpha, const char* mode) {
     return std::string(R"({"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, )") + alpha +
            R"(]}, "extensions": {"KHR_materials_unlit": {}}, )" + mode + "}";
@@ -194,7 +194,7 @@ Vec3d before_a_lamp(const std::string& material, int spp) {
   return seen(*file, settings);
 }
 
-TEST(GltfMaterial, ThinTransmissionTintsOnceAndReflectsByItsFresnelTerm) {
+TEST(GltfMaterial, ThinTransmissionTintsOnce) {
   const std::string tint = R"("baseColorFactor": [0.5, 0.25, 1, 1])";
   const Vec3d tinted{0.5, 2 * 0.25, 3 * 1};
   const std::string sheet =
@@ -224,7 +224,7 @@ double kept_by_facets(double roughness) {
   return sum;
 }
 
-TEST(GltfMaterial, RoughThinTransmissionSpreadsTheLightBehindIt) {
+TEST(GltfMaterial, RoughThinTransmissionSpreadsLight) {
   // A sun behind the sheet, along the view: a smooth sheet shows none of it (no path hits a
   // direction), a rough one its transmitted lobe: base D V, and what facets lose given back.
   const auto backlit = [](double roughness) {
@@ -260,7 +260,7 @@ Vec3d through_a_box(const std::string& extensions) {
   return seen(*file, settings);
 }
 
-TEST(GltfMaterial, VolumeAbsorbsByItsColourToThePowerOfTheWay) {
+TEST(GltfMaterial, VolumeAbsorbsAlongPath) {
   const std::string clear = R"("KHR_materials_transmission": {"transmissionFactor": 1})";
   const std::string volume = R"(, "KHR_materials_volume": {"thicknessFactor": 1,
       "attenuationDistance": 0.8, "attenuationColor": [1, 0.5, 0.1]})";
@@ -269,7 +269,7 @@ TEST(GltfMaterial, VolumeAbsorbsByItsColourToThePowerOfTheWay) {
   expect_near(through_a_box(clear), {0.25, 1, 1}, 1e-6);
 }
 
-TEST(GltfMaterial, DoubleSidedEmitsFromItsBackToo) {
+TEST(GltfMaterial, DoubleSidedEmitsFromBack) {
   const auto back = [](const char* sided, bool cull) {
     const auto file = probe_of(kX, kY);
     const int material = file->add_material(
@@ -288,7 +288,7 @@ TEST(GltfMaterial, DoubleSidedEmitsFromItsBackToo) {
   EXPECT_EQ(back("false", true), (Vec3d{0, 0, 8}));
 }
 
-TEST(GltfMaterial, VariantsReplaceIt) {
+TEST(GltfMaterial, VariantReplacesMaterial) {
   const auto file = probe_of(kX, kY);
   file->use_extension("KHR_materials_variants");
   file->set("/extensions/KHR_materials_variants/variants",
@@ -341,7 +341,7 @@ int texel_at(double u, double v, const Vec3d& offset = {}, double rotation = 0,
   return 16 * cell(moved_v) + cell(moved_u);
 }
 
-TEST(GltfTextureTransform, MovesTurnsAndScalesTheCoordinates) {
+TEST(GltfTextureTransform, MovesRotatesAndScalesUv) {
   const auto moved = [](const std::string& content) {
     return texel_read(R"(, "extensions": {"KHR_texture_transform": {)" + content + "}}");
   };
@@ -353,7 +353,7 @@ TEST(GltfTextureTransform, MovesTurnsAndScalesTheCoordinates) {
             texel_at(0.1, 0.1, {0.3, 0.4, 0}, -2, {9, 7, 1}));
 }
 
-TEST(GltfTextureTransform, TexCoordInsideItOverridesTheTexturesOwn) {
+TEST(GltfTextureTransform, TexCoordOverridesTexture) {
   const auto read = [](const std::string& outside, const std::string& inside) {
     return texel_read(outside + R"(, "extensions": {"KHR_texture_transform":
                                     {"offset": [0.25, 0])" +
@@ -381,7 +381,7 @@ std::vector<std::byte> webp(std::uint8_t r, std::uint8_t g, std::uint8_t b) {
   return bytes;
 }
 
-TEST(GltfTexture, OfWebpIsReadInsteadOfItsFallback) {
+TEST(GltfTexture, WebpIsPreferredToFallback) {
   const auto colour = [](bool webp_named) {
     const auto file = probe_of(kX, kY);
     const int plain = file->add_image(png(1, 1, {255, 0, 0, 255}), "image/png");
@@ -421,7 +421,7 @@ double cosine_under(const std::vector<std::uint8_t>& texel, const std::string& s
   return seen(*file, probe_settings()).x;
 }
 
-TEST(GltfMaterial, NormalMapTiltsTheNormalAlongItsTangents) {
+TEST(GltfMaterial, NormalMapTiltsAlongTangents) {
   const std::vector<std::uint8_t> texel = {178, 102, 230, 255};
   const auto expected = [&](double scale, const Vec3d& tangent, const Vec3d& bitangent) {
     const double x = (2 * texel[0] / 255.0 - 1) * scale, y = (2 * texel[1] / 255.0 - 1) * scale;

@@ -58,7 +58,7 @@ double wall_under_a_spot(const std::string& spot, double* angle) {
   return seen(*file, probe_settings()).x;
 }
 
-TEST(GltfSpot, FallsOffSmoothlyFromItsInnerToItsOuterCone) {
+TEST(GltfSpot, FallsOffBetweenCones) {
   struct Cones {
     double inner, outer;
     std::string spot;
@@ -165,7 +165,7 @@ std::unique_ptr<GltfBuilder> filmed(const std::string& camera, const Vec3d& lamp
   return file;
 }
 
-TEST(GltfCamera, UnderAnAnimatedNodeSeesAPointWhereItIsAtThatTime) {
+TEST(GltfCamera, FollowsAnimatedNode) {
   constexpr std::int32_t kWidth = 96, kHeight = 64;
   constexpr double kDistance = 5, kYfov = 0.7, kYmag = 2;
   const std::string perspective =
@@ -209,7 +209,7 @@ bool is_covered(double x, double y, const Build& build) {
   return seen(*file, settings).x == 1;
 }
 
-TEST(GltfNodes, OfInstancesStandWhereTheirAttributesSay) {
+TEST(GltfNodes, GpuInstancesUseTheirAttributes) {
   const auto covered = [](double x, double y, bool instanced) {
     return is_covered(x, y, [&](GltfBuilder& file, int material) {
       const int places = file.add_vec3({{2, 0, 0}, {0, 3, 0}});
@@ -228,7 +228,7 @@ TEST(GltfNodes, OfInstancesStandWhereTheirAttributesSay) {
   EXPECT_TRUE(covered(0.3, 3.6, true));
 }
 
-TEST(GltfNodes, ThatAreNotVisibleAreNotSeen) {
+TEST(GltfNodes, InvisibleNodesAreNotRendered) {
   for (const bool visible : {true, false}) {
     EXPECT_EQ(visible, is_covered(0.3, 0.6, [&](GltfBuilder& file, int material) {
                 file.use_extension("KHR_node_visibility");
@@ -240,7 +240,7 @@ TEST(GltfNodes, ThatAreNotVisibleAreNotSeen) {
   }
 }
 
-TEST(GltfMeshes, OfQuantizedPositionsReachTheirEdgesAndNoFurther) {
+TEST(GltfMeshes, QuantizedPositionsKeepTheirExtent) {
   // Codes 0 and 51 of normalised bytes are 0 and 0.2; the node makes them 0 and 1.
   const auto covered = [](double x, double y) {
     return is_covered(x, y, [](GltfBuilder& file, int material) {

@@ -42,7 +42,7 @@ Vec3d colour_of(const std::string& operation, double x) {
   return seen(*file, probe_settings());
 }
 
-TEST(Csg, EveryPointHasTheMaterialOfItsOperand) {
+TEST(Csg, SurfaceUsesMaterialOfItsOperand) {
   const Vec3d red = {1, 0, 0}, green = {0, 1, 0};
   for (const char* operation : {"union", "subtraction", "xor"}) {
     EXPECT_EQ(colour_of(operation, 0.1), green) << operation;  // in a hole: its wall
@@ -53,7 +53,7 @@ TEST(Csg, EveryPointHasTheMaterialOfItsOperand) {
 
 /// What two balls share whose centres are 1 m apart along the camera's rays, of glass that is seen
 /// only by what it absorbs: at x from the axis it is 2 sqrt(1 - x^2) - 1 thick.
-TEST(Csg, ALensOfGlassAbsorbsAlongTheWayInIt) {
+TEST(Csg, GlassLensAbsorbsAlongPath) {
   for (const double x : {0.0, 0.3, 0.7, 0.95}) {
     const auto file = probe_of(x, 0);
     for (const char* name :
@@ -104,7 +104,7 @@ Vec3d wall_behind_a_ball(double x, const std::string& ball) {
   return seen(*file, probe_settings());
 }
 
-TEST(SolidOfIndexOne, LetsTheSunThroughAndAbsorbs) {  // hard case 41
+TEST(IndexOneSolid, TransmitsAndAbsorbsSunlight) {  // hard case 41
   constexpr double kWhite = 1 / 3.14159265358979323846;
   for (const double x : {0.0, 0.5, 0.9}) {
     const double way = 2 * 2 * std::sqrt(1 - x * x);  // to the wall and back, metres

@@ -144,7 +144,7 @@ TEST(Estimators, AgreeOnEveryMaterialExtension) {
   expect_agreement(scene_of_file("materials"), 8, 32);
 }
 
-TEST(Estimators, AgreeOnShapesAndWhatIsCutOfThem) {
+TEST(Estimators, AgreeOnShapesAndCsg) {
   expect_agreement(scene_of_file("shapes"), 8, 32);
   expect_agreement(scene_of_file("csg"), 8, 32);
 }
@@ -153,12 +153,12 @@ TEST(Estimators, AgreeInFog) {
   expect_agreement(scene_of_file("fog"), 8, 32);
 }
 
-TEST(Estimators, AgreeWhereThingsMove) {
+TEST(Estimators, AgreeOnMotionBlur) {
   expect_agreement(scene_of_file("motion"), 8, 32);
 }
 
 // A small lamp that shines down goes along over a floor, and a quarter round.
-TEST(Estimators, LampsThatMoveAreLookedFor) {
+TEST(Estimators, MovingLampsAreSampled) {
   Scene scene = empty_scene();
   render::Material lamp = lambert({0.5f, 0.5f, 0.5f});
   lamp.emission = {40, 30, 20};
@@ -180,7 +180,7 @@ TEST(Estimators, LampsThatMoveAreLookedFor) {
 }
 
 // Both strategies find the lamp often, so that each has to give the other its due.
-TEST(Estimators, AgreeOnRoughMetalUnderALargeLamp) {
+TEST(Estimators, AgreeOnRoughMetalUnderLargeLamp) {
   Scene scene = empty_scene();
   render::Material lamp = lambert({0.5f, 0.5f, 0.5f});
   lamp.emission = {2, 2, 2};
@@ -193,7 +193,7 @@ TEST(Estimators, AgreeOnRoughMetalUnderALargeLamp) {
   expect_agreement(scene, 16, 32);
 }
 
-TEST(Estimators, AgreeUnderASkyWithASmallBrightSpot) {
+TEST(Estimators, AgreeUnderSkyWithBrightSpot) {
   Scene scene = empty_scene();
   add_primitive(&scene, quad({-3, -1, 3}, {6, 0, 0}, {0, 0, -6},
                              add_material(&scene, lambert({0.7f, 0.5f, 0.4f}))));

@@ -42,7 +42,7 @@ double middle(Scene scene, int spp = 4, int max_depth = 1) {
   return render_picture(std::move(scene), settings).at(0, 0).x;
 }
 
-TEST(Lighting, LambertUnderAPointLightIsTheClosedForm) {
+TEST(Lighting, PointLightOnLambertMatchesFormula) {
   for (const Vec3d& at : {Vec3d{0, 0, 0}, Vec3d{1, 0, 2}, Vec3d{-7, 0, 0.5}}) {
     Scene scene = floor_scene(lambert({0.8f, 0.8f, 0.8f}), at);
     scene.lights.push_back(point_light(12, {0.5, 2, -1}));
@@ -53,13 +53,13 @@ TEST(Lighting, LambertUnderAPointLightIsTheClosedForm) {
   }
 }
 
-TEST(Lighting, PointLightAtOneMetreGivesOneOverPi) {  // hard case 60
+TEST(Lighting, OneCandelaAtOneMetreGivesOneOverPi) {  // hard case 60
   Scene scene = floor_scene(lambert({1, 1, 1}), {0, 0, 0});
   scene.lights.push_back(point_light(1, {0, 1, 0}));
   EXPECT_NEAR(middle(scene), 1 / kPi, 1e-6);
 }
 
-TEST(Lighting, RangeFollowsTheExtension) {  // hard case 62
+TEST(Lighting, RangeFollowsExtension) {  // hard case 62
   Scene scene = floor_scene(lambert({1, 1, 1}), {0, 0, 0});
   scene.lights.push_back(point_light(1, {0, 1, 0}));
   scene.lights[0].range = 2;
@@ -70,7 +70,7 @@ TEST(Lighting, RangeFollowsTheExtension) {  // hard case 62
   EXPECT_NEAR(static_cast<double>(near_light.irradiance.x), 1e12, 1e7);
 }
 
-TEST(Lighting, SpotFallsOffBetweenItsCones) {
+TEST(Lighting, SpotFallsOffBetweenCones) {
   Scene scene = floor_scene(lambert({1, 1, 1}), {1, 0, 0});
   PunctualLight spot = point_light(1, {0, 1, 0});
   spot.kind = PunctualLight::Kind::spot;
@@ -101,7 +101,7 @@ Material lamp(float radiance) {
   return m;
 }
 
-TEST(Lighting, EmitterSeenDirectlyIsItsRadianceAndItsBackIsDark) {  // hard case 61
+TEST(Lighting, EmitterShowsRadianceFromFrontOnly) {  // hard case 61
   Scene scene = empty_scene();
   const auto index = add_material(&scene, lamp(7.5f));
   add_primitive(&scene, quad({-9, -9, 0}, {18, 0, 0}, {0, 18, 0}, index));
@@ -112,14 +112,14 @@ TEST(Lighting, EmitterSeenDirectlyIsItsRadianceAndItsBackIsDark) {  // hard case
   EXPECT_EQ(middle(scene), 7.5);
 }
 
-TEST(Lighting, MirroredEmittersKeepTheirFrontSide) {  // hard case 27
+TEST(Lighting, MirroredEmittersKeepFrontSide) {  // hard case 27
   Scene scene = empty_scene();
   const auto index = add_material(&scene, lamp(2));
   add_primitive(&scene, quad({-9, -9, 0}, {18, 0, 0}, {0, 18, 0}, index), scaling(-1, 1, 1));
   EXPECT_EQ(middle(scene), 2);
 }
 
-TEST(Lighting, FormFactorOfASquareAtAnyDistance) {  // hard case 58
+TEST(Lighting, SquareFormFactorMatchesFormula) {  // hard case 58
   const double expected[] = {0.239456, 0.968340, 0.999673};
   const double heights[] = {1, 0.1, 0.01};
   for (int i = 0; i < 3; ++i) {
@@ -154,14 +154,14 @@ std::array<double, 2> shares_of_halves(const Vec3f& along_t) {
   return {density(0) * halves, density(1) * halves};
 }
 
-TEST(Lighting, TwoHalvesOfARectangleAreOneLight) {
+TEST(Lighting, RectangleHalvesAreOneLight) {
   for (const double share : shares_of_halves({1, 0, 0})) EXPECT_NEAR(share, 1, 1e-6);
   // One that leans is not: its halves are seen under other angles.
   const auto leaning = shares_of_halves({1, 0, 0.5f});
   EXPECT_GT(std::fabs(leaning[0] - leaning[1]), 0.1);
 }
 
-TEST(Lighting, ClosedFurnaceSumsTheBounces) {  // hard case 45
+TEST(Lighting, ClosedFurnaceSumsBounces) {  // hard case 45
   Material wall = lambert({0.5f, 0.5f, 0.5f});
   wall.emission = {0.5f, 0.5f, 0.5f};
   Scene scene = empty_scene();
@@ -179,7 +179,7 @@ TEST(Lighting, ClosedFurnaceSumsTheBounces) {  // hard case 45
   }
 }
 
-TEST(Lighting, ClosedFurnaceReportsWhatItsDepthCuts) {  // hard case 45
+TEST(Lighting, ClosedFurnaceReportsTruncatedEnergy) {  // hard case 45
   Material wall = lambert({0.99f, 0.99f, 0.99f});
   wall.emission = {0.5f, 0.5f, 0.5f};
   Scene scene = empty_scene();
@@ -201,14 +201,14 @@ TEST(Lighting, ClosedFurnaceReportsWhatItsDepthCuts) {  // hard case 45
   }
 }
 
-TEST(Lighting, OpenScenesCutNothing) {
+TEST(Lighting, OpenSceneTruncatesNoEnergy) {
   Scene scene = floor_scene(lambert({1, 1, 1}), {0, 0, 0});
   for (const contract::FilmBlock& block : render_picture(scene, small_settings(8, 8, 64)).blocks) {
     EXPECT_EQ(block.truncated_energy, 0);
   }
 }
 
-TEST(Lighting, MirrorShowsTheLampItReflects) {  // hard case 60
+TEST(Lighting, MirrorShowsReflectedLamp) {  // hard case 60
   Scene scene = empty_scene();
   Material mirror = metal(0);
   const auto m = add_material(&scene, mirror);
@@ -218,7 +218,7 @@ TEST(Lighting, MirrorShowsTheLampItReflects) {  // hard case 60
   EXPECT_NEAR(middle(scene), 3, 1e-6);
 }
 
-TEST(Lighting, ConstantSkyLightsAWhiteFloorToItsOwnRadiance) {  // hard case 56
+TEST(Lighting, ConstantSkyLightsWhiteFloorEqually) {  // hard case 56
   Scene scene = floor_scene(lambert({1, 1, 1}), {0, 0, 0});
   set_constant_sky(&scene, 2);
   EXPECT_NEAR(middle(scene, 16), 2, 1e-6);
@@ -230,7 +230,7 @@ TEST(Lighting, ConstantSkyLightsAWhiteFloorToItsOwnRadiance) {  // hard case 56
   EXPECT_LT(picture.mean_error(), 6e-3);
 }
 
-TEST(Lighting, OneBrightTexelOfTheSkyLightsTheFloor) {  // hard case 55
+TEST(Lighting, BrightSkyTexelLightsFloor) {  // hard case 55
   constexpr int kWidth = 512, kHeight = 256, kRow = 75, kColumn = 130;
   std::vector<float> texels(kWidth * kHeight * 3, 1e-3f);
   for (int c = 0; c < 3; ++c)
@@ -252,7 +252,7 @@ TEST(Lighting, OneBrightTexelOfTheSkyLightsTheFloor) {  // hard case 55
   EXPECT_NEAR(render_picture(scene, settings).mean() / (irradiance / kPi), 1, 1e-3);
 }
 
-TEST(Lighting, TheSkysTexelAppearsWhereTheFormulaSays) {
+TEST(Lighting, SkyTexelAppearsInPredictedDirection) {
   constexpr int kWidth = 64, kHeight = 32;
   for (const double degrees : {0.0, 90.0, 37.5}) {
     for (const Vec3d& d : {Vec3d{1, 0.2, 0.1}, Vec3d{-0.3, -0.8, -1}, Vec3d{0.1, 1, 2}}) {
@@ -286,7 +286,7 @@ Vec3f spread(int i, int count) {
   return Vec3f(Vec3d{r * std::cos(phi), z, r * std::sin(phi)});
 }
 
-TEST(Environment, SamplesHaveTheDensityThatPdfGives) {  // hard cases 55, 56
+TEST(Environment, SamplesFollowPdf) {  // hard cases 55, 56
   std::vector<float> texels(32 * 16 * 3);
   for (std::size_t i = 0; i < texels.size(); ++i)
     texels[i] = i % 7 == 0 ? 0.0f : static_cast<float>(i % 13);
@@ -317,7 +317,7 @@ TEST(Environment, SamplesHaveTheDensityThatPdfGives) {  // hard cases 55, 56
   EXPECT_GT(left, 0.01 * map.power());
 }
 
-TEST(Environment, IsSampledWhereverItIsBrighterThanItsMean) {  // hard case 66
+TEST(Environment, BrightTexelsAreSampled) {  // hard case 66
   std::vector<float> texels(16 * 8 * 3, 0.0f);
   texels[(3 * 16 + 0) * 3] = 1e-6f;  // its filter reaches round the seam
   Scene scene;
@@ -334,7 +334,7 @@ TEST(Environment, IsSampledWhereverItIsBrighterThanItsMean) {  // hard case 66
   EXPECT_GT(lit, 100);
 }
 
-TEST(Environment, EvenSkyInAnImageIsLeftToTheSurfaces) {
+TEST(Environment, UniformImageCountsAsConstantSky) {
   for (const float radiance : {1e-30f, 0.3f, 1.7f, 1e20f}) {
     Scene scene;
     set_sky(&scene, 37, 19, std::vector<float>(37 * 19 * 3, radiance));

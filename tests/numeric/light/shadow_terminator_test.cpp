@@ -139,7 +139,7 @@ Distance distance_to_sphere(const Vec3d& light, const render::Affine3d& placemen
   return {sum.rendered / count, sum.smooth / count, sum.flat / count};
 }
 
-TEST(HardCase12, CoarseSpheresAreLitLikeSpheres) {
+TEST(ShadowTerminator, CoarseSphereIsLitLikeSphere) {
   for (const Vec3d& toward : {Vec3d{1, 0.3, 0.1}, Vec3d{-1, 0.2, 0.4}, Vec3d{0.2, -1, -0.3}}) {
     for (const bool mirrored : {false, true}) {  // the other way round in memory, not in the world
       const Distance d = distance_to_sphere(
@@ -171,11 +171,11 @@ void expect_furnace(bool inside, double least, double most) {
   EXPECT_GE(sum / count, least);
 }
 
-TEST(HardCase12, CoarseWhiteSpheresReflectAllAndNoMore) {
+TEST(ShadowTerminator, CoarseWhiteSphereKeepsEnergy) {
   expect_furnace(false, 1 - 1e-5, 1 + 1e-5);  // every path: the sky's light, weights sum to 1
 }
 
-TEST(HardCase12, NoLightLeaksIntoCoarseSpheres) {
+TEST(ShadowTerminator, CoarseSphereLeaksNoLight) {
   expect_furnace(true, 0, 0);
 }
 

@@ -83,7 +83,7 @@ void expect_mean(const Picture& picture, double expected, double largest_error) 
 /// Rays start off surfaces 100 m wide by their rounding, up to 1e-5 m at each of six.
 constexpr double kOffset = 2e-5;
 
-TEST(Bodies, EndTheirMediumAtASurfaceThatIsNotSeen) {
+TEST(MediumBody, InvisibleBoundaryEndsMedium) {
   Scene scene = spot({0, 0, 5}, {0, 0, 0});
   add_wall(&scene);
   add_slab(&scene, -1, 1, boundary(medium({0.3f, 0.3f, 0.3f})));
@@ -99,7 +99,7 @@ TEST(Bodies, EndTheirMediumAtASurfaceThatIsNotSeen) {
   EXPECT_NEAR(middle(scene, 1, 1, 1).mean(), std::exp(-0.75 - 0.3 * 1.25 - 0.4 - 0.8), kOffset);
 }
 
-TEST(Bodies, DimLightThatGoesThroughThem) {
+TEST(MediumBody, AbsorptionDimsLight) {
   Scene scene = spot({0, 1, 4}, {0, 0, 0});
   const auto white = add_material(&scene, lambert({1, 1, 1}));
   add_primitive(&scene, quad({-50, 0, 50}, {100, 0, 0}, {0, 0, -100}, white));
@@ -115,7 +115,7 @@ TEST(Bodies, DimLightThatGoesThroughThem) {
   EXPECT_NEAR(middle(scene, 1, 1, 1).mean() * 6.25 * kPi, std::exp(-0.25), 1e-5);
 }
 
-TEST(Bodies, ScatterLightFromOutsideAsQuadratureSays) {
+TEST(MediumBody, SingleScatteringMatchesQuadrature) {
   Scene scene = spot({0, 0, 0}, {0, 0, -1});
   const auto fog = add_material(&scene, boundary(medium({0.2f, 0.2f, 0.2f}, {0.6f, 0.6f, 0.6f})));
   add_primitive(&scene, box({-1, -1, -4}, {1, 1, -2}, false, fog));
@@ -132,7 +132,7 @@ TEST(Bodies, ScatterLightFromOutsideAsQuadratureSays) {
   expect_mean(middle(scene, 256, 1), expected, 0.02 * expected);
 }
 
-TEST(Bodies, OfGlassAbsorbAsTheVolumeExtensionDoes) {
+TEST(MediumBody, GlassAbsorbsLikeVolumeExtension) {
   Scene volume = empty_scene();
   set_constant_sky(&volume, 1);
   Scene fog = volume;
@@ -154,7 +154,7 @@ TEST(Bodies, OfGlassAbsorbAsTheVolumeExtensionDoes) {
   }
 }
 
-TEST(Bodies, OfGlassThatScatterEverythingAreNotSeenInAFurnace) {
+TEST(MediumBody, WhiteGlassVanishesInFurnace) {
   Scene scene = spot({0, 0, 5}, {0.3, 0, 0});
   set_constant_sky(&scene, 1);
   Material milk = glass(1.5f);
@@ -184,7 +184,7 @@ double reflectance(double n) {
   return (n - 1) * (n - 1) / ((n + 1) * (n + 1));
 }
 
-TEST(HardCase42, WaterInGlassHasTheInterfaceOfWaterAndGlass) {
+TEST(NestedDielectrics, WaterInGlassUsesRelativeIor) {
   EXPECT_NEAR(reflectance(kGlass / kWater), 0.0034749, 1e-6);
   EXPECT_NEAR(reflectance(kWater), 0.0203732, 1e-6);
   for (const bool glass_first : {true, false}) {
@@ -217,7 +217,7 @@ TEST(HardCase42, WaterInGlassHasTheInterfaceOfWaterAndGlass) {
   }
 }
 
-TEST(HardCase42, AGapOfAirReflectsTwice) {
+TEST(NestedDielectrics, AirGapReflectsTwice) {
   Scene scene = spot({0, 0, 5}, {0, 0, 0});
   add_wall(&scene);
   add_slab(&scene, 0, 1, dielectric(static_cast<float>(kGlass), 2));
@@ -228,7 +228,7 @@ TEST(HardCase42, AGapOfAirReflectsTwice) {
   expect_mean(middle(scene, 256, 32), tg * tw / (1 - (1 - tg) * (1 - tw)), 3e-3);
 }
 
-TEST(HardCase42, SurfacesThatLieInEachOtherAreWarnedOf) {
+TEST(NestedDielectrics, CoincidentSurfacesWarn) {
   // Water on a glass bottom: apart, in each other's surface, reaching into it.
   for (const auto& [bottom, warnings] : {std::pair{0.01f, 0u}, {0.0f, 1u}, {-0.01f, 0u}}) {
     Scene scene = empty_scene();
@@ -245,7 +245,7 @@ TEST(HardCase42, SurfacesThatLieInEachOtherAreWarnedOf) {
   }
 }
 
-TEST(Bodies, ThatAreOpenAreWarnedOf) {
+TEST(MediumBody, OpenSurfaceWarns) {
   Scene scene = empty_scene();
   const auto fog = add_material(&scene, boundary(medium({1, 1, 1})));
   add_primitive(&scene, box({-1, -1, -1}, {1, 1, 1}, false, fog));
@@ -258,7 +258,7 @@ TEST(Bodies, ThatAreOpenAreWarnedOf) {
       << problems[0].message;
 }
 
-TEST(MediumStack, KnowsWhichOfItsBodiesIsThere) {
+TEST(MediumStack, TopIsHighestRankedBody) {
   MaterialView low, high, fog;
   low.rank = 1;
   high.rank = 2;
@@ -326,7 +326,7 @@ double tents(const DensityGrid& grid, const Vec3d& p) {
   return sum;
 }
 
-TEST(UnevenMedium, DensityIsWhatItsSourceSaysAndNeverAboveItsBound) {
+TEST(HeterogeneousMedium, DensityStaysBelowBound) {
   const Scene scene = clouds();
   Medium m = medium({1, 1, 1}, {1, 1, 1});
   m.procedure = 0;
@@ -368,7 +368,7 @@ struct Tally {
   }
 };
 
-TEST(UnevenMedium, IsPassedAndMetAsQuadratureSays) {
+TEST(HeterogeneousMedium, FlightMatchesQuadrature) {
   const Scene scene = clouds();
   const Vec3f scattering{0.4f, 0.1f, 0.7f}, absorption{0.1f, 0.6f, 0};
   Medium m = medium(absorption, scattering);
@@ -408,7 +408,7 @@ TEST(UnevenMedium, IsPassedAndMetAsQuadratureSays) {
   }
 }
 
-TEST(UnevenMedium, ThatIsEvenIsTheSameFog) {
+TEST(HeterogeneousMedium, UniformDensityMatchesFog) {
   Scene even = spot({0, 0, 0}, {0, 0, -1});
   const auto black = add_material(&even, lambert({0, 0, 0}));
   add_primitive(&even, quad({-9, -9, -6}, {18, 0, 0}, {0, 18, 0}, black));

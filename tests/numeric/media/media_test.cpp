@@ -83,7 +83,7 @@ Material lamp(float radiance) {
   return m;
 }
 
-TEST(HardCase51, PhaseFunctionsIntegrateToOneAndAreSampledAsTheyAre) {
+TEST(PhaseFunction, IntegratesToOneAndMatchesSampling) {
   for (const double g : {0.0, 0.9, -0.9, 0.99, -0.99, 0.999, -0.999}) {
     const auto density = [g](double versine) {
       // Two unit vectors so far apart; the float form is asked with what it gets in a render.
@@ -124,7 +124,7 @@ TEST(HardCase51, PhaseFunctionsIntegrateToOneAndAreSampledAsTheyAre) {
   }
 }
 
-TEST(EquiAngular, SamplesFollowTheirDensity) {
+TEST(EquiAngular, SamplesFollowDensity) {
   const double inf = INFINITY;
   for (const auto& [begin, end] : {std::pair{0.0, 4.0}, {1.0, inf}, {0.0, inf}}) {
     const render::EquiAngular near({0, 0, 0}, {0, 0, 1}, {0.3, 0, 2}, begin, end);
@@ -138,7 +138,7 @@ TEST(EquiAngular, SamplesFollowTheirDensity) {
   EXPECT_FALSE(render::EquiAngular({0, 0, 0}, {0, 0, 1}, {0, 0, 2}, 0, 4).usable());
 }
 
-TEST(HardCase52, PathsThroughEvenMediaPassAndCollideAsOftenAsTheyShould) {
+TEST(FreeFlight, CollisionRateMatchesFormula) {
   const Vec3f scattering{0.3f, 1.0f, 0.05f}, extinction{0.5f, 1.0f, 0.4f};
   render::MediumView view;
   view.scattering = scattering;
@@ -176,7 +176,7 @@ TEST(HardCase52, PathsThroughEvenMediaPassAndCollideAsOftenAsTheyShould) {
   }
 }
 
-TEST(Fog, AbsorbsWhatBeerSaysOnEveryWay) {
+TEST(Fog, AbsorptionFollowsBeer) {
   const Vec3f sigma{0.1f, 0.5f, 0};
   // A lamp seen through it.
   Scene seen = spot({0, 0, 5}, {0, 0, 0});
@@ -230,7 +230,7 @@ double single_scattering(double absorption, double scattering, double g, const V
       0, 1, 20000);
 }
 
-TEST(Fog, ScattersOnceAsQuadratureSays) {
+TEST(Fog, SingleScatteringMatchesQuadrature) {
   const Vec3f absorption{0.1f, 0, 0.3f}, scattering{0.2f, 0.5f, 0.1f};
   for (const float g : {0.0f, 0.7f, -0.5f}) {
     for (const Vec3d& light : {Vec3d{0.05, 0, -2}, Vec3d{1, 1, -3}, Vec3d{0, 2, 1}}) {
@@ -251,7 +251,7 @@ TEST(Fog, ScattersOnceAsQuadratureSays) {
   }
 }
 
-TEST(Fog, OfAlbedoOneIsNotSeenInAFurnace) {
+TEST(Fog, AlbedoOneVanishesInFurnace) {
   Scene scene = spot({0, 0, 5}, {0.5, 0, 0});
   set_constant_sky(&scene, 1);
   fill(&scene, medium({}, {0.5f, 1, 0.2f}, 0.4f), 2);
@@ -266,7 +266,7 @@ TEST(Fog, OfAlbedoOneIsNotSeenInAFurnace) {
   }
 }
 
-TEST(Fog, IsNotSeenBetweenWallsThatShineEvenly) {
+TEST(Fog, VanishesBetweenUniformEmitters) {
   // Lamps sampled where paths collide and near to lamps, and hit by chance: every way to find them
   // has a part of 1.
   Scene scene = spot({0, 0, 2}, {0.3, 0.2, 0});
@@ -281,7 +281,7 @@ TEST(Fog, IsNotSeenBetweenWallsThatShineEvenly) {
   }
 }
 
-TEST(HardCase52, AnEmptyMediumChangesNoBit) {
+TEST(Fog, EmptyMediumKeepsEveryBit) {
   Scene scene = empty_scene();
   const auto grey = add_material(&scene, lambert({0.5f, 0.5f, 0.5f}));
   add_primitive(&scene, sphere({0, 0, 0}, 1, 16, grey));
@@ -297,7 +297,7 @@ TEST(HardCase52, AnEmptyMediumChangesNoBit) {
 
 // The limit is one of what light passes. How much a ray meets before what blocks it is up to the
 // order of the traversal.
-TEST(Fog, LightThatIsBlockedMeetsNoLimitWhateverIsMetFirst) {
+TEST(Fog, BlockedLightDoesNotCountTowardsLimit) {
   Scene scene = spot({3, 0, 0.5}, {0, 0, 0});
   Material hole = lambert({1, 1, 1});
   hole.base_color.w = 0;
@@ -330,7 +330,7 @@ TEST(Fog, LightThatIsBlockedMeetsNoLimitWhateverIsMetFirst) {
   EXPECT_EQ(blocked.blocks[0].transparency_limit_count, 0u);
 }
 
-TEST(HardCase52, ADenseMediumEndsItsPathsByRoulette) {
+TEST(Fog, DenseMediumMatchesChandrasekhar) {
   Scene scene = spot({0, 0, 5}, {0, 0, 0});
   set_constant_sky(&scene, 1);
   fill(&scene, medium({2e5f, 2e5f, 2e5f}, {8e5f, 8e5f, 8e5f}), 1);

@@ -270,24 +270,24 @@ void expect_average(std::unique_ptr<GltfBuilder> (*make)(double open, double clo
 }
 
 /// Of transforms, skins, morphs and cameras.
-TEST(MotionBlur, IsTheAverageOfManySharpPictures) {
+TEST(MotionBlur, EqualsAverageOfSharpFrames) {
   expect_average(moving_row, 16);
 }
 
-TEST(MotionBlur, OfPunctualLightsIsTheAverageOfManySharpPictures) {
+TEST(MotionBlur, PunctualLightsEqualAverage) {
   expect_average(moving_lights, 16);
 }
 
-TEST(MotionBlur, OfLampsIsTheAverageOfManySharpPictures) {
+TEST(MotionBlur, LampsEqualAverage) {
   expect_average(moving_lamps, 16);
   expect_average(moving_bulbs, 16);
 }
 
-TEST(MotionBlur, OfSmokeIsTheAverageOfManySharpPictures) {
+TEST(MotionBlur, SmokeEqualsAverage) {
   expect_average(moving_smoke, 16);
 }
 
-TEST(MotionBlur, IsSomethingThatScenesNeed) {
+TEST(MotionBlur, MovingSceneHasMotionKeys) {
   const auto settings = all_animations();
   const auto scene = load_and_pose(*moving_row(kOpen, kClose), settings);
   ASSERT_TRUE(scene.ok()) << scene.status();

@@ -13,7 +13,7 @@
 namespace tessera::render::testing {
 namespace {
 
-TEST(Between, NeverLeavesItsEndsAndIsExactWhereTheyAgree) {
+TEST(LerpBounded, StaysBetweenItsEnds) {
   Dice dice(1);
   for (int i = 0; i < 1'000'000; ++i) {
     const float a = dice.both() * std::exp2(static_cast<float>(dice.below(40)) - 20);
@@ -24,7 +24,7 @@ TEST(Between, NeverLeavesItsEndsAndIsExactWhereTheyAgree) {
   }
 }
 
-TEST(FindKey, GivesTheSegmentOfEveryTime) {
+TEST(FindKey, ReturnsSegmentOfEveryTime) {
   const std::vector<float> times = {0, 0.25f, 0.25f + 0x1p-24f, 0.5f, 1};
   for (std::uint32_t k = 0; k + 1 < times.size(); ++k) {
     EXPECT_EQ(find_key(times, times[k]).segment, k);
@@ -131,7 +131,7 @@ struct Reference {
   }
 };
 
-TEST(HardCase31, EveryStructureFindsTheSameMovingHits) {
+TEST(MotionBounds, AllAcceleratorsFindSameHits) {
   Dice dice(31);
   const Scene scene = moving_scene(dice);
   const Shots shots = shoot(scene, 60, 60, dice);
@@ -166,7 +166,7 @@ Scene turning_things(Dice& dice) {
   return scene;
 }
 
-TEST(HardCase31, BoxesHoldWhatTurnsBetweenTheirEnds) {
+TEST(MotionBounds, HoldRotatingInstances) {
   Dice dice(32);
   const Scene scene = turning_things(dice);
   const Shots shots = shoot(scene, 100, 40, dice);
@@ -198,7 +198,7 @@ Vec3d outermost(const Primitive& p, const Affine3d& placed, int axis, double sid
 }
 
 /// Rays along the faces of the boxes, just inside, when what moves touches them: at keys.
-TEST(HardCase31, BoxesReachAsFarAsWhatIsInThem) {
+TEST(MotionBounds, GrazingRaysHitMovingInstances) {
   Dice dice(33);
   const Scene scene = turning_things(dice);
   Shots shots;
@@ -224,7 +224,7 @@ TEST(HardCase31, BoxesReachAsFarAsWhatIsInThem) {
 
 /// As HardCase15 has it of what stands still: squashed by 1e4 along a slanted axis, rounding the
 /// ray in object space moves it by far more than an ulp in the world.
-TEST(HardCase31, SquashedThingsThatMoveAreNotCulledByTheirBoxes) {
+TEST(MotionBounds, SquashedInstancesAreNotCulled) {
   Dice dice(34);
   Scene scene;
   scene.key_times = {0, 1};

@@ -42,7 +42,7 @@ double cosine_at(const ShadingScene& shading, const Hit& hit, const Ray& ray) {
   return std::fabs(static_cast<double>(dot(p.geometric_normal, ray.direction)));
 }
 
-TEST(MovingLights, AreWhereRaysOfThatTimeMeetThemWithTheDensityTheyWereDrawnWith) {
+TEST(MovingLights, SamplesMatchHitDensity) {
   Dice dice(41);
   const Scene scene = shining_scene(dice);
   const ShadingScene shading(scene);
@@ -73,7 +73,7 @@ TEST(MovingLights, AreWhereRaysOfThatTimeMeetThemWithTheDensityTheyWereDrawnWith
   EXPECT_GT(moving, 1'000);
 }
 
-TEST(MovingLights, HaveDensityWhereverTheyAreMet) {
+TEST(MovingLights, DensityIsPositiveWhereHit) {
   Dice dice(42);
   const Scene scene = shining_scene(dice);
   const ShadingScene shading(scene);
@@ -97,7 +97,7 @@ TEST(MovingLights, HaveDensityWhereverTheyAreMet) {
   EXPECT_GT(met, 1'000);
 }
 
-TEST(MovingLights, LieWithinTheirBounds) {
+TEST(MovingLights, TrianglesLieWithinBounds) {
   Dice dice(43);
   const Scene scene = shining_scene(dice);
   int outside_of_ends = 0;
@@ -125,7 +125,7 @@ TEST(MovingLights, LieWithinTheirBounds) {
   EXPECT_GT(outside_of_ends, 0) << "paths have become straight";
 }
 
-TEST(MovingLights, OfShapesLieWithinTheirBounds) {
+TEST(MovingLights, ShapesLieWithinBounds) {
   Dice dice(44);
   const Scene scene = shining_scene(dice);
   int met = 0, outside_at_first = 0;

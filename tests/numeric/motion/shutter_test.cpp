@@ -20,7 +20,7 @@ using tessera::testing::render_picture;
 constexpr double kPi = 3.14159265358979323846;
 
 /// The catalogue's own: a ball of radius 0.1, 1 m from the z axis, which it goes half round.
-TEST(HardCase31, ABallThatGoesHalfRoundIsHitAtTheTop) {
+TEST(MotionBounds, OrbitingBallIsHitAtItsTop) {
   GltfBuilder file;
   add_camera(file, 0, 1);
   file.use_extension("TESSERA_shape");
@@ -67,7 +67,7 @@ TEST(HardCase31, ABallThatGoesHalfRoundIsHitAtTheTop) {
 }
 
 /// S curves and what stands still: keys are only where they are needed.
-TEST(Shutter, PutsKeysWherePathsBendAndNowhereElse) {
+TEST(Shutter, KeysAreAddedOnlyWherePathsBend) {
   const auto keys = [](const char* interpolation, const std::vector<float>& times,
                        const std::vector<float>& values, double open, double close) {
     GltfBuilder file;
@@ -96,7 +96,7 @@ TEST(Shutter, PutsKeysWherePathsBendAndNowhereElse) {
   EXPECT_NEAR(jump[2], 0.6, 1e-6);
 }
 
-TEST(Shutter, FollowsJumpsWithoutSmearingThem) {
+TEST(Shutter, StepAnimationDoesNotSmear) {
   GltfBuilder file;
   add_camera(file, 0, 1);
   const int node = file.add_node_with_mesh(file.add_mesh(tessera::testing::unit_quad()));
@@ -112,7 +112,7 @@ TEST(Shutter, FollowsJumpsWithoutSmearingThem) {
   }
 }
 
-TEST(Shutter, OfAStillSceneChangesNothing) {
+TEST(Shutter, StaticSceneIsUnchanged) {
   GltfBuilder open, closed;
   for (GltfBuilder* file : {&open, &closed}) {
     add_camera(*file, 0, file == &open ? 1 : 0);
@@ -127,7 +127,7 @@ TEST(Shutter, OfAStillSceneChangesNothing) {
   EXPECT_EQ(render_picture(*a, settings).rgb, render_picture(*b, settings).rgb);
 }
 
-TEST(Shutter, SplitsMeshesThatArePosedAlikeOnlyAtTheFramesTime) {
+TEST(Shutter, MeshesWithDifferentMotionAreSplit) {
   GltfBuilder file;
   add_camera(file, 0, 1);
   tessera::testing::TriangleMesh quad = tessera::testing::unit_quad();

@@ -255,7 +255,7 @@ class Random {
 
 constexpr double kCosines[] = {0.98, 0.5, 0.0017};  // the last is 89.9 degrees
 
-TEST(Bsdf, AlbedoIsOneWhereNothingAbsorbsAndNeverMore) {  // hard cases 38, 46
+TEST(Bsdf, AlbedoNeverExceedsOne) {  // hard cases 38, 46
   for (const Case& c : cases()) {
     for (const double cos_o : kCosines) {
       const Bsdf bsdf = bsdf_for(c, cos_o);
@@ -304,7 +304,7 @@ double specification_albedo(double roughness, double cos_o) {
   return sum * 2 * kPi / kSteps / kSteps;
 }
 
-TEST(Bsdf, DielectricIsTheSpecificationsMixWithItsGainAndDeficit) {  // hard case 46
+TEST(Bsdf, DielectricMatchesSpecificationMix) {  // hard case 46
   // Diffuse and specular take F at different half vectors, so a white base gains up to a few
   // percent towards grazing and loses what rough facets scatter twice. Recorded, not mended.
   for (const float roughness : {0.25f, 0.5f, 1.0f}) {
@@ -364,7 +364,7 @@ std::vector<double> observed_counts(const Bsdf& bsdf, int samples, std::uint32_t
   return counts;
 }
 
-TEST(Bsdf, SamplesFollowTheirDensity) {  // hard case 48
+TEST(Bsdf, SamplesFollowDensity) {  // hard case 48
   constexpr int kSamples = 150000;
   std::uint32_t seed = 1;
   for (const Case& c : cases()) {
@@ -445,7 +445,7 @@ TEST(Bsdf, RefractionIsReciprocalUpToEtaSquared) {  // hard case 47
   EXPECT_GT(lit, 2000) << "the directions no longer meet the lobe";
 }
 
-TEST(Bsdf, MirrorAndNarrowestLobeCarryTheSameEnergy) {  // hard case 37
+TEST(Bsdf, MirrorAndNarrowLobeMatch) {  // hard case 37
   for (const float alpha : {0.999e-3f, 1.001e-3f}) {
     const Bsdf bsdf = bsdf_for(base(1, std::sqrt(alpha)), 0.6);
     EXPECT_EQ(bsdf.mirror, alpha < 1e-3f);
@@ -464,7 +464,7 @@ TEST(Bsdf, MirrorAndNarrowestLobeCarryTheSameEnergy) {  // hard case 37
   }
 }
 
-TEST(Bsdf, NothingGoesThroughToTheWrongSide) {
+TEST(Bsdf, ReflectionStaysOnItsSide) {
   // A shading normal 60 degrees off: directions between the two planes are dark, not lit twice.
   const Vec3f n = normalize(Vec3f{std::sqrt(0.75f), 0, 0.5f});
   const Frame f = Frame::from_normal(n);
@@ -484,7 +484,7 @@ TEST(Bsdf, NothingGoesThroughToTheWrongSide) {
 
 // Materials without extensions are spared the code for them. What is drawn differs by no more than
 // where it is evaluated: at the direction in the world, or in the frame before that is rounded.
-TEST(Bsdf, OfNoExtensionTheExtendedOneIsThePlainOne) {
+TEST(Bsdf, NeutralExtensionsMatchPlainBsdf) {
   for (Case c : cases()) {
     if (c.extended) continue;
     for (const double cos_o : kCosines) {

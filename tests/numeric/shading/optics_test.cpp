@@ -33,7 +33,7 @@ double fresnel(double cos_i, std::complex<double> index) {
   return 0.5 * (std::norm(s) + std::norm(p));
 }
 
-TEST(Conductor, ReflectsAsFresnelsEquationsWithAComplexIndexSay) {
+TEST(Conductor, MatchesComplexFresnel) {
   for (const double n : {0.05, 0.2, 1.0, 1.5, 3.0, 30.0}) {
     for (const double k : {0.0, 1e-3, 0.5, 3.0, 30.0}) {
       for (double c = 0.001; c <= 1; c += 0.037) {
@@ -72,7 +72,7 @@ double single_albedo(double mu, double r) {
   return (1 + r * g / kPi) / (1 + r * (0.5 - 2 / (3 * kPi)));
 }
 
-TEST(RoughDiffuse, LosesNoLightAndScattersOnceWhatItsFormulaSays) {
+TEST(RoughDiffuse, ConservesEnergyAndMatchesFormula) {
   for (const float r : {0.0f, 0.3f, 1.0f}) {
     for (const double mu : {0.05, 0.3, 0.7, 1.0}) {
       const Vec3f wo(Vec3d{std::sqrt(1 - mu * mu), 0, mu});
@@ -95,7 +95,7 @@ TEST(RoughDiffuse, LosesNoLightAndScattersOnceWhatItsFormulaSays) {
   }
 }
 
-TEST(RoughDiffuse, RetroreflectsAndIsLambertsWithoutRoughness) {
+TEST(RoughDiffuse, ZeroRoughnessIsLambert) {
   const Vec3f wo(Vec3d{0.8, 0, 0.6}), back = wo, away{-wo.x, 0, wo.z};
   const auto rough = render::make_rough_diffuse({0.5f, 0.5f, 0.5f}, 1, wo.z);
   EXPECT_GT(rough_diffuse(rough, wo, back).x, 1.3 * double{rough_diffuse(rough, wo, away).x});
@@ -125,7 +125,7 @@ Vec3f mirrored(const std::string& optics, const std::string& pbr, float c) {
   return sample.weight * (1 - bsdf.cosine_probability);
 }
 
-TEST(TesseraMaterial, OfGoldReflectsItsTable) {
+TEST(TesseraMaterial, GoldMatchesItsTable) {
   const std::string gold = R"({"conductor": {"metal": "gold"}})";
   const std::string smooth = R"({"roughnessFactor": 0})";
   for (const float c : {1.0f, 0.4f, 0.1f}) {
@@ -141,7 +141,7 @@ TEST(TesseraMaterial, OfGoldReflectsItsTable) {
   EXPECT_NEAR(tinted.y, fresnel(0.5, {2, 5}), 2e-6);
 }
 
-TEST(TesseraMaterial, ChoosesBetweenExactAndSchlicksFresnel) {
+TEST(TesseraMaterial, SelectsExactOrSchlickFresnel) {
   const std::string smooth = R"({"roughnessFactor": 0, "metallicFactor": 0})";
   double most = 0;
   for (float c = 0.02f; c <= 1; c += 0.02f) {
@@ -154,7 +154,7 @@ TEST(TesseraMaterial, ChoosesBetweenExactAndSchlicksFresnel) {
   EXPECT_NEAR(most, 0.0357, 2e-4);  // hard case 39
 }
 
-TEST(TesseraMaterial, RefusesWhatMeansNothing) {
+TEST(TesseraMaterial, RejectsInvalidProperties) {
   const std::string at = "materials[0].extensions.TESSERA_material";
   const auto refusal = [](const std::string& extension) {
     GltfBuilder file;

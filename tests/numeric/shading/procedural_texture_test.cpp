@@ -49,7 +49,7 @@ double octave(const ProceduralTexture& f, std::array<double, 4> p, int i) {
   return gradient_noise(f.dimensions, p, f.seed + static_cast<std::uint32_t>(i));
 }
 
-TEST(ProceduralTexture, SumsOctavesAsItsFormulasSay) {
+TEST(ProceduralTexture, OctaveSumMatchesFormula) {
   for (int i = 0; i < 1000; ++i) {
     ProceduralTexture f = procedure(Pattern::fbm);
     f.dimensions = 1 + i % 4;
@@ -98,7 +98,7 @@ double octave_mean(const ProceduralTexture& f, const std::array<double, 4>& p, i
 }
 
 /// As docs/extensions.md names them: rings and grain, clumps, patches with scratched rims, flames.
-TEST(ProceduralTexture, WoodCloudsWornMetalAndFireAreWhatTheirFormulasSay) {
+TEST(ProceduralTexture, PatternsMatchFormulas) {
   for (int i = 0; i < 1000; ++i) {
     ProceduralTexture f = procedure(Pattern::wood);
     f.dimensions = 1 + i % 4;
@@ -151,7 +151,7 @@ TEST(ProceduralTexture, StaysBetweenZeroAndOne) {
   }
 }
 
-TEST(ProceduralTexture, GivesItsMeanWhereNoneOfItIsSeen) {
+TEST(ProceduralTexture, LargeFootprintGivesMean) {
   for (const Pattern pattern :
        {Pattern::noise, Pattern::fbm, Pattern::turbulence, Pattern::marble}) {
     ProceduralTexture f = procedure(pattern);
@@ -174,7 +174,7 @@ TEST(ProceduralTexture, GivesItsMeanWhereNoneOfItIsSeen) {
 }
 
 /// Mean square of what a spot of `width` sees beside the average over the spot.
-TEST(ProceduralTexture, SeesNothingFinerThanItsSpot) {
+TEST(ProceduralTexture, FootprintRemovesFineDetail) {
   ProceduralTexture f = procedure(Pattern::fbm);
   f.octaves = 8;
   f.dimensions = 1;
@@ -202,7 +202,7 @@ TEST(ProceduralTexture, SeesNothingFinerThanItsSpot) {
   }
 }
 
-TEST(ProceduralTexture, RampIsLinearBetweenItsStops) {
+TEST(ProceduralTexture, RampIsLinearBetweenStops) {
   ProceduralTexture f = procedure(Pattern::fbm);
   f.ramp = {{0.25f, {1, 0, 0, 1}}, {0.5f, {0, 1, 0, 0.5f}}, {1, {0, 0, 1, 0}}};
   const auto expect = [&](float at, Vec4f color) {

@@ -57,7 +57,7 @@ Material unlit_with(std::int32_t texture, bool srgb) {
   return m;
 }
 
-TEST(Surface, ReadsTheTexelItsUvSetAndTransformName) {
+TEST(Surface, TextureUsesUvSetAndTransform) {
   Scene scene = empty_scene();
   // Two by two: red 51, 102 above 153, 204.
   const auto t = add_texture(
@@ -77,7 +77,7 @@ TEST(Surface, ReadsTheTexelItsUvSetAndTransformName) {
   EXPECT_NEAR(seen(scene, square).x, 0.318547, 1e-6);  // code 153
 }
 
-TEST(Surface, VertexColoursMultiplyTheTexture) {
+TEST(Surface, VertexColourScalesTexture) {
   Scene scene = empty_scene();
   const auto t = add_texture(&scene, 1, 1, {255, 255, 255, 255});
   Material m = unlit_with(t, false);
@@ -90,7 +90,7 @@ TEST(Surface, VertexColoursMultiplyTheTexture) {
   EXPECT_EQ(seen(scene, square), (Vec3d{0.125, 0.5, 1}));
 }
 
-TEST(Surface, DegenerateNormalMapsStayFiniteAndGainNothing) {  // hard case 50
+TEST(Surface, DegenerateNormalMapsGainNoEnergy) {  // hard case 50
   const std::uint8_t texels[][4] = {
       {128, 128, 0, 255},    // straight down
       {128, 128, 128, 255},  // almost no length
@@ -120,7 +120,7 @@ TEST(Surface, DegenerateNormalMapsStayFiniteAndGainNothing) {  // hard case 50
   }
 }
 
-TEST(Surface, NormalMapTiltsTheShadingNormal) {
+TEST(Surface, NormalMapTiltsShadingNormal) {
   Scene scene = empty_scene();
   Material m;
   m.normal_texture.texture =
@@ -136,7 +136,7 @@ TEST(Surface, NormalMapTiltsTheShadingNormal) {
   EXPECT_NEAR(n.x, 0, 0.01f);
 }
 
-TEST(Surface, NormalsOfScaledInstancesAreInverseTransposes) {  // hard case 26
+TEST(Surface, NormalsUseInverseTranspose) {  // hard case 26
   Scene scene = empty_scene();
   add_primitive(&scene, sphere({0, 0, 0}, 1, 32, 0), scaling(1, 1, 0.01));
   const ShadingScene shading(scene);
@@ -150,7 +150,7 @@ TEST(Surface, NormalsOfScaledInstancesAreInverseTransposes) {  // hard case 26
   }
 }
 
-TEST(Emitters, DegenerateTrianglesAreNeverChosen) {  // hard case 57
+TEST(Emitters, DegenerateTrianglesAreNeverSampled) {  // hard case 57
   Scene scene = empty_scene();
   Material m = lambert({0, 0, 0});
   m.emission = {1, 1, 1};
@@ -177,7 +177,7 @@ TEST(Emitters, DegenerateTrianglesAreNeverChosen) {  // hard case 57
   }
 }
 
-TEST(Emitters, HaveDensityWhereverTheyGiveLight) {  // hard case 66
+TEST(Emitters, DensityIsPositiveWhereLightIsEmitted) {  // hard case 66
   Scene scene = empty_scene();
   // A texture that is black but for one texel: most triangles never give light.
   std::vector<std::uint8_t> codes(32 * 32 * 4, 0);

@@ -44,7 +44,7 @@ void expect_mean(const Scene& scene, const contract::RenderSettings& settings, d
   EXPECT_LT(picture.mean_error(), largest_error);
 }
 
-TEST(Beer, FollowsTheExtensionsPower) {  // hard case 43
+TEST(Beer, TransmittanceIsPowerOfDistance) {  // hard case 43
   const float inf = std::numeric_limits<float>::infinity();
   const float sigma = std::log(2.0f);
   EXPECT_FLOAT_EQ(render::beer_transmittance({sigma, 0, inf}, 3).x, 0.125f);
@@ -54,7 +54,7 @@ TEST(Beer, FollowsTheExtensionsPower) {  // hard case 43
   EXPECT_EQ(render::beer_transmittance({1, 1, 1}, inf), (Vec3f{0, 0, 0}));
 }
 
-TEST(Beer, SlabOfMatchedIndexIsTheBarePower) {
+TEST(Beer, IndexMatchedSlabOnlyAbsorbs) {
   Scene scene = empty_scene();
   Material m = glass(1);
   m.attenuation_color = {0.8f, 0.8f, 0.8f};  // what is left is too much for the roulette
@@ -70,7 +70,7 @@ TEST(Beer, SlabOfMatchedIndexIsTheBarePower) {
   EXPECT_NEAR(c.z, 0.729, 1e-6);
 }
 
-TEST(Glass, SlabTransmitsAllOrdersOfReflection) {  // hard case 44
+TEST(Glass, SlabSumsAllInternalReflections) {  // hard case 44
   for (const bool absorbing : {false, true}) {
     Scene scene = empty_scene();
     Material m = glass(1.5f);
@@ -88,7 +88,7 @@ TEST(Glass, SlabTransmitsAllOrdersOfReflection) {  // hard case 44
   }
 }
 
-TEST(Glass, SmoothSphereIsInvisibleInAFurnace) {  // hard case 46
+TEST(Glass, SmoothSphereVanishesInFurnace) {  // hard case 46
   Scene scene = empty_scene();
   add_primitive(&scene, sphere({0, 0, 0}, 1, 48, add_material(&scene, glass(1.5f))));
   set_constant_sky(&scene, 1);
@@ -98,7 +98,7 @@ TEST(Glass, SmoothSphereIsInvisibleInAFurnace) {  // hard case 46
   for (const double v : picture.rgb) ASSERT_NEAR(v, 1, 1e-4);
 }
 
-TEST(Glass, SphereOfIndexOneIsNoSphere) {  // hard case 41
+TEST(Glass, IndexOneSphereIsInvisible) {  // hard case 41
   Scene scene = empty_scene();
   std::vector<float> sky(64 * 32 * 3);
   for (std::size_t i = 0; i < sky.size(); ++i) sky[i] = static_cast<float>(i % 29);
@@ -111,7 +111,7 @@ TEST(Glass, SphereOfIndexOneIsNoSphere) {  // hard case 41
   }
 }
 
-TEST(Furnace, RoughMetalAndGlassKeepTheirEnergy) {  // hard cases 38, 46
+TEST(Furnace, RoughMetalAndGlassKeepEnergy) {  // hard cases 38, 46
   for (const bool is_metal : {true, false}) {
     for (const float roughness : {0.3f, 0.6f, 1.0f}) {
       Scene scene = empty_scene();
@@ -129,7 +129,7 @@ TEST(Furnace, RoughMetalAndGlassKeepTheirEnergy) {  // hard cases 38, 46
   }
 }
 
-TEST(ThinSheet, LetsLightStraightThroughOnceTinted) {
+TEST(ThinSheet, TintsLightOnceWithoutBending) {
   Scene scene = empty_scene();
   add_sheet(&scene, 0, add_material(&scene, thin_glass({0.8f, 0.8f, 0.8f})));
   add_sheet(&scene, -1, add_material(&scene, lamp(1)));
@@ -180,7 +180,7 @@ Material veil(float alpha) {
   return m;
 }
 
-TEST(Alpha, StackOfVeilsMultiplies) {  // hard case 53
+TEST(Alpha, StackedSheetsMultiply) {  // hard case 53
   Scene scene = empty_scene();
   const auto m = add_material(&scene, veil(0.1f));
   for (int i = 0; i < 64; ++i) add_sheet(&scene, -0.01f * static_cast<float>(i), m);
@@ -191,7 +191,7 @@ TEST(Alpha, StackOfVeilsMultiplies) {  // hard case 53
   EXPECT_NEAR(picture.mean(), expected, 4 * error);
 }
 
-TEST(Alpha, ShadowRaysSeeTheSameVeils) {  // hard case 53
+TEST(Alpha, ShadowRaysUseSameOpacity) {  // hard case 53
   Scene scene = empty_scene();
   const auto floor = add_material(&scene, lambert({1, 1, 1}));
   add_primitive(&scene, quad({-9, 0, 9}, {18, 0, 0}, {0, 0, -18}, floor));
@@ -211,7 +211,7 @@ TEST(Alpha, ShadowRaysSeeTheSameVeils) {  // hard case 53
   expect_mean(scene, settings, std::pow(0.9, 16) / kPi / 4, 5e-4);
 }
 
-TEST(Alpha, MaskIsOpaqueExactlyAtItsCutoff) {  // hard case 53
+TEST(Alpha, MaskIsOpaqueAtCutoff) {  // hard case 53
   Scene scene = empty_scene();
   Material m = lamp(1);
   m.alpha_mode = AlphaMode::mask;
@@ -223,7 +223,7 @@ TEST(Alpha, MaskIsOpaqueExactlyAtItsCutoff) {  // hard case 53
   EXPECT_EQ(render_picture(scene, small_settings(2, 2, 4)).alpha[0], 0);
 }
 
-TEST(Alpha, MoreThanTheLimitIsCountedAndGivenUp) {
+TEST(Alpha, TransparencyLimitIsCounted) {
   Scene scene = empty_scene();
   const auto m = add_material(&scene, veil(0));
   render::Primitive sheets;
@@ -257,7 +257,7 @@ Seen seen(const Scene& scene, Background background, int spp = 4) {
   return {picture.at(1, 1), picture.alpha[3]};
 }
 
-TEST(BackgroundRules, OfAnEmptyView) {
+TEST(Background, EmptyViewShowsChosenBackground) {
   Scene scene = empty_scene();
   EXPECT_EQ(seen(scene, Background::automatic).alpha, 0);  // no sky: none
   set_constant_sky(&scene, 3);
@@ -269,7 +269,7 @@ TEST(BackgroundRules, OfAnEmptyView) {
   EXPECT_EQ(seen(scene, Background::color).alpha, 1);
 }
 
-TEST(BackgroundRules, ReflectionsAndSheetsSeeTheSkyAndCover) {
+TEST(Background, ReflectionsShowSkyAndAreOpaque) {
   Scene scene = empty_scene();
   set_constant_sky(&scene, 3);
   add_sheet(&scene, 0, add_material(&scene, metal(0)));
@@ -282,7 +282,7 @@ TEST(BackgroundRules, ReflectionsAndSheetsSeeTheSkyAndCover) {
   EXPECT_EQ(seen(scene, Background::none).alpha, 1);
 }
 
-TEST(BackgroundRules, HolesMakeCoverageAndColourIsPremultiplied) {
+TEST(Background, HolesGivePremultipliedAlpha) {
   Scene scene = empty_scene();
   Material m;
   m.unlit = true;
@@ -294,7 +294,7 @@ TEST(BackgroundRules, HolesMakeCoverageAndColourIsPremultiplied) {
   EXPECT_NEAR(s.rgb.x, 0.8 * s.alpha, 1e-6);
 }
 
-TEST(Unlit, IsSeenByTheCameraAndByNothingElse) {
+TEST(Unlit, IsVisibleToCameraOnly) {
   Scene scene = empty_scene();
   Material m;
   m.unlit = true;
@@ -317,7 +317,7 @@ TEST(Unlit, IsSeenByTheCameraAndByNothingElse) {
   EXPECT_NEAR(seen(floor, Background::automatic).rgb.x, 1 / kPi / 4, 1e-6);
 }
 
-TEST(CullBackfaces, HidesBacksOfOneSidedMaterialsFromTheCameraOnly) {
+TEST(CullBackfaces, HidesBacksFromCameraOnly) {
   Scene scene = empty_scene();
   Material m;
   m.unlit = true;
@@ -332,7 +332,7 @@ TEST(CullBackfaces, HidesBacksOfOneSidedMaterialsFromTheCameraOnly) {
   EXPECT_EQ(render_picture(scene, settings).alpha[0], 1);
 }
 
-TEST(NonFiniteSamples, AreLeftOutAndCounted) {  // hard case 70
+TEST(NonFiniteSamples, AreDroppedAndCounted) {  // hard case 70
   render::PixelSums sums;
   contract::FilmBlockShape shape;
   shape.width = shape.height = 1;
@@ -352,7 +352,7 @@ TEST(NonFiniteSamples, AreLeftOutAndCounted) {  // hard case 70
   EXPECT_EQ(block.alpha[0], 3998);
 }
 
-TEST(NonFiniteSamples, OfAWholePictureReachTheBlock) {
+TEST(NonFiniteSamples, CountsReachTheFilmBlock) {
   Scene scene = empty_scene();
   add_sheet(&scene, 0, add_material(&scene, lamp(std::numeric_limits<float>::infinity())));
   const Picture picture = render_picture(scene, small_settings(2, 1, 8));
@@ -361,7 +361,7 @@ TEST(NonFiniteSamples, OfAWholePictureReachTheBlock) {
   EXPECT_EQ(picture.blocks[0].rgb[0], 0);
 }
 
-TEST(Clamp, LimitsSamplesAndCountsWhatItTook) {  // hard case 80
+TEST(Clamp, LimitsSamplesAndCountsRemovedEnergy) {  // hard case 80
   Scene scene = empty_scene();
   add_sheet(&scene, 0, add_material(&scene, lamp(5)));
   auto settings = small_settings(2, 2, 8);

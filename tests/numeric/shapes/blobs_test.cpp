@@ -49,7 +49,7 @@ std::vector<Blob> random_blobs(Dice& dice) {
   return blobs;
 }
 
-TEST(HardCase24, OneBlobIsTheSphereItIs) {
+TEST(Blobs, SingleBlobIsASphere) {
   const Shape blob = make_blobs({{{}, kUnit, 1}}, 0.25);
   const auto through = hits_of(blob, {0, 0, -3}, {0, 0, 1});
   ASSERT_EQ(through.size(), 2u);
@@ -79,7 +79,7 @@ TEST(HardCase24, OneBlobIsTheSphereItIs) {
   EXPECT_GT(hit, 15'000);
 }
 
-TEST(HardCase24, TheNeckOfTwoIsWhereItIs) {
+TEST(Blobs, NeckBetweenTwoIsExact) {
   const auto crossings = [](double distance, double height) {
     return hits_of(pair_apart(distance), {0, height, -3}, {0, 0, 1}).size();
   };
@@ -92,7 +92,7 @@ TEST(HardCase24, TheNeckOfTwoIsWhereItIs) {
   EXPECT_EQ(hits_of(pair_apart(1.609), {-3, 0, 0}, {1, 0, 0}).size(), 4u);
 }
 
-TEST(HardCase24, TwoFarBlobsAreTwoSpheres) {
+TEST(Blobs, DistantBlobsAreSpheres) {
   const Shape both = pair_apart(3);
   const Shape sphere = make_ellipsoid(kUnit * std::sqrt(0.5));
   Dice dice(25);
@@ -114,7 +114,7 @@ TEST(HardCase24, TwoFarBlobsAreTwoSpheres) {
   EXPECT_GT(hit, 1'000);
 }
 
-TEST(Blobs, RootsAreThoseOfDenseBisection) {
+TEST(Blobs, RootsMatchDenseBisection) {
   constexpr int kSteps = 2048;
   Dice dice(26);
   int roots = 0, off = 0, missed = 0, lone = 0;
@@ -157,7 +157,7 @@ TEST(Blobs, RootsAreThoseOfDenseBisection) {
   EXPECT_EQ(lone, 0);
 }
 
-TEST(Blobs, NormalsAreCentralDifferences) {
+TEST(Blobs, NormalsMatchCentralDifferences) {
   Dice dice(27);
   int checked = 0;
   for (int i = 0; i < 1'500; ++i) {
@@ -180,7 +180,7 @@ TEST(Blobs, NormalsAreCentralDifferences) {
   EXPECT_GT(checked, 500);
 }
 
-TEST(Blobs, ANegativeOneTakesAwayWhatAPositiveOneGives) {
+TEST(Blobs, NegativeBlobCancelsPositiveOne) {
   const Blob kept = {{0.25, 0, 0}, {1, 0.5, 0.75}, 1};
   const Blob plus = {{0.5, 0.25, 0}, kUnit, 1.5}, minus = {{0.5, 0.25, 0}, kUnit, -1.5};
   const Shape alone = make_blobs({kept}, 0.25), all = make_blobs({plus, kept, minus}, 0.25);
@@ -196,7 +196,7 @@ TEST(Blobs, ANegativeOneTakesAwayWhatAPositiveOneGives) {
   EXPECT_TRUE(hits_of(make_blobs({plus, minus}, 0.25), {0, 0, -3}, {0, 0, 1}).empty());
 }
 
-TEST(Blobs, AFieldThatIsTheThresholdEverywhereIsStillClosed) {
+TEST(Blobs, ConstantFieldAtThresholdIsClosed) {
   // 1 (1 - x)^2 - 6 (1 - x / 2)^2 + 8 (1 - x / 4)^2 = 3, x being the square of the distance.
   const std::vector<Blob> blobs = {
       {{}, kUnit, 1}, {{}, kUnit * std::sqrt(2.0), -6}, {{}, kUnit * 2.0, 8}};
@@ -213,7 +213,7 @@ TEST(Blobs, AFieldThatIsTheThresholdEverywhereIsStillClosed) {
   }
 }
 
-TEST(Blobs, WhereDoublesAreTooCoarseTheyAreStillClosed) {
+TEST(Blobs, LimitedPrecisionKeepsSurfaceClosed) {
   const Shape shape = make_blobs({{{}, kUnit, 1}, {{1e15, 0, 0}, kUnit, 1}}, 1e-4);
   Dice dice(30);
   int found = 0;
@@ -226,7 +226,7 @@ TEST(Blobs, WhereDoublesAreTooCoarseTheyAreStillClosed) {
   EXPECT_GT(found, 500);
 }
 
-TEST(Blobs, BoundsHoldTheSurfaceAndLittleElse) {
+TEST(Blobs, BoundsAreTight) {
   // Of two that overlap a little, each reaches at least as far as alone.
   const Shape both = pair_apart(1.6);
   EXPECT_GE(both.bounds.hi.x, 0.8f + static_cast<float>(std::sqrt(0.5)));
@@ -243,7 +243,7 @@ TEST(Blobs, BoundsHoldTheSurfaceAndLittleElse) {
   EXPECT_TRUE(hits_of(none, {0, 0, -3}, {0, 0, 1}).empty());
 }
 
-TEST(Blobs, AreOperandsOfSolids) {
+TEST(Blobs, CanBeCsgOperands) {
   Scene scene;
   place_shape(scene, pair_apart(1.2));
   place_shape(scene, make_box({0.25, 4, 4}), moved({0.125, 0, 0}));

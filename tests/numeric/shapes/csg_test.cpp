@@ -38,7 +38,7 @@ std::vector<float> passages(const Scene& scene, const Vec3f& origin, const Vec3f
   return ts;
 }
 
-TEST(HardCase21, FacesThatCoincideLeaveNoFilm) {
+TEST(Csg, CoincidentFacesLeaveNoFilm) {
   using Ts = std::vector<float>;
   const Vec3f from = {0.5f, 0.5f, -1}, up = {0, 0, 1};
   EXPECT_EQ(passages(stacked(CsgOperation::unite, 0), from, up), (Ts{1, 3}));
@@ -49,7 +49,7 @@ TEST(HardCase21, FacesThatCoincideLeaveNoFilm) {
   EXPECT_EQ(passages(stacked(CsgOperation::unite, 0), {0, 0.5f, -1}, up), (Ts{1, 3}));
 }
 
-TEST(HardCase21, AShiftByOneFloatDecidesWhatIsThere) {
+TEST(Csg, OneUlpShiftSeparatesFaces) {
   // From z = 0.5, where t is fine enough to tell: the faces are at t = 0.5 and 0.5 +- 2^-23.
   const Vec3f from = {0.5f, 0.5f, 0.5f}, up = {0, 0, 1};
   const double step = 0x1p-23;
@@ -60,7 +60,7 @@ TEST(HardCase21, AShiftByOneFloatDecidesWhatIsThere) {
   EXPECT_EQ(passages(stacked(CsgOperation::exclude, -step), from, up).size(), 3u);
 }
 
-TEST(HardCase22, ARayMayStartInWhatWasTakenAway) {
+TEST(Csg, RayMayStartInSubtractedOperand) {
   Scene scene;
   place_shape(scene, ball(1));
   place_shape(scene, ball(0.5));
@@ -76,7 +76,7 @@ TEST(HardCase22, ARayMayStartInWhatWasTakenAway) {
   EXPECT_EQ(hits[1].id.triangle, 0u);
 }
 
-TEST(HardCase22, ARayMayStartInsideAMesh) {
+TEST(Csg, RayMayStartInsideMesh) {
   Scene scene;
   scene.meshes.push_back(mesh_of({uv_sphere(8, 12, 1)}));
   place(scene, 0);
@@ -92,7 +92,7 @@ TEST(HardCase22, ARayMayStartInsideAMesh) {
   EXPECT_EQ(hits[2].id.instance, 0u);
 }
 
-TEST(Csg, BoundsOfAnIntersectionAreThoseOfWhatIsShared) {
+TEST(Csg, IntersectionBoundsAreTight) {
   Scene scene;
   place_shape(scene, ball(1), moved({-0.9, 0, 0}));
   place_shape(scene, ball(1), moved({0.9, 0, 0}));
@@ -149,7 +149,7 @@ void expect_mass(const Scene& scene, double volume, const Vec3d& centroid, doubl
   }
 }
 
-TEST(CsgVolume, OfALens) {
+TEST(CsgVolume, LensMatchesFormula) {
   // Two unit balls whose centres are 1 apart: two caps of height 1/2.
   Scene scene;
   place_shape(scene, ball(1), moved({0.25, -0.5, 0}));
@@ -158,7 +158,7 @@ TEST(CsgVolume, OfALens) {
   expect_mass(scene, 2 * kPi * 0.25 * (1 - 0.5 / 3), {0.25, 0, 0}, 2e-3);
 }
 
-TEST(CsgVolume, OfABoxWithoutACorner) {
+TEST(CsgVolume, BoxWithoutCornerMatchesFormula) {
   // 2 x 2 x 2 without the octant above 0: 7, its centre of mass at -1/14 in each axis.
   Scene scene;
   place_shape(scene, make_box({2, 2, 2}));
@@ -168,7 +168,7 @@ TEST(CsgVolume, OfABoxWithoutACorner) {
   expect_mass(scene, 7, {c, c, c}, 1e-6);
 }
 
-TEST(CsgVolume, OfBoxesThatOverlapByHalf) {
+TEST(CsgVolume, OverlappingBoxesMatchFormula) {
   // 3 x 2 x 2 together; without what they share two blocks of 1 x 2 x 2, 2 apart.
   for (const CsgOperation operation : {CsgOperation::unite, CsgOperation::exclude}) {
     Scene scene;
@@ -179,7 +179,7 @@ TEST(CsgVolume, OfBoxesThatOverlapByHalf) {
   }
 }
 
-TEST(CsgVolume, OfAMeshWithAHole) {
+TEST(CsgVolume, DrilledMeshMatchesFormula) {
   // A cube of twelve triangles without a cylinder.
   Primitive cube;
   for (std::uint32_t i = 0; i < 8; ++i) {
@@ -197,7 +197,7 @@ TEST(CsgVolume, OfAMeshWithAHole) {
   expect_mass(scene, volume, {-0.25 * hole / volume, 0, 0}, 2e-3);
 }
 
-TEST(Csg, RaysAtEdgesAndCornersOfAMeshPassThroughItAnEvenNumberOfTimes) {
+TEST(Csg, EdgeRaysCrossMeshEvenly) {
   const Primitive sphere = uv_sphere(8, 12, 1);
   Scene scene;
   scene.meshes.push_back(mesh_of({sphere}));

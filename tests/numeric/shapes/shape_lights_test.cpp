@@ -46,19 +46,19 @@ double irradiance(const Scene& scene, int side) {
   return sum / (side * side);
 }
 
-TEST(HardCase19, ATinySphereFarAwayGivesItsLight) {
+TEST(ShapeLights, TinyDistantSphereGivesItsLight) {
   const Scene scene = lamp(make_ellipsoid({1, 1, 1}), moved({0, 0, 1e6}), 1e12f);
   EXPECT_NEAR(irradiance(scene, 32) / kPi, 1, 1e-5);
 }
 
-TEST(HardCase59, SpheresOfAnySolidAngleGiveTheirLight) {
+TEST(ShapeLights, SphereLightIsExactAtAnySize) {
   for (const double sine : {0.9, 0.1, 1e-3, 1e-4, 1e-5, 1e-6}) {
     const Scene scene = lamp(make_ellipsoid({sine, sine, sine}), moved({0, 0, 1}), 1);
     EXPECT_NEAR(irradiance(scene, 64) / (kPi * sine * sine), 1, 1e-3) << sine;
   }
 }
 
-TEST(HardCase58, FlatShapesGiveTheirLightAtAnyDistance) {
+TEST(ShapeLights, FlatLightIsExactAtAnyDistance) {
   // Facing the origin: y down to -z.
   Affine3d facing;
   facing.rows = {Vec3d{1, 0, 0}, Vec3d{0, 0, 1}, Vec3d{0, -1, 0}};
@@ -91,7 +91,7 @@ Scene upright_tube(double radius, double below, double above, double distance, f
               moved({0, 0.5 * (above - below), distance}), radiance);
 }
 
-TEST(HardCase58, CylindersGiveTheirLightAtAnyDistance) {
+TEST(ShapeLights, CylinderIsExactAtAnyDistance) {
   for (const double radius : {1e-5, 1e-3, 0.02, 0.2}) {
     for (const double distance : {1.01 * radius, 1.5 * radius, 0.25, 1.0, 30.0}) {
       if (!(distance > radius)) continue;
@@ -103,7 +103,7 @@ TEST(HardCase58, CylindersGiveTheirLightAtAnyDistance) {
   }
 }
 
-TEST(HardCase59, CylindersOfAnySolidAngleGiveTheirLight) {
+TEST(ShapeLights, CylinderIsExactAtAnySize) {
   for (const double scale : {1.0, 1e-2, 1e-4, 1e-6, 1e-7, 1e-8, 1e-9}) {
     const double radius = 0.01 * scale, half = 0.5 * scale;
     const double expected = 2 * cylinder_factor(radius, half, 1);
@@ -129,7 +129,7 @@ double share_that_meets(const Scene& scene) {
   return met / static_cast<double>(n);
 }
 
-TEST(ShapeLights, LongThinOnesWasteNothing) {
+TEST(ShapeLights, ThinCylinderSamplesHit) {
   for (const double radius : {1e-4, 5e-3, 0.02}) {
     for (const double height : {0.0, 0.9, 1.7}) {  // beside it, and beyond its end
       const Scene scene = upright_tube(radius, 1 - height, 1 + height, 0.5, 1);
@@ -147,7 +147,7 @@ TEST(ShapeLights, LongThinOnesWasteNothing) {
 }
 
 /// χ² over cells of equal solid angle that lie within the lamp: as many samples in each.
-TEST(ShapeLights, LongOnesAreMetAlikeInAllDirections) {
+TEST(ShapeLights, CylinderSamplesAreUniform) {
   const Scene scene = upright_tube(0.2, 0.3, 1.7, 0.8, 1);
   const ShapeLight emitter = emitter_of(scene);
   const double solid_angle = emitter.solid_angle({});
@@ -179,7 +179,7 @@ TEST(ShapeLights, LongOnesAreMetAlikeInAllDirections) {
   EXPECT_GT(expected, 1'000);
 }
 
-TEST(ShapeLights, GiveWhatUniformDirectionsFind) {
+TEST(ShapeLights, MatchUniformDirectionSampling) {
   Dice dice(5);
   for (const Shape& shape :
        {make_cylinder(0.3, 1.5, true), make_box({1, 1, 1}), make_torus(0.5, 0.2),

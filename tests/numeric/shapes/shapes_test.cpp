@@ -40,7 +40,7 @@ bool sphere_in_long_double(const Vec3f& o, const Vec3f& d, long double& t) {
   return true;
 }
 
-TEST(HardCase17, FarSpheresAreHitWhereTheyAre) {
+TEST(Shapes, DistantSphereHitsAreExact) {
   const SceneAccel accel(shape_scene(make_ellipsoid({1, 1, 1})), in_order());
   Dice dice(17);
   for (const float distance : {3e3f, 1e4f, 1e6f}) {
@@ -67,7 +67,7 @@ TEST(HardCase17, FarSpheresAreHitWhereTheyAre) {
   }
 }
 
-TEST(HardCase18, TangentRaysHitOnceOrNot) {
+TEST(Shapes, TangentRaysHitOnceOrMiss) {
   const Scene scene = shape_scene(make_ellipsoid({1, 1, 1}));
   for (const float impact : {1 - 0x1p-23f, 1.0f, 1 + 0x1p-23f}) {
     Ray ray;
@@ -84,7 +84,7 @@ TEST(HardCase18, TangentRaysHitOnceOrNot) {
   }
 }
 
-TEST(HardCase20, RaysThroughATorusAreExact) {
+TEST(Torus, HitsAreExact) {
   const Shape torus = make_torus(1, 0.25);
   expect_at(hits_of(torus, {-3, 0, 0}, {1, 0, 0}), {1.75, 2.25, 3.75, 4.25}, 1e-9);
   expect_at(hits_of(torus, {-3, 0.25, 0}, {1, 0, 0}), {2, 2, 4, 4}, 1e-6);
@@ -93,7 +93,7 @@ TEST(HardCase20, RaysThroughATorusAreExact) {
   expect_at(hits_of(torus, {0, -3, 0}, {0, 1, 0}), {}, 0);
 }
 
-TEST(HardCase20, NoHitOnATorusIsLostAtAnyDistance) {
+TEST(Torus, NoHitIsLostAtAnyDistance) {
   const Shape torus = make_torus(1, 0.25);
   Dice dice(20);
   for (const double distance : {3.0, 30.0, 300.0, 3000.0}) {
@@ -119,7 +119,7 @@ TEST(HardCase20, NoHitOnATorusIsLostAtAnyDistance) {
   }
 }
 
-TEST(HardCase23, AConesApexIsHitWithAFiniteNormal) {
+TEST(Shapes, ConeApexHasFiniteNormal) {
   const Shape cone = make_cone(1, 2, true);  // from y = -1 to its apex at y = 1
   const Scene scene = shape_scene(cone);
   for (const Vec3f& from : {Vec3f{0, 4, 0}, Vec3f{-3, 1, 0}, Vec3f{1, 3, 1}}) {
@@ -140,7 +140,7 @@ TEST(HardCase23, AConesApexIsHitWithAFiniteNormal) {
   }
 }
 
-TEST(HardCase23, ALineAlongTheAxisMeetsOnlyCaps) {
+TEST(Shapes, AxisRaysHitOnlyCaps) {
   const auto through = hits_of(make_cylinder(1, 2, true), {0.5, -5, 0.25}, {0, 1, 0});
   expect_at(through, {4, 6}, 0);
   EXPECT_EQ(through[0].face, 3u);
@@ -148,7 +148,7 @@ TEST(HardCase23, ALineAlongTheAxisMeetsOnlyCaps) {
   EXPECT_TRUE(hits_of(make_cylinder(1, 2, false), {0.5, -5, 0.25}, {0, 1, 0}).empty());
 }
 
-TEST(HardCase23, ALeadingCoefficientOfZeroIsNoSpecialCase) {
+TEST(Shapes, ZeroQuadraticCoefficientIsHandled) {
   // y + 1 = 2 (x^2 + z^2): along the axis the equation is linear.
   const auto bowl = hits_of(make_paraboloid(1, 2, true), {0.5, 5, 0}, {0, -1, 0});
   expect_at(bowl, {4, 5.5}, 1e-15);
@@ -161,7 +161,7 @@ TEST(HardCase23, ALeadingCoefficientOfZeroIsNoSpecialCase) {
   expect_at(hits_of(half, {0, -1, -3}, {0, -1, 1}), {1, 3}, 1e-12);
 }
 
-TEST(HardCase26, NormalsOfAFlattenedSphereAreThoseOfTheEllipsoid) {
+TEST(Shapes, FlattenedSphereHasEllipsoidNormals) {
   const Affine3d flat = scaled({1, 1, 0.01});
   const Scene scene = shape_scene(make_ellipsoid({1, 1, 1}), flat);
   Dice dice(26);
@@ -174,7 +174,7 @@ TEST(HardCase26, NormalsOfAFlattenedSphereAreThoseOfTheEllipsoid) {
   }
 }
 
-TEST(HardCase30, DepthsOfSpheresOfAnyScaleCompare) {
+TEST(Shapes, DepthsOfScaledSpheresCompare) {
   Scene scene;
   for (const auto& [scale, depth] : {std::pair{0.01, 5.0}, {1.0, 6.0}, {100.0, 7.0}}) {
     Affine3d m = scaled({scale, scale, scale});
@@ -276,7 +276,7 @@ std::vector<Known> known_shapes() {
   };
 }
 
-TEST(Shapes, AreInsideBetweenTheirHitsAndNowhereElse) {
+TEST(Shapes, InsideIsBetweenHits) {
   Dice dice(1);
   for (const Known& known : known_shapes()) {
     int inside_count = 0, wrong = 0;
@@ -312,7 +312,7 @@ TEST(Shapes, AreInsideBetweenTheirHitsAndNowhereElse) {
   }
 }
 
-TEST(Shapes, NormalsPointOutOfThem) {
+TEST(Shapes, NormalsPointOutwards) {
   Dice dice(2);
   for (const Known& known : known_shapes()) {
     for (int i = 0; i < 2'000; ++i) {
@@ -355,7 +355,7 @@ Scene crowd(Dice& dice) {
   return scene;
 }
 
-TEST(Shapes, GiveTheSameHitsInEveryStructure) {
+TEST(Shapes, HitsMatchInEveryAccelerator) {
   Dice dice(3);
   for (int round = 0; round < 3; ++round) {
     const Scene scene = crowd(dice);
@@ -404,7 +404,7 @@ TEST(Shapes, GiveTheSameHitsInEveryStructure) {
   }
 }
 
-TEST(Shapes, ShowAFilterEveryHitOnceAndGiveTheFirstItTakes) {
+TEST(Shapes, FilterSeesEveryHitOnce) {
   Dice dice(4);
   const Scene scene = crowd(dice);
   std::vector<SceneAccel> own;
@@ -439,7 +439,7 @@ TEST(Shapes, ShowAFilterEveryHitOnceAndGiveTheFirstItTakes) {
   EXPECT_GT(found, 1'000);
 }
 
-TEST(HardCase8, RaysThatLeaveAConvexShapeDoNotMeetItAgain) {
+TEST(RaySpawning, ConvexShapeIsNotHitAgain) {
   Dice dice(8);
   const std::vector<Shape> convex = {make_ellipsoid({1, 1, 1}),
                                      make_ellipsoid({1, 0.2, 0.5}),
@@ -475,7 +475,7 @@ TEST(HardCase8, RaysThatLeaveAConvexShapeDoNotMeetItAgain) {
   EXPECT_GT(left, 50'000);
 }
 
-TEST(HardCase8, AFlatFaceIsNotMetByRaysThatStartInItAndLeaveIt) {
+TEST(RaySpawning, FlatFaceIsNotHitAgain) {
   Scene alone = shape_scene(make_box({1, 1, 1})), joined = alone;
   combine(joined, CsgOperation::unite);
   for (const Scene& scene : {alone, joined}) {

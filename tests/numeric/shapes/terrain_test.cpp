@@ -57,7 +57,7 @@ Vec3d on_ground(const TerrainField& field, Dice& dice) {
   return {at.x, field.height(at), at.y};
 }
 
-TEST(HardCase25, AWaveIsHitWhereItIs) {
+TEST(Terrain, WaveHitsAreExact) {
   TerrainForm form;
   form.pattern = Pattern::waves;
   form.size = {8, 8};
@@ -76,7 +76,7 @@ TEST(HardCase25, AWaveIsHitWhereItIs) {
   EXPECT_EQ(hits_of(waves, {0, 0.2 + 1e-9, 0}, {1, 0, 0}).size(), 0u);
 }
 
-TEST(HardCase25, NoHitThatSixteenTimesFinerStepsFindIsMissed) {
+TEST(Terrain, NoHitOfFineSteppingIsMissed) {
   Dice dice(25);
   int roots = 0, missed = 0, off = 0;
   for (const TerrainForm& form : forms()) {
@@ -131,7 +131,7 @@ TEST(HardCase25, NoHitThatSixteenTimesFinerStepsFindIsMissed) {
   EXPECT_EQ(off, 0);
 }
 
-TEST(Terrain, HeightsAreThoseOfTheTexture) {
+TEST(Terrain, HeightsMatchTexture) {
   Dice dice(1);
   for (const TerrainForm& form : forms()) {
     if (form.pattern == Pattern::waves) continue;
@@ -193,7 +193,7 @@ TEST(Terrain, BoundsHoldEveryHeight) {
   EXPECT_GT(tight, all / 50);  // they do not hold because they are wide
 }
 
-TEST(Terrain, NoiseIsCurvedNoMoreThanItsBound) {
+TEST(Terrain, NoiseCurvatureStaysWithinBound) {
   Dice dice(3);
   double most = 0;
   NoiseCell cell;
@@ -216,7 +216,7 @@ TEST(Terrain, NoiseIsCurvedNoMoreThanItsBound) {
   EXPECT_GT(most, 0.8 * kNoiseCurvature);
 }
 
-TEST(Terrain, WithoutOctavesIsAPlane) {
+TEST(Terrain, ZeroOctavesIsAPlane) {
   for (const Pattern pattern : {Pattern::fbm, Pattern::ridged}) {
     const Shape plane = make_terrain(form_of(pattern, 0), 0.5);
     const double level = pattern == Pattern::fbm ? 0.375 : 0;
@@ -237,7 +237,7 @@ TEST(Terrain, WithoutOctavesIsAPlane) {
   }
 }
 
-TEST(Terrain, OnTheLatticeIsWhatThePatternIsThere) {
+TEST(Terrain, LatticePointsHavePatternValue) {
   TerrainForm form = form_of(Pattern::fbm, 4);
   form.scale = 1;
   form.offset = {};
@@ -263,7 +263,7 @@ TEST(Terrain, OnTheLatticeIsWhatThePatternIsThere) {
   }
 }
 
-TEST(Terrain, NothingGetsThroughTheGround) {
+TEST(Terrain, GroundDoesNotLeak) {
   Dice dice(5);
   int through = 0, crossings = 0;
   for (const TerrainForm& form : forms()) {
@@ -288,7 +288,7 @@ TEST(Terrain, NothingGetsThroughTheGround) {
   EXPECT_GT(crossings, 6 * 3'000);
 }
 
-TEST(Terrain, NormalsAreCentralDifferences) {
+TEST(Terrain, NormalsMatchCentralDifferences) {
   Dice dice(6);
   for (const TerrainForm& form : forms()) {
     const Shape shape = make_terrain(form, 0);
@@ -307,7 +307,7 @@ TEST(Terrain, NormalsAreCentralDifferences) {
   }
 }
 
-TEST(Terrain, RaysThatLeaveItUpwardsDoNotMeetItAgain) {
+TEST(Terrain, UpwardRaysDoNotHitAgain) {
   Dice dice(7);
   int again = 0, left = 0;
   for (const TerrainForm& form : forms()) {

@@ -73,7 +73,7 @@ struct Named {
   Shape shape;
 };
 
-TEST(Tessellation, OfEveryShapeConvergesToIt) {
+TEST(Tessellation, ConvergesToEveryShape) {
   const std::vector<Named> shapes = {
       {"sphere", make_ellipsoid({1, 1, 1})},
       {"ellipsoid", make_ellipsoid({1, 0.5, 0.75})},
@@ -107,7 +107,7 @@ TEST(Tessellation, OfEveryShapeConvergesToIt) {
   }
 }
 
-TEST(Tessellation, OfFlatShapesIsThem) {
+TEST(Tessellation, FlatShapesAreExact) {
   for (const Shape& shape : {make_box({1, 2, 1.5}), make_rectangle(1, 2)}) {
     const Difference found = difference(shape, 4);
     EXPECT_LT(found.depth, 1e-6);

@@ -23,7 +23,7 @@ SceneBench falling() {
   return bench;
 }
 
-TEST(Bench, MedianAndBandAreThoseOfTheSortedValues) {
+TEST(Bench, MedianAndBandUseSortedValues) {
   const Interval odd = median_and_band({3, 1, 2});
   EXPECT_EQ(odd.low, 1);
   EXPECT_EQ(odd.value, 2);
@@ -31,13 +31,13 @@ TEST(Bench, MedianAndBandAreThoseOfTheSortedValues) {
   EXPECT_EQ(median_and_band({4, 1, 2, 3}).value, 2.5);
 }
 
-TEST(Bench, SecondsToAnErrorAreReadOffEachSeedsCurve) {
+TEST(Bench, SecondsToErrorAreReadPerSeed) {
   // 0.1 / spp = 0.01 at 10 samples, 5 s; 0.4 / spp at 40, 20 s.
   EXPECT_NEAR(seconds_to(falling(), 0.01).value(), (5.0 + 20.0) / 2, 1e-9);
   EXPECT_FALSE(seconds_to(falling(), 1e-4)) << "the second curve ends at 0.004";
 }
 
-TEST(Bench, NothingIsSaidBelowTenTimesTheReferencesOwnError) {
+TEST(Bench, ResultsStopAtTenTimesReferenceError) {
   SceneBench bench = falling();
   bench.reference_relmse = 0.0011;
   EXPECT_FALSE(seconds_to(bench, 0.01));
@@ -50,7 +50,7 @@ TEST(Bench, NothingIsSaidBelowTenTimesTheReferencesOwnError) {
   EXPECT_FALSE(efficiency(bench));
 }
 
-TEST(Bench, DocumentSaysNoMoreThanTheText) {
+TEST(Bench, JsonOmitsWhatTextOmits) {
   SceneBench bench = falling();
   bench.reference_relmse = 0.0009;
   const auto scene = bench_document({&bench, 1})["scenes"][0];
@@ -59,7 +59,7 @@ TEST(Bench, DocumentSaysNoMoreThanTheText) {
   EXPECT_EQ(scene["rounds"][2]["cpu_seconds"]["value"], 50);
 }
 
-TEST(Bench, EfficiencysIntervalIsStudents) {
+TEST(Bench, EfficiencyIntervalUsesStudentsT) {
   // Logarithms of 1 / (relMSE * seconds): ln 20 and ln 5. Their spread over root two is ln 2; one
   // degree of freedom.
   const Interval interval = efficiency(falling()).value();
@@ -72,7 +72,7 @@ TEST(Bench, EfficiencysIntervalIsStudents) {
   EXPECT_TRUE(bench_document({&one, 1})["scenes"][0]["efficiency"]["high"].is_null());
 }
 
-TEST(Bench, MeansOverScenesNeedTheFigureOfEach) {
+TEST(Bench, SceneMeansNeedEveryScene) {
   std::vector<SceneBench> scenes = {falling(), falling()};
   for (auto& curve : scenes[1].points) {
     for (BenchPoint& point : curve) point.cpu_seconds *= 4;
@@ -83,7 +83,7 @@ TEST(Bench, MeansOverScenesNeedTheFigureOfEach) {
   EXPECT_NEAR(means["efficiency"].get<double>(), 5, 1e-9);
 }
 
-TEST(Bench, SeedsAreNotTheReferences) {
+TEST(Bench, SeedsExcludeReferenceSeed) {
   EXPECT_EQ(bench_seeds(3, 1'000'003), (std::vector<std::int64_t>{1, 2, 3}));
   EXPECT_EQ(bench_seeds(3, 2), (std::vector<std::int64_t>{1, 3, 4}));
   SceneBench bench = falling();
@@ -104,7 +104,7 @@ nlohmann::json odd_report() {
     "frames": [{"frame": 12, "estimated": {"relmse": 0.0002}}]})");
 }
 
-TEST(Bench, TakesOverWhatDecidesTheExpectedImage) {
+TEST(Bench, ReferenceSettingsAreAdopted) {
   const auto reference = read_reference_report(odd_report().dump());
   ASSERT_TRUE(reference.ok()) << reference.status();
   EXPECT_EQ(reference->sky, "sky.exr");
@@ -136,7 +136,7 @@ TEST(Bench, TakesOverWhatDecidesTheExpectedImage) {
             contract::to_message(expected).DebugString());
 }
 
-TEST(Bench, ReportThatCannotServeIsRefused) {
+TEST(Bench, UnsuitableReportIsRefused) {
   const auto fault = [](const nlohmann::json& report) {
     return std::string(read_reference_report(report.dump()).status().message());
   };

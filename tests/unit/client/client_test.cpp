@@ -20,7 +20,7 @@ namespace {
 
 using contract::FrameRange;
 
-TEST(ParseFrames, TakesSinglesRangesAndSteps) {
+TEST(ParseFrames, AcceptsSinglesRangesAndSteps) {
   EXPECT_EQ(*parse_frames("0"), (std::vector<FrameRange>{{0, 0, 1}}));
   EXPECT_EQ(*parse_frames("1-10x3"), (std::vector<FrameRange>{{1, 10, 3}}));
   EXPECT_EQ(*parse_frames("1,4,9-12"), (std::vector<FrameRange>{{1, 1, 1}, {4, 4, 1}, {9, 12, 1}}));
@@ -29,7 +29,7 @@ TEST(ParseFrames, TakesSinglesRangesAndSteps) {
   }
 }
 
-TEST(ParseSizeAndCrop, TakeWholeNumbersOnly) {
+TEST(ParseSizeAndCrop, AcceptIntegersOnly) {
   std::int32_t width = 0, height = 0;
   EXPECT_TRUE(parse_size("640x360", width, height).ok());
   EXPECT_EQ(width, 640);
@@ -43,7 +43,7 @@ TEST(ParseSizeAndCrop, TakeWholeNumbersOnly) {
   }
 }
 
-TEST(ParseBackground, IsNoneOrAColour) {
+TEST(ParseBackground, AcceptsNoneOrColour) {
   contract::RenderSettings settings;
   EXPECT_TRUE(parse_background("none", settings).ok());
   EXPECT_EQ(settings.background, contract::Background::none);
@@ -64,7 +64,7 @@ RenderOptions parsed(const std::vector<std::string>& words) {
   return options;
 }
 
-TEST(RenderOptions, WithoutOptionsAreTheContractsDefaults) {
+TEST(RenderOptions, DefaultsMatchContract) {
   EXPECT_EQ(settings_of(parsed({"scene.glb"}), "")->width, 1280);
   const auto settings = settings_of(parsed({"scene.glb"}), "");
   ASSERT_TRUE(settings.ok()) << settings.status();
@@ -80,7 +80,7 @@ TEST(RenderOptions, WithoutOptionsAreTheContractsDefaults) {
   EXPECT_EQ(settings->background, contract::Background::automatic);
 }
 
-TEST(RenderOptions, EachReachesItsSetting) {
+TEST(RenderOptions, EachOptionSetsItsField) {
   const auto settings = settings_of(parsed({"scene.glb",
                                             "--size",
                                             "64x32",
@@ -145,7 +145,7 @@ TEST(RenderOptions, EachReachesItsSetting) {
   EXPECT_TRUE(settings->cull_backfaces);
 }
 
-TEST(RenderOptions, WrongOnesAreRefusedByName) {
+TEST(RenderOptions, ErrorNamesWrongOption) {
   const std::vector<std::vector<std::string>> wrong = {{"--size", "0x0"},
                                                        {"--tile", "48"},
                                                        {"--spp", "0"},
@@ -173,7 +173,7 @@ TEST(RenderOptions, WrongOnesAreRefusedByName) {
   EXPECT_FALSE(settings_of(parsed({"scene.glb", "--crop", "0,0,5000,10"}), "").ok());
 }
 
-TEST(FileNames, AreCleanedAndNumbered) {
+TEST(FileNames, AreSanitisedAndNumbered) {
   EXPECT_EQ(clean_name("a b/ö.glb"), "a_b___.glb");
   EXPECT_EQ(clean_name(".hidden"), "_hidden");
   EXPECT_EQ(clean_name(""), "_");
@@ -200,7 +200,7 @@ v1::Job running_job() {
   return job;
 }
 
-TEST(ProgressLine, SaysShareErrorAndTimeLeftAndFitsTheTerminal) {
+TEST(ProgressLine, FitsTerminalWidth) {
   const std::string line = progress_line(running_job(), 120);
   for (const char* part : {"25 %", "250 samples", "error 0.0125", "2 workers", "2:05 left"}) {
     EXPECT_NE(line.find(part), std::string::npos) << part << " is not in: " << line;
@@ -210,7 +210,7 @@ TEST(ProgressLine, SaysShareErrorAndTimeLeftAndFitsTheTerminal) {
   }
 }
 
-TEST(Figures, AreRoundedForPeople) {
+TEST(Figures, AreRoundedForReaders) {
   EXPECT_EQ(format_seconds(4.24), "4.2 s");
   EXPECT_EQ(format_seconds(42), "42 s");
   EXPECT_EQ(format_seconds(125), "2:05");
@@ -219,7 +219,7 @@ TEST(Figures, AreRoundedForPeople) {
   EXPECT_EQ(format_count(59e6), "59.0 M");
 }
 
-TEST(Fate, IsTheExitCodeOfTheContract) {
+TEST(JobOutcome, ExitCodeMatchesContract) {
   v1::Job job;
   job.set_state(v1::Job::STATE_DONE);
   EXPECT_EQ(exit_code_of(job), 0);
@@ -236,7 +236,7 @@ TEST(Fate, IsTheExitCodeOfTheContract) {
   EXPECT_EQ(exit_code(absl::CancelledError("")), 130);
 }
 
-TEST(ResultLine, HasSizeSamplesErrorAndSeconds) {
+TEST(ResultLine, PrintsSizeSamplesErrorAndSeconds) {
   auto report = nlohmann::ordered_json::parse(
       R"({"frames": [{"frame": 0, "file": "x", "width": 640, "height": 360, "samples": 14745600,
           "estimated": {"error": 0.01234}}]})");
@@ -245,7 +245,7 @@ TEST(ResultLine, HasSizeSamplesErrorAndSeconds) {
             "out.exr: 640x360, 14.7 M samples, estimated error 0.01234, 3.2 s");
 }
 
-TEST(RequestId, FollowsFromTheJobAlone) {
+TEST(RequestId, DependsOnlyOnJob) {
   v1::CreateJobRequest request;
   request.set_name("one");
   const std::string id = derived_request_id(request);
@@ -257,7 +257,7 @@ TEST(RequestId, FollowsFromTheJobAlone) {
   EXPECT_NE(random_request_id(), random_request_id());
 }
 
-TEST(RenderOptions, AskForAnErrorOrASampleCount) {
+TEST(RenderOptions, AcceptErrorOrSampleCount) {
   const auto by_error = settings_of(parsed({"scene.glb", "--error", "0.05"}), "");
   ASSERT_TRUE(by_error.ok()) << by_error.status();
   EXPECT_EQ(by_error->error, 0.05);
@@ -266,7 +266,7 @@ TEST(RenderOptions, AskForAnErrorOrASampleCount) {
   EXPECT_FALSE(settings_of(parsed({"scene.glb", "--spp", "64"}), "")->error);
 }
 
-TEST(CurveSvg, DrawsEstimateAndTruthOnLogarithmicAxes) {
+TEST(CurveSvg, DrawsEstimateAndTrueErrorOnLogAxes) {
   const auto report = nlohmann::ordered_json::parse(R"({"job": "abc", "status": "CONVERGED",
     "frames": [{"curve": [
       {"cpu_seconds": 1, "error": 0.4, "error_true": null},
@@ -292,7 +292,7 @@ TEST(CurveSvg, DrawsEstimateAndTruthOnLogarithmicAxes) {
   EXPECT_EQ(curve_svg(nlohmann::ordered_json::parse(R"({"frames": []})")), "");
 }
 
-TEST(TileSvg, PutsEachTileWhereItIsAndColoursItByItsFigure) {
+TEST(TileSvg, PlacesAndColoursTiles) {
   // Three tiles in a row of a crop, the last narrower.
   auto report = nlohmann::ordered_json::parse(R"({
     "settings": {"width": 200, "height": 100, "crop": [30, 10, 40, 16], "tile": 16},
@@ -315,7 +315,7 @@ TEST(TileSvg, PutsEachTileWhereItIsAndColoursItByItsFigure) {
   EXPECT_EQ(tile_svg(report).status().code(), absl::StatusCode::kFailedPrecondition);
 }
 
-TEST(TileSvg, GivesZeroAPlaceOfItsOwn) {
+TEST(TileSvg, HatchesZeroTiles) {
   auto report = nlohmann::ordered_json::parse(R"({
     "settings": {"width": 48, "height": 16, "tile": 16},
     "frames": [{"frame": 7, "tiles": {"error": [0, 0.5, 0.25], "spp": [8, 8, 8]}}]})");
@@ -328,7 +328,7 @@ TEST(TileSvg, GivesZeroAPlaceOfItsOwn) {
   EXPECT_NE(tile_svg(report)->find("frame 7, error: 0 hatched<"), std::string::npos);
 }
 
-TEST(TileSvg, FitsTallCropsIntoTheSameSquare) {
+TEST(TileSvg, FitsTallCropsIntoSquare) {
   const auto report = nlohmann::ordered_json::parse(R"({
     "settings": {"width": 64, "height": 640, "crop": [0, 0, 8, 640], "tile": 320},
     "frames": [{"frame": 7, "tiles": {"error": [0.5, 0.5], "spp": [8, 8]}}]})");
@@ -337,7 +337,7 @@ TEST(TileSvg, FitsTallCropsIntoTheSameSquare) {
   EXPECT_NE(svg.find("width=\"5.00\" height=\"200.00\""), std::string::npos) << svg;
 }
 
-TEST(ResultLine, OfAnErrorAskedForHasBoundAndCertainty) {
+TEST(ResultLine, ErrorTargetPrintsBoundAndCertainty) {
   const auto report = nlohmann::ordered_json::parse(R"({"status": "CAPPED", "frames": [
     {"file": "out.exr", "width": 64, "height": 48, "samples": 3072,
      "estimated": {"error": 0.1, "error_upper95": 0.125}}]})");
@@ -346,7 +346,7 @@ TEST(ResultLine, OfAnErrorAskedForHasBoundAndCertainty) {
             "1.5 s");
 }
 
-TEST(ResultLine, ClaimsNothingWhereTheErrorIsUncertain) {
+TEST(ResultLine, UncertainErrorIsNotClaimed) {
   const auto report = nlohmann::ordered_json::parse(R"({"status": "UNCERTAIN",
     "reasons": ["frame 0: --clamp removed radiance"], "warnings": ["--max-depth cut light"],
     "frames": [{"file": "out.exr", "width": 64, "height": 48, "samples": 3072,

@@ -61,7 +61,7 @@ ordered_json of_tile(const std::vector<ordered_json>& slices, int tile) {
   return nullptr;
 }
 
-TEST(Timeline, ASliceEndsWithItsResultAndIsAsLongAsItsCpuTime) {
+TEST(Timeline, SliceEndsWithResultAndLastsCpuTime) {
   v1::Delivery one = delivery("w1", 7, 2500, 1250);
   one.mutable_lease_duration()->set_seconds(2);
   const auto text =
@@ -77,7 +77,7 @@ TEST(Timeline, ASliceEndsWithItsResultAndIsAsLongAsItsCpuTime) {
   EXPECT_EQ(ordered_json::parse(*text)["otherData"]["begin_unix_us"], (kStart + 1) * 1'000'000);
 }
 
-TEST(Timeline, UnitsThatAreCommittedTogetherLieOneAfterTheOtherOnTheirThreads) {
+TEST(Timeline, UnitsCommittedTogetherDoNotOverlap) {
   const std::vector<v1::Delivery> together = {
       delivery("w1", 0, 9000, 1000), delivery("w1", 1, 9000, 2000), delivery("w1", 2, 9000, 3000)};
   const auto on_one = timeline_json(report_of(1), together, {});
@@ -104,7 +104,7 @@ TEST(Timeline, UnitsThatAreCommittedTogetherLieOneAfterTheOtherOnTheirThreads) {
   EXPECT_EQ(of_tile(of_phase("X", *on_any), 2)["tid"], 3);
 }
 
-TEST(Timeline, EachWorkerIsAProcessAndItsThreadsHaveNames) {
+TEST(Timeline, WorkersAreProcessesWithNamedThreads) {
   const auto text = timeline_json(
       report_of(2),
       {delivery("w2", 0, 1000, 900), delivery("w1", 1, 1000, 900), delivery("w1", 2, 1000, 900)},
@@ -124,7 +124,7 @@ TEST(Timeline, EachWorkerIsAProcessAndItsThreadsHaveNames) {
   EXPECT_EQ(of_tile(of_phase("X", *text), 0)["pid"], 2);
 }
 
-TEST(Timeline, RetriesAuditsAndRepeatsAreToldApart) {
+TEST(Timeline, RetriesAuditsAndRepeatsAreLabelled) {
   v1::Delivery retry = delivery("w1", 0, 1000, 10), audit = delivery("w1", 1, 2000, 10),
                repeat = delivery("w1", 2, 3000, 10);
   retry.set_retry_count(2);
@@ -139,7 +139,7 @@ TEST(Timeline, RetriesAuditsAndRepeatsAreToldApart) {
   EXPECT_EQ(of_tile(slices, 2)["cat"], "repeat");
 }
 
-TEST(Timeline, MarksWhatHappenedToTheJobAndMeanwhileToItsWorkers) {
+TEST(Timeline, MarksJobAndWorkerEvents) {
   const auto text = timeline_json(report_of(1), {delivery("w1", 0, 9000, 8000)},
                                   {event(v1::Event::KIND_WORKER_LOST, "", "w1", 0),
                                    event(v1::Event::KIND_UNIT_FAILED, "j", "w1", 2),
@@ -159,7 +159,7 @@ TEST(Timeline, MarksWhatHappenedToTheJobAndMeanwhileToItsWorkers) {
   EXPECT_EQ(marks[2]["pid"], 0);
 }
 
-TEST(Timeline, OfAJobWithoutDeliveriesThereIsNone) {
+TEST(Timeline, JobWithoutDeliveriesIsAnError) {
   EXPECT_EQ(timeline_json(report_of(1), {}, {}).status().code(),
             absl::StatusCode::kFailedPrecondition);
 }

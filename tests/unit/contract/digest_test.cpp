@@ -8,7 +8,7 @@
 namespace tessera::contract {
 namespace {
 
-TEST(Digest, IsThatOfTheStandard) {
+TEST(Digest, Sha256MatchesFipsExamples) {
   // FIPS 180-4 examples.
   EXPECT_EQ(sha256(std::string_view("abc")).hex(),
             "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
@@ -16,7 +16,7 @@ TEST(Digest, IsThatOfTheStandard) {
             "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
 }
 
-TEST(Digest, OfPartsIsThatOfTheWhole) {
+TEST(Digest, IncrementalMatchesOneShot) {
   const std::string text(100'000, 'x');
   for (const std::size_t cut : {std::size_t{0}, std::size_t{1}, std::size_t{63}, std::size_t{64},
                                 std::size_t{65}, std::size_t{99'999}}) {
@@ -27,14 +27,14 @@ TEST(Digest, OfPartsIsThatOfTheWhole) {
   }
 }
 
-TEST(Digest, OfASetKnowsNeitherOrderNorRepeats) {
+TEST(Digest, SetDigestIgnoresOrderAndRepeats) {
   const Digest a = sha256(std::string_view("a")), b = sha256(std::string_view("b"));
   const Digest both = sha256(std::min(a, b).binary() + std::max(a, b).binary());
   EXPECT_EQ(sha256_of_set({a, b}), both);
   EXPECT_EQ(sha256_of_set({b, a, b}), both);
 }
 
-TEST(Digest, ComesBackFromHexAndBytes) {
+TEST(Digest, HexAndBinaryRoundTrip) {
   const Digest digest = sha256(std::string_view("tessera"));
   EXPECT_EQ(Digest::from_hex(digest.hex()), digest);
   EXPECT_EQ(Digest::from_binary(digest.binary()), digest);
@@ -43,7 +43,7 @@ TEST(Digest, ComesBackFromHexAndBytes) {
   EXPECT_EQ(Digest::from_hex(upper), digest);
 }
 
-TEST(Digest, OtherTextIsRefused) {
+TEST(Digest, MalformedHexIsRejected) {
   const std::string hex = sha256(std::string_view("x")).hex();
   EXPECT_FALSE(Digest::from_hex(hex.substr(1)));
   EXPECT_FALSE(Digest::from_hex(hex + "0"));
@@ -54,7 +54,7 @@ TEST(Digest, OtherTextIsRefused) {
   EXPECT_FALSE(Digest::from_binary(std::string(33, 'x')));
 }
 
-TEST(Hmac, IsThatOfTheStandard) {
+TEST(Hmac, MatchesRfc4231Examples) {
   // RFC 4231, test cases 1 and 2.
   EXPECT_EQ(hmac_sha256(std::string(20, '\x0b'), "Hi There").hex(),
             "b0344c61d8db38535ca8afceaf0bf12b881dc200c9833da726e9376c2e32cff7");

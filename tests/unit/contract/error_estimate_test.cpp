@@ -37,7 +37,7 @@ Drawn draw(std::mt19937_64& rng, int pixels, double spread) {
   return drawn;
 }
 
-TEST(ErrorEstimate, TheBoundCoversTheErrorThatComesAbout) {
+TEST(ErrorEstimate, BoundCoversTrueErrorAt95Percent) {
   // 95 % nominal over 2,000 seeds: fewer than 1,877 would come by chance once in 10,000 times
   // (binomial). The three channels of a pixel are independent here, which only widens the bound.
   for (const double spread : {0.0, 0.3}) {
@@ -54,7 +54,7 @@ TEST(ErrorEstimate, TheBoundCoversTheErrorThatComesAbout) {
   }
 }
 
-TEST(ErrorEstimate, LooksShareTheConfidence) {
+TEST(ErrorEstimate, LooksShareConfidence) {
   std::mt19937_64 rng(3);
   const ErrorSums sums = draw(rng, 512, 0).sums;
   const double mean = mean_scaled(sums);
@@ -66,7 +66,7 @@ TEST(ErrorEstimate, LooksShareTheConfidence) {
   }
 }
 
-TEST(ErrorEstimate, ScalingErrorsScalesEveryFigure) {
+TEST(ErrorEstimate, ScalingSumsScalesEveryFigure) {
   std::mt19937_64 rng(5);
   const ErrorSums sums = draw(rng, 64, 0.2).sums;
   const ErrorSums quarter = sums.scaled_by(0.25);
@@ -75,7 +75,7 @@ TEST(ErrorEstimate, ScalingErrorsScalesEveryFigure) {
   EXPECT_NEAR(effective_pixels(quarter), effective_pixels(sums), 1e-9);
 }
 
-TEST(ErrorEstimate, TakingAPartOutLeavesTheRest) {
+TEST(ErrorEstimate, SubtractingPartLeavesRest) {
   std::mt19937_64 rng(6);
   const ErrorSums part = draw(rng, 64, 0.2).sums, rest = draw(rng, 128, 0.1).sums;
   ErrorSums whole = rest;
@@ -86,7 +86,7 @@ TEST(ErrorEstimate, TakingAPartOutLeavesTheRest) {
   EXPECT_NEAR(effective_pixels(left), effective_pixels(rest), 1e-11 * effective_pixels(rest));
 }
 
-TEST(ErrorEstimate, ErrorInOnePixelIsOneEffectivePixel) {
+TEST(ErrorEstimate, OnePixelErrorIsOneEffectivePixel) {
   ErrorSums sums;
   sums.pixels = 100;
   sums.scaled = 3;

@@ -31,7 +31,7 @@ FilmBlock random_block(const FilmBlockShape& shape, std::mt19937& rng) {
   return block;
 }
 
-TEST(FilmBlock, ComesBackFromItsBytesForEveryShape) {
+TEST(FilmBlock, EveryShapeRoundTrips) {
   std::mt19937 rng(1);
   for (const bool first : {false, true}) {
     for (std::uint32_t aovs = 0; aovs <= kAllAovs; ++aovs) {
@@ -48,7 +48,7 @@ TEST(FilmBlock, ComesBackFromItsBytesForEveryShape) {
   }
 }
 
-TEST(FilmBlock, TakesFiftyTwoBytesAPixelWithoutLayers) {
+TEST(FilmBlock, PlainPixelTakes52Bytes) {
   // farm.md, section 10: 4 replicates of RGB and one alpha.
   EXPECT_EQ(film_block_bytes({64, 64, 0, false}), 52 * 64 * 64 + 28);
   EXPECT_EQ(film_block_bytes({64, 64, kAovDepth, false}), 52 * 64 * 64 + 28) << "pass 0 only";
@@ -64,7 +64,7 @@ TEST(FilmBlock, BytesAreLittleEndianPlanesInOrder) {
   EXPECT_EQ(bytes.substr(48, 4), std::string("\x00\x00\x00\x40", 4));
 }
 
-TEST(FilmBlock, EveryOtherLengthIsRefused) {
+TEST(FilmBlock, WrongLengthIsRejected) {
   std::mt19937 rng(2);
   const FilmBlockShape shape{2, 2, kAllAovs, true};
   const std::string bytes = encode(random_block(shape, rng));
@@ -75,7 +75,7 @@ TEST(FilmBlock, EveryOtherLengthIsRefused) {
   EXPECT_TRUE(decode(bytes, shape, 8).ok());
 }
 
-TEST(FilmBlock, ValuesThatAreNotFiniteAreRefusedInEveryPlane) {
+TEST(FilmBlock, NonFiniteValuesAreRejectedInEveryPlane) {
   const FilmBlockShape shape{1, 1, kAllAovs, true};
   const std::string bytes = encode(FilmBlock::zeros(shape));
   constexpr std::size_t kFloats = 12 + 1 + 3 + 3 + 1 + 1 + 3;  // ids follow: any bits are fine
@@ -90,7 +90,7 @@ TEST(FilmBlock, ValuesThatAreNotFiniteAreRefusedInEveryPlane) {
   }
 }
 
-TEST(FilmBlock, EnergiesAreFiniteAndNotNegative) {
+TEST(FilmBlock, InvalidEnergiesAreRejected) {
   for (double FilmBlock::*energy : {&FilmBlock::clamped_energy, &FilmBlock::truncated_energy}) {
     FilmBlock block = FilmBlock::zeros({1, 1, 0, false});
     ASSERT_TRUE(decode(encode(block), block.shape, 4).ok());
@@ -102,7 +102,7 @@ TEST(FilmBlock, EnergiesAreFiniteAndNotNegative) {
   }
 }
 
-TEST(FilmBlock, DroppedEntriesAreInRangeInOrderAndNoMoreThanWereDrawn) {
+TEST(FilmBlock, InvalidDroppedEntriesAreRejected) {
   FilmBlock block = FilmBlock::zeros({2, 1, 0, false});
   const auto fits = [&block](std::vector<DroppedSamples> dropped, std::int32_t samples) {
     block.dropped = std::move(dropped);
@@ -118,7 +118,7 @@ TEST(FilmBlock, DroppedEntriesAreInRangeInOrderAndNoMoreThanWereDrawn) {
   EXPECT_FALSE(fits({{0xFFFFFFFF, 0, 1}}, 8)) << "index that wraps";
 }
 
-TEST(FilmBlock, HugeDroppedCountIsRefusedBeforeItIsAllocated) {
+TEST(FilmBlock, HugeDroppedCountDoesNotAllocate) {
   FilmBlock block = FilmBlock::zeros({1, 1, 0, false});
   std::string bytes = encode(block);
   const std::uint32_t huge = 0xFFFFFFFF;
@@ -126,7 +126,7 @@ TEST(FilmBlock, HugeDroppedCountIsRefusedBeforeItIsAllocated) {
   EXPECT_FALSE(decode(bytes, block.shape, 4).ok());
 }
 
-TEST(FilmBlock, RandomBytesNeverCrashAndWhatIsAcceptedEncodesBack) {
+TEST(FilmBlock, RandomBytesNeverCrash) {
   std::mt19937 rng(3);
   const FilmBlockShape shape{2, 1, kAovAlbedo | kAovIds, true};
   const std::string good = encode(random_block(shape, rng));

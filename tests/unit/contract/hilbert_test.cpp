@@ -42,7 +42,7 @@ Walk walk(std::int32_t width, std::int32_t height) {
   return result;
 }
 
-TEST(HilbertCurve, VisitsEveryCellOnceByNeighboursOnAllGridsUpTo32) {
+TEST(HilbertCurve, VisitsEveryCellOnceUpTo32x32) {
   for (std::int32_t width = 1; width <= 32; ++width) {
     for (std::int32_t height = 1; height <= 32; ++height) {
       const Walk found = walk(width, height);
@@ -53,7 +53,7 @@ TEST(HilbertCurve, VisitsEveryCellOnceByNeighboursOnAllGridsUpTo32) {
   }
 }
 
-TEST(HilbertCurve, TakesNoDiagonalWhereTheLongerSideIsEven) {
+TEST(HilbertCurve, HasNoDiagonalStepIfLongerSideIsEven) {
   for (std::int32_t width = 1; width <= 32; ++width) {
     for (std::int32_t height = 1; height <= 32; ++height) {
       if (std::max(width, height) % 2 != 0) continue;
@@ -62,7 +62,7 @@ TEST(HilbertCurve, TakesNoDiagonalWhereTheLongerSideIsEven) {
   }
 }
 
-TEST(HilbertCurve, HoldsOnTheGridsThatBreakOthers) {
+TEST(HilbertCurve, DifficultGridsAreCovered) {
   // Hard case 73.
   const std::pair<std::int32_t, std::int32_t> grids[] = {
       {1, 4096}, {4096, 1}, {7, 3}, {15, 12}, {10000, 10}, {1001, 999}, {2, 100000}, {100000, 2}};
@@ -74,7 +74,7 @@ TEST(HilbertCurve, HoldsOnTheGridsThatBreakOthers) {
   }
 }
 
-TEST(HilbertCurve, StartsAtTheTopLeftCell) {
+TEST(HilbertCurve, StartsAtTopLeftCell) {
   for (std::int32_t width = 1; width <= 32; ++width) {
     for (std::int32_t height = 1; height <= 32; ++height) {
       ASSERT_EQ(hilbert_curve(width, height).front(), (GridPoint{0, 0}));

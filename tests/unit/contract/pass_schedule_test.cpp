@@ -10,7 +10,7 @@
 namespace tessera::contract {
 namespace {
 
-TEST(PassSchedule, PassesFollowOnEachOtherToTheRoundedCount) {
+TEST(PassSchedule, PassesAreContiguousUpToRoundedCount) {
   for (std::int32_t spp = 1; spp <= 5000; ++spp) {
     const std::vector<Pass> passes = fixed_schedule(spp);
     std::int32_t next = 0;
@@ -26,7 +26,7 @@ TEST(PassSchedule, PassesFollowOnEachOtherToTheRoundedCount) {
   }
 }
 
-TEST(PassSchedule, IsSmallThenLargeAsTheContractSays) {
+TEST(PassSchedule, FixedScheduleIsSmallThenLarge) {
   EXPECT_EQ(fixed_schedule(1), (std::vector<Pass>{{0, 4}}));
   EXPECT_EQ(fixed_schedule(8), (std::vector<Pass>{{0, 8}}));
   EXPECT_EQ(fixed_schedule(64), (std::vector<Pass>{{0, 8}, {8, 56}}));
@@ -35,7 +35,7 @@ TEST(PassSchedule, IsSmallThenLargeAsTheContractSays) {
             (std::vector<Pass>{{0, 8}, {8, 56}, {64, 448}, {512, 512}, {1024, 476}}));
 }
 
-TEST(PassSchedule, AnExtendedJobKeepsAllPassesButTheCutOne) {
+TEST(PassSchedule, ExtensionKeepsAllButLastPass) {
   for (std::int32_t spp = 1; spp <= 1200; spp += 7) {
     for (std::int32_t more = spp + 1; more <= 1300; more += 113) {
       const std::vector<Pass> before = fixed_schedule(spp), after = fixed_schedule(more);
@@ -46,30 +46,30 @@ TEST(PassSchedule, AnExtendedJobKeepsAllPassesButTheCutOne) {
   }
 }
 
-TEST(PassSchedule, LargestCountIsNotOutOfReach) {
+TEST(PassSchedule, MaximumSppIsReached) {
   const std::vector<Pass> passes = fixed_schedule(kMaxSpp);
   EXPECT_EQ(passes.back().first_sample + passes.back().sample_count, kMaxSpp);
 }
 
-TEST(FrameList, IsSortedWithoutRepeats) {
+TEST(FrameList, IsSortedAndUnique) {
   EXPECT_EQ(frame_list({{4, 4, 1}, {1, 5, 2}, {9, 9, 1}, {5, 6, 1}}),
             (std::vector<std::int32_t>{1, 3, 4, 5, 6, 9}));
   EXPECT_EQ(frame_list({{0, 0, 1}}), (std::vector<std::int32_t>{0}));
 }
 
-TEST(FrameList, EndsAtTheLastNumberThereIs) {
+TEST(FrameList, LastFrameDoesNotOverflow) {
   constexpr std::int32_t kLast = std::numeric_limits<std::int32_t>::max();
   EXPECT_EQ(frame_list({{kLast - 3, kLast, 2}}), (std::vector<std::int32_t>{kLast - 3, kLast - 1}));
 }
 
-TEST(FrameCount, CountsWithoutAllocatingOrOverflow) {
+TEST(FrameCount, LargeRangesDoNotOverflow) {
   constexpr std::int32_t kLast = std::numeric_limits<std::int32_t>::max();
   EXPECT_EQ(frame_count({{0, kLast, 1}, {0, kLast, 1}}), 2 * (std::int64_t{kLast} + 1));
   EXPECT_EQ(frame_count({{1, 10, 2}}), 5);
   EXPECT_EQ(frame_count({{1, 9, 2}, {3, 3, 7}}), 6);
 }
 
-TEST(PassSchedule, ByErrorOnePassDoublesTheTotalThenTwo) {
+TEST(PassSchedule, ErrorScheduleDoublesTotals) {
   EXPECT_EQ(error_schedule(4), (std::vector<Pass>{{0, 4}}));
   EXPECT_EQ(error_schedule(20), (std::vector<Pass>{{0, 8}, {8, 12}}));
   EXPECT_EQ(error_schedule(200),

@@ -123,7 +123,7 @@ std::vector<double> spread_variances(std::size_t tiles, double spread) {
   return variances;
 }
 
-TEST(StoppingRule, DecisionsDoNotDependOnTheOrderOfResults) {
+TEST(StoppingRule, DecisionsAreOrderIndependent) {
   std::vector<std::int32_t> expected;
   for (std::uint32_t order = 0; order < 40; ++order) {
     MadeFrame frame(spread_variances(64, 0.4), 0.05, 16384);
@@ -134,7 +134,7 @@ TEST(StoppingRule, DecisionsDoNotDependOnTheOrderOfResults) {
   }
 }
 
-TEST(StoppingRule, ReachesTheErrorWithFewSamplesMoreThanAFixedCountNeeds) {
+TEST(StoppingRule, NeedsFewMoreSamplesThanFixedCount) {
   // Passes grow by halves and doubles, the bound lies above the estimate, and part of E² is kept
   // for surprises: docs/accuracy.md has what was measured over 200 seeds.
   for (const double spread : {0.0, 0.2, 0.5}) {
@@ -154,14 +154,14 @@ TEST(StoppingRule, ReachesTheErrorWithFewSamplesMoreThanAFixedCountNeeds) {
   }
 }
 
-TEST(StoppingRule, ATileAboveTheErrorStopsWhereTheFrameIsBelowIt) {
+TEST(StoppingRule, NoisyTileStopsWhenFrameMeetsTarget) {
   MadeFrame frame({3, 1, 1, 1, 1, 1, 1, 1}, 0.24, 4096);  // 32 samples: 0.306 there, 0.198 in all
   frame.render(1);
   EXPECT_LE(frame.bound(), 0.24);
   EXPECT_EQ(frame.samples(), 32);
 }
 
-TEST(StoppingRule, NoTileGoesOnForEverAndTheBoundIsMetWhereEstimatesAreNoisy) {
+TEST(StoppingRule, NoisyEstimatesStillTerminate) {
   // When every look aimed at a fixed share of E², whatever tiles that had stopped left of it, one
   // of these frames sent a tile to a million samples.
   const auto render = [](std::size_t tiles, double noise, std::uint32_t i) {
@@ -180,7 +180,7 @@ TEST(StoppingRule, NoTileGoesOnForEverAndTheBoundIsMetWhereEstimatesAreNoisy) {
   }
 }
 
-TEST(StoppingRule, ATileStopsWhenItsErrorHasSpreadAsFarAsTheBoundNeeds) {
+TEST(StoppingRule, SpreadErrorStopsEarlierThanForeseen) {
   // While the error sits in 32 pixels the bound is half as much again above the estimate, and the
   // look foresees 512 samples; after 256 it sits in 512 pixels, and the bound is met.
   MadeFrame frame({1}, 0.075, 4096, 1, 0);
@@ -190,7 +190,7 @@ TEST(StoppingRule, ATileStopsWhenItsErrorHasSpreadAsFarAsTheBoundNeeds) {
   EXPECT_LE(frame.bound(), 0.075);
 }
 
-TEST(StoppingRule, UnequalTilesNeedFewerSamplesThanAFixedCount) {
+TEST(StoppingRule, UnequalTilesSaveSamples) {
   const std::vector<double> variances = spread_variances(64, 1.0);  // of e^15 to 1
   double mean = 0;
   for (const double variance : variances) mean += variance / 64;
@@ -200,7 +200,7 @@ TEST(StoppingRule, UnequalTilesNeedFewerSamplesThanAFixedCount) {
   EXPECT_LE(frame.samples(), 0.5 * mean / 0.04);
 }
 
-TEST(StoppingRule, TilesThatReachTheMostAreCounted) {
+TEST(StoppingRule, CappedTilesAreCounted) {
   MadeFrame frame(spread_variances(16, 0.5), 0.01, 256);
   frame.render(1);
   EXPECT_TRUE(frame.is_finished());
@@ -209,7 +209,7 @@ TEST(StoppingRule, TilesThatReachTheMostAreCounted) {
   EXPECT_EQ(frame.samples(), 256);
 }
 
-TEST(StoppingRule, TilesDoNotStopForDoingBetterThanForeseenIfThatIsNotEnough) {
+TEST(StoppingRule, BetterThanForeseenIsNotEnough) {
   MadeFrame frame(spread_variances(16, 0.5), 0.01, 256);
   frame.first_seems(8);  // what is foreseen for 256 samples has come after 32
   frame.render(1);
@@ -217,7 +217,7 @@ TEST(StoppingRule, TilesDoNotStopForDoingBetterThanForeseenIfThatIsNotEnough) {
   EXPECT_EQ(frame.samples(), 256);
 }
 
-TEST(StoppingRule, ErrorInFewPixelsGoesOnUntilItIsSmallOrIsCounted) {
+TEST(StoppingRule, ConcentratedErrorContinuesOrCounts) {
   MadeFrame spread({1, 1, 1, 1}, 0.1, 4096), thin({1, 1, 1, 1}, 0.1, 4096);
   thin.concentrate(512.0 / 20);  // n_eff 20
   spread.render(1);
@@ -231,7 +231,7 @@ TEST(StoppingRule, ErrorInFewPixelsGoesOnUntilItIsSmallOrIsCounted) {
   EXPECT_EQ(capped.rule().concentrated_tile_count(), 4);
 }
 
-TEST(StoppingRule, NobodyWaitsForTheSlowestTile) {
+TEST(StoppingRule, PassTargetsDoNotWaitForSlowTiles) {
   MadeFrame frame({10, 10}, 0.05, 4096);  // wants 4,000 samples
   StoppingRule& rule = frame.rule();
   rule.add(0, 0, frame.figures(0, 0));
@@ -245,7 +245,7 @@ TEST(StoppingRule, NobodyWaitsForTheSlowestTile) {
   EXPECT_EQ(rule.pass_count(0), 4) << "taken, though tile 1 has no pass 2 yet";
 }
 
-TEST(StoppingRule, TilesWithoutNoiseStopAtOnce) {
+TEST(StoppingRule, NoiselessTilesStopAtOnce) {
   for (const double error : {0.05, 1e-6}) {  // the second is out of reach
     MadeFrame frame({0, 0, 1, 0}, error, 4096);
     frame.render(1);
@@ -260,7 +260,7 @@ TEST(StoppingRule, TilesWithoutNoiseStopAtOnce) {
   EXPECT_EQ(still.rule().capped_tile_count(), 0);
 }
 
-TEST(StoppingRule, AFrameOfOnePassStopsAfterIt) {
+TEST(StoppingRule, SinglePassFrameStops) {
   MadeFrame frame({1, 2}, 0.05, 8);
   frame.render(1);
   EXPECT_TRUE(frame.is_finished());
@@ -268,7 +268,7 @@ TEST(StoppingRule, AFrameOfOnePassStopsAfterIt) {
   EXPECT_EQ(frame.rule().capped_tile_count(), 2);
 }
 
-TEST(StoppingRule, WhatIsForeseenNearsWhatIsDone) {
+TEST(StoppingRule, ForecastConvergesToActualSamples) {
   MadeFrame frame(spread_variances(64, 0.3), 0.05, 1 << 20);
   StoppingRule& rule = frame.rule();
   for (std::int32_t tile = 0; tile < 64; ++tile) rule.add(tile, 0, frame.figures(tile, 0));

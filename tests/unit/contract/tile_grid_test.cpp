@@ -5,7 +5,7 @@
 namespace tessera::contract {
 namespace {
 
-TEST(TileGrid, TilesCoverTheWindowWithoutHolesOrOverlaps) {
+TEST(TileGrid, TilesPartitionWindow) {
   for (const std::int32_t tile : {8, 16, 64, 256}) {
     for (std::int32_t width = 1; width <= 70; width += 3) {
       for (std::int32_t height = 1; height <= 70; height += 7) {
@@ -49,7 +49,7 @@ TEST(TileGrid, IndexAndCellAreInverse) {
   }
 }
 
-TEST(TileGrid, NumbersTilesAlongTheCurve) {
+TEST(TileGrid, IndicesFollowHilbertCurve) {
   const TileGrid grid(PixelRect{0, 0, 640, 480}, 32);
   const std::vector<GridPoint> curve = hilbert_curve(20, 15);
   ASSERT_EQ(static_cast<std::size_t>(grid.tile_count()), curve.size());
@@ -58,7 +58,7 @@ TEST(TileGrid, NumbersTilesAlongTheCurve) {
   }
 }
 
-TEST(TileGrid, CropMovesTilesToItsCorner) {
+TEST(TileGrid, CropOffsetsTiles) {
   RenderSettings settings;
   settings.width = 500;
   settings.height = 400;

@@ -33,7 +33,7 @@ ImageDifference difference(const Canvas& image, const Canvas& reference) {
   return result.ok() ? *result : ImageDifference{};
 }
 
-TEST(CompareImages, EqualImagesDoNotDiffer) {
+TEST(CompareImages, EqualImagesHaveZeroDifference) {
   const Canvas image(9, 5, {0.2f, 3, 0});
   const ImageDifference none = difference(image, image);
   EXPECT_EQ(none.rmse, 0);
@@ -44,7 +44,7 @@ TEST(CompareImages, EqualImagesDoNotDiffer) {
   EXPECT_EQ(none.largest, 0);
 }
 
-TEST(CompareImages, FiguresOfAGreyStepAreThoseOfTheFormulas) {
+TEST(CompareImages, GreyStepMatchesFormulas) {
   // x = 0.5, ref = 0.25 everywhere; m = 0.25.
   const ImageDifference found =
       difference(Canvas(4, 4, {0.5f, 0.5f, 0.5f}), Canvas(4, 4, {0.25f, 0.25f, 0.25f}));
@@ -55,7 +55,7 @@ TEST(CompareImages, FiguresOfAGreyStepAreThoseOfTheFormulas) {
   EXPECT_NEAR(*found.psnr_db, -20 * std::log10(0.7353569831 - 0.5370987304), 1e-6);
 }
 
-TEST(CompareImages, ErrorIsScaleFreeAndRelmseIsNot) {
+TEST(CompareImages, ErrorIsScaleFreeButRelmseIsNot) {
   std::mt19937 rng(4);
   Canvas image(8, 8, {0, 0, 0}), reference = image;
   for (std::size_t i = 0; i < image.rgba.size(); ++i) {
@@ -72,13 +72,13 @@ TEST(CompareImages, ErrorIsScaleFreeAndRelmseIsNot) {
   EXPECT_NE(small.relmse, large.relmse);
 }
 
-TEST(CompareImages, BlackReferenceHasNoScaleFreeError) {
+TEST(CompareImages, BlackReferenceHasNoRelativeError) {
   const ImageDifference found = difference(Canvas(2, 2, {1, 1, 1}), Canvas(2, 2, {0, 0, 0}));
   EXPECT_FALSE(found.error);
   EXPECT_NEAR(found.relmse, 100, 1e-9);
 }
 
-TEST(CompareImages, FindsTheLargestDifferenceAndItsFirstPlace) {
+TEST(CompareImages, FindsFirstLargestDifference) {
   Canvas image(7, 5, {0.5f, 0.5f, 0.5f});
   const Canvas reference = image;
   image.at(6, 1, 2) += 0.25f;
@@ -90,7 +90,7 @@ TEST(CompareImages, FindsTheLargestDifferenceAndItsFirstPlace) {
   EXPECT_EQ(found.largest_channel, 2);
 }
 
-TEST(CompareImages, AlphaCountsForTheLargestOnly) {
+TEST(CompareImages, AlphaCountsOnlyForLargest) {
   Canvas image(2, 1, {0.5f, 0.5f, 0.5f});
   const Canvas reference = image;
   image.at(1, 0, 3) = 0;
@@ -100,7 +100,7 @@ TEST(CompareImages, AlphaCountsForTheLargestOnly) {
   EXPECT_EQ(found.largest_channel, 3);
 }
 
-TEST(CompareImages, RefusesValuesThatAreNotFiniteAndSaysWhere) {
+TEST(CompareImages, NonFiniteValueIsLocated) {
   const Canvas good(4, 3, {1, 1, 1});
   for (const float bad :
        {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
@@ -113,13 +113,13 @@ TEST(CompareImages, RefusesValuesThatAreNotFiniteAndSaysWhere) {
   }
 }
 
-TEST(CompareImages, RefusesImagesOfDifferentSizes) {
+TEST(CompareImages, RejectsDifferentSizes) {
   const Canvas wide(4, 3, {1, 1, 1}), tall(3, 4, {1, 1, 1});
   EXPECT_FALSE(compare_images(wide.view(), tall.view()).ok());
   EXPECT_FALSE(compare_images({4, 4, wide.rgba}, wide.view()).ok()) << "pixels are missing";
 }
 
-TEST(Flip, BlackAgainstWhiteIsTheCompressedLightnessDistance) {
+TEST(Flip, BlackAgainstWhiteMatchesFormula) {
   // Constant images pass the filters unchanged and have no features. HyAB is 100; that of green
   // and blue is 203.35 (Lab 87.74, −86.18, 83.18 and 32.30, 79.19, −107.86, times 0.01 L). To the
   // power 0.7: 25.119 and 41.276; the knee is at 0.4 · 41.276.
@@ -129,7 +129,7 @@ TEST(Flip, BlackAgainstWhiteIsTheCompressedLightnessDistance) {
               1e-4);
 }
 
-TEST(Flip, SmallGreyStepIsBelowTheKnee) {
+TEST(Flip, SmallGreyStepIsBelowKnee) {
   // Y 0.18 and 0.20: L 49.496 and 51.837; (2.341)^0.7 · 0.95 / (0.4 · 41.276) = 0.10439.
   const auto lightness = [](double y) { return 116 * std::cbrt(y) - 16; };
   const double expected = std::pow(lightness(0.20) - lightness(0.18), 0.7) * 0.95 / (0.4 * 41.276);
@@ -149,7 +149,7 @@ Canvas noisy(std::uint32_t seed) {
   return image;
 }
 
-TEST(Flip, IsSymmetricBoundedAndClipsItsInput) {
+TEST(Flip, IsSymmetricAndBounded) {
   const Canvas a = noisy(5), b = noisy(6);
   const double forward = mean_flip(a.view(), b.view());
   EXPECT_NEAR(forward, mean_flip(b.view(), a.view()), 1e-12);
@@ -159,7 +159,7 @@ TEST(Flip, IsSymmetricBoundedAndClipsItsInput) {
   EXPECT_EQ(mean_flip(white.view(), brighter.view()), 0);
 }
 
-TEST(Flip, TurnsAndMirrorsWithTheImages) {
+TEST(Flip, RotatesAndMirrorsWithImages) {
   const Canvas a = noisy(7), b = noisy(8);
   Canvas mirrored_a = a, mirrored_b = b, turned_a(30, 40, {0, 0, 0}), turned_b = turned_a;
   for (std::int32_t y = 0; y < 30; ++y) {
@@ -179,7 +179,7 @@ TEST(Flip, TurnsAndMirrorsWithTheImages) {
   EXPECT_NEAR(mean_flip(turned_a.view(), turned_b.view()), upright, 1e-12);
 }
 
-TEST(Flip, FineDetailIsSeenLessThanACoarseOneOfTheSameContrast) {
+TEST(Flip, FineDetailCountsLessThanCoarse) {
   // At 67 pixels per degree a one-pixel red-green checker is far above what the eye resolves.
   const auto checker = [](std::int32_t size) {
     Canvas image(64, 64, {0.5f, 0.5f, 0.5f});
@@ -198,7 +198,7 @@ TEST(Flip, FineDetailIsSeenLessThanACoarseOneOfTheSameContrast) {
   EXPECT_LT(fine, 0.5 * coarse);
 }
 
-TEST(Flip, BlueAndYellowBlurMoreThanRedAndGreen) {
+TEST(Flip, BlueYellowBlursMoreThanRedGreen) {
   // The widest sensitivity filter (b = 0.04) has σ = 3 pixels here, the others about 1: a checker
   // of four pixels fades in blue and yellow, and stays in red and green.
   const auto checker = [](std::array<float, 3> step) {
@@ -220,7 +220,7 @@ TEST(Flip, BlueAndYellowBlurMoreThanRedAndGreen) {
   EXPECT_LT(blue_yellow, red_green) << "unblurred, its step is the larger by far";
 }
 
-TEST(Flip, AnEdgeThatIsLostCountsMoreThanAStepOfTheSameSize) {
+TEST(Flip, LostEdgeCountsMoreThanEqualStep) {
   // Features raise the difference: where an edge is missing, the exponent 1 − ΔF falls below 1.
   Canvas edge(64, 64, {0.3f, 0.3f, 0.3f});
   for (std::int32_t y = 0; y < 64; ++y) {

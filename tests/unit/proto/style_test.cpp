@@ -93,14 +93,14 @@ std::string comment_of(const Element& element) {
   return location.leading_comments + location.trailing_comments;
 }
 
-TEST_F(ProtoStyle, PathsArePackages) {
+TEST_F(ProtoStyle, PathsMatchPackages) {
   for (const FileDescriptor* file : files_) {
     EXPECT_EQ(file->name().rfind("tessera/v1/", 0), 0u) << file->name();
     EXPECT_LE(file->service_count(), 1) << file->name() << ": one service a file";
   }
 }
 
-TEST_F(ProtoStyle, EveryRpcHasARequestAndAResponseOfItsOwn) {
+TEST_F(ProtoStyle, EveryRpcHasItsOwnRequestAndResponse) {
   // Streams are named after what they are; their messages too.
   std::set<std::string> used;
   for_each_rpc([&](const MethodDescriptor& rpc) {
@@ -112,7 +112,7 @@ TEST_F(ProtoStyle, EveryRpcHasARequestAndAResponseOfItsOwn) {
   EXPECT_GE(used.size(), 30u);
 }
 
-TEST_F(ProtoStyle, EveryRpcSaysWhatItDoesAndWhichErrors) {
+TEST_F(ProtoStyle, EveryRpcDocumentsErrorsAndIdempotency) {
   for_each_rpc([](const MethodDescriptor& rpc) {
     const std::string comment = comment_of(rpc);
     EXPECT_FALSE(comment.empty()) << rpc.full_name();
@@ -125,7 +125,7 @@ TEST_F(ProtoStyle, EveryRpcSaysWhatItDoesAndWhichErrors) {
   });
 }
 
-TEST_F(ProtoStyle, ZeroOfAnEnumIsUnspecifiedAndValuesCarryItsName) {
+TEST_F(ProtoStyle, EnumZeroIsUnspecifiedAndNamesHavePrefix) {
   for_each_enum([](const EnumDescriptor& enumeration) {
     const std::string prefix = upper_snake(enumeration.name()) + "_";
     EXPECT_EQ(enumeration.value(0)->number(), 0) << enumeration.full_name();
@@ -144,7 +144,7 @@ TEST_F(ProtoStyle, NumbersAreSigned) {
   });
 }
 
-TEST_F(ProtoStyle, FieldsAreSnakeCaseAndCountsAreCalledCount) {
+TEST_F(ProtoStyle, FieldsAreSnakeCaseAndCountsEndInCount) {
   for_each_field([](const FieldDescriptor& field) {
     for (const char letter : field.name()) {
       EXPECT_TRUE(std::islower(static_cast<unsigned char>(letter)) || letter == '_' ||
@@ -178,7 +178,7 @@ TEST_F(ProtoStyle, MeasuresNameTheirUnit) {
   });
 }
 
-TEST_F(ProtoStyle, MomentsAreTimestampsAndSpansAreDurations) {
+TEST_F(ProtoStyle, TimesAreTimestampsOrDurations) {
   for_each_field([](const FieldDescriptor& field) {
     if (ends_with(field.name(), "_time")) {
       ASSERT_EQ(field.type(), FieldDescriptor::TYPE_MESSAGE) << field.full_name();

@@ -38,7 +38,7 @@ RenderSettings unusual() {
   return settings;
 }
 
-TEST(SettingsMessage, EveryFieldComesBack) {
+TEST(SettingsMessage, EveryFieldRoundTrips) {
   for (const RenderSettings& settings : {RenderSettings{}, unusual()}) {
     const v1::RenderSettings message = to_message(settings);
     const absl::StatusOr<RenderSettings> back = from_message(message);
@@ -70,7 +70,7 @@ TEST(SettingsMessage, EveryFieldComesBack) {
   }
 }
 
-TEST(SettingsMessage, ValuesOutOfRangeAreRefusedByName) {
+TEST(SettingsMessage, RangeErrorNamesField) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInf = std::numeric_limits<double>::infinity();
   using Message = v1::RenderSettings;

@@ -45,7 +45,7 @@ std::string lines_at(const std::string& level) {
   return out;
 }
 
-TEST(Log, WritesItsLevelAndAllAbove) {
+TEST(Log, WritesItsLevelAndAbove) {
   const std::string error = "tessera-test error: e\n", warn = "tessera-test warning: w\n" + error;
   const std::string info = "tessera-test info: i {} %s\n" + warn;
   EXPECT_EQ(lines_at("error"), error);
@@ -55,7 +55,7 @@ TEST(Log, WritesItsLevelAndAllAbove) {
   EXPECT_EQ(lines_at("loud"), info);
 }
 
-TEST(Log, TakesTheNamesThatTheOptionOffers) {
+TEST(Log, LevelNamesMatchOption) {
   std::set<std::string> different;
   for (const std::string& name : log_level_names()) different.insert(lines_at(name));
   EXPECT_EQ(different.size(), 4u);

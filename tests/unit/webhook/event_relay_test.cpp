@@ -64,7 +64,7 @@ std::string fresh_file() {
   return file;
 }
 
-TEST(EventRelay, TriesUntilItIsTaken) {
+TEST(EventRelay, RetriesUntilAccepted) {
   const absl::Status busy = absl::UnavailableError("busy");
   ScriptedPoster poster({busy, busy, absl::OkStatus()});
   EventRelay relay(poster, quick(), no_log);
@@ -78,7 +78,7 @@ TEST(EventRelay, TriesUntilItIsTaken) {
   EXPECT_EQ(poster.posted[3]["job"], "j1");
 }
 
-TEST(EventRelay, LeavesOutWhatIsRefusedAndSaysSo) {
+TEST(EventRelay, SkipsAndLogsRefusedEvents) {
   ScriptedPoster poster({absl::FailedPreconditionError("answers 400")});
   std::vector<std::string> said;
   EventRelay relay(poster, quick(),
@@ -89,7 +89,7 @@ TEST(EventRelay, LeavesOutWhatIsRefusedAndSaysSo) {
   EXPECT_EQ(said[0], "event 4 (job done): answers 400; left out");
 }
 
-TEST(EventRelay, WaitsTwiceAsLongEachTimeOrAsLongAsItIsAskedTo) {
+TEST(EventRelay, BackoffDoublesOrFollowsRetryAfter) {
   ScriptedPoster poster(std::vector<absl::Status>(5, absl::UnavailableError("busy")));
   std::vector<std::string> said;
   EventRelay::Options options = quick();
@@ -106,7 +106,7 @@ TEST(EventRelay, WaitsTwiceAsLongEachTimeOrAsLongAsItIsAskedTo) {
                                             busy + "4ms", "events are taken again"}));
 }
 
-TEST(EventRelay, PassesTheKindsThatAreWanted) {
+TEST(EventRelay, PassesSelectedKindsOnly) {
   ScriptedPoster poster({});
   EventRelay all(poster, quick(), no_log);
   EXPECT_TRUE(all.pass(event(v1::Event::KIND_LOG_LINE, 1)).ok());
@@ -121,7 +121,7 @@ TEST(EventRelay, PassesTheKindsThatAreWanted) {
   EXPECT_EQ(poster.posted[1]["sequence"], 4);
 }
 
-TEST(EventRelay, RemembersHowFarItCame) {
+TEST(EventRelay, PersistsLastSequence) {
   const std::string file = fresh_file();
   ScriptedPoster poster({});
   EventRelay relay(poster, quick(file), no_log);
@@ -134,7 +134,7 @@ TEST(EventRelay, RemembersHowFarItCame) {
   }
 }
 
-TEST(EventRelay, DoesNotRememberWhatWasNotTaken) {
+TEST(EventRelay, UnacceptedEventIsNotPersisted) {
   const std::string file = fresh_file();
   ScriptedPoster poster(std::vector<absl::Status>(10'000, absl::UnavailableError("busy")));
   EventRelay relay(poster, quick(file), no_log);

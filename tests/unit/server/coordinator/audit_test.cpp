@@ -9,14 +9,14 @@
 namespace tessera::server {
 namespace {
 
-class AuditWalk : public CoordinatorFixture {
+class AuditTest : public CoordinatorFixture {
  protected:
   /// Which units a worker lies about.
   using Lie = std::function<bool(const Leased&)>;
   static bool never(const Leased&) { return false; }
   static bool always(const Leased&) { return true; }
 
-  AuditWalk() { options.policy.audit_fraction = 1; }
+  AuditTest() { options.policy.audit_fraction = 1; }
 
   TestWorker& add(const std::string& id, Lie lie = never) {
     workers_.push_back(join(id));
@@ -87,7 +87,7 @@ class AuditWalk : public CoordinatorFixture {
   std::vector<Lie> lies_;
 };
 
-TEST_F(AuditWalk, EveryUnitOfAJobIsRenderedTwiceAndTheFrameWaitsForThat) {
+TEST_F(AuditTest, FrameWaitsUntilEveryUnitIsAudited) {
   const std::string job = create_job("a");
   add("w1");
   add("w2");
@@ -103,7 +103,7 @@ TEST_F(AuditWalk, EveryUnitOfAJobIsRenderedTwiceAndTheFrameWaitsForThat) {
   EXPECT_EQ(audited(job), 6) << "its units have no rows any more";
 }
 
-TEST_F(AuditWalk, WithOneWorkerThereIsNoAudit) {
+TEST_F(AuditTest, SingleWorkerIsNotAudited) {
   const std::string job = create_job("a");
   add("w1");
   deliver_what_is_leased();
@@ -111,7 +111,7 @@ TEST_F(AuditWalk, WithOneWorkerThereIsNoAudit) {
   EXPECT_EQ(audited(job), 0);
 }
 
-TEST_F(AuditWalk, AnAuditIsWaivedWhenTheOtherWorkersHaveGone) {
+TEST_F(AuditTest, AuditIsWaivedWithoutOtherWorkers) {
   const std::string job = create_job("a");
   add("w1");
   TestWorker& gone = add("w2");
@@ -129,7 +129,7 @@ TEST_F(AuditWalk, AnAuditIsWaivedWhenTheOtherWorkersHaveGone) {
   EXPECT_EQ(view(job).state, JobState::done);
 }
 
-TEST_F(AuditWalk, ALiarAmongThreeIsFoundAndItsUnitsAreRenderedAgain) {
+TEST_F(AuditTest, FaultyWorkersUnitsAreRenderedAgain) {
   const std::string truth = honest_pixels(spec_of("a"));
   const std::string job = create_job("a");
   add("liar", always);
@@ -143,7 +143,7 @@ TEST_F(AuditWalk, ALiarAmongThreeIsFoundAndItsUnitsAreRenderedAgain) {
   EXPECT_GE(coordinator->report(job)->counters.redone, 1);
 }
 
-TEST_F(AuditWalk, WhatWasDecidedOnALiarsWordIsDecidedAgain) {
+TEST_F(AuditTest, DecisionsOnFalseResultsAreRepeated) {
   const std::string truth = honest_pixels(error_spec("e"));
   const std::string job = create(error_spec("e"))->view.spec->id;
   workers_.push_back(join("liar"));
@@ -156,7 +156,7 @@ TEST_F(AuditWalk, WhatWasDecidedOnALiarsWordIsDecidedAgain) {
   EXPECT_TRUE(is_quarantined("liar"));
 }
 
-TEST_F(AuditWalk, OfTwoWorkersTheOneThatContradictsItselfIsFound) {
+TEST_F(AuditTest, SelfContradictingWorkerIsQuarantined) {
   const std::string truth = honest_pixels(spec_of("a"));
   const std::string job = create_job("a");
   int count = 0;
@@ -169,7 +169,7 @@ TEST_F(AuditWalk, OfTwoWorkersTheOneThatContradictsItselfIsFound) {
   EXPECT_FALSE(is_quarantined("w1"));
 }
 
-TEST_F(AuditWalk, TwoWorkersThatStandByDifferentPixelsFailTheJob) {
+TEST_F(AuditTest, UnresolvedDisputeFailsJob) {
   const std::string job = create_job("a");
   add("w1");
   add("liar", always);
@@ -180,7 +180,7 @@ TEST_F(AuditWalk, TwoWorkersThatStandByDifferentPixelsFailTheJob) {
   EXPECT_NE(view(job).reason.find("different pixels"), std::string::npos) << view(job).reason;
 }
 
-TEST_F(AuditWalk, AnAuditThatIsOpenSurvivesARestart) {
+TEST_F(AuditTest, OpenAuditSurvivesRestart) {
   const std::string job = create_job("a");
   add("w1");
   add("w2");
@@ -198,7 +198,7 @@ TEST_F(AuditWalk, AnAuditThatIsOpenSurvivesARestart) {
   EXPECT_EQ(audited(job), 6);
 }
 
-TEST_F(AuditWalk, TheFirstUnitOfAWorkerIsAlwaysAudited) {
+TEST_F(AuditTest, FirstUnitOfWorkerIsAlwaysAudited) {
   options.policy.audit_fraction = 1e-9;
   start();
   add("w1");
@@ -210,7 +210,7 @@ TEST_F(AuditWalk, TheFirstUnitOfAWorkerIsAlwaysAudited) {
   EXPECT_EQ(audited(job), 2);
 }
 
-TEST_F(AuditWalk, AQuarantinedWorkerStaysSoWhenItConnectsAgain) {
+TEST_F(AuditTest, QuarantineSurvivesReconnect) {
   const std::string job = create_job("a");
   add("liar", always);
   add("w2");

@@ -20,7 +20,7 @@ int count(const std::vector<Acknowledgement>& acknowledgements, AckStatus status
 
 // Results -----------------------------------------------------------------------------------------
 
-TEST_F(CoordinatorTest, AJobOfOneWorkerIsDoneWithAnImage) {
+TEST_F(CoordinatorTest, SingleWorkerCompletesJob) {
   const std::string job = create_job("a", 64);
   auto worker = join("w1");
   work_off(worker, job);
@@ -36,7 +36,7 @@ TEST_F(CoordinatorTest, AJobOfOneWorkerIsDoneWithAnImage) {
   EXPECT_TRUE(std::filesystem::exists(*store.output_folder(job) + "/" + frames->front().file));
 }
 
-TEST_F(CoordinatorTest, AJobSaysThatNobodyIsThereToWorkForIt) {
+TEST_F(CoordinatorTest, WaitingJobExplainsMissingWorkers) {
   const std::string job = create_job("a");
   EXPECT_EQ(view(job).reason, "no worker is here");
   JobSpec choosy = spec_of("b");
@@ -51,7 +51,7 @@ TEST_F(CoordinatorTest, AJobSaysThatNobodyIsThereToWorkForIt) {
   EXPECT_EQ(view(job).reason, "cancelled") << "it waits for nobody";
 }
 
-TEST_F(CoordinatorTest, TheLogTellsTroubleFromNewsAndNewsFromRoutine) {
+TEST_F(CoordinatorTest, LogLevelsMatchSeverity) {
   std::map<LogLevel, std::vector<std::string>> lines;
   options.log = [&lines](LogLevel level, const std::string& text) { lines[level].push_back(text); };
   start();
@@ -77,7 +77,7 @@ TEST_F(CoordinatorTest, TheLogTellsTroubleFromNewsAndNewsFromRoutine) {
   EXPECT_TRUE(lines[LogLevel::error].empty());
 }
 
-TEST_F(CoordinatorTest, NothingIsAcknowledgedBeforeItIsDurable) {
+TEST_F(CoordinatorTest, AcknowledgesOnlyDurableBlocks) {
   create_job("a");
   auto worker = join("w1");
   deliver_all(worker);
@@ -89,7 +89,7 @@ TEST_F(CoordinatorTest, NothingIsAcknowledgedBeforeItIsDurable) {
   EXPECT_TRUE(worker.acknowledgements.empty()) << "silence: send again";
 }
 
-TEST_F(CoordinatorTest, ManyBlocksAreOneGroupOfTheJournal) {
+TEST_F(CoordinatorTest, PendingBlocksFormOneJournalGroup) {
   create_job("a");
   auto worker = join("w1");
   deliver_all(worker);
@@ -97,7 +97,7 @@ TEST_F(CoordinatorTest, ManyBlocksAreOneGroupOfTheJournal) {
   EXPECT_EQ(store.group_count(), 1);
 }
 
-TEST_F(CoordinatorTest, PixelsDoNotDependOnWhoDeliversWhenOrTwice) {
+TEST_F(CoordinatorTest, PixelsAreDeliveryIndependent) {
   const std::string alone = create_job("a", 64);
   auto worker = join("w1");
   work_off(worker, alone);
@@ -121,7 +121,7 @@ TEST_F(CoordinatorTest, PixelsDoNotDependOnWhoDeliversWhenOrTwice) {
   EXPECT_EQ(pixels_of(alone), pixels_of(shared));
 }
 
-TEST_F(CoordinatorTest, EveryDeliveredBlockGetsExactlyOneVerdict) {
+TEST_F(CoordinatorTest, EveryBlockIsAcknowledgedOnce) {
   const std::string job = create_job("a");
   auto worker = join("w1");
   const auto units = worker.units;
@@ -142,7 +142,7 @@ TEST_F(CoordinatorTest, EveryDeliveredBlockGetsExactlyOneVerdict) {
   EXPECT_DOUBLE_EQ(report->counters.wasted_cpu_seconds, 1);
 }
 
-TEST_F(CoordinatorTest, ADuplicateWithOtherBytesIsRejectedAndCounted) {
+TEST_F(CoordinatorTest, MismatchedDuplicateIsRejected) {
   const std::string job = create_job("a");
   auto worker = join("w1");
   const Leased unit = worker.units[0];
@@ -158,7 +158,7 @@ TEST_F(CoordinatorTest, ADuplicateWithOtherBytesIsRejectedAndCounted) {
   EXPECT_EQ(view(job).state, JobState::running);
 }
 
-TEST_F(CoordinatorTest, LateResultsOfALostWorkerCount) {
+TEST_F(CoordinatorTest, LateResultsOfLostWorkerAreAccepted) {
   const std::string job = create_job("a");
   auto worker = join("w1");
   const auto units = worker.units;
@@ -175,7 +175,7 @@ TEST_F(CoordinatorTest, LateResultsOfALostWorkerCount) {
   EXPECT_EQ(view(job).committed_unit_count, 1);
 }
 
-TEST_F(CoordinatorTest, BadBlocksAreRejectedEachWithAReason) {
+TEST_F(CoordinatorTest, InvalidBlocksAreRejectedWithReason) {
   create_job("a");
   auto worker = join("w1");
   const auto units = worker.units;
@@ -202,7 +202,7 @@ TEST_F(CoordinatorTest, BadBlocksAreRejectedEachWithAReason) {
   EXPECT_EQ(store.group_count(), 0);
 }
 
-TEST_F(CoordinatorTest, ResultsOfACancelledJobAreUnwantedAndItsBlocksKept) {
+TEST_F(CoordinatorTest, CancelledJobResultsAreObsolete) {
   const std::string job = create_job("a");
   auto worker = join("w1");
   const auto units = worker.units;
@@ -223,7 +223,7 @@ TEST_F(CoordinatorTest, ResultsOfACancelledJobAreUnwantedAndItsBlocksKept) {
   EXPECT_EQ(coordinator->report(job)->contributions.at("w1").units, 6);
 }
 
-TEST_F(CoordinatorTest, AFullStorePausesTheJobUntilItIsResumed) {
+TEST_F(CoordinatorTest, FullStorePausesJobUntilResumed) {
   const std::string job = create_job("a");
   auto worker = join("w1");
   const auto units = worker.units;
@@ -239,7 +239,7 @@ TEST_F(CoordinatorTest, AFullStorePausesTheJobUntilItIsResumed) {
   EXPECT_EQ(view(job).state, JobState::done);
 }
 
-TEST_F(CoordinatorTest, AStoreThatIsFullWhenAFrameIsFinishedPausesTheJobToo) {
+TEST_F(CoordinatorTest, FullStoreAtFrameEndPausesJob) {
   const std::string job = create_job("a");
   auto worker = join("w1");
   deliver_all(worker);
@@ -261,7 +261,7 @@ TEST_F(CoordinatorTest, AStoreThatIsFullWhenAFrameIsFinishedPausesTheJobToo) {
   EXPECT_EQ(journaled(), JobState::done);
 }
 
-TEST_F(CoordinatorTest, ReadingStopsWhileTooMuchIsWaiting) {
+TEST_F(CoordinatorTest, BacklogStopsReading) {
   options.ingest_bytes = 1000;
   start();
   create_job("a");
@@ -284,7 +284,7 @@ TEST_F(CoordinatorTest, ReadingStopsWhileTooMuchIsWaiting) {
 
 // Sessions ----------------------------------------------------------------------------------------
 
-TEST_F(CoordinatorTest, ANewStreamClosesTheOldOneOfItsWorker) {
+TEST_F(CoordinatorTest, NewStreamClosesOldOne) {
   create_job("a");
   auto old = join("w1");
   auto fresh = join("w1");
@@ -297,7 +297,7 @@ TEST_F(CoordinatorTest, ANewStreamClosesTheOldOneOfItsWorker) {
   EXPECT_FALSE(coordinator->check_delivery("w1").ok());
 }
 
-TEST_F(CoordinatorTest, MailWakesItsLink) {
+TEST_F(CoordinatorTest, NewMessageWakesConnection) {
   auto worker = join("w1");
   const int before = worker.link->wake_count;
   create_job("a");
@@ -306,7 +306,7 @@ TEST_F(CoordinatorTest, MailWakesItsLink) {
 
 // Restarts ----------------------------------------------------------------------------------------
 
-TEST_F(CoordinatorTest, ARestartGoesOnFromWhatWasCommitted) {
+TEST_F(CoordinatorTest, RestartContinuesFromCommittedUnits) {
   const std::string whole = create_job("whole", 64);
   auto first = join("w1");
   work_off(first, whole);
@@ -335,7 +335,7 @@ TEST_F(CoordinatorTest, ARestartGoesOnFromWhatWasCommitted) {
   EXPECT_EQ(coordinator->report(whole)->contributions.at("w1").units, 12);
 }
 
-TEST_F(CoordinatorTest, LeasesFromBeforeARestartStillCount) {
+TEST_F(CoordinatorTest, LeasesSurviveRestart) {
   const std::string job = create_job("a");
   auto worker = join("w1");
   const auto units = worker.units;
@@ -346,7 +346,7 @@ TEST_F(CoordinatorTest, LeasesFromBeforeARestartStillCount) {
   EXPECT_EQ(view(job).state, JobState::done);
 }
 
-TEST_F(CoordinatorTest, AFrameThatWasCompleteButNotWrittenIsWrittenAfterTheRestart) {
+TEST_F(CoordinatorTest, RestartWritesCompleteFrame) {
   const std::string job = create_job("a");
   auto worker = join("w1");
   deliver_all(worker);
@@ -358,7 +358,7 @@ TEST_F(CoordinatorTest, AFrameThatWasCompleteButNotWrittenIsWrittenAfterTheResta
   EXPECT_EQ(view(job).state, JobState::done);
 }
 
-TEST_F(CoordinatorTest, ADamagedBlockIsRenderedAgain) {
+TEST_F(CoordinatorTest, DamagedBlockIsRenderedAgain) {
   const std::string whole = create_job("whole");
   auto worker = join("w1");
   work_off(worker, whole);
@@ -380,7 +380,7 @@ TEST_F(CoordinatorTest, ADamagedBlockIsRenderedAgain) {
   EXPECT_EQ(coordinator->report(job)->counters.redone, 1);
 }
 
-TEST_F(CoordinatorTest, AfterARestartGrantsWaitForTheRoster) {
+TEST_F(CoordinatorTest, GrantsWaitForKnownWorkersAfterRestart) {
   create_job("a");
   join("w1");
   join("w2");
@@ -395,7 +395,7 @@ TEST_F(CoordinatorTest, AfterARestartGrantsWaitForTheRoster) {
 
 // Jobs --------------------------------------------------------------------------------------------
 
-TEST_F(CoordinatorTest, TheSameRequestMakesOneJobAlsoAfterARestart) {
+TEST_F(CoordinatorTest, RepeatedRequestCreatesOneJob) {
   const std::string job = create_job("a");
   EXPECT_EQ(create_job("a"), job);
   start();
@@ -403,7 +403,7 @@ TEST_F(CoordinatorTest, TheSameRequestMakesOneJobAlsoAfterARestart) {
   EXPECT_NE(create_job("b"), job);
 }
 
-TEST_F(CoordinatorTest, AJobNeedsItsAssetsAndRoom) {
+TEST_F(CoordinatorTest, JobNeedsAssetsAndDiskSpace) {
   JobSpec spec = spec_of("a");
   spec.assets = {{"scene.gltf", contract::sha256("scene"), 5}};
   const auto missing = create(spec);
@@ -416,7 +416,7 @@ TEST_F(CoordinatorTest, AJobNeedsItsAssetsAndRoom) {
   EXPECT_TRUE(create(spec).ok());
 }
 
-TEST_F(CoordinatorTest, AnOwnersUnfinishedJobsAreLimited) {
+TEST_F(CoordinatorTest, UnfinishedJobsPerOwnerAreLimited) {
   options.client_quota.jobs = 2;
   start();
   const std::string one = create_job("one");
@@ -431,7 +431,7 @@ TEST_F(CoordinatorTest, AnOwnersUnfinishedJobsAreLimited) {
   EXPECT_TRUE(absl::IsResourceExhausted(change(one, Coordinator::Change::retry).status()));
 }
 
-TEST_F(CoordinatorTest, AnOwnersSamplesAreLimitedToTheLast) {
+TEST_F(CoordinatorTest, SamplesPerOwnerAreLimited) {
   options.client_quota.samples = 2.0 * 20 * 12 * 8;
   start();
   const std::string one = create_job("one", 8);
@@ -445,14 +445,14 @@ TEST_F(CoordinatorTest, AnOwnersSamplesAreLimitedToTheLast) {
   EXPECT_TRUE(absl::IsResourceExhausted(extended.status()));
 }
 
-TEST_F(CoordinatorTest, AnOwnersStoreIsLimited) {
+TEST_F(CoordinatorTest, StoredBytesPerOwnerAreLimited) {
   options.client_quota.store_bytes = size_of(spec_of("one")).store_bytes;
   start();
   create_job("one");
   EXPECT_TRUE(absl::IsResourceExhausted(create(spec_of("two")).status()));
 }
 
-TEST_F(CoordinatorTest, JobsAreFoundByIdPrefixNameAndLast) {
+TEST_F(CoordinatorTest, FindsJobsByIdPrefixNameAndLast) {
   const std::string one = create_job("one");
   const std::string two = create_job("two");
   EXPECT_EQ(coordinator->find_job(one)->spec->id, one);
@@ -475,7 +475,7 @@ TEST_F(CoordinatorTest, ListsNewestFirstInPages) {
   EXPECT_EQ(second[0].spec->name, "a");
 }
 
-TEST_F(CoordinatorTest, OnlyEndedJobsAreRemoved) {
+TEST_F(CoordinatorTest, OnlyEndedJobsCanBeRemoved) {
   const std::string job = create_job("a");
   absl::Status status;
   coordinator->remove_job(job, [&](const absl::Status& s) { status = s; });
@@ -489,7 +489,7 @@ TEST_F(CoordinatorTest, OnlyEndedJobsAreRemoved) {
   EXPECT_TRUE(store.jobs()->empty());
 }
 
-TEST_F(CoordinatorTest, ExtendingGivesThePixelsOfALongerJob) {
+TEST_F(CoordinatorTest, ExtendedJobMatchesLongerJob) {
   const std::string longer = create_job("longer", 64);
   auto worker = join("w1");
   work_off(worker, longer);
@@ -524,7 +524,7 @@ void age_jobs(MemoryStore& store) {
   }
 }
 
-TEST_F(CoordinatorTest, AJobIsNotGoneOnWithUnderAnotherContract) {
+TEST_F(CoordinatorTest, ContractChangeStopsStartedJob) {
   const std::string done = create_job("done"), begun = create_job("begun");
   auto worker = join("w1", 8);  // of 12 units
   deliver_all(worker);
@@ -553,7 +553,7 @@ TEST_F(CoordinatorTest, AJobIsNotGoneOnWithUnderAnotherContract) {
   EXPECT_TRUE(absl::IsFailedPrecondition(extended.status())) << extended.status();
 }
 
-TEST_F(CoordinatorTest, AJobOfWhichNothingIsRenderedGoesOverToTheNewContract) {
+TEST_F(CoordinatorTest, UnstartedJobAdoptsNewContract) {
   const std::string job = create_job("a");
   age_jobs(store);
   start();
@@ -565,7 +565,7 @@ TEST_F(CoordinatorTest, AJobOfWhichNothingIsRenderedGoesOverToTheNewContract) {
   EXPECT_EQ(view(job).state, JobState::done);
 }
 
-TEST_F(CoordinatorTest, APartialFrameListsWhatIsMissing) {
+TEST_F(CoordinatorTest, PartialFrameListsMissingTiles) {
   const std::string job = create_job("a");
   auto worker = join("w1");
   const auto fetch = [&](bool allow_partial) {

@@ -13,7 +13,7 @@ Delivery made(std::int64_t job, std::int32_t tile) {
   return {.job = job, .unit = {0, tile, 0}, .worker_id = "w"};
 }
 
-TEST(DeliveryLog, IsReadByJobFromASequenceOnAndInParts) {
+TEST(DeliveryLog, ReadsByJobFromSequenceInPages) {
   DeliveryLog log;
   EXPECT_TRUE(log.read(1, 0, 9).empty());
   for (std::int32_t tile = 0; tile < 6; ++tile) log.add(made(tile % 2, tile));
@@ -27,7 +27,7 @@ TEST(DeliveryLog, IsReadByJobFromASequenceOnAndInParts) {
   EXPECT_TRUE(log.read(1, rest.back().sequence + 100, 9).empty());
 }
 
-TEST(DeliveryLog, KeepsTheNewestAndTheNamesOfWorkersThatAreGone) {
+TEST(DeliveryLog, KeepsNewestAndNamesOfGoneWorkers) {
   DeliveryLog log;
   for (int i = 0; i < 10; ++i) {
     log.add({.job = 1, .unit = {0, i, 0}, .worker_id = "worker " + std::to_string(i)});
@@ -49,7 +49,7 @@ class Deliveries : public CoordinatorFixture {
   }
 };
 
-TEST_F(Deliveries, TellTheWorkerTheCpuTimeAndTheLeaseOfACommittedUnit) {
+TEST_F(Deliveries, RecordWorkerCpuTimeAndLease) {
   TestWorker worker = join("w", 2);
   const std::string job = create_job("a");
   collect(worker);
@@ -71,7 +71,7 @@ TEST_F(Deliveries, TellTheWorkerTheCpuTimeAndTheLeaseOfACommittedUnit) {
   EXPECT_TRUE(absl::IsNotFound(coordinator->deliveries("nosuch", 0, 9).status()));
 }
 
-TEST_F(Deliveries, CountFailuresAndLossesOfTheUnitBefore) {
+TEST_F(Deliveries, CountEarlierFailuresAndLosses) {
   TestWorker first = join("first", 1);
   const std::string job = create_job("a");
   collect(first);
@@ -86,7 +86,7 @@ TEST_F(Deliveries, CountFailuresAndLossesOfTheUnitBefore) {
   }
 }
 
-TEST_F(Deliveries, TellAuditsAndRepeatsApart) {
+TEST_F(Deliveries, DistinguishAuditsFromRepeats) {
   options.policy.audit_fraction = 1;
   start();
   TestWorker ann = join("ann");

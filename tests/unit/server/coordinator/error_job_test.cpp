@@ -32,7 +32,7 @@ class ErrorJobTest : public CoordinatorFixture {
   }
 };
 
-TEST_F(ErrorJobTest, EndsWhenTheBoundHolds) {
+TEST_F(ErrorJobTest, EndsWhenBoundIsMet) {
   const std::string job = create_error_job("a", 0.1);
   auto worker = join("w1");
   work_off(worker, job);
@@ -50,7 +50,7 @@ TEST_F(ErrorJobTest, EndsWhenTheBoundHolds) {
   EXPECT_EQ(frame["curve"].back()["samples"], ended.committed_sample_count);
 }
 
-TEST_F(ErrorJobTest, TheMostSamplesWithoutTheBoundIsCapped) {
+TEST_F(ErrorJobTest, SampleLimitWithoutBoundIsCapped) {
   const std::string job = create_error_job("a", 0.001, 512);
   auto worker = join("w1");
   work_off(worker, job);
@@ -60,7 +60,7 @@ TEST_F(ErrorJobTest, TheMostSamplesWithoutTheBoundIsCapped) {
   EXPECT_NE(report["reasons"][0].get<std::string>().find("--max-spp"), std::string::npos);
 }
 
-TEST_F(ErrorJobTest, RestartsAndOrderChangeNoPixelAndNoDecision) {
+TEST_F(ErrorJobTest, RestartsAndOrderKeepPixels) {
   const std::string calm = create_error_job("calm", 0.1, 4096, 1);
   auto worker = join("w1");
   work_off(worker, calm);
@@ -96,7 +96,7 @@ TEST_F(ErrorJobTest, RestartsAndOrderChangeNoPixelAndNoDecision) {
   EXPECT_EQ(view(job).unit_count, view(job).committed_unit_count);
 }
 
-TEST_F(ErrorJobTest, AskingForLessErrorLaterGivesTheSamePixels) {
+TEST_F(ErrorJobTest, LoweringErrorLaterKeepsPixels) {
   const std::string strict = create_error_job("strict", 0.05);
   auto worker = join("w1");
   work_off(worker, strict);
@@ -130,7 +130,7 @@ TEST_F(ErrorJobTest, AskingForLessErrorLaterGivesTheSamePixels) {
   EXPECT_EQ(pixels_of(job), pixels_of(strict));
 }
 
-TEST_F(ErrorJobTest, ABlockFoundDamagedAfterARestartIsRenderedAgain) {
+TEST_F(ErrorJobTest, DamagedBlockIsRenderedAgain) {
   const std::string calm = create_error_job("calm", 0.1);
   auto worker = join("w1");
   work_off(worker, calm);
@@ -154,7 +154,7 @@ TEST_F(ErrorJobTest, ABlockFoundDamagedAfterARestartIsRenderedAgain) {
   EXPECT_EQ(pixels_of(job), pixels_of(calm));
 }
 
-TEST_F(ErrorJobTest, ABlackFrameIsUncertain) {
+TEST_F(ErrorJobTest, BlackFrameIsUncertain) {
   const std::string job = create_error_job("black", 0.1);
   auto worker = join("w1");
   for (int round = 0; round < 20 && !has_ended(view(job).state); ++round) {

@@ -25,7 +25,7 @@ std::vector<std::string> texts(const std::vector<Event>& events) {
   return texts;
 }
 
-TEST(EventLog, IsReadFromASequenceOnAndInParts) {
+TEST(EventLog, ReadsFromSequenceInPages) {
   EventLog log(1, no_time);
   for (const char* text : {"a", "b", "c", "d"}) log.add(event_of(EventKind::job_done, "j", text));
   const auto first = log.read({}, 2);
@@ -37,7 +37,7 @@ TEST(EventLog, IsReadFromASequenceOnAndInParts) {
   EXPECT_GT(next.read({}, 1).front().sequence, log.read({}, 9).back().sequence);
 }
 
-TEST(EventLog, KnowsItsNewestAlsoBeforeAndAfterItIsKept) {
+TEST(EventLog, NewestSequenceGrowsAcrossRestarts) {
   EventLog log(1, no_time), next(2, no_time);
   const std::int64_t before = log.newest();
   log.add({});  // a line
@@ -45,7 +45,7 @@ TEST(EventLog, KnowsItsNewestAlsoBeforeAndAfterItIsKept) {
   EXPECT_GT(next.newest(), log.newest());
 }
 
-TEST(EventLog, AJobsLinesStandAmongItsEventsAndAreNotTheFarms) {
+TEST(EventLog, JobLinesAreInterleavedWithEvents) {
   EventLog log(1, no_time);
   log.add(event_of(EventKind::job_submitted, "j", "1"));
   log.add(event_of(EventKind::log_line, "j", "2"));
@@ -57,7 +57,7 @@ TEST(EventLog, AJobsLinesStandAmongItsEventsAndAreNotTheFarms) {
   EXPECT_EQ(texts(log.read({}, 9)), (std::vector<std::string>{"1", "3", "5"}));
 }
 
-TEST(EventLog, AnOwnerReadsOfHisJobsAndOfWorkers) {
+TEST(EventLog, OwnerSeesOwnJobsAndWorkers) {
   EventLog log(1, no_time);
   log.add(event_of(EventKind::job_done, "a", "ann's", "ann"));
   log.add(event_of(EventKind::job_done, "b", "bob's", "bob"));
@@ -65,7 +65,7 @@ TEST(EventLog, AnOwnerReadsOfHisJobsAndOfWorkers) {
   EXPECT_EQ(texts(log.read({0, "", "ann"}, 9)), (std::vector<std::string>{"ann's", "worker"}));
 }
 
-TEST(EventLog, KeepsTheNewestAndTalkPushesOutNoEvents) {
+TEST(EventLog, LogLinesDoNotEvictEvents) {
   EventLog log(1, no_time);
   log.add(event_of(EventKind::job_submitted, "j", "submitted"));
   const std::size_t count = EventLog::kMaxLinesOfJob + 10;
@@ -79,7 +79,7 @@ TEST(EventLog, KeepsTheNewestAndTalkPushesOutNoEvents) {
   EXPECT_EQ(kept.back(), std::to_string(count - 1));
 }
 
-TEST(EventLog, ManyJobsTogetherKeepNoMoreThanTheMost) {
+TEST(EventLog, TotalSizeIsLimited) {
   EventLog log(1, no_time);
   const std::size_t jobs = EventLog::kMaxLines / 1000 + 2;
   for (std::size_t job = 0; job < jobs; ++job) {
@@ -93,7 +93,7 @@ TEST(EventLog, ManyJobsTogetherKeepNoMoreThanTheMost) {
   EXPECT_TRUE(log.read({0, "0", ""}, 1).empty());  // the oldest went
 }
 
-TEST(EventLog, ALongLineIsCutBetweenLetters) {
+TEST(EventLog, LongLineIsCutAtCharacterBoundary) {
   EventLog log(1, no_time);
   std::string umlauts(1, 'x');
   while (umlauts.size() < 2 * EventLog::kMaxTextBytes) umlauts += "\xC3\xA4";
@@ -126,7 +126,7 @@ class Events : public CoordinatorFixture {
   }
 };
 
-TEST_F(Events, TellAJobsLife) {
+TEST_F(Events, JobLifecycleIsRecorded) {
   TestWorker worker = join("w");
   const std::string job = create_job("shot");
   work_off(worker, job);
@@ -140,7 +140,7 @@ TEST_F(Events, TellAJobsLife) {
   EXPECT_EQ(kinds().back(), EventKind::job_removed);
 }
 
-TEST_F(Events, AFailedUnitTellsItsMessageAndWhatItsRendererSaidLast) {
+TEST_F(Events, FailedUnitIncludesLastRendererOutput) {
   TestWorker worker = join("w");
   const std::string job = create_job("shot");
   collect(worker);
@@ -155,7 +155,7 @@ TEST_F(Events, AFailedUnitTellsItsMessageAndWhatItsRendererSaidLast) {
   EXPECT_EQ(last[2], "renderer: second");
 }
 
-TEST_F(Events, AWorkersLinesAreTakenForJobsItWasLeasedOnly) {
+TEST_F(Events, WorkerLogsOnlyForLeasedJobs) {
   TestWorker worker = join("w");
   const std::string job = create_job("shot");
   const TestWorker stranger = join("late", 0);
@@ -175,7 +175,7 @@ TEST_F(Events, AWorkersLinesAreTakenForJobsItWasLeasedOnly) {
             std::vector<std::string>{"the very last"});
 }
 
-TEST_F(Events, ADrainedWorkerIsToldToGoAndLeasedNothing) {
+TEST_F(Events, DrainedWorkerGetsNoLeases) {
   TestWorker worker = join("w");
   EXPECT_TRUE(absl::IsNotFound(coordinator->drain_worker("nobody")));
   EXPECT_TRUE(coordinator->drain_worker("w").ok());
@@ -186,7 +186,7 @@ TEST_F(Events, ADrainedWorkerIsToldToGoAndLeasedNothing) {
   EXPECT_TRUE(worker.units.empty());
 }
 
-TEST_F(Events, ABannedWorkersUnitsGoToOthersAndItsBlocksAreRefused) {
+TEST_F(Events, BannedWorkerLosesUnitsAndResults) {
   TestWorker bad = join("bad");
   const std::string job = create_job("shot");
   collect(bad);
@@ -207,7 +207,7 @@ TEST_F(Events, ABannedWorkersUnitsGoToOthersAndItsBlocksAreRefused) {
   EXPECT_EQ(view(job).state, JobState::done);
 }
 
-TEST_F(Events, ABanOutlivesTheServerUntilItIsTakenBack) {
+TEST_F(Events, BanSurvivesRestartUntilLifted) {
   join("bad");
   EXPECT_TRUE(ban("bad").ok());
   start();

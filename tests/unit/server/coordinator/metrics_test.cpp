@@ -12,7 +12,7 @@
 namespace tessera::server {
 namespace {
 
-class MetricsWalk : public CoordinatorFixture {
+class MetricsTest : public CoordinatorFixture {
  protected:
   /// Lines of the text, name and labels → value.
   std::map<std::string, double> scrape() {
@@ -27,7 +27,7 @@ class MetricsWalk : public CoordinatorFixture {
   }
 };
 
-TEST_F(MetricsWalk, UnitsAreCountedFromTheQueueToTheFilm) {
+TEST_F(MetricsTest, UnitsAreCountedByState) {
   TestWorker worker = join("w", 4);
   const std::string job = create_job("a");  // 20 × 12 pixels, 6 tiles
   const auto total = static_cast<double>(view(job).unit_count);
@@ -73,7 +73,7 @@ TEST_F(MetricsWalk, UnitsAreCountedFromTheQueueToTheFilm) {
   EXPECT_EQ(values.at("tessera_frame_write_duration_seconds_count"), 1);
 }
 
-TEST_F(MetricsWalk, ErrorsAreCountedByKind) {
+TEST_F(MetricsTest, ErrorsAreCountedByKind) {
   TestWorker worker = join("w", 2);
   const std::string job = create_job("a");
   collect(worker);
@@ -99,7 +99,7 @@ TEST_F(MetricsWalk, ErrorsAreCountedByKind) {
   EXPECT_EQ(values.at(R"(tessera_workers{state="working"})"), 0);
 }
 
-TEST_F(MetricsWalk, AuditsAndLiarsAreCounted) {
+TEST_F(MetricsTest, AuditsAndQuarantinesAreCounted) {
   options.policy.audit_fraction = 1;
   start();
   TestWorker ann = join("ann"), bob = join("bob"), liar = join("liar");

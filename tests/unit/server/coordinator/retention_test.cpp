@@ -30,7 +30,7 @@ class RetentionTest : public CoordinatorFixture {
   bool is_there(const std::string& job) { return coordinator->job(job).ok(); }
 };
 
-TEST_F(RetentionTest, AJobIsRemovedSoLongAfterItsEndAndNoOther) {
+TEST_F(RetentionTest, EndedJobIsRemovedAfterRetention) {
   keep_for(2 * kDayUs);
   auto worker = join("w1");
   const std::string done = create_job("done");
@@ -50,7 +50,7 @@ TEST_F(RetentionTest, AJobIsRemovedSoLongAfterItsEndAndNoOther) {
   EXPECT_EQ(store.jobs()->size(), 2u);
 }
 
-TEST_F(RetentionTest, WhatEndedBeforeARestartCountsToo) {
+TEST_F(RetentionTest, EndTimeSurvivesRestart) {
   keep_for(0);
   const std::string job = create_job("a");
   ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
@@ -61,7 +61,7 @@ TEST_F(RetentionTest, WhatEndedBeforeARestartCountsToo) {
   EXPECT_FALSE(is_there(job));
 }
 
-TEST_F(RetentionTest, AJobThatGoesOnIsNotOld) {
+TEST_F(RetentionTest, RetriedJobIsKept) {
   keep_for(kDayUs);
   const std::string job = create_job("a");
   ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
@@ -75,7 +75,7 @@ TEST_F(RetentionTest, AJobThatGoesOnIsNotOld) {
   EXPECT_FALSE(is_there(job));
 }
 
-TEST_F(RetentionTest, ManyGoAFewAtATime) {
+TEST_F(RetentionTest, JobsAreRemovedInSmallGroups) {
   keep_for(kDayUs);
   for (int i = 0; i < 20; ++i) {
     const std::string job = create_job("j" + std::to_string(i));
@@ -90,7 +90,7 @@ TEST_F(RetentionTest, ManyGoAFewAtATime) {
   EXPECT_TRUE(store.jobs()->empty());
 }
 
-TEST_F(RetentionTest, FiguresOfADoneJobOutliveItsUnits) {
+TEST_F(RetentionTest, DoneJobKeepsFiguresWithoutUnits) {
   const std::string job = create_job("a", 64);
   auto worker = join("w1");
   work_off(worker, job);

@@ -33,7 +33,7 @@ class CoordinatorThreads : public CoordinatorFixture {
   }
 };
 
-TEST_F(CoordinatorThreads, AllAtOnceLoseNothingAndCommitNothingTwice) {
+TEST_F(CoordinatorThreads, ConcurrentUseCommitsEveryUnitOnce) {
   JobSpec spec = spec_of("hammered", 64);
   spec.settings.width = spec.settings.height = 160;  // 400 tiles, 2 passes
   const std::string job = create(spec)->view.spec->id;

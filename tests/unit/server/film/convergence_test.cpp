@@ -18,7 +18,7 @@ FrameStatistics good() {
   return statistics;
 }
 
-TEST(Certainty, AFrameIsConvergedOnlyIfNothingSpeaksAgainstIt) {
+TEST(Certainty, ConvergedNeedsNoContraryReason) {
   const ConvergenceResult claim = assess_convergence(good(), {9, 0, 0}, 0.1);
   EXPECT_EQ(claim.certainty, Certainty::converged);
   EXPECT_TRUE(claim.reasons.empty());
@@ -48,7 +48,7 @@ TEST(Certainty, AFrameIsConvergedOnlyIfNothingSpeaksAgainstIt) {
   EXPECT_TRUE(uncertain(statistics, {9, 0, 0})) << "the bound is missed with no tile at the cap";
 }
 
-TEST(Certainty, TheCapIsTheReasonOnlyWhereTheBoundIsMissed) {
+TEST(Certainty, CappedOnlyIfBoundIsMissed) {
   FrameStatistics statistics = good();
   statistics.estimated.error_upper95 = 0.11;
   EXPECT_EQ(assess_convergence(statistics, {9, 3, 0}, 0.1).certainty, Certainty::capped);
@@ -61,14 +61,14 @@ TEST(Certainty, TheCapIsTheReasonOnlyWhereTheBoundIsMissed) {
       << "also where it is not the only reason";
 }
 
-TEST(Certainty, NamesGoBothWays) {
+TEST(Certainty, NamesRoundTrip) {
   for (const Certainty each : {Certainty::converged, Certainty::capped, Certainty::uncertain}) {
     EXPECT_EQ(parse_certainty(certainty_name(each)), each);
   }
   EXPECT_EQ(parse_certainty("DONE"), std::nullopt);
 }
 
-TEST(FrameSummary, SurvivesTheJournal) {
+TEST(FrameSummary, JournalRoundTrip) {
   FrameSummary summary;
   summary.spp = 16384;
   summary.error = 0.05;

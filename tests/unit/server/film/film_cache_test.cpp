@@ -88,7 +88,7 @@ class FilmCacheTest : public ::testing::Test {
   std::atomic<int> reads_ = 0;
 };
 
-TEST_F(FilmCacheTest, SameBitsWhateverTheArrivalOrderDuplicatesOrMemory) {
+TEST_F(FilmCacheTest, OrderDuplicatesAndMemoryKeepBits) {
   // Hard case 69.
   std::vector<float> expected;
   std::vector<double> errors;
@@ -121,7 +121,7 @@ TEST_F(FilmCacheTest, SameBitsWhateverTheArrivalOrderDuplicatesOrMemory) {
   }
 }
 
-TEST_F(FilmCacheTest, RestartFromTheJournalGivesTheSameBits) {
+TEST_F(FilmCacheTest, RestartFromJournalKeepsBits) {
   FilmCache before(kPlenty), after(kPlenty);
   open(before);
   for (const auto& [tile, pass] : all_units()) {
@@ -137,7 +137,7 @@ TEST_F(FilmCacheTest, RestartFromTheJournalGivesTheSameBits) {
   EXPECT_EQ(all_pixels(before), all_pixels(after));
 }
 
-TEST_F(FilmCacheTest, MeanLuminanceIsThatOfPassZeroOfTheWholeFrame) {
+TEST_F(FilmCacheTest, MeanLuminanceCoversWholePassZero) {
   FilmCache cache(kPlenty);
   open(cache);
   double sum = 0;
@@ -153,7 +153,7 @@ TEST_F(FilmCacheTest, MeanLuminanceIsThatOfPassZeroOfTheWholeFrame) {
   EXPECT_EQ(*cache.mean_luminance(frame_key), sum / (70 * 50));
 }
 
-TEST_F(FilmCacheTest, MemoryStaysAtTheBudgetAndOneTileIsAlwaysHeld) {
+TEST_F(FilmCacheTest, MemoryStaysWithinBudget) {
   const std::int64_t one = TileSum(32, 32, settings_.aovs).bytes();
   FilmCache cache(2 * one);
   open(cache);
@@ -168,7 +168,7 @@ TEST_F(FilmCacheTest, MemoryStaysAtTheBudgetAndOneTileIsAlwaysHeld) {
   EXPECT_FALSE(cache.is_open(frame_key));
 }
 
-TEST_F(FilmCacheTest, ProgressKnowsNoErrorUntilPassZeroIsWhole) {
+TEST_F(FilmCacheTest, ErrorIsUnknownUntilPassZeroIsWhole) {
   FilmCache cache(kPlenty);
   open(cache);
   const std::int32_t last = grid_->tile_count() - 1;
@@ -185,7 +185,7 @@ TEST_F(FilmCacheTest, ProgressKnowsNoErrorUntilPassZeroIsWhole) {
   EXPECT_LT(cache.running_estimate(frame_key).error, after_first.error);
 }
 
-TEST_F(FilmCacheTest, TheTrueErrorAfterEachPassIsThatOfTheImageThen) {
+TEST_F(FilmCacheTest, TrueErrorPerPassMatchesImage) {
   std::vector<float> reference, image(std::size_t{4} * 70 * 50);
   std::mt19937 rng(7);
   std::uniform_real_distribution<float> uniform(0, 2);
@@ -230,7 +230,7 @@ TEST_F(FilmCacheTest, TheTrueErrorAfterEachPassIsThatOfTheImageThen) {
   }
 }
 
-TEST_F(FilmCacheTest, AReferenceThatCannotBeReadLeavesTheErrorUnknown) {
+TEST_F(FilmCacheTest, UnreadableReferenceGivesNoError) {
   FilmCache cache(kPlenty);
   open(cache, [](const contract::PixelRect&) -> absl::StatusOr<std::vector<float>> {
     return absl::DataLossError("gone");
@@ -242,7 +242,7 @@ TEST_F(FilmCacheTest, AReferenceThatCannotBeReadLeavesTheErrorUnknown) {
   EXPECT_GT(cache.after_pass(frame_key, 2).estimate.error, 0);
 }
 
-TEST_F(FilmCacheTest, RefusesWhatDoesNotBelongToTheFrame) {
+TEST_F(FilmCacheTest, RejectsUnitsOutsideFrame) {
   FilmCache cache(kPlenty);
   EXPECT_EQ(cache.add(frame_key, 0, 0, block(0, 0)).code(), absl::StatusCode::kNotFound);
   open(cache);
@@ -252,7 +252,7 @@ TEST_F(FilmCacheTest, RefusesWhatDoesNotBelongToTheFrame) {
   EXPECT_EQ(cache.tile(frame_key, 0)->pass_count(), 0);
 }
 
-TEST_F(FilmCacheTest, FaultOfTheStoreReachesTheCaller) {
+TEST_F(FilmCacheTest, StoreErrorReachesCaller) {
   FilmCache cache(kPlenty);
   cache.open_frame(frame_key, settings_, [](std::int32_t, std::int32_t) {
     return absl::StatusOr<FilmBlock>(absl::DataLossError("segment 3 is damaged"));
@@ -261,7 +261,7 @@ TEST_F(FilmCacheTest, FaultOfTheStoreReachesTheCaller) {
   EXPECT_EQ(cache.tile(frame_key, 0).status().code(), absl::StatusCode::kDataLoss);
 }
 
-TEST_F(FilmCacheTest, ThreadsMayAddAtOnce) {
+TEST_F(FilmCacheTest, ConcurrentAddsMatchSerialOnes) {
   FilmCache cache(TileSum(32, 32, settings_.aovs).bytes() * 3), alone(kPlenty);
   open(cache);
   open(alone);
@@ -352,7 +352,7 @@ class ErrorFilmTest : public FilmCacheTest {
   }
 };
 
-TEST_F(ErrorFilmTest, DecisionsAndPixelsDoNotDependOnOrderMemoryOrRestarts) {
+TEST_F(ErrorFilmTest, OrderMemoryAndRestartsKeepDecisions) {
   std::vector<float> expected_pixels;
   const PassCounts expected = render(0, 0, kPlenty, expected_pixels);
   std::set<std::int32_t> kinds;
@@ -367,7 +367,7 @@ TEST_F(ErrorFilmTest, DecisionsAndPixelsDoNotDependOnOrderMemoryOrRestarts) {
   }
 }
 
-TEST_F(ErrorFilmTest, AFixedCountDemandsNothing) {
+TEST_F(ErrorFilmTest, FixedCountHasNoPassTargets) {
   settings_.error.reset();
   FilmCache cache(kPlenty);
   open(cache);

@@ -141,7 +141,7 @@ std::string bytes_of(const std::string& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-TEST_F(FrameWriterTest, EveryLayerComesBackBitForBit) {
+TEST_F(FrameWriterTest, EveryLayerRoundTripsExactly) {
   spec_.settings.aovs = kAllAovs;
   const FrameResult result = written(made_tiles(), "all.exr");
   const ReadBack image = read_back(path("all.exr"));
@@ -172,7 +172,7 @@ TEST_F(FrameWriterTest, EveryLayerComesBackBitForBit) {
   EXPECT_EQ(result.statistics.samples, 70 * 50 * 8);
 }
 
-TEST_F(FrameWriterTest, HashIsOfTheFloatsRowByRowFromTheTop) {
+TEST_F(FrameWriterTest, HashCoversFloatsInRowOrder) {
   const FrameResult result = written(made_tiles(), "hash.exr");
   const ReadBack image = read_back(path("hash.exr"));
   ASSERT_EQ(image.spec.nchannels, 4);
@@ -182,7 +182,7 @@ TEST_F(FrameWriterTest, HashIsOfTheFloatsRowByRowFromTheTop) {
   EXPECT_EQ(result.file_bytes, static_cast<std::int64_t>(bytes.size()));
 }
 
-TEST_F(FrameWriterTest, SameInputGivesTheSameBytesAndNoDate) {
+TEST_F(FrameWriterTest, SameInputGivesSameBytes) {
   written(made_tiles(), "a.exr");
   written(made_tiles(), "b.exr");
   EXPECT_EQ(bytes_of(path("a.exr")), bytes_of(path("b.exr")));
@@ -193,7 +193,7 @@ TEST_F(FrameWriterTest, SameInputGivesTheSameBytesAndNoDate) {
   }
 }
 
-TEST_F(FrameWriterTest, TileSizeDoesNotChangeThePixels) {
+TEST_F(FrameWriterTest, TileSizeKeepsPixels) {
   // Hard case 72.
   std::vector<contract::Digest> hashes;
   for (const std::int32_t tile : {8, 16, 64, 256}) {
@@ -203,7 +203,7 @@ TEST_F(FrameWriterTest, TileSizeDoesNotChangeThePixels) {
   for (const contract::Digest& hash : hashes) EXPECT_EQ(hash, hashes[0]);
 }
 
-TEST_F(FrameWriterTest, CropKeepsItsPlaceInTheFrame) {
+TEST_F(FrameWriterTest, CropKeepsItsOffset) {
   spec_.settings.crop = contract::PixelRect{11, 5, 40, 33};
   written(gradient_tiles(), "crop.exr");
   const ReadBack image = read_back(path("crop.exr"));
@@ -231,7 +231,7 @@ TEST_F(FrameWriterTest, AttributesNameJobContractAndSamples) {
   EXPECT_EQ(spec.get_int_attribute("tessera:frame"), 7);
 }
 
-TEST_F(FrameWriterTest, HalfHoldsAt65504AndCounts) {
+TEST_F(FrameWriterTest, HalfOverflowIsClampedAndCounted) {
   // Hard case 71.
   const auto value_of = [&](float value, bool half) {
     spec_.settings.half = half;
@@ -246,7 +246,7 @@ TEST_F(FrameWriterTest, HalfHoldsAt65504AndCounts) {
   EXPECT_EQ(value_of(2e-8f, true), 0.0f);
 }
 
-TEST_F(FrameWriterTest, HalfDoesNotChangeTheHashOfThePixels) {
+TEST_F(FrameWriterTest, HalfKeepsPixelHash) {
   const FrameResult full = written(made_tiles(), "full.exr");
   spec_.settings.half = true;
   const FrameResult half = written(made_tiles(), "half.exr");
@@ -255,7 +255,7 @@ TEST_F(FrameWriterTest, HalfDoesNotChangeTheHashOfThePixels) {
   EXPECT_EQ(read_back(path("half.exr")).spec.format, OIIO::TypeDesc::HALF);
 }
 
-TEST_F(FrameWriterTest, MissingTilesAreRefusedOrListedAndTransparent) {
+TEST_F(FrameWriterTest, MissingTilesAreRefusedOrListed) {
   const TileReader tiles = [this](std::int32_t index) -> absl::StatusOr<TileSum> {
     if (index != 2) return made_tiles()(index);
     const contract::PixelRect rect = contract::TileGrid(spec_.settings).rect(index);
@@ -274,7 +274,7 @@ TEST_F(FrameWriterTest, MissingTilesAreRefusedOrListedAndTransparent) {
   EXPECT_NE(image.at(hole.x > 0 ? 0 : 69, "R"), 0.0f);
 }
 
-TEST_F(FrameWriterTest, StatisticsAreThoseOfTheWholeFrame) {
+TEST_F(FrameWriterTest, StatisticsCoverWholeFrame) {
   const FrameResult result = written(made_tiles(), "statistics.exr");
   ErrorSums sums;
   std::vector<double> per_pixel;
@@ -297,7 +297,7 @@ TEST_F(FrameWriterTest, StatisticsAreThoseOfTheWholeFrame) {
   EXPECT_EQ(statistics.dropped_samples, 0);
 }
 
-TEST_F(FrameWriterTest, ReportEntryHasEveryKeyOfTheDesign) {
+TEST_F(FrameWriterTest, ReportEntryHasEveryKey) {
   const FrameResult result = written(made_tiles(), "entry.exr");
   const CurvePoint point{1.5, 0.5, 28000, 0.25, 0.125, TrueErrorStats{0.3, 0.2, 0.1}};
   const auto entry = nlohmann::json::parse(frame_entry_json(result, "a.exr", "DONE", {point}));
@@ -320,7 +320,7 @@ TEST_F(FrameWriterTest, ReportEntryHasEveryKeyOfTheDesign) {
   EXPECT_EQ(entry["estimated"]["error"], result.statistics.estimated.error);
 }
 
-TEST_F(FrameWriterTest, ReportEntryTellsTheErrorAndTheSamplesOfEveryTile) {
+TEST_F(FrameWriterTest, ReportEntryListsTileErrors) {
   const FrameResult result = written(made_tiles(), "tiles.exr");
   const auto entry = nlohmann::json::parse(frame_entry_json(result, "a.exr", "DONE", {}));
   const contract::TileGrid grid(spec_.settings);
@@ -333,7 +333,7 @@ TEST_F(FrameWriterTest, ReportEntryTellsTheErrorAndTheSamplesOfEveryTile) {
   }
 }
 
-TEST_F(FrameWriterTest, BlackFrameClaimsNoScaleFreeError) {
+TEST_F(FrameWriterTest, BlackFrameHasNoRelativeError) {
   spec_.mean_luminance = 0;
   const FrameResult result = written(grey_tiles(0), "black.exr");
   const auto entry = nlohmann::json::parse(frame_entry_json(result, "black.exr", "DONE", {}));
@@ -342,7 +342,7 @@ TEST_F(FrameWriterTest, BlackFrameClaimsNoScaleFreeError) {
   EXPECT_EQ(entry["estimated"]["rmse"], 0.0);
 }
 
-TEST_F(FrameWriterTest, WarningsCountWhatWasLeftOutOrHeld) {
+TEST_F(FrameWriterTest, WarningsCountDroppedAndClamped) {
   FrameStatistics statistics;
   EXPECT_TRUE(frame_warnings(statistics).empty());
   statistics.dropped_samples = 12;
@@ -362,14 +362,14 @@ TEST_F(FrameWriterTest, WarningsCountWhatWasLeftOutOrHeld) {
   EXPECT_NE(frame_warnings(cut)[0].find("about 20 %"), std::string::npos);
 }
 
-TEST_F(FrameWriterTest, FullDiskOrMissingFolderIsAnErrorNotACrash) {
+TEST_F(FrameWriterTest, FullDiskOrMissingFolderIsAnError) {
   EXPECT_EQ(write_frame(spec_, made_tiles(), path("no/such/folder.exr")).status().code(),
             absl::StatusCode::kUnavailable);
   EXPECT_EQ(write_frame(spec_, made_tiles(), "/dev/full").status().code(),
             absl::StatusCode::kResourceExhausted);
 }
 
-TEST_F(FrameWriterTest, WideFrameNeedsABandNotTheFrame) {
+TEST_F(FrameWriterTest, WideFrameIsWrittenInBands) {
 #ifdef TESSERA_SANITIZED
   GTEST_SKIP() << "a sanitizer keeps freed memory and shadows of the rest";
 #endif
@@ -398,7 +398,7 @@ OIIO::ImageSpec decode(const std::string& bytes, const std::string& name,
   return spec;
 }
 
-TEST_F(FrameWriterTest, PngIsSrgbOfTheExposedPixels) {
+TEST_F(FrameWriterTest, PngIsExposedSrgb) {
   written(grey_tiles(0.25f), "grey.exr");
   std::vector<unsigned char> pixels;
   const auto plain = export_image(path("grey.exr"), ExportFormat::png, 0);
@@ -414,7 +414,7 @@ TEST_F(FrameWriterTest, PngIsSrgbOfTheExposedPixels) {
   EXPECT_EQ(pixels[0], 188);  // 0.5
 }
 
-TEST_F(FrameWriterTest, PngColoursAreNotPremultipliedAndJpegIsOverBlack) {
+TEST_F(FrameWriterTest, PngIsUnpremultipliedJpegIsOverBlack) {
   const TileReader half_covered = [this](std::int32_t index) -> absl::StatusOr<TileSum> {
     const contract::PixelRect rect = contract::TileGrid(spec_.settings).rect(index);
     TileSum tile(rect.width, rect.height, 0);
@@ -435,7 +435,7 @@ TEST_F(FrameWriterTest, PngColoursAreNotPremultipliedAndJpegIsOverBlack) {
   EXPECT_NEAR(pixels[0], 99, 1);  // 0.125
 }
 
-TEST_F(FrameWriterTest, ExportSaysWhatIsWrongWithAFile) {
+TEST_F(FrameWriterTest, ExportErrorsNameFault) {
   EXPECT_EQ(export_image(path("none.exr"), ExportFormat::png, 0).status().code(),
             absl::StatusCode::kNotFound);
   std::ofstream(path("junk.exr")) << "not an image";

@@ -27,7 +27,7 @@ float red_of(const TileSum& tile) {
   return rgba[0];
 }
 
-TEST(TileSum, MeanIsTheDoubleSumOverKeptSamplesRoundedOnce) {
+TEST(TileSum, MeanIsRoundedOnce) {
   TileSum tile(1, 1, 0);
   // 2^24 and 1: float sums would lose the ones; double keeps them until the division.
   ASSERT_TRUE(tile.add(one_pixel({0x1p24f, 1, 1, 1}, 4, true), {0, 4}).ok());
@@ -36,7 +36,7 @@ TEST(TileSum, MeanIsTheDoubleSumOverKeptSamplesRoundedOnce) {
   EXPECT_NE(red_of(tile), static_cast<float>((0x1p24 + 4.0) / 8));
 }
 
-TEST(TileSum, LongSumsStayWithinTheRoundingOfTheBlocks) {
+TEST(TileSum, LongSumsStayWithinRounding) {
   // Hard case 67: 0.1 a sample, 512 samples a pass, 2,000 passes. Each block rounds once to 2^-24.
   TileSum tile(1, 1, 0);
   const float block_sum = static_cast<float>(0.1 * 128);
@@ -47,7 +47,7 @@ TEST(TileSum, LongSumsStayWithinTheRoundingOfTheBlocks) {
   EXPECT_NEAR(red_of(tile), 0.1, 0.1 * 2 * 0x1p-24);
 }
 
-TEST(TileSum, DroppedSamplesLeaveTheMeanOfTheOthers) {
+TEST(TileSum, DroppedSamplesAreExcludedFromMean) {
   // Hard case 70: one of replicate 1's two samples was not finite.
   FilmBlock block = one_pixel({2, 1, 2, 2}, 7, true);
   block.dropped = {{0, 1, 1}};
@@ -61,7 +61,7 @@ TEST(TileSum, DroppedSamplesLeaveTheMeanOfTheOthers) {
   EXPECT_EQ(error[0], 0.0f) << "each replicate's mean divides by what it kept";
 }
 
-TEST(TileSum, PixelWithEverySampleDroppedIsBlackNotNan) {
+TEST(TileSum, AllSamplesDroppedGivesBlack) {
   FilmBlock block = one_pixel({0, 0, 0, 0}, 0, true);
   for (std::uint32_t r = 0; r < kReplicates; ++r) block.dropped.push_back({0, r, 1});
   TileSum tile(1, 1, 0);
@@ -74,7 +74,7 @@ TEST(TileSum, PixelWithEverySampleDroppedIsBlackNotNan) {
   EXPECT_EQ(sums.squared, 0);
 }
 
-TEST(TileSum, MeanBeyondFloatIsHeldFinite) {
+TEST(TileSum, MeanAboveFloatMaxIsClamped) {
   const float huge = std::numeric_limits<float>::max();
   FilmBlock block = one_pixel({huge, huge, huge, huge}, 1, true);
   block.dropped = {{0, 0, 1}, {0, 1, 1}, {0, 2, 1}};
@@ -83,7 +83,7 @@ TEST(TileSum, MeanBeyondFloatIsHeldFinite) {
   EXPECT_EQ(red_of(tile), huge);
 }
 
-TEST(TileSum, RefusesPassesOutOfOrderAndOtherShapes) {
+TEST(TileSum, RejectsWrongOrderAndShape) {
   TileSum tile(1, 1, 0);
   EXPECT_FALSE(tile.add(one_pixel({1, 1, 1, 1}, 4, false), {0, 4}).ok()) << "not a first pass";
   EXPECT_FALSE(tile.add(one_pixel({1, 1, 1, 1}, 4, true), {4, 4}).ok()) << "a gap";
@@ -95,7 +95,7 @@ TEST(TileSum, RefusesPassesOutOfOrderAndOtherShapes) {
   EXPECT_EQ(red_of(tile), 1.0f);
 }
 
-TEST(TileSum, AovMeansAreOverHitsAndSampleZeroLayersComeFromPassZero) {
+TEST(TileSum, AovMeansCoverHitsOnly) {
   const std::uint32_t aovs = contract::kAovAlbedo | contract::kAovNormal | contract::kAovDepth |
                              contract::kAovPosition | contract::kAovIds;
   FilmBlock first = FilmBlock::zeros({1, 1, aovs, true});
@@ -122,7 +122,7 @@ TEST(TileSum, AovMeansAreOverHitsAndSampleZeroLayersComeFromPassZero) {
   EXPECT_EQ(tile.ids()[0], 4000000001u);
 }
 
-TEST(TileSum, AovOfAPixelWithoutHitsIsZero) {
+TEST(TileSum, AovWithoutHitsIsZero) {
   TileSum tile(1, 1, contract::kAovNormal);
   ASSERT_TRUE(tile.add(FilmBlock::zeros({1, 1, contract::kAovNormal, true}), {0, 4}).ok());
   float xyz[3] = {1, 1, 1};
@@ -148,7 +148,7 @@ BruteForce brute_force(const std::vector<long double>& x, long double m) {
   return sums;
 }
 
-TEST(ErrorSums, AgreeWithTheFormulaWrittenOut) {
+TEST(ErrorSums, MatchWrittenOutFormula) {
   constexpr std::int32_t kSide = 8;
   const contract::Pass pass{0, 8};
   const FilmBlock block = made_block(whole_tile(kSide), 0, 0, pass);
@@ -184,7 +184,7 @@ TEST(ErrorSums, AgreeWithTheFormulaWrittenOut) {
   }
 }
 
-TEST(ErrorSums, PixelsMeasuredTogetherAndAloneAgree) {
+TEST(ErrorSums, BatchMatchesSinglePixels) {
   // Whole tiles are measured some pixels at a time; one dropped sample makes it one by one.
   const contract::Pass pass{0, 8};
   const contract::PixelRect rect{0, 0, 7, 5};  // leaves a rest of three
@@ -204,14 +204,14 @@ TEST(ErrorSums, PixelsMeasuredTogetherAndAloneAgree) {
   }
 }
 
-TEST(ErrorSums, VarianceOfNearlyEqualReplicatesDoesNotCancel) {
+TEST(ErrorSums, NearlyEqualReplicatesDoNotCancel) {
   // Hard case 68: 1000 ± 0.1. Σ(x − x̄)² / (4·3) of {1000.1, 999.9, 1000.1, 999.9} = 0.04 / 12.
   TileSum tile(1, 1, 0);
   ASSERT_TRUE(tile.add(one_pixel({1000.1f, 999.9f, 1000.1f, 999.9f}, 4, true), {0, 4}).ok());
   EXPECT_NEAR(tile.error_sums(1).squared, 0.04 / 12, 0.04 / 12 * 0.01);
 }
 
-TEST(ErrorSums, FireflyDoesNotDivideByItself) {
+TEST(ErrorSums, FireflyIsNotInItsOwnDenominator) {
   // Its own term stands over 0.01 m² alone: (0.75 x)² / 0.01 / 12; also for one so bright that
   // taking it out of the sum of all would leave rounding errors.
   for (const float x : {1e4f, 1e30f}) {
@@ -226,7 +226,7 @@ TEST(ErrorSums, FireflyDoesNotDivideByItself) {
   }
 }
 
-TEST(ErrorSums, BlackFrameHasNoErrorAndNoNan) {
+TEST(ErrorSums, BlackFrameHasZeroError) {
   TileSum tile(1, 1, 0);
   ASSERT_TRUE(tile.add(one_pixel({0, 0, 0, 0}, 4, true), {0, 4}).ok());
   const ErrorEstimate estimate = estimate_error(tile.error_sums(0));
@@ -236,7 +236,7 @@ TEST(ErrorSums, BlackFrameHasNoErrorAndNoNan) {
   EXPECT_EQ(estimate.pixels, 1);
 }
 
-TEST(ErrorEstimate, FollowsFromSumsOfKnownContributions) {
+TEST(ErrorEstimate, KnownSumsGiveKnownFigures) {
   // Four pixels with scaled sums 3, 3, 3, 6 over three channels each.
   ErrorSums sums;
   sums.pixels = 4;
@@ -253,7 +253,7 @@ TEST(ErrorEstimate, FollowsFromSumsOfKnownContributions) {
   EXPECT_NEAR(estimate.error_upper95, std::sqrt(1.25 + 1.644853627 * 2 * 0.25), 1e-9);
 }
 
-TEST(ErrorEstimate, MeasuresTheTrueErrorOfNoiseOnAverage) {
+TEST(ErrorEstimate, IsUnbiasedForNormalNoise) {
   // Normal noise of known variance on a grey tile: the pooled estimate meets the truth within 5
   // standard errors (variance of an R = 4 variance estimate is 2σ⁴/3 a value).
   constexpr std::int32_t kSide = 64;
@@ -268,7 +268,7 @@ TEST(ErrorEstimate, MeasuresTheTrueErrorOfNoiseOnAverage) {
   EXPECT_NEAR(estimate.rmse * estimate.rmse, truth, 5 * truth * std::sqrt(2.0 / 3 / values));
 }
 
-TEST(TileSum, LuminanceIsOfTheMeans) {
+TEST(TileSum, LuminanceUsesMeans) {
   FilmBlock block = FilmBlock::zeros({1, 1, 0, true});
   for (std::size_t r = 0; r < kReplicates; ++r) {
     block.rgb[3 * r] = 1;

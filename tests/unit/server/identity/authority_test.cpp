@@ -34,7 +34,7 @@ class AuthorityTest : public testing::Test {
   const std::string folder_ = scratch_.path() + "/farm";
 };
 
-TEST_F(AuthorityTest, ACertificateSaysRoleNameSerialAndEnd) {
+TEST_F(AuthorityTest, CertificateNamesRoleNameSerialAndExpiry) {
   const Validity validity = year();
   ASSERT_TRUE(issue(folder_, Role::worker, "rack-7", out("w"), validity).ok());
   const Identity identity = issued_to("w");
@@ -45,7 +45,7 @@ TEST_F(AuthorityTest, ACertificateSaysRoleNameSerialAndEnd) {
   EXPECT_EQ(read_file(out("w") + "/ca.crt").value(), read_file(folder_ + "/ca.crt").value());
 }
 
-TEST_F(AuthorityTest, KeysAreForTheirOwnerOnly) {
+TEST_F(AuthorityTest, KeyFilesArePrivate) {
   ASSERT_TRUE(issue_server(folder_, {"localhost"}, year()).ok());
   ASSERT_TRUE(issue(folder_, Role::client, "ann", out("c"), year()).ok());
   for (const std::string key : {"/ca.key", "/tls.key", "/c/tls.key"}) {
@@ -54,7 +54,7 @@ TEST_F(AuthorityTest, KeysAreForTheirOwnerOnly) {
   EXPECT_EQ(mode_of(out("c")), 0700u);
 }
 
-TEST_F(AuthorityTest, AnAuthorityStaysAndTheServersCertificateIsRenewed) {
+TEST_F(AuthorityTest, RenewalKeepsAuthority) {
   ASSERT_TRUE(issue_server(folder_, {"a.example"}, year()).ok());
   const std::string authority = read_file(folder_ + "/ca.crt").value();
   const std::string server = read_file(folder_ + "/tls.crt").value();
@@ -64,7 +64,7 @@ TEST_F(AuthorityTest, AnAuthorityStaysAndTheServersCertificateIsRenewed) {
   EXPECT_NE(read_file(folder_ + "/tls.crt").value(), server);
 }
 
-TEST_F(AuthorityTest, NamesThatCouldMeanSomethingElseAreRefused) {
+TEST_F(AuthorityTest, AmbiguousNamesAreRejected) {
   for (const char* name : {"", ".", "../x", "a/b", "a b", "a,URI:tessera://admin/x", "a\nb",
                            "12345678901234567890123456789012345678901234567890123456789012345"}) {
     EXPECT_TRUE(absl::IsInvalidArgument(issue(folder_, Role::client, name, out("x"), year())))
@@ -76,19 +76,19 @@ TEST_F(AuthorityTest, NamesThatCouldMeanSomethingElseAreRefused) {
   EXPECT_TRUE(absl::IsInvalidArgument(issue_server(folder_, {}, year())));
 }
 
-TEST_F(AuthorityTest, NeitherKeyNorCertificateIsOverwritten) {
+TEST_F(AuthorityTest, ExistingFilesAreNotOverwritten) {
   ASSERT_TRUE(issue(folder_, Role::client, "ann", out("c"), year()).ok());
   EXPECT_TRUE(absl::IsAlreadyExists(issue(folder_, Role::client, "bob", out("c"), year())));
   EXPECT_EQ(issued_to("c").name, "ann");
 }
 
-TEST_F(AuthorityTest, WithoutAnAuthorityItSaysHowToMakeOne) {
+TEST_F(AuthorityTest, MissingAuthorityNamesInitCommand) {
   const absl::Status status = issue(folder_ + "/none", Role::client, "ann", out("c"), year());
   EXPECT_TRUE(absl::IsNotFound(status));
   EXPECT_NE(status.message().find("init-certs"), std::string::npos) << status;
 }
 
-TEST_F(AuthorityTest, ARevokedNameCanBeIssuedAnew) {
+TEST_F(AuthorityTest, RevokedNameCanBeReissued) {
   ASSERT_TRUE(issue(folder_, Role::client, "ann", out("one"), year()).ok());
   ASSERT_TRUE(issue(folder_, Role::client, "ann", out("two"), year()).ok());
   ASSERT_TRUE(issue(folder_, Role::client, "bob", out("bob"), year()).ok());
@@ -105,13 +105,13 @@ TEST_F(AuthorityTest, ARevokedNameCanBeIssuedAnew) {
   }
 }
 
-TEST_F(AuthorityTest, WithoutAListNothingIsRevoked) {
+TEST_F(AuthorityTest, MissingRevocationListRevokesNothing) {
   Revocations revocations(folder_ + "/revoked");
   EXPECT_FALSE(revocations.contains("ABC"));
   EXPECT_FALSE(revocations.contains(""));
 }
 
-TEST_F(AuthorityTest, WhatNamesNoRoleIsNoIdentity) {
+TEST_F(AuthorityTest, CertificateWithoutRoleHasNoIdentity) {
   ASSERT_TRUE(issue_server(folder_, {"localhost"}, year()).ok());
   for (const char* file : {"/tls.crt", "/ca.crt"}) {
     EXPECT_TRUE(absl::IsUnauthenticated(read_identity(read_file(folder_ + file).value()).status()));

@@ -18,7 +18,7 @@ class JoinTokensTest : public testing::Test {
   const JoinTokens tokens_{folder_};
 };
 
-TEST_F(JoinTokensTest, ATokenIsGoodUntilItExpires) {
+TEST_F(JoinTokensTest, TokenIsValidUntilItExpires) {
   const std::string text = tokens_.create(1000, 3).value();
   const auto token = tokens_.find(text, 999);
   ASSERT_TRUE(token.ok()) << token.status();
@@ -27,7 +27,7 @@ TEST_F(JoinTokensTest, ATokenIsGoodUntilItExpires) {
   EXPECT_TRUE(absl::IsUnauthenticated(tokens_.find(text, 1000).status()));
 }
 
-TEST_F(JoinTokensTest, TheSecretIsNotInTheStore) {
+TEST_F(JoinTokensTest, StoreContainsNoSecret) {
   const std::string text = tokens_.create(1000, 0).value();
   const std::string path = folder_ + "/tokens/" + text.substr(0, 8);
   EXPECT_EQ(read_file(path).value().find(text.substr(9)), std::string::npos);
@@ -36,7 +36,7 @@ TEST_F(JoinTokensTest, TheSecretIsNotInTheStore) {
   EXPECT_EQ(info.st_mode & 0777u, 0600u);
 }
 
-TEST_F(JoinTokensTest, OnlyTheWholeSecretWillDo) {
+TEST_F(JoinTokensTest, PartialSecretIsRejected) {
   const std::string text = tokens_.create(1000, 0).value();
   const std::string other = tokens_.create(1000, 0).value();
   for (const std::string& wrong :
@@ -46,7 +46,7 @@ TEST_F(JoinTokensTest, OnlyTheWholeSecretWillDo) {
   }
 }
 
-TEST_F(JoinTokensTest, ARevokedTokenIsGone) {
+TEST_F(JoinTokensTest, RevokedTokenIsInvalid) {
   const std::string text = tokens_.create(1000, 0).value();
   const std::string kept = tokens_.create(1000, 0).value();
   ASSERT_TRUE(tokens_.revoke(text.substr(0, 8)).ok());
@@ -56,7 +56,7 @@ TEST_F(JoinTokensTest, ARevokedTokenIsGone) {
   EXPECT_EQ(tokens_.list().value()[0].id, kept.substr(0, 8));
 }
 
-TEST_F(JoinTokensTest, AnIdIsNoPath) {
+TEST_F(JoinTokensTest, IdCannotEscapeFolder) {
   ASSERT_TRUE(write_file(folder_ + "/precious", "sha256 x", 0600).ok());
   ASSERT_TRUE(tokens_.create(1000, 0).ok());
   for (const char* id : {"../precious", "..", ".", "", "/etc/passwd", "0123456789", "ABCDEF01"}) {
@@ -66,7 +66,7 @@ TEST_F(JoinTokensTest, AnIdIsNoPath) {
   EXPECT_TRUE(std::filesystem::exists(folder_ + "/precious"));
 }
 
-TEST_F(JoinTokensTest, AStoreWithoutTokensHasNone) {
+TEST_F(JoinTokensTest, EmptyStoreHasNoTokens) {
   EXPECT_TRUE(tokens_.list().value().empty());
   EXPECT_TRUE(absl::IsUnauthenticated(tokens_.find("01234567.x", 0).status()));
 }

@@ -128,7 +128,7 @@ std::string restart_on(const DiskImage& image, const Life& life, int step, bool 
   return pixels_of(farm, *job_id) == life.pixels ? "" : "the pixels are others";
 }
 
-TEST(FarmPowerCut, AtAnyStepLosesAndRepeatsNoAcknowledgedUnit) {
+TEST(FarmPowerCut, NoStepLosesAcknowledgedUnit) {
   Life life;
   live(life);
   ASSERT_FALSE(HasFatalFailure());
@@ -141,7 +141,7 @@ TEST(FarmPowerCut, AtAnyStepLosesAndRepeatsNoAcknowledgedUnit) {
   }
 }
 
-TEST(FarmPowerCut, AnySyncTakenOutIsMissed) {
+TEST(FarmPowerCut, EveryRemovedSyncIsDetected) {
   Life life;
   live(life);
   ASSERT_FALSE(HasFatalFailure());

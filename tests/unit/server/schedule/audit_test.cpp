@@ -16,7 +16,7 @@ const contract::Digest truth = contract::sha256("true"), lie = contract::sha256(
 
 using Names = std::vector<std::string>;
 
-TEST(Audit, TwoWorkersThatAgreeSettleIt) {
+TEST(Audit, AgreementOfTwoSettles) {
   Audit audit("a", truth);
   EXPECT_FALSE(audit.is_settled());
   EXPECT_FALSE(audit.may_ask("a", true)) << "its own word is no proof";
@@ -27,7 +27,7 @@ TEST(Audit, TwoWorkersThatAgreeSettleIt) {
   EXPECT_EQ(audit.faulty_workers(), Names());
 }
 
-TEST(Audit, AThirdWorkerSaysWhoOfTwoLies) {
+TEST(Audit, ThirdResultDecidesDispute) {
   for (const bool committer_lies : {false, true}) {
     Audit audit("a", committer_lies ? lie : truth);
     audit.answer("b", committer_lies ? truth : lie);
@@ -40,7 +40,7 @@ TEST(Audit, AThirdWorkerSaysWhoOfTwoLies) {
   }
 }
 
-TEST(Audit, ThreeDifferentResultsNeedAFourth) {
+TEST(Audit, ThreeDifferentResultsNeedFourth) {
   Audit audit("a", truth);
   audit.answer("b", lie);
   audit.answer("c", other_lie);
@@ -50,7 +50,7 @@ TEST(Audit, ThreeDifferentResultsNeedAFourth) {
   EXPECT_EQ(audit.faulty_workers(), (Names{"b", "c"}));
 }
 
-TEST(Audit, OfTwoAloneWhoContradictsItselfLies) {
+TEST(Audit, SelfContradictionDecidesBetweenTwo) {
   Audit audit("a", truth);
   audit.answer("b", lie);
   EXPECT_TRUE(audit.may_ask("a", false));
@@ -62,7 +62,7 @@ TEST(Audit, OfTwoAloneWhoContradictsItselfLies) {
   EXPECT_EQ(audit.faulty_workers(), Names{"b"});
 }
 
-TEST(Audit, OfTwoAloneThatStandByTheirWordsNobodyIsBelieved) {
+TEST(Audit, TwoConsistentWorkersStayDisputed) {
   Audit audit("a", truth);
   audit.answer("b", lie);
   audit.answer("a", truth);
@@ -72,7 +72,7 @@ TEST(Audit, OfTwoAloneThatStandByTheirWordsNobodyIsBelieved) {
   EXPECT_FALSE(audit.may_ask("b", false));
 }
 
-TEST(Audit, WhoContradictsItselfSupportsNobody) {
+TEST(Audit, SelfContradictingResultDoesNotCount) {
   Audit audit("a", truth);
   audit.answer("b", lie);
   audit.answer("c", other_lie);
@@ -84,7 +84,7 @@ TEST(Audit, WhoContradictsItselfSupportsNobody) {
   EXPECT_EQ(audit.faulty_workers(), (Names{"a", "b", "c"}));
 }
 
-TEST(Audit, WhoWasFoundLyingElsewhereCountsNoMore) {
+TEST(Audit, FaultyWorkersResultsAreWithdrawn) {
   Audit audit("a", truth);
   audit.answer("b", lie);
   audit.disregard("b");
@@ -94,7 +94,7 @@ TEST(Audit, WhoWasFoundLyingElsewhereCountsNoMore) {
 
 /// A worker with n false units is found with probability 1 - (1 - f)^n: over many farms (keys), as
 /// often as that, within four standard deviations of the binomial distribution.
-TEST(Audit, ALiarIsFoundAsOftenAsTheShareSays) {
+TEST(Audit, DetectionRateMatchesAuditShare) {
   constexpr int kFarms = 2000;
   constexpr double kFraction = 0.01;
   for (const int units : {10, 100, 300}) {
@@ -113,7 +113,7 @@ TEST(Audit, ALiarIsFoundAsOftenAsTheShareSays) {
   }
 }
 
-TEST(Audit, ADrawHangsOnKeyJobAndUnitAlone) {
+TEST(Audit, DrawDependsOnlyOnKeyJobAndUnit) {
   int differing_keys = 0, differing_jobs = 0, differing_passes = 0;
   for (int tile = 0; tile < 1000; ++tile) {
     const bool drawn = is_drawn_for_audit("key", "job", {0, tile, 0}, 0.5);

@@ -31,7 +31,7 @@ std::vector<Unit> take(JobPlan& plan, WorkerKey worker, std::int32_t most) {
   return units;
 }
 
-TEST(JobPlan, LeasesFrameByFramePassByPassAlongTheCurve) {
+TEST(JobPlan, LeasesByFramePassAndCurve) {
   JobPlan plan = plan_of({3, 7}, 3, 2);
   std::vector<Unit> order;
   for (auto units = take(plan, 1, 1); !units.empty(); units = take(plan, 1, 1)) {
@@ -47,14 +47,14 @@ TEST(JobPlan, LeasesFrameByFramePassByPassAlongTheCurve) {
   EXPECT_EQ(plan.waiting_count(), 0);
 }
 
-TEST(JobPlan, ARunStaysWithinOnePass) {
+TEST(JobPlan, RunStaysWithinOnePass) {
   JobPlan plan = plan_of({0}, 5, 2);
   EXPECT_EQ(take(plan, 1, 3).size(), 3u);
   EXPECT_EQ(take(plan, 1, 3).size(), 2u);
   EXPECT_EQ(take(plan, 1, 9).size(), 5u);
 }
 
-TEST(JobPlan, WhatComesBackGoesFirst) {
+TEST(JobPlan, ReturnedUnitsAreLeasedFirst) {
   JobPlan plan = plan_of({0}, 4, 2);
   const auto first = take(plan, 1, 2);
   ASSERT_TRUE(plan.release(first[1], 1));
@@ -62,7 +62,7 @@ TEST(JobPlan, WhatComesBackGoesFirst) {
   EXPECT_EQ(take(plan, 2, 1).front(), (Unit{0, 2, 0}));
 }
 
-TEST(JobPlan, AUnitWithTwoHoldersWaitsOnlyAfterBothAreGone) {
+TEST(JobPlan, UnitWaitsOnlyAfterBothHoldersReleaseIt) {
   JobPlan plan = plan_of({0}, 1, 1);
   const Unit unit = take(plan, 1, 1).front();
   plan.hold(unit, Holder{2, {}, std::nullopt, false, 0});
@@ -81,7 +81,7 @@ TEST(JobPlan, CommittedUnitsAreSkipped) {
   EXPECT_EQ(take(plan, 1, 9), (std::vector<Unit>{{0, 3, 0}}));
 }
 
-TEST(JobPlan, AFinishedFrameIsCommittedWhole) {
+TEST(JobPlan, FinishedFrameCountsAsCommitted) {
   JobPlan plan = plan_of({0, 1}, 2, 1);
   plan.commit({0, 0, 0});
   plan.finish(0);  // as after a restart: its blocks are gone
@@ -90,14 +90,14 @@ TEST(JobPlan, AFinishedFrameIsCommittedWhole) {
   EXPECT_EQ(take(plan, 1, 1).front(), (Unit{1, 0, 0}));
 }
 
-TEST(JobPlan, ARefusedUnitIsKeptForOthers) {
+TEST(JobPlan, RefusedUnitIsKeptForOthers) {
   JobPlan plan = plan_of({0}, 2, 1);
   const auto not_the_first = [](const Unit& unit) { return unit.tile != 0; };
   EXPECT_EQ(plan.next_run(1, not_the_first)->first_tile, 1);
   EXPECT_EQ(plan.next_run(1, any_unit)->first_tile, 0);
 }
 
-TEST(JobPlan, ExtendingKeepsThePassesThatAgree) {
+TEST(JobPlan, ExtendingKeepsUnchangedPasses) {
   JobPlan plan({0}, 2, contract::fixed_schedule(32));  // 8, then 24
   for (const std::int32_t pass : {0, 1}) plan.commit({0, 0, pass});
   plan.hold({0, 1, 1}, Holder{1, {}, std::nullopt, false, 0});
@@ -110,7 +110,7 @@ TEST(JobPlan, ExtendingKeepsThePassesThatAgree) {
   EXPECT_EQ(take(plan, 1, 1).front(), (Unit{0, 1, 0}));
 }
 
-TEST(JobPlan, NoUnitIsLostOrGivenTwiceUnderRandomTreatment) {  // against a set of what is where
+TEST(JobPlan, RandomOperationsLoseNoUnit) {  // against a set of what is where
   std::mt19937 random(7);
   JobPlan plan = plan_of({0, 1, 2}, 37, 3);
   std::set<Unit> held, committed;
@@ -137,7 +137,7 @@ TEST(JobPlan, NoUnitIsLostOrGivenTwiceUnderRandomTreatment) {  // against a set 
   EXPECT_TRUE(plan.is_complete(0) && plan.is_complete(1) && plan.is_complete(2));
 }
 
-TEST(JobPlan, OnDemandOnlyTheFirstTwoPassesAreWantedUnasked) {
+TEST(JobPlan, OnDemandStartsWithTwoPasses) {
   JobPlan plan({0, 1}, 3, contract::error_schedule(256), true);  // 5 passes
   EXPECT_EQ(plan.unit_count(), 12);
   EXPECT_EQ(take(plan, 1, 100).size(), 3u);
@@ -149,7 +149,7 @@ TEST(JobPlan, OnDemandOnlyTheFirstTwoPassesAreWantedUnasked) {
   EXPECT_EQ(take(plan, 1, 100).front(), (Unit{1, 0, 0}));
 }
 
-TEST(JobPlan, OnDemandAFrameIsCompleteWhenEveryTileHasItsLastPass) {
+TEST(JobPlan, OnDemandFrameEndsWithLastTilePass) {
   JobPlan plan({0}, 2, contract::error_schedule(256), true);
   for (const std::int32_t pass : {0, 1}) {
     for (const std::int32_t tile : {0, 1}) plan.commit({0, tile, pass});
@@ -170,7 +170,7 @@ TEST(JobPlan, OnDemandAFrameIsCompleteWhenEveryTileHasItsLastPass) {
   EXPECT_EQ(plan.committed_count(), 5);
 }
 
-TEST(JobPlan, OnDemandALeaseProvesThatItsUnitIsWanted) {
+TEST(JobPlan, OnDemandLeaseImpliesPassTarget) {
   JobPlan plan({0}, 2, contract::error_schedule(256), true);
   // After a restart a worker still holds a unit of pass 3, before the film has decided anything.
   plan.hold({0, 1, 3}, Holder{1, {}, std::nullopt, false, 0});
@@ -182,14 +182,14 @@ TEST(JobPlan, OnDemandALeaseProvesThatItsUnitIsWanted) {
   EXPECT_EQ(plan.waiting_count(), 6);
 }
 
-TEST(JobPlan, OnDemandAFinishedFrameHasTheUnitsItHad) {
+TEST(JobPlan, OnDemandFinishedFrameKeepsUnitCount) {
   JobPlan plan({0, 1}, 2, contract::error_schedule(256), true);
   plan.finish(0, 9);  // as the journal says after a restart
   EXPECT_EQ(plan.unit_count(), 13);
   EXPECT_EQ(plan.committed_count(), 9);
 }
 
-TEST(JobPlan, OnDemandExtendingKeepsWhatIsCommitted) {
+TEST(JobPlan, OnDemandExtendingKeepsCommittedUnits) {
   JobPlan plan({0}, 2, contract::error_schedule(64), true);  // 8, 32, 64
   for (const std::int32_t pass : {0, 1, 2}) plan.commit({0, 0, pass});
   plan.commit({0, 1, 0});

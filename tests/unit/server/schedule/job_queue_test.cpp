@@ -11,7 +11,7 @@ bool is_any(JobKey) {
   return true;
 }
 
-TEST(JobQueue, PriorityThenLeastUsageThenAge) {
+TEST(JobQueue, OrdersByPriorityUsageAndAge) {
   JobQueue queue;
   queue.insert(1, {0, "ann", a_scene});
   queue.insert(2, {0, "ben", a_scene});
@@ -26,7 +26,7 @@ TEST(JobQueue, PriorityThenLeastUsageThenAge) {
   EXPECT_EQ(queue.next(is_any), 1);
 }
 
-TEST(JobQueue, AJobNobodyMayWorkForHoldsUpNoOther) {
+TEST(JobQueue, IneligibleJobDoesNotBlockOthers) {
   JobQueue queue;
   queue.insert(1, {9, "ann", a_scene});
   queue.insert(2, {0, "ann", a_scene});
@@ -36,7 +36,7 @@ TEST(JobQueue, AJobNobodyMayWorkForHoldsUpNoOther) {
   EXPECT_FALSE(queue.has_above(9, is_any));
 }
 
-TEST(JobQueue, ErasingTwiceOrTheUnknownIsHarmless) {
+TEST(JobQueue, ErasingUnknownJobIsHarmless) {
   JobQueue queue;
   queue.insert(1, {0, "ann", a_scene});
   queue.erase(2, {0, "ann", a_scene});
@@ -47,7 +47,7 @@ TEST(JobQueue, ErasingTwiceOrTheUnknownIsHarmless) {
   EXPECT_FALSE(queue.has_scene(a_scene));
 }
 
-TEST(JobQueue, KnowsTheOldestJobOfASceneOwnerAndPriority) {
+TEST(JobQueue, FindsOldestJobOfSceneAndOwner) {
   const SceneKey other = contract::sha256("other");
   JobQueue queue;
   queue.insert(1, {0, "ann", other});

@@ -16,13 +16,13 @@ Lease sealed() {
   return lease;
 }
 
-TEST(Lease, ASealHoldsForItsWorkerAndStoreOnly) {
+TEST(Lease, SealIsBoundToWorkerAndStore) {
   EXPECT_TRUE(seal_holds(sealed(), "w1", kKey));
   EXPECT_FALSE(seal_holds(sealed(), "w2", kKey));
   EXPECT_FALSE(seal_holds(sealed(), "w1", "another store's key"));
 }
 
-TEST(Lease, ASealCoversEveryField) {
+TEST(Lease, SealCoversEveryField) {
   const std::vector<std::function<void(Lease&)>> forgeries = {
       [](Lease& l) { l.job_id = "job2"; },
       [](Lease& l) { ++l.frame; },
@@ -42,13 +42,13 @@ TEST(Lease, ASealCoversEveryField) {
   }
 }
 
-TEST(Lease, FieldsCannotBorrowFromEachOther) {
+TEST(Lease, SealSeparatesFields) {
   Lease lease = sealed();
   lease.job_id = "job1w";  // "job1" + "w1" and "job1w" + "1" are the same letters
   EXPECT_FALSE(seal_holds(lease, "1", kKey));
 }
 
-TEST(Lease, CoversItsTilesAndNoOthers) {
+TEST(Lease, CoversOnlyItsTiles) {
   const Lease lease = sealed();
   EXPECT_TRUE(lease.covers({3, 10, 1}));
   EXPECT_TRUE(lease.covers({3, 14, 1}));

@@ -39,7 +39,7 @@ std::string job_of(SchedulerHarness& farm, WorkerKey worker) {
   return units.empty() ? "" : units.at(0).job_id;
 }
 
-TEST(SceneAffinity, OfIdleWorkersTheOneThatHasTheSceneGoesFirst) {
+TEST(SceneAffinity, PrefersWorkerWithScene) {
   SchedulerHarness farm;
   const WorkerKey has_x = connect_with(farm, "w1", "x");
   const WorkerKey has_y = connect_with(farm, "w2", "y");
@@ -48,7 +48,7 @@ TEST(SceneAffinity, OfIdleWorkersTheOneThatHasTheSceneGoesFirst) {
   EXPECT_EQ(job_of(farm, has_y), job.spec->id);
 }
 
-TEST(SceneAffinity, IdleWorkersTurnToTheJobsWhoseScenesTheyHave) {
+TEST(SceneAffinity, WorkersPreferJobsWithTheirScene) {
   SchedulerHarness farm;
   const WorkerKey has_x = connect_with(farm, "w1", "x");
   const WorkerKey has_y = connect_with(farm, "w2", "y");
@@ -59,7 +59,7 @@ TEST(SceneAffinity, IdleWorkersTurnToTheJobsWhoseScenesTheyHave) {
   EXPECT_EQ(job_of(farm, has_y), of_y.spec->id);
 }
 
-TEST(SceneAffinity, TheOldestJobIsLeftOnlyToWhoSeesToIt) {
+TEST(SceneAffinity, OldestJobDoesNotStarve) {
   SchedulerHarness farm;
   const WorkerKey first = connect_with(farm, "w1", "x");
   const WorkerKey second = connect_with(farm, "w2", "x");
@@ -72,7 +72,7 @@ TEST(SceneAffinity, TheOldestJobIsLeftOnlyToWhoSeesToIt) {
   EXPECT_EQ(job_of(farm, newcomer), strange.spec->id) << "it has no scene: the oldest job";
 }
 
-TEST(SceneAffinity, PriorityComesBeforeScenes) {
+TEST(SceneAffinity, PriorityPrecedesAffinity) {
   SchedulerHarness farm;
   const Busy busy = connect_busy_with(farm, "w1", "x");
   farm.queue_job({.tiles = 40, .scene = "x"});
@@ -83,7 +83,7 @@ TEST(SceneAffinity, PriorityComesBeforeScenes) {
   EXPECT_EQ(job_of(farm, busy.worker), urgent.spec->id);
 }
 
-TEST(SceneAffinity, FairShareComesBeforeScenes) {
+TEST(SceneAffinity, FairSharePrecedesAffinity) {
   SchedulerHarness farm;
   const Busy busy = connect_busy_with(farm, "w1", "x");
   farm.queue_job({.tiles = 40, .owner = "ann", .scene = "x"});
@@ -94,7 +94,7 @@ TEST(SceneAffinity, FairShareComesBeforeScenes) {
   EXPECT_EQ(job_of(farm, busy.worker), of_ben.spec->id);
 }
 
-TEST(SceneAffinity, AWorkerThatComesBackStillHasItsScene) {
+TEST(SceneAffinity, ReconnectedWorkerKeepsScene) {
   SchedulerHarness farm;
   const WorkerKey has_x = connect_with(farm, "w1", "x");
   const WorkerKey has_y = connect_with(farm, "w2", "y");
@@ -106,7 +106,7 @@ TEST(SceneAffinity, AWorkerThatComesBackStillHasItsScene) {
   EXPECT_EQ(job_of(farm, has_y), job.spec->id);
 }
 
-TEST(SceneAffinity, ASceneIsItsFilesWhateverTheirOrderAndNames) {
+TEST(SceneAffinity, SceneIdIgnoresFileOrderAndNames) {
   const contract::Digest a = contract::sha256("a"), b = contract::sha256("b");
   JobSpec spec, same, more;
   spec.assets = {{"scene.gltf", a, 1}, {"bark.png", b, 1}};

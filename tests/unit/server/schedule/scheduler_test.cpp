@@ -13,7 +13,7 @@ using namespace std::chrono_literals;
 
 // Leases ------------------------------------------------------------------------------------------
 
-TEST(Scheduler, LeasesNoMoreThanTheCredits) {
+TEST(Scheduler, LeasesNoMoreThanCredits) {
   SchedulerHarness farm;
   farm.add_job({.tiles = 100});
   const WorkerKey worker = farm.connect("w1", {.credits = 5});
@@ -22,7 +22,7 @@ TEST(Scheduler, LeasesNoMoreThanTheCredits) {
   EXPECT_EQ(farm.leased(worker).size(), 2u);
 }
 
-TEST(Scheduler, EveryLeaseCarriesItsSealAndANumberOfItsOwn) {
+TEST(Scheduler, LeasesHaveSealAndUniqueNumber) {
   SchedulerHarness farm;
   farm.add_job({.tiles = 100});
   const WorkerKey worker = farm.connect("w1", {.threads = 1, .credits = 40});
@@ -34,7 +34,7 @@ TEST(Scheduler, EveryLeaseCarriesItsSealAndANumberOfItsOwn) {
   }
 }
 
-TEST(Scheduler, RunsShrinkTowardsTheEnd) {
+TEST(Scheduler, RunsShrinkTowardsEnd) {
   SchedulerHarness farm;
   farm.add_job({.tiles = 64});
   const WorkerKey worker = farm.connect("w1", {.threads = 2, .credits = 64});
@@ -46,7 +46,7 @@ TEST(Scheduler, RunsShrinkTowardsTheEnd) {
   EXPECT_TRUE(std::is_sorted(lengths.rbegin(), lengths.rend()));
 }
 
-TEST(Scheduler, NearTheEndNobodyHoldsMoreThanHisShare) {
+TEST(Scheduler, RemainingUnitsAreSharedNearEnd) {
   SchedulerHarness farm;
   const WorkerKey one = farm.connect("w1", {.threads = 2, .credits = 100});
   const WorkerKey two = farm.connect("w2", {.threads = 2, .credits = 100});
@@ -55,7 +55,7 @@ TEST(Scheduler, NearTheEndNobodyHoldsMoreThanHisShare) {
   EXPECT_EQ(farm.leased(two).size(), 4u);
 }
 
-TEST(Scheduler, AQueuedJobHasNoPlanUntilItsFirstLease) {
+TEST(Scheduler, PlanIsCreatedAtFirstLease) {
   SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 4, .frames = 1000});
   EXPECT_FALSE(job.plan);
@@ -65,7 +65,7 @@ TEST(Scheduler, AQueuedJobHasNoPlanUntilItsFirstLease) {
   EXPECT_EQ(job.state, JobState::running);
 }
 
-TEST(Scheduler, CreditsOfAHostileWorkerDoNotOverflow) {
+TEST(Scheduler, HugeCreditsDoNotOverflow) {
   SchedulerHarness farm;
   const WorkerKey worker = farm.connect("w1");
   for (int i = 0; i < 10; ++i) farm.scheduler.grant_credits(worker, 2'000'000'000, farm.now);
@@ -76,7 +76,7 @@ TEST(Scheduler, CreditsOfAHostileWorkerDoNotOverflow) {
 
 // Loss and reconnection ---------------------------------------------------------------------------
 
-TEST(Scheduler, UnitsOfASilentWorkerGoToOthersAfterFiveSeconds) {
+TEST(Scheduler, SilentWorkerLosesUnitsAfter5Seconds) {
   SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 4});
   const WorkerKey silent = farm.connect("w1", {.threads = 4, .credits = 4});
@@ -90,7 +90,7 @@ TEST(Scheduler, UnitsOfASilentWorkerGoToOthersAfterFiveSeconds) {
   EXPECT_EQ(farm.scheduler.take_effects().to_close, std::vector<WorkerKey>{silent});
 }
 
-TEST(Scheduler, ABrokenStreamIsNoLossByItself) {
+TEST(Scheduler, BrokenStreamKeepsLeases) {
   SchedulerHarness farm;
   farm.add_job({.tiles = 4});
   const WorkerKey worker = farm.connect("w1", {.threads = 4, .credits = 4});
@@ -109,7 +109,7 @@ TEST(Scheduler, ABrokenStreamIsNoLossByItself) {
   }
 }
 
-TEST(Scheduler, WhatAReconnectedWorkerDoesNotListIsLeasedAgainWithoutALoss) {
+TEST(Scheduler, UnlistedUnitsAreLeasedAgain) {
   SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 4});
   const WorkerKey worker = farm.connect("w1", {.threads = 4, .credits = 4});
@@ -122,7 +122,7 @@ TEST(Scheduler, WhatAReconnectedWorkerDoesNotListIsLeasedAgainWithoutALoss) {
   EXPECT_TRUE(job.unit_failures.empty());
 }
 
-TEST(Scheduler, AdoptsOnlyUnderItsOwnSealAndStore) {
+TEST(Scheduler, AdoptsOnlyLeasesWithValidSeal) {
   for (const bool is_forged : {true, false}) {
     SchedulerHarness farm;
     Job& job = farm.add_job({.tiles = 2});
@@ -138,7 +138,7 @@ TEST(Scheduler, AdoptsOnlyUnderItsOwnSealAndStore) {
   }
 }
 
-TEST(Scheduler, GrantsWaitForTheRosterButNotForEver) {
+TEST(Scheduler, GrantsWaitForKnownWorkersUntilTimeout) {
   SchedulerHarness farm({"w1", "w2"});
   farm.add_job({.tiles = 8});
   const WorkerKey one = farm.connect("w1");
@@ -157,7 +157,7 @@ TEST(Scheduler, GrantsWaitForTheRosterButNotForEver) {
   EXPECT_FALSE(alone.leased(worker).empty());
 }
 
-TEST(Scheduler, ALateTimerOfItsOwnExpiresNobody) {
+TEST(Scheduler, DelayedTickDoesNotExpireWorkers) {
   SchedulerHarness farm;
   farm.add_job({.tiles = 4});
   const WorkerKey worker = farm.connect("w1");
@@ -170,7 +170,7 @@ TEST(Scheduler, ALateTimerOfItsOwnExpiresNobody) {
   EXPECT_TRUE(farm.scheduler.find_worker(worker)->lost);
 }
 
-TEST(Scheduler, ALeavingWorkerKeepsItsUnitsAndGetsNoMore) {
+TEST(Scheduler, DrainingWorkerKeepsUnitsAndGetsNoMore) {
   SchedulerHarness farm;
   farm.add_job({.tiles = 100});
   const WorkerKey worker = farm.connect("w1");
@@ -184,7 +184,7 @@ TEST(Scheduler, ALeavingWorkerKeepsItsUnitsAndGetsNoMore) {
 
 // Failures ----------------------------------------------------------------------------------------
 
-TEST(Scheduler, AFailedUnitGoesToAWorkerThatHasNotFailedIt) {
+TEST(Scheduler, FailedUnitGoesToAnotherWorker) {
   SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 1});
   const WorkerKey one = farm.connect("w1");
@@ -198,7 +198,7 @@ TEST(Scheduler, AFailedUnitGoesToAWorkerThatHasNotFailedIt) {
   EXPECT_EQ(job.state, JobState::running);
 }
 
-TEST(Scheduler, TheThirdFailureFailsTheJobWithWhatEachSaid) {
+TEST(Scheduler, ThirdFailureFailsJobWithMessages) {
   for (const int workers : {1, 4}) {
     SchedulerHarness farm;
     Job& job = farm.add_job({.tiles = 1});
@@ -220,7 +220,7 @@ TEST(Scheduler, TheThirdFailureFailsTheJobWithWhatEachSaid) {
   }
 }
 
-TEST(Scheduler, ABadSceneFailsTheJobAtOnce) {
+TEST(Scheduler, BadSceneFailsJobAtOnce) {
   SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 8});
   const WorkerKey worker = farm.connect("w1");
@@ -230,7 +230,7 @@ TEST(Scheduler, ABadSceneFailsTheJobAtOnce) {
   EXPECT_EQ(job.failure_code, absl::StatusCode::kNotFound);
 }
 
-TEST(Scheduler, TenLossesOfAUnitDoNotFailItsJobElevenDo) {
+TEST(Scheduler, EleventhUnitLossFailsJob) {
   SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 1});
   for (int loss = 1; loss <= 11; ++loss) {
@@ -242,7 +242,7 @@ TEST(Scheduler, TenLossesOfAUnitDoNotFailItsJobElevenDo) {
   EXPECT_EQ(job.state, JobState::failed);
 }
 
-TEST(Scheduler, AWorkerIsSetAsideOnlyForFailuresThatAreDisproved) {
+TEST(Scheduler, DisprovedFailuresQuarantineWorker) {
   SchedulerHarness farm;
   farm.add_job({.tiles = 50});
   const WorkerKey bad = farm.connect("bad", {.threads = 1, .credits = 4});
@@ -261,7 +261,7 @@ TEST(Scheduler, AWorkerIsSetAsideOnlyForFailuresThatAreDisproved) {
   EXPECT_TRUE(farm.leased(bad).empty());
 }
 
-TEST(Scheduler, AFailureWithoutASealIsIgnored) {
+TEST(Scheduler, UnsealedFailureIsIgnored) {
   SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 4});
   const WorkerKey worker = farm.connect("w1");
@@ -282,7 +282,7 @@ TEST(Scheduler, HigherPriorityGoesFirst) {
   for (const UnitName& unit : farm.leased(worker)) EXPECT_EQ(unit.job_id, "j2");
 }
 
-TEST(Scheduler, OwnersShareByCpuSecondsNotByJobs) {
+TEST(Scheduler, OwnersShareCpuSeconds) {
   SchedulerHarness farm;
   for (int i = 0; i < 3; ++i) farm.add_job({.tiles = 400, .owner = "ann"});
   farm.add_job({.tiles = 400, .owner = "ben"});
@@ -306,7 +306,7 @@ TEST(Scheduler, OwnersShareByCpuSecondsNotByJobs) {
   EXPECT_NEAR(spent["ann"] / spent["ben"], 1, 0.1);
 }
 
-TEST(Scheduler, AWorkerStaysUntilItsSceneHasPaidOff) {
+TEST(Scheduler, WorkerStaysUntilSceneLoadIsAmortised) {
   SchedulerHarness farm;
   farm.add_job({.tiles = 400, .owner = "ann"});
   const WorkerKey worker = farm.connect("w1", {.threads = 1, .credits = 1});
@@ -322,7 +322,7 @@ TEST(Scheduler, AWorkerStaysUntilItsSceneHasPaidOff) {
   EXPECT_EQ(stayed, 20);
 }
 
-TEST(Scheduler, APriorityJobNeedNotWaitForThat) {
+TEST(Scheduler, PriorityJobInterruptsStay) {
   SchedulerHarness farm;
   farm.add_job({.tiles = 400});
   const WorkerKey worker = farm.connect("w1", {.threads = 1, .credits = 1});
@@ -332,7 +332,7 @@ TEST(Scheduler, APriorityJobNeedNotWaitForThat) {
   EXPECT_EQ(farm.leased(worker).at(0).job_id, "j2");
 }
 
-TEST(Scheduler, RequiredTagAndMaxWorkersAreKept) {
+TEST(Scheduler, RequiredTagAndMaxWorkersAreEnforced) {
   SchedulerHarness farm;
   farm.add_job({.tiles = 40, .max_workers = 1, .tag = "big"});
   const WorkerKey plain = farm.connect("w1");
@@ -345,7 +345,7 @@ TEST(Scheduler, RequiredTagAndMaxWorkersAreKept) {
 
 // Job states --------------------------------------------------------------------------------------
 
-TEST(Scheduler, PausingLeasesNothingNewAndLeavesWhatRuns) {
+TEST(Scheduler, PausedJobKeepsRunningUnits) {
   SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 40});
   const WorkerKey worker = farm.connect("w1");
@@ -359,7 +359,7 @@ TEST(Scheduler, PausingLeasesNothingNewAndLeavesWhatRuns) {
   EXPECT_EQ(farm.leased(worker).size(), 1u);
 }
 
-TEST(Scheduler, CancellingRevokesEveryLeaseAndTellsTheWorkers) {
+TEST(Scheduler, CancellingRevokesAllLeases) {
   SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 40});
   const WorkerKey worker = farm.connect("w1");
@@ -373,7 +373,7 @@ TEST(Scheduler, CancellingRevokesEveryLeaseAndTellsTheWorkers) {
   EXPECT_TRUE(farm.scheduler.cancel(job, farm.now).ok()) << "idempotent";
 }
 
-TEST(Scheduler, RetryGoesOnFromTheCommittedUnitsWithFailuresAtZero) {
+TEST(Scheduler, RetryKeepsUnitsAndResetsFailures) {
   SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 2});
   const WorkerKey worker = farm.connect("w1", {.threads = 2, .credits = 2});
@@ -391,7 +391,7 @@ TEST(Scheduler, RetryGoesOnFromTheCommittedUnitsWithFailuresAtZero) {
   EXPECT_EQ(job.state, JobState::running);
 }
 
-TEST(Scheduler, AJobIsDoneWithItsLastFrame) {
+TEST(Scheduler, JobIsDoneWithLastFrame) {
   SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 1, .frames = 2});
   const WorkerKey worker = farm.connect("w1");
@@ -421,7 +421,7 @@ struct Tail {
   std::vector<UnitName> units;
 };
 
-TEST(Scheduler, AStartedUnitOlderThanTwiceTheMedianIsCopiedOnce) {
+TEST(Scheduler, SlowUnitIsCopiedOnce) {
   Tail tail;
   tail.farm.pass(1900ms, {tail.slow, tail.fast});
   EXPECT_TRUE(tail.farm.leased(tail.fast).empty());
@@ -432,7 +432,7 @@ TEST(Scheduler, AStartedUnitOlderThanTwiceTheMedianIsCopiedOnce) {
   EXPECT_TRUE(tail.farm.leased(third).empty()) << "never a second copy";
 }
 
-TEST(Scheduler, AtTheCommitTheOtherCopyIsRevoked) {
+TEST(Scheduler, CommitRevokesOtherCopy) {
   Tail tail;
   tail.farm.pass(3s, {tail.slow, tail.fast});
   tail.farm.leased(tail.fast);
@@ -443,7 +443,7 @@ TEST(Scheduler, AtTheCommitTheOtherCopyIsRevoked) {
   EXPECT_TRUE(tail.farm.scheduler.find_worker(tail.slow)->held.empty());
 }
 
-TEST(Scheduler, UnitsNotStartedAreHandedBackForIdleWorkers) {
+TEST(Scheduler, UnstartedUnitsMoveToIdleWorkers) {
   SchedulerHarness farm;
   farm.add_job({.tiles = 8});
   const WorkerKey busy = farm.connect("busy", {.threads = 2, .credits = 8});

@@ -57,7 +57,7 @@ class BackupTest : public ::testing::Test {
   std::unique_ptr<Store> store_;
 };
 
-TEST_F(BackupTest, ACopyOfAStoreInUseIsWholeAndOneOfItsOwn) {
+TEST_F(BackupTest, CopyOfLiveStoreIsComplete) {
   const auto findings = back_up_store(path(), copy(), real_filesystem());
   ASSERT_TRUE(findings.ok()) << findings.status();
   EXPECT_EQ(findings->jobs, 2);
@@ -88,14 +88,14 @@ TEST_F(BackupTest, JoinTokensAreCopied) {
   EXPECT_TRUE(std::filesystem::exists(copy() + "/tokens/0123abcd"));
 }
 
-TEST_F(BackupTest, NothingIsWrittenOver) {
+TEST_F(BackupTest, ExistingFilesAreNotOverwritten) {
   std::filesystem::create_directory(copy());
   EXPECT_TRUE(absl::IsAlreadyExists(back_up_store(path(), copy(), real_filesystem()).status()));
   EXPECT_TRUE(
       absl::IsNotFound(back_up_store(folder_.path(), copy() + "2", real_filesystem()).status()));
 }
 
-TEST_F(BackupTest, ADamagedStoreGivesNoCopy) {
+TEST_F(BackupTest, DamagedStoreGivesNoCopy) {
   std::fstream file(path() + "/segments/open/0.seg", std::ios::in | std::ios::out);
   file.seekp(77);
   file << 'z';
@@ -106,7 +106,7 @@ TEST_F(BackupTest, ADamagedStoreGivesNoCopy) {
   EXPECT_FALSE(std::filesystem::exists(copy() + ".part"));
 }
 
-TEST_F(BackupTest, ALostFileGivesNoCopy) {
+TEST_F(BackupTest, MissingFileGivesNoCopy) {
   std::filesystem::remove(path() + "/outputs/done/frame.exr");
   const auto findings = back_up_store(path(), copy(), real_filesystem());
   EXPECT_TRUE(absl::IsDataLoss(findings.status())) << findings.status();

@@ -75,7 +75,7 @@ class StoreCheckTest : public ::testing::Test {
   std::string asset_;
 };
 
-TEST_F(StoreCheckTest, ASoundStoreHasNoFaults) {
+TEST_F(StoreCheckTest, SoundStoreHasNoFaults) {
   const StoreFindings found = check();
   EXPECT_TRUE(found.faults.empty()) << ::testing::PrintToString(found.faults);
   EXPECT_TRUE(found.orphans.empty()) << ::testing::PrintToString(found.orphans);
@@ -86,7 +86,7 @@ TEST_F(StoreCheckTest, ASoundStoreHasNoFaults) {
   EXPECT_EQ(found.assets, 1);
 }
 
-TEST_F(StoreCheckTest, ABlockWithAFlippedByteIsAFault) {
+TEST_F(StoreCheckTest, FlippedByteInBlockIsAFault) {
   std::fstream file(path() + "/segments/open/0.seg", std::ios::in | std::ios::out);
   file.seekp(77);
   file << 'z';
@@ -94,12 +94,12 @@ TEST_F(StoreCheckTest, ABlockWithAFlippedByteIsAFault) {
   expect_fault("digest of its row");
 }
 
-TEST_F(StoreCheckTest, ASegmentThatIsTooShortIsAFault) {
+TEST_F(StoreCheckTest, ShortSegmentIsAFault) {
   std::filesystem::resize_file(path() + "/segments/open/0.seg", 7000);
   expect_fault("unit (0, 1, 0)");
 }
 
-TEST_F(StoreCheckTest, AMissingOrAlteredImageIsAFault) {
+TEST_F(StoreCheckTest, MissingOrAlteredImageIsAFault) {
   write(path() + "/outputs/done/frame.exr", "an imago");
   expect_fault("outputs/done/frame.exr: does not have the digest");
   write(path() + "/outputs/done/frame.exr", "longer than it was");
@@ -108,53 +108,53 @@ TEST_F(StoreCheckTest, AMissingOrAlteredImageIsAFault) {
   expect_fault("outputs/done/frame.exr");
 }
 
-TEST_F(StoreCheckTest, AnAlteredAssetIsAFault) {
+TEST_F(StoreCheckTest, AlteredAssetIsAFault) {
   std::filesystem::permissions(asset_, std::filesystem::perms::owner_all);
   write(asset_, "an asser");
   expect_fault("does not have the digest");
 }
 
-TEST_F(StoreCheckTest, BlocksThatOverlapAreAFault) {
+TEST_F(StoreCheckTest, OverlappingBlocksAreAFault) {
   change_rows("UPDATE units SET offset=4999 WHERE job=1 AND tile=1");
   const StoreFindings found = check();  // its digest is wrong, too
   ASSERT_EQ(found.faults.size(), 2u) << ::testing::PrintToString(found.faults);
   EXPECT_TRUE(absl::StrContains(found.faults[0], "lies over another one")) << found.faults[0];
 }
 
-TEST_F(StoreCheckTest, AReleasedBlockOfAnUnfinishedFrameIsAFault) {
+TEST_F(StoreCheckTest, BlockReleasedTooEarlyIsAFault) {
   change_rows("UPDATE jobs SET first_segment=1 WHERE id='open'");
   const StoreFindings found = check();
   ASSERT_EQ(found.faults.size(), 2u) << ::testing::PrintToString(found.faults);
   EXPECT_TRUE(absl::StrContains(found.faults[0], "is not finished")) << found.faults[0];
 }
 
-TEST_F(StoreCheckTest, AnImageWithoutARowIsLeftOver) {
+TEST_F(StoreCheckTest, ImageWithoutRowIsAnOrphan) {
   change_rows("DELETE FROM frames");
   const StoreFindings found = check();
   ASSERT_EQ(found.orphans.size(), 1u);
   EXPECT_EQ(found.orphans[0], "outputs/done/frame.exr");
 }
 
-TEST_F(StoreCheckTest, ADoneJobsUnitsThatAreNotAddedUpAreAFault) {
+TEST_F(StoreCheckTest, DoneJobWithoutTotalsIsAFault) {
   change_rows("UPDATE jobs SET state=4 WHERE id='done'");
   EXPECT_TRUE(check().faults.empty());
   change_rows("UPDATE jobs SET state=4");
   EXPECT_EQ(check().faults.size(), 2u);
 }
 
-TEST_F(StoreCheckTest, TotalsThatCannotBeAreAFault) {
+TEST_F(StoreCheckTest, ImpossibleTotalsAreAFault) {
   change_rows("UPDATE totals SET audited=9");
   expect_fault("totals of worker worker of job done: damaged");
   change_rows("UPDATE totals SET audited=0, job=77");
   expect_fault("there is no job 77");
 }
 
-TEST_F(StoreCheckTest, UnitsOfARemovedJobAreAFault) {
+TEST_F(StoreCheckTest, UnitsOfRemovedJobAreAFault) {
   change_rows("UPDATE jobs SET removed=1 WHERE id='open'");
   EXPECT_GE(check().faults.size(), 2u);
 }
 
-TEST_F(StoreCheckTest, ARemovedJobLeavesNothing) {
+TEST_F(StoreCheckTest, RemovedJobLeavesNothing) {
   {
     const auto store = Store::open(path(), real_filesystem());
     ASSERT_TRUE(store.ok()) << store.status();
@@ -166,7 +166,7 @@ TEST_F(StoreCheckTest, ARemovedJobLeavesNothing) {
   EXPECT_EQ(found.jobs + found.units + found.frames, 0);
 }
 
-TEST_F(StoreCheckTest, FilesWithoutARowAreLeftOver) {
+TEST_F(StoreCheckTest, FilesWithoutRowAreOrphans) {
   write(path() + "/segments/open/7.seg", "x");
   write(path() + "/assets/upload/1-1", "x");
   const StoreFindings found = check();
@@ -174,7 +174,7 @@ TEST_F(StoreCheckTest, FilesWithoutARowAreLeftOver) {
   EXPECT_EQ(found.orphans.size(), 2u) << ::testing::PrintToString(found.orphans);
 }
 
-TEST_F(StoreCheckTest, AStoreInUseOrOfAnotherVersionIsNotLookedAt) {
+TEST_F(StoreCheckTest, BusyOrOtherVersionStoreIsRefused) {
   {
     const auto store = Store::open(path(), real_filesystem());
     EXPECT_TRUE(absl::IsFailedPrecondition(check_store(path(), real_filesystem()).status()));
@@ -184,7 +184,7 @@ TEST_F(StoreCheckTest, AStoreInUseOrOfAnotherVersionIsNotLookedAt) {
   EXPECT_TRUE(absl::IsNotFound(check_store(path() + "/no", real_filesystem()).status()));
 }
 
-TEST_F(StoreCheckTest, ItChangesNothing) {
+TEST_F(StoreCheckTest, CheckChangesNothing) {
   change_rows("UPDATE store SET boot_count=41");
   const auto before = std::filesystem::last_write_time(path() + "/store.db");
   check();

@@ -80,7 +80,7 @@ class DamageTest : public ::testing::Test {
   int checkpoint_pages_ = 2000;
 };
 
-TEST_F(DamageTest, AFlippedByteInABlockIsFound) {
+TEST_F(DamageTest, FlippedByteInBlockIsDataLoss) {
   const std::vector<Commit> group = make_store();
   overwrite(segment(), group[1].record.offset + 77, "z");
   const auto store = open();
@@ -90,7 +90,7 @@ TEST_F(DamageTest, AFlippedByteInABlockIsFound) {
   EXPECT_TRUE(absl::IsDataLoss(block.status())) << block.status();
 }
 
-TEST_F(DamageTest, ATruncatedSegmentIsFoundAndItsUnitsCanBeRenderedAgain) {
+TEST_F(DamageTest, TruncatedSegmentLosesOnlyItsUnits) {
   const std::vector<Commit> group = make_store();
   std::filesystem::resize_file(segment(), 7000);
   const auto store = open();
@@ -103,7 +103,7 @@ TEST_F(DamageTest, ATruncatedSegmentIsFoundAndItsUnitsCanBeRenderedAgain) {
   EXPECT_EQ(*(*store)->read_block("a", again[0].record), group[1].block);
 }
 
-TEST_F(DamageTest, AMissingSegmentIsNotTakenForAReleasedOne) {
+TEST_F(DamageTest, MissingSegmentIsDataLoss) {
   const std::vector<Commit> group = make_store();
   std::filesystem::remove(segment());
   const auto store = open();
@@ -111,7 +111,7 @@ TEST_F(DamageTest, AMissingSegmentIsNotTakenForAReleasedOne) {
   EXPECT_TRUE(absl::IsDataLoss((*store)->read_block("a", group[0].record).status()));
 }
 
-TEST_F(DamageTest, ARecordWithAWildSizeAllocatesNothing) {
+TEST_F(DamageTest, HugeRecordSizeDoesNotAllocate) {
   const std::vector<Commit> group = make_store();
   const auto store = open();
   ASSERT_TRUE(store.ok());
@@ -122,7 +122,7 @@ TEST_F(DamageTest, ARecordWithAWildSizeAllocatesNothing) {
   EXPECT_TRUE(absl::IsDataLoss((*store)->read_block("a", record).status()));
 }
 
-TEST_F(DamageTest, AFileThatIsNoDatabaseIsRefused) {
+TEST_F(DamageTest, NonDatabaseFileIsRefused) {
   make_store();
   overwrite(path() + "/store.db", 0, std::string(100, '#'));
   const auto store = open();
@@ -130,7 +130,7 @@ TEST_F(DamageTest, AFileThatIsNoDatabaseIsRefused) {
   EXPECT_TRUE(absl::StrContains(store.status().message(), "store.db")) << store.status();
 }
 
-TEST_F(DamageTest, RowsThatCannotBeReadAreReportedAndNotTakenForNone) {
+TEST_F(DamageTest, UnreadableRowsAreReported) {
   make_store();
   const auto size = std::filesystem::file_size(path() + "/store.db");
   for (std::uintmax_t page = 1; page * 4096 < size; ++page) {
@@ -168,7 +168,7 @@ TEST_F(DamageTest, PreviousSchemaIsMigrated) {
   EXPECT_EQ(units, group.size());
 }
 
-TEST_F(DamageTest, AStoreOfTheFirstSchemaIsBroughtUpToDate) {
+TEST_F(DamageTest, FirstSchemaIsMigrated) {
   const std::vector<Commit> group = make_store();
   change_rows(
       "DROP TABLE joins; DROP TABLE totals; ALTER TABLE units DROP COLUMN "
@@ -185,7 +185,7 @@ TEST_F(DamageTest, AStoreOfTheFirstSchemaIsBroughtUpToDate) {
   EXPECT_EQ((*store)->jobs()->front().render_contract, 10) << "the last that was not noted";
 }
 
-TEST_F(DamageTest, UnitsOfJobsThatWereDoneUnderAnOlderSchemaAreAddedUp) {
+TEST_F(DamageTest, MigrationAddsTotalsOfDoneJobs) {
   make_store();
   change_rows(
       "DROP TABLE totals; ALTER TABLE joins DROP COLUMN seen_us; "
@@ -202,7 +202,7 @@ TEST_F(DamageTest, UnitsOfJobsThatWereDoneUnderAnOlderSchemaAreAddedUp) {
 }
 
 /// The rows are durable; were it called a failure, its units could never be committed again.
-TEST_F(DamageTest, ADiskThatIsFullAtACheckpointFailsNothing) {
+TEST_F(DamageTest, FullDiskAtCheckpointFailsNothing) {
   checkpoint_pages_ = 1;
   make_store();
   FailingDisk disk;
@@ -218,14 +218,14 @@ TEST_F(DamageTest, ADiskThatIsFullAtACheckpointFailsNothing) {
   EXPECT_TRUE(deaths_.empty());
 }
 
-TEST_F(DamageTest, AForeignDatabaseIsRefused) {
+TEST_F(DamageTest, ForeignDatabaseIsRefused) {
   std::filesystem::create_directory(path());
   change_rows("CREATE TABLE theirs(x); PRAGMA user_version=1");
   const auto store = open();
   EXPECT_TRUE(absl::IsDataLoss(store.status())) << store.status();
 }
 
-TEST_F(DamageTest, AFullDiskFailsTheGroupAndNothingElse) {
+TEST_F(DamageTest, FullDiskFailsOnlyItsGroup) {
   const std::vector<Commit> before = make_store();
   FailingDisk disk;
   const auto store = open(disk);
@@ -243,7 +243,7 @@ TEST_F(DamageTest, AFullDiskFailsTheGroupAndNothingElse) {
   EXPECT_TRUE(deaths_.empty());
 }
 
-TEST_F(DamageTest, AFailedSyncOfASegmentEndsTheProcess) {
+TEST_F(DamageTest, FailedSegmentSyncEndsProcess) {
   make_store();
   FailingDisk disk;
   const auto store = open(disk);
@@ -260,7 +260,7 @@ TEST_F(DamageTest, AFailedSyncOfASegmentEndsTheProcess) {
   EXPECT_EQ(count, 2);
 }
 
-TEST_F(DamageTest, AFailedSyncOfAnAssetOrAnImageEndsTheProcess) {
+TEST_F(DamageTest, FailedAssetOrImageSyncEndsProcess) {
   make_store();
   FailingDisk disk;
   {
@@ -285,7 +285,7 @@ TEST_F(DamageTest, AFailedSyncOfAnAssetOrAnImageEndsTheProcess) {
   EXPECT_TRUE((*store)->frames("a")->empty());
 }
 
-TEST_F(DamageTest, AFailedSyncWithinSqliteEndsTheProcess) {
+TEST_F(DamageTest, FailedSqliteSyncEndsProcess) {
   make_store();
   FailingDisk disk;
   const auto store = open(disk);
@@ -295,7 +295,7 @@ TEST_F(DamageTest, AFailedSyncWithinSqliteEndsTheProcess) {
   EXPECT_EQ(deaths_.size(), 1U);
 }
 
-TEST_F(DamageTest, AFailedSyncOfACheckpointEndsTheProcess) {
+TEST_F(DamageTest, FailedCheckpointSyncEndsProcess) {
   checkpoint_pages_ = 1;
   make_store();
   FailingDisk disk;
@@ -306,7 +306,7 @@ TEST_F(DamageTest, AFailedSyncOfACheckpointEndsTheProcess) {
   EXPECT_EQ(deaths_.size(), 1U);
 }
 
-TEST(DamageDeathTest, WithoutATestsAnswerTheProcessExitsWithAMessage) {
+TEST(DamageDeathTest, FailedSyncExitsWithMessage) {
   ::testing::FLAGS_gtest_death_test_style = "threadsafe";
   const ScratchFolder folder;
   const auto die = [&] {

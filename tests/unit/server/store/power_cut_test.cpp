@@ -328,7 +328,7 @@ std::string loss_without(const Recording& recording, const std::string& site) {
   return "";
 }
 
-TEST(PowerCut, AtAnyStepLosesNothingThatWasAnsweredFor) {
+TEST(PowerCut, NoStepLosesConfirmedData) {
   const Recording recording = record_a_day();
   Inspector inspector(recording);
   DiskModel disk;
@@ -355,7 +355,7 @@ TEST(PowerCut, EverySyncIsNeeded) {
   }
 }
 
-TEST(PowerCut, AfterAKillLosesNothingThatTheNextProcessSaw) {
+TEST(PowerCut, KillThenCutKeepsObservedData) {
   const Recording recording = record_a_day();
   const ScratchFolder killed_folder;
   const ScratchFolder cut_folder;

@@ -17,7 +17,7 @@ namespace {
 
 using StoreTest = StoreFixture;
 
-TEST_F(StoreTest, KeepsItsIdAndKeyAndCountsItsBoots) {
+TEST_F(StoreTest, KeepsIdAndKeyAndCountsBoots) {
   const std::string id = store().id();
   const std::string key = store().key();
   EXPECT_EQ(id.size(), 32U);
@@ -34,7 +34,7 @@ TEST_F(StoreTest, KeepsItsIdAndKeyAndCountsItsBoots) {
   EXPECT_NE((*other)->key(), key);
 }
 
-TEST_F(StoreTest, LetsNobodyElseReadTheKey) {
+TEST_F(StoreTest, FilesArePrivate) {
   for (const char* name : {"", "/store.db", "/store.db-wal"}) {
     struct stat info {};
     ASSERT_EQ(::stat((path() + name).c_str(), &info), 0) << name;
@@ -42,18 +42,18 @@ TEST_F(StoreTest, LetsNobodyElseReadTheKey) {
   }
 }
 
-TEST_F(StoreTest, RefusesASecondOpener) {
+TEST_F(StoreTest, RefusesSecondOpen) {
   const auto second = Store::open(path(), real_filesystem());
   EXPECT_TRUE(absl::IsFailedPrecondition(second.status())) << second.status();
   EXPECT_EQ(store().boot_count(), 1);
 }
 
-TEST_F(StoreTest, RefusesAFolderWhoseParentIsMissing) {
+TEST_F(StoreTest, RefusesFolderWithMissingParent) {
   const auto store = Store::open(folder_.path() + "/no/store", real_filesystem());
   EXPECT_TRUE(absl::IsNotFound(store.status())) << store.status();
 }
 
-TEST_F(StoreTest, GivesJobsBackAsTheyWereInOrderOfSubmission) {
+TEST_F(StoreTest, JobsRoundTripInSubmissionOrder) {
   JobRecord second = add_job("z");
   const JobRecord first = add_job("a");
   EXPECT_LT(second.sequence, first.sequence);
@@ -86,7 +86,7 @@ TEST_F(StoreTest, GivesJobsBackAsTheyWereInOrderOfSubmission) {
   EXPECT_EQ(jobs->back().render_contract, 3);
 }
 
-TEST_F(StoreTest, RefusesAJobThatWasSeenBefore) {
+TEST_F(StoreTest, RefusesRepeatedJob) {
   add_job("a");
   JobRecord same_id;
   same_id.id = "a";
@@ -98,7 +98,7 @@ TEST_F(StoreTest, RefusesAJobThatWasSeenBefore) {
   EXPECT_EQ(store().jobs()->size(), 1U);
 }
 
-TEST_F(StoreTest, TakesManyJobsWithoutARequestId) {
+TEST_F(StoreTest, AcceptsJobsWithoutRequestId) {
   for (const char* id : {"a", "b"}) {
     JobRecord job;
     job.id = id;
@@ -106,7 +106,7 @@ TEST_F(StoreTest, TakesManyJobsWithoutARequestId) {
   }
 }
 
-TEST_F(StoreTest, RefusesAnIdThatIsNoFileName) {
+TEST_F(StoreTest, RefusesIdThatIsNoFileName) {
   for (const std::string id : {"", ".", "..", "../a", "a/b", ".hidden", "a b", "ä"}) {
     JobRecord job;
     job.id = id;
@@ -115,7 +115,7 @@ TEST_F(StoreTest, RefusesAnIdThatIsNoFileName) {
   }
 }
 
-TEST_F(StoreTest, NeverGivesOutTheIdOfARemovedJob) {
+TEST_F(StoreTest, NeverReusesIdOfRemovedJob) {
   const JobRecord job = add_job("a");
   ASSERT_TRUE(store().remove_job("a").ok());
   open();
@@ -128,7 +128,7 @@ TEST_F(StoreTest, NeverGivesOutTheIdOfARemovedJob) {
   EXPECT_GT(add_job("c").sequence, job.sequence);
 }
 
-TEST_F(StoreTest, KnowsNothingOfAJobThatIsNotThere) {
+TEST_F(StoreTest, UnknownJobIsNotFound) {
   JobRecord job;
   job.id = "nobody";
   std::vector<Commit> group = {make_commit("nobody", {0, 0, 0}, "block")};
@@ -143,7 +143,7 @@ TEST_F(StoreTest, KnowsNothingOfAJobThatIsNotThere) {
   EXPECT_TRUE(store().frames("nobody")->empty());
 }
 
-TEST_F(StoreTest, GivesBlocksBackAfterARestartInOrderOfTheirUnits) {
+TEST_F(StoreTest, BlocksRoundTripInUnitOrder) {
   add_job("a");
   add_job("b");
   std::vector<Commit> group;
@@ -171,7 +171,7 @@ TEST_F(StoreTest, GivesBlocksBackAfterARestartInOrderOfTheirUnits) {
   EXPECT_EQ(found[0].cpu_seconds, 0.25);
 }
 
-TEST_F(StoreTest, CommitsAllOfAGroupOrNothing) {
+TEST_F(StoreTest, GroupCommitIsAtomic) {
   add_job("a");
   commit("a", 0, 1);
   std::vector<Commit> group = {make_commit("a", {0, 7, 0}, "new"),
@@ -184,7 +184,7 @@ TEST_F(StoreTest, CommitsAllOfAGroupOrNothing) {
   EXPECT_EQ(*store().read_block("a", group[0].record), "new");
 }
 
-TEST_F(StoreTest, BeginsANewSegmentWhenOneIsLongEnoughAndAfterARestart) {
+TEST_F(StoreTest, StartsNewSegmentWhenFullOrRestarted) {
   segment_bytes_ = 1000;
   open();
   add_job("a");
@@ -201,7 +201,7 @@ TEST_F(StoreTest, BeginsANewSegmentWhenOneIsLongEnoughAndAfterARestart) {
   for (const UnitRecord& unit : found) EXPECT_TRUE(store().read_block("a", unit).ok());
 }
 
-TEST_F(StoreTest, WritesToMoreJobsThanItKeepsFilesOpen) {
+TEST_F(StoreTest, WritesMoreJobsThanOpenFiles) {
   std::vector<Commit> last;
   for (int round = 0; round < 2; ++round) {
     for (int job = 0; job < 80; ++job) {
@@ -218,7 +218,7 @@ TEST_F(StoreTest, WritesToMoreJobsThanItKeepsFilesOpen) {
   }
 }
 
-TEST_F(StoreTest, ForgetsDroppedUnitsAndTakesThemAgain) {
+TEST_F(StoreTest, DroppedUnitsCanBeCommittedAgain) {
   add_job("a");
   commit("a", 0, 3);
   ASSERT_TRUE(store().drop_units("a", {{0, 0, 0}, {0, 2, 0}, {9, 9, 9}}).ok());
@@ -244,7 +244,7 @@ TEST_F(StoreTest, RecordsFinishedFrames) {
   EXPECT_EQ(frames->back().statistics_json, second.statistics_json);
 }
 
-TEST_F(StoreTest, RefusesAFrameWithoutItsFile) {
+TEST_F(StoreTest, RefusesFrameWithoutFile) {
   add_job("a");
   FrameRecord frame;
   frame.file = "missing.exr";
@@ -254,7 +254,7 @@ TEST_F(StoreTest, RefusesAFrameWithoutItsFile) {
   EXPECT_TRUE(store().frames("a")->empty());
 }
 
-TEST_F(StoreTest, AddsUpTheUnitsOfAClosedJobByWorker) {
+TEST_F(StoreTest, ClosingJobTotalsUnitsByWorker) {
   add_job("a");
   add_job("b");
   commit("b", 0, 2);
@@ -286,7 +286,7 @@ TEST_F(StoreTest, AddsUpTheUnitsOfAClosedJobByWorker) {
   EXPECT_TRUE(store().totals("b")->empty());
 }
 
-TEST_F(StoreTest, AClosedJobsBlocksAreReleasedAndLaterOnesAreNot) {
+TEST_F(StoreTest, ClosingJobReleasesItsBlocks) {
   add_job("a");
   const std::vector<Commit> before = commit("a", 0, 3);
   ASSERT_TRUE(store().close_job("a").ok());
@@ -301,7 +301,7 @@ TEST_F(StoreTest, AClosedJobsBlocksAreReleasedAndLaterOnesAreNot) {
   EXPECT_EQ(store().totals("a")->at(0).units, 4);
 }
 
-TEST_F(StoreTest, TheJournalShrinksWhenItsJobsAreClosed) {
+TEST_F(StoreTest, ClosingJobsShrinksJournal) {
   slack_pages_ = 8;
   checkpoint_pages_ = 1;
   open();
@@ -319,7 +319,7 @@ TEST_F(StoreTest, TheJournalShrinksWhenItsJobsAreClosed) {
             static_cast<std::uintmax_t>(empty) + 100'000);
 }
 
-TEST_F(StoreTest, RemovesAllThatAJobHad) {
+TEST_F(StoreTest, RemovingJobDeletesAllItsData) {
   add_job("a");
   const std::vector<Commit> group = commit("a", 0, 3);
   finish_frame("a", 0, "image");
@@ -332,7 +332,7 @@ TEST_F(StoreTest, RemovesAllThatAJobHad) {
   EXPECT_TRUE(absl::IsNotFound(store().read_block("a", group[0].record).status()));
 }
 
-TEST_F(StoreTest, SweepsUpWhatHasNoRow) {
+TEST_F(StoreTest, OpenDeletesFilesWithoutRow) {
   add_job("a");
   commit("a", 0, 1);
   const contract::Digest kept = upload("kept");
@@ -356,7 +356,7 @@ TEST_F(StoreTest, SweepsUpWhatHasNoRow) {
   EXPECT_TRUE(store().read_block("a", units("a")[0]).ok());
 }
 
-TEST_F(StoreTest, ShowsAnAssetOnceItIsKept) {
+TEST_F(StoreTest, AssetIsVisibleOncePublished) {
   const contract::Digest digest = contract::sha256("texture");
   const std::string upload_path = *store().new_upload_path();
   EXPECT_NE(*store().new_upload_path(), upload_path);
@@ -370,13 +370,13 @@ TEST_F(StoreTest, ShowsAnAssetOnceItIsKept) {
   EXPECT_EQ(read_file(store().asset_path(digest)), "texture");
 }
 
-TEST_F(StoreTest, RefusesToKeepAnUploadThatIsNotThere) {
+TEST_F(StoreTest, PublishingMissingUploadIsNotFound) {
   const auto status = store().publish_asset(*store().new_upload_path(), contract::sha256("x"));
   EXPECT_TRUE(absl::IsNotFound(status)) << status;
   EXPECT_FALSE(store().has_asset(contract::sha256("x")));
 }
 
-TEST_F(StoreTest, CollectsTheOldestAssetsThatNobodyNeeds) {
+TEST_F(StoreTest, CollectsOldestUnusedAssets) {
   const contract::Digest named = upload(std::string(100, 'n'));
   const contract::Digest oldest = upload(std::string(100, 'o'));
   now_us_ += 1;
@@ -399,7 +399,7 @@ TEST_F(StoreTest, CollectsTheOldestAssetsThatNobodyNeeds) {
   EXPECT_TRUE(store().has_asset(fresh));
 }
 
-TEST_F(StoreTest, AnAssetThatAJobGaveUpLastGoesLast) {
+TEST_F(StoreTest, RecentlyReleasedAssetIsCollectedLast) {
   const contract::Digest reused = upload(std::string(100, 'r'));
   now_us_ += 1;
   const contract::Digest unused = upload(std::string(100, 'u'));
@@ -410,7 +410,7 @@ TEST_F(StoreTest, AnAssetThatAJobGaveUpLastGoesLast) {
   EXPECT_FALSE(store().has_asset(unused));
 }
 
-TEST_F(StoreTest, CountsTheBytesItUses) {
+TEST_F(StoreTest, CountsUsedBytes) {
   const auto count_files = [&] {
     std::int64_t bytes = 0;
     for (const auto& entry : std::filesystem::recursive_directory_iterator(path())) {
@@ -443,7 +443,7 @@ TEST_F(StoreTest, CountsTheBytesItUses) {
   EXPECT_EQ(store().used_bytes(), empty);
 }
 
-TEST_F(StoreTest, CanBeReadWhileItIsWrittenTo) {
+TEST_F(StoreTest, ReadsDuringWrites) {
   add_job("a");
   std::thread reader([&] {
     for (int i = 0; i < 50; ++i) {

@@ -8,7 +8,7 @@ namespace {
 
 using StoreWorkersTest = StoreFixture;
 
-TEST_F(StoreWorkersTest, RemembersWhoIsBanned) {
+TEST_F(StoreWorkersTest, BansPersist) {
   ASSERT_TRUE(store().ban_worker("w2").ok());
   ASSERT_TRUE(store().ban_worker("w1").ok());
   ASSERT_TRUE(store().ban_worker("w1").ok());
@@ -18,7 +18,7 @@ TEST_F(StoreWorkersTest, RemembersWhoIsBanned) {
   EXPECT_EQ(*store().banned_workers(), (std::vector<std::string>{"w1"}));
 }
 
-TEST_F(StoreWorkersTest, RemembersItsWorkers) {
+TEST_F(StoreWorkersTest, WorkersPersist) {
   ASSERT_TRUE(store().add_worker("w2", "second").ok());
   ASSERT_TRUE(store().add_worker("w1", "first").ok());
   ASSERT_TRUE(store().add_worker("w1", "first again").ok());
@@ -29,7 +29,7 @@ TEST_F(StoreWorkersTest, RemembersItsWorkers) {
   EXPECT_EQ(*store().roster(), (std::vector<std::string>{"w1", "w2"}));
 }
 
-TEST_F(StoreWorkersTest, ATokenIsJoinedWithSoOftenAndRemembersByWhom) {
+TEST_F(StoreWorkersTest, TokenJoinsAreCountedPerWorker) {
   EXPECT_TRUE(store().record_join({"one", "token", "rack"}, 2).ok());
   EXPECT_TRUE(store().record_join({"two", "token", "rack"}, 2).ok());
   open();
@@ -39,14 +39,14 @@ TEST_F(StoreWorkersTest, ATokenIsJoinedWithSoOftenAndRemembersByWhom) {
   EXPECT_TRUE(store().record_join({"four", "token", "rack"}, 0).ok()) << "no limit";
 }
 
-TEST_F(StoreWorkersTest, AWorkersIdStaysWithItsCertificate) {
+TEST_F(StoreWorkersTest, WorkerIdIsBoundToCertificate) {
   EXPECT_TRUE(store().record_join({"one", "token", "rack"}, 0).ok());
   open();
   EXPECT_TRUE(absl::IsPermissionDenied(store().record_join({"one", "token", "thief"}, 0)));
   EXPECT_TRUE(absl::IsPermissionDenied(store().record_join({"one", "other", "thief"}, 0)));
 }
 
-TEST_F(StoreWorkersTest, ForgetsJoinsOfWorkersLongGoneWithTokensThatAreNoMore) {
+TEST_F(StoreWorkersTest, OldJoinsOfDeletedTokensExpire) {
   for (const char* worker : {"gone", "here", "late", "counted"}) {
     const std::string token = worker == std::string("counted") ? "valid" : "expired";
     ASSERT_TRUE(store().record_join({worker, token, "rack"}, 0).ok());

@@ -59,7 +59,7 @@ struct SocketPair {
   MessageSocket left{std::move(ends.first)}, right{std::move(ends.second)};
 };
 
-TEST(MessageSocket, MessagesOfAnySizeArriveWholeAndInOrder) {
+TEST(MessageSocket, AnySizeArrivesWholeAndInOrder) {
   SocketPair pair;
   std::thread sender([&pair] {
     for (const std::size_t size : {0u, 1u, 3u, 4u, 65536u, 3'000'000u}) {
@@ -74,7 +74,7 @@ TEST(MessageSocket, MessagesOfAnySizeArriveWholeAndInOrder) {
   sender.join();
 }
 
-TEST(MessageSocket, MoreDescriptorsThanABatchArriveInOrder) {
+TEST(MessageSocket, ManyDescriptorsArriveInOrder) {
   constexpr std::size_t kCount = 450;  // three batches
   SocketPair pair;
   std::vector<Descriptor> files;
@@ -98,7 +98,7 @@ TEST(MessageSocket, MoreDescriptorsThanABatchArriveInOrder) {
   sender.join();
 }
 
-TEST(MessageSocket, AClosedEndIsAnEndAndAHalfMessageIsDataLoss) {
+TEST(MessageSocket, PartialMessageIsDataLoss) {
   auto ends = *socket_pair();
   MessageSocket right(std::move(ends.second));
   ASSERT_EQ(::write(ends.first.get(), "\x05\0\0\0abc", 7), 7);
@@ -110,14 +110,14 @@ TEST(MessageSocket, AClosedEndIsAnEndAndAHalfMessageIsDataLoss) {
   EXPECT_TRUE(absl::IsUnavailable(right.send("anybody?")));
 }
 
-TEST(MessageSocket, ALengthBeyondTheLimitIsRefusedBeforeItAllocates) {
+TEST(MessageSocket, ExcessLengthDoesNotAllocate) {
   auto ends = *socket_pair();
   MessageSocket right(std::move(ends.second));
   ASSERT_EQ(::write(ends.first.get(), "\xff\xff\xff\xff", 4), 4);
   EXPECT_TRUE(absl::IsDataLoss(right.receive().status()));
 }
 
-TEST(DescriptorReader, ReadsTheManifestsFilesAndNothingElse) {
+TEST(DescriptorReader, ReadsOnlyManifestFiles) {
   v1::SceneManifest manifest;
   std::vector<Descriptor> files;
   for (const std::string text : {"gltf", "", "short"}) {
@@ -137,7 +137,7 @@ TEST(DescriptorReader, ReadsTheManifestsFilesAndNothingElse) {
   EXPECT_TRUE(absl::IsDataLoss(reader.read("uri of short").status()));
 }
 
-TEST(DescriptorReader, TexelsOverTheLimitLieInTheFile) {
+TEST(DescriptorReader, TexelsOverLimitAreSpilled) {
   const std::vector<std::byte> first(60, std::byte{1}), second(5000, std::byte{2});
   const Descriptor scratch = file_with("");
   const auto reader_of = [&](std::int64_t texel_bytes) {
@@ -162,7 +162,7 @@ TEST(DescriptorReader, TexelsOverTheLimitLieInTheFile) {
   EXPECT_EQ(::mincore(const_cast<std::byte*>(was_at), 1, &resident), -1);
 }
 
-TEST(RenderPool, ALoopRunsEveryIndexOnceFromTasksAndFromOutside) {
+TEST(RenderPool, LoopRunsEveryIndexOnce) {
   for (const int threads : {1, 2, 5}) {
     std::atomic<std::int64_t> helper_cpu_ns = 0;
     constexpr std::int64_t kCount = 1000;
@@ -182,7 +182,7 @@ TEST(RenderPool, ALoopRunsEveryIndexOnceFromTasksAndFromOutside) {
   }
 }
 
-TEST(RenderPool, IdleThreadsHelpWithTheOnlyTask) {
+TEST(RenderPool, IdleThreadsHelpWithOnlyTask) {
   std::atomic<std::int64_t> helper_cpu_ns = 0;
   std::atomic<int> inside = 0;
   std::atomic<bool> met = false;
@@ -202,7 +202,7 @@ TEST(RenderPool, IdleThreadsHelpWithTheOnlyTask) {
   EXPECT_GT(helper_cpu_ns, 0);
 }
 
-TEST(RenderPool, TasksThatAreQueuedComeBeforeHelp) {
+TEST(RenderPool, QueuedTasksPrecedeHelping) {
   std::atomic<std::int64_t> helper_cpu_ns = 0;
   std::atomic<int> done = 0;
   {
@@ -233,7 +233,7 @@ std::size_t file_count(const std::string& folder) {
       std::distance(fs::directory_iterator(folder), fs::directory_iterator()));
 }
 
-TEST(AssetCache, DownloadsOnceAndServesEveryWorkerOfTheHost) {
+TEST(AssetCache, DownloadsOncePerHost) {
   Folder folder;
   Download download{"a scene file"};
   const auto digest = contract::sha256(download.bytes);
@@ -248,7 +248,7 @@ TEST(AssetCache, DownloadsOnceAndServesEveryWorkerOfTheHost) {
   EXPECT_EQ(download.calls, 1);
 }
 
-TEST(AssetCache, NeverShowsBytesThatAreNotTheAsset) {
+TEST(AssetCache, WrongBytesAreNeverServed) {
   Folder folder;
   const auto cache = *AssetCache::open(folder.path(), 1000);
   const auto digest = contract::sha256("the right bytes");
@@ -259,7 +259,7 @@ TEST(AssetCache, NeverShowsBytesThatAreNotTheAsset) {
   }
 }
 
-TEST(AssetCache, AFileDamagedOnDiskIsFetchedAgain) {
+TEST(AssetCache, DamagedFileIsFetchedAgain) {
   Folder folder;
   Download download{"a scene file"};
   const auto digest = contract::sha256(download.bytes);
@@ -271,7 +271,7 @@ TEST(AssetCache, AFileDamagedOnDiskIsFetchedAgain) {
   EXPECT_EQ(download.calls, 2);
 }
 
-TEST(AssetCache, PartialFilesOfKilledWorkersGoThoseBeingWrittenStay) {
+TEST(AssetCache, StalePartialFilesAreDeleted) {
   Folder folder;
   const auto cache = *AssetCache::open(folder.path(), 1000);
   const auto part_count = [&] {
@@ -292,7 +292,7 @@ TEST(AssetCache, PartialFilesOfKilledWorkersGoThoseBeingWrittenStay) {
   EXPECT_EQ(part_count(), 0);
 }
 
-TEST(AssetCache, TheLeastRecentlyUsedGoFirstAndOpenFilesStayReadable) {
+TEST(AssetCache, EvictsLeastRecentlyUsed) {
   Folder folder;
   const auto cache = *AssetCache::open(folder.path(), 25);
   std::vector<Download> downloads = {{"first file"}, {"other file"}, {"third file"}};

@@ -25,7 +25,7 @@ TEST(JobLogForwarder, SendsLinesInOrderWithLevelAndJob) {
   EXPECT_FALSE(relay.take(Time{}));
 }
 
-TEST(JobLogForwarder, AfterABurstNotMoreThanItsRateIsSent) {
+TEST(JobLogForwarder, RateIsLimitedAfterBurst) {
   JobLogForwarder relay;
   Time now{};
   int sent = 0;
@@ -39,7 +39,7 @@ TEST(JobLogForwarder, AfterABurstNotMoreThanItsRateIsSent) {
   EXPECT_LE(sent, 2 * (JobLogForwarder::kBurst + 60 * JobLogForwarder::kLinesPerSecond));
 }
 
-TEST(JobLogForwarder, WhatIsTooMuchIsLeftOutOldestFirstAndSaidSo) {
+TEST(JobLogForwarder, DropsOldestLinesAndCountsThem) {
   JobLogForwarder relay;
   const int count = static_cast<int>(JobLogForwarder::kMaxWaiting) + 7;
   for (int i = 0; i < count; ++i) relay.add(LogLevel::info, "j", std::to_string(i));
@@ -49,7 +49,7 @@ TEST(JobLogForwarder, WhatIsTooMuchIsLeftOutOldestFirstAndSaidSo) {
   EXPECT_EQ(lines->lines(1).message(), "7");
 }
 
-TEST(JobLogForwarder, TakesNoLineThatProtobufWouldRefuse) {
+TEST(JobLogForwarder, ReplacesInvalidUtf8) {
   EXPECT_EQ(valid_utf8("gr\xC3\xBC\xC3\x9F"), "gr\xC3\xBC\xC3\x9F");
   EXPECT_EQ(valid_utf8("\xE2\x82\xAC \xF0\x9F\x99\x82"), "\xE2\x82\xAC \xF0\x9F\x99\x82");
   EXPECT_EQ(valid_utf8("a\xFFz"), "a?z");

@@ -33,7 +33,7 @@ void render(UnitQueue& queue, std::int32_t tile, const std::string& block = "blo
   ASSERT_TRUE(queue.finish(unit(tile), block, contract::sha256(block), 0.5));
 }
 
-TEST(UnitQueue, UnitsOfALeaseWaitInTheOrderOfTheCurve) {
+TEST(UnitQueue, LeasedUnitsWaitInCurveOrder) {
   UnitQueue queue;
   queue.add_lease(lease(3, 2));
   queue.add_lease(lease(0, 1, 2));
@@ -42,7 +42,7 @@ TEST(UnitQueue, UnitsOfALeaseWaitInTheOrderOfTheCurve) {
   EXPECT_EQ(queue.lease_of(unit(5)), nullptr);
 }
 
-TEST(UnitQueue, ABlockIsKeptUntilItsVerdictAndOfferedOncePerStream) {
+TEST(UnitQueue, KeepsBlockUntilAcknowledged) {
   UnitQueue queue;
   queue.add_lease(lease(0, 1));
   render(queue, 0, "pixels");
@@ -61,7 +61,7 @@ TEST(UnitQueue, ABlockIsKeptUntilItsVerdictAndOfferedOncePerStream) {
   EXPECT_TRUE(queue.empty());
 }
 
-TEST(UnitQueue, AVerdictDuringDeliveryLeavesTheBytesBeingSentAlone) {
+TEST(UnitQueue, AcknowledgementKeepsBytesBeingSent) {
   UnitQueue queue;
   queue.add_lease(lease(0, 1));
   render(queue, 0, "pixels");
@@ -70,7 +70,7 @@ TEST(UnitQueue, AVerdictDuringDeliveryLeavesTheBytesBeingSentAlone) {
   EXPECT_EQ(*block->bytes, "pixels");
 }
 
-TEST(UnitQueue, OnlyUnitsThatWaitAreHandedBack) {
+TEST(UnitQueue, OnlyWaitingUnitsAreReturned) {
   UnitQueue queue;
   queue.add_lease(lease(0, 3));
   queue.start(unit(0));
@@ -80,7 +80,7 @@ TEST(UnitQueue, OnlyUnitsThatWaitAreHandedBack) {
   EXPECT_TRUE(queue.waiting().empty());
 }
 
-TEST(UnitQueue, AUnitPutBackIsNextInLineAndCanBeFinishedAfterwards) {
+TEST(UnitQueue, ReturnedUnitIsNextInLine) {
   UnitQueue queue;
   queue.add_lease(lease(0, 3));
   queue.start(unit(1));
@@ -90,7 +90,7 @@ TEST(UnitQueue, AUnitPutBackIsNextInLineAndCanBeFinishedAfterwards) {
   render(queue, 1);
 }
 
-TEST(UnitQueue, AFailureCarriesItsLeaseAndForgetsTheUnit) {
+TEST(UnitQueue, FailureCarriesLeaseAndRemovesUnit) {
   UnitQueue queue;
   queue.add_lease(lease(0, 2));
   queue.start(unit(1));
@@ -105,7 +105,7 @@ TEST(UnitQueue, AFailureCarriesItsLeaseAndForgetsTheUnit) {
   EXPECT_EQ(queue.size(), 1);
 }
 
-TEST(UnitQueue, AFinishedUnitCannotFail) {
+TEST(UnitQueue, FinishedUnitCannotFail) {
   UnitQueue queue;
   queue.add_lease(lease(0, 1));
   render(queue, 0);
@@ -113,7 +113,7 @@ TEST(UnitQueue, AFinishedUnitCannotFail) {
   EXPECT_TRUE(queue.next_block(Time()).has_value());
 }
 
-TEST(UnitQueue, HelloNamesWhatIsStartedAndHeldWithTheirLeasesOnce) {
+TEST(UnitQueue, HelloListsStartedAndHeldUnits) {
   UnitQueue queue;
   queue.set_store("store");
   queue.add_lease(lease(0, 3, 1));
@@ -133,7 +133,7 @@ TEST(UnitQueue, HelloNamesWhatIsStartedAndHeldWithTheirLeasesOnce) {
   EXPECT_TRUE(queue.waiting().empty()) << "the server leases these anew";
 }
 
-TEST(UnitQueue, AnotherStoreMakesEverythingWorthless) {
+TEST(UnitQueue, OtherStoreDiscardsEverything) {
   UnitQueue queue;
   queue.set_store("one");
   queue.add_lease(lease(0, 3));
@@ -147,7 +147,7 @@ TEST(UnitQueue, AnotherStoreMakesEverythingWorthless) {
   EXPECT_FALSE(queue.finish(unit(0), "block", {}, 0));
 }
 
-TEST(UnitQueue, LeasedAndGrantedNeverExceedTheWindow) {
+TEST(UnitQueue, LeasedPlusGrantedStaysWithinWindow) {
   UnitQueue queue;
   const CreditWindow four{4, 4};
   EXPECT_EQ(queue.credits_to_grant(four), 4);
@@ -163,7 +163,7 @@ TEST(UnitQueue, LeasedAndGrantedNeverExceedTheWindow) {
   EXPECT_EQ(queue.credits_to_grant({2, 2}), 0) << "a smaller window takes nothing back";
 }
 
-TEST(UnitQueue, BlocksUnderWayMakeRoomAheadUpToTheTotal) {
+TEST(UnitQueue, BlocksInFlightFreePrefetchSlots) {
   UnitQueue queue;
   const CreditWindow window{2, 4};
   EXPECT_EQ(queue.credits_to_grant(window), 2);
@@ -186,7 +186,7 @@ TEST(UnitQueue, BlocksUnderWayMakeRoomAheadUpToTheTotal) {
   EXPECT_EQ(hello.credit_count(), 2);
 }
 
-TEST(UnitQueue, AHeldUnitLeasedAgainIsOfferedUnderTheNewLease) {
+TEST(UnitQueue, HeldUnitIsOfferedUnderNewLease) {
   UnitQueue queue;
   queue.add_lease(lease(0, 1, 1));
   render(queue, 0);
@@ -198,7 +198,7 @@ TEST(UnitQueue, AHeldUnitLeasedAgainIsOfferedUnderTheNewLease) {
   EXPECT_EQ(block->lease->seal(), "seal 2");
 }
 
-TEST(UnitQueue, TheEndOfAJobForgetsItsUnitsOnly) {
+TEST(UnitQueue, EndedJobRemovesOnlyItsUnits) {
   UnitQueue queue;
   queue.add_lease(lease(0, 2, 1, "job"));
   queue.add_lease(lease(0, 2, 2, "other"));
@@ -209,7 +209,7 @@ TEST(UnitQueue, TheEndOfAJobForgetsItsUnitsOnly) {
   EXPECT_EQ(queue.size(), 2);
 }
 
-TEST(CreditWindow, CoversTheRoundTripAndFitsTheBuffer) {
+TEST(CreditWindow, CoversRoundTripWithinBuffer) {
   EXPECT_EQ(credit_window(4, 0, 0, 0, 1'000'000).prefetch_limit, 8) << "nothing measured yet";
   EXPECT_EQ(credit_window(4, 0.1, 0.2, 0, 1'000'000).prefetch_limit, 8 + 2);
   EXPECT_EQ(credit_window(4, 0.1, 0.2, 200'000, 1'000'000).in_flight_limit, 5);
@@ -217,7 +217,7 @@ TEST(CreditWindow, CoversTheRoundTripAndFitsTheBuffer) {
   EXPECT_GE(credit_window(4, 0.1, 0.2, 0, 1LL << 60).in_flight_limit, 1 << 30) << "no overflow";
 }
 
-TEST(UnitQueue, TheBlockThatWaitsLongestForItsVerdictIsKnownWhateverComesForOthers) {
+TEST(UnitQueue, TracksOldestUnacknowledgedBlock) {
   UnitQueue queue;
   queue.add_lease(lease(0, 2));
   const Time begin = Time() + std::chrono::hours(1);

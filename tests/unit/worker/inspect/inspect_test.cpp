@@ -36,7 +36,7 @@ class InspectTest : public ::testing::Test {
   const fs::path folder_ = scratch_.path();
 };
 
-TEST_F(InspectTest, ListsResourcesCountsAndNeedsOfAGoodScene) {
+TEST_F(InspectTest, ListsResourcesCountsAndFeatures) {
   GltfBuilder b;
   b.add_mesh(unit_quad(b.add_material(R"({"emissiveFactor": [1, 1, 1], "alphaMode": "BLEND"})")));
   b.add_node_with_mesh(0);
@@ -72,7 +72,7 @@ TEST_F(InspectTest, ListsResourcesCountsAndNeedsOfAGoodScene) {
   EXPECT_EQ(memory["total_bytes"], sum);
 }
 
-TEST_F(InspectTest, NamesFileElementAndFaultOfABadScene) {
+TEST_F(InspectTest, BadSceneNamesFileElementAndFault) {
   GltfBuilder b;
   b.add("images", R"({"uri": "bark.png"})");
   b.add_texture(0);
@@ -89,7 +89,7 @@ TEST_F(InspectTest, NamesFileElementAndFaultOfABadScene) {
   EXPECT_EQ(json::parse(to_json(report))["counts"], nullptr);
 }
 
-TEST_F(InspectTest, NamesTheSceneThatIsNotThere) {
+TEST_F(InspectTest, MissingSceneIsNamed) {
   const InspectReport report = inspect_scene({folder_ / "none.gltf", {}, {}});
   ASSERT_EQ(report.findings.size(), 1u);
   EXPECT_EQ(report.findings[0].file, "none.gltf");
@@ -100,7 +100,7 @@ TEST_F(InspectTest, NamesTheSceneThatIsNotThere) {
   EXPECT_EQ(inspect_scene({folder_ / "folder.gltf", {}, {}}).findings[0].problem.element, "");
 }
 
-TEST_F(InspectTest, ReadsASkyFromAnywhereAndNamesItInTheManifest) {
+TEST_F(InspectTest, SkyIsListedInManifest) {
   GltfBuilder b;
   b.add_mesh(unit_quad());
   b.add_node_with_mesh(0);
@@ -117,7 +117,7 @@ TEST_F(InspectTest, ReadsASkyFromAnywhereAndNamesItInTheManifest) {
   EXPECT_NE(report.needs.features & kFeatureEnvironmentMap, 0u);
 }
 
-TEST_F(InspectTest, FindsACameraThatIsNotThere) {
+TEST_F(InspectTest, UnknownCameraIsReported) {
   GltfBuilder b;
   b.add_mesh(unit_quad());
   b.add_node_with_mesh(0);
@@ -159,7 +159,7 @@ absl::StatusOr<Scene> lamp(const std::string& material, const std::string& light
   return load_and_pose(b);
 }
 
-TEST(LightThroughGlass, IsWarnedOfWhenALightSitsInSolidGlassOnly) {
+TEST(LightThroughGlass, LightInsideGlassWarns) {
   const std::string solid = R"({"extensions": {"KHR_materials_transmission":
       {"transmissionFactor": 1}, "KHR_materials_volume": {"thicknessFactor": 1}}})";
   const std::string thin =
@@ -177,7 +177,7 @@ TEST(LightThroughGlass, IsWarnedOfWhenALightSitsInSolidGlassOnly) {
   EXPECT_TRUE(warnings(lamp("{}", "[0, 2, 0]")).empty()) << "an opaque box";
 }
 
-TEST(Contents, NameWhatAFileOffers) {
+TEST(Contents, ListCamerasVariantsAndMore) {
   testing::MemoryReader reader;
   GltfBuilder b;
   b.use_extension("KHR_materials_variants");
@@ -204,7 +204,7 @@ TEST(Contents, NameWhatAFileOffers) {
   EXPECT_EQ(contents.animations[0].seconds, 2.5);
 }
 
-TEST_F(InspectTest, FurtherMembersFollowTheSchemaAndNoStructureIsWrong) {
+TEST_F(InspectTest, AcceleratorTableMatchesSchema) {
   GltfBuilder b;
   b.add_mesh(unit_quad(b.add_material("{}")));
   b.add_node_with_mesh(0);
@@ -233,7 +233,7 @@ TEST_F(InspectTest, FurtherMembersFollowTheSchemaAndNoStructureIsWrong) {
   EXPECT_GT(overlaps["instances"][0]["pair_count"], 0);
 }
 
-TEST_F(InspectTest, WarnsOfSolidsThatAreOpen) {
+TEST_F(InspectTest, OpenSolidWarns) {
   GltfBuilder b;
   b.set("/extensionsUsed", R"(["KHR_materials_transmission", "KHR_materials_volume"])");
   b.add_mesh(unit_quad(b.add_material(R"({"extensions": {

@@ -55,7 +55,7 @@ std::vector<LightSampleContext> receivers() {
           {{0.3f, 2, -4}, {0, -1, 0}, false}};
 }
 
-TEST(LightTree, ProbabilitiesSumToOneAndArePositiveWhereverThereIsLight) {
+TEST(LightTree, ProbabilitiesSumToOne) {
   for (const int count : {1, 2, 7, 8, 9, 100, 1000}) {
     const auto lights = mixed_lights(count, 3);
     const LightTree tree(lights);
@@ -72,7 +72,7 @@ TEST(LightTree, ProbabilitiesSumToOneAndArePositiveWhereverThereIsLight) {
   }
 }
 
-TEST(LightTree, ChoosesAsOftenAsItSays) {
+TEST(LightTree, SamplesFollowProbabilities) {
   const auto lights = mixed_lights(300, 11);
   const LightTree tree(lights);
   constexpr int kDraws = 200'000;
@@ -109,7 +109,7 @@ double relative_second_moment(const std::vector<LightBounds>& lights, const Ligh
   return second / (mean * mean);
 }
 
-TEST(LightTree, BringsTheVarianceOfManyLampsDownByAnOrderOfMagnitude) {
+TEST(LightTree, ReducesVarianceTenfold) {
   std::vector<LightBounds> lights;
   for (int i = 0; i < 400; ++i) lights.push_back(lamp({i * 0.5, 1, (i % 20) * 0.5}, 1));
   const LightTree tree(lights);
@@ -123,7 +123,7 @@ TEST(LightTree, BringsTheVarianceOfManyLampsDownByAnOrderOfMagnitude) {
   }
 }
 
-TEST(LightTree, PassesOverPatchesThatFaceAwayOrLieBehind) {
+TEST(LightTree, BackfacingPatchesAreNotChosen) {
   const LightSampleContext receiver{{0, 0, 0}, {0, 1, 0}, false};
   const auto share_of_first = [&receiver](const LightBounds& first, const LightBounds& second) {
     return LightTree({first, second}).probability(receiver, 0);
@@ -136,7 +136,7 @@ TEST(LightTree, PassesOverPatchesThatFaceAwayOrLieBehind) {
   EXPECT_NEAR(share_of_first(facing, both), 0.5, 1e-6);
 }
 
-TEST(LightTree, TakesASharpSpotInItsConeForALampAndOutsideForNothing) {
+TEST(LightTree, SpotIsIgnoredOutsideItsCone) {
   LightBounds spot = lamp({0, 4, 0}, 1);
   spot.axis = {0, -1, 0};
   spot.normal_angle = 0.4363148;
@@ -150,7 +150,7 @@ TEST(LightTree, TakesASharpSpotInItsConeForALampAndOutsideForNothing) {
   for (const float x : {1.01f * edge, 5.0f}) EXPECT_LT(share_at(x), 0.01) << x;
 }
 
-TEST(LightTree, HoldsLightsInOnePlaceInARowAndAtTheReceiver) {
+TEST(LightTree, DegenerateLayoutsAreHandled) {
   for (const double step : {0.0, 1e-30, 1.0, 1e17}) {
     std::vector<LightBounds> lights;
     for (int i = 0; i < 100; ++i) lights.push_back(lamp({i * step, 0, 0}, 1 + i));
@@ -170,7 +170,7 @@ TEST(LightTree, HoldsLightsInOnePlaceInARowAndAtTheReceiver) {
   EXPECT_TRUE(LightTree({lamp({0, 0, 0}, 0)}).empty());
 }
 
-TEST(LightTree, IsTheSameAtEveryPowerOfTwo) {  // hard case 5
+TEST(LightTree, PowerOfTwoScaleKeepsProbabilities) {  // hard case 5
   auto lights = mixed_lights(200, 5);
   const LightTree tree(lights);
   constexpr double kScale = 1024;

@@ -29,7 +29,7 @@ std::vector<Sides> rectangles() {
           {{0, 0, -1}, {0, 1, 0}, {1, 0, 0}},      {{1, 1, 1}, {0.6, 0.8, 0}, {-0.48, 0.36, 0.8}}};
 }
 
-TEST(SphericalRectangle, SolidAngleIsThatOfItsHalves) {
+TEST(SphericalRectangle, SolidAngleIsSumOfHalves) {
   for (const Sides& r : rectangles()) {
     const Vec3d a = r.at(0, 0), b = r.at(1, 0), c = r.at(1, 1), d = r.at(0, 1);
     const double halves = SphericalTriangle::seen_from_origin(a, b, c).solid_angle +
@@ -38,7 +38,7 @@ TEST(SphericalRectangle, SolidAngleIsThatOfItsHalves) {
   }
 }
 
-TEST(SphericalRectangle, SmallOnesKeepTheirDigits) {  // hard case 59, for rectangles
+TEST(SphericalRectangle, SmallSizesKeepPrecision) {  // hard case 59, for rectangles
   for (const double size : {1e-2, 1e-4, 1e-6}) {
     // Products of numbers near 1 hold an angle of size^2 up to 2^-50.
     const Sides r = {{-size / 2, -size / 2, 1}, {size, 0, 0}, {0, size, 0}};
@@ -46,7 +46,7 @@ TEST(SphericalRectangle, SmallOnesKeepTheirDigits) {  // hard case 59, for recta
   }
 }
 
-TEST(SphericalRectangle, HasNoSolidAngleInItsPlane) {
+TEST(SphericalRectangle, ViewInPlaneHasNoSolidAngle) {
   EXPECT_EQ(seen({{1, 1, 0}, {1, 0, 0}, {0, 1, 0}}).solid_angle(), 0);
   EXPECT_EQ(seen({{-1, -1, 0}, {2, 0, 0}, {0, 2, 0}}).solid_angle(), 0);
 }
@@ -77,7 +77,7 @@ TEST(SphericalRectangle, SamplesAreUniformOverSolidAngle) {
   }
 }
 
-TEST(SphericalRectangle, CornersOfTheSquareOfNumbersAreSafe) {  // hard case 63
+TEST(SphericalRectangle, ExtremeRandomNumbersAreSafe) {  // hard case 63
   for (const Sides& r : rectangles()) {
     for (const double u1 : {0.0, 0x1p-53, 0.5, 1 - 0x1p-53}) {
       for (const double u2 : {0.0, 0x1p-53, 0.5, 1 - 0x1p-53}) {

@@ -25,7 +25,7 @@ std::array<Corners, 2> unit_square(double z) {
   return {Corners{a, b, c}, Corners{a, c, d}};
 }
 
-TEST(SphericalTriangle, SolidAnglesAreTheClosedForms) {
+TEST(SphericalTriangle, SolidAngleMatchesFormula) {
   EXPECT_NEAR(seen({Vec3d{1, 0, 0}, {0, 2, 0}, {0, 0, 3}}).solid_angle, kPi / 2, 1e-14);
   for (const double z : {1e3, 1.0, 0.1, 0.01, 1e-3, 1e-6}) {
     const double expected = 4 * std::atan(1 / (2 * z * std::sqrt(4 * z * z + 2)));
@@ -36,7 +36,7 @@ TEST(SphericalTriangle, SolidAnglesAreTheClosedForms) {
   }
 }
 
-TEST(SphericalTriangle, SmallOnesKeepTheirDigits) {  // hard case 59, for triangles
+TEST(SphericalTriangle, SmallSizesKeepPrecision) {  // hard case 59, for triangles
   for (const double size : {1e-2, 1e-4, 1e-6}) {
     // Facing the viewer at distance 1: area / d^2, but for terms of second order in the size.
     const Corners t = {Vec3d{0, 0, 1}, {size, 0, 1}, {0, size, 1}};
@@ -44,7 +44,7 @@ TEST(SphericalTriangle, SmallOnesKeepTheirDigits) {  // hard case 59, for triang
   }
 }
 
-TEST(SphericalTriangle, HasNoSolidAngleFromItsPlaneOrItsCorners) {
+TEST(SphericalTriangle, ViewInPlaneHasNoSolidAngle) {
   EXPECT_EQ(seen({Vec3d{1, 0, 0}, {2, 0, 0}, {3, 0, 0}}).solid_angle, 0);
   EXPECT_EQ(seen({Vec3d{1, 0, 0}, {0, 1, 0}, {3, 2, 0}}).solid_angle, 0);
   EXPECT_EQ(seen({Vec3d{0, 0, 0}, {0, 1, 0}, {3, 2, 1}}).solid_angle, 0);
@@ -105,7 +105,7 @@ TEST(SphericalTriangle, SamplesAreUniformOverSolidAngle) {
   }
 }
 
-TEST(SphericalTriangle, CornersOfTheSquareOfNumbersAreSafe) {  // hard case 63
+TEST(SphericalTriangle, ExtremeRandomNumbersAreSafe) {  // hard case 63
   for (const Corners& t : triangles()) {
     const SphericalTriangle triangle = seen(t);
     for (const double u1 : {0.0, 0x1p-53, 0.5, 1 - 0x1p-53}) {
@@ -119,7 +119,7 @@ TEST(SphericalTriangle, CornersOfTheSquareOfNumbersAreSafe) {  // hard case 63
   }
 }
 
-TEST(SphericalTriangle, PlacesLieWhereTheDirectionsLead) {
+TEST(SphericalTriangle, PointsMatchDirections) {
   for (const Corners& t : triangles()) {
     const SphericalTriangle triangle = seen(t);
     for (int i = 0; i < 1000; ++i) {
@@ -135,7 +135,7 @@ TEST(SphericalTriangle, PlacesLieWhereTheDirectionsLead) {
   }
 }
 
-TEST(SphericalTriangle, FormFactorOfASquareAtAnyDistance) {  // hard case 58
+TEST(SphericalTriangle, SquareFormFactorMatchesFormula) {  // hard case 58
   const double expected[] = {0.239456, 0.968340, 0.999673};
   const double heights[] = {1, 0.1, 0.01};
   constexpr int kSide = 64;

@@ -30,17 +30,17 @@ void expect_refused(const std::function<long()>& act) {
   EXPECT_EXIT(::_exit(refused(act)), ::testing::ExitedWithCode(kRefused), "");
 }
 
-TEST(Sandbox, ThereIsNoNetwork) {
+TEST(Sandbox, NetworkIsBlocked) {
   expect_refused([] { return ::socket(AF_INET, SOCK_STREAM, 0); });
   expect_refused([] { return ::socket(AF_UNIX, SOCK_STREAM, 0); });
 }
 
-TEST(Sandbox, NoOtherProgramIsRunAndNoProcessSignalled) {
+TEST(Sandbox, ExecAndKillAreBlocked) {
   expect_refused([] { return ::execl("/bin/false", "false", nullptr); });
   expect_refused([] { return ::kill(::getppid(), 0); });
 }
 
-TEST(Sandbox, NothingIsWrittenButWhatIsOpen) {
+TEST(Sandbox, OpeningFilesForWritingIsBlocked) {
   const std::string path = ::testing::TempDir() + "/tessera-sandbox-test";
   expect_refused([&] { return ::open(path.c_str(), O_WRONLY | O_CREAT, 0600); });
   expect_refused([] { return ::open("/dev/null", O_RDWR); });
@@ -50,7 +50,7 @@ TEST(Sandbox, NothingIsWrittenButWhatIsOpen) {
   expect_refused([&] { return ::rename(path.c_str(), "x"); });
 }
 
-TEST(Sandbox, WhatRenderingTakesGoesOn) {
+TEST(Sandbox, RenderingCallsAreAllowed) {
   const auto work = [] {
     int ends[2];
     if (::socketpair(AF_UNIX, SOCK_STREAM, 0, ends) != 0 || !enter_sandbox().ok()) return 1;

@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kBelowOne = 1 - 0x1p-53;
 
-TEST(DiscreteDistribution, ChoosesEntriesAsOftenAsTheirWeights) {
+TEST(DiscreteDistribution, FrequenciesMatchWeights) {
   const std::vector<double> weights = {1, 0, 3, 0, 0, 4, 0};
   const DiscreteDistribution table(weights);
   std::vector<int> count(weights.size(), 0);
@@ -29,7 +29,7 @@ TEST(DiscreteDistribution, ChoosesEntriesAsOftenAsTheirWeights) {
   EXPECT_EQ(table.total(), 8);
 }
 
-TEST(DiscreteDistribution, NeverChoosesAnEntryWithoutWeight) {
+TEST(DiscreteDistribution, ZeroWeightIsNeverChosen) {
   std::mt19937 random(5);
   for (int trial = 0; trial < 200; ++trial) {
     std::vector<double> weights(1 + random() % 30);
@@ -54,14 +54,14 @@ TEST(DiscreteDistribution, NeverChoosesAnEntryWithoutWeight) {
   }
 }
 
-TEST(DiscreteDistribution, RemappedNumberIsUniformWithinTheEntry) {
+TEST(DiscreteDistribution, RemappedNumberIsUniform) {
   const DiscreteDistribution table(std::vector<double>{1, 2, 5});
   EXPECT_FLOAT_EQ(table.sample(0.0625).remapped, 0.5f);
   EXPECT_FLOAT_EQ(table.sample(0.125 + 0.0625).remapped, 0.25f);
   EXPECT_FLOAT_EQ(table.sample(0.375 + 0.625 * 0.75).remapped, 0.75f);
 }
 
-TEST(DiscreteDistribution, SurvivesExtremeAndBrokenWeights) {
+TEST(DiscreteDistribution, InvalidWeightsAreHandled) {
   const double inf = std::numeric_limits<double>::infinity();
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const DiscreteDistribution odd(std::vector<double>{nan, 1e308, -3, inf, 1e308, 1e-300});
@@ -82,7 +82,7 @@ std::vector<double> sky(int width, int height) {
   return weights;
 }
 
-TEST(PiecewiseConstant2d, DensityOfASampleIsExactlyThatOfItsPoint) {
+TEST(PiecewiseConstant2d, SamplePdfMatchesPointPdf) {
   constexpr int kWidth = 37, kHeight = 19;
   const std::vector<double> weights = sky(kWidth, kHeight);
   const PiecewiseConstant2d table(weights, kWidth, kHeight);
@@ -97,7 +97,7 @@ TEST(PiecewiseConstant2d, DensityOfASampleIsExactlyThatOfItsPoint) {
   }
 }
 
-TEST(PiecewiseConstant2d, DensityIsTheWeightOverTheMeanWeight) {
+TEST(PiecewiseConstant2d, DensityIsWeightOverMean) {
   constexpr int kWidth = 16, kHeight = 8;
   const std::vector<double> weights = sky(kWidth, kHeight);
   const PiecewiseConstant2d table(weights, kWidth, kHeight);
@@ -128,7 +128,7 @@ std::pair<double, double> moments(contract::PixelFilter filter, double width) {
   return {mean, square / kSteps - mean * mean};
 }
 
-TEST(PixelFilter, OffsetsHaveTheMomentsOfTheFilter) {
+TEST(PixelFilter, OffsetMomentsMatchFilter) {
   const auto box = moments(contract::PixelFilter::box, 2);
   EXPECT_NEAR(box.first, 0, 1e-6);
   EXPECT_NEAR(box.second, 4.0 / 12, 1e-5);
@@ -147,7 +147,7 @@ TEST(PixelFilter, OffsetsHaveTheMomentsOfTheFilter) {
   EXPECT_NEAR(harris.second, 9 * variance, 1e-4);
 }
 
-TEST(PixelFilter, OffsetsStayInsideTheSupport) {
+TEST(PixelFilter, OffsetsStayInsideSupport) {
   for (const auto filter : {contract::PixelFilter::box, contract::PixelFilter::gaussian,
                             contract::PixelFilter::blackman_harris}) {
     const PixelFilterSampler sampler(filter, 3);

@@ -20,7 +20,7 @@ std::array<double, 4> point(std::uint64_t i) {
   return p;
 }
 
-TEST(GradientNoise, IsZeroOnTheLatticeAndNowhereAboveOne) {
+TEST(GradientNoise, IsZeroOnLatticeAndBounded) {
   for (int dimensions = 1; dimensions <= 4; ++dimensions) {
     double most = 0;
     for (std::uint64_t i = 0; i < 1 << 17; ++i) {
@@ -48,7 +48,7 @@ double fade_integral(int power) {
 /// With gradients independent, of mean 0 and covariance c I at each corner, the variance at a point
 /// is c times the sum over corners of weight^2 times distance^2; its mean over a cell of N
 /// dimensions is c 2^N N B A^(N-1), A and B the integrals of fade^2 and fade^2 x^2.
-TEST(GradientNoise, HasTheMomentsOfIndependentGradients) {
+TEST(GradientNoise, MomentsMatchIndependentGradients) {
   const double scaled_covariance[] = {4, 2 * 0.5, 8.0 / 12, 24.0 / 32 * 4 / 9};
   const double a = fade_integral(0), b = fade_integral(2);
   constexpr double kCount = 1 << 20;
@@ -97,7 +97,7 @@ TEST(GradientNoise, IsSmoothAcrossCells) {
   }
 }
 
-TEST(GradientNoise, KnowsItsBitsAndNoSeedTwice) {
+TEST(GradientNoise, SeedsGiveDistinctStableValues) {
   std::set<float> seen;
   for (std::uint32_t seed = 0; seed < 100; ++seed) {
     seen.insert(gradient_noise(3, {0.3, 0.4, 0.6, 0}, seed));

@@ -36,7 +36,7 @@ bool is_net(const std::vector<Vec2f>& points, int m) {
   return true;
 }
 
-TEST(Sobol, ReversesBitsInLanesAsInOneNumber) {
+TEST(Sobol, LaneBitReversalMatchesScalar) {
   std::uint64_t hash = 1;
   for (int i = 0; i < 1000; ++i) {
     hash = mix(hash + 1);
@@ -51,7 +51,7 @@ TEST(Sobol, ReversesBitsInLanesAsInOneNumber) {
   }
 }
 
-TEST(Sampler, EveryAlignedBlockOfAReplicateIsANet) {
+TEST(Sampler, AlignedBlocksAreNets) {
   for (int pixel = 0; pixel < 6; ++pixel) {
     for (int replicate = 0; replicate < kReplicates; ++replicate) {
       for (const std::uint32_t set : {dimensions::kFilter, dimensions::light(3)}) {
@@ -69,7 +69,7 @@ TEST(Sampler, EveryAlignedBlockOfAReplicateIsANet) {
   }
 }
 
-TEST(Sampler, EachOfTheFourDimensionsIsStratified) {
+TEST(Sampler, EachDimensionIsStratified) {
   constexpr int kPoints = 256;
   std::array<std::set<int>, 4> cells;
   for (int k = 0; k < kPoints; ++k) {
@@ -81,7 +81,7 @@ TEST(Sampler, EachOfTheFourDimensionsIsStratified) {
   for (const auto& used : cells) EXPECT_EQ(used.size(), kPoints);
 }
 
-TEST(Sampler, NumbersAreMultiplesOfTwoToTheMinus24BelowOne) {
+TEST(Sampler, NumbersAre24BitsAndBelowOne) {
   EXPECT_EQ(unit_float(std::uint32_t{0xffffffff}), 1 - 0x1p-24f);
   EXPECT_LT(unit_double(0xffffffff), 1);
   EXPECT_GT(unit_double(0), 0);
@@ -95,7 +95,7 @@ TEST(Sampler, NumbersAreMultiplesOfTwoToTheMinus24BelowOne) {
   }
 }
 
-TEST(Sampler, NarrowAccessorsAreComponentsOfTheWholeSet) {
+TEST(Sampler, NarrowAccessorsMatchFullSet) {
   const Sampler sampler = point(1, 1, 9);
   const Vec4f all = sampler.get_4d(6);
   const Vec4d fine = sampler.get_4d_fine(6);
@@ -104,7 +104,7 @@ TEST(Sampler, NarrowAccessorsAreComponentsOfTheWholeSet) {
   for (int d = 0; d < 4; ++d) EXPECT_EQ(std::floor(fine[d] * 0x1p24), all[d] * 0x1p24f);
 }
 
-TEST(Sampler, EveryInputStartsAnotherStream) {
+TEST(Sampler, EveryInputSelectsItsOwnStream) {
   std::vector<Sampler> samplers;
   for (int v = 0; v < 6; ++v) {
     for (std::int64_t i = 0; i < 24; ++i) {
@@ -139,7 +139,7 @@ double correlation(F f, G g, int n) {
   return fg / std::sqrt(ff * gg);
 }
 
-TEST(Sampler, PixelsReplicatesFramesSetsAndSeedsAreUncorrelated) {
+TEST(Sampler, StreamsAreUncorrelated) {
   constexpr int kPixels = 40'000;
   const auto at = [](std::uint32_t seed, int frame, int dx, int dy, int sample, std::uint32_t set) {
     return
@@ -180,7 +180,7 @@ TEST(Sampler, ReplicateMeansAreUnbiasedAndIndependent) {
   EXPECT_LT(std::fabs(product / std::sqrt(square[0] * square[1])), 4.5 / std::sqrt(kPixels));
 }
 
-TEST(Sampler, SmoothIntegrandsConvergeMuchFasterThanMonteCarlo) {
+TEST(Sampler, SmoothIntegrandsBeatMonteCarlo) {
   constexpr int kPixels = 100, kPoints = 256;
   const double exact = (1 - std::cos(3.0)) / 3 * (std::exp(1.0) - 1);
   std::mt19937 random(1);
@@ -200,7 +200,7 @@ TEST(Sampler, SmoothIntegrandsConvergeMuchFasterThanMonteCarlo) {
   EXPECT_LT(sobol * 1000, monte_carlo);
 }
 
-TEST(Sampler, ChanceDependsOnTheThingAndOnNothingElse) {
+TEST(Sampler, ChanceDependsOnlyOnItsArguments) {
   const Sampler sampler = point(4, 1, 2);
   const float base = sampler.chance(2, RayKind::path, 3, 4, 5);
   EXPECT_EQ(base, point(4, 1, 2).chance(2, RayKind::path, 3, 4, 5));
@@ -215,7 +215,7 @@ TEST(Sampler, ChanceDependsOnTheThingAndOnNothingElse) {
   EXPECT_NEAR(sum / 10'000, 0.5, 4.5 * 0.2887 / 100);
 }
 
-TEST(Sampler, BitsArePartOfTheRenderContract) {
+TEST(Sampler, BitsMatchRenderContract) {
   std::uint64_t digest = 0;
   for (int i = 0; i < 1000; ++i) {
     const Sampler sampler(static_cast<std::uint32_t>(i % 3), i % 5, i % 97, i / 97, i);

@@ -33,7 +33,7 @@ std::vector<Vec2f> corners() {
   return all;
 }
 
-TEST(Warp, CosineHemisphereHasTheMomentsOfItsDensity) {
+TEST(Warp, CosineHemisphereMomentsMatchDensity) {
   // E z = 2/3, E z^2 = 1/2, E x^2 = 1/4 under cos / pi. Midpoint error is O(1/side).
   EXPECT_NEAR(grid_mean([](Vec2f u) { return warp::cosine_hemisphere(u).z; }), 2.0 / 3, 1e-4);
   EXPECT_NEAR(grid_mean([](Vec2f u) {
@@ -63,7 +63,7 @@ TEST(Warp, HemisphereAndSphereAreUniform) {
               1.0 / 3, 1e-5);
 }
 
-TEST(Warp, DirectionsAreUnitAndOnTheirSideEverywhere) {
+TEST(Warp, DirectionsAreUnitAndOnTheirSide) {
   for (const Vec2f& u : corners()) {
     EXPECT_NEAR(length(warp::cosine_hemisphere(u)), 1, 5e-4);
     EXPECT_GT(warp::cosine_hemisphere(u).z, 0);
@@ -94,7 +94,7 @@ TEST(Warp, TrianglePointsAreUniformAndInside) {
   }
 }
 
-TEST(Warp, MapsAreContinuousSoStratificationSurvives) {
+TEST(Warp, MapsAreContinuous) {
   // Neighbours on the grid stay neighbours: no jump above a few cell sizes.
   const auto near = [](const Vec3f& a, const Vec3f& b, float most) { return length(a - b) < most; };
   for (int i = 0; i + 1 < kSide; ++i) {

@@ -43,12 +43,12 @@ void expect_about_what_is_kept(Scene scene, double most) {
   EXPECT_LE(static_cast<double>(estimate), most * kept);
 }
 
-TEST(MemoryEstimate, CountsTreesByTriangle) {
+TEST(MemoryEstimate, TreesScaleWithTriangles) {
   expect_about_what_is_kept(balls(lambert({1, 1, 1})), 3);
   EXPECT_EQ(features_of(balls(lambert({1, 1, 1}))).light_bytes, 0);
 }
 
-TEST(MemoryEstimate, CountsLightsByEmissiveTriangleAsOftenAsItIsPlaced) {
+TEST(MemoryEstimate, LightsScaleWithEmissiveInstances) {
   Scene scene = balls(lamp());
   const std::int64_t three = features_of(scene).light_bytes;
   expect_about_what_is_kept(scene, 10);
@@ -56,7 +56,7 @@ TEST(MemoryEstimate, CountsLightsByEmissiveTriangleAsOftenAsItIsPlaced) {
   EXPECT_EQ(3 * features_of(scene).light_bytes, 2 * three);
 }
 
-TEST(MemoryEstimate, CountsTheTexelsThatLightsAreChosenBy) {
+TEST(MemoryEstimate, EmissiveTexelsAreCounted) {
   Scene scene = balls(lamp());
   const render::SceneFeatures plain = features_of(scene);
   render::Image image;

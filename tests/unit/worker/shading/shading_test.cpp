@@ -26,7 +26,7 @@ double cos_degrees(double degrees) {
   return std::cos(degrees * kPi / 180);
 }
 
-TEST(Bsdf, MadeForLambertAloneIsTheGeneralOne) {
+TEST(Bsdf, LambertSpecialisationMatchesGeneral) {
   BsdfParameters parameters;
   parameters.base = {0.7f, 0.3f, 0.11f};
   parameters.specular_weight = 0;
@@ -51,7 +51,7 @@ TEST(Bsdf, MadeForLambertAloneIsTheGeneralOne) {
   }
 }
 
-TEST(Fresnel, MatchesTheExactFormulaAtGrazingAngles) {  // hard case 39
+TEST(Fresnel, MatchesExactFormula) {  // hard case 39
   EXPECT_NEAR(fresnel_dielectric(1, 1.5f), 0.04, 1e-6);
   EXPECT_NEAR(fresnel_dielectric(static_cast<float>(cos_degrees(89)), 1.5f), 0.904185, 1e-6);
   EXPECT_NEAR(fresnel_dielectric(static_cast<float>(cos_degrees(89.9)), 1.5f), 0.989912, 1e-6);
@@ -68,21 +68,21 @@ double hemispherical_average(double eta) {
   return sum / kSteps;
 }
 
-TEST(Fresnel, AveragesOutsideAndInsideAreLinkedByEtaSquared) {  // hard case 39
+TEST(Fresnel, AveragesAreRelatedByEtaSquared) {  // hard case 39
   const double outside = hemispherical_average(1.5), inside = hemispherical_average(1 / 1.5);
   EXPECT_NEAR(outside, 0.091778, 2e-6);
   EXPECT_NEAR(inside, 0.596346, 2e-6);
   EXPECT_NEAR(inside, 1 - (1 - outside) / 2.25, 2e-6);
 }
 
-TEST(Fresnel, ReflectsAllBeyondTheCriticalAngle) {  // hard case 40
+TEST(Fresnel, ReflectsAllBeyondCriticalAngle) {  // hard case 40
   const float eta = 1 / 1.5f;
   EXPECT_NEAR(fresnel_dielectric(static_cast<float>(cos_degrees(30)), eta), 0.055190, 1e-6);
   EXPECT_NEAR(fresnel_dielectric(static_cast<float>(cos_degrees(41)), eta), 0.379752, 1e-5);
   EXPECT_EQ(fresnel_dielectric(static_cast<float>(cos_degrees(42)), eta), 1);
 }
 
-TEST(Fresnel, AgreesWithRefractionOnWhoIsTotallyReflected) {  // hard case 40
+TEST(Fresnel, TotalReflectionMatchesRefraction) {  // hard case 40
   const float eta = 1 / 1.5f;
   const double critical = std::asin(1 / 1.5);
   for (int i = -1000; i <= 1000; ++i) {
@@ -104,7 +104,7 @@ TEST(Fresnel, StaysAccurateForMatchedIndices) {  // hard case 41
   EXPECT_EQ(f0_from_ior(0), 1);  // KHR_materials_ior: ior 0 means F = 1
 }
 
-TEST(Microfacet, DensityKeepsItsDigitsForTinyAlpha) {  // hard case 37
+TEST(Microfacet, DensityIsPreciseForTinyAlpha) {  // hard case 37
   for (const float alpha : {1e-4f, 1e-3f, 1e-2f, 0.1f, 0.5f, 1.0f}) {
     for (int i = 0; i <= 40; ++i) {
       const double tangent = 0.25 * i * static_cast<double>(alpha);
@@ -118,7 +118,7 @@ TEST(Microfacet, DensityKeepsItsDigitsForTinyAlpha) {  // hard case 37
   }
 }
 
-TEST(AlbedoTable, MatchesTheKnownAlbedosOfGgx) {  // hard case 38
+TEST(AlbedoTable, MatchesKnownGgxAlbedos) {  // hard case 38
   const AlbedoTable table = AlbedoTable::reflector();
   EXPECT_NEAR(table.at(1, 1), 1 - std::log(2.0), 1e-3);
   EXPECT_NEAR(table.at(0.5f, 1), 0.45069, 1e-3);
@@ -130,7 +130,7 @@ TEST(AlbedoTable, MatchesTheKnownAlbedosOfGgx) {  // hard case 38
   EXPECT_NEAR(table.at(0.5f, tenth), 0.96924, 1.5e-3);
 }
 
-TEST(AlbedoTable, OfADielectricNeverExceedsOne) {
+TEST(AlbedoTable, DielectricNeverExceedsOne) {
   for (const double eta : {1.5, 1 / 1.5, 1.01, 2.4}) {
     const AlbedoTable table = AlbedoTable::dielectric(eta);
     for (int r = 0; r <= 50; ++r) {
@@ -143,7 +143,7 @@ TEST(AlbedoTable, OfADielectricNeverExceedsOne) {
   }
 }
 
-TEST(Srgb, DecodesEveryCodeToOneUlp) {  // hard case 75
+TEST(Srgb, EveryCodeIsWithinOneUlp) {  // hard case 75
   const auto table = srgb8_table();
   for (int i = 0; i < 256; ++i) {
     const long double c = i / 255.0L;
@@ -185,7 +185,7 @@ TEST(Texture, InterpolatesBetweenTexelCentres) {
   EXPECT_EQ(t.at(1, 0.5f), 20);
 }
 
-TEST(Texture, WrapsAsTheSamplerSays) {
+TEST(Texture, WrapModesFollowSampler) {
   const OneImage repeat(4, 1, {1, 2, 3, 4}, Wrap::repeat);
   EXPECT_EQ(repeat.at(1.125f, 0), 1);
   EXPECT_EQ(repeat.at(-0.125f, 0), 4);
@@ -201,7 +201,7 @@ TEST(Texture, WrapsAsTheSamplerSays) {
   EXPECT_EQ(clamped.at(-7, 0), 1);
 }
 
-TEST(Texture, NearestTakesTheTexelThePointIsIn) {
+TEST(Texture, NearestSelectsContainingTexel) {
   OneImage t(4, 1, {1, 2, 3, 4}, Wrap::repeat);
   t.scene.textures[0].nearest = true;
   EXPECT_EQ(t.at(0.24f, 0), 1);
@@ -210,7 +210,7 @@ TEST(Texture, NearestTakesTheTexelThePointIsIn) {
   EXPECT_EQ(t.at(1, 0), 1);
 }
 
-TEST(Texture, ReadsAConstantExactlyAnywhere) {  // hard case 74
+TEST(Texture, ConstantIsReadExactly) {  // hard case 74
   for (const Wrap wrap : {Wrap::repeat, Wrap::mirror, Wrap::clamp}) {
     const OneImage t(3, 5, std::vector<float>(15, 0.1f), wrap);
     for (int i = 0; i < 2000; ++i) {
@@ -224,7 +224,7 @@ TEST(Texture, ReadsAConstantExactlyAnywhere) {  // hard case 74
   }
 }
 
-TEST(Texture, AppliesTheTransform) {
+TEST(Texture, TransformIsApplied) {
   OneImage t(4, 1, {1, 2, 3, 4}, Wrap::repeat);
   t.ref.has_transform = true;
   t.ref.uv_matrix = {0.5f, 0, 0.25f, 0, 1, 0};
@@ -250,7 +250,7 @@ TEST(Texture, DecodesSrgbBeforeFiltering) {
   EXPECT_FLOAT_EQ(mid.w, (128.0f / 255 + 1) / 2);  // alpha is linear
 }
 
-TEST(Dispersion, IsTheNamedIndexAtTheSodiumLineAndTheAbbeNumberApartAtTheEnds) {  // hard case 54
+TEST(Dispersion, MatchesIorAndAbbeNumber) {  // hard case 54
   for (const float abbe : {10.0f, 55.0f}) {
     const float ior = 1.6f, dispersion = 20 / abbe;
     const float at_d = dispersed_ior(ior, dispersion, 587.56f);
@@ -262,7 +262,7 @@ TEST(Dispersion, IsTheNamedIndexAtTheSodiumLineAndTheAbbeNumberApartAtTheEnds) {
   EXPECT_EQ(dispersed_ior(1.05f, 200, 680), 1) << "never below 1";
 }
 
-TEST(Dispersion, WavelengthsTogetherAreWhite) {
+TEST(Dispersion, WavelengthWeightsSumToWhite) {
   Vec3d sum;
   float longest = 0, shortest = 1000;
   constexpr int kSteps = 1 << 16;
@@ -280,7 +280,7 @@ TEST(Dispersion, WavelengthsTogetherAreWhite) {
   EXPECT_LT(longest - shortest, 280.1f);
 }
 
-TEST(ThinFilm, OfNothingIsTheBaseAndNeverGivesMoreThanItGets) {  // hard case 54
+TEST(ThinFilm, ZeroThicknessIsBaseAndAlbedoIsBounded) {  // hard case 54
   const Vec3f f0{0.04f, 0.5f, 0.9f};
   const Vec3f bare = thin_film_reflectance({1, 1.3f, 0}, f0, 1);
   for (int k = 0; k < 3; ++k) EXPECT_NEAR(bare[k], f0[k], 1e-4f);

@@ -59,7 +59,7 @@ Scene late(const GltfBuilder& file) {
   return out;
 }
 
-TEST(AnimationPointer, MovesNumbersOfEveryKind) {
+TEST(AnimationPointer, AnimatesEveryKindOfProperty) {
   EXPECT_DOUBLE_EQ(late(*animated("/cameras/0/perspective/yfov", {1}, {2})).camera.yfov, 1.75);
   EXPECT_DOUBLE_EQ(
       late(*animated("/cameras/0/extensions/TESSERA_camera/lens/focusDistance", {1}, {5}))
@@ -90,7 +90,7 @@ TEST(AnimationPointer, MovesNumbersOfEveryKind) {
   EXPECT_DOUBLE_EQ(late(*animated("/cameras/0/perspective/yfov", {1}, {2}, "STEP")).camera.yfov, 1);
 }
 
-TEST(AnimationPointer, ALampThatIsDarkForAWhileBringsNoSky) {
+TEST(AnimationPointer, DarkLampAddsNoDefaultSky) {
   for (const float last : {1.0f, 2.0f}) {
     const auto file = animated(
         "/materials/0/extensions/KHR_materials_emissive_strength/emissiveStrength", {0}, {last});
@@ -102,7 +102,7 @@ TEST(AnimationPointer, ALampThatIsDarkForAWhileBringsNoSky) {
   }
 }
 
-TEST(AnimationPointer, MovesOneBlobOfMany) {
+TEST(AnimationPointer, AnimatesOneBlobOfMany) {
   const auto file =
       animated("/nodes/3/extensions/TESSERA_blobs/elements/1/center", {0, 0, 0}, {16, 0, 0});
   file->use_extension("TESSERA_blobs");
@@ -116,7 +116,7 @@ TEST(AnimationPointer, MovesOneBlobOfMany) {
 }
 
 /// Of camera, texture and blobs: above. TESSERA_csg has no numbers.
-TEST(AnimationPointer, MovesNumbersOfShapesTerrainsMaterialsAndMedia) {
+TEST(AnimationPointer, AnimatesTesseraExtensions) {
   const auto file_with = [](const std::string& pointer, const std::vector<float>& from,
                             const std::vector<float>& to) {
     auto file = animated(pointer, from, to);
@@ -160,7 +160,7 @@ std::string refusal(const std::string& pointer, const std::vector<float>& to) {
   return std::string(load_and_pose(*file, {}, 36).status().message());
 }
 
-TEST(AnimationPointer, RefusesWhatIsNoNumberOfTheScene) {
+TEST(AnimationPointer, RejectsPointersToNonNumbers) {
   const std::string at =
       "scene.gltf: animations[0].channels[0].target.extensions.KHR_animation_pointer.pointer: ";
   for (const char* pointer :
@@ -177,7 +177,7 @@ TEST(AnimationPointer, RefusesWhatIsNoNumberOfTheScene) {
   }
 }
 
-TEST(AnimationPointer, RefusesTracksOfAnotherShapeAndValuesOutOfRange) {
+TEST(AnimationPointer, RejectsWrongTypesAndRanges) {
   EXPECT_EQ(refusal("/materials/0/emissiveFactor", {2, 2}),
             "scene.gltf: accessors[4]: has 2 components, want 3");
   EXPECT_EQ(refusal("/extensions/KHR_lights_punctual/lights/0/intensity", {-9}),
@@ -185,7 +185,7 @@ TEST(AnimationPointer, RefusesTracksOfAnotherShapeAndValuesOutOfRange) {
             "1e+30]");
 }
 
-TEST(AnimationPointer, PosesFramesInAnyOrderAlike) {
+TEST(AnimationPointer, FrameOrderDoesNotMatter) {
   const auto file = animated("/materials/0/emissiveFactor", {0, 0, 0}, {1, 0, 1});
   MemoryReader reader;
   reader.put("scene.gltf", file->gltf());

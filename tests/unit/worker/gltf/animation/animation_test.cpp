@@ -49,7 +49,7 @@ void expect_near(const Vec3d& a, const Vec3d& b, double tolerance = 1e-6) {
   EXPECT_NEAR(a.z, b.z, tolerance);
 }
 
-TEST(Animation, OfTranslationIsLinearBetweenKeysAndClampedBeyond) {
+TEST(Animation, TranslationIsLinearAndClamped) {
   GltfBuilder b;
   add_channel(b, "translation", "VEC3", {0, 0, 0, 4, 0, 0, 4, 8, 0}, "LINEAR");
   expect_near(corner_at(b, 0), {1, 1, 0});
@@ -60,7 +60,7 @@ TEST(Animation, OfTranslationIsLinearBetweenKeysAndClampedBeyond) {
   expect_near(corner_at(b, -20), {1, 1, 0});
 }
 
-TEST(Animation, InStepsHoldsEachKeyUntilTheNext) {
+TEST(Animation, StepHoldsKeyUntilNext) {
   GltfBuilder b;
   add_channel(b, "translation", "VEC3", {0, 0, 0, 4, 0, 0, 4, 8, 0}, "STEP");
   expect_near(corner_at(b, 9), {1, 1, 0});
@@ -69,7 +69,7 @@ TEST(Animation, InStepsHoldsEachKeyUntilTheNext) {
   expect_near(corner_at(b, 30), {5, 9, 0});
 }
 
-TEST(Animation, OfCubicSplinesFollowsTheHermitePolynomial) {
+TEST(Animation, CubicSplineMatchesHermite) {
   // In-tangent, value, out-tangent a key; only x moves.
   const std::vector<float> keys = {0, 0, 0, 0, 0, 0, 2, 0, 0, -1, 0, 0, 3, 0,
                                    0, 5, 0, 0, 1, 0, 0, 7, 0, 0,  0, 0, 0};
@@ -86,7 +86,7 @@ TEST(Animation, OfCubicSplinesFollowsTheHermitePolynomial) {
   expect_near(corner_at(b, 30), {8, 1, 0});
 }
 
-TEST(Animation, OfRotationTurnsAtConstantSpeedAlongTheShorterArc) {
+TEST(Animation, RotationFollowsShorterArc) {
   // About z: 0, 90 degrees (given with the opposite sign), 180 degrees.
   const auto r = static_cast<float>(std::sqrt(0.5));
   GltfBuilder b;
@@ -99,7 +99,7 @@ TEST(Animation, OfRotationTurnsAtConstantSpeedAlongTheShorterArc) {
   }
 }
 
-TEST(Animation, OfRotationDecodesNormalisedShorts) {
+TEST(Animation, RotationDecodesNormalisedShorts) {
   GltfBuilder b;
   b.add_mesh(unit_quad());
   b.add_node_with_mesh(0);
@@ -117,14 +117,14 @@ TEST(Animation, OfRotationDecodesNormalisedShorts) {
   expect_near(corner_at(b, 0), {-1, 1, 0}, 1e-12);
 }
 
-TEST(Animation, OfScaleReplacesTheNodesOwn) {
+TEST(Animation, ScaleReplacesNodeScale) {
   GltfBuilder b;
   add_channel(b, "scale", "VEC3", {1, 1, 1, 3, 5, 1, 3, 5, 1}, "LINEAR");
   b.set("/nodes/0/scale", "[100, 100, 100]");
   expect_near(corner_at(b, 5), {2, 3, 0});
 }
 
-TEST(Animation, IsChosenByNameIndexAllOrNone) {
+TEST(Animation, IsSelectedByNameIndexAllOrNone) {
   GltfBuilder b;
   add_channel(b, "translation", "VEC3", {1, 0, 0, 1, 0, 0, 1, 0, 0}, "LINEAR");
   const int input = b.add_floats("SCALAR", {0});
@@ -149,7 +149,7 @@ TEST(Animation, IsChosenByNameIndexAllOrNone) {
   EXPECT_EQ(load_and_pose(b, settings).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
-TEST(Slerp, MatchesTheClosedFormInLongDoubleAlsoForTinyAndOppositeAngles) {
+TEST(Slerp, MatchesLongDoubleFormula) {
   for (const double angle : {1e-9, 1e-5, 0.1, 1.0, 1.5707}) {
     for (const double f : {0.0, 0.2, 0.5, 0.9, 1.0}) {
       const Vec4d a = {0, 0, 0, 1};
@@ -175,7 +175,7 @@ GltfBuilder& add_morphing_triangle(GltfBuilder& b) {
   return b;
 }
 
-TEST(Morphing, AddsWeightedDisplacementsAndKeepsNormalsUnit) {
+TEST(Morphing, AddsWeightedDisplacements) {
   GltfBuilder b;
   add_morphing_triangle(b);
   b.add_node_with_mesh(0);
@@ -191,7 +191,7 @@ TEST(Morphing, AddsWeightedDisplacementsAndKeepsNormalsUnit) {
   EXPECT_EQ(p.normals[1], (Vec3f{0, 0, 1}));
 }
 
-TEST(Morphing, TakesTheNodesWeightsOverTheMeshsAndSharesEqualShapes) {
+TEST(Morphing, NodeWeightsOverrideMeshWeights) {
   GltfBuilder b;
   add_morphing_triangle(b);
   b.add_node_with_mesh(0, R"({"weights": [0, 0]})");
@@ -205,7 +205,7 @@ TEST(Morphing, TakesTheNodesWeightsOverTheMeshsAndSharesEqualShapes) {
   EXPECT_EQ(scene->meshes[1].primitives[0].positions[0], (Vec3f{0.5f, 0, 1}));
 }
 
-TEST(Morphing, FollowsAnAnimationOfWeights) {
+TEST(Morphing, WeightsCanBeAnimated) {
   GltfBuilder b;
   add_morphing_triangle(b);
   b.add_node_with_mesh(0);
@@ -267,7 +267,7 @@ std::string skinned_arm(bool second_set = false) {
   return b.gltf();
 }
 
-TEST(Skins, BlendJointMatricesAsAnIndependentEvaluationDoes) {
+TEST(Skins, BlendingMatchesIndependentEvaluation) {
   const auto scene = load_and_pose(skinned_arm());
   ASSERT_TRUE(scene.ok()) << scene.status();
   const Primitive& p = scene->meshes[0].primitives[0];
@@ -286,7 +286,7 @@ TEST(Skins, BlendJointMatricesAsAnIndependentEvaluationDoes) {
   EXPECT_EQ(scene->instances[0].object_to_world, Affine3d());
 }
 
-TEST(Skins, TurnRoundWhatTheirJointsMirror) {
+TEST(Skins, MirroringJointsFlipWinding) {
   std::string file = skinned_arm();
   const std::string joint = R"("translation":[10,0,0])";  // the first; the second is its child
   const std::size_t at = file.find(joint);
@@ -311,7 +311,7 @@ TEST(Skins, TurnRoundWhatTheirJointsMirror) {
   EXPECT_EQ(q.tangents[0], (Vec4f{-1, 0, 0, -1}));
 }
 
-TEST(Skins, TakeFurtherInfluencesFromTheSecondSet) {
+TEST(Skins, SecondInfluenceSetIsRead) {
   const auto four = load_and_pose(skinned_arm(false)), eight = load_and_pose(skinned_arm(true));
   ASSERT_TRUE(four.ok()) << four.status();
   ASSERT_TRUE(eight.ok()) << eight.status();
@@ -322,7 +322,7 @@ TEST(Skins, TakeFurtherInfluencesFromTheSecondSet) {
   }
 }
 
-TEST(Skins, RefuseJointsAndMatricesThatAreNotThere) {
+TEST(Skins, MissingJointsAndMatricesAreRejected) {
   std::string file = skinned_arm();
   const std::string joints = R"("joints":[1,2])";
   const std::size_t at = file.find(joints);

@@ -118,7 +118,7 @@ void expect_equal(const Scene& a, const Scene& b) {
   EXPECT_EQ(a.materials.size(), b.materials.size());
 }
 
-TEST(Frames, AreTheSameWhateverWasPosedBefore) {
+TEST(Frames, PoseIsIndependentOfEarlierFrames) {
   Film film;
   for (const int number : {0, 7, 10, 3, 3, 0}) {
     const Scene scene = film.frame(number);
@@ -126,7 +126,7 @@ TEST(Frames, AreTheSameWhateverWasPosedBefore) {
   }
 }
 
-TEST(Frames, ShareImagesAndMeshesThatDoNotDeform) {
+TEST(Frames, ShareImagesAndRigidMeshes) {
   Film film;
   const Scene first = film.frame(0), second = film.frame(5), again = film.frame(5);
   ASSERT_EQ(first.meshes.size(), 3u);
@@ -138,7 +138,7 @@ TEST(Frames, ShareImagesAndMeshesThatDoNotDeform) {
   EXPECT_FALSE(again.meshes[2].primitives.shares(second.meshes[2].primitives)) << "it is bent";
 }
 
-TEST(Frames, KeepNoMeshThatTheLastOneDidNotUse) {
+TEST(Frames, UnusedMeshesAreReleased) {
   Film film;
   const Scene first = film.frame(0);
   film.frame(5);

@@ -27,7 +27,7 @@ void expect_near(const Vec3d& a, const Vec3d& b, double tolerance = 1e-12) {
   EXPECT_NEAR(a.z, b.z, tolerance);
 }
 
-TEST(Nodes, ComposeTranslationRotationAndScaleDownTheTree) {
+TEST(Nodes, TransformsComposeDownTree) {
   GltfBuilder b;
   b.add_mesh(unit_quad());
   // 90 degrees about +y takes +x to -z.
@@ -40,7 +40,7 @@ TEST(Nodes, ComposeTranslationRotationAndScaleDownTheTree) {
   expect_near(world_of(*scene, 0, {1, 1, 0}), {10, 2, -4});
 }
 
-TEST(Nodes, ComposeExactlyDownSixtyFourLevels) {  // hard case 29
+TEST(Nodes, SixtyFourLevelsComposeExactly) {  // hard case 29
   constexpr int kLevels = 64;
   const Vec3d axis = {0.48, 0.6, 0.64};  // of length 1
   GltfBuilder b;
@@ -70,7 +70,7 @@ TEST(Nodes, ComposeExactlyDownSixtyFourLevels) {  // hard case 29
   expect_near(world_of(*scene, 0, {1, 1, 0}), expected, kLevels * 20 * 0x1p-53 * kLevels * 4);
 }
 
-TEST(Nodes, MatrixEqualsTheSameTranslationRotationScale) {
+TEST(Nodes, MatrixEqualsTranslationRotationScale) {
   GltfBuilder b;
   b.add_mesh(unit_quad());
   b.add_node_with_mesh(0, R"({"matrix": [0, 0, -2, 0, 0, 3, 0, 0, 4, 0, 0, 0, 5, 6, 7, 1]})");
@@ -84,7 +84,7 @@ TEST(Nodes, MatrixEqualsTheSameTranslationRotationScale) {
   expect_near(world_of(*scene, 0, {1, 1, 0}), {5, 9, 5});
 }
 
-TEST(Nodes, ReuseOneMeshForManyInstancesInDepthFirstOrder) {
+TEST(Nodes, InstancesShareMeshInDepthFirstOrder) {
   GltfBuilder b;
   b.add_mesh(unit_quad());
   b.add_node(R"({"mesh": 0, "children": [3, 2]})");
@@ -100,7 +100,7 @@ TEST(Nodes, ReuseOneMeshForManyInstancesInDepthFirstOrder) {
   EXPECT_EQ(nodes, (std::vector<int>{0, 3, 4, 2, 1}));
 }
 
-TEST(Nodes, HiddenOnesHideTheirChildren) {
+TEST(Nodes, HiddenNodeHidesChildren) {
   GltfBuilder b;
   b.use_extension("KHR_node_visibility");
   b.add_mesh(unit_quad());
@@ -114,7 +114,7 @@ TEST(Nodes, HiddenOnesHideTheirChildren) {
   EXPECT_EQ(scene->instances[0].node, 2);
 }
 
-TEST(Nodes, OfSingularTransformsAreDroppedWithAWarning) {
+TEST(Nodes, SingularTransformWarnsAndDropsNode) {
   for (const char* scale : {"[0, 0, 0]", "[1, 1, 0]", "[1e-200, 1, 1e-200]"}) {
     testing::MemoryReader reader;
     GltfBuilder b;
@@ -131,7 +131,7 @@ TEST(Nodes, OfSingularTransformsAreDroppedWithAWarning) {
   }
 }
 
-TEST(Nodes, OfNegativeDeterminantFlipTheWindingAlsoThroughTheirParents) {
+TEST(Nodes, NegativeDeterminantFlipsWinding) {
   GltfBuilder b;
   b.add_mesh(unit_quad());
   b.add_node(R"({"mesh": 0, "scale": [-1, 1, 1], "children": [1, 2]})");
@@ -144,7 +144,7 @@ TEST(Nodes, OfNegativeDeterminantFlipTheWindingAlsoThroughTheirParents) {
   EXPECT_FALSE(scene->instances[2].flips_winding);
 }
 
-TEST(Instancing, PlacesOneInstanceAnElementBeneathItsNode) {
+TEST(Instancing, PlacesOneInstancePerElement) {
   GltfBuilder b;
   b.use_extension("EXT_mesh_gpu_instancing", true);
   b.add_mesh(unit_quad());
@@ -186,7 +186,7 @@ std::string moved_room(const Vec3d& t, double scale = 1) {
   return b.gltf();
 }
 
-TEST(Recentring, MakesATranslatedSceneTheSameBits) {
+TEST(Recentring, TranslatedSceneHasSameBits) {
   // Rotation (0.6, 0, 0, 0.8) is not dyadic, but its matrix is the same at every translation; the
   // sums stay exact for translations of few bits.
   const auto here = load_and_pose(moved_room({0, 0, 0}));
@@ -203,7 +203,7 @@ TEST(Recentring, MakesATranslatedSceneTheSameBits) {
               1e-9);
 }
 
-TEST(Recentring, IsExactWhereAllSumsAreExactInDouble) {
+TEST(Recentring, IsExactWhenSumsAreExact) {
   const auto scene_at = [](const Vec3d& t) {
     GltfBuilder b;
     b.add_mesh(unit_quad());
@@ -237,7 +237,7 @@ TEST(Recentring, ScalesExactlyWithPowersOfTwo) {
   EXPECT_EQ(big->lights[0].position, one->lights[0].position * 1024.0);
 }
 
-TEST(Cameras, AreFoundByNameAndIndexAndElseTheFirst) {
+TEST(Cameras, AreSelectedByNameOrIndex) {
   GltfBuilder b;
   b.add_mesh(unit_quad());
   b.add_node_with_mesh(0);
@@ -268,7 +268,7 @@ TEST(Cameras, AreFoundByNameAndIndexAndElseTheFirst) {
   EXPECT_EQ(scene->camera.camera_to_world.rows[0], (Vec3d{1, 0, 0}));
 }
 
-TEST(Cameras, FrameTheWholeSceneWhenThereIsNone) {
+TEST(Cameras, DefaultCameraFramesScene) {
   GltfBuilder b;
   b.add_mesh(unit_quad());
   b.add_node_with_mesh(0, R"({"translation": [100, 200, 300], "scale": [6, 8, 1]})");
@@ -288,7 +288,7 @@ TEST(Cameras, FrameTheWholeSceneWhenThereIsNone) {
   EXPECT_GT(m.rows[1].y, 0);
 }
 
-TEST(Lights, StandAndPointWhereTheirNodesSay) {
+TEST(Lights, FollowNodeTransform) {
   GltfBuilder b;
   b.use_extension("KHR_lights_punctual");
   b.add_mesh(unit_quad());
@@ -321,7 +321,7 @@ TEST(Lights, StandAndPointWhereTheirNodesSay) {
   EXPECT_FALSE(scene->has_environment);
 }
 
-TEST(Environment, IsWhiteWithANoteWhenNothingElseLights) {
+TEST(Environment, DefaultSkyIsWhiteWithNote) {
   testing::MemoryReader reader;
   GltfBuilder b;
   b.add_mesh(unit_quad());
@@ -335,7 +335,7 @@ TEST(Environment, IsWhiteWithANoteWhenNothingElseLights) {
   EXPECT_EQ((*file)->problems()[0].severity, Problem::Severity::note);
 }
 
-TEST(Lights, PointWhereTheirNodesTurnWhateverTheScale) {
+TEST(Lights, DirectionIgnoresNodeScale) {
   for (const char* scale : {"[0, 0, 0]", "[1, 1, 0]"}) {
     GltfBuilder b;
     b.use_extension("KHR_lights_punctual");
@@ -351,7 +351,7 @@ TEST(Lights, PointWhereTheirNodesTurnWhateverTheScale) {
   }
 }
 
-TEST(Volumes, OfIndexOneThatOnlyAbsorbAreMediaUnlessTheirVerticesTint) {
+TEST(Volumes, IndexOneAbsorbersBecomeMedia) {
   GltfBuilder b;
   const char* const clear = R"({"pbrMetallicRoughness": {"metallicFactor": 0}, "extensions": {
       "KHR_materials_transmission": {"transmissionFactor": 1}, "KHR_materials_ior": {"ior": 1},
@@ -378,7 +378,7 @@ TEST(Volumes, OfIndexOneThatOnlyAbsorbAreMediaUnlessTheirVerticesTint) {
   EXPECT_FALSE(scene->materials[1].medium);
 }
 
-TEST(Precision, IsWarnedOfWhereAThingIsFarFromTheMiddleForItsSize) {
+TEST(Precision, SmallDistantObjectWarns) {
   const auto warned_at = [](const char* x) {
     testing::MemoryReader reader;
     GltfBuilder b;
@@ -398,7 +398,7 @@ TEST(Precision, IsWarnedOfWhereAThingIsFarFromTheMiddleForItsSize) {
   EXPECT_TRUE(warned_at("1e6"));   // 0.06 m
 }
 
-TEST(Environment, IsNotAddedWhereLightsAreDarkOrHidden) {
+TEST(Environment, DarkLightsSuppressDefaultSky) {
   const auto lit_by = [](const char* light, const char* node, const char* material) {
     GltfBuilder b;
     b.use_extension("KHR_lights_punctual");
@@ -420,7 +420,7 @@ TEST(Environment, IsNotAddedWhereLightsAreDarkOrHidden) {
   EXPECT_TRUE(lit_by(dark, hidden, "{}"));
 }
 
-TEST(Environment, IsNotAddedToAnEmitterAndIsTheBackgroundWhereOneIsGiven) {
+TEST(Environment, EmitterSuppressesDefaultSky) {
   GltfBuilder b;
   b.add_mesh(unit_quad(b.add_material(R"({"emissiveFactor": [1, 0, 0]})")));
   b.add_node_with_mesh(0);
@@ -434,7 +434,7 @@ TEST(Environment, IsNotAddedToAnEmitterAndIsTheBackgroundWhereOneIsGiven) {
   EXPECT_EQ(scene->environment.strength, 1.0f);
 }
 
-TEST(Scenes, AreChosenByIndexAndElseTheFileDefault) {
+TEST(Scenes, AreSelectedByIndexOrDefault) {
   GltfBuilder b;
   b.add_mesh(unit_quad());
   b.add_node(R"({"mesh": 0})");
@@ -448,7 +448,7 @@ TEST(Scenes, AreChosenByIndexAndElseTheFileDefault) {
   EXPECT_EQ(load_and_pose(b, settings).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
-TEST(Containers, OfBothKindsAndOfExternalFilesGiveTheSameScene) {
+TEST(Containers, GltfAndGlbGiveSameScene) {
   GltfBuilder b;
   b.add_mesh(unit_quad());
   b.add_node_with_mesh(0);

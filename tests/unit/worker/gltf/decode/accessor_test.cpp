@@ -53,7 +53,7 @@ float decoded(T value, int component_type, bool normalized) {
   return p.uv[0].empty() ? -99.0f : p.uv[0][1].x;
 }
 
-TEST(Accessors, DecodeEveryComponentTypePlainAndNormalised) {
+TEST(Accessors, EveryComponentTypeIsDecoded) {
   EXPECT_EQ(decoded<std::int8_t>(-128, testing::kByte, false), -128.0f);
   EXPECT_EQ(decoded<std::int8_t>(-128, testing::kByte, true), -1.0f);
   EXPECT_EQ(decoded<std::int8_t>(127, testing::kByte, true), 1.0f);
@@ -69,7 +69,7 @@ TEST(Accessors, DecodeEveryComponentTypePlainAndNormalised) {
   EXPECT_EQ(decoded<float>(-0.375f, testing::kFloat, false), -0.375f);
 }
 
-TEST(Accessors, ReadInterleavedViewsAtTheirStride) {
+TEST(Accessors, InterleavedViewsUseStride) {
   // x, y, z, u, v a vertex, in one view of stride 20.
   const std::vector<float> data = {0, 0, 0, 0.25f, 0.5f, 1, 0, 0, 0.75f, 0.125f, 0, 1, 0, 1, 0};
   GltfBuilder b;
@@ -92,7 +92,7 @@ TEST(Accessors, ReadInterleavedViewsAtTheirStride) {
   EXPECT_EQ(p.uv[0][2], (Vec2f{1, 0}));
 }
 
-TEST(Accessors, ReplaceSparseElementsOverValuesAndOverZeros) {
+TEST(Accessors, SparseElementsReplaceValues) {
   for (const bool over_zeros : {false, true}) {
     GltfBuilder b;
     const std::vector<Vec3f> base = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {5, 5, 5}};
@@ -118,7 +118,7 @@ TEST(Accessors, ReplaceSparseElementsOverValuesAndOverZeros) {
   }
 }
 
-TEST(Accessors, ReadIndicesOfEveryUnsignedType) {
+TEST(Accessors, EveryIndexTypeIsRead) {
   const auto positions_of = [](auto sample, int type) {
     using T = decltype(sample);
     GltfBuilder b;
@@ -137,7 +137,7 @@ TEST(Accessors, ReadIndicesOfEveryUnsignedType) {
   EXPECT_EQ(positions_of(std::uint32_t{}, testing::kUnsignedInt), want);
 }
 
-TEST(Triangles, OfStripsAndFansKeepTheirWinding) {
+TEST(Triangles, StripsAndFansKeepWinding) {
   using Triangles = std::vector<std::array<std::uint32_t, 3>>;
   const std::vector<std::uint32_t> corners = {10, 11, 12, 13, 14};
   EXPECT_EQ(assemble_triangles(PrimitiveMode::triangles, corners), (Triangles{{10, 11, 12}}));
@@ -148,7 +148,7 @@ TEST(Triangles, OfStripsAndFansKeepTheirWinding) {
   EXPECT_TRUE(assemble_triangles(PrimitiveMode::strip, {1, 2}).empty());
 }
 
-TEST(Triangles, OfAPlanarStripAllFaceTheSameWay) {
+TEST(Triangles, PlanarStripFacesOneWay) {
   // A zigzag in the plane z = 0, counter-clockwise seen from +z.
   const std::vector<Vec3f> p = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}, {0, 2, 0}, {1, 2, 0}};
   const auto triangles = assemble_triangles(PrimitiveMode::strip, {0, 1, 2, 3, 4, 5});
@@ -157,7 +157,7 @@ TEST(Triangles, OfAPlanarStripAllFaceTheSameWay) {
   }
 }
 
-TEST(Quantization, PlacesIntegerPositionsByTheNodeTransform) {
+TEST(Quantization, NodeTransformScalesIntegers) {
   // KHR_mesh_quantization: unsigned shorts, normalised, scaled back by the node.
   GltfBuilder b;
   b.use_extension("KHR_mesh_quantization", true);
@@ -187,7 +187,7 @@ TEST(Quantization, PlacesIntegerPositionsByTheNodeTransform) {
   EXPECT_NEAR(world.z, 3 + 10 * static_cast<double>(0.2f), 1e-12);
 }
 
-TEST(VertexColors, OfThreeComponentsAreOpaqueAndOfFourKeepAlpha) {
+TEST(VertexColors, ThreeComponentsAreOpaque) {
   GltfBuilder b;
   b.add_vec3({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}});
   const std::vector<std::uint8_t> colors = {255, 0, 0, 51, 0, 255, 0, 255, 0, 0, 255, 0};
@@ -206,7 +206,7 @@ TEST(VertexColors, OfThreeComponentsAreOpaqueAndOfFourKeepAlpha) {
   EXPECT_EQ(scene->meshes[0].primitives[1].colors[2], (Vec4f{0, 0, 1, 1}));
 }
 
-TEST(VertexColors, AreClampedWithAWarning) {  // glTF 2.0, section 3.7.2.1
+TEST(VertexColors, OutOfRangeIsClampedWithWarning) {  // glTF 2.0, section 3.7.2.1
   testing::MemoryReader reader;
   GltfBuilder b;
   b.add_vec3({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}});
@@ -222,7 +222,7 @@ TEST(VertexColors, AreClampedWithAWarning) {  // glTF 2.0, section 3.7.2.1
   EXPECT_EQ((*file)->problems()[0].message, "COLOR_0 leaves [0, 1]; clamped");
 }
 
-TEST(Positions, ThatAreNotFiniteOrTooLargeDropTheirTrianglesWithAWarning) {
+TEST(Positions, InvalidOnesDropTrianglesWithWarning) {
   testing::MemoryReader reader;
   GltfBuilder b;
   const float nan = std::numeric_limits<float>::quiet_NaN();
@@ -246,7 +246,7 @@ TEST(Positions, ThatAreNotFiniteOrTooLargeDropTheirTrianglesWithAWarning) {
   EXPECT_TRUE(said);
 }
 
-TEST(Primitives, OfPointsAndLinesAreSkippedWithAWarning) {
+TEST(Primitives, PointsAndLinesAreSkippedWithWarning) {
   testing::MemoryReader reader;
   GltfBuilder b;
   b.add_vec3({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}});

@@ -116,7 +116,7 @@ std::vector<Vec3f> corners(const Primitive& p) {
   return out;
 }
 
-TEST(Meshopt, DecodesWhatTheLibraryEncodedInBothIndexModes) {
+TEST(Meshopt, EncodedMeshRoundTrips) {
   const auto positions = grid_positions();
   const auto indices = grid_indices();
   for (const bool triangles : {true, false}) {
@@ -140,7 +140,7 @@ TEST(Meshopt, DecodesWhatTheLibraryEncodedInBothIndexModes) {
   }
 }
 
-TEST(Meshopt, DecodesTheOctahedralAndExponentialFilters) {
+TEST(Meshopt, FiltersAreDecoded) {
   GltfBuilder b;
   b.use_extension("EXT_meshopt_compression", true);
   const std::vector<float> normals = {0, 0, 1, 0, 0.6f, 0, 0.8f, 0, -0.48f, 0.6f, -0.64f, 0};
@@ -174,7 +174,7 @@ TEST(Meshopt, DecodesTheOctahedralAndExponentialFilters) {
   }
 }
 
-TEST(Meshopt, RefusesDamagedStreamsAndLayouts) {
+TEST(Meshopt, DamagedStreamsAreRejected) {
   const auto refused = [](const std::string& member, const std::string& value) {
     GltfBuilder b;
     meshopt_grid(b, true);
@@ -246,7 +246,7 @@ GltfBuilder& draco_grid(GltfBuilder& b, const DracoGrid& grid) {
   return b;
 }
 
-TEST(Draco, DecodesTheSurfaceTheLibraryEncoded) {
+TEST(Draco, EncodedSurfaceRoundTrips) {
   GltfBuilder b;
   const DracoGrid grid = encode_draco(16);
   const auto scene = load_and_pose(draco_grid(b, grid));
@@ -267,7 +267,7 @@ TEST(Draco, DecodesTheSurfaceTheLibraryEncoded) {
   EXPECT_NEAR(area, 64, 0.1) << "all triangles, all facing +z";
 }
 
-TEST(Draco, RefusesDamagedStreamsAndWrongCounts) {
+TEST(Draco, DamagedStreamsAreRejected) {
   const DracoGrid good = encode_draco(10);
   const auto message = [](const DracoGrid& grid, const std::string& pointer = {},
                           const std::string& value = {}) {
@@ -291,7 +291,7 @@ TEST(Draco, RefusesDamagedStreamsAndWrongCounts) {
   message(good, extension + "bufferView", "77");
 }
 
-TEST(Draco, SurvivesEverySingleByteChanged) {
+TEST(Draco, AnyCorruptByteIsHandled) {
   const DracoGrid good = encode_draco(8);
   for (std::size_t i = 0; i < good.stream.size(); ++i) {
     DracoGrid changed = good;

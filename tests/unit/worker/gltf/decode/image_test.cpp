@@ -48,7 +48,7 @@ Image decoded(const std::vector<std::byte>& file) {
 
 using Codes = std::vector<std::uint8_t>;
 
-TEST(Images, OfPngKeepEightBitCodesAndAlphaAsTheyAre) {
+TEST(Images, PngKeepsCodesAndAlpha) {
   // Colour under alpha 0 and 1 must survive: premultiplying would lose it.
   const Codes rgba = {200, 100, 50, 0, 255, 1, 2, 1, 10, 20, 30, 128, 255, 255, 255, 255};
   const Image image = decoded(encode("png", 2, 2, 4, rgba));
@@ -59,7 +59,7 @@ TEST(Images, OfPngKeepEightBitCodesAndAlphaAsTheyAre) {
   EXPECT_EQ(image.u8, rgba);
 }
 
-TEST(Images, OfGreyBecomeRgbAndOfGreyAlphaRgba) {
+TEST(Images, GreyPngBecomesRgb) {
   const Image grey = decoded(encode("png", 2, 1, 1, Codes{7, 200}));
   EXPECT_EQ(grey.channels, 3);
   EXPECT_EQ(grey.u8, (Codes{7, 7, 7, 200, 200, 200}));
@@ -68,7 +68,7 @@ TEST(Images, OfGreyBecomeRgbAndOfGreyAlphaRgba) {
   EXPECT_EQ(alpha.u8, (Codes{7, 7, 7, 9, 200, 200, 200, 0}));
 }
 
-TEST(Images, OfSixteenBitPngKeepSixteenBits) {
+TEST(Images, SixteenBitPngKeepsPrecision) {
   const std::vector<std::uint16_t> codes = {0, 1, 65535, 256, 32768, 12345};
   const Image image = decoded(encode("png", 2, 1, 3, codes));
   EXPECT_EQ(image.storage, Image::Storage::u16);
@@ -126,7 +126,7 @@ std::vector<std::byte> png_row(std::uint8_t width, std::uint8_t depth, std::uint
   return out;
 }
 
-TEST(Images, OfPalettesTakeTheirAlphaFromTrns) {
+TEST(Images, PaletteAlphaComesFromTrns) {
   const Chunk palette{"PLTE", {10, 20, 30, 200, 100, 50, 1, 2, 3}};
   const Image image = decoded(png_row(4, 8, 3, {palette, {"tRNS", {0, 128}}}, {1, 0, 2, 1}));
   EXPECT_EQ(image.channels, 4);
@@ -136,20 +136,20 @@ TEST(Images, OfPalettesTakeTheirAlphaFromTrns) {
   EXPECT_EQ(opaque.u8, (Codes{1, 2, 3, 200, 100, 50}));
 }
 
-TEST(Images, OfFewBitsAreStretchedToEight) {
+TEST(Images, LowBitDepthsExpandToEight) {
   EXPECT_EQ(decoded(png_row(4, 1, 0, {}, {0b10100000})).u8,
             (Codes{255, 255, 255, 0, 0, 0, 255, 255, 255, 0, 0, 0}));
   EXPECT_EQ(decoded(png_row(2, 4, 0, {}, {0x3f})).u8, (Codes{51, 51, 51, 255, 255, 255}));
 }
 
-TEST(Images, OfSixteenBitGreyAndAlphaKeepBoth) {
+TEST(Images, SixteenBitGreyAlphaKeepsBoth) {
   const Image image = decoded(png_row(2, 16, 4, {}, {0x12, 0x34, 0xff, 0xff, 0, 1, 0x80, 0}));
   EXPECT_EQ(image.channels, 4);
   const std::vector<std::uint16_t> want = {0x1234, 0x1234, 0x1234, 0xffff, 1, 1, 1, 0x8000};
   EXPECT_EQ(image.u16, want);
 }
 
-TEST(Images, KeepTheirCodesWhateverTheFileSaysOfColour) {
+TEST(Images, ColourProfilesAreIgnored) {
   // glTF: colour spaces, gamma and ICC profiles inside images are ignored.
   const Codes codes = {3, 99, 180, 255, 128, 7};
   const std::vector<Chunk> said = {{"gAMA", {0, 1, 0x86, 0xa0}},  // 1.0
@@ -160,7 +160,7 @@ TEST(Images, KeepTheirCodesWhateverTheFileSaysOfColour) {
   }
 }
 
-TEST(Images, OfJpegIgnoreOrientationAndMayBeProgressive) {
+TEST(Images, JpegOrientationIsIgnored) {
   // Left black, right white: turned by the orientation it would be taller than wide.
   Codes halves;
   for (int y = 0; y < 8; ++y) {
@@ -183,7 +183,7 @@ TEST(Images, OfJpegIgnoreOrientationAndMayBeProgressive) {
   EXPECT_EQ(image.u8, plain.u8);
 }
 
-TEST(Images, OfJpegDecodeNearlyAndOfLosslessWebpExactly) {
+TEST(Images, JpegIsCloseAndLosslessWebpExact) {
   const Codes flat(16 * 16 * 3, 120);
   const Image jpeg = decoded(encode("jpeg", 16, 16, 3, flat));
   ASSERT_EQ(jpeg.u8.size(), flat.size());
@@ -267,7 +267,7 @@ std::vector<std::byte> four_component_jpeg(const std::array<int, 4>& values, int
   return out;
 }
 
-TEST(Images, OfCmykJpegAreTheLightThatTheirInksLeave) {
+TEST(Images, CmykJpegIsConvertedToRgb) {
   // Files store the share of light each ink lets through, 255 for no ink (Adobe's way, which every
   // reader takes also where its marker lacks): a colour is its own ink's share times black's.
   for (const int adobe : {0, -1}) {
@@ -287,7 +287,7 @@ TEST(Images, OfCmykJpegAreTheLightThatTheirInksLeave) {
   }
 }
 
-TEST(Images, OfYcckJpegAreCmykUnderneath) {
+TEST(Images, YcckJpegIsConvertedToRgb) {
   // Y, Cb, Cr give the ink's own shares by JFIF's formulas, in the negative; black is as it is.
   const int y = 90, cb = 140, cr = 110, black = 200;
   const double r = y + 1.402 * (cr - 128), b = y + 1.772 * (cb - 128);
@@ -301,7 +301,7 @@ TEST(Images, OfYcckJpegAreCmykUnderneath) {
   }
 }
 
-TEST(Images, OfLosslessWebpKeepColourUnderAlpha) {
+TEST(Images, LosslessWebpKeepsColourUnderAlpha) {
   const Codes rgba = {200, 100, 50, 1, 255, 1, 2, 64, 10, 20, 30, 128, 255, 255, 255, 255};
   std::uint8_t* written = nullptr;
   const std::size_t size = WebPEncodeLosslessRGBA(rgba.data(), 2, 2, 8, &written);
@@ -312,7 +312,7 @@ TEST(Images, OfLosslessWebpKeepColourUnderAlpha) {
   EXPECT_EQ(image.u8, rgba);
 }
 
-TEST(Images, OfExrKeepFloatsAboveOne) {
+TEST(Images, ExrKeepsFloatsAboveOne) {
   const std::vector<float> pixels = {0, 0.5f, 1000, 1e-3f, 2, 3};
   const auto file = encode("openexr", 2, 1, 3, pixels);
   EXPECT_EQ(image::image_format(file), image::ImageFormat::exr);
@@ -323,13 +323,13 @@ TEST(Images, OfExrKeepFloatsAboveOne) {
   EXPECT_EQ(sky->channels, 3);
 }
 
-TEST(Images, OfGreyExrBecomeRgb) {
+TEST(Images, GreyExrBecomesRgb) {
   const Image image = decoded(encode("openexr", 2, 1, 1, std::vector<float>{0.25f, 3}));
   EXPECT_EQ(image.channels, 3);
   EXPECT_EQ(image.f32, (std::vector<float>{0.25f, 0.25f, 0.25f, 3, 3, 3}));
 }
 
-TEST(Images, OfRadianceDecodeToTheirMantissas) {
+TEST(Images, RadianceHdrIsDecodedExactly) {
   const std::vector<float> pixels = {1, 0.5f, 0.25f, 100, 50, 25, 0, 0, 0, 1024, 512, 256};
   const auto file = encode("hdr", 4, 1, 3, pixels);
   EXPECT_EQ(image::image_format(file), image::ImageFormat::hdr);
@@ -340,7 +340,7 @@ TEST(Images, OfRadianceDecodeToTheirMantissas) {
   }
 }
 
-TEST(Images, OfOtherFormatsAreNotOpenedWhateverTheirName) {
+TEST(Images, OtherFormatsAreRejected) {
   const auto refused = [](const std::string& magic) {
     std::vector<std::byte> file(256);
     std::memcpy(file.data(), magic.data(), magic.size());
@@ -354,7 +354,7 @@ TEST(Images, OfOtherFormatsAreNotOpenedWhateverTheirName) {
   EXPECT_FALSE(decode_environment(encode("png", 1, 1, 3, Codes{1, 2, 3}), "sky").ok());
 }
 
-TEST(Images, ThatAreTruncatedAnywhereAreRefusedOrDecodedNeverCrash) {
+TEST(Images, TruncatedFilesNeverCrash) {
   const Codes noise = [] {
     Codes c(24 * 24 * 3);
     for (std::size_t i = 0; i < c.size(); ++i) c[i] = static_cast<std::uint8_t>(i * i * 31 >> 3);
@@ -371,7 +371,7 @@ TEST(Images, ThatAreTruncatedAnywhereAreRefusedOrDecodedNeverCrash) {
   }
 }
 
-TEST(Images, ThatLackTheirLastRowsAreRefused) {
+TEST(Images, MissingRowsAreRejected) {
   Codes noise(64 * 64 * 3);
   for (std::size_t i = 0; i < noise.size(); ++i) noise[i] = static_cast<std::uint8_t>(i * 37 >> 2);
   const std::vector<float> floats(noise.begin(), noise.end());
@@ -405,7 +405,7 @@ std::vector<std::byte> png_claiming(std::uint32_t width, std::uint32_t height) {
   return out;
 }
 
-TEST(Images, OverTheLimitsAreRefusedByTheirHeaders) {
+TEST(Images, SizeLimitsAreCheckedInHeader) {
   const auto message = [](std::uint32_t width, std::uint32_t height) {
     return std::string(decode_image(png_claiming(width, height), "bomb").status().message());
   };
@@ -416,7 +416,7 @@ TEST(Images, OverTheLimitsAreRefusedByTheirHeaders) {
       << message(30000, 30000);
 }
 
-TEST(Images, OfMorePixelsThanAskedForAreRefusedHoweverSmallTheirCodes) {
+TEST(Images, PixelLimitIsEnforced) {
   const auto refused = image::decode(png_claiming(100, 100), {1000, 1 << 20, 9999});
   EXPECT_NE(std::string(refused.status().message()).find("limit of 9999 pixels"), std::string::npos)
       << refused.status();

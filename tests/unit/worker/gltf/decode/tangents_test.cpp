@@ -35,7 +35,7 @@ Primitive torus(int n, std::vector<Vec3d>* authored, bool mirrored = false) {
   return p;
 }
 
-TEST(Tangents, LieWithinADegreeOfTheAuthoredOnesOnATorus) {
+TEST(Tangents, MatchAuthoredOnesOnTorus) {
   std::vector<Vec3d> authored;
   const Primitive p = torus(96, &authored);
   const std::vector<Vec4f> tangents = corner_tangents(p, 0);
@@ -49,7 +49,7 @@ TEST(Tangents, LieWithinADegreeOfTheAuthoredOnesOnATorus) {
   EXPECT_GE(good, static_cast<int>(tangents.size() * 99 / 100));
 }
 
-TEST(Tangents, HaveTheSignThatTurnsTheBitangentAgainstV) {
+TEST(Tangents, SignPointsBitangentAgainstV) {
   // glTF: bitangent = cross(n, t) * w points to the texture's top, against v, which runs down.
   for (const bool mirrored : {false, true}) {
     const Primitive p = torus(16, nullptr, mirrored);
@@ -67,7 +67,7 @@ TEST(Tangents, HaveTheSignThatTurnsTheBitangentAgainstV) {
   }
 }
 
-TEST(Tangents, AreUnitAndPerpendicularToTheNormal) {
+TEST(Tangents, AreUnitAndPerpendicularToNormal) {
   const Primitive p = torus(16, nullptr);
   const std::vector<Vec4f> tangents = corner_tangents(p, 0);
   for (std::size_t c = 0; c < tangents.size(); ++c) {
@@ -88,7 +88,7 @@ Primitive folded_pair(bool mirrored) {
   return p;
 }
 
-TEST(Tangents, AreSharedAcrossEdgesButNotAcrossAMirrorSeam) {
+TEST(Tangents, SplitOnlyAtMirrorSeams) {
   const auto straight = corner_tangents(folded_pair(false), 0);
   EXPECT_EQ(straight[1], straight[3]);
   EXPECT_EQ(straight[2], straight[5]);
@@ -97,7 +97,7 @@ TEST(Tangents, AreSharedAcrossEdgesButNotAcrossAMirrorSeam) {
   EXPECT_EQ(seam[3], (Vec4f{-1, 0, 0, 1}));
 }
 
-TEST(Tangents, WeighTheirTrianglesByTheAngleAtTheVertex) {
+TEST(Tangents, TrianglesAreWeightedByAngle) {
   // At the origin a triangle of 90 degrees, u along +x, meets one of 45 degrees, u along (1, -1).
   Primitive p;
   p.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {-1, 1, 0}};
@@ -163,7 +163,7 @@ Vec3d tangent_at(const Primitive& p, std::uint32_t v) {
   return normalize(sum);
 }
 
-TEST(Tangents, FollowTheMethodOnASphereWhicheverWayItsQuadsAreSplit) {
+TEST(Tangents, SphereMatchesMethodForEitherSplit) {
   // Exporters split quads another way than the tangents' author did; on coarse spheres that alone
   // turns tangents by degrees, so each split has tangents of its own.
   const std::vector<std::function<bool(int, int)>> splits = {
@@ -179,7 +179,7 @@ TEST(Tangents, FollowTheMethodOnASphereWhicheverWayItsQuadsAreSplit) {
   }
 }
 
-TEST(Tangents, SplitVerticesWithEverythingTheyCarry) {
+TEST(Tangents, SplitVerticesKeepAttributes) {
   BasePrimitive base;
   base.primitive = folded_pair(true);
   base.primitive.colors = {{0, 0, 0, 1}, {0.25f, 0, 0, 1}, {0.5f, 0, 0, 1}, {0.75f, 0, 0, 1}};
@@ -201,7 +201,7 @@ TEST(Tangents, SplitVerticesWithEverythingTheyCarry) {
   }
 }
 
-TEST(Tangents, OfDegenerateGeometryAndUvsAreStillUnitAndFinite) {
+TEST(Tangents, DegenerateInputGivesUnitTangents) {
   Primitive p;
   p.positions = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {1, 1, 0}, {3, 0, 0}};
   p.uv[0] = {{0, 0}, {0, 0}, {0, 0}, {0.5f, 0.5f}, {0.5f, 0.5f}};
@@ -212,7 +212,7 @@ TEST(Tangents, OfDegenerateGeometryAndUvsAreStillUnitAndFinite) {
   }
 }
 
-TEST(Tangents, DoNotDependOnWhichCornerATriangleBeginsWith) {
+TEST(Tangents, FirstCornerDoesNotMatter) {
   Primitive a = torus(12, nullptr), b = a;
   for (auto& t : b.triangles) t = {t[1], t[2], t[0]};
   const auto ta = corner_tangents(a, 0), tb = corner_tangents(b, 0);

@@ -42,7 +42,7 @@ struct Refused {
   bool by_schema = false;  // too
 };
 
-TEST(TesseraCamera, RefusesWhatMeansNothing) {
+TEST(TesseraCamera, RejectsInvalidProperties) {
   const std::string at = "cameras[0].extensions.TESSERA_camera";
   for (const Refused& c : {
            Refused{perspective, R"({"lense": {}})", ".lense: is unknown; there are projection",
@@ -109,7 +109,7 @@ TEST(TesseraCamera, RefusesWhatMeansNothing) {
   }
 }
 
-TEST(TesseraExtensions, StandWhereTheyBelongAndAreListed) {
+TEST(TesseraExtensions, MisplacedOrUnlistedAreRejected) {
   const auto file = filmed(perspective, "{}");
   EXPECT_EQ(refusal(*file), "");
   file->set("/nodes/0/extensions/TESSERA_camera", "{}");
@@ -136,7 +136,7 @@ Camera camera_of(const GltfBuilder& file) {
   return scene.ok() ? scene->camera : Camera();
 }
 
-TEST(TesseraCamera, IsReadAsItIsWritten) {
+TEST(TesseraCamera, PropertiesAreRead) {
   const Camera window = camera_of(*filmed(
       perspective,
       R"({"frustum": {"left": -1, "right": 3, "bottom": -2, "top": 1, "near": 2, "far": 8}})"));
@@ -158,14 +158,14 @@ TEST(TesseraCamera, IsReadAsItIsWritten) {
   EXPECT_EQ(round.vertical_angle, 3.14159265358979323846);
 }
 
-TEST(TesseraCamera, FocalLengthFollowsFromSensorAndFieldOfView) {
+TEST(TesseraCamera, FocalLengthFollowsSensorAndFov) {
   const Camera lens = camera_of(
       *filmed(perspective, R"({"lens": {"fNumber": 2, "sensorHeight": 0.5, "focusNode": 1}})"));
   EXPECT_NEAR(lens.lens.radius, 0.25 / std::tan(0.5) / 2 / 2, 1e-15);
   EXPECT_DOUBLE_EQ(lens.lens.focus_distance, 3);
 }
 
-TEST(TesseraCamera, LooksAtItsTargetInItsNodesSpace) {
+TEST(TesseraCamera, LooksAtTargetInNodeSpace) {
   const auto file = filmed(perspective,
                            R"({"lookAt": {"position": [1, 2, 3], "target": [1, 2, 7],
                                           "up": [1, 0, 0]}})");
@@ -192,7 +192,7 @@ std::unique_ptr<GltfBuilder> textured(const std::string& extension) {
   return file;
 }
 
-TEST(TesseraTexture, RefusesWhatMeansNothing) {
+TEST(TesseraTexture, RejectsInvalidProperties) {
   const std::string at = "textures[0].extensions.TESSERA_texture";
   for (const Refused& c : {
            Refused{"", R"({})", ".pattern: is none of noise, fbm", true},
@@ -226,7 +226,7 @@ TEST(TesseraTexture, RefusesWhatMeansNothing) {
   }
 }
 
-TEST(TesseraTexture, StandsBeforeAnImageAndNeedsNone) {
+TEST(TesseraTexture, OverridesImage) {
   const auto scene = load_and_pose(*textured(
       R"({"pattern": "ridged", "space": "uv", "dimensions": 2, "scale": [1, 2, 3], "seed": 9,
           "ramp": [{"at": 0.5, "color": [1, 2, 3, 0.25]}]})"));
@@ -261,7 +261,7 @@ std::unique_ptr<GltfBuilder> foggy(const std::string& extension, bool on_materia
   return file;
 }
 
-TEST(TesseraMedium, RefusesWhatMeansNothing) {
+TEST(TesseraMedium, RejectsInvalidProperties) {
   const std::string grid = R"({"density": {"grid": {"accessor": ACCESSOR, "size": [2, 2, 2], )";
   const std::string at = "scenes[0].extensions.TESSERA_medium";
   for (const Refused& c : {
@@ -300,7 +300,7 @@ TEST(TesseraMedium, RefusesWhatMeansNothing) {
             std::string::npos);
 }
 
-TEST(TesseraMedium, IsReadOfScenesAndMaterials) {
+TEST(TesseraMedium, IsReadFromScenesAndMaterials) {
   const auto scene = load_and_pose(*foggy(R"({"absorption": [1, 2, 3], "scattering": [4, 5, 6],
       "anisotropy": 0.5, "center": [1, 2, 3], "radius": 7, "density": {"texture": 0}})"));
   ASSERT_TRUE(scene.ok()) << scene.status();
@@ -334,7 +334,7 @@ void check_schemas(const json& value, const std::string& file) {
   }
 }
 
-TEST(TesseraExtensions, OfOurScenesAgreeWithTheirSchemas) {
+TEST(TesseraExtensions, ExampleScenesMatchSchemas) {
   const auto folder = std::filesystem::path(TESSERA_SOURCE_DIR) / "tests/scenes";
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     if (entry.path().extension() != ".gltf") continue;

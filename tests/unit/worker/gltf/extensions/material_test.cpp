@@ -35,7 +35,7 @@ Material material_of(const std::string& text) {
   return scene.ok() ? scene->materials[0] : Material();
 }
 
-TEST(Materials, HaveGltfsDefaults) {
+TEST(Materials, DefaultsMatchGltf) {
   const Material m = material_of("{}");
   EXPECT_EQ(m.base_color, (Vec4f{1, 1, 1, 1}));
   EXPECT_EQ(m.metallic, 1);
@@ -49,7 +49,7 @@ TEST(Materials, HaveGltfsDefaults) {
   EXPECT_FALSE(m.double_sided || m.unlit || m.has_volume || m.specular_glossiness);
 }
 
-TEST(Materials, ReadTheCoreProperties) {
+TEST(Materials, CorePropertiesAreRead) {
   const Material m = material_of(R"({"name": "paint", "doubleSided": true, "alphaMode": "MASK",
     "alphaCutoff": 0.25, "emissiveFactor": [0.5, 0, 1],
     "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 0.4], "metallicFactor": 0.5,
@@ -72,7 +72,7 @@ TEST(Materials, ReadTheCoreProperties) {
   EXPECT_TRUE(m.emissive_texture.srgb);
 }
 
-TEST(Materials, ReadEveryExtension) {
+TEST(Materials, EveryExtensionIsRead) {
   const Material m = material_of(R"({"emissiveFactor": [1, 0.5, 0], "extensions": {
     "KHR_materials_emissive_strength": {"emissiveStrength": 40},
     "KHR_materials_ior": {"ior": 1.33},
@@ -133,7 +133,7 @@ TEST(Materials, ReadEveryExtension) {
   EXPECT_FALSE(m.diffuse_transmission.texture.srgb);
 }
 
-TEST(Materials, IgnoreLayersBesideWhatExcludesThemAndSaySo) {
+TEST(Materials, ExcludedLayersAreIgnoredWithNote) {
   GltfBuilder b;
   b.add_node_with_mesh(b.add_mesh(unit_quad(b.add_material(
       R"({"extensions": {"KHR_materials_unlit": {}, "KHR_materials_clearcoat":
@@ -147,13 +147,13 @@ TEST(Materials, IgnoreLayersBesideWhatExcludesThemAndSaySo) {
   EXPECT_EQ((*file)->pose({}, 0)->materials[0].clearcoat.factor, 0);
 }
 
-TEST(Materials, AreThinWithoutThicknessAndUnlitWhenSaid) {
+TEST(Materials, ThinUnlitAndIorZeroAreRead) {
   EXPECT_FALSE(material_of(R"({"extensions": {"KHR_materials_volume": {}}})").has_volume);
   EXPECT_TRUE(material_of(R"({"extensions": {"KHR_materials_unlit": {}}})").unlit);
   EXPECT_EQ(material_of(R"({"extensions": {"KHR_materials_ior": {"ior": 0}}})").ior, 0);
 }
 
-TEST(Materials, OfSpecularGlossinessReplaceMetallicRoughness) {
+TEST(Materials, SpecularGlossinessReplacesMetallic) {
   const Material m = material_of(R"({"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]},
     "extensions": {"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [0.25, 0.5, 0.75, 0.5],
       "specularFactor": [0.1, 0.2, 0.3], "glossinessFactor": 0.4, "diffuseTexture": {"index": 0},
@@ -166,7 +166,7 @@ TEST(Materials, OfSpecularGlossinessReplaceMetallicRoughness) {
   EXPECT_TRUE(m.specular_glossiness_texture.srgb);
 }
 
-TEST(Samplers, GiveWrapModesAndFilterAndDefaultToRepeatAndLinear) {
+TEST(Samplers, DefaultToRepeatAndLinear) {
   const auto scene = scene_with(R"({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})");
   ASSERT_TRUE(scene.ok());
   EXPECT_EQ(scene->textures[0].wrap_u, Wrap::clamp);
@@ -176,7 +176,7 @@ TEST(Samplers, GiveWrapModesAndFilterAndDefaultToRepeatAndLinear) {
   EXPECT_FALSE(scene->textures[1].nearest);
 }
 
-TEST(TextureTransform, IsTranslationAfterRotationAfterScale) {
+TEST(TextureTransform, ScalesThenRotatesThenMoves) {
   const Material m = material_of(R"({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0,
     "extensions": {"KHR_texture_transform": {"offset": [0.25, 0.5], "rotation": 0.5,
       "scale": [2, 3], "texCoord": 1}}}}})");
@@ -189,7 +189,7 @@ TEST(TextureTransform, IsTranslationAfterRotationAfterScale) {
   for (std::size_t k = 0; k < 6; ++k) EXPECT_NEAR(ref.uv_matrix[k], want[k], 1e-6) << k;
 }
 
-TEST(TextureTransform, IsReadForTexturesOfExtensionsToo) {
+TEST(TextureTransform, IsReadForExtensionTextures) {
   const Material m = material_of(R"({"extensions": {"KHR_materials_transmission":
     {"transmissionTexture": {"index": 0,
       "extensions": {"KHR_texture_transform": {"offset": [1, 2]}}}}}})");
@@ -197,7 +197,7 @@ TEST(TextureTransform, IsReadForTexturesOfExtensionsToo) {
   EXPECT_EQ(m.transmission_texture.uv_matrix, (std::array<float, 6>{1, 0, 1, 0, 1, 2}));
 }
 
-TEST(Textures, OfUnusedMaterialsAreNotDecoded) {
+TEST(Textures, UnusedMaterialsAreNotDecoded) {
   GltfBuilder b;
   b.add("images", R"({"uri": "data:image/png;base64,AAAA"})");  // would not decode
   b.add("images", std::string(R"({"uri": ")") + kPng + R"("})");
@@ -218,7 +218,7 @@ TEST(Textures, OfUnusedMaterialsAreNotDecoded) {
   EXPECT_FALSE(scene->materials[0].emissive_texture);
 }
 
-TEST(Textures, OfOneColourAreOneTexel) {
+TEST(Textures, UniformImageBecomesOneTexel) {
   const auto image_of = [](const std::string& base64) {
     GltfBuilder b;
     b.add("images", R"({"uri": "data:image/png;base64,)" + base64 + R"("})");
@@ -244,7 +244,7 @@ TEST(Textures, OfOneColourAreOneTexel) {
   EXPECT_EQ(uneven.u8.size(), 12u);
 }
 
-TEST(Textures, ReadOnlyTheUvSetsAMaterialUses) {
+TEST(Textures, OnlyUsedUvSetsAreRead) {
   GltfBuilder b;
   b.add("images", std::string(R"({"uri": ")") + kPng + R"("})");
   b.add_texture(0);
@@ -262,7 +262,7 @@ TEST(Textures, ReadOnlyTheUvSetsAMaterialUses) {
   EXPECT_TRUE(p.tangents.empty()) << "no normal map, no tangents";
 }
 
-TEST(Variants, ReplaceTheMaterialOfThePrimitivesTheyMap) {
+TEST(Variants, ReplaceMappedMaterials) {
   GltfBuilder b;
   b.use_extension("KHR_materials_variants");
   b.set("/extensions/KHR_materials_variants/variants", R"([{"name": "red"}, {"name": "blue"}])");
@@ -284,7 +284,7 @@ TEST(Variants, ReplaceTheMaterialOfThePrimitivesTheyMap) {
   EXPECT_EQ(load_and_pose(b, settings).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
-TEST(Materials, OfPrimitivesWithoutOneAreTheDefaultAtTheEnd) {
+TEST(Materials, DefaultMaterialIsAppended) {
   GltfBuilder b;
   b.add_material("{}");
   b.add_mesh(unit_quad());
@@ -294,7 +294,7 @@ TEST(Materials, OfPrimitivesWithoutOneAreTheDefaultAtTheEnd) {
   EXPECT_EQ(scene->meshes[0].primitives[0].material, 1);
 }
 
-TEST(Extensions, UnknownOnesAreRefusedWhenRequiredAndWarnedOfWhenUsed) {
+TEST(Extensions, UnknownRequiredIsRejected) {
   for (const char* name : {"KHR_gaussian_splatting", "KHR_materials_magic", "VENDOR_magic"}) {
     testing::MemoryReader reader;
     GltfBuilder used, required;
@@ -313,7 +313,7 @@ TEST(Extensions, UnknownOnesAreRefusedWhenRequiredAndWarnedOfWhenUsed) {
   }
 }
 
-TEST(Textures, OfBasisUseTheirFallbackOrAreRefusedByName) {
+TEST(Textures, BasisNeedsFallback) {
   const auto load = [](bool fallback) {
     GltfBuilder b;
     b.use_extension("KHR_texture_basisu", !fallback);

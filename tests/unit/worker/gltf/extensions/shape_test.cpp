@@ -35,7 +35,7 @@ absl::StatusOr<Scene> with_shape(const std::string& shape) {
   return load_and_pose(b);
 }
 
-TEST(Shapes, AreInstancesWithAMaterial) {
+TEST(Shapes, AreInstancesWithMaterial) {
   GltfBuilder b;
   b.use_extension("TESSERA_shape");
   b.add_material(R"({"name": "red"})");
@@ -73,7 +73,7 @@ TEST(Shapes, AllTypesAreRead) {
   }
 }
 
-TEST(Shapes, FaultsAreNamed) {
+TEST(Shapes, ErrorsNameElementAndFault) {
   struct Case {
     const char *shape, *element, *fault;
   };
@@ -100,7 +100,7 @@ TEST(Shapes, FaultsAreNamed) {
   }
 }
 
-TEST(Shapes, NeedANodeWithoutAMesh) {
+TEST(Shapes, NeedNodeWithoutMesh) {
   GltfBuilder b;
   b.use_extension("TESSERA_shape");
   b.add_mesh(unit_quad());
@@ -116,7 +116,7 @@ absl::StatusOr<Scene> with_blobs(const std::string& blobs, const std::string& mo
   return load_and_pose(b);
 }
 
-TEST(Blobs, AreAShape) {
+TEST(Blobs, AreReadAsShape) {
   const auto scene = with_blobs(R"({"elements": [{"radius": 2},
       {"center": [9, 0, 0], "radii": [1, 2, 3], "strength": 4}], "threshold": 1, "extras": {}})");
   ASSERT_TRUE(scene.ok()) << scene.status();
@@ -130,7 +130,7 @@ TEST(Blobs, AreAShape) {
   EXPECT_NE(features_of(*scene).features & kFeatureShapes, 0u);
 }
 
-TEST(Blobs, FaultsAreNamed) {
+TEST(Blobs, ErrorsNameElementAndFault) {
   struct Case {
     const char *blobs, *element, *fault;
   };
@@ -166,7 +166,7 @@ absl::StatusOr<Scene> with_terrain(const std::string& terrain, const std::string
   return load_and_pose(b);
 }
 
-TEST(Terrain, IsAShape) {
+TEST(Terrain, IsReadAsShape) {
   const auto scene = with_terrain(R"({"pattern": "fbm", "size": [4, 2], "height": 3, "depth": 0.5,
       "scale": 2, "offset": [5, 6], "seed": 7, "octaves": 3, "lacunarity": 3, "gain": 0.25,
       "detail": {"from": [1, 2, 3], "angle": 0.5}, "extras": {}})");
@@ -192,7 +192,7 @@ TEST(Terrain, IsAShape) {
   EXPECT_FALSE(open->meshes[0].shape->closed());
 }
 
-TEST(Terrain, FaultsAreNamed) {
+TEST(Terrain, ErrorsNameElementAndFault) {
   struct Case {
     const char *terrain, *element, *fault;
   };
@@ -223,7 +223,7 @@ TEST(Terrain, FaultsAreNamed) {
   EXPECT_NE(both.status().message().find("has a TESSERA_blobs already"), std::string::npos);
 }
 
-TEST(Csg, IsPostfixOverItsOperands) {
+TEST(Csg, IsReadAsPostfix) {
   GltfBuilder b;
   b.use_extension("TESSERA_shape");
   b.use_extension("TESSERA_csg");
@@ -248,7 +248,7 @@ TEST(Csg, IsPostfixOverItsOperands) {
   EXPECT_NE(features_of(*scene).features & kFeatureCsg, 0u);
 }
 
-TEST(Csg, RefusesWhatHasNoInside) {
+TEST(Csg, OpenOperandsAreRejected) {
   const auto refused = [](const std::string& operand, const std::string& fault) {
     GltfBuilder b;
     b.use_extension("TESSERA_shape");
@@ -269,7 +269,7 @@ TEST(Csg, RefusesWhatHasNoInside) {
   refused(shape_node(R"({"type": "box"})", R"(, "scale": [1, 0, 1])"), "flattened");
 }
 
-TEST(Csg, FaultsAreNamed) {
+TEST(Csg, ErrorsNameElementAndFault) {
   GltfBuilder b;
   b.use_extension("TESSERA_csg");
   b.add_node(csg_node("minus", "[]"));
@@ -279,7 +279,7 @@ TEST(Csg, FaultsAreNamed) {
   EXPECT_NE(message.find("none of union"), std::string::npos) << message;
 }
 
-TEST(Schemas, OfShapesAndCsgFitTheExampleScenes) {
+TEST(Schemas, AcceptExampleScenes) {
   for (const char* name : {"shapes", "csg", "blobs", "terrain"}) {
     std::ifstream file(std::string(TESSERA_SOURCE_DIR) + "/tests/scenes/" + name + ".gltf");
     int checked = 0;

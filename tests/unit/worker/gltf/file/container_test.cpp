@@ -20,7 +20,7 @@ std::string text_of(const std::vector<std::byte>& data) {
   return {reinterpret_cast<const char*>(data.data()), data.size()};
 }
 
-TEST(Container, SplitsAGlbIntoJsonAndBinary) {
+TEST(Container, GlbSplitsIntoJsonAndBinary) {
   GltfBuilder b;
   b.add_floats("SCALAR", {1, 2});
   const std::string file = b.glb();
@@ -31,7 +31,7 @@ TEST(Container, SplitsAGlbIntoJsonAndBinary) {
   EXPECT_EQ(parts->bin.size(), 8u);
 }
 
-TEST(Container, RefusesEveryTruncationOfAGlb) {
+TEST(Container, TruncatedGlbIsRejected) {
   GltfBuilder b;
   b.add_floats("SCALAR", {1, 2});
   const std::string file = b.glb();
@@ -41,12 +41,12 @@ TEST(Container, RefusesEveryTruncationOfAGlb) {
   }
 }
 
-TEST(Container, CountsNestingOutsideStringsOnly) {
+TEST(Container, NestingIgnoresStrings) {
   EXPECT_EQ(json_depth(R"({"a": "[[[[", "b": ["\"{", [0]]})"), 3);
   EXPECT_EQ(json_depth("{}"), 1);
 }
 
-TEST(Container, AcceptsSixtyFourLevelsAndRefusesOneMore) {
+TEST(Container, NestingIsLimitedTo64Levels) {
   const auto nested = [](int depth) {
     std::string s = R"({"a":)";
     s += std::string(static_cast<std::size_t>(depth) - 1, '[');
@@ -59,7 +59,7 @@ TEST(Container, AcceptsSixtyFourLevelsAndRefusesOneMore) {
   EXPECT_EQ(refused.status().code(), absl::StatusCode::kInvalidArgument);
 }
 
-TEST(Uri, DecodesEveryLengthOfBase64) {
+TEST(Uri, Base64OfEveryLengthIsDecoded) {
   std::string plain;
   for (int n = 0; n < 40; ++n) {
     const auto data = decode_data_uri("data:x/y;base64," + testing::base64(bytes(plain)));
@@ -69,7 +69,7 @@ TEST(Uri, DecodesEveryLengthOfBase64) {
   }
 }
 
-TEST(Uri, DecodesPercentEscapesInDataAndPaths) {
+TEST(Uri, PercentEscapesAreDecoded) {
   const auto data = decode_data_uri("data:,a%20b");
   ASSERT_TRUE(data.ok());
   EXPECT_EQ(text_of(*data), "a b");
@@ -78,7 +78,7 @@ TEST(Uri, DecodesPercentEscapesInDataAndPaths) {
   EXPECT_EQ(*path, "my folder/\xC3\xA9.png");
 }
 
-TEST(Uri, RefusesPathsThatCouldLeaveTheFolder) {
+TEST(Uri, PathsLeadingOutsideAreRejected) {
   for (const char* uri :
        {"../a.bin", "a/../../b", "..", "%2e%2e/a", "a/%2E%2E/b", "/etc/passwd", "%2Fetc/passwd",
         "file:///etc/passwd", "http://host/a", "C:\\a", "a\\..\\b", "a%00b", "", "%zz", "a%2",
@@ -89,7 +89,7 @@ TEST(Uri, RefusesPathsThatCouldLeaveTheFolder) {
   EXPECT_TRUE(relative_path("..a/b..c/...").ok());
 }
 
-TEST(Uri, RefusesDamagedDataUris) {
+TEST(Uri, DamagedDataUrisAreRejected) {
   for (const char* uri : {"data:;base64", "data:;base64,a", "data:;base64,ab$=", "data:,%g0"}) {
     EXPECT_FALSE(decode_data_uri(uri).ok()) << uri;
   }
