@@ -21,7 +21,7 @@ int hex_value(char c) {
   return -1;
 }
 
-/// OpenSSL's digests fail only when memory or the library itself is broken.
+/// Aborts: OpenSSL's digests fail only when memory is exhausted or the library is broken.
 void check(bool ok) {
   if (ok) return;
   std::fputs("OpenSSL could not compute SHA-256\n", stderr);

@@ -12,22 +12,22 @@
 
 namespace tessera::contract {
 
-/// A SHA-256 digest: the name of an asset, the fingerprint of a block, the hash of an image.
+/// A SHA-256 digest.
 struct Digest {
   std::array<std::uint8_t, 32> bytes{};
 
   auto operator<=>(const Digest&) const = default;
-  /// 64 lowercase hexadecimal digits.
+  /// Returns 64 lowercase hexadecimal digits.
   std::string hex() const;
-  /// The 32 bytes as a string, the form on the wire.
+  /// Returns the 32 bytes, the form used in messages.
   std::string binary() const;
-  /// nullopt unless `text` is 64 hexadecimal digits of either case.
+  /// Parses 64 hexadecimal digits of either case; nullopt for anything else.
   static std::optional<Digest> from_hex(std::string_view text);
-  /// nullopt unless `bytes` has 32 bytes.
+  /// Returns nullopt unless `bytes` has 32 bytes.
   static std::optional<Digest> from_binary(std::string_view bytes);
 };
 
-/// SHA-256 of a stream of bytes.
+/// Computes the SHA-256 of a stream of bytes.
 class Hasher {
  public:
   Hasher();
@@ -36,7 +36,7 @@ class Hasher {
   Hasher& operator=(Hasher&&) noexcept;
   void update(std::span<const std::byte> bytes);
   void update(std::string_view bytes) { update(std::as_bytes(std::span(bytes))); }
-  /// The digest of all bytes so far; the hasher is spent.
+  /// Returns the digest of all bytes so far. The hasher must not be used afterwards.
   Digest finish();
 
  private:
@@ -47,14 +47,15 @@ class Hasher {
 Digest sha256(std::span<const std::byte> bytes);
 Digest sha256(std::string_view bytes);
 
-/// Digest of the sorted list of `digests`, repeats left out: the same for any order. A report's
-/// `scene_sha256` is that of the job's assets: the same bytes under other names are the same scene.
+/// Returns the digest of the sorted `digests` without duplicates, so that order does not matter. A
+/// report's `scene_sha256` is that of the job's assets: scenes with equal files have equal values,
+/// whatever the files are called.
 Digest sha256_of_set(std::vector<Digest> digests);
 
-/// HMAC-SHA-256 of `message` under `key`.
+/// Returns the HMAC-SHA-256 of `message` with `key`.
 Digest hmac_sha256(std::string_view key, std::string_view message);
 
-/// Equality in time that does not depend on where the difference is, for secrets.
+/// Compares secrets in a time that does not depend on where they differ.
 bool equal_in_constant_time(const Digest& a, const Digest& b);
 
 }  // namespace tessera::contract

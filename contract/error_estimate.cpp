@@ -48,7 +48,7 @@ double mean_scaled(const ErrorSums& sums) {
 double upper_mean(const ErrorSums& sums, int looks) {
   const auto pixels = static_cast<double>(sums.pixels);
   const double mean = mean_scaled(sums);
-  double standard_error = mean;  // a single pixel says nothing of its spread
+  double standard_error = mean;  // the spread is unknown with a single pixel
   if (sums.pixels > 1) {
     const double per_pixel = sums.scaled / pixels;
     const double spread = sums.scaled_squares / pixels - per_pixel * per_pixel;

@@ -14,8 +14,8 @@ static_assert(std::endian::native == std::endian::little, "blocks are memory ima
 constexpr std::int64_t kTrailerBytes = 8 + 8 + 8 + 4;  // energies, transparency limit, dropped
 constexpr std::int64_t kDroppedBytes = 12;
 
-/// Calls visit(member, values per pixel) for each plane the shape has, in encoding order. The one
-/// place that knows the layout.
+/// Calls visit(member, values per pixel) for each plane of the shape, in encoding order. Only this
+/// function knows the layout.
 template <typename Block, typename Visit>
 void for_each_plane(Block& block, const Visit& visit) {
   const FilmBlockShape& shape = block.shape;

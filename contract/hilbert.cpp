@@ -9,8 +9,8 @@ int sign(std::int32_t v) {
   return v > 0 ? 1 : v < 0 ? -1 : 0;
 }
 
-/// Half of v rounded towards zero, moved one unit away from zero when that makes it even:
-/// an even part lets the curve leave it on the side where the next one begins.
+/// Returns half of v, rounded towards zero and moved one away from zero if that makes it even: the
+/// curve leaves an even part on the side where the next one begins.
 std::int32_t even_half(std::int32_t v) {
   const std::int32_t half = v / 2;
   return half % 2 != 0 && std::abs(v) > 2 ? half + sign(v) : half;

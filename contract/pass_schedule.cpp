@@ -9,16 +9,16 @@ namespace tessera::contract {
 namespace {
 
 constexpr std::int32_t kFirstPassSamples = 8;
-constexpr std::int32_t kFewestSamples = 32;        // before a tile may stop by its error
-constexpr std::int32_t kGrowth = 8;                // each pass brings the total to kGrowth times
-constexpr std::int32_t kLargestPassSamples = 512;  // bounds what a lost unit costs
-constexpr std::int32_t kLargestDoubled = 512;  // by error: later totals are 2ⁿ and 1.5 · 2ⁿ
+constexpr std::int32_t kMinAdaptiveSamples = 32;  // before a tile may stop
+constexpr std::int32_t kGrowth = 8;               // ratio of the totals of successive passes
+constexpr std::int32_t kMaxPassSamples = 512;     // bounds the work lost with a unit
+constexpr std::int32_t kMaxDoubledTotal = 512;  // beyond it, adaptive totals are 2ⁿ and 1.5 · 2ⁿ
 
-/// Samples after the pass that follows on `done` in a job asked for by its error.
+/// Returns the total after the pass that follows a total of `done`, in a job with a target error.
 std::int32_t next_total(std::int32_t done) {
   if (done == 0) return kFirstPassSamples;
-  if (done == kFirstPassSamples) return kFewestSamples;
-  if (done < kLargestDoubled) return 2 * done;
+  if (done == kFirstPassSamples) return kMinAdaptiveSamples;
+  if (done < kMaxDoubledTotal) return 2 * done;
   const bool is_power_of_two = (done & (done - 1)) == 0;
   return is_power_of_two ? done / 2 * 3 : done / 3 * 4;
 }
@@ -35,7 +35,7 @@ std::vector<Pass> fixed_schedule(std::int32_t spp) {
   std::int32_t done = 0;
   while (done < total) {
     const std::int32_t wanted =
-        done == 0 ? kFirstPassSamples : std::min((kGrowth - 1) * done, kLargestPassSamples);
+        done == 0 ? kFirstPassSamples : std::min((kGrowth - 1) * done, kMaxPassSamples);
     const std::int32_t count = std::min(wanted, total - done);
     passes.push_back({done, count});
     done += count;

@@ -33,49 +33,50 @@ enum Aov : std::uint32_t {
   kAovStdError = 1u << 6,  // standard error of R, G, B from the replicates
 };
 
-/// What is behind everything, as seen by camera rays.
+/// Background seen by camera rays that leave the scene.
 enum class Background : std::uint8_t {
-  automatic,  // the environment if there is one, else none
+  automatic,  // the environment map if there is one, else none
   none,       // RGB 0, alpha 0
   color,      // RenderSettings::background_color
 };
 
-/// Everything that, with the scene's bytes, decides the pixels of a job (design.md, section 4).
-/// Plain data; `settings_message.h` takes it to and from the wire and checks ranges.
+/// Everything besides the scene's files that determines the pixels of a job
+/// (docs/explanation/determinism.md). rpc/settings_message.h converts it to and from messages and
+/// checks ranges.
 struct RenderSettings {
   std::int32_t width = 1280, height = 720;  // full frame, pixels, each in [1, 65536]
   std::optional<PixelRect> crop;            // within the frame; pixels keep their coordinates
-  std::string camera;                       // name or index; empty: the scene's first, or framed
-  std::int32_t scene = -1;                  // glTF scene index; -1: the file's default
+  std::string camera;       // name or index; empty: the scene's first, else one that frames it
+  std::int32_t scene = -1;  // glTF scene index; -1: the file's default
   std::vector<FrameRange> frames = {{0, 0, 1}};
   double fps = 24;
   std::string animation;        // name, index, "all" or "none"; empty: the first
   std::string variant;          // KHR_materials_variants name; empty: default
-  std::int32_t spp = 64;        // asked for, or the most with `error`; rendered: rounded_spp()
-  std::optional<double> error;  // upper bound of the error asked for, (0, 1]; see StoppingRule
+  std::int32_t spp = 64;        // samples per pixel; with `error` the maximum. See rounded_spp()
+  std::optional<double> error;  // target error in (0, 1]; see StoppingRule
   std::int32_t max_depth = 16;  // scattering events, [1, 255]
   std::uint32_t seed = 0;
   std::int32_t tile = 64;  // side in pixels, a power of two in [8, 256]
   PixelFilter filter = PixelFilter::box;
   double filter_width = 1;          // full support in pixels
-  std::string environment;          // manifest URI of the sky; empty: none
+  std::string environment;          // manifest URI of the environment map; empty: none
   double environment_rotation = 0;  // degrees about +Y
   double environment_strength = 1;
   Background background = Background::automatic;
   std::array<float, 3> background_color = {0, 0, 0};  // linear Rec. 709
   std::uint32_t aovs = 0;                             // Aov bits
   bool half = false;  // EXR of half floats; does not change pixels_sha256
-  double clamp = 0;   // largest sample radiance per channel; 0: off
+  double clamp = 0;   // maximum radiance per sample and channel; 0: off
   bool cull_backfaces = false;
 
-  /// The part of the frame that is rendered.
+  /// Returns the part of the frame that is rendered.
   PixelRect window() const { return crop.value_or(PixelRect{0, 0, width, height}); }
 };
 
-/// All frames of `ranges` in order, without repeats.
+/// Returns all frames of `ranges` in ascending order without duplicates.
 std::vector<std::int32_t> frame_list(const std::vector<FrameRange>& ranges);
 
-/// Number of frames in `ranges` counted with repeats; no allocation, no overflow.
+/// Returns the number of frames in `ranges`, duplicates included. Does not allocate or overflow.
 std::int64_t frame_count(const std::vector<FrameRange>& ranges);
 
 }  // namespace tessera::contract

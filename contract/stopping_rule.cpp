@@ -7,9 +7,9 @@
 namespace tessera::contract {
 namespace {
 
-/// The share of E² that may be filled; and, of what tiles that have stopped leave of it, the share
-/// that the foreseen bound is made to meet with as few samples as it takes. What is foreseen is
-/// then scaled up to fill all, so that noise in the estimates sends few tiles into another pass.
+/// kFill: fraction of E² that may be used. kAim: fraction of the budget left by stopped tiles at
+/// which the predicted bound aims with fewest samples. The prediction is then scaled up to the
+/// whole budget, so that noise in the estimates makes few tiles need another pass.
 constexpr double kFill = 0.97, kAim = 0.9;
 constexpr int kBisections = 40;
 
@@ -26,7 +26,7 @@ StoppingRule::StoppingRule(double error, std::vector<Pass> passes,
       tiles_(tile_pixels.size()),
       looks_(std::max(1, last_pass())),
       unsettled_(passes_.size(), tile_count()),
-      looked_(passes_.size(), false) {
+      look_taken_(passes_.size(), false) {
   const std::int32_t always = std::min(kUnconditionalPasses, last_pass() + 1);
   for (std::size_t i = 0; i < tiles_.size(); ++i) {
     tiles_[i].pixels = tile_pixels[i];
@@ -45,7 +45,7 @@ std::int32_t StoppingRule::pass_count(std::int32_t tile) const {
 }
 
 std::int64_t StoppingRule::expected_samples() const {
-  return std::max(wanted_samples_, foreseen_samples_);
+  return std::max(wanted_samples_, predicted_samples_);
 }
 
 std::vector<StoppingRule::PassTarget> StoppingRule::take_changes() {
@@ -61,22 +61,23 @@ void StoppingRule::add(std::int32_t tile_index, std::int32_t pass, const ErrorSu
   --unsettled_[at(pass)];
   decide(tile_index);
   for (std::int32_t look = 0; look + 2 <= last_pass(); ++look) {
-    if (unsettled_[at(look)] == 0 && !looked_[at(look)]) take_look(look);
+    if (unsettled_[at(look)] == 0 && !look_taken_[at(look)]) take_look(look);
   }
 }
 
 bool StoppingRule::is_concentrated(const ErrorSums& sums) const {
-  return effective_pixels(sums) < kFewestPixels && mean_scaled(sums) > heavy(sums.pixels);
+  return effective_pixels(sums) < kMinEffectivePixels &&
+         mean_scaled(sums) > concentration_limit(sums.pixels);
 }
 
-/// Mean square at which a tile of so many pixels holds a thirtieth of what the frame may have: then
-/// it matters by itself whether its figures can be trusted.
-double StoppingRule::heavy(std::int64_t pixels) const {
-  return target_ / kFewestPixels * (frame_pixels_ / static_cast<double>(pixels));
+/// Returns the mean square at which a tile of so many pixels has a thirtieth of the frame's budget.
+/// Above it the reliability of the tile's own estimate matters.
+double StoppingRule::concentration_limit(std::int64_t pixels) const {
+  return target_ / kMinEffectivePixels * (frame_pixels_ / static_cast<double>(pixels));
 }
 
 bool StoppingRule::may_stop(const Tile& tile) const {
-  if (tile.newest.scaled == 0) return true;  // without noise; also where E² cannot be met
+  if (tile.newest.scaled == 0) return true;  // without noise; also if E² cannot be met
   if (is_concentrated(tile.newest) || !tile.others) return false;
   ErrorSums frame = *tile.others;
   frame.add(tile.newest);
@@ -94,7 +95,7 @@ void StoppingRule::decide(std::int32_t index) {
   Tile& tile = tiles_[at(index)];
   if (tile.stopped || tile.seen + 1 != tile.pass_count) return;
   const bool is_last = tile.seen == last_pass();
-  if (!is_last && !looked_[at(tile.seen - 1)]) return;  // the look is not taken yet
+  if (!is_last && !look_taken_[at(tile.seen - 1)]) return;  // that look has not been taken yet
   if (is_last || may_stop(tile)) {
     stop(tile);
   } else {
@@ -104,60 +105,60 @@ void StoppingRule::decide(std::int32_t index) {
   changes_.push_back({index, tile.pass_count, tile.stopped});
 }
 
-/// A tile is at most one pass ahead of a look, since the next one needs the look.
+/// A tile is at most one pass ahead of a look, because the next pass depends on it.
 StoppingRule::Seen StoppingRule::as_of(const Tile& tile, std::int32_t pass) {
   if (tile.seen > pass) return {tile.before, true};
   return {tile.newest, !tile.stopped};
 }
 
 void StoppingRule::take_look(std::int32_t pass) {
-  looked_[at(pass)] = true;
-  share_out(pass, level(pass));
+  look_taken_[at(pass)] = true;
+  set_predictions(pass, level(pass));
   for (std::int32_t tile = 0; tile < tile_count(); ++tile) {
     if (tiles_[at(tile)].seen == pass + 1) decide(tile);
   }
 }
 
-/// The pass after which a tile with these figures after `pass` is foreseen to stop, its square
-/// falling as 1/n.
-std::int32_t StoppingRule::foreseen_pass(const ErrorSums& sums, std::int32_t pass,
-                                         double lambda) const {
+/// Returns the pass after which a tile with these sums after `pass` is predicted to stop, with its
+/// square falling as 1/n.
+std::int32_t StoppingRule::predicted_pass(const ErrorSums& sums, std::int32_t pass,
+                                          double lambda) const {
   const double one_sample = mean_scaled(sums) * samples_after(pass);
-  const bool is_thin = effective_pixels(sums) < kFewestPixels;
+  const bool is_thin = effective_pixels(sums) < kMinEffectivePixels;
   std::int32_t end = pass + 1;
   for (; end < last_pass(); ++end) {
-    const double foreseen = one_sample / samples_after(end);
-    const bool waits = is_thin && foreseen > heavy(sums.pixels);
-    if (!waits && foreseen / samples_after(end) <= lambda) break;
+    const double predicted = one_sample / samples_after(end);
+    const bool waits = is_thin && predicted > concentration_limit(sums.pixels);
+    if (!waits && predicted / samples_after(end) <= lambda) break;
   }
   return end;
 }
 
-StoppingRule::Foreseen StoppingRule::foresee(std::int32_t pass, double lambda) const {
-  Foreseen foreseen;
+StoppingRule::Prediction StoppingRule::predict(std::int32_t pass, double lambda) const {
+  Prediction predicted;
   for (const Tile& tile : tiles_) {
     const Seen seen = as_of(tile, pass);
     if (seen.is_active) {
-      const std::int32_t end = foreseen_pass(seen.sums, pass, lambda);
-      foreseen.active.add(seen.sums.scaled_by(samples_after(pass) / samples_after(end)));
+      const std::int32_t end = predicted_pass(seen.sums, pass, lambda);
+      predicted.active.add(seen.sums.scaled_by(samples_after(pass) / samples_after(end)));
     } else {
-      foreseen.stopped.add(seen.sums);
+      predicted.stopped.add(seen.sums);
     }
   }
-  return foreseen;
+  return predicted;
 }
 
-/// The frame's bound if tiles that go on had `factor` times the foreseen square.
-double StoppingRule::bound(const Foreseen& foreseen, double factor) const {
-  ErrorSums total = foreseen.stopped;
-  total.add(foreseen.active.scaled_by(factor));
+/// Returns the frame's bound if active tiles had `factor` times the predicted square.
+double StoppingRule::bound(const Prediction& predicted, double factor) const {
+  ErrorSums total = predicted.stopped;
+  total.add(predicted.active.scaled_by(factor));
   return upper_mean(total, looks_);
 }
 
-/// λ after a look: the largest at which the foreseen bound fills at most kAim of what is left of
-/// E²; 0 if none does.
+/// Returns λ after a look: the largest at which the predicted bound uses at most kAim of the
+/// remaining budget; 0 if there is none.
 double StoppingRule::level(std::int32_t pass) const {
-  double largest = 0;  // mean square ÷ samples of any tile that goes on
+  double largest = 0;  // mean square ÷ samples, over active tiles
   for (const Tile& tile : tiles_) {
     const Seen seen = as_of(tile, pass);
     if (seen.is_active) largest = std::max(largest, mean_scaled(seen.sums) / samples_after(pass));
@@ -166,53 +167,53 @@ double StoppingRule::level(std::int32_t pass) const {
     const double ratio = samples_after(pass) / samples_after(end);
     return ratio * ratio;
   };
-  const double stopped = bound(foresee(pass, 0), 0);
+  const double stopped = bound(predict(pass, 0), 0);
   const double room = stopped + kAim * (kFill * target_ - stopped);
-  double high = largest * shrunk(pass + 1);  // at which all stop after the next pass
-  if (bound(foresee(pass, high)) <= room) return high;
+  double high = largest * shrunk(pass + 1);  // at which all tiles stop after the next pass
+  if (bound(predict(pass, high)) <= room) return high;
   double low = high * shrunk(last_pass()) * shrunk(last_pass());
-  if (bound(foresee(pass, low)) > room) return 0;
+  if (bound(predict(pass, low)) > room) return 0;
   for (int i = 0; i < kBisections; ++i) {
     const double middle = std::sqrt(low * high);
-    (bound(foresee(pass, middle)) <= room ? low : high) = middle;
+    (bound(predict(pass, middle)) <= room ? low : high) = middle;
   }
   return low;
 }
 
-/// By how much the foreseen squares of tiles that go on may grow until the bound is kFill E²;
-/// 1 if it is above that already.
-double StoppingRule::scale_to_fill(const Foreseen& foreseen) const {
+/// Returns the factor by which the predicted squares of active tiles may grow until the bound is
+/// kFill E²; 1 if it is above that already.
+double StoppingRule::scale_to_fill(const Prediction& predicted) const {
   constexpr double kMost = 1024;
   const double room = kFill * target_;
-  if (bound(foreseen) >= room) return 1;
+  if (bound(predicted) >= room) return 1;
   double low = 1, high = kMost;
   for (int i = 0; i < kBisections; ++i) {
     const double middle = std::sqrt(low * high);
-    (bound(foreseen, middle) <= room ? low : high) = middle;
+    (bound(predicted, middle) <= room ? low : high) = middle;
   }
   return low;
 }
 
-/// Where E² cannot be met (λ = 0) no tile is told of the others: none stops because it did better
-/// than was foreseen.
-void StoppingRule::share_out(std::int32_t pass, double lambda) {
-  Foreseen foreseen = foresee(pass, lambda);
-  const double scale = scale_to_fill(foreseen);
-  ErrorSums frame = foreseen.stopped;
-  frame.add(foreseen.active.scaled_by(scale));
-  foreseen_samples_ = 0;
+/// If E² cannot be met (λ = 0), tiles get no prediction of the others, so none stops because it did
+/// better than predicted.
+void StoppingRule::set_predictions(std::int32_t pass, double lambda) {
+  Prediction predicted = predict(pass, lambda);
+  const double scale = scale_to_fill(predicted);
+  ErrorSums frame = predicted.stopped;
+  frame.add(predicted.active.scaled_by(scale));
+  predicted_samples_ = 0;
   for (Tile& tile : tiles_) {
     const Seen seen = as_of(tile, pass);
     std::int32_t end = tile.pass_count - 1;
     if (seen.is_active) {
-      end = foreseen_pass(seen.sums, pass, lambda);
+      end = predicted_pass(seen.sums, pass, lambda);
       tile.others.reset();
       if (lambda > 0) {
         const double shrunk = scale * samples_after(pass) / samples_after(end);
         tile.others = frame.without(seen.sums.scaled_by(shrunk));
       }
     }
-    foreseen_samples_ += tile.pixels * static_cast<std::int64_t>(samples_after(end));
+    predicted_samples_ += tile.pixels * static_cast<std::int64_t>(samples_after(end));
   }
 }
 

@@ -9,99 +9,102 @@
 
 namespace tessera::contract {
 
-/// Which passes the tiles of one frame want, in a job asked for by its error (farm.md, section 5).
+/// Decides how many passes each tile of a frame gets in a job with a target error
+/// (docs/explanation/error-estimation.md).
 ///
-/// A pure function of the figures it is given, whatever their order: tiles stop, never pixels.
-/// Passes 0 and 1 are always wanted. Whether a tile wants pass p + 1 depends on its own figures
-/// after pass p and on look p − 1, which is taken when every tile is settled at p − 1; so nobody
-/// waits for the slowest tile. With + − × ÷ √ and a table of quantiles only.
+/// A pure function of the sums added, in any order. Tiles stop as a whole, not single pixels. Every
+/// tile gets passes 0 and 1. Whether a tile gets pass p + 1 depends on its sums after pass p and on
+/// look p − 1, which is taken when every tile is settled at p − 1; so no tile waits for the slowest
+/// one. Uses only + − × ÷ √ and a table of quantiles.
 ///
-/// Every look shares out what tiles that have stopped leave of E²: it foresees, with squares
-/// falling as 1/n, at which pass each tile should stop so that the frame's bound is met with the
-/// fewest samples (those ∝ σ: square ÷ samples at most one λ for all), and scales what is foreseen
-/// up to what is left. A tile stops once its own figures, with the others as foreseen, meet the
-/// frame's bound, so those who stop never take from the others. A tile whose error sits in fewer
-/// than 30 pixels goes on while it holds a thirtieth of what the frame may have.
+/// Each look predicts, with squared error falling as 1/n, where every active tile should stop to
+/// meet the frame's bound with fewest samples (∝ σ: the ratio of square to samples is at most one λ
+/// for all), then scales the prediction to use the remaining budget E². A tile stops once its own
+/// sums, with the others as predicted, meet the frame's bound, so tiles that stop never use up the
+/// budget of others. A tile whose error is concentrated in fewer than 30 pixels continues while it
+/// has more than a thirtieth of the frame's budget.
 class StoppingRule {
  public:
-  /// `error`: E > 0. Requires at least one pass and one tile; pixels of each tile > 0.
+  /// `error` is the target E > 0. Requires at least one pass, one tile, and pixels > 0 for each
+  /// tile.
   StoppingRule(double error, std::vector<Pass> passes, std::vector<std::int64_t> tile_pixels);
 
-  /// Tells of a tile after its pass `pass`. Those of a tile count in order, others are ignored;
-  /// harmless to repeat.
+  /// Adds a tile's sums after pass `pass`. Calls for a tile count in the order of passes; others
+  /// are ignored. Idempotent.
   void add(std::int32_t tile_index, std::int32_t pass, const ErrorSums& sums);
 
-  /// What is known now of how many passes a tile is to have.
+  /// Number of passes that a tile is known to get.
   struct PassTarget {
     std::int32_t tile = 0;
     std::int32_t pass_count = 0;
-    bool is_final = false;  // it has stopped
+    bool is_final = false;  // the tile has stopped
   };
-  /// Demands that have changed since the last call.
+  /// Returns the targets that have changed since the last call.
   std::vector<PassTarget> take_changes();
-  /// Passes the tile wants, as far as is known.
+  /// Passes that the tile gets, as far as is known.
   std::int32_t pass_count(std::int32_t tile) const;
 
-  /// Samples of the whole frame, done and foreseen.
+  /// Samples of the whole frame, done and predicted.
   std::int64_t expected_samples() const;
-  /// Looks among which the confidence is divided.
+  /// Number of looks among which the confidence is divided.
   int looks() const { return looks_; }
-  /// Tiles that stopped only because the passes ended.
+  /// Tiles that stopped because the passes ended.
   std::int32_t capped_tile_count() const { return capped_tiles_; }
-  /// Tiles whose error sat in fewer than kFewestPixels pixels, and held a thirtieth of what the
-  /// frame may have, when they stopped.
+  /// Tiles whose error was concentrated in fewer than kMinEffectivePixels pixels, and had more than
+  /// a thirtieth of the frame's budget, when they stopped.
   std::int32_t concentrated_tile_count() const { return concentrated_tiles_; }
 
-  /// n_eff below which nothing is claimed (design.md, section 5).
-  static constexpr double kFewestPixels = 30;
+  /// Effective number of pixels below which no error bound is given.
+  static constexpr double kMinEffectivePixels = 30;
 
  private:
   struct Tile {
     std::int64_t pixels = 0;
     std::int32_t pass_count = 0;  // wanted
-    std::int32_t seen = -1;       // newest pass with figures
+    std::int32_t seen = -1;       // latest pass with sums
     bool stopped = false;
     ErrorSums newest, before;  // after passes `seen` and `seen` − 1
-    /// The other tiles when they stop, as the newest look foresees; none: E² cannot be met.
+    /// Sums of the other tiles at their end, as predicted by the latest look; none: E² cannot be
+    /// met.
     std::optional<ErrorSums> others;
   };
-  /// A tile as a look at some pass sees it.
+  /// A tile as seen by a look at some pass.
   struct Seen {
     const ErrorSums& sums;
-    bool is_active;  // it went on after that pass
+    bool is_active;  // it continued after that pass
   };
 
   std::int32_t tile_count() const { return static_cast<std::int32_t>(tiles_.size()); }
   std::int32_t last_pass() const { return static_cast<std::int32_t>(passes_.size()) - 1; }
-  /// Samples of a pixel up to and including a pass.
+  /// Samples per pixel up to and including a pass.
   double samples_after(std::int32_t pass) const;
   void decide(std::int32_t index);
   void stop(Tile& tile);
   bool may_stop(const Tile& tile) const;
   bool is_concentrated(const ErrorSums& sums) const;
-  double heavy(std::int64_t pixels) const;
+  double concentration_limit(std::int64_t pixels) const;
   void take_look(std::int32_t pass);
   static Seen as_of(const Tile& tile, std::int32_t pass);
-  /// Sums of the frame as foreseen: of tiles that have stopped, and of those that go on.
-  struct Foreseen {
+  /// Predicted sums of the frame: of stopped and of active tiles.
+  struct Prediction {
     ErrorSums stopped, active;
   };
   double level(std::int32_t pass) const;
-  std::int32_t foreseen_pass(const ErrorSums& sums, std::int32_t pass, double lambda) const;
-  Foreseen foresee(std::int32_t pass, double lambda) const;
-  double bound(const Foreseen& foreseen, double factor = 1) const;
-  double scale_to_fill(const Foreseen& foreseen) const;
-  void share_out(std::int32_t pass, double lambda);
+  std::int32_t predicted_pass(const ErrorSums& sums, std::int32_t pass, double lambda) const;
+  Prediction predict(std::int32_t pass, double lambda) const;
+  double bound(const Prediction& predicted, double factor = 1) const;
+  double scale_to_fill(const Prediction& predicted) const;
+  void set_predictions(std::int32_t pass, double lambda);
 
   double target_;  // E²
   double frame_pixels_ = 0;
   std::vector<Pass> passes_;
   std::vector<Tile> tiles_;
   int looks_;
-  std::vector<std::int32_t> unsettled_;  // by pass: tiles not settled at it
-  std::vector<bool> looked_;             // by the pass looked at
+  std::vector<std::int32_t> unsettled_;  // by pass: tiles that are not settled at it
+  std::vector<bool> look_taken_;         // by pass of the look
   std::vector<PassTarget> changes_;
-  std::int64_t wanted_samples_ = 0, foreseen_samples_ = 0;
+  std::int64_t wanted_samples_ = 0, predicted_samples_ = 0;
   std::int32_t capped_tiles_ = 0, concentrated_tiles_ = 0;
 };
 

@@ -4,8 +4,8 @@
 
 namespace tessera::contract {
 
-/// What --accelerator takes, of client and worker: the reference structures, in the order of the
-/// table that `inspect --accelerators` prints.
+/// Values of --accelerator in client and worker, in the order of the table that `inspect
+/// --benchmark-accelerators` prints.
 inline constexpr std::array kStructureNames = {
     "brute-force", "bvh2",   "bvh2-skip", "spheres",        "oriented-boxes",    "kd-tree",
     "polygon-bsp", "octree", "grid",      "recursive-grid", "hierarchical-grid", "proximity-grid"};

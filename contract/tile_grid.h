@@ -8,13 +8,13 @@
 
 namespace tessera::contract {
 
-/// Tiles of a frame, as TileGrid counts them, without making the grid. At most 2^26.
+/// Returns the number of tiles of a frame without building the grid. At most 2^26.
 std::int32_t tile_count(const RenderSettings& settings);
 
 /// The tiles of a frame's window, numbered along a Hilbert curve over the tile grid.
 ///
-/// Tile corners lie on multiples of the tile side counted from the window's corner, so a crop's
-/// tiles start at its corner; border tiles are smaller.
+/// Tile corners are at multiples of the tile size from the window's corner; border tiles are
+/// smaller.
 class TileGrid {
  public:
   /// Requires a window of positive size and tile_px >= 1.

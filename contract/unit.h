@@ -5,10 +5,10 @@
 
 namespace tessera::contract {
 
-/// The key of a unit of work within its job; results commit by it.
+/// A unit of work within its job: the key by which results commit.
 struct Unit {
   std::int32_t frame = 0;  // frame number
-  std::int32_t tile = 0;   // index along the curve
+  std::int32_t tile = 0;   // index along the Hilbert curve
   std::int32_t pass = 0;
   auto operator<=>(const Unit&) const = default;
 };

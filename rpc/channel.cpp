@@ -22,7 +22,7 @@ bool is_local_address(const std::string& address) {
   if (absl::StartsWith(address, "unix:")) return true;
   const std::string host = host_of(address);
   if (host == "localhost" || host == "[::1]") return true;
-  // 127.0.0.0/8 in digits; a name such as 127.example is not an address.
+  // 127.0.0.0/8 in digits; 127.example is a host name.
   return absl::StartsWith(host, "127.") &&
          host.find_first_not_of("0123456789.") == std::string::npos;
 }
@@ -32,8 +32,8 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& a
   const bool has_tls = !certs.empty() && !absl::StartsWith(address, "unix:");
   if (!has_tls && !is_local_address(address)) {
     return absl::InvalidArgumentError(
-        absl::StrCat("server ", address, " is on another machine and needs a certificate: --certs ",
-                     "DIR, the folder that `tessera-server issue-cert` made for you"));
+        absl::StrCat("server ", address, " is on another machine: pass --certs DIR, the directory ",
+                     "that `tessera-server issue-cert` created for you"));
   }
   auto credentials = has_tls ? channel_credentials(certs) : grpc::InsecureChannelCredentials();
   if (!credentials.ok()) return credentials.status();
@@ -42,10 +42,10 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& a
   arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
   arguments.SetMaxSendMessageSize(kMaxMessageBytes);
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
-  // Despite its name also the time a connection may take; on a busy machine 100 ms is too short.
+  // Despite its name this is also the connection timeout; 100 ms is too short on a busy machine.
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 10'000);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);
-  // Channels of one process share connections unless told otherwise; a worker wants its own.
+  // By default the channels of a process share connections; a worker needs its own.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   return grpc::CreateCustomChannel(address, *credentials, arguments);
 }

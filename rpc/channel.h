@@ -11,26 +11,24 @@
 
 namespace tessera::contract {
 
-/// Metadata key that carries the token of a loopback server; to a server with certificates, a
-/// worker's join token or session key.
+/// Metadata key of the token: that of a loopback server, or a worker's join token or session key.
 inline constexpr char kTokenKey[] = "tessera-token";
 
-/// Largest gRPC message either side takes (farm.md, section 9).
+/// Maximum size of a gRPC message in either direction (docs/reference/limits.md).
 inline constexpr int kMaxMessageBytes = 4 << 20;
 
-/// Whether `address` (unix:PATH, HOST:PORT) can be reached only from this machine: a Unix socket
-/// or a loopback host.
+/// Returns whether `address` (unix:PATH, HOST:PORT) is reachable only from this machine: a Unix
+/// socket or a loopback host.
 bool is_local_address(const std::string& address);
 
-/// A channel to a server: plaintext over a Unix socket, or over loopback if `certs` is empty, else
-/// mutual TLS with the certificates in the folder `certs`. HTTP proxies are never used.
+/// Opens a channel to a server: plaintext over a Unix socket, or over loopback if `certs` is empty,
+/// else mutual TLS with the certificates in the directory `certs`. HTTP proxies are never used.
 ///
-/// Errors: InvalidArgument, another machine's address without certificates; those of
-/// channel_credentials().
+/// Errors: InvalidArgument, a remote address without certificates; those of channel_credentials().
 absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address,
                                                             const std::string& certs);
 
-/// Sets the deadline every unary call needs, and the token where there is one.
+/// Sets the deadline that every unary call needs, and the token unless it is empty.
 void prepare_call(grpc::ClientContext& context, const std::string& token,
                   std::chrono::milliseconds timeout);
 

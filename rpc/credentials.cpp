@@ -25,13 +25,13 @@ absl::StatusOr<std::shared_ptr<tls::CertificateProviderInterface>> watch(
     if (::access(path.c_str(), R_OK) == 0) continue;
     return absl::ErrnoToStatus(
         errno, absl::StrCat(path,
-                            " (certificates are made by tessera-server init-certs and "
-                            "issue-cert)"));
+                            " (create certificates with `tessera-server init-certs` "
+                            "and `issue-cert`)"));
   }
   struct stat info {};
   if (::stat(key.c_str(), &info) != 0 || (info.st_mode & S_IRWXO) != 0) {
     return absl::PermissionDeniedError(
-        absl::StrCat(key, " can be read by every user; it needs mode 0600"));
+        absl::StrCat(key, " is readable by every user; set its mode to 0600"));
   }
   return std::make_shared<tls::FileWatcherCertificateProvider>(key, certificate, authority,
                                                                kWatchSeconds);

@@ -10,12 +10,12 @@
 
 namespace tessera::contract {
 
-// Mutual TLS from a folder that holds ca.crt, tls.crt and tls.key. Either side accepts only
-// certificates of that authority; a client also checks that the server's is for the host it called.
-// The files are watched: replaced ones hold for connections made from then on.
+// Mutual TLS with the files ca.crt, tls.crt and tls.key of a directory. Either side accepts only
+// certificates of that authority; a client also checks the server's host name. The files are
+// watched: new connections use replaced ones.
 //
-// Errors: NotFound, a file is missing; PermissionDenied, one cannot be read, or tls.key can be read
-// by every user.
+// Errors: NotFound, a file is missing; PermissionDenied, a file cannot be read, or tls.key is
+// readable by every user.
 
 absl::StatusOr<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(
     const std::string& folder);

@@ -32,12 +32,12 @@ absl::Status check_range(const char* field, T value, T low, T high) {
 }
 
 absl::Status check_frames(const std::vector<FrameRange>& ranges) {
-  if (ranges.empty()) return absl::InvalidArgumentError("settings.frames: none given");
+  if (ranges.empty()) return absl::InvalidArgumentError("settings.frames: no range");
   for (const FrameRange& range : ranges) {
     if (range.first < 0 || range.last < range.first || range.step < 1) {
       return absl::InvalidArgumentError(absl::StrCat("settings.frames: ", range.first, "-",
                                                      range.last, "x", range.step,
-                                                     " is not a range of frames"));
+                                                     " is not a frame range"));
     }
   }
   return check_range("frames", frame_count(ranges), std::int64_t{1}, kMaxFrames);
@@ -211,7 +211,7 @@ absl::StatusOr<RenderSettings> from_message(const v1::RenderSettings& message) {
   settings.environment_strength = message.environment_strength();
   if (settings.background == Background::color) {
     if (message.background_color_size() != 3) {
-      return absl::InvalidArgumentError("settings.background_color: three values are needed");
+      return absl::InvalidArgumentError("settings.background_color: expected three values");
     }
     for (int i = 0; i < 3; ++i) {
       settings.background_color[static_cast<std::size_t>(i)] = message.background_color(i);

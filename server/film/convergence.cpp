@@ -27,7 +27,7 @@ std::optional<Certainty> parse_certainty(const std::string& name) {
 
 ConvergenceResult assess_convergence(const FrameStatistics& s, const StoppingStats& stopping,
                                      double error) {
-  constexpr double kFewest = contract::StoppingRule::kFewestPixels;
+  constexpr double kFewest = contract::StoppingRule::kMinEffectivePixels;
   ConvergenceResult claim;
   const auto doubt = [&](const std::string& reason) { claim.reasons.push_back(reason); };
   if (s.mean_luminance.value_or(0) <= 0) {

@@ -5,28 +5,26 @@
 #include <string>
 #include <vector>
 
-/// What the programs that stay say on stderr while they run: the same lines and the same levels in
-/// each.
+// Logging of the server, worker and webhook programs: one format and one set of levels.
 namespace tessera {
 
-/// debug: what is routine, unit by unit; info: jobs, frames and workers come and go; warn:
-/// something failed and the farm goes on; error: a store, a film or a worker does not do what it
-/// must.
+/// debug: routine, per unit; info: changes of jobs, frames and workers; warn: a recoverable
+/// failure; error: the store, the film or a worker does not work.
 enum class LogLevel : std::uint8_t { debug, info, warn, error };
 
-/// Writes one line. Thread-safe.
+/// Writes a line. Thread-safe.
 using Log = std::function<void(LogLevel, const std::string&)>;
 
-/// Says nothing.
+/// Discards all lines.
 inline void no_log(LogLevel, const std::string&) {}
 
-/// What `--log-level` takes.
+/// Values of `--log-level`.
 std::vector<std::string> log_level_names();
-/// The level of that name; of others info.
+/// Returns the level of that name; info for unknown names.
 LogLevel log_level(const std::string& name);
 
-/// A log on stderr: a line an event, with wall time, `program` and level. `level`, the least that
-/// is written, is one of log_level_names() (others count as info).
+/// Returns a log on stderr: one line per event, with wall time, `program` and level. `level` is the
+/// minimum level written, one of log_level_names() (others count as info).
 Log open_log(const std::string& program, const std::string& level);
 
 }  // namespace tessera

@@ -25,7 +25,7 @@ class Collector final : public prometheus::Collectable {
 
 class HttpListener final : public MetricsListener {
  public:
-  /// Throws what CivetWeb throws when it cannot listen.
+  /// Throws CivetWeb's exception if it cannot listen.
   HttpListener(const std::string& host, const std::string& port, Collect collect)
       : collector_(std::make_shared<Collector>(std::move(collect))),
         exposer_(absl::StrCat(host == "localhost" ? "127.0.0.1" : host, ":", port)),
@@ -50,15 +50,16 @@ absl::StatusOr<std::unique_ptr<MetricsListener>> MetricsListener::start(const st
   if (absl::StartsWith(address, "unix:") || !contract::is_local_address(address) || port.empty() ||
       port.find_first_not_of("0123456789") != std::string::npos) {
     return absl::InvalidArgumentError(absl::StrCat(
-        "--metrics ", address, ": metrics are served without a password, so on this machine only: ",
-        "127.0.0.1:PORT or [::1]:PORT; run Prometheus, or a proxy that asks who is there, beside "
-        "it"));
+        "--metrics ", address,
+        ": must be a loopback address, 127.0.0.1:PORT or [::1]:PORT, because ",
+        "metrics are served without a password; run Prometheus or an authenticating proxy on this "
+        "machine"));
   }
   try {
     return std::make_unique<HttpListener>(address.substr(0, colon), port, std::move(collect));
-  } catch (const std::exception&) {  // CivetWeb's, which does not say why
+  } catch (const std::exception&) {  // CivetWeb's, without a reason
     return absl::UnavailableError(
-        absl::StrCat("--metrics ", address, ": cannot listen: is it in use?"));
+        absl::StrCat("--metrics ", address, ": cannot listen (port in use?)"));
   }
 }
 

@@ -11,23 +11,23 @@
 
 namespace tessera {
 
-/// Answers GET /metrics over HTTP, in Prometheus' text format, until it is destroyed.
+/// Serves GET /metrics over HTTP in Prometheus' text format until it is destroyed.
 ///
-/// There is no password and no encryption: it listens on loopback addresses only.
+/// Listens on loopback addresses only, because it has neither password nor encryption.
 class MetricsListener {
  public:
-  /// What there is to tell now. Called from a thread of the listener, which it must not keep long.
+  /// Collects the metrics. Called on a thread of the listener; must return quickly.
   using Collect = std::function<std::vector<prometheus::MetricFamily>()>;
 
-  /// Listens on HOST:PORT (port 0: any free one).
+  /// Starts to listen on HOST:PORT (port 0: any free port).
   ///
-  /// Errors: InvalidArgument, the address can be reached from other machines or is none;
-  /// Unavailable, it cannot be bound.
+  /// Errors: InvalidArgument, the address is invalid or reachable from other machines; Unavailable,
+  /// the address cannot be bound.
   static absl::StatusOr<std::unique_ptr<MetricsListener>> start(const std::string& address,
                                                                 Collect collect);
   virtual ~MetricsListener() = default;
 
-  /// HOST:PORT with the port that was bound.
+  /// HOST:PORT with the bound port.
   virtual const std::string& address() const = 0;
 };
 

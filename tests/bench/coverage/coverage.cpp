@@ -123,7 +123,7 @@ Outcome render_once(const SeededRenderer& renderer, const contract::TileGrid& gr
   testing::FixedFrame frame = render_fixed(renderer, grid, options.fixed_spp, reference.luminance);
   const contract::ErrorEstimate estimate = contract::estimate_error(frame.sums);
   Outcome outcome;
-  outcome.certainty = estimate.n_eff < contract::StoppingRule::kFewestPixels
+  outcome.certainty = estimate.n_eff < contract::StoppingRule::kMinEffectivePixels
                           ? server::Certainty::uncertain
                           : server::Certainty::converged;
   outcome.estimate = estimate.error;
