@@ -2,8 +2,10 @@
 """Chaos: rounds of real farms under real faults. Run as tests/e2e/chaos.sh.
 
 After each round every job is done with the pixels of the undisturbed run, no acknowledged unit was
-rendered again, the store is whole, and no process, socket or file is left behind. A kind of fault
-that never took effect fails the run, too. What a round does follows from --seed and its number alone.
+rendered again, the store is whole, and no process, socket or file is left behind. A round in which a
+fault took no effect does not count and is repeated with that fault; --rounds counts the others. What a
+round does follows from --seed and its number alone. --evidence FILE gets a line of JSON per round:
+which faults were injected, when, into which processes, the farm's state then, and the frames' hashes.
 """
 
 import argparse
@@ -15,6 +17,7 @@ import time
 import traceback
 
 import farm as farms
+from evidence import Evidence
 from kinds import KINDS
 
 FAULTS_PER_ROUND = 6
@@ -29,10 +32,10 @@ def plan(seed, number):
 
 
 class Round:
-    def __init__(self, seed, number, kinds, expected):
+    def __init__(self, seed, number, attempt, kinds, expected):
         self.number, self.kinds, self.expected = number, kinds, expected
-        self.seed = seed
-        self.evidence = {}
+        self.seed = seed if attempt == 0 else f"{seed} attempt {attempt}"
+        self.evidence = Evidence(self.seed, number, kinds)
         self.wrong = []
 
     def disturb(self, farm, kind, total):
@@ -41,9 +44,8 @@ class Round:
             begin = total * rng.uniform(0.02, 0.3)
             with farm.time_needed():
                 farm.wait(120, "the round has got so far", lambda: farm.committed() >= begin)
-                found = None if farm.over else KINDS[kind](farm, rng)
-            if found:
-                self.evidence[kind] = found
+                if not farm.over:
+                    self.evidence.disturb(farm, kind, lambda: KINDS[kind](farm, rng))
         except Exception:  # pylint: disable=broad-except
             self.wrong.append(f"{kind}: {traceback.format_exc()}")
 
@@ -65,8 +67,10 @@ class Round:
                     raise farms.Wrong(f"a dead worker was noticed after {farm.times[0]} s, not 6")
                 farm.kill_server()  # what was DONE is DONE after a restart, too
                 farm.restart_server()
-                farm.check_results(self.expected)
+                self.evidence.frames = farm.check_results(self.expected)
                 farm.stop()
+                if self.evidence.incomplete():
+                    raise farms.Wrong(f"incomplete evidence: {self.evidence.incomplete()}")
         except Exception:  # pylint: disable=broad-except
             self.wrong.append(traceback.format_exc())
         finally:
@@ -87,40 +91,42 @@ def main():
     parser.add_argument("--seed", default="1")
     parser.add_argument("--first", type=int, default=0, help="number of the first round")
     parser.add_argument("--kinds", help="these only, all in every round: comma-separated")
+    parser.add_argument("--evidence", metavar="FILE", help="append a line of JSON per round")
     parser.add_argument("--keep", action="store_true", help="keep the folders of the rounds")
     given = parser.parse_args()
     expected = farms.undisturbed()
     print(f"undisturbed: {', '.join(f'{name} {units} units' for name, (_, units) in expected.items())}")
-    wanted = set(given.kinds.split(",")) if given.kinds else set()
-    seen = collections.Counter()
+    counted, tries, effects = 0, 0, collections.Counter()
     begin = time.monotonic()
-    number = given.first
-    # Kinds that took no effect in the last deck's rounds get a few more rounds.
-    while number < given.first + given.rounds or (
-            wanted - set(seen) and number < given.first + given.rounds + 4):
-        is_extra = number >= given.first + given.rounds
-        kinds = sorted(wanted - set(seen)) if is_extra else (
-            given.kinds.split(",") if given.kinds else plan(given.seed, number))
-        wanted |= set(kinds)
-        started = time.monotonic()
-        one = Round(given.seed, number, kinds, expected)
+    number, attempt, repeat = given.first, 0, []
+    # A round that does not count is tried again, with the faults that took no effect.
+    while counted < given.rounds and tries < 2 * given.rounds + 4:
+        kinds = repeat or (given.kinds.split(",") if given.kinds else plan(given.seed, number))
+        tries += 1
+        one = Round(given.seed, number, attempt, kinds, expected)
         good = one.run(given.keep)
-        seen.update(one.evidence.keys())
-        print(f"{'ok' if good else 'FAILED'} round {number}, {time.monotonic() - started:.1f} s")
+        repeat = one.evidence.without_effect() if good else []
+        verdict = "FAILED" if not good else "not counted" if repeat else "ok"
+        print(f"{verdict} round {number}, {one.evidence.seconds():.1f} s")
         for kind in kinds:
-            print(f"    {kind}: {one.evidence.get(kind, 'took no effect')}")
+            print(f"    {kind}: {one.evidence.effect(kind) or 'took no effect'}")
+        if given.evidence:
+            one.evidence.append_to(given.evidence, verdict)
         if not good:
             print("\n".join(one.wrong))
             print(f"again with: tests/e2e/chaos.sh --seed {given.seed} --first {number} --rounds 1"
                   f" --kinds {','.join(kinds)}")
             sys.exit(1)
         sys.stdout.flush()
-        number += 1
-    print(f"{number - given.first} rounds in {time.monotonic() - begin:.0f} s; "
-          f"took effect: {', '.join(f'{kind} {n}' for kind, n in sorted(seen.items()))}")
-    never = wanted - set(seen)
-    if never:
-        print(f"FAILED: never took effect: {', '.join(sorted(never))}")
+        effects.update(kind for kind in kinds if kind not in repeat)
+        if not repeat:
+            counted += 1
+            number += 1
+        attempt = attempt + 1 if repeat else 0
+    print(f"{counted} rounds counted, {tries - counted} not, in {time.monotonic() - begin:.0f} s; "
+          f"took effect: {', '.join(f'{kind} {n}' for kind, n in sorted(effects.items()))}")
+    if counted < given.rounds:
+        print(f"FAILED: {', '.join(repeat)} took no effect in {tries} tries")
         sys.exit(1)
 
 

@@ -27,9 +27,9 @@ SMALL_DISK = 64 << 20  # bytes
 UNIT_TIMEOUT = 8  # seconds, of the workers whose renderers are made to hang
 # name: scene and options. Small units, several passes, several frames, and one asked for its error.
 JOBS = {
-    "passes": ("same_bits.gltf", ["--size", "64x64", "--tile", "8", "--spp", "250"]),
-    "frames": ("same_bits.gltf", ["--size", "48x48", "--tile", "16", "--spp", "60", "--frames", "0-5", "--seed", "3"]),
-    "error": ("lit_square.gltf", ["--size", "64x64", "--tile", "8", "--error", "0.1"]),
+    "passes": ("same_bits.gltf", ["--size", "64x64", "--tile-size", "8", "--spp", "250"]),
+    "frames": ("same_bits.gltf", ["--size", "48x48", "--tile-size", "16", "--spp", "60", "--frames", "0-5", "--seed", "3"]),
+    "error": ("lit_square.gltf", ["--size", "64x64", "--tile-size", "8", "--error", "0.1"]),
 }
 
 
@@ -125,6 +125,7 @@ class Farm:
         self.has_room = True  # nobody fills the disk now
         self.in_need = 0  # faults that are not through: the round is to last
         self.more = 0  # further jobs
+        self.disturbed = threading.local()  # .processes: those that this thread's fault disturbs
 
     # Processes ------------------------------------------------------------------------------------
 
@@ -218,6 +219,19 @@ class Farm:
         if self.line:
             self.line.close()
             self.line = None
+
+    def note_disturbed(self, name, **pids):
+        """Evidence: the calling thread's fault disturbs these processes."""
+        self.disturbed.processes.append({"name": name, **pids})
+
+    def snapshot(self):
+        """State of the farm, for the evidence."""
+        acks = self.verdicts()
+        return {"units_committed": sum(n for (event, _), n in acks.items() if event == "COMMITTED"),
+                "units_held": {worker.id: len(self.held_by(worker)) for worker in self.workers.values()},
+                "server_pid": self.server.pid if self.server and self.server.poll() is None else None,
+                "workers": {worker.id: worker.process.pid for worker in self.workers.values()
+                            if worker.process.poll() is None}}
 
     # What is going on -----------------------------------------------------------------------------
 
@@ -319,10 +333,13 @@ class Farm:
     # Afterwards -----------------------------------------------------------------------------------
 
     def check_results(self, expected):
+        """Raises unless every job has the expected pixels and units. Returns the hashes by job."""
+        hashes = {}
         for name in self.states():
             pixels, units = expected[name.split("+")[0]]
             report = self.report(name)
             found = [frame["pixels_sha256"] for frame in report["frames"]]
+            hashes[name] = {"pixels_sha256": found, "expected_sha256": pixels}
             if found != pixels:
                 raise Wrong(f"job {name}: pixels differ from the undisturbed run's")
             if report["units"]["total"] != units or report["units"]["committed"] != units:
@@ -330,10 +347,11 @@ class Farm:
             if not self.lied and (report["units"]["mismatched"] or report["units"]["redone"]):
                 raise Wrong(f"job {name}: units {report['units']}")
         if self.lied:
-            return  # what the liar had delivered was rendered again
+            return hashes  # what the liar had delivered was rendered again
         twice = [unit for (event, unit), n in self.verdicts().items() if event == "COMMITTED" and n > 1]
         if twice:
             raise Wrong(f"acknowledged and rendered again: {twice}")
+        return hashes
 
     def stop(self):
         """Ends everything in order, and looks at what is left behind."""

@@ -57,11 +57,22 @@ def a_worker(farm, slot=None):
         if taken is None:
             time.sleep(0.05)
     try:
-        yield farm.workers[taken] if taken is not None else None
+        worker = farm.workers[taken] if taken is not None else None
+        if worker:
+            farm.note_disturbed(worker.id, agent_pid=worker.process.pid, renderer_pid=worker.renderer())
+        yield worker
     finally:
         if taken is not None:
             with farm.workers_lock:
                 farm.free.append(taken)
+
+
+@contextlib.contextmanager
+def the_server(farm):
+    """The coordinator, disturbed by nobody else."""
+    with farm.server_lock:
+        farm.note_disturbed("server", pid=farm.server.pid)
+        yield
 
 
 def holding(farm, worker):
@@ -253,6 +264,7 @@ def late_delivery(farm, rng):
 
 def duplicate(farm, rng):
     """The worker in slot 1 delivers every block twice: the second ones are known for what they are."""
+    farm.note_disturbed(farm.workers[1].id, agent_pid=farm.workers[1].process.pid)
     count = farm.wait(60, "blocks come again", farm.duplicated)
     return f"{count} blocks came again" if count else None
 
@@ -294,7 +306,7 @@ def forger(farm, rng):
 
 def kill_server(farm, rng):
     """kill -9 of the coordinator; workers keep what they have."""
-    with farm.server_lock:
+    with the_server(farm):
         if not farm.wait(60, "units are held", lambda: held_by_all(farm)):
             return None
         farm.kill_server()
@@ -306,7 +318,7 @@ def kill_server(farm, rng):
 
 def stop_server(farm, rng):
     """SIGSTOP of the coordinator for longer than a lease: nobody is lost for it."""
-    with farm.server_lock:
+    with the_server(farm):
         if farm.over:
             return None
         farm.server.send_signal(signal.SIGSTOP)
@@ -320,7 +332,7 @@ def stop_server(farm, rng):
 
 def power_cut(farm, rng, steps=(1, 250)):
     """The power goes at some step of the journal: what was not synced is gone."""
-    with farm.server_lock:
+    with the_server(farm):
         if farm.over:
             return None
         farm.kill_server()
@@ -345,7 +357,7 @@ def power_cut_at_start(farm, rng):
 
 def slow_disk(farm, rng):
     """Each sync takes a fifth of a second more."""
-    with farm.server_lock:
+    with the_server(farm):
         if farm.over:
             return None
         before = farm.control.slow_syncs
@@ -364,7 +376,7 @@ def full_jobs(farm):
 
 def full_disk(farm, rng):
     """No write succeeds until a job has paused for it; then there is room and it goes on."""
-    with farm.server_lock:
+    with the_server(farm):
         if not farm.wait(60, "units are held", lambda: held_by_all(farm)):
             return None
         before = farm.control.full_answers
@@ -380,7 +392,7 @@ def full_disk(farm, rng):
 def small_disk(farm, rng):
     """The store lies on a small file system; something else takes all that is left of it, and gives it
     back once a job has paused for it."""
-    with farm.server_lock:
+    with the_server(farm):
         if not farm.wait(60, "units are held", lambda: held_by_all(farm)):
             return None
         ballast = farm.disk / "ballast"
@@ -428,6 +440,7 @@ def clock_jump(farm, rng):
     with a_worker(farm) as worker:
         if not worker:
             return None
+        farm.note_disturbed("server", pid=farm.server.pid)
         controls = (farm.control, worker.control)
         before = [control.clock_answers for control in controls]
         for control in controls:

@@ -1,0 +1,57 @@
+"""What happened in a round of chaos: one record per fault, complete enough to judge the round by.
+
+A record has the fault's kind, what it did ("effect"; null if it took no effect), when it began and
+ended (seconds since the round's start and wall-clock time), the processes it disturbed, and the state
+of the farm on both sides of it. A round has its faults, the hash of every frame and the expected one.
+"""
+
+import datetime
+import json
+import threading
+import time
+
+
+class Evidence:
+    """Records of one round. Safe to use from the threads that disturb the farm."""
+
+    def __init__(self, seed, number, kinds):
+        self.seed, self.number, self.kinds = seed, number, kinds
+        self.start, self.wall_clock = time.monotonic(), datetime.datetime.now(datetime.timezone.utc)
+        self.faults, self.frames = {}, {}
+        self.lock = threading.Lock()
+
+    def disturb(self, farm, kind, fault):
+        """Runs `fault()`, which returns its effect or None, and records it."""
+        farm.disturbed.processes = []
+        record = {"kind": kind, "began_s": self.seconds(), "farm_before": farm.snapshot(), "effect": None}
+        with self.lock:
+            self.faults[kind] = record
+        try:
+            record["effect"] = fault()
+        finally:
+            record.update(ended_s=self.seconds(), processes=farm.disturbed.processes,
+                          farm_after=farm.snapshot())
+
+    def seconds(self):
+        return round(time.monotonic() - self.start, 3)
+
+    def without_effect(self):
+        """Kinds of this round that took no effect: the round does not count."""
+        return [kind for kind in self.kinds if not self.faults.get(kind, {}).get("effect")]
+
+    def effect(self, kind):
+        return self.faults.get(kind, {}).get("effect")
+
+    def incomplete(self):
+        """Faults that took effect and whose record lacks a part."""
+        return [kind for kind, record in self.faults.items() if record["effect"] and not (
+            record["processes"] and record["farm_before"] and record["farm_after"])]
+
+    def document(self, verdict):
+        return {"schema": "tessera.chaos/1", "seed": self.seed, "round": self.number,
+                "began": self.wall_clock.isoformat(timespec="milliseconds"), "seconds": self.seconds(),
+                "verdict": verdict, "faults": list(self.faults.values()), "frames": self.frames}
+
+    def append_to(self, path, verdict):
+        with open(path, "a", encoding="utf-8") as file:
+            file.write(json.dumps(self.document(verdict)) + "\n")
