@@ -23,24 +23,24 @@ struct Failure {
   std::string log_tail;
 };
 
-/// What went wrong with a unit that is not committed yet.
+/// Failures and losses of a unit that is not committed.
 struct UnitFailures {
   std::vector<Failure> failures;
   std::int32_t losses = 0;
   bool failed_on(const std::string& worker_id) const;
 };
 
-/// What a worker has done for a job.
+/// A worker's share of a job.
 struct Contribution {
   std::int64_t units = 0;
   double cpu_seconds = 0;
 };
 
-/// CPU seconds a sample takes, from the units committed last.
+/// CPU seconds per sample, from the latest committed units.
 class UnitTimes {
  public:
   void add(double cpu_seconds, std::int32_t sample_count);
-  /// Median seconds of a unit with so many samples a pixel; nullopt before the first.
+  /// Median seconds of a unit with `sample_count` samples per pixel; nullopt before the first unit.
   std::optional<double> median(std::int32_t sample_count) const;
 
  private:
@@ -49,54 +49,56 @@ class UnitTimes {
   std::size_t next_ = 0;
 };
 
-/// Counters for the report. Those marked * survive a crash exactly, the others as lower bounds.
+/// Counters for the report. Those marked * survive a crash exactly, the others are then lower
+/// bounds.
 struct JobCounters {
   double cpu_seconds = 0;         // * of committed units
-  double wasted_cpu_seconds = 0;  // of duplicates and unwanted results
+  double wasted_cpu_seconds = 0;  // of duplicate and obsolete results
   std::int64_t retried = 0;       // units leased again after a failure or a loss
-  std::int64_t duplicated = 0;    // results of units that were committed already
-  std::int64_t mismatched = 0;    // of those, with other bytes
-  std::int64_t redone = 0;        // committed units whose block was damaged or a liar's
-  std::int64_t audited = 0;       // * committed units that others rendered again
+  std::int64_t duplicated = 0;    // results of units that were already committed
+  std::int64_t mismatched = 0;    // of those, results with different bytes
+  std::int64_t redone = 0;   // committed units dropped because the block was damaged or its worker
+                             // faulty
+  std::int64_t audited = 0;  // * committed units with a finished audit
   double load_seconds = 0, build_seconds = 0;
   std::int64_t peak_rss_bytes = 0;
 };
 
-/// A job and all that is known of it in memory.
+/// A job with its state in memory.
 struct Job {
   JobKey key = 0;
-  std::shared_ptr<const JobSpec> spec;  // owners: the job and whoever is reading it now
+  std::shared_ptr<const JobSpec> spec;  // owners: the job and its current readers
   SceneKey scene;
   JobState state = JobState::queued;
   std::string reason;
   absl::StatusCode failure_code = absl::StatusCode::kOk;  // of a failed job
   std::int64_t unit_count = 0;                            // of the whole job
   std::int32_t frame_count = 0;
-  std::optional<JobPlan> plan;  // exists from the first lease
+  std::optional<JobPlan> plan;  // created by the first lease
   std::map<contract::Unit, UnitFailures> unit_failures;
-  std::map<contract::Unit, Audit> audits;  // open ones, of committed units
-  /// By frame: leases of passes beyond the first ones up to this attempt are void, as what was
-  /// decided then was decided on a liar's results.
+  std::map<contract::Unit, Audit> audits;  // open audits of committed units
+  /// By frame: leases of passes beyond the initial ones are void up to this attempt, because the
+  /// decisions behind them used results of a faulty worker.
   std::map<std::int32_t, Attempt> voided;
-  std::map<WorkerKey, std::int32_t> holders;  // units each worker holds
+  std::map<WorkerKey, std::int32_t> holders;  // units leased to each worker
   std::set<WorkerKey> ever_leased_to;         // workers that were ever leased units of it
   std::map<std::string, Contribution> contributions;
   UnitTimes times;
   double leased_seconds = 0;  // expected CPU seconds of the units in flight
   JobCounters counters;
-  double wall_seconds_before = 0;  // running time up to `running_since`
+  double wall_seconds_before = 0;  // running time before `running_since`
   std::optional<Time> running_since;
   std::int64_t create_time_us = 0, end_time_us = 0;
 
   double wall_seconds(Time now) const {
     return wall_seconds_before + (running_since ? seconds(now - *running_since) : 0);
   }
-  /// Whether a worker could be leased something: wanted, and units are waiting.
+  /// Returns whether units could be leased: the job is active and units are waiting.
   bool is_runnable() const {
     return (state == JobState::queued || state == JobState::running) &&
            (!plan || plan->waiting_count() > 0);
   }
-  /// Makes the plan if there is none yet.
+  /// Creates the plan if there is none.
   JobPlan& open_plan();
 };
 

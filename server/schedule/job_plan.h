@@ -15,23 +15,24 @@
 
 namespace tessera::server {
 
-/// A connected or remembered worker, by number.
+/// Number of a worker that is connected or was recently.
 using WorkerKey = std::int64_t;
 
-/// One worker's hold on a unit that is being rendered.
+/// A worker's lease on a unit in flight.
 struct Holder {
   WorkerKey worker = 0;
   Attempt attempt;
   std::optional<Time> started;      // when a heartbeat first named it
-  bool revoking = false;            // asked to hand it back
-  double expected_seconds = 0;      // what fair share counts it as
-  std::optional<Time> leased = {};  // absent: adopted from another process of the server, or audit
+  bool revoking = false;            // revocation sent
+  double expected_seconds = 0;      // CPU time charged to fair share
+  std::optional<Time> leased = {};  // absent: an audit, or adopted from another process of the
+                                    // server
 };
 
-/// A unit that somebody holds.
+/// A unit that is leased to at least one worker.
 struct InFlight {
-  std::vector<Holder> holders;  // more than one: a speculative copy, or an adopted one
-  bool copied = false;          // a speculative copy was made; there is never a second
+  std::vector<Holder> holders;  // more than one: a speculative copy or an adopted lease
+  bool copied = false;          // a speculative copy was made; there is at most one
 };
 
 /// Tiles [first_tile, first_tile + tile_count) of one pass of one frame.
@@ -39,27 +40,27 @@ struct Run {
   std::int32_t frame = 0, pass = 0, first_tile = 0, tile_count = 0;
 };
 
-/// Which units of a job are waiting, held by workers, or committed.
+/// Tracks which units of a job are waiting, in flight or committed.
 ///
-/// Units are leased frame by frame, within a frame pass by pass, within a pass along the curve, so
-/// that all of pass 0 is leased before pass 1. Units that come back go first. In a plan on demand
-/// only passes 0 and 1 are wanted from the start, the others as want() says. What is kept in
-/// memory grows with the units in flight, and by one bit per unit of the frames that are open;
-/// frames not begun are a cursor, finished frames one bit. Pure; the caller serialises.
+/// Units are leased frame by frame, within a frame pass by pass, and within a pass along the curve,
+/// so that all of pass 0 is leased before pass 1. Returned units go first. In an adaptive plan only
+/// passes 0 and 1 are planned from the start; set_pass_target() adds others. Memory grows with the
+/// units in flight and by one bit per unit of open frames; frames not started are a cursor,
+/// finished frames one bit. Pure; the caller serialises calls.
 class JobPlan {
  public:
-  /// Requires sorted frames without repeats, tile_count >= 1, at least one pass.
+  /// Requires sorted frames without duplicates, tile_count >= 1, at least one pass.
   JobPlan(std::vector<std::int32_t> frames, std::int32_t tile_count,
           std::vector<contract::Pass> passes, bool is_adaptive = false);
 
-  /// Passes that every tile wants from the start.
+  /// Number of passes planned for every tile from the start.
   std::int32_t first_passes() const;
-  /// Units wanted so far.
+  /// Units planned so far.
   std::int64_t unit_count() const { return unit_count_; }
   std::int64_t committed_count() const { return committed_count_; }
   bool is_adaptive() const { return is_adaptive_; }
   std::int64_t in_flight_count() const { return static_cast<std::int64_t>(in_flight_.size()); }
-  /// Units neither committed nor held by anybody.
+  /// Units that are neither committed nor in flight.
   std::int64_t waiting_count() const { return unit_count() - committed_count_ - in_flight_count(); }
   std::int32_t frame_count() const { return static_cast<std::int32_t>(frames_.size()); }
   std::int32_t finished_frame_count() const { return finished_count_; }
@@ -69,53 +70,57 @@ class JobPlan {
   const std::map<contract::Unit, InFlight>& in_flight() const { return in_flight_; }
   InFlight* find_in_flight(const contract::Unit& unit);
 
-  /// Whether the unit exists in this job.
+  /// Returns whether the unit exists in this job.
   bool contains(const contract::Unit& unit) const;
   bool is_finished(std::int32_t frame) const;
-  /// Whether the unit is committed; true for every unit of a finished frame.
+  /// Returns whether the unit is committed; true for all units of a finished frame.
   bool is_committed(const contract::Unit& unit) const;
-  /// Whether every unit of the frame is committed and, on demand, every tile's count is final.
+  /// Returns whether all units of the frame are committed and, in an adaptive plan, all targets are
+  /// final.
   bool is_complete(std::int32_t frame) const;
-  /// On demand: the tile wants `pass_count` passes, and if `is_final`, never more. Harmless to
-  /// repeat. Requires a tile of a frame not finished.
+  /// Adaptive plans: plans `pass_count` passes for the tile; with `is_final` never more.
+  /// Idempotent. Requires a tile of an unfinished frame.
   void set_pass_target(std::int32_t frame, std::int32_t tile, std::int32_t pass_count,
                        bool is_final);
 
-  /// The next run of waiting units of which `may_take` accepts each, at most `most` units long.
-  /// Takes nothing: call hold() for each. nullopt when there is none.
+  /// Returns the next run of at most `most` waiting units that `may_take` accepts, nullopt if there
+  /// is none. Does not change the plan: call hold() for each unit.
   std::optional<Run> next_run(std::int32_t most,
                               const std::function<bool(const contract::Unit&)>& may_take);
-  /// Adds a holder. Requires a contained unit that is not committed; it is wanted, since it was
-  /// leased once.
+  /// Adds a holder. Requires a contained unit that is not committed. Its pass counts as planned,
+  /// since it was leased once.
   void hold(const contract::Unit& unit, const Holder& holder);
-  /// Takes a worker's hold away; the unit waits again if nobody else holds it. Returns the hold, or
-  /// nullopt if it had none.
+  /// Removes a worker's hold; the unit waits again if nobody else holds it. Returns the hold,
+  /// nullopt if there was none.
   std::optional<Holder> release(const contract::Unit& unit, WorkerKey worker);
 
-  /// Marks the unit committed and returns who held it. Requires a contained unit not yet committed.
+  /// Marks the unit committed and returns its holders. Requires a contained unit that is not
+  /// committed.
   std::vector<Holder> commit(const contract::Unit& unit);
-  /// A committed unit of a frame not finished waits again: its block was found damaged.
+  /// Makes a committed unit of an unfinished frame wait again because its block is damaged or
+  /// dropped.
   void redo(const contract::Unit& unit);
-  /// On demand: takes back what was wanted of a frame beyond the first passes, whose blocks the
-  /// caller drops: it was decided on false results. Returns the holds of units that are gone.
+  /// Adaptive plans: withdraws a frame's pass targets beyond the initial passes because they came
+  /// from invalid results; the caller drops the blocks. Returns the removed units' holders.
   std::vector<std::pair<contract::Unit, Holder>> reset_pass_targets(std::int32_t frame);
-  /// The frame's output is durable; its units need no state any more. `unit_count`: how many it
-  /// had, where this plan has not seen them.
+  /// Marks a frame finished and releases its state. `unit_count`: the number of its units, if this
+  /// plan has not seen them.
   void finish(std::int32_t frame, std::optional<std::int64_t> unit_count = std::nullopt);
 
-  /// Goes on to another schedule: longer, or (on demand or not) of another kind. Passes that are in
-  /// both stay committed; the bits of the others are forgotten, and so are finished frames and what
-  /// was wanted: commit() and want() them again. Returns the holds of units that are gone.
+  /// Changes the schedule, also between fixed and adaptive. Passes in both schedules stay
+  /// committed; other bits, finished frames and pass targets are forgotten: commit() and
+  /// set_pass_target() them again. Returns the removed units' holders.
   std::vector<std::pair<contract::Unit, Holder>> extend(std::vector<contract::Pass> passes,
                                                         bool is_adaptive);
 
  private:
   using Position = std::tuple<std::int32_t, std::int32_t, std::int32_t>;  // frame, pass, tile
+  // State of a frame with committed units.
   struct FrameBits {
     std::vector<std::vector<bool>> committed;  // [pass][tile]; a pass is empty until its first
     std::int64_t count = 0;
-    // On demand only; empty until something is wanted beyond the first passes.
-    std::vector<std::int32_t> wanted;  // passes, by tile
+    // Adaptive plans; empty until a target exceeds the initial passes.
+    std::vector<std::int32_t> wanted;  // target, by tile
     std::vector<bool> is_final;        // by tile
     std::int64_t wanted_count = 0;     // units
     std::int32_t final_count = 0;      // tiles
@@ -146,9 +151,9 @@ class JobPlan {
   std::int32_t finished_count_ = 0;
   std::map<std::int32_t, FrameBits> open_;  // frames with committed units, by number
   std::map<contract::Unit, InFlight> in_flight_;
-  std::set<Position> returned_;  // waiting units behind the cursor, or beyond the first passes
+  std::set<Position> returned_;  // waiting units behind the cursor or beyond the initial passes
   std::size_t cursor_frame_ = 0;
-  std::int32_t cursor_pass_ = 0, cursor_tile_ = 0;  // everything before it has been looked at
+  std::int32_t cursor_pass_ = 0, cursor_tile_ = 0;  // everything before the cursor has been visited
   std::int64_t committed_count_ = 0;
 };
 

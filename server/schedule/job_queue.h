@@ -11,36 +11,38 @@
 
 namespace tessera::server {
 
-/// The jobs that have units waiting, by priority, then owner, then age; and by their scenes.
+/// Jobs with waiting units, ordered by priority, owner and age, and indexed by scene.
 ///
-/// Fair share: within a priority the owner who has used least goes first; an owner's usage is what
-/// its present jobs (not ended) have committed and have leased, in CPU seconds. Pure.
+/// Fair share: within a priority the owner with the least usage goes first. Usage is the CPU
+/// seconds that an owner's unfinished jobs have committed or have in flight. Pure; the caller
+/// serialises calls.
 class JobQueue {
  public:
-  /// Where a job stands.
+  /// Determines a job's order.
   struct QueueKey {
     std::int32_t priority = 0;
     std::string owner;
     SceneKey scene;
   };
-  /// Requires a job that is not here.
+  /// Requires a job that is not in the queue.
   void insert(JobKey job, const QueueKey& key);
-  /// Harmless if it is not here. Requires the place it was inserted at.
+  /// Harmless for a job that is not in the queue. Requires the key with which it was inserted.
   void erase(JobKey job, const QueueKey& key);
   bool empty() const { return jobs_.empty(); }
 
-  /// Adds to an owner's usage (negative: takes back), CPU seconds.
+  /// Adds to an owner's usage, CPU seconds; negative: refunds.
   void charge(const std::string& owner, double cpu_seconds) { usage_[owner] += cpu_seconds; }
   double usage(const std::string& owner) const;
 
-  /// The job a worker should turn to: of the highest priority with a job it may work for, the
-  /// owner with the least usage (ties: by name), that owner's oldest job. 0 when there is none.
+  /// Returns the next job for a worker: of the highest priority that has a job it may work for, the
+  /// owner with the least usage (ties: by name), and that owner's oldest job. 0 if there is none.
   JobKey next(const std::function<bool(JobKey)>& may_work_for) const;
-  /// Whether a job of higher priority than `priority` is waiting for it.
+  /// Returns whether a job of a priority above `priority` is waiting for the worker.
   bool has_above(std::int32_t priority, const std::function<bool(JobKey)>& may_work_for) const;
-  /// The oldest job at this place, scene included, that the worker may work for; 0: there is none.
+  /// Returns the oldest job with this key, scene included, that the worker may work for; 0 if there
+  /// is none.
   JobKey oldest_of(const QueueKey& key, const std::function<bool(JobKey)>& may_work_for) const;
-  /// Whether any job has this scene.
+  /// Returns whether any job has this scene.
   bool has_scene(const SceneKey& scene) const { return by_scene_.count(scene) > 0; }
 
  private:

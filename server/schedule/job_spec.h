@@ -14,18 +14,18 @@ namespace tessera::server {
 using Time = std::chrono::steady_clock::time_point;
 using Duration = std::chrono::steady_clock::duration;
 
-/// Seconds in a span.
+/// Returns a duration in seconds.
 inline double seconds(Duration span) {
   return std::chrono::duration<double>(span).count();
 }
 
-/// A job's place in the order of submission; never reused.
+/// A job's number in the order of submission; never reused.
 using JobKey = std::int64_t;
 
-/// Names the files of a scene, all of them: jobs with the same ones have the same key.
+/// Identifies the set of a scene's files: jobs with equal files have equal keys.
 using SceneKey = contract::Digest;
 
-/// Where a job stands; the numbers are those of v1.Job.State and of the journal.
+/// A job's state; numbers as in v1.Job.State and the journal.
 enum class JobState : std::int32_t {
   queued = 1,
   running = 2,
@@ -35,44 +35,45 @@ enum class JobState : std::int32_t {
   cancelled = 6
 };
 
-/// Whether nothing more happens to the job by itself.
+/// Returns whether the job can only change by a request.
 inline bool has_ended(JobState state) {
   return state == JobState::done || state == JobState::failed || state == JobState::cancelled;
 }
 
-/// The state's name in capitals, as reports and logs have it.
+/// Returns the state's name in capitals, as in reports and logs.
 const char* state_name(JobState state);
 
-/// A file the scene names, and the asset behind it.
+/// A file that the scene refers to, and its asset.
 struct ManifestEntry {
   std::string uri;
   contract::Digest digest;
   std::int64_t size_bytes = 0;
 };
 
-/// What a client asked for. Plain data, fixed once the job is made (but for `extend`).
+/// A job as submitted. Plain data, constant after creation except for `extend`.
 struct JobSpec {
   std::string id;
   std::string request_id;
   std::string name;
   std::string owner;
   std::int32_t priority = 0;     // higher first
-  std::int32_t max_workers = 0;  // 0: no limit
-  std::string required_tag;      // empty: every worker
+  std::int32_t max_workers = 0;  // 0: unlimited
+  std::string required_tag;      // empty: none
   contract::RenderSettings settings;
   std::string scene_uri;
   std::vector<ManifestEntry> assets;
-  std::vector<contract::Digest> references;  // of each frame, in their order; empty: none
-  std::vector<std::string> scene_warnings;   // the client's, for the report
-  std::string request;                       // as it came over the wire; opaque here
-  /// What its blocks were rendered by; all of a job's are of one contract.
+  std::vector<contract::Digest> references;  // one per frame, in order; empty: none
+  std::vector<std::string> scene_warnings;   // from the client, for the report
+  std::string request;                       // the serialised request; opaque here
+  /// Contract of its blocks; all blocks of a job have the same one.
   std::int32_t render_contract = contract::kRenderContract;
 
-  /// What the store must keep for the job: the manifest's assets and the references.
+  /// Returns the assets that the store must keep for the job: manifest and references.
   std::vector<contract::Digest> asset_digests() const;
 };
 
-/// The scene a job renders: SHA-256 over the sorted digests of its files, whatever their names.
+/// Returns the key of a job's scene: SHA-256 over the sorted digests of its files, whatever their
+/// names.
 SceneKey scene_of(const JobSpec& spec);
 
 }  // namespace tessera::server

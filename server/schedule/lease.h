@@ -8,13 +8,13 @@
 
 namespace tessera::server {
 
-/// Tells a lease from every other, over restarts: the store's boot count and a counter.
+/// Identifies a lease across restarts: the store's boot count and a counter.
 struct Attempt {
   std::int64_t boot = 0, counter = 0;
   auto operator<=>(const Attempt&) const = default;
 };
 
-/// The right to render tiles [first_tile, first_tile + tile_count) of one pass of one frame.
+/// Permission to render tiles [first_tile, first_tile + tile_count) of one pass of one frame.
 struct Lease {
   std::string job_id;
   std::int32_t frame = 0, pass = 0, first_tile = 0, tile_count = 0;
@@ -28,11 +28,11 @@ struct Lease {
   }
 };
 
-/// HMAC-SHA-256 under the store's key over every field of the lease and the worker's id. A lease
-/// with the right seal was given by this store to this worker, so leases need no journal.
+/// Returns the HMAC-SHA-256, with the store's key, of all fields of the lease and the worker's ID.
+/// A valid seal proves that this store granted the lease to this worker, so leases need no journal.
 std::string seal_of(const Lease& lease, std::string_view worker_id, std::string_view store_key);
 
-/// Whether the lease carries its seal. Constant time in the seal.
+/// Returns whether the lease's seal is valid. Constant time in the seal.
 bool seal_holds(const Lease& lease, std::string_view worker_id, std::string_view store_key);
 
 }  // namespace tessera::server

@@ -16,90 +16,96 @@
 
 namespace tessera::server {
 
-/// The constants of farm.md, sections 2 and 3.
+/// Constants of the schedule (docs/reference/limits.md, docs/explanation/fault-tolerance.md).
 struct SchedulePolicy {
-  Duration worker_timeout = std::chrono::seconds(5);  // after which a worker is lost
-  Duration restart_grace = std::chrono::seconds(5);   // grants wait so long for known workers
-  Duration timer_slack = std::chrono::seconds(1);     // a tick later than this extends every lease
-  Duration forget_after = std::chrono::hours(1);      // lost workers are listed so long
-  std::int32_t failure_limit = 3;                     // the failure of a unit that fails its job
-  std::int32_t loss_limit = 10;                       // losses of a unit a job survives
-  std::int32_t disproved_limit = 3;  // failures, disproved elsewhere, a worker may have
-  Duration audit_timeout = std::chrono::minutes(1);  // a dispute waits so long for other workers
-  double audit_fraction = 0.01;                      // of units that another worker renders again
-  double load_factor = 10;  // a worker works this many load times before it changes job
+  Duration worker_timeout = std::chrono::seconds(5);  // silence after which a worker is lost
+  Duration restart_grace = std::chrono::seconds(5);   // after a start, leases wait this long for
+                                                      // known workers
+  Duration timer_slack = std::chrono::seconds(1);     // a tick that is later than this extends all
+                                                      // timeouts
+  Duration forget_after = std::chrono::hours(1);      // lost workers are listed this long
+  std::int32_t failure_limit = 3;                     // failures of a unit that fail its job
+  std::int32_t loss_limit = 10;                       // losses of a unit that its job survives
+  std::int32_t disproved_limit = 3;  // failures disproved by other workers that quarantine a worker
+  Duration audit_timeout = std::chrono::minutes(1);  // a dispute waits this long for other workers
+  double audit_fraction = 0.01;  // fraction of units that another worker renders again
+  double load_factor = 10;       // a worker stays with a job for this many scene load times
 };
 
-/// What the scheduler has decided and the rim has to carry out.
+/// Actions the coordinator must carry out.
 struct Effects {
-  std::vector<WorkerKey> to_wake;   // workers with mail
-  std::vector<WorkerKey> to_close;  // lost workers whose stream, if any, is to be closed
-  std::vector<JobKey> changed;      // jobs whose row is to be journaled
-  std::vector<std::pair<std::string, bool>> roster;  // worker id; true: joined, false: gone
-  std::vector<UnitName> audited;                     // whose audits are over
-  std::vector<std::string> faulty_workers;           // workers whose committed units are to go
+  std::vector<WorkerKey> to_wake;   // workers with messages in the outbox
+  std::vector<WorkerKey> to_close;  // lost workers whose stream, if any, must be closed
+  std::vector<JobKey> changed;      // jobs whose row must be journaled
+  std::vector<std::pair<std::string, bool>> roster;  // worker ID; true: joined, false: gone
+  std::vector<UnitName> audited;                     // units whose audit has ended
+  std::vector<std::string> faulty_workers;  // workers whose committed units must be dropped
 };
 
-/// Who renders what: the queue, the leases, the failures (farm.md, sections 2 to 4).
+/// Decides which worker renders which unit: queue, leases, failures, audits
+/// (docs/explanation/fault-tolerance.md).
 ///
-/// A pure state machine. It owns no thread, lock, clock or file: callers pass `now`, serialise the
-/// calls, and carry out the effects, so a test can walk hours of expiry in microseconds.
+/// A pure state machine without threads, locks, clock or files: callers pass `now`, serialise calls
+/// and carry out the effects, so tests cover hours of timeouts in microseconds.
 class Scheduler {
  public:
   struct Identity {
     std::string store_id, store_key;
     std::int64_t boot = 0;
   };
-  /// Grants nothing until every worker of the roster is back, or policy.restart_grace after
-  /// `start`.
+  /// Leases nothing until every worker of the roster is connected, or until policy.restart_grace
+  /// after `start`.
   Scheduler(Identity identity, SchedulePolicy policy, const std::vector<std::string>& roster,
             Time start);
 
   // Jobs -----------------------------------------------------------------------------------------
-  /// Adds a job as the journal has it. Requires a new key and id.
+  /// Adds a job from the journal. Requires a new key and ID.
   Job& add_job(JobKey key, std::shared_ptr<const JobSpec> spec, JobState state);
   Job* find_job(JobKey key);
   Job* find_job(const std::string& id);
   const Job* find_job(const std::string& id) const;
   const std::map<JobKey, Job>& jobs() const { return jobs_; }
-  /// Counts a unit of the journal as committed, without any effect.
+  /// Counts a unit of the journal as committed, without effects.
   void restore_unit(Job& job, const contract::Unit& unit, const std::string& worker_id,
                     double cpu_seconds);
-  /// Counts what a worker did for a job, of units whose frames are finished.
+  /// Counts a worker's share of frames that are finished.
   void restore_contribution(Job& job, const std::string& worker_id, const Contribution& done);
-  /// Leases nothing new of it. Errors: FailedPrecondition, it has ended.
+  /// Stops leasing units of the job. Errors: FailedPrecondition, the job has ended.
   absl::Status pause(Job& job, const std::string& reason, Time now);
   absl::Status resume(Job& job, Time now);
-  /// Errors: FailedPrecondition, it is done or failed.
+  /// Errors: FailedPrecondition, the job is done or failed.
   absl::Status cancel(Job& job, Time now);
-  /// Goes on with a failed or cancelled job, failure counts zero. Errors: FailedPrecondition, done.
+  /// Resumes a failed or cancelled job with failure counts reset to zero. Errors:
+  /// FailedPrecondition, the job is done.
   absl::Status retry(Job& job, Time now);
-  /// Ends the job: revokes its leases, tells every worker that had any.
+  /// Ends the job: revokes its leases and notifies all workers that ever had one.
   void end_job(Job& job, JobState state, const std::string& reason, Time now);
   /// Ends the job as failed, with the code and message of `failure`. Ignored if it has ended.
   void fail_job(Job& job, const absl::Status& failure, Time now);
-  /// Goes on with a longer schedule; `spec` has the new count. The caller restores finished frames.
+  /// Changes to a longer schedule; `spec` has the new settings. The caller restores finished
+  /// frames.
   void extend(Job& job, std::shared_ptr<const JobSpec> spec);
-  /// Leases what is waiting to workers with room. After add_job and extend.
+  /// Leases waiting units to workers with credits. Call after add_job and extend.
   void offer_work(Time now) { dispatch_all(now); }
-  /// Forgets an ended job.
+  /// Removes an ended job.
   void remove_job(JobKey key);
 
   // Workers --------------------------------------------------------------------------------------
-  /// A worker's new stream: adopts the units it runs or holds under our seal, takes back others.
+  /// Starts a worker's new stream: adopts running and unacknowledged units under valid seals, and
+  /// releases all others.
   WorkerKey connect(const Hello& hello, Time now);
-  /// Its stream broke; it is lost once the silence has lasted.
+  /// The worker's stream broke; the worker is lost after the timeout.
   void disconnect(WorkerKey key);
-  /// A sign of life.
+  /// Notes that a message arrived.
   void record_contact(WorkerKey key, Time now);
   void heartbeat(WorkerKey key, const std::vector<UnitName>& started, std::int64_t rss_bytes,
                  Time now);
   void grant_credits(WorkerKey key, std::int32_t count, Time now);
-  /// The worker takes nothing more; what it has it finishes.
+  /// The worker takes no more units; it finishes those it has.
   void begin_draining(WorkerKey key);
-  /// It handed units back that it had not started.
+  /// The worker returned units that it had not started.
   void return_units(WorkerKey key, const std::vector<UnitName>& units, Time now);
-  /// It failed to render `tile` of `lease`. Ignored without our seal.
+  /// The worker failed to render `tile` of `lease`. Ignored without a valid seal.
   void fail_unit(WorkerKey key, const Lease& lease, std::int32_t tile, Failure failure,
                  absl::StatusCode code, Time now);
   void scene_loaded(WorkerKey key, const std::string& job_id, double load_seconds,
@@ -107,65 +113,66 @@ class Scheduler {
   Worker* find_worker(WorkerKey worker);
   Worker* find_worker(const std::string& id);
   const std::map<WorkerKey, Worker>& workers() const { return workers_; }
-  /// Jobs, not ended, of which workers with this certificate were leased units.
+  /// Returns unfinished jobs of which units were leased to workers with this certificate.
   std::set<JobKey> leased_jobs(const std::string& certificate) const;
 
   // Results --------------------------------------------------------------------------------------
-  /// Whether `unit` under `lease` is a unit of a job that still wants results.
+  /// Returns whether `unit` under `lease` belongs to a job that still needs results.
   bool wants(const Job& job, const Lease& lease, const contract::Unit& unit) const;
-  /// A wanted unit has become durable: whoever else holds it is asked to hand it back.
+  /// Records that a unit is durable and revokes its other leases.
   void commit(Job& job, const contract::Unit& unit, const std::string& worker_id,
               double cpu_seconds);
-  /// A committed unit's block was found damaged and dropped: it is to be rendered again.
+  /// A committed unit's block was damaged and dropped: renders it again.
   void redo(Job& job, const contract::Unit& unit);
-  /// In a plan on demand: what was wanted of the frame so far was decided on false results.
+  /// Adaptive plans: see JobPlan::reset_pass_targets().
   void reset_pass_targets(Job& job, std::int32_t frame);
-  /// In a plan on demand: the film has decided how many passes a tile wants
-  /// (JobPlan::set_pass_target).
+  /// Adaptive plans: see JobPlan::set_pass_target().
   void set_pass_target(Job& job, std::int32_t frame, std::int32_t tile, std::int32_t pass_count,
                        bool is_final);
-  /// The unit came once more from this worker; it holds it no longer.
+  /// The worker delivered a unit that needs no result; it no longer holds the unit.
   void release_duplicate(Job& job, const contract::Unit& unit, const std::string& worker_id);
   void acknowledge(WorkerKey key, Acknowledgement acknowledgement);
-  /// The frame's image is durable; ends the job after its last one.
+  /// The frame's image is durable; ends the job after its last frame.
   void finish_frame(Job& job, std::int32_t frame, Time now);
 
-  // Audits (farm.md, section 8) ------------------------------------------------------------------
-  /// Whether a unit that this worker has delivered is to be audited: the worker's first unit, or
-  /// drawn, while there is another worker.
+  // Audits ---------------------------------------------------------------------------------------
+  /// Returns whether a unit that this worker delivered must be audited: it is the worker's first
+  /// unit or drawn, and there is another worker.
   bool wants_audit(const Job& job, const contract::Unit& unit, const std::string& worker_id);
-  /// Has a committed unit rendered again by others. Harmless to repeat.
+  /// Has others render a committed unit again. Idempotent.
   void open_audit(Job& job, const contract::Unit& unit, const std::string& worker_id,
                   const contract::Digest& committed);
-  /// Whether a frame is held up by audits.
+  /// Returns whether the frame waits for audits.
   bool has_audits(const Job& job, std::int32_t frame) const;
   /// A worker's result of a unit.
   struct Result {
     std::string worker_id;
     contract::Digest digest;
   };
-  /// A further result, under `lease`, of a unit that is committed: whether it was an answer to an
-  /// audit. One that differs begins an audit, unless there are none (audit_fraction 0).
+  /// Takes a further result of a committed unit under `lease`. Returns whether it answers an audit.
+  /// A result that differs starts an audit, unless audits are off (audit_fraction 0).
   bool answer_audit(Job& job, const contract::Unit& unit, const Lease& lease, const Result& result,
                     const Result& committed, Time now);
-  /// Whether the worker was found lying or is banned: nothing of it is taken.
+  /// Returns whether the worker is quarantined for wrong pixels or banned; its results are
+  /// rejected.
   bool is_quarantined(const std::string& worker_id) const {
     return quarantined_.count(worker_id) > 0;
   }
 
   // Orders ---------------------------------------------------------------------------------------
-  /// Asks a worker to go. Returns whether it is connected.
+  /// Drains a worker. Returns whether it is connected.
   bool drain(const std::string& worker_id);
-  /// Nothing more is leased to the worker or taken of it, whether it is here or not; what it holds,
-  /// others render. What it delivered stays.
+  /// Bans a worker, connected or not: releases its units to others and rejects its results.
+  /// Committed results stay.
   void ban(const std::string& worker_id);
-  /// Takes back that the worker was shut out or set aside. Returns whether either is known of it.
+  /// Lifts a worker's ban or quarantine. Returns whether the worker is known or had one.
   bool allow(const std::string& worker_id, Time now);
 
   // Time -----------------------------------------------------------------------------------------
-  /// Call about every `period`: expires silent workers, opens grants, balances the tail.
+  /// Call about every `period`: expires silent workers, ends the restart grace, balances the last
+  /// units.
   void tick(Time now, Duration period);
-  /// Takes what has been decided since the last call.
+  /// Returns the actions decided since the last call.
   Effects take_effects();
 
  private:
@@ -220,16 +227,16 @@ class Scheduler {
   std::map<JobKey, Job> jobs_;
   std::map<std::string, JobKey> job_by_id_;
   std::set<JobKey> active_;  // running, with a plan
-  std::set<JobKey> queued_;  // what queue_ holds
+  std::set<JobKey> queued_;  // jobs in queue_
   JobQueue queue_;
   std::map<WorkerKey, Worker> workers_;
   std::map<std::string, WorkerKey> worker_by_id_;
-  std::set<std::pair<JobKey, contract::Unit>> waiting_audits_;  // that nobody renders now
-  std::set<std::string> quarantined_;                   // worker ids: found lying, or banned
-  std::set<WorkerKey> workers_with_credits_;            // working, with credits
+  std::set<std::pair<JobKey, contract::Unit>> waiting_audits_;  // without a holder
+  std::set<std::string> quarantined_;                           // worker IDs: faulty or banned
+  std::set<WorkerKey> workers_with_credits_;                    // working, with credits
   std::map<std::string, std::int32_t> threads_;         // of working workers, by tag; "": all
   std::map<std::string, std::set<std::string>> hosts_;  // likewise
-  std::set<std::string> missing_workers_;               // of the roster, not yet back
+  std::set<std::string> missing_workers_;               // of the roster, not connected yet
   Time grace_ends_;
   std::optional<Time> last_tick_;
   std::int64_t last_attempt_ = 0;
