@@ -1,11 +1,13 @@
 #include "client/cli/config_file.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <set>
+#include <string>
 
 namespace tessera::client {
 
-/// Null: no such option, which the app finds out for itself.
+/// Returns the option of a configuration item; null if there is none, which CLI11 reports.
 const CLI::Option* ConfigFile::option_of(const CLI::ConfigItem& item) const {
   const CLI::App* command = &app_;
   for (const std::string& name : item.parents) {
@@ -27,6 +29,9 @@ std::vector<CLI::ConfigItem> ConfigFile::from_config(std::istream& input) const 
     };
     given.erase(std::remove_if(given.begin(), given.end(), is_dropped), given.end());
   };
+  drop_if([](const CLI::Option& option) {  // the environment takes precedence over the file
+    return !option.get_envname().empty() && std::getenv(option.get_envname().c_str()) != nullptr;
+  });
   drop_if([&](const CLI::Option& option) {
     const auto others = option.get_excludes();
     return std::any_of(others.begin(), others.end(), is_typed);

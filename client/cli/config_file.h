@@ -6,11 +6,11 @@
 
 namespace tessera::client {
 
-/// A TOML file of defaults of an app's options. What is typed wins: a default that excludes
-/// something typed is left out, and so is one that needs what is neither typed nor a default.
+/// A TOML file with defaults for an app's options. Options on the command line and environment
+/// variables take precedence: a default that excludes one of them is ignored, as is one that needs an option without a value.
 class ConfigFile : public CLI::ConfigTOML {
  public:
-  /// `app` has parsed what was typed when it asks for the file, and outlives this.
+  /// `app` must outlive this object; it has parsed the command line when it reads the file.
   explicit ConfigFile(const CLI::App& app) : app_(app) {}
 
   std::vector<CLI::ConfigItem> from_config(std::istream& input) const override;

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "client/bench/bench_stats.h"
 #include "client/bench/bench_reference.h"
+#include "client/bench/bench_stats.h"
 #include "rpc/settings_message.h"
 
 namespace tessera::client {

@@ -7,13 +7,13 @@
 #include <vector>
 
 #include "client/charts/curve_svg.h"
+#include "client/charts/tile_svg.h"
+#include "client/cli/progress.h"
 #include "client/output/frame_files.h"
 #include "client/output/job_status.h"
-#include "client/request/job_request.h"
-#include "client/cli/progress.h"
-#include "client/request/render_options.h"
 #include "client/output/render_result.h"
-#include "client/charts/tile_svg.h"
+#include "client/request/job_request.h"
+#include "client/request/render_options.h"
 
 namespace tessera::client {
 namespace {
@@ -104,7 +104,7 @@ TEST(RenderOptions, EachOptionSetsItsField) {
                                             "3",
                                             "--seed",
                                             "4294967295",
-                                            "--tile",
+                                            "--tile-size",
                                             "16",
                                             "--filter",
                                             "gaussian",
@@ -147,7 +147,7 @@ TEST(RenderOptions, EachOptionSetsItsField) {
 
 TEST(RenderOptions, ErrorNamesWrongOption) {
   const std::vector<std::vector<std::string>> wrong = {{"--size", "0x0"},
-                                                       {"--tile", "48"},
+                                                       {"--tile-size", "48"},
                                                        {"--spp", "0"},
                                                        {"--max-depth", "256"},
                                                        {"--seed", "-1"},
@@ -219,21 +219,51 @@ TEST(Figures, AreRoundedForReaders) {
   EXPECT_EQ(format_count(59e6), "59.0 M");
 }
 
-TEST(JobOutcome, ExitCodeMatchesContract) {
+TEST(ExitCode, FollowsStateAndFailureCode) {
   v1::Job job;
   job.set_state(v1::Job::STATE_DONE);
   EXPECT_EQ(exit_code_of(job), 0);
+  job.set_certainty(v1::Job::CERTAINTY_CAPPED);
+  EXPECT_EQ(exit_code_of(job), 4);
   job.set_state(v1::Job::STATE_CANCELLED);
   EXPECT_EQ(exit_code_of(job), 1);
   job.set_state(v1::Job::STATE_FAILED);
-  job.set_reason("unit failed three times");
+  job.set_failure_code(static_cast<int>(absl::StatusCode::kInternal));
+  job.set_reason("bad scene: the text does not matter");
   EXPECT_EQ(exit_code_of(job), 1);
-  job.set_reason("bad scene: scene.glb: cameras: no camera \"Top\"");
+  job.set_failure_code(static_cast<int>(absl::StatusCode::kInvalidArgument));
+  job.set_reason("scene.glb: cameras: no camera \"Top\"");
   EXPECT_EQ(exit_code_of(job), 2);
-  EXPECT_EQ(exit_code(absl::UnavailableError("")), 3);
-  EXPECT_EQ(exit_code(absl::UnauthenticatedError("")), 3);
-  EXPECT_EQ(exit_code(absl::InvalidArgumentError("")), 2);
-  EXPECT_EQ(exit_code(absl::CancelledError("")), 130);
+}
+
+TEST(ExitCode, OfEveryStatusCode) {
+  struct Case {
+    absl::StatusCode code;
+    int call, job;
+  };
+  const Case cases[] = {
+      {absl::StatusCode::kOk, 0, 1},
+      {absl::StatusCode::kCancelled, 130, 1},
+      {absl::StatusCode::kUnknown, 3, 1},
+      {absl::StatusCode::kInvalidArgument, 2, 2},
+      {absl::StatusCode::kDeadlineExceeded, 3, 1},
+      {absl::StatusCode::kNotFound, 2, 2},
+      {absl::StatusCode::kAlreadyExists, 2, 1},
+      {absl::StatusCode::kPermissionDenied, 3, 1},
+      {absl::StatusCode::kResourceExhausted, 3, 1},
+      {absl::StatusCode::kFailedPrecondition, 2, 1},
+      {absl::StatusCode::kAborted, 3, 1},
+      {absl::StatusCode::kOutOfRange, 2, 1},
+      {absl::StatusCode::kUnimplemented, 2, 2},
+      {absl::StatusCode::kInternal, 3, 1},
+      {absl::StatusCode::kUnavailable, 3, 1},
+      {absl::StatusCode::kDataLoss, 3, 1},
+      {absl::StatusCode::kUnauthenticated, 3, 1},
+  };
+  for (const Case& each : cases) {
+    EXPECT_EQ(exit_code(each.code), each.call) << each.code;
+    EXPECT_EQ(failed_job_exit_code(each.code), each.job) << each.code;
+  }
 }
 
 TEST(ResultLine, PrintsSizeSamplesErrorAndSeconds) {
@@ -353,10 +383,10 @@ TEST(ResultLine, UncertainErrorIsNotClaimed) {
      "estimated": {"error": 0.1, "error_upper95": 0.125}}]})");
   EXPECT_EQ(result_line(report, 1.5),
             "out.exr: 64x48, 3.1 k samples, estimated error 0.1, UNCERTAIN, 1.5 s");
-  EXPECT_EQ(doubt_lines(report),
+  EXPECT_EQ(warning_lines(report),
             "tessera: frame 0: --clamp removed radiance\ntessera: --max-depth cut light\n");
-  const std::string said[] = {"--max-depth cut light"};
-  EXPECT_EQ(doubt_lines(report, said), "tessera: frame 0: --clamp removed radiance\n");
+  const std::string already_printed[] = {"--max-depth cut light"};
+  EXPECT_EQ(warning_lines(report, already_printed), "tessera: frame 0: --clamp removed radiance\n");
 }
 
 }  // namespace
