@@ -9,8 +9,8 @@
 
 #include "worker/accelerators/reference_accel.h"
 #include "worker/accelerators/shadow_cache.h"
-#include "worker/render/frame_renderer.h"
 #include "worker/inspect/ray_recorder.h"
+#include "worker/render/frame_renderer.h"
 
 namespace tessera::render {
 namespace {
@@ -21,7 +21,7 @@ using reference::TraversalStats;
 
 constexpr std::int32_t kPixelsAcross = 128;
 constexpr std::int32_t kDepth = 3;
-/// Rays traced between looks at the clock; neighbours, so that caches see what a renderer's do.
+/// Rays between two clock readings; consecutive ones, so that caches behave as in a render.
 constexpr std::size_t kRun = 32;
 
 double cpu_seconds() {
@@ -46,13 +46,13 @@ absl::StatusOr<RecordedRays> record_rays(const Scene& scene, contract::RenderSet
   return rays;
 }
 
-/// Calls trace(i) for i in [0, count) in runs spread over the whole, again and again until
-/// `seconds` of CPU time are over; returns how many calls that were and the time.
+/// Calls trace(i) for i in [0, count), in runs spread evenly over the range, until `seconds` of CPU
+/// time have passed. Returns the number of calls and the time.
 template <typename Trace>
 std::pair<std::int64_t, double> repeat(std::size_t count, double seconds, Trace&& trace) {
   if (count == 0) return {0, 0};
   const std::size_t runs = (count + kRun - 1) / kRun;
-  std::size_t stride = runs * 5 / 8 + 1;  // visits every run if it shares no factor with `runs`
+  std::size_t stride = runs * 5 / 8 + 1;  // visits every run if coprime to `runs`
   while (std::gcd(stride, runs) != 1) ++stride;
   std::int64_t calls = 0;
   const double start = cpu_seconds();
@@ -66,7 +66,7 @@ std::pair<std::int64_t, double> repeat(std::size_t count, double seconds, Trace&
   return {calls, elapsed};
 }
 
-/// The rays and what production answers.
+/// The recorded rays and production's answers.
 struct Questions {
   std::vector<Ray> closest;
   std::vector<ShadowRay> any;
@@ -90,8 +90,8 @@ Questions ask(RecordedRays rays, const SceneAccel& accel) {
   return q;
 }
 
-/// Asks for `seconds`, comparing each answer: closest(i, work) and any(i, work) say whether it is
-/// right.
+/// Measures for `seconds` and compares each answer: closest(i, work) and any(i, work) return
+/// whether it is right.
 template <typename Trace>
 AcceleratorStats::Query measure(std::size_t count, double seconds, bool counted, Trace&& trace) {
   AcceleratorStats::Query figures;
@@ -109,17 +109,19 @@ AcceleratorStats::Query measure(std::size_t count, double seconds, bool counted,
   return figures;
 }
 
-/// `closest(ray, hit, work)` and `any(shadow ray, work)` ask a structure.
+/// `closest(ray, hit, work)` and `any(shadow ray, work)` query a structure.
 template <typename Closest, typename Any>
 void fill(AcceleratorStats& row, const Questions& q, double seconds, bool counted,
           const Closest& closest, const Any& any) {
-  row.closest = measure(q.closest.size(), seconds, counted, [&](std::size_t i, TraversalStats& work) {
-    Hit hit;
-    const bool found = closest(q.closest[i], hit, work);
-    return found == q.found[i] && (!found || same(hit, q.hits[i]));
+  row.closest =
+      measure(q.closest.size(), seconds, counted, [&](std::size_t i, TraversalStats& work) {
+        Hit hit;
+        const bool found = closest(q.closest[i], hit, work);
+        return found == q.found[i] && (!found || same(hit, q.hits[i]));
+      });
+  row.any = measure(q.any.size(), seconds, counted, [&](std::size_t i, TraversalStats& work) {
+    return any(q.any[i], work) == q.blocked[i];
   });
-  row.any = measure(q.any.size(), seconds, counted,
-                    [&](std::size_t i, TraversalStats& work) { return any(q.any[i], work) == q.blocked[i]; });
 }
 
 std::unique_ptr<const SceneAccel> build_production(const Scene& scene, BuildQuality quality,
@@ -131,8 +133,8 @@ std::unique_ptr<const SceneAccel> build_production(const Scene& scene, BuildQual
   return accel;
 }
 
-AcceleratorStats production_row(const SceneAccel& accel, BuildQuality quality,
-                                  double build_seconds, const Questions& q, double seconds) {
+AcceleratorStats production_row(const SceneAccel& accel, BuildQuality quality, double build_seconds,
+                                const Questions& q, double seconds) {
   AcceleratorStats row;
   row.name = std::string("wide-bvh-") + std::string(isa_name(best_isa()));
   row.title = "production";
@@ -153,8 +155,8 @@ AcceleratorStats production_row(const SceneAccel& accel, BuildQuality quality,
 }
 
 AcceleratorStats cached_row(const Scene& scene, const SceneAccel& accel,
-                              const AcceleratorStats& production, const Questions& q,
-                              double seconds) {
+                            const AcceleratorStats& production, const Questions& q,
+                            double seconds) {
   ShadowCache cache(scene, accel);
   AcceleratorStats row = production;
   row.name += "+shadow-cache";
@@ -169,7 +171,7 @@ AcceleratorStats cached_row(const Scene& scene, const SceneAccel& accel,
 }
 
 AcceleratorStats reference_row(const Scene& scene, const Structure& structure, const Questions& q,
-                                 double seconds) {
+                               double seconds) {
   AcceleratorStats row;
   row.name = structure.name;
   row.title = structure.title;
@@ -179,12 +181,16 @@ AcceleratorStats reference_row(const Scene& scene, const Structure& structure, c
   row.memory_bytes = static_cast<std::int64_t>(accel.memory_bytes());
   fill(
       row, q, seconds, true,
-      [&](const Ray& ray, Hit& hit, TraversalStats& work) { return accel.closest_hit(ray, hit, work); },
-      [&](const ShadowRay& shadow, TraversalStats& work) { return accel.any_hit(shadow.ray, work); });
+      [&](const Ray& ray, Hit& hit, TraversalStats& work) {
+        return accel.closest_hit(ray, hit, work);
+      },
+      [&](const ShadowRay& shadow, TraversalStats& work) {
+        return accel.any_hit(shadow.ray, work);
+      });
   return row;
 }
 
-/// null where it is negative.
+/// null for a negative value.
 nlohmann::json counted(double x) {
   return x < 0 ? nlohmann::json() : nlohmann::json(x);
 }

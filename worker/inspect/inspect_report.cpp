@@ -26,7 +26,7 @@ const char* severity_name(Problem::Severity severity) {
   return "error";
 }
 
-/// "FILE: ELEMENT: FAULT" taken apart; statuses of the loader have this form.
+/// Splits "FILE: ELEMENT: FAULT", the form of the loader's statuses.
 InspectReport::Finding finding_of(const absl::Status& status, const std::string& scene) {
   std::string text(status.message());
   InspectReport::Finding out;
@@ -56,7 +56,7 @@ void add_resource(const FolderReader& reader, const std::string& uri, const char
 
 void add_pose(const Scene& scene, InspectReport& report) {
   report.posed = true;
-  report.needs = features_of(scene);
+  report.features = features_of(scene);
   for (int k = 0; k < 3; ++k) {
     report.bounds_min[static_cast<std::size_t>(k)] = scene.bounds_min[k] + scene.center[k];
     report.bounds_max[static_cast<std::size_t>(k)] = scene.bounds_max[k] + scene.center[k];
@@ -133,8 +133,12 @@ InspectReport inspect_scene(const InspectRequest& request) {
     report.findings.push_back(finding_of(file.status(), report.scene));
   }
   for (const std::string& uri : reader.uris()) {
-    const bool sky = !settings.environment.empty() && uri == settings.environment;
-    add_resource(reader, uri, uri == report.scene ? "scene" : sky ? "environment" : "data", report);
+    const bool is_environment = !settings.environment.empty() && uri == settings.environment;
+    add_resource(reader, uri,
+                 uri == report.scene ? "scene"
+                 : is_environment    ? "environment"
+                                     : "data",
+                 report);
   }
   return report;
 }
@@ -161,18 +165,18 @@ std::string to_json(const InspectReport& report) {
                                {"message", f.problem.message}});
   }
   if (report.posed) {
-    out["needs"] = feature_names(report.needs.features);
-    out["counts"] = counts_of(report.needs);
-    out["memory"] = {{"geometry_bytes", report.needs.geometry_bytes},
-                     {"image_bytes", report.needs.image_bytes},
-                     {"acceleration_bytes", report.needs.acceleration_bytes},
-                     {"light_bytes", report.needs.light_bytes},
+    out["needs"] = feature_names(report.features.features);
+    out["counts"] = counts_of(report.features);
+    out["memory"] = {{"geometry_bytes", report.features.geometry_bytes},
+                     {"image_bytes", report.features.image_bytes},
+                     {"acceleration_bytes", report.features.acceleration_bytes},
+                     {"light_bytes", report.features.light_bytes},
                      {"process_bytes", kProcessBytes},
-                     {"total_bytes", report.needs.total_bytes()}};
+                     {"total_bytes", report.features.total_bytes()}};
     out["bounds"] = {{"min", report.bounds_min}, {"max", report.bounds_max}};
   }
   for (const auto& [name, text] : report.extras) out[name] = json::parse(text);
-  // Names come from the file: bytes that are not UTF-8 are replaced rather than thrown over.
+  // Names come from the file: invalid UTF-8 is replaced instead of throwing.
   return out.dump(2, ' ', false, json::error_handler_t::replace) + "\n";
 }
 

@@ -14,11 +14,11 @@
 
 namespace tessera::render {
 
-/// What `inspect` finds in a scene.
+/// Result of `inspect`.
 struct InspectReport {
   struct Resource {
-    std::string uri;   // as the manifest names it
-    std::string file;  // where it is on disk
+    std::string uri;   // as named in the manifest
+    std::string file;  // path on disk
     std::string kind;  // scene, data or environment
     std::int64_t bytes = 0;
   };
@@ -30,30 +30,30 @@ struct InspectReport {
   std::vector<Resource> resources;
   std::vector<Finding> findings;
   SceneContents contents;
-  bool posed = false;  // needs and bounds are set
-  SceneFeatures needs;
+  bool posed = false;  // features and bounds are set
+  SceneFeatures features;
   std::array<double, 3> bounds_min = {}, bounds_max = {};  // world, metres
-  /// Further members of the document: name and JSON text.
+  /// Additional members of the JSON document: name and JSON text.
   std::vector<std::pair<std::string, std::string>> extras;
 
-  /// Whether an error was found: such a scene cannot be rendered.
+  /// Returns whether an error was found, so that the scene cannot be rendered.
   [[nodiscard]] bool has_errors() const;
 };
 
 struct InspectRequest {
   std::filesystem::path scene;        // a glTF file
-  std::filesystem::path environment;  // a sky's file; empty: none
-  contract::RenderSettings settings;  // camera, variant, frames; `environment` names the sky
-  /// Looks further at the posed scene and adds to the report; may be null.
+  std::filesystem::path environment;  // environment map file; empty: none
+  contract::RenderSettings settings;  // camera, variant, frames; `environment` names the map
+  /// Examines the posed scene and extends the report; may be null.
   std::function<void(const Scene&, InspectReport&)> examine = nullptr;
 };
 
-/// Loads and poses the first frame of `request` and reports what was found. Faults of the scene
-/// are findings, not failures. A sky is named `settings.environment` in the manifest, or its file
-/// name where that is empty.
+/// Loads and poses the first frame of `request` and reports the findings. Faults of the scene are
+/// findings, not failures. The manifest names the environment map `settings.environment`, or by its
+/// file name if that is empty.
 InspectReport inspect_scene(const InspectRequest& request);
 
-/// The report as JSON, schema tessera.inspect/1, ending in a line break.
+/// The report as JSON, schema tessera.inspect/1, with a final newline.
 std::string to_json(const InspectReport& report);
 
 }  // namespace tessera::render

@@ -25,7 +25,7 @@ WorldTriangle world_triangle(const Instance& instance, const Primitive& p, std::
   return {point(p.triangles[t][0]), point(p.triangles[t][1]), point(p.triangles[t][2])};
 }
 
-/// Whether the segment o + f*d, f strictly inside (0, 1), crosses the triangle.
+/// Returns whether the segment o + f*d, f strictly inside (0, 1), crosses the triangle.
 bool crosses(const WorldTriangle& t, const Vec3d& o, const Vec3d& d) {
   const Vec3d e1 = t.b - t.a, e2 = t.c - t.a, p = cross(d, e2);
   const double det = dot(e1, p);
@@ -38,7 +38,7 @@ bool crosses(const WorldTriangle& t, const Vec3d& o, const Vec3d& d) {
 
 enum class Passage { open, through_glass, blocked };
 
-/// How the segment from `o` along `d` fares among all triangles.
+/// What the segment from `o` along `d` crosses.
 Passage passage(const Scene& scene, const Vec3d& o, const Vec3d& d) {
   Passage result = Passage::open;
   for (const Instance& instance : scene.instances) {
@@ -58,7 +58,7 @@ Passage passage(const Scene& scene, const Vec3d& o, const Vec3d& d) {
   return result;
 }
 
-/// Centres of up to 64 triangles that are not glass, evenly spread over the scene's order.
+/// Centres of up to 64 triangles that are not glass, evenly spread over the scene.
 std::vector<Vec3d> probe_points(const Scene& scene, std::int64_t triangles) {
   constexpr std::int64_t kProbes = 64;
   const std::int64_t stride = triangles / kProbes + 1;
@@ -77,7 +77,7 @@ std::vector<Vec3d> probe_points(const Scene& scene, std::int64_t triangles) {
   return out;
 }
 
-/// From `point` to the light, or out of the scene against a directional one.
+/// Vector from `point` to the light, or out of the scene towards a directional light.
 Vec3d towards(const PunctualLight& light, const Vec3d& point, double reach) {
   if (light.kind == PunctualLight::Kind::directional) return Vec3d(light.direction) * -reach;
   return light.position - point;
@@ -87,9 +87,9 @@ Vec3d towards(const PunctualLight& light, const Vec3d& point, double reach) {
 
 std::vector<Problem> check_light_through_glass(const Scene& scene) {
   std::vector<Problem> out;
-  const SceneFeatures needs = features_of(scene);
-  if (scene.lights.empty() || (needs.features & kFeatureVolumes) == 0) return out;
-  const std::vector<Vec3d> probes = probe_points(scene, needs.instanced_triangles);
+  const SceneFeatures features = features_of(scene);
+  if (scene.lights.empty() || (features.features & kFeatureVolumes) == 0) return out;
+  const std::vector<Vec3d> probes = probe_points(scene, features.instanced_triangles);
   const double reach = 2 * length(scene.bounds_max - scene.bounds_min);
   for (const PunctualLight& light : scene.lights) {
     std::int64_t open = 0, through_glass = 0;
@@ -101,8 +101,8 @@ std::vector<Problem> check_light_through_glass(const Scene& scene) {
     if (open > 0 || through_glass == 0) continue;
     out.push_back({Problem::Severity::warning, absl::StrCat("nodes[", light.node, "]"),
                    absl::StrCat("the light \"", light.name,
-                                "\" reaches surfaces only through solid glass, where a point or "
-                                "directional light cannot be found: it will not light them; use "
+                                "\" is enclosed by solid glass; point and directional lights "
+                                "cannot be sampled through refraction and contribute nothing; use "
                                 "an emissive surface, or thin glass (no thickness)")});
   }
   return out;

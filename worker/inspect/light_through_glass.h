@@ -7,10 +7,11 @@
 
 namespace tessera::render {
 
-/// Warns of each punctual light that reaches surfaces only through solid glass. Next-event
-/// estimation cannot see it there, and no path hits a point: such a room stays dark. Judged by
-/// segments from at most 64 triangles' centres to the light; costs their number times the
-/// instanced triangles, and nothing without both such materials and such lights.
+/// Warns of punctual lights that reach surfaces only through solid glass. Shadow rays cannot pass a
+/// refracting surface and BSDF sampling cannot hit a point, so such lights contribute nothing.
+/// Tests segments from the centres of at most 64 triangles to each light; the cost is proportional
+/// to that times the number of instanced triangles, and zero without solid glass or punctual
+/// lights.
 std::vector<Problem> check_light_through_glass(const Scene& scene);
 
 }  // namespace tessera::render

@@ -7,20 +7,20 @@
 
 namespace tessera::render {
 
-/// A shadow ray with what a shadow cache tells apart.
+/// A shadow ray with the keys of a shadow cache.
 struct ShadowRay {
   Ray ray;
   std::uint32_t depth = 0;  // scattering events before it
-  std::uint32_t light = 0;  // a number for where it ends, or where it goes if that is nowhere
+  std::uint32_t light = 0;  // identifies its end point, or its direction if it has none
 };
 
-/// The rays of an image, in the order they were traced.
+/// Rays of an image in tracing order.
 struct RecordedRays {
   std::vector<Ray> camera, bounces;
   std::vector<ShadowRay> shadows;
 };
 
-/// Answers as SceneAccel does and writes down what it is asked. One thread only.
+/// Answers as SceneAccel does and records all queries. Not thread-safe.
 class RayRecorder final : public Accelerator {
  public:
   /// `rays` must outlive the recorder.
@@ -34,7 +34,7 @@ class RayRecorder final : public Accelerator {
   std::uint32_t light_of(const Ray& ray) const;
 
   SceneAccel accel_;
-  float light_scale_;  // lights nearer to each other than its inverse are one
+  float light_scale_;  // two lights closer than its inverse count as one
   RecordedRays* rays_;
   mutable std::uint32_t depth_ = 0;
 };

@@ -12,14 +12,14 @@ namespace {
 
 using nlohmann::json;
 
-/// Pairs that are listed of one mesh; all are counted.
+/// Maximum number of pairs listed per mesh; all are counted.
 constexpr std::size_t kMaxListed = 100;
 
 bool is_solid(const Material& material) {
   return material.transmission > 0 && material.has_volume;
 }
 
-/// Which primitives bound something: a solid, or a medium.
+/// Which primitives bound a solid or a medium.
 std::vector<bool> bounding_primitives(const Scene& scene, const Mesh& mesh) {
   std::vector<bool> bounds;
   for (const Primitive& p : mesh.primitives) {
@@ -46,8 +46,8 @@ bool in_one_plane(const TriangleCorners& a, const TriangleCorners& b) {
   });
 }
 
-/// Solids whose surfaces lie in each other, of scenes whose solids have priorities: which of two is
-/// met first there is decided by their order, and what lies between them is neither.
+/// Warns of solids with coincident surfaces in scenes with priorities. Ray order then decides which
+/// solid is entered first, and the gap between them belongs to neither.
 void check_touching(const Scene& scene, std::vector<Problem>* out) {
   const bool nested = std::any_of(scene.materials.begin(), scene.materials.end(),
                                   [](const Material& m) { return m.optics.has_priority; });
@@ -66,14 +66,13 @@ void check_touching(const Scene& scene, std::vector<Problem>* out) {
         });
     if (touching == 0) continue;
     out->push_back({Problem::Severity::warning, absl::StrCat("nodes[", b.node, "]"),
-                    absl::StrCat("its surface touches that of nodes[", a.node, "] in ", touching,
-                                 " pairs of triangles: let one solid reach into the other, and "
-                                 "priorities say which is there")});
+                    absl::StrCat("surface coincides with nodes[", a.node, "] (", touching,
+                                 " triangle pairs); let the solids overlap and set `priority`")});
   }
 }
 
-/// Edges at which the surface is open by more than a millionth of the mesh: through the rounding of
-/// a seam's two sides hardly a ray finds.
+/// Number of edges at which the surface is open by more than a millionth of the mesh's size.
+/// Smaller gaps come from rounding of seams and are practically never hit.
 std::int64_t wide_open_edges(const Mesh& mesh, const std::vector<bool>& primitives) {
   Box3f box;
   for (const Primitive& p : mesh.primitives) {
@@ -119,15 +118,15 @@ std::vector<Problem> check_solids(const Scene& scene) {
                                   ", but ", fault)});
     };
     if (mesh.shape != nullptr && !mesh.shape->closed()) {
-      warn("the shape is open: light that enters it may not be seen to leave");
+      warn("the shape is open; light that enters it may never leave");
     } else if (boundary_edges(mesh, solid) > 0) {
       const std::int64_t open = wide_open_edges(mesh, solid);
       if (open == 0) continue;
       warn(absl::StrCat("the surface is open at ", open,
-                        " edges: light that enters it may not be seen to leave"));
+                        " edges; light that enters it may never leave"));
     } else if (const auto pairs = self_intersections(mesh, solid); !pairs.empty()) {
-      warn(absl::StrCat("the surface meets itself at ", pairs.size(),
-                        " pairs of triangles: what lies between them is inside twice"));
+      warn(absl::StrCat("the surface intersects itself (", pairs.size(),
+                        " triangle pairs); overlaps count as inside twice"));
     }
   }
   check_touching(scene, &out);

@@ -14,7 +14,7 @@
 namespace tessera::render {
 namespace {
 
-/// Seen under more than about this many steradians, triangles are sampled by solid angle.
+/// Triangles seen under more than about this solid angle (steradians) are sampled by solid angle.
 constexpr double kNearSolidAngle = 0.1;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
@@ -36,16 +36,16 @@ Corners corners_of(const Instance& instance, const Primitive& p, std::size_t t) 
 
 }  // namespace
 
-LightSampler::LightSampler(const Scene& scene, const ShadingScene& shading, LightSampling sought)
+LightSampler::LightSampler(const Scene& scene, const ShadingScene& shading, LightSampling sampling)
     : shading_(shading), punctual_(scene.lights) {
   if (scene.has_environment) environment_ = std::make_unique<EnvironmentMap>(scene);
-  if (sought == LightSampling::none) return;
+  if (sampling == LightSampling::none) return;
   std::vector<LightBounds> bounds;
   add_emitters(scene, bounds);
   add_punctual(scene, bounds);
   tree_ = LightTree(bounds);
-  const bool varied_sky = environment_ != nullptr && !environment_->is_constant();
-  if (varied_sky) sky_irradiance_ = environment_->power() / 4;
+  const bool varies = environment_ != nullptr && !environment_->is_constant();
+  if (varies) environment_irradiance_ = environment_->power() / 4;
 }
 
 void LightSampler::add_emitters(const Scene& scene, std::vector<LightBounds>& bounds) {
@@ -56,7 +56,7 @@ void LightSampler::add_emitters(const Scene& scene, std::vector<LightBounds>& bo
     slot_first_.push_back(static_cast<std::uint32_t>(slots_.size()));
     for (std::uint32_t k = 0; k < mesh.primitives.size(); ++k) {
       const auto material = static_cast<std::size_t>(mesh.primitives[k].material);
-      // Which part of an operand is seen is known to rays only: left to chance hits.
+      // The visible part of a CSG operand is known only to rays: left to BSDF sampling.
       if (instance.operand || !shading_.materials[material].emissive) {
         slots_.push_back(kNone);
         continue;
@@ -71,9 +71,9 @@ void LightSampler::add_emitters(const Scene& scene, std::vector<LightBounds>& bo
   }
 }
 
-/// All triangles of a primitive, from its `first` on.
+/// Adds all triangles of a primitive, starting with `first`.
 void LightSampler::add_triangles(const Scene& scene, const TriangleId& first,
-                               EmittedRadiance& radiance, std::vector<LightBounds>& bounds) {
+                                 EmittedRadiance& radiance, std::vector<LightBounds>& bounds) {
   const Instance& instance = scene.instances[first.instance];
   const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
   const Primitive& p = mesh.primitives[first.primitive];
@@ -83,15 +83,15 @@ void LightSampler::add_triangles(const Scene& scene, const TriangleId& first,
   Entry entry;
   entry.triangle = first;
   entry.moves = entry.special = instance.motion != kNone || !mesh.keys.empty();
-  entry.even = !material.emissive_texture && !view.extended &&
-               material.alpha_mode == AlphaMode::opaque && !shading_.assumes(kFeatureTextures);
+  entry.uniform = !material.emissive_texture && !view.extended &&
+                  material.alpha_mode == AlphaMode::opaque && !shading_.assumes(kFeatureTextures);
   for (std::uint32_t t = 0; t < p.triangles.size(); ++t) {
     entry.triangle.triangle = t;
     LightBounds light = entry.moves ? bounds_of_moving(scene, entry.triangle)
                                     : bounds_of(corners_of(instance, p, t), instance.flips_winding);
     const double area = light.strength;
     const auto density = area > 0 ? static_cast<float>(1 / area) : kInfinity;
-    const bool usable = density < kInfinity;  // slivers are left to chance hits
+    const bool usable = density < kInfinity;  // slivers are left to BSDF sampling
     entry.density = usable ? density : 0;
     entry.centre = Vec3f((light.box_min + light.box_max) * 0.5);
     entry.reach2 = static_cast<float>(area / kNearSolidAngle);
@@ -109,7 +109,7 @@ void LightSampler::add_triangles(const Scene& scene, const TriangleId& first,
 
 namespace {
 
-/// The corner of a triangle with a right angle, in the world, up to 2^-20; 3 if there is none.
+/// Corner with a right angle (in the world, up to 2^-20) of a triangle; 3 if there is none.
 std::uint8_t right_angle_of(const std::array<Vec3d, 3>& v) {
   for (std::uint8_t k = 0; k < 3; ++k) {
     const Vec3d a = v[(k + 1u) % 3] - v[k], b = v[(k + 2u) % 3] - v[k];
@@ -120,10 +120,10 @@ std::uint8_t right_angle_of(const std::array<Vec3d, 3>& v) {
 
 }  // namespace
 
-/// Makes one light of each two triangles in a row that are the halves of a rectangle and shine
-/// alike: the first stands for both, the second has no strength of its own.
+/// Merges two consecutive triangles that form a rectangle of uniform emission into one light: the
+/// first represents both, the second has no strength of its own.
 void LightSampler::merge_rectangles(const Instance& instance, const Primitive& p, std::size_t first,
-                                  std::vector<LightBounds>& bounds) {
+                                    std::vector<LightBounds>& bounds) {
   for (std::size_t t = 0; t + 1 < p.triangles.size(); ++t) {
     LightBounds &a = bounds[first + t], &b = bounds[first + t + 1];
     if (!(a.strength > 0) || !(b.strength > 0)) continue;
@@ -145,7 +145,7 @@ void LightSampler::merge_rectangles(const Instance& instance, const Primitive& p
     entry.other_right_angle = s;
     entry.density *= 0.5f;
     entry.centre = Vec3f((next + last) * 0.5);
-    entry.even = entry.even && entry.normal == entries_[first + t + 1].normal;
+    entry.uniform = entry.uniform && entry.normal == entries_[first + t + 1].normal;
     entries_[first + t + 1].merged = true;
     a.box_min = min(a.box_min, b.box_min);
     a.box_max = max(a.box_max, b.box_max);
@@ -156,7 +156,7 @@ void LightSampler::merge_rectangles(const Instance& instance, const Primitive& p
 }
 
 void LightSampler::add_shape(const Scene& scene, std::uint32_t instance,
-                           std::vector<LightBounds>& bounds) {
+                             std::vector<LightBounds>& bounds) {
   const Instance& placed = scene.instances[instance];
   const Mesh& mesh = scene.meshes[static_cast<std::size_t>(placed.mesh)];
   const Material& material = scene.materials[static_cast<std::size_t>(mesh.primitives[0].material)];
@@ -176,7 +176,7 @@ void LightSampler::add_shape(const Scene& scene, std::uint32_t instance,
 }
 
 void LightSampler::add_punctual(const Scene& scene, std::vector<LightBounds>& bounds) {
-  std::vector<double> powers;  // of distant_
+  std::vector<double> powers;  // parallel to distant_
   for (std::size_t i = 0; i < scene.lights.size(); ++i) {
     const PunctualLight& light = scene.lights[i];
     Entry entry;
@@ -189,7 +189,7 @@ void LightSampler::add_punctual(const Scene& scene, std::vector<LightBounds>& bo
     if (light.kind == PunctualLight::Kind::directional && b.strength > 0) {
       distant_.push_back(static_cast<std::uint32_t>(entries_.size()));
       powers.push_back(b.strength);
-      b.strength = 0;  // no leaf of the tree: it has no place
+      b.strength = 0;  // no leaf of the tree, because it has no position
     }
     entries_.push_back(entry);
     bounds.push_back(b);
@@ -197,43 +197,45 @@ void LightSampler::add_punctual(const Scene& scene, std::vector<LightBounds>& bo
   distant_choice_ = DiscreteDistribution(powers);
 }
 
-/// By irradiance, as near as it is known; no kind falls below 2^-10 of another.
-LightSampler::Shares LightSampler::shares(const LightSampleContext& receiver) const {
-  const bool sky = sky_irradiance_ > 0, distant = !distant_.empty(), tree = !tree_.empty();
-  if (sky + distant + tree <= 1) return {sky ? 1.0 : 0, distant ? 1.0 : 0, tree ? 1.0 : 0};
-  const double near = tree_.importance(receiver);
+/// Weights by estimated irradiance, each at least 2^-10 of the largest.
+LightSampler::Shares LightSampler::shares(const LightSampleContext& context) const {
+  const bool environment = environment_irradiance_ > 0, distant = !distant_.empty(),
+             tree = !tree_.empty();
+  if (environment + distant + tree <= 1)
+    return {environment ? 1.0 : 0, distant ? 1.0 : 0, tree ? 1.0 : 0};
+  const double near = tree_.importance(context);
   const double importance = std::isfinite(near) ? near : std::numeric_limits<double>::max();
-  const double most = std::max({sky_irradiance_, distant_choice_.total(), importance});
+  const double most = std::max({environment_irradiance_, distant_choice_.total(), importance});
   const auto weight = [most](bool present, double w) {
     return present ? std::max(w / most, 0x1p-10) : 0;
   };
-  Shares s{weight(sky, sky_irradiance_), weight(distant, distant_choice_.total()),
+  Shares s{weight(environment, environment_irradiance_), weight(distant, distant_choice_.total()),
            weight(tree, importance)};
-  const double sum = s.sky + s.distant + s.tree;
-  return {s.sky / sum, s.distant / sum, s.tree / sum};
+  const double sum = s.environment + s.distant + s.tree;
+  return {s.environment / sum, s.distant / sum, s.tree / sum};
 }
 
-bool LightSampler::sample(const LightSampleContext& receiver, const LightRandom& u,
-                        LightSample* sample) const {
-  const Shares s = shares(receiver);
+bool LightSampler::sample(const LightSampleContext& context, const LightRandom& u,
+                          LightSample* sample) const {
+  const Shares s = shares(context);
   double rest = u.select;
-  if (rest < s.sky) return sample_sky(static_cast<float>(s.sky), u, sample);
-  rest -= s.sky;
+  if (rest < s.environment) return sample_environment(static_cast<float>(s.environment), u, sample);
+  rest -= s.environment;
   if (rest < s.distant) {
-    return sample_distant(rest / s.distant, receiver.time, static_cast<float>(s.distant), sample);
+    return sample_distant(rest / s.distant, context.time, static_cast<float>(s.distant), sample);
   }
   if (!(s.tree > 0)) return false;
   const double select = clamp((rest - s.distant) / s.tree, 0.0, 1 - 0x1p-53);
-  const LightTree::Choice choice = tree_.choose(receiver, select);
+  const LightTree::Choice choice = tree_.choose(context, select);
   const Entry& entry = entries_[choice.light];
-  const auto chance = static_cast<float>(s.tree * choice.probability);
+  const auto probability = static_cast<float>(s.tree * choice.probability);
   if (entry.special) [[unlikely]]
-    return sample_special(entry, chance, receiver, u, sample);
+    return sample_special(entry, probability, context, u, sample);
   if (entry.punctual != kNone) {
     const PunctualLight& light = punctual_[static_cast<std::size_t>(entry.punctual)];
-    return sample_point_light(light, light, chance, receiver.point, sample);
+    return sample_point_light(light, light, probability, context.point, sample);
   }
-  return sample_emitter(entry, chance, receiver.point, u, sample);
+  return sample_emitter(entry, probability, context.point, u, sample);
 }
 
 bool LightSampler::sample_distant(double u, float time, float share, LightSample* sample) const {
@@ -245,24 +247,25 @@ bool LightSampler::sample_distant(double u, float time, float share, LightSample
   sample->distant = true;
   sample->triangle = TriangleId{};
   sample->pdf = 0;
-  const float chance = share * choice.pdf;
-  sample->radiance_over_pdf = light.intensity / chance;
-  return chance > 0 && max_component(light.intensity) > 0;
+  const float probability = share * choice.pdf;
+  sample->radiance_over_pdf = light.intensity / probability;
+  return probability > 0 && max_component(light.intensity) > 0;
 }
 
-bool LightSampler::sample_sky(float share, const LightRandom& u, LightSample* sample) const {
-  const EnvironmentMap::Sample sky = environment_->sample(u.u1, u.u2);
-  sample->direction = sky.direction;
+bool LightSampler::sample_environment(float share, const LightRandom& u,
+                                      LightSample* sample) const {
+  const EnvironmentMap::Sample environment = environment_->sample(u.u1, u.u2);
+  sample->direction = environment.direction;
   sample->distant = true;
   sample->triangle = TriangleId{};
-  sample->pdf = share * sky.pdf;
+  sample->pdf = share * environment.pdf;
   if (!(sample->pdf > 0) || !(sample->pdf < INFINITY)) return false;
-  sample->radiance_over_pdf = sky.radiance / sample->pdf;
-  return max_component(sky.radiance) > 0;
+  sample->radiance_over_pdf = environment.radiance / sample->pdf;
+  return max_component(environment.radiance) > 0;
 }
 
 bool LightSampler::sample_point_light(const PunctualLight& light, const PunctualPose& pose,
-                                    float share, const Vec3f& point, LightSample* sample) {
+                                      float share, const Vec3f& point, LightSample* sample) {
   const PunctualSample s = sample_punctual(light, pose, point);
   sample->direction = s.direction;
   sample->distant = false;
@@ -275,10 +278,11 @@ bool LightSampler::sample_point_light(const PunctualLight& light, const Punctual
 
 /// Corner of a triangle of the entry's primitive, relative to `point`.
 Vec3d LightSampler::corner_from(const Entry& entry, std::uint32_t triangle, std::size_t corner,
-                              const Vec3f& point) const {
-  const Affine3d& place = shading_.instances[entry.triangle.instance].source->object_to_world;
+                                const Vec3f& point) const {
+  const Affine3d& object_to_world = shading_.instances[entry.triangle.instance].source->object_to_world;
   const PrimitiveView& p = shading_.primitive(entry.triangle);
-  return transform_point(place, Vec3d(p.positions[p.triangles[triangle][corner]])) - Vec3d(point);
+  return transform_point(object_to_world, Vec3d(p.positions[p.triangles[triangle][corner]])) -
+         Vec3d(point);
 }
 
 bool LightSampler::may_be_near(const Entry& entry, const Vec3f& point) const {
@@ -286,7 +290,7 @@ bool LightSampler::may_be_near(const Entry& entry, const Vec3f& point) const {
   return dot(d, d) < entry.reach2;
 }
 
-/// The triangle as `point` sees it; without solid angle where its area is sampled instead.
+/// The triangle as seen from `point`; with zero solid angle if it is sampled by area instead.
 SphericalTriangle LightSampler::near_triangle(const Entry& entry, const Vec3f& point) const {
   if (!may_be_near(entry, point)) return {};
   const std::uint32_t t = entry.triangle.triangle;
@@ -296,7 +300,7 @@ SphericalTriangle LightSampler::near_triangle(const Entry& entry, const Vec3f& p
   return seen.is_near() ? seen : SphericalTriangle{};
 }
 
-/// The same for a rectangle, from its first triangle's right angle.
+/// The rectangle as seen from `point`, starting at the first triangle's right angle.
 SphericalRectangle LightSampler::near_rectangle(const Entry& entry, const Vec3f& point) const {
   if (!may_be_near(entry, point)) return {};
   const std::uint32_t t = entry.triangle.triangle;
@@ -307,25 +311,25 @@ SphericalRectangle LightSampler::near_rectangle(const Entry& entry, const Vec3f&
   return seen.is_near() ? seen : SphericalRectangle();
 }
 
-LightSampler::Place LightSampler::place_on(const Entry& entry, const Vec3f& point,
-                                       const LightRandom& u) const {
-  Place place{entry.triangle, {}, 0};
+LightSampler::LightPoint LightSampler::sample_point_on(const Entry& entry, const Vec3f& point,
+                                                       const LightRandom& u) const {
+  LightPoint light_point{entry.triangle, {}, 0};
   if (entry.other == kNoTriangle) {
     const SphericalTriangle seen = near_triangle(entry, point);
-    place.solid_angle = seen.solid_angle;
-    place.weights =
+    light_point.solid_angle = seen.solid_angle;
+    light_point.weights =
         seen.solid_angle > 0
-            ? seen.place_of(seen.sample(u.u1, u.u2))
+            ? seen.barycentrics_at(seen.sample(u.u1, u.u2))
             : warp::uniform_triangle({static_cast<float>(u.u1), static_cast<float>(u.u2)});
-    return place;
+    return light_point;
   }
   const SphericalRectangle seen = near_rectangle(entry, point);
-  place.solid_angle = seen.solid_angle();
+  light_point.solid_angle = seen.solid_angle();
   std::array<double, 2> at = {u.u1, u.u2};
-  if (place.solid_angle > 0) at = seen.sample(u.u1, u.u2);
+  if (light_point.solid_angle > 0) at = seen.sample(u.u1, u.u2);
   std::size_t corner = entry.right_angle;
-  if (at[0] + at[1] > 1) {  // the other half starts from the other end
-    place.triangle.triangle = entry.other;
+  if (at[0] + at[1] > 1) {  // the second triangle is parametrised from its opposite end
+    light_point.triangle.triangle = entry.other;
     corner = entry.other_right_angle;
     at = {1 - at[0], 1 - at[1]};
   }
@@ -333,28 +337,29 @@ LightSampler::Place LightSampler::place_on(const Entry& entry, const Vec3f& poin
   weights[corner] = 1 - at[0] - at[1];
   weights[(corner + 1) % 3] = at[0];
   weights[(corner + 2) % 3] = at[1];
-  place.weights = {static_cast<float>(weights[1]), static_cast<float>(weights[2])};
-  return place;
+  light_point.weights = {static_cast<float>(weights[1]), static_cast<float>(weights[2])};
+  return light_point;
 }
 
-LightSampler::Emitted LightSampler::emitted(const Entry& entry, const Place& place,
-                                        const Vec3f& direction) const {
-  if (entry.even) {
-    const Material& m = *shading_.materials[shading_.primitive(place.triangle).material].source;
+LightSampler::Emitted LightSampler::emitted(const Entry& entry, const LightPoint& light_point,
+                                            const Vec3f& direction) const {
+  if (entry.uniform) {
+    const Material& m =
+        *shading_.materials[shading_.primitive(light_point.triangle).material].source;
     const float along = dot(entry.normal, direction);
     return {along < 0 || m.double_sided ? m.emission : Vec3f{}, std::fabs(along)};
   }
-  const ShadingPoint light =
-      surface_at(shading_, place.triangle, place.weights.x, place.weights.y, direction);
+  const ShadingPoint light = surface_at(shading_, light_point.triangle, light_point.weights.x,
+                                        light_point.weights.y, direction);
   return {emission_at(shading_, light, -direction) * coverage_at(shading_, light),
           std::fabs(dot(light.geometric_normal, direction))};
 }
 
 bool LightSampler::sample_emitter(const Entry& entry, float share, const Vec3f& point,
-                                const LightRandom& u, LightSample* sample) const {
-  const Place place = place_on(entry, point, u);
-  const TriangleId& id = place.triangle;
-  const Vec2f& w = place.weights;
+                                  const LightRandom& u, LightSample* sample) const {
+  const LightPoint light_point = sample_point_on(entry, point, u);
+  const TriangleId& id = light_point.triangle;
+  const Vec2f& w = light_point.weights;
   const InstanceView& instance = shading_.instances[id.instance];
   const PrimitiveView& p = shading_.primitive(id);
   const auto& v = p.triangles[id.triangle];
@@ -365,32 +370,32 @@ bool LightSampler::sample_emitter(const Entry& entry, float share, const Vec3f& 
   sample->direction = normalize(to_light);
   sample->distant = false;
   sample->triangle = id;
-  const auto [radiance, cosine] = emitted(entry, place, sample->direction);
+  const auto [radiance, cosine] = emitted(entry, light_point, sample->direction);
   if (!(max_component(radiance) > 0)) return false;
-  sample->pdf = place.solid_angle > 0
-                    ? static_cast<float>(share / place.solid_angle)
+  sample->pdf = light_point.solid_angle > 0
+                    ? static_cast<float>(share / light_point.solid_angle)
                     : solid_angle_density(share * entry.density, distance, cosine);
   if (!(sample->pdf > 0) || !(sample->pdf < INFINITY)) return false;
   sample->radiance_over_pdf = radiance / sample->pdf;
   return true;
 }
 
-float LightSampler::emitter_pdf(const LightSampleContext& receiver, const TriangleId& id, float distance,
-                              float cos_light) const {
+float LightSampler::emitter_pdf(const LightSampleContext& context, const TriangleId& id,
+                                float distance, float cos_light) const {
   if (tree_.empty()) return 0;
   const std::int64_t first = slots_[slot_first_[id.instance] + id.primitive];
   if (first == kNone) return 0;
   const bool shape = entries_[static_cast<std::size_t>(first)].shape != kNone;
   auto light = static_cast<std::uint32_t>(first) + (shape ? 0 : id.triangle);
   if (entries_[light].merged) --light;
-  const double share = shares(receiver).tree * tree_.probability(receiver, light);
+  const double share = shares(context).tree * tree_.probability(context, light);
   if (!(share > 0)) return 0;
   const Entry& entry = entries_[light];
   if (entry.special) [[unlikely]]
-    return special_pdf(entry, share, receiver, id, distance, cos_light);
+    return special_pdf(entry, share, context, id, distance, cos_light);
   const double solid_angle = entry.other == kNoTriangle
-                                 ? near_triangle(entry, receiver.point).solid_angle
-                                 : near_rectangle(entry, receiver.point).solid_angle();
+                                 ? near_triangle(entry, context.point).solid_angle
+                                 : near_rectangle(entry, context.point).solid_angle();
   if (solid_angle > 0) return static_cast<float>(share / solid_angle);
   return solid_angle_density(static_cast<float>(share) * entry.density, distance, cos_light);
 }

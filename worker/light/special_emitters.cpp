@@ -1,24 +1,23 @@
-// LightSampler's part for emitters that are shapes, or move while the shutter is open: these are
-// looked up as they are at the receiver's time.
+// Sampling of shapes and of moving lights, at the time of the context.
 
 #include <cmath>
 
-#include "worker/light/light_sampler.h"
 #include "worker/light/emitters/moving_lights.h"
 #include "worker/light/emitters/punctual.h"
 #include "worker/light/emitters/spherical_triangle.h"
+#include "worker/light/light_sampler.h"
 #include "worker/sampling/warp.h"
 #include "worker/shading/surface/surface.h"
 
 namespace tessera::render {
 namespace {
 
-/// The density of directions over all of which an emitter is looked for alike; 0 if there are none.
+/// Density over solid angle of uniform sampling over `solid_angle` steradians; 0 for an empty set.
 float density_over(double share, double solid_angle) {
   return solid_angle > 0 ? static_cast<float>(share / solid_angle) : 0;
 }
 
-/// Draws a direction to a shape, one of so many steradians. 0 if it misses.
+/// Samples a direction to a shape, whose proxy subtends the returned solid angle. 0 if it misses.
 double aim_at(const ShapeLight& emitter, const TriangleId& id, const Vec3f& point,
               const LightRandom& u, Hit* hit, LightSample* sample) {
   const Vec3d from(point);
@@ -36,7 +35,7 @@ double aim_at(const ShapeLight& emitter, const TriangleId& id, const Vec3f& poin
   return solid_angle;
 }
 
-/// What the light gives off towards the receiver, over sample->pdf. False if that is nothing.
+/// Sets the sample's radiance from the emission at the light. False if there is none.
 bool take_emission(const ShadingScene& scene, const ShadingPoint& light, LightSample* sample) {
   const Vec3f radiance = emission_at(scene, light, -sample->direction) * coverage_at(scene, light);
   if (!(max_component(radiance) > 0) || !(sample->pdf > 0) || !(sample->pdf < INFINITY)) {
@@ -46,11 +45,11 @@ bool take_emission(const ShadingScene& scene, const ShadingPoint& light, LightSa
   return true;
 }
 
-/// A triangle that moves, as a point sees it at a time.
+/// A moving triangle as seen from a point at a time.
 struct SeenCorners {
   Corners corners;
   SphericalTriangle seen;
-  float density = 0;  // over its area; 0 where that is too small
+  float density = 0;  // per area; 0 if the area is too small
 
   SeenCorners(const Corners& at, const Vec3d& from)
       : corners(at),
@@ -62,20 +61,21 @@ struct SeenCorners {
 
 }  // namespace
 
-bool LightSampler::sample_special(const Entry& entry, float share, const LightSampleContext& receiver,
-                                const LightRandom& u, LightSample* sample) const {
-  if (!entry.moves) return sample_shape(entry, share, receiver.point, u, sample);
+bool LightSampler::sample_special(const Entry& entry, float share,
+                                  const LightSampleContext& context, const LightRandom& u,
+                                  LightSample* sample) const {
+  if (!entry.moves) return sample_shape(entry, share, context.point, u, sample);
   if (entry.punctual != kNone) {
     const PunctualLight& light = punctual_[static_cast<std::size_t>(entry.punctual)];
-    return sample_point_light(light, pose_of(shading_.source, light, receiver.time), share,
-                              receiver.point, sample);
+    return sample_point_light(light, pose_of(shading_.source, light, context.time), share,
+                              context.point, sample);
   }
-  return entry.shape != kNone ? sample_moving_shape(entry, share, receiver, u, sample)
-                              : sample_moving_triangle(entry, share, receiver, u, sample);
+  return entry.shape != kNone ? sample_moving_shape(entry, share, context, u, sample)
+                              : sample_moving_triangle(entry, share, context, u, sample);
 }
 
 bool LightSampler::sample_shape(const Entry& entry, float share, const Vec3f& point,
-                              const LightRandom& u, LightSample* sample) const {
+                                const LightRandom& u, LightSample* sample) const {
   const ShapeLight& emitter = shapes_[static_cast<std::size_t>(entry.shape)];
   Hit hit;
   const double solid_angle = aim_at(emitter, entry.triangle, point, u, &hit, sample);
@@ -84,33 +84,34 @@ bool LightSampler::sample_shape(const Entry& entry, float share, const Vec3f& po
   return take_emission(shading_, surface_at(shading_, hit, sample->direction), sample);
 }
 
-bool LightSampler::sample_moving_shape(const Entry& entry, float share, const LightSampleContext& receiver,
-                                     const LightRandom& u, LightSample* sample) const {
+bool LightSampler::sample_moving_shape(const Entry& entry, float share,
+                                       const LightSampleContext& context, const LightRandom& u,
+                                       LightSample* sample) const {
   const InstanceView& instance = shading_.instances[entry.triangle.instance];
-  const auto pose = pose_of(shading_.source, *instance.source, receiver.time);
+  const auto pose = pose_of(shading_.source, *instance.source, context.time);
   if (!pose) return false;
   const ShapeLight emitter(pose->object_to_world, pose->world_to_object, *instance.shape);
   Hit hit;
-  const double solid_angle = aim_at(emitter, entry.triangle, receiver.point, u, &hit, sample);
+  const double solid_angle = aim_at(emitter, entry.triangle, context.point, u, &hit, sample);
   if (!(solid_angle > 0)) return false;
   sample->pdf = density_over(double{share}, solid_angle);
   MovedSurface memory;
-  return take_emission(shading_, moved_at(shading_, hit, sample->direction, receiver.time, memory),
+  return take_emission(shading_, moved_at(shading_, hit, sample->direction, context.time, memory),
                        sample);
 }
 
 bool LightSampler::sample_moving_triangle(const Entry& entry, float share,
-                                        const LightSampleContext& receiver, const LightRandom& u,
-                                        LightSample* sample) const {
+                                          const LightSampleContext& context, const LightRandom& u,
+                                          LightSample* sample) const {
   const TriangleId& id = entry.triangle;
-  const auto corners = corners_of(shading_.source, id, receiver.time);
+  const auto corners = corners_of(shading_.source, id, context.time);
   if (!corners) return false;
   const auto& [a, b, c] = *corners;
-  const Vec3d from(receiver.point);
+  const Vec3d from(context.point);
   const SeenCorners light(*corners, from);
   const bool near = light.seen.is_near();
   const Vec2f w =
-      near ? light.seen.place_of(light.seen.sample(u.u1, u.u2))
+      near ? light.seen.barycentrics_at(light.seen.sample(u.u1, u.u2))
            : warp::uniform_triangle({static_cast<float>(u.u1), static_cast<float>(u.u2)});
   const Vec3d place = a + (b - a) * static_cast<double>(w.x) + (c - a) * static_cast<double>(w.y);
   sample->direction = Vec3f(normalize(place - from));
@@ -119,7 +120,7 @@ bool LightSampler::sample_moving_triangle(const Entry& entry, float share,
   sample->triangle = id;
   const Hit hit = {0, id, 1 - w.x - w.y, w.x, w.y};
   MovedSurface memory;
-  const ShadingPoint point = moved_at(shading_, hit, sample->direction, receiver.time, memory);
+  const ShadingPoint point = moved_at(shading_, hit, sample->direction, context.time, memory);
   sample->pdf =
       near ? density_over(double{share}, light.seen.solid_angle)
            : solid_angle_density(share * light.density, static_cast<float>(length(place - from)),
@@ -127,20 +128,20 @@ bool LightSampler::sample_moving_triangle(const Entry& entry, float share,
   return take_emission(shading_, point, sample);
 }
 
-float LightSampler::special_pdf(const Entry& entry, double share, const LightSampleContext& receiver,
-                              const TriangleId& id, float distance, float cos_light) const {
-  const Vec3d from(receiver.point);
+float LightSampler::special_pdf(const Entry& entry, double share, const LightSampleContext& context,
+                                const TriangleId& id, float distance, float cos_light) const {
+  const Vec3d from(context.point);
   if (!entry.moves) {
     return density_over(share, shapes_[static_cast<std::size_t>(entry.shape)].solid_angle(from));
   }
   const InstanceView& instance = shading_.instances[id.instance];
   if (entry.shape != kNone) {
-    const auto pose = pose_of(shading_.source, *instance.source, receiver.time);
+    const auto pose = pose_of(shading_.source, *instance.source, context.time);
     if (!pose) return 0;
     const ShapeLight emitter(pose->object_to_world, pose->world_to_object, *instance.shape);
     return density_over(share, emitter.solid_angle(from));
   }
-  const auto corners = corners_of(shading_.source, id, receiver.time);
+  const auto corners = corners_of(shading_.source, id, context.time);
   if (!corners) return 0;
   const SeenCorners light(*corners, from);
   if (light.seen.is_near()) return density_over(share, light.seen.solid_angle);

@@ -11,92 +11,94 @@
 namespace tessera::render {
 namespace {
 
-/// A path that would take more than so many steps through one stretch is given up.
+/// Maximum number of tracking steps in one segment; paths that exceed it are terminated.
 constexpr int kMaxSteps = 1 << 16;
-/// Ratio tracking goes on by chance below this.
+/// Ratio tracking uses Russian roulette below this transmittance.
 constexpr float kFaint = 0.1f;
 
-/// Cuts the stretch down to the ball.
-void clip(const Vec3f& center, float radius, MediumSegment* stretch) {
-  const Vec3d from = stretch->origin - Vec3d(center);
-  const double middle = -dot(from, stretch->direction);
-  const Vec3d nearest = from + stretch->direction * middle;
+/// Clips the segment to the ball.
+void clip(const Vec3f& center, float radius, MediumSegment* segment) {
+  const Vec3d from = segment->origin - Vec3d(center);
+  const double middle = -dot(from, segment->direction);
+  const Vec3d nearest = from + segment->direction * middle;
   const double r = static_cast<double>(radius);
   const double half2 = r * r - dot(nearest, nearest);
   if (!(half2 > 0)) {
-    stretch->end = stretch->begin;
+    segment->end = segment->begin;
     return;
   }
   const double half = std::sqrt(half2);
-  stretch->begin = std::max(stretch->begin, middle - half);
-  stretch->end = std::min(stretch->end, middle + half);
+  segment->begin = std::max(segment->begin, middle - half);
+  segment->end = std::min(segment->end, middle + half);
 }
 
-/// Cuts a stretch of a grid down to its box, which is all it has.
-void clip_to_grid(MediumSegment* stretch) {
-  const DensityGrid& grid = *stretch->medium->grid;
-  Vec3d from = stretch->origin + stretch->medium->origin, along = stretch->direction;
-  if (stretch->inwards) {
-    from = transform_point(*stretch->inwards, stretch->origin);
-    along = transform_vector(*stretch->inwards, stretch->direction);
+/// Clips the segment to the box of its density grid, outside of which the density is zero.
+void clip_to_grid(MediumSegment* segment) {
+  const DensityGrid& grid = *segment->medium->grid;
+  Vec3d from = segment->origin + segment->medium->origin, along = segment->direction;
+  if (segment->inwards) {
+    from = transform_point(*segment->inwards, segment->origin);
+    along = transform_vector(*segment->inwards, segment->direction);
   }
   for (int k = 0; k < 3; ++k) {
     const double a = (static_cast<double>(grid.low[k]) - from[k]) / along[k];
     const double b = (static_cast<double>(grid.high[k]) - from[k]) / along[k];
-    // NaN (a ray in the box's face) cuts nothing.
-    if (std::min(a, b) > stretch->begin) stretch->begin = std::min(a, b);
-    if (std::max(a, b) < stretch->end) stretch->end = std::max(a, b);
+    // NaN (a ray in a face of the box) clips nothing.
+    if (std::min(a, b) > segment->begin) segment->begin = std::min(a, b);
+    if (std::max(a, b) < segment->end) segment->end = std::max(a, b);
   }
 }
 
-/// Steps through a medium as dense everywhere as an uneven one is anywhere.
+/// Tentative collisions with a homogeneous medium of the maximum density.
 class Steps {
  public:
-  Steps(const MediumSegment& stretch, HashSequence* chance)
-      : stretch_(stretch), chance_(*chance), t_(stretch.begin) {
-    const MediumView& medium = *stretch.medium;
-    densest_ =
-        static_cast<double>(max_component(medium.extinction)) * static_cast<double>(medium.most);
+  Steps(const MediumSegment& segment, HashSequence* random)
+      : segment_(segment), random_(*random), t_(segment.begin) {
+    const MediumView& medium = *segment.medium;
+    densest_ = static_cast<double>(max_component(medium.extinction)) *
+               static_cast<double>(medium.max_density);
   }
 
-  /// To the next collision; false beyond the end.
+  /// Advances to the next tentative collision; false beyond the end.
   bool advance() {
-    const float u = chance_.next();
+    const float u = random_.next();
     t_ -= static_cast<double>(elementary::log1p(-u)) / densest_;
-    return t_ < stretch_.end;
+    return t_ < segment_.end;
   }
 
   double at() const { return t_; }
 
-  /// Probability, by channel, that the collision is with something.
+  /// Probability per channel that the collision is real.
   Vec3f real() const {
-    const MediumView& medium = *stretch_.medium;
-    return medium.extinction * (stretch_.density(t_) / static_cast<float>(densest_));
+    const MediumView& medium = *segment_.medium;
+    return medium.extinction * (segment_.density(t_) / static_cast<float>(densest_));
   }
 
  private:
-  const MediumSegment& stretch_;
-  HashSequence& chance_;
+  const MediumSegment& segment_;
+  HashSequence& random_;
   double t_, densest_;
 };
 
-/// To the space that the body's medium is given in, unless that is the world's.
+/// Map from world space to the object space of the body, unless the medium is given in world space.
 std::optional<Affine3d> inwards_of(const ShadingScene& scene, const Body& body, float time) {
-  const ProceduralTexture* procedure = body.material->medium.procedure;
-  if (procedure != nullptr && procedure->space == ProceduralTexture::Space::world) return std::nullopt;
+  const ProceduralTexture* procedural = body.material->medium.procedural;
+  if (procedural != nullptr && procedural->space == ProceduralTexture::Space::world)
+    return std::nullopt;
   const auto pose = pose_of(scene.source, *body.instance->source, time);
   return pose ? pose->world_to_object : body.instance->source->world_to_object;
 }
 
 }  // namespace
 
-MediumSegment stretch_along(const ShadingScene& scene, const MediumStack& interior, const Ray& ray,
-                      double begin, double end) {
+MediumSegment segment_along(const ShadingScene& scene, const MediumStack& stack, const Ray& ray,
+                            double begin, double end) {
   MediumSegment out;
-  const Body* body = interior.top();
+  const Body* body = stack.top();
   out.medium = body != nullptr ? &body->material->medium : &scene.atmosphere;
   if (!out.medium->present()) return out;
-  if (body != nullptr && !out.medium->even()) out.inwards = inwards_of(scene, *body, ray.time);
+  if (body != nullptr && !out.medium->is_homogeneous())
+    out.inwards = inwards_of(scene, *body, ray.time);
   out.origin = Vec3d(ray.origin);
   out.direction = Vec3d(ray.direction);
   out.begin = begin;
@@ -108,28 +110,28 @@ MediumSegment stretch_along(const ShadingScene& scene, const MediumStack& interi
   return out;
 }
 
-Vec3f transmittance(const MediumSegment& stretch, HashSequence* chance) {
-  if (stretch.empty()) return {1, 1, 1};
-  if (stretch.medium->even()) {
-    return beer_transmittance(stretch.medium->extinction, static_cast<float>(stretch.length()));
+Vec3f transmittance(const MediumSegment& segment, HashSequence* random) {
+  if (segment.empty()) return {1, 1, 1};
+  if (segment.medium->is_homogeneous()) {
+    return beer_transmittance(segment.medium->extinction, static_cast<float>(segment.length()));
   }
   Vec3f passes{1, 1, 1};
-  Steps steps(stretch, chance);
+  Steps steps(segment, random);
   for (int i = 0; steps.advance(); ++i) {
     if (i == kMaxSteps) return {};
     passes *= Vec3f{1, 1, 1} - steps.real();
     if (max_component(passes) < kFaint) {
-      if (chance->next() < 0.5f) return {};
+      if (random->next() < 0.5f) return {};
       passes *= 2.0f;
     }
   }
   return passes;
 }
 
-bool collides_unevenly(const MediumSegment& stretch, HashSequence* chance, Vec3f* throughput,
-                       double* at) {
-  const MediumView& medium = *stretch.medium;
-  Steps steps(stretch, chance);
+bool collides_heterogeneous(const MediumSegment& segment, HashSequence* random, Vec3f* throughput,
+                            double* at) {
+  const MediumView& medium = *segment.medium;
+  Steps steps(segment, random);
   for (int i = 0; steps.advance(); ++i) {
     if (i == kMaxSteps) {
       *throughput = {};
@@ -139,7 +141,7 @@ bool collides_unevenly(const MediumSegment& stretch, HashSequence* chance, Vec3f
     const float sum = w.x + w.y + w.z;
     if (!(sum > 0)) return false;
     const float probability = clamp(dot(w, real) / sum, 0.0f, 1.0f);
-    if (chance->next() < probability) {
+    if (random->next() < probability) {
       for (int k = 0; k < 3; ++k) {
         const float sigma = medium.extinction[k];
         (*throughput)[k] *= sigma > 0 ? real[k] / probability * (medium.scattering[k] / sigma) : 0;
@@ -153,7 +155,7 @@ bool collides_unevenly(const MediumSegment& stretch, HashSequence* chance, Vec3f
 }
 
 bool Crossings::add(const ShadingScene& scene, const Hit& hit, const Vec3f& direction, float time) {
-  if (count_ == kMost) return false;
+  if (count_ == kMaxCrossings) return false;
   const ShadingPoint point = surface_at(scene, hit, direction, time, moved_);
   all_[count_++] = {hit.t, hit.id, body_of(point), point.front};
   return true;
@@ -170,10 +172,10 @@ std::span<const Crossing> Crossings::in_order() {
   return {all_.begin(), last};
 }
 
-MediumStack interior_at_start(const ShadingScene& scene, const SceneAccel& accel, const Ray& ray,
-                           Crossings* crossings) {
-  MediumStack interior;
-  if ((scene.traits & kTraitBody) == 0 || !scene.may_be_in_body(ray.origin)) return interior;
+MediumStack initial_medium_stack(const ShadingScene& scene, const SceneAccel& accel, const Ray& ray,
+                                 Crossings* crossings) {
+  MediumStack stack;
+  if ((scene.traits & kTraitBody) == 0 || !scene.may_be_in_body(ray.origin)) return stack;
   crossings->clear();
   Ray onwards = ray;
   onwards.t_max = INFINITY;
@@ -182,31 +184,31 @@ MediumStack interior_at_start(const ShadingScene& scene, const SceneAccel& accel
     return !crossings->add(scene, hit, onwards.direction, onwards.time);
   });
   const std::span<const Crossing> met = crossings->in_order();
-  // What is left last was entered first.
+  // The body that is left last was entered first.
   for (std::size_t i = met.size(); i-- > 0;) {
     const bool first = std::none_of(met.begin(), met.begin() + static_cast<std::ptrdiff_t>(i),
                                     [&](const Crossing& c) { return c.body.id == met[i].body.id; });
-    if (first && !met[i].inwards) interior.enter(met[i].body);
+    if (first && !met[i].inwards) stack.enter(met[i].body);
   }
-  return interior;
+  return stack;
 }
 
-Vec3f transmittance_across(const ShadingScene& scene, MediumStack interior, const Ray& ray,
-                           std::span<const Crossing> crossed, HashSequence* chance) {
+Vec3f transmittance_across(const ShadingScene& scene, MediumStack stack, const Ray& ray,
+                           std::span<const Crossing> crossed, HashSequence* random) {
   const auto unit = static_cast<double>(length(ray.direction));
   Ray along = ray;
   along.direction = normalize(ray.direction);
   Vec3f passes{1, 1, 1};
   double from = 0;
   const auto pass_to = [&](double to) {
-    passes *= transmittance(stretch_along(scene, interior, along, from, to), chance);
+    passes *= transmittance(segment_along(scene, stack, along, from, to), random);
     from = to;
   };
   for (const Crossing& c : crossed) {
-    const bool seen = c.body.material->rank != kBoundaryRank && !interior.hides(c.body);
+    const bool seen = c.body.material->rank != kBoundaryRank && !stack.hides(c.body);
     if (seen) return {};
     pass_to(static_cast<double>(c.t) * unit);
-    interior.cross(c.body, c.inwards);
+    stack.cross(c.body, c.inwards);
     if (!(max_component(passes) > 0)) return {};
   }
   pass_to(static_cast<double>(ray.t_max) * unit);

@@ -13,12 +13,12 @@
 
 namespace tessera::render {
 
-/// The part of a ray that lies in one medium, metres from the ray's origin.
+/// Part of a ray that lies in one medium, metres from the ray's origin.
 struct MediumSegment {
   const MediumView* medium = nullptr;
   Vec3d origin, direction;  // of the ray; unit
   double begin = 0, end = 0;
-  std::optional<Affine3d> inwards;  // of an uneven medium that a body has in its own space
+  std::optional<Affine3d> inwards;  // for a heterogeneous medium in the object space of a body
 
   bool empty() const { return !(begin < end); }
   double length() const { return end - begin; }
@@ -28,13 +28,14 @@ struct MediumSegment {
   }
 };
 
-/// What of [begin, end] along a ray, in multiples of its unit direction, has a medium for a path
-/// that is in `interior`: that of the body that is there, or the scene's, as far as it reaches.
-MediumSegment stretch_along(const ShadingScene& scene, const MediumStack& interior, const Ray& ray,
-                      double begin, double end);
+/// The part of [begin, end] along a ray (multiples of its unit direction) that lies in a medium,
+/// for a path whose nested bodies are `stack`: the medium of the topmost body, or the scene's
+/// atmosphere as far as it extends.
+MediumSegment segment_along(const ShadingScene& scene, const MediumStack& stack, const Ray& ray,
+                            double begin, double end);
 
-/// As many random numbers as an uneven medium takes. Which ones a path uses follows from what it
-/// did before, so they are as much its own as its dimensions are.
+/// Random numbers for tracking in heterogeneous media, which need an unbounded count. They depend
+/// only on the sample and on what the path did before, not on threads or tiles.
 class HashSequence {
  public:
   explicit HashSequence(const Sampler& sampler) : sampler_(&sampler) {}
@@ -46,16 +47,16 @@ class HashSequence {
   std::uint64_t drawn_ = 0;
 };
 
-/// Share of light that passes the stretch: Beer's law, or where the density varies an estimate by
-/// ratio tracking. Source: J. Novak et al., "Residual ratio tracking", 2014.
-Vec3f transmittance(const MediumSegment& stretch, HashSequence* chance);
+/// Transmittance of a segment: Beer's law, or for varying density an estimate by ratio tracking.
+/// Source: J. Novak et al., "Residual ratio tracking", 2014.
+Vec3f transmittance(const MediumSegment& segment, HashSequence* random);
 
-/// Whether a path collides on the stretch of an uneven medium, and how many metres from the ray's
-/// origin; `throughput` is weighted as it is then. By delta tracking: collisions with a medium as
-/// dense everywhere as its densest part, some of which are with nothing. At each the weights of all
-/// channels follow those of one decision, so they are unbiased in colour too.
-/// Source: E. Woodcock et al., 1965; PBR 4e, section 14.1.
-bool collides_unevenly(const MediumSegment& stretch, HashSequence* chance, Vec3f* throughput, double* at);
+/// Delta tracking: returns whether a path collides on a segment of a heterogeneous medium, and the
+/// distance from the ray's origin; weights `throughput` accordingly. Null collisions are chosen by
+/// one decision for all channels, whose weights keep the estimate of each channel unbiased. Source:
+/// E. Woodcock et al., 1965; PBR 4e, section 14.1.
+bool collides_heterogeneous(const MediumSegment& segment, HashSequence* random, Vec3f* throughput,
+                            double* at);
 
 /// A surface of a body that a ray crosses.
 struct Crossing {
@@ -65,30 +66,30 @@ struct Crossing {
   bool inwards;
 };
 
-/// Gathers the surfaces of bodies on a ray, in scratch memory of a thread.
+/// Collects the surfaces of bodies along a ray, in scratch memory of a thread.
 class Crossings {
  public:
-  static constexpr std::size_t kMost = 1024;
+  static constexpr std::size_t kMaxCrossings = 1024;
 
   void clear() { count_ = 0; }
-  /// False if there is no room.
+  /// Returns false if the buffer is full.
   bool add(const ShadingScene& scene, const Hit& hit, const Vec3f& direction, float time);
-  /// All of them along the ray, in order of (t, id), each once.
+  /// All crossings in order of (t, id), without duplicates.
   std::span<const Crossing> in_order();
 
  private:
   std::size_t count_ = 0;
-  std::array<Crossing, kMost> all_;
+  std::array<Crossing, kMaxCrossings> all_;
   MovedSurface moved_;
 };
 
-/// The bodies around the start of a ray: those whose surface it first meets from inside.
-MediumStack interior_at_start(const ShadingScene& scene, const SceneAccel& accel, const Ray& ray,
-                           Crossings* crossings);
+/// Bodies around the start of a ray: those whose surface it first hits from inside.
+MediumStack initial_medium_stack(const ShadingScene& scene, const SceneAccel& accel, const Ray& ray,
+                                 Crossings* crossings);
 
-/// Share of light that passes all media along the ray up to its t_max, from `interior` on, over the
-/// surfaces it crosses; 0 if one of them is seen.
-Vec3f transmittance_across(const ShadingScene& scene, MediumStack interior, const Ray& ray,
-                           std::span<const Crossing> crossed, HashSequence* chance);
+/// Transmittance of all media along the ray up to its t_max, starting in `stack`, across the
+/// surfaces in `crossed`; 0 if one of them is visible.
+Vec3f transmittance_across(const ShadingScene& scene, MediumStack stack, const Ray& ray,
+                           std::span<const Crossing> crossed, HashSequence* random);
 
 }  // namespace tessera::render

@@ -8,8 +8,8 @@
 
 namespace tessera::render {
 
-/// Something closed that a ray can be in: an instance, or a CSG solid, with the material of the
-/// surface the ray came through, which says what fills it.
+/// A closed body: an instance or a CSG solid, with the material of the surface through which the
+/// ray entered it.
 struct Body {
   std::uint32_t id = 0;  // InstanceView::body
   const MaterialView* material = nullptr;
@@ -20,20 +20,20 @@ inline Body body_of(const ShadingPoint& point) {
   return {point.instance->body, point.material, point.instance->still};
 }
 
-/// The bodies that a ray is in, in the order it entered them. Where several overlap, the one of the
-/// highest rank is there, among equals the one entered last.
-/// Source: C. Schmidt and B. Budge, "Simple nested dielectrics in ray traced images", 2002.
+/// Bodies that contain the current point of a path, in order of entry. Where several overlap, the
+/// one of highest rank is effective, among equals the last entered. Source: C. Schmidt and B.
+/// Budge, "Simple nested dielectrics in ray traced images", 2002.
 class MediumStack {
  public:
-  /// Beyond so many at once, the ones entered last are not seen.
-  static constexpr std::uint32_t kMost = 8;
+  /// Maximum nesting depth; deeper bodies are ignored.
+  static constexpr std::uint32_t kMaxDepth = 8;
 
   void enter(const Body& body) {
-    if (count_ < kMost) bodies_[count_++] = body;
+    if (count_ < kMaxDepth) bodies_[count_++] = body;
   }
 
-  /// Takes out the body entered last of those with the id, rather one of the same material; does
-  /// nothing if there is none.
+  /// Removes the last entered body with that id, preferably one of the same material; does nothing
+  /// if there is none.
   void leave(const Body& body) {
     const std::uint32_t index = find(body);
     if (index == count_) return;
@@ -43,20 +43,20 @@ class MediumStack {
 
   void cross(const Body& body, bool inwards) { inwards ? enter(body) : leave(body); }
 
-  /// What is there; null: none of them.
-  const Body* top() const { return top_of(count_); }
+  /// Highest-ranked body, or null.
+  const Body* top() const { return top_without(count_); }
 
-  /// What is there beside `body`, on the other side of its surface.
-  const Body* beside(const Body& body) const { return top_of(find(body)); }
+  /// Highest-ranked body except `body`: the one on the other side of its surface.
+  const Body* top_except(const Body& body) const { return top_without(find(body)); }
 
-  /// Whether the surface of `body` does not count, as something of higher rank is on both sides.
+  /// Returns whether the surface of `body` is invisible because a body of higher rank surrounds it.
   bool hides(const Body& body) const {
-    const Body* other = beside(body);
+    const Body* other = top_except(body);
     return other != nullptr && other->material->rank > body.material->rank;
   }
 
  private:
-  /// Index of the entry that leave() takes, or count_.
+  /// Index of the entry that leave() removes, or count_.
   std::uint32_t find(const Body& body) const {
     std::uint32_t found = count_;
     for (std::uint32_t i = 0; i < count_; ++i) {
@@ -68,7 +68,7 @@ class MediumStack {
     return found;
   }
 
-  const Body* top_of(std::uint32_t without) const {
+  const Body* top_without(std::uint32_t without) const {
     const Body* best = nullptr;
     for (std::uint32_t i = 0; i < count_; ++i) {
       if (i == without) continue;
@@ -78,7 +78,7 @@ class MediumStack {
   }
 
   std::uint32_t count_ = 0;
-  std::array<Body, kMost> bodies_;
+  std::array<Body, kMaxDepth> bodies_;
 };
 
 }  // namespace tessera::render

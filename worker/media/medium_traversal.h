@@ -7,18 +7,19 @@
 
 namespace tessera::render {
 
-/// How far a path gets through even media after an event, until it collides.
+/// Free-flight sampling in homogeneous media.
 ///
-/// The optical depth to go is drawn once, for one channel, and used up stretch by stretch, so that
-/// surfaces that are passed change nothing. The other channels are weighed as if any of the three
-/// might have been drawn (balance heuristic), which bounds the weights.
+/// The optical depth to the next collision is drawn once, for one channel, and consumed segment by
+/// segment, so crossing an invisible surface changes nothing. The other channels are weighted by
+/// the balance heuristic over all three, which bounds the weights.
 /// Source: PBR 4e, section 14.1.2; A. Wilkie et al., "Hero wavelength spectral sampling", 2014.
 class MediumTraversal {
  public:
-  /// What was drawn no longer holds: there was an event.
+  /// Forgets the drawn depth after a scattering event.
   void restart() { begun_ = false; }
 
-  /// Draws, unless that has been done since the last event. `u1` in (0, 1), `u2` in [0, 1).
+  /// Draws an optical depth unless one is left since the last event. `u1` in (0, 1), `u2` in [0,
+  /// 1).
   void begin(double u1, double u2, const Vec3f& throughput) {
     if (begun_) return;
     begun_ = true;
@@ -31,17 +32,17 @@ class MediumTraversal {
     if (!(share_[channel_] > 0)) channel_ = share_.y > 0 ? 1 : 0;  // rounding of the sums
   }
 
-  /// Whether the path collides on a stretch of even medium, and how many metres from the ray's
-  /// origin; `throughput` is what arrives there, or at the end, over the probability.
-  /// Requires begin().
-  bool collides(const MediumSegment& stretch, Vec3f* throughput, double* at) {
-    const MediumView& medium = *stretch.medium;
-    const double length = stretch.length();
+  /// Returns whether the path collides on a segment of homogeneous medium, and the distance from
+  /// the ray's origin; multiplies `throughput` by the transmittance to there, or to the end, over
+  /// the probability. Requires begin().
+  bool collides(const MediumSegment& segment, Vec3f* throughput, double* at) {
+    const MediumView& medium = *segment.medium;
+    const double length = segment.length();
     const auto sigma = static_cast<double>(medium.extinction[channel_]);
     if (sigma > 0 && depth_ < sigma * length) {
-      const double way = depth_ / sigma;
-      *at = stretch.begin + way;
-      const Vec3f arrives = beer_transmittance(medium.extinction, static_cast<float>(way));
+      const double travelled = depth_ / sigma;
+      *at = segment.begin + travelled;
+      const Vec3f arrives = beer_transmittance(medium.extinction, static_cast<float>(travelled));
       *throughput *= medium.scattering * arrives / dot(share_, medium.extinction * arrives);
       return true;
     }
@@ -53,10 +54,10 @@ class MediumTraversal {
     return false;
   }
 
-  /// Density a metre of colliding after `distance` metres; in an uneven medium, as if it were even.
-  /// Requires begin().
+  /// Density per metre of a collision after `distance` metres; for a heterogeneous medium, as if it
+  /// had its typical density everywhere. Requires begin().
   float density(const MediumView& medium, double distance) const {
-    const Vec3f extinction = medium.extinction * medium.usual;
+    const Vec3f extinction = medium.extinction * medium.typical_density;
     const Vec3f arrives = beer_transmittance(extinction, static_cast<float>(distance));
     return dot(share_, extinction * arrives);
   }
@@ -64,8 +65,8 @@ class MediumTraversal {
  private:
   bool begun_ = false;
   int channel_ = 0;
-  double depth_ = 0;         // optical, to go
-  Vec3f share_ = {1, 0, 0};  // probability that each channel was drawn, given what was passed
+  double depth_ = 0;         // remaining optical depth
+  Vec3f share_ = {1, 0, 0};  // probability that each channel was drawn, given the distance so far
 };
 
 }  // namespace tessera::render

@@ -8,7 +8,7 @@
 #include "worker/sampling/warp.h"
 
 /// Henyey & Greenstein's phase function, 1941: (1 - g^2) / (4 pi (1 + g^2 - 2 g cos)^1.5), g the
-/// mean cosine. All in 1 - cos, so that its peak keeps its digits for |g| near 1.
+/// mean cosine. Computed from 1 - cos, which keeps the peak accurate for |g| near 1.
 namespace tessera::render::phase {
 
 /// 1 - cos of the angle between unit vectors, from their difference.
@@ -17,20 +17,20 @@ inline float versine(const Vec3f& a, const Vec3f& b) {
   return 0.5f * dot(d, d);
 }
 
-/// Density over solid angle of going on along `to` for light that came along `from` (both unit, the
-/// way light travels, or both reversed).
+/// Density over solid angle of scattering from `from` to `to` (both unit, in the direction in which
+/// light travels, or both reversed).
 inline float density(float g, const Vec3f& from, const Vec3f& to) {
-  // Of |g|: backward peaks are forward ones seen from behind.
+  // Uses |g|: a backward peak is a forward peak in the opposite direction.
   const float a = std::fabs(g);
   const float v = versine(g < 0 ? -from : from, to);
   const float s = (1 - a) * (1 - a) + 2 * a * v;
   return warp::kInvPi / 4 * (1 - a) * (1 + a) / (s * std::sqrt(s));
 }
 
-/// A direction of that density for u in [0, 1)^2.
+/// Samples a direction with that density for u in [0, 1)^2.
 inline Vec3f sample(float g, const Vec3f& from, Vec2f u) {
   const float a = std::fabs(g);
-  // The inverse of the distribution, solved for 1 - cos without a difference or a division by g.
+  // The inverse CDF, solved for 1 - cos without cancellation or division by g.
   const float below = 1 - a + 2 * a * u.x;
   const float v = (1 - a) * (1 - u.x) * ((1 - a) * (1 + a) / below + 1 - a) / below;
   const float versed = clamp(v, 0.0f, 2.0f);

@@ -4,7 +4,7 @@
 
 namespace tessera::render {
 
-/// Whether the calling thread computes as IEEE 754 has it: round to nearest, denormals neither
+/// Returns whether the calling thread uses IEEE 754 defaults: round to nearest, denormals neither
 /// flushed (FTZ) nor read as zero (DAZ).
 inline bool has_ieee_floats() {
   constexpr unsigned kFlushToZero = 0x8000, kDenormalsAreZero = 0x0040, kRounding = 0x6000;

@@ -22,16 +22,16 @@
 namespace tessera::render {
 namespace {
 
-constexpr std::int64_t kPixelsPerChunk = 64;  // fixed: what a body of the parallel loop renders
+constexpr std::int64_t kPixelsPerChunk = 64;  // fixed size of a body of the parallel loop
 
-/// What the pixels of a chunk count, added up in chunk order so that threads do not matter.
+/// Counters of the pixels of a chunk, summed in chunk order so that threads do not matter.
 struct ChunkTotals {
   double clamped_energy = 0, truncated_energy = 0;
   std::int64_t limit_count = 0;
   std::vector<contract::DroppedSamples> dropped;
 };
 
-/// One unit being rendered.
+/// One unit while it is rendered.
 struct UnitWork {
   contract::PixelRect rect;
   contract::Pass pass;
@@ -39,10 +39,12 @@ struct UnitWork {
   contract::FilmBlock* block;
 };
 
-/// A wrong MXCSR would silently change pixels: a library that sets it is our bug to catch.
+/// A wrong MXCSR would silently change pixels; some library must have set it.
 void check_float_control() {
   if (has_ieee_floats()) return;
-  std::fprintf(stderr, "tessera: this thread flushes denormals or rounds unusually (MXCSR)\n");
+  std::fprintf(stderr,
+               "tessera: MXCSR of this thread flushes denormals or changes rounding; results would "
+               "differ\n");
   std::abort();
 }
 
@@ -64,7 +66,7 @@ class PathTracingFrame final : public FrameRenderer {
              ChunkTotals* totals) const;
   void store_first_hit(const PathResult& path, std::size_t pixel, contract::FilmBlock* block) const;
 
-  Timings timings_;  // first: filled while the others are made
+  Timings timings_;  // first member: filled while the others are constructed
   const Scene scene_;
   const ShadingScene shading_;
   const CameraRays camera_;
@@ -101,9 +103,10 @@ std::int64_t scene_bytes(const Scene& scene) {
 SceneAccel timed_accel(const Scene& scene, const ParallelFor& parallel_for,
                        const FrameRenderer* before, const TraceOptions& tracing, double* seconds) {
   const auto start = std::chrono::steady_clock::now();
-  SceneAccel accel = tracing.instead ? SceneAccel(tracing.instead(scene))
-                                     : SceneAccel(scene, parallel_for, tracing,
-                                                  before == nullptr ? nullptr : &before->accel());
+  SceneAccel accel = tracing.override_accelerator
+                         ? SceneAccel(tracing.override_accelerator(scene))
+                         : SceneAccel(scene, parallel_for, tracing,
+                                      before == nullptr ? nullptr : &before->accel());
   *seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return accel;
 }
@@ -112,8 +115,8 @@ PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& 
                                    std::int32_t frame, const ParallelFor& parallel_for,
                                    const FrameRenderer* before, const TraceOptions& tracing)
     : scene_(std::move(scene)),
-      shading_(scene_, tracing.assumed),
-      camera_(scene_.camera, settings.width, settings.height, tracing.assumed),
+      shading_(scene_, tracing.assumed_features),
+      camera_(scene_.camera, settings.width, settings.height, tracing.assumed_features),
       accel_(timed_accel(scene_, parallel_for, before, tracing, &timings_.accel_build_seconds)),
       lights_(scene_, shading_),
       filter_(settings.filter, settings.filter_width),
@@ -173,7 +176,7 @@ void PathTracingFrame::render_chunk(const UnitWork& unit, std::int64_t chunk,
   const std::size_t pixels = std::min<std::size_t>(kPixelsPerChunk, unit.order.size() - first);
   const auto samples = static_cast<std::size_t>(unit.pass.sample_count);
   PixelSums sums;
-  // Packets hold neighbouring pixels where these have few samples.
+  // Packets group samples of neighbouring pixels when each pixel has few.
   for (std::size_t begin = 0; begin < pixels * samples; begin += kPacketSize) {
     const std::size_t count = std::min<std::size_t>(kPacketSize, pixels * samples - begin);
     std::array<PathId, kPacketSize> ids;
@@ -214,7 +217,7 @@ void PathTracingFrame::store(const UnitWork& unit, std::size_t pixel, const Pixe
   }
 }
 
-/// Depth, position and ids of sample 0; misses stay 0.
+/// Stores depth, position and ids of sample 0; misses stay 0.
 void PathTracingFrame::store_first_hit(const PathResult& path, std::size_t pixel,
                                        contract::FilmBlock* block) const {
   const CameraHit& hit = path.hit;
@@ -255,7 +258,7 @@ absl::StatusOr<std::unique_ptr<FrameRenderer>> FrameRenderer::create(
         absl::StrCat("render settings: filter width ", settings.filter_width, " px"));
   }
   if (scene.materials.empty()) {
-    return absl::InvalidArgumentError("scene: no materials, not even the default one");
+    return absl::InvalidArgumentError("scene: no materials; the default material is missing");
   }
   return std::make_unique<PathTracingFrame>(std::move(scene), settings, frame, parallel_for, before,
                                             tracing);

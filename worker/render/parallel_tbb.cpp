@@ -9,7 +9,7 @@
 namespace tessera::render {
 
 ParallelFor parallel_tbb(int threads) {
-  // Shared by the copies of the returned function: an arena cannot be copied.
+  // Shared by copies of the returned function, because an arena cannot be copied.
   auto arena = std::make_shared<tbb::task_arena>(threads < 1 ? 1 : threads);
   return [arena](std::int64_t count, const std::function<void(std::int64_t)>& body) {
     arena->execute([&] {

@@ -4,7 +4,7 @@
 
 namespace tessera::render {
 
-/// A ParallelFor over oneTBB's pool with at most `threads` threads (at least 1): the product's.
+/// ParallelFor on oneTBB's pool with at most `threads` threads (at least 1), used by the worker.
 /// Calls may nest. The body must not throw.
 ParallelFor parallel_tbb(int threads);
 

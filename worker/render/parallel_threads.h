@@ -4,8 +4,8 @@
 
 namespace tessera::render {
 
-/// A ParallelFor that starts `threads` std::threads for every call and joins them: for
-/// ThreadSanitizer, which cannot see into libtbb, and for tests. The body must not throw.
+/// ParallelFor that starts and joins `threads` std::threads per call, for tests and
+/// ThreadSanitizer, which cannot see into libtbb. The body must not throw.
 ParallelFor parallel_threads(int threads);
 
 }  // namespace tessera::render

@@ -29,10 +29,10 @@ inline double fraction(std::uint64_t bits) {
 
 /// State of a path that tracks the bodies it is in and scatters between surfaces.
 struct MediaState {
-  explicit MediaState(const Sampler& sampler) : chance(sampler) {}
-  MediumStack interior;
-  MediumTraversal flight;
-  HashSequence chance;
+  explicit MediaState(const Sampler& sampler) : random(sampler) {}
+  MediumStack stack;
+  MediumTraversal traversal;
+  HashSequence random;
 };
 
 /// What happened to a path in a medium before the next surface.
@@ -83,12 +83,12 @@ template <typename Tracer>
 bool PathMedia<Tracer>::passes_unseen(const ShadingPoint& point, const Hit& hit,
                                       const SurfacePoint& position) {
   if ((point.material->traits & kTraitBody) == 0) return false;
-  MediumStack& interior = tracer().media_.interior;
+  MediumStack& stack = tracer().media_.stack;
   const Body body = body_of(point);
-  const bool seen = point.material->rank != kBoundaryRank && !interior.hides(body);
+  const bool seen = point.material->rank != kBoundaryRank && !stack.hides(body);
   if (seen) return false;
-  interior.cross(body, point.front);
-  tracer().go_on_behind(hit, position);
+  stack.cross(body, point.front);
+  tracer().continue_behind(hit, position);
   return true;
 }
 
@@ -96,15 +96,15 @@ template <typename Tracer>
 Vec3f PathMedia<Tracer>::light_through_bodies(const Ray& ray, const LightSample& light) {
   Tracer& t = tracer();
   const ShadingScene& scene = t.frame_.shading;
-  ThinSurfaceStack& sheets = t.scratch_->sheets;
+  ThinSurfaceStack& thin_surfaces = t.scratch_->thin_surfaces;
   Crossings& crossings = *t.scratch_->crossings;
-  sheets.passed = sheets.count = 0;
+  thin_surfaces.passed = thin_surfaces.count = 0;
   crossings.clear();
   const auto traits =
       static_cast<std::uint8_t>(scene.traits & (kTraitAlpha | kTraitUnlit | kTraitStraight));
   const ShadowFilter filter{scene,           {t.sampler_, t.bounce(), RayKind::shadow},
                             light.direction, light.triangle,
-                            traits,          &sheets,
+                            traits,          &thin_surfaces,
                             ray.time,        &t.scratch_->passed};
   bool full = false;
   const bool blocked = t.frame_.accel.any_hit(ray, [&](const Hit& hit) {
@@ -114,12 +114,12 @@ Vec3f PathMedia<Tracer>::light_through_bodies(const Ray& ray, const LightSample&
     return false;
   });
   if (blocked) return {};  // before looking at what was met: that depends on the traversal's order
-  if (full || sheets.passed > kTransparencyLimit) {
+  if (full || thin_surfaces.passed > kTransparencyLimit) {
     ++t.path_.result.limit_count;
     return {};
   }
-  return sheets.transmittance() * transmittance_across(scene, t.media_.interior, ray,
-                                                       crossings.in_order(), &t.media_.chance);
+  return thin_surfaces.transmittance() *
+         transmittance_across(scene, t.media_.stack, ray, crossings.in_order(), &t.media_.random);
 }
 
 template <typename Tracer>
@@ -127,33 +127,33 @@ Passage PathMedia<Tracer>::cross_medium(double distance) {
   auto& path = tracer().path_;
   MediaState& media = tracer().media_;
   const MediumSegment segment =
-      segment_along(tracer().frame_.shading, media.interior, path.ray, 0, distance);
+      segment_along(tracer().frame_.shading, media.stack, path.ray, 0, distance);
   if (segment.empty()) return Passage::none;
   const MediumView& medium = *segment.medium;
   if (!medium.scatters()) {
-    path.throughput *= transmittance(segment, &media.chance);
+    path.throughput *= transmittance(segment, &media.random);
     return Passage::none;
   }
   const Vec4d u = tracer().sampler_.get_4d_fine(dimensions::medium(tracer().bounce()));
-  media.flight.begin(u.x, u.y, path.throughput);
-  const MediumTraversal start = media.flight;
+  media.traversal.begin(u.x, u.y, path.throughput);
+  const MediumTraversal start = media.traversal;
   const auto density = [&](double t) { return start.density(medium, t - segment.begin); };
   const std::optional<EquiAngular> near = choose_equi_angular(segment, u.w);
   if (near) {
     const double t = near->sample(u.z);
     const auto pdf = static_cast<float>(near->pdf(t));
-    const float here = medium.even() ? 1 : segment.density(t);
+    const float here = medium.is_homogeneous() ? 1 : segment.density(t);
     MediumSegment before = segment;
     before.end = t;
-    const Vec3f arrives = transmittance(before, &media.chance) * medium.scattering * here;
+    const Vec3f arrives = transmittance(before, &media.random) * medium.scattering * here;
     add_light_in_medium(medium, Vec3f(segment.at(t)),
                         path.throughput * arrives * (power_heuristic(pdf, density(t)) / pdf),
                         dimensions::light_in_medium(tracer().bounce()));
   }
   double t = 0;
-  const bool collides = medium.even()
-                            ? media.flight.collides(segment, &path.throughput, &t)
-                            : collides_heterogeneous(segment, &media.chance, &path.throughput, &t);
+  const bool collides = medium.is_homogeneous()
+                            ? media.traversal.collides(segment, &path.throughput, &t)
+                            : collides_heterogeneous(segment, &media.random, &path.throughput, &t);
   if (!collides) return Passage::none;
   // Where the density is zero, light near the point has all the weight, and this has none.
   const float pdf = density(t);
@@ -169,7 +169,8 @@ std::optional<EquiAngular> PathMedia<Tracer>::choose_equi_angular(const MediumSe
   if (tracer().path_.depth >= tracer().frame_.max_depth) return std::nullopt;
   const MediumView& medium = *segment.medium;
   const double v = fraction(tracer().sampler_.hash(dimensions::medium(tracer().bounce())));
-  const auto sigma = static_cast<double>(dot(medium.extinction, Vec3f{1, 1, 1}) * medium.usual) / 3;
+  const auto sigma =
+      static_cast<double>(dot(medium.extinction, Vec3f{1, 1, 1}) * medium.typical_density) / 3;
   const double missed = elementary::exp(-sigma * segment.length());
   const double reach = -elementary::log(1 - v * (1 - missed)) / sigma;
   const LightSampleContext middle{Vec3f(segment.at(segment.begin + reach)), {0, 0, 1}, true};
@@ -196,7 +197,7 @@ bool PathMedia<Tracer>::scatter_in_medium(const MediumView& medium, const Vec3f&
   path.from_camera = path.specular_bounce = false;
   path.footprint = path.growth = 0;
   path.scattered_at = {position, {0, 0, 1}, true, path.ray.time};
-  tracer().media_.flight.restart();
+  tracer().media_.traversal.restart();
   return true;
 }
 
@@ -213,10 +214,10 @@ void PathMedia<Tracer>::add_light_in_medium(const MediumView& medium, const Vec3
   ray.direction = light.distant ? light.direction : light.target - position;
   if (!light.distant) ray.t_max = 1;
   ray.time = path.ray.time;
-  const Vec3f open = tracer().light_through(ray, light);
-  if (!(max_component(open) > 0)) return;
+  const Vec3f visibility = tracer().light_through(ray, light);
+  if (!(max_component(visibility) > 0)) return;
   const float weight = light.pdf > 0 ? power_heuristic(light.pdf, phase) : 1.0f;
-  path.result.radiance += throughput * light.radiance_over_pdf * open * (phase * weight);
+  path.result.radiance += throughput * light.radiance_over_pdf * visibility * (phase * weight);
 }
 
 }  // namespace tessera::render

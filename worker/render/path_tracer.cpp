@@ -7,47 +7,49 @@
 #include <type_traits>
 
 #include "worker/geometry/surface_point.h"
-#include "worker/media/medium_traversal.h"
 #include "worker/media/medium_stack.h"
+#include "worker/media/medium_traversal.h"
+#include "worker/media/phase.h"
 #include "worker/render/path_media.h"
 #include "worker/sampling/dimensions.h"
 #include "worker/sampling/equi_angular.h"
 #include "worker/sampling/sampler.h"
 #include "worker/shading/microfacet/dispersion.h"
-#include "worker/media/phase.h"
 
 namespace tessera::render {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
-/// After the second scattering event, paths that carry less than this end by chance, or go on
-/// carrying this much. Measured: docs/notes/dropped-ideas.md.
+/// Russian roulette after the second scattering event: paths with a throughput below this end with
+/// a probability, or continue with this throughput. Measured: docs/notes/dropped-ideas.md.
 constexpr float kRouletteWeight = 0.5f;
 constexpr std::int32_t kRouletteDepth = 1;
-/// One in so many of the paths that are cut at max_depth is traced on, for the report only, up to
-/// so many scattering events (docs/explanation/error-estimation.md#error-measure).
-constexpr std::uint64_t kCutPathsPerTraced = 64;
-constexpr std::int32_t kTracedOnDepth = 4096;
+/// One in this many paths that end at max_depth is continued up to this many scattering events,
+/// only to estimate the truncated light for the report
+/// (docs/explanation/error-estimation.md#error-measure).
+constexpr std::uint64_t kCutPathsPerContinued = 64;
+constexpr std::int32_t kContinuedMaxDepth = 4096;
 
-LightSampleContext receiver_of(const Bsdf& bsdf, const SurfacePoint& position, float time) {
+LightSampleContext light_sample_context(const Bsdf& bsdf, const SurfacePoint& position,
+                                        float time) {
   return {position.position, bsdf.frame.normal, bsdf.interface != Interface::opaque, time};
 }
 
-/// Where a path is: the ray that has not been traced yet, and what it carries.
+/// State of a path: the next ray and its throughput.
 struct Path {
   Ray ray;  // unit direction
   Vec3f throughput{1, 1, 1};
   PathResult result;
-  std::int32_t depth = 0;                // scattering events so far
-  std::int32_t passed = 0;               // transparent surfaces so far
-  bool from_camera = true;               // nothing but alpha holes so far
-  bool specular_bounce = true;                 // no light sampling could have made this ray: no MIS
+  std::int32_t depth = 0;                // number of scattering events
+  std::int32_t passed = 0;               // number of transparent surfaces passed
+  bool from_camera = true;               // only alpha holes so far
+  bool specular_bounce = true;           // the ray cannot come from light sampling: no MIS
   float pdf = 0;                         // of the last scattering, over solid angle
-  LightSampleContext scattered_at;            // where that was
-  const MaterialView* medium = nullptr;  // the absorbing solid the ray is in; without MediaState
-  float footprint = 0;   // width of a pixel where the ray starts, metres, and its growth a metre;
-  float growth = 0;      // 0 once chance has scattered the path: the rest is met as points
-  float wavelength = 0;  // nanometres; 0 until a dispersive surface asks for one
+  LightSampleContext scattered_at;       // position of the last scattering
+  const MaterialView* medium = nullptr;  // absorbing solid around the ray; without MediaState
+  float footprint = 0;   // pixel footprint at the ray's origin, metres, and its growth per metre;
+  float growth = 0;      // 0 after non-specular scattering: footprints are then points
+  float wavelength = 0;  // nanometres; 0 until a dispersive surface samples one
 };
 
 struct NoMedia {
@@ -65,7 +67,7 @@ class PathTracer : PathMedia<PathTracer<kMedia>> {
         max_depth_(frame.max_depth),
         media_(sampler_) {}
 
-  /// `first`: what the camera ray hits, where that is known; its instance is UINT32_MAX if nothing.
+  /// `first`: hit of the camera ray, if known; instance UINT32_MAX for a miss.
   PathResult trace(const Ray& camera_ray, const Hit* first);
 
  private:
@@ -74,24 +76,24 @@ class PathTracer : PathMedia<PathTracer<kMedia>> {
 
   bool find_hit(Hit* hit);
   bool step(const Hit& hit);
-  void widen(float distance, ShadingPoint* point);
+  void set_footprint(float distance, ShadingPoint* point);
   void choose_wavelength();
   bool is_cut();
-  void add_sky();
+  void add_environment();
   void record(const ShadingPoint& point, const SurfacePoint& position, const Vec4f& base);
   void absorb(const ShadingPoint& point, float distance);
   void add_emission(const ShadingPoint& point, const TriangleId& id, const Vec3f& position);
-  void go_on_behind(const Hit& hit, const SurfacePoint& position);
-  bool goes_straight(const Bsdf& bsdf, const Hit& hit, const SurfacePoint& position);
+  void continue_behind(const Hit& hit, const SurfacePoint& position);
+  bool passes_straight(const Bsdf& bsdf, const Hit& hit, const SurfacePoint& position);
   void add_direct(const Bsdf& bsdf, const TriangleId& id, const SurfacePoint& position);
   Vec3f light_through(const Ray& ray, const LightSample& light);
   Vec3f medium_transmittance(const Ray& ray, const LightSample& light) const;
-  Bsdf bsdf_met(ShadingPoint point, const Vec4f& base) const;
+  Bsdf bsdf_at_hit(ShadingPoint point, const Vec4f& base) const;
   bool survives(float u);
-  bool draw_light(const LightSampleContext& receiver, std::uint32_t set, LightSample* light);
+  bool draw_light(const LightSampleContext& context, std::uint32_t set, LightSample* light);
   bool scatter(const ShadingPoint& point, const Bsdf& bsdf, const TriangleId& id,
                const SurfacePoint& position);
-  /// Goes on along a ray, at the same time.
+  /// Continues along a ray at the same time.
   void follow(const Ray& ray) {
     const float time = path_.ray.time;
     path_.ray = ray;
@@ -102,8 +104,8 @@ class PathTracer : PathMedia<PathTracer<kMedia>> {
   const FrameContext& frame_;
   Sampler sampler_;
   PathScratch* scratch_;
-  std::int32_t max_depth_;           // of the image; once the path is traced on, of that
-  std::optional<PathResult> image_;  // what it came to before it was traced on
+  std::int32_t max_depth_;           // of the image, or of a path that is continued for the report
+  std::optional<PathResult> image_;  // result for the image before the path was continued
   Path path_;
   std::conditional_t<kMedia, MediaState, NoMedia> media_;
 };
@@ -114,7 +116,7 @@ PathResult PathTracer<kMedia>::trace(const Ray& camera_ray, const Hit* first) {
   path_.footprint = frame_.camera.footprint_at_start();
   path_.growth = frame_.camera.footprint_growth();
   if constexpr (kMedia) {
-    media_.interior =
+    media_.stack =
         initial_medium_stack(frame_.shading, frame_.accel, camera_ray, scratch_->crossings.get());
   }
   for (;; first = nullptr) {
@@ -128,7 +130,7 @@ PathResult PathTracer<kMedia>::trace(const Ray& camera_ray, const Hit* first) {
       if (passage == Passage::scattered) continue;
     }
     if (!found) {
-      add_sky();
+      add_environment();
       break;
     }
     if (path_.passed > kTransparencyLimit) {
@@ -138,21 +140,21 @@ PathResult PathTracer<kMedia>::trace(const Ray& camera_ray, const Hit* first) {
     if (!step(hit)) break;
   }
   if (!image_) return path_.result;
-  image_->truncated = path_.result.radiance * static_cast<float>(kCutPathsPerTraced);
+  image_->truncated = path_.result.radiance * static_cast<float>(kCutPathsPerContinued);
   return *image_;
 }
 
-/// Whether the path has no scattering event left. A few that have not are traced on: from then on
-/// they gather what the image lacks.
+/// Returns whether the path has reached max_depth. A few such paths are continued: they then
+/// accumulate the light that the image lacks.
 template <bool kMedia>
 bool PathTracer<kMedia>::is_cut() {
   if (path_.depth < max_depth_) return false;
-  const bool cut =
-      max_depth_ == kTracedOnDepth || sampler_.hash(dimensions::kTraceOn) % kCutPathsPerTraced != 0;
+  const bool cut = max_depth_ == kContinuedMaxDepth ||
+                   sampler_.hash(dimensions::kTraceOn) % kCutPathsPerContinued != 0;
   if (cut) return true;
   image_ = path_.result;
   path_.result.radiance = {};
-  max_depth_ = kTracedOnDepth;
+  max_depth_ = kContinuedMaxDepth;
   return false;
 }
 
@@ -184,13 +186,13 @@ bool PathTracer<kMedia>::find_hit(Hit* hit) {
   return found;
 }
 
-/// One surface: emission, direct light, and the next ray. False when the path ends.
+/// Handles one surface: emission, direct light and the next ray. Returns false if the path ends.
 template <bool kMedia>
 bool PathTracer<kMedia>::step(const Hit& hit) {
   ShadingPoint point =
       surface_at(frame_.shading, hit, path_.ray.direction, path_.ray.time, scratch_->met);
   if (frame_.shading.tracks_footprints) [[unlikely]]
-    widen(hit.t, &point);
+    set_footprint(hit.t, &point);
   SurfacePoint position = position_of(point);
   if constexpr (kMedia) {
     if (Media::passes_unseen(point, hit, position)) return true;
@@ -208,19 +210,19 @@ bool PathTracer<kMedia>::step(const Hit& hit) {
   if (point.material->dispersive) [[unlikely]]
     choose_wavelength();
   offset_shadow_terminator(-path_.ray.direction, &point, &position);
-  const Bsdf bsdf = bsdf_met(point, base);
-  if (goes_straight(bsdf, hit, position)) return true;
+  const Bsdf bsdf = bsdf_at_hit(point, base);
+  if (passes_straight(bsdf, hit, position)) return true;
   if (is_cut()) return false;
   const TriangleId left = point.raised ? TriangleId{} : hit.id;
   add_direct(bsdf, left, position);
   return scatter(point, bsdf, left, position);
 }
 
-/// Of what the path has come to; of a solid, as seen from what is on the other side.
+/// BSDF at the hit. For nested solids the index of refraction is relative to the outer medium.
 template <bool kMedia>
-Bsdf PathTracer<kMedia>::bsdf_met(ShadingPoint point, const Vec4f& base) const {
+Bsdf PathTracer<kMedia>::bsdf_at_hit(ShadingPoint point, const Vec4f& base) const {
   if constexpr (kMedia) {
-    const Body* outside = media_.interior.beside(body_of(point));
+    const Body* outside = media_.stack.top_except(body_of(point));
     if (outside != nullptr && point.material->interface == Interface::solid) {
       point.material = &frame_.shading.between(*point.material, *outside->material);
     }
@@ -228,25 +230,25 @@ Bsdf PathTracer<kMedia>::bsdf_met(ShadingPoint point, const Vec4f& base) const {
   return bsdf_at(frame_.shading, point, base, -path_.ray.direction, path_.wavelength);
 }
 
-/// The surface was passed: the same ray from its far side, as long as before.
+/// Continues the ray behind a surface that it passed, with the same end.
 template <bool kMedia>
-void PathTracer<kMedia>::go_on_behind(const Hit& hit, const SurfacePoint& position) {
+void PathTracer<kMedia>::continue_behind(const Hit& hit, const SurfacePoint& position) {
   ++path_.passed;
   const float rest = path_.ray.t_max - hit.t;
   follow(spawn_ray(position, hit.id, path_.ray.direction));
   path_.ray.t_max = rest;
 }
 
-/// A pixel's cone has come to a surface, which it meets at an angle.
+/// Sets the footprint of the path's cone on a surface at an angle.
 template <bool kMedia>
-void PathTracer<kMedia>::widen(float distance, ShadingPoint* point) {
+void PathTracer<kMedia>::set_footprint(float distance, ShadingPoint* point) {
   path_.footprint += path_.growth * distance;
-  constexpr float kLeast = 0.1f;  // further stretched, it would blur what is seen across
+  constexpr float kMinCosine = 0.1f;  // longer footprints would blur across the view direction
   const float cosine = std::fabs(dot(point->geometric_normal, path_.ray.direction));
-  point->footprint = path_.footprint / (cosine > kLeast ? cosine : kLeast);
+  point->footprint = path_.footprint / (cosine > kMinCosine ? cosine : kMinCosine);
 }
 
-/// From the first dispersive surface on the path stands for one wavelength.
+/// From the first dispersive surface on, the path represents one wavelength.
 template <bool kMedia>
 void PathTracer<kMedia>::choose_wavelength() {
   if (path_.wavelength > 0) return;
@@ -256,8 +258,8 @@ void PathTracer<kMedia>::choose_wavelength() {
 }
 
 template <bool kMedia>
-void PathTracer<kMedia>::add_sky() {
-  const bool has_sky = frame_.lights.environment() != nullptr;
+void PathTracer<kMedia>::add_environment() {
+  const bool has_environment = frame_.lights.environment() != nullptr;
   if (path_.from_camera) {
     switch (frame_.background) {
       case contract::Background::color:
@@ -267,14 +269,15 @@ void PathTracer<kMedia>::add_sky() {
         path_.result.alpha = 0;
         return;
       case contract::Background::automatic:
-        if (!has_sky) path_.result.alpha = 0;
+        if (!has_environment) path_.result.alpha = 0;
         break;
     }
   }
-  if (!has_sky) return;
-  const EnvironmentMap::Lookup sky = frame_.lights.sky(path_.scattered_at, path_.ray.direction);
-  const float weight = path_.specular_bounce ? 1 : power_heuristic(path_.pdf, sky.pdf);
-  path_.result.radiance += path_.throughput * sky.radiance * weight;
+  if (!has_environment) return;
+  const EnvironmentMap::Lookup environment =
+      frame_.lights.environment(path_.scattered_at, path_.ray.direction);
+  const float weight = path_.specular_bounce ? 1 : power_heuristic(path_.pdf, environment.pdf);
+  path_.result.radiance += path_.throughput * environment.radiance * weight;
 }
 
 template <bool kMedia>
@@ -294,8 +297,8 @@ void PathTracer<kMedia>::record(const ShadingPoint& point, const SurfacePoint& p
   hit.time = path_.ray.time;
 }
 
-/// Beer's law along the ray that just ended. A solid's inner side tells the medium by itself, so
-/// that cameras may start inside one.
+/// Applies Beer's law to the last ray segment. The inside of a solid identifies the medium by
+/// itself, so cameras may start inside one.
 template <bool kMedia>
 void PathTracer<kMedia>::absorb(const ShadingPoint& point, float distance) {
   const MaterialView* medium = path_.medium;
@@ -319,36 +322,37 @@ void PathTracer<kMedia>::add_emission(const ShadingPoint& point, const TriangleI
   path_.result.radiance += light;
 }
 
-/// Thin sheets let light pass without an event: not counted as depth, no roulette, and the density
-/// of the last real scattering stays.
+/// Passes a thin surface: this is no scattering event, so depth and roulette do not count it, and
+/// the density of the last scattering stays.
 template <bool kMedia>
-bool PathTracer<kMedia>::goes_straight(const Bsdf& bsdf, const Hit& hit,
-                                       const SurfacePoint& position) {
+bool PathTracer<kMedia>::passes_straight(const Bsdf& bsdf, const Hit& hit,
+                                         const SurfacePoint& position) {
   const Vec3f share = straight_transmittance(bsdf);
   const float straight = luminance(share);
   if (!(straight > 0)) return false;
   const float probability = straight / (straight + scattered_albedo(bsdf));
-  if (!(straight_chance(sampler_, bounce(), hit.id) < probability)) {
+  if (!(straight_random(sampler_, bounce(), hit.id) < probability)) {
     path_.throughput = path_.throughput / (1 - probability);
     return false;
   }
   path_.throughput *= share / probability;
   path_.from_camera = false;
-  go_on_behind(hit, position);
+  continue_behind(hit, position);
   return true;
 }
 
 template <bool kMedia>
-bool PathTracer<kMedia>::draw_light(const LightSampleContext& receiver, std::uint32_t set,
+bool PathTracer<kMedia>::draw_light(const LightSampleContext& context, std::uint32_t set,
                                     LightSample* light) {
   LightRandom u;
   const Vec4f x = sampler_.get_4d(set);
-  // 20 more bits each: a texel of the sky or a lamp among millions may be narrower than 2^-24.
+  // 20 extra bits each, because one of millions of lights or texels may have a probability below
+  // 2^-24.
   const std::uint64_t bits = sampler_.hash(set);
   u.u1 = x.x + fraction(bits) * 0x1p-24;
   u.u2 = x.y + fraction(bits >> 20) * 0x1p-24;
   u.select = x.z + fraction(bits >> 40) * 0x1p-24;
-  return frame_.lights.sample(receiver, u, light);
+  return frame_.lights.sample(context, u, light);
 }
 
 template <bool kMedia>
@@ -356,20 +360,21 @@ void PathTracer<kMedia>::add_direct(const Bsdf& bsdf, const TriangleId& id,
                                     const SurfacePoint& position) {
   if (!frame_.lights.samples_anything() || !has_smooth_density(bsdf)) return;
   LightSample light;
-  const LightSampleContext receiver = receiver_of(bsdf, position, path_.ray.time);
-  if (!draw_light(receiver, dimensions::light(bounce()), &light)) return;
+  const LightSampleContext context = light_sample_context(bsdf, position, path_.ray.time);
+  if (!draw_light(context, dimensions::light(bounce()), &light)) return;
   const BsdfValue value = evaluate_bsdf(bsdf, light.direction);
   if (!(max_component(value.f_cos) > 0)) return;
   Ray ray = light.distant ? spawn_ray(position, id, light.direction)
                           : spawn_ray_to(position, id, light.target);
   ray.time = path_.ray.time;
-  const Vec3f open = light_through(ray, light);
-  if (!(max_component(open) > 0)) return;
+  const Vec3f visibility = light_through(ray, light);
+  if (!(max_component(visibility) > 0)) return;
   const float weight = light.pdf > 0 ? power_heuristic(light.pdf, value.pdf) : 1.0f;
-  path_.result.radiance += path_.throughput * value.f_cos * light.radiance_over_pdf * open * weight;
+  path_.result.radiance +=
+      path_.throughput * value.f_cos * light.radiance_over_pdf * visibility * weight;
 }
 
-/// Share of a light sample's radiance that arrives: 0 behind anything opaque.
+/// Fraction of a light sample's radiance that arrives: 0 behind anything opaque.
 template <bool kMedia>
 Vec3f PathTracer<kMedia>::light_through(const Ray& ray, const LightSample& light) {
   if constexpr (kMedia) return Media::light_through_bodies(ray, light);
@@ -383,21 +388,22 @@ Vec3f PathTracer<kMedia>::light_through(const Ray& ray, const LightSample& light
             : frame_.accel.any_hit(ray, [&](const Hit& hit) { return hit.id != target; });
     return blocked ? Vec3f{} : medium_transmittance(ray, light);
   }
-  ThinSurfaceStack& sheets = scratch_->sheets;
-  sheets.passed = sheets.count = 0;
+  ThinSurfaceStack& thin_surfaces = scratch_->thin_surfaces;
+  thin_surfaces.passed = thin_surfaces.count = 0;
   const ShadowFilter filter{frame_.shading,  {sampler_, bounce(), RayKind::shadow},
                             light.direction, light.triangle,
-                            traits,          &sheets,
+                            traits,          &thin_surfaces,
                             ray.time,        &scratch_->passed};
   if (frame_.accel.any_hit(ray, filter)) return {};
-  if (sheets.passed > kTransparencyLimit) {
+  if (thin_surfaces.passed > kTransparencyLimit) {
     ++path_.result.limit_count;
     return {};
   }
-  return sheets.transmittance() * medium_transmittance(ray, light);
+  return thin_surfaces.transmittance() * medium_transmittance(ray, light);
 }
 
-/// Of the solid the shadow ray is in, which it cannot leave: glass stops it.
+/// Transmittance of the solid that the shadow ray is in; it cannot leave it, because glass blocks
+/// it.
 template <bool kMedia>
 Vec3f PathTracer<kMedia>::medium_transmittance(const Ray& ray, const LightSample& light) const {
   if (path_.medium == nullptr) return {1, 1, 1};
@@ -405,7 +411,7 @@ Vec3f PathTracer<kMedia>::medium_transmittance(const Ray& ray, const LightSample
                             light.distant ? kInfinity : length(ray.direction));
 }
 
-/// Counts a scattering event, after which faint paths end by chance.
+/// Counts a scattering event and applies Russian roulette.
 template <bool kMedia>
 bool PathTracer<kMedia>::survives(float u) {
   ++path_.depth;
@@ -427,17 +433,17 @@ bool PathTracer<kMedia>::scatter(const ShadingPoint& point, const Bsdf& bsdf, co
   if (!survives(u.w)) return false;
   if (next.transmitted && bsdf.interface == Interface::solid) {
     if constexpr (kMedia) {
-      media_.interior.cross(body_of(point), point.front);
+      media_.stack.cross(body_of(point), point.front);
     } else {
       path_.medium = point.front && point.material->absorbs ? point.material : nullptr;
     }
   }
-  if constexpr (kMedia) media_.flight.restart();
+  if constexpr (kMedia) media_.traversal.restart();
   path_.from_camera = false;
   if (!next.delta) path_.footprint = path_.growth = 0;
   path_.specular_bounce = next.delta;
   path_.pdf = next.pdf;
-  path_.scattered_at = receiver_of(bsdf, position, path_.ray.time);
+  path_.scattered_at = light_sample_context(bsdf, position, path_.ray.time);
   follow(spawn_ray(position, id, next.wi));
   return true;
 }
@@ -446,7 +452,7 @@ bool PathTracer<kMedia>::scatter(const ShadingPoint& point, const Bsdf& bsdf, co
 
 namespace {
 
-/// Of a path that sees nothing t_max is below 0: no hit comes before that.
+/// Makes t_max negative for paths without a camera ray, so that they hit nothing.
 template <bool kMoves>
 Ray camera_ray(const FrameContext& frame, const PathId& id, const Sampler& sampler) {
   const Vec2f u = sampler.get_2d(dimensions::kFilter);
@@ -470,8 +476,8 @@ Ray camera_ray(const FrameContext& frame, const PathId& id, const Sampler& sampl
   return ray;
 }
 
-/// The paths' samplers and camera rays. `kMoves` is frame.moves; not inline, so that frames in
-/// which nothing moves do not even carry the other one's constants.
+/// Creates the samplers and camera rays of the paths. `kMoves` is frame.moves. Not inlined, so that
+/// static frames do not carry the constants of moving ones.
 template <bool kMoves>
 __attribute__((noinline)) void begin_paths(const FrameContext& frame, std::span<const PathId> ids,
                                            std::span<Sampler> samplers, std::span<Ray> rays) {
@@ -482,7 +488,7 @@ __attribute__((noinline)) void begin_paths(const FrameContext& frame, std::span<
   }
 }
 
-/// Whether every surface stops camera rays.
+/// Returns whether every surface blocks camera rays.
 bool takes_packets(const FrameContext& frame) {
   const unsigned traits = kTraitAlpha | (frame.cull_backfaces ? kTraitOneSided : 0u);
   return (frame.shading.traits & traits) == 0 && frame.accel.takes_packets();
@@ -496,7 +502,7 @@ void trace_paths(const FrameContext& frame, std::span<const PathId> ids, PathScr
   std::array<Ray, kPacketSize> rays;
   frame.moves ? begin_paths<true>(frame, ids, samplers, rays)
               : begin_paths<false>(frame, ids, samplers, rays);
-  std::array<Hit, kPacketSize> hits;  // of no triangle where nothing is hit
+  std::array<Hit, kPacketSize> hits;  // invalid triangle on a miss
   const bool known = takes_packets(frame);
   if (frame.shading.tracks_bodies && scratch->crossings == nullptr) {
     scratch->crossings = std::make_unique<Crossings>();

@@ -8,8 +8,8 @@
 #include "worker/accel/scene_accel.h"
 #include "worker/light/light_sampler.h"
 #include "worker/math/vector.h"
-#include "worker/render/camera/camera_rays.h"
 #include "worker/media/media.h"
+#include "worker/render/camera/camera_rays.h"
 #include "worker/render/transparency.h"
 #include "worker/sampling/pixel_filter.h"
 #include "worker/shading/surface/shading_scene.h"
@@ -17,7 +17,7 @@
 
 namespace tessera::render {
 
-/// What all paths of a frame share. Immutable while paths are traced.
+/// Data shared by all paths of a frame. Immutable while paths are traced.
 struct FrameContext {
   const ShadingScene& shading;
   const SceneAccel& accel;
@@ -31,21 +31,21 @@ struct FrameContext {
   std::uint32_t seed = 0;
   std::int32_t frame = 0;
   std::uint32_t aovs = 0;  // contract::Aov bits
-  bool moves = false;      // whether anything does while the shutter is open: rays have times
+  bool moves = false;      // something moves during the exposure: rays have times
 };
 
-/// Memory a thread lends to the paths it traces, so that none allocates.
+/// Memory of a thread for tracing paths, so that no path allocates.
 struct PathScratch {
-  ThinSurfaceStack sheets;
-  std::unique_ptr<Crossings> crossings;  // made for the first path that tracks bodies
-  MovedSurface met, passed;              // where the path is; what a ray of it looks through
+  ThinSurfaceStack thin_surfaces;
+  std::unique_ptr<Crossings> crossings;  // allocated for the first path that tracks bodies
+  MovedSurface met, passed;              // surfaces where the path is, and where a ray of it passes
 };
 
-/// The first surface a camera path met.
+/// The first surface that a camera path hits.
 struct CameraHit {
   bool present = false;
   Vec3f albedo;    // base colour
-  Vec3f normal;    // shading normal on the viewer's side; zero unless there is a layer of it
+  Vec3f normal;    // shading normal on the viewer's side; zero unless its layer is requested
   Vec3f position;  // recentred world
   std::int32_t node = 0, material = 0, primitive = 0;
   float time = 0;  // of the ray that met it
@@ -56,19 +56,19 @@ struct PathResult {
   Vec3f radiance;
   float alpha = 1;
   CameraHit hit;
-  std::int32_t limit_count = 0;  // times kTransparencyLimit was met
-  /// Radiance beyond max_depth, times the paths this one stands for; not in `radiance`.
+  std::int32_t limit_count = 0;  // how often kTransparencyLimit was exceeded
+  /// Radiance beyond max_depth, weighted for the paths it represents; not in `radiance`.
   Vec3f truncated;
 };
 
-/// Which path: a sample of a pixel, in full-frame coordinates.
+/// Identifies a path: a sample of a pixel, in full-frame coordinates.
 struct PathId {
   std::int32_t x = 0, y = 0, sample = 0;
 };
 
-/// Traces up to kPacketSize paths; results[i] is that of ids[i], a function of the frame and that
-/// id alone. Neighbours' camera rays are faster together. The radiance may be non-finite: the film
-/// drops such samples.
+/// Traces up to kPacketSize paths; results[i] is a function of the frame and ids[i] alone. Camera
+/// rays of neighbouring pixels are faster together. The radiance may be non-finite: the film drops
+/// such samples.
 void trace_paths(const FrameContext& frame, std::span<const PathId> ids, PathScratch* scratch,
                  PathResult* results);
 

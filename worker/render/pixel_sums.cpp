@@ -11,7 +11,8 @@ float limited(float value, float limit, double* removed) {
   return limit;
 }
 
-/// Rounded once; sums beyond a float stay its largest, so that no infinity reaches the film.
+/// Rounds once; sums beyond the range of float become its maximum, so that the film has no
+/// infinity.
 float rounded(double sum) {
   constexpr double kLargest = std::numeric_limits<float>::max();
   return static_cast<float>(clamp(sum, -kLargest, kLargest));

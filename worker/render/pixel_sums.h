@@ -12,11 +12,11 @@ namespace tessera::render {
 /// Sums of one pixel over the samples of a pass, in double, in sample order.
 class PixelSums {
  public:
-  /// Adds sample `sample` (its number in the whole job). `clamp_at` > 0 limits each channel.
-  /// Samples that are not finite are left out and counted.
+  /// Adds sample `sample` (its index in the whole job). `clamp_at` > 0 limits each channel.
+  /// Non-finite samples are dropped and counted.
   void add(const PathResult& path, std::int32_t sample, float clamp_at);
 
-  /// Rounds the sums into their places in `block`, which has the arrays of its shape.
+  /// Rounds the sums into pixel `pixel` of `block`, whose arrays have been allocated.
   void store(std::size_t pixel, contract::FilmBlock* block) const;
 
   double clamped_energy() const { return clamped_energy_; }

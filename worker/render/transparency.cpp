@@ -13,7 +13,7 @@ bool ClosestFilter::operator()(const Hit& hit) const {
   const ShadingPoint point = surface_at(scene, hit, direction, time, *moved);
   if ((wanted & kTraitOneSided) != 0 && !point.front) return false;
   if ((wanted & kTraitAlpha) == 0) return true;
-  if (chance.at(hit.id) < coverage_at(scene, point)) return true;
+  if (decisions.random(hit.id) < coverage_at(scene, point)) return true;
   ++*passed;
   return false;
 }
@@ -24,7 +24,7 @@ bool ShadowFilter::operator()(const Hit& hit) const {
   if (wanted == 0) return true;
   if ((wanted & kTraitUnlit) != 0) return false;
   const ShadingPoint point = surface_at(scene, hit, direction, time, *moved);
-  if ((wanted & kTraitAlpha) != 0 && !(chance.at(hit.id) < coverage_at(scene, point))) {
+  if ((wanted & kTraitAlpha) != 0 && !(decisions.random(hit.id) < coverage_at(scene, point))) {
     ++stack->passed;
     return false;
   }
@@ -34,19 +34,20 @@ bool ShadowFilter::operator()(const Hit& hit) const {
   if (!(max_component(share) > 0)) return true;
   ++stack->passed;
   if (stack->count < kTransparencyLimit) {
-    stack->sheets[static_cast<std::size_t>(stack->count)] = {hit.t, hit.id, share};
+    stack->surfaces[static_cast<std::size_t>(stack->count)] = {hit.t, hit.id, share};
     ++stack->count;
   }
   return false;
 }
 
 Vec3f ThinSurfaceStack::transmittance() {
-  const auto end = sheets.begin() + count;
-  std::sort(sheets.begin(), end, [](const ThinSurface& a, const ThinSurface& b) {
+  const auto end = surfaces.begin() + count;
+  std::sort(surfaces.begin(), end, [](const ThinSurface& a, const ThinSurface& b) {
     return std::tie(a.t, a.id) < std::tie(b.t, b.id);
   });
   Vec3f product{1, 1, 1};
-  for (auto sheet = sheets.begin(); sheet != end; ++sheet) product *= sheet->transmittance;
+  for (auto surface = surfaces.begin(); surface != end; ++surface)
+    product *= surface->transmittance;
   return product;
 }
 

@@ -11,35 +11,35 @@
 
 namespace tessera::render {
 
-/// Transparent surfaces a path may pass before it is given up and counted.
+/// Maximum number of transparent surfaces per path or ray; paths beyond it end and are counted.
 inline constexpr int kTransparencyLimit = 1024;
 
-/// Names the decisions of one ray: chance is tied to sample, bounce, kind of ray and triangle, not
-/// to the order surfaces are met in ("The bits", rule 5).
-struct RayChance {
+/// Random decisions of one ray. They depend on sample, bounce, kind of ray and triangle, not on the
+/// order in which surfaces are met (docs/explanation/determinism.md#order-independent-chance).
+struct RayDecisions {
   const Sampler& sampler;
   std::uint32_t bounce = 0;
   RayKind kind = RayKind::path;
 
-  /// In [0, 1).
-  float at(const TriangleId& id) const {
+  /// Random number in [0, 1) for a triangle.
+  float random(const TriangleId& id) const {
     return sampler.chance(bounce, kind, id.instance, id.primitive, id.triangle);
   }
 };
 
-/// The same for whether light goes straight through a thin sheet or is scattered by it.
-inline float straight_chance(const Sampler& sampler, std::uint32_t bounce, const TriangleId& id) {
+/// Random number for whether light passes straight through a thin surface or is scattered.
+inline float straight_random(const Sampler& sampler, std::uint32_t bounce, const TriangleId& id) {
   const std::uint64_t what = combine(pack(bounce, id.instance), pack(id.primitive, id.triangle));
   return unit_float(sampler.hash(what));
 }
 
-/// Decides hit by hit what a ray from the camera or a bounce sees: false for alpha holes, unlit
-/// surfaces after the camera, and hidden back faces.
+/// Filter of camera and bounce rays: rejects hits on alpha holes, on unlit surfaces (except for
+/// camera rays) and on hidden back faces.
 struct ClosestFilter {
   const ShadingScene& scene;
-  RayChance chance;
+  RayDecisions decisions;
   Vec3f direction;
-  std::uint8_t traits = 0;  // kTrait bits that matter to this ray
+  std::uint8_t traits = 0;  // kTrait bits that matter for this ray
   int* passed = nullptr;    // counts the holes
   float time = 0;           // of the ray
   MovedSurface* moved = nullptr;
@@ -47,8 +47,8 @@ struct ClosestFilter {
   bool operator()(const Hit& hit) const;
 };
 
-/// Lets everything pass and counts the holes among it, in a second look at a ray that seems to have
-/// met too many: closest_hit() may show a filter hits beyond the closest.
+/// Rejects every hit and counts alpha holes, to re-trace a ray that seems to exceed the limit,
+/// because closest_hit() may show a filter hits beyond the closest.
 struct HoleCounter {
   const ClosestFilter& holes;
   int* count;
@@ -61,30 +61,31 @@ struct HoleCounter {
   }
 };
 
-/// Light through one thin sheet, kept until all sheets of the ray are known.
+/// Light through one thin surface, kept until all surfaces of the ray are known.
 struct ThinSurface {
   float t;
   TriangleId id;
   Vec3f transmittance;
 };
 
-/// The sheets a shadow ray met so far; scratch memory of a thread.
+/// Thin surfaces along a shadow ray; scratch memory of a thread.
 struct ThinSurfaceStack {
-  int passed = 0;  // holes and sheets
-  int count = 0;   // of `sheets` in use
-  std::array<ThinSurface, kTransparencyLimit> sheets;
+  int passed = 0;  // alpha holes and thin surfaces
+  int count = 0;   // used elements of `surfaces`
+  std::array<ThinSurface, kTransparencyLimit> surfaces;
 
-  /// Product of all transmittances, multiplied in (t, id) order so that rounding does not depend
-  /// on the traversal. Requires passed <= kTransparencyLimit.
+  /// Product of all transmittances, multiplied in (t, id) order so that rounding does not depend on
+  /// the traversal. Requires passed <= kTransparencyLimit.
   Vec3f transmittance();
 };
 
-/// Decides hit by hit what stops a shadow ray; coloured sheets are gathered in `stack`.
+/// Filter of shadow rays: accepts hits that block light and collects coloured thin surfaces in
+/// `stack`.
 struct ShadowFilter {
   const ShadingScene& scene;
-  RayChance chance;
+  RayDecisions decisions;
   Vec3f direction;    // unit, towards the light
-  TriangleId target;  // the emitter the ray goes to, which does not shadow itself
+  TriangleId target;  // the emitter at the ray's end, which does not shadow itself
   std::uint8_t traits = 0;
   ThinSurfaceStack* stack = nullptr;
   float time = 0;  // of the ray

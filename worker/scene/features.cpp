@@ -10,13 +10,13 @@ namespace tessera::render {
 
 namespace {
 
-// Measured: docs/performance.md, "Memory".
+// Measured; see docs/notes/memory.md.
 constexpr std::int64_t kAccelBytesPerTriangle = 75, kAccelBytesPerInstance = 256;
-constexpr std::int64_t kMovingBytesPerTriangle = 120;  // of a mesh that changes, each segment
-constexpr std::int64_t kBuildBytesPerTriangle = 130;   // of one mesh at a time
-constexpr std::int64_t kLightBytesPerTriangle = 700;   // emissive, as often as it is placed
+constexpr std::int64_t kMovingBytesPerTriangle = 120;  // of a deforming mesh, per motion segment
+constexpr std::int64_t kBuildBytesPerTriangle = 130;   // temporary, for one mesh at a time
+constexpr std::int64_t kLightBytesPerTriangle = 700;   // emissive triangles, per instance
 constexpr std::int64_t kLightBytesPerTexel = 12;       // of emissive textures
-constexpr std::int64_t kLightBytesPerSkyTexel = 8;
+constexpr std::int64_t kLightBytesPerEnvironmentTexel = 8;
 
 template <typename Array>
 std::int64_t bytes_in(const Array& v) {
@@ -80,15 +80,15 @@ std::uint32_t scene_features(const Scene& scene) {
   if (scene.instances.size() > scene.meshes.size()) f |= kFeatureInstances;
   if (!scene.solids.empty()) f |= kFeatureCsg;
   if (scene.camera.kind == Camera::Kind::orthographic) f |= kFeatureOrthographicCamera;
-  if (scene.camera.kind > Camera::Kind::orthographic) f |= kFeatureCurvedScreen;
+  if (scene.camera.kind > Camera::Kind::orthographic) f |= kFeatureCurvedProjection;
   if (scene.camera.lens.radius > 0) f |= kFeatureLens;
-  if (!scene.procedures.empty()) f |= kFeatureProcedures;
+  if (!scene.procedural_textures.empty()) f |= kFeatureProceduralTextures;
   if (scene.atmosphere) f |= kFeatureMedia;
   if (!scene.key_times.empty() || !scene.camera.keys.empty()) f |= kFeatureMotion;
   return f;
 }
 
-/// Texels that the tables for choosing lights go over.
+/// Bytes of the light sampling tables over texels of emissive textures and the environment map.
 std::int64_t light_table_bytes(const Scene& scene, const std::vector<bool>& used_materials) {
   const auto texels = [&](std::int32_t image) {
     const Image& i = scene.images[static_cast<std::size_t>(image)];
@@ -102,7 +102,7 @@ std::int64_t light_table_bytes(const Scene& scene, const std::vector<bool>& used
     if (image != kNone) bytes += kLightBytesPerTexel * texels(image);
   }
   if (scene.has_environment && scene.environment.image != kNone) {
-    bytes += kLightBytesPerSkyTexel * texels(scene.environment.image);
+    bytes += kLightBytesPerEnvironmentTexel * texels(scene.environment.image);
   }
   return bytes;
 }
@@ -110,8 +110,8 @@ std::int64_t light_table_bytes(const Scene& scene, const std::vector<bool>& used
 }  // namespace
 
 SceneFeatures features_of(const Scene& scene) {
-  SceneFeatures needs;
-  needs.features = scene_features(scene);
+  SceneFeatures result;
+  result.features = scene_features(scene);
   std::vector<bool> used(scene.materials.size());
   std::vector<std::int64_t> triangles(scene.meshes.size()), emissive(scene.meshes.size());
   for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
@@ -122,47 +122,47 @@ SceneFeatures features_of(const Scene& scene) {
       if (emits(material)) emissive[i] += count;
       const bool surface = count > 0 || scene.meshes[i].shape != nullptr;
       used[p.material] = used[p.material] || surface;
-      if (surface) needs.features |= material_features(material);
-      if (!p.colors.empty()) needs.features |= kFeatureVertexColors;
-      needs.vertices += static_cast<std::int64_t>(p.positions.size());
-      needs.geometry_bytes += bytes_of_primitive(p);
-      ++needs.primitives;
+      if (surface) result.features |= material_features(material);
+      if (!p.colors.empty()) result.features |= kFeatureVertexColors;
+      result.vertices += static_cast<std::int64_t>(p.positions.size());
+      result.geometry_bytes += bytes_of_primitive(p);
+      ++result.primitives;
     }
-    needs.triangles += triangles[i];
+    result.triangles += triangles[i];
     for (const SharedArray<Primitive>& key : scene.meshes[i].keys) {
-      for (const Primitive& p : key) needs.geometry_bytes += bytes_of_primitive(p);
+      for (const Primitive& p : key) result.geometry_bytes += bytes_of_primitive(p);
     }
-    if (!scene.meshes[i].keys.empty()) {  // a tree from each key to the next, of both ends
-      needs.acceleration_bytes += static_cast<std::int64_t>(scene.meshes[i].keys.size() - 1) *
-                                  triangles[i] * kMovingBytesPerTriangle;
+    if (!scene.meshes[i].keys.empty()) {  // one tree per motion segment, which bounds both ends
+      result.acceleration_bytes += static_cast<std::int64_t>(scene.meshes[i].keys.size() - 1) *
+                                   triangles[i] * kMovingBytesPerTriangle;
     }
-    if (scene.meshes[i].shape != nullptr) needs.features |= kFeatureShapes;
+    if (scene.meshes[i].shape != nullptr) result.features |= kFeatureShapes;
   }
   for (const Instance& instance : scene.instances) {
-    needs.instanced_triangles += triangles[instance.mesh];
-    needs.emissive_triangles += emissive[instance.mesh];
+    result.instanced_triangles += triangles[instance.mesh];
+    result.emissive_triangles += emissive[instance.mesh];
   }
   for (const Image& image : scene.images) {
-    needs.image_bytes += bytes_in(image.u8) + bytes_in(image.u16) + bytes_in(image.f32);
+    result.image_bytes += bytes_in(image.u8) + bytes_in(image.u16) + bytes_in(image.f32);
   }
-  for (const bool u : used) needs.materials += u ? 1 : 0;
-  for (const Texture& texture : scene.textures) needs.textures += texture.image != kNone ? 1 : 0;
-  needs.meshes = static_cast<std::int64_t>(scene.meshes.size());
-  needs.instances = static_cast<std::int64_t>(scene.instances.size());
-  needs.images = static_cast<std::int64_t>(scene.images.size());
-  needs.lights = static_cast<std::int64_t>(scene.lights.size());
+  for (const bool u : used) result.materials += u ? 1 : 0;
+  for (const Texture& texture : scene.textures) result.textures += texture.image != kNone ? 1 : 0;
+  result.meshes = static_cast<std::int64_t>(scene.meshes.size());
+  result.instances = static_cast<std::int64_t>(scene.instances.size());
+  result.images = static_cast<std::int64_t>(scene.images.size());
+  result.lights = static_cast<std::int64_t>(scene.lights.size());
   const auto largest = std::max_element(triangles.begin(), triangles.end());
-  needs.acceleration_bytes += needs.triangles * kAccelBytesPerTriangle +
-                              needs.instances * kAccelBytesPerInstance +
-                              (largest == triangles.end() ? 0 : *largest * kBuildBytesPerTriangle);
+  result.acceleration_bytes += result.triangles * kAccelBytesPerTriangle +
+                               result.instances * kAccelBytesPerInstance +
+                               (largest == triangles.end() ? 0 : *largest * kBuildBytesPerTriangle);
   for (const auto& motion : scene.motions) {
-    needs.acceleration_bytes +=
+    result.acceleration_bytes +=
         static_cast<std::int64_t>(motion.size()) *
         (kAccelBytesPerInstance + static_cast<std::int64_t>(3 * sizeof(Affine3d)));
   }
-  needs.light_bytes =
-      needs.emissive_triangles * kLightBytesPerTriangle + light_table_bytes(scene, used);
-  return needs;
+  result.light_bytes =
+      result.emissive_triangles * kLightBytesPerTriangle + light_table_bytes(scene, used);
+  return result;
 }
 
 std::vector<std::string> feature_names(std::uint32_t features) {

@@ -8,8 +8,8 @@
 
 namespace tessera::render {
 
-/// What a posed scene asks of a renderer. Bits of SceneFeatures::features; a scene pays only for
-/// what it needs. What is chosen by them: docs/performance.md, "What choosing by needs gains".
+/// Features that a posed scene uses; bits of SceneFeatures::features. A scene pays only for the
+/// features it uses (docs/explanation/performance.md#features-cost-only-when-used).
 enum Feature : std::uint32_t {
   kFeatureTextures = 1u << 0,
   kFeatureNormalMaps = 1u << 1,
@@ -27,7 +27,7 @@ enum Feature : std::uint32_t {
   kFeaturePunctualLights = 1u << 13,
   kFeatureEnvironmentMap = 1u << 14,
   kFeatureConstantEnvironment = 1u << 15,
-  kFeatureInstances = 1u << 16,  // a mesh placed more than once
+  kFeatureInstances = 1u << 16,  // some mesh is placed more than once
   kFeatureOrthographicCamera = 1u << 17,
   kFeatureClearcoat = 1u << 18,
   kFeatureAnisotropy = 1u << 19,
@@ -35,42 +35,43 @@ enum Feature : std::uint32_t {
   kFeatureDispersion = 1u << 21,
   kFeatureIridescence = 1u << 22,
   kFeatureDiffuseTransmission = 1u << 23,
-  kFeatureCurvedScreen = 1u << 24,
+  kFeatureCurvedProjection = 1u << 24,
   kFeatureLens = 1u << 25,
-  kFeatureProcedures = 1u << 26,
+  kFeatureProceduralTextures = 1u << 26,
   kFeatureShapes = 1u << 27,
   kFeatureCsg = 1u << 28,
   kFeatureOptics = 1u << 29,
-  kFeatureMedia = 1u << 30,   // or priorities: paths know all bodies they are in
-  kFeatureMotion = 1u << 31,  // something moves while the shutter is open
+  kFeatureMedia = 1u << 30,   // participating media or priorities: paths keep a medium stack
+  kFeatureMotion = 1u << 31,  // something moves during the exposure
 };
 
-/// Resident memory of a renderer before it has a scene, measured. A Radiance sky adds some 120 MB
-/// of OpenImageIO's libraries, which all renderers of a host share.
+/// Resident memory of a renderer before it loads a scene, measured. Loading a Radiance environment
+/// map adds about 120 MB of OpenImageIO's libraries, which all renderers of a host share.
 inline constexpr std::int64_t kProcessBytes = 13'000'000;
 
-/// Counts and sizes of a posed scene. Sizes are of a renderer process with one frame loaded, at its
-/// largest, which is while it builds its tables; those that are not of arrays in the scene are
-/// estimates.
+/// Counts and sizes of a posed scene. Sizes are the peak of a renderer process with one frame
+/// loaded, reached while it builds its tables. Sizes of arrays in the scene are exact, all others
+/// are estimates.
 struct SceneFeatures {
   std::uint32_t features = 0;
   std::int64_t triangles = 0;            // stored
-  std::int64_t instanced_triangles = 0;  // seen: those of a mesh once per instance
+  std::int64_t instanced_triangles = 0;  // counted once per instance
   std::int64_t vertices = 0, meshes = 0, primitives = 0, instances = 0;
-  std::int64_t materials = 0;  // used ones
+  std::int64_t materials = 0;  // those that some surface uses
   std::int64_t textures = 0, images = 0, lights = 0;
   std::int64_t emissive_triangles = 0;  // instanced
   std::int64_t geometry_bytes = 0, image_bytes = 0;
-  std::int64_t acceleration_bytes = 0;  // trees, and the making of the largest
-  std::int64_t light_bytes = 0;         // what lights are chosen by: sky, emissive triangles
+  std::int64_t acceleration_bytes = 0;  // BVHs and the temporary memory for building the largest
+  std::int64_t light_bytes = 0;  // light sampling tables: environment map, emissive triangles
   [[nodiscard]] std::int64_t total_bytes() const {
     return geometry_bytes + image_bytes + acceleration_bytes + light_bytes + kProcessBytes;
   }
 };
 
+/// Determines the features and sizes of `scene`.
 SceneFeatures features_of(const Scene& scene);
 
-/// Names of the bits in `features`, in order of the bits ("textures", "alpha-mask", ...).
+/// Names of the bits set in `features`, in ascending order ("textures", "alpha-mask", ...).
 std::vector<std::string> feature_names(std::uint32_t features);
 
 }  // namespace tessera::render

@@ -4,12 +4,12 @@
 
 namespace tessera::render {
 
-/// One thing wrong with, or notable about, a file.
+/// A fault in a scene file, or a remark about it.
 struct Problem {
   enum class Severity { error, warning, note };
   Severity severity = Severity::error;
   std::string element;  // e.g. "accessors[12]", "extensionsRequired"; empty: the file
-  std::string message;  // fault, value, and what to do
+  std::string message;  // the fault, the value and what to do about it
 };
 
 }  // namespace tessera::render

@@ -16,22 +16,22 @@
 
 namespace tessera::render {
 
-/// A frame's scene: plain data, everything decoded, posed at one time and recentred. Made by
-/// scene/loader.h; read by accel/, light/, shading/ and render/, which never see glTF.
+/// Plain data of one frame's scene: decoded, posed at one time and recentred. Made by
+/// worker/gltf/build/loader.h and read by accel, light, shading and render, which do not know glTF.
 
+/// Index of an element that is absent.
 inline constexpr std::int32_t kNone = -1;
 
 /// Decoded pixels, row-major from the top, level 0 only.
 struct Image {
   enum class Storage : std::uint8_t {
-    u8,   // 8-bit codes; sRGB or linear is the reader's business (TextureRef::srgb)
+    u8,   // 8-bit codes; TextureRef::srgb says whether they are sRGB
     u16,  // 16-bit codes
     f32,  // linear floats
   };
   std::string name;  // URI or image index, for messages
   std::int32_t width = 0, height = 0;
-  std::int32_t channels =
-      0;  // 1 to 4; fewer than 4: missing G, B repeat as the decoder says, A is 1
+  std::int32_t channels = 0;  // 1 to 4; missing G and B are as the decoder says, A is 1
   Storage storage = Storage::u8;
   SharedArray<std::uint8_t> u8;
   SharedArray<std::uint16_t> u16;
@@ -40,7 +40,8 @@ struct Image {
 
 enum class Wrap : std::uint8_t { repeat, clamp, mirror };
 
-/// TESSERA_texture: colours worked out where they are wanted (worker/shading/surface/procedure.h).
+/// Procedural texture (TESSERA_texture), evaluated at each lookup
+/// (worker/shading/surface/procedural_texture.h).
 struct ProceduralTexture {
   enum class Pattern : std::uint8_t {
     noise,
@@ -61,23 +62,23 @@ struct ProceduralTexture {
   Pattern pattern = Pattern::fbm;
   Space space = Space::object;
   std::int32_t dimensions = 3;  // 1 to 4; the fourth is time
-  Vec3f scale = {1, 1, 1};      // features a metre (or a unit of uv), per axis
+  Vec3f scale = {1, 1, 1};      // features per metre, or per unit of UV
   Vec3f offset;                 // in features
   float time = 0;
   std::uint32_t seed = 0;
   std::int32_t octaves = 6;
-  float lacunarity = 2, gain = 0.5f;  // of frequency and amplitude, from octave to octave
-  float distortion = 1;               // of marble and wood by turbulence
-  float bump_height = 0;              // metres from 0 to 1 where a normal map is asked for
-  std::vector<Stop> ramp;             // at least one
+  float lacunarity = 2, gain = 0.5f;  // factors of frequency and amplitude per octave
+  float distortion = 1;               // marble and wood: amount of turbulence
+  float bump_height = 0;              // metres between values 0 and 1, as a normal map
+  std::vector<Stop> ramp;             // at least one stop
 };
 
-/// An image with its sampler, or a procedure.
+/// An image with its sampler, or a procedural texture.
 struct Texture {
   std::int32_t image = kNone;
   Wrap wrap_u = Wrap::repeat, wrap_v = Wrap::repeat;
-  bool nearest = false;            // magnification filter NEAREST; else bilinear
-  std::int32_t procedure = kNone;  // goes before the image
+  bool nearest = false;             // magnification filter NEAREST; otherwise bilinear
+  std::int32_t procedural = kNone;  // takes precedence over `image`
 };
 
 /// How a material reads a texture. uv' = matrix * (u, v, 1) (KHR_texture_transform).
@@ -93,7 +94,7 @@ struct TextureRef {
 
 enum class AlphaMode : std::uint8_t { opaque, mask, blend };
 
-/// KHR_materials_clearcoat: varnish over everything else.
+/// KHR_materials_clearcoat: a dielectric coating over all other layers.
 struct Clearcoat {
   float factor = 0, roughness = 0;
   TextureRef texture;            // R
@@ -102,13 +103,13 @@ struct Clearcoat {
   float normal_scale = 1;
 };
 
-/// KHR_materials_anisotropy: rougher along one direction.
+/// KHR_materials_anisotropy: roughness is higher along one direction.
 struct Anisotropy {
   float strength = 0, rotation = 0;  // [0, 1]; radians from the tangent towards the bitangent
   TextureRef texture;                // R, G direction, B strength
 };
 
-/// KHR_materials_sheen: fibres over the base, under the varnish.
+/// KHR_materials_sheen: fabric fibres over the base layer, below the clearcoat.
 struct Sheen {
   Vec3f color;
   TextureRef color_texture;  // sRGB
@@ -116,7 +117,7 @@ struct Sheen {
   TextureRef roughness_texture;  // A
 };
 
-/// KHR_materials_iridescence: a thin film on the base.
+/// KHR_materials_iridescence: a thin film on the base layer.
 struct Iridescence {
   float factor = 0;
   TextureRef texture;                                      // R
@@ -125,7 +126,7 @@ struct Iridescence {
   TextureRef thickness_texture;                            // G, from minimum to maximum
 };
 
-/// KHR_materials_diffuse_transmission: part of the diffuse light leaves on the other side.
+/// KHR_materials_diffuse_transmission: part of the diffuse light leaves on the opposite side.
 struct DiffuseTransmission {
   float factor = 0;
   TextureRef texture;  // A
@@ -133,40 +134,40 @@ struct DiffuseTransmission {
   TextureRef color_texture;  // sRGB
 };
 
-/// TESSERA_material: exact optics in place of the metallic-roughness model's.
+/// TESSERA_material: measured optical constants that replace the metallic-roughness model's.
 struct Optics {
-  bool conductor = false;       // the metallic part reflects by n + ik, tinted by the base colour
-  Vec3f n = {1, 1, 1}, k;       // complex index of refraction, per channel
-  bool exact_fresnel = false;   // of the dielectric layer of what is no solid; else Schlick's
-  float diffuse_roughness = 0;  // [0, 1]: of the diffuse part, which then retroreflects
-  bool has_priority = false;    // of a solid, among others that overlap it
-  std::int32_t priority = 0;    // the highest is what is there
+  bool conductor = false;  // the metallic part has index n + ik and is tinted by the base colour
+  Vec3f n = {1, 1, 1}, k;  // complex index of refraction, per channel
+  bool exact_fresnel = false;   // of thin dielectric layers, instead of Schlick
+  float diffuse_roughness = 0;  // [0, 1], Oren-Nayar-like: 1 is strongly retroreflective
+  bool has_priority = false;    // this solid has a priority where solids overlap
+  std::int32_t priority = 0;    // the solid with the highest priority occupies the overlap
 };
 
-/// Density at lattice points over a box, trilinear between them and zero outside; x runs fastest.
+/// Density at lattice points over a box; trilinear between them, zero outside. x varies fastest.
 struct DensityGrid {
   std::array<std::int32_t, 3> size = {0, 0, 0};  // lattice points, at least 2 each
   Vec3f low, high;                               // corners, in the medium's space
   std::vector<float> values;                     // not negative
 };
 
-/// TESSERA_medium: what absorbs and scatters light between surfaces.
+/// TESSERA_medium: a participating medium, which absorbs and scatters light.
 struct Medium {
-  Vec3f absorption, scattering;               // per metre, where the density is 1
+  Vec3f absorption, scattering;               // per metre at density 1
   float anisotropy = 0;                       // mean cosine (Henyey-Greenstein), |g| <= 0.999
-  std::int32_t procedure = kNone;             // density; a texture's index until posed
-  std::shared_ptr<const DensityGrid> grid{};  // density, in the procedure's place
+  std::int32_t procedural = kNone;            // density; a texture index until the scene is posed
+  std::shared_ptr<const DensityGrid> grid{};  // density, used instead of `procedure`
 };
 
-/// The medium of a whole scene: a ball of it, which may be endless.
+/// A participating medium that fills a ball around the scene, or all of space.
 struct Atmosphere {
   Medium medium;
   Vec3d center;  // recentred world
   double radius = std::numeric_limits<double>::infinity();
 };
 
-/// A glTF material with its extensions folded in; factors multiply textures as the
-/// specification says. Further extensions add members here and a bit in scene/needs.h.
+/// A glTF material with its extensions. Factors multiply textures as the specification says. An
+/// extension that is added here also needs a bit in worker/scene/features.h.
 struct Material {
   std::string name;
 
@@ -197,7 +198,7 @@ struct Material {
 
   float transmission = 0;
   TextureRef transmission_texture;  // R
-  bool has_volume = false;          // thicknessFactor > 0: a solid, not a thin sheet
+  bool has_volume = false;          // thicknessFactor > 0: a solid, not a thin surface
   Vec3f attenuation_color = {1, 1, 1};
   float attenuation_distance = std::numeric_limits<float>::infinity();  // metres
 
@@ -208,8 +209,7 @@ struct Material {
   Iridescence iridescence;
   DiffuseTransmission diffuse_transmission;
   Optics optics;
-  std::optional<Medium> medium =
-      {};  // TESSERA_medium: fills what surfaces of this material enclose
+  std::optional<Medium> medium = {};  // TESSERA_medium: fills the closed surfaces
 };
 
 /// One glTF primitive, as triangles. Optional arrays are empty or as long as `positions`.
@@ -224,44 +224,45 @@ struct Primitive {
   std::int32_t id = 0;                                  // index of the primitive in its glTF mesh
 };
 
-/// One glTF mesh, or one skinned or morphed copy of it; or an analytic shape.
+/// A glTF mesh, a skinned or morphed copy of one, or an analytic shape.
 struct Mesh {
   std::string name;
   SharedArray<Primitive> primitives;
-  std::shared_ptr<const Shape> shape = nullptr;  // if any, the one primitive has its material alone
-  /// Of one that changes while the shutter is open: positions, normals and tangents of the
-  /// primitives at each of Scene::key_times; nothing else is set in these.
+  std::shared_ptr<const Shape> shape =
+      nullptr;  // if set, the mesh has one primitive that holds only the material
+  /// For a mesh that deforms during the exposure: positions, normals and tangents of the primitives
+  /// at each of Scene::key_times; all other members are unset.
   std::vector<SharedArray<Primitive>> keys = {};
 };
 
-/// A placed mesh. The index in Scene::instances is the instance id of "One hit": nodes in
-/// depth-first order, then the index within EXT_mesh_gpu_instancing.
+/// A placed mesh. Its index in Scene::instances is the instance id that orders hits
+/// (docs/explanation/determinism.md#closest-hit): nodes in depth-first order, then the index within
+/// EXT_mesh_gpu_instancing.
 struct Instance {
   std::int32_t mesh = 0;
   std::int32_t node = 0;        // glTF node index
-  Affine3d object_to_world;     // world is recentred: metres minus Scene::center
-  Affine3d world_to_object;     // its exact-as-possible inverse; singular nodes are dropped at load
+  Affine3d object_to_world;     // to the recentred world: metres minus Scene::center
+  Affine3d world_to_object;     // its inverse; nodes with a singular transform are dropped at load
   bool flips_winding = false;   // negative determinant
-  bool operand = false;         // of one of Scene::solids: not met by itself
-  std::int32_t motion = kNone;  // into Scene::motions; kNone: it stands still
+  bool operand = false;         // operand of one of Scene::solids: not hit on its own
+  std::int32_t motion = kNone;  // index into Scene::motions; kNone: static
 };
 
 enum class CsgOperation : std::uint8_t { unite, intersect, subtract, exclude };
 
-/// A step in working out whether a point is inside a solid: whether it is inside an operand, or
-/// what an operation makes of the last results that no step has used yet.
+/// A step of deciding whether a point is inside a solid, in postfix order. It pushes whether the
+/// point is inside an operand, or replaces the topmost results by that of an operation.
 struct CsgStep {
   bool is_operand = true;
-  CsgOperation operation = CsgOperation::unite;  // subtract: the first without the others;
-                                                 // exclude: inside an odd number of them
-  std::uint32_t number = 0;                      // of the operand; or how many results
+  CsgOperation operation = CsgOperation::unite;  // subtract: the first without the others; exclude:
+                                                 // inside an odd number of them
+  std::uint32_t number = 0;  // index of the operand, or number of results to combine
 };
 
-/// TESSERA_csg: instances whose surfaces together bound one body. Each is closed; they follow each
-/// other.
+/// TESSERA_csg: a body bounded by the surfaces of several closed, consecutive instances.
 struct CsgSolid {
   std::int32_t node = 0;               // glTF node index
-  std::uint32_t first = 0, count = 0;  // of Scene::instances: the operands
+  std::uint32_t first = 0, count = 0;  // operands, in Scene::instances
   std::vector<CsgStep> steps;
 };
 
@@ -273,22 +274,22 @@ struct PunctualLight : PunctualPose {
   Vec3f intensity;  // colour * intensity: candela, or lux for directional lights
   float range = std::numeric_limits<float>::infinity();  // metres
   float cos_inner = 1, cos_outer = 0.70710678f;          // spot cone
-  std::vector<PunctualPose> keys;                        // if it moves, at Scene::key_times
+  std::vector<PunctualPose> keys;                        // poses at Scene::key_times if it moves
 };
 
-/// TESSERA_camera's thin lens, of a perspective camera.
+/// Thin lens of a perspective camera (TESSERA_camera).
 struct Lens {
-  double radius = 0;          // of the aperture, metres; 0: a pinhole, all is sharp
+  double radius = 0;          // of the aperture, metres; 0: pinhole
   double focus_distance = 1;  // metres along -Z
   std::int32_t blades = 0;    // corners of the aperture; 0: round
   double blade_rotation = 0;  // radians, counter-clockwise as the camera looks
-  double rim_distance = 0;    // metres before the lens a rim stands that cuts rays off, and
+  double rim_distance = 0;    // metres in front of the lens where a rim causes vignetting
   double rim_radius = std::numeric_limits<double>::infinity();
 };
 
-/// Where a camera is at one time.
+/// Pose of a camera at one time of the exposure.
 struct CameraKey {
-  float time = 0;  // [0, 1] of the shutter's
+  float time = 0;  // [0, 1] of the exposure
   Affine3d camera_to_world;
   double focus_distance = 1;
 };
@@ -297,53 +298,57 @@ struct Camera {
   enum class Kind : std::uint8_t {
     perspective,
     orthographic,
-    spherical,    // curved screens, TESSERA_camera: longitude by latitude
+    spherical,    // TESSERA_camera: longitude by latitude
     cylindrical,  // longitude by height
-    equidistant,  // fisheyes: distance from the middle as the angle
-    equisolid,    // as the sine of half the angle
+    equidistant,  // fisheye: distance from the centre proportional to the angle
+    equisolid,    // fisheye: distance proportional to the sine of half the angle
   };
   Kind kind = Kind::perspective;
   std::string name;
   double yfov = 0.69813170079773184;  // radians, full vertical angle (perspective)
   double ymag = 1;                    // half height, metres (orthographic)
-  double znear = 0;                   // metres; nothing nearer is seen
+  double znear = 0;                   // near plane, metres
   double zfar = std::numeric_limits<double>::infinity();
-  double center_x = 0, center_y = 0;  // film's middle: at depth 1, or metres (orthographic)
-  double slant_x = 0, slant_y = 0;    // orthographic: sideways per metre of depth
-  double horizontal_angle = 0, vertical_angle = 0;  // radians, curved screens; fisheyes: both alike
+  double center_x = 0, center_y = 0;  // film centre: at depth 1, or metres (orthographic)
+  double slant_x = 0, slant_y = 0;    // orthographic: sideways shift per metre of depth
+  double horizontal_angle = 0,
+         vertical_angle = 0;  // radians, curved projections; equal for fisheyes
   Lens lens;
-  Affine3d camera_to_world;                    // recentred; orthonormal axes; looks down -Z, +Y up
-  double shutter_open = 0, shutter_close = 0;  // seconds from the frame's time; equal: at once
-  std::vector<CameraKey> keys;                 // if it moves meanwhile; linear in between
+  Affine3d camera_to_world;  // recentred; orthonormal axes; looks along -Z, +Y is up
+  double shutter_open = 0,
+         shutter_close = 0;     // seconds from the frame's time; equal: instantaneous
+  std::vector<CameraKey> keys;  // poses if it moves during the exposure, with linear interpolation
 };
 
-/// The sky, latitude-longitude, linear (design.md, "Environment").
+/// Environment map, latitude-longitude, linear
+/// (docs/reference/gltf-support.md#lights-and-environment).
 struct Environment {
   std::int32_t image = kNone;  // index into Scene::images (f32); kNone: constant
-  Vec3f constant;              // radiance when there is no image
+  Vec3f constant;              // radiance if there is no image
   double rotation_degrees = 0;
   float strength = 1;
 };
 
+/// Everything needed to render a frame. Unless a member says otherwise, poses are those of the
+/// frame's time and positions are recentred.
 struct Scene {
   std::vector<Image> images;
   std::vector<Texture> textures;
-  std::vector<ProceduralTexture> procedures;
-  std::vector<Material> materials;  // at least one: glTF's default material is last
+  std::vector<ProceduralTexture> procedural_textures;
+  std::vector<Material> materials;  // at least one; the last is glTF's default material
   std::vector<Mesh> meshes;
   std::vector<Instance> instances;
   std::vector<CsgSolid> solids;
   std::vector<PunctualLight> lights;
-  /// When the poses of what moves are known, in [0, 1] of the shutter's time, from 0 up to 1;
-  /// linear in between. Empty if nothing moves while it is open. Poses above are those of the
-  /// frame's time.
+  /// Times in [0, 1] of the exposure at which the poses of moving objects are known, from 0 to 1,
+  /// with linear interpolation between them. Empty if nothing moves.
   std::vector<float> key_times;
-  std::vector<std::vector<Affine3d>> motions;  // object to world at each of them
+  std::vector<std::vector<Affine3d>> motions;  // object to world at each of key_times
   Camera camera;
   std::optional<Atmosphere> atmosphere = {};
-  bool has_environment = false;  // lights the scene, whether camera rays see it or not
+  bool has_environment = false;  // lights the scene, even if camera rays do not see it
   Environment environment;
-  Vec3d center;                  // added back to recentred positions in AOVs
+  Vec3d center;                  // added to recentred positions in AOVs
   Vec3d bounds_min, bounds_max;  // recentred world box of all instances
 };
 

@@ -9,22 +9,23 @@
 
 namespace tessera::render {
 
-/// An array that its copies share and nobody changes: what the frames of a job have in common is
-/// held once. Safe to copy and read from any thread.
+/// Immutable array shared by its copies, so that data common to the frames of a job is stored once.
+/// Safe to copy and read from any thread.
 template <typename T>
 class SharedArray {
  public:
   SharedArray() = default;
-  SharedArray(std::vector<T> values)  // NOLINT(google-explicit-constructor): takes over a vector
+  SharedArray(
+      std::vector<T> values)  // NOLINT(google-explicit-constructor): takes ownership of a vector
   {
     if (values.empty()) return;
-    const auto held = std::make_shared<const std::vector<T>>(std::move(values));
-    data_ = held->data();
-    size_ = held->size();
-    owner_ = held;
+    const auto storage = std::make_shared<const std::vector<T>>(std::move(values));
+    data_ = storage->data();
+    size_ = storage->size();
+    owner_ = storage;
   }
   SharedArray(std::initializer_list<T> values) : SharedArray(std::vector<T>(values)) {}
-  /// `size` values at `data`, which `owner` keeps there.
+  /// View of `size` values at `data`, which stay valid while `owner` lives.
   SharedArray(std::shared_ptr<const void> owner, const T* data, std::size_t size)
       : owner_(std::move(owner)), data_(data), size_(size) {}
 
@@ -39,7 +40,7 @@ class SharedArray {
     return std::equal(a.begin(), a.end(), b.begin(), b.end());
   }
 
-  /// Whether both are copies of one array; of empty ones, always.
+  /// Returns whether both share one storage; true for two empty arrays.
   bool shares(const SharedArray& other) const { return data_ == other.data_; }
 
  private:

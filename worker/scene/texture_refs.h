@@ -6,7 +6,7 @@
 
 namespace tessera::render {
 
-/// Every texture reference of a material.
+/// All texture references of a material, set or not.
 std::array<TextureRef*, 18> texture_refs(Material& material);
 std::array<const TextureRef*, 18> texture_refs(const Material& material);
 

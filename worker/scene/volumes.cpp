@@ -9,8 +9,8 @@ namespace tessera::render {
 
 namespace {
 
-/// Whether its surface does nothing to light, where no vertex colour tints it.
-bool is_mere_boundary(const Material& m) {
+/// Returns whether the surface has no effect on light, apart from vertex colours.
+bool is_index_matched_boundary(const Material& m) {
   const bool is_clear = m.base_color.xyz() == Vec3f{1, 1, 1} && !m.base_color_texture;
   const bool passes = m.transmission == 1 && !m.transmission_texture && m.metallic == 0;
   const bool has_more = m.unlit || m.specular_glossiness || m.alpha_mode != AlphaMode::opaque ||
@@ -22,7 +22,7 @@ bool is_mere_boundary(const Material& m) {
 
 }  // namespace
 
-Vec3f extinction_of(const Material& material) {
+Vec3f volume_absorption(const Material& material) {
   Vec3f sigma;
   for (int k = 0; k < 3; ++k) {
     const float c = material.attenuation_color[k];
@@ -42,9 +42,9 @@ void convert_index_matched_solids(Scene& scene) {
   }
   for (std::size_t i = 0; i < scene.materials.size(); ++i) {
     Material& m = scene.materials[i];
-    if (tinted[i] || !is_mere_boundary(m)) continue;
+    if (tinted[i] || !is_index_matched_boundary(m)) continue;
     if (!m.medium) m.medium.emplace();
-    m.medium->absorption += extinction_of(m);
+    m.medium->absorption += volume_absorption(m);
     m.transmission = 0;
     m.has_volume = false;
   }

@@ -4,13 +4,13 @@
 
 namespace tessera::render {
 
-/// KHR_materials_volume's absorption, -ln(attenuationColor) / attenuationDistance, 1/m; infinite
-/// where the colour is 0.
-Vec3f extinction_of(const Material& material);
+/// Absorption coefficient of KHR_materials_volume, -ln(attenuationColor) / attenuationDistance,
+/// 1/m; infinite where the colour is 0.
+Vec3f volume_absorption(const Material& material);
 
-/// Solids of index 1 that neither reflect nor tint are nothing but the ends of what they absorb
-/// with. They become that, TESSERA_medium's boundaries: light from points and suns goes through
-/// them, and a ball of clear glass of index 1 is no ball at all (hard case 41).
+/// Turns solids of index 1 that neither reflect nor tint light into plain boundaries of
+/// TESSERA_medium. Shadow rays then pass through them, so point and directional lights reach the
+/// inside, and a clear ball of index 1 is invisible.
 void convert_index_matched_solids(Scene& scene);
 
 }  // namespace tessera::render

@@ -27,13 +27,20 @@ using render::ShadingScene;
 
 /// Those by which anything is chosen that the same bits can be had without.
 constexpr std::uint32_t kChoices[] = {
-    render::kFeatureTextures,     render::kFeatureTextureTransforms,
-    render::kFeatureVertexColors, render::kFeatureAlphaMask,
-    render::kFeatureAlphaBlend,   render::kFeatureUnlit,
-    render::kFeatureSpecular,     render::kFeatureThinTransmission,
-    render::kFeatureInstances,    render::kFeatureLens,
-    render::kFeatureProcedures,   render::kFeatureShapes,
-    render::kFeatureCsg,          render::kFeatureMedia,
+    render::kFeatureTextures,
+    render::kFeatureTextureTransforms,
+    render::kFeatureVertexColors,
+    render::kFeatureAlphaMask,
+    render::kFeatureAlphaBlend,
+    render::kFeatureUnlit,
+    render::kFeatureSpecular,
+    render::kFeatureThinTransmission,
+    render::kFeatureInstances,
+    render::kFeatureLens,
+    render::kFeatureProceduralTextures,
+    render::kFeatureShapes,
+    render::kFeatureCsg,
+    render::kFeatureMedia,
     render::kFeatureMotion,
 };
 
@@ -144,7 +151,7 @@ bool is_ready_for(std::uint32_t feature, Scene scene, std::uint32_t assumed) {
       return !any_of(shading.materials, [](const auto& m) { return m.lambert; });
     case render::kFeatureLens:
       return render::CameraRays(scene.camera, 1, 1, assumed).takes_lens();
-    case render::kFeatureProcedures:
+    case render::kFeatureProceduralTextures:
       return shading.tracks_footprints;
     case render::kFeatureMedia:
       return shading.tracks_bodies;

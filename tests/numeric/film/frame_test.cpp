@@ -343,7 +343,7 @@ TEST(FloatControlDeathTest, ChangedFloatModeAborts) {  // hard case 79
           _mm_setcsr(_mm_getcsr() | mode);
           render_picture(scene, small_settings(8, 8, 4));
         },
-        "flushes denormals or rounds unusually");
+        "flushes denormals or changes rounding");
   }
 }
 

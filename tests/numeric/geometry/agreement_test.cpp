@@ -151,7 +151,7 @@ TEST(SceneAccel, SoupsMatchBruteForce) {
 TEST(SceneAccel, SplitNeedlesMatchBruteForce) {
   Dice dice(10);
   const Scene scene = scene_of({needles(3'000, dice)});
-  const MeshBvh<16> tree = build_mesh_tree<16>(scene.meshes[0], in_order());
+  const MeshBvh<16> tree = build_mesh_bvh<16>(scene.meshes[0], in_order());
   ASSERT_TRUE(tree.split) << "the test no longer tests splits";
   int hits = 0;
   EXPECT_EQ(mismatches(scene, 4'000, 11, &hits), 0);
@@ -273,7 +273,7 @@ TEST(SceneAccel, FilteredHitsMatchBruteForce) {
 TEST(SceneAccel, AllHitsReportSplitTrianglesOnce) {
   Dice dice(55);
   const Scene scene = scene_of({needles(1'000, dice)});
-  ASSERT_TRUE(build_mesh_tree<16>(scene.meshes[0], in_order()).split);
+  ASSERT_TRUE(build_mesh_bvh<16>(scene.meshes[0], in_order()).split);
   std::vector<SceneAccel> accels;
   for (const Isa isa : supported_isas()) accels.emplace_back(scene, in_order(), isa);
   std::size_t hits = 0;
@@ -337,7 +337,7 @@ TEST(SceneAccel, AxisParallelRaysVisitNoMoreNodes) {
       ObjectRay ray;
       ASSERT_TRUE(make_object_ray(origin, {tilted * 1e-3f, -1, tilted * 1e-3f}, bvh.bounds, ray));
       const float limit = std::numeric_limits<float>::max();
-      traverse_plainly(
+      traverse_plain(
           bvh.nodes.data(), 0, ray, limit, [](std::uint32_t) {}, [&] { ++visits[tilted]; });
     }
   }

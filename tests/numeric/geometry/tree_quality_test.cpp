@@ -9,10 +9,10 @@
 #include <cmath>
 
 #include "tests/numeric/geometry/geometry_scenes.h"
-#include "worker/accel/reference/brute_force.h"
 #include "worker/accel/build/mesh_bvh.h"
 #include "worker/accel/build/reinsertion.h"
 #include "worker/accel/build/wide_bvh.h"
+#include "worker/accel/reference/brute_force.h"
 
 namespace tessera::render::testing {
 namespace {
@@ -135,7 +135,7 @@ TEST(TreeQuality, TwoTrianglesMatchHandCalculation) {
   tree.nodes[0].set_child(1, {{0, 0, -1}, {0.5f, 2, 1}}, kLeafBit | 1u);
   tree.bounds = {{0, 0, -1}, {1, 2, 1}};
   tree.first_rank = {0, 2};
-  const TreeQuality quality = quality_of(tree);
+  const TreeQuality quality = measure_tree_quality(tree);
   // Half areas: 1 and 6 in 8. The first triangle's part with x <= 1/2 lies in the second's box; the
   // second only crosses the first's flat one.
   EXPECT_DOUBLE_EQ(quality.sah, 1 + 7.0 / 8);

@@ -11,9 +11,9 @@
 
 #include "tests/support/folder_reader.h"
 #include "tests/support/plain_scene.h"
+#include "worker/gltf/build/loader.h"
 #include "worker/light/light_sampler.h"
 #include "worker/render/path_tracer.h"
-#include "worker/gltf/build/loader.h"
 
 namespace tessera::testing {
 namespace {
@@ -32,11 +32,11 @@ using Blocks = std::array<double, kValues>;
 /// What frames are rendered from, with the light looked for as said.
 class Estimator {
  public:
-  Estimator(const Scene& scene, LightSampler::LightSampling sought)
+  Estimator(const Scene& scene, LightSampler::LightSampling sampling)
       : scene_(scene),
         shading_(scene),
         accel_(scene, render::sequential()),
-        lights_(scene, shading_, sought),
+        lights_(scene, shading_, sampling),
         camera_(scene.camera, kSize, kSize) {}
 
   Blocks render(std::uint32_t seed, std::int32_t spp) {
@@ -76,9 +76,9 @@ struct Figures {
   Blocks mean{}, variance{};
 };
 
-Figures figures(const Scene& scene, LightSampler::LightSampling sought, std::uint32_t first_seed,
+Figures figures(const Scene& scene, LightSampler::LightSampling sampling, std::uint32_t first_seed,
                 std::int32_t spp) {
-  Estimator estimator(scene, sought);
+  Estimator estimator(scene, sampling);
   Figures f;
   for (std::uint32_t i = 0; i < kSeeds; ++i) {
     const Blocks blocks = estimator.render(first_seed + i, spp);

@@ -5,8 +5,8 @@
 
 #include "tests/support/plain_scene.h"
 #include "worker/light/emitters/environment_map.h"
-#include "worker/light/light_sampler.h"
 #include "worker/light/emitters/punctual.h"
+#include "worker/light/light_sampler.h"
 
 namespace tessera::testing {
 namespace {
@@ -147,9 +147,9 @@ std::array<double, 2> shares_of_halves(const Vec3f& along_t) {
   const Vec3d b(a + t), c(a + t + s), d(a + s);
   const double halves = render::SphericalTriangle::seen_from_origin(Vec3d(a), b, c).solid_angle +
                         render::SphericalTriangle::seen_from_origin(Vec3d(a), c, d).solid_angle;
-  const render::LightSampleContext receiver{{0, 0, 0}, {0, 1, 0}, false};
+  const render::LightSampleContext context{{0, 0, 0}, {0, 1, 0}, false};
   const auto density = [&](std::uint32_t half) {
-    return static_cast<double>(lights.emitter_pdf(receiver, {0, 0, half}, 1, 1));
+    return static_cast<double>(lights.emitter_pdf(context, {0, 0, half}, 1, 1));
   };
   return {density(0) * halves, density(1) * halves};
 }

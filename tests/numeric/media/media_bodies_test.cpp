@@ -5,9 +5,9 @@
 
 #include "tests/numeric/media/simpson.h"
 #include "tests/support/plain_scene.h"
-#include "worker/media/medium_stack.h"
-#include "worker/media/media.h"
 #include "worker/inspect/solid_check.h"
+#include "worker/media/media.h"
+#include "worker/media/medium_stack.h"
 #include "worker/shading/microfacet/fresnel.h"
 
 namespace tessera::testing {
@@ -15,10 +15,10 @@ namespace {
 
 using render::Body;
 using render::DensityGrid;
-using render::MediumStack;
 using render::Material;
 using render::MaterialView;
 using render::Medium;
+using render::MediumStack;
 using render::MediumView;
 using render::ProceduralTexture;
 using render::PunctualLight;
@@ -239,7 +239,7 @@ TEST(NestedDielectrics, CoincidentSurfacesWarn) {
     const auto problems = check_solids(scene);
     ASSERT_EQ(problems.size(), warnings) << bottom;
     if (warnings == 0) continue;
-    EXPECT_NE(problems[0].message.find("touches that of nodes["), std::string::npos);
+    EXPECT_NE(problems[0].message.find("surface coincides with nodes["), std::string::npos);
     for (Material& m : scene.materials) m.optics.has_priority = false;
     EXPECT_TRUE(check_solids(scene).empty()) << "without priorities nothing overlaps on purpose";
   }
@@ -275,15 +275,15 @@ TEST(MediumStack, TopIsHighestRankedBody) {
   in.enter(b);
   EXPECT_EQ(in.top()->id, 2u);
   EXPECT_TRUE(in.hides(a));
-  EXPECT_EQ(in.beside(b)->id, 4u);
+  EXPECT_EQ(in.top_except(b)->id, 4u);
   in.leave(d);
   in.leave(d);
-  EXPECT_EQ(in.beside(b)->id, 1u);
+  EXPECT_EQ(in.top_except(b)->id, 1u);
   in.leave(b);
   in.leave(a);
   EXPECT_EQ(in.top()->id, 3u);
   for (std::uint32_t i = 10; i < 30; ++i) in.enter({i, &low, nullptr});
-  EXPECT_EQ(in.top()->id, 16u) << "no more than kMost";
+  EXPECT_EQ(in.top()->id, 16u) << "at most kMaxDepth bodies";
 }
 
 /// A cloud of a few octaves, between 0.1 and 2 times as dense.
@@ -295,7 +295,7 @@ Scene clouds() {
   p.octaves = 3;
   p.scale = {1.5f, 1.5f, 1.5f};
   p.ramp = {{0, {0.1f, 0, 0, 1}}, {1, {2, 0, 0, 1}}};
-  scene.procedures.push_back(p);
+  scene.procedural_textures.push_back(p);
   scene.center = {0.25, 0, 0};
   return scene;
 }
@@ -329,20 +329,20 @@ double tents(const DensityGrid& grid, const Vec3d& p) {
 TEST(HeterogeneousMedium, DensityStaysBelowBound) {
   const Scene scene = clouds();
   Medium m = medium({1, 1, 1}, {1, 1, 1});
-  m.procedure = 0;
+  m.procedural = 0;
   const MediumView cloud = view_of_medium(scene, &m, {});
-  m.procedure = render::kNone;
+  m.procedural = render::kNone;
   m.grid = ramp_grid();
   const MediumView grid = view_of_medium(scene, &m, {});
-  EXPECT_EQ(cloud.most, 2);
-  EXPECT_EQ(grid.most, 4);
+  EXPECT_EQ(cloud.max_density, 2);
+  EXPECT_EQ(grid.max_density, 4);
   double largest = 0;
   for (int i = 0; i < 4000; ++i) {
     const Vec3d p{-1.6 + 0.0008 * i, std::fmod(i * 0.377, 2.4) - 1.2,
                   std::fmod(i * 0.91, 3.4) - 0.2};
     const float density = density_at(cloud, nullptr, p);
     EXPECT_GE(density, 0.1f);
-    EXPECT_LE(density, cloud.most);
+    EXPECT_LE(density, cloud.max_density);
     EXPECT_NEAR(density_at(grid, nullptr, p), tents(*m.grid, p + scene.center), 1e-5);
     largest = std::max(largest, double{density});
   }
@@ -372,19 +372,19 @@ TEST(HeterogeneousMedium, FlightMatchesQuadrature) {
   const Scene scene = clouds();
   const Vec3f scattering{0.4f, 0.1f, 0.7f}, absorption{0.1f, 0.6f, 0};
   Medium m = medium(absorption, scattering);
-  m.procedure = 0;
+  m.procedural = 0;
   Medium of_grid = medium(absorption, scattering);
   of_grid.grid = ramp_grid();
   for (const Medium* source : {&m, &of_grid}) {
     const MediumView view = view_of_medium(scene, source, {});
     const render::ShadingScene shading(scene);
-    render::MediumSegment stretch;
-    stretch.medium = &view;
-    stretch.origin = {-0.6, -0.3, 0.2};
-    stretch.direction = normalize(Vec3d{0.3, 0.2, 1});
-    stretch.end = 1.9;
+    render::MediumSegment segment;
+    segment.medium = &view;
+    segment.origin = {-0.6, -0.3, 0.2};
+    segment.direction = normalize(Vec3d{0.3, 0.2, 1});
+    segment.end = 1.9;
     const double thickness = integral(
-        [&](double t) { return double{density_at(view, nullptr, stretch.at(t))}; }, 0, 1.9, 4000);
+        [&](double t) { return double{density_at(view, nullptr, segment.at(t))}; }, 0, 1.9, 4000);
     Vec3d through, met;
     for (int k = 0; k < 3; ++k) {
       const double sigma = double{view.extinction[k]};
@@ -395,10 +395,10 @@ TEST(HeterogeneousMedium, FlightMatchesQuadrature) {
     for (int i = 0; i < 8000; ++i) {
       const Sampler sampler(7, 0, i, 0, 0);
       render::HashSequence chance(sampler);
-      ratio.add(transmittance(stretch, &chance));
+      ratio.add(transmittance(segment, &chance));
       Vec3f throughput{1, 1, 1};
       double t = 0;
-      const bool hit = collides_unevenly(stretch, &chance, &throughput, &t);
+      const bool hit = collides_heterogeneous(segment, &chance, &throughput, &t);
       passed.add(hit ? Vec3f{} : throughput);
       collided.add(hit ? throughput : Vec3f{});
     }
@@ -409,23 +409,24 @@ TEST(HeterogeneousMedium, FlightMatchesQuadrature) {
 }
 
 TEST(HeterogeneousMedium, UniformDensityMatchesFog) {
-  Scene even = spot({0, 0, 0}, {0, 0, -1});
-  const auto black = add_material(&even, lambert({0, 0, 0}));
-  add_primitive(&even, quad({-9, -9, -6}, {18, 0, 0}, {0, 18, 0}, black));
+  Scene is_homogeneous = spot({0, 0, 0}, {0, 0, -1});
+  const auto black = add_material(&is_homogeneous, lambert({0, 0, 0}));
+  add_primitive(&is_homogeneous, quad({-9, -9, -6}, {18, 0, 0}, {0, 18, 0}, black));
   PunctualLight light;
   light.intensity = {1, 1, 1};
   light.position = {0.3, 0, -2};
-  even.lights.push_back(light);
-  Scene grid = even;
-  even.atmosphere = render::Atmosphere{medium({0.1f, 0.1f, 0.1f}, {0.4f, 0.4f, 0.4f}), {0, 0, 0}};
-  grid.atmosphere = even.atmosphere;
+  is_homogeneous.lights.push_back(light);
+  Scene grid = is_homogeneous;
+  is_homogeneous.atmosphere =
+      render::Atmosphere{medium({0.1f, 0.1f, 0.1f}, {0.4f, 0.4f, 0.4f}), {0, 0, 0}};
+  grid.atmosphere = is_homogeneous.atmosphere;
   auto half = std::make_shared<DensityGrid>();
   half->size = {2, 2, 2};
   half->low = {-20, -20, -20};
   half->high = {20, 20, 20};
   half->values = {1, 1, 1, 1, 1, 1, 1, 1};
   grid.atmosphere->medium.grid = half;
-  const Picture a = middle(even, 256, 3), b = middle(grid, 256, 3);
+  const Picture a = middle(is_homogeneous, 256, 3), b = middle(grid, 256, 3);
   const double error = std::sqrt(3) * std::hypot(a.mean_error(), b.mean_error());
   EXPECT_NEAR(a.mean(), b.mean(), 4 * error);
   EXPECT_LT(error, 0.04 * a.mean());

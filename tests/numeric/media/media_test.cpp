@@ -7,9 +7,9 @@
 #include "tests/numeric/media/simpson.h"
 #include "tests/support/plain_scene.h"
 #include "worker/media/medium_traversal.h"
+#include "worker/media/phase.h"
 #include "worker/render/transparency.h"
 #include "worker/sampling/equi_angular.h"
-#include "worker/media/phase.h"
 
 namespace tessera::testing {
 namespace {
@@ -143,23 +143,23 @@ TEST(FreeFlight, CollisionRateMatchesFormula) {
   render::MediumView view;
   view.scattering = scattering;
   view.extinction = extinction;
-  render::MediumSegment stretch;
-  stretch.medium = &view;
-  stretch.end = 2;
+  render::MediumSegment segment;
+  segment.medium = &view;
+  segment.end = 2;
   Vec3d passed, collided, passed2;
   constexpr int kPaths = 40000;
   for (int i = 0; i < kPaths; ++i) {
     const Sampler sampler(1, 0, i, 0, 0);
-    render::MediumTraversal flight;
+    render::MediumTraversal traversal;
     Vec3f throughput{1, 0.5f, 0.25f};
-    flight.begin(sampler.get_4d_fine(4).x, double{sampler.get_4d(4).y}, throughput);
+    traversal.begin(sampler.get_4d_fine(4).x, double{sampler.get_4d(4).y}, throughput);
     double t = 0;
     // Two stretches, as if a veil lay between them.
-    stretch.end = 0.7;
-    bool hit = flight.collides(stretch, &throughput, &t);
+    segment.end = 0.7;
+    bool hit = traversal.collides(segment, &throughput, &t);
     if (!hit) {
-      stretch.end = 1.3;
-      hit = flight.collides(stretch, &throughput, &t);
+      segment.end = 1.3;
+      hit = traversal.collides(segment, &throughput, &t);
     }
     const Vec3d w(throughput);
     (hit ? collided : passed) += w / double{kPaths};

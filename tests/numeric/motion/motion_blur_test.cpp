@@ -293,10 +293,10 @@ TEST(MotionBlur, MovingSceneHasMotionKeys) {
   ASSERT_TRUE(scene.ok()) << scene.status();
   EXPECT_EQ(scene->motions.size(), 2u);
   EXPECT_GT(scene->camera.keys.size(), 1u);
-  const SceneFeatures needs = features_of(*scene);
+  const SceneFeatures features = features_of(*scene);
   const SceneFeatures less = features_of(*load_and_pose(*moving_row(0, 0), settings));
-  EXPECT_EQ(needs.features, less.features | kFeatureMotion);
-  EXPECT_GT(needs.total_bytes(), less.total_bytes());
+  EXPECT_EQ(features.features, less.features | kFeatureMotion);
+  EXPECT_GT(features.total_bytes(), less.total_bytes());
   const auto lit = load_and_pose(*moving_lights(kOpen, kClose), settings);
   ASSERT_TRUE(lit.ok()) << lit.status();
   EXPECT_TRUE((features_of(*lit).features & kFeatureMotion) != 0);

@@ -163,10 +163,10 @@ TEST(TesseraMaterial, RejectsInvalidProperties) {
     return std::string(load_and_pose(file).status().message());
   };
   for (const auto& [extension, fault] : std::vector<std::pair<std::string, std::string>>{
-           {R"({"metal": "gold"})", ".metal: is unknown; there are conductor"},
+           {R"({"metal": "gold"})", ".metal: unknown property; expected one of conductor"},
            {R"({"conductor": {"metal": "pyrite"}})", ".conductor.metal: is none of aluminium"},
            {R"({"conductor": {"metal": "gold", "k": [1, 1, 1]}})",
-            ".conductor: has a metal beside"},
+            ".conductor: has both metal and"},
            {R"({"conductor": {"n": [1, 1, 1]}})", ".conductor: has no k"},
            {R"({"conductor": {"n": [0, 1, 1], "k": [1, 1, 1]}})", ".conductor.n: is not in [0.001"},
            {R"({"conductor": {"n": [1, 1, 1], "k": [1, -1, 1]}})", ".conductor.k: is not in [0,"},

@@ -27,7 +27,7 @@ using Pattern = ProceduralTexture::Pattern;
 
 constexpr double kPi = 3.14159265358979323846;
 
-ProceduralTexture procedure(Pattern pattern) {
+ProceduralTexture procedural(Pattern pattern) {
   ProceduralTexture f;
   f.pattern = pattern;
   f.ramp = {{0, {0, 0, 0, 1}}, {1, {1, 1, 1, 1}}};
@@ -51,7 +51,7 @@ double octave(const ProceduralTexture& f, std::array<double, 4> p, int i) {
 
 TEST(ProceduralTexture, OctaveSumMatchesFormula) {
   for (int i = 0; i < 1000; ++i) {
-    ProceduralTexture f = procedure(Pattern::fbm);
+    ProceduralTexture f = procedural(Pattern::fbm);
     f.dimensions = 1 + i % 4;
     f.seed = 7;
     f.octaves = 1 + i % 5;
@@ -87,7 +87,8 @@ double smooth_step(double low, double high, double x) {
 }
 
 /// Sum of the octaves' noise, or of its absolute value, at p over the sum of their amplitudes.
-double octave_mean(const ProceduralTexture& f, const std::array<double, 4>& p, int octaves, bool absolute) {
+double octave_mean(const ProceduralTexture& f, const std::array<double, 4>& p, int octaves,
+                   bool absolute) {
   double sum = 0, most = 0;
   for (int k = 0; k < octaves; ++k) {
     const double n = octave(f, p, k), amplitude = std::pow(double{f.gain}, k);
@@ -100,7 +101,7 @@ double octave_mean(const ProceduralTexture& f, const std::array<double, 4>& p, i
 /// As docs/extensions.md names them: rings and grain, clumps, patches with scratched rims, flames.
 TEST(ProceduralTexture, PatternsMatchFormulas) {
   for (int i = 0; i < 1000; ++i) {
-    ProceduralTexture f = procedure(Pattern::wood);
+    ProceduralTexture f = procedural(Pattern::wood);
     f.dimensions = 1 + i % 4;
     f.seed = 7;
     f.octaves = 1 + i % 5;
@@ -135,7 +136,7 @@ TEST(ProceduralTexture, StaysBetweenZeroAndOne) {
   for (const Pattern pattern :
        {Pattern::noise, Pattern::fbm, Pattern::turbulence, Pattern::ridged, Pattern::marble,
         Pattern::wood, Pattern::clouds, Pattern::worn_metal, Pattern::fire}) {
-    const ProceduralTexture f = procedure(pattern);
+    const ProceduralTexture f = procedural(pattern);
     double low = 1, high = 0;
     for (int i = 0; i < 20000; ++i) {
       auto p = point(i);
@@ -154,7 +155,7 @@ TEST(ProceduralTexture, StaysBetweenZeroAndOne) {
 TEST(ProceduralTexture, LargeFootprintGivesMean) {
   for (const Pattern pattern :
        {Pattern::noise, Pattern::fbm, Pattern::turbulence, Pattern::marble}) {
-    ProceduralTexture f = procedure(pattern);
+    ProceduralTexture f = procedural(pattern);
     f.octaves = 4;
     double sum = 0, squares = 0;
     constexpr int kCount = 1 << 16;
@@ -175,7 +176,7 @@ TEST(ProceduralTexture, LargeFootprintGivesMean) {
 
 /// Mean square of what a spot of `width` sees beside the average over the spot.
 TEST(ProceduralTexture, FootprintRemovesFineDetail) {
-  ProceduralTexture f = procedure(Pattern::fbm);
+  ProceduralTexture f = procedural(Pattern::fbm);
   f.octaves = 8;
   f.dimensions = 1;
   f.gain = 1;  // fine octaves as strong as coarse ones: they alias where they are seen
@@ -203,7 +204,7 @@ TEST(ProceduralTexture, FootprintRemovesFineDetail) {
 }
 
 TEST(ProceduralTexture, RampIsLinearBetweenStops) {
-  ProceduralTexture f = procedure(Pattern::fbm);
+  ProceduralTexture f = procedural(Pattern::fbm);
   f.ramp = {{0.25f, {1, 0, 0, 1}}, {0.5f, {0, 1, 0, 0.5f}}, {1, {0, 0, 1, 0}}};
   const auto expect = [&](float at, Vec4f color) {
     const Vec4f c = ramp_at(f, at);
@@ -220,9 +221,9 @@ TEST(ProceduralTexture, RampIsLinearBetweenStops) {
 /// A unit square at z = 0, tilted and moved, whose base colour is a procedure.
 Scene square(const ProceduralTexture& f, const render::Affine3d& placement, bool bump = false) {
   Scene scene = empty_scene();
-  scene.procedures.push_back(f);
+  scene.procedural_textures.push_back(f);
   render::Texture texture;
-  texture.procedure = 0;
+  texture.procedural = 0;
   scene.textures.push_back(texture);
   Material m = lambert({1, 1, 1});
   (bump ? m.normal_texture : m.base_color_texture).texture = 0;
@@ -236,8 +237,8 @@ Vec4f color_at(const Scene& scene, float b1, float b2) {
   return base_color_at(shading, surface_at(shading, {0, 0, 0}, b1, b2, {0, 0, -1}));
 }
 
-TEST(ProcedureOnASurface, StandsInItsSpace) {
-  ProceduralTexture f = procedure(Pattern::noise);
+TEST(ProceduralTextureOnSurface, UsesItsCoordinateSpace) {
+  ProceduralTexture f = procedural(Pattern::noise);
   f.scale = {3, 5, 7};
   f.offset = {0.5f, 0.25f, 0.125f};
   const auto expected = [&](const Vec3d& p) {
@@ -260,9 +261,9 @@ TEST(ProcedureOnASurface, StandsInItsSpace) {
   EXPECT_NEAR(color_at(flat, 0.25f, 0.5f).x, expected({2 * 0.75 + 0.25, 4 * 0.5, 0}), 1e-6);
 }
 
-TEST(ProcedureOnASurface, BumpsTiltTheNormalByTheSlopeOfTheirHeight) {
+TEST(ProceduralTextureOnSurface, BumpTiltsNormal) {
   // Marble without distortion is 0.5 + 0.5 sin(2 pi x): its slope is known.
-  ProceduralTexture f = procedure(Pattern::marble);
+  ProceduralTexture f = procedural(Pattern::marble);
   f.distortion = 0;
   f.octaves = 1;
   f.bump_height = 0.1f;
@@ -282,16 +283,16 @@ TEST(ProcedureOnASurface, BumpsTiltTheNormalByTheSlopeOfTheirHeight) {
   }
 }
 
-TEST(ProcedureOnASurface, FarAwayIsEvenWithFewSamples) {
+TEST(ProceduralTextureOnSurface, IsSmoothFarAway) {
   // A wall of fine noise that fills the view: from near its pixels differ, from far they do not.
   const auto spread = [](double distance) {
-    ProceduralTexture f = procedure(Pattern::fbm);
+    ProceduralTexture f = procedural(Pattern::fbm);
     f.octaves = 2;
     f.scale = {40, 40, 40};
     Scene scene = empty_scene();
-    scene.procedures.push_back(f);
+    scene.procedural_textures.push_back(f);
     render::Texture texture;
-    texture.procedure = 0;
+    texture.procedural = 0;
     scene.textures.push_back(texture);
     Material m = lambert({1, 1, 1});
     m.unlit = true;

@@ -98,7 +98,7 @@ TEST(Csg, IntersectionBoundsAreTight) {
   place_shape(scene, ball(1), moved({0.9, 0, 0}));
   combine(scene, CsgOperation::intersect);
   const Box3f& bounds = scene.meshes[0].shape->bounds;
-  const InstanceBoxes boxes = place_instances(scene, std::vector<Box3f>{bounds, bounds});
+  const InstanceBoxes boxes = bound_instances(scene, std::vector<Box3f>{bounds, bounds});
   ASSERT_EQ(boxes.boxes.size(), 1u);
   EXPECT_NEAR(boxes.boxes[0].lo.x, -0.1, 1e-4);
   EXPECT_NEAR(boxes.boxes[0].hi.x, 0.1, 1e-4);

@@ -7,94 +7,95 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "worker/math/elementary.h"
+#include "worker/gltf/animation/selection.h"
 #include "worker/gltf/decode/accessor_reader.h"
 #include "worker/gltf/file/limits.h"
-#include "worker/gltf/animation/selection.h"
+#include "worker/math/elementary.h"
 
 namespace tessera::render {
 
 namespace {
 
-/// The keys of a channel.
+/// Keys of a channel.
 struct Track {
   std::vector<float> times;
-  std::vector<float> values;  // `width` a key, three times that for cubic splines
+  std::vector<float> values;  // `width` per key, three times that for cubic splines
   int width = 0;
   Interpolation interpolation = Interpolation::linear;
 };
 
-/// Morph targets of the mesh a weights channel drives.
-int target_count(const GltfModel& document, std::int32_t node) {
-  const std::int32_t mesh = document.nodes[node].mesh;
-  if (mesh == kNone || document.meshes[mesh].primitives.empty()) return 0;
-  return static_cast<int>(document.meshes[mesh].primitives.front().targets.size());
+/// Number of morph targets of the mesh that a weights channel animates.
+int target_count(const GltfModel& model, std::int32_t node) {
+  const std::int32_t mesh = model.nodes[node].mesh;
+  if (mesh == kNone || model.meshes[mesh].primitives.empty()) return 0;
+  return static_cast<int>(model.meshes[mesh].primitives.front().targets.size());
 }
 
-/// Numbers a key of the channel has.
-int track_width(const GltfModel& document, const AnimationChannel& channel) {
-  if (channel.path == AnimationPath::weights) return target_count(document, channel.node);
+/// Number of values per key.
+int track_width(const GltfModel& model, const AnimationChannel& channel) {
+  if (channel.path == AnimationPath::weights) return target_count(model, channel.node);
   return channel.path == AnimationPath::rotation ? 4 : 3;
 }
 
-/// Elements the channel's output accessor must have.
-std::int64_t output_count(const GltfModel& document, const AnimationChannel& channel) {
+/// Required number of elements of the output accessor.
+std::int64_t output_count(const GltfModel& model, const AnimationChannel& channel) {
   const bool cubic = channel.interpolation == Interpolation::cubic_spline;
   const bool weights = channel.path == AnimationPath::weights;
-  return document.accessors[channel.input].count * (cubic ? 3 : 1) *
-         (weights ? target_count(document, channel.node) : 1);
+  return model.accessors[channel.input].count * (cubic ? 3 : 1) *
+         (weights ? target_count(model, channel.node) : 1);
 }
 
 bool all_finite(const std::vector<float>& values) {
   return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
 }
 
-/// What a channel's accessors hold.
+/// Layout of a channel's accessors.
 struct TrackShape {
   std::int32_t input, output;  // accessors
   Interpolation interpolation;
-  int width;          // numbers a key has
-  bool flat = false;  // which are so many scalars in the output, not one element
+  int width;          // values per key
+  bool flat = false;  // values are separate scalars in the output, not one element
 };
 
-TrackShape shape_of(const GltfModel& document, const AnimationChannel& channel) {
-  return {channel.input, channel.output, channel.interpolation, track_width(document, channel),
+TrackShape shape_of(const GltfModel& model, const AnimationChannel& channel) {
+  return {channel.input, channel.output, channel.interpolation, track_width(model, channel),
           channel.path == AnimationPath::weights};
 }
 
-/// A pointer's numbers are vectors up to four, and scalars one after another beyond.
+/// A pointer channel has vectors of up to four values; longer ones are stored as scalars.
 TrackShape shape_of(const PointerChannel& channel) {
   return {channel.input, channel.output, channel.interpolation, channel.width, channel.width > 4};
 }
 
-absl::StatusOr<Track> read_track(const GltfModel& document, const TrackShape& channel,
+absl::StatusOr<Track> read_track(const GltfModel& model, const TrackShape& channel,
                                  const std::string& where) {
   const auto fault = [&](const std::string& message) {
     return absl::InvalidArgumentError(absl::StrCat(where, ": ", message));
   };
   Track track;
   track.interpolation = channel.interpolation;
-  auto times = read_floats(document, channel.input, 1);
+  auto times = read_floats(model, channel.input, 1);
   if (!times.ok()) return times.status();
   track.times = *std::move(times);
   track.width = channel.width;
-  auto values = read_floats(document, channel.output, channel.flat ? 1 : track.width);
+  auto values = read_floats(model, channel.output, channel.flat ? 1 : track.width);
   if (!values.ok()) return values.status();
   track.values = *std::move(values);
   const std::size_t per_key = static_cast<std::size_t>(track.width) *
                               (channel.interpolation == Interpolation::cubic_spline ? 3 : 1);
   if (track.values.size() != track.times.size() * per_key) {
-    return fault(absl::StrCat("output has ", track.values.size(), " numbers, want ",
+    return fault(absl::StrCat("output has ", track.values.size(), " numbers, expected ",
                               track.times.size() * per_key));
   }
-  if (!all_finite(track.values) || !all_finite(track.times)) return fault("has NaN or infinity");
+  if (!all_finite(track.values) || !all_finite(track.times))
+    return fault("contains NaN or infinity");
   for (std::size_t i = 1; i < track.times.size(); ++i) {
     if (!(track.times[i] > track.times[i - 1])) return fault("key times do not increase");
   }
   return track;
 }
 
-/// Value of the track at time t. `spherical`: the four numbers are a quaternion.
+/// Value of the track at time t. `spherical`: the four values are a quaternion.
 std::vector<double> evaluate(const Track& track, double t, bool spherical) {
   const auto width = static_cast<std::size_t>(track.width);
   const bool cubic = track.interpolation == Interpolation::cubic_spline;
@@ -104,7 +105,7 @@ std::vector<double> evaluate(const Track& track, double t, bool spherical) {
   const auto value = [&](std::size_t key, std::size_t k) {
     return static_cast<double>(track.values[key * per_key + k]);
   };
-  // The key at or before t; beyond the ends the end keys hold.
+  // The last key at or before t; times outside the keys use the end keys.
   const auto after =
       std::upper_bound(track.times.begin(), track.times.end(), t,
                        [](double x, float key) { return x < static_cast<double>(key); });
@@ -147,20 +148,20 @@ Vec4d slerp(const Vec4d& a, Vec4d b, double f) {
   const auto norm = [](const Vec4d& v) {
     return std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z + v.w * v.w);
   };
-  // Accurate at small angles, where acos of the dot product is not. Source: Kahan.
+  // Accurate for small angles, unlike acos of the dot product. Source: Kahan.
   const double angle = 2 * elementary::atan2(norm(difference), norm(sum));
   const double sine = elementary::sin(angle);
   if (!(sine > 0)) return a + difference * f;
   return a * (elementary::sin((1 - f) * angle) / sine) + b * (elementary::sin(f * angle) / sine);
 }
 
-absl::StatusOr<std::vector<std::int32_t>> choose_animations(const GltfModel& document,
+absl::StatusOr<std::vector<std::int32_t>> choose_animations(const GltfModel& model,
                                                             const std::string& selection) {
   std::vector<std::int32_t> chosen;
-  if (selection == "none" || (selection.empty() && document.animations.empty())) return chosen;
+  if (selection == "none" || (selection.empty() && model.animations.empty())) return chosen;
   if (selection.empty()) return std::vector<std::int32_t>{0};
   std::vector<std::string> names;
-  for (const Animation& a : document.animations) names.push_back(a.name);
+  for (const Animation& a : model.animations) names.push_back(a.name);
   if (selection == "all" && std::find(names.begin(), names.end(), "all") == names.end()) {
     for (std::size_t i = 0; i < names.size(); ++i) chosen.push_back(static_cast<std::int32_t>(i));
     return chosen;
@@ -171,31 +172,31 @@ absl::StatusOr<std::vector<std::int32_t>> choose_animations(const GltfModel& doc
   return chosen;
 }
 
-double clip_seconds(const GltfModel& document, std::int32_t animation) {
+double clip_seconds(const GltfModel& model, std::int32_t animation) {
   double last = 0;
   const auto lengthen = [&](std::int32_t input) {
-    const auto times = read_floats(document, input, 1);
+    const auto times = read_floats(model, input, 1);
     if (times.ok() && !times->empty() && times->back() > last) last = times->back();
   };
-  for (const AnimationChannel& channel : document.animations[animation].channels) {
+  for (const AnimationChannel& channel : model.animations[animation].channels) {
     lengthen(channel.input);
   }
-  for (const PointerChannel& channel : document.animations[animation].pointers) {
+  for (const PointerChannel& channel : model.animations[animation].pointers) {
     lengthen(channel.input);
   }
   return last;
 }
 
-std::vector<AnimationKey> animation_keys(const GltfModel& document,
+std::vector<AnimationKey> animation_keys(const GltfModel& model,
                                          const std::vector<std::int32_t>& animations, double from,
                                          double to) {
-  std::map<double, bool> keys;                   // whether something jumps
-  std::set<std::pair<std::int32_t, bool>> read;  // channels share accessors
+  std::map<double, bool> keys;                   // whether the value jumps there
+  std::set<std::pair<std::int32_t, bool>> read;  // already read: channels share accessors
   for (const std::int32_t animation : animations) {
-    for (const AnimationChannel& channel : document.animations[animation].channels) {
+    for (const AnimationChannel& channel : model.animations[animation].channels) {
       const bool jumps = channel.interpolation == Interpolation::step;
       if (!read.insert({channel.input, jumps}).second) continue;
-      const auto times = read_floats(document, channel.input, 1);
+      const auto times = read_floats(model, channel.input, 1);
       if (!times.ok()) continue;
       for (const float time : *times) {
         const auto seconds = static_cast<double>(time);
@@ -211,16 +212,16 @@ std::vector<AnimationKey> animation_keys(const GltfModel& document,
   return out;
 }
 
-absl::Status check_animations(const GltfModel& document) {
-  std::set<std::pair<std::int32_t, std::int32_t>> sound;  // accessor, components
+absl::Status check_animations(const GltfModel& model) {
+  std::set<std::pair<std::int32_t, std::int32_t>> checked;  // accessor, components
   std::uint64_t bytes = 0;
-  for (std::size_t i = 0; i < document.animations.size(); ++i) {
-    const auto& channels = document.animations[i].channels;
+  for (std::size_t i = 0; i < model.animations.size(); ++i) {
+    const auto& channels = model.animations[i].channels;
     for (std::size_t k = 0; k < channels.size(); ++k) {
       const AnimationChannel& c = channels[k];
-      const int width = track_width(document, c);
+      const int width = track_width(model, c);
       const bool weights = c.path == AnimationPath::weights;
-      bytes += decoded_bytes(document, c.input) + decoded_bytes(document, c.output);
+      bytes += decoded_bytes(model, c.input) + decoded_bytes(model, c.output);
       if (bytes > kMaxGeometryBytes) {
         return absl::InvalidArgumentError(
             absl::StrCat(channel_path(static_cast<std::int32_t>(i), k),
@@ -229,31 +230,30 @@ absl::Status check_animations(const GltfModel& document) {
       const auto input = std::make_pair(c.input, 0);
       const auto output = std::make_pair(c.output, weights ? -width : width);
       // Channels share accessors; each pair of them is read once.
-      if (sound.contains(input) && sound.contains(output) &&
-          document.accessors[c.output].count == output_count(document, c)) {
+      if (checked.contains(input) && checked.contains(output) &&
+          model.accessors[c.output].count == output_count(model, c)) {
         continue;
       }
-      const auto track = read_track(document, shape_of(document, c),
-                                    channel_path(static_cast<std::int32_t>(i), k));
+      const auto track =
+          read_track(model, shape_of(model, c), channel_path(static_cast<std::int32_t>(i), k));
       if (!track.ok()) return track.status();
-      sound.insert(input);
-      sound.insert(output);
+      checked.insert(input);
+      checked.insert(output);
     }
-    for (const PointerChannel& c : document.animations[i].pointers) {
-      const auto values = pointer_values(document, static_cast<std::int32_t>(i), c, 0);
+    for (const PointerChannel& c : model.animations[i].pointers) {
+      const auto values = pointer_values(model, static_cast<std::int32_t>(i), c, 0);
       if (!values.ok()) return values.status();
     }
   }
   return absl::OkStatus();
 }
 
-absl::Status animate(const GltfModel& document, std::int32_t animation, double seconds,
+absl::Status animate(const GltfModel& model, std::int32_t animation, double seconds,
                      std::vector<Node>& nodes) {
-  const auto& channels = document.animations[animation].channels;
+  const auto& channels = model.animations[animation].channels;
   for (std::size_t k = 0; k < channels.size(); ++k) {
     const AnimationChannel& channel = channels[k];
-    const auto track =
-        read_track(document, shape_of(document, channel), channel_path(animation, k));
+    const auto track = read_track(model, shape_of(model, channel), channel_path(animation, k));
     if (!track.ok()) return track.status();
     Node& node = nodes[channel.node];
     const bool rotation = channel.path == AnimationPath::rotation;
@@ -267,10 +267,9 @@ absl::Status animate(const GltfModel& document, std::int32_t animation, double s
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::vector<double>> pointer_values(const GltfModel& document, std::int32_t animation,
+absl::StatusOr<std::vector<double>> pointer_values(const GltfModel& model, std::int32_t animation,
                                                    const PointerChannel& channel, double seconds) {
-  const auto track =
-      read_track(document, shape_of(channel), channel_path(animation, channel.index));
+  const auto track = read_track(model, shape_of(channel), channel_path(animation, channel.index));
   if (!track.ok()) return track.status();
   if (track->times.empty()) {
     return absl::InvalidArgumentError(

@@ -17,13 +17,14 @@ using nlohmann::json;
 
 namespace {
 
-/// A number, or several, that can be animated though the file may leave it to its default.
+/// A property that can be animated even if the file omits it, with its number of values.
 struct Animatable {
   std::string_view name;
   int width;
 };
 
-/// Of cameras, lights and materials, by name. Source: Khronos, "glTF 2.0 Asset Object Model".
+/// Properties of cameras, lights and materials, sorted by name. Source: Khronos, "glTF 2.0 Asset
+/// Object Model".
 constexpr Animatable kAnimatable[] = {
     {"alphaCutoff", 1},
     {"anisotropyRotation", 1},
@@ -63,18 +64,18 @@ constexpr Animatable kAnimatable[] = {
     {"znear", 1},
 };
 
-/// Whole numbers of our extensions, which name or count things.
+/// Integer properties of TESSERA extensions, which cannot be animated.
 constexpr std::string_view kWhole[] = {"accessor",  "blades",   "dimensions",
                                        "focusNode", "material", "octaves",
                                        "priority",  "seed",     "texture"};
 
-/// The parts of "/cameras/0/perspective/yfov"; none if it is no such pointer.
+/// Segments of "/cameras/0/perspective/yfov"; empty if malformed.
 std::vector<std::string> split(const std::string& pointer) {
   if (pointer.empty() || pointer[0] != '/' || pointer.find('~') != std::string::npos) return {};
   return absl::StrSplit(pointer.substr(1), '/');
 }
 
-/// Parts that name the element: 2, or 4 of a light; 0 if elements there cannot be animated.
+/// Number of segments that name the element: 2, or 4 for a light; 0 if it cannot be animated.
 std::size_t element_parts(const std::vector<std::string>& parts) {
   if (parts.size() > 4 && parts[0] == "extensions" && parts[1] == "KHR_lights_punctual" &&
       parts[2] == "lights") {
@@ -86,8 +87,8 @@ std::size_t element_parts(const std::vector<std::string>& parts) {
   return animated ? 2 : 0;
 }
 
-/// Whether the path goes over an element that exists, and over objects and elements of arrays that
-/// exist from there.
+/// Returns whether the path names an existing element and, below it, existing objects and array
+/// elements.
 bool stands_in(const json& root, const std::vector<std::string>& parts, std::size_t element) {
   const json* at = &root;
   for (std::size_t i = 0; i + 1 < parts.size(); ++i) {
@@ -98,7 +99,7 @@ bool stands_in(const json& root, const std::vector<std::string>& parts, std::siz
     } else if (at->is_object()) {
       const auto member = at->find(parts[i]);
       if (member == at->end()) {
-        // Objects that are all defaults may be left out; extensions say that they are there.
+        // Objects with only default values may be omitted, except extensions.
         return i >= element && i > 0 && parts[i - 1] != "extensions" && parts[i] != "extensions";
       }
       at = &*member;
@@ -109,15 +110,15 @@ bool stands_in(const json& root, const std::vector<std::string>& parts, std::siz
   return at->is_object();
 }
 
-/// Numbers at the pointer; 0 if it does not name what can be animated.
+/// Number of values at the pointer; 0 if it cannot be animated.
 int width_at(const json& root, const std::vector<std::string>& parts) {
   const std::size_t element = element_parts(parts);
   if (element == 0 || !stands_in(root, parts, element)) return 0;
   const std::string& name = parts.back();
   const std::string& parent = parts[parts.size() - 2];
-  const bool ours = std::any_of(parts.begin(), parts.end(),
-                                [](const std::string& p) { return p.starts_with("TESSERA_"); });
-  if (ours) {
+  const bool is_tessera = std::any_of(
+      parts.begin(), parts.end(), [](const std::string& p) { return p.starts_with("TESSERA_"); });
+  if (is_tessera) {
     const json::json_pointer pointer("/" + absl::StrJoin(parts, "/"));
     if (!root.contains(pointer)) return 0;
     if (std::find(std::begin(kWhole), std::end(kWhole), name) != std::end(kWhole)) return 0;
@@ -138,7 +139,7 @@ int width_at(const json& root, const std::vector<std::string>& parts) {
   return known == std::end(kAnimatable) ? 0 : known->width;
 }
 
-/// A node's own transform or weights; nullopt: something else.
+/// Transform property or weights of a node; nullopt for anything else.
 std::optional<AnimationPath> node_path(const std::vector<std::string>& parts) {
   if (parts.size() != 3 || parts[0] != "nodes") return std::nullopt;
   if (parts[2] == "translation") return AnimationPath::translation;
@@ -159,8 +160,8 @@ Interpolation interpolation_of(const JsonView& sampler, JsonFault& fault) {
 
 class PointerReader {
  public:
-  PointerReader(const json& root, GltfModel& document, JsonFault& fault)
-      : root_(root), document_(document), fault_(fault) {}
+  PointerReader(const json& root, GltfModel& model, JsonFault& fault)
+      : root_(root), model_(model), fault_(fault) {}
 
   void read(const JsonView& animation, Animation& out) {
     const std::vector<JsonView> samplers = animation["samplers"].items();
@@ -179,8 +180,8 @@ class PointerReader {
  private:
   PointerChannel source(const JsonView& sampler) {
     PointerChannel channel;
-    channel.input = sampler.index("input", document_.accessors.size());
-    channel.output = sampler.index("output", document_.accessors.size());
+    channel.input = sampler.index("input", model_.accessors.size());
+    channel.output = sampler.index("output", model_.accessors.size());
     if (channel.input == kNone || channel.output == kNone) {
       fault_.report(sampler.path(), "has no input or no output");
     }
@@ -194,7 +195,7 @@ class PointerReader {
     if (const auto path = node_path(parts)) {
       std::int32_t node = kNone;
       if (absl::SimpleAtoi(parts[1], &node) && node >= 0 &&
-          static_cast<std::size_t>(node) < document_.nodes.size()) {
+          static_cast<std::size_t>(node) < model_.nodes.size()) {
         out.channels.push_back({node, *path, channel.input, channel.output, channel.interpolation});
         return;
       }
@@ -202,38 +203,38 @@ class PointerReader {
     channel.width = width_at(root_, parts);
     if (channel.width == 0) {
       fault_.report(extension.path() + ".pointer",
-                    absl::StrCat("\"", channel.pointer, "\" names no number that can be animated"));
+                    absl::StrCat("\"", channel.pointer, "\" is not an animatable property"));
     }
     out.pointers.push_back(std::move(channel));
   }
 
   const json& root_;
-  GltfModel& document_;
+  GltfModel& model_;
   JsonFault& fault_;
 };
 
 }  // namespace
 
-absl::Status read_animation_pointers(const json& root, GltfModel& document) {
+absl::Status read_animation_pointers(const json& root, GltfModel& model) {
   JsonFault fault;
-  PointerReader reader(root, document, fault);
+  PointerReader reader(root, model, fault);
   const std::vector<JsonView> animations = JsonView(root, "", fault)["animations"].items();
-  for (std::size_t i = 0; i < animations.size() && i < document.animations.size(); ++i) {
-    reader.read(animations[i], document.animations[i]);
+  for (std::size_t i = 0; i < animations.size() && i < model.animations.size(); ++i) {
+    reader.read(animations[i], model.animations[i]);
   }
   return fault.status();
 }
 
-bool has_pointers(const GltfModel& document, const std::vector<std::int32_t>& animations) {
+bool has_pointers(const GltfModel& model, const std::vector<std::int32_t>& animations) {
   return std::any_of(animations.begin(), animations.end(),
-                     [&](std::int32_t a) { return !document.animations[a].pointers.empty(); });
+                     [&](std::int32_t a) { return !model.animations[a].pointers.empty(); });
 }
 
-absl::Status animate_json(const GltfModel& document, const std::vector<std::int32_t>& animations,
+absl::Status animate_json(const GltfModel& model, const std::vector<std::int32_t>& animations,
                           double seconds, json& root) {
   for (const std::int32_t animation : animations) {
-    for (const PointerChannel& channel : document.animations[animation].pointers) {
-      const auto values = pointer_values(document, animation, channel, seconds);
+    for (const PointerChannel& channel : model.animations[animation].pointers) {
+      const auto values = pointer_values(model, animation, channel, seconds);
       if (!values.ok()) return values.status();
       json& place = root[json::json_pointer(channel.pointer)];
       place = channel.width == 1 ? json(values->front()) : json(*values);

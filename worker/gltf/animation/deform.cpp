@@ -58,20 +58,20 @@ Affine3d blend(const BasePrimitive& base, std::size_t v, const std::vector<Affin
   return sum;
 }
 
-/// Inverse transpose times a positive number: normals keep their side when the map mirrors.
+/// Inverse transpose up to a positive factor, so normals keep their side under mirroring.
 Vec3d transform_direction_normal(const Affine3d& m, const Vec3d& n) {
   const Vec3d cofactor = {dot(cross(m.rows[1], m.rows[2]), n), dot(cross(m.rows[2], m.rows[0]), n),
                           dot(cross(m.rows[0], m.rows[1]), n)};
   return determinant(m) < 0 ? -cofactor : cofactor;
 }
 
-/// InvalidArgument if a vertex is bound to a joint there is not.
+/// InvalidArgument if a vertex refers to a joint that does not exist.
 absl::Status check_joints(const BasePrimitive::Influences& set, std::size_t joint_count) {
   for (std::size_t v = 0; v < set.joints.size(); ++v) {
     for (std::size_t k = 0; k < 4; ++k) {
       if (set.joints[v][k] < joint_count || !(set.weights[v][static_cast<int>(k)] > 0)) continue;
       return absl::InvalidArgumentError(
-          absl::StrCat("vertex ", v, " is bound to joint ", set.joints[v][k], " of ", joint_count));
+          absl::StrCat("vertex ", v, " refers to joint ", set.joints[v][k], " of ", joint_count));
     }
   }
   return absl::OkStatus();
@@ -100,14 +100,14 @@ Primitive morph(const BasePrimitive& base, const std::vector<double>& weights) {
   return out;
 }
 
-absl::StatusOr<std::vector<Affine3d>> joint_matrices(const GltfModel& document,
+absl::StatusOr<std::vector<Affine3d>> joint_matrices(const GltfModel& model,
                                                      std::int32_t skin_index,
                                                      const std::vector<Affine3d>& world) {
-  const Skin& skin = document.skins[skin_index];
+  const Skin& skin = model.skins[skin_index];
   std::vector<Affine3d> out;
   for (const std::int32_t joint : skin.joints) out.push_back(world[joint]);
   if (skin.inverse_bind_matrices == kNone) return out;
-  const auto floats = read_floats(document, skin.inverse_bind_matrices, 16);
+  const auto floats = read_floats(model, skin.inverse_bind_matrices, 16);
   if (!floats.ok()) return floats.status();
   if (floats->size() / 16 < out.size()) {
     return absl::InvalidArgumentError(absl::StrCat("skins[", skin_index, "]: ", out.size(),

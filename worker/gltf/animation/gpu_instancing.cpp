@@ -8,12 +8,12 @@
 
 namespace tessera::render {
 
-absl::StatusOr<std::vector<Affine3d>> instance_transforms(const GltfModel& document,
+absl::StatusOr<std::vector<Affine3d>> instance_transforms(const GltfModel& model,
                                                           const Node& node) {
   for (const auto& [name, accessor] : node.instancing) {
-    if (document.accessors[accessor].view == kNone) {
+    if (model.accessors[accessor].view == kNone) {
       return absl::InvalidArgumentError(
-          absl::StrCat("accessors[", accessor, "]: instances need values in a bufferView"));
+          absl::StrCat("accessors[", accessor, "]: instance attributes require a bufferView"));
     }
   }
   const auto attribute = [&](const char* name) {
@@ -30,12 +30,12 @@ absl::StatusOr<std::vector<Affine3d>> instance_transforms(const GltfModel& docum
     return result;
   };
   absl::Status status;
-  if (t != kNone) status = read(read_vec3(document, t), translations);
-  if (status.ok() && r != kNone) status = read(read_vec4(document, r), rotations);
-  if (status.ok() && s != kNone) status = read(read_vec3(document, s), scales);
+  if (t != kNone) status = read(read_vec3(model, t), translations);
+  if (status.ok() && r != kNone) status = read(read_vec4(model, r), rotations);
+  if (status.ok() && s != kNone) status = read(read_vec3(model, s), scales);
   if (!status.ok()) return status;
   const std::int32_t first = node.instancing.begin()->second;
-  std::vector<Affine3d> transforms(static_cast<std::size_t>(document.accessors[first].count));
+  std::vector<Affine3d> transforms(static_cast<std::size_t>(model.accessors[first].count));
   for (std::size_t i = 0; i < transforms.size(); ++i) {
     Node local;
     if (t != kNone) local.translation = Vec3d(translations[i]);

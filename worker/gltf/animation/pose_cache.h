@@ -13,7 +13,7 @@
 
 namespace tessera::render {
 
-/// A box in double; empty until something is added.
+/// Bounding box in double; empty until a point is added.
 struct PosedBox {
   Vec3d low = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, high = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
 
@@ -24,10 +24,9 @@ struct PosedBox {
   [[nodiscard]] bool is_empty() const { return !(low.x <= high.x); }
 };
 
-/// What one pose decoded and the next may need again: images, meshes as they stand, and what those
-/// that deform are made of. Each is a function of the file and its key. A pose hands on only what
-/// it used itself, so this never holds more than one frame's worth; and what it holds is shared
-/// with that frame, but for the bases.
+/// Results of one pose that the next may reuse: images, posed meshes and the base meshes of
+/// deforming ones, each a function of the file and its key. A pose keeps only the entries it used,
+/// so the cache never holds more than one frame, and it shares all but the bases with that frame.
 struct PoseCache {
   /// glTF mesh, variant (or kNone), morph weights.
   using MeshKey = std::tuple<std::int32_t, std::int32_t, std::vector<double>>;
@@ -39,8 +38,8 @@ struct PoseCache {
   using BaseKey = std::tuple<std::int32_t, std::int32_t, std::size_t>;
 
   std::map<std::int32_t, Image> images;                           // by glTF image
-  std::map<MeshKey, PosedMesh> meshes;                            // without a skin
-  std::map<BaseKey, std::shared_ptr<const BasePrimitive>> bases;  // null: has no triangles
+  std::map<MeshKey, PosedMesh> meshes;                            // meshes without a skin
+  std::map<BaseKey, std::shared_ptr<const BasePrimitive>> bases;  // null: no triangles
 };
 
 }  // namespace tessera::render

@@ -22,8 +22,8 @@ absl::StatusOr<std::int32_t> choose(const std::vector<std::string>& names,
     absl::StrAppend(&known, i == 0 ? "" : ", ", i, names[i].empty() ? "" : " \"", names[i],
                     names[i].empty() ? "" : "\"");
   }
-  return absl::InvalidArgumentError(absl::StrCat(kind, ": there is no \"", wanted,
-                                                 "\"; the file has ",
+  return absl::InvalidArgumentError(absl::StrCat(kind, ": \"", wanted,
+                                                 "\" not found; the file has ",
                                                  names.empty() ? std::string("none") : known));
 }
 

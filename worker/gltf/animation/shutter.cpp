@@ -15,19 +15,19 @@
 namespace tessera::render {
 namespace {
 
-constexpr double kTolerance = 0x1p-10;        // of the size of what moves
-constexpr double kCameraTolerance = 0x1p-12;  // radians; of the scene's size
-constexpr double kTick = 0x1p-24;             // between times that rays can have
+constexpr double kTolerance = 0x1p-10;        // relative to the size of the moving object
+constexpr double kCameraTolerance = 0x1p-12;  // radians, or relative to the size of the scene
+constexpr double kTick = 0x1p-24;             // difference between adjacent ray times
 
-/// What a pose has that the frame's own has not.
+/// How a pose at a key differs from that of the frame's own time.
 struct KeyPose {
   std::map<std::uint32_t, Affine3d> placed;                 // by instance: object to world
-  std::map<std::uint32_t, SharedArray<Primitive>> changed;  // by instance: what its mesh became
+  std::map<std::uint32_t, SharedArray<Primitive>> changed;  // by instance: deformed vertices
   CameraKey camera;
-  std::vector<PunctualPose> lights;  // of Scene::lights
+  std::vector<PunctualPose> lights;  // parallel to Scene::lights
 };
 
-/// The vertices alone, of one that changes.
+/// Copies of the primitives with only the vertices that can change.
 SharedArray<Primitive> vertices_of(const SharedArray<Primitive>& primitives) {
   std::vector<Primitive> out(primitives.size());
   for (std::size_t i = 0; i < out.size(); ++i) {
@@ -67,8 +67,8 @@ Vec3d corner(const Box3d& box, unsigned number) {
 
 class MotionBuilder {
  public:
-  MotionBuilder(const ShutterInterval& exposure, Scene& scene, std::vector<Problem>& problems)
-      : exposure_(exposure), scene_(scene), problems_(problems) {
+  MotionBuilder(const ShutterInterval& shutter, Scene& scene, std::vector<Problem>& problems)
+      : shutter_(shutter), scene_(scene), problems_(problems) {
     for (const Mesh& mesh : scene.meshes) boxes_.push_back(box_of(mesh));
     for (std::size_t i = 0; i < scene.instances.size(); ++i) {
       ++instances_of_[scene.instances[i].node].count;
@@ -89,7 +89,7 @@ class MotionBuilder {
   }
 
  private:
-  /// Instances of one node: they follow each other.
+  /// Instances of one node, which are consecutive.
   struct Range {
     std::uint32_t first = UINT32_MAX, count = 0;
   };
@@ -99,88 +99,91 @@ class MotionBuilder {
   }
 
   [[nodiscard]] double seconds(double time) const {
-    return exposure_.open + time * (exposure_.close - exposure_.open);
+    return shutter_.open + time * (shutter_.close - shutter_.open);
   }
 
   absl::StatusOr<KeyPose> pose(double time) {
-    auto scene = exposure_.pose(seconds(time));
+    auto scene = shutter_.pose(seconds(time));
     if (!scene.ok()) return scene.status();
     KeyPose out;
-    std::map<std::int32_t, Range> there;
+    std::map<std::int32_t, Range> at_key;
     for (std::uint32_t i = 0; i < scene->instances.size(); ++i) {
-      Range& range = there[scene->instances[i].node];
+      Range& range = at_key[scene->instances[i].node];
       if (range.count++ == 0) range.first = i;
     }
     for (const auto& [node, range] : instances_of_) {
-      if (there[node].count != range.count) {
-        leave_out(node, "cannot be placed all the while the shutter is open; it is not blurred");
+      if (at_key[node].count != range.count) {
+        exclude(node, "transform is invalid during part of the exposure; motion blur disabled");
         continue;
       }
       for (std::uint32_t k = 0; k < range.count; ++k) {
-        compare(range.first + k, *scene, scene->instances[there[node].first + k], out);
+        compare(range.first + k, *scene, scene->instances[at_key[node].first + k], out);
       }
     }
     const Camera& camera = scene->camera;
     const bool same_camera = camera.shutter_close == scene_.camera.shutter_close &&
                              camera.shutter_open == scene_.camera.shutter_open;
-    const Camera& seen = same_camera ? camera : scene_.camera;  // else it could not be set up
-    out.camera = {static_cast<float>(time), seen.camera_to_world, seen.lens.focus_distance};
-    note_lights(*scene, out);
+    const Camera& valid_camera =
+        same_camera ? camera : scene_.camera;  // the camera at that time may be invalid
+    out.camera = {static_cast<float>(time), valid_camera.camera_to_world,
+                  valid_camera.lens.focus_distance};
+    record_lights(*scene, out);
     return out;
   }
 
-  /// Directions of point lights and places of directional ones mean nothing.
-  void note_lights(const Scene& posed, KeyPose& out) {
+  /// Records light poses. Directions of point lights and positions of directional lights are
+  /// ignored.
+  void record_lights(const Scene& posed, KeyPose& out) {
     const auto same_node = [](const PunctualLight& a, const PunctualLight& b) {
       return a.node == b.node;
     };
     if (!std::equal(scene_.lights.begin(), scene_.lights.end(), posed.lights.begin(),
                     posed.lights.end(), same_node)) {
-      if (!std::exchange(lights_left_out_, true)) {
-        warn("nodes", "not all lights can be placed all the while the shutter is open; none moves");
+      if (!std::exchange(lights_excluded_, true)) {
+        warn("nodes",
+             "some lights have an invalid transform during part of the exposure; motion blur of "
+             "all lights disabled");
       }
       return;
     }
     for (std::size_t i = 0; i < posed.lights.size(); ++i) {
-      const PunctualLight &here = scene_.lights[i], &there = posed.lights[i];
+      const PunctualLight &here = scene_.lights[i], &at_key = posed.lights[i];
       const bool point = here.kind == PunctualLight::Kind::point;
       const bool distant = here.kind == PunctualLight::Kind::directional;
       out.lights.push_back(
-          {distant ? here.position : there.position, point ? here.direction : there.direction});
+          {distant ? here.position : at_key.position, point ? here.direction : at_key.direction});
     }
   }
 
-  /// Notes how an instance differs from what it is at the frame's time.
-  void compare(std::uint32_t index, const Scene& posed, const Instance& there, KeyPose& out) {
+  /// Records how an instance differs from its pose at the frame's time.
+  void compare(std::uint32_t index, const Scene& posed, const Instance& at_key, KeyPose& out) {
     const Instance& here = scene_.instances[index];
-    if (!(there.object_to_world == here.object_to_world)) {
-      out.placed[index] = there.object_to_world;
+    if (!(at_key.object_to_world == here.object_to_world)) {
+      out.placed[index] = at_key.object_to_world;
     }
     const auto& before = scene_.meshes[static_cast<std::size_t>(here.mesh)].primitives;
-    const auto& now = posed.meshes[static_cast<std::size_t>(there.mesh)].primitives;
+    const auto& now = posed.meshes[static_cast<std::size_t>(at_key.mesh)].primitives;
     if (now.shares(before)) return;
     if (!std::equal(before.begin(), before.end(), now.begin(), now.end(), same_shape)) {
-      leave_out(
-          here.node,
-          "its mesh does not keep its triangles while the shutter is open; it is not blurred");
+      exclude(here.node, "its mesh changes topology during the exposure; motion blur disabled");
     } else if (!std::equal(before.begin(), before.end(), now.begin(), now.end(), same_vertices)) {
       if (!here.operand) {
         out.changed[index] = vertices_of(now);
-      } else if (said_.insert(here.node).second) {
+      } else if (csg_warned_.insert(here.node).second) {
         warn(absl::StrCat("nodes[", here.node, "]"),
-             "changes its shape inside a CSG solid while the shutter is open; that is not blurred");
+             "its mesh deforms during the exposure inside a CSG solid; deformation blur disabled");
       }
     }
   }
 
-  /// What is not known at every key stands still at all of them.
-  void leave_out(std::int32_t node, const std::string& message) {
-    if (!left_out_.insert(node).second) return;
+  /// Excludes a node from motion blur because its pose is unknown at some key.
+  void exclude(std::int32_t node, const std::string& message) {
+    if (!excluded_.insert(node).second) return;
     warn(absl::StrCat("nodes[", node, "]"), message);
   }
 
-  [[nodiscard]] bool is_left_out(std::uint32_t instance) const {
-    return left_out_.contains(scene_.instances[instance].node);
+  [[nodiscard]] bool is_excluded(std::uint32_t instance) const {
+    return excluded_.contains(scene_.instances[instance].node);
   }
 
   absl::Status add_key(double time) {
@@ -195,27 +198,25 @@ class MotionBuilder {
     }
     if (bytes_ > kMaxGeometryBytes) {
       return absl::InvalidArgumentError(
-          absl::StrCat("the poses of the meshes that change while the shutter is open take more "
-                       "than ",
-                       kMaxGeometryBytes, " bytes; open it for a shorter time"));
+          absl::StrCat("the poses of deforming meshes during the exposure exceed ",
+                       kMaxGeometryBytes, " bytes; shorten the exposure"));
     }
     keys_[time] = *std::move(posed);
     return absl::OkStatus();
   }
 
-  /// Both ends, and where the animation turns or jumps.
+  /// Adds keys at both ends and at the keys of the animation.
   absl::Status place_first_keys() {
     std::set<double> times = {0, 1};
-    const double span = exposure_.close - exposure_.open;
-    const std::size_t step = exposure_.changes.size() / (kMaxKeys / 4) + 1;
+    const double span = shutter_.close - shutter_.open;
+    const std::size_t step = shutter_.changes.size() / (kMaxKeys / 4) + 1;
     if (step > 1) {
-      warn("animations",
-           absl::StrCat(exposure_.changes.size(),
-                        " keys while the shutter is open; motion follows one in ", step));
+      warn("animations", absl::StrCat(shutter_.changes.size(),
+                                      " animation keys during the exposure; using one in ", step));
     }
-    for (std::size_t i = 0; i < exposure_.changes.size(); i += step) {
-      const AnimationKey& change = exposure_.changes[i];
-      double time = std::ceil((change.seconds - exposure_.open) / span / kTick) * kTick;
+    for (std::size_t i = 0; i < shutter_.changes.size(); i += step) {
+      const AnimationKey& change = shutter_.changes[i];
+      double time = std::ceil((change.seconds - shutter_.open) / span / kTick) * kTick;
       if (seconds(time) < change.seconds) time += kTick;
       if (!(time > 0 && time < 1)) continue;
       times.insert(time);
@@ -229,7 +230,7 @@ class MotionBuilder {
     return absl::OkStatus();
   }
 
-  /// Halves what is not straight enough, the longest first.
+  /// Bisects intervals in which motion is not linear enough, breadth first.
   absl::Status refine() {
     std::vector<std::pair<double, double>> open, next;
     for (auto key = keys_.begin(); std::next(key) != keys_.end(); ++key) {
@@ -242,9 +243,8 @@ class MotionBuilder {
         if (!good.ok()) return good.status();
         if (*good) continue;
         if (keys_.size() >= kMaxKeys) {
-          warn("animations", absl::StrCat("too much moves while the shutter is open: it is "
-                                          "followed in ",
-                                          keys_.size() - 1, " straight pieces only"));
+          warn("animations", absl::StrCat("motion is approximated by ", keys_.size() - 1,
+                                          " linear segments, the maximum"));
           return absl::OkStatus();
         }
         const double middle = std::round(0.5 * (from + to) / kTick) * kTick;
@@ -265,7 +265,7 @@ class MotionBuilder {
     return true;
   }
 
-  [[nodiscard]] const Affine3d& place(const KeyPose& pose, std::uint32_t instance) const {
+  [[nodiscard]] const Affine3d& object_to_world(const KeyPose& pose, std::uint32_t instance) const {
     const auto found = pose.placed.find(instance);
     return found == pose.placed.end() ? scene_.instances[instance].object_to_world : found->second;
   }
@@ -280,50 +280,50 @@ class MotionBuilder {
     return scene_.meshes[static_cast<std::size_t>(scene_.instances[instance].mesh)];
   }
 
-  /// The instances that some pose has something of.
+  /// Instances that occur in any of `maps`.
   template <typename Map>
-  [[nodiscard]] std::set<std::uint32_t> any_of(std::initializer_list<const Map*> maps) const {
+  [[nodiscard]] std::set<std::uint32_t> in_any(std::initializer_list<const Map*> maps) const {
     std::set<std::uint32_t> out;
     for (const Map* map : maps) {
       for (const auto& [instance, value] : *map) {
-        if (!is_left_out(instance)) out.insert(instance);
+        if (!is_excluded(instance)) out.insert(instance);
       }
     }
     return out;
   }
 
-  /// Whether a pose lies within the tolerances of what is between two others.
+  /// Returns whether `truth` is within the tolerances of the interpolation between `a` and `b`.
   [[nodiscard]] bool is_near(const KeyPose& a, const KeyPose& b, float f,
                              const KeyPose& truth) const {
-    for (const std::uint32_t i : any_of({&a.placed, &b.placed, &truth.placed})) {
-      const Affine3d& placed = place(truth, i);
+    for (const std::uint32_t i : in_any({&a.placed, &b.placed, &truth.placed})) {
+      const Affine3d& placed = object_to_world(truth, i);
       const Box3d& box = boxes_[static_cast<std::size_t>(scene_.instances[i].mesh)];
-      const Affine3d line = lerp(place(a, i), place(b, i), f);
+      const Affine3d line = lerp(object_to_world(a, i), object_to_world(b, i), f);
       Box3d world;
-      double off = 0;
+      double error = 0;
       for (unsigned k = 0; k < 8; ++k) {
         const Vec3d p = transform_point(placed, corner(box, k));
         world.extend(p);
-        off = std::max(off, length(transform_point(line, corner(box, k)) - p));
+        error = std::max(error, length(transform_point(line, corner(box, k)) - p));
       }
-      if (!(off <= kTolerance * diagonal(world))) return false;
+      if (!(error <= kTolerance * diagonal(world))) return false;
     }
-    for (const std::uint32_t i : any_of({&a.changed, &b.changed, &truth.changed})) {
-      const double most =
+    for (const std::uint32_t i : in_any({&a.changed, &b.changed, &truth.changed})) {
+      const double tolerance =
           kTolerance * diagonal(boxes_[static_cast<std::size_t>(scene_.instances[i].mesh)]);
-      if (!vertices_near(mesh(a, i), mesh(b, i), f, mesh(truth, i), most)) return false;
+      if (!vertices_near(mesh(a, i), mesh(b, i), f, mesh(truth, i), tolerance)) return false;
     }
     return camera_near(a.camera, b.camera, f, truth.camera) && lights_near(a, b, f, truth);
   }
 
-  /// As the camera: neither has a size.
+  /// Uses the camera's tolerances, because lights have no size either.
   [[nodiscard]] bool lights_near(const KeyPose& a, const KeyPose& b, float f,
                                  const KeyPose& truth) const {
-    if (lights_left_out_) return true;
-    const double most = kCameraTolerance * length(scene_.bounds_max - scene_.bounds_min);
+    if (lights_excluded_) return true;
+    const double tolerance = kCameraTolerance * length(scene_.bounds_max - scene_.bounds_min);
     for (std::size_t i = 0; i < truth.lights.size(); ++i) {
       const PunctualPose line = lerp(a.lights[i], b.lights[i], f);
-      if (!(length(line.position - truth.lights[i].position) <= most)) return false;
+      if (!(length(line.position - truth.lights[i].position) <= tolerance)) return false;
       if (!(length(Vec3d(line.direction) - Vec3d(truth.lights[i].direction)) <= kCameraTolerance)) {
         return false;
       }
@@ -332,11 +332,11 @@ class MotionBuilder {
   }
 
   static bool vertices_near(const SharedArray<Primitive>& a, const SharedArray<Primitive>& b,
-                            float f, const SharedArray<Primitive>& truth, double most) {
+                            float f, const SharedArray<Primitive>& truth, double tolerance) {
     for (std::size_t p = 0; p < truth.size(); ++p) {
       for (std::size_t v = 0; v < truth[p].positions.size(); ++v) {
         const Vec3f line = lerp_bounded(a[p].positions[v], b[p].positions[v], f);
-        if (!(length(Vec3d(line) - Vec3d(truth[p].positions[v])) <= most)) return false;
+        if (!(length(Vec3d(line) - Vec3d(truth[p].positions[v])) <= tolerance)) return false;
       }
     }
     return true;
@@ -367,8 +367,8 @@ class MotionBuilder {
     std::set<std::uint32_t> placed, changed;
     bool camera_moves = false;
     for (const auto& [time, key] : keys_) {
-      placed.merge(any_of({&key.placed}));
-      changed.merge(any_of({&key.changed}));
+      placed.merge(in_any({&key.placed}));
+      changed.merge(in_any({&key.changed}));
       const CameraKey& first = keys_.begin()->second.camera;
       camera_moves = camera_moves || !(key.camera.camera_to_world == first.camera_to_world) ||
                      key.camera.focus_distance != first.focus_distance ||
@@ -378,7 +378,7 @@ class MotionBuilder {
     for (const std::uint32_t i : placed) {
       scene_.instances[i].motion = static_cast<std::int32_t>(scene_.motions.size());
       std::vector<Affine3d>& motion = scene_.motions.emplace_back();
-      for (const auto& [time, key] : keys_) motion.push_back(place(key, i));
+      for (const auto& [time, key] : keys_) motion.push_back(object_to_world(key, i));
     }
     store_meshes(changed);
     for (const auto& [time, key] : keys_) {
@@ -390,24 +390,26 @@ class MotionBuilder {
     return absl::OkStatus();
   }
 
-  /// Whether any light moves.
+  /// Stores keys of moving lights; returns whether any light moves.
   bool store_lights() {
     bool any = false;
-    for (std::size_t i = 0; i < scene_.lights.size() && !lights_left_out_; ++i) {
+    for (std::size_t i = 0; i < scene_.lights.size() && !lights_excluded_; ++i) {
       std::vector<PunctualPose> keys;
       for (const auto& [time, key] : keys_) keys.push_back(key.lights[i]);
       const PunctualPose& still = scene_.lights[i];
-      const auto stands = [&still](const PunctualPose& key) { return key == still; };
-      if (std::all_of(keys.begin(), keys.end(), stands)) continue;
+      const auto is_still = [&still](const PunctualPose& key) { return key == still; };
+      if (std::all_of(keys.begin(), keys.end(), is_still)) continue;
       scene_.lights[i].keys = std::move(keys);
       any = true;
     }
     return any;
   }
 
-  /// A mesh that instances share now need not stay the same for all of them.
+  /// Stores the keys of deforming meshes. Instances that share a mesh may deform differently.
   void store_meshes(const std::set<std::uint32_t>& changed) {
-    std::vector<bool> taken(scene_.meshes.size());  // by an instance that keeps it as it is
+    std::vector<bool> taken(
+        scene_.meshes
+            .size());  // by an instance for which it does not deform, or deforms in this way
     for (std::uint32_t i = 0; i < scene_.instances.size(); ++i) {
       if (!changed.contains(i)) taken[static_cast<std::size_t>(scene_.instances[i].mesh)] = true;
     }
@@ -432,7 +434,7 @@ class MotionBuilder {
     }
   }
 
-  /// A mesh of the scene that goes through the same shapes.
+  /// Index of a mesh of the scene with the same deformation.
   [[nodiscard]] std::optional<std::int32_t> find_twin(const Mesh& mesh) const {
     for (std::size_t i = 0; i < scene_.meshes.size(); ++i) {
       const Mesh& other = scene_.meshes[i];
@@ -449,23 +451,23 @@ class MotionBuilder {
     return std::nullopt;
   }
 
-  const ShutterInterval& exposure_;
+  const ShutterInterval& shutter_;
   Scene& scene_;
   std::vector<Problem>& problems_;
-  std::vector<Box3d> boxes_;                    // by mesh, object space
-  std::map<std::int32_t, Range> instances_of_;  // by node
-  std::map<double, KeyPose> keys_;              // by time in [0, 1], multiples of kTick
-  std::set<double> jumps_;                      // keys that something jumps after
-  std::set<std::int32_t> left_out_, said_;      // nodes
-  bool lights_left_out_ = false;
+  std::vector<Box3d> boxes_;                      // by mesh, object space
+  std::map<std::int32_t, Range> instances_of_;    // by node
+  std::map<double, KeyPose> keys_;                // by time in [0, 1], multiples of kTick
+  std::set<double> jumps_;                        // keys followed by a jump
+  std::set<std::int32_t> excluded_, csg_warned_;  // nodes that have been warned about
+  bool lights_excluded_ = false;
   std::uint64_t bytes_ = 0;
 };
 
 }  // namespace
 
-absl::Status add_motion(const ShutterInterval& exposure, Scene& scene,
+absl::Status add_motion(const ShutterInterval& shutter, Scene& scene,
                         std::vector<Problem>& problems) {
-  return MotionBuilder(exposure, scene, problems).build();
+  return MotionBuilder(shutter, scene, problems).build();
 }
 
 }  // namespace tessera::render

@@ -11,27 +11,29 @@
 
 namespace tessera::render {
 
-/// While the shutter of a frame is open.
+/// Exposure of a frame.
 struct ShutterInterval {
   double open = 0, close = 0;         // seconds; open < close
-  std::vector<AnimationKey> changes;  // in between, in order: where motion may turn or jump
-  /// The scene at a time, recentred as at the frame's own.
+  std::vector<AnimationKey> changes;  // animation keys in between, sorted
+  /// Returns the scene at a time, with the centre of the frame's own time.
   std::function<absl::StatusOr<Scene>(double seconds)> pose;
 };
 
-/// Gives `scene` what moves meanwhile: Scene::key_times and motions, keys of meshes, lights and the
-/// camera.
+/// Adds the motion during the exposure to `scene`: Scene::key_times and motions, and keys of
+/// meshes, lights and the camera.
 ///
-/// Keys are where the animation has some and halfway between two, again and again, until the true
-/// poses a quarter and three quarters of the way lie within a tolerance of the straight line: 2^-10
-/// of the size of what moves; for cameras and punctual lights 2^-12 radians and 2^-12 of the
-/// scene's size. For paths that are cubic in time no point is then off by more than 4/3 of it: with
-/// e(s) = s (1 - s) (a + b s) known at 1/4 and 3/4, |e| <= 4/3 max in [0, 1]. No more keys than
-/// kMaxKeys, with a warning. A jump (STEP) is two keys with no time a ray can have in between.
+/// Keys are placed at animation keys and then by bisection, until the true poses at one and three
+/// quarters of each interval lie within a tolerance of linear interpolation: 2^-10 of the size of
+/// the moving object; for cameras and punctual lights 2^-12 radians and 2^-12 of the scene's size.
+/// For paths that are cubic in time the error is then at most 4/3 of it everywhere: with e(s) = s
+/// (1 - s) (a + b s) known at 1/4 and 3/4, |e| <= 4/3 max in [0, 1]. At kMaxKeys keys it stops with
+/// a warning. A jump (STEP) is two keys with no representable ray time in between.
 ///
-/// Errors: InvalidArgument where a pose fails or the keys take too much memory.
-absl::Status add_motion(const ShutterInterval& exposure, Scene& scene, std::vector<Problem>& problems);
+/// Errors: InvalidArgument if a pose fails or the keys need too much memory.
+absl::Status add_motion(const ShutterInterval& exposure, Scene& scene,
+                        std::vector<Problem>& problems);
 
+/// Maximum number of keys: 128 linear segments.
 inline constexpr std::size_t kMaxKeys = 129;
 
 }  // namespace tessera::render

@@ -45,17 +45,17 @@ absl::Status check_camera(const Camera& camera, const std::string& where) {
   return absl::OkStatus();
 }
 
-/// The node that carries the camera `wanted`; kNone if there is none in the scene.
-std::int32_t find_camera_node(const GltfModel& document, const std::string& wanted,
+/// Node with the camera `wanted` (empty: the first camera); kNone if the scene has none.
+std::int32_t find_camera_node(const GltfModel& model, const std::string& wanted,
                               const std::vector<std::int32_t>& order) {
   std::int32_t index = kNone;
   if (!absl::SimpleAtoi(wanted, &index)) index = kNone;
   std::int32_t by_index = kNone;
   for (const std::int32_t node : order) {
-    const std::int32_t camera = document.nodes[node].camera;
+    const std::int32_t camera = model.nodes[node].camera;
     if (camera == kNone) continue;
-    if (wanted.empty() || document.nodes[node].name == wanted ||
-        document.cameras[camera].camera.name == wanted) {
+    if (wanted.empty() || model.nodes[node].name == wanted ||
+        model.cameras[camera].camera.name == wanted) {
       return node;
     }
     if (camera == index && by_index == kNone) by_index = node;
@@ -63,14 +63,14 @@ std::int32_t find_camera_node(const GltfModel& document, const std::string& want
   return by_index;
 }
 
-std::string known_cameras(const GltfModel& document, const std::vector<std::int32_t>& order) {
+std::string known_cameras(const GltfModel& model, const std::vector<std::int32_t>& order) {
   std::string out;
   for (const std::int32_t node : order) {
-    const std::int32_t camera = document.nodes[node].camera;
+    const std::int32_t camera = model.nodes[node].camera;
     if (camera == kNone || out.size() > 500) continue;
-    const std::string& own = document.cameras[camera].camera.name;
+    const std::string& own = model.cameras[camera].camera.name;
     absl::StrAppend(&out, out.empty() ? "" : ", ", camera, " \"",
-                    own.empty() ? document.nodes[node].name : own, "\"");
+                    own.empty() ? model.nodes[node].name : own, "\"");
   }
   return out.empty() ? "none" : out;
 }
@@ -92,7 +92,7 @@ std::optional<Affine3d> rigid_part(const Affine3d& world) {
 
 namespace {
 
-/// From the space of the camera's node to that of its lookAt; nullopt when no direction is left.
+/// Transform from the space of the camera's node to that of its lookAt; nullopt if degenerate.
 std::optional<Affine3d> look_at_transform(const LookAt& look) {
   const Vec3d z = normalize(look.position - look.target);
   const Vec3d x = normalize(cross(look.up, z));
@@ -100,7 +100,7 @@ std::optional<Affine3d> look_at_transform(const LookAt& look) {
   return from_axes(x, cross(z, x), z, look.position);
 }
 
-/// Where the camera stands and looks, not recentred.
+/// Transform of the camera, not recentred.
 absl::StatusOr<Affine3d> place_camera(const GltfCamera& source, const Affine3d& world,
                                       std::int32_t node, const std::string& where) {
   Affine3d local;
@@ -109,18 +109,19 @@ absl::StatusOr<Affine3d> place_camera(const GltfCamera& source, const Affine3d& 
     if (!look) {
       return absl::InvalidArgumentError(
           absl::StrCat(where,
-                       ".extensions.TESSERA_camera.lookAt: position, target and up leave "
-                       "no direction"));
+                       ".extensions.TESSERA_camera.lookAt: position, target and up do not "
+                       "define a direction"));
     }
     local = *look;
   }
   auto placed = rigid_part(source.look_at ? world * local : world);
   if (placed) return *placed;
-  return absl::InvalidArgumentError(absl::StrCat("nodes[", node, "]: a singular camera node"));
+  return absl::InvalidArgumentError(
+      absl::StrCat("nodes[", node, "]: the camera's node has a singular transform"));
 }
 
-/// The lens's size, from its f-number, and what it is focused on. The focal length is the one at
-/// which the sensor's height sees the picture's, so that yfov stays what it is at any focus.
+/// Sets the lens radius from the f-number, and the focus distance. The focal length is the one at
+/// which the sensor's height covers the field of view, so yfov does not depend on the focus.
 absl::Status set_up_lens(const GltfCamera& source, const std::vector<Affine3d>& world,
                          const std::string& where, const Affine3d& placed, Camera& camera) {
   if (source.f_number == 0) return absl::OkStatus();
@@ -140,19 +141,19 @@ absl::Status set_up_lens(const GltfCamera& source, const std::vector<Affine3d>& 
 
 }  // namespace
 
-absl::StatusOr<Camera> set_up_camera(const GltfModel& document,
+absl::StatusOr<Camera> set_up_camera(const GltfModel& model,
                                      const contract::RenderSettings& settings,
                                      const PosedNodes& nodes, std::vector<Problem>& problems) {
-  const std::int32_t node = find_camera_node(document, settings.camera, nodes.order);
+  const std::int32_t node = find_camera_node(model, settings.camera, nodes.order);
   if (node == kNone) {
     if (settings.camera.empty()) return frame_everything(nodes);
-    return absl::InvalidArgumentError(absl::StrCat("camera: there is no \"", settings.camera,
-                                                   "\" in the scene; it has ",
-                                                   known_cameras(document, nodes.order)));
+    return absl::InvalidArgumentError(absl::StrCat("camera: \"", settings.camera,
+                                                   "\" not found; the scene has ",
+                                                   known_cameras(model, nodes.order)));
   }
-  const GltfCamera& source = document.cameras[document.nodes[node].camera];
+  const GltfCamera& source = model.cameras[model.nodes[node].camera];
   Camera camera = source.camera;
-  const std::string where = absl::StrCat("cameras[", document.nodes[node].camera, "]");
+  const std::string where = absl::StrCat("cameras[", model.nodes[node].camera, "]");
   absl::Status valid = check_camera(camera, where);
   auto placed = place_camera(source, nodes.world[node], node, where);
   if (valid.ok()) valid = placed.status();
@@ -160,10 +161,10 @@ absl::StatusOr<Camera> set_up_camera(const GltfModel& document,
   if (!valid.ok()) {
     if (!settings.camera.empty()) return valid;
     problems.push_back({Problem::Severity::warning, where,
-                        absl::StrCat(valid.message(), "; the whole scene is framed instead")});
+                        absl::StrCat(valid.message(), "; framing the whole scene instead")});
     return frame_everything(nodes);
   }
-  if (camera.name.empty()) camera.name = document.nodes[node].name;
+  if (camera.name.empty()) camera.name = model.nodes[node].name;
   placed->translation = placed->translation - nodes.center;
   camera.camera_to_world = *placed;
   return camera;

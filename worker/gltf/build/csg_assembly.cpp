@@ -9,11 +9,11 @@
 namespace tessera::render {
 namespace {
 
-/// Writes down the steps of one solid.
-class Assembly {
+/// Records the steps of one solid.
+class SolidAssembler {
  public:
-  Assembly(const std::vector<Node>& nodes, const std::map<std::int32_t, std::uint32_t>& instances,
-           Scene& scene)
+  SolidAssembler(const std::vector<Node>& nodes,
+                 const std::map<std::int32_t, std::uint32_t>& instances, Scene& scene)
       : nodes_(nodes), instances_(instances), scene_(scene) {}
 
   absl::Status add(std::int32_t index, CsgSolid& solid) {
@@ -75,14 +75,14 @@ class Assembly {
 
 absl::Status assemble_solids(const std::vector<Node>& nodes, const std::vector<std::int32_t>& order,
                              Scene& scene) {
-  std::map<std::int32_t, std::uint32_t> instances;  // by node; made when first needed
-  std::vector<bool> inside(nodes.size());           // beneath a node with an operation
+  std::map<std::int32_t, std::uint32_t> instances;  // by node; built on first use
+  std::vector<bool> inside(nodes.size());           // below a node with an operation
   for (const std::int32_t index : order) {
     const Node& node = nodes[static_cast<std::size_t>(index)];
-    const bool covered = inside[static_cast<std::size_t>(index)];
-    if (!node.csg && !covered) continue;
+    const bool nested = inside[static_cast<std::size_t>(index)];
+    if (!node.csg && !nested) continue;
     for (const std::int32_t child : node.children) inside[static_cast<std::size_t>(child)] = true;
-    if (covered) continue;
+    if (nested) continue;
     if (instances.empty()) {
       for (std::uint32_t i = 0; i < scene.instances.size(); ++i) {
         instances.emplace(scene.instances[i].node, i);
@@ -90,7 +90,7 @@ absl::Status assemble_solids(const std::vector<Node>& nodes, const std::vector<s
     }
     CsgSolid solid;
     solid.node = index;
-    absl::Status status = Assembly(nodes, instances, scene).add(index, solid);
+    absl::Status status = SolidAssembler(nodes, instances, scene).add(index, solid);
     if (!status.ok()) return status;
     scene.solids.push_back(std::move(solid));
   }

@@ -9,9 +9,9 @@
 
 namespace tessera::render {
 
-/// Makes scene.solids of the nodes with TESSERA_csg, once all of `order` (depth first) have their
-/// instances. The operands are the node's children; one without mesh, shape or operation stands for
-/// the union of its own children.
+/// Builds scene.solids from the nodes with TESSERA_csg, after the instances of all nodes in `order`
+/// (depth first) were added. Operands are the children of such a node; a child without mesh, shape
+/// or operation stands for the union of its own children.
 ///
 /// Errors: InvalidArgument "nodes[i]: ..." for an operand that is open, missing, or placed by
 /// EXT_mesh_gpu_instancing.

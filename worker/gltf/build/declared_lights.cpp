@@ -10,9 +10,9 @@ namespace tessera::render {
 
 namespace {
 
-bool has_animated_emission(const GltfModel& document, std::int32_t material) {
+bool has_animated_emission(const GltfModel& model, std::int32_t material) {
   const std::string element = absl::StrCat("/materials/", material, "/");
-  return std::any_of(document.animations.begin(), document.animations.end(), [&](const auto& a) {
+  return std::any_of(model.animations.begin(), model.animations.end(), [&](const auto& a) {
     return std::any_of(a.pointers.begin(), a.pointers.end(), [&](const PointerChannel& channel) {
       return channel.pointer.starts_with(element) &&
              absl::StrContains(channel.pointer, "/emissive");
@@ -20,28 +20,27 @@ bool has_animated_emission(const GltfModel& document, std::int32_t material) {
   });
 }
 
-bool may_shine(const GltfModel& document, std::int32_t index) {
-  // The material of primitives that name none comes after all others, and is dark.
-  if (index == kNone || static_cast<std::size_t>(index) >= document.materials.size()) return false;
-  const Material& material = document.materials[index];
+bool may_emit(const GltfModel& model, std::int32_t index) {
+  // The default material, which follows all others, does not emit.
+  if (index == kNone || static_cast<std::size_t>(index) >= model.materials.size()) return false;
+  const Material& material = model.materials[index];
   return !material.unlit &&
-         (max_component(material.emission) > 0 || has_animated_emission(document, index));
+         (max_component(material.emission) > 0 || has_animated_emission(model, index));
 }
 
 }  // namespace
 
-bool declares_light(const GltfModel& document, const std::vector<std::int32_t>& roots,
+bool declares_light(const GltfModel& model, const std::vector<std::int32_t>& roots,
                     const std::function<std::int32_t(const GltfPrimitive&)>& material_of) {
-  const auto order = depth_first(document.nodes, roots, HiddenNodes::included);
+  const auto order = depth_first(model.nodes, roots, HiddenNodes::included);
   return std::any_of(order.begin(), order.end(), [&](std::int32_t index) {
-    const Node& node = document.nodes[index];
+    const Node& node = model.nodes[index];
     if (node.light != kNone) return true;
-    if (node.shape != nullptr && may_shine(document, node.shape_material)) return true;
+    if (node.shape != nullptr && may_emit(model, node.shape_material)) return true;
     if (node.mesh == kNone) return false;
-    const auto& primitives = document.meshes[node.mesh].primitives;
-    return std::any_of(primitives.begin(), primitives.end(), [&](const GltfPrimitive& p) {
-      return may_shine(document, material_of(p));
-    });
+    const auto& primitives = model.meshes[node.mesh].primitives;
+    return std::any_of(primitives.begin(), primitives.end(),
+                       [&](const GltfPrimitive& p) { return may_emit(model, material_of(p)); });
   });
 }
 

@@ -6,20 +6,20 @@
 #include <set>
 
 #include "absl/strings/str_cat.h"
-#include "worker/gltf/decode/accessor_reader.h"
 #include "worker/gltf/animation/animation.h"
 #include "worker/gltf/animation/animation_pointers.h"
+#include "worker/gltf/animation/shutter.h"
+#include "worker/gltf/build/scene_builder.h"
+#include "worker/gltf/decode/accessor_reader.h"
 #include "worker/gltf/decode/compression.h"
+#include "worker/gltf/decode/image_decoder.h"
+#include "worker/gltf/extensions/extension_reader.h"
+#include "worker/gltf/extensions/medium_reader.h"
 #include "worker/gltf/file/container.h"
+#include "worker/gltf/file/limits.h"
 #include "worker/gltf/model/core_model.h"
 #include "worker/gltf/model/gltf_model.h"
-#include "worker/gltf/extensions/extension_reader.h"
 #include "worker/gltf/model/preprocess.h"
-#include "worker/gltf/decode/image_decoder.h"
-#include "worker/gltf/file/limits.h"
-#include "worker/gltf/extensions/medium_reader.h"
-#include "worker/gltf/build/scene_builder.h"
-#include "worker/gltf/animation/shutter.h"
 #include "worker/scene/texture_refs.h"
 
 namespace tessera::render {
@@ -34,66 +34,66 @@ class LoadedScene final : public SceneFile {
  public:
   explicit LoadedScene(std::string name) : name_(std::move(name)) {}
 
-  const std::vector<Problem>& problems() const override { return document_.problems; }
-  const std::vector<std::string>& resources() const override { return document_.resources; }
+  const std::vector<Problem>& problems() const override { return model_.problems; }
+  const std::vector<std::string>& resources() const override { return model_.resources; }
 
   SceneContents contents() const override {
     SceneContents out;
-    for (const GltfScene& s : document_.scenes) out.scenes.push_back(s.name);
-    for (const GltfCamera& c : document_.cameras) out.cameras.push_back(c.camera.name);
-    for (std::size_t i = 0; i < document_.animations.size(); ++i) {
+    for (const GltfScene& s : model_.scenes) out.scenes.push_back(s.name);
+    for (const GltfCamera& c : model_.cameras) out.cameras.push_back(c.camera.name);
+    for (std::size_t i = 0; i < model_.animations.size(); ++i) {
       out.animations.push_back(
-          {document_.animations[i].name, clip_seconds(document_, static_cast<std::int32_t>(i))});
+          {model_.animations[i].name, clip_seconds(model_, static_cast<std::int32_t>(i))});
     }
-    out.variants = document_.variants;
-    out.extensions_used = document_.extensions_used;
-    out.extensions_required = document_.extensions_required;
+    out.variants = model_.variants;
+    out.extensions_used = model_.extensions_used;
+    out.extensions_required = model_.extensions_required;
     return out;
   }
 
   absl::StatusOr<Scene> pose(const contract::RenderSettings& settings,
                              std::int32_t frame) const override {
-    const auto animations = choose_animations(document_, settings.animation);
+    const auto animations = choose_animations(model_, settings.animation);
     if (!animations.ok()) return in_file(name_, animations.status());
     PoseCache cache = last_pose();
     GltfModel animated;
-    const bool pointers = has_pointers(document_, *animations);
+    const bool pointers = has_pointers(model_, *animations);
     const double seconds = static_cast<double>(frame) / settings.fps;
     if (pointers) {
-      auto read = animated_document(*animations, seconds);
+      auto read = animated_model(*animations, seconds);
       if (!read.ok()) return in_file(name_, read.status());
       animated = *std::move(read);
-      // What a mesh needs may follow from numbers of its materials.
+      // Animated material properties can change which vertex attributes a mesh needs.
       cache.meshes.clear();
       cache.bases.clear();
     }
-    PoseInput input{pointers ? animated : document_,
+    PoseInput input{pointers ? animated : model_,
                     *reader_,
-                    has_sky_ ? &sky_ : nullptr,
+                    has_environment_ ? &environment_ : nullptr,
                     settings,
                     seconds,
                     std::nullopt};
-    std::vector<Problem> met;
-    auto scene = build_scene(input, cache, met);
+    std::vector<Problem> problems;
+    auto scene = build_scene(input, cache, problems);
     if (scene.ok() && !animations->empty()) {
-      absl::Status status = open_shutter(*animations, input, cache, met, *scene);
+      absl::Status status = add_exposure(*animations, input, cache, problems, *scene);
       if (!status.ok()) scene = status;
     }
-    remember(met);
+    remember(problems);
     if (!scene.ok()) return in_file(name_, scene.status());
-    keep(std::move(cache));
+    store_pose(std::move(cache));
     return scene;
   }
 
   absl::Status load(const contract::RenderSettings& settings, ResourceReader& reader) {
     reader_ = &reader;
-    absl::Status status = read_document(reader);
-    if (status.ok() && !settings.environment.empty()) status = read_sky(settings, reader);
+    absl::Status status = read_file(reader);
+    if (status.ok() && !settings.environment.empty()) status = read_environment(settings, reader);
     return status;
   }
 
  private:
-  absl::Status read_document(ResourceReader& reader) {
+  absl::Status read_file(ResourceReader& reader) {
     const auto file = reader.read(name_);
     if (!file.ok()) return in_file(name_, file.status());
     absl::Status status = read_gltf(*file, reader);
@@ -105,94 +105,94 @@ class LoadedScene final : public SceneFile {
     if (!container.ok()) return container.status();
     auto root = parse_json(container->json);
     if (!root.ok()) return root.status();
-    absl::Status status = check_extensions(*root, document_);
-    if (status.ok()) status = resolve_buffers(*root, *container, reader, document_);
-    if (status.ok()) status = expand_meshopt(*root, document_);
-    if (status.ok()) status = expand_draco(*root, document_);
+    absl::Status status = check_extensions(*root, model_);
+    if (status.ok()) status = resolve_buffers(*root, *container, reader, model_);
+    if (status.ok()) status = expand_meshopt(*root, model_);
+    if (status.ok()) status = expand_draco(*root, model_);
     if (!status.ok()) return status;
     const auto core = core_text(*root);
     if (!core.ok()) return core.status();
-    status = read_core_model(*core, document_);
-    if (status.ok()) status = check_views(document_);
-    if (status.ok()) status = check_accessors(document_);
-    if (status.ok()) status = read_images(*root, document_);
-    if (status.ok()) status = read_extensions(*root, document_);
-    if (status.ok()) status = read_animation_pointers(*root, document_);
-    if (status.ok()) status = check_animations(document_);
+    status = read_core_model(*core, model_);
+    if (status.ok()) status = check_views(model_);
+    if (status.ok()) status = check_accessors(model_);
+    if (status.ok()) status = read_images(*root, model_);
+    if (status.ok()) status = read_extensions(*root, model_);
+    if (status.ok()) status = read_animation_pointers(*root, model_);
+    if (status.ok()) status = check_animations(model_);
     if (status.ok()) status = fetch_images(reader);
-    const bool animated = std::any_of(document_.animations.begin(), document_.animations.end(),
+    const bool animated = std::any_of(model_.animations.begin(), model_.animations.end(),
                                       [](const Animation& a) { return !a.pointers.empty(); });
     if (animated) root_ = std::make_unique<nlohmann::json>(*std::move(root));
     return status;
   }
 
-  static absl::Status read_extensions(const nlohmann::json& root, GltfModel& document) {
-    absl::Status status = read_texture_extensions(root, document);
-    if (status.ok()) status = read_material_extensions(root, document);
-    if (status.ok()) status = read_node_extensions(root, document);
-    if (status.ok()) status = read_camera_extensions(root, document);
-    if (status.ok()) status = read_atmospheres(root, document);
+  static absl::Status read_extensions(const nlohmann::json& root, GltfModel& model) {
+    absl::Status status = read_texture_extensions(root, model);
+    if (status.ok()) status = read_material_extensions(root, model);
+    if (status.ok()) status = read_node_extensions(root, model);
+    if (status.ok()) status = read_camera_extensions(root, model);
+    if (status.ok()) status = read_atmospheres(root, model);
     return status;
   }
 
-  /// Adds what moves while the shutter of the scene's camera is open, if it has one. Numbers that
-  /// pointers animate stay as they are at the frame's time.
-  static absl::Status open_shutter(const std::vector<std::int32_t>& animations, PoseInput input,
-                                   PoseCache& cache, std::vector<Problem>& met, Scene& scene) {
+  /// Adds the motion during the shutter of the scene's camera, if it has one. Properties animated
+  /// by pointers keep their values at the frame's time.
+  static absl::Status add_exposure(const std::vector<std::int32_t>& animations, PoseInput input,
+                                   PoseCache& cache, std::vector<Problem>& problems, Scene& scene) {
     const Camera& camera = scene.camera;
     if (!(camera.shutter_open < camera.shutter_close)) return absl::OkStatus();
-    ShutterInterval exposure;
-    exposure.open = input.seconds + camera.shutter_open;
-    exposure.close = input.seconds + camera.shutter_close;
-    exposure.changes = animation_keys(input.document, animations, exposure.open, exposure.close);
+    ShutterInterval shutter;
+    shutter.open = input.seconds + camera.shutter_open;
+    shutter.close = input.seconds + camera.shutter_close;
+    shutter.changes = animation_keys(input.model, animations, shutter.open, shutter.close);
     input.center = scene.center;
-    exposure.pose = [&](double seconds) {
+    shutter.pose = [&](double seconds) {
       input.seconds = seconds;
-      std::vector<Problem> said_before;
-      return build_scene(input, cache, said_before);
+      std::vector<Problem> ignored;
+      return build_scene(input, cache, ignored);
     };
-    return add_motion(exposure, scene, met);
+    return add_motion(shutter, scene, problems);
   }
 
-  /// The document with the numbers that pointers animate as they are at a time. Buffers and
-  /// images are those of the first reading, which must outlive it.
-  absl::StatusOr<GltfModel> animated_document(const std::vector<std::int32_t>& animations,
-                                             double seconds) const {
+  /// The model with properties that pointers animate set to their values at `seconds`. Shares
+  /// buffers and images with model_, which must outlive it.
+  absl::StatusOr<GltfModel> animated_model(const std::vector<std::int32_t>& animations,
+                                           double seconds) const {
     nlohmann::json root = *root_;
-    absl::Status status = animate_json(document_, animations, seconds, root);
+    absl::Status status = animate_json(model_, animations, seconds, root);
     if (!status.ok()) return status;
     const auto core = core_text(root);
     if (!core.ok()) return core.status();
     GltfModel out;
-    out.buffers = document_.buffers;
-    out.images = document_.images;
-    out.texture_sources = document_.texture_sources;
+    out.buffers = model_.buffers;
+    out.images = model_.images;
+    out.texture_sources = model_.texture_sources;
     status = read_core_model(*core, out);
     if (status.ok()) status = read_extensions(root, out);
     if (!status.ok()) return status;
-    out.animations = document_.animations;
+    out.animations = model_.animations;
     return out;
   }
 
-  /// Reads the files of the images that materials name.
+  /// Reads the files of the images that materials use.
   absl::Status fetch_images(ResourceReader& reader) {
-    for (Material& material : document_.materials) {
+    for (Material& material : model_.materials) {
       for (const TextureRef* ref : texture_refs(material)) {
         if (!*ref) continue;
-        const GltfTexture& texture = document_.texture_sources[ref->texture];
-        if (texture.procedure != kNone) continue;
+        const GltfTexture& texture = model_.texture_sources[ref->texture];
+        if (texture.procedural != kNone) continue;
         if (texture.basisu_only) {
           return absl::UnimplementedError(
               absl::StrCat("textures[", ref->texture,
                            "]: KHR_texture_basisu without a fallback image is not supported; "
                            "give the texture a PNG or JPEG source too"));
         }
-        if (texture.image != kNone) document_.images[texture.image].needed = true;
+        if (texture.image != kNone) model_.images[texture.image].needed = true;
       }
     }
-    for (GltfImage& image : document_.images) {
+    for (GltfImage& image : model_.images) {
       if (!image.needed || image.uri.empty()) continue;
-      auto& resources = document_.resources;
+      auto& resources = model_.resources;
       if (std::find(resources.begin(), resources.end(), image.uri) == resources.end()) {
         resources.push_back(image.uri);
       }
@@ -203,13 +203,13 @@ class LoadedScene final : public SceneFile {
     return absl::OkStatus();
   }
 
-  absl::Status read_sky(const contract::RenderSettings& settings, ResourceReader& reader) {
+  absl::Status read_environment(const contract::RenderSettings& settings, ResourceReader& reader) {
     const auto file = reader.read(settings.environment);
     if (!file.ok()) return in_file(settings.environment, file.status());
-    auto sky = decode_environment(*file, settings.environment);
-    if (!sky.ok()) return in_file(settings.environment, sky.status());
-    sky_ = *std::move(sky);
-    has_sky_ = true;
+    auto environment = decode_environment(*file, settings.environment);
+    if (!environment.ok()) return in_file(settings.environment, environment.status());
+    environment_ = *std::move(environment);
+    has_environment_ = true;
     return absl::OkStatus();
   }
 
@@ -218,33 +218,33 @@ class LoadedScene final : public SceneFile {
     return cache_;
   }
 
-  void keep(PoseCache cache) const {
+  void store_pose(PoseCache cache) const {
     const std::lock_guard<std::mutex> lock(mutex_);
     cache_ = std::move(cache);
   }
 
-  /// Adds what has not been said before, up to kMaxProblems.
-  void remember(const std::vector<Problem>& met) const {
+  /// Adds new problems to the model's, up to kMaxProblems.
+  void remember(const std::vector<Problem>& problems) const {
     const std::lock_guard<std::mutex> lock(mutex_);
-    for (const Problem& problem : met) {
-      if (said_.size() > kMaxProblems) return;
-      if (!said_.insert(problem.element + ": " + problem.message).second) continue;
-      document_.problems.push_back(
-          said_.size() <= kMaxProblems
+    for (const Problem& problem : problems) {
+      if (reported_.size() > kMaxProblems) return;
+      if (!reported_.insert(problem.element + ": " + problem.message).second) continue;
+      model_.problems.push_back(
+          reported_.size() <= kMaxProblems
               ? problem
-              : Problem{Problem::Severity::warning, "", "further warnings are left out"});
+              : Problem{Problem::Severity::warning, "", "further warnings are omitted"});
     }
   }
 
   std::string name_;
-  mutable std::mutex mutex_;  // guards document_.problems, said_ and cache_
+  mutable std::mutex mutex_;  // guards model_.problems, reported_ and cache_
   mutable PoseCache cache_;   // of the last pose
-  mutable std::set<std::string> said_;
-  mutable GltfModel document_;                   // after load() only `problems` changes
+  mutable std::set<std::string> reported_;
+  mutable GltfModel model_;                     // after load(), only `problems` changes
   std::unique_ptr<const nlohmann::json> root_;  // if animations have pointers
-  Image sky_;
+  Image environment_;
   ResourceReader* reader_ = nullptr;
-  bool has_sky_ = false;
+  bool has_environment_ = false;
 };
 
 }  // namespace

@@ -9,27 +9,27 @@
 namespace tessera::render {
 
 std::optional<Problem> check_precision(std::span<const PlacedBox> placed, const Vec3d& center) {
-  constexpr double kSpacing = 0x1p-23;  // of neighbouring floats, of their value
-  constexpr double kShare = 0.02;       // of a thing's size, which may be in doubt
+  constexpr double kSpacing = 0x1p-23;          // relative spacing of floats
+  constexpr double kMaxRelativeSpacing = 0.02;  // maximum spacing relative to an object's size
   std::size_t count = 0;
   std::int32_t worst = 0;
-  double doubt = 0;
+  double error = 0;
   for (const auto& [box, node] : placed) {
     const double size = max_abs(box.high - box.low);
     const double spacing =
         kSpacing * std::max(max_abs(box.low - center), max_abs(box.high - center));
-    if (!(size > 0) || !(spacing > kShare * size)) continue;
+    if (!(size > 0) || !(spacing > kMaxRelativeSpacing * size)) continue;
     ++count;
-    if (spacing > doubt) worst = node;
-    doubt = std::max(doubt, spacing);
+    if (spacing > error) worst = node;
+    error = std::max(error, spacing);
   }
   if (count == 0) return std::nullopt;
-  const std::string others = count > 1 ? absl::StrCat(", as with ", count - 1, " others") : "";
-  return Problem{
-      Problem::Severity::warning, absl::StrCat("nodes[", worst, "]"),
-      absl::StrCat("is so far from the middle of the scene that its place is good to ",
-                   absl::StrFormat("%.1g", doubt), " m only, a fiftieth of its size or more",
-                   others, ": render what lies so far apart as scenes of their own")};
+  const std::string others =
+      count > 1 ? absl::StrCat("; the same holds for ", count - 1, " others") : "";
+  return Problem{Problem::Severity::warning, absl::StrCat("nodes[", worst, "]"),
+                 absl::StrCat("is too far from the scene centre: position error up to ",
+                              absl::StrFormat("%.1g", error), " m (over 2 % of its size)", others,
+                              "; split distant objects into separate scenes")};
 }
 
 }  // namespace tessera::render

@@ -9,14 +9,14 @@
 
 namespace tessera::render {
 
-/// The box of something that a node places, in world space.
+/// World-space bounding box of an object that a node places.
 struct PlacedBox {
   PosedBox box;
   std::int32_t node;
 };
 
-/// Warns of things so small and so far from `center` that floats, in which rays have their origins
-/// relative to it, place them badly. One outlier is enough to move the middle of a scene.
+/// Warns of objects so small and so far from `center` that single-precision rays, whose origins are
+/// relative to it, place them inaccurately. One distant object is enough to move the centre.
 std::optional<Problem> check_precision(std::span<const PlacedBox> placed, const Vec3d& center);
 
 }  // namespace tessera::render

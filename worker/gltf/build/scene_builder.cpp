@@ -8,19 +8,19 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "worker/gltf/decode/accessor_reader.h"
 #include "worker/gltf/animation/animation.h"
+#include "worker/gltf/animation/deform.h"
+#include "worker/gltf/animation/gpu_instancing.h"
+#include "worker/gltf/animation/selection.h"
 #include "worker/gltf/build/camera_setup.h"
 #include "worker/gltf/build/csg_assembly.h"
 #include "worker/gltf/build/declared_lights.h"
-#include "worker/gltf/animation/deform.h"
+#include "worker/gltf/build/precision_check.h"
+#include "worker/gltf/decode/accessor_reader.h"
 #include "worker/gltf/decode/geometry_reader.h"
-#include "worker/gltf/animation/gpu_instancing.h"
-#include "worker/gltf/model/hierarchy.h"
 #include "worker/gltf/decode/image_decoder.h"
 #include "worker/gltf/file/limits.h"
-#include "worker/gltf/build/precision_check.h"
-#include "worker/gltf/animation/selection.h"
+#include "worker/gltf/model/hierarchy.h"
 #include "worker/scene/texture_refs.h"
 #include "worker/scene/volumes.h"
 
@@ -28,7 +28,7 @@ namespace tessera::render {
 
 namespace {
 
-/// Box of the transformed box, corner by corner.
+/// Bounding box of a transformed box.
 PosedBox transformed(const Affine3d& m, const PosedBox& box) {
   PosedBox out;
   for (unsigned corner = 0; corner < 8 && !box.is_empty(); ++corner) {
@@ -42,7 +42,7 @@ PosedBox transformed(const Affine3d& m, const PosedBox& box) {
 class SceneBuilder {
  public:
   SceneBuilder(const PoseInput& input, PoseCache& cache, std::vector<Problem>& problems)
-      : document_(input.document), input_(input), cache_(cache), problems_(problems) {}
+      : model_(input.model), input_(input), cache_(cache), problems_(problems) {}
 
   absl::StatusOr<Scene> build() {
     absl::Status status = pose_nodes();
@@ -56,7 +56,7 @@ class SceneBuilder {
     if (!status.ok()) return status;
     add_environment();
     convert_index_matched_solids(scene_);
-    cache_ = std::move(kept_);
+    cache_ = std::move(next_cache_);
     return std::move(scene_);
   }
 
@@ -73,42 +73,42 @@ class SceneBuilder {
     problems_.push_back({Problem::Severity::warning, element, message});
   }
 
-  /// Index of the scene to render; kNone: the file has none.
+  /// Index of the scene to render; kNone if the file has none.
   [[nodiscard]] std::int32_t chosen_scene() const {
-    if (document_.scenes.empty()) return kNone;
+    if (model_.scenes.empty()) return kNone;
     if (input_.settings.scene >= 0) return input_.settings.scene;
-    return document_.default_scene == kNone ? 0 : document_.default_scene;
+    return model_.default_scene == kNone ? 0 : model_.default_scene;
   }
 
   absl::StatusOr<std::vector<std::int32_t>> roots() {
     const std::int32_t wanted = input_.settings.scene;
-    if (wanted >= 0 && static_cast<std::size_t>(wanted) >= document_.scenes.size()) {
-      return absl::InvalidArgumentError(absl::StrCat("scene: there is no scene ", wanted,
-                                                     "; the file has ", document_.scenes.size()));
+    if (wanted >= 0 && static_cast<std::size_t>(wanted) >= model_.scenes.size()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("scene: no scene ", wanted, "; the file has ", model_.scenes.size()));
     }
     if (const std::int32_t chosen = chosen_scene(); chosen != kNone) {
-      return document_.scenes[chosen].roots;
+      return model_.scenes[chosen].roots;
     }
     std::vector<std::int32_t> all;
-    for (std::size_t i = 0; i < document_.nodes.size(); ++i) {
-      if (document_.nodes[i].parent == kNone) all.push_back(static_cast<std::int32_t>(i));
+    for (std::size_t i = 0; i < model_.nodes.size(); ++i) {
+      if (model_.nodes[i].parent == kNone) all.push_back(static_cast<std::int32_t>(i));
     }
     return all;
   }
 
   absl::Status pose_nodes() {
-    nodes_ = document_.nodes;
-    const auto animations = choose_animations(document_, input_.settings.animation);
+    nodes_ = model_.nodes;
+    const auto animations = choose_animations(model_, input_.settings.animation);
     if (!animations.ok()) return animations.status();
     for (const std::int32_t animation : *animations) {
-      absl::Status status = animate(document_, animation, input_.seconds, nodes_);
+      absl::Status status = animate(model_, animation, input_.seconds, nodes_);
       if (!status.ok()) return status;
     }
     auto scene_roots = roots();
     if (!scene_roots.ok()) return scene_roots.status();
     roots_ = *std::move(scene_roots);
     if (const std::int32_t chosen = chosen_scene(); chosen != kNone) {
-      scene_.atmosphere = document_.scenes[chosen].atmosphere;
+      scene_.atmosphere = model_.scenes[chosen].atmosphere;
     }
     world_ = world_transforms(nodes_);
     order_ = depth_first(nodes_, roots_);
@@ -116,17 +116,17 @@ class SceneBuilder {
   }
 
   absl::Status read_materials() {
-    scene_.materials = document_.materials;
+    scene_.materials = model_.materials;
     scene_.materials.emplace_back();
     used_.assign(scene_.materials.size(), false);
     if (input_.settings.variant.empty()) return absl::OkStatus();
-    const auto variant = choose(document_.variants, input_.settings.variant, "variant");
+    const auto variant = choose(model_.variants, input_.settings.variant, "variant");
     if (!variant.ok()) return variant.status();
     variant_ = *variant;
     return absl::OkStatus();
   }
 
-  /// Material of a primitive under the chosen variant.
+  /// Material of a primitive under the selected variant.
   [[nodiscard]] std::int32_t material_of(const GltfPrimitive& source) const {
     for (const VariantMapping& mapping : source.mappings) {
       const auto& v = mapping.variants;
@@ -138,31 +138,31 @@ class SceneBuilder {
                                     : source.material;
   }
 
-  VertexNeeds needs_of(std::int32_t material) {
-    VertexNeeds needs;
+  VertexUsage usage_of(std::int32_t material) {
+    VertexUsage usage;
     Material& m = scene_.materials[material];
     for (const TextureRef* ref : texture_refs(m)) {
-      if (*ref) needs.uv[static_cast<std::size_t>(ref->uv_set)] = true;
+      if (*ref) usage.uv[static_cast<std::size_t>(ref->uv_set)] = true;
     }
     const TextureRef& coat = m.clearcoat.normal_texture;
     const bool anisotropic = m.anisotropy.strength > 0;
-    needs.tangents = (m.normal_texture || coat || anisotropic) && !m.unlit;
-    needs.tangent_uv_set = m.normal_texture ? m.normal_texture.uv_set
+    usage.tangents = (m.normal_texture || coat || anisotropic) && !m.unlit;
+    usage.tangent_uv_set = m.normal_texture ? m.normal_texture.uv_set
                            : coat           ? coat.uv_set
                                             : m.anisotropy.texture.uv_set;
-    if (anisotropic) needs.uv[static_cast<std::size_t>(needs.tangent_uv_set)] = true;
-    return needs;
+    if (anisotropic) usage.uv[static_cast<std::size_t>(usage.tangent_uv_set)] = true;
+    return usage;
   }
 
-  /// Adds what a primitive decodes to; a fault when the scene becomes too large.
+  /// Adds the decoded size of a primitive. Errors: InvalidArgument if the scene becomes too large.
   absl::Status count_bytes(const GltfPrimitive& primitive, std::int32_t mesh) {
-    if (primitive.indices != kNone) geometry_bytes_ += decoded_bytes(document_, primitive.indices);
+    if (primitive.indices != kNone) geometry_bytes_ += decoded_bytes(model_, primitive.indices);
     for (const auto& [name, accessor] : primitive.attributes) {
-      geometry_bytes_ += decoded_bytes(document_, accessor);
+      geometry_bytes_ += decoded_bytes(model_, accessor);
     }
     for (const Attributes& target : primitive.targets) {
       for (const auto& [name, accessor] : target) {
-        geometry_bytes_ += decoded_bytes(document_, accessor);
+        geometry_bytes_ += decoded_bytes(model_, accessor);
       }
     }
     if (geometry_bytes_ <= kMaxGeometryBytes) return absl::OkStatus();
@@ -171,61 +171,59 @@ class SceneBuilder {
                                                    kMaxGeometryBytes, " bytes"));
   }
 
-  /// A primitive as the file has it, from the last pose if that had it; null: has no triangles.
-  /// What does not deform is not kept: its mesh is.
+  /// A primitive before posing, from the cache if possible; null if it has no triangles. Only
+  /// deforming primitives are cached here; for others the posed mesh is.
   absl::StatusOr<std::shared_ptr<const BasePrimitive>> base_primitive(std::int32_t mesh,
                                                                       std::size_t index,
                                                                       bool deforms) {
     const PoseCache::BaseKey key(mesh, variant_, index);
     if (const auto known = cache_.bases.find(key); deforms && known != cache_.bases.end()) {
-      return kept_.bases[key] = known->second;
+      return next_cache_.bases[key] = known->second;
     }
-    const std::int32_t material = material_of(document_.meshes[mesh].primitives[index]);
-    auto read = read_primitive(document_, mesh, index, needs_of(material), problems_);
+    const std::int32_t material = material_of(model_.meshes[mesh].primitives[index]);
+    auto read = read_primitive(model_, mesh, index, usage_of(material), problems_);
     if (!read.ok()) return read.status();
     std::shared_ptr<const BasePrimitive> base;
     if (*read && !(*read)->primitive.triangles.empty()) {
       base = std::make_shared<const BasePrimitive>(**std::move(read));
     }
-    if (deforms) kept_.bases[key] = base;
+    if (deforms) next_cache_.bases[key] = base;
     return base;
   }
 
-  /// Reads and poses a primitive; with `joints`, skinned, its true positions added to `worlds`.
-  /// nullopt: has no triangles.
+  /// Reads and poses a primitive; with `skinned`, also skins it and appends its exact positions to
+  /// `skinned->worlds`. nullopt if it has no triangles.
   absl::StatusOr<std::optional<Primitive>> pose_primitive(std::int32_t mesh, std::size_t index,
                                                           const std::vector<double>& weights,
                                                           SkinnedMesh* skinned) {
-    const GltfPrimitive& source = document_.meshes[mesh].primitives[index];
-    absl::Status affordable = count_bytes(source, mesh);
-    if (!affordable.ok()) return affordable;
+    const GltfPrimitive& source = model_.meshes[mesh].primitives[index];
+    absl::Status status = count_bytes(source, mesh);
+    if (!status.ok()) return status;
     const auto base = base_primitive(mesh, index, skinned != nullptr || !source.targets.empty());
     if (!base.ok()) return base.status();
     if (*base == nullptr) return std::optional<Primitive>();
     const std::string where = absl::StrCat("meshes[", mesh, "].primitives[", index, "]");
     Primitive posed = morph(**base, weights);
     if (skinned != nullptr) {
-      auto bent = skin(**base, std::move(posed), *skinned->joints);
-      if (!bent.ok()) {
-        return absl::Status(bent.status().code(),
-                            absl::StrCat(where, ": ", bent.status().message()));
+      auto skinned_primitive = skin(**base, std::move(posed), *skinned->joints);
+      if (!skinned_primitive.ok()) {
+        return absl::Status(skinned_primitive.status().code(),
+                            absl::StrCat(where, ": ", skinned_primitive.status().message()));
       }
-      posed = std::move(bent->primitive);
+      posed = std::move(skinned_primitive->primitive);
       for (std::size_t v = 0; v < posed.positions.size(); ++v) {
-        posed.positions[v] = Vec3f(bent->world_positions[v]);
+        posed.positions[v] = Vec3f(skinned_primitive->world_positions[v]);
       }
-      skinned->worlds.push_back(std::move(bent->world_positions));
+      skinned->worlds.push_back(std::move(skinned_primitive->world_positions));
     }
-    if (const std::size_t gone = drop_wild_triangles(posed); gone > 0) {
-      warn(where, absl::StrCat(gone,
-                               " triangles left the range of floats when posed; "
-                               "they are left out"));
+    if (const std::size_t gone = drop_invalid_triangles(posed); gone > 0) {
+      warn(where, absl::StrCat(gone, " triangles exceed the range of float after posing; skipped"));
     }
     posed.material = material_of(source);
     return std::optional<Primitive>(std::move(posed));
   }
 
-  /// Adds a mesh that has been posed or kept.
+  /// Adds a posed mesh to the scene.
   std::int32_t add_mesh(Mesh mesh, const PosedBox& box) {
     for (const Primitive& p : mesh.primitives) {
       used_[p.material] = used_[p.material] || !p.triangles.empty();
@@ -235,18 +233,18 @@ class SceneBuilder {
     return static_cast<std::int32_t>(scene_.meshes.size()) - 1;
   }
 
-  /// The scene mesh of a glTF mesh at given weights; shared by the nodes and poses that use it so.
+  /// Index of the scene mesh of a glTF mesh with given weights, shared by all nodes that use it so.
   absl::StatusOr<std::int32_t> shared_mesh(std::int32_t source,
                                            const std::vector<double>& weights) {
     const auto key = std::make_pair(source, weights);
     if (const auto known = shared_.find(key); known != shared_.end()) return known->second;
-    const PoseCache::MeshKey kept_as(source, variant_, weights);
-    PoseCache::PosedMesh& posed = kept_.meshes[kept_as];
-    if (const auto before = cache_.meshes.find(kept_as); before != cache_.meshes.end()) {
+    const PoseCache::MeshKey cache_key(source, variant_, weights);
+    PoseCache::PosedMesh& posed = next_cache_.meshes[cache_key];
+    if (const auto before = cache_.meshes.find(cache_key); before != cache_.meshes.end()) {
       posed = before->second;
     } else {
       std::vector<Primitive> primitives;
-      for (std::size_t k = 0; k < document_.meshes[source].primitives.size(); ++k) {
+      for (std::size_t k = 0; k < model_.meshes[source].primitives.size(); ++k) {
         auto primitive = pose_primitive(source, k, weights, nullptr);
         if (!primitive.ok()) return primitive.status();
         if (*primitive) primitives.push_back(**std::move(primitive));
@@ -256,18 +254,18 @@ class SceneBuilder {
           for (const std::uint32_t v : t) posed.box.add(Vec3d(p.positions[v]));
         }
       }
-      posed.mesh = {document_.meshes[source].name, std::move(primitives)};
+      posed.mesh = {model_.meshes[source].name, std::move(primitives)};
     }
     return shared_[key] = add_mesh(posed.mesh, posed.box);
   }
 
-  /// A copy of a glTF mesh of its own, bent by joints; it gets its primitives in recenter().
+  /// Adds a skinned copy of a glTF mesh. Its primitives are set in recenter().
   absl::StatusOr<std::int32_t> skinned_mesh(std::int32_t source, const std::vector<double>& weights,
                                             const std::vector<Affine3d>& joints) {
     SkinnedMesh skinned;
     skinned.joints = &joints;
     PosedBox box;
-    for (std::size_t k = 0; k < document_.meshes[source].primitives.size(); ++k) {
+    for (std::size_t k = 0; k < model_.meshes[source].primitives.size(); ++k) {
       auto primitive = pose_primitive(source, k, weights, &skinned);
       if (!primitive.ok()) return primitive.status();
       if (!*primitive) continue;
@@ -279,14 +277,14 @@ class SceneBuilder {
       skinned.primitives.push_back(**std::move(primitive));
     }
     skinned.joints = nullptr;
-    skinned.mesh = add_mesh({document_.meshes[source].name, {}}, box);
+    skinned.mesh = add_mesh({model_.meshes[source].name, {}}, box);
     const std::int32_t mesh = skinned.mesh;
     skinned_.push_back(std::move(skinned));
     return mesh;
   }
 
   [[nodiscard]] std::vector<double> weights_of(const Node& node) const {
-    const GltfMesh& mesh = document_.meshes[node.mesh];
+    const GltfMesh& mesh = model_.meshes[node.mesh];
     const bool morphs = std::any_of(mesh.primitives.begin(), mesh.primitives.end(),
                                     [](const GltfPrimitive& p) { return !p.targets.empty(); });
     if (!morphs) return {};
@@ -298,8 +296,8 @@ class SceneBuilder {
     if (node.light != kNone) place_light(index);
     if (node.shape != nullptr) return place_mesh(shape_mesh(node), index);
     if (node.mesh == kNone) return absl::OkStatus();
-    if (node.skin != kNone && has_influences(document_.meshes[node.mesh])) {
-      const auto joints = joint_matrices(document_, node.skin, world_);
+    if (node.skin != kNone && has_influences(model_.meshes[node.mesh])) {
+      const auto joints = joint_matrices(model_, node.skin, world_);
       if (!joints.ok()) return joints.status();
       const auto mesh = skinned_mesh(node.mesh, weights_of(node), *joints);
       if (!mesh.ok()) return mesh.status();
@@ -317,7 +315,7 @@ class SceneBuilder {
     return absl::OkStatus();
   }
 
-  /// A mesh that is an analytic shape.
+  /// Adds the mesh of an analytic shape.
   std::int32_t shape_mesh(const Node& node) {
     Primitive surface;
     surface.material = node.shape_material == kNone
@@ -336,7 +334,7 @@ class SceneBuilder {
   }
 
   absl::Status place_instances(std::int32_t mesh, std::int32_t index) {
-    const auto locals = instance_transforms(document_, nodes_[index]);
+    const auto locals = instance_transforms(model_, nodes_[index]);
     if (!locals.ok()) return locals.status();
     if (locals->size() + scene_.instances.size() > kMaxInstances) {
       return absl::InvalidArgumentError(
@@ -350,10 +348,11 @@ class SceneBuilder {
     if (boxes_[mesh].is_empty()) return;
     const std::string where = absl::StrCat("nodes[", node, "]");
     const auto inverted = inverse(world);
-    if (!inverted) return warn(where, "its transform is singular or not finite; left out");
+    if (!inverted) return warn(where, "its transform is singular or not finite; skipped");
     const PosedBox box = transformed(world, boxes_[mesh]);
     if (!(max_abs(box.low) <= kMaxCoordinate && max_abs(box.high) <= kMaxCoordinate)) {
-      return warn(where, "its place is not finite, or farther than 1e18 from the origin; left out");
+      return warn(where,
+                  "its position is not finite or farther than 1e18 from the origin; skipped");
     }
     bounds_.add(box.low);
     bounds_.add(box.high);
@@ -362,7 +361,7 @@ class SceneBuilder {
   }
 
   void place_light(std::int32_t index) {
-    PunctualLight light = document_.lights[nodes_[index].light];
+    PunctualLight light = model_.lights[nodes_[index].light];
     light.node = index;
     light.position = world_[index].translation;
     Vec3d towards = normalize(transform_vector(world_[index], Vec3d{0, 0, -1}));
@@ -371,7 +370,7 @@ class SceneBuilder {
     if (!(max_abs(light.position) <= kMaxCoordinate) || !is_finite(light.direction) ||
         (towards == Vec3d{} && light.kind != PunctualLight::Kind::point)) {
       return warn(absl::StrCat("nodes[", index, "]"),
-                  "its light has no finite position and direction; left out");
+                  "its light has no finite position and direction; skipped");
     }
     if (light.intensity == Vec3f{}) return;
     scene_.lights.push_back(std::move(light));
@@ -406,7 +405,7 @@ class SceneBuilder {
     for (PunctualLight& light : scene_.lights) light.position = light.position - center;
     if (scene_.atmosphere) scene_.atmosphere->center = scene_.atmosphere->center - center;
     auto camera =
-        set_up_camera(document_, input_.settings,
+        set_up_camera(model_, input_.settings,
                       {order_, world_, center, scene_.bounds_min, scene_.bounds_max}, problems_);
     if (!camera.ok()) return camera.status();
     scene_.camera = *std::move(camera);
@@ -418,12 +417,12 @@ class SceneBuilder {
                        [mesh](const SkinnedMesh& s) { return s.mesh == mesh; });
   }
 
-  /// Decodes each image a used material reads, once, and copies each procedure it has worked out;
-  /// other references are cleared.
+  /// Decodes each image that a used material reads, once, and copies each procedural texture it
+  /// uses; all other references are cleared.
   absl::Status add_textures() {
-    for (const GltfTexture& source : document_.texture_sources) {
+    for (const GltfTexture& source : model_.texture_sources) {
       Texture texture;
-      if (source.sampler != kNone) texture = document_.samplers[source.sampler];
+      if (source.sampler != kNone) texture = model_.samplers[source.sampler];
       texture.image = kNone;
       scene_.textures.push_back(texture);
     }
@@ -431,9 +430,9 @@ class SceneBuilder {
     for (std::size_t m = 0; m < scene_.materials.size(); ++m) {
       for (TextureRef* ref : texture_refs(scene_.materials[m])) {
         if (!*ref) continue;
-        const GltfTexture& source = document_.texture_sources[ref->texture];
-        if (used_[m] && source.procedure != kNone) {
-          add_procedure(ref->texture);
+        const GltfTexture& source = model_.texture_sources[ref->texture];
+        if (used_[m] && source.procedural != kNone) {
+          add_procedural(ref->texture);
           continue;
         }
         if (!used_[m] || source.image == kNone) {
@@ -453,13 +452,13 @@ class SceneBuilder {
     return absl::OkStatus();
   }
 
-  /// Copies the procedures that media take their densities from, and names those.
+  /// Copies the procedural textures of media densities and updates their indices.
   void add_densities() {
     const auto add = [this](Medium& medium) {
-      if (medium.procedure == kNone) return;
-      const std::int32_t texture = medium.procedure;
-      add_procedure(texture);
-      medium.procedure = scene_.textures[texture].procedure;
+      if (medium.procedural == kNone) return;
+      const std::int32_t texture = medium.procedural;
+      add_procedural(texture);
+      medium.procedural = scene_.textures[texture].procedural;
     };
     if (scene_.atmosphere) add(scene_.atmosphere->medium);
     for (std::size_t m = 0; m < scene_.materials.size(); ++m) {
@@ -469,52 +468,52 @@ class SceneBuilder {
     }
   }
 
-  void add_procedure(std::int32_t index) {
+  void add_procedural(std::int32_t index) {
     Texture& texture = scene_.textures[index];
-    if (texture.procedure != kNone) return;
-    texture.procedure = static_cast<std::int32_t>(scene_.procedures.size());
-    scene_.procedures.push_back(document_.procedures[document_.texture_sources[index].procedure]);
+    if (texture.procedural != kNone) return;
+    texture.procedural = static_cast<std::int32_t>(scene_.procedural_textures.size());
+    scene_.procedural_textures.push_back(
+        model_.procedural_textures[model_.texture_sources[index].procedural]);
   }
 
-  /// Keeps one texel of an image whose texels are all the same: our filter is exact on constants.
+  /// Keeps one texel of an image with equal texels: bilinear filtering is exact on constants.
   template <typename T>
-  static void fold_uniform(SharedArray<T>& texels, Image& image) {
+  static void collapse_uniform(SharedArray<T>& texels, Image& image) {
     const auto channels = static_cast<std::size_t>(image.channels);
     if (texels.size() <= channels) return;
-    // All are the same if each is what the one before it is.
+    // All are equal if each equals its predecessor.
     if (!std::equal(texels.begin() + channels, texels.end(), texels.begin())) return;
     texels = std::vector<T>(texels.begin(), texels.begin() + channels);
     image.width = image.height = 1;
   }
 
   template <typename T>
-  absl::Status set_aside(SharedArray<T>& texels) {
-    auto elsewhere =
-        input_.reader.set_aside(std::as_bytes(std::span(texels.data(), texels.size())));
-    if (!elsewhere.ok()) return elsewhere.status();
-    if (*elsewhere == nullptr) return absl::OkStatus();
-    const auto* const first = reinterpret_cast<const T*>(elsewhere->get());
-    texels = SharedArray<T>(*std::move(elsewhere), first, texels.size());
+  absl::Status spill(SharedArray<T>& texels) {
+    auto spilled = input_.reader.spill(std::as_bytes(std::span(texels.data(), texels.size())));
+    if (!spilled.ok()) return spilled.status();
+    if (*spilled == nullptr) return absl::OkStatus();
+    const auto* const first = reinterpret_cast<const T*>(spilled->get());
+    texels = SharedArray<T>(*std::move(spilled), first, texels.size());
     return absl::OkStatus();
   }
 
-  absl::Status keep_texels(Image& image) {
-    fold_uniform(image.u8, image);
-    fold_uniform(image.u16, image);
-    fold_uniform(image.f32, image);
-    if (!image.u8.empty()) return set_aside(image.u8);
-    if (!image.u16.empty()) return set_aside(image.u16);
-    return set_aside(image.f32);
+  absl::Status store_texels(Image& image) {
+    collapse_uniform(image.u8, image);
+    collapse_uniform(image.u16, image);
+    collapse_uniform(image.f32, image);
+    if (!image.u8.empty()) return spill(image.u8);
+    if (!image.u16.empty()) return spill(image.u16);
+    return spill(image.f32);
   }
 
   absl::Status add_image(std::int32_t index) {
-    const GltfImage& source = document_.images[index];
-    Image& image = kept_.images[index];
+    const GltfImage& source = model_.images[index];
+    Image& image = next_cache_.images[index];
     if (const auto before = cache_.images.find(index); before != cache_.images.end()) {
       image = before->second;
     } else {
       auto decoded = decode_image(source.bytes, source.name);
-      absl::Status status = decoded.ok() ? keep_texels(*decoded) : decoded.status();
+      absl::Status status = decoded.ok() ? store_texels(*decoded) : decoded.status();
       if (!status.ok()) {
         return absl::Status(status.code(), absl::StrCat(source.name, ": ", status.message()));
       }
@@ -539,42 +538,41 @@ class SceneBuilder {
 
   void add_environment() {
     const contract::RenderSettings& settings = input_.settings;
-    Environment& sky = scene_.environment;
-    if (input_.sky != nullptr) {
+    Environment& environment = scene_.environment;
+    if (input_.environment != nullptr) {
       scene_.has_environment = true;
-      sky.image = static_cast<std::int32_t>(scene_.images.size());
-      sky.rotation_degrees = settings.environment_rotation;
-      sky.strength = static_cast<float>(settings.environment_strength);
-      scene_.images.push_back(*input_.sky);
+      environment.image = static_cast<std::int32_t>(scene_.images.size());
+      environment.rotation_degrees = settings.environment_rotation;
+      environment.strength = static_cast<float>(settings.environment_strength);
+      scene_.images.push_back(*input_.environment);
     } else if (settings.background == contract::Background::color) {
       scene_.has_environment = true;
       const auto& c = settings.background_color;
-      sky.constant = {c[0], c[1], c[2]};
+      environment.constant = {c[0], c[1], c[2]};
     } else if (scene_.lights.empty() && !has_emitters()) {
-      const bool is_dark =
-          declares_light(document_, roots_, [&](auto& p) { return material_of(p); });
+      const bool is_dark = declares_light(model_, roots_, [&](auto& p) { return material_of(p); });
       scene_.has_environment = !is_dark;
-      if (!is_dark) sky.constant = {1, 1, 1};
+      if (!is_dark) environment.constant = {1, 1, 1};
       problems_.push_back(
           {Problem::Severity::note, "",
-           is_dark ? "all lights of the scene are dark or hidden here"
-                   : "the scene has no light; a white environment of radiance 1 lights it"});
+           is_dark ? "all lights of the scene are dark or hidden at this time"
+                   : "the scene has no lights; using a white environment of radiance 1"});
     }
   }
 
-  const GltfModel& document_;
+  const GltfModel& model_;
   const PoseInput& input_;
-  PoseCache& cache_;  // of the last pose
-  PoseCache kept_;    // for the next
+  PoseCache& cache_;      // of the previous pose
+  PoseCache next_cache_;  // for the next pose
   std::vector<Problem>& problems_;
   Scene scene_;
   std::vector<Node> nodes_;  // posed
   std::vector<Affine3d> world_;
-  std::vector<std::int32_t> roots_, order_;  // of the scene; its nodes, depth first
+  std::vector<std::int32_t> roots_, order_;  // of the scene, and its nodes depth first
   std::int32_t variant_ = kNone;
-  std::vector<bool> used_;         // materials
-  std::vector<PlacedBox> placed_;  // of instances
-  std::vector<PosedBox> boxes_;    // by scene mesh; of skinned ones in world space
+  std::vector<bool> used_;         // by material
+  std::vector<PlacedBox> placed_;  // boxes of instances
+  std::vector<PosedBox> boxes_;    // by scene mesh; in world space for skinned ones
   std::map<std::pair<std::int32_t, std::vector<double>>, std::int32_t> shared_;
   std::vector<SkinnedMesh> skinned_;
   PosedBox bounds_;

@@ -5,26 +5,26 @@
 
 #include "absl/status/statusor.h"
 #include "contract/render_settings.h"
-#include "worker/gltf/model/gltf_model.h"
-#include "worker/gltf/build/loader.h"
 #include "worker/gltf/animation/pose_cache.h"
+#include "worker/gltf/build/loader.h"
+#include "worker/gltf/model/gltf_model.h"
 #include "worker/scene/scene.h"
 
 namespace tessera::render {
 
-/// What the loader hands over for posing.
+/// Input of posing.
 struct PoseInput {
-  const GltfModel& document;
-  ResourceReader& reader;      // for texels that do not fit into memory
-  const Image* sky = nullptr;  // of settings.environment; null: none
+  const GltfModel& model;
+  ResourceReader& reader;              // for reading textures that exceed the memory limit
+  const Image* environment = nullptr;  // of settings.environment; null: none
   const contract::RenderSettings& settings;
-  double seconds = 0;           // since the animations began
-  std::optional<Vec3d> center;  // to put at the origin; by default the middle of what is seen
+  double seconds = 0;           // since the start of the animations
+  std::optional<Vec3d> center;  // placed at the origin; default: centre of the visible scene
 };
 
-/// The scene at one time. Takes what it can from `cache`, of any earlier pose of the document, and
-/// leaves there what it used. Appends warnings and notes to `problems`, not again for what was
-/// cached. Errors: InvalidArgument "ELEMENT: FAULT".
+/// Builds the scene at one time. Reuses entries of `cache`, left by any earlier pose of the same
+/// file, and replaces them by those it used. Appends warnings and notes to `problems`, except those
+/// already given for cached data. Errors: InvalidArgument "ELEMENT: FAULT".
 absl::StatusOr<Scene> build_scene(const PoseInput& input, PoseCache& cache,
                                   std::vector<Problem>& problems);
 

@@ -20,13 +20,13 @@ absl::Status fault(std::int32_t index, const std::string& message) {
   return absl::InvalidArgumentError(absl::StrCat(element(index), ": ", message));
 }
 
-/// Where one array of elements lies within a view.
+/// Location of an array of elements in a view.
 struct Range {
   std::int32_t view = kNone;
   std::size_t offset = 0, element_bytes = 0, stride = 0, count = 0;
 };
 
-/// Bytes from one column to the next: columns of matrices begin at multiples of 4.
+/// Stride between columns of a matrix, bytes; columns are aligned to 4.
 std::size_t column_bytes(const Accessor& a) {
   const std::size_t bytes = static_cast<std::size_t>(component_bytes(a.type)) * a.rows;
   return a.columns > 1 ? (bytes + 3) / 4 * 4 : bytes;
@@ -41,7 +41,8 @@ std::size_t view_stride(const GltfModel& d, const Accessor& a) {
   return stride != 0 ? stride : element_bytes(a);
 }
 
-/// Whether the range lies in its view; counts and strides are bounded, so nothing overflows.
+/// Checks that the range lies within its view. Counts and strides are bounded, so nothing
+/// overflows.
 absl::Status check_range(const GltfModel& d, std::int32_t index, const Range& r) {
   if (r.view < 0 || static_cast<std::size_t>(r.view) >= d.views.size()) {
     return fault(index, absl::StrCat("bufferViews[", r.view, "] does not exist"));
@@ -87,7 +88,7 @@ T read_as(const std::byte* at) {
   return value;
 }
 
-/// One component as a float. Normalised: specification, section 3.6.2.2 ("Accessor Data Types").
+/// One component as a float. Normalised: glTF 2.0, section 3.6.2.2 ("Accessor Data Types").
 float read_component(const std::byte* at, ComponentType type, bool normalized) {
   switch (type) {
     case ComponentType::i8: {
@@ -124,7 +125,7 @@ std::uint32_t read_unsigned(const std::byte* at, ComponentType type) {
   return read_as<std::uint32_t>(at);
 }
 
-/// The element numbers a sparse accessor replaces, strictly increasing and in range.
+/// Indices of the elements that a sparse accessor replaces, strictly increasing and in range.
 absl::StatusOr<std::vector<std::uint32_t>> sparse_indices(const GltfModel& d, std::int32_t index) {
   const SparseValues& s = *d.accessors[index].sparse;
   const std::byte* from = view_bytes(d, s.index_view) + s.index_offset;
@@ -195,11 +196,12 @@ absl::Status check_accessor(const GltfModel& d, std::int32_t index) {
   const Accessor& a = d.accessors[index];
   if (a.count < 1) return fault(index, absl::StrCat("count ", a.count, " is below 1"));
   const std::size_t bytes = element_bytes(a);
-  // The decoded form is floats, whatever the file says it stores (or does not store: zeros).
-  const std::uint64_t most = a.view == kNone ? kMaxZeroBytes : kMaxDecodedBytes;
+  // Elements are decoded to floats, whatever the file stores.
+  const std::uint64_t limit = a.view == kNone ? kMaxZeroBytes : kMaxDecodedBytes;
   if (static_cast<std::uint64_t>(a.count) >
-      most / (4 * static_cast<std::uint64_t>(a.components()))) {
-    return fault(index, absl::StrCat("count ", a.count, " is above what a scene may hold"));
+      limit / (4 * static_cast<std::uint64_t>(a.components()))) {
+    return fault(index,
+                 absl::StrCat("count ", a.count, " exceeds the limit for decoded accessors"));
   }
   if (a.view != kNone) {
     const std::size_t stride =
@@ -221,17 +223,17 @@ std::uint64_t decoded_bytes(const GltfModel& d, std::int32_t index) {
 }
 
 absl::Status check_accessors(const GltfModel& d) {
-  std::uint64_t most = kMaxAccessorBytes, total = 0;
-  for (const auto& buffer : d.buffers) most += 16 * buffer.size();
+  std::uint64_t limit = kMaxAccessorBytes, total = 0;
+  for (const auto& buffer : d.buffers) limit += 16 * buffer.size();
   for (std::size_t i = 0; i < d.accessors.size(); ++i) {
     const auto index = static_cast<std::int32_t>(i);
     absl::Status status = check_accessor(d, index);
     if (!status.ok()) return status;
     total += decoded_bytes(d, index);
-    if (total > most) {
+    if (total > limit) {
       return absl::InvalidArgumentError(absl::StrCat("accessors: the first ", i + 1, " decode to ",
-                                                     total, " bytes, more than the limit of ", most,
-                                                     " for this file"));
+                                                     total, " bytes, more than the limit of ",
+                                                     limit, " for this file"));
     }
   }
   return absl::OkStatus();
@@ -241,7 +243,7 @@ absl::StatusOr<std::vector<float>> read_floats(const GltfModel& d, std::int32_t 
                                                int components) {
   const Accessor& a = d.accessors[index];
   if (a.components() != components) {
-    return fault(index, absl::StrCat("has ", a.components(), " components, want ", components));
+    return fault(index, absl::StrCat("has ", a.components(), " components, expected ", components));
   }
   const auto count = static_cast<std::size_t>(a.count);
   std::vector<float> out(count * components);

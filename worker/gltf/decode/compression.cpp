@@ -5,9 +5,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "worker/gltf/decode/draco_decoder.h"
+#include "worker/gltf/decode/meshopt_decoder.h"
 #include "worker/gltf/file/json_view.h"
 #include "worker/gltf/file/limits.h"
-#include "worker/gltf/decode/meshopt_decoder.h"
 
 namespace tessera::render {
 
@@ -23,11 +23,11 @@ absl::Status at(const std::string& path, const absl::Status& status) {
   return absl::Status(status.code(), absl::StrCat(path, ": ", status.message()));
 }
 
-/// The bytes `range` (an object with buffer, byteOffset, byteLength) names.
+/// Bytes of a range, an object with buffer, byteOffset and byteLength.
 absl::StatusOr<std::span<const std::byte>> bytes_of_range(const JsonView& range,
-                                                          const GltfModel& document,
+                                                          const GltfModel& model,
                                                           const JsonFault& fault) {
-  const std::int32_t buffer = range.index("buffer", document.buffers.size());
+  const std::int32_t buffer = range.index("buffer", model.buffers.size());
   const std::int64_t offset = range.integer("byteOffset", kSizeLimit);
   const std::int64_t length = range.integer("byteLength", kSizeLimit);
   absl::Status valid = fault.status();
@@ -35,7 +35,7 @@ absl::StatusOr<std::span<const std::byte>> bytes_of_range(const JsonView& range,
   if (buffer == kNone || length < 0) {
     return absl::InvalidArgumentError(absl::StrCat(range.path(), ": no buffer or byteLength"));
   }
-  const auto bytes = document.buffers[buffer];
+  const auto bytes = model.buffers[buffer];
   const auto begin = static_cast<std::size_t>(offset < 0 ? 0 : offset);
   const auto size = static_cast<std::size_t>(length);
   if (begin > bytes.size() || size > bytes.size() - begin) {
@@ -46,25 +46,25 @@ absl::StatusOr<std::span<const std::byte>> bytes_of_range(const JsonView& range,
   return bytes.subspan(begin, size);
 }
 
-/// Keeps `bytes` in the document as a new buffer; returns its index.
-std::size_t keep(std::vector<std::byte> bytes, GltfModel& document) {
-  document.owned.push_back(std::move(bytes));
-  document.buffers.emplace_back(document.owned.back());
-  return document.buffers.size() - 1;
+/// Adds `bytes` to the model as a new buffer and returns its index.
+std::size_t keep(std::vector<std::byte> bytes, GltfModel& model) {
+  model.owned.push_back(std::move(bytes));
+  model.buffers.emplace_back(model.owned.back());
+  return model.buffers.size() - 1;
 }
 
-std::size_t add_view(json& root, std::vector<std::byte> bytes, GltfModel& document) {
+std::size_t add_view(json& root, std::vector<std::byte> bytes, GltfModel& model) {
   const std::size_t length = bytes.size();
-  const std::size_t buffer = keep(std::move(bytes), document);
+  const std::size_t buffer = keep(std::move(bytes), model);
   json& views = root["bufferViews"];
   views.push_back({{"buffer", buffer}, {"byteLength", length}});
   return views.size() - 1;
 }
 
-absl::Status expand_view(json& view, const JsonView& look, const JsonFault& fault,
-                         GltfModel& document) {
-  const JsonView extension = look.extension(kMeshopt);
-  const auto encoded = bytes_of_range(extension, document, fault);
+absl::Status expand_view(json& view, const JsonView& json_view, const JsonFault& fault,
+                         GltfModel& model) {
+  const JsonView extension = json_view.extension(kMeshopt);
+  const auto encoded = bytes_of_range(extension, model, fault);
   if (!encoded.ok()) return encoded.status();
   const std::int64_t count = extension.integer("count", kSizeLimit);
   const std::int64_t stride = extension.integer("byteStride", kSizeLimit);
@@ -76,7 +76,7 @@ absl::Status expand_view(json& view, const JsonView& look, const JsonFault& faul
                                 static_cast<std::size_t>(stride < 0 ? 0 : stride), mode, filter});
   if (!decoded.ok()) return at(extension.path(), decoded.status());
   const std::size_t length = decoded->size();
-  view["buffer"] = keep(*std::move(decoded), document);
+  view["buffer"] = keep(*std::move(decoded), model);
   view["byteOffset"] = 0;
   view["byteLength"] = length;
   if (mode == "ATTRIBUTES") view["byteStride"] = stride;
@@ -105,22 +105,22 @@ int components_of(const std::string& type) {
   return type == "VEC2" ? 2 : type == "VEC3" ? 3 : type == "VEC4" ? 4 : 0;
 }
 
-/// One Draco primitive while its accessors are given their values.
+/// Decoding of one Draco primitive into new views of its accessors.
 struct DracoPrimitive {
   json& root;
-  JsonView look;  // the primitive
+  JsonView json_view;
   const DracoGeometry& geometry;
   JsonFault& fault;
-  GltfModel& document;
+  GltfModel& model;
 
   absl::Status replace(std::int32_t accessor, std::size_t count, std::vector<std::byte> bytes) {
     json& a = root["accessors"][accessor];
     if (!a.is_object() || !a.contains("count") || a["count"] != count) {
-      return absl::InvalidArgumentError(absl::StrCat(look.path(), ": accessors[", accessor,
+      return absl::InvalidArgumentError(absl::StrCat(json_view.path(), ": accessors[", accessor,
                                                      "] does not have the Draco stream's count ",
                                                      count));
     }
-    a["bufferView"] = add_view(root, std::move(bytes), document);
+    a["bufferView"] = add_view(root, std::move(bytes), model);
     a["byteOffset"] = 0;
     a.erase("sparse");
     return absl::OkStatus();
@@ -128,14 +128,14 @@ struct DracoPrimitive {
 
   absl::Status replace_indices() {
     const std::size_t accessors = root["accessors"].size();
-    const std::int32_t accessor = look.index("indices", accessors);
+    const std::int32_t accessor = json_view.index("indices", accessors);
     absl::Status valid = fault.status();
     if (!valid.ok()) return valid;
     if (accessor == kNone) {
-      return absl::InvalidArgumentError(absl::StrCat(look.path(), ": Draco without indices"));
+      return absl::InvalidArgumentError(absl::StrCat(json_view.path(), ": Draco without indices"));
     }
     auto indices = geometry.indices();
-    if (!indices.ok()) return at(look.path(), indices.status());
+    if (!indices.ok()) return at(json_view.path(), indices.status());
     absl::Status done = replace(accessor, geometry.triangles() * 3, *std::move(indices));
     if (done.ok()) root["accessors"][accessor]["componentType"] = 5125;
     return done;
@@ -143,25 +143,26 @@ struct DracoPrimitive {
 
   absl::Status replace_attribute(const std::string& name) {
     const std::int64_t id =
-        look.extension(kDraco)["attributes"].integer(name, std::int64_t{1} << 31);
-    const std::int32_t accessor = look["attributes"].index(name, root["accessors"].size());
+        json_view.extension(kDraco)["attributes"].integer(name, std::int64_t{1} << 31);
+    const std::int32_t accessor = json_view["attributes"].index(name, root["accessors"].size());
     absl::Status valid = fault.status();
     if (!valid.ok()) return valid;
-    if (accessor == kNone) return absl::OkStatus();  // Draco holds more than the primitive names
+    if (accessor == kNone)
+      return absl::OkStatus();  // the stream has more attributes than the primitive
     const JsonView a(root["accessors"][accessor], absl::StrCat("accessors[", accessor, "]"), fault);
     const int components = components_of(a.text("type"));
     const ComponentType type = component_type_of(a.integer("componentType", 1 << 16));
     absl::Status read = fault.status();
     if (!read.ok()) return read;
     auto bytes = geometry.attribute(id, type, components);
-    if (!bytes.ok()) return at(look.path() + "." + name, bytes.status());
-    // Elements must begin at multiples of 4; unpadded ones are read at their true size by us.
+    if (!bytes.ok()) return at(json_view.path() + "." + name, bytes.status());
+    // Elements must be aligned to 4, but unpadded ones are accepted and read at their true size.
     return replace(accessor, geometry.points(), *std::move(bytes));
   }
 };
 
 absl::Status expand_primitive(json& root, const JsonView& primitive, JsonFault& fault,
-                              GltfModel& document) {
+                              GltfModel& model) {
   const JsonView extension = primitive.extension(kDraco);
   const std::size_t view_count = root.contains("bufferViews") ? root["bufferViews"].size() : 0;
   const std::int32_t view = extension.index("bufferView", view_count);
@@ -171,11 +172,11 @@ absl::Status expand_primitive(json& root, const JsonView& primitive, JsonFault& 
     return absl::InvalidArgumentError(absl::StrCat(extension.path(), ": no bufferView"));
   }
   const JsonView range(root["bufferViews"][view], absl::StrCat("bufferViews[", view, "]"), fault);
-  const auto stream = bytes_of_range(range, document, fault);
+  const auto stream = bytes_of_range(range, model, fault);
   if (!stream.ok()) return stream.status();
   const auto geometry = DracoGeometry::decode(*stream);
   if (!geometry.ok()) return at(extension.path(), geometry.status());
-  DracoPrimitive work{root, primitive, **geometry, fault, document};
+  DracoPrimitive work{root, primitive, **geometry, fault, model};
   valid = work.replace_indices();
   for (const std::string& name : extension["attributes"].keys()) {
     if (valid.ok()) valid = work.replace_attribute(name);
@@ -185,22 +186,22 @@ absl::Status expand_primitive(json& root, const JsonView& primitive, JsonFault& 
 
 }  // namespace
 
-absl::Status expand_meshopt(json& root, GltfModel& document) {
+absl::Status expand_meshopt(json& root, GltfModel& model) {
   JsonFault fault;
   const std::vector<JsonView> views = JsonView(root, "", fault)["bufferViews"].items();
   for (std::size_t i = 0; i < views.size(); ++i) {
     const bool compressed = views[i].extension(kMeshopt).present();
     absl::Status status = fault.status();
     if (status.ok() && compressed) {
-      status = expand_view(root["bufferViews"][i], views[i], fault, document);
+      status = expand_view(root["bufferViews"][i], views[i], fault, model);
     }
     if (!status.ok()) return status;
   }
   return fault.status();
 }
 
-absl::Status expand_draco(json& root, GltfModel& document) {
-  // Primitives are looked at in a copy, as views are added to `root` on the way.
+absl::Status expand_draco(json& root, GltfModel& model) {
+  // Iterates over a copy, because views are added to `root` meanwhile.
   const auto meshes = root.find("meshes");
   if (meshes == root.end()) return absl::OkStatus();
   const json copy = *meshes;
@@ -209,7 +210,7 @@ absl::Status expand_draco(json& root, GltfModel& document) {
     for (const JsonView& primitive : mesh["primitives"].items()) {
       const bool compressed = primitive.extension(kDraco).present();
       absl::Status status = fault.status();
-      if (status.ok() && compressed) status = expand_primitive(root, primitive, fault, document);
+      if (status.ok() && compressed) status = expand_primitive(root, primitive, fault, model);
       if (!status.ok()) return status;
     }
   }

@@ -76,7 +76,7 @@ absl::StatusOr<std::unique_ptr<DracoGeometry>> DracoGeometry::decode(
     parts->mesh = std::move(decoded).value();
     if (parts->mesh == nullptr) return absl::InvalidArgumentError("the Draco stream has no mesh");
     return std::unique_ptr<DracoGeometry>(new DracoGeometry(std::move(parts)));
-  } catch (const std::exception& e) {  // bad_alloc and length_error from hostile counts
+  } catch (const std::exception& e) {  // bad_alloc or length_error from invalid counts
     return absl::InvalidArgumentError(absl::StrCat("the Draco stream is damaged: ", e.what()));
   }
 }
@@ -114,10 +114,11 @@ absl::StatusOr<std::vector<std::byte>> DracoGeometry::attribute(std::int64_t id,
   if (attribute->num_components() != components) {
     return absl::InvalidArgumentError(absl::StrCat("Draco attribute ", id, " has ",
                                                    static_cast<int>(attribute->num_components()),
-                                                   " components, want ", components));
+                                                   " components, expected ", components));
   }
   if (!attribute->is_mapping_identity() && attribute->indices_map_size() < points()) {
-    return absl::InvalidArgumentError(absl::StrCat("Draco attribute ", id, " lacks points"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("Draco attribute ", id, " does not cover all points"));
   }
   std::vector<std::byte> out;
   if (!convert_as(type, *attribute, points(), components, out)) {

@@ -14,13 +14,13 @@ namespace tessera::render {
 /// A triangle mesh decoded by Draco.
 class DracoGeometry {
  public:
-  /// Errors: InvalidArgument when the stream is damaged or not a mesh.
+  /// Errors: InvalidArgument if the stream is damaged or not a mesh.
   static absl::StatusOr<std::unique_ptr<DracoGeometry>> decode(std::span<const std::byte> stream);
   ~DracoGeometry();
 
   [[nodiscard]] std::size_t points() const;
   [[nodiscard]] std::size_t triangles() const;
-  /// Three 32-bit indices a triangle, each below points().
+  /// Three 32-bit indices per triangle, each below points().
   [[nodiscard]] absl::StatusOr<std::vector<std::byte>> indices() const;
   /// Values of the attribute with Draco's unique id `id` for every point, tightly packed.
   [[nodiscard]] absl::StatusOr<std::vector<std::byte>> attribute(std::int64_t id,

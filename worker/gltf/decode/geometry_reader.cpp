@@ -4,45 +4,45 @@
 
 #include "absl/strings/str_cat.h"
 #include "worker/gltf/decode/accessor_reader.h"
-#include "worker/gltf/file/limits.h"
 #include "worker/gltf/decode/tangents.h"
+#include "worker/gltf/file/limits.h"
 
 namespace tessera::render {
 
 namespace {
 
-/// One primitive while it is read.
+/// Reader of one primitive.
 class PrimitiveReader {
  public:
-  PrimitiveReader(const GltfModel& document, const GltfPrimitive& source, std::string where,
+  PrimitiveReader(const GltfModel& model, const GltfPrimitive& source, std::string where,
                   std::vector<Problem>& problems)
-      : document_(document), source_(source), where_(std::move(where)), problems_(problems) {}
+      : model_(model), source_(source), where_(std::move(where)), problems_(problems) {}
 
-  absl::StatusOr<std::optional<BasePrimitive>> read(const VertexNeeds& needs) {
+  absl::StatusOr<std::optional<BasePrimitive>> read(const VertexUsage& usage) {
     const bool solid = source_.mode >= PrimitiveMode::triangles;
     if (!solid || !source_.attributes.contains("POSITION")) {
-      warn(solid ? "has no POSITION; skipped" : "points and lines are not rendered");
+      warn(solid ? "has no POSITION; skipped" : "points and lines are not supported; skipped");
       return std::optional<BasePrimitive>();
     }
     absl::Status status = read_positions();
     if (status.ok()) status = read_triangles();
     if (status.ok()) status = read_vectors();
-    if (status.ok()) status = read_uv(needs);
+    if (status.ok()) status = read_uv(usage);
     if (status.ok()) status = read_colors();
     if (status.ok()) status = read_targets();
     if (status.ok()) status = read_influences();
     if (!status.ok()) return status;
-    if (const std::size_t gone = drop_wild_triangles(out_.primitive); gone > 0) {
+    if (const std::size_t gone = drop_invalid_triangles(out_.primitive); gone > 0) {
       warn(absl::StrCat(gone,
                         " triangles have a vertex that is NaN, infinite or beyond 1e18; "
-                        "they are left out"));
+                        "skipped"));
     }
     mend_normals();
     mend_tangents();
-    if (needs.tangents && out_.primitive.tangents.empty()) {
-      add_tangents(out_, needs.tangent_uv_set);
+    if (usage.tangents && out_.primitive.tangents.empty()) {
+      add_tangents(out_, usage.tangent_uv_set);
     }
-    if (!needs.tangents) out_.primitive.tangents.clear();
+    if (!usage.tangents) out_.primitive.tangents.clear();
     return std::optional<BasePrimitive>(std::move(out_));
   }
 
@@ -55,16 +55,16 @@ class PrimitiveReader {
     return absl::InvalidArgumentError(absl::StrCat(where_, ": ", message));
   }
 
-  /// Accessor of an attribute, or kNone.
+  /// Accessor index of an attribute, or kNone.
   std::int32_t accessor(const std::string& name) const {
     const auto it = source_.attributes.find(name);
     return it == source_.attributes.end() ? kNone : it->second;
   }
 
-  /// Every attribute has as many elements as there are positions.
+  /// Checks that the attribute has as many elements as POSITION.
   absl::Status check_count(const std::string& name, std::size_t count) const {
     if (count == vertices_) return absl::OkStatus();
-    return fault(absl::StrCat(name, " has ", count, " elements, POSITION ", vertices_));
+    return fault(absl::StrCat(name, " has ", count, " elements, but POSITION has ", vertices_));
   }
 
   template <typename T>
@@ -79,7 +79,7 @@ class PrimitiveReader {
   }
 
   absl::Status read_positions() {
-    auto positions = read_vec3(document_, accessor("POSITION"));
+    auto positions = read_vec3(model_, accessor("POSITION"));
     if (!positions.ok()) return fault(std::string(positions.status().message()));
     vertices_ = positions->size();
     if (vertices_ > std::numeric_limits<std::uint32_t>::max()) return fault("too many vertices");
@@ -93,7 +93,7 @@ class PrimitiveReader {
       corners.resize(vertices_);
       for (std::size_t i = 0; i < vertices_; ++i) corners[i] = static_cast<std::uint32_t>(i);
     } else {
-      auto indices = read_indices(document_, source_.indices);
+      auto indices = read_indices(model_, source_.indices);
       if (!indices.ok()) return fault(std::string(indices.status().message()));
       corners = *std::move(indices);
       for (const std::uint32_t corner : corners) {
@@ -111,26 +111,25 @@ class PrimitiveReader {
   absl::Status read_vectors() {
     absl::Status status;
     if (accessor("NORMAL") != kNone) {
-      status = take("NORMAL", read_vec3(document_, accessor("NORMAL")), out_.primitive.normals);
+      status = take("NORMAL", read_vec3(model_, accessor("NORMAL")), out_.primitive.normals);
     }
-    // Without normals the specification wants flat ones, and tangents ignored.
+    // Without normals, the specification requires flat shading and ignores tangents.
     if (status.ok() && accessor("TANGENT") != kNone && !out_.primitive.normals.empty()) {
-      status = take("TANGENT", read_vec4(document_, accessor("TANGENT")), out_.primitive.tangents);
+      status = take("TANGENT", read_vec4(model_, accessor("TANGENT")), out_.primitive.tangents);
     }
     return status;
   }
 
-  absl::Status read_uv(const VertexNeeds& needs) {
+  absl::Status read_uv(const VertexUsage& usage) {
     for (std::size_t set = 0; set < 2; ++set) {
-      if (!needs.uv[set]) continue;
+      if (!usage.uv[set]) continue;
       const std::string name = absl::StrCat("TEXCOORD_", set);
       if (accessor(name) == kNone) {
-        warn(absl::StrCat("its material reads ", name, ", which it does not have; 0, 0 is used"));
+        warn(absl::StrCat("its material reads ", name, ", which is missing; using (0, 0)"));
         out_.primitive.uv[set].assign(vertices_, Vec2f{});
         continue;
       }
-      absl::Status status =
-          take(name, read_vec2(document_, accessor(name)), out_.primitive.uv[set]);
+      absl::Status status = take(name, read_vec2(model_, accessor(name)), out_.primitive.uv[set]);
       if (!status.ok()) return status;
       for (Vec2f& uv : out_.primitive.uv[set]) {
         if (!std::isfinite(uv.x) || !std::isfinite(uv.y)) return fault(name + " is not finite");
@@ -142,8 +141,8 @@ class PrimitiveReader {
   absl::Status read_colors() {
     const std::int32_t index = accessor("COLOR_0");
     if (index == kNone) return absl::OkStatus();
-    const int components = document_.accessors[index].components();
-    auto floats = read_floats(document_, index, components == 4 ? 4 : 3);
+    const int components = model_.accessors[index].components();
+    auto floats = read_floats(model_, index, components == 4 ? 4 : 3);
     if (!floats.ok()) return fault(std::string(floats.status().message()));
     std::vector<Vec4f>& colors = out_.primitive.colors;
     colors.resize(floats->size() / static_cast<std::size_t>(components));
@@ -158,7 +157,7 @@ class PrimitiveReader {
         colors[i][k] = within;
       }
     }
-    if (is_clamped) warn("COLOR_0 leaves [0, 1]; clamped");
+    if (is_clamped) warn("COLOR_0 is outside [0, 1]; clamped");
     return check_count("COLOR_0", colors.size());
   }
 
@@ -168,7 +167,7 @@ class PrimitiveReader {
       const auto read = [&](const char* name, std::vector<Vec3f>& to) {
         const auto it = target.find(name);
         if (it == target.end()) return absl::OkStatus();
-        return take(std::string("targets.") + name, read_vec3(document_, it->second), to);
+        return take(std::string("targets.") + name, read_vec3(model_, it->second), to);
       };
       absl::Status status = read("POSITION", morph.positions);
       if (status.ok() && !out_.primitive.normals.empty()) status = read("NORMAL", morph.normals);
@@ -185,16 +184,15 @@ class PrimitiveReader {
       const std::int32_t weights = accessor(absl::StrCat("WEIGHTS_", set));
       if (joints == kNone || weights == kNone) return absl::OkStatus();
       BasePrimitive::Influences influences;
-      const ComponentType type = document_.accessors[joints].type;
+      const ComponentType type = model_.accessors[joints].type;
       if (type != ComponentType::u8 && type != ComponentType::u16) {
-        return fault(absl::StrCat("JOINTS_", set, " is not of an unsigned byte or short"));
+        return fault(absl::StrCat("JOINTS_", set, " must be unsigned bytes or shorts"));
       }
       std::vector<Vec4f> numbers;
-      absl::Status status =
-          take(absl::StrCat("JOINTS_", set), read_vec4(document_, joints), numbers);
+      absl::Status status = take(absl::StrCat("JOINTS_", set), read_vec4(model_, joints), numbers);
       if (status.ok()) {
         status =
-            take(absl::StrCat("WEIGHTS_", set), read_vec4(document_, weights), influences.weights);
+            take(absl::StrCat("WEIGHTS_", set), read_vec4(model_, weights), influences.weights);
       }
       if (!status.ok()) return status;
       influences.joints.resize(vertices_);
@@ -208,7 +206,7 @@ class PrimitiveReader {
     }
   }
 
-  /// Unit normals; those that have no direction take that of a triangle around them.
+  /// Normalises the normals; those without a direction take that of an adjacent triangle.
   void mend_normals() {
     Primitive& p = out_.primitive;
     std::vector<bool> bad(p.normals.size());
@@ -220,7 +218,7 @@ class PrimitiveReader {
       p.normals[i] = bad[i] ? Vec3f{0, 0, 1} : n;
     }
     if (count == 0) return;
-    warn(absl::StrCat(count, " normals are zero or not finite; taken from their triangles"));
+    warn(absl::StrCat(count, " normals are zero or not finite; using face normals"));
     for (const auto& t : p.triangles) {
       const Vec3f n = face_normal(p, t);
       for (const std::uint32_t v : t) {
@@ -232,13 +230,13 @@ class PrimitiveReader {
     }
   }
 
-  /// Unit tangents with a sign; none at all if one of them is unusable.
+  /// Normalises the tangents and their signs; drops all of them if one is unusable.
   void mend_tangents() {
     std::vector<Vec4f>& tangents = out_.primitive.tangents;
     for (Vec4f& t : tangents) {
       const Vec3f unit = is_finite(t.xyz()) ? normalize(t.xyz()) : Vec3f{};
       if (unit == Vec3f{}) {
-        warn("a tangent is zero or not finite; tangents are generated");
+        warn("a tangent is zero or not finite; generating tangents");
         tangents.clear();
         for (auto& target : out_.targets) target.tangents.clear();
         return;
@@ -247,7 +245,7 @@ class PrimitiveReader {
     }
   }
 
-  const GltfModel& document_;
+  const GltfModel& model_;
   const GltfPrimitive& source_;
   std::string where_;
   std::vector<Problem>& problems_;
@@ -257,7 +255,7 @@ class PrimitiveReader {
 
 }  // namespace
 
-std::size_t drop_wild_triangles(Primitive& p) {
+std::size_t drop_invalid_triangles(Primitive& p) {
   const auto wild = [](const Vec3f& v) {
     return !(is_finite(v) && max_abs(v) <= static_cast<float>(kMaxCoordinate));
   };
@@ -298,13 +296,13 @@ std::vector<std::array<std::uint32_t, 3>> assemble_triangles(
   return out;
 }
 
-absl::StatusOr<std::optional<BasePrimitive>> read_primitive(const GltfModel& document,
+absl::StatusOr<std::optional<BasePrimitive>> read_primitive(const GltfModel& model,
                                                             std::int32_t mesh, std::size_t index,
-                                                            const VertexNeeds& needs,
+                                                            const VertexUsage& usage,
                                                             std::vector<Problem>& problems) {
-  PrimitiveReader reader(document, document.meshes[mesh].primitives[index],
+  PrimitiveReader reader(model, model.meshes[mesh].primitives[index],
                          absl::StrCat("meshes[", mesh, "].primitives[", index, "]"), problems);
-  auto base = reader.read(needs);
+  auto base = reader.read(usage);
   if (base.ok() && *base) (*base)->primitive.id = static_cast<std::int32_t>(index);
   return base;
 }

@@ -33,14 +33,14 @@ absl::StatusOr<Image> decode_environment(std::span<const std::byte> file, const 
   }
   auto decoded = decode_image(file, name);
   if (!decoded.ok()) return decoded.status();
-  Image sky;
-  sky.name = name;
-  sky.width = decoded->width;
-  sky.height = decoded->height;
-  sky.channels = 3;
-  sky.storage = Image::Storage::f32;
+  Image map;
+  map.name = name;
+  map.width = decoded->width;
+  map.height = decoded->height;
+  map.channels = 3;
+  map.storage = Image::Storage::f32;
   if (decoded->storage != Image::Storage::f32) {
-    return absl::InvalidArgumentError("the sky's pixels are not floating point");
+    return absl::InvalidArgumentError("the environment map is not floating point");
   }
   const auto channels = static_cast<std::size_t>(decoded->channels);
   const std::size_t pixels = decoded->f32.size() / channels;
@@ -49,14 +49,14 @@ absl::StatusOr<Image> decode_environment(std::span<const std::byte> file, const 
     for (std::size_t k = 0; k < 3; ++k) {
       const float v = decoded->f32[i * channels + k];
       if (!std::isfinite(v) || v < 0) {
-        return absl::InvalidArgumentError(absl::StrCat("pixel ", i % sky.width, ", ", i / sky.width,
+        return absl::InvalidArgumentError(absl::StrCat("pixel ", i % map.width, ", ", i / map.width,
                                                        " is negative or not finite"));
       }
       rgb[i * 3 + k] = v;
     }
   }
-  sky.f32 = std::move(rgb);
-  return sky;
+  map.f32 = std::move(rgb);
+  return map;
 }
 
 }  // namespace tessera::render

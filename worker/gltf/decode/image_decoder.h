@@ -9,13 +9,14 @@
 
 namespace tessera::render {
 
-/// Decodes a PNG, JPEG, WebP, EXR or Radiance file as image::decode does: codes are kept.
+/// Decodes a PNG, JPEG, WebP, EXR or Radiance file as image::decode() does, without converting its
+/// codes. Checks the header before it allocates memory.
 ///
 /// Errors: InvalidArgument for other formats, damaged files and files over the limits of
-/// farm.md, section 9; Unimplemented for KTX2. Nothing is allocated before the header is checked.
+/// docs/reference/limits.md; Unimplemented for KTX2.
 absl::StatusOr<Image> decode_image(std::span<const std::byte> file, const std::string& name);
 
-/// An EXR or Radiance file as a linear float RGB sky.
+/// Decodes an EXR or Radiance file as an environment map, linear RGB floats.
 absl::StatusOr<Image> decode_environment(std::span<const std::byte> file, const std::string& name);
 
 }  // namespace tessera::render

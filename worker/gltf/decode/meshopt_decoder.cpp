@@ -24,7 +24,7 @@ absl::Status check_layout(const MeshoptLayout& layout) {
         absl::StrCat("byteStride ", layout.stride, " is not a multiple of 4 up to 256"));
   }
   if (!attributes && (filtered || (layout.stride != 2 && layout.stride != 4))) {
-    return absl::InvalidArgumentError("indices need a byteStride of 2 or 4 and no filter");
+    return absl::InvalidArgumentError("indices require a byteStride of 2 or 4 and no filter");
   }
   if (triangles && layout.count % 3 != 0) {
     return absl::InvalidArgumentError(absl::StrCat("count ", layout.count, " of triangle indices"));
@@ -47,11 +47,11 @@ absl::StatusOr<std::vector<std::byte>> decode_meshopt(std::span<const std::byte>
                                                       const MeshoptLayout& layout) {
   absl::Status valid = check_layout(layout);
   if (!valid.ok()) return valid;
-  // A block of 16 vertices takes at least a bit per byte group, of indices one byte a triangle:
-  // a stream much shorter than that is a bomb, and is refused before its output is allocated.
-  const std::size_t least =
+  // 16 vertices take at least one bit per byte group, indices one byte per triangle. A much
+  // shorter stream is a decompression bomb and is rejected before its output is allocated.
+  const std::size_t min_size =
       layout.mode == "ATTRIBUTES" ? layout.count * layout.stride / 256 / 4 : layout.count / 3;
-  if (encoded.size() < least) {
+  if (encoded.size() < min_size) {
     return absl::InvalidArgumentError(
         absl::StrCat(encoded.size(), " bytes cannot hold ", layout.count, " elements: truncated?"));
   }

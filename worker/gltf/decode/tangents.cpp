@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::uint32_t kUnset = 0xFFFFFFFF;
 
-/// One corner of a triangle as the method sees it.
+/// A corner of a triangle: its position, normal and UV.
 struct Corner {
   Vec3f position, normal;
   Vec2f uv;
@@ -32,12 +32,12 @@ bool before(const Corner& a, const Corner& b) {
   return a.uv.y < b.uv.y;
 }
 
-/// A triangle's share: the direction of increasing u over its surface.
+/// Contribution of a triangle: the direction of increasing u on its surface.
 struct FaceFrame {
   Vec3d along_u;           // unit, or zero
   bool preserves = false;  // UV winding equals surface winding
   bool joins_any = true;   // no usable UV derivative
-  bool flat = false;       // two corners coincide: takes no part, copies its neighbours
+  bool flat = false;       // degenerate: takes no part and copies its neighbours
 };
 
 Vec3d reject(const Vec3d& v, const Vec3d& n) {
@@ -69,7 +69,7 @@ class TangentBuilder {
       const std::uint32_t group = group_[c] != kUnset ? group_[c] : of_vertex[vertex_[c]];
       const Vec3d n = normalize(Vec3d(corners_[c].normal));
       Vec3d t = group == kUnset ? Vec3d{} : normalize(sums[group]);
-      // Where the UVs say nothing the method gives +x, not always perpendicular.
+      // For degenerate UVs the method gives +x, which is not always perpendicular.
       if (t == Vec3d{}) t = std::fabs(n.x) < 0.99 ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0};
       const float sign = group == kUnset ? -1.0f : group_sign_[group];
       const Vec3f narrow(t);
@@ -90,7 +90,7 @@ class TangentBuilder {
     }
   }
 
-  /// Numbers corners so that equal ones have equal numbers: that of the first of them.
+  /// Welds corners: equal ones get the index of the first of them.
   void weld() {
     std::vector<std::uint32_t> order(corners_.size());
     for (std::size_t i = 0; i < order.size(); ++i) order[i] = static_cast<std::uint32_t>(i);
@@ -126,7 +126,7 @@ class TangentBuilder {
     return frame;
   }
 
-  /// Finds the triangle across each edge: the first one that runs along it the other way.
+  /// Finds the triangle across each edge: the first that has the edge in the opposite direction.
   void pair_edges() {
     struct Edge {
       std::uint32_t low, high, corner;
@@ -159,7 +159,7 @@ class TangentBuilder {
     return corner % 3 == 0 ? corner + 2 : corner - 1;
   }
 
-  /// Corners around a vertex, connected by edges and of one UV orientation, form a group.
+  /// Groups the corners around a vertex that are connected by edges and have one UV orientation.
   void make_groups() {
     group_.assign(corners_.size(), kUnset);
     for (std::size_t c = 0; c < corners_.size(); ++c) {
@@ -183,7 +183,7 @@ class TangentBuilder {
       if (frame.joins_any && untouched) frame.preserves = preserves;
       if (group_[c] != kUnset || frame.preserves != preserves) continue;
       group_[c] = group;
-      // The corner of the same vertex in the triangles across the two edges that meet here.
+      // Continues at the same vertex in the triangles across the two edges that meet here.
       const std::uint32_t right = across_[c];
       if (right != kUnset) open.push_back(next(right));
       const std::uint32_t left = across_[previous(c)];
@@ -191,7 +191,7 @@ class TangentBuilder {
     }
   }
 
-  /// The face's direction in the corner's tangent plane, weighted by the corner's angle.
+  /// The triangle's direction in the corner's tangent plane, weighted by the corner's angle.
   [[nodiscard]] Vec3d contribution(std::size_t c) const {
     const Vec3d n = normalize(Vec3d(corners_[c].normal));
     const Vec3d t = normalize(reject(frames_[c / 3].along_u, n));
@@ -204,7 +204,7 @@ class TangentBuilder {
 
   std::size_t triangles_;
   std::vector<Corner> corners_;
-  std::vector<std::uint32_t> vertex_;  // welded number of each corner
+  std::vector<std::uint32_t> vertex_;  // welded index of each corner
   std::vector<FaceFrame> frames_;
   std::vector<std::uint32_t> across_;  // edge (corner, next corner) -> corner that begins the
                                        // same edge, run the other way
@@ -236,7 +236,7 @@ std::vector<Vec4f> corner_tangents(const Primitive& primitive, std::int32_t uv_s
 void add_tangents(BasePrimitive& base, std::int32_t uv_set) {
   Primitive& p = base.primitive;
   const std::vector<Vec4f> corners = corner_tangents(p, uv_set);
-  // Vertices in order of first use; those of one old vertex form a chain through `next_of`.
+  // New vertices in order of first use; those of one old vertex form a chain through `next_of`.
   std::vector<std::uint32_t> first_of(p.positions.size(), kUnset), next_of, source;
   std::vector<Vec4f> tangents;
   for (std::size_t c = 0; c < corners.size(); ++c) {

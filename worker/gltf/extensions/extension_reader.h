@@ -7,23 +7,23 @@
 
 namespace tessera::render {
 
-/// Reads what tinygltf does not know or is not shown: images, textures, and the extensions of
-/// nodes and meshes (lights, visibility, instancing, variants). Requires read_core_model().
-/// Errors: InvalidArgument "ELEMENT: FAULT".
-absl::Status read_node_extensions(const nlohmann::json& root, GltfModel& document);
+/// Reads images, textures and the extensions of nodes and meshes (lights, visibility, instancing,
+/// variants), which tinygltf does not read or is not given. Requires read_core_model(). Errors:
+/// InvalidArgument "ELEMENT: FAULT".
+absl::Status read_node_extensions(const nlohmann::json& root, GltfModel& model);
 
-/// Folds TESSERA_camera into document.cameras. Errors: InvalidArgument.
-absl::Status read_camera_extensions(const nlohmann::json& root, GltfModel& document);
+/// Reads TESSERA_camera into model.cameras. Errors: InvalidArgument.
+absl::Status read_camera_extensions(const nlohmann::json& root, GltfModel& model);
 
-/// TESSERA_texture of document.texture_sources, which come from read_images().
-/// Errors: InvalidArgument.
-absl::Status read_texture_extensions(const nlohmann::json& root, GltfModel& document);
+/// Reads TESSERA_texture of model.texture_sources. Requires read_images(). Errors:
+/// InvalidArgument.
+absl::Status read_texture_extensions(const nlohmann::json& root, GltfModel& model);
 
-/// Images (data URIs decoded, views resolved, files only named) and textures.
-/// Errors: InvalidArgument.
-absl::Status read_images(const nlohmann::json& root, GltfModel& document);
+/// Reads images (decodes data URIs, resolves views, only names files) and textures. Errors:
+/// InvalidArgument.
+absl::Status read_images(const nlohmann::json& root, GltfModel& model);
 
-/// Folds the material extensions into document.materials. Errors: InvalidArgument.
-absl::Status read_material_extensions(const nlohmann::json& root, GltfModel& document);
+/// Reads the material extensions into model.materials. Errors: InvalidArgument.
+absl::Status read_material_extensions(const nlohmann::json& root, GltfModel& model);
 
 }  // namespace tessera::render

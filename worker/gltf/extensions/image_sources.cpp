@@ -13,12 +13,13 @@ void report(const JsonView& where, const absl::Status& status, JsonFault& fault)
   fault.report(where.path(), std::string(status.message()));
 }
 
-/// Data URIs are decoded and views resolved at once; files are read only if a material needs them.
-GltfImage read_image(const JsonView& image, GltfModel& document, JsonFault& fault) {
+/// Reads an image: decodes data URIs and resolves views; files are only named here and read later
+/// if a material needs them.
+GltfImage read_image(const JsonView& image, GltfModel& model, JsonFault& fault) {
   GltfImage out;
   out.name = image.path();
   const std::string uri = image.text("uri");
-  const std::int32_t view = image.index("bufferView", document.views.size());
+  const std::int32_t view = image.index("bufferView", model.views.size());
   if (!uri.empty() && view != kNone) fault.report(image.path(), "has both uri and bufferView");
   if (is_data_uri(uri)) {
     auto data = decode_data_uri(uri);
@@ -26,8 +27,8 @@ GltfImage read_image(const JsonView& image, GltfModel& document, JsonFault& faul
       report(image, data.status(), fault);
       return out;
     }
-    document.owned.push_back(*std::move(data));
-    out.bytes = document.owned.back();
+    model.owned.push_back(*std::move(data));
+    out.bytes = model.owned.back();
   } else if (!uri.empty()) {
     const auto path = relative_path(uri);
     if (path.ok()) {
@@ -36,18 +37,18 @@ GltfImage read_image(const JsonView& image, GltfModel& document, JsonFault& faul
       report(image, path.status(), fault);
     }
   } else if (view != kNone) {
-    const BufferView& v = document.views[view];
-    out.bytes = document.buffers[v.buffer].subspan(v.offset, v.length);
+    const BufferView& v = model.views[view];
+    out.bytes = model.buffers[v.buffer].subspan(v.offset, v.length);
   } else {
     fault.report(image.path(), "has neither uri nor bufferView");
   }
   return out;
 }
 
-GltfTexture read_texture(const JsonView& texture, const GltfModel& document) {
+GltfTexture read_texture(const JsonView& texture, const GltfModel& model) {
   GltfTexture out;
-  out.sampler = texture.index("sampler", document.samplers.size());
-  const std::size_t images = document.images.size();
+  out.sampler = texture.index("sampler", model.samplers.size());
+  const std::size_t images = model.images.size();
   const std::int32_t plain = texture.index("source", images);
   const std::int32_t webp = texture.extension("EXT_texture_webp").index("source", images);
   const std::int32_t basisu = texture.extension("KHR_texture_basisu").index("source", images);
@@ -58,14 +59,14 @@ GltfTexture read_texture(const JsonView& texture, const GltfModel& document) {
 
 }  // namespace
 
-absl::Status read_images(const nlohmann::json& root, GltfModel& document) {
+absl::Status read_images(const nlohmann::json& root, GltfModel& model) {
   JsonFault fault;
   const JsonView view(root, "", fault);
   for (const JsonView& image : view["images"].items()) {
-    document.images.push_back(read_image(image, document, fault));
+    model.images.push_back(read_image(image, model, fault));
   }
   for (const JsonView& texture : view["textures"].items()) {
-    document.texture_sources.push_back(read_texture(texture, document));
+    model.texture_sources.push_back(read_texture(texture, model));
   }
   return fault.status();
 }

@@ -3,44 +3,46 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
-#include "worker/math/elementary.h"
 #include "worker/gltf/extensions/extension_reader.h"
-#include "worker/gltf/file/json_view.h"
 #include "worker/gltf/extensions/medium_reader.h"
 #include "worker/gltf/extensions/optics_reader.h"
+#include "worker/gltf/file/json_view.h"
+#include "worker/math/elementary.h"
 #include "worker/scene/texture_refs.h"
 
 namespace tessera::render {
 
 namespace {
 
-constexpr double kLargest = 1e30;
+constexpr double kMaxFactor = 1e30;
 
-/// Folds one material's extensions into `out`.
+/// Reads the extensions of one material into `out`.
 class MaterialReader {
  public:
-  MaterialReader(const JsonView& material, GltfModel& document, JsonFault& fault, Material& out)
-      : look_(material), document_(document), fault_(fault), out_(out) {}
+  MaterialReader(const JsonView& material, GltfModel& model, JsonFault& fault, Material& out)
+      : object_(material), model_(model), fault_(fault), out_(out) {}
 
   void read() {
-    const JsonView pbr = look_["pbrMetallicRoughness"];
+    const JsonView pbr = object_["pbrMetallicRoughness"];
     transform(pbr["baseColorTexture"], out_.base_color_texture);
     transform(pbr["metallicRoughnessTexture"], out_.metallic_roughness_texture);
-    transform(look_["normalTexture"], out_.normal_texture);
-    transform(look_["emissiveTexture"], out_.emissive_texture);
-    if (!look_["extensions"].present()) return;
-    out_.unlit = look_.extension("KHR_materials_unlit").present();
-    read_specular_glossiness(look_.extension("KHR_materials_pbrSpecularGlossiness"));
-    const double strength = look_.extension("KHR_materials_emissive_strength")
-                                .number("emissiveStrength", 1, 0, kLargest);
+    transform(object_["normalTexture"], out_.normal_texture);
+    transform(object_["emissiveTexture"], out_.emissive_texture);
+    if (!object_["extensions"].present()) return;
+    out_.unlit = object_.extension("KHR_materials_unlit").present();
+    read_specular_glossiness(object_.extension("KHR_materials_pbrSpecularGlossiness"));
+    const double strength = object_.extension("KHR_materials_emissive_strength")
+                                .number("emissiveStrength", 1, 0, kMaxFactor);
     out_.emission *= static_cast<float>(strength);
-    out_.ior = static_cast<float>(look_.extension("KHR_materials_ior").number("ior", 1.5, 0, 1e6));
+    out_.ior =
+        static_cast<float>(object_.extension("KHR_materials_ior").number("ior", 1.5, 0, 1e6));
     if (out_.ior > 0 && out_.ior < 1) {
-      fault_.report(look_.path() + ".extensions.KHR_materials_ior.ior", "must be 0 or at least 1");
+      fault_.report(object_.path() + ".extensions.KHR_materials_ior.ior",
+                    "must be 0 or at least 1");
     }
-    read_specular(look_.extension("KHR_materials_specular"));
-    read_transmission(look_.extension("KHR_materials_transmission"));
-    read_volume(look_.extension("KHR_materials_volume"));
+    read_specular(object_.extension("KHR_materials_specular"));
+    read_transmission(object_.extension("KHR_materials_transmission"));
+    read_volume(object_.extension("KHR_materials_volume"));
     read_clearcoat(layer("KHR_materials_clearcoat"));
     read_anisotropy(layer("KHR_materials_anisotropy"));
     read_sheen(layer("KHR_materials_sheen"));
@@ -49,26 +51,27 @@ class MaterialReader {
     read_iridescence(layer("KHR_materials_iridescence"));
     read_diffuse_transmission(layer("KHR_materials_diffuse_transmission"));
     out_.optics = read_optics(layer("TESSERA_material"), fault_);
-    out_.medium = read_medium(layer("TESSERA_medium"), document_, fault_);
+    out_.medium = read_medium(layer("TESSERA_medium"), model_, fault_);
   }
 
  private:
-  /// An extension that adds to metal-rough shading; warns of one beside what excludes it.
+  /// An extension that adds to metallic-roughness shading. Warns if the material has an extension
+  /// that excludes it.
   JsonView layer(const char* name) {
-    JsonView found = look_.extension(name);
+    JsonView found = object_.extension(name);
     if (!found.present() || !(out_.unlit || out_.specular_glossiness)) return found;
-    document_.problems.push_back(
+    model_.problems.push_back(
         {Problem::Severity::warning, found.path(),
-         absl::StrCat("ignored beside ",
+         absl::StrCat("ignored because of ",
                       out_.unlit ? "KHR_materials_unlit" : "KHR_materials_pbrSpecularGlossiness")});
     return found.absent();
   }
 
-  /// A texture an extension names.
+  /// Texture reference of an extension.
   TextureRef texture(const JsonView& info, bool srgb) {
     TextureRef ref;
     if (!info.present()) return ref;
-    ref.texture = info.index("index", document_.texture_sources.size());
+    ref.texture = info.index("index", model_.texture_sources.size());
     if (!info["index"].present()) fault_.report(info.path(), "has no index");
     const std::int64_t set = info.integer("texCoord", 1 << 20);
     ref.uv_set = set < 0 ? 0 : static_cast<std::int32_t>(set);
@@ -101,11 +104,11 @@ class MaterialReader {
     return static_cast<float>(value < 0 ? 0 : value > 1 ? 1 : value);
   }
 
-  Vec3f color(const JsonView& from, const char* key, float most) {
+  Vec3f color(const JsonView& from, const char* key, float max) {
     const Vec3f c = from.vec3(key, {1, 1, 1});
     for (int k = 0; k < 3; ++k) {
-      if (!(c[k] >= 0 && c[k] <= most)) {
-        fault_.report(from.path() + "." + key, absl::StrCat("is not in [0, ", most, "]"));
+      if (!(c[k] >= 0 && c[k] <= max)) {
+        fault_.report(from.path() + "." + key, absl::StrCat("is not in [0, ", max, "]"));
       }
     }
     return c;
@@ -141,11 +144,11 @@ class MaterialReader {
 
   void read_volume(const JsonView& volume) {
     if (!volume.present()) return;
-    out_.has_volume = volume.number("thicknessFactor", 0, 0, kLargest) > 0;
+    out_.has_volume = volume.number("thicknessFactor", 0, 0, kMaxFactor) > 0;
     out_.attenuation_color = color(volume, "attenuationColor", 1);
     if (volume["attenuationDistance"].present()) {
       out_.attenuation_distance =
-          static_cast<float>(volume.number("attenuationDistance", 1, 0, kLargest));
+          static_cast<float>(volume.number("attenuationDistance", 1, 0, kMaxFactor));
       if (!(out_.attenuation_distance > 0)) {
         fault_.report(volume.path() + ".attenuationDistance", "must be above 0");
       }
@@ -202,17 +205,17 @@ class MaterialReader {
     d.color_texture = texture(through["diffuseTransmissionColorTexture"], true);
   }
 
-  const JsonView& look_;
-  GltfModel& document_;
+  const JsonView& object_;
+  GltfModel& model_;
   JsonFault& fault_;
   Material& out_;
 };
 
-/// Uses of texture coordinates we do not read.
-void drop_far_uv_sets(Material& material, const std::string& element, GltfModel& document) {
+/// Drops textures that use texture coordinate sets above 1, with a warning.
+void drop_unsupported_uv_sets(Material& material, const std::string& element, GltfModel& model) {
   for (TextureRef* ref : texture_refs(material)) {
     if (!*ref || ref->uv_set <= 1) continue;
-    document.problems.push_back(
+    model.problems.push_back(
         {Problem::Severity::warning, element,
          absl::StrCat("texCoord ", ref->uv_set, ": only sets 0 and 1 are read; texture ignored")});
     *ref = TextureRef();
@@ -221,14 +224,14 @@ void drop_far_uv_sets(Material& material, const std::string& element, GltfModel&
 
 }  // namespace
 
-absl::Status read_material_extensions(const nlohmann::json& root, GltfModel& document) {
+absl::Status read_material_extensions(const nlohmann::json& root, GltfModel& model) {
   JsonFault fault;
   const std::vector<JsonView> materials = JsonView(root, "", fault)["materials"].items();
-  for (std::size_t i = 0; i < materials.size() && i < document.materials.size(); ++i) {
-    Material& out = document.materials[i];
-    MaterialReader(materials[i], document, fault, out).read();
+  for (std::size_t i = 0; i < materials.size() && i < model.materials.size(); ++i) {
+    Material& out = model.materials[i];
+    MaterialReader(materials[i], model, fault, out).read();
     if (!is_finite(out.emission)) fault.report(materials[i].path(), "emission is too large");
-    drop_far_uv_sets(out, materials[i].path(), document);
+    drop_unsupported_uv_sets(out, materials[i].path(), model);
   }
   return fault.status();
 }

@@ -10,15 +10,15 @@
 namespace tessera::render {
 namespace {
 
-constexpr double kLargest = 1e9;
+constexpr double kMaxValue = 1e9;
 constexpr double kMaxAnisotropy = 0.999;
-constexpr std::int64_t kMaxPoints = 1 << 12;  // of a grid's side
+constexpr std::int64_t kMaxGridSide = 1 << 12;  // per axis of a grid
 
-Vec3f coefficient(const JsonView& look, const char* key, JsonFault& fault) {
-  const Vec3f c = look.vec3(key, {0, 0, 0});
+Vec3f coefficient(const JsonView& object, const char* key, JsonFault& fault) {
+  const Vec3f c = object.vec3(key, {0, 0, 0});
   for (int k = 0; k < 3; ++k) {
-    if (!(c[k] >= 0 && c[k] <= static_cast<float>(kLargest))) {
-      fault.report(look[key].path(), absl::StrCat("is not in [0, ", kLargest, "]"));
+    if (!(c[k] >= 0 && c[k] <= static_cast<float>(kMaxValue))) {
+      fault.report(object[key].path(), absl::StrCat("is not in [0, ", kMaxValue, "]"));
     }
   }
   return c;
@@ -27,64 +27,64 @@ Vec3f coefficient(const JsonView& look, const char* key, JsonFault& fault) {
 Vec3f corner(const JsonView& grid, const char* key, JsonFault& fault) {
   if (!grid[key].present()) fault.report(grid.path(), absl::StrCat("has no ", key));
   const Vec3f c = grid.vec3(key, {0, 0, 0});
-  if (!(max_abs(c) <= static_cast<float>(kLargest)) || !is_finite(c)) {
+  if (!(max_abs(c) <= static_cast<float>(kMaxValue)) || !is_finite(c)) {
     fault.report(grid[key].path(), "is too large");
   }
   return c;
 }
 
-std::shared_ptr<const DensityGrid> read_grid(const JsonView& look, const GltfModel& document,
+std::shared_ptr<const DensityGrid> read_grid(const JsonView& object, const GltfModel& model,
                                              JsonFault& fault) {
-  look.allow({"accessor", "size", "min", "max"});
+  object.allow({"accessor", "size", "min", "max"});
   auto grid = std::make_shared<DensityGrid>();
-  const std::vector<double> size = look.numbers("size", {0, 0, 0});
+  const std::vector<double> size = object.numbers("size", {0, 0, 0});
   std::int64_t points = 1;
   for (std::size_t k = 0; k < 3; ++k) {
-    const bool valid = size[k] >= 2 && size[k] <= static_cast<double>(kMaxPoints);
+    const bool valid = size[k] >= 2 && size[k] <= static_cast<double>(kMaxGridSide);
     grid->size[k] = valid ? static_cast<std::int32_t>(size[k]) : 0;
     if (!valid || static_cast<double>(grid->size[k]) != size[k]) {
-      fault.report(look.path() + ".size",
-                   absl::StrCat("must be whole numbers from 2 to ", kMaxPoints));
+      fault.report(object.path() + ".size",
+                   absl::StrCat("must be whole numbers from 2 to ", kMaxGridSide));
       return nullptr;
     }
     points *= grid->size[k];
   }
-  grid->low = corner(look, "min", fault);
-  grid->high = corner(look, "max", fault);
+  grid->low = corner(object, "min", fault);
+  grid->high = corner(object, "max", fault);
   for (int k = 0; k < 3; ++k) {
-    if (!(grid->low[k] < grid->high[k])) fault.report(look.path() + ".max", "is not above min");
+    if (!(grid->low[k] < grid->high[k])) fault.report(object.path() + ".max", "is not above min");
   }
-  const std::int32_t accessor = look.index("accessor", document.accessors.size());
+  const std::int32_t accessor = object.index("accessor", model.accessors.size());
   if (accessor == kNone) {
-    fault.report(look.path(), "has no accessor");
+    fault.report(object.path(), "has no accessor");
     return nullptr;
   }
-  if (document.accessors[static_cast<std::size_t>(accessor)].count != points) {
-    fault.report(look.path() + ".accessor",
-                 absl::StrCat("has not the ", points, " values of size"));
+  if (model.accessors[static_cast<std::size_t>(accessor)].count != points) {
+    fault.report(object.path() + ".accessor",
+                 absl::StrCat("must have ", points, " values to match size"));
     return nullptr;
   }
-  auto values = read_floats(document, accessor, 1);
+  auto values = read_floats(model, accessor, 1);
   if (!values.ok()) {
-    fault.report(look.path() + ".accessor", std::string(values.status().message()));
+    fault.report(object.path() + ".accessor", std::string(values.status().message()));
     return nullptr;
   }
   grid->values = *std::move(values);
   for (const float v : grid->values) {
-    if (v >= 0 && v <= static_cast<float>(kLargest)) continue;
-    fault.report(look.path() + ".accessor", "has a density that is negative or too large");
+    if (v >= 0 && v <= static_cast<float>(kMaxValue)) continue;
+    fault.report(object.path() + ".accessor", "has a density that is negative or too large");
     break;
   }
   return grid;
 }
 
-Medium read_coefficients(const JsonView& look, const GltfModel& document, JsonFault& fault) {
+Medium read_coefficients(const JsonView& object, const GltfModel& model, JsonFault& fault) {
   Medium out;
-  out.absorption = coefficient(look, "absorption", fault);
-  out.scattering = coefficient(look, "scattering", fault);
+  out.absorption = coefficient(object, "absorption", fault);
+  out.scattering = coefficient(object, "scattering", fault);
   out.anisotropy =
-      static_cast<float>(look.number("anisotropy", 0, -kMaxAnisotropy, kMaxAnisotropy));
-  const JsonView density = look["density"];
+      static_cast<float>(object.number("anisotropy", 0, -kMaxAnisotropy, kMaxAnisotropy));
+  const JsonView density = object["density"];
   if (!density.present()) return out;
   density.allow({"texture", "grid"});
   if (density["texture"].present() == density["grid"].present()) {
@@ -92,47 +92,48 @@ Medium read_coefficients(const JsonView& look, const GltfModel& document, JsonFa
     return out;
   }
   if (density["grid"].present()) {
-    out.grid = read_grid(density["grid"], document, fault);
+    out.grid = read_grid(density["grid"], model, fault);
     return out;
   }
-  out.procedure = density.index("texture", document.texture_sources.size());
-  if (out.procedure == kNone) return out;
-  const GltfTexture& texture = document.texture_sources[static_cast<std::size_t>(out.procedure)];
-  const bool procedural = texture.procedure != kNone;
+  out.procedural = density.index("texture", model.texture_sources.size());
+  if (out.procedural == kNone) return out;
+  const GltfTexture& texture = model.texture_sources[static_cast<std::size_t>(out.procedural)];
+  const bool procedural = texture.procedural != kNone;
   if (!procedural) {
     fault.report(density["texture"].path(), "names a texture without TESSERA_texture");
-    out.procedure = kNone;
-  } else if (document.procedures[static_cast<std::size_t>(texture.procedure)].space ==
+    out.procedural = kNone;
+  } else if (model.procedural_textures[static_cast<std::size_t>(texture.procedural)].space ==
              ProceduralTexture::Space::uv) {
-    fault.report(density["texture"].path(), "names a texture in uv space, which a medium has not");
+    fault.report(density["texture"].path(),
+                 "names a texture in uv space; media need object or world space");
   }
   return out;
 }
 
 }  // namespace
 
-std::optional<Medium> read_medium(const JsonView& look, const GltfModel& document,
+std::optional<Medium> read_medium(const JsonView& object, const GltfModel& model,
                                   JsonFault& fault) {
-  if (!look.present()) return std::nullopt;
-  look.allow({"absorption", "scattering", "anisotropy", "density"});
-  return read_coefficients(look, document, fault);
+  if (!object.present()) return std::nullopt;
+  object.allow({"absorption", "scattering", "anisotropy", "density"});
+  return read_coefficients(object, model, fault);
 }
 
-absl::Status read_atmospheres(const nlohmann::json& root, GltfModel& document) {
+absl::Status read_atmospheres(const nlohmann::json& root, GltfModel& model) {
   JsonFault fault;
   const std::vector<JsonView> scenes = JsonView(root, "", fault)["scenes"].items();
-  for (std::size_t i = 0; i < scenes.size() && i < document.scenes.size(); ++i) {
-    const JsonView look = scenes[i].extension("TESSERA_medium");
-    if (!look.present()) continue;
-    look.allow({"absorption", "scattering", "anisotropy", "density", "center", "radius"});
+  for (std::size_t i = 0; i < scenes.size() && i < model.scenes.size(); ++i) {
+    const JsonView object = scenes[i].extension("TESSERA_medium");
+    if (!object.present()) continue;
+    object.allow({"absorption", "scattering", "anisotropy", "density", "center", "radius"});
     Atmosphere out;
-    out.medium = read_coefficients(look, document, fault);
-    const std::vector<double> center = look.numbers("center", {0, 0, 0});
+    out.medium = read_coefficients(object, model, fault);
+    const std::vector<double> center = object.numbers("center", {0, 0, 0});
     out.center = {center[0], center[1], center[2]};
     if (!(max_abs(out.center) <= kMaxCoordinate))
-      fault.report(look.path(), "center is too far out");
-    out.radius = look.number("radius", out.radius, 0, std::numeric_limits<double>::infinity());
-    document.scenes[i].atmosphere = std::move(out);
+      fault.report(object.path(), "center is too far from the origin");
+    out.radius = object.number("radius", out.radius, 0, std::numeric_limits<double>::infinity());
+    model.scenes[i].atmosphere = std::move(out);
   }
   return fault.status();
 }

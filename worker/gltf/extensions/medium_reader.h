@@ -4,16 +4,16 @@
 #include <optional>
 
 #include "absl/status/status.h"
-#include "worker/gltf/model/gltf_model.h"
 #include "worker/gltf/file/json_view.h"
+#include "worker/gltf/model/gltf_model.h"
 
 namespace tessera::render {
 
-/// TESSERA_medium of a material (docs/extensions.md); nullopt of an absent one. Faults go to
-/// `fault`.
-std::optional<Medium> read_medium(const JsonView& look, const GltfModel& document, JsonFault& fault);
+/// Reads TESSERA_medium of a material (docs/reference/extensions/TESSERA_medium.md). nullopt if
+/// absent. Reports faults to `fault`.
+std::optional<Medium> read_medium(const JsonView& object, const GltfModel& model, JsonFault& fault);
 
-/// TESSERA_medium of document.scenes. Errors: InvalidArgument.
-absl::Status read_atmospheres(const nlohmann::json& root, GltfModel& document);
+/// Reads TESSERA_medium of model.scenes. Errors: InvalidArgument.
+absl::Status read_atmospheres(const nlohmann::json& root, GltfModel& model);
 
 }  // namespace tessera::render

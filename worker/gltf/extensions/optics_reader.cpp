@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::int64_t kMaxPriority = 255;
 
-/// Complex indices of refraction at red, green and blue, as renderers commonly tabulate them after
+/// Complex indices of refraction at red, green and blue as commonly tabulated for renderers, after
 /// Johnson & Christy 1972 (gold, silver, copper), Rakic 1995 (aluminium) and Palik 1985 (iron).
 struct Metal {
   std::string_view name;
@@ -25,12 +25,12 @@ constexpr Metal kMetals[] = {
     {"silver", {0.155265f, 0.116723f, 0.138381f}, {4.82837f, 3.1225f, 2.14704f}},
 };
 
-Vec3f index_part(const JsonView& from, const char* key, float least, JsonFault& fault) {
+Vec3f index_part(const JsonView& from, const char* key, float min, JsonFault& fault) {
   if (!from[key].present()) fault.report(from.path(), absl::StrCat("has no ", key));
   const Vec3f v = from.vec3(key, {1, 1, 1});
   for (int i = 0; i < 3; ++i) {
-    if (!(v[i] >= least && v[i] <= 100)) {
-      fault.report(from[key].path(), absl::StrCat("is not in [", least, ", 100]"));
+    if (!(v[i] >= min && v[i] <= 100)) {
+      fault.report(from[key].path(), absl::StrCat("is not in [", min, ", 100]"));
     }
   }
   return v;
@@ -47,7 +47,7 @@ void read_conductor(const JsonView& conductor, JsonFault& fault, Optics& out) {
     return;
   }
   if (conductor["n"].present() || conductor["k"].present()) {
-    fault.report(conductor.path(), "has a metal beside n or k");
+    fault.report(conductor.path(), "has both metal and n or k");
   }
   const std::string name = metal.as_text();
   const auto* known = std::find_if(std::begin(kMetals), std::end(kMetals),
@@ -57,7 +57,7 @@ void read_conductor(const JsonView& conductor, JsonFault& fault, Optics& out) {
     for (const Metal& m : kMetals) {
       absl::StrAppend(&names, names.empty() ? "" : ", ", std::string(m.name));
     }
-    return fault.report(metal.path(), absl::StrCat("is none of ", names));
+    return fault.report(metal.path(), absl::StrCat("must be one of ", names));
   }
   out.n = known->n;
   out.k = known->k;
@@ -65,20 +65,20 @@ void read_conductor(const JsonView& conductor, JsonFault& fault, Optics& out) {
 
 }  // namespace
 
-Optics read_optics(const JsonView& look, JsonFault& fault) {
+Optics read_optics(const JsonView& object, JsonFault& fault) {
   Optics out;
-  if (!look.present()) return out;
-  look.allow({"conductor", "fresnel", "diffuseRoughness", "priority"});
-  read_conductor(look["conductor"], fault, out);
-  if (look["fresnel"].present()) {
-    const std::string name = look.text("fresnel");
+  if (!object.present()) return out;
+  object.allow({"conductor", "fresnel", "diffuseRoughness", "priority"});
+  read_conductor(object["conductor"], fault, out);
+  if (object["fresnel"].present()) {
+    const std::string name = object.text("fresnel");
     out.exact_fresnel = name == "exact";
     if (name != "exact" && name != "schlick") {
-      fault.report(look.path() + ".fresnel", "is not exact or schlick");
+      fault.report(object.path() + ".fresnel", "is not exact or schlick");
     }
   }
-  out.diffuse_roughness = static_cast<float>(look.number("diffuseRoughness", 0, 0, 1));
-  if (const std::int64_t priority = look.integer("priority", kMaxPriority + 1); priority >= 0) {
+  out.diffuse_roughness = static_cast<float>(object.number("diffuseRoughness", 0, 0, 1));
+  if (const std::int64_t priority = object.integer("priority", kMaxPriority + 1); priority >= 0) {
     out.has_priority = true;
     out.priority = static_cast<std::int32_t>(priority);
   }

@@ -5,7 +5,8 @@
 
 namespace tessera::render {
 
-/// TESSERA_material (docs/extensions.md); nothing of an absent one. Faults go to `fault`.
-Optics read_optics(const JsonView& look, JsonFault& fault);
+/// Reads TESSERA_material (docs/reference/extensions/TESSERA_material.md); defaults if absent.
+/// Reports faults to `fault`.
+Optics read_optics(const JsonView& object, JsonFault& fault);
 
 }  // namespace tessera::render

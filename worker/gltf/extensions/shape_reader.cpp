@@ -11,19 +11,19 @@
 namespace tessera::render {
 namespace {
 
-constexpr double kLargest = 1e18, kSmallest = 1e-18;
-/// Of blobs: beyond these, rounding would show.
-constexpr double kStrongest = 1e6, kWeakest = 1e-6;
+constexpr double kMaxLength = 1e18, kMinLength = 1e-18;
+/// Limits of blobs; beyond them rounding errors become visible.
+constexpr double kMaxStrength = 1e6, kMinStrength = 1e-6;
 constexpr std::size_t kMaxBlobs = 10'000;
 
-/// Numbers, `fallback` by default, each in [low, high].
-Vec3d read_vector(const JsonView& look, std::string_view key, const std::vector<double>& fallback,
+/// Numbers in [low, high], `fallback` if absent.
+Vec3d read_vector(const JsonView& object, std::string_view key, const std::vector<double>& fallback,
                   double low, double high, JsonFault& fault) {
-  const std::vector<double> values = look.numbers(key, fallback);
+  const std::vector<double> values = object.numbers(key, fallback);
   Vec3d out;
   for (std::size_t k = 0; k < fallback.size(); ++k) {
     if (!(values[k] >= low && values[k] <= high)) {
-      fault.report(absl::StrCat(look.path(), ".", std::string(key), "[", k, "]"),
+      fault.report(absl::StrCat(object.path(), ".", std::string(key), "[", k, "]"),
                    absl::StrCat(values[k], " is not in [", low, ", ", high, "]"));
     }
     out[static_cast<int>(k)] = values[k];
@@ -31,148 +31,150 @@ Vec3d read_vector(const JsonView& look, std::string_view key, const std::vector<
   return out;
 }
 
-/// Reads dimensions; faults go to the element.
+/// Reads the dimensions of a shape and reports faults.
 class ShapeReader {
  public:
-  ShapeReader(const JsonView& look, JsonFault& fault) : look_(look), fault_(fault) {}
+  ShapeReader(const JsonView& object, JsonFault& fault) : object_(object), fault_(fault) {}
 
   Shape read() {
-    const std::string type = look_.text("type");
+    const std::string type = object_.text("type");
     if (type == "sphere") {
-      look_.allow({"type", "material", "radius"});
+      object_.allow({"type", "material", "radius"});
       const double r = dimension("radius", 1);
       return make_ellipsoid({r, r, r});
     }
     if (type == "ellipsoid") {
-      look_.allow({"type", "material", "radii"});
+      object_.allow({"type", "material", "radii"});
       return make_ellipsoid(dimensions("radii", 3));
     }
     if (type == "disc") {
-      look_.allow({"type", "material", "radius"});
+      object_.allow({"type", "material", "radius"});
       return make_disc(dimension("radius", 1));
     }
     if (type == "rectangle") {
-      look_.allow({"type", "material", "size"});
+      object_.allow({"type", "material", "size"});
       const Vec3d size = dimensions("size", 2);
       return make_rectangle(size.x, size.y);
     }
     if (type == "box") {
-      look_.allow({"type", "material", "size"});
+      object_.allow({"type", "material", "size"});
       return make_box(dimensions("size", 3));
     }
     if (type == "torus") return read_torus();
     if (type == "quadric") return read_quadric();
-    return read_round(type);
+    return read_revolution(type);
   }
 
  private:
   double dimension(std::string_view key, double fallback) {
-    return look_.number(key, fallback, kSmallest, kLargest);
+    return object_.number(key, fallback, kMinLength, kMaxLength);
   }
 
-  /// `count` numbers, 1 by default; the rest 0.
+  /// `count` numbers, 1 by default; further components are 0.
   Vec3d dimensions(std::string_view key, std::size_t count) {
-    return read_vector(look_, key, std::vector<double>(count, 1), kSmallest, kLargest, fault_);
+    return read_vector(object_, key, std::vector<double>(count, 1), kMinLength, kMaxLength, fault_);
   }
 
-  /// Those about the y axis with a height.
-  Shape read_round(const std::string& type) {
-    const bool capped = look_.boolean("capped", true);
+  /// Reads a surface of revolution about the y axis.
+  Shape read_revolution(const std::string& type) {
+    const bool capped = object_.boolean("capped", true);
     const double radius = dimension("radius", 1), height = dimension("height", 2);
     if (type == "cylinder" || type == "cone" || type == "paraboloid") {
-      look_.allow({"type", "material", "radius", "height", "capped"});
+      object_.allow({"type", "material", "radius", "height", "capped"});
       return type == "cylinder" ? make_cylinder(radius, height, capped)
              : type == "cone"   ? make_cone(radius, height, capped)
                                 : make_paraboloid(radius, height, capped);
     }
     if (type == "hyperboloid") {
-      look_.allow({"type", "material", "waist", "radius", "height", "capped"});
+      object_.allow({"type", "material", "waist", "radius", "height", "capped"});
       const double waist = dimension("waist", 0.5);
-      if (!(waist < radius)) fault_.report(look_.path() + ".waist", "must be below the radius");
+      if (!(waist < radius)) fault_.report(object_.path() + ".waist", "must be below the radius");
       return make_one_sheet_hyperboloid(waist, radius, height, capped);
     }
     if (type == "two-sheet-hyperboloid") {
-      look_.allow({"type", "material", "gap", "radius", "height", "capped"});
+      object_.allow({"type", "material", "gap", "radius", "height", "capped"});
       const double gap = dimension("gap", 0.5);
-      if (!(gap < height)) fault_.report(look_.path() + ".gap", "must be below the height");
+      if (!(gap < height)) fault_.report(object_.path() + ".gap", "must be below the height");
       return make_two_sheet_hyperboloid(gap, radius, height, capped);
     }
-    fault_.report(look_.path() + ".type",
-                  absl::StrCat("\"", type,
-                               "\" is none of sphere, ellipsoid, disc, rectangle, box, cylinder, "
-                               "cone, paraboloid, hyperboloid, two-sheet-hyperboloid, quadric, "
-                               "torus"));
+    fault_.report(
+        object_.path() + ".type",
+        absl::StrCat("\"", type,
+                     "\" is not one of sphere, ellipsoid, disc, rectangle, box, cylinder, "
+                     "cone, paraboloid, hyperboloid, two-sheet-hyperboloid, quadric, "
+                     "torus"));
     return {};
   }
 
   Shape read_torus() {
-    look_.allow({"type", "material", "radius", "tube"});
+    object_.allow({"type", "material", "radius", "tube"});
     const double radius = dimension("radius", 1), tube = dimension("tube", 0.25);
-    if (!(tube < radius)) fault_.report(look_.path() + ".tube", "must be below the radius");
+    if (!(tube < radius)) fault_.report(object_.path() + ".tube", "must be below the radius");
     return make_torus(radius, tube);
   }
 
   Shape read_quadric() {
-    look_.allow({"type", "material", "coefficients", "min", "max", "capped"});
-    // xx, yy, zz, yz, zx, xy, x, y, z, 1: each product of two different ones counts once.
-    const std::vector<double> q = look_.numbers("coefficients", {1, 1, 1, 0, 0, 0, 0, 0, 0, -1});
+    object_.allow({"type", "material", "coefficients", "min", "max", "capped"});
+    // Order: xx, yy, zz, yz, zx, xy, x, y, z, 1; mixed products occur once.
+    const std::vector<double> q = object_.numbers("coefficients", {1, 1, 1, 0, 0, 0, 0, 0, 0, -1});
     Quadric quadric;
     quadric.squares = {q[0], q[1], q[2]};
     quadric.products = Vec3d{q[3], q[4], q[5]} * 0.5;
     quadric.linear = Vec3d{q[6], q[7], q[8]} * 0.5;
     quadric.constant = q[9];
     Box3d clip;
-    const std::vector<double> lo = look_.numbers("min", {-1, -1, -1});
-    const std::vector<double> hi = look_.numbers("max", {1, 1, 1});
+    const std::vector<double> lo = object_.numbers("min", {-1, -1, -1});
+    const std::vector<double> hi = object_.numbers("max", {1, 1, 1});
     for (int k = 0; k < 3; ++k) {
       clip.lo[k] = lo[static_cast<std::size_t>(k)];
       clip.hi[k] = hi[static_cast<std::size_t>(k)];
-      if (!(clip.lo[k] < clip.hi[k] && clip.hi[k] - clip.lo[k] >= kSmallest)) {
-        fault_.report(look_.path() + ".max", "must be above min in every axis");
+      if (!(clip.lo[k] < clip.hi[k] && clip.hi[k] - clip.lo[k] >= kMinLength)) {
+        fault_.report(object_.path() + ".max", "must be above min in every axis");
       }
-      if (!(clip.lo[k] >= -kLargest && clip.hi[k] <= kLargest)) {
-        fault_.report(look_.path() + ".min", absl::StrCat("lies beyond ", kLargest));
+      if (!(clip.lo[k] >= -kMaxLength && clip.hi[k] <= kMaxLength)) {
+        fault_.report(object_.path() + ".min", absl::StrCat("lies beyond ", kMaxLength));
       }
     }
     for (const double c : q) {
-      if (!(c >= -kLargest && c <= kLargest)) {
-        fault_.report(look_.path() + ".coefficients", absl::StrCat(c, " is too large"));
+      if (!(c >= -kMaxLength && c <= kMaxLength)) {
+        fault_.report(object_.path() + ".coefficients", absl::StrCat(c, " is too large"));
       }
     }
-    return make_quadric(quadric, clip, look_.boolean("capped", true));
+    return make_quadric(quadric, clip, object_.boolean("capped", true));
   }
 
-  const JsonView& look_;
+  const JsonView& object_;
   JsonFault& fault_;
 };
 
-Blob read_blob(const JsonView& look, JsonFault& fault) {
-  look.allow({"center", "radius", "radii", "strength"});
-  if (look["radius"].present() && look["radii"].present()) {
-    fault.report(look.path() + ".radii", "there is a radius already");
+Blob read_blob(const JsonView& object, JsonFault& fault) {
+  object.allow({"center", "radius", "radii", "strength"});
+  if (object["radius"].present() && object["radii"].present()) {
+    fault.report(object.path() + ".radii", "not allowed together with radius");
   }
   Blob blob;
-  blob.centre = read_vector(look, "center", {0, 0, 0}, -kLargest, kLargest, fault);
-  const double radius = look.number("radius", 1, kSmallest, kLargest);
-  blob.radii = read_vector(look, "radii", {radius, radius, radius}, kSmallest, kLargest, fault);
-  blob.strength = look.number("strength", 1, -kStrongest, kStrongest);
+  blob.centre = read_vector(object, "center", {0, 0, 0}, -kMaxLength, kMaxLength, fault);
+  const double radius = object.number("radius", 1, kMinLength, kMaxLength);
+  blob.radii =
+      read_vector(object, "radii", {radius, radius, radius}, kMinLength, kMaxLength, fault);
+  blob.strength = object.number("strength", 1, -kMaxStrength, kMaxStrength);
   return blob;
 }
 
 }  // namespace
 
-std::shared_ptr<const Shape> read_shape(const JsonView& look, JsonFault& fault) {
-  Shape shape = ShapeReader(look, fault).read();
+std::shared_ptr<const Shape> read_shape(const JsonView& object, JsonFault& fault) {
+  Shape shape = ShapeReader(object, fault).read();
   if (!fault.status().ok()) return nullptr;
   return std::make_shared<const Shape>(std::move(shape));
 }
 
-std::shared_ptr<const Shape> read_blobs(const JsonView& look, JsonFault& fault) {
-  look.allow({"elements", "threshold", "material"});
-  const double threshold = look.number("threshold", 0.25, kWeakest, kStrongest);
-  const std::vector<JsonView> elements = look["elements"].items();
+std::shared_ptr<const Shape> read_blobs(const JsonView& object, JsonFault& fault) {
+  object.allow({"elements", "threshold", "material"});
+  const double threshold = object.number("threshold", 0.25, kMinStrength, kMaxStrength);
+  const std::vector<JsonView> elements = object["elements"].items();
   if (elements.empty() || elements.size() > kMaxBlobs) {
-    fault.report(look.path() + ".elements", absl::StrCat("must be 1 to ", kMaxBlobs, " blobs"));
+    fault.report(object.path() + ".elements", absl::StrCat("must be 1 to ", kMaxBlobs, " blobs"));
     return nullptr;
   }
   std::vector<Blob> blobs;
@@ -182,16 +184,16 @@ std::shared_ptr<const Shape> read_blobs(const JsonView& look, JsonFault& fault) 
   return std::make_shared<const Shape>(make_blobs(std::move(blobs), threshold));
 }
 
-std::optional<CsgOperation> read_csg(const JsonView& look, JsonFault& fault) {
-  if (!look.present()) return std::nullopt;
-  look.allow({"operation"});
-  const std::string name = look.text("operation");
+std::optional<CsgOperation> read_csg(const JsonView& object, JsonFault& fault) {
+  if (!object.present()) return std::nullopt;
+  object.allow({"operation"});
+  const std::string name = object.text("operation");
   if (name == "union") return CsgOperation::unite;
   if (name == "intersection") return CsgOperation::intersect;
   if (name == "subtraction") return CsgOperation::subtract;
   if (name == "xor") return CsgOperation::exclude;
-  fault.report(look.path() + ".operation",
-               absl::StrCat("\"", name, "\" is none of union, intersection, subtraction, xor"));
+  fault.report(object.path() + ".operation",
+               absl::StrCat("\"", name, "\" is not one of union, intersection, subtraction, xor"));
   return std::nullopt;
 }
 

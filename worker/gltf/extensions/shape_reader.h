@@ -9,18 +9,17 @@
 
 namespace tessera::render {
 
-/// The shape that a TESSERA_shape object describes (docs/extensions.md). Faults, each with its
-/// element: an unknown type or member, a dimension that is not above 0 or does not fit the others.
-/// Null after a fault.
-std::shared_ptr<const Shape> read_shape(const JsonView& look, JsonFault& fault);
+/// Reads a TESSERA_shape object (docs/reference/extensions/TESSERA_shape.md). Null after a fault:
+/// an unknown type or property, or a dimension that is not positive or does not fit the others.
+std::shared_ptr<const Shape> read_shape(const JsonView& object, JsonFault& fault);
 
-/// The same of a TESSERA_blobs object.
-std::shared_ptr<const Shape> read_blobs(const JsonView& look, JsonFault& fault);
+/// Reads a TESSERA_blobs object; null after a fault.
+std::shared_ptr<const Shape> read_blobs(const JsonView& object, JsonFault& fault);
 
-/// The same of a TESSERA_terrain object.
-std::shared_ptr<const Shape> read_terrain(const JsonView& look, JsonFault& fault);
+/// Reads a TESSERA_terrain object; null after a fault.
+std::shared_ptr<const Shape> read_terrain(const JsonView& object, JsonFault& fault);
 
-/// The operation of a TESSERA_csg object; nullopt if it is absent or faulty.
-std::optional<CsgOperation> read_csg(const JsonView& look, JsonFault& fault);
+/// Reads the operation of a TESSERA_csg object; nullopt if absent or faulty.
+std::optional<CsgOperation> read_csg(const JsonView& object, JsonFault& fault);
 
 }  // namespace tessera::render

@@ -9,7 +9,7 @@ namespace tessera::render {
 
 namespace {
 
-constexpr double kLargest = 1e9;
+constexpr double kMaxValue = 1e9;
 constexpr std::int64_t kMaxOctaves = 24;
 
 struct PatternName {
@@ -28,52 +28,53 @@ constexpr PatternName kPatterns[] = {
     {"fire", ProceduralTexture::Pattern::fire},
 };
 
-/// Reads one texture's extension (docs/extensions.md, TESSERA_texture).
-class ProcedureReader {
+/// Reads one texture's extension (docs/reference/extensions/TESSERA_texture.md).
+class ProceduralTextureReader {
  public:
-  ProcedureReader(const JsonView& look, JsonFault& fault) : look_(look), fault_(fault) {}
+  ProceduralTextureReader(const JsonView& object, JsonFault& fault)
+      : object_(object), fault_(fault) {}
 
   ProceduralTexture read() {
-    look_.allow({"pattern", "space", "dimensions", "scale", "offset", "time", "seed", "octaves",
-                 "lacunarity", "gain", "distortion", "bumpHeight", "ramp"});
+    object_.allow({"pattern", "space", "dimensions", "scale", "offset", "time", "seed", "octaves",
+                   "lacunarity", "gain", "distortion", "bumpHeight", "ramp"});
     read_pattern();
     read_space();
-    const std::int64_t dimensions = look_.integer("dimensions", 5);
+    const std::int64_t dimensions = object_.integer("dimensions", 5);
     if (dimensions >= 0) out_.dimensions = static_cast<std::int32_t>(dimensions);
     if (out_.dimensions < 1) fault("dimensions", "must be 1 to 4");
     out_.scale = vec3("scale", out_.scale);
     out_.offset = vec3("offset", out_.offset);
-    out_.time = number("time", out_.time, -kLargest, kLargest);
-    const std::int64_t seed = look_.integer("seed", std::int64_t{1} << 32);
+    out_.time = number("time", out_.time, -kMaxValue, kMaxValue);
+    const std::int64_t seed = object_.integer("seed", std::int64_t{1} << 32);
     if (seed >= 0) out_.seed = static_cast<std::uint32_t>(seed);
-    const std::int64_t octaves = look_.integer("octaves", kMaxOctaves + 1);
+    const std::int64_t octaves = object_.integer("octaves", kMaxOctaves + 1);
     if (octaves >= 0) out_.octaves = static_cast<std::int32_t>(octaves);
     if (out_.octaves < 1) fault("octaves", absl::StrCat("must be 1 to ", kMaxOctaves));
     out_.lacunarity = number("lacunarity", out_.lacunarity, 1, 16);
     out_.gain = number("gain", out_.gain, 0, 1);
     out_.distortion = number("distortion", out_.distortion, 0, 1e3);
-    out_.bump_height = number("bumpHeight", out_.bump_height, -kLargest, kLargest);
-    read_ramp(look_["ramp"]);
+    out_.bump_height = number("bumpHeight", out_.bump_height, -kMaxValue, kMaxValue);
+    read_ramp(object_["ramp"]);
     return std::move(out_);
   }
 
  private:
   void fault(const char* key, const std::string& message) {
-    fault_.report(look_[key].path(), message);
+    fault_.report(object_[key].path(), message);
   }
 
   float number(const char* key, float fallback, double low, double high) {
-    return static_cast<float>(look_.number(key, static_cast<double>(fallback), low, high));
+    return static_cast<float>(object_.number(key, static_cast<double>(fallback), low, high));
   }
 
   Vec3f vec3(const char* key, const Vec3f& fallback) {
-    const Vec3f v = look_.vec3(key, fallback);
-    if (!(max_abs(v) <= static_cast<float>(kLargest))) fault(key, "is too large");
+    const Vec3f v = object_.vec3(key, fallback);
+    if (!(max_abs(v) <= static_cast<float>(kMaxValue))) fault(key, "is too large");
     return v;
   }
 
   void read_pattern() {
-    const std::string name = look_.text("pattern");
+    const std::string name = object_.text("pattern");
     const auto* found = std::find_if(std::begin(kPatterns), std::end(kPatterns),
                                      [&](const PatternName& p) { return p.name == name; });
     if (found != std::end(kPatterns)) {
@@ -84,12 +85,12 @@ class ProcedureReader {
     for (const PatternName& p : kPatterns) {
       absl::StrAppend(&known, known.empty() ? "" : ", ", std::string(p.name));
     }
-    fault("pattern", absl::StrCat("is none of ", known));
+    fault("pattern", absl::StrCat("must be one of ", known));
   }
 
   void read_space() {
-    if (!look_["space"].present()) return;
-    const std::string name = look_.text("space");
+    if (!object_["space"].present()) return;
+    const std::string name = object_.text("space");
     if (name == "world") {
       out_.space = ProceduralTexture::Space::world;
     } else if (name == "uv") {
@@ -117,28 +118,29 @@ class ProcedureReader {
         }
       }
       if (!out_.ramp.empty() && !(stop.at > out_.ramp.back().at)) {
-        fault_.report(item.path() + ".at", "is not above the one before");
+        fault_.report(item.path() + ".at", "must be above that of the previous stop");
       }
       out_.ramp.push_back(stop);
     }
     if (out_.ramp.empty()) fault("ramp", "is empty");
   }
 
-  const JsonView& look_;
+  const JsonView& object_;
   JsonFault& fault_;
   ProceduralTexture out_;
 };
 
 }  // namespace
 
-absl::Status read_texture_extensions(const nlohmann::json& root, GltfModel& document) {
+absl::Status read_texture_extensions(const nlohmann::json& root, GltfModel& model) {
   JsonFault fault;
   const std::vector<JsonView> textures = JsonView(root, "", fault)["textures"].items();
-  for (std::size_t i = 0; i < textures.size() && i < document.texture_sources.size(); ++i) {
-    const JsonView look = textures[i].extension("TESSERA_texture");
-    if (!look.present()) continue;
-    document.texture_sources[i].procedure = static_cast<std::int32_t>(document.procedures.size());
-    document.procedures.push_back(ProcedureReader(look, fault).read());
+  for (std::size_t i = 0; i < textures.size() && i < model.texture_sources.size(); ++i) {
+    const JsonView object = textures[i].extension("TESSERA_texture");
+    if (!object.present()) continue;
+    model.texture_sources[i].procedural =
+        static_cast<std::int32_t>(model.procedural_textures.size());
+    model.procedural_textures.push_back(ProceduralTextureReader(object, fault).read());
   }
   return fault.status();
 }

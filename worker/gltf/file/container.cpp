@@ -18,7 +18,8 @@ constexpr std::size_t kHeaderBytes = 12, kChunkHeaderBytes = 8;
 
 std::uint32_t read_u32(std::span<const std::byte> bytes, std::size_t at) {
   std::uint32_t value = 0;
-  std::memcpy(&value, bytes.data() + at, sizeof value);  // glTF is little endian, and so are we
+  std::memcpy(&value, bytes.data() + at,
+              sizeof value);  // glTF and all supported hosts are little endian
   return value;
 }
 
@@ -44,7 +45,8 @@ absl::StatusOr<GltfContainer> split_glb(std::span<const std::byte> file) {
   }
   const std::uint32_t version = read_u32(file, 4);
   if (version != 2) {
-    return absl::InvalidArgumentError(absl::StrCat("GLB header: version ", version, ", want 2"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("GLB header: version ", version, ", expected 2"));
   }
   const std::uint32_t length = read_u32(file, 8);
   if (length > file.size() || length < kHeaderBytes + kChunkHeaderBytes) {
@@ -60,7 +62,7 @@ absl::StatusOr<GltfContainer> split_glb(std::span<const std::byte> file) {
     if (size > length - at) {
       return absl::InvalidArgumentError(absl::StrCat("GLB chunk ", chunk, ": ", size,
                                                      " bytes, but only ", length - at,
-                                                     " are left in the file"));
+                                                     " remain in the file"));
     }
     const auto body = file.subspan(at, size);
     if (chunk == 0 && type != kJsonChunk) {

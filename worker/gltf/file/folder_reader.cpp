@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// Closes a descriptor when it goes.
+/// Closes a file descriptor at the end of its scope.
 struct Descriptor {
   int number = -1;
   explicit Descriptor(int n) : number(n) {}
@@ -27,7 +27,8 @@ struct Descriptor {
   Descriptor& operator=(const Descriptor&) = delete;
 };
 
-/// A fault, without ": ": in "FILE: ELEMENT: FAULT" that would make an element of its first half.
+/// A fault with a path. Contains no ": ", which would be taken for an element in "FILE: ELEMENT:
+/// FAULT".
 std::string fault_at(const char* fault, const fs::path& path) {
   return absl::StrCat(fault, " (", path.string(), ")");
 }
@@ -62,15 +63,15 @@ absl::StatusOr<fs::path> FolderReader::resolve(std::string_view uri) const {
     return path;
   }
   const fs::path relative{std::string(uri)};
-  if (folder_.empty()) return absl::NotFoundError("the scene's folder does not exist");
+  if (folder_.empty()) return absl::NotFoundError("the scene's directory does not exist");
   if (relative.empty() || relative.is_absolute() ||
       std::find(relative.begin(), relative.end(), "..") != relative.end()) {
-    return absl::PermissionDeniedError("the path leaves the scene's folder");
+    return absl::PermissionDeniedError("the path leaves the scene's directory");
   }
   const fs::path path = fs::canonical(folder_ / relative, error);
   if (error) return absl::NotFoundError(fault_at("no such file", folder_ / relative));
   if (!is_beneath(path, folder_)) {
-    return absl::PermissionDeniedError("a symbolic link leaves the scene's folder");
+    return absl::PermissionDeniedError("a symbolic link leaves the scene's directory");
   }
   return path;
 }
@@ -81,7 +82,7 @@ absl::StatusOr<std::span<const std::byte>> FolderReader::read(std::string_view u
   }
   const auto path = resolve(uri);
   if (!path.ok()) return path.status();
-  // The path is canonical, so a link here was put there since: O_NOFOLLOW refuses it.
+  // The path is canonical; O_NOFOLLOW rejects a link that has been created since.
   const Descriptor file(::open(path->c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
   struct stat info = {};
   if (file.number < 0 || ::fstat(file.number, &info) != 0 || !S_ISREG(info.st_mode)) {

@@ -11,21 +11,22 @@
 
 namespace tessera::render {
 
-/// Reads files beneath one folder and nowhere else: no absolute path, no `..`, no symbolic link
-/// that leads out of it, regular files only. Files named with allow() may lie anywhere.
+/// Reads regular files below one directory. Rejects absolute paths, `..` and symbolic links that
+/// lead out of it. Files named with allow() may be anywhere.
 class FolderReader final : public ResourceReader {
  public:
-  /// `folder` must exist to read anything.
+  /// `folder` must exist for read() to succeed.
   explicit FolderReader(const std::filesystem::path& folder);
   ~FolderReader() override;
 
-  /// Lets `uri` name the file `path`, wherever it is (the sky of the command line).
+  /// Lets `uri` name the file `path` anywhere (for the environment map of the command line).
   void allow(std::string uri, std::filesystem::path path);
 
-  /// Errors: NotFound, PermissionDenied (outside the folder, not a regular file, not readable).
+  /// Errors: NotFound; PermissionDenied if the file is outside the directory, not regular or not
+  /// readable.
   absl::StatusOr<std::span<const std::byte>> read(std::string_view uri) override;
 
-  /// Where `uri`, read before, lies on disk; empty if it was not read.
+  /// Path of `uri` on disk; empty if it has not been read.
   [[nodiscard]] std::filesystem::path path_of(std::string_view uri) const;
   /// URIs read so far, in order.
   [[nodiscard]] const std::vector<std::string>& uris() const { return uris_; }

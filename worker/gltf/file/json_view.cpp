@@ -13,7 +13,7 @@ using nlohmann::json;
 
 namespace {
 
-/// A value for a message: numbers as they are, anything else by its type.
+/// A value for a message: a number as it is, any other value by its type.
 std::string shown(const json& value) {
   return value.is_number() ? value.dump() : std::string(value.type_name());
 }
@@ -77,7 +77,7 @@ void JsonView::allow(std::initializer_list<std::string_view> names) const {
     if (std::find(names.begin(), names.end(), key) != names.end()) continue;
     fault_->report(
         absl::StrCat(path_, ".", key),
-        absl::StrCat("is unknown; there are ",
+        absl::StrCat("unknown property; expected one of ",
                      absl::StrJoin(std::vector<std::string>(names.begin(), names.end()), ", ")));
   }
 }

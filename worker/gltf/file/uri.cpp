@@ -1,29 +1,23 @@
 #include "worker/gltf/file/uri.h"
 
-#include <array>
+#include <algorithm>
 #include <cstdint>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
 
 namespace tessera::render {
 
 namespace {
 
-constexpr std::string_view kData = "data:";
+constexpr std::string_view kDataScheme = "data:";
 
 int hex_digit(char c) {
   if (c >= '0' && c <= '9') return c - '0';
   if (c >= 'a' && c <= 'f') return c - 'a' + 10;
   if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-  return -1;
-}
-
-int base64_digit(char c) {
-  if (c >= 'A' && c <= 'Z') return c - 'A';
-  if (c >= 'a' && c <= 'z') return c - 'a' + 26;
-  if (c >= '0' && c <= '9') return c - '0' + 52;
-  if (c == '+' || c == '-') return 62;
-  if (c == '/' || c == '_') return 63;
   return -1;
 }
 
@@ -44,24 +38,29 @@ std::optional<std::string> percent_decode(std::string_view text) {
   return out;
 }
 
+std::vector<std::byte> as_bytes(std::string_view text) {
+  const auto* const begin = reinterpret_cast<const std::byte*>(text.data());
+  return {begin, begin + text.size()};
+}
+
+/// Accepts both base64 alphabets and any padding, but no white space, which absl would skip.
 absl::StatusOr<std::vector<std::byte>> decode_base64(std::string_view text) {
-  std::vector<std::byte> out;
-  out.reserve(text.size() / 4 * 3 + 3);
   while (!text.empty() && text.back() == '=') text.remove_suffix(1);
-  std::uint32_t group = 0;
-  int bits = 0;
-  for (const char c : text) {
-    const int digit = base64_digit(c);
-    if (digit < 0) return absl::InvalidArgumentError("the data URI is not base64");
-    group = group << 6 | static_cast<std::uint32_t>(digit);
-    bits += 6;
-    if (bits >= 8) {
-      bits -= 8;
-      out.push_back(static_cast<std::byte>(group >> bits & 0xFF));
-    }
+  const bool web_safe = text.find_first_of("-_") != std::string_view::npos;
+  const bool is_base64 = std::all_of(text.begin(), text.end(), [](char c) {
+    return absl::ascii_isalnum(static_cast<unsigned char>(c)) ||
+           std::string_view("+/-_").find(c) != std::string_view::npos;
+  });
+  const absl::string_view encoded(text.data(), text.size());
+  std::string out;
+  if (is_base64 && text.size() % 4 == 1) {
+    return absl::InvalidArgumentError("the data URI's base64 is truncated");
   }
-  if (bits >= 6) return absl::InvalidArgumentError("the data URI's base64 is truncated");
-  return out;
+  if (!is_base64 || !(web_safe ? absl::WebSafeBase64Unescape(encoded, &out)
+                               : absl::Base64Unescape(encoded, &out))) {
+    return absl::InvalidArgumentError("the data URI is not base64");
+  }
+  return as_bytes(out);
 }
 
 bool has_scheme(std::string_view uri) {
@@ -69,7 +68,7 @@ bool has_scheme(std::string_view uri) {
   return colon != std::string_view::npos && uri.substr(0, colon).find('/') == std::string::npos;
 }
 
-/// Whether `text` is well-formed UTF-8, so that messages can carry it.
+/// Returns whether `text` is well-formed UTF-8, so that messages can contain it.
 bool is_utf8(std::string_view text) {
   std::size_t i = 0;
   while (i < text.size()) {
@@ -93,8 +92,8 @@ bool is_utf8(std::string_view text) {
   return true;
 }
 
-/// Whether any segment of `path` is "..".
-bool climbs(std::string_view path) {
+/// Returns whether a segment of `path` is "..".
+bool has_parent_segment(std::string_view path) {
   std::size_t begin = 0;
   while (begin <= path.size()) {
     std::size_t end = path.find('/', begin);
@@ -108,7 +107,7 @@ bool climbs(std::string_view path) {
 }  // namespace
 
 bool is_data_uri(std::string_view uri) {
-  return uri.substr(0, kData.size()) == kData;
+  return uri.substr(0, kDataScheme.size()) == kDataScheme;
 }
 
 absl::StatusOr<std::vector<std::byte>> decode_data_uri(std::string_view uri) {
@@ -124,9 +123,7 @@ absl::StatusOr<std::vector<std::byte>> decode_data_uri(std::string_view uri) {
   }
   const auto text = percent_decode(body);
   if (!text) return absl::InvalidArgumentError("the data URI has a bad percent escape");
-  std::vector<std::byte> bytes(text->size());
-  for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::byte>((*text)[i]);
-  return bytes;
+  return as_bytes(*text);
 }
 
 absl::StatusOr<std::string> relative_path(std::string_view uri) {
@@ -151,9 +148,9 @@ absl::StatusOr<std::string> relative_path(std::string_view uri) {
   if (path->front() == '/') {
     return absl::InvalidArgumentError(absl::StrCat("URI \"", shown, "\": the path is absolute"));
   }
-  if (climbs(*path)) {
+  if (has_parent_segment(*path)) {
     return absl::InvalidArgumentError(
-        absl::StrCat("URI \"", shown, "\": the path leaves the scene's folder (\"..\")"));
+        absl::StrCat("URI \"", shown, "\": the path leaves the scene's directory (\"..\")"));
   }
   return *path;
 }

@@ -10,14 +10,14 @@
 
 namespace tessera::render {
 
-/// Whether `uri` holds its data itself.
+/// Returns whether `uri` is a data URI.
 bool is_data_uri(std::string_view uri);
 
-/// The bytes of a data URI, base64 or percent-encoded. Errors: InvalidArgument.
+/// Decodes a data URI, base64 or percent-encoded. Errors: InvalidArgument.
 absl::StatusOr<std::vector<std::byte>> decode_data_uri(std::string_view uri);
 
-/// The path a relative URI names, percent-decoded. Errors: InvalidArgument for schemes, absolute
-/// paths, `..`, backslashes, control characters, bad escapes and queries.
+/// The percent-decoded path of a relative URI. Errors: InvalidArgument for schemes, absolute paths,
+/// `..`, backslashes, control characters, bad escapes and queries.
 absl::StatusOr<std::string> relative_path(std::string_view uri);
 
 }  // namespace tessera::render

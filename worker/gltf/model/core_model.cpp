@@ -3,8 +3,8 @@
 #include <cmath>
 #include <exception>
 
-// The implementation is compiled here: Debian's libdraco.so exports a tinygltf of another version,
-// and which of the two shared libraries a program gets depends on the order they are linked in.
+// Compiled here because Debian's libdraco.so exports a tinygltf of another version, and link
+// order would decide which of the two shared libraries a program uses.
 #include <nlohmann/json.hpp>
 #define TINYGLTF_IMPLEMENTATION
 #define TINYGLTF_NO_INCLUDE_JSON
@@ -21,17 +21,17 @@
 #pragma GCC diagnostic pop
 
 #include "absl/strings/str_cat.h"
-#include "worker/gltf/model/hierarchy.h"
 #include "worker/gltf/file/limits.h"
+#include "worker/gltf/model/hierarchy.h"
 
 namespace tessera::render {
 
 namespace {
 
-/// Turns a parsed model into a document; the first fault ends up in `status`.
+/// Converts a parsed tinygltf model to a GltfModel and checks it. Keeps the first fault.
 class Converter {
  public:
-  Converter(const tinygltf::Model& model, GltfModel& document) : in_(model), out_(document) {}
+  Converter(const tinygltf::Model& parsed, GltfModel& model) : in_(parsed), out_(model) {}
 
   absl::Status convert() {
     convert_views();
@@ -52,7 +52,8 @@ class Converter {
     if (status_.ok()) status_ = absl::InvalidArgumentError(absl::StrCat(element, ": ", message));
   }
 
-  /// `value` if it is an index of one of `size` elements or kNone, which a fault gives too.
+  /// Returns `value` if it is kNone or an index below `size`; otherwise reports a fault and returns
+  /// kNone.
   std::int32_t index(int value, std::size_t size, const std::string& element) {
     if (value == kNone) return kNone;
     if (value >= 0 && static_cast<std::size_t>(value) < size) return value;
@@ -75,7 +76,7 @@ class Converter {
       case TINYGLTF_COMPONENT_TYPE_FLOAT:
         return ComponentType::f32;
       default:
-        fault(element, absl::StrCat("componentType ", code, " is not one of glTF's"));
+        fault(element, absl::StrCat("componentType ", code, " is not defined by glTF"));
         return ComponentType::f32;
     }
   }
@@ -158,7 +159,7 @@ class Converter {
     return out;
   }
 
-  /// Factors are in [0, 1]; slightly wrong ones of sloppy exporters are brought back.
+  /// A factor that must be in [0, 1]; small deviations by exporters are clamped.
   float unit(double value, const std::string& element) {
     if (!(value >= -1e6 && value <= 1e6)) fault(element, "is not in [0, 1]");
     return static_cast<float>(value < 0 ? 0 : value > 1 ? 1 : value);
@@ -180,7 +181,7 @@ class Converter {
     if (code == TINYGLTF_TEXTURE_WRAP_CLAMP_TO_EDGE) return Wrap::clamp;
     if (code == TINYGLTF_TEXTURE_WRAP_MIRRORED_REPEAT) return Wrap::mirror;
     if (code != TINYGLTF_TEXTURE_WRAP_REPEAT) {
-      fault(element, absl::StrCat("wrap mode ", code, " is not one of glTF's"));
+      fault(element, absl::StrCat("wrap mode ", code, " is not defined by glTF"));
     }
     return Wrap::repeat;
   }
@@ -219,7 +220,7 @@ class Converter {
         primitive.indices = index(p.indices, in_.accessors.size(), where + ".indices");
         primitive.material = index(p.material, in_.materials.size(), where + ".material");
         if (p.mode < 0 || p.mode > 6) {
-          fault(where + ".mode", absl::StrCat(p.mode, " is not one of glTF's"));
+          fault(where + ".mode", absl::StrCat(p.mode, " is not defined by glTF"));
         } else {
           primitive.mode = static_cast<PrimitiveMode>(p.mode);
         }
@@ -307,7 +308,8 @@ class Converter {
     const std::int32_t sampler = index(c.sampler, from.samplers.size(), where + ".sampler");
     AnimationChannel out;
     out.node = index(c.target_node, in_.nodes.size(), where + ".target.node");
-    if (sampler == kNone || out.node == kNone) return fault(where, "has no sampler or no node");
+    if (sampler == kNone || out.node == kNone)
+      return fault(where, "has no sampler or no target node");
     const auto& s = from.samplers[sampler];
     out.input = index(s.input, in_.accessors.size(), where + ".sampler.input");
     out.output = index(s.output, in_.accessors.size(), where + ".sampler.output");
@@ -327,7 +329,7 @@ class Converter {
       out.path = AnimationPath::weights;
     } else if (c.target_path != "translation") {
       out_.problems.push_back(
-          {Problem::Severity::warning, where, "target path is not one of glTF's; ignored"});
+          {Problem::Severity::warning, where, "unknown target path; channel ignored"});
       return;
     }
     animation.channels.push_back(out);
@@ -375,7 +377,8 @@ class Converter {
         const std::int32_t node = index(root, in_.nodes.size(), where);
         if (!status_.ok()) return;
         if (out_.nodes[node].parent != kNone || listed[node]) {
-          return fault(where, absl::StrCat("nodes[", node, "] is no root, or is listed twice"));
+          return fault(where,
+                       absl::StrCat("nodes[", node, "] is not a root node, or is listed twice"));
         }
         listed[node] = true;
         scene.roots.push_back(node);
@@ -390,7 +393,7 @@ class Converter {
   absl::Status status_;
 };
 
-/// File access for tinygltf: none.
+/// File access callbacks for tinygltf that read nothing.
 tinygltf::FsCallbacks no_files() {
   tinygltf::FsCallbacks fs;
   fs.FileExists = [](const std::string&, void*) { return false; };
@@ -406,25 +409,25 @@ tinygltf::FsCallbacks no_files() {
   return fs;
 }
 
-/// Images are read from the JSON and decoded by image_decoder.
+/// Images are read from the JSON and decoded by image_decoder.h.
 constexpr auto kNoImages = [](auto...) { return true; };
 
 }  // namespace
 
-absl::Status read_core_model(const std::string& text, GltfModel& document) {
+absl::Status read_core_model(const std::string& text, GltfModel& model) {
   try {
     tinygltf::TinyGLTF parser;
     parser.SetFsCallbacks(no_files());
     parser.SetImageLoader(kNoImages, nullptr);
-    tinygltf::Model model;
+    tinygltf::Model parsed_model;
     std::string error, warning;
-    const bool parsed = parser.LoadASCIIFromString(&model, &error, &warning, text.data(),
+    const bool parsed = parser.LoadASCIIFromString(&parsed_model, &error, &warning, text.data(),
                                                    static_cast<unsigned int>(text.size()), "");
     if (!parsed) {
       while (!error.empty() && error.back() == '\n') error.pop_back();
       return absl::InvalidArgumentError(absl::StrCat("glTF: ", error));
     }
-    return Converter(model, document).convert();
+    return Converter(parsed_model, model).convert();
   } catch (const std::exception& e) {
     return absl::InvalidArgumentError(absl::StrCat("glTF: ", e.what()));
   }

@@ -7,9 +7,9 @@
 
 namespace tessera::render {
 
-/// Reads the core glTF model in `text` (see core_text()) with tinygltf and fills in the document,
-/// checking every index, the node hierarchy and the values of enumerations. The only file that
-/// knows tinygltf. Errors: InvalidArgument "ELEMENT: FAULT".
-absl::Status read_core_model(const std::string& text, GltfModel& document);
+/// Reads the core glTF model in `text` (see core_text()) with tinygltf into `model` and checks
+/// every index, the node hierarchy and the values of enumerations. No other file includes tinygltf.
+/// Errors: InvalidArgument "ELEMENT: FAULT".
+absl::Status read_core_model(const std::string& text, GltfModel& model);
 
 }  // namespace tessera::render

@@ -11,20 +11,20 @@
 #include <string>
 #include <vector>
 
+#include "worker/gltf/file/resource_reader.h"
 #include "worker/math/transform.h"
 #include "worker/math/vector.h"
-#include "worker/gltf/file/resource_reader.h"
 #include "worker/scene/problem.h"
 #include "worker/scene/scene.h"
 
 namespace tessera::render {
 
-/// A glTF file as plain data, every index in it checked: what the first pass and tinygltf leave
-/// behind, and all that posing reads. No third-party type, no unresolved URI, no compression.
+/// A glTF file as plain data with every index checked: the result of preprocessing and tinygltf,
+/// and the input of posing. It contains no third-party type, unresolved URI or compressed data.
 
 enum class ComponentType : std::uint8_t { i8, u8, i16, u16, u32, f32 };
 
-/// Bytes of one component.
+/// Size of one component, bytes.
 int component_bytes(ComponentType type);
 
 struct BufferView {
@@ -41,7 +41,7 @@ struct SparseValues {
 };
 
 struct Accessor {
-  std::int32_t view = kNone;  // kNone: zeros, below the sparse values
+  std::int32_t view = kNone;  // kNone: zeros, overlaid by the sparse values
   std::size_t offset = 0;
   ComponentType type = ComponentType::f32;
   int rows = 1, columns = 1;  // VECn is n x 1, MATn n x n
@@ -64,20 +64,20 @@ enum class PrimitiveMode : std::uint8_t {
   fan
 };
 
-/// TESSERA_camera, lookAt, in the space of the camera's node.
+/// lookAt of TESSERA_camera, in the space of the camera's node.
 struct LookAt {
   Vec3d position, target, up = {0, 1, 0};
 };
 
 struct GltfCamera {
-  Camera camera;  // camera_to_world and the lens's radius and focus unset
+  Camera camera;  // camera_to_world, lens radius and focus distance are unset
   std::optional<LookAt> look_at;
-  double f_number = 0;           // 0: no lens
+  double f_number = 0;           // 0: pinhole
   double sensor_height = 0.024;  // metres
   std::int32_t focus_node = kNone;
 };
 
-/// The material of one primitive under some KHR_materials_variants variants.
+/// Material of a primitive under some variants of KHR_materials_variants.
 struct VariantMapping {
   std::int32_t material = kNone;
   std::vector<std::int32_t> variants;
@@ -103,29 +103,30 @@ struct Node {
   std::int32_t parent = kNone;
   std::int32_t mesh = kNone, skin = kNone, camera = kNone, light = kNone;
   bool visible = true;             // KHR_node_visibility
-  std::optional<Affine3d> matrix;  // else translation * rotation * scale
+  std::optional<Affine3d> matrix;  // otherwise translation * rotation * scale
   Vec3d translation, scale = {1, 1, 1};
   Vec4d rotation = {0, 0, 0, 1};  // unit quaternion, w last
   std::vector<double> weights;
   Attributes instancing;               // EXT_mesh_gpu_instancing; empty: not instanced
-  std::shared_ptr<const Shape> shape;  // TESSERA_shape, _blobs, _terrain; for a mesh
+  std::shared_ptr<const Shape> shape;  // TESSERA_shape, _blobs or _terrain, instead of a mesh
   std::int32_t shape_material = kNone;
-  std::optional<CsgOperation> csg;  // TESSERA_csg, on its children
+  std::optional<CsgOperation> csg;  // TESSERA_csg: operation on the children
 };
 
 struct GltfImage {
-  std::string name;                  // for messages: URI, name or "images[i]"
-  std::string uri;                   // of a file; empty: a view or data URI
-  std::span<const std::byte> bytes;  // read for images some material needs
+  std::string name;                  // shown in messages: URI, name or "images[i]"
+  std::string uri;                   // of a file; empty: buffer view or data URI
+  std::span<const std::byte> bytes;  // read only for images that a material uses
+  /// Whether a material uses it.
   bool needed = false;
 };
 
-/// glTF's texture, its image chosen among source, EXT_texture_webp and KHR_texture_basisu.
+/// A glTF texture with its image chosen from source, EXT_texture_webp and KHR_texture_basisu.
 struct GltfTexture {
   std::int32_t image = kNone;
   std::int32_t sampler = kNone;
-  std::int32_t procedure = kNone;  // TESSERA_texture
-  bool basisu_only = false;        // only a KTX2 image, which we cannot read
+  std::int32_t procedural = kNone;  // TESSERA_texture
+  bool basisu_only = false;         // only a KTX2 image, which is not supported
 };
 
 struct Skin {
@@ -143,13 +144,13 @@ struct AnimationChannel {
   Interpolation interpolation = Interpolation::linear;
 };
 
-/// KHR_animation_pointer: numbers of the file named by a JSON pointer.
+/// KHR_animation_pointer: animates numbers of the file named by a JSON pointer.
 struct PointerChannel {
   std::string pointer;
-  int width = 1;                               // numbers there
+  int width = 1;                               // how many numbers it animates
   std::int32_t input = kNone, output = kNone;  // accessors
   Interpolation interpolation = Interpolation::linear;
-  std::size_t index = 0;  // of the channel in the file
+  std::size_t index = 0;  // index of the channel in the file
 };
 
 struct Animation {
@@ -164,27 +165,28 @@ struct GltfScene {
   std::optional<Atmosphere> atmosphere = {};  // TESSERA_medium
 };
 
+/// A whole file.
 struct GltfModel {
-  std::deque<std::vector<std::byte>> owned;         // decoded data URIs and compressions
+  std::deque<std::vector<std::byte>> owned;         // decoded data URIs and decompressed buffers
   std::vector<std::span<const std::byte>> buffers;  // into `owned` or the reader's memory
   std::vector<BufferView> views;
   std::vector<Accessor> accessors;
   std::vector<GltfImage> images;
   std::vector<GltfTexture> texture_sources;
-  std::vector<ProceduralTexture> procedures;
+  std::vector<ProceduralTexture> procedural_textures;
   std::vector<Texture> samplers;    // `image` unset
-  std::vector<Material> materials;  // TextureRef::texture indexes texture_sources
+  std::vector<Material> materials;  // TextureRef::texture is an index into texture_sources
   std::vector<GltfMesh> meshes;
   std::vector<Node> nodes;
   std::vector<Skin> skins;
   std::vector<Animation> animations;
   std::vector<GltfCamera> cameras;
-  std::vector<PunctualLight> lights;  // node, position, direction unset
+  std::vector<PunctualLight> lights;  // node, position and direction are unset
   std::vector<GltfScene> scenes;
   std::int32_t default_scene = kNone;
   std::vector<std::string> variants;
   std::vector<std::string> extensions_used, extensions_required;
-  std::vector<std::string> resources;
+  std::vector<std::string> resources;  // URIs of the files it refers to
   std::vector<Problem> problems;
 };
 

@@ -91,7 +91,7 @@ std::vector<std::int32_t> depth_first(const std::vector<Node>& nodes,
   while (!open.empty()) {
     const std::int32_t node = open.back();
     open.pop_back();
-    if (!nodes[node].visible && hidden == HiddenNodes::left_out) continue;
+    if (!nodes[node].visible && hidden == HiddenNodes::skipped) continue;
     order.push_back(node);
     const auto& children = nodes[node].children;
     open.insert(open.end(), children.rbegin(), children.rend());

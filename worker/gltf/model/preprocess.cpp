@@ -11,8 +11,8 @@
 #include "absl/strings/str_split.h"
 #include "worker/gltf/file/json_view.h"
 #include "worker/gltf/file/limits.h"
-#include "worker/gltf/model/tessera_extensions.h"
 #include "worker/gltf/file/uri.h"
+#include "worker/gltf/model/tessera_extensions.h"
 
 namespace tessera::render {
 
@@ -43,7 +43,7 @@ constexpr std::array<std::string_view, 24> kKnownExtensions = {
     "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_node_visibility",
-    "KHR_texture_basisu",  // the fallback image; see choose_images()
+    "KHR_texture_basisu",  // only the fallback image is used; see read_images()
     "KHR_texture_transform"};
 
 bool is_known(std::string_view name) {
@@ -51,7 +51,7 @@ bool is_known(std::string_view name) {
                                                  name) != kKnownExtensions.end();
 }
 
-/// What tinygltf expects under a key of the core specification, wherever it stands.
+/// Types that tinygltf expects under a key of the core specification, anywhere in the file.
 enum Kind : unsigned {
   integer = 1,  // [0, 2^31)
   size = 2,     // an integer up to 2^40
@@ -164,8 +164,8 @@ unsigned expected_kinds(std::string_view key) {
   return it != std::end(kSchema) && it->key == key ? it->kinds : 0;
 }
 
-bool is_integer_up_to(const json& value, double most) {
-  return value.is_number_integer() && value.get<double>() >= 0 && value.get<double>() <= most;
+bool is_integer_up_to(const json& value, double max) {
+  return value.is_number_integer() && value.get<double>() >= 0 && value.get<double>() <= max;
 }
 
 template <typename Predicate>
@@ -188,14 +188,14 @@ bool matches(const json& value, unsigned kinds) {
           all_of(value, [](const json& v) { return v.is_object(); }));
 }
 
-/// Elements that the array of numbers under `key` must have; 0: any number.
+/// Required size of the array of numbers under `key`; 0: any size.
 std::size_t expected_size(std::string_view key) {
   if (key == "matrix") return 16;
   if (key == "baseColorFactor" || key == "rotation") return 4;
   return key == "emissiveFactor" || key == "scale" || key == "translation" ? 3 : 0;
 }
 
-/// Members without which tinygltf gives up and does not say where.
+/// Properties without which tinygltf fails and does not say where.
 struct Required {
   std::string_view section, inner;  // root array, and array within its elements
   std::array<std::string_view, 3> keys;
@@ -220,7 +220,7 @@ void check_required(const JsonView& element, const Required& required, JsonFault
   }
 }
 
-/// "2.1" as {2, 1}; nullopt: is no version.
+/// "2.1" as {2, 1}; nullopt if it is not a version.
 std::optional<std::pair<int, int>> parse_version(const std::string& text) {
   const std::vector<std::string> parts = absl::StrSplit(text, '.');
   std::pair<int, int> version;
@@ -231,24 +231,24 @@ std::optional<std::pair<int, int>> parse_version(const std::string& text) {
   return version;
 }
 
-/// Refuses what is not for a reader of glTF 2.0. Source: glTF 2.0, section 3.2.
+/// Rejects files that need a reader of another version. Source: glTF 2.0, section 3.2.
 void check_version(const JsonView& asset, JsonFault& fault) {
   for (const char* key : {"minVersion", "version"}) {
     const JsonView member = asset[key];
     if (!member.present() && key == std::string_view("minVersion")) continue;
     const auto version = parse_version(member.present() ? member.as_text() : "");
-    const bool is_ours = version && version->first == 2 &&
-                         (version->second == 0 || key == std::string_view("version"));
-    if (!is_ours) {
+    const bool is_supported = version && version->first == 2 &&
+                              (version->second == 0 || key == std::string_view("version"));
+    if (!is_supported) {
       fault.report(absl::StrCat("asset.", key),
                    member.present()
-                       ? absl::StrCat("is \"", member.as_text(), "\"; glTF 2.0 is read")
-                       : "is missing; glTF 2.0 is read");
+                       ? absl::StrCat("\"", member.as_text(), "\" is not supported; only 2.0 is")
+                       : "is missing; must be 2.0");
     }
   }
 }
 
-/// Checks kRequired, and the values tinygltf judges without naming their place, or does not.
+/// Checks kRequired, and values that tinygltf does not check or rejects without naming the element.
 void check_core(const json& core, JsonFault& fault) {
   const JsonView root(core, "", fault);
   check_version(root["asset"], fault);
@@ -289,7 +289,7 @@ std::string expected_text(unsigned kinds) {
   return "an object";
 }
 
-/// Whole numbers written as 3.0 become integers, as the specification allows them to be read.
+/// Converts whole numbers written as 3.0 to integers, as the specification allows.
 json as_integer_if_whole(const json& value) {
   if (!value.is_number_float()) return value;
   const double number = value.get<double>();
@@ -300,14 +300,15 @@ json as_integer_if_whole(const json& value) {
   return value;
 }
 
-/// A copy of `value` without extensions and extras. Depth is bounded by split_container().
+/// Copies `value` without extensions and extras. Recursion depth is bounded by split_container().
 json stripped(const json& value, const std::string& path, bool integers, JsonFault& fault) {
   if (value.is_object()) {
     json out = json::object();
     for (const auto& item : value.items()) {
       if (item.key() == "extensions" || item.key() == "extras") continue;
       const std::string where = path.empty() ? item.key() : path + "." + item.key();
-      // Attribute names are the file's own; all members of `attributes` and of targets are indices.
+      // Attribute names are chosen by the file; all members of `attributes` and targets are
+      // indices.
       const bool attribute = integers && !item.value().is_structured();
       const unsigned kinds = attribute ? Kind::integer : expected_kinds(item.key());
       const bool whole = (kinds & (Kind::integer | Kind::size)) != 0;
@@ -340,8 +341,7 @@ json stripped(const json& value, const std::string& path, bool integers, JsonFau
 
 absl::StatusOr<std::span<const std::byte>> buffer_bytes(const JsonView& buffer,
                                                         const GltfContainer& container, bool first,
-                                                        ResourceReader& reader,
-                                                        GltfModel& document) {
+                                                        ResourceReader& reader, GltfModel& model) {
   const std::string uri = buffer.text("uri");
   const auto at_buffer = [&](const absl::Status& s) {
     return absl::Status(s.code(), absl::StrCat(buffer.path(), ": ", s.message()));
@@ -354,12 +354,12 @@ absl::StatusOr<std::span<const std::byte>> buffer_bytes(const JsonView& buffer,
   if (is_data_uri(uri)) {
     auto data = decode_data_uri(uri);
     if (!data.ok()) return at_buffer(data.status());
-    document.owned.push_back(*std::move(data));
-    return std::span<const std::byte>(document.owned.back());
+    model.owned.push_back(*std::move(data));
+    return std::span<const std::byte>(model.owned.back());
   }
   const auto path = relative_path(uri);
   if (!path.ok()) return at_buffer(path.status());
-  document.resources.push_back(*path);
+  model.resources.push_back(*path);
   const auto bytes = reader.read(*path);
   if (!bytes.ok()) return at_buffer(bytes.status());
   return *bytes;
@@ -382,12 +382,12 @@ absl::StatusOr<json> parse_json(std::string_view text) {
   }
 }
 
-absl::Status check_extensions(const json& root, GltfModel& document) {
+absl::Status check_extensions(const json& root, GltfModel& model) {
   JsonFault fault;
   const JsonView view(root, "", fault);
   for (const JsonView& item : view["extensionsRequired"].items()) {
     const std::string name = item.as_text();
-    document.extensions_required.push_back(name);
+    model.extensions_required.push_back(name);
     if (!name.empty() && !is_known(name)) {
       return absl::UnimplementedError(
           absl::StrCat("extensionsRequired: ", name, " is not supported"));
@@ -395,10 +395,10 @@ absl::Status check_extensions(const json& root, GltfModel& document) {
   }
   for (const JsonView& item : view["extensionsUsed"].items()) {
     const std::string name = item.as_text();
-    document.extensions_used.push_back(name);
+    model.extensions_used.push_back(name);
     if (!name.empty() && !is_known(name)) {
-      document.problems.push_back({Problem::Severity::warning, "extensionsUsed",
-                                   name + " is not supported; what it says is ignored"});
+      model.problems.push_back({Problem::Severity::warning, "extensionsUsed",
+                                name + " is not supported and is ignored"});
     }
   }
   if (!fault.status().ok()) return fault.status();
@@ -406,25 +406,25 @@ absl::Status check_extensions(const json& root, GltfModel& document) {
 }
 
 absl::Status resolve_buffers(const json& root, const GltfContainer& container,
-                             ResourceReader& reader, GltfModel& document) {
+                             ResourceReader& reader, GltfModel& model) {
   JsonFault fault;
   const std::vector<JsonView> buffers = JsonView(root, "", fault)["buffers"].items();
   for (std::size_t i = 0; i < buffers.size() && fault.status().ok(); ++i) {
     const JsonView& buffer = buffers[i];
     const std::int64_t length = buffer.integer("byteLength", std::int64_t{1} << 40);
     if (is_fallback(buffer) && buffer.text("uri").empty()) {
-      document.buffers.emplace_back();
+      model.buffers.emplace_back();
       continue;
     }
-    auto bytes = buffer_bytes(buffer, container, i == 0, reader, document);
+    auto bytes = buffer_bytes(buffer, container, i == 0, reader, model);
     if (!fault.status().ok()) break;
     if (!bytes.ok()) return bytes.status();
     if (length < 1) fault.report(buffer.path() + ".byteLength", "is missing or 0");
     if (length > 0 && static_cast<std::uint64_t>(length) > bytes->size()) {
-      fault.report(buffer.path(), absl::StrCat("byteLength ", length, ", but there are only ",
+      fault.report(buffer.path(), absl::StrCat("byteLength ", length, ", but the buffer has only ",
                                                bytes->size(), " bytes: truncated?"));
     } else if (length > 0) {
-      document.buffers.push_back(bytes->first(static_cast<std::size_t>(length)));
+      model.buffers.push_back(bytes->first(static_cast<std::size_t>(length)));
     }
   }
   return fault.status();

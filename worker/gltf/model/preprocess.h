@@ -7,27 +7,26 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "worker/gltf/file/container.h"
-#include "worker/gltf/model/gltf_model.h"
 #include "worker/gltf/file/resource_reader.h"
+#include "worker/gltf/model/gltf_model.h"
 
 namespace tessera::render {
 
-/// The first pass over the JSON: everything that must be settled before tinygltf sees it.
-
-/// Parses `text`. Requires split_container()'s checks. Errors: InvalidArgument with the place.
+/// Parses `text`. Requires the checks of split_container(). Errors: InvalidArgument with the
+/// position.
 absl::StatusOr<nlohmann::json> parse_json(std::string_view text);
 
-/// Refuses unknown required extensions by name (Unimplemented), warns of unknown used ones; runs
-/// check_tessera_extensions().
-absl::Status check_extensions(const nlohmann::json& root, GltfModel& document);
+/// Rejects unknown required extensions (Unimplemented, with their names), warns of unknown used
+/// ones and runs check_tessera_extensions().
+absl::Status check_extensions(const nlohmann::json& root, GltfModel& model);
 
-/// Fills document.buffers from the GLB chunk, data URIs and `reader`; names files in
-/// document.resources. Fallback buffers of EXT_meshopt_compression become empty.
+/// Fills model.buffers from the GLB chunk, data URIs and `reader`, and lists files in
+/// model.resources. Fallback buffers of EXT_meshopt_compression stay empty.
 absl::Status resolve_buffers(const nlohmann::json& root, const GltfContainer& container,
-                             ResourceReader& reader, GltfModel& document);
+                             ResourceReader& reader, GltfModel& model);
 
-/// The core model alone as text for tinygltf: no extensions, extras, buffers or images; every
-/// member of a type that tinygltf would misread or ignore refused.
+/// The core model as text for tinygltf, without extensions, extras, buffers and images. Errors:
+/// InvalidArgument for members of a type that tinygltf would misread or ignore.
 absl::StatusOr<std::string> core_text(const nlohmann::json& root);
 
 }  // namespace tessera::render

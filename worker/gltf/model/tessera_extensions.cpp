@@ -13,12 +13,12 @@ using nlohmann::json;
 
 namespace {
 
-/// An extension and the root array whose elements may have it.
-struct Place {
+/// A TESSERA extension and a root array whose elements may have it.
+struct AllowedPlace {
   std::string_view extension, section;
 };
 
-constexpr Place kPlaces[] = {
+constexpr AllowedPlace kAllowedPlaces[] = {
     {"TESSERA_blobs", "nodes"},      {"TESSERA_camera", "cameras"},
     {"TESSERA_csg", "nodes"},        {"TESSERA_material", "materials"},
     {"TESSERA_medium", "scenes"},    {"TESSERA_medium", "materials"},
@@ -26,20 +26,21 @@ constexpr Place kPlaces[] = {
     {"TESSERA_texture", "textures"},
 };
 
-constexpr std::string_view kOurs = "TESSERA_";
+constexpr std::string_view kPrefix = "TESSERA_";
 
-/// "cameras" of "cameras[3]"; nothing of anything deeper.
+/// "cameras" for "cameras[3]"; empty for deeper elements.
 std::string_view section_of(std::string_view element) {
   const std::size_t bracket = element.find('[');
   const bool whole = bracket != std::string_view::npos && element.find(']') == element.size() - 1;
   return whole ? element.substr(0, bracket) : std::string_view();
 }
 
-class PlaceCheck {
+/// Checks all extension objects of a file.
+class ExtensionChecker {
  public:
-  PlaceCheck(const json& root, JsonFault& fault) : root_(root), fault_(fault) {}
+  ExtensionChecker(const json& root, JsonFault& fault) : root_(root), fault_(fault) {}
 
-  /// Depth is bounded by split_container().
+  /// Recursion depth is bounded by split_container().
   void walk(const json& value, const std::string& path) {
     if (value.is_array()) {
       for (std::size_t i = 0; i < value.size(); ++i) {
@@ -59,29 +60,30 @@ class PlaceCheck {
   void check(const json& extensions, const std::string& element) {
     for (const auto& item : extensions.items()) {
       const std::string& name = item.key();
-      if (!name.starts_with(kOurs)) continue;
+      if (!name.starts_with(kPrefix)) continue;
       const std::string where =
           absl::StrCat(element, element.empty() ? "" : ".", "extensions.", name);
       if (!is_tessera_extension(name)) {
-        fault_.report(where, "is no extension of this version of Tessera; misspelt?");
-      } else if (!stands_right(name, element)) {
-        fault_.report(where,
-                      absl::StrCat("does not belong here, but on elements of ", places(name)));
+        fault_.report(where, "unknown TESSERA extension (misspelled or newer?)");
+      } else if (!is_allowed(name, element)) {
+        fault_.report(
+            where, absl::StrCat("not allowed here, only on elements of ", allowed_sections(name)));
       } else if (!is_listed(name)) {
         fault_.report(where, "is not listed in extensionsUsed");
       }
     }
   }
 
-  static bool stands_right(std::string_view name, std::string_view element) {
-    return std::any_of(std::begin(kPlaces), std::end(kPlaces), [&](const Place& place) {
-      return place.extension == name && place.section == section_of(element);
-    });
+  static bool is_allowed(std::string_view name, std::string_view element) {
+    return std::any_of(std::begin(kAllowedPlaces), std::end(kAllowedPlaces),
+                       [&](const AllowedPlace& place) {
+                         return place.extension == name && place.section == section_of(element);
+                       });
   }
 
-  static std::string places(std::string_view name) {
+  static std::string allowed_sections(std::string_view name) {
     std::string out;
-    for (const Place& place : kPlaces) {
+    for (const AllowedPlace& place : kAllowedPlaces) {
       if (place.extension != name) continue;
       absl::StrAppend(&out, out.empty() ? "" : " or ", std::string(place.section));
     }
@@ -101,13 +103,13 @@ class PlaceCheck {
 }  // namespace
 
 bool is_tessera_extension(std::string_view name) {
-  return std::any_of(std::begin(kPlaces), std::end(kPlaces),
-                     [name](const Place& place) { return place.extension == name; });
+  return std::any_of(std::begin(kAllowedPlaces), std::end(kAllowedPlaces),
+                     [name](const AllowedPlace& place) { return place.extension == name; });
 }
 
 absl::Status check_tessera_extensions(const json& root) {
   JsonFault fault;
-  PlaceCheck(root, fault).walk(root, "");
+  ExtensionChecker(root, fault).walk(root, "");
   return fault.status();
 }
 

@@ -7,15 +7,16 @@
 
 namespace tessera::render {
 
-/// Our own extensions (docs/extensions.md). Others' files are read leniently where viewers are;
-/// what says TESSERA_ is meant for us, so a misplaced or misspelt one is a fault, not a surprise.
+/// Checks of TESSERA_* extensions (docs/reference/gltf-support.md#tessera-extensions). Unknown
+/// extensions of others are ignored as viewers do; a misplaced or misspelt TESSERA_ extension is an
+/// error because the author meant Tessera to apply it.
 
-/// Whether `name` is one of ours that this version reads.
+/// Returns whether this version reads the TESSERA_ extension `name`.
 bool is_tessera_extension(std::string_view name);
 
-/// Checks that every extension named TESSERA_* is known, stands where it means something, and is
-/// listed in extensionsUsed. Members are the business of the extension's reader, which refuses
-/// those it does not know (JsonView::allow). Errors: InvalidArgument "ELEMENT: FAULT".
+/// Checks that every extension named TESSERA_* is known, is allowed where it stands and is listed
+/// in extensionsUsed. The reader of each extension checks its properties (JsonView::allow). Errors:
+/// InvalidArgument "ELEMENT: FAULT".
 absl::Status check_tessera_extensions(const nlohmann::json& root);
 
 }  // namespace tessera::render

@@ -6,8 +6,8 @@
 namespace tessera::render {
 namespace {
 
-/// Texels [first, last] that lookups between two coordinates may touch. The whole image where the
-/// span leaves it or is not finite: more than enough, never too little.
+/// Range [first, last] of texels that lookups between two coordinates may touch; the whole image if
+/// the interval leaves it or is not finite. Never too small.
 struct Span {
   std::int32_t first, last;
 };
@@ -15,7 +15,7 @@ Span texel_span(float low, float high, std::int32_t size, bool repeats) {
   const Span whole{0, size - 1};
   if (!(std::fabs(low) < 1e6f) || !(std::fabs(high) < 1e6f)) return whole;
   const float shift = repeats ? std::floor(low) : 0.0f;
-  // One texel of margin on each side for the filter, one more for rounding.
+  // One texel of margin on each side for the filter, and one for rounding.
   const double a = std::floor((static_cast<double>(low) - shift) * size - 0.5) - 1;
   const double b = std::floor((static_cast<double>(high) - shift) * size - 0.5) + 2;
   if (repeats && (a < 0 || b >= size)) return whole;
@@ -65,7 +65,7 @@ double EmissiveTextureSums::box(std::int32_t x0, std::int32_t x1, std::int32_t y
   const double sum =
       sums_[bottom + right] - sums_[top + right] - sums_[bottom + left] + sums_[top + left];
   const double count = static_cast<double>(x1 - x0 + 1) * (y1 - y0 + 1);
-  // Differences of large sums may round a faint box to nothing: one code of 8-bit sRGB is 3e-4.
+  // Rounding of large sums may yield 0 for a dim box; one code of 8-bit sRGB is 3e-4.
   return std::max(sum, lit * 1e-6) / count;
 }
 

@@ -9,15 +9,15 @@
 
 namespace tessera::render {
 
-/// Mean brightness of an emissive texture over uv boxes in constant time, for choosing triangles
-/// by the light they give. Summed-area tables in double and of counts: exactly zero only where
-/// every texel a bilinear lookup in the box can touch is black.
+/// Mean brightness of an emissive texture over UV boxes in constant time, for choosing triangles by
+/// power. Uses summed-area tables, in double and of counts: the mean is zero only if every texel
+/// that a bilinear lookup in the box can touch is black.
 class EmissiveTextureSums {
  public:
   /// Requires a ref with a texture.
   EmissiveTextureSums(const TextureTable& textures, const TextureRef& ref, const Scene& scene);
 
-  /// Mean luminance over the texels under the box of three uv points (before the transform).
+  /// Mean luminance of the texels in the bounding box of three UV points (before the transform).
   double mean(const Vec2f& a, const Vec2f& b, const Vec2f& c) const;
 
  private:
@@ -27,11 +27,11 @@ class EmissiveTextureSums {
   std::int32_t width_ = 0, height_ = 0;
   bool repeats_u_ = true, repeats_v_ = true;
   std::vector<double> sums_;        // (width + 1) x (height + 1)
-  std::vector<std::uint32_t> lit_;  // texels that are not black
+  std::vector<std::uint32_t> lit_;  // number of texels that are not black
 };
 
-/// Mean radiance of a triangle's front, as far as its material and textures tell. Texture sums are
-/// made once per material.
+/// Mean radiance of triangles on their front side, by material and texture. Texture sums are built
+/// once per material.
 class EmittedRadiance {
  public:
   EmittedRadiance(const Scene& scene, const TextureTable& textures)

@@ -10,20 +10,20 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 
-/// Index of the cell of a rising cdf (count + 1 values from 0 to 1) that holds u, and where in it.
+/// Cell of a CDF (count + 1 values from 0 to 1) that contains u, and the position inside it.
 struct Cell {
   std::int32_t index;
   double inside;  // [0, 1)
 };
 Cell find_cell(const double* cdf, std::int32_t count, double u) {
-  // The last cell whose lower edge is at or below u; empty cells are stepped over.
+  // The last cell whose lower edge is at most u, which skips empty cells.
   const double* upper = std::upper_bound(cdf, cdf + count, u);
   const auto i = static_cast<std::int32_t>(upper - cdf) - 1;
   const double low = cdf[i], width = cdf[i + 1] - low;
   return {i, width > 0 ? (u - low) / width : 0.5};
 }
 
-/// Offset in (-1, 1) with the density of the tent 1 - |x|.
+/// Maps u to an offset in (-1, 1) with the tent density 1 - |x|.
 double tent(double u) {
   return u < 0.5 ? std::sqrt(2 * u) - 1 : 1 - std::sqrt(2 * (1 - u));
 }
@@ -71,7 +71,7 @@ EnvironmentMap::Lookup EnvironmentMap::look_up(const Vec3f& d) const {
            lerp(excess(c), excess(e), fx) *
                row_sines_[static_cast<std::size_t>(j + 1 < height_ ? j + 1 : height_ - 1)],
            fy);
-  const auto spread = static_cast<float>(sine > 1e-18 ? sine : 1e-18);  // never 0 / 0
+  const auto spread = static_cast<float>(sine > 1e-18 ? sine : 1e-18);  // avoids 0 / 0
   return {lerp(lerp(a, b, fx), lerp(c, e, fx), fy) * strength_, density * density_scale_ / spread};
 }
 
@@ -87,7 +87,7 @@ void EnvironmentMap::build() {
     for (std::int32_t i = 0; i < width_; ++i) row += luminance(fetch(i, j));
     power_ += row * (above - below) * 2 * kPi / width_;
   }
-  // A little more: the texels of an even sky have nothing above it, whatever the rounding.
+  // Slightly increased, so that rounding gives uniform maps no texel above the mean.
   mean_ = static_cast<float>(power_ / (4 * kPi) * (1 + 0x1p-16));
   row_cdf_.assign(h + 1, 0);
   cdf_.assign(h * (w + 1), 0);
@@ -120,8 +120,8 @@ EnvironmentMap::Sample EnvironmentMap::sample(double u1, double u2) const {
   const auto j = static_cast<std::size_t>(row.index), w = static_cast<std::size_t>(width_);
   const Cell column = find_cell(&cdf_[j * (w + 1)], width_, u2);
   double y = row.index + 0.5 + tent(row.inside);
-  // Beyond the centres of the first and last row the lookup repeats them: their tents have a flat
-  // half there, uniform over half a texel.
+  // Beyond the centres of the first and last row, lookups clamp to them, so half of their tent
+  // is flat, uniform over half a texel.
   if (row.index == 0 && row.inside < 0.5) y = row.inside;
   if (row.index == height_ - 1 && row.inside >= 0.5) y = height_ - 1 + row.inside;
   const double x = column.index + 0.5 + tent(column.inside);
@@ -129,7 +129,7 @@ EnvironmentMap::Sample EnvironmentMap::sample(double u1, double u2) const {
   const elementary::SinCosd t = elementary::sincos(theta), p = elementary::sincos(phi);
   Sample s;
   s.direction = normalize(Vec3f(Vec3d{t.sin * p.cos, t.cos, t.sin * p.sin}));
-  // Looked up through the rounded direction, as a path that finds the sky by chance does.
+  // Looked up in the rounded direction, as BSDF sampling does.
   const Lookup found = look_up(s.direction);
   s.radiance = found.radiance;
   s.pdf = found.pdf;

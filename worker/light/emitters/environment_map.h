@@ -9,9 +9,9 @@
 
 namespace tessera::render {
 
-/// The sky: latitude-longitude, bilinear, importance-sampled; or one constant radiance.
+/// Environment map in latitude-longitude, bilinear and importance sampled; or a constant radiance.
 ///
-/// u = 0.5 + atan2(d.z, d.x) / 2 pi + rotation / 360, v = acos(d.y) / pi from the top. Points into
+/// u = 0.5 + atan2(d.z, d.x) / 2 pi + rotation / 360, v = acos(d.y) / pi from the top. Refers to
 /// the scene, which must outlive it. Negative texels count as black.
 class EnvironmentMap {
  public:
@@ -22,11 +22,11 @@ class EnvironmentMap {
     Vec3f radiance;
     float pdf = 0;  // as pdf()
   };
-  /// Both for direction `d` (unit, world).
+  /// Radiance and density for direction `d` (unit, world).
   Lookup look_up(const Vec3f& d) const;
   Vec3f radiance(const Vec3f& d) const { return look_up(d).radiance; }
 
-  /// Whether directions are better left to the BSDF: the sky is the same everywhere, or black.
+  /// Returns whether it is uniform or black, so that BSDF sampling alone suffices.
   bool is_constant() const { return image_ == nullptr || !(total_ > 0); }
 
   struct Sample {
@@ -34,18 +34,19 @@ class EnvironmentMap {
     Vec3f radiance;
     float pdf = 0;  // over solid angle
   };
-  /// A direction whose density follows what the filtered brightness has above the sky's mean: a
-  /// texel by its share, then a place under its bilinear tent. What lies below is left to the BSDF,
-  /// whose samples find it well enough; combine the two by densities. u1 and u2 in [0, 1) with 32
-  /// bits or more, so that no texel's share falls between two of them. Not for constant skies.
+  /// Samples a direction with a density proportional to the excess of the filtered luminance over
+  /// its mean: chooses a texel, then a point under its bilinear tent. Parts below the mean are left
+  /// to BSDF sampling; combine both by MIS. u1 and u2 in [0, 1) with at least 32 bits, so that no
+  /// texel falls between two values. Requires !is_constant().
+  ///
   /// Source: Karlik et al., "MIS compensation: optimizing sampling techniques in multiple
   /// importance sampling", 2019.
   Sample sample(double u1, double u2) const;
 
-  /// Density of sample() at `d`; 0 where all texels about it are no brighter than the mean.
+  /// Density of sample() at `d`; 0 if no texel around it is brighter than the mean.
   float pdf(const Vec3f& d) const { return look_up(d).pdf; }
 
-  /// Flux through a disc of unit area, summed over all directions: integral of luminance.
+  /// Integral of luminance over all directions: flux through a disc of unit area, cd.
   double power() const;
 
   std::int64_t memory_bytes() const;
@@ -63,8 +64,8 @@ class EnvironmentMap {
   std::vector<float> row_sines_;  // sine of the polar angle at each row's centre
   std::vector<double> row_cdf_;   // height + 1, from 0 to 1
   std::vector<double> cdf_;       // [row][width + 1], from 0 to 1 in each row
-  float mean_ = 0;                // luminance over the sphere
-  float density_scale_ = 0;       // from excess times sine in texels to solid angle
+  float mean_ = 0;                // mean luminance over the sphere
+  float density_scale_ = 0;       // from excess times sine per texel to density over solid angle
   double total_ = 0;              // sum of excess times row sine
   double power_ = 0;              // integral of luminance over the sphere, before strength
 };

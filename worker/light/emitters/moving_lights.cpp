@@ -16,12 +16,12 @@ const std::vector<Affine3d>& motion_of(const Scene& scene, const Instance& insta
   return scene.motions[static_cast<std::size_t>(instance.motion)];
 }
 
-/// At a key.
+/// Object to world at key `key`.
 Affine3d place_at(const Scene& scene, const Instance& instance, std::size_t key) {
   return instance.motion == kNone ? instance.object_to_world : motion_of(scene, instance)[key];
 }
 
-/// Corner k of a triangle in object space, at a key.
+/// Vertex k of a triangle in object space at a key.
 Vec3d vertex_at(const Scene& scene, const TriangleId& id, std::size_t k, std::size_t key) {
   const Mesh& mesh = mesh_of(scene, scene.instances[id.instance]);
   const Primitive& p = mesh.primitives[id.primitive];

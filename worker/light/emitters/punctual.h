@@ -12,10 +12,10 @@ constexpr float range_attenuation(float distance, float range) {
   return clamp(1 - q2 * q2, 0.0f, 1.0f);
 }
 
-/// Share of a spot's intensity in a direction `cos_theta` off its axis: 1 inside the inner cone, 0
-/// outside the outer one, squared ramp between; without a ramp where both are one. Source:
-/// KHR_lights_punctual, but for the example's floor of 0.001 under the ramp's width, which would
-/// darken spots of a few degrees also inside their inner cones.
+/// Intensity of a spot in a direction `cos_theta` off its axis: 1 inside the inner cone, 0 outside
+/// the outer cone, a squared ramp between them, a step if they are equal. Source:
+/// KHR_lights_punctual, but without its lower limit of 0.001 for the ramp's width, which would
+/// darken narrow spots inside their inner cone.
 constexpr float spot_attenuation(float cos_theta, float cos_inner, float cos_outer) {
   const float width = cos_inner - cos_outer;
   if (!(width > 0)) return cos_theta >= cos_outer ? 1 : 0;
@@ -27,10 +27,10 @@ constexpr float spot_attenuation(float cos_theta, float cos_inner, float cos_out
 struct PunctualSample {
   Vec3f direction;     // unit, towards the light
   float distance = 0;  // metres; infinite for directional lights
-  Vec3f irradiance;    // on a surface facing it, lux: I / d^2, or E; zero out of cone and range
+  Vec3f irradiance;    // on a surface facing it, lux: I / d^2, or E; zero outside cone and range
 };
 
-/// Of the light where `pose` has it.
+/// Samples the light at `pose`.
 inline PunctualSample sample_punctual(const PunctualLight& light, const PunctualPose& pose,
                                       const Vec3f& point) {
   if (light.kind == PunctualLight::Kind::directional) {

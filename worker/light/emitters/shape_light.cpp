@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 
-/// 1 - cos of the half angle of the cone around a sphere; 2 where the point is inside it.
+/// 1 - cos of the half angle of the cone around a sphere; 2 if the point is inside it.
 double cone_height(double distance, double radius) {
   if (!(distance > radius)) return 2;
   const double sine = radius / distance;
@@ -18,16 +18,16 @@ double cone_height(double distance, double radius) {
   return sine * sine / (1 + cosine);
 }
 
-/// Two unit vectors that make a frame with a third.
+/// Two unit vectors that complete an orthonormal frame.
 void span_plane(const Vec3d& axis, Vec3d& s, Vec3d& t) {
   s = normalize(cross(axis, std::fabs(axis.x) < 0.5 ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0}));
   t = cross(axis, s);
 }
 
-/// The most that a transform stretches any vector, or a little more. Where it stretches all alike,
-/// as rotations rounded to float do, m m' = s^2 (1 + e) with entries of e up to kSame, so that the
-/// factor is at most s sqrt(1 + 3 kSame); else the Frobenius norm, up to sqrt(3) times as much.
-double stretch(const Affine3d& m) {
+/// Upper bound of the factor by which a transform scales any vector. For a uniform scale, up to
+/// rounding of the rotation, m m' = s^2 (1 + e) with entries of e up to kSame, so the factor is at
+/// most s sqrt(1 + 3 kSame); otherwise the Frobenius norm, up to sqrt(3) times too large.
+double max_scale(const Affine3d& m) {
   constexpr double kSame = 1e-6;
   const auto& [x, y, z] = m.rows;
   const double xx = dot(x, x), yy = dot(y, y), zz = dot(z, z);
@@ -37,20 +37,20 @@ double stretch(const Affine3d& m) {
   return std::sqrt(alike ? xx * (1 + 3 * kSame) : xx + yy + zz);
 }
 
-/// Of the sphere about the middle of its box.
+/// Radius of the bounding sphere around the centre of the shape's box.
 double object_radius(const Shape& shape) {
   const Vec3d half = (Vec3d(shape.bounds.hi) - Vec3d(shape.bounds.lo)) * 0.5;
-  // An ellipsoid lies within its largest radius, a sphere at it.
+  // An ellipsoid is bounded by its largest radius, which is exact for a sphere.
   return shape.latitudes ? max_component(half) : length(half);
 }
 
-/// Whether the shape's sections across an axis lie in the ellipses that its box is around.
+/// Returns whether cross-sections along an axis lie in the ellipses inscribed in the box.
 bool is_round(const Shape& shape, int axis) {
   const bool uncut = shape.form == Shape::Form::quadric && std::isinf(shape.clip.hi.x);
   return shape.latitudes || (axis == 1 && (shape.form == Shape::Form::torus || uncut));
 }
 
-/// The largest length of a s + b t over the unit circle, or over the square [-1, 1]^2.
+/// Maximum length of a s + b t over the unit circle, or over the square [-1, 1]^2.
 double reach(const Vec3d& a, const Vec3d& b, bool circle) {
   const double aa = dot(a, a), bb = dot(b, b), ab = std::fabs(dot(a, b));
   if (!circle) return std::sqrt(aa + bb + 2 * ab);
@@ -61,7 +61,7 @@ double reach(const Vec3d& a, const Vec3d& b, bool circle) {
 }  // namespace
 
 ShapeLight::ShapeLight(const Affine3d& object_to_world, const Affine3d& world_to_object,
-                           const Shape& shape)
+                       const Shape& shape)
     : object_to_world_(object_to_world), world_to_object_(world_to_object), shape_(shape) {
   const Vec3d lo(shape.bounds.lo), hi(shape.bounds.hi);
   centre_ = transform_point(object_to_world_, (lo + hi) * 0.5);
@@ -70,7 +70,7 @@ ShapeLight::ShapeLight(const Affine3d& object_to_world, const Affine3d& world_to
     enclose_flat(flat);
     return;
   }
-  radius_ = object_radius(shape) * stretch(object_to_world_) * (1 + 0x1p-40);
+  radius_ = object_radius(shape) * max_scale(object_to_world_) * (1 + 0x1p-40);
   std::array<Vec3d, 3> half;
   for (int k = 0; k < 3; ++k) {
     Vec3d edge;
@@ -91,7 +91,7 @@ void ShapeLight::enclose_flat(int flat_axis) {
   edge_v_ = transform_vector(object_to_world_, v);
 }
 
-/// `half`: the edges of the box in the world, halved.
+/// `half`: half edges of the box in the world.
 void ShapeLight::enclose_long(const std::array<Vec3d, 3>& half) {
   std::size_t longest = 0;
   for (std::size_t k = 1; k < 3; ++k) {
@@ -99,7 +99,7 @@ void ShapeLight::enclose_long(const std::array<Vec3d, 3>& half) {
   }
   const Vec3d axis = normalize(half[longest]);
   const Vec3d &a = half[(longest + 1) % 3], &b = half[(longest + 2) % 3];
-  const double a_along = dot(a, axis), b_along = dot(b, axis);  // 0 but under shear
+  const double a_along = dot(a, axis), b_along = dot(b, axis);  // 0 unless sheared
   Column around;
   around.axis = axis;
   around.radius =
@@ -131,7 +131,7 @@ LightBounds ShapeLight::bounds(double radiance, bool both_sides) const {
   const int flat = shape_.flat_axis();
   if (flat < 0) {
     light.normal_angle = kPi;
-    // What is seen of the cover, on average over all directions: a quarter of its surface.
+    // Mean projected area of the proxy over all directions: a quarter of its surface.
     light.strength =
         radiance * kPi *
         (column_.radius > 0 ? column_.radius * (column_.half_length + 0.5 * column_.radius)
@@ -148,7 +148,7 @@ LightBounds ShapeLight::bounds(double radiance, bool both_sides) const {
 
 namespace {
 
-/// A rectangle seen from a point as two triangles.
+/// A rectangle seen from a point, as two triangles.
 struct SeenRectangle {
   SphericalTriangle first, second;
   double solid_angle() const { return first.solid_angle + second.solid_angle; }

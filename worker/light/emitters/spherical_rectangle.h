@@ -8,12 +8,12 @@
 
 namespace tessera::render {
 
-/// A rectangle as seen from a point: where it lies in a frame of its own, and its solid angle. In
-/// double. Zero solid angle where the point lies in the rectangle's plane.
+/// Rectangle as seen from a point: its position in a local frame and its solid angle, in double.
+/// The solid angle is zero if the point lies in the rectangle's plane.
 ///
 /// Source: C. Ureña, M. Fajardo, A. King, "An area-preserving parametrization for spherical
-/// rectangles", EGSR 2013; here the solid angle is a sum of four arc tangents, which keeps the
-/// digits of small ones, and angles are added as products of complex numbers.
+/// rectangles", EGSR 2013. Unlike there, the solid angle is a sum of four arc tangents, which is
+/// accurate for small ones, and angles are added as products of complex numbers.
 class SphericalRectangle {
  public:
   SphericalRectangle() = default;
@@ -41,25 +41,26 @@ class SphericalRectangle {
 
   double solid_angle() const { return solid_angle_; }  // steradians, [0, 2 pi]
 
-  /// Whether sample() works well; as SphericalTriangle::is_near().
+  /// Returns whether sample() is accurate; see SphericalTriangle::is_near().
   bool is_near() const { return solid_angle_ > 3e-4 && solid_angle_ < 6.22; }
 
-  /// s and t of a point, uniform over solid angle, for u1 and u2 in [0, 1). Requires is_near().
+  /// Coordinates s and t of a point, uniform over solid angle, for u1 and u2 in [0, 1). Requires
+  /// is_near().
   std::array<double, 2> sample(double u1, double u2) const {
     const double at_x0 = std::sqrt(z_ * z_ + x0_ * x0_);
     const double at_y0 = std::sqrt(z_ * z_ + y0_ * y0_), at_y1 = std::sqrt(z_ * z_ + y1_ * y1_);
-    // The angles at (x0, y1) and (x0, y0), and what both add up to.
+    // The angles at (x0, y1) and (x0, y0), and their sum.
     const Complex far_end = Complex{y1_ * x0_, z_ * r01_} * (1 / (at_y1 * at_x0));
     const Complex near_end = Complex{-x0_ * y0_, z_ * r00_} * (1 / (at_x0 * at_y0));
     const Complex ends = far_end * near_end;
-    // The line of equal x that has u1 of the solid angle on its left.
+    // The line of constant x that has u1 of the solid angle on its left.
     const elementary::SinCosd part = elementary::sincos(u1 * solid_angle_);
     const Complex turn = Complex{part.cos, part.sin} * Complex{ends.real, -ends.imaginary};
     const double b0 = -y0_ / at_y0, b1 = y1_ / at_y1;
     const double slope = (turn.real * b0 - b1) / turn.imaginary;
     const double c = std::copysign(1 / std::sqrt(slope * slope + b0 * b0), slope);
     const double x = clamp(c * z_ / std::sqrt(clamp(1 - c * c, 1e-300, 1.0)), x0_, x1_);
-    // The point on it below which u2 of its arc lies.
+    // The point on that line below which u2 of its arc lies.
     const double d2 = z_ * z_ + x * x;
     const double h0 = y0_ / std::sqrt(d2 + y0_ * y0_), h1 = y1_ / std::sqrt(d2 + y1_ * y1_);
     const double h = h0 + u2 * (h1 - h0), rest = 1 - h * h;

@@ -7,24 +7,24 @@
 
 namespace tessera::render {
 
-/// A round column: all points within `radius` of its axis and `half_length` of its centre along it.
+/// A cylinder: all points within `radius` of its axis and `half_length` of its centre along it.
 struct Column {
   Vec3d axis;  // unit
   double radius = 0, half_length = 0;
 };
 
-/// The directions in which a point beside a column may see it: those between the two planes through
-/// the point that touch it, from its lowest point to its highest as seen against the axis. Across
-/// the column it holds nothing else; beyond an end, what the end's roundness leaves.
+/// Directions in which a point beside a cylinder may see it: between the two planes through the
+/// point that touch the cylinder, from its lowest point to its highest along the axis. It is exact
+/// except at the ends of the cylinder, where it is slightly larger.
 ///
-/// Solid angle is the angle about the axis times the difference of the sines of height
-/// (Archimedes), so that both can be drawn uniformly. Source of the idea, with a rectangle: M.
-/// Gamito, "Solid angle sampling of disk and cylinder lights", EGSR 2016.
+/// Its solid angle is the angle about the axis times the difference of the sines of elevation
+/// (Archimedes), so both can be sampled uniformly. After the idea, with a rectangle, of M. Gamito,
+/// "Solid angle sampling of disk and cylinder lights", EGSR 2016.
 class SphericalStrip {
  public:
   SphericalStrip() = default;
 
-  /// `to_centre`: from the point to the column's centre.
+  /// `to_centre`: from the point to the centre of the cylinder.
   SphericalStrip(const Column& column, const Vec3d& to_centre) : axis_(column.axis) {
     const double along = dot(to_centre, column.axis);
     const Vec3d across = to_centre - column.axis * along;
@@ -38,13 +38,13 @@ class SphericalStrip {
     half_angle_ = elementary::atan2(column.radius, std::sqrt(near * far));
   }
 
-  /// Whether it is one: the point is outside of the column drawn out to both sides, and not so far
-  /// away that the sines lose more than half of their digits.
+  /// Returns whether the point is outside the infinite cylinder and close enough that the sines
+  /// keep more than half of their digits.
   bool usable() const { return high_ - low_ > 0x1p-26; }
 
   double solid_angle() const { return 2 * half_angle_ * (high_ - low_); }  // steradians
 
-  /// A unit vector in it, uniform over solid angle, for u1 and u2 in [0, 1). Requires usable().
+  /// Samples a unit vector uniformly over solid angle, for u1 and u2 in [0, 1). Requires usable().
   Vec3d sample(double u1, double u2) const {
     const elementary::SinCosd turn = elementary::sincos((2 * u1 - 1) * half_angle_);
     const double height = low_ + u2 * (high_ - low_);
@@ -53,7 +53,7 @@ class SphericalStrip {
   }
 
  private:
-  /// Of the angle at which something `up` along the axis and `away` from it is seen.
+  /// Sine of the elevation of a point `up` along the axis and `away` from it.
   static double sine(double up, double away) { return up / std::sqrt(up * up + away * away); }
 
   Vec3d axis_, towards_;   // unit, perpendicular

@@ -8,16 +8,17 @@
 
 namespace tessera::render {
 
-/// A triangle as seen from a point: its corners as unit vectors, and the solid angle between them.
+/// Triangle as seen from a point: its vertices as unit vectors, and its solid angle.
 ///
-/// In double, from edges rather than from differences of unit vectors, so that small triangles keep
-/// their digits. Zero solid angle where the point lies in the triangle's plane or on a corner.
+/// Computed in double and from edges instead of differences of unit vectors, so that small
+/// triangles stay accurate. The solid angle is zero if the point lies in the triangle's plane or on
+/// a vertex.
 struct SphericalTriangle {
   Vec3d a, b, c;
   std::array<double, 3> distance{};  // of the corners
   double solid_angle = 0;            // steradians, [0, 2 pi]
 
-  /// Corners relative to the point. Source: Van Oosterom & Strackee, "The solid angle of a plane
+  /// Vertices relative to the point. Source: Van Oosterom & Strackee, "The solid angle of a plane
   /// triangle", 1983.
   static SphericalTriangle seen_from_origin(const Vec3d& p, const Vec3d& q, const Vec3d& r) {
     const double lp = length(p), lq = length(q), lr = length(r);
@@ -33,19 +34,19 @@ struct SphericalTriangle {
     return t;
   }
 
-  /// Whether sample() works well: neither so small that areas of triangles do as well, nor so large
-  /// that the point all but lies in the plane.
-  bool is_near() const { return solid_angle > kLeast && solid_angle < 6.22; }
-  static constexpr double kLeast = 3e-4;
+  /// Returns whether sample() is worthwhile and accurate: the triangle is neither so small that
+  /// area sampling does as well, nor so large that the point nearly lies in its plane.
+  bool is_near() const { return solid_angle > kMinSolidAngle && solid_angle < 6.22; }
+  static constexpr double kMinSolidAngle = 3e-4;
 
-  /// A unit vector in the triangle, uniform over solid angle, for u1 and u2 in [0, 1). Requires
-  /// solid_angle > 0. Source: J. Arvo, "Stratified sampling of spherical triangles", 1995.
+  /// Samples a unit vector in the triangle, uniform over solid angle, for u1 and u2 in [0, 1).
+  /// Requires solid_angle > 0. Source: J. Arvo, "Stratified sampling of spherical triangles", 1995.
   Vec3d sample(double u1, double u2) const {
     // The angle at a, as cosine and sine, from the planes of its two sides.
     const Vec3d ab = cross(a, b), ac = cross(a, c);
     const double sides = std::sqrt(dot(ab, ab) * dot(ac, ac));
     const double cos_a = dot(ab, ac) / sides, sin_a = std::fabs(dot(a, cross(b, c))) / sides;
-    // A sub-triangle of u1 of the area, with the same corners a and b.
+    // A sub-triangle with u1 of the area and the same vertices a and b.
     const elementary::SinCosd area = elementary::sincos(u1 * solid_angle);
     const double s = area.sin * cos_a - area.cos * sin_a;
     const double t = area.cos * cos_a + area.sin * sin_a;
@@ -56,10 +57,10 @@ struct SphericalTriangle {
     return turned(b, corner, clamp(1 - u2 * (1 - dot(corner, b)), -1.0, 1.0));
   }
 
-  /// Barycentrics (of the second and third corner) of the point of the plane triangle that
-  /// `direction` leads to.
-  Vec2f place_of(const Vec3d& direction) const {
-    // The weights of the unit corners that make up the direction, then of the corners themselves.
+  /// Barycentrics (of the second and third vertex) of the point of the plane triangle in
+  /// `direction`.
+  Vec2f barycentrics_at(const Vec3d& direction) const {
+    // Weights of the unit vectors that sum to the direction, then of the vertices themselves.
     const double x = std::fabs(dot(direction, cross(b, c))) / distance[0];
     const double y = std::fabs(dot(direction, cross(c, a))) / distance[1];
     const double z = std::fabs(dot(direction, cross(a, b))) / distance[2];
@@ -68,7 +69,7 @@ struct SphericalTriangle {
   }
 
  private:
-  /// The unit vector at `cosine` from `from`, in the plane that also holds `to`.
+  /// Unit vector at `cosine` from `from`, in the plane that also contains `to`.
   static Vec3d turned(const Vec3d& from, const Vec3d& to, double cosine) {
     const Vec3d across = to - from * dot(from, to);
     const double size = length(across);

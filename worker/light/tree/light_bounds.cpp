@@ -14,8 +14,8 @@ double angle_of_cosine(double cosine) {
   return elementary::acos(clamp(cosine, -1.0, 1.0));
 }
 
-/// The mean of the axes, and the angle about it that holds their cones; all directions where the
-/// axes cancel each other.
+/// Mean of the axes and the angle around it that contains their cones; all directions if the axes
+/// cancel.
 void unite_directions(const std::vector<LightBounds>& poses, LightBounds& all) {
   Vec3d sum;
   for (const LightBounds& pose : poses) sum += pose.axis;

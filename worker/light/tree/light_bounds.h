@@ -8,18 +8,18 @@
 
 namespace tessera::render {
 
-/// Corners of a triangle, recentred world.
+/// Vertices of a triangle, recentred world.
 using Corners = std::array<Vec3d, 3>;
 
-/// Box, normal and, for the time being as `strength`, area of a triangle. Mirrored instances turn
-/// the winding over, not the side that shines.
+/// Bounds of a triangle, with its area as `strength` for now. Mirrored instances reverse the
+/// winding, but not the emitting side.
 LightBounds bounds_of(const Corners& corners, bool mirrored);
 
-/// Of a punctual light where `pose` has it.
+/// Bounds of a punctual light at `pose`.
 LightBounds bounds_of(const PunctualLight& light, const PunctualPose& pose);
 
-/// Around a light that has each of these bounds at some time: boxes and directions of all, the
-/// strength of the strongest. Requires one at least.
+/// Bounds of a light that has each of `poses` at some time: union of boxes and directions, and
+/// maximum strength. Requires at least one.
 LightBounds bounds_over(const std::vector<LightBounds>& poses);
 
 }  // namespace tessera::render

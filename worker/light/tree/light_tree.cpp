@@ -15,8 +15,9 @@ namespace {
 constexpr double kPi = 3.14159265358979323846;
 constexpr int kBuckets = 12;
 
-/// Least share of its brightest importance a light keeps where its bounds say it gives nothing:
-/// bounds are rounded, and a light that is never chosen where it gives a little would be a bias.
+/// Minimum importance relative to the brightest child, even where the bounds say that a light
+/// contributes nothing. Bounds are rounded, and a contributing light that is never chosen would be
+/// a bias.
 constexpr float kFloor = 0x1p-10f;
 constexpr double kBelowOne = 1 - 0x1p-53;
 
@@ -24,17 +25,17 @@ Lanes select(Lanes mask, Lanes yes, Lanes no) {
   return _mm256_blendv_ps(no, yes, mask);
 }
 
-/// All bits of the lanes where a > b.
+/// All bits set in the lanes where a > b.
 Lanes above(Lanes a, Lanes b) {
   return _mm256_cmp_ps(a, b, _CMP_GT_OQ);
 }
 
-/// The sine of an angle in [0, pi] from its cosine, and back up to pi / 2.
+/// Sine of an angle in [0, pi] from its cosine, and the inverse up to pi / 2.
 Lanes sine_of(Lanes cosine) {
   return _mm256_sqrt_ps(max_lanes(splat(1) - cosine * cosine, splat(0)));
 }
 
-/// cos(max(0, a - b)) from both angles' cosines and sines.
+/// cos(max(0, a - b)) from the cosines and sines of both angles.
 Lanes cos_of_rest(Lanes cos_a, Lanes sin_a, Lanes cos_b, Lanes sin_b) {
   return select(above(cos_a, cos_b), splat(1), cos_a * cos_b + sin_a * sin_b);
 }
@@ -43,13 +44,13 @@ double angle_between(const Vec3d& a, const Vec3d& b) {
   return elementary::acos(clamp(dot(a, b), -1.0, 1.0));
 }
 
-/// A unit vector across `axis`.
+/// A unit vector perpendicular to `axis`.
 Vec3d any_perpendicular(const Vec3d& axis) {
   const Vec3d other = std::fabs(axis.x) < 0.5 ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0};
   return normalize(cross(axis, other));
 }
 
-/// The smallest cone around two: turned from the wider one towards the other.
+/// Smallest cone around two cones: rotated from the wider towards the other.
 void unite_cones(LightBounds& a, LightBounds b) {
   if (b.normal_angle > a.normal_angle) {
     std::swap(a.axis, b.axis);
@@ -79,7 +80,8 @@ void unite(LightBounds& a, const LightBounds& b) {
   a.box_min = min(a.box_min, b.box_min);
   a.box_max = max(a.box_max, b.box_max);
   unite_cones(a, b);
-  // Both sides of a one-sided light would be too much, one side of a two-sided one too little.
+  // Scaled because both sides of a one-sided light would be too much, and one side of a
+  // two-sided one too little.
   if (a.both_sides != b.both_sides) {
     a.both_sides = false;
     a.normal_angle = kPi;
@@ -88,7 +90,8 @@ void unite(LightBounds& a, const LightBounds& b) {
   a.strength += b.strength;
 }
 
-/// Integral of the cosine falloff over the directions a group may light (the paper's M_Omega).
+/// Integral of the cosine falloff over the directions that a group may light (M_Omega in the
+/// paper).
 double orientation_measure(const LightBounds& b) {
   const double o = b.normal_angle;
   const double w = std::min(o + b.emission_angle, kPi);
@@ -99,12 +102,12 @@ double orientation_measure(const LightBounds& b) {
   return b.both_sides ? 2 * measure : measure;
 }
 
-/// Cost of a group within a parent whose box is `extent`: `lengthening` keeps boxes from becoming
-/// thin along other axes than the split's.
+/// Cost of a group in a parent whose box is `extent`; `lengthening` penalises thin boxes along axes
+/// other than the split's.
 double cost(const LightBounds& b, double lengthening) {
   if (!(b.strength > 0)) return 0;
   const Vec3d d = b.box_max - b.box_min;
-  // The square of the diagonal where the paper has the area, which is 0 for lights in a row.
+  // Squared diagonal instead of the paper's area, which is 0 for collinear lights.
   return b.strength * orientation_measure(b) * lengthening * dot(d, d);
 }
 
@@ -124,8 +127,8 @@ class LightTree::Builder {
   void build() {
     if (order_.empty()) return;
     build_pairs();
-    // Breadth is taken from the costliest child first. The root is a node even over one light.
-    std::vector<std::pair<std::uint32_t, Slot>> open = {{0, kNone}};  // pair, its place
+    // Opens the costliest child first. The root is a node even for one light.
+    std::vector<std::pair<std::uint32_t, Slot>> open = {{0, kNone}};  // pair and its slot
     for (std::size_t next = 0; next < open.size(); ++next) {
       const auto [root, parent] = open[next];
       const auto index = static_cast<std::uint32_t>(tree_.nodes_.size());
@@ -140,18 +143,18 @@ class LightTree::Builder {
   }
 
  private:
-  /// A node of the binary tree; the first child follows it.
+  /// A node of the binary tree; its first child follows it.
   struct Pair {
     LightBounds bounds;
     std::uint32_t second = kNone;  // second child; kNone in leaves
     std::uint32_t light = 0;       // of a leaf
   };
 
-  /// Top down, depth first. A stack instead of recursion: lights may make a deep tree.
+  /// Builds top-down and depth first, with a stack because the tree may be deep.
   void build_pairs() {
     struct Range {
       std::size_t begin, end;
-      std::uint32_t parent;  // whose second child this is; kNone: a first child
+      std::uint32_t parent;  // node of which this is the second child; kNone: a first child
     };
     std::vector<Range> stack = {{0, order_.size(), kNone}};
     while (!stack.empty()) {
@@ -201,7 +204,7 @@ class LightTree::Builder {
     node.axis_z[lane] = axis.z;
     node.cos_normal[lane] = static_cast<float>(elementary::cos(b.normal_angle));
     node.sin_normal[lane] = static_cast<float>(elementary::sin(b.normal_angle));
-    // A little wider: with sharp spots 1 would stand against a 1 that rounding made less.
+    // Slightly widened: for sharp spots, rounding could otherwise exclude the axis itself.
     node.cos_emission[lane] = static_cast<float>(elementary::cos(b.emission_angle)) - 0x1p-20f;
     node.both_sides[lane] = b.both_sides ? 1 : 0;
     node.strength[lane] = static_cast<float>(b.strength / tree_.total_);
@@ -224,7 +227,7 @@ class LightTree::Builder {
     return (lights_[light].box_min + lights_[light].box_max) * 0.5;
   }
 
-  /// Parts [begin, end) in two and returns where the second begins.
+  /// Splits [begin, end) in two and returns where the second part begins.
   std::size_t split(std::size_t begin, std::size_t end, const LightBounds& bounds) {
     Vec3d low = centre(order_[begin]), high = low;
     for (std::size_t i = begin; i < end; ++i) {
@@ -260,7 +263,7 @@ class LightTree::Builder {
         }
       }
     }
-    if (best_axis < 0) return begin + (end - begin) / 2;  // all in one place
+    if (best_axis < 0) return begin + (end - begin) / 2;  // all at one position
     const auto first = order_.begin() + static_cast<std::ptrdiff_t>(begin);
     const auto middle = std::stable_partition(
         first, order_.begin() + static_cast<std::ptrdiff_t>(end), [&](std::uint32_t light) {
@@ -285,8 +288,8 @@ LightTree::LightTree(const std::vector<LightBounds>& lights) {
   Builder(lights, *this).build();
 }
 
-/// Strength over squared distance, times the largest cosines the bounds allow at the light and at
-/// the receiver (the paper's equation 3), for eight children at once.
+/// Importance of eight children: strength over squared distance, times the maximum cosines that the
+/// bounds allow at the light and at the shading point (equation 3 of the paper).
 void LightTree::importances(const Node& node, const LightSampleContext& context, LaneArray& out) {
   const Lanes one = splat(1), least = splat(std::numeric_limits<float>::min());
   const Lanes x = load(node.centre_x.data()) - splat(context.point.x);
@@ -297,8 +300,8 @@ void LightTree::importances(const Node& node, const LightSampleContext& context,
   const Lanes safe_d2 = select(outside, d2, one);
   const Lanes scale = one / _mm256_sqrt_ps(safe_d2);
 
-  // Angles as cosine and sine: w between axis and the way to the receiver, n of the normals, b of
-  // the sphere about the box as seen from the receiver, i at the receiver.
+  // Angles as cosine and sine: w between the axis and the direction to the shading point, n of
+  // the normal cone, b of the bounding sphere seen from the shading point, i at the shading point.
   const Lanes towards =
       load(node.axis_x.data()) * x + load(node.axis_y.data()) * y + load(node.axis_z.data()) * z;
   const Lanes along = splat(0) - towards * scale;
@@ -331,7 +334,7 @@ LightTree::Weights LightTree::weights(const Node& node, const LightSampleContext
   importances(node, context, importance);
   double total = 0;
   for (std::size_t i = 0; i < node.count; ++i) total += static_cast<double>(importance[i]);
-  // No child is cut off by another's size, or by weights too small for floats.
+  // Clamped so that no child vanishes through rounding.
   const double least = total > 0 ? total * 0x1p-20 : 1;
   Weights sums{};
   for (std::size_t i = 0; i < node.count; ++i) {

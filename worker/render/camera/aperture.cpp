@@ -10,7 +10,7 @@ AperturePoint aperture_point(const Lens& lens, Vec2f u) {
     const Vec2f d = warp::disk(u);
     return {d.x * lens.radius, d.y * lens.radius};
   }
-  // A triangle from the middle to each side; what is left of u.x within one is used again.
+  // Chooses the triangle from the centre to a side, then reuses the remainder of u.x within it.
   constexpr double kTwoPi = 6.28318530717958647692;
   const float scaled = u.x * static_cast<float>(lens.blades);
   const std::int32_t last = lens.blades - 1;

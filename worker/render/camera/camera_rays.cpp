@@ -14,7 +14,7 @@ Vec3d column(const Affine3d& m, int k) {
   return {m.rows[0][k], m.rows[1][k], m.rows[2][k]};
 }
 
-/// With axes at right angles, which between two keys they are not quite.
+/// `m` with orthogonal axes, which interpolation between two keys does not preserve.
 Affine3d upright(const Affine3d& m) {
   const Vec3d z = normalize(column(m, 2)), up = column(m, 1);
   const Vec3d y = normalize(up - z * dot(z, up)), x = cross(y, z);
@@ -99,8 +99,9 @@ bool CameraRays::ray(double x, double y, Vec2f lens, CameraRay* out) const {
   return true;
 }
 
-/// Every ray of a film point meets the plane in focus where the one through the lens's middle does.
-/// Source: Pharr, Jakob & Humphreys, "Physically Based Rendering", 4th edition, section 5.2.3.
+/// Thin lens: all rays of a film point meet where the ray through the lens's centre hits the plane
+/// of focus. Source: Pharr, Jakob & Humphreys, "Physically Based Rendering", 4th edition, section
+/// 5.2.3.
 bool CameraRays::through_lens(double sideways, double upwards, Vec2f lens, CameraRay* out) const {
   const AperturePoint point = aperture_point(lens_, lens);
   const double slope_x = sideways - point.x / lens_.focus_distance;

@@ -8,36 +8,37 @@
 
 namespace tessera::render {
 
-/// A ray from the camera, worked out in double and rounded once.
+/// A camera ray, computed in double and rounded once.
 struct CameraRay {
-  Vec3f origin;     // on the near plane (curved screens: the near sphere), recentred world
+  Vec3f origin;     // on the near plane (curved projections: near sphere), recentred world
   Vec3f direction;  // unit
   float t_max = 0;  // to the far plane or sphere
 };
 
-/// Turns points of the film into rays. yfov or ymag is kept, the image's aspect ratio decides the
-/// width; y of the film grows downwards, pixel (i, j) covers [i, i + 1) x [j, j + 1). A spherical
-/// or cylindrical panorama fills the image, a fisheye the largest circle in it.
+/// Generates camera rays from film points. yfov or ymag is kept and the image's aspect ratio
+/// determines the width; y points down the film, and pixel (i, j) covers [i, i + 1) x [j, j + 1). A
+/// spherical or cylindrical panorama fills the image, a fisheye the largest circle in it.
 class CameraRays {
  public:
-  /// `assumed`: TraceOptions::assumed.
+  /// `assumed`: see TraceOptions.
   CameraRays(const Camera& camera, std::int32_t width, std::int32_t height,
              std::uint32_t assumed = 0);
 
-  /// Whether rays depend on the time.
+  /// Returns whether rays depend on the time.
   bool moves() const { return !keys_.empty(); }
-  /// The camera as it stands at a time in [0, 1] of the shutter's. Requires moves().
+  /// The camera at a time in [0, 1] of the exposure. Requires moves().
   CameraRays at(float time) const;
 
-  /// Whether rays are to be given `lens`.
+  /// Returns whether ray() uses `lens`.
   bool takes_lens() const { return takes_lens_; }
 
-  /// The ray through film point (x, y), in pixels of the full frame, and the point of the aperture
-  /// that `lens`, in [0, 1)^2, is mapped to with uniform density. False, and `out` as it was, where
-  /// no light reaches the film: outside a fisheye's circle, behind the lens's rim.
+  /// The ray through film point (x, y), in pixels of the full frame, and through the point of the
+  /// aperture to which `lens`, in [0, 1)^2, is mapped uniformly. Returns false and leaves `out`
+  /// unchanged where the film receives no light: outside a fisheye's circle or behind the lens's
+  /// rim.
   bool ray(double x, double y, Vec2f lens, CameraRay* out) const;
 
-  /// Width of what a pixel covers where rays start, metres, and how much it grows a metre.
+  /// Width of a pixel's footprint at the ray's origin, metres, and its growth per metre.
   float footprint_at_start() const { return footprint_at_start_; }
   float footprint_growth() const { return footprint_growth_; }
 
@@ -47,14 +48,14 @@ class CameraRays {
  private:
   void place(const Affine3d& camera_to_world);
   bool through_lens(double sideways, double upwards, Vec2f lens, CameraRay* out) const;
-  bool from_curved_screen(double x, double y, CameraRay* out) const;
+  bool from_curved_projection(double x, double y, CameraRay* out) const;
 
   Vec3d right_, up_, forward_, eye_;
-  Vec3d along_;                      // direction of orthographic rays, one metre of depth
-  double along_length_ = 1;          // of it
+  Vec3d along_;                      // direction of orthographic rays per metre of depth
+  double along_length_ = 1;          // its length
   double pixel_ = 0;                 // world units per pixel, at unit distance if perspective
   double half_width_, half_height_;  // pixels
-  double center_x_, center_y_;       // of the film, in world units, at unit distance if perspective
+  double center_x_, center_y_;       // film centre in world units, at unit distance if perspective
   double near_, far_;
   double horizontal_angle_, vertical_angle_;
   float footprint_at_start_ = 0, footprint_growth_ = 0;

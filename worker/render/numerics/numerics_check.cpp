@@ -7,10 +7,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "contract/film_block.h"
+#include "worker/gltf/decode/image_decoder.h"
 #include "worker/math/elementary.h"
 #include "worker/render/frame_renderer.h"
 #include "worker/render/numerics/numerics_images.h"
-#include "worker/gltf/decode/image_decoder.h"
 
 namespace tessera::render {
 namespace {
@@ -31,7 +31,7 @@ void add_functions(contract::Hasher* hasher, T x) {
   }
 }
 
-/// Arguments from 2^-30 to 2^30 of both signs, with digits in all places.
+/// Arguments from 2^-30 to 2^30 of both signs, with digits in all positions.
 void add_elementary_functions(contract::Hasher* hasher) {
   double x = 0x1p-30;
   for (int i = 0; i < 400; ++i) {
@@ -85,19 +85,20 @@ void add_materials(Scene* scene) {
   glass.has_volume = true;
   glass.attenuation_color = {0.5f, 0.8f, 0.9f};
   glass.attenuation_distance = 0.4f;
-  Material sheet;
-  sheet.metallic = 0;
-  sheet.roughness = 0;
-  sheet.transmission = 0.7f;
-  sheet.base_color = {0.8f, 0.9f, 0.6f, 0.6f};
-  sheet.alpha_mode = AlphaMode::blend;
-  Material lamp;
-  lamp.emission = {4, 3, 2};
-  lamp.emissive_texture = texture(1, true);
-  scene->materials = {floor, metal, glass, sheet, lamp};
+  Material thin;
+  thin.metallic = 0;
+  thin.roughness = 0;
+  thin.transmission = 0.7f;
+  thin.base_color = {0.8f, 0.9f, 0.6f, 0.6f};
+  thin.alpha_mode = AlphaMode::blend;
+  Material area_light;
+  area_light.emission = {4, 3, 2};
+  area_light.emissive_texture = texture(1, true);
+  scene->materials = {floor, metal, glass, thin, area_light};
 }
 
-/// A box of six two-triangle faces with uv, smooth normals from the corners, at the origin.
+/// Adds a box of six two-triangle faces at the origin, with UVs and smooth normals from the
+/// corners.
 Primitive box(std::int32_t material, bool smooth) {
   Primitive p;
   p.material = material;
@@ -142,15 +143,15 @@ void add_lights(Scene* scene) {
   spot.position = {0.5, 2, 0.5};
   spot.direction = normalize(Vec3f{-0.2f, -1, -0.2f});
   spot.cos_inner = 0.95f;
-  PunctualLight sun;
-  sun.kind = PunctualLight::Kind::directional;
-  sun.intensity = {0.5f, 0.5f, 0.6f};
-  sun.direction = normalize(Vec3f{0.3f, -1, -0.5f});
+  PunctualLight directional;
+  directional.kind = PunctualLight::Kind::directional;
+  directional.intensity = {0.5f, 0.5f, 0.6f};
+  directional.direction = normalize(Vec3f{0.3f, -1, -0.5f});
   PunctualLight point;
   point.intensity = {2, 2, 2};
   point.position = {-1, 1, 1};
   point.range = 5;
-  scene->lights = {spot, sun, point};
+  scene->lights = {spot, directional, point};
   scene->has_environment = true;
   scene->environment.image = 2;
   scene->environment.rotation_degrees = 33;

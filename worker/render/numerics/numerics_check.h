@@ -6,13 +6,13 @@
 
 namespace tessera::render {
 
-/// What this build, machine and its libraries make of a small reference tile: SHA-256 over the bits
-/// of every elementary function at fixed arguments and over the film blocks of a built-in scene
+/// Fingerprint of the arithmetic of this build, machine and libraries: SHA-256 over the results of
+/// every elementary function at fixed arguments and over the film blocks of a small built-in scene
 /// with every kind of material, light and transform, textured from a PNG, a JPEG and an EXR file.
-/// Workers whose digests differ would not render the same image ("The bits", rule 6). Takes a few
-/// tens of milliseconds.
+/// Workers with different digests would not render the same image
+/// (docs/explanation/determinism.md#numerics-check). Takes a few tens of milliseconds.
 ///
-/// Errors: those of the image decoders, with "numerics check:" in front.
+/// Errors: those of the image decoders, prefixed with "numerics check:".
 absl::StatusOr<contract::Digest> numerics_digest(Isa isa = best_isa());
 
 }  // namespace tessera::render

@@ -2,10 +2,10 @@
 
 #include "worker/shading/bsdf/base_facets.h"
 
-/// The specification's own layers: diffuse, dielectric facets, metal, transmission. For bsdf.cpp
-/// and extended_bsdf.cpp only. Everything is made twice: with kExtended for materials that have
-/// `extended` lobes, and without for the others, which pay nothing for them. Directions are in the
-/// shading frame where nothing else is said.
+/// Base layers of the specification: diffuse, dielectric microfacets, metal, transmission. Used by
+/// bsdf.cpp and extended_bsdf.cpp only. Instantiated with kExtended for materials with `extended`
+/// lobes, and without it for others, which then pay nothing for them. Directions are in the shading
+/// frame unless noted.
 namespace tessera::render::base_bsdf {
 
 template <bool kExtended>
@@ -38,7 +38,7 @@ inline BsdfValue evaluate_reflection(const Bsdf& b, const Vec3f& wi) {
   return {f * wi.z, pdf};
 }
 
-/// A thin rough sheet transmits the mirror image of its reflection lobe.
+/// A thin rough surface transmits the mirror image of its reflection lobe.
 template <bool kExtended>
 inline BsdfValue evaluate_thin(const Bsdf& b, const Vec3f& wi) {
   const float cos_i = -wi.z;
@@ -70,8 +70,8 @@ inline BsdfValue evaluate_refraction(const Bsdf& b, const Vec3f& wi) {
   return {b.transmit * layer.pass * (4 * d * v * c_o * jacobian * b.transmit_gain * cos_i), pdf};
 }
 
-/// Light spread evenly behind the surface; the dielectric layer of a thin one takes its share as of
-/// light that is spread before it.
+/// Adds the diffuse lobe on the other side of the surface. The dielectric layer of a thin surface
+/// attenuates it like the diffuse lobe on the viewer's side.
 inline void add_diffuse_transmission(const Bsdf& b, const Vec3f& wi, BsdfValue* value) {
   const ExtendedLobes& x = *b.extended;
   if (!(x.back_probability > 0)) return;
@@ -112,7 +112,7 @@ inline Vec3f sample_facet(const Bsdf& b, const Vec2f& circle, float u) {
   return sample_visible_normal(b.wo, b.alpha, circle.x, circle.y, u);
 }
 
-/// The direction a facet with normal `h` sends light to; false if it is lost.
+/// Direction into which a facet with normal `h` scatters; false if the sample is lost.
 inline bool scatter_at_facet(const Bsdf& b, const Vec3f& h, bool reflect, Vec3f* wi) {
   const float c = dot(b.wo, h);
   if (reflect) {
@@ -127,15 +127,15 @@ inline bool scatter_at_facet(const Bsdf& b, const Vec3f& h, bool reflect, Vec3f*
   return refract(b.wo, h, b.eta, wi) && wi->z < 0;
 }
 
-/// `w` (world) mirrored in the surface.
+/// `w` (world) mirrored at the surface.
 inline Vec3f mirrored_in_surface(const BsdfFrame& frame, const Vec3f& w) {
   const Vec3f& n = frame.geometric_normal;
   return direction_of(n * (2 * dot(w, n)) - w);
 }
 
-/// Where interpolated normals would send a mirror-smooth lobe to the wrong side of the surface, the
-/// facet is taken to lie in the surface: no light is lost at the rims of smooth glass.
-inline bool turn_to_its_side(const Bsdf& b, BsdfSample* sample) {
+/// Redirects a specular sample that the interpolated normal sends to the wrong side of the surface,
+/// using the geometric normal instead, so that rims of smooth glass lose no light.
+inline bool use_geometric_normal(const Bsdf& b, BsdfSample* sample) {
   const Vec3f& n = b.frame.geometric_normal;
   const Vec3f wo = to_world(b.frame, b.wo);
   if (sample->transmitted) return refract(wo, n, b.eta, &sample->wi);
@@ -143,8 +143,8 @@ inline bool turn_to_its_side(const Bsdf& b, BsdfSample* sample) {
   return dot(sample->wi, n) > 0;
 }
 
-/// Draws a direction as sample_bsdf() does, also in the frame as `local`; of a delta lobe, its
-/// weight. False when it is lost.
+/// Samples a direction as sample_bsdf() does, also in the frame as `local`; sets the weight of a
+/// delta lobe. False if the sample is lost.
 template <bool kExtended>
 inline bool draw(const Bsdf& b, float u_lobe, const Vec2f& u, BsdfSample* sample, Vec3f* local) {
   if (u_lobe < b.cosine_probability) {
@@ -177,7 +177,7 @@ inline bool draw(const Bsdf& b, float u_lobe, const Vec2f& u, BsdfSample* sample
   }
   sample->wi = direction_of(to_world(b.frame, *local));
   if ((dot(sample->wi, b.frame.geometric_normal) > 0) == sample->transmitted) {
-    return sample->delta && turn_to_its_side(b, sample);
+    return sample->delta && use_geometric_normal(b, sample);
   }
   return true;
 }
@@ -188,7 +188,7 @@ inline Vec3f straight_transmittance(const Bsdf& b) {
   return b.transmit * layer_at<kExtended>(b, b.wo.z).pass;
 }
 
-/// Estimate of what draw() scatters.
+/// Estimated albedo of draw().
 template <bool kExtended>
 inline float scattered_albedo(const Bsdf& b) {
   const Layer layer = layer_at<kExtended>(b, b.wo.z);

@@ -2,17 +2,17 @@
 
 #include "worker/math/elementary.h"
 #include "worker/sampling/warp.h"
-#include "worker/shading/tables/anisotropic_albedo.h"
 #include "worker/shading/bsdf/bsdf.h"
 #include "worker/shading/microfacet/fresnel.h"
 #include "worker/shading/microfacet/microfacet.h"
+#include "worker/shading/tables/anisotropic_albedo.h"
 
-/// What facets and Fresnel terms of the base are, with and without extensions. For base_bsdf.h and
+/// Microfacet and Fresnel terms of the base, with and without extensions. Used by base_bsdf.h and
 /// base_prepare.h only.
 namespace tessera::render::base_bsdf {
 
 using warp::kInvPi;
-inline constexpr float kMatchedIndices = 1e-4f;  // |eta - 1| below which facets do not bend light
+inline constexpr float kMatchedIndices = 1e-4f;  // |eta - 1| below which facets do not refract
 
 inline Vec2f point_on_circle(float u) {
   const elementary::SinCosf a = elementary::sincos(2 * warp::kPi * u);
@@ -28,7 +28,7 @@ inline float facet_density(const Bsdf& b, const Vec3f& h) {
   return ggx_d(h, b.alpha);
 }
 
-/// The root in Smith's term, for `w` on either side.
+/// Square root in Smith's term, for `w` on either side.
 template <bool kExtended>
 inline float facet_root(const Bsdf& b, const Vec3f& w) {
   if constexpr (kExtended) {
@@ -37,7 +37,7 @@ inline float facet_root(const Bsdf& b, const Vec3f& w) {
   return smith_root(w.z, b.alpha);
 }
 
-/// What perfectly reflecting facets keep of light that leaves along `w` after one bounce.
+/// Single-scattering albedo of perfectly reflecting facets for light leaving along `w`.
 template <bool kExtended>
 inline float facet_albedo(const Bsdf& b, const Vec3f& w) {
   if constexpr (kExtended) {
@@ -56,13 +56,13 @@ inline float average_facet_albedo(const Bsdf& b) {
   return b.reflector->average(b.roughness);
 }
 
-/// What the dielectric layer does with light that meets its facets at cosine `c`.
+/// Reflection and transmission of the dielectric layer at cosine `c` to its facets.
 struct Layer {
   Vec3f reflect;  // Fresnel term times its weight
-  Vec3f pass;     // what is left for the base below
+  Vec3f pass;     // transmitted to the base below
 };
 
-/// Under a thin film. From the inside of a solid, the film is met at the angle outside.
+/// Layer with a thin film. From inside a solid, the film sees the angle outside.
 inline Layer layer_under_film(const Bsdf& b, float c) {
   const ThinFilm& film = b.extended->film;
   Vec3f f = schlick(b.f0, c);
@@ -79,8 +79,8 @@ inline Layer layer_under_film(const Bsdf& b, float c) {
   return {reflect, {pass, pass, pass}};
 }
 
-/// The dielectric layer's Fresnel term with `f0` for what an index gives at normal incidence, from
-/// the exact term of that index: 1 where it is, at grazing or in total reflection.
+/// Fresnel term with `f0` instead of the reflectance that index `eta` has at normal incidence,
+/// derived from its exact term: 1 at grazing angles and in total reflection.
 inline Vec3f shifted_fresnel(const Vec3f& f0, float exact, float eta) {
   const float normal = f0_from_ior(eta);
   return f0 + (Vec3f{1, 1, 1} - f0) * ((exact - normal) / (1 - normal));
@@ -110,10 +110,10 @@ inline Layer layer_at(const Bsdf& b, float c) {
   return {reflect, {pass, pass, pass}};
 }
 
-/// What the layer of a solid lets pass of light that is spread diffusely on the side of `wi`: its
-/// Fresnel terms on both ways, the second normalised, so that what has passed is spread and no
-/// more. Inside, a layer judged at the half vector would pass light that is totally reflected as
-/// well.
+/// Transmission of a solid's layer for light spread diffusely on the side of `wi`: its Fresnel
+/// terms in both directions, the second normalised, so that exactly the transmitted light is
+/// spread. Inside, evaluating the layer at the half vector would also transmit light that is
+/// totally reflected.
 template <bool kExtended>
 inline Vec3f pass_of_solid(const Bsdf& b, const Vec3f& wi) {
   const bool is_dense = (b.eta < 1) == (wi.z > 0);  // the side of wi
@@ -123,12 +123,12 @@ inline Vec3f pass_of_solid(const Bsdf& b, const Vec3f& wi) {
   return layer_at<kExtended>(b, b.wo.z).pass * ((1 - exact) / mean);
 }
 
-/// Index of the denser side over the other's, if the diffuse lobe on the side of the viewer (or, if
-/// not `same_side`, the other) is on the denser side of a solid's surface; else 1. Light is spread
-/// there within the critical cone alone.
+/// Index of the denser side over the other's, if the diffuse lobe on the side of the viewer (or the
+/// other, if not `same_side`) is on the denser side of a solid's surface, where light fills only
+/// the critical cone; otherwise 1.
 inline float cone_index(const Bsdf& b, bool same_side) {
   if (b.interface != Interface::solid || (b.eta < 1) != same_side) return 1;
-  if (same_side && b.metallic > 0) return 1;  // the metal's share of the lobe is everywhere
+  if (same_side && b.metallic > 0) return 1;  // the metal's part of the lobe fills the hemisphere
   return b.eta < 1 ? 1 / b.eta : b.eta;
 }
 
@@ -138,8 +138,8 @@ inline float spread_density(float z, float index) {
   return (eta - 1) * (eta + 1) + z * z > 0 ? index * index * kInvPi * z : 0;
 }
 
-/// A direction with a density in proportion to its cosine, within the cone that light from the
-/// other side of a smooth surface is refracted into: drawn there, and refracted.
+/// Samples a direction with a density proportional to its cosine, within the cone into which a
+/// smooth surface refracts light from the other side: samples there, then refracts.
 inline Vec3f spread_direction(const Vec2f& u, float index) {
   Vec3f w = warp::cosine_hemisphere(u);
   if (index == 1) return w;
@@ -153,7 +153,7 @@ inline bool transmits(const Bsdf& b) {
   return b.interface != Interface::opaque && max_component(b.transmit) > 0;
 }
 
-/// A conductor's own colours, tinted by the base colour, which is metal_f0.
+/// Reflectance of a conductor, tinted by the base colour, which is metal_f0.
 inline Vec3f conductor_reflectance(const Bsdf& b, float c) {
   const Conductor& m = b.extended->conductor;
   return b.metal_f0 * Vec3f{fresnel_conductor(c, m.n.x, m.k.x), fresnel_conductor(c, m.n.y, m.k.y),
@@ -173,7 +173,8 @@ inline Vec3f metal_reflectance(const Bsdf& b, float c) {
   return schlick(b.metal_f0, c);
 }
 
-/// Its mean over the cosine-weighted hemisphere; of a film, its value at the mean cosine.
+/// Mean of metal_reflectance() over the cosine-weighted hemisphere; with a film, its value at the
+/// mean cosine.
 template <bool kExtended>
 inline Vec3f average_metal_reflectance(const Bsdf& b) {
   if constexpr (kExtended) {
@@ -187,14 +188,14 @@ inline Vec3f average_metal_reflectance(const Bsdf& b) {
   return schlick_average(b.metal_f0);
 }
 
-/// Reflected colour of the facets at cosine c: dielectric and metal in their shares.
+/// Reflectance of the facets at cosine c, dielectric and metal combined.
 template <bool kExtended>
 inline Vec3f facet_reflectance(const Bsdf& b, const Layer& layer, float c) {
   const Vec3f dielectric = layer.reflect * ((1 - b.metallic) * b.reflect_gain);
   return b.metallic > 0 ? dielectric + metal_reflectance<kExtended>(b, c) * b.metallic : dielectric;
 }
 
-/// Probability that draw() reflects at facets it has chosen; the rest is transmitted.
+/// Probability that draw() reflects at a facet; otherwise it transmits.
 template <bool kExtended>
 inline float reflect_probability(const Bsdf& b, const Layer& layer, float c) {
   if (!transmits(b) || (b.interface == Interface::thin && b.mirror)) return 1;

@@ -2,15 +2,15 @@
 
 #include "worker/shading/bsdf/base_facets.h"
 
-/// Making the base of a Bsdf for one viewer. For bsdf.cpp and extended_bsdf.cpp only.
+/// Preparation of the base of a Bsdf for one viewer. Used by bsdf.cpp and extended_bsdf.cpp only.
 namespace tessera::render::base_bsdf {
 
-/// Rough glass: what one scattering keeps of the light; 1 where there is nothing to mend.
+/// Single-scattering albedo of rough glass; 1 if no energy is lost.
 template <bool kExtended>
 inline float single_scattering_albedo(const Bsdf& b, const BsdfTables& tables, bool front) {
   if (b.mirror || !transmits(b)) return 1;
   if constexpr (kExtended) {
-    // Anisotropic refraction has no table: what its facets lose stays lost.
+    // There is no table for anisotropic refraction; its lost energy is not compensated.
     if (b.extended->alpha_t > 0) {
       return b.interface == Interface::thin ? facet_albedo<true>(b, b.wo) : 1;
     }
@@ -21,7 +21,7 @@ inline float single_scattering_albedo(const Bsdf& b, const BsdfTables& tables, b
   return table == nullptr ? 1 : table->at(b.wo.z, b.roughness);
 }
 
-/// Kulla & Conty 2017: the light that left the facets only after several bounces, for metals.
+/// Multiple-scattering term of metals (Kulla & Conty 2017).
 template <bool kExtended>
 inline Vec3f metal_multiple_scattering(const Bsdf& b) {
   const float average = average_facet_albedo<kExtended>(b);
@@ -32,7 +32,7 @@ inline Vec3f metal_multiple_scattering(const Bsdf& b) {
   return colour * (b.metallic * kInvPi * (1 - facet_albedo<kExtended>(b, b.wo)) / lost);
 }
 
-/// Sets the probability of the cosine lobe from the energies both lobes are likely to carry.
+/// Sets the probability of the cosine lobe from the estimated energy of both lobes.
 template <bool kExtended>
 inline void choose_lobes(Bsdf* b) {
   const Layer layer = layer_at<kExtended>(*b, b->wo.z);
@@ -59,8 +59,7 @@ inline void choose_lobes(Bsdf* b) {
   }
 }
 
-/// Gives part of the diffuse lobe, whose share of all light is `weight`, to the one behind the
-/// surface.
+/// Moves part of the diffuse lobe, with total weight `weight`, to the other side of the surface.
 inline void transmit_diffusely(const BsdfExtensions& e, float weight, Interface interface,
                                Bsdf* b) {
   b->extended->diffuse_transmit = e.diffuse_transmission_color * (weight * e.diffuse_transmission);
@@ -68,8 +67,8 @@ inline void transmit_diffusely(const BsdfExtensions& e, float weight, Interface 
   b->interface = interface;
 }
 
-/// Makes the facets anisotropic: rougher along the tangent.
-inline void stretch(float anisotropy, const BsdfTables& tables, Bsdf* b) {
+/// Makes the facets anisotropic, rougher along the tangent.
+inline void set_anisotropy(float anisotropy, const BsdfTables& tables, Bsdf* b) {
   ExtendedLobes& x = *b->extended;
   const float alpha = b->alpha > kMirrorAlpha ? b->alpha : kMirrorAlpha;
   const float alpha_t = anisotropic_alpha(alpha, anisotropy);
@@ -86,8 +85,7 @@ inline void set_viewer(const BsdfFrame& frame, const Vec3f& wo, Bsdf* b) {
   if (b->wo.z < 1e-6f) b->wo.z = 1e-6f;  // rounding only: frame and wo share a side
 }
 
-/// Fills `b` but for what lies over the base; see make_bsdf(). `extensions` may be null without
-/// kExtended.
+/// Fills the base layers of `b`; see make_bsdf(). `extensions` may be null without kExtended.
 template <bool kExtended>
 inline void prepare(const BsdfParameters& p, const BsdfExtensions* extensions,
                     const BsdfTables& tables, const BsdfFrame& frame, const Vec3f& wo, Bsdf* out) {
@@ -136,7 +134,7 @@ inline void prepare(const BsdfParameters& p, const BsdfExtensions* extensions,
   }
   if constexpr (kExtended) {
     const bool matched = b.alpha == 0 && p.roughness > 0;
-    if (extensions->anisotropy > 0 && !matched) stretch(extensions->anisotropy, tables, &b);
+    if (extensions->anisotropy > 0 && !matched) set_anisotropy(extensions->anisotropy, tables, &b);
   }
   b.mirror = b.alpha < kMirrorAlpha;
   b.root_o = facet_root<kExtended>(b, b.wo);

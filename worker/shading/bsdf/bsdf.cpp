@@ -25,7 +25,7 @@ BsdfValue evaluate_bsdf(const Bsdf& b, const Vec3f& wi) {
   if (b.extended) [[unlikely]]
     return extended_bsdf::evaluate(b, wi);
   const Vec3f local = base_bsdf::to_local(b.frame, wi);
-  // Shading and geometric normal must agree on the side, or light leaks through the surface.
+  // Both normals must agree on the side, otherwise light leaks through the surface.
   if ((local.z > 0) != (dot(wi, b.frame.geometric_normal) > 0)) return {};
   return base_bsdf::evaluate<false>(b, local);
 }

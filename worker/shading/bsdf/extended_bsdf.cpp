@@ -14,7 +14,7 @@ using base_bsdf::to_local;
 using base_bsdf::to_world;
 using warp::kInvPi;
 
-constexpr float kLeastProbability = 0.05f;  // of a lobe that carries anything
+constexpr float kMinProbability = 0.05f;  // of a lobe with any energy
 
 CoatLobe coat_lobe(const BsdfExtensions& e, const BsdfFrame& frame, const Vec3f& wo) {
   CoatLobe coat;
@@ -28,7 +28,7 @@ CoatLobe coat_lobe(const BsdfExtensions& e, const BsdfFrame& frame, const Vec3f&
   return coat;
 }
 
-/// Value and density of the coat alone, before its weight and probability.
+/// Value and density of the coat, without its weight and probability.
 BsdfValue evaluate_coat(const CoatLobe& coat, const Vec3f& wi) {
   const Vec3f local = to_local(coat.frame, wi);
   if (coat.mirror || !(local.z > 0)) return {};
@@ -39,7 +39,7 @@ BsdfValue evaluate_coat(const CoatLobe& coat, const Vec3f& wi) {
   return {{f_cos, f_cos, f_cos}, visible_normal_density(d, coat.wo.z, coat.root_o) * 0.25f};
 }
 
-/// A direction the coat reflects wo to; false if it is lost.
+/// Samples a reflection of wo at the coat; false if it is lost.
 bool draw_coat(const Bsdf& b, const Vec2f& u, BsdfSample* sample) {
   const CoatLobe& coat = b.extended->coat;
   Vec3f h{0, 0, 1};
@@ -76,8 +76,8 @@ bool has_sheen(const SheenLobe& sheen) {
   return max_component(sheen.color) > 0;
 }
 
-/// What the sheen leaves to the base of light between wo and a direction of cosine `cos_i`. Where
-/// the model would give more light than it gets, it is taken to give all.
+/// Fraction of light that sheen leaves to the base between wo and a direction of cosine `cos_i`.
+/// Clamped to 0 where the model's albedo exceeds 1.
 float passed_by_sheen(const SheenLobe& sheen, float cos_i) {
   if (!has_sheen(sheen)) return 1;
   const float albedo_i = sheen.table->at(cos_i, sheen.roughness);
@@ -85,7 +85,7 @@ float passed_by_sheen(const SheenLobe& sheen, float cos_i) {
   return 1 - max_component(sheen.color) * albedo;
 }
 
-/// Sheen on light from `wi`, in the base's frame, above the surface.
+/// Sheen for light from `wi` (base frame, above the surface).
 Vec3f evaluate_sheen(const Bsdf& b, const Vec3f& wi) {
   const SheenLobe& sheen = b.extended->sheen;
   const Vec3f h = b.wo + wi;
@@ -93,12 +93,12 @@ Vec3f evaluate_sheen(const Bsdf& b, const Vec3f& wi) {
   const float d = sheen_d(across / (across + h.z * h.z), sheen.alpha);
   const float shadowing = 1 + sheen.lambda_o + sheen_lambda(wi.z, sheen.alpha);
   const float albedo_i = sheen.table->at(wi.z, sheen.roughness);
-  const float most = sheen.albedo > albedo_i ? sheen.albedo : albedo_i;
-  const float f_cos = d / (4 * b.wo.z * shadowing * (most > 1 ? most : 1));
+  const float max_albedo = sheen.albedo > albedo_i ? sheen.albedo : albedo_i;
+  const float f_cos = d / (4 * b.wo.z * shadowing * (max_albedo > 1 ? max_albedo : 1));
   return sheen.color * f_cos;
 }
 
-/// Everything under coat and sheen, as far as draw() scatters it.
+/// Value and density of the layers below coat and sheen, as sampled by draw().
 float base_albedo(const Bsdf& b) {
   const bool straight = b.mirror && b.interface == Interface::thin;
   const float through =
@@ -106,7 +106,7 @@ float base_albedo(const Bsdf& b) {
   return base_bsdf::scattered_albedo<true>(b) + through;
 }
 
-/// Sets the probabilities of the layers from the energies they are likely to carry.
+/// Sets the sampling probabilities of the layers from their estimated energy.
 void choose_layers(Bsdf* b) {
   ExtendedLobes& x = *b->extended;
   const float under_coat = 1 - x.coat.weight;
@@ -114,7 +114,7 @@ void choose_layers(Bsdf* b) {
   const float base = under_coat * passed_by_sheen(x.sheen, b->wo.z) * base_albedo(*b);
   const float sum = x.coat.weight + sheen + base;
   const auto share = [sum](float part) {
-    return part > 0 ? std::max(part / sum, kLeastProbability) : 0;
+    return part > 0 ? std::max(part / sum, kMinProbability) : 0;
   };
   const float coat_share = share(x.coat.weight), sheen_share = share(sheen);
   const float all = coat_share + sheen_share + share(base);
@@ -127,13 +127,13 @@ float base_probability(const ExtendedLobes& x) {
   return 1 - x.coat_probability - x.sheen_probability;
 }
 
-/// Share of light that passes the layers over the base on its way from cosine `cos_i` to wo.
+/// Fraction of light that passes the layers above the base from cosine `cos_i` to wo.
 float passed_by_layers(const Bsdf& b, float cos_i) {
   const ExtendedLobes& x = *b.extended;
   return (1 - x.coat.weight) * passed_by_sheen(x.sheen, cos_i);
 }
 
-/// Draws from the base; `u_lobe` in [0, 1). A delta lobe gets its weight.
+/// Samples the base; `u_lobe` in [0, 1). Sets the weight of a delta lobe.
 bool draw_base(const Bsdf& b, float u_lobe, const Vec2f& u, BsdfSample* sample) {
   Vec3f local;
   if (!base_bsdf::draw<true>(b, u_lobe, u, sample, &local)) return false;
@@ -157,7 +157,7 @@ Bsdf make_extended_bsdf(const BsdfParameters& p, const BsdfExtensions& extension
   Bsdf b;
   base_bsdf::prepare<true>(p, &extensions, tables, frame, wo, &b);
   ExtendedLobes& x = *b.extended;
-  // A solid's boundary has its layers on its outside.
+  // The layers of a solid's boundary are outside.
   if (p.front || b.interface != Interface::solid) {
     if (extensions.coat > 0) x.coat = coat_lobe(extensions, coat_frame, wo);
     if (max_component(extensions.sheen) > 0) {

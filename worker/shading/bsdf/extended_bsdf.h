@@ -2,8 +2,8 @@
 
 #include "worker/shading/bsdf/bsdf.h"
 
-/// The functions of bsdf.h for materials with an extension of BsdfExtensions. Apart from the
-/// others, which branch to them once and pay nothing else. All require `b.extended`.
+/// The functions of bsdf.h for materials with an extension of BsdfExtensions. Kept apart so that
+/// other materials pay only one branch for them. All require `b.extended`.
 namespace tessera::render::extended_bsdf {
 
 BsdfValue evaluate(const Bsdf& b, const Vec3f& wi);

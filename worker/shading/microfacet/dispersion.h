@@ -16,19 +16,19 @@ inline float dispersed_ior(float ior, float dispersion, float wavelength) {
   return n > 1 ? n : 1;
 }
 
-/// One wavelength, standing for all: what is carried at it counts `weight` times for R, G and B.
+/// A sampled wavelength; its contribution counts `weight` times for R, G and B.
 struct Wavelength {
   float nanometres = 0;
   Vec3f weight;
 };
 
-/// A wavelength for u in [0, 1). Over u the weights of each channel average to 1, so that what does
-/// not depend on wavelength keeps its colour; their sum is always 3.
+/// Samples a wavelength for u in [0, 1). The weights of each channel average to 1 over u, so light
+/// that does not depend on wavelength keeps its colour; their sum is always 3.
 ///
-/// A channel's sensitivity is a triangle over wavelength with its top at the dominant wavelength of
-/// the Rec. 709 primary and its feet at those of its neighbours: not the eye's, whose red, green
-/// and blue have negative parts that no sampling weight should have, but the same spectral order.
-/// Drawn from their mean.
+/// A channel's sensitivity is a triangle over wavelength with its peak at the dominant wavelength
+/// of the Rec. 709 primary and its ends at those of its neighbours. The eye's sensitivities for
+/// these primaries are partly negative and cannot be sampling weights; the triangles keep the
+/// spectral order. The sampling density is their mean.
 inline Wavelength wavelength_at(float u) {
   struct Triangle {
     float low, top, high;
@@ -52,7 +52,7 @@ inline Wavelength wavelength_at(float u) {
     w.weight[k] = height > 0 ? 2 * height / (c.high - c.low) : 0;
     sum += w.weight[k];
   }
-  // On the outer feet all are zero: what rounding puts there is given to the nearest channel.
+  // At the outer ends all weights are zero up to rounding: use the nearest channel.
   if (!(sum > 0)) return {w.nanometres, channel == 0 ? Vec3f{3, 0, 0} : Vec3f{0, 0, 3}};
   w.weight *= 3 / sum;
   return w;

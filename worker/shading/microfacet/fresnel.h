@@ -26,18 +26,18 @@ constexpr float f0_from_ior(float ior) {
   return r * r;
 }
 
-/// What a coat of varnish (index 1.5) over the share `coat` of a surface reflects of light that
-/// leaves at `cos_theta` (KHR_materials_clearcoat).
+/// Reflectance of a clearcoat (index 1.5) over the fraction `coat` of a surface for light leaving
+/// at `cos_theta` (KHR_materials_clearcoat).
 constexpr float coat_reflectance(float coat, float cos_theta) {
   return coat * (0.04f + 0.96f * schlick_weight(cos_theta));
 }
 
-/// Reflectance of unpolarised light at a smooth dielectric interface, exact. `cos_i` is the
-/// absolute cosine on the side the light comes from, `eta` = n(other side) / n(this side) > 0.
-/// 1 beyond the critical angle; always within [0, 1].
+/// Exact reflectance of unpolarised light at a smooth dielectric interface. `cos_i` is the absolute
+/// cosine on the incident side, `eta` = n(other side) / n(incident side) > 0. 1 beyond the critical
+/// angle; always in [0, 1].
 ///
-/// The cosine of the refracted ray is formed from (cos_i, eta) as refract() forms it, so both
-/// agree on who is totally reflected. Source: Born & Wolf, section 1.5.2, in g = eta cos_t.
+/// Computes the cosine of the refracted ray as refract() does, so both agree on total reflection.
+/// Source: Born & Wolf, section 1.5.2, in g = eta cos_t.
 inline float fresnel_dielectric(float cos_i, float eta) {
   const float c = clamp(cos_i, 0.0f, 1.0f);
   const float g2 = (eta - 1) * (eta + 1) + c * c;  // (eta cos_t)^2, without 1 - (1 - c^2)
@@ -52,13 +52,13 @@ inline float fresnel_dielectric(float cos_i, float eta) {
   return clamp(0.5f * a * a * (1 + b * b), 0.0f, 1.0f);
 }
 
-/// Reflectance of unpolarised light at a smooth conductor of complex index n + ik, met from air;
-/// exact. `cos_i` as above, n > 0, k >= 0. Source: Born & Wolf, section 14.2, solved for the real
-/// and imaginary parts p, q of (n + ik) cos_t.
+/// Exact reflectance of unpolarised light at a smooth conductor of complex index n + ik in air.
+/// `cos_i` as above, n > 0, k >= 0. Source: Born & Wolf, section 14.2, solved for the real and
+/// imaginary parts p, q of (n + ik) cos_t.
 inline float fresnel_conductor(float cos_i, float n, float k) {
   const float c = clamp(cos_i, 0.0f, 1.0f);
   const float c2 = c * c, s2 = (1 - c) * (1 + c);
-  // Of (p + iq)^2, without 1 - s2.
+  // Parts of (p + iq)^2, without computing 1 - s2.
   const float real = (n - 1) * (n + 1) - k * k + c2, imaginary = 2 * n * k;
   const float modulus = std::sqrt(real * real + imaginary * imaginary);
   // The smaller of p^2 and q^2 follows from their product: no cancellation.
@@ -73,7 +73,7 @@ inline float fresnel_conductor(float cos_i, float n, float k) {
 }
 
 /// Refracts `w` (unit, pointing away from the surface) about the unit normal `n` on w's side.
-/// False if all light is reflected; else `wt` points to the other side. `eta` as above.
+/// Returns false in total reflection; otherwise `wt` points to the other side. `eta` as above.
 inline bool refract(const Vec3f& w, const Vec3f& n, float eta, Vec3f* wt) {
   const float c = dot(w, n);
   const float g2 = (eta - 1) * (eta + 1) + c * c;
@@ -83,13 +83,13 @@ inline bool refract(const Vec3f& w, const Vec3f& n, float eta, Vec3f* wt) {
   return true;
 }
 
-/// Mean, over the cosine-weighted hemisphere on the denser side of a smooth dielectric interface,
-/// of what passes it, 1 - F. On the other side it is n^2 times as much. `ior` > 0 is either side's
-/// index over the other's. Source: Walsh's closed form of the diffuse Fresnel reflectance, in
-/// Duntley 1942, J. Opt. Soc. Am. 32, 61.
+/// Mean transmittance 1 - F over the cosine-weighted hemisphere on the denser side of a smooth
+/// dielectric interface. On the other side it is n^2 times as much. `ior` > 0 is the ratio of the
+/// indices, either way. Source: Walsh's closed form of the diffuse Fresnel reflectance, in Duntley
+/// 1942, J. Opt. Soc. Am. 32, 61.
 inline float mean_transmittance_from_dense(float ior) {
   const double n = ior > 1 ? ior : 1 / static_cast<double>(ior);
-  if (n < 1.001) return 1;  // where the terms below cancel; F is small up to grazing angles
+  if (n < 1.001) return 1;  // the terms below would cancel; F is negligible up to grazing angles
   const double n2 = n * n, n4 = n2 * n2, up = n + 1, sum = n2 + 1, difference = n4 - 1;
   const double reflected =
       0.5 + (n - 1) * (3 * n + 1) / (6 * up * up) +
@@ -99,8 +99,7 @@ inline float mean_transmittance_from_dense(float ior) {
   return static_cast<float>((1 - reflected) / n2);
 }
 
-/// Average of the dielectric Fresnel reflectance of Schlick's form over the cosine-weighted
-/// hemisphere: f0 + (1 - f0) / 21.
+/// Mean of Schlick's Fresnel reflectance over the cosine-weighted hemisphere: f0 + (1 - f0) / 21.
 constexpr Vec3f schlick_average(const Vec3f& f0) {
   return f0 + (Vec3f{1, 1, 1} - f0) * (1.0f / 21);
 }

@@ -7,8 +7,8 @@
 namespace tessera::render {
 
 /// cos and sin of (k + 1/2) pi / kCount, k in [0, kCount), from cos(pi / 4) by half-angle and
-/// addition formulas: only exactly rounded operations, for tables that every machine must have
-/// alike. kCount is a power of two, at least 2.
+/// addition formulas. Uses exactly rounded operations only, for tables that must be identical on
+/// all machines. kCount is a power of two, at least 2.
 template <std::size_t kCount>
 struct HalfCircle {
   std::array<double, kCount> cosine{}, sine{};

@@ -4,17 +4,17 @@
 
 namespace tessera::render {
 
-/// Below this alpha a microfacet lobe is a mirror: D would need more digits than a float has.
+/// Below this alpha a microfacet lobe is a mirror: D would exceed the precision of float.
 inline constexpr float kMirrorAlpha = 1e-3f;
 
-/// GGX (Trowbridge-Reitz) with the height-correlated Smith term, isotropic, in the shading frame
-/// (z along the normal). T is float in the renderer, double in tables and tests.
+/// GGX (Trowbridge-Reitz) with the height-correlated Smith term in the shading frame (z along the
+/// normal). T is float in the renderer, double in tables and tests.
 ///
-/// Everything is written in |n x h|^2 = x^2 + y^2, which keeps full relative accuracy at the
-/// peak of the lobe; the (n.h)^2 form of the specification loses it below alpha = 1e-3.
+/// All terms use |n x h|^2 = x^2 + y^2, which is accurate at the peak of the lobe; the (n.h)^2 form
+/// of the specification is not for alpha below 1e-3.
 
-/// Unit vector along v by one square root and one division, for vectors near unit length: squares
-/// that overflow or vanish are math/vector.h's normalize()'s business.
+/// Normalises v with one square root and one division, for vectors near unit length. Unlike
+/// normalize() it does not handle squares that overflow or vanish.
 template <typename T>
 inline Vec3<T> direction_of(const Vec3<T>& v) {
   return v * (1 / std::sqrt(dot(v, v)));
@@ -35,7 +35,7 @@ inline T smith_root(T cos_theta, T alpha) {
   return std::sqrt(a2 + (1 - a2) * (cos_theta * cos_theta));
 }
 
-/// Anisotropic: alpha `at` along x and `ab` along y. Source: KHR_materials_anisotropy.
+/// Anisotropic GGX: alpha `at` along x and `ab` along y. Source: KHR_materials_anisotropy.
 template <typename T>
 inline T ggx_d(const Vec3<T>& h, T at, T ab) {
   const T a2 = at * ab;
@@ -49,21 +49,21 @@ inline T smith_root(const Vec3<T>& w, T at, T ab) {
   return std::sqrt(x * x + y * y + w.z * w.z);
 }
 
-/// G / (4 |n.l| |n.v|), height-correlated. Source: glTF 2.0, appendix B.3.2. Cosines positive.
+/// G / (4 |n.l| |n.v|), height-correlated; positive cosines. Source: glTF 2.0, appendix B.3.2.
 template <typename T>
 inline T smith_visibility(T cos_o, T cos_i, T root_o, T root_i) {
   return T(0.5) / (cos_i * root_o + cos_o * root_i);
 }
 
-/// Density over solid angle of the half vectors that sample_visible_normal draws, divided by
-/// wo.h: D G1(wo) / cos_o.
+/// Density over solid angle of the half vectors of sample_visible_normal(), divided by wo.h: D
+/// G1(wo) / cos_o.
 template <typename T>
 inline T visible_normal_density(T d, T cos_o, T root_o) {
   return d * 2 / (cos_o + root_o);
 }
 
-/// A microfacet normal seen from `wo` (wo.z > 0), for a point (cos_phi, sin_phi) on the unit
-/// circle and u in [0, 1). Source: Dupuy & Benyoub, "Sampling Visible GGX Normals with
+/// Samples a microfacet normal visible from `wo` (wo.z > 0), for a point (cos_phi, sin_phi) on the
+/// unit circle and u in [0, 1). Source: Dupuy & Benyoub, "Sampling Visible GGX Normals with
 /// Spherical Caps", 2023.
 template <typename T>
 inline Vec3<T> sample_visible_normal(const Vec3<T>& wo, T at, T ab, T cos_phi, T sin_phi, T u) {

@@ -4,21 +4,21 @@
 
 namespace tessera::render {
 
-/// Diffuse reflection by rough facets that loses no energy, in place of Lambert's: what EON says of
-/// albedo `rho` and roughness r. Source: J. Portsmouth, P. Kutz & S. Hill, "EON: A practical
-/// energy-preserving rough diffuse BRDF", JCGT 14(1), 2025.
+/// Energy-preserving rough diffuse reflection (EON) in place of Lambert's, for albedo `rho` and
+/// roughness r. Source: J. Portsmouth, P. Kutz & S. Hill, "EON: A practical energy-preserving rough
+/// diffuse BRDF", JCGT 14(1), 2025.
 struct RoughDiffuse {
-  float roughness = 0;  // r, [0, 1]; 0: Lambert's
-  Vec3f multiple;       // factor of (1 - E(wi)): light that facets pass on to each other, per rho
+  float roughness = 0;  // r, [0, 1]; 0: Lambert
+  Vec3f multiple;       // factor of (1 - E(wi)) for interreflection between facets, relative to rho
 };
 
 namespace eon {
 
 inline constexpr float kPi = 3.14159265f;
-inline constexpr float kSingle = 0.5f - 2 / (3 * kPi);  // of r, in the loss of one scattering
-inline constexpr float kAverage = 2.0f / 3 - 28 / (15 * kPi);  // of r, in its mean over directions
+inline constexpr float kSingle = 0.5f - 2 / (3 * kPi);  // per r: energy lost by single scattering
+inline constexpr float kAverage = 2.0f / 3 - 28 / (15 * kPi);  // per r: its mean over directions
 
-/// Share of light along cosine `mu` that white facets scatter once; the paper's fit, to 1e-3.
+/// Single-scattering albedo of white facets at cosine `mu`; the paper's fit, accurate to 1e-3.
 inline float single_albedo(float mu, float r) {
   const float m = 1 - mu;
   const float g =
@@ -32,7 +32,7 @@ inline float average_albedo(float r) {
 
 }  // namespace eon
 
-/// For a viewer at cosine `cos_o`.
+/// Prepares the reflection for a viewer at cosine `cos_o`.
 inline RoughDiffuse make_rough_diffuse(const Vec3f& rho, float roughness, float cos_o) {
   RoughDiffuse d;
   d.roughness = roughness;
@@ -43,7 +43,7 @@ inline RoughDiffuse make_rough_diffuse(const Vec3f& rho, float roughness, float 
   return d;
 }
 
-/// What Lambert's rho / pi is multiplied by; directions in the shading frame, z > 0.
+/// Factor of Lambert's rho / pi; directions in the shading frame, z > 0.
 inline Vec3f rough_diffuse(const RoughDiffuse& d, const Vec3f& wo, const Vec3f& wi) {
   const float s = dot(wo, wi) - wo.z * wi.z;
   const float larger = wo.z > wi.z ? wo.z : wi.z;

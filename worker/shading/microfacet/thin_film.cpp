@@ -16,7 +16,7 @@ float square(float x) {
   return x * x;
 }
 
-/// Between media of indices `n1` and `n2`, at normal incidence.
+/// Reflectance between media of indices `n1` and `n2` at normal incidence.
 float normal_reflectance(float n1, float n2) {
   return square((n2 - n1) / (n2 + n1));
 }
@@ -25,12 +25,12 @@ float schlick(float f0, float cos_theta) {
   return f0 + (1 - f0) * schlick_weight(cos_theta);
 }
 
-/// One Gaussian of a colour matching function, in Fourier space: `value` its integral, `position`
-/// and `variance` in 1/m and 1/m^2. Source: Belcour & Barla 2017, section 4.
+/// A Gaussian of a colour matching function in Fourier space: `value` is its integral; `position`
+/// in 1/m and `variance` in 1/m^2. Source: Belcour & Barla 2017, section 4.
 struct Gaussian {
   float value, position, variance;
 
-  /// Its part of cos(2 pi opd / lambda + shift), by its area.
+  /// Its contribution to cos(2 pi opd / lambda + shift), normalised by its area.
   float at(float phase, float shift) const {
     return value * std::sqrt(2 * kPi * variance) * elementary::cos(position * phase + shift) *
            elementary::exp(-square(phase) * variance);
@@ -43,7 +43,7 @@ constexpr std::array<Gaussian, 4> kMatching = {{{5.4856e-13f, 1.6810e+06f, 4.327
                                                 {9.7470e-14f, 2.2399e+06f, 4.5282e+09f}}};
 constexpr float kYIntegral = 1.0685e-7f;
 
-/// RGB of an equal-energy spectrum weighed by the cosine of its phase over an optical path
+/// RGB of an equal-energy spectrum weighted by the cosine of its phase over an optical path
 /// difference `opd` (nanometres) plus `shift` (radians, per channel).
 Vec3f sensitivity(float opd, const Vec3f& shift) {
   const float phase = 2 * kPi * opd * 1e-9f;
@@ -58,7 +58,7 @@ Vec3f sensitivity(float opd, const Vec3f& shift) {
 }  // namespace
 
 Vec3f thin_film_reflectance(const ThinFilm& film, const Vec3f& f0, float cos_theta) {
-  // Films that are hardly there leave the base as it is.
+  // The effect of very thin films fades out.
   const float there = clamp(film.thickness / 0.03f, 0.0f, 1.0f);
   const float ior = lerp(1.0f, film.ior, there * there * (3 - 2 * there));
   const float cos2 = 1 - square(1 / ior) * (1 - square(cos_theta));
@@ -71,8 +71,8 @@ Vec3f thin_film_reflectance(const ThinFilm& film, const Vec3f& f0, float cos_the
     const float root = std::sqrt(clamp(f0[k], 0.0f, 0.9999f));
     const float base_ior = (1 + root) / (1 - root);
     r23[k] = schlick(normal_reflectance(ior, base_ior), cos_inside);
-    // Half a wave is lost at the denser medium: inside the film's top, always; at its bottom, if
-    // the base is the thinner.
+    // Reflection at a denser medium shifts the phase by half a wave: at the film's top seen from
+    // inside always, at its bottom if the base is less dense.
     shift[k] = kPi + (base_ior < ior ? kPi : 0.0f);
     r123[k] = clamp(r12 * r23[k], 0.0f, 0.9999f);
     rs[k] = square(t121) * r23[k] / (1 - r123[k]);

@@ -9,7 +9,7 @@
 namespace tessera::render {
 namespace {
 
-/// Trilinear; a point outside the box has none.
+/// Trilinear density; zero outside the box.
 float grid_density(const DensityGrid& grid, const Vec3d& p) {
   std::array<std::size_t, 3> cell{};
   std::array<float, 3> f{};
@@ -40,35 +40,36 @@ MediumView view_of_medium(const Scene& scene, const Medium* medium, const Vec3f&
   if (medium == nullptr) return view;
   view.scattering = medium->scattering;
   view.extinction += medium->absorption + medium->scattering;
-  // Beside scattering, what absorbs all at once is as good as this and keeps products finite.
+  // With scattering, infinite absorption is replaced by a large value to keep products finite.
   view.extinction = min(view.extinction, Vec3f{1e30f, 1e30f, 1e30f});
   view.anisotropy = medium->anisotropy;
   view.origin = scene.center;
   if (medium->grid != nullptr) {
     view.grid = medium->grid.get();
-    view.most = view.usual = 0;
+    view.max_density = view.typical_density = 0;
     for (const float v : view.grid->values) {
-      view.most = std::max(view.most, v);
-      view.usual += v / static_cast<float>(view.grid->values.size());
+      view.max_density = std::max(view.max_density, v);
+      view.typical_density += v / static_cast<float>(view.grid->values.size());
     }
-  } else if (medium->procedure != kNone) {
-    view.procedure = &scene.procedures[static_cast<std::size_t>(medium->procedure)];
-    view.most = view.usual = 0;
-    for (const ProceduralTexture::Stop& stop : view.procedure->ramp) {
-      view.most = std::max(view.most, stop.color.x);
-      view.usual += stop.color.x / static_cast<float>(view.procedure->ramp.size());
+  } else if (medium->procedural != kNone) {
+    view.procedural = &scene.procedural_textures[static_cast<std::size_t>(medium->procedural)];
+    view.max_density = view.typical_density = 0;
+    for (const ProceduralTexture::Stop& stop : view.procedural->ramp) {
+      view.max_density = std::max(view.max_density, stop.color.x);
+      view.typical_density += stop.color.x / static_cast<float>(view.procedural->ramp.size());
     }
   }
-  if (!(view.most > 0)) view.extinction = view.scattering = {};
+  if (!(view.max_density > 0)) view.extinction = view.scattering = {};
   return view;
 }
 
 float density_at(const MediumView& medium, const Affine3d* inwards, const Vec3d& point) {
   const Vec3d p = inwards == nullptr ? point + medium.origin : transform_point(*inwards, point);
-  if (medium.procedure != nullptr) {
-    return clamp(procedure_color(*medium.procedure, p, 0).x, 0.0f, medium.most);
+  if (medium.procedural != nullptr) {
+    return clamp(procedural_color(*medium.procedural, p, 0).x, 0.0f, medium.max_density);
   }
-  return medium.grid == nullptr ? 1 : clamp(grid_density(*medium.grid, p), 0.0f, medium.most);
+  return medium.grid == nullptr ? 1
+                                : clamp(grid_density(*medium.grid, p), 0.0f, medium.max_density);
 }
 
 }  // namespace tessera::render

@@ -6,27 +6,27 @@
 
 namespace tessera::render {
 
-/// What lies between surfaces, as paths read it: TESSERA_medium and what KHR_materials_volume
-/// absorbs, added up.
+/// A participating medium as paths use it: TESSERA_medium plus the absorption of
+/// KHR_materials_volume.
 struct MediumView {
-  Vec3f scattering, extinction;  // per metre, where the density is 1; extinction includes
-                                 // scattering and may be infinite
+  Vec3f scattering, extinction;  // per metre at density 1; extinction includes scattering and may
+                                 // be infinite
   float anisotropy = 0;
-  const ProceduralTexture* procedure = nullptr;  // of the density; or
-  const DensityGrid* grid = nullptr;
-  float most = 1, usual = 1;  // density is nowhere above `most`, and about `usual`
-  Vec3d origin;               // Scene::center
+  const ProceduralTexture* procedural = nullptr;  // density as a procedural texture,
+  const DensityGrid* grid = nullptr;              // or as a grid; neither: homogeneous
+  float max_density = 1, typical_density = 1;     // upper bound and typical value of the density
+  Vec3d origin;                                   // Scene::center
 
   bool present() const { return max_component(extinction) > 0; }
   bool scatters() const { return max_component(scattering) > 0; }
-  bool even() const { return procedure == nullptr && grid == nullptr; }
+  bool is_homogeneous() const { return procedural == nullptr && grid == nullptr; }
 };
 
-/// `medium`, of `scene`, may be null. `absorption` is added to its own.
+/// View of `medium` of `scene`, which may be null, with `absorption` added.
 MediumView view_of_medium(const Scene& scene, const Medium* medium, const Vec3f& absorption);
 
-/// Density at a point of recentred world space, in [0, most]. `inwards`: from there to the space of
-/// the body that it is given in; null if that is the world.
+/// Density at a point of recentred world space, in [0, max_density]. `inwards` maps to the object
+/// space of the body that defines the medium; null for world space.
 float density_at(const MediumView& medium, const Affine3d* inwards, const Vec3d& point);
 
 }  // namespace tessera::render

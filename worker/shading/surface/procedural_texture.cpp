@@ -11,8 +11,8 @@ namespace {
 
 constexpr float kTwoPi = 6.28318531f;
 
-/// Share of a wave that is seen, with `frequency` features and thus waves a spot: all up to half a
-/// wave, which samples can resolve, none from one on.
+/// Visible amplitude of waves with `frequency` periods per footprint: 1 up to half a period, which
+/// samples can resolve, 0 from one period on.
 float seen_share(float waves) {
   return clamp(2 - 2 * waves, 0.0f, 1.0f);
 }
@@ -22,41 +22,41 @@ float smooth_step(float low, float high, float x) {
   return f * f * (3 - 2 * f);
 }
 
-/// Noise of one octave after another: frequency times lacunarity, amplitude times gain.
+/// Iterates over octaves of noise: frequency times lacunarity, amplitude times gain.
 class Octaves {
  public:
-  Octaves(const ProceduralTexture& procedure, const std::array<double, 4>& p, float footprint)
-      : procedure_(procedure), p_(p), waves_(footprint) {}
+  Octaves(const ProceduralTexture& procedural, const std::array<double, 4>& p, float footprint)
+      : procedural_(procedural), p_(p), waves_(footprint) {}
 
   float amplitude() const { return amplitude_; }
   float seen() const { return seen_share(waves_); }
 
-  /// Of this octave; 0 where none of it is seen.
+  /// Amplitude of the current octave; 0 if it is finer than the footprint.
   float noise() const {
     if (!(waves_ < 1)) return 0;
-    return gradient_noise(procedure_.dimensions, p_,
-                          procedure_.seed + static_cast<std::uint32_t>(octave_));
+    return gradient_noise(procedural_.dimensions, p_,
+                          procedural_.seed + static_cast<std::uint32_t>(octave_));
   }
 
   bool next() {
-    if (++octave_ >= procedure_.octaves) return false;
-    for (double& x : p_) x *= static_cast<double>(procedure_.lacunarity);
-    waves_ *= procedure_.lacunarity;
-    amplitude_ *= procedure_.gain;
+    if (++octave_ >= procedural_.octaves) return false;
+    for (double& x : p_) x *= static_cast<double>(procedural_.lacunarity);
+    waves_ *= procedural_.lacunarity;
+    amplitude_ *= procedural_.gain;
     return true;
   }
 
  private:
-  const ProceduralTexture& procedure_;
+  const ProceduralTexture& procedural_;
   std::array<double, 4> p_;
-  float waves_;  // of this octave a spot
+  float waves_;  // periods of this octave per footprint
   float amplitude_ = 1;
   std::int32_t octave_ = 0;
 };
 
-/// Sum of the octaves' noise over the sum of their amplitudes: [-1, 1], mean 0.
-float fbm(const ProceduralTexture& procedure, const std::array<double, 4>& p, float footprint) {
-  Octaves o(procedure, p, footprint);
+/// Sum of the octaves' noise over the sum of their amplitudes: in [-1, 1], mean 0.
+float fbm(const ProceduralTexture& procedural, const std::array<double, 4>& p, float footprint) {
+  Octaves o(procedural, p, footprint);
   float sum = 0, most = 0;
   do {
     sum += o.amplitude() * o.seen() * o.noise();
@@ -65,13 +65,14 @@ float fbm(const ProceduralTexture& procedure, const std::array<double, 4>& p, fl
   return sum / most;
 }
 
-/// Sum of amplitude times |noise|: with gain 1/2 and lacunarity 2, Perlin's sum of |noise| / f.
+/// Sum of amplitude * |noise|: with gain 1/2 and lacunarity 2, Perlin's sum of |noise| / f.
 struct Turbulence {
   float sum = 0, most = 0;
 };
-Turbulence turbulence(const ProceduralTexture& procedure, const std::array<double, 4>& p, float footprint) {
-  const float mean = kMeanAbsoluteNoise[static_cast<std::size_t>(procedure.dimensions)];
-  Octaves o(procedure, p, footprint);
+Turbulence turbulence(const ProceduralTexture& procedural, const std::array<double, 4>& p,
+                      float footprint) {
+  const float mean = kMeanAbsoluteNoise[static_cast<std::size_t>(procedural.dimensions)];
+  Octaves o(procedural, p, footprint);
   Turbulence t;
   do {
     t.sum += o.amplitude() * (mean + o.seen() * (std::fabs(o.noise()) - mean));
@@ -80,11 +81,11 @@ Turbulence turbulence(const ProceduralTexture& procedure, const std::array<doubl
   return t;
 }
 
-/// Ridges where noise crosses zero, each octave strongest where the one before has its ridges.
-/// Source: F. K. Musgrave in "Texturing & Modeling: A Procedural Approach", 3rd edition, ch. 16.
-float ridged(const ProceduralTexture& procedure, const std::array<double, 4>& p, float footprint) {
-  const float mean = kMeanRidgedNoise[static_cast<std::size_t>(procedure.dimensions)];
-  Octaves o(procedure, p, footprint);
+/// Ridges where noise crosses zero; each octave is weighted by the previous one. Source: F. K.
+/// Musgrave in "Texturing & Modeling: A Procedural Approach", 3rd edition, ch. 16.
+float ridged(const ProceduralTexture& procedural, const std::array<double, 4>& p, float footprint) {
+  const float mean = kMeanRidgedNoise[static_cast<std::size_t>(procedural.dimensions)];
+  Octaves o(procedural, p, footprint);
   float sum = 0, most = 0, weight = 1;
   do {
     const float ridge = 1 - std::fabs(o.noise());
@@ -96,90 +97,92 @@ float ridged(const ProceduralTexture& procedure, const std::array<double, 4>& p,
   return sum / most;
 }
 
-/// A sine of one wave a feature, its mean where it is too fine; [-1, 1]. The distortion by
-/// turbulence makes it locally finer, but not on average.
+/// A sine with one period per feature in [-1, 1], or its mean where it is too fine. Distortion
+/// makes it finer locally, but not on average.
 float wave(double x, float footprint) {
   const auto phase = static_cast<float>(x - std::floor(x));
   return seen_share(footprint) * elementary::sin(kTwoPi * phase);
 }
 
-/// Layers across x, distorted: sin(x + sum |noise| / f).
-float marble(const ProceduralTexture& procedure, const std::array<double, 4>& p, float footprint) {
-  const float bend = procedure.distortion * turbulence(procedure, p, footprint).sum;
+/// Layers across x, distorted by turbulence: sin(x + sum |noise| / f).
+float marble(const ProceduralTexture& procedural, const std::array<double, 4>& p, float footprint) {
+  const float bend = procedural.distortion * turbulence(procedural, p, footprint).sum;
   return 0.5f + 0.5f * wave(p[0] + static_cast<double>(bend), footprint);
 }
 
-/// Rings about the y axis, uneven by fBm, with a grain across them.
-float wood(const ProceduralTexture& procedure, const std::array<double, 4>& p, float footprint) {
+/// Rings about the y axis, distorted by fBm, with grain across them.
+float wood(const ProceduralTexture& procedural, const std::array<double, 4>& p, float footprint) {
   const double radius = std::sqrt(p[0] * p[0] + p[2] * p[2]);
-  const float uneven = procedure.distortion * fbm(procedure, p, footprint);
-  const float rings = 0.5f + 0.5f * wave(radius + static_cast<double>(uneven), footprint);
+  const float distortion = procedural.distortion * fbm(procedural, p, footprint);
+  const float rings = 0.5f + 0.5f * wave(radius + static_cast<double>(distortion), footprint);
   constexpr double kFine = 24, kAlong = 0.5;
-  ProceduralTexture grain = procedure;
+  ProceduralTexture grain = procedural;
   grain.octaves = 1;
   const std::array<double, 4> fine = {p[0] * kFine, p[1] * kAlong, p[2] * kFine, p[3]};
   const float fibres = fbm(grain, fine, footprint * static_cast<float>(kFine));
   return clamp(0.15f + 0.7f * rings + 0.15f * fibres, 0.0f, 1.0f);
 }
 
-float clouds(const ProceduralTexture& procedure, const std::array<double, 4>& p, float footprint) {
-  return smooth_step(-0.1f, 0.5f, fbm(procedure, p, footprint));
+float clouds(const ProceduralTexture& procedural, const std::array<double, 4>& p, float footprint) {
+  return smooth_step(-0.1f, 0.5f, fbm(procedural, p, footprint));
 }
 
-/// Patches where the coat is gone, with scratches (noise drawn out along x) at their rims.
-float worn_metal(const ProceduralTexture& procedure, const std::array<double, 4>& p, float footprint) {
+/// Worn patches of a coating, with scratches (noise stretched along x) at their edges.
+float worn_metal(const ProceduralTexture& procedural, const std::array<double, 4>& p,
+                 float footprint) {
   constexpr double kFine = 16, kAlong = 0.7;
   const std::array<double, 4> drawn = {p[0] * kAlong, p[1] * kFine, p[2] * kFine, p[3]};
-  ProceduralTexture one = procedure;
+  ProceduralTexture one = procedural;
   one.octaves = 1;
   const float scratches = fbm(one, drawn, footprint * static_cast<float>(kFine));
-  const float patches = fbm(procedure, p, footprint);
-  return smooth_step(-0.05f, 0.15f, patches + 0.12f * procedure.distortion * scratches);
+  const float patches = fbm(procedural, p, footprint);
+  return smooth_step(-0.05f, 0.15f, patches + 0.12f * procedural.distortion * scratches);
 }
 
-/// Hot at y = 0, out at y = 1, torn by turbulence that rises as time goes on.
-float fire(const ProceduralTexture& procedure, const std::array<double, 4>& p, float footprint) {
+/// Hot at y = 0, fading out at y = 1, with turbulence that rises over time.
+float fire(const ProceduralTexture& procedural, const std::array<double, 4>& p, float footprint) {
   constexpr double kTongues = 3;  // across a flame's height
   const std::array<double, 4> rising = {p[0] * kTongues, p[1] * kTongues - 2 * p[3],
                                         p[2] * kTongues, p[3]};
-  const Turbulence t = turbulence(procedure, rising, footprint * static_cast<float>(kTongues));
-  const float mean = t.most * kMeanAbsoluteNoise[static_cast<std::size_t>(procedure.dimensions)];
+  const Turbulence t = turbulence(procedural, rising, footprint * static_cast<float>(kTongues));
+  const float mean = t.most * kMeanAbsoluteNoise[static_cast<std::size_t>(procedural.dimensions)];
   const auto height = static_cast<float>(clamp(p[1], -1e6, 1e6));
-  return clamp(1 - height + procedure.distortion * height * (t.sum - mean) * 2, 0.0f, 1.0f);
+  return clamp(1 - height + procedural.distortion * height * (t.sum - mean) * 2, 0.0f, 1.0f);
 }
 
 }  // namespace
 
-float pattern_at(const ProceduralTexture& procedure, const std::array<double, 4>& p, float footprint) {
+float pattern_at(const ProceduralTexture& procedural, const std::array<double, 4>& p,
+                 float footprint) {
   using Pattern = ProceduralTexture::Pattern;
-  switch (procedure.pattern) {
+  switch (procedural.pattern) {
     case Pattern::noise:
-      return 0.5f +
-             0.5f * seen_share(footprint) * gradient_noise(procedure.dimensions, p, procedure.seed);
+      return 0.5f + 0.5f * seen_share(footprint) *
+                        gradient_noise(procedural.dimensions, p, procedural.seed);
     case Pattern::fbm:
-      return 0.5f + 0.5f * fbm(procedure, p, footprint);
+      return 0.5f + 0.5f * fbm(procedural, p, footprint);
     case Pattern::turbulence: {
-      const Turbulence t = turbulence(procedure, p, footprint);
+      const Turbulence t = turbulence(procedural, p, footprint);
       return t.sum / t.most;
     }
     case Pattern::ridged:
-      return ridged(procedure, p, footprint);
+      return ridged(procedural, p, footprint);
     case Pattern::marble:
-      return marble(procedure, p, footprint);
+      return marble(procedural, p, footprint);
     case Pattern::wood:
-      return wood(procedure, p, footprint);
+      return wood(procedural, p, footprint);
     case Pattern::clouds:
-      return clouds(procedure, p, footprint);
+      return clouds(procedural, p, footprint);
     case Pattern::worn_metal:
-      return worn_metal(procedure, p, footprint);
+      return worn_metal(procedural, p, footprint);
     case Pattern::fire:
       break;
   }
-  return fire(procedure, p, footprint);
+  return fire(procedural, p, footprint);
 }
 
-Vec4f ramp_at(const ProceduralTexture& procedure, float value) {
-  const auto& ramp = procedure.ramp;
+Vec4f ramp_at(const ProceduralTexture& procedural, float value) {
+  const auto& ramp = procedural.ramp;
   if (!(value > ramp.front().at)) return ramp.front().color;
   for (std::size_t i = 1; i < ramp.size(); ++i) {
     if (!(value < ramp[i].at)) continue;
@@ -194,8 +197,8 @@ std::array<double, 4> in_features(const ProceduralTexture& f, const Vec3d& point
   return {p.x, p.y, p.z, static_cast<double>(f.time)};
 }
 
-Vec4f procedure_color(const ProceduralTexture& procedure, const Vec3d& point, float footprint) {
-  return ramp_at(procedure, pattern_at(procedure, in_features(procedure, point), footprint));
+Vec4f procedural_color(const ProceduralTexture& procedural, const Vec3d& point, float footprint) {
+  return ramp_at(procedural, pattern_at(procedural, in_features(procedural, point), footprint));
 }
 
 }  // namespace tessera::render

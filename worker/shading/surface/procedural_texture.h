@@ -7,21 +7,22 @@
 
 namespace tessera::render {
 
-/// The patterns of TESSERA_texture (docs/extensions.md): pure functions of a point and of how wide
-/// a spot is seen there. What is finer than the spot gives its mean, octave by octave, so that
-/// distance does not alias; between one and two features a spot it fades.
+/// Patterns of TESSERA_texture (docs/reference/extensions/TESSERA_texture.md), as pure functions of
+/// a point and a filter width (footprint). Octaves finer than the footprint fade to their mean
+/// between one and two features per footprint, which prevents aliasing at a distance.
 
-/// The pattern at `p` (x, y, z, time; in features, as the procedure's scale and offset make it),
-/// before the ramp, in [0, 1]. `footprint`: width of the spot in features; 0 for a point.
-float pattern_at(const ProceduralTexture& procedure, const std::array<double, 4>& p, float footprint);
+/// Pattern at `p` (x, y, z, time; in features, after scale and offset), before the colour ramp, in
+/// [0, 1]. `footprint`: filter width in features; 0 for a point.
+float pattern_at(const ProceduralTexture& procedural, const std::array<double, 4>& p,
+                 float footprint);
 
-/// The ramp at `value`, linear between its stops.
-Vec4f ramp_at(const ProceduralTexture& procedure, float value);
+/// Colour ramp at `value`, linear between its stops.
+Vec4f ramp_at(const ProceduralTexture& procedural, float value);
 
-/// Both, for a point in the procedure's space: metres, or uv (z 0).
-Vec4f procedure_color(const ProceduralTexture& procedure, const Vec3d& point, float footprint);
+/// Pattern and ramp for a point in the texture's space: metres, or uv (with z 0).
+Vec4f procedural_color(const ProceduralTexture& procedural, const Vec3d& point, float footprint);
 
-/// `point` in features, with the time.
-std::array<double, 4> in_features(const ProceduralTexture& procedure, const Vec3d& point);
+/// `point` in features, and the time.
+std::array<double, 4> in_features(const ProceduralTexture& procedural, const Vec3d& point);
 
 }  // namespace tessera::render

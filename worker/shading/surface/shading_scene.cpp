@@ -14,7 +14,7 @@
 namespace tessera::render {
 namespace {
 
-/// Smallest alpha an image can give: bilinear filtering stays within its texels.
+/// Minimum alpha of an image: bilinear filtering stays within the range of its texels.
 float smallest_alpha(const Image& image) {
   if (image.channels != 2 && image.channels != 4) return 1;
   const auto step = static_cast<std::size_t>(image.channels);
@@ -31,22 +31,23 @@ float smallest_alpha(const Image& image) {
   return least;
 }
 
-/// Smallest alpha a procedure can give.
-float smallest_alpha(const ProceduralTexture& procedure) {
+/// Minimum alpha of a procedural texture.
+float smallest_alpha(const ProceduralTexture& procedural) {
   float least = 1;
-  for (const ProceduralTexture::Stop& stop : procedure.ramp) least = std::min(least, stop.color.w);
+  for (const ProceduralTexture::Stop& stop : procedural.ramp) least = std::min(least, stop.color.w);
   return least;
 }
 
-/// Whether some point of the material may let rays through as a hole.
+/// Returns whether rays may pass through some point of the material as a hole.
 bool has_holes(const Material& material, const Scene& scene) {
   if (material.alpha_mode == AlphaMode::opaque) return false;
   float least = material.base_color.w;
   if (material.base_color_texture) {
     const auto index = static_cast<std::size_t>(material.base_color_texture.texture);
     const Texture& texture = scene.textures[index];
-    if (texture.procedure != kNone) {
-      least *= smallest_alpha(scene.procedures[static_cast<std::size_t>(texture.procedure)]);
+    if (texture.procedural != kNone) {
+      least *=
+          smallest_alpha(scene.procedural_textures[static_cast<std::size_t>(texture.procedural)]);
     } else if (texture.image != kNone) {
       least *= smallest_alpha(scene.images[static_cast<std::size_t>(texture.image)]);
     }
@@ -80,14 +81,14 @@ PrimitiveView view_of(const Primitive& p) {
   return v;
 }
 
-/// Float normals of a flat triangle are off by less than 2^-22.
+/// Bound for the deviation of rounded normals of a flat triangle: 2^-22.
 bool leans(const Vec3f& normal, const Vec3f& edge) {
   const float height = dot(edge, normal);
   return height * height > 0x1p-40f * dot(edge, edge) * dot(normal, normal);
 }
 
-/// Whether some vertex normal leans: else every point is where the curve is, and offset_shadow_terminator()
-/// would find nothing.
+/// Returns whether some vertex normal is not perpendicular to its triangle; otherwise
+/// offset_shadow_terminator() has no effect.
 bool has_leaning_normals(const Primitive& p) {
   if (p.normals.empty()) return false;
   for (const auto& triangle : p.triangles) {
@@ -100,7 +101,7 @@ bool has_leaning_normals(const Primitive& p) {
   return false;
 }
 
-/// Whether the material has one of BsdfExtensions.
+/// Returns whether the material uses BsdfExtensions.
 bool is_layered(const Material& m) {
   return m.clearcoat.factor > 0 || m.anisotropy.strength > 0 || max_component(m.sheen.color) > 0 ||
          m.iridescence.factor > 0 || m.diffuse_transmission.factor > 0 || m.optics.conductor ||
@@ -113,7 +114,7 @@ Conductor conductor_of(const Optics& optics) {
   if (!c.present) return c;
   c.n = optics.n;
   c.k = optics.k;
-  // Integral of F(sqrt(t)) over [0, 1]: midpoints err by 1e-4 of it.
+  // Integral of F(sqrt(t)) over [0, 1] by the midpoint rule; relative error 1e-4.
   constexpr int kSteps = 64;
   for (int i = 0; i < kSteps; ++i) {
     const float cosine = std::sqrt((static_cast<float>(i) + 0.5f) / kSteps);
@@ -124,7 +125,7 @@ Conductor conductor_of(const Optics& optics) {
   return c;
 }
 
-/// Vertex colours can lower alpha below what material and texture give.
+/// Vertex colours can lower alpha below that of material and texture.
 bool colors_make_holes(const Primitive& p, const Material& material) {
   if (material.alpha_mode == AlphaMode::opaque) return false;
   for (const Vec4f& c : p.colors) {
@@ -133,7 +134,7 @@ bool colors_make_holes(const Primitive& p, const Material& material) {
   return false;
 }
 
-/// Which materials any primitive has: tables are made for those alone.
+/// Materials that some primitive uses; tables are built only for these.
 std::vector<bool> used_materials(const Scene& scene) {
   std::vector<bool> used(scene.materials.size());
   for (const Mesh& mesh : scene.meshes) {
@@ -146,7 +147,7 @@ std::vector<bool> used_materials(const Scene& scene) {
 
 ShadingScene::ShadingScene(const Scene& scene, std::uint32_t assumed)
     : source(scene), textures(scene), assumed_(assumed) {
-  tracks_footprints = textures.has_procedures() || assumes(kFeatureProcedures);
+  tracks_footprints = textures.has_procedural() || assumes(kFeatureProceduralTextures);
   add_atmosphere(scene);
   add_materials(scene);
   std::vector<std::uint32_t> first;
@@ -172,7 +173,7 @@ ShadingScene::ShadingScene(const Scene& scene, std::uint32_t assumed)
     InstanceView view;
     view.source = &instance;
     view.shape = scene.meshes[mesh].shape.get();
-    const bool changes = !scene.meshes[mesh].keys.empty();  // no solid does
+    const bool changes = !scene.meshes[mesh].keys.empty();  // solids never deform
     view.solid = view.shape != nullptr || instance.operand ||
                  (assumes(kFeatureShapes | kFeatureCsg) && !changes);
     view.moves = instance.motion != kNone || changes || assumes(kFeatureMotion);
@@ -198,7 +199,7 @@ ShadingScene::ShadingScene(const Scene& scene, std::uint32_t assumed)
                                            glass_.size() * sizeof(GlassTables));
 }
 
-/// Of every surface that is seen: none of them changes what becomes of a ray.
+/// Returns whether some rays need no material at a visible surface.
 std::uint8_t ShadingScene::assumed_traits() const {
   unsigned assumed = 0;
   if (assumes(kFeatureAlphaMask | kFeatureAlphaBlend)) assumed |= kTraitAlpha;
@@ -228,7 +229,7 @@ void ShadingScene::add_materials(const Scene& scene) {
     view.source = &m;
     const float f0 = f0_from_ior(m.ior);
     view.f0 = m.specular_glossiness ? m.specular_f0 : m.specular_color * f0;
-    view.extinction = extinction_of(m);
+    view.extinction = volume_absorption(m);
     view.absorbs = m.has_volume && max_component(view.extinction) > 0;
     view.emissive = !m.unlit && max_component(m.emission) > 0;
     if ((m.transmission > 0 || m.diffuse_transmission.factor > 0) && !m.unlit) {
@@ -242,15 +243,15 @@ void ShadingScene::add_materials(const Scene& scene) {
                    !assumes(kFeatureSpecular);
     if (used[materials.size()]) add_tables(&view);
     view.traits = traits_of(m, view, scene);
-    if (tracks_bodies) add_interior(scene, &view);
+    if (tracks_bodies) add_volume(scene, &view);
     materials.push_back(view);
   }
   if (tracks_bodies) add_relative();
 }
 
-/// What the material's surfaces enclose: of solids, within their interface; of others that have a
-/// medium, within a surface that is not seen itself.
-void ShadingScene::add_interior(const Scene& scene, MaterialView* view) {
+/// Sets the medium that the material's surfaces enclose: of solids, inside their interface; of
+/// other materials with a medium, inside an invisible boundary.
+void ShadingScene::add_volume(const Scene& scene, MaterialView* view) {
   const Material& m = *view->source;
   const bool solid = view->interface == Interface::solid;
   if (!solid && !m.medium) return;
@@ -287,8 +288,8 @@ void ShadingScene::add_relative() {
   std::erase_if(relative_, [](const auto& entry) { return entry.second == nullptr; });
 }
 
-/// One box for each instance or CSG solid that may have a body, padded as for tracing it. Where
-/// anything moves while the shutter is open, one around everything.
+/// Adds a box for each instance or CSG solid that may contain a medium, padded like those of ray
+/// tracing. If anything moves during the exposure, adds one box around everything.
 void ShadingScene::add_body_boxes(const Scene& scene) {
   const std::vector<bool> moving = moving_instances(scene);
   if (std::find(moving.begin(), moving.end(), true) != moving.end()) {
@@ -313,7 +314,7 @@ void ShadingScene::add_body_boxes(const Scene& scene) {
       for (const Vec3f& at : p.positions) meshes[mesh].extend(at);
     }
   }
-  body_boxes_ = place_instances(scene, meshes).boxes;
+  body_boxes_ = bound_instances(scene, meshes).boxes;
 }
 
 bool ShadingScene::may_be_in_body(const Vec3f& p) const {

@@ -5,7 +5,7 @@
 namespace tessera::render {
 namespace {
 
-/// a^(1/5) for a in (0, 1]: Newton's iteration from above, where it falls monotonically.
+/// a^(1/5) for a in (0, 1] by Newton's iteration, which decreases monotonically from above.
 double fifth_root(double a) {
   double y = 1;
   for (;;) {

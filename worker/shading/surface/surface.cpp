@@ -42,7 +42,7 @@ inline __attribute__((always_inline)) ShadingPoint triangle_at(const ShadingScen
   return p;
 }
 
-/// The three corners' values between two keys, or those that do not change; null if it has none.
+/// Values of the three vertices between two keys, or constant ones; null if absent.
 template <typename T>
 const T* corners_between(const T* still, const std::vector<T>* from, const std::vector<T>* to,
                          const std::array<std::uint32_t, 3>& vertices, float f,
@@ -55,7 +55,7 @@ const T* corners_between(const T* still, const std::vector<T>* from, const std::
   return out.data();
 }
 
-/// The one triangle of a mesh that changes, as it is between two keys.
+/// The triangle that was hit of a deforming mesh, interpolated between two keys.
 void move_triangle(const Mesh& mesh, const TriangleId& id, const KeyframePosition& at,
                    const PrimitiveView& still, MovedSurface& memory) {
   static constexpr std::array<std::uint32_t, 3> kCorners = {0, 1, 2};
@@ -145,22 +145,22 @@ ShadingPoint surface_at(const ShadingScene& scene, const TriangleId& id, float b
 ShadingPoint moved_at(const ShadingScene& scene, const Hit& hit, const Vec3f& direction, float time,
                       MovedSurface& memory) {
   const InstanceView& still = scene.instances[hit.id.instance];
-  const std::vector<float>& times = scene.source.key_times;  // none where motion is but assumed
+  const std::vector<float>& times = scene.source.key_times;  // empty if motion is only assumed
   const KeyframePosition at = times.empty() ? KeyframePosition{} : find_key(times, time);
-  memory.place = *still.source;
+  memory.posed_instance = *still.source;
   memory.instance = still;
-  memory.instance.source = &memory.place;
+  memory.instance.source = &memory.posed_instance;
   if (still.source->motion != kNone) {
     const auto& motion = scene.source.motions[static_cast<std::size_t>(still.source->motion)];
     const auto pose = pose_at(motion, at);
-    if (pose) {  // or there would be no hit
-      memory.place.object_to_world = pose->object_to_world;
-      memory.place.world_to_object = pose->world_to_object;
+    if (pose) {  // always, because the ray hit it
+      memory.posed_instance.object_to_world = pose->object_to_world;
+      memory.posed_instance.world_to_object = pose->world_to_object;
     }
-    memory.place.flips_winding = determinant(memory.place.object_to_world) < 0;
-    memory.instance.object_to_world = Affine3f(memory.place.object_to_world);
-    memory.instance.world_to_object = Affine3f(memory.place.world_to_object);
-    memory.instance.handedness = memory.place.flips_winding ? -1.0f : 1.0f;
+    memory.posed_instance.flips_winding = determinant(memory.posed_instance.object_to_world) < 0;
+    memory.instance.object_to_world = Affine3f(memory.posed_instance.object_to_world);
+    memory.instance.world_to_object = Affine3f(memory.posed_instance.world_to_object);
+    memory.instance.handedness = memory.posed_instance.flips_winding ? -1.0f : 1.0f;
   }
   if (still.solid) return solid_at(scene, memory.instance, hit, direction);
   const PrimitiveView& primitive = scene.primitive(hit.id);
@@ -170,7 +170,7 @@ ShadingPoint moved_at(const ShadingScene& scene, const Hit& hit, const Vec3f& di
   }
   move_triangle(mesh, hit.id, at, primitive, memory);
   Hit alone = hit;
-  alone.id.triangle = 0;  // the one there
+  alone.id.triangle = 0;  // the only triangle
   return triangle_at(scene, memory.instance, memory.primitive, alone, direction);
 }
 
@@ -182,7 +182,7 @@ SurfacePoint position_of(const ShadingPoint& p) {
 
 void offset_shadow_terminator(const Vec3f& wo, ShadingPoint* p, SurfacePoint* position) {
   if (!p->primitive->curved) return;
-  const float outwards = p->front == p->flipped ? -1.0f : 1.0f;  // of the mesh, for the viewer
+  const float outwards = p->front == p->flipped ? -1.0f : 1.0f;  // on the viewer's side
   const Vec3f *x = p->primitive->positions, *n = p->primitive->normals;
   const Vec3f e1 = x[p->vertices[1]] - x[p->vertices[0]],
               e2 = x[p->vertices[2]] - x[p->vertices[0]];
@@ -196,7 +196,7 @@ void offset_shadow_terminator(const Vec3f& wo, ShadingPoint* p, SurfacePoint* po
     if (below > 0 && squared > 0) lift += normal * (outwards * share[k] * below / squared);
   }
   lift = transform_vector(p->instance->object_to_world, lift);
-  // By less than positions and hits may be off nothing is gained, and rays might start inside.
+  // Offsets below the error bounds gain nothing, and rays could start inside.
   const Vec3f geometric = p->front ? p->geometric_normal : -p->geometric_normal;
   float least = 0;
   for (int k = 0; k < 3; ++k) least += 4 * std::fabs(geometric[k]) * position->tolerance[k];

@@ -21,7 +21,7 @@ float coat_at(const ShadingScene& scene, const ShadingPoint& p) {
   return c.factor * read(scene, p, c.texture).x;
 }
 
-/// Of the coat, which does not follow the normal map of what lies below.
+/// Frame of the clearcoat, which does not use the normal map of the base.
 BsdfFrame coat_frame_at(const ShadingScene& scene, const ShadingPoint& p, const Vec3f& wo) {
   const Clearcoat& c = p.material->source->clearcoat;
   Vec3f n = vertex_normal(p);
@@ -29,8 +29,8 @@ BsdfFrame coat_frame_at(const ShadingScene& scene, const ShadingPoint& p, const 
   return viewing_frame(p, n, wo);
 }
 
-/// The frame turned so that its tangent lies along the direction of anisotropy; `strength` is what
-/// the texture leaves of it.
+/// `frame` rotated so that its tangent is the direction of anisotropy; `strength` is scaled by the
+/// texture.
 BsdfFrame anisotropic_frame(const ShadingScene& scene, const ShadingPoint& p,
                             const BsdfFrame& frame, float* strength) {
   const Anisotropy& a = p.material->source->anisotropy;
@@ -44,7 +44,7 @@ BsdfFrame anisotropic_frame(const ShadingScene& scene, const ShadingPoint& p,
   const elementary::SinCosf turn = elementary::sincos(a.rotation);
   direction = {turn.cos * direction.x - turn.sin * direction.y,
                turn.sin * direction.x + turn.cos * direction.y};
-  // Tangents belong to the front side's normal.
+  // Tangents belong to the normal of the front side.
   const Vec3f front = p.front ? frame.normal : -frame.normal;
   const TextureRef& ref =
       p.material->source->normal_texture ? p.material->source->normal_texture : a.texture;
@@ -71,7 +71,7 @@ ThinFilm film_at(const ShadingScene& scene, const ShadingPoint& p) {
   return film;
 }
 
-/// Puts the index of refraction at one wavelength in place of that at 587.6 nm.
+/// Replaces the index of refraction at 587.6 nm by that at one wavelength.
 void disperse(const Material& m, float wavelength, BsdfParameters* parameters) {
   const float before = f0_from_ior(m.ior);
   parameters->ior = dispersed_ior(m.ior, m.dispersion, wavelength);

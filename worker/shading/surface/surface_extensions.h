@@ -4,13 +4,13 @@
 
 namespace tessera::render {
 
-/// bsdf_at() for a material with further extensions, whose textures it reads. `parameters` are
-/// those of all materials, `frame` that of the base's normal.
+/// bsdf_at() for a material with extensions, whose textures it reads. `parameters` are those of the
+/// core material, `frame` is that of the base normal.
 Bsdf extended_bsdf_at(const ShadingScene& scene, const ShadingPoint& point,
                       const BsdfParameters& parameters, const BsdfFrame& frame, const Vec3f& wo,
                       float wavelength);
 
-/// Share of a surface's emission that passes the layers above it on its way to `wo`.
+/// Fraction of a surface's emission towards `wo` that passes the layers above it.
 float emission_passed_at(const ShadingScene& scene, const ShadingPoint& point, const Vec3f& wo);
 
 }  // namespace tessera::render

@@ -4,13 +4,13 @@
 #include "worker/geometry/shapes/shape_surface.h"
 #include "worker/shading/microfacet/microfacet.h"
 #include "worker/shading/surface/surface.h"
-#include "worker/shading/surface/surface_procedure.h"
+#include "worker/shading/surface/surface_procedural.h"
 
-/// What a surface's arrays and textures say at a point; for surface.cpp and
-/// surface_extensions.cpp.
+/// Vertex attributes and textures at a point of a surface. Used by surface.cpp and
+/// surface_extensions.cpp only.
 namespace tessera::render::surface_lookup {
 
-/// a + b1 (b - a) + b2 (c - a): exact where the three corners agree.
+/// a + b1 (b - a) + b2 (c - a): exact if the three values are equal.
 template <typename T>
 inline T interpolated(const T* values, const ShadingPoint& p) {
   const T a = values[p.vertices[0]], b = values[p.vertices[1]], c = values[p.vertices[2]];
@@ -26,12 +26,12 @@ inline Vec2f uv_at(const ShadingPoint& p, const TextureRef& ref) {
 inline __attribute__((always_inline)) Vec4f read(const ShadingScene& scene, const ShadingPoint& p,
                                                  const TextureRef& ref) {
   if (!ref) return {1, 1, 1, 1};
-  if (const ProceduralTexture* f = scene.textures.procedure(ref)) [[unlikely]]
-    return procedure_color_at(scene, p, ref, *f);
+  if (const ProceduralTexture* f = scene.textures.procedural(ref)) [[unlikely]]
+    return procedural_color_at(scene, p, ref, *f);
   return scene.textures.lookup(ref, uv_at(p, ref));
 }
 
-/// Tangent of the UV parametrisation of the triangle, object space; zero if there is none.
+/// Tangent of the triangle's UV parametrisation, object space; zero if there is none.
 inline Vec4f tangent_from_uv(const ShadingPoint& p, const TextureRef& ref) {
   const Vec2f* uv = p.primitive->uv[ref.uv_set == 1 ? 1 : 0];
   if (uv == nullptr) return p.shape == nullptr ? Vec4f{} : shape_tangent(*p.shape, p.face, p.local);
@@ -50,7 +50,7 @@ struct TangentPair {
   Vec3f tangent, bitangent;
 };
 
-/// `ref` names the texture coordinates to go by where the mesh has no tangents.
+/// `ref` selects the texture coordinates to use if the mesh has no tangents.
 inline TangentPair tangents_at(const ShadingPoint& p, const TextureRef& ref, const Vec3f& normal) {
   const Vec4f object_tangent = p.primitive->tangents != nullptr
                                    ? interpolated(p.primitive->tangents, p)
@@ -58,16 +58,16 @@ inline TangentPair tangents_at(const ShadingPoint& p, const TextureRef& ref, con
   const Vec3f along = transform_vector(p.instance->object_to_world, object_tangent.xyz());
   const Vec3f tangent = normalize(along - normal * dot(normal, along));
   if (tangent == Vec3f{}) return {};
-  // World space of a mirrored instance turns the cross product round.
+  // The world space of a mirrored instance reverses the cross product.
   const float side = (object_tangent.w < 0 ? -1.0f : 1.0f) * p.instance->handedness;
   return {tangent, cross(normal, tangent) * side};
 }
 
-/// `normal` tilted by a normal texture; itself where tangent or texel are degenerate.
+/// `normal` perturbed by a normal texture; unchanged if tangent or texel are degenerate.
 inline Vec3f normal_mapped(const ShadingScene& scene, const ShadingPoint& p, const TextureRef& ref,
                            float scale, const Vec3f& normal) {
-  if (const ProceduralTexture* f = scene.textures.procedure(ref)) [[unlikely]]
-    return procedure_bumped(scene, p, ref, *f, scale, normal);
+  if (const ProceduralTexture* f = scene.textures.procedural(ref)) [[unlikely]]
+    return procedural_bumped(scene, p, ref, *f, scale, normal);
   const TangentPair axes = tangents_at(p, ref, normal);
   if (axes.tangent == Vec3f{}) return normal;
   const Vec4f texel = read(scene, p, ref);
@@ -85,7 +85,7 @@ inline __attribute__((always_inline)) Vec3f vertex_normal(const ShadingPoint& p)
   return smooth == Vec3f{} ? p.geometric_normal : p.flipped ? -smooth : smooth;
 }
 
-/// Both normals on the viewer's side, the shading one bent so that it really is.
+/// Frame with both normals on the viewer's side; the shading normal is bent if necessary.
 inline BsdfFrame viewing_frame(const ShadingPoint& p, const Vec3f& shading_normal,
                                const Vec3f& wo) {
   BsdfFrame frame;
@@ -93,8 +93,8 @@ inline BsdfFrame viewing_frame(const ShadingPoint& p, const Vec3f& shading_norma
   frame.geometric_normal = p.front ? horizon : -horizon;
   Vec3f n = p.front ? shading_normal : -shading_normal;
   if (!(dot(n, frame.geometric_normal) > 0)) n = frame.geometric_normal;
-  // What a mirror shows must lie above the surface: else the normal is turned until it does, which
-  // also puts the viewer on its side.
+  // The mirror direction must lie above the surface: otherwise the normal is turned until it
+  // does, which also puts the viewer on its side.
   const Vec3f reflected = n * (2 * dot(n, wo)) - wo;
   const float facing = dot(frame.geometric_normal, wo);
   const float least = facing < 0.02f ? 0.5f * facing : 0.01f;

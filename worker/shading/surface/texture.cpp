@@ -7,8 +7,8 @@
 namespace tessera::render {
 namespace {
 
-/// Brings a coordinate into the period of its wrap mode, so that texel indices stay small:
-/// [0, 1] for repeat and clamp, [0, 2] for mirror.
+/// Reduces a coordinate to the period of its wrap mode, so that texel indices stay small: [0, 1]
+/// for repeat and clamp, [0, 2] for mirror.
 float into_period(float u, Wrap wrap) {
   float folded = 0;
   switch (wrap) {
@@ -22,10 +22,10 @@ float into_period(float u, Wrap wrap) {
       folded = clamp(u, 0.0f, 1.0f);
       break;
   }
-  return folded >= 0 && folded <= 2 ? folded : 0.0f;  // NaN and infinities end here
+  return folded >= 0 && folded <= 2 ? folded : 0.0f;  // NaN and infinities become 0
 }
 
-/// Texel index within [0, size) for an index at most one period off. Requires size >= 1.
+/// Texel index in [0, size) for an index at most one period outside. Requires size >= 1.
 std::int32_t wrapped(std::int32_t i, std::int32_t size, Wrap wrap) {
   switch (wrap) {
     case Wrap::repeat:
@@ -40,7 +40,8 @@ std::int32_t wrapped(std::int32_t i, std::int32_t size, Wrap wrap) {
   return clamp(i, std::int32_t{0}, size - 1);
 }
 
-/// RGBA of a texel with 1 to 4 channels: grey repeats, alpha is the last of 2 or 4, else 1.
+/// RGBA of a texel with 1 to 4 channels: grey is replicated; alpha is the last of 2 or 4 channels,
+/// otherwise 1.
 template <typename Code, typename Color, typename Alpha>
 Vec4f spread(const Code* codes, std::int32_t channels, const Color& color, const Alpha& alpha) {
   const float first = color(codes[0]);
@@ -58,9 +59,9 @@ TextureTable::TextureTable(const Scene& scene) : center_(scene.center), srgb8_(s
   for (const Texture& texture : scene.textures) {
     View view;
     if (texture.image != kNone) view.image = &scene.images[static_cast<std::size_t>(texture.image)];
-    if (texture.procedure != kNone) {
-      view.procedure = &scene.procedures[static_cast<std::size_t>(texture.procedure)];
-      has_procedures_ = true;
+    if (texture.procedural != kNone) {
+      view.procedural = &scene.procedural_textures[static_cast<std::size_t>(texture.procedural)];
+      has_procedural_ = true;
     }
     view.wrap_u = texture.wrap_u;
     view.wrap_v = texture.wrap_v;

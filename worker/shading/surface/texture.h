@@ -9,26 +9,25 @@
 
 namespace tessera::render {
 
-/// The textures of a scene, ready to be looked up: our own filter, level 0, bilinear as
-/// a + f (b - a), which is exact on constants; sRGB codes are decoded before filtering.
-/// Points into the scene, which must outlive it.
+/// Lookup of a scene's textures: level 0, bilinear as a + f (b - a), which is exact on constants;
+/// sRGB codes are decoded before filtering. Refers to the scene, which must outlive it.
 class TextureTable {
  public:
   explicit TextureTable(const Scene& scene);
 
-  /// RGBA of `ref` at (u, v), before any factor; (0, 0) is the corner of the image's first texel.
-  /// A missing texture is white. Coordinates that are not finite read as 0.
+  /// RGBA of `ref` at (u, v), without factors; (0, 0) is the corner of the image's first texel. A
+  /// missing texture is white. Non-finite coordinates count as 0.
   Vec4f lookup(const TextureRef& ref, Vec2f uv) const;
 
-  /// What `ref` is worked out by, if it is not an image. Requires a ref with a texture.
-  const ProceduralTexture* procedure(const TextureRef& ref) const {
-    return views_[static_cast<std::size_t>(ref.texture)].procedure;
+  /// Procedural texture of `ref`, or null for an image. Requires a ref with a texture.
+  const ProceduralTexture* procedural(const TextureRef& ref) const {
+    return views_[static_cast<std::size_t>(ref.texture)].procedural;
   }
-  bool has_procedures() const { return has_procedures_; }
-  /// Scene::center, which procedures in world space add back.
+  bool has_procedural() const { return has_procedural_; }
+  /// Scene::center, which procedural textures in world space add back.
   const Vec3d& center() const { return center_; }
 
-  /// Texel (x, y) of image `ref` reads, decoded, after wrapping; for tables made at build time.
+  /// Decoded texel (x, y) of the image of `ref`, after wrapping; used for building tables.
   Vec4f texel(const TextureRef& ref, std::int32_t x, std::int32_t y) const;
 
   std::int64_t memory_bytes() const;
@@ -36,7 +35,7 @@ class TextureTable {
  private:
   struct View {
     const Image* image = nullptr;
-    const ProceduralTexture* procedure = nullptr;
+    const ProceduralTexture* procedural = nullptr;
     Wrap wrap_u = Wrap::repeat, wrap_v = Wrap::repeat;
     bool nearest = false;
   };
@@ -44,13 +43,13 @@ class TextureTable {
   Vec4f fetch(const View& view, bool srgb, std::int32_t x, std::int32_t y) const;
 
   std::vector<View> views_;
-  bool has_procedures_ = false;
+  bool has_procedural_ = false;
   Vec3d center_;
   std::array<float, 256> linear8_{}, srgb8_{};
   std::vector<float> srgb16_;  // only if a 16-bit image is read as sRGB
 };
 
-/// uv under KHR_texture_transform: matrix * (u, v, 1).
+/// UV coordinates transformed by KHR_texture_transform: matrix * (u, v, 1).
 inline Vec2f transformed_uv(const TextureRef& ref, Vec2f uv) {
   if (!ref.has_transform) return uv;
   const auto& m = ref.uv_matrix;

@@ -14,7 +14,7 @@ constexpr int kAzimuths = 8, kElevations = 64;  // midpoint rule over half the v
 
 using Circle = HalfCircle<kAzimuths>;
 
-/// G2 / G1(wo) for a direction with cosine `cos_i` of either side.
+/// G2 / G1(wo) for a direction of cosine `cos_i` on either side.
 double masking_ratio(double cos_o, double cos_i, double root_o, double alpha) {
   const double c = std::fabs(cos_i);
   const double root_i = smith_root(c, alpha);
@@ -30,13 +30,14 @@ double exact_fresnel(double c, double eta) {
   return 0.5 * a * a * (1 + b * b);
 }
 
-/// Albedo of one grid point; eta 0 stands for perfectly reflecting facets.
+/// Albedo at one grid point; eta 0 means perfectly reflecting facets.
 double albedo(double cos_o, double alpha, double eta, const Circle& circle) {
   const Vec3d wo{std::sqrt((1 - cos_o) * (1 + cos_o)), 0, cos_o};
   const double root_o = smith_root(cos_o, alpha);
   double sum = 0;
   for (int e = 0; e < kElevations; ++e) {
-    // u = 1 - v^2 puts points into the lobe's long tail, where the losses of smooth ones are.
+    // u = 1 - v^2 concentrates points in the long tail of the lobe, where smooth lobes lose
+    // energy.
     const double v = (e + 0.5) / kElevations;
     const double weight = 2 * v;
     for (std::size_t a = 0; a < kAzimuths; ++a) {
@@ -57,7 +58,7 @@ double albedo(double cos_o, double alpha, double eta, const Circle& circle) {
   return sum / (kElevations * kAzimuths);
 }
 
-/// Of a grid point in values_.
+/// Albedo at grid point `i` of values_.
 constexpr std::size_t index_of(int roughness, int cosine) {
   return static_cast<std::size_t>(roughness) * AlbedoTable::kCosines +
          static_cast<std::size_t>(cosine);
@@ -76,7 +77,7 @@ AlbedoTable AlbedoTable::dielectric(double eta) {
   for (int r = 0; r < kRoughness; ++r) {
     const double roughness = static_cast<double>(r) / (kRoughness - 1);
     for (int i = 0; i < kCosines; ++i) {
-      // A cosine of exactly zero sees no normals at all; its limit is what interpolation needs.
+      // A cosine of exactly zero sees no normals; interpolation needs the limit.
       const double c = i == 0 ? 1e-4 : grid_cosine(i);
       const double e = r == 0 ? 1 : albedo(c, roughness * roughness, eta, circle);
       table.values_[index_of(r, i)] = static_cast<float>(clamp(e, 0.0, 1.0));
@@ -108,7 +109,7 @@ float AlbedoTable::average(float roughness) const {
 }
 
 void AlbedoTable::fill_averages() {
-  constexpr int kSteps = 64;  // midpoint rule over what at() interpolates, so both agree
+  constexpr int kSteps = 64;  // midpoint rule over the interpolation of at(), so that both agree
   for (int r = 0; r < kRoughness; ++r) {
     double sum = 0;
     for (int k = 0; k < kSteps; ++k) {

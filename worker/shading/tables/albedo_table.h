@@ -6,12 +6,12 @@
 
 namespace tessera::render {
 
-/// Directional albedo of a single-scattering GGX lobe over (cosine, roughness): what share of
-/// the light that arrives leaves again without a second bounce between microfacets. Filled in
-/// double by fixed quadrature with exactly rounded operations, so every machine has the same bits.
+/// Directional albedo of a single-scattering GGX lobe over (cosine, roughness): the fraction of
+/// light that leaves without a second bounce between microfacets. Computed in double by fixed
+/// quadrature with exactly rounded operations, so all machines have the same bits.
 ///
-/// Grid: kCosines points in cos = (i / (n - 1))^2 and kRoughness points in roughness =
-/// sqrt(alpha), both over [0, 1]; bilinear in between.
+/// Grid: kCosines points in cos = (i / (n - 1))^2 and kRoughness points in roughness = sqrt(alpha),
+/// both over [0, 1]; bilinear in between.
 class AlbedoTable {
  public:
   static constexpr int kCosines = 24, kRoughness = 24;
@@ -21,8 +21,8 @@ class AlbedoTable {
 
   /// Perfectly reflecting facets (F = 1): E(1, alpha 1) = 1 - ln 2.
   static AlbedoTable reflector();
-  /// Reflection and transmission together at a dielectric with relative index `eta` > 0, as
-  /// shading/bsdf.h scatters there. Never above 1.
+  /// Reflection plus transmission at a dielectric with relative index `eta` > 0, as scattered by
+  /// worker/shading/bsdf/bsdf.h. Never above 1.
   static AlbedoTable dielectric(double eta);
 
   /// Albedo for light leaving at `cos_theta` in [0, 1] from a lobe of `roughness` in [0, 1].

@@ -39,13 +39,13 @@ double albedo(const Vec3d& wo, const Alphas& a, const HalfCircle<8>& circle) {
   return sum / (kElevations * 16);
 }
 
-/// Where `x` in [0, 1] lies among `count` points evenly spread over it.
-struct Place {
-  std::size_t index;  // of the point below; one above it always exists
+/// Position of `x` in [0, 1] among `count` equally spaced grid points.
+struct GridPosition {
+  std::size_t index;  // of the point below; there is always one above
   float fraction;
 };
 
-Place place(float x, int count) {
+GridPosition grid_position(float x, int count) {
   const float scaled = clamp(x, 0.0f, 1.0f) * static_cast<float>(count - 1);
   const int i = scaled < static_cast<float>(count - 2) ? static_cast<int>(scaled) : count - 2;
   return {static_cast<std::size_t>(i), scaled - static_cast<float>(i)};
@@ -63,7 +63,7 @@ AnisotropicAlbedo::AnisotropicAlbedo() {
     for (std::size_t r = 0; r < kRoughness; ++r) {
       const Alphas a = alphas_of(grid(r, kRoughness), grid(s, kStrengths));
       for (std::size_t i = 0; i < kHeights; ++i) {
-        // A viewer in the surface sees no normals at all; interpolation needs the limit.
+        // A viewer in the surface sees no normals; interpolation needs the limit.
         const double g = grid(i, kHeights), z = i == 0 ? 1e-4 : g * g;
         const double across = std::sqrt((1 - z) * (1 + z));
         for (std::size_t k = 0; k < kAzimuths; ++k) {
@@ -82,9 +82,10 @@ float AnisotropicAlbedo::at(const Vec3f& wo, float roughness, float strength) co
   const float b = std::max(roughness * roughness, kMirrorAlpha);
   const Vec3f w = direction_of(Vec3f{wo.x * anisotropic_alpha(b, strength), wo.y * b, wo.z});
   const float along = w.x * w.x, across = w.x * w.x + w.y * w.y;
-  const Place s = place(strength, kStrengths), r = place(roughness, kRoughness);
-  const Place i = place(std::sqrt(clamp(w.z, 0.0f, 1.0f)), kHeights);
-  const Place k = place(across > 0 ? along / across : 0, kAzimuths);
+  const GridPosition s = grid_position(strength, kStrengths),
+                     r = grid_position(roughness, kRoughness);
+  const GridPosition i = grid_position(std::sqrt(clamp(w.z, 0.0f, 1.0f)), kHeights);
+  const GridPosition k = grid_position(across > 0 ? along / across : 0, kAzimuths);
   const auto line = [&](std::size_t ds, std::size_t dr, std::size_t di) {
     const auto& row = values_[s.index + ds][r.index + dr][i.index + di];
     return lerp(row[k.index], row[k.index + 1], k.fraction);
@@ -97,7 +98,8 @@ float AnisotropicAlbedo::at(const Vec3f& wo, float roughness, float strength) co
 }
 
 float AnisotropicAlbedo::average(float roughness, float strength) const {
-  const Place s = place(strength, kStrengths), r = place(roughness, kRoughness);
+  const GridPosition s = grid_position(strength, kStrengths),
+                     r = grid_position(roughness, kRoughness);
   const auto row = [&](const std::array<float, kRoughness>& a) {
     return lerp(a[r.index], a[r.index + 1], r.fraction);
   };
@@ -105,7 +107,7 @@ float AnisotropicAlbedo::average(float roughness, float strength) const {
 }
 
 void AnisotropicAlbedo::fill_averages() {
-  constexpr int kSteps = 32;  // midpoint rule over what at() interpolates, so both agree
+  constexpr int kSteps = 32;  // midpoint rule over the interpolation of at(), so that both agree
   const HalfCircle<8> circle;
   for (std::size_t s = 0; s < kStrengths; ++s) {
     for (std::size_t r = 0; r < kRoughness; ++r) {

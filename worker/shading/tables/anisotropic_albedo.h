@@ -7,23 +7,23 @@
 
 namespace tessera::render {
 
-/// Alpha along the direction of anisotropy; across it, it stays the material's. `strength` in
-/// [0, 1]. Source: KHR_materials_anisotropy.
+/// Alpha along the direction of anisotropy; across it, alpha is the material's. `strength` in [0,
+/// 1]. Source: KHR_materials_anisotropy.
 constexpr float anisotropic_alpha(float alpha, float strength) {
   return alpha + (1 - alpha) * (strength * strength);
 }
 
-/// Directional albedo of perfectly reflecting anisotropic GGX facets, as albedo_table.h has it for
-/// isotropic ones; filled in the same way.
+/// Directional albedo of perfectly reflecting anisotropic GGX facets; see albedo_table.h for
+/// isotropic ones.
 ///
-/// Grid: strength and roughness over [0, 1]; the viewer's direction as the facets' stretched space
-/// sees it, w = normalize(alpha_t x, alpha_b y, z), where the albedo is smooth: w.z =
-/// (i / (n - 1))^2, and the share (w.x^2) / (w.x^2 + w.y^2) of the tangent. Linear in between.
+/// Grid: strength and roughness over [0, 1]; the viewer's direction in the stretched space of the
+/// facets, w = normalize(alpha_t x, alpha_b y, z), where the albedo is smooth: w.z = (i / (n -
+/// 1))^2, and the fraction (w.x^2) / (w.x^2 + w.y^2) of the tangent. Linear in between.
 class AnisotropicAlbedo {
  public:
   AnisotropicAlbedo();
 
-  /// For light leaving along `wo` (unit; the tangent is x).
+  /// Albedo for light leaving along `wo` (unit; the tangent is x).
   float at(const Vec3f& wo, float roughness, float strength) const;
   /// Cosine-weighted mean of at() over the hemisphere.
   float average(float roughness, float strength) const;

@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kHeights = 64;
 
-/// By the midpoint rule over the light's azimuth and the root of its cosine.
+/// Albedo by the midpoint rule over the light's azimuth and the root of its cosine.
 double albedo(double cos_o, double alpha, const HalfCircle<16>& circle) {
   const double sin_o = std::sqrt((1 - cos_o) * (1 + cos_o));
   const double lambda_o = sheen_lambda(cos_o, alpha);
@@ -33,10 +33,10 @@ double albedo(double cos_o, double alpha, const HalfCircle<16>& circle) {
 SheenTable::SheenTable() {
   const HalfCircle<16> circle;
   for (std::size_t r = 0; r < kRoughness; ++r) {
-    const double least{kLeastSheenRoughness};
+    const double least{kMinSheenRoughness};
     const double roughness = least + (1 - least) * static_cast<double>(r) / (kRoughness - 1);
     for (std::size_t i = 0; i < kCosines; ++i) {
-      // A cosine of exactly zero divides by zero; interpolation needs its limit.
+      // A cosine of exactly zero divides by zero; interpolation needs the limit.
       constexpr double kLeastCosine = 1e-5;
       const double x = static_cast<double>(i) / (kCosines - 1);
       const double c = std::max(x * x * x * x, kLeastCosine);
@@ -47,7 +47,7 @@ SheenTable::SheenTable() {
 
 float SheenTable::at(float cos_theta, float roughness) const {
   const float x = std::sqrt(std::sqrt(clamp(cos_theta, 0.0f, 1.0f))) * (kCosines - 1);
-  const float from_least = (roughness - kLeastSheenRoughness) / (1 - kLeastSheenRoughness);
+  const float from_least = (roughness - kMinSheenRoughness) / (1 - kMinSheenRoughness);
   const float y = clamp(from_least, 0.0f, 1.0f) * (kRoughness - 1);
   const std::size_t i = x < kCosines - 2 ? static_cast<std::size_t>(x) : kCosines - 2;
   const std::size_t r = y < kRoughness - 2 ? static_cast<std::size_t>(y) : kRoughness - 2;

@@ -8,17 +8,17 @@
 
 namespace tessera::render {
 
-/// The fibres of KHR_materials_sheen: inverted-Gaussian-like normals ("Charlie") with Estevez &
-/// Kulla's shadowing. Source: A. Conty Estevez, C. Kulla, "Production Friendly Microfacet Sheen
-/// BRDF", 2017, equation 2, section 3 and its table of fitted constants.
+/// Fibres of KHR_materials_sheen: inverted Gaussian normals ("Charlie") with Estevez & Kulla's
+/// shadowing. Source: A. Conty Estevez, C. Kulla, "Production Friendly Microfacet Sheen BRDF",
+/// 2017, equation 2, section 3 and its table of fitted constants.
 
-/// Below this perceptual roughness fibres are taken to have it: the lobe would leave the range of
-/// angles that light from a hemisphere comes from.
-inline constexpr float kLeastSheenRoughness = 0.07f;
+/// Minimum perceptual roughness; below it the lobe would not reach any direction of the
+/// hemisphere's light.
+inline constexpr float kMinSheenRoughness = 0.07f;
 
 template <typename T>
 inline T sheen_alpha(T roughness) {
-  const T r = roughness > T(kLeastSheenRoughness) ? roughness : T(kLeastSheenRoughness);
+  const T r = roughness > T(kMinSheenRoughness) ? roughness : T(kMinSheenRoughness);
   return r * r;
 }
 
@@ -29,7 +29,7 @@ inline T sheen_d(T sin2, T alpha) {
   return (2 + power) * elementary::pow(sin2, T(0.5) * power) * T(0.15915494309189533577);
 }
 
-/// The fitted curve whose exponential is Lambda, up to cos = 1/2.
+/// Fitted curve whose exponential is Lambda, for cos up to 1/2.
 template <typename T>
 inline T sheen_curve(T x, T alpha) {
   const T k = (1 - alpha) * (1 - alpha);
@@ -46,12 +46,12 @@ inline T sheen_lambda(T cos_theta, T alpha) {
   return elementary::exp(2 * sheen_curve(T(0.5), alpha) - sheen_curve(1 - cos_theta, alpha));
 }
 
-/// Directional albedo of white sheen over (cosine, perceptual roughness). Above 1 where narrow
-/// lobes are seen at grazing angles, for which the model was not made. Filled in double with
-/// operations that are the same on every machine.
+/// Directional albedo of white sheen over (cosine, perceptual roughness). Above 1 for narrow lobes
+/// at grazing angles, for which the model was not made. Computed in double with operations that are
+/// identical on all machines.
 ///
 /// Grid: kCosines points in cos = (i / (n - 1))^4, kRoughness points in roughness from
-/// kLeastSheenRoughness to 1; bilinear in between.
+/// kMinSheenRoughness to 1; bilinear in between.
 class SheenTable {
  public:
   SheenTable();

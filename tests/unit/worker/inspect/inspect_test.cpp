@@ -114,7 +114,7 @@ TEST_F(InspectTest, SkyIsListedInManifest) {
   ASSERT_EQ(report.resources.size(), 2u);
   EXPECT_EQ(report.resources[1].uri, "sky.hdr");
   EXPECT_EQ(report.resources[1].kind, "environment");
-  EXPECT_NE(report.needs.features & kFeatureEnvironmentMap, 0u);
+  EXPECT_NE(report.features.features & kFeatureEnvironmentMap, 0u);
 }
 
 TEST_F(InspectTest, UnknownCameraIsReported) {

@@ -59,10 +59,10 @@ TEST(LightTree, ProbabilitiesSumToOne) {
   for (const int count : {1, 2, 7, 8, 9, 100, 1000}) {
     const auto lights = mixed_lights(count, 3);
     const LightTree tree(lights);
-    for (const LightSampleContext& receiver : receivers()) {
+    for (const LightSampleContext& context : receivers()) {
       double sum = 0;
       for (std::uint32_t i = 0; i < lights.size(); ++i) {
-        const double p = tree.probability(receiver, i);
+        const double p = tree.probability(context, i);
         EXPECT_EQ(p > 0, lights[i].strength > 0) << i << " of " << count;
         sum += p;
       }
@@ -76,17 +76,17 @@ TEST(LightTree, SamplesFollowProbabilities) {
   const auto lights = mixed_lights(300, 11);
   const LightTree tree(lights);
   constexpr int kDraws = 200'000;
-  for (const LightSampleContext& receiver : receivers()) {
+  for (const LightSampleContext& context : receivers()) {
     std::vector<int> counts(lights.size());
     for (int i = 0; i < kDraws; ++i) {
-      const LightTree::Choice choice = tree.choose(receiver, (i + 0.5) / kDraws);
+      const LightTree::Choice choice = tree.choose(context, (i + 0.5) / kDraws);
       ++counts[choice.light];
-      const double p = tree.probability(receiver, choice.light);
+      const double p = tree.probability(context, choice.light);
       ASSERT_NEAR(choice.probability, p, 1e-14 + 1e-12 * p);
     }
     // Draws are evenly spread over u and each light owns one interval of it.
     for (std::uint32_t i = 0; i < lights.size(); ++i) {
-      EXPECT_NEAR(counts[i], kDraws * tree.probability(receiver, i), 1.01) << i;
+      EXPECT_NEAR(counts[i], kDraws * tree.probability(context, i), 1.01) << i;
     }
   }
 }
@@ -94,13 +94,13 @@ TEST(LightTree, SamplesFollowProbabilities) {
 /// Second moment over the squared mean of an estimate of the irradiance from `lights` (all lamps)
 /// that chooses light i with p(i).
 template <typename Probability>
-double relative_second_moment(const std::vector<LightBounds>& lights, const LightSampleContext& receiver,
-                              const Probability& p) {
+double relative_second_moment(const std::vector<LightBounds>& lights,
+                              const LightSampleContext& context, const Probability& p) {
   double mean = 0, second = 0;
   for (std::uint32_t i = 0; i < lights.size(); ++i) {
-    const Vec3d to_light = lights[i].box_min - Vec3d(receiver.point);
+    const Vec3d to_light = lights[i].box_min - Vec3d(context.point);
     const double d = length(to_light);
-    const double cosine = dot(to_light / d, Vec3d(receiver.normal));
+    const double cosine = dot(to_light / d, Vec3d(context.normal));
     if (!(cosine > 0)) continue;
     const double irradiance = lights[i].strength * cosine / (d * d);
     mean += irradiance;
@@ -114,19 +114,19 @@ TEST(LightTree, ReducesVarianceTenfold) {
   for (int i = 0; i < 400; ++i) lights.push_back(lamp({i * 0.5, 1, (i % 20) * 0.5}, 1));
   const LightTree tree(lights);
   for (int i = 0; i < 20; ++i) {
-    const LightSampleContext receiver{{5.0f + 9 * static_cast<float>(i), 0, 2}, {0, 1, 0}, false};
+    const LightSampleContext context{{5.0f + 9 * static_cast<float>(i), 0, 2}, {0, 1, 0}, false};
     const double by_power =
-        relative_second_moment(lights, receiver, [](std::uint32_t) { return 1 / 400.0; });
+        relative_second_moment(lights, context, [](std::uint32_t) { return 1 / 400.0; });
     const double by_tree = relative_second_moment(
-        lights, receiver, [&](std::uint32_t light) { return tree.probability(receiver, light); });
+        lights, context, [&](std::uint32_t light) { return tree.probability(context, light); });
     EXPECT_LT(by_tree - 1, 0.1 * (by_power - 1)) << i;
   }
 }
 
 TEST(LightTree, BackfacingPatchesAreNotChosen) {
-  const LightSampleContext receiver{{0, 0, 0}, {0, 1, 0}, false};
-  const auto share_of_first = [&receiver](const LightBounds& first, const LightBounds& second) {
-    return LightTree({first, second}).probability(receiver, 0);
+  const LightSampleContext context{{0, 0, 0}, {0, 1, 0}, false};
+  const auto share_of_first = [&context](const LightBounds& first, const LightBounds& second) {
+    return LightTree({first, second}).probability(context, 0);
   };
   const LightBounds facing = patch({1, 5, 0}, {0, -1, 0}, 1);
   EXPECT_GT(share_of_first(facing, patch({-1, 5, 0}, {0, 1, 0}, 1)), 0.99);
@@ -155,11 +155,11 @@ TEST(LightTree, DegenerateLayoutsAreHandled) {
     std::vector<LightBounds> lights;
     for (int i = 0; i < 100; ++i) lights.push_back(lamp({i * step, 0, 0}, 1 + i));
     const LightTree tree(lights);
-    for (const LightSampleContext& receiver : {LightSampleContext{{0, 0, 0}, {0, 1, 0}, false},
-                                          LightSampleContext{{0, 1, 0}, {0, -1, 0}, false}}) {
+    for (const LightSampleContext& context : {LightSampleContext{{0, 0, 0}, {0, 1, 0}, false},
+                                              LightSampleContext{{0, 1, 0}, {0, -1, 0}, false}}) {
       double sum = 0;
       for (std::uint32_t i = 0; i < 100; ++i) {
-        const double p = tree.probability(receiver, i);
+        const double p = tree.probability(context, i);
         EXPECT_TRUE(p > 0 && p <= 1) << step << " " << i << " " << p;
         sum += p;
       }
@@ -180,12 +180,12 @@ TEST(LightTree, PowerOfTwoScaleKeepsProbabilities) {  // hard case 5
     b.strength *= kScale * kScale;
   }
   const LightTree larger(lights);
-  for (LightSampleContext receiver : receivers()) {
+  for (LightSampleContext context : receivers()) {
     std::vector<double> before;
-    for (std::uint32_t i = 0; i < 200; ++i) before.push_back(tree.probability(receiver, i));
-    receiver.point = receiver.point * static_cast<float>(kScale);
+    for (std::uint32_t i = 0; i < 200; ++i) before.push_back(tree.probability(context, i));
+    context.point = context.point * static_cast<float>(kScale);
     for (std::uint32_t i = 0; i < 200; ++i) {
-      EXPECT_EQ(larger.probability(receiver, i), before[i]) << i;
+      EXPECT_EQ(larger.probability(context, i), before[i]) << i;
     }
   }
 }

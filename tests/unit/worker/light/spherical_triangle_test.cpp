@@ -112,7 +112,7 @@ TEST(SphericalTriangle, ExtremeRandomNumbersAreSafe) {  // hard case 63
       for (const double u2 : {0.0, 0x1p-53, 0.5, 1 - 0x1p-53}) {
         const Vec3d d = triangle.sample(u1, u2);
         ASSERT_NEAR(dot(d, d), 1, 1e-12) << u1 << ' ' << u2;
-        const Vec2f w = triangle.place_of(d);
+        const Vec2f w = triangle.barycentrics_at(d);
         ASSERT_TRUE(w.x >= 0 && w.y >= 0 && w.x + w.y <= 1 + 1e-6f) << u1 << ' ' << u2;
       }
     }
@@ -125,7 +125,7 @@ TEST(SphericalTriangle, PointsMatchDirections) {
     for (int i = 0; i < 1000; ++i) {
       const Vec4d u = Sampler(2, 0, i, 0, 0).get_4d_fine(0);
       const Vec3d d = triangle.sample(u.x, u.y);
-      const Vec2f w = triangle.place_of(d);
+      const Vec2f w = triangle.barycentrics_at(d);
       const Vec3d p = t[0] + (t[1] - t[0]) * static_cast<double>(w.x) +
                       (t[2] - t[0]) * static_cast<double>(w.y);
       // Barycentrics are floats: half an ulp of 1 of the longest edge each.

@@ -33,8 +33,8 @@ render::Material lamp() {
 /// Holds the estimate against what the renderer says it keeps. Making that takes up to twice as
 /// much again, lights, which pass through more forms, up to ten times.
 void expect_about_what_is_kept(Scene scene, double most) {
-  const render::SceneFeatures needs = features_of(scene);
-  const std::int64_t estimate = needs.total_bytes() - render::kProcessBytes;
+  const render::SceneFeatures features = features_of(scene);
+  const std::int64_t estimate = features.total_bytes() - render::kProcessBytes;
   const auto made = render::FrameRenderer::create(std::move(scene), small_settings(8, 8, 4), 0,
                                                   render::sequential());
   ASSERT_TRUE(made.ok()) << made.status();

@@ -55,7 +55,7 @@ Scene late(const GltfBuilder& file) {
   // One of each at least, so that a failure is told and not crashed on.
   if (out.lights.empty()) out.lights.emplace_back();
   if (out.materials.empty()) out.materials.emplace_back();
-  if (out.procedures.empty()) out.procedures.emplace_back();
+  if (out.procedural_textures.empty()) out.procedural_textures.emplace_back();
   return out;
 }
 
@@ -75,7 +75,7 @@ TEST(AnimationPointer, AnimatesEveryKindOfProperty) {
           .intensity,
       (render::Vec3f{0.75f, 0, 0.375f}));
   EXPECT_EQ(late(*animated("/textures/0/extensions/TESSERA_texture/offset", {0, 0, 0}, {4, 8, 0}))
-                .procedures[0]
+                .procedural_textures[0]
                 .offset,
             (render::Vec3f{3, 6, 0}));
   EXPECT_EQ(
@@ -172,14 +172,13 @@ TEST(AnimationPointer, RejectsPointersToNonNumbers) {
         "/textures/0/extensions/TESSERA_texture/gain", "/textures/0/source",
         "/cameras/0/extensions/TESSERA_camera/lens/blades", "/nodes/9/translation",
         "/nodes/0/mesh"}) {
-    EXPECT_EQ(refusal(pointer, {2}),
-              at + "\"" + pointer + "\" names no number that can be animated");
+    EXPECT_EQ(refusal(pointer, {2}), at + "\"" + pointer + "\" is not an animatable property");
   }
 }
 
 TEST(AnimationPointer, RejectsWrongTypesAndRanges) {
   EXPECT_EQ(refusal("/materials/0/emissiveFactor", {2, 2}),
-            "scene.gltf: accessors[4]: has 2 components, want 3");
+            "scene.gltf: accessors[4]: has 2 components, expected 3");
   EXPECT_EQ(refusal("/extensions/KHR_lights_punctual/lights/0/intensity", {-9}),
             "scene.gltf: extensions.KHR_lights_punctual.lights[0].intensity: -6.5 is not in [0, "
             "1e+30]");

@@ -391,7 +391,7 @@ TEST(Precision, SmallDistantObjectWarns) {
     const auto& problems = (*file)->problems();
     return std::any_of(problems.begin(), problems.end(), [](const Problem& p) {
       return p.severity == Problem::Severity::warning &&
-             p.message.find("its place is good to") != std::string::npos;
+             p.message.find("position error up to") != std::string::npos;
     });
   };
   EXPECT_FALSE(warned_at("1e5"));  // floats are 0.004 m apart 5e4 m from the middle

@@ -219,7 +219,7 @@ TEST(VertexColors, OutOfRangeIsClampedWithWarning) {  // glTF 2.0, section 3.7.2
   ASSERT_TRUE(scene.ok()) << scene.status();
   EXPECT_EQ(scene->meshes[0].primitives[0].colors[0], (Vec4f{1, 0, 0.5f, 1}));
   ASSERT_FALSE((*file)->problems().empty());
-  EXPECT_EQ((*file)->problems()[0].message, "COLOR_0 leaves [0, 1]; clamped");
+  EXPECT_EQ((*file)->problems()[0].message, "COLOR_0 is outside [0, 1]; clamped");
 }
 
 TEST(Positions, InvalidOnesDropTrianglesWithWarning) {

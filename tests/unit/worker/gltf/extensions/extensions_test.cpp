@@ -45,10 +45,10 @@ struct Refused {
 TEST(TesseraCamera, RejectsInvalidProperties) {
   const std::string at = "cameras[0].extensions.TESSERA_camera";
   for (const Refused& c : {
-           Refused{perspective, R"({"lense": {}})", ".lense: is unknown; there are projection",
-                   true},
+           Refused{perspective, R"({"lense": {}})",
+                   ".lense: unknown property; expected one of projection", true},
            {perspective, R"({"projection": "flat"})", ".projection: is not spherical", true},
-           {perspective, R"({"angle": 1})", ".angle: means nothing without a projection"},
+           {perspective, R"({"angle": 1})", ".angle: not allowed without a projection"},
            {perspective, R"({"projection": "spherical", "angle": 1})", ".angle: belongs to"},
            {perspective, R"({"projection": "equisolid", "verticalAngle": 1})",
             ".verticalAngle: belongs to"},
@@ -58,7 +58,7 @@ TEST(TesseraCamera, RejectsInvalidProperties) {
             true},
            {perspective,
             R"({"projection": "spherical", "lens": {"fNumber": 2, "focusDistance": 1}})",
-            ".lens: means nothing on a curved screen"},
+            ".lens: not allowed with a curved projection"},
            {perspective, R"({"frustum": {"left": -1, "right": 1, "bottom": -1, "top": 1}})",
             ".frustum: has no near", true},
            {perspective,
@@ -71,21 +71,21 @@ TEST(TesseraCamera, RejectsInvalidProperties) {
             R"({"frustum": {"left": -1, "right": 1, "bottom": -1, "top": 1, "near": 2, "far": 1}})",
             ".frustum: near is not below far"},
            {perspective, R"({"direction": [0, 0, -1]})",
-            ".direction: means nothing on a perspective camera"},
-           {orthographic, R"({"direction": [1, 0, 0]})", ".direction: does not go forwards"},
+            ".direction: not allowed on a perspective camera"},
+           {orthographic, R"({"direction": [1, 0, 0]})", ".direction: must point forwards"},
            {orthographic, R"({"direction": [1, 0]})", ".direction: must be an array of 3", true},
            {orthographic, R"({"lens": {"fNumber": 2, "focusDistance": 1}})",
             ".lens: needs a perspective camera"},
            {perspective, R"({"lookAt": {"position": [0, 0, 0]}})", ".lookAt: has no target", true},
            {perspective, R"({"lookAt": {"position": [0, 0, 0], "target": [0, 2, 0]}})",
-            ".lookAt: position, target and up leave no direction"},
+            ".lookAt: position, target and up do not define a direction"},
            {perspective, R"({"lens": {"focusDistance": 1}})", ".lens: has no fNumber", true},
            {perspective, R"({"lens": {"fNumber": 0, "focusDistance": 1}})",
             ".lens.fNumber: 0 is not in", true},
            {perspective, R"({"lens": {"fNumber": 2}})",
-            ".lens: wants either focusDistance or focusNode"},
+            ".lens: must have either focusDistance or focusNode"},
            {perspective, R"({"lens": {"fNumber": 2, "focusDistance": 1, "focusNode": 1}})",
-            ".lens: wants either focusDistance or focusNode"},
+            ".lens: must have either focusDistance or focusNode"},
            {perspective, R"({"lens": {"fNumber": 2, "focusNode": 9}})",
             ".lens.focusNode: 9 is not the index"},
            {perspective, R"({"lens": {"fNumber": 2, "focusNode": 0}})",
@@ -114,7 +114,7 @@ TEST(TesseraExtensions, MisplacedOrUnlistedAreRejected) {
   EXPECT_EQ(refusal(*file), "");
   file->set("/nodes/0/extensions/TESSERA_camera", "{}");
   EXPECT_EQ(refusal(*file),
-            "scene.gltf: nodes[0].extensions.TESSERA_camera: does not belong here, but on elements "
+            "scene.gltf: nodes[0].extensions.TESSERA_camera: not allowed here, only on elements "
             "of cameras");
   const auto misspelt = filmed(perspective, "{}");
   misspelt->set("/cameras/0/extensions/TESSERA_camra", "{}");
@@ -197,8 +197,8 @@ TEST(TesseraTexture, RejectsInvalidProperties) {
   for (const Refused& c : {
            Refused{"", R"({})", ".pattern: is none of noise, fbm", true},
            {"", R"({"pattern": "plaid"})", ".pattern: is none of noise, fbm", true},
-           {"", R"({"pattern": "fbm", "octave": 3})", ".octave: is unknown; there are pattern",
-            true},
+           {"", R"({"pattern": "fbm", "octave": 3})",
+            ".octave: unknown property; expected one of pattern", true},
            {"", R"({"pattern": "fbm", "space": "screen"})", ".space: is not object", true},
            {"", R"({"pattern": "fbm", "dimensions": 0})", ".dimensions: must be 1 to 4", true},
            {"", R"({"pattern": "fbm", "dimensions": 5})", ".dimensions: 5 is not an integer", true},
@@ -216,7 +216,7 @@ TEST(TesseraTexture, RejectsInvalidProperties) {
            {"",
             R"({"pattern": "fbm", "ramp": [{"at": 0.5, "color": [0, 0, 0, 1]},
                                            {"at": 0.5, "color": [1, 1, 1, 1]}]})",
-            ".ramp[1].at: is not above the one before"},
+            ".ramp[1].at: must be above that of the previous stop"},
        }) {
     const std::string message = refusal(*textured(c.extension));
     EXPECT_NE(message.find(at + c.fault), std::string::npos) << c.extension << "\n" << message;
@@ -231,8 +231,8 @@ TEST(TesseraTexture, OverridesImage) {
       R"({"pattern": "ridged", "space": "uv", "dimensions": 2, "scale": [1, 2, 3], "seed": 9,
           "ramp": [{"at": 0.5, "color": [1, 2, 3, 0.25]}]})"));
   ASSERT_TRUE(scene.ok()) << scene.status();
-  ASSERT_EQ(scene->procedures.size(), 1u);
-  const render::ProceduralTexture& f = scene->procedures[0];
+  ASSERT_EQ(scene->procedural_textures.size(), 1u);
+  const render::ProceduralTexture& f = scene->procedural_textures[0];
   EXPECT_EQ(f.pattern, render::ProceduralTexture::Pattern::ridged);
   EXPECT_EQ(f.space, render::ProceduralTexture::Space::uv);
   EXPECT_EQ(f.dimensions, 2);
@@ -241,7 +241,7 @@ TEST(TesseraTexture, OverridesImage) {
   EXPECT_EQ(f.ramp[0].color.w, 0.25f);
   const render::TextureRef& ref = scene->materials[0].base_color_texture;
   ASSERT_TRUE(ref);
-  EXPECT_EQ(scene->textures[static_cast<std::size_t>(ref.texture)].procedure, 0);
+  EXPECT_EQ(scene->textures[static_cast<std::size_t>(ref.texture)].procedural, 0);
 }
 
 /// A quad in a scene of fog; texture 0 is a procedure, texture 1 is none, accessor ACCESSOR has 8
@@ -265,13 +265,13 @@ TEST(TesseraMedium, RejectsInvalidProperties) {
   const std::string grid = R"({"density": {"grid": {"accessor": ACCESSOR, "size": [2, 2, 2], )";
   const std::string at = "scenes[0].extensions.TESSERA_medium";
   for (const Refused& c : {
-           Refused{"", R"({"absorb": [1, 1, 1]})", ".absorb: is unknown; there are absorption",
-                   true},
+           Refused{"", R"({"absorb": [1, 1, 1]})",
+                   ".absorb: unknown property; expected one of absorption", true},
            {"", R"({"absorption": 1})", ".absorption: must be an array of 3", true},
            {"", R"({"scattering": [1, -1, 1]})", ".scattering: is not in [0, 1e+09]", true},
            {"", R"({"anisotropy": 1})", ".anisotropy: 1 is not in [-0.999, 0.999]", true},
            {"", R"({"radius": -1})", ".radius: -1 is not in", true},
-           {"", R"({"center": [1e30, 0, 0]})", ": center is too far out"},
+           {"", R"({"center": [1e30, 0, 0]})", ": center is too far from the origin"},
            {"", R"({"density": {}})", ".density: must have a texture or a grid"},
            {"", R"({"density": {"texture": 0, "grid": {}}})", ".density: must have a texture or a",
             true},
@@ -310,7 +310,7 @@ TEST(TesseraMedium, IsReadFromScenesAndMaterials) {
   EXPECT_EQ(scene->atmosphere->medium.anisotropy, 0.5f);
   EXPECT_EQ(scene->atmosphere->center + scene->center, (Vec3d{1, 2, 3}));
   EXPECT_EQ(scene->atmosphere->radius, 7);
-  EXPECT_EQ(scene->atmosphere->medium.procedure, 0);
+  EXPECT_EQ(scene->atmosphere->medium.procedural, 0);
   const auto filled = load_and_pose(*foggy(R"({"density": {"grid": {"accessor": ACCESSOR,
       "size": [2, 2, 2], "min": [0, 0, 0], "max": [1, 2, 3]}}})",
                                            true));

@@ -142,7 +142,7 @@ TEST(Blobs, ErrorsNameElementAndFault) {
            {R"({"elements": [{}, {"radius": -1}]})", ".elements[1].radius", "-1 is not in"},
            {R"({"elements": [{"radii": [1, 1, 0]}]})", ".elements[0].radii[2]", "0 is not in"},
            {R"({"elements": [{"radii": [1, 1, 1], "radius": 1}]})", ".elements[0].radii",
-            "a radius already"},
+            "not allowed together with radius"},
            {R"({"elements": [{"center": [0, 1e19, 0]}]})", ".elements[0].center[1]", "is not in"},
            {R"({"elements": [{"strength": 1e7}]})", ".elements[0].strength", "is not in"},
            {R"({"elements": [{"centre": [0, 0, 0]}]})", ".elements[0].centre", "is unknown"},
@@ -197,14 +197,15 @@ TEST(Terrain, ErrorsNameElementAndFault) {
     const char *terrain, *element, *fault;
   };
   for (const Case& c : std::vector<Case>{
-           {"{}", ".pattern", "is none of fbm, ridged, waves"},
+           {"{}", ".pattern", "is not one of fbm, ridged, waves"},
            {R"({"pattern": "hills"})", ".pattern", "\"hills\" is none of"},
            {R"({"pattern": "fbm", "size": [1, 0]})", ".size[1]", "0 is not in"},
            {R"({"pattern": "fbm", "size": [1]})", ".size", "array of 2 numbers"},
            {R"({"pattern": "fbm", "height": 0})", ".height", "0 is not in"},
            {R"({"pattern": "fbm", "depth": -1})", ".depth", "-1 is not in"},
            {R"({"pattern": "fbm", "octaves": 25})", ".octaves", "25"},
-           {R"({"pattern": "fbm", "octaves": 24, "lacunarity": 4})", ".octaves", "the finest has"},
+           {R"({"pattern": "fbm", "octaves": 24, "lacunarity": 4})", ".octaves",
+            "the finest octave has"},
            {R"({"pattern": "fbm", "gain": 2})", ".gain", "2 is not in"},
            {R"({"pattern": "fbm", "detail": {"angle": 0}})", ".detail.angle", "0 is not in"},
            {R"({"pattern": "fbm", "detail": {"from": [1e19, 0, 0]}})", ".detail.from", "beyond"},
@@ -276,7 +277,7 @@ TEST(Csg, ErrorsNameElementAndFault) {
   const std::string message(load_and_pose(b).status().message());
   EXPECT_NE(message.find("nodes[0].extensions.TESSERA_csg.operation"), std::string::npos)
       << message;
-  EXPECT_NE(message.find("none of union"), std::string::npos) << message;
+  EXPECT_NE(message.find("not one of union"), std::string::npos) << message;
 }
 
 TEST(Schemas, AcceptExampleScenes) {

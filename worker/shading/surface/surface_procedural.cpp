@@ -1,4 +1,4 @@
-#include "worker/shading/surface/surface_procedure.h"
+#include "worker/shading/surface/surface_procedural.h"
 
 #include <cmath>
 
@@ -10,8 +10,8 @@ namespace tessera::render {
 
 namespace {
 
-/// A procedure's coordinates over the plane of a triangle: linear, so a point and two slopes tell
-/// all. On a shape the triangle is one that touches it there, a 1024th of its size.
+/// Texture coordinates of a procedural texture over the plane of a triangle: linear, so given by a
+/// point and two slopes. On a shape, the triangle is tangent to it and a 1024th of its size.
 class Coordinates {
  public:
   Coordinates(const ShadingScene& scene, const ShadingPoint& p, const TextureRef& ref,
@@ -26,7 +26,7 @@ class Coordinates {
 
   const Vec3d& at() const { return at_; }
 
-  /// Change per metre along `along`, a world vector in the triangle's plane.
+  /// Change of the coordinates per metre along `along`, a world vector in the triangle's plane.
   Vec3d slope(const Vec3d& along) const {
     const Vec3d across = cross(edge1_, edge2_);
     const double area = dot(across, across);
@@ -36,7 +36,7 @@ class Coordinates {
     return to_second_ * b1 + to_third_ * b2;
   }
 
-  /// Features a metre along `along`.
+  /// Features per metre along `along`.
   double features(const Vec3d& along) const { return length(slope(along) * Vec3d(f_.scale)); }
 
  private:
@@ -59,7 +59,7 @@ class Coordinates {
     return transform_point(world, object) + scene_.textures.center();
   }
 
-  /// A corner in object space.
+  /// A vertex in object space.
   Vec3d position(std::size_t k) const {
     const Shape* shape = point_.shape;
     if (shape == nullptr) return Vec3d(point_.primitive->positions[point_.vertices[k]]);
@@ -81,11 +81,11 @@ class Coordinates {
   const ShadingPoint& point_;
   const TextureRef& ref_;
   const ProceduralTexture& f_;
-  Vec3d at_, to_second_, to_third_;  // in the procedure's space
-  Vec3d edge1_, edge2_;              // in the world's
+  Vec3d at_, to_second_, to_third_;  // in texture space
+  Vec3d edge1_, edge2_;              // in world space
 };
 
-/// The point's footprint in features: along the direction in which they are densest.
+/// The footprint in features, along the direction in which they are densest.
 float footprint_in_features(const ShadingPoint& p, const Coordinates& coordinates) {
   if (!(p.footprint > 0)) return 0;
   const Frame plane = Frame::from_normal(p.geometric_normal);
@@ -95,19 +95,19 @@ float footprint_in_features(const ShadingPoint& p, const Coordinates& coordinate
 
 }  // namespace
 
-Vec4f procedure_color_at(const ShadingScene& scene, const ShadingPoint& p, const TextureRef& ref,
-                         const ProceduralTexture& f) {
+Vec4f procedural_color_at(const ShadingScene& scene, const ShadingPoint& p, const TextureRef& ref,
+                          const ProceduralTexture& f) {
   const Coordinates coordinates(scene, p, ref, f);
-  return procedure_color(f, coordinates.at(), footprint_in_features(p, coordinates));
+  return procedural_color(f, coordinates.at(), footprint_in_features(p, coordinates));
 }
 
-Vec3f procedure_bumped(const ShadingScene& scene, const ShadingPoint& p, const TextureRef& ref,
-                       const ProceduralTexture& f, float scale, const Vec3f& normal) {
+Vec3f procedural_bumped(const ShadingScene& scene, const ShadingPoint& p, const TextureRef& ref,
+                        const ProceduralTexture& f, float scale, const Vec3f& normal) {
   const Coordinates coordinates(scene, p, ref, f);
   const Frame plane = Frame::from_normal(p.geometric_normal);
   const float footprint = footprint_in_features(p, coordinates);
-  // A 64th of the finest feature: central differences are then wrong by at most
-  // (2 pi / 64)^2 / 6 = 0.2 % of its slope. No finer than what is seen.
+  // A 64th of the finest feature, but not finer than the footprint: the error of central
+  // differences is then at most (2 pi / 64)^2 / 6 = 0.2 % of the slope.
   double finest = 1;
   for (std::int32_t i = 1; i < f.octaves; ++i) finest *= static_cast<double>(f.lacunarity);
   const auto slope = [&](const Vec3f& along) {
@@ -115,12 +115,12 @@ Vec3f procedure_bumped(const ShadingScene& scene, const ShadingPoint& p, const T
     if (!(features > 0)) return 0.0f;
     const double step = (1.0 / 64 / finest + 0.25 * static_cast<double>(footprint)) / features;
     const Vec3d ahead = coordinates.slope(Vec3d(along)) * step;
-    const float high = procedure_color(f, coordinates.at() + ahead, footprint).x;
-    const float low = procedure_color(f, coordinates.at() - ahead, footprint).x;
+    const float high = procedural_color(f, coordinates.at() + ahead, footprint).x;
+    const float low = procedural_color(f, coordinates.at() - ahead, footprint).x;
     return (high - low) * f.bump_height * scale / static_cast<float>(2 * step);
   };
   const Vec3f tilt = plane.s * slope(plane.s) + plane.t * slope(plane.t);
-  // The surface rises towards the front, on whichever side the normal is.
+  // Bumps rise towards the front, whichever side the normal is on.
   const Vec3f tilted = normalize(normal - tilt);
   return tilted == Vec3f{} || !is_finite(tilted) ? normal : tilted;
 }
