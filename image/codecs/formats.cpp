@@ -8,7 +8,8 @@ namespace tessera::image {
 
 absl::Status damaged(std::string_view detail) {
   std::string line(detail.substr(0, detail.find('\n')));
-  for (char& c : line) c = c >= ' ' && c <= '~' ? c : '?';  // it may quote the file
+  for (char& c : line)
+    c = c >= ' ' && c <= '~' ? c : '?';  // the message may quote bytes of the file
   return absl::InvalidArgumentError(
       absl::StrCat("the image is damaged or truncated", line.empty() ? "" : ": ", line));
 }
@@ -19,7 +20,7 @@ absl::Status check_size(std::int64_t width, std::int64_t height, int channels,
   const std::string size = absl::StrCat("the image is ", width, " x ", height);
   if (width > limits.side || height > limits.side) {
     return absl::InvalidArgumentError(
-        absl::StrCat(size, ", more than the limit of ", limits.side, " a side"));
+        absl::StrCat(size, ", more than the limit of ", limits.side, " per side"));
   }
   if (width * height > limits.pixels) {
     return absl::InvalidArgumentError(

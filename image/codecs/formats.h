@@ -10,8 +10,8 @@
 #include "absl/status/statusor.h"
 #include "image/codecs/image_codec.h"
 
-/// One pair of functions a format; image_codec.h chooses among them. All check the header against
-/// the limits before anything is allocated. Errors: those of decode().
+/// Decoder and encoder of each format; image_codec.h chooses among them. All check the header
+/// against the limits before they allocate memory. Errors: those of decode().
 namespace tessera::image {
 
 absl::StatusOr<Pixels> decode_png(std::span<const std::byte> file, const PixelLimits& limits);
@@ -19,7 +19,7 @@ absl::StatusOr<Pixels> decode_jpeg(std::span<const std::byte> file, const PixelL
 absl::StatusOr<Pixels> decode_webp(std::span<const std::byte> file, const PixelLimits& limits);
 absl::StatusOr<Pixels> decode_exr(std::span<const std::byte> file, const PixelLimits& limits);
 
-/// How OpenImageIO's module is called: it exports a function of this type.
+/// Type of the function that OpenImageIO's module exports.
 using RadianceDecoder = absl::StatusOr<Pixels> (*)(std::span<const std::byte> file,
                                                    const PixelLimits& limits);
 inline constexpr const char* kRadianceModule = "tessera_radiance.so";
@@ -28,10 +28,11 @@ inline constexpr const char* kRadianceEntry = "tessera_radiance_decoder";
 std::unique_ptr<ImageEncoder> make_png_encoder(std::int64_t width, std::int64_t height);
 std::unique_ptr<ImageEncoder> make_jpeg_encoder(std::int64_t width, std::int64_t height);
 
-/// "the image is damaged or truncated", with what the library says of it.
+/// InvalidArgument "the image is damaged or truncated" with the library's `detail`.
 absl::Status damaged(std::string_view detail);
 
-/// InvalidArgument if an image of that many codes a pixel, of `code_bytes` each, is over `limits`.
+/// InvalidArgument if an image with `channels` codes per pixel of `code_bytes` each exceeds
+/// `limits`.
 absl::Status check_size(std::int64_t width, std::int64_t height, int channels,
                         std::size_t code_bytes, const PixelLimits& limits);
 

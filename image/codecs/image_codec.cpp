@@ -17,8 +17,8 @@ bool begins_with(std::span<const std::byte> file, const std::string& magic, std:
          std::memcmp(file.data() + at, magic.data(), magic.size()) == 0;
 }
 
-/// Path of the decoder module: beside the program in a build directory, in ../lib/tessera where
-/// installed. The programs may be installed under any prefix.
+/// Path of the decoder module: beside the program in a build directory, in ../lib/tessera under any
+/// installation prefix.
 std::string radiance_path() {
   std::error_code error;
   const auto program = std::filesystem::read_symlink("/proc/self/exe", error);
@@ -29,16 +29,16 @@ std::string radiance_path() {
 
 absl::StatusOr<RadianceDecoder> open_radiance() {
   const std::string path = radiance_path();
-  // Kept until the process ends: its objects and their code must not part.
+  // Never unloaded, because its objects need its code.
   void* module = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (module == nullptr) {
     return absl::FailedPreconditionError(
-        absl::StrCat("cannot open the decoder of Radiance files: ", dlerror()));
+        absl::StrCat("cannot load the Radiance decoder: ", dlerror()));
   }
   using Entry = RadianceDecoder (*)();
   const auto entry = reinterpret_cast<Entry>(dlsym(module, kRadianceEntry));
   if (entry == nullptr) {
-    return absl::FailedPreconditionError(absl::StrCat(path, " is not Tessera's"));
+    return absl::FailedPreconditionError(absl::StrCat(path, " is not a decoder module of Tessera"));
   }
   return entry();
 }
@@ -73,7 +73,7 @@ absl::StatusOr<Pixels> decode(std::span<const std::byte> file, const PixelLimits
     case ImageFormat::hdr:
       return decode_radiance(file, limits);
     case ImageFormat::ktx2:
-      return absl::UnimplementedError("a KTX2/Basis image, which this build cannot decode");
+      return absl::UnimplementedError("KTX2/Basis images are not supported");
     case ImageFormat::unknown:
       break;
   }

@@ -1,7 +1,7 @@
-/// JPEG, by libjpeg. Its errors come back through setjmp, so between a setjmp and the calls under
-/// it there are no objects with destructors: those are members of the reader and the writer.
+/// JPEG by libjpeg, whose errors return through setjmp. Objects with destructors are members of the
+/// reader and the writer, because none may exist between a setjmp and the calls below it.
 
-// libjpeg's headers need what stands before them.
+// libjpeg's header needs the headers before it.
 // clang-format off
 #include <cstdio>
 #include <jpeglib.h>
@@ -18,16 +18,16 @@
 namespace tessera::image {
 namespace {
 
-/// libjpeg's error manager; a failure jumps out.
+/// libjpeg's error manager; a failure jumps to the caller's setjmp.
 struct Errors {
-  jpeg_error_mgr manager;  // first: libjpeg hands out a pointer to it
+  jpeg_error_mgr manager;  // first member: libjpeg passes a pointer to it
   std::jmp_buf out;
   char text[JMSG_LENGTH_MAX] = "";
 
   Errors() {
     jpeg_std_error(&manager);
     manager.error_exit = [](j_common_ptr codec) { fail(codec); };
-    // Of warnings only those fail that mean missing pixels; stray bytes do not.
+    // Only warnings that mean missing pixels are errors; stray bytes are not.
     manager.emit_message = [](j_common_ptr codec, int level) {
       const int code = codec->err->msg_code;
       if (level < 0 && (code == JWRN_JPEG_EOF || code == JWRN_HIT_MARKER)) fail(codec);
@@ -41,8 +41,8 @@ struct Errors {
   }
 };
 
-/// Four inks as files store them, Adobe's way, which every reader takes also where its marker
-/// lacks: the share of light that each lets through.
+/// Converts four inks, stored inverted (Adobe's convention, which readers assume even without its
+/// marker): the fraction of light that each ink transmits.
 std::vector<std::uint8_t> light_of_inks(const std::vector<std::uint8_t>& cmyk) {
   std::vector<std::uint8_t> rgb(cmyk.size() / 4 * 3);
   for (std::size_t i = 0; i < rgb.size(); ++i) {
@@ -84,7 +84,7 @@ class JpegReader {
   bool read_header() {
     if (setjmp(errors_.out) != 0) return false;
     jpeg_read_header(&jpeg_, TRUE);
-    // Grey becomes RGB, YCCK becomes CMYK: libjpeg converts both.
+    // libjpeg converts grey to RGB and YCCK to CMYK.
     jpeg_.out_color_space = jpeg_.num_components == 4 ? JCS_CMYK : JCS_RGB;
     return true;
   }
@@ -118,7 +118,7 @@ class JpegEncoder final : public ImageEncoder {
   }
   ~JpegEncoder() override {
     jpeg_destroy_compress(&jpeg_);
-    std::free(bytes_);  // libjpeg's, by malloc
+    std::free(bytes_);  // allocated by libjpeg with malloc
   }
   JpegEncoder(const JpegEncoder&) = delete;
   JpegEncoder& operator=(const JpegEncoder&) = delete;

@@ -5,7 +5,7 @@
 #include <png.h>
 #include <webp/decode.h>
 
-// Of libjpeg's headers only this one says which it is.
+// The only libjpeg header that contains its version.
 #include <jconfig.h>
 
 #include "absl/strings/str_cat.h"
@@ -16,7 +16,7 @@
 namespace tessera::image {
 
 std::vector<contract::LibraryVersion> library_versions() {
-  const int webp = WebPGetDecoderVersion();  // a byte a part
+  const int webp = WebPGetDecoderVersion();  // one byte per part
   return {{"libpng", png_get_libpng_ver(nullptr)},
           {"libjpeg-turbo", TESSERA_VALUE_TEXT(LIBJPEG_TURBO_VERSION)},
           {"libwebp", absl::StrCat(webp >> 16, ".", webp >> 8 & 0xff, ".", webp & 0xff)},

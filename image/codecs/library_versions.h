@@ -6,7 +6,7 @@
 
 namespace tessera::image {
 
-/// The libraries that read and write images.
+/// Versions of the libraries that read and write images.
 std::vector<contract::LibraryVersion> library_versions();
 
 }  // namespace tessera::image

@@ -1,4 +1,4 @@
-/// OpenEXR files as pixels in memory, by the library of that name.
+/// Decoder of OpenEXR files in memory.
 
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
@@ -38,7 +38,7 @@ class MemoryStream final : public Imf::IStream {
   std::span<const std::byte> take(int count) {
     const auto size = static_cast<std::uint64_t>(count);
     if (count < 0 || position_ > file_.size() || size > file_.size() - position_) {
-      throw std::runtime_error("it ends too early");
+      throw std::runtime_error("unexpected end of file");
     }
     const auto bytes = file_.subspan(position_, size);
     position_ += size;
@@ -49,7 +49,7 @@ class MemoryStream final : public Imf::IStream {
   std::uint64_t position_ = 0;
 };
 
-/// Names of the channels that become R, G, B and, if there is one, A. Errors: InvalidArgument.
+/// Names of the channels for R, G, B and, if present, A. Errors: InvalidArgument.
 absl::StatusOr<std::vector<const char*>> channels_of(const Imf::ChannelList& list) {
   std::vector<const char*> names = {"R", "G", "B"};
   if (list.findChannel("R") == nullptr && list.findChannel("Y") != nullptr &&
@@ -72,7 +72,7 @@ absl::StatusOr<std::vector<const char*>> channels_of(const Imf::ChannelList& lis
 
 absl::StatusOr<Pixels> decode_file(std::span<const std::byte> bytes, const PixelLimits& limits) {
   MemoryStream stream(bytes);
-  Imf::InputFile file(stream, 0);  // 0 threads: the caller has threads of its own
+  Imf::InputFile file(stream, 0);  // 0 threads: the caller has its own
   const Imath::Box2i& window = file.header().dataWindow();
   const auto names = channels_of(file.header().channels());
   if (!names.ok()) return names.status();
@@ -86,7 +86,7 @@ absl::StatusOr<Pixels> decode_file(std::span<const std::byte> bytes, const Pixel
   image.f32.resize(static_cast<std::size_t>(image.width * image.height) * channels);
   Imf::FrameBuffer frame;
   for (std::size_t c = 0; c < channels; ++c) {
-    // One slice a name: grey is read once and copied.
+    // One slice per name: grey is read once and copied.
     if (c > 0 && (*names)[c] == (*names)[c - 1]) continue;
     frame.insert((*names)[c], Imf::Slice::Make(Imf::FLOAT, image.f32.data() + c, window, stride,
                                                stride * static_cast<std::size_t>(image.width)));

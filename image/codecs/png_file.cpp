@@ -1,5 +1,5 @@
-/// PNG, by libpng. Its errors come back through setjmp, so between a setjmp and the calls under it
-/// there are no objects with destructors: those are members of the reader and the writer.
+/// PNG by libpng, whose errors return through setjmp. Objects with destructors are members of the
+/// reader and the writer, because none may exist between a setjmp and the calls below it.
 
 #include <png.h>
 
@@ -13,7 +13,7 @@
 namespace tessera::image {
 namespace {
 
-/// What libpng said last.
+/// The last message of libpng.
 [[noreturn]] void keep_error(png_structp png, png_const_charp message) {
   *static_cast<std::string*>(png_get_error_ptr(png)) = message;
   png_longjmp(png, 1);
@@ -28,7 +28,7 @@ class PngReader {
         info_(png_create_info_struct(png_)) {
     png_set_read_fn(png_, this, [](png_structp png, png_bytep to, std::size_t size) {
       auto& reader = *static_cast<PngReader*>(png_get_io_ptr(png));
-      if (size > reader.rest_.size()) png_error(png, "it ends too early");
+      if (size > reader.rest_.size()) png_error(png, "unexpected end of file");
       std::memcpy(to, reader.rest_.data(), size);
       reader.rest_ = reader.rest_.subspan(size);
     });
@@ -64,13 +64,13 @@ class PngReader {
   }
 
  private:
-  /// The header, and what is asked of the pixels: R, G, B or R, G, B, A of 8 or 16 bits.
+  /// Reads the header and requests R, G, B or R, G, B, A of 8 or 16 bits.
   bool read_header() {
     if (setjmp(png_jmpbuf(png_)) != 0) return false;
     png_read_info(png_, info_);
-    png_set_expand(png_);  // palettes, fewer bits than 8, tRNS
+    png_set_expand(png_);  // palettes, depths below 8 bits, tRNS
     png_set_gray_to_rgb(png_);
-    png_set_swap(png_);  // 16 bits: this machine's order
+    png_set_swap(png_);  // 16 bits in the byte order of this machine
     png_set_interlace_handling(png_);
     png_read_update_info(png_, info_);
     return true;

@@ -1,4 +1,4 @@
-/// The module that reads Radiance files; the only file of the product that knows OpenImageIO.
+/// Loadable module that reads Radiance files; no other file uses OpenImageIO.
 
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
@@ -12,15 +12,15 @@ namespace {
 
 absl::StatusOr<Pixels> decode_file(std::span<const std::byte> file, const PixelLimits& limits) {
   OIIO::Filesystem::IOMemReader bytes(const_cast<std::byte*>(file.data()), file.size());
-  // Created by format name, so that no other plugin ever looks at the bytes.
+  // Created by format name, so that no other plugin sees the bytes.
   const auto input = OIIO::ImageInput::create("hdr");
   if (input == nullptr || !input->set_ioproxy(&bytes)) {
-    return absl::UnimplementedError("OpenImageIO cannot read Radiance files from memory");
+    return absl::UnimplementedError("this OpenImageIO cannot read Radiance files from memory");
   }
-  input->threads(1);  // the caller has threads of its own
+  input->threads(1);  // the caller has its own
   OIIO::ImageSpec header;
   if (!input->open("memory", header)) return damaged(input->geterror());
-  if (header.nchannels != 3) return damaged("its colours are not R, G, B");
+  if (header.nchannels != 3) return damaged("its channels are not R, G, B");
   Pixels image;
   image.width = header.width;
   image.height = header.height;

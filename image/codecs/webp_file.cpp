@@ -1,4 +1,4 @@
-/// WebP, by libwebp.
+/// WebP by libwebp.
 
 #include <webp/decode.h>
 
@@ -10,7 +10,7 @@ absl::StatusOr<Pixels> decode_webp(std::span<const std::byte> file, const PixelL
   const auto* bytes = reinterpret_cast<const std::uint8_t*>(file.data());
   WebPBitstreamFeatures features;
   if (WebPGetFeatures(bytes, file.size(), &features) != VP8_STATUS_OK) return damaged("");
-  if (features.has_animation != 0) return damaged("an animation, not an image");
+  if (features.has_animation != 0) return damaged("animated images are not supported");
   Pixels image;
   image.width = features.width;
   image.height = features.height;

@@ -5,8 +5,8 @@
 
 #include "image/metrics/image_metrics.h"
 
-// LDR-FLIP, written from the paper. Filters are applied as separable passes in double; borders
-// repeat the outermost pixel.
+// LDR-FLIP, implemented from the paper. Filters are separable passes in double; borders repeat
+// the outermost pixel.
 
 namespace tessera::contract {
 namespace {
@@ -31,8 +31,8 @@ struct Plane {
 /// Symmetric support: taps for offsets −radius … radius.
 using Kernel = std::vector<double>;
 
-/// One value of a line of pixels under a kernel. `line` points at its first pixel, pixels are
-/// `step` apart.
+/// Filters one value of a line of pixels. `line` points to its first pixel, pixels are `step`
+/// apart.
 double filtered_at(const double* line, std::int32_t length, std::int64_t step, std::int32_t i,
                    const Kernel& kernel) {
   const auto radius = static_cast<std::int32_t>(kernel.size() / 2);
@@ -73,7 +73,7 @@ Color white() {
   return xyz_of({1, 1, 1});
 }
 
-/// Inverse of xyz_of by Cramer's rule on its own columns.
+/// Inverse of xyz_of(), by Cramer's rule on its columns.
 Color rgb_of(const Color& xyz) {
   const Color r = xyz_of({1, 0, 0}), g = xyz_of({0, 1, 0}), b = xyz_of({0, 0, 1});
   const auto det = [](const Color& u, const Color& v, const Color& w) {
@@ -112,12 +112,12 @@ double hyab(const Color& a, const Color& b) {
   return std::fabs(a[0] - b[0]) + std::hypot(a[1] - b[1], a[2] - b[2]);
 }
 
-/// Largest distance there is, that of green and blue, raised as all distances are.
+/// Maximum distance, between green and blue, raised to the exponent of all distances.
 double largest_color_distance() {
   return std::pow(hyab(hunt_lab_of({0, 1, 0}), hunt_lab_of({0, 0, 1})), kColorExponent);
 }
 
-/// Distances up to the knee take most of [0, 1]; the rest is compressed.
+/// Maps distances up to the knee to most of [0, 1] and compresses the rest.
 double color_difference(const Color& a, const Color& b, double largest) {
   const double distance = std::pow(hyab(a, b), kColorExponent), knee = kColorKnee * largest;
   if (distance < knee) return kColorKneeValue / knee * distance;
@@ -130,13 +130,13 @@ struct Gaussian {
   double a, b;
 };
 
-/// Offsets that hold the widest of the filters, b = 0.04, to three standard deviations.
+/// Radius of the widest filter, b = 0.04, at three standard deviations, pixels.
 std::int32_t color_radius() {
   return static_cast<std::int32_t>(
       std::ceil(3 * std::sqrt(0.04 / (2 * kPi * kPi)) * kFlipPixelsPerDegree));
 }
 
-/// `plane` under the normalised sum of the Gaussians; each is separable, their sum is not.
+/// `plane` filtered by the normalised sum of the Gaussians; each is separable, their sum is not.
 Plane sensitivity_filtered(const Plane& plane, std::initializer_list<Gaussian> gaussians) {
   const std::int32_t radius = color_radius();
   Plane out(plane.width, plane.height);
@@ -160,7 +160,7 @@ Plane sensitivity_filtered(const Plane& plane, std::initializer_list<Gaussian> g
   return out;
 }
 
-/// An image as both halves of the metric need it.
+/// An image prepared for both parts of the metric.
 struct Prepared {
   Plane luma;               // Y of YCxCz, [0, 1]
   std::vector<Color> seen;  // filtered, Hunt-adjusted Lab
@@ -198,7 +198,7 @@ void balance(Kernel& kernel) {
   for (double& tap : kernel) tap /= tap > 0 ? positive : negative;
 }
 
-/// Magnitudes of edges (first derivative) and points (second) in the luma.
+/// Magnitudes of edges (first derivative) and points (second derivative) in the luma.
 struct Features {
   std::vector<double> edges, points;
 };
