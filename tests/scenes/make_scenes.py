@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Writes the project's own scenes: tests/scenes/*.gltf, each one file with data URIs.
+"""Writes the test scenes: tests/scenes/*.gltf, each one file with data URIs.
 
     make_scenes.py            writes them
     make_scenes.py --check    exits with 1 if a file differs from what would be written
 
-Only arithmetic decides the bytes: coordinates are rounded to six decimals, so that the last bit
-of a machine's sin() does not show.
+The bytes do not depend on the machine: coordinates are rounded to six decimals, which hides
+differences in the last bit of sin().
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""Scenes of lenses, screens and shutters."""
+"""Scenes with depth of field, camera projections and motion blur."""
 
 import math
 
@@ -9,7 +9,7 @@ from maker.settings import room, turned
 
 
 def lens():
-    """Depth of field: balls on a table, focused on the middle one, lamps far behind."""
+    """Depth of field: balls on a table, focused on the middle one, lights far behind."""
     gltf = Gltf()
     gltf.use("TESSERA_camera")
     wood = gltf.add("materials", plain(0.35, 0.22, 0.14))
@@ -43,7 +43,7 @@ def lens():
 
 
 def screens():
-    """One room, seen by a camera of each projection of TESSERA_camera."""
+    """One room, with a camera for each projection of TESSERA_camera."""
     gltf = Gltf()
     gltf.use("TESSERA_camera")
     room(gltf, gltf.add("materials", {"pbrMetallicRoughness": {
@@ -78,8 +78,8 @@ def screens():
 
 
 def motion():
-    """What a shutter blurs: a ball that flies, a wheel and a cut die that turn, a flag that changes
-    (morph targets), a reed that bends (a skin), and cameras that stand and that move."""
+    """Motion blur: a flying ball, a rotating wheel and CSG die, a flag (morph targets), a reed
+    (skinning), and static and moving cameras."""
     gltf = Gltf()
     gltf.use("TESSERA_camera", "KHR_materials_emissive_strength")
     grey = gltf.add("materials", plain(0.55, 0.55, 0.52))
@@ -91,7 +91,7 @@ def motion():
     gltf.node(mesh=gltf.mesh(quad((-7, 0, -1.5), (14, 0, 0), (0, 5, 0)), grey))
     gltf.node(mesh=gltf.mesh(quad((-1.5, 4, 0), (3, 0, 0), (0, 0, 2)), lamp))
 
-    tracks = []  # of the one animation: node, path, type, keys at 0 s and 1 s
+    tracks = []  # channels of the animation: node, path, type, keys at 0 s and 1 s
 
     def moves(node, path, *keys):
         tracks.append((node, path, {3: "VEC3", 4: "VEC4", 1: "SCALAR"}[len(keys[0])], keys))

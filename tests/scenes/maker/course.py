@@ -1,4 +1,4 @@
-"""The showpiece: what the project's course teaches, in one picture."""
+"""The gallery scene, which combines most features."""
 
 from maker.gltf import Gltf
 from maker.looks import glass, metal, plain
@@ -29,7 +29,7 @@ def course():
 
 
 def marble(gltf, dark, light, seed, roughness, scale=(0.9, 0.9, 0.5)):
-    """Veins of `dark` in `light`."""
+    """A marble texture with veins of `dark` in `light`."""
     veins = [(0, dark), (0.18, [0.3 * d + 0.7 * w for d, w in zip(dark, light)]), (1, light)]
     texture = gltf.add("textures", {"extensions": {"TESSERA_texture": {
         "pattern": "marble", "space": "world", "scale": list(scale), "distortion": 2.4,
@@ -46,7 +46,7 @@ def conductor(gltf, name, roughness):
 
 
 def terrace(gltf):
-    """A floor of two marbles, and a balustrade of hyperboloids at its end."""
+    """A floor of two marbles with a balustrade of hyperboloids."""
     white = marble(gltf, (0.3, 0.29, 0.3), (0.82, 0.79, 0.74), 4, 0.16)
     green = marble(gltf, (0.42, 0.45, 0.38), (0.035, 0.06, 0.05), 9, 0.13, (0.7, 0.7, 1.1))
     side = 0.9
@@ -66,7 +66,7 @@ def terrace(gltf):
 
 
 def sculptures(gltf):
-    # Carved of ivory: what a cube and a ball share, less three rods.
+    # Ivory: the intersection of a cube and a ball, minus three rods.
     ivory = gltf.add("materials", plain(0.8, 0.72, 0.56))
     gltf.doc["materials"][ivory]["pbrMetallicRoughness"]["roughnessFactor"] = 0.3
     red = gltf.add("materials", plain(0.5, 0.05, 0.04))
@@ -82,14 +82,14 @@ def sculptures(gltf):
         translation=[-1.75, 0.601, 0.3], rotation=[0, 0.2588190, 0, 0.9659258])
     gltf.doc["scenes"][0]["nodes"].append(carved)
 
-    # A torus of glass, which Beer's law tints where it is thick.
+    # A torus of glass, tinted by Beer's law.
     teal = glass([0.1, 0.62, 0.55])
     teal["extensions"]["KHR_materials_volume"]["attenuationDistance"] = 0.4
     gltf.node(**gltf.shape("torus", gltf.add("materials", teal), {
         "translation": [0.12, 0.801, 0.75],
         "rotation": rounded(0.6829, 0.1830, -0.1830, 0.6829)}, radius=0.58, tube=0.22))
 
-    # Blobs of copper that rise from the floor.
+    # Copper blobs on the floor.
     drops = [((0, 0.02, 0), (0.8, 0.3, 0.8), 1), ((0, 0.4, 0), 0.5, 1), ((0.1, 0.78, 0), 0.46, 1),
              ((-0.02, 1.16, 0.05), 0.42, 1), ((0.08, 1.5, 0), 0.36, 1), ((0.42, 0.95, 0.1), 0.32, 1),
              ((-0.36, 0.72, 0.12), 0.32, 1), ((0.08, 1.95, 0.02), 0.24, 1)]
@@ -107,7 +107,7 @@ ROCK = ((0, (0.15, 0.18, 0.08)), (0.5, (0.2, 0.21, 0.11)), (0.64, (0.27, 0.23, 0
 
 
 def valley(gltf):
-    """Mountains with the detail that the camera resolves, and mist about their feet."""
+    """Mountains with detail that depends on the camera distance, and mist in the valleys."""
     place = (0, -6, -36)
     gltf.node(translation=list(place), extensions=gltf.terrain(
         "ridged", plain(1, 1, 1), [96, 56], ROCK, scale=0.06, height=12, seed=5, octaves=8, gain=0.45,

@@ -1,4 +1,4 @@
-"""Scenes that tests of the farm render, and the quickstart's."""
+"""Scenes for farm tests and the quick start."""
 
 import math
 
@@ -28,7 +28,7 @@ def quickstart():
 
 
 def same_bits():
-    """What same-bits tests render: many features, few triangles."""
+    """The scene of the same-bits tests: many features, few triangles."""
     gltf = Gltf()
     stripes = gltf.texture(png(16, 16, lambda x, y: (230, 200, 40) if (x // 4) % 2 else (40, 60, 160)))
     holes = gltf.texture(png(16, 16, lambda x, y: (90, 200, 90, 255 if (x // 4 + y // 4) % 2 else 60)))
@@ -63,7 +63,7 @@ def same_bits():
 
 
 def lit_square():
-    """The smallest scene with a light: one diffuse square under one lamp, for tests of the farm."""
+    """A minimal lit scene for farm tests: one diffuse square under one area light."""
     gltf = Gltf()
     grey = gltf.add("materials", plain(0.5, 0.5, 0.5))
     gltf.node(mesh=gltf.mesh(quad((-1, 0, 1), (2, 0, 0), (0, 0, -2)), grey))
@@ -76,7 +76,7 @@ def lit_square():
 
 
 def missing_texture():
-    """lit_square with a texture that is not there: refused before the first unit."""
+    """lit_square with a missing texture file: rejected before the first unit."""
     gltf = lit_square()
     image = gltf.add("images", {"uri": "not-here.png"})
     texture = gltf.add("textures", {"source": image})
@@ -85,8 +85,8 @@ def missing_texture():
 
 
 def stadium():
-    """The "teapot in a stadium" (a ring, here): a dense mesh of a metre in a field of 400 m, one
-    mesh of both, which a uniform grid cannot tell apart. For `inspect --accelerators`."""
+    """The "teapot in a stadium" (here a ring): a dense object of 1 m in a field of 400 m, as one
+    mesh, which a uniform grid handles badly. For `inspect --accelerators`."""
     gltf = Gltf()
     grey = gltf.add("materials", plain(0.6, 0.6, 0.55))
     ring = torus(0.5, 0.2, 24)

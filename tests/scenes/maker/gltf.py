@@ -1,4 +1,4 @@
-"""A glTF document that grows: meshes, textures, and the extensions of ours."""
+"""Builder of glTF documents with meshes, textures and TESSERA extensions."""
 
 import base64
 import json
@@ -9,7 +9,7 @@ VERTICES, INDICES = 34962, 34963
 
 
 class Gltf:
-    """A glTF document with one buffer that grows as meshes are added."""
+    """A glTF document with one buffer, to which meshes are appended."""
 
     def __init__(self):
         self.bytes = bytearray()
@@ -26,7 +26,7 @@ class Gltf:
         }
 
     def add(self, kind, item):
-        """Appends to one of the document's arrays and returns the index."""
+        """Appends `item` to an array of the document and returns its index."""
         self.doc.setdefault(kind, []).append(item)
         return len(self.doc[kind]) - 1
 
@@ -77,13 +77,13 @@ class Gltf:
         return self.add("textures", {"source": image})
 
     def shape(self, kind, material, node=None, **dimensions):
-        """A node with an analytic shape (TESSERA_shape); `node` has its transform."""
+        """Adds a node with an analytic shape (TESSERA_shape); `node` holds its transform."""
         self.use("TESSERA_shape")
         return {**(node or {}), "extensions": {"TESSERA_shape": {
             "type": kind, "material": material, **dimensions}}}
 
     def csg(self, operation, *operands, **node):
-        """Adds a node with a solid (TESSERA_csg) of nodes that are already made."""
+        """Adds a node with a solid (TESSERA_csg) of existing nodes."""
         self.use("TESSERA_csg")
         children = [operand if isinstance(operand, int) else self.add("nodes", operand)
                     for operand in operands]
@@ -91,7 +91,7 @@ class Gltf:
             "TESSERA_csg": {"operation": operation}}})
 
     def blobs(self, material, *elements, threshold=0.25, **node):
-        """A node with blobs (TESSERA_blobs): (center, radius or radii, strength) each."""
+        """Adds a node with blobs (TESSERA_blobs): (center, radius or radii, strength) each."""
         self.use("TESSERA_blobs")
         return {**node, "extensions": {"TESSERA_blobs": {
             "material": material, "threshold": threshold, "elements": [
@@ -99,7 +99,7 @@ class Gltf:
                  "strength": strength} for center, size, strength in elements]}}}
 
     def terrain(self, pattern, material, size, ramp=None, **more):
-        """A node's TESSERA_terrain; with a ramp, `material` is coloured by height."""
+        """Adds TESSERA_terrain to a node; with a ramp, `material` is coloured by height."""
         self.use("TESSERA_terrain")
         form = {"pattern": pattern, "size": list(size), "scale": 1, "offset": [0, 0], "seed": 0,
                 "octaves": 8, **more}

@@ -1,4 +1,4 @@
-"""Scenes of terrain and of fog."""
+"""Scenes with terrain and participating media."""
 
 import math
 
@@ -13,8 +13,8 @@ MEADOW = ((0.3, (0.16, 0.2, 0.06)), (0.5, (0.22, 0.28, 0.08)), (0.7, (0.36, 0.34
 
 
 def terrain():
-    """Models on a table: a block of mountains, whose detail is what the camera resolves, one of
-    hills, one of dunes."""
+    """Models on a table: blocks of mountains (with detail that depends on the camera distance),
+    hills and dunes."""
     gltf = Gltf()
     place = (-22, 17, 9)
     sun(gltf, place, radius=1.3, strength=750)
@@ -37,8 +37,8 @@ def terrain():
 
 
 def fog():
-    """Shafts of light in fog; a cloud and smoke in bodies of their own; milk in glass; a tumbler
-    whose water reaches into its wall, by priority."""
+    """Light shafts in fog; a cloud and smoke, each in its own body; milk in glass; a tumbler whose
+    water overlaps its wall (priorities)."""
     gltf = Gltf()
     gltf.use("TESSERA_medium", "TESSERA_material", "TESSERA_texture", "KHR_lights_punctual",
              "KHR_materials_transmission", "KHR_materials_volume", "KHR_materials_ior")
@@ -55,8 +55,8 @@ def fog():
     wall = gltf.add("materials", plain(0.3, 0.3, 0.32))
     gltf.node(mesh=gltf.mesh(quad((-7, 0, 6), (14, 0, 0), (0, 0, -11)), stone))
     gltf.node(mesh=gltf.mesh(quad((-7, 0, -5), (14, 0, 0), (0, 6, 0)), wall))
-    # Boards with gaps between, a lamp behind them, a panel beside the camera: both outside the fog,
-    # where rays that pass near a lamp would be bright without bound.
+    # Boards with gaps, a light behind them and a panel beside the camera, both outside the fog,
+    # because in-scattered radiance near a light is unbounded.
     slats = [quad((-2.3 + 0.62 * k, 4.2, -2.6), (0.42, 0, 0), (0, 0, 3.2)) for k in range(8)]
     gltf.node(mesh=gltf.mesh(joined(*slats), wall))
     gltf.doc["extensions"] = {"KHR_lights_punctual": {"lights": [
@@ -68,14 +68,14 @@ def fog():
         "KHR_materials_emissive_strength": {"emissiveStrength": 7}}})
     gltf.use("KHR_materials_emissive_strength")
     gltf.node(mesh=gltf.mesh(quad((-5.5, 0.3, 5.2), (-2, 0, -3.4), (0, 3.4, 0)), panel))
-    # A cloud: clumps of turbulence in a ball.
+    # A cloud: turbulence in a ball.
     clumps = gltf.add("textures", {"extensions": {"TESSERA_texture": {
         "pattern": "fbm", "scale": [2.6, 2.6, 2.6], "octaves": 4, "seed": 5, "ramp": [
             {"at": 0.46, "color": [0, 0, 0, 1]}, {"at": 0.7, "color": [1, 1, 1, 1]}]}}})
     gltf.node(**gltf.shape("sphere", filled(even(
         (14, 14, 14), anisotropy=0.3, density={"texture": clumps})),
         {"translation": [-0.25, 1.75, -0.6]}, radius=0.85))
-    # Smoke: a plume on a small lattice.
+    # Smoke: a plume on a small density grid.
     size = (9, 13, 9)
     values = []
     for z in range(size[2]):
@@ -92,11 +92,11 @@ def fog():
         (9, 9, 9), (2, 2.2, 2.6), density={"grid": {"accessor": lattice, "size": list(size),
                                                   "min": [-0.5, -1, -0.5], "max": [0.5, 1, 0.5]}})),
         {"translation": [1.45, 1.01, -1.6]}, size=[1, 2, 1]))
-    # Milk in a ball of glass.
+    # A glass ball with milk.
     milk = gltf.add("materials", solid(1.35, 0, even((9, 8.6, 7.6), (0.02, 0.06, 0.2),
                                                      anisotropy=0.6)))
     gltf.node(**gltf.shape("sphere", milk, {"translation": [-1.75, 0.5, 0.7]}, radius=0.5))
-    # A tumbler of water that reaches 5 mm into the wall and the bottom.
+    # A tumbler with water that overlaps the wall and the bottom by 5 mm.
     glassy = gltf.add("materials", solid(1.5, 2))
     water = gltf.add("materials", solid(1.333, 1, even((0.1, 0.2, 0.2), (2.4, 0.5, 0.25))))
     tumbler = gltf.csg(

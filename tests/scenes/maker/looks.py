@@ -1,4 +1,4 @@
-"""Materials, and images without a library."""
+"""Materials, and PNG files written without a library."""
 
 import math
 import struct
@@ -19,7 +19,7 @@ def png(width, height, rgb):
 
 
 def mosaic(x, y):
-    """A floor of tesserae: 16 x 16 small stones of 8 x 8 pixels with joints between them."""
+    """A mosaic: 16 x 16 stones of 8 x 8 pixels with joints between them."""
     if x % 8 == 0 or y % 8 == 0:
         return (58, 54, 50)
     column, row = x // 8, y // 8
@@ -49,7 +49,7 @@ def glass(tint):
 
 
 def solid(ior, priority, medium=None):
-    """What fills a body, clear but for its medium; `priority` says what is there where two overlap."""
+    """A material for the contents of a body, clear except for its medium; `priority` decides overlaps."""
     look = plain(1, 1, 1)
     look["pbrMetallicRoughness"]["roughnessFactor"] = 0
     look["extensions"] = {"KHR_materials_transmission": {"transmissionFactor": 1},

@@ -1,4 +1,4 @@
-"""Meshes by arithmetic: each is (positions, normals, uvs, triangles), as Gltf.mesh() takes them."""
+"""Procedural meshes: each is (positions, normals, uvs, triangles), as Gltf.mesh() takes them."""
 
 import math
 
@@ -8,7 +8,7 @@ def rounded(*values):
 
 
 def quad(origin, edge_u, edge_v, repeat=1):
-    """A parallelogram; front side towards edge_u x edge_v."""
+    """A parallelogram; its front faces edge_u x edge_v."""
     normal = [edge_u[1] * edge_v[2] - edge_u[2] * edge_v[1],
               edge_u[2] * edge_v[0] - edge_u[0] * edge_v[2],
               edge_u[0] * edge_v[1] - edge_u[1] * edge_v[0]]
@@ -37,7 +37,7 @@ def grid(rows, columns, point):
             a = row * (columns + 1) + column
             b = a + columns + 1
             for triangle in ((a, a + 1, b), (a + 1, b + 1, b)):
-                if len({tuple(positions[i]) for i in triangle}) == 3:  # none of no area at the poles
+                if len({tuple(positions[i]) for i in triangle}) == 3:  # skips degenerate triangles at the poles
                     triangles.append(triangle)
     return positions, normals, uvs, triangles
 
@@ -62,12 +62,12 @@ def torus(major, minor, rows):
 
 
 def flipped(point, u, v):
-    """Runs v the other way, so that grid()'s triangles wind counter-clockwise seen from outside."""
+    """Reverses v, so that triangles of grid() are counter-clockwise seen from outside."""
     return point(u, 1 - v)
 
 
 def joined(*shapes):
-    """Several shapes as one."""
+    """Merges several meshes into one."""
     positions, normals, uvs, triangles = [], [], [], []
     for shape in shapes:
         first = len(positions)

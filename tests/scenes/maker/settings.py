@@ -1,4 +1,4 @@
-"""What scenes share: a room, and where cameras look."""
+"""Elements shared by scenes: a room, a sky and camera orientations."""
 
 import math
 
@@ -24,7 +24,7 @@ def turned(axis, *degrees):
 
 
 def room(gltf, floor):
-    """Five walls of a box 4 x 3 x 4 m, open towards +Z, and a lamp of 1.2 x 1.2 m under its ceiling."""
+    """Five walls of a box 4 x 3 x 4 m, open towards +Z, with an area light of 1.2 x 1.2 m under its ceiling."""
     white = gltf.add("materials", plain(0.75, 0.73, 0.7))
     red = gltf.add("materials", plain(0.62, 0.12, 0.08))
     blue = gltf.add("materials", plain(0.1, 0.2, 0.5))
@@ -48,8 +48,8 @@ def camera(gltf, eye, target, yfov):
 
 
 def evening(toward, up):
-    """The sky's colour, `up` from horizon (0) to zenith (1); `toward` is the cosine of the azimuth
-    from the sun's."""
+    """Colour of the sky, `up` from horizon (0) to zenith (1); `toward` is the cosine of the
+    azimuth relative to the sun."""
     rim = (1 - up) ** 5
     glow = (0.5 + 0.5 * toward) ** 3 * (1 - up) ** 2
     color = (0.1 + 0.38 * rim + 0.55 * glow, 0.2 + 0.32 * rim + 0.3 * glow,
@@ -58,7 +58,7 @@ def evening(toward, up):
 
 
 def sky(gltf, sun, radius, strength):
-    """A dome that glows like the sky of an evening, the sun at `sun`."""
+    """An emissive dome like an evening sky, with the sun at `sun`."""
     gltf.use("KHR_materials_emissive_strength")
     to_sun = math.atan2(sun[2], sun[0])
     picture = gltf.texture(png(128, 32, lambda x, y: evening(
@@ -77,7 +77,7 @@ def sky(gltf, sun, radius, strength):
 
 
 def sun(gltf, place, radius, strength):
-    """A low one: a ball within the sky, which would hide a directional light."""
+    """A low sun, as a ball inside the dome, because the dome would block a directional light."""
     gltf.use("KHR_materials_emissive_strength")
     glow = gltf.add("materials", plain(0, 0, 0, emissiveFactor=[1, 0.76, 0.5], extensions={
         "KHR_materials_emissive_strength": {"emissiveStrength": strength}}))

@@ -1,4 +1,4 @@
-"""Scenes of shapes, solids made of them, and blobs."""
+"""Scenes with shapes, CSG solids and blobs."""
 
 import math
 
@@ -9,7 +9,7 @@ from maker.settings import camera, room
 
 
 def shapes():
-    """Every analytic shape once; a sphere is the lamp."""
+    """Every analytic shape once; the light is a sphere."""
     gltf = Gltf()
     stones = gltf.texture(png(128, 128, mosaic))
     floor = gltf.add("materials", plain(0.5, 0.5, 0.52))
@@ -51,7 +51,7 @@ def shapes():
 
 
 def csg():
-    """Solids by union, intersection, subtraction and xor; a lens, a die, a mesh that is cut."""
+    """CSG by union, intersection, subtraction and xor: a lens, a die, a cut mesh."""
     gltf = Gltf()
     floor = gltf.add("materials", plain(0.5, 0.5, 0.52))
     room(gltf, floor)
@@ -73,23 +73,23 @@ def csg():
     on_side = [0, 0, 0.7071068, 0.7071068]
     to_front = [0.7071068, 0, 0, 0.7071068]
     roots = [
-        # A lens: what two balls share.
+        # A lens: the intersection of two balls.
         gltf.csg("intersection", ball(0.8, sea, 0, 0, 0.65), ball(0.8, sea, 0, 0, -0.65),
                  translation=[0.9, 0.55, 1.2]),
-        # A rounded cube with three holes, and another surface in them.
+        # A rounded cube with three holes of another material.
         gltf.csg("subtraction",
                  gltf.csg("intersection", block([0.9, 0.9, 0.9], ivory), ball(0.6, ivory, 0, 0, 0)),
                  gltf.csg("union", rod(0.25, 2, red), rod(0.25, 2, red, rotation=on_side),
                           rod(0.25, 2, red, rotation=to_front)),
                  translation=[-0.9, 0.47, 0.2], rotation=[0, 0.3007058, 0, 0.953717]),
-        # Faces that coincide: two blocks as one.
+        # Coincident faces: the union of two blocks.
         gltf.csg("union", block([0.5, 0.4, 0.4], sea), block([0.5, 0.4, 0.4], sea,
                                                              translation=[0, 0.4, 0]),
                  translation=[1.4, 0.22, -0.6]),
-        # Inside one of two only.
+        # Inside exactly one of two.
         gltf.csg("xor", block([0.6, 0.5, 0.4], gold), ball(0.36, red, 0.2, 0.15, 0.1),
                  translation=[0.25, 0.27, -0.4]),
-        # A closed mesh, cut by a shape.
+        # A closed mesh minus a shape.
         gltf.csg("subtraction", {"mesh": gltf.mesh(torus(0.4, 0.18, 24), gold)},
                  block([0.5, 1, 0.5], red, translation=[0.35, 0, 0.35]),
                  translation=[-0.5, 0.2, 1.3]),
@@ -100,7 +100,7 @@ def csg():
 
 
 def blobs():
-    """Blobs that melt together, one with dents, in glass, cut by a box; one of them moves."""
+    """Merging blobs: one with dents, one of glass, one cut by a box, one moving."""
     gltf = Gltf()
     room(gltf, gltf.add("materials", plain(0.5, 0.5, 0.52)))
     gltf.use("KHR_materials_transmission", "KHR_materials_ior", "KHR_materials_volume",
@@ -110,19 +110,19 @@ def blobs():
     sea = gltf.add("materials", glass([0.5, 0.85, 0.8]))
     ivory = gltf.add("materials", plain(0.8, 0.75, 0.6))
     green = gltf.add("materials", plain(0.2, 0.5, 0.25))
-    # The neck of two, narrower from left to right until it parts.
+    # Two blobs whose neck narrows from left to right until they separate.
     for k, apart in enumerate((1.2, 1.45, 1.58, 1.64)):
         half = apart * 0.35 / 2
         gltf.node(**gltf.blobs(clay, ((0, -half, 0), 0.35, 1), ((0, half, 0), 0.35, 1),
                                translation=rounded(-1.5 + k, 1.55, -1.2)))
-    # A foot and a body of drops.
+    # A foot and a body made of drops.
     drops = [((0, 0.06, 0), (0.8, 0.22, 0.6), 1)]
     for k in range(7):
         angle = k * 2.4
         drops.append((rounded(0.09 * k * math.cos(angle) * 0.6, 0.2 + 0.11 * k,
                               0.09 * k * math.sin(angle) * 0.6), round(0.36 - 0.022 * k, 3), 1))
     body = gltf.node(**gltf.blobs(green, *drops, translation=[-1.15, 0.08, 0.1]))
-    # One ball, with dents.
+    # A ball with dents.
     dents = [((0, 0, 0), 0.8, 1.5)]
     for k in range(12):
         y = 1 - (2 * k + 1) / 12
@@ -132,7 +132,7 @@ def blobs():
     gltf.node(**gltf.blobs(gold, *dents, translation=[0.2, 0.62, 0.1]))
     gltf.node(**gltf.blobs(sea, ((-0.22, 0, 0), 0.42, 1), ((0.22, 0, 0.05), 0.42, 1),
                            ((0, 0.3, 0), 0.36, 1), translation=[-0.45, 0.31, 1.4]))
-    # A part cut out, to show that it has an inside.
+    # A blob with a part cut out, which shows its inside.
     half = gltf.csg(
         "subtraction",
         gltf.blobs(clay, ((-0.3, 0, 0), 0.6, 1), ((0.3, 0, 0), 0.6, 1), ((0, 0.35, 0), 0.5, 1)),
@@ -151,8 +151,8 @@ def blobs():
 
 
 def lamps():
-    """Shapes that shine, each in a niche of its own with a post and a ball: a ball, a disc, a
-    rectangle, a thin tube upright, a cone."""
+    """Area lights, each in a niche with a post and a ball: a ball, a disc, a rectangle, a thin
+    upright tube, a cone."""
     gltf = Gltf()
     gltf.use("KHR_materials_emissive_strength")
     plaster = gltf.add("materials", plain(0.72, 0.7, 0.66))

@@ -1,4 +1,4 @@
-"""Scenes of materials and patterns."""
+"""Scenes with materials and procedural textures."""
 
 import math
 
@@ -9,7 +9,7 @@ from maker.settings import camera, room
 
 
 def materials():
-    """One thing for each extension that adds a layer or a lobe to the material."""
+    """One object for each extension that adds a layer or a lobe to the material."""
     gltf = Gltf()
     floor = gltf.add("materials", plain(0.4, 0.4, 0.42))
     room(gltf, floor)
@@ -50,7 +50,7 @@ def materials():
 
 
 def textures():
-    """A panel for each pattern of TESSERA_texture, and a ball with a bump of noise."""
+    """A panel for each pattern of TESSERA_texture, and a ball with noise as a bump map."""
     gltf = Gltf()
     gltf.use("TESSERA_texture", "KHR_lights_punctual", "KHR_animation_pointer")
     patterns = (
@@ -107,7 +107,8 @@ def textures():
 
 
 def optics():
-    """Metals by their index above; rough diffuse beside Lambert's and exact beside Schlick below."""
+    """Above, metals by index of refraction; below, rough diffuse beside Lambert and exact Fresnel
+    beside Schlick."""
     gltf = Gltf()
     gltf.use("TESSERA_material", "KHR_lights_punctual")
     room(gltf, gltf.add("materials", plain(0.4, 0.4, 0.42)))
@@ -132,8 +133,8 @@ def optics():
 
 
 def nested():
-    """Solids in solids, before a board that shines: water that reaches into its tumbler, water with
-    a gap of air around, a bubble in a ball of glass, a ball of diamond in one of water."""
+    """Nested solids in front of an emissive board: water that overlaps its tumbler, water with an
+    air gap around it, a bubble in a glass ball, a diamond ball in a water ball."""
     gltf = Gltf()
     gltf.use("TESSERA_material", "TESSERA_medium", "KHR_materials_transmission",
              "KHR_materials_volume", "KHR_materials_ior", "KHR_materials_emissive_strength")
