@@ -11,8 +11,8 @@
 
 namespace tessera::server {
 
-/// Where the committed blocks of a job's open frames lie, and what they cost: enough to read them
-/// back and to tell whether a repeated block is the same. 64 bytes a unit, freed with its frame.
+/// Location and cost of the committed blocks of a job's open frames: enough to read them back and
+/// to recognise duplicates. 64 bytes per unit, released with the frame.
 class BlockIndex {
  public:
   struct BlockLocation {
@@ -21,31 +21,31 @@ class BlockIndex {
     std::int32_t size_bytes = 0, stored_bytes = 0;
     std::int32_t worker = 0;  // index into workers_
   };
-  /// Progress of one pass of a frame.
+  /// Progress of a pass of a frame.
   struct PassProgress {
     std::int32_t committed = 0;
     double cpu_seconds = 0;
-    double wall_seconds = 0;  // of the job, when its last unit was committed so far
+    double wall_seconds = 0;  // the job's running time when the latest unit was committed
   };
 
   BlockIndex(std::int32_t tile_count, std::int32_t pass_count)
       : tile_count_(tile_count), pass_count_(pass_count) {}
 
-  /// Notes a committed unit. Requires tile and pass in range.
+  /// Adds a committed unit. Requires tile and pass in range.
   void add(const UnitRecord& record, double wall_seconds);
-  /// Forgets a unit that was dropped from the store. Harmless if it is not here.
+  /// Removes a unit that was dropped from the store. Harmless for a unit that is not in the index.
   void remove(const contract::Unit& unit);
-  /// nullptr if the unit is not here.
+  /// Returns nullptr if the unit is not in the index.
   const BlockLocation* find(const contract::Unit& unit) const;
-  /// What Store::read_block needs of a committed unit; nullopt if it is not here.
+  /// Returns the record that Store::read_block needs; nullopt if the unit is not in the index.
   std::optional<UnitRecord> record(const contract::Unit& unit) const;
-  /// By pass; empty if nothing of the frame is committed.
+  /// Returns the progress by pass; empty if nothing of the frame is committed.
   std::vector<PassProgress> progress(std::int32_t frame) const;
-  /// Who delivered a unit that is here.
+  /// Returns the worker that delivered the block at `location`.
   const std::string& worker(const BlockLocation& location) const {
     return workers_[static_cast<std::size_t>(location.worker)];
   }
-  /// Every committed unit of the frame, by pass, then tile.
+  /// Returns all committed units of the frame, by pass, then tile.
   std::vector<contract::Unit> units(std::int32_t frame) const;
   bool has(std::int32_t frame) const { return frames_.count(frame) > 0; }
   void erase(std::int32_t frame) { frames_.erase(frame); }
@@ -59,7 +59,7 @@ class BlockIndex {
 
   std::int32_t tile_count_, pass_count_;
   std::map<std::int32_t, Frame> frames_;
-  std::vector<std::string> workers_;  // ids
+  std::vector<std::string> workers_;  // IDs
   std::map<std::string, std::int32_t> worker_index_;
 };
 

@@ -7,14 +7,14 @@
 
 namespace tessera::server {
 
-/// What a job may come to at most.
+/// Upper bounds of what a job needs.
 struct JobSize {
-  std::int64_t store_bytes = 0;  // blocks of every frame, and the images
-  double samples = 0;            // pixels × samples, over its frames
+  std::int64_t store_bytes = 0;  // blocks of all frames, and the images
+  double samples = 0;            // pixels × samples, over all frames
 };
 JobSize size_of(const JobSpec& spec);
 
-/// Limits of one owner's jobs that have not ended, taken together. 0: no limit.
+/// Limits of the sum over an owner's unfinished jobs. 0: unlimited.
 struct ClientQuota {
   std::int64_t jobs = 0;
   std::int64_t store_bytes = 0;
@@ -22,15 +22,15 @@ struct ClientQuota {
   bool has_limits() const { return jobs > 0 || store_bytes > 0 || samples > 0; }
 };
 
-/// What an owner has of that.
+/// Sum over an owner's unfinished jobs.
 struct OwnerUse {
   std::int64_t jobs = 0;
   double store_bytes = 0, samples = 0;
   void add(const JobSpec& spec);
 };
 
-/// Whether an owner who uses so much may have this job too. Errors: ResourceExhausted, naming the
-/// limit and what it would come to.
+/// Checks that an owner with this use may have another job. Errors: ResourceExhausted, with the
+/// limit and the total.
 absl::Status check_quota(const ClientQuota& quota, OwnerUse use, const JobSpec& spec);
 
 }  // namespace tessera::server

@@ -32,26 +32,26 @@
 
 namespace tessera::server {
 
-/// The far end of a worker's stream, as the coordinator sees it. Called without any lock held, from
-/// any thread; must not block. Kept alive by whoever calls it.
+/// Connection to a worker. Thread-safe, non-blocking, called without locks; the caller holds a
+/// reference.
 class WorkerConnection {
  public:
   virtual ~WorkerConnection() = default;
-  /// There is mail: fetch it with Coordinator::take_outbox.
+  /// The worker's outbox has messages: fetch them with Coordinator::take_outbox.
   virtual void wake() = 0;
-  /// The stream is over: ABORTED, a newer one has taken its place; UNAVAILABLE, the worker was
-  /// given up and is to connect again.
+  /// Ends the stream: ABORTED, a newer stream replaced it; UNAVAILABLE, the worker timed out and
+  /// must reconnect.
   virtual void close(const absl::Status& reason) = 0;
 };
 
-/// One connection of a worker. A session ends when a newer one of the same worker begins; calls
-/// under an ended session do nothing.
+/// One connection of a worker. A session ends when a newer one of the same worker starts; calls
+/// with an ended session do nothing.
 struct Session {
   WorkerKey worker = 0;
   std::int64_t number = 0;
 };
 
-/// What the wire says about a block before its bytes.
+/// Description of a block, sent before its bytes.
 struct BlockHeader {
   Lease lease;
   std::int32_t tile = 0;
@@ -62,13 +62,13 @@ struct BlockHeader {
   contract::Unit unit() const { return {lease.frame, tile, lease.pass}; }
 };
 
-/// What is known of a block once its header was accepted.
+/// Properties of a block whose header was accepted.
 struct Admission {
   contract::FilmBlockShape shape;
   std::int32_t sample_count = 0;
 };
 
-/// What a worker's log says about a job.
+/// A line of a worker's log about a job.
 struct LogLine {
   std::string job_id;
   std::string text;
@@ -77,47 +77,47 @@ struct LogLine {
 struct CoordinatorOptions {
   SchedulePolicy policy;
   std::int64_t film_memory_bytes = std::int64_t{1} << 30;
-  std::int64_t ingest_bytes = std::int64_t{256} << 20;  // delivered, not yet committed
+  std::int64_t ingest_bytes = std::int64_t{256} << 20;  // delivered and not committed
   std::int64_t quota_bytes = std::int64_t{1} << 40;     // of the store
   std::int64_t asset_quota_bytes = std::int64_t{64} << 30;
-  std::int64_t job_retention_us = 0;  // jobs that ended so long ago are removed; 0: never
+  std::int64_t job_retention_us = 0;  // age after its end at which a job is removed; 0: never
   ClientQuota client_quota;
   Duration tick_period = std::chrono::milliseconds(100);
   std::function<Time()> clock;  // monotonic
-  std::function<std::int64_t()>
-      wall_us;  // since 1970; labels things, decides only job_retention_us
-  std::function<std::uint64_t()> random;  // for job ids
-  /// Fills in what a job's row holds in wire form: settings, manifest, limits. Errors: DataLoss.
+  /// Wall clock, µs since 1970: for time stamps and job retention only.
+  std::function<std::int64_t()> wall_us;
+  std::function<std::uint64_t()> random;  // for job IDs
+  /// Parses a job's row: settings, manifest, limits. Errors: DataLoss.
   std::function<absl::StatusOr<JobSpec>(const JobRecord&)> read_spec;
-  /// The request of a job whose sample count or error has become that of `spec`.
+  /// Serialises the request of a job with the sample count and target error of `spec`.
   std::function<std::string(const JobSpec& spec)> write_request;
   Log log;  // may be empty
-  /// Owners: the coordinator and who made it, who may count into it too.
+  /// Owners: the coordinator and its creator, who may record into it too.
   std::shared_ptr<FarmMetrics> metrics = std::make_shared<FarmMetrics>();
 };
 
-/// The farm's state behind one lock. Every method may be called from any thread.
+/// State of the farm behind one lock. All methods are thread-safe.
 ///
-/// No gRPC in here: ThreadSanitizer cannot see through Debian's libgrpc, so the lock sits below it,
-/// where plain threads can test it. No lock is held over a disk operation: two threads do those,
-/// the writer (the journal: one group of blocks, rows and tasks after the other) and the film
-/// thread (merging, images). Callbacks come from one of them, without a lock, and must not block.
+/// Contains no gRPC: ThreadSanitizer cannot see into Debian's libgrpc, so the lock is below it,
+/// where plain threads can test it. No lock is held during a disk operation: these run on two
+/// threads, the writer (journal: groups of blocks, rows and tasks in order) and the film thread
+/// (merging, images). Callbacks run on one of them without a lock, and must not block.
 class Coordinator {
  public:
-  /// Reads the store's jobs. `store` must outlive the coordinator, which is its only writer.
+  /// Loads the jobs of the store. `store` must outlive the coordinator, which is its only writer.
   static absl::StatusOr<std::unique_ptr<Coordinator>> open(Store& store,
                                                            CoordinatorOptions options);
   ~Coordinator();
 
   // Threads --------------------------------------------------------------------------------------
-  /// The writer's body: one round of what there is to journal. Waits for something if `wait`.
-  /// Returns whether it did anything. To be called from one thread only.
+  /// Body of the writer thread: journals what is pending, waiting for something if `wait`. Returns
+  /// whether it did anything. Call from one thread only.
   bool run_writer(bool wait);
-  /// The film thread's body, likewise.
+  /// Body of the film thread, like run_writer().
   bool run_film(bool wait);
-  /// Expires, grants, balances; about every tick_period.
+  /// Runs timeouts, leases and balancing; call about every tick_period.
   void tick();
-  /// Ends waiting rounds; what is queued is still done by further rounds without waiting.
+  /// Ends waiting rounds. Further rounds without waiting still process what is queued.
   void stop();
   bool is_stopping() const;
 
@@ -128,9 +128,9 @@ class Coordinator {
     std::int32_t heartbeat_ms = 1000;
     std::int32_t timeout_ms = 5000;
   };
-  /// Begins a session; an older one of the same worker is closed.
+  /// Starts a session; closes an older one of the same worker.
   Joined join(const Hello& hello, std::shared_ptr<WorkerConnection> connection);
-  /// The stream is gone.
+  /// The stream ended.
   void disconnect(Session session);
   void record_contact(Session session);
   void heartbeat(Session session, const std::vector<UnitName>& started, std::int64_t rss_bytes);
@@ -141,37 +141,42 @@ class Coordinator {
                  absl::StatusCode code);
   void scene_loaded(Session session, const std::string& job_id, double load_seconds,
                     double build_seconds, std::int64_t peak_rss_bytes);
-  /// What is to be sent now; empty when the session has ended.
+  /// Returns the messages to send now; empty if the session has ended.
   Outbox take_outbox(Session session);
-  /// Workers connected or lost within the last hour; with the silence of each.
+  /// Returns workers that are connected or were lost within the last hour, each with the seconds
+  /// since its last message.
   std::vector<std::pair<Worker, double>> workers() const;
-  /// A job's spec, if workers of this certificate (empty: any) were leased units of it; or nullptr.
+  /// Returns a job's spec if units of it were leased to workers with this certificate (empty: any
+  /// worker), else null.
   std::shared_ptr<const JobSpec> describe_job(const std::string& job_id,
                                               const std::string& certificate = {}) const;
   void take_log_lines(Session session, const std::vector<LogLine>& lines);
-  /// Asks a worker to go. Errors: NotFound, it is not connected.
+  /// Drains a worker. Errors: NotFound, it is not connected.
   absl::Status drain_worker(const std::string& worker_id);
-  /// Shuts a worker out, durably, then calls back. Errors: NotFound, it was not seen lately.
+  /// Bans a worker durably, then calls `done`. Errors: NotFound, it was not connected within the
+  /// last hour.
   void ban_worker(const std::string& worker_id, std::function<void(absl::Status)> done);
-  /// Takes that back, likewise. Errors: NotFound, nothing is known of it.
+  /// Lifts a ban or quarantine durably, then calls `done`. Errors: NotFound, unknown worker without
+  /// a ban.
   void allow_worker(const std::string& worker_id, std::function<void(absl::Status)> done);
-  /// Records a worker's joining with a token, then calls back. Errors: as Store::record_join.
+  /// Records that a worker joined with a token, then calls `done`. Errors: as Store::record_join.
   void record_join(Join join, std::int64_t most, std::function<void(absl::Status)> done);
-  /// What a worker that has joined comes back with: an HMAC under the store's key over its id and
-  /// its certificate's name, so that none needs to be kept.
+  /// Returns the key with which a worker that has joined reconnects: an HMAC with the store's key
+  /// over its ID and its certificate's name, so that no key is stored.
   std::string session_key(const std::string& worker_id, const std::string& certificate) const;
 
   // Blocks ---------------------------------------------------------------------------------------
-  /// Whether a worker with this id has a session, under this certificate; a sign of life. Errors:
-  /// FailedPrecondition.
+  /// Checks that a worker with this ID has a session under this certificate, and notes the contact.
+  /// Errors: FailedPrecondition.
   absl::Status check_delivery(const std::string& worker_id, const std::string& certificate = {});
-  /// Judges a block by its header. nullopt: it got its verdict, its bytes are to be skipped.
+  /// Checks a block by its header. nullopt: it is acknowledged already and its bytes must be
+  /// skipped.
   std::optional<Admission> admit(const std::string& worker_id, const BlockHeader& header);
-  /// Takes an admitted block. Its one verdict follows by mail. Checks the bytes before it takes the
-  /// lock.
+  /// Takes an admitted block; its acknowledgement follows in the outbox. Checks the bytes before it
+  /// takes the lock.
   void deliver(const std::string& worker_id, const BlockHeader& header, const Admission& admission,
                std::string bytes);
-  /// Whether more may be read now. If not, `resume` is called once there is room.
+  /// Returns whether more blocks may be read now. If not, `resume` is called once there is room.
   bool has_room_or_call(std::function<void()> resume);
 
   // Jobs -----------------------------------------------------------------------------------------
@@ -183,70 +188,71 @@ class Coordinator {
   using OnJob = std::function<void(absl::StatusOr<JobView>)>;
   enum class Change { pause, resume, cancel, retry };
 
-  /// Makes a job durable, then calls back. Errors: as CreateJob in job_service.proto.
+  /// Creates a job durably, then calls `done`. Errors: as CreateJob in job_service.proto.
   void create_job(JobSpec spec, OnCreated done);
-  /// Changes a job, journals it, then calls back. Errors: as the rpc of that name.
+  /// Changes a job, journals it, then calls `done`. Errors: as the rpc of that name.
   void change_job(const std::string& job_id, Change change, const OnJob& done);
-  /// What a job is extended to; absent: as it is.
+  /// New settings of an extended job; absent: unchanged.
   struct Extension {
     std::optional<std::int32_t> spp;
     std::optional<double> error;
   };
   void extend_job(const std::string& job_id, const Extension& extension, OnJob done);
   void remove_job(const std::string& job_id, std::function<void(absl::Status)> done);
-  // `owner`: only jobs of this owner are there; empty: all.
-  /// By id, unique prefix, name or `last`. Errors: NotFound, InvalidArgument.
+  // Finds a job by ID, unique prefix, name or `last`. Errors: NotFound, InvalidArgument.
   absl::StatusOr<JobView> find_job(const std::string& text, const std::string& owner = {}) const;
-  /// Errors: NotFound, there is no such job, or it is not the owner's.
+  /// Errors: NotFound, no such job, or it belongs to another owner.
   absl::Status check_owner(const std::string& job_id, const std::string& owner) const;
-  /// By id only. Errors: NotFound.
+  /// Finds a job by ID only. Errors: NotFound.
   absl::StatusOr<JobView> job(const std::string& job_id) const;
-  /// Up to `most` jobs older than `before` (0: from the newest), newest first.
+  /// Returns up to `most` jobs older than `before` (0: from the newest), newest first.
   std::vector<JobView> list_jobs(JobKey before, std::int32_t most,
                                  const std::string& owner = {}) const;
   absl::StatusOr<JobReport> report(const std::string& job_id) const;
-  /// What happened lately.
+  /// Recent events.
   const EventLog& events() const { return events_; }
-  /// Up to `most` of what workers delivered of a job lately, after a sequence. Errors: NotFound.
+  /// Returns up to `most` recent deliveries of a job after a sequence. Errors: NotFound.
   absl::StatusOr<std::vector<Delivery>> deliveries(const std::string& job_id, std::int64_t after,
                                                    std::size_t most) const;
-  /// What Prometheus is told. Walks all jobs and workers under the lock.
+  /// Returns the metrics for Prometheus. Visits all jobs and workers under the lock.
   std::vector<prometheus::MetricFamily> metrics() const;
-  /// Finds or makes a frame's image file, on the film thread, then calls back. The caller removes
-  /// it if it is temporary. Errors: as FetchFrame.
+  /// Finds or creates a frame's image file on the film thread, then calls `done`. The caller
+  /// removes a temporary file. Errors: as FetchFrame.
   void fetch_frame(const FrameQuery& query, std::function<void(absl::StatusOr<FrameFile>)> done);
 
   // Assets ---------------------------------------------------------------------------------------
-  /// Whether the asset is here; pins it for an hour.
+  /// Returns whether the asset exists; protects it from deletion for an hour.
   bool has_asset(const contract::Digest& digest);
   absl::StatusOr<std::string> new_upload_path() { return store_.new_upload_path(); }
   void publish_asset(const std::string& upload_path, const contract::Digest& digest,
                      std::function<void(absl::Status)> done);
   std::string asset_path(const contract::Digest& digest) const { return store_.asset_path(digest); }
-  /// Whether a job names the asset of which workers of this certificate were leased units.
+  /// Returns whether a job of which units were leased to workers with this certificate refers to
+  /// the asset.
   bool is_leased_asset(const contract::Digest& digest, const std::string& certificate) const;
 
  private:
+  /// A delivered block that waits for the writer.
   struct Delivered {
     std::string worker_id;
     BlockHeader header;
     contract::FilmBlock block;
     std::string bytes;
   };
-  /// What the coordinator keeps of a job beside its schedule.
+  /// Images and progress of a job, apart from its schedule.
   struct JobFilm {
-    std::shared_ptr<const contract::TileGrid> grid;  // owners: the job and who is using it now
+    std::shared_ptr<const contract::TileGrid> grid;  // owners: the job and current users
     std::optional<BlockIndex> block_index;
     std::map<std::int32_t, FrameRecord> finished;
-    std::set<std::int32_t> finishing;  // complete, being written
+    std::set<std::int32_t> finishing;  // complete, image being written
     std::int64_t committed_samples = 0;
-    std::int64_t samples_at_start = 0;  // committed before this process
-    // Of jobs asked for by their error: samples of finished frames, and those foreseen of others.
+    std::int64_t samples_at_start = 0;  // committed before this process started
+    // With a target error: samples of finished frames, and predictions for the others.
     std::int64_t finished_samples = 0;
     std::map<std::int32_t, std::int64_t> expected_samples;
-    std::optional<Certainty> certainty;  // the worst of the finished frames'
+    std::optional<Certainty> certainty;  // the worst of the finished frames
 
-    std::vector<std::string> warnings;  // frames that were finished with units of a liar
+    std::vector<std::string> warnings;  // frames finished with units of a faulty worker
 
     double wall_at_start = 0;
     std::optional<double> estimated_error;
@@ -256,7 +262,7 @@ class Coordinator {
     std::int64_t session = 0;
     std::shared_ptr<WorkerConnection> connection;  // owners: the stream and this table
   };
-  /// Calls that wait until the lock is given up: declare it before the MutexLock.
+  /// Callbacks run after unlocking. Declare before the MutexLock.
   class DeferredCalls {
    public:
     DeferredCalls() = default;
@@ -270,14 +276,14 @@ class Coordinator {
    private:
     std::vector<std::function<void()>> calls_;
   };
-  /// A committed block on its way to the film, or (without a block) only the news of it.
+  /// A committed unit to merge; without a block, only its commit is noted.
   struct FilmUpdate {
     std::string job_id;
     contract::Unit unit;
     std::optional<contract::FilmBlock> block;
     std::int64_t bytes = 0;
   };
-  struct CheckedGroup;  // a group of delivered blocks, judged
+  struct CheckedGroup;  // a group of delivered blocks with their outcomes
 
   Coordinator(Store& store, CoordinatorOptions options, const std::vector<std::string>& roster);
 
@@ -363,7 +369,7 @@ class Coordinator {
 
   Store& store_;
   const CoordinatorOptions options_;
-  FilmCache film_;  // has a lock of its own, never taken under mutex_
+  FilmCache film_;  // has its own lock, never taken under mutex_
   EventLog events_;
   DeliveryLog deliveries_;
 
@@ -377,10 +383,11 @@ class Coordinator {
 
   ConditionVariable writer_wakeup_, film_wakeup_;
   std::vector<Delivered> delivered_ ABSL_GUARDED_BY(mutex_);
-  std::int64_t ingest_bytes_ ABSL_GUARDED_BY(mutex_) = 0;  // delivered or on the way to the film
+  std::int64_t ingest_bytes_ ABSL_GUARDED_BY(mutex_) = 0;  // delivered, or committed and not merged
   std::vector<std::function<void()>> resumes_ ABSL_GUARDED_BY(mutex_);
   std::set<JobKey> changed_ ABSL_GUARDED_BY(mutex_);
-  std::set<JobKey> unjournaled_ ABSL_GUARDED_BY(mutex_);  // changes the disk had no room for
+  std::set<JobKey> unjournaled_ ABSL_GUARDED_BY(mutex_);  // changes that could not be written
+                                                          // because the disk was full
   std::vector<std::pair<std::string, bool>> roster_ ABSL_GUARDED_BY(mutex_);
   std::vector<std::function<void()>> after_journal_ ABSL_GUARDED_BY(mutex_);
   std::deque<std::function<void()>> write_tasks_ ABSL_GUARDED_BY(mutex_);
@@ -391,7 +398,7 @@ class Coordinator {
 
   // Film thread only.
   std::map<FrameKey, Time> last_estimate_;
-  std::vector<contract::Unit> damaged_;  // blocks of the frame being finished
+  std::vector<contract::Unit> damaged_;  // of the frame being finished
   std::int64_t partial_count_ = 0;
 };
 

@@ -23,16 +23,16 @@ struct ExrPlane {
   std::vector<std::uint32_t> words;  // uint32
 };
 
-/// What the file says besides its pixels.
+/// Attributes of the file.
 struct ExrHeader {
   contract::PixelRect data_window, display_window;
   std::vector<std::pair<std::string, std::string>> texts;  // attributes
   std::vector<std::pair<std::string, int>> numbers;
 };
 
-/// An OpenEXR file being written: one part, scanlines from the top, ZIP. Only what is given goes
-/// into it (no date, no host), so equal input gives equal bytes. OpenEXR is used here directly,
-/// as OpenImageIO puts the time of day into every file.
+/// Writes an OpenEXR file: one part, scanlines from the top, ZIP. The file contains only what is
+/// given (no date, no host), so equal input gives equal bytes. Uses OpenEXR directly because
+/// OpenImageIO writes the time of day into every file.
 class ExrWriter {
  public:
   /// Creates or truncates `path`. The planes' names and types are the file's channels.
@@ -46,17 +46,17 @@ class ExrWriter {
   ExrWriter& operator=(const ExrWriter&) = delete;
 
   /// Writes the next `rows` rows. Requires planes as given to open(), with at least that many.
-  /// Values of half planes beyond ±65504 are held there. Errors: Unavailable.
+  /// Values of half planes are clamped to ±65504. Errors: Unavailable.
   absl::Status write_rows(std::int32_t rows, const std::vector<ExrPlane>& planes);
-  /// Values held at ±65504 so far.
+  /// Number of values clamped to ±65504 so far.
   std::int64_t half_overflow_count() const { return half_overflow_count_; }
-  /// Completes the file. Errors: Unavailable, some byte could not be written.
+  /// Completes the file. Errors: Unavailable, not all bytes could be written.
   absl::Status close();
 
  private:
   class File;
   ExrWriter();
-  /// The first `count` values as half floats, those beyond ±65504 held there and counted.
+  /// Converts the first `count` values to half floats, clamped to ±65504, and counts clamped ones.
   void convert(const std::vector<float>& values, std::vector<std::uint16_t>& bits,
                std::size_t count);
 

@@ -28,77 +28,82 @@ struct FrameKey {
   auto operator<=>(const FrameKey&) const = default;
 };
 
-/// Reads a committed block back: (tile, pass) of the frame it was made for.
+/// Reads a committed block: (tile, pass) of the frame that it was created for.
 using BlockReader =
     std::function<absl::StatusOr<contract::FilmBlock>(std::int32_t tile, std::int32_t pass)>;
 
-/// Pixels of the frame's reference image: R, G, B, A of each in the rectangle, row by row.
+/// Reads pixels of the frame's reference image: R, G, B, A of each in the rectangle, row-major.
 using ReferenceReader =
     std::function<absl::StatusOr<std::vector<float>>(const contract::PixelRect& rect)>;
 
-/// The film of all open frames: sums per tile as a cache over the committed blocks, which are the
-/// only truth. Memory stays at the budget (least recently used tiles go first, and are rebuilt
-/// through the frame's BlockReader); per tile it keeps the passes' error sums, 48 bytes each.
+/// Film of all open frames: sums per tile, a cache over the committed blocks, which are
+/// authoritative. Memory stays within the budget: least recently used tiles are evicted, and
+/// rebuilt with the frame's BlockReader. In addition each tile keeps the error sums of its passes,
+/// 48 bytes each.
 ///
 /// Thread-safe: one lock of its own around every call. A call may read blocks under it, so do not
-/// call with the coordinator's lock held, and a BlockReader must not call back into the cache.
+/// call with the coordinator's lock held; a BlockReader must not call back into the cache.
 class FilmCache {
  public:
-  /// `budget_bytes`: --film-memory-gb. One tile is held however small it is.
+  /// `budget_bytes` is --film-memory-gb. At least one tile is kept whatever the budget.
   explicit FilmCache(std::int64_t budget_bytes);
 
-  /// Begins a frame. Requires that it is not open. With a `reference` the true error is kept too,
-  /// for as long as it can be read.
+  /// Opens a frame, which must not be open. With a `reference` the true error is computed too, as
+  /// long as the reference can be read.
   void open_frame(const FrameKey& key, const contract::RenderSettings& settings, BlockReader reader,
                   ReferenceReader reference = {});
-  /// Forgets a frame (finished or cancelled). Harmless if it is not open.
+  /// Drops a frame (finished or cancelled). Harmless if it is not open.
   void close_frame(const FrameKey& key);
   bool is_open(const FrameKey& key) const;
 
-  /// Tells of a durably committed block. In any order; repeats are harmless. A block ahead of
-  /// its tile's passes is only noted, and read back once its turn comes.
+  /// Adds a committed block in any order; duplicates are ignored. A block ahead of its predecessors
+  /// is recorded and read back later.
   ///
   /// Errors: NotFound, the frame is not open; InvalidArgument, no such tile or pass, or the block
-  /// has another shape; whatever the BlockReader gives.
+  /// has another shape; the BlockReader's.
   absl::Status add(const FrameKey& key, std::int32_t tile, std::int32_t pass,
                    const contract::FilmBlock& block);
-  /// The same after a restart, for a unit of the journal, without reading anything yet.
+  /// Records a unit of the journal after a restart, without reading its block yet. Errors: as
+  /// add().
   absl::Status record_committed(const FrameKey& key, std::int32_t tile, std::int32_t pass);
 
-  /// m: mean luminance of the frame after pass 0 of every tile, folded in tile order. Reads
-  /// blocks of pass 0 that this process has not seen.
+  /// Returns m, the mean luminance of the frame after pass 0 of every tile, folded in tile order.
+  /// Reads blocks of pass 0 that this process has not seen.
   ///
   /// Errors: NotFound; FailedPrecondition, pass 0 of a tile is missing; the BlockReader's.
   absl::StatusOr<double> mean_luminance(const FrameKey& key);
 
-  /// In a job asked for by its error: how many passes tiles are to have, as decided since the last
-  /// call; empty for others. Reads what has to be read for it. Errors: as mean_luminance's, but
-  /// not that pass 0 is incomplete.
+  /// With a target error: returns the pass targets that changed since the last call; empty for
+  /// other jobs. Reads blocks as needed. Errors: as mean_luminance(), except for an incomplete pass
+  /// 0.
   absl::StatusOr<std::vector<contract::StoppingRule::PassTarget>> take_pass_targets(
       const FrameKey& key);
-  /// How the frame's tiles stopped; looks is 1 and the rest 0 with a fixed sample count.
+  /// Returns how the frame's tiles stopped; with a fixed sample count looks is 1 and the rest 0.
   StoppingStats stopping(const FrameKey& key) const;
-  /// Samples of the pixels that have most; 0 before the first block, and if it is not open.
+  /// Maximum number of samples per pixel; 0 before the first block or if the frame is not open.
   std::int32_t max_samples(const FrameKey& key) const;
-  /// Samples of the frame, done and foreseen; nullopt if it is not open or the count is fixed.
+  /// Samples of the frame, done and predicted; nullopt if it is not open or has a fixed sample
+  /// count.
   std::optional<std::int64_t> expected_samples(const FrameKey& key) const;
 
-  /// The sums of a tile over its committed passes 0, 1, … up to the first gap, or to what it was
-  /// decided to have; rebuilt if needed, also when it was not measured after each pass because m
-  /// came later. pass_count() is 0 if pass 0 is missing. `tile` leaves it in the cache,
-  /// `take_tile` removes it.
+  /// Returns the sums of a tile over its committed passes 0, 1, … up to the first gap or the pass
+  /// target; rebuilt if necessary, also if a pass was not measured because m came later.
+  /// pass_count() is 0 if pass 0 is missing. tile() leaves the sums in the cache, take_tile()
+  /// removes them.
   absl::StatusOr<TileSum> tile(const FrameKey& key, std::int32_t tile);
   absl::StatusOr<TileSum> take_tile(const FrameKey& key, std::int32_t tile);
 
-  /// Estimated error of the frame so far, for progress: over the tiles measured, each at its
-  /// newest pass. pixels is 0 before pass 0 of every tile is there. Cheap: reads no blocks.
+  /// Returns the estimated error of the frame so far, for progress: over the measured tiles, each
+  /// at its latest pass. pixels is 0 until pass 0 of every tile is committed. Cheap: reads no
+  /// blocks.
   ErrorEstimate running_estimate(const FrameKey& key) const;
-  /// The frame had it ended after `pass`: the points of the report's curve. Tiles that have fewer
-  /// passes count with what they have. Covers every tile once each has been asked for with m known.
+  /// Frame statistics as if rendering had ended after `pass`; one point of the report's curve.
+  /// Tiles with fewer passes count with those they have. Covers all tiles once each has been
+  /// requested after m was known.
   struct PassStats {
     ErrorEstimate estimate;
     std::int64_t samples = 0;
-    std::optional<TrueErrorStats> truth;  // with a reference, once every tile is measured
+    std::optional<TrueErrorStats> truth;  // with a reference, once all tiles are measured
   };
   PassStats after_pass(const FrameKey& key, std::int32_t pass) const;
 
@@ -121,8 +126,8 @@ class FilmCache {
     std::vector<Tile> tiles;
     std::int32_t tiles_without_luminance;
     std::optional<double> mean_luminance;
-    std::optional<contract::StoppingRule> rule;  // of a job asked for by its error
-    bool has_unread_blocks = false;  // blocks may be committed that the rule has not heard of
+    std::optional<contract::StoppingRule> rule;  // with a target error
+    bool has_unread_blocks = false;              // committed blocks that the rule has not received
   };
   using TileKey = std::pair<FrameKey, std::int32_t>;
   struct Entry {

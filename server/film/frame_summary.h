@@ -9,23 +9,23 @@
 
 namespace tessera::server {
 
-/// What the journal keeps of a finished frame beside its files: FrameRecord::statistics_json.
+/// The journal's record of a finished frame besides its files: FrameRecord::statistics_json.
 struct FrameSummary {
-  // What it was finished for: a frame finished before its job was extended is told by these.
+  // Settings under which it was finished; they differ from the job's after an extension.
   std::int32_t spp = 0;
   std::optional<double> error;
   std::int64_t samples = 0, unit_count = 0;
-  std::optional<Certainty> certainty;  // of an error asked for
+  std::optional<Certainty> certainty;  // with a target error
   std::vector<std::string> warnings, reasons;
-  std::string entry_json;  // of the report's frames[]
+  std::string entry_json;  // element of the report's frames[]
 
   bool operator==(const FrameSummary&) const = default;
-  /// Whether the frame is what these settings ask for.
+  /// Returns whether the frame was finished under these settings.
   bool fits(const contract::RenderSettings& settings) const;
 };
 
 std::string write_frame_summary(const FrameSummary& summary);
-/// A note of nothing if `text` is none.
+/// Returns an empty summary if `text` is not one.
 FrameSummary read_frame_summary(const std::string& text);
 
 }  // namespace tessera::server

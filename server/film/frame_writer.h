@@ -13,47 +13,48 @@
 
 namespace tessera::server {
 
-/// What a frame's file says of itself. No times, no host names: the file is a function of the job.
+/// Attributes of a frame's file. Contains neither times nor host names: the file depends on the job
+/// only.
 struct FrameSpec {
   contract::RenderSettings settings;
   std::int32_t frame = 0;
   std::string job_id;  // attribute only
   std::string name;    // attribute only
-  /// m, from FilmCache::mean_luminance; nullopt for a partial frame that does not know it.
+  /// m of FilmCache::mean_luminance(); nullopt for a partial frame without it.
   std::optional<double> mean_luminance;
-  /// Looks among which the bound's confidence is divided; 1 for a fixed sample count.
+  /// Number of looks among which the bound's confidence is divided; 1 for a fixed sample count.
   int looks = 1;
-  /// Samples of the pixels that have most; attribute only.
+  /// Maximum number of samples per pixel; attribute only.
   std::int32_t max_samples = 0;
-  /// Write tiles without any pass as transparent black and list them, instead of failing.
+  /// Write tiles without a pass as transparent black and list them, instead of failing.
   bool allow_missing = false;
 };
 
-/// The sums of a tile by index. Called once per tile, tile row by tile row from the top.
+/// Returns the sums of a tile by index. Called once per tile, tile row by tile row from the top.
 using TileReader = std::function<absl::StatusOr<TileSum>(std::int32_t tile)>;
 
-/// What a tile came to.
+/// Statistics of a tile.
 struct TileStats {
   double error = 0;  // √mean of the scaled terms; 0 without m
   std::int32_t sample_count = 0;
 };
 
-/// The part of a report's frames[] entry that comes from the film.
+/// Statistics of a frame for the report's frames[] element.
 struct FrameStatistics {
   std::int32_t frame = 0, width = 0, height = 0;  // of the window
   double spp_mean = 0;
   std::int32_t spp_max = 0;
   std::int64_t samples = 0;  // over all pixels, dropped ones included
   std::optional<double> mean_luminance;
-  ErrorEstimate estimated;      // error and error_upper95 mean nothing unless mean_luminance > 0
-  double heavy_tail_share = 0;  // of Σ scaled error, held by the top 0.1 % of pixels (at least 1)
-  double unseen_event_bound = 0;  // 3 / N, N the samples of the tile with fewest
+  ErrorEstimate estimated;      // error and error_upper95 are undefined unless mean_luminance > 0
+  double heavy_tail_share = 0;  // share of Σ scaled error in the top 0.1 % of pixels (at least one)
+  double unseen_event_bound = 0;  // 3 / N, where N is the minimum of the tiles' samples
   std::int64_t dropped_samples = 0;
   double clamped_energy = 0;
   double truncated_energy = 0;  // Σ over samples and channels of radiance cut at --max-depth
   std::uint64_t transparency_limit_count = 0;
-  std::int64_t half_overflow_count = 0;  // values held at 65504 in a half file
-  std::vector<TileStats> tiles;          // in tile order; missing ones are zeros
+  std::int64_t half_overflow_count = 0;  // values clamped to 65504 in a half file
+  std::vector<TileStats> tiles;          // in tile order; zeros for missing tiles
 };
 
 struct FrameResult {
@@ -64,21 +65,21 @@ struct FrameResult {
   std::vector<contract::PixelRect> missing_tiles;  // frame coordinates; only with allow_missing
 };
 
-/// Writes a frame's window as OpenEXR (one part, scanlines, ZIP) to `path`, which the caller makes
-/// visible under its final name. Works in bands of one row of tiles: memory is a band of all
+/// Writes a frame's window as OpenEXR (one part, scanlines, ZIP) to `path`, which the caller
+/// publishes under its final name. Works in bands of one row of tiles: memory is one band of all
 /// layers, whatever the frame's height.
 ///
 /// Layers: R, G, B, A; albedo.{R,G,B}; normal.{X,Y,Z}; depth.Z; position.{X,Y,Z};
 /// ids.{node,material,primitive} and samples as UINT; stderr.{R,G,B}. With `half`, R, G, B, A,
-/// albedo and normal are half floats, values beyond ±65504 held there and counted; the others stay
-/// 32 bit. displayWindow is the full frame, dataWindow the crop. Equal arguments give equal bytes.
+/// albedo and normal are half floats, clamped to ±65504 and counted; the others stay 32 bit.
+/// displayWindow is the full frame, dataWindow the crop. Equal arguments give equal bytes.
 ///
 /// Errors: FailedPrecondition, a tile has no pass and allow_missing is not set; the TileReader's;
 /// Unavailable, the file cannot be written (the message says why). A partly written file is left.
 absl::StatusOr<FrameResult> write_frame(const FrameSpec& spec, const TileReader& read_tile,
                                         const std::string& path);
 
-/// A point of the curve in a report's frames[] entry.
+/// A point of the curve in a frames[] element of the report.
 struct CurvePoint {
   double cpu_seconds = 0, wall_seconds = 0;
   std::int64_t samples = 0;
@@ -87,14 +88,14 @@ struct CurvePoint {
   std::optional<TrueErrorStats> truth;  // against the job's reference
 };
 
-/// The frames[] entry of the report (design.md, section 4) as a JSON object. `file` is the output's
-/// name, `status` DONE for a fixed sample count, else a certainty's name. `true` is the truth of
-/// the curve's last point, without FLIP, which takes the whole image. `tiles` has at most 16,384,
-/// else it is null.
+/// Returns the report's frames[] element as a JSON object (docs/reference/schema/report.json).
+/// `file` is the name of the output, `status` is DONE for a fixed sample count, else a certainty's
+/// name. `true` is the truth of the curve's last point, without FLIP, which needs the whole image.
+/// `tiles` is null for more than 16,384 tiles.
 std::string frame_entry_json(const FrameResult& result, const std::string& file,
                              const std::string& status, const std::vector<CurvePoint>& curve);
 
-/// Warnings for the report about a frame, for people, without its number: dropped samples, clamped
+/// Returns the report's warnings about a frame, without its number: dropped samples, clamped
 /// energy, half overflow, paths cut at the transparency limit.
 std::vector<std::string> frame_warnings(const FrameStatistics& statistics);
 

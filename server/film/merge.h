@@ -17,7 +17,7 @@ namespace tessera::server {
 using contract::ErrorEstimate;
 using contract::ErrorSums;
 
-/// How far an image is from a reference: sums over pixels, R, G, B.
+/// Sums over pixels and R, G, B of the difference between an image and its reference.
 struct TrueSums {
   double squared = 0;   // Σ (x − ref)²
   double relative = 0;  // the same, each term over ref² + 0.01
@@ -26,16 +26,17 @@ struct TrueSums {
   void add(const TrueSums& other);
 };
 
-/// What comes of them, as compare_images of proto/contract has it.
+/// Errors derived from TrueSums, defined as in image/metrics/image_metrics.h.
 struct TrueErrorStats {
   double rmse = 0, relmse = 0;
   std::optional<double> error;  // none without m
 };
 
-/// Sums of all passes over one tile, in double: the film of farm.md, section 1.
+/// Sums of all passes of a tile, in double.
 ///
-/// A pure function of the blocks added: passes come in order, each block's floats are widened
-/// exactly and added in pass order. Nothing here depends on when a block arrived.
+/// A pure function of the blocks added: passes come in order; each block's floats are widened
+/// exactly and added in pass order. The result does not depend on when a block arrived
+/// (docs/explanation/determinism.md).
 class TileSum {
  public:
   /// An empty tile. Requires 1 <= width, height <= 256.
@@ -43,8 +44,8 @@ class TileSum {
 
   /// Adds the block of the next pass, which rendered samples `pass` of every pixel.
   ///
-  /// Errors: InvalidArgument, the block has another shape, or `pass` does not follow on the
-  /// samples added so far. The tile is unchanged then.
+  /// Errors: InvalidArgument, the block has another shape, or `pass` does not follow the samples
+  /// added so far. The tile is then unchanged.
   absl::Status add(const contract::FilmBlock& block, const contract::Pass& pass);
 
   std::int32_t width() const { return width_; }
@@ -58,12 +59,12 @@ class TileSum {
   double clamped_energy() const { return clamped_energy_; }
   double truncated_energy() const { return truncated_energy_; }
   std::uint64_t transparency_limit_count() const { return transparency_limit_count_; }
-  /// Memory held, about.
+  /// Approximate memory use.
   std::int64_t bytes() const;
 
-  /// Samples of `pixel` (row-major) that count in its mean.
+  /// Number of samples in the mean of `pixel` (row-major).
   std::int32_t kept(std::int64_t pixel) const;
-  /// R, G, B, A: float32 of (double sum ÷ kept samples); zeros where nothing was kept.
+  /// R, G, B, A: float32 of (double sum ÷ kept samples); zeros if no sample was kept.
   void rgba(std::int64_t pixel, std::span<float, 4> out) const;
   /// Standard errors of the pixel's R, G, B from the spread of its replicates; 0 with fewer than
   /// two replicates.
@@ -76,14 +77,16 @@ class TileSum {
   const std::vector<float>& position() const { return position_; }
   const std::vector<std::uint32_t>& ids() const { return ids_; }
 
-  /// Sum over pixels of the luminance 0.2126 R + 0.7152 G + 0.0722 B of their means. After pass 0
-  /// of every tile, folded in tile order and divided by the pixels, this gives m.
+  /// Returns the sum over pixels of the luminance 0.2126 R + 0.7152 G + 0.0722 B of their means.
+  /// After pass 0 of every tile, folded in tile order and divided by the number of pixels, this
+  /// gives m.
   double luminance_sum() const;
 
-  /// Estimated error of the tile by the estimator of design.md, section 4. `mean_luminance` is m,
-  /// >= 0. If `per_pixel` is not null, each pixel's scaled sum is appended to it, row-major.
+  /// Returns the estimated error of the tile (docs/explanation/error-estimation.md).
+  /// `mean_luminance` is m >= 0. If `per_pixel` is not null, each pixel's scaled sum is appended to
+  /// it, row-major.
   ErrorSums error_sums(double mean_luminance, std::vector<double>* per_pixel = nullptr) const;
-  /// Against `reference`, which holds R, G, B, A of each pixel. `mean_luminance` is m >= 0.
+  /// Returns the error against `reference`, R, G, B, A of each pixel. `mean_luminance` is m >= 0.
   TrueSums true_sums(std::span<const float> reference, double mean_luminance) const;
 
  private:
@@ -110,7 +113,7 @@ class TileSum {
   std::vector<double> albedo_, normal_, hits_;
   std::vector<float> depth_, position_;
   std::vector<std::uint32_t> ids_;
-  std::vector<std::int32_t> dropped_;  // [pixel][replicate]; empty while nothing was dropped
+  std::vector<std::int32_t> dropped_;  // [pixel][replicate]; empty if nothing was dropped
 };
 
 }  // namespace tessera::server

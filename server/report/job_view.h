@@ -14,40 +14,40 @@
 
 namespace tessera::server {
 
-/// A job as a client sees it: a copy, taken at one moment.
+/// A snapshot of a job for clients.
 struct JobView {
   JobKey key = 0;
   std::shared_ptr<const JobSpec> spec;  // owners: the coordinator and this copy
   JobState state = JobState::queued;
   std::string reason;
   absl::StatusCode failure_code = absl::StatusCode::kOk;  // of a failed job
-  std::int64_t create_time_us = 0, end_time_us = 0;  // wall clock; 0: not ended
+  std::int64_t create_time_us = 0, end_time_us = 0;       // wall clock; 0: not ended
   std::int64_t unit_count = 0, committed_unit_count = 0, leased_unit_count = 0;
   std::int32_t frame_count = 0, finished_frame_count = 0;
   std::int64_t committed_sample_count = 0, sample_count = 0;
   std::int32_t worker_count = 0;
   double cpu_seconds = 0;
   std::optional<double> estimated_error;
-  std::optional<Certainty> certainty;  // of an error asked for, once done
+  std::optional<Certainty> certainty;  // with a target error, once done
   double elapsed_seconds = 0;
   std::optional<double> remaining_seconds;
 };
 
-/// What a report is made of.
+/// Data of a job's report.
 struct JobReport {
   JobView view;
   JobCounters counters;
   std::map<std::string, Contribution> contributions;                     // by worker id
-  std::map<std::string, std::pair<std::string, std::int32_t>> machines;  // id → ISA, threads
-  std::vector<FrameRecord> frames;                                       // finished ones, in order
-  std::vector<std::string> warnings;  // what a worker found lying may have had a part in
+  std::map<std::string, std::pair<std::string, std::int32_t>> machines;  // worker ID → ISA, threads
+  std::vector<FrameRecord> frames;    // finished frames, in order
+  std::vector<std::string> warnings;  // frames that may contain results of a faulty worker
 };
 
-/// An image file to be sent to a client.
+/// An image file to send to a client.
 struct FrameFile {
   std::string path;
-  std::string bytes;          // the file itself, where there is no path
-  bool is_temporary = false;  // to be removed once sent
+  std::string bytes;          // the contents, if there is no path
+  bool is_temporary = false;  // to be removed after sending
   std::int64_t size_bytes = 0;
   contract::Digest file_sha256;
   std::optional<contract::Digest> pixels_sha256;  // absent for a partial frame

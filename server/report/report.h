@@ -6,8 +6,8 @@
 
 namespace tessera::server {
 
-/// The report of a job so far as JSON, schema tessera.report/1: every key of design.md, section 4.
-/// What this version does not measure is null or empty, never invented.
+/// Returns the report of a job so far as JSON (docs/reference/schema/report.json). Figures that
+/// this version does not measure are null or empty.
 std::string report_json(const JobReport& report);
 
 }  // namespace tessera::server

@@ -8,7 +8,7 @@
 
 namespace tessera::server {
 
-/// std::mutex that clang's -Wthread-safety can reason about. Not absl::Mutex: Debian's
+/// std::mutex with annotations for clang's -Wthread-safety. Not absl::Mutex: Debian's
 /// libabsl is built without TSan, which then reports correctly locked code as racing.
 class ABSL_LOCKABLE Mutex {
  public:
@@ -34,8 +34,7 @@ class ABSL_SCOPED_LOCKABLE MutexLock {
   Mutex& mutex_;
 };
 
-/// What a thread waits for while it gives up a Mutex: a condition variable. Waits may end without
-/// a reason, so callers look again.
+/// Condition variable for Mutex. Wake-ups may be spurious; recheck the condition.
 class ConditionVariable {
  public:
   void wait(Mutex& mutex) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex) {

@@ -14,36 +14,37 @@
 
 namespace tessera::server {
 
-/// What a delivered result was; the numbers are those of v1.Delivery.Outcome.
+/// Outcome of a delivered result; numbers as in v1.Delivery.Outcome.
 enum class DeliveryOutcome : std::int32_t { committed = 1, audit, duplicate };
 
-/// A unit that a worker has rendered and delivered.
+/// A result that a worker delivered.
 struct Delivery {
   std::int64_t sequence = 0;  // set by the log
   std::int64_t job = 0;       // JobKey
   contract::Unit unit;
-  std::string_view worker_id;  // read from the log: lives as long as the log
+  std::string_view worker_id;  // owned by the log
   DeliveryOutcome outcome = DeliveryOutcome::committed;
-  std::int32_t retry_count = 0;  // failures and losses of the unit before it was committed
-  std::int64_t end_us = 0;       // wall clock: durable, or judged
+  std::int32_t retry_count = 0;  // failures and losses of the unit before its commit
+  std::int64_t end_us = 0;       // wall clock: durable, or acknowledged
   double cpu_seconds = 0;
-  std::optional<double> lease_seconds = {};  // from its lease to its end, where that is known
+  std::optional<double> lease_seconds = {};  // from lease to end, if known
 };
 
-/// What workers delivered lately, for timelines. In memory and bounded: the newest kMaxDeliveries
-/// deliveries of all jobs, less than a hundred bytes each. Thread-safe.
+/// Recent deliveries, for timelines. In memory and bounded: the newest kMaxDeliveries of all jobs,
+/// below 100 bytes each. Thread-safe.
 class DeliveryLog {
  public:
   static constexpr std::size_t kMaxDeliveries = 100'000;
 
   void add(Delivery delivery);
-  /// The oldest `most` of a job after this sequence (0: from the first), in order.
+  /// Returns the oldest `most` deliveries of a job after this sequence (0: from the first), in
+  /// order.
   std::vector<Delivery> read(std::int64_t job, std::int64_t after, std::size_t most) const;
 
  private:
   mutable std::mutex mutex_;  // guards what follows
   std::int64_t last_sequence_ = 0;
-  std::deque<Delivery> deliveries_;  // sequences without a gap
+  std::deque<Delivery> deliveries_;  // consecutive sequences
   std::set<std::string, std::less<>> workers_;
 };
 

@@ -11,7 +11,7 @@
 
 namespace tessera::server {
 
-/// What may happen; the numbers are those of v1.Event.Kind.
+/// Kind of an event; numbers as in v1.Event.Kind.
 enum class EventKind : std::int32_t {
   job_submitted = 1,
   job_running,
@@ -35,37 +35,37 @@ struct Event {
   std::int64_t sequence = 0;  // set by the log
   std::int64_t time_us = 0;   // wall clock, set by the log
   EventKind kind = EventKind::log_line;
-  std::string job_id, owner;  // of that job; empty: of no job
+  std::string job_id, owner;  // owner of that job; both empty if the event concerns no job
   std::string worker_id;
   std::string text;
 };
 
-/// The first `most` bytes of UTF-8 text, less what would be a part of a letter.
+/// Returns the first `most` bytes of UTF-8 text, without a partial character at the end.
 std::string cut_text(std::string text, std::size_t most);
 
-/// What happened lately, for people who ask. In memory and bounded: the newest kMaxEvents events,
-/// and apart from them (so that talk pushes out no events) the newest kMaxLines lines of workers'
-/// logs, kMaxLinesOfJob of one job, kMaxTextBytes each. Thread-safe.
+/// Recent events and log lines. In memory and bounded: the newest kMaxEvents events, and
+/// separately, so that log lines displace no events, the newest kMaxLines lines of workers' logs,
+/// kMaxLinesOfJob per job, kMaxTextBytes each. Thread-safe.
 class EventLog {
  public:
   static constexpr std::size_t kMaxEvents = 10'000;
   static constexpr std::size_t kMaxLines = 50'000, kMaxLinesOfJob = 2'000;
   static constexpr std::size_t kMaxTextBytes = 1024;
 
-  /// Sequences grow over restarts if `boot_count` does. `wall_us`: µs since 1970.
+  /// Sequences increase across restarts if `boot_count` does. `wall_us`: µs since 1970.
   EventLog(std::int64_t boot_count, std::function<std::int64_t()> wall_us);
 
   void add(Event event);
 
-  /// Which events to read.
+  /// Selects events.
   struct Query {
-    std::int64_t after = 0;  // newer than this sequence
-    std::string job_id;      // of this job, with its lines; empty: events of all, no lines
-    std::string owner;       // of this owner's jobs, and of no job; empty: everybody's
+    std::int64_t after = 0;  // only after this sequence
+    std::string job_id;      // this job's events and lines; empty: events of all jobs, no lines
+    std::string owner;       // this owner's jobs, and events without a job; empty: everybody's
   };
-  /// The oldest `most` that fit, in order.
+  /// Returns the oldest `most` events that match, in order.
   std::vector<Event> read(const Query& query, std::size_t most) const;
-  /// The sequence of the newest, whether or not it is still kept; older logs' are smaller.
+  /// Sequence of the newest event, even if it is no longer kept.
   std::int64_t newest() const;
 
  private:
