@@ -10,8 +10,8 @@ class App;
 
 namespace tessera::server {
 
-/// Adds init-certs, issue-cert, revoke and tokens. The one that is asked for sets `run`, to be
-/// called once parsing is over.
+/// Adds init-certs, issue-cert, revoke and tokens. The selected one sets `run`, to be called after
+/// parsing.
 void add_identity_commands(CLI::App& app, std::function<absl::Status()>& run);
 
 }  // namespace tessera::server

@@ -10,7 +10,7 @@ class App;
 
 namespace tessera::server {
 
-/// Adds check. Sets `run`, to be called once parsing is over, if it is asked for.
+/// Adds check and backup. The selected one sets `run`, to be called after parsing.
 void add_store_commands(CLI::App& app, std::function<absl::Status()>& run);
 
 }  // namespace tessera::server

@@ -9,17 +9,17 @@
 
 namespace tessera::server {
 
-/// What the holder of a certificate is to the farm.
+/// Role of a certificate's holder.
 enum class Role : std::uint8_t { client, worker, admin };
 
 /// "client", "worker", "admin".
 const char* role_name(Role role);
 std::optional<Role> parse_role(std::string_view text);
 
-/// Whether `name` can be an identity's: 1 to 64 of [A-Za-z0-9._-], not starting with a dot.
+/// Returns whether `name` is valid: 1 to 64 of [A-Za-z0-9._-], not starting with a dot.
 bool is_identity_name(std::string_view name);
 
-/// Who a certificate was issued to.
+/// The holder of a certificate.
 struct Identity {
   Role role = Role::client;
   std::string name;
@@ -27,13 +27,12 @@ struct Identity {
   std::int64_t expires_s = 0;  // since 1970
 };
 
-/// tessera://ROLE/NAME, the one URI among a certificate's subject alternative names.
+/// Returns tessera://ROLE/NAME, the one URI among a certificate's subject alternative names.
 std::string identity_uri(Role role, std::string_view name);
 
-/// Reads a certificate in PEM form. That our authority signed it and that it is in force must have
-/// been verified before, as TLS does.
+/// Reads a certificate in PEM form, whose signature and validity TLS has verified.
 ///
-/// Errors: Unauthenticated, it is no certificate or names no role and name.
+/// Errors: Unauthenticated, it is not a certificate or has no role and name.
 absl::StatusOr<Identity> read_identity(std::string_view pem);
 
 }  // namespace tessera::server

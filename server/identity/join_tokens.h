@@ -9,31 +9,32 @@
 
 namespace tessera::server {
 
-/// What lets a worker join, apart from its certificate. Its text, ID.SECRET, is shown once; kept is
-/// the SHA-256 of the secret, which has 256 random bits, so that a plain hash is enough.
+/// A token with which workers join, in addition to their certificate. Its text, ID.SECRET, is shown
+/// once; only the SHA-256 of the secret is stored. The secret has 256 random bits, so a plain hash
+/// suffices.
 struct JoinToken {
   std::string id;
   contract::Digest secret_sha256;
   std::int64_t expires_s = 0;  // since 1970
-  std::int64_t max_joins = 0;  // 0: no limit
+  std::int64_t max_joins = 0;  // 0: unlimited
 };
 
-/// The join tokens of a store: STORE/tokens/ID, a file each, mode 0600. Made and removed by
-/// `tessera-server tokens` while the server runs, which only reads them; who has joined with which
-/// is in the store's journal.
+/// The join tokens of a store: STORE/tokens/ID, one file each, mode 0600. `tessera-server tokens`
+/// creates and deletes them while the server, which only reads them, runs. The store's journal
+/// records who joined with which.
 class JoinTokens {
  public:
   explicit JoinTokens(const std::string& store_folder) : folder_(store_folder + "/tokens") {}
 
-  /// Makes a token; its text. Errors: NotFound, there is no store; others of errno.
+  /// Creates a token and returns its text. Errors: NotFound, no store; others of errno.
   absl::StatusOr<std::string> create(std::int64_t expires_s, std::int64_t max_joins) const;
-  /// All that are not revoked, by id; expired ones too.
+  /// Returns all tokens that are not revoked, by ID, including expired ones.
   absl::StatusOr<std::vector<JoinToken>> list() const;
   /// Errors: NotFound.
   absl::Status revoke(const std::string& id) const;
-  /// The token that `text` is, in force at `now_s`. Constant time in the secret.
+  /// Returns the token with this text that is valid at `now_s`. Constant time in the secret.
   ///
-  /// Errors: Unauthenticated, there is no such token, or none any more.
+  /// Errors: Unauthenticated, no such token, or it has expired or is revoked.
   absl::StatusOr<JoinToken> find(const std::string& text, std::int64_t now_s) const;
 
  private:

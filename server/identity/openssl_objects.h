@@ -9,7 +9,7 @@
 
 namespace tessera::server {
 
-// OpenSSL's objects, freed when they go out of scope. Null where OpenSSL failed.
+// Owning pointers to OpenSSL objects; null if OpenSSL failed.
 
 template <auto Free>
 struct OpensslFree {
@@ -26,7 +26,7 @@ using Extension = std::unique_ptr<X509_EXTENSION, OpensslFree<X509_EXTENSION_fre
 using PrivateKey = std::unique_ptr<EVP_PKEY, OpensslFree<EVP_PKEY_free>>;
 using SubjectNames = std::unique_ptr<GENERAL_NAMES, OpensslFree<GENERAL_NAMES_free>>;
 
-/// A certificate's serial number, hexadecimal.
+/// Returns a certificate's serial number, hexadecimal.
 inline std::string serial_of(const X509* certificate) {
   const Bignum number(ASN1_INTEGER_to_BN(X509_get0_serialNumber(certificate), nullptr));
   char* const digits = number ? BN_bn2hex(number.get()) : nullptr;

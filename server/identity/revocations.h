@@ -10,10 +10,10 @@
 
 namespace tessera::server {
 
-/// The certificates that are no longer accepted, by serial number: the first word of each line of a
-/// file that `tessera-server revoke` adds to. Read again when it has changed, looked at most once
-/// a second. A file that is not there revokes nothing; one that can no longer be read, what it
-/// revoked before. Any thread.
+/// The revoked certificates, by serial number: the first word of each line of a file to which
+/// `tessera-server revoke` appends. The file is checked at most once per second and read again when
+/// it has changed. A missing file revokes nothing; if it becomes unreadable, the last content
+/// applies. Thread-safe.
 class Revocations {
  public:
   explicit Revocations(std::string path) : path_(std::move(path)) {}

@@ -6,7 +6,7 @@
 
 namespace tessera::server {
 
-/// AssetService on the wire. Checks, translates, maps errors; decides nothing.
+/// gRPC front end of assets: checks and converts messages, maps errors.
 class AssetService final : public v1::AssetService::CallbackService {
  public:
   /// Both must outlive the server this is registered with.

@@ -10,7 +10,7 @@
 
 namespace tessera::server {
 
-/// JobService on the wire. Checks, translates, maps errors; decides nothing.
+/// gRPC front end of jobs: checks and converts messages, maps errors.
 class JobService final : public v1::JobService::CallbackService {
  public:
   /// Both must outlive the server this is registered with.

@@ -9,11 +9,11 @@
 
 namespace tessera::server {
 
-/// WorkerService on the wire. Checks, translates, maps errors; decides nothing.
+/// gRPC front end of workers: checks and converts messages, maps errors.
 class WorkerService final : public v1::WorkerService::CallbackService {
  public:
-  /// All must outlive the server this is registered with.
-  /// `hello_timeout`: how long a Work stream may be silent at its beginning.
+  /// All must outlive the server that this is registered with. `hello_timeout`: time for a Work
+  /// stream's first message.
   WorkerService(Coordinator& coordinator, const Access& access, const WorkerAdmission& admission,
                 std::chrono::milliseconds hello_timeout = std::chrono::seconds(10))
       : coordinator_(coordinator),

@@ -14,15 +14,15 @@
 
 namespace tessera::server {
 
-/// Assets by digest: FOLDER/ab/cdef…, each with a row; a file without a row is not there.
+/// Assets by digest: DIRECTORY/ab/cdef…, each with a row; a file without a row does not count.
 ///
-/// One thread may write; any thread may ask has(), path() and new_upload_path().
+/// One thread may write; any thread may call has(), path() and new_upload_path().
 class AssetFiles {
  public:
   AssetFiles(DurableFiles& files, Journal& journal, std::string folder,
              std::function<std::int64_t()> now_us);
 
-  /// Unlinks files without rows and unfinished uploads; adds up what there is.
+  /// Deletes files without rows and unfinished uploads, and sums up the sizes of the others.
   absl::Status clean_up();
 
   bool has(const contract::Digest& digest) const;

@@ -13,16 +13,16 @@
 
 namespace tessera::server {
 
-/// The store in a folder (see Store):
+/// The store in a directory (see Store):
 ///
 ///   lock               held by the process that uses the store
 ///   store.db           rows; -wal and -shm beside it are SQLite's
 ///   segments/JOB/N.seg film blocks
-///   assets/ab/cdef…    assets by digest; assets/upload: not complete yet
+///   assets/ab/cdef…    assets by digest; assets/upload: incomplete uploads
 ///   outputs/JOB/…      finished images
 ///
-/// Rows decide. A file is durable before its row is written and unlinked after its row is gone, so
-/// what has no row is orphans, swept up at the next open.
+/// Rows are authoritative. A file is durable before its row is written and deleted after its row,
+/// so files without a row are orphans; the next open deletes them.
 class DiskStore final : public Store {
  public:
   static absl::StatusOr<std::unique_ptr<Store>> open(const std::string& folder,
@@ -75,10 +75,10 @@ class DiskStore final : public Store {
   std::int64_t used_bytes() const override;
 
  private:
-  /// What the writing functions need of a job's row.
+  /// Fields of a job's row that the writing functions need.
   struct JobRow {
     std::int64_t sequence = 0;
-    std::int64_t next_segment = 0;  // free, and above every released one
+    std::int64_t next_segment = 0;  // unused, and above every released segment
   };
 
   DiskStore(std::string folder, Filesystem& filesystem, StoreOptions options);

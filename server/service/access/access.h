@@ -17,66 +17,66 @@
 
 namespace tessera::server {
 
-/// Who calls.
+/// The caller of an rpc.
 struct Caller {
-  /// From its certificate; absent on a Unix socket and under the store's token, where whoever gets
-  /// through is the user who runs the farm and may do everything.
+  /// From its certificate; absent on a Unix socket and with the store's token, where every caller
+  /// is the user who runs the farm and may do everything.
   std::optional<Identity> identity;
-  /// Its place among the client's open streams; given back with the last copy of this. Null if the
-  /// call is no stream, or the caller no client.
+  /// Reservation in the client's stream limit, released with the last copy. Null for unary calls
+  /// and non-clients.
   std::shared_ptr<const void> stream;
 
-  /// Whom the jobs it makes belong to.
+  /// Owner of the jobs it creates.
   std::string owner() const { return identity ? identity->name : "local"; }
-  /// Whose jobs it sees; empty: everybody's.
+  /// Owner of the jobs it can see; empty: all jobs.
   std::string sees() const {
     return identity && identity->role != Role::admin ? identity->name : "";
   }
-  /// Under which certificate it works; empty: none.
+  /// Name in its certificate; empty: none.
   std::string certificate() const { return identity ? identity->name : ""; }
 };
 
-/// Which roles may call an rpc. Admins may call all.
+/// Roles that may call an rpc. Admins may call all.
 struct AccessRule {
   const char* rpc;  // "JobService.CreateJob"
   bool client, worker;
-  bool is_stream;  // counts while it is open
+  bool is_stream;  // counts towards the stream limit while it is open
 };
 
-/// The rule for an rpc; nullptr: there is none, and nobody may call it.
+/// Returns the rule of an rpc; nullptr: no rule, nobody may call it.
 const AccessRule* find_access_rule(std::string_view rpc);
 
-/// Who may call what: on a Unix socket everybody who can open it (its folder is private), on
-/// loopback TCP whoever sends the store's token, with certificates whom the rules allow. Any
-/// thread.
+/// Decides who may call what: on a Unix socket everybody who can open it (its directory is
+/// private), on loopback TCP callers with the store's token, with certificates callers whose role
+/// the rules allow. Thread-safe.
 class Access {
  public:
-  /// `token`: empty for a Unix socket.
+  /// `token` is empty for a Unix socket.
   explicit Access(std::string token) : token_(std::move(token)) {}
-  /// Callers come with certificates, which TLS has verified.
+  /// Callers have certificates, which TLS has verified.
   explicit Access(std::unique_ptr<Revocations> revocations, ClientRates rates = {});
 
-  /// Who the caller is, if it may call `rpc`.
+  /// Identifies the caller and checks that it may call `rpc`.
   ///
-  /// Errors: Unauthenticated, no token or a wrong one, or a certificate that is revoked, has
-  /// expired or names no role; PermissionDenied, not with this role; ResourceExhausted, too many
-  /// streams of this client are open; Unavailable, it calls too often.
+  /// Errors: Unauthenticated, no token or a wrong one, or a certificate that is revoked, expired or
+  /// without a role; PermissionDenied, the role may not call it; ResourceExhausted, this client has
+  /// too many open streams; Unavailable, it calls too often.
   absl::StatusOr<Caller> admit(const grpc::CallbackServerContext& context,
                                std::string_view rpc) const;
-  /// Whether a caller admitted earlier still would be; for streams that stay open.
+  /// Checks that a caller admitted earlier is still allowed; for long streams.
   absl::Status recheck(const Caller& caller) const;
-  /// Counts what a caller is about to upload. Errors: ResourceExhausted, more than it may.
+  /// Counts bytes that a caller is about to upload. Errors: ResourceExhausted, limit exceeded.
   absl::Status count_upload(const Caller& caller, std::int64_t bytes) const;
 
  private:
   absl::StatusOr<Caller> identify(const grpc::CallbackServerContext& context) const;
 
   std::string token_;
-  std::unique_ptr<Revocations> revocations_;  // null: no certificates
-  std::unique_ptr<ClientLimits> limits_;      // null likewise
+  std::unique_ptr<Revocations> revocations_;  // null without certificates
+  std::unique_ptr<ClientLimits> limits_;      // null without certificates
 };
 
-/// What the caller sent as its token; empty if nothing.
+/// Returns the token in the caller's metadata; empty if there is none.
 std::string sent_token(const grpc::CallbackServerContext& context);
 
 }  // namespace tessera::server

@@ -11,15 +11,15 @@
 
 namespace tessera::server {
 
-/// What a client may do in a time; 0: any number.
+/// Rate limits per client; 0: unlimited.
 struct ClientRates {
   double calls_per_s = 500;
   double upload_bytes_per_hour = 50e9;
 };
 
-/// Keeps clients from taking what others need, each by its name over all its connections: streams
-/// open at a time, calls, bytes uploaded. Calls and bytes fill a bucket that leaks at the rate
-/// allowed: ten seconds' worth of calls, an hour's of bytes, may come at once. Any thread.
+/// Limits open streams, calls and uploaded bytes per client name over all its connections. Calls
+/// and bytes are leaky buckets: a burst may have ten seconds of calls or an hour of bytes.
+/// Thread-safe.
 class ClientLimits {
  public:
   using Time = std::chrono::steady_clock::time_point;
@@ -27,15 +27,15 @@ class ClientLimits {
 
   explicit ClientLimits(ClientRates rates = {}) : rates_(rates) {}
 
-  /// A place for a stream, kept until the object goes. Errors: ResourceExhausted.
+  /// Reserves a stream until the result is destroyed. Errors: ResourceExhausted.
   absl::StatusOr<std::shared_ptr<const void>> open(const std::string& client);
-  /// Counts a call. Errors: Unavailable, call again after a pause.
+  /// Counts a call. Errors: Unavailable, retry after a pause.
   absl::Status call(const std::string& client, Time now);
-  /// Counts what is about to be uploaded. Errors: ResourceExhausted, and what to do.
+  /// Counts bytes about to be uploaded. Errors: ResourceExhausted, with what to do.
   absl::Status upload(const std::string& client, std::int64_t bytes, Time now);
 
  private:
-  /// What came and has not leaked yet.
+  /// Amount that has not leaked yet.
   struct Bucket {
     double level = 0;
     Time updated;
@@ -47,10 +47,11 @@ class ClientLimits {
   };
   struct Uses {
     std::mutex mutex;
-    std::map<std::string, Use> by_client;  // by client: one for each certificate's name
+    std::map<std::string, Use> by_client;  // by the certificate's name
   };
   const ClientRates rates_;
-  const std::shared_ptr<Uses> uses_ = std::make_shared<Uses>();  // owners: this and the places
+  const std::shared_ptr<Uses> uses_ =
+      std::make_shared<Uses>();  // owners: this and the reservations
 };
 
 }  // namespace tessera::server

@@ -6,10 +6,11 @@
 
 namespace tessera::server {
 
-/// The token in the file at `path`, made (64 hexadecimal digits, mode 0600) if there is none.
+/// Returns the token in the file at `path`; creates it (64 hexadecimal digits, mode 0600) if
+/// missing.
 ///
-/// Errors: PermissionDenied, it can be read by others, or cannot be written; DataLoss, what is
-/// there is no token.
+/// Errors: PermissionDenied, other users can read the file, or it cannot be written; DataLoss, its
+/// content is not a token.
 absl::StatusOr<std::string> load_or_create_token(const std::string& path);
 
 }  // namespace tessera::server

@@ -11,11 +11,11 @@
 
 namespace tessera::server {
 
-/// Lets workers in. On a Unix socket and under the store's token, all; with certificates those that
-/// bring a join token or, when they come again, the session key that joining gave them.
+/// Admits workers. On a Unix socket and with the store's token, all; with certificates, those that
+/// send a valid join token or, when they reconnect, the session key that they got on joining.
 class WorkerAdmission {
  public:
-  /// `tokens`: absent where none are asked for. The coordinator must outlive this.
+  /// `tokens` is absent if no tokens are required. The coordinator must outlive this.
   WorkerAdmission(Coordinator& coordinator, std::optional<JoinTokens> tokens)
       : coordinator_(coordinator), tokens_(std::move(tokens)) {}
 

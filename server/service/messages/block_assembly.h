@@ -10,16 +10,16 @@
 
 namespace tessera::server {
 
-/// Puts the blocks of one Deliver stream together from their parts and hands each to the
-/// coordinator. Nothing is allocated for a block before the coordinator has admitted its header.
+/// Assembles the blocks of a Deliver stream from their parts and passes each to the coordinator.
+/// Allocates nothing for a block before the coordinator has admitted its header.
 class BlockAssembly {
  public:
-  /// `certificate`: name of the one the blocks come under; empty: none.
+  /// `certificate`: name in the sender's certificate; empty: none.
   BlockAssembly(Coordinator& coordinator, std::string certificate)
       : coordinator_(coordinator), certificate_(std::move(certificate)) {}
 
-  /// Takes the parts out of a message. Errors: InvalidArgument, they do not follow the rules of
-  /// Deliver; FailedPrecondition, the worker has no Work stream.
+  /// Takes the parts of a message. Errors: InvalidArgument, they violate the rules of Deliver;
+  /// FailedPrecondition, the worker has no Work stream.
   absl::Status take(v1::DeliverRequest& request);
 
  private:
@@ -30,7 +30,7 @@ class BlockAssembly {
   Coordinator& coordinator_;
   const std::string certificate_;
   std::string worker_id_;
-  bool is_open_ = false;  // a block has begun and is not complete
+  bool is_open_ = false;  // a block is incomplete
   BlockHeader header_;
   bool is_compressed_ = false;
   std::optional<Admission> admission_;  // none: the bytes are skipped

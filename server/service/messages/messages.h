@@ -9,17 +9,16 @@
 
 namespace tessera::server {
 
-// Messages to and from the coordinator's plain structs. Everything that comes from outside is
-// checked here: ranges, lengths, digests. Errors are InvalidArgument, "field: value, what it
-// needs".
+// Converts messages to and from the coordinator's plain structs. All external input is checked
+// here: ranges, lengths, digests. Errors: InvalidArgument, "field: value, requirement".
 
-/// What a client asked for. `owner` is whoever the server takes it for.
+/// Converts a request to a job's spec for `owner`.
 absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::string& owner);
 
-/// A job's spec from its row. Errors: DataLoss, the row does not parse.
+/// Parses a job's spec from its row. Errors: DataLoss.
 absl::StatusOr<JobSpec> read_spec(const JobRecord& record);
 
-/// The request of `spec`, serialised, with the sample count and error that `spec` has now.
+/// Serialises the request of `spec` with its current sample count and target error.
 std::string write_request(const JobSpec& spec);
 
 v1::Job to_message(const JobView& view);
@@ -33,7 +32,7 @@ v1::Acknowledgement to_message(const Acknowledgement& acknowledgement);
 v1::FrameHeader to_message(const FrameFile& file);
 
 UnitName from_message(const v1::UnitId& message);
-/// A lease as it came; whether it is ours, its seal tells.
+/// Converts a lease without checking its seal.
 Lease from_message(const v1::Lease& message);
 absl::StatusOr<Hello> from_message(const v1::WorkerHello& message);
 absl::StatusOr<BlockHeader> from_message(const v1::BlockHeader& message);

@@ -7,8 +7,8 @@
 
 namespace tessera::server {
 
-/// The reactor of a worker's Deliver stream; deletes itself. `caller`: who, or the status to end
-/// with at once.
+/// Returns the reactor of a worker's Deliver stream; it deletes itself. `caller`: the caller, or
+/// the status with which the stream ends at once.
 grpc::ServerReadReactor<v1::DeliverRequest>* deliver_stream(Coordinator& coordinator,
                                                             const absl::StatusOr<Caller>& caller);
 

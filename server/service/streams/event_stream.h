@@ -7,8 +7,8 @@
 
 namespace tessera::server {
 
-/// A reactor that sends what happened, and what happens (JobService.WatchEvents), and deletes
-/// itself. `caller`: who, or the status to end with at once.
+/// Returns a reactor that sends past and new events (JobService.WatchEvents); it deletes itself.
+/// `caller`: the caller, or the status with which the stream ends at once.
 grpc::ServerWriteReactor<v1::WatchEventsResponse>* watch_events(
     Coordinator& coordinator, const Access& access, const v1::WatchEventsRequest& request,
     const absl::StatusOr<Caller>& caller);

@@ -7,8 +7,8 @@
 
 namespace tessera::server {
 
-/// A reactor that sends a frame's file (JobService.FetchFrame), and deletes itself. `caller`: who,
-/// or the status to end with at once.
+/// Returns a reactor that sends a frame's file (JobService.FetchFrame); it deletes itself.
+/// `caller`: the caller, or the status with which the stream ends at once.
 grpc::ServerWriteReactor<v1::FetchFrameResponse>* send_frame(Coordinator& coordinator,
                                                              const v1::FetchFrameRequest& request,
                                                              const absl::StatusOr<Caller>& caller);

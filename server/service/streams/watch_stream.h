@@ -7,8 +7,8 @@
 
 namespace tessera::server {
 
-/// A reactor that sends a job's state now and as it changes (JobService.WatchJob), and deletes
-/// itself. `caller`: who, or the status to end with at once.
+/// Returns a reactor that sends a job's state now and when it changes (JobService.WatchJob); it
+/// deletes itself. `caller`: the caller, or the status with which the stream ends at once.
 grpc::ServerWriteReactor<v1::WatchJobResponse>* watch_job(Coordinator& coordinator,
                                                           const Access& access,
                                                           const v1::WatchJobRequest& request,

@@ -10,16 +10,16 @@
 
 namespace tessera::server {
 
-/// What a Work stream needs of the server; all outlive it.
+/// Parts of the server that a Work stream uses; all outlive it.
 struct WorkStreamContext {
   Coordinator& coordinator;
   const Access& access;
   const WorkerAdmission& admission;
-  std::chrono::milliseconds hello_timeout;  // from the beginning of the stream
+  std::chrono::milliseconds hello_timeout;  // for the first message
 };
 
-/// The reactor of a worker's Work stream; deletes itself. `caller`: who, or the status to end with
-/// at once.
+/// Returns the reactor of a worker's Work stream; it deletes itself. `caller`: the caller, or the
+/// status with which the stream ends at once.
 grpc::ServerBidiReactor<v1::WorkRequest, v1::WorkResponse>* work_stream(
     const WorkStreamContext& services, grpc::CallbackServerContext& context,
     const absl::StatusOr<Caller>& caller);

@@ -18,26 +18,25 @@ namespace tessera::server {
 /// Any thread may call it.
 class DurableFiles {
  public:
-  /// `fatal` is called with a message when a sync fails, and is not expected to return; where it
-  /// does (in a test), every later write is refused. `synced` is told how long each sync of a file
-  /// took.
+  /// `fatal` is called with a message when a sync fails and must not return; if it does, in a test,
+  /// all later writes fail. `synced` is called with the duration of each sync of a file.
   DurableFiles(Filesystem& filesystem, std::function<void(const std::string&)> fatal,
                std::function<void(double seconds)> synced = {});
 
   Filesystem& filesystem() { return filesystem_; }
 
-  /// Errors: DataLoss once a sync has failed.
+  /// Errors: DataLoss after a sync has failed.
   absl::Status check_healthy() const;
-  /// Reports a failed sync; returns what check_healthy() will say from now on.
+  /// Reports a failed sync; returns the status that check_healthy() gives from now on.
   absl::Status fail_sync(const std::string& message);
 
   absl::Status sync(File& file);
   absl::Status sync_folder(const std::string& path);
 
-  /// Makes `parent`/`name` and syncs the parent, once per process: a folder that is found there
-  /// may have been made by a process that died before it synced.
+  /// Creates `parent`/`name` and syncs the parent, once per process: an existing directory may come
+  /// from a process that died before it synced.
   absl::Status ensure_folder(const std::string& parent, const std::string& name);
-  /// Removes a folder of files; fine if it is gone. Not durable: callers can do it again.
+  /// Deletes a directory of files; succeeds if it is missing. Not durable: callers can repeat it.
   absl::Status remove_folder(const std::string& path);
 
  private:

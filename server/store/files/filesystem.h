@@ -11,50 +11,53 @@
 
 namespace tessera::server {
 
-/// A file open for appending and reading at any offset.
+/// A file open for appending and for reading at any offset.
 class File {
  public:
   virtual ~File() = default;
-  /// Writes at the end. After an error the end may hold a part of `bytes`.
+  /// Writes at the end. After an error the file may end with a part of `bytes`.
   virtual absl::Status append(std::string_view bytes) = 0;
-  /// Fills `out`. Errors: OutOfRange, the file ends before that.
+  /// Fills `out`. Errors: OutOfRange, the file is too short.
   virtual absl::Status read_at(std::int64_t offset, std::span<char> out) const = 0;
-  /// Makes contents (and length) durable: fdatasync.
+  /// Makes contents and length durable (fdatasync).
   virtual absl::Status sync() = 0;
   virtual std::int64_t size() const = 0;
 };
 
-/// Held for as long as the object lives.
+/// Holds a file lock until it is destroyed.
 class FileLock {
  public:
   virtual ~FileLock() = default;
 };
 
-/// The few disk operations the store makes outside SQLite, so that a test can record them and
-/// rebuild the disk as a power cut would leave it. Any thread may call them.
+/// The store's disk operations outside SQLite, so that tests can record them and reconstruct the
+/// disk after a power cut. Thread-safe.
 ///
-/// Errors are errno's: NotFound, PermissionDenied, ResourceExhausted when the disk is full, …
+/// Errors are those of errno: NotFound, PermissionDenied, ResourceExhausted when the disk is full,
+/// and so on.
 class Filesystem {
  public:
   virtual ~Filesystem() = default;
-  virtual absl::Status make_folder(const std::string& path) = 0;  // mode 0700; fine if it exists
+  virtual absl::Status make_folder(
+      const std::string& path) = 0;  // mode 0700; succeeds if it exists
   virtual absl::StatusOr<std::unique_ptr<File>> open(
-      const std::string& path) = 0;  // created if needed, mode 0600
+      const std::string& path) = 0;  // created if missing, mode 0600
   /// Errors: NotFound, there is no such file.
   virtual absl::StatusOr<std::unique_ptr<File>> open_existing(const std::string& path) = 0;
   virtual absl::Status rename(const std::string& from, const std::string& to) = 0;
-  virtual absl::Status remove(const std::string& path) = 0;  // or empty folder; fine if it is gone
-  /// Names in a folder, sorted. Errors: NotFound, there is no such folder.
+  virtual absl::Status remove(const std::string& path) = 0;  // or an empty directory; succeeds if
+  // Returns the names in a directory, sorted. Errors: NotFound.
   virtual absl::StatusOr<std::vector<std::string>> list(const std::string& folder) const = 0;
-  /// Makes names in a folder durable: fsync of the folder.
+  /// Makes the names in a directory durable (fsync).
   virtual absl::Status sync_folder(const std::string& path) = 0;
-  /// Locks a file (flock), made if needed. Errors: FailedPrecondition, another holder has it.
+  /// Locks a file (flock), created if missing. Errors: FailedPrecondition, another process holds
+  /// the lock.
   virtual absl::StatusOr<std::unique_ptr<FileLock>> lock(const std::string& path) = 0;
-  /// Name of the SQLite VFS whose files belong to this file system; empty: SQLite's default.
+  /// Name of the SQLite VFS for this file system; empty: SQLite's default.
   virtual std::string sqlite_vfs() const { return {}; }
 };
 
-/// The machine's disk.
+/// The operating system's file system.
 Filesystem& real_filesystem();
 
 }  // namespace tessera::server

@@ -4,7 +4,8 @@
 
 namespace tessera::server {
 
-/// Whether `name` is one plain file name: [A-Za-z0-9._-]+, at most 200, not starting with a dot.
+/// Returns whether `name` is a plain file name: 1 to 200 of [A-Za-z0-9._-], not starting with a
+/// dot.
 inline bool is_plain_name(std::string_view name) {
   if (name.empty() || name.size() > 200 || name.front() == '.') return false;
   for (const char c : name) {

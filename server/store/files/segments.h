@@ -16,49 +16,49 @@
 
 namespace tessera::server {
 
-/// Where bytes lie: FOLDER/JOB/NUMBER.seg from `offset`.
+/// Position of a block: DIRECTORY/JOB/NUMBER.seg from `offset`.
 struct SegmentPosition {
   std::int64_t segment = 0;
   std::int64_t offset = 0;
 };
 
-/// Append-only files of film blocks, a folder per job.
+/// Append-only files of film blocks, a directory per job.
 ///
-/// What a segment holds beyond the rows that point into it was never committed. It is never built
-/// upon: after a restart, and after a failed write, a job goes on in a new segment.
-/// One thread may append, release and remove; any thread may read.
+/// Bytes of a segment to which no row points were never committed. Nothing is appended after them:
+/// after a restart, and after a failed write, a job continues in a new segment. One thread may
+/// append, release and remove; any thread may read.
 class Segments {
  public:
-  /// `segment_bytes`: a segment at least as large gets a successor.
+  /// `segment_bytes`: size at which a new segment is started.
   Segments(DurableFiles& files, std::string folder, std::int64_t segment_bytes);
 
-  /// Appends blocks of one job and syncs once; fills in `positions`, one a block. A segment that
-  /// this process has not begun itself gets number `next_segment`, which must be free. After an
-  /// error the job goes on in a new segment.
+  /// Appends blocks of one job and syncs once; sets one position per block. The first segment of a
+  /// job in this process gets number `next_segment`, which must be unused. After an error the job
+  /// continues in a new segment.
   absl::Status append(const std::string& job_id, std::int64_t next_segment,
                       std::span<const std::string_view> blocks,
                       std::span<SegmentPosition> positions);
-  /// Errors: NotFound, the segment is gone; OutOfRange, it is too short.
+  /// Errors: NotFound, the segment does not exist; OutOfRange, it is too short.
   absl::StatusOr<std::string> read(const std::string& job_id, SegmentPosition position,
                                    std::int64_t size_bytes) const;
 
-  /// Unlinks a job's segments below `first_kept`.
+  /// Deletes a job's segments below `first_kept`.
   absl::Status release(const std::string& job_id, std::int64_t first_kept);
-  /// Unlinks all of a job.
+  /// Deletes all segments of a job.
   absl::Status remove_job(const std::string& job_id);
-  /// Unlinks what no row knows: `is_known` says of each (job, segment) whether one does.
+  /// Deletes segments for which `is_known` returns false.
   absl::Status remove_orphans(
       const std::function<bool(const std::string& job_id, std::int64_t segment)>& is_known);
 
  private:
-  /// The segment that a job appends to.
+  /// The segment to which a job appends.
   struct Tail {
     std::int64_t segment = 0;
     std::unique_ptr<File> file;  // null: closed to save descriptors, or abandoned
     std::int64_t bytes = 0;
-    bool abandoned = false;  // a write failed: its end is unknown
+    bool abandoned = false;  // a write failed, so its end is unknown
   };
-  /// A file kept open for reading; shared by the cache and by readers that are under way.
+  /// A file kept open for reading; shared by the cache and current readers.
   struct OpenSegment {
     std::string path;
     std::shared_ptr<const File> file;

@@ -8,17 +8,17 @@
 
 namespace tessera::server {
 
-/// Copies a store, which a server may be using, into the folder `copy`, which must not exist: the
-/// rows as of one moment, and every file they promise. The copy is durable and checked (check.h) on
-/// return; what the check found in it is the result, without faults.
+/// Copies a store, which a server may be using, to the new directory `copy`: the rows as of one
+/// moment, and all files they refer to. The copy is durable and verified (check.h) on return;
+/// returns the findings of that check, without faults.
 ///
-/// The copy is a store of its own, with an id of its own: a worker that comes to it from the
-/// original drops what it holds, since the two no longer agree on what was leased. Session keys and
-/// join tokens hold for both.
+/// The copy is a store with an ID of its own: a worker that connects to it drops the units of the
+/// original, because the two stores no longer agree on leases. Session keys and join tokens are
+/// valid for both.
 ///
-/// Errors: AlreadyExists, `copy` is there; NotFound, there is no store; DataLoss, three tries in a
-/// row found something missing or damaged (the message says what); ResourceExhausted, no room;
-/// FailedPrecondition, it has another schema.
+/// Errors: AlreadyExists, `copy` exists; NotFound, no store; DataLoss, three attempts found
+/// something missing or damaged (the message says what); ResourceExhausted, the disk is full;
+/// FailedPrecondition, another schema.
 absl::StatusOr<StoreFindings> back_up_store(const std::string& folder, const std::string& copy,
                                             Filesystem& filesystem);
 

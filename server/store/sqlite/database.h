@@ -16,12 +16,12 @@ struct sqlite3_stmt;
 
 namespace tessera::server {
 
-/// Bytes that are not text, for SQLite. Looked at, not owned.
+/// Bytes for SQLite that are not text; not owned.
 struct Blob {
   std::string_view bytes;
 };
 
-/// What a `?` of a statement stands for; text and blobs must outlive the call.
+/// Value of a `?` in a statement; text and blobs must outlive the call.
 using SqlValue = std::variant<std::monostate, std::int64_t, double, std::string_view, Blob>;
 
 /// A row of a result; valid during the visit only.
@@ -37,18 +37,18 @@ class SqlRow {
   sqlite3_stmt* statement_;
 };
 
-/// One connection to an SQLite file in WAL mode; keeps its statements prepared.
+/// A connection to an SQLite file in WAL mode; caches prepared statements.
 ///
-/// One thread at a time. Every function's errors: DataLoss, the file is damaged or no database;
+/// One thread at a time. Errors of all functions: DataLoss, the file is damaged or not a database;
 /// ResourceExhausted, the disk is full; AlreadyExists, a UNIQUE constraint; PermissionDenied;
-/// Unavailable, locked elsewhere; Aborted, a sync failed; Internal for the rest.
+/// Unavailable, locked by another process; Aborted, a sync failed; Internal otherwise.
 class Database {
  public:
   enum class Mode { writer, reader };
 
-  /// Opens a file. A writer makes it when it is missing or empty, turns it to WAL mode and syncs
-  /// at every commit; it never checkpoints by itself, since SQLite would ignore a failed sync
-  /// there.
+  /// Opens a file. A writer creates it if it is missing or empty, switches it to WAL mode and syncs
+  /// at every commit. It never checkpoints automatically, because SQLite would ignore a failed
+  /// sync.
   static absl::StatusOr<std::unique_ptr<Database>> open(const std::string& path,
                                                         const std::string& vfs, Mode mode);
   ~Database();
@@ -60,10 +60,10 @@ class Database {
   /// Runs a query and visits each row.
   absl::Status each(std::string_view sql, std::initializer_list<SqlValue> values,
                     const std::function<void(const SqlRow&)>& visit);
-  /// Runs statements separated by `;` that are not worth keeping prepared.
+  /// Runs statements separated by `;` without caching them.
   absl::Status script(const char* sql);
 
-  /// Commits what `body` did, or takes it all back when it returns an error.
+  /// Runs `body` as a transaction: commits, or rolls back if it returns an error.
   absl::Status transact(const std::function<absl::Status()>& body);
 
   /// Rows changed by the last run().
@@ -72,7 +72,7 @@ class Database {
 
   /// Pages in the write-ahead log after the last commit.
   int wal_pages() const { return wal_pages_; }
-  /// Copies the log into the file as far as readers let it, and syncs both.
+  /// Copies the log into the file as far as readers allow, and syncs both.
   absl::Status checkpoint();
 
  private:

@@ -14,15 +14,15 @@
 
 namespace tessera::server {
 
-/// The store's rows: one connection that writes, one that reads.
+/// The store's rows: a writing connection and a reading one.
 class Journal {
  public:
-  /// When the journal is tidied up, in pages of 4 KiB.
+  /// Thresholds of maintenance, in pages of 4 KiB.
   struct Upkeep {
     int checkpoint_pages = 0;  // length of the write-ahead log at which it is copied into the file
     int slack_pages = 0;       // free pages that the file may keep
   };
-  /// Opens `path` and brings its tables up to date.
+  /// Opens `path` and migrates its tables.
   static absl::StatusOr<std::unique_ptr<Journal>> open(const std::string& path, DurableFiles& files,
                                                        Upkeep upkeep);
 
@@ -32,15 +32,15 @@ class Journal {
   /// the process (DurableFiles).
   absl::Status write(const std::function<absl::Status(Database&)>& body);
 
-  /// Runs queries. Any thread, one after the other; `body` must not call the journal.
+  /// Runs queries. Any thread, one at a time; `body` must not call the journal.
   absl::Status read(const std::function<absl::Status(Database&)>& body) const;
 
-  /// Runs queries for the thread that writes, so that it need not wait for a long read().
+  /// Runs queries on the writing thread, so that it need not wait for a long read().
   absl::Status read_as_writer(const std::function<absl::Status(Database&)>& body) const {
     return body(*writer_);
   }
 
-  /// Bytes of the database file, without its log.
+  /// Size of the database file in bytes, without its log.
   std::int64_t used_bytes() const { return used_bytes_; }
 
  private:
