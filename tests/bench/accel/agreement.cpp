@@ -9,8 +9,8 @@
 
 #include "tests/bench/accel/shapes.h"
 #include "worker/accel/reference/brute_force.h"
-#include "worker/accelerators/reference_accel.h"
 #include "worker/accel/scene_accel.h"
+#include "worker/accelerators/reference_accel.h"
 #include "worker/render/frame_renderer.h"
 
 namespace tessera::render::bench {

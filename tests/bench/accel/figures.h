@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -11,6 +12,7 @@ namespace tessera::render::bench {
 struct Row {
   std::string scene, kind;
   double ours = 0, peer = 0;
+  std::int64_t wrong = 0;  // rays whose hits differ though they must not
 };
 
 /// What was measured.

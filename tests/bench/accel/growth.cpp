@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <utility>
 #include <vector>
 
@@ -29,17 +30,21 @@ double nanoseconds(std::size_t rays, Trace&& trace) {
   return best / static_cast<double>(rays) * 1e9;
 }
 
-double brute_nanoseconds(const Scene& scene, const std::vector<Ray>& rays, std::size_t triangles) {
+/// The rays that brute force has time for.
+std::vector<Ray> sample_of(const std::vector<Ray>& rays, std::size_t triangles) {
   const std::size_t count = std::clamp<std::size_t>(kBruteTests / triangles, 10, rays.size());
-  const std::size_t step = rays.size() / count;
-  return nanoseconds(count, [&] {
-    std::int64_t hits = 0;
-    for (std::size_t i = 0; i < count; ++i) {
-      Hit hit;
-      hits += brute_force_closest(scene, rays[i * step], hit) ? 1 : 0;
-    }
-    return hits;
-  });
+  std::vector<Ray> sample;
+  for (std::size_t i = 0; i < count; ++i) sample.push_back(rays[i * (rays.size() / count)]);
+  return sample;
+}
+
+std::int64_t brute_hits(const Scene& scene, const std::vector<Ray>& rays) {
+  std::int64_t hits = 0;
+  for (const Ray& ray : rays) {
+    Hit hit;
+    hits += brute_force_closest(scene, ray, hit) ? 1 : 0;
+  }
+  return hits;
 }
 
 /// For the next frame of an animation, in which every vertex has moved a little.
@@ -58,7 +63,7 @@ double refit_seconds(Scene scene, const SceneAccel& before) {
   return cpu_seconds() - start;
 }
 
-nlohmann::json against_triangles(bool quick) {
+nlohmann::json against_triangles(bool quick, std::int64_t* wrong) {
   nlohmann::json rows = nlohmann::json::array();
   std::printf("%10s %8s %8s %8s %8s %8s\n", "triangles", "build s", "refit s", "packets", "single",
               "bounce");
@@ -71,6 +76,8 @@ nlohmann::json against_triangles(bool quick) {
     const double refit = refit_seconds(bench.scene, accel);
     const std::vector<RaySet> sets = make_rays(bench, accel, quick ? 32 : 512);
     const std::vector<Ray>&camera = sets[0].rays, &bounce = sets[1].rays;
+    *wrong += std::abs(closest_in_packets(accel, camera) - closest_hits(accel, camera)) +
+              std::abs(closest_in_packets(accel, bounce) - closest_hits(accel, bounce));
     const double packets =
         nanoseconds(camera.size(), [&] { return closest_in_packets(accel, camera); });
     const double single = nanoseconds(camera.size(), [&] { return closest_hits(accel, camera); });
@@ -91,7 +98,7 @@ nlohmann::json against_triangles(bool quick) {
   return rows;
 }
 
-nlohmann::json against_depth(bool quick) {
+nlohmann::json against_depth(bool quick, std::int64_t* wrong) {
   nlohmann::json rows = nlohmann::json::array();
   std::printf("\n%10s %10s %12s\n", "layers", "hierarchy", "brute force");
   for (const int layers : {1, 10, 100, 1'000, 10'000, 100'000}) {
@@ -100,7 +107,10 @@ nlohmann::json against_depth(bool quick) {
     const SceneAccel accel(bench.scene, sequential());
     const std::vector<Ray> rays = make_rays(bench, accel, quick ? 32 : 256)[0].rays;
     const double ours = nanoseconds(rays.size(), [&] { return closest_hits(accel, rays); });
-    const double brute = brute_nanoseconds(bench.scene, rays, 2 * static_cast<std::size_t>(layers));
+    const std::vector<Ray> sample = sample_of(rays, 2 * static_cast<std::size_t>(layers));
+    *wrong += std::abs(closest_hits(accel, sample) - brute_hits(bench.scene, sample));
+    const double brute =
+        nanoseconds(sample.size(), [&] { return brute_hits(bench.scene, sample); });
     std::printf("%10d %10.1f %12.1f\n", layers, ours, brute);
     std::fflush(stdout);
     rows.push_back({{"layers", layers}, {"hierarchy_ns", ours}, {"brute_force_ns", brute}});
@@ -110,10 +120,10 @@ nlohmann::json against_depth(bool quick) {
 
 }  // namespace
 
-nlohmann::json measure_growth(bool quick) {
+nlohmann::json measure_growth(bool quick, std::int64_t* wrong) {
   nlohmann::json out;
-  out["triangles"] = against_triangles(quick);
-  out["depth_complexity"] = against_depth(quick);
+  out["triangles"] = against_triangles(quick, wrong);
+  out["depth_complexity"] = against_depth(quick, wrong);
   return out;
 }
 

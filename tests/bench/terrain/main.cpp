@@ -1,5 +1,7 @@
 /// tessera-bench-terrain: what a ray through a fractal terrain costs, and how far tessellations of
-/// it are off and cost: camera rays over mountains, and on from there towards a low sun.
+/// it are off and cost: camera rays over mountains, and on from there towards a low sun. Fails if
+/// the tessellations do not converge to the terrain, or if leaving out detail smaller than a pixel
+/// moves the hits by more than a pixel's angle.
 
 #include <time.h>
 
@@ -100,8 +102,13 @@ Scene scene_of(const Shape& shape) {
   return scene_with(std::move(mesh));
 }
 
-void print(const char* name, std::uint64_t triangles, double build, const Cost& cost,
-           const Cost& exact) {
+struct Difference {
+  double depth = 0;  // relative, mean over the rays that hit both
+  double edge = 0;   // share of the rays that hit one of the two
+};
+
+Difference print(const char* name, std::uint64_t triangles, double build, const Cost& cost,
+                 const Cost& exact) {
   double depth = 0;
   std::size_t both = 0, edge = 0, light = 0;
   for (std::size_t i = 0; i < cost.depths.size(); ++i) {
@@ -114,11 +121,29 @@ void print(const char* name, std::uint64_t triangles, double build, const Cost& 
     depth += std::fabs(double{a} - double{b}) / double{b};
   }
   for (std::size_t i = 0; i < cost.lit.size(); ++i) light += cost.lit[i] != exact.lit[i] ? 1 : 0;
+  const Difference found = {depth / static_cast<double>(std::max<std::size_t>(both, 1)),
+                            static_cast<double>(edge) / static_cast<double>(cost.depths.size())};
   std::printf("%-16s %10llu %8.2f %10.2f %10.2f %11.5f %8.4f %8.4f\n", name,
-              static_cast<unsigned long long>(triangles), build, cost.camera, cost.sun,
-              depth / static_cast<double>(std::max<std::size_t>(both, 1)),
-              static_cast<double>(edge) / static_cast<double>(cost.depths.size()),
-              static_cast<double>(light) / static_cast<double>(cost.lit.size()));
+              static_cast<unsigned long long>(triangles), build, cost.camera, cost.sun, found.depth,
+              found.edge, static_cast<double>(light) / static_cast<double>(cost.lit.size()));
+  return found;
+}
+
+/// Exit code 1 if the figures cannot be right. The error of a tessellation falls with the square of
+/// the size of its cells, by 64 over the three halvings, as long as the cells are smaller than what
+/// they show; a quarter and a half leave room for the octaves that coarse cells miss.
+int check(const Difference& detail, const std::vector<Difference>& coarse_to_fine) {
+  const Difference &coarse = coarse_to_fine.front(), &fine = coarse_to_fine.back();
+  int status = 0;
+  if (!(detail.depth < kSpot)) {
+    std::printf("FAILED: detail below a pixel moves hits by more than a pixel's angle\n");
+    status = 1;
+  }
+  if (!(fine.depth < coarse.depth / 4 && fine.edge < coarse.edge / 2)) {
+    std::printf("FAILED: tessellations do not converge to the terrain\n");
+    status = 1;
+  }
+  return status;
 }
 
 int run(int argc, char** argv) {
@@ -140,7 +165,9 @@ int run(int argc, char** argv) {
   print("detail as seen", 0, build, exact, exact);
   start = cpu_seconds();
   const SceneAccel whole(scene_of(mountains(false)), parallel);
-  print("all detail", 0, cpu_seconds() - start, cost_of(whole, rays), exact);
+  const Difference detail =
+      print("all detail", 0, cpu_seconds() - start, cost_of(whole, rays), exact);
+  std::vector<Difference> coarse_to_fine;
   for (std::uint32_t n = finest / 8; n <= finest; n *= 2) {
     start = cpu_seconds();
     Mesh mesh;
@@ -148,9 +175,10 @@ int run(int argc, char** argv) {
     const SceneAccel triangles(scene_with(std::move(mesh)), parallel);
     char name[32];
     std::snprintf(name, sizeof name, "%u x %u", n, n);
-    print(name, std::uint64_t{2} * n * n, cpu_seconds() - start, cost_of(triangles, rays), exact);
+    coarse_to_fine.push_back(print(name, std::uint64_t{2} * n * n, cpu_seconds() - start,
+                                   cost_of(triangles, rays), exact));
   }
-  return 0;
+  return check(detail, coarse_to_fine);
 }
 
 }  // namespace
