@@ -28,8 +28,8 @@ fi
 "$source_dir/deploy/install-deps.sh" --build
 preset=${TESSERA_PRESET:-release}
 build=$source_dir/build/$preset
-cmake -S "$source_dir" --preset "$preset" -B "$build" >/dev/null
-cmake --build "$build" --target tessera tessera-server tessera-worker
+(cd "$source_dir" && cmake --preset "$preset" >/dev/null &&
+  cmake --build --preset "$preset" --target tessera tessera-server tessera-worker)
 
 name=$(basename "${scene%.*}")
 PATH=$build/bin:$PATH
