@@ -88,7 +88,7 @@ render::TraceOptions assume(std::uint32_t features, Scene* scene, render::Isa is
     });
   }
   render::TraceOptions tracing = isa;
-  tracing.assumed = features;
+  tracing.assumed_features = features;
   return tracing;
 }
 

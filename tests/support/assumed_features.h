@@ -11,7 +11,7 @@ namespace tessera::testing {
 
 /// How to trace a scene as though everything in it had `features` (bits of render::Feature): the
 /// pixels are to be the same. What a renderer finds out about a scene it is told by
-/// TraceOptions::assumed. What loading leaves out, the scene is given: factors a white texture (of
+/// TraceOptions::assumed_features. What loading leaves out, the scene is given: factors a white texture (of
 /// 2 x 2 texels, with coordinates) for kFeatureTextures, textures the transform that changes nothing,
 /// vertices the colour white.
 render::TraceOptions assume(std::uint32_t features, render::Scene* scene,

@@ -7,8 +7,8 @@
 
 namespace tessera::render {
 
-/// What SceneAccel answers, answered by something else: a reference structure, or one that writes
-/// down what it is asked. The same contract; `filter` may be null. Requires t_max > 0.
+/// Ray-query interface of SceneAccel, also implemented by the structures of worker/accelerators and
+/// by RayRecorder. The contract is that of SceneAccel; `filter` may be null. Requires t_max > 0.
 class Accelerator {
  public:
   virtual ~Accelerator() = default;

@@ -16,10 +16,10 @@
 namespace tessera::render {
 namespace {
 
-/// The tree over instances: those that stand still, or those that move from one key to the next.
+/// Builds the BVH over the selected instances.
 template <int kWidth>
-void build_top(const Scene& scene, const InstanceChoice& choice, SceneBvh<kWidth>& trees,
-               const ParallelFor& parallel_for) {
+void build_instance_bvh(const Scene& scene, const InstanceSelection& choice,
+                        SceneBvh<kWidth>& trees, const ParallelFor& parallel_for) {
   std::vector<Box3f> meshes;
   for (std::size_t i = 0; i < trees.meshes.size(); ++i) {
     const MeshBvh<kWidth>& tree = trees.meshes[i];
@@ -30,7 +30,7 @@ void build_top(const Scene& scene, const InstanceChoice& choice, SceneBvh<kWidth
                      : tree.blocks.empty() ? Box3f{}
                                            : tree.bounds);
   }
-  const InstanceBoxes placed = place_instances(scene, meshes, choice);
+  const InstanceBoxes placed = bound_instances(scene, meshes, choice);
   trees.origin_limit = placed.origin_limit;
   WideBvh<kWidth> bvh = collapse<kWidth>(build_binary_bvh({placed.boxes}, parallel_for));
   trees.nodes = std::move(bvh.nodes);
@@ -49,13 +49,14 @@ void build_top(const Scene& scene, const InstanceChoice& choice, SceneBvh<kWidth
   }
 }
 
-/// Whether rays need to know the time: where only lights move, they do not.
+/// Whether hits depend on the time of the ray. They do not if only lights or the camera move.
 bool surfaces_move(const Scene& scene) {
   return !scene.motions.empty() || std::any_of(scene.meshes.begin(), scene.meshes.end(),
                                                [](const Mesh& mesh) { return !mesh.keys.empty(); });
 }
 
-/// `still` has the trees of the meshes that do not change.
+/// Builds a BVH for each interval between keyframes. `still` has the BVHs of the meshes that do not
+/// deform.
 template <int kWidth>
 void build_moving(const Scene& scene, const SceneBvh<kWidth>& still, MotionBvh<kWidth>& moving,
                   const ParallelFor& parallel_for) {
@@ -65,16 +66,16 @@ void build_moving(const Scene& scene, const SceneBvh<kWidth>& still, MotionBvh<k
     trees.meshes = still.meshes;
     for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
       if (scene.meshes[i].keys.empty()) continue;
-      trees.meshes[i] = build_moving_tree<kWidth>(scene.meshes[i], s, parallel_for);
+      trees.meshes[i] = build_moving_mesh_bvh<kWidth>(scene.meshes[i], s, parallel_for);
     }
     trees.solids = still.solids;
-    build_top(scene, {false, s}, trees, parallel_for);
+    build_instance_bvh(scene, {false, s}, trees, parallel_for);
   }
 }
 
-/// Makes the trees ready for features that the scene is taken to have.
+/// Takes the general code paths for features that the scene is assumed to have.
 template <int kWidth>
-void assume(std::uint32_t features, SceneBvh<kWidth>& trees, MotionBvh<kWidth>& moving) {
+void assume_features(std::uint32_t features, SceneBvh<kWidth>& trees, MotionBvh<kWidth>& moving) {
   if ((features & kFeatureInstances) != 0) {
     trees.single = false;
     for (PlacedMesh& placed : trees.placed) placed.identity = false;
@@ -91,7 +92,7 @@ std::size_t bytes(const MeshBvh<kWidth>& tree) {
          tree.end_blocks.capacity_bytes();
 }
 
-/// Without meshes.
+/// The bytes of a scene's BVH without those of its meshes.
 template <int kWidth>
 std::size_t top_bytes(const SceneBvh<kWidth>& trees) {
   return trees.nodes.capacity_bytes() + trees.placed.capacity() * sizeof(PlacedMesh) +
@@ -120,7 +121,7 @@ TreeQuality mean_quality(const SceneBvh<kWidth>& trees) {
   TreeQuality sum;
   double total = 0;
   for (std::size_t i = 0; i < weights.size(); ++i) {
-    const TreeQuality one = quality_of(trees.meshes[i]);
+    const TreeQuality one = measure_tree_quality(trees.meshes[i]);
     sum.sah += weights[i] * one.sah;
     sum.end_point_overlap += weights[i] * one.end_point_overlap;
     total += weights[i];
@@ -143,24 +144,24 @@ const SceneBvh<16>& SceneAccel::trees() const {
 
 template <int kWidth>
 void SceneAccel::build(const Scene& scene, SceneBvh<kWidth>& trees, MotionBvh<kWidth>& moving,
-                       const SceneAccel* before, const ParallelFor& parallel_for,
+                       const SceneAccel* previous, const ParallelFor& parallel_for,
                        BuildQuality quality) {
   std::map<const Primitive*, const MeshBvh<kWidth>*> known;
-  if (before != nullptr && before->isa_ == isa_) {
-    for (std::size_t i = 0; i < before->origins_.size(); ++i) {
-      known[before->origins_[i].data()] = &before->trees<kWidth>().meshes[i];
+  if (previous != nullptr && previous->isa_ == isa_) {
+    for (std::size_t i = 0; i < previous->origins_.size(); ++i) {
+      known[previous->origins_[i].data()] = &previous->trees<kWidth>().meshes[i];
     }
   }
   trees.meshes.reserve(scene.meshes.size());
   const auto refit = [&](std::size_t i) -> std::optional<MeshBvh<kWidth>> {
-    if (before == nullptr || known.empty() || i >= before->origins_.size()) return std::nullopt;
-    return refit_mesh_tree(before->trees<kWidth>().meshes[i], scene.meshes[i]);
+    if (previous == nullptr || known.empty() || i >= previous->origins_.size()) return std::nullopt;
+    return refit_mesh_bvh(previous->trees<kWidth>().meshes[i], scene.meshes[i]);
   };
   for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
     const Mesh& mesh = scene.meshes[i];
-    if (!mesh.keys.empty()) {  // build_moving() sees to it
+    if (!mesh.keys.empty()) {  // built by build_moving()
       origins_.emplace_back();
-      trees.meshes.push_back(build_mesh_tree<kWidth>({}, parallel_for, quality));
+      trees.meshes.push_back(build_mesh_bvh<kWidth>({}, parallel_for, quality));
       continue;
     }
     const auto same = known.find(origins_.emplace_back(mesh.primitives).data());
@@ -171,36 +172,37 @@ void SceneAccel::build(const Scene& scene, SceneBvh<kWidth>& trees, MotionBvh<kW
       trees.meshes.push_back(*std::move(refitted));
       ++refitted_meshes_;
     } else {
-      trees.meshes.push_back(build_mesh_tree<kWidth>(mesh, parallel_for, quality));
+      trees.meshes.push_back(build_mesh_bvh<kWidth>(mesh, parallel_for, quality));
     }
   }
   trees.solids = Solids::of(scene);
-  build_top(scene, {}, trees, parallel_for);
+  build_instance_bvh(scene, {}, trees, parallel_for);
   if (surfaces_move(scene)) build_moving(scene, trees, moving, parallel_for);
 }
 
-SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for, const TraceOptions& tracing,
-                       const SceneAccel* before, BuildQuality quality)
-    : isa_(tracing.isa), route_(Route::other) {
-  const bool no_solids = (tracing.assumed & (kFeatureShapes | kFeatureCsg)) == 0;
+SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for,
+                       const TraceOptions& options, const SceneAccel* previous,
+                       BuildQuality quality)
+    : isa_(options.isa), route_(Route::general) {
+  const bool no_solids = (options.assumed_features & (kFeatureShapes | kFeatureCsg)) == 0;
   if (isa_ == Isa::avx512) {
-    build(scene, sixteen_, sixteen_moving_, before, parallel_for, quality);
-    assume(tracing.assumed, sixteen_, sixteen_moving_);
+    build(scene, sixteen_, sixteen_moving_, previous, parallel_for, quality);
+    assume_features(options.assumed_features, sixteen_, sixteen_moving_);
     const bool plain = no_solids && sixteen_.solids == nullptr && sixteen_moving_.times.empty();
-    route_ = plain ? Route::avx512 : Route::other;
+    route_ = plain ? Route::avx512 : Route::general;
   } else {
-    build(scene, eight_, eight_moving_, before, parallel_for, quality);
-    assume(tracing.assumed, eight_, eight_moving_);
+    build(scene, eight_, eight_moving_, previous, parallel_for, quality);
+    assume_features(options.assumed_features, eight_, eight_moving_);
     const bool plain = no_solids && eight_.solids == nullptr && eight_moving_.times.empty();
-    route_ = plain ? Route::avx2 : Route::other;
+    route_ = plain ? Route::avx2 : Route::general;
   }
 }
 
-SceneAccel::SceneAccel(std::unique_ptr<const Accelerator> instead)
-    : isa_(Isa::avx2), route_(Route::other), instead_(std::move(instead)) {}
+SceneAccel::SceneAccel(std::unique_ptr<const Accelerator> override_accelerator)
+    : isa_(Isa::avx2), route_(Route::general), override_(std::move(override_accelerator)) {}
 
-bool SceneAccel::other_closest_hit(const Ray& ray, const HitFilter* filter, Hit& hit) const {
-  if (instead_ != nullptr) return instead_->closest_hit(ray, filter, hit);
+bool SceneAccel::general_closest_hit(const Ray& ray, const HitFilter* filter, Hit& hit) const {
+  if (override_ != nullptr) return override_->closest_hit(ray, filter, hit);
   if (!sixteen_moving_.times.empty()) {
     return avx512::closest_hit_moving(sixteen_, sixteen_moving_, ray, filter, hit);
   }
@@ -211,8 +213,8 @@ bool SceneAccel::other_closest_hit(const Ray& ray, const HitFilter* filter, Hit&
                              : avx2::closest_hit_with_solids(eight_, ray, filter, hit);
 }
 
-bool SceneAccel::other_any_hit(const Ray& ray, const HitFilter* filter) const {
-  if (instead_ != nullptr) return instead_->any_hit(ray, filter);
+bool SceneAccel::general_any_hit(const Ray& ray, const HitFilter* filter) const {
+  if (override_ != nullptr) return override_->any_hit(ray, filter);
   if (!sixteen_moving_.times.empty()) {
     return avx512::any_hit_moving(sixteen_, sixteen_moving_, ray, filter);
   }
@@ -237,7 +239,7 @@ TreeQuality SceneAccel::tree_quality() const {
 }
 
 std::int64_t SceneAccel::memory_bytes() const {
-  if (instead_ != nullptr) return static_cast<std::int64_t>(instead_->memory_bytes());
+  if (override_ != nullptr) return static_cast<std::int64_t>(override_->memory_bytes());
   return static_cast<std::int64_t>(bytes(eight_, eight_moving_) + bytes(sixteen_, sixteen_moving_));
 }
 

@@ -41,9 +41,9 @@ ReferenceAccel::TimeSegment ReferenceAccel::make_stretch(const Scene& scene, std
     meshes.push_back(shape != nullptr ? shape->bounds : part.bounds);
     out.parts.push_back(std::move(part));
   }
-  InstanceChoice all;
+  InstanceSelection all;
   if (!key_times_.empty()) all.segment = segment;
-  const InstanceBoxes instances = place_instances(scene, meshes, all);
+  const InstanceBoxes instances = bound_instances(scene, meshes, all);
   out.origin_limit = instances.origin_limit;
   if (instances.boxes.empty()) return out;
   std::vector<Vec3f> corners;

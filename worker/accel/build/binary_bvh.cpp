@@ -12,12 +12,12 @@ namespace tessera::render {
 namespace {
 
 constexpr int kBins = 32, kSplitBins = 16;
-/// From this depth on nodes are split by count: at most 31 more levels.
+/// From this depth on nodes are split by count, which adds at most 31 levels.
 constexpr int kMaxSahDepth = 40;
-/// Ranges larger than this are split one after the other, smaller ones in parallel.
+/// Ranges larger than this are split sequentially, smaller ones in parallel.
 constexpr std::uint32_t kParallelRange = 1u << 13;
-/// Children that overlap by more than this share of the root's area make a spatial split worth a
-/// look (Stich 2009).
+/// Spatial splits are tried if the children overlap by more than this fraction of the root's area
+/// (Stich 2009).
 constexpr double kSplitOverlap = 1e-5;
 
 /// An item, or a part of one.
@@ -33,7 +33,7 @@ struct alignas(32) Reference {
   __m256 lanes() const { return _mm256_load_ps(&lo.x); }
   PackedBox packed() const { return PackedBox(lanes()); }
   Box3f box() const { return {lo, -negated_hi}; }
-  /// Twice the centre; its fourth lane is meaningless.
+  /// Twice the centre; the fourth lane is undefined.
   __m128 centre() const {
     return _mm_sub_ps(_mm256_castps256_ps128(lanes()), _mm256_extractf128_ps(lanes(), 1));
   }
@@ -45,13 +45,15 @@ struct Bin {
   std::uint32_t count = 0;
 };
 
-/// What of the references lies between two planes, and how many begin and end there.
+/// By slab: the box of the parts of references in it, and the numbers of references that begin and
+/// end there.
 struct SlabBins {
   PackedBox boxes[kSplitBins];
   std::uint32_t entries[kSplitBins] = {}, exits[kSplitBins] = {};
 };
 
-/// Which references go left: those in bins below `bin`, or (spatial) those parts below `plane`.
+/// A split of a node. The left child gets the references in bins below `bin` or, for a spatial
+/// split, the parts of references below `plane`.
 struct Split {
   int axis = -1;
   int bin = 0;
@@ -60,14 +62,14 @@ struct Split {
   float plane = 0;
 };
 
-/// References [first, first + count) of one node; up to `room` more may be added behind them.
+/// References [first, first + count) of one node, with space for `room` more behind them.
 struct Task {
   std::uint32_t first = 0, count = 0, room = 0;
   int depth = 0;
 };
 
-/// Maps centres to bins along all axes at once; an axis along which they (nearly) coincide has
-/// scale 0.
+/// Maps centres to bins along all axes at once. The scale of an axis along which all centres
+/// (nearly) coincide is 0.
 struct BinScale {
   __m128 low, scale;
 
@@ -121,7 +123,7 @@ Box3f intersection(const Box3f& a, const Box3f& b) {
   return {max(a.lo, b.lo), min(a.hi, b.hi)};
 }
 
-/// "One hit": boxes of parts are two ulps wider than the parts.
+/// Widens the box of a part of an item by two ulps, for the rounding of clip().
 Box3f widened(Box3f box) {
   for (int k = 0; k < 3; ++k) {
     box.lo[k] = next_down(next_down(box.lo[k]));
@@ -137,8 +139,8 @@ class Builder {
 
   void set_root_area(double area) { root_area_ = area; }
 
-  /// Appends a node to `nodes` for each child of nodes[index], if it pays to have them; else makes
-  /// it a leaf and returns false. `tasks` runs parallel to `nodes`.
+  /// Splits nodes[index] and appends its children to `nodes`, or makes it a leaf and returns false
+  /// if that costs less. `tasks` is parallel to `nodes`.
   bool divide(std::vector<BinaryNode>& nodes, std::vector<Task>& tasks, std::uint32_t index) const {
     const Task task = tasks[index];
     const std::span<Reference> range = references_.subspan(task.first, task.count);
@@ -164,7 +166,7 @@ class Builder {
     return true;
   }
 
-  /// The whole tree under `root`, which becomes element 0; indices are relative to the vector.
+  /// Builds the whole tree below `root`, which is element 0; indices are relative to the result.
   std::vector<BinaryNode> build(const Task& root) const {
     std::vector<BinaryNode> nodes(1);
     std::vector<Task> tasks = {root};
@@ -183,7 +185,7 @@ class Builder {
     return best;
   }
 
-  /// Cost is the sum over children of half area times leaf tests.
+  /// The cost is the sum over both children of half area times leaf tests.
   Split best_object_split(std::span<const Reference> range, const BinScale& scale,
                           Box3f& overlap) const {
     Bin bins[3][kBins];
@@ -229,7 +231,7 @@ class Builder {
     }
   }
 
-  /// Replaces `best` by a cheaper cut through space, if there is one that `task.room` allows.
+  /// Replaces `best` by a cheaper spatial split if there is one that fits into `task.room`.
   void best_spatial_split(const Task& task, std::span<const Reference> range, const Box3f& box,
                           Split& best) const {
     const Vec3f size = box.hi - box.lo;
@@ -313,7 +315,8 @@ class Builder {
     return share_room(task, left, task.count - left, task.room);
   }
 
-  /// Cuts what straddles the plane in two; the right parts go behind the last reference.
+  /// Splits references that straddle the plane; appends their right parts behind the last
+  /// reference.
   std::array<Task, 2> split_space(const Task& task, const Split& split) const {
     constexpr float kInf = std::numeric_limits<float>::infinity();
     const int axis = split.axis;
@@ -331,7 +334,7 @@ class Builder {
       references_[end++] = Reference(above, r.id);
     }
     const std::span<Reference> range = references_.subspan(task.first, end - task.first);
-    // What was cut lies on its side of the plane, but for the widening.
+    // A part lies on its side of the plane, except for the widening.
     const auto middle = std::partition(range.begin(), range.end(), [&](const Reference& r) {
       return r.centre(axis) < 2 * split.plane;
     });
@@ -341,7 +344,7 @@ class Builder {
     return share_room(task, left, count - left, task.room - (count - task.count));
   }
 
-  /// Moves the right child's references behind the left one's share of the room.
+  /// Moves the right child's references behind the left child's share of the room.
   std::array<Task, 2> share_room(const Task& task, std::uint32_t left, std::uint32_t right,
                                  std::uint32_t room) const {
     const std::uint32_t left_room = static_cast<std::uint32_t>(
@@ -355,7 +358,8 @@ class Builder {
             Task{at + left_room, right, room - left_room, task.depth + 1}};
   }
 
-  /// Half of the references, by centre along the longest axis, then by id: always ends.
+  /// Halves the references by centre along the longest axis, then by id, so that recursion always
+  /// ends.
   static std::uint32_t split_by_count(std::span<Reference> range, const Box3f& centres) {
     const Vec3f size = centres.hi - centres.lo;
     const int axis = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
@@ -373,8 +377,8 @@ class Builder {
   double root_area_ = 0;
 };
 
-/// Large ranges are split in turn, then the subtrees below them in parallel and appended in order,
-/// so the result does not depend on threads.
+/// Splits large ranges sequentially, then builds the subtrees below them in parallel and appends
+/// them in order, so that the result does not depend on the threads.
 std::vector<BinaryNode> build_nodes(const Builder& builder, const Task& root,
                                     const ParallelFor& parallel_for) {
   std::vector<BinaryNode> nodes(1);
@@ -393,7 +397,7 @@ std::vector<BinaryNode> build_nodes(const Builder& builder, const Task& root,
     subtrees[r] = builder.build(tasks[roots[r]]);
   });
   for (std::size_t r = 0; r < roots.size(); ++r) {
-    // Element 0 of a subtree replaces its root, the others follow the nodes so far.
+    // Element 0 of a subtree replaces its root, the others are appended.
     const auto offset = static_cast<std::uint32_t>(nodes.size()) - 1;
     for (BinaryNode& node : subtrees[r]) {
       if (node.leaf()) continue;
@@ -407,7 +411,7 @@ std::vector<BinaryNode> build_nodes(const Builder& builder, const Task& root,
   return nodes;
 }
 
-/// Gathers the leaves' items, each once a leaf.
+/// Collects the items of the leaves, each item once per leaf.
 void gather_items(std::span<const Reference> references, BinaryBvh& bvh) {
   for (BinaryNode& node : bvh.nodes) {
     if (!node.leaf()) continue;

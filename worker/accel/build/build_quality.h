@@ -5,11 +5,11 @@
 
 namespace tessera::render {
 
-/// How much work goes into a tree. Hits do not depend on it.
+/// Effort spent on building a BVH. Hits do not depend on it.
 enum class BuildQuality {
   fast,    // binned SAH
-  normal,  // and spatial splits: what renders use
-  high,    // and subtrees moved to better places
+  normal,  // with spatial splits; used by renders
+  high,    // with spatial splits and reinsertion of subtrees
 };
 
 inline constexpr std::array kBuildQualities = {BuildQuality::fast, BuildQuality::normal,

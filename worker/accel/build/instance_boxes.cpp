@@ -13,7 +13,7 @@ Vec3d absolute(const Vec3d& v) {
   return {std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)};
 }
 
-/// Largest row sum of |m|'s 3x3 part.
+/// Maximum row sum of the absolute values of the 3x3 part.
 double norm(const Affine3d& m) {
   const Vec3d one = {1, 1, 1};
   return max_abs(Vec3d{dot(absolute(m.rows[0]), one), dot(absolute(m.rows[1]), one),
@@ -37,10 +37,10 @@ double reach(const Box3d& box) {
   return lo > hi ? lo : hi;
 }
 
-/// What is known of an instance's transforms: bounds of their numbers, without sign.
+/// Bounds of the absolute values of an instance's transforms.
 struct PoseBounds {
   std::array<Vec3d, 3> rows;         // of object to world
-  double norm = 0, translation = 0;  // largest row sum; largest component
+  double norm = 0, translation = 0;  // maximum row sum; largest component
   double inverse_norm = 0, inverse_translation = 0;
 };
 
@@ -54,8 +54,9 @@ PoseBounds bounds_of(const Affine3d& object_to_world, const Affine3d& world_to_o
   return out;
 }
 
-/// |F(s)^-1| for s in [0, 1/2] of F(s) = F + s (G - F), whose inverse is (1 + s E)^-1 F^-1 with
-/// E = F^-1 (G - F): at most |F^-1| / (1 - |E| / 2). Infinite where that does not bound it.
+/// Bound of |F(s)^-1| for s in [0, 1/2], where F(s) = F + s (G - F). The inverse is
+/// (1 + s E)^-1 F^-1 with E = F^-1 (G - F), so its norm is at most |F^-1| / (1 - |E| / 2). Infinite
+/// if |E| >= 2.
 double inverse_norm_nearby(const Affine3d& f, const Affine3d& g) {
   const auto inverted = inverse(f);
   if (!inverted) return INFINITY;
@@ -66,7 +67,7 @@ double inverse_norm_nearby(const Affine3d& f, const Affine3d& g) {
   return half < 1 ? norm(*inverted) / (1 - half) : INFINITY;
 }
 
-/// Of everything between two keys.
+/// Bounds of all transforms between two keyframes.
 PoseBounds bounds_between(const Affine3d& f, const Affine3d& g) {
   PoseBounds out;
   for (std::size_t k = 0; k < 3; ++k) out.rows[k] = max(absolute(f.rows[k]), absolute(g.rows[k]));
@@ -77,21 +78,22 @@ PoseBounds bounds_between(const Affine3d& f, const Affine3d& g) {
   return out;
 }
 
-/// How far the box of an instance must be padded, per world axis, so that no ray with |origin| <=
-/// `reach` per axis is culled by it that hits one of its triangles in object space.
+/// Padding of an instance's box, per world axis, such that no ray with |origin| <= `origin` per
+/// axis misses the box although it hits one of the instance's triangles in object space.
 ///
-/// Let W, F be world-to-object and object-to-world, u = 2^-24, and D the largest component of
-/// (box plane - object-space origin): D <= |W| reach + |t_W| + |box|.
+/// Let W and F be the world-to-object and object-to-world transforms, u = 2^-24, and D the largest
+/// component of (box plane - object-space origin): D <= |W| origin + |t_W| + |box|.
 /// - A hit at t lies, per axis, within D (2^-20 + 2^-21 + 8 u) < D 2^-19 of the mesh's box: t is
-///   clamped to the triangle's [enter, leave], leave being widened (enter_leave), and each slab
-///   distance rounds three times.
-/// - The object-space ray is off by u |o'| <= u (D + |box|) at its origin and by u D at t (one
-///   rounding to float), and by the double arithmetic before it: 2^-50 (|W| reach + |t_W|) and,
-///   as |t d| <= |F| D in the world, 2^-50 |W||F| D. That W F is not quite the identity adds a
-///   term of the last kind.
-/// So in object space e = (D + |box|) (2^-18 + 2^-47 |W||F|) is ample, and |F| e in the world.
-/// There the slab test itself rounds by 3 u (reach + |world box|), and the corners by 2^-50.
-/// For one that moves, the same with bounds of W and F over the time in between.
+///   clamped to the triangle's [enter, leave], where leave is widened (enter_leave()), and each
+///   slab distance has three roundings.
+/// - The object-space ray has an error of u |o'| <= u (D + |box|) at its origin and of u D at t
+/// (one
+///   rounding to float), plus that of the double arithmetic before: 2^-50 (|W| origin + |t_W|) and,
+///   since |t d| <= |F| D in the world, 2^-50 |W||F| D. W F differs from the identity by rounding,
+///   which adds a term of the last kind.
+/// So e = (D + |box|) (2^-18 + 2^-47 |W||F|) is enough in object space, and |F| e in world space.
+/// There the slab test has an error of 3 u (origin + |world box|), and the corners one of 2^-50.
+/// For a moving instance, W and F are replaced by bounds over the interval.
 Vec3d world_pad(const PoseBounds& pose, const Box3f& mesh, const Box3d& world, double origin) {
   const double box = reach({Vec3d(mesh.lo), Vec3d(mesh.hi)});
   const double object_origin = pose.inverse_norm * origin + pose.inverse_translation;
@@ -103,7 +105,8 @@ Vec3d world_pad(const PoseBounds& pose, const Box3f& mesh, const Box3d& world, d
          Vec3d{slab, slab, slab};
 }
 
-/// The float at most (or, for `up`, at least) x; finite, so that areas stay numbers.
+/// The largest float <= x or, with `up`, the smallest float >= x; finite, so that areas are not
+/// NaN.
 float round_outward(double x, bool up) {
   constexpr double kFar = 0x1p126;
   if (!(x > -kFar)) return static_cast<float>(-kFar);
@@ -118,14 +121,14 @@ Box3f padded(const Box3d& box, const Vec3d& pad) {
   Box3f out;
   for (int k = 0; k < 3; ++k) {
     const double lo = box.lo[k] - pad[k], hi = box.hi[k] + pad[k];
-    // A pad that is NaN or infinite pads by everything.
+    // NaN or infinite padding gives an unbounded box.
     out.lo[k] = round_outward(lo < hi ? lo : -0x1p126, false);
     out.hi[k] = round_outward(lo < hi ? hi : 0x1p126, true);
   }
   return out;
 }
 
-/// The last `count` of the boxes, as an operation makes one of them.
+/// The box of the result of a CSG operation on operands with these boxes.
 Box3f combined(CsgOperation operation, std::span<const Box3f> boxes) {
   Box3f out = boxes[0];
   for (const Box3f& box : boxes.subspan(1)) {
@@ -145,7 +148,7 @@ Box3f combined(CsgOperation operation, std::span<const Box3f> boxes) {
   return out;
 }
 
-/// Around a solid, from the boxes of its operands.
+/// The box of a solid, from the boxes of its operands.
 Box3f solid_box(const CsgSolid& solid, std::span<const Box3f> operands) {
   std::vector<Box3f> results;
   for (const CsgStep& step : solid.steps) {
@@ -160,8 +163,8 @@ Box3f solid_box(const CsgSolid& solid, std::span<const Box3f> operands) {
   return results[0];
 }
 
-/// Puts one box in the place of those of each solid's operands.
-void merge_operands(const Scene& scene, const InstanceChoice& choice,
+/// Replaces the boxes of each solid's operands by the box of the solid.
+void merge_operands(const Scene& scene, const InstanceSelection& choice,
                     const std::vector<bool>& moving, InstanceBoxes& out) {
   InstanceBoxes merged;
   merged.origin_limit = out.origin_limit;
@@ -182,7 +185,8 @@ void merge_operands(const Scene& scene, const InstanceChoice& choice,
   out = std::move(merged);
 }
 
-/// Of the mesh in the world: at the frame's time, or at all keys from the first to the last.
+/// World box of an instance: at the frame's time if it stands still, else over the keyframes from
+/// `first` to `last`.
 Box3d world_box(const Scene& scene, const Instance& instance, const Box3f& mesh, std::size_t first,
                 std::size_t last) {
   if (instance.motion == kNone) return transform_box(instance.object_to_world, mesh);
@@ -207,11 +211,11 @@ std::vector<bool> moving_instances(const Scene& scene) {
   return moving;
 }
 
-InstanceBoxes place_instances(const Scene& scene, std::span<const Box3f> meshes,
-                              const InstanceChoice& choice) {
+InstanceBoxes bound_instances(const Scene& scene, std::span<const Box3f> meshes,
+                              const InstanceSelection& choice) {
   const std::size_t first = choice.segment.value_or(0);
   const std::size_t last = choice.segment ? first + 1 : scene.key_times.size() - 1;
-  // Origins: the camera, and points on or just off the instances.
+  // Ray origins are the camera's, and points on or close to the instances.
   double origin = max_abs(scene.camera.camera_to_world.translation);
   for (const CameraKey& key : scene.camera.keys) {
     origin = std::max(origin, max_abs(key.camera_to_world.translation));

@@ -10,29 +10,28 @@
 
 namespace tessera::render {
 
-/// Where the instances of a scene are, for a structure over them.
+/// World-space boxes of a scene's instances, for a structure over them.
 struct InstanceBoxes {
-  std::vector<std::uint32_t> instances;  // those that have something to hit; of the operands of a
-                                         // CSG solid the first, for all
-  std::vector<Box3f> boxes;              // of each, in the world, padded
-  float origin_limit = 0;                // the pads hold for ray origins within this, per axis
+  std::vector<std::uint32_t> instances;  // those that can be hit; a CSG solid is represented by its
+                                         // first operand
+  std::vector<Box3f> boxes;              // by element of `instances`, padded
+  float origin_limit = 0;                // the padding covers ray origins up to this size, per axis
 };
 
-/// Which instances are wanted.
-struct InstanceChoice {
-  bool still = true;                     // those that do not move while the shutter is open
-  std::optional<std::uint32_t> segment;  // those that do, from this key to the next
+/// A choice of instances.
+struct InstanceSelection {
+  bool still = true;                     // those that do not move during the exposure
+  std::optional<std::uint32_t> segment;  // those that move, from this keyframe to the next
 };
 
-/// `meshes` are the bounds of the scene's meshes, empty where nothing can be hit; of those that are
-/// wanted, from the key to the next. A box is padded so that no ray misses it that hits its mesh in
-/// object space; one placed by the identity needs no pad, but for shapes, whose hits are not
-/// clamped to boxes.
-InstanceBoxes place_instances(const Scene& scene, std::span<const Box3f> meshes,
-                              const InstanceChoice& choice = {});
+/// Computes the boxes of the selected instances. `meshes` are the object-space bounds of the
+/// scene's meshes during the selected interval, empty for those that cannot be hit. Boxes are
+/// padded so that every ray that hits a mesh in object space meets its box. A mesh with the
+/// identity as its transform needs no padding, unlike a shape, whose hits are not clamped to a box.
+InstanceBoxes bound_instances(const Scene& scene, std::span<const Box3f> meshes,
+                              const InstanceSelection& choice = {});
 
-/// By instance: whether it, its mesh, or an operand of its CSG solid moves while the shutter is
-/// open.
+/// By instance: whether it, its mesh, or an operand of its CSG solid moves during the exposure.
 std::vector<bool> moving_instances(const Scene& scene);
 
 }  // namespace tessera::render

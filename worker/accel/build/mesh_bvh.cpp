@@ -13,7 +13,7 @@ namespace {
 
 /// References that spatial splits may add, per triangle.
 constexpr double kSplitBudget = 0.5;
-/// More gain little: docs/performance.md.
+/// More passes gain little: docs/notes/rays-against-embree.md.
 constexpr int kReinsertionPasses = 2;
 
 /// The triangles of a mesh that can be hit, each with its rank.
@@ -37,7 +37,8 @@ Triangles gather(const Mesh& mesh, const std::vector<std::uint32_t>& first_rank)
   return out;
 }
 
-/// The part of a triangle with lo <= x[axis] <= hi, but for the rounding of its new corners.
+/// The bounding box of the part of a triangle with lo <= x[axis] <= hi, up to the rounding of new
+/// corners.
 Box3f clip_triangle(const std::array<Vec3f, 3>& corners, int axis, float lo, float hi) {
   Box3f box;
   for (std::size_t i = 0; i < 3; ++i) {
@@ -56,7 +57,8 @@ Box3f clip_triangle(const std::array<Vec3f, 3>& corners, int axis, float lo, flo
   return box;
 }
 
-/// Adds a triangle's corners and what its edges cut out of the planes to the slabs' boxes.
+/// Extends the boxes of the slabs by a triangle's corners and its edges' intersections with the
+/// planes.
 void chop_triangle(const std::array<Vec3f, 3>& corners, const Slabs& slabs, PackedBox* parts) {
   const auto lanes = [](const Vec3f& v) { return _mm_setr_ps(v.x, v.y, v.z, 0); };
   const int axis = slabs.axis, count = static_cast<int>(slabs.planes.size()) - 1;
@@ -104,8 +106,8 @@ TriangleBlock make_block(const Triangles& triangles, std::span<const std::uint32
 }  // namespace
 
 template <int kWidth>
-MeshBvh<kWidth> build_mesh_tree(const Mesh& mesh, const ParallelFor& parallel_for,
-                                 BuildQuality quality) {
+MeshBvh<kWidth> build_mesh_bvh(const Mesh& mesh, const ParallelFor& parallel_for,
+                               BuildQuality quality) {
   MeshBvh<kWidth> tree;
   tree.first_rank = {0};
   for (const Primitive& p : mesh.primitives) {
@@ -131,11 +133,11 @@ MeshBvh<kWidth> build_mesh_tree(const Mesh& mesh, const ParallelFor& parallel_fo
     tree.blocks[i] = make_block(triangles, std::span(bvh.order).subspan(leaf.first, leaf.count));
   }
   tree.triangle_count = static_cast<std::uint32_t>(triangles.boxes.size());
-  tree.built_sah = sah_of(tree);
+  tree.built_sah = sah_cost(tree);
   return tree;
 }
 
-template MeshBvh<8> build_mesh_tree<8>(const Mesh&, const ParallelFor&, BuildQuality);
-template MeshBvh<16> build_mesh_tree<16>(const Mesh&, const ParallelFor&, BuildQuality);
+template MeshBvh<8> build_mesh_bvh<8>(const Mesh&, const ParallelFor&, BuildQuality);
+template MeshBvh<16> build_mesh_bvh<16>(const Mesh&, const ParallelFor&, BuildQuality);
 
 }  // namespace tessera::render

@@ -25,14 +25,15 @@ void for_each_triangle(const Mesh& mesh, Visit&& visit) {
   }
 }
 
-/// A triangle at two keys; the same twice if its mesh stands still.
+/// A triangle at two successive keyframes; equal if its mesh does not deform.
 struct MovingTriangle {
   std::array<Vec3f, 3> from, to;
 
   std::array<Vec3f, 3> at(float f) const {
-    return {lerp_bounded(from[0], to[0], f), lerp_bounded(from[1], to[1], f), lerp_bounded(from[2], to[2], f)};
+    return {lerp_bounded(from[0], to[0], f), lerp_bounded(from[1], to[1], f),
+            lerp_bounded(from[2], to[2], f)};
   }
-  /// Around it at all times between.
+  /// Contains the triangle at all times in between.
   Box3f box() const {
     Box3f box;
     for (std::size_t i = 0; i < 3; ++i) {
@@ -43,8 +44,8 @@ struct MovingTriangle {
   }
 };
 
-/// The same between two keys: visit(primitive, triangle, MovingTriangle) for those that can be hit
-/// at one of them.
+/// Calls visit(primitive, triangle, MovingTriangle) for each triangle that can be hit at the
+/// keyframe `segment` or the next.
 template <typename Visit>
 void for_each_triangle(const Mesh& mesh, std::uint32_t segment, Visit&& visit) {
   for (std::uint32_t p = 0; p < mesh.primitives.size(); ++p) {
@@ -64,7 +65,7 @@ void for_each_triangle(const Mesh& mesh, std::uint32_t segment, Visit&& visit) {
   }
 }
 
-/// Around all that can be hit of a mesh while the shutter is open.
+/// Contains all triangles that can be hit, or the shape, during the whole exposure.
 inline Box3f bounds_of(const Mesh& mesh) {
   Box3f box;
   if (mesh.shape != nullptr) return mesh.shape->bounds;

@@ -8,8 +8,8 @@
 namespace tessera::render {
 
 template <int kWidth>
-MeshBvh<kWidth> build_moving_tree(const Mesh& mesh, std::uint32_t segment,
-                                   const ParallelFor& parallel_for) {
+MeshBvh<kWidth> build_moving_mesh_bvh(const Mesh& mesh, std::uint32_t segment,
+                                      const ParallelFor& parallel_for) {
   MeshBvh<kWidth> tree;
   tree.first_rank = {0};
   for (const Primitive& p : mesh.primitives) {
@@ -42,7 +42,7 @@ MeshBvh<kWidth> build_moving_tree(const Mesh& mesh, std::uint32_t segment,
   return tree;
 }
 
-template MeshBvh<8> build_moving_tree<8>(const Mesh&, std::uint32_t, const ParallelFor&);
-template MeshBvh<16> build_moving_tree<16>(const Mesh&, std::uint32_t, const ParallelFor&);
+template MeshBvh<8> build_moving_mesh_bvh<8>(const Mesh&, std::uint32_t, const ParallelFor&);
+template MeshBvh<16> build_moving_mesh_bvh<16>(const Mesh&, std::uint32_t, const ParallelFor&);
 
 }  // namespace tessera::render

@@ -11,10 +11,10 @@
 namespace tessera::render {
 namespace {
 
-/// How much worse by SAH a tree may get.
+/// Maximum SAH cost of a refitted tree, relative to when it was built.
 constexpr double kMaxGrowth = 1.05;
 
-/// The triangles that can be hit, by rank.
+/// The corners of a mesh's triangles and whether they can be hit, by rank.
 struct Corners {
   std::vector<std::array<Vec3f, 3>> by_rank;
   std::vector<bool> hittable;
@@ -43,10 +43,11 @@ bool same_ranks(const std::vector<std::uint32_t>& first_rank, const Mesh& mesh) 
   return true;
 }
 
-/// Puts the triangles where they are now and returns their box; false if one cannot be hit now.
+/// Updates the triangles of a block and extends `box` by them; returns false if one can no longer
+/// be hit.
 bool refit_block(const Corners& corners, TriangleBlock& block, Box3f& box) {
   for (std::size_t lane = 0; lane < kBlockSize; ++lane) {
-    if (!block.holds(lane)) continue;
+    if (!block.has_triangle(lane)) continue;
     if (!corners.hittable[block.rank[lane]]) return false;
     const auto& triangle = corners.by_rank[block.rank[lane]];
     block.set(lane, triangle, block.rank[lane]);
@@ -62,7 +63,7 @@ HugeArray<T> copy_of(const HugeArray<T>& from) {
   return to;
 }
 
-/// Boxes from the leaves up: children are stored after their parents.
+/// Recomputes the boxes of all nodes from the leaves up: children are stored after their parents.
 template <int kWidth>
 void refit_nodes(const std::vector<Box3f>& leaves, MeshBvh<kWidth>& tree) {
   std::vector<Box3f> boxes(tree.nodes.size());
@@ -83,7 +84,7 @@ void refit_nodes(const std::vector<Box3f>& leaves, MeshBvh<kWidth>& tree) {
 }  // namespace
 
 template <int kWidth>
-std::optional<MeshBvh<kWidth>> refit_mesh_tree(const MeshBvh<kWidth>& before, const Mesh& mesh) {
+std::optional<MeshBvh<kWidth>> refit_mesh_bvh(const MeshBvh<kWidth>& before, const Mesh& mesh) {
   if (before.blocks.empty() || !same_ranks(before.first_rank, mesh)) return std::nullopt;
   const Corners corners = corners_of(mesh, before.first_rank);
   if (corners.count != before.triangle_count) return std::nullopt;
@@ -95,11 +96,11 @@ std::optional<MeshBvh<kWidth>> refit_mesh_tree(const MeshBvh<kWidth>& before, co
     if (!refit_block(corners, tree.blocks[i], leaves[i])) return std::nullopt;
   }
   refit_nodes(leaves, tree);
-  if (!(sah_of(tree) <= kMaxGrowth * before.built_sah)) return std::nullopt;
+  if (!(sah_cost(tree) <= kMaxGrowth * before.built_sah)) return std::nullopt;
   return tree;
 }
 
-template std::optional<MeshBvh<8>> refit_mesh_tree<8>(const MeshBvh<8>&, const Mesh&);
-template std::optional<MeshBvh<16>> refit_mesh_tree<16>(const MeshBvh<16>&, const Mesh&);
+template std::optional<MeshBvh<8>> refit_mesh_bvh<8>(const MeshBvh<8>&, const Mesh&);
+template std::optional<MeshBvh<16>> refit_mesh_bvh<16>(const MeshBvh<16>&, const Mesh&);
 
 }  // namespace tessera::render

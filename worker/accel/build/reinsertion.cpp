@@ -34,7 +34,7 @@ class Reinserter {
     std::stable_sort(order.begin(), order.end(),
                      [&](std::uint32_t a, std::uint32_t b) { return areas[a] > areas[b]; });
     for (const std::uint32_t node : order) {
-      // The parent goes with the subtree, so it cannot be the root.
+      // The parent moves with the subtree, so it cannot be the root.
       if (node == 0 || parents_[node] == 0) continue;
       const std::uint32_t target = best_place(node);
       if (target != kNone) move(node, target);
@@ -47,15 +47,15 @@ class Reinserter {
     return parent.left == node ? parent.right : parent.left;
   }
 
-  /// The node beside which the subtree saves most area; kNone if it is best where it is.
+  /// The node that becomes the subtree's sibling in its best position; kNone to leave it.
   std::uint32_t best_place(std::uint32_t node) {
     const Box3f box = nodes_[node].box;
     const double own = box.half_area();
     const std::uint32_t parent = parents_[node];
-    double saved = nodes_[parent].box.half_area();  // by what was taken out so far
-    double best = saved * 1e-6;                     // less is rounding
+    double saved = nodes_[parent].box.half_area();  // area saved by removing the subtree so far
+    double best = saved * 1e-6;                     // smaller gains are rounding errors
     std::uint32_t place = kNone;
-    Box3f without = nodes_[sibling(node)].box;  // what is below `pivot` once the subtree is gone
+    Box3f without = nodes_[sibling(node)].box;  // box below `pivot` without the subtree
     std::uint32_t pivot = parent;
     bool first = true;
     std::uint32_t start = sibling(node);
@@ -71,7 +71,7 @@ class Reinserter {
     }
   }
 
-  /// Looks at places at and below `start`. Beside its own sibling the subtree saves nothing.
+  /// Examines positions at and below `start`. The subtree's own sibling is no change.
   void search(std::uint32_t start, const Box3f& box, double own, double saved, bool is_sibling,
               double& best, std::uint32_t& place) {
     stack_.clear();
@@ -79,7 +79,7 @@ class Reinserter {
     while (!stack_.empty()) {
       const auto [node, so_far] = stack_.back();
       stack_.pop_back();
-      if (so_far - own <= best) continue;  // a parent of the subtree is as large at least
+      if (so_far - own <= best) continue;  // a parent of the subtree is at least as large
       const BinaryNode& at = nodes_[node];
       const double both = together(at.box, box).half_area();
       if (so_far - both > best && !(is_sibling && node == start)) {
@@ -93,7 +93,7 @@ class Reinserter {
     }
   }
 
-  /// Takes the subtree out with its parent, which then joins it and `target`.
+  /// Removes the subtree with its parent, which becomes the parent of it and `target`.
   void move(std::uint32_t node, std::uint32_t target) {
     const std::uint32_t parent = parents_[node], other = sibling(node);
     replace_child(parents_[parent], parent, other);
@@ -128,8 +128,8 @@ class Reinserter {
   std::vector<Open> stack_;
 };
 
-/// The nodes with children after their parent, left ones first; empty if that takes more than
-/// kMaxLevels levels.
+/// The nodes in depth-first order, left children first; empty if there are more than kMaxLevels
+/// levels.
 std::vector<BinaryNode> in_depth_first_order(const std::vector<BinaryNode>& nodes) {
   struct Open {
     std::uint32_t from, parent;
@@ -158,7 +158,7 @@ std::vector<BinaryNode> in_depth_first_order(const std::vector<BinaryNode>& node
 }  // namespace
 
 void reinsert_subtrees(BinaryBvh& bvh, int passes) {
-  if (bvh.nodes.size() < 5) return;  // nothing but the root has grandchildren
+  if (bvh.nodes.size() < 5) return;  // no subtree can move
   std::vector<BinaryNode> nodes = bvh.nodes;
   Reinserter reinserter(nodes);
   for (int i = 0; i < passes; ++i) reinserter.pass();

@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::size_t kMaxTriangles = 20'000;
 
-/// A triangle cut by boxes: each of the six planes adds at most one corner.
+/// A triangle clipped to boxes: each of the six planes adds at most one corner.
 struct Polygon {
   std::array<Vec3d, 9> corners;
   std::size_t count = 0;
@@ -45,10 +45,10 @@ Polygon cut(Polygon polygon, const Box3f& box) {
   return polygon;
 }
 
-/// What a triangle adds to the end-point overlap of the boxes at and below a child.
+/// Contribution of a triangle to the end-point overlap of the boxes at and below a child.
 struct Overlap {
-  double area = 0;     // summed over the boxes that do not hold the triangle
-  bool holds = false;  // whether this child does
+  double area = 0;     // summed over the subtrees that do not contain the triangle
+  bool holds = false;  // whether this child contains the triangle
 };
 
 template <int kWidth>
@@ -58,7 +58,7 @@ class Metrics {
 
   TreeQuality measure() {
     TreeQuality out;
-    out.sah = sah_of(tree_);
+    out.sah = sah_cost(tree_);
     if (!(out.sah > 0)) return out;
     const std::size_t step = 1 + tree_.blocks.size() * kBlockSize / kMaxTriangles;
     double total = 0, overlap = 0;
@@ -66,7 +66,7 @@ class Metrics {
     for (std::size_t b = 0; b < tree_.blocks.size(); ++b) {
       const TriangleBlock& block = tree_.blocks[b];
       for (std::size_t lane = 0; lane < kBlockSize; ++lane) {
-        if (!block.holds(lane) || n++ % step != 0) continue;
+        if (!block.has_triangle(lane) || n++ % step != 0) continue;
         const Polygon triangle = corners(block, lane);
         total += triangle.area();
         overlap += at_node(0, block.rank[lane], triangle).area;
@@ -105,7 +105,7 @@ class Metrics {
     if ((child & kLeafBit) == 0) return at_node(child, rank, polygon);
     const TriangleBlock& block = tree_.blocks[child & ~kLeafBit];
     for (std::size_t lane = 0; lane < kBlockSize; ++lane) {
-      if (block.rank[lane] == rank && block.holds(lane)) return {0, true};
+      if (block.rank[lane] == rank && block.has_triangle(lane)) return {0, true};
     }
     return {0, false};
   }
@@ -116,7 +116,7 @@ class Metrics {
 }  // namespace
 
 template <int kWidth>
-double sah_of(const MeshBvh<kWidth>& tree) {
+double sah_cost(const MeshBvh<kWidth>& tree) {
   const double root = tree.bounds.half_area();
   if (tree.blocks.empty() || !(root > 0)) return 0;
   double sum = root;
@@ -127,13 +127,13 @@ double sah_of(const MeshBvh<kWidth>& tree) {
 }
 
 template <int kWidth>
-TreeQuality quality_of(const MeshBvh<kWidth>& tree) {
+TreeQuality measure_tree_quality(const MeshBvh<kWidth>& tree) {
   return Metrics<kWidth>(tree).measure();
 }
 
-template double sah_of<8>(const MeshBvh<8>&);
-template double sah_of<16>(const MeshBvh<16>&);
-template TreeQuality quality_of<8>(const MeshBvh<8>&);
-template TreeQuality quality_of<16>(const MeshBvh<16>&);
+template double sah_cost<8>(const MeshBvh<8>&);
+template double sah_cost<16>(const MeshBvh<16>&);
+template TreeQuality measure_tree_quality<8>(const MeshBvh<8>&);
+template TreeQuality measure_tree_quality<16>(const MeshBvh<16>&);
 
 }  // namespace tessera::render

@@ -4,28 +4,28 @@
 
 namespace tessera::render {
 
-/// How good a tree ought to be, in nodes and blocks that a ray through its box is expected to test.
-/// Without triangles all is 0.
+/// Predicted cost of a BVH: the expected numbers of nodes and blocks that a ray through its box
+/// tests. All 0 without triangles.
 struct TreeQuality {
-  /// Surface area heuristic: for rays that come from everywhere and hit nothing.
+  /// Surface area heuristic: for uniformly distributed rays that hit nothing.
   double sah = 0;
-  /// End-point overlap: what a ray that ends on the surface tests for the sake of triangles in
-  /// boxes around its end which these do not belong to.
+  /// End-point overlap: tests of boxes that contain the end of a ray on a triangle without
+  /// containing the triangle. Estimated from at most 20,000 triangles, spread over the mesh.
   /// Source: T. Aila, T. Karras, S. Laine, "On quality metrics of bounding volume hierarchies",
-  /// 2013. Over at most 20,000 triangles, spread over the mesh.
+  /// 2013.
   double end_point_overlap = 0;
 };
 
-/// Its TreeQuality::sah.
+/// TreeQuality::sah of a tree.
 template <int kWidth>
-double sah_of(const MeshBvh<kWidth>& tree);
+double sah_cost(const MeshBvh<kWidth>& tree);
 
 template <int kWidth>
-TreeQuality quality_of(const MeshBvh<kWidth>& tree);
+TreeQuality measure_tree_quality(const MeshBvh<kWidth>& tree);
 
-extern template double sah_of<8>(const MeshBvh<8>&);
-extern template double sah_of<16>(const MeshBvh<16>&);
-extern template TreeQuality quality_of<8>(const MeshBvh<8>&);
-extern template TreeQuality quality_of<16>(const MeshBvh<16>&);
+extern template double sah_cost<8>(const MeshBvh<8>&);
+extern template double sah_cost<16>(const MeshBvh<16>&);
+extern template TreeQuality measure_tree_quality<8>(const MeshBvh<8>&);
+extern template TreeQuality measure_tree_quality<16>(const MeshBvh<16>&);
 
 }  // namespace tessera::render

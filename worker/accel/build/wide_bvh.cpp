@@ -7,7 +7,7 @@
 namespace tessera::render {
 namespace {
 
-/// The least cost of what is below each node of a two-wide tree.
+/// Minimum costs of the subtrees of a binary tree, by the number of slots they take.
 template <int kWidth>
 class Costs {
  public:
@@ -29,7 +29,7 @@ class Costs {
     }
   }
 
-  /// The nodes that become children of `index` when it becomes a node of the wide tree.
+  /// The nodes that become children of `index` if it becomes a node of the wide tree.
   void children_of(std::uint32_t index, std::vector<std::uint32_t>& children) const {
     const BinaryNode& node = binary_.nodes[index];
     children.clear();
@@ -39,7 +39,7 @@ class Costs {
   }
 
  private:
-  /// As many slots as the node may take, one at least.
+  /// Places a node into at most `slots` slots, at least one.
   void place(std::uint32_t index, int slots, std::vector<std::uint32_t>& children) const {
     const BinaryNode& node = binary_.nodes[index];
     const auto& cost = costs_[index];
@@ -58,7 +58,7 @@ class Costs {
     place(node.right, slots - left, children);
   }
 
-  /// Least cost of both children in so many slots; *left gets those of the left one.
+  /// Minimum cost of both children in `slots` slots; *left gets the number for the left child.
   float spread(const BinaryNode& node, int slots, int* left = nullptr) const {
     const auto& a = costs_[node.left];
     const auto& b = costs_[node.right];
@@ -74,7 +74,7 @@ class Costs {
   }
 
   const BinaryBvh& binary_;
-  std::vector<std::array<float, kWidth>> costs_;  // [1..kWidth - 1] slots; [0] is not used
+  std::vector<std::array<float, kWidth>> costs_;  // by number of slots, 1 to kWidth - 1
 };
 
 }  // namespace
@@ -91,7 +91,7 @@ WideBvh<kWidth> collapse(const BinaryBvh& binary) {
   std::vector<std::uint32_t> children;
   const Costs<kWidth> costs(binary);
   const auto add_children = [&](std::uint32_t parent) {
-    for (std::size_t i = children.size(); i-- > 0;) {  // the first is done first
+    for (std::size_t i = children.size(); i-- > 0;) {  // the first is popped first
       const auto slot = static_cast<int>(i);
       nodes[parent].set_child(slot, binary.nodes[children[i]].box, kLeafBit);
       tasks.push_back({children[i], parent, slot});

@@ -24,8 +24,8 @@ struct WideBvh {
   Box3f bounds;
 };
 
-/// Turns a two-wide tree into one of up to kWidth children a node, choosing which of its nodes stay
-/// so that the sum of their areas is least.
+/// Collapses a binary tree to nodes with up to kWidth children. Chooses the nodes to keep so that
+/// the sum of their areas is minimal.
 /// Source: H. Ylitie, T. Karras, S. Laine, "Efficient incoherent ray traversal on GPUs through
 /// compressed wide BVHs", 2017, section 3.1.
 template <int kWidth>

@@ -26,7 +26,7 @@ class HitFilter {
 
 /// Triangles of one mesh that a filtered any_hit is guaranteed to offer only once although spatial
 /// splits have put them in several leaves: twice the transparency limit of a ray.
-inline constexpr int kMaxShownOnce = 2048;
+inline constexpr int kMaxTrackedTriangles = 2048;
 
 /// Maximum number of rays that are traced together.
 inline constexpr int kPacketSize = 64;

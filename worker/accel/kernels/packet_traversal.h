@@ -375,8 +375,9 @@ RayMask intersect_placed_packet(const SceneBvh<Query::Isa::kWidth>& scene, const
         std::uint32_t excluded_ranks[kPacketSize];
         for (int i = 0; i < some.count; ++i) {
           const Ray& ray = rays[some.index[i]];
-          excluded_ranks[i] =
-              ray.origin_triangle.instance == placed.instance ? mesh.rank(ray.origin_triangle) : UINT32_MAX;
+          excluded_ranks[i] = ray.origin_triangle.instance == placed.instance
+                                  ? mesh.rank(ray.origin_triangle)
+                                  : UINT32_MAX;
         }
         RayMask satisfied =
             MeshPacket<Query>(mesh, placed.instance, some, direction_class, excluded_ranks, queries)

@@ -95,7 +95,8 @@ struct AnyHit {
   }
 };
 
-/// The triangles of a mesh that a query has been offered, by rank. Keeps the first kMaxShownOnce.
+/// The triangles of a mesh that a query has been offered, by rank. Keeps the first
+/// kMaxTrackedTriangles.
 template <typename Isa>
 class VisitedTriangles {
  public:
@@ -104,13 +105,13 @@ class VisitedTriangles {
     for (int i = 0; i < count_; ++i) {
       if (ranks_[i] == rank) return false;
     }
-    if (count_ < kMaxShownOnce) ranks_[count_++] = rank;
+    if (count_ < kMaxTrackedTriangles) ranks_[count_++] = rank;
     return true;
   }
 
  private:
   int count_ = 0;
-  std::uint32_t ranks_[kMaxShownOnce];
+  std::uint32_t ranks_[kMaxTrackedTriangles];
 };
 
 }  // namespace tessera::render::kernels

@@ -10,15 +10,15 @@
 
 namespace tessera::render {
 
-/// A fixed number of plain elements, on huge pages where there are enough of them: a miss of the
-/// caches costs half as much there. Copies share the elements, which are set before.
+/// Array of fixed size on huge pages if it is large enough, which halves the cost of cache misses.
+/// Copies share the elements, so write them before copying.
 template <typename T>
 class HugeArray {
   static_assert(std::is_trivially_destructible_v<T>);
 
  public:
   HugeArray() = default;
-  /// `count` elements, each T(). Throws std::bad_alloc as new does.
+  /// Value-initializes `count` elements. Throws std::bad_alloc.
   explicit HugeArray(std::size_t count) : size_(count) {
     if (count == 0) return;
     const std::size_t page = bytes() < kHugePage ? alignof(T) < 64 ? 64 : alignof(T) : kHugePage;
@@ -36,7 +36,7 @@ class HugeArray {
   bool empty() const { return size_ == 0; }
   T& operator[](std::size_t i) { return data_[i]; }
   const T& operator[](std::size_t i) const { return data_[i]; }
-  /// What it takes up.
+  /// Allocated bytes.
   std::size_t capacity_bytes() const { return capacity_; }
 
  private:

@@ -6,18 +6,18 @@
 
 namespace tessera::render {
 
-/// Instruction sets the traversal is compiled for. AVX2 with FMA is the baseline.
+/// Instruction sets for which the traversal is compiled. AVX2 with FMA is the baseline.
 enum class Isa : std::uint8_t { avx2, avx512 };
 
-/// Whether this processor has it.
+/// Whether this processor supports it.
 bool is_supported(Isa isa);
 
-/// The widest this processor has.
+/// The widest that this processor supports.
 Isa best_isa();
 
 /// "avx2" or "avx512".
 std::string_view isa_name(Isa isa);
-/// None for another name.
+/// Inverse of isa_name(); nullopt for other names.
 std::optional<Isa> parse_isa(std::string_view name);
 
 }  // namespace tessera::render

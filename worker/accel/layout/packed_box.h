@@ -8,12 +8,12 @@
 
 namespace tessera::render {
 
-/// A box with its upper corner negated, so that one minimum extends it.
+/// A box with its upper corner negated, so that a single minimum extends it.
 class PackedBox {
  public:
   PackedBox() : value_(_mm256_set1_ps(std::numeric_limits<float>::infinity())) {}
   explicit PackedBox(__m256 value) : value_(value) {}
-  /// The box of one point; the fourth lane means nothing.
+  /// The box of one point, whose fourth lane is ignored.
   explicit PackedBox(__m128 point)
       : value_(_mm256_set_m128(_mm_xor_ps(point, _mm_set1_ps(-0.0f)), point)) {}
 
@@ -21,7 +21,7 @@ class PackedBox {
   PackedBox intersect(const PackedBox& b) const {
     return PackedBox(_mm256_max_ps(value_, b.value_));
   }
-  bool empty() const {  // all of lo + -hi <= 0 otherwise
+  bool empty() const {  // not all of lo - hi <= 0
     const __m128 size =
         _mm_add_ps(_mm256_castps256_ps128(value_), _mm256_extractf128_ps(value_, 1));
     return (_mm_movemask_ps(_mm_cmple_ps(size, _mm_setzero_ps())) & 7) != 7;

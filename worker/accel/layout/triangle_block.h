@@ -13,9 +13,9 @@ namespace tessera::render {
 /// Triangles in a block.
 inline constexpr int kBlockSize = 8;
 
-/// Up to eight triangles, coordinates in lanes. Unused lanes hold a point (a zero determinant).
+/// Up to eight triangles, one per lane. Unused lanes contain a point, whose determinant is zero.
 struct alignas(64) TriangleBlock {
-  /// Where the lanes of a vertex's coordinate begin in `v`.
+  /// Index in `v` of the lanes of a vertex's coordinate.
   static constexpr std::size_t at(std::size_t vertex, std::size_t axis) {
     return (3 * vertex + axis) * kBlockSize;
   }
@@ -31,16 +31,16 @@ struct alignas(64) TriangleBlock {
   Vec3f corner(std::size_t lane, std::size_t vertex) const {
     return {v[at(vertex, 0) + lane], v[at(vertex, 1) + lane], v[at(vertex, 2) + lane]};
   }
-  /// Whether a triangle is in the lane: those that can be hit are no points.
-  bool holds(std::size_t lane) const {
+  /// Whether the lane is in use: triangles that can be hit are not points.
+  bool has_triangle(std::size_t lane) const {
     return corner(lane, 0) != corner(lane, 1) || corner(lane, 0) != corner(lane, 2);
   }
 
   float v[9 * kBlockSize] = {};         // see at()
-  std::uint32_t rank[kBlockSize] = {};  // place among the mesh's triangles in id order
+  std::uint32_t rank[kBlockSize] = {};  // index among all triangles of the mesh, in id order
 };
 
-/// lerp_bounded() of geometry/motion.h for all corners; `out` gets no ranks.
+/// lerp_bounded() of geometry/motion.h for all corners; does not set the ranks of `out`.
 inline void lerp_bounded(const TriangleBlock& from, const TriangleBlock& to, float f,
                          TriangleBlock& out) {
   const Lanes share = splat(f);
@@ -51,10 +51,10 @@ inline void lerp_bounded(const TriangleBlock& from, const TriangleBlock& to, flo
   }
 }
 
-/// A ray for triangle blocks.
+/// A ray prepared for triangle blocks.
 struct BlockRay {
   Lanes ox, oy, oz, sx, sy;  // sheared axes
-  std::size_t x, y, z;       // where those are among a vertex's coordinates, in floats
+  std::size_t x, y, z;       // offsets of kx, ky and kz among a vertex's coordinates, in floats
   const ObjectRay* ray;
 
   explicit BlockRay(const ObjectRay& r)
@@ -69,7 +69,7 @@ struct BlockRay {
         ray(&r) {}
 };
 
-/// What intersect_block found; only the lanes in the returned mask mean anything.
+/// Hits found by intersect_block(); only the lanes of the returned mask are defined.
 struct BlockHits {
   alignas(32) float t[kBlockSize];
   alignas(32) float b0[kBlockSize];
@@ -77,8 +77,9 @@ struct BlockHits {
   alignas(32) float b2[kBlockSize];
 };
 
-/// The lanes that intersect_triangle() of geometry/triangle.h accepts with 0 <= t <= limit; t and
-/// barycentrics have the same bits. NaN needs no care before the end: it makes t NaN.
+/// Returns the lanes that intersect_triangle() of geometry/triangle.h accepts with 0 <= t <= limit;
+/// t and barycentrics have the same bits. NaN in any intermediate makes t NaN, which the last
+/// comparison rejects.
 inline std::uint32_t intersect_block(const BlockRay& block_ray, const TriangleBlock& block,
                                      float limit, BlockHits& hits) {
   const ObjectRay& ray = *block_ray.ray;

@@ -7,14 +7,14 @@
 
 namespace tessera::render {
 
-/// In a child reference: the rest is the index of a leaf, not of a node.
+/// Set in a child reference whose other bits are the index of a leaf.
 inline constexpr std::uint32_t kLeafBit = 0x80000000u;
 
-/// A node of up to kWidth children, one a lane. Unused lanes come last and have empty boxes (lo =
-/// +inf, hi = -inf), which no ray meets.
+/// A node with up to kWidth children, one per lane. Unused lanes come last and have empty boxes
+/// (lo = +inf, hi = -inf), which no ray meets.
 template <int kWidth>
 struct alignas(4 * kWidth) WideNode {
-  /// Of each axis, the lower ones, then the upper ones: the near ones are picked by an offset.
+  /// Per axis the lower planes, then the upper ones, so that an offset selects the near planes.
   float planes[3][2 * kWidth];
   std::uint32_t children[kWidth];  // a node_reference(), or kLeafBit | leaf index
 
@@ -36,17 +36,18 @@ struct alignas(4 * kWidth) WideNode {
   }
 };
 
-/// What child references count nodes in, so that an address takes a shift and no multiplication.
+/// Child references count nodes in units of their alignment, so that computing an address takes a
+/// shift and no multiplication. This is the size of a node in these units.
 template <int kWidth>
 inline constexpr std::uint32_t kNodeUnits = sizeof(WideNode<kWidth>) / alignof(WideNode<kWidth>);
 
-/// The reference of a node, from its index.
+/// The reference of the node with this index.
 template <int kWidth>
 constexpr std::uint32_t node_reference(std::size_t index) {
   return static_cast<std::uint32_t>(index) * kNodeUnits<kWidth>;
 }
 
-/// The node of a reference.
+/// The node with this reference.
 template <int kWidth>
 inline const WideNode<kWidth>& node_at(const WideNode<kWidth>* nodes, std::uint32_t reference) {
   const auto* const bytes = reinterpret_cast<const unsigned char*>(nodes);
@@ -54,8 +55,8 @@ inline const WideNode<kWidth>& node_at(const WideNode<kWidth>* nodes, std::uint3
                                                                 alignof(WideNode<kWidth>));
 }
 
-/// Levels a tree may have, and entries a traversal stack may need: every level leaves at most
-/// kWidth - 1 behind.
+/// Maximum number of levels of a tree, and of entries of a traversal stack, to which every level
+/// adds at most kWidth - 1.
 inline constexpr int kMaxLevels = 72;
 template <int kWidth>
 inline constexpr int kStackSize = kMaxLevels*(kWidth - 1) + kWidth;

@@ -20,14 +20,14 @@ bool boxes_meet(const Box3f& a, const Box3f& b) {
          a.lo.z <= b.hi.z && b.lo.z <= a.hi.z;
 }
 
-/// The triangles of a mesh that can be hit, where they are, and a tree over them.
-struct Body {
+/// The triangles of a mesh that can be hit, transformed, and a BVH over them.
+struct MeshTriangles {
   std::vector<TriangleCorners> triangles;
   std::vector<OverlapPair::Id> ids;
   std::vector<Box3f> boxes;
   BinaryBvh bvh;
 
-  Body(const Mesh& mesh, const std::vector<bool>& primitives, const Affine3d& to_world) {
+  MeshTriangles(const Mesh& mesh, const std::vector<bool>& primitives, const Affine3d& to_world) {
     const bool moves = !is_identity(to_world);
     const auto place = [&](const Vec3f& p) {
       return moves ? Vec3f(transform_point(to_world, Vec3d(p))) : p;
@@ -36,7 +36,7 @@ struct Body {
                                 const Vec3f& v2) {
       if (!primitives[p]) return;
       const TriangleCorners corners = {place(v0), place(v1), place(v2)};
-      if (!is_hittable(corners[0], corners[1], corners[2])) return;  // rounding may have folded it
+      if (!is_hittable(corners[0], corners[1], corners[2])) return;  // degenerate after rounding
       triangles.push_back(corners);
       ids.push_back({p, t});
       Box3f& box = boxes.emplace_back();
@@ -49,10 +49,10 @@ struct Body {
   }
 };
 
-/// Walks two trees, or one against itself, at once.
-class Collision {
+/// Traverses two BVHs, or one BVH against itself, simultaneously.
+class OverlapSearch {
  public:
-  Collision(const Body& a, const Body& b) : a_(a), b_(b), self_(&a == &b) {}
+  OverlapSearch(const MeshTriangles& a, const MeshTriangles& b) : a_(a), b_(b), self_(&a == &b) {}
 
   std::vector<OverlapPair> find() {
     if (!a_.triangles.empty() && !b_.triangles.empty()) meet(0, 0);
@@ -92,8 +92,8 @@ class Collision {
     }
   }
 
-  const Body& a_;
-  const Body& b_;
+  const MeshTriangles& a_;
+  const MeshTriangles& b_;
   const bool self_;
   std::vector<OverlapPair> pairs_;
 };
@@ -105,8 +105,8 @@ std::vector<bool> all_primitives(const Mesh& mesh) {
 }  // namespace
 
 std::vector<OverlapPair> self_intersections(const Mesh& mesh, const std::vector<bool>& primitives) {
-  const Body body(mesh, primitives, {});
-  return Collision(body, body).find();
+  const MeshTriangles triangles(mesh, primitives, {});
+  return OverlapSearch(triangles, triangles).find();
 }
 
 std::vector<OverlapPair> self_intersections(const Mesh& mesh) {
@@ -125,24 +125,24 @@ std::vector<InstanceOverlap> instance_overlaps(const Scene& scene) {
       }
     }
   }
-  std::vector<std::unique_ptr<Body>> bodies(boxes.size());  // made when first needed
-  const auto body = [&](std::size_t i) -> const Body& {
-    if (bodies[i] == nullptr) {
-      bodies[i] = std::make_unique<Body>(mesh_of(i), all_primitives(mesh_of(i)),
-                                         scene.instances[i].object_to_world);
+  std::vector<std::unique_ptr<MeshTriangles>> meshes(boxes.size());  // made when first needed
+  const auto triangles_of = [&](std::size_t i) -> const MeshTriangles& {
+    if (meshes[i] == nullptr) {
+      meshes[i] = std::make_unique<MeshTriangles>(mesh_of(i), all_primitives(mesh_of(i)),
+                                                  scene.instances[i].object_to_world);
     }
-    return *bodies[i];
+    return *meshes[i];
   };
   std::vector<InstanceOverlap> out;
   for (std::size_t i = 0; i < boxes.size(); ++i) {
     for (std::size_t j = i + 1; j < boxes.size(); ++j) {
       if (!boxes_meet(boxes[i], boxes[j])) continue;
-      std::vector<OverlapPair> pairs = Collision(body(i), body(j)).find();
+      std::vector<OverlapPair> pairs = OverlapSearch(triangles_of(i), triangles_of(j)).find();
       if (pairs.empty()) continue;
       out.push_back(
           {static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(j), std::move(pairs)});
     }
-    bodies[i].reset();
+    meshes[i].reset();
   }
   return out;
 }
@@ -151,16 +151,16 @@ namespace {
 
 using Corner = std::array<float, 3>;
 
-/// Takes corners that lie near each other for one.
-class Welder {
+/// Identifies corners within a tolerance of each other.
+class VertexWelder {
  public:
-  explicit Welder(double apart) : apart_(apart) {}
+  explicit VertexWelder(double tolerance) : tolerance_(tolerance) {}
 
   Corner operator()(const Corner& corner) {
-    if (!(apart_ > 0)) return corner;
+    if (!(tolerance_ > 0)) return corner;
     Cell cell{};
     for (std::size_t k = 0; k < 3; ++k) {
-      cell[k] = std::floor(static_cast<double>(corner[k]) / (2 * apart_));
+      cell[k] = std::floor(static_cast<double>(corner[k]) / (2 * tolerance_));
     }
     for (int i = 0; i < 27; ++i) {
       const int x = i % 3 - 1, y = i / 3 % 3 - 1, z = i / 9 - 1;
@@ -174,31 +174,32 @@ class Welder {
   }
 
  private:
-  using Cell = std::array<double, 3>;  // whole numbers
+  using Cell = std::array<double, 3>;  // integers
 
   bool is_near(const Corner& a, const Corner& b) const {
     for (std::size_t k = 0; k < 3; ++k) {
       const double gap = static_cast<double>(a[k]) - static_cast<double>(b[k]);
-      if (!(std::fabs(gap) <= apart_)) return false;
+      if (!(std::fabs(gap) <= tolerance_)) return false;
     }
     return true;
   }
 
-  double apart_;
+  double tolerance_;
   std::multimap<Cell, Corner> firsts_;
 };
 
 }  // namespace
 
-std::int64_t boundary_edges(const Mesh& mesh, const std::vector<bool>& primitives, double apart) {
-  Welder welded(apart);
-  std::map<std::pair<Corner, Corner>, std::int64_t> balance;  // ways along less ways back
+std::int64_t boundary_edges(const Mesh& mesh, const std::vector<bool>& primitives,
+                            double tolerance) {
+  VertexWelder weld(tolerance);
+  std::map<std::pair<Corner, Corner>, std::int64_t> balance;  // forward minus backward uses
   for (std::size_t p = 0; p < mesh.primitives.size(); ++p) {
     if (!primitives[p]) continue;
     const Primitive& primitive = mesh.primitives[p];
     const auto corner = [&](std::uint32_t i) {
       const Vec3f& v = primitive.positions[i];
-      return welded({v.x + 0.0f, v.y + 0.0f, v.z + 0.0f});  // -0 is 0
+      return weld({v.x + 0.0f, v.y + 0.0f, v.z + 0.0f});  // -0 is 0
     };
     for (const auto& triangle : primitive.triangles) {
       for (std::size_t i = 0; i < 3; ++i) {

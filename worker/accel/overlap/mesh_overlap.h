@@ -8,7 +8,7 @@
 
 namespace tessera::render {
 
-/// Triangles that overlap (triangles_overlap), by their ids in the mesh.
+/// Two triangles that overlap (triangles_overlap()), by their ids in the mesh.
 struct OverlapPair {
   struct Id {
     std::uint32_t primitive, triangle;
@@ -18,25 +18,28 @@ struct OverlapPair {
   auto operator<=>(const OverlapPair&) const = default;
 };
 
-/// Pairs of triangles of one mesh that overlap, a before b, in order. Exact, in object space.
+/// Finds the pairs of overlapping triangles of one mesh, with a < b, in ascending order. Exact, in
+/// object space.
 std::vector<OverlapPair> self_intersections(const Mesh& mesh);
 
 /// The same for triangles of the chosen primitives only.
 std::vector<OverlapPair> self_intersections(const Mesh& mesh, const std::vector<bool>& primitives);
 
-/// Two instances whose triangles overlap, and which do.
+/// Two instances with overlapping triangles.
 struct InstanceOverlap {
   std::uint32_t a, b;  // a < b
   std::vector<OverlapPair> pairs;
 };
 
-/// All such instances, in order. Exact for corners in the world, which are rounded to float.
+/// Finds all pairs of instances with overlapping triangles, in ascending order. Exact for their
+/// corners in world space, rounded to float.
 std::vector<InstanceOverlap> instance_overlaps(const Scene& scene);
 
-/// How many edges of the chosen primitives bound the surface: those run along more often one way
-/// than the other. Corners are the same where their coordinates are, or with `apart` > 0 where they
-/// are as near to the first of them along each axis. 0: it is closed.
+/// Counts the boundary edges of the chosen primitives: those that their triangles do not use
+/// equally often in both directions. A closed surface has none. Corners are identified if their
+/// coordinates are equal or, with `tolerance` > 0, differ by at most that per axis from the first
+/// of them.
 std::int64_t boundary_edges(const Mesh& mesh, const std::vector<bool>& primitives,
-                            double apart = 0);
+                            double tolerance = 0);
 
 }  // namespace tessera::render

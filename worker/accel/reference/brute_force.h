@@ -9,13 +9,14 @@
 
 namespace tessera::render {
 
-/// Every triangle of one instance in turn, with the scalar test: take(hit) for each triangle met
-/// with 0 <= t < t_max, in id order.
+/// Tests every triangle of one instance with the scalar test. Calls take(hit) for each hit with
+/// 0 <= t < t_max, in id order.
 template <typename Take>
 void brute_force_mesh_hits(const Scene& scene, std::uint32_t i, const Ray& ray, Take&& take) {
   const Instance& instance = scene.instances[i];
   const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
-  const KeyframePosition at = scene.key_times.empty() ? KeyframePosition{} : find_key(scene.key_times, ray.time);
+  const KeyframePosition at =
+      scene.key_times.empty() ? KeyframePosition{} : find_key(scene.key_times, ray.time);
   Box3f bounds;
   for_each_triangle(mesh, at.segment,
                     [&](std::uint32_t, std::uint32_t, const MovingTriangle& triangle) {
@@ -33,20 +34,19 @@ void brute_force_mesh_hits(const Scene& scene, std::uint32_t i, const Ray& ray, 
   }
   ObjectRay object_ray;
   if (!make_object_ray(origin, direction, bounds, object_ray)) return;
-  for_each_triangle(mesh, at.segment,
-                    [&](std::uint32_t p, std::uint32_t t, const MovingTriangle& triangle) {
-                      const TriangleId id = {i, p, t};
-                      const auto [v0, v1, v2] = triangle.at(at.f);
-                      TriangleHit hit{};
-                      if (id == ray.origin_triangle || !intersect_triangle(object_ray, v0, v1, v2, hit))
-                        return;
-                      if (hit.t >= 0 && hit.t < ray.t_max)
-                        take(Hit{hit.t, id, hit.b0, hit.b1, hit.b2});
-                    });
+  for_each_triangle(
+      mesh, at.segment, [&](std::uint32_t p, std::uint32_t t, const MovingTriangle& triangle) {
+        const TriangleId id = {i, p, t};
+        const auto [v0, v1, v2] = triangle.at(at.f);
+        TriangleHit hit{};
+        if (id == ray.origin_triangle || !intersect_triangle(object_ray, v0, v1, v2, hit)) return;
+        if (hit.t >= 0 && hit.t < ray.t_max) take(Hit{hit.t, id, hit.b0, hit.b1, hit.b2});
+      });
 }
 
-/// The oracle of "One hit": every triangle of every instance in turn, and every solid. Slow. Calls
-/// take(hit) for each hit with 0 <= t < t_max, in the order of instances.
+/// Oracle of all acceleration structures (docs/explanation/determinism.md#closest-hit): tests every
+/// triangle of every instance, and every solid. Slow. Calls take(hit) for each hit with
+/// 0 <= t < t_max, in the order of instances.
 template <typename Take>
 void brute_force_hits(const Scene& scene, const Ray& ray, Take&& take) {
   if (!is_finite(ray.origin) || !is_finite(ray.direction) || !(ray.t_max > 0)) return;
@@ -66,7 +66,7 @@ void brute_force_hits(const Scene& scene, const Ray& ray, Take&& take) {
   }
 }
 
-/// What SceneAccel::closest_hit must return.
+/// The result that SceneAccel::closest_hit must have.
 inline bool brute_force_closest(const Scene& scene, const Ray& ray, Hit& hit) {
   bool found = false;
   brute_force_hits(scene, ray, [&](const Hit& candidate) {

@@ -7,12 +7,12 @@
 
 namespace tessera::render {
 
-/// The readable reference of kernels/traversal.h: walks the nodes the ray meets, in the order they are
-/// stored, by recursion. Nodes entered after `limit`, read anew at every step, are culled.
-/// `leaf(index)` is called for each leaf met, and `visit()` once a node.
+/// Readable reference of kernels/node_traversal.h: visits the nodes that the ray meets recursively,
+/// in storage order. Culls nodes entered after `limit`, which is read at every step. Calls
+/// `leaf(index)` for each leaf and `visit()` for each node.
 template <int kWidth, typename Leaf, typename Visit>
-void traverse_plainly(const WideNode<kWidth>* nodes, std::uint32_t reference, const ObjectRay& ray,
-                      const float& limit, const Leaf& leaf, const Visit& visit) {
+void traverse_plain(const WideNode<kWidth>* nodes, std::uint32_t reference, const ObjectRay& ray,
+                    const float& limit, const Leaf& leaf, const Visit& visit) {
   const WideNode<kWidth>& node = node_at(nodes, reference);
   visit();
   for (int slot = 0; slot < kWidth; ++slot) {
@@ -23,7 +23,7 @@ void traverse_plainly(const WideNode<kWidth>* nodes, std::uint32_t reference, co
     if ((child & kLeafBit) != 0) {
       leaf(child & ~kLeafBit);
     } else {
-      traverse_plainly(nodes, child, ray, limit, leaf, visit);
+      traverse_plain(nodes, child, ray, limit, leaf, visit);
     }
   }
 }

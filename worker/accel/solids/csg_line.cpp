@@ -8,32 +8,32 @@
 namespace tessera::render {
 namespace {
 
-/// A point as the ray sees it: seen along the axis kz, from the ray.
-struct Seen {
+/// A point projected along the ray, relative to it.
+struct Projected {
   float x, y;
 };
 
-Seen see(const ObjectRay& ray, const Vec3f& v) {
+Projected project(const ObjectRay& ray, const Vec3f& v) {
   const Vec3f a = v - ray.origin;
   return {a[ray.kx] - ray.sx * a[ray.kz], a[ray.ky] - ray.sy * a[ray.kz]};
 }
 
-/// Which side of the edge from p to q the ray passes on: 1 for the left. On the edge, as if the ray
-/// were moved a little towards -x, and much less towards -y.
-int side(const Seen& p, const Seen& q) {
+/// Returns the side of the edge from p to q on which the ray passes: 1 left, -1 right. On the edge,
+/// as if the ray were moved by an epsilon towards -x and a much smaller one towards -y.
+int side(const Projected& p, const Projected& q) {
   const float area = difference_of_products(p.x, q.y, p.y, q.x);
   if (area != 0) return area > 0 ? 1 : -1;
   if (p.y != q.y) return q.y > p.y ? 1 : -1;
   return q.x < p.x ? 1 : -1;
 }
 
-/// Whether the ray passes through a triangle: 1 against its normal, -1 along it, 0 not. The edge
-/// functions are those of intersect_triangle().
-std::int32_t passage(const ObjectRay& ray, const Vec3f& v0, const Vec3f& v1, const Vec3f& v2) {
-  const Seen a = see(ray, v0), b = see(ray, v1), c = see(ray, v2);
+/// Returns 1 if the ray crosses the triangle against its normal, -1 along it, 0 if it misses. Uses
+/// the edge functions of intersect_triangle().
+std::int32_t crossing(const ObjectRay& ray, const Vec3f& v0, const Vec3f& v1, const Vec3f& v2) {
+  const Projected a = project(ray, v0), b = project(ray, v1), c = project(ray, v2);
   const int u = side(c, b), v = side(a, c), w = side(b, a);
   if (u != v || v != w) return 0;
-  // To the left of all: the corners turn clockwise seen against kz, so the normal points along -kz.
+  // Left of all edges: the corners are clockwise as seen against kz, so the normal points to -kz.
   const bool against_kz = u > 0;
   return against_kz == (ray.backwards[ray.kz] == 0) ? 1 : -1;
 }
@@ -65,15 +65,15 @@ void CsgLine::add_mesh(std::uint32_t operand, const Operand& mesh, const Ray& ra
   std::sort(hits.begin(), hits.end(), [](const Hit& a, const Hit& b) { return a.id < b.id; });
   TriangleId last;
   for (const Hit& hit : hits) {
-    if (hit.id == last) continue;  // of a triangle in several leaves
+    if (hit.id == last) continue;  // a triangle in several leaves
     last = hit.id;
     const Primitive& primitive = mesh.primitives[hit.id.primitive];
     const auto& [i0, i1, i2] = primitive.triangles[hit.id.triangle];
-    const std::int32_t change = passage(object_ray, primitive.positions[i0],
-                                        primitive.positions[i1], primitive.positions[i2]);
+    const std::int32_t change = crossing(object_ray, primitive.positions[i0],
+                                         primitive.positions[i1], primitive.positions[i2]);
     if (change == 0) continue;
     crossings_.push_back({hit, operand, change});
-    winding_[operand] -= change;  // far away it is 0
+    winding_[operand] -= change;  // at the origin, since it is 0 at infinity
   }
 }
 
@@ -122,11 +122,11 @@ void CsgLine::finish(std::span<const CsgStep> steps, std::vector<Hit>& hits) {
     if (is_inside == was_inside) continue;
     was_inside = is_inside;
     if (!std::isfinite(t)) continue;
-    const auto seen = std::find_if(
+    const auto visible = std::find_if(
         crossings_.begin() + static_cast<std::ptrdiff_t>(first), crossings_.end(),
         [&](const Crossing& c) { return (before_[c.operand] != 0) != (winding_[c.operand] != 0); });
-    Hit hit = seen->hit;
-    if ((seen->change > 0) != is_inside) hit.id.triangle |= kFlippedSide;
+    Hit hit = visible->hit;
+    if ((visible->change > 0) != is_inside) hit.id.triangle |= kFlippedSide;
     hits.push_back(hit);
   }
 }

@@ -11,7 +11,7 @@
 namespace tessera::render {
 namespace {
 
-/// Memory that a thread's queries use over and over.
+/// Memory that the queries of a thread reuse.
 struct Scratch {
   std::vector<ShapeHit> shape_hits;
   CsgLine line;
@@ -20,11 +20,11 @@ struct Scratch {
 };
 
 Scratch& scratch() {
-  thread_local Scratch mine;
-  return mine;
+  thread_local Scratch memory;
+  return memory;
 }
 
-/// The operand at a time; null where it is singular. One that moves is put into `memory`.
+/// The operand at a time; null if its transform is singular. A moving one is copied to `memory`.
 const Operand* operand_at(const Operand& operand, std::span<const float> key_times, float time,
                           Operand& memory) {
   if (operand.motion.empty()) return &operand;
@@ -50,9 +50,9 @@ Hit to_hit(const Operand& operand, const ShapeHit& hit) {
   return {static_cast<float>(hit.t), {operand.instance, 0, hit.face}, p.x, p.y, p.z};
 }
 
-/// The hits of a shape by itself.
-void shape_alone(const Operand& operand, const Ray& ray, const HitRequest& request,
-                 Scratch& memory) {
+/// Stores the hits of a single shape in `memory.hits`.
+void intersect_single_shape(const Operand& operand, const Ray& ray, const HitRequest& request,
+                            Scratch& memory) {
   intersect_operand(operand, ray, request, memory.shape_hits);
   std::vector<Hit>& out = memory.hits;
   for (const ShapeHit& found : memory.shape_hits) {
@@ -112,9 +112,9 @@ std::span<const Hit> Solids::hits(std::uint32_t index, const Ray& world_ray,
   if (solid.steps.empty()) {
     const Operand* const operand =
         operand_at(operands_[solid.first], key_times_, world_ray.time, memory.moved);
-    // The hit of a double up to the next float is at the limit.
+    // Doubles up to the next float may round to the limit.
     const HitRequest request = {0, double{next_up(limited.to)}, limited.first};
-    if (operand != nullptr) shape_alone(*operand, world_ray, request, memory);
+    if (operand != nullptr) intersect_single_shape(*operand, world_ray, request, memory);
     return memory.hits;
   }
   Ray ray = world_ray;

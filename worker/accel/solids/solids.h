@@ -15,18 +15,18 @@ namespace tessera::render {
 
 inline constexpr std::uint32_t kNoSolid = UINT32_MAX;
 
-/// A placed shape or mesh that is a solid, or a part of one.
+/// A placed shape or mesh that is a solid or an operand of one.
 struct Operand {
   Affine3d world_to_object;
   std::uint32_t mesh = 0, instance = 0;
   std::shared_ptr<const Shape> shape;  // null for a mesh
   SharedArray<Primitive> primitives;   // of a mesh
-  std::vector<Affine3d> motion;        // object to world by key, if it moves
+  std::vector<Affine3d> motion;        // object to world by keyframe, if it moves
 };
 
-/// A call of a function object that outlives it, which appends all hits with t >= 0 of a ray in the
-/// world on the mesh of an operand, in any order: void(const Operand&, const Ray&,
-/// std::vector<Hit>&).
+/// Non-owning reference to a function object void(const Operand&, const Ray&, std::vector<Hit>&),
+/// which must outlive it. It appends all hits with t >= 0 of a world-space ray with the mesh of an
+/// operand, in any order.
 class MeshHits {
  public:
   template <typename Collect>
@@ -45,36 +45,38 @@ class MeshHits {
   void (*call_)(void*, const Operand&, const Ray&, std::vector<Hit>&);
 };
 
-/// Which hits of a solid are asked for: those up to t, or as far as the first on a curved face.
+/// The hits of a solid that a caller needs: those with t up to `to` and, with `first`, none after
+/// the first on a curved face.
 struct LimitedHits {
   float to = std::numeric_limits<float>::max();
   bool first = false;
 };
 
-/// What of a scene is hit as a whole rather than triangle by triangle: its placed shapes and its
-/// CSG solids. All structures ask this for hits, so that these agree. Immutable once made.
+/// The placed shapes and CSG solids of a scene, which are intersected as a whole instead of
+/// triangle by triangle. All acceleration structures use this class, so that their hits agree.
+/// Immutable.
 class Solids {
  public:
   /// Null if the scene has none.
   static std::shared_ptr<const Solids> of(const Scene& scene);
 
-  /// The solid in the place of an instance (of a CSG solid: of its first operand), or kNoSolid.
+  /// The solid that replaces an instance, or kNoSolid. A CSG solid replaces its first operand.
   std::uint32_t at(std::uint32_t instance) const { return by_instance_[instance]; }
 
-  /// Whether hits beyond the first are much more work, so that they are better asked for apart.
+  /// Whether the first hit is much cheaper than all hits, so that it should be requested alone.
   bool first_is_cheap(std::uint32_t index) const { return solids_[index].first_is_cheap; }
 
-  /// All hits of a ray in the world with t >= 0, whatever its t_max, in the order of "One hit";
-  /// without the face that it leaves if that is flat. Both sides of a body are hits; a place where
-  /// the ray only touches it is at most one. Those beyond the limit may be left out. Valid until
-  /// the next call on this thread.
+  /// Returns all hits of a world-space ray with t >= 0, whatever its t_max, ordered as by
+  /// precedes(); without the flat face on which it starts. Both entries and exits are hits; a point
+  /// where the ray touches the surface is at most one hit. Hits beyond the limit may be missing.
+  /// The result is valid until the next call on this thread.
   std::span<const Hit> hits(std::uint32_t index, const Ray& world_ray, const MeshHits& mesh_hits,
                             const LimitedHits& limited = {}) const;
 
  private:
   struct Solid {
     std::uint32_t first = 0, count = 0;  // of operands_
-    std::vector<CsgStep> steps;          // none: a shape by itself
+    std::vector<CsgStep> steps;          // empty for a single shape
     bool first_is_cheap = false;
   };
 
