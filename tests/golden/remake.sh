@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Makes the kept pictures of this folder anew: NAME.mean.exr and NAME.variance.exr (of one frame),
-# from 32 seeds. After a change that is meant to alter what scenes look like; look at them.
+# Renders the references of this folder again: NAME.mean.exr and NAME.variance.exr, the mean and the
+# variance of one frame per pixel over 32 seeds, unclamped. Run it after a change that is meant to
+# alter images, and look at them.
 #
 #   tests/golden/remake.sh [BIN (build/dev/bin)]
 set -euo pipefail
