@@ -37,38 +37,41 @@ std::string version_text() {
 
 void add_client_limits(CLI::App& app, Config& config) {
   app.add_option("--client-jobs", config.client_jobs,
-                 "Most unfinished jobs a client may have; 0: any number")
+                 "Maximum unfinished jobs per client; 0: unlimited")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{1'000'000}))
       ->capture_default_str();
   const auto limit = contract::finite_range(0.0, 1e9);
   app.add_option("--client-gigasamples", config.client_gigasamples,
-                 "Most pixels x samples of a client's unfinished jobs, 10^9; 0: any number")
+                 "Maximum pixels x samples of a client's unfinished jobs, 10^9; 0: unlimited")
       ->check(limit)
       ->capture_default_str();
   app.add_option("--client-gb", config.client_gb,
-                 "Most store a client's unfinished jobs may need, GB; 0: any")
+                 "Maximum store for a client's unfinished jobs, GB; 0: unlimited")
       ->check(limit)
       ->capture_default_str();
   app.add_option("--client-calls", config.client_calls,
-                 "With --certs: most calls a second of a client; 0: any number")
+                 "With --certs: maximum calls per second per client; 0: unlimited")
       ->check(limit)
       ->capture_default_str();
   app.add_option("--client-upload-gb", config.client_upload_gb,
-                 "With --certs: most a client may upload in an hour, GB; 0: any")
+                 "With --certs: maximum upload per client and hour, GB; 0: unlimited")
       ->check(limit)
       ->capture_default_str();
 }
 
 void add_options(CLI::App& app, Config& config) {
-  app.add_option("--listen", config.listen,
-                 "Where to listen: unix:PATH, or HOST:PORT (port 0: any free one); addresses other "
-                 "machines can reach need --certs")
+  app.add_option(
+         "--listen", config.listen,
+         "Address to listen on: unix:PATH or HOST:PORT (port 0: any free port); addresses that "
+         "other machines can reach require --certs")
       ->type_name("ADDRESS");
-  app.add_option("--store", config.store, "Folder of jobs, blocks and images; made if needed")
+  app.add_option("--store", config.store,
+                 "Directory of jobs, blocks and images; created if missing")
       ->type_name("DIR");
-  app.add_option("--certs", config.certs,
-                 "Folder with ca.crt, tls.crt and tls.key (see init-certs); TCP then takes only "
-                 "callers with a certificate of that authority")
+  app.add_option(
+         "--certs", config.certs,
+         "Directory with ca.crt, tls.crt and tls.key (see init-certs); TCP then accepts only "
+         "callers with a certificate of that authority")
       ->type_name("DIR");
   const auto size = contract::finite_range(0.001, 1e6);
   app.add_option("--film-memory-gb", config.film_memory_gb, "Merged tiles kept in memory, GB")
@@ -90,15 +93,16 @@ void add_options(CLI::App& app, Config& config) {
       ->check(contract::finite_range(0.0, 36'500.0))
       ->capture_default_str();
   app.add_option("--audit-fraction", config.audit_fraction,
-                 "Share of units that another worker renders again, to be compared; 0: none")
+                 "Fraction of units re-rendered by a second worker to verify results; 0: none")
       ->check(contract::finite_range(0.0, 1.0))
       ->capture_default_str();
   add_client_limits(app, config);
-  app.add_option("--metrics", config.metrics,
-                 "Where Prometheus may ask for metrics, http://HOST:PORT/metrics; on this machine "
-                 "only (port 0: any free one, said in the log)")
+  app.add_option(
+         "--metrics", config.metrics,
+         "Prometheus endpoint http://HOST:PORT/metrics, loopback only (port 0: any free port, "
+         "see the log)")
       ->type_name("HOST:PORT");
-  app.add_option("--log-level", config.log_level, "What goes to stderr")
+  app.add_option("--log-level", config.log_level, "Minimum level logged to stderr")
       ->check(CLI::IsMember(log_level_names()))
       ->capture_default_str();
 }
@@ -108,11 +112,11 @@ void add_options(CLI::App& app, Config& config) {
 ParsedConfig parse_config(int argc, char** argv) {
   ParsedConfig parsed;
   Config config;
-  CLI::App app{"The coordinator of a Tessera farm: takes jobs, leases units, merges film blocks."};
+  CLI::App app{"The server of a Tessera farm: accepts jobs, leases units, merges film blocks."};
   app.name("tessera-server");
   app.set_version_flag("--version", version_text());
-  app.set_help_all_flag("--help-all", "Print this help and that of all commands");
-  app.set_config("--config", "", "Read options from a TOML file; the command line wins");
+  app.set_help_all_flag("--help-all", "Print the help of all commands");
+  app.set_config("--config", "", "TOML file with options; the command line takes precedence");
   add_options(app, config);
   add_identity_commands(app, parsed.command);
   add_store_commands(app, parsed.command);
@@ -121,8 +125,8 @@ ParsedConfig parse_config(int argc, char** argv) {
       "Examples:\n  tessera-server --listen 127.0.0.1:7420 --store /var/lib/tessera\n"
       "  tessera-server init-certs certs --host farm.example\n"
       "  tessera-server --listen 0.0.0.0:7420 --store /var/lib/tessera --certs certs\n"
-      "The address is printed on stdout once it is bound. Loopback TCP without certificates needs\n"
-      "the token in STORE/token; a Unix socket needs a folder of mode 0700. SIGTERM stops the "
+      "The server prints its address on stdout. Loopback TCP without certificates requires the\n"
+      "token in STORE/token; a Unix socket requires a directory of mode 0700. SIGTERM stops the "
       "server.");
   try {
     app.parse(argc, argv);

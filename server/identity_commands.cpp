@@ -22,7 +22,7 @@ using Run = std::function<absl::Status()>;
 
 constexpr std::int64_t kDay = 86'400;
 constexpr std::int64_t kAuthorityDays = 3650;
-constexpr std::int64_t kClockSkew = 3600;  // by which others' clocks may be behind ours
+constexpr std::int64_t kClockSkew = 3600;  // by which other machines' clocks may be behind
 
 std::int64_t now_s() {
   return std::chrono::duration_cast<std::chrono::seconds>(
@@ -41,22 +41,24 @@ struct CertificateFlags {
 };
 
 void add_folder(CLI::App& command, CertificateFlags& flags) {
-  command.add_option("folder", flags.folder, "Folder of the farm's authority")
+  command.add_option("folder", flags.folder, "Directory of the farm's authority")
       ->required()
       ->type_name("DIR");
 }
 
 void add_days(CLI::App& command, CertificateFlags& flags) {
-  command.add_option("--days", flags.days, "How long the certificate is in force")
+  command.add_option("--days", flags.days, "Validity of the certificate, days")
       ->check(CLI::Range(std::int64_t{1}, kAuthorityDays))
       ->capture_default_str();
 }
 
 void add_who(CLI::App& command, CertificateFlags& flags) {
-  command.add_option("--role", flags.role, "client: own jobs; worker: leased units; admin: all")
+  command
+      .add_option("--role", flags.role,
+                  "Role: client (own jobs), worker (leased units) or admin (everything)")
       ->required()
       ->check(CLI::IsMember({"client", "worker", "admin"}));
-  command.add_option("--name", flags.name, "Who it is for; a client's jobs belong to this name")
+  command.add_option("--name", flags.name, "Name of the holder; a client's jobs belong to it")
       ->required();
 }
 
@@ -65,8 +67,9 @@ absl::Status init_certs(const CertificateFlags& flags) {
   if (status.ok()) status = issue_server(flags.folder, flags.hosts, days_from_now(flags.days));
   if (!status.ok()) return status;
   std::fprintf(stderr,
-               "%s holds the authority and the server's certificate. ca.key signs for everyone: "
-               "keep it safe.\nNow: tessera-server issue-cert %s --role client --name NAME\n",
+               "%s contains the authority and the server's certificate. ca.key can issue any "
+               "certificate; keep it secret.\nNext: tessera-server issue-cert %s --role client "
+               "--name NAME\n",
                flags.folder.c_str(), flags.folder.c_str());
   return absl::OkStatus();
 }
@@ -86,28 +89,26 @@ absl::Status revoke_cert(const CertificateFlags& flags) {
 
 void add_certificate_commands(CLI::App& app, Run& run) {
   auto flags = std::make_shared<CertificateFlags>();
-  CLI::App* init =
-      app.add_subcommand("init-certs",
-                         "Make the farm's certificate authority, unless it is there, and a server "
-                         "certificate, always: also how that is renewed");
+  CLI::App* init = app.add_subcommand(
+      "init-certs", "Create the farm's CA if missing and issue or renew the server certificate");
   add_folder(*init, *flags);
-  init->add_option("--host", flags->hosts, "Host name or IP address the server is called by")
+  init->add_option("--host", flags->hosts, "Host names and IP addresses of the server")
       ->required()
       ->type_name("NAME…");
   add_days(*init, *flags);
   init->callback([flags, &run] { run = [flags] { return init_certs(*flags); }; });
 
   CLI::App* issue = app.add_subcommand(
-      "issue-cert", "Issue a certificate into a folder for --certs; prints the folder");
+      "issue-cert", "Issue a certificate into a directory for --certs; prints the directory");
   add_folder(*issue, *flags);
   add_who(*issue, *flags);
-  issue->add_option("--out", flags->out, "Folder to write to (default: DIR/ROLE-NAME)")
+  issue->add_option("--out", flags->out, "Directory to write to (default: DIR/ROLE-NAME)")
       ->type_name("DIR");
   add_days(*issue, *flags);
   issue->callback([flags, &run] { run = [flags] { return issue_cert(*flags); }; });
 
   CLI::App* revoke = app.add_subcommand(
-      "revoke", "Refuse every certificate issued to a name so far; takes effect within seconds");
+      "revoke", "Revoke all certificates issued to a name; takes effect within seconds");
   add_folder(*revoke, *flags);
   add_who(*revoke, *flags);
   revoke->callback([flags, &run] { run = [flags] { return revoke_cert(*flags); }; });
@@ -123,7 +124,7 @@ absl::Status create_token(const TokenFlags& flags) {
   if (!absl::ParseDuration(flags.ttl, &ttl) || ttl < absl::Seconds(1) ||
       ttl > absl::Hours(24 * kAuthorityDays)) {
     return absl::InvalidArgumentError(
-        absl::StrCat("--ttl \"", flags.ttl, "\" is no span such as 90m, 24h or 720h"));
+        absl::StrCat("--ttl \"", flags.ttl, "\" is not a duration such as 90m, 24h or 720h"));
   }
   const auto token =
       JoinTokens(flags.store).create(now_s() + absl::ToInt64Seconds(ttl), flags.max_joins);
@@ -133,7 +134,7 @@ absl::Status create_token(const TokenFlags& flags) {
   return absl::OkStatus();
 }
 
-/// How many workers have joined with each token, as far as the journal says.
+/// Returns the number of workers that joined with each token, from the journal.
 absl::StatusOr<std::map<std::string, std::int64_t>> count_joins(const std::string& store) {
   auto rows = Database::open(store + "/store.db", "", Database::Mode::reader);
   if (!rows.ok()) return rows.status();
@@ -167,33 +168,35 @@ absl::Status list_tokens(const TokenFlags& flags) {
 
 void add_token_commands(CLI::App& app, Run& run) {
   auto flags = std::make_shared<TokenFlags>();
-  CLI::App* tokens =
-      app.add_subcommand("tokens", "Join tokens: with one, and its certificate, a worker may join");
+  CLI::App* tokens = app.add_subcommand(
+      "tokens", "Manage the join tokens that workers present, with their certificate, to join");
   tokens->require_subcommand(1);
   const auto add_store = [&](CLI::App& command) {
-    command.add_option("--store", flags->store, "Folder of the server's store")
+    command.add_option("--store", flags->store, "Directory of the server's store")
         ->required()
         ->type_name("DIR");
   };
-  CLI::App* create = tokens->add_subcommand("create", "Make a token and print it, once");
+  CLI::App* create =
+      tokens->add_subcommand("create", "Create a token and print it (shown only once)");
   add_store(*create);
-  create->add_option("--ttl", flags->ttl, "For how long workers may join with it")
-      ->type_name("SPAN")
+  create->add_option("--ttl", flags->ttl, "Time for which workers can join with it")
+      ->type_name("DURATION")
       ->capture_default_str();
-  create->add_option("--max-joins", flags->max_joins, "Most workers that may; 0: any number")
+  create->add_option("--max-joins", flags->max_joins, "Maximum number of workers; 0: unlimited")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{1'000'000}))
       ->capture_default_str();
-  create->add_option("--out", flags->out, "Write it to a file of mode 0600 instead")
+  create->add_option("--out", flags->out, "Write the token to a file of mode 0600 instead")
       ->type_name("FILE");
   create->callback([flags, &run] { run = [flags] { return create_token(*flags); }; });
 
-  CLI::App* list = tokens->add_subcommand("list", "List tokens, without their secrets");
+  CLI::App* list = tokens->add_subcommand("list", "List tokens without their secrets");
   add_store(*list);
   list->callback([flags, &run] { run = [flags] { return list_tokens(*flags); }; });
 
-  CLI::App* revoke = tokens->add_subcommand("revoke", "Let nobody join with it any more");
+  CLI::App* revoke =
+      tokens->add_subcommand("revoke", "Revoke a token; workers that have joined stay");
   add_store(*revoke);
-  revoke->add_option("token", flags->id, "The token's first eight digits")->required();
+  revoke->add_option("token", flags->id, "First eight digits of the token")->required();
   revoke->callback(
       [flags, &run] { run = [flags] { return JoinTokens(flags->store).revoke(flags->id); }; });
 }

@@ -61,7 +61,7 @@ CoordinatorOptions options_of(const Config& config) {
   return options;
 }
 
-/// A connection is a descriptor: as many as the system lets us have.
+/// Raises the limit of open files to the maximum: each connection needs a descriptor.
 void raise_file_limit() {
   rlimit limit{};
   if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
@@ -80,8 +80,7 @@ void tick_until_told(Coordinator& coordinator, const sigset_t& signals) {
   while (::sigtimedwait(&signals, nullptr, &period) < 0) coordinator.tick();
 }
 
-/// Workers that joined with tokens which are no more, and stayed away for long, are strangers
-/// again.
+/// Forgets workers that joined with tokens that no longer exist and have not connected for long.
 absl::Status forget_old_joins(Store& store, const std::string& folder) {
   const std::int64_t now_us = wall_us();
   const auto tokens = JoinTokens(folder).list();
@@ -130,7 +129,7 @@ int serve(const Config& config, const sigset_t& signals) {
   (*coordinator)->stop();
   writer.join();
   film.join();
-  // What was delivered or changed is journaled; images are made again after the next start.
+  // Writes pending blocks and changes; unfinished images are written again after the next start.
   while ((*coordinator)->run_writer(false)) {
   }
   return 0;

@@ -29,7 +29,7 @@ absl::Status check(const std::string& folder) {
   if (!findings.ok()) return findings.status();
   for (const std::string& fault : findings->faults) std::printf("fault: %s\n", fault.c_str());
   for (const std::string& file : findings->orphans) {
-    std::printf("left over, to be removed by the next start: %s\n", file.c_str());
+    std::printf("orphaned file, removed at the next server start: %s\n", file.c_str());
   }
   print_sums(*findings);
   if (findings->faults.empty()) return absl::OkStatus();
@@ -47,14 +47,20 @@ absl::Status back_up(const StoreFlags& flags) {
 void add_store_commands(CLI::App& app, std::function<absl::Status()>& run) {
   auto flags = std::make_shared<StoreFlags>();
   CLI::App* checking = app.add_subcommand(
-      "check", "Compare every row of a store that no server uses with its files; changes nothing");
-  checking->add_option("store", flags->folder, "Folder of the store")->required()->type_name("DIR");
+      "check", "Verify an offline store: compare every row with its files (read-only)");
+  checking->add_option("store", flags->folder, "Directory of the store")
+      ->required()
+      ->type_name("DIR");
   checking->callback([flags, &run] { run = [flags] { return check(flags->folder); }; });
 
-  CLI::App* backup =
-      app.add_subcommand("backup", "Copy a store, also while a server uses it, and check the copy");
-  backup->add_option("store", flags->folder, "Folder of the store")->required()->type_name("DIR");
-  backup->add_option("copy", flags->copy, "Folder to make; a server can be started on it")
+  CLI::App* backup = app.add_subcommand(
+      "backup", "Copy a store, even while a server uses it, and verify the copy");
+  backup->add_option("store", flags->folder, "Directory of the store")
+      ->required()
+      ->type_name("DIR");
+  backup
+      ->add_option("copy", flags->copy,
+                   "Directory of the copy, which must not exist; a server can be started on it")
       ->required()
       ->type_name("COPY");
   backup->callback([flags, &run] { run = [flags] { return back_up(*flags); }; });

@@ -8,7 +8,7 @@
 namespace tessera::server {
 namespace {
 
-/// Bytes of film blocks a frame ships at most: the size of a block is linear in its pixels.
+/// Returns the maximum bytes of film blocks of a frame. A block's size is linear in its pixels.
 std::int64_t frame_store_bytes(const contract::RenderSettings& settings) {
   const contract::PixelRect window = settings.window();
   const std::int64_t pixels = std::int64_t{window.width} * window.height;
@@ -24,22 +24,21 @@ std::int64_t frame_store_bytes(const contract::RenderSettings& settings) {
 }
 
 absl::Status over(const char* what, double sum, double limit) {
-  return absl::ResourceExhaustedError(
-      absl::StrFormat("with this job your unfinished jobs come to %s %g; the farm allows you %g",
-                      what, sum, limit));
+  return absl::ResourceExhaustedError(absl::StrFormat(
+      "quota exceeded: your unfinished jobs would total %g %s; the limit is %g", sum, what, limit));
 }
 
 }  // namespace
 
 JobSize size_of(const JobSpec& spec) {
-  constexpr std::int64_t kImageBytesPerPixel = 96;  // every layer, 24 floats, uncompressed
-  constexpr std::int64_t kMaxDeliveries = std::int64_t{1} << 62;
+  constexpr std::int64_t kImageBytesPerPixel = 96;  // all layers, 24 floats, uncompressed
+  constexpr std::int64_t kMaxBytes = std::int64_t{1} << 62;
   const contract::PixelRect window = spec.settings.window();
   const std::int64_t pixels = std::int64_t{window.width} * window.height;
   const auto frames = static_cast<std::int64_t>(contract::frame_count(spec.settings.frames));
   const std::int64_t frame = frame_store_bytes(spec.settings) + kImageBytesPerPixel * pixels;
   const double product = static_cast<double>(frame) * static_cast<double>(frames);
-  return {product > 4e18 ? kMaxDeliveries : frame * frames,
+  return {product > 4e18 ? kMaxBytes : frame * frames,
           static_cast<double>(pixels) * static_cast<double>(frames) * spec.settings.spp};
 }
 
@@ -53,13 +52,13 @@ void OwnerUse::add(const JobSpec& spec) {
 absl::Status check_quota(const ClientQuota& quota, OwnerUse use, const JobSpec& spec) {
   use.add(spec);
   if (quota.jobs > 0 && use.jobs > quota.jobs) {
-    return over("jobs:", static_cast<double>(use.jobs), static_cast<double>(quota.jobs));
+    return over("jobs", static_cast<double>(use.jobs), static_cast<double>(quota.jobs));
   }
   if (quota.samples > 0 && use.samples > quota.samples) {
-    return over("samples (pixels x samples a pixel):", use.samples, quota.samples);
+    return over("samples (pixels x samples per pixel)", use.samples, quota.samples);
   }
   if (quota.store_bytes > 0 && use.store_bytes > static_cast<double>(quota.store_bytes)) {
-    return over("bytes of store:", use.store_bytes, static_cast<double>(quota.store_bytes));
+    return over("bytes of store", use.store_bytes, static_cast<double>(quota.store_bytes));
   }
   return absl::OkStatus();
 }

@@ -20,22 +20,22 @@ absl::Status no_such_job(const std::string& text) {
   return absl::NotFoundError(absl::StrCat("no job \"", text, "\""));
 }
 
-/// Whether a job is there for a caller who sees `owner`'s; empty: everybody's.
+/// Returns whether a caller who sees the jobs of `owner` (empty: all jobs) sees this one.
 bool is_of(const Job& job, const std::string& owner) {
   return owner.empty() || job.spec->owner == owner;
 }
 
-/// Why nobody could work for a job that may run: the words for its owner, or "".
+/// Returns why no worker can render an active job, or "".
 std::string missing_workers(const Job& job, const std::map<WorkerKey, Worker>& workers) {
   const std::string& tag = job.spec->required_tag;
   bool any = false;
   for (const auto& [key, worker] : workers) {
-    // A stream that has just broken is not the worker's end yet.
+    // A worker whose stream has just broken may reconnect.
     if (worker.lost || worker.draining || worker.quarantined) continue;
     if (tag.empty() || worker.tags.count(tag) > 0) return {};
     any = true;
   }
-  return any ? absl::StrCat("no worker here has the tag ", tag) : "no worker is here";
+  return any ? absl::StrCat("no connected worker has tag ", tag) : "no workers connected";
 }
 
 }  // namespace
@@ -55,7 +55,8 @@ void Coordinator::log(LogLevel level, const std::string& message) const {
   if (options_.log) options_.log(level, message);
 }
 
-/// Carries out what the scheduler decided: calls to links wait until the lock is given up.
+/// Carries out the scheduler's effects; calls of connections are deferred until the lock is
+/// released.
 void Coordinator::settle(DeferredCalls& deferred) {
   Effects effects = scheduler_.take_effects();
   for (const WorkerKey key : effects.to_wake) {
@@ -77,7 +78,7 @@ void Coordinator::settle(DeferredCalls& deferred) {
     const auto connected = connections_.find(key);
     if (connected == connections_.end()) continue;
     deferred.add([connection = connected->second.connection] {
-      connection->close(absl::UnavailableError("nothing was heard of this worker; connect again"));
+      connection->close(absl::UnavailableError("heartbeat timeout; reconnect"));
     });
     connections_.erase(connected);
     scheduler_.disconnect(key);
@@ -102,7 +103,7 @@ void Coordinator::settle(DeferredCalls& deferred) {
     } else if (film.end_time_us == 0) {
       film.end_time_us = options_.wall_us();
     }
-    if (job->state == JobState::done) {  // its blocks are no longer needed, nor where they lie
+    if (job->state == JobState::done) {  // its blocks are no longer needed
       film.grid.reset();
       film.block_index.reset();
     }
@@ -125,21 +126,25 @@ void Coordinator::tick() {
   settle(deferred);
 }
 
-/// A few at a time: the writer has other things to do.
+/// Removes a few jobs at a time, so that the writer is not blocked.
 void Coordinator::remove_old_jobs() {
   const std::int64_t ended_before_us = options_.wall_us() - options_.job_retention_us;
   std::size_t count = 0;
   for (const auto& [key, job] : scheduler_.jobs()) {
     const auto film = films_.find(key);
     if (film == films_.end()) continue;
-    const std::int64_t ended_us = film->second.end_time_us;  // 0: it has not
+    const std::int64_t ended_us = film->second.end_time_us;  // 0: not ended
     if (ended_us == 0 || ended_us > ended_before_us) continue;
     write_tasks_.emplace_back([this, id = job.spec->id] {
       remove_now(id, [this, id](const absl::Status& status) {
-        if (status.ok()) return log(LogLevel::info, absl::StrCat("job ", id, " is old: removed"));
-        // Gone, or going on, by somebody's order that came before.
+        if (status.ok())
+          return log(LogLevel::info,
+                     absl::StrCat("job ", id, " removed after its retention period"));
+        // Removed or resumed by a request in the meantime.
         if (absl::IsNotFound(status) || absl::IsFailedPrecondition(status)) return;
-        log(LogLevel::error, absl::StrCat("job ", id, " is old: ", status.ToString()));
+        log(LogLevel::error,
+            absl::StrCat("job ", id,
+                         " cannot be removed after its retention period: ", status.ToString()));
       });
     });
     if (++count == kOldJobsAtOnce) break;
@@ -147,7 +152,7 @@ void Coordinator::remove_old_jobs() {
   if (count > 0) writer_wakeup_.notify_all();
 }
 
-/// Has the running time of the jobs so far written to their rows, and what could not be written.
+/// Journals the running time of jobs, and retries changes that could not be written.
 void Coordinator::journal_running() {
   changed_.merge(unjournaled_);
   for (const auto& [key, job] : scheduler_.jobs()) {
@@ -186,7 +191,7 @@ Coordinator::Joined Coordinator::join(const Hello& hello,
   const std::string who = absl::StrCat(hello.name, " on ", hello.host, ", ", hello.isa, ", ",
                                        hello.thread_count, " threads");
   note(EventKind::worker_joined, hello.worker_id, who);
-  deferred.add([this, text = absl::StrCat("worker ", hello.worker_id, " is here: ", who)] {
+  deferred.add([this, text = absl::StrCat("worker ", hello.worker_id, " connected: ", who)] {
     log(LogLevel::info, text);
   });
   settle(deferred);
@@ -211,7 +216,7 @@ void Coordinator::disconnect(Session session) {
   MutexLock lock(mutex_);
   const auto connected = connections_.find(session.worker);
   if (connected == connections_.end() || connected->second.session != session.number) return;
-  // The connection may own what calls us: it dies after the lock.
+  // The connection may own the caller: it is destroyed after unlocking.
   deferred.add([connection = std::move(connected->second.connection)] {});
   connections_.erase(connected);
   scheduler_.disconnect(session.worker);
@@ -328,7 +333,7 @@ void Coordinator::record_join(Join join, std::int64_t most,
 
 std::string Coordinator::session_key(const std::string& worker_id,
                                      const std::string& certificate) const {
-  // Neither name can hold the separator.
+  // Neither name contains the separator.
   return contract::hmac_sha256(store_.key(),
                                absl::StrCat("session\n", worker_id, "\n", certificate))
       .hex();
@@ -355,8 +360,8 @@ BlockIndex& Coordinator::block_index_of(Job& job) {
   return *film.block_index;
 }
 
-/// Samples of the whole job, foreseen where an error is asked for: frames not begun are taken for
-/// the mean of the others.
+/// Returns the samples of the whole job. With a target error they are predicted: frames not started
+/// count as the mean of the others.
 std::int64_t Coordinator::sample_count(const Job& job, const JobFilm& film) {
   const contract::RenderSettings& settings = job.spec->settings;
   const contract::PixelRect window = settings.window();
@@ -462,7 +467,7 @@ absl::StatusOr<JobView> Coordinator::find_job(const std::string& text,
   if (fits.size() == 1) return view(*fits.front());
   if (named != nullptr) return view(*named);
   if (fits.empty()) return no_such_job(text);
-  std::string message = absl::StrCat("\"", text, "\" fits several jobs:");
+  std::string message = absl::StrCat("\"", text, "\" matches several jobs:");
   for (const Job* job : fits) absl::StrAppend(&message, " ", job->spec->id);
   return absl::InvalidArgumentError(message);
 }

@@ -11,11 +11,11 @@ using contract::Unit;
 namespace {
 
 constexpr std::size_t kGroupUnits =
-    1024;  // one group of the journal; bounds an acknowledgement's wait
+    1024;  // units per group; bounds the latency of acknowledgements
 constexpr std::int64_t kGroupBytes = std::int64_t{64} << 20;
 constexpr std::int64_t kDroppedEntryBytes = 12;
 
-/// What a block weighs while it waits: its bytes and, decoded, as many again.
+/// Memory of a waiting block: its bytes and the decoded copy.
 std::int64_t weight(const BlockHeader& header) {
   return 2 * header.size_bytes;
 }
@@ -28,18 +28,18 @@ absl::Status check_size(const BlockHeader& header, const contract::FilmBlockShap
   if (extra >= 0 && header.size_bytes <= most && extra % kDroppedEntryBytes == 0) {
     return absl::OkStatus();
   }
-  return absl::InvalidArgumentError(absl::StrCat("size_bytes: ", header.size_bytes,
-                                                 ", the unit implies ", fixed, " plus 12 for each ",
-                                                 "of at most ", (most - fixed) / 12, " entries"));
+  return absl::InvalidArgumentError(absl::StrCat("size_bytes: ", header.size_bytes, ", expected ",
+                                                 fixed, " plus 12 per dropped ", "entry, at most ",
+                                                 (most - fixed) / 12, " entries"));
 }
 
 }  // namespace
 
-/// A group of delivered blocks, judged.
+/// A group of delivered blocks with their outcomes.
 struct Coordinator::CheckedGroup {
   std::vector<Commit> commits;
   std::vector<Delivered> committed;  // in the order of `commits`
-  std::vector<Delivered> repeats;    // of units earlier in this very group
+  std::vector<Delivered> repeats;    // of units earlier in the same group
 };
 
 absl::Status Coordinator::check_delivery(const std::string& worker_id,
@@ -47,7 +47,7 @@ absl::Status Coordinator::check_delivery(const std::string& worker_id,
   MutexLock lock(mutex_);
   const Worker* worker = scheduler_.find_worker(worker_id);
   if (worker == nullptr || !worker->connected || worker->certificate != certificate) {
-    return absl::FailedPreconditionError("no Work stream of this worker is open");
+    return absl::FailedPreconditionError("this worker has no open Work stream; open one first");
   }
   scheduler_.record_contact(worker->key, options_.clock());
   return absl::OkStatus();
@@ -66,11 +66,11 @@ void Coordinator::reject(const std::string& worker_id, const BlockHeader& header
   if (worker == nullptr) return;
   options_.metrics->errors.block_rejected.Increment();
   deferred.add(
-      [this, text = absl::StrCat("worker ", worker_id, ": a block of job ", header.lease.job_id,
-                                 " is rejected: ", reason)] { log(LogLevel::warn, text); });
+      [this, text = absl::StrCat("worker ", worker_id, ": block of job ", header.lease.job_id,
+                                 " rejected: ", reason)] { log(LogLevel::warn, text); });
   answer(worker_id, header.lease.job_id, header.unit(), AckStatus::rejected, reason);
   scheduler_.fail_unit(worker->key, header.lease, header.tile,
-                       {worker_id, absl::StrCat("its block was rejected: ", reason), ""},
+                       {worker_id, absl::StrCat("block rejected: ", reason), ""},
                        absl::StatusCode::kDataLoss, options_.clock());
 }
 
@@ -82,7 +82,7 @@ void Coordinator::answer_obsolete(const std::string& worker_id, const BlockHeade
   if (job->plan) scheduler_.release_duplicate(*job, header.unit(), worker_id);
 }
 
-/// Judges a unit that is committed already; false if it is not.
+/// Acknowledges a unit that is already committed; returns false if it is not.
 bool Coordinator::handle_duplicate(Job& job, const std::string& worker_id,
                                    const BlockHeader& header) {
   const BlockIndex& block_index = block_index_of(job);
@@ -107,7 +107,7 @@ bool Coordinator::handle_duplicate(Job& job, const std::string& worker_id,
     ++job.counters.mismatched;
     options_.metrics->results_mismatched.Increment();
     answer(worker_id, header.lease.job_id, header.unit(), AckStatus::rejected,
-           "the unit is committed with other bytes");
+           "result differs from the committed one");
   }
   return true;
 }
@@ -121,7 +121,7 @@ std::optional<Admission> Coordinator::admit(const std::string& worker_id,
   Job* job = scheduler_.find_job(header.lease.job_id);
   if (!is_ours) {
     answer(worker_id, header.lease.job_id, header.unit(), AckStatus::rejected,
-           "the lease's seal is not of this store and worker");
+           "invalid seal: this store did not grant the lease to this worker");
   } else if (job == nullptr) {
     answer_obsolete(worker_id, header);
   } else {
@@ -216,7 +216,7 @@ void Coordinator::journal_changes() {
     callbacks.swap(after_journal_);
   }
   for (const auto& [key, record] : records) {
-    // Blocks and units first: a job that is DONE in the journal has none left.
+    // Blocks and units first: a job that is DONE in the journal has none.
     absl::Status status = record.state == static_cast<std::int32_t>(JobState::done)
                               ? store_.close_job(record.id)
                               : absl::OkStatus();
@@ -308,7 +308,7 @@ void Coordinator::commit_failed(const CheckedGroup& checked, const absl::Status&
   MutexLock lock(mutex_);
   for (const auto* list : {&checked.committed, &checked.repeats}) {
     for (const Delivered& block : *list) {
-      ingest_bytes_ -= weight(block.header);  // no verdict: the worker keeps it and sends it again
+      ingest_bytes_ -= weight(block.header);  // not acknowledged, so the worker sends it again
       Job* job = scheduler_.find_job(block.header.lease.job_id);
       if (job == nullptr || !absl::IsResourceExhausted(status)) continue;
       pause_for_room(*job, status);
@@ -318,15 +318,14 @@ void Coordinator::commit_failed(const CheckedGroup& checked, const absl::Status&
   settle(deferred);
 }
 
-/// Leases nothing new of a job whose results do not fit on the disk. An ended job stays as it is.
+/// Pauses a job because the disk is full. Does nothing for an ended job.
 void Coordinator::pause_for_room(Job& job, const absl::Status& status) {
   scheduler_
-      .pause(job, absl::StrCat("the store is full: ", std::string(status.message())),
-             options_.clock())
+      .pause(job, absl::StrCat("store full: ", std::string(status.message())), options_.clock())
       .IgnoreError();
 }
 
-/// Before the scheduler hears of it, and forgets who held the unit since when.
+/// Call before Scheduler::commit(), which drops the unit's holders.
 void Coordinator::count_committed(Job& job, const UnitRecord& record, std::int64_t samples) {
   FarmMetrics& metrics = *options_.metrics;
   metrics.units_committed.Increment();
@@ -349,7 +348,7 @@ void Coordinator::count_committed(Job& job, const UnitRecord& record, std::int64
                    .lease_seconds = leased});
 }
 
-/// How long ago the worker that has rendered a unit was leased it, if this process did that.
+/// Returns the seconds since the unit was leased to its worker, if this process leased it.
 std::optional<double> Coordinator::turnaround_seconds(Job& job, const UnitRecord& record) {
   const Worker* worker = scheduler_.find_worker(record.worker_id);
   const InFlight* held = job.open_plan().find_in_flight(record.unit);
@@ -378,7 +377,7 @@ void Coordinator::apply_commit(CheckedGroup& checked) {
     film.committed_samples += samples;
     count_committed(*job, record, samples);
     scheduler_.commit(*job, record.unit, record.worker_id, record.cpu_seconds);
-    if (scheduler_.is_quarantined(record.worker_id)) {  // found lying while this was on its way
+    if (scheduler_.is_quarantined(record.worker_id)) {  // found faulty in the meantime
       film_of(*job).finishing.insert(record.unit.frame);
       write_tasks_.emplace_back([this, key = FrameKey{job->spec->id, record.unit.frame},
                                  worker = record.worker_id] { redo_units_by_worker(key, worker); });
@@ -387,7 +386,7 @@ void Coordinator::apply_commit(CheckedGroup& checked) {
     }
     answer(block.worker_id, checked.commits[i].job_id, record.unit, AckStatus::committed, "");
     FilmUpdate update{checked.commits[i].job_id, record.unit, std::nullopt, 0};
-    // A film thread that lags behind reads the block back later instead of holding up commits.
+    // If the film thread lags behind, it reads the block back later; commits do not wait.
     if (ingest_bytes_ < options_.ingest_bytes / 2) {
       update.block = std::move(block.block);
       update.bytes = block.header.size_bytes;
@@ -409,7 +408,7 @@ void Coordinator::apply_commit(CheckedGroup& checked) {
   settle(deferred);
 }
 
-/// Whether all of a frame is committed and nothing of it is in doubt.
+/// Returns whether all units of a frame are committed and no audit is open.
 bool Coordinator::is_ready(const Job& job, std::int32_t frame) const {
   return job.plan->is_complete(frame) && !scheduler_.has_audits(job, frame);
 }

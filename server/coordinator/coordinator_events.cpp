@@ -1,4 +1,4 @@
-// What happened, for people who ask, and what they order.
+// Events, and orders of operators.
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -72,7 +72,7 @@ void Coordinator::take_log_lines(Session session, const std::vector<LogLine>& li
   for (const LogLine& line : lines) {
     const Job* job = scheduler_.find_job(line.job_id);
     if (job == nullptr) continue;
-    // Of a job that has ended, too: the last lines come late.
+    // Also for a job that has ended: its last lines arrive late.
     const bool is_its =
         job->ever_leased_to.count(worker->key) + job->contributions.count(worker->id) > 0;
     if (!is_its) continue;
@@ -86,7 +86,7 @@ absl::Status Coordinator::drain_worker(const std::string& worker_id) {
   if (!scheduler_.drain(worker_id)) return no_such_worker(worker_id);
   note(EventKind::worker_drained, worker_id, "");
   deferred.add([this, worker_id] {
-    log(LogLevel::info, absl::StrCat("worker ", worker_id, " is asked to go"));
+    log(LogLevel::info, absl::StrCat("worker ", worker_id, " is draining"));
   });
   settle(deferred);
   return absl::OkStatus();

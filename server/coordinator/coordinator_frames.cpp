@@ -24,8 +24,8 @@ std::string frame_file_name(std::int32_t frame) {
 }
 
 std::string doubt_about(std::int32_t frame, const std::string& worker_id) {
-  return absl::StrCat("frame ", frame, ": it was finished before worker ", worker_id,
-                      ", which took part in the job, was found lying");
+  return absl::StrCat("frame ", frame, " may contain wrong pixels: it was finished before worker ",
+                      worker_id, ", which rendered part of the job, was quarantined");
 }
 
 }  // namespace
@@ -60,14 +60,14 @@ absl::StatusOr<contract::FilmBlock> Coordinator::read_block(const std::string& j
     MutexLock lock(mutex_);
     Job* job = scheduler_.find_job(job_id);
     if (job == nullptr || !job->plan || !job->plan->contains(unit)) {
-      return absl::NotFoundError("the job or the pass is gone");
+      return absl::NotFoundError("the job or the pass no longer exists");
     }
     record = block_index_of(*job).record(unit);
     const contract::PixelRect rect = grid_of(*job).rect(unit.tile);
     shape = {rect.width, rect.height, job->spec->settings.aovs, unit.pass == 0};
     sample_count = job->plan->passes()[static_cast<std::size_t>(unit.pass)].sample_count;
   }
-  if (!record) return absl::NotFoundError("the block is not committed");
+  if (!record) return absl::NotFoundError("block not committed");
   options_.metrics->film_blocks.read_back.Increment();
   const auto bytes = store_.read_block(job_id, *record);
   if (absl::IsDataLoss(bytes.status())) damaged_.push_back(unit);
@@ -75,8 +75,8 @@ absl::StatusOr<contract::FilmBlock> Coordinator::read_block(const std::string& j
   return contract::decode(*bytes, shape, sample_count);
 }
 
-/// Reads the frame's reference, if the job has one. It is an asset: R, G, B, A of each pixel as
-/// little-endian float32, as pixels_sha256 takes them.
+/// Returns a reader of the frame's reference, if the job has one: an asset with R, G, B, A of each
+/// pixel as little-endian float32, like the input of pixels_sha256.
 ReferenceReader Coordinator::reference_reader(const JobSpec& spec, std::int32_t frame) {
   if (spec.references.empty()) return {};
   const std::vector<std::int32_t> frames = contract::frame_list(spec.settings.frames);
@@ -94,7 +94,7 @@ ReferenceReader Coordinator::reference_reader(const JobSpec& spec, std::int32_t 
                 rect.width * kReferencePixelBytes);
     }
     if (file) return pixels;
-    log(LogLevel::warn, absl::StrCat("job ", id, ": the reference cannot be read: ", path));
+    log(LogLevel::warn, absl::StrCat("job ", id, ": cannot read the reference: ", path));
     return absl::DataLossError(path);
   };
 }
@@ -124,7 +124,7 @@ void Coordinator::open_film(const FrameKey& key) {
   decide(key);
 }
 
-/// Hands on what the film has decided about the passes of tiles.
+/// Passes new targets of the film to the scheduler.
 void Coordinator::decide(const FrameKey& key) {
   damaged_.clear();
   const auto demands = film_.take_pass_targets(key);
@@ -132,7 +132,7 @@ void Coordinator::decide(const FrameKey& key) {
     if (absl::IsNotFound(demands.status())) return;  // the job has been removed
     if (damaged_.empty()) return frame_failed(key, demands.status());
     log(LogLevel::warn, absl::StrCat("job ", key.job_id, ", frame ", key.frame, ": ",
-                                     demands.status().ToString(), "; it is rendered again"));
+                                     demands.status().ToString(), "; rendering it again"));
     film_.close_frame(key);
     post_to_writer([this, key, units = damaged_] { redo_units(key, units); });
     return;
@@ -152,7 +152,7 @@ void Coordinator::decide(const FrameKey& key) {
   settle(deferred);
 }
 
-/// Has the frames of a job that have begun opened, so that what was decided of them is known again.
+/// Opens the started frames of a job, to restore their pass targets.
 void Coordinator::open_films(Job& job) {
   if (!job.plan || !job.plan->is_adaptive()) return;
   for (const std::int32_t frame : job.plan->frames()) {
@@ -226,7 +226,7 @@ void Coordinator::finish_frame(const FrameKey& key) {
   last_estimate_.erase(key);
   if (!record.ok() && !damaged_.empty()) {
     log(LogLevel::warn, absl::StrCat("job ", key.job_id, ", frame ", key.frame, ": ",
-                                     record.status().ToString(), "; it is rendered again"));
+                                     record.status().ToString(), "; rendering it again"));
     post_to_writer([this, key, units = damaged_] { redo_units(key, units); });
     return;
   }
@@ -307,7 +307,7 @@ void Coordinator::record_frame(const FrameKey& key, const FrameRecord& record, d
   {
     MutexLock lock(mutex_);
     Job* job = scheduler_.find_job(key.job_id);
-    // A liar's units may have gone since the image was made.
+    // Units of a faulty worker may have been dropped since the image was written.
     if (job != nullptr && !has_ended(job->state) && !is_ready(*job, key.frame)) {
       film_of(*job).finishing.erase(key.frame);
       return;
@@ -329,14 +329,14 @@ void Coordinator::record_frame(const FrameKey& key, const FrameRecord& record, d
   block_index_of(*job).erase(key.frame);
   note(EventKind::frame_finished, *job, "", absl::StrCat("frame ", key.frame));
   deferred.add([this, key] {
-    log(LogLevel::info, absl::StrCat("job ", key.job_id, ", frame ", key.frame, " is finished"));
+    log(LogLevel::info, absl::StrCat("job ", key.job_id, ", frame ", key.frame, " finished"));
   });
   scheduler_.finish_frame(*job, key.frame, options_.clock());
   settle(deferred);
 }
 
-/// Drops units whose blocks cannot be read or trusted any more; workers render them again.
-/// `reset_pass_targets`: nor what was decided on them.
+/// Drops units whose blocks are unreadable or wrong; workers render them again.
+/// `reset_pass_targets`: also withdraws the pass targets derived from them.
 void Coordinator::redo_units(const FrameKey& key, const std::vector<Unit>& units,
                              bool reset_pass_targets) {
   const absl::Status status = store_.drop_units(key.job_id, units);
@@ -356,7 +356,7 @@ void Coordinator::redo_units(const FrameKey& key, const std::vector<Unit>& units
                               job->plan->passes()[static_cast<std::size_t>(unit.pass)].sample_count;
   }
   if (reset_pass_targets) scheduler_.reset_pass_targets(*job, key.frame);
-  enqueue_film([this, key] {  // without them, whatever was merged meanwhile
+  enqueue_film([this, key] {  // rebuilds the film without them
     film_.close_frame(key);
     open_film(key);
   });
@@ -364,7 +364,7 @@ void Coordinator::redo_units(const FrameKey& key, const std::vector<Unit>& units
   settle(deferred);
 }
 
-/// A frame cannot be finished: its job pauses until there is room on the disk, or fails.
+/// Handles a frame that cannot be finished: pauses its job if the disk is full, else fails it.
 void Coordinator::frame_failed(const FrameKey& key, const absl::Status& status) {
   const std::string reason = absl::StrCat("frame ", key.frame, ": ", status.ToString());
   options_.metrics->errors.film.Increment();
@@ -395,13 +395,13 @@ void Coordinator::audits_over(const std::vector<UnitName>& units) {
   if (!units.empty()) writer_wakeup_.notify_all();
 }
 
-/// A worker lies: its units of frames that are not finished are rendered again, finished frames
-/// that may hold some are named in their jobs' reports.
+/// Quarantines a faulty worker: its units of unfinished frames are rendered again; finished frames
+/// that may contain some are listed in their jobs' reports.
 void Coordinator::quarantine_worker(const std::string& worker_id, DeferredCalls& deferred) {
-  note(EventKind::worker_quarantined, worker_id, "it delivers wrong pixels");
+  note(EventKind::worker_quarantined, worker_id, "delivered wrong pixels");
   deferred.add([this, worker_id] {
     log(LogLevel::error,
-        absl::StrCat("worker ", worker_id, " is quarantined: it delivers wrong pixels"));
+        absl::StrCat("worker ", worker_id, " quarantined: delivered wrong pixels"));
   });
   for (const auto& [job_key, job] : scheduler_.jobs()) {
     if (job.contributions.count(worker_id) == 0) continue;
@@ -413,13 +413,13 @@ void Coordinator::quarantine_worker(const std::string& worker_id, DeferredCalls&
     for (const std::int32_t frame : job.plan->frames()) {
       if (job.plan->is_finished(frame) || !film.block_index || !film.block_index->has(frame))
         continue;
-      film.finishing.insert(frame);  // not before they are gone
+      film.finishing.insert(frame);  // only after they are dropped
       write_tasks_.emplace_back([this, key = FrameKey{job.spec->id, frame}, worker_id] {
         redo_units_by_worker(key, worker_id);
       });
     }
   }
-  // After its units are gone: a server that dies before must find it out once more.
+  // After its units are dropped: a server that crashes before must detect the fault again.
   write_tasks_.emplace_back([this, worker_id] {
     const absl::Status status = store_.ban_worker(worker_id);
     if (!status.ok()) log(LogLevel::error, absl::StrCat("quarantine: ", status.ToString()));
@@ -427,7 +427,7 @@ void Coordinator::quarantine_worker(const std::string& worker_id, DeferredCalls&
   writer_wakeup_.notify_all();
 }
 
-/// Drops what a worker has delivered of a frame, and what was decided on it. On the writer thread.
+/// Drops a worker's units of a frame and the pass targets derived from them. On the writer thread.
 void Coordinator::redo_units_by_worker(const FrameKey& key, const std::string& worker_id) {
   std::vector<Unit> units;
   {
@@ -518,7 +518,7 @@ absl::StatusOr<FrameFile> Coordinator::write_partial(const FrameQuery& query, co
     Job* job = scheduler_.find_job(query.job_id);
     if (job == nullptr || !block_index_of(*job).has(query.frame)) {
       return absl::FailedPreconditionError(
-          absl::StrCat("nothing of frame ", query.frame, " is committed yet"));
+          absl::StrCat("no unit of frame ", query.frame, " is committed yet"));
     }
   }
   const bool was_open = film_.is_open(key);

@@ -13,7 +13,7 @@ namespace {
 constexpr auto kAssetPin = std::chrono::hours(1);
 constexpr int kIdLetters = 8;
 
-/// Restores what units of a job came to that have no row of their own any more.
+/// Restores the sums over units whose rows are deleted.
 absl::Status restore_totals(const Store& store, Scheduler& scheduler, Job& job) {
   const auto totals = store.totals(job.spec->id);
   if (!totals.ok()) return totals.status();
@@ -24,7 +24,7 @@ absl::Status restore_totals(const Store& store, Scheduler& scheduler, Job& job) 
   return absl::OkStatus();
 }
 
-/// Restores a job's units from the journal; those of frames not finished go to `visit_open` too.
+/// Restores a job's units from the journal; those of unfinished frames also go to `visit_open`.
 absl::Status restore_units(const Store& store, Scheduler& scheduler, Job& job,
                            const std::function<void(const UnitRecord&)>& visit_open) {
   if (absl::Status status = restore_totals(store, scheduler, job); !status.ok()) return status;
@@ -37,7 +37,7 @@ absl::Status restore_units(const Store& store, Scheduler& scheduler, Job& job,
   });
 }
 
-/// Restores what a job cost whose units this server does not read.
+/// Restores the cost of a job whose units this server does not read.
 absl::Status restore_costs(const Store& store, Scheduler& scheduler, Job& job) {
   if (absl::Status status = restore_totals(store, scheduler, job); !status.ok()) return status;
   return store.for_each_unit(job.spec->id, [&](const UnitRecord& unit) {
@@ -45,7 +45,7 @@ absl::Status restore_costs(const Store& store, Scheduler& scheduler, Job& job) {
   });
 }
 
-/// Whether anything of a job has been rendered.
+/// Returns whether any unit of the job has been rendered.
 absl::StatusOr<bool> has_begun(const Store& store, const std::string& job_id) {
   const auto frames = store.frames(job_id);
   if (!frames.ok()) return frames.status();
@@ -56,13 +56,13 @@ absl::StatusOr<bool> has_begun(const Store& store, const std::string& job_id) {
   return begun;
 }
 
-/// Errors: FailedPrecondition for a job whose blocks are of another render contract; passes and
-/// sampling may be others now, and a frame is of one contract.
+/// Errors: FailedPrecondition, the job's blocks have another render contract: passes and sampling
+/// may differ, and all of a frame must have one contract.
 absl::Status check_contract(const JobSpec& spec) {
   if (spec.render_contract == contract::kRenderContract) return absl::OkStatus();
   return absl::FailedPreconditionError(
-      absl::StrCat("job ", spec.id, " was begun under render contract ", spec.render_contract,
-                   ", and this server's is ", contract::kRenderContract, "; submit it again"));
+      absl::StrCat("job ", spec.id, " uses render contract ", spec.render_contract,
+                   ", this server ", contract::kRenderContract, "; submit the job again"));
 }
 
 }  // namespace
@@ -114,7 +114,7 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
   film.create_time_us = record.create_time_us;
   film.end_time_us = record.end_time_us;
   film.wall_at_start = record.wall_seconds;
-  if (!begun && !is_of_ours) changed_.insert(job.key);  // nothing of it is of another contract
+  if (!begun && !is_of_ours) changed_.insert(job.key);  // none of its blocks has another contract
   if (!begun && state == JobState::queued) return absl::OkStatus();
   const auto frames = store_.frames(record.id);
   if (!frames.ok()) return frames.status();
@@ -140,7 +140,7 @@ absl::Status Coordinator::load_units(Job& job, const JobRecord& record) {
   const bool has_open_frames = plan.finished_frame_count() < plan.frame_count();
   const contract::TileGrid* grid = has_open_frames ? &grid_of(job) : nullptr;
   BlockIndex* block_index = has_open_frames ? &block_index_of(job) : nullptr;
-  Scheduler* const scheduler = &scheduler_;  // the analysis does not see into the lambda
+  Scheduler* const scheduler = &scheduler_;  // thread-safety analysis does not look into the lambda
   absl::Status status = restore_units(
       store_, *scheduler, job, [&, wall = record.wall_seconds](const UnitRecord& unit) {
         block_index->add(unit, wall);
@@ -182,22 +182,23 @@ void Coordinator::create_job(JobSpec spec, OnCreated done) {
 absl::Status Coordinator::check_room(const JobSpec& spec, std::int64_t need_bytes) {
   for (const ManifestEntry& entry : spec.assets) {
     if (has_asset(entry.digest)) continue;
-    return absl::FailedPreconditionError(absl::StrCat("manifest: asset ", entry.digest.hex(), " (",
-                                                      entry.uri, ") is not here; upload it"));
+    return absl::FailedPreconditionError(
+        absl::StrCat("manifest: asset ", entry.digest.hex(), " (", entry.uri,
+                     ") has not been uploaded; upload it and repeat"));
   }
   for (const contract::Digest& digest : spec.references) {
     if (has_asset(digest)) continue;
-    return absl::FailedPreconditionError(
-        absl::StrCat("references: asset ", digest.hex(), " is not here; upload it"));
+    return absl::FailedPreconditionError(absl::StrCat(
+        "references: asset ", digest.hex(), " has not been uploaded; upload it and repeat"));
   }
   const std::int64_t left = options_.quota_bytes - store_.used_bytes();
   if (need_bytes <= left) return absl::OkStatus();
-  return absl::ResourceExhaustedError(absl::StrCat("the job may need ", need_bytes,
-                                                   " bytes of store, the quota leaves ",
-                                                   std::max<std::int64_t>(left, 0)));
+  return absl::ResourceExhaustedError(absl::StrCat("the job needs up to ", need_bytes, " bytes; ",
+                                                   std::max<std::int64_t>(left, 0),
+                                                   " bytes remain of --quota-gb"));
 }
 
-/// Whether the owner may have this job as it would be now.
+/// Checks the owner's quota with this job in its new form.
 absl::Status Coordinator::check_owners_quota(const JobSpec& spec) const {
   if (!options_.client_quota.has_limits()) return absl::OkStatus();
   OwnerUse use;
@@ -220,7 +221,7 @@ void Coordinator::create_now(const JobSpec& spec, const OnCreated& done) {
   };
   if (find_made()) {
     if (created.view.spec->owner == spec.owner) return done(created);
-    return done(absl::AlreadyExistsError("request_id: somebody else's"));
+    return done(absl::AlreadyExistsError("request_id: used by another client"));
   }
   absl::Status status = check_room(spec, created.store_bytes);
   if (status.ok()) {
@@ -236,7 +237,7 @@ void Coordinator::create_now(const JobSpec& spec, const OnCreated& done) {
   record.state = static_cast<std::int32_t>(JobState::queued);
   record.create_time_us = options_.wall_us();
   record.render_contract = spec.render_contract;
-  for (int attempt = 0; attempt < 4; ++attempt) {  // a removed job's id may be drawn again
+  for (int attempt = 0; attempt < 4; ++attempt) {  // the ID of a removed job may be drawn again
     {
       MutexLock lock(mutex_);
       record.id = new_job_id();
@@ -292,7 +293,7 @@ void Coordinator::change_job(const std::string& job_id, Change change, const OnJ
   if (!status.ok()) done(status);
 }
 
-/// A job goes on: what it had finished rendering before may now be finished for good.
+/// Finishes frames that were completed while the job was paused.
 void Coordinator::finish_complete_frames(Job& job) {
   if (!job.plan) return;
   for (const std::int32_t frame : job.plan->frames()) finish_if_complete(job, frame);
@@ -304,7 +305,7 @@ void Coordinator::extend_job(const std::string& job_id, const Extension& extensi
       [this, job_id, extension, done = std::move(done)] { extend_now(job_id, extension, done); });
 }
 
-/// A job's spec as extended, if it may be. Called on the writer thread.
+/// Returns the spec of the extended job, if it can be extended. On the writer thread.
 absl::StatusOr<std::shared_ptr<JobSpec>> Coordinator::spec_to_extend(
     const std::string& job_id, const Extension& extension) const {
   MutexLock lock(mutex_);
@@ -312,7 +313,7 @@ absl::StatusOr<std::shared_ptr<JobSpec>> Coordinator::spec_to_extend(
   if (job == nullptr) return absl::NotFoundError(absl::StrCat("no job \"", job_id, "\""));
   if (job->state == JobState::done) {
     return absl::FailedPreconditionError(
-        absl::StrCat("job ", job_id, " is done and its blocks are gone; submit a new one"));
+        absl::StrCat("job ", job_id, " is done and its blocks are deleted; submit a new job"));
   }
   if (absl::Status status = check_contract(*job->spec); !status.ok()) return status;
   const contract::RenderSettings& present = job->spec->settings;
@@ -344,7 +345,7 @@ void Coordinator::extend_now(const std::string& job_id, const Extension& extensi
     present = scheduler_.find_job(job_id)->spec->settings;
   }
   if (spec->settings.spp == present.spp && spec->settings.error == present.error) {
-    return done(job(job_id));  // without the lock, as all callbacks
+    return done(job(job_id));  // without the lock, like all callbacks
   }
   const std::vector<contract::Pass> before = contract::schedule(present);
   spec->request = options_.write_request(*spec);
@@ -366,7 +367,7 @@ void Coordinator::extend_now(const std::string& job_id, const Extension& extensi
   done(job(job_id));
 }
 
-/// Begins a job again under other settings, with the units that are still of it.
+/// Restarts a job with new settings, keeping the units that remain valid.
 void Coordinator::replan(const std::string& job_id, const std::shared_ptr<const JobSpec>& spec,
                          const std::vector<UnitRecord>& kept) {
   DeferredCalls deferred;

@@ -8,7 +8,7 @@
 namespace tessera::server {
 namespace {
 
-/// What the gauges count, one pass over jobs and workers.
+/// Values of the gauges, from one pass over jobs and workers.
 struct Census {
   std::array<std::int64_t, 6> jobs{};  // by JobState − 1
   std::int64_t waiting = 0, paused = 0, leased = 0, committed = 0;

@@ -75,7 +75,7 @@ json settings_json(const contract::RenderSettings& s) {
 json workers_json(const JobReport& report) {
   json workers = json::array();
   for (const auto& [id, contribution] : report.contributions) {
-    // A worker that has not been here since a restart: what it was is not journaled.
+    // A worker that has not connected since a restart: its machine is not journaled.
     const auto machine = report.machines.find(id);
     const bool known = machine != report.machines.end();
     workers.push_back({{"id", id},
@@ -131,7 +131,7 @@ std::string report_json(const JobReport& report) {
       {"load_seconds", counters.load_seconds},
       {"build_seconds", counters.build_seconds},
       {"render_seconds", view.cpu_seconds},
-      // Share of the workers' known CPU seconds that became no pixel.
+      // Fraction of the workers' known CPU seconds that did not produce pixels.
       {"overhead_fraction", spent > 0 ? 1 - view.cpu_seconds / spent : 0},
       {"peak_rss_bytes", counters.peak_rss_bytes},
       {"units",
@@ -143,7 +143,7 @@ std::string report_json(const JobReport& report) {
         {"audited", counters.audited},
         {"mismatched", counters.mismatched}}},
       {"workers", workers_json(report)}};
-  // What a worker sent may hold bytes that are no UTF-8.
+  // Text from workers may contain invalid UTF-8.
   return document.dump(2, ' ', false, json::error_handler_t::replace);
 }
 

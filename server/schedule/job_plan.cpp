@@ -62,7 +62,7 @@ bool JobPlan::is_taken(const Unit& unit) const {
   return is_committed(unit) || in_flight_.count(unit) > 0;
 }
 
-/// Whether the unit is wanted, and neither committed nor held.
+/// Returns whether the unit is planned and neither committed nor in flight.
 bool JobPlan::is_waiting(const Unit& unit) const {
   if (unit.pass >= first_passes()) return returned_.count(position(unit)) > 0;
   return !is_taken(unit);
@@ -146,7 +146,7 @@ void JobPlan::set_pass_target(std::int32_t frame, std::int32_t tile, std::int32_
   }
 }
 
-/// A unit under our seal was wanted, even if the film has not said so since a restart.
+/// A unit with a valid seal was planned, even if the film has not repeated that since a restart.
 void JobPlan::include_in_targets(const Unit& unit) {
   if (unit.pass >= first_passes()) set_pass_target(unit.frame, unit.tile, unit.pass + 1, false);
 }
@@ -249,7 +249,7 @@ void JobPlan::finish(std::int32_t frame, std::optional<std::int64_t> unit_count)
   committed_count_ += had - counted;
 }
 
-/// Units that are committed or held were wanted.
+/// Units that are committed or in flight were planned.
 void JobPlan::plan_known_passes() {
   std::vector<Unit> units;
   for (const auto& [unit, in_flight] : in_flight_) units.push_back(unit);

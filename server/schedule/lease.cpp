@@ -12,7 +12,7 @@ void append(std::string& bytes, std::int64_t value) {
 }
 
 void append(std::string& bytes, std::string_view text) {
-  append(bytes, static_cast<std::int64_t>(text.size()));  // else "ab"+"c" equals "a"+"bc"
+  append(bytes, static_cast<std::int64_t>(text.size()));  // so that "ab"+"c" differs from "a"+"bc"
   bytes.append(text);
 }
 

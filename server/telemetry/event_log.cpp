@@ -7,7 +7,7 @@
 namespace tessera::server {
 namespace {
 
-constexpr int kSequenceBits = 40;  // of one process
+constexpr int kSequenceBits = 40;  // per process
 
 /// The first event newer than a sequence.
 auto newer_than(const std::deque<Event>& events, std::int64_t sequence) {
@@ -70,7 +70,7 @@ std::vector<Event> EventLog::read(const Query& query, std::size_t most) const {
   }
   const auto lines = lines_.find(query.job_id);
   if (query.job_id.empty() || lines == lines_.end()) return found;
-  // Both are in order: merge, as far as `most` events are known to be the oldest.
+  // Both lists are in order: merge the oldest `most` events.
   const auto first = newer_than(lines->second, query.after);
   const auto count = std::min<std::ptrdiff_t>(std::distance(first, lines->second.end()),
                                               static_cast<std::ptrdiff_t>(most));

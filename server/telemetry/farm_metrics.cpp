@@ -14,12 +14,12 @@ using prometheus::Gauge;
 using prometheus::Histogram;
 using prometheus::Registry;
 
-/// Bounds in seconds, for the disk and for merging.
+/// Bucket bounds in seconds, for the disk and for merging.
 Histogram::BucketBoundaries to_ten_seconds() {
   return {0.0001, 0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3, 10};
 }
 
-/// The same for leases and frames, as units differ that much.
+/// Bucket bounds in seconds, for leases and frames, which vary widely.
 Histogram::BucketBoundaries to_half_a_day() {
   return {0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 100, 1000, 10000, 40000};
 }
@@ -54,7 +54,7 @@ std::array<Counter*, 4> acknowledgement_counters(Registry& registry) {
 
 FarmMetrics::Errors error_counters(Registry& registry) {
   Family<Counter>& family =
-      counters(registry, "tessera_errors_total", "What failed while the farm went on");
+      counters(registry, "tessera_errors_total", "Recoverable errors, by kind");
   const auto add = [&](const char* kind) -> Counter& { return family.Add({{"kind", kind}}); };
   return {add("unit_failed"), add("worker_lost"), add("block_rejected"),
           add("commit"),      add("journal"),     add("film")};
@@ -68,7 +68,7 @@ FarmMetrics::FilmBlocks film_block_counters(Registry& registry) {
 
 FarmMetrics::Units unit_gauges(Registry& registry) {
   Family<Gauge>& family =
-      gauges(registry, "tessera_units", "Units of jobs not ended; those waiting are the queue");
+      gauges(registry, "tessera_units", "Units of unfinished jobs; waiting units are the queue");
   const auto add = [&](const char* state) -> Gauge& { return family.Add({{"state", state}}); };
   return {add("waiting"), add("paused"), add("leased"), add("committed")};
 }
@@ -99,34 +99,34 @@ FarmMetrics::FarmMetrics()
       cpu_seconds(counter(registry_, "tessera_cpu_seconds_total",
                           "CPU time that workers spent on committed units")),
       acknowledgements(acknowledgement_counters(registry_)),
-      audits_ended(counter(registry_, "tessera_audits_total", "Audits of units that are over")),
+      audits_ended(counter(registry_, "tessera_audits_total", "Finished audits")),
       results_mismatched(counter(registry_, "tessera_results_mismatched_total",
-                                 "Results that differ from the committed one of their unit")),
+                                 "Results that differ from the committed one")),
       workers_quarantined(counter(registry_, "tessera_workers_quarantined_total",
                                   "Workers found to deliver wrong pixels")),
       errors(error_counters(registry_)),
       film_blocks(film_block_counters(registry_)),
       unit_turnaround_seconds(histogram(registry_, "tessera_unit_turnaround_seconds",
-                                        "From a unit's lease to its being durable",
+                                        "From the lease of a unit until it is durable",
                                         to_half_a_day())),
       commit_seconds(histogram(registry_, "tessera_commit_seconds",
-                               "A group of units made durable, fsyncs included", to_ten_seconds())),
+                               "Making a group of units durable, fsync included",
+                               to_ten_seconds())),
       fsync_seconds(histogram(registry_, "tessera_fsync_duration_seconds",
                               "fdatasync of blocks and scene files", to_ten_seconds())),
-      merge_seconds(histogram(registry_, "tessera_merge_seconds", "A block merged into the film",
+      merge_seconds(histogram(registry_, "tessera_merge_seconds", "Merging a block into the film",
                               to_ten_seconds())),
       frame_write_seconds(histogram(registry_, "tessera_frame_write_duration_seconds",
-                                    "A finished frame's image written", to_half_a_day())),
+                                    "Writing the image of a finished frame", to_half_a_day())),
       units(unit_gauges(registry_)),
       jobs(job_gauges(registry_)),
       workers(worker_gauges(registry_)),
-      worker_threads(
-          gauge(registry_, "tessera_worker_threads", "Threads of the workers that are working")),
+      worker_threads(gauge(registry_, "tessera_worker_threads", "Threads of the working workers")),
       ingest_bytes(gauge(registry_, "tessera_ingest_bytes",
-                         "Delivered blocks in memory, not yet durable and merged")),
+                         "Delivered blocks in memory that are not yet durable and merged")),
       film_bytes(gauge(registry_, "tessera_film_bytes", "Merged tiles in memory")),
       film_queue_length(
-          gauge(registry_, "tessera_film_queue_length", "What the film thread has still to do")),
-      store_bytes(gauge(registry_, "tessera_store_bytes", "Disk space the store's files take")) {}
+          gauge(registry_, "tessera_film_queue_length", "Backlog of the film thread")),
+      store_bytes(gauge(registry_, "tessera_store_bytes", "Disk space of the store")) {}
 
 }  // namespace tessera::server

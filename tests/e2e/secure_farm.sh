@@ -13,7 +13,7 @@ start_secure_server() {
   address=$(cat "$work/address")
 }
 as() { tessera "$2" --server "$address" --certs "$certs/$1" "${@:3}"; }
-is_here() { as client-ann workers --json | grep -q '"name": *"one"'; }
+is_connected() { as client-ann workers --json | grep -q '"name": *"one"'; }
 
 exits 2 tessera-server --listen 0.0.0.0:0 --store "$work/none"
 says "tessera-server init-certs certs --host"
@@ -45,7 +45,7 @@ says "join token"
 "${worker[@]}" --name one --cache "$work/cache-one" --token "$worker_token" --log-level debug \
   >>"$work/worker-one.log" 2>&1 &
 worker_pid[one]=$!
-wait_until 60 "the worker is here" is_here
+wait_until 60 "the worker is connected" is_connected
 exits 3 "${worker[@]}" --cache "$work/cache-two" --token "$worker_token"
 says "used up"
 renderer=$(children_of "${worker_pid[one]}")
@@ -53,10 +53,10 @@ equal "its renderer is confined" "$(awk '/^Seccomp:/ {print $2}' "/proc/$rendere
 say "a token lets in as many workers as it says"
 
 scene=$scenes/lit_square.gltf
-job=$(as client-ann submit "$scene" --size 48x32 --spp 8 --tile 16 --name shot)
+job=$(as client-ann submit "$scene" --size 48x32 --spp 8 --tile-size 16 --name shot)
 as client-ann watch "$job" >/dev/null
 as client-ann report "$job" --json >"$work/secure.json"
-tessera render "$scene" --size 48x32 --spp 8 --tile 16 -o "$work/alone.exr" \
+tessera render "$scene" --size 48x32 --spp 8 --tile-size 16 -o "$work/alone.exr" \
   --report "$work/alone.json" 2>/dev/null
 equal "the same pixels as without certificates" "$(pixels "$work/secure.json")" \
   "$(pixels "$work/alone.json")"
@@ -72,7 +72,7 @@ tessera-server tokens list --store "$work/store" | grep -q "^$token_id .* 1 of 1
 tessera-server tokens revoke --store "$work/store" "$token_id"
 kill_server
 start_secure_server "$address"
-wait_until 60 "the worker has come back with its key" is_here
+wait_until 60 "the worker has come back with its key" is_connected
 say "a worker comes back to a restarted server after its token was revoked"
 
 tessera-server revoke "$certs" --role worker --name rack
@@ -89,5 +89,5 @@ for text in "$secret" "PRIVATE KEY" "$(sed -n 2p "$certs/tls.key")" \
   ! grep -F -- "$text" "$work/server.log" "$work/worker-one.log" || fail "a secret is in a log"
 done
 ! grep -rF -- "$secret" "$work/store" || fail "the token's secret is in the store"
-grep -q "is here: one" "$work/server.log" || fail "the log was not written"
+grep -q "connected: one" "$work/server.log" || fail "the log was not written"
 say "secrets are in no log"

@@ -11,11 +11,11 @@ using contract::Unit;
 
 namespace {
 
-constexpr int kWaivedPerTick = 64;  // audits looked at in a tick that may have nobody left to ask
+constexpr int kWaivedPerTick = 64;  // audits checked per tick for having no worker left
 
 }  // namespace
 
-/// Whether the worker could be leased units of the job but for what it is doing now.
+/// Returns whether the worker could be leased units of the job, apart from its current load.
 bool Scheduler::could_audit(const Worker& worker, const Job& job) {
   const std::string& tag = job.spec->required_tag;
   return !worker.lost && !worker.draining && !worker.quarantined &&
@@ -46,8 +46,9 @@ bool Scheduler::has_audits(const Job& job, std::int32_t frame) const {
   return first != job.audits.end() && first->first.frame == frame;
 }
 
-/// Whether somebody who was not asked yet could be. Where results differ, also a worker that was
-/// lost a moment ago: it may come back, and two that stand by their words would fail the job.
+/// Returns whether a worker that was not asked yet could be. In a dispute this includes a worker
+/// that was lost recently: it may return, and a dispute between two consistent workers fails the
+/// job.
 bool Scheduler::has_others(const Job& job, const Audit& audit) const {
   const bool is_disputed = audit.is_disputed();
   return std::any_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
@@ -63,7 +64,7 @@ bool Scheduler::may_audit(const Worker& worker, const Job& job, const Audit& aud
   if (!could_audit(worker, job) || !audit.may_ask(worker.id, has_others(job, audit))) return false;
   const auto hosts = hosts_.find(job.spec->required_tag);
   if (audit.is_disputed() || hosts == hosts_.end() || hosts->second.size() < 2) return true;
-  const auto committer = worker_by_id_.find(audit.committer());  // on another host, if it can be
+  const auto committer = worker_by_id_.find(audit.committer());  // on another host if possible
   return committer == worker_by_id_.end() || workers_.at(committer->second).host != worker.host;
 }
 
@@ -104,7 +105,7 @@ bool Scheduler::answer_audit(Job& job, const Unit& unit, const Lease& lease, con
   auto found = job.audits.find(unit);
   if (found == job.audits.end()) {
     if (!differs || policy_.audit_fraction == 0) return false;
-    // Somebody lies, whoever was not to be audited.
+    // One of them is faulty, even if no audit was planned.
     open_audit(job, unit, committed.worker_id, committed.digest);
     found = job.audits.find(unit);
   }
@@ -112,7 +113,7 @@ bool Scheduler::answer_audit(Job& job, const Unit& unit, const Lease& lease, con
   Worker* worker = find_worker(result.worker_id);
   const bool was_asked = worker != nullptr && audit.holder && audit.holder->worker == worker->key &&
                          audit.holder->attempt == lease.attempt;
-  // Its own result sent again says nothing, unless it is another one.
+  // The worker's own result, sent again, proves nothing unless it differs.
   if (audit.has_answered(result.worker_id) && !was_asked && !differs) return false;
   if (worker != nullptr) release_audit(job, *worker, unit);
   audit.answer(result.worker_id, result.digest);
@@ -121,7 +122,7 @@ bool Scheduler::answer_audit(Job& job, const Unit& unit, const Lease& lease, con
   return true;
 }
 
-/// Ends an audit whose outcome is known, or that nobody can settle.
+/// Ends an audit whose outcome is known or that no worker can settle.
 void Scheduler::settle_audit(Job& job, const Unit& unit, Time now) {
   const auto node = job.audits.extract(unit);
   waiting_audits_.erase({job.key, unit});
@@ -137,14 +138,14 @@ void Scheduler::settle_audit(Job& job, const Unit& unit, Time now) {
     fail_job(job,
              absl::DataLossError(absl::StrCat("job ", job.spec->id, ", frame ", unit.frame,
                                               ", tile ", unit.tile, ", pass ", unit.pass,
-                                              ": workers deliver different pixels, and nobody is ",
-                                              "left to say who is right")),
+                                              ": workers disagree on this unit's pixels and no ",
+                                              "other worker is available to decide")),
              now);
   }
   effects_.audited.push_back({job.spec->id, unit});
 }
 
-/// Nothing more is taken of a worker that lies; what it has, others render.
+/// Rejects further results of a faulty worker and releases its units to others.
 void Scheduler::quarantine(const std::string& worker_id) {
   if (quarantined_.count(worker_id) > 0) return;
   effects_.faulty_workers.push_back(worker_id);
@@ -161,7 +162,7 @@ void Scheduler::forget_audits(Job& job) {
   job.audits.clear();
 }
 
-/// With nobody left to ask there is no audit; a dispute without an end fails its job.
+/// Drops audits without a worker to ask; a dispute that cannot be settled fails its job.
 void Scheduler::fail_unresolvable_audits(Time now) {
   const bool anybody = std::any_of(workers_.begin(), workers_.end(),
                                    [](const auto& entry) { return entry.second.is_working(); });
@@ -182,7 +183,7 @@ void Scheduler::fail_unresolvable_audits(Time now) {
       audit.alone_since.reset();
       continue;
     }
-    // Those who could say who is right may be back soon.
+    // Workers that could decide may return soon.
     if (!audit.alone_since) audit.alone_since = now;
     if (!audit.is_disputed() || now - *audit.alone_since >= policy_.audit_timeout) {
       hopeless.emplace_back(key, unit);

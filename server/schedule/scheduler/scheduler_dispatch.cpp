@@ -17,7 +17,7 @@ bool Scheduler::may_work_for(const Worker& worker, const Job& job) const {
 bool Scheduler::may_take(const Worker& worker, const Job& job, const Unit& unit) const {
   const auto failures = job.unit_failures.find(unit);
   if (failures == job.unit_failures.end() || !failures->second.failed_on(worker.id)) return true;
-  // It failed here: somebody else first, while there is somebody else.
+  // It failed on this worker: others go first, if there are any.
   return std::none_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
     const Worker& other = entry.second;
     const std::string& tag = job.spec->required_tag;
@@ -26,12 +26,12 @@ bool Scheduler::may_take(const Worker& worker, const Job& job, const Unit& unit)
   });
 }
 
-/// Whether the files of the job's scene are on this worker, as far as we have seen.
+/// Returns whether this worker is known to have the files of the job's scene.
 bool Scheduler::has_scene(const Worker& worker, const Job& job) {
   return std::find(worker.scenes.begin(), worker.scenes.end(), job.scene) != worker.scenes.end();
 }
 
-/// Whether somebody is at the job, or has room for it and its scene already.
+/// Returns whether a worker renders the job, or has credits and its scene.
 bool Scheduler::has_enough_workers(const Job& job) const {
   if (!job.holders.empty()) return true;
   return std::any_of(workers_with_credits_.begin(), workers_with_credits_.end(),
@@ -41,8 +41,8 @@ bool Scheduler::has_enough_workers(const Job& job) const {
                      });
 }
 
-/// The job that is next in the queue, or, while somebody else sees to that one, another of its
-/// owner's and priority whose scene the worker has.
+/// Returns the next job of the queue or, if another worker serves that one, a job of the same owner
+/// and priority whose scene this worker has.
 JobKey Scheduler::next_job(const Worker& worker, const std::function<bool(JobKey)>& may) const {
   const JobKey next = queue_.next(may);
   if (next == 0 || worker.scenes.empty()) return next;
@@ -71,7 +71,7 @@ JobKey Scheduler::choose_job(const Worker& worker, const std::set<JobKey>& refus
   const JobSpec& chosen = *jobs_.at(next).spec;
   const bool equal =
       chosen.priority == current->spec->priority && chosen.owner == current->spec->owner;
-  return equal ? current->key : next;  // the scene is here already
+  return equal ? current->key : next;  // the worker has its scene
 }
 
 std::int32_t Scheduler::run_length(const Job& job, const Worker& worker) const {
@@ -80,7 +80,7 @@ std::int32_t Scheduler::run_length(const Job& job, const Worker& worker) const {
   const std::int64_t waiting = job.plan->waiting_count();
   const std::int64_t open = waiting + job.plan->in_flight_count();
   const std::int64_t length = std::max<std::int64_t>(waiting / (2 * threads), 1);
-  // Near the end nobody holds more than his share of what is left, else others would idle.
+  // Near the end no worker gets more than its share of the rest, so that others do not idle.
   const std::int64_t share = (open * worker.thread_count + threads - 1) / threads;
   const auto held = job.holders.find(worker.key);
   const std::int64_t room = share - (held == job.holders.end() ? 0 : held->second);
@@ -142,7 +142,7 @@ bool Scheduler::lease_run(Job& job, Worker& worker, Time now) {
 bool Scheduler::dispatch_one(Worker& worker, Time now) {
   if (!missing_workers_.empty() && now < grace_ends_) return false;
   if (!worker.is_working() || worker.credits <= 0) return false;
-  if (lease_audit(worker)) return true;  // frames wait for them
+  if (lease_audit(worker)) return true;  // frames wait for audits
   std::set<JobKey> refused;
   while (const JobKey key = choose_job(worker, refused)) {
     if (lease_run(jobs_.at(key), worker, now)) return true;
@@ -156,8 +156,8 @@ void Scheduler::dispatch(Worker& worker, Time now) {
   }
 }
 
-/// Workers with room: those with the least to do first, among equals those with the scene of a job
-/// in the queue.
+/// Returns workers with credits: least loaded first, among equals those with the scene of a queued
+/// job first.
 std::vector<Worker*> Scheduler::workers_by_load_and_scene() {
   struct Candidate {
     double load = 0;
@@ -189,7 +189,7 @@ void Scheduler::dispatch_all(Time now) {
   work_appeared_ = false;
   if (!has_work()) return;
   std::vector<Worker*> waiting = workers_by_load_and_scene();
-  // Round by round, so that a small job is spread over the farm.
+  // In rounds, so that a small job is spread over the farm.
   while (has_work() && !waiting.empty()) {
     std::vector<Worker*> served;
     for (Worker* worker : waiting) {
@@ -254,7 +254,7 @@ void Scheduler::steal_unstarted(std::int32_t wanted) {
   for (const JobKey key : active_) {
     Job& job = jobs_.at(key);
     if (job.state != JobState::running || job.plan->waiting_count() > 0) continue;
-    std::map<WorkerKey, std::int32_t> surplus;  // beyond what its threads will take up next
+    std::map<WorkerKey, std::int32_t> surplus;  // beyond one unit per thread
     for (const auto& [holder, count] : job.holders) {
       const Worker& worker = workers_.at(holder);
       surplus[holder] = static_cast<std::int32_t>(worker.held.size()) - worker.thread_count;
@@ -262,7 +262,7 @@ void Scheduler::steal_unstarted(std::int32_t wanted) {
     std::vector<Unit> units;
     for (const auto& [unit, in_flight] : job.plan->in_flight()) {
       units.push_back(unit);
-      if (in_flight.holders.front().revoking) --wanted;  // on its way already
+      if (in_flight.holders.front().revoking) --wanted;  // already being revoked
     }
     for (auto unit = units.rbegin(); unit != units.rend() && wanted > 0; ++unit) {
       InFlight& in_flight = *job.plan->find_in_flight(*unit);

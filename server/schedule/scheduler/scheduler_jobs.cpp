@@ -191,7 +191,7 @@ void Scheduler::extend(Job& job, std::shared_ptr<const JobSpec> spec) {
     forget_hold(job, unit, holder);
     if (Worker* worker = find_worker(holder.worker)) revoke(*worker, job, unit);
   }
-  // What was counted is counted again as the caller restores units from the journal.
+  // The caller restores units from the journal, which counts them again.
   if (!has_ended(job.state)) charge(job, -job.counters.cpu_seconds);
   job.counters.cpu_seconds = 0;
   job.contributions.clear();

@@ -1,4 +1,4 @@
-// What operators order: who goes, who is shut out.
+// Orders of operators: drain, ban, allow.
 #include "server/schedule/scheduler/scheduler.h"
 
 namespace tessera::server {

@@ -11,8 +11,8 @@ using contract::Unit;
 namespace {
 
 constexpr std::size_t kMaxListed = 4096;   // leases, and units, adopted from one hello
-constexpr std::size_t kMaxScenes = 16;     // remembered of a worker
-constexpr double kUnknownUnitSeconds = 1;  // what fair share assumes before the first result
+constexpr std::size_t kMaxScenes = 16;     // remembered per worker
+constexpr double kUnknownUnitSeconds = 1;  // fair share's assumption before the first result
 
 std::string describe(const JobSpec& spec, const Unit& unit) {
   return absl::StrCat("job ", spec.id, ", frame ", unit.frame, ", tile ", unit.tile, ", pass ",
@@ -101,14 +101,15 @@ WorkerKey Scheduler::connect(const Hello& hello, Time now) {
 }
 
 void Scheduler::adopt(Worker& worker, const Hello& hello, Time now) {
-  std::vector<const Lease*> leases;  // ours; a list without end would hold up everybody
+  std::vector<const Lease*>
+      leases;  // with valid seals; limited, as a long list would block the lock
   for (const Lease& lease : hello.leases) {
     if (leases.size() == kMaxListed) break;
     if (seal_holds(lease, worker.id, identity_.store_key)) leases.push_back(&lease);
   }
   std::map<std::pair<JobKey, Unit>, Attempt> listed;
   const auto list = [&](const UnitName& name) {
-    if (listed.size() == kMaxListed) return;  // further results count when they come
+    if (listed.size() == kMaxListed) return;  // further results count when they arrive
     const auto found = std::find_if(leases.begin(), leases.end(), [&](const Lease* candidate) {
       return candidate->covers(name.unit) && candidate->job_id == name.job_id;
     });
@@ -128,7 +129,7 @@ void Scheduler::adopt(Worker& worker, const Hello& hello, Time now) {
     if (listed.count(held) > 0) continue;
     Job& job = jobs_.at(held.first);
     const InFlight* in_flight = job.plan->find_in_flight(held.second);
-    if (in_flight == nullptr) {  // an audit: somebody else's now, but a result still counts
+    if (in_flight == nullptr) {  // an audit: another worker has it now, but a result still counts
       release(job, worker, held.second);
       continue;
     }
@@ -157,7 +158,7 @@ void Scheduler::disconnect(WorkerKey key) {
   workers_with_credits_.erase(key);
   count_threads();
   if (!worker->draining || !worker->held.empty()) return;
-  worker->lost = true;  // it said goodbye and left nothing behind
+  worker->lost = true;  // it drained and holds nothing
   effects_.roster.emplace_back(worker->id, false);
 }
 
@@ -182,7 +183,7 @@ void Scheduler::heartbeat(WorkerKey key, const std::vector<UnitName>& started,
 }
 
 void Scheduler::grant_credits(WorkerKey key, std::int32_t count, Time now) {
-  constexpr std::int32_t kMaxCredits = 1 << 20;  // a worker's arithmetic is not ours to trust
+  constexpr std::int32_t kMaxCredits = 1 << 20;  // limits what a faulty worker can claim
   Worker* worker = find_worker(key);
   if (worker == nullptr || count <= 0) return;
   worker->credits = std::min(worker->credits, kMaxCredits) + std::min(count, kMaxCredits);
@@ -321,7 +322,8 @@ void Scheduler::lose(Worker& worker, Time now) {
 
 void Scheduler::acknowledge(WorkerKey key, Acknowledgement acknowledgement) {
   Worker* worker = find_worker(key);
-  if (worker == nullptr || !worker->connected) return;  // silence: it will send again
+  if (worker == nullptr || !worker->connected)
+    return;  // without acknowledgement the worker sends again
   worker->outbox.acknowledgements.push_back(std::move(acknowledgement));
   wake(*worker);
 }
@@ -335,7 +337,7 @@ void Scheduler::tick(Time now, Duration period) {
   const Duration late = last_tick_ ? now - *last_tick_ - period : Duration(0);
   last_tick_ = now;
   if (late > policy_.timer_slack) {
-    // We were stopped, not they: what arrived meanwhile is still to be read.
+    // This process was suspended: messages that arrived meanwhile are still unread.
     for (auto& [key, worker] : workers_) worker.last_contact += late;
     grace_ends_ += late;
     return;

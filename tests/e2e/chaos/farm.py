@@ -325,7 +325,7 @@ class Farm:
                     self.more += 1  # a name is never used twice: whoever gets no answer may have made it
                     self.submit_one("passes", f"passes+{self.more}", check=False)
                 for name, (state, reason) in states.items():
-                    if state == "paused" and "the store is full" in reason and self.has_room:
+                    if state == "paused" and "store full" in reason and self.has_room:
                         run("tessera", "resume", name, "--server", f"unix:{self.socket}", check=False)
             time.sleep(0.2)
         raise Wrong(f"not done after {seconds} s: {self.states()}")

@@ -371,7 +371,7 @@ def slow_disk(farm, rng):
 def full_jobs(farm):
     """Jobs that are paused for want of room."""
     return [name for name, (state, reason) in (farm.states() or {}).items()
-            if state == "paused" and "the store is full" in reason]
+            if state == "paused" and "store full" in reason]
 
 
 def full_disk(farm, rng):

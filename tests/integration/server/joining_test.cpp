@@ -84,7 +84,7 @@ TEST_F(JoiningTest, SecretsAreNotLogged) {
   join("w2", "one", text);
   join("w2", "two", text + "0");
   const std::string written = log();
-  EXPECT_NE(written.find("worker one is here"), std::string::npos) << "there is a log";
+  EXPECT_NE(written.find("worker one connected"), std::string::npos) << "there is a log";
   for (const std::string& secret : {text.substr(9), joined->session_key}) {
     EXPECT_EQ(written.find(secret), std::string::npos);
   }

@@ -177,7 +177,7 @@ TEST_F(AuditTest, UnresolvedDisputeFailsJob) {
   EXPECT_EQ(view(job).state, JobState::running);
   for (int again = 0; again < 3; ++again) work_together(job);
   EXPECT_EQ(view(job).state, JobState::failed);
-  EXPECT_NE(view(job).reason.find("different pixels"), std::string::npos) << view(job).reason;
+  EXPECT_NE(view(job).reason.find("workers disagree"), std::string::npos) << view(job).reason;
 }
 
 TEST_F(AuditTest, OpenAuditSurvivesRestart) {

@@ -38,15 +38,15 @@ TEST_F(CoordinatorTest, SingleWorkerCompletesJob) {
 
 TEST_F(CoordinatorTest, WaitingJobExplainsMissingWorkers) {
   const std::string job = create_job("a");
-  EXPECT_EQ(view(job).reason, "no worker is here");
+  EXPECT_EQ(view(job).reason, "no workers connected");
   JobSpec choosy = spec_of("b");
   choosy.required_tag = "big";
   const std::string tagged = create(choosy)->view.spec->id;
   auto worker = join("w1", 1);
   EXPECT_EQ(view(job).reason, "");
-  EXPECT_EQ(view(tagged).reason, "no worker here has the tag big");
+  EXPECT_EQ(view(tagged).reason, "no connected worker has tag big");
   coordinator->begin_draining(worker.session);
-  EXPECT_EQ(view(job).reason, "no worker is here");
+  EXPECT_EQ(view(job).reason, "no workers connected");
   ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
   EXPECT_EQ(view(job).reason, "cancelled") << "it waits for nobody";
 }
@@ -58,7 +58,7 @@ TEST_F(CoordinatorTest, LogLevelsMatchSeverity) {
   const std::string id = create_job("told");
   TestWorker ann = join("ann");
   EXPECT_EQ(lines[LogLevel::info],
-            (std::vector<std::string>{"worker ann is here: ann on , , 2 threads",
+            (std::vector<std::string>{"worker ann connected: ann on , , 2 threads",
                                       "job " + id + " is RUNNING"}));
   ASSERT_FALSE(ann.units.empty());
   const Leased unit = ann.units.front();
@@ -70,7 +70,7 @@ TEST_F(CoordinatorTest, LogLevelsMatchSeverity) {
                                                ", pass 0 failed: out of luck");
   lines.clear();
   work_off(ann, id);
-  EXPECT_EQ(lines[LogLevel::info], (std::vector<std::string>{"job " + id + ", frame 0 is finished",
+  EXPECT_EQ(lines[LogLevel::info], (std::vector<std::string>{"job " + id + ", frame 0 finished",
                                                              "job " + id + " is DONE"}));
   EXPECT_FALSE(lines[LogLevel::debug].empty()) << "commits are routine";
   EXPECT_TRUE(lines[LogLevel::warn].empty());
@@ -542,7 +542,7 @@ TEST_F(CoordinatorTest, ContractChangeStopsStartedJob) {
     EXPECT_EQ(view(done).cpu_seconds, cpu_seconds);
     EXPECT_EQ(view(done).spec->render_contract, contract::kRenderContract - 1);
     EXPECT_EQ(view(begun).state, JobState::failed);
-    EXPECT_TRUE(absl::StrContains(view(begun).reason, "submit it again")) << view(begun).reason;
+    EXPECT_TRUE(absl::StrContains(view(begun).reason, "submit the job again")) << view(begun).reason;
     EXPECT_EQ(view(begun).committed_unit_count, 0) << "its blocks are read by other passes now";
     EXPECT_DOUBLE_EQ(view(begun).cpu_seconds, spent);
   }
