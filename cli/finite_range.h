@@ -5,7 +5,7 @@
 
 namespace tessera::contract {
 
-/// Checks an option: a number in [least, most]. CLI::Range takes NaN for one.
+/// Returns a validator for numbers in [least, most]. Unlike CLI::Range it rejects NaN.
 inline CLI::Validator finite_range(double least, double most) {
   const CLI::Range range(least, most);
   return {[range](std::string& text) {

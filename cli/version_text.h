@@ -8,16 +8,17 @@
 
 namespace tessera::contract {
 
-/// A library a program uses, and the version of it that is there.
+/// A library that a program uses, with its version.
 struct LibraryVersion {
   std::string_view name;
   std::string version;
 };
 
-/// The instruction set that all three programs are built for; the renderer may choose a wider one.
+/// Instruction set that all programs are built for; the renderer may use a wider one.
 inline constexpr std::string_view kBaselineIsa = "x86-64-v3";
 
-/// What --version prints: program, render contract and ISA on one line, libraries on the next.
+/// Returns the text of --version: program, render contract and instruction set on the first line,
+/// libraries on the second.
 inline std::string version_text(std::string_view program, std::string_view version,
                                 std::string_view isa, const std::vector<LibraryVersion>& libraries,
                                 const std::vector<LibraryVersion>& more = {}) {

@@ -22,7 +22,7 @@ absl::StatusOr<std::optional<std::int64_t>> EventRelay::last_sequence() const {
   std::int64_t sequence = 0;
   if (!absl::SimpleAtoi(text, &sequence) || sequence < 0) {
     return absl::InvalidArgumentError(
-        absl::StrCat(options_.state_file, " does not hold an event's sequence: not our file?"));
+        absl::StrCat(options_.state_file, ": not a state file of tessera-webhook"));
   }
   return sequence;
 }
@@ -32,12 +32,12 @@ absl::Status EventRelay::remember(std::int64_t sequence) {
   return write_text_file(options_.state_file, absl::StrCat(sequence, "\n"));
 }
 
-absl::Status EventRelay::pass(const v1::Event& event) {
+absl::Status EventRelay::forward(const v1::Event& event) {
   const std::string name = event_name(event.kind());
-  const bool is_wanted = options_.kinds.empty()
-                             ? event.kind() != v1::Event::KIND_LOG_LINE
-                             : std::count(options_.kinds.begin(), options_.kinds.end(), name) > 0;
-  if (!is_wanted) return absl::OkStatus();
+  const bool is_selected = options_.events.empty() ? event.kind() != v1::Event::KIND_LOG_LINE
+                                                   : std::count(options_.events.begin(),
+                                                                options_.events.end(), name) > 0;
+  if (!is_selected) return absl::OkStatus();
   if (absl::Status status = post(event); !status.ok()) return status;
   return remember(event.sequence());
 }
@@ -47,20 +47,20 @@ absl::Status EventRelay::post(const v1::Event& event) {
   absl::Duration wait = options_.first_wait;
   for (int failures = 0;; ++failures) {
     absl::Status status = poster_.post(body);
-    if (status.ok() && failures > 0) log_(LogLevel::info, "events are taken again");
+    if (status.ok() && failures > 0) log_(LogLevel::info, "the receiver accepts events again");
     if (status.ok() || absl::IsCancelled(status)) return status;
-    const std::string what = absl::StrCat("event ", event.sequence(), " (",
-                                          event_name(event.kind()), "): ", status.message());
+    const std::string description = absl::StrCat("event ", event.sequence(), " (",
+                                                 event_name(event.kind()), "): ", status.message());
     if (!absl::IsUnavailable(status)) {
-      log_(LogLevel::error, absl::StrCat(what, "; left out"));
+      log_(LogLevel::error, absl::StrCat(description, "; skipped"));
       return absl::OkStatus();
     }
     const absl::Duration pause =
-        std::max(wait, std::min(poster_.retry_after(), 10 * options_.longest_wait));
-    log_(LogLevel::warn, absl::StrCat(what, "; again in ", absl::FormatDuration(pause)));
+        std::max(wait, std::min(poster_.retry_after(), 10 * options_.max_wait));
+    log_(LogLevel::warn, absl::StrCat(description, "; retrying in ", absl::FormatDuration(pause)));
     if (cancelled_.WaitForNotificationWithTimeout(pause))
       return absl::CancelledError("interrupted");
-    wait = std::min(2 * wait, options_.longest_wait);
+    wait = std::min(2 * wait, options_.max_wait);
   }
 }
 

@@ -8,36 +8,36 @@
 #include "absl/status/statusor.h"
 #include "absl/synchronization/notification.h"
 #include "absl/time/time.h"
-#include "webhook/http_poster.h"
 #include "telemetry/log/log.h"
 #include "tessera/v1/job_service.pb.h"
+#include "webhook/http_poster.h"
 
 namespace tessera::client {
 
-/// Passes a farm's events on, in order, each at least once.
+/// Posts a farm's events in order, each at least once.
 class EventRelay {
  public:
   struct Options {
-    std::vector<std::string> kinds;  // names as in event_names(); empty: all but lines of logs
-    std::string state_file;          // where the last sequence is kept; empty: nowhere
-    absl::Duration first_wait = absl::Seconds(1), longest_wait = absl::Minutes(1);
+    std::vector<std::string> events;  // names of event_names(); empty: all but log lines
+    std::string state_file;           // stores the last sequence; empty: none
+    absl::Duration first_wait = absl::Seconds(1), max_wait = absl::Minutes(1);
   };
 
   EventRelay(HttpPoster& poster, Options options, Log log);
 
-  /// The last event that was passed on when the state file was written; nullopt: there is none.
-  /// Errors: InvalidArgument, the file holds something else.
+  /// Returns the sequence in the state file; nullopt if there is none. Errors: InvalidArgument, the
+  /// file does not contain a sequence.
   absl::StatusOr<std::optional<std::int64_t>> last_sequence() const;
 
-  /// Posts the event, if it is of a wanted kind, until it is taken, with waits that double from try
-  /// to try. One that is refused for good is left out, and logged.
-  /// Errors: Cancelled after cancel(); those of writing the state file.
-  absl::Status pass(const v1::Event& event);
+  /// Posts the event, if it is selected, until the receiver accepts it, with exponential back-off.
+  /// Skips and logs an event that the receiver rejects. Errors: Cancelled after cancel(); those of
+  /// writing the state file.
+  absl::Status forward(const v1::Event& event);
 
-  /// Notes a sequence as passed on.
+  /// Writes the sequence of the last forwarded event to the state file.
   absl::Status remember(std::int64_t sequence);
 
-  /// Ends pass() soon. From any thread, once.
+  /// Makes forward() return soon. Thread-safe; call at most once.
   void cancel();
 
  private:

@@ -19,7 +19,7 @@ struct CurlDeleter {
   void operator()(CURLU* url) const { curl_url_cleanup(url); }
 };
 
-/// A part of `url`; empty if it has none.
+/// Returns a part of `url`; empty if it has none.
 std::string part_of(CURLU* url, CURLUPart part) {
   char* text = nullptr;
   if (curl_url_get(url, part, &text, 0) != CURLUE_OK) return "";
@@ -28,33 +28,34 @@ std::string part_of(CURLU* url, CURLUPart part) {
   return copy;
 }
 
-/// SCHEME://HOST[:PORT]: what may be said of an address whose path is often a secret.
-absl::StatusOr<std::string> speakable(const std::string& address) {
+/// Returns SCHEME://HOST[:PORT] for logs: the path of an address is often a secret.
+absl::StatusOr<std::string> loggable_address(const std::string& address) {
   const std::unique_ptr<CURLU, CurlDeleter> url(curl_url());
   if (curl_url_set(url.get(), CURLUPART_URL, address.c_str(), 0) != CURLUE_OK) {
-    return absl::InvalidArgumentError("the address is no URL: give http://… or https://…");
+    return absl::InvalidArgumentError("--url is not a URL; expected http://… or https://…");
   }
   const std::string scheme = part_of(url.get(), CURLUPART_SCHEME);
   if (scheme != "http" && scheme != "https") {
     return absl::InvalidArgumentError(
-        absl::StrCat("cannot post to ", scheme, "://: give http://… or https://…"));
+        absl::StrCat("--url: unsupported scheme ", scheme, "://; expected http://… or https://…"));
   }
   const std::string port = part_of(url.get(), CURLUPART_PORT);
   return absl::StrCat(scheme, "://", part_of(url.get(), CURLUPART_HOST), port.empty() ? "" : ":",
                       port);
 }
 
-std::size_t swallow(char*, std::size_t size, std::size_t count, void*) {
+std::size_t discard(char*, std::size_t size, std::size_t count, void*) {
   return size * count;
 }
 
-/// CURLOPT_XFERINFOFUNCTION: other than 0 ends the transfer. Called at least once a second.
-int is_to_end(void* is_cancelled, curl_off_t, curl_off_t, curl_off_t, curl_off_t) {
+/// CURLOPT_XFERINFOFUNCTION, called at least once per second; a value other than 0 ends the
+/// transfer.
+int should_end(void* is_cancelled, curl_off_t, curl_off_t, curl_off_t, curl_off_t) {
   return static_cast<std::atomic<bool>*>(is_cancelled)->load() ? 1 : 0;
 }
 
-bool may_pass(long answer) {
-  return answer == 408 || answer == 425 || answer == 429 || answer >= 500;
+bool is_temporary(long response) {
+  return response == 408 || response == 425 || response == 429 || response >= 500;
 }
 
 class CurlPoster final : public HttpPoster {
@@ -67,11 +68,11 @@ class CurlPoster final : public HttpPoster {
     curl_easy_setopt(curl, CURLOPT_USERAGENT, "tessera-webhook/" TESSERA_VERSION);
     curl_easy_setopt(curl, CURLOPT_CONNECTTIMEOUT, kConnectSeconds);
     curl_easy_setopt(curl, CURLOPT_TIMEOUT_MS,
-                     static_cast<long>(absl::ToInt64Milliseconds(options_.connect_timeout)));
+                     static_cast<long>(absl::ToInt64Milliseconds(options_.request_timeout)));
     curl_easy_setopt(curl, CURLOPT_NOSIGNAL, 1L);
-    curl_easy_setopt(curl, CURLOPT_WRITEFUNCTION, &swallow);
+    curl_easy_setopt(curl, CURLOPT_WRITEFUNCTION, &discard);
     curl_easy_setopt(curl, CURLOPT_NOPROGRESS, 0L);
-    curl_easy_setopt(curl, CURLOPT_XFERINFOFUNCTION, &is_to_end);
+    curl_easy_setopt(curl, CURLOPT_XFERINFOFUNCTION, &should_end);
     curl_easy_setopt(curl, CURLOPT_XFERINFODATA, &is_cancelled_);
   }
 
@@ -83,20 +84,21 @@ class CurlPoster final : public HttpPoster {
     curl_easy_setopt(curl, CURLOPT_POSTFIELDSIZE_LARGE, static_cast<curl_off_t>(body.size()));
     const CURLcode code = curl_easy_perform(curl);
     curl_easy_setopt(curl, CURLOPT_HTTPHEADER, nullptr);
-    wait_s_ = 0;
+    retry_after_s_ = 0;
     if (code != CURLE_OK) {
       if (is_cancelled_) return absl::CancelledError("interrupted");
       return absl::UnavailableError(absl::StrCat(receiver_, ": ", curl_easy_strerror(code)));
     }
-    long answer = 0;
-    curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &answer);
-    curl_easy_getinfo(curl, CURLINFO_RETRY_AFTER, &wait_s_);
-    if (answer >= 200 && answer <= 299) return absl::OkStatus();
-    const std::string said = absl::StrCat(receiver_, " answers ", answer);
-    return may_pass(answer) ? absl::UnavailableError(said) : absl::FailedPreconditionError(said);
+    long response = 0;
+    curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &response);
+    curl_easy_getinfo(curl, CURLINFO_RETRY_AFTER, &retry_after_s_);
+    if (response >= 200 && response <= 299) return absl::OkStatus();
+    const std::string message = absl::StrCat(receiver_, " responded ", response);
+    return is_temporary(response) ? absl::UnavailableError(message)
+                                  : absl::FailedPreconditionError(message);
   }
 
-  absl::Duration retry_after() const override { return absl::Seconds(wait_s_); }
+  absl::Duration retry_after() const override { return absl::Seconds(retry_after_s_); }
 
   void cancel() override { is_cancelled_ = true; }
 
@@ -114,17 +116,17 @@ class CurlPoster final : public HttpPoster {
   const Options options_;
   const std::string receiver_;
   const std::unique_ptr<CURL, CurlDeleter> curl_;
-  curl_off_t wait_s_ = 0;
+  curl_off_t retry_after_s_ = 0;
   std::atomic<bool> is_cancelled_ = false;
 };
 
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<HttpPoster>> HttpPoster::create(const Options& options) {
-  // Once a process, before there are other threads that speak HTTP.
+  // Once per process, before other threads use libcurl.
   static const CURLcode ready = curl_global_init(CURL_GLOBAL_DEFAULT);
   if (ready != CURLE_OK) return absl::InternalError(curl_easy_strerror(ready));
-  auto receiver = speakable(options.url);
+  auto receiver = loggable_address(options.url);
   if (!receiver.ok()) return receiver.status();
   return std::make_unique<CurlPoster>(options, *std::move(receiver));
 }

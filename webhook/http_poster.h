@@ -8,31 +8,31 @@
 
 namespace tessera::client {
 
-/// Posts JSON documents to one HTTP address, over one connection while it lasts.
+/// Posts JSON documents to one HTTP address over a persistent connection.
 class HttpPoster {
  public:
   struct Options {
-    std::string url;     // http:// or https://; others and redirects are not followed
-    std::string secret;  // signs what is posted; empty: unsigned
-    absl::Duration connect_timeout = absl::Seconds(30);  // with one answer
+    std::string url;     // http:// or https://; redirects are not followed
+    std::string secret;  // key of the signature; empty: unsigned
+    absl::Duration request_timeout = absl::Seconds(30);  // for one request
   };
 
-  /// Errors: InvalidArgument, not such an address.
+  /// Errors: InvalidArgument, the address is not an HTTP URL.
   static absl::StatusOr<std::unique_ptr<HttpPoster>> create(const Options& options);
   virtual ~HttpPoster() = default;
 
-  /// Posts `body`, with `Tessera-Signature: sha256=` and the HMAC-SHA-256 of the body under the
-  /// secret in hexadecimal if there is one. OK for an answer of 200 to 299.
+  /// Posts `body`. With a secret, adds the header `Tessera-Signature: sha256=` and the hexadecimal
+  /// HMAC-SHA-256 of the body. Returns OK for responses 200 to 299.
   ///
-  /// Errors, which never hold the address's path: Unavailable, trying again may help (nobody
-  /// answers; 408, 425, 429 and 500 to 599); FailedPrecondition, it will not (any other answer);
-  /// Cancelled after cancel(). One thread at a time.
+  /// Errors, which never contain the path of the address: Unavailable, a retry may succeed (no
+  /// response; 408, 425, 429 and 500 to 599); FailedPrecondition, any other response; Cancelled
+  /// after cancel(). One thread at a time.
   virtual absl::Status post(const std::string& body) = 0;
 
-  /// How long the last answer asked to be left alone (Retry-After); zero: not at all.
+  /// Retry-After of the last response; zero if it had none.
   virtual absl::Duration retry_after() const = 0;
 
-  /// Ends the running post and all later ones, soon. From any thread.
+  /// Makes the running post and all later ones end within a second. Thread-safe.
   virtual void cancel() = 0;
 };
 

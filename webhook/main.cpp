@@ -1,5 +1,5 @@
-// tessera-webhook: posts what happens on a farm to an HTTP address. A client of the farm as any
-// other: the coordinator speaks to nobody outside it, and does not wait for those who do.
+// tessera-webhook posts the events of a farm to an HTTP address. It is a client like any other: the
+// server contacts nothing outside the farm and does not wait for slow receivers.
 #include <curl/curl.h>
 
 #include <CLI/CLI.hpp>
@@ -12,14 +12,14 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
-#include "client/cli/command.h"
+#include "cli/version_text.h"
 #include "client/api/event_document.h"
 #include "client/api/farm_client.h"
 #include "client/api/signal_handler.h"
+#include "client/cli/command.h"
+#include "telemetry/log/log.h"
 #include "webhook/event_relay.h"
 #include "webhook/http_poster.h"
-#include "cli/version_text.h"
-#include "telemetry/log/log.h"
 
 namespace tessera::client {
 namespace {
@@ -37,12 +37,12 @@ absl::StatusOr<std::string> read_secret(const std::string& path) {
   const std::string text{std::istreambuf_iterator<char>(file), {}};
   const std::string secret(absl::StripAsciiWhitespace(text));
   if (!file || secret.empty()) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": there is no secret to read"));
+    return absl::InvalidArgumentError(absl::StrCat(path, ": cannot read a secret from this file"));
   }
   return secret;
 }
 
-/// Calls `visit` with events after `after`; `follow`: for ever.
+/// Calls `visit` with the events after sequence `after`; with `follow`, without end.
 absl::Status watch(FarmClient& client, std::int64_t after, bool follow,
                    const std::function<bool(const v1::Event&)>& visit) {
   v1::WatchEventsRequest request;
@@ -51,8 +51,8 @@ absl::Status watch(FarmClient& client, std::int64_t after, bool follow,
   return client.watch_events(request, visit);
 }
 
-/// The sequence to begin after to pass on what happens from now on.
-absl::StatusOr<std::int64_t> now(FarmClient& client, EventRelay& relay) {
+/// Returns and stores the sequence of the latest event.
+absl::StatusOr<std::int64_t> latest_sequence(FarmClient& client, EventRelay& relay) {
   std::int64_t last = 0;
   absl::Status status = watch(client, 0, false, [&last](const v1::Event& event) {
     last = event.sequence();
@@ -63,33 +63,32 @@ absl::StatusOr<std::int64_t> now(FarmClient& client, EventRelay& relay) {
   return last;
 }
 
-/// The sequence to begin after: where the last run ended; without a state file, now.
-absl::StatusOr<std::int64_t> beginning(FarmClient& client, EventRelay& relay) {
+/// Returns the sequence after which to start: that of the state file, else the latest.
+absl::StatusOr<std::int64_t> start_sequence(FarmClient& client, EventRelay& relay) {
   const auto kept = relay.last_sequence();
   if (!kept.ok()) return kept.status();
   if (*kept) return **kept;
-  return now(client, relay);
+  return latest_sequence(client, relay);
 }
 
-/// Passes events on until something fails for good or `client` and `relay` are cancelled.
-absl::Status pass_events(FarmClient& client, EventRelay& relay, const Log& log) {
-  auto after = beginning(client, relay);
+/// Forwards events until a permanent error or until `client` and `relay` are cancelled.
+absl::Status forward_events(FarmClient& client, EventRelay& relay, const Log& log) {
+  auto after = start_sequence(client, relay);
   while (after.ok()) {
-    absl::Status passed;
+    absl::Status forwarded;
     absl::Status watched = watch(client, *after, true, [&](const v1::Event& event) {
-      passed = relay.pass(event);
-      return passed.ok();
+      forwarded = relay.forward(event);
+      return forwarded.ok();
     });
-    if (!passed.ok()) return passed;
+    if (!forwarded.ok()) return forwarded;
     if (!absl::IsOutOfRange(watched)) return watched;
-    log(LogLevel::warn,
-        absl::StrCat(watched.message(), "; going on with what happens from now on"));
-    after = now(client, relay);
+    log(LogLevel::warn, absl::StrCat(watched.message(), "; continuing with new events only"));
+    after = latest_sequence(client, relay);
   }
   return after.status();
 }
 
-absl::Status pass_on(const WebhookOptions& options, SignalHandler& interrupts) {
+absl::Status run_relay(const WebhookOptions& options, SignalHandler& signals) {
   auto secret = read_secret(options.secret_file);
   if (!secret.ok()) return secret.status();
   auto poster = HttpPoster::create({options.url, *secret});
@@ -98,59 +97,64 @@ absl::Status pass_on(const WebhookOptions& options, SignalHandler& interrupts) {
   if (!client.ok()) return client.status();
   const Log log = open_log("tessera-webhook", options.log_level);
   EventRelay relay(**poster, options.relay, log);
-  const InterruptAction on_interrupt(interrupts, [&client, &relay] {
+  const InterruptAction on_interrupt(signals, [&client, &relay] {
     (*client)->cancel();
     relay.cancel();
   });
-  return pass_events(**client, relay, log);
+  return forward_events(**client, relay, log);
 }
 
 int run(const WebhookOptions& options) {
-  SignalHandler interrupts;
-  const absl::Status status = pass_on(options, interrupts);
-  if (absl::IsCancelled(status)) return kExitDone;  // SIGTERM is how a service ends
+  SignalHandler signals;
+  const absl::Status status = run_relay(options, signals);
+  if (absl::IsCancelled(status)) return kExitDone;  // SIGTERM ends a service
   std::fprintf(stderr, "tessera-webhook: %s\n", std::string(status.message()).c_str());
-  return exit_code(status);
+  return exit_code(status.code());
 }
 
 void add_options(CLI::App& app, WebhookOptions& options) {
   add_connection_options(app, options.connection);
   app.get_option("--server")->envname("TESSERA_SERVER");
   app.get_option("--certs")->envname("TESSERA_CERTS");
-  app.add_option("--url", options.url,
-                 "Where to post, http://… or https://… (or TESSERA_WEBHOOK_URL, which other users "
-                 "of the machine do not see)")
+  app.add_option(
+         "--url", options.url,
+         "Address of the receiver, http://… or https://… (or TESSERA_WEBHOOK_URL, which other "
+         "users of the machine cannot see)")
       ->envname("TESSERA_WEBHOOK_URL")
       ->required();
   app.add_option(
-         "--secret", options.secret_file,
-         "File with the secret that signs posts: Tessera-Signature: sha256=HMAC of the body")
+         "--secret-file", options.secret_file,
+         "File with the key of the signature header, Tessera-Signature: sha256=HMAC of the body")
       ->type_name("FILE");
-  app.add_option("--kinds", options.relay.kinds,
-                 "Only these, comma-separated: \"job done,job failed\" (default: all)")
+  app.add_option("--events", options.relay.events,
+                 "Comma-separated list of events, e.g. \"job done,job failed\" (default: all)")
       ->delimiter(',')
       ->check(CLI::IsMember(event_names()));
-  app.add_option("--state", options.relay.state_file,
-                 "File that keeps how far posts have come, to go on there after a restart; without "
-                 "it, what happens from now on is posted")
+  app.add_option(
+         "--state-file", options.relay.state_file,
+         "File that stores the last posted event, to resume after a restart; without it, only "
+         "new events are posted")
       ->type_name("FILE");
-  app.add_option("--log-level", options.log_level, "What goes to stderr")
+  app.add_option("--log-level", options.log_level, "Minimum level logged to stderr")
       ->check(CLI::IsMember(log_level_names()))
       ->capture_default_str();
+  app.set_help_all_flag("--help-all", "Print this help");
   app.set_version_flag(
       "--version",
       contract::version_text("tessera-webhook", TESSERA_VERSION, contract::kBaselineIsa,
                              {{"libcurl", curl_version_info(CURLVERSION_NOW)->version}}, {}));
   app.footer(
-      "Posts each event as tessera.event/1 (as `tessera events --json` prints it), one at a time, "
-      "in\n"
-      "order, until it is taken (2xx): after 408, 425, 429, 5xx or no answer again in 1 s, then 2, "
-      "up\n"
-      "to 60 s; other answers leave the event out. A receiver may see one twice: same sequence.\n"
+      "Posts each event as a tessera.event/1 document, as printed by `tessera events --json`, in "
+      "order "
+      "and one at a time, until the receiver responds 2xx. After 408, 425, 429, 5xx or no response "
+      "it "
+      "retries in 1 s, 2 s, up to 60 s; other responses skip the event. A receiver may see an "
+      "event "
+      "twice, with the same sequence.\n"
       "Example:\n"
       "  tessera-webhook --server unix:/run/tessera/server.sock --url https://chat.example/hook "
       "\\\n"
-      "    --kinds \"job done,job failed,worker quarantined\" --state "
+      "    --events \"job done,job failed,worker quarantined\" --state-file "
       "/var/lib/tessera-webhook/state");
 }
 
@@ -161,7 +165,7 @@ int main(int argc, char** argv) {
   using tessera::client::WebhookOptions;
   std::signal(SIGPIPE, SIG_IGN);
   WebhookOptions options;
-  CLI::App app("Posts what happens on a Tessera farm to an HTTP address.", "tessera-webhook");
+  CLI::App app("Posts the events of a Tessera farm to an HTTP address.", "tessera-webhook");
   tessera::client::add_options(app, options);
   try {
     app.parse(argc, argv);

@@ -8,16 +8,16 @@
 
 namespace tessera::client {
 
-/// "job submitted" for KIND_JOB_SUBMITTED.
+/// Returns the name of a kind, e.g. "job submitted" for KIND_JOB_SUBMITTED.
 std::string event_name(v1::Event::Kind kind);
 
-/// Names of all kinds.
+/// Returns the names of all kinds.
 std::vector<std::string> event_names();
 
-/// When, by the server's clock: ISO 8601 with milliseconds, UTC.
+/// Returns the server's time of an event: ISO 8601, UTC, with milliseconds.
 std::string event_time_text(const v1::Event& event);
 
-/// The event as programs get it (docs/reference/schema/event.json).
+/// Returns the event as a document of schema tessera.event/1 (docs/reference/schema/event.json).
 nlohmann::ordered_json event_document(const v1::Event& event);
 
 }  // namespace tessera::client

@@ -24,8 +24,8 @@ using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
 constexpr milliseconds kCallTimeout{20'000};
-constexpr milliseconds kPatienceAfterContact{60'000};
-constexpr milliseconds kFirstPause{50}, kLongestPause{3'000};
+constexpr milliseconds kRetryTimeout{60'000};
+constexpr milliseconds kFirstPause{50}, kMaxPause{3'000};
 constexpr std::size_t kChunkBytes = 1 << 20;
 constexpr std::size_t kAssetsPerCall = 100'000;
 
@@ -37,8 +37,7 @@ absl::StatusOr<std::string> read_token(const Connection& connection) {
   std::ifstream file(connection.token_file);
   std::string token;
   if (!std::getline(file, token)) {
-    return absl::NotFoundError(
-        absl::StrCat("token file ", connection.token_file, " cannot be read"));
+    return absl::NotFoundError(absl::StrCat(connection.token_file, ": cannot read the token"));
   }
   return token;
 }
@@ -49,7 +48,7 @@ class Client : public FarmClient {
          const std::shared_ptr<grpc::Channel>& channel)
       : address_(std::move(address)),
         token_(std::move(token)),
-        patience_before_contact_(connect_timeout),
+        connect_timeout_(connect_timeout),
         jobs_(v1::JobService::NewStub(channel)),
         assets_(v1::AssetService::NewStub(channel)),
         workers_(v1::WorkerService::NewStub(channel)),
@@ -227,7 +226,7 @@ class Client : public FarmClient {
   absl::Status upload_asset(const v1::AssetId& asset, const std::string& path) override {
     return retry(milliseconds(0), [&](grpc::ClientContext& context) {
       std::ifstream file(path, std::ios::binary);
-      if (!file) return absl::NotFoundError(absl::StrCat(path, ": cannot be read"));
+      if (!file) return absl::NotFoundError(absl::StrCat(path, ": cannot read the file"));
       v1::UploadAssetResponse response;
       const auto stream = assets_->UploadAsset(&context, &response);
       v1::UploadAssetRequest request;
@@ -242,7 +241,7 @@ class Client : public FarmClient {
       absl::Status status = contract::from_rpc(stream->Finish());
       if (status.ok() || !absl::IsInvalidArgument(status)) return status;
       return absl::InvalidArgumentError(
-          absl::StrCat(path, ": ", std::string(status.message()), " (was it changed just now?)"));
+          absl::StrCat(path, ": ", std::string(status.message()), " (has the file changed?)"));
     });
   }
 
@@ -285,7 +284,7 @@ class Client : public FarmClient {
     });
   }
 
-  /// Runs `attempt` until it returns something else than Unavailable, or connect_timeout ends.
+  /// Runs `attempt` until it returns another status than Unavailable, or the time limit has passed.
   template <typename Attempt>
   absl::Status retry(milliseconds timeout, const Attempt& attempt) {
     Clock::time_point start = Clock::now();
@@ -301,17 +300,16 @@ class Client : public FarmClient {
             "the server at ", address_, " does not offer this call: it is older than this ",
             "client; upgrade the server"));
       }
-      if (contacts_ != contacts_before) {  // a stream that worked for a while
+      if (contacts_ != contacts_before) {  // the stream worked before it broke
         start = Clock::now();
         pause = kFirstPause;
       }
-      if (Clock::now() - start >
-          (contacts_ > 0 ? kPatienceAfterContact : patience_before_contact_)) {
+      if (Clock::now() - start > (contacts_ > 0 ? kRetryTimeout : connect_timeout_)) {
         return absl::UnavailableError(
-            absl::StrCat("no farm answers at ", address_, ": ", std::string(status.message())));
+            absl::StrCat("no server answers at ", address_, ": ", std::string(status.message())));
       }
       sleep(pause);
-      pause = std::min(2 * pause, kLongestPause);
+      pause = std::min(2 * pause, kMaxPause);
     }
   }
 
@@ -344,7 +342,7 @@ class Client : public FarmClient {
   void note_contact() { ++contacts_; }
 
   const std::string address_, token_;
-  const milliseconds patience_before_contact_;
+  const milliseconds connect_timeout_;
   const std::unique_ptr<v1::JobService::Stub> jobs_;
   const std::unique_ptr<v1::AssetService::Stub> assets_;
   const std::unique_ptr<v1::WorkerService::Stub> workers_;

@@ -31,7 +31,8 @@ SignalHandler::~SignalHandler() {
     const std::lock_guard lock(mutex_);
     done_ = true;
   }
-  pthread_kill(thread_.native_handle(), SIGHUP);  // ends its wait; blocked, so it kills nobody
+  pthread_kill(thread_.native_handle(),
+               SIGHUP);  // ends the wait; the signal is blocked and has no other effect
   thread_.join();
   const sigset_t signals = interrupting_signals();
   pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);

@@ -6,8 +6,8 @@
 
 namespace tessera::client {
 
-/// Catches SIGINT, SIGTERM and SIGHUP while it lives; a second one ends the process at once. Make
-/// it before any other thread is started: threads inherit the blocked signals.
+/// Catches SIGINT, SIGTERM and SIGHUP during its lifetime; the second signal ends the process with
+/// status 130. Create it before any other thread is started: threads inherit the blocked signals.
 class SignalHandler {
  public:
   SignalHandler();
@@ -15,6 +15,7 @@ class SignalHandler {
   SignalHandler(const SignalHandler&) = delete;
   SignalHandler& operator=(const SignalHandler&) = delete;
 
+  /// Returns whether a signal has been received.
   bool interrupted();
 
  private:
@@ -28,19 +29,19 @@ class SignalHandler {
   std::thread thread_;
 };
 
-/// While it lives, the first interrupt calls `action` on another thread (at once, if it has come
-/// already). One at a time.
+/// Calls `action` on another thread at the first signal during its lifetime, or immediately if one
+/// has been received. At most one instance at a time.
 class InterruptAction {
  public:
-  InterruptAction(SignalHandler& interrupts, std::function<void()> action) : interrupts_(interrupts) {
-    interrupts_.set_action(std::move(action));
+  InterruptAction(SignalHandler& signals, std::function<void()> action) : signals_(signals) {
+    signals_.set_action(std::move(action));
   }
-  ~InterruptAction() { interrupts_.set_action({}); }
+  ~InterruptAction() { signals_.set_action({}); }
   InterruptAction(const InterruptAction&) = delete;
   InterruptAction& operator=(const InterruptAction&) = delete;
 
  private:
-  SignalHandler& interrupts_;
+  SignalHandler& signals_;
 };
 
 }  // namespace tessera::client

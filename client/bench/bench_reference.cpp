@@ -10,21 +10,21 @@ namespace {
 
 using nlohmann::json;
 
-/// "1,2,3" of [1, 2, 3], each number as exact as the report has it.
+/// Returns "1,2,3" for [1, 2, 3], with the digits of the report.
 std::string list_text(const json& numbers) {
   return absl::StrJoin(numbers, ",", [](std::string* text, const json& number) {
     absl::StrAppend(text, number.dump());
   });
 }
 
-/// As --background takes it; empty for "environment", which is its default.
+/// Returns the argument of --background; empty for "environment", the default.
 std::string background_text(const json& background) {
   if (background.is_array()) return list_text(background);
   return background == "none" ? "none" : "";
 }
 
-/// The inverse of what the server writes (server/report/report.cpp). A setting that a report does
-/// not know yet had its default. Throws json::exception where a value has another type.
+/// Converts the settings of a report (server/report/report.cpp) to options. A missing setting has
+/// its default. Throws json::exception if a value has the wrong type.
 RenderOptions settings_of_report(const json& settings, std::int32_t frame) {
   RenderOptions render;
   const auto take = [&](const char* key, auto& option) { option = settings.value(key, option); };
@@ -57,28 +57,29 @@ RenderOptions settings_of_report(const json& settings, std::int32_t frame) {
 absl::StatusOr<BenchReference> read_reference_report(std::string_view text) {
   const json report = json::parse(text, nullptr, false);
   if (!report.is_object() || !report.contains("settings") || !report.contains("frames")) {
-    return absl::InvalidArgumentError("no report of a render");
+    return absl::InvalidArgumentError("not the report of a render");
   }
   const json& frames = report["frames"];
   if (frames.size() != 1) {
-    return absl::InvalidArgumentError(absl::StrCat("of ", frames.size(), " frames, not of one"));
+    return absl::InvalidArgumentError(absl::StrCat("has ", frames.size(), " frames; expected 1"));
   }
-  try {  // only the JSON library throws, at a member that is missing or has another type
+  try {  // the JSON library throws if a member is missing or has the wrong type
     const json& frame = frames.at(0);
     const json& settings = report["settings"];
     if (!frame.at("estimated").is_object()) {
-      return absl::InvalidArgumentError("without an estimate of its error");
+      return absl::InvalidArgumentError("has no error estimate");
     }
     BenchReference reference;
     reference.relmse = frame["estimated"].at("relmse").get<double>();
     reference.scene_sha256 = report.at("scene_sha256").get<std::string>();
     reference.seed = settings.at("seed").get<std::int64_t>();
     const std::string uri = settings.value("environment", "");
-    reference.sky = uri.substr(uri.rfind('/') + 1);
+    reference.environment = uri.substr(uri.rfind('/') + 1);
     reference.render = settings_of_report(settings, frame.at("frame").get<std::int32_t>());
     return reference;
   } catch (const json::exception& error) {
-    return absl::InvalidArgumentError(absl::StrCat("no report of a render (", error.what(), ")"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("not the report of a render (", error.what(), ")"));
   }
 }
 

@@ -10,23 +10,23 @@
 
 namespace tessera::client {
 
-/// What the report of a reference says of it.
+/// Contents of a reference's report.
 struct BenchReference {
-  /// Its settings, all that decide which image is expected: not sample counts, seed, tile or what
-  /// else the file holds. Scene and environment, which a report does not know as files, are empty.
+  /// Settings that determine the expected image, without sample counts, seed and tile size. Scene
+  /// and environment are empty: a report has no paths.
   RenderOptions render;
-  std::string sky;  // name of its environment's file; empty: it had none
+  std::string environment;  // file name of the environment map; empty: none
   std::string scene_sha256;
   std::int64_t seed = 0;
-  double relmse = 0;  // its own, as the report estimates it
+  double relmse = 0;  // the reference's own, as estimated in the report
 };
 
-/// Reads tessera.report/1. Errors: InvalidArgument, what the text lacks to be the report of a
-/// finished render of one frame, with an estimate of its error.
+/// Parses a document of schema tessera.report/1. Errors: InvalidArgument, it is not the report of a
+/// finished render of one frame with an error estimate.
 absl::StatusOr<BenchReference> read_reference_report(std::string_view text);
 
-/// The first `count` of 1, 2, 3, … without the reference's: with its seed a render has its samples,
-/// and so its errors.
+/// Returns the first `count` of 1, 2, 3, … without the reference's seed, whose samples are
+/// correlated with the reference.
 std::vector<std::int64_t> bench_seeds(int count, std::int64_t reference_seed);
 
 }  // namespace tessera::client

@@ -15,7 +15,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-/// 97.5 % quantiles of Student's t for 1, 2, … degrees of freedom; beyond, the normal's.
+/// 97.5 % quantiles of Student's t for 1, 2, … degrees of freedom; beyond, the normal distribution.
 constexpr double kStudent[] = {12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306,
                                2.262,  2.228, 2.201, 2.179, 2.160, 2.145, 2.131, 2.120,
                                2.110,  2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064,
@@ -30,7 +30,7 @@ std::vector<double> column(const SceneBench& bench, std::size_t k, double BenchP
   return values;
 }
 
-/// Where one seed's curve crosses `relmse`.
+/// Returns the CPU seconds at which a curve crosses `relmse`; null if it does not.
 std::optional<double> crossing(const std::vector<BenchPoint>& curve, double relmse) {
   for (std::size_t k = 1; k < curve.size(); ++k) {
     const BenchPoint &a = curve[k - 1], &b = curve[k];
@@ -41,7 +41,8 @@ std::optional<double> crossing(const std::vector<BenchPoint>& curve, double relm
   return std::nullopt;
 }
 
-/// The last count at which no error is too near the reference's own; null if there is none.
+/// Returns the highest count at which no error is too close to the reference's own; null if there
+/// is none.
 std::optional<std::size_t> last_usable(const SceneBench& bench) {
   for (std::size_t k = bench.spp.size(); k-- > 0;) {
     const std::vector<double> errors = column(bench, k, &BenchPoint::relmse);
@@ -51,7 +52,7 @@ std::optional<std::size_t> last_usable(const SceneBench& bench) {
   return std::nullopt;
 }
 
-/// Over the scenes that all have the figure; null unless there is one.
+/// Returns the geometric mean over scenes; null if a scene has no value or there are no scenes.
 template <typename Figure>
 std::optional<double> mean_over(std::span<const SceneBench> scenes, Figure&& figure) {
   std::vector<double> values;
@@ -67,7 +68,7 @@ std::optional<double> efficiency_value(const SceneBench& bench) {
   return interval ? std::optional(interval->value) : std::nullopt;
 }
 
-/// JSON has no infinity: null.
+/// Converts an interval; infinity becomes null, since JSON has none.
 ordered_json to_json(const Interval& interval) {
   return {{"value", interval.value},
           {"low", interval.low},
@@ -181,7 +182,7 @@ ordered_json bench_document(std::span<const SceneBench> scenes) {
 }
 
 std::string bench_text(std::span<const SceneBench> scenes) {
-  Table rounds({"scene", "spp", "CPU s", "relMSE: median (least to greatest)"});
+  Table rounds({"scene", "spp", "CPU s", "relMSE: median (minimum to maximum)"});
   Table summary({"scene", "reference", target_name(kTargets[0]), target_name(kTargets[1]),
                  target_name(kTargets[2]), "efficiency", "load s", "build s", "first pixel s",
                  "render CPU s", "rest s"});
@@ -191,7 +192,7 @@ std::string bench_text(std::span<const SceneBench> scenes) {
       rounds.add({bench.scene, absl::StrCat(bench.spp[k]),
                   absl::StrFormat(
                       "%.4g", median_and_band(column(bench, k, &BenchPoint::cpu_seconds)).value),
-                  error ? text_of(*error) : "below ten times the reference's own"});
+                  error ? text_of(*error) : "below ten times the reference's own relMSE"});
     }
     const auto interval = efficiency(bench);
     summary.add({bench.scene, absl::StrFormat("%.2g", bench.reference_relmse),

@@ -20,14 +20,14 @@ struct Point {
   double x, y;  // log10 of CPU seconds and error
 };
 
-/// What fits on an axis: [low, high] in decades.
+/// Range of an axis in decades.
 struct Range {
   double low = std::numeric_limits<double>::max(), high = std::numeric_limits<double>::lowest();
   void add(double value) {
     low = std::min(low, value);
     high = std::max(high, value);
   }
-  /// A little wider, and at least half a decade.
+  /// Returns the range with padding, at least half a decade wide.
   Range padded() const {
     const double pad = std::max(0.08 * (high - low), (0.5 - (high - low)) / 2);
     return {low - pad, high + pad};
@@ -46,7 +46,7 @@ std::vector<Point> points_of(const ordered_json& frame, const char* key) {
   return points;
 }
 
-/// The plot's area and how decades map to it.
+/// The plot area and the mapping of decades to it.
 class Plot {
  public:
   Plot(const Range& x, const Range& y) : x_(x), y_(y) {}
@@ -77,7 +77,7 @@ class Plot {
         words, "</text>\n");
   }
 
-  /// Ticks at 1, 2 and 5 of each decade.
+  /// Draws the axes with ticks at 1, 2 and 5 of each decade.
   void axes() {
     for (const double tick : ticks(x_)) {
       rule(at_x(tick), kTop, at_x(tick), kHeight - kBottom, "grid");
@@ -92,7 +92,7 @@ class Plot {
                                             "text-anchor=\"middle\">error</text>\n",
                                             (kTop + kHeight - kBottom) / 2));
   }
-  /// Lines that halve the error for four times the work, clipped to the plot.
+  /// Draws lines along which four times the work halves the error, clipped to the plot.
   void guides() {
     const double first = std::floor(y_.low);
     const auto count = static_cast<int>(2 * (y_.high + x_.high - x_.low - first)) + 1;
@@ -168,7 +168,7 @@ std::string curve_svg(const ordered_json& report) {
             absl::StrCat("job ", report.value("job", ""), ", ", report.value("status", "")));
   plot.text(kLeft, 36, "start",
             absl::StrCat("estimated error", has_truth ? " (blue), true error (orange)" : "",
-                         "; dotted: half the error for four times the work"));
+                         "; dotted lines: four times the work, half the error"));
   return absl::StrCat(
       absl::StrFormat("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\">\n",
                       kWidth, kHeight),

@@ -5,9 +5,9 @@
 
 namespace tessera::client {
 
-/// Draws a report's error curves as SVG: error against CPU seconds, both logarithmic, a line a
-/// frame, with guides that fall as 1/√n, and the true error beside the estimate where the report
-/// has it. Readable on light and dark ground. Empty if no frame has a curve with an error.
+/// Returns an SVG chart of a report's error curves: error over CPU seconds, both logarithmic, one
+/// line per frame, with guides that fall as 1/√n and, if known, the true error. Adapts to light and
+/// dark backgrounds. Empty if no frame has an error curve.
 std::string curve_svg(const nlohmann::ordered_json& report);
 
 }  // namespace tessera::client

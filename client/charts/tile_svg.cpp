@@ -17,11 +17,11 @@ using nlohmann::ordered_json;
 
 constexpr double kMapSide = 400, kMargin = 16, kHeading = 28;  // the longer side of a map
 
-/// Stops from the least to the most, sRGB: they grow in lightness, so that they stay apart in grey.
+/// Colour scale, sRGB. Lightness increases, so that values remain distinct in greyscale.
 constexpr std::array<std::array<int, 3>, 5> kStops = {
     {{68, 1, 84}, {59, 82, 139}, {33, 145, 140}, {94, 201, 98}, {253, 231, 37}}};
 
-/// The colour of `share` in [0, 1].
+/// Returns the colour of `share` in [0, 1].
 std::string colour(double share) {
   const double place = std::clamp(share, 0.0, 1.0) * (kStops.size() - 1);
   const std::size_t stop = std::min(static_cast<std::size_t>(place), kStops.size() - 2);
@@ -34,7 +34,7 @@ std::string colour(double share) {
   return absl::StrFormat("#%02x%02x%02x", mixed[0], mixed[1], mixed[2]);
 }
 
-/// Where the tiles of a frame are, in its window.
+/// Returns the tile grid of a frame's window.
 contract::TileGrid grid_of(const ordered_json& settings) {
   contract::PixelRect window{0, 0, settings.value("width", 1), settings.value("height", 1)};
   const auto crop = settings.find("crop");
@@ -44,16 +44,16 @@ contract::TileGrid grid_of(const ordered_json& settings) {
   return contract::TileGrid(window, settings.value("tile", 1));
 }
 
-/// One map: a value for each tile. `scale`: units a pixel.
+/// A map with a value per tile. `scale`: SVG units per pixel.
 struct Map {
   std::string name;
   std::vector<double> values;
   double left, top, scale;
 };
 
-/// Colours go by the logarithm from the least to the most; a tile of 0 has no place there.
+/// Draws a map. Colours follow the logarithm between minimum and maximum; tiles of 0 are hatched.
 void draw(const Map& map, const contract::TileGrid& grid, std::string& svg) {
-  double low = 0, high = 0;  // of those above 0
+  double low = 0, high = 0;  // of positive values
   bool has_zero = false;
   for (const double value : map.values) {
     has_zero = has_zero || !(value > 0);
@@ -104,13 +104,14 @@ absl::StatusOr<std::string> tile_svg(const ordered_json& report) {
     if (errors.size() != tiles || samples.size() != tiles) continue;
     const std::string label = absl::StrCat("frame ", frame.value("frame", 0), ", error");
     draw({label, errors, kMargin, top, scale}, grid, body);
-    draw({"samples a pixel", samples, 2 * kMargin + kMapSide, top, scale}, grid, body);
+    draw({"samples per pixel", samples, 2 * kMargin + kMapSide, top, scale}, grid, body);
     top += scale * window.height + kMargin + kHeading;
   }
   if (body.empty()) {
     return absl::FailedPreconditionError(
-        "no frame has figures of its tiles: none is finished, the first pass is black, or there "
-        "are more than 16,384 (take a larger --tile)");
+        "no frame has tile statistics: none is finished, the first pass is black, or there are "
+        "more "
+        "than 16,384 tiles (use a larger --tile-size)");
   }
   return absl::StrCat(
       absl::StrFormat("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\">\n",

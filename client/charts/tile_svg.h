@@ -7,11 +7,11 @@
 
 namespace tessera::client {
 
-/// Draws the tiles of a report's frames as SVG, a row of two maps a frame: the estimated error of
-/// each tile and the samples its pixels have, in colours by the logarithm. Readable on light and
-/// dark ground; the figures of a tile show under the pointer.
+/// Returns an SVG image with two maps per frame of a report: estimated error and samples per pixel
+/// of each tile, on a logarithmic colour scale. Adapts to light and dark backgrounds; tooltips show
+/// the values of a tile.
 ///
-/// Errors: FailedPrecondition, no frame of the report has figures of its tiles (why).
+/// Errors: FailedPrecondition, no frame of the report has statistics of its tiles.
 absl::StatusOr<std::string> tile_svg(const nlohmann::ordered_json& report);
 
 }  // namespace tessera::client

@@ -16,7 +16,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-/// In µs, as the format has all times.
+/// Returns a time in µs, the unit of the format.
 template <typename Span>  // google.protobuf.Timestamp or Duration
 std::int64_t micros(const Span& span) {
   return span.seconds() * 1'000'000 + span.nanos() / 1000;
@@ -28,8 +28,8 @@ struct Slice {
   std::size_t thread = 0;
 };
 
-/// Puts a worker's deliveries on its threads, the last first: each on the thread that is free
-/// longest, cut at the slice that comes after it there. `most`: threads it has.
+/// Assigns a worker's deliveries to `most` threads, latest first: each to the thread that is free
+/// the longest, cut where that thread's next slice starts.
 std::vector<Slice> place(std::vector<const v1::Delivery*> deliveries, std::size_t most) {
   std::stable_sort(deliveries.begin(), deliveries.end(), [](const auto* a, const auto* b) {
     return micros(a->end_time()) > micros(b->end_time());
@@ -55,7 +55,7 @@ std::string title(const v1::Delivery& delivery) {
   std::string text = absl::StrCat("frame ", delivery.frame(), ", tile ", delivery.tile(), ", pass ",
                                   delivery.pass());
   if (delivery.outcome() == v1::Delivery::OUTCOME_AUDIT) absl::StrAppend(&text, ": audit");
-  if (delivery.outcome() == v1::Delivery::OUTCOME_DUPLICATE) absl::StrAppend(&text, ": repeat");
+  if (delivery.outcome() == v1::Delivery::OUTCOME_DUPLICATE) absl::StrAppend(&text, ": duplicate");
   if (delivery.retry_count() > 0) absl::StrAppend(&text, ": retry ", delivery.retry_count());
   return text;
 }
@@ -65,7 +65,7 @@ const char* category(const v1::Delivery& delivery) {
     case v1::Delivery::OUTCOME_AUDIT:
       return "audit";
     case v1::Delivery::OUTCOME_DUPLICATE:
-      return "repeat";
+      return "duplicate";
     default:
       return delivery.retry_count() > 0 ? "retry" : "unit";
   }
@@ -91,12 +91,12 @@ ordered_json slice_json(const Slice& slice, int process, std::int64_t begin_us) 
           {"args", std::move(facts)}};
 }
 
-ordered_json name_json(const char* what, const std::string& name, int process, int thread) {
+ordered_json name_json(const char* kind, const std::string& name, int process, int thread) {
   return {
-      {"name", what}, {"ph", "M"}, {"pid", process}, {"tid", thread}, {"args", {{"name", name}}}};
+      {"name", kind}, {"ph", "M"}, {"pid", process}, {"tid", thread}, {"args", {{"name", name}}}};
 }
 
-/// How many threads each worker has, where the report knows it.
+/// Returns the number of threads of each worker in the report.
 std::map<std::string, std::size_t> threads_of(const ordered_json& report) {
   std::map<std::string, std::size_t> threads;
   for (const ordered_json& worker : report.value("workers", ordered_json::array())) {
@@ -107,7 +107,7 @@ std::map<std::string, std::size_t> threads_of(const ordered_json& report) {
   return threads;
 }
 
-/// Everything on its place in time.
+/// Slices of all workers, and their time range.
 struct Layout {
   std::map<std::string, std::vector<Slice>> workers;
   std::int64_t begin_us = std::numeric_limits<std::int64_t>::max(), end_us = 0;
@@ -162,8 +162,9 @@ absl::StatusOr<std::string> timeline_json(const ordered_json& report,
                                           const std::vector<v1::Event>& events) {
   if (deliveries.empty()) {
     return absl::FailedPreconditionError(
-        "nothing is known of the job's units: none is committed, or the server was started after "
-        "that (it keeps the newest 100,000 in memory)");
+        "no deliveries recorded: nothing committed yet, or the server has restarted since (it "
+        "keeps "
+        "the newest 100,000 in memory)");
   }
   const std::string job = report.value("job", "");
   Layout layout = lay_out(report, deliveries);
@@ -191,7 +192,7 @@ absl::StatusOr<std::string> timeline_json(const ordered_json& report,
   const ordered_json document = {{"traceEvents", std::move(trace)},
                                  {"displayTimeUnit", "ms"},
                                  {"otherData", {{"job", job}, {"begin_unix_us", layout.begin_us}}}};
-  // What a worker sent may hold bytes that are no UTF-8.
+  // Messages of workers may contain invalid UTF-8.
   return document.dump(1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }
 

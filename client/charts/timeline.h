@@ -9,16 +9,16 @@
 
 namespace tessera::client {
 
-/// A job's timeline in the Trace Event Format, which chrome://tracing and ui.perfetto.dev show: a
-/// process a worker, a thread a thread of it, a slice a delivered unit, and a mark for what
-/// happened. `report` says how many threads a worker has; `events` are those of the whole farm,
-/// of which those of the job and, while it ran, of its workers are taken.
+/// Returns the timeline of a job in the Trace Event Format for chrome://tracing and
+/// ui.perfetto.dev: workers as processes, their threads as threads, delivered units as slices and
+/// events as marks. `report`: the job's report, for the threads of each worker. `events`: events of
+/// the whole farm; those of the job and, while it ran, of its workers are included.
 ///
-/// The server knows when a result was durable and how much CPU time it took, not when it was begun:
-/// a slice is as long as its CPU time and lies as late as its end and its thread's later slices let
-/// it. So a worker that was busy with something else shows gaps.
+/// The server knows when a result became durable and its CPU time, but not its start. A slice is as
+/// long as its CPU time and placed as late as its end and the later slices of the thread allow, so
+/// a worker that was busy with other work shows gaps.
 ///
-/// Errors: FailedPrecondition, nothing is known of the job's units (why).
+/// Errors: FailedPrecondition, the server has no deliveries of the job.
 /// Source: "Trace Event Format", Google,
 /// docs.google.com/document/d/1CvAClvFfyA5R-PhYUmn5OOQtYMH4h6I0nSsKchNAySU.
 absl::StatusOr<std::string> timeline_json(const nlohmann::ordered_json& report,

@@ -13,16 +13,16 @@ namespace tessera::client {
 
 void add_connection_options(CLI::App& command, Connection& connection) {
   command.add_option("--server", connection.server,
-                     "Farm to talk to: unix:PATH or HOST:PORT (TESSERA_SERVER; default: the "
-                     "socket in $XDG_RUNTIME_DIR/tessera, else 127.0.0.1:7420)");
+                     "Server address: unix:PATH or HOST:PORT (TESSERA_SERVER; default: the socket "
+                     "in $XDG_RUNTIME_DIR/tessera, else 127.0.0.1:7420)");
   command
       .add_option("--certs", connection.certs,
-                  "Folder with ca.crt, tls.crt and tls.key, for a farm on other machines "
+                  "Directory with ca.crt, tls.crt and tls.key, for a server on another machine "
                   "(TESSERA_CERTS)")
       ->type_name("DIR");
   command
       .add_option("--token", connection.token_file,
-                  "File with the farm's token (or put the token itself into TESSERA_TOKEN)")
+                  "File with the server's token (or the token itself in TESSERA_TOKEN)")
       ->type_name("FILE");
 }
 
@@ -45,27 +45,9 @@ std::string default_server() {
   return is_socket && is_private_folder(folder) ? "unix:" + path : "127.0.0.1:7420";
 }
 
-int exit_code(const absl::Status& status) {
-  switch (status.code()) {
-    case absl::StatusCode::kOk:
-      return kExitDone;
-    case absl::StatusCode::kCancelled:
-      return kExitInterrupted;
-    case absl::StatusCode::kInvalidArgument:
-    case absl::StatusCode::kNotFound:
-    case absl::StatusCode::kAlreadyExists:
-    case absl::StatusCode::kFailedPrecondition:
-    case absl::StatusCode::kOutOfRange:
-    case absl::StatusCode::kUnimplemented:
-      return kExitBadInput;
-    default:
-      return kExitUnreachable;
-  }
-}
-
 int fail(const absl::Status& status) {
   std::fprintf(stderr, "tessera: %s\n", std::string(status.message()).c_str());
-  return exit_code(status);
+  return exit_code(status.code());
 }
 
 }  // namespace tessera::client

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "absl/status/status.h"
+#include "client/cli/exit_codes.h"
 
 namespace CLI {
 class App;
@@ -12,49 +13,37 @@ class App;
 
 namespace tessera::client {
 
-/// Exit codes of every command (design.md, section 4).
-inline constexpr int kExitDone = 0;
-inline constexpr int kExitJobFailed = 1;    // or cancelled, or a comparison over its limit
-inline constexpr int kExitBadInput = 2;     // wrong usage or bad input
-inline constexpr int kExitUnreachable = 3;  // no farm there, or it refused us
-inline constexpr int kExitUncertain = 4;    // files written, the error asked for is not certified
-inline constexpr int kExitInterrupted = 130;
-
-/// Where the farm is and how to enter it.
+/// Address and credentials of a server.
 struct Connection {
   std::string server;      // unix:PATH or HOST:PORT; empty: default_server()
-  std::string certs;       // folder of certificates; empty: none
-  std::string token_file;  // file with the token; empty: TESSERA_TOKEN, which is the token itself
-  std::chrono::seconds connect_timeout{2};  // with a farm that has not answered yet
+  std::string certs;       // directory of certificates; empty: no TLS
+  std::string token_file;  // file with the token; empty: the token is in TESSERA_TOKEN
+  std::chrono::seconds connect_timeout{2};  // for the first answer
 };
 
-/// What the command line asks for. A command's parser callback sets `run`; main calls it once
-/// parsing is over, so that commands run outside CLI11 and return exit codes, never throw them.
+/// A parsed command line. The parser callback of a command sets `run`, and main calls it after
+/// parsing, so that commands run outside CLI11 and return their exit code.
 struct Invocation {
   Connection connection;
   std::function<int()> run;
 };
 
-/// Adds --server, --certs and --token to a command. They write to `connection`, which the top level
-/// has already filled from the config file and the environment.
+/// Adds --server, --certs and --token to a command. They overwrite `connection`, which already
+/// holds the values of the configuration file and the environment.
 void add_connection_options(CLI::App& command, Connection& connection);
 
-/// Where the user's farm that stays (`tessera farm up`) has its socket: $XDG_RUNTIME_DIR/tessera,
-/// else /tmp/tessera-UID. It need not be there.
+/// Returns the directory of the socket of the user's persistent farm (`tessera farm up`):
+/// $XDG_RUNTIME_DIR/tessera, else /tmp/tessera-UID. It may not exist.
 std::string farm_folder();
 
-/// Whether the path is a folder that only this user can enter.
+/// Returns whether `path` is a directory that only this user can access.
 bool is_private_folder(const std::string& path);
 
-/// unix:FOLDER/server.sock, of farm_folder(), if that socket is there and nobody else could have
-/// put it there, else 127.0.0.1:7420.
+/// Returns unix:DIR/server.sock with DIR = farm_folder() if that socket exists and only this user
+/// can have created it, else 127.0.0.1:7420.
 std::string default_server();
 
-/// The exit code that stands for an error: 2 for what the user can mend in the request, 130 for
-/// CANCELLED (interrupted), else 3.
-int exit_code(const absl::Status& status);
-
-/// Prints "tessera: MESSAGE" to stderr and returns exit_code(status).
+/// Prints "tessera: MESSAGE" to stderr and returns exit_code(status.code()).
 int fail(const absl::Status& status);
 
 }  // namespace tessera::client

@@ -13,7 +13,7 @@
 namespace tessera::client {
 namespace {
 
-constexpr int kLongestBar = 40, kShortestBar = 8;
+constexpr int kMaxBarLength = 40, kMinBarLength = 8;
 
 std::string figures(const v1::Job& job, double share) {
   const v1::JobProgress& progress = job.progress();
@@ -64,8 +64,8 @@ std::string progress_line(const v1::Job& job, int columns) {
                            : static_cast<double>(progress.committed_sample_count()) /
                                  static_cast<double>(progress.sample_count());
   std::string text = figures(job, share);
-  const int room = std::min(kLongestBar, columns - static_cast<int>(text.size()) - 4);
-  if (room >= kShortestBar) {
+  const int room = std::min(kMaxBarLength, columns - static_cast<int>(text.size()) - 4);
+  if (room >= kMinBarLength) {
     const int filled = std::clamp(static_cast<int>(share * room), 0, room);
     text = absl::StrCat("[", std::string(static_cast<std::size_t>(filled), '#'),
                         std::string(static_cast<std::size_t>(room - filled), '.'), "] ", text);

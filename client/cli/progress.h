@@ -6,17 +6,17 @@
 
 namespace tessera::client {
 
-/// One line for people: bar, share done, samples, estimated error, workers, time left.
-/// `columns`: width of the line; the bar takes what the figures leave, at most 40.
+/// Returns a progress line of at most `columns` characters: bar, percentage, samples, estimated
+/// error, workers, remaining time. The bar has at most 40 characters.
 std::string progress_line(const v1::Job& job, int columns);
 
-/// 42 -> "42 s", 125 -> "2:05", 7384 -> "2:03:04".
+/// Formats seconds: 42 -> "42 s", 125 -> "2:05", 7384 -> "2:03:04".
 std::string format_seconds(double seconds);
 
-/// 950 -> "950", 59e6 -> "59.0 M".
+/// Formats a count: 950 -> "950", 59e6 -> "59.0 M".
 std::string format_count(double count);
 
-/// Redraws progress_line on stderr while that is a terminal; silent otherwise.
+/// Draws progress_line on stderr if it is a terminal.
 class ProgressBar {
  public:
   ProgressBar();
@@ -24,7 +24,7 @@ class ProgressBar {
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
   void show(const v1::Job& job);
-  /// Wipes the line, so that something else can be printed.
+  /// Erases the line before other output.
   void clear();
 
  private:

@@ -8,7 +8,7 @@
 namespace tessera::client {
 namespace {
 
-/// Characters, not bytes, of UTF-8 text: continuation bytes take no room.
+/// Returns the number of characters, not bytes, of UTF-8 text.
 std::size_t columns_of(const std::string& text) {
   return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) {
     return (static_cast<unsigned>(c) & 0xC0u) != 0x80u;

@@ -9,7 +9,7 @@ namespace tessera::client {
 class Table {
  public:
   explicit Table(std::vector<std::string> header) : rows_{std::move(header)} {}
-  /// Requires as many cells as the header has.
+  /// Adds a row. Requires as many cells as the header has.
   void add(std::vector<std::string> row) { rows_.push_back(std::move(row)); }
   std::string text() const;
 
@@ -17,10 +17,10 @@ class Table {
   std::vector<std::vector<std::string>> rows_;
 };
 
-/// 1536 -> "1.5 KiB", at most one decimal.
+/// Formats bytes with one decimal: 1536 -> "1.5 KiB".
 std::string format_bytes(double bytes);
 
-/// A share as "12.3 %"; "-" when `total` is 0.
+/// Formats part / total as "12.3 %"; "-" if `total` is 0.
 std::string format_share(double part, double total);
 
 }  // namespace tessera::client

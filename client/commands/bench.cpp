@@ -9,15 +9,15 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
-#include "client/bench/bench_stats.h"
 #include "client/bench/bench_reference.h"
+#include "client/bench/bench_stats.h"
+#include "client/cli/table.h"
 #include "client/commands/commands.h"
+#include "client/local_farm/local_farm.h"
 #include "client/output/frame_files.h"
 #include "client/output/job_status.h"
-#include "client/request/job_request.h"
-#include "client/local_farm/local_farm.h"
-#include "client/cli/table.h"
 #include "client/output/true_error.h"
+#include "client/request/job_request.h"
 #include "contract/digest.h"
 #include "contract/structure_names.h"
 
@@ -27,7 +27,7 @@ namespace {
 using nlohmann::ordered_json;
 
 constexpr std::chrono::milliseconds kWatchInterval{20};
-constexpr std::chrono::seconds kPatience{30};
+constexpr std::chrono::seconds kConnectTimeout{30};
 
 struct BenchOptions {
   std::vector<std::string> scenes;
@@ -37,34 +37,36 @@ struct BenchOptions {
   bool json = false;
 };
 
-/// A scene with what it is measured against.
+/// A scene and its reference.
 struct Subject {
   std::string name, scene;
   BenchReference reference;
-  std::vector<Image> image;  // one: the reference's
+  std::vector<Image> image;  // the reference image only
   PreparedJob job;           // for any seed and sample count
 };
 
 absl::StatusOr<std::string> text_of_file(const std::string& path) {
   std::ifstream file(path);
-  if (!file) return absl::InvalidArgumentError("cannot be read");
+  if (!file) return absl::InvalidArgumentError("cannot read the file");
   return std::string(std::istreambuf_iterator<char>(file), {});
 }
 
-/// The sky is that of --environment: a report knows its name and digest, not where it is.
-absl::Status check_sky(const BenchReference& reference, const std::string& environment) {
-  if (!reference.sky.empty() && environment.empty()) {
-    return absl::InvalidArgumentError(absl::StrCat("the reference is lit by ", reference.sky,
-                                                   ": name that file with --environment"));
+/// Checks --environment against the reference, whose report has the name and digest of the
+/// environment map but not its path.
+absl::Status check_environment(const BenchReference& reference, const std::string& environment) {
+  if (!reference.environment.empty() && environment.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat("the reference uses the environment map ",
+                                                   reference.environment,
+                                                   "; pass that file with --environment"));
   }
-  if (reference.sky.empty() && !environment.empty()) {
-    return absl::InvalidArgumentError(absl::StrCat("the reference has no sky, --environment ",
-                                                   environment, " gives the renders one"));
+  if (reference.environment.empty() && !environment.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the reference has no environment map, but --environment is ", environment));
   }
   return absl::OkStatus();
 }
 
-/// The reference is of the same bytes as the job.
+/// Checks that the reference was rendered from the same files as the job.
 absl::Status check_scene(const BenchReference& reference, const PreparedJob& job) {
   std::vector<contract::Digest> digests;
   for (const v1::ManifestEntry& entry : job.request.manifest().assets()) {
@@ -72,12 +74,13 @@ absl::Status check_scene(const BenchReference& reference, const PreparedJob& job
   }
   const std::string now = contract::sha256_of_set(std::move(digests)).hex();
   if (now == reference.scene_sha256) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat(
-      "the reference is of other files than the scene and its sky are now (scene_sha256 ",
-      reference.scene_sha256.substr(0, 12), "…, now ", now.substr(0, 12), "…)"));
+  return absl::InvalidArgumentError(
+      absl::StrCat("the scene or its environment map has changed since the reference was rendered "
+                   "(scene_sha256 ",
+                   reference.scene_sha256.substr(0, 12), "…, now ", now.substr(0, 12), "…)"));
 }
 
-/// Opens DIR/NAME.exr and DIR/NAME.json, which `render` wrote, and takes over their settings.
+/// Reads DIR/NAME.exr and DIR/NAME.json, written by `render`, and uses their settings.
 absl::StatusOr<Subject> open_subject(const BenchOptions& options, const std::string& scene) {
   Subject subject;
   subject.name = stem_of(scene);
@@ -85,16 +88,16 @@ absl::StatusOr<Subject> open_subject(const BenchOptions& options, const std::str
   const std::string base = options.references + "/" + subject.name;
   const auto fault = [&](const char* file, const absl::Status& status) {
     return absl::InvalidArgumentError(absl::StrCat(
-        base, file, ": ", status.message(), "; make a reference by: tessera render ", scene, " -o ",
-        base, ".exr --report ", base, ".json --size 320x240 --spp 4096 --seed 1000003"));
+        base, file, ": ", status.message(), "; render a reference with: tessera render ", scene,
+        " -o ", base, ".exr --report ", base, ".json --size 320x240 --spp 4096 --seed 1000003"));
   };
   const auto text = text_of_file(base + ".json");
   if (!text.ok()) return fault(".json", text.status());
   auto reference = read_reference_report(*text);
   if (!reference.ok()) return fault(".json", reference.status());
   subject.reference = *std::move(reference);
-  if (absl::Status sky = check_sky(subject.reference, options.environment); !sky.ok()) {
-    return absl::InvalidArgumentError(absl::StrCat(base, ".json: ", sky.message()));
+  if (absl::Status same = check_environment(subject.reference, options.environment); !same.ok()) {
+    return absl::InvalidArgumentError(absl::StrCat(base, ".json: ", same.message()));
   }
   RenderOptions render = subject.reference.render;
   render.scene = scene;
@@ -111,7 +114,7 @@ absl::StatusOr<Subject> open_subject(const BenchOptions& options, const std::str
   return subject;
 }
 
-/// Runs the job to its end; its report with the true error.
+/// Runs the job to its end and returns its report with the true error.
 absl::StatusOr<ordered_json> finish(FarmClient& client, const std::string& job_id,
                                     const Subject& subject) {
   const auto job = client.watch_job(job_id, kWatchInterval, [](const v1::Job&) { return true; });
@@ -126,7 +129,7 @@ absl::StatusOr<ordered_json> finish(FarmClient& client, const std::string& job_i
   return report;
 }
 
-/// One render; its report.
+/// Renders once and returns the report.
 absl::StatusOr<ordered_json> render_once(FarmClient& client, const Subject& subject,
                                          std::int64_t seed, int spp) {
   if (absl::Status sent = upload_missing(client, subject.job); !sent.ok()) return sent;
@@ -145,7 +148,7 @@ absl::StatusOr<ordered_json> render_once(FarmClient& client, const Subject& subj
   return report;
 }
 
-/// Adds the times of a render to the means.
+/// Adds the times of a render to the mean times.
 void add_times(const ordered_json& report, const BenchOptions& options, SceneBench& bench) {
   const double share = 1.0 / options.seeds;
   const double load = report.value("load_seconds", 0.0), build = report.value("build_seconds", 0.0);
@@ -160,7 +163,7 @@ void add_times(const ordered_json& report, const BenchOptions& options, SceneBen
   bench.rest += share * std::max(0.0, wall - load - build - render / options.threads);
 }
 
-/// One seed at each sample count; the times are those of the last.
+/// Renders with one seed at each sample count. Times are measured at the last count.
 absl::Status run_seed(FarmClient& client, const BenchOptions& options, const Subject& subject,
                       std::int64_t seed, SceneBench& bench) {
   std::vector<BenchPoint>& curve = bench.points.emplace_back();
@@ -210,7 +213,7 @@ int run(BenchOptions options) {
   if (absl::Status up = (*farm)->wait_until_up(); !up.ok()) return fail(up);
   Connection connection;
   connection.server = (*farm)->address();
-  connection.connect_timeout = kPatience;
+  connection.connect_timeout = kConnectTimeout;
   const auto client = FarmClient::connect(connection);
   if (!client.ok()) return fail(client.status());
   (*farm)->on_death([&] { (*client)->cancel(); });
@@ -234,40 +237,41 @@ int run(BenchOptions options) {
 
 void add_bench_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<BenchOptions>();
-  CLI::App* command = app.add_subcommand("bench", "Measure speed against error on this machine");
-  command->add_option("scene", options->scenes, "Scenes: .gltf or .glb")->required();
+  CLI::App* command = app.add_subcommand("bench", "Measure CPU time and error on this machine");
+  command->add_option("scene", options->scenes, "Scene files, .gltf or .glb")->required();
   command
-      ->add_option("--reference", options->references,
-                   "Folder with NAME.exr and NAME.json, image and report of a long render of each "
-                   "scene; its settings are taken from there, all that decide which image is "
-                   "expected")
+      ->add_option(
+          "--reference", options->references,
+          "Directory with NAME.exr and NAME.json, image and report of a long render of each "
+          "scene, whose settings are used")
       ->required()
       ->type_name("DIR");
   command
       ->add_option("--seeds", options->seeds,
-                   "Renders of each scene: seeds 1, 2, 3, … without the reference's")
+                   "Number of seeds per scene: 1, 2, 3, … without the reference's")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  command->add_option("--spp", options->spp, "Sample counts of each (default: 8,64,512)")
+  command->add_option("--spp", options->spp, "Sample counts per pixel (default: 8,64,512)")
       ->delimiter(',')
       ->check(CLI::Range(1, 1 << 20));
-  command->add_option("--threads", options->threads, "Threads of the worker")
+  command->add_option("--threads", options->threads, "Number of threads of the worker")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
   command
       ->add_option("--environment", options->environment,
-                   "Sky of all scenes, the same file as their references'")
+                   "Environment map of all scenes, the same file as for the references")
       ->type_name("FILE");
-  command->add_option("--accelerator", options->accelerator, "Trace with this reference structure")
+  command
+      ->add_option("--accelerator", options->accelerator,
+                   "Acceleration structure (default: production's)")
       ->check(CLI::IsMember(contract::kStructureNames))
       ->type_name("NAME");
-  command->add_flag("--json", options->json, "Print a JSON document (tessera.bench/1)");
+  command->add_flag("--json", options->json, "JSON output (tessera.bench/1)");
   command->footer(
-      "Prints relMSE against the reference and CPU seconds, median and band over seeds; CPU "
-      "seconds "
-      "to relMSE 1e-2, 1e-3 and 1e-4; efficiency 1 / (relMSE x CPU seconds) with its 95 % "
-      "interval; "
-      "geometric means last. Nothing below ten times the reference's own relMSE is printed.\n"
+      "Prints relMSE against the reference and CPU seconds (median and range over seeds), CPU "
+      "seconds to relMSE 1e-2, 1e-3 and 1e-4, efficiency 1 / (relMSE x CPU seconds) with its 95 % "
+      "interval, and geometric means. Values below ten times the reference's own relMSE are "
+      "omitted.\n"
       "Example:\n  tessera render box.glb -o ref/box.exr --report ref/box.json --size 320x240 "
       "--spp 4096 --seed 1000003\n  tessera bench box.glb --reference ref --seeds 5");
   command->callback(

@@ -6,9 +6,9 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "client/cli/table.h"
 #include "client/commands/commands.h"
 #include "client/output/image_file.h"
-#include "client/cli/table.h"
 
 namespace tessera::client {
 namespace {
@@ -26,9 +26,9 @@ struct Limit {
   double value = 0;
 };
 
-/// Figures that are worse the larger they are. An undefined error (a black reference) is over any
-/// limit unless the images agree.
-ordered_json figures_of(const contract::ImageDifference& difference) {
+/// Metrics for which larger is worse. An undefined error (black reference) exceeds every limit
+/// unless the images are equal.
+ordered_json metrics_of(const contract::ImageDifference& difference) {
   ordered_json figures = {{"rmse", difference.rmse},
                           {"relmse", difference.relmse},
                           {"error", nullptr},
@@ -40,7 +40,7 @@ ordered_json figures_of(const contract::ImageDifference& difference) {
 
 absl::StatusOr<std::vector<Limit>> parse_limits(const std::vector<std::string>& texts) {
   std::vector<Limit> limits;
-  const ordered_json known = figures_of({});
+  const ordered_json known = metrics_of({});
   for (const std::string& text : texts) {
     const std::size_t equals = text.find('=');
     Limit limit{text.substr(0, equals), 0};
@@ -48,7 +48,7 @@ absl::StatusOr<std::vector<Limit>> parse_limits(const std::vector<std::string>& 
         !absl::SimpleAtod(text.substr(equals + 1), &limit.value) || !(limit.value >= 0)) {
       return absl::InvalidArgumentError(
           absl::StrCat("--fail-above ", text,
-                       ": give METRIC=VALUE with rmse, relmse, error, flip or largest, and a "
+                       ": expected METRIC=VALUE with rmse, relmse, error, flip or largest, and a "
                        "value of at least 0"));
     }
     limits.push_back(std::move(limit));
@@ -61,7 +61,7 @@ std::string text_of(const contract::ImageDifference& difference) {
   Table table({"rmse", number(difference.rmse)});
   table.add({"relmse", number(difference.relmse)});
   table.add({"error", difference.error ? number(*difference.error)
-                                       : "undefined: the second image is black on average"});
+                                       : "undefined: the reference is black on average"});
   table.add({"psnr", difference.psnr_db ? number(*difference.psnr_db) + " dB" : "infinite"});
   table.add({"flip", number(difference.flip)});
   table.add({"largest", absl::StrCat(number(difference.largest), " in ",
@@ -78,7 +78,7 @@ ordered_json document_of(const CompareOptions& options, const Image& image,
                            {"reference", options.reference},
                            {"width", image.width},
                            {"height", image.height}};
-  document.update(figures_of(difference));
+  document.update(metrics_of(difference));
   document["psnr_db"] =
       difference.psnr_db ? ordered_json(*difference.psnr_db) : ordered_json(nullptr);
   document["largest_at"] = {{"x", difference.largest_x},
@@ -98,7 +98,7 @@ int run(const CompareOptions& options) {
   const auto difference = contract::compare_images(image->view(), reference->view());
   if (!difference.ok()) return fail(difference.status());
 
-  const ordered_json figures = figures_of(*difference);
+  const ordered_json figures = metrics_of(*difference);
   std::vector<std::string> exceeded;
   for (const Limit& limit : *limits) {
     const ordered_json& figure = figures[limit.metric];
@@ -111,7 +111,7 @@ int run(const CompareOptions& options) {
                                : text_of(*difference);
   std::fputs(text.c_str(), stdout);
   for (const std::string& metric : exceeded) {
-    std::fprintf(stderr, "tessera: %s is over its limit\n", metric.c_str());
+    std::fprintf(stderr, "tessera: %s exceeds its limit\n", metric.c_str());
   }
   return exceeded.empty() ? kExitDone : kExitJobFailed;
 }
@@ -120,20 +120,24 @@ int run(const CompareOptions& options) {
 
 void add_compare_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<CompareOptions>();
-  CLI::App* command = app.add_subcommand("compare", "Say how an image differs from a reference");
-  command->add_option("image", options->image, "Image: EXR, HDR, PNG, JPEG or WebP")->required();
-  command->add_option("reference", options->reference, "What it is measured against")->required();
+  CLI::App* command =
+      app.add_subcommand("compare", "Measure the difference of an image from a reference");
+  command->add_option("image", options->image, "Image file: EXR, HDR, PNG, JPEG or WebP")
+      ->required();
+  command->add_option("reference", options->reference, "Reference image")->required();
   command
-      ->add_option("--fail-above", options->limits,
-                   "Return 1 if the metric (rmse, relmse, error, flip, largest) is above the "
-                   "value; may be repeated")
+      ->add_option(
+          "--fail-above", options->limits,
+          "Limit of a metric (rmse, relmse, error, flip, largest), above which the exit code "
+          "is 1; repeatable")
       ->type_name("METRIC=VALUE")
       ->expected(1)
       ->take_all();
-  command->add_flag("--json", options->json, "Print a JSON document (tessera.compare/1)");
+  command->add_flag("--json", options->json, "JSON output (tessera.compare/1)");
   command->footer(
-      "FLIP is the mean of LDR-FLIP at 67 pixels per degree, for display only. Values that are not "
-      "finite are refused.\nExample:\n  tessera compare out.exr reference.exr --fail-above "
+      "flip is the mean of LDR-FLIP at 67 pixels per degree, for display only. Images with values "
+      "that are not finite are rejected.\nExample:\n  tessera compare out.exr reference.exr "
+      "--fail-above "
       "error=0.01");
   command->callback(
       [options, &invocation] { invocation.run = [options] { return run(*options); }; });

@@ -1,4 +1,3 @@
-// tessera events and tessera logs: what happened, to the farm or to a job.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
@@ -6,10 +5,10 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
-#include "client/commands/commands.h"
 #include "client/api/event_document.h"
 #include "client/api/farm_client.h"
 #include "client/api/signal_handler.h"
+#include "client/commands/commands.h"
 
 namespace tessera::client {
 namespace {
@@ -20,7 +19,7 @@ struct EventsOptions {
   bool json = false;
 };
 
-/// What came from other machines does not steer this terminal.
+/// Replaces control characters, so that text from other machines cannot control the terminal.
 std::string printable(std::string text) {
   std::replace_if(
       text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7F; }, ' ');
@@ -39,7 +38,7 @@ std::string line_of(const v1::Event& event) {
   return line;
 }
 
-/// Whether nothing more comes of a job that is followed.
+/// Returns whether `event` is the last one of a job.
 bool is_last(const v1::Event& event) {
   return event.kind() == v1::Event::KIND_JOB_DONE || event.kind() == v1::Event::KIND_JOB_FAILED ||
          event.kind() == v1::Event::KIND_JOB_CANCELLED ||
@@ -47,10 +46,10 @@ bool is_last(const v1::Event& event) {
 }
 
 int run(const EventsOptions& options, const Connection& connection) {
-  SignalHandler interrupts;
+  SignalHandler signals;
   auto client = FarmClient::connect(connection);
   if (!client.ok()) return fail(client.status());
-  const InterruptAction on_interrupt(interrupts, [&client] { (*client)->cancel(); });
+  const InterruptAction on_interrupt(signals, [&client] { (*client)->cancel(); });
   v1::WatchEventsRequest request;
   request.set_follow(options.follow);
   if (!options.job.empty()) {
@@ -72,7 +71,7 @@ CLI::App* add_command(CLI::App& app, Invocation& invocation, const char* name,
                       const char* description, const std::shared_ptr<EventsOptions>& options) {
   CLI::App* command = app.add_subcommand(name, description);
   add_connection_options(*command, invocation.connection);
-  command->add_flag("--json", options->json, "Print one JSON object a line (tessera.event/1)");
+  command->add_flag("--json", options->json, "JSON output, one object per line (tessera.event/1)");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };
   });
@@ -84,19 +83,18 @@ CLI::App* add_command(CLI::App& app, Invocation& invocation, const char* name,
 void add_events_commands(CLI::App& app, Invocation& invocation) {
   const auto of_job = std::make_shared<EventsOptions>();
   CLI::App* logs =
-      add_command(app, invocation, "logs",
-                  "What happened to a job, and what its workers logged about it", of_job);
-  logs->add_option("job", of_job->job, "Id, unique prefix, name, or last")->required();
-  logs->add_flag("--follow", of_job->follow, "Go on until the job ends");
+      add_command(app, invocation, "logs", "Show the events and worker log lines of a job", of_job);
+  logs->add_option("job", of_job->job, "Job ID, unique prefix, name, or `last`")->required();
+  logs->add_flag("--follow", of_job->follow, "Continuous output until the job ends");
   logs->footer(
-      "The server keeps the newest lines in memory: none from before its start. Workers send what "
-      "their\n--log-level lets through; at debug these are lines for every unit.\n"
+      "The server keeps the newest lines in memory, since its last start. Workers send lines at or "
+      "above their --log-level; debug includes lines for every unit.\n"
       "Examples:\n  tessera logs last\n  tessera logs last --follow");
 
   const auto of_farm = std::make_shared<EventsOptions>();
   CLI::App* events = add_command(app, invocation, "events",
-                                 "What happened on the farm: jobs, frames, workers", of_farm);
-  events->add_flag("--follow", of_farm->follow, "Go on with what happens next, until Ctrl-C");
+                                 "Show events of the farm: jobs, frames, workers", of_farm);
+  events->add_flag("--follow", of_farm->follow, "Continuous output until Ctrl-C");
   events->footer("Examples:\n  tessera events\n  tessera events --follow --json");
 }
 

@@ -4,10 +4,10 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_format.h"
-#include "client/commands/commands.h"
-#include "client/api/farm_client.h"
-#include "client/output/job_status.h"
 #include "cli/finite_range.h"
+#include "client/api/farm_client.h"
+#include "client/commands/commands.h"
+#include "client/output/job_status.h"
 #include "contract/pass_schedule.h"
 
 namespace tessera::client {
@@ -22,7 +22,7 @@ struct ExtendOptions {
 
 int run(const ExtendOptions& options, const Connection& connection) {
   if (options.spp == 0 && options.error == 0) {
-    return fail(absl::InvalidArgumentError("extend: --spp N or --error E is needed"));
+    return fail(absl::InvalidArgumentError("extend: --spp N or --error E is required"));
   }
   const auto client = FarmClient::connect(connection);
   if (!client.ok()) return fail(client.status());
@@ -34,11 +34,10 @@ int run(const ExtendOptions& options, const Connection& connection) {
     std::printf("%s\n", job_document(*job).dump(2).c_str());
   } else {
     const v1::RenderSettings& settings = job->settings();
-    const std::string error =
-        settings.has_error_target()
-            ? absl::StrFormat("error %g with at most ", settings.error_target())
-            : "";
-    std::printf("%s %s, now %s%d samples a pixel\n", job->id().c_str(),
+    const std::string error = settings.has_error_target()
+                                  ? absl::StrFormat("error %g, maximum ", settings.error_target())
+                                  : "";
+    std::printf("%s %s, now %s%d samples per pixel\n", job->id().c_str(),
                 state_name(job->state()).c_str(), error.c_str(), settings.sample_count());
   }
   return kExitDone;
@@ -49,19 +48,20 @@ int run(const ExtendOptions& options, const Connection& connection) {
 void add_extend_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<ExtendOptions>();
   CLI::App* command =
-      app.add_subcommand("extend", "Raise the sample count of a job, or lower its error");
+      app.add_subcommand("extend", "Raise the sample count of a job, or lower its target error");
   add_connection_options(*command, invocation.connection);
-  command->add_option("job", options->job, "Id, unique prefix, name, or last")->required();
+  command->add_option("job", options->job, "Job ID, unique prefix, name, or `last`")->required();
   command
       ->add_option("--spp", options->spp,
-                   "New number of samples a pixel (the most, with an error), above the present")
+                   "New, higher number of samples per pixel (the maximum, with a target error)")
       ->check(CLI::Range(1, contract::kMaxSpp));
-  command->add_option("--error", options->error, "New error, below the present one")
+  command->add_option("--error", options->error, "New, lower target error")
       ->check(contract::finite_range(1e-6, 1.0));
-  command->add_flag("--json", options->json, "Print a JSON document (tessera.job/1)");
+  command->add_flag("--json", options->json, "JSON output (tessera.job/1)");
   command->footer(
-      "The image is the one the job would have had with the new count from the start. Not possible "
-      "once blocks of a finished frame are gone.\nExamples:\n  tessera extend last --spp 1024\n"
+      "The result equals a job submitted with the new settings. Fails once a finished frame's "
+      "blocks "
+      "are deleted.\nExamples:\n  tessera extend last --spp 1024\n"
       "  tessera extend last --error 0.02");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };

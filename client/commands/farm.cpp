@@ -13,8 +13,8 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
-#include "client/commands/commands.h"
 #include "client/api/farm_client.h"
+#include "client/commands/commands.h"
 #include "client/local_farm/farm_supervisor.h"
 #include "client/local_farm/local_farm.h"
 
@@ -25,16 +25,16 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 using Clock = std::chrono::steady_clock;
 
-constexpr seconds kUpTime{60}, kDownTime{30};  // a busy machine is slow
+constexpr seconds kStartTimeout{60}, kStopTimeout{30};  // generous, for busy machines
 constexpr milliseconds kPollPeriod{20};
-constexpr std::size_t kLongestFolder = 95;  // a socket's path has room for 107 characters
+constexpr std::size_t kMaxFolderLength = 95;  // a socket path has at most 107 characters
 
 struct FarmOptions {
   int workers = 1, threads = 0;
   std::string store;
 };
 
-/// $XDG_DATA_HOME/tessera/farm, else ~/.local/share/tessera/farm.
+/// Returns $XDG_DATA_HOME/tessera/farm, else ~/.local/share/tessera/farm.
 std::string default_store() {
   if (const char* folder = std::getenv("XDG_DATA_HOME"); folder != nullptr && *folder == '/') {
     return absl::StrCat(folder, "/tessera/farm");
@@ -43,19 +43,19 @@ std::string default_store() {
   return absl::StrCat(home == nullptr ? "/tmp" : home, "/.local/share/tessera/farm");
 }
 
-/// Makes the folder unless it is there. Errors: FailedPrecondition, it is not this user's alone.
+/// Creates the directory if missing. Errors: FailedPrecondition, it is not private to this user.
 absl::Status make_farm_folder(const std::string& folder) {
-  if (folder.size() > kLongestFolder) {
+  if (folder.size() > kMaxFolderLength) {
     return absl::FailedPreconditionError(absl::StrCat(
-        folder, ": too long for a socket's name; set XDG_RUNTIME_DIR to a shorter one"));
+        folder, ": too long for a socket path; set XDG_RUNTIME_DIR to a shorter directory"));
   }
   ::mkdir(folder.c_str(), 0700);
   if (is_private_folder(folder)) return absl::OkStatus();
   return absl::FailedPreconditionError(
-      absl::StrCat(folder, ": cannot be made, or others can enter it; it needs mode 0700"));
+      absl::StrCat(folder, ": cannot be created, or other users have access; it needs mode 0700"));
 }
 
-/// How many workers have joined and not gone.
+/// Returns the number of connected workers.
 int count_workers(FarmClient& client) {
   const auto workers = client.list_workers();
   if (!workers.ok()) return 0;
@@ -64,17 +64,19 @@ int count_workers(FarmClient& client) {
   }));
 }
 
-/// Waits until all workers have joined. Errors: Unavailable, the farm has died or they do not come.
+/// Waits until all workers are connected. Errors: Unavailable, the farm died or they do not connect
+/// in time.
 absl::Status wait_for_workers(LocalFarm& farm, int wanted) {
   if (absl::Status up = farm.wait_until_up(); !up.ok()) return up;
   Connection connection;
   connection.server = farm.address();
-  connection.connect_timeout = kUpTime;
+  connection.connect_timeout = kStartTimeout;
   const auto client = FarmClient::connect(connection);
   if (!client.ok()) return client.status();
-  for (const auto limit = Clock::now() + kUpTime; count_workers(**client) < wanted;) {
+  for (const auto limit = Clock::now() + kStartTimeout; count_workers(**client) < wanted;) {
     if (absl::Status health = farm.health(); !health.ok()) return health;
-    if (Clock::now() > limit) return absl::UnavailableError("the farm's workers do not come up");
+    if (Clock::now() > limit)
+      return absl::UnavailableError("timed out waiting for the farm's workers");
     std::this_thread::sleep_for(kPollPeriod);
   }
   return absl::OkStatus();
@@ -91,29 +93,30 @@ int run_up(const FarmOptions& options) {
   if (absl::Status made = make_farm_folder(local.folder); !made.ok()) return fail(made);
   if (supervisor_pid(local.folder) != 0) {
     return fail(
-        absl::AlreadyExistsError("a farm of yours runs already; `tessera farm down` stops it"));
+        absl::AlreadyExistsError("your farm is already running; `tessera farm down` stops it"));
   }
   auto farm = LocalFarm::start(local);  // forks: before any thread
   if (!farm.ok()) return fail(farm.status());
   if (absl::Status up = wait_for_workers(**farm, options.workers); !up.ok()) return fail(up);
   (*farm)->leave_running();
   std::printf("%s\n", (*farm)->address().c_str());
-  std::fprintf(stderr, "%d workers of %d threads; store %s, logs %s\n", options.workers,
+  std::fprintf(stderr, "workers: %d, threads per worker: %d; store %s; logs %s\n", options.workers,
                local.threads_per_worker, local.store.c_str(), local.folder.c_str());
   return kExitDone;
 }
 
 int run_down() {
   const std::string folder = farm_folder();
-  const pid_t keeper = supervisor_pid(folder);
-  if (keeper == 0 || !is_private_folder(folder)) {
-    return fail(absl::UnavailableError(absl::StrCat("no farm of yours runs in ", folder)));
+  const pid_t supervisor = supervisor_pid(folder);
+  if (supervisor == 0 || !is_private_folder(folder)) {
+    return fail(absl::UnavailableError(absl::StrCat("no farm is running in ", folder)));
   }
-  ::kill(keeper, SIGTERM);
-  for (const auto limit = Clock::now() + kDownTime; supervisor_pid(folder) == keeper;) {
+  ::kill(supervisor, SIGTERM);
+  for (const auto limit = Clock::now() + kStopTimeout; supervisor_pid(folder) == supervisor;) {
     if (Clock::now() > limit) {
-      return fail(absl::UnavailableError(
-          absl::StrCat("the farm does not end; its keeper is process ", keeper)));
+      return fail(
+          absl::UnavailableError(absl::StrCat("the farm did not stop within ", kStopTimeout.count(),
+                                              " s (supervisor process ", supervisor, ")")));
     }
     std::this_thread::sleep_for(kPollPeriod);
   }
@@ -124,27 +127,28 @@ int run_down() {
 
 void add_farm_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<FarmOptions>();
-  CLI::App* command = app.add_subcommand("farm", "A farm on this machine that stays");
+  CLI::App* command = app.add_subcommand("farm", "Manage a persistent farm on this machine");
   command->footer("Examples:\n  tessera farm up --workers 2\n  tessera farm down");
   command->require_subcommand(1);
   CLI::App* up = command->add_subcommand(
-      "up", "Start a server and workers for this user; other commands find them by themselves");
-  up->add_option("--workers", options->workers, "Worker processes")
+      "up", "Start a server and workers for this user, which other commands use by default");
+  up->add_option("--workers", options->workers, "Number of worker processes")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  up->add_option("--threads", options->threads, "Threads of each (default: all cores, shared out)")
+  up->add_option("--threads", options->threads,
+                 "Threads per worker (default: cores divided by workers)")
       ->check(CLI::Range(1, 1024))
       ->type_name("N");
   up->add_option("--store", options->store,
-                 "Folder of jobs and results (default: $XDG_DATA_HOME/tessera/farm)")
+                 "Directory of jobs and results (default: $XDG_DATA_HOME/tessera/farm)")
       ->type_name("DIR");
   up->footer(
-      "It goes on when the terminal is closed, and its jobs go on after `tessera farm down` and "
-      "up.\n"
+      "The farm keeps running when the terminal is closed. Its jobs resume after `tessera farm "
+      "down` and `tessera farm up`.\n"
       "Example:\n  tessera farm up --workers 2\n  tessera submit scene.glb --wait");
   up->callback([options, &invocation] { invocation.run = [options] { return run_up(*options); }; });
   CLI::App* down = command->add_subcommand(
-      "down", "Stop it; what is committed is kept, jobs go on when it is up");
+      "down", "Stop the farm; committed results are kept and jobs resume at the next start");
   down->footer("Example:\n  tessera farm down");
   down->callback([&invocation] { invocation.run = run_down; });
 }

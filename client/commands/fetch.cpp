@@ -9,8 +9,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "client/commands/commands.h"
 #include "client/api/farm_client.h"
+#include "client/commands/commands.h"
 #include "client/output/frame_files.h"
 #include "rpc/settings_message.h"
 
@@ -25,7 +25,7 @@ struct FetchOptions {
   bool partial = false, force = false, json = false;
 };
 
-/// What became of the frames.
+/// Result of fetching the frames of a job.
 struct Outcome {
   nlohmann::ordered_json frames = nlohmann::ordered_json::array();
   int written = 0, already_there = 0, unfinished = 0, incomplete = 0;
@@ -36,7 +36,7 @@ absl::Status make_folder(const std::string& path) {
   if (::stat(path.c_str(), &info) == 0 && S_ISDIR(info.st_mode)) return absl::OkStatus();
   if (::mkdir(path.c_str(), 0777) == 0) return absl::OkStatus();
   return absl::FailedPreconditionError(
-      absl::StrCat(path, ": cannot make the folder: ", std::strerror(errno)));
+      absl::StrCat(path, ": cannot create the directory: ", std::strerror(errno)));
 }
 
 nlohmann::ordered_json missing_tiles(const v1::FrameHeader& header) {
@@ -50,7 +50,7 @@ nlohmann::ordered_json missing_tiles(const v1::FrameHeader& header) {
   return tiles;
 }
 
-/// Fetches one frame. A frame that is not finished counts as such and is no error.
+/// Fetches one frame. An unfinished frame is counted and is not an error.
 absl::Status fetch_one(FarmClient& client, const FrameFile& file, Outcome& outcome) {
   const auto fetched = fetch_frame_file(client, file);
   if (!fetched.ok()) return fetched.status();
@@ -64,7 +64,7 @@ absl::Status fetch_one(FarmClient& client, const FrameFile& file, Outcome& outco
   ++(fetched->already_there ? outcome.already_there : outcome.written);
   if (!whole) {
     ++outcome.incomplete;
-    std::fprintf(stderr, "%s: %d tiles are missing\n", file.path.c_str(),
+    std::fprintf(stderr, "%s: %d tiles missing\n", file.path.c_str(),
                  fetched->header.missing_tiles_size());
   }
   outcome.frames.push_back({{"frame", file.frame},
@@ -87,7 +87,7 @@ void print_outcome(const FetchOptions& options, const v1::Job& job, const Outcom
       std::printf("%s\n", frame["file"].get_ref<const std::string&>().c_str());
     }
   }
-  std::fprintf(stderr, "%d written, %d already there, %d not finished, %d with missing tiles\n",
+  std::fprintf(stderr, "%d written, %d already present, %d unfinished, %d with missing tiles\n",
                outcome.written, outcome.already_there, outcome.unfinished, outcome.incomplete);
 }
 
@@ -130,26 +130,26 @@ int run(const FetchOptions& options, const Connection& connection) {
 
 void add_fetch_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<FetchOptions>();
-  CLI::App* command = app.add_subcommand("fetch", "Bring a job's finished frames and its report");
+  CLI::App* command = app.add_subcommand("fetch", "Download a job's finished frames and report");
   add_connection_options(*command, invocation.connection);
-  command->add_option("job", options->job, "Id, unique prefix, name, or last")->required();
-  command->add_option("-o,--output", options->folder, "Folder for the files, made if needed")
+  command->add_option("job", options->job, "Job ID, unique prefix, name, or `last`")->required();
+  command->add_option("-o,--output", options->folder, "Directory for the files, created if missing")
       ->capture_default_str()
       ->type_name("DIR");
   command->add_option("--format", options->format, "Image format")
       ->capture_default_str()
       ->check(CLI::IsMember({"exr", "png", "jpg"}));
-  command->add_option("--exposure", options->exposure_ev, "Stops of exposure, PNG and JPEG only")
+  command->add_option("--exposure", options->exposure_ev, "Exposure in stops, PNG and JPEG only")
       ->capture_default_str();
   command->add_flag("--partial", options->partial,
-                    "Also take unfinished frames as they are, and list what is missing");
-  command->add_flag("--force", options->force, "Replace files of other content");
-  command->add_flag("--json", options->json, "Print a JSON document (tessera.fetch/1)");
+                    "Download of unfinished frames too, with a list of missing tiles");
+  command->add_flag("--force", options->force, "Overwriting of files with different content");
+  command->add_flag("--json", options->json, "JSON output (tessera.fetch/1)");
   command->footer(
-      "Several frames become NAME.FFFF.exr, with NAME.report.json beside them. Files that are "
-      "there "
-      "with the right content are left alone. Returns 2 if no frame could be had.\nExamples:\n  "
-      "tessera fetch last -o frames\n"
+      "Several frames become NAME.FFFF.exr; the report is NAME.report.json. Existing files with "
+      "the "
+      "right content are kept. Exit code 2: no frame is available.\nExamples:\n  tessera fetch "
+      "last -o frames\n"
       "  tessera fetch shot42 -o previews --format png --exposure 1 --partial");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };

@@ -6,9 +6,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "client/cli/table.h"
 #include "client/commands/commands.h"
 #include "client/request/scene_report.h"
-#include "client/cli/table.h"
 #include "contract/structure_names.h"
 
 namespace tessera::client {
@@ -26,7 +26,7 @@ double number(const ordered_json& object, const char* key) {
   return found != object.end() && found->is_number() ? found->get<double>() : 0;
 }
 
-/// The strings of an array, joined; those of its objects by their name.
+/// Joins the strings, or the names of the objects, of an array.
 std::string joined(const ordered_json& list) {
   std::vector<std::string> words;
   for (const ordered_json& each : list) {
@@ -46,7 +46,7 @@ std::string point(const ordered_json& coordinates) {
   return absl::StrCat("(", absl::StrJoin(words, ", "), ")");
 }
 
-/// A list of the file's contents, if it has any.
+/// Adds a row for a list in the report unless it is empty.
 void add_list(Table& table, const ordered_json& object, const char* key, const char* title) {
   const auto found = object.find(key);
   if (found != object.end() && found->is_array() && !found->empty()) {
@@ -59,7 +59,7 @@ void add_counts(Table& table, const ordered_json& report) {
   if (counts.is_object()) {
     table.add(
         {"triangles",
-         absl::StrFormat("%.0f, seen %.0f in %.0f instances", number(counts, "triangles"),
+         absl::StrFormat("%.0f, instanced %.0f in %.0f instances", number(counts, "triangles"),
                          number(counts, "instanced_triangles"), number(counts, "instances"))});
     table.add({"materials",
                absl::StrFormat("%.0f, %.0f textures, %.0f images", number(counts, "materials"),
@@ -70,13 +70,13 @@ void add_counts(Table& table, const ordered_json& report) {
   }
   const ordered_json memory = report.value("memory", ordered_json());
   if (memory.is_object()) {
-    table.add({"memory",
-               absl::StrCat(format_bytes(number(memory, "total_bytes")), ": geometry ",
-                            format_bytes(number(memory, "geometry_bytes")), ", images ",
-                            format_bytes(number(memory, "image_bytes")), ", acceleration ",
-                            format_bytes(number(memory, "acceleration_bytes")), ", lights ",
-                            format_bytes(number(memory, "light_bytes")), ", the renderer itself ",
-                            format_bytes(number(memory, "process_bytes")))});
+    table.add(
+        {"memory", absl::StrCat(format_bytes(number(memory, "total_bytes")), ": geometry ",
+                                format_bytes(number(memory, "geometry_bytes")), ", images ",
+                                format_bytes(number(memory, "image_bytes")), ", acceleration ",
+                                format_bytes(number(memory, "acceleration_bytes")), ", lights ",
+                                format_bytes(number(memory, "light_bytes")), ", process ",
+                                format_bytes(number(memory, "process_bytes")))});
   }
   const ordered_json bounds = report.value("bounds", ordered_json());
   if (bounds.is_object()) {
@@ -85,7 +85,7 @@ void add_counts(Table& table, const ordered_json& report) {
   }
 }
 
-/// A figure of a row or a query, or "-" where it was not counted.
+/// Returns a number of an object as text; "-" if it has none.
 std::string figure(const ordered_json& of, const char* key) {
   const auto found = of.find(key);
   if (found == of.end() || !found->is_number()) return "-";
@@ -109,16 +109,16 @@ std::string accelerators_text(const ordered_json& accelerators) {
                absl::StrFormat("%.0f", number(closest, "wrong") + number(any, "wrong"))});
   }
   return absl::StrFormat(
-      "\nrays of the scene: %.0f from the camera, %.0f after a bounce, %.0f towards lights; "
-      "nodes and triangles are per ray; SAH and end-point overlap are what trees are expected to "
-      "cost a ray\n%s",
+      "\nrays: %.0f from the camera, %.0f after a bounce, %.0f towards lights. Nodes and triangles "
+      "are "
+      "per ray. SAH and overlap are expected costs of a tree per ray.\n%s",
       number(rays, "camera"), number(rays, "bounce"), number(rays, "shadow"), table.text());
 }
 
-/// "mesh "ring": closed, 3 pairs of triangles overlap: 0.12 and 0.40, …" a line.
+/// Returns lines such as 'mesh "ring": closed, 3 intersecting triangle pairs: 0.12 and 0.40, …'.
 std::string overlaps_text(const ordered_json& overlaps) {
   const auto add = [](std::string& text, const ordered_json& entry) {
-    absl::StrAppend(&text, number(entry, "pair_count"), " pairs of triangles overlap");
+    absl::StrAppend(&text, number(entry, "pair_count"), " intersecting triangle pairs");
     const char* separator = ": ";
     for (const ordered_json& pair : entry.value("pairs", ordered_json::array())) {
       absl::StrAppend(&text, separator, pair[0].dump(), ".", pair[1].dump(), " and ",
@@ -133,7 +133,7 @@ std::string overlaps_text(const ordered_json& overlaps) {
     if (mesh.value("closed", false)) {
       text += "closed, ";
     } else {
-      absl::StrAppend(&text, "open at ", number(mesh, "open_edges"), " edges, ");
+      absl::StrAppend(&text, "open (", number(mesh, "open_edges"), " boundary edges), ");
     }
     add(text, mesh);
   }
@@ -145,13 +145,13 @@ std::string overlaps_text(const ordered_json& overlaps) {
   return text;
 }
 
-std::string text_of(const ordered_json& report, const SceneReport& probe) {
+std::string text_of(const ordered_json& report, const SceneReport& scene) {
   double bytes = 0;
   const ordered_json resources = report.value("resources", ordered_json::array());
   for (const ordered_json& resource : resources) bytes += number(resource, "bytes");
   Table table({"scene", report.value("scene", "")});
   table.add({"files", absl::StrCat(resources.size(), ", ", format_bytes(bytes))});
-  add_list(table, report, "needs", "needs");
+  add_list(table, report, "needs", "features");
   add_counts(table, report);
   const ordered_json contents = report.value("contents", ordered_json::object());
   add_list(table, contents, "scenes", "scenes");
@@ -164,7 +164,7 @@ std::string text_of(const ordered_json& report, const SceneReport& probe) {
     text += overlaps_text(report["self_intersections"]);
   }
   if (report.contains("accelerators")) text += accelerators_text(report["accelerators"]);
-  for (const SceneReport::Problem& problem : probe.problems) {
+  for (const SceneReport::Problem& problem : scene.problems) {
     absl::StrAppend(&text, problem.severity, ": ", problem.text(), "\n");
   }
   return text;
@@ -177,15 +177,15 @@ int run(const InspectOptions& options) {
     further.insert(further.end(), {"--accelerator", options.accelerator});
   }
   if (options.self_intersections) further.emplace_back("--self-intersections");
-  const auto probe = inspect_scene(options.scene, options.environment, nullptr, further);
-  if (!probe.ok()) return fail(probe.status());
+  const auto scene = inspect_scene(options.scene, options.environment, nullptr, further);
+  if (!scene.ok()) return fail(scene.status());
   if (options.json) {
-    std::fputs(probe->json.c_str(), stdout);
+    std::fputs(scene->json.c_str(), stdout);
   } else {
-    const ordered_json report = ordered_json::parse(probe->json, nullptr, false);
-    std::fputs(text_of(report, *probe).c_str(), stdout);
+    const ordered_json report = ordered_json::parse(scene->json, nullptr, false);
+    std::fputs(text_of(report, *scene).c_str(), stdout);
   }
-  return probe->has_errors() ? kExitBadInput : kExitDone;
+  return scene->has_errors() ? kExitBadInput : kExitDone;
 }
 
 }  // namespace
@@ -193,23 +193,23 @@ int run(const InspectOptions& options) {
 void add_inspect_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<InspectOptions>();
   CLI::App* command =
-      app.add_subcommand("inspect", "Say what a scene needs, its size, and what is wrong with it");
+      app.add_subcommand("inspect", "Show the features, size and faults of a scene");
   command->add_option("scene", options->scene, "glTF file (.gltf or .glb)")->required();
-  command->add_option("--environment", options->environment, "Sky image it will be rendered with")
+  command->add_option("--environment", options->environment, "Environment map of the render")
       ->type_name("FILE");
   command->add_flag("--accelerators", options->accelerators,
-                    "Measure acceleration structures on rays of the scene");
+                    "Comparison of all acceleration structures on the scene's rays");
   command
       ->add_option("--accelerator", options->accelerator,
-                   "The same for production and this structure alone")
+                   "Comparison of the production structure with NAME only")
       ->check(CLI::IsMember(contract::kStructureNames))
       ->type_name("NAME");
   command->add_flag(
       "--self-intersections", options->self_intersections,
-      "List triangles that overlap (primitive.triangle), and which meshes are closed");
-  command->add_flag("--json", options->json, "Print a JSON document (tessera.inspect/1)");
+      "List of intersecting triangles (primitive.triangle), and which meshes are closed");
+  command->add_flag("--json", options->json, "JSON output (tessera.inspect/1)");
   command->footer(
-      "Returns 2 if the scene cannot be rendered.\nExamples:\n  tessera inspect scene.glb\n"
+      "Exit code 2: the scene cannot be rendered.\nExamples:\n  tessera inspect scene.glb\n"
       "  tessera inspect scene.gltf --environment sky.exr --json");
   command->callback(
       [options, &invocation] { invocation.run = [options] { return run(*options); }; });

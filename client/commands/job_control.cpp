@@ -3,8 +3,8 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "client/commands/commands.h"
 #include "client/api/farm_client.h"
+#include "client/commands/commands.h"
 #include "client/output/job_status.h"
 
 namespace tessera::client {
@@ -15,7 +15,7 @@ struct ControlOptions {
   bool json = false;
 };
 
-/// A command that changes a job's state and prints the job.
+/// A command that changes the state of a job and prints it.
 struct Control {
   const char* name;
   const char* description;
@@ -24,15 +24,14 @@ struct Control {
 };
 
 constexpr Control kControls[] = {
-    {"pause", "Lease nothing new of a job; units being rendered still count",
+    {"pause", "Stop leasing a job's units; units already leased still commit",
      "Examples:\n  tessera pause last\n  tessera resume last", &FarmClient::pause_job},
-    {"resume", "Go on with a paused job", "Example:\n  tessera resume last",
-     &FarmClient::resume_job},
-    {"cancel", "Stop a job; what is committed is kept",
-     "`tessera retry JOB` goes on from there, `tessera remove JOB` forgets it.\n"
+    {"resume", "Resume a paused job", "Example:\n  tessera resume last", &FarmClient::resume_job},
+    {"cancel", "Cancel a job; committed units are kept",
+     "`tessera retry JOB` resumes the job, `tessera remove JOB` deletes it.\n"
      "Example:\n  tessera cancel last",
      &FarmClient::cancel_job},
-    {"retry", "Go on with a failed or cancelled job from its committed units",
+    {"retry", "Resume a failed or cancelled job from its committed units",
      "Example:\n  tessera retry last", &FarmClient::retry_job},
 };
 
@@ -76,8 +75,8 @@ CLI::App* add_command(CLI::App& app, Invocation& invocation, const char* name,
                       const char* description, ControlOptions& options) {
   CLI::App* command = app.add_subcommand(name, description);
   add_connection_options(*command, invocation.connection);
-  command->add_option("job", options.job, "Id, unique prefix, name, or last")->required();
-  command->add_flag("--json", options.json, "Print a JSON document");
+  command->add_option("job", options.job, "Job ID, unique prefix, name, or `last`")->required();
+  command->add_flag("--json", options.json, "JSON output");
   return command;
 }
 
@@ -95,10 +94,9 @@ void add_job_control_commands(CLI::App& app, Invocation& invocation) {
     });
   }
   auto options = std::make_shared<ControlOptions>();
-  CLI::App* command =
-      add_command(app, invocation, "remove",
-                  "Forget an ended job: its blocks and images are deleted", *options);
-  command->footer("Files already fetched stay. Example:\n  tessera remove last");
+  CLI::App* command = add_command(app, invocation, "remove",
+                                  "Delete an ended job with its blocks and images", *options);
+  command->footer("Downloaded files are kept.\nExample:\n  tessera remove last");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run_remove(*options, invocation.connection); };
   });

@@ -4,10 +4,10 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_format.h"
-#include "client/commands/commands.h"
 #include "client/api/farm_client.h"
-#include "client/output/job_status.h"
 #include "client/cli/table.h"
+#include "client/commands/commands.h"
+#include "client/output/job_status.h"
 
 namespace tessera::client {
 namespace {
@@ -19,7 +19,7 @@ struct ListOptions {
   bool json = false;
 };
 
-/// The newest `limit` jobs, or all of them for 0.
+/// Returns the newest `limit` jobs; all of them for 0.
 absl::StatusOr<std::vector<v1::Job>> newest_jobs(FarmClient& client, int limit) {
   std::vector<v1::Job> jobs;
   v1::ListJobsRequest request;
@@ -73,10 +73,10 @@ void add_list_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<ListOptions>();
   CLI::App* command = app.add_subcommand("list", "List jobs, newest first");
   add_connection_options(*command, invocation.connection);
-  command->add_option("--limit", options->limit, "At most this many jobs; 0: all")
+  command->add_option("--limit", options->limit, "Maximum number of jobs; 0: unlimited")
       ->capture_default_str()
       ->check(CLI::Range(0, 1'000'000'000));
-  command->add_flag("--json", options->json, "Print a JSON document (tessera.jobs/1)");
+  command->add_flag("--json", options->json, "JSON output (tessera.jobs/1)");
   command->footer("Examples:\n  tessera list\n  tessera list --limit 0 --json");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };

@@ -13,23 +13,24 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "cli/finite_range.h"
+#include "client/cli/progress.h"
 #include "client/commands/commands.h"
+#include "client/local_farm/local_farm.h"
 #include "client/output/frame_files.h"
 #include "client/output/job_status.h"
-#include "client/request/job_request.h"
-#include "client/local_farm/local_farm.h"
-#include "client/cli/progress.h"
 #include "client/output/render_result.h"
 #include "client/output/true_error.h"
-#include "cli/finite_range.h"
+#include "client/request/job_request.h"
 #include "rpc/settings_message.h"
 
 namespace tessera::client {
 namespace {
 
 constexpr std::chrono::milliseconds kWatchInterval{200};
-// With our own server, which a busy machine may keep waiting; its death ends the wait at once.
-constexpr std::chrono::seconds kPatience{30};
+// For the local server, which is slow to start on a busy machine; if it dies, the wait ends at
+// once.
+constexpr std::chrono::seconds kConnectTimeout{30};
 
 struct RenderCommandOptions {
   RenderOptions render;
@@ -44,7 +45,7 @@ bool is_folder(const std::string& path) {
   return ::stat(path.c_str(), &info) == 0 && S_ISDIR(info.st_mode);
 }
 
-/// Where the image goes; of several frames, with the number put in.
+/// Destination of the image; for several frames, frame numbers are inserted.
 struct Output {
   std::string path;
   v1::FetchFrameRequest::Format format = v1::FetchFrameRequest::FORMAT_EXR;
@@ -54,15 +55,15 @@ struct Output {
   }
 };
 
-/// Errors: InvalidArgument, the file's folder cannot be written to.
+/// Checks that the directory of `file` exists and is writable. Errors: InvalidArgument.
 absl::Status check_folder_of(const std::string& file) {
   const std::size_t slash = file.rfind('/');
   const std::string folder = slash == std::string::npos ? "." : file.substr(0, slash + 1);
   if (::access(folder.c_str(), W_OK | X_OK) == 0) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat(folder, ": no folder that can be written to"));
+  return absl::InvalidArgumentError(absl::StrCat(folder, ": directory is missing or not writable"));
 }
 
-/// Checks before anything is rendered what can be checked of the end.
+/// Checks all output paths before anything is rendered.
 absl::StatusOr<Output> plan_output(const RenderCommandOptions& options) {
   const auto ranges = parse_frames(options.render.frames);
   if (!ranges.ok()) return ranges.status();
@@ -82,28 +83,29 @@ absl::StatusOr<Output> plan_output(const RenderCommandOptions& options) {
   for (const std::int32_t frame : output.frames) {
     if (options.report == output.path_of(frame)) {
       return absl::InvalidArgumentError(
-          absl::StrCat("--report: ", options.report, " is to be an image"));
+          absl::StrCat("--report ", options.report, ": same path as an output image"));
     }
   }
   for (const std::int32_t frame : output.frames) {
-    // With a store the files may be what an earlier run wrote; their digests tell at the end.
+    // With a store, an earlier run may have written the files; their digests are checked at the
+    // end.
     if (options.force || !options.store.empty()) break;
     if (::access(output.path_of(frame).c_str(), F_OK) == 0) {
       return absl::AlreadyExistsError(
-          absl::StrCat(output.path_of(frame), ": is there already; --force replaces it"));
+          absl::StrCat(output.path_of(frame), " already exists; use --force to overwrite"));
     }
   }
   return output;
 }
 
-/// What was asked for that the file's format cannot hold, a line; else empty.
-std::string left_out(const RenderCommandOptions& options, const Output& output) {
-  std::vector<std::string> lost;
-  if (!options.render.aovs.empty()) lost.emplace_back("--aov");
-  if (options.render.half) lost.emplace_back("--half");
-  if (output.format == v1::FetchFrameRequest::FORMAT_EXR || lost.empty()) return {};
-  return absl::StrCat("tessera: ", output.path, ": without ", absl::StrJoin(lost, " and "),
-                      ", which only an .exr has\n");
+/// Returns a warning about options that the file format does not support; may be empty.
+std::string ignored_options(const RenderCommandOptions& options, const Output& output) {
+  std::vector<std::string> ignored;
+  if (!options.render.aovs.empty()) ignored.emplace_back("--aov");
+  if (options.render.half) ignored.emplace_back("--half");
+  if (output.format == v1::FetchFrameRequest::FORMAT_EXR || ignored.empty()) return {};
+  return absl::StrCat("tessera: ", output.path, ": ignoring ", absl::StrJoin(ignored, " and "),
+                      ", supported only for EXR\n");
 }
 
 LocalFarmOptions farm_options(const RenderCommandOptions& options) {
@@ -116,7 +118,7 @@ LocalFarmOptions farm_options(const RenderCommandOptions& options) {
   return farm;
 }
 
-/// Makes the job, or finds it in a store where an earlier run left it, and sees that it runs.
+/// Creates the job, or finds that of an earlier run in the store, and starts or resumes it.
 absl::StatusOr<v1::Job> start_job(FarmClient& client, const PreparedJob& prepared) {
   if (absl::Status status = upload_missing(client, prepared); !status.ok()) return status;
   v1::CreateJobRequest request = prepared.request;
@@ -125,48 +127,47 @@ absl::StatusOr<v1::Job> start_job(FarmClient& client, const PreparedJob& prepare
   if (!made.ok()) return made.status();
   const v1::Job& job = made->job();
   if (job.state() == v1::Job::STATE_PAUSED) return client.resume_job(job.id());
-  const bool broken_off =
+  const bool has_stopped =
       job.state() == v1::Job::STATE_FAILED || job.state() == v1::Job::STATE_CANCELLED;
-  return broken_off ? client.retry_job(job.id()) : job;
+  return has_stopped ? client.retry_job(job.id()) : job;
 }
 
-/// Brings a job's frames to their files as they are finished.
+/// Downloads a job's frames as they are finished.
 class FrameCollector {
  public:
   /// All references must outlive it.
   FrameCollector(FarmClient& client, const RenderCommandOptions& options, const Output& output)
-      : client_(client), options_(options), output_(output), wanted_(output.frames) {}
+      : client_(client), options_(options), output_(output), pending_(output.frames) {}
 
-  /// Fetches the frames that are finished by now. Frames are finished nearly in order, so few are
-  /// asked for in vain. Errors: those of fetch_frame_file.
+  /// Downloads the frames finished so far. Frames finish nearly in order, so few requests are
+  /// unsuccessful. Errors: those of fetch_frame_file.
   absl::Status collect(const v1::Job& job) {
     const auto finished = static_cast<std::size_t>(job.progress().finished_frame_count());
-    for (auto frame = wanted_.begin();
-         frame != wanted_.end() && output_.frames.size() - wanted_.size() < finished;) {
+    for (auto frame = pending_.begin();
+         frame != pending_.end() && output_.frames.size() - pending_.size() < finished;) {
       const FrameFile file{
           job.id(), *frame,        output_.path_of(*frame), output_.format, options_.exposure_ev,
           false,    options_.force};
       const auto fetched = fetch_frame_file(client_, file);
       if (!fetched.ok()) return fetched.status();
-      frame = fetched->unfinished.empty() ? wanted_.erase(frame) : frame + 1;
+      frame = fetched->unfinished.empty() ? pending_.erase(frame) : frame + 1;
     }
     return absl::OkStatus();
   }
-  bool has_all() const { return wanted_.empty(); }
+  bool has_all() const { return pending_.empty(); }
 
  private:
   FarmClient& client_;
   const RenderCommandOptions& options_;
   const Output& output_;
-  std::vector<std::int32_t> wanted_;  // not fetched yet, in order
+  std::vector<std::int32_t> pending_;  // not downloaded yet, in order
 };
 
-/// All that happens while the farm is up. The report, even of a failed job; its exit code is in
-/// `fate`.
+/// Runs the job on the farm and returns its report, also if it failed. Sets `job_exit_code`.
 absl::StatusOr<nlohmann::ordered_json> render_on(FarmClient& client,
                                                  const RenderCommandOptions& options,
                                                  const PreparedJob& prepared, const Output& output,
-                                                 int& fate) {
+                                                 int& job_exit_code) {
   auto job = start_job(client, prepared);
   if (!job.ok()) return job.status();
   ProgressBar bar;
@@ -180,12 +181,12 @@ absl::StatusOr<nlohmann::ordered_json> render_on(FarmClient& client,
   bar.clear();
   if (!job.ok()) return job.status();
   if (!collected.ok()) return collected;
-  fate = exit_code_of(*job);
+  job_exit_code = exit_code_of(*job);
   if (job->state() != v1::Job::STATE_DONE) {
-    std::fprintf(stderr, "tessera: the job %s: %s\n", state_name(job->state()).c_str(),
+    std::fprintf(stderr, "tessera: job %s: %s\n", state_name(job->state()).c_str(),
                  job->reason().c_str());
   } else if (!collector.has_all()) {
-    return absl::InternalError("the job is done, but not every frame could be fetched");
+    return absl::InternalError("the job is done, but some frames could not be downloaded");
   }
   const auto text = client.get_report(job->id());
   if (!text.ok()) return text.status();
@@ -193,7 +194,7 @@ absl::StatusOr<nlohmann::ordered_json> render_on(FarmClient& client,
   if (!report.is_object()) return absl::InternalError("the report is not JSON");
   if (job->state() == v1::Job::STATE_DONE && !prepared.references.empty()) {
     const absl::Status added = add_true_errors(client, job->id(), prepared.references, report);
-    if (!added.ok()) fate = fail(added);  // the report holds without them
+    if (!added.ok()) job_exit_code = fail(added);  // the rest of the report is valid
   }
   return report;
 }
@@ -202,11 +203,11 @@ int run(const RenderCommandOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   const auto output = plan_output(options);
   if (!output.ok()) return fail(output.status());
-  std::fputs(left_out(options, *output).c_str(), stderr);
-  // The farm comes up while the scene is inspected; it gets nothing before that has gone well.
+  std::fputs(ignored_options(options, *output).c_str(), stderr);
+  // The farm starts while the scene is inspected.
   auto farm = LocalFarm::start(farm_options(options));  // forks: before any thread
   if (!farm.ok()) return fail(farm.status());
-  SignalHandler interrupts;
+  SignalHandler signals;
   const auto prepared = prepare_job(options.render, options.name);
   if (!prepared.ok()) return fail(prepared.status());
   for (const std::string& remark : prepared->remarks) {
@@ -216,22 +217,22 @@ int run(const RenderCommandOptions& options) {
   if (!up.ok()) return fail(up);
   Connection connection;
   connection.server = (*farm)->address();
-  connection.connect_timeout = kPatience;
+  connection.connect_timeout = kConnectTimeout;
   const auto client = FarmClient::connect(connection);
   if (!client.ok()) return fail(client.status());
 
-  if (interrupts.interrupted()) return kExitInterrupted;
-  int fate = kExitDone;
+  if (signals.interrupted()) return kExitInterrupted;
+  int job_exit_code = kExitDone;
   absl::StatusOr<nlohmann::ordered_json> report = absl::UnknownError("");
   {
-    const InterruptAction action(interrupts, [&] { (*client)->cancel(); });
+    const InterruptAction action(signals, [&] { (*client)->cancel(); });
     (*farm)->on_death([&] { (*client)->cancel(); });
-    report = render_on(**client, options, *prepared, *output, fate);
+    report = render_on(**client, options, *prepared, *output, job_exit_code);
     (*farm)->on_death({});
   }
-  if (interrupts.interrupted()) {
+  if (signals.interrupted()) {
     std::fprintf(stderr, "tessera: interrupted%s\n",
-                 options.store.empty() ? "" : "; the same command goes on from here");
+                 options.store.empty() ? "" : "; run the same command to resume");
     return kExitInterrupted;
   }
   if (const absl::Status health = (*farm)->health(); !report.ok() && !health.ok()) {
@@ -247,12 +248,12 @@ int run(const RenderCommandOptions& options) {
   }
   if (options.json) {
     std::printf("%s\n", report->dump().c_str());
-  } else if (fate == kExitDone || fate == kExitUncertain) {
-    std::fputs(doubt_lines(*report, prepared->remarks).c_str(), stderr);
+  } else if (job_exit_code == kExitDone || job_exit_code == kExitUncertain) {
+    std::fputs(warning_lines(*report, prepared->remarks).c_str(), stderr);
     const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
     std::printf("%s\n", result_line(*report, wall.count()).c_str());
   }
-  return fate;
+  return job_exit_code;
 }
 
 }  // namespace
@@ -264,35 +265,38 @@ void add_render_command(CLI::App& app, Invocation& invocation) {
   const char* group = "Output";
   command
       ->add_option("-o,--output", options->output,
-                   "Image, .exr .png or .jpg, or a folder (default: SCENE's name .exr)")
+                   "Output image (.exr, .png or .jpg) or directory (default: name of SCENE, .exr)")
       ->type_name("FILE")
       ->group(group);
-  command->add_option("--exposure", options->exposure_ev, "Stops of exposure, PNG and JPEG only")
+  command->add_option("--exposure", options->exposure_ev, "Exposure in stops, PNG and JPEG only")
       ->check(contract::finite_range(-100.0, 100.0))
       ->type_name("EV")
       ->group(group);
-  command->add_option("--report", options->report, "Write the report, JSON")
+  command->add_option("--report", options->report, "File for the JSON report")
       ->type_name("FILE")
       ->group(group);
-  command->add_flag("--force", options->force, "Replace files that are there")->group(group);
-  command->add_flag("--json", options->json, "Print the report instead of a line")->group(group);
-  group = "The farm on this machine";
-  command->add_option("--workers", options->workers, "Worker processes")
+  command->add_flag("--force", options->force, "Overwriting of existing files")->group(group);
+  command->add_flag("--json", options->json, "JSON report on stdout instead of one line")
+      ->group(group);
+  group = "Local farm";
+  command->add_option("--workers", options->workers, "Number of worker processes")
       ->check(CLI::Range(1, 256))
       ->type_name("N")
       ->capture_default_str()
       ->group(group);
   command
-      ->add_option("--threads", options->threads, "Threads of each (default: the cores shared out)")
+      ->add_option("--threads", options->threads,
+                   "Threads per worker (default: cores divided by workers)")
       ->check(CLI::Range(1, 1024))
       ->type_name("N")
       ->group(group);
   command
       ->add_option("--store", options->store,
-                   "Keep the work here; the same command goes on where it stopped")
+                   "Directory for intermediate results; rerun the command to resume")
       ->type_name("DIR")
       ->group(group);
-  command->add_option("--name", options->name, "Name of the job (default: SCENE's)")->group(group);
+  command->add_option("--name", options->name, "Name of the job (default: that of the scene file)")
+      ->group(group);
   command->footer(
       "Examples:\n  tessera render scene.glb -o out.exr --spp 256\n"
       "  tessera render scene.glb -o out.exr --error 0.05\n"

@@ -7,14 +7,14 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "client/commands/commands.h"
-#include "client/charts/curve_svg.h"
 #include "client/api/farm_client.h"
-#include "client/output/frame_files.h"
-#include "client/cli/progress.h"
-#include "client/cli/table.h"
+#include "client/charts/curve_svg.h"
 #include "client/charts/tile_svg.h"
 #include "client/charts/timeline.h"
+#include "client/cli/progress.h"
+#include "client/cli/table.h"
+#include "client/commands/commands.h"
+#include "client/output/frame_files.h"
 #include "client/output/true_error.h"
 
 namespace tessera::client {
@@ -26,11 +26,11 @@ struct ReportOptions {
   std::string job, svg, tiles, trace, reference;
   bool json = false, csv = false;
 
-  /// A file asked for is all there is, unless something to print is named as well.
+  /// Returns whether to print: if files are requested, only with --json or --csv.
   bool prints() const { return json || csv || (svg.empty() && tiles.empty() && trace.empty()); }
 };
 
-/// The number at `pointer` as "%.*g", "-" if it is null or not there.
+/// Returns the number at `pointer` as "%.*g"; "-" if it is null or missing.
 std::string figure(const ordered_json& document, const char* pointer, int digits = 4) {
   const ordered_json::json_pointer path(pointer);
   if (!document.contains(path) || !document[path].is_number()) return "-";
@@ -96,7 +96,7 @@ std::string text_of(const ordered_json& report) {
   return text;
 }
 
-/// The error curves of all frames, one point a line.
+/// Returns the error curves of all frames as CSV, one point per line.
 std::string csv_of(const ordered_json& report) {
   std::string text = "frame,cpu_seconds,wall_seconds,samples,relmse,error,error_true\n";
   for (const ordered_json& frame : report.value("frames", ordered_json::array())) {
@@ -138,7 +138,7 @@ absl::Status write_timeline(const std::string& path, FarmClient& client,
   return timeline.ok() ? write_text_file(path, *timeline) : timeline.status();
 }
 
-/// Every file asked for that can be made. The first error.
+/// Writes all requested files that can be written. Returns the first error.
 absl::Status write_files(const ReportOptions& options, FarmClient& client,
                          const ordered_json& report) {
   absl::Status status;
@@ -156,7 +156,7 @@ int run(const ReportOptions& options, const Connection& connection) {
   const auto bytes = (*client)->get_report(job->id());
   if (!bytes.ok()) return fail(bytes.status());
   ordered_json report = ordered_json::parse(*bytes, nullptr, false);
-  if (!report.is_object()) return fail(absl::InternalError("the farm's report is not JSON"));
+  if (!report.is_object()) return fail(absl::InternalError("the server's report is not JSON"));
   if (!options.reference.empty()) {
     const auto references =
         read_references(options.reference, frames_of(report), window_of(report));
@@ -177,29 +177,28 @@ int run(const ReportOptions& options, const Connection& connection) {
 
 void add_report_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<ReportOptions>();
-  CLI::App* command = app.add_subcommand("report", "Say what a job reached and what it cost");
+  CLI::App* command = app.add_subcommand("report", "Show the results and costs of a job");
   add_connection_options(*command, invocation.connection);
-  command->add_option("job", options->job, "Id, unique prefix, name, or last")->required();
-  CLI::Option* json =
-      command->add_flag("--json", options->json, "Print the JSON document (tessera.report/1)");
-  command->add_flag("--csv", options->csv, "Print the error curves, a point a line")
+  command->add_option("job", options->job, "Job ID, unique prefix, name, or `last`")->required();
+  CLI::Option* json = command->add_flag("--json", options->json, "JSON output (tessera.report/1)");
+  command->add_flag("--csv", options->csv, "CSV output of the error curves, one point per line")
       ->excludes(json);
-  command->add_option("--svg", options->svg, "Draw the error curves into FILE")->type_name("FILE");
-  command
-      ->add_option("--tiles", options->tiles,
-                   "Draw the error and the samples of each tile into FILE (SVG)")
+  command->add_option("--svg", options->svg, "SVG file of the error curves")->type_name("FILE");
+  command->add_option("--tiles", options->tiles, "SVG file of the error and samples of each tile")
       ->type_name("FILE");
   command
       ->add_option("--trace", options->trace,
-                   "Write the timeline of its units into FILE (JSON for ui.perfetto.dev and "
-                   "chrome://tracing)")
+                   "JSON file of the timeline of the job's units, for ui.perfetto.dev and "
+                   "chrome://tracing")
       ->type_name("FILE");
   command
-      ->add_option("--reference", options->reference,
-                   "Image to tell the true error by (several frames: with their numbers put in)")
+      ->add_option(
+          "--reference", options->reference,
+          "Reference image for the true error; for several frames, frame numbers are inserted "
+          "(REF.0007.exr)")
       ->type_name("REF.exr");
   command->footer(
-      "With a file asked for, only --json and --csv print.\n"
+      "With --svg, --tiles or --trace, prints only with --json or --csv.\n"
       "Examples:\n  tessera report last\n  tessera report last --json > report.json\n"
       "  tessera report last --svg curve.svg");
   command->callback([options, &invocation] {

@@ -5,11 +5,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "client/commands/commands.h"
 #include "client/api/farm_client.h"
-#include "client/output/job_status.h"
 #include "client/cli/progress.h"
 #include "client/cli/table.h"
+#include "client/commands/commands.h"
+#include "client/output/job_status.h"
 
 namespace tessera::client {
 namespace {
@@ -41,7 +41,7 @@ std::string text_of(const v1::Job& job) {
              absl::StrCat(progress.committed_sample_count(), " of ", progress.sample_count())});
   table.add({"error", progress.has_estimated_error()
                           ? absl::StrFormat("%.5f (estimated)", progress.estimated_error())
-                          : "not known yet"});
+                          : "unknown"});
   table.add({"workers", std::to_string(progress.worker_count())});
   table.add({"cpu", absl::StrFormat("%.1f s", progress.cpu_seconds())});
   table.add({"elapsed", format_seconds(seconds(progress.elapsed()))});
@@ -65,10 +65,10 @@ int run(const StatusOptions& options, const Connection& connection) {
 
 void add_status_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<StatusOptions>();
-  CLI::App* command = app.add_subcommand("status", "Say how a job is doing");
+  CLI::App* command = app.add_subcommand("status", "Show the state and progress of a job");
   add_connection_options(*command, invocation.connection);
-  command->add_option("job", options->job, "Id, unique prefix, name, or last")->required();
-  command->add_flag("--json", options->json, "Print a JSON document (tessera.job/1)");
+  command->add_option("job", options->job, "Job ID, unique prefix, name, or `last`")->required();
+  command->add_flag("--json", options->json, "JSON output (tessera.job/1)");
   command->footer("Examples:\n  tessera status last\n  tessera status 4f2a --json");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };

@@ -18,14 +18,14 @@ struct SubmitOptions {
   bool wait = false, json = false;
 };
 
-void say_submitted(const v1::CreateJobResponse& made, bool json) {
+void print_submitted(const v1::CreateJobResponse& made, bool json) {
   if (json) {
     nlohmann::ordered_json document = job_document(made.job());
     document["store_bytes"] = made.store_bytes();
     std::printf("%s\n", document.dump().c_str());
   } else {
     std::printf("%s\n", made.job().id().c_str());
-    std::fprintf(stderr, "the job may need %.1f MB of store\n",
+    std::fprintf(stderr, "the job needs up to %.1f MB in the store\n",
                  1e-6 * static_cast<double>(made.store_bytes()));
   }
   std::fflush(stdout);
@@ -37,7 +37,7 @@ int run(const SubmitOptions& options, const Connection& connection) {
   for (const std::string& remark : prepared->remarks) {
     std::fprintf(stderr, "%s\n", remark.c_str());
   }
-  SignalHandler interrupts;
+  SignalHandler signals;
   auto client = FarmClient::connect(connection);
   if (!client.ok()) return fail(client.status());
   v1::CreateJobRequest& request = prepared->request;
@@ -47,39 +47,40 @@ int run(const SubmitOptions& options, const Connection& connection) {
   request.set_required_tag(options.required_tag);
   absl::StatusOr<v1::CreateJobResponse> made = absl::UnknownError("");
   {
-    const InterruptAction action(interrupts, [&] { (*client)->cancel(); });
+    const InterruptAction action(signals, [&] { (*client)->cancel(); });
     const absl::Status uploaded = upload_missing(**client, *prepared);
     if (!uploaded.ok()) return fail(uploaded);
     made = (*client)->create_job(request);
   }
   if (!made.ok()) return fail(made.status());
-  say_submitted(*made, options.json);
+  print_submitted(*made, options.json);
   if (!options.wait) return kExitDone;
-  return watch_until_finished(**client, interrupts, made->job().id(), options.json, prepared->remarks);
+  return watch_until_finished(**client, signals, made->job().id(), options.json, prepared->remarks);
 }
 
 }  // namespace
 
 void add_submit_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<SubmitOptions>();
-  CLI::App* command = app.add_subcommand("submit", "Hand a scene to a farm; prints the job's id");
+  CLI::App* command = app.add_subcommand("submit", "Submit a scene to a server; prints the job ID");
   add_render_options(*command, options->render);
   add_connection_options(*command, invocation.connection);
-  command->add_option("--name", options->name, "Name of the job (default: the scene's)");
-  command->add_option("--priority", options->priority, "Higher runs first")
+  command->add_option("--name", options->name, "Name of the job (default: that of the scene file)");
+  command->add_option("--priority", options->priority, "Priority; higher runs first")
       ->check(CLI::Range(-100, 100))
       ->type_name("P")
       ->capture_default_str();
-  command->add_option("--max-workers", options->max_workers, "Most workers at once (default: all)")
+  command
+      ->add_option("--max-workers", options->max_workers, "Maximum workers at once; 0: unlimited")
       ->check(CLI::Range(0, 1'000'000))
       ->type_name("N");
-  command->add_option("--require", options->required_tag, "Only workers with this tag")
+  command->add_option("--require-tag", options->required_tag, "Tag that workers must have")
       ->type_name("TAG");
-  command->add_flag("--wait", options->wait, "Follow the job and return its fate");
-  command->add_flag("--json", options->json, "Print JSON documents");
+  command->add_flag("--wait", options->wait, "Wait for the job and return its exit code");
+  command->add_flag("--json", options->json, "JSON output");
   command->footer(
       "Examples:\n  tessera submit scene.glb --frames 0-99 --spp 256\n"
-      "  tessera submit scene.glb --wait --require gpu-free");
+      "  tessera submit scene.glb --wait --require-tag big-memory");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };
   });

@@ -14,12 +14,12 @@ struct WatchOptions {
 };
 
 int run(const WatchOptions& options, const Connection& connection) {
-  SignalHandler interrupts;
+  SignalHandler signals;
   auto client = FarmClient::connect(connection);
   if (!client.ok()) return fail(client.status());
   const auto job = (*client)->get_job(options.job);
   if (!job.ok()) return fail(job.status());
-  return watch_until_finished(**client, interrupts, job->id(), options.json);
+  return watch_until_finished(**client, signals, job->id(), options.json);
 }
 
 }  // namespace
@@ -28,11 +28,12 @@ void add_watch_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<WatchOptions>();
   CLI::App* command = app.add_subcommand("watch", "Follow a job until it ends");
   add_connection_options(*command, invocation.connection);
-  command->add_option("job", options->job, "Id, unique prefix, name, or last")->required();
-  command->add_flag("--json", options->json, "Print one JSON object a line");
+  command->add_option("job", options->job, "Job ID, unique prefix, name, or `last`")->required();
+  command->add_flag("--json", options->json, "JSON output, one object per line (tessera.job/1)");
   command->footer(
-      "Returns the job's fate: 0 done, 1 failed or cancelled, 4 done, but the error asked for is\n"
-      "not certified. Ctrl-C leaves the job running.\nExample: tessera watch last");
+      "Exit code: 0 done, 1 failed or cancelled, 2 the scene is faulty, 4 done but the target "
+      "error "
+      "is not certified. Ctrl-C leaves the job running.\nExample:\n  tessera watch last");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };
   });

@@ -7,9 +7,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "client/commands/commands.h"
 #include "client/api/farm_client.h"
 #include "client/cli/table.h"
+#include "client/commands/commands.h"
 
 namespace tessera::client {
 namespace {
@@ -82,45 +82,46 @@ int run(const WorkersOptions& options, const Connection& connection) {
   return kExitDone;
 }
 
-/// What can be ordered of a worker.
+/// A command for one worker.
 struct Order {
   const char* name;
   const char* description;
-  const char* done;  // what is printed of it
+  const char* result;  // printed after the worker ID
   absl::Status (FarmClient::*call)(const std::string& worker_id);
 };
 
 constexpr Order kOrders[] = {
-    {"drain", "Have a worker finish what it has begun, hand back the rest, and end",
-     "is asked to go", &FarmClient::drain_worker},
-    {"ban", "Shut a worker out: nothing is leased to it or taken of it, also after a restart",
+    {"drain", "Drain a worker: finish started units, return the rest, exit", "is draining",
+     &FarmClient::drain_worker},
+    {"ban", "Ban a worker: lease it nothing and reject its results, across server restarts",
      "is banned", &FarmClient::ban_worker},
-    {"allow", "Take back that a worker was banned or set aside", "is allowed",
-     &FarmClient::allow_worker},
+    {"allow", "Lift a worker's ban or quarantine", "is allowed", &FarmClient::allow_worker},
 };
 
-/// The worker's id: `text` itself if it is not listed (it may be banned and long gone), else the
-/// one it is, or begins, or names. Errors: InvalidArgument, it fits several.
+/// Returns the ID of the worker whose ID, ID prefix or name is `text`, or `text` itself if no
+/// listed worker matches: a banned worker may be disconnected. Errors: InvalidArgument, several
+/// match.
 absl::StatusOr<std::string> find_worker(FarmClient& client, const std::string& text) {
   const auto workers = client.list_workers();
   if (!workers.ok()) return workers.status();
-  std::vector<std::string> fits;
+  std::vector<std::string> matches;
   for (const v1::Worker& worker : *workers) {
     if (worker.id() == text) return text;
-    if (worker.name() == text || absl::StartsWith(worker.id(), text)) fits.push_back(worker.id());
+    if (worker.name() == text || absl::StartsWith(worker.id(), text))
+      matches.push_back(worker.id());
   }
-  if (fits.size() < 2) return fits.empty() ? text : fits.front();
+  if (matches.size() < 2) return matches.empty() ? text : matches.front();
   return absl::InvalidArgumentError(
-      absl::StrCat("\"", text, "\" fits several workers: ", absl::StrJoin(fits, " ")));
+      absl::StrCat("\"", text, "\" matches several workers: ", absl::StrJoin(matches, " ")));
 }
 
-int give_order(const Order& order, const std::string& text, const Connection& connection) {
+int run_order(const Order& order, const std::string& text, const Connection& connection) {
   const auto client = FarmClient::connect(connection);
   if (!client.ok()) return fail(client.status());
   const auto id = find_worker(**client, text);
   if (!id.ok()) return fail(id.status());
   if (const absl::Status status = ((**client).*order.call)(*id); !status.ok()) return fail(status);
-  std::printf("%s %s\n", id->c_str(), order.done);
+  std::printf("%s %s\n", id->c_str(), order.result);
   return kExitDone;
 }
 
@@ -129,10 +130,11 @@ void add_orders(CLI::App& command, Invocation& invocation) {
     auto worker = std::make_shared<std::string>();
     CLI::App* sub = command.add_subcommand(order.name, order.description);
     add_connection_options(*sub, invocation.connection);
-    sub->add_option("worker", *worker, "Id, unique prefix, or name")->required();
+    sub->add_option("worker", *worker, "Worker ID, unique prefix, or name")->required();
+    sub->footer(absl::StrCat("Example:\n  tessera workers ", order.name, " w-0f3a"));
     sub->callback([&order, worker, &invocation] {
       invocation.run = [&order, worker, &invocation] {
-        return give_order(order, *worker, invocation.connection);
+        return run_order(order, *worker, invocation.connection);
       };
     });
   }
@@ -146,13 +148,13 @@ void add_workers_command(CLI::App& app, Invocation& invocation) {
   CLI::App* command =
       app.add_subcommand("workers", "List workers connected now or within the last hour");
   add_connection_options(*command, invocation.connection);
-  command->add_flag("--json", options->json, "Print a JSON document (tessera.workers/2)");
+  command->add_flag("--json", options->json, "JSON output (tessera.workers/2)");
   add_orders(*command, invocation);
   command->footer(
-      "With certificates, drain, ban and allow take an admin's.\n"
+      "On farms with certificates, drain, ban and allow require an admin certificate.\n"
       "Examples:\n  tessera workers\n  tessera workers drain w-0f3a");
   command->callback([command, options, &invocation] {
-    if (!command->get_subcommands().empty()) return;  // theirs is called, too
+    if (!command->get_subcommands().empty()) return;  // the subcommand has its own callback
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };
   });
 }

@@ -28,8 +28,8 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr milliseconds kWorkerStopTime{1'000}, kServerStopTime{5'000};
-constexpr seconds kShortLife{5};    // a worker that dies younger counts as failing
-constexpr int kMaxShortLives = 8;  // in a row
+constexpr seconds kShortLife{5};   // a child that ends sooner counts as failing
+constexpr int kMaxShortLives = 8;  // consecutive
 constexpr char kLockName[] = "/farm.lock", kSocketName[] = "/server.sock";
 
 struct Child {
@@ -37,15 +37,16 @@ struct Child {
   std::vector<std::string> command;  // program and arguments
   std::string log;
   Clock::time_point started{};
-  Clock::time_point start_at{};  // not before, once it has died
+  Clock::time_point start_at{};  // earliest time of the restart
   int short_lives = 0;
   bool given_up = false;
 };
 
-/// The child's half of a fork: dies with the keeper, logs to its file, runs the command.
-[[noreturn]] void become(const Child& child, pid_t keeper) {
+/// Runs the command of `child` in a forked process, which dies with the supervisor and logs to a
+/// file.
+[[noreturn]] void run_child(const Child& child, pid_t supervisor) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-  if (::getppid() != keeper) ::_exit(127);  // it died before the call above
+  if (::getppid() != supervisor) ::_exit(127);  // the supervisor died before the call above
   sigset_t none;
   sigemptyset(&none);
   ::sigprocmask(SIG_SETMASK, &none, nullptr);
@@ -58,7 +59,7 @@ struct Child {
   ::_exit(127);
 }
 
-/// The whole of a lock file, for fcntl. Such a lock ends with its process and is not inherited.
+/// Returns an fcntl lock of a whole file. It ends with its process and is not inherited.
 struct flock whole_file() {
   struct flock range {};
   range.l_type = F_WRLCK;
@@ -66,34 +67,36 @@ struct flock whole_file() {
   return range;
 }
 
-/// Locks a folder until this process ends. False if another has done so.
+/// Locks a directory until this process ends. Returns false if another process holds the lock.
 bool lock_folder(const std::string& folder) {
   const int file = ::open((folder + kLockName).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
   struct flock range = whole_file();
   return file >= 0 && ::fcntl(file, F_SETLK, &range) == 0;
 }
 
-class Keeper {
+class Supervisor {
  public:
-  Keeper(const KeeperPlan& plan, int socket)
-      : socket_(socket), temporary_(plan.store.empty()), stays_(!plan.folder.empty()) {
-    folder_ = stays_ ? plan.folder : make_private_folder();
+  Supervisor(const SupervisorPlan& plan, int socket)
+      : socket_(socket),
+        has_temporary_store_(plan.store.empty()),
+        is_persistent_(!plan.folder.empty()) {
+    folder_ = is_persistent_ ? plan.folder : make_private_folder();
     if (folder_.empty()) {
-      tell("no private folder can be made in TMPDIR or /tmp");
+      send_message("cannot create a private directory in TMPDIR or /tmp");
       ::_exit(1);
     }
-    if (stays_ && !lock_folder(folder_)) {
-      tell("a farm runs in " + folder_ + " already; `tessera farm down` stops it");
+    if (is_persistent_ && !lock_folder(folder_)) {
+      send_message("a farm is already running in " + folder_ + "; `tessera farm down` stops it");
       ::_exit(1);
     }
     const std::string address = "unix:" + folder_ + kSocketName;
-    const std::string store = temporary_ ? folder_ + "/store" : plan.store;
+    const std::string store = has_temporary_store_ ? folder_ + "/store" : plan.store;
     server_.command = {plan.server_program, "--listen", address, "--store", store};
     server_.log = folder_ + "/server.log";
     for (int i = 0; i < plan.worker_count; ++i) {
       const std::string name = "local-" + std::to_string(i + 1);
-      // One identity for the life of this farm: the server takes back at once what a worker had
-      // that died. Another run on the same store is told apart in the report.
+      // The ID is stable, so that the server reclaims the units of a dead worker immediately, and
+      // differs between farms on the same store, so that the report distinguishes them.
       const std::string id = name + "-" + std::to_string(::getpid());
       Child worker;
       worker.command = {plan.worker_program,
@@ -107,7 +110,8 @@ class Keeper {
                         std::to_string(plan.threads_per_worker),
                         "--grace",
                         "0"};
-      if (!stays_) worker.command.insert(worker.command.end(), {"--cache", folder_ + "/cache"});
+      if (!is_persistent_)
+        worker.command.insert(worker.command.end(), {"--cache", folder_ + "/cache"});
       if (!plan.accelerator.empty()) {
         worker.command.insert(worker.command.end(), {"--accelerator", plan.accelerator});
       }
@@ -120,13 +124,13 @@ class Keeper {
     sigset_t watched;
     sigemptyset(&watched);
     sigaddset(&watched, SIGCHLD);
-    if (stays_) sigaddset(&watched, SIGTERM);
+    if (is_persistent_) sigaddset(&watched, SIGTERM);
     ::sigprocmask(SIG_SETMASK, &watched, nullptr);
     signals_ = ::signalfd(-1, &watched, SFD_CLOEXEC | SFD_NONBLOCK);
-    ::unlink((folder_ + kSocketName).c_str());  // of a keeper that was killed
+    ::unlink((folder_ + kSocketName).c_str());  // left by a supervisor that was killed
     start(server_);
     for (Child& worker : workers_) start(worker);
-    tell(folder_);
+    send_message(folder_);
     while (wait() && !is_over()) {
       reap();
       restart();
@@ -135,18 +139,18 @@ class Keeper {
   }
 
  private:
-  void tell(const std::string& message) {
+  void send_message(const std::string& message) {
     (void)!::send(socket_, message.data(), message.size(), MSG_NOSIGNAL);
   }
 
   void start(Child& child) {
-    const pid_t keeper = ::getpid();
+    const pid_t supervisor = ::getpid();
     child.started = Clock::now();
     child.pid = ::fork();  // this process has one thread
-    if (child.pid == 0) become(child, keeper);
+    if (child.pid == 0) run_child(child, supervisor);
   }
 
-  /// Sleeps until something happens. False once the client, or SIGTERM, has ended the farm.
+  /// Waits for an event. Returns false once the client or SIGTERM has ended the farm.
   bool wait() {
     int timeout = -1;
     for (const Child* child : children()) {
@@ -158,15 +162,15 @@ class Keeper {
     }
     std::array<pollfd, 2> watched = {pollfd{socket_, POLLIN, 0}, pollfd{signals_, POLLIN, 0}};
     ::poll(watched.data(), watched.size(), timeout);
-    bool told = false;
+    bool terminated = false;
     signalfd_siginfo info;
-    while (::read(signals_, &info, sizeof info) > 0) told |= info.ssi_signo == SIGTERM;
-    if (watched[0].revents == 0) return !told;  // the client never sends anything
-    if (stays_) {
+    while (::read(signals_, &info, sizeof info) > 0) terminated |= info.ssi_signo == SIGTERM;
+    if (watched[0].revents == 0) return !terminated;  // the client never sends anything
+    if (is_persistent_) {
       ::close(socket_);
-      socket_ = -1;  // which poll passes over
+      socket_ = -1;  // ignored by poll
     }
-    return stays_ && !told;
+    return is_persistent_ && !terminated;
   }
 
   void reap() {
@@ -174,26 +178,28 @@ class Keeper {
     for (pid_t pid = ::waitpid(-1, &status, WNOHANG); pid > 0;
          pid = ::waitpid(-1, &status, WNOHANG)) {
       for (Child* child : children()) {
-        if (pid == child->pid) mourn(*child, status);
+        if (pid == child->pid) on_exit(*child, status);
       }
     }
   }
 
-  /// A child is started again, at once if it had lived well; one that was refused is not, nor is a
-  /// server whose client is there to hear of it.
-  void mourn(Child& child, int status) {
+  /// Schedules the restart of an ended child, immediately if it had run long enough. Does not
+  /// restart a child that exited by itself, or a server whose client is connected and reports the
+  /// failure.
+  void on_exit(Child& child, int status) {
     const Clock::time_point now = Clock::now();
     child.pid = -1;
     child.short_lives = now - child.started < kShortLife ? child.short_lives + 1 : 0;
     child.start_at = now + milliseconds(50) * (1 << child.short_lives);
-    // It ends by itself only when it is refused, has no renderer, or may not use its store.
+    // It exits by itself only if it is refused, has no renderer, or cannot use its store.
     child.given_up = WIFEXITED(status) || child.short_lives >= kMaxShortLives ||
-                     (!stays_ && &child == &server_);
+                     (!is_persistent_ && &child == &server_);
     if (!child.given_up) return;
     if (&child == &server_) {
-      tell("the server " + end_of(status) + ": " + last_line(server_));
+      send_message("the server " + end_of(status) + ": " + last_line(server_));
     } else if (no_worker_is_left()) {
-      tell("no worker is left; the last " + end_of(status) + ": " + last_line(child));
+      send_message("all workers have failed; the last one " + end_of(status) + ": " +
+                   last_line(child));
     }
   }
 
@@ -202,8 +208,8 @@ class Keeper {
                        [](const Child& child) { return child.given_up; });
   }
 
-  /// Whether a farm that stays is not worth staying for; of another its client decides.
-  bool is_over() const { return stays_ && (server_.given_up || no_worker_is_left()); }
+  /// Returns whether a persistent farm has failed; other farms end with their client.
+  bool is_over() const { return is_persistent_ && (server_.given_up || no_worker_is_left()); }
 
   void restart() {
     const Clock::time_point now = Clock::now();
@@ -212,20 +218,20 @@ class Keeper {
     }
   }
 
-  /// The server first.
+  /// Returns all children, the server first.
   std::vector<Child*> children() {
     std::vector<Child*> all = {&server_};
     for (Child& worker : workers_) all.push_back(&worker);
     return all;
   }
 
-  /// "was killed by signal 9", "ended with status 1", from a waitpid status.
+  /// Describes a waitpid status: "was killed by signal 9" or "ended with status 1".
   static std::string end_of(int status) {
     return WIFSIGNALED(status) ? "was killed by signal " + std::to_string(WTERMSIG(status))
                                : "ended with status " + std::to_string(WEXITSTATUS(status));
   }
 
-  /// The last line of the child's log: a program that gives up says why in it.
+  /// Returns the last line of the child's log, the reason why the program exited.
   static std::string last_line(const Child& child) {
     constexpr off_t kTailBytes = 2'000;
     const int file = ::open(child.log.c_str(), O_RDONLY | O_CLOEXEC);
@@ -233,9 +239,9 @@ class Keeper {
     const off_t size = ::lseek(file, 0, SEEK_END);
     ::lseek(file, std::max<off_t>(0, size - kTailBytes), SEEK_SET);
     std::array<char, kTailBytes> bytes;
-    const ssize_t got = ::read(file, bytes.data(), bytes.size());
+    const ssize_t count = ::read(file, bytes.data(), bytes.size());
     ::close(file);
-    std::string text(bytes.data(), static_cast<std::size_t>(std::max<ssize_t>(0, got)));
+    std::string text(bytes.data(), static_cast<std::size_t>(std::max<ssize_t>(0, count)));
     while (!text.empty() && text.back() == '\n') text.pop_back();
     const std::size_t line = text.rfind('\n');
     return line == std::string::npos ? text : text.substr(line + 1);
@@ -245,7 +251,7 @@ class Keeper {
     if (child.pid > 0) ::kill(child.pid, signal);
   }
 
-  /// Whether `child` has ended within `limit`.
+  /// Waits for `child` and kills it after `limit`.
   static void await(Child& child, milliseconds limit) {
     const Clock::time_point deadline = Clock::now() + limit;
     while (child.pid > 0 && ::waitpid(child.pid, nullptr, WNOHANG) == 0) {
@@ -259,7 +265,7 @@ class Keeper {
     child.pid = -1;
   }
 
-  /// Renderers whose agent was killed: they die with it and become children of this process.
+  /// Waits for renderers of killed agents: they die too and run_child children of this process.
   static void await_orphans() {
     const Clock::time_point deadline = Clock::now() + kWorkerStopTime;
     while (::waitpid(-1, nullptr, WNOHANG) >= 0 && Clock::now() < deadline) {
@@ -267,17 +273,18 @@ class Keeper {
     }
   }
 
-  /// A store that stays deserves an orderly end: workers say that they leave. One that goes does
-  /// not.
+  /// Stops all children and exits. With a persistent store, workers drain; with a temporary one,
+  /// all are killed.
   [[noreturn]] void stop() {
-    for (const Child& worker : workers_) kill_child(worker, temporary_ ? SIGKILL : SIGTERM);
-    if (temporary_) kill_child(server_, SIGKILL);
+    for (const Child& worker : workers_)
+      kill_child(worker, has_temporary_store_ ? SIGKILL : SIGTERM);
+    if (has_temporary_store_) kill_child(server_, SIGKILL);
     for (Child& worker : workers_) await(worker, kWorkerStopTime);
     kill_child(server_, SIGTERM);
     await(server_, kServerStopTime);
     await_orphans();
     std::error_code ignored;
-    if (stays_) {
+    if (is_persistent_) {
       std::filesystem::remove(folder_ + kSocketName, ignored);
     } else {
       std::filesystem::remove_all(folder_, ignored);
@@ -285,8 +292,8 @@ class Keeper {
     ::_exit(0);
   }
 
-  int socket_;  // -1: the client of a farm that stays has gone
-  const bool temporary_, stays_;
+  int socket_;  // -1: the client of a persistent farm has closed it
+  const bool has_temporary_store_, is_persistent_;
   int signals_ = -1;
   std::string folder_;
   Child server_;
@@ -295,19 +302,19 @@ class Keeper {
 
 }  // namespace
 
-void run_supervisor(const KeeperPlan& plan, int socket) {
-  ::setsid();  // Ctrl-C is for the client; this process ends after it
-  ::prctl(PR_SET_NAME, "tessera-keeper");
+void run_supervisor(const SupervisorPlan& plan, int socket) {
+  ::setsid();  // the client handles Ctrl-C; this process ends after it
+  ::prctl(PR_SET_NAME, "tessera-farm");
   ::prctl(PR_SET_CHILD_SUBREAPER, 1);
-  const int nothing = ::open("/dev/null", O_RDWR);
+  const int null = ::open("/dev/null", O_RDWR);
   for (const int standard : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
-    ::dup2(nothing, standard);
+    ::dup2(null, standard);
   }
-  // Nothing else of the client's may stay open: whoever reads its output waits for the last copy.
+  // Close all other descriptors: readers of the client's output wait for the last copy.
   constexpr int kSocket = STDERR_FILENO + 1;
   if (socket != kSocket) ::dup3(socket, kSocket, O_CLOEXEC);
   ::close_range(kSocket + 1, ~0u, 0);
-  Keeper(plan, kSocket).run();
+  Supervisor(plan, kSocket).run();
 }
 
 pid_t supervisor_pid(const std::string& folder) {

@@ -7,29 +7,29 @@
 
 namespace tessera::client {
 
-/// What a keeper runs: one server and its workers.
-struct KeeperPlan {
+/// Configuration of a local farm: one server and its workers.
+struct SupervisorPlan {
   std::string server_program, worker_program;
-  std::string folder;  // of socket, logs and lock, private; empty: a temporary one
-  std::string store;   // empty: a temporary one
+  std::string folder;  // private directory of socket, logs and lock; empty: temporary
+  std::string store;   // empty: temporary
   int worker_count = 1, threads_per_worker = 1;
-  std::string accelerator;  // of the workers; empty: production's
+  std::string accelerator;  // acceleration structure of the workers; empty: production's
 };
 
-/// First message of a keeper on its socket: the private folder it made, with the server's socket
-/// "server.sock" and the logs in it. Later messages say what has gone wrong for good. One datagram
-/// each.
+/// Supervises a local farm in the calling process, which was forked for that and has one thread.
+/// Starts the server and the workers, restarts workers that die, and stops everything, removes the
+/// private directory and exits when the other end of `socket` closes. The children die with this
+/// process. Never returns.
 ///
-/// Runs a local farm in the calling process, which was forked for that and has one thread: starts
-/// everything, starts workers again when they die, and when the other end of `socket` closes,
-/// however that came about, stops everything, removes the private folder and ends. The children die
-/// with this process. Never returns.
+/// The first datagram on `socket` is the private directory, which contains the server's socket
+/// "server.sock" and the logs. Later datagrams are fatal errors.
 ///
-/// With a folder of its own the farm stays: it ends on SIGTERM or when nothing of it is left, its
-/// server is started again too, and the folder, of which there is one farm at a time, is kept.
-[[noreturn]] void run_supervisor(const KeeperPlan& plan, int socket);
+/// With `plan.folder` the farm is persistent: it ends on SIGTERM or when all its processes have
+/// failed, the server is restarted as well, and the directory, which allows one farm at a time, is
+/// kept.
+[[noreturn]] void run_supervisor(const SupervisorPlan& plan, int socket);
 
-/// Process id of the keeper whose farm stays in `folder`; 0: there is none.
+/// Returns the process ID of the supervisor of the persistent farm in `folder`; 0 if there is none.
 pid_t supervisor_pid(const std::string& folder);
 
 }  // namespace tessera::client

@@ -23,22 +23,22 @@ namespace {
 using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
-constexpr milliseconds kStartTimeout{60'000};  // a busy machine is slow to load programs
+constexpr milliseconds kStartTimeout{60'000};  // generous, for busy machines
 
-/// The next message of the keeper; empty when it is gone.
+/// Returns the next message of the supervisor; empty when it has ended.
 std::string receive(int socket) {
   std::array<char, 4096> text;
-  ssize_t got = -1;
+  ssize_t count = -1;
   do {
-    got = ::recv(socket, text.data(), text.size(), 0);
-  } while (got < 0 && errno == EINTR);
-  return {text.data(), static_cast<std::size_t>(got < 0 ? 0 : got)};
+    count = ::recv(socket, text.data(), text.size(), 0);
+  } while (count < 0 && errno == EINTR);
+  return {text.data(), static_cast<std::size_t>(count < 0 ? 0 : count)};
 }
 
 bool can_connect(const std::string& path) {
   sockaddr_un where{};
   where.sun_family = AF_UNIX;
-  std::memcpy(where.sun_path, path.c_str(), path.size());  // the keeper keeps paths short
+  std::memcpy(where.sun_path, path.c_str(), path.size());  // the supervisor chooses short paths
   const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
   const bool connected =
       ::connect(probe, reinterpret_cast<const sockaddr*>(&where), sizeof where) == 0;
@@ -58,7 +58,7 @@ absl::StatusOr<std::string> sibling_program(const std::string& name) {
 }
 
 absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::start(const LocalFarmOptions& options) {
-  KeeperPlan plan;
+  SupervisorPlan plan;
   auto server = sibling_program("tessera-server");
   if (!server.ok()) return server.status();
   plan.server_program = *std::move(server);
@@ -82,32 +82,32 @@ absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::start(const LocalFarmOptio
   if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends.data()) != 0) {
     return absl::InternalError(absl::StrCat("socketpair: ", std::strerror(errno)));
   }
-  const pid_t keeper = ::fork();
-  if (keeper == 0) {
+  const pid_t supervisor = ::fork();
+  if (supervisor == 0) {
     ::close(ends[0]);
     run_supervisor(plan, ends[1]);
   }
   ::close(ends[1]);
-  if (keeper < 0) {
+  if (supervisor < 0) {
     ::close(ends[0]);
     return absl::InternalError(absl::StrCat("fork: ", std::strerror(errno)));
   }
   std::string folder = receive(ends[0]);
   if (folder.empty() || folder.front() != '/') {
     ::close(ends[0]);
-    ::waitpid(keeper, nullptr, 0);
-    return absl::InternalError(folder.empty() ? "the farm's keeper died" : folder);
+    ::waitpid(supervisor, nullptr, 0);
+    return absl::InternalError(folder.empty() ? "the farm's supervisor process died" : folder);
   }
   return std::unique_ptr<LocalFarm>(
-      new LocalFarm(keeper, ends[0], std::move(folder), !options.folder.empty()));
+      new LocalFarm(supervisor, ends[0], std::move(folder), !options.folder.empty()));
 }
 
-LocalFarm::LocalFarm(pid_t keeper_pid, int socket, std::string folder, bool has_own_folder)
-    : keeper_pid_(keeper_pid),
+LocalFarm::LocalFarm(pid_t pid, int socket, std::string folder, bool has_own_folder)
+    : supervisor_pid_(pid),
       socket_(socket),
       has_own_folder_(has_own_folder),
       folder_(std::move(folder)) {
-  // Signals are for the threads that wait for them, not for this one.
+  // Other threads wait for signals.
   sigset_t all, before;
   sigfillset(&all);
   pthread_sigmask(SIG_SETMASK, &all, &before);
@@ -123,10 +123,10 @@ LocalFarm::~LocalFarm() {
   ::shutdown(socket_, SHUT_RDWR);
   listener_.join();
   ::close(socket_);
-  if (stays_) return;
-  if (has_own_folder_) ::kill(keeper_pid_, SIGTERM);
-  ::waitpid(keeper_pid_, nullptr, 0);
-  std::error_code ignored;  // the keeper has done it, unless it was killed
+  if (outlives_this_) return;
+  if (has_own_folder_) ::kill(supervisor_pid_, SIGTERM);
+  ::waitpid(supervisor_pid_, nullptr, 0);
+  std::error_code ignored;  // done by the supervisor, unless it was killed
   if (!has_own_folder_) std::filesystem::remove_all(folder_, ignored);
 }
 
@@ -134,7 +134,8 @@ void LocalFarm::listen() {
   const std::string message = receive(socket_);
   const std::lock_guard lock(mutex_);
   if (stopping_) return;
-  health_ = absl::UnavailableError(message.empty() ? "the farm's keeper was killed" : message);
+  health_ = absl::UnavailableError(message.empty() ? "the farm's supervisor process was killed"
+                                                   : message);
   if (action_) action_();
 }
 
@@ -144,7 +145,7 @@ absl::Status LocalFarm::wait_until_up() {
   while (!can_connect(path)) {
     if (absl::Status status = health(); !status.ok()) return status;
     if (Clock::now() > limit) {
-      return absl::UnavailableError("the farm's server does not come up");
+      return absl::UnavailableError("timed out waiting for the farm's server");
     }
     std::this_thread::sleep_for(milliseconds(2));
   }

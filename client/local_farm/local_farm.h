@@ -13,44 +13,44 @@
 namespace tessera::client {
 
 struct LocalFarmOptions {
-  std::string folder;  // where a farm that may stay has socket and logs; empty: a temporary one
-  std::string store;   // folder of the store; empty: a temporary one
+  std::string folder;  // directory of socket and logs of a persistent farm; empty: temporary
+  std::string store;   // directory of the store; empty: temporary
   int worker_count = 1, threads_per_worker = 1;
-  std::string accelerator;  // a reference structure for the workers to use; empty: production's
+  std::string accelerator;  // acceleration structure of the workers; empty: production's
 };
 
-/// A server and workers of this machine, reachable only by this user, that live as long as this
-/// object: a keeper process (farm_keeper.h) stops them and removes every trace when this process
-/// ends, whatever the reason.
+/// A server and workers on this machine, reachable only by this user, with the lifetime of this
+/// object: a supervisor process (farm_supervisor.h) stops them and removes their files when this
+/// process ends for any reason.
 class LocalFarm {
  public:
-  /// Call before any other thread is started: the keeper is a fork. The programs are those beside
-  /// this one. Errors: Internal or Unavailable, saying what could not be started.
+  /// Starts the programs installed beside this one. Call before any other thread is started: the
+  /// supervisor is forked. Errors: Internal or Unavailable, naming what could not be started.
   static absl::StatusOr<std::unique_ptr<LocalFarm>> start(const LocalFarmOptions& options);
-  /// Stops everything, unless it stays; returns when it is gone.
+  /// Stops the farm and waits for its end, unless leave_running() was called.
   ~LocalFarm();
   LocalFarm(const LocalFarm&) = delete;
   LocalFarm& operator=(const LocalFarm&) = delete;
 
-  /// Waits until the server listens. Errors: Unavailable, it does not come up.
+  /// Waits until the server listens. Errors: Unavailable, it does not start in time.
   absl::Status wait_until_up();
-  /// From now on a farm with a folder of its own does not end with this object.
-  void leave_running() { stays_ = true; }
-  /// unix:PATH.
+  /// Lets a farm with `folder` outlive this object.
+  void leave_running() { outlives_this_ = true; }
+  /// Address of the server, unix:PATH.
   std::string address() const { return "unix:" + folder_ + "/server.sock"; }
-  /// `action` is called once, on another thread, when the farm has died.
+  /// Sets `action` to be called once, on another thread, when the farm has died.
   void on_death(std::function<void()> action);
-  /// Why the farm has died; OK while it lives.
+  /// Reason why the farm has died; OK while it runs.
   absl::Status health();
 
  private:
-  LocalFarm(pid_t keeper_pid, int socket, std::string folder, bool has_own_folder);
+  LocalFarm(pid_t pid, int socket, std::string folder, bool has_own_folder);
   void listen();
 
-  const pid_t keeper_pid_;
+  const pid_t supervisor_pid_;
   const int socket_;
   const bool has_own_folder_;
-  bool stays_ = false;
+  bool outlives_this_ = false;
   const std::string folder_;
   std::mutex mutex_;  // guards what follows
   std::function<void()> action_;
@@ -59,7 +59,7 @@ class LocalFarm {
   std::thread listener_;
 };
 
-/// Path of a program that is installed beside this one. Errors: NotFound.
+/// Returns the path of a program installed beside this one. Errors: NotFound.
 absl::StatusOr<std::string> sibling_program(const std::string& name);
 
 }  // namespace tessera::client

@@ -8,13 +8,13 @@
 namespace tessera::client {
 namespace {
 
-constexpr std::size_t kLongestParent = 80;  // a socket's path has room for 107 characters
+constexpr std::size_t kMaxParentLength = 80;  // a socket path has at most 107 characters
 
 }  // namespace
 
 std::string make_private_folder() {
   for (const char* parent : {static_cast<const char*>(std::getenv("TMPDIR")), "/tmp"}) {
-    if (parent == nullptr || *parent != '/' || std::strlen(parent) > kLongestParent) continue;
+    if (parent == nullptr || *parent != '/' || std::strlen(parent) > kMaxParentLength) continue;
     std::string path = std::string(parent) + "/tessera-XXXXXX";
     if (::mkdtemp(path.data()) != nullptr) return path;  // mode 0700
   }

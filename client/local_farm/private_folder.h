@@ -4,11 +4,11 @@
 
 namespace tessera::client {
 
-/// Makes a folder only its owner can enter, in TMPDIR if that is a short absolute path (sockets in
-/// the folder must be nameable), else in /tmp. Its path, or "" if neither allows one.
+/// Creates a directory with mode 0700 in TMPDIR if that is an absolute path short enough for socket
+/// paths, else in /tmp. Returns its path; "" if it cannot be created.
 std::string make_private_folder();
 
-/// Such a folder that goes, with its contents, when this does.
+/// A private directory that is removed with its contents by the destructor.
 class PrivateFolder {
  public:
   PrivateFolder() : path_(make_private_folder()) {}
@@ -16,7 +16,7 @@ class PrivateFolder {
   PrivateFolder(const PrivateFolder&) = delete;
   PrivateFolder& operator=(const PrivateFolder&) = delete;
 
-  /// "" if none could be made.
+  /// Path of the directory; "" if it could not be created.
   const std::string& path() const { return path_; }
 
  private:

@@ -6,6 +6,7 @@
 #include <iostream>
 #include <string>
 
+#include "client/commands/commands.h"
 #include "client/commands/completion.h"
 #include "client/manual/pages.h"
 #include "client/program.h"

@@ -19,8 +19,9 @@
 namespace tessera::client {
 namespace {
 
-absl::Status file_error(const std::string& path, const char* what) {
-  return absl::FailedPreconditionError(absl::StrCat(path, ": ", what, ": ", std::strerror(errno)));
+absl::Status file_error(const std::string& path, const char* action) {
+  return absl::FailedPreconditionError(
+      absl::StrCat(path, ": ", action, ": ", std::strerror(errno)));
 }
 
 std::optional<contract::Digest> digest_of(const std::string& path) {
@@ -40,7 +41,7 @@ bool exists(const std::string& path) {
   return ::lstat(path.c_str(), &info) == 0;
 }
 
-/// PATH.part while it is written; removed unless kept.
+/// A file being written as PATH.part; removed unless keep() is called.
 class PartFile {
  public:
   explicit PartFile(const std::string& path) : path_(path), part_(path + ".part") {}
@@ -56,12 +57,12 @@ class PartFile {
     if (file_ != nullptr) std::fclose(file_);
     file_ = std::fopen(part_.c_str(), "wb");
     hasher_ = contract::Hasher();
-    return file_ == nullptr ? file_error(part_, "cannot be written") : absl::OkStatus();
+    return file_ == nullptr ? file_error(part_, "cannot write") : absl::OkStatus();
   }
   absl::Status write(std::string_view bytes) {
     hasher_.update(bytes);
     if (std::fwrite(bytes.data(), 1, bytes.size(), file_) == bytes.size()) return absl::OkStatus();
-    return file_error(part_, "cannot be written");
+    return file_error(part_, "cannot write");
   }
   contract::Digest digest() { return hasher_.finish(); }
   absl::Status keep() {
@@ -70,7 +71,7 @@ class PartFile {
     if (flushed && closed && std::rename(part_.c_str(), path_.c_str()) == 0) {
       return absl::OkStatus();
     }
-    absl::Status status = file_error(path_, "cannot be written");
+    absl::Status status = file_error(path_, "cannot write");
     ::unlink(part_.c_str());
     return status;
   }
@@ -86,9 +87,9 @@ class PartFile {
 std::string clean_name(const std::string& name) {
   std::string clean;
   for (const char c : name) {
-    const bool fine =
+    const bool is_allowed =
         absl::ascii_isalnum(static_cast<unsigned char>(c)) || c == '.' || c == '_' || c == '-';
-    clean += fine && !(clean.empty() && c == '.') ? c : '_';
+    clean += is_allowed && !(clean.empty() && c == '.') ? c : '_';
   }
   return clean.empty() ? "_" : clean;
 }
@@ -109,7 +110,7 @@ absl::StatusOr<v1::FetchFrameRequest::Format> format_of(const std::string& path)
   if (extension == ".png") return v1::FetchFrameRequest::FORMAT_PNG;
   if (extension == ".jpg" || extension == ".jpeg") return v1::FetchFrameRequest::FORMAT_JPEG;
   return absl::InvalidArgumentError(
-      absl::StrCat(path, ": images are .exr, .png, .jpg or .jpeg files"));
+      absl::StrCat(path, ": unsupported image format; use .exr, .png, .jpg or .jpeg"));
 }
 
 std::string with_frame_number(const std::string& path, std::int32_t frame) {
@@ -129,9 +130,9 @@ absl::StatusOr<FetchedFrame> fetch_frame_file(FarmClient& client, const FrameFil
   FetchedFrame fetched;
   PartFile part(file.path);
   FarmClient::FrameSink sink;
-  bool begun = false;
+  bool started = false;
   sink.start = [&](const v1::FrameHeader& header) {
-    begun = true;
+    started = true;
     fetched.header = header;
     if (exists(file.path)) {
       const auto present = digest_of(file.path);
@@ -139,7 +140,7 @@ absl::StatusOr<FetchedFrame> fetch_frame_file(FarmClient& client, const FrameFil
       if (fetched.already_there) return absl::AlreadyExistsError("");
       if (!file.force) {
         return absl::AlreadyExistsError(
-            absl::StrCat(file.path, ": another file is there; --force replaces it"));
+            absl::StrCat(file.path, ": a different file exists; use --force to overwrite"));
       }
     }
     return part.start();
@@ -147,14 +148,14 @@ absl::StatusOr<FetchedFrame> fetch_frame_file(FarmClient& client, const FrameFil
   sink.write = [&](std::string_view bytes) { return part.write(bytes); };
   absl::Status status = client.fetch_frame(request, sink);
   if (fetched.already_there) return fetched;
-  if (!begun && absl::IsFailedPrecondition(status)) {
+  if (!started && absl::IsFailedPrecondition(status)) {
     fetched.unfinished = std::string(status.message());
     return fetched;
   }
   if (!status.ok()) return status;
   if (part.digest().binary() != fetched.header.file_sha256()) {
     return absl::DataLossError(absl::StrCat(file.path,
-                                            ": the bytes received do not match their "
+                                            ": the received bytes do not match their "
                                             "digest; fetch again"));
   }
   if (absl::Status kept = part.keep(); !kept.ok()) return kept;

@@ -13,11 +13,11 @@
 namespace tessera::client {
 namespace {
 
-/// Whatever a file stores, four floats a pixel are kept: 4 GiB of the largest image.
+/// Images are kept as four floats per pixel: at most 4 GiB.
 constexpr image::PixelLimits kLimits = {65'536, std::int64_t{4} << 30, std::int64_t{1} << 28};
 
 absl::StatusOr<std::string> bytes_of(const std::string& path) {
-  errno = 0;  // streams leave there what the system said: nothing of a file without a byte
+  errno = 0;  // set by streams if the system reports an error, not for an empty file
   std::ifstream file(path, std::ios::binary);
   std::ostringstream bytes;
   if (!file || !(bytes << file.rdbuf())) {
@@ -31,7 +31,7 @@ float linear_of_srgb(float encoded) {
   return encoded <= 0.04045f ? encoded / 12.92f : std::pow((encoded + 0.055f) / 1.055f, 2.4f);
 }
 
-/// RGBA of codes up to `white`, whose alpha is not multiplied in.
+/// Converts codes from 0 to `white`, with unassociated alpha, to linear premultiplied RGBA.
 template <typename Code>
 void linearise(const std::vector<Code>& codes, std::size_t channels, float white,
                std::vector<float>& rgba) {

@@ -9,7 +9,7 @@
 
 namespace tessera::client {
 
-/// An image in memory: linear RGBA, row by row from the top.
+/// An image in memory: linear RGBA, row-major from the top.
 struct Image {
   std::int32_t width = 0, height = 0;
   std::vector<float> rgba;
@@ -17,11 +17,11 @@ struct Image {
   contract::ImageView view() const { return {width, height, rgba}; }
 };
 
-/// Reads the R, G, B and, where there is one, A channels of an EXR, HDR, PNG, JPEG or WebP file. 8-
-/// and 16-bit files are taken as sRGB and made linear; without A, alpha is 1.
+/// Reads the channels R, G, B and, if present, A of an EXR, HDR, PNG, JPEG or WebP file. Files of 8
+/// and 16 bits are sRGB and converted to linear; without A, alpha is 1.
 ///
-/// Errors: NotFound, no such file, or an empty or unreadable one; InvalidArgument, not such an
-/// image, or too large (what, which limit).
+/// Errors: NotFound, the file does not exist, is empty or unreadable; InvalidArgument, the format
+/// is not supported, the file is invalid, or it exceeds a limit.
 absl::StatusOr<Image> read_image(const std::string& path);
 
 }  // namespace tessera::client

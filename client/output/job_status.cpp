@@ -4,7 +4,6 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "absl/strings/match.h"
 #include "absl/time/time.h"
 #include "client/cli/progress.h"
 #include "client/output/render_result.h"
@@ -12,8 +11,6 @@
 namespace tessera::client {
 namespace {
 
-// How the server begins the reason of a job whose scene a worker found faulty.
-constexpr char kBadScene[] = "bad scene:";
 constexpr std::chrono::milliseconds kWatchInterval{500};
 
 double seconds(const google::protobuf::Duration& span) {
@@ -45,11 +42,12 @@ nlohmann::ordered_json progress_document(const v1::JobProgress& progress) {
   return document;
 }
 
-/// What the report of a job that is done says against it, to stderr.
-void say_doubts(FarmClient& client, const std::string& job_id, std::span<const std::string> said) {
+/// Prints the warnings in the report of a finished job to stderr.
+void print_warnings(FarmClient& client, const std::string& job_id,
+                    std::span<const std::string> already_printed) {
   const auto text = client.get_report(job_id);
   const auto report = nlohmann::ordered_json::parse(text.value_or(""), nullptr, false);
-  if (report.is_object()) std::fputs(doubt_lines(report, said).c_str(), stderr);
+  if (report.is_object()) std::fputs(warning_lines(report, already_printed).c_str(), stderr);
 }
 
 }  // namespace
@@ -93,11 +91,12 @@ bool has_ended(const v1::Job& job) {
 
 int exit_code_of(const v1::Job& job) {
   if (job.state() == v1::Job::STATE_DONE) {
-    const bool in_doubt = job.certainty() == v1::Job::CERTAINTY_CAPPED ||
-                          job.certainty() == v1::Job::CERTAINTY_UNCERTAIN;
-    return in_doubt ? kExitUncertain : kExitDone;
+    const bool is_uncertified = job.certainty() == v1::Job::CERTAINTY_CAPPED ||
+                                job.certainty() == v1::Job::CERTAINTY_UNCERTAIN;
+    return is_uncertified ? kExitUncertain : kExitDone;
   }
-  return absl::StartsWith(job.reason(), kBadScene) ? kExitBadInput : kExitJobFailed;
+  if (job.state() != v1::Job::STATE_FAILED) return kExitJobFailed;
+  return failed_job_exit_code(static_cast<absl::StatusCode>(job.failure_code()));
 }
 
 nlohmann::ordered_json job_document(const v1::Job& job) {
@@ -122,9 +121,9 @@ nlohmann::ordered_json job_document(const v1::Job& job) {
   return document;
 }
 
-int watch_until_finished(FarmClient& client, SignalHandler& interrupts, const std::string& job_id,
-                     bool json, std::span<const std::string> said) {
-  const InterruptAction action(interrupts, [&client] { client.cancel(); });
+int watch_until_finished(FarmClient& client, SignalHandler& signals, const std::string& job_id,
+                         bool json, std::span<const std::string> already_printed) {
+  const InterruptAction action(signals, [&client] { client.cancel(); });
   ProgressBar bar;
   std::string waits_for;
   const auto job = client.watch_job(job_id, kWatchInterval, [&](const v1::Job& now) {
@@ -133,10 +132,10 @@ int watch_until_finished(FarmClient& client, SignalHandler& interrupts, const st
       std::fflush(stdout);
       return true;
     }
-    // What holds a job up is said once, also where nobody sees a bar.
+    // Print the reason why a job waits once, also without a progress bar.
     if (now.reason() != waits_for && !now.reason().empty() && !has_ended(now)) {
       bar.clear();
-      std::fprintf(stderr, "job %s waits: %s\n", job_id.c_str(), now.reason().c_str());
+      std::fprintf(stderr, "job %s is waiting: %s\n", job_id.c_str(), now.reason().c_str());
     }
     waits_for = now.reason();
     bar.show(now);
@@ -144,7 +143,7 @@ int watch_until_finished(FarmClient& client, SignalHandler& interrupts, const st
   });
   bar.clear();
   if (absl::IsCancelled(job.status())) {
-    std::fprintf(stderr, "tessera: job %s goes on; `tessera watch %s` follows it again\n",
+    std::fprintf(stderr, "tessera: job %s keeps running; `tessera watch %s` resumes watching\n",
                  job_id.c_str(), job_id.c_str());
     return kExitInterrupted;
   }
@@ -154,7 +153,7 @@ int watch_until_finished(FarmClient& client, SignalHandler& interrupts, const st
     std::fprintf(stderr, "job %s %s%s%s%s%s\n", job_id.c_str(), state_name(job->state()).c_str(),
                  certainty.empty() ? "" : ", ", certainty.c_str(),
                  job->reason().empty() ? "" : ": ", job->reason().c_str());
-    if (job->state() == v1::Job::STATE_DONE) say_doubts(client, job_id, said);
+    if (job->state() == v1::Job::STATE_DONE) print_warnings(client, job_id, already_printed);
   }
   return exit_code_of(*job);
 }

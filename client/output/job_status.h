@@ -10,24 +10,26 @@
 
 namespace tessera::client {
 
-/// "queued", "running", "paused", "done", "failed" or "cancelled".
+/// Returns "queued", "running", "paused", "done", "failed" or "cancelled".
 std::string state_name(v1::Job::State state);
 
-/// Whether the job is done, failed or cancelled.
+/// Returns whether the job is done, failed or cancelled.
 bool has_ended(const v1::Job& job);
 
-/// The exit code an ended job stands for: 2 where a worker found the scene to be at fault.
+/// Returns the exit code for an ended job; see docs/reference/exit-codes.md.
 int exit_code_of(const v1::Job& job);
-/// "converged", "capped" or "uncertain"; empty if no error was asked for or the job is not done.
+
+/// Returns "converged", "capped" or "uncertain"; empty without an error target or if the job is not
+/// done.
 std::string certainty_name(const v1::Job& job);
 
-/// The job as a document, schema tessera.job/1.
+/// Returns the job as a document of schema tessera.job/1.
 nlohmann::ordered_json job_document(const v1::Job& job);
 
-/// Follows a job to its end on stderr's terminal, or as lines of JSON on stdout. On an interrupt it
-/// says that the job goes on. At the end it says what the report has against the result and has not
-/// been `said`. Returns the exit code.
-int watch_until_finished(FarmClient& client, SignalHandler& interrupts, const std::string& job_id,
-                     bool json, std::span<const std::string> said = {});
+/// Shows progress until the job ends, on a terminal (stderr) or as JSON lines (stdout), then prints
+/// those warnings of the report that are not in `already_printed`. On an interrupt the job keeps
+/// running. Returns the exit code.
+int watch_until_finished(FarmClient& client, SignalHandler& signals, const std::string& job_id,
+                         bool json, std::span<const std::string> already_printed = {});
 
 }  // namespace tessera::client

@@ -21,7 +21,7 @@ void name_files(nlohmann::ordered_json& report, const std::vector<std::string>& 
 
 std::string result_line(const nlohmann::ordered_json& report, double wall_seconds) {
   const auto frames = report.value("frames", nlohmann::ordered_json::array());
-  if (frames.empty()) return "no frame";
+  if (frames.empty()) return "no frames";
   double samples = 0;
   std::optional<double> error, upper;
   for (const auto& frame : frames) {
@@ -42,20 +42,22 @@ std::string result_line(const nlohmann::ordered_json& report, double wall_second
   const std::string status = report.value("status", "");
   for (const char* certainty : {"CONVERGED", "CAPPED", "UNCERTAIN"}) {
     if (status != certainty) continue;
-    const bool is_bounded = error && status != "UNCERTAIN";  // which claims nothing
-    if (is_bounded) absl::StrAppend(&line, absl::StrFormat(", at most %.4g with 95 %%", *upper));
+    const bool is_bounded = error && status != "UNCERTAIN";
+    if (is_bounded) absl::StrAppend(&line, absl::StrFormat(", ≤ %.4g at 95 %% confidence", *upper));
     absl::StrAppend(&line, ", ", status);
   }
   return absl::StrCat(line, ", ", format_seconds(wall_seconds));
 }
 
-std::string doubt_lines(const nlohmann::ordered_json& report, std::span<const std::string> said) {
+std::string warning_lines(const nlohmann::ordered_json& report,
+                          std::span<const std::string> already_printed) {
   std::string lines;
   for (const char* list : {"reasons", "warnings"}) {
-    for (const auto& doubt : report.value(list, nlohmann::ordered_json::array())) {
-      if (!doubt.is_string()) continue;
-      const auto text = doubt.get<std::string>();
-      if (std::find(said.begin(), said.end(), text) != said.end()) continue;
+    for (const auto& entry : report.value(list, nlohmann::ordered_json::array())) {
+      if (!entry.is_string()) continue;
+      const auto text = entry.get<std::string>();
+      if (std::find(already_printed.begin(), already_printed.end(), text) != already_printed.end())
+        continue;
       absl::StrAppend(&lines, "tessera: ", text, "\n");
     }
   }

@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
-#include "client/output/frame_files.h"
 #include "client/local_farm/private_folder.h"
+#include "client/output/frame_files.h"
 
 namespace tessera::client {
 
@@ -15,7 +15,7 @@ using nlohmann::ordered_json;
 
 namespace {
 
-/// Requires that `rect` lies in the image.
+/// Returns the part `rect` of an image, which must contain it.
 Image cut(const Image& image, const contract::PixelRect& rect) {
   Image part{rect.width, rect.height, {}};
   for (std::int32_t y = rect.y; y < rect.y + rect.height; ++y) {
@@ -25,8 +25,8 @@ Image cut(const Image& image, const contract::PixelRect& rect) {
   return part;
 }
 
-/// A reference of the window's size. The farm's images are compared at the very end, so all that
-/// could then be found wrong is found here.
+/// Reads a reference and crops it to the window. Checks everything that would make the comparison
+/// at the end of the job fail.
 absl::StatusOr<Image> read_reference(const std::string& path, const Window& window) {
   auto image = read_image(path);
   if (!image.ok()) return image.status();
@@ -36,16 +36,15 @@ absl::StatusOr<Image> read_reference(const std::string& path, const Window& wind
   if (!is_whole && !is_part) {
     const bool is_crop = rect.width != window.width || rect.height != window.height;
     return absl::InvalidArgumentError(
-        absl::StrCat(path, ": the reference is ", image->width, "x", image->height, ", the image ",
+        absl::StrCat(path, ": the reference is ", image->width, "x", image->height, "; expected ",
                      window.width, "x", window.height,
-                     is_crop ? absl::StrCat(", its crop ", rect.width, "x", rect.height) : "",
-                     "; render it in that size"));
+                     is_crop ? absl::StrCat(" or, cropped, ", rect.width, "x", rect.height) : ""));
   }
   if (!is_part) *image = cut(*image, rect);
   if (!std::all_of(image->rgba.begin(), image->rgba.end(),
                    [](float value) { return std::isfinite(value); })) {
     return absl::InvalidArgumentError(
-        absl::StrCat(path, ": the reference has values that are not finite; render it anew"));
+        absl::StrCat(path, ": the reference has values that are not finite; render it again"));
   }
   return image;
 }
@@ -90,7 +89,7 @@ absl::Status add_true_errors(FarmClient& client, const std::string& job_id,
                              const std::vector<Image>& references, ordered_json& report) {
   const PrivateFolder folder;
   if (folder.path().empty()) {
-    return absl::UnavailableError("no private folder can be made in TMPDIR or /tmp");
+    return absl::UnavailableError("cannot create a private directory in TMPDIR or /tmp");
   }
   for (std::size_t i = 0; i < references.size(); ++i) {
     ordered_json& frame = report["frames"][i];
@@ -114,7 +113,7 @@ absl::Status add_true_errors(FarmClient& client, const std::string& job_id,
                      {"relmse", difference->relmse},
                      {"error", error},
                      {"flip", difference->flip}};
-    // The farm tells it after each round where it was given the reference with the job.
+    // If the reference was submitted with the job, the server has added the error of each pass.
     if (!frame["curve"].empty()) frame["curve"].back()["error_true"] = error;
   }
   return absl::OkStatus();

@@ -12,29 +12,29 @@
 
 namespace tessera::client {
 
-/// The numbers of a report's frames, in its order.
+/// Returns the frame numbers of a report, in its order.
 std::vector<std::int32_t> frames_of(const nlohmann::ordered_json& report);
 
-/// The size of a job's frames, and the part of them that its images show.
+/// Size of a job's frames and the rectangle that its images show.
 struct Window {
   std::int32_t width = 0, height = 0;
   contract::PixelRect rect;
 };
-/// The whole frame if the report has no crop within it.
+/// Returns the window of a report; without a crop, the whole frame.
 Window window_of(const nlohmann::ordered_json& report);
 
-/// References for frames: REF itself for one frame, else REF with each frame's number put in, as
-/// `render` names its files. In the order of `frames`, all of the window's size: what REF, where it
-/// is of the whole frame, has outside is left out.
+/// Reads the reference images: `path` itself for one frame, else `path` with each frame number
+/// inserted, as `render` names its files. Returns them in the order of `frames`, cropped to the
+/// window.
 ///
-/// Errors: those of read_image; InvalidArgument, one has another size or is not finite.
+/// Errors: those of read_image; InvalidArgument, the size of an image does not match or a value is
+/// not finite.
 absl::StatusOr<std::vector<Image>> read_references(const std::string& path,
                                                    const std::vector<std::int32_t>& frames,
                                                    const Window& window);
 
-/// Fills in what the frames of a finished job's report truly differ from `references` by, one for
-/// each: `true`, and `error_true` of its curve's last point. Fetches the frames into a private
-/// folder.
+/// Adds each frame's measured error against its reference to the report of a finished job: `true`,
+/// and `error_true` of the last point of the curve. Downloads the frames to a private directory.
 ///
 /// Errors: InvalidArgument, an image and its reference cannot be compared; those of fetch_frame.
 absl::Status add_true_errors(FarmClient& client, const std::string& job_id,

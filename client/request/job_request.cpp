@@ -8,8 +8,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "client/output/frame_files.h"
-#include "client/request/scene_report.h"
 #include "client/output/true_error.h"
+#include "client/request/scene_report.h"
 #include "contract/digest.h"
 #include "rpc/settings_message.h"
 
@@ -18,7 +18,7 @@ namespace {
 
 absl::StatusOr<v1::AssetId> identify(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
-  if (!file) return absl::InvalidArgumentError(absl::StrCat(path, ": cannot be read"));
+  if (!file) return absl::InvalidArgumentError(absl::StrCat(path, ": cannot read the file"));
   contract::Hasher hasher;
   std::int64_t size = 0;
   std::string buffer(1 << 20, '\0');
@@ -33,23 +33,23 @@ absl::StatusOr<v1::AssetId> identify(const std::string& path) {
   return id;
 }
 
-/// The sky's name in the manifest: no scene uses it by accident.
+/// Returns the URI of the environment map in the manifest, which no scene can use by accident.
 std::string environment_uri(const std::string& path, const v1::AssetId& id) {
   const std::string digest = contract::Digest::from_binary(id.sha256())->hex();
   return absl::StrCat("environment-", digest.substr(0, 16), "/",
                       clean_name(path.substr(path.rfind('/') + 1)));
 }
 
-absl::Status report_errors(const SceneReport& probe) {
+absl::Status report_errors(const SceneReport& scene) {
   std::string lines;
-  for (const SceneReport::Problem& problem : probe.problems) {
+  for (const SceneReport::Problem& problem : scene.problems) {
     if (problem.severity != "error") continue;
     absl::StrAppend(&lines, lines.empty() ? "" : "\n", problem.text());
   }
   return absl::InvalidArgumentError(lines);
 }
 
-/// Lays a reference down as the farm takes it: the whole frame, nothing outside the window.
+/// Writes a reference in the asset format: the whole frame, zero outside the window.
 absl::Status write_reference(const std::string& path, const Image& image, const Window& window) {
   constexpr std::int64_t kPixelBytes = 4 * sizeof(float);
   const contract::PixelRect& rect = window.rect;
@@ -66,10 +66,10 @@ absl::Status write_reference(const std::string& path, const Image& image, const 
   std::filesystem::resize_file(
       path, static_cast<std::uintmax_t>(kPixelBytes * window.width * window.height), error);
   if (file && !error) return absl::OkStatus();
-  return absl::UnavailableError(absl::StrCat(path, ": cannot be written"));
+  return absl::UnavailableError(absl::StrCat(path, ": cannot write the file"));
 }
 
-/// Reads the references and lays them down as the assets that the farm takes.
+/// Reads the reference images and writes them as assets.
 absl::Status add_references(const std::string& path, const contract::RenderSettings& settings,
                             PreparedJob& job) {
   const Window window{settings.width, settings.height, settings.window()};
@@ -90,10 +90,11 @@ absl::Status add_references(const std::string& path, const contract::RenderSetti
   return absl::OkStatus();
 }
 
-constexpr int kMaxWarnings = 100;  // and a last line; the server's limits
-constexpr std::size_t kMaxWarningLetters = 4000;
+// Limits of the server; one more line says that warnings were omitted.
+constexpr int kMaxWarnings = 100;
+constexpr std::size_t kMaxWarningBytes = 4000;
 
-/// The first bytes of a text in UTF-8, no character cut in two.
+/// Returns the first `most` bytes of UTF-8 text, without cutting a character.
 std::string beginning_of(const std::string& text, std::size_t most) {
   if (text.size() <= most) return text;
   std::size_t end = most;
@@ -101,38 +102,37 @@ std::string beginning_of(const std::string& text, std::size_t most) {
   return text.substr(0, end);
 }
 
-/// For people at once; the warnings among them for the report, too.
-void add_remarks(const SceneReport& probe, PreparedJob& job) {
-  for (const SceneReport::Problem& problem : probe.problems) {
+/// Adds problems to the remarks, and warnings to the request for the report.
+void add_remarks(const SceneReport& scene, PreparedJob& job) {
+  for (const SceneReport::Problem& problem : scene.problems) {
     job.remarks.push_back(problem.text());
-    if (problem.severity != "warning" || job.request.scene_warnings_size() > kMaxWarnings)
-      continue;
+    if (problem.severity != "warning" || job.request.scene_warnings_size() > kMaxWarnings) continue;
     job.request.add_scene_warnings(job.request.scene_warnings_size() < kMaxWarnings
-                                       ? beginning_of(problem.text(), kMaxWarningLetters)
-                                       : "further warnings of the scene are left out");
+                                       ? beginning_of(problem.text(), kMaxWarningBytes)
+                                       : "further warnings of the scene are omitted");
   }
 }
 
 }  // namespace
 
 absl::StatusOr<PreparedJob> prepare_job(const RenderOptions& options, const std::string& name) {
-  std::string sky;
+  std::string environment;
   if (!options.environment.empty()) {
     const auto id = identify(options.environment);
     if (!id.ok()) return id.status();
-    sky = environment_uri(options.environment, *id);
+    environment = environment_uri(options.environment, *id);
   }
-  const auto settings = settings_of(options, sky);
+  const auto settings = settings_of(options, environment);
   if (!settings.ok()) return settings.status();
-  const auto probe = inspect_scene(options.scene, options.environment, &*settings);
-  if (!probe.ok()) return probe.status();
-  if (probe->has_errors()) return report_errors(*probe);
+  const auto scene = inspect_scene(options.scene, options.environment, &*settings);
+  if (!scene.ok()) return scene.status();
+  if (scene->has_errors()) return report_errors(*scene);
   PreparedJob job;
-  add_remarks(*probe, job);
+  add_remarks(*scene, job);
   std::map<std::string, std::string> files;  // path by URI, in the manifest's order
-  for (const auto& resource : probe->resources) files.emplace(resource.uri, resource.file);
+  for (const auto& resource : scene->resources) files.emplace(resource.uri, resource.file);
   v1::SceneManifest& manifest = *job.request.mutable_manifest();
-  manifest.set_scene_uri(probe->scene_uri);
+  manifest.set_scene_uri(scene->scene_uri);
   for (const auto& [uri, path] : files) {
     auto id = identify(path);
     if (!id.ok()) return id.status();

@@ -14,11 +14,11 @@
 namespace tessera::client {
 namespace {
 
-absl::Status wrong(const char* option, const std::string& text, const char* form) {
+absl::Status invalid(const char* option, const std::string& text, const char* form) {
   return absl::InvalidArgumentError(absl::StrCat("--", option, ": \"", text, "\" is not ", form));
 }
 
-/// Reads a number off the front of `text`; false if there is none.
+/// Parses and removes a number at the start of `text`. Returns false if there is none.
 template <typename T>
 bool take_number(std::string_view& text, T& number) {
   const auto result = std::from_chars(text.data(), text.data() + text.size(), number);
@@ -53,15 +53,17 @@ absl::Status check_background(const std::string& text) {
 }
 
 void add_view_options(CLI::App& command, RenderOptions& options) {
-  const char* group = "What is seen";
-  command.add_option("--size", options.size, "Full frame, pixels")
+  const char* group = "Scene and camera";
+  command.add_option("--size", options.size, "Frame size, pixels")
       ->check(checked("WxH", check_size))
       ->capture_default_str()
       ->group(group);
-  command.add_option("--crop", options.crop, "Part of the frame to render, pixels")
+  command.add_option("--crop", options.crop, "Rectangle of the frame to render, pixels")
       ->check(checked("X,Y,W,H", check_crop))
       ->group(group);
-  command.add_option("--camera", options.camera, "Camera (default: the first, or all framed)")
+  command
+      .add_option("--camera", options.camera,
+                  "Camera (default: the first; if none, the whole scene is framed)")
       ->type_name("NAME|INDEX")
       ->group(group);
   command.add_option("--scene", options.scene_index, "glTF scene (default: the file's)")
@@ -72,7 +74,9 @@ void add_view_options(CLI::App& command, RenderOptions& options) {
       ->check(checked("RANGES", check_frames))
       ->capture_default_str()
       ->group(group);
-  command.add_option("--fps", options.fps, "Frame n shows the scene at n/fps seconds")
+  command
+      .add_option("--fps", options.fps,
+                  "Frames per second: frame n shows the scene at n/fps seconds")
       ->check(contract::finite_range(1e-6, 1e6))
       ->type_name("N")
       ->capture_default_str()
@@ -80,45 +84,49 @@ void add_view_options(CLI::App& command, RenderOptions& options) {
   command.add_option("--animation", options.animation, "Animation (default: the first)")
       ->type_name("NAME|INDEX|all|none")
       ->group(group);
-  command.add_option("--variant", options.variant, "KHR_materials_variants variant")
+  command.add_option("--variant", options.variant, "Material variant (KHR_materials_variants)")
       ->type_name("NAME")
       ->group(group);
   command
       .add_flag("--cull-backfaces", options.cull_backfaces,
-                "Hide back faces of single-sided materials from the camera")
+                "Invisibility to the camera of back faces of single-sided materials")
       ->group(group);
 }
 
 void add_sampling_options(CLI::App& command, RenderOptions& options) {
-  const char* group = "How it is sampled";
+  const char* group = "Sampling";
   CLI::Option* spp = command.add_option("--spp", options.spp, "Samples per pixel")
                          ->check(CLI::Range(1, 1 << 20))
                          ->type_name("N")
                          ->capture_default_str()
                          ->group(group);
   CLI::Option* error =
-      command.add_option("--error", options.error, "Sample until the error is at most this: 0.05")
+      command
+          .add_option(
+              "--error", options.error,
+              "Target error, e.g. 0.05: render until the error's 95 % upper bound is at most "
+              "this")
           ->check(contract::finite_range(1e-6, 1.0))
           ->type_name("E")
           ->excludes(spp)
           ->group(group);
-  command.add_option("--max-spp", options.max_spp, "With --error: most samples of a pixel")
+  command.add_option("--max-spp", options.max_spp, "With --error: maximum samples per pixel")
       ->check(CLI::Range(1, 1 << 20))
       ->type_name("N")
       ->needs(error)
       ->capture_default_str()
       ->group(group);
-  command.add_option("--max-depth", options.max_depth, "Scattering events a path may have")
+  command.add_option("--max-depth", options.max_depth, "Maximum scattering events per path")
       ->check(CLI::Range(1, 255))
       ->type_name("N")
       ->capture_default_str()
       ->group(group);
-  command.add_option("--seed", options.seed, "Another seed, another equally good image")
+  command.add_option("--seed", options.seed, "Random seed")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{4294967295}))
       ->type_name("N")
       ->capture_default_str()
       ->group(group);
-  command.add_option("--tile", options.tile, "Side of a tile, pixels")
+  command.add_option("--tile-size", options.tile_size, "Side of a tile, pixels")
       ->check(CLI::IsMember({8, 16, 32, 64, 128, 256}))
       ->type_name("N")
       ->capture_default_str()
@@ -130,37 +138,40 @@ void add_sampling_options(CLI::App& command, RenderOptions& options) {
       ->group(group);
   command
       .add_option("--filter-width", options.filter_width,
-                  "Full support of the filter, pixels (default: box 1, others 3)")
+                  "Width of the filter, pixels (default: box 1, others 3)")
       ->check(contract::finite_range(1e-3, 64.0))
       ->type_name("W")
       ->group(group);
   command
       .add_option("--clamp", options.clamp,
-                  "Largest radiance of a sample (default: off); voids any claim about error")
+                  "Maximum radiance per sample and channel (default: off); clamped images are not "
+                  "certified")
       ->check(contract::finite_range(1e-30, 1e30))
       ->type_name("V")
       ->group(group);
 }
 
 void add_light_options(CLI::App& command, RenderOptions& options) {
-  const char* group = "Surroundings";
-  command.add_option("--environment", options.environment, "Sky, latitude-longitude")
-      ->type_name("SKY.(exr|hdr)")
+  const char* group = "Environment";
+  command.add_option("--environment", options.environment, "Environment map, latitude-longitude")
+      ->type_name("FILE.(exr|hdr)")
       ->check(CLI::ExistingFile)
       ->group(group);
   command
-      .add_option("--environment-rotation", options.environment_rotation, "Turn about +Y, degrees")
+      .add_option("--environment-rotation", options.environment_rotation,
+                  "Rotation of the environment map about +Y, degrees")
       ->check(contract::finite_range(-1e6, 1e6))
       ->type_name("DEG")
       ->group(group);
   command
-      .add_option("--environment-strength", options.environment_strength, "Factor on its radiance")
+      .add_option("--environment-strength", options.environment_strength,
+                  "Factor for the radiance of the environment map")
       ->check(contract::finite_range(0.0, 1e30))
       ->type_name("S")
       ->group(group);
   command
       .add_option("--background", options.background,
-                  "What is behind everything (default: the environment, else none)")
+                  "Background colour or none (default: the environment map, if any)")
       ->check(checked("R,G,B|none", check_background))
       ->group(group);
 }
@@ -176,18 +187,19 @@ void add_render_options(CLI::App& command, RenderOptions& options) {
   add_light_options(command, options);
   const char* group = "Output";
   command
-      .add_option("--reference", options.reference,
-                  "Image to tell the true error by, for the report (several frames: with their "
-                  "numbers put in)")
+      .add_option(
+          "--reference", options.reference,
+          "Reference image for the true error; for several frames, frame numbers are inserted "
+          "(REF.0007.exr)")
       ->type_name("REF.exr")
       ->group(group);
   command
       .add_option("--aov", options.aovs,
-                  "More layers: albedo, normal, depth, position, ids, samples, stderr")
+                  "Additional layers: albedo, normal, depth, position, ids, samples, stderr")
       ->delimiter(',')
       ->type_name("LIST")
       ->group(group);
-  command.add_flag("--half", options.half, "Half floats in the EXR")->group(group);
+  command.add_flag("--half", options.half, "Half-precision floats in EXR files")->group(group);
 }
 
 absl::Status parse_size(const std::string& text, std::int32_t& width, std::int32_t& height) {
@@ -196,7 +208,7 @@ absl::Status parse_size(const std::string& text, std::int32_t& width, std::int32
       rest.empty() && width >= 1 && height >= 1 && width <= 65536 && height <= 65536) {
     return absl::OkStatus();
   }
-  return wrong("size", text, "WxH with sides of 1 to 65536");
+  return invalid("size", text, "WxH with sides of 1 to 65536");
 }
 
 absl::StatusOr<contract::PixelRect> parse_crop(const std::string& text) {
@@ -207,13 +219,13 @@ absl::StatusOr<contract::PixelRect> parse_crop(const std::string& text) {
       take_number(rest, crop.height) && rest.empty()) {
     return crop;
   }
-  return wrong("crop", text, "X,Y,W,H");
+  return invalid("crop", text, "X,Y,W,H");
 }
 
 absl::StatusOr<std::vector<contract::FrameRange>> parse_frames(const std::string& text) {
   std::vector<contract::FrameRange> ranges;
   std::string_view rest = text;
-  absl::Status error = wrong("frames", text, "like 0, 1-10, 1-10x2 or 1,4,9");
+  absl::Status error = invalid("frames", text, "like 0, 1-10, 1-10x2 or 1,4,9");
   do {
     contract::FrameRange range;
     if (!take_number(rest, range.first)) return error;
@@ -234,14 +246,14 @@ absl::Status parse_background(const std::string& text, contract::RenderSettings&
   }
   settings.background = contract::Background::color;
   std::string_view rest = text;
-  bool fine = true;
+  bool is_valid = true;
   for (std::size_t i = 0; i < 3; ++i) {
     float& value = settings.background_color[i];
-    fine = fine && (i == 0 || take_char(rest, ',')) && take_number(rest, value) &&
-           std::isfinite(value) && value >= 0;
+    is_valid = is_valid && (i == 0 || take_char(rest, ',')) && take_number(rest, value) &&
+               std::isfinite(value) && value >= 0;
   }
-  if (fine && rest.empty()) return absl::OkStatus();
-  return wrong("background", text, "none or R,G,B with values of at least 0");
+  if (is_valid && rest.empty()) return absl::OkStatus();
+  return invalid("background", text, "none or R,G,B with values of at least 0");
 }
 
 absl::StatusOr<contract::RenderSettings> settings_of(const RenderOptions& options,
@@ -273,19 +285,19 @@ absl::StatusOr<contract::RenderSettings> settings_of(const RenderOptions& option
   if (options.error > 0) settings.error = options.error;
   settings.max_depth = options.max_depth;
   settings.seed = static_cast<std::uint32_t>(options.seed);
-  settings.tile = options.tile;
+  settings.tile = options.tile_size;
   settings.filter = options.filter == "gaussian"          ? contract::PixelFilter::gaussian
                     : options.filter == "blackman-harris" ? contract::PixelFilter::blackman_harris
                                                           : contract::PixelFilter::box;
-  const double own_width = settings.filter == contract::PixelFilter::box ? 1 : 3;
-  settings.filter_width = options.filter_width > 0 ? options.filter_width : own_width;
+  const double default_width = settings.filter == contract::PixelFilter::box ? 1 : 3;
+  settings.filter_width = options.filter_width > 0 ? options.filter_width : default_width;
   settings.environment = environment_uri;
   settings.environment_rotation = options.environment_rotation;
   settings.environment_strength = options.environment_strength;
   settings.half = options.half;
   settings.clamp = options.clamp;
   settings.cull_backfaces = options.cull_backfaces;
-  // The one place that knows every range.
+  // from_message checks the range of every setting.
   const auto checked_settings = contract::from_message(contract::to_message(settings));
   if (!checked_settings.ok()) return checked_settings.status();
   return settings;

@@ -54,10 +54,10 @@ absl::StatusOr<ChildResult> run_child(const std::vector<std::string>& command) {
   ::close(ends[1]);
   ChildResult result;
   std::array<char, 65536> buffer;
-  ssize_t got = 0;
-  while (error == 0 && ((got = ::read(ends[0], buffer.data(), buffer.size())) > 0 ||
-                        (got < 0 && errno == EINTR))) {
-    if (got > 0) result.output.append(buffer.data(), static_cast<std::size_t>(got));
+  ssize_t count = 0;
+  while (error == 0 && ((count = ::read(ends[0], buffer.data(), buffer.size())) > 0 ||
+                        (count < 0 && errno == EINTR))) {
+    if (count > 0) result.output.append(buffer.data(), static_cast<std::size_t>(count));
   }
   ::close(ends[0]);
   if (error != 0) {
@@ -69,21 +69,21 @@ absl::StatusOr<ChildResult> run_child(const std::vector<std::string>& command) {
 }
 
 absl::StatusOr<SceneReport> parse_report(const std::string& text) {
-  SceneReport probe;
-  probe.json = text;
+  SceneReport result;
+  result.json = text;
   const auto report = nlohmann::json::parse(text, nullptr, false);
   if (!report.is_object() || !report.contains("resources") || !report.contains("problems")) {
-    return absl::InternalError("tessera-worker inspect wrote no report");
+    return absl::InternalError("tessera-worker inspect printed no valid report");
   }
-  probe.scene_uri = report.value("scene", "");
+  result.scene_uri = report.value("scene", "");
   for (const auto& entry : report["resources"]) {
-    probe.resources.push_back({entry.value("uri", ""), entry.value("file", "")});
+    result.resources.push_back({entry.value("uri", ""), entry.value("file", "")});
   }
   for (const auto& entry : report["problems"]) {
-    probe.problems.push_back({entry.value("severity", "error"), entry.value("file", ""),
-                              entry.value("element", ""), entry.value("message", "")});
+    result.problems.push_back({entry.value("severity", "error"), entry.value("file", ""),
+                               entry.value("element", ""), entry.value("message", "")});
   }
-  return probe;
+  return result;
 }
 
 }  // namespace
@@ -94,8 +94,8 @@ bool SceneReport::has_errors() const {
 }
 
 absl::StatusOr<SceneReport> inspect_scene(const std::string& scene, const std::string& environment,
-                                       const contract::RenderSettings* settings,
-                                       const std::vector<std::string>& further) {
+                                          const contract::RenderSettings* settings,
+                                          const std::vector<std::string>& further) {
   auto worker = sibling_program("tessera-worker");
   if (!worker.ok()) return worker.status();
   std::vector<std::string> command = {*worker, "inspect", "--json"};
@@ -112,10 +112,10 @@ absl::StatusOr<SceneReport> inspect_scene(const std::string& scene, const std::s
     const int signal = WTERMSIG(result->status);
     if (signal == SIGINT || signal == SIGTERM) return absl::CancelledError("interrupted");
     return absl::InvalidArgumentError(
-        absl::StrCat(scene, ": the loader died of it (", strsignal(signal), ")"));
+        absl::StrCat(scene, ": the scene loader crashed on this file (", strsignal(signal), ")"));
   }
   if (result->output.empty() && WEXITSTATUS(result->status) == kExitBadInput) {
-    return absl::InvalidArgumentError("tessera-worker inspect does not take that");
+    return absl::InvalidArgumentError("tessera-worker inspect rejected its arguments (see above)");
   }
   return parse_report(result->output);
 }

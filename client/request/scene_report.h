@@ -8,10 +8,10 @@
 
 namespace tessera::client {
 
-/// What `tessera-worker inspect` says of a scene: the loader runs in that child, never here.
+/// Result of `tessera-worker inspect`. The loader runs in that child process, never in this one.
 struct SceneReport {
   struct Resource {
-    std::string uri, file;  // name in the manifest, path on this disk
+    std::string uri, file;  // name in the manifest, local path
   };
   struct Problem {
     std::string severity, file, element, message;  // severity: error, warning, note
@@ -21,23 +21,22 @@ struct SceneReport {
     }
   };
   std::string scene_uri;
-  std::vector<Resource> resources;  // the glTF file and everything it names
+  std::vector<Resource> resources;  // the glTF file and the files it references
   std::vector<Problem> problems;
-  std::string json;  // the whole report, schema tessera.inspect/1
+  std::string json;  // the complete report, schema tessera.inspect/1
 
   bool has_errors() const;
 };
 
-/// Runs the child on `scene` (and, if given, the settings a job will have, so that a camera or
-/// variant that is not there is found now). `environment`: the sky's file; empty: none. `further`
-/// options of the child make its report longer.
+/// Inspects `scene` in a child process. `settings`: settings of the job, to detect, for example, a
+/// missing camera; may be null. `environment`: path of the environment map; empty: none.
+/// `further`: more options of `tessera-worker inspect`.
 ///
-/// Errors: NotFound, no tessera-worker beside this program; InvalidArgument, the scene is beyond
-/// inspection (no such file, or the child died on it: how, and what it last wrote) or an option
-/// is one the child does not take (which it has said); Internal, it
-/// wrote something else than a report. Cancelled when it was interrupted.
+/// Errors: NotFound, tessera-worker is not installed beside this program; InvalidArgument, the
+/// child crashed on the scene or rejected its arguments (and has printed why); Internal, its output
+/// is not a report; Cancelled, the child was interrupted.
 absl::StatusOr<SceneReport> inspect_scene(const std::string& scene, const std::string& environment,
-                                       const contract::RenderSettings* settings,
-                                       const std::vector<std::string>& further = {});
+                                          const contract::RenderSettings* settings,
+                                          const std::vector<std::string>& further = {});
 
 }  // namespace tessera::client

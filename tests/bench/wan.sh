@@ -45,7 +45,7 @@ for spp in "$@"; do
   # 8 samples than the line carries blocks.
   pass=0 size=4096x2048 crop=0,1024,4096,1024
   [ "$spp" -le 8 ] || pass=1 size=1024x512 crop=0,256,1024,256
-  job=$(near submit "$scenes/quickstart.gltf" --size "$size" --crop "$crop" --tile 64 --spp "$((pass * 8 + spp))" 2>/dev/null)
+  job=$(near submit "$scenes/quickstart.gltf" --size "$size" --crop "$crop" --tile-size 64 --spp "$((pass * 8 + spp))" 2>/dev/null)
   begun() { [ "$(grep -c "unit $job 0 [0-9]* $pass: COMMITTED" "$work/worker.log")" -ge 8 ]; }
   wait_until 600 "units of pass $pass are committed" begun
   sleep "$seconds"

@@ -4,7 +4,7 @@
 
 mkdir "$work/reference"
 tessera render "$scenes/lit_square.gltf" -o "$work/reference/lit_square.exr" \
-  --report "$work/reference/lit_square.json" --size 32x24 --spp 1024 --seed 1000003 --tile 16 \
+  --report "$work/reference/lit_square.json" --size 32x24 --spp 1024 --seed 1000003 --tile-size 16 \
   >"$work/render.log" || fail "render: status $?"
 
 # measure NAME OPTIONS…: leaves NAME.json.
@@ -55,14 +55,14 @@ refused() {
   equal "$what" "$status" 2
   grep -qF -- "$text" "$work/odd_bench.log" || fail "$what: not said: $text"
 }
-refused "a sky that is not named" "is lit by sky.exr: name that file with --environment" bench_odd
+refused "a missing --environment" "uses the environment map sky.exr; pass that file with --environment" bench_odd
 cp "$work/reference/lit_square.exr" "$work/other.exr"
-refused "another sky" "other files than the scene and its sky are now" bench_odd --environment "$work/other.exr"
+refused "another environment map" "the scene or its environment map has changed" bench_odd --environment "$work/other.exr"
 sed -i 's/"scene"/ "scene"/' "$work/odd.gltf"
-refused "a scene that has changed" "other files than the scene and its sky are now" bench_odd "${sky[@]}"
+refused "a scene that has changed" "the scene or its environment map has changed" bench_odd "${sky[@]}"
 render_odd --animation none
 bench_odd || fail "bench without a sky: status $?"
-refused "a sky the reference has not" "the reference has no sky" bench_odd "${sky[@]}"
+refused "an --environment that the reference lacks" "the reference has no environment map" bench_odd "${sky[@]}"
 
 # The same seeds give the same pixels in any structure, so the same errors.
 measure tree --accelerator kd-tree
@@ -72,4 +72,4 @@ equal "errors do not depend on the structure" "$(json "$work/tree.json" "$errors
 status=0
 tessera bench "$scenes/lit_square.gltf" --reference "$work" 2>"$work/missing.log" || status=$?
 equal "without a reference" "$status" 2
-grep -q "make a reference by: tessera render" "$work/missing.log" || fail "what to do is not said"
+grep -q "render a reference with: tessera render" "$work/missing.log" || fail "the message does not say what to do"

@@ -6,7 +6,7 @@
 size=96x64 error=0.15 loose=0.2
 if [ -n "${TESSERA_E2E_SMALL:-}" ]; then size=48x48 error=0.3 loose=0.35; fi
 scene=$scenes/same_bits.gltf
-job=(--size "$size" --max-depth 5 --frames 12 --seed 7 --tile 16)
+job=(--size "$size" --max-depth 5 --frames 12 --seed 7 --tile-size 16)
 
 # draw NAME OPTIONS…: renders, leaves NAME.exr and NAME.json.
 draw() {
@@ -75,7 +75,7 @@ says "the reference is"
 
 # More than is allowed: files are written, but exit code 4 says that nothing is certified.
 exits 4 tessera render "$scene" --output "$work/capped.exr" --report "$work/capped.json" \
-  --size 48x48 --max-depth 5 --seed 8 --tile 64 --error 0.001 --max-spp 36 --workers 2 --threads 1
+  --size 48x48 --max-depth 5 --seed 8 --tile-size 64 --error 0.001 --max-spp 36 --workers 2 --threads 1
 says CAPPED
 says --max-spp
 [ -s "$work/capped.exr" ] || fail "a capped job wrote no image"

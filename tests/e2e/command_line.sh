@@ -2,18 +2,18 @@
 # Exit codes, what goes to stdout, JSON documents, and the life of a job from the command line.
 . "$(dirname "$0")/farm.sh"
 
-job=(--size 64x48 --spp 8 --tile 16)
+job=(--size 64x48 --spp 8 --tile-size 16)
 square=$scenes/lit_square.gltf
 
 # Wrong usage and bad input: 2. No farm: 3.
 exits 2 tessera
 exits 2 tessera render "$square" --no-such-option
 exits 2 tessera render "$square" --size 0x10
-exits 2 tessera render "$square" --tile 12
+exits 2 tessera render "$square" --tile-size 12
 exits 2 tessera render "$square" --error nan
 says "nan is not a number"
 exits 2 tessera render "$square" -o "$work/x.exr" --report "$work/none/x.json"
-says "no folder that can be written to"
+says "directory is missing or not writable"
 exits 2 tessera render "$square" -o "$work/x.exr" --report "$work/x.exr"
 (cd /proc/self && exits 0 tessera render "$square" -o "$work/x.exr" "${job[@]}") # where nobody may write
 exits 2 tessera render "$work/nothing.gltf"
@@ -122,7 +122,7 @@ done
 equal "both tell the same" "$(json "$work/whole.json" 'd["frames"][0]["true"]')" \
   "$(json "$work/part.json" 'd["frames"][0]["true"]')"
 exits 2 tessera render "$square" "${job[@]}" --reference "$work/part.exr" -o "$work/none.exr"
-says "part.exr: the reference is 24x32, the image 64x48"
+says "part.exr: the reference is 24x32; expected 64x48"
 say "references of crops"
 
 # Every document for programs says what it is.
@@ -150,11 +150,11 @@ id=$(farm submit "$square" "${job[@]}" --name patient)
 start_interruptible watch tessera watch --server "$socket" "$id" --json
 wait_until 60 "watch has begun" test -s "$work/watch.out"
 interrupted watch "$started"
-grep -q 'goes on' "$work/watch.err" || fail "watch did not say that the job goes on"
+grep -q 'keeps running' "$work/watch.err" || fail "watch did not report that the job keeps running"
 start_interruptible submit tessera submit "$square" --server "$socket" "${job[@]}" --wait
 wait_until 60 "the job is submitted" test -s "$work/submit.out"
 interrupted submit "$started"
-grep -q 'goes on' "$work/submit.err" || fail "submit --wait did not say that the job goes on"
+grep -q 'keeps running' "$work/submit.err" || fail "submit --wait did not report that the job keeps running"
 exits 0 farm status "$id" --json
 equal "the job is still there" "$(json "$work/out" 'd["state"]')" queued
 say "Ctrl-C in watch and submit --wait"

@@ -51,7 +51,7 @@ in_container() { podman exec "${project}_$1_1" "${@:2}"; }
 
 size=160x120 spp=256
 tessera render "$scenes/same_bits.gltf" -o "$work/alone.exr" --report "$work/alone.json" --size $size \
-  --spp $spp --tile 16 --workers 1 >/dev/null 2>&1
+  --spp $spp --tile-size 16 --workers 1 >/dev/null 2>&1
 
 compose up -d
 wait_until 120 "three workers of the image have joined" there 3
@@ -67,7 +67,7 @@ in_container worker healthy tessera_worker_connected || fail "the worker does no
 ! in_container worker healthy tessera_worker_no_such_metric 2>/dev/null || fail "healthy sees what is not"
 ! in_container worker test -e /etc/tessera/authority/ca.key || fail "a worker sees the authority's key"
 
-job=$(client submit /scenes/same_bits.gltf --size $size --spp $spp --tile 16)
+job=$(client submit /scenes/same_bits.gltf --size $size --spp $spp --tile-size 16)
 some_committed() {
   client status "$job" --json >"$work/status.json" || return 1
   [ "$(json "$work/status.json" 'd["progress"]["units_committed"]')" -ge 5 ]

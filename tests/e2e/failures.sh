@@ -2,7 +2,7 @@
 # What must fail fails early and says why; what must not fail a job does not.
 . "$(dirname "$0")/farm.sh"
 
-job=(--size 64x64 --spp 8 --tile 16)  # 16 units of one pass
+job=(--size 64x64 --spp 8 --tile-size 16)  # 16 units of one pass
 poisoned=0:5:0
 
 # A missing file ends a job before anything is uploaded or leased.
@@ -76,7 +76,7 @@ threads=1
 
 # A unit that hangs, here because its renderer is stopped while it is at one, fails once --unit-timeout
 # is over; its renderer is replaced, and the image is what it is without.
-job=(--size 64x64 --spp 200 --tile 16)
+job=(--size 64x64 --spp 200 --tile-size 16)
 stop_at_a_unit() {
   local renderer
   renderer=$(children_of "${worker_pid[sleeper]}")
@@ -122,7 +122,7 @@ done
 say "the shipped worker rejects the options that inject faults"
 
 # A worker that is killed again and again is a loss each time, never a failure.
-job=(--size 128x128 --spp 600 --tile 32)
+job=(--size 128x128 --spp 600 --tile-size 32)
 id=$(farm submit "$scenes/lit_square.gltf" "${job[@]}" --name losses)
 for attempt in $(seq 10); do
   start_worker "mortal$attempt" --id mortal --unit-log "$work/units-mortal$attempt.log"

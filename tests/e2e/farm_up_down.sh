@@ -18,18 +18,18 @@ finish() {
 trap finish EXIT
 
 exits 3 tessera farm down
-says "no farm of yours runs"
+says "no farm is running"
 exits 0 tessera farm up --workers 2 --threads 1
 equal "farm up says where it is" "$(cat "$work/out")" "unix:$home/server.sock"
-keeper=$(parent_of "$(server)")
-equal "a server and two workers run" "$(children_of "$keeper" | wc -l)" 3
-equal "in a session of their own" "$(ps -o sid= -p "$keeper" | tr -d ' ')" "$keeper"
+supervisor=$(parent_of "$(server)")
+equal "a server and two workers run" "$(children_of "$supervisor" | wc -l)" 3
+equal "in a session of their own" "$(ps -o sid= -p "$supervisor" | tr -d ' ')" "$supervisor"
 exits 2 tessera farm up
-says "runs already"
+says "your farm is already running"
 equal "both workers have joined" "$(tessera workers --json | grep -c '"state": "idle"')" 2
 
 scene=$scenes/same_bits.gltf
-size=(--size 96x64 --tile 16) spp=128
+size=(--size 96x64 --tile-size 16) spp=128
 tessera render "$scene" -o "$work/alone.exr" --report "$work/alone.json" "${size[@]}" --spp $spp >/dev/null 2>&1
 job=$(tessera submit "$scene" "${size[@]}" --spp $spp 2>/dev/null)
 begun() {
@@ -39,12 +39,12 @@ begun() {
 wait_until 60 "units are committed" begun
 
 # The server and a worker are killed: both come back.
-before=$(children_of "$keeper" | sort)
+before=$(children_of "$supervisor" | sort)
 # shellcheck disable=SC2086
 kill -KILL $(head -n 2 <<<"$before") "$(server)" 2>/dev/null || true
 back() {
-  [ "$(children_of "$keeper" | wc -l)" -eq 3 ] &&
-    [ "$(comm -12 <(children_of "$keeper" | sort) <(echo "$before") | wc -l)" -le 1 ]
+  [ "$(children_of "$supervisor" | wc -l)" -eq 3 ] &&
+    [ "$(comm -12 <(children_of "$supervisor" | sort) <(echo "$before") | wc -l)" -le 1 ]
 }
 wait_until 60 "the killed server and worker are started again" back
 say "a killed server and a killed worker are started again"
@@ -59,18 +59,18 @@ tessera watch "$job" >/dev/null 2>&1 || fail "the job does not go on: $?"
 tessera report "$job" --json >"$work/report.json"
 equal "the job goes on after down and up; its pixels" "$(pixels "$work/report.json")" "$(pixels "$work/alone.json")"
 
-# Its keeper is killed: nothing stays behind but the socket's name, which does not stop the next.
+# The supervisor is killed: only the socket's name remains, which does not prevent the next start.
 kill -KILL "$(parent_of "$(server)")"
-wait_until 30 "all die with the keeper" nobody
+wait_until 30 "all die with the supervisor" nobody
 exits 0 tessera farm up --workers 1
 exits 0 tessera report "$job" --json
-say "a killed keeper takes its farm along, and the next farm has its jobs"
+say "the farm of a killed supervisor ends, and the next farm has its jobs"
 tessera farm down
 
 # What cannot be is said, and leaves nothing.
 chmod 755 "$home"
 exits 2 tessera farm up
-says "others can enter it"
+says "other users have access"
 chmod 700 "$home"
 tessera-server --listen "unix:$work/run/held.sock" --store "$XDG_DATA_HOME/tessera/farm" >/dev/null 2>&1 &
 server_pid=$!

@@ -88,8 +88,8 @@ there() {
   [ "$(json "$work/workers.json" 'sum(w["state"] in ("idle", "busy") for w in d["workers"])')" = 3 ]
 }
 wait_until 60 "three workers' pods have joined" there
-client submit /scenes/same_bits.gltf --size 64x48 --spp 8 --tile 16 --name pods --wait >/dev/null
+client submit /scenes/same_bits.gltf --size 64x48 --spp 8 --tile-size 16 --name pods --wait >/dev/null
 client report pods --json >"$work/report.json"
 tessera render "$scenes/same_bits.gltf" -o "$work/alone.exr" --report "$work/alone.json" --size 64x48 --spp 8 \
-  --tile 16 >/dev/null 2>&1
+  --tile-size 16 >/dev/null 2>&1
 equal "pods render the same pixels" "$(pixels "$work/report.json")" "$(pixels "$work/alone.json")"

@@ -26,7 +26,7 @@ say "metrics are not offered to other machines"
 
 start_server --metrics 127.0.0.1:0
 start_worker one --metrics 127.0.0.1:0
-job=$(farm submit "$scenes/lit_square.gltf" --size 256x256 --spp 160 --tile 8 --name shot)
+job=$(farm submit "$scenes/lit_square.gltf" --size 256x256 --spp 160 --tile-size 8 --name shot)
 wait_until 60 "units are committed" committed_at_least "$job" 3
 # Nothing moves while the worker is stopped, but what it has delivered is still committed.
 kill -STOP "${worker_pid[one]}"

@@ -2,7 +2,7 @@
 # What an operator sees and orders: events, logs, webhooks, drain, ban.
 . "$(dirname "$0")/farm.sh"
 scene=$scenes/lit_square.gltf
-job=(--size 64x48 --spp 8 --tile 16)
+job=(--size 64x48 --spp 8 --tile-size 16)
 
 # worker_state ID: what `tessera workers` says of it.
 worker_state() {
@@ -21,7 +21,7 @@ worker_pid[receiver]=$! # so that it is stopped at the end
 wait_until 30 "the receiver listens" test -s "$work/receiver.port"
 export TESSERA_WEBHOOK_URL=http://127.0.0.1:$(cat "$work/receiver.port")/hook no_proxy=127.0.0.1
 start_webhook() {
-  tessera-webhook --server "$socket" --secret "$work/secret" --state "$work/webhook.state" 2>>"$work/webhook.log" &
+  tessera-webhook --server "$socket" --secret-file "$work/secret" --state-file "$work/webhook.state" 2>>"$work/webhook.log" &
   worker_pid[webhook]=$!
 }
 start_webhook
@@ -91,7 +91,7 @@ for kind in "job submitted" "frame finished" "job done" "worker drained" "worker
   wait_until 60 "event '$kind' comes, over the restart" grep -q "\"kind\":\"$kind\"" "$work/events.out"
 done
 wait_until 60 "all events are posted" posted
-grep -q "http://127.0.0.1:[0-9]* answers 503; again in 1s" "$work/webhook.log" ||
+grep -q "http://127.0.0.1:[0-9]* responded 503; retrying in 1s" "$work/webhook.log" ||
   fail "the receiver was not busy at first"
 kill "${worker_pid[webhook]}"
 wait "${worker_pid[webhook]}" || fail "tessera-webhook ended with $? on SIGTERM"

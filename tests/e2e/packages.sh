@@ -37,7 +37,7 @@ pack() {
 }
 version=$(sed -n 's/^CMAKE_PROJECT_VERSION:STATIC=//p' "$build/CMakeCache.txt")
 pack "$version"
-for package in cli server worker; do
+for package in cli server worker radiance; do
   [ -f "$work/$version/tessera-${package}_$version-1_amd64.deb" ] || fail "no package tessera-$package"
 done
 say "cpack made $(ls "$work/$version" | tr '\n' ' ')"
@@ -134,10 +134,10 @@ say "upgraded to $next: configuration and jobs kept, same picture"
 
 for pid in "${pids[@]}"; do kill "$pid"; wait "$pid" 2>/dev/null || true; done
 pids=()
-inside apt-get remove -y -qq tessera-cli tessera-server tessera-worker >>"$work/apt.log" 2>&1
+inside apt-get remove -y -qq tessera-cli tessera-server tessera-worker tessera-radiance >>"$work/apt.log" 2>&1
 [ -d "$root/var/lib/tessera/store" ] || fail "removing deleted the store"
 [ -e "$root/etc/tessera/server.toml" ] || fail "removing deleted the configuration"
-inside apt-get purge -y -qq tessera-cli tessera-server tessera-worker >>"$work/apt.log" 2>&1
+inside apt-get purge -y -qq tessera-cli tessera-server tessera-worker tessera-radiance >>"$work/apt.log" 2>&1
 left=$(inside sh -c 'ls -d /etc/tessera /var/lib/tessera /var/cache/tessera /usr/lib/tessera /usr/bin/tessera* 2>/dev/null' || true)
 [ -z "$left" ] || fail "purging left $left"
 say "removed with its data kept, purged without a trace"
@@ -147,7 +147,7 @@ say "removed with its data kept, purged without a trace"
 tarball=$work/tarball/tessera-$version-linux-x86_64.tar.zst
 [ -f "$tarball" ] || fail "no $tarball"
 libraries=$(for deb in "$work/$version"/*.deb; do dpkg-deb -f "$deb" Depends; done | tr ',' '\n' |
-  sed 's/(.*//; s/|.*//; s/ //g' | sort -u | grep -v '^adduser$')
+  sed 's/(.*//; s/|.*//; s/ //g' | sort -u | grep -v '^adduser$\|^tessera-')
 inside apt-get install -y -qq --no-install-recommends $libraries >>"$work/apt.log" 2>&1
 zstd -dc "$tarball" | tar -C "$root/opt" -x
 inside sh -c "cd /tmp && /opt/tessera-$version-linux-x86_64/bin/tessera render scene.gltf --size 96x64 --spp 16 -o third.exr --force" \

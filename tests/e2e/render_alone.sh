@@ -5,7 +5,7 @@
 export TMPDIR=$work/tmp
 mkdir "$TMPDIR"
 scene=$scenes/same_bits.gltf
-long=(--size 256x256 --spp 4000 --tile 16)
+long=(--size 256x256 --spp 4000 --tile-size 16)
 
 # descendants PID: pids of all its descendants, from /proc.
 descendants() {
@@ -55,7 +55,7 @@ done
 
 # A frame is there as soon as it is finished, and stays when the rest is broken off.
 start_interruptible frames tessera render "$scene" -o "$work/clip.exr" --frames 0-7 \
-  --size 64x64 --spp 800 --tile 16 --workers 1
+  --size 64x64 --spp 800 --tile-size 16 --workers 1
 wait_until 120 "the first frame is there" test -s "$work/clip.0000.exr"
 interrupted frames "$started"
 [ ! -e "$work/clip.0007.exr" ] || fail "the job was over before it could be broken off"
@@ -65,7 +65,7 @@ say "a frame is fetched while the next is being rendered"
 # A store keeps what was committed; the same command finishes the job, with the same pixels.
 spp=200
 [ -z "${TESSERA_E2E_SMALL:-}" ] || spp=80
-job=(--size 96x96 --spp "$spp" --tile 8 --workers 1 --threads 1)
+job=(--size 96x96 --spp "$spp" --tile-size 8 --workers 1 --threads 1)
 tessera render "$scene" -o "$work/straight.exr" "${job[@]}" --report "$work/straight.json" \
   >"$work/straight.log" 2>&1
 start_interruptible first tessera render "$scene" -o "$work/out.exr" "${job[@]}" --store "$work/store"
@@ -109,10 +109,10 @@ json.dump(scene, open(sys.argv[2], "w"))' "$scenes/lit_square.gltf" "$work/odd.g
 exits 0 tessera render "$work/odd.gltf" -o "$work/odd.exr" --size 16x16 --spp 4 --report "$work/odd.json"
 equal "the scene's warnings are said once" "$(grep -c ACME_glow "$work/err")" 1
 equal "and are in the report" "$(json "$work/odd.json" 'd["warnings"]')" \
-  "odd.gltf: extensionsUsed: ACME_glow is not supported; what it says is ignored"
+  "odd.gltf: extensionsUsed: ACME_glow is not supported and is ignored"
 
 exits 0 tessera render "$scene" -o "$work/flat.png" --size 16x16 --spp 4 --aov albedo --half
-says "flat.png: without --aov and --half, which only an .exr has"
+says "flat.png: ignoring --aov and --half, supported only for EXR"
 
 # Its server may be slow to answer: render waits while it lives, and not a moment longer.
 listen_for=$(

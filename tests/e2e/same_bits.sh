@@ -24,7 +24,7 @@ draw() {
 # idle COUNT: so many workers wait for units.
 idle() { [ "$(farm workers --json | grep -c '"state": "idle"')" -eq "$1" ]; }
 
-draw reference --tile 16 --workers 1 --threads 1
+draw reference --tile-size 16 --workers 1 --threads 1
 reference=$(pixels "$work/reference.json")
 units=$(json "$work/reference.json" 'd["units"]["total"]')
 [ -n "${TESSERA_E2E_SMALL:-}" ] || [ "$units" -ge 256 ] || fail "only $units units"
@@ -36,7 +36,7 @@ for count in $workers; do
   start_server
   for ((worker = 1; worker <= count; ++worker)); do start_worker "of-$count-$worker"; done
   wait_until 60 "$count workers have joined" idle "$count"
-  id=$(farm submit "$scenes/$scene.gltf" --tile 16 --seed "$seed" "${job[@]}")
+  id=$(farm submit "$scenes/$scene.gltf" --tile-size 16 --seed "$seed" "${job[@]}")
   farm watch "$id" --json </dev/null >"$work/watch.log" || fail "watch: status $?"
   farm report "$id" --json >"$work/workers.json"
   for ((worker = 1; worker <= count; ++worker)); do kill_worker "of-$count-$worker"; done
@@ -46,31 +46,31 @@ for count in $workers; do
   equal "each of $count workers committed units" "$busy" "$count"
 done
 
-draw threads --tile 16 --workers 1 --threads 2
+draw threads --tile-size 16 --workers 1 --threads 2
 equal "two threads" "$(pixels "$work/threads.json")" "$reference"
 for tile in 32 64; do
-  draw tile --tile "$tile" --workers 2 --threads 1
+  draw tile --tile-size "$tile" --workers 2 --threads 1
   equal "tiles of $tile pixels" "$(pixels "$work/tile.json")" "$reference"
 done
-draw one_tile --tile 256 --workers 1 --threads 2
+draw one_tile --tile-size 256 --workers 1 --threads 2
 equal "one tile" "$(pixels "$work/one_tile.json")" "$reference"
 equal "one tile is one unit a pass" "$(json "$work/one_tile.json" 'd["units"]["total"]')" 3
 
 # A crop holds the same pixels as that part of the whole.
-draw crop --tile 16 --workers 2 --threads 1 --crop 11,5,30,26
+draw crop --tile-size 16 --workers 2 --threads 1 --crop 11,5,30,26
 oiiotool "$work/reference.exr" --ch R,G,B,A --cut 30x26+11+5 -o "$work/part.exr"
 oiiotool "$work/crop.exr" --ch R,G,B,A --cut 30x26+11+5 -o "$work/cropped.exr"
 oiiotool "$work/part.exr" "$work/cropped.exr" --fail 0 --failpercent 0 --hardfail 0 --diff \
   >"$work/crop.log" 2>&1 || fail "a crop differs from that part of the whole: $(cat "$work/crop.log")"
 say "a crop"
 
-seed=8 draw seed --tile 16 --workers 2 --threads 1
+seed=8 draw seed --tile-size 16 --workers 2 --threads 1
 [ "$(pixels "$work/seed.json")" != "$reference" ] || fail "another seed gave the same pixels"
 say "another seed gives other pixels"
 
 # The other compiler's programs, where ctest was told of them.
 if [ -n "${TESSERA_OTHER_BIN:-}" ]; then
-  PATH=$TESSERA_OTHER_BIN:$PATH draw compiler --tile 16 --workers 2 --threads 1
+  PATH=$TESSERA_OTHER_BIN:$PATH draw compiler --tile-size 16 --workers 2 --threads 1
   equal "another compiler" "$(pixels "$work/compiler.json")" "$reference"
 else
   echo "# no other compiler's programs (TESSERA_OTHER_BIN): the asan stage of .ci/run compares them"
@@ -83,7 +83,7 @@ drawn_with() {
 [ "\$1" = inspect ] && exec $TESSERA_BIN/tessera-worker "\$@"
 exec $TESSERA_BIN/tessera-worker "\$@" $*
 EOF
-  PATH=$work/bin:$PATH draw structure --tile 16 --workers 1 --threads 2
+  PATH=$work/bin:$PATH draw structure --tile-size 16 --workers 1 --threads 2
   pixels "$work/structure.json"
 }
 tessera inspect "$scenes/lit_square.gltf" --accelerators --json >"$work/accelerators.json"
@@ -95,9 +95,9 @@ for scene in same_bits shapes csg blobs motion textures fog course; do
     *) job=(--size 24x20 --spp 8 --max-depth 6 --frames 5) ;;
   esac
   [ -z "${TESSERA_E2E_SMALL:-}" ] || job=(--size 24x20 --spp 8 --max-depth 5)
-  draw few --tile 16 --workers 1 --threads 1
+  draw few --tile-size 16 --workers 1 --threads 1
   few=$(pixels "$work/few.json")
-  draw few --tile 16 --workers 2 --threads 1
+  draw few --tile-size 16 --workers 2 --threads 1
   equal "$scene: two workers" "$(pixels "$work/few.json")" "$few"
   for name in $structures; do
     equal "$scene: $name" "$(drawn_with --accelerator "$name")" "$few"
@@ -144,7 +144,7 @@ json.dump({
 }, open(sys.argv[1], "w"))
 PYTHON
   scenes=$work scene=many_texels job=(--size 96x96 --spp 8)
-  draw texels --tile 16 --workers 1 --threads 2
+  draw texels --tile-size 16 --workers 1 --threads 2
   texels=$(pixels "$work/texels.json")
   equal "texels in a file, in little memory" "$(drawn_with --texture-mb 64 --memory-mb 200)" "$texels"
   (drawn_with --texture-mb 1000 --memory-mb 200) >"$work/too_little.log" 2>&1 && fail "200 MB held 256 MB of texels"

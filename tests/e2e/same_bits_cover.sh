@@ -53,7 +53,7 @@ same() {
     fi
     PATH=$work/$compiler-$isa:$PATH tessera render "$scene" --output "$work/out.exr" --force \
       --report "$work/report.json" --size 72x56 --spp 24 --max-depth 5 --frames 3 --workers "$workers" \
-      --threads "$threads" --tile "$tile" >"$work/render.log" 2>&1 </dev/null || fail "$name: $combination"
+      --threads "$threads" --tile-size "$tile" >"$work/render.log" 2>&1 </dev/null || fail "$name: $combination"
     got=$(pixels "$work/report.json")
     [ "$got" = "${expected:=$got}" ] || fail "$name: $combination: $got is not $expected"
     rendered=$((rendered + 1))

@@ -4,7 +4,7 @@
 
 size=160x144
 if [ -n "${TESSERA_E2E_SMALL:-}" ]; then size=64x64; fi
-job=(--size "$size" --max-depth 5 --frames 12 --seed 7 --tile 8)
+job=(--size "$size" --max-depth 5 --frames 12 --seed 7 --tile-size 8)
 
 # undisturbed hash, of a run of its own
 tessera render "$scenes/same_bits.gltf" --output "$work/reference.exr" \

@@ -86,7 +86,7 @@ wait_until 30 "three nodes are there" nodes_are_idle
 
 size=160x120 spp=64
 tessera render "$scenes/same_bits.gltf" -o "$work/alone.exr" --report "$work/alone.json" --size $size \
-  --spp $spp --tile 16 --workers 1 >"$work/alone.log"
+  --spp $spp --tile-size 16 --workers 1 >"$work/alone.log"
 
 start_server
 export TESSERA_SERVER=$socket TESSERA_CACHE=$work/slurm-cache TESSERA_GRACE=5
@@ -94,7 +94,7 @@ array=$(cd "$work" && sbatch --parsable --array=0-2 --cpus-per-task=1 --export=A
 joined() { [ "$(farm workers --json | python3 -c 'import json,sys; print(sum(w["state"] in ("idle", "busy") for w in json.load(sys.stdin)["workers"]))')" = "$1" ]; }
 wait_until 60 "three workers of the array joined" joined 3
 
-id=$(farm submit "$scenes/same_bits.gltf" --size $size --spp $spp --tile 16)
+id=$(farm submit "$scenes/same_bits.gltf" --size $size --spp $spp --tile-size 16)
 wait_until 60 "some units are committed" committed_at_least "$id" 5
 scancel "${array}_0"
 wait_until 30 "the cancelled worker has drained" joined 2

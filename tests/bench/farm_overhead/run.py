@@ -45,7 +45,7 @@ def first_unit_seconds(tessera, scene, cwd):
     start = time.monotonic()
     process = subprocess.Popen(
         [tessera, "render", scene, "-o", "first.exr", "--force", "--size", "256x256", "--spp", "64",
-         "--tile", "16", "--workers", "1", "--threads", "1", "--store", str(store)],
+         "--tile-size", "16", "--workers", "1", "--threads", "1", "--store", str(store)],
         cwd=cwd, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     seconds = None
     while seconds is None and process.poll() is None:

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/commands/completion.h"
+#include "client/manual/pages.h"
 #include "rpc/settings_message.h"
 #include "tests/integration/client/fake_farm.h"
 #include "tests/integration/client/made_image.h"
@@ -168,7 +169,7 @@ TEST_F(CommandsTest, ExtendRaisesSampleCount) {
   farm_.add_job("aaa111", "lamp", v1::Job::STATE_RUNNING);
   const Outcome outcome = run({"extend", "lamp", "--spp", "256"});
   EXPECT_EQ(outcome.exit, kExitDone);
-  EXPECT_THAT(outcome.out, HasSubstr("256 samples a pixel"));
+  EXPECT_THAT(outcome.out, HasSubstr("256 samples per pixel"));
   EXPECT_EQ(farm_.jobs[0].settings().sample_count(), 256);
   EXPECT_EQ(run({"extend", "lamp", "--spp", "8"}).exit, kExitBadInput);
 }
@@ -211,11 +212,11 @@ TEST_F(CommandsTest, ReportWritesRequestedFiles) {
     std::filesystem::remove(curve);
     std::filesystem::remove(tiles);
   }
-  // What cannot be drawn is said and keeps nothing else back.
+  // A chart that cannot be drawn is reported, and the others are written.
   farm_.reports["abc"] = report();
   const Outcome outcome = run({"report", "abc", "--tiles", tiles, "--svg", curve, "--json"});
   EXPECT_EQ(outcome.exit, kExitBadInput);
-  EXPECT_THAT(outcome.err, HasSubstr("no frame has figures of its tiles"));
+  EXPECT_THAT(outcome.err, HasSubstr("no frame has tile statistics"));
   EXPECT_EQ(json::parse(outcome.out), json::parse(report()));
   EXPECT_TRUE(std::filesystem::exists(curve));
 }
@@ -251,7 +252,7 @@ TEST_F(CommandsTest, ReportAcceptsFullOrCropReference) {
   const Outcome other = run({"report", "abc", "--reference", folder + "/other.exr"});
   EXPECT_EQ(other.exit, kExitBadInput);
   EXPECT_THAT(other.err,
-              HasSubstr("other.exr: the reference is 32x29, the image 64x48, its crop 32x30"));
+              HasSubstr("other.exr: the reference is 32x29; expected 64x48 or, cropped, 32x30"));
   const Outcome infinite = run({"report", "abc", "--reference", folder + "/infinite.exr"});
   EXPECT_THAT(infinite.err,
               HasSubstr("infinite.exr: the reference has values that are not finite"));

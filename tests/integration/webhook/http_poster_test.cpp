@@ -102,8 +102,8 @@ class Receiver {
 };
 
 std::unique_ptr<HttpPoster> poster_to(const Receiver& receiver, const std::string& secret = "",
-                                      absl::Duration connect_timeout = absl::Seconds(30)) {
-  return *HttpPoster::create({receiver.url(), secret, connect_timeout});
+                                      absl::Duration request_timeout = absl::Seconds(30)) {
+  return *HttpPoster::create({receiver.url(), secret, request_timeout});
 }
 
 std::string body_of(const std::string& request) {

@@ -107,7 +107,7 @@ nlohmann::json odd_report() {
 TEST(Bench, ReferenceSettingsAreAdopted) {
   const auto reference = read_reference_report(odd_report().dump());
   ASSERT_TRUE(reference.ok()) << reference.status();
-  EXPECT_EQ(reference->sky, "sky.exr");
+  EXPECT_EQ(reference->environment, "sky.exr");
   EXPECT_EQ(reference->scene_sha256, "abc");
   EXPECT_EQ(reference->seed, 9);
   EXPECT_EQ(reference->relmse, 0.0002);
@@ -140,18 +140,18 @@ TEST(Bench, UnsuitableReportIsRefused) {
   const auto fault = [](const nlohmann::json& report) {
     return std::string(read_reference_report(report.dump()).status().message());
   };
-  EXPECT_EQ(fault(nlohmann::json::array()), "no report of a render");
+  EXPECT_EQ(fault(nlohmann::json::array()), "not the report of a render");
   nlohmann::json report = odd_report();
   report["frames"].push_back(report["frames"][0]);
-  EXPECT_EQ(fault(report), "of 2 frames, not of one");
+  EXPECT_EQ(fault(report), "has 2 frames; expected 1");
   report["frames"] = nlohmann::json::array();
-  EXPECT_EQ(fault(report), "of 0 frames, not of one");
+  EXPECT_EQ(fault(report), "has 0 frames; expected 1");
   report = odd_report();
   report["frames"][0]["estimated"] = nullptr;
-  EXPECT_EQ(fault(report), "without an estimate of its error");
+  EXPECT_EQ(fault(report), "has no error estimate");
   report = odd_report();
   report["settings"]["fps"] = "fast";
-  EXPECT_NE(fault(report).find("no report of a render (["), std::string::npos) << fault(report);
+  EXPECT_NE(fault(report).find("not the report of a render (["), std::string::npos) << fault(report);
 }
 
 }  // namespace

@@ -339,7 +339,7 @@ TEST(TileSvg, PlacesAndColoursTiles) {
   EXPECT_NE(svg->find(left + "\"#440154\"><title>tile 0: 0.01"), std::string::npos) << *svg;
   EXPECT_NE(svg->find(middle + "\"#fde725\"><title>tile 1: 1"), std::string::npos) << *svg;
   EXPECT_NE(svg->find(narrow + "\"#21918c\"><title>tile 2: 0.1"), std::string::npos) << *svg;
-  EXPECT_NE(svg->find("samples a pixel: 8 to 8"), std::string::npos);
+  EXPECT_NE(svg->find("samples per pixel: 8 to 8"), std::string::npos);
   EXPECT_NE(svg->find("<title>tile 2: 8<"), std::string::npos) << "beside it, the samples";
   report["frames"][0]["tiles"] = nullptr;
   EXPECT_EQ(tile_svg(report).status().code(), absl::StatusCode::kFailedPrecondition);
@@ -353,7 +353,7 @@ TEST(TileSvg, HatchesZeroTiles) {
   EXPECT_NE(svg.find("frame 7, error: 0.25 to 0.5, 0 hatched<"), std::string::npos) << svg;
   EXPECT_NE(svg.find("fill=\"url(#zero)\"><title>tile 0: 0<"), std::string::npos) << svg;
   EXPECT_NE(svg.find("fill=\"#440154\"><title>tile 2: 0.25<"), std::string::npos) << svg;
-  EXPECT_NE(svg.find("samples a pixel: 8 to 8<"), std::string::npos) << "none there is 0";
+  EXPECT_NE(svg.find("samples per pixel: 8 to 8<"), std::string::npos) << "none there is 0";
   report["frames"][0]["tiles"]["error"] = {0, 0, 0};
   EXPECT_NE(tile_svg(report)->find("frame 7, error: 0 hatched<"), std::string::npos);
 }
@@ -372,7 +372,7 @@ TEST(ResultLine, ErrorTargetPrintsBoundAndCertainty) {
     {"file": "out.exr", "width": 64, "height": 48, "samples": 3072,
      "estimated": {"error": 0.1, "error_upper95": 0.125}}]})");
   EXPECT_EQ(result_line(report, 1.5),
-            "out.exr: 64x48, 3.1 k samples, estimated error 0.1, at most 0.125 with 95 %, CAPPED, "
+            "out.exr: 64x48, 3.1 k samples, estimated error 0.1, ≤ 0.125 at 95 % confidence, CAPPED, "
             "1.5 s");
 }
 

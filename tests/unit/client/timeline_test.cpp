@@ -136,7 +136,7 @@ TEST(Timeline, RetriesAuditsAndRepeatsAreLabelled) {
   EXPECT_EQ(of_tile(slices, 0)["cat"], "retry");
   EXPECT_EQ(of_tile(slices, 0)["name"], "frame 3, tile 0, pass 1: retry 2");
   EXPECT_EQ(of_tile(slices, 1)["cat"], "audit");
-  EXPECT_EQ(of_tile(slices, 2)["cat"], "repeat");
+  EXPECT_EQ(of_tile(slices, 2)["cat"], "duplicate");
 }
 
 TEST(Timeline, MarksJobAndWorkerEvents) {

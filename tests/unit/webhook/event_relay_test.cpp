@@ -1,4 +1,4 @@
-// What is done about each answer to a post: again, left out, remembered.
+// Handling of each response to a post: retry, skip, store the sequence.
 #include "webhook/event_relay.h"
 
 #include <gtest/gtest.h>
@@ -51,7 +51,7 @@ v1::Event event(v1::Event::Kind kind, std::int64_t sequence) {
 EventRelay::Options quick(const std::string& state_file = "") {
   EventRelay::Options options;
   options.state_file = state_file;
-  options.first_wait = options.longest_wait = absl::Milliseconds(1);
+  options.first_wait = options.max_wait = absl::Milliseconds(1);
   return options;
 }
 
@@ -68,8 +68,8 @@ TEST(EventRelay, RetriesUntilAccepted) {
   const absl::Status busy = absl::UnavailableError("busy");
   ScriptedPoster poster({busy, busy, absl::OkStatus()});
   EventRelay relay(poster, quick(), no_log);
-  EXPECT_TRUE(relay.pass(event(v1::Event::KIND_JOB_DONE, 4)).ok());
-  EXPECT_TRUE(relay.pass(event(v1::Event::KIND_WORKER_LOST, 5)).ok());
+  EXPECT_TRUE(relay.forward(event(v1::Event::KIND_JOB_DONE, 4)).ok());
+  EXPECT_TRUE(relay.forward(event(v1::Event::KIND_WORKER_LOST, 5)).ok());
   ASSERT_EQ(poster.posted.size(), 4);
   for (int i : {0, 1, 2}) EXPECT_EQ(poster.posted[static_cast<std::size_t>(i)]["sequence"], 4);
   EXPECT_EQ(poster.posted[3]["sequence"], 5);
@@ -83,39 +83,39 @@ TEST(EventRelay, SkipsAndLogsRefusedEvents) {
   std::vector<std::string> said;
   EventRelay relay(poster, quick(),
                    [&](LogLevel, const std::string& line) { said.push_back(line); });
-  EXPECT_TRUE(relay.pass(event(v1::Event::KIND_JOB_DONE, 4)).ok());
+  EXPECT_TRUE(relay.forward(event(v1::Event::KIND_JOB_DONE, 4)).ok());
   EXPECT_EQ(poster.posted.size(), 1);
   ASSERT_EQ(said.size(), 1);
-  EXPECT_EQ(said[0], "event 4 (job done): answers 400; left out");
+  EXPECT_EQ(said[0], "event 4 (job done): answers 400; skipped");
 }
 
 TEST(EventRelay, BackoffDoublesOrFollowsRetryAfter) {
   ScriptedPoster poster(std::vector<absl::Status>(5, absl::UnavailableError("busy")));
   std::vector<std::string> said;
   EventRelay::Options options = quick();
-  options.longest_wait = absl::Milliseconds(4);
+  options.max_wait = absl::Milliseconds(4);
   EventRelay relay(poster, options,
                    [&](LogLevel, const std::string& line) { said.push_back(line); });
   poster.before_answer = [&](std::size_t posts) {
     poster.asked = posts == 2 ? absl::Milliseconds(9) : absl::ZeroDuration();
     if (posts == 3) poster.asked = absl::Hours(1);  // more than anybody waits
   };
-  EXPECT_TRUE(relay.pass(event(v1::Event::KIND_JOB_DONE, 4)).ok());
-  const std::string busy = "event 4 (job done): busy; again in ";
+  EXPECT_TRUE(relay.forward(event(v1::Event::KIND_JOB_DONE, 4)).ok());
+  const std::string busy = "event 4 (job done): busy; retrying in ";
   EXPECT_EQ(said, (std::vector<std::string>{busy + "1ms", busy + "9ms", busy + "40ms", busy + "4ms",
-                                            busy + "4ms", "events are taken again"}));
+                                            busy + "4ms", "the receiver accepts events again"}));
 }
 
 TEST(EventRelay, PassesSelectedKindsOnly) {
   ScriptedPoster poster({});
   EventRelay all(poster, quick(), no_log);
-  EXPECT_TRUE(all.pass(event(v1::Event::KIND_LOG_LINE, 1)).ok());
-  EXPECT_TRUE(all.pass(event(v1::Event::KIND_UNIT_FAILED, 2)).ok());
+  EXPECT_TRUE(all.forward(event(v1::Event::KIND_LOG_LINE, 1)).ok());
+  EXPECT_TRUE(all.forward(event(v1::Event::KIND_UNIT_FAILED, 2)).ok());
   EventRelay::Options some = quick();
-  some.kinds = {"job done", "job failed"};
+  some.events = {"job done", "job failed"};
   EventRelay chosen(poster, some, no_log);
-  EXPECT_TRUE(chosen.pass(event(v1::Event::KIND_JOB_RUNNING, 3)).ok());
-  EXPECT_TRUE(chosen.pass(event(v1::Event::KIND_JOB_FAILED, 4)).ok());
+  EXPECT_TRUE(chosen.forward(event(v1::Event::KIND_JOB_RUNNING, 3)).ok());
+  EXPECT_TRUE(chosen.forward(event(v1::Event::KIND_JOB_FAILED, 4)).ok());
   ASSERT_EQ(poster.posted.size(), 2);
   EXPECT_EQ(poster.posted[0]["sequence"], 2);
   EXPECT_EQ(poster.posted[1]["sequence"], 4);
@@ -126,7 +126,7 @@ TEST(EventRelay, PersistsLastSequence) {
   ScriptedPoster poster({});
   EventRelay relay(poster, quick(file), no_log);
   EXPECT_EQ(*relay.last_sequence(), std::nullopt);
-  EXPECT_TRUE(relay.pass(event(v1::Event::KIND_JOB_DONE, 1LL << 41)).ok());
+  EXPECT_TRUE(relay.forward(event(v1::Event::KIND_JOB_DONE, 1LL << 41)).ok());
   EXPECT_EQ(**EventRelay(poster, quick(file), no_log).last_sequence(), 1LL << 41);
   for (const char* content : {"", "seven\n", "-3\n"}) {
     std::ofstream(file) << content;
@@ -141,7 +141,7 @@ TEST(EventRelay, UnacceptedEventIsNotPersisted) {
   poster.before_answer = [&](std::size_t posts) {
     if (posts == 3) relay.cancel();
   };
-  EXPECT_TRUE(absl::IsCancelled(relay.pass(event(v1::Event::KIND_JOB_DONE, 4))));
+  EXPECT_TRUE(absl::IsCancelled(relay.forward(event(v1::Event::KIND_JOB_DONE, 4))));
   EXPECT_EQ(poster.posted.size(), 3);
   EXPECT_FALSE(std::filesystem::exists(file));
 }
