@@ -1,8 +1,9 @@
-# `cmake --install` and CPack: three components, one per Debian package.
+# `cmake --install` and CPack: four components, one per Debian package.
 #
-#   cli      tessera: submits jobs, renders on this machine, manages farms
-#   server   tessera-server, the coordinator, and tessera-webhook
-#   worker   tessera-worker and its decoder of Radiance images
+#   cli        tessera: submits jobs, renders on this machine, manages farms
+#   server     tessera-server, the coordinator, and tessera-webhook
+#   worker     tessera-worker
+#   radiance   the worker's decoder of Radiance images, apart because OpenImageIO draws in 300 libraries
 #
 # Everything is relative to the prefix: the programs find each other beside themselves and the
 # decoder in ../lib/tessera, so an installed tree may be moved.
@@ -11,7 +12,7 @@ include(GNUInstallDirs)
 install(TARGETS tessera RUNTIME COMPONENT cli)
 install(TARGETS tessera-server tessera-webhook RUNTIME COMPONENT server)
 install(TARGETS tessera-worker RUNTIME COMPONENT worker)
-install(TARGETS tessera_radiance LIBRARY DESTINATION lib/tessera COMPONENT worker)
+install(TARGETS tessera_radiance LIBRARY DESTINATION lib/tessera COMPONENT radiance)
 
 # Man pages and completions are written by the build (target `manual`) from the tables of --help.
 set(manual ${PROJECT_BINARY_DIR}/manual)
@@ -45,13 +46,13 @@ foreach(component IN ITEMS server worker)
 endforeach()
 
 # Configuration: examples under every prefix. An installation into /usr, as that of a package, has
-# them in /etc as well.
+# them in /etc as well; file(INSTALL) puts DESTDIR before that path.
 function(tessera_install_config component file permissions)
   install(FILES deploy/config/${file} DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/tessera-${component}/examples
     COMPONENT ${component})
   install(CODE "
     if(CMAKE_INSTALL_PREFIX STREQUAL \"/usr\")
-      file(INSTALL \"${PROJECT_SOURCE_DIR}/deploy/config/${file}\" DESTINATION \"\$ENV{DESTDIR}/etc/tessera\"
+      file(INSTALL \"${PROJECT_SOURCE_DIR}/deploy/config/${file}\" DESTINATION /etc/tessera
         FILE_PERMISSIONS ${permissions})
     endif()" COMPONENT ${component})
 endfunction()
@@ -71,12 +72,12 @@ file(WRITE ${PROJECT_BINARY_DIR}/packages/changelog
 
   * See CHANGELOG.md for the changes of this version.
 
- -- The Tessera authors <tessera@localhost>  ${date}
+ -- The Tessera authors <tessera@example.org>  ${date}
 ")
 execute_process(COMMAND gzip -9nkf changelog WORKING_DIRECTORY ${PROJECT_BINARY_DIR}/packages
   COMMAND_ERROR_IS_FATAL ANY)
 
-foreach(component IN ITEMS cli server worker)
+foreach(component IN ITEMS cli server worker radiance)
   install(FILES deploy/packages/copyright
     DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/tessera-${component} COMPONENT ${component})
   install(FILES ${PROJECT_BINARY_DIR}/packages/changelog.gz RENAME changelog.Debian.gz
