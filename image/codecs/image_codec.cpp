@@ -33,7 +33,7 @@ absl::StatusOr<RadianceDecoder> open_radiance() {
   void* module = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (module == nullptr) {
     return absl::FailedPreconditionError(
-        absl::StrCat("cannot load the Radiance decoder: ", dlerror()));
+        absl::StrCat("cannot load the Radiance decoder (package tessera-radiance): ", dlerror()));
   }
   using Entry = RadianceDecoder (*)();
   const auto entry = reinterpret_cast<Entry>(dlsym(module, kRadianceEntry));
