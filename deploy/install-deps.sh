@@ -24,6 +24,12 @@ test_packages=(
   libgtest-dev libgmock-dev libembree-dev
   clang-14 libclang-rt-14-dev clang-format-14 clang-tidy-14
   git python3 prometheus
+  # End-to-end tests: Slurm, containers, systemd units, packages.
+  slurmctld slurmd slurm-client munge
+  podman podman-compose runc catatonit iptables containernetworking-plugins
+  golang-github-containernetworking-plugin-dnsname
+  systemd procps
+  mmdebstrap lintian dpkg-dev file
 )
 
 packages=("${build_packages[@]}" "${test_packages[@]}")

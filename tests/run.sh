@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
-# Installs what is missing, builds the dev preset and runs every test. Arguments go to ctest:
+# Installs missing packages, builds the dev preset and runs every test. Arguments go to ctest:
 #
-#   tests/run.sh                 everything
-#   tests/run.sh -L unit         one kind: unit, numeric, integration or e2e
-#   tests/run.sh -R same_bits    by name
+#   tests/run.sh                 all tests
+#   tests/run.sh -L unit         tests of one kind: unit, numeric, integration or e2e
+#   tests/run.sh -R same_bits    tests by name
 #
-# The last line printed says how many tests passed. From nothing on two cores: 17 minutes.
+# Prints at the end how many tests passed, and which were skipped and why. With TESSERA_STRICT_SKIPS=1, as
+# in .ci/run, a skip that tests/allowed_skips.txt does not list is a failure.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -13,9 +14,15 @@ deploy/install-deps.sh
 cmake --preset dev
 cmake --build --preset dev
 
-log=$(mktemp)
-trap 'rm -f "$log"' EXIT
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
 status=0
-ctest --preset dev --parallel "$(nproc)" "$@" </dev/null 2>&1 | tee "$log" || status=$?
-echo "tests/run.sh: $(grep -E '^[0-9]+% tests passed' "$log" || echo 'ctest gave no verdict')"
+ctest --preset dev --parallel "$(nproc)" --output-junit "$scratch/report.xml" "$@" </dev/null 2>&1 |
+  tee "$scratch/log" || status=$?
+echo "tests/run.sh: $(grep -E '^[0-9]+% tests passed' "$scratch/log" || echo 'ctest gave no verdict')"
+if [ -f "$scratch/report.xml" ]; then
+  strict=()
+  [ "${TESSERA_STRICT_SKIPS:-0}" = 0 ] || strict=(--strict)
+  tests/skips.py "$scratch/report.xml" "${strict[@]}" || status=1
+fi
 exit "$status"

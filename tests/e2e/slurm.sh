@@ -1,16 +1,16 @@
 #!/usr/bin/env bash
-# deploy/slurm/workers.sbatch on a real Slurm: controller, three nodes and munge on this host, in a
-# private folder. Workers join as an array, one is cancelled in mid-job and drains, one is killed with its
-# node and queued again (Slurm starts it minutes later: not awaited); the pixels are those of a render
-# without Slurm.
+# deploy/slurm/workers.sbatch under Slurm: controller, three nodes and munge on this host, in a private
+# directory. Workers join as an array. During a job one is cancelled and drains, and one is killed with its
+# node and queued again (Slurm starts it minutes later, which is not awaited). The pixels must equal those
+# of a render without Slurm.
 #
 # Needs root (munged runs as its own user) and the packages slurm-wlm and munge; else it is skipped.
 . "$(dirname "$0")/farm.sh"
 
 for program in slurmctld slurmd munged sbatch; do
-  command -v "$program" >/dev/null || { echo "SKIPPED: $program is not installed"; exit 0; }
+  command -v "$program" >/dev/null || skip "$program is not installed"
 done
-[ "$(id -u)" -eq 0 ] || { echo "SKIPPED: needs root, for munged's own user"; exit 0; }
+[ "$(id -u)" -eq 0 ] || skip "needs root, for munged's own user"
 
 slurm=$(mktemp -d "${TMPDIR:-/tmp}/tessera-slurm.XXXXXX")  # not in $work: munge's user looks into it
 sbatch_file=$(cd "$(dirname "$0")/../.." && pwd)/deploy/slurm/workers.sbatch

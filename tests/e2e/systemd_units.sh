@@ -2,7 +2,7 @@
 # The units of deploy/systemd are what systemd understands, and they name options that the programs have.
 . "$(dirname "$0")/farm.sh"
 
-command -v systemd-analyze >/dev/null || { echo "SKIPPED: systemd-analyze is not installed"; exit 0; }
+command -v systemd-analyze >/dev/null || skip "systemd-analyze is not installed"
 units=$(cd "$(dirname "$0")/../../deploy/systemd" && pwd)
 mkdir "$work/units"
 for unit in "$units"/*.service; do
