@@ -27,42 +27,43 @@ std::optional<Certainty> parse_certainty(const std::string& name) {
 
 ConvergenceResult assess_convergence(const FrameStatistics& s, const StoppingStats& stopping,
                                      double error) {
-  constexpr double kFewest = contract::StoppingRule::kMinEffectivePixels;
-  ConvergenceResult claim;
-  const auto doubt = [&](const std::string& reason) { claim.reasons.push_back(reason); };
+  constexpr double kMinPixels = contract::StoppingRule::kMinEffectivePixels;
+  ConvergenceResult result;
+  const auto add_reason = [&](const std::string& reason) { result.reasons.push_back(reason); };
   if (s.mean_luminance.value_or(0) <= 0) {
-    doubt("the first pass of the frame is black: no error can be put in relation to it");
+    add_reason("the frame's first pass is black, so its relative error is undefined");
   }
   if (s.dropped_samples > 0) {
-    doubt(absl::StrCat(s.dropped_samples, " samples were not finite and were left out"));
+    add_reason(absl::StrCat(s.dropped_samples, " samples were not finite and were dropped"));
   }
-  if (s.clamped_energy > 0) doubt("--clamp removed radiance");
-  if (s.estimated.n_eff > 0 && s.estimated.n_eff < kFewest) {
-    doubt(absl::StrFormat("the error sits in about %.3g pixels: too few to bound it",
-                          s.estimated.n_eff));
+  if (s.clamped_energy > 0) add_reason("--clamp removed radiance");
+  if (s.estimated.n_eff > 0 && s.estimated.n_eff < kMinPixels) {
+    add_reason(absl::StrFormat(
+        "the error is concentrated in about %.3g pixels, too few for a confidence bound",
+        s.estimated.n_eff));
   }
   if (stopping.concentrated_tiles > 0) {
-    doubt(absl::StrCat(stopping.concentrated_tiles, " tiles have their error in fewer than ",
-                       kFewest, " pixels each: too few to bound it"));
+    add_reason(absl::StrCat(stopping.concentrated_tiles,
+                            " tiles have their error concentrated in fewer ", "than ", kMinPixels,
+                            " pixels each, too few for a confidence bound"));
   }
-  const bool is_doubtful = !claim.reasons.empty();
+  const bool is_uncertain = !result.reasons.empty();
   const bool holds = s.estimated.error_upper95 <= error, is_capped = stopping.capped_tiles > 0;
   if (!holds) {
-    std::string bound = absl::StrFormat("the error's upper bound is %.4g, asked for was %.4g",
+    std::string bound = absl::StrFormat("the 95 %% error bound is %.4g, above the target %.4g",
                                         s.estimated.error_upper95, error);
     if (is_capped) {
-      absl::StrAppend(&bound, "; ", stopping.capped_tiles,
-                      " tiles have all the samples --max-spp allows");
+      absl::StrAppend(&bound, "; ", stopping.capped_tiles, " tiles reached --max-spp");
     }
-    doubt(bound);
+    add_reason(bound);
   }
-  if (is_doubtful) return claim;
+  if (is_uncertain) return result;
   if (holds) {
-    claim.certainty = Certainty::converged;
+    result.certainty = Certainty::converged;
   } else if (is_capped) {
-    claim.certainty = Certainty::capped;
+    result.certainty = Certainty::capped;
   }
-  return claim;
+  return result;
 }
 
 }  // namespace tessera::server

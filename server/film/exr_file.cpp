@@ -48,8 +48,8 @@ Imf::PixelType pixel_type(ExrType type) {
   return Imf::FLOAT;
 }
 
-/// Writes through stdio and remembers failure: OpenEXR completes a file in a destructor, where
-/// its own errors are lost.
+/// Writes with stdio and records failures: OpenEXR completes a file in a destructor, where its own
+/// errors are lost.
 class Sink : public Imf::OStream {
  public:
   explicit Sink(const std::string& path)
@@ -76,7 +76,7 @@ class Sink : public Imf::OStream {
       throw std::system_error(error_, std::generic_category());
     }
   }
-  /// 0 if every byte went out, else errno's value. Nothing may be written afterwards.
+  /// Returns 0 if all bytes were written, else an errno value. No writes may follow.
   int finish() {
     if (file_ != nullptr && std::fclose(file_) != 0) fail();
     file_ = nullptr;

@@ -21,7 +21,7 @@ std::string label(const FrameKey& key) {
   return absl::StrCat("job ", key.job_id, ", frame ", key.frame);
 }
 
-/// `has_scale`: m is known and above 0.
+/// `has_scale`: m is known and positive.
 TrueErrorStats figures_of(const TrueSums& sums, std::int64_t pixels, bool has_scale) {
   const double values = 3 * static_cast<double>(pixels);
   TrueErrorStats figures{std::sqrt(sums.squared / values), sums.relative / values, std::nullopt};
@@ -103,13 +103,13 @@ FilmCache::Entry& FilmCache::fetch_entry(const FrameKey& key, Frame& frame, std:
   return entries_.front();
 }
 
-/// Passes that go into a tile, as far as is known.
+/// Passes that the tile gets, as far as is known.
 std::int32_t FilmCache::pass_target(const Frame& frame, std::int32_t tile) {
   return frame.rule ? frame.rule->pass_count(tile) : pass_count(frame);
 }
 
-/// Adds the committed passes before `end` that follow on those the entry has. `block`, if not
-/// null, is the one of pass end − 1; the others are read.
+/// Adds the committed passes before `end` that the entry does not have. `block`, if not null,
+/// belongs to pass end − 1; the others are read.
 absl::Status FilmCache::advance(Frame& frame, Entry& entry, const contract::FilmBlock* block,
                                 std::int32_t end) {
   const Tile& tile = frame.tiles[at(entry.key.second)];
@@ -131,7 +131,7 @@ absl::Status FilmCache::advance(Frame& frame, Entry& entry, const contract::Film
   return status;
 }
 
-/// Keeps the error of a tile after its newest pass, and tells the stopping rule. Requires m.
+/// Records the error of a tile after its latest pass, and adds it to the stopping rule. Requires m.
 void FilmCache::measure(Frame& frame, std::int32_t tile, const TileSum& sum) {
   const std::int32_t pass = sum.pass_count() - 1;
   Tile& state = frame.tiles[at(tile)];
@@ -148,7 +148,7 @@ void FilmCache::measure(Frame& frame, std::int32_t tile, const TileSum& sum) {
   if (frame.rule) frame.rule->add(tile, pass, *error);
 }
 
-/// Notes what is kept of a tile when its sums are gone.
+/// Records what remains of a tile when its sums are evicted.
 void FilmCache::note_pass(Frame& frame, const Entry& entry) {
   Tile& tile = frame.tiles[at(entry.key.second)];
   const std::int32_t pass = entry.sum.pass_count() - 1;
@@ -172,7 +172,7 @@ void FilmCache::measure_cached(const FrameKey& key, Frame& frame) {
     const TileSum& sum = it->second->sum;
     if (sum.pass_count() > 0) measure(frame, it->first.second, sum);
   }
-  frame.has_unread_blocks = true;  // tiles may have been evicted unmeasured
+  frame.has_unread_blocks = true;  // tiles may have been evicted before being measured
 }
 
 void FilmCache::drop_entry(Entries::iterator entry) {
@@ -200,7 +200,7 @@ absl::Status FilmCache::add(const FrameKey& key, std::int32_t tile, std::int32_t
   }
   std::vector<bool>& committed = frame.tiles[at(tile)].committed;
   committed[at(pass)] = true;
-  // Ahead of its turn: it will be read back when the passes before it are there.
+  // Ahead of its predecessors: read back once they are committed.
   if (std::find(committed.begin(), committed.begin() + pass, false) != committed.begin() + pass) {
     return absl::OkStatus();
   }
@@ -212,7 +212,8 @@ absl::Status FilmCache::add(const FrameKey& key, std::int32_t tile, std::int32_t
   return status;
 }
 
-absl::Status FilmCache::record_committed(const FrameKey& key, std::int32_t tile, std::int32_t pass) {
+absl::Status FilmCache::record_committed(const FrameKey& key, std::int32_t tile,
+                                         std::int32_t pass) {
   const std::lock_guard lock(mutex_);
   const absl::StatusOr<Frame*> found = find(key, tile, pass);
   if (!found.ok()) return found.status();
@@ -246,10 +247,10 @@ absl::Status FilmCache::read_luminance(const FrameKey& key, Frame& frame) {
   return absl::OkStatus();
 }
 
-/// Reads back committed blocks the rule waits for: after a restart, or where m came late.
+/// Reads back committed blocks that the rule has not received: after a restart, or if m came late.
 absl::Status FilmCache::catch_up(const FrameKey& key, Frame& frame) {
   bool has_read = true;
-  while (has_read) {  // a decision may let a tile go on whose blocks are there already
+  while (has_read) {  // a new target may cover passes that are already committed
     has_read = frame.has_unread_blocks = false;
     for (std::int32_t tile = 0; tile < frame.grid.tile_count(); ++tile) {
       const Tile& state = frame.tiles[at(tile)];
@@ -264,7 +265,7 @@ absl::Status FilmCache::catch_up(const FrameKey& key, Frame& frame) {
         if (!status.ok()) return status;
         has_read = true;
       } else if (next < state.committed.size() && state.committed[next]) {
-        frame.has_unread_blocks = true;  // its decision is still to come
+        frame.has_unread_blocks = true;  // its target is still pending
       }
     }
   }
@@ -290,7 +291,7 @@ absl::StatusOr<std::vector<contract::StoppingRule::PassTarget>> FilmCache::take_
   return frame.rule->take_changes();
 }
 
-/// False if the tile is cached and passed one without being measured, as m was not known yet.
+/// Returns false if the tile is cached and a pass was not measured because m was unknown.
 bool FilmCache::is_measured(const Frame& frame, const FrameKey& key, std::int32_t tile) const {
   const auto found = index_.find({key, tile});
   if (found == index_.end() || !frame.mean_luminance) return true;

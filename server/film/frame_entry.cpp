@@ -10,16 +10,17 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr double kTellingShare = 0.01;  // of the light cut by --max-depth, to be warned of
+constexpr double kWarningFraction = 0.01;  // fraction of the light cut by --max-depth that warrants
+                                           // a warning
 
-/// Beyond it a report would hold little else.
+/// With more tiles they would dominate the report.
 constexpr std::size_t kMaxTilesTold = 16'384;
 
 ordered_json tiles_json(const std::vector<TileStats>& tiles) {
   if (tiles.size() > kMaxTilesTold) return nullptr;
   ordered_json errors = ordered_json::array(), samples = ordered_json::array();
   for (const TileStats& tile : tiles) {
-    double rounded = 0;  // to what can be told of a tile
+    double rounded = 0;  // to significant digits
     (void)absl::SimpleAtod(absl::StrFormat("%.4g", tile.error), &rounded);
     errors.push_back(rounded);
     samples.push_back(tile.sample_count);
@@ -44,7 +45,8 @@ ordered_json truth_json(const std::optional<TrueErrorStats>& truth) {
 std::string frame_entry_json(const FrameResult& result, const std::string& file,
                              const std::string& status, const std::vector<CurvePoint>& curve) {
   const FrameStatistics& s = result.statistics;
-  // With m = 0 or unknown nothing scale-free can be said (design.md, section 4).
+  // Without m, or with m = 0, the relative error is undefined
+  // (docs/explanation/error-estimation.md).
   const bool has_scale = s.mean_luminance.value_or(0) > 0 && s.estimated.pixels > 0;
   const auto if_scaled = [&](double value) {
     return has_scale ? ordered_json(value) : ordered_json(nullptr);
@@ -92,27 +94,26 @@ std::vector<std::string> frame_warnings(const FrameStatistics& s) {
   std::vector<std::string> warnings;
   if (s.dropped_samples > 0) {
     warnings.push_back(absl::StrCat(s.dropped_samples,
-                                    " samples were not finite and were left out; the error "
-                                    "estimate does not cover them"));
+                                    " samples were not finite and were dropped; the error "
+                                    "estimate excludes them"));
   }
   if (s.clamped_energy > 0) {
-    warnings.push_back(absl::StrCat("--clamp removed radiance ", s.clamped_energy,
-                                    " in all; the error estimate does not cover it"));
+    warnings.push_back(absl::StrCat("--clamp removed a total radiance of ", s.clamped_energy,
+                                    "; the error estimate excludes this loss"));
   }
-  // Compared as if the mean over channels were the luminance: good enough to warn by.
+  // Treats the mean over channels as the luminance, which is accurate enough for a warning.
   const double light = 3 * static_cast<double>(s.samples) * s.mean_luminance.value_or(0);
-  if (s.truncated_energy > kTellingShare * light) {
+  if (s.truncated_energy > kWarningFraction * light) {
     warnings.push_back(absl::StrFormat(
-        "--max-depth cut about %.2g %% of the light; the error estimate is of the image without it",
+        "--max-depth removed about %.2g %% of the light; the error estimate excludes this loss",
         100 * s.truncated_energy / (light + s.truncated_energy)));
   }
   if (s.transparency_limit_count > 0) {
     warnings.push_back(absl::StrCat(s.transparency_limit_count,
-                                    " paths met 1,024 transparent surfaces and were ended"));
+                                    " paths were cut after 1,024 transparent surfaces"));
   }
   if (s.half_overflow_count > 0) {
-    warnings.push_back(
-        absl::StrCat(s.half_overflow_count, " values above 65504 were held there (--half)"));
+    warnings.push_back(absl::StrCat("--half clamped ", s.half_overflow_count, " values to 65504"));
   }
   return warnings;
 }

@@ -22,7 +22,7 @@ std::size_t at(std::int64_t index) {
   return static_cast<std::size_t>(index);
 }
 
-/// Sum of the largest values among many, in memory of a given number of them.
+/// Sums the largest values of a stream, with memory for a given number of them.
 class LargestValues {
  public:
   explicit LargestValues(std::int64_t count) : count_(at(count)) {}
@@ -38,7 +38,7 @@ class LargestValues {
     std::push_heap(heap_.begin(), heap_.end(), std::greater<>());
   }
   double sum() {
-    std::sort(heap_.begin(), heap_.end());  // the sum does not depend on how they arrived
+    std::sort(heap_.begin(), heap_.end());  // so that the sum does not depend on their order
     double total = 0;
     for (const double value : heap_) total += value;
     return total;
@@ -49,7 +49,7 @@ class LargestValues {
   std::vector<double> heap_;  // smallest first
 };
 
-/// The layers of one row of tiles, and where each begins among the planes.
+/// Layers of one row of tiles, and the first plane of each.
 class Band {
  public:
   Band(const RenderSettings& settings, std::int32_t rows)
@@ -88,7 +88,7 @@ class Band {
     }
   }
 
-  /// Puts a tile's pixels at column `x` of the band.
+  /// Copies a tile's pixels to column `x` of the band.
   void put(const TileSum& tile, std::int32_t x) {
     std::int64_t pixel = 0;
     for (std::int32_t row = 0; row < tile.height(); ++row) {
@@ -98,7 +98,7 @@ class Band {
     }
   }
 
-  /// R, G, B, A of the band's first `rows` rows go into `hasher`, pixel by pixel.
+  /// Hashes R, G, B, A of the band's first `rows` rows, pixel by pixel.
   void hash(std::int32_t rows, contract::Hasher& hasher) {
     row_.resize(4 * at(width_));
     for (std::int32_t row = 0; row < rows; ++row) {
@@ -155,7 +155,7 @@ class Band {
   std::vector<float> row_;
 };
 
-/// Gathers a frame's statistics from its tiles.
+/// Collects a frame's statistics from its tiles.
 class Gatherer {
  public:
   Gatherer(const FrameSpec& spec, const contract::TileGrid& grid)
@@ -189,7 +189,7 @@ class Gatherer {
                                     tile.sample_count()};
   }
 
-  /// Sums are folded in tile order, whatever the order the tiles came in.
+  /// Folds sums in tile order, whatever the order of the calls.
   FrameStatistics finish() {
     ErrorSums sums;
     for (const ErrorSums& tile : error_) sums.add(tile);
@@ -229,7 +229,7 @@ ExrHeader header_of(const FrameSpec& spec, const PixelRect& window) {
   return header;
 }
 
-/// SHA-256 and size of a file.
+/// Returns SHA-256 and size of a file.
 absl::Status hash_file(const std::string& path, FrameResult& result) {
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"),
                                                              &std::fclose);
@@ -248,7 +248,7 @@ absl::Status hash_file(const std::string& path, FrameResult& result) {
   return absl::OkStatus();
 }
 
-/// What a frame is written from and into.
+/// Input and output of write_frame().
 struct Assembly {
   const FrameSpec& spec;
   const contract::TileGrid& grid;
@@ -273,7 +273,7 @@ absl::Status fill_band(Assembly& assembly, std::int32_t row) {
       assembly.missing_tiles.push_back(grid.rect(index));
     } else {
       return absl::FailedPreconditionError(
-          absl::StrCat("frame ", assembly.spec.frame, ": tile ", index, " has no pass yet"));
+          absl::StrCat("frame ", assembly.spec.frame, ": tile ", index, " has no committed pass"));
     }
   }
   return absl::OkStatus();

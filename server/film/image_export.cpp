@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::int64_t kBandRows = 64;
 
-/// sRGB's curve (IEC 61966-2-1) as an 8-bit code, rounded to nearest. NaN gives 0.
+/// Returns the sRGB encoding (IEC 61966-2-1) as an 8-bit code, rounded to nearest. NaN gives 0.
 std::uint8_t srgb_code(float linear) {
   if (!(linear > 0)) return 0;
   if (linear >= 1) return 255;
@@ -33,9 +33,9 @@ std::uint8_t linear_code(float value) {
   return value >= 1 ? std::uint8_t{255} : static_cast<std::uint8_t>(std::lround(value * 255));
 }
 
-/// One pixel: `rgba` premultiplied and linear; 4 codes for PNG, 3 for JPEG.
+/// Converts a pixel: `rgba` is premultiplied and linear; 4 codes for PNG, 3 for JPEG.
 void encode_pixel(const float* rgba, float gain, ExportFormat format, std::uint8_t* out) {
-  if (format == ExportFormat::jpeg) {  // premultiplied over black is what it is
+  if (format == ExportFormat::jpeg) {  // over black, premultiplied values need no change
     for (int c = 0; c < 3; ++c) out[c] = srgb_code(rgba[c] * gain);
     return;
   }
@@ -49,10 +49,10 @@ absl::Status unreadable(const std::string& path, const std::string& reason) {
   return absl::DataLossError(absl::StrCat(path, ": ", reason));
 }
 
-/// Reads the R, G, B and A of a frame's EXR, band by band, as floats.
+/// Reads R, G, B, A of a frame's EXR file as floats, band by band.
 class FrameReader {
  public:
-  /// Throws what OpenEXR throws.
+  /// Throws OpenEXR's exceptions.
   explicit FrameReader(const std::string& path)
       : file_(path.c_str()), window_(file_.header().dataWindow()) {}
 
@@ -66,7 +66,7 @@ class FrameReader {
     return true;
   }
 
-  /// Rows [begin, end), counted from 0, into `rgba`. Throws what OpenEXR throws.
+  /// Reads rows [begin, end), counted from 0, into `rgba`. Throws OpenEXR's exceptions.
   void read(std::int64_t begin, std::int64_t end, float* rgba) {
     const std::size_t row = 4 * sizeof(float) * static_cast<std::size_t>(width());
     const Imath::V2i origin(window_.min.x, window_.min.y + static_cast<int>(begin));
@@ -85,7 +85,7 @@ class FrameReader {
   Imath::Box2i window_;
 };
 
-/// Reads bands, converts them, and hands them to the encoder. Throws what OpenEXR throws.
+/// Reads bands, converts them and passes them to the encoder. Throws OpenEXR's exceptions.
 absl::StatusOr<std::string> convert(FrameReader& frame, image::ImageEncoder& encoder,
                                     ExportFormat format, float gain) {
   const std::size_t channels = format == ExportFormat::png ? 4 : 3;

@@ -18,7 +18,8 @@ std::size_t at(std::int64_t index) {
   return static_cast<std::size_t>(index);
 }
 
-/// The nearest float, held at the largest finite one: a mean of few kept samples may exceed it.
+/// Returns the nearest float, clamped to the largest finite one, which a mean of few samples may
+/// exceed.
 float to_float(double value) {
   constexpr double kLargest = std::numeric_limits<float>::max();
   if (value > kLargest) value = kLargest;
@@ -31,14 +32,14 @@ void add_plane(const std::vector<float>& plane, std::vector<Sum>& sums) {
   for (std::size_t i = 0; i < plane.size(); ++i) sums[i] += plane[i];
 }
 
-/// Samples [first, first + count) that belong to replicate `r`.
+/// Returns the number of samples [first, first + count) in replicate `r`.
 std::int32_t samples_of_replicate(std::int32_t first, std::int32_t count, int r) {
   const auto below = [r](std::int32_t end) { return (end + kReplicates - 1 - r) / kReplicates; };
   return below(first + count) - below(first);
 }
 
-/// Sums over the replicates of one channel: (x_r − x̄)², bare and over the two denominators, each
-/// ÷ R(R−1).
+/// Sums over the replicates of one channel: (x_r − x̄)², plain and divided by the two denominators,
+/// each ÷ R(R−1).
 struct ChannelError {
   double squared = 0, relative = 0, scaled = 0;
 };
@@ -55,7 +56,7 @@ ChannelError channel_error(std::span<const double> means, double floor_scaled) {
     const double difference = means[i] - mean;
     const double square = difference * difference;
     if (square == 0) continue;
-    // The mean of the others: with its own value below it, a firefly divides by itself.
+    // The mean of the other replicates: otherwise a firefly would be divided by itself.
     double others = 0;
     for (std::size_t k = 0; k < means.size(); ++k) {
       if (k != i) others += means[k];
@@ -69,8 +70,8 @@ ChannelError channel_error(std::span<const double> means, double floor_scaled) {
   return {sums.squared / pairs, sums.relative / pairs, sums.scaled / pairs};
 }
 
-/// The same for one channel of kLanes pixels at once, all samples kept: inner loops are over
-/// pixels, which compilers turn into vector instructions. Sums are in the order of channel_error.
+/// The same for one channel of kLanes pixels at once, with all samples kept. Inner loops are over
+/// pixels, so that compilers vectorise them. Adds in the order of channel_error.
 constexpr int kLanes = 8;
 using Lanes = std::array<double, kLanes>;
 
@@ -105,7 +106,7 @@ void add_lane_errors(const std::array<Lanes, kReplicates>& x, double floor_scale
   }
 }
 
-/// Errors of pixels kLanes pixels from `rgb` on, all of whose samples were kept.
+/// Errors of kLanes pixels starting at `rgb`, with all samples kept.
 LaneErrors lane_errors(const double* rgb, std::int32_t sample_count, double floor_scaled) {
   const double per_sample = static_cast<double>(kReplicates) / sample_count;
   LaneErrors errors;

@@ -60,7 +60,7 @@ absl::StatusOr<KeyPair> read_authority(const std::string& folder) {
     if (text.ok()) continue;
     return absl::Status(text.status().code(),
                         absl::StrCat(std::string(text.status().message()),
-                                     " (tessera-server init-certs makes an authority)"));
+                                     " (create the authority with `tessera-server init-certs`)"));
   }
   const Bio certificate(BIO_new_mem_buf(certificate_text->data(), -1));
   const Bio key(BIO_new_mem_buf(key_text->data(), -1));
@@ -86,7 +86,7 @@ struct Extensions {
   std::string names;    // empty: none
 };
 
-/// A key and the certificate for it, signed by `authority`, or by itself if that is null.
+/// Creates a key and its certificate, signed by `authority`, or self-signed if that is null.
 absl::StatusOr<KeyPair> make_pair_signed(const std::string& common_name, const Extensions& wanted,
                                          const Validity& validity, const KeyPair* authority) {
   KeyPair pair;
@@ -94,7 +94,7 @@ absl::StatusOr<KeyPair> make_pair_signed(const std::string& common_name, const E
   pair.certificate.reset(X509_new());
   const Bignum serial(BN_new());
   X509* const made = pair.certificate.get();
-  if (!pair.key || made == nullptr || !serial) return openssl_failed("make a key");
+  if (!pair.key || made == nullptr || !serial) return openssl_failed("create a key");
   const X509* const issuer = authority == nullptr ? made : authority->certificate.get();
   EVP_PKEY* const signer = authority == nullptr ? pair.key.get() : authority->key.get();
   X509_NAME* const subject = X509_get_subject_name(made);
@@ -122,12 +122,12 @@ absl::StatusOr<KeyPair> make_pair_signed(const std::string& common_name, const E
     ok = add_extension(made, context, NID_subject_alt_name, wanted.names);
   }
   if (!ok || X509_sign(made, signer, EVP_sha256()) == 0)
-    return openssl_failed("make a certificate");
+    return openssl_failed("create a certificate");
   return pair;
 }
 
-/// "IP:10.0.0.7" or "DNS:farm.example"; empty if `host` can be neither. Nothing else gets through
-/// to OpenSSL's parser of such lists.
+/// Returns "IP:10.0.0.7" or "DNS:farm.example"; empty if `host` is neither. Nothing else reaches
+/// OpenSSL's parser of such lists.
 std::string subject_name_of(const std::string& host) {
   std::array<unsigned char, sizeof(in6_addr)> address{};
   if (::inet_pton(AF_INET, host.c_str(), address.data()) == 1 ||
@@ -174,11 +174,11 @@ absl::Status issue_server(const std::string& folder, const std::vector<std::stri
     const std::string name = subject_name_of(host);
     if (name.empty()) {
       return absl::InvalidArgumentError(
-          absl::StrCat("--host \"", host, "\" is no host name or IP address"));
+          absl::StrCat("--host \"", host, "\" is not a host name or IP address"));
     }
     absl::StrAppend(&names, names.empty() ? "" : ",", name);
   }
-  if (names.empty()) return absl::InvalidArgumentError("the server needs at least one --host");
+  if (names.empty()) return absl::InvalidArgumentError("at least one --host is required");
   const auto authority = read_authority(folder);
   if (!authority.ok()) return authority.status();
   const Extensions extensions{"critical,CA:FALSE", "critical,digitalSignature", "serverAuth",
@@ -194,22 +194,22 @@ absl::Status issue_server(const std::string& folder, const std::vector<std::stri
 absl::Status issue(const std::string& folder, Role role, const std::string& name,
                    const std::string& out, const Validity& validity) {
   if (!is_identity_name(name)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("--name \"", name, "\" needs 1 to 64 of A-Z a-z 0-9 . _ -, no dot in front"));
+    return absl::InvalidArgumentError(absl::StrCat(
+        "--name \"", name, "\" must be 1 to 64 of A-Z a-z 0-9 . _ - and not start with a dot"));
   }
   const auto authority = read_authority(folder);
   if (!authority.ok()) return authority.status();
   if (absl::Status status = make_private_folder(out); !status.ok()) return status;
   if (::access((out + "/tls.key").c_str(), F_OK) == 0) {
     return absl::AlreadyExistsError(
-        absl::StrCat(out, "/tls.key is there already; give another folder with --out"));
+        absl::StrCat(out, "/tls.key already exists; choose another directory with --out"));
   }
   const std::string uri = identity_uri(role, name);
   const Extensions extensions{"critical,CA:FALSE", "critical,digitalSignature", "clientAuth",
                               "URI:" + uri};
   const auto pair = make_pair_signed(name, extensions, validity, &*authority);
   if (!pair.ok()) return pair.status();
-  // Noted first: a certificate that is not listed could not be revoked.
+  // Listed first: a certificate that is not listed could not be revoked.
   absl::Status status = note_issued(folder, pair->certificate.get(), uri, validity);
   if (status.ok()) status = write_pair(*pair, out + "/tls.crt", out + "/tls.key");
   if (!status.ok()) return status;
@@ -235,7 +235,7 @@ absl::Status revoke(const std::string& folder, Role role, const std::string& nam
   }
   if (added.empty()) {
     return absl::NotFoundError(
-        absl::StrCat(folder, "/issued: no certificate of ", uri, " that is not revoked already"));
+        absl::StrCat(folder, "/issued: no certificate of ", uri, " that is not revoked"));
   }
   return append_file(folder + "/revoked", added);
 }

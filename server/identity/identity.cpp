@@ -15,7 +15,7 @@ namespace {
 constexpr char kScheme[] = "tessera://";
 constexpr std::size_t kLongestName = 64;
 
-/// The only tessera:// URI among the subject alternative names; empty if there is none, or several.
+/// Returns the only tessera:// URI among the subject alternative names; empty for none or several.
 std::string uri_of(const X509* certificate) {
   const SubjectNames names(static_cast<GENERAL_NAMES*>(
       X509_get_ext_d2i(certificate, NID_subject_alt_name, nullptr, nullptr)));
@@ -65,7 +65,7 @@ std::string identity_uri(Role role, std::string_view name) {
 absl::StatusOr<Identity> read_identity(std::string_view pem) {
   const Bio bytes(BIO_new_mem_buf(pem.data(), static_cast<int>(pem.size())));
   const Certificate certificate(PEM_read_bio_X509(bytes.get(), nullptr, nullptr, nullptr));
-  if (!certificate) return absl::UnauthenticatedError("the certificate cannot be read");
+  if (!certificate) return absl::UnauthenticatedError("invalid certificate");
   const std::string uri = uri_of(certificate.get());
   const std::size_t slash = uri.rfind('/');
   const std::size_t scheme = sizeof kScheme - 1;
@@ -76,14 +76,14 @@ absl::StatusOr<Identity> read_identity(std::string_view pem) {
   if (role) identity.name = uri.substr(slash + 1);
   if (!role || !is_identity_name(identity.name)) {
     return absl::UnauthenticatedError(
-        "the certificate names no role: it needs one URI tessera://client|worker|admin/NAME "
-        "(tessera-server issue-cert)");
+        "the certificate has no role: expected one URI tessera://client|worker|admin/NAME "
+        "(issue it with `tessera-server issue-cert`)");
   }
   identity.role = *role;
   identity.serial = serial_of(certificate.get());
   std::tm until{};
   if (ASN1_TIME_to_tm(X509_get0_notAfter(certificate.get()), &until) != 1) {
-    return absl::UnauthenticatedError("the certificate's end cannot be read");
+    return absl::UnauthenticatedError("the certificate's expiry date is invalid");
   }
   identity.expires_s = ::timegm(&until);
   return identity;

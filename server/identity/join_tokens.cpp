@@ -19,14 +19,14 @@ namespace {
 constexpr std::size_t kIdDigits = 8;
 constexpr mode_t kPrivate = 0600;
 
-/// An id comes from the network and names a file: eight hexadecimal digits, nothing else.
+/// Checks an ID, which comes from the network and becomes a file name: eight hexadecimal digits.
 bool is_token_id(const std::string& id) {
   return id.size() == kIdDigits && id.find_first_not_of("0123456789abcdef") == std::string::npos;
 }
 
 absl::Status no_such_token() {
   return absl::UnauthenticatedError(
-      "this join token is unknown or revoked; tessera-server tokens create makes one");
+      "this join token is unknown or revoked; create one with `tessera-server tokens create`");
 }
 
 }  // namespace
@@ -67,7 +67,8 @@ absl::StatusOr<JoinToken> JoinTokens::read(const std::string& id) const {
       fields += absl::SimpleAtoi(words[1], &token.max_joins);
     }
   }
-  if (fields != 3) return absl::DataLossError(absl::StrCat(folder_, "/", id, " holds no token"));
+  if (fields != 3)
+    return absl::DataLossError(absl::StrCat(folder_, "/", id, " does not contain a token"));
   return token;
 }
 
@@ -78,7 +79,7 @@ absl::StatusOr<std::vector<JoinToken>> JoinTokens::list() const {
     const std::string id = entry.path().filename().string();
     if (!is_token_id(id)) continue;
     auto token = read(id);
-    if (absl::IsNotFound(token.status())) continue;  // revoked just now
+    if (absl::IsNotFound(token.status())) continue;  // revoked in the meantime
     if (!token.ok()) return token.status();
     tokens.push_back(*std::move(token));
   }

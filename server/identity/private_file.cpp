@@ -80,7 +80,7 @@ absl::StatusOr<std::string> read_file(const std::string& path) {
   absl::Status status = got < 0 ? error_at(path) : absl::OkStatus();
   ::close(file);
   if (!status.ok()) return status;
-  if (bytes.size() > kLargestBytes) return absl::OutOfRangeError(absl::StrCat(path, ": too long"));
+  if (bytes.size() > kLargestBytes) return absl::OutOfRangeError(absl::StrCat(path, ": too large"));
   return bytes;
 }
 

@@ -18,7 +18,7 @@ constexpr int kMaxAssets = 100'000;
 constexpr std::size_t kChunkBytes = 1 << 20;
 constexpr std::int64_t kLargestAssetBytes = std::int64_t{1} << 40;
 
-/// Writes what arrives to an upload file, hashing on the way; keeps it if it is what it said.
+/// Writes received bytes to an upload file and publishes it if they match the announced digest.
 class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
  public:
   Upload(Coordinator& coordinator, const Access& access, const absl::StatusOr<Caller>& caller)
@@ -46,26 +46,26 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
   absl::Status take() {
     if (request_.has_asset()) return begin(request_.asset());
     const std::string& chunk = request_.chunk();
-    if (!digest_) return absl::InvalidArgumentError("the first message must name the asset");
+    if (!digest_) return absl::InvalidArgumentError("the first message must contain the asset ID");
     if (chunk.empty() || chunk.size() > kChunkBytes) {
       return absl::InvalidArgumentError(
-          absl::StrCat("chunk: ", chunk.size(), " bytes, needs 1 to 1048576"));
+          absl::StrCat("chunk: ", chunk.size(), " bytes, expected 1 to 1048576"));
     }
     received_bytes_ += static_cast<std::int64_t>(chunk.size());
     if (received_bytes_ > size_bytes_) {
-      return absl::InvalidArgumentError("more bytes than asset.size_bytes");
+      return absl::InvalidArgumentError("chunk: more bytes than asset.size_bytes");
     }
     hasher_.update(chunk);
     if (output_ && !output_->write(chunk.data(), static_cast<std::streamsize>(chunk.size()))) {
-      return absl::ResourceExhaustedError("the upload cannot be written: is the store full?");
+      return absl::ResourceExhaustedError("cannot write the upload (store full?)");
     }
     return absl::OkStatus();
   }
 
   absl::Status begin(const v1::AssetId& asset) {
-    if (digest_) return absl::InvalidArgumentError("a second asset in one upload");
+    if (digest_) return absl::InvalidArgumentError("asset: only allowed in the first message");
     digest_ = contract::Digest::from_binary(asset.sha256());
-    if (!digest_) return absl::InvalidArgumentError("asset.sha256: is not 32 bytes");
+    if (!digest_) return absl::InvalidArgumentError("asset.sha256: expected 32 bytes");
     size_bytes_ = asset.size_bytes();
     if (size_bytes_ < 0 || size_bytes_ > kLargestAssetBytes) {
       return absl::InvalidArgumentError(
@@ -84,15 +84,15 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
   }
 
   void complete() {
-    if (!digest_) return fail("no asset was named");
+    if (!digest_) return fail("asset: missing");
     if (received_bytes_ != size_bytes_) {
-      return fail(absl::StrCat("got ", received_bytes_, " of ", size_bytes_, " bytes"));
+      return fail(absl::StrCat("received ", received_bytes_, " of ", size_bytes_, " bytes"));
     }
     if (hasher_.finish() != *digest_) return fail("the bytes do not match asset.sha256");
     if (!output_) return Finish(grpc::Status::OK);
     output_->close();
     if (output_->fail()) {
-      return Finish(contract::to_rpc(absl::ResourceExhaustedError("the upload is not complete")));
+      return Finish(contract::to_rpc(absl::ResourceExhaustedError("the upload is incomplete")));
     }
     coordinator_.publish_asset(path_, *digest_, [this](const absl::Status& status) {
       is_kept_ = status.ok();
@@ -106,13 +106,13 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
 
   Coordinator& coordinator_;
   const Access& access_;
-  const Caller caller_;  // also for its place among the open streams
+  const Caller caller_;  // also its reservation in the stream limit
   v1::UploadAssetRequest request_;
   std::optional<contract::Digest> digest_;
   std::int64_t size_bytes_ = 0, received_bytes_ = 0;
   contract::Hasher hasher_;
   std::string path_;
-  std::optional<std::ofstream> output_;  // none: the asset is here already
+  std::optional<std::ofstream> output_;  // none: the asset already exists
   bool is_kept_ = false;
 };
 
@@ -121,13 +121,14 @@ class Download final : public grpc::ServerWriteReactor<v1::DownloadAssetResponse
   void start(const std::string& path) {
     input_.open(path, std::ios::binary);
     if (!input_) {
-      return Finish(contract::to_rpc(absl::NotFoundError("the asset is not here; upload it")));
+      return Finish(contract::to_rpc(
+          absl::NotFoundError("the asset has not been uploaded; upload it and repeat")));
     }
     send_next(true);
   }
 
   void OnWriteDone(bool ok) override {
-    if (!ok) return Finish(contract::to_rpc(absl::CancelledError("the client is gone")));
+    if (!ok) return Finish(contract::to_rpc(absl::CancelledError("client disconnected")));
     send_next(false);
   }
 
@@ -141,7 +142,8 @@ class Download final : public grpc::ServerWriteReactor<v1::DownloadAssetResponse
     input_.read(chunk.data(), static_cast<std::streamsize>(chunk.size()));
     chunk.resize(static_cast<std::size_t>(input_.gcount()));
     if (input_.bad()) {
-      return Finish(contract::to_rpc(absl::DataLossError("the stored bytes cannot be read")));
+      return Finish(
+          contract::to_rpc(absl::DataLossError("cannot read the stored asset; upload it again")));
     }
     if (chunk.empty() && !is_first) return Finish(grpc::Status::OK);
     StartWrite(&response_);
@@ -158,13 +160,14 @@ grpc::ServerUnaryReactor* AssetService::FindMissingAssets(
     v1::FindMissingAssetsResponse* response) {
   absl::Status status = access_.admit(*context, "AssetService.FindMissingAssets").status();
   if (status.ok() && request->assets_size() > kMaxAssets) {
-    status = absl::InvalidArgumentError("assets: more than 100000; split the list");
+    status = absl::InvalidArgumentError("assets: more than 100000 IDs; split the list");
   }
   for (int i = 0; status.ok() && i < request->assets_size(); ++i) {
     const v1::AssetId& asset = request->assets(i);
     const auto digest = contract::Digest::from_binary(asset.sha256());
     if (!digest) {
-      status = absl::InvalidArgumentError(absl::StrCat("assets[", i, "].sha256: is not 32 bytes"));
+      status =
+          absl::InvalidArgumentError(absl::StrCat("assets[", i, "].sha256: expected 32 bytes"));
     } else if (!coordinator_.has_asset(*digest)) {
       *response->add_missing() = asset;
     }
@@ -179,7 +182,7 @@ grpc::ServerReadReactor<v1::UploadAssetRequest>* AssetService::UploadAsset(
   return new Upload(coordinator_, access_, access_.admit(*context, "AssetService.UploadAsset"));
 }
 
-/// A worker reads assets of jobs it was leased; an admin, and whoever has no certificate, all.
+/// Workers may read assets of jobs leased to them; admins and callers without certificate, all.
 bool AssetService::may_read(const Caller& caller, const contract::Digest& digest) const {
   if (!caller.identity || caller.identity->role == Role::admin) return true;
   return coordinator_.is_leased_asset(digest, caller.certificate());
@@ -193,9 +196,11 @@ grpc::ServerWriteReactor<v1::DownloadAssetResponse>* AssetService::DownloadAsset
   if (!caller.ok()) {
     download->Finish(contract::to_rpc(caller.status()));
   } else if (!digest) {
-    download->Finish(contract::to_rpc(absl::InvalidArgumentError("asset.sha256: is not 32 bytes")));
+    download->Finish(
+        contract::to_rpc(absl::InvalidArgumentError("asset.sha256: expected 32 bytes")));
   } else if (!may_read(*caller, *digest) || !coordinator_.has_asset(*digest)) {
-    download->Finish(contract::to_rpc(absl::NotFoundError("the asset is not here; upload it")));
+    download->Finish(contract::to_rpc(
+        absl::NotFoundError("the asset has not been uploaded; upload it and repeat")));
   } else {
     download->start(coordinator_.asset_path(*digest));
   }

@@ -16,7 +16,7 @@ namespace tessera::server {
 namespace {
 
 constexpr std::int32_t kPageSize = 100, kLargestPageSize = 1000;
-constexpr std::int32_t kMaxDeliveries = 10'000;  // of a page: a message stays below 1 MiB
+constexpr std::int32_t kMaxDeliveries = 10'000;  // per page: keeps messages below 1 MiB
 
 grpc::ServerUnaryReactor* finish(grpc::CallbackServerContext* context, const absl::Status& status) {
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
@@ -24,7 +24,7 @@ grpc::ServerUnaryReactor* finish(grpc::CallbackServerContext* context, const abs
   return reactor;
 }
 
-/// Fills in `job` and finishes the call when the coordinator answers.
+/// Sets `job` and finishes the call when the coordinator is done.
 Coordinator::OnJob answer_with(grpc::ServerUnaryReactor* reactor, v1::Job* job) {
   return [reactor, job](const absl::StatusOr<JobView>& view) {
     if (view.ok()) *job = to_message(*view);
@@ -34,7 +34,7 @@ Coordinator::OnJob answer_with(grpc::ServerUnaryReactor* reactor, v1::Job* job) 
 
 }  // namespace
 
-/// Who calls, if it may call `rpc` for this job.
+/// Identifies the caller and checks that it may call `rpc` for this job.
 absl::StatusOr<Caller> JobService::admit(const grpc::CallbackServerContext& context,
                                          std::string_view rpc, const std::string& job_id) const {
   auto caller = access_.admit(context, rpc);
@@ -83,7 +83,7 @@ grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* cont
   JobKey before = 0;
   if (!request->page_token().empty() &&
       (!absl::SimpleAtoi(request->page_token(), &before) || before <= 0)) {
-    return finish(context, absl::InvalidArgumentError("page_token: was not given out here"));
+    return finish(context, absl::InvalidArgumentError("page_token: not a token of this server"));
   }
   if (request->page_size() < 0 || request->page_size() > kLargestPageSize) {
     return finish(context, absl::InvalidArgumentError(absl::StrCat(
@@ -186,7 +186,7 @@ grpc::ServerUnaryReactor* JobService::ListDeliveries(grpc::CallbackServerContext
   std::int64_t after = 0;
   if (!request->page_token().empty() &&
       (!absl::SimpleAtoi(request->page_token(), &after) || after <= 0)) {
-    return finish(context, absl::InvalidArgumentError("page_token: was not given out here"));
+    return finish(context, absl::InvalidArgumentError("page_token: not a token of this server"));
   }
   if (request->page_size() < 0 || request->page_size() > kMaxDeliveries) {
     return finish(context,

@@ -28,22 +28,22 @@ namespace {
 constexpr std::chrono::milliseconds kGoodbye{300};
 constexpr char kUnixPrefix[] = "unix:";
 
-/// A socket is as private as its folder: others must not be able to enter it.
+/// A socket is protected by its directory, which other users must not be able to enter.
 absl::Status check_socket_folder(const std::string& address) {
   const std::filesystem::path path(address.substr(sizeof kUnixPrefix - 1));
   const std::string folder = path.has_parent_path() ? path.parent_path().string() : ".";
   struct stat info {};
   if (::stat(folder.c_str(), &info) != 0 || !S_ISDIR(info.st_mode)) {
-    return absl::UnavailableError(absl::StrCat(folder, " is no folder for a socket"));
+    return absl::UnavailableError(absl::StrCat(folder, " is not a directory for a socket"));
   }
   if ((info.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
-    return absl::PermissionDeniedError(absl::StrCat(
-        folder, " can be entered by other users; a socket needs a folder of mode 0700"));
+    return absl::PermissionDeniedError(
+        absl::StrCat(folder, " can be entered by other users; set its mode to 0700"));
   }
   return absl::OkStatus();
 }
 
-/// Who may enter, and how a connection is made.
+/// Credentials of the listener and access rules.
 struct Entrance {
   std::shared_ptr<grpc::ServerCredentials> credentials;
   Access access;
@@ -102,7 +102,8 @@ class GrpcFarmServer final : public FarmServer {
     builder.SetMaxSendMessageSize(contract::kMaxMessageBytes);
     builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, ClientLimits::kStreamsPerClient);
     builder.AddChannelArgument(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-    builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // two servers on a port: an error
+    builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT,
+                               0);  // so that a second server on the port fails
     builder.RegisterService(&jobs_);
     builder.RegisterService(&assets_);
     builder.RegisterService(&workers_);

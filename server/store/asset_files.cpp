@@ -9,7 +9,8 @@
 namespace tessera::server {
 namespace {
 
-constexpr std::int64_t kPinUs = std::int64_t{3600} * 1'000'000;  // farm.md, section 6
+constexpr std::int64_t kPinUs =
+    std::int64_t{3600} * 1'000'000;  // time for which collect_assets() spares an upload
 constexpr char kUploads[] = "upload";
 
 Blob blob(const contract::Digest& digest) {
@@ -36,7 +37,7 @@ absl::Status AssetFiles::clean_up() {
   for (const std::string& name : *names) {
     if (status = clean_folder(name, known); !status.ok()) return status;
   }
-  // Uploads need not outlive a crash, so this folder is never synced.
+  // Uploads need not survive a crash, so this directory is never synced.
   return files_.filesystem().make_folder(absl::StrCat(folder_, "/", kUploads));
 }
 
@@ -60,7 +61,7 @@ bool AssetFiles::has(const contract::Digest& digest) const {
     return rows.each("SELECT 1 FROM assets WHERE sha256=?", {blob(digest)},
                      [&](const SqlRow&) { found = true; });
   });
-  return status.ok() && found;  // one that cannot be looked up is uploaded again
+  return status.ok() && found;  // if the lookup fails, the asset is uploaded again
 }
 
 std::string AssetFiles::path(const contract::Digest& digest) const {
@@ -138,7 +139,7 @@ absl::Status AssetFiles::collect(std::int64_t now_us, std::int64_t quota_bytes,
         });
   });
   if (!status.ok() || victims.empty()) return status;
-  // Rows first: a file without a row is only orphans, a row without a file is a lie.
+  // Rows first: a file without a row is an orphan, but a row without a file is damage.
   status = journal_.write([&](Database& rows) {
     for (const auto& victim : victims) {
       absl::Status gone = rows.run("DELETE FROM assets WHERE sha256=?", {blob(victim.first)});

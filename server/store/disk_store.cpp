@@ -16,7 +16,7 @@ Blob blob(const contract::Digest& digest) {
 
 absl::Status read_digest(std::string_view bytes, contract::Digest& digest) {
   const auto read = contract::Digest::from_binary(bytes);
-  if (!read.has_value()) return absl::DataLossError("a digest in the store's rows is damaged");
+  if (!read.has_value()) return absl::DataLossError("a digest in store.db is damaged");
   digest = *read;
   return absl::OkStatus();
 }
@@ -25,7 +25,7 @@ absl::Status no_such_job(const std::string& job_id) {
   return absl::NotFoundError(absl::StrCat("no job ", job_id, " in the store"));
 }
 
-/// A request id, or NULL where there is none: those never clash.
+/// Returns a request ID, or NULL if it is empty: NULLs never conflict.
 SqlValue optional_text(const std::string& text) {
   if (text.empty()) return std::monostate();
   return std::string_view(text);
@@ -67,7 +67,7 @@ absl::Status read_unit(const SqlRow& row, UnitRecord& record) {
 
 absl::Status DiskStore::add_job(JobRecord& job) {
   if (!is_plain_name(job.id)) {
-    return absl::InvalidArgumentError(absl::StrCat("\"", job.id, "\" cannot name a job"));
+    return absl::InvalidArgumentError(absl::StrCat("\"", job.id, "\" is not a valid job ID"));
   }
   return journal_->write([&](Database& rows) {
     absl::Status added = rows.run(
@@ -79,7 +79,7 @@ absl::Status DiskStore::add_job(JobRecord& job) {
          job.failure_code});
     if (absl::IsAlreadyExists(added)) {
       return absl::AlreadyExistsError(
-          absl::StrCat("job ", job.id, " or its request ", job.request_id, " was seen before"));
+          absl::StrCat("job ", job.id, " or its request ", job.request_id, " is already in use"));
     }
     if (added.ok()) job.sequence = rows.last_row_id();
     return added;
@@ -195,7 +195,7 @@ absl::Status DiskStore::insert_units(Database& rows, const JobRow& job,
     if (absl::IsAlreadyExists(inserted)) {
       return absl::AlreadyExistsError(
           absl::StrCat("unit (", record.unit.frame, ", ", record.unit.tile, ", ", record.unit.pass,
-                       ") of job ", commit->job_id, " is committed already"));
+                       ") of job ", commit->job_id, " is already committed"));
     }
     if (!inserted.ok()) return inserted;
   }
@@ -233,7 +233,7 @@ absl::StatusOr<std::string> DiskStore::read_block(const std::string& job_id,
                    record.unit.pass, ") of job ", job_id);
   if (block.ok() && contract::sha256(*block) == record.sha256) return block;
   if (block.ok()) {
-    return absl::DataLossError(absl::StrCat(unit, ": does not have the digest of its row"));
+    return absl::DataLossError(absl::StrCat(unit, ": digest mismatch"));
   }
   if (absl::IsOutOfRange(block.status())) {
     return absl::DataLossError(absl::StrCat(unit, ": ", std::string(block.status().message())));
@@ -253,7 +253,7 @@ absl::Status DiskStore::drop_units(const std::string& job_id,
                                    const std::vector<contract::Unit>& units) {
   const auto job = find_job(job_id);
   if (!job.ok()) return job.status();
-  // Their bytes stay in the segments, and in the count, until those are released.
+  // Their bytes stay in the segments, and in the size, until those are released.
   return journal_->write([&](Database& rows) {
     for (const contract::Unit& unit : units) {
       absl::Status dropped =
@@ -283,7 +283,7 @@ absl::Status DiskStore::end_audits(const std::string& job_id,
 
 absl::StatusOr<std::string> DiskStore::output_folder(const std::string& job_id) {
   if (!is_plain_name(job_id)) {
-    return absl::InvalidArgumentError(absl::StrCat("\"", job_id, "\" cannot name a job"));
+    return absl::InvalidArgumentError(absl::StrCat("\"", job_id, "\" is not a valid job ID"));
   }
   const std::string outputs = absl::StrCat(folder_, "/outputs");
   if (absl::Status made = files_.ensure_folder(outputs, job_id); !made.ok()) return made;
@@ -315,7 +315,7 @@ absl::Status DiskStore::finish_frame(const std::string& job_id, const FrameRecor
 absl::StatusOr<std::int64_t> DiskStore::make_output_durable(const std::string& job_id,
                                                             const std::string& file) {
   if (!is_plain_name(file)) {
-    return absl::InvalidArgumentError(absl::StrCat("\"", file, "\" cannot name an output"));
+    return absl::InvalidArgumentError(absl::StrCat("\"", file, "\" is not a valid output name"));
   }
   const auto folder = output_folder(job_id);
   if (!folder.ok()) return folder.status();

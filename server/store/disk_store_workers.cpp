@@ -1,4 +1,4 @@
-// What the store knows of workers: who is here, who is shut out, who joined with which token.
+// Workers in the store: roster, bans, and joins with tokens.
 #include <algorithm>
 #include <utility>
 
@@ -71,7 +71,7 @@ absl::Status DiskStore::record_join(const Join& join, std::int64_t most) {
     if (!status.ok()) return status;
     if (is_taken) {
       return absl::PermissionDeniedError(
-          absl::StrCat("worker id ", join.worker_id, " belongs to another certificate"));
+          absl::StrCat("worker ID ", join.worker_id, " belongs to another certificate"));
     }
     if (is_known) return absl::OkStatus();
     std::int64_t count = 0;
@@ -80,7 +80,7 @@ absl::Status DiskStore::record_join(const Join& join, std::int64_t most) {
     if (!status.ok()) return status;
     if (most > 0 && count >= most) {
       return absl::PermissionDeniedError(
-          absl::StrCat("join token ", join.token_id, " is used up: ", count, " workers joined"));
+          absl::StrCat("join token ", join.token_id, " is used up by ", count, " workers"));
     }
     return rows.run("INSERT INTO joins(worker, token, certificate, seen_us) VALUES(?, ?, ?, ?)",
                     {join.worker_id, join.token_id, join.certificate, now});

@@ -1,4 +1,4 @@
-// How a store comes up: lock, rows, boot count, and the sweeping up of what was left unfinished.
+// Opening a store: lock, rows, boot count, and deletion of unfinished files.
 #include <sys/random.h>
 
 #include <chrono>
@@ -25,7 +25,7 @@ std::int64_t machine_time_us() {
 
 void exit_with(const std::string& message) {
   std::fprintf(stderr, "tessera-server: %s\n", message.c_str());
-  std::_Exit(1);  // no destructors: they would write, and closing SQLite would sync again
+  std::_Exit(1);  // without destructors, which would write; closing SQLite would sync again
 }
 
 StoreOptions with_defaults(StoreOptions options) {
@@ -37,7 +37,7 @@ StoreOptions with_defaults(StoreOptions options) {
 absl::StatusOr<std::string> random_bytes(std::size_t count) {
   std::string bytes(count, '\0');
   if (::getentropy(bytes.data(), bytes.size()) != 0) {
-    return absl::UnavailableError("the kernel has no random bytes");
+    return absl::UnavailableError("getentropy failed");
   }
   return bytes;
 }
@@ -60,7 +60,7 @@ absl::StatusOr<std::unique_ptr<Store>> DiskStore::open(const std::string& folder
                                                        StoreOptions options) {
   std::string clean = folder;
   while (clean.size() > 1 && clean.back() == '/') clean.pop_back();
-  if (clean.empty()) return absl::InvalidArgumentError("a store needs a folder");
+  if (clean.empty()) return absl::InvalidArgumentError("the store's directory is empty");
   std::unique_ptr<DiskStore> store(new DiskStore(clean, filesystem, std::move(options)));
   absl::Status status = store->make_folders();
   if (status.ok()) status = store->start();
@@ -84,8 +84,8 @@ absl::Status DiskStore::make_folders() {
   auto lock = filesystem.lock(absl::StrCat(folder_, "/lock"));
   if (!lock.ok()) return lock.status();
   lock_ = *std::move(lock);
-  // No sync of folder_ for these: SQLite syncs it with the first commit of every process, which
-  // comes below, since its log may be new there.
+  // These need no sync of folder_: SQLite syncs it with the first commit of every process, below,
+  // because its log may be new.
   for (const char* name : {"/segments", "/assets", "/outputs"}) {
     absl::Status made = filesystem.make_folder(absl::StrCat(folder_, name));
     if (!made.ok()) return made;
@@ -116,7 +116,7 @@ absl::Status DiskStore::start() {
     absl::Status synced = files_.sync_folder(parent_of(folder_));
     if (!synced.ok()) return synced;
   }
-  // This commit also makes durable what a killed process committed but did not live to sync.
+  // This commit also makes durable what a killed process committed but did not sync.
   const absl::Status counted = journal_->write([&](Database& rows) {
     return rows.run(
         "INSERT INTO store(one, id, key, boot_count) VALUES(1, ?, ?, 1) "

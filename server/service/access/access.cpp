@@ -12,8 +12,8 @@
 namespace tessera::server {
 namespace {
 
-// Every rpc there is. What a role may do with it is narrowed where it is done: a client sees and
-// changes jobs of its own name only, a worker reads jobs and assets it was leased units of.
+// All rpcs. The rpcs themselves restrict roles further: clients see and change only their own jobs,
+// workers read only jobs and assets of units leased to them.
 constexpr AccessRule kRules[] = {
     // rpc, client, worker, is a stream
     {"JobService.CreateJob", true, false, false},
@@ -80,7 +80,8 @@ Access::Access(std::unique_ptr<Revocations> revocations, ClientRates rates)
 absl::StatusOr<Caller> Access::identify(const grpc::CallbackServerContext& context) const {
   if (revocations_) {
     const auto sent = context.auth_context()->FindPropertyValues(GRPC_X509_PEM_CERT_PROPERTY_NAME);
-    if (sent.empty()) return absl::UnauthenticatedError("this server needs a certificate");
+    if (sent.empty())
+      return absl::UnauthenticatedError("this server requires a client certificate; pass --certs");
     auto identity = read_identity({sent.front().data(), sent.front().size()});
     if (!identity.ok()) return identity.status();
     Caller caller;

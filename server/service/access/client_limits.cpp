@@ -25,7 +25,7 @@ absl::StatusOr<std::shared_ptr<const void>> ClientLimits::open(const std::string
   int& count = uses_->by_client[client].streams;
   if (count >= kStreamsPerClient) {
     return absl::ResourceExhaustedError(
-        absl::StrCat("client ", client, " has ", count, " streams open; end one first"));
+        absl::StrCat("client ", client, " has ", count, " open streams; close one first"));
   }
   ++count;
   return std::shared_ptr<const void>(nullptr, [uses = uses_, client](const void*) {
@@ -41,7 +41,7 @@ absl::Status ClientLimits::call(const std::string& client, Time now) {
     return absl::OkStatus();
   }
   return absl::UnavailableError(
-      absl::StrCat("client ", client, " makes more than ", rate, " calls a second; call later"));
+      absl::StrCat("client ", client, " exceeds ", rate, " calls per second; retry later"));
 }
 
 absl::Status ClientLimits::upload(const std::string& client, std::int64_t bytes, Time now) {
@@ -53,8 +53,8 @@ absl::Status ClientLimits::upload(const std::string& client, std::int64_t bytes,
   }
   return absl::ResourceExhaustedError(
       absl::StrCat("client ", client, " may upload ", most / 1e9,
-                   " GB in an hour (--client-upload-gb of the server); this file of ", bytes,
-                   " bytes would be more: try again later"));
+                   " GB per hour (--client-upload-gb of the server); this file of ", bytes,
+                   " bytes exceeds that; retry later"));
 }
 
 }  // namespace tessera::server

@@ -13,7 +13,7 @@ absl::Status check_numerics(int contract_version, const std::string& numerics_sh
                      contract::kRenderContract, ": install the server's version of the worker"));
   }
   const auto digest = contract::Digest::from_binary(numerics_sha256);
-  if (!digest) return absl::InvalidArgumentError("hello.numerics_sha256: is not 32 bytes");
+  if (!digest) return absl::InvalidArgumentError("hello.numerics_sha256: expected 32 bytes");
   if (digest->hex() == contract::kNumericsSha256) return absl::OkStatus();
   return absl::FailedPreconditionError(
       absl::StrCat("numerics hash ", digest->hex(), " differs from render contract ",

@@ -20,14 +20,15 @@ absl::StatusOr<std::string> read_token(int file, const std::string& path) {
   struct stat info {};
   if (::fstat(file, &info) != 0 || (info.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
     return absl::PermissionDeniedError(
-        absl::StrCat(path, " can be read by other users; it needs mode 0600"));
+        absl::StrCat(path, " is readable by other users; set its mode to 0600"));
   }
   std::array<char, 128> buffer{};
   const ssize_t got = ::read(file, buffer.data(), buffer.size());
   std::string token(buffer.data(), static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
   while (!token.empty() && token.back() == '\n') token.pop_back();
   if (!contract::Digest::from_hex(token)) {
-    return absl::DataLossError(absl::StrCat(path, " holds no token; remove it to get a new one"));
+    return absl::DataLossError(
+        absl::StrCat(path, " does not contain a token; delete it to get a new one"));
   }
   return token;
 }
@@ -43,9 +44,9 @@ absl::StatusOr<std::string> load_or_create_token(const std::string& path) {
   }
   contract::Digest secret;
   if (RAND_bytes(secret.bytes.data(), static_cast<int>(secret.bytes.size())) != 1) {
-    return absl::InternalError("no random bytes for a token");
+    return absl::InternalError("no random bytes available for a token");
   }
-  // Under another name first: a client must never read half a token.
+  // Written under another name first, so that clients never read half a token.
   const std::string part = absl::StrCat(path, ".part");
   ::unlink(part.c_str());
   const int made = ::open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);

@@ -16,7 +16,7 @@ void WorkerAdmission::admit(const Caller& caller, const std::string& worker_id,
   }
   if (token.empty()) {
     return done(absl::UnauthenticatedError(
-        "this server wants a join token (--token FILE; tessera-server tokens create makes one)"));
+        "join token required: pass --token FILE (create one with `tessera-server tokens create`)"));
   }
   const std::int64_t now_s = std::chrono::duration_cast<std::chrono::seconds>(
                                  std::chrono::system_clock::now().time_since_epoch())

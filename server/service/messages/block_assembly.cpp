@@ -13,7 +13,8 @@ namespace {
 constexpr std::size_t kMaxChunkBytes = 64 << 10;
 constexpr std::int64_t kMaxWireBytes = std::int64_t{1} << 28;
 
-/// Undoes zstd over byte planes; an empty string if `wire` does not hold exactly `size` bytes.
+/// Decompresses zstd over byte planes; returns an empty string unless `wire` decodes to `size`
+/// bytes.
 std::string expand(const std::string& wire, std::int64_t size_bytes) {
   const auto size = static_cast<std::size_t>(size_bytes);
   std::string planes(size, '\0');
@@ -47,7 +48,7 @@ absl::Status BlockAssembly::take(v1::DeliverRequest& request) {
 }
 
 absl::Status BlockAssembly::begin(const v1::BlockHeader& message) {
-  if (is_open_) return absl::InvalidArgumentError("a header before the block before is complete");
+  if (is_open_) return absl::InvalidArgumentError("header: the previous block is incomplete");
   auto header = from_message(message);
   if (!header.ok()) return header.status();
   is_compressed_ = message.compression() == v1::BlockHeader::COMPRESSION_ZSTD_PLANES;
@@ -55,7 +56,7 @@ absl::Status BlockAssembly::begin(const v1::BlockHeader& message) {
   if (missing_bytes_ < 1 || missing_bytes_ > kMaxWireBytes ||
       (!is_compressed_ && missing_bytes_ != header->size_bytes)) {
     return absl::InvalidArgumentError(absl::StrCat("header.wire_size_bytes: ", missing_bytes_,
-                                                   " does not fit size_bytes ",
+                                                   " does not match size_bytes ",
                                                    header->size_bytes));
   }
   header_ = *std::move(header);
@@ -64,17 +65,17 @@ absl::Status BlockAssembly::begin(const v1::BlockHeader& message) {
   if (admission_ && is_compressed_ &&
       missing_bytes_ > static_cast<std::int64_t>(
                            ZSTD_compressBound(static_cast<std::size_t>(header_.size_bytes)))) {
-    return absl::InvalidArgumentError("header.wire_size_bytes: more than zstd ever needs");
+    return absl::InvalidArgumentError("header.wire_size_bytes: above zstd's maximum");
   }
   bytes_.clear();
   return absl::OkStatus();
 }
 
 absl::Status BlockAssembly::append(std::string& chunk) {
-  if (!is_open_) return absl::InvalidArgumentError("bytes without a header");
+  if (!is_open_) return absl::InvalidArgumentError("chunk: bytes without a header");
   if (chunk.empty() || chunk.size() > kMaxChunkBytes) {
     return absl::InvalidArgumentError(
-        absl::StrCat("chunk: ", chunk.size(), " bytes, needs 1 to 65536"));
+        absl::StrCat("chunk: ", chunk.size(), " bytes, expected 1 to 65536"));
   }
   if (static_cast<std::int64_t>(chunk.size()) > missing_bytes_) {
     return absl::InvalidArgumentError("chunk: more bytes than wire_size_bytes");
@@ -82,7 +83,7 @@ absl::Status BlockAssembly::append(std::string& chunk) {
   missing_bytes_ -= static_cast<std::int64_t>(chunk.size());
   if (admission_) {
     if (bytes_.empty() && missing_bytes_ == 0) {
-      bytes_ = std::move(chunk);  // a small block in one piece
+      bytes_ = std::move(chunk);  // a small block in one part
     } else {
       if (bytes_.empty()) {
         bytes_.reserve(static_cast<std::size_t>(missing_bytes_) + chunk.size());
@@ -98,7 +99,7 @@ void BlockAssembly::complete() {
   is_open_ = false;
   if (!admission_) return;
   if (is_compressed_) bytes_ = expand(bytes_, header_.size_bytes);
-  // Wrong bytes, also after a failed expansion, are found out by their digest.
+  // The digest detects wrong bytes, also after failed decompression.
   coordinator_.deliver(worker_id_, header_, *admission_, std::exchange(bytes_, {}));
 }
 

@@ -25,7 +25,8 @@ absl::Status bad(const std::string& field, const std::string& need) {
 absl::Status check_text(const std::string& field, const std::string& text, std::size_t least,
                         std::size_t most) {
   if (text.size() >= least && text.size() <= most) return absl::OkStatus();
-  return bad(field, absl::StrCat("has ", text.size(), " characters, needs ", least, " to ", most));
+  return bad(field,
+             absl::StrCat("has ", text.size(), " characters, expected ", least, " to ", most));
 }
 
 absl::Status check_range(const std::string& field, std::int64_t value, std::int64_t low,
@@ -34,7 +35,7 @@ absl::Status check_range(const std::string& field, std::int64_t value, std::int6
   return bad(field, absl::StrCat(value, " is not in [", low, ", ", high, "]"));
 }
 
-/// A URI that cannot lead out of a folder; workers read resources by it and no other name.
+/// Checks that a URI, by which workers read a resource, cannot lead out of a directory.
 bool is_inside(const std::string& uri) {
   if (uri.empty() || uri.size() > kMaxUriLetters || uri.front() == '/') return false;
   if (uri.find('\0') != std::string::npos || uri.find('\\') != std::string::npos) return false;
@@ -46,20 +47,20 @@ bool is_inside(const std::string& uri) {
   return true;
 }
 
-/// A reference is R, G, B, A of every pixel as float32.
+/// Reads references: R, G, B, A of every pixel as float32.
 absl::Status read_references(const v1::CreateJobRequest& request, JobSpec& spec) {
   if (request.references().empty()) return absl::OkStatus();
   if (static_cast<std::size_t>(request.references_size()) !=
       contract::frame_list(spec.settings.frames).size()) {
-    return bad("references", "must be one for each frame, or none");
+    return bad("references", "expected one per frame, or none");
   }
   const std::int64_t size = 16 * std::int64_t{spec.settings.width} * spec.settings.height;
   for (const v1::AssetId& asset : request.references()) {
     const auto digest = contract::Digest::from_binary(asset.sha256());
-    if (!digest) return bad("references.sha256", "is not 32 bytes");
+    if (!digest) return bad("references.sha256", "expected 32 bytes");
     if (asset.size_bytes() != size) {
       return bad("references.size_bytes", absl::StrCat(asset.size_bytes(), " is not ", size,
-                                                       ", 16 bytes a pixel of the frame"));
+                                                       ", 16 bytes per pixel of the frame"));
     }
     spec.references.push_back(*digest);
   }
@@ -73,14 +74,15 @@ absl::Status read_manifest(const v1::SceneManifest& message, JobSpec& spec) {
   for (const v1::ManifestEntry& entry : message.assets()) {
     const auto digest = contract::Digest::from_binary(entry.asset().sha256());
     if (!is_inside(entry.uri())) {
-      return bad("manifest.assets.uri", absl::StrCat("\"", entry.uri().substr(0, 200),
-                                                     "\" is not a path inside the scene's folder"));
+      return bad("manifest.assets.uri",
+                 absl::StrCat("\"", entry.uri().substr(0, 200),
+                              "\" is not a path inside the scene's directory"));
     }
-    if (!digest) return bad("manifest.assets.asset.sha256", "is not 32 bytes");
+    if (!digest) return bad("manifest.assets.asset.sha256", "expected 32 bytes");
     if (entry.asset().size_bytes() < 0)
       return bad("manifest.assets.asset.size_bytes", "is negative");
     if (!uris.insert(entry.uri()).second) {
-      return bad("manifest.assets.uri", absl::StrCat("\"", entry.uri(), "\" is there twice"));
+      return bad("manifest.assets.uri", absl::StrCat("\"", entry.uri(), "\" is duplicated"));
     }
     spec.assets.push_back({entry.uri(), *digest, entry.asset().size_bytes()});
   }
@@ -106,13 +108,13 @@ void set_time(std::int64_t time_us, google::protobuf::Timestamp& timestamp) {
   timestamp.set_nanos(static_cast<std::int32_t>(time_us % 1'000'000 * 1000));
 }
 
-/// What a frame costs in memory grows with its tiles, however small they are.
+/// Limits the number of tiles, because each costs memory.
 absl::Status check_tiles(const contract::RenderSettings& settings) {
   constexpr std::int32_t kMaxTiles = 1 << 22;
   const std::int32_t tiles = contract::tile_count(settings);
   if (tiles <= kMaxTiles) return absl::OkStatus();
-  return bad("settings.tile_px",
-             absl::StrCat(settings.tile, " gives ", tiles, " tiles a frame, at most ", kMaxTiles));
+  return bad("settings.tile_px", absl::StrCat(settings.tile, " gives ", tiles,
+                                              " tiles per frame, maximum ", kMaxTiles));
 }
 
 bool is_worker_id(const std::string& id) {
@@ -178,7 +180,7 @@ absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::
 absl::StatusOr<JobSpec> read_spec(const JobRecord& record) {
   v1::CreateJobRequest request;
   if (!request.ParseFromString(record.request)) {
-    return absl::DataLossError(absl::StrCat("job ", record.id, ": its request does not parse"));
+    return absl::DataLossError(absl::StrCat("job ", record.id, ": cannot parse its request"));
   }
   auto spec = to_spec(request, record.owner);
   if (!spec.ok()) {
@@ -333,7 +335,7 @@ Lease from_message(const v1::Lease& message) {
 
 absl::StatusOr<Hello> from_message(const v1::WorkerHello& message) {
   if (!is_worker_id(message.worker_id())) {
-    return bad("hello.worker_id", "needs 1 to 64 characters of [a-zA-Z0-9._-]");
+    return bad("hello.worker_id", "expected 1 to 64 characters of [a-zA-Z0-9._-]");
   }
   absl::Status status = check_text("hello.name", message.name(), 1, 100);
   status.Update(check_text("hello.host", message.host(), 0, kMaxNameLetters));
@@ -360,7 +362,7 @@ absl::StatusOr<Hello> from_message(const v1::WorkerHello& message) {
 
 absl::StatusOr<BlockHeader> from_message(const v1::BlockHeader& message) {
   const auto digest = contract::Digest::from_binary(message.sha256());
-  if (!digest) return bad("header.sha256", "is not 32 bytes");
+  if (!digest) return bad("header.sha256", "expected 32 bytes");
   if (!(message.cpu_seconds() >= 0 && message.cpu_seconds() <= kMaxUnitSeconds)) {
     return bad("header.cpu_seconds", absl::StrCat(message.cpu_seconds(), " is not in [0, 1e9]"));
   }

@@ -11,13 +11,13 @@ namespace {
 
 class DeliverStream;
 
-/// Lets the coordinator call back a stream that may be gone by then.
+/// Lets the coordinator call a stream that may have ended.
 struct DeliverHandle {
   std::mutex mutex;
   DeliverStream* stream = nullptr;
 };
 
-/// Reads while there is room; else waits until the coordinator calls.
+/// Reads while there is room, else waits for the coordinator's callback.
 class DeliverStream final : public grpc::ServerReadReactor<v1::DeliverRequest> {
  public:
   DeliverStream(Coordinator& coordinator, const absl::StatusOr<Caller>& caller)
@@ -54,7 +54,7 @@ class DeliverStream final : public grpc::ServerReadReactor<v1::DeliverRequest> {
     if (!is_waiting_ || is_finished_) return;  // the pending read fails and ends the call
     is_waiting_ = false;
     is_finished_ = true;
-    Finish(contract::to_rpc(absl::CancelledError("the worker is gone")));
+    Finish(contract::to_rpc(absl::CancelledError("worker disconnected")));
   }
 
   void OnDone() override {
@@ -75,8 +75,8 @@ class DeliverStream final : public grpc::ServerReadReactor<v1::DeliverRequest> {
   Coordinator& coordinator_;
   BlockAssembly blocks_;
   v1::DeliverRequest request_;
-  const std::shared_ptr<DeliverHandle> handle_;  // owners: this and calls that are waited for
-  bool is_waiting_ = false;                      // for room; no read is pending
+  const std::shared_ptr<DeliverHandle> handle_;  // owners: this and pending callbacks
+  bool is_waiting_ = false;                      // waits for room; no read is pending
   bool is_cancelled_ = false, is_finished_ = false;
 };
 

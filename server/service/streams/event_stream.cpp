@@ -12,10 +12,10 @@
 namespace tessera::server {
 namespace {
 
-constexpr std::chrono::milliseconds kLook{100};  // how soon what happens is seen
+constexpr std::chrono::milliseconds kPollInterval{100};  // polling interval
 constexpr std::size_t kEventsPerMessage = 256;
 
-/// Looks by a timer, sends what is new.
+/// Polls with a timer and sends new events.
 class EventStream final : public grpc::ServerWriteReactor<v1::WatchEventsResponse> {
  public:
   EventStream(Coordinator& coordinator, const Access& access, const v1::WatchEventsRequest& request,
@@ -30,9 +30,9 @@ class EventStream final : public grpc::ServerWriteReactor<v1::WatchEventsRespons
     if (!caller.ok()) {
       finish(caller.status());
     } else if (query_.after > newest) {
-      finish(absl::OutOfRangeError(
-          absl::StrCat("the newest event here is ", newest, ", and what follows ", query_.after,
-                       " was asked for: has the server another store now?")));
+      finish(absl::OutOfRangeError(absl::StrCat("after_sequence ", query_.after,
+                                                " is newer than the last event ", newest,
+                                                "; was the store replaced?")));
     } else {
       look();
     }
@@ -41,7 +41,7 @@ class EventStream final : public grpc::ServerWriteReactor<v1::WatchEventsRespons
   void OnWriteDone(bool ok) override {
     const std::lock_guard lock(mutex_);
     if (!ok || is_cancelled_) {
-      finish(absl::CancelledError("the client is gone"));
+      finish(absl::CancelledError("client disconnected"));
     } else {
       look();
     }
@@ -70,10 +70,10 @@ class EventStream final : public grpc::ServerWriteReactor<v1::WatchEventsRespons
   }
 
   void wait() {
-    alarm_.Set(std::chrono::system_clock::now() + kLook, [this](bool) {
+    alarm_.Set(std::chrono::system_clock::now() + kPollInterval, [this](bool) {
       const std::lock_guard lock(mutex_);
       if (is_cancelled_) {
-        finish(absl::CancelledError("the client is gone"));
+        finish(absl::CancelledError("client disconnected"));
       } else {
         look();
       }
@@ -87,7 +87,7 @@ class EventStream final : public grpc::ServerWriteReactor<v1::WatchEventsRespons
   const Caller caller_;
   const bool follow_;
   EventLog::Query query_;
-  std::mutex mutex_;  // callbacks may come from several threads
+  std::mutex mutex_;  // callbacks run on several threads
   bool is_cancelled_ = false;
   v1::WatchEventsResponse response_;
   grpc::Alarm alarm_;

@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::size_t kChunkBytes = 1 << 20;
 
-/// Header first, then chunks; one write at a time, so no lock is needed after start().
+/// Sends the header, then chunks; one write at a time, so start() needs no lock afterwards.
 class FrameStream final : public grpc::ServerWriteReactor<v1::FetchFrameResponse> {
  public:
   explicit FrameStream(Caller caller) : caller_(std::move(caller)) {}
@@ -36,7 +36,7 @@ class FrameStream final : public grpc::ServerWriteReactor<v1::FetchFrameResponse
   }
 
   void OnWriteDone(bool ok) override {
-    if (!ok) return Finish(contract::to_rpc(absl::CancelledError("the client is gone")));
+    if (!ok) return Finish(contract::to_rpc(absl::CancelledError("client disconnected")));
     const std::int64_t left = file_.size_bytes - sent_bytes_;
     if (left == 0) return Finish(grpc::Status::OK);
     const std::size_t size = std::min(static_cast<std::size_t>(left), kChunkBytes);
@@ -46,8 +46,8 @@ class FrameStream final : public grpc::ServerWriteReactor<v1::FetchFrameResponse
     } else {
       chunk.resize(size);
       if (!input_.read(chunk.data(), static_cast<std::streamsize>(size))) {
-        return Finish(
-            contract::to_rpc(absl::DataLossError(absl::StrCat(file_.path, " has become shorter"))));
+        return Finish(contract::to_rpc(
+            absl::DataLossError(absl::StrCat(file_.path, " was truncated while it was sent"))));
       }
     }
     sent_bytes_ += static_cast<std::int64_t>(size);
@@ -61,7 +61,7 @@ class FrameStream final : public grpc::ServerWriteReactor<v1::FetchFrameResponse
   }
 
  private:
-  const Caller caller_;  // for its place among the open streams
+  const Caller caller_;  // holds its reservation in the stream limit
   FrameFile file_;
   std::ifstream input_;
   std::int64_t sent_bytes_ = 0;

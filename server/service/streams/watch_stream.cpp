@@ -17,7 +17,7 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr milliseconds kDefaultInterval{500}, kLeastInterval{100}, kLongestInterval{60'000};
-constexpr milliseconds kLook{50};  // how soon a change of state is seen; progress waits longer
+constexpr milliseconds kPollInterval{50};  // polling interval; progress is sent less often
 
 milliseconds interval_of(const v1::WatchJobRequest& request) {
   if (!request.has_interval()) return kDefaultInterval;
@@ -27,7 +27,7 @@ milliseconds interval_of(const v1::WatchJobRequest& request) {
   return std::clamp(milliseconds(wanted), kLeastInterval, kLongestInterval);
 }
 
-/// Looks at the job by a timer, sends what has changed.
+/// Polls the job with a timer and sends changes.
 class WatchStream final : public grpc::ServerWriteReactor<v1::WatchJobResponse> {
  public:
   WatchStream(Coordinator& coordinator, const Access& access, const v1::WatchJobRequest& request,
@@ -49,7 +49,7 @@ class WatchStream final : public grpc::ServerWriteReactor<v1::WatchJobResponse> 
     const std::lock_guard lock(mutex_);
     is_writing_ = false;
     if (!ok || is_cancelled_) {
-      finish(absl::CancelledError("the client is gone"));
+      finish(absl::CancelledError("client disconnected"));
     } else if (has_ended_) {
       finish(absl::OkStatus());
     } else {
@@ -91,10 +91,10 @@ class WatchStream final : public grpc::ServerWriteReactor<v1::WatchJobResponse> 
   }
 
   void wait() {
-    alarm_.Set(std::chrono::system_clock::now() + std::min(interval_, kLook), [this](bool) {
+    alarm_.Set(std::chrono::system_clock::now() + std::min(interval_, kPollInterval), [this](bool) {
       const std::lock_guard lock(mutex_);
       if (is_cancelled_) {
-        finish(absl::CancelledError("the client is gone"));
+        finish(absl::CancelledError("client disconnected"));
       } else {
         look();
       }
@@ -108,7 +108,7 @@ class WatchStream final : public grpc::ServerWriteReactor<v1::WatchJobResponse> 
   const Caller caller_;
   const std::string job_id_;
   const milliseconds interval_;
-  std::mutex mutex_;  // callbacks may come from several threads
+  std::mutex mutex_;  // callbacks run on several threads
   bool is_writing_ = false, is_cancelled_ = false, has_ended_ = false;
   std::optional<JobView> sent_;
   std::chrono::steady_clock::time_point sent_at_;

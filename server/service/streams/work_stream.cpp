@@ -19,11 +19,11 @@
 namespace tessera::server {
 namespace {
 
-constexpr std::size_t kAcknowledgementsPerMessage = 4096;  // well under the largest message
+constexpr std::size_t kAcknowledgementsPerMessage = 4096;  // far below the maximum message size
 constexpr std::size_t kLeasesPerMessage = 4096;
 constexpr std::size_t kMaxLogBytes = 8 << 10;
-constexpr int kMaxLogLines = 64;  // in one message; a worker that sends more talks too much
-/// How long a write may take once its stream is to end.
+constexpr int kMaxLogLines = 64;  // per message; further lines are ignored
+/// Time for the pending write when the stream ends.
 constexpr std::chrono::seconds kFinishTimeout{1};
 
 std::vector<UnitName> names_of(const google::protobuf::RepeatedPtrField<v1::UnitId>& units) {
@@ -43,13 +43,13 @@ std::vector<LogLine> lines_of(const v1::LogLines& message) {
   return lines;
 }
 
-/// Seconds as a worker gives them; what is no span counts as none.
+/// Returns seconds sent by a worker; 0 for an invalid duration.
 double valid_seconds(double seconds) {
   constexpr double kLongest = 1e9;
   return seconds >= 0 && seconds <= kLongest ? seconds : 0;
 }
 
-/// A worker's mail as messages, verdicts first: they free what the rest needs.
+/// Converts an outbox to messages, acknowledgements first, because they free memory of the worker.
 void write_outbox(const Outbox& outbox, std::deque<v1::WorkResponse>& out) {
   for (std::size_t i = 0; i < outbox.acknowledgements.size(); ++i) {
     if (i % kAcknowledgementsPerMessage == 0) out.emplace_back();
@@ -73,7 +73,7 @@ void write_outbox(const Outbox& outbox, std::deque<v1::WorkResponse>& out) {
 
 class WorkStream;
 
-/// What the coordinator holds of a stream: outlives it, and then does nothing.
+/// The coordinator's reference to a stream; outlives it and then does nothing.
 class StreamConnection final : public WorkerConnection {
  public:
   explicit StreamConnection(WorkStream& stream) : stream_(&stream) {}
@@ -86,7 +86,7 @@ class StreamConnection final : public WorkerConnection {
   }
 
  private:
-  std::mutex mutex_;  // held while the stream is called, so that it cannot go meanwhile
+  std::mutex mutex_;  // held during calls of the stream, so that it is not destroyed
   WorkStream* stream_;
 };
 
@@ -101,13 +101,14 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
         connection_(std::make_shared<StreamConnection>(*this)) {
     if (caller.ok()) {
       StartRead(&request_);
-      // Else a caller that says nothing would be held for ever.
-      hello_alarm_.Set(std::chrono::system_clock::now() + services_.hello_timeout,
-                       [connection = connection_](bool is_due) {
-                         if (is_due) {
-                           connection->close(absl::DeadlineExceededError("no hello came in time"));
-                         }
-                       });
+      // Without a timeout a silent caller would keep its stream forever.
+      hello_alarm_.Set(
+          std::chrono::system_clock::now() + services_.hello_timeout,
+          [connection = connection_](bool is_due) {
+            if (is_due) {
+              connection->close(absl::DeadlineExceededError("timed out waiting for Hello"));
+            }
+          });
     } else {
       finish(caller.status());
     }
@@ -119,7 +120,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
     const bool is_known = session_.has_value();
     status = is_known ? take() : begin();
     if (!status.ok()) return finish(status);
-    if (!is_known) return;  // enter() reads on
+    if (!is_known) return;  // finish_admission() reads on
     const std::lock_guard lock(mutex_);
     if (!final_status_) StartRead(&request_);
   }
@@ -142,7 +143,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
     delete this;
   }
 
-  /// Sends what is in the mailbox unless something is being sent: then OnWriteDone goes on.
+  /// Sends pending messages unless a write is running, after which OnWriteDone continues.
   void pump() {
     const std::lock_guard lock(mutex_);
     if (!is_writing_) write_next();
@@ -154,9 +155,10 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
     const std::lock_guard lock(mutex_);
     if (final_status_) return;
     final_status_ = status;
-    if (is_entering_) return;  // enter() ends the call: until then it needs this object
+    if (is_being_admitted_)
+      return;  // finish_admission() ends the call; it needs this object until then
     if (is_writing_) {
-      // OnWriteDone says the last words; a write to a frozen peer would never end.
+      // OnWriteDone finishes the call; a write to a frozen peer would never end.
       finish_alarm_.Set(std::chrono::system_clock::now() + kFinishTimeout,
                         [connection = connection_](bool is_due) {
                           if (is_due) connection->cut();
@@ -207,9 +209,9 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
         coordinator_.take_log_lines(session, lines_of(request_.log_lines()));
         break;
       case v1::WorkRequest::kHello:
-        return absl::InvalidArgumentError("hello: only the first message may be one");
+        return absl::InvalidArgumentError("hello: only allowed as the first message");
       case v1::WorkRequest::EVENT_NOT_SET:
-        break;  // a newer worker's news; a sign of life all the same
+        break;  // unknown event of a newer worker; counts as contact
     }
     coordinator_.record_contact(session);
     return absl::OkStatus();
@@ -225,7 +227,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
   absl::Status begin() {
     hello_alarm_.Cancel();
     if (!request_.has_hello()) {
-      return absl::InvalidArgumentError("the first message must be hello");
+      return absl::InvalidArgumentError("the first message must be Hello");
     }
     const v1::WorkerHello& message = request_.hello();
     absl::Status status = check_protocol("worker", message.protocol_version());
@@ -234,19 +236,20 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
     auto hello = from_message(message);
     if (!hello.ok()) return hello.status();
     hello->certificate = caller_.certificate();
-    is_entering_ = true;  // no callback but enter() comes before the next read
-    services_.admission.admit(
-        caller_, hello->worker_id, sent_token(context_),
-        [this, hello = *hello](const absl::StatusOr<std::string>& key) { enter(hello, key); });
+    is_being_admitted_ = true;  // only finish_admission() runs before the next read
+    services_.admission.admit(caller_, hello->worker_id, sent_token(context_),
+                              [this, hello = *hello](const absl::StatusOr<std::string>& key) {
+                                finish_admission(hello, key);
+                              });
     return absl::OkStatus();
   }
 
-  /// Greets a worker that was admitted, and reads on. On any thread.
-  void enter(const Hello& hello, const absl::StatusOr<std::string>& session_key) {
+  /// Sends Welcome to an admitted worker and reads on. On any thread.
+  void finish_admission(const Hello& hello, const absl::StatusOr<std::string>& session_key) {
     std::optional<Coordinator::Joined> joined;
     if (session_key.ok()) joined = coordinator_.join(hello, connection_);
     const std::lock_guard lock(mutex_);
-    is_entering_ = false;
+    is_being_admitted_ = false;
     if (joined) session_ = joined->session;
     if (!joined && !final_status_) final_status_ = session_key.status();
     if (final_status_) return Finish(contract::to_rpc(*final_status_));
@@ -272,13 +275,13 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
   const Caller caller_;
   const std::shared_ptr<StreamConnection> connection_;  // owners: this and the coordinator
   grpc::Alarm hello_alarm_;                             // until the hello
-  grpc::Alarm finish_alarm_;                            // from the end's announcement to the end
-  v1::WorkRequest request_;                             // of the one read that is pending
+  grpc::Alarm finish_alarm_;                            // limits the last write
+  v1::WorkRequest request_;                             // of the pending read
 
-  std::mutex mutex_;  // for what follows; taken before the coordinator's lock, never after it
-  bool is_entering_ = false;  // between the hello and its welcome
+  std::mutex mutex_;                // guards the members below; taken before the coordinator's lock
+  bool is_being_admitted_ = false;  // between Hello and Welcome
   std::optional<Session> session_;
-  std::deque<v1::WorkResponse> out_;  // the front one is being written
+  std::deque<v1::WorkResponse> out_;  // the front message is being written
   bool is_writing_ = false;
   std::optional<absl::Status> final_status_;
 };

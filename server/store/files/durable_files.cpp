@@ -15,7 +15,7 @@ DurableFiles::DurableFiles(Filesystem& filesystem, std::function<void(const std:
 absl::Status DurableFiles::check_healthy() const {
   const MutexLock lock(mutex_);
   if (!broken_) return absl::OkStatus();
-  return absl::DataLossError("a sync to disk failed; the store must be opened again");
+  return absl::DataLossError("a sync to disk failed; reopen the store");
 }
 
 absl::Status DurableFiles::fail_sync(const std::string& message) {
@@ -23,7 +23,8 @@ absl::Status DurableFiles::fail_sync(const std::string& message) {
     const MutexLock lock(mutex_);
     broken_ = true;
   }
-  fatal_(absl::StrCat("cannot make data durable, and must not try twice: ", message));
+  fatal_(
+      absl::StrCat("fsync failed; exiting, because a retry could report false success: ", message));
   return check_healthy();
 }
 
@@ -38,7 +39,7 @@ absl::Status DurableFiles::sync(File& file) {
 
 absl::Status DurableFiles::sync_folder(const std::string& path) {
   absl::Status synced = filesystem_.sync_folder(path);
-  // These two come from opening the folder, never from fsync.
+  // These two errors come from opening the directory, never from fsync.
   if (synced.ok() || absl::IsPermissionDenied(synced) || absl::IsNotFound(synced)) return synced;
   return fail_sync(std::string(synced.message()));
 }

@@ -13,7 +13,7 @@ namespace tessera::server {
 
 /// A file system on which a failed sync ends the process.
 ///
-/// After a failed fsync the kernel may have thrown the dirty pages away and marked them clean: a
+/// After a failed fsync the kernel may have discarded the dirty pages and marked them clean: a
 /// second fsync would succeed and prove nothing. So there is no second one (farm.md, section 1).
 /// Any thread may call it.
 class DurableFiles {

@@ -75,7 +75,7 @@ class DiskFile final : public File {
   }
 
   absl::Status sync() override {
-    // Not repeated on EINTR either: the kernel may have dropped the dirty mark already.
+    // Not repeated on EINTR either: the kernel may have marked the pages clean.
     return ::fdatasync(fd_.get()) == 0 ? absl::OkStatus() : errno_status("fdatasync", path_);
   }
 
@@ -138,7 +138,7 @@ class DiskFilesystem final : public Filesystem {
 
   absl::Status sync_folder(const std::string& path) override {
     const Descriptor fd(open_retrying(path, O_RDONLY | O_DIRECTORY));
-    if (fd.get() < 0) return errno_status("open folder", path);
+    if (fd.get() < 0) return errno_status("open directory", path);
     return ::fsync(fd.get()) == 0 ? absl::OkStatus() : errno_status("fsync", path);
   }
 

@@ -10,12 +10,12 @@
 namespace tessera::server {
 namespace {
 
-constexpr std::size_t kMaxOpenSegments = 64;  // for appending, and as many for reading
+constexpr std::size_t kMaxOpenSegments = 64;  // for appending, and the same number for reading
 constexpr std::size_t kGatherBytes = std::size_t{1} << 20;      // small blocks share a write
 constexpr std::int64_t kMaxBlockBytes = std::int64_t{1} << 26;  // a 256×256 tile stays under 16 MiB
 constexpr std::string_view kSuffix = ".seg";
 
-/// The number in "NUMBER.seg", or -1.
+/// Returns the number in "NUMBER.seg", or -1.
 std::int64_t segment_number(std::string_view name) {
   if (name.size() <= kSuffix.size() || name.substr(name.size() - kSuffix.size()) != kSuffix) {
     return -1;
@@ -78,7 +78,7 @@ absl::StatusOr<Segments::Tail*> Segments::tail_for(const std::string& job_id,
   const auto [found, is_new] = tails_.try_emplace(job_id);
   Tail& tail = found->second;
   if (is_new || tail.abandoned || tail.bytes >= segment_bytes_) {
-    // The number after an abandoned segment must pass it, although no row knows that one.
+    // Numbers continue after an abandoned segment, although it has no row.
     const std::int64_t number = is_new ? next_segment : std::max(next_segment, tail.segment + 1);
     if (absl::Status begun = begin_segment(job_id, number, tail); !begun.ok()) {
       tail.abandoned = true;
@@ -182,8 +182,8 @@ absl::Status Segments::remove_orphans(
         ++kept_count;
         continue;
       }
-      const std::string stray = absl::StrCat(job_folder(job_id), "/", name);
-      if (absl::Status gone = files_.filesystem().remove(stray); !gone.ok()) return gone;
+      const std::string orphan = absl::StrCat(job_folder(job_id), "/", name);
+      if (absl::Status gone = files_.filesystem().remove(orphan); !gone.ok()) return gone;
     }
     if (kept_count != 0) continue;
     if (absl::Status gone = files_.remove_folder(job_folder(job_id)); !gone.ok()) return gone;

@@ -27,8 +27,7 @@ std::string parent_of(const std::string& path) {
   return slash == std::string::npos ? "." : path.substr(0, std::max<std::size_t>(slash, 1));
 }
 
-/// One try. A file that the rows promise and that is gone, since the server has moved on, is
-/// NotFound.
+/// One attempt. NotFound: a file of the rows no longer exists because the server deleted it.
 class Backup {
  public:
   Backup(std::string from, std::string to, Filesystem& filesystem)
@@ -54,11 +53,11 @@ class Backup {
   }
 
  private:
-  /// The rows as of now: VACUUM INTO reads in one transaction and holds up no writer.
+  /// Copies the rows: VACUUM INTO reads in one transaction and does not block the writer.
   absl::Status copy_rows() {
     const auto rows = Database::open(from_ + "/store.db", "", Database::Mode::reader);
     if (!rows.ok()) return rows.status();
-    absl::Status status = (*rows)->script("PRAGMA query_only=OFF");  // it writes, to another file
+    absl::Status status = (*rows)->script("PRAGMA query_only=OFF");  // it writes to another file
     return status.ok() ? (*rows)->run("VACUUM INTO ?", {std::string_view(to_ + "/store.db")})
                        : status;
   }
@@ -71,14 +70,14 @@ class Backup {
   static absl::Status name_anew(Database& rows) {
     std::string id(kIdBytes, '\0');
     if (::getentropy(id.data(), id.size()) != 0) {
-      return absl::UnavailableError("the kernel has no random bytes");
+      return absl::UnavailableError("getentropy failed");
     }
     const std::string hex = absl::BytesToHexString(id);
     return rows.run("UPDATE store SET id=?", {std::string_view(hex)});
   }
 
   absl::Status list_files(Database& rows) {
-    // Segments before the first kept one are released, and may be gone.
+    // Segments before the first kept one are released and may be deleted.
     for (const std::string_view sql :
          {"SELECT 'segments/' || id || '/' || segment || '.seg' FROM segments JOIN jobs "
           "ON job=sequence WHERE segment >= first_segment",
@@ -93,8 +92,8 @@ class Backup {
     return absl::OkStatus();
   }
 
-  /// `name` is FOLDER/GROUP/FILE. A segment may have grown since; what follows no row is never
-  /// read.
+  /// Copies `name`, DIRECTORY/GROUP/FILE. A segment may have grown since; bytes without a row are
+  /// never read.
   absl::Status copy_file(const std::string& name) {
     const auto source = filesystem_.open_existing(absl::StrCat(from_, "/", name));
     if (!source.ok()) return source.status();
@@ -117,10 +116,10 @@ class Backup {
     return (*target)->sync();
   }
 
-  /// Files of join tokens (identity/join_tokens.h), which no row knows.
+  /// Copies the files of join tokens (identity/join_tokens.h), which have no rows.
   absl::Status copy_tokens() {
     const auto names = filesystem_.list(from_ + "/tokens");
-    if (!names.ok()) return absl::OkStatus();  // none were made
+    if (!names.ok()) return absl::OkStatus();  // there are none
     for (const std::string& name : *names) {
       const std::string token = "tokens/" + name;
       if (absl::Status copied = copy_file(token); !copied.ok() && !absl::IsNotFound(copied)) {
@@ -130,7 +129,7 @@ class Backup {
     return absl::OkStatus();
   }
 
-  /// Names are durable from the leaves up.
+  /// Syncs directories from the leaves up.
   absl::Status sync_folders() {
     std::vector<std::string> folders = {to_, parent_of(to_)};
     for (const char* top : {"/segments", "/assets", "/outputs"}) {
@@ -153,12 +152,12 @@ class Backup {
   std::vector<std::string> files_;
 };
 
-/// Removes what a try has left: folders of folders of files, at most.
+/// Deletes a failed attempt: files in at most two levels of directories.
 void remove_all(Filesystem& filesystem, const std::string& path) {
   if (const auto names = filesystem.list(path); names.ok()) {
     for (const std::string& name : *names) remove_all(filesystem, absl::StrCat(path, "/", name));
   }
-  (void)filesystem.remove(path);  // what stays is beside the copy, under a name that says so
+  (void)filesystem.remove(path);  // a remainder has the suffix .part
 }
 
 }  // namespace
@@ -166,10 +165,10 @@ void remove_all(Filesystem& filesystem, const std::string& path) {
 absl::StatusOr<StoreFindings> back_up_store(const std::string& folder, const std::string& copy,
                                             Filesystem& filesystem) {
   if (filesystem.list(copy).ok() || filesystem.open_existing(copy).ok()) {
-    return absl::AlreadyExistsError(absl::StrCat(copy, " is there already"));
+    return absl::AlreadyExistsError(absl::StrCat(copy, " already exists"));
   }
   if (const auto rows = filesystem.open_existing(folder + "/store.db"); !rows.ok()) {
-    return absl::NotFoundError(absl::StrCat(folder, " is no store: ", rows.status().message()));
+    return absl::NotFoundError(absl::StrCat(folder, " is not a store: ", rows.status().message()));
   }
   const std::string part = copy + ".part";
   std::string last_fault;
@@ -187,10 +186,10 @@ absl::StatusOr<StoreFindings> back_up_store(const std::string& folder, const std
       if (!status.ok()) return status;
       return findings;
     }
-    last_fault = findings->faults.front();  // a frame replaced meanwhile, or damage
+    last_fault = findings->faults.front();  // a frame was replaced in the meantime, or damage
   }
   remove_all(filesystem, part);
-  return absl::DataLossError(absl::StrCat(folder, " cannot be copied whole: ", last_fault));
+  return absl::DataLossError(absl::StrCat(folder, " cannot be copied consistently: ", last_fault));
 }
 
 }  // namespace tessera::server

@@ -20,7 +20,7 @@ namespace {
 
 constexpr std::int64_t kDone = 4;  // v1.Job.State
 
-using SegmentKey = std::pair<std::string, std::int64_t>;  // job id, number
+using SegmentKey = std::pair<std::string, std::int64_t>;  // job ID, number
 
 absl::StatusOr<contract::Digest> digest_of(const File& file) {
   contract::Hasher hasher;
@@ -35,14 +35,14 @@ absl::StatusOr<contract::Digest> digest_of(const File& file) {
   return hasher.finish();
 }
 
-/// One walk over a store; `findings` grows.
+/// Checks a store and adds to `findings`.
 class Check {
  public:
   Check(std::string folder, Filesystem& filesystem, Database& rows)
       : folder_(std::move(folder)),
         filesystem_(filesystem),
         rows_(rows),
-        files_(filesystem, [](const std::string&) { std::abort(); }),  // nothing here syncs
+        files_(filesystem, [](const std::string&) { std::abort(); }),  // never syncs
         segments_(files_, absl::StrCat(folder_, "/segments"), 0) {}
 
   absl::StatusOr<StoreFindings> run() {
@@ -56,12 +56,12 @@ class Check {
 
  private:
   struct JobRow {
-    std::int64_t first_segment = 0;  // blocks in earlier ones are released
+    std::int64_t first_segment = 0;  // blocks in earlier segments are released
     std::string id;
-    bool is_done = false;  // its units are added up
+    bool is_done = false;  // its units are replaced by totals
   };
   struct Extent {
-    std::int64_t end = 0, bytes = 0;  // how far blocks reach; what they add up to
+    std::int64_t end = 0, bytes = 0;  // end of the last block; total size
   };
 
   template <typename... Parts>
@@ -78,10 +78,9 @@ class Check {
     status.Update(
         rows_.each("SELECT length(id), length(key) FROM store", {}, [&](const SqlRow& row) {
           ++count;
-          if (row.integer(0) != 32 || row.integer(1) != 32)
-            fault("store.db: its id or key is damaged");
+          if (row.integer(0) != 32 || row.integer(1) != 32) fault("store.db: ID or key damaged");
         }));
-    if (count != 1) fault("store.db: it has ", count, " rows of store instead of one");
+    if (count != 1) fault("store.db: table store has ", count, " rows instead of one");
     return status;
   }
 
@@ -111,22 +110,22 @@ class Check {
     const std::string unit = absl::StrCat("job ", row.integer(0), ", unit (", row.integer(1), ", ",
                                           row.integer(2), ", ", row.integer(3), ")");
     const auto job = jobs_.find(row.integer(0));
-    if (job == jobs_.end()) return fault(unit, ": there is no such job");
-    if (job->second.is_done) return fault(unit, ": its job is done, it should be added up");
+    if (job == jobs_.end()) return fault(unit, ": no such job");
+    if (job->second.is_done) return fault(unit, ": not in the totals of its finished job");
     const std::int64_t segment = row.integer(4), offset = row.integer(5), bytes = row.integer(7);
     if (segment < job->second.first_segment) {
       if (finished_.count({row.integer(0), row.integer(1)}) > 0) return;
-      return fault(unit, ": its block is released, but its frame is not finished");
+      return fault(unit, ": block released although its frame is not finished");
     }
     Extent& extent = extents_[{job->second.id, segment}];
-    if (offset < extent.end) fault(unit, ": its block lies over another one");
+    if (offset < extent.end) fault(unit, ": block overlaps another one");
     extent.end = std::max(extent.end, offset + bytes);
     extent.bytes += bytes;
     const auto block = segments_.read(job->second.id, {segment, offset}, bytes);
     if (!block.ok()) return fault(unit, ": ", block.status().message());
     ++findings_.blocks;
     if (contract::sha256(*block).binary() != row.bytes(8)) {
-      fault(unit, ": its block does not have the digest of its row");
+      fault(unit, ": digest mismatch");
     }
   }
 
@@ -136,7 +135,7 @@ class Check {
                         findings_.units += row.integer(2);
                         const std::string totals = absl::StrCat("totals of worker ", row.text(1));
                         if (jobs_.count(row.integer(0)) == 0) {
-                          return fault(totals, ": there is no job ", row.integer(0));
+                          return fault(totals, ": no job ", row.integer(0));
                         }
                         if (row.integer(2) < 1 || row.integer(3) < 0 ||
                             row.integer(3) > row.integer(2) || !(row.real(4) >= 0)) {
@@ -151,14 +150,13 @@ class Check {
         rows_.each("SELECT job, segment, bytes FROM segments", {}, [&](const SqlRow& row) {
           const auto job = jobs_.find(row.integer(0));
           if (job == jobs_.end()) {
-            return fault("segment ", row.integer(1), ": there is no job ", row.integer(0));
+            return fault("segment ", row.integer(1), ": no job ", row.integer(0));
           }
           const SegmentKey key(job->second.id, row.integer(1));
           known.insert(key);
           const auto extent = extents_.find(key);
           if (extent != extents_.end() && extent->second.bytes > row.integer(2)) {
-            fault("segment ", key.second, " of job ", key.first,
-                  ": it is larger than its row says");
+            fault("segment ", key.second, " of job ", key.first, ": larger than its row says");
           }
         });
     for (const auto& [key, extent] : extents_) {
@@ -180,11 +178,11 @@ class Check {
           ++findings_.frames;
           const auto job = jobs_.find(row.integer(0));
           if (job == jobs_.end()) {
-            return fault("frame ", row.integer(1), ": there is no job ", row.integer(0));
+            return fault("frame ", row.integer(1), ": no job ", row.integer(0));
           }
           known.emplace(job->second.id, row.text(2));
-          look_at_file(absl::StrCat("outputs/", job->second.id, "/", row.text(2)), row.integer(3),
-                       row.bytes(4));
+          check_file(absl::StrCat("outputs/", job->second.id, "/", row.text(2)), row.integer(3),
+                     row.bytes(4));
         });
     each_file("outputs", [&](const std::string& job, const std::string& name) {
       return known.count({job, name}) > 0;
@@ -199,9 +197,9 @@ class Check {
           ++findings_.assets;
           const std::string hex = row.text(0);
           known.insert(hex);
-          look_at_file(absl::StrCat("assets/", hex.substr(0, 2), "/",
-                                    hex.substr(std::min<std::size_t>(2, hex.size()))),
-                       row.integer(1), row.bytes(2));
+          check_file(absl::StrCat("assets/", hex.substr(0, 2), "/",
+                                  hex.substr(std::min<std::size_t>(2, hex.size()))),
+                     row.integer(1), row.bytes(2));
         });
     each_file("assets", [&](const std::string& folder, const std::string& name) {
       return known.count(folder + name) > 0;
@@ -209,7 +207,7 @@ class Check {
     return status;
   }
 
-  void look_at_file(const std::string& name, std::int64_t bytes, std::string_view sha256) {
+  void check_file(const std::string& name, std::int64_t bytes, std::string_view sha256) {
     const auto file = filesystem_.open_existing(absl::StrCat(folder_, "/", name));
     if (!file.ok()) return fault(name, ": ", file.status().message());
     if ((*file)->size() != bytes) {
@@ -217,17 +215,17 @@ class Check {
     }
     const auto digest = digest_of(**file);
     if (!digest.ok()) return fault(name, ": ", digest.status().message());
-    if (digest->binary() != sha256) fault(name, ": does not have the digest of its row");
+    if (digest->binary() != sha256) fault(name, ": digest mismatch");
   }
 
-  /// Notes the files FOLDER/GROUP/NAME that are not known.
+  /// Collects the files DIRECTORY/GROUP/NAME without a row.
   template <typename IsKnown>
   void each_file(const std::string& folder, const IsKnown& is_known) {
     const auto groups = filesystem_.list(absl::StrCat(folder_, "/", folder));
     if (!groups.ok()) return fault(folder, ": ", groups.status().message());
     for (const std::string& group : *groups) {
       const auto names = filesystem_.list(absl::StrCat(folder_, "/", folder, "/", group));
-      if (!names.ok()) continue;  // a file beside the folders: not ours
+      if (!names.ok()) continue;  // a file, not a directory: not the store's
       for (const std::string& name : *names) {
         if (!is_known(group, name)) {
           findings_.orphans.push_back(absl::StrCat(folder, "/", group, "/", name));
@@ -252,7 +250,7 @@ class Check {
 absl::StatusOr<StoreFindings> check_store(const std::string& folder, Filesystem& filesystem) {
   const std::string path = absl::StrCat(folder, "/store.db");
   if (const auto file = filesystem.open_existing(path); !file.ok()) {
-    return absl::NotFoundError(absl::StrCat(folder, " is no store: ", file.status().message()));
+    return absl::NotFoundError(absl::StrCat(folder, " is not a store: ", file.status().message()));
   }
   const auto lock = filesystem.lock(absl::StrCat(folder, "/lock"));
   if (!lock.ok()) return lock.status();

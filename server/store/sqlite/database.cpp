@@ -9,7 +9,7 @@
 namespace tessera::server {
 namespace {
 
-constexpr int kBusyTimeoutMs = 10'000;  // our other connection; nobody else holds the store's lock
+constexpr int kBusyTimeoutMs = 10'000;  // waits for this process's other connection only
 
 absl::StatusCode status_code(int sqlite_code) {
   switch (sqlite_code) {
@@ -41,7 +41,7 @@ absl::StatusCode status_code(int sqlite_code) {
   }
 }
 
-/// Binds by reference: values outlive the statement's run.
+/// Binds by reference: values must outlive the run of the statement.
 struct Binder {
   sqlite3_stmt* statement;
   int index;
@@ -49,7 +49,7 @@ struct Binder {
   int operator()(std::int64_t value) const { return sqlite3_bind_int64(statement, index, value); }
   int operator()(double value) const { return sqlite3_bind_double(statement, index, value); }
   int operator()(std::string_view value) const {
-    // A null pointer would bind NULL, not an empty text.
+    // A null pointer would bind NULL instead of an empty text.
     return sqlite3_bind_text64(statement, index, value.empty() ? "" : value.data(), value.size(),
                                SQLITE_STATIC, SQLITE_UTF8);
   }
@@ -59,7 +59,7 @@ struct Binder {
   }
 };
 
-/// Makes a kept statement ready for its next use, and lets go of what was bound.
+/// Resets a cached statement and clears its bindings.
 class ResetLater {
  public:
   explicit ResetLater(sqlite3_stmt* statement) : statement_(statement) {}
@@ -118,15 +118,15 @@ absl::StatusOr<std::unique_ptr<Database>> Database::open(const std::string& path
 
 absl::Status Database::configure(Mode mode) {
   sqlite3_busy_timeout(connection_.get(), kBusyTimeoutMs);
-  // Defensive: a schema that someone tampered with cannot make SQLite do surprising things.
+  // Defensive: a manipulated schema must not trigger unexpected actions of SQLite.
   sqlite3_db_config(connection_.get(), SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
   sqlite3_db_config(connection_.get(), SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
-  // A reader leaves the log to the writer, even if it is the last to close.
+  // A reader does not checkpoint, even if it closes last.
   if (mode == Mode::reader) {
     sqlite3_db_config(connection_.get(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
     return script("PRAGMA query_only=ON; PRAGMA temp_store=MEMORY");
   }
-  // Takes effect in a file that is born now. Others never shrink, but use their free pages again.
+  // Takes effect for a new file. Others never shrink, but reuse their free pages.
   absl::Status status = script("PRAGMA auto_vacuum=INCREMENTAL");
   if (!status.ok()) return status;
   std::string journal;
@@ -134,11 +134,11 @@ absl::Status Database::configure(Mode mode) {
   if (!status.ok()) return status;
   if (journal != "wal") {
     return absl::FailedPreconditionError(absl::StrCat(
-        path_, ": this file system has no shared memory for SQLite's WAL (is it a network disk?)"));
+        path_, ": the file system does not support SQLite's WAL (a network file system?)"));
   }
   status = script("PRAGMA synchronous=FULL; PRAGMA temp_store=MEMORY; PRAGMA foreign_keys=OFF");
   if (!status.ok()) return status;
-  // Replaces SQLite's own checkpoint after a commit.
+  // Replaces SQLite's automatic checkpoint.
   sqlite3_wal_hook(
       connection_.get(),
       [](void* self, sqlite3*, const char*, int pages) {
@@ -198,7 +198,7 @@ absl::Status Database::transact(const std::function<absl::Status()>& body) {
   absl::Status status = body();
   if (status.ok()) status = run("COMMIT");
   if (!status.ok() && sqlite3_get_autocommit(connection_.get()) == 0) {
-    run("ROLLBACK").IgnoreError();  // what went wrong first is what the caller must hear
+    run("ROLLBACK").IgnoreError();  // the first error is returned
   }
   return status;
 }
@@ -214,7 +214,7 @@ std::int64_t Database::last_row_id() const {
 absl::Status Database::checkpoint() {
   const int code = sqlite3_wal_checkpoint_v2(connection_.get(), nullptr, SQLITE_CHECKPOINT_PASSIVE,
                                              nullptr, nullptr);
-  // Busy: a reader pins a part of the log, which stays for the next time.
+  // Busy: a reader uses a part of the log, which stays until the next checkpoint.
   if (code == SQLITE_OK || (code & 0xff) == SQLITE_BUSY) return absl::OkStatus();
   return error(code, "checkpoint");
 }

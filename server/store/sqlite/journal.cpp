@@ -9,7 +9,7 @@ namespace tessera::server {
 
 namespace {
 
-constexpr int kPagesAtOnce = 256;  // given back after a write: a write's wait for it is short
+constexpr int kPagesAtOnce = 256;  // released after a write; few, so that writes wait briefly
 
 }  // namespace
 
@@ -17,7 +17,7 @@ Journal::Journal(DurableFiles& files, Upkeep upkeep) : files_(files), upkeep_(up
 
 absl::StatusOr<std::unique_ptr<Journal>> Journal::open(const std::string& path, DurableFiles& files,
                                                        Upkeep upkeep) {
-  // SQLite would make it readable by others; its log takes over the mode of this file.
+  // SQLite would create it readable by others; its log has the mode of this file.
   if (auto file = files.filesystem().open(path); !file.ok()) return file.status();
   std::unique_ptr<Journal> journal(new Journal(files, upkeep));
   const std::string vfs = files.filesystem().sqlite_vfs();
@@ -36,12 +36,12 @@ absl::Status Journal::write(const std::function<absl::Status(Database&)>& body) 
   if (absl::Status healthy = files_.check_healthy(); !healthy.ok()) return healthy;
   absl::Status status = after_sync(writer_->transact([&] { return body(*writer_); }));
   if (!status.ok()) return status;
-  return tidy_up();
+  return maintain();
 }
 
-/// What was written is durable: only a failed sync is an error here. Whatever else goes wrong, a
-/// full disk say, is left to the next time.
-absl::Status Journal::tidy_up() {
+/// The write is durable, so only a failed sync is an error. Maintenance that fails otherwise, for
+/// example on a full disk, is left to the next write.
+absl::Status Journal::maintain() {
   absl::Status status = count_pages();
   if (status.ok() && free_page_count_ > upkeep_.slack_pages && 4 * free_page_count_ > page_count_) {
     status = writer_->run(absl::StrCat("PRAGMA incremental_vacuum(", kPagesAtOnce, ")"));

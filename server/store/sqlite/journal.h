@@ -45,7 +45,7 @@ class Journal {
 
  private:
   Journal(DurableFiles& files, Upkeep upkeep);
-  absl::Status tidy_up();
+  absl::Status maintain();
   absl::Status count_pages();
   absl::Status after_sync(const absl::Status& status);
 

@@ -127,7 +127,7 @@ TEST_F(FarmTest, WorkStreamWithoutHelloTimesOut) {
   EXPECT_FALSE(silent->Read(&response));
   const grpc::Status status = silent->Finish();
   EXPECT_EQ(status.error_code(), grpc::StatusCode::DEADLINE_EXCEEDED);
-  EXPECT_EQ(status.error_message(), "no hello came in time");
+  EXPECT_EQ(status.error_message(), "timed out waiting for Hello");
   EXPECT_EQ(worker->work(), 9 * 2);
 }
 

@@ -56,8 +56,7 @@ TEST(Certainty, CappedOnlyIfBoundIsMissed) {
   EXPECT_EQ(claim.certainty, Certainty::uncertain);
   ASSERT_EQ(claim.reasons.size(), 2u);
   EXPECT_EQ(claim.reasons[1],
-            "the error's upper bound is 0.11, asked for was 0.1; 3 tiles have all the samples "
-            "--max-spp allows")
+            "the 95 % error bound is 0.11, above the target 0.1; 3 tiles reached --max-spp")
       << "also where it is not the only reason";
 }
 

@@ -91,7 +91,7 @@ TEST_F(StoreCheckTest, FlippedByteInBlockIsAFault) {
   file.seekp(77);
   file << 'z';
   file.close();
-  expect_fault("digest of its row");
+  expect_fault("digest mismatch");
 }
 
 TEST_F(StoreCheckTest, ShortSegmentIsAFault) {
@@ -101,7 +101,7 @@ TEST_F(StoreCheckTest, ShortSegmentIsAFault) {
 
 TEST_F(StoreCheckTest, MissingOrAlteredImageIsAFault) {
   write(path() + "/outputs/done/frame.exr", "an imago");
-  expect_fault("outputs/done/frame.exr: does not have the digest");
+  expect_fault("outputs/done/frame.exr: digest mismatch");
   write(path() + "/outputs/done/frame.exr", "longer than it was");
   expect_fault("its row says 8");
   std::filesystem::remove(path() + "/outputs/done/frame.exr");
@@ -111,14 +111,14 @@ TEST_F(StoreCheckTest, MissingOrAlteredImageIsAFault) {
 TEST_F(StoreCheckTest, AlteredAssetIsAFault) {
   std::filesystem::permissions(asset_, std::filesystem::perms::owner_all);
   write(asset_, "an asser");
-  expect_fault("does not have the digest");
+  expect_fault("digest mismatch");
 }
 
 TEST_F(StoreCheckTest, OverlappingBlocksAreAFault) {
   change_rows("UPDATE units SET offset=4999 WHERE job=1 AND tile=1");
   const StoreFindings found = check();  // its digest is wrong, too
   ASSERT_EQ(found.faults.size(), 2u) << ::testing::PrintToString(found.faults);
-  EXPECT_TRUE(absl::StrContains(found.faults[0], "lies over another one")) << found.faults[0];
+  EXPECT_TRUE(absl::StrContains(found.faults[0], "overlaps another one")) << found.faults[0];
 }
 
 TEST_F(StoreCheckTest, BlockReleasedTooEarlyIsAFault) {
@@ -146,7 +146,7 @@ TEST_F(StoreCheckTest, ImpossibleTotalsAreAFault) {
   change_rows("UPDATE totals SET audited=9");
   expect_fault("totals of worker worker of job done: damaged");
   change_rows("UPDATE totals SET audited=0, job=77");
-  expect_fault("there is no job 77");
+  expect_fault("no job 77");
 }
 
 TEST_F(StoreCheckTest, UnitsOfRemovedJobAreAFault) {

@@ -316,7 +316,7 @@ TEST(DamageDeathTest, FailedSyncExitsWithMessage) {
     if (store.ok()) (*store)->add_worker("w", "w").IgnoreError();
     std::exit(0);
   };
-  EXPECT_EXIT(die(), ::testing::ExitedWithCode(1), "cannot make data durable");
+  EXPECT_EXIT(die(), ::testing::ExitedWithCode(1), "fsync failed; exiting");
 }
 
 }  // namespace
