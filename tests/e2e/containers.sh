@@ -1,28 +1,31 @@
 #!/usr/bin/env bash
-# The farm of deploy/compose.yaml, of one image: a server and three workers, one of them killed in
-# mid-job. And that the image is what deploy/Containerfile says: not root, nothing written but volumes,
-# healthy when it is, gone with 0 on SIGTERM.
+# The farm of deploy/containers/compose.yaml: a server and three workers, one of which is killed during a
+# job. The image must be what its Containerfile says: not root, read-only but for its volumes, healthy,
+# and stopped by SIGTERM with status 0.
 #
-#   containers.sh            with the image localhost/tessera; skipped where there is none
-#   containers.sh --build    makes it first, of TESSERA_BASE_IMAGE (Debian's), for minutes
+#   containers.sh            with an image of the packages of the build under test
+#   containers.sh --build    with localhost/tessera, which is compiled first (many minutes)
 #
-# The named target `containers` does the latter. Needs podman and podman-compose.
+# The target `containers` does the latter. Needs podman, podman-compose, cpack, dpkg-dev and file.
 . "$(dirname "$0")/farm.sh"
 root=$(cd "$(dirname "$0")/../.." && pwd)
 
-for program in podman podman-compose; do
-  command -v $program >/dev/null || { echo "SKIPPED: $program is not installed"; exit 0; }
+for program in podman podman-compose cpack dpkg-shlibdeps file; do
+  command -v $program >/dev/null || skip "$program is not installed"
 done
 . "$(dirname "$0")/containers/engine.sh"
 if [ "${1:-}" = --build ]; then
   build_image
 else
-  has_image || { echo "SKIPPED: no image $image of this version; the target containers makes it"; exit 0; }
+  need_image
 fi
+export TESSERA_IMAGE=$image
 
 project=tessera-e2e-$$
 export TESSERA_PORT=127.0.0.1:
-compose() { podman-compose -p "$project" -f "$root/deploy/compose.yaml" "$@" >>"$work/compose.log" 2>&1; }
+compose() {
+  podman-compose -p "$project" -f "$root/deploy/containers/compose.yaml" "$@" >>"$work/compose.log" 2>&1
+}
 finish() {
   local status=$?
   if [ "$status" -ne 0 ]; then
@@ -32,18 +35,18 @@ finish() {
   fi
   compose down -v || true
   podman network rm -f "${project}_default" >/dev/null 2>&1 || true
-  if (exit "$status"); then cleanup; else cleanup; fi  # which looks at the status
+  if (exit "$status"); then cleanup; else cleanup; fi  # cleanup reads the status
 }
 trap finish EXIT
 
 # client COMMAND…: a client in a container of the farm's network.
 client() {
   podman run --rm --no-healthcheck --network "${project}_default" --read-only --tmpfs /tmp --cap-drop all \
-    -v "${project}_client-certs:/etc/tessera/client:ro" -v "$scenes:/scenes:ro" \
+    -v "${project}_client-certs:/etc/tessera/client:ro" -v "$scenes:/scenes:ro" -v "$work/maps:/maps:ro" \
     -e TESSERA_SERVER=server:7420 -e TESSERA_CERTS=/etc/tessera/client "$image" tessera "$@" 2>>"$work/client.log"
 }
-# there N: N workers are idle or busy.
-there() {
+# workers_joined N: N workers are idle or busy.
+workers_joined() {
   client workers --json >"$work/workers.json" || return 1
   [ "$(json "$work/workers.json" 'sum(w["state"] in ("idle", "busy") for w in d["workers"])')" = "$1" ]
 }
@@ -52,9 +55,11 @@ in_container() { podman exec "${project}_$1_1" "${@:2}"; }
 size=160x120 spp=256
 tessera render "$scenes/same_bits.gltf" -o "$work/alone.exr" --report "$work/alone.json" --size $size \
   --spp $spp --tile-size 16 --workers 1 >/dev/null 2>&1
+mkdir "$work/maps"
+printf '#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\200\200\200\200\200\200\200\200' >"$work/maps/grey.hdr"
 
 compose up -d
-wait_until 120 "three workers of the image have joined" there 3
+wait_until 120 "three workers have joined" workers_joined 3
 say "compose up: three workers have joined, with certificates and token"
 
 for service in server worker; do
@@ -63,9 +68,21 @@ for service in server worker; do
   podman healthcheck run "${project}_${service}_1" >/dev/null || fail "$service is not healthy"
   say "$service is healthy, on a read-only root"
 done
-in_container worker healthy tessera_worker_connected || fail "the worker does not say it is connected"
-! in_container worker healthy tessera_worker_no_such_metric 2>/dev/null || fail "healthy sees what is not"
+in_container worker healthcheck tessera_worker_connected || fail "the worker is not reported as connected"
+! in_container worker healthcheck tessera_worker_no_such_metric 2>/dev/null ||
+  fail "healthcheck accepts a metric that does not exist"
 ! in_container worker test -e /etc/tessera/authority/ca.key || fail "a worker sees the authority's key"
+
+hdr_status=0
+client submit /scenes/lit_square.gltf --environment /maps/grey.hdr --size 16x16 --spp 1 --wait >/dev/null ||
+  hdr_status=$?
+if in_container worker test -e /usr/lib/tessera/tessera_radiance.so; then
+  equal "a Radiance environment map is rendered" "$hdr_status" 0
+else
+  [ "$hdr_status" -ne 0 ] && grep -q "package tessera-radiance" "$work/client.log" ||
+    fail "a Radiance map without its decoder: status $hdr_status"
+  say "without its decoder a Radiance environment map is refused by the name of the package"
+fi
 
 job=$(client submit /scenes/same_bits.gltf --size $size --spp $spp --tile-size 16)
 some_committed() {
@@ -73,24 +90,23 @@ some_committed() {
   [ "$(json "$work/status.json" 'd["progress"]["units_committed"]')" -ge 5 ]
 }
 wait_until 120 "some units are committed" some_committed
-client workers --json >"$work/before.json"
 victim=${project}_worker_2
 kill -KILL "$(podman inspect -f '{{.State.Pid}}' "$victim")"
 client status "$job" --json >"$work/status.json"
-[ "$(json "$work/status.json" 'd["state"]')" != done ] || fail "the job was over before the kill"
-killed() { [ "$(podman inspect -f '{{.RestartCount}}' "$victim")" -ge 1 ]; }
-wait_until 60 "the killed container is started again" killed
-say "a worker's container is killed in mid-job and started again"
+[ "$(json "$work/status.json" 'd["state"]')" != done ] || fail "the job was done before the kill"
+restarted() { [ "$(podman inspect -f '{{.RestartCount}}' "$victim")" -ge 1 ]; }
+wait_until 60 "the killed container is started again" restarted
+say "a worker's container is killed during the job and started again"
 client watch "$job" --json >"$work/watch.log" || fail "watch: status $?"
 client report "$job" --json >"$work/report.json"
-equal "the pixels of a render without containers" "$(pixels "$work/report.json")" \
+equal "pixels equal those of a render without containers" "$(pixels "$work/report.json")" \
   "$(pixels "$work/alone.json")"
 [ "$(json "$work/report.json" 'len([w for w in d["workers"] if w["units"] > 0])')" -ge 3 ] ||
-  fail "not all of the workers rendered"
+  fail "not all workers rendered"
 
 for service in worker server; do
   podman stop -t 60 "${project}_${service}_1" >/dev/null 2>&1
-  equal "$service ends well on SIGTERM" \
+  equal "$service exits with 0 on SIGTERM" \
     "$(podman inspect -f '{{.State.ExitCode}}' "${project}_${service}_1")" 0
 done
 echo "# image: $(podman image inspect -f '{{.Size}}' "$image" | awk '{printf "%.0f MB", $1 / 1e6}')"

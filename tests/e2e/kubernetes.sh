@@ -1,20 +1,20 @@
 #!/usr/bin/env bash
-# deploy/kubernetes: each overlay is put together by kustomize, holds nothing that current schemas do not
-# know, names options that the programs have and secrets that it has or the documents tell to make. With
-# podman and the image of tests/e2e/containers.sh, the pods of the local overlay run a job.
+# deploy/kubernetes: kustomize builds each overlay, its objects are valid and have no unknown fields under
+# the schemas of current API versions, and the options in its manifests exist. With podman, the pods of
+# the local overlay run a job, from an image of the packages of the build under test.
 #
-# Needs kubectl, node and npm, which gets the schemas (a few seconds); else it is skipped.
+# Needs kubectl, node and npm, which fetches the schemas in a few seconds.
 . "$(dirname "$0")/farm.sh"
 here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../.." && pwd)
 
 for program in kubectl node npm; do
-  command -v $program >/dev/null || { echo "SKIPPED: $program is not installed"; exit 0; }
+  command -v $program >/dev/null || skip "$program is not installed"
 done
 mkdir "$work/check"
 cp "$here/kubernetes/package.json" "$work/check"
 (cd "$work/check" && HOME=$HOME timeout 120 npm install --prefer-offline --no-audit --no-fund --silent >"$work/npm.log" 2>&1) ||
-  { echo "SKIPPED: npm cannot get the schemas"; exit 0; }
+  skip "npm cannot get the schemas"
 check() { (cd "$work/check" && node "$here/kubernetes/check_manifests.mjs" "$@"); }
 
 cp -r "$root/deploy/kubernetes" "$work/kubernetes"
@@ -29,14 +29,14 @@ for overlay in local autoscaled; do
     grep -q ": $kind .*valid" "$work/out" || fail "$overlay has no $kind"
   done
 done
-grep -q ": HorizontalPodAutoscaler .*valid" "$work/out" || fail "nothing scales the workers"
+grep -q ": HorizontalPodAutoscaler .*valid" "$work/out" || fail "autoscaled has no valid HorizontalPodAutoscaler"
 
 sed 's/terminationGracePeriodSeconds/terminationGraceSeconds/' "$work/local.yaml" >"$work/misspelt.yaml"
 exits 1 check "$work/misspelt.yaml"
 says "unknown: /spec/template/spec/terminationGraceSeconds"
 sed 's/replicas: 3/replicas: three/' "$work/local.yaml" >"$work/mistyped.yaml"
 exits 1 check "$work/mistyped.yaml"
-say "a misspelt field and a wrong type are found"
+say "a misspelt field and a wrong type are reported"
 
 for program in server worker; do
   "$TESSERA_BIN/tessera-$program" --help >"$work/help"
@@ -46,12 +46,19 @@ for program in server worker; do
   say "tessera-$program has the options of its pods"
 done
 
-# The pods of the local overlay, where there is podman and the image: a job runs on them.
-command -v podman >/dev/null || { echo "# podman is not installed: no pod was run"; exit 0; }
+# A job on the pods of the local overlay.
+[ -z "${TESSERA_E2E_SMALL:-}" ] || { echo "# no pod is run: builds with sanitizers are not packaged"; exit 0; }
+for program in podman cpack dpkg-shlibdeps file; do
+  command -v $program >/dev/null || skip "$program is not installed, so no pod was run"
+done
 . "$here/containers/engine.sh"
-has_image || { echo "# no image $image of this version: no pod was run"; exit 0; }
+podman pod exists tessera-server && fail "a pod tessera-server exists already: podman pod rm -f tessera-server"
+need_image
 network=tessera-e2e-$$ secrets=$work/secrets
-pods_of() { (cd "$work/check" && node "$here/kubernetes/pods_for_podman.mjs" "$work/local.yaml" "$1" "$secrets") >"$work/pods-$1.yaml"; }
+pods_of() {
+  (cd "$work/check" &&
+    node "$here/kubernetes/pods_for_podman.mjs" "$work/local.yaml" "$1" "$secrets" "$image") >"$work/pods-$1.yaml"
+}
 finish() {
   local status=$? part
   for part in worker server; do
@@ -60,9 +67,8 @@ finish() {
   done
   podman volume rm -f store-tessera-server-0 >/dev/null 2>&1 || true
   podman network rm -f "$network" >/dev/null 2>&1 || true
-  if (exit "$status"); then cleanup; else cleanup; fi  # which looks at the status
+  if (exit "$status"); then cleanup; else cleanup; fi  # cleanup reads the status
 }
-podman pod exists tessera-server && { echo "# pods of these names run here already: none was run"; exit 0; }
 trap finish EXIT
 
 mkdir -p "$secrets"/tessera-{server-certs,worker-certs,join-token}
@@ -74,7 +80,7 @@ podman network create "$network" >/dev/null
 pods_of server
 podman play kube --network "$network" "$work/pods-server.yaml" >"$work/play.log" 2>&1
 token() { podman exec tessera-server-server tessera-server tokens create --store /var/lib/tessera/store >"$secrets/tessera-join-token/join.token" 2>/dev/null; }
-wait_until 60 "the server's pod runs" token
+wait_until 60 "the server's pod creates a token" token
 chown 10001 "$secrets/tessera-join-token/join.token"
 chmod 600 "$secrets/tessera-join-token/join.token"
 pods_of worker
@@ -83,11 +89,11 @@ client() {
   podman run --rm --no-healthcheck --network "$network" -v "$secrets/ann:/certs:ro" -v "$scenes:/scenes:ro" \
     -e TESSERA_SERVER=tessera-server:7420 -e TESSERA_CERTS=/certs "$image" tessera "$@" 2>>"$work/client.log"
 }
-there() {
+workers_joined() {
   client workers --json >"$work/workers.json" || return 1
   [ "$(json "$work/workers.json" 'sum(w["state"] in ("idle", "busy") for w in d["workers"])')" = 3 ]
 }
-wait_until 60 "three workers' pods have joined" there
+wait_until 60 "three worker pods have joined" workers_joined
 client submit /scenes/same_bits.gltf --size 64x48 --spp 8 --tile-size 16 --name pods --wait >/dev/null
 client report pods --json >"$work/report.json"
 tessera render "$scenes/same_bits.gltf" -o "$work/alone.exr" --report "$work/alone.json" --size 64x48 --spp 8 \

@@ -1,8 +1,11 @@
-# Sourced by tests of containers: podman with settings of its own, and the image.
+# Sourced by tests that run containers: podman with a configuration of its own, and the image.
 # shellcheck shell=bash
 image=localhost/tessera:latest
+bare_image=localhost/tessera-debian:12
 
-# runc and cgroupfs work without systemd; the limits are below any host's.
+ischroot && skip "a chroot cannot start containers"
+
+# runc and cgroupfs work without systemd; the limits are below those of any host.
 cat >"$work/containers.conf" <<'CONF'
 [containers]
 default_ulimits = ["nofile=1000:1000", "nproc=2000:2000"]
@@ -13,17 +16,49 @@ events_logger = "file"
 CONF
 export CONTAINERS_CONF=$work/containers.conf
 
-# has_image: there is one, of programs of this version.
-has_image() {
-  podman image exists "$image" &&
-    [ "$(podman run --rm --no-healthcheck --network none "$image" tessera --version | head -n 1)" = \
-      "$(tessera --version | head -n 1)" ]
+# base_image: prints the name of a bare Debian 12: TESSERA_BASE_IMAGE, else one made by mmdebstrap and
+# kept, else that of Docker Hub.
+base_image() {
+  if [ -n "${TESSERA_BASE_IMAGE:-}" ]; then
+    echo "$TESSERA_BASE_IMAGE"
+  elif ! command -v mmdebstrap >/dev/null; then
+    echo docker.io/library/debian:bookworm-slim
+  else
+    if ! podman image exists "$bare_image"; then
+      mmdebstrap --variant=minbase bookworm "$work/debian.tar" >"$work/mmdebstrap.log" 2>&1 || return 1
+      podman import "$work/debian.tar" "$bare_image" >"$work/import.log" 2>&1 || return 1
+      rm "$work/debian.tar"
+    fi
+    echo "$bare_image"
+  fi
 }
 
-# build_image: $image of deploy/Containerfile, with this host's compiler cache if it has one.
+# build_image [OPTION...]: $image by deploy/containers/Containerfile, with the compiler cache of this host
+# if it has one.
 build_image() {
-  local base=${TESSERA_BASE_IMAGE:-docker.io/library/debian:bookworm-slim} cache=()
+  local base cache=()
+  base=$(base_image) || fail "no base image"
   [ ! -d "$HOME/.cache/ccache" ] || cache=(--volume "$HOME/.cache/ccache:/root/.cache/ccache")
-  podman build --isolation chroot --format docker --layers --build-arg "BASE=$base" "${cache[@]}" \
-    -t "$image" -f "$root/deploy/Containerfile" "$root"
+  podman build --isolation chroot --format docker --layers --build-arg "BASE=$base" "${cache[@]}" "$@" \
+    -t "$image" -f "$root/deploy/containers/Containerfile" "$root"
+}
+
+# need_image: sets $image to an image with the packages of the build under test, without the Radiance
+# decoder. It is made in about a minute and kept until the programs change.
+need_image() {
+  local build digest old
+  build=$(cd "$TESSERA_BIN/.." && pwd)
+  digest=$(cat "$TESSERA_BIN"/tessera{,-server,-worker,-webhook} "$root"/deploy/containers/* | sha256sum)
+  image=localhost/tessera-test:${digest:0:12}
+  exec {image_lock}>"$build/image.lock"
+  flock "$image_lock"  # tests run side by side
+  if ! podman image exists "$image"; then
+    (cd "$build" && cpack -G DEB -B "$work/packages") >"$work/cpack.log" 2>&1 || fail "cpack"
+    build_image --build-arg RADIANCE=no --build-context "packages=$work/packages" \
+      >"$work/image.log" 2>&1 || fail "podman build"
+    for old in $(podman image ls --format '{{.Repository}}:{{.Tag}}' localhost/tessera-test); do
+      [ "$old" = "$image" ] || podman image rm "$old" >/dev/null 2>&1 || true
+    done
+  fi
+  exec {image_lock}>&-
 }

@@ -1,34 +1,34 @@
-// Checks Kubernetes manifests against the schemas of current API versions, strictly:
+// Checks Kubernetes manifests against the schemas of current API versions:
 //
-//   check_manifests.mjs FILE.yaml…     a line for each object; status 1 if one has a fault
+//   check_manifests.mjs FILE.yaml…     prints a line per object; status 1 if one is invalid
 //
-// To be run in a folder where the packages of package.json are installed. Their validators find wrong
-// types and missing fields, but pass over fields that they do not know. A validator reads every field
-// that it knows, so it is handed objects that note what is read; what is left over is misspelt.
+// Run it in a directory where the packages of package.json are installed. Their validators find wrong
+// types and missing fields but ignore unknown ones. A validator reads every field that it knows, so it
+// is given proxies that record what is read; a field that was not read is misspelt.
 import {createRequire} from 'node:module';
 import {readFileSync} from 'node:fs';
 
 const require = createRequire(`${process.cwd()}/`);
 const YAML = require('yaml');
 
-// The model of a kind: "apps/v1" and "v1" are folders of the package.
+// The model of a kind; "apps/v1" and "v1" are directories of the package.
 function modelOf({apiVersion, kind}) {
   return require(`kubernetes-models/${apiVersion}/${kind}`)[kind];
 }
 
-// `value`, all of whose members call `note(path)` when they are read.
-function noting(value, note, path = '') {
+// Returns a proxy of `value` that calls `note(path)` when a member is read, at any depth.
+function recording(value, note, path = '') {
   if (value === null || typeof value !== 'object') return value;
   return new Proxy(value, {
     get(target, key) {
       if (typeof key !== 'string' || !Object.hasOwn(target, key)) return target[key];
       note(`${path}/${key}`);
-      return noting(target[key], note, `${path}/${key}`);
+      return recording(target[key], note, `${path}/${key}`);
     },
   });
 }
 
-// The paths of all members below `value`, down to the first that `read` lacks.
+// Yields the path of each member of `value` that is not in `read`, without the members below it.
 function* unread(value, read, path = '') {
   if (value === null || typeof value !== 'object') return;
   for (const key of Object.keys(value)) {
@@ -41,7 +41,7 @@ function* unread(value, read, path = '') {
 function faultOf(object) {
   const read = new Set();
   try {
-    modelOf(object).prototype.validate.call(noting(object, (path) => read.add(path)));
+    modelOf(object).prototype.validate.call(recording(object, (path) => read.add(path)));
   } catch (error) {
     return String(error.message).slice(0, 300);
   }
@@ -55,7 +55,7 @@ for (const file of process.argv.slice(2)) {
   for (const document of YAML.parseAllDocuments(readFileSync(file, 'utf8'), {uniqueKeys: true})) {
     const object = document.errors.length > 0 ? null : document.toJS();
     if (object === null && document.errors.length === 0) continue;
-    // Kustomize breaks base64 into lines, which Kubernetes takes and the schemas' pattern does not.
+    // Kustomize breaks base64 into lines; Kubernetes accepts that, the pattern of the schema does not.
     for (const key of Object.keys(object?.kind === 'Secret' ? object.data : {})) {
       object.data[key] = object.data[key].replaceAll('\n', '');
     }

@@ -1,15 +1,17 @@
-// From manifests to what `podman play kube` 4.3 can run: the StatefulSet's pod with a claim of its own,
-// under the name of the Service that would lead to it, or the Deployment. Secrets become folders of the
-// host: podman makes their files readable by everybody, and a program refuses such a key. Arguments that
-// name a variable go: podman takes them as they are.
+// Converts manifests to what `podman play kube` 4.3 can run. The StatefulSet becomes a pod with a volume
+// claim of its own, under the name of the Service that would lead to it; the Deployment stays. Secrets
+// become host directories, because podman makes their files readable by everybody and the programs
+// refuse such a key. Arguments with a variable are dropped, because podman does not expand them.
 //
-//   pods_for_podman.mjs FILE.yaml server|worker FOLDER     FOLDER/SECRET for each secret, less its hash
+//   pods_for_podman.mjs FILE.yaml server|worker DIRECTORY IMAGE
+//
+// DIRECTORY/SECRET holds the files of each secret, named without its hash; all containers run IMAGE.
 import {createRequire} from 'node:module';
 import {readFileSync} from 'node:fs';
 
 const require = createRequire(`${process.cwd()}/`);
 const YAML = require('yaml');
-const [file, part, folder] = process.argv.slice(2);
+const [file, part, directory, image] = process.argv.slice(2);
 const objects = YAML.parseAllDocuments(readFileSync(file, 'utf8')).map((d) => d.toJS());
 const kept = [];
 if (part === 'server') {
@@ -31,9 +33,10 @@ for (const object of kept) {
     if (!volume.secret) continue;
     const name = volume.secret.secretName.replace(/-[0-9a-z]{10}$/, '');
     delete volume.secret;
-    volume.hostPath = {path: `${folder}/${name}`};
+    volume.hostPath = {path: `${directory}/${name}`};
   }
   for (const container of pod.containers ?? []) {
+    container.image = image;
     container.imagePullPolicy = 'Never';
     container.args = container.args.filter((argument) => !argument.includes('$('));
   }
