@@ -371,12 +371,13 @@ std::int64_t Coordinator::sample_count(const Job& job, const JobFilm& film) {
   }
   std::int64_t known = film.finished_samples;
   for (const auto& [frame, samples] : film.expected_samples) known += samples;
-  const auto begun = static_cast<std::int64_t>(film.finished.size() + film.expected_samples.size());
+  const auto started =
+      static_cast<std::int64_t>(film.finished.size() + film.expected_samples.size());
   const std::vector<contract::Pass> passes = contract::schedule(settings);
   const auto first =
       std::min(passes.size(), static_cast<std::size_t>(contract::kUnconditionalPasses)) - 1;
-  const std::int64_t each = begun > 0 ? known / begun : pixels * passes[first].end();
-  return known + (job.frame_count - begun) * each;
+  const std::int64_t each = started > 0 ? known / started : pixels * passes[first].end();
+  return known + (job.frame_count - started) * each;
 }
 
 JobView Coordinator::view(const Job& job) const {

@@ -253,9 +253,9 @@ bool Coordinator::commit_group() {
   CheckedGroup checked;
   check_group(group, checked);
   if (!checked.commits.empty()) {
-    const Time begun = options_.clock();
+    const Time started = options_.clock();
     const absl::Status status = store_.commit(checked.commits);
-    options_.metrics->commit_seconds.Observe(seconds(options_.clock() - begun));
+    options_.metrics->commit_seconds.Observe(seconds(options_.clock() - started));
     if (!status.ok()) {
       options_.metrics->errors.commit.Increment();
       commit_failed(checked, status);
@@ -351,9 +351,9 @@ void Coordinator::count_committed(Job& job, const UnitRecord& record, std::int64
 /// Returns the seconds since the unit was leased to its worker, if this process leased it.
 std::optional<double> Coordinator::turnaround_seconds(Job& job, const UnitRecord& record) {
   const Worker* worker = scheduler_.find_worker(record.worker_id);
-  const InFlight* held = job.open_plan().find_in_flight(record.unit);
-  if (worker == nullptr || held == nullptr) return std::nullopt;
-  for (const Holder& holder : held->holders) {
+  const InFlight* in_flight = job.open_plan().find_in_flight(record.unit);
+  if (worker == nullptr || in_flight == nullptr) return std::nullopt;
+  for (const Holder& holder : in_flight->holders) {
     if (holder.worker != worker->key || !holder.leased) continue;
     return seconds(options_.clock() - *holder.leased);
   }

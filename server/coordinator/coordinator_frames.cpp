@@ -172,13 +172,13 @@ void Coordinator::merge(FilmUpdate update) {
   }
   if (is_wanted) {
     open_film(key);
-    const Time begun = options_.clock();
+    const Time started = options_.clock();
     const absl::Status status =
         update.block ? film_.add(key, update.unit.tile, update.unit.pass, *update.block)
                      : film_.record_committed(key, update.unit.tile, update.unit.pass);
     if (update.block) {
       options_.metrics->film_blocks.delivered.Increment();
-      options_.metrics->merge_seconds.Observe(seconds(options_.clock() - begun));
+      options_.metrics->merge_seconds.Observe(seconds(options_.clock() - started));
     }
     if (!status.ok())
       log(LogLevel::error, absl::StrCat("job ", key.job_id, ": ", status.ToString()));
@@ -218,9 +218,9 @@ void Coordinator::finish_frame(const FrameKey& key) {
   }
   open_film(key);
   damaged_.clear();
-  const Time begun = options_.clock();
+  const Time started = options_.clock();
   auto record = write_finished(key, *spec);
-  options_.metrics->frame_write_seconds.Observe(seconds(options_.clock() - begun));
+  options_.metrics->frame_write_seconds.Observe(seconds(options_.clock() - started));
   const double error = film_.running_estimate(key).error;
   film_.close_frame(key);
   last_estimate_.erase(key);

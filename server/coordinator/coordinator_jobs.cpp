@@ -46,14 +46,14 @@ absl::Status restore_costs(const Store& store, Scheduler& scheduler, Job& job) {
 }
 
 /// Returns whether any unit of the job has been rendered.
-absl::StatusOr<bool> has_begun(const Store& store, const std::string& job_id) {
+absl::StatusOr<bool> has_started(const Store& store, const std::string& job_id) {
   const auto frames = store.frames(job_id);
   if (!frames.ok()) return frames.status();
-  bool begun = !frames->empty();
-  if (begun) return true;
-  absl::Status status = store.for_each_unit(job_id, [&](const UnitRecord&) { begun = true; });
+  bool started = !frames->empty();
+  if (started) return true;
+  absl::Status status = store.for_each_unit(job_id, [&](const UnitRecord&) { started = true; });
   if (!status.ok()) return status;
-  return begun;
+  return started;
 }
 
 /// Errors: FailedPrecondition, the job's blocks have another render contract: passes and sampling
@@ -97,13 +97,13 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
   if (!spec.ok()) return spec.status();
   auto state = static_cast<JobState>(record.state);
   const bool is_of_ours = record.render_contract == contract::kRenderContract;
-  bool begun = true;
+  bool started = true;
   if (state == JobState::queued || !is_of_ours) {
-    const auto found = has_begun(store_, record.id);
+    const auto found = has_started(store_, record.id);
     if (!found.ok()) return found.status();
-    begun = *found;
+    started = *found;
   }
-  if (begun) spec->render_contract = record.render_contract;
+  if (started) spec->render_contract = record.render_contract;
   Job& job =
       scheduler_.add_job(record.sequence, std::make_shared<const JobSpec>(*std::move(spec)), state);
   job.reason = record.reason;
@@ -114,8 +114,8 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
   film.create_time_us = record.create_time_us;
   film.end_time_us = record.end_time_us;
   film.wall_at_start = record.wall_seconds;
-  if (!begun && !is_of_ours) changed_.insert(job.key);  // none of its blocks has another contract
-  if (!begun && state == JobState::queued) return absl::OkStatus();
+  if (!started && !is_of_ours) changed_.insert(job.key);  // none of its blocks has another contract
+  if (!started && state == JobState::queued) return absl::OkStatus();
   const auto frames = store_.frames(record.id);
   if (!frames.ok()) return frames.status();
   JobPlan& plan = job.open_plan();

@@ -19,10 +19,10 @@ struct Census {
     if (has_ended(job.state)) return;
     const std::int64_t total = job.plan ? job.plan->unit_count() : job.unit_count;
     const std::int64_t done = job.plan ? job.plan->committed_count() : 0;
-    const std::int64_t held = job.plan ? job.plan->in_flight_count() : 0;
+    const std::int64_t in_flight = job.plan ? job.plan->in_flight_count() : 0;
     committed += done;
-    leased += held;
-    (job.state == JobState::paused ? paused : waiting) += total - done - held;
+    leased += in_flight;
+    (job.state == JobState::paused ? paused : waiting) += total - done - in_flight;
   }
   void add(const Worker& worker) {
     if (worker.is_working()) {

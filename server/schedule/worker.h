@@ -71,7 +71,7 @@ struct Worker {
   bool has_delivered = false;  // its first unit is always audited
   Time last_contact;           // when its last message arrived
   std::int32_t credits = 0;
-  std::set<std::pair<JobKey, contract::Unit>> held;
+  std::set<std::pair<JobKey, contract::Unit>> leased_units;
   std::set<JobKey> leased_jobs;  // unfinished jobs of which it was leased units
   JobKey current_job = 0;
   double seconds_in_job = 0;           // CPU seconds committed since it switched to current_job

@@ -174,34 +174,34 @@ class Store {
   virtual absl::Status publish_asset(const std::string& upload_path,
                                      const contract::Digest& digest) = 0;
   virtual std::string asset_path(const contract::Digest& digest) const = 0;
-  /// Jobs no longer name these assets: until now they were in use.
+  /// Records that a removed job used these assets until now.
   virtual absl::Status release_assets(const std::vector<contract::Digest>& digests) = 0;
-  /// Deletes the assets least recently used (released, else uploaded) until all take at most
-  /// `quota_bytes`, but none that was uploaded within the last hour before `now_us` and none that
-  /// is `named` by a job.
+  /// Deletes least recently used assets (by release, else upload) until the rest take at most
+  /// `quota_bytes`. Spares assets uploaded within the hour before `now_us` and those in `named`,
+  /// which jobs refer to.
   virtual absl::Status collect_assets(std::int64_t now_us, std::int64_t quota_bytes,
                                       const std::vector<contract::Digest>& named) = 0;
 
-  // Small durable facts: the roster of workers.
+  // Workers: roster, bans, joins.
   virtual absl::Status add_worker(const std::string& worker_id, const std::string& name) = 0;
   virtual absl::Status remove_worker(const std::string& worker_id) = 0;
   virtual absl::StatusOr<std::vector<std::string>> roster() const = 0;
-  /// Workers that are shut out; durable on return, repeating is harmless.
+  /// Bans and lifts bans; durable on return. Idempotent.
   virtual absl::Status ban_worker(const std::string& worker_id) = 0;
   virtual absl::Status allow_worker(const std::string& worker_id) = 0;
   virtual absl::StatusOr<std::vector<std::string>> banned_workers() const = 0;
 
-  /// Records that a worker has joined with a token, once per worker and token; durable on return.
+  /// Records that a worker joined with a token, once per worker and token; durable on return.
   ///
-  /// Errors: PermissionDenied, `most` others have (0: no limit), or a worker of this id has joined
-  /// with another certificate.
+  /// Errors: PermissionDenied, `most` other workers have joined with the token (0: unlimited), or a
+  /// worker with this ID joined with another certificate.
   virtual absl::Status record_join(const Join& join, std::int64_t most) = 0;
-  /// Forgets joins of workers that are not in the roster and have not been since `unseen_since_us`,
-  /// but none with a token that is still `valid`: those are counted.
+  /// Removes joins of workers that are not in the roster and have not connected since
+  /// `unseen_since_us`, except joins with a token in `valid`, which count towards its limit.
   virtual absl::Status remove_stale_joins(const std::vector<std::string>& valid,
                                           std::int64_t unseen_since_us) = 0;
 
-  /// Bytes the store's files take, from its own book-keeping (no folder walk): segments, assets,
+  /// Disk space of the store from its own records, without visiting directories: segments, assets,
   /// finished frames and database, without unfinished uploads. Any thread.
   virtual std::int64_t used_bytes() const = 0;
 };

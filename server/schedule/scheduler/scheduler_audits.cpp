@@ -11,7 +11,7 @@ using contract::Unit;
 
 namespace {
 
-constexpr int kWaivedPerTick = 64;  // audits checked per tick for having no worker left
+constexpr int kAuditChecksPerTick = 64;  // audits checked per tick for having no worker left
 
 }  // namespace
 
@@ -76,7 +76,7 @@ bool Scheduler::lease_audit(Worker& worker) {
     if (!may_audit(worker, job, audit)) continue;
     const Lease lease = make_lease(job, worker, {unit.frame, unit.pass, unit.tile, 1});
     audit.holder = Holder{worker.key, lease.attempt, std::nullopt, false, 0};
-    worker.held.emplace(key, unit);
+    worker.leased_units.emplace(key, unit);
     worker.leased_jobs.insert(key);
     job.ever_leased_to.insert(worker.key);
     waiting_audits_.erase({key, unit});
@@ -93,7 +93,7 @@ bool Scheduler::release_audit(Job& job, Worker& worker, const Unit& unit) {
     return false;
   }
   audit->second.holder.reset();
-  worker.held.erase({job.key, unit});
+  worker.leased_units.erase({job.key, unit});
   waiting_audits_.emplace(job.key, unit);
   work_appeared_ = true;
   return true;
@@ -129,11 +129,12 @@ void Scheduler::settle_audit(Job& job, const Unit& unit, Time now) {
   const Audit& audit = node.mapped();
   if (audit.holder) {
     Worker* worker = find_worker(audit.holder->worker);
-    if (worker != nullptr && worker->held.erase({job.key, unit}) > 0) revoke(*worker, job, unit);
+    if (worker != nullptr && worker->leased_units.erase({job.key, unit}) > 0)
+      revoke(*worker, job, unit);
   }
   if (audit.is_settled()) {
     ++job.counters.audited;
-    for (const std::string& liar : audit.faulty_workers()) quarantine(liar);
+    for (const std::string& faulty : audit.faulty_workers()) quarantine(faulty);
   } else if (audit.is_disputed()) {
     fail_job(job,
              absl::DataLossError(absl::StrCat("job ", job.spec->id, ", frame ", unit.frame,
@@ -157,39 +158,40 @@ void Scheduler::forget_audits(Job& job) {
     waiting_audits_.erase({job.key, unit});
     if (!audit.holder) continue;
     Worker* worker = find_worker(audit.holder->worker);
-    if (worker != nullptr && worker->held.erase({job.key, unit}) > 0) revoke(*worker, job, unit);
+    if (worker != nullptr && worker->leased_units.erase({job.key, unit}) > 0)
+      revoke(*worker, job, unit);
   }
   job.audits.clear();
 }
 
 /// Drops audits without a worker to ask; a dispute that cannot be settled fails its job.
 void Scheduler::fail_unresolvable_audits(Time now) {
-  const bool anybody = std::any_of(workers_.begin(), workers_.end(),
-                                   [](const auto& entry) { return entry.second.is_working(); });
-  if (!anybody || !missing_workers_.empty()) return;
-  std::vector<std::pair<JobKey, Unit>> hopeless;
-  int looked_at = 0;
+  const bool has_workers = std::any_of(workers_.begin(), workers_.end(),
+                                       [](const auto& entry) { return entry.second.is_working(); });
+  if (!has_workers || !missing_workers_.empty()) return;
+  std::vector<std::pair<JobKey, Unit>> unresolvable;
+  int checked = 0;
   for (const auto& [key, unit] : waiting_audits_) {
-    if (++looked_at > kWaivedPerTick) break;
+    if (++checked > kAuditChecksPerTick) break;
     Job& job = jobs_.at(key);
     Audit& audit = job.audits.at(unit);
     const bool others = has_others(job, audit);
-    const bool somebody =
+    const bool has_candidate =
         job.state == JobState::paused ||
         std::any_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
           return could_audit(entry.second, job) && audit.may_ask(entry.second.id, others);
         });
-    if (somebody) {
+    if (has_candidate) {
       audit.alone_since.reset();
       continue;
     }
     // Workers that could decide may return soon.
     if (!audit.alone_since) audit.alone_since = now;
     if (!audit.is_disputed() || now - *audit.alone_since >= policy_.audit_timeout) {
-      hopeless.emplace_back(key, unit);
+      unresolvable.emplace_back(key, unit);
     }
   }
-  for (const auto& [key, unit] : hopeless) {
+  for (const auto& [key, unit] : unresolvable) {
     Job& job = jobs_.at(key);
     if (job.audits.count(unit) > 0) settle_audit(job, unit, now);
   }

@@ -82,8 +82,8 @@ std::int32_t Scheduler::run_length(const Job& job, const Worker& worker) const {
   const std::int64_t length = std::max<std::int64_t>(waiting / (2 * threads), 1);
   // Near the end no worker gets more than its share of the rest, so that others do not idle.
   const std::int64_t share = (open * worker.thread_count + threads - 1) / threads;
-  const auto held = job.holders.find(worker.key);
-  const std::int64_t room = share - (held == job.holders.end() ? 0 : held->second);
+  const auto leased = job.holders.find(worker.key);
+  const std::int64_t room = share - (leased == job.holders.end() ? 0 : leased->second);
   return static_cast<std::int32_t>(
       std::min({static_cast<std::int64_t>(worker.credits), length, room}));
 }
@@ -161,23 +161,23 @@ void Scheduler::dispatch(Worker& worker, Time now) {
 std::vector<Worker*> Scheduler::workers_by_load_and_scene() {
   struct Candidate {
     double load = 0;
-    bool is_stranger = true;
+    bool lacks_queued_scene = true;
     Worker* worker = nullptr;
   };
   std::vector<Candidate> candidates;
   candidates.reserve(workers_with_credits_.size());
   for (const WorkerKey key : workers_with_credits_) {
     Worker& worker = workers_.at(key);
-    const bool is_near =
+    const bool has_queued_scene =
         std::any_of(worker.scenes.begin(), worker.scenes.end(),
                     [this](const SceneKey& scene) { return queue_.has_scene(scene); });
-    candidates.push_back(
-        {static_cast<double>(worker.held.size()) / worker.thread_count, !is_near, &worker});
+    candidates.push_back({static_cast<double>(worker.leased_units.size()) / worker.thread_count,
+                          !has_queued_scene, &worker});
   }
-  std::stable_sort(candidates.begin(), candidates.end(),
-                   [](const Candidate& a, const Candidate& b) {
-                     return std::pair(a.load, a.is_stranger) < std::pair(b.load, b.is_stranger);
-                   });
+  std::stable_sort(
+      candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+        return std::pair(a.load, a.lacks_queued_scene) < std::pair(b.load, b.lacks_queued_scene);
+      });
   std::vector<Worker*> workers;
   workers.reserve(candidates.size());
   for (const Candidate& candidate : candidates) workers.push_back(candidate.worker);
@@ -204,7 +204,7 @@ std::vector<Worker*> Scheduler::idle_workers() {
   std::vector<Worker*> idle;
   for (const WorkerKey key : workers_with_credits_) {
     Worker& worker = workers_.at(key);
-    if (static_cast<std::int32_t>(worker.held.size()) < worker.thread_count) {
+    if (static_cast<std::int32_t>(worker.leased_units.size()) < worker.thread_count) {
       idle.push_back(&worker);
     }
   }
@@ -218,8 +218,8 @@ void Scheduler::balance_tail(Time now) {
   copy_slow_units(idle, now);
   std::int32_t wanted = 0;
   for (const Worker* worker : idle) {
-    wanted += std::min(worker->credits,
-                       worker->thread_count - static_cast<std::int32_t>(worker->held.size()));
+    wanted += std::min(worker->credits, worker->thread_count -
+                                            static_cast<std::int32_t>(worker->leased_units.size()));
   }
   if (wanted > 0) steal_unstarted(wanted);
 }
@@ -241,7 +241,7 @@ void Scheduler::copy_slow_units(std::vector<Worker*>& idle, Time now) {
         const WorkerKey holder = job.plan->find_in_flight(unit)->holders.front().worker;
         return worker->key != holder && worker->credits > 0 && may_work_for(*worker, job) &&
                may_take(*worker, job, unit) &&
-               static_cast<std::int32_t>(worker->held.size()) < worker->thread_count;
+               static_cast<std::int32_t>(worker->leased_units.size()) < worker->thread_count;
       });
       if (taker == idle.end()) continue;
       lease(job, **taker, Run{unit.frame, unit.pass, unit.tile, 1}, now);
@@ -257,7 +257,7 @@ void Scheduler::steal_unstarted(std::int32_t wanted) {
     std::map<WorkerKey, std::int32_t> surplus;  // beyond one unit per thread
     for (const auto& [holder, count] : job.holders) {
       const Worker& worker = workers_.at(holder);
-      surplus[holder] = static_cast<std::int32_t>(worker.held.size()) - worker.thread_count;
+      surplus[holder] = static_cast<std::int32_t>(worker.leased_units.size()) - worker.thread_count;
     }
     std::vector<Unit> units;
     for (const auto& [unit, in_flight] : job.plan->in_flight()) {

@@ -21,8 +21,8 @@ void Scheduler::ban(const std::string& worker_id) {
   if (worker == nullptr) return;
   worker->quarantined = true;
   workers_with_credits_.erase(worker->key);
-  const auto held = worker->held;
-  for (const auto& [key, unit] : held) {
+  const auto leased = worker->leased_units;
+  for (const auto& [key, unit] : leased) {
     Job& job = jobs_.at(key);
     if (release(job, *worker, unit)) revoke(*worker, job, unit);
   }

@@ -124,13 +124,13 @@ void Scheduler::adopt(Worker& worker, const Hello& hello, Time now) {
     for (const UnitName& name : hello.running) list(name);
     for (const UnitName& name : hello.unacknowledged) list(name);
   }
-  const auto before = worker.held;
-  for (const auto& held : before) {
-    if (listed.count(held) > 0) continue;
-    Job& job = jobs_.at(held.first);
-    const InFlight* in_flight = job.plan->find_in_flight(held.second);
+  const auto before = worker.leased_units;
+  for (const auto& key : before) {
+    if (listed.count(key) > 0) continue;
+    Job& job = jobs_.at(key.first);
+    const InFlight* in_flight = job.plan->find_in_flight(key.second);
     if (in_flight == nullptr) {  // an audit: another worker has it now, but a result still counts
-      release(job, worker, held.second);
+      release(job, worker, key.second);
       continue;
     }
     const auto& holders = in_flight->holders;
@@ -138,15 +138,15 @@ void Scheduler::adopt(Worker& worker, const Hello& hello, Time now) {
       return holder.worker == worker.key && holder.started;
     });
     if (started) {
-      lose_unit(job, worker, held.second, now);
+      lose_unit(job, worker, key.second, now);
     } else {
-      release(job, worker, held.second);
+      release(job, worker, key.second);
     }
   }
-  for (const auto& [held, attempt] : listed) {
-    Job& job = jobs_.at(held.first);
-    if (worker.held.count(held) > 0 || has_ended(job.state)) continue;
-    hold(job, worker, held.second, Holder{worker.key, attempt, now, false, 0});
+  for (const auto& [key, attempt] : listed) {
+    Job& job = jobs_.at(key.first);
+    if (worker.leased_units.count(key) > 0 || has_ended(job.state)) continue;
+    hold(job, worker, key.second, Holder{worker.key, attempt, now, false, 0});
     if (job.state == JobState::queued) set_state(job, JobState::running, "", now);
   }
 }
@@ -157,7 +157,7 @@ void Scheduler::disconnect(WorkerKey key) {
   worker->connected = false;
   workers_with_credits_.erase(key);
   count_threads();
-  if (!worker->draining || !worker->held.empty()) return;
+  if (!worker->draining || !worker->leased_units.empty()) return;
   worker->lost = true;  // it drained and holds nothing
   effects_.roster.emplace_back(worker->id, false);
 }
@@ -249,7 +249,7 @@ void Scheduler::disprove(const UnitFailures& failures, const std::string& worker
     worker->quarantined = true;
     workers_with_credits_.erase(worker->key);
     count_threads();
-    for (const auto& [job, unit] : worker->held) revoke(*worker, jobs_.at(job), unit);
+    for (const auto& [job, unit] : worker->leased_units) revoke(*worker, jobs_.at(job), unit);
   }
 }
 
@@ -269,16 +269,16 @@ void Scheduler::scene_loaded(WorkerKey key, const std::string& job_id, double lo
 }
 
 void Scheduler::hold(Job& job, Worker& worker, const Unit& unit, const Holder& holder) {
-  Holder held = holder;
+  Holder charged = holder;
   const auto& pass = job.plan->passes()[static_cast<std::size_t>(unit.pass)];
-  held.expected_seconds = job.times.median(pass.sample_count).value_or(kUnknownUnitSeconds);
-  job.plan->hold(unit, held);
-  worker.held.emplace(job.key, unit);
+  charged.expected_seconds = job.times.median(pass.sample_count).value_or(kUnknownUnitSeconds);
+  job.plan->hold(unit, charged);
+  worker.leased_units.emplace(job.key, unit);
   ++job.holders[worker.key];
   job.ever_leased_to.insert(worker.key);
   worker.leased_jobs.insert(job.key);
-  job.leased_seconds += held.expected_seconds;
-  charge(job, held.expected_seconds);
+  job.leased_seconds += charged.expected_seconds;
+  charge(job, charged.expected_seconds);
 }
 
 void Scheduler::forget_hold(Job& job, const Unit& unit, const Holder& holder) {
@@ -286,7 +286,7 @@ void Scheduler::forget_hold(Job& job, const Unit& unit, const Holder& holder) {
   if (count != job.holders.end() && --count->second == 0) job.holders.erase(count);
   job.leased_seconds -= holder.expected_seconds;
   charge(job, -holder.expected_seconds);
-  if (Worker* worker = find_worker(holder.worker)) worker->held.erase({job.key, unit});
+  if (Worker* worker = find_worker(holder.worker)) worker->leased_units.erase({job.key, unit});
 }
 
 bool Scheduler::release(Job& job, Worker& worker, const Unit& unit) {
@@ -313,11 +313,11 @@ void Scheduler::lose(Worker& worker, Time now) {
   workers_with_credits_.erase(worker.key);
   effects_.to_close.push_back(worker.key);
   effects_.roster.emplace_back(worker.id, false);
-  const auto held = worker.held;
-  for (const auto& [key, unit] : held) {
+  const auto leased = worker.leased_units;
+  for (const auto& [key, unit] : leased) {
     if (Job* job = find_job(key)) lose_unit(*job, worker, unit, now);
   }
-  worker.held.clear();
+  worker.leased_units.clear();
 }
 
 void Scheduler::acknowledge(WorkerKey key, Acknowledgement acknowledgement) {

@@ -19,8 +19,8 @@ class WorkerAdmission {
   WorkerAdmission(Coordinator& coordinator, std::optional<JoinTokens> tokens)
       : coordinator_(coordinator), tokens_(std::move(tokens)) {}
 
-  /// Calls back, here or on the writer thread, with the worker's session key (empty: it needs none)
-  /// once its joining is journaled.
+  /// Calls `done`, here or on the writer thread, with the worker's session key (empty if it needs
+  /// none) once the join is journaled.
   ///
   /// Errors: Unauthenticated, the token is missing, unknown, revoked or expired; PermissionDenied,
   /// it is used up, or the worker ID belongs to another certificate.

@@ -265,12 +265,12 @@ v1::Worker to_message(const Worker& worker, double silence_seconds) {
   message.set_state(worker.lost && !worker.draining ? v1::Worker::STATE_LOST
                     : worker.quarantined            ? v1::Worker::STATE_QUARANTINED
                     : worker.draining               ? v1::Worker::STATE_DRAINING
-                    : worker.held.empty()           ? v1::Worker::STATE_IDLE
+                    : worker.leased_units.empty()   ? v1::Worker::STATE_IDLE
                                                     : v1::Worker::STATE_BUSY);
   message.set_isa(worker.isa);
   message.set_thread_count(worker.thread_count);
   for (const std::string& tag : worker.tags) message.add_tags(tag);
-  message.set_leased_unit_count(static_cast<std::int32_t>(worker.held.size()));
+  message.set_leased_unit_count(static_cast<std::int32_t>(worker.leased_units.size()));
   message.set_committed_unit_count(worker.committed_count);
   message.set_cpu_seconds(worker.cpu_seconds);
   message.set_rss_bytes(worker.rss_bytes);

@@ -14,8 +14,8 @@ namespace tessera::server {
 /// A file system on which a failed sync ends the process.
 ///
 /// After a failed fsync the kernel may have discarded the dirty pages and marked them clean: a
-/// second fsync would succeed and prove nothing. So there is no second one (farm.md, section 1).
-/// Any thread may call it.
+/// second fsync would succeed without proving anything, so there is none
+/// (docs/explanation/fault-tolerance.md). Thread-safe.
 class DurableFiles {
  public:
   /// `fatal` is called with a message when a sync fails and must not return; if it does, in a test,

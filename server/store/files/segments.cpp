@@ -80,11 +80,11 @@ absl::StatusOr<Segments::Tail*> Segments::tail_for(const std::string& job_id,
   if (is_new || tail.abandoned || tail.bytes >= segment_bytes_) {
     // Numbers continue after an abandoned segment, although it has no row.
     const std::int64_t number = is_new ? next_segment : std::max(next_segment, tail.segment + 1);
-    if (absl::Status begun = begin_segment(job_id, number, tail); !begun.ok()) {
+    if (absl::Status status = begin_segment(job_id, number, tail); !status.ok()) {
       tail.abandoned = true;
       tail.segment = number;
       tail.file.reset();
-      return begun;
+      return status;
     }
   } else if (tail.file == nullptr) {
     auto reopened = files_.filesystem().open_existing(path(job_id, tail.segment));

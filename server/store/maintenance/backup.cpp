@@ -40,7 +40,7 @@ class Backup {
     auto rows = Database::open(to_ + "/store.db", "", Database::Mode::writer);
     if (!rows.ok()) return rows.status();
     status = check_schema(**rows);
-    if (status.ok()) status = name_anew(**rows);
+    if (status.ok()) status = assign_new_id(**rows);
     if (status.ok()) status = list_files(**rows);
     if (status.ok()) status = (*rows)->checkpoint();
     rows->reset();
@@ -67,7 +67,7 @@ class Backup {
     return rows.ok() ? (*rows)->sync() : rows.status();
   }
 
-  static absl::Status name_anew(Database& rows) {
+  static absl::Status assign_new_id(Database& rows) {
     std::string id(kIdBytes, '\0');
     if (::getentropy(id.data(), id.size()) != 0) {
       return absl::UnavailableError("getentropy failed");

@@ -194,7 +194,7 @@ absl::Status Database::script(const char* sql) {
 }
 
 absl::Status Database::transact(const std::function<absl::Status()>& body) {
-  if (absl::Status begun = run("BEGIN IMMEDIATE"); !begun.ok()) return begun;
+  if (absl::Status status = run("BEGIN IMMEDIATE"); !status.ok()) return status;
   absl::Status status = body();
   if (status.ok()) status = run("COMMIT");
   if (!status.ok() && sqlite3_get_autocommit(connection_.get()) == 0) {

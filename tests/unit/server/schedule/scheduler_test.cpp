@@ -105,7 +105,7 @@ TEST(Scheduler, BrokenStreamKeepsLeases) {
   EXPECT_EQ(farm.connect("w1", back), worker) << "it is the same worker";
   farm.pass(10s, {worker, other});
   for (const UnitName& unit : units) {
-    EXPECT_EQ(farm.scheduler.find_worker(worker)->held.count({1, unit.unit}), 1u);
+    EXPECT_EQ(farm.scheduler.find_worker(worker)->leased_units.count({1, unit.unit}), 1u);
   }
 }
 
@@ -179,7 +179,7 @@ TEST(Scheduler, DrainingWorkerKeepsUnitsAndGetsNoMore) {
   farm.complete(worker, units[0]);
   farm.pass(1s, {worker});
   EXPECT_TRUE(farm.leased(worker).empty());
-  EXPECT_EQ(farm.scheduler.find_worker(worker)->held.size(), units.size() - 1);
+  EXPECT_EQ(farm.scheduler.find_worker(worker)->leased_units.size(), units.size() - 1);
 }
 
 // Failures ----------------------------------------------------------------------------------------
@@ -440,7 +440,7 @@ TEST(Scheduler, CommitRevokesOtherCopy) {
   tail.farm.commit(tail.fast, tail.units[0]);
   EXPECT_EQ(tail.farm.outbox(tail.slow).revoked, std::vector<UnitName>{tail.units[0]});
   EXPECT_TRUE(tail.farm.outbox(tail.fast).revoked.empty());
-  EXPECT_TRUE(tail.farm.scheduler.find_worker(tail.slow)->held.empty());
+  EXPECT_TRUE(tail.farm.scheduler.find_worker(tail.slow)->leased_units.empty());
 }
 
 TEST(Scheduler, UnstartedUnitsMoveToIdleWorkers) {
