@@ -46,7 +46,7 @@ AREAS = (
     Area("stopping-rule", ("contract/stopping_rule.cpp",),
          ("unit_contract_test", "unit_film_test", "unit_coordinator_test")),
     Area("traversal", ("worker/accel/kernels/*.h", "worker/accel/kernels/*.cpp"),
-         ("numeric_geometry_test", "numeric_motion_test", "numeric_shapes_test"),
+         ("numeric_geometry_test", "numeric_motion_test", "numeric_solids_test"),
          () if "avx512vl" in pathlib.Path("/proc/cpuinfo").read_text() else ("*avx512*",)),
     Area("bsdf", ("worker/shading/bsdf/*.h", "worker/shading/bsdf/*.cpp"),
          ("unit_shading_test", "numeric_bsdf_test", "numeric_optics_test", "numeric_gltf_test",
