@@ -67,7 +67,7 @@ kill "${worker_pid[webhook]}"
 wait "${worker_pid[webhook]}" || fail "tessera-webhook ended with $? on SIGTERM"
 
 exits 0 farm workers ban one # by its name
-equal "a banned worker is set aside" "$(worker_state w-one)" "quarantined"
+equal "a banned worker is quarantined" "$(worker_state w-one)" "quarantined"
 start_webhook
 wait_until 60 "what the webhook missed is posted" posted
 id=$(farm submit "$scene" "${job[@]}" --seed 2 --name waits)

@@ -93,7 +93,7 @@ class Worker:
 
 class Farm:
     def __init__(self, kinds):
-        self.audit = "1" if "liar" in kinds else "0.01"  # a liar is found before its pixels count
+        self.audit = "1" if "faulty_worker" in kinds else "0.01"  # a faulty worker is found before its pixels count
         self.work = pathlib.Path(tempfile.mkdtemp(prefix="tessera-chaos."))
         self.mark = f"TESSERA_CHAOS_ROUND={uuid.uuid4()}"
         self.socket = self.work / "server.sock"
@@ -116,7 +116,7 @@ class Farm:
         self.over = False
         self.is_alone = kinds == ["kill_worker"]  # nothing else disturbs: times can be measured
         self.times = None  # seconds from death to loss, and from there until its units run again
-        self.lied = False  # a liar was found
+        self.found_faulty = False  # a faulty worker was found
         self.links = [Link(str(self.work / f"w{slot}.sock"), str(self.socket))
                       for slot in range(WORKERS)]
         for link in self.links:
@@ -226,7 +226,7 @@ class Farm:
 
     def snapshot(self):
         """State of the farm, for the evidence."""
-        acks = self.verdicts()
+        acks = self.acknowledgements()
         return {"units_committed": sum(n for (event, _), n in acks.items() if event == "COMMITTED"),
                 "units_held": {worker.id: len(self.held_by(worker)) for worker in self.workers.values()},
                 "server_pid": self.server.pid if self.server and self.server.poll() is None else None,
@@ -238,8 +238,8 @@ class Farm:
     def log(self):
         return (self.work / "server.log").read_text(errors="replace")
 
-    def verdicts(self):
-        """Counter of (verdict, unit) over all workers."""
+    def acknowledgements(self):
+        """Counter of (acknowledgement, unit) over all workers."""
         counts = collections.Counter()
         for worker in self.all_workers:
             if worker.units.exists():
@@ -250,11 +250,11 @@ class Farm:
         return counts
 
     def committed(self):
-        return sum(n for (event, _), n in self.verdicts().items() if event == "COMMITTED")
+        return sum(n for (event, _), n in self.acknowledgements().items() if event == "COMMITTED")
 
     def settled(self):
-        """Units with any verdict."""
-        return {unit for _, unit in self.verdicts()}
+        """Acknowledged units."""
+        return {unit for _, unit in self.acknowledgements()}
 
     def started(self, dead):
         """Units that a worker other than the dead one has begun."""
@@ -263,7 +263,7 @@ class Farm:
                 if line.startswith("started")}
 
     def held_by(self, worker):
-        """Units a worker has started and not yet had a verdict on."""
+        """Units a worker has started and that are not acknowledged."""
         held = set()
         if worker.units.exists():
             for line in worker.units.read_text().splitlines():
@@ -344,11 +344,11 @@ class Farm:
                 raise Wrong(f"job {name}: pixels differ from the undisturbed run's")
             if report["units"]["total"] != units or report["units"]["committed"] != units:
                 raise Wrong(f"job {name}: units {report['units']}, undisturbed {units}")
-            if not self.lied and (report["units"]["mismatched"] or report["units"]["redone"]):
+            if not self.found_faulty and (report["units"]["mismatched"] or report["units"]["redone"]):
                 raise Wrong(f"job {name}: units {report['units']}")
-        if self.lied:
-            return hashes  # what the liar had delivered was rendered again
-        twice = [unit for (event, unit), n in self.verdicts().items() if event == "COMMITTED" and n > 1]
+        if self.found_faulty:
+            return hashes  # what the faulty worker had delivered was rendered again
+        twice = [unit for (event, unit), n in self.acknowledgements().items() if event == "COMMITTED" and n > 1]
         if twice:
             raise Wrong(f"acknowledged and rendered again: {twice}")
         return hashes

@@ -276,18 +276,18 @@ def replaced(farm, worker, *faults):
     return farm.start_worker(worker.slot, *faults)
 
 
-def liar(farm, rng):
+def faulty_worker(farm, rng):
     """A worker flips a bit in every third of its blocks. All units of the round are audited."""
     with a_worker(farm) as worker:
         if not worker:
             return None
-        false_one = replaced(farm, worker, "--fault-corrupt-every", "3")
-        found = f"worker {false_one.id} is quarantined"
-        farm.lied = True
-        farm.wait(120, "the liar is found", lambda: found in farm.log())
-        replaced(farm, false_one)
-        farm.lied = found in farm.log()
-        return found if farm.lied else None
+        faulty = replaced(farm, worker, "--fault-corrupt-every", "3")
+        found = f"worker {faulty.id} quarantined"
+        farm.found_faulty = True
+        farm.wait(120, "the faulty worker is found", lambda: found in farm.log())
+        replaced(farm, faulty)
+        farm.found_faulty = found in farm.log()
+        return found if farm.found_faulty else None
 
 
 def forger(farm, rng):
@@ -295,12 +295,12 @@ def forger(farm, rng):
     with a_worker(farm) as worker:
         if not worker:
             return None
-        false_one = replaced(farm, worker, "--fault-forge")
+        faulty = replaced(farm, worker, "--fault-forge")
         rejected = lambda: sum("REJECTED" in line and "seal" in line
-                               for line in false_one.units.read_text().splitlines()
-                               ) if false_one.units.exists() else 0
+                               for line in faulty.units.read_text().splitlines()
+                               ) if faulty.units.exists() else 0
         farm.wait(60, "forged blocks are rejected", rejected)
-        replaced(farm, false_one)
+        replaced(farm, faulty)
         return f"{rejected()} forged blocks rejected" if rejected() else None
 
 
@@ -454,7 +454,7 @@ def clock_jump(farm, rng):
 
 KINDS = {kind.__name__: kind for kind in (
     kill_worker, kill_renderer, stop_worker, hang, slow_worker, drain_worker, cut_message, partition,
-    late_delivery, duplicate, liar, forger, kill_server, stop_server, power_cut, power_cut_at_start, slow_disk,
+    late_delivery, duplicate, faulty_worker, forger, kill_server, stop_server, power_cut, power_cut_at_start, slow_disk,
     full_disk, small_disk, wide_area, clock_jump)}
 
 # Kinds that take rights not everybody has.

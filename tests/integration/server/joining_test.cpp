@@ -1,4 +1,4 @@
-// How a worker joins, comes back, and is sent away.
+// A worker joins, reconnects and is refused.
 #include <chrono>
 #include <thread>
 

@@ -61,8 +61,8 @@ bool TestWorker::read() {
   for (const v1::Lease& lease : response.leases().leases()) {
     for (int i = 0; i < lease.tile_count(); ++i) units_.push_back({lease, lease.first_tile() + i});
   }
-  for (const auto& verdict : response.acknowledgements().acknowledgements()) {
-    acknowledgements_.push_back(verdict);
+  for (const auto& acknowledgement : response.acknowledgements().acknowledgements()) {
+    acknowledgements_.push_back(acknowledgement);
   }
   if (response.has_job_ended()) has_ended_ = true;
   return true;
@@ -81,9 +81,9 @@ v1::Acknowledgement TestWorker::next_acknowledgement() {
   while (acknowledgements_.empty()) {
     if (!read()) return {};
   }
-  v1::Acknowledgement verdict = acknowledgements_.front();
+  v1::Acknowledgement acknowledgement = acknowledgements_.front();
   acknowledgements_.pop_front();
-  return verdict;
+  return acknowledgement;
 }
 
 grpc::Status TestWorker::describe(const std::string& job_id) {

@@ -33,7 +33,7 @@ class TestWorker {
   };
   /// Reads Work until there is a unit to render; false when the stream has ended or the job has.
   bool next(Unit& unit);
-  /// Reads Work until the next verdict; UNSPECIFIED when the stream ends first.
+  /// Reads Work until the next acknowledgement; UNSPECIFIED if the stream ends first.
   v1::Acknowledgement next_acknowledgement();
   /// The bytes of the unit's block: a function of the unit alone.
   std::string block_of(const Unit& unit);

@@ -49,7 +49,7 @@ TEST(FilmBlock, EveryShapeRoundTrips) {
 }
 
 TEST(FilmBlock, PlainPixelTakes52Bytes) {
-  // farm.md, section 10: 4 replicates of RGB and one alpha.
+  // 4 replicates of RGB and one alpha.
   EXPECT_EQ(film_block_bytes({64, 64, 0, false}), 52 * 64 * 64 + 28);
   EXPECT_EQ(film_block_bytes({64, 64, kAovDepth, false}), 52 * 64 * 64 + 28) << "pass 0 only";
   EXPECT_EQ(film_block_bytes({64, 64, kAovDepth, true}), 56 * 64 * 64 + 28);

@@ -1,4 +1,4 @@
-// Audits through the coordinator: who lies is found, and what he delivered is rendered again.
+// Audits through the coordinator: a faulty worker is found and its units are rendered again.
 
 #include <functional>
 #include <string>
@@ -132,13 +132,13 @@ TEST_F(AuditTest, AuditIsWaivedWithoutOtherWorkers) {
 TEST_F(AuditTest, FaultyWorkersUnitsAreRenderedAgain) {
   const std::string truth = honest_pixels(spec_of("a"));
   const std::string job = create_job("a");
-  add("liar", always);
+  add("faulty", always);
   add("w2");
   add("w3");
   work_together(job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(pixels_of(job), truth);
-  EXPECT_TRUE(is_quarantined("liar"));
+  EXPECT_TRUE(is_quarantined("faulty"));
   EXPECT_FALSE(is_quarantined("w2") || is_quarantined("w3"));
   EXPECT_GE(coordinator->report(job)->counters.redone, 1);
 }
@@ -146,14 +146,14 @@ TEST_F(AuditTest, FaultyWorkersUnitsAreRenderedAgain) {
 TEST_F(AuditTest, DecisionsOnFalseResultsAreRepeated) {
   const std::string truth = honest_pixels(error_spec("e"));
   const std::string job = create(error_spec("e"))->view.spec->id;
-  workers_.push_back(join("liar"));
+  workers_.push_back(join("faulty"));
   lies_.emplace_back(always);
   add("w2");
   add("w3");
   work_together(job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(pixels_of(job), truth);
-  EXPECT_TRUE(is_quarantined("liar"));
+  EXPECT_TRUE(is_quarantined("faulty"));
 }
 
 TEST_F(AuditTest, SelfContradictingWorkerIsQuarantined) {
@@ -161,18 +161,18 @@ TEST_F(AuditTest, SelfContradictingWorkerIsQuarantined) {
   const std::string job = create_job("a");
   int count = 0;
   add("w1");
-  add("liar", [&](const Leased&) { return ++count == 2; });
+  add("faulty", [&](const Leased&) { return ++count == 2; });
   work_together(job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(pixels_of(job), truth);
-  EXPECT_TRUE(is_quarantined("liar"));
+  EXPECT_TRUE(is_quarantined("faulty"));
   EXPECT_FALSE(is_quarantined("w1"));
 }
 
 TEST_F(AuditTest, UnresolvedDisputeFailsJob) {
   const std::string job = create_job("a");
   add("w1");
-  add("liar", always);
+  add("faulty", always);
   work_together(job);  // 20 seconds: somebody who knows may come back
   EXPECT_EQ(view(job).state, JobState::running);
   for (int again = 0; again < 3; ++again) work_together(job);
@@ -212,13 +212,13 @@ TEST_F(AuditTest, FirstUnitOfWorkerIsAlwaysAudited) {
 
 TEST_F(AuditTest, QuarantineSurvivesReconnect) {
   const std::string job = create_job("a");
-  add("liar", always);
+  add("faulty", always);
   add("w2");
   add("w3");
   work_together(job);
-  ASSERT_TRUE(is_quarantined("liar"));
-  TestWorker again = join("liar");
-  EXPECT_TRUE(is_quarantined("liar"));
+  ASSERT_TRUE(is_quarantined("faulty"));
+  TestWorker again = join("faulty");
+  EXPECT_TRUE(is_quarantined("faulty"));
   create_job("b");
   collect(again);
   EXPECT_TRUE(again.units.empty());

@@ -542,7 +542,8 @@ TEST_F(CoordinatorTest, ContractChangeStopsStartedJob) {
     EXPECT_EQ(view(done).cpu_seconds, cpu_seconds);
     EXPECT_EQ(view(done).spec->render_contract, contract::kRenderContract - 1);
     EXPECT_EQ(view(begun).state, JobState::failed);
-    EXPECT_TRUE(absl::StrContains(view(begun).reason, "submit the job again")) << view(begun).reason;
+    EXPECT_TRUE(absl::StrContains(view(begun).reason, "submit the job again"))
+        << view(begun).reason;
     EXPECT_EQ(view(begun).committed_unit_count, 0) << "its blocks are read by other passes now";
     EXPECT_DOUBLE_EQ(view(begun).cpu_seconds, spent);
   }

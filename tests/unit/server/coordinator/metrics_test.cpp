@@ -102,14 +102,14 @@ TEST_F(MetricsTest, ErrorsAreCountedByKind) {
 TEST_F(MetricsTest, AuditsAndQuarantinesAreCounted) {
   options.policy.audit_fraction = 1;
   start();
-  TestWorker ann = join("ann"), bob = join("bob"), liar = join("liar");
+  TestWorker ann = join("ann"), bob = join("bob"), faulty = join("faulty");
   const std::string job = create_job("a");
   for (int round = 0; round < 200 && !has_ended(view(job).state); ++round) {
-    for (TestWorker* worker : {&ann, &bob, &liar}) {
+    for (TestWorker* worker : {&ann, &bob, &faulty}) {
       collect(*worker);
       for (const Leased& unit : std::exchange(worker->units, {})) {
         std::string bytes = bytes_of(unit);
-        if (worker == &liar) bytes[2] = static_cast<char>(bytes[2] ^ 0x20);
+        if (worker == &faulty) bytes[2] = static_cast<char>(bytes[2] ^ 0x20);
         deliver(*worker, unit, bytes);
       }
       pump();

@@ -130,7 +130,7 @@ TEST(TileSum, AovWithoutHitsIsZero) {
   EXPECT_EQ(xyz[0], 0.0f);
 }
 
-/// The estimator of design.md, section 4, written out for one channel, in long double.
+/// The estimator of docs/explanation/error-estimation.md, written out for one channel, in long double.
 struct BruteForce {
   long double squared = 0, relative = 0, scaled = 0;
 };

@@ -40,7 +40,7 @@ class FarmOnDisk {
   absl::StatusOr<int> upload_scene();
   /// Submits the one job there is; again and again is no harm. Returns its id.
   absl::StatusOr<std::string> submit();
-  /// Connects the worker; it still holds `held` of an earlier life of the server.
+  /// Connects the worker; it still has `held`, unacknowledged by an earlier process of the server.
   void connect(const WorkerLog& held);
   /// Works until the job has ended. Errors: DeadlineExceeded, it does not end.
   absl::Status work_off(const std::string& job_id);
@@ -68,7 +68,7 @@ class FarmOnDisk {
   Session session_;
   Time now_{};
   std::uint64_t random_ = 1;
-  std::vector<std::pair<UnitName, Lease>> waiting_;  // leased or held, not sent in this life
+  std::vector<std::pair<UnitName, Lease>> waiting_;  // leased or unacknowledged, not sent in this process
   std::set<UnitName> leased_;
   WorkerLog log_;
 };

@@ -91,7 +91,7 @@ class SchedulerHarness {
     scheduler.commit(*scheduler.find_job(unit.job_id), unit.unit, scheduler.find_worker(worker)->id,
                      cpu_seconds);
   }
-  /// Commits and gives the credit back, as a worker does once it has heard the verdict.
+  /// Commits and gives the credit back, as a worker does after the acknowledgement.
   void complete(WorkerKey worker, const UnitName& unit, double cpu_seconds = 1) {
     commit(worker, unit, cpu_seconds);
     scheduler.grant_credits(worker, 1, now);
