@@ -81,7 +81,7 @@ if in_container worker test -e /usr/lib/tessera/tessera_radiance.so; then
 else
   [ "$hdr_status" -ne 0 ] && grep -q "package tessera-radiance" "$work/client.log" ||
     fail "a Radiance map without its decoder: status $hdr_status"
-  say "without its decoder a Radiance environment map is refused by the name of the package"
+  say "without its decoder a Radiance environment map is refused, naming the package"
 fi
 
 job=$(client submit /scenes/same_bits.gltf --size $size --spp $spp --tile-size 16)
