@@ -5,9 +5,10 @@
 
 #include "contract/film_block.h"
 
-// Film blocks come from the network. The first four bytes choose the shape a unit implies, the rest
-// is what a worker sent for it. What is accepted must encode to the very bytes that came, and must
-// be harmless to add up: finite sums, dropped samples within what was drawn.
+// Decodes film blocks, which come from the network. The first four bytes choose the shape that a
+// unit implies, the rest is what a worker sent for it. An accepted block must encode to the same
+// bytes and be harmless to accumulate: its sums are finite, and it drops no more samples than were
+// drawn.
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using tessera::contract::decode;

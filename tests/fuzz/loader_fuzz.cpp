@@ -5,8 +5,9 @@
 
 #include "tests/support/memory_scene.h"
 
-// A scene file is whatever a user was sent. Anything may be refused, as bad input; what is accepted
-// must keep the promises of scene.h: indices in range, positions finite, a material everywhere.
+// Loads and poses scene files, which come from strangers. Any file may be refused as bad input; an
+// accepted one must meet the guarantees of scene.h: indices in range, positions finite, a material
+// for every primitive.
 
 namespace {
 

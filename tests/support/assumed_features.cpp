@@ -18,7 +18,7 @@ using render::Primitive;
 using render::Scene;
 using render::TextureRef;
 
-/// Appends a texture of white texels, more than would be folded into one.
+/// Appends a white texture large enough not to be reduced to one texel.
 std::int32_t add_white_texture(Scene* scene) {
   render::Image image;
   image.width = image.height = 2;
@@ -31,7 +31,7 @@ std::int32_t add_white_texture(Scene* scene) {
   return static_cast<std::int32_t>(scene->textures.size()) - 1;
 }
 
-/// For the factors of the base layers, which white leaves as they are.
+/// Puts the white texture behind the factors of the base layers, which it does not change.
 void add_textures(std::int32_t white, Material* m) {
   const auto add = [white](TextureRef& ref, bool srgb) {
     if (ref) return;
@@ -51,7 +51,8 @@ bool has_textures(const Material& m) {
   return std::any_of(refs.begin(), refs.end(), [](const TextureRef* ref) { return bool(*ref); });
 }
 
-/// Texture coordinates for what has none: but (0, 0) is what a texture of the file reads there.
+/// Adds texture coordinates where there are none; all but (0, 0), which a texture of the file reads
+/// there.
 void add_coordinates(const Scene& scene, Primitive* p) {
   const Material& m = scene.materials[static_cast<std::size_t>(p->material)];
   if (m.anisotropy.strength > 0 || has_textures(m) || !p->uv[0].empty()) return;

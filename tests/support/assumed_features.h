@@ -9,15 +9,15 @@
 
 namespace tessera::testing {
 
-/// How to trace a scene as though everything in it had `features` (bits of render::Feature): the
-/// pixels are to be the same. What a renderer finds out about a scene it is told by
-/// TraceOptions::assumed_features. What loading leaves out, the scene is given: factors a white texture (of
-/// 2 x 2 texels, with coordinates) for kFeatureTextures, textures the transform that changes nothing,
-/// vertices the colour white.
+/// Returns the options that trace a scene as if everything in it had `features` (bits of
+/// render::Feature); the pixels must be the same. Features that the renderer detects are set in
+/// TraceOptions::assumed_features. Features that loading removes are added to the scene: for
+/// kFeatureTextures a white texture of 2 x 2 texels with coordinates for each factor, an identity
+/// transform for textures, white vertex colours.
 render::TraceOptions assume(std::uint32_t features, render::Scene* scene,
-                       render::Isa isa = render::best_isa());
+                            render::Isa isa = render::best_isa());
 
-/// The feature that render::feature_names() calls so; 0 if there is none.
+/// The feature with this name in render::feature_names(); 0 if there is none.
 std::uint32_t feature_named(std::string_view name);
 
 }  // namespace tessera::testing

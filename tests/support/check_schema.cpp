@@ -3,8 +3,8 @@
 
 #include "tests/support/json_schema.h"
 
-// check_schema < DOCUMENT: 0 if the JSON document follows the schema it names, else its faults. For
-// scripts in tests/e2e.
+// check_schema < DOCUMENT: exits with 0 if the JSON document is valid under the schema that it
+// names, else prints its faults. Used by scripts in tests/e2e.
 
 int main() {
   const std::string text(std::istreambuf_iterator<char>(std::cin), {});

@@ -109,7 +109,7 @@ void DiskModel::sync_names(int folder) {
     }
     safe.erase(naming.name);
     if (naming.rename < 0) continue;
-    // The old name goes in the same breath as the new one comes.
+    // The rename is atomic: the old name disappears with the new one's appearance.
     for (Node& other : nodes_) {
       auto& pending = other.unsynced_names;
       const auto twin = std::find_if(pending.begin(), pending.end(), [&](const Naming& n) {
@@ -162,7 +162,7 @@ std::string DiskModel::torn_bytes(int node, std::uint64_t seed) const {
   const Node& file = nodes_[static_cast<std::size_t>(node)];
   const auto id = static_cast<std::uint64_t>(node);
   std::string bytes = file.synced;
-  // Of all unsynced writes nothing, everything, torn ends, lengths only, or a mixture.
+  // Keep none of the unsynced writes, all, torn ends, lengths only, or a mixture.
   const std::uint64_t habit = draw(seed, id, ~std::uint64_t{0}) % 5;
   for (std::size_t i = 0; i < file.unsynced.size(); ++i) {
     const Write& write = file.unsynced[i];

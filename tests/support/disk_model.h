@@ -8,7 +8,7 @@
 
 namespace tessera::testing {
 
-/// One thing a program did to the disk. Paths are relative to the disk's root; "" is the root.
+/// One operation of a program on the disk. Paths are relative to the disk's root; "" is the root.
 struct DiskEvent {
   enum class Kind { make_folder, create, write, truncate, rename, remove, sync_file, sync_folder };
   Kind kind = Kind::write;
@@ -21,23 +21,23 @@ struct DiskEvent {
 /// A disk at rest: contents by path, nullopt for a folder. Parents come before children.
 using DiskImage = std::map<std::string, std::optional<std::string>>;
 
-/// What a disk shows to programs, and what of it a power cut may leave.
+/// Models a disk: what programs see, and what a power cut may leave of it.
 ///
-/// A file's bytes survive once the file is synced, a name once its folder is synced, each without
-/// the other. A rename is atomic, as on a journalling file system: the old name is not lost
-/// durably before the new one is there.
+/// A file's bytes survive once the file is synced and its name once the folder is synced,
+/// independently of each other. A rename is atomic, as on a journalling file system: the old name
+/// does not disappear durably before the new one exists.
 class DiskModel {
  public:
   DiskModel();
 
   void apply(const DiskEvent& event);
 
-  /// What programs see: what a killed process leaves.
+  /// State that programs see, which also survives the end of a process.
   DiskImage visible() const;
-  /// What is certain to survive: synced data under synced names, and nothing else.
+  /// State that certainly survives a power cut: synced data under synced names.
   DiskImage synced() const;
-  /// One of the many in between: by `seed`, of what was not synced some is there, some is not,
-  /// some is torn at a sector, and some is only length (zeros).
+  /// One of the possible states after a power cut, chosen by `seed`: some of the unsynced data is
+  /// there, some is missing, some is torn at a sector, and some is zeros of the right length.
   DiskImage torn(std::uint64_t seed) const;
 
  private:
@@ -46,7 +46,7 @@ class DiskModel {
     std::string bytes;
     bool is_truncate = false;
   };
-  /// A name given (node >= 0) or taken away; `rename` pairs the two halves of a rename.
+  /// A name added (node >= 0) or removed; `rename` pairs the two halves of a rename.
   struct Naming {
     std::string name;
     int node = -1;
@@ -76,7 +76,7 @@ class DiskModel {
   int rename_count_ = 0;
 };
 
-/// Writes an image into `root`, an existing folder, in place of what is there.
+/// Replaces the contents of `root`, an existing folder, by an image.
 void restore_image(const DiskImage& image, const std::string& root);
 
 }  // namespace tessera::testing

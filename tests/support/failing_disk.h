@@ -11,7 +11,7 @@ namespace tessera::testing {
 
 class RecordingVfs;
 
-/// The real disk, until it is told to fail. One thread at a time.
+/// The real disk with injected failures. One thread at a time.
 class FailingDisk final : public server::Filesystem {
  public:
   FailingDisk();
@@ -26,12 +26,12 @@ class FailingDisk final : public server::Filesystem {
   void fail_sqlite_syncs(const std::string& name);
   /// Every write by SQLite to the file of this name fails for want of space.
   void fail_sqlite_writes(const std::string& name);
-  /// All goes well again.
+  /// Stops all failures.
   void recover();
-  /// Syncs outside SQLite that were asked for after one had failed.
+  /// Number of syncs outside SQLite requested after a failed one.
   int syncs_after_failure() const { return syncs_after_failure_; }
 
-  /// What an append of `bytes` may write now.
+  /// Number of bytes that an append of `bytes` may write now.
   std::int64_t grant_bytes(std::int64_t bytes);
   absl::Status grant_sync();
 

@@ -8,8 +8,8 @@
 
 namespace tessera::testing {
 
-/// Reads files below a folder, for tools that render without a farm. Absolute names are read as
-/// they are, so that a sky may lie elsewhere.
+/// Reads files below a folder, for tools that render without a server. Absolute paths are read as
+/// they are, so that an environment map may be elsewhere.
 class FolderReader final : public render::ResourceReader {
  public:
   explicit FolderReader(std::filesystem::path folder) : folder_(std::move(folder)) {}

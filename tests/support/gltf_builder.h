@@ -22,7 +22,7 @@ enum ComponentType : int {
   kFloat = 5126,
 };
 
-/// What add_accessor() says about the bytes of a view.
+/// Description of an accessor for add_accessor().
 struct AccessorSpec {
   int view = -1;
   int component_type = kFloat;
@@ -41,8 +41,8 @@ struct TriangleMesh {
   int material = -1;
 };
 
-/// Makes small glTF files in memory, for tests. JSON fragments are given as text, so that a test
-/// can say anything, wrong things too; every add_ function returns the new element's index.
+/// Makes small glTF files in memory. JSON fragments are given as text, so that a test can write
+/// invalid files too; every add_ function returns the new element's index.
 ///
 ///     GltfBuilder b;
 ///     const int m = b.add_material(R"({"emissiveFactor": [1, 1, 1]})");

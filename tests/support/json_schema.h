@@ -6,20 +6,20 @@
 
 namespace tessera::support {
 
-/// What is wrong with `document` under `schema`, each as "PATH: FAULT"; empty if nothing is.
+/// Returns the faults of `document` under `schema`, each as "PATH: FAULT".
 ///
-/// Knows the part of JSON Schema that docs/reference/schema uses: type, const, enum, required, properties,
+/// Supports the keywords that docs/reference/schema uses: type, const, enum, required, properties,
 /// additionalProperties (false), items, minItems, maxItems, minimum, exclusiveMinimum, maximum,
-/// pattern. Any other keyword that would restrict is a fault, so that a
-/// schema cannot say what nobody checks.
+/// pattern. Any other restricting keyword is a fault, so that no schema has a rule that nobody
+/// checks.
 std::vector<std::string> schema_faults(const nlohmann::json& schema,
                                        const nlohmann::json& document);
 
-/// The schema of documents of a kind ("tessera.job/1" or "job"), from docs/reference/schema. Throws if there
-/// is none.
+/// Reads the schema of a kind of documents ("tessera.job/1" or "job") from docs/reference/schema.
+/// Throws if there is none.
 nlohmann::json read_schema(const std::string& kind);
 
-/// Faults of a document under the schema it names itself.
+/// Returns the faults of a document under the schema that it names.
 std::vector<std::string> document_faults(const std::string& text);
 
 }  // namespace tessera::support

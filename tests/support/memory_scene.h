@@ -23,7 +23,7 @@ absl::StatusOr<render::Scene> load_and_pose(const std::string& file,
                                             const contract::RenderSettings& settings = {},
                                             std::int32_t frame = 0);
 
-/// The same for what a builder has made so far, as JSON with a data URI.
+/// The same for a builder's file, as JSON with a data URI.
 absl::StatusOr<render::Scene> load_and_pose(const GltfBuilder& builder,
                                             const contract::RenderSettings& settings = {},
                                             std::int32_t frame = 0);

@@ -12,24 +12,23 @@
 
 namespace tessera::server {
 
-/// A store in memory, for tests of what stands above it: rows and blocks survive the coordinator
-/// that wrote them, images lie in `folder`. Faults can be told to it.
+/// A store in memory with injected failures: rows and blocks outlive the coordinator that wrote
+/// them; images are files in `folder`.
 class MemoryStore final : public Store {
  public:
   explicit MemoryStore(std::string folder) : folder_(std::move(folder)) {}
 
-  /// What commit(), update_job() and finish_frame() answer from now on instead of doing it; OK
-  /// ends it.
+  /// Makes commit(), update_job() and finish_frame() fail with `status` from now on; OK ends it.
   void fail_commits_with(absl::Status status) {
     const std::lock_guard lock(mutex_);
     commit_fault_ = std::move(status);
   }
-  /// Reading this unit's block is DataLoss until the unit is committed anew.
+  /// Makes reading this unit's block fail with DataLoss until the unit is committed again.
   void damage(const contract::Unit& unit) {
     const std::lock_guard lock(mutex_);
     damaged_.insert(unit);
   }
-  /// How many groups were committed.
+  /// Number of committed groups.
   int group_count() const { return group_count_; }
   void add_asset(const contract::Digest& digest) { assets_.insert(digest); }
   void reboot() { ++boot_count_; }

@@ -16,8 +16,7 @@ namespace tessera::testing {
 /// degrees.
 render::Scene empty_scene();
 
-/// Appends a material and returns its index. New materials go before nothing: the default one
-/// stays where it is, at index 0 of these scenes.
+/// Appends a material and returns its index. The default material stays at index 0.
 std::int32_t add_material(render::Scene* scene, const render::Material& material);
 
 /// A Lambert material: no specular layer.
@@ -49,7 +48,7 @@ void look_at(render::Scene* scene, const render::Vec3d& eye, const render::Vec3d
 /// A sky of one radiance.
 void set_constant_sky(render::Scene* scene, float radiance);
 
-/// The same map of float RGB texels as the scene's sky.
+/// Sets a map of float RGB texels as the scene's sky.
 void set_sky(render::Scene* scene, std::int32_t width, std::int32_t height,
              const std::vector<float>& rgb);
 

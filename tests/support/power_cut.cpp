@@ -15,7 +15,7 @@ using Kind = DiskEvent::Kind;
 
 class RecordedFile final : public server::File {
  public:
-  /// `is_foreign`: written by somebody who does not report it.
+  /// `is_foreign`: written by code that does not report its writes.
   RecordedFile(PowerCutDisk& disk, std::string path, std::unique_ptr<server::File> file,
                bool is_foreign)
       : disk_(disk), path_(std::move(path)), file_(std::move(file)), is_foreign_(is_foreign) {}

@@ -12,21 +12,20 @@ namespace tessera::testing {
 
 class RecordingVfs;
 
-/// A folder on the real disk that writes down everything done to it, by the store's own file
-/// operations and by SQLite, in order. Syncs are written down and not passed on: what they mean is
-/// DiskModel's business. A file that was written behind its back (an image by OpenEXR, say) is
-/// taken down whole when it is opened here and at each sync, as the earliest moments at which what
-/// it holds matters. One thread at a time.
+/// Records, in order, all operations on a folder of the real disk by the store's file operations
+/// and by SQLite. Syncs are recorded but not executed; DiskModel interprets them. A file written by
+/// other code (an image by OpenEXR, for instance) is recorded whole when it is opened here and at
+/// each sync, the earliest moments at which its contents matter. One thread at a time.
 class PowerCutDisk final : public server::Filesystem {
  public:
-  /// Records below `root`, which exists; what is there now counts as known.
+  /// Records operations below the existing folder `root`, whose present contents are known.
   explicit PowerCutDisk(std::string root);
   ~PowerCutDisk() override;
   PowerCutDisk(const PowerCutDisk&) = delete;
   PowerCutDisk& operator=(const PowerCutDisk&) = delete;
 
   const std::vector<DiskEvent>& events() const { return events_; }
-  /// Writes an event down; `path` and `target` as the program sees them.
+  /// Records an event; `path` and `target` as the program sees them.
   void record(DiskEvent event);
 
   absl::Status make_folder(const std::string& path) override;
@@ -45,7 +44,7 @@ class PowerCutDisk final : public server::Filesystem {
   std::string root_;
   server::Filesystem& disk_;
   std::vector<DiskEvent> events_;
-  std::map<std::string, bool> is_foreign_;  // by file: written by somebody who does not report it
+  std::map<std::string, bool> is_foreign_;  // by file: its writes are not reported
   std::unique_ptr<RecordingVfs> vfs_;
 };
 

@@ -11,7 +11,7 @@ namespace {
 
 using Kind = DiskEvent::Kind;
 
-/// What SQLite gets as its open file; the real one follows it in the same memory.
+/// SQLite's open file; the real file object follows it in the same memory.
 struct RecordedFile {
   sqlite3_file base;
   sqlite3_file* real;
@@ -98,7 +98,7 @@ int characteristics(sqlite3_file* file) {
   return real(file)->pMethods->xDeviceCharacteristics(real(file));
 }
 
-// The shared memory beside the log is rebuilt after a crash: nothing there needs recording.
+// The shared memory of the log is rebuilt after a crash, so it needs no recording.
 int shm_map(sqlite3_file* file, int region, int size, int extend, void volatile** out) {
   return real(file)->pMethods->xShmMap(real(file), region, size, extend, out);
 }
@@ -115,7 +115,7 @@ int shm_unmap(sqlite3_file* file, int remove) {
   return real(file)->pMethods->xShmUnmap(real(file), remove);
 }
 
-// Version 2: without xFetch SQLite does not map files into memory, behind our back.
+// Version 2: without xFetch, SQLite does not map files into memory, which could not be recorded.
 constexpr sqlite3_io_methods kMethods = {
     2,         close_file,  read_file,      write_file,   truncate_file, sync_file,       file_size,
     lock_file, unlock_file, check_reserved, file_control, sector_size,   characteristics, shm_map,

@@ -8,13 +8,13 @@
 
 namespace tessera::testing {
 
-/// Hears what is about to be done; false makes it fail, if it is a sync or a write.
+/// Called before each operation; returning false makes a sync or a write fail.
 using DiskReport = std::function<bool(DiskEvent)>;
 
-/// An SQLite VFS over the default one that reports what is done to the disk, as full paths.
+/// An SQLite VFS over the default one that reports operations on the disk, with full paths.
 ///
-/// Syncs are reported and not passed on. SQLite's Unix VFS syncs the folder of a journal or log
-/// together with the first sync of the file after each opening; that is reported too.
+/// Syncs are reported but not executed. SQLite's Unix VFS syncs the folder of a journal or log with
+/// the first sync of the file after each opening; that is reported too.
 class RecordingVfs {
  public:
   explicit RecordingVfs(DiskReport report);

@@ -1,5 +1,5 @@
-/// tessera_render_once: one frame of a glTF file through tessera_render linked alone, without a
-/// farm. For looking at pictures, and as the base of tests/bench/farm_overhead.
+/// tessera_render_once: renders one frame of a glTF file with the renderer's libraries alone,
+/// without a farm. For looking at images, and as the baseline of tests/bench/farm_overhead.
 
 #include <time.h>
 
@@ -18,9 +18,9 @@
 #include "image/codecs/image_codec.h"
 #include "tests/support/assumed_features.h"
 #include "tests/support/folder_reader.h"
+#include "worker/gltf/build/loader.h"
 #include "worker/render/frame_renderer.h"
 #include "worker/render/parallel_tbb.h"
-#include "worker/gltf/build/loader.h"
 
 namespace tessera::testing {
 namespace {
@@ -86,7 +86,7 @@ bool write_pfm(const Options& options, const std::vector<float>& pixels, const F
   return file.flush().good();
 }
 
-/// Writes a PNG of what a screen shows.
+/// Writes an sRGB PNG.
 bool write_png(const Options& options, const std::vector<float>& pixels, const Film& film) {
   std::vector<std::uint8_t> codes;
   codes.reserve(pixels.size());
@@ -107,7 +107,7 @@ int fail(const absl::Status& status) {
   return 2;
 }
 
-/// All units of the frame, as one worker would: a unit a thread.
+/// Renders all units of the frame like a worker, one unit per thread.
 Film render_all(const render::FrameRenderer& renderer, const Options& options) {
   const contract::TileGrid grid(options.settings);
   const auto passes = contract::fixed_schedule(options.settings.spp);

@@ -8,8 +8,8 @@
 
 namespace tessera {
 
-/// A folder of this test alone, of mode 0700, that is gone afterwards. In memory where there is
-/// such a place: no test here asks what a real disk keeps, and a busy one would only cost time.
+/// A private folder of mode 0700, deleted afterwards. In memory where possible: no test here
+/// depends on a real disk, and a busy one would cost time.
 class ScratchFolder {
  public:
   ScratchFolder() : path_("/dev/shm/tessera-XXXXXX") {

@@ -11,15 +11,15 @@
 #include "contract/tile_grid.h"
 #include "server/film/merge.h"
 #include "tests/support/folder_reader.h"
-#include "worker/render/frame_renderer.h"
 #include "worker/gltf/build/loader.h"
+#include "worker/render/frame_renderer.h"
 
 namespace tessera::testing {
 
 /// R, G, B of a frame, row by row, in double.
 using Image = std::vector<double>;
 
-/// Renders a scene with one seed after the other; what they share is built once.
+/// Renders a scene with one seed after another; what seeds share is built once.
 class SeededRenderer {
  public:
   SeededRenderer(std::string scene, contract::RenderSettings settings)
@@ -39,13 +39,13 @@ class SeededRenderer {
   std::unique_ptr<render::FrameRenderer> renderer_;
 };
 
-/// Writes a tile's means into its place in an image of `width` pixels a row.
+/// Writes a tile's means to its position in an image of `width` pixels a row.
 void put_tile(const server::TileSum& sum, const contract::PixelRect& rect, std::int32_t width,
               Image& image);
 
 double mean_luminance(const Image& image);
 
-/// A frame of a fixed sample count, and what it estimates of its own error with `m` (0: nothing).
+/// A frame of a fixed sample count, and its own error estimate with mean `m` (0: none).
 struct FixedFrame {
   Image image;
   contract::ErrorSums sums;

@@ -45,7 +45,7 @@ Vec3d turned(double u) {
   return {std::cos(kTwoPi * u), 0, std::sin(kTwoPi * u)};
 }
 
-/// About y: the profile's radius at each height, and discs where it ends.
+/// A surface of revolution about y: the profile's radius at each height, and discs at its ends.
 void add_round(Primitive& mesh, const Shape& shape, std::uint32_t n) {
   const Quadric& q = shape.quadric;
   const auto radius = [&q](double y) {
@@ -53,7 +53,8 @@ void add_round(Primitive& mesh, const Shape& shape, std::uint32_t n) {
     return std::sqrt(std::max(r2, 0.0));
   };
   const double low = shape.clip.lo.y, high = shape.clip.hi.y;
-  // Of two sheets, each by itself; along a sheet in even steps of the radius where it is an end.
+  // A hyperboloid of two sheets in two pieces; an end that is a sheet's tip gets even steps of the
+  // radius.
   std::vector<std::array<double, 2>> pieces = {{low, high}};
   if (q.squares.y < 0 && q.linear.y == 0 && q.constant > 0) {
     const double tip = std::sqrt(-q.constant / q.squares.y);
@@ -61,7 +62,7 @@ void add_round(Primitive& mesh, const Shape& shape, std::uint32_t n) {
   }
   for (const auto& [from, to] : pieces) {
     add_grid(mesh, 2 * n, n, [&, a = from, b = to](double u, double v) {
-      // Finer towards an end that is a tip: there the radius is as the root of the height.
+      // Finer towards a tip, where the radius grows with the root of the height.
       if (radius(a) == 0) v = v * v;
       if (radius(b) == 0) v = 1 - (1 - v) * (1 - v);
       const double y = a + (b - a) * v;
@@ -92,7 +93,7 @@ void add_box(Primitive& mesh, const Box3d& box, std::uint32_t n) {
   }
 }
 
-/// Where rays from the origin leave it.
+/// A star-shaped surface: the points where rays from the origin leave it.
 void add_star(Primitive& mesh, const Shape& shape, std::uint32_t n) {
   std::vector<ShapeHit> hits;
   add_grid(mesh, 2 * n, n, [&](double u, double v) {

@@ -1,14 +1,15 @@
-// A line between two sites, for tests: packets take their time, get lost, queue, or do not pass.
+// Emulates a network link between two sites: packets are delayed, lost, queued or dropped.
 //
 //   tessera_wide_area_link CONTROL
 //
 // Makes two network namespaces joined by two TUN devices, 10.9.0.1 in the first and 10.9.0.2 in the
-// second, and carries the packets between them in user space (kernels without netem can do that,
-// too). Says on stdout what to enter them by, /proc/PID/fd/N for each, and runs until it is killed;
-// all goes with it. Needs root and /dev/net/tun. CONTROL: a file of Control, mapped.
+// second, and carries packets between them in user space, which also works with kernels without
+// netem. Prints the paths by which to enter them, /proc/PID/fd/N for each, and runs until it is
+// killed; everything disappears with it. Needs root and /dev/net/tun. CONTROL: a mapped file of
+// Control.
 //
-// A packet leaves the queue when the line has sent those before it, arrives delay_us later, and is
-// dropped if over 250 ms of others wait. Senders use Reno, which loss slows down most.
+// A packet leaves the queue when the link has sent those before it, arrives delay_us later, and is
+// dropped if more than 250 ms of others wait. Senders use Reno, which loss slows down most.
 #include <arpa/inet.h>
 #include <fcntl.h>
 #include <linux/if_tun.h>
@@ -39,14 +40,14 @@ using Clock = std::chrono::steady_clock;
 constexpr std::array<const char*, 2> kAddresses = {"10.9.0.1", "10.9.0.2"};
 constexpr nanoseconds kLongestQueue = std::chrono::milliseconds(250);
 
-/// Shared with the test: native 64-bit integers in this order. Each way counts for itself.
+/// Shared with the test: native 64-bit integers in this order, one struct per direction.
 struct Control {
   // Written by the test.
   std::int64_t delay_us;    // one way
   std::int64_t loss_ppm;    // packets lost of a million
   std::int64_t bits_per_s;  // one way; 0: no limit
-  std::int64_t is_cut;      // not 0: nothing passes, nothing is refused
-  // Written here: packets.
+  std::int64_t is_cut;      // not 0: drops every packet without an error
+  // Written by this program: numbers of packets.
   std::int64_t passed, lost, overflowed, cut;
 };
 
@@ -79,7 +80,7 @@ void bring_up(int control, const char* name) {
   check(::ioctl(control, SIOCSIFFLAGS, &request) == 0, "SIOCSIFFLAGS");
 }
 
-/// One end of the line: a namespace, and the device in it.
+/// One end of the link: a namespace and its device.
 struct Site {
   int space = -1, device = -1;
 };
@@ -108,13 +109,13 @@ Site make_site(const char* own, const char* other) {
   return site;
 }
 
-/// What is under way in one direction.
+/// Packets in flight in one direction.
 class Direction {
  public:
   Direction(int from, int to, Control& control, unsigned seed)
       : from_(from), to_(to), control_(control), random_(seed) {}
 
-  /// Takes what was sent.
+  /// Reads the packets that were sent.
   void read(Clock::time_point now) {
     std::array<char, 65536> bytes;
     for (;;) {
@@ -124,7 +125,7 @@ class Direction {
     }
   }
 
-  /// Hands out what has arrived; returns when the next packet does.
+  /// Writes the packets that have arrived; returns when the next one does.
   Clock::time_point write(Clock::time_point now) {
     while (!queue_.empty() && queue_.front().due <= now) {
       const std::vector<char>& bytes = queue_.front().bytes;
@@ -161,7 +162,7 @@ class Direction {
   const int from_, to_;
   Control& control_;
   std::mt19937 random_;
-  Clock::time_point free_;  // when the line has sent what was given to it
+  Clock::time_point free_;  // when the link has sent everything given to it
   std::deque<Packet> queue_;
 };
 

@@ -387,7 +387,7 @@ TEST_F(CommandsTest, WorkersPrintsStateAndTraffic) {
   EXPECT_THAT(document_faults(document.out), IsEmpty()) << document.out;
 }
 
-/// Every name a person may type, read off the parser.
+/// Every command and option, read from the parser.
 std::vector<std::string> names_of(const CLI::App& app) {
   std::vector<std::string> names;
   for (const CLI::App* command : app.get_subcommands(nullptr)) {

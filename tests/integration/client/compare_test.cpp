@@ -28,7 +28,8 @@ class CompareTest : public ::testing::Test {
   }
   ~CompareTest() override { std::filesystem::remove_all(folder_); }
 
-  /// Writes an image of one value, `channels` of them, by the name's extension.
+  /// Writes an image whose `channels` channels all have one value; the extension chooses the
+  /// format.
   std::string image(const std::string& name, float value, int channels = 4, int width = 16) const {
     std::string path = folder_ / name;
     const std::vector<float> pixels(static_cast<std::size_t>(width * 8 * channels), value);
@@ -101,7 +102,7 @@ TEST_F(CompareTest, ExplainsUnreadableFiles) {
 }
 
 TEST_F(CompareTest, RejectsNonFinitePixels) {
-  // Hard case 70: a metric that skips or swallows them hides the fault it should show.
+  // Hard case 70: a metric that skips such values would hide the fault.
   const std::string a = image("a.exr", 0.5f);
   const std::string bad = image("bad.exr", std::numeric_limits<float>::quiet_NaN());
   const Outcome outcome = run_client({"compare", bad, a});

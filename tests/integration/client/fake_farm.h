@@ -14,15 +14,15 @@
 
 namespace tessera::client {
 
-/// A farm without workers, over real gRPC on a Unix socket: jobs are what a test puts in.
+/// A server without workers, over real gRPC on a Unix socket. The test sets its jobs.
 class FakeFarm final : public v1::JobService::Service {
  public:
-  /// A frame's image as FetchFrame would send it.
+  /// A frame's image, as FetchFrame sends it.
   struct Frame {
     std::string bytes;
     bool finished = true;
     std::vector<v1::PixelRect> missing_tiles;
-    bool lies = false;  // sends other bytes than its digest says
+    bool lies = false;  // sends bytes that do not match its digest
   };
 
   FakeFarm();
@@ -31,7 +31,7 @@ class FakeFarm final : public v1::JobService::Service {
   FakeFarm& operator=(const FakeFarm&) = delete;
 
   std::string address() const { return "unix:" + (folder_ / "socket").string(); }
-  /// A folder of the test's own, removed at the end.
+  /// A private folder, removed at the end.
   const std::filesystem::path& folder() const { return folder_; }
 
   // Set by tests, before calls.
@@ -75,13 +75,13 @@ class FakeFarm final : public v1::JobService::Service {
   std::unique_ptr<grpc::Server> server_;
 };
 
-/// What a run of the client gave.
+/// Exit code and output of a run of the client.
 struct Outcome {
   int exit = -1;
   std::string out, err;
 };
 
-/// Runs `tessera ARGUMENTS…` in this process, stdout and stderr captured.
+/// Runs `tessera ARGUMENTS…` in this process and captures stdout and stderr.
 Outcome run_client(const std::vector<std::string>& arguments);
 
 }  // namespace tessera::client

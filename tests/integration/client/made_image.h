@@ -5,8 +5,9 @@
 
 namespace tessera::client {
 
-/// Writes an image by the extension of `path`, 8 bits for .png, else float. Apart from the tests,
-/// as OpenImageIO's headers take macros away that protobuf's need.
+/// Writes an image; the extension of `path` chooses the format, 8 bits for .png and float
+/// otherwise. In a file of its own, because OpenImageIO's headers undefine macros that protobuf's
+/// headers need.
 void write_image(const std::string& path, int width, int height, int channels,
                  const std::vector<float>& pixels);
 

@@ -1,4 +1,4 @@
-// Who gets a connection at all: real sockets, real certificates.
+// Access to the server, with real sockets and real certificates.
 #include <grpcpp/security/tls_certificate_provider.h>
 #include <grpcpp/security/tls_credentials_options.h>
 
@@ -102,7 +102,7 @@ TEST_F(CertificatesTest, RevokedNameCanBeReissued) {
   const auto open = channel("ann");
   ASSERT_TRUE(knock(open).ok());
   ASSERT_TRUE(revoke(certs_, Role::client, "ann").ok());
-  std::this_thread::sleep_for(std::chrono::milliseconds(1100));  // how often the list is looked at
+  std::this_thread::sleep_for(std::chrono::milliseconds(1100));  // the list is read every second
   EXPECT_EQ(knock(open).error_code(), StatusCode::UNAUTHENTICATED) << "on the open connection";
   EXPECT_EQ(knock("ann").error_code(), StatusCode::UNAUTHENTICATED) << "on a new one";
   EXPECT_TRUE(knock("bob").ok());

@@ -23,7 +23,7 @@ TEST(ClientLimits, CallRateIsLimitedPerClient) {
   for (int ms = 0; ms < 60'000; ms += 10) {  // 100 a second, for a minute
     taken += limits.call("ann", start_time + milliseconds(ms)).ok() ? 1 : 0;
   }
-  EXPECT_NEAR(taken, 100 + 600, 2);  // what may come at once, and ten a second
+  EXPECT_NEAR(taken, 100 + 600, 2);  // a burst of 100, then ten a second
   EXPECT_TRUE(absl::IsUnavailable(limits.call("ann", start_time + minutes(1))));
   EXPECT_TRUE(limits.call("bob", start_time + minutes(1)).ok());
   EXPECT_TRUE(limits.call("ann", start_time + minutes(2)).ok());
@@ -81,7 +81,7 @@ TEST_F(GreedyClient, ExcessUploadsAreRefused) {
   EXPECT_TRUE(upload("bob", other).ok());
 }
 
-/// Connections that say nothing, and such that begin a handshake and go no further.
+/// Opens connections that send nothing, or only the start of a handshake.
 TEST_F(SecureFarm, SilentConnectionsDoNotBlockClients) {
   const std::string address = server_->address();
   sockaddr_in where{};
@@ -94,7 +94,7 @@ TEST_F(SecureFarm, SilentConnectionsDoNotBlockClients) {
     silent.push_back(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
     ASSERT_EQ(::connect(silent.back(), reinterpret_cast<const sockaddr*>(&where), sizeof where), 0);
     if (i % 2 == 0) {
-      ASSERT_EQ(::write(silent.back(), "\x16\x03\x01", 3), 3);  // of a hello
+      ASSERT_EQ(::write(silent.back(), "\x16\x03\x01", 3), 3);  // the start of a TLS ClientHello
     }
   }
   const auto begun = std::chrono::steady_clock::now();

@@ -11,7 +11,7 @@
 namespace tessera::server {
 namespace {
 
-/// Of the test jobs' 48 x 40 pixels.
+/// A reference of the test jobs' 48 x 40 pixels.
 const std::string black_reference(std::size_t{16} * 48 * 40, '\0');
 
 class FarmTest : public TestFarm {
@@ -31,7 +31,7 @@ std::unique_ptr<TestWorker> worker_of(const TestServer& server, const std::strin
   return std::make_unique<TestWorker>(server.channel(), id);
 }
 
-// The whole road ----------------------------------------------------------------------------------
+// Whole jobs --------------------------------------------------------------------------------------
 
 TEST_F(FarmTest, JobRendersFromSubmissionToImage) {
   const std::string job = create_job("a", 64);
@@ -328,7 +328,7 @@ TEST_F(FarmTest, NewWorkStreamClosesOldOne) {
   auto fresh = worker_of(*server_, "w1");
   ASSERT_TRUE(fresh->open());
   TestWorker::Unit none;
-  EXPECT_FALSE(old->next(none));  // the server ends it: closed from here first, it were cancelled
+  EXPECT_FALSE(old->next(none));  // ended by the server; closing first would give CANCELLED
   EXPECT_EQ(old->close().error_code(), grpc::StatusCode::ABORTED);
 }
 
@@ -470,7 +470,7 @@ TEST_F(FarmTest, ListDeliveriesReturnsPages) {
 
 TEST_F(FarmTest, FutureEventSequenceIsRefused) {
   create_job("a", 64);
-  // Of the events after a sequence, the newest; and how the stream ended.
+  // Reads the events after a sequence; sets the newest and returns the stream's status.
   const auto read = [this](std::int64_t after, std::int64_t& newest) {
     grpc::ClientContext context;
     prepare(context);

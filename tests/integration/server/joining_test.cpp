@@ -29,7 +29,7 @@ TEST_F(JoiningTest, TokenAdmitsLimitedWorkersRepeatedly) {
   EXPECT_EQ(join("w1", "three", two).error_code(), StatusCode::PERMISSION_DENIED);
   EXPECT_TRUE(join("w1", "one", two).ok()) << "started again";
   server_.reset();
-  running_.reset();  // one at a time holds the store
+  running_.reset();  // only one process may hold the store
   running_ = std::make_unique<RunningCoordinator>(store_);
   server_ = start_server(certs_).value();
   EXPECT_EQ(join("w1", "three", two).error_code(), StatusCode::PERMISSION_DENIED) << "remembered";
@@ -63,7 +63,7 @@ TEST_F(JoiningTest, RevocationEndsWorkStream) {
   const auto joined = worker("w1", "one", token());
   ASSERT_TRUE(joined->open());
   ASSERT_TRUE(revoke(certs_, Role::worker, "w1").ok());
-  std::thread beats([&] {  // as a worker beats every second
+  std::thread beats([&] {  // heartbeats once a second, like a worker
     for (int i = 0; i < 30; ++i) {
       joined->grant(1);
       std::this_thread::sleep_for(std::chrono::milliseconds(100));

@@ -1,4 +1,4 @@
-// What each role may do once it is in.
+// Permissions of each role.
 #include <grpcpp/generic/generic_stub.h>
 
 #include <chrono>
@@ -15,7 +15,7 @@ using grpc::StatusCode;
 
 class RolesTest : public SecureFarm {
  protected:
-  /// The status of any rpc, of whatever cardinality, called with one empty message.
+  /// Calls any rpc, unary or streaming, with one empty message; returns its status.
   static grpc::Status call_with_nothing(const std::shared_ptr<grpc::Channel>& channel,
                                         const google::protobuf::MethodDescriptor& method) {
     grpc::GenericStub stub(channel);

@@ -14,7 +14,7 @@
 
 namespace tessera::server {
 
-/// A coordinator with its threads, over a store on disk that outlives it.
+/// A coordinator with its threads over a store on disk, which survives it.
 class RunningCoordinator {
  public:
   explicit RunningCoordinator(const std::string& folder, Log log = {})

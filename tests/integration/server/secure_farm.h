@@ -21,7 +21,7 @@
 
 namespace tessera::server {
 
-/// A server on loopback TCP with certificates, and certificates for those who call it.
+/// A server on loopback TCP with certificates for itself and its callers.
 class SecureFarm : public testing::Test {
  protected:
   void SetUp() override {
@@ -63,7 +63,7 @@ class SecureFarm : public testing::Test {
   static void prepare(grpc::ClientContext& context) {
     contract::prepare_call(context, "", std::chrono::seconds(20));
   }
-  /// What a call of the simplest kind gets under that certificate.
+  /// Returns the status of the simplest call under that certificate.
   static grpc::Status knock(const std::shared_ptr<grpc::Channel>& channel) {
     grpc::ClientContext context;
     prepare(context);
@@ -104,7 +104,7 @@ class SecureFarm : public testing::Test {
     prepare(context);
     return jobs(name)->CreateJob(&context, request, &response);
   }
-  /// A job of the client's; its id.
+  /// Creates a job for the client `owner`; returns its id.
   std::string create_job(const std::string& owner, const std::string& name) const {
     EXPECT_TRUE(upload_scene(owner).ok());
     v1::CreateJobResponse response;
@@ -113,7 +113,7 @@ class SecureFarm : public testing::Test {
     return response.job().id();
   }
 
-  /// A join token's text.
+  /// Creates a join token; returns its text.
   std::string token(std::int64_t seconds = 3600, std::int64_t max_joins = 0) const {
     return JoinTokens(store_).create(std::time(nullptr) + seconds, max_joins).value();
   }
@@ -123,7 +123,7 @@ class SecureFarm : public testing::Test {
     worker->token = token;
     return worker;
   }
-  /// What a worker that says hello gets; OK if it was welcomed.
+  /// Connects a worker; returns OK if the server welcomes it.
   grpc::Status join(const std::string& certificate, const std::string& id,
                     const std::string& token) const {
     const auto joining = worker(certificate, id, token);

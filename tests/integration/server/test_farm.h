@@ -22,7 +22,7 @@
 
 namespace tessera::server {
 
-/// A whole server but for its socket, over a store on disk that outlives it.
+/// A whole server except for its socket, over a store on disk, which survives it.
 class TestServer {
  public:
   static constexpr std::chrono::seconds kHelloTimeout{2};
@@ -56,7 +56,7 @@ class TestServer {
   std::shared_ptr<grpc::Channel> channel_;
 };
 
-/// A server that can be restarted, and what a client does with it.
+/// A server that can be restarted, and calls of a client.
 class TestFarm : public testing::Test {
  protected:
   void SetUp() override { restart(); }
@@ -100,7 +100,7 @@ class TestFarm : public testing::Test {
     EXPECT_TRUE(status.ok()) << status.error_message();
     return response.job().id();
   }
-  /// Every state WatchJob sends until the end.
+  /// Returns every state that WatchJob sends until the job ends.
   std::vector<v1::Job> watch(const std::string& job_id) {
     grpc::ClientContext context;
     prepare(context);

@@ -12,40 +12,41 @@
 
 namespace tessera::server {
 
-/// A worker on real streams that does one thing after the other, as the test says.
+/// A worker on real streams, controlled step by step by the test.
 class TestWorker {
  public:
   TestWorker(const std::shared_ptr<grpc::Channel>& channel, std::string id);
   ~TestWorker();
 
-  /// What it would say first; change it before open().
+  /// Its hello; change it before open().
   v1::WorkerHello hello;
-  /// What it sends as its token, and the key its welcome brought.
+  /// Token that it sends, and session key that it was given.
   std::string token, session_key;
-  /// Sends hello; whether it was welcomed.
+  /// Sends hello; returns whether the server welcomed it.
   bool open();
-  /// Closes both streams; the status of Work.
+  /// Closes both streams; returns the status of Work.
   grpc::Status close();
 
   struct Unit {
     v1::Lease lease;
     std::int32_t tile = 0;
   };
-  /// Reads Work until there is a unit to render; false when the stream has ended or the job has.
+  /// Reads Work until a unit is leased; returns false when the stream or the job has ended.
   bool next(Unit& unit);
   /// Reads Work until the next acknowledgement; UNSPECIFIED if the stream ends first.
   v1::Acknowledgement next_acknowledgement();
   /// The bytes of the unit's block: a function of the unit alone.
   std::string block_of(const Unit& unit);
-  /// Asks what the job is.
+  /// Calls DescribeJob.
   grpc::Status describe(const std::string& job_id);
-  /// A message with the block, in chunks of at most `chunk` bytes a message.
+  /// Messages with the block, in chunks of at most `chunk` bytes.
   std::vector<v1::DeliverRequest> messages_of(const Unit& unit, const std::string& block,
                                               std::size_t chunk = 64 << 10);
-  /// Sends messages on the Deliver stream; false when it has ended.
+  /// Sends messages on the Deliver stream; returns false when it has ended.
   bool send(const std::vector<v1::DeliverRequest>& messages);
   grpc::Status finish_deliver();
-  /// Renders and delivers until the job has ended or `most` units are acknowledged. How many were.
+  /// Renders and delivers until the job has ended or `most` units are acknowledged; returns their
+  /// number.
   int work(int most = 1 << 30);
   void grant(int credits);
 

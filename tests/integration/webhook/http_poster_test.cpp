@@ -1,4 +1,4 @@
-// Posts over real sockets, to a receiver that answers as it is told.
+// HttpPoster over real sockets, against a scripted receiver.
 #include "webhook/http_poster.h"
 
 #include <arpa/inet.h>
@@ -26,12 +26,12 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
-/// One connection on loopback after another; each request gets the next of the answers, and after
-/// the last none at all.
+/// Accepts one loopback connection after another and answers each request with the next of the
+/// answers; after the last one it sends nothing.
 class Receiver {
  public:
   explicit Receiver(std::vector<std::string> answers) : answers_(std::move(answers)) {
-    ::unsetenv("http_proxy");  // which libcurl would go through, as users want it to
+    ::unsetenv("http_proxy");  // libcurl would use it as a proxy
     listener_ = ::socket(AF_INET, SOCK_STREAM, 0);
     sockaddr_in address{};
     address.sin_family = AF_INET;
@@ -53,7 +53,7 @@ class Receiver {
   Receiver& operator=(const Receiver&) = delete;
 
   std::string url() const { return absl::StrCat("http://127.0.0.1:", port_, "/hook?key=hush"); }
-  /// Requests, whole; read it once the posts are over.
+  /// Complete requests; read them after all posts have ended.
   const std::vector<std::string>& requests() const { return requests_; }
   int connections() const { return connections_; }
 
@@ -71,7 +71,7 @@ class Receiver {
     }
   }
 
-  /// Reads a request and answers it; false when the other side is gone.
+  /// Reads a request and answers it; returns false when the peer has closed.
   bool answer_one(int connection) {
     std::string request;
     std::size_t body_at = std::string::npos, length = 0;
@@ -87,7 +87,7 @@ class Receiver {
       length = std::stoul(request.substr(at + std::string("Content-Length: ").size()));
     }
     requests_.push_back(request);
-    if (answered_ == answers_.size()) return true;  // for ever
+    if (answered_ == answers_.size()) return true;  // waits until the peer closes
     const std::string answer =
         absl::StrCat("HTTP/1.1 ", answers_[answered_++], "\r\nContent-Length: 0\r\n\r\n");
     return ::write(connection, answer.data(), answer.size()) > 0;

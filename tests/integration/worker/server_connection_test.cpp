@@ -1,4 +1,4 @@
-// The worker's two streams against a server made for the test, over a real socket.
+// The worker's two streams against a fake server, over a real socket.
 #include "worker/agent/server/server_connection.h"
 
 #include <grpcpp/server.h>
@@ -24,7 +24,7 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-/// Answers as it is told and remembers what it heard.
+/// Scripted server that records requests.
 class FakeServer : public v1::WorkerService::Service {
  public:
   std::string store_id = "store";
@@ -72,7 +72,7 @@ class FakeServer : public v1::WorkerService::Service {
     return grpc::Status::OK;
   }
 
-  /// Answers, unless the test has it play dead.
+  /// Answers unless the test makes the server unresponsive.
   grpc::Status DescribeJob(grpc::ServerContext* context, const v1::DescribeJobRequest*,
                            v1::DescribeJobResponse*) override {
     while (plays_dead && !context->IsCancelled()) std::this_thread::sleep_for(milliseconds(5));
@@ -172,7 +172,8 @@ class ServerConnectionTest : public testing::Test {
                                                      std::move(callbacks));
   }
 
-  /// Turns the agent's loop until `done` (asked under the fake server's lock) or 20 s have passed.
+  /// Runs the agent's loop until `done` (called under the fake server's lock) returns true or 20 s
+  /// have passed.
   bool run_until(const std::function<bool()>& done) {
     const Time limit = Clock::now() + seconds(20);
     while (Clock::now() < limit) {
@@ -310,7 +311,7 @@ TEST_F(ServerConnectionTest, ReconnectsAfterDeadServer) {
 }
 
 TEST_F(ServerConnectionTest, ProbeKeepsIdleServer) {
-  fake_.timeout = milliseconds(3'000);  // half of which a busy machine does not hold anybody up
+  fake_.timeout = milliseconds(3'000);  // half of it is more than a busy machine delays a thread
   open();
   const Time end = Clock::now() + milliseconds(7'000);  // more than twice the limit
   ASSERT_TRUE(run_until([end] { return Clock::now() > end; }));
