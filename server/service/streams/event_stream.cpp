@@ -1,13 +1,11 @@
 #include "server/service/streams/event_stream.h"
 
-#include <grpcpp/alarm.h>
-
 #include <chrono>
 #include <mutex>
 
 #include "absl/strings/str_cat.h"
-#include "rpc/rpc_status.h"
 #include "server/service/messages/messages.h"
+#include "server/service/streams/polling_stream.h"
 
 namespace tessera::server {
 namespace {
@@ -16,7 +14,7 @@ constexpr std::chrono::milliseconds kPollInterval{100};  // polling interval
 constexpr std::size_t kEventsPerMessage = 256;
 
 /// Polls with a timer and sends new events.
-class EventStream final : public grpc::ServerWriteReactor<v1::WatchEventsResponse> {
+class EventStream final : public PollingStream<v1::WatchEventsResponse> {
  public:
   EventStream(Coordinator& coordinator, const Access& access, const v1::WatchEventsRequest& request,
               const absl::StatusOr<Caller>& caller)
@@ -34,63 +32,32 @@ class EventStream final : public grpc::ServerWriteReactor<v1::WatchEventsRespons
                                                 " is newer than the last event ", newest,
                                                 "; was the store replaced?")));
     } else {
-      look();
+      EventStream::poll();
     }
   }
 
   void OnWriteDone(bool ok) override {
     const std::lock_guard lock(mutex_);
-    if (!ok || is_cancelled_) {
-      finish(absl::CancelledError("client disconnected"));
-    } else {
-      look();
-    }
-  }
-
-  void OnCancel() override {
-    const std::lock_guard lock(mutex_);
-    is_cancelled_ = true;
-    alarm_.Cancel();
-  }
-
-  void OnDone() override {
-    { const std::lock_guard lock(mutex_); }
-    delete this;
+    poll_unless_cancelled(ok);
   }
 
  private:
-  void look() {
+  void poll() override {
     if (absl::Status status = access_.recheck(caller_); !status.ok()) return finish(status);
     const std::vector<Event> events = coordinator_.events().read(query_, kEventsPerMessage);
-    if (events.empty()) return follow_ ? wait() : finish(absl::OkStatus());
+    if (events.empty()) return follow_ ? wait(kPollInterval) : finish(absl::OkStatus());
     query_.after = events.back().sequence;
     response_.Clear();
     for (const Event& event : events) *response_.add_events() = to_message(event);
     StartWrite(&response_);
   }
 
-  void wait() {
-    alarm_.Set(std::chrono::system_clock::now() + kPollInterval, [this](bool) {
-      const std::lock_guard lock(mutex_);
-      if (is_cancelled_) {
-        finish(absl::CancelledError("client disconnected"));
-      } else {
-        look();
-      }
-    });
-  }
-
-  void finish(const absl::Status& status) { Finish(contract::to_rpc(status)); }
-
   Coordinator& coordinator_;
   const Access& access_;
   const Caller caller_;
   const bool follow_;
   EventLog::Query query_;
-  std::mutex mutex_;  // callbacks run on several threads
-  bool is_cancelled_ = false;
   v1::WatchEventsResponse response_;
-  grpc::Alarm alarm_;
 };
 
 }  // namespace

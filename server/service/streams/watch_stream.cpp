@@ -1,15 +1,13 @@
 #include "server/service/streams/watch_stream.h"
 
-#include <grpcpp/alarm.h>
-
 #include <algorithm>
 #include <chrono>
 #include <mutex>
 #include <optional>
 #include <string>
 
-#include "rpc/rpc_status.h"
 #include "server/service/messages/messages.h"
+#include "server/service/streams/polling_stream.h"
 
 namespace tessera::server {
 namespace {
@@ -28,7 +26,7 @@ milliseconds interval_of(const v1::WatchJobRequest& request) {
 }
 
 /// Polls the job with a timer and sends changes.
-class WatchStream final : public grpc::ServerWriteReactor<v1::WatchJobResponse> {
+class WatchStream final : public PollingStream<v1::WatchJobResponse> {
  public:
   WatchStream(Coordinator& coordinator, const Access& access, const v1::WatchJobRequest& request,
               const absl::StatusOr<Caller>& caller)
@@ -41,35 +39,19 @@ class WatchStream final : public grpc::ServerWriteReactor<v1::WatchJobResponse> 
     if (!caller.ok()) {
       finish(caller.status());
     } else {
-      look();
+      WatchStream::poll();
     }
   }
 
   void OnWriteDone(bool ok) override {
     const std::lock_guard lock(mutex_);
-    is_writing_ = false;
-    if (!ok || is_cancelled_) {
-      finish(absl::CancelledError("client disconnected"));
-    } else if (has_ended_) {
-      finish(absl::OkStatus());
-    } else {
-      wait();
-    }
-  }
-
-  void OnCancel() override {
-    const std::lock_guard lock(mutex_);
-    is_cancelled_ = true;
-    alarm_.Cancel();
-  }
-
-  void OnDone() override {
-    { const std::lock_guard lock(mutex_); }
-    delete this;
+    if (ok && has_ended_) return finish(absl::OkStatus());
+    if (ok) return wait_for_change();
+    poll_unless_cancelled(ok);
   }
 
  private:
-  void look() {
+  void poll() override {
     if (absl::Status status = access_.recheck(caller_); !status.ok()) return finish(status);
     const auto view = coordinator_.job(job_id_);
     if (!view.ok()) return finish(view.status());
@@ -81,39 +63,25 @@ class WatchStream final : public grpc::ServerWriteReactor<v1::WatchJobResponse> 
                   sent_->finished_frame_count != view->finished_frame_count ||
                   sent_->worker_count != view->worker_count ||
                   sent_->estimated_error != view->estimated_error || sent_->spec != view->spec);
-    if (!is_new && !(has_moved && now - sent_at_ >= interval_)) return wait();
+    if (!is_new && !(has_moved && now - sent_at_ >= interval_)) return wait_for_change();
     sent_ = *view;
     sent_at_ = now;
     has_ended_ = tessera::server::has_ended(view->state);
     *response_.mutable_job() = to_message(*view);
-    is_writing_ = true;
     StartWrite(&response_);
   }
 
-  void wait() {
-    alarm_.Set(std::chrono::system_clock::now() + std::min(interval_, kPollInterval), [this](bool) {
-      const std::lock_guard lock(mutex_);
-      if (is_cancelled_) {
-        finish(absl::CancelledError("client disconnected"));
-      } else {
-        look();
-      }
-    });
-  }
-
-  void finish(const absl::Status& status) { Finish(contract::to_rpc(status)); }
+  void wait_for_change() { wait(std::min(interval_, kPollInterval)); }
 
   Coordinator& coordinator_;
   const Access& access_;
   const Caller caller_;
   const std::string job_id_;
   const milliseconds interval_;
-  std::mutex mutex_;  // callbacks run on several threads
-  bool is_writing_ = false, is_cancelled_ = false, has_ended_ = false;
+  bool has_ended_ = false;
   std::optional<JobView> sent_;
   std::chrono::steady_clock::time_point sent_at_;
   v1::WatchJobResponse response_;
-  grpc::Alarm alarm_;
 };
 
 }  // namespace
