@@ -4,10 +4,16 @@
 
 #include "absl/strings/ascii.h"
 #include "server/schedule/job_spec.h"
+#include "telemetry/registry/families.h"
 
 namespace tessera::server {
 namespace {
 
+using metrics::counter;
+using metrics::counters;
+using metrics::gauge;
+using metrics::gauges;
+using metrics::histogram;
 using prometheus::Counter;
 using prometheus::Family;
 using prometheus::Gauge;
@@ -22,27 +28,6 @@ Histogram::BucketBoundaries to_ten_seconds() {
 /// Bucket bounds in seconds, for leases and frames, which vary widely.
 Histogram::BucketBoundaries to_half_a_day() {
   return {0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 100, 1000, 10000, 40000};
-}
-
-Family<Counter>& counters(Registry& registry, const std::string& name, const std::string& help) {
-  return prometheus::BuildCounter().Name(name).Help(help).Register(registry);
-}
-
-Family<Gauge>& gauges(Registry& registry, const std::string& name, const std::string& help) {
-  return prometheus::BuildGauge().Name(name).Help(help).Register(registry);
-}
-
-Counter& counter(Registry& registry, const std::string& name, const std::string& help) {
-  return counters(registry, name, help).Add({});
-}
-
-Gauge& gauge(Registry& registry, const std::string& name, const std::string& help) {
-  return gauges(registry, name, help).Add({});
-}
-
-Histogram& histogram(Registry& registry, const std::string& name, const std::string& help,
-                     const Histogram::BucketBoundaries& bounds) {
-  return prometheus::BuildHistogram().Name(name).Help(help).Register(registry).Add({}, bounds);
 }
 
 std::array<Counter*, 4> acknowledgement_counters(Registry& registry) {

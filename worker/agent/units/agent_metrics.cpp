@@ -2,9 +2,16 @@
 
 #include <string>
 
+#include "telemetry/registry/families.h"
+
 namespace tessera::agent {
 namespace {
 
+using metrics::counter;
+using metrics::counters;
+using metrics::gauge;
+using metrics::gauges;
+using metrics::histogram;
 using prometheus::Counter;
 using prometheus::Family;
 using prometheus::Gauge;
@@ -16,27 +23,9 @@ Histogram::BucketBoundaries bounds() {
   return {0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 100, 1000, 10000};
 }
 
-Family<Counter>& counters(Registry& registry, const std::string& name, const std::string& help) {
-  return prometheus::BuildCounter().Name(name).Help(help).Register(registry);
-}
-
-Counter& counter(Registry& registry, const std::string& name, const std::string& help) {
-  return counters(registry, name, help).Add({});
-}
-
-Gauge& gauge(Registry& registry, const std::string& name, const std::string& help) {
-  return prometheus::BuildGauge().Name(name).Help(help).Register(registry).Add({});
-}
-
-Histogram& histogram(Registry& registry, const std::string& name, const std::string& help) {
-  return prometheus::BuildHistogram().Name(name).Help(help).Register(registry).Add({}, bounds());
-}
-
 AgentMetrics::Units unit_gauges(Registry& registry) {
-  Family<Gauge>& family = prometheus::BuildGauge()
-                              .Name("tessera_worker_units")
-                              .Help("Units leased to this worker and not acknowledged")
-                              .Register(registry);
+  Family<Gauge>& family =
+      gauges(registry, "tessera_worker_units", "Units leased to this worker and not acknowledged");
   const auto add = [&](const char* state) -> Gauge& { return family.Add({{"state", state}}); };
   return {add("waiting"), add("started"), add("unacknowledged")};
 }
@@ -81,9 +70,10 @@ AgentMetrics::AgentMetrics()
       block_bytes(counter(registry_, "tessera_worker_block_bytes_total", "Film blocks rendered")),
       cpu_seconds(
           counter(registry_, "tessera_worker_cpu_seconds_total", "CPU time of rendered units")),
-      unit_seconds(
-          histogram(registry_, "tessera_worker_unit_seconds", "Wall time of a unit on its thread")),
+      unit_seconds(histogram(registry_, "tessera_worker_unit_seconds",
+                             "Wall time of a unit on its thread", bounds())),
       scene_load_seconds(histogram(registry_, "tessera_worker_scene_load_seconds",
-                                   "Time to load a frame's scene and build its structures")) {}
+                                   "Time to load a frame's scene and build its structures",
+                                   bounds())) {}
 
 }  // namespace tessera::agent
