@@ -1,5 +1,5 @@
-/// TESSERA_camera, from Scene::camera to the ray and the pixel. What the file says is read in
-/// unit/worker/scene/extensions_test.cpp.
+/// TESSERA_camera, from Scene::camera to the ray and the pixel. Reading it from files is tested in
+/// unit/worker/gltf/extensions/extensions_test.cpp.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -30,7 +30,7 @@ struct Film {
   double x, y;
 };
 
-/// Where on the film a direction (right, up, forward) belongs, by libm.
+/// Film position of a direction (right, up, forward), computed with libm.
 Film film_of(const Camera& camera, const Vec3d& d) {
   const double middle_x = kWidth / 2.0, middle_y = kHeight / 2.0;
   const double longitude = std::atan2(d.x, d.z), level = std::hypot(d.x, d.z);
@@ -80,7 +80,7 @@ TEST(PanoramicCamera, RaysFollowProjectionFormula) {
         const Vec3f& d = ray.direction;
         ASSERT_NEAR(length(Vec3d(d)), 1, 1e-6);
         const Film at = film_of(camera, {double{d.x}, double{d.y}, -double{d.z}});
-        // Near the poles a longitude is as wide as its cosine.
+        // Near the poles a degree of longitude is shorter by its cosine.
         const double cosine = round ? 1 : std::hypot(double{d.x}, double{d.z});
         ASSERT_NEAR(at.x, x, kPixels / cosine) << static_cast<int>(camera.kind) << " " << y;
         ASSERT_NEAR(at.y, y, kPixels / (round ? 1 : cosine * cosine))
@@ -153,7 +153,7 @@ TEST(Camera, ObjectsBehindItAreInvisible) {
     m.emission = {1, 1, 1};
     m.double_sided = true;
     const auto lamp = add_material(&scene, m);
-    // Everything behind z = 5 + 1e-3 shines: one wall, as wide as a lens can look.
+    // Everything behind z = 5 + 1e-3 emits: one wall as wide as a lens can see.
     add_primitive(&scene, quad({-1e4f, -1e4f, 5.001f}, {2e4f, 0, 0}, {0, 2e4f, 0}, lamp));
     return render_picture(scene, small_settings(32, 32, 16)).mean();
   };
@@ -174,7 +174,7 @@ TEST(Camera, ObjectsBehindItAreInvisible) {
     screen.camera.kind = kind;
     screen.camera.horizontal_angle = screen.camera.vertical_angle = kPi - 1e-3;
     EXPECT_EQ(seen(screen), 0);
-    screen.camera.horizontal_angle = 1.9 * kPi;  // these look behind themselves
+    screen.camera.horizontal_angle = 1.9 * kPi;  // sees behind itself
     EXPECT_GT(seen(screen), 0);
   }
 }
@@ -192,7 +192,7 @@ TEST(Aperture, SamplesAreUniformOverPolygon) {
                     (static_cast<float>(i / kSide) + 0.5f) / kSide};
       const render::AperturePoint p = aperture_point(lens, u);
       x += p.x, y += p.y, square += p.x * p.x + p.y * p.y;
-      for (std::int32_t k = 0; k < blades; ++k) {  // within every side
+      for (std::int32_t k = 0; k < blades; ++k) {  // inside every side
         const double normal = 0.3 + (2 * k + 1) * kPi / blades;
         ASSERT_LE(p.x * std::cos(normal) + p.y * std::sin(normal),
                   2 * std::cos(kPi / blades) + 1e-6);
@@ -200,8 +200,9 @@ TEST(Aperture, SamplesAreUniformOverPolygon) {
       ASSERT_LE(p.x * p.x + p.y * p.y, 4 + 1e-5);
     }
     constexpr double kCount = double{kSide} * kSide;
-    // Second moment of a regular polygon of circumradius R: R^2 (2 + cos(2 pi / n)) / 6. A midpoint
-    // rule errs by the square of its strata's side, blades / 256, times a second derivative.
+    // Second moment of a regular polygon of circumradius R: R^2 (2 + cos(2 pi / n)) / 6. The error
+    // of the midpoint rule is the square of the strata's side, blades / 256, times a second
+    // derivative.
     const double expected = blades == 0 ? 2 : 4 * (2 + std::cos(2 * kPi / blades)) / 6;
     const double side = std::max(blades, 4) / double{kSide};
     EXPECT_NEAR(square / kCount, expected, 4 * side * side) << blades;
@@ -210,7 +211,7 @@ TEST(Aperture, SamplesAreUniformOverPolygon) {
   }
 }
 
-/// Share of a unit disc that lies in a disc of radius r whose centre is d away.
+/// Fraction of a unit disc inside a disc of radius r whose centre is at distance d.
 double common_share(double r, double d) {
   if (d >= 1 + r) return 0;
   if (d <= std::abs(1 - r)) return std::min(1.0, r * r);
@@ -239,7 +240,7 @@ TEST(Lens, VignettingEqualsDiscOverlap) {
   }
 }
 
-/// Three stripes before, in and behind the plane in focus, shining in different colours.
+/// Three emissive stripes of different colours before, in and behind the plane of focus.
 Scene stripes() {
   Scene scene = empty_scene();
   const auto stripe = [&](float z, float x, float width, const Vec3f& light) {
@@ -251,12 +252,12 @@ Scene stripes() {
   stripe(3, -0.4f, 0.2f, {1, 0, 0});
   stripe(0, -0.9f, 0.9f, {0, 1, 0});
   stripe(-5, 0.4f, 1.5f, {0, 0, 1});
-  // A row of 24 pixels each 1 / 40 wide at depth 1: the lens below blurs over 6 to 1.
+  // A row of 24 pixels, each 1 / 40 wide at depth 1; the lens below blurs over 1 to 6 of them.
   scene.camera.yfov = 2 * std::atan(1.0 / 80);
   return scene;
 }
 
-/// Mean and squared standard error of a pixel's channels over independent pictures.
+/// Mean and squared standard error of a pixel's channels over independent images.
 struct Estimate {
   std::vector<double> sum, squares;
   double count = 0;
@@ -275,8 +276,8 @@ struct Estimate {
   }
 };
 
-/// A sharp picture through the point (x, y) of the lens, and the window through which a pinhole
-/// there sees what the film sees in focus.
+/// A pinhole image from the point (x, y) of the lens, with the window through which that point sees
+/// the film in focus.
 Picture through_window(double x, double y, double focus, std::uint32_t seed) {
   Scene sharp = stripes();
   sharp.camera.camera_to_world.translation += Vec3d{x, y, 0};
@@ -320,12 +321,12 @@ TEST(Lens, BlurEqualsAverageOfPinholes) {
     const double error = std::sqrt(lens.error2(i) + average.error2(i));
     mean_error += error / static_cast<double>(count);
     const double off = std::abs(lens.mean(i) - average.mean(i));
-    // Where every sample is alike there is no spread: only rounding.
+    // Equal samples have no variance, only rounding.
     if (off > 1e-6) most = std::max(most, off / error);
   }
-  // 72 values: the largest of as many t of 31 degrees of freedom passes 4.5 once in 100 times.
+  // The largest of 72 values of t with 31 degrees of freedom exceeds 4.5 once in 100 times.
   EXPECT_LT(most, 4.5);
-  EXPECT_LT(mean_error, 1e-3);  // so that a radius wrong by a tenth is seen
+  EXPECT_LT(mean_error, 1e-3);  // small enough to detect a radius wrong by a tenth
   EXPECT_GT(mean_error, 0);
 }
 

@@ -1,5 +1,4 @@
-// Only what a scene needs: what is chosen for scenes without a feature gives the bits that the
-// general way gives.
+// Code specialised for scenes without a feature gives the same bits as the general code.
 
 #include "tests/support/assumed_features.h"
 
@@ -25,7 +24,7 @@ using render::Isa;
 using render::Scene;
 using render::ShadingScene;
 
-/// Those by which anything is chosen that the same bits can be had without.
+/// Features whose absence selects specialised code with the same bits.
 constexpr std::uint32_t kChoices[] = {
     render::kFeatureTextures,
     render::kFeatureTextureTransforms,
@@ -56,7 +55,7 @@ contract::RenderSettings settings() {
   return s;
 }
 
-/// Matt paint without a specular layer, and a lamp, all of them triangles that stand still.
+/// A diffuse surface without a specular layer, and a lamp; both of static triangles.
 Scene painted() {
   Scene scene = empty_scene();
   render::Material lamp = lambert({0.5f, 0.5f, 0.5f});
@@ -82,7 +81,7 @@ Scene scene_named(const std::string& name) {
   return *std::move(scene);
 }
 
-/// The blocks of the passes.
+/// Film blocks of all passes.
 std::vector<FilmBlock> blocks_of(Scene scene, Isa isa, std::uint32_t assumed) {
   const render::TraceOptions tracing = assume(assumed, &scene, isa);
   const auto renderer = render::FrameRenderer::create(std::move(scene), settings(), 0,
@@ -96,7 +95,7 @@ std::vector<FilmBlock> blocks_of(Scene scene, Isa isa, std::uint32_t assumed) {
   return blocks;
 }
 
-/// Renders of the scene with each set of features assumed, all of them the same.
+/// Expects the same bits from renders with each set of assumed features.
 void expect_same_bits(const Scene& scene, const std::vector<std::uint32_t>& assumed) {
   const std::vector<FilmBlock> special = blocks_of(scene, Isa::avx2, 0);
   double light = 0;
@@ -128,7 +127,7 @@ TEST(AssumedFeatures, MaterialBitsAreUnchanged) {
   expect_same_bits(scene_named("materials"), {all_choices()});
 }
 
-/// Whether a frame of the scene is made ready for the feature.
+/// Returns whether a frame of the scene is prepared for the feature.
 bool is_ready_for(std::uint32_t feature, Scene scene, std::uint32_t assumed) {
   const render::TraceOptions tracing = assume(assumed, &scene);
   const ShadingScene shading(scene, assumed);
@@ -167,10 +166,10 @@ bool is_ready_for(std::uint32_t feature, Scene scene, std::uint32_t assumed) {
   }
 }
 
-// What is compared above would be the same as well if nothing came of what is assumed.
+// Without this test, the tests above would pass even if assumed features had no effect.
 TEST(AssumedFeatures, FrameEnablesAssumedFeature) {
   for (const std::uint32_t feature : kChoices) {
-    if (feature == render::kFeatureInstances) continue;  // nothing but rays can tell
+    if (feature == render::kFeatureInstances) continue;  // only ray queries depend on it
     const std::string name = render::feature_names(feature).front();
     const bool of_textures = feature == render::kFeatureTextureTransforms;
     const Scene scene = of_textures ? scene_named("quickstart") : painted();

@@ -26,7 +26,7 @@ Material lamp(float radiance) {
   return m;
 }
 
-/// A small room with a lamp, a rough metal ball, a glass ball, a sky through a missing wall.
+/// A small room with a lamp, a rough metal sphere, a glass sphere, and sky through a missing wall.
 Scene room(double scale = 1, double light_scale = 1) {
   Scene scene = empty_scene();
   const auto s = static_cast<float>(scale);
@@ -144,8 +144,7 @@ TEST(FrameRenderer, FourfoldSamplesCutErrorBy40Percent) {
     return std::sqrt(sum / static_cast<double>(a.rgb.size()));
   };
   Scene scene = room();
-  scene.materials[4] =
-      lambert({0.5f, 0.5f, 0.9f});  // caustics would need more samples than a test has
+  scene.materials[4] = lambert({0.5f, 0.5f, 0.9f});  // no caustics: they would need more samples
   auto settings = small_settings(24, 20, 1024);
   settings.seed = 77;
   const Picture reference = render_picture(scene, settings);
@@ -196,7 +195,7 @@ TEST(FrameRenderer, MirroredMeshRendersMirrored) {  // hard case 27
   EXPECT_LT(difference / 1024, 0.01 * plain.mean());
 }
 
-/// The pixel that a small lamp at `p` lights.
+/// Returns the pixel lit by a small lamp at `p`.
 contract::GridPoint lit_pixel(Scene scene, const Vec3d& p, std::int32_t width,
                               std::int32_t height) {
   const auto index = add_material(&scene, lamp(1));
@@ -280,7 +279,7 @@ TEST(Aovs, FirstHitValuesAreExact) {
   EXPECT_FLOAT_EQ(first.position[2], -1);
   EXPECT_NEAR(first.position[0], 100, 3);
   EXPECT_EQ(first.ids, (std::vector<std::uint32_t>{1, 2, 7, 1, 2, 7, 1, 2, 7, 1, 2, 7}));
-  EXPECT_EQ(first.rgb[0], 0);  // nothing lights it
+  EXPECT_EQ(first.rgb[0], 0);  // unlit
   const auto second = (*renderer)->render({0, 0, 2, 2}, {8, 8}, 1, render::sequential());
   EXPECT_TRUE(second.depth.empty());
   EXPECT_EQ(second.albedo[1], 4);

@@ -1,5 +1,4 @@
-// Hard cases 63, 64, 65: numbers below 1, dimensions that do not correlate, streams that do not
-// collide.
+// Hard cases 63, 64, 65: random numbers below 1, uncorrelated dimensions, distinct streams.
 
 #include <gtest/gtest.h>
 
@@ -20,8 +19,7 @@ namespace {
 constexpr float kLargest = 1 - 0x1p-24f;
 
 TEST(UniformNumbers, StayBelowOne) {
-  // Exhaustive where it matters: the conversion of all 2^8 patterns that round up to 1 in
-  // u32 * 2^-32 and their neighbours.
+  // Exhaustive for the 2^8 patterns that round up to 1 in u32 * 2^-32, and their neighbours.
   for (std::uint32_t i = 0; i < 1024; ++i) {
     const float u = unit_float(0xffffffffu - i);
     ASSERT_LE(u, kLargest);
@@ -67,7 +65,7 @@ Convergence converge(F f, double exact, int samples) {
   return {std::sqrt(square / kPixels), sum / std::sqrt(square)};
 }
 
-/// A product over two bounces' dimensions: biased at once if they were correlated.
+/// A product over dimensions of two bounces; biased if they were correlated.
 double product(const Sampler& sampler) {
   const Vec4f first = sampler.get_4d(dimensions::bsdf(0));
   const Vec4f second = sampler.get_4d(dimensions::bsdf(1));

@@ -1,5 +1,6 @@
 // Hard case 3, compiled with -ffp-contract=fast on purpose: the triangle test stays watertight even
-// if the flag that forbids contraction gets lost. Headers only, or the linker would choose.
+// if the flag that forbids contraction is lost. Uses headers only, because the linker would choose
+// between two copies of a function.
 
 #include <gtest/gtest.h>
 

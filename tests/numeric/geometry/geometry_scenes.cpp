@@ -161,7 +161,7 @@ Ray adversarial_ray(const Scene& scene, Dice& dice) {
   const auto world = [&](const Vec3f& p) {
     return Vec3f(transform_point(instance.object_to_world, Vec3d(p)));
   };
-  if (mesh.shape != nullptr) {  // somewhere in its box; or along an axis of it through its centre
+  if (mesh.shape != nullptr) {  // in its box, or along one of its axes through its centre
     const Vec3f half = (mesh.shape->bounds.hi - mesh.shape->bounds.lo) * 0.5f;
     const Vec3f target = world((kind < 6 ? dice.vector() : Vec3f{}) * half);
     if (kind == 8) ray.origin = world(Vec3f{0, 0, 3});

@@ -9,7 +9,7 @@
 
 namespace tessera::render::testing {
 
-/// Fixed-seed numbers for geometry tests.
+/// Random numbers with a fixed seed for geometry tests.
 class Dice {
  public:
   explicit Dice(std::uint32_t seed) : random_(seed) {}
@@ -43,7 +43,7 @@ void place(Scene& scene, std::int32_t mesh, const Affine3d& object_to_world = {}
 /// A scene of one mesh, placed by the identity.
 Scene scene_of(std::vector<Primitive> primitives);
 
-/// Bodies in order, and in reverse: results may not differ.
+/// Runs loop bodies in order, or in reverse; results must not differ.
 ParallelFor in_order();
 ParallelFor in_reverse();
 
@@ -53,16 +53,16 @@ Vec3f edge_or_vertex(const Primitive& primitive, bool edge, Dice& dice);
 /// Rotation about a random axis times `scale`, then `translation`; mirrored if asked.
 Affine3d random_placement(Dice& dice, double scale, const Vec3d& translation, bool mirrored);
 
-/// Random triangles of mixed sizes; some flat on an axis, some needles, some twice.
+/// Random triangles of mixed sizes; some flat along an axis, some needles, some duplicated.
 Primitive soup(int count, Dice& dice);
 
-/// A height field whose cells are on a grid: many shared planes, edges and vertices.
+/// A height field on a grid: many shared planes, edges and vertices.
 Primitive terrain(std::uint32_t side, Dice& dice);
 
-/// Long thin triangles aslant, crossing each other: what spatial splits are for.
+/// Long thin slanted triangles that cross each other, for which spatial splits are made.
 Primitive needles(int count, Dice& dice);
 
-/// A third at random, the rest meant to graze: along edges, through vertices, in axis planes.
+/// A random ray (one in three), or one along an edge, through a vertex or in an axis plane.
 Ray adversarial_ray(const Scene& scene, Dice& dice);
 
 /// Whether two hits have the same bits.

@@ -1,4 +1,4 @@
-// Hard case 36: which triangles meet, exactly; and which surfaces are closed.
+// Hard case 36: exact tests of overlapping triangles and of closed surfaces.
 
 #include <gtest/gtest.h>
 
@@ -14,8 +14,8 @@
 namespace tessera::render::testing {
 namespace {
 
-/// A tetrahedron of four triangles, wound outwards if d is behind a, b, c: triangle 0 is a b c, and
-/// 1, 2, 3 hold d and an edge of it.
+/// A tetrahedron of four triangles, wound outwards if d is behind a, b, c: triangle 0 is a b c; 1,
+/// 2 and 3 contain d and an edge of it.
 Primitive tetrahedron(const Vec3f& a, const Vec3f& b, const Vec3f& c, const Vec3f& d) {
   Primitive p;
   p.positions = {a, b, c, d};
@@ -48,13 +48,13 @@ TEST(MeshOverlap, SharedEdgeOrVertexIsNoOverlap) {
 }
 
 TEST(MeshOverlap, OneUlpGapSeparates) {
-  // The tip of the other, at (0.25, 0.25, z), over the inside of triangle 0.
+  // A tetrahedron whose tip is at (0.25, 0.25, z), over the inside of triangle 0.
   const auto over = [](float z) {
     return tetrahedron({0, 0, 1}, {0, 1, 1}, {1, 0, 1}, {0.25f, 0.25f, z});
   };
   EXPECT_EQ(pairs_of(one_tetrahedron, over(0x1p-149f)), Pairs{});
   EXPECT_EQ(pairs_of(one_tetrahedron, over(0)), (Pairs{pair(0, 1), pair(0, 2), pair(0, 3)}));
-  // And far from the origin, where an ulp is 2^-3.
+  // The same far from the origin, where an ulp is 2^-3.
   const auto moved = [](Primitive p) {
     for (Vec3f& v : p.positions) v = v * 16.0f + Vec3f{1 << 20, 1 << 20, 1 << 20};
     return p;
@@ -66,7 +66,7 @@ TEST(MeshOverlap, OneUlpGapSeparates) {
 }
 
 TEST(MeshOverlap, CrossingPairsAreListed) {
-  // The other's tip comes in through triangle 0 and stays inside.
+  // The other tetrahedron's tip enters through triangle 0 and ends inside.
   const Primitive other =
       tetrahedron({0.1f, 0.1f, 1}, {0.1f, 0.3f, 1}, {0.3f, 0.1f, 1}, {0.2f, 0.2f, -0.1f});
   EXPECT_EQ(pairs_of(one_tetrahedron, other), (Pairs{pair(0, 1), pair(0, 2), pair(0, 3)}));
@@ -82,7 +82,7 @@ TEST(MeshOverlap, ConvexMeshIsClosedWithoutOverlap) {
   Primitive flipped = uv_sphere(12, 16, 1);
   std::swap(flipped.triangles[40][0], flipped.triangles[40][1]);
   EXPECT_EQ(boundary_edges(mesh_of({flipped}), {true}), 3);
-  // A seam whose sides differ by rounding is one, if that is asked for.
+  // A seam whose sides differ by rounding counts as open, if requested.
   Primitive cracked = sphere.primitives[0];
   const std::uint32_t moved = cracked.triangles[0][0];
   cracked.positions.push_back(cracked.positions[moved] + render::Vec3f{2e-7f, -2e-7f, 0});
@@ -95,9 +95,9 @@ TEST(MeshOverlap, ConvexMeshIsClosedWithoutOverlap) {
 TEST(MeshOverlap, NeighboursOverlapOnlyIfFolded) {
   const Vec3f a = {0, 0, 0}, b = {1, 0, 0}, up = {0, 1, 0}, down = {0, -1, 0};
   const Vec3f tilted = {0, 1, 0x1p-140f};
-  EXPECT_FALSE(triangles_overlap({a, b, up}, {b, a, down}));      // flat on
+  EXPECT_FALSE(triangles_overlap({a, b, up}, {b, a, down}));      // flat
   EXPECT_TRUE(triangles_overlap({a, b, up}, {b, a, {1, 1, 0}}));  // folded back
-  EXPECT_FALSE(triangles_overlap({a, b, up}, {b, a, tilted}));    // nearly so
+  EXPECT_FALSE(triangles_overlap({a, b, up}, {b, a, tilted}));    // almost folded back
   EXPECT_FALSE(triangles_overlap({a, b, up}, {a, {-1, 0, 0}, down}));
   EXPECT_TRUE(triangles_overlap({a, b, up}, {a, {1, 1, 1}, {1, 1, -1}}));  // through the corner
   EXPECT_TRUE(triangles_overlap({a, b, up}, {a, {2, 1, 0}, {1, 2, 0}}));   // in its plane

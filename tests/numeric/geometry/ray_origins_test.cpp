@@ -1,4 +1,4 @@
-// Hard cases 8, 9, 10, 27, 49: rays that leave surfaces, and the frames they leave in.
+// Hard cases 8, 9, 10, 27, 49: rays that leave surfaces, and shading frames.
 
 #include <gtest/gtest.h>
 
@@ -46,7 +46,7 @@ TEST(RaySpawning, CoplanarTwinIsNotHit) {
                                              fold ? 1 - u.x : u.x, fold ? 1 - u.y : u.y);
     const Vec3f direction = dice.direction();
     const Ray ray = spawn_ray(point, {0, 0, 0}, direction);
-    // The twin has its corners in another order and its own id: skipping ids does not help.
+    // The twin has another vertex order and its own id, so skipping ids does not help.
     Box3f bounds;
     for (const Vec3f& p : v) bounds.extend(p);
     ObjectRay object_ray;
@@ -64,7 +64,8 @@ TEST(RaySpawning, CoplanarTwinIsNotHit) {
 }
 
 TEST(RaySpawning, TiltedPlaneNeighboursAreNotHit) {
-  // A finely divided plane under random placements: a ray that leaves it may not meet any part.
+  // A finely divided plane under random placements: a ray that leaves it must not hit any part of
+  // it.
   Dice dice(2);
   Primitive plane;
   constexpr std::uint32_t kSide = 16;
@@ -106,8 +107,8 @@ TEST(RaySpawning, TiltedPlaneNeighboursAreNotHit) {
   EXPECT_EQ(again, 0);
 }
 
-/// 8 x 8 parallelograms of edges `a` and `b`, whole numbers, in two triangles each: all in one
-/// plane exactly, from `corner` on, times `scale`.
+/// 8 x 8 parallelograms with integer edges `a` and `b`, two triangles each, exactly coplanar, from
+/// `corner` on, times `scale`.
 Primitive lattice(const Vec3f& a, const Vec3f& b, const Vec3f& corner, float scale) {
   constexpr std::uint32_t kSide = 8;
   Primitive plane;
@@ -127,7 +128,8 @@ Primitive lattice(const Vec3f& a, const Vec3f& b, const Vec3f& corner, float sca
   return plane;
 }
 
-/// A direction on either side of the plane with normal `n`: any, grazing, or in a coordinate plane.
+/// A direction on either side of the plane with normal `n`: arbitrary, grazing, or in a coordinate
+/// plane.
 Vec3f departure(const Vec3f& n, Dice& dice) {
   Vec3f d = dice.direction();
   if (dice.below(2) == 0) {
@@ -139,8 +141,8 @@ Vec3f departure(const Vec3f& n, Dice& dice) {
 }
 
 TEST(RaySpawning, CoplanarNeighboursAreNotHit) {
-  // Planes with and without extent along the axes, points on shared edges and vertices as often as
-  // inside. A needle's neighbour is met along its length, far from where its plane is thin.
+  // Planes with and without extent along the axes; as many points on shared edges and vertices as
+  // inside. A needle's neighbour is hit along its length, far from where its plane is thin.
   const std::vector<std::array<Vec3f, 2>> edges = {
       {{{1, 0, 0}, {0, 1, 0}}},   {{{0, 0, 1}, {1, 0, 0}}},   {{{1, 0, 0}, {0, 1, 1}}},
       {{{2, -1, 0}, {0, 1, -1}}}, {{{64, 0, 1}, {0, 1, 0}}},  {{{1, 0, 0}, {0, 1, -7}}},
@@ -179,7 +181,7 @@ TEST(RaySpawning, CoplanarNeighboursAreNotHit) {
 }
 
 TEST(RaySpawning, AxisAlignedTwinIsNotHit) {
-  // The plane's own coordinate is exact, zero even: what a ray must clear is the rounding of t.
+  // The plane's coordinate is exact, even zero: the ray must overcome only the rounding of t.
   const Primitive sheet = quad({-1, -1, 0}, {2, 0, 0}, {0, 2, 0});
   const Scene scene = scene_of({sheet, sheet});
   const SceneAccel accel(scene, in_order());
@@ -220,7 +222,7 @@ TEST(RaySpawning, GrazingBouncesLeavePlane) {
 }
 
 TEST(RaySpawning, ThinWallsDoNotLeak) {
-  // Two sheets 1e-5 apart in a room of unit size, slanted; a light behind the second one.
+  // Two slanted sheets 1e-5 apart in a room of unit size, with a light behind the second one.
   Dice dice(4);
   for (int placement = 0; placement < 8; ++placement) {
     Scene scene;
@@ -237,9 +239,9 @@ TEST(RaySpawning, ThinWallsDoNotLeak) {
           surface_point(placed(scene, id), fold ? 1 - u.x : u.x, fold ? 1 - u.y : u.y);
       const Vec3f light(
           transform_point(to_world, Vec3d{0.4 * dice.both(), 0.4 * dice.both(), -0.5}));
-      // The sheet's own back side faces the light; what hides it is the second sheet alone.
+      // The first sheet's back faces the light; only the second sheet hides it.
       ASSERT_TRUE(accel.any_hit(spawn_ray_to(point, id, light)));
-      // In front there is nothing.
+      // Nothing is in front of the first sheet.
       const Vec3f front(transform_vector(to_world, Vec3d{dice.both(), dice.both(), 0.01}));
       ASSERT_FALSE(accel.any_hit(spawn_ray(point, id, front)));
     }
@@ -261,8 +263,8 @@ TEST(RaySpawning, ShadowRaysReachTheirTargets) {
       TriangleId from_id, to_id;
       const SurfacePoint from = random_point(from_id);
       const SurfacePoint to = random_point(to_id);
-      // The sphere is convex: all its points see each other, but for those of one flat quad,
-      // whose rays lie in its plane.
+      // The sphere is convex: all its points see each other, except those of one flat quad, whose
+      // rays lie in its plane.
       const Vec3f between = normalize(to.position - from.position);
       if (std::fabs(dot(between, from.normal)) < 1e-5f) continue;
       ASSERT_FALSE(accel.any_hit(spawn_ray_to(from, from_id, to))) << scale << ' ' << i;
@@ -277,7 +279,7 @@ TEST(SurfaceNormals, PointOutwardsWhenMirrored) {
     Scene scene;
     scene.meshes.push_back(mesh_of({sphere}));
     Affine3d m = random_placement(dice, 2, {3, -1, 4}, mirrored);
-    for (Vec3d& row : m.rows) row.y *= 0.01;  // and squashed: normals need the inverse transpose
+    for (Vec3d& row : m.rows) row.y *= 0.01;  // scaled as well: normals need the inverse transpose
     place(scene, 0, m);
     for (std::uint32_t t = 0; t < sphere.triangles.size(); ++t) {
       const PlacedTriangle triangle = placed(scene, {0, 0, t});

@@ -1,5 +1,5 @@
-// How trees are built and judged: qualities give the same hits, moving subtrees makes trees
-// cheaper, and the measures of a tree are those worked out by hand.
+// Quality of trees: all build qualities give the same hits, reinsertion makes trees cheaper, and
+// the quality measures match values calculated by hand.
 
 #include "worker/accel/build/tree_quality.h"
 
@@ -37,7 +37,8 @@ std::vector<Box3f> boxes_of_needles(int count, Dice& dice) {
   return boxes;
 }
 
-/// Every inner node is the box of its children, which come after it, and every item is in a leaf.
+/// Expects every inner node's box to be that of its children, which follow it, and every item in a
+/// leaf.
 void expect_sound(const BinaryBvh& bvh, std::size_t items) {
   std::vector<int> seen(items, 0);
   for (std::uint32_t i = 0; i < bvh.nodes.size(); ++i) {
@@ -67,8 +68,8 @@ TEST(Reinsertion, ReducesTreeCost) {
 }
 
 TEST(Reinsertion, RespectsDepthLimit) {
-  // A chain of nested boxes as deep as a tree may be, a leaf beside each; and in another branch a
-  // leaf that belongs into the innermost, one level below.
+  // A chain of nested boxes of maximum depth with a leaf beside each, and in another branch a leaf
+  // that belongs into the innermost box, one level below.
   BinaryBvh bvh;
   const auto leaf = [&](const Vec3f& lo, const Vec3f& hi) {
     BinaryNode node;
@@ -136,20 +137,21 @@ TEST(TreeQuality, TwoTrianglesMatchHandCalculation) {
   tree.bounds = {{0, 0, -1}, {1, 2, 1}};
   tree.first_rank = {0, 2};
   const TreeQuality quality = measure_tree_quality(tree);
-  // Half areas: 1 and 6 in 8. The first triangle's part with x <= 1/2 lies in the second's box; the
-  // second only crosses the first's flat one.
+  // Half areas: 1 and 6 of 8. The part of the first triangle with x <= 1/2 lies in the second's
+  // box; the second only crosses the first's flat box.
   EXPECT_DOUBLE_EQ(quality.sah, 1 + 7.0 / 8);
   const double first = 0.5, second = 0.5 * std::sqrt(16 + 0.25 + 1);
   EXPECT_NEAR(quality.end_point_overlap, 0.375 / (first + second), 1e-15);
 }
 
-/// A soup after a while: every vertex a little elsewhere.
+/// Moves every vertex a little.
 Primitive moved(Primitive p, float by, Dice& dice) {
   for (Vec3f& position : p.positions) position += dice.vector() * by;
   return p;
 }
 
-/// Counts rays for which the tree of `now`, made from that of `before`, differs from brute force.
+/// Counts rays for which the tree of `now`, refitted from that of `before`, differs from brute
+/// force.
 int mismatches_after(const Scene& before, const Scene& now, std::size_t expected_refits,
                      Dice& dice) {
   int wrong = 0;
@@ -187,7 +189,7 @@ TEST(Refit, LargeMotionRebuilds) {
 TEST(Refit, ChangedTriangleSetRebuilds) {
   Dice dice(6);
   const Primitive whole = soup(40, dice);
-  // One that becomes a point, one that was one, one for the other; and other counts.
+  // One triangle degenerates, one stops being degenerate, one replaces another; and other counts.
   Primitive without = whole;
   without.positions[without.triangles[3][1]] = without.positions[without.triangles[3][0]];
   without.positions[without.triangles[3][2]] = without.positions[without.triangles[3][0]];

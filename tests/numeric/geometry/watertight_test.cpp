@@ -1,4 +1,4 @@
-// Hard cases 1, 2, 4, 13, 14: nothing leaks through shared edges, vertices and planes.
+// Hard cases 1, 2, 4, 13, 14: no ray passes through shared edges, vertices and planes.
 
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@
 namespace tessera::render::testing {
 namespace {
 
-/// Rays from inside a closed surface at its edges or vertices that find nothing.
+/// Counts rays from inside a closed surface towards its edges or vertices that miss it.
 int leaks(const Scene& scene, const Primitive& primitive, bool edge, const Vec3f& centre,
           float spread, int rays, std::uint32_t seed) {
   const SceneAccel accel(scene, in_order());
@@ -64,10 +64,11 @@ TEST(Watertight, TransformedSpheresDoNotLeak) {
 }
 
 TEST(Watertight, LongEdgesDoNotLeak) {
-  // Two strips of floor that share an edge along x, in a face of both boxes, its ends far away.
-  // The shear of a ray along it rounds with the distance of the ends, the box tests only with that
-  // of the hit: without the slack of enter_leave() the triangle that the edge function chooses is
-  // refused by its own box, and its neighbour by the edge function, for rays just off the edge.
+  // Two strips of floor share an edge along x that lies in a face of both boxes and whose ends are
+  // far away. The ray's shear along the edge rounds with the distance of the ends, the box test
+  // only with that of the hit. Without the slack of enter_leave(), for rays just off the edge, the
+  // triangle chosen by the edge function would be rejected by its own box, and its neighbour by the
+  // edge function.
   const Primitive floor = [] {
     Primitive p;
     for (int z = -1; z <= 1; ++z) {

@@ -1,5 +1,5 @@
-/// What the extensions of layers and lobes say of a material, from the file to the pixel: a closed
-/// form for each number and texture, and another result without it.
+/// glTF material extensions for layers and lobes, from the file to the pixel: a formula for each
+/// number and texture, and another result without it.
 
 #include <gtest/gtest.h>
 
@@ -13,16 +13,16 @@ namespace {
 
 const std::string kGrey = R"("baseColorFactor": [0.5, 0.5, 0.5, 1])";
 
-/// A quaternion (JSON) that turns the sun by `angle` radians so that light comes from
-/// (sin, 0, cos) `towards_x`, or from (0, sin, cos).
+/// A quaternion (JSON) that turns the sun by `angle` radians, so that light comes from (sin, 0,
+/// cos) if `towards_x`, else from (0, sin, cos).
 std::string turned(double angle, bool towards_x = true) {
   const std::string s = std::to_string(std::sin(angle / 2)),
                     c = std::to_string(std::cos(angle / 2));
   return towards_x ? "[0, " + s + ", 0, " + c + "]" : "[-" + s + ", 0, 0, " + c + "]";
 }
 
-/// The specification's GGX for facets of roughness `along_x` and `along_y` (each the square root of
-/// an alpha), seen along the normal, light from `l`: D V.
+/// The specification's GGX for roughness `along_x` and `along_y` (each the square root of an
+/// alpha), viewed along the normal, light from `l`: D V.
 double facets_towards(const Vec3d& l, double along_x, double along_y) {
   const double at = along_x * along_x, ab = along_y * along_y;
   const Vec3d h = normalize(l + Vec3d{0, 0, 1});
@@ -43,14 +43,14 @@ TEST(GltfClearcoat, Reflects4PercentAndDimsBase) {
     const double w = 0.04 * factor;
     const Vec3d coat = Vec3d{1, 1, 1} * (w * facets(0.3));
     expect_near(coated(factor, 0.3), below * (1 - w) + coat, kRounding);
-    // Without roughness, the default, the coat is a mirror, which shows no sun.
+    // With the default roughness 0 the coat is a mirror, which does not show the sun.
     expect_near(coated(factor, 0), below * (1 - w), kRounding);
   }
   EXPECT_EQ(coated(0, 0.3), lit(with("", "")));
 }
 
 TEST(GltfClearcoat, FresnelUsesCoatNormal) {
-  // The view along the normal of the surface meets a coat tilted by its map; the base stays.
+  // The view along the surface normal hits a coat tilted by its map; the base is not tilted.
   const std::vector<std::uint8_t> texel = {179, 128, 230, 255};
   const double z = 2 * 230 / 255.0 - 1, x = 2 * 179 / 255.0 - 1, y = 2 * 128 / 255.0 - 1;
   const auto expected = [&](double scale) {
@@ -85,7 +85,7 @@ TEST(GltfClearcoat, DimsEmissionBelow) {
 }
 
 TEST(GltfClearcoat, CoatsGlassOnOutsideOnly) {
-  // Straight through a box of matched index: 4 % lost at the coat of the face that is entered.
+  // Straight through a box of matched index: the coat reflects 4 % at the front face.
   const auto through = [](const std::string& coat) {
     const auto file = probe_of(kX, kY);
     const int material = file->add_material(
@@ -104,15 +104,15 @@ TEST(GltfClearcoat, CoatsGlassOnOutsideOnly) {
   };
   const std::string coat = R"(, "KHR_materials_clearcoat": {"clearcoatFactor": 1})";
   expect_near(through(""), {1, 1, 1}, 1e-5);
-  // One sample in 20 goes to the coat: a standard deviation of 0.23, four standard errors.
+  // One sample in 20 chooses the coat: a standard deviation of 0.23, four standard errors.
   expect_near(through(coat), {0.96, 0.96, 0.96}, 4 * 0.23 / 64);
 }
 
-/// What texture 0 does where a slot names it, and the factors it stands for.
+/// Expects a texture in `slot` to equal the factors that its texel stands for.
 void expect_texture(const std::string& slot, const std::string& plain,
                     const std::vector<std::uint8_t>& texel, const std::string& sun) {
   const Vec3d want = lit(plain, texel, sun);
-  expect_near(lit(slot, texel, sun), want, 1e-4);  // six decimals of the factors as text
+  expect_near(lit(slot, texel, sun), want, 1e-4);  // factors are written with six decimals
   const Vec3d white = lit(slot, {255, 255, 255, 255}, sun);
   EXPECT_GT(std::fabs(white.x - want.x), 1e-3 * want.x) << "the texture changes the result";
 }
@@ -147,7 +147,7 @@ TEST(GltfClearcoat, HighlightFollowsRoughness) {
   }
 }
 
-/// Black but for its facets, F0 0.04.
+/// A black base with a specular layer of F0 0.04.
 std::string black_with(const std::string& extension, const std::string& content) {
   return with(extension, content, R"("baseColorFactor": [0, 0, 0, 1])", 0.5);
 }
@@ -194,7 +194,7 @@ double fibre_lambda(double cosine, double alpha) {
   return std::exp(cosine < 0.5 ? curve(cosine) : 2 * curve(0.5) - curve(1 - cosine));
 }
 
-/// White sheen between two directions.
+/// White sheen for two directions.
 double fibres(const Vec3d& v, const Vec3d& l, double roughness) {
   const double alpha = roughness * roughness;
   const Vec3d h = normalize(v + l);
@@ -234,7 +234,7 @@ TEST(GltfSheen, DimsBaseByItsAlbedo) {
           lit(sheen(R"("sheenColorFactor": [0.8, 0.4, 0.1], "sheenRoughnessFactor": )" +
                     std::to_string(roughness)),
               {0, 0, 0, 255}, turned(angle));
-      // The table's bilinear interpolation: 2e-3 of what the base gives.
+      // Bilinear interpolation of the table: 2e-3 of the base's value.
       for (int k = 0; k < 3; ++k) EXPECT_NEAR(got[k], want[k], 2e-3 * want[k]) << roughness;
     }
   }
@@ -257,8 +257,8 @@ TEST(GltfSheen, TextureChannelsScaleFactors) {
       texel, turned(1.2));
 }
 
-/// What a prism of 20 degrees and index 1.5 shows of a lamp that covers the directions beyond that
-/// of 549 nm light, if its Abbe number is 10; the ray enters along the normal of its front.
+/// Radiance through a prism of 20 degrees and index 1.5 with Abbe number 10; the lamp covers the
+/// directions beyond that of 549 nm light. The ray enters along the normal of the front.
 Vec3d through_a_prism(double dispersion) {
   const double apex = kPi / 9, slope = std::tan(apex);
   const auto file = probe_of(kX, kY);
@@ -287,9 +287,9 @@ Vec3d through_a_prism(double dispersion) {
 }
 
 TEST(GltfDispersion, PrismBendsBlueMoreThanRed) {
-  // All of blue's band lies below 549 nm, nothing of red's, and of green's triangle between 464 and
-  // 611 nm with its top there the part below. Four standard errors of 65,536 samples: 2 %.
-  const double passed = 0.96 * (1 - 0.0443);  // at both faces; the second is met at 20 degrees
+  // All of blue's band lies below 549 nm, nothing of red's, and of green's triangle, which peaks at
+  // 549 nm, the part between 464 and 549 nm. Four standard errors of 65,536 samples: 2 %.
+  const double passed = 0.96 * (1 - 0.0443);  // both faces; the second at 20 degrees
   const Vec3d got = through_a_prism(2);
   EXPECT_EQ(got.x, 0);
   EXPECT_NEAR(got.y, passed * (549.0 - 464) / (611 - 464), 0.02);
@@ -355,7 +355,7 @@ TEST(GltfIridescence, FilmThicknessColoursReflection) {
                          "iridescenceThicknessMaximum": 700,
                          "iridescenceThicknessTexture": {"index": 0})"),
               mixed(film_terms(kPlain, 1.3, 300, 1)), 1e-3);
-  // No film, no effect: hard case 54.
+  // Without a film there is no effect: hard case 54.
   EXPECT_EQ(film(0, R"("iridescenceFactor": 1, "iridescenceThicknessMaximum": 0)"),
             film(0, R"("iridescenceFactor": 0)"));
 }

@@ -10,14 +10,14 @@
 
 #include "tests/support/gltf_probe.h"
 
-/// Squares of one material under one light, seen straight on, and what the specification's own
-/// layers give there.
+/// Squares of one material under one light, viewed along the normal, and the values of the
+/// specification's layers there.
 namespace tessera::testing {
 
 using render::Vec3d;
 
 inline constexpr double kPi = 3.14159265358979323846;
-inline constexpr double kX = 0.3, kY = 0.6;  // the spot that is seen; not on the quad's diagonal
+inline constexpr double kX = 0.3, kY = 0.6;  // visible spot; not on
 
 /// The linear value of an 8-bit sRGB code. Source: IEC 61966-2-1.
 inline double linear(int code) {
@@ -29,9 +29,8 @@ inline void expect_near(const Vec3d& got, const Vec3d& want, double relative) {
   for (int k = 0; k < 3; ++k) EXPECT_NEAR(got[k], want[k], relative * std::fabs(want[k]) + 1e-7);
 }
 
-/// A square of `material` (JSON) under a sun of 1 lux, which shines along its normal unless
-/// `sun_rotation` (JSON, a quaternion) turns it; texture 0, which the material may name, is one
-/// texel.
+/// Radiance of a square of `material` (JSON) under a sun of 1 lux along its normal, or turned by
+/// `sun_rotation` (JSON, a quaternion); texture 0, which the material may use, has one texel.
 inline Vec3d lit(const std::string& material,
                  const std::vector<std::uint8_t>& texel = {0, 0, 0, 255},
                  const std::string& sun_rotation = "[0, 0, 0, 1]") {
@@ -43,13 +42,14 @@ inline Vec3d lit(const std::string& material,
   return seen(*file, probe_settings());
 }
 
-/// D V of the specification's GGX where light, view and facet all lie along the normal:
-/// D = 1 / (pi alpha^2), V = 1/4.
+/// D V of the specification's GGX with light, view and facet along the normal: D = 1 / (pi
+/// alpha^2), V = 1/4.
 inline double facets(double roughness) {
   return 1 / (4 * kPi * std::pow(roughness, 4));
 }
 
-/// The specification's dielectric there: what is not reflected at F0 reaches the base colour.
+/// The specification's dielectric in that geometry: light not reflected at F0 reaches the base
+/// colour.
 inline Vec3d dielectric(const Vec3d& base, const Vec3d& f0, double roughness) {
   const double most = std::max({f0.x, f0.y, f0.z});
   return base * ((1 - most) / kPi) + f0 * facets(roughness);

@@ -1,5 +1,5 @@
-/// What glTF says of a material, from the file to the pixel: a closed form for each property and
-/// extension, and another result without it.
+/// glTF materials from the file to the pixel: a formula for each property and extension, and
+/// another result without it.
 
 #include <gtest/gtest.h>
 #include <webp/encode.h>
@@ -26,7 +26,7 @@ TEST(GltfMaterial, DielectricMixesDiffuseAndSpecular) {
 }
 
 TEST(GltfMaterial, MetalReflectsBaseColour) {
-  // At so little roughness what facets lose to each other is below 1e-4 of the highlight.
+  // At this roughness multiple scattering between facets is below 1e-4 of the highlight.
   constexpr double kRoughness = 0.2;
   const auto seen_at = [&](double metallic) {
     return lit(with("", "", R"("baseColorFactor": [0.8, 0.4, 0.2, 1])", kRoughness, metallic));
@@ -46,7 +46,7 @@ TEST(GltfMaterial, IorSetsSpecularReflectance) {
 }
 
 TEST(GltfMaterial, SpecularExtensionScalesAndTints) {
-  // F0 = min(0.04 colour, 1) factor; the base gets what the brightest channel leaves.
+  // F0 = min(0.04 colour, 1) factor; the base gets the remainder of the brightest channel.
   expect_near(lit(with("KHR_materials_specular",
                        R"({"specularFactor": 0.5, "specularColorFactor": [2, 1, 0.5]})")),
               dielectric(kBase, {0.04, 0.02, 0.01}, 0.5), kRounding);
@@ -62,13 +62,14 @@ TEST(GltfMaterial, SpecularGlossinessReplacesMetallic) {
            R"({"diffuseFactor": [0.8, 0.4, 0.2, 1], "specularFactor": [0.1, 0.2, 0.3],
                "glossinessFactor": 0.5})",
            R"("baseColorFactor": [1, 1, 1, 1])", 1, 1);
-  // c_diff = diffuse (1 - max specular); each channel's base gets what its own facets leave.
+  // c_diff = diffuse (1 - max specular); each channel's base gets the remainder of its own specular
+  // reflection.
   const Vec3d f0{0.1, 0.2, 0.3};
   expect_near(lit(material), kBase * 0.7 * (Vec3d{1, 1, 1} - f0) / kPi + f0 * facets(0.5),
               kRounding);
 }
 
-/// What a material's texture slot holds: `slot` names texture 0; equal to the factors of `plain`.
+/// A texture slot of a material: `slot` uses texture 0, `plain` the equal factors.
 struct Slot {
   const char* name;
   std::string slot, plain;
@@ -173,7 +174,7 @@ TEST(GltfMaterial, AlphaModeSetsCoverage) {
   EXPECT_EQ(before_a_background(material("0.2", mask.c_str())), (Vec3d{1, 2, 3}));
   EXPECT_EQ(before_a_background(material("0.25", mask.c_str())), (Vec3d{0, 0, 0}));
   EXPECT_EQ(before_a_background(material("0.2", R"("alphaMode": "OPAQUE")")), (Vec3d{0, 0, 0}));
-  // A share of 0.75 of 4,096 samples: four standard errors are 0.027.
+  // A fraction of 0.75 of 4,096 samples: four standard errors are 0.027.
   const Vec3d blend = before_a_background(material("0.25", R"("alphaMode": "BLEND")"), 4096);
   EXPECT_NEAR(blend.x, 0.75, 0.027);
   EXPECT_NEAR(blend.z, 3 * blend.x, 1e-5);
@@ -202,14 +203,14 @@ TEST(GltfMaterial, ThinTransmissionTintsOnce) {
   const std::string matched =
       sheet.substr(0, sheet.size() - 2) + R"(, "KHR_materials_ior": {"ior": 1}}})";
   expect_near(before_a_lamp(matched, 16), tinted, 1e-6);
-  // An eighth of the samples is reflected, to where nothing is: a standard deviation of 0.37 of the
-  // mean, four standard errors of 4,096 samples.
+  // An eighth of the samples is reflected into the dark: a standard deviation of 0.37 of the mean,
+  // four standard errors of 4,096 samples.
   expect_near(before_a_lamp(sheet, 4096), tinted * 0.96, 4 * 0.37 / 64);
   EXPECT_EQ(before_a_lamp(with("", "", tint, 0), 16), (Vec3d{0, 0, 0}));
 }
 
-/// What GGX facets keep of light along the normal after one reflection: D cos G1 over the half
-/// vectors that reflect it upwards. Source: Heitz 2014, eq. 72 (Lambda) and 99 (correlated G).
+/// Fraction of light along the normal that GGX facets reflect upwards at the first hit: D cos G1
+/// over the half vectors. Source: Heitz 2014, eq. 72 (Lambda) and 99 (correlated G).
 double kept_by_facets(double roughness) {
   const double a2 = std::pow(roughness, 4);
   constexpr int kSteps = 100'000;
@@ -225,12 +226,13 @@ double kept_by_facets(double roughness) {
 }
 
 TEST(GltfMaterial, RoughThinTransmissionSpreadsLight) {
-  // A sun behind the sheet, along the view: a smooth sheet shows none of it (no path hits a
-  // direction), a rough one its transmitted lobe: base D V, and what facets lose given back.
+  // The sun is behind the sheet, along the view: a smooth sheet shows none of it (no path hits a
+  // direction), a rough one its transmitted lobe: base D V, with the compensation of multiple
+  // scattering.
   const auto backlit = [](double roughness) {
     const auto file = probe_of(kX, kY);
     add_sun(*file, 1);
-    file->set("/nodes/1/rotation", "[0, 1, 0, 0]");  // it shines along +z
+    file->set("/nodes/1/rotation", "[0, 1, 0, 0]");  // light along +z
     const std::string core = with("KHR_materials_transmission", R"({"transmissionFactor": 1})",
                                   R"("baseColorFactor": [0.8, 0.4, 0.2, 1])", roughness);
     const std::string material =
@@ -238,14 +240,14 @@ TEST(GltfMaterial, RoughThinTransmissionSpreadsLight) {
     file->add_node_with_mesh(file->add_mesh(unit_quad(file->add_material(material))));
     return seen(*file, probe_settings());
   };
-  for (const double roughness : {0.2, 0.5, 0.9}) {  // between its entries the table is good to 1e-3
+  for (const double roughness : {0.2, 0.5, 0.9}) {  // table interpolation: 1e-3
     expect_near(backlit(roughness), kBase * (facets(roughness) / kept_by_facets(roughness)),
                 1.5e-3);
   }
   EXPECT_EQ(backlit(0), (Vec3d{0, 0, 0}));
 }
 
-/// A box of `material`, 2 m deep, before a background of radiance 1; straight through it.
+/// Radiance straight through a box 2 m deep before a background of radiance 1.
 Vec3d through_a_box(const std::string& extensions) {
   const auto file = probe_of(kX, kY);
   const int material = file->add_material(
@@ -304,8 +306,8 @@ TEST(GltfMaterial, VariantReplacesMaterial) {
   EXPECT_EQ(seen(*file, settings), (Vec3d{0, 0, 1}));
 }
 
-/// An unlit square with a texture of 4 x 4 texels, read without a filter; red is 16 row + column.
-/// Set 0 of its coordinates is (0.1, 0.1) all over, set 1 is (0.6, 0.9).
+/// An unlit square with a texture of 4 x 4 texels, nearest filtering; red is 16 row + column.
+/// Coordinate set 0 is (0.1, 0.1) everywhere, set 1 is (0.6, 0.9).
 int texel_read(const std::string& texture_info) {
   const auto file = probe_of(kX, kY);
   std::vector<std::uint8_t> codes;
@@ -431,7 +433,7 @@ TEST(GltfMaterial, NormalMapTiltsAlongTangents) {
     return dot(n, Vec3d{std::sin(angle), 0, std::cos(angle)});
   };
   const Vec3d right{1, 0, 0}, up{0, 1, 0};
-  // Made from coordinates u = x, v = y: green is up in the picture, against v.
+  // Generated from u = x, v = y: green points up in the image, against v.
   EXPECT_NEAR(cosine_under(texel, "", nullptr), expected(1, right, -up), 1e-6);
   EXPECT_NEAR(cosine_under(texel, R"(, "scale": 0.25)", nullptr), expected(0.25, right, -up), 1e-6);
   const Vec4f along_y{0, 1, 0, 1}, mirrored{0, 1, 0, -1};

@@ -1,4 +1,4 @@
-/// What glTF says of lights, cameras and nodes, from the file to the pixel.
+/// glTF lights, cameras and nodes, from the file to the pixel.
 
 #include <gtest/gtest.h>
 
@@ -42,11 +42,12 @@ double spot_share(double angle, double inner, double outer) {
   return a * a;
 }
 
-/// A white wall z = 0, lit by a spot of 1 candela 1 m before its origin that points at it, seen
-/// where the direction from the spot is `angle` off its axis.
+/// Radiance of a white wall z = 0 lit by a spot of 1 candela 1 m before its origin, at the point
+/// whose direction from the spot is `angle` off the axis.
 double wall_under_a_spot(const std::string& spot, double* angle) {
   const auto file = probe_of(std::tan(*angle), 0);
-  *angle = std::atan(std::stod(std::to_string(std::tan(*angle))));  // as the file's digits have it
+  *angle = std::atan(
+      std::stod(std::to_string(std::tan(*angle))));  // rounded like the digits in the file
   file->use_extension("KHR_lights_punctual");
   file->set("/extensions/KHR_lights_punctual/lights",
             R"([{"type": "spot", "intensity": 1, "spot": )" + spot + "}]");
@@ -72,7 +73,8 @@ TEST(GltfSpot, FallsOffBetweenCones) {
                        cones(1, kPi / 2), cones(0.009, 0.01), cones(0.02, 0.02)};
   for (const Cones& c : all) {
     const double width = c.outer - c.inner;
-    // Places up to 9 m off are good to 5e-7 m, cosines to 1.2e-7; the squared ramp magnifies both.
+    // Positions up to 9 m away are precise to 5e-7 m, cosines to 1.2e-7; the squared ramp magnifies
+    // both errors.
     const double ramp = width > 0 ? 1 / (std::cos(c.inner) - std::cos(c.outer)) : 0;
     const double tolerance = (2e-6 + 2 * (5e-7 + 1.2e-7) * ramp) / kPi;
     double middle = 0.9 * c.inner;
@@ -82,7 +84,7 @@ TEST(GltfSpot, FallsOffBetweenCones) {
       double angle = c.inner + step * width;
       if (angle < 0 || angle > 1.4 || !(width > 0)) continue;
       const double got = wall_under_a_spot(c.spot, &angle);
-      const double cosine = std::cos(angle);  // of the wall too; the way is 1 / cosine
+      const double cosine = std::cos(angle);  // also at the wall; the distance is 1 / cosine
       EXPECT_NEAR(got, spot_share(angle, c.inner, c.outer) * cosine * cosine * cosine / kPi,
                   tolerance)
           << c.spot << " at " << angle;
@@ -127,15 +129,15 @@ constexpr double kTilt = -0.35;                  // of the camera on its arm, ab
 constexpr Vec3d kArm{0.5, 1, 0.25};              // where it is there
 constexpr Vec3d kFrom{-2, 0, 1}, kTo{4, 3, -1};  // where the arm is at 0 s and 2 s
 
-/// Where the point `local` of the camera's space is in the world at `seconds`: the arm moves in a
-/// straight line while it turns a quarter about y, at constant speed, for 2 s.
+/// World position of the point `local` of camera space at `seconds`: the arm moves in a straight
+/// line and turns a quarter about y, at constant speed, for 2 s.
 Vec3d world_at(double seconds, const Vec3d& local) {
   const double share = std::min(std::max(seconds / 2, 0.0), 1.0);
   const Vec3d on_arm = kArm + turned_about_x(kTilt, local);
   return kFrom + (kTo - kFrom) * share + turned_about_y(kPi / 2 * share, on_arm);
 }
 
-/// A camera on an arm that is animated so, and a small lamp at `lamp`.
+/// A file with a camera on that animated arm, and a small lamp at `lamp`.
 std::unique_ptr<GltfBuilder> filmed(const std::string& camera, const Vec3d& lamp) {
   auto file = std::make_unique<GltfBuilder>();
   file->add("cameras", camera);
@@ -185,7 +187,7 @@ TEST(GltfCamera, FollowsAnimatedNode) {
                            {1000, {30, 20}},
                            {-5, {60, 40}}}) {
     for (const bool flat : {false, true}) {
-      // Half the picture's height, in metres where the lamp is.
+      // Half the image height in metres at the lamp.
       const double reach = flat ? kYmag : kDistance * std::tan(kYfov / 2);
       const double scale = reach / (kHeight / 2.0);
       const Vec3d local{(shot.pixel.x + 0.5 - kWidth / 2.0) * scale,
@@ -198,7 +200,7 @@ TEST(GltfCamera, FollowsAnimatedNode) {
   }
 }
 
-/// Whether something covers the spot (x, y) of an otherwise black picture, where `build` put it.
+/// Returns whether the mesh that `build` adds covers the spot (x, y) of an otherwise black image.
 template <typename Build>
 bool is_covered(double x, double y, const Build& build) {
   const auto file = probe_of(x, y);
@@ -241,7 +243,7 @@ TEST(GltfNodes, InvisibleNodesAreNotRendered) {
 }
 
 TEST(GltfMeshes, QuantizedPositionsKeepTheirExtent) {
-  // Codes 0 and 51 of normalised bytes are 0 and 0.2; the node makes them 0 and 1.
+  // Normalised byte codes 0 and 51 are 0 and 0.2; the node scales them to 0 and 1.
   const auto covered = [](double x, double y) {
     return is_covered(x, y, [](GltfBuilder& file, int material) {
       file.use_extension("KHR_mesh_quantization", true);

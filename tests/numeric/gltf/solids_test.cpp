@@ -1,4 +1,4 @@
-// CSG solids from the file to the pixel: which operand's material is seen, and glass made of them.
+// CSG solids from the file to the pixel: materials of operands, and glass.
 
 #include <gtest/gtest.h>
 
@@ -28,7 +28,8 @@ void add_solid(GltfBuilder& file, const std::string& operation, const std::strin
                 R"(], "extensions": {"TESSERA_csg": {"operation": ")" + operation + R"("}}})");
 }
 
-/// A box of 2 m and a ball of 0.5 m, half in its front face, each of its own colour.
+/// Colour of a solid of a box of 2 m and a sphere of 0.5 m, half in its front face, of different
+/// colours.
 Vec3d colour_of(const std::string& operation, double x) {
   const auto file = probe_of(x, 0.01);
   file->use_extension("KHR_materials_unlit");
@@ -45,14 +46,14 @@ Vec3d colour_of(const std::string& operation, double x) {
 TEST(Csg, SurfaceUsesMaterialOfItsOperand) {
   const Vec3d red = {1, 0, 0}, green = {0, 1, 0};
   for (const char* operation : {"union", "subtraction", "xor"}) {
-    EXPECT_EQ(colour_of(operation, 0.1), green) << operation;  // in a hole: its wall
+    EXPECT_EQ(colour_of(operation, 0.1), green) << operation;  // wall of the hole
     EXPECT_EQ(colour_of(operation, 0.8), red) << operation;
   }
   EXPECT_EQ(colour_of("intersection", 0.1), red);  // the box's face cuts the ball
 }
 
-/// What two balls share whose centres are 1 m apart along the camera's rays, of glass that is seen
-/// only by what it absorbs: at x from the axis it is 2 sqrt(1 - x^2) - 1 thick.
+/// The intersection of two balls whose centres are 1 m apart along the camera's rays, of glass
+/// visible only by absorption: 2 sqrt(1 - x^2) - 1 thick at distance x from the axis.
 TEST(Csg, GlassLensAbsorbsAlongPath) {
   for (const double x : {0.0, 0.3, 0.7, 0.95}) {
     const auto file = probe_of(x, 0);
@@ -80,7 +81,8 @@ TEST(Csg, GlassLensAbsorbsAlongPath) {
   }
 }
 
-/// A ball of 1 m, of index 1, on the way from the sun to a white wall and from there to the eye.
+/// Radiance of a white wall seen through a ball of radius 1 m and index 1, which also shades it
+/// from the sun.
 Vec3d wall_behind_a_ball(double x, const std::string& ball) {
   const auto file = probe_of(x, 0);
   for (const char* name : {"TESSERA_shape", "KHR_materials_transmission", "KHR_materials_volume",
@@ -107,14 +109,15 @@ Vec3d wall_behind_a_ball(double x, const std::string& ball) {
 TEST(IndexOneSolid, TransmitsAndAbsorbsSunlight) {  // hard case 41
   constexpr double kWhite = 1 / 3.14159265358979323846;
   for (const double x : {0.0, 0.5, 0.9}) {
-    const double way = 2 * 2 * std::sqrt(1 - x * x);  // to the wall and back, metres
+    const double way = 2 * 2 * std::sqrt(1 - x * x);  // to the wall and back, in metres
     const Vec3d bare = wall_behind_a_ball(x, ""), seen = wall_behind_a_ball(x, ", \"extras\": 0");
     EXPECT_NEAR(bare.x, kWhite, 1e-6);
     EXPECT_EQ(seen.x, bare.x) << x;
     EXPECT_NEAR(seen.y, kWhite * std::pow(0.5, way / 2), 1e-5) << x;
     EXPECT_NEAR(seen.z, kWhite * std::pow(0.25, way / 2), 1e-5) << x;
   }
-  // A base colour tints at the surface: then it is one, and points and suns do not go through.
+  // A base colour tints at the surface, so the surface stays, and light of points and suns does not
+  // pass.
   EXPECT_EQ(wall_behind_a_ball(0, R"(, "baseColorFactor": [1, 1, 0.5, 1])").x, 0);
 }
 
