@@ -1,15 +1,16 @@
-// No structure at all: every shape, in order. What the others are checked against.
+// No structure: visits every shape. The tests compare the other structures with it.
 
 #include "worker/accelerators/structures.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 namespace {
 
 class BruteForce final : public ShapeIndex {
  public:
   explicit BruteForce(std::uint32_t size) : size_(size) {}
 
-  bool walk(const ShapeRay&, const float&, const ShapeVisitor& visit, TraversalStats&) const override {
+  bool traverse(const ShapeRay&, const float&, const ShapeVisitor& visit,
+                TraversalStats&) const override {
     for (std::uint32_t shape = 0; shape < size_; ++shape) {
       if (visit(shape)) return true;
     }
@@ -27,4 +28,4 @@ std::unique_ptr<ShapeIndex> build_brute_force(const ShapeBounds& shapes) {
   return std::make_unique<BruteForce>(shapes.size());
 }
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

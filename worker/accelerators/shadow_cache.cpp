@@ -19,11 +19,7 @@ ShadowCache::ShadowCache(const Scene& scene, const SceneAccel& accel)
 
 bool ShadowCache::any_hit(const Ray& ray, std::uint32_t light, std::uint32_t depth) {
   TriangleId& last = last_[(light * 8 + depth) % last_.size()];
-  ++asked_;
-  if (!(last == TriangleId{}) && stops(last, ray)) {
-    ++saved_;
-    return true;
-  }
+  if (!(last == TriangleId{}) && occludes(last, ray)) return true;
   return accel_.any_hit(ray, [&](const Hit& hit) {
     const Instance& instance = scene_.instances[hit.id.instance];
     const Mesh& mesh = scene_.meshes[static_cast<std::size_t>(instance.mesh)];
@@ -33,8 +29,8 @@ bool ShadowCache::any_hit(const Ray& ray, std::uint32_t light, std::uint32_t dep
   });
 }
 
-/// The test of brute_force.h for one triangle.
-bool ShadowCache::stops(const TriangleId& id, const Ray& ray) const {
+/// Tests one triangle in the same way as brute_force.h.
+bool ShadowCache::occludes(const TriangleId& id, const Ray& ray) const {
   if (id == ray.origin_triangle) return false;
   const Instance& instance = scene_.instances[id.instance];
   const auto mesh = static_cast<std::size_t>(instance.mesh);

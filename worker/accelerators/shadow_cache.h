@@ -9,8 +9,8 @@
 
 namespace tessera::render {
 
-/// Remembers, per light and depth, the triangle that stopped the last ray, and asks it first. It
-/// changes no answer. Measured (docs/performance.md) and not used in production.
+/// Remembers the last occluder per light and depth and tests it first. Results do not change. Not
+/// used by renders: docs/notes/accelerators-compared.md has the measurements.
 /// Source: E. Haines, D. Greenberg, "The light buffer: a shadow-testing accelerator", 1986 (its
 /// cache of the last occluder).
 class ShadowCache {
@@ -18,20 +18,16 @@ class ShadowCache {
   /// Both must outlive the cache.
   ShadowCache(const Scene& scene, const SceneAccel& accel);
 
-  /// Whether anything stops the ray; `light` and `depth` choose what is asked first.
+  /// Whether anything occludes the ray; `light` and `depth` select the cache entry.
   bool any_hit(const Ray& ray, std::uint32_t light, std::uint32_t depth);
 
-  std::int64_t asked() const { return asked_; }
-  std::int64_t saved() const { return saved_; }
-
  private:
-  bool stops(const TriangleId& id, const Ray& ray) const;
+  bool occludes(const TriangleId& id, const Ray& ray) const;
 
   const Scene& scene_;
   const SceneAccel& accel_;
-  std::vector<Box3f> bounds_;  // of each mesh: the slack of its rays depends on it
+  std::vector<Box3f> bounds_;  // by mesh; make_object_ray() needs them
   std::array<TriangleId, 1024> last_{};
-  std::int64_t asked_ = 0, saved_ = 0;
 };
 
 }  // namespace tessera::render

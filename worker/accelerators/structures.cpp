@@ -7,7 +7,7 @@
 #include "worker/accelerators/grids/grids.h"
 #include "worker/accelerators/trees/trees.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 
 std::span<const Structure> structures() {
   static constexpr Structure kStructures[] = {
@@ -37,4 +37,4 @@ const Structure* find_structure(std::string_view name) {
   return nullptr;
 }
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

@@ -6,21 +6,22 @@
 
 #include "worker/accelerators/shapes/shapes.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 
-/// Tests every shape.
+/// An index that visits every shape.
 std::unique_ptr<ShapeIndex> build_brute_force(const ShapeBounds& shapes);
 
+/// An acceleration structure that can be selected by name.
 struct Structure {
-  std::string_view name;   // as --accelerator takes it
-  std::string_view title;  // for people
+  std::string_view name;   // value of --accelerator
+  std::string_view title;  // display name
   std::unique_ptr<ShapeIndex> (*build)(const ShapeBounds& shapes);
 };
 
-/// All of them, in the order of the table.
+/// All structures, in the order in which reports list them.
 std::span<const Structure> structures();
 
-/// The one of that name; null if there is none.
+/// The structure with this name; null if there is none.
 const Structure* find_structure(std::string_view name);
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

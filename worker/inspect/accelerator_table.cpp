@@ -7,7 +7,7 @@
 #include <numeric>
 #include <utility>
 
-#include "worker/accelerators/reference_accel.h"
+#include "worker/accelerators/structure_accelerator.h"
 #include "worker/accelerators/shadow_cache.h"
 #include "worker/inspect/ray_recorder.h"
 #include "worker/render/frame_renderer.h"
@@ -15,9 +15,9 @@
 namespace tessera::render {
 namespace {
 
-using reference::ReferenceAccel;
-using reference::Structure;
-using reference::TraversalStats;
+using accelerators::StructureAccelerator;
+using accelerators::Structure;
+using accelerators::TraversalStats;
 
 constexpr std::int32_t kPixelsAcross = 128;
 constexpr std::int32_t kDepth = 3;
@@ -67,7 +67,7 @@ std::pair<std::int64_t, double> repeat(std::size_t count, double seconds, Trace&
 }
 
 /// The recorded rays and production's answers.
-struct Questions {
+struct RecordedQueries {
   std::vector<Ray> closest;
   std::vector<ShadowRay> any;
   std::vector<bool> found, blocked;
@@ -78,8 +78,8 @@ bool same(const Hit& a, const Hit& b) {
   return a.t == b.t && a.id == b.id && a.b0 == b.b0 && a.b1 == b.b1 && a.b2 == b.b2;
 }
 
-Questions ask(RecordedRays rays, const SceneAccel& accel) {
-  Questions q;
+RecordedQueries record_answers(RecordedRays rays, const SceneAccel& accel) {
+  RecordedQueries q;
   q.closest = std::move(rays.camera);
   q.closest.insert(q.closest.end(), rays.bounces.begin(), rays.bounces.end());
   q.any = std::move(rays.shadows);
@@ -94,24 +94,24 @@ Questions ask(RecordedRays rays, const SceneAccel& accel) {
 /// whether it is right.
 template <typename Trace>
 AcceleratorStats::Query measure(std::size_t count, double seconds, bool counted, Trace&& trace) {
-  AcceleratorStats::Query figures;
+  AcceleratorStats::Query stats;
   TraversalStats work;
   const auto [calls, elapsed] = repeat(count, seconds, [&](std::size_t i) {
-    if (!trace(i, work)) ++figures.wrong;
+    if (!trace(i, work)) ++stats.wrong;
   });
-  figures.compared = std::min(calls, static_cast<std::int64_t>(count));
-  if (calls == 0) return figures;
+  stats.compared = std::min(calls, static_cast<std::int64_t>(count));
+  if (calls == 0) return stats;
   const auto n = static_cast<double>(calls);
-  figures.mrays = n / elapsed * 1e-6;
-  if (!counted) return figures;
-  figures.nodes = static_cast<double>(work.nodes) / n;
-  figures.triangles = static_cast<double>(work.shapes) / n;
-  return figures;
+  stats.mrays = n / elapsed * 1e-6;
+  if (!counted) return stats;
+  stats.nodes = static_cast<double>(work.nodes) / n;
+  stats.triangles = static_cast<double>(work.shapes) / n;
+  return stats;
 }
 
 /// `closest(ray, hit, work)` and `any(shadow ray, work)` query a structure.
 template <typename Closest, typename Any>
-void fill(AcceleratorStats& row, const Questions& q, double seconds, bool counted,
+void fill(AcceleratorStats& row, const RecordedQueries& q, double seconds, bool counted,
           const Closest& closest, const Any& any) {
   row.closest =
       measure(q.closest.size(), seconds, counted, [&](std::size_t i, TraversalStats& work) {
@@ -134,7 +134,7 @@ std::unique_ptr<const SceneAccel> build_production(const Scene& scene, BuildQual
 }
 
 AcceleratorStats production_row(const SceneAccel& accel, BuildQuality quality, double build_seconds,
-                                const Questions& q, double seconds) {
+                                const RecordedQueries& q, double seconds) {
   AcceleratorStats row;
   row.name = std::string("wide-bvh-") + std::string(isa_name(best_isa()));
   row.title = "production";
@@ -155,7 +155,7 @@ AcceleratorStats production_row(const SceneAccel& accel, BuildQuality quality, d
 }
 
 AcceleratorStats cached_row(const Scene& scene, const SceneAccel& accel,
-                            const AcceleratorStats& production, const Questions& q,
+                            const AcceleratorStats& production, const RecordedQueries& q,
                             double seconds) {
   ShadowCache cache(scene, accel);
   AcceleratorStats row = production;
@@ -170,13 +170,13 @@ AcceleratorStats cached_row(const Scene& scene, const SceneAccel& accel,
   return row;
 }
 
-AcceleratorStats reference_row(const Scene& scene, const Structure& structure, const Questions& q,
-                               double seconds) {
+AcceleratorStats reference_row(const Scene& scene, const Structure& structure,
+                               const RecordedQueries& q, double seconds) {
   AcceleratorStats row;
   row.name = structure.name;
   row.title = structure.title;
   const double start = cpu_seconds();
-  const ReferenceAccel accel(scene, structure);
+  const StructureAccelerator accel(scene, structure);
   row.build_seconds = cpu_seconds() - start;
   row.memory_bytes = static_cast<std::int64_t>(accel.memory_bytes());
   fill(
@@ -217,7 +217,7 @@ absl::StatusOr<AcceleratorTable> measure_accelerators(const Scene& scene,
   const double seconds = request.seconds_per_query;
   double build_seconds = 0;
   const auto accel = build_production(scene, BuildQuality::normal, &build_seconds);
-  const Questions q = ask(*std::move(rays), *accel);
+  const RecordedQueries q = record_answers(*std::move(rays), *accel);
   table.rows.push_back(production_row(*accel, BuildQuality::normal, build_seconds, q, seconds));
   table.rows.push_back(cached_row(scene, *accel, table.rows.back(), q, seconds));
   for (const BuildQuality quality : {BuildQuality::fast, BuildQuality::high}) {
@@ -225,7 +225,7 @@ absl::StatusOr<AcceleratorTable> measure_accelerators(const Scene& scene,
     const auto other = build_production(scene, quality, &build_seconds);
     table.rows.push_back(production_row(*other, quality, build_seconds, q, seconds));
   }
-  for (const Structure& structure : reference::structures()) {
+  for (const Structure& structure : accelerators::structures()) {
     if (!request.only.empty() && request.only != structure.name) continue;
     table.rows.push_back(reference_row(scene, structure, q, seconds));
   }

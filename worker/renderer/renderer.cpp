@@ -17,7 +17,7 @@
 #include "contract/version.h"
 #include "tessera/v1/renderer.pb.h"
 #include "worker/accel/layout/isa.h"
-#include "worker/accelerators/reference_accel.h"
+#include "worker/accelerators/structure_accelerator.h"
 #include "worker/gltf/file/limits.h"
 #include "worker/ipc/message_socket.h"
 #include "worker/render/float_control.h"
@@ -36,10 +36,10 @@ std::int64_t peak_rss_bytes() {
 }
 
 render::TraceOptions trace_options(const RendererOptions& options) {
-  const auto* structure = render::reference::find_structure(options.accelerator);
+  const auto* structure = render::accelerators::find_structure(options.accelerator);
   if (structure == nullptr) return options.isa;
   return {options.isa, [structure](const render::Scene& scene) {
-            return std::make_unique<const render::reference::ReferenceAccel>(scene, *structure);
+            return std::make_unique<const render::accelerators::StructureAccelerator>(scene, *structure);
           }};
 }
 

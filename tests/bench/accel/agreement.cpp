@@ -10,7 +10,7 @@
 #include "tests/bench/accel/shapes.h"
 #include "worker/accel/reference/brute_force.h"
 #include "worker/accel/scene_accel.h"
-#include "worker/accelerators/reference_accel.h"
+#include "worker/accelerators/structure_accelerator.h"
 #include "worker/render/frame_renderer.h"
 
 namespace tessera::render::bench {
@@ -144,10 +144,10 @@ std::vector<std::unique_ptr<SceneAccel>> structures_of(const Scene& scene, bool 
     if (is_supported(isa)) all.push_back(std::make_unique<SceneAccel>(scene, sequential(), isa));
   }
   if (!references) return all;
-  for (const reference::Structure& structure : reference::structures()) {
-    if (structure.build == reference::build_brute_force) continue;  // for the first few alone
+  for (const accelerators::Structure& structure : accelerators::structures()) {
+    if (structure.build == accelerators::build_brute_force) continue;  // for the first few alone
     all.push_back(std::make_unique<SceneAccel>(
-        std::make_unique<reference::ReferenceAccel>(scene, structure)));
+        std::make_unique<accelerators::StructureAccelerator>(scene, structure)));
   }
   return all;
 }

@@ -1,5 +1,5 @@
-// Every reference structure gives the one hit of brute force, bit for bit: hard cases 13 to 16, 32
-// and 35 for structures other than the production one.
+// Every reference structure gives the same hits as brute force, bit for bit: hard cases 13 to 16,
+// 32 and 35 for structures other than the production BVH.
 
 #include <gtest/gtest.h>
 
@@ -13,25 +13,25 @@
 #include "tests/numeric/geometry/geometry_scenes.h"
 #include "worker/accel/reference/brute_force.h"
 #include "worker/accelerators/grids/grid.h"
-#include "worker/accelerators/reference_accel.h"
+#include "worker/accelerators/structure_accelerator.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 
-// NOLINTNEXTLINE(readability-identifier-naming): the name gtest looks for
+// NOLINTNEXTLINE(readability-identifier-naming): name required by GoogleTest
 void PrintTo(const Structure& structure, std::ostream* out) {
   *out << structure.name;
 }
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators
 
 namespace tessera::render::testing {
 namespace {
 
-using reference::ReferenceAccel;
-using reference::Structure;
-using reference::structures;
+using accelerators::Structure;
+using accelerators::StructureAccelerator;
+using accelerators::structures;
 
-/// A scene, rays in it, and what they hit.
+/// A scene, rays in it, and their hits by brute force.
 struct Trial {
   Scene scene;
   std::vector<Ray> rays;
@@ -51,23 +51,23 @@ struct Trial {
   }
 };
 
-/// Rays whose closest or any hit differs from brute force in any bit.
+/// Counts rays whose closest or any hit differs from brute force in any bit.
 int mismatches(const Trial& trial, const Structure& structure) {
-  const ReferenceAccel accel(trial.scene, structure);
+  const StructureAccelerator accel(trial.scene, structure);
   int wrong = 0;
   for (std::size_t i = 0; i < trial.rays.size(); ++i) {
     Hit hit;
-    reference::Work work;
-    const bool found = accel.closest_hit(trial.rays[i], hit, work);
+    accelerators::TraversalStats stats;
+    const bool found = accel.closest_hit(trial.rays[i], hit, stats);
     if (found != trial.found[i] || (found && !same_bits(hit, trial.hits[i]))) ++wrong;
-    if (accel.any_hit(trial.rays[i], work) != trial.found[i]) ++wrong;
+    if (accel.any_hit(trial.rays[i], stats) != trial.found[i]) ++wrong;
   }
   return wrong;
 }
 
-class ReferenceAccel : public ::testing::TestWithParam<Structure> {};
+class AllStructures : public ::testing::TestWithParam<Structure> {};
 
-INSTANTIATE_TEST_SUITE_P(, ReferenceAccel,
+INSTANTIATE_TEST_SUITE_P(, AllStructures,
                          ::testing::ValuesIn(structures().begin(), structures().end()),
                          [](const auto& of) {
                            std::string name(of.param.name);
@@ -75,7 +75,7 @@ INSTANTIATE_TEST_SUITE_P(, ReferenceAccel,
                            return name;
                          });
 
-TEST_P(ReferenceAccel, HitsSoups) {
+TEST_P(AllStructures, HitsSoups) {
   Dice dice(1);
   Trial trial;
   trial.scene = scene_of({soup(150, dice), soup(60, dice)});
@@ -84,7 +84,7 @@ TEST_P(ReferenceAccel, HitsSoups) {
   EXPECT_EQ(mismatches(trial, GetParam()), 0);
 }
 
-TEST_P(ReferenceAccel, HitsTerrain) {
+TEST_P(AllStructures, HitsTerrain) {
   Dice dice(2);
   Trial trial;
   trial.scene = scene_of({terrain(10, dice)});
@@ -93,7 +93,7 @@ TEST_P(ReferenceAccel, HitsTerrain) {
   EXPECT_EQ(mismatches(trial, GetParam()), 0);
 }
 
-TEST_P(ReferenceAccel, HitsSlantedNeedles) {
+TEST_P(AllStructures, HitsSlantedNeedles) {
   Dice dice(3);
   Trial trial;
   trial.scene = scene_of({needles(250, dice)});
@@ -102,7 +102,7 @@ TEST_P(ReferenceAccel, HitsSlantedNeedles) {
   EXPECT_EQ(mismatches(trial, GetParam()), 0);
 }
 
-TEST_P(ReferenceAccel, HitsInstances) {
+TEST_P(AllStructures, HitsInstances) {
   Dice dice(4);
   Trial trial;
   trial.scene.meshes = {mesh_of({soup(20, dice), soup(10, dice)}), mesh_of({uv_sphere(4, 6, 1)}),
@@ -122,7 +122,7 @@ TEST_P(ReferenceAccel, HitsInstances) {
   EXPECT_EQ(mismatches(trial, GetParam()), 0);
 }
 
-TEST_P(ReferenceAccel, HitsFromAnyOrigin) {
+TEST_P(AllStructures, HitsFromAnyOrigin) {
   Dice dice(5);
   Trial trial;
   trial.scene = scene_of({uv_sphere(8, 12, 1), quad({-1, 0, -1}, {2, 0, 0}, {0, 0, 2})});
@@ -142,8 +142,8 @@ TEST_P(ReferenceAccel, HitsFromAnyOrigin) {
   EXPECT_EQ(mismatches(trial, GetParam()), 0);
 }
 
-/// Hard case 32, and a body of one triangle, and of triangles in one plane.
-TEST_P(ReferenceAccel, HitsDegenerateMeshes) {
+/// Hard case 32, and meshes of one triangle or of coplanar triangles.
+TEST_P(AllStructures, HitsDegenerateMeshes) {
   Dice dice(6);
   Primitive nested, coplanar;
   for (int i = 0; i < 60; ++i) {
@@ -166,13 +166,13 @@ TEST_P(ReferenceAccel, HitsDegenerateMeshes) {
   }
 }
 
-/// Hard case 33: NaN, infinite and zero rays miss; so do all rays where there is nothing.
-TEST_P(ReferenceAccel, InvalidRaysMiss) {
+/// Hard case 33: NaN, infinite and zero rays miss, and so do all rays in an empty scene.
+TEST_P(AllStructures, InvalidRaysMiss) {
   constexpr float kInf = std::numeric_limits<float>::infinity();
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-  const ReferenceAccel full(scene_of({uv_sphere(4, 6, 1)}), GetParam());
-  const ReferenceAccel empty(Scene{}, GetParam());
-  const ReferenceAccel hollow(scene_of({}), GetParam());
+  const StructureAccelerator full(scene_of({uv_sphere(4, 6, 1)}), GetParam());
+  const StructureAccelerator empty(Scene{}, GetParam());
+  const StructureAccelerator hollow(scene_of({}), GetParam());
   Hit hit;
   for (const Vec3f& bad :
        {Vec3f{}, Vec3f{kNan, 1, 0}, Vec3f{0, kInf, 0}, Vec3f{-0.0f, 0, 1e-40f}}) {
@@ -184,10 +184,10 @@ TEST_P(ReferenceAccel, InvalidRaysMiss) {
   EXPECT_FALSE(hollow.any_hit({{0, 0, 0}, {1, 0, 0}}, nullptr));
 }
 
-TEST_P(ReferenceAccel, AllHitsAreOrdered) {
+TEST_P(AllStructures, AllHitsAreOrdered) {
   Dice dice(7);
   const Scene scene = scene_of({soup(60, dice), needles(60, dice)});
-  const ReferenceAccel accel(scene, GetParam());
+  const StructureAccelerator accel(scene, GetParam());
   std::size_t count = 0;
   for (int i = 0; i < 2'000; ++i) {
     const Ray ray = adversarial_ray(scene, dice);
@@ -209,15 +209,15 @@ TEST_P(ReferenceAccel, AllHitsAreOrdered) {
 }
 
 TEST(UniformGrid, DiagonalRaysVisitDiagonalCells) {
-  // 512 shapes / 2 cells a shape would be 8 cells a side but for the pad; any number will do.
-  const reference::Grid grid({{0, 0, 0}, {8, 8, 8}}, 256);
+  // 512 shapes at 2 cells per shape would give 8 cells a side without the margin; any number works.
+  const accelerators::Grid grid({{0, 0, 0}, {8, 8, 8}}, 256);
   for (const float sign : {1.0f, -1.0f}) {
-    reference::ShapeRay ray;
+    accelerators::ShapeRay ray;
     const Vec3f origin = sign > 0 ? Vec3f{-1, -1, -1} : Vec3f{9, 9, 9};
     ASSERT_TRUE(
-        reference::make_shape_ray(origin, Vec3f{1, 1, 1} * sign, {{0, 0, 0}, {8, 8, 8}}, ray));
+        accelerators::make_shape_ray(origin, Vec3f{1, 1, 1} * sign, {{0, 0, 0}, {8, 8, 8}}, ray));
     std::set<std::array<int, 3>> visited;
-    reference::GridWalk walk(grid, ray, grid.inside(ray, 1e6f).first);
+    accelerators::GridTraversal walk(grid, ray, grid.inside(ray, 1e6f).first);
     do visited.insert(walk.cell());
     while (walk.next());
     ASSERT_GE(grid.count(0), 6);
@@ -226,7 +226,7 @@ TEST(UniformGrid, DiagonalRaysVisitDiagonalCells) {
 }
 
 TEST(UniformGrid, RaysInCellPlanesHitQuadsOnThem) {
-  // Quads on every plane between the cells of a grid, and rays in those planes through their edges.
+  // Quads on every plane between grid cells, and rays in those planes through the quads' edges.
   Trial trial;
   std::vector<Primitive> quads;
   for (int i = 0; i <= 8; ++i) {
@@ -252,8 +252,8 @@ TEST(UniformGrid, RaysInCellPlanesHitQuadsOnThem) {
   }
 }
 
-/// Cells sized for the whole scene hold all of a small dense body: its triangles are tested by the
-/// thousand. What adapts to where the triangles are tests a few.
+/// A grid sized for the whole scene has all of a small dense mesh in one cell and tests its
+/// triangles by the thousand. Hierarchies adapt to the density and test a few.
 TEST(TeapotInAStadium, SlowsGridsNotHierarchies) {
   const Scene scene = scene_of(
       {uv_sphere(40, 60, 0.5f, {0, 0.5f, 0}), quad({-200, 0, 200}, {400, 0, 0}, {0, 0, -400})});
@@ -263,11 +263,11 @@ TEST(TeapotInAStadium, SlowsGridsNotHierarchies) {
     rays.push_back({{0, 1.5f, 3}, dice.vector() * 0.6f + Vec3f{0, -1, -3}});
   }
   const auto triangles_per_ray = [&](std::string_view name) {
-    const ReferenceAccel accel(scene, *reference::find_structure(name));
-    reference::Work work;
+    const StructureAccelerator accel(scene, *accelerators::find_structure(name));
+    accelerators::TraversalStats stats;
     Hit hit;
-    for (const Ray& ray : rays) accel.closest_hit(ray, hit, work);
-    return static_cast<double>(work.shapes) / static_cast<double>(rays.size());
+    for (const Ray& ray : rays) accel.closest_hit(ray, hit, stats);
+    return static_cast<double>(stats.shapes) / static_cast<double>(rays.size());
   };
   for (const char* grid : {"grid", "proximity-grid"})
     EXPECT_GT(triangles_per_ray(grid), 1000) << grid;

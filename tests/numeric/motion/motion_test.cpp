@@ -8,7 +8,7 @@
 
 #include "tests/numeric/motion/moving_scenes.h"
 #include "worker/accel/reference/brute_force.h"
-#include "worker/accelerators/reference_accel.h"
+#include "worker/accelerators/structure_accelerator.h"
 
 namespace tessera::render::testing {
 namespace {
@@ -116,7 +116,7 @@ int mismatches(const Accel& accel, const Shots& shots) {
 
 /// A reference structure with the calls of SceneAccel.
 struct Reference {
-  reference::ReferenceAccel accel;
+  accelerators::StructureAccelerator accel;
   bool closest_hit(const Ray& ray, Hit& hit) const { return accel.closest_hit(ray, nullptr, hit); }
   template <typename F>
   bool closest_hit(const Ray& ray, Hit& hit, F&& f) const {
@@ -143,8 +143,8 @@ TEST(MotionBounds, AllAcceleratorsFindSameHits) {
     EXPECT_FALSE(accel.takes_packets());
     EXPECT_EQ(mismatches(accel, shots), 0);
   }
-  for (const reference::Structure& structure : reference::structures()) {
-    const Reference accel{reference::ReferenceAccel(scene, structure)};
+  for (const accelerators::Structure& structure : accelerators::structures()) {
+    const Reference accel{accelerators::StructureAccelerator(scene, structure)};
     EXPECT_EQ(mismatches(accel, shots), 0) << structure.name;
   }
 }

@@ -7,7 +7,7 @@
 #include "tests/numeric/geometry/geometry_scenes.h"
 #include "tests/numeric/motion/motion_files.h"
 #include "tests/support/memory_scene.h"
-#include "worker/accelerators/reference_accel.h"
+#include "worker/accelerators/structure_accelerator.h"
 #include "worker/geometry/motion.h"
 
 namespace tessera::render::testing {
@@ -42,7 +42,7 @@ TEST(MotionBounds, OrbitingBallIsHitAtItsTop) {
   ASSERT_TRUE(scene.ok()) << scene.status();
   ASSERT_EQ(scene->motions.size(), 2u);
   const SceneAccel accel(*scene, in_order());
-  const reference::ReferenceAccel other(*scene, reference::structures().front());
+  const accelerators::StructureAccelerator other(*scene, accelerators::structures().front());
   for (const float time : {0.0f, 0.125f, 0.5f, 0.8125f, 1.0f}) {
     const double angle = kPi * static_cast<double>(time);
     for (const double z : {0.0, 1.0}) {

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "tests/numeric/shapes/solid_scenes.h"
-#include "worker/accelerators/reference_accel.h"
+#include "worker/accelerators/structure_accelerator.h"
 #include "worker/geometry/shapes/shape_surface.h"
 
 namespace tessera::render::testing {
@@ -362,9 +362,9 @@ TEST(Shapes, HitsMatchInEveryAccelerator) {
     std::vector<SceneAccel> own;
     own.emplace_back(scene, in_order(), Isa::avx2);
     if (best_isa() == Isa::avx512) own.emplace_back(scene, in_order(), Isa::avx512);
-    std::vector<std::unique_ptr<reference::ReferenceAccel>> others;
-    for (const reference::Structure& structure : reference::structures()) {
-      others.push_back(std::make_unique<reference::ReferenceAccel>(scene, structure));
+    std::vector<std::unique_ptr<accelerators::StructureAccelerator>> others;
+    for (const accelerators::Structure& structure : accelerators::structures()) {
+      others.push_back(std::make_unique<accelerators::StructureAccelerator>(scene, structure));
     }
     int wrong = 0, found = 0, on_solids = 0;
     Ray next;
@@ -384,8 +384,8 @@ TEST(Shapes, HitsMatchInEveryAccelerator) {
       }
       for (const auto& accel : others) {
         Hit hit;
-        reference::Work work;
-        const bool hits = accel->closest_hit(ray, hit, work);
+        accelerators::TraversalStats stats;
+        const bool hits = accel->closest_hit(ray, hit, stats);
         check(hits, hit);
         const std::vector<Hit> all = accel->all_hits(ray);
         if (!std::equal(all.begin(), all.end(), expected.begin(), expected.end(), same_bits)) {

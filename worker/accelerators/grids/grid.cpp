@@ -3,16 +3,16 @@
 #include <algorithm>
 #include <utility>
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 namespace {
 
 constexpr double kCellsPerShape = 2;
 constexpr int kMaxCellsPerSide = 512;
-/// The pad, as a share of a cell's width.
+/// The pad as a fraction of a cell's width.
 constexpr double kPad = 1.0 / 16;
 
-/// The width at which cubes fill a box of that size in the number asked for; less along sides that
-/// are shorter than a cube. Halves an interval, so that flat boxes need no case of their own.
+/// The width of cubes of which `cells` fill a box of this size; sides shorter than a cube count as
+/// one. Found by bisection, which needs no special case for flat boxes.
 double cell_width(const Vec3d& size, double cells) {
   double small = max_component(size) / kMaxCellsPerSide, large = max_component(size);
   if (!(small > 0)) return 1;
@@ -58,8 +58,8 @@ Segment Grid::inside(const ShapeRay& ray, float limit) const {
   return part;
 }
 
-bool GridWalk::skip(int radius) {
-  // The first plane of the cube of empty cells that the ray reaches.
+bool GridTraversal::skip(int radius) {
+  // Finds the first boundary of the cube of empty cells that the ray reaches.
   int axis = -1;
   double out = std::numeric_limits<double>::infinity();
   for (int k = 0; k < 3; ++k) {
@@ -100,16 +100,16 @@ UniformGrid::UniformGrid(std::span<const Box3f> boxes, std::vector<std::uint32_t
       grid_(box_of(boxes, shapes_), shapes_.size()),
       cells_(grid_, boxes, shapes_) {}
 
-bool UniformGrid::walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
-                       Mailbox& mailbox, TraversalStats& work) const {
-  if (!grid_.serves(ray)) return visit_all(shapes_, visit, mailbox);
+bool UniformGrid::traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
+                           Mailbox& mailbox, TraversalStats& stats) const {
+  if (!grid_.covers(ray)) return visit_all(shapes_, visit, mailbox);
   const Segment part = grid_.inside(ray, limit);
   if (part.empty()) return false;
-  GridWalk walk(grid_, ray, part.first);
+  GridTraversal traversal(grid_, ray, part.first);
   do {
-    ++work.nodes;
-    if (visit_all(cells_.of(grid_.index(walk.cell())), visit, mailbox)) return true;
-  } while (!(static_cast<double>(limit) < walk.exit()) && walk.next());
+    ++stats.nodes;
+    if (visit_all(cells_.of(grid_.index(traversal.cell())), visit, mailbox)) return true;
+  } while (!(static_cast<double>(limit) < traversal.exit()) && traversal.next());
   return false;
 }
 
@@ -132,4 +132,4 @@ Box3d box_of(std::span<const Box3f> boxes, std::span<const std::uint32_t> shapes
   return {Vec3d(box.lo), Vec3d(box.hi)};
 }
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

@@ -8,23 +8,24 @@
 
 #include "worker/accelerators/shapes/shapes.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 
-/// A box divided into equal cells, about as many as there are shapes, about as long as wide.
+/// A box divided into equal, almost cubic cells; their number is proportional to that of the
+/// shapes.
 ///
-/// Shapes are registered in every cell that their box overlaps when it is widened by `pad`, so that
-/// a hit's shape is in whatever cell the ray is in then, also where cells meet: the box is right,
-/// the hit near it, and the ray's position in double is off by far less.
-/// Source of the numbers of cells, proportional to the sides of the box: K. Klimaszewski,
-/// T. Sederberg, "Faster ray tracing using adaptive grids", 1997.
+/// A shape is registered in every cell that its box, widened by `pad`, overlaps, so that it is in
+/// the cell in which the ray is at the hit, also at the boundaries of cells: the hit is near the
+/// box, and the rounding of the ray's position in double is much smaller than the pad. Source of
+/// the numbers of cells, proportional to the sides of the box: K. Klimaszewski, T. Sederberg,
+/// "Faster ray tracing using adaptive grids", 1997.
 class Grid {
  public:
-  /// Over `region`, widened by the pad.
+  /// Divides `region`, widened by the pad.
   Grid(const Box3d& region, std::size_t shape_count);
 
-  /// Whether the pad covers what hits of this ray may be off: not for one from thousands of cells
-  /// away, which must be shown everything.
-  bool serves(const ShapeRay& ray) const { return 2 * ray.near <= pad_; }
+  /// Whether the pad covers the error of this ray's hits. It does not if the origin is thousands of
+  /// cells away; then all shapes must be visited.
+  bool covers(const ShapeRay& ray) const { return 2 * ray.near <= pad_; }
 
   std::size_t cell_count() const {
     return static_cast<std::size_t>(count_[0]) * static_cast<std::size_t>(count_[1]) *
@@ -40,13 +41,13 @@ class Grid {
            static_cast<std::size_t>(cell[0]);
   }
   Box3d cell_box(const std::array<int, 3>& cell) const;
-  /// The cell of a coordinate; the first or last for one outside.
+  /// The cell of a coordinate along an axis, clamped to the grid.
   int cell_of(int axis, double x) const {
     const double i = (x - lo_[axis]) / width_[axis];
     const int last = count(axis) - 1;
     return i > 0 ? (i < last ? static_cast<int>(i) : last) : 0;
   }
-  /// Calls visit(cell) for each that the box overlaps once it is widened.
+  /// Calls visit(cell) for each cell that the widened box overlaps.
   template <typename Visit>
   void for_each_cell(const Box3f& box, Visit&& visit) const {
     std::array<int, 3> from{}, to{}, cell{};
@@ -70,12 +71,13 @@ class Grid {
   double pad_ = 0;
 };
 
-/// Steps from cell to cell along a ray: a 3D-DDA whose distances are those of planes, not sums.
+/// Steps from cell to cell along a ray: a 3D-DDA that computes distances from planes instead of
+/// accumulating them.
 /// Source: J. Amanatides, A. Woo, "A fast voxel traversal algorithm for ray tracing", 1987.
-class GridWalk {
+class GridTraversal {
  public:
-  /// Starts where the ray is at `first`. Requires that it is in the grid there.
-  GridWalk(const Grid& grid, const ShapeRay& ray, double first) : grid_(grid), ray_(ray) {
+  /// Starts at the cell of the ray at `first`, which must be in the grid.
+  GridTraversal(const Grid& grid, const ShapeRay& ray, double first) : grid_(grid), ray_(ray) {
     for (int k = 0; k < 3; ++k) {
       const double d = ray.box_direction[k];
       step_[at(k)] = d > 0 ? 1 : d < 0 ? -1 : 0;
@@ -84,11 +86,11 @@ class GridWalk {
   }
 
   const std::array<int, 3>& cell() const { return cell_; }
-  /// Where the ray leaves the cell.
+  /// The t at which the ray leaves the cell.
   double exit() const { return exit_[at(axis_of_exit())]; }
-  /// Goes on to the next cell; false outside the grid.
+  /// Moves to the next cell; returns false outside the grid.
   bool next() { return leap(axis_of_exit(), 1); }
-  /// Goes through `radius` - 1 cells around this one at once.
+  /// Skips `radius` - 1 empty cells in every direction; returns false outside the grid.
   bool skip(int radius);
 
  private:
@@ -138,14 +140,14 @@ class CellLists {
 /// A grid with the shapes of its cells.
 class UniformGrid {
  public:
-  /// Over those of `boxes` that `shapes` names.
+  /// A grid of the `shapes`, which are indices of `boxes`.
   UniformGrid(std::span<const Box3f> boxes, std::vector<std::uint32_t> shapes);
 
   const Grid& grid() const { return grid_; }
   const CellLists& cells() const { return cells_; }
   std::span<const std::uint32_t> shapes() const { return shapes_; }
-  bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit, Mailbox& mailbox,
-            TraversalStats& work) const;
+  bool traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
+                Mailbox& mailbox, TraversalStats& stats) const;
   std::size_t memory_bytes() const {
     return cells_.memory_bytes() + shapes_.capacity() * sizeof(std::uint32_t);
   }
@@ -156,13 +158,14 @@ class UniformGrid {
   CellLists cells_;
 };
 
-/// Shows `visit` those of `shapes` that are not in the mailbox.
+/// Visits the shapes that are not in the mailbox until `visit` returns true; returns whether it
+/// did.
 bool visit_all(std::span<const std::uint32_t> shapes, const ShapeVisitor& visit, Mailbox& mailbox);
 
 /// 0, 1, … count - 1.
 std::vector<std::uint32_t> all_shapes(std::uint32_t count);
 
-/// Around those of `boxes` that `shapes` names.
+/// The box around the `shapes`, which are indices of `boxes`.
 Box3d box_of(std::span<const Box3f> boxes, std::span<const std::uint32_t> shapes);
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

@@ -1,8 +1,8 @@
-// One grid for each size of shape: large shapes do not fill the small cells that small ones need,
-// and the small ones' grid is as small as they are. The grids are walked one after the other, the
-// one with the smallest shapes first. Source: F. Cazals, G. Drettakis, C. Puech, "Filtering,
-// clustering and hierarchy construction: a new solution for ray-tracing complex scenes", 1995 (the
-// filtering by size).
+// One grid per size class of shapes, so that large shapes are not registered in the many small
+// cells that small shapes need. The grids are traversed one after the other, the one with the
+// smallest shapes first. Source: F. Cazals, G. Drettakis, C. Puech, "Filtering, clustering and
+// hierarchy construction: a new solution for ray-tracing complex scenes", 1995 (the filtering by
+// size).
 
 #include <algorithm>
 #include <bit>
@@ -13,13 +13,13 @@
 #include "worker/accelerators/grids/grid.h"
 #include "worker/accelerators/grids/grids.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 namespace {
 
-/// Sizes of one grid differ by less than this power of two.
+/// The sizes in one grid differ by less than a factor of 2^kSizeBits.
 constexpr std::uint32_t kSizeBits = 3;
-/// Fewer shapes than this share of all join those of the next larger size.
-constexpr std::size_t kLeastShare = 256;
+/// A size class with fewer than 1 / kMinShare of the shapes is merged into the next larger one.
+constexpr std::size_t kMinShare = 256;
 
 class HierarchicalGrid final : public ShapeIndex {
  public:
@@ -32,16 +32,16 @@ class HierarchicalGrid final : public ShapeIndex {
     std::vector<std::uint32_t> some;
     for (auto& [size, members] : by_size) {
       some.insert(some.end(), members.begin(), members.end());
-      if (some.size() < shapes.size() / kLeastShare && size != by_size.rbegin()->first) continue;
+      if (some.size() < shapes.size() / kMinShare && size != by_size.rbegin()->first) continue;
       grids_.emplace_back(shapes.boxes, std::exchange(some, {}));
     }
   }
 
-  bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
-            TraversalStats& work) const override {
+  bool traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
+                TraversalStats& stats) const override {
     Mailbox mailbox;
     return std::any_of(grids_.begin(), grids_.end(), [&](const UniformGrid& grid) {
-      return grid.walk(ray, limit, visit, mailbox, work);
+      return grid.traverse(ray, limit, visit, mailbox, stats);
     });
   }
   std::size_t memory_bytes() const override {
@@ -60,4 +60,4 @@ std::unique_ptr<ShapeIndex> build_hierarchical_grid(const ShapeBounds& shapes) {
   return std::make_unique<HierarchicalGrid>(shapes);
 }
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

@@ -1,6 +1,6 @@
-// A uniform grid whose empty cells know how many cells away the nearest shape is, so that a ray
-// leaps over what is surely empty. Source: D. Cohen, Z. Sheffer, "Proximity clouds: an acceleration
-// technique for 3D grid traversal", 1994 (with the chessboard distance).
+// A uniform grid whose empty cells store the distance to the nearest occupied cell, so that a ray
+// skips empty space. Source: D. Cohen, Z. Sheffer, "Proximity clouds: an acceleration technique for
+// 3D grid traversal", 1994 (with the chessboard distance).
 
 #include <algorithm>
 #include <cstdint>
@@ -9,20 +9,21 @@
 #include "worker/accelerators/grids/grid.h"
 #include "worker/accelerators/grids/grids.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 namespace {
 
-constexpr int kFarthest = 255;
+constexpr int kMaxDistance = 255;
 
-/// Chessboard distances to the nearest cell that holds a shape, exact up to kFarthest: one pass
-/// over the grid forwards and one backwards, each from the 13 neighbours already done.
+/// Chessboard distances to the nearest occupied cell, exact up to kMaxDistance: one forward and one
+/// backward pass over the grid, each using the 13 neighbours that it has already visited.
 std::vector<std::uint8_t> distances(const UniformGrid& grid) {
   const Grid& g = grid.grid();
   std::vector<std::uint8_t> out(g.cell_count());
-  for (std::size_t i = 0; i < out.size(); ++i) out[i] = grid.cells().of(i).empty() ? kFarthest : 0;
+  for (std::size_t i = 0; i < out.size(); ++i)
+    out[i] = grid.cells().of(i).empty() ? kMaxDistance : 0;
   const auto relax = [&](const std::array<int, 3>& cell, int direction) {
     std::uint8_t& own = out[g.index(cell)];
-    for (int n = 0; n < 13; ++n) {  // half of the 27 around and including it, that one left out
+    for (int n = 0; n < 13; ++n) {  // half of the 26 neighbours
       const std::array<int, 3> other = {cell[0] + direction * (n % 3 - 1),
                                         cell[1] + direction * (n / 3 % 3 - 1),
                                         cell[2] + direction * (n / 9 - 1)};
@@ -51,22 +52,22 @@ class ProximityGrid final : public ShapeIndex {
   explicit ProximityGrid(const ShapeBounds& shapes)
       : grid_(shapes.boxes, all_shapes(shapes.size())), distances_(distances(grid_)) {}
 
-  bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
-            TraversalStats& work) const override {
+  bool traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
+                TraversalStats& stats) const override {
     const Grid& grid = grid_.grid();
     Mailbox mailbox;
-    if (!grid.serves(ray)) return visit_all(grid_.shapes(), visit, mailbox);
+    if (!grid.covers(ray)) return visit_all(grid_.shapes(), visit, mailbox);
     const Segment part = grid.inside(ray, limit);
     if (part.empty()) return false;
-    GridWalk walk(grid, ray, part.first);
+    GridTraversal traversal(grid, ray, part.first);
     bool inside = true;
     while (inside) {
-      ++work.nodes;
-      const std::size_t index = grid.index(walk.cell());
+      ++stats.nodes;
+      const std::size_t index = grid.index(traversal.cell());
       if (visit_all(grid_.cells().of(index), visit, mailbox)) return true;
-      if (static_cast<double>(limit) < walk.exit()) return false;
+      if (static_cast<double>(limit) < traversal.exit()) return false;
       const int distance = distances_[index];
-      inside = distance > 1 ? walk.skip(distance) : walk.next();
+      inside = distance > 1 ? traversal.skip(distance) : traversal.next();
     }
     return false;
   }
@@ -83,4 +84,4 @@ std::unique_ptr<ShapeIndex> build_proximity_grid(const ShapeBounds& shapes) {
   return std::make_unique<ProximityGrid>(shapes);
 }
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

@@ -1,5 +1,5 @@
-// A grid whose full cells hold grids of their own, around what is in them. Source: D. Jevans,
-// B. Wyvill, "Adaptive voxel subdivision for ray tracing", 1989.
+// A grid in which cells with many shapes contain grids of their own. Source: D. Jevans, B. Wyvill,
+// "Adaptive voxel subdivision for ray tracing", 1989.
 
 #include <algorithm>
 #include <memory>
@@ -9,10 +9,10 @@
 #include "worker/accelerators/grids/grid.h"
 #include "worker/accelerators/grids/grids.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 namespace {
 
-constexpr std::size_t kFullCell = 12;
+constexpr std::size_t kMaxCellShapes = 12;
 constexpr int kLevels = 4;
 
 Box3d intersection(const Box3d& a, const Box3d& b) {
@@ -26,7 +26,7 @@ Box3d widened(const Box3d& box, double pad) {
 
 class Level {
  public:
-  /// Over `region`, which must hold whatever part of the shapes counts.
+  /// A grid over `region`, which must contain the relevant parts of the shapes.
   Level(std::span<const Box3f> boxes, std::vector<std::uint32_t> shapes, const Box3d& region,
         int levels)
       : shapes_(std::move(shapes)),
@@ -42,21 +42,21 @@ class Level {
     }
   }
 
-  bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit, Mailbox& mailbox,
-            TraversalStats& work) const {
-    if (!grid_.serves(ray)) return visit_all(shapes_, visit, mailbox);
+  bool traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
+                Mailbox& mailbox, TraversalStats& stats) const {
+    if (!grid_.covers(ray)) return visit_all(shapes_, visit, mailbox);
     const Segment part = grid_.inside(ray, limit);
     if (part.empty()) return false;
-    GridWalk walk(grid_, ray, part.first);
+    GridTraversal traversal(grid_, ray, part.first);
     do {
-      ++work.nodes;
-      const std::size_t index = grid_.index(walk.cell());
+      ++stats.nodes;
+      const std::size_t index = grid_.index(traversal.cell());
       const std::uint32_t below = below_[index];
       const bool satisfied = below == 0
                                  ? visit_all(cells_.of(index), visit, mailbox)
-                                 : levels_[below - 1]->walk(ray, limit, visit, mailbox, work);
+                                 : levels_[below - 1]->traverse(ray, limit, visit, mailbox, stats);
       if (satisfied) return true;
-    } while (!(static_cast<double>(limit) < walk.exit()) && walk.next());
+    } while (!(static_cast<double>(limit) < traversal.exit()) && traversal.next());
     return false;
   }
 
@@ -68,11 +68,12 @@ class Level {
   }
 
  private:
-  /// Gives a full cell a grid, around the parts in it of the widened boxes that put shapes there;
-  /// not where most shapes are larger than the cell, which smaller ones would only multiply.
+  /// Builds a grid for a cell with many shapes, around the parts of their widened boxes in the
+  /// cell. Does not if half of the shapes are larger than half the cell: smaller cells would only
+  /// multiply the references to them.
   void fill(std::span<const Box3f> boxes, const std::array<int, 3>& cell, int levels) {
     const auto members = cells_.of(grid_.index(cell));
-    if (members.size() <= kFullCell) return;
+    if (members.size() <= kMaxCellShapes) return;
     const Box3d box = grid_.cell_box(cell);
     const double width = max_component(box.hi - box.lo);
     const auto small = std::count_if(members.begin(), members.end(), [&](std::uint32_t shape) {
@@ -88,7 +89,7 @@ class Level {
   std::vector<std::uint32_t> shapes_;
   Grid grid_;
   CellLists cells_;
-  std::vector<std::uint32_t> below_;  // of each cell: 0, or one more than an index of levels_
+  std::vector<std::uint32_t> below_;  // by cell: 0, or an index of levels_ plus 1
   std::vector<std::unique_ptr<Level>> levels_;
 };
 
@@ -98,10 +99,10 @@ class RecursiveGrid final : public ShapeIndex {
       : top_(shapes.boxes, all_shapes(shapes.size()),
              {Vec3d(shapes.all().lo), Vec3d(shapes.all().hi)}, kLevels) {}
 
-  bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
-            TraversalStats& work) const override {
+  bool traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
+                TraversalStats& stats) const override {
     Mailbox mailbox;
-    return top_.walk(ray, limit, visit, mailbox, work);
+    return top_.traverse(ray, limit, visit, mailbox, stats);
   }
   std::size_t memory_bytes() const override { return top_.memory_bytes(); }
 
@@ -115,4 +116,4 @@ std::unique_ptr<ShapeIndex> build_recursive_grid(const ShapeBounds& shapes) {
   return std::make_unique<RecursiveGrid>(shapes);
 }
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

@@ -1,10 +1,10 @@
-// Equal cells, walked one after the other. Sources: A. Fujimoto, T. Tanaka, K. Iwata, "ARTS:
-// accelerated ray-tracing system", 1986; and those of grid.h.
+// Equal cells that the ray visits one after the other. Sources: A. Fujimoto, T. Tanaka, K. Iwata,
+// "ARTS: accelerated ray-tracing system", 1986; and those of grid.h.
 
 #include "worker/accelerators/grids/grid.h"
 #include "worker/accelerators/grids/grids.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 namespace {
 
 class UniformGridIndex final : public ShapeIndex {
@@ -12,10 +12,10 @@ class UniformGridIndex final : public ShapeIndex {
   explicit UniformGridIndex(const ShapeBounds& shapes)
       : grid_(shapes.boxes, all_shapes(shapes.size())) {}
 
-  bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
-            TraversalStats& work) const override {
+  bool traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
+                TraversalStats& stats) const override {
     Mailbox mailbox;
-    return grid_.walk(ray, limit, visit, mailbox, work);
+    return grid_.traverse(ray, limit, visit, mailbox, stats);
   }
   std::size_t memory_bytes() const override { return grid_.memory_bytes(); }
 
@@ -29,4 +29,4 @@ std::unique_ptr<ShapeIndex> build_uniform_grid(const ShapeBounds& shapes) {
   return std::make_unique<UniformGridIndex>(shapes);
 }
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

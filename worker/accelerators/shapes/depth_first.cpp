@@ -2,12 +2,12 @@
 
 #include "worker/accel/build/binary_bvh.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 namespace {
 
 constexpr std::uint32_t kLeafSize = 4;
 
-/// Appends what is below `node`, and it; at most kMaxLevels deep.
+/// Appends `node` and the nodes below it. The recursion is at most kMaxLevels deep.
 void append(const BinaryBvh& bvh, const BinaryNode& node, DepthFirstTree& tree) {
   const std::size_t at = tree.nodes.size();
   const auto first = static_cast<std::uint32_t>(tree.order.size());
@@ -37,4 +37,4 @@ DepthFirstTree build_depth_first(const ShapeBounds& shapes) {
   return tree;
 }
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

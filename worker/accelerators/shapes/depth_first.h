@@ -6,17 +6,17 @@
 
 #include "worker/accelerators/shapes/shapes.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 
-/// A two-wide hierarchy laid out so that what is below a node follows it.
+/// Node of a binary hierarchy in depth-first order: the nodes below a node follow it.
 struct DepthFirstNode {
   Box3f box;
-  std::uint32_t skip = 0;              // the next node that is not below this one
-  std::uint32_t first = 0, count = 0;  // of DepthFirstTree::order: all shapes below
+  std::uint32_t skip = 0;              // index of the next node that is not below this one
+  std::uint32_t first = 0, count = 0;  // range of DepthFirstTree::order: all shapes below
 };
 
-/// nodes[0] is the root. The children of nodes[i], unless it is a leaf, are nodes[i + 1] and that
-/// one's `skip`.
+/// nodes[0] is the root. The children of an inner node nodes[i] are nodes[i + 1] and
+/// nodes[nodes[i + 1].skip].
 struct DepthFirstTree {
   std::vector<DepthFirstNode> nodes;
   std::vector<std::uint32_t> order;
@@ -27,41 +27,43 @@ struct DepthFirstTree {
   }
 };
 
-/// Built by binary_bvh.h.
+/// Builds the tree with build_binary_bvh().
 DepthFirstTree build_depth_first(const ShapeBounds& shapes);
 
-/// What a walk carries down a tree.
-struct DepthFirstWalk {
+/// Arguments of a traversal that do not change during it.
+struct DepthFirstTraversal {
   const DepthFirstTree& tree;
   const float& limit;
   const ShapeVisitor& visit;
-  TraversalStats& work;
+  TraversalStats& stats;
 };
 
-/// Visits the shapes below a node that a ray meets, of two children those of the one it enters
-/// first; true once a visit is. `meets(node, enter)` says whether the ray may meet a node within
-/// the limit, and at which t (double) it enters it.
+/// Visits the shapes below a node that a ray hits, those of the child that it enters first before
+/// the other's. Ends and returns true when a visit returns true. `hits(node, enter)` returns whether
+/// the ray may hit a node within the limit and sets the t (double) at which it enters.
 template <typename Meets>
-bool walk_near_first(const DepthFirstWalk& walk, const Meets& meets, std::uint32_t index = 0) {
-  ++walk.work.nodes;
-  const DepthFirstTree& tree = walk.tree;
+bool traverse_near_first(const DepthFirstTraversal& traversal, const Meets& hits,
+                         std::uint32_t index = 0) {
+  ++traversal.stats.nodes;
+  const DepthFirstTree& tree = traversal.tree;
   if (tree.leaf(index)) {
     const DepthFirstNode& node = tree.nodes[index];
     for (std::uint32_t i = 0; i < node.count; ++i) {
-      if (walk.visit(tree.order[node.first + i])) return true;
+      if (traversal.visit(tree.order[node.first + i])) return true;
     }
     return false;
   }
   std::uint32_t near = index + 1, far = tree.nodes[near].skip;
   double near_enter = 0, far_enter = 0;
-  bool meets_near = meets(near, near_enter), meets_far = meets(far, far_enter);
-  if (meets_far && (!meets_near || far_enter < near_enter)) {
+  bool hits_near = hits(near, near_enter), hits_far = hits(far, far_enter);
+  if (hits_far && (!hits_near || far_enter < near_enter)) {
     std::swap(near, far);
-    std::swap(meets_near, meets_far);
+    std::swap(hits_near, hits_far);
     std::swap(near_enter, far_enter);
   }
-  if (meets_near && walk_near_first(walk, meets, near)) return true;
-  return meets_far && far_enter <= double{walk.limit} && walk_near_first(walk, meets, far);
+  if (hits_near && traverse_near_first(traversal, hits, near)) return true;
+  return hits_far && far_enter <= double{traversal.limit} &&
+         traverse_near_first(traversal, hits, far);
 }
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 
 bool make_shape_ray(const Vec3f& origin, const Vec3f& direction, const Box3f& all, ShapeRay& ray) {
   if (!make_object_ray(origin, direction, all, ray.slabs)) return false;
@@ -25,4 +25,4 @@ bool make_shape_ray(const Vec3f& origin, const Vec3f& direction, const Box3f& al
   return true;
 }
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

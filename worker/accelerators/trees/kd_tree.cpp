@@ -1,9 +1,9 @@
 // A kd-tree: a BSP tree of axis-parallel planes. A shape is in every leaf that its box overlaps;
-// the ray is cut at the plane, its nearer part goes first. Where the shapes lie is taken from boxes
-// that are right, hits are only near them: so both sides reach over the plane by ShapeRay::near,
-// and a hit's shape is found in the leaf of the nearest point of its box.
-// Sources: M. Kaplan, "Space-tracing: a constant time ray tracer", 1985; F. Jansen, "Data
-// structures for ray tracing", 1986 (the recursion); planes by surface area in bins.
+// the ray is split at the plane, and its nearer part is traversed first. Boxes are exact, but hits
+// are only near them, so both parts extend beyond the plane by ShapeRay::near; a hit's shape is
+// then found in the leaf of the nearest point of its box. Sources: M. Kaplan, "Space-tracing: a
+// constant time ray tracer", 1985; F. Jansen, "Data structures for ray tracing", 1986 (the
+// recursion); planes by the surface area heuristic in bins.
 
 #include <algorithm>
 #include <bit>
@@ -12,17 +12,17 @@
 
 #include "worker/accelerators/trees/trees.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 namespace {
 
 constexpr std::uint32_t kLeafSize = 3;
 constexpr int kBins = 32;
-constexpr double kVisitCost = 1;  // of a node, in tests of a shape
+constexpr double kVisitCost = 1;  // cost of visiting a node relative to testing a shape
 
 struct Node {
   float plane = 0;
   std::int32_t axis = -1;              // -1: a leaf
-  std::uint32_t below = 0, above = 0;  // children; of a leaf: first and count in `items`
+  std::uint32_t below = 0, above = 0;  // children; in a leaf: first and count in `items`
 };
 
 struct Cut {
@@ -67,7 +67,7 @@ class Builder {
   std::vector<std::uint32_t> items;
 
  private:
-  /// By the surface area heuristic; no axis if no cut is cheaper than a leaf.
+  /// The best plane by the surface area heuristic; no axis if none is cheaper than a leaf.
   Cut best_cut(const std::vector<std::uint32_t>& shapes, const Box3f& cell) const {
     const double whole = cell.half_area();
     Cut best;
@@ -114,43 +114,43 @@ class KdTree final : public ShapeIndex {
     items_ = std::move(builder.items);
   }
 
-  bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
-            TraversalStats& work) const override {
+  bool traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
+                TraversalStats& stats) const override {
     Mailbox mailbox;
-    return descend(0, {0, static_cast<double>(limit)}, {ray, limit, visit, mailbox, work});
+    return descend(0, {0, static_cast<double>(limit)}, {ray, limit, visit, mailbox, stats});
   }
   std::size_t memory_bytes() const override {
     return nodes_.capacity() * sizeof(Node) + items_.capacity() * sizeof(std::uint32_t);
   }
 
  private:
-  struct Walk {
+  struct Traversal {
     const ShapeRay& ray;
     const float& limit;
     const ShapeVisitor& visit;
     Mailbox& mailbox;
-    TraversalStats& work;
+    TraversalStats& stats;
   };
 
-  bool descend(std::uint32_t index, Segment part, const Walk& walk) const {
-    part.last = std::min(part.last, static_cast<double>(walk.limit));
+  bool descend(std::uint32_t index, Segment part, const Traversal& traversal) const {
+    part.last = std::min(part.last, static_cast<double>(traversal.limit));
     if (part.empty()) return false;
     const Node& node = nodes_[index];
-    ++walk.work.nodes;
+    ++traversal.stats.nodes;
     if (node.axis < 0) {
       for (std::uint32_t i = 0; i < node.above; ++i) {
         const std::uint32_t shape = items_[node.below + i];
-        if (walk.mailbox.add(shape) && walk.visit(shape)) return true;
+        if (traversal.mailbox.add(shape) && traversal.visit(shape)) return true;
       }
       return false;
     }
-    const double plane = node.plane, near = walk.ray.near;
-    const Segment below = clip(walk.ray, part, node.axis, plane + near, false);
-    const Segment above = clip(walk.ray, part, node.axis, plane - near, true);
-    if (walk.ray.box_direction[node.axis] >= 0) {
-      return descend(node.below, below, walk) || descend(node.above, above, walk);
+    const double plane = node.plane, near = traversal.ray.near;
+    const Segment below = clip(traversal.ray, part, node.axis, plane + near, false);
+    const Segment above = clip(traversal.ray, part, node.axis, plane - near, true);
+    if (traversal.ray.box_direction[node.axis] >= 0) {
+      return descend(node.below, below, traversal) || descend(node.above, above, traversal);
     }
-    return descend(node.above, above, walk) || descend(node.below, below, walk);
+    return descend(node.above, above, traversal) || descend(node.below, below, traversal);
   }
 
   std::vector<Node> nodes_;
@@ -163,4 +163,4 @@ std::unique_ptr<ShapeIndex> build_kd_tree(const ShapeBounds& shapes) {
   return std::make_unique<KdTree>(shapes);
 }
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

@@ -1,7 +1,7 @@
-// An octree: cells halved along all axes at once while they hold many shapes. A shape is in every
-// leaf that its box overlaps; children are visited in the order the ray's direction gives, each
-// reaching over its planes by ShapeRay::near as in kd_tree.cpp.
-// Source: A. Glassner, "Space subdivision for fast ray tracing", 1984.
+// An octree: cells with many shapes are halved along all axes at once. A shape is in every leaf
+// that its box overlaps. Children are visited in the order given by the ray's direction and extend
+// beyond their planes by ShapeRay::near, as in kd_tree.cpp. Source: A. Glassner, "Space subdivision
+// for fast ray tracing", 1984.
 
 #include <algorithm>
 #include <array>
@@ -11,18 +11,18 @@
 
 #include "worker/accelerators/trees/trees.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 namespace {
 
 constexpr std::size_t kLeafSize = 8;
 constexpr int kMaxDepth = 16;
-/// References may grow by this factor at a division.
-constexpr std::size_t kGrowth = 3;
+/// Maximum growth of the number of references when a cell is divided.
+constexpr std::size_t kMaxGrowth = 3;
 
 struct Node {
   Vec3d middle;
-  std::uint32_t children = 0;          // of eight in a row; 0: a leaf
-  std::uint32_t first = 0, count = 0;  // of `items`; leaves only
+  std::uint32_t children = 0;          // index of the first of eight; 0: a leaf
+  std::uint32_t first = 0, count = 0;  // range of `items`; leaves only
 };
 
 struct Cube {
@@ -41,26 +41,26 @@ class Octree final : public ShapeIndex {
     build(0, shapes, std::move(all), {lo, max_component(size)}, kMaxDepth);
   }
 
-  bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
-            TraversalStats& work) const override {
+  bool traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
+                TraversalStats& stats) const override {
     Mailbox mailbox;
     std::uint32_t backwards = 0;
     for (int k = 0; k < 3; ++k) backwards |= ray.box_direction[k] < 0 ? 1u << k : 0u;
     return descend(nodes_[0], {0, static_cast<double>(limit)},
-                   {ray, backwards, limit, visit, mailbox, work});
+                   {ray, backwards, limit, visit, mailbox, stats});
   }
   std::size_t memory_bytes() const override {
     return nodes_.capacity() * sizeof(Node) + items_.capacity() * sizeof(std::uint32_t);
   }
 
  private:
-  struct Walk {
+  struct Traversal {
     const ShapeRay& ray;
-    std::uint32_t backwards;  // bit k: the ray goes down axis k, so the upper children come first
+    std::uint32_t backwards;  // bit k: the direction is negative along axis k
     const float& limit;
     const ShapeVisitor& visit;
     Mailbox& mailbox;
-    TraversalStats& work;
+    TraversalStats& stats;
   };
 
   void build(std::uint32_t index, const ShapeBounds& shapes, std::vector<std::uint32_t> items,
@@ -74,7 +74,7 @@ class Octree final : public ShapeIndex {
       for (const auto& part : parts) total += part.size();
     }
     nodes_[index].middle = middle;
-    if (total == 0 || total > kGrowth * items.size()) {
+    if (total == 0 || total > kMaxGrowth * items.size()) {
       nodes_[index].first = static_cast<std::uint32_t>(items_.size());
       nodes_[index].count = static_cast<std::uint32_t>(items.size());
       items_.insert(items_.end(), items.begin(), items.end());
@@ -91,7 +91,7 @@ class Octree final : public ShapeIndex {
     }
   }
 
-  /// Adds a shape to each octant its box overlaps.
+  /// Adds a shape to each octant that its box overlaps.
   static void share(const Box3f& box, const Vec3d& middle, std::uint32_t shape,
                     std::array<std::vector<std::uint32_t>, 8>& parts) {
     for (std::uint32_t i = 0; i < 8; ++i) {
@@ -105,27 +105,27 @@ class Octree final : public ShapeIndex {
     }
   }
 
-  bool descend(const Node& node, Segment part, const Walk& walk) const {
-    ++walk.work.nodes;
+  bool descend(const Node& node, Segment part, const Traversal& traversal) const {
+    ++traversal.stats.nodes;
     if (node.children == 0) {
       for (std::uint32_t i = 0; i < node.count; ++i) {
         const std::uint32_t shape = items_[node.first + i];
-        if (walk.mailbox.add(shape) && walk.visit(shape)) return true;
+        if (traversal.mailbox.add(shape) && traversal.visit(shape)) return true;
       }
       return false;
     }
     for (std::uint32_t i = 0; i < 8; ++i) {
-      const std::uint32_t octant = i ^ walk.backwards;
+      const std::uint32_t octant = i ^ traversal.backwards;
       const Node& child = nodes_[node.children + octant];
       if (child.children == 0 && child.count == 0) continue;
       Segment inside = part;
-      inside.last = std::min(inside.last, static_cast<double>(walk.limit));
+      inside.last = std::min(inside.last, static_cast<double>(traversal.limit));
       for (int k = 0; k < 3; ++k) {
         const bool above = (octant >> k & 1) != 0;
-        const double plane = node.middle[k] + (above ? -walk.ray.near : walk.ray.near);
-        inside = clip(walk.ray, inside, k, plane, above);
+        const double plane = node.middle[k] + (above ? -traversal.ray.near : traversal.ray.near);
+        inside = clip(traversal.ray, inside, k, plane, above);
       }
-      if (!inside.empty() && descend(child, inside, walk)) return true;
+      if (!inside.empty() && descend(child, inside, traversal)) return true;
     }
     return false;
   }
@@ -140,4 +140,4 @@ std::unique_ptr<ShapeIndex> build_octree(const ShapeBounds& shapes) {
   return std::make_unique<Octree>(shapes);
 }
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

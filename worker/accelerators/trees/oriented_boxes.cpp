@@ -1,6 +1,6 @@
-// A hierarchy of boxes along the axes of what they hold, for bars and needles that lie aslant. Each
-// node keeps its axis-parallel box too, as t is only bound to that. Source: S. Gottschalk, M. Lin,
-// D. Manocha, "OBBTree: a hierarchical structure for rapid interference detection", 1996.
+// A hierarchy of boxes along the principal axes of their contents, for slanted bars and needles.
+// Each node also has its axis-parallel box, because only that bounds t. Source: S. Gottschalk,
+// M. Lin, D. Manocha, "OBBTree: a hierarchical structure for rapid interference detection", 1996.
 
 #include <algorithm>
 #include <array>
@@ -11,7 +11,7 @@
 #include "worker/accelerators/shapes/depth_first.h"
 #include "worker/accelerators/trees/trees.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 namespace {
 
 struct OrientedBox {
@@ -21,7 +21,7 @@ struct OrientedBox {
 
 using Matrix = std::array<std::array<double, 3>, 3>;
 
-/// One of Jacobi's rotations: turns rows p and q so that m[p][q] becomes 0.
+/// A Jacobi rotation of rows p and q that makes m[p][q] zero.
 void rotate(Matrix& m, std::array<Vec3d, 3>& rows, std::size_t p, std::size_t q) {
   const double theta = (m[q][q] - m[p][p]) / (2 * m[p][q]);
   const double t = (theta < 0 ? -1.0 : 1.0) / (std::fabs(theta) + std::sqrt(theta * theta + 1));
@@ -41,7 +41,7 @@ void rotate(Matrix& m, std::array<Vec3d, 3>& rows, std::size_t p, std::size_t q)
   rows[q] = a * s + b * c;
 }
 
-/// Columns that diagonalise a symmetric matrix.
+/// The eigenvectors of a symmetric matrix.
 std::array<Vec3d, 3> eigenvectors(Matrix m) {
   std::array<Vec3d, 3> rows = {Vec3d{1, 0, 0}, Vec3d{0, 1, 0}, Vec3d{0, 0, 1}};
   for (int sweep = 0; sweep < 12; ++sweep) {
@@ -100,8 +100,8 @@ OrientedBox box_along(const std::array<Vec3d, 3>& axes, const DepthFirstTree& tr
   return box;
 }
 
-/// Around the hulls below a node: along their principal axes, or along the world's where that is
-/// smaller.
+/// The box around the hulls below a node: along their principal axes or along the coordinate axes,
+/// whichever has the smaller area.
 OrientedBox box_around(const DepthFirstTree& tree, const DepthFirstNode& node,
                        const ShapeBounds& shapes) {
   const OrientedBox turned = box_along(principal_axes(tree, node, shapes), tree, node, shapes);
@@ -119,24 +119,25 @@ class OrientedBoxes final : public ShapeIndex {
     }
   }
 
-  bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
-            TraversalStats& work) const override {
-    const auto meets = [&](std::uint32_t node, double& enter) {
+  bool traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
+                TraversalStats& stats) const override {
+    const auto hits = [&](std::uint32_t node, double& enter) {
       float box_enter = 0;
-      if (!may_meet(ray.slabs, tree_.nodes[node].box, limit, box_enter)) return false;
+      if (!may_hit(ray.slabs, tree_.nodes[node].box, limit, box_enter)) return false;
       enter = box_enter;
-      return line_meets(boxes_[node], ray);
+      return line_hits(boxes_[node], ray);
     };
     double enter = 0;
-    return meets(0, enter) && walk_near_first({tree_, limit, visit, work}, meets);
+    return hits(0, enter) && traverse_near_first({tree_, limit, visit, stats}, hits);
   }
   std::size_t memory_bytes() const override {
     return tree_.memory_bytes() + boxes_.capacity() * sizeof(OrientedBox);
   }
 
  private:
-  /// Whether the ray's line comes within sqrt(3) * near of the box, twice for the rounding here.
-  static bool line_meets(const OrientedBox& box, const ShapeRay& ray) {
+  /// Whether the ray's line comes within 2 sqrt(3) * near of the box: doubled for the rounding
+  /// here.
+  static bool line_hits(const OrientedBox& box, const ShapeRay& ray) {
     const double margin = 4 * ray.near;
     double first = -std::numeric_limits<double>::infinity(), last = -first;
     for (std::size_t k = 0; k < 3; ++k) {
@@ -163,4 +164,4 @@ std::unique_ptr<ShapeIndex> build_oriented_boxes(const ShapeBounds& shapes) {
   return std::make_unique<OrientedBoxes>(build_depth_first(shapes), shapes);
 }
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

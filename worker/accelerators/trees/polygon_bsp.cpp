@@ -1,9 +1,11 @@
-// A BSP tree whose planes are those of the polygons, or stand on them along an edge (a smooth body
-// lies on one side of each of its own planes). Nothing is cut: a polygon is referred to from each
-// side it is on, whole, so that its hits keep their bits; one in the plane stays at the node.
+// A BSP tree whose planes are those of the polygons, or perpendicular to them through an edge (a
+// convex body lies on one side of all its own planes). Polygons are not split: each side on which a
+// polygon lies refers to the whole polygon, so that its hits keep their bits. A polygon in the
+// plane stays at the node.
 //
-// A hit's t may be off the polygon by ShapeRay::hull_slack, so the ray's parts reach over the plane
-// by ShapeRay::near across it and by the slack along it; what bounds t are the nodes' boxes.
+// The t of a hit may differ by ShapeRay::hull_slack from that of the polygon, so the parts of the
+// ray extend beyond the plane by ShapeRay::near across it and by the slack along the ray. The boxes
+// of the nodes bound t.
 // Source: H. Fuchs, Z. Kedem, B. Naylor, "On visible surface generation by a priori tree
 // structures", 1980.
 
@@ -16,13 +18,13 @@
 
 #include "worker/accelerators/trees/trees.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 namespace {
 
 constexpr std::size_t kLeafSize = 6;
-constexpr std::size_t kCandidates = 10, kJudges = 512;
-/// A plane that leaves more than this on one side (see share()) is not worth a node.
-constexpr double kWorstShare = 0.9;
+constexpr std::size_t kCandidates = 10, kMaxSampled = 512;
+/// Planes with a larger share() are not used.
+constexpr double kMaxShare = 0.9;
 
 struct Plane {
   Vec3d normal, point;
@@ -32,8 +34,8 @@ struct Plane {
 struct Node {
   Box3f box;  // around all shapes below
   Plane plane;
-  std::uint32_t front = 0, back = 0;   // 0: no child; both: a leaf
-  std::uint32_t first = 0, count = 0;  // of `items`: those of a leaf, or in the plane
+  std::uint32_t front = 0, back = 0;   // 0: no child; both 0: a leaf
+  std::uint32_t first = 0, count = 0;  // range of `items`: shapes of a leaf or in the plane
 };
 
 class Builder {
@@ -98,10 +100,10 @@ class Builder {
     items.insert(items.end(), shapes.begin(), shapes.end());
   }
 
-  /// The plane of some shape, or upright on one of its edges, that divides best; false if none
-  /// divides well.
+  /// Chooses the best plane among those of some shapes and those perpendicular to them through
+  /// their edges. Returns false if none is good enough.
   bool choose(const std::vector<std::uint32_t>& shapes, Plane& best) const {
-    double least = kWorstShare;
+    double least = kMaxShare;
     const std::size_t step = shapes.size() / kCandidates + 1;
     for (std::size_t i = step / 2; i < shapes.size(); i += step) {
       const std::span<const Vec3f> hull = shapes_.hull(shapes[i]);
@@ -116,12 +118,13 @@ class Builder {
         best = plane;
       }
     }
-    return least < kWorstShare;
+    return least < kMaxShare;
   }
 
-  /// The larger side's share of the shapes, plus half of what is in both, judged by some of them.
+  /// The fraction of the shapes on the larger side plus half of the fraction on both sides,
+  /// estimated from up to kMaxSampled of them.
   double share(const std::vector<std::uint32_t>& shapes, const Plane& plane) const {
-    const std::size_t step = shapes.size() / kJudges + 1;
+    const std::size_t step = shapes.size() / kMaxSampled + 1;
     double front = 0, back = 0, both = 0, all = 0;
     for (std::size_t i = 0; i < shapes.size(); i += step) {
       const Sides sides = sides_of(shapes[i], plane);
@@ -134,7 +137,7 @@ class Builder {
   }
 
   const ShapeBounds& shapes_;
-  double flat_ = 0;  // points nearer than this are in a plane
+  double flat_ = 0;  // maximum distance from a plane of points that lie in it
 };
 
 class PolygonBsp final : public ShapeIndex {
@@ -148,49 +151,49 @@ class PolygonBsp final : public ShapeIndex {
     items_ = std::move(builder.items);
   }
 
-  bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
-            TraversalStats& work) const override {
+  bool traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
+                TraversalStats& stats) const override {
     Mailbox mailbox;
-    return descend(nodes_[0], {ray, limit, visit, mailbox, work});
+    return descend(nodes_[0], {ray, limit, visit, mailbox, stats});
   }
   std::size_t memory_bytes() const override {
     return nodes_.capacity() * sizeof(Node) + items_.capacity() * sizeof(std::uint32_t);
   }
 
  private:
-  struct Walk {
+  struct Traversal {
     const ShapeRay& ray;
     const float& limit;
     const ShapeVisitor& visit;
     Mailbox& mailbox;
-    TraversalStats& work;
+    TraversalStats& stats;
   };
 
-  bool descend(const Node& node, const Walk& walk) const {
-    const EnterLeave t = enter_leave(walk.ray.slabs, node.box.lo, node.box.hi);
-    if (!(t.enter <= t.leave) || t.leave < 0 || t.enter > walk.limit) return false;
-    ++walk.work.nodes;
+  bool descend(const Node& node, const Traversal& traversal) const {
+    const EnterLeave t = enter_leave(traversal.ray.slabs, node.box.lo, node.box.hi);
+    if (!(t.enter <= t.leave) || t.leave < 0 || t.enter > traversal.limit) return false;
+    ++traversal.stats.nodes;
     for (std::uint32_t i = 0; i < node.count; ++i) {
       const std::uint32_t shape = items_[node.first + i];
-      if (walk.mailbox.add(shape) && walk.visit(shape)) return true;
+      if (traversal.mailbox.add(shape) && traversal.visit(shape)) return true;
     }
     if (node.front == 0 && node.back == 0) return false;
-    const double slack = walk.ray.hull_slack;
+    const double slack = traversal.ray.hull_slack;
     const double first = std::max(0.0, static_cast<double>(t.enter)) - slack;
-    const double last = static_cast<double>(std::min(t.leave, walk.limit)) + slack;
-    const double start = node.plane.side(walk.ray.origin);
-    const double speed = dot(node.plane.normal, walk.ray.direction);
+    const double last = static_cast<double>(std::min(t.leave, traversal.limit)) + slack;
+    const double start = node.plane.side(traversal.ray.origin);
+    const double speed = dot(node.plane.normal, traversal.ray.direction);
     const auto side = [&](double at) { return speed == 0 ? start : start + at * speed; };
-    const double margin = 2 * walk.ray.near;  // near is per axis: sqrt(3) of it, and rounding
+    const double margin = 2 * traversal.ray.near;  // sqrt(3), since near is per axis, and rounding
     const double a = side(first), b = side(last);
     const bool front = node.front != 0 && !(std::max(a, b) < -margin);
     const bool back = node.back != 0 && !(std::min(a, b) > margin);
     if (a >= 0) {
-      return (front && descend(nodes_[node.front], walk)) ||
-             (back && descend(nodes_[node.back], walk));
+      return (front && descend(nodes_[node.front], traversal)) ||
+             (back && descend(nodes_[node.back], traversal));
     }
-    return (back && descend(nodes_[node.back], walk)) ||
-           (front && descend(nodes_[node.front], walk));
+    return (back && descend(nodes_[node.back], traversal)) ||
+           (front && descend(nodes_[node.front], traversal));
   }
 
   std::vector<Node> nodes_;
@@ -203,4 +206,4 @@ std::unique_ptr<ShapeIndex> build_polygon_bsp(const ShapeBounds& shapes) {
   return std::make_unique<PolygonBsp>(shapes);
 }
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

@@ -1,5 +1,5 @@
-// A BVH without a stack: nodes in depth-first order, each with the index to go on at when the ray
-// misses it. The order is always the same, so a nearer child may come last.
+// A stackless BVH: nodes in depth-first order, each with the index at which to continue if the ray
+// misses it. The order is fixed, so the nearer child may come last.
 // Source: B. Smits, "Efficiency issues for ray tracing", 1998.
 
 #include <utility>
@@ -7,21 +7,21 @@
 #include "worker/accelerators/shapes/depth_first.h"
 #include "worker/accelerators/trees/trees.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 namespace {
 
 class SkipBvh final : public ShapeIndex {
  public:
   explicit SkipBvh(DepthFirstTree tree) : tree_(std::move(tree)) {}
 
-  bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
-            TraversalStats& work) const override {
+  bool traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
+                TraversalStats& stats) const override {
     const auto end = static_cast<std::uint32_t>(tree_.nodes.size());
     for (std::uint32_t i = 0; i < end;) {
       const DepthFirstNode& node = tree_.nodes[i];
       float enter = 0;
-      ++work.nodes;
-      if (!may_meet(ray.slabs, node.box, limit, enter)) {
+      ++stats.nodes;
+      if (!may_hit(ray.slabs, node.box, limit, enter)) {
         i = node.skip;
         continue;
       }
@@ -44,4 +44,4 @@ std::unique_ptr<ShapeIndex> build_skip_bvh(const ShapeBounds& shapes) {
   return std::make_unique<SkipBvh>(build_depth_first(shapes));
 }
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

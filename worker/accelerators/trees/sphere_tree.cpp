@@ -1,5 +1,5 @@
-// A hierarchy of bounding spheres, each around the boxes of its shapes: few operations a test, but
-// much air around anything long. Source: H. Weghorst, G. Hooper, D. Greenberg, "Improved
+// A hierarchy of bounding spheres around the boxes of the shapes: few operations per test, but
+// loose bounds of elongated shapes. Source: H. Weghorst, G. Hooper, D. Greenberg, "Improved
 // computational methods for ray tracing", 1984.
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 #include "worker/accelerators/shapes/depth_first.h"
 #include "worker/accelerators/trees/trees.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 namespace {
 
 struct Sphere {
@@ -18,7 +18,7 @@ struct Sphere {
   double radius = 0;
 };
 
-/// About the centre of the node's box, as far as the farthest corner of a shape's.
+/// The sphere around the centre of the node's box that contains the boxes of its shapes.
 Sphere sphere_around(const DepthFirstTree& tree, const DepthFirstNode& node,
                      const ShapeBounds& shapes) {
   Sphere sphere;
@@ -42,24 +42,25 @@ class SphereTree final : public ShapeIndex {
     }
   }
 
-  bool walk(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
-            TraversalStats& work) const override {
+  bool traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
+                TraversalStats& stats) const override {
     const double direction_squared = dot(ray.box_direction, ray.box_direction);
-    const auto meets = [&](std::uint32_t node, double& enter) {
-      return sphere_meets(spheres_[node], ray, direction_squared, limit, enter);
+    const auto hits = [&](std::uint32_t node, double& enter) {
+      return sphere_hits(spheres_[node], ray, direction_squared, limit, enter);
     };
     double enter = 0;
-    return meets(0, enter) && walk_near_first({tree_, limit, visit, work}, meets);
+    return hits(0, enter) && traverse_near_first({tree_, limit, visit, stats}, hits);
   }
   std::size_t memory_bytes() const override {
     return tree_.memory_bytes() + spheres_.capacity() * sizeof(Sphere);
   }
 
  private:
-  /// Whether the ray, at some t in [0, limit], is in the sphere widened by what hits may be off:
-  /// sqrt(3) * near. Doubling that covers the rounding here, 2^-50 of the reach.
-  static bool sphere_meets(const Sphere& sphere, const ShapeRay& ray, double direction_squared,
-                           float limit, double& enter) {
+  /// Whether the ray is in the sphere, widened by the maximum error of hits, at some t in [0,
+  /// limit]. That error is sqrt(3) * near; doubling it covers the rounding here, 2^-50 of the
+  /// reach.
+  static bool sphere_hits(const Sphere& sphere, const ShapeRay& ray, double direction_squared,
+                          float limit, double& enter) {
     const double radius = sphere.radius + 4 * ray.near;
     const Vec3d to_centre = sphere.centre - ray.origin;
     const double closest = dot(to_centre, ray.box_direction) / direction_squared;
@@ -81,4 +82,4 @@ std::unique_ptr<ShapeIndex> build_sphere_tree(const ShapeBounds& shapes) {
   return std::make_unique<SphereTree>(build_depth_first(shapes), shapes);
 }
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

@@ -4,10 +4,11 @@
 
 #include "worker/accelerators/shapes/shapes.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 
-/// Trees, each in a file of its own that names its source. Each accepts one or more shapes, whatever
-/// their boxes: flat, equal, overlapping.
+// Trees; the file of each names its source. Requires at least one shape; boxes may be flat, equal
+// or overlapping.
+
 std::unique_ptr<ShapeIndex> build_two_wide_bvh(const ShapeBounds& shapes);
 std::unique_ptr<ShapeIndex> build_skip_bvh(const ShapeBounds& shapes);
 std::unique_ptr<ShapeIndex> build_sphere_tree(const ShapeBounds& shapes);
@@ -16,4 +17,4 @@ std::unique_ptr<ShapeIndex> build_kd_tree(const ShapeBounds& shapes);
 std::unique_ptr<ShapeIndex> build_polygon_bsp(const ShapeBounds& shapes);
 std::unique_ptr<ShapeIndex> build_octree(const ShapeBounds& shapes);
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

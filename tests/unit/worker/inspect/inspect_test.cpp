@@ -220,7 +220,7 @@ TEST_F(InspectTest, AcceleratorTableMatchesSchema) {
   const std::string text = to_json(inspect_scene(request));
   EXPECT_EQ(support::document_faults(text), std::vector<std::string>{}) << text;
   const json report = json::parse(text);
-  EXPECT_EQ(report["accelerators"]["structures"].size(), 4 + reference::structures().size());
+  EXPECT_EQ(report["accelerators"]["structures"].size(), 4 + accelerators::structures().size());
   for (const json& row : report["accelerators"]["structures"]) {
     for (const char* query : {"closest_hit", "any_hit"}) EXPECT_EQ(row[query]["wrong"], 0) << row;
     EXPECT_GT(row["closest_hit"]["compared"], 0);

@@ -1,4 +1,4 @@
-#include "worker/accelerators/reference_accel.h"
+#include "worker/accelerators/structure_accelerator.h"
 
 #include <algorithm>
 #include <limits>
@@ -7,7 +7,7 @@
 #include "worker/accel/build/mesh_triangles.h"
 #include "worker/geometry/triangle.h"
 
-namespace tessera::render::reference {
+namespace tessera::render::accelerators {
 namespace {
 
 float limit_of(const Ray& ray) {
@@ -23,16 +23,16 @@ void append_corners(const Box3f& box, std::vector<Vec3f>& corners) {
 
 }  // namespace
 
-ReferenceAccel::ReferenceAccel(const Scene& scene, const Structure& structure)
+StructureAccelerator::StructureAccelerator(const Scene& scene, const Structure& structure)
     : key_times_(scene.key_times), solids_(Solids::of(scene)) {
   const std::size_t count = key_times_.empty() ? 1 : key_times_.size() - 1;
   for (std::uint32_t s = 0; s < count; ++s) {
-    stretches_.push_back(make_stretch(scene, s, structure));
+    segments_.push_back(make_segment(scene, s, structure));
   }
 }
 
-ReferenceAccel::TimeSegment ReferenceAccel::make_stretch(const Scene& scene, std::uint32_t segment,
-                                                     const Structure& structure) const {
+StructureAccelerator::TimeSegment StructureAccelerator::make_segment(
+    const Scene& scene, std::uint32_t segment, const Structure& structure) const {
   TimeSegment out;
   std::vector<Box3f> meshes;
   for (const Mesh& mesh : scene.meshes) {
@@ -64,8 +64,8 @@ ReferenceAccel::TimeSegment ReferenceAccel::make_stretch(const Scene& scene, std
   return out;
 }
 
-ReferenceAccel::Part ReferenceAccel::make_part(const Mesh& mesh, std::uint32_t segment,
-                                               const Structure& structure) {
+StructureAccelerator::Part StructureAccelerator::make_part(const Mesh& mesh, std::uint32_t segment,
+                                                           const Structure& structure) {
   Part part;
   std::vector<Box3f> boxes;
   std::vector<Vec3f> corners;
@@ -84,15 +84,15 @@ ReferenceAccel::Part ReferenceAccel::make_part(const Mesh& mesh, std::uint32_t s
   return part;
 }
 
-KeyframePosition ReferenceAccel::place_of(const Ray& ray) const {
+KeyframePosition StructureAccelerator::keyframe_position(const Ray& ray) const {
   return key_times_.empty() ? KeyframePosition{} : find_key(key_times_, ray.time);
 }
 
-template <typename Take>
-bool ReferenceAccel::meet_mesh(const Placed& placed, const Ray& ray, const float& limit,
-                               const Take& take, TraversalStats& work) const {
-  const KeyframePosition at = place_of(ray);
-  const Part& part = stretches_[at.segment].parts[placed.part];
+template <typename Offer>
+bool StructureAccelerator::intersect_mesh(const Placed& placed, const Ray& ray, const float& limit,
+                                          const Offer& offer, TraversalStats& stats) const {
+  const KeyframePosition at = keyframe_position(ray);
+  const Part& part = segments_[at.segment].parts[placed.part];
   Affine3d world_to_object = placed.world_to_object;
   if (!placed.motion.empty()) {
     const auto pose = pose_at(placed.motion, at);
@@ -110,114 +110,116 @@ bool ReferenceAccel::meet_mesh(const Placed& placed, const Ray& ray, const float
     const TriangleId id = {placed.instance, triangle.primitive, triangle.triangle};
     const auto [v0, v1, v2] = triangle.corners.at(at.f);
     TriangleHit hit{};
-    ++work.shapes;
+    ++stats.shapes;
     return !(id == ray.origin_triangle) && intersect_triangle(object_ray.slabs, v0, v1, v2, hit) &&
-           hit.t >= 0 && hit.t < ray.t_max && take(Hit{hit.t, id, hit.b0, hit.b1, hit.b2});
+           hit.t >= 0 && hit.t < ray.t_max && offer(Hit{hit.t, id, hit.b0, hit.b1, hit.b2});
   };
-  return part.index->walk(object_ray, limit, ShapeVisitor(test), work);
+  return part.index->traverse(object_ray, limit, ShapeVisitor(test), stats);
 }
 
-template <typename Take>
-bool ReferenceAccel::meet_solid(std::uint32_t solid, const Ray& ray, const Take& take,
-                                TraversalStats& work) const {
+template <typename Offer>
+bool StructureAccelerator::intersect_solid(std::uint32_t solid, const Ray& ray, const Offer& offer,
+                                           TraversalStats& stats) const {
   const auto collect = [&](const Operand& operand, const Ray& of, std::vector<Hit>& hits) {
     const float all = std::numeric_limits<float>::max();
     const auto add = [&](const Hit& hit) {
       hits.push_back(hit);
       return false;
     };
-    meet_mesh({operand.world_to_object, operand.mesh, operand.instance, kNoSolid, {}}, of, all, add,
-              work);
+    intersect_mesh({operand.world_to_object, operand.mesh, operand.instance, kNoSolid, {}}, of, all,
+                   add, stats);
   };
-  ++work.shapes;
+  ++stats.shapes;
   for (const Hit& hit : solids_->hits(solid, ray, MeshHits(collect))) {
-    if (hit.t < ray.t_max && take(hit)) return true;
+    if (hit.t < ray.t_max && offer(hit)) return true;
   }
   return false;
 }
 
-/// Shows `take` hits in any order, some more than once, until it returns true.
-template <typename Take>
-bool ReferenceAccel::meet(const Ray& ray, const float& limit, const Take& take, TraversalStats& work) const {
-  const TimeSegment& stretch = stretches_[place_of(ray).segment];
-  if (stretch.top == nullptr || !is_finite(ray.origin) || !is_finite(ray.direction)) return false;
+/// Calls offer(hit) for each hit, in any order and some more than once, until it returns true.
+/// Returns whether it did.
+template <typename Offer>
+bool StructureAccelerator::intersect(const Ray& ray, const float& limit, const Offer& offer,
+                                     TraversalStats& stats) const {
+  const TimeSegment& segment = segments_[keyframe_position(ray).segment];
+  if (segment.top == nullptr || !is_finite(ray.origin) || !is_finite(ray.direction)) return false;
   const auto test = [&](std::uint32_t index) {
-    const Placed& placed = stretch.placed[index];
-    return placed.solid == kNoSolid ? meet_mesh(placed, ray, limit, take, work)
-                                    : meet_solid(placed.solid, ray, take, work);
+    const Placed& placed = segment.placed[index];
+    return placed.solid == kNoSolid ? intersect_mesh(placed, ray, limit, offer, stats)
+                                    : intersect_solid(placed.solid, ray, offer, stats);
   };
   ShapeRay world_ray;
-  if (max_abs(ray.origin) <= stretch.origin_limit &&
-      make_shape_ray(ray.origin, ray.direction, stretch.bounds, world_ray)) {
-    return stretch.top->walk(world_ray, limit, ShapeVisitor(test), work);
+  if (max_abs(ray.origin) <= segment.origin_limit &&
+      make_shape_ray(ray.origin, ray.direction, segment.bounds, world_ray)) {
+    return segment.top->traverse(world_ray, limit, ShapeVisitor(test), stats);
   }
-  for (std::uint32_t i = 0; i < stretch.placed.size(); ++i) {  // too far for the pads
+  for (std::uint32_t i = 0; i < segment.placed.size(); ++i) {  // the padding is too small
     if (test(i)) return true;
   }
   return false;
 }
 
-bool ReferenceAccel::find_closest(const Ray& ray, const HitFilter* filter, Hit& hit,
-                                  TraversalStats& work) const {
+bool StructureAccelerator::find_closest(const Ray& ray, const HitFilter* filter, Hit& hit,
+                                        TraversalStats& stats) const {
   float limit = limit_of(ray);
   bool found = false;
-  const auto take = [&](const Hit& candidate) {
+  const auto offer = [&](const Hit& candidate) {
     if (found && !precedes(candidate, hit)) return false;
     if (filter != nullptr && !(*filter)(candidate)) return false;
     hit = candidate;
     limit = candidate.t;
     found = true;
-    return false;  // a nearer one may come
+    return false;  // a nearer hit may follow
   };
-  meet(ray, limit, take, work);
+  intersect(ray, limit, offer, stats);
   return found;
 }
 
-bool ReferenceAccel::closest_hit(const Ray& ray, const HitFilter* filter, Hit& hit) const {
-  TraversalStats work;
-  return find_closest(ray, filter, hit, work);
+bool StructureAccelerator::closest_hit(const Ray& ray, const HitFilter* filter, Hit& hit) const {
+  TraversalStats stats;
+  return find_closest(ray, filter, hit, stats);
 }
 
-bool ReferenceAccel::closest_hit(const Ray& ray, Hit& hit, TraversalStats& work) const {
-  return find_closest(ray, nullptr, hit, work);
+bool StructureAccelerator::closest_hit(const Ray& ray, Hit& hit, TraversalStats& stats) const {
+  return find_closest(ray, nullptr, hit, stats);
 }
 
-bool ReferenceAccel::any_hit(const Ray& ray, TraversalStats& work) const {
+bool StructureAccelerator::any_hit(const Ray& ray, TraversalStats& stats) const {
   const float limit = limit_of(ray);
-  const auto take = [](const Hit&) { return true; };
-  return meet(ray, limit, take, work);
+  const auto offer = [](const Hit&) { return true; };
+  return intersect(ray, limit, offer, stats);
 }
 
-bool ReferenceAccel::any_hit(const Ray& ray, const HitFilter* filter) const {
+bool StructureAccelerator::any_hit(const Ray& ray, const HitFilter* filter) const {
   if (filter == nullptr) {
-    TraversalStats work;
-    return any_hit(ray, work);
+    TraversalStats stats;
+    return any_hit(ray, stats);
   }
-  const std::vector<Hit> hits = all_hits(ray);  // each is shown once
+  const std::vector<Hit> hits = all_hits(ray);  // offers each hit once
   return std::any_of(hits.begin(), hits.end(), [&](const Hit& hit) { return (*filter)(hit); });
 }
 
-std::vector<Hit> ReferenceAccel::all_hits(const Ray& ray) const {
-  TraversalStats work;
+std::vector<Hit> StructureAccelerator::all_hits(const Ray& ray) const {
+  TraversalStats stats;
   std::vector<Hit> hits;
   const float limit = limit_of(ray);
-  const auto take = [&](const Hit& hit) {
+  const auto offer = [&](const Hit& hit) {
     hits.push_back(hit);
     return false;
   };
-  meet(ray, limit, take, work);
+  intersect(ray, limit, offer, stats);
   std::sort(hits.begin(), hits.end(), precedes);
   const auto same = [](const Hit& a, const Hit& b) { return a.t == b.t && a.id == b.id; };
   hits.erase(std::unique(hits.begin(), hits.end(), same), hits.end());
   return hits;
 }
 
-std::size_t ReferenceAccel::memory_bytes() const {
+std::size_t StructureAccelerator::memory_bytes() const {
   std::size_t sum = 0;
-  for (const TimeSegment& stretch : stretches_) {
-    sum += stretch.placed.capacity() * sizeof(Placed);
-    if (stretch.top != nullptr) sum += stretch.top->memory_bytes();
-    for (const Part& part : stretch.parts) {
+  for (const TimeSegment& segment : segments_) {
+    sum += segment.placed.capacity() * sizeof(Placed);
+    if (segment.top != nullptr) sum += segment.top->memory_bytes();
+    for (const Part& part : segment.parts) {
       sum += part.triangles.capacity() * sizeof(Triangle);
       if (part.index != nullptr) sum += part.index->memory_bytes();
     }
@@ -225,4 +227,4 @@ std::size_t ReferenceAccel::memory_bytes() const {
   return sum;
 }
 
-}  // namespace tessera::render::reference
+}  // namespace tessera::render::accelerators

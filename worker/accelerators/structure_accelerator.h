@@ -1,0 +1,78 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "worker/accel/accelerator.h"
+#include "worker/accel/build/mesh_triangles.h"
+#include "worker/accel/solids/solids.h"
+#include "worker/accelerators/structures.h"
+#include "worker/geometry/motion.h"
+#include "worker/scene/scene.h"
+
+namespace tessera::render::accelerators {
+
+/// Finds ray hits in a scene with a Structure over the triangles of each mesh and another one over
+/// the instances. Hits equal those of accel/reference/brute_force.h bit for bit.
+class StructureAccelerator final : public Accelerator {
+ public:
+  /// Copies what it needs, so `scene` need not outlive it.
+  StructureAccelerator(const Scene& scene, const Structure& structure);
+
+  bool closest_hit(const Ray& ray, const HitFilter* filter, Hit& hit) const override;
+  bool any_hit(const Ray& ray, const HitFilter* filter) const override;
+  std::size_t memory_bytes() const override;
+
+  /// The same without a filter; adds the cost to `stats`.
+  bool closest_hit(const Ray& ray, Hit& hit, TraversalStats& stats) const;
+  bool any_hit(const Ray& ray, TraversalStats& stats) const;
+  /// All hits with 0 <= t < t_max, ordered as by precedes().
+  std::vector<Hit> all_hits(const Ray& ray) const;
+
+ private:
+  struct Triangle {
+    MovingTriangle corners;
+    std::uint32_t primitive, triangle;
+  };
+  /// A mesh in its object space.
+  struct Part {
+    std::vector<Triangle> triangles;
+    Box3f bounds;
+    std::unique_ptr<ShapeIndex> index;  // null without triangles
+  };
+  struct Placed {
+    Affine3d world_to_object;
+    std::uint32_t part, instance;
+    std::uint32_t solid;           // or kNoSolid
+    std::vector<Affine3d> motion;  // object to world by keyframe; empty: it stands still
+  };
+  /// The scene between two keyframes, or at its only time.
+  struct TimeSegment {
+    std::vector<Part> parts;
+    std::vector<Placed> placed;
+    std::unique_ptr<ShapeIndex> top;
+    Box3f bounds;  // of the padded boxes of the placed parts
+    float origin_limit = 0;
+  };
+
+  static Part make_part(const Mesh& mesh, std::uint32_t segment, const Structure& structure);
+  TimeSegment make_segment(const Scene& scene, std::uint32_t segment,
+                           const Structure& structure) const;
+  KeyframePosition keyframe_position(const Ray& ray) const;
+  template <typename Offer>
+  bool intersect_mesh(const Placed& placed, const Ray& ray, const float& limit, const Offer& offer,
+                      TraversalStats& stats) const;
+  template <typename Offer>
+  bool intersect_solid(std::uint32_t solid, const Ray& ray, const Offer& offer,
+                       TraversalStats& stats) const;
+  template <typename Offer>
+  bool intersect(const Ray& ray, const float& limit, const Offer& offer,
+                 TraversalStats& stats) const;
+  bool find_closest(const Ray& ray, const HitFilter* filter, Hit& hit, TraversalStats& stats) const;
+
+  std::vector<float> key_times_;          // empty if nothing moves
+  std::shared_ptr<const Solids> solids_;  // null in a scene without solids
+  std::vector<TimeSegment> segments_;
+};
+
+}  // namespace tessera::render::accelerators
