@@ -33,6 +33,8 @@ finish() {
       podman logs "${project}_${name}_1" >"$work/container-$name.log" 2>&1 || true
     done
   fi
+  # With the anonymous volumes of the caches, which podman-compose would keep.
+  podman rm -fv -t 0 $(podman ps -aq --filter "name=${project}_") >"$work/rm.log" 2>&1 || true
   compose down -v || true
   podman network rm -f "${project}_default" >/dev/null 2>&1 || true
   if (exit "$status"); then cleanup; else cleanup; fi  # cleanup reads the status

@@ -1,4 +1,6 @@
-# Sourced by tests that run containers: podman with a configuration of its own, and the image.
+# Sourced by tests that run containers: podman with a configuration of its own, and the image. Debian
+# packages: podman runc iptables catatonit podman-compose golang-github-containernetworking-plugin-dnsname
+# mmdebstrap dpkg-dev file
 # shellcheck shell=bash
 image=localhost/tessera:latest
 bare_image=localhost/tessera-debian:12
