@@ -1,5 +1,5 @@
-// An independent slow estimator, which looks for no light and finds it where its rays go, against
-// the full one: the same image, or one of them is biased.
+// The full estimator against an independent slow one without light sampling, whose paths hit the
+// lights: both give the same image, or one is biased.
 
 #include <gtest/gtest.h>
 
@@ -26,10 +26,10 @@ constexpr std::int32_t kSize = 16, kBlock = 4;
 constexpr std::size_t kBlocks = (kSize / kBlock) * (kSize / kBlock), kValues = 3 * kBlocks;
 constexpr std::uint32_t kSeeds = 16;
 
-/// R, G, B of each block of pixels.
+/// Means of R, G, B of each block of pixels.
 using Blocks = std::array<double, kValues>;
 
-/// What frames are rendered from, with the light looked for as said.
+/// Renders frames with a light sampling mode.
 class Estimator {
  public:
   Estimator(const Scene& scene, LightSampler::LightSampling sampling)
@@ -71,7 +71,7 @@ class Estimator {
   render::PathScratch scratch_;
 };
 
-/// Means over seeds and the variances of these means.
+/// Means over seeds, and the variances of the means.
 struct Figures {
   Blocks mean{}, variance{};
 };
@@ -91,9 +91,9 @@ Figures figures(const Scene& scene, LightSampler::LightSampling sampling, std::u
   return f;
 }
 
-/// Welch's t, whose degrees of freedom are those of Welch and Satterthwaite, as a normal deviate
-/// (D. L. Wallace, "Bounds on normal approximations to Student's and the chi-square
-/// distributions", 1959).
+/// Welch's t with the degrees of freedom of Welch and Satterthwaite, converted to a normal deviate
+/// (D. L. Wallace, "Bounds on normal approximations to Student's and the chi-square distributions",
+/// 1959).
 double deviate(double a, double variance_a, double b, double variance_b) {
   const double variance = variance_a + variance_b;
   if (!(variance > 0)) return a == b ? 0 : 1e9;
@@ -105,8 +105,8 @@ double deviate(double a, double variance_a, double b, double variance_b) {
   return t < 0 ? -z : z;
 }
 
-/// Each block at one false alarm in 1,000 for all of them together (Šidák: 3.9 < z for 48 blocks
-/// is 1.4e-5 each in one tail), and their mean, which shows a bias that is small everywhere.
+/// Tests each block, with one false alarm in 1,000 for all together (Šidák: one tail of z > 3.9 has
+/// 1.4e-5 for each of 48 blocks), and their mean, which shows a bias that is small everywhere.
 void expect_agreement(const Scene& scene, std::int32_t spp, std::int32_t slow_spp) {
   ASSERT_TRUE(scene.lights.empty()) << "a light that no ray can meet";
   const Figures full = figures(scene, LightSampler::LightSampling::all, 1, spp);
@@ -120,11 +120,11 @@ void expect_agreement(const Scene& scene, std::int32_t spp, std::int32_t slow_sp
     light += slow.mean[k];
   }
   EXPECT_GT(light, 0);
-  // Channels of a block rise and fall together: at worst a third of the deviates is independent.
+  // The channels of a block are correlated: at worst a third of the deviates is independent.
   EXPECT_LT(std::fabs(sum / kValues) * std::sqrt(kValues / 3.0), 3.3);
 }
 
-/// A scene of tests/scenes, without its lights that have no surface.
+/// A scene of tests/scenes without its punctual lights.
 Scene scene_of_file(const std::string& name) {
   FolderReader reader(std::string(TESSERA_SCENES));
   contract::RenderSettings settings = small_settings(kSize, kSize, 4);
@@ -157,7 +157,7 @@ TEST(Estimators, AgreeOnMotionBlur) {
   expect_agreement(scene_of_file("motion"), 8, 32);
 }
 
-// A small lamp that shines down goes along over a floor, and a quarter round.
+// A small lamp that shines down moves over a floor and makes a quarter turn.
 TEST(Estimators, MovingLampsAreSampled) {
   Scene scene = empty_scene();
   render::Material lamp = lambert({0.5f, 0.5f, 0.5f});
@@ -179,7 +179,7 @@ TEST(Estimators, MovingLampsAreSampled) {
   EXPECT_LT(noise * 10, std::accumulate(slow.variance.begin(), slow.variance.end(), 0.0));
 }
 
-// Both strategies find the lamp often, so that each has to give the other its due.
+// Light and BSDF sampling both find the lamp often, so their weights matter.
 TEST(Estimators, AgreeOnRoughMetalUnderLargeLamp) {
   Scene scene = empty_scene();
   render::Material lamp = lambert({0.5f, 0.5f, 0.5f});

@@ -19,7 +19,7 @@ using render::Vec3f;
 
 constexpr double kPi = 3.14159265358979323846;
 
-/// A wide floor at y = 0 and a camera above that sees a spot of it the size of a pinhead.
+/// A wide floor at y = 0 and a camera above that sees a tiny spot of it.
 Scene floor_scene(const Material& material, const Vec3d& looked_at) {
   Scene scene = empty_scene();
   const auto index = add_material(&scene, material);
@@ -135,8 +135,8 @@ TEST(Lighting, SquareFormFactorMatchesFormula) {  // hard case 58
   }
 }
 
-/// The density of light samples over solid angle, times the solid angle of the halves, for either
-/// half of an emitting parallelogram one metre above.
+/// Density of light samples over solid angle times the solid angle, for both halves of an emissive
+/// parallelogram one metre above.
 std::array<double, 2> shares_of_halves(const Vec3f& along_t) {
   Scene scene = empty_scene();
   const auto material = add_material(&scene, lamp(1));
@@ -156,7 +156,7 @@ std::array<double, 2> shares_of_halves(const Vec3f& along_t) {
 
 TEST(Lighting, RectangleHalvesAreOneLight) {
   for (const double share : shares_of_halves({1, 0, 0})) EXPECT_NEAR(share, 1, 1e-6);
-  // One that leans is not: its halves are seen under other angles.
+  // A slanted parallelogram is not one light: its halves are seen under other angles.
   const auto leaning = shares_of_halves({1, 0, 0.5f});
   EXPECT_GT(std::fabs(leaning[0] - leaning[1]), 0.1);
 }
@@ -172,7 +172,7 @@ TEST(Lighting, ClosedFurnaceSumsBounces) {  // hard case 45
     settings.max_depth = depth;
     const Picture picture = render_picture(scene, settings);
     const double expected = 1 - std::pow(0.5, depth + 1);
-    // Grey light: the three channels have one error, not three.
+    // Grey light: the errors of the three channels are equal, not independent.
     const double error = std::sqrt(3) * picture.mean_error();
     EXPECT_NEAR(picture.mean(), expected, 4 * error + 1e-6) << depth;
     EXPECT_LT(error, 5e-3);
@@ -193,8 +193,9 @@ TEST(Lighting, ClosedFurnaceReportsTruncatedEnergy) {  // hard case 45
     for (const contract::FilmBlock& block : picture.blocks) truncated += block.truncated_energy;
     const double samples = 32 * 32 * 64;
     const double expected = 50 * std::pow(0.99, depth + 1);
-    // Each path is traced on with chance 1/64 and then brings about 64 times `expected`: so much
-    // comes from the choice. Roulette and the walks' ends add as much again at most.
+    // Each path continues with probability 1/64 and then contributes about 64 times `expected`;
+    // this is the variance of that choice. Russian roulette and path ends add as much again at
+    // most.
     const double error = expected * std::sqrt(2 * 64 / samples);
     EXPECT_NEAR(truncated / (3 * samples), expected, 4 * error) << depth;
     EXPECT_NEAR(picture.mean(), 50 - expected, 4 * std::sqrt(3) * picture.mean_error()) << depth;
@@ -222,7 +223,7 @@ TEST(Lighting, ConstantSkyLightsWhiteFloorEqually) {  // hard case 56
   Scene scene = floor_scene(lambert({1, 1, 1}), {0, 0, 0});
   set_constant_sky(&scene, 2);
   EXPECT_NEAR(middle(scene, 16), 2, 1e-6);
-  // The same as an image: now it is sampled, with the same answer.
+  // The same sky as an image is sampled and gives the same result.
   std::vector<float> texels(64 * 32 * 3, 2.0f);
   set_sky(&scene, 64, 32, texels);
   const Picture picture = render_picture(scene, small_settings(4, 4, 256));
@@ -237,7 +238,7 @@ TEST(Lighting, BrightSkyTexelLightsFloor) {  // hard case 55
     texels[(kRow * kWidth + kColumn) * 3 + static_cast<std::size_t>(c)] = 1e5f;
   Scene scene = floor_scene(lambert({1, 1, 1}), {0, 0, 0});
   set_sky(&scene, kWidth, kHeight, texels);
-  // Irradiance: the bilinear hat of the texel against cos(theta) sin(theta), in double.
+  // Irradiance: the bilinear filter of the texel times cos(theta) sin(theta), in double.
   double irradiance = 1e-3 * kPi;
   constexpr int kSub = 400;
   for (int k = 0; k < kSub; ++k) {
@@ -248,7 +249,7 @@ TEST(Lighting, BrightSkyTexelLightsFloor) {  // hard case 55
   }
   auto settings = small_settings(8, 8, 256);
   settings.max_depth = 1;
-  // One sample in a thousand goes to the faint rest: 16,384 of them are good to 2.5e-4.
+  // One sample in a thousand goes to the dim remainder: 16,384 samples are precise to 2.5e-4.
   EXPECT_NEAR(render_picture(scene, settings).mean() / (irradiance / kPi), 1, 1e-3);
 }
 
@@ -267,7 +268,7 @@ TEST(Lighting, SkyTexelAppearsInPredictedDirection) {
       Scene scene = empty_scene();
       set_sky(&scene, kWidth, kHeight, texels);
       scene.environment.rotation_degrees = degrees;
-      // Bilinear weights of that texel at the exact point.
+      // Bilinear weights of the texel at the exact point.
       const double wx = 1 - std::fabs(u * kWidth - column - 0.5);
       const double wy = 1 - std::fabs(v * kHeight - row - 0.5);
       look_at(&scene, {0, 0, 0}, dir);
@@ -279,7 +280,7 @@ TEST(Lighting, SkyTexelAppearsInPredictedDirection) {
   }
 }
 
-/// Number i of a sequence of even directions over the sphere.
+/// Direction i of `count` directions spread evenly over the sphere.
 Vec3f spread(int i, int count) {
   const double z = 1 - 2 * (i + 0.5) / count, phi = i * 2.399963229728653;
   const double r = std::sqrt(1 - z * z);
@@ -300,7 +301,7 @@ TEST(Environment, SamplesFollowPdf) {  // hard cases 55, 56
     const int row = i / kSide, column = i % kSide;
     const auto s = map.sample((row + 0.5) / kSide, (column + 0.5) / kSide);
     ASSERT_NEAR(static_cast<double>(length(s.direction)), 1, 1e-6);
-    // Away from texel edges the density read back is the density drawn with.
+    // Away from texel edges pdf() returns the density of the sample.
     const float back = map.pdf(s.direction);
     sum += static_cast<double>(back / s.pdf);
     sampled += static_cast<double>(luminance(s.radiance) / s.pdf) / (kSide * kSide);
@@ -312,14 +313,14 @@ TEST(Environment, SamplesFollowPdf) {  // hard cases 55, 56
   }
   EXPECT_NEAR(sum / (kSide * kSide), 1, 1e-3);
   EXPECT_NEAR(density, 1, 2e-3);
-  // Samples find what has density, the BSDF what has none, and together they find everything.
+  // Light samples find directions with density, BSDF samples those without; together they find all.
   EXPECT_NEAR((sampled + left) / map.power(), 1, 1e-2);
   EXPECT_GT(left, 0.01 * map.power());
 }
 
 TEST(Environment, BrightTexelsAreSampled) {  // hard case 66
   std::vector<float> texels(16 * 8 * 3, 0.0f);
-  texels[(3 * 16 + 0) * 3] = 1e-6f;  // its filter reaches round the seam
+  texels[(3 * 16 + 0) * 3] = 1e-6f;  // its filter wraps around the seam
   Scene scene;
   set_sky(&scene, 16, 8, texels);
   const render::EnvironmentMap map(scene);

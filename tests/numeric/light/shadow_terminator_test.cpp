@@ -1,4 +1,4 @@
-// Hard case 12: a coarse mesh with smooth normals under a low light.
+// Hard case 12: a coarse mesh with smooth normals under grazing light.
 
 #include <gtest/gtest.h>
 
@@ -21,7 +21,7 @@ using render::Vec3f;
 constexpr int kSide = 96;  // pixels
 constexpr double kWindow = 1.05;
 
-/// The icosahedron, each face split into four: 80 triangles, corners and normals on the sphere.
+/// An icosahedron with each face split into four: 80 triangles, vertices and normals on the sphere.
 Primitive icosphere(std::int32_t material) {
   constexpr float kGolden = std::numbers::phi_v<float>;
   Primitive p;
@@ -79,8 +79,8 @@ Vec3d at_pixel(int x, int y) {
 }
 
 struct Cosine {
-  double smooth = 0;  // of the light with the interpolated normal
-  double flat = 0;    // what the flat triangles leave of that: their shadow is black
+  double smooth = 0;  // error of shading with interpolated normals
+  double flat = 0;    // the same with the flat triangles' own shadows
 };
 
 Cosine cosine_on_mesh(const Primitive& mesh, const Vec3d& pixel, const Vec3d& light) {
@@ -105,7 +105,7 @@ struct Distance {
   double rendered = 0, smooth = 0, flat = 0;
 };
 
-/// Mean distance to the sphere's cosine where that is between cos 90 and cos 70 degrees.
+/// Mean difference from the sphere's cosine where that is between cos 90 and cos 70 degrees.
 Distance distance_to_sphere(const Vec3d& light, const render::Affine3d& placement, bool mirrored) {
   const Primitive mesh = icosphere(1);
   EXPECT_EQ(mesh.triangles.size(), 80u);
@@ -122,7 +122,7 @@ Distance distance_to_sphere(const Vec3d& light, const render::Affine3d& placemen
   for (int y = 0; y < kSide; ++y) {
     for (int x = 0; x < kSide; ++x) {
       Vec3d p = at_pixel(x, y);
-      if (!(p.x * p.x + p.y * p.y < 0.8)) continue;  // the mesh's outline lies inside the sphere's
+      if (!(p.x * p.x + p.y * p.y < 0.8)) continue;  // may miss the mesh, smaller than the sphere
       p.z = std::sqrt(1 - p.x * p.x - p.y * p.y);
       const double cosine = dot(p, light);
       if (!(cosine > 0 && cosine < std::cos(70 * std::numbers::pi / 180))) continue;
@@ -141,17 +141,17 @@ Distance distance_to_sphere(const Vec3d& light, const render::Affine3d& placemen
 
 TEST(ShadowTerminator, CoarseSphereIsLitLikeSphere) {
   for (const Vec3d& toward : {Vec3d{1, 0.3, 0.1}, Vec3d{-1, 0.2, 0.4}, Vec3d{0.2, -1, -0.3}}) {
-    for (const bool mirrored : {false, true}) {  // the other way round in memory, not in the world
+    for (const bool mirrored : {false, true}) {  // other vertex order in memory, same in the world
       const Distance d = distance_to_sphere(
           normalize(toward), mirrored ? scaling(-1, 1, 1) : render::Affine3d{}, mirrored);
       EXPECT_LT(d.rendered, 0.8 * d.flat);
-      // Nothing is left of the facets' shadow: the rest is what interpolated normals are off by.
+      // Facets leave no shadow; the remaining error is that of interpolated normals.
       EXPECT_NEAR(d.rendered, d.smooth, 0.02 * d.smooth);
     }
   }
 }
 
-/// Mean over the pixels that see the mesh from outside, or from its middle.
+/// Expects a mean over the pixels that see the mesh from outside, or from its centre.
 void expect_furnace(bool inside, double least, double most) {
   Scene scene = scene_of(icosphere(1), {});
   set_constant_sky(&scene, 1);
@@ -172,7 +172,7 @@ void expect_furnace(bool inside, double least, double most) {
 }
 
 TEST(ShadowTerminator, CoarseWhiteSphereKeepsEnergy) {
-  expect_furnace(false, 1 - 1e-5, 1 + 1e-5);  // every path: the sky's light, weights sum to 1
+  expect_furnace(false, 1 - 1e-5, 1 + 1e-5);  // every path ends in the sky with a weight of 1
 }
 
 TEST(ShadowTerminator, CoarseSphereLeaksNoLight) {

@@ -1,4 +1,4 @@
-/// Media inside closed surfaces, uneven media, and which of nested solids is there.
+/// Media inside closed surfaces, heterogeneous media, and priorities of nested solids.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -37,7 +37,7 @@ Medium medium(const Vec3f& absorption, const Vec3f& scattering = {}) {
   return m;
 }
 
-/// What only ends a medium: not seen itself.
+/// An invisible boundary of a medium.
 Material boundary(const Medium& with) {
   Material m = lambert({0.5f, 0.5f, 0.5f});
   m.medium = with;
@@ -80,7 +80,8 @@ void expect_mean(const Picture& picture, double expected, double largest_error) 
   EXPECT_LT(error, largest_error);
 }
 
-/// Rays start off surfaces 100 m wide by their rounding, up to 1e-5 m at each of six.
+/// Rays start off surfaces 100 m wide by their rounding error, up to 1e-5 m at each of six
+/// surfaces.
 constexpr double kOffset = 2e-5;
 
 TEST(MediumBody, InvisibleBoundaryEndsMedium) {
@@ -88,10 +89,10 @@ TEST(MediumBody, InvisibleBoundaryEndsMedium) {
   add_wall(&scene);
   add_slab(&scene, -1, 1, boundary(medium({0.3f, 0.3f, 0.3f})));
   EXPECT_NEAR(middle(scene, 1, 1, 1).mean(), std::exp(-0.6), kOffset);
-  // From inside, half of it is before the camera.
+  // From its centre, half of it is in front of the camera.
   look_at(&scene, {0, 0, 0}, {0, 0, -1});
   EXPECT_NEAR(middle(scene, 1, 1, 1).mean(), std::exp(-0.3), kOffset);
-  // Another one in it takes its place, and the scene's lies around both.
+  // A body inside replaces it; the scene's medium surrounds both.
   add_slab(&scene, -0.5f, 0.25f, boundary(medium({1, 1, 1})));
   scene.atmosphere = render::Atmosphere{medium({0.1f, 0.1f, 0.1f}), {0, 0, 0}};
   EXPECT_NEAR(middle(scene, 1, 1, 1).mean(), std::exp(-0.5 - 0.15 - 0.8), kOffset);
@@ -125,7 +126,7 @@ TEST(MediumBody, SingleScatteringMatchesQuadrature) {
   scene.lights.push_back(light);
   const double expected = integral(
       [](double t) {
-        const double d = std::hypot(2.0, t - 3);  // half of the way lies in the box
+        const double d = std::hypot(2.0, t - 3);  // half of the distance lies in the box
         return 0.6 * std::exp(-0.8 * (t - 2 + d / 2)) / (4 * kPi) / (d * d);
       },
       2, 4, 1000);
@@ -149,7 +150,7 @@ TEST(MediumBody, GlassAbsorbsLikeVolumeExtension) {
   settings.max_depth = 6;
   const Picture a = render_picture(volume, settings), b = render_picture(fog, settings);
   for (std::size_t i = 0; i < a.rgb.size(); ++i) {
-    // The same paths but where roulette sees another last digit.
+    // The same paths, except where Russian roulette sees another last digit.
     EXPECT_NEAR(a.rgb[i], b.rgb[i], 1e-4) << i;
   }
 }
@@ -165,7 +166,7 @@ TEST(MediumBody, WhiteGlassVanishesInFurnace) {
   expect_mean(middle(scene, 64, 255), 1, 0.05);
 }
 
-/// Transmittance of three interfaces in a row with all reflections between them, incoherent.
+/// Incoherent transmittance of three interfaces with all reflections between them.
 double through_three(double r1, double r2, double r3) {
   const double t12 = (1 - r1) * (1 - r2) / (1 - r1 * r2);
   const double back = r2 + (1 - r2) * (1 - r2) * r1 / (1 - r1 * r2);
@@ -190,7 +191,7 @@ TEST(NestedDielectrics, WaterInGlassUsesRelativeIor) {
   for (const bool glass_first : {true, false}) {
     Scene scene = spot({0, 0, 5}, {0, 0, 0});
     add_wall(&scene);
-    // The water reaches into the glass, which is there where both are.
+    // The water overlaps the glass, which has priority where both are.
     const Material water = dielectric(static_cast<float>(kWater), 1);
     const Material wall = dielectric(static_cast<float>(kGlass), 2);
     if (glass_first) {
@@ -205,7 +206,7 @@ TEST(NestedDielectrics, WaterInGlassUsesRelativeIor) {
             ? through_three(reflectance(kGlass), reflectance(kGlass / kWater), reflectance(kWater))
             : through_three(reflectance(kWater), reflectance(kGlass / kWater), reflectance(kGlass));
     expect_mean(middle(scene, 256, 32), expected, 2e-3);
-    // From inside the overlap, and what is absorbed there: only by the glass.
+    // From inside the overlap; only the glass absorbs there.
     for (Material& m : scene.materials) {
       if (m.optics.priority == 1) m.medium = medium({5, 5, 5});
     }
@@ -223,13 +224,13 @@ TEST(NestedDielectrics, AirGapReflectsTwice) {
   add_slab(&scene, 0, 1, dielectric(static_cast<float>(kGlass), 2));
   add_slab(&scene, -1, -0.01f, dielectric(static_cast<float>(kWater), 1));
   const double g = reflectance(kGlass), w = reflectance(kWater);
-  // Each slab with all reflections within it, then both.
+  // Each slab with all its internal reflections, then both.
   const double tg = (1 - g) / (1 + g), tw = (1 - w) / (1 + w);
   expect_mean(middle(scene, 256, 32), tg * tw / (1 - (1 - tg) * (1 - tw)), 3e-3);
 }
 
 TEST(NestedDielectrics, CoincidentSurfacesWarn) {
-  // Water on a glass bottom: apart, in each other's surface, reaching into it.
+  // Water above a glass bottom: with a gap, with a shared surface, overlapping.
   for (const auto& [bottom, warnings] : {std::pair{0.01f, 0u}, {0.0f, 1u}, {-0.01f, 0u}}) {
     Scene scene = empty_scene();
     const auto wall = add_material(&scene, dielectric(static_cast<float>(kGlass), 2));
@@ -286,7 +287,7 @@ TEST(MediumStack, TopIsHighestRankedBody) {
   EXPECT_EQ(in.top()->id, 16u) << "at most kMaxDepth bodies";
 }
 
-/// A cloud of a few octaves, between 0.1 and 2 times as dense.
+/// A cloud of a few octaves with a density factor between 0.1 and 2.
 Scene clouds() {
   Scene scene = empty_scene();
   ProceduralTexture p;
@@ -309,7 +310,7 @@ std::shared_ptr<DensityGrid> ramp_grid() {
   return grid;
 }
 
-/// The grid by its definition: a sum over all lattice points of their tents.
+/// The density grid by its definition: a sum of trilinear weights over all lattice points.
 double tents(const DensityGrid& grid, const Vec3d& p) {
   double sum = 0;
   for (int i = 0; i < 24; ++i) {
@@ -349,7 +350,7 @@ TEST(HeterogeneousMedium, DensityStaysBelowBound) {
   EXPECT_GT(largest, 0.7);
 }
 
-/// Means over many tries, with their standard errors.
+/// Means over many samples, with their standard errors.
 struct Tally {
   Vec3d sum, squares;
   int count = 0;

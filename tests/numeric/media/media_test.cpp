@@ -1,4 +1,4 @@
-/// Media over a whole scene: closed forms, quadrature, furnaces.
+/// Media that fill a scene: formulas, quadrature, furnaces.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -48,7 +48,7 @@ PunctualLight point_light(float candela, const Vec3d& position) {
   return light;
 }
 
-/// A pinhead-sized spot of what is seen from `eye` towards `target`.
+/// A camera at `eye` that sees a tiny spot at `target`.
 Scene spot(const Vec3d& eye, const Vec3d& target) {
   Scene scene = empty_scene();
   look_at(&scene, eye, target);
@@ -62,7 +62,7 @@ Picture middle(Scene scene, int spp, int max_depth, int width = 4) {
   return render_picture(std::move(scene), settings);
 }
 
-/// The mean over all pixels of one channel, with its standard error.
+/// Mean over all pixels of one channel, with its standard error.
 struct Estimate {
   double mean = 0, error = 0;
 };
@@ -86,12 +86,12 @@ Material lamp(float radiance) {
 TEST(PhaseFunction, IntegratesToOneAndMatchesSampling) {
   for (const double g : {0.0, 0.9, -0.9, 0.99, -0.99, 0.999, -0.999}) {
     const auto density = [g](double versine) {
-      // Two unit vectors so far apart; the float form is asked with what it gets in a render.
+      // Two unit vectors with 1 - cos = versine; the float function is called as in a render.
       const double sine = std::sqrt(versine * (2 - versine));
       const Vec3f to = Vec3f(Vec3d{sine, 0, 1 - versine});
       return double{render::phase::density(static_cast<float>(g), {0, 0, 1}, to)};
     };
-    // In x, 1 - cos = 2 x^4 (or from behind), so that the peak is drawn out.
+    // Substituting 1 - cos = 2 x^4 (or 1 + cos) spreads the peak.
     const double sum = integral(
         [&](double x) {
           const double v = 2 * x * x * x * x;
@@ -100,7 +100,7 @@ TEST(PhaseFunction, IntegratesToOneAndMatchesSampling) {
         0, 1, 4000);
     EXPECT_NEAR(sum, 1, 1e-3) << g;
     ASSERT_TRUE(std::isfinite(density(0)) && std::isfinite(density(2))) << g;
-    // Samples against the distribution of 1 - cos.
+    // Compares samples with the distribution of 1 - cos.
     constexpr int kSamples = 200;
     double mean = 0;
     for (int i = 0; i < kSamples; ++i) {
@@ -110,7 +110,7 @@ TEST(PhaseFunction, IntegratesToOneAndMatchesSampling) {
             render::phase::sample(static_cast<float>(g), {0, 0, 1}, {u, static_cast<float>(j) / 8});
         EXPECT_NEAR(double{length(d)}, 1, 1e-6);
         mean += double{d.z} / (8 * kSamples);
-        // 1 - cos to the peak, by the sine where a difference would cancel.
+        // 1 - cos from the peak, computed by the sine where the difference would cancel.
         const double a = std::fabs(g), z = double{d.z} * (g < 0 ? -1 : 1);
         const double x = double{d.x}, y = double{d.y};
         const double versine = z > 0 ? (x * x + y * y) / (1 + z) : 1 - z;
@@ -129,7 +129,7 @@ TEST(EquiAngular, SamplesFollowDensity) {
   for (const auto& [begin, end] : {std::pair{0.0, 4.0}, {1.0, inf}, {0.0, inf}}) {
     const render::EquiAngular near({0, 0, 0}, {0, 0, 1}, {0.3, 0, 2}, begin, end);
     ASSERT_TRUE(near.usable());
-    // Between two of its samples lies the share of u between them.
+    // The probability between the samples of two u is the difference of the u.
     const double a = near.sample(0.2), b = near.sample(0.7);
     EXPECT_NEAR(integral([&](double t) { return near.pdf(t); }, a, b, 2000), 0.5, 1e-6);
     EXPECT_GE(near.sample(0), begin);
@@ -154,7 +154,7 @@ TEST(FreeFlight, CollisionRateMatchesFormula) {
     Vec3f throughput{1, 0.5f, 0.25f};
     traversal.begin(sampler.get_4d_fine(4).x, double{sampler.get_4d(4).y}, throughput);
     double t = 0;
-    // Two stretches, as if a veil lay between them.
+    // Two segments, as if a transparent surface lay between them.
     segment.end = 0.7;
     bool hit = traversal.collides(segment, &throughput, &t);
     if (!hit) {
@@ -178,7 +178,7 @@ TEST(FreeFlight, CollisionRateMatchesFormula) {
 
 TEST(Fog, AbsorptionFollowsBeer) {
   const Vec3f sigma{0.1f, 0.5f, 0};
-  // A lamp seen through it.
+  // A lamp seen through the medium.
   Scene seen = spot({0, 0, 5}, {0, 0, 0});
   const auto shine = add_material(&seen, lamp(3));
   add_primitive(&seen, quad({-9, -9, 0}, {18, 0, 0}, {0, 18, 0}, shine));
@@ -191,7 +191,7 @@ TEST(Fog, AbsorptionFollowsBeer) {
   lit.lights.push_back(point_light(1, {1, 2, 0}));
   fill(&lit, medium(sigma, {}));
   const Vec3d floor_seen = middle(lit, 1, 1, 1).at(0, 0);
-  // The sky beyond a ball of it, through the middle and beside it.
+  // The sky behind a ball of the medium, through its centre and beside it.
   Scene sky = spot({0, 0, 5}, {0, 0, 0});
   set_constant_sky(&sky, 1);
   fill(&sky, medium(sigma, {}), 2);
@@ -255,7 +255,7 @@ TEST(Fog, AlbedoOneVanishesInFurnace) {
   Scene scene = spot({0, 0, 5}, {0.5, 0, 0});
   set_constant_sky(&scene, 1);
   fill(&scene, medium({}, {0.5f, 1, 0.2f}, 0.4f), 2);
-  // A white thing in it changes nothing.
+  // A white object in the medium changes nothing.
   const auto white = add_material(&scene, lambert({1, 1, 1}));
   add_primitive(&scene, sphere({0.5f, 0, 0}, 0.5f, 16, white));
   const Picture picture = middle(scene, 256, 255);
@@ -267,8 +267,8 @@ TEST(Fog, AlbedoOneVanishesInFurnace) {
 }
 
 TEST(Fog, VanishesBetweenUniformEmitters) {
-  // Lamps sampled where paths collide and near to lamps, and hit by chance: every way to find them
-  // has a part of 1.
+  // Collisions sample lamps, equi-angular sampling finds places near lamps, and paths hit lamps:
+  // each strategy contributes.
   Scene scene = spot({0, 0, 2}, {0.3, 0.2, 0});
   const auto shine = add_material(&scene, lamp(1));
   add_primitive(&scene, box({-3, -3, -3}, {3, 3, 3}, true, shine));
@@ -289,14 +289,14 @@ TEST(Fog, EmptyMediumKeepsEveryBit) {
   const Picture without = middle(scene, 8, 4);
   fill(&scene, medium({}, {}));
   EXPECT_EQ(middle(scene, 8, 4).rgb, without.rgb);
-  // Also where it is there, but nowhere on the way.
+  // Also if the medium exists but not along the path.
   fill(&scene, medium({1, 1, 1}, {2, 2, 2}), 1);
   scene.atmosphere->center = {0, 0, -1e3};
   EXPECT_EQ(middle(scene, 8, 4).rgb, without.rgb);
 }
 
-// The limit is one of what light passes. How much a ray meets before what blocks it is up to the
-// order of the traversal.
+// The limit counts transparent surfaces that the light passes. How many a ray meets before an
+// opaque surface depends on the order of the traversal.
 TEST(Fog, BlockedLightDoesNotCountTowardsLimit) {
   Scene scene = spot({3, 0, 0.5}, {0, 0, 0});
   Material hole = lambert({1, 1, 1});
@@ -308,7 +308,7 @@ TEST(Fog, BlockedLightDoesNotCountTowardsLimit) {
   const auto square = [](float z, std::int32_t material) {
     return quad({-0.01f, -0.01f, z}, {0.02f, 0, 0}, {0, 0.02f, 0}, material);
   };
-  render::Primitive veils;  // twice the limit on either side of the middle
+  render::Primitive veils;  // twice the limit on each side of the middle
   veils.material = veil;
   for (int i = 0; i < 4 * render::kTransparencyLimit; ++i) {
     const render::Primitive q = square(1 + 0.002f * static_cast<float>(i), veil);
@@ -335,7 +335,7 @@ TEST(Fog, DenseMediumMatchesChandrasekhar) {
   set_constant_sky(&scene, 1);
   fill(&scene, medium({2e5f, 2e5f, 2e5f}, {8e5f, 8e5f, 8e5f}), 1);
   const Picture picture = middle(scene, 512, 64);
-  // Isotropic, half-infinite, lit from everywhere, met at right angles: 1 - H(1) sqrt(1 - albedo)
+  // Isotropic half-space, lit from everywhere, viewed along the normal: 1 - H(1) sqrt(1 - albedo)
   // with Chandrasekhar's H(1) = 1.9228 at albedo 0.8 (iterated below).
   const double albedo = 0.8;
   std::vector<double> h(200, 1);
@@ -356,7 +356,7 @@ TEST(Fog, DenseMediumMatchesChandrasekhar) {
   EXPECT_NEAR(picture.mean(), expected, 4 * std::sqrt(3) * picture.mean_error() + 2e-3);
   double truncated = 0;
   for (const auto& block : picture.blocks) truncated += block.truncated_energy;
-  EXPECT_LT(truncated / (512 * 16), 1e-3 * expected);  // next to none comes as far as 64 collisions
+  EXPECT_LT(truncated / (512 * 16), 1e-3 * expected);  // almost no path reaches
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-/// Pictures of what moves while the shutter is open: the average of many sharp ones.
+/// Motion blur: images of moving objects equal the average of many sharp images.
 
 #include <gtest/gtest.h>
 
@@ -28,7 +28,7 @@ int shining(GltfBuilder& b, const std::string& color) {
                         R"(, "doubleSided": true, "pbrMetallicRoughness": {"metallicFactor": 0}})");
 }
 
-/// A mesh upright at z = 0, from x on, 2 m high.
+/// An upright mesh at z = 0 that begins at x, 2 m high.
 int add_stripe(GltfBuilder& b, float x, float width, int material) {
   tessera::testing::TriangleMesh mesh;
   mesh.positions = {{x, -1, 0}, {x + width, -1, 0}, {x + width, 1, 0}, {x, 1, 0}};
@@ -42,7 +42,7 @@ void add_wall(GltfBuilder& b) {
   b.add_node_with_mesh(add_stripe(b, -9, 18, paint), R"({"translation": [0, 0, -1]})");
 }
 
-/// Turns a node about an axis, at even speed from 0 s to 1 s.
+/// Turns a node about an axis at constant speed from 0 s to 1 s.
 void turn(GltfBuilder& b, int node, const Vec3f& axis, double from, double to) {
   std::vector<float> values;
   for (const double angle : {from, to}) {
@@ -53,8 +53,8 @@ void turn(GltfBuilder& b, int node, const Vec3f& axis, double from, double to) {
   animate(b, node, "rotation", {0, 1}, "VEC4", values);
 }
 
-/// A row of things that shine, move, and are lit from the side: one goes along, one round, one
-/// grows, one bends. The wall behind is lit by them, too, and the camera moves.
+/// A row of emissive objects under light from the side: one translates, one rotates, one scales,
+/// one is skinned. They light the wall behind, and the camera moves.
 std::unique_ptr<GltfBuilder> moving_row(double open, double close) {
   auto file = std::make_unique<GltfBuilder>();
   GltfBuilder& b = *file;
@@ -78,7 +78,7 @@ std::unique_ptr<GltfBuilder> moving_row(double open, double close) {
         R"([{"POSITION": )" + number(moves) + "}]");
   const int grown = b.add_node_with_mesh(growing);
   animate(b, grown, "weights", {0, 1}, "SCALAR", {0, 1});
-  // Bound to a joint that turns about z.
+  // Skinned to a joint that turns about z.
   const int bent = add_stripe(b, -0.5f, 0.2f, shining(b, "[0.5, 0.5, 0]"));
   const std::vector<std::uint8_t> joints(16, 0);
   tessera::testing::AccessorSpec spec;
@@ -98,7 +98,7 @@ std::unique_ptr<GltfBuilder> moving_row(double open, double close) {
   return file;
 }
 
-/// Lights without a surface: red goes along, green turns its cone, blue turns.
+/// Punctual lights: red translates, green turns its cone, blue rotates.
 std::unique_ptr<GltfBuilder> moving_lights(double open, double close) {
   auto file = std::make_unique<GltfBuilder>();
   GltfBuilder& b = *file;
@@ -122,8 +122,7 @@ std::unique_ptr<GltfBuilder> moving_lights(double open, double close) {
   return file;
 }
 
-/// Lamps beside what the camera sees: red goes along and turns, green is bent by a target, blue
-/// grows.
+/// Lamps outside the view: red translates and rotates, green is morphed, blue scales.
 std::unique_ptr<GltfBuilder> moving_lamps(double open, double close) {
   auto file = std::make_unique<GltfBuilder>();
   GltfBuilder& b = *file;
@@ -148,7 +147,7 @@ std::unique_ptr<GltfBuilder> moving_lamps(double open, double close) {
   return file;
 }
 
-/// The same of shapes: a red ball goes along, a green disc and a thin blue tube turn.
+/// The same with shapes: a red sphere translates, a green disc and a thin blue cylinder rotate.
 std::unique_ptr<GltfBuilder> moving_bulbs(double open, double close) {
   auto file = std::make_unique<GltfBuilder>();
   GltfBuilder& b = *file;
@@ -170,7 +169,7 @@ std::unique_ptr<GltfBuilder> moving_bulbs(double open, double close) {
   return file;
 }
 
-/// A ball of smoke that turns and goes along before a wall that shines.
+/// A ball of smoke that rotates and translates before an emissive wall.
 std::unique_ptr<GltfBuilder> moving_smoke(double open, double close) {
   auto file = std::make_unique<GltfBuilder>();
   GltfBuilder& b = *file;
@@ -193,7 +192,7 @@ std::unique_ptr<GltfBuilder> moving_smoke(double open, double close) {
   return file;
 }
 
-/// Mean and squared standard error of a pixel's channels over independent pictures.
+/// Mean and squared standard error of a pixel's channels over independent images.
 struct Estimate {
   std::vector<double> sum, squares;
   double count = 0;
@@ -212,8 +211,8 @@ struct Estimate {
   }
 };
 
-/// Blurred pictures against averages of many sharp ones, each of the file without a shutter at a
-/// time of its own.
+/// Expects blurred images to equal the average of many sharp ones, each of the file without a
+/// shutter at a time of its own.
 void expect_average(std::unique_ptr<GltfBuilder> (*make)(double open, double close),
                     std::uint32_t pictures) {
   constexpr double kTick = 1e-6;
@@ -263,13 +262,13 @@ void expect_average(std::unique_ptr<GltfBuilder> (*make)(double open, double clo
     const double off_if_frozen = std::abs(frozen.rgb[i] - average.mean(i));
     if (off_if_frozen > 1e-6) most_if_frozen = std::max(most_if_frozen, off_if_frozen / error);
   }
-  // 72 values: the largest of as many t of 15 degrees of freedom passes 5.1 once in 100 times.
-  // Paths are off by at most 4/3 2^-10 of 2 m: a fiftieth of a pixel.
+  // The largest of 72 values of t with 15 degrees of freedom exceeds 5.1 once in 100 times. Paths
+  // deviate by at most 4/3 2^-10 of 2 m, a fiftieth of a pixel.
   EXPECT_LT(most, 5.1);
   EXPECT_GT(most_if_frozen, 2 * 5.1) << "what stands still would hardly be noticed";
 }
 
-/// Of transforms, skins, morphs and cameras.
+/// Transforms, skins, morphs and cameras.
 TEST(MotionBlur, EqualsAverageOfSharpFrames) {
   expect_average(moving_row, 16);
 }

@@ -1,4 +1,4 @@
-/// Lamps that move while the shutter is open: the density they are looked for with.
+/// Moving lamps: the density of their samples.
 
 #include "worker/light/emitters/moving_lights.h"
 
@@ -7,14 +7,14 @@
 #include <cmath>
 
 #include "tests/numeric/motion/moving_scenes.h"
-#include "worker/light/light_sampler.h"
 #include "worker/light/emitters/shape_light.h"
+#include "worker/light/light_sampler.h"
 #include "worker/shading/surface/surface.h"
 
 namespace tessera::render::testing {
 namespace {
 
-/// Everything shines, to both sides.
+/// A scene in which everything emits to both sides.
 Scene shining_scene(Dice& dice) {
   Scene scene = moving_scene(dice);
   Material material;
@@ -29,7 +29,7 @@ LightSampleContext somewhere(Dice& dice) {
 }
 
 bool lies_in(const LightBounds& bounds, const Vec3d& p) {
-  constexpr double kSlack = 1e-12;  // roundings of numbers of about 1
+  constexpr double kSlack = 1e-12;  // rounding of numbers of about 1
   for (int k = 0; k < 3; ++k) {
     if (!(p[k] >= bounds.box_min[k] - kSlack && p[k] <= bounds.box_max[k] + kSlack)) return false;
   }
@@ -62,7 +62,7 @@ TEST(MovingLights, SamplesMatchHitDensity) {
     for (const Hit& hit : all_hits(scene, ray)) {
       if (hit.id != sample.triangle || std::fabs(hit.t - distance) > 1e-4f * distance) continue;
       const double cosine = cosine_at(shading, hit, ray);
-      if (cosine < 0.01) continue;  // where a float's rounding is much of it
+      if (cosine < 0.01) continue;  // where the rounding of a float is a large part of it
       const float pdf = lights.emitter_pdf(receiver, hit.id, hit.t, static_cast<float>(cosine));
       EXPECT_NEAR(pdf / sample.pdf, 1, 2e-3) << hit.id.instance << " " << hit.id.triangle;
       ++compared;

@@ -9,7 +9,7 @@
 
 namespace tessera::render::testing {
 
-/// Gives the instance a way to go: random places by key, each near the last.
+/// Gives the instance a random placement for each key, near the one before.
 inline void move(Scene& scene, std::uint32_t instance, Dice& dice, double stride) {
   scene.instances[instance].motion = static_cast<std::int32_t>(scene.motions.size());
   std::vector<Affine3d>& motion = scene.motions.emplace_back();
@@ -21,7 +21,7 @@ inline void move(Scene& scene, std::uint32_t instance, Dice& dice, double stride
   }
 }
 
-/// Gives the mesh other vertices at each key.
+/// Gives the mesh other vertices for each key.
 inline void bend(Scene& scene, std::size_t mesh, Dice& dice, float stride) {
   SharedArray<Primitive> shape = scene.meshes[mesh].primitives;
   for (std::size_t k = 0; k < scene.key_times.size(); ++k) {
@@ -34,7 +34,7 @@ inline void bend(Scene& scene, std::size_t mesh, Dice& dice, float stride) {
   }
 }
 
-/// Meshes, shapes and a CSG solid, of each some that move and some that do not.
+/// Meshes, shapes and a CSG solid, some moving and some static.
 inline Scene moving_scene(Dice& dice) {
   Scene scene;
   scene.key_times = {0, 0.125f, 0.5f, 0.5f + 0x1p-24f, 1};

@@ -1,3 +1,5 @@
+#include "worker/shading/bsdf/bsdf.h"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -7,9 +9,8 @@
 #include <vector>
 
 #include "worker/geometry/frame.h"
-#include "worker/shading/tables/anisotropic_albedo.h"
-#include "worker/shading/bsdf/bsdf.h"
 #include "worker/shading/microfacet/fresnel.h"
+#include "worker/shading/tables/anisotropic_albedo.h"
 #include "worker/shading/tables/sheen.h"
 
 namespace tessera::render {
@@ -35,11 +36,11 @@ const Tables& tables() {
 struct Case {
   std::string name;
   BsdfParameters parameters;
-  double albedo_low, albedo_high;  // of light from everywhere
+  double albedo_low, albedo_high;  // bounds of the albedo
   BsdfExtensions extensions = {};
   bool extended = false;
   float coat_tilt = 0;  // radians, of the coat's normal
-  // Too narrow for the bins, or drawn where nothing is carried, which sample() does not return.
+  // Too narrow for the bins, or sampled where the value is zero, which sample() does not return.
   bool unfit_for_chi_square = false;
 
   bool is_reciprocal() const { return extensions.coat == 0; }
@@ -52,7 +53,7 @@ BsdfParameters base(float metallic, float roughness) {
   return p;
 }
 
-/// Coats over bases that scatter everything: what is missing is what rough facets of the coat lose.
+/// Coats over bases that scatter all light: only the rough facets of the coat lose energy.
 void add_coats(std::vector<Case>* all) {
   BsdfParameters lambert = base(0, 1);
   lambert.specular_weight = 0;
@@ -71,7 +72,7 @@ void add_coats(std::vector<Case>* all) {
   all->push_back({"half a coat", lambert, 0.99, 1, {.coat = 0.5f, .coat_roughness = 0.5f}, true});
 }
 
-/// Brushed metals and sheets, from a mirror along the other direction on.
+/// Anisotropic metals and sheets, from a mirror along the other direction upwards.
 void add_anisotropic(std::vector<Case>* all) {
   for (const float r : {0.0f, 0.3f, 0.6f}) {
     for (const float strength : {0.3f, 1.0f}) {
@@ -91,7 +92,7 @@ void add_anisotropic(std::vector<Case>* all) {
   all->push_back({"brushed glass", solid, 0.5, 1.001, {.anisotropy = 0.7f}, true});
 }
 
-/// White sheen over white: the smaller of two scalings loses a little, nothing is gained.
+/// White sheen over white: choosing the smaller of two scalings loses a little, nothing is gained.
 void add_sheen(std::vector<Case>* all) {
   BsdfParameters lambert = base(0, 1);
   lambert.specular_weight = 0;
@@ -147,7 +148,7 @@ void add_diffuse_transmission(std::vector<Case>* all) {
   all->push_back({"smooth wax from inside", leaf, 0.98, 1.001, through, true, 0, true});
 }
 
-/// Glass that is half a diffuse body. Inside, its diffuse half must not give back what is totally
+/// Half glass, half diffuse. Inside, the diffuse half must not return light that is totally
 /// reflected.
 void add_dirty_glass(std::vector<Case>* all) {
   for (const float r : {0.0f, 0.25f, 0.5f, 1.0f}) {
@@ -157,13 +158,13 @@ void add_dirty_glass(std::vector<Case>* all) {
     const std::string name = "dirty glass " + std::to_string(r).substr(0, 4);
     all->push_back({name, dirty, 0.3, 1.5});
     dirty.front = false;
-    // Rough facets take light beyond the critical angle that is lost to the diffuse half.
+    // Rough facets transmit light beyond the critical angle, which the diffuse half loses.
     all->push_back({name + " from inside", dirty, r > 0.5f ? 0.55 : 0.8, 1.03});
     all->back().unfit_for_chi_square = r == 0;
   }
 }
 
-/// TESSERA_material: white rough facets, and conductors that absorb next to nothing.
+/// TESSERA_material: white rough facets, and conductors with almost no absorption.
 void add_optics(std::vector<Case>* all) {
   BsdfParameters lambert = base(0, 1);
   lambert.specular_weight = 0;
@@ -238,7 +239,7 @@ Bsdf bsdf_for(const Case& c, const Vec3f& wo) {
                             {coat.s, coat.t, coat.n, f.n}, wo);
 }
 
-/// Viewers at this cosine; materials with extensions are seen from aside as well.
+/// Viewed at this cosine; materials with extensions are viewed from the side as well.
 Bsdf bsdf_for(const Case& c, double cos_o) {
   const double phi = c.extended ? 0.7 : 0, s = std::sqrt(1 - cos_o * cos_o);
   return bsdf_for(c, Vec3f(Vec3d{s * std::cos(phi), s * std::sin(phi), cos_o}));
@@ -280,8 +281,8 @@ TEST(Bsdf, AlbedoNeverExceedsOne) {  // hard cases 38, 46
   }
 }
 
-/// The specification's dielectric for a white base, integrated in double straight from its text:
-/// (1 - F) / pi + F D V, with the (n.h)^2 form of D.
+/// Albedo of the specification's dielectric with a white base, integrated in double: (1 - F) / pi +
+/// F D V, with the (n.h)^2 form of D.
 double specification_albedo(double roughness, double cos_o) {
   const double alpha = roughness * roughness, a2 = alpha * alpha;
   const Vec3d v{std::sqrt(1 - cos_o * cos_o), 0, cos_o};
@@ -305,8 +306,8 @@ double specification_albedo(double roughness, double cos_o) {
 }
 
 TEST(Bsdf, DielectricMatchesSpecificationMix) {  // hard case 46
-  // Diffuse and specular take F at different half vectors, so a white base gains up to a few
-  // percent towards grazing and loses what rough facets scatter twice. Recorded, not mended.
+  // Diffuse and specular use F at different half vectors, so a white base gains up to a few percent
+  // towards grazing angles and loses what rough facets scatter twice. This records the amount.
   for (const float roughness : {0.25f, 0.5f, 1.0f}) {
     for (const double cos_o : {0.98, 0.5, 0.1}) {
       const Bsdf bsdf = bsdf_for(base(0, roughness), cos_o);
@@ -382,7 +383,7 @@ TEST(Bsdf, SamplesFollowDensity) {  // hard case 48
           continue;
         }
         const double d = observed[i] - expected[i];
-        // The quadrature of the density has an error of its own: half a percent of a bin.
+        // The quadrature of the density has an error of half a percent of a bin.
         chi2 += d * d / (expected[i] + 2.5e-5 * expected[i] * expected[i]);
         ++freedom;
       }
@@ -434,7 +435,8 @@ TEST(Bsdf, RefractionIsReciprocalUpToEtaSquared) {  // hard case 47
     const Bsdf from_a = make_bsdf(p, tables().all(), outside, wa);
     p.front = false;
     const Bsdf from_b = make_bsdf(p, tables().all(), inside, wb);
-    // Light arriving through index n carries n^2; the compensation of rough glass depends on wo.
+    // Radiance in a medium of index n is scaled by n^2; the compensation of rough glass depends on
+    // wo.
     const double there = static_cast<double>(evaluate_bsdf(from_a, wb).f_cos.x) / b / 2.25 /
                          static_cast<double>(from_a.transmit_gain);
     const double back = static_cast<double>(evaluate_bsdf(from_b, wa).f_cos.x) / a /
@@ -465,7 +467,7 @@ TEST(Bsdf, MirrorAndNarrowLobeMatch) {  // hard case 37
 }
 
 TEST(Bsdf, ReflectionStaysOnItsSide) {
-  // A shading normal 60 degrees off: directions between the two planes are dark, not lit twice.
+  // The shading normal is 60 degrees off: directions between the two planes are dark.
   const Vec3f n = normalize(Vec3f{std::sqrt(0.75f), 0, 0.5f});
   const Frame f = Frame::from_normal(n);
   const Bsdf bsdf = make_bsdf(base(0, 0.3f), tables().all(), {f.s, f.t, n, {0, 0, 1}},
@@ -482,8 +484,8 @@ TEST(Bsdf, ReflectionStaysOnItsSide) {
   EXPECT_EQ(below.f_cos, Vec3f{});
 }
 
-// Materials without extensions are spared the code for them. What is drawn differs by no more than
-// where it is evaluated: at the direction in the world, or in the frame before that is rounded.
+// Materials without extensions use the plain code. Results differ only by rounding: one evaluates
+// the direction in the world, the other in the frame.
 TEST(Bsdf, NeutralExtensionsMatchPlainBsdf) {
   for (Case c : cases()) {
     if (c.extended) continue;

@@ -1,5 +1,5 @@
 /// TESSERA_material: conductors, exact dielectrics and rough diffuse reflection against complex
-/// arithmetic and integrals in double. Furnace, chi-square and reciprocity: render_bsdf.cpp.
+/// arithmetic and integrals in double. bsdf_test.cpp tests furnace, chi-square and reciprocity.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -24,7 +24,7 @@ using render::Vec3f;
 
 constexpr double kPi = 3.14159265358979323846;
 
-/// Fresnel's equations as they stand, with a complex index.
+/// Fresnel's equations with a complex index.
 double fresnel(double cos_i, std::complex<double> index) {
   const double s2 = 1 - cos_i * cos_i;
   const std::complex<double> cos_t = std::sqrt(1.0 - s2 / (index * index));
@@ -65,7 +65,7 @@ double albedo(const render::RoughDiffuse& d, const Vec3f& wo) {
   return sum / kSteps / kSteps;
 }
 
-/// One scattering, exactly: the paper's equation for FON's directional albedo.
+/// Albedo of single scattering: the paper's equation for FON's directional albedo.
 double single_albedo(double mu, double r) {
   const double si = std::sqrt(1 - mu * mu);
   const double g = si * (std::acos(mu) - si * mu) + 2.0 / 3 * (si / mu * (1 - si * si * si) - si);
@@ -76,15 +76,15 @@ TEST(RoughDiffuse, ConservesEnergyAndMatchesFormula) {
   for (const float r : {0.0f, 0.3f, 1.0f}) {
     for (const double mu : {0.05, 0.3, 0.7, 1.0}) {
       const Vec3f wo(Vec3d{std::sqrt(1 - mu * mu), 0, mu});
-      // The fit of the directional albedo is good to 1e-3.
+      // The fit of the directional albedo is precise to 1e-3.
       EXPECT_NEAR(double{render::eon::single_albedo(static_cast<float>(mu), r)},
                   single_albedo(mu, double{r}), 1e-3);
       EXPECT_NEAR(albedo(render::make_rough_diffuse({1, 1, 1}, r, wo.z), wo), 1, 3e-3)
           << r << " " << mu;
-      // Black facets scatter once.
+      // Black facets scatter only once.
       EXPECT_NEAR(albedo(render::make_rough_diffuse({0, 0, 0}, r, wo.z), wo),
                   single_albedo(mu, double{r}), 3e-3);
-      // Grey ones in between: what remains is scattered on with rho at each turn.
+      // Grey facets: the remainder is scattered again with albedo rho.
       const double one = single_albedo(mu, double{r});
       double mean = 0;
       for (int i = 0; i < 1000; ++i) mean += single_albedo(std::sqrt((i + 0.5) / 1000), double{r});
@@ -104,7 +104,7 @@ TEST(RoughDiffuse, ZeroRoughnessIsLambert) {
   EXPECT_EQ(rough_diffuse(smooth, wo, away), (Vec3f{1, 1, 1}));
 }
 
-/// The mirror-smooth reflectance at cosine c of a material with this TESSERA_material.
+/// Reflectance at cosine c of a smooth material with this TESSERA_material.
 Vec3f mirrored(const std::string& optics, const std::string& pbr, float c) {
   GltfBuilder file;
   file.use_extension("TESSERA_material");

@@ -1,5 +1,4 @@
-/// TESSERA_texture: what its patterns are at a point, what distance leaves of them, and what a
-/// surface makes of them.
+/// TESSERA_texture: values of its patterns, filtering with distance, and use on surfaces.
 #include "worker/shading/surface/procedural_texture.h"
 
 #include <gtest/gtest.h>
@@ -69,7 +68,7 @@ TEST(ProceduralTexture, OctaveSumMatchesFormula) {
       ridges += amplitude * signal;
       weight = std::min(2 * signal, 1.0);
     }
-    // Floats of a few operations: 1e-6. The sine multiplies by 2 pi and by the distortion.
+    // A few float operations: 1e-6. The sine multiplies the error by 2 pi and by the distortion.
     EXPECT_NEAR(pattern_at(f, p, 0), 0.5 + 0.5 * signed_sum / most, 1e-6);
     f.pattern = Pattern::turbulence;
     EXPECT_NEAR(pattern_at(f, p, 0), absolute / most, 1e-6);
@@ -98,7 +97,8 @@ double octave_mean(const ProceduralTexture& f, const std::array<double, 4>& p, i
   return sum / most;
 }
 
-/// As docs/extensions.md names them: rings and grain, clumps, patches with scratched rims, flames.
+/// The patterns of docs/reference/extensions/TESSERA_texture.md: rings and grain, clumps, patches
+/// with scratched rims, flames.
 TEST(ProceduralTexture, PatternsMatchFormulas) {
   for (int i = 0; i < 1000; ++i) {
     ProceduralTexture f = procedural(Pattern::wood);
@@ -112,7 +112,7 @@ TEST(ProceduralTexture, PatternsMatchFormulas) {
     const double rings =
         0.5 + 0.5 * std::sin(2 * kPi * (std::hypot(p[0], p[2]) + distortion * fbm));
     const double grain = octave_mean(f, {24 * p[0], 0.5 * p[1], 24 * p[2], p[3]}, 1, false);
-    // Floats of a few operations; sines and steps multiply what is below them by up to 10.
+    // A few float operations; sines and steps multiply the error of their arguments by up to 10.
     EXPECT_NEAR(pattern_at(f, p, 0), std::clamp(0.15 + 0.7 * rings + 0.15 * grain, 0.0, 1.0), 1e-5);
     f.pattern = Pattern::clouds;
     EXPECT_NEAR(pattern_at(f, p, 0), smooth_step(-0.1, 0.5, fbm), 1e-5);
@@ -167,21 +167,22 @@ TEST(ProceduralTexture, LargeFootprintGivesMean) {
     const double error = std::sqrt((squares / kCount - mean * mean) / kCount);
     const double far = pattern_at(f, point(3), 1);
     // The mean of |noise| is a constant of four digits. Marble's sine has the period of the noise's
-    // lattice, where noise is 0: its true mean is 0.011 above the half that is taken.
+    // lattice, where noise is 0, so its true mean is 0.011 above the 0.5 that is used.
     const double known = pattern == Pattern::marble ? 0.012 : 1e-4;
     EXPECT_NEAR(far, mean, 4 * error + known) << static_cast<int>(pattern);
     for (int i = 0; i < 100; ++i) EXPECT_EQ(double{pattern_at(f, point(i), 1)}, far);
   }
 }
 
-/// Mean square of what a spot of `width` sees beside the average over the spot.
+/// Mean squared difference between the value filtered over a spot of `width` and the average over
+/// the spot.
 TEST(ProceduralTexture, FootprintRemovesFineDetail) {
   ProceduralTexture f = procedural(Pattern::fbm);
   f.octaves = 8;
   f.dimensions = 1;
-  f.gain = 1;  // fine octaves as strong as coarse ones: they alias where they are seen
-  // Samples a spot apart must not change from one to the next by more than a wave of half that
-  // frequency can: else they are not the signal but its alias. Measured against no filter at all.
+  f.gain = 1;  // fine octaves as strong as coarse ones, so that aliasing would show
+  // Between samples one spot apart the value may change by no more than a wave of half that
+  // frequency allows, else it is aliased. Compared with no filter.
   const double spot = 1.0 / 16;
   double filtered = 0, unfiltered = 0;
   for (int i = 0; i < 4096; ++i) {
@@ -191,13 +192,13 @@ TEST(ProceduralTexture, FootprintRemovesFineDetail) {
     const double u = pattern_at(f, b, 0) - pattern_at(f, a, 0);
     filtered += d * d, unfiltered += u * u;
   }
-  // Of 8 octaves the first 4 have waves of two spots or more, as 2 f w <= 1; those above (f w of
-  // 1, 2, 4 and 8) are gone. The differences of the seen ones fall with frequency.
+  // Of 8 octaves the first 4 have waves of two spots or more (2 f w <= 1); the others (f w of 1, 2,
+  // 4 and 8) are removed. Differences of the visible ones fall with frequency.
   EXPECT_LT(filtered, 0.35 * unfiltered);
   ProceduralTexture coarse = f;
   coarse.octaves = 4;
   for (int i = 0; i < 100; ++i) {
-    // Amplitudes are shares of all eight.
+    // Amplitudes are fractions of the sum of all eight.
     EXPECT_NEAR(pattern_at(f, point(i), static_cast<float>(spot)) - 0.5,
                 (pattern_at(coarse, point(i), 0) - 0.5) * 4 / 8, 1e-6);
   }
@@ -218,7 +219,7 @@ TEST(ProceduralTexture, RampIsLinearBetweenStops) {
   expect(2, {0, 0, 1, 0});
 }
 
-/// A unit square at z = 0, tilted and moved, whose base colour is a procedure.
+/// A tilted and moved unit square whose base colour is procedural.
 Scene square(const ProceduralTexture& f, const render::Affine3d& placement, bool bump = false) {
   Scene scene = empty_scene();
   scene.procedural_textures.push_back(f);
@@ -267,7 +268,7 @@ TEST(ProceduralTextureOnSurface, BumpTiltsNormal) {
   f.distortion = 0;
   f.octaves = 1;
   f.bump_height = 0.1f;
-  for (const double scale : {1.0, 20.0}) {  // of the node: the pattern grows with it
+  for (const double scale : {1.0, 20.0}) {  // scale of the node, and so of the pattern
     const Scene scene = square(f, scaling(scale, scale, scale), true);
     const render::ShadingScene shading(scene);
     for (const float x : {0.1f, 0.3f, 0.55f, 0.9f}) {
@@ -284,7 +285,7 @@ TEST(ProceduralTextureOnSurface, BumpTiltsNormal) {
 }
 
 TEST(ProceduralTextureOnSurface, IsSmoothFarAway) {
-  // A wall of fine noise that fills the view: from near its pixels differ, from far they do not.
+  // A wall of fine noise fills the view: from near, pixels differ; from far, they do not.
   const auto spread = [](double distance) {
     ProceduralTexture f = procedural(Pattern::fbm);
     f.octaves = 2;
@@ -298,7 +299,7 @@ TEST(ProceduralTextureOnSurface, IsSmoothFarAway) {
     m.unlit = true;
     m.base_color_texture.texture = 0;
     const auto index = add_material(&scene, m);
-    // Placed by its corners, so that object space is the world's.
+    // Placed by its vertices, so that object space is world space.
     add_primitive(&scene, quad({-4e3f, -4e3f, 0}, {8e3f, 0, 0}, {0, 8e3f, 0}, index));
     look_at(&scene, {0.3, 0.2, distance}, {0.3, 0.2, 0});
     const Picture picture = render_picture(scene, small_settings(16, 16, 4));
@@ -311,7 +312,7 @@ TEST(ProceduralTextureOnSurface, IsSmoothFarAway) {
     return std::sqrt(std::max(squares / 256 - sum / 256 * (sum / 256), 0.0));
   };
   EXPECT_GT(spread(0.2), 0.03);
-  EXPECT_LT(spread(100), 1e-6);  // a pixel sees 180 waves
+  EXPECT_LT(spread(100), 1e-6);  // a pixel covers 180 waves
 }
 
 }  // namespace

@@ -1,3 +1,5 @@
+#include "worker/shading/surface/surface.h"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -5,7 +7,6 @@
 
 #include "tests/support/plain_scene.h"
 #include "worker/light/light_sampler.h"
-#include "worker/shading/surface/surface.h"
 
 namespace tessera::testing {
 namespace {
@@ -21,7 +22,7 @@ using render::Vec3f;
 using render::Vec4f;
 using render::Wrap;
 
-/// Adds an image of 8-bit RGBA codes and a texture that reads it; returns the texture.
+/// Adds an image of 8-bit RGBA codes and a texture that uses it; returns the texture.
 std::int32_t add_texture(Scene* scene, std::int32_t width, std::int32_t height,
                          std::vector<std::uint8_t> codes, Wrap wrap = Wrap::repeat) {
   render::Image image;
@@ -35,7 +36,7 @@ std::int32_t add_texture(Scene* scene, std::int32_t width, std::int32_t height,
   return static_cast<std::int32_t>(scene->textures.size()) - 1;
 }
 
-/// What the camera sees in the middle of a unit square that fills the view: (0.5, 0.5) of uv set 0.
+/// Radiance at the centre of a unit square that fills the view: (0.5, 0.5) of uv set 0.
 Vec3d seen(Scene scene, Primitive square) {
   add_primitive(&scene, std::move(square));
   scene.camera.yfov = 1e-5;
@@ -43,7 +44,7 @@ Vec3d seen(Scene scene, Primitive square) {
 }
 
 Primitive unit_square(std::int32_t material) {
-  // Not through the centre of the view: the diagonal would be where rays meet it.
+  // Off the centre of the view, where rays would hit the diagonal.
   Primitive p = quad({-0.5f, -0.5f, 0}, {1, 0, 0}, {0, 1, 0}, material);
   p.triangles = {{0, 1, 3}, {1, 2, 3}};
   return p;
@@ -166,7 +167,7 @@ TEST(Emitters, DegenerateTrianglesAreNeverSampled) {  // hard case 57
   const render::LightSampleContext floor{{0, 0, 0}, {0, 1, 0}, false};
   EXPECT_GT(lights.emitter_pdf(floor, {0, 0, 0}, 1, 1), 0);
   EXPECT_LT(lights.emitter_pdf(floor, {0, 0, 0}, 1, 0), std::numeric_limits<float>::infinity());
-  const render::LightSampleContext far{{0, -90, 0}, {0, 1, 0}, false};  // there areas are sampled
+  const render::LightSampleContext far{{0, -90, 0}, {0, 1, 0}, false};  // sampled by area there
   EXPECT_EQ(lights.emitter_pdf(far, {0, 0, 0}, 1, 0), std::numeric_limits<float>::infinity());
   EXPECT_EQ(lights.emitter_pdf(floor, {0, 0, 2}, 1, 1), 0);
   EXPECT_EQ(lights.emitter_pdf(floor, {0, 0, 3}, 1, 0), 0);
@@ -179,7 +180,7 @@ TEST(Emitters, DegenerateTrianglesAreNeverSampled) {  // hard case 57
 
 TEST(Emitters, DensityIsPositiveWhereLightIsEmitted) {  // hard case 66
   Scene scene = empty_scene();
-  // A texture that is black but for one texel: most triangles never give light.
+  // A texture with one texel that is not black: most triangles never emit.
   std::vector<std::uint8_t> codes(32 * 32 * 4, 0);
   codes[(13 * 32 + 9) * 4] = 200;
   Material m = lambert({0, 0, 0});

@@ -25,7 +25,7 @@ Material lamp(float radiance) {
   return m;
 }
 
-/// A sheet facing the camera that fills the view at depth z.
+/// Adds a sheet facing the camera that fills the view at depth z.
 void add_sheet(Scene* scene, float z, std::int32_t material) {
   add_primitive(scene, quad({-9, -9, z}, {18, 0, 0}, {0, 18, 0}, material));
 }
@@ -57,7 +57,7 @@ TEST(Beer, TransmittanceIsPowerOfDistance) {  // hard case 43
 TEST(Beer, IndexMatchedSlabOnlyAbsorbs) {
   Scene scene = empty_scene();
   Material m = glass(1);
-  m.attenuation_color = {0.8f, 0.8f, 0.8f};  // what is left is too much for the roulette
+  m.attenuation_color = {0.8f, 0.8f, 0.8f};  // too bright for Russian roulette
   m.attenuation_distance = 1;
   add_primitive(&scene, box({-9, -9, -3}, {9, 9, 0}, false, add_material(&scene, m)));
   set_constant_sky(&scene, 1);
@@ -259,7 +259,7 @@ Seen seen(const Scene& scene, Background background, int spp = 4) {
 
 TEST(Background, EmptyViewShowsChosenBackground) {
   Scene scene = empty_scene();
-  EXPECT_EQ(seen(scene, Background::automatic).alpha, 0);  // no sky: none
+  EXPECT_EQ(seen(scene, Background::automatic).alpha, 0);  // without a sky: none
   set_constant_sky(&scene, 3);
   EXPECT_EQ(seen(scene, Background::automatic).rgb, (Vec3d{3, 3, 3}));
   EXPECT_EQ(seen(scene, Background::automatic).alpha, 1);
@@ -302,7 +302,7 @@ TEST(Unlit, IsVisibleToCameraOnly) {
   const auto unlit = add_material(&scene, m);
   add_sheet(&scene, 0, unlit);
   EXPECT_NEAR(seen(scene, Background::automatic).rgb.y, 0.4, 1e-6);
-  // It casts no shadow: a floor lit through it.
+  // It casts no shadow: the floor is lit through it.
   Scene floor = empty_scene();
   floor.materials.push_back(m);
   const auto white = add_material(&floor, lambert({1, 1, 1}));

@@ -1,4 +1,4 @@
-// Hard case 24: lines through blobs.
+// Hard case 24: intersections of lines with blobs.
 
 #include <gtest/gtest.h>
 
@@ -18,13 +18,13 @@ std::vector<ShapeHit> hits_of(const Shape& shape, const Vec3d& origin, const Vec
   return hits;
 }
 
-/// Two of radius 1, this far apart along x.
+/// Two blobs of radius 1 at this distance along x.
 Shape pair_apart(double distance) {
   const Vec3d half = {distance / 2, 0, 0};
   return make_blobs({{-half, kUnit, 1}, {half, kUnit, 1}}, 0.25);
 }
 
-/// Written down on its own.
+/// An independent implementation of the field.
 double field(const std::vector<Blob>& blobs, const Vec3d& p) {
   double sum = 0;
   for (const Blob& blob : blobs) {
@@ -38,7 +38,7 @@ double field(const std::vector<Blob>& blobs, const Vec3d& p) {
   return sum;
 }
 
-/// Of all sizes and both signs, in and about [-1, 1]^3.
+/// Blobs of all sizes and both signs in and around [-1, 1]^3.
 std::vector<Blob> random_blobs(Dice& dice) {
   std::vector<Blob> blobs(1 + dice.below(40));
   for (Blob& blob : blobs) {
@@ -67,7 +67,7 @@ TEST(Blobs, SingleBlobIsASphere) {
     const Vec3d direction = Vec3d(dice.direction()) * 0.9 - origin;
     const auto expected = hits_of(sphere, origin, direction);
     const auto found = hits_of(blob, origin, direction);
-    // A ray that all but touches may do so or not.
+    // A nearly tangent ray may hit or miss.
     if (expected.size() == 2 && expected[1].t - expected[0].t < 1e-6 / distance) continue;
     ASSERT_EQ(found.size(), expected.size()) << i;
     for (std::size_t k = 0; k < found.size(); ++k) {
@@ -87,7 +87,7 @@ TEST(Blobs, NeckBetweenTwoIsExact) {
   EXPECT_EQ(crossings(1.6080, 0.006), 0u);
   EXPECT_EQ(crossings(1.6080380, 0), 2u);
   EXPECT_EQ(crossings(1.6080382, 0), 0u);
-  // Along both: through the neck, or in and out of each.
+  // Along x: one interval through the neck, or one for each blob.
   EXPECT_EQ(hits_of(pair_apart(1.608), {-3, 0, 0}, {1, 0, 0}).size(), 2u);
   EXPECT_EQ(hits_of(pair_apart(1.609), {-3, 0, 0}, {1, 0, 0}).size(), 4u);
 }
@@ -142,7 +142,7 @@ TEST(Blobs, RootsMatchDenseBisection) {
       }
       missed += near ? 0 : 1;
     }
-    // What steps do not see comes in pairs closer than a step, and is a root all the same.
+    // Roots missed by the steps come in pairs closer than a step, and must be roots.
     for (std::size_t h = 0; h < found.size(); ++h) {
       off += std::fabs(at(found[h].t)) <= 1e-12 ? 0 : 1;
       if (seen[h] != 0 || found[h].t < -1 || found[h].t > 3) continue;
@@ -227,15 +227,15 @@ TEST(Blobs, LimitedPrecisionKeepsSurfaceClosed) {
 }
 
 TEST(Blobs, BoundsAreTight) {
-  // Of two that overlap a little, each reaches at least as far as alone.
+  // Two blobs that overlap a little reach at least as far as each alone.
   const Shape both = pair_apart(1.6);
   EXPECT_GE(both.bounds.hi.x, 0.8f + static_cast<float>(std::sqrt(0.5)));
   EXPECT_LT(both.bounds.hi.x, 1.8f);
   EXPECT_LT(both.bounds.hi.y, static_cast<float>(std::sqrt(1 - std::sqrt(0.125))) + 1e-6f);
-  // Two in one place, neither of which would reach that far alone: 0.6 (1 - r^2)^2 = 0.25.
+  // Two blobs in one place reach further than either alone: 0.6 (1 - r^2)^2 = 0.25.
   const Shape weak = make_blobs({{{}, kUnit, 0.3}, {{}, kUnit, 0.3}}, 0.25);
   EXPECT_NEAR(weak.bounds.hi.x, std::sqrt(1 - std::sqrt(0.25 / 0.6)), 1e-6);
-  // Negative ones count for nothing, and what is never reached still has bounds.
+  // Negative blobs do not extend the bounds, and a field below the threshold has bounds, too.
   const Shape one = make_blobs({{{}, kUnit, 1}, {{2, 0, 0}, kUnit * 3.0, -1}}, 0.25);
   EXPECT_NEAR(one.bounds.hi.x, std::sqrt(0.5), 1e-6);
   const Shape none = make_blobs({{{}, kUnit, 0.2}}, 0.25);
@@ -251,7 +251,7 @@ TEST(Blobs, CanBeCsgOperands) {
   Ray ray;
   ray.origin = {-3, 0, 0};
   ray.direction = {1, 0, 0};
-  const std::vector<Hit> through = all_hits(scene, ray);  // the slice is all inside
+  const std::vector<Hit> through = all_hits(scene, ray);  // the box is all inside
   ASSERT_EQ(through.size(), 2u);
   EXPECT_EQ(through[0].t, 3);
   EXPECT_EQ(through[1].t, 3.25f);

@@ -1,4 +1,4 @@
-// Hard cases 21 and 22: solids of constructive geometry.
+// Hard cases 21 and 22: CSG solids.
 
 #include <gtest/gtest.h>
 
@@ -45,12 +45,12 @@ TEST(Csg, CoincidentFacesLeaveNoFilm) {
   EXPECT_EQ(passages(stacked(CsgOperation::subtract, 0), from, up), (Ts{1, 2}));
   EXPECT_EQ(passages(stacked(CsgOperation::intersect, 0), from, up), (Ts{}));
   EXPECT_EQ(passages(stacked(CsgOperation::exclude, 0), from, up), (Ts{1, 3}));
-  // Along a face of both: of a closed box.
+  // Along a face that both share: hits of a closed box.
   EXPECT_EQ(passages(stacked(CsgOperation::unite, 0), {0, 0.5f, -1}, up), (Ts{1, 3}));
 }
 
 TEST(Csg, OneUlpShiftSeparatesFaces) {
-  // From z = 0.5, where t is fine enough to tell: the faces are at t = 0.5 and 0.5 +- 2^-23.
+  // From z = 0.5, where t has enough precision: the faces are at t = 0.5 and 0.5 +- 2^-23.
   const Vec3f from = {0.5f, 0.5f, 0.5f}, up = {0, 0, 1};
   const double step = 0x1p-23;
   EXPECT_EQ(passages(stacked(CsgOperation::unite, -step), from, up).size(), 1u);
@@ -70,8 +70,8 @@ TEST(Csg, RayMayStartInSubtractedOperand) {
   const std::vector<Hit> hits = all_hits(scene, ray);
   ASSERT_EQ(hits.size(), 2u);
   EXPECT_NEAR(hits[0].t, 0.5, 1e-7);
-  EXPECT_EQ(hits[0].id.instance, 1u);            // the material of what was taken away
-  EXPECT_EQ(hits[0].id.triangle, kFlippedSide);  // its outside is inside: the normal turns round
+  EXPECT_EQ(hits[0].id.instance, 1u);            // material of the subtracted operand
+  EXPECT_EQ(hits[0].id.triangle, kFlippedSide);  // the normal is reversed
   EXPECT_NEAR(hits[1].t, 1, 1e-7);
   EXPECT_EQ(hits[1].id.triangle, 0u);
 }
@@ -104,7 +104,7 @@ TEST(Csg, IntersectionBoundsAreTight) {
   EXPECT_NEAR(boxes.boxes[0].hi.x, 0.1, 1e-4);
 }
 
-/// Volume and centroid by the lengths that a grid of parallel rays spends inside.
+/// Volume and centroid measured by the lengths of parallel rays inside.
 struct Mass {
   double volume = 0;
   Vec3d centroid;
@@ -169,7 +169,7 @@ TEST(CsgVolume, BoxWithoutCornerMatchesFormula) {
 }
 
 TEST(CsgVolume, OverlappingBoxesMatchFormula) {
-  // 3 x 2 x 2 together; without what they share two blocks of 1 x 2 x 2, 2 apart.
+  // The union is 3 x 2 x 2; without the intersection two blocks of 1 x 2 x 2 remain, 2 apart.
   for (const CsgOperation operation : {CsgOperation::unite, CsgOperation::exclude}) {
     Scene scene;
     place_shape(scene, make_box({2, 2, 2}), moved({-0.25, 0.125, 0}));
@@ -180,7 +180,7 @@ TEST(CsgVolume, OverlappingBoxesMatchFormula) {
 }
 
 TEST(CsgVolume, DrilledMeshMatchesFormula) {
-  // A cube of twelve triangles without a cylinder.
+  // A cube of twelve triangles minus a cylinder.
   Primitive cube;
   for (std::uint32_t i = 0; i < 8; ++i) {
     cube.positions.push_back(
@@ -203,7 +203,7 @@ TEST(Csg, EdgeRaysCrossMeshEvenly) {
   scene.meshes.push_back(mesh_of({sphere}));
   Dice dice(4);
   place(scene, 0, random_placement(dice, 1.5, {0.25, 0.5, 0}, false));
-  place_shape(scene, ball(0.25), moved({9, 9, 9}));  // never met
+  place_shape(scene, ball(0.25), moved({9, 9, 9}));  // outside all rays
   combine(scene, CsgOperation::unite);
   const SceneAccel accel(scene, in_order());
   int odd = 0, even = 0;

@@ -1,4 +1,4 @@
-// Hard cases 19, 58 and 59: shapes that emit, sampled by solid angle.
+// Hard cases 19, 58 and 59: emissive shapes, sampled by solid angle.
 
 #include <gtest/gtest.h>
 
@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 
-/// A lamp of radiance `radiance`, alone.
+/// A scene with one lamp.
 Scene lamp(const Shape& shape, const Affine3d& at, float radiance) {
   Scene scene = shape_scene(shape, at);
   Material material;
@@ -28,7 +28,7 @@ ShapeLight emitter_of(const Scene& scene) {
   return {instance.object_to_world, instance.world_to_object, *scene.meshes[0].shape};
 }
 
-/// Irradiance at the origin, looking to +z, by light samples on a grid of random numbers.
+/// Irradiance at the origin, facing +z, estimated by light samples on a grid of random numbers.
 double irradiance(const Scene& scene, int side) {
   const ShadingScene shading(scene);
   const LightSampler lights(scene, shading);
@@ -73,8 +73,8 @@ TEST(ShapeLights, FlatLightIsExactAtAnyDistance) {
   EXPECT_NEAR(irradiance(lamp(make_rectangle(1, 1), facing, 1e8f), 64), 1, 1e-3);
 }
 
-/// The share of a cylinder's side, upright, `length` long, in what an element sees that faces its
-/// axis at `distance`, level with its end. Source: J. Howell, "A catalog of radiation heat transfer
+/// View factor from an element to the side of an upright cylinder; the element faces the axis at
+/// `distance`, level with an end. Source: J. Howell, "A catalog of radiation heat transfer
 /// configuration factors", B-31.
 double cylinder_factor(double radius, double length, double distance) {
   const double l = length / radius, d = distance / radius;
@@ -85,7 +85,7 @@ double cylinder_factor(double radius, double length, double distance) {
   return (std::atan(l / std::sqrt(d * d - 1)) + l * ends) / (kPi * d);
 }
 
-/// Upright before the origin, from `below` it to `above` it.
+/// An upright cylinder in front of the origin, from `below` it to `above` it.
 Scene upright_tube(double radius, double below, double above, double distance, float radiance) {
   return lamp(make_cylinder(radius, above + below, true),
               moved({0, 0.5 * (above - below), distance}), radiance);
@@ -107,7 +107,7 @@ TEST(ShapeLights, CylinderIsExactAtAnySize) {
   for (const double scale : {1.0, 1e-2, 1e-4, 1e-6, 1e-7, 1e-8, 1e-9}) {
     const double radius = 0.01 * scale, half = 0.5 * scale;
     const double expected = 2 * cylinder_factor(radius, half, 1);
-    // Seen as small as that, it is looked for in a sphere around it.
+    // At this apparent size, samples are directed at a sphere around it.
     const bool beside = scale > 2e-8;
     const double found =
         irradiance(upright_tube(radius, half, half, 1, 1), beside ? 256 : 512) / kPi;
@@ -115,7 +115,7 @@ TEST(ShapeLights, CylinderIsExactAtAnySize) {
   }
 }
 
-/// The share of light samples that meet the lamp.
+/// Fraction of light samples that hit the lamp.
 double share_that_meets(const Scene& scene) {
   const ShapeLight emitter = emitter_of(scene);
   Dice dice(7);
@@ -136,17 +136,18 @@ TEST(ShapeLights, ThinCylinderSamplesHit) {
       EXPECT_GT(share_that_meets(scene), 1 - 3 * radius) << radius << " " << height;
     }
   }
-  // Half of the column around it is a cone; of that around an ellipsoid, three quarters and more;
-  // a square bar is at least 1 / sqrt(2) as wide as its own.
+  // A cone fills half of the cylinder around it, an ellipsoid three quarters or more, and a square
+  // bar is at least 1 / sqrt(2) as wide.
   const Affine3d at = moved({0, 0, 1});
   EXPECT_GT(share_that_meets(lamp(make_cone(0.02, 2, true), at, 1)), 0.48);
   EXPECT_GT(share_that_meets(lamp(make_ellipsoid({1, 0.02, 0.02}), at, 1)), 0.75);
   EXPECT_GT(share_that_meets(lamp(make_box({2, 0.02, 0.02}), at, 1)), 0.69);
-  const Shape ball = make_ellipsoid({0.02, 0.02, 0.02});  // made long by its placement
+  const Shape ball = make_ellipsoid({0.02, 0.02, 0.02});  // scaled to be long
   EXPECT_GT(share_that_meets(lamp(ball, at * scaled({50, 1, 1}), 1)), 0.75);
 }
 
-/// χ² over cells of equal solid angle that lie within the lamp: as many samples in each.
+/// Chi-square test over cells of equal solid angle inside the lamp, which must get equal numbers of
+/// samples.
 TEST(ShapeLights, CylinderSamplesAreUniform) {
   const Scene scene = upright_tube(0.2, 0.3, 1.7, 0.8, 1);
   const ShapeLight emitter = emitter_of(scene);
@@ -174,7 +175,8 @@ TEST(ShapeLights, CylinderSamplesAreUniform) {
   const double expected = n * 2 * angle * (high - low) / (kAround * kUp) / solid_angle;
   double chi2 = 0;
   for (const int c : count) chi2 += (c - expected) * (c - expected) / expected;
-  // 192 degrees of freedom (the rest of the strip is a cell of its own): 1 in 1,000 passes 258.
+  // 192 degrees of freedom (the rest of the strip is one cell): 258 is exceeded once in 1,000
+  // times.
   EXPECT_LT(chi2, 258);
   EXPECT_GT(expected, 1'000);
 }

@@ -22,7 +22,7 @@ inline Affine3d scaled(const Vec3d& by) {
   return m;
 }
 
-/// Adds an instance of a shape; its number.
+/// Adds an instance of a shape; returns its index.
 inline std::uint32_t place_shape(Scene& scene, const Shape& shape, const Affine3d& at = {}) {
   Mesh mesh = mesh_of({Primitive{}});
   mesh.shape = std::make_shared<const Shape>(shape);

@@ -1,4 +1,4 @@
-// Hard case 25: lines through height fields.
+// Hard case 25: intersections of lines with height fields.
 
 #include <gtest/gtest.h>
 
@@ -26,7 +26,7 @@ TerrainForm form_of(Pattern pattern, std::int32_t octaves) {
   return form;
 }
 
-/// Of every pattern, with all its detail and without.
+/// Terrains of every pattern, with and without detail.
 std::vector<TerrainForm> forms() {
   std::vector<TerrainForm> out;
   for (const Pattern pattern : {Pattern::fbm, Pattern::ridged, Pattern::waves}) {
@@ -39,7 +39,7 @@ std::vector<TerrainForm> forms() {
   return out;
 }
 
-/// In the rectangle.
+/// A random point of the rectangle.
 Vec2d place_in(const TerrainForm& form, Dice& dice) {
   const double x = 0.5 * static_cast<double>(dice.both());
   return {x * form.size.x, 0.5 * static_cast<double>(dice.both()) * form.size.y};
@@ -51,7 +51,7 @@ std::vector<ShapeHit> hits_of(const Shape& shape, const Vec3d& origin, const Vec
   return hits;
 }
 
-/// A point of the ground.
+/// A random point on the ground.
 Vec3d on_ground(const TerrainField& field, Dice& dice) {
   const Vec2d at = place_in(field.form(), dice);
   return {at.x, field.height(at), at.y};
@@ -71,7 +71,7 @@ TEST(Terrain, WaveHitsAreExact) {
   ASSERT_EQ(ahead.size(), 6u);
   EXPECT_NEAR(ahead[0], 1.0833333333333333, 1e-12);
   EXPECT_NEAR(ahead[1], 1.4166666666666667, 1e-12);
-  // A hair below the crest it is still met, and above it is not.
+  // Just below the crest the ray hits, above it misses.
   EXPECT_EQ(hits_of(waves, {0, 0.2 - 1e-6, 0}, {1, 0, 0}).size(), 16u);
   EXPECT_EQ(hits_of(waves, {0, 0.2 + 1e-9, 0}, {1, 0, 0}).size(), 0u);
 }
@@ -100,7 +100,7 @@ TEST(Terrain, NoHitOfFineSteppingIsMissed) {
         off += std::fabs(above(hit.t)) <= 1e-12 ? 0 : 1;
       }
       const double step = finest / 16;
-      double let_go = -1e9;  // a root that is not met, as both of a pair may be
+      double let_go = -1e9;  // a root that may be missed, as both of
       const int steps = static_cast<int>(5 / step);
       for (int k = -steps; k < steps; ++k) {
         const double t = k * step;
@@ -137,8 +137,8 @@ TEST(Terrain, HeightsMatchTexture) {
     if (form.pattern == Pattern::waves) continue;
     const TerrainField field(form);
     ProceduralTexture same;
-    same.pattern =
-        form.pattern == Pattern::fbm ? ProceduralTexture::Pattern::fbm : ProceduralTexture::Pattern::ridged;
+    same.pattern = form.pattern == Pattern::fbm ? ProceduralTexture::Pattern::fbm
+                                                : ProceduralTexture::Pattern::ridged;
     same.dimensions = 2;
     same.octaves = form.octaves;
     same.seed = form.seed;
@@ -158,7 +158,7 @@ TEST(Terrain, BoundsHoldEveryHeight) {
   int tight = 0, all = 0;
   for (const TerrainForm& form : forms()) {
     const TerrainField field(form);
-    TerrainCells cells;  // of one seed
+    TerrainCells cells;  // for one seed
     for (int i = 0; i < 3'000; ++i) {
       const Vec2d at = place_in(form, dice);
       const double size = std::pow(10.0, -4 * static_cast<double>(dice.unit()));
@@ -190,7 +190,7 @@ TEST(Terrain, BoundsHoldEveryHeight) {
       EXPECT_GE(double{range.high}, h);
     }
   }
-  EXPECT_GT(tight, all / 50);  // they do not hold because they are wide
+  EXPECT_GT(tight, all / 50);  // the bounds are tight
 }
 
 TEST(Terrain, NoiseCurvatureStaysWithinBound) {
@@ -227,7 +227,7 @@ TEST(Terrain, ZeroOctavesIsAPlane) {
     EXPECT_EQ(shape_normal(plane, kCurvedFace, down[0].point), (Vec3d{0, 1, 0}));
     EXPECT_EQ(down[1].t, 2.75);  // the floor
     EXPECT_EQ(down[1].face, 3u);
-    // Through a side, and out of the ground.
+    // In through a side, and out through the ground.
     const auto up = hits_of(plane, {-4, level - 1, 0}, {1, 0.25, 0});
     ASSERT_EQ(up.size(), 2u);
     EXPECT_TRUE(up[0].enters);
@@ -303,7 +303,7 @@ TEST(Terrain, NormalsMatchCentralDifferences) {
       const Vec3d normal = shape_normal(shape, kCurvedFace, {at.x, field.height(at), at.y});
       off += length(normal - expected) <= 1e-4 * length(expected) ? 0 : 1;
     }
-    EXPECT_LE(off, 2);  // where a crest or the end of a weight lies between
+    EXPECT_LE(off, 2);  // where a crest or the limit of a weight
   }
 }
 

@@ -1,4 +1,4 @@
-// Every shape against its own tessellation: the finer, the closer, with the square of the cells.
+// Every shape against its tessellation, whose error falls with the square of the cell size.
 
 #include "tests/support/tessellation.h"
 
@@ -13,11 +13,11 @@ namespace tessera::render::testing {
 namespace {
 
 struct Difference {
-  double depth = 0;  // mean |t - t| of first hits of both, in diameters
-  double holes = 0;  // share of the rays that meet one of the two only
+  double depth = 0;  // mean difference of t of first hits, in diameters
+  double holes = 0;  // fraction of rays that hit only one of
 };
 
-/// Seen from directions of all kinds, from three diameters away.
+/// Compares views from all directions at a distance of three diameters.
 Difference difference(const Shape& shape, std::uint32_t n) {
   const SceneAccel exact(shape_scene(shape), in_order());
   const SceneAccel mesh(scene_of({tessera::testing::tessellated(shape, n)}), in_order());
@@ -37,7 +37,7 @@ Difference difference(const Shape& shape, std::uint32_t n) {
     one += first != second ? 1 : 0;
     if (!first || !second) continue;
     ++both;
-    // Beyond the edge of one there may be another part of the other: not a difference of depth.
+    // Beyond the edge of one, a ray may hit another part of the other: no difference of depth.
     const double apart = std::fabs(static_cast<double>(a.t) - static_cast<double>(b.t)) / radius;
     if (apart > 0.1) {
       ++one;
@@ -61,7 +61,7 @@ TerrainForm dunes(TerrainForm::Pattern pattern) {
   return form;
 }
 
-/// An ellipsoid along none of the axes; with caps, less what a box cuts off on five sides.
+/// An ellipsoid not aligned with the axes; with caps if `cut`: a box cuts it on five sides.
 Shape tilted_bowl(bool cut) {
   const Quadric quadric = {{1, 2, 1.5}, {0.3, -0.2, 0.25}, {0.1, -0.05, 0.1}, -0.5};
   const double far = cut ? 0.5 : 0.95;
@@ -95,14 +95,14 @@ TEST(Tessellation, ConvergesToEveryShape) {
   };
   for (const auto& [name, shape] : shapes) {
     const Difference coarse = difference(shape, 24), fine = difference(shape, 96);
-    if (name != "disc") {  // which is flat: only its rim differs
+    if (name != "disc") {  // flat: only its rim differs
       const double order = std::log2(coarse.depth / fine.depth) / 2;
       EXPECT_GT(order, 1.7) << name;
       EXPECT_LT(order, 2.4) << name;
     }
     EXPECT_LT(fine.depth, 1e-3) << name;
     EXPECT_LE(fine.holes, 0.5 * coarse.holes + 1e-3) << name;
-    // Crests are cut off by up to the width of a cell, not its square.
+    // Crests are cut off by up to the width of a cell, not by its square.
     EXPECT_LT(fine.holes, name == "ridged" ? 8e-3 : 4e-3) << name;
   }
 }
