@@ -162,8 +162,8 @@ Plane sensitivity_filtered(const Plane& plane, std::initializer_list<Gaussian> g
 
 /// An image prepared for both parts of the metric.
 struct Prepared {
-  Plane luma;               // Y of YCxCz, [0, 1]
-  std::vector<Color> seen;  // filtered, Hunt-adjusted Lab
+  Plane luma;              // Y of YCxCz, [0, 1]
+  std::vector<Color> lab;  // filtered, Hunt-adjusted Lab
 };
 
 Prepared prepare(const ImageView& image) {
@@ -182,13 +182,13 @@ Prepared prepare(const ImageView& image) {
   y = sensitivity_filtered(y, {{1, 0.0047}});
   cx = sensitivity_filtered(cx, {{1, 0.0053}});
   cz = sensitivity_filtered(cz, {{34.1, 0.04}, {13.5, 0.025}});
-  std::vector<Color> seen(y.values.size());
-  for (std::size_t i = 0; i < seen.size(); ++i) {
+  std::vector<Color> lab(y.values.size());
+  for (std::size_t i = 0; i < lab.size(); ++i) {
     Color rgb = rgb_of_ycxcz({y.values[i], cx.values[i], cz.values[i]});
     for (double& value : rgb) value = std::clamp(value, 0.0, 1.0);
-    seen[i] = hunt_lab_of(rgb);
+    lab[i] = hunt_lab_of(rgb);
   }
-  return {std::move(luma), std::move(seen)};
+  return {std::move(luma), std::move(lab)};
 }
 
 /// Positive taps sum to 1 and negative ones to −1, so that a step or line gives at most 1.
@@ -236,15 +236,15 @@ double mean_flip(const ImageView& image, const ImageView& reference) {
   const Features fa = features_of(a.luma), fb = features_of(b.luma);
   const double largest = largest_color_distance();
   double sum = 0;
-  for (std::size_t i = 0; i < a.seen.size(); ++i) {
-    const double color = color_difference(a.seen[i], b.seen[i], largest);
+  for (std::size_t i = 0; i < a.lab.size(); ++i) {
+    const double color = color_difference(a.lab[i], b.lab[i], largest);
     const double feature =
         std::max(std::fabs(fa.edges[i] - fb.edges[i]), std::fabs(fa.points[i] - fb.points[i])) /
         std::sqrt(2.0);
     const double exponent = 1 - std::pow(std::clamp(feature, 0.0, 1.0), kFeatureExponent);
     sum += color > 0 ? std::pow(color, exponent) : 0;
   }
-  return sum / static_cast<double>(a.seen.size());
+  return sum / static_cast<double>(a.lab.size());
 }
 
 }  // namespace tessera::contract

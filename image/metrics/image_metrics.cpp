@@ -70,8 +70,8 @@ absl::StatusOr<ImageDifference> compare_images(const ImageView& image, const Ima
     squared += square;
     relative += square / (ref * ref + 0.01);
     if (m > 0) scaled += square / (ref * ref + 0.01 * m * m);
-    const double seen = srgb_encoded(x) - srgb_encoded(ref);
-    encoded += seen * seen;
+    const double encoded_difference = srgb_encoded(x) - srgb_encoded(ref);
+    encoded += encoded_difference * encoded_difference;
   }
   const double values = 3 * static_cast<double>(pixel_count(image));
   result.rmse = std::sqrt(squared / values);

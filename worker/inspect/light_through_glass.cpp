@@ -94,9 +94,9 @@ std::vector<Problem> check_light_through_glass(const Scene& scene) {
   for (const PunctualLight& light : scene.lights) {
     std::int64_t open = 0, through_glass = 0;
     for (const Vec3d& probe : probes) {
-      const Passage way = passage(scene, probe, towards(light, probe, reach));
-      open += way == Passage::open ? 1 : 0;
-      through_glass += way == Passage::through_glass ? 1 : 0;
+      const Passage crossed = passage(scene, probe, towards(light, probe, reach));
+      open += crossed == Passage::open ? 1 : 0;
+      through_glass += crossed == Passage::through_glass ? 1 : 0;
     }
     if (open > 0 || through_glass == 0) continue;
     out.push_back({Problem::Severity::warning, absl::StrCat("nodes[", light.node, "]"),

@@ -205,9 +205,9 @@ LightSampler::Shares LightSampler::shares(const LightSampleContext& context) con
     return {environment ? 1.0 : 0, distant ? 1.0 : 0, tree ? 1.0 : 0};
   const double near = tree_.importance(context);
   const double importance = std::isfinite(near) ? near : std::numeric_limits<double>::max();
-  const double most = std::max({environment_irradiance_, distant_choice_.total(), importance});
-  const auto weight = [most](bool present, double w) {
-    return present ? std::max(w / most, 0x1p-10) : 0;
+  const double largest = std::max({environment_irradiance_, distant_choice_.total(), importance});
+  const auto weight = [largest](bool present, double w) {
+    return present ? std::max(w / largest, 0x1p-10) : 0;
   };
   Shares s{weight(environment, environment_irradiance_), weight(distant, distant_choice_.total()),
            weight(tree, importance)};
@@ -279,7 +279,8 @@ bool LightSampler::sample_point_light(const PunctualLight& light, const Punctual
 /// Corner of a triangle of the entry's primitive, relative to `point`.
 Vec3d LightSampler::corner_from(const Entry& entry, std::uint32_t triangle, std::size_t corner,
                                 const Vec3f& point) const {
-  const Affine3d& object_to_world = shading_.instances[entry.triangle.instance].source->object_to_world;
+  const Affine3d& object_to_world =
+      shading_.instances[entry.triangle.instance].source->object_to_world;
   const PrimitiveView& p = shading_.primitive(entry.triangle);
   return transform_point(object_to_world, Vec3d(p.positions[p.triangles[triangle][corner]])) -
          Vec3d(point);

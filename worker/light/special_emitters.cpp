@@ -12,12 +12,14 @@
 namespace tessera::render {
 namespace {
 
-/// Density over solid angle of uniform sampling over `solid_angle` steradians; 0 for an empty set.
+/// Density over solid angle of uniform sampling, chosen with probability `share`; 0 for an empty
+/// set.
 float density_over(double share, double solid_angle) {
   return solid_angle > 0 ? static_cast<float>(share / solid_angle) : 0;
 }
 
-/// Samples a direction to a shape, whose proxy subtends the returned solid angle. 0 if it misses.
+/// Samples a direction to a shape and returns the solid angle of its bounding proxy; 0 if it
+/// misses.
 double aim_at(const ShapeLight& emitter, const TriangleId& id, const Vec3f& point,
               const LightRandom& u, Hit* hit, LightSample* sample) {
   const Vec3d from(point);

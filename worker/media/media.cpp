@@ -205,8 +205,8 @@ Vec3f transmittance_across(const ShadingScene& scene, MediumStack stack, const R
     from = to;
   };
   for (const Crossing& c : crossed) {
-    const bool seen = c.body.material->rank != kBoundaryRank && !stack.hides(c.body);
-    if (seen) return {};
+    const bool visible = c.body.material->rank != kBoundaryRank && !stack.hides(c.body);
+    if (visible) return {};
     pass_to(static_cast<double>(c.t) * unit);
     stack.cross(c.body, c.inwards);
     if (!(max_component(passes) > 0)) return {};

@@ -7,12 +7,12 @@
 
 namespace tessera::render {
 bool ClosestFilter::operator()(const Hit& hit) const {
-  const auto wanted = static_cast<std::uint8_t>(scene.primitive(hit.id).traits & traits);
-  if (wanted == 0) return true;
-  if ((wanted & kTraitUnlit) != 0) return false;
+  const auto relevant = static_cast<std::uint8_t>(scene.primitive(hit.id).traits & traits);
+  if (relevant == 0) return true;
+  if ((relevant & kTraitUnlit) != 0) return false;
   const ShadingPoint point = surface_at(scene, hit, direction, time, *moved);
-  if ((wanted & kTraitOneSided) != 0 && !point.front) return false;
-  if ((wanted & kTraitAlpha) == 0) return true;
+  if ((relevant & kTraitOneSided) != 0 && !point.front) return false;
+  if ((relevant & kTraitAlpha) == 0) return true;
   if (decisions.random(hit.id) < coverage_at(scene, point)) return true;
   ++*passed;
   return false;
@@ -20,15 +20,15 @@ bool ClosestFilter::operator()(const Hit& hit) const {
 
 bool ShadowFilter::operator()(const Hit& hit) const {
   if (hit.id == target) return false;
-  const auto wanted = static_cast<std::uint8_t>(scene.primitive(hit.id).traits & traits);
-  if (wanted == 0) return true;
-  if ((wanted & kTraitUnlit) != 0) return false;
+  const auto relevant = static_cast<std::uint8_t>(scene.primitive(hit.id).traits & traits);
+  if (relevant == 0) return true;
+  if ((relevant & kTraitUnlit) != 0) return false;
   const ShadingPoint point = surface_at(scene, hit, direction, time, *moved);
-  if ((wanted & kTraitAlpha) != 0 && !(decisions.random(hit.id) < coverage_at(scene, point))) {
+  if ((relevant & kTraitAlpha) != 0 && !(decisions.random(hit.id) < coverage_at(scene, point))) {
     ++stack->passed;
     return false;
   }
-  if ((wanted & kTraitStraight) == 0) return true;
+  if ((relevant & kTraitStraight) == 0) return true;
   const Bsdf bsdf = bsdf_at(scene, point, base_color_at(scene, point), -direction);
   const Vec3f share = straight_transmittance(bsdf);
   if (!(max_component(share) > 0)) return true;

@@ -29,8 +29,8 @@ struct RayDecisions {
 
 /// Random number for whether light passes straight through a thin surface or is scattered.
 inline float straight_random(const Sampler& sampler, std::uint32_t bounce, const TriangleId& id) {
-  const std::uint64_t what = combine(pack(bounce, id.instance), pack(id.primitive, id.triangle));
-  return unit_float(sampler.hash(what));
+  const std::uint64_t key = combine(pack(bounce, id.instance), pack(id.primitive, id.triangle));
+  return unit_float(sampler.hash(key));
 }
 
 /// Filter of camera and bounce rays: rejects hits on alpha holes, on unlit surfaces (except for

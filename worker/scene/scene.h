@@ -139,7 +139,7 @@ struct Optics {
   bool conductor = false;  // the metallic part has index n + ik and is tinted by the base colour
   Vec3f n = {1, 1, 1}, k;  // complex index of refraction, per channel
   bool exact_fresnel = false;   // of thin dielectric layers, instead of Schlick
-  float diffuse_roughness = 0;  // [0, 1], Oren-Nayar-like: 1 is strongly retroreflective
+  float diffuse_roughness = 0;  // [0, 1] (EON): above 0, rough and retroreflective
   bool has_priority = false;    // this solid has a priority where solids overlap
   std::int32_t priority = 0;    // the solid with the highest priority occupies the overlap
 };
@@ -156,7 +156,7 @@ struct Medium {
   Vec3f absorption, scattering;               // per metre at density 1
   float anisotropy = 0;                       // mean cosine (Henyey-Greenstein), |g| <= 0.999
   std::int32_t procedural = kNone;            // density; a texture index until the scene is posed
-  std::shared_ptr<const DensityGrid> grid{};  // density, used instead of `procedure`
+  std::shared_ptr<const DensityGrid> grid{};  // density, used instead of `procedural`
 };
 
 /// A participating medium that fills a ball around the scene, or all of space.

@@ -50,24 +50,24 @@ bool all_finite(const std::vector<float>& values) {
 }
 
 /// Layout of a channel's accessors.
-struct TrackShape {
+struct TrackLayout {
   std::int32_t input, output;  // accessors
   Interpolation interpolation;
   int width;          // values per key
   bool flat = false;  // values are separate scalars in the output, not one element
 };
 
-TrackShape shape_of(const GltfModel& model, const AnimationChannel& channel) {
+TrackLayout layout_of(const GltfModel& model, const AnimationChannel& channel) {
   return {channel.input, channel.output, channel.interpolation, track_width(model, channel),
           channel.path == AnimationPath::weights};
 }
 
 /// A pointer channel has vectors of up to four values; longer ones are stored as scalars.
-TrackShape shape_of(const PointerChannel& channel) {
+TrackLayout layout_of(const PointerChannel& channel) {
   return {channel.input, channel.output, channel.interpolation, channel.width, channel.width > 4};
 }
 
-absl::StatusOr<Track> read_track(const GltfModel& model, const TrackShape& channel,
+absl::StatusOr<Track> read_track(const GltfModel& model, const TrackLayout& channel,
                                  const std::string& where) {
   const auto fault = [&](const std::string& message) {
     return absl::InvalidArgumentError(absl::StrCat(where, ": ", message));
@@ -235,7 +235,7 @@ absl::Status check_animations(const GltfModel& model) {
         continue;
       }
       const auto track =
-          read_track(model, shape_of(model, c), channel_path(static_cast<std::int32_t>(i), k));
+          read_track(model, layout_of(model, c), channel_path(static_cast<std::int32_t>(i), k));
       if (!track.ok()) return track.status();
       checked.insert(input);
       checked.insert(output);
@@ -253,7 +253,7 @@ absl::Status animate(const GltfModel& model, std::int32_t animation, double seco
   const auto& channels = model.animations[animation].channels;
   for (std::size_t k = 0; k < channels.size(); ++k) {
     const AnimationChannel& channel = channels[k];
-    const auto track = read_track(model, shape_of(model, channel), channel_path(animation, k));
+    const auto track = read_track(model, layout_of(model, channel), channel_path(animation, k));
     if (!track.ok()) return track.status();
     Node& node = nodes[channel.node];
     const bool rotation = channel.path == AnimationPath::rotation;
@@ -269,7 +269,7 @@ absl::Status animate(const GltfModel& model, std::int32_t animation, double seco
 
 absl::StatusOr<std::vector<double>> pointer_values(const GltfModel& model, std::int32_t animation,
                                                    const PointerChannel& channel, double seconds) {
-  const auto track = read_track(model, shape_of(channel), channel_path(animation, channel.index));
+  const auto track = read_track(model, layout_of(channel), channel_path(animation, channel.index));
   if (!track.ok()) return track.status();
   if (track->times.empty()) {
     return absl::InvalidArgumentError(

@@ -65,9 +65,9 @@ constexpr Animatable kAnimatable[] = {
 };
 
 /// Integer properties of TESSERA extensions, which cannot be animated.
-constexpr std::string_view kWhole[] = {"accessor",  "blades",   "dimensions",
-                                       "focusNode", "material", "octaves",
-                                       "priority",  "seed",     "texture"};
+constexpr std::string_view kIntegerProperties[] = {"accessor",  "blades",   "dimensions",
+                                                   "focusNode", "material", "octaves",
+                                                   "priority",  "seed",     "texture"};
 
 /// Segments of "/cameras/0/perspective/yfov"; empty if malformed.
 std::vector<std::string> split(const std::string& pointer) {
@@ -76,7 +76,7 @@ std::vector<std::string> split(const std::string& pointer) {
 }
 
 /// Number of segments that name the element: 2, or 4 for a light; 0 if it cannot be animated.
-std::size_t element_parts(const std::vector<std::string>& parts) {
+std::size_t element_segment_count(const std::vector<std::string>& parts) {
   if (parts.size() > 4 && parts[0] == "extensions" && parts[1] == "KHR_lights_punctual" &&
       parts[2] == "lights") {
     return 4;
@@ -89,7 +89,7 @@ std::size_t element_parts(const std::vector<std::string>& parts) {
 
 /// Returns whether the path names an existing element and, below it, existing objects and array
 /// elements.
-bool stands_in(const json& root, const std::vector<std::string>& parts, std::size_t element) {
+bool path_exists(const json& root, const std::vector<std::string>& parts, std::size_t element) {
   const json* at = &root;
   for (std::size_t i = 0; i + 1 < parts.size(); ++i) {
     std::uint32_t index = 0;
@@ -112,8 +112,8 @@ bool stands_in(const json& root, const std::vector<std::string>& parts, std::siz
 
 /// Number of values at the pointer; 0 if it cannot be animated.
 int width_at(const json& root, const std::vector<std::string>& parts) {
-  const std::size_t element = element_parts(parts);
-  if (element == 0 || !stands_in(root, parts, element)) return 0;
+  const std::size_t element = element_segment_count(parts);
+  if (element == 0 || !path_exists(root, parts, element)) return 0;
   const std::string& name = parts.back();
   const std::string& parent = parts[parts.size() - 2];
   const bool is_tessera = std::any_of(
@@ -121,7 +121,9 @@ int width_at(const json& root, const std::vector<std::string>& parts) {
   if (is_tessera) {
     const json::json_pointer pointer("/" + absl::StrJoin(parts, "/"));
     if (!root.contains(pointer)) return 0;
-    if (std::find(std::begin(kWhole), std::end(kWhole), name) != std::end(kWhole)) return 0;
+    if (std::find(std::begin(kIntegerProperties), std::end(kIntegerProperties), name) !=
+        std::end(kIntegerProperties))
+      return 0;
     const json& value = root[pointer];
     if (value.is_number()) return 1;
     const bool numbers =

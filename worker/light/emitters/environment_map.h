@@ -46,7 +46,7 @@ class EnvironmentMap {
   /// Density of sample() at `d`; 0 if no texel around it is brighter than the mean.
   float pdf(const Vec3f& d) const { return look_up(d).pdf; }
 
-  /// Integral of luminance over all directions: flux through a disc of unit area, cd.
+  /// Integral of luminance over all directions: flux through a disc of unit area.
   double power() const;
 
   std::int64_t memory_bytes() const;

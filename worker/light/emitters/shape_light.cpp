@@ -31,10 +31,10 @@ double max_scale(const Affine3d& m) {
   constexpr double kSame = 1e-6;
   const auto& [x, y, z] = m.rows;
   const double xx = dot(x, x), yy = dot(y, y), zz = dot(z, z);
-  const bool alike = std::fabs(xx - yy) <= kSame * xx && std::fabs(xx - zz) <= kSame * xx &&
-                     std::fabs(dot(x, y)) <= kSame * xx && std::fabs(dot(y, z)) <= kSame * xx &&
-                     std::fabs(dot(z, x)) <= kSame * xx;
-  return std::sqrt(alike ? xx * (1 + 3 * kSame) : xx + yy + zz);
+  const bool uniform = std::fabs(xx - yy) <= kSame * xx && std::fabs(xx - zz) <= kSame * xx &&
+                       std::fabs(dot(x, y)) <= kSame * xx && std::fabs(dot(y, z)) <= kSame * xx &&
+                       std::fabs(dot(z, x)) <= kSame * xx;
+  return std::sqrt(uniform ? xx * (1 + 3 * kSame) : xx + yy + zz);
 }
 
 /// Radius of the bounding sphere around the centre of the shape's box.

@@ -80,8 +80,7 @@ void unite(LightBounds& a, const LightBounds& b) {
   a.box_min = min(a.box_min, b.box_min);
   a.box_max = max(a.box_max, b.box_max);
   unite_cones(a, b);
-  // Scaled because both sides of a one-sided light would be too much, and one side of a
-  // two-sided one too little.
+  // A mix of one-sided and two-sided lights is bounded by emission around all directions.
   if (a.both_sides != b.both_sides) {
     a.both_sides = false;
     a.normal_angle = kPi;
@@ -174,12 +173,12 @@ class LightTree::Builder {
     std::vector<std::uint32_t> children = {root};
     while (children.size() < kWidth) {
       std::size_t widest = children.size();
-      double most = -1;
+      double max_cost = -1;
       for (std::size_t i = 0; i < children.size(); ++i) {
         const Pair& pair = pairs_[children[i]];
-        const double price = pair.second == kNone ? -1 : cost(pair.bounds, 1);
-        if (!(price > most)) continue;
-        most = price;
+        const double child_cost = pair.second == kNone ? -1 : cost(pair.bounds, 1);
+        if (!(child_cost > max_cost)) continue;
+        max_cost = child_cost;
         widest = i;
       }
       if (widest == children.size()) break;  // all leaves
@@ -204,7 +203,7 @@ class LightTree::Builder {
     node.axis_z[lane] = axis.z;
     node.cos_normal[lane] = static_cast<float>(elementary::cos(b.normal_angle));
     node.sin_normal[lane] = static_cast<float>(elementary::sin(b.normal_angle));
-    // Slightly widened: for sharp spots, rounding could otherwise exclude the axis itself.
+    // // Slightly widened: for narrow spots, rounding could otherwise exclude their own axis.
     node.cos_emission[lane] = static_cast<float>(elementary::cos(b.emission_angle)) - 0x1p-20f;
     node.both_sides[lane] = b.both_sides ? 1 : 0;
     node.strength[lane] = static_cast<float>(b.strength / tree_.total_);
@@ -236,7 +235,7 @@ class LightTree::Builder {
     }
     const Vec3d extent = bounds.box_max - bounds.box_min;
     const double longest = std::max({extent.x, extent.y, extent.z});
-    double least = std::numeric_limits<double>::infinity();
+    double min_cost = std::numeric_limits<double>::infinity();
     int best_axis = -1, best_bucket = 0;
     for (int axis = 0; axis < 3; ++axis) {
       if (!(high[axis] > low[axis])) continue;
@@ -256,8 +255,8 @@ class LightTree::Builder {
         costs[b] += cost(above, lengthening);
       }
       for (int b = 1; b < kBuckets; ++b) {
-        if (costs[static_cast<std::size_t>(b)] < least) {
-          least = costs[static_cast<std::size_t>(b)];
+        if (costs[static_cast<std::size_t>(b)] < min_cost) {
+          min_cost = costs[static_cast<std::size_t>(b)];
           best_axis = axis;
           best_bucket = b;
         }
@@ -291,7 +290,7 @@ LightTree::LightTree(const std::vector<LightBounds>& lights) {
 /// Importance of eight children: strength over squared distance, times the maximum cosines that the
 /// bounds allow at the light and at the shading point (equation 3 of the paper).
 void LightTree::importances(const Node& node, const LightSampleContext& context, LaneArray& out) {
-  const Lanes one = splat(1), least = splat(std::numeric_limits<float>::min());
+  const Lanes one = splat(1), min_cost = splat(std::numeric_limits<float>::min());
   const Lanes x = load(node.centre_x.data()) - splat(context.point.x);
   const Lanes y = load(node.centre_y.data()) - splat(context.point.y);
   const Lanes z = load(node.centre_z.data()) - splat(context.point.z);
@@ -325,7 +324,7 @@ void LightTree::importances(const Node& node, const LightSampleContext& context,
   const Lanes given = max_lanes(_mm256_and_ps(emits, at_light), splat(kFloor));
   const Lanes taken = max_lanes(facing, splat(context.every_side ? 1 : kFloor));
   const Lanes share = select(outside, given * taken, one);
-  const Lanes reach2 = max_lanes(select(outside, d2, radius2), least);
+  const Lanes reach2 = max_lanes(select(outside, d2, radius2), min_cost);
   _mm256_store_ps(out.data(), load(node.strength.data()) * share / reach2);
 }
 
@@ -335,10 +334,10 @@ LightTree::Weights LightTree::weights(const Node& node, const LightSampleContext
   double total = 0;
   for (std::size_t i = 0; i < node.count; ++i) total += static_cast<double>(importance[i]);
   // Clamped so that no child vanishes through rounding.
-  const double least = total > 0 ? total * 0x1p-20 : 1;
+  const double min_cost = total > 0 ? total * 0x1p-20 : 1;
   Weights sums{};
   for (std::size_t i = 0; i < node.count; ++i) {
-    sums[i + 1] = sums[i] + (static_cast<double>(importance[i]) + least);
+    sums[i + 1] = sums[i] + (static_cast<double>(importance[i]) + min_cost);
   }
   return sums;
 }

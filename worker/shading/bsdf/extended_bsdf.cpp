@@ -98,7 +98,7 @@ Vec3f evaluate_sheen(const Bsdf& b, const Vec3f& wi) {
   return sheen.color * f_cos;
 }
 
-/// Value and density of the layers below coat and sheen, as sampled by draw().
+/// Estimated albedo of the layers below coat and sheen, as far as draw() scatters their light.
 float base_albedo(const Bsdf& b) {
   const bool straight = b.mirror && b.interface == Interface::thin;
   const float through =

@@ -59,8 +59,8 @@ Vec3f sensitivity(float opd, const Vec3f& shift) {
 
 Vec3f thin_film_reflectance(const ThinFilm& film, const Vec3f& f0, float cos_theta) {
   // The effect of very thin films fades out.
-  const float there = clamp(film.thickness / 0.03f, 0.0f, 1.0f);
-  const float ior = lerp(1.0f, film.ior, there * there * (3 - 2 * there));
+  const float fade = clamp(film.thickness / 0.03f, 0.0f, 1.0f);
+  const float ior = lerp(1.0f, film.ior, fade * fade * (3 - 2 * fade));
   const float cos2 = 1 - square(1 / ior) * (1 - square(cos_theta));
   if (!(cos2 > 0)) return {1, 1, 1};  // total reflection
   const float cos_inside = std::sqrt(cos2);
@@ -71,8 +71,8 @@ Vec3f thin_film_reflectance(const ThinFilm& film, const Vec3f& f0, float cos_the
     const float root = std::sqrt(clamp(f0[k], 0.0f, 0.9999f));
     const float base_ior = (1 + root) / (1 - root);
     r23[k] = schlick(normal_reflectance(ior, base_ior), cos_inside);
-    // Reflection at a denser medium shifts the phase by half a wave: at the film's top seen from
-    // inside always, at its bottom if the base is less dense.
+    // Phase shifts of half a wave: always at the film's top, and at its bottom if the base has a
+    // lower index than the film.
     shift[k] = kPi + (base_ior < ior ? kPi : 0.0f);
     r123[k] = clamp(r12 * r23[k], 0.0f, 0.9999f);
     rs[k] = square(t121) * r23[k] / (1 - r123[k]);

@@ -40,7 +40,7 @@ MediumView view_of_medium(const Scene& scene, const Medium* medium, const Vec3f&
   if (medium == nullptr) return view;
   view.scattering = medium->scattering;
   view.extinction += medium->absorption + medium->scattering;
-  // With scattering, infinite absorption is replaced by a large value to keep products finite.
+  // A large extinction has the effect of an infinite one and keeps products with scattering finite.
   view.extinction = min(view.extinction, Vec3f{1e30f, 1e30f, 1e30f});
   view.anisotropy = medium->anisotropy;
   view.origin = scene.center;

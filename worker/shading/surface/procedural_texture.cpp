@@ -13,7 +13,7 @@ constexpr float kTwoPi = 6.28318531f;
 
 /// Visible amplitude of waves with `frequency` periods per footprint: 1 up to half a period, which
 /// samples can resolve, 0 from one period on.
-float seen_share(float waves) {
+float visible_amplitude(float waves) {
   return clamp(2 - 2 * waves, 0.0f, 1.0f);
 }
 
@@ -29,9 +29,9 @@ class Octaves {
       : procedural_(procedural), p_(p), waves_(footprint) {}
 
   float amplitude() const { return amplitude_; }
-  float seen() const { return seen_share(waves_); }
+  float visibility() const { return visible_amplitude(waves_); }
 
-  /// Amplitude of the current octave; 0 if it is finer than the footprint.
+  /// Noise of the current octave; 0 if it is finer than the footprint.
   float noise() const {
     if (!(waves_ < 1)) return 0;
     return gradient_noise(procedural_.dimensions, p_,
@@ -57,17 +57,17 @@ class Octaves {
 /// Sum of the octaves' noise over the sum of their amplitudes: in [-1, 1], mean 0.
 float fbm(const ProceduralTexture& procedural, const std::array<double, 4>& p, float footprint) {
   Octaves o(procedural, p, footprint);
-  float sum = 0, most = 0;
+  float sum = 0, amplitude_sum = 0;
   do {
-    sum += o.amplitude() * o.seen() * o.noise();
-    most += o.amplitude();
+    sum += o.amplitude() * o.visibility() * o.noise();
+    amplitude_sum += o.amplitude();
   } while (o.next());
-  return sum / most;
+  return sum / amplitude_sum;
 }
 
 /// Sum of amplitude * |noise|: with gain 1/2 and lacunarity 2, Perlin's sum of |noise| / f.
 struct Turbulence {
-  float sum = 0, most = 0;
+  float sum = 0, amplitude_sum = 0;
 };
 Turbulence turbulence(const ProceduralTexture& procedural, const std::array<double, 4>& p,
                       float footprint) {
@@ -75,8 +75,8 @@ Turbulence turbulence(const ProceduralTexture& procedural, const std::array<doub
   Octaves o(procedural, p, footprint);
   Turbulence t;
   do {
-    t.sum += o.amplitude() * (mean + o.seen() * (std::fabs(o.noise()) - mean));
-    t.most += o.amplitude();
+    t.sum += o.amplitude() * (mean + o.visibility() * (std::fabs(o.noise()) - mean));
+    t.amplitude_sum += o.amplitude();
   } while (o.next());
   return t;
 }
@@ -86,22 +86,22 @@ Turbulence turbulence(const ProceduralTexture& procedural, const std::array<doub
 float ridged(const ProceduralTexture& procedural, const std::array<double, 4>& p, float footprint) {
   const float mean = kMeanRidgedNoise[static_cast<std::size_t>(procedural.dimensions)];
   Octaves o(procedural, p, footprint);
-  float sum = 0, most = 0, weight = 1;
+  float sum = 0, amplitude_sum = 0, weight = 1;
   do {
     const float ridge = 1 - std::fabs(o.noise());
-    const float signal = weight * (mean + o.seen() * (ridge * ridge - mean));
+    const float signal = weight * (mean + o.visibility() * (ridge * ridge - mean));
     sum += o.amplitude() * signal;
-    most += o.amplitude();
+    amplitude_sum += o.amplitude();
     weight = clamp(2 * signal, 0.0f, 1.0f);
   } while (o.next());
-  return sum / most;
+  return sum / amplitude_sum;
 }
 
 /// A sine with one period per feature in [-1, 1], or its mean where it is too fine. Distortion
 /// makes it finer locally, but not on average.
 float wave(double x, float footprint) {
   const auto phase = static_cast<float>(x - std::floor(x));
-  return seen_share(footprint) * elementary::sin(kTwoPi * phase);
+  return visible_amplitude(footprint) * elementary::sin(kTwoPi * phase);
 }
 
 /// Layers across x, distorted by turbulence: sin(x + sum |noise| / f).
@@ -145,7 +145,8 @@ float fire(const ProceduralTexture& procedural, const std::array<double, 4>& p, 
   const std::array<double, 4> rising = {p[0] * kTongues, p[1] * kTongues - 2 * p[3],
                                         p[2] * kTongues, p[3]};
   const Turbulence t = turbulence(procedural, rising, footprint * static_cast<float>(kTongues));
-  const float mean = t.most * kMeanAbsoluteNoise[static_cast<std::size_t>(procedural.dimensions)];
+  const float mean =
+      t.amplitude_sum * kMeanAbsoluteNoise[static_cast<std::size_t>(procedural.dimensions)];
   const auto height = static_cast<float>(clamp(p[1], -1e6, 1e6));
   return clamp(1 - height + procedural.distortion * height * (t.sum - mean) * 2, 0.0f, 1.0f);
 }
@@ -157,13 +158,13 @@ float pattern_at(const ProceduralTexture& procedural, const std::array<double, 4
   using Pattern = ProceduralTexture::Pattern;
   switch (procedural.pattern) {
     case Pattern::noise:
-      return 0.5f + 0.5f * seen_share(footprint) *
+      return 0.5f + 0.5f * visible_amplitude(footprint) *
                         gradient_noise(procedural.dimensions, p, procedural.seed);
     case Pattern::fbm:
       return 0.5f + 0.5f * fbm(procedural, p, footprint);
     case Pattern::turbulence: {
       const Turbulence t = turbulence(procedural, p, footprint);
-      return t.sum / t.most;
+      return t.sum / t.amplitude_sum;
     }
     case Pattern::ridged:
       return ridged(procedural, p, footprint);

@@ -15,44 +15,45 @@ namespace tessera::render {
 namespace {
 
 /// Minimum alpha of an image: bilinear filtering stays within the range of its texels.
-float smallest_alpha(const Image& image) {
+float min_alpha(const Image& image) {
   if (image.channels != 2 && image.channels != 4) return 1;
   const auto step = static_cast<std::size_t>(image.channels);
-  float least = 1;
+  float minimum = 1;
   for (std::size_t i = step - 1; i < image.u8.size(); i += step) {
-    least = std::min(least, static_cast<float>(image.u8[i]) / 255);
+    minimum = std::min(minimum, static_cast<float>(image.u8[i]) / 255);
   }
   for (std::size_t i = step - 1; i < image.u16.size(); i += step) {
-    least = std::min(least, static_cast<float>(image.u16[i]) / 65535);
+    minimum = std::min(minimum, static_cast<float>(image.u16[i]) / 65535);
   }
   for (std::size_t i = step - 1; i < image.f32.size(); i += step) {
-    least = std::min(least, image.f32[i]);
+    minimum = std::min(minimum, image.f32[i]);
   }
-  return least;
+  return minimum;
 }
 
 /// Minimum alpha of a procedural texture.
-float smallest_alpha(const ProceduralTexture& procedural) {
-  float least = 1;
-  for (const ProceduralTexture::Stop& stop : procedural.ramp) least = std::min(least, stop.color.w);
-  return least;
+float min_alpha(const ProceduralTexture& procedural) {
+  float minimum = 1;
+  for (const ProceduralTexture::Stop& stop : procedural.ramp)
+    minimum = std::min(minimum, stop.color.w);
+  return minimum;
 }
 
 /// Returns whether rays may pass through some point of the material as a hole.
 bool has_holes(const Material& material, const Scene& scene) {
   if (material.alpha_mode == AlphaMode::opaque) return false;
-  float least = material.base_color.w;
+  float minimum = material.base_color.w;
   if (material.base_color_texture) {
     const auto index = static_cast<std::size_t>(material.base_color_texture.texture);
     const Texture& texture = scene.textures[index];
     if (texture.procedural != kNone) {
-      least *=
-          smallest_alpha(scene.procedural_textures[static_cast<std::size_t>(texture.procedural)]);
+      minimum *= min_alpha(scene.procedural_textures[static_cast<std::size_t>(texture.procedural)]);
     } else if (texture.image != kNone) {
-      least *= smallest_alpha(scene.images[static_cast<std::size_t>(texture.image)]);
+      minimum *= min_alpha(scene.images[static_cast<std::size_t>(texture.image)]);
     }
   }
-  return material.alpha_mode == AlphaMode::mask ? !(least >= material.alpha_cutoff) : !(least >= 1);
+  return material.alpha_mode == AlphaMode::mask ? !(minimum >= material.alpha_cutoff)
+                                                : !(minimum >= 1);
 }
 
 std::uint8_t traits_of(const Material& material, const MaterialView& view, const Scene& scene) {
@@ -160,9 +161,9 @@ ShadingScene::ShadingScene(const Scene& scene, std::uint32_t assumed)
       const bool may_lean = has_leaning_normals(p) || (!mesh.keys.empty() && !p.normals.empty());
       view.curved = material.interface == Interface::opaque && may_lean &&
                     !(material.source->diffuse_transmission.factor > 0);
-      const bool seen = material.rank != kBoundaryRank;
-      if (seen && colors_make_holes(p, *material.source)) view.traits |= kTraitAlpha;
-      if (seen) view.traits |= assumed_traits();
+      const bool visible = material.rank != kBoundaryRank;
+      if (visible && colors_make_holes(p, *material.source)) view.traits |= kTraitAlpha;
+      if (visible) view.traits |= assumed_traits();
       traits |= view.traits;
       primitives.push_back(view);
     }
@@ -199,7 +200,7 @@ ShadingScene::ShadingScene(const Scene& scene, std::uint32_t assumed)
                                            glass_.size() * sizeof(GlassTables));
 }
 
-/// Returns whether some rays need no material at a visible surface.
+/// Traits that surfaces are assumed to have. None of them changes the result of a ray.
 std::uint8_t ShadingScene::assumed_traits() const {
   unsigned assumed = 0;
   if (assumes(kFeatureAlphaMask | kFeatureAlphaBlend)) assumed |= kTraitAlpha;

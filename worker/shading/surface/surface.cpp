@@ -198,9 +198,9 @@ void offset_shadow_terminator(const Vec3f& wo, ShadingPoint* p, SurfacePoint* po
   lift = transform_vector(p->instance->object_to_world, lift);
   // Offsets below the error bounds gain nothing, and rays could start inside.
   const Vec3f geometric = p->front ? p->geometric_normal : -p->geometric_normal;
-  float least = 0;
-  for (int k = 0; k < 3; ++k) least += 4 * std::fabs(geometric[k]) * position->tolerance[k];
-  if (!(dot(lift, geometric) > least)) return;
+  float min_lift = 0;
+  for (int k = 0; k < 3; ++k) min_lift += 4 * std::fabs(geometric[k]) * position->tolerance[k];
+  if (!(dot(lift, geometric) > min_lift)) return;
   const Vec3f curved = vertex_normal(*p);
   if (!(dot(p->front ? curved : -curved, wo) > 0)) return;
   p->raised = true;

@@ -97,10 +97,10 @@ inline BsdfFrame viewing_frame(const ShadingPoint& p, const Vec3f& shading_norma
   // does, which also puts the viewer on its side.
   const Vec3f reflected = n * (2 * dot(n, wo)) - wo;
   const float facing = dot(frame.geometric_normal, wo);
-  const float least = facing < 0.02f ? 0.5f * facing : 0.01f;
+  const float min_height = facing < 0.02f ? 0.5f * facing : 0.01f;
   const float height = dot(frame.geometric_normal, reflected);
-  if (height < least) {
-    n = direction_of(wo + direction_of(reflected + frame.geometric_normal * (least - height)));
+  if (height < min_height) {
+    n = direction_of(wo + direction_of(reflected + frame.geometric_normal * (min_height - height)));
   }
   frame.normal = n;
   const Frame axes = Frame::from_normal(n);

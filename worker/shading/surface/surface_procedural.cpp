@@ -21,7 +21,7 @@ class Coordinates {
     to_second_ = corner(1) - a;
     to_third_ = corner(2) - a;
     at_ = a + to_second_ * static_cast<double>(p.b1) + to_third_ * static_cast<double>(p.b2);
-    place();
+    compute_edges();
   }
 
   const Vec3d& at() const { return at_; }
@@ -71,7 +71,7 @@ class Coordinates {
     return at + Vec3d((k == 1 ? plane.s : plane.t) * (size * 0x1p-10f));
   }
 
-  void place() {
+  void compute_edges() {
     const Affine3d& world = point_.instance->source->object_to_world;
     edge1_ = transform_vector(world, position(1) - position(0));
     edge2_ = transform_vector(world, position(2) - position(0));

@@ -58,7 +58,7 @@ double albedo(double cos_o, double alpha, double eta, const Circle& circle) {
   return sum / (kElevations * kAzimuths);
 }
 
-/// Albedo at grid point `i` of values_.
+/// Index of a grid point in values_.
 constexpr std::size_t index_of(int roughness, int cosine) {
   return static_cast<std::size_t>(roughness) * AlbedoTable::kCosines +
          static_cast<std::size_t>(cosine);

@@ -33,8 +33,9 @@ double albedo(double cos_o, double alpha, const HalfCircle<16>& circle) {
 SheenTable::SheenTable() {
   const HalfCircle<16> circle;
   for (std::size_t r = 0; r < kRoughness; ++r) {
-    const double least{kMinSheenRoughness};
-    const double roughness = least + (1 - least) * static_cast<double>(r) / (kRoughness - 1);
+    const double min_roughness{kMinSheenRoughness};
+    const double roughness =
+        min_roughness + (1 - min_roughness) * static_cast<double>(r) / (kRoughness - 1);
     for (std::size_t i = 0; i < kCosines; ++i) {
       // A cosine of exactly zero divides by zero; interpolation needs the limit.
       constexpr double kLeastCosine = 1e-5;
@@ -47,8 +48,8 @@ SheenTable::SheenTable() {
 
 float SheenTable::at(float cos_theta, float roughness) const {
   const float x = std::sqrt(std::sqrt(clamp(cos_theta, 0.0f, 1.0f))) * (kCosines - 1);
-  const float from_least = (roughness - kMinSheenRoughness) / (1 - kMinSheenRoughness);
-  const float y = clamp(from_least, 0.0f, 1.0f) * (kRoughness - 1);
+  const float from_min = (roughness - kMinSheenRoughness) / (1 - kMinSheenRoughness);
+  const float y = clamp(from_min, 0.0f, 1.0f) * (kRoughness - 1);
   const std::size_t i = x < kCosines - 2 ? static_cast<std::size_t>(x) : kCosines - 2;
   const std::size_t r = y < kRoughness - 2 ? static_cast<std::size_t>(y) : kRoughness - 2;
   const float fx = x - static_cast<float>(i), fy = y - static_cast<float>(r);
