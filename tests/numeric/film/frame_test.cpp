@@ -11,6 +11,7 @@
 #include "worker/render/numerics/numerics_check.h"
 #include "worker/render/parallel_tbb.h"
 #include "worker/render/parallel_threads.h"
+#include "worker/render/path_observer.h"
 
 namespace tessera::testing {
 namespace {
@@ -107,6 +108,49 @@ TEST(FrameRenderer, TilesAndCropsMatchWholeFrame) {
   auto other = render::FrameRenderer::create(room(), cropped, 0, render::sequential());
   EXPECT_TRUE((*other)->render({8, 8, 16, 12}, pass, 1, render::sequential()) ==
               (*renderer)->render({8, 8, 16, 12}, pass, 1, render::sequential()));
+}
+
+/// Counts what PathObserver reports.
+struct CountingObserver final : render::PathObserver {
+  int vertices = 0, contributions = 0;
+  bool is_image = true;  // until the maximum depth
+  Vec3f radiance;
+  void on_vertex(const Vertex& /*vertex*/) override { ++vertices; }
+  void on_miss(const render::Ray& /*ray*/, const Vec3f& /*throughput*/) override {}
+  void on_radiance(render::RadianceSource /*source*/, const Vec3f& added,
+                   float /*mis_weight*/) override {
+    ++contributions;
+    if (is_image) radiance += added;
+  }
+  void on_pass(const Vec3f& /*throughput*/) override {}
+  void on_medium(const render::MediumView& /*medium*/, const Vec3f& /*position*/,
+                 const Vec3f& /*throughput*/) override {}
+  void on_scatter(const render::BsdfSample& /*sample*/, const Vec3f& /*throughput*/) override {}
+  void on_roulette(float /*survival*/, bool /*survived*/, const Vec3f& /*throughput*/) override {}
+  void on_max_depth(bool /*continued*/) override { is_image = false; }
+};
+
+TEST(FrameRenderer, TraceSampleMatchesRender) {
+  const auto settings = small_settings(24, 20, 16);
+  const auto renderer = render::FrameRenderer::create(room(), settings, 0, render::sequential());
+  ASSERT_TRUE(renderer.ok()) << renderer.status();
+  int vertices = 0, contributions = 0;
+  for (std::int32_t i = 0; i < 200; ++i) {
+    const std::int32_t x = i * 7 % 24, y = i * 11 % 20, sample = i % 13;
+    CountingObserver observer;
+    const auto traced = (*renderer)->trace_sample(x, y, sample, observer);
+    const auto block = (*renderer)->render({x, y, 1, 1}, {sample, 1}, 1, render::sequential());
+    for (std::size_t c = 0; c < 3; ++c) {
+      float rendered = 0;  // one sample is in one replicate; the others are 0
+      for (std::size_t k = c; k < block.rgb.size(); k += 3) rendered += block.rgb[k];
+      EXPECT_EQ(traced.radiance[c], rendered) << "pixel " << x << "," << y;
+    }
+    EXPECT_EQ(observer.radiance.x, traced.radiance[0]) << "sum of the reported contributions";
+    vertices += observer.vertices;
+    contributions += observer.contributions;
+  }
+  EXPECT_GT(vertices, 200);
+  EXPECT_GT(contributions, 100);
 }
 
 TEST(FrameRenderer, ThreadCountKeepsEveryBit) {  // hard case 77

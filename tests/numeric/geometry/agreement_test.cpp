@@ -1,5 +1,5 @@
-// Hard cases 6, 11, 15, 16, 28, 30, 32, 33, 34: every structure gives the one hit of brute force,
-// bit for bit, whatever the input.
+// Hard cases 6, 11, 15, 16, 28, 30, 32, 33, 34: SceneAccel gives the same hits as brute force, bit
+// for bit, for any input.
 
 #include <gtest/gtest.h>
 #include <xmmintrin.h>
@@ -52,13 +52,13 @@ int mismatches(const Scene& scene, int rays, std::uint32_t seed, int* hits = nul
   return wrong;
 }
 
-/// A bundle: rays that begin near each other and go much the same way, as camera rays do, or (wide)
-/// whatever way they like.
+/// A bundle of rays with nearby origins and similar directions, like camera rays, or (wide) with
+/// any directions.
 std::vector<Ray> bundle(const Scene& scene, std::size_t count, Dice& dice) {
   const Ray first = adversarial_ray(scene, dice);
   const float width = dice.below(4) == 0 ? 2.0f : std::exp2(-12 * dice.unit());
   const bool one_origin = dice.below(2) == 0;
-  // Where the first ray lies in a plane of boxes, so do all, some of them for good: 0 * inf.
+  // If the first ray lies in a plane of boxes, all do, some of them with direction 0: 0 * inf.
   int flat = -1;
   for (int k = 0; k < 3; ++k) {
     if (first.direction[k] == 0) flat = k;
@@ -81,8 +81,8 @@ std::vector<Ray> bundle(const Scene& scene, std::size_t count, Dice& dice) {
   return rays;
 }
 
-/// Counts rays for which packets differ in any bit from single rays, of which a few are compared
-/// with brute force.
+/// Counts rays for which packets differ in any bit from single rays; a few are also compared with
+/// brute force.
 int packet_mismatches(const Scene& scene, int packets, std::uint32_t seed, int* hits = nullptr) {
   std::vector<SceneAccel> accels;
   for (const Isa isa : supported_isas()) accels.emplace_back(scene, in_order(), isa);
@@ -188,8 +188,8 @@ TEST(SceneAccel, InstancesMatchBruteForce) {
 }
 
 TEST(SceneAccel, SquashedInstancesAreNotCulled) {
-  // Squashed by 1e4 along a slanted axis, so that rounding the ray in object space moves it by far
-  // more than an ulp in the world, at triangles whose vertices are the box's own extremes.
+  // Scaled by 1e-4 along a slanted axis, so that rounding the ray in object space moves it in the
+  // world by much more than an ulp, at triangles whose vertices are the extremes of the box.
   Dice dice(35);
   Scene scene;
   scene.meshes.push_back(mesh_of({soup(1, dice)}));
@@ -331,7 +331,7 @@ TEST(SceneAccel, AxisParallelRaysVisitNoMoreNodes) {
   int visits[2] = {0, 0};
   for (int tilted = 0; tilted < 2; ++tilted) {
     for (int i = 0; i < 64 * 64; ++i) {
-      // Onto the vertices' own planes, and beside the mesh: where 0 * inf happens.
+      // Rays in the vertices' planes and beside the mesh, where 0 * inf occurs.
       const int column = i % 64 - 16, row = i / 64 - 16;
       const Vec3f origin = {static_cast<float>(column) / 32, 1, static_cast<float>(row) / 32};
       ObjectRay ray;
@@ -410,7 +410,7 @@ TEST(SceneAccel, DepthsOfScaledInstancesCompare) {
   }
 }
 
-/// Levels of the tree below and including node `reference`.
+/// Levels of the subtree at node `reference`.
 int depth_of(const WideBvh<8>& bvh, std::uint32_t reference) {
   int deepest = 0;
   for (const std::uint32_t child : node_at(bvh.nodes.data(), reference).children) {
@@ -419,7 +419,7 @@ int depth_of(const WideBvh<8>& bvh, std::uint32_t reference) {
   return deepest + 1;
 }
 
-/// Every item in exactly one leaf, and no leaf above its size.
+/// Expects every item in exactly one leaf, and no leaf above the maximum size.
 void expect_complete(const WideBvh<8>& bvh, std::size_t items) {
   std::vector<int> seen(items, 0);
   for (const BvhLeaf& leaf : bvh.leaves) {
@@ -446,7 +446,7 @@ TEST(BvhDepth, EqualCentroidsStayWithinLimit) {
 }
 
 TEST(BvhDepth, NestedTrianglesStayWithinLimit) {
-  // Each is half as large as the one before: splits peel them off one by one.
+  // Each box is half as large as the one before, so splits remove one at a time.
   std::vector<Box3f> boxes;
   boxes.reserve(240);
   for (int i = 0; i < 240; ++i) {
@@ -509,7 +509,7 @@ TEST(SceneAccel, DenormalDirectionsActAsZero) {
     Hit a, b, c;
     const bool found = accel.closest_hit(zero, a);
     ASSERT_EQ(accel.closest_hit(tiny, b), found);
-    _mm_setcsr(mode | 0x8040u);  // FTZ and DAZ, as other libraries set them
+    _mm_setcsr(mode | 0x8040u);  // flush-to-zero and denormals-are-zero, as set by some libraries
     const bool flushed = accel.closest_hit(zero, c);
     _mm_setcsr(mode);
     ASSERT_EQ(flushed, found);

@@ -1,4 +1,4 @@
-/// Motion blur: rays find what moves while the shutter is open (hard case 31).
+/// Motion blur: rays find moving objects while the shutter is open (hard case 31).
 #include "worker/geometry/motion.h"
 
 #include <gtest/gtest.h>
@@ -34,7 +34,7 @@ TEST(FindKey, ReturnsSegmentOfEveryTime) {
   EXPECT_EQ(find_key(times, 0.75f).f, 0.5f);
   EXPECT_EQ(find_key(times, 1).f, 1);
 }
-/// The scene as it stands at a time, for rays that mean something.
+/// The scene at a time, for rays of that time.
 Scene at_time(const Scene& scene, float time) {
   Scene now = scene;
   const KeyframePosition at = find_key(scene.key_times, time);
@@ -57,7 +57,7 @@ Scene at_time(const Scene& scene, float time) {
   return now;
 }
 
-/// Rays at many times, with what brute force finds.
+/// Rays at many times, and their hits by brute force.
 struct Shots {
   std::vector<Ray> rays;
   std::vector<bool> found;
@@ -149,14 +149,14 @@ TEST(MotionBounds, AllAcceleratorsFindSameHits) {
   }
 }
 
-/// Where the world boxes matter most: thin things far from their origins that turn fast.
+/// Thin objects far from their origins that rotate fast, for which world boxes matter most.
 Scene turning_things(Dice& dice) {
   Scene scene;
   scene.key_times = {0, 1};
   scene.meshes = {mesh_of({uv_sphere(3, 4, 0.01f, {1, 0, 0})})};
   for (int i = 0; i < 40; ++i) {
     place(scene, 0, random_placement(dice, 1, Vec3d(dice.vector()), false));
-    // By any angle up to half a turn, where it shrinks to nothing on the way.
+    // Any angle up to half a turn, where linear interpolation shrinks it to nothing.
     scene.instances.back().motion = i;
     const Affine3d all = random_placement(dice, 1, Vec3d(dice.vector()), i % 3 == 0);
     const Affine3d turn = lerp(Affine3d{}, all, i % 4 == 0 ? 1 : 0.3f * dice.unit());
@@ -177,7 +177,7 @@ TEST(MotionBounds, HoldRotatingInstances) {
   }
 }
 
-/// A point of a placed mesh as far out along an axis as any, but for a little: 2e-4 of a triangle.
+/// An outermost point of a placed mesh along an axis, moved inwards by 2e-4 of a triangle.
 Vec3d outermost(const Primitive& p, const Affine3d& placed, int axis, double side) {
   Vec3d best, found;
   bool any = false;
@@ -197,7 +197,7 @@ Vec3d outermost(const Primitive& p, const Affine3d& placed, int axis, double sid
   return found;
 }
 
-/// Rays along the faces of the boxes, just inside, when what moves touches them: at keys.
+/// Rays just inside the faces of the boxes at keys, where the moving objects touch them.
 TEST(MotionBounds, GrazingRaysHitMovingInstances) {
   Dice dice(33);
   const Scene scene = turning_things(dice);
@@ -222,8 +222,8 @@ TEST(MotionBounds, GrazingRaysHitMovingInstances) {
   }
 }
 
-/// As HardCase15 has it of what stands still: squashed by 1e4 along a slanted axis, rounding the
-/// ray in object space moves it by far more than an ulp in the world.
+/// Like SceneAccel.SquashedInstancesAreNotCulled for static instances: scaled by 1e-4 along a
+/// slanted axis, rounding the ray in object space moves it in the world by much more than an ulp.
 TEST(MotionBounds, SquashedInstancesAreNotCulled) {
   Dice dice(34);
   Scene scene;

@@ -1,4 +1,4 @@
-/// When the poses of what moves are known, and that they are those of the file's animations.
+/// Keyframes within the shutter interval follow the file's animations.
 
 #include <gtest/gtest.h>
 
@@ -19,7 +19,7 @@ using tessera::testing::render_picture;
 
 constexpr double kPi = 3.14159265358979323846;
 
-/// The catalogue's own: a ball of radius 0.1, 1 m from the z axis, which it goes half round.
+/// A ball of radius 0.1 moves half round the z axis at a distance of 1 m.
 TEST(MotionBounds, OrbitingBallIsHitAtItsTop) {
   GltfBuilder file;
   add_camera(file, 0, 1);
@@ -46,7 +46,7 @@ TEST(MotionBounds, OrbitingBallIsHitAtItsTop) {
   for (const float time : {0.0f, 0.125f, 0.5f, 0.8125f, 1.0f}) {
     const double angle = kPi * static_cast<double>(time);
     for (const double z : {0.0, 1.0}) {
-      // From 0.15 above the ball's centre, straight at it.
+      // Rays from 0.15 above the ball's centre towards it.
       const Vec3d out = {std::cos(angle), std::sin(angle), 0};
       Ray ray;
       ray.origin = Vec3f(out * 1.15 + Vec3d{0, 0, z} - scene->center);
@@ -59,14 +59,14 @@ TEST(MotionBounds, OrbitingBallIsHitAtItsTop) {
       // The tolerance of add_motion() is 2^-10 of the ball's box, whose diagonal is 0.35 m, times
       // 4/3; the mesh is within 0.1 (1 - cos(pi / 8)^2) of the ball.
       EXPECT_NEAR(hit.t, 0.05f, z == 0 ? 0.00047 : 0.015) << time;
-      // The ball was elsewhere at other times.
+      // At other times the ball is elsewhere.
       ray.time = time < 0.5f ? time + 0.25f : time - 0.25f;
       EXPECT_FALSE(accel.closest_hit(ray, hit) && hit.t < 0.1f);
     }
   }
 }
 
-/// S curves and what stands still: keys are only where they are needed.
+/// S curves and static objects: keys are only where they are needed.
 TEST(Shutter, KeysAreAddedOnlyWherePathsBend) {
   const auto keys = [](const char* interpolation, const std::vector<float>& times,
                        const std::vector<float>& values, double open, double close) {
@@ -85,7 +85,8 @@ TEST(Shutter, KeysAreAddedOnlyWherePathsBend) {
   EXPECT_EQ(keys("LINEAR", {1, 2}, {0, 0, 0, 1, 0, 0}, 0, 0.5), Times{});
   EXPECT_EQ(keys("LINEAR", {0, 0.25f, 1}, {0, 0, 0, 1, 0, 0, 0, 1, 0}, 0, 0.5),
             (Times{0, 0.5f, 1}));
-  // From (0, 0, 0) to (1, 0, 0) with no speed at either end: halfway it lies on the straight line.
+  // From (0, 0, 0) to (1, 0, 0) with zero speed at both ends: at half time it lies on the straight
+  // line.
   const Times curve =
       keys("CUBICSPLINE", {0, 1}, {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0}, 0, 1);
   EXPECT_GT(curve.size(), 8u);

@@ -1,4 +1,4 @@
-// Hard cases 17, 18, 20, 23, 26, 30: lines through analytic shapes.
+// Hard cases 17, 18, 20, 23, 26, 30: intersections of lines with analytic shapes.
 
 #include <gtest/gtest.h>
 
@@ -128,7 +128,8 @@ TEST(Shapes, ConeApexHasFiniteNormal) {
     ray.direction = Vec3f{0, 1, 0} - from;
     std::vector<Hit> hits = all_hits(scene, ray);
     std::erase_if(hits, [](const Hit& hit) { return hit.t > 1.5f; });  // leaves by the base
-    // Once where the ray goes on inside; where it only touches, two roots may be a float apart.
+    // One hit where the ray continues inside; where it only touches, two roots may differ by an
+    // ulp.
     ASSERT_GE(hits.size(), 1u);
     EXPECT_LE(hits.size(), from.x == 0 ? 1u : 2u);
     for (const Hit& hit : hits) {
@@ -192,7 +193,7 @@ TEST(Shapes, DepthsOfScaledSpheresCompare) {
   }
 }
 
-/// A shape and, written down on its own, what is inside.
+/// A shape and an independent test of its inside.
 struct Known {
   std::string name;
   Shape shape;
@@ -327,7 +328,7 @@ TEST(Shapes, NormalsPointOutwards) {
   }
 }
 
-/// All shapes, placed at random among triangles, and solids of some of them.
+/// All shapes at random places among triangles, and solids of some of them.
 Scene crowd(Dice& dice) {
   Scene scene;
   scene.meshes.push_back(mesh_of({soup(40, dice)}));
@@ -370,7 +371,7 @@ TEST(Shapes, HitsMatchInEveryAccelerator) {
     Ray next;
     for (int i = 0; i < 4'000; ++i) {
       Ray ray = adversarial_ray(scene, dice);
-      if (i % 4 == 1) ray = next;  // on from where the last one hit
+      if (i % 4 == 1) ray = next;  // starts at the last hit
       const std::vector<Hit> expected = all_hits(scene, ray);
       found += expected.empty() ? 0 : 1;
       const auto check = [&](bool hits, const Hit& hit) {
