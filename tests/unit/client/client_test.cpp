@@ -1,4 +1,4 @@
-// Parsing of options, names of files, what is printed: everything that needs no farm.
+// Option parsing, file names and output: everything that needs no server.
 #include <gtest/gtest.h>
 
 #include <CLI/CLI.hpp>
@@ -306,7 +306,8 @@ TEST(CurveSvg, DrawsEstimateAndTrueErrorOnLogAxes) {
   EXPECT_EQ(svg.find("<svg"), 0u);
   EXPECT_NE(svg.find("prefers-color-scheme:dark"), std::string::npos);
   EXPECT_NE(svg.find("true error"), std::string::npos);
-  // Equal factors are equal distances, and the points fall along the guides: 4 times the work.
+  // On logarithmic axes equal factors are equal distances, and the points follow the guides: 4
+  // times the work.
   std::vector<double> xs, ys;
   std::size_t at = 0;
   const std::string mark = "circle class=\"estimate\" cx=\"";
@@ -330,7 +331,8 @@ TEST(TileSvg, PlacesAndColoursTiles) {
   const auto svg = tile_svg(report);
   ASSERT_TRUE(svg.ok()) << svg.status();
   EXPECT_NE(svg->find("frame 7, error: 0.01 to 1"), std::string::npos);
-  // 400 wide for 40 pixels: a pixel is 10 units. Least, most, and half-way by the logarithm.
+  // 400 units wide for 40 pixels: a pixel is 10 units. Colours of the minimum, the maximum and
+  // their geometric mean.
   const std::string left = "<rect x=\"16.00\" y=\"28.00\" width=\"160.00\" height=\"160.00\" fill=";
   const std::string middle =
       "<rect x=\"176.00\" y=\"28.00\" width=\"160.00\" height=\"160.00\" fill=";
@@ -371,9 +373,10 @@ TEST(ResultLine, ErrorTargetPrintsBoundAndCertainty) {
   const auto report = nlohmann::ordered_json::parse(R"({"status": "CAPPED", "frames": [
     {"file": "out.exr", "width": 64, "height": 48, "samples": 3072,
      "estimated": {"error": 0.1, "error_upper95": 0.125}}]})");
-  EXPECT_EQ(result_line(report, 1.5),
-            "out.exr: 64x48, 3.1 k samples, estimated error 0.1, ≤ 0.125 at 95 % confidence, CAPPED, "
-            "1.5 s");
+  EXPECT_EQ(
+      result_line(report, 1.5),
+      "out.exr: 64x48, 3.1 k samples, estimated error 0.1, ≤ 0.125 at 95 % confidence, CAPPED, "
+      "1.5 s");
 }
 
 TEST(ResultLine, UncertainErrorIsNotClaimed) {

@@ -1,4 +1,4 @@
-// A job's timeline: where slices lie, and what is marked.
+// A job's timeline: positions of slices, and marks.
 #include "client/charts/timeline.h"
 
 #include <gtest/gtest.h>

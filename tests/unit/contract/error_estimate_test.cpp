@@ -10,8 +10,8 @@
 namespace tessera::contract {
 namespace {
 
-/// Errors of pixels whose replicates are normal with the given standard deviations, over a
-/// denominator of 1: what is estimated, and the square that comes about.
+/// Error estimate and true squared error of pixels whose replicates are normal with the given
+/// standard deviations, with denominator 1.
 struct Drawn {
   ErrorSums sums;
   double true_square = 0;
@@ -38,8 +38,8 @@ Drawn draw(std::mt19937_64& rng, int pixels, double spread) {
 }
 
 TEST(ErrorEstimate, BoundCoversTrueErrorAt95Percent) {
-  // 95 % nominal over 2,000 seeds: fewer than 1,877 would come by chance once in 10,000 times
-  // (binomial). The three channels of a pixel are independent here, which only widens the bound.
+  // 95 % nominal over 2,000 seeds: fewer than 1,877 would occur once in 10,000 times (binomial).
+  // The three channels of a pixel are independent here, which only widens the bound.
   for (const double spread : {0.0, 0.3}) {
     std::mt19937_64 rng(7);
     int covered = 0;
@@ -60,7 +60,7 @@ TEST(ErrorEstimate, LooksShareConfidence) {
   const double mean = mean_scaled(sums);
   const double one = upper_mean(sums, 1) - mean;
   for (int looks = 1; looks <= 32; ++looks) {
-    // z of the tail 0.05/looks: erfc(z/√2)/2 gives the tail back.
+    // z is the quantile of the tail 0.05/looks: erfc(z/√2)/2 returns the tail.
     const double z = (upper_mean(sums, looks) - mean) / one * 1.6448536269514722;
     EXPECT_NEAR(std::erfc(z / std::sqrt(2.0)) / 2 * looks, 0.05, 1e-8) << looks << " looks";
   }

@@ -9,7 +9,7 @@
 namespace tessera::contract {
 namespace {
 
-/// What a walk over a curve finds.
+/// Result of a walk over a curve.
 struct Walk {
   bool every_cell_once = true;
   int diagonal_steps = 0, long_steps = 0;
@@ -83,8 +83,9 @@ TEST(HilbertCurve, StartsAtTopLeftCell) {
 }
 
 TEST(HilbertCurve, StaysLocalOnPowersOfTwo) {
-  // The mark of a Hilbert curve: n consecutive cells stay in a box of area O(n). Any run of n = 64
-  // cells on the true curve spans at most 4 aligned 8x8 blocks, so at most 31 cells either way.
+  // Defining property of a Hilbert curve: n consecutive cells stay in a box of area O(n). Any run
+  // of n = 64 cells of the true curve spans at most 4 aligned 8x8 blocks, so at most 31 cells
+  // either way.
   const std::vector<GridPoint> curve = hilbert_curve(64, 64);
   for (std::size_t i = 0; i + 64 <= curve.size(); ++i) {
     GridPoint low = curve[i], high = curve[i];

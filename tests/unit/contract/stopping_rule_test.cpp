@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::int64_t kTilePixels = 1024;
 
-/// A frame whose tiles have squared errors of about variance/n, and how it goes.
+/// A simulated frame whose tiles have squared errors of about variance/n.
 class MadeFrame {
  public:
   MadeFrame(std::vector<double> variances, double error, std::int32_t max_spp,
@@ -22,7 +22,7 @@ class MadeFrame {
       : passes_(error_schedule(max_spp)),
         variances_(std::move(variances)),
         rule_(error, passes_, std::vector<std::int64_t>(variances_.size(), kTilePixels)) {
-    // What a tile's estimate comes to is drawn once: it must not depend on the order.
+    // The random part of each estimate is drawn once, so that it does not depend on the order.
     std::mt19937_64 rng(seed);
     std::normal_distribution<double> normal;
     for (std::size_t i = 0; i < variances_.size() * passes_.size(); ++i) {
@@ -41,7 +41,7 @@ class MadeFrame {
     return {kTilePixels, sum, sum, sum, 2 * sum * sum / kTilePixels * concentration};
   }
 
-  /// Renders until every tile has stopped, the unit to come next drawn with `order`.
+  /// Renders until every tile has stopped; `order` seeds the order of units.
   void render(std::uint32_t order) {
     std::mt19937 rng(order);
     std::vector<std::pair<std::int32_t, std::int32_t>> open;
@@ -88,7 +88,7 @@ class MadeFrame {
     }
     return sum / static_cast<double>(variances_.size());
   }
-  /// Whether every tile was told, once, that it has stopped.
+  /// Returns whether every tile was told exactly once that it has stopped.
   bool is_finished() const { return stopped_ == variances_.size(); }
   double bound() const {
     ErrorSums sums;
@@ -98,12 +98,12 @@ class MadeFrame {
     }
     return std::sqrt(upper_mean(sums, rule_.looks()));
   }
-  /// Puts the error of the first passes into so many times fewer pixels.
+  /// Concentrates the error of the first passes in fewer pixels, by this factor.
   void concentrate(double factor, std::int32_t passes = 1000) {
     concentration_ = factor;
     concentrated_passes_ = passes;
   }
-  /// Makes squares after pass 0 so many times as large as they should be.
+  /// Multiplies the squared errors estimated after pass 0 by this factor.
   void first_seems(double factor) { first_seems_ = factor; }
 
  private:
@@ -135,18 +135,18 @@ TEST(StoppingRule, DecisionsAreOrderIndependent) {
 }
 
 TEST(StoppingRule, NeedsFewMoreSamplesThanFixedCount) {
-  // Passes grow by halves and doubles, the bound lies above the estimate, and part of E² is kept
-  // for surprises: docs/accuracy.md has what was measured over 200 seeds.
+  // Passes grow by factors of 1.5 and 2, the bound lies above the estimate, and part of E² is kept
+  // as a reserve: docs/explanation/error-estimation.md.
   for (const double spread : {0.0, 0.2, 0.5}) {
     for (const double error : {0.2, 0.1, 0.071, 0.05, 0.03}) {
       const std::vector<double> variances = spread_variances(64, spread);
       double mean = 0;
       for (const double variance : variances) mean += variance / 64;
-      const double fixed = mean / (error * error);  // samples at which the mean square is E²
+      const double fixed = mean / (error * error);  // samples at which the mean squared error is E²
       MadeFrame frame(variances, error, 1 << 20);
       frame.render(1);
       EXPECT_LE(frame.bound(), error) << "spread " << spread << ", error " << error;
-      EXPECT_LE(frame.samples(), std::max(32.0, 1.45 * fixed))  // a tile has 32 at least
+      EXPECT_LE(frame.samples(), std::max(32.0, 1.45 * fixed))  // a tile has at least 32
           << "spread " << spread << ", error " << error;
       EXPECT_EQ(frame.rule().capped_tile_count(), 0);
       EXPECT_EQ(frame.rule().concentrated_tile_count(), 0);
@@ -155,15 +155,15 @@ TEST(StoppingRule, NeedsFewMoreSamplesThanFixedCount) {
 }
 
 TEST(StoppingRule, NoisyTileStopsWhenFrameMeetsTarget) {
-  MadeFrame frame({3, 1, 1, 1, 1, 1, 1, 1}, 0.24, 4096);  // 32 samples: 0.306 there, 0.198 in all
+  MadeFrame frame({3, 1, 1, 1, 1, 1, 1, 1}, 0.24, 4096);  // 32 samples: 0.306, all tiles 0.198
   frame.render(1);
   EXPECT_LE(frame.bound(), 0.24);
   EXPECT_EQ(frame.samples(), 32);
 }
 
 TEST(StoppingRule, NoisyEstimatesStillTerminate) {
-  // When every look aimed at a fixed share of E², whatever tiles that had stopped left of it, one
-  // of these frames sent a tile to a million samples.
+  // Regression test: when every look aimed at a fixed share of E², whatever stopped tiles had left
+  // of it, one of these frames sent a tile to a million samples.
   const auto render = [](std::size_t tiles, double noise, std::uint32_t i) {
     const std::vector<double> variances = spread_variances(tiles, tiles == 1 ? 0 : 1);
     double mean = 0;
@@ -181,8 +181,8 @@ TEST(StoppingRule, NoisyEstimatesStillTerminate) {
 }
 
 TEST(StoppingRule, SpreadErrorStopsEarlierThanForeseen) {
-  // While the error sits in 32 pixels the bound is half as much again above the estimate, and the
-  // look foresees 512 samples; after 256 it sits in 512 pixels, and the bound is met.
+  // While the error is in 32 pixels, the bound is 1.5 times the estimate, and the look predicts 512
+  // samples; after 256 samples it is in 512 pixels, and the bound is met.
   MadeFrame frame({1}, 0.075, 4096, 1, 0);
   frame.concentrate(512.0 / 32, 4);
   frame.render(1);
@@ -211,7 +211,7 @@ TEST(StoppingRule, CappedTilesAreCounted) {
 
 TEST(StoppingRule, BetterThanForeseenIsNotEnough) {
   MadeFrame frame(spread_variances(16, 0.5), 0.01, 256);
-  frame.first_seems(8);  // what is foreseen for 256 samples has come after 32
+  frame.first_seems(8);  // the error predicted for 256 samples is reached
   frame.render(1);
   EXPECT_EQ(frame.rule().capped_tile_count(), 16);
   EXPECT_EQ(frame.samples(), 256);
@@ -232,7 +232,7 @@ TEST(StoppingRule, ConcentratedErrorContinuesOrCounts) {
 }
 
 TEST(StoppingRule, PassTargetsDoNotWaitForSlowTiles) {
-  MadeFrame frame({10, 10}, 0.05, 4096);  // wants 4,000 samples
+  MadeFrame frame({10, 10}, 0.05, 4096);  // needs 4,000 samples
   StoppingRule& rule = frame.rule();
   rule.add(0, 0, frame.figures(0, 0));
   rule.add(0, 1, frame.figures(0, 1));
@@ -246,7 +246,7 @@ TEST(StoppingRule, PassTargetsDoNotWaitForSlowTiles) {
 }
 
 TEST(StoppingRule, NoiselessTilesStopAtOnce) {
-  for (const double error : {0.05, 1e-6}) {  // the second is out of reach
+  for (const double error : {0.05, 1e-6}) {  // the second cannot be reached
     MadeFrame frame({0, 0, 1, 0}, error, 4096);
     frame.render(1);
     const std::vector<std::int32_t> counts = frame.pass_counts();

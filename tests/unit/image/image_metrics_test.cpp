@@ -11,7 +11,7 @@
 namespace tessera::contract {
 namespace {
 
-/// An image of one colour, to be painted on.
+/// An image of one colour on which tests paint.
 struct Canvas {
   std::int32_t width, height;
   std::vector<float> rgba;
@@ -180,7 +180,7 @@ TEST(Flip, RotatesAndMirrorsWithImages) {
 }
 
 TEST(Flip, FineDetailCountsLessThanCoarse) {
-  // At 67 pixels per degree a one-pixel red-green checker is far above what the eye resolves.
+  // At 67 pixels per degree the eye cannot resolve a red-green checker of one pixel.
   const auto checker = [](std::int32_t size) {
     Canvas image(64, 64, {0.5f, 0.5f, 0.5f});
     for (std::int32_t y = 0; y < 64; ++y) {
@@ -200,7 +200,7 @@ TEST(Flip, FineDetailCountsLessThanCoarse) {
 
 TEST(Flip, BlueYellowBlursMoreThanRedGreen) {
   // The widest sensitivity filter (b = 0.04) has σ = 3 pixels here, the others about 1: a checker
-  // of four pixels fades in blue and yellow, and stays in red and green.
+  // of four pixels fades in blue and yellow, but not in red and green.
   const auto checker = [](std::array<float, 3> step) {
     Canvas image(64, 64, {0.5f, 0.5f, 0.5f});
     for (std::int32_t y = 0; y < 64; ++y) {
@@ -214,14 +214,15 @@ TEST(Flip, BlueYellowBlursMoreThanRedGreen) {
     return image;
   };
   const Canvas grey(64, 64, {0.5f, 0.5f, 0.5f});
-  // Both at constant luminance, so that nothing but colour can be seen.
+  // Both at constant luminance, so that only colour differs.
   const double red_green = mean_flip(checker({0.1f, -0.0297f, 0}).view(), grey.view());
   const double blue_yellow = mean_flip(checker({-0.0156f, -0.0156f, 0.2f}).view(), grey.view());
   EXPECT_LT(blue_yellow, red_green) << "unblurred, its step is the larger by far";
 }
 
 TEST(Flip, LostEdgeCountsMoreThanEqualStep) {
-  // Features raise the difference: where an edge is missing, the exponent 1 − ΔF falls below 1.
+  // Feature differences raise the result: where an edge is missing, the exponent 1 − ΔF falls below
+  // 1.
   Canvas edge(64, 64, {0.3f, 0.3f, 0.3f});
   for (std::int32_t y = 0; y < 64; ++y) {
     for (std::int32_t x = 32; x < 64; ++x) {

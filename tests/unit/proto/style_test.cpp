@@ -101,7 +101,7 @@ TEST_F(ProtoStyle, PathsMatchPackages) {
 }
 
 TEST_F(ProtoStyle, EveryRpcHasItsOwnRequestAndResponse) {
-  // Streams are named after what they are; their messages too.
+  // Streams have names of their own, and so do their messages.
   std::set<std::string> used;
   for_each_rpc([&](const MethodDescriptor& rpc) {
     EXPECT_EQ(rpc.input_type()->name(), rpc.name() + "Request") << rpc.full_name();
@@ -199,8 +199,8 @@ TEST_F(ProtoStyle, DigestsAreBytes) {
   });
 }
 
-/// What every reader asks of a field (AIP-192) needs an answer unless the name is one: a message's
-/// or a group's comment may cover its fields.
+/// Questions about a field (AIP-192) must be answered by its comment, its message's or group's
+/// comment, or its name.
 TEST_F(ProtoStyle, EverythingIsCommented) {
   for (const FileDescriptor* file : files_) {
     for (int i = 0; i < file->service_count(); ++i) {
@@ -218,11 +218,12 @@ TEST_F(ProtoStyle, EverythingIsCommented) {
       commented += is;
       has_comment = has_comment || is;
     }
-    // A pair is explained at its rpc; others say it themselves or through their fields.
+    // Request and response are explained at their rpc; other messages by their comment or their
+    // fields' comments.
     EXPECT_TRUE(has_comment || is_pair || message.field_count() == 0) << message.full_name();
   });
-  // The others are named by their comment's neighbour (first_tile, tile_count) or repeat a field
-  // that is explained where it comes first (job_id).
+  // The others are covered by a neighbour's comment (first_tile, tile_count) or repeat a field that
+  // is explained at its first use (job_id).
   EXPECT_GT(commented, 90) << "of " << fields << " fields";
 }
 

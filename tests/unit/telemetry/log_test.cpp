@@ -12,7 +12,7 @@
 namespace tessera {
 namespace {
 
-/// What reaches stderr when a line of each level is logged through a log opened at `level`.
+/// Returns the output on stderr when a line of each level is logged at `level`.
 std::string written_at(const std::string& level) {
   std::FILE* const file = std::tmpfile();
   const int real = ::dup(STDERR_FILENO);
@@ -32,7 +32,7 @@ std::string written_at(const std::string& level) {
   return text;
 }
 
-/// The lines without their time, which must be there.
+/// The lines without their required time stamps.
 std::string lines_at(const std::string& level) {
   static const std::regex time(R"(\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3} )");
   std::istringstream text(written_at(level));

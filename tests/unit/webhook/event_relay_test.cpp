@@ -18,7 +18,7 @@
 namespace tessera::client {
 namespace {
 
-/// Answers as it is told, and remembers what was posted.
+/// Scripted poster that records its posts.
 class ScriptedPoster final : public HttpPoster {
  public:
   explicit ScriptedPoster(std::vector<absl::Status> answers) : answers_(std::move(answers)) {}
@@ -55,7 +55,7 @@ EventRelay::Options quick(const std::string& state_file = "") {
   return options;
 }
 
-/// A path in a folder of this test alone, where no file is.
+/// Path of a file that does not exist, in a private folder.
 std::string fresh_file() {
   std::string file =
       absl::StrCat(testing::TempDir(), "webhook-",
@@ -98,7 +98,7 @@ TEST(EventRelay, BackoffDoublesOrFollowsRetryAfter) {
                    [&](LogLevel, const std::string& line) { said.push_back(line); });
   poster.before_answer = [&](std::size_t posts) {
     poster.asked = posts == 2 ? absl::Milliseconds(9) : absl::ZeroDuration();
-    if (posts == 3) poster.asked = absl::Hours(1);  // more than anybody waits
+    if (posts == 3) poster.asked = absl::Hours(1);  // longer than the limit
   };
   EXPECT_TRUE(relay.forward(event(v1::Event::KIND_JOB_DONE, 4)).ok());
   const std::string busy = "event 4 (job done): busy; retrying in ";

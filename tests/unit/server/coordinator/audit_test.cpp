@@ -11,7 +11,7 @@ namespace {
 
 class AuditTest : public CoordinatorFixture {
  protected:
-  /// Which units a worker lies about.
+  /// Selects the units for which a worker delivers wrong pixels.
   using Lie = std::function<bool(const Leased&)>;
   static bool never(const Leased&) { return false; }
   static bool always(const Leased&) { return true; }
@@ -49,7 +49,7 @@ class AuditTest : public CoordinatorFixture {
     }
   }
 
-  /// Pixels of a job that one honest worker, on a farm without audits, has rendered.
+  /// Pixels of a job rendered by one correct worker without audits.
   std::string honest_pixels(const JobSpec& spec) {
     const double fraction = std::exchange(options.policy.audit_fraction, 0);
     start();
@@ -173,7 +173,7 @@ TEST_F(AuditTest, UnresolvedDisputeFailsJob) {
   const std::string job = create_job("a");
   add("w1");
   add("faulty", always);
-  work_together(job);  // 20 seconds: somebody who knows may come back
+  work_together(job);  // 20 seconds, in which a third worker might come
   EXPECT_EQ(view(job).state, JobState::running);
   for (int again = 0; again < 3; ++again) work_together(job);
   EXPECT_EQ(view(job).state, JobState::failed);

@@ -19,7 +19,7 @@
 
 namespace tessera::server {
 
-/// The far end of a stream that only remembers what it was told.
+/// A worker's connection that only records messages.
 class RecordingConnection final : public WorkerConnection {
  public:
   void wake() override { ++wake_count; }
@@ -28,8 +28,7 @@ class RecordingConnection final : public WorkerConnection {
   absl::Status closed;
 };
 
-/// A coordinator over a store in memory, with a clock that the test turns and threads that run
-/// when the test says so.
+/// A coordinator over a store in memory; the test controls its clock and runs its threads.
 class CoordinatorFixture : public testing::Test {
  protected:
   void SetUp() override { start(); }
@@ -62,7 +61,7 @@ class CoordinatorFixture : public testing::Test {
     coordinator = *std::move(opened);
   }
 
-  /// Lets writer and film thread work until nothing is left to do.
+  /// Runs writer and film thread until nothing is left to do.
   void pump() {
     while (coordinator->run_writer(false) || coordinator->run_film(false)) {
     }
@@ -108,7 +107,7 @@ class CoordinatorFixture : public testing::Test {
     std::string id;
     Session session;
     std::shared_ptr<RecordingConnection> link;
-    std::vector<Leased> units;  // leased and not yet delivered by the test
+    std::vector<Leased> units;  // leased but not delivered by
     std::vector<Acknowledgement> acknowledgements;
     std::vector<std::string> ended;
   };
@@ -122,7 +121,7 @@ class CoordinatorFixture : public testing::Test {
     collect(worker);
     return worker;
   }
-  /// Takes the worker's mail.
+  /// Reads the worker's messages.
   void collect(TestWorker& worker) {
     Outbox outbox = coordinator->take_outbox(worker.session);
     for (const Lease& lease : outbox.leases) {
@@ -136,7 +135,7 @@ class CoordinatorFixture : public testing::Test {
     for (auto& job : outbox.ended_jobs) worker.ended.push_back(std::move(job));
   }
 
-  /// The block a renderer would make of a unit here: a function of the unit alone.
+  /// The unit's block: a function of the unit alone.
   contract::FilmBlock block_of(const Leased& unit, const contract::FilmBlockShape& shape) const {
     contract::FilmBlock block = contract::FilmBlock::zeros(shape);
     if (noise > 0) return noisy_block(unit, std::move(block));
@@ -175,7 +174,7 @@ class CoordinatorFixture : public testing::Test {
   std::string bytes_of(const Leased& unit) {
     return contract::encode(block_of(unit, shape_of(unit)));
   }
-  /// Delivers `bytes` as the unit's block; whether it was admitted.
+  /// Delivers `bytes` as the unit's block; returns whether it was admitted.
   bool deliver(const TestWorker& worker, const Leased& unit, const std::string& bytes) {
     const BlockHeader header = header_of(unit, bytes);
     const auto admission = coordinator->admit(worker.id, header);
@@ -188,7 +187,7 @@ class CoordinatorFixture : public testing::Test {
       deliver(worker, unit, bytes_of(unit));
     }
   }
-  /// Works until the job has ended.
+  /// Renders as this worker until the job has ended.
   void work_off(TestWorker& worker, const std::string& job_id) {
     for (int round = 0; round < 100 && !has_ended(view(job_id).state); ++round) {
       const std::size_t before = worker.acknowledgements.size();

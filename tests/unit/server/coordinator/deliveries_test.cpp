@@ -1,4 +1,4 @@
-// What is remembered of delivered units, for timelines.
+// The log of delivered units, which timelines are drawn from.
 #include <string>
 #include <utility>
 #include <vector>
@@ -96,7 +96,7 @@ TEST_F(Deliveries, DistinguishAuditsFromRepeats) {
   const Leased unit = ann.units.at(0);
   deliver(ann, unit, bytes_of(unit));
   pump();
-  deliver(ann, unit, bytes_of(unit));  // its own once more
+  deliver(ann, unit, bytes_of(unit));  // a repeat of its own block
   pump();
   for (int round = 0; round < 20 && !has_ended(view(job).state); ++round) {
     for (TestWorker* worker : {&ann, &bob}) {

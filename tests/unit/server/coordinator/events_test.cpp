@@ -1,4 +1,4 @@
-// What people are told of a farm, and what they order.
+// Events of jobs and workers, and operators' orders to workers.
 #include <algorithm>
 #include <string>
 #include <vector>
@@ -32,7 +32,7 @@ TEST(EventLog, ReadsFromSequenceInPages) {
   EXPECT_EQ(texts(first), (std::vector<std::string>{"a", "b"}));
   EXPECT_EQ(texts(log.read({first.back().sequence, "", ""}, 9)),
             (std::vector<std::string>{"c", "d"}));
-  EventLog next(2, no_time);  // of the next start
+  EventLog next(2, no_time);  // after the next start
   next.add(event_of(EventKind::job_done, "j"));
   EXPECT_GT(next.read({}, 1).front().sequence, log.read({}, 9).back().sequence);
 }
@@ -166,10 +166,10 @@ TEST_F(Events, WorkerLogsOnlyForLeasedJobs) {
   EXPECT_EQ(told.back().worker_id, "w");
   for (const Event& event : told) EXPECT_NE(event.text, "not mine");
   work_off(worker, job);
-  coordinator->take_log_lines(worker.session, {{job, "the last word"}});  // late, but welcome
+  coordinator->take_log_lines(worker.session, {{job, "the last word"}});  // late, but accepted
   EXPECT_EQ(coordinator->events().read({0, job, ""}, 100).back().text, "the last word");
   start();
-  worker = join("w");  // the server went, its lines had to wait
+  worker = join("w");  // the server restarted; its lines had to
   coordinator->take_log_lines(worker.session, {{job, "the very last"}});
   EXPECT_EQ(texts(coordinator->events().read({0, job, ""}, 100)),
             std::vector<std::string>{"the very last"});
@@ -195,7 +195,7 @@ TEST_F(Events, BannedWorkerLosesUnitsAndResults) {
   EXPECT_TRUE(ban("bad").ok());
   TestWorker good = join("good");
   collect(good);
-  EXPECT_EQ(good.units.size(), 6u);  // all there are
+  EXPECT_EQ(good.units.size(), 6u);  // all units
   for (const Leased& unit : bad.units) deliver(bad, unit, bytes_of(unit));
   pump();
   collect(bad);
@@ -212,7 +212,7 @@ TEST_F(Events, BanSurvivesRestartUntilLifted) {
   EXPECT_TRUE(ban("bad").ok());
   start();
   TestWorker worker = join("bad");
-  now += std::chrono::seconds(6);  // the roster is not waited for
+  now += std::chrono::seconds(6);  // known workers are not awaited any longer
   coordinator->record_contact(worker.session);
   coordinator->tick();
   create_job("shot");

@@ -1,4 +1,4 @@
-// What Prometheus is told, against what was done.
+// The exported metrics count what happened.
 
 #include <prometheus/text_serializer.h>
 
@@ -66,7 +66,7 @@ TEST_F(MetricsTest, UnitsAreCountedByState) {
   work_off(worker, job);
   values = scrape();
   EXPECT_EQ(values.at(R"(tessera_jobs{state="done"})"), 1);
-  EXPECT_EQ(values.at(R"(tessera_units{state="committed"})"), 0);  // of jobs not ended
+  EXPECT_EQ(values.at(R"(tessera_units{state="committed"})"), 0);  // counts unfinished jobs only
   EXPECT_EQ(values.at("tessera_units_committed_total"), total);
   EXPECT_EQ(values.at("tessera_samples_total"), 20 * 12 * 8);
   EXPECT_EQ(values.at(R"(tessera_acknowledgements_total{status="committed"})"), total);

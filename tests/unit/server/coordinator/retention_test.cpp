@@ -1,4 +1,4 @@
-// Jobs that ended long ago go by themselves, where an operator wants that.
+// Automatic removal of jobs that ended long ago.
 
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@ class RetentionTest : public CoordinatorFixture {
     options.job_retention_us = span_us;
     start();
   }
-  /// Lets this much wall time pass, and the coordinator notice.
+  /// Advances the wall clock and runs the coordinator's timer.
   void pass(std::int64_t span_us) {
     wall_us += span_us;
     now += std::chrono::seconds(10);

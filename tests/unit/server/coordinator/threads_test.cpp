@@ -10,11 +10,10 @@
 namespace tessera::server {
 namespace {
 
-/// The point of this test is the tsan preset: workers, clients, writer, film thread and timer all
-/// at once, without gRPC.
+/// For the tsan preset: workers, clients, writer, film thread and timer run at once, without gRPC.
 class CoordinatorThreads : public CoordinatorFixture {
  protected:
-  /// A worker that delivers whatever it is leased until the job is done.
+  /// Runs a worker that delivers all its leased units until the job is done.
   void work(const std::string& id, const std::string& job, int duplicates) {
     TestWorker worker = join(id, 3);
     while (!has_ended(view(job).state)) {

@@ -7,7 +7,7 @@
 namespace tessera::server {
 namespace {
 
-/// A frame that was asked for 0.1 and has it.
+/// Statistics of a frame that meets its target error of 0.1.
 FrameStatistics good() {
   FrameStatistics statistics;
   statistics.mean_luminance = 0.5;

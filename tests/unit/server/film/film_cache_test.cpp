@@ -55,7 +55,7 @@ class FilmCacheTest : public ::testing::Test {
     }
     return units;
   }
-  /// Every bit that can be told of a tile's pixels.
+  /// All results of a tile, for comparison bit for bit.
   static std::vector<float> pixels_of(const TileSum& tile) {
     std::vector<float> values;
     for (std::int64_t pixel = 0; pixel < tile.pixel_count(); ++pixel) {
@@ -94,11 +94,11 @@ TEST_F(FilmCacheTest, OrderDuplicatesAndMemoryKeepBits) {
   std::vector<double> errors;
   std::mt19937 rng(69);
   for (int trial = 0; trial < 12; ++trial) {
-    FilmCache cache(trial % 3 == 2 ? 1 : kPlenty);  // 1 byte: every tile is rebuilt each time
+    FilmCache cache(trial % 3 == 2 ? 1 : kPlenty);  // 1 byte: every tile is read again each
     open(cache);
     auto units = all_units();
     if (trial > 0) std::shuffle(units.begin(), units.end(), rng);
-    if (trial % 2 == 1) {  // some come twice
+    if (trial % 2 == 1) {  // some blocks are added twice
       for (int copies = 0; copies < 5; ++copies) units.push_back(units[rng() % units.size()]);
     }
     for (const auto& [tile, pass] : units) {
@@ -221,7 +221,7 @@ TEST_F(FilmCacheTest, TrueErrorPerPassMatchesImage) {
       const auto truth = cache.after_pass(frame_key, pass).truth;
       ASSERT_TRUE(truth && truth->error) << "pass " << pass;
       const auto near = [&](double figure, double expected) {
-        EXPECT_NEAR(figure, expected, 1e-12 * expected) << "pass " << pass;  // other order
+        EXPECT_NEAR(figure, expected, 1e-12 * expected) << "pass " << pass;  // other order of sums
       };
       near(*truth->error, *difference->error);
       near(truth->relmse, difference->relmse);
@@ -283,8 +283,8 @@ TEST_F(FilmCacheTest, ConcurrentAddsMatchSerialOnes) {
   EXPECT_EQ(all_pixels(cache), all_pixels(alone));
 }
 
-/// The same frame, asked for by its error: made-up radiance is noise of standard deviation 0.29
-/// about 0.75, summed as if it were of many samples, so a tile's error falls only with the passes.
+/// The same frame with a target error: its radiance is noise of standard deviation 0.29 about 0.75,
+/// summed as if of many samples, so a tile's error falls only with the number of passes.
 class ErrorFilmTest : public FilmCacheTest {
  protected:
   ErrorFilmTest() {
@@ -295,8 +295,9 @@ class ErrorFilmTest : public FilmCacheTest {
   using Unit = std::pair<std::int32_t, std::int32_t>;
   using PassCounts = std::map<std::int32_t, std::int32_t>;
 
-  /// Hands in what is wanted, in an order drawn with `seed`, until every tile has stopped; goes on
-  /// with a new cache after every `restart_after` blocks. Returns how many passes each tile got.
+  /// Adds the wanted blocks in an order seeded by `seed` until every tile has stopped; continues
+  /// with a new cache after every `restart_after` blocks. Returns the number of passes of each
+  /// tile.
   PassCounts render(std::uint32_t seed, int restart_after, std::int64_t budget,
                     std::vector<float>& pixels) {
     std::mt19937 rng(seed);
@@ -321,7 +322,7 @@ class ErrorFilmTest : public FilmCacheTest {
         }
       }
       committed.push_back(unit);
-      // Had this block come before the film was asked after the restart, it would be the same.
+      // The result must be the same if this block comes before the film is asked after the restart.
       if (seed % 2 == 0) {
         EXPECT_TRUE(cache->take_pass_targets(frame_key).ok());
       }

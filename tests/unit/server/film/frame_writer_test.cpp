@@ -32,7 +32,7 @@ constexpr std::uint32_t kAllAovs =
     contract::kAovAlbedo | contract::kAovNormal | contract::kAovDepth | contract::kAovPosition |
     contract::kAovIds | contract::kAovSamples | contract::kAovStdError;
 
-/// An image read back: every channel as it is stored, float or bits of UINT.
+/// An image read from a file: every channel as stored, float or bits of UINT.
 struct ReadBack {
   OIIO::ImageSpec spec;
   std::vector<float> floats;  // half and float channels, all channels interleaved; UINT rounded
@@ -94,7 +94,7 @@ class FrameWriterTest : public ::testing::Test {
       return tile;
     };
   }
-  /// Tiles whose pixels are a function of their place in the full frame, the same for any tiling.
+  /// Tiles whose pixels depend only on their position in the full frame, for any tiling.
   TileReader gradient_tiles() const {
     return [this](std::int32_t index) -> absl::StatusOr<TileSum> {
       const contract::PixelRect rect = contract::TileGrid(spec_.settings).rect(index);
@@ -328,7 +328,7 @@ TEST_F(FrameWriterTest, ReportEntryListsTileErrors) {
   for (std::int32_t index = 0; index < grid.tile_count(); ++index) {
     const TileSum tile = *made_tiles()(index);
     const double error = std::sqrt(contract::mean_scaled(tile.error_sums(0.75)));
-    EXPECT_NEAR(entry["tiles"]["error"][index], error, 5e-4 * error);  // told to four digits
+    EXPECT_NEAR(entry["tiles"]["error"][index], error, 5e-4 * error);  // printed with four digits
     EXPECT_EQ(entry["tiles"]["spp"][index], tile.sample_count());
   }
 }

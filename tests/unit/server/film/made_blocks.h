@@ -10,7 +10,7 @@
 
 namespace tessera::server {
 
-/// A block as a renderer would send it, with made-up radiance: a function of its arguments.
+/// A block with made-up radiance that depends only on the arguments.
 inline contract::FilmBlock made_block(const contract::PixelRect& rect, std::uint32_t aovs,
                                       std::int32_t pass_index, const contract::Pass& pass) {
   contract::FilmBlock block =
@@ -29,7 +29,7 @@ inline contract::FilmBlock made_block(const contract::PixelRect& rect, std::uint
   return block;
 }
 
-/// All sums of a tile, in pass order.
+/// A square tile at the origin.
 inline contract::PixelRect whole_tile(std::int32_t side) {
   return {0, 0, side, side};
 }

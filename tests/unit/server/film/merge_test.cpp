@@ -13,7 +13,7 @@ namespace {
 using contract::FilmBlock;
 using contract::kReplicates;
 
-/// A one-pixel block whose replicates sum to `red` in the red channel, grey alpha 1 a sample.
+/// A block of one pixel whose replicates have these red sums; grey, alpha 1 per sample.
 FilmBlock one_pixel(const std::vector<float>& red, std::int32_t samples, bool first) {
   FilmBlock block = FilmBlock::zeros({1, 1, 0, first});
   for (std::size_t r = 0; r < red.size(); ++r) block.rgb[3 * r] = red[r];
@@ -130,7 +130,8 @@ TEST(TileSum, AovWithoutHitsIsZero) {
   EXPECT_EQ(xyz[0], 0.0f);
 }
 
-/// The estimator of docs/explanation/error-estimation.md, written out for one channel, in long double.
+/// The estimator of docs/explanation/error-estimation.md, written out for one channel, in long
+/// double.
 struct BruteForce {
   long double squared = 0, relative = 0, scaled = 0;
 };
@@ -185,9 +186,9 @@ TEST(ErrorSums, MatchWrittenOutFormula) {
 }
 
 TEST(ErrorSums, BatchMatchesSinglePixels) {
-  // Whole tiles are measured some pixels at a time; one dropped sample makes it one by one.
+  // Whole tiles are processed in groups of pixels; one dropped sample makes it pixel by pixel.
   const contract::Pass pass{0, 8};
-  const contract::PixelRect rect{0, 0, 7, 5};  // leaves a rest of three
+  const contract::PixelRect rect{0, 0, 7, 5};  // leaves a remainder of three
   FilmBlock block = made_block(rect, 0, 0, pass);
   TileSum together(7, 5, 0), alone(7, 5, 0);
   ASSERT_TRUE(together.add(block, pass).ok());
@@ -212,8 +213,8 @@ TEST(ErrorSums, NearlyEqualReplicatesDoNotCancel) {
 }
 
 TEST(ErrorSums, FireflyIsNotInItsOwnDenominator) {
-  // Its own term stands over 0.01 m² alone: (0.75 x)² / 0.01 / 12; also for one so bright that
-  // taking it out of the sum of all would leave rounding errors.
+  // The denominator of its own term is 0.01 m² alone: (0.75 x)² / 0.01 / 12; also for a value so
+  // bright that subtracting it from the total would leave rounding errors.
   for (const float x : {1e4f, 1e30f}) {
     TileSum alone(1, 1, 0), among(8, 1, 0);
     ASSERT_TRUE(alone.add(one_pixel({x, 0, 0, 0}, 4, true), {0, 4}).ok());
@@ -254,8 +255,8 @@ TEST(ErrorEstimate, KnownSumsGiveKnownFigures) {
 }
 
 TEST(ErrorEstimate, IsUnbiasedForNormalNoise) {
-  // Normal noise of known variance on a grey tile: the pooled estimate meets the truth within 5
-  // standard errors (variance of an R = 4 variance estimate is 2σ⁴/3 a value).
+  // Normal noise of known variance on a grey tile: the pooled estimate is within 5 standard errors
+  // of the truth (the variance of an R = 4 variance estimate is 2σ⁴/3 per value).
   constexpr std::int32_t kSide = 64;
   std::mt19937 rng(7);
   std::normal_distribution<double> noise(0, 0.1);

@@ -11,7 +11,7 @@ namespace {
 
 constexpr char kWorker[] = "worker";
 constexpr char kScene[] = "the bytes of a scene";
-constexpr int kCredits = 7;        // odd, so that runs and groups do not fall on passes
+constexpr int kCredits = 7;        // odd, so that runs and groups do not end with
 constexpr std::size_t kSends = 3;  // blocks a round
 
 /// The one job: two frames of 3 × 2 tiles in two passes.
@@ -59,7 +59,7 @@ FarmOnDisk::~FarmOnDisk() {
 
 absl::Status FarmOnDisk::start() {
   StoreOptions store_options;
-  store_options.checkpoint_pages = 40;  // not before the scene is acknowledged
+  store_options.checkpoint_pages = 40;  // only after the scene is acknowledged
   store_options.segment_bytes = 20'000;
   auto store = Store::open(root_ + "/store", disk_, store_options);
   if (!store.ok()) return store.status();

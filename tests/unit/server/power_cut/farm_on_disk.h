@@ -14,11 +14,10 @@
 namespace tessera::server {
 
 /// A coordinator over a real store on a recording disk, with one worker and one client, all in one
-/// thread. The worker "renders" blocks that are a function of the unit alone.
+/// thread. The worker's blocks depend only on the unit.
 class FarmOnDisk {
  public:
-  /// What the worker wrote down of a unit: when it sent it, and when it heard what became of it,
-  /// in steps of the disk.
+  /// A unit in the worker's log: the disk steps at which it was sent and acknowledged.
   struct WorkerEntry {
     Lease lease;
     int sent_step = 0;
@@ -27,22 +26,22 @@ class FarmOnDisk {
   };
   using WorkerLog = std::map<UnitName, WorkerEntry>;
 
-  /// The disk's root exists.
+  /// Requires: the folder `root` exists.
   explicit FarmOnDisk(const std::string& root);
   ~FarmOnDisk();
   FarmOnDisk(const FarmOnDisk&) = delete;
   FarmOnDisk& operator=(const FarmOnDisk&) = delete;
 
-  /// Starts the server on what the disk holds.
+  /// Starts the server on the disk's contents.
   absl::Status start();
   contract::Digest scene_digest() const;
   /// Uploads the scene unless it is there. Returns the step at which it was acknowledged.
   absl::StatusOr<int> upload_scene();
-  /// Submits the one job there is; again and again is no harm. Returns its id.
+  /// Submits the job, which may be repeated. Returns its id.
   absl::StatusOr<std::string> submit();
-  /// Connects the worker; it still has `held`, unacknowledged by an earlier process of the server.
+  /// Connects the worker, which still holds `held`, unacknowledged by an earlier server process.
   void connect(const WorkerLog& held);
-  /// Works until the job has ended. Errors: DeadlineExceeded, it does not end.
+  /// Renders until the job has ended. Errors: DeadlineExceeded, it does not end.
   absl::Status work_off(const std::string& job_id);
 
   int step() const { return static_cast<int>(disk_.events().size()); }
@@ -68,7 +67,7 @@ class FarmOnDisk {
   Session session_;
   Time now_{};
   std::uint64_t random_ = 1;
-  std::vector<std::pair<UnitName, Lease>> waiting_;  // leased or unacknowledged, not sent in this process
+  std::vector<std::pair<UnitName, Lease>> waiting_;  // leased or held, not sent by this process
   std::set<UnitName> leased_;
   WorkerLog log_;
 };

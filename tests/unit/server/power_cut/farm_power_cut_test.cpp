@@ -1,5 +1,5 @@
-// A power cut at every step of a job's life: the server restarts on what was synced, and by the
-// worker's own log no unit that was acknowledged is lost, leased or counted again.
+// A power cut at every step of a job: the server restarts on the synced state, and no unit that the
+// worker saw acknowledged is lost, leased or counted again.
 
 #include <gtest/gtest.h>
 
@@ -22,11 +22,11 @@ using testing::DiskModel;
 
 constexpr int kUnits = 24;  // 2 frames of 6 tiles in 2 passes
 
-/// A job's life without any mishap, and who heard what at which step.
+/// A job without failures, and the steps at which clients and workers were answered.
 struct Life {
   std::vector<testing::DiskEvent> events;
   std::string job_id;
-  int asset_step = 0;  // when the client was told so
+  int asset_step = 0;  // when the client was told
   int job_step = 0;
   int done_step = 0;
   FarmOnDisk::WorkerLog log;
@@ -69,7 +69,7 @@ void live(Life& life) {
   ASSERT_NE(life.pixels[0], life.pixels[1]);
 }
 
-/// What a worker that kept its power holds at `step`: sent, and no word of it yet.
+/// Units that a worker with power holds at `step`: sent and unacknowledged.
 FarmOnDisk::WorkerLog held_at(const Life& life, int step) {
   FarmOnDisk::WorkerLog held;
   for (const auto& [name, entry] : life.log) {
@@ -78,7 +78,7 @@ FarmOnDisk::WorkerLog held_at(const Life& life, int step) {
   return held;
 }
 
-/// Units the worker knew at `step` to be committed.
+/// Units whose commit the worker knew at `step`.
 std::set<UnitName> acknowledged_at(const Life& life, int step) {
   std::set<UnitName> units;
   for (const auto& [name, entry] : life.log) {
@@ -94,8 +94,7 @@ std::string text(const UnitName& name) {
          std::to_string(name.unit.pass) + ")";
 }
 
-/// What goes wrong when the server starts on `image`, and the job is worked off there; empty when
-/// all is well.
+/// Starts the server on `image` and finishes the job; returns what went wrong, or an empty string.
 std::string restart_on(const DiskImage& image, const Life& life, int step, bool worker_kept_power) {
   const ScratchFolder folder;
   testing::restore_image(image, folder.path());
@@ -148,8 +147,8 @@ TEST(FarmPowerCut, EveryRemovedSyncIsDetected) {
   const std::vector<std::string> sites = sync_sites(life.events);
   std::set<std::string> named(sites.begin(), sites.end());
   named.erase("");
-  // Loses nothing that a server has answered for: it keeps a store whole while it is born, which
-  // nobody knows of yet. The store's own test covers it.
+  // Losing this sync loses nothing acknowledged: it protects the store during its creation, before
+  // anybody knows of it. The store's own test covers it.
   EXPECT_EQ(named.erase("file/store/store.db-journal"), 1U);
   for (const std::string& site : named) {
     DiskModel disk;

@@ -1,4 +1,4 @@
-// back_up_store(): a copy of a store in use is whole, is a store of its own, and never half there.
+// back_up_store(): the copy of a store in use is complete, independent, and never left half done.
 #include "server/store/maintenance/backup.h"
 
 #include <gtest/gtest.h>
@@ -20,7 +20,7 @@ void write(const std::string& file, const std::string& bytes) {
   std::ofstream(file, std::ios::binary) << bytes;
 }
 
-/// A store, open, with an asset, a finished frame, and a job of two blocks.
+/// An open store with an asset, a finished frame, and a job of two blocks.
 class BackupTest : public ::testing::Test {
  protected:
   BackupTest() {
@@ -67,7 +67,7 @@ TEST_F(BackupTest, CopyOfLiveStoreIsComplete) {
   EXPECT_EQ(findings->assets, 1);
   EXPECT_TRUE(findings->orphans.empty()) << ::testing::PrintToString(findings->orphans);
 
-  commit("open", 2);  // the original goes on
+  commit("open", 2);  // the original is still in use
   const auto restored = Store::open(copy(), real_filesystem());
   ASSERT_TRUE(restored.ok()) << restored.status();
   EXPECT_NE((*restored)->id(), store_->id()) << "a worker could take one for the other";

@@ -1,4 +1,4 @@
-// check_store() finds each kind of damage, and none where there is none.
+// check_store() finds each kind of damage, and no false ones.
 #include "server/store/maintenance/check.h"
 
 #include <gtest/gtest.h>
@@ -21,7 +21,7 @@ namespace {
 
 class StoreCheckTest : public ::testing::Test {
  protected:
-  /// A store with an asset, a job with two blocks, and one that is done and released.
+  /// A store with an asset, a job with two blocks, and a done and released job.
   StoreCheckTest() {
     auto store = Store::open(path(), real_filesystem());
     EXPECT_TRUE(store.ok()) << store.status();
@@ -64,7 +64,7 @@ class StoreCheckTest : public ::testing::Test {
     return findings.ok() ? *std::move(findings) : StoreFindings();
   }
 
-  /// Expects one fault, which says `text`.
+  /// Expects exactly one fault, containing `text`.
   void expect_fault(const std::string& text) const {
     const StoreFindings found = check();
     ASSERT_EQ(found.faults.size(), 1u) << ::testing::PrintToString(found.faults);

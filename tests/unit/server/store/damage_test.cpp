@@ -1,4 +1,4 @@
-// Stores that were damaged, disks that fail: what is wrong is said, and nothing is made worse.
+// Damaged stores and failing disks are reported, and nothing gets worse.
 
 #include <gtest/gtest.h>
 
@@ -201,7 +201,7 @@ TEST_F(DamageTest, MigrationAddsTotalsOfDoneJobs) {
   EXPECT_EQ((*totals)[0].cpu_seconds, 0.5);
 }
 
-/// The rows are durable; were it called a failure, its units could never be committed again.
+/// The rows are durable; reported as a failure, their units could never be committed again.
 TEST_F(DamageTest, FullDiskAtCheckpointFailsNothing) {
   checkpoint_pages_ = 1;
   make_store();

@@ -10,23 +10,23 @@
 
 namespace tessera::server {
 
-/// What a store has answered for, and between which steps: the answer holds from the step at which
-/// a call returned until the step at which a call began that takes it back.
+/// What a store has confirmed, and from which step: a confirmation holds from the step at which a
+/// call returned until the step at which a call that revokes it began.
 class DurabilityChecker {
  public:
   /// Returns what is wrong, or an empty string.
   using Test = std::function<std::string(Store&)>;
 
-  /// `key` names the promise, so that it can be ended or replaced.
+  /// `key` names the confirmation, so that
   void make(const std::string& key, int step, Test test);
-  /// A promise not in force is no error.
+  /// An unknown key is no error.
   void end(const std::string& key, int step);
-  /// Ends all whose key starts with `prefix`.
+  /// Ends all confirmations whose key starts with
   void end_all(const std::string& prefix, int step);
 
-  /// What is wrong with a store that was cut at `step`, or an empty string.
+  /// Returns what is wrong with a store after a power cut at `step`, or an empty string.
   std::string check(Store& store, int step) const;
-  /// Steps at which something was promised.
+  /// Steps at which something was confirmed.
   std::vector<int> steps() const;
 
  private:
@@ -47,7 +47,7 @@ DurabilityChecker::Test job_is_there(const JobRecord& job);
 DurabilityChecker::Test id_is_taken(const std::string& job_id);
 DurabilityChecker::Test unit_is_there(const std::string& job_id, contract::Unit unit,
                                       std::string bytes);
-/// Units of the job, with a row or added up, are so many: none is lost or counted twice.
+/// The job has this number of units, with a row each or in totals: none is lost or counted twice.
 DurabilityChecker::Test work_is_counted(const std::string& job_id, std::int64_t units);
 DurabilityChecker::Test worker_has_joined(const std::string& worker_id);
 DurabilityChecker::Test frame_is_there(const std::string& job_id, const FrameRecord& frame,
@@ -58,11 +58,11 @@ DurabilityChecker::Test booted_before(std::int64_t boot_count, const std::string
                                       const std::string& key);
 DurabilityChecker::Test sequence_was_used(std::int64_t sequence);
 
-/// What must hold of any store at any time: rows point to whole data, ids are unique, no file is
-/// visible that should not be. Returns what is wrong, or an empty string.
+/// Invariants of any store at any time: rows point to complete data, ids are unique, no unexpected
+/// file is visible. Returns what is wrong, or an empty string.
 std::string check_store(Store& store, const std::vector<std::string>& asset_bytes);
 
-/// All that a store shows, one fact a line.
+/// Everything that a store contains, one fact
 std::vector<std::string> facts(Store& store);
 
 std::string read_file(const std::string& path);

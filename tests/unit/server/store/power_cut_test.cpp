@@ -1,5 +1,5 @@
-// A power cut at every step: the disk is rebuilt from what was synced, and the store must still
-// have all it answered for. Then each kind of sync is taken out in turn, and must be missed.
+// A power cut at every step: the disk is rebuilt from the synced data, and the store must still
+// have everything it confirmed. Then each kind of sync is removed in turn, which must cause a loss.
 
 #include "tests/support/power_cut.h"
 
@@ -39,13 +39,13 @@ StoreOptions small_options() {
   StoreOptions options;
   options.segment_bytes = 3000;   // a few blocks
   options.checkpoint_pages = 24;  // a few commits
-  options.slack_pages = 0;        // a quarter of the file at most
+  options.slack_pages = 0;        // no slack: at most a quarter of the file
   options.now_us = [] { return kHourUs; };
   options.fatal = [](const std::string& message) { ADD_FAILURE() << message; };
   return options;
 }
 
-/// Uses a store on a recording disk and notes what it answers for.
+/// Uses a store on a recording disk and records its confirmations.
 class Coordinator {
  public:
   Coordinator(PowerCutDisk& disk, std::string root, DurabilityChecker& promises)
@@ -212,7 +212,7 @@ std::vector<std::string> make_assets() {
   return assets;
 }
 
-/// A day in the life of a store: everything it can do, on a disk that remembers each step.
+/// A recording of every operation of a store, with each step of the disk.
 struct Recording {
   std::vector<DiskEvent> events;
   DurabilityChecker promises;
@@ -264,7 +264,7 @@ Recording record_a_day() {
   return recording;
 }
 
-/// Opens a store on a disk image and says what is wrong with it.
+/// Opens a store on a disk image and returns what is wrong with it.
 class Inspector {
  public:
   explicit Inspector(const Recording& recording) : recording_(recording) {}
@@ -293,8 +293,8 @@ class Inspector {
   ScratchFolder folder_;
 };
 
-/// Steps at which a missing sync is most likely to show: just before and after any sync, and when
-/// the store has just answered for something.
+/// Steps at which a missing sync is most likely to show: just before and after each sync, and when
+/// the store has just confirmed something.
 std::set<int> telling_steps(const Recording& recording) {
   const std::vector<int> promised = recording.promises.steps();
   std::set<int> steps(promised.begin(), promised.end());
@@ -307,8 +307,8 @@ std::set<int> telling_steps(const Recording& recording) {
   return steps;
 }
 
-/// What the store loses when a power cut comes just after some step and the syncs of `site` never
-/// happened. Empty when it loses nothing.
+/// Returns what the store loses in a power cut just after some step if the syncs of `site` never
+/// happened; empty if it loses nothing.
 std::string loss_without(const Recording& recording, const std::string& site) {
   constexpr std::uint64_t kRounds = 12;
   Inspector inspector(recording);

@@ -17,7 +17,7 @@ namespace tessera::server {
 
 inline constexpr std::int64_t kHourUs = std::int64_t{3600} * 1'000'000;
 
-/// A store in a folder of its own, reopened as after an end of the process.
+/// A store in a private folder that can be reopened as after the end of the process.
 class StoreFixture : public ::testing::Test {
  protected:
   StoreFixture() { open(); }

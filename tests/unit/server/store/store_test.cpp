@@ -312,9 +312,9 @@ TEST_F(StoreTest, ClosingJobsShrinksJournal) {
   EXPECT_GT(full, empty + 200'000);
   EXPECT_GT(std::filesystem::file_size(path() + "/store.db"), 200'000U) << "the log stays short";
   ASSERT_TRUE(store().close_job("a").ok());
-  add_job("b");  // another write, by which the rest goes
+  add_job("b");  // another write, after which the rest is released
   EXPECT_LT(store().used_bytes(), empty + 100'000);
-  add_job("c");  // the log is copied into the file by the next one
+  add_job("c");  // the next write copies the log into the file
   EXPECT_LT(std::filesystem::file_size(path() + "/store.db"),
             static_cast<std::uintmax_t>(empty) + 100'000);
 }
@@ -364,7 +364,7 @@ TEST_F(StoreTest, AssetIsVisibleOncePublished) {
   EXPECT_FALSE(store().has_asset(digest));
   EXPECT_FALSE(std::filesystem::exists(store().asset_path(digest)));
   ASSERT_TRUE(store().publish_asset(upload_path, digest).ok());
-  EXPECT_EQ(upload("texture"), digest);  // a second upload of the same is no harm
+  EXPECT_EQ(upload("texture"), digest);  // uploading the same again is harmless
   open();
   EXPECT_TRUE(store().has_asset(digest));
   EXPECT_EQ(read_file(store().asset_path(digest)), "texture");
@@ -394,7 +394,7 @@ TEST_F(StoreTest, CollectsOldestUnusedAssets) {
   EXPECT_TRUE(store().has_asset(fresh)) << "uploaded within the hour";
   EXPECT_TRUE(store().has_asset(named));
   now_us_ += kHourUs;
-  upload(std::string(100, 'f'));  // pins it for another hour
+  upload(std::string(100, 'f'));  // keeps it for another hour
   ASSERT_TRUE(store().collect_assets(now_us_, 0, {named}).ok());
   EXPECT_TRUE(store().has_asset(fresh));
 }

@@ -11,7 +11,7 @@ bool is_sync(const DiskEvent& event) {
   return event.kind == DiskEvent::Kind::sync_file || event.kind == DiskEvent::Kind::sync_folder;
 }
 
-/// Names the place in the program that a sync comes from: what it syncs, with ids left out.
+/// Names the place in the program that causes a sync by the synced file, without ids.
 std::string sync_site(const DiskEvent& event, bool has_log) {
   std::vector<std::string> parts;
   for (const auto& part : std::filesystem::path(event.path)) parts.push_back(part.string());
@@ -19,9 +19,9 @@ std::string sync_site(const DiskEvent& event, bool has_log) {
   if (parts.size() > 3) parts[3] = "FILE";
   std::string site = event.kind == DiskEvent::Kind::sync_file ? "file" : "folder";
   for (const std::string& part : parts) site += "/" + part;
-  // SQLite syncs this one when the database is born, and at each checkpoint. It is born in two
-  // transactions, its first page and the turn to WAL: either sync makes that page durable, without
-  // which SQLite takes the log for a stranger's and removes it.
+  // SQLite syncs this file when the database is created and at each checkpoint. Creation takes two
+  // transactions, the first page and the switch to WAL: either sync makes the page durable, without
+  // which SQLite considers the log foreign and removes it.
   if (event.path == "store/store.db") site += has_log ? " (checkpoint)" : " (birth)";
   return site;
 }

@@ -7,8 +7,8 @@
 
 namespace tessera::server {
 
-/// For each event of a store's disk the place in the program that the sync comes from, named by
-/// what it syncs with ids left out; empty for events that are no sync.
+/// Returns for each event of a store's disk the place in the program that caused the sync, named by
+/// the synced file without ids; empty for other events.
 std::vector<std::string> sync_sites(const std::vector<testing::DiskEvent>& events);
 
 }  // namespace tessera::server

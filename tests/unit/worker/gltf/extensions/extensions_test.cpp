@@ -116,11 +116,11 @@ TEST(TesseraExtensions, MisplacedOrUnlistedAreRejected) {
   EXPECT_EQ(refusal(*file),
             "scene.gltf: nodes[0].extensions.TESSERA_camera: not allowed here, only on elements "
             "of cameras");
-  const auto misspelt = filmed(perspective, "{}");
-  misspelt->set("/cameras/0/extensions/TESSERA_camra", "{}");
-  EXPECT_EQ(refusal(*misspelt),
-            "scene.gltf: cameras[0].extensions.TESSERA_camra: is no extension of this version of "
-            "Tessera; misspelt?");
+  const auto misspelled = filmed(perspective, "{}");
+  misspelled->set("/cameras/0/extensions/TESSERA_camra", "{}");
+  EXPECT_EQ(refusal(*misspelled),
+            "scene.gltf: cameras[0].extensions.TESSERA_camra: unknown TESSERA extension "
+            "(misspelled or newer?)");
   GltfBuilder unlisted;
   unlisted.add("cameras", "{" + perspective + R"(, "extensions": {"TESSERA_camera": {}}})");
   EXPECT_EQ(refusal(unlisted),
