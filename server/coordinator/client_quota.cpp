@@ -23,14 +23,14 @@ std::int64_t frame_store_bytes(const contract::RenderSettings& settings) {
   return bytes;
 }
 
-absl::Status over(const char* what, double sum, double limit) {
+absl::Status exceeded(const char* what, double sum, double limit) {
   return absl::ResourceExhaustedError(absl::StrFormat(
       "quota exceeded: your unfinished jobs would total %g %s; the limit is %g", sum, what, limit));
 }
 
 }  // namespace
 
-JobSize size_of(const JobSpec& spec) {
+JobSize max_job_size(const JobSpec& spec) {
   constexpr std::int64_t kImageBytesPerPixel = 96;  // all layers, 24 floats, uncompressed
   constexpr std::int64_t kMaxBytes = std::int64_t{1} << 62;
   const contract::PixelRect window = spec.settings.window();
@@ -43,7 +43,7 @@ JobSize size_of(const JobSpec& spec) {
 }
 
 void OwnerUse::add(const JobSpec& spec) {
-  const JobSize size = size_of(spec);
+  const JobSize size = max_job_size(spec);
   ++jobs;
   store_bytes += static_cast<double>(size.store_bytes);
   samples += size.samples;
@@ -52,13 +52,13 @@ void OwnerUse::add(const JobSpec& spec) {
 absl::Status check_quota(const ClientQuota& quota, OwnerUse use, const JobSpec& spec) {
   use.add(spec);
   if (quota.jobs > 0 && use.jobs > quota.jobs) {
-    return over("jobs", static_cast<double>(use.jobs), static_cast<double>(quota.jobs));
+    return exceeded("jobs", static_cast<double>(use.jobs), static_cast<double>(quota.jobs));
   }
   if (quota.samples > 0 && use.samples > quota.samples) {
-    return over("samples (pixels x samples per pixel)", use.samples, quota.samples);
+    return exceeded("samples (pixels x samples per pixel)", use.samples, quota.samples);
   }
   if (quota.store_bytes > 0 && use.store_bytes > static_cast<double>(quota.store_bytes)) {
-    return over("bytes of store", use.store_bytes, static_cast<double>(quota.store_bytes));
+    return exceeded("bytes of store", use.store_bytes, static_cast<double>(quota.store_bytes));
   }
   return absl::OkStatus();
 }

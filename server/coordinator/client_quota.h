@@ -12,7 +12,7 @@ struct JobSize {
   std::int64_t store_bytes = 0;  // blocks of all frames, and the images
   double samples = 0;            // pixels × samples, over all frames
 };
-JobSize size_of(const JobSpec& spec);
+JobSize max_job_size(const JobSpec& spec);
 
 /// Limits of the sum over an owner's unfinished jobs. 0: unlimited.
 struct ClientQuota {

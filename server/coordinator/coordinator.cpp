@@ -57,7 +57,7 @@ void Coordinator::log(LogLevel level, const std::string& message) const {
 
 /// Carries out the scheduler's effects; calls of connections are deferred until the lock is
 /// released.
-void Coordinator::settle(DeferredCalls& deferred) {
+void Coordinator::apply_effects(DeferredCalls& deferred) {
   Effects effects = scheduler_.take_effects();
   for (const WorkerKey key : effects.to_wake) {
     const auto connected = connections_.find(key);
@@ -97,7 +97,7 @@ void Coordinator::settle(DeferredCalls& deferred) {
       log(state == JobState::failed ? LogLevel::warn : LogLevel::info,
           absl::StrCat("job ", id, " is ", state_name(state), reason.empty() ? "" : ": ", reason));
     });
-    JobFilm& film = film_of(*job);
+    JobFilm& film = job_film(*job);
     if (!has_ended(job->state)) {
       film.end_time_us = 0;
     } else if (film.end_time_us == 0) {
@@ -123,7 +123,7 @@ void Coordinator::tick() {
     last_retention_check_ = now;
     remove_old_jobs();
   }
-  settle(deferred);
+  apply_effects(deferred);
 }
 
 /// Removes a few jobs at a time, so that the writer is not blocked.
@@ -181,7 +181,7 @@ Coordinator::Joined Coordinator::join(const Hello& hello,
   DeferredCalls deferred;
   MutexLock lock(mutex_);
   const WorkerKey key = scheduler_.connect(hello, options_.clock());
-  Connected& connected = connections_[key];
+  OpenConnection& connected = connections_[key];
   if (connected.connection) {
     deferred.add([old = connected.connection] {
       old->close(absl::AbortedError("replaced by a newer stream of this worker"));
@@ -194,7 +194,7 @@ Coordinator::Joined Coordinator::join(const Hello& hello,
   deferred.add([this, text = absl::StrCat("worker ", hello.worker_id, " connected: ", who)] {
     log(LogLevel::info, text);
   });
-  settle(deferred);
+  apply_effects(deferred);
   const bool many = static_cast<std::int32_t>(connections_.size()) > kManyWorkers;
   return {{key, connected.session},
           store_.id(),
@@ -202,7 +202,7 @@ Coordinator::Joined Coordinator::join(const Hello& hello,
           static_cast<std::int32_t>(seconds(options_.policy.worker_timeout) * 1000)};
 }
 
-Worker* Coordinator::worker_of(Session session) {
+Worker* Coordinator::session_worker(Session session) {
   const auto connected = connections_.find(session.worker);
   if (connected == connections_.end() || connected->second.session != session.number)
     return nullptr;
@@ -220,47 +220,47 @@ void Coordinator::disconnect(Session session) {
   deferred.add([connection = std::move(connected->second.connection)] {});
   connections_.erase(connected);
   scheduler_.disconnect(session.worker);
-  settle(deferred);
+  apply_effects(deferred);
 }
 
 void Coordinator::record_contact(Session session) {
   MutexLock lock(mutex_);
-  worker_of(session);
+  session_worker(session);
 }
 
 void Coordinator::heartbeat(Session session, const std::vector<UnitName>& started,
                             std::int64_t rss_bytes) {
   MutexLock lock(mutex_);
-  if (worker_of(session) == nullptr) return;
+  if (session_worker(session) == nullptr) return;
   scheduler_.heartbeat(session.worker, started, rss_bytes, options_.clock());
 }
 
 void Coordinator::grant_credits(Session session, std::int32_t count) {
   DeferredCalls deferred;
   MutexLock lock(mutex_);
-  if (worker_of(session) == nullptr) return;
+  if (session_worker(session) == nullptr) return;
   scheduler_.grant_credits(session.worker, count, options_.clock());
-  settle(deferred);
+  apply_effects(deferred);
 }
 
 void Coordinator::begin_draining(Session session) {
   MutexLock lock(mutex_);
-  if (worker_of(session) != nullptr) scheduler_.begin_draining(session.worker);
+  if (session_worker(session) != nullptr) scheduler_.begin_draining(session.worker);
 }
 
 void Coordinator::return_units(Session session, const std::vector<UnitName>& units) {
   DeferredCalls deferred;
   MutexLock lock(mutex_);
-  if (worker_of(session) == nullptr) return;
+  if (session_worker(session) == nullptr) return;
   scheduler_.return_units(session.worker, units, options_.clock());
-  settle(deferred);
+  apply_effects(deferred);
 }
 
 void Coordinator::fail_unit(Session session, const Lease& lease, std::int32_t tile, Failure failure,
                             absl::StatusCode code) {
   DeferredCalls deferred;
   MutexLock lock(mutex_);
-  const Worker* worker = worker_of(session);
+  const Worker* worker = session_worker(session);
   if (worker == nullptr) return;
   options_.metrics->errors.unit_failed.Increment();
   const std::string unit =
@@ -273,13 +273,13 @@ void Coordinator::fail_unit(Session session, const Lease& lease, std::int32_t ti
       [this, text = absl::StrCat("worker ", worker->id, ": job ", lease.job_id, ", ", unit,
                                  " failed: ", failure.message)] { log(LogLevel::warn, text); });
   scheduler_.fail_unit(session.worker, lease, tile, std::move(failure), code, options_.clock());
-  settle(deferred);
+  apply_effects(deferred);
 }
 
 void Coordinator::scene_loaded(Session session, const std::string& job_id, double load_seconds,
                                double build_seconds, std::int64_t peak_rss_bytes) {
   MutexLock lock(mutex_);
-  if (worker_of(session) == nullptr) return;
+  if (session_worker(session) == nullptr) return;
   scheduler_.scene_loaded(session.worker, job_id, load_seconds, build_seconds, peak_rss_bytes);
 }
 
@@ -341,18 +341,18 @@ std::string Coordinator::session_key(const std::string& worker_id,
 
 // Views ------------------------------------------------------------------------------------------
 
-Coordinator::JobFilm& Coordinator::film_of(const Job& job) {
+Coordinator::JobFilm& Coordinator::job_film(const Job& job) {
   return films_[job.key];
 }
 
-const contract::TileGrid& Coordinator::grid_of(const Job& job) {
-  JobFilm& film = film_of(job);
+const contract::TileGrid& Coordinator::tile_grid(const Job& job) {
+  JobFilm& film = job_film(job);
   if (!film.grid) film.grid = std::make_shared<const contract::TileGrid>(job.spec->settings);
   return *film.grid;
 }
 
-BlockIndex& Coordinator::block_index_of(Job& job) {
-  JobFilm& film = film_of(job);
+BlockIndex& Coordinator::open_block_index(Job& job) {
+  JobFilm& film = job_film(job);
   if (!film.block_index) {
     const JobPlan& plan = job.open_plan();
     film.block_index.emplace(plan.tile_count(), static_cast<std::int32_t>(plan.passes().size()));

@@ -258,7 +258,7 @@ class Coordinator {
     std::optional<double> estimated_error;
     std::int64_t create_time_us = 0, end_time_us = 0;
   };
-  struct Connected {
+  struct OpenConnection {
     std::int64_t session = 0;
     std::shared_ptr<WorkerConnection> connection;  // owners: the stream and this table
   };
@@ -291,20 +291,21 @@ class Coordinator {
   absl::Status load_job(const JobRecord& record) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status load_units(Job& job, const JobRecord& record) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  void settle(DeferredCalls& deferred) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void apply_effects(DeferredCalls& deferred) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void journal_running() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void remove_old_jobs() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  Worker* worker_of(Session session) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  JobFilm& film_of(const Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  const contract::TileGrid& grid_of(const Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  BlockIndex& block_index_of(Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  Worker* session_worker(Session session) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  JobFilm& job_film(const Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  const contract::TileGrid& tile_grid(const Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  BlockIndex& open_block_index(Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   JobView view(const Job& job) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   static std::int64_t sample_count(const Job& job, const JobFilm& film);
   static void count_finished(JobFilm& film, const FrameRecord& record, const FrameSummary& summary);
   JobRecord record(const Job& job) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   std::string new_job_id() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void answer(const std::string& worker_id, const std::string& job_id, const contract::Unit& unit,
-              AckStatus status, const std::string& reason) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void acknowledge(const std::string& worker_id, const std::string& job_id,
+                   const contract::Unit& unit, AckStatus status, const std::string& reason)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void reject(const std::string& worker_id, const BlockHeader& header, const std::string& reason,
               DeferredCalls& deferred) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void answer_obsolete(const std::string& worker_id, const BlockHeader& header)
@@ -376,7 +377,7 @@ class Coordinator {
   mutable Mutex mutex_;
   Scheduler scheduler_ ABSL_GUARDED_BY(mutex_);
   std::map<JobKey, JobFilm> films_ ABSL_GUARDED_BY(mutex_);
-  std::map<WorkerKey, Connected> connections_ ABSL_GUARDED_BY(mutex_);
+  std::map<WorkerKey, OpenConnection> connections_ ABSL_GUARDED_BY(mutex_);
   std::map<std::string, JobKey> job_by_request_ ABSL_GUARDED_BY(mutex_);
   std::map<contract::Digest, Time> asset_requests_ ABSL_GUARDED_BY(mutex_);
   std::int64_t last_session_ ABSL_GUARDED_BY(mutex_) = 0;

@@ -53,8 +53,8 @@ absl::Status Coordinator::check_delivery(const std::string& worker_id,
   return absl::OkStatus();
 }
 
-void Coordinator::answer(const std::string& worker_id, const std::string& job_id, const Unit& unit,
-                         AckStatus status, const std::string& reason) {
+void Coordinator::acknowledge(const std::string& worker_id, const std::string& job_id,
+                              const Unit& unit, AckStatus status, const std::string& reason) {
   options_.metrics->acknowledgement(status).Increment();
   const Worker* worker = scheduler_.find_worker(worker_id);
   if (worker != nullptr) scheduler_.acknowledge(worker->key, {{job_id, unit}, status, reason});
@@ -68,14 +68,14 @@ void Coordinator::reject(const std::string& worker_id, const BlockHeader& header
   deferred.add(
       [this, text = absl::StrCat("worker ", worker_id, ": block of job ", header.lease.job_id,
                                  " rejected: ", reason)] { log(LogLevel::warn, text); });
-  answer(worker_id, header.lease.job_id, header.unit(), AckStatus::rejected, reason);
+  acknowledge(worker_id, header.lease.job_id, header.unit(), AckStatus::rejected, reason);
   scheduler_.fail_unit(worker->key, header.lease, header.tile,
                        {worker_id, absl::StrCat("block rejected: ", reason), ""},
                        absl::StatusCode::kDataLoss, options_.clock());
 }
 
 void Coordinator::answer_obsolete(const std::string& worker_id, const BlockHeader& header) {
-  answer(worker_id, header.lease.job_id, header.unit(), AckStatus::obsolete, "");
+  acknowledge(worker_id, header.lease.job_id, header.unit(), AckStatus::obsolete, "");
   Job* job = scheduler_.find_job(header.lease.job_id);
   if (job == nullptr) return;
   job->counters.wasted_cpu_seconds += header.cpu_seconds;
@@ -85,7 +85,7 @@ void Coordinator::answer_obsolete(const std::string& worker_id, const BlockHeade
 /// Acknowledges a unit that is already committed; returns false if it is not.
 bool Coordinator::handle_duplicate(Job& job, const std::string& worker_id,
                                    const BlockHeader& header) {
-  const BlockIndex& block_index = block_index_of(job);
+  const BlockIndex& block_index = open_block_index(job);
   const BlockIndex::BlockLocation* found = block_index.find(header.unit());
   if (found == nullptr) return false;
   const BlockIndex::BlockLocation location = *found;
@@ -102,26 +102,26 @@ bool Coordinator::handle_duplicate(Job& job, const std::string& worker_id,
   job.counters.wasted_cpu_seconds += header.cpu_seconds;
   scheduler_.release_duplicate(job, header.unit(), worker_id);
   if (location.sha256 == header.sha256) {
-    answer(worker_id, header.lease.job_id, header.unit(), AckStatus::duplicate, "");
+    acknowledge(worker_id, header.lease.job_id, header.unit(), AckStatus::duplicate, "");
   } else {
     ++job.counters.mismatched;
     options_.metrics->results_mismatched.Increment();
-    answer(worker_id, header.lease.job_id, header.unit(), AckStatus::rejected,
-           "result differs from the committed one");
+    acknowledge(worker_id, header.lease.job_id, header.unit(), AckStatus::rejected,
+                "result differs from the committed one");
   }
   return true;
 }
 
 std::optional<Admission> Coordinator::admit(const std::string& worker_id,
                                             const BlockHeader& header) {
-  const bool is_ours = seal_holds(header.lease, worker_id, store_.key());
+  const bool is_ours = is_seal_valid(header.lease, worker_id, store_.key());
   DeferredCalls deferred;
   MutexLock lock(mutex_);
   std::optional<Admission> admission;
   Job* job = scheduler_.find_job(header.lease.job_id);
   if (!is_ours) {
-    answer(worker_id, header.lease.job_id, header.unit(), AckStatus::rejected,
-           "invalid seal: this store did not grant the lease to this worker");
+    acknowledge(worker_id, header.lease.job_id, header.unit(), AckStatus::rejected,
+                "invalid seal: this store did not grant the lease to this worker");
   } else if (job == nullptr) {
     answer_obsolete(worker_id, header);
   } else {
@@ -129,7 +129,7 @@ std::optional<Admission> Coordinator::admit(const std::string& worker_id,
     if (!scheduler_.wants(*job, header.lease, header.unit())) {
       answer_obsolete(worker_id, header);
     } else {
-      const contract::PixelRect rect = grid_of(*job).rect(header.tile);
+      const contract::PixelRect rect = tile_grid(*job).rect(header.tile);
       const Admission candidate{
           {rect.width, rect.height, job->spec->settings.aovs, header.lease.pass == 0},
           header.lease.sample_count};
@@ -141,7 +141,7 @@ std::optional<Admission> Coordinator::admit(const std::string& worker_id,
       }
     }
   }
-  settle(deferred);
+  apply_effects(deferred);
   return admission;
 }
 
@@ -159,7 +159,7 @@ void Coordinator::deliver(const std::string& worker_id, const BlockHeader& heade
   MutexLock lock(mutex_);
   if (!fault.empty()) {
     reject(worker_id, header, fault, deferred);
-    settle(deferred);
+    apply_effects(deferred);
     return;
   }
   ingest_bytes_ += weight(header);
@@ -298,7 +298,7 @@ void Coordinator::check_group(std::vector<Delivered>& group, CheckedGroup& check
       checked.committed.push_back(std::move(block));
     }
   }
-  settle(deferred);
+  apply_effects(deferred);
 }
 
 void Coordinator::commit_failed(const CheckedGroup& checked, const absl::Status& status) {
@@ -315,7 +315,7 @@ void Coordinator::commit_failed(const CheckedGroup& checked, const absl::Status&
     }
   }
   for (auto& resume : std::exchange(resumes_, {})) deferred.add(std::move(resume));
-  settle(deferred);
+  apply_effects(deferred);
 }
 
 /// Pauses a job because the disk is full. Does nothing for an ended job.
@@ -369,22 +369,22 @@ void Coordinator::apply_commit(CheckedGroup& checked) {
     ingest_bytes_ -= weight(block.header);
     Job* job = scheduler_.find_job(checked.commits[i].job_id);
     if (job == nullptr) continue;
-    block_index_of(*job).add(record, job->wall_seconds(options_.clock()));
-    JobFilm& film = film_of(*job);
-    const contract::PixelRect rect = grid_of(*job).rect(record.unit.tile);
+    open_block_index(*job).add(record, job->wall_seconds(options_.clock()));
+    JobFilm& film = job_film(*job);
+    const contract::PixelRect rect = tile_grid(*job).rect(record.unit.tile);
     const std::int64_t samples =
         std::int64_t{rect.width} * rect.height * block.header.lease.sample_count;
     film.committed_samples += samples;
     count_committed(*job, record, samples);
     scheduler_.commit(*job, record.unit, record.worker_id, record.cpu_seconds);
     if (scheduler_.is_quarantined(record.worker_id)) {  // found faulty in the meantime
-      film_of(*job).finishing.insert(record.unit.frame);
+      job_film(*job).finishing.insert(record.unit.frame);
       write_tasks_.emplace_back([this, key = FrameKey{job->spec->id, record.unit.frame},
                                  worker = record.worker_id] { redo_units_by_worker(key, worker); });
     } else if (record.audit == AuditState::open) {
       scheduler_.open_audit(*job, record.unit, record.worker_id, record.sha256);
     }
-    answer(block.worker_id, checked.commits[i].job_id, record.unit, AckStatus::committed, "");
+    acknowledge(block.worker_id, checked.commits[i].job_id, record.unit, AckStatus::committed, "");
     FilmUpdate update{checked.commits[i].job_id, record.unit, std::nullopt, 0};
     // If the film thread lags behind, it reads the block back later; commits do not wait.
     if (ingest_bytes_ < options_.ingest_bytes / 2) {
@@ -405,7 +405,7 @@ void Coordinator::apply_commit(CheckedGroup& checked) {
     }
   }
   for (auto& resume : std::exchange(resumes_, {})) deferred.add(std::move(resume));
-  settle(deferred);
+  apply_effects(deferred);
 }
 
 /// Returns whether all units of a frame are committed and no audit is open.
@@ -415,7 +415,7 @@ bool Coordinator::is_ready(const Job& job, std::int32_t frame) const {
 
 void Coordinator::finish_if_complete(Job& job, std::int32_t frame) {
   if (has_ended(job.state) || !is_ready(job, frame) || job.plan->is_finished(frame)) return;
-  if (!film_of(job).finishing.insert(frame).second) return;
+  if (!job_film(job).finishing.insert(frame).second) return;
   enqueue_film([this, key = FrameKey{job.spec->id, frame}] { finish_frame(key); });
 }
 

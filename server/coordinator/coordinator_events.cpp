@@ -8,7 +8,7 @@
 namespace tessera::server {
 namespace {
 
-EventKind kind_of(JobState state) {
+EventKind event_kind(JobState state) {
   switch (state) {
     case JobState::paused:
       return EventKind::job_paused;
@@ -41,7 +41,7 @@ void Coordinator::note(EventKind kind, const std::string& worker_id, const std::
 }
 
 void Coordinator::note_state(const Job& job) {
-  if (job.state != JobState::queued) note(kind_of(job.state), job, "", job.reason);
+  if (job.state != JobState::queued) note(event_kind(job.state), job, "", job.reason);
 }
 
 void Coordinator::note_failure(const Job& job, const std::string& worker_id,
@@ -67,7 +67,7 @@ absl::StatusOr<std::vector<Delivery>> Coordinator::deliveries(const std::string&
 
 void Coordinator::take_log_lines(Session session, const std::vector<LogLine>& lines) {
   MutexLock lock(mutex_);
-  const Worker* worker = worker_of(session);
+  const Worker* worker = session_worker(session);
   if (worker == nullptr) return;
   for (const LogLine& line : lines) {
     const Job* job = scheduler_.find_job(line.job_id);
@@ -88,7 +88,7 @@ absl::Status Coordinator::drain_worker(const std::string& worker_id) {
   deferred.add([this, worker_id] {
     log(LogLevel::info, absl::StrCat("worker ", worker_id, " is draining"));
   });
-  settle(deferred);
+  apply_effects(deferred);
   return absl::OkStatus();
 }
 
@@ -110,7 +110,7 @@ void Coordinator::ban_worker(const std::string& worker_id, std::function<void(ab
       deferred.add([this, worker_id] {
         log(LogLevel::warn, absl::StrCat("worker ", worker_id, " is banned"));
       });
-      settle(deferred);
+      apply_effects(deferred);
     }
     done(absl::OkStatus());
   });
@@ -129,7 +129,7 @@ void Coordinator::allow_worker(const std::string& worker_id,
       } else {
         note(EventKind::worker_allowed, worker_id, "");
       }
-      settle(deferred);
+      apply_effects(deferred);
     }
     done(status);
   });

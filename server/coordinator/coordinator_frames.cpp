@@ -62,8 +62,8 @@ absl::StatusOr<contract::FilmBlock> Coordinator::read_block(const std::string& j
     if (job == nullptr || !job->plan || !job->plan->contains(unit)) {
       return absl::NotFoundError("the job or the pass no longer exists");
     }
-    record = block_index_of(*job).record(unit);
-    const contract::PixelRect rect = grid_of(*job).rect(unit.tile);
+    record = open_block_index(*job).record(unit);
+    const contract::PixelRect rect = tile_grid(*job).rect(unit.tile);
     shape = {rect.width, rect.height, job->spec->settings.aovs, unit.pass == 0};
     sample_count = job->plan->passes()[static_cast<std::size_t>(unit.pass)].sample_count;
   }
@@ -108,7 +108,7 @@ void Coordinator::open_film(const FrameKey& key) {
     Job* job = scheduler_.find_job(key.job_id);
     if (job == nullptr) return;
     spec = job->spec;
-    units = block_index_of(*job).units(key.frame);
+    units = open_block_index(*job).units(key.frame);
   }
   film_.open_frame(
       key, spec->settings,
@@ -146,17 +146,17 @@ void Coordinator::decide(const FrameKey& key) {
   for (const contract::StoppingRule::PassTarget& demand : *demands) {
     scheduler_.set_pass_target(*job, key.frame, demand.tile, demand.pass_count, demand.is_final);
   }
-  if (expected) film_of(*job).expected_samples[key.frame] = *expected;
+  if (expected) job_film(*job).expected_samples[key.frame] = *expected;
   scheduler_.offer_work(options_.clock());
   finish_if_complete(*job, key.frame);
-  settle(deferred);
+  apply_effects(deferred);
 }
 
 /// Opens the started frames of a job, to restore their pass targets.
 void Coordinator::open_films(Job& job) {
   if (!job.plan || !job.plan->is_adaptive()) return;
   for (const std::int32_t frame : job.plan->frames()) {
-    if (job.plan->is_finished(frame) || !block_index_of(job).has(frame)) continue;
+    if (job.plan->is_finished(frame) || !open_block_index(job).has(frame)) continue;
     enqueue_film([this, key = FrameKey{job.spec->id, frame}] { open_film(key); });
   }
 }
@@ -201,7 +201,7 @@ void Coordinator::estimate(const FrameKey& key) {
   if (estimate.pixels == 0) return;
   MutexLock lock(mutex_);
   Job* job = scheduler_.find_job(key.job_id);
-  if (job != nullptr) film_of(*job).estimated_error = estimate.error;
+  if (job != nullptr) job_film(*job).estimated_error = estimate.error;
 }
 
 void Coordinator::finish_frame(const FrameKey& key) {
@@ -211,7 +211,7 @@ void Coordinator::finish_frame(const FrameKey& key) {
     Job* job = scheduler_.find_job(key.job_id);
     if (job == nullptr) return;
     if (has_ended(job->state) || !is_ready(*job, key.frame)) {
-      film_of(*job).finishing.erase(key.frame);
+      job_film(*job).finishing.erase(key.frame);
       return;
     }
     spec = job->spec;
@@ -256,7 +256,7 @@ absl::StatusOr<FrameRecord> Coordinator::write_finished(const FrameKey& key, con
   {
     MutexLock lock(mutex_);
     if (Job* job = scheduler_.find_job(key.job_id))
-      progress = block_index_of(*job).progress(key.frame);
+      progress = open_block_index(*job).progress(key.frame);
   }
   std::vector<CurvePoint> curve;
   FrameSummary summary;
@@ -309,7 +309,7 @@ void Coordinator::record_frame(const FrameKey& key, const FrameRecord& record, d
     Job* job = scheduler_.find_job(key.job_id);
     // Units of a faulty worker may have been dropped since the image was written.
     if (job != nullptr && !has_ended(job->state) && !is_ready(*job, key.frame)) {
-      film_of(*job).finishing.erase(key.frame);
+      job_film(*job).finishing.erase(key.frame);
       return;
     }
   }
@@ -322,17 +322,17 @@ void Coordinator::record_frame(const FrameKey& key, const FrameRecord& record, d
   MutexLock lock(mutex_);
   Job* job = scheduler_.find_job(key.job_id);
   if (job == nullptr) return;
-  JobFilm& film = film_of(*job);
+  JobFilm& film = job_film(*job);
   film.finishing.erase(key.frame);
   count_finished(film, record, read_frame_summary(record.statistics_json));
   film.estimated_error = error;
-  block_index_of(*job).erase(key.frame);
+  open_block_index(*job).erase(key.frame);
   note(EventKind::frame_finished, *job, "", absl::StrCat("frame ", key.frame));
   deferred.add([this, key] {
     log(LogLevel::info, absl::StrCat("job ", key.job_id, ", frame ", key.frame, " finished"));
   });
   scheduler_.finish_frame(*job, key.frame, options_.clock());
-  settle(deferred);
+  apply_effects(deferred);
 }
 
 /// Drops units whose blocks are unreadable or wrong; workers render them again.
@@ -345,13 +345,13 @@ void Coordinator::redo_units(const FrameKey& key, const std::vector<Unit>& units
   MutexLock lock(mutex_);
   Job* job = scheduler_.find_job(key.job_id);
   if (job == nullptr) return;
-  JobFilm& film = film_of(*job);
+  JobFilm& film = job_film(*job);
   film.finishing.erase(key.frame);
   for (const Unit& unit : units) {
-    if (block_index_of(*job).find(unit) == nullptr) continue;
-    block_index_of(*job).remove(unit);
+    if (open_block_index(*job).find(unit) == nullptr) continue;
+    open_block_index(*job).remove(unit);
     scheduler_.redo(*job, unit);
-    const contract::PixelRect rect = grid_of(*job).rect(unit.tile);
+    const contract::PixelRect rect = tile_grid(*job).rect(unit.tile);
     film.committed_samples -= std::int64_t{rect.width} * rect.height *
                               job->plan->passes()[static_cast<std::size_t>(unit.pass)].sample_count;
   }
@@ -361,7 +361,7 @@ void Coordinator::redo_units(const FrameKey& key, const std::vector<Unit>& units
     open_film(key);
   });
   scheduler_.offer_work(options_.clock());
-  settle(deferred);
+  apply_effects(deferred);
 }
 
 /// Handles a frame that cannot be finished: pauses its job if the disk is full, else fails it.
@@ -373,13 +373,13 @@ void Coordinator::frame_failed(const FrameKey& key, const absl::Status& status) 
   MutexLock lock(mutex_);
   Job* job = scheduler_.find_job(key.job_id);
   if (job == nullptr) return;
-  film_of(*job).finishing.erase(key.frame);
+  job_film(*job).finishing.erase(key.frame);
   if (absl::IsResourceExhausted(status)) {
     pause_for_room(*job, status);
   } else {
     scheduler_.fail_job(*job, absl::Status(status.code(), reason), options_.clock());
   }
-  settle(deferred);
+  apply_effects(deferred);
 }
 
 // Audits -----------------------------------------------------------------------------------------
@@ -405,7 +405,7 @@ void Coordinator::quarantine_worker(const std::string& worker_id, DeferredCalls&
   });
   for (const auto& [job_key, job] : scheduler_.jobs()) {
     if (job.contributions.count(worker_id) == 0) continue;
-    JobFilm& film = film_of(job);
+    JobFilm& film = job_film(job);
     for (const auto& [frame, record] : film.finished) {
       film.warnings.push_back(doubt_about(frame, worker_id));
     }
@@ -434,12 +434,12 @@ void Coordinator::redo_units_by_worker(const FrameKey& key, const std::string& w
     MutexLock lock(mutex_);
     Job* job = scheduler_.find_job(key.job_id);
     if (job == nullptr || has_ended(job->state)) return;
-    film_of(*job).finishing.erase(key.frame);
+    job_film(*job).finishing.erase(key.frame);
     if (job->plan->is_finished(key.frame)) {
-      film_of(*job).warnings.push_back(doubt_about(key.frame, worker_id));
+      job_film(*job).warnings.push_back(doubt_about(key.frame, worker_id));
       return;
     }
-    const BlockIndex& block_index = block_index_of(*job);
+    const BlockIndex& block_index = open_block_index(*job);
     bool has_any = false;
     for (const Unit& unit : block_index.units(key.frame)) {
       const bool is_theirs = block_index.worker(*block_index.find(unit)) == worker_id;
@@ -470,7 +470,7 @@ absl::StatusOr<FrameFile> Coordinator::make_frame_file(const FrameQuery& query) 
     Job* job = scheduler_.find_job(query.job_id);
     if (job == nullptr) return absl::NotFoundError(absl::StrCat("no job \"", query.job_id, "\""));
     spec = job->spec;
-    const auto& frames = film_of(*job).finished;
+    const auto& frames = job_film(*job).finished;
     if (const auto found = frames.find(query.frame); found != frames.end()) {
       finished = found->second;
     } else if (!job->open_plan().contains({query.frame, 0, 0})) {
@@ -516,7 +516,7 @@ absl::StatusOr<FrameFile> Coordinator::write_partial(const FrameQuery& query, co
   {
     MutexLock lock(mutex_);
     Job* job = scheduler_.find_job(query.job_id);
-    if (job == nullptr || !block_index_of(*job).has(query.frame)) {
+    if (job == nullptr || !open_block_index(*job).has(query.frame)) {
       return absl::FailedPreconditionError(
           absl::StrCat("no unit of frame ", query.frame, " is committed yet"));
     }

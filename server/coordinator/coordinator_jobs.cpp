@@ -88,7 +88,7 @@ absl::Status Coordinator::load(const std::vector<JobRecord>& records,
   for (const JobRecord& record : records) {
     if (absl::Status status = load_job(record); !status.ok()) return status;
   }
-  settle(deferred);
+  apply_effects(deferred);
   return absl::OkStatus();
 }
 
@@ -110,7 +110,7 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
   job.failure_code = static_cast<absl::StatusCode>(record.failure_code);
   job.wall_seconds_before = record.wall_seconds;
   job_by_request_[record.request_id] = record.sequence;
-  JobFilm& film = film_of(job);
+  JobFilm& film = job_film(job);
   film.create_time_us = record.create_time_us;
   film.end_time_us = record.end_time_us;
   film.wall_at_start = record.wall_seconds;
@@ -136,10 +136,10 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
 
 absl::Status Coordinator::load_units(Job& job, const JobRecord& record) {
   JobPlan& plan = job.open_plan();
-  JobFilm& film = film_of(job);
+  JobFilm& film = job_film(job);
   const bool has_open_frames = plan.finished_frame_count() < plan.frame_count();
-  const contract::TileGrid* grid = has_open_frames ? &grid_of(job) : nullptr;
-  BlockIndex* block_index = has_open_frames ? &block_index_of(job) : nullptr;
+  const contract::TileGrid* grid = has_open_frames ? &tile_grid(job) : nullptr;
+  BlockIndex* block_index = has_open_frames ? &open_block_index(job) : nullptr;
   Scheduler* const scheduler = &scheduler_;  // thread-safety analysis does not look into the lambda
   absl::Status status = restore_units(
       store_, *scheduler, job, [&, wall = record.wall_seconds](const UnitRecord& unit) {
@@ -211,7 +211,7 @@ absl::Status Coordinator::check_owners_quota(const JobSpec& spec) const {
 
 void Coordinator::create_now(const JobSpec& spec, const OnCreated& done) {
   Created created;
-  created.store_bytes = size_of(spec).store_bytes;
+  created.store_bytes = max_job_size(spec).store_bytes;
   const auto find_made = [&]() -> bool {
     MutexLock lock(mutex_);
     const auto made = job_by_request_.find(spec.request_id);
@@ -253,11 +253,11 @@ void Coordinator::create_now(const JobSpec& spec, const OnCreated& done) {
     made->id = record.id;
     Job& job = scheduler_.add_job(record.sequence, std::move(made), JobState::queued);
     job_by_request_[spec.request_id] = record.sequence;
-    film_of(job).create_time_us = record.create_time_us;
+    job_film(job).create_time_us = record.create_time_us;
     note(EventKind::job_submitted, job, "", record.name);
     scheduler_.offer_work(options_.clock());
     created.view = view(job);
-    settle(deferred);
+    apply_effects(deferred);
   }
   done(created);
 }
@@ -284,7 +284,7 @@ void Coordinator::change_job(const std::string& job_id, Change change, const OnJ
       if (status.ok()) status = scheduler_.retry(*job, now);
       if (status.ok()) finish_complete_frames(*job);
     }
-    settle(deferred);
+    apply_effects(deferred);
     if (status.ok()) {
       after_journal_.emplace_back([this, job_id, done] { done(this->job(job_id)); });
       writer_wakeup_.notify_all();
@@ -373,7 +373,7 @@ void Coordinator::replan(const std::string& job_id, const std::shared_ptr<const 
   DeferredCalls deferred;
   MutexLock lock(mutex_);
   Job* job = scheduler_.find_job(job_id);
-  JobFilm& film = film_of(*job);
+  JobFilm& film = job_film(*job);
   scheduler_.extend(*job, spec);
   film.block_index.reset();
   film.finished.clear();
@@ -382,8 +382,8 @@ void Coordinator::replan(const std::string& job_id, const std::shared_ptr<const 
   film.committed_samples = film.finished_samples = 0;
   for (const UnitRecord& record : kept) {
     scheduler_.restore_unit(*job, record.unit, record.worker_id, record.cpu_seconds);
-    block_index_of(*job).add(record, job->wall_seconds(options_.clock()));
-    const contract::PixelRect rect = grid_of(*job).rect(record.unit.tile);
+    open_block_index(*job).add(record, job->wall_seconds(options_.clock()));
+    const contract::PixelRect rect = tile_grid(*job).rect(record.unit.tile);
     const auto pass = static_cast<std::size_t>(record.unit.pass);
     film.committed_samples +=
         std::int64_t{rect.width} * rect.height * job->plan->passes()[pass].sample_count;
@@ -395,7 +395,7 @@ void Coordinator::replan(const std::string& job_id, const std::shared_ptr<const 
   }
   open_films(*job);
   scheduler_.offer_work(options_.clock());
-  settle(deferred);
+  apply_effects(deferred);
 }
 
 void Coordinator::remove_job(const std::string& job_id, std::function<void(absl::Status)> done) {

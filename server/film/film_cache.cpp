@@ -125,7 +125,7 @@ absl::Status FilmCache::advance(Frame& frame, Entry& entry, const contract::Film
       const absl::StatusOr<contract::FilmBlock> read = frame.reader(entry.key.second, pass);
       status = read.ok() ? entry.sum.add(*read, frame.passes[at(pass)]) : read.status();
     }
-    if (status.ok()) note_pass(frame, entry);
+    if (status.ok()) record_pass(frame, entry);
   }
   used_bytes_ += entry.sum.bytes() - bytes_before;
   return status;
@@ -149,7 +149,7 @@ void FilmCache::measure(Frame& frame, std::int32_t tile, const TileSum& sum) {
 }
 
 /// Records what remains of a tile when its sums are evicted.
-void FilmCache::note_pass(Frame& frame, const Entry& entry) {
+void FilmCache::record_pass(Frame& frame, const Entry& entry) {
   Tile& tile = frame.tiles[at(entry.key.second)];
   const std::int32_t pass = entry.sum.pass_count() - 1;
   if (pass == 0 && !tile.luminance_sum) {

@@ -146,7 +146,7 @@ class FilmCache {
   static PassStats stats_after(const Frame& frame, std::int32_t pass);
   static std::int32_t pass_target(const Frame& frame, std::int32_t tile);
   static void measure(Frame& frame, std::int32_t tile, const TileSum& sum);
-  void note_pass(Frame& frame, const Entry& entry);
+  void record_pass(Frame& frame, const Entry& entry);
   void measure_cached(const FrameKey& key, Frame& frame);
   absl::StatusOr<TileSum> rebuild(const FrameKey& key, std::int32_t tile, bool keep);
   void drop_entry(Entries::iterator entry);

@@ -140,7 +140,7 @@ std::string subject_name_of(const std::string& host) {
   return is_name ? "DNS:" + host : "";
 }
 
-std::string day_of(std::int64_t seconds) {
+std::string format_day(std::int64_t seconds) {
   const std::time_t time = seconds;
   std::tm utc{};
   ::gmtime_r(&time, &utc);
@@ -149,10 +149,10 @@ std::string day_of(std::int64_t seconds) {
   return text.data();
 }
 
-absl::Status note_issued(const std::string& folder, const X509* certificate, const std::string& uri,
-                         const Validity& validity) {
+absl::Status record_issued(const std::string& folder, const X509* certificate,
+                           const std::string& uri, const Validity& validity) {
   return append_file(folder + "/issued", absl::StrCat(serial_of(certificate), " ", uri, " ",
-                                                      day_of(validity.until_s), "\n"));
+                                                      format_day(validity.until_s), "\n"));
 }
 
 }  // namespace
@@ -186,7 +186,7 @@ absl::Status issue_server(const std::string& folder, const std::vector<std::stri
   const auto pair = make_pair_signed("Tessera server", extensions, validity, &*authority);
   if (!pair.ok()) return pair.status();
   absl::Status status =
-      note_issued(folder, pair->certificate.get(), "tessera://server/" + hosts.front(), validity);
+      record_issued(folder, pair->certificate.get(), "tessera://server/" + hosts.front(), validity);
   if (status.ok()) status = write_pair(*pair, folder + "/tls.crt", folder + "/tls.key");
   return status;
 }
@@ -210,7 +210,7 @@ absl::Status issue(const std::string& folder, Role role, const std::string& name
   const auto pair = make_pair_signed(name, extensions, validity, &*authority);
   if (!pair.ok()) return pair.status();
   // Listed first: a certificate that is not listed could not be revoked.
-  absl::Status status = note_issued(folder, pair->certificate.get(), uri, validity);
+  absl::Status status = record_issued(folder, pair->certificate.get(), uri, validity);
   if (status.ok()) status = write_pair(*pair, out + "/tls.crt", out + "/tls.key");
   if (!status.ok()) return status;
   const auto authority_text = read_file(folder + "/ca.crt");

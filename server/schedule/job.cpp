@@ -24,7 +24,7 @@ const char* state_name(JobState state) {
   return "UNKNOWN";
 }
 
-SceneKey scene_of(const JobSpec& spec) {
+SceneKey scene_key(const JobSpec& spec) {
   std::vector<contract::Digest> files;
   files.reserve(spec.assets.size());
   for (const ManifestEntry& entry : spec.assets) files.push_back(entry.digest);

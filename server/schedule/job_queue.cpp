@@ -57,8 +57,8 @@ bool JobQueue::has_above(std::int32_t priority,
   return false;
 }
 
-JobKey JobQueue::oldest_of(const QueueKey& key,
-                           const std::function<bool(JobKey)>& may_work_for) const {
+JobKey JobQueue::oldest(const QueueKey& key,
+                        const std::function<bool(JobKey)>& may_work_for) const {
   const auto scene = by_scene_.find(key.scene);
   if (scene == by_scene_.end()) return 0;
   for (auto it = scene->second.lower_bound({key.priority, key.owner, 0}); it != scene->second.end();

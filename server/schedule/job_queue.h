@@ -41,7 +41,7 @@ class JobQueue {
   bool has_above(std::int32_t priority, const std::function<bool(JobKey)>& may_work_for) const;
   /// Returns the oldest job with this key, scene included, that the worker may work for; 0 if there
   /// is none.
-  JobKey oldest_of(const QueueKey& key, const std::function<bool(JobKey)>& may_work_for) const;
+  JobKey oldest(const QueueKey& key, const std::function<bool(JobKey)>& may_work_for) const;
   /// Returns whether any job has this scene.
   bool has_scene(const SceneKey& scene) const { return by_scene_.count(scene) > 0; }
 

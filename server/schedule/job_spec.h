@@ -74,6 +74,6 @@ struct JobSpec {
 
 /// Returns the key of a job's scene: SHA-256 over the sorted digests of its files, whatever their
 /// names.
-SceneKey scene_of(const JobSpec& spec);
+SceneKey scene_key(const JobSpec& spec);
 
 }  // namespace tessera::server

@@ -34,11 +34,11 @@ contract::Digest digest_of(const Lease& lease, std::string_view worker_id, std::
 
 }  // namespace
 
-std::string seal_of(const Lease& lease, std::string_view worker_id, std::string_view store_key) {
+std::string make_seal(const Lease& lease, std::string_view worker_id, std::string_view store_key) {
   return digest_of(lease, worker_id, store_key).binary();
 }
 
-bool seal_holds(const Lease& lease, std::string_view worker_id, std::string_view store_key) {
+bool is_seal_valid(const Lease& lease, std::string_view worker_id, std::string_view store_key) {
   const auto seal = contract::Digest::from_binary(lease.seal);
   return seal && contract::equal_in_constant_time(*seal, digest_of(lease, worker_id, store_key));
 }

@@ -30,9 +30,9 @@ struct Lease {
 
 /// Returns the HMAC-SHA-256, with the store's key, of all fields of the lease and the worker's ID.
 /// A valid seal proves that this store granted the lease to this worker, so leases need no journal.
-std::string seal_of(const Lease& lease, std::string_view worker_id, std::string_view store_key);
+std::string make_seal(const Lease& lease, std::string_view worker_id, std::string_view store_key);
 
 /// Returns whether the lease's seal is valid. Constant time in the seal.
-bool seal_holds(const Lease& lease, std::string_view worker_id, std::string_view store_key);
+bool is_seal_valid(const Lease& lease, std::string_view worker_id, std::string_view store_key);
 
 }  // namespace tessera::server

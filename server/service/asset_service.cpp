@@ -38,7 +38,7 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
 
   void OnDone() override {
     output_.reset();
-    if (!path_.empty() && !is_kept_) std::remove(path_.c_str());
+    if (!path_.empty() && !is_published_) std::remove(path_.c_str());
     delete this;
   }
 
@@ -95,7 +95,7 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
       return Finish(contract::to_rpc(absl::ResourceExhaustedError("the upload is incomplete")));
     }
     coordinator_.publish_asset(path_, *digest_, [this](const absl::Status& status) {
-      is_kept_ = status.ok();
+      is_published_ = status.ok();
       Finish(contract::to_rpc(status));
     });
   }
@@ -113,7 +113,7 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
   contract::Hasher hasher_;
   std::string path_;
   std::optional<std::ofstream> output_;  // none: the asset already exists
-  bool is_kept_ = false;
+  bool is_published_ = false;
 };
 
 class Download final : public grpc::ServerWriteReactor<v1::DownloadAssetResponse> {

@@ -42,7 +42,7 @@ absl::StatusOr<std::string> random_bytes(std::size_t count) {
   return bytes;
 }
 
-std::string parent_of(const std::string& folder) {
+std::string parent_directory(const std::string& folder) {
   const std::size_t slash = folder.find_last_of('/');
   if (slash == std::string::npos) return ".";
   return slash == 0 ? "/" : folder.substr(0, slash);
@@ -113,7 +113,7 @@ absl::Status DiskStore::start() {
   };
   if (absl::Status status = read(); !status.ok()) return status;
   if (boot_count_ == 0) {
-    absl::Status synced = files_.sync_folder(parent_of(folder_));
+    absl::Status synced = files_.sync_folder(parent_directory(folder_));
     if (!synced.ok()) return synced;
   }
   // This commit also makes durable what a killed process committed but did not sync.

@@ -181,10 +181,10 @@ class Scheduler {
   void charge(const Job& job, double cpu_seconds);
 
   void hold(Job& job, Worker& worker, const contract::Unit& unit, const Holder& holder);
-  void forget_hold(Job& job, const contract::Unit& unit, const Holder& holder);
+  void remove_hold(Job& job, const contract::Unit& unit, const Holder& holder);
   bool release(Job& job, Worker& worker, const contract::Unit& unit);
   void lose_unit(Job& job, Worker& worker, const contract::Unit& unit, Time now);
-  void lose(Worker& worker, Time now);
+  void mark_lost(Worker& worker, Time now);
   void adopt(Worker& worker, const Hello& hello, Time now);
   void disprove(const UnitFailures& failures, const std::string& worker_id);
   void count_threads();
@@ -196,9 +196,9 @@ class Scheduler {
   bool may_audit(const Worker& worker, const Job& job, const Audit& audit) const;
   bool lease_audit(Worker& worker);
   bool release_audit(Job& job, Worker& worker, const contract::Unit& unit);
-  void settle_audit(Job& job, const contract::Unit& unit, Time now);
+  void end_audit(Job& job, const contract::Unit& unit, Time now);
   void quarantine(const std::string& worker_id);
-  void forget_audits(Job& job);
+  void drop_audits(Job& job);
   void fail_unresolvable_audits(Time now);
 
   bool has_work() const { return !queue_.empty() || !waiting_audits_.empty(); }

@@ -117,13 +117,13 @@ bool Scheduler::answer_audit(Job& job, const Unit& unit, const Lease& lease, con
   if (audit.has_answered(result.worker_id) && !was_asked && !differs) return false;
   if (worker != nullptr) release_audit(job, *worker, unit);
   audit.answer(result.worker_id, result.digest);
-  if (audit.is_settled()) settle_audit(job, unit, now);
+  if (audit.is_settled()) end_audit(job, unit, now);
   dispatch_all(now);
   return true;
 }
 
 /// Ends an audit whose outcome is known or that no worker can settle.
-void Scheduler::settle_audit(Job& job, const Unit& unit, Time now) {
+void Scheduler::end_audit(Job& job, const Unit& unit, Time now) {
   const auto node = job.audits.extract(unit);
   waiting_audits_.erase({job.key, unit});
   const Audit& audit = node.mapped();
@@ -153,7 +153,7 @@ void Scheduler::quarantine(const std::string& worker_id) {
   ban(worker_id);
 }
 
-void Scheduler::forget_audits(Job& job) {
+void Scheduler::drop_audits(Job& job) {
   for (const auto& [unit, audit] : job.audits) {
     waiting_audits_.erase({job.key, unit});
     if (!audit.holder) continue;
@@ -193,7 +193,7 @@ void Scheduler::fail_unresolvable_audits(Time now) {
   }
   for (const auto& [key, unit] : unresolvable) {
     Job& job = jobs_.at(key);
-    if (job.audits.count(unit) > 0) settle_audit(job, unit, now);
+    if (job.audits.count(unit) > 0) end_audit(job, unit, now);
   }
 }
 

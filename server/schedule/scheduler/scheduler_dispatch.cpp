@@ -50,7 +50,7 @@ JobKey Scheduler::next_job(const Worker& worker, const std::function<bool(JobKey
   if (has_scene(worker, job) || !has_enough_workers(job)) return next;
   JobKey nearest = 0;
   for (const SceneKey& scene : worker.scenes) {
-    const JobKey found = queue_.oldest_of({job.spec->priority, job.spec->owner, scene}, may);
+    const JobKey found = queue_.oldest({job.spec->priority, job.spec->owner, scene}, may);
     if (found != 0 && (nearest == 0 || found < nearest)) nearest = found;
   }
   return nearest == 0 ? next : nearest;
@@ -99,7 +99,7 @@ Lease Scheduler::make_lease(const Job& job, const Worker& worker, const Run& run
               pass.sample_count,
               {identity_.boot, ++last_attempt_},
               {}};
-  lease.seal = seal_of(lease, worker.id, identity_.store_key);
+  lease.seal = make_seal(lease, worker.id, identity_.store_key);
   return lease;
 }
 

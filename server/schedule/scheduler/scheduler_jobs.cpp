@@ -21,7 +21,7 @@ Job& Scheduler::add_job(JobKey key, std::shared_ptr<const JobSpec> spec, JobStat
   job.state = state;
   job_by_id_[spec->id] = key;
   job.spec = std::move(spec);
-  job.scene = scene_of(*job.spec);
+  job.scene = scene_key(*job.spec);
   JobPlan& plan = job.open_plan();
   job.unit_count = plan.unit_count();
   job.frame_count = plan.frame_count();
@@ -165,7 +165,7 @@ void Scheduler::end_job(Job& job, JobState state, const std::string& reason, Tim
       revoke(*worker, job, unit);
     }
   }
-  forget_audits(job);
+  drop_audits(job);
   for (const WorkerKey key : job.ever_leased_to) {
     Worker* worker = find_worker(key);
     if (worker == nullptr) continue;
@@ -181,14 +181,14 @@ void Scheduler::end_job(Job& job, JobState state, const std::string& reason, Tim
 }
 
 void Scheduler::extend(Job& job, std::shared_ptr<const JobSpec> spec) {
-  forget_audits(job);
+  drop_audits(job);
   job.spec = std::move(spec);
   const contract::RenderSettings& settings = job.spec->settings;
   const auto gone =
       job.open_plan().extend(contract::schedule(settings), settings.error.has_value());
   job.unit_count = job.plan->unit_count();
   for (const auto& [unit, holder] : gone) {
-    forget_hold(job, unit, holder);
+    remove_hold(job, unit, holder);
     if (Worker* worker = find_worker(holder.worker)) revoke(*worker, job, unit);
   }
   // The caller restores units from the journal, which counts them again.
@@ -221,7 +221,7 @@ void Scheduler::commit(Job& job, const Unit& unit, const std::string& worker_id,
                        double cpu_seconds) {
   JobPlan& plan = job.open_plan();
   for (const Holder& holder : plan.commit(unit)) {
-    forget_hold(job, unit, holder);
+    remove_hold(job, unit, holder);
     Worker* other = find_worker(holder.worker);
     if (other != nullptr && other->id != worker_id) revoke(*other, job, unit);
   }
@@ -260,7 +260,7 @@ void Scheduler::reset_pass_targets(Job& job, std::int32_t frame) {
   if (!job.open_plan().is_adaptive()) return;
   job.voided[frame] = {identity_.boot, last_attempt_};
   for (const auto& [unit, holder] : job.plan->reset_pass_targets(frame)) {
-    forget_hold(job, unit, holder);
+    remove_hold(job, unit, holder);
     if (Worker* worker = find_worker(holder.worker)) revoke(*worker, job, unit);
   }
   refresh(job);

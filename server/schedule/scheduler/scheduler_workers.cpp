@@ -105,7 +105,7 @@ void Scheduler::adopt(Worker& worker, const Hello& hello, Time now) {
       leases;  // with valid seals; limited, as a long list would block the lock
   for (const Lease& lease : hello.leases) {
     if (leases.size() == kMaxListed) break;
-    if (seal_holds(lease, worker.id, identity_.store_key)) leases.push_back(&lease);
+    if (is_seal_valid(lease, worker.id, identity_.store_key)) leases.push_back(&lease);
   }
   std::map<std::pair<JobKey, Unit>, Attempt> listed;
   const auto list = [&](const UnitName& name) {
@@ -215,7 +215,7 @@ void Scheduler::fail_unit(WorkerKey key, const Lease& lease, std::int32_t tile, 
   Worker* worker = find_worker(key);
   Job* job = find_job(lease.job_id);
   if (worker == nullptr || job == nullptr || has_ended(job->state)) return;
-  if (!seal_holds(lease, worker->id, identity_.store_key)) return;
+  if (!is_seal_valid(lease, worker->id, identity_.store_key)) return;
   const Unit unit{lease.frame, tile, lease.pass};
   job->open_plan();
   if (!wants(*job, lease, unit)) return;
@@ -281,7 +281,7 @@ void Scheduler::hold(Job& job, Worker& worker, const Unit& unit, const Holder& h
   charge(job, charged.expected_seconds);
 }
 
-void Scheduler::forget_hold(Job& job, const Unit& unit, const Holder& holder) {
+void Scheduler::remove_hold(Job& job, const Unit& unit, const Holder& holder) {
   const auto count = job.holders.find(holder.worker);
   if (count != job.holders.end() && --count->second == 0) job.holders.erase(count);
   job.leased_seconds -= holder.expected_seconds;
@@ -292,7 +292,7 @@ void Scheduler::forget_hold(Job& job, const Unit& unit, const Holder& holder) {
 bool Scheduler::release(Job& job, Worker& worker, const Unit& unit) {
   const auto holder = job.plan->release(unit, worker.key);
   if (!holder) return release_audit(job, worker, unit);
-  forget_hold(job, unit, *holder);
+  remove_hold(job, unit, *holder);
   refresh(job);
   return true;
 }
@@ -308,7 +308,7 @@ void Scheduler::lose_unit(Job& job, Worker& worker, const Unit& unit, Time now) 
       now);
 }
 
-void Scheduler::lose(Worker& worker, Time now) {
+void Scheduler::mark_lost(Worker& worker, Time now) {
   worker.lost = true;
   workers_with_credits_.erase(worker.key);
   effects_.to_close.push_back(worker.key);
@@ -347,7 +347,7 @@ void Scheduler::tick(Time now, Duration period) {
     Worker& worker = it->second;
     const Duration silence = now - worker.last_contact;
     if (!worker.lost && silence > policy_.worker_timeout) {
-      lose(worker, now);
+      mark_lost(worker, now);
       lost_some = true;
     }
     if (worker.lost && !worker.connected && silence > policy_.forget_after) {

@@ -17,7 +17,7 @@ using std::chrono::milliseconds;
 constexpr milliseconds kDefaultInterval{500}, kLeastInterval{100}, kLongestInterval{60'000};
 constexpr milliseconds kPollInterval{50};  // polling interval; progress is sent less often
 
-milliseconds interval_of(const v1::WatchJobRequest& request) {
+milliseconds watch_interval(const v1::WatchJobRequest& request) {
   if (!request.has_interval()) return kDefaultInterval;
   const auto& interval = request.interval();
   const std::int64_t wanted =
@@ -34,7 +34,7 @@ class WatchStream final : public PollingStream<v1::WatchJobResponse> {
         access_(access),
         caller_(caller.value_or(Caller{})),
         job_id_(request.job_id()),
-        interval_(interval_of(request)) {
+        interval_(watch_interval(request)) {
     const std::lock_guard lock(mutex_);
     if (!caller.ok()) {
       finish(caller.status());

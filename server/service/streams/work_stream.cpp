@@ -26,14 +26,14 @@ constexpr int kMaxLogLines = 64;  // per message; further lines are ignored
 /// Time for the pending write when the stream ends.
 constexpr std::chrono::seconds kFinishTimeout{1};
 
-std::vector<UnitName> names_of(const google::protobuf::RepeatedPtrField<v1::UnitId>& units) {
+std::vector<UnitName> unit_names(const google::protobuf::RepeatedPtrField<v1::UnitId>& units) {
   std::vector<UnitName> names;
   names.reserve(static_cast<std::size_t>(units.size()));
   for (const v1::UnitId& unit : units) names.push_back(from_message(unit));
   return names;
 }
 
-std::vector<LogLine> lines_of(const v1::LogLines& message) {
+std::vector<LogLine> log_lines(const v1::LogLines& message) {
   const int count = std::min(message.lines_size(), kMaxLogLines);
   std::vector<LogLine> lines;
   lines.reserve(static_cast<std::size_t>(count));
@@ -181,7 +181,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
     const Session session = *session_;
     switch (request_.event_case()) {
       case v1::WorkRequest::kHeartbeat:
-        coordinator_.heartbeat(session, names_of(request_.heartbeat().started()),
+        coordinator_.heartbeat(session, unit_names(request_.heartbeat().started()),
                                request_.heartbeat().rss_bytes());
         break;
       case v1::WorkRequest::kCredits:
@@ -194,7 +194,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
         take_failure(session, request_.failure());
         break;
       case v1::WorkRequest::kReturned:
-        coordinator_.return_units(session, names_of(request_.returned().units()));
+        coordinator_.return_units(session, unit_names(request_.returned().units()));
         break;
       case v1::WorkRequest::kDraining:
         coordinator_.begin_draining(session);
@@ -206,7 +206,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
         break;
       }
       case v1::WorkRequest::kLogLines:
-        coordinator_.take_log_lines(session, lines_of(request_.log_lines()));
+        coordinator_.take_log_lines(session, log_lines(request_.log_lines()));
         break;
       case v1::WorkRequest::kHello:
         return absl::InvalidArgumentError("hello: only allowed as the first message");

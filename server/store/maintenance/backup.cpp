@@ -22,7 +22,7 @@ namespace {
 constexpr int kMaxTries = 3;
 constexpr std::size_t kChunkBytes = std::size_t{1} << 20, kIdBytes = 16;
 
-std::string parent_of(const std::string& path) {
+std::string parent_directory(const std::string& path) {
   const std::size_t slash = path.find_last_of('/');
   return slash == std::string::npos ? "." : path.substr(0, std::max<std::size_t>(slash, 1));
 }
@@ -97,8 +97,8 @@ class Backup {
   absl::Status copy_file(const std::string& name) {
     const auto source = filesystem_.open_existing(absl::StrCat(from_, "/", name));
     if (!source.ok()) return source.status();
-    const std::string group = parent_of(name);
-    absl::Status status = filesystem_.make_folder(absl::StrCat(to_, "/", parent_of(group)));
+    const std::string group = parent_directory(name);
+    absl::Status status = filesystem_.make_folder(absl::StrCat(to_, "/", parent_directory(group)));
     if (status.ok()) status = filesystem_.make_folder(absl::StrCat(to_, "/", group));
     if (!status.ok()) return status;
     const auto target = filesystem_.open(absl::StrCat(to_, "/", name));
@@ -131,14 +131,14 @@ class Backup {
 
   /// Syncs directories from the leaves up.
   absl::Status sync_folders() {
-    std::vector<std::string> folders = {to_, parent_of(to_)};
+    std::vector<std::string> folders = {to_, parent_directory(to_)};
     for (const char* top : {"/segments", "/assets", "/outputs"}) {
       absl::Status made = filesystem_.make_folder(to_ + top);
       if (!made.ok()) return made;
       folders.push_back(to_ + top);
     }
     for (const std::string& name : files_)
-      folders.push_back(absl::StrCat(to_, "/", parent_of(name)));
+      folders.push_back(absl::StrCat(to_, "/", parent_directory(name)));
     std::sort(folders.begin(), folders.end(), std::greater<>());
     folders.erase(std::unique(folders.begin(), folders.end()), folders.end());
     for (const std::string& folder : folders) {
@@ -182,7 +182,7 @@ absl::StatusOr<StoreFindings> back_up_store(const std::string& folder, const std
     if (!findings.ok()) return findings;
     if (findings->faults.empty()) {
       absl::Status status = filesystem.rename(part, copy);
-      if (status.ok()) status = filesystem.sync_folder(parent_of(copy));
+      if (status.ok()) status = filesystem.sync_folder(parent_directory(copy));
       if (!status.ok()) return status;
       return findings;
     }

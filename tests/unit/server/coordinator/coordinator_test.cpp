@@ -243,7 +243,7 @@ TEST_F(CoordinatorTest, FullStoreAtFrameEndPausesJob) {
   const std::string job = create_job("a");
   auto worker = join("w1");
   deliver_all(worker);
-  while (coordinator->run_writer(false)) {  // all is committed, the image is still to be made
+  while (coordinator->run_writer(false)) {  // all units are committed, the image is not written
   }
   store.fail_commits_with(absl::ResourceExhaustedError("no space left"));
   pump();
@@ -352,7 +352,7 @@ TEST_F(CoordinatorTest, RestartWritesCompleteFrame) {
   deliver_all(worker);
   while (coordinator->run_writer(false)) {
   }
-  start();  // before the film thread came to it
+  start();  // before the film thread has run
   EXPECT_EQ(view(job).state, JobState::running);
   pump();
   EXPECT_EQ(view(job).state, JobState::done);
@@ -367,7 +367,7 @@ TEST_F(CoordinatorTest, DamagedBlockIsRenderedAgain) {
   while (coordinator->run_writer(false)) {
   }
   store.damage({0, 4, 0});
-  start();  // what was merged in memory is gone, the blocks are read back
+  start();  // merged tiles are lost, blocks are read again
   pump();
   EXPECT_EQ(view(job).state, JobState::running);
   auto again = join("w1");
@@ -384,7 +384,7 @@ TEST_F(CoordinatorTest, GrantsWaitForKnownWorkersAfterRestart) {
   create_job("a");
   join("w1");
   join("w2");
-  pump();  // the roster is journaled
+  pump();  // the known workers are journaled
   start();
   auto worker = join("w1");
   EXPECT_TRUE(worker.units.empty());
@@ -446,7 +446,7 @@ TEST_F(CoordinatorTest, SamplesPerOwnerAreLimited) {
 }
 
 TEST_F(CoordinatorTest, StoredBytesPerOwnerAreLimited) {
-  options.client_quota.store_bytes = size_of(spec_of("one")).store_bytes;
+  options.client_quota.store_bytes = max_job_size(spec_of("one")).store_bytes;
   start();
   create_job("one");
   EXPECT_TRUE(absl::IsResourceExhausted(create(spec_of("two")).status()));
@@ -507,7 +507,7 @@ TEST_F(CoordinatorTest, ExtendedJobMatchesLongerJob) {
   ASSERT_TRUE(extended.ok()) << extended.status();
   EXPECT_EQ(extended->committed_unit_count, 5) << "pass 0 is the same in both";
   coordinator->grant_credits(worker.session, 64);
-  // The units of pass 0 that it still holds go to nobody else; it is as if it had died.
+  // The units of pass 0 that it still holds stay with it; the worker seems to have died.
   coordinator->disconnect(worker.session);
   auto again = join("w1");
   work_off(again, job);
@@ -515,7 +515,7 @@ TEST_F(CoordinatorTest, ExtendedJobMatchesLongerJob) {
   EXPECT_EQ(pixels_of(job), pixels_of(longer));
 }
 
-/// Makes the store's jobs those of an older render contract, as after an upgrade.
+/// Gives the store's jobs an older render contract, as after an upgrade.
 void age_jobs(MemoryStore& store) {
   const std::vector<JobRecord> jobs = store.jobs().value();
   for (JobRecord record : jobs) {

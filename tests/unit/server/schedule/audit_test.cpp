@@ -92,8 +92,8 @@ TEST(Audit, FaultyWorkersResultsAreWithdrawn) {
   EXPECT_FALSE(audit.is_settled());
 }
 
-/// A worker with n false units is found with probability 1 - (1 - f)^n: over many farms (keys), as
-/// often as that, within four standard deviations of the binomial distribution.
+/// A worker with n wrong units is found with probability 1 - (1 - f)^n: over many farms (keys), the
+/// rate must be within four standard deviations of the binomial distribution.
 TEST(Audit, DetectionRateMatchesAuditShare) {
   constexpr int kFarms = 2000;
   constexpr double kFraction = 0.01;

@@ -19,7 +19,7 @@ JobPlan plan_of(std::vector<std::int32_t> frames, std::int32_t tiles, int passes
   return JobPlan(std::move(frames), tiles, schedule);
 }
 
-/// Takes the next run and holds it for `worker`.
+/// Leases the next run to `worker`.
 std::vector<Unit> take(JobPlan& plan, WorkerKey worker, std::int32_t most) {
   const auto run = plan.next_run(most, any_unit);
   std::vector<Unit> units;
@@ -84,7 +84,7 @@ TEST(JobPlan, CommittedUnitsAreSkipped) {
 TEST(JobPlan, FinishedFrameCountsAsCommitted) {
   JobPlan plan = plan_of({0, 1}, 2, 1);
   plan.commit({0, 0, 0});
-  plan.finish(0);  // as after a restart: its blocks are gone
+  plan.finish(0);  // as after a restart, when its blocks are
   EXPECT_TRUE(plan.is_committed({0, 1, 0}));
   EXPECT_EQ(plan.committed_count(), 2);
   EXPECT_EQ(take(plan, 1, 1).front(), (Unit{1, 0, 0}));
@@ -110,7 +110,7 @@ TEST(JobPlan, ExtendingKeepsUnchangedPasses) {
   EXPECT_EQ(take(plan, 1, 1).front(), (Unit{0, 1, 0}));
 }
 
-TEST(JobPlan, RandomOperationsLoseNoUnit) {  // against a set of what is where
+TEST(JobPlan, RandomOperationsLoseNoUnit) {  // checked against a model
   std::mt19937 random(7);
   JobPlan plan = plan_of({0, 1, 2}, 37, 3);
   std::set<Unit> held, committed;
@@ -172,7 +172,7 @@ TEST(JobPlan, OnDemandFrameEndsWithLastTilePass) {
 
 TEST(JobPlan, OnDemandLeaseImpliesPassTarget) {
   JobPlan plan({0}, 2, contract::error_schedule(256), true);
-  // After a restart a worker still holds a unit of pass 3, before the film has decided anything.
+  // After a restart a worker still holds a unit of pass 3 before the film has made a decision.
   plan.hold({0, 1, 3}, Holder{1, {}, std::nullopt, false, 0});
   EXPECT_EQ(plan.unit_count(), 6) << "4, and passes 2 and 3 of tile 1";
   EXPECT_EQ(plan.in_flight_count(), 1);
@@ -184,7 +184,7 @@ TEST(JobPlan, OnDemandLeaseImpliesPassTarget) {
 
 TEST(JobPlan, OnDemandFinishedFrameKeepsUnitCount) {
   JobPlan plan({0, 1}, 2, contract::error_schedule(256), true);
-  plan.finish(0, 9);  // as the journal says after a restart
+  plan.finish(0, 9);  // as read from the journal after a restart
   EXPECT_EQ(plan.unit_count(), 13);
   EXPECT_EQ(plan.committed_count(), 9);
 }

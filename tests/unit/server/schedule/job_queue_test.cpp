@@ -55,13 +55,13 @@ TEST(JobQueue, FindsOldestJobOfSceneAndOwner) {
   queue.insert(3, {5, "ann", a_scene});
   queue.insert(4, {0, "ann", a_scene});
   queue.insert(5, {0, "ann", a_scene});
-  EXPECT_EQ(queue.oldest_of({0, "ann", a_scene}, is_any), 4);
-  EXPECT_EQ(queue.oldest_of({0, "ann", a_scene}, [](JobKey job) { return job != 4; }), 5);
-  EXPECT_EQ(queue.oldest_of({0, "bea", a_scene}, is_any), 0);
-  EXPECT_EQ(queue.oldest_of({4, "zoe", a_scene}, is_any), 0);
+  EXPECT_EQ(queue.oldest({0, "ann", a_scene}, is_any), 4);
+  EXPECT_EQ(queue.oldest({0, "ann", a_scene}, [](JobKey job) { return job != 4; }), 5);
+  EXPECT_EQ(queue.oldest({0, "bea", a_scene}, is_any), 0);
+  EXPECT_EQ(queue.oldest({4, "zoe", a_scene}, is_any), 0);
   queue.erase(1, {0, "ann", other});
   EXPECT_FALSE(queue.has_scene(other));
-  EXPECT_EQ(queue.oldest_of({0, "ann", other}, is_any), 0);
+  EXPECT_EQ(queue.oldest({0, "ann", other}, is_any), 0);
 }
 
 }  // namespace

@@ -12,14 +12,14 @@ constexpr char kKey[] = "a key of the store, 32 bytes long";
 
 Lease sealed() {
   Lease lease{"job1", 3, 1, 10, 5, 8, 56, {2, 99}, {}};
-  lease.seal = seal_of(lease, "w1", kKey);
+  lease.seal = make_seal(lease, "w1", kKey);
   return lease;
 }
 
 TEST(Lease, SealIsBoundToWorkerAndStore) {
-  EXPECT_TRUE(seal_holds(sealed(), "w1", kKey));
-  EXPECT_FALSE(seal_holds(sealed(), "w2", kKey));
-  EXPECT_FALSE(seal_holds(sealed(), "w1", "another store's key"));
+  EXPECT_TRUE(is_seal_valid(sealed(), "w1", kKey));
+  EXPECT_FALSE(is_seal_valid(sealed(), "w2", kKey));
+  EXPECT_FALSE(is_seal_valid(sealed(), "w1", "another store's key"));
 }
 
 TEST(Lease, SealCoversEveryField) {
@@ -38,14 +38,14 @@ TEST(Lease, SealCoversEveryField) {
   for (std::size_t i = 0; i < forgeries.size(); ++i) {
     Lease lease = sealed();
     forgeries[i](lease);
-    EXPECT_FALSE(seal_holds(lease, "w1", kKey)) << "forgery " << i;
+    EXPECT_FALSE(is_seal_valid(lease, "w1", kKey)) << "forgery " << i;
   }
 }
 
 TEST(Lease, SealSeparatesFields) {
   Lease lease = sealed();
   lease.job_id = "job1w";  // "job1" + "w1" and "job1w" + "1" are the same letters
-  EXPECT_FALSE(seal_holds(lease, "1", kKey));
+  EXPECT_FALSE(is_seal_valid(lease, "1", kKey));
 }
 
 TEST(Lease, CoversOnlyItsTiles) {

@@ -1,5 +1,5 @@
-// Idle workers go first to jobs whose scene they have; priority, fair share and that every job gets
-// on come before.
+// Idle workers prefer jobs whose scene they have loaded; priority, fair share and progress of every
+// job come first.
 
 #include <gtest/gtest.h>
 
@@ -16,7 +16,7 @@ struct Busy {
   UnitName unit;
 };
 
-/// A worker of one thread and one credit that has loaded this scene and is at a unit.
+/// A worker with one thread and one credit that has loaded this scene and renders a unit.
 Busy connect_busy_with(SchedulerHarness& farm, const std::string& id, const std::string& scene) {
   const WorkerKey worker = farm.connect(id, {.threads = 1, .credits = 1, .tags = {id}});
   const Job& job = farm.add_job({.tiles = 1, .priority = 100, .tag = id, .scene = scene});
@@ -26,14 +26,14 @@ Busy connect_busy_with(SchedulerHarness& farm, const std::string& id, const std:
   return {worker, units.at(0)};
 }
 
-/// Likewise, and idle.
+/// The same, but idle.
 WorkerKey connect_with(SchedulerHarness& farm, const std::string& id, const std::string& scene) {
   const Busy busy = connect_busy_with(farm, id, scene);
   farm.complete(busy.worker, busy.unit);
   return busy.worker;
 }
 
-/// The job the worker was leased units of; "" for none.
+/// Returns the job of the worker's leases; "" if it has none.
 std::string job_of(SchedulerHarness& farm, WorkerKey worker) {
   const auto units = farm.leased(worker);
   return units.empty() ? "" : units.at(0).job_id;
@@ -112,8 +112,8 @@ TEST(SceneAffinity, SceneIdIgnoresFileOrderAndNames) {
   spec.assets = {{"scene.gltf", a, 1}, {"bark.png", b, 1}};
   same.assets = {{"wood.png", b, 1}, {"tree.gltf", a, 1}};
   more.assets = {{"scene.gltf", a, 1}};
-  EXPECT_EQ(scene_of(spec), scene_of(same));
-  EXPECT_NE(scene_of(spec), scene_of(more));
+  EXPECT_EQ(scene_key(spec), scene_key(same));
+  EXPECT_NE(scene_key(spec), scene_key(more));
 }
 
 }  // namespace

@@ -13,24 +13,24 @@
 
 namespace tessera::server {
 
-/// A scheduler with a clock that the test turns, and workers that do what the test says.
+/// A scheduler whose clock and workers the test controls.
 class SchedulerHarness {
  public:
   explicit SchedulerHarness(const std::vector<std::string>& roster = {})
       : scheduler({"store", "key", 1}, SchedulePolicy{}, roster, now) {}
 
-  /// A job of `tiles` 8x8 tiles in a row, so many frames.
+  /// A job of `tiles` 8x8 tiles in a row and of `frames` frames.
   struct JobPlanned {
     std::int32_t tiles = 16, frames = 1, spp = 8, priority = 0, max_workers = 0;
     std::string owner = "ann", tag = {};
-    std::string scene = {};  // what its one file holds
+    std::string scene = {};  // content of its only file
   };
   Job& add_job(const JobPlanned& planned) {
     Job& job = queue_job(planned);
     scheduler.offer_work(now);
     return job;
   }
-  /// Likewise, but leases nothing of it yet.
+  /// The same, but leases nothing of it
   Job& queue_job(const JobPlanned& planned) {
     auto spec = std::make_shared<JobSpec>();
     const JobKey key = ++last_job_;
@@ -69,11 +69,11 @@ class SchedulerHarness {
   }
   WorkerKey connect(const std::string& id) { return connect(id, {}); }
 
-  /// What the worker was sent since the last call.
+  /// Messages to the worker since
   Outbox outbox(WorkerKey worker) {
     return std::exchange(scheduler.find_worker(worker)->outbox, Outbox{});
   }
-  /// The units of its new leases; the leases are remembered.
+  /// Units of the worker's new leases, which are stored in `leases`.
   std::vector<UnitName> leased(WorkerKey worker) {
     std::vector<UnitName> units;
     for (const Lease& lease : outbox(worker).leases) {
@@ -91,7 +91,7 @@ class SchedulerHarness {
     scheduler.commit(*scheduler.find_job(unit.job_id), unit.unit, scheduler.find_worker(worker)->id,
                      cpu_seconds);
   }
-  /// Commits and gives the credit back, as a worker does after the acknowledgement.
+  /// Commits and returns the credit, as a worker does after the acknowledgement.
   void complete(WorkerKey worker, const UnitName& unit, double cpu_seconds = 1) {
     commit(worker, unit, cpu_seconds);
     scheduler.grant_credits(worker, 1, now);
@@ -102,7 +102,7 @@ class SchedulerHarness {
                         code, now);
     scheduler.grant_credits(worker, 1, now);
   }
-  /// Lets time pass in steps of 100 ms; `awake` workers are heard at each.
+  /// Advances time in steps of 100 ms; `awake` workers send a heartbeat at each.
   void pass(std::chrono::milliseconds span, const std::vector<WorkerKey>& awake) {
     for (const Time end = now + span; now < end;) {
       now += kPeriod;

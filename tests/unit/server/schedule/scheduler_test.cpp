@@ -28,7 +28,7 @@ TEST(Scheduler, LeasesHaveSealAndUniqueNumber) {
   const WorkerKey worker = farm.connect("w1", {.threads = 1, .credits = 40});
   std::set<Attempt> attempts;
   for (const Lease& lease : farm.outbox(worker).leases) {
-    EXPECT_TRUE(seal_holds(lease, "w1", "key"));
+    EXPECT_TRUE(is_seal_valid(lease, "w1", "key"));
     EXPECT_TRUE(attempts.insert(lease.attempt).second);
     EXPECT_EQ(lease.attempt.boot, 1);
   }
@@ -127,7 +127,7 @@ TEST(Scheduler, AdoptsOnlyLeasesWithValidSeal) {
     SchedulerHarness farm;
     Job& job = farm.add_job({.tiles = 2});
     Lease lease{"j1", 0, 0, 0, 2, 0, 8, {1, 77}, {}};
-    lease.seal = seal_of(lease, "w1", is_forged ? "wrong key" : "key");
+    lease.seal = make_seal(lease, "w1", is_forged ? "wrong key" : "key");
     SchedulerHarness::WorkerPlanned hello{
         .credits = 0, .leases = {lease}, .running = {{"j1", {0, 0, 0}}}};
     farm.connect("w1", hello);
@@ -162,7 +162,7 @@ TEST(Scheduler, DelayedTickDoesNotExpireWorkers) {
   farm.add_job({.tiles = 4});
   const WorkerKey worker = farm.connect("w1");
   farm.pass(1s, {worker});
-  farm.now += 60s;  // SIGSTOP: nobody could be heard
+  farm.now += 60s;  // the server was stopped (SIGSTOP)
   farm.scheduler.tick(farm.now, SchedulerHarness::kPeriod);
   farm.pass(200ms, {});
   EXPECT_FALSE(farm.scheduler.find_worker(worker)->lost);
@@ -404,9 +404,9 @@ TEST(Scheduler, JobIsDoneWithLastFrame) {
   EXPECT_FALSE(farm.scheduler.retry(job, farm.now).ok());
 }
 
-// The tail ----------------------------------------------------------------------------------------
+// End of a job ------------------------------------------------------------------------------------
 
-/// Two workers, one unit left, started by the first.
+/// Two workers and one remaining unit, started
 struct Tail {
   Tail() {
     units = farm.leased(slow);
