@@ -16,7 +16,7 @@
 namespace tessera::render::bench {
 namespace {
 
-/// Draws rays at a scene.
+/// Generates random and degenerate rays for a scene.
 class RayMaker {
  public:
   explicit RayMaker(const Scene& scene) : scene_(scene), random_(99) {
@@ -53,7 +53,7 @@ class RayMaker {
     ray.direction[axis] = 0;
   }
 
-  /// A vertex in the world, or a point of an edge.
+  /// A vertex or a point on an edge, in world space.
   Vec3f surface_point(bool edge) {
     const auto& instances = scene_.instances;
     const Instance& instance = instances[below(static_cast<std::uint32_t>(instances.size()))];
@@ -79,13 +79,13 @@ bool same_bits(const Hit& a, const Hit& b) {
   return same(a.t, b.t) && a.id == b.id && same(a.b0, b.b0) && same(a.b1, b.b1) && same(a.b2, b.b2);
 }
 
-/// Rays that are traced together, and what every structure says of them.
+/// Rays that are traced together, and the results of every structure.
 struct Packets {
   struct Answer {
     std::uint64_t found, any;
     std::array<Hit, kPacketSize> hits;
   };
-  std::vector<const SceneAccel*> accels;  // that take packets
+  std::vector<const SceneAccel*> accels;  // those with takes_packets()
   std::vector<Ray> rays;
   std::vector<Answer> answers;
   bool bundle = false;
@@ -97,7 +97,7 @@ struct Packets {
     answers.resize(accels.size());
   }
 
-  /// Every other packet is of bundles: eight rays each, about one of them.
+  /// Traces the next `count` rays. Every other packet consists of bundles of eight similar rays.
   void trace(RayMaker& maker, std::size_t count) {
     bundle = !bundle;
     rays.clear();
@@ -137,7 +137,8 @@ Scene with_duplicates(Scene scene) {
   return scene;
 }
 
-/// Every structure that is asked one ray at a time, production and references.
+/// The production BVH for each supported instruction set and, with `references`, the structures of
+/// accelerators.
 std::vector<std::unique_ptr<SceneAccel>> structures_of(const Scene& scene, bool references) {
   std::vector<std::unique_ptr<SceneAccel>> all;
   for (const Isa isa : {Isa::avx2, Isa::avx512}) {
@@ -145,7 +146,8 @@ std::vector<std::unique_ptr<SceneAccel>> structures_of(const Scene& scene, bool 
   }
   if (!references) return all;
   for (const accelerators::Structure& structure : accelerators::structures()) {
-    if (structure.build == accelerators::build_brute_force) continue;  // for the first few alone
+    if (structure.build == accelerators::build_brute_force)
+      continue;  // compared for the first rays only
     all.push_back(std::make_unique<SceneAccel>(
         std::make_unique<accelerators::StructureAccelerator>(scene, structure)));
   }

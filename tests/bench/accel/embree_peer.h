@@ -9,22 +9,22 @@
 
 namespace tessera::render::bench {
 
-/// Embree 3, quality HIGH, one thread: the measured peer.
+/// Embree 3 with quality HIGH and one thread.
 class EmbreePeer {
  public:
-  /// Builds at once. The scene must outlive it.
+  /// Builds the structure. The scene must outlive it.
   explicit EmbreePeer(const Scene& scene);
   ~EmbreePeer();
   EmbreePeer(const EmbreePeer&) = delete;
   EmbreePeer& operator=(const EmbreePeer&) = delete;
 
-  /// Each traces all rays and returns how many hit something.
+  /// Trace all rays and return the number of hits.
   std::int64_t closest_hits(std::span<const Ray> rays) const;
   std::int64_t any_hits(std::span<const Ray> rays) const;
-  /// By packets of 16; a last incomplete one is padded with invalid lanes.
+  /// The same in packets of 16; the last one is padded with invalid lanes.
   std::int64_t closest_hits_16(std::span<const Ray> rays) const;
 
-  /// The hit of one ray: whether, and t.
+  /// Returns whether the ray hits and sets its t.
   bool closest_hit(const Ray& ray, float& t) const;
 
   std::int64_t memory_bytes() const;

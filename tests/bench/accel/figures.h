@@ -8,22 +8,22 @@
 
 namespace tessera::render::bench {
 
-/// One thing measured of ours and of a peer.
+/// One quantity, measured for Tessera (`ours`) and for the structure it is compared with (`peer`).
 struct Row {
   std::string scene, kind;
   double ours = 0, peer = 0;
-  std::int64_t wrong = 0;  // rays whose hits differ though they must not
+  std::int64_t wrong = 0;  // rays with different hits, beyond the permitted number
 };
 
-/// What was measured.
+/// All measurements of a run.
 struct Figures {
-  std::vector<Row> builds;   // build_s and memory_mb: less is better
-  std::vector<Row> rays;     // million rays a second by kind of rays; camera16: packets
-  std::vector<Row> packets;  // the same of our packets beside our single rays
+  std::vector<Row> builds;   // build_s and memory_mb: lower is better
+  std::vector<Row> rays;     // million rays per second by kind of rays; camera16: packets
+  std::vector<Row> packets;  // Tessera's packets compared with its single rays
 };
 
-/// Ours over the peer by kind, above 1 where ours is better; "single_ray" over all kinds of rays
-/// that are asked for one by one.
+/// Geometric means of ours / peer by kind, above 1 where Tessera is better. "single_ray" is the
+/// mean over all kinds of rays that are traced one by one.
 std::map<std::string, double> geometric_means(const Figures& figures);
 
 nlohmann::json to_json(const Figures& figures);

@@ -17,10 +17,10 @@ namespace tessera::render::bench {
 namespace {
 
 constexpr int kRounds = 3;
-/// Least share of pixels for which item buffer and rays must name the same triangle. The item
-/// buffer projects vertices in float, which moves edges by about 1e-4 of a pixel; where triangles
-/// are smaller than pixels more of them change sides (0.5 % in the stadium).
-constexpr double kLeastAgreement = 0.98;
+/// Minimum fraction of pixels for which item buffer and rays must find the same triangle. The item
+/// buffer projects vertices in float, which moves edges by about 1e-4 of a pixel; if triangles are
+/// smaller than pixels, more pixels differ (0.5 % in the stadium).
+constexpr double kMinAgreement = 0.98;
 
 using Order = std::vector<contract::GridPoint>;
 
@@ -46,7 +46,7 @@ Order morton(int side) {
   return order;
 }
 
-/// Million rays a second, best of the rounds.
+/// Million rays per second, best of the rounds.
 template <typename Run>
 double mrays(std::size_t rays, Run&& run) {
   double best = 1e30;
@@ -55,7 +55,7 @@ double mrays(std::size_t rays, Run&& run) {
   return static_cast<double>(rays) / best * 1e-6;
 }
 
-/// Share of pixels where both name the same triangle.
+/// Fraction of pixels for which rays and item buffer find the same triangle.
 double agreement(const SceneAccel& accel, const std::vector<Ray>& rays, const Order& order,
                  int side, const std::vector<TriangleId>& items) {
   std::int64_t same = 0;
@@ -106,8 +106,8 @@ nlohmann::json measure_first_hits(const std::vector<std::string>& scenes, bool q
     });
     const double same = agreement(accel, along, orders[0].second, side, items);
     row["item_buffer_same"] = same;
-    if (same < kLeastAgreement) {
-      *wrong += std::llround((kLeastAgreement - same) * static_cast<double>(along.size())) + 1;
+    if (same < kMinAgreement) {
+      *wrong += std::llround((kMinAgreement - same) * static_cast<double>(along.size())) + 1;
     }
     std::printf(" %11.2f %6.4f\n", row["item_buffer"].get<double>(),
                 row["item_buffer_same"].get<double>());

@@ -7,12 +7,12 @@
 
 namespace tessera::render::bench {
 
-/// What finds the first hits of a view's pixel centres fastest, printed as it is measured, in
-/// million pixels a second of CPU time on one thread: rays along the Hilbert curve, the Morton
-/// curve and scanlines, alone and in packets; and an item buffer, a z-buffer of triangle numbers.
-/// The share of pixels for which the item buffer names the triangle that rays hit is stated.
-/// Adds to *wrong the rays for which packets and single rays, or two orders, find different numbers
-/// of hits, and the pixels by which the item buffer agrees on less than kLeastAgreement of them.
+/// Measures and prints how fast the first hits of a view's pixel centres are found, in million
+/// pixels per second of CPU time on one thread: by rays along the Hilbert curve, the Morton curve
+/// and scan lines, single and in packets, and by an item buffer, a z-buffer of triangle numbers.
+/// Also reports the fraction of pixels for which the item buffer has the triangle that the ray
+/// hits. Adds to *wrong the differences between the numbers of hits of packets, single rays and
+/// orders, and the number of pixels by which the item buffer falls short of kMinAgreement.
 nlohmann::json measure_first_hits(const std::vector<std::string>& scenes, bool quick,
                                   std::int64_t* wrong);
 

@@ -18,10 +18,10 @@ namespace tessera::render::bench {
 namespace {
 
 constexpr int kRounds = 3;
-/// Triangle tests one measurement of brute force may take.
+/// Maximum number of triangle tests in a measurement of brute force.
 constexpr std::size_t kBruteTests = 20'000'000;
 
-/// Nanoseconds a ray takes, least of the rounds.
+/// Nanoseconds per ray, best of the rounds.
 template <typename Trace>
 double nanoseconds(std::size_t rays, Trace&& trace) {
   double best = 1e30;
@@ -30,7 +30,7 @@ double nanoseconds(std::size_t rays, Trace&& trace) {
   return best / static_cast<double>(rays) * 1e9;
 }
 
-/// The rays that brute force has time for.
+/// A subset of the rays that brute force can trace in the time allowed.
 std::vector<Ray> sample_of(const std::vector<Ray>& rays, std::size_t triangles) {
   const std::size_t count = std::clamp<std::size_t>(kBruteTests / triangles, 10, rays.size());
   std::vector<Ray> sample;
@@ -47,7 +47,7 @@ std::int64_t brute_hits(const Scene& scene, const std::vector<Ray>& rays) {
   return hits;
 }
 
-/// For the next frame of an animation, in which every vertex has moved a little.
+/// Seconds to refit the BVH to the next frame of an animation that moves every vertex a little.
 double refit_seconds(Scene scene, const SceneAccel& before) {
   std::vector<Primitive> primitives(scene.meshes[0].primitives.begin(),
                                     scene.meshes[0].primitives.end());

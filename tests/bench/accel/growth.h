@@ -5,11 +5,11 @@
 
 namespace tessera::render::bench {
 
-/// How the cost of a ray grows, printed as it is measured: nanoseconds of CPU time per closest hit
-/// against the triangles of a fractal terrain (10^3 to 10^7; camera rays in packets and alone, and
-/// rays that scattered), and against depth complexity, the layers behind each other in a view
-/// (hierarchy beside brute force). One thread; `quick`: small ones only. Adds to *wrong the rays
-/// for which packets and single rays, or hierarchy and brute force, find different numbers of hits.
+/// Measures and prints how the cost of a ray grows: nanoseconds of CPU time per closest hit as a
+/// function of the number of triangles of a fractal terrain (10^3 to 10^7; camera rays in packets
+/// and single, and scattered rays), and as a function of depth complexity, the number of layers in
+/// a view (BVH and brute force). One thread; `quick` measures small scenes only. Adds to *wrong the
+/// differences between the numbers of hits of packets and single rays, and of BVH and brute force.
 nlohmann::json measure_growth(bool quick, std::int64_t* wrong);
 
 }  // namespace tessera::render::bench

@@ -4,7 +4,7 @@
     tests/bench/accel/growth.py [--bin build/release/bin] [--svg docs/notes/cost-growth.svg]
 
 Runs `tessera-bench-accel --growth`, which prints the table, and draws nanoseconds per ray against
-triangles and against depth complexity, both axes logarithmic; readable in light and dark.
+the number of triangles and against depth complexity, on logarithmic axes, in light and dark.
 """
 
 import argparse

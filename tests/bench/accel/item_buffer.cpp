@@ -10,8 +10,8 @@
 namespace tessera::render::bench {
 namespace {
 
-/// A corner in the view: x and y times depth in pixels, and the depth along the axis. In double:
-/// a triangle cut by the near plane reaches millions of pixels away.
+/// A projected corner: x and y in pixels, multiplied by the depth, and the depth along the axis. In
+/// double, because triangles clipped by the near plane extend over millions of pixels.
 struct Projected {
   double x, y, depth;
 };
@@ -51,7 +51,7 @@ class Rasteriser {
             half * (depth - dot(from_eye, Vec3d(view_.up)) / tangent), depth};
   }
 
-  /// Edge functions; 1 / depth is linear in the view.
+  /// Rasterises a triangle by edge functions; 1 / depth is linear in image space.
   void fill(const Projected& a, const Projected& b, const Projected& c, const TriangleId& id) {
     const double ax = a.x / a.depth, ay = a.y / a.depth, bx = b.x / b.depth, by = b.y / b.depth,
                  cx = c.x / c.depth, cy = c.y / c.depth;

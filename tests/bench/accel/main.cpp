@@ -1,15 +1,17 @@
-// Rays a second of our structures beside Embree's, in one process, on one thread, in CPU time.
+// Rays per second of Tessera's BVHs and of Embree, in one process, on one thread, in CPU time.
 //
 //   tessera-bench-accel --peer embree [--json [FILE]] [--quick] [--scene NAME]... [--rounds N]
 //   tessera-bench-accel --agreement 10000000 [--brute 100000] [--references] [--quick]
 //   tessera-bench-accel --growth | --first-hits
 //
-// Scenes and rays are generated (scenes.h, rays.h). In every round the peer is measured right
-// before and right after ours; each figure is the best of its measurements. With --agreement, so
-// many rays over all scenes are traced with every instruction set instead, some of each scene by
-// brute force, and with --references by every reference structure; it fails if any hit differs in
-// any bit. The measurements fail if what they measure finds other hits: packets as many as single
-// rays, the peer as many but for kPeerMisses.
+// Scenes and rays are generated (scenes.h, rays.h). In every round, Embree is measured immediately
+// before and after Tessera; each figure is the best of its measurements. A measurement fails if
+// packets and single rays find different numbers of hits, or if Embree's number differs by more
+// than kPeerMisses.
+//
+// --agreement traces this number of rays, over all scenes, with every instruction set, some of them
+// by brute force and, with --references, all of them by the structures of worker/accelerators. It
+// fails if any hit differs in any bit.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -34,14 +36,14 @@
 namespace tessera::render::bench {
 namespace {
 
-/// Few rays are traced again and again, so that a measurement lasts.
-constexpr std::size_t kRaysAtLeast = 400'000;
+/// Minimum number of rays in a measurement; smaller sets are traced repeatedly.
+constexpr std::size_t kMinRays = 400'000;
 
-/// Share of rays for which the peer may decide otherwise: rays within rounding of an edge. The
+/// Fraction of rays for which Embree may have another result: rays within rounding of an edge. The
 /// quick scenes have none.
 constexpr double kPeerMisses = 1e-3;
 
-/// Most triangle tests brute force may take in one scene: half a minute.
+/// Maximum number of triangle tests by brute force in a scene: half a minute.
 constexpr std::int64_t kBruteTests = 3'000'000'000;
 
 struct Options {
@@ -59,15 +61,14 @@ BuildQuality quality_named(const std::string& name) {
   return BuildQuality::normal;
 }
 
-/// Best of the rounds, both measured twice in each: the peer before and after ours, which come in
-/// between, so that neither has more chances. row.wrong gets by how many more than `allowed` their
-/// hits differ.
+/// Measures both, each twice per round and the peer before and after ours, and keeps the best.
+/// row.wrong gets the difference of the numbers of hits beyond `allowed`.
 template <typename Ours, typename Peer>
 Row compare(const Options& options, Row row, std::size_t rays, std::int64_t allowed, Ours&& ours,
             Peer&& peer) {
   double ours_best = 1e30, peer_best = 1e30;
   std::int64_t ours_hits = 0, peer_hits = 0;
-  const std::size_t runs = 1 + kRaysAtLeast / std::max<std::size_t>(rays, 1);
+  const std::size_t runs = 1 + kMinRays / std::max<std::size_t>(rays, 1);
   for (int round = 0; round < options.rounds; ++round) {
     peer_best = std::min(peer_best, timed(peer, runs, &peer_hits));
     ours_best = std::min(ours_best, timed(ours, runs, &ours_hits));
@@ -128,7 +129,7 @@ void run_scene(const Options& options, const std::string& name, Figures& figures
   }
 }
 
-/// Triangles, counted once an instance.
+/// Number of triangles of all instances.
 std::int64_t placed_triangles(const BenchScene& bench) {
   std::int64_t count = 0;
   for (const Instance& instance : bench.scene.instances) {
@@ -140,7 +141,7 @@ std::int64_t placed_triangles(const BenchScene& bench) {
   return count;
 }
 
-/// Exit code 1 if any two structures differ.
+/// Returns the exit code: 1 if any two structures differ.
 int check_agreement(const Options& options, const std::vector<std::string>& scenes) {
   std::int64_t wrong = 0;
   for (const std::string& name : scenes) {
@@ -170,11 +171,11 @@ int write(const Options& options, const nlohmann::json& figures) {
   return file.good() ? 0 : 1;
 }
 
-/// Writes the figures; exit code 1 if rays were wrong.
+/// Writes the figures and returns the exit code: 1 if rays have wrong hits.
 int finish(const Options& options, const nlohmann::json& figures, std::int64_t wrong) {
   const int written = write(options, figures);
   if (wrong == 0) return written;
-  std::fprintf(stderr, "tessera-bench-accel: %lld rays have other hits than they should\n",
+  std::fprintf(stderr, "tessera-bench-accel: %lld rays with wrong hits\n",
                static_cast<long long>(wrong));
   return 1;
 }
@@ -207,29 +208,31 @@ int run(const Options& options) {
 
 int main(int argc, char** argv) {
   tessera::render::bench::Options options;
-  CLI::App app("Rays a second of our structures beside Embree's.");
-  app.add_option("--peer", options.peer, "what to measure against")
+  CLI::App app("Compares rays per second of Tessera's BVHs with Embree.");
+  app.add_option("--peer", options.peer, "Structure to compare with")
       ->check(CLI::IsMember({"embree"}));
-  app.add_option("--json", options.json, "write the rows here, or after the table")
+  app.add_option("--json", options.json, "File for the figures as JSON (default: stdout)")
       ->expected(0, 1)
       ->default_str("-");
-  app.add_option("--isa", options.isa, "ours: avx2 or avx512")
+  app.add_option("--isa", options.isa, "Tessera's instruction set: avx2 or avx512")
       ->check(CLI::IsMember({"avx2", "avx512"}));
-  app.add_option("--quality", options.quality, "of our trees: fast, default or high")
+  app.add_option("--quality", options.quality, "Tessera's build quality: fast, default or high")
       ->check(CLI::IsMember({"fast", "default", "high"}));
-  app.add_option("--scene", options.scenes, "only these scenes")
+  app.add_option("--scene", options.scenes, "Scenes to measure (default: all)")
       ->check(CLI::IsMember(tessera::render::bench::scene_names()));
-  app.add_option("--kind", options.kinds, "only these kinds of rays");
-  app.add_option("--rounds", options.rounds, "measurements, of which the best counts");
-  app.add_option("--side", options.side, "camera rays a side");
-  app.add_option("--agreement", options.agreement, "compare hits on so many rays instead");
-  app.add_option("--brute", options.brute, "of those, rays a scene that brute force traces too");
+  app.add_option("--kind", options.kinds, "Kinds of rays to measure (default: all)");
+  app.add_option("--rounds", options.rounds, "Number of measurements, of which the best counts");
+  app.add_option("--side", options.side, "Camera rays per side of the view");
+  app.add_option("--agreement", options.agreement,
+                 "Compare the hits of this number of rays instead of measuring");
+  app.add_option("--brute", options.brute,
+                 "With --agreement: rays per scene to trace by brute force too");
   app.add_flag("--references", options.references,
-               "of those, trace all by each reference structure too");
-  app.add_flag("--growth", options.growth, "how the cost of a ray grows with the scene instead");
+               "With --agreement: trace with the structures of worker/accelerators too");
+  app.add_flag("--growth", options.growth, "Measure how the cost of a ray grows with the scene");
   app.add_flag("--first-hits", options.first_hits,
-               "orders of camera rays, and an item buffer, instead");
-  app.add_flag("--quick", options.quick, "small scenes: shows that the harness works");
+               "Measure orders of camera rays and an item buffer");
+  app.add_flag("--quick", options.quick, "Use small scenes, to test the benchmark itself");
   CLI11_PARSE(app, argc, argv);
   return tessera::render::bench::run(options);
 }

@@ -16,7 +16,7 @@ inline double cpu_seconds() {
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
-/// Seconds a run takes, of so many in a row; *hits gets what it returned.
+/// Mean CPU seconds of `runs` calls of `run`; *hits gets its last result.
 template <typename Run>
 double timed(Run&& run, std::size_t runs, std::int64_t* hits) {
   const double start = cpu_seconds();
@@ -24,7 +24,7 @@ double timed(Run&& run, std::size_t runs, std::int64_t* hits) {
   return (cpu_seconds() - start) / static_cast<double>(runs);
 }
 
-/// Rays that hit anything, asked for one by one.
+/// Traces rays one by one and returns the number of hits.
 inline std::int64_t closest_hits(const SceneAccel& accel, std::span<const Ray> rays) {
   std::int64_t hits = 0;
   for (const Ray& ray : rays) {

@@ -8,7 +8,7 @@
 namespace tessera::render::bench {
 namespace {
 
-/// A point just off a surface, on the side the ray came from.
+/// A point just off a surface, on the side from which the ray came.
 struct Start {
   Vec3f origin, normal;
 };
@@ -41,8 +41,8 @@ std::vector<Start> starts(const BenchScene& bench, const SceneAccel& accel,
     Vec3f normal(normalize(cross(corner(1) - a, corner(2) - a)));
     if (dot(normal, ray.direction) > 0) normal = -normal;
     const Vec3f point = ray.origin + ray.direction * hit.t;
-    // As a renderer would: off the surface by more than the hit rounds, which depends on how far
-    // the triangle reaches.
+    // As in a renderer, the offset exceeds the rounding error of the hit, which depends on the size
+    // of the triangle's coordinates.
     const double reach = std::max({max_abs(a), max_abs(corner(1)), max_abs(corner(2))});
     const float offset = 1e-4f * bench.scale + 1e-6f * static_cast<float>(reach);
     out.push_back({point + normal * offset, normal});

@@ -9,30 +9,30 @@
 
 namespace tessera::render::bench {
 
-/// Rays of one kind, in the order a renderer would trace them.
+/// Rays of one kind, in the order in which a renderer traces them.
 struct RaySet {
   std::string kind;
-  bool any = false;     // whether anything is hit, rather than what is hit first
-  bool camera = false;  // coherent: runs of 16 start at one point
+  bool any = false;     // for any-hit queries instead of closest-hit queries
+  bool camera = false;  // coherent rays from one point
   std::vector<Ray> rays;
 };
 
-/// The square view of a scene; `half` is the tangent of half its angle.
+/// The square view of a scene; `half` is the tangent of half its angle of view.
 struct View {
   explicit View(const BenchScene& scene);
-  /// Through (x, y) in [0, 1], y downwards.
+  /// The ray through (x, y) in [0, 1], with y pointing downwards.
   Ray ray(float x, float y) const;
 
   Vec3f eye, forward, right, up;
   float half;
 };
 
-/// A ray through the centre of each pixel of a view of so many a side.
+/// Rays through the centres of the side x side pixels of a view, in the given order.
 std::vector<Ray> centre_rays(const BenchScene& scene, int side,
                              const std::vector<contract::GridPoint>& order);
 
-/// camera (along the Hilbert curve), bounce1, bounce2 (diffuse), shadow1, shadow2 (from the
-/// camera's hits and from those of the first bounce to a rectangle). Deterministic: hits do not
+/// Generates the sets camera (along the Hilbert curve), bounce1 and bounce2 (diffuse), shadow1 and
+/// shadow2 (from the hits of camera and bounce1 to a rectangle). Deterministic, since hits do not
 /// depend on the structure.
 std::vector<RaySet> make_rays(const BenchScene& scene, const SceneAccel& accel, int side);
 

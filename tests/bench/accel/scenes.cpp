@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kPi = 3.141592653589793;
 
-/// A scanned blob: a sphere with noise on it, finely meshed.
+/// Stand-in for a scan: a finely meshed sphere with noise.
 Primitive scan(std::uint32_t rows, float radius, const Vec3f& centre) {
   return grid(rows, rows, [=](double u, double v) {
     const double theta = kPi * (0.002 + 0.996 * u), phi = 2 * kPi * v;
@@ -35,7 +35,7 @@ Primitive knot(std::uint32_t rows, std::uint32_t columns, float size, const Vec3
   });
 }
 
-/// A turned body with ribs.
+/// A ribbed surface of revolution.
 Primitive lathe(std::uint32_t rows, std::uint32_t columns, float size, const Vec3f& centre) {
   return grid(rows, columns, [=](double u, double v) {
     const double phi = 2 * kPi * v;
@@ -49,7 +49,7 @@ void add_room(Primitive& p, const Vec3f& lo, const Vec3f& hi) {
   add_box(p, lo, {e.x, 0, 0}, {0, e.y, 0}, {0, 0, e.z});
 }
 
-/// Thin rotated bars everywhere.
+/// Thin bars with random positions and orientations.
 void add_bars(Primitive& p, int count, Random& random) {
   for (int i = 0; i < count; ++i) {
     const Vec3f centre = Vec3f{random.both(), random.both(), random.both()} * 10.0f;
@@ -61,7 +61,7 @@ void add_bars(Primitive& p, int count, Random& random) {
   }
 }
 
-/// Flights of stairs with fences beside them, turned by odd angles.
+/// Flights of stairs with fences, rotated by arbitrary angles.
 void add_stairs(Primitive& p, int flights, int steps, Random& random) {
   for (int f = 0; f < flights; ++f) {
     const float angle = 6.2831853f * random.unit();
@@ -95,7 +95,7 @@ void place(Scene& scene, std::int32_t mesh, const Affine3d& m = {}) {
   scene.instances.push_back(instance);
 }
 
-/// One mesh, placed as it is.
+/// Sets the scene to one mesh with the identity transform.
 void set_mesh(BenchScene& out, std::vector<Primitive> primitives) {
   out.scene.meshes.resize(1);
   out.scene.meshes[0].primitives = std::move(primitives);
@@ -190,7 +190,7 @@ BenchScene hair(bool quick) {
   return out;
 }
 
-/// Copies of a scan and a knot, turned and scaled, on a ground.
+/// Rotated and scaled instances of a scan and a knot on a ground plane.
 BenchScene instances(bool quick) {
   BenchScene out;
   out.scene.meshes.resize(3);

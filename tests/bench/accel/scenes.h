@@ -8,7 +8,7 @@
 
 namespace tessera::render::bench {
 
-/// A scene to trace rays in, with where to look from and what casts light.
+/// A scene for tracing rays, with a camera and a light.
 struct BenchScene {
   std::string name;
   Scene scene;
@@ -18,19 +18,19 @@ struct BenchScene {
   float scale = 1;                // a typical length, for the offset of new rays
 };
 
-/// Names make_scene() knows, in the order of the table.
+/// The names that make_scene() accepts, in the order of reports.
 std::vector<std::string> scene_names();
 
-/// Generates a scene by name; `quick` makes it a few thousand triangles. Deterministic.
+/// Generates a scene by name, with a few thousand triangles if `quick`. Deterministic.
 BenchScene make_scene(const std::string& name, bool quick);
 
-/// The terrain with so many cells a side, two triangles each.
+/// A terrain of cells x cells squares of two triangles.
 BenchScene make_terrain(std::uint32_t cells);
 
-/// Squares behind each other, all of which fill the view: two triangles a layer.
+/// Parallel squares that all fill the view: two triangles per layer.
 BenchScene make_layers(int layers);
 
-/// Triangles over all instances' meshes, each mesh once.
+/// Number of triangles of all meshes, each counted once.
 std::int64_t triangle_count(const Scene& scene);
 
 }  // namespace tessera::render::bench

@@ -7,7 +7,7 @@
 
 namespace tessera::render::bench {
 
-/// Numbers in [0, 1) from a seed; the same everywhere.
+/// Pseudo-random numbers from a seed, the same on every machine.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : state_(seed * 0x9E3779B97F4A7C15u + 1) {}
@@ -20,24 +20,24 @@ class Random {
   std::uint64_t state_;
 };
 
-/// Smooth noise in [-1, 1] summed over octaves, each half as large and twice as fine.
+/// Sum of octaves of smooth noise in [-1, 1], each with half the amplitude and twice the frequency.
 float fractal_noise(const Vec3f& p, int octaves);
 
-/// A grid of (rows + 1) x (columns + 1) points of `surface`, its arguments in [0, 1]; two triangles
-/// a cell.
+/// A grid of (rows + 1) x (columns + 1) points of `surface`, whose arguments are in [0, 1]; two
+/// triangles per cell.
 Primitive grid(std::uint32_t rows, std::uint32_t columns,
                const std::function<Vec3f(double, double)>& surface);
 
-/// Adds the parallelepiped with one corner and three edges: 12 triangles.
+/// Adds a parallelepiped, given by a corner and three edges: 12 triangles.
 void add_box(Primitive& p, const Vec3f& corner, const Vec3f& a, const Vec3f& b, const Vec3f& c);
 
-/// Adds the rectangle corner, a, b: two triangles.
+/// Adds a rectangle, given by a corner and two edges: two triangles.
 void add_quad(Primitive& p, const Vec3f& corner, const Vec3f& a, const Vec3f& b);
 
 /// Adds one triangle.
 void add_triangle(Primitive& p, const Vec3f& a, const Vec3f& b, const Vec3f& c);
 
-/// Unit vectors that make a right-handed frame with unit n.
+/// Completes a unit vector n to a right-handed orthonormal frame.
 void make_frame(const Vec3f& n, Vec3f& a, Vec3f& b);
 
 }  // namespace tessera::render::bench
