@@ -164,7 +164,7 @@ TEST(TesseraMaterial, RejectsInvalidProperties) {
   };
   for (const auto& [extension, fault] : std::vector<std::pair<std::string, std::string>>{
            {R"({"metal": "gold"})", ".metal: unknown property; expected one of conductor"},
-           {R"({"conductor": {"metal": "pyrite"}})", ".conductor.metal: is none of aluminium"},
+           {R"({"conductor": {"metal": "pyrite"}})", ".conductor.metal: must be one of aluminium"},
            {R"({"conductor": {"metal": "gold", "k": [1, 1, 1]}})",
             ".conductor: has both metal and"},
            {R"({"conductor": {"n": [1, 1, 1]}})", ".conductor: has no k"},

@@ -1,4 +1,4 @@
-/// Extensions of ours as files say them: what is taken, and what is refused in which words.
+/// Reading of TESSERA extensions: accepted values, and error messages.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -22,7 +22,7 @@ const std::string perspective = R"("type": "perspective", "perspective": {"yfov"
 const std::string orthographic =
     R"("type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1, "znear": 0, "zfar": 9})";
 
-/// A file with one camera, of a kind and with an extension; node 1 stands at (0, 0, -3).
+/// A file with one camera of a kind with an extension; node 1 is at (0, 0, -3).
 std::unique_ptr<GltfBuilder> filmed(const std::string& kind, const std::string& extension) {
   auto file = std::make_unique<GltfBuilder>();
   file->use_extension("TESSERA_camera");
@@ -49,9 +49,9 @@ TEST(TesseraCamera, RejectsInvalidProperties) {
                    ".lense: unknown property; expected one of projection", true},
            {perspective, R"({"projection": "flat"})", ".projection: is not spherical", true},
            {perspective, R"({"angle": 1})", ".angle: not allowed without a projection"},
-           {perspective, R"({"projection": "spherical", "angle": 1})", ".angle: belongs to"},
+           {perspective, R"({"projection": "spherical", "angle": 1})", ".angle: allowed only with"},
            {perspective, R"({"projection": "equisolid", "verticalAngle": 1})",
-            ".verticalAngle: belongs to"},
+            ".verticalAngle: allowed only with"},
            {perspective, R"({"projection": "spherical", "horizontalAngle": 7})",
             ".horizontalAngle: 7 is not in", true},
            {perspective, R"({"projection": "equidistant", "angle": 0})", ".angle: must be above 0",
@@ -99,7 +99,7 @@ TEST(TesseraCamera, RejectsInvalidProperties) {
             ".shutter: open is after close"},
        }) {
     contract::RenderSettings settings;
-    settings.camera = "0";  // a camera that is asked for by name is not replaced by the framing one
+    settings.camera = "0";  // a camera selected by name is
     const auto file = filmed(c.kind, c.extension);
     const std::string message(load_and_pose(*file, settings).status().message());
     EXPECT_NE(message.find(at + c.fault), std::string::npos) << c.extension << "\n" << message;
@@ -181,7 +181,7 @@ TEST(TesseraCamera, LooksAtTargetInNodeSpace) {
   EXPECT_EQ(column(0), (Vec3d{0, 1, 0}));
 }
 
-/// A quad whose base colour is a procedure.
+/// A quad whose base colour is procedural.
 std::unique_ptr<GltfBuilder> textured(const std::string& extension) {
   auto file = std::make_unique<GltfBuilder>();
   file->use_extension("TESSERA_texture");
@@ -195,8 +195,8 @@ std::unique_ptr<GltfBuilder> textured(const std::string& extension) {
 TEST(TesseraTexture, RejectsInvalidProperties) {
   const std::string at = "textures[0].extensions.TESSERA_texture";
   for (const Refused& c : {
-           Refused{"", R"({})", ".pattern: is none of noise, fbm", true},
-           {"", R"({"pattern": "plaid"})", ".pattern: is none of noise, fbm", true},
+           Refused{"", R"({})", ".pattern: must be one of noise, fbm", true},
+           {"", R"({"pattern": "plaid"})", ".pattern: must be one of noise, fbm", true},
            {"", R"({"pattern": "fbm", "octave": 3})",
             ".octave: unknown property; expected one of pattern", true},
            {"", R"({"pattern": "fbm", "space": "screen"})", ".space: is not object", true},
@@ -244,7 +244,7 @@ TEST(TesseraTexture, OverridesImage) {
   EXPECT_EQ(scene->textures[static_cast<std::size_t>(ref.texture)].procedural, 0);
 }
 
-/// A quad in a scene of fog; texture 0 is a procedure, texture 1 is none, accessor ACCESSOR has 8
+/// A quad in a scene with fog; texture 0 is procedural, texture 1 is not, accessor ACCESSOR has 8
 /// densities.
 std::unique_ptr<GltfBuilder> foggy(const std::string& extension, bool on_material = false) {
   auto file = textured(R"({"pattern": "fbm"})");
@@ -286,7 +286,7 @@ TEST(TesseraMedium, RejectsInvalidProperties) {
            {"",
             R"({"density": {"grid": {"size": [2, 2, 3], "accessor": ACCESSOR,
                 "min": [0, 0, 0], "max": [1, 1, 1]}}})",
-            ".accessor: has not the 12 values of size"},
+            ".accessor: must have 12 values to match size"},
        }) {
     const std::string message = refusal(*foggy(c.extension));
     EXPECT_NE(message.find(at), std::string::npos) << message;
@@ -296,7 +296,7 @@ TEST(TesseraMedium, RejectsInvalidProperties) {
     EXPECT_EQ(!support::schema_faults(schema, json::parse(c.extension)).empty(), c.by_schema)
         << c.extension;
   }
-  EXPECT_NE(refusal(*foggy(R"({"radius": 3})", true)).find("radius: is unknown"),
+  EXPECT_NE(refusal(*foggy(R"({"radius": 3})", true)).find("radius: unknown property"),
             std::string::npos);
 }
 
@@ -322,7 +322,7 @@ TEST(TesseraMedium, IsReadFromScenesAndMaterials) {
   EXPECT_EQ(filled->materials[0].medium->grid->values[5], 5);
 }
 
-/// Every extension of ours in `value`, against its schema.
+/// Checks every TESSERA extension in `value` against its schema.
 void check_schemas(const json& value, const std::string& file) {
   if (!value.is_structured()) return;
   for (const auto& item : value.items()) {

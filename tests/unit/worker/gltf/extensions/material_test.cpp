@@ -17,7 +17,7 @@ constexpr const char* kPng =
     "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mP8/5+"
     "hHgAHggJ/PchI7wAAAABJRU5ErkJggg==";
 
-/// A quad with the given material; two textures, 0 and 1, to name.
+/// A quad with the given material; it may use textures 0 and 1.
 absl::StatusOr<Scene> scene_with(const std::string& material,
                                  const contract::RenderSettings& settings = {}) {
   GltfBuilder b;
@@ -199,7 +199,7 @@ TEST(TextureTransform, IsReadForExtensionTextures) {
 
 TEST(Textures, UnusedMaterialsAreNotDecoded) {
   GltfBuilder b;
-  b.add("images", R"({"uri": "data:image/png;base64,AAAA"})");  // would not decode
+  b.add("images", R"({"uri": "data:image/png;base64,AAAA"})");  // cannot be decoded
   b.add("images", std::string(R"({"uri": ")") + kPng + R"("})");
   b.add_texture(0);
   b.add_texture(1);

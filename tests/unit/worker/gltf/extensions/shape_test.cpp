@@ -50,7 +50,7 @@ TEST(Shapes, AreInstancesWithMaterial) {
   EXPECT_EQ(ball.shape->bounds.hi, (Vec3f{2, 2, 2}));
   EXPECT_EQ(ball.primitives[0].material, 0);
   EXPECT_EQ(scene->meshes[1].primitives[0].material, 1);  // glTF's default material
-  // From the torus at -1.25 to the ball at 7: the centre is that of what is seen.
+  // From the torus at -1.25 to the sphere at 7: the centre is that of the visible objects.
   EXPECT_NEAR(scene->center.x, (7 - 1.25) / 2, 1e-6);
   const std::uint32_t features = features_of(*scene).features;
   EXPECT_NE(features & kFeatureShapes, 0u);
@@ -78,10 +78,10 @@ TEST(Shapes, ErrorsNameElementAndFault) {
     const char *shape, *element, *fault;
   };
   for (const Case& c : std::vector<Case>{
-           {R"({"type": "ball"})", "TESSERA_shape.type", "\"ball\" is none of sphere"},
+           {R"({"type": "ball"})", "TESSERA_shape.type", "\"ball\" is not one of sphere"},
            {R"({"type": "sphere", "radius": 0})", "TESSERA_shape.radius", "0 is not in"},
            {R"({"type": "sphere", "radius": "1"})", "TESSERA_shape.radius", "must be a number"},
-           {R"({"type": "sphere", "height": 1})", "TESSERA_shape.height", "is unknown"},
+           {R"({"type": "sphere", "height": 1})", "TESSERA_shape.height", "unknown property"},
            {R"({"type": "box", "size": [1, 1]})", "TESSERA_shape.size", "array of 3 numbers"},
            {R"({"type": "box", "size": [1, -1, 1]})", "TESSERA_shape.size[1]", "-1 is not in"},
            {R"({"type": "torus", "tube": 1})", "TESSERA_shape.tube", "below the radius"},
@@ -105,7 +105,7 @@ TEST(Shapes, NeedNodeWithoutMesh) {
   b.use_extension("TESSERA_shape");
   b.add_mesh(unit_quad());
   b.add_node(shape_node(R"({"type": "sphere"})", R"(, "mesh": 0)"));
-  EXPECT_NE(load_and_pose(b).status().message().find("has a mesh already"), std::string::npos);
+  EXPECT_NE(load_and_pose(b).status().message().find("already has a mesh"), std::string::npos);
 }
 
 absl::StatusOr<Scene> with_blobs(const std::string& blobs, const std::string& more = "") {
@@ -123,7 +123,7 @@ TEST(Blobs, AreReadAsShape) {
   ASSERT_EQ(scene->instances.size(), 1u);
   const Shape& shape = *scene->meshes[0].shape;
   EXPECT_TRUE(shape.closed());
-  // The first does not get above the threshold; (1 - r^2)^2 = 1 / 4 of the second.
+  // The first does not reach the threshold; the second does at (1 - r^2)^2 = 1 / 4.
   const double reach = std::sqrt(0.5);
   EXPECT_NEAR(shape.bounds.lo.x, 9 - reach, 1e-5);
   EXPECT_NEAR(shape.bounds.hi.z, 3 * reach, 1e-5);
@@ -138,14 +138,14 @@ TEST(Blobs, ErrorsNameElementAndFault) {
            {"{}", ".elements", "must be 1 to 10000 blobs"},
            {R"({"elements": []})", ".elements", "must be 1 to 10000 blobs"},
            {R"({"elements": [{}], "threshold": 0})", ".threshold", "0 is not in"},
-           {R"({"elements": [{}], "treshold": 1})", ".treshold", "is unknown"},
+           {R"({"elements": [{}], "treshold": 1})", ".treshold", "unknown property"},
            {R"({"elements": [{}, {"radius": -1}]})", ".elements[1].radius", "-1 is not in"},
            {R"({"elements": [{"radii": [1, 1, 0]}]})", ".elements[0].radii[2]", "0 is not in"},
            {R"({"elements": [{"radii": [1, 1, 1], "radius": 1}]})", ".elements[0].radii",
             "not allowed together with radius"},
            {R"({"elements": [{"center": [0, 1e19, 0]}]})", ".elements[0].center[1]", "is not in"},
            {R"({"elements": [{"strength": 1e7}]})", ".elements[0].strength", "is not in"},
-           {R"({"elements": [{"centre": [0, 0, 0]}]})", ".elements[0].centre", "is unknown"},
+           {R"({"elements": [{"centre": [0, 0, 0]}]})", ".elements[0].centre", "unknown property"},
            {R"({"elements": [{}], "material": 3})", ".material", "3 is not the index"},
        }) {
     const std::string message(with_blobs(c.blobs).status().message());
@@ -155,7 +155,7 @@ TEST(Blobs, ErrorsNameElementAndFault) {
     EXPECT_NE(message.find(c.fault), std::string::npos) << message;
   }
   const auto both = with_blobs(R"({"elements": [{}]})", R"(, "TESSERA_shape": {"type": "box"})");
-  EXPECT_NE(both.status().message().find("has a TESSERA_shape already"), std::string::npos);
+  EXPECT_NE(both.status().message().find("already has a TESSERA_shape"), std::string::npos);
 }
 
 absl::StatusOr<Scene> with_terrain(const std::string& terrain, const std::string& more = "") {
@@ -198,7 +198,7 @@ TEST(Terrain, ErrorsNameElementAndFault) {
   };
   for (const Case& c : std::vector<Case>{
            {"{}", ".pattern", "is not one of fbm, ridged, waves"},
-           {R"({"pattern": "hills"})", ".pattern", "\"hills\" is none of"},
+           {R"({"pattern": "hills"})", ".pattern", "\"hills\" is not one of"},
            {R"({"pattern": "fbm", "size": [1, 0]})", ".size[1]", "0 is not in"},
            {R"({"pattern": "fbm", "size": [1]})", ".size", "array of 2 numbers"},
            {R"({"pattern": "fbm", "height": 0})", ".height", "0 is not in"},
@@ -209,8 +209,8 @@ TEST(Terrain, ErrorsNameElementAndFault) {
            {R"({"pattern": "fbm", "gain": 2})", ".gain", "2 is not in"},
            {R"({"pattern": "fbm", "detail": {"angle": 0}})", ".detail.angle", "0 is not in"},
            {R"({"pattern": "fbm", "detail": {"from": [1e19, 0, 0]}})", ".detail.from", "beyond"},
-           {R"({"pattern": "fbm", "detail": {"to": 1}})", ".detail.to", "is unknown"},
-           {R"({"pattern": "fbm", "scales": 1})", ".scales", "is unknown"},
+           {R"({"pattern": "fbm", "detail": {"to": 1}})", ".detail.to", "unknown property"},
+           {R"({"pattern": "fbm", "scales": 1})", ".scales", "unknown property"},
            {R"({"pattern": "fbm", "material": 3})", ".material", "3 is not the index"},
        }) {
     const std::string message(with_terrain(c.terrain).status().message());
@@ -221,7 +221,7 @@ TEST(Terrain, ErrorsNameElementAndFault) {
   }
   const auto both =
       with_terrain(R"({"pattern": "fbm"})", R"(, "TESSERA_blobs": {"elements": [{}]})");
-  EXPECT_NE(both.status().message().find("has a TESSERA_blobs already"), std::string::npos);
+  EXPECT_NE(both.status().message().find("already has a TESSERA_blobs"), std::string::npos);
 }
 
 TEST(Csg, IsReadAsPostfix) {
