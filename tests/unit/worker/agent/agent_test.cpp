@@ -1,4 +1,5 @@
-// The agent's parts that touch the machine: sockets with descriptors, threads, the asset cache.
+// Parts of the agent that use the operating system: sockets with descriptors, threads, the asset
+// cache.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/mman.h>
@@ -149,13 +150,13 @@ TEST(DescriptorReader, TexelsOverLimitAreSpilled) {
   EXPECT_EQ(*reader->spill(first), nullptr) << "within the limit";
   auto aside = *reader->spill(second);
   ASSERT_NE(aside, nullptr);
-  // Another reader of the file writes behind it; both stay when their readers have gone.
+  // Another reader of the file appends to it; both spilled images outlive their readers.
   reader = reader_of(0);
   const auto other = *reader->spill(first);
   reader.reset();
   EXPECT_TRUE(std::equal(second.begin(), second.end(), aside.get()));
   EXPECT_TRUE(std::equal(first.begin(), first.end(), other.get()));
-  // What nobody looks at any more is not mapped any more.
+  // Unused memory is unmapped.
   const std::byte* const was_at = aside.get();
   aside.reset();
   unsigned char resident = 0;
@@ -170,7 +171,7 @@ TEST(RenderPool, LoopRunsEveryIndexOnce) {
     {
       RenderPool pool(threads);
       const auto loop = pool.parallel_for(helper_cpu_ns);
-      pool.submit([&, loop] {  // a copy: the pool outlives this scope's names
+      pool.submit([&, loop] {  // by copy: the pool outlives this scope's
         loop(kCount, [&](std::int64_t i) { ++seen_inside[static_cast<std::size_t>(i)]; });
       });
       loop(kCount, [&](std::int64_t i) { ++seen_outside[static_cast<std::size_t>(i)]; });
@@ -189,7 +190,7 @@ TEST(RenderPool, IdleThreadsHelpWithOnlyTask) {
   {
     RenderPool pool(2);
     pool.submit([&] {
-      // Each of the two bodies waits for the other: without a helper the first would wait for ever.
+      // Each of the two bodies waits for the other: without a helper the first would never end.
       pool.parallel_for(helper_cpu_ns)(2, [&](std::int64_t) {
         ++inside;
         const auto limit = std::chrono::steady_clock::now() + std::chrono::seconds(20);
@@ -214,7 +215,7 @@ TEST(RenderPool, QueuedTasksPrecedeHelping) {
   EXPECT_EQ(done, 1000);
 }
 
-/// Counts how often it was asked.
+/// A source that counts its calls.
 struct Download {
   std::string bytes;
   int calls = 0;
@@ -281,9 +282,9 @@ TEST(AssetCache, StalePartialFilesAreDeleted) {
   Download download{"a scene file"};
   const auto file = cache->get(contract::sha256(download.bytes), 12, [&](const auto& write) {
     EXPECT_TRUE(write("a scene").ok());
-    std::ofstream(folder.path() + "/left.part") << "x";  // as by a worker that was killed
+    std::ofstream(folder.path() + "/left.part") << "x";  // left by a killed worker
     EXPECT_EQ(part_count(), 2);
-    EXPECT_TRUE(AssetCache::open(folder.path(), 1000).ok());  // of another worker of this host
+    EXPECT_TRUE(AssetCache::open(folder.path(), 1000).ok());  // another worker of this host
     EXPECT_EQ(part_count(), 1);
     return write(" file");
   });

@@ -34,7 +34,7 @@ TEST(JobLogForwarder, RateIsLimitedAfterBurst) {
     sent += lines_in(relay.take(now));
     now += std::chrono::milliseconds(10);
   }
-  // 100 lines a second came; with the notes of what was left out, one a message at most.
+  // 100 lines a second arrived; the notes about dropped lines add at most one line per message.
   EXPECT_GE(sent, JobLogForwarder::kBurst + 59 * JobLogForwarder::kLinesPerSecond);
   EXPECT_LE(sent, 2 * (JobLogForwarder::kBurst + 60 * JobLogForwarder::kLinesPerSecond));
 }
@@ -54,7 +54,7 @@ TEST(JobLogForwarder, ReplacesInvalidUtf8) {
   EXPECT_EQ(valid_utf8("\xE2\x82\xAC \xF0\x9F\x99\x82"), "\xE2\x82\xAC \xF0\x9F\x99\x82");
   EXPECT_EQ(valid_utf8("a\xFFz"), "a?z");
   EXPECT_EQ(valid_utf8("cut \xE2\x82"), "cut ??");
-  EXPECT_EQ(valid_utf8("\xC0\xAF \xED\xA0\x80"), "?? ???");  // too long a form; a surrogate
+  EXPECT_EQ(valid_utf8("\xC0\xAF \xED\xA0\x80"), "?? ???");  // an overlong encoding; a surrogate
   JobLogForwarder relay;
   relay.add(LogLevel::info, "j", "\xFF" + std::string(3000, 'x'));
   const auto lines = relay.take(Time{});

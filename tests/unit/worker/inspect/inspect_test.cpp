@@ -25,7 +25,7 @@ using testing::GltfBuilder;
 using testing::load_and_pose;
 using testing::unit_quad;
 
-/// A folder of its own for one test.
+/// A private folder for each test.
 class InspectTest : public ::testing::Test {
  protected:
   void write(const std::string& name, const std::string& bytes) const {

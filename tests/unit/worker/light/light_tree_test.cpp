@@ -31,7 +31,7 @@ LightBounds patch(const Vec3d& position, const Vec3d& axis, double strength) {
   return b;
 }
 
-/// Lamps, patches and dark lights in a box 20 m wide; the same for a seed everywhere.
+/// Lamps, patches and dark lights in a box 20 m wide, determined by the seed.
 std::vector<LightBounds> mixed_lights(int count, std::uint32_t seed) {
   std::mt19937 random(seed);
   const auto number = [&random] { return static_cast<double>(random()) / 4294967296.0; };
@@ -66,7 +66,7 @@ TEST(LightTree, ProbabilitiesSumToOne) {
         EXPECT_EQ(p > 0, lights[i].strength > 0) << i << " of " << count;
         sum += p;
       }
-      // Each probability is a product of a few quotients, each right to 2^-52.
+      // Each probability is a product of a few quotients, each precise to 2^-52.
       EXPECT_NEAR(sum, 1, 1e-13) << count;
     }
   }
@@ -84,15 +84,15 @@ TEST(LightTree, SamplesFollowProbabilities) {
       const double p = tree.probability(context, choice.light);
       ASSERT_NEAR(choice.probability, p, 1e-14 + 1e-12 * p);
     }
-    // Draws are evenly spread over u and each light owns one interval of it.
+    // Samples are evenly spread over u, and each light has one interval of u.
     for (std::uint32_t i = 0; i < lights.size(); ++i) {
       EXPECT_NEAR(counts[i], kDraws * tree.probability(context, i), 1.01) << i;
     }
   }
 }
 
-/// Second moment over the squared mean of an estimate of the irradiance from `lights` (all lamps)
-/// that chooses light i with p(i).
+/// Second moment divided by the squared mean of an estimate of the irradiance from `lights` (all
+/// lamps) that chooses light i with probability p(i).
 template <typename Probability>
 double relative_second_moment(const std::vector<LightBounds>& lights,
                               const LightSampleContext& context, const Probability& p) {

@@ -22,7 +22,7 @@ SphericalRectangle seen(const Sides& r) {
   return {r.corner, r.along_s, r.along_t};
 }
 
-/// Overhead, to the side, thin, close, turned about and seen from behind.
+/// Rectangles overhead, to the side, thin, close, rotated, and seen from behind.
 std::vector<Sides> rectangles() {
   return {{{-0.5, -0.5, 1}, {1, 0, 0}, {0, 1, 0}}, {{-0.5, -0.5, 0.01}, {1, 0, 0}, {0, 1, 0}},
           {{2, 3, 1}, {1, 0, 0}, {0, 2, 0}},       {{-3, 1, 0.5}, {5, 0, 0}, {0, 0.05, 0}},
@@ -40,7 +40,7 @@ TEST(SphericalRectangle, SolidAngleIsSumOfHalves) {
 
 TEST(SphericalRectangle, SmallSizesKeepPrecision) {  // hard case 59, for rectangles
   for (const double size : {1e-2, 1e-4, 1e-6}) {
-    // Products of numbers near 1 hold an angle of size^2 up to 2^-50.
+    // Products of numbers near 1 keep an angle of size^2 up to 2^-50.
     const Sides r = {{-size / 2, -size / 2, 1}, {size, 0, 0}, {0, size, 0}};
     EXPECT_NEAR(seen(r).solid_angle() / (size * size), 1, size * size + 0x1p-50 / (size * size));
   }
@@ -83,7 +83,7 @@ TEST(SphericalRectangle, ExtremeRandomNumbersAreSafe) {  // hard case 63
       for (const double u2 : {0.0, 0x1p-53, 0.5, 1 - 0x1p-53}) {
         const auto [s, t] = seen(r).sample(u1, u2);
         ASSERT_TRUE(s >= 0 && s <= 1 && t >= 0 && t <= 1) << u1 << ' ' << u2;
-        // Ends of the numbers are ends of the sides.
+        // Extreme random numbers give the ends of
         EXPECT_NEAR(s, u1 < 0.1 ? 0 : u1 > 0.9 ? 1 : s, 1e-6);
         EXPECT_NEAR(t, u2 < 0.1 ? 0 : u2 > 0.9 ? 1 : t, 1e-6);
       }

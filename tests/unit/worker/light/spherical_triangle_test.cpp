@@ -31,14 +31,15 @@ TEST(SphericalTriangle, SolidAngleMatchesFormula) {
     const double expected = 4 * std::atan(1 / (2 * z * std::sqrt(4 * z * z + 2)));
     const auto square = unit_square(z);
     const double sum = seen(square[0]).solid_angle + seen(square[1]).solid_angle;
-    // Close to the square its diagonal passes overhead: 1 is taken from 1 there, over the height.
+    // Close to the square its diagonal passes overhead, where 1 is subtracted from 1 and divided by
+    // the height.
     EXPECT_NEAR(sum / expected, 1, 1e-13 + 0x1p-52 / z) << z;
   }
 }
 
 TEST(SphericalTriangle, SmallSizesKeepPrecision) {  // hard case 59, for triangles
   for (const double size : {1e-2, 1e-4, 1e-6}) {
-    // Facing the viewer at distance 1: area / d^2, but for terms of second order in the size.
+    // Facing the viewer at distance 1: area / d^2, except for terms of second order in the size.
     const Corners t = {Vec3d{0, 0, 1}, {size, 0, 1}, {0, size, 1}};
     EXPECT_NEAR(seen(t).solid_angle / (0.5 * size * size), 1, size * size + 1e-9) << size;
   }
@@ -50,7 +51,7 @@ TEST(SphericalTriangle, ViewInPlaneHasNoSolidAngle) {
   EXPECT_EQ(seen({Vec3d{0, 0, 0}, {0, 1, 0}, {3, 2, 1}}).solid_angle, 0);
 }
 
-/// The parts of `t` after cutting every triangle in four `times` times.
+/// The parts of `t` after splitting every triangle into four `times` times.
 std::vector<Corners> cut(const Corners& t, int times) {
   if (times == 0) return {t};
   const Vec3d ab = (t[0] + t[1]) * 0.5, bc = (t[1] + t[2]) * 0.5, ca = (t[2] + t[0]) * 0.5;
@@ -62,14 +63,14 @@ std::vector<Corners> cut(const Corners& t, int times) {
   return all;
 }
 
-/// Whether the way along `d` from the origin meets `t`.
+/// Returns whether the ray along `d` from the origin hits `t`.
 bool meets(const Corners& t, const Vec3d& d) {
   const double x = dot(d, cross(t[0], t[1])), y = dot(d, cross(t[1], t[2])),
                z = dot(d, cross(t[2], t[0]));
   return (x >= 0 && y >= 0 && z >= 0) || (x <= 0 && y <= 0 && z <= 0);
 }
 
-/// Triangles near and far, wide, thin and turned over.
+/// Triangles near and far, wide, thin and reversed.
 std::vector<Corners> triangles() {
   return {unit_square(1)[0],
           unit_square(0.1)[0],
@@ -128,7 +129,7 @@ TEST(SphericalTriangle, PointsMatchDirections) {
       const Vec2f w = triangle.barycentrics_at(d);
       const Vec3d p = t[0] + (t[1] - t[0]) * static_cast<double>(w.x) +
                       (t[2] - t[0]) * static_cast<double>(w.y);
-      // Barycentrics are floats: half an ulp of 1 of the longest edge each.
+      // Barycentrics are floats: half an ulp of 1 times the longest edge for each.
       const double edge = length(t[1] - t[0]) + length(t[2] - t[0]);
       ASSERT_LT(length(cross(p, d)), 0x1p-24 * edge + 1e-12);
     }

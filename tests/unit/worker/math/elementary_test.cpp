@@ -17,9 +17,9 @@ constexpr float kInf = std::numeric_limits<float>::infinity();
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr double kInfD = std::numeric_limits<double>::infinity();
 
-/// Distance of `got` from the exact value in units of the last place of `T` there; infinite when
-/// one of them is NaN or infinite and the other is not. The reference is glibc's long double,
-/// good to about 2^-11 of a double's ulp.
+/// Error of `got` in units of the last place of `T` at the exact value; infinite when only one of
+/// them is NaN or infinite. The reference is glibc's long double, precise to about 2^-11 of a
+/// double's ulp.
 template <typename T>
 double ulp_error(T got, long double exact) {
   constexpr int kDigits = std::numeric_limits<T>::digits;
@@ -35,7 +35,7 @@ double ulp_error(T got, long double exact) {
   return static_cast<double>(std::fabs(static_cast<long double>(got) - exact) / ulp);
 }
 
-/// Arguments of every size, near 0, near multiples of pi/4, and near 1, by turns.
+/// Arguments of every magnitude, near 0, near multiples of pi/4, and near 1, in turn.
 template <typename T>
 class Arguments {
  public:
@@ -131,8 +131,8 @@ TEST(Elementary, BinaryFunctionErrorIsWithinDocumentedUlp) {
 }
 
 TEST(Elementary, HugeAnglesAreReducedExactly) {
-  // The float and the double that lie nearest to a multiple of pi/2 (J.-M. Muller, Elementary
-  // Functions, 2nd ed., table 11.1 for the double).
+  // The float and the double nearest to a multiple of pi/2 (J.-M. Muller, Elementary Functions, 2nd
+  // ed., table 11.1 for the double).
   EXPECT_LE(ulp_error<float>(elementary::cos(0x1.ddc8a6p+36f), std::cos(0x1.ddc8a6p+36L)), 0.502);
   const double hardest = std::ldexp(6381956970095103.0, 797);
   EXPECT_LE(ulp_error<double>(elementary::cos(hardest), std::cos(Exact{hardest})), 2);
@@ -213,8 +213,8 @@ class Digest {
 };
 
 TEST(Elementary, BitsMatchRenderContract) {
-  // Arguments by integer steps alone, so that no library decides them. NaN is left out: its bits
-  // are not fixed by IEEE 754.
+  // Arguments from integer steps only, so that no library affects them. NaN is left out: its bits
+  // are not specified by IEEE 754.
   Digest digest;
   std::uint64_t state = 1;
   for (int i = 0; i < 20'000; ++i) {

@@ -1,4 +1,4 @@
-// enter_sandbox(), in a process that dies of it or says what it could still do.
+// enter_sandbox(), in a process that is killed or reports what it could still do.
 #include "worker/renderer/sandbox.h"
 
 #include <fcntl.h>
@@ -19,7 +19,7 @@ namespace {
 /// Exit codes of the confined process.
 constexpr int kRefused = 0, kAllowed = 1, kNotConfined = 2;
 
-/// Whether a confined process is refused `act`, which returns what the system call did.
+/// Expects `act`, which returns the result of a system call, to be refused in a confined process.
 int refused(const std::function<long()>& act) {
   if (!enter_sandbox().ok()) return kNotConfined;
   errno = 0;

@@ -132,7 +132,7 @@ TEST(PixelFilter, OffsetMomentsMatchFilter) {
   const auto box = moments(contract::PixelFilter::box, 2);
   EXPECT_NEAR(box.first, 0, 1e-6);
   EXPECT_NEAR(box.second, 4.0 / 12, 1e-5);
-  // A normal distribution cut at 3 sigma keeps 1 - 6 phi(3) / (2 Phi(3) - 1) of its variance.
+  // A normal distribution truncated at 3 sigma has 1 - 6 phi(3) / (2 Phi(3) - 1) of its variance.
   const double phi = std::exp(-4.5) / std::sqrt(2 * 3.14159265358979);
   const double kept = 1 - 6 * phi / std::erf(3 / std::sqrt(2.0));
   const auto gaussian = moments(contract::PixelFilter::gaussian, 3);

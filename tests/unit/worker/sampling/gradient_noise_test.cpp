@@ -10,7 +10,7 @@
 namespace tessera::render {
 namespace {
 
-/// A point of a wide cube, hashed from i: 2^22 cells a side, so hardly two points share one.
+/// A point of a wide cube, hashed from i: 2^22 cells a side, so that points rarely share a cell.
 std::array<double, 4> point(std::uint64_t i) {
   std::array<double, 4> p;
   for (std::size_t k = 0; k < 4; ++k) {
@@ -89,7 +89,8 @@ TEST(GradientNoise, IsSmoothAcrossCells) {
           q[k] += steps * kStep;
           return double{gradient_noise(n, q, 3)};
         };
-        // Slopes on both sides of a cell's wall: equal but for the second derivative, below 60.
+        // Slopes on both sides of a cell boundary: equal except for the second derivative, below
+        // 60.
         const double before = (at(0) - at(-1)) / kStep, after = (at(1) - at(0)) / kStep;
         ASSERT_NEAR(before, after, 60 * kStep) << n;
       }
@@ -105,7 +106,7 @@ TEST(GradientNoise, SeedsGiveDistinctStableValues) {
   EXPECT_GT(seen.size(), 95u);
   EXPECT_EQ(gradient_noise(3, {1e300, 0.5, 0.5, 0}, 0), 0);
   EXPECT_EQ(gradient_noise(2, {NAN, 0.5, 0, 0}, 0), 0);
-  // Every machine and compiler has these.
+  // The same on every machine and compiler.
   EXPECT_EQ(gradient_noise(1, {12.25, 0, 0, 0}, 1), -0x1.35p-1f);
   EXPECT_EQ(gradient_noise(2, {12.25, -3.7, 0, 0}, 1), -0x1.18be9ep-2f);
   EXPECT_EQ(gradient_noise(3, {12.25, -3.7, 100.1, 0}, 1), 0x1.90215ap-3f);

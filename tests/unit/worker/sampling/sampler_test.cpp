@@ -22,7 +22,8 @@ Sampler point(int pixel_x, int replicate, int k, std::uint32_t seed = 7) {
   return {seed, 3, pixel_x, 5, std::int64_t{k} * kReplicates + replicate};
 }
 
-/// Whether 2^m points fall once into every elementary interval of 2^a by 2^(m-a) cells, all a.
+/// Returns whether 2^m points fall once into every elementary interval of 2^a by 2^(m-a) cells for
+/// all a.
 bool is_net(const std::vector<Vec2f>& points, int m) {
   for (int a = 0; a <= m; ++a) {
     std::vector<int> count(points.size(), 0);
@@ -160,8 +161,8 @@ double smooth(const Vec2f& p) {
 }
 
 TEST(Sampler, ReplicateMeansAreUnbiasedAndIndependent) {
-  // Means of 16 points each: replicates of one pixel may not correlate, or the error estimated
-  // from their spread would be wrong.
+  // Means of 16 points each: replicates of one pixel must not correlate, or the error estimated
+  // from their variance would be wrong.
   constexpr int kPixels = 4000, kPoints = 16;
   const double exact = (1 - std::cos(3.0)) / 3 * (std::exp(1.0) - 1);
   double sum[2] = {0, 0}, square[2] = {0, 0}, product = 0;
@@ -196,7 +197,7 @@ TEST(Sampler, SmoothIntegrandsBeatMonteCarlo) {
     sobol += (a - exact) * (a - exact);
     monte_carlo += (b - exact) * (b - exact);
   }
-  // accuracy.md, section 6: about 4,700 times less variance at 256 points.
+  // About 4,700 times less variance at 256 points.
   EXPECT_LT(sobol * 1000, monte_carlo);
 }
 

@@ -11,7 +11,7 @@ namespace {
 constexpr int kSide = 512;
 constexpr float kBelowOne = 1 - 0x1p-24f;
 
-/// The means of f over a fine grid of the unit square, midpoints.
+/// Mean of f over midpoints of a fine grid of
 template <typename F>
 double grid_mean(F f) {
   double sum = 0;
@@ -24,7 +24,7 @@ double grid_mean(F f) {
   return sum / (kSide * kSide);
 }
 
-/// All corners and middles of the square's edges, where maps are likely to break.
+/// All corners and edge midpoints of the unit square, where maps are likely to fail.
 std::vector<Vec2f> corners() {
   std::vector<Vec2f> all;
   for (const float x : {0.0f, 0x1p-24f, 0.5f, kBelowOne}) {
@@ -76,7 +76,8 @@ TEST(Warp, DirectionsAreUnitAndOnTheirSide) {
 }
 
 TEST(Warp, TrianglePointsAreUniformAndInside) {
-  // Quarters of the triangle get a quarter each; the first moments are the centroid's.
+  // Each quarter of the triangle gets a quarter of the points; the first moments are the
+  // centroid's.
   int quarter[4] = {0, 0, 0, 0};
   const double mean = grid_mean([&](Vec2f u) {
     const Vec2f b = warp::uniform_triangle(u);
@@ -95,7 +96,7 @@ TEST(Warp, TrianglePointsAreUniformAndInside) {
 }
 
 TEST(Warp, MapsAreContinuous) {
-  // Neighbours on the grid stay neighbours: no jump above a few cell sizes.
+  // Neighbours on the grid map to neighbours: no jump above a few cell sizes.
   const auto near = [](const Vec3f& a, const Vec3f& b, float most) { return length(a - b) < most; };
   for (int i = 0; i + 1 < kSide; ++i) {
     for (int j = 0; j < kSide; j += 37) {

@@ -11,7 +11,7 @@ namespace {
 
 using render::Scene;
 
-/// Two balls of 7,000 triangles, one placed twice.
+/// Two spheres of 7,000 triangles, one instanced twice.
 Scene balls(const render::Material& material) {
   Scene scene = empty_scene();
   const auto index = add_material(&scene, material);
@@ -30,8 +30,8 @@ render::Material lamp() {
   return material;
 }
 
-/// Holds the estimate against what the renderer says it keeps. Making that takes up to twice as
-/// much again, lights, which pass through more forms, up to ten times.
+/// Compares the estimate with the memory that the renderer reports. Building takes up to twice as
+/// much temporarily; lights, which pass through more forms, up to ten times.
 void expect_about_what_is_kept(Scene scene, double most) {
   const render::SceneFeatures features = features_of(scene);
   const std::int64_t estimate = features.total_bytes() - render::kProcessBytes;
@@ -69,7 +69,7 @@ TEST(MemoryEstimate, EmissiveTexelsAreCounted) {
   scene.materials[1].emissive_texture.texture = 0;
   const render::SceneFeatures textured = features_of(scene);
   EXPECT_EQ(textured.image_bytes, 512 * 256 * 4);
-  // A sum in double and a count a texel, for as long as the lights are gathered.
+  // A double sum and a count per texel while the lights are gathered.
   EXPECT_EQ(textured.light_bytes - plain.light_bytes, 512 * 256 * (8 + 4));
 
   set_sky(&scene, 128, 64, std::vector<float>(128 * 64 * 3, 1.0f));

@@ -8,14 +8,14 @@
 #include "worker/geometry/frame.h"
 #include "worker/sampling/sampler.h"
 #include "worker/sampling/warp.h"
-#include "worker/shading/tables/albedo_table.h"
 #include "worker/shading/bsdf/bsdf.h"
 #include "worker/shading/microfacet/dispersion.h"
 #include "worker/shading/microfacet/fresnel.h"
 #include "worker/shading/microfacet/microfacet.h"
+#include "worker/shading/microfacet/thin_film.h"
 #include "worker/shading/surface/srgb.h"
 #include "worker/shading/surface/texture.h"
-#include "worker/shading/microfacet/thin_film.h"
+#include "worker/shading/tables/albedo_table.h"
 
 namespace tessera::render {
 namespace {
@@ -98,7 +98,7 @@ TEST(Fresnel, TotalReflectionMatchesRefraction) {  // hard case 40
 }
 
 TEST(Fresnel, StaysAccurateForMatchedIndices) {  // hard case 41
-  // eta = 1 + 2^-23, what float makes of 1 + 1e-7, at cos = 0.01.
+  // eta = 1 + 2^-23, 1 + 1e-7 rounded to float, at cos = 0.01.
   EXPECT_NEAR(fresnel_dielectric(0.01f, 1 + 0x1p-23f) / 3.5436e-7, 1, 1e-3);
   EXPECT_EQ(fresnel_dielectric(0.01f, 1), 0);
   EXPECT_EQ(f0_from_ior(0), 1);  // KHR_materials_ior: ior 0 means F = 1
@@ -110,7 +110,7 @@ TEST(Microfacet, DensityIsPreciseForTinyAlpha) {  // hard case 37
       const double tangent = 0.25 * i * static_cast<double>(alpha);
       const double c = 1 / std::sqrt(1 + tangent * tangent), s = tangent * c;
       const Vec3f h{static_cast<float>(s), 0, static_cast<float>(c)};
-      // The half vector the float function is given, in double.
+      // The half vector passed to the float function, in double.
       const double x = h.x, z = h.z, a = alpha;
       const double q = a / (x * x + a * a * z * z);
       ASSERT_NEAR(ggx_d(h, alpha) / (q * q / kPi), 1, 1e-5) << alpha << " " << i;
@@ -244,7 +244,7 @@ TEST(Texture, DecodesSrgbBeforeFiltering) {
   ref.texture = 0;
   ref.srgb = true;
   const Vec4f mid = TextureTable(scene).lookup(ref, {0.5f, 0});
-  EXPECT_EQ(mid.x, 0.5f);  // not the 0.214 of filtering codes
+  EXPECT_EQ(mid.x, 0.5f);  // filtering the codes would give 0.214
   EXPECT_EQ(mid.y, 0.5f);
   EXPECT_FLOAT_EQ(mid.z, static_cast<float>(srgb_to_linear(188.0 / 255)));
   EXPECT_FLOAT_EQ(mid.w, (128.0f / 255 + 1) / 2);  // alpha is linear

@@ -1,4 +1,4 @@
-/// KHR_animation_pointer: numbers of cameras, materials, lights, textures and nodes over time.
+/// KHR_animation_pointer: animated properties of cameras, materials, lights, textures and nodes.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -49,10 +49,10 @@ std::unique_ptr<GltfBuilder> animated(const std::string& pointer, const std::vec
 
 /// The scene 1.5 s into the clip: three quarters of the way.
 Scene late(const GltfBuilder& file) {
-  auto scene = load_and_pose(file, {}, 36);  // of 24 a second
+  auto scene = load_and_pose(file, {}, 36);  // at 24 frames a second
   EXPECT_TRUE(scene.ok()) << scene.status();
   Scene out = scene.ok() ? *std::move(scene) : Scene();
-  // One of each at least, so that a failure is told and not crashed on.
+  // At least one of each, so that a failure does not crash the test.
   if (out.lights.empty()) out.lights.emplace_back();
   if (out.materials.empty()) out.materials.emplace_back();
   if (out.procedural_textures.empty()) out.procedural_textures.emplace_back();
@@ -81,7 +81,7 @@ TEST(AnimationPointer, AnimatesEveryKindOfProperty) {
   EXPECT_EQ(
       late(*animated("/materials/0/emissiveFactor", {0, 0, 0}, {1, 0, 1})).materials[0].emission,
       (render::Vec3f{1.5f, 0, 1.5f}));
-  // A number that is left to its default, in an object that is left out.
+  // A property with its default value in an object that is absent.
   EXPECT_EQ(late(*animated("/materials/0/pbrMetallicRoughness/roughnessFactor", {1}, {0}))
                 .materials[0]
                 .roughness,
@@ -115,7 +115,7 @@ TEST(AnimationPointer, AnimatesOneBlobOfMany) {
   EXPECT_NEAR(mesh.shape->bounds.hi.x, 12 + std::sqrt(0.5), 1e-5);
 }
 
-/// Of camera, texture and blobs: above. TESSERA_csg has no numbers.
+/// Cameras, textures and blobs are tested above. TESSERA_csg has no numbers.
 TEST(AnimationPointer, AnimatesTesseraExtensions) {
   const auto file_with = [](const std::string& pointer, const std::vector<float>& from,
                             const std::vector<float>& to) {

@@ -33,7 +33,7 @@ GltfBuilder& add_channel(GltfBuilder& b, const std::string& path, const char* ty
   return b;
 }
 
-/// World position of the quad's corner (1, 1, 0) at frame n of 10 a second.
+/// World position of the quad's corner (1, 1, 0) in frame n at 10 frames a second.
 Vec3d corner_at(const GltfBuilder& b, int frame) {
   contract::RenderSettings settings;
   settings.fps = 10;
@@ -70,7 +70,7 @@ TEST(Animation, StepHoldsKeyUntilNext) {
 }
 
 TEST(Animation, CubicSplineMatchesHermite) {
-  // In-tangent, value, out-tangent a key; only x moves.
+  // In-tangent, value and out-tangent per key; only x moves.
   const std::vector<float> keys = {0, 0, 0, 0, 0, 0, 2, 0, 0, -1, 0, 0, 3, 0,
                                    0, 5, 0, 0, 1, 0, 0, 7, 0, 0,  0, 0, 0};
   GltfBuilder b;
@@ -223,7 +223,7 @@ TEST(Morphing, WeightsCanBeAnimated) {
 }
 
 /// An arm of two joints: vertices 0 and 1 follow the first, 2 the second, 3 both by 1/4 and 3/4;
-/// with `second_set`, the latter by JOINTS_1 and WEIGHTS_1. Brushed along x.
+/// with `second_set`, vertex 3 by JOINTS_1 and WEIGHTS_1. Tangents along x.
 std::string skinned_arm(bool second_set = false) {
   GltfBuilder b;
   b.add_vec3({{0, 0, 0}, {1, 0, 0}, {0, 2, 0}, {1, 2, 0}});
@@ -298,14 +298,14 @@ TEST(Skins, MirroringJointsFlipWinding) {
   for (std::size_t t = 0; t < 2; ++t) {
     EXPECT_EQ(q.triangles[t][1], p.triangles[t][2]);
     EXPECT_EQ(q.triangles[t][2], p.triangles[t][1]);
-    // The front is where the normals are: +z, which this mirror leaves as it is.
+    // The front is the side of the normals, +z, which this mirror does not change.
     const Vec3f a = q.positions[q.triangles[t][0]];
     const Vec3f across =
         cross(q.positions[q.triangles[t][1]] - a, q.positions[q.triangles[t][2]] - a);
     EXPECT_GT(dot(across, q.normals[0]), 0);
   }
   EXPECT_FALSE(mirrored->instances[0].flips_winding);
-  // The other tangent is that of the mirrored texture: up, as before.
+  // The other tangent belongs to the mirrored texture: up, as before.
   ASSERT_EQ(q.tangents.size(), 4u);
   EXPECT_EQ(p.tangents[0], (Vec4f{1, 0, 0, 1}));
   EXPECT_EQ(q.tangents[0], (Vec4f{-1, 0, 0, -1}));

@@ -25,8 +25,8 @@ const std::vector<std::uint8_t> black_png = {
     0x9c, 0x63, 0x60, 0x00, 0x00, 0x00, 0x02, 0x00, 0x01, 0x48, 0xaf, 0xa4, 0x71, 0x00,
     0x00, 0x00, 0x00, 0x49, 0x45, 0x4e, 0x44, 0xae, 0x42, 0x60, 0x82};
 
-/// A textured quad that moves, one that stands, one that morphs and one that a joint bends, all in
-/// the second from 0 to 1.
+/// Four quads in the second from 0 to 1: one textured and moving, one static, one morphed, one
+/// skinned.
 std::string moving_scene() {
   GltfBuilder b;
   const int image = b.add_image(bytes_of(black_png), "image/png");

@@ -63,7 +63,7 @@ TEST(Malformed, EveryFileIsListed) {
   EXPECT_EQ(files, cases(folder).size());
 }
 
-/// A scene with most features, as bytes to spoil.
+/// A scene with most features, to be corrupted.
 std::string rich_scene() {
   testing::GltfBuilder b;
   b.use_extension("KHR_lights_punctual");

@@ -46,7 +46,7 @@ TEST(Nodes, SixtyFourLevelsComposeExactly) {  // hard case 29
   GltfBuilder b;
   b.add_mesh(unit_quad());
   Vec3d expected = {1, 1, 0};
-  for (int level = kLevels - 1; level >= 0; --level) {  // from the leaf up: scale, rotate, move
+  for (int level = kLevels - 1; level >= 0; --level) {  // from the leaf: scale, rotate, move
     const double half = 0.05 + 0.01 * level, scale = level % 2 == 0 ? 1.25 : 0.8;
     const Vec3d p = expected * scale, move = {0.5, -0.25, 0.125 * level};
     // Rodrigues' formula, by an angle of twice `half`.
@@ -66,7 +66,7 @@ TEST(Nodes, SixtyFourLevelsComposeExactly) {  // hard case 29
   const auto scene = load_and_pose(b);
   ASSERT_TRUE(scene.ok()) << scene.status();
   ASSERT_EQ(scene->instances.size(), 1u) << "a leaf this deep must not be lost";
-  // Each level rounds some 20 times, by 2^-53 of at most 64 levels' moves (4 a level).
+  // Each level rounds about 20 times, by 2^-53 of the translations of up to 64 levels (4 each).
   expect_near(world_of(*scene, 0, {1, 1, 0}), expected, kLevels * 20 * 0x1p-53 * kLevels * 4);
 }
 
@@ -166,7 +166,7 @@ TEST(Instancing, PlacesOneInstancePerElement) {
   expect_near(world_of(*scene, 1, {1, 1, 0}), {-3, -1, 5});
 }
 
-/// A small room with a camera and a light, everything beneath one node moved by `t`.
+/// A small room with a camera and a light, all below one node translated by `t`.
 std::string moved_room(const Vec3d& t, double scale = 1) {
   GltfBuilder b;
   b.use_extension("KHR_lights_punctual");
@@ -193,12 +193,12 @@ TEST(Recentring, TranslatedSceneHasSameBits) {
   const auto far = load_and_pose(moved_room({1048576, -524288, 65536}));
   ASSERT_TRUE(here.ok() && far.ok()) << here.status() << far.status();
   ASSERT_EQ(here->instances.size(), far->instances.size());
-  // Bounds of the unrotated quad and everything of the camera and light are exact sums.
+  // Bounds of the unrotated quad, the camera and the light are exact sums.
   EXPECT_EQ(here->instances[0].object_to_world.rows, far->instances[0].object_to_world.rows);
   EXPECT_EQ(here->camera.camera_to_world.rows, far->camera.camera_to_world.rows);
   const Vec3d moved = far->center - here->center;
   EXPECT_NEAR(moved.x, 1048576, 1e-9);
-  // What rounds is the rotated quad's corner at 1e6: one ulp there is 1.2e-10.
+  // Only the rotated quad's corner at 1e6 rounds: one ulp there is 1.2e-10.
   expect_near(here->camera.camera_to_world.translation, far->camera.camera_to_world.translation,
               1e-9);
 }
@@ -264,7 +264,7 @@ TEST(Cameras, AreSelectedByNameOrIndex) {
   EXPECT_EQ(scene->camera.kind, Camera::Kind::orthographic);
   EXPECT_EQ(scene->camera.ymag, 3);
   EXPECT_EQ(scene->camera.zfar, 50);
-  // The node's scale does not touch the camera.
+  // The node's scale does not affect the
   EXPECT_EQ(scene->camera.camera_to_world.rows[0], (Vec3d{1, 0, 0}));
 }
 
@@ -394,7 +394,7 @@ TEST(Precision, SmallDistantObjectWarns) {
              p.message.find("position error up to") != std::string::npos;
     });
   };
-  EXPECT_FALSE(warned_at("1e5"));  // floats are 0.004 m apart 5e4 m from the middle
+  EXPECT_FALSE(warned_at("1e5"));  // floats are 0.004 m apart at 5e4 m from
   EXPECT_TRUE(warned_at("1e6"));   // 0.06 m
 }
 
@@ -414,7 +414,7 @@ TEST(Environment, DarkLightsSuppressDefaultSky) {
   const char* const holds_it = R"({"extensions": {"KHR_lights_punctual": {"light": 0}}})";
   const char* const hidden = R"({"extensions": {"KHR_node_visibility": {"visible": false}}})";
   const char* const lamp = R"({"emissiveFactor": [1, 1, 1]})";
-  EXPECT_TRUE(lit_by(dark, "{}", "{}"));  // a light that no node has
+  EXPECT_TRUE(lit_by(dark, "{}", "{}"));  // a light without a node
   EXPECT_FALSE(lit_by(dark, holds_it, "{}"));
   EXPECT_FALSE(lit_by(dark, hidden, lamp));
   EXPECT_TRUE(lit_by(dark, hidden, "{}"));

@@ -17,7 +17,7 @@ using testing::load_and_pose;
 
 constexpr const char* kTextured = R"({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})";
 
-/// A triangle whose TEXCOORD_0 is what `uv_accessor` adds; its posed primitive.
+/// A posed triangle whose TEXCOORD_0 is the accessor that `uv_accessor` adds.
 template <typename AddUv>
 Primitive primitive_with_uv(AddUv add_uv) {
   GltfBuilder b;
@@ -39,7 +39,7 @@ Primitive primitive_with_uv(AddUv add_uv) {
   return scene.ok() ? scene->meshes.at(0).primitives[0] : Primitive();
 }
 
-/// Three VEC2 elements of integers; the value of the second element's x.
+/// Three VEC2 elements of integers; returns x of the second element.
 template <typename T>
 float decoded(T value, int component_type, bool normalized) {
   const Primitive p = primitive_with_uv([&](GltfBuilder& b) {
@@ -70,7 +70,7 @@ TEST(Accessors, EveryComponentTypeIsDecoded) {
 }
 
 TEST(Accessors, InterleavedViewsUseStride) {
-  // x, y, z, u, v a vertex, in one view of stride 20.
+  // x, y, z, u, v per vertex, in one view of stride 20.
   const std::vector<float> data = {0, 0, 0, 0.25f, 0.5f, 1, 0, 0, 0.75f, 0.125f, 0, 1, 0, 1, 0};
   GltfBuilder b;
   const int view = b.add_view(bytes_of(data), 20);
@@ -261,7 +261,7 @@ TEST(Primitives, PointsAndLinesAreSkippedWithWarning) {
   ASSERT_TRUE(scene.ok());
   ASSERT_EQ(scene->meshes[0].primitives.size(), 1u);
   EXPECT_EQ(scene->meshes[0].primitives[0].id, 2);
-  EXPECT_EQ((*file)->problems().size(), 3u);  // points, lines, and that there is no light
+  EXPECT_EQ((*file)->problems().size(), 3u);  // points, lines, no light
 }
 
 }  // namespace

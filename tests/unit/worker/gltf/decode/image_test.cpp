@@ -49,7 +49,7 @@ Image decoded(const std::vector<std::byte>& file) {
 using Codes = std::vector<std::uint8_t>;
 
 TEST(Images, PngKeepsCodesAndAlpha) {
-  // Colour under alpha 0 and 1 must survive: premultiplying would lose it.
+  // Colour under alpha 0 and 1 must be kept; premultiplying would lose it.
   const Codes rgba = {200, 100, 50, 0, 255, 1, 2, 1, 10, 20, 30, 128, 255, 255, 255, 255};
   const Image image = decoded(encode("png", 2, 2, 4, rgba));
   EXPECT_EQ(image.storage, Image::Storage::u8);
@@ -99,7 +99,7 @@ struct Chunk {
   Codes data;
 };
 
-/// A one-row PNG of what no writer here makes: `row` as stored, after `chunks`.
+/// A one-row PNG of a kind that OpenImageIO does not write: `row` as stored, after `chunks`.
 std::vector<std::byte> png_row(std::uint8_t width, std::uint8_t depth, std::uint8_t color_type,
                                const std::vector<Chunk>& chunks, const Codes& row) {
   std::vector<std::byte> out;
@@ -161,7 +161,7 @@ TEST(Images, ColourProfilesAreIgnored) {
 }
 
 TEST(Images, JpegOrientationIsIgnored) {
-  // Left black, right white: turned by the orientation it would be taller than wide.
+  // Left black, right white: rotated by the orientation, the image would be taller than wide.
   Codes halves;
   for (int y = 0; y < 8; ++y) {
     for (int x = 0; x < 16; ++x) halves.insert(halves.end(), 3, x < 8 ? 0 : 255);
@@ -229,8 +229,8 @@ void append_segment(std::vector<std::byte>& out, std::uint8_t marker, const Code
   for (const std::uint8_t code : content) out.push_back(static_cast<std::byte>(code));
 }
 
-/// A baseline JPEG, which no writer here makes: 8 x 8 pixels, four components, each of one value
-/// all over. `adobe`: its marker's transform (0: CMYK, 2: YCCK); -1: no such marker.
+/// A baseline CMYK or YCCK JPEG, which OpenImageIO does not write: 8 x 8 pixels, four components,
+/// each constant. `adobe`: transform of the Adobe marker (0: CMYK, 2: YCCK); -1: no marker.
 std::vector<std::byte> four_component_jpeg(const std::array<int, 4>& values, int adobe) {
   std::vector<std::byte> out = {std::byte{0xff}, std::byte{0xd8}};
   if (adobe >= 0) {
@@ -268,8 +268,9 @@ std::vector<std::byte> four_component_jpeg(const std::array<int, 4>& values, int
 }
 
 TEST(Images, CmykJpegIsConvertedToRgb) {
-  // Files store the share of light each ink lets through, 255 for no ink (Adobe's way, which every
-  // reader takes also where its marker lacks): a colour is its own ink's share times black's.
+  // Files store the fraction of light that each ink transmits, 255 for no ink (Adobe's convention,
+  // which readers assume without the marker, too): a colour is its own ink's fraction times
+  // black's.
   for (const int adobe : {0, -1}) {
     for (const std::array<int, 4>& stored : {std::array<int, 4>{255, 255, 255, 255},
                                              {200, 100, 50, 255},
@@ -288,7 +289,7 @@ TEST(Images, CmykJpegIsConvertedToRgb) {
 }
 
 TEST(Images, YcckJpegIsConvertedToRgb) {
-  // Y, Cb, Cr give the ink's own shares by JFIF's formulas, in the negative; black is as it is.
+  // Y, Cb, Cr give the inverted fractions of the inks by JFIF's formulas; black is stored as it is.
   const int y = 90, cb = 140, cr = 110, black = 200;
   const double r = y + 1.402 * (cr - 128), b = y + 1.772 * (cb - 128);
   const double g = y - 0.344136 * (cb - 128) - 0.714136 * (cr - 128);
@@ -384,7 +385,7 @@ TEST(Images, MissingRowsAreRejected) {
   }
 }
 
-/// A PNG header that claims `width` x `height` of 8-bit RGBA; the CRC is right, the data absent.
+/// A PNG header that claims `width` x `height` of 8-bit RGBA, with a correct CRC and without data.
 std::vector<std::byte> png_claiming(std::uint32_t width, std::uint32_t height) {
   std::string chunk = "IHDR";
   for (const std::uint32_t v : {width, height}) {

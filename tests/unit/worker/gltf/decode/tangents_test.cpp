@@ -113,7 +113,7 @@ TEST(Tangents, TrianglesAreWeightedByAngle) {
   }
 }
 
-/// A sphere without its poles of 16 x 32 quads, each split by the diagonal that `falls` tells.
+/// A sphere without its poles of 16 x 32 quads, each split along the diagonal that `falls` chooses.
 Primitive quad_sphere(const std::function<bool(int, int)>& falls) {
   Primitive p;
   for (int j = 0; j <= 16; ++j) {
@@ -142,8 +142,8 @@ Primitive quad_sphere(const std::function<bool(int, int)>& falls) {
   return p;
 }
 
-/// Tangent at vertex `v` as the method defines it, by a walk over all triangles that touch it:
-/// right where they form one group.
+/// Tangent at vertex `v` by the method's definition, over all triangles of the vertex; correct if
+/// these form one group.
 Vec3d tangent_at(const Primitive& p, std::uint32_t v) {
   const Vec3d n(p.normals[v]);
   const auto in_plane = [&](const Vec3d& x) { return normalize(x - n * dot(n, x)); };
@@ -164,8 +164,8 @@ Vec3d tangent_at(const Primitive& p, std::uint32_t v) {
 }
 
 TEST(Tangents, SphereMatchesMethodForEitherSplit) {
-  // Exporters split quads another way than the tangents' author did; on coarse spheres that alone
-  // turns tangents by degrees, so each split has tangents of its own.
+  // Exporters and the tangents' author split quads differently; on coarse spheres that alone
+  // rotates tangents by degrees, so each split has its own expected tangents.
   const std::vector<std::function<bool(int, int)>> splits = {
       [](int, int) { return true; }, [](int, int) { return false; },
       [](int i, int j) { return (i * 7 + j * 13) % 5 < 2; }};
