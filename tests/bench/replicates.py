@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What does the number of replicates R cost, and what does it bring? (docs/accuracy.md)
+"""What does the number of replicates R cost, and what does it bring? (docs/notes/replicates.md)
 
     tests/bench/replicates.py [--counts 1,2,4,8] [--build DIR] [--results FILE.jsonl] [SCENE…]
 

@@ -7,7 +7,7 @@
 # Then tests/bench/scaling/run.sh: real renders over a few workers, and many workers on paper.
 #
 # Jobs are copies of one that was submitted, put into the store's rows while no server uses it. Times are
-# of whole commands, the least of five: a process's start is in them. Figures: docs/scale.md.
+# of whole commands, the least of five: a process's start is in them. Figures: docs/notes/scaling.md.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/../.." && pwd)
 export TESSERA_BIN=${TESSERA_BIN:-$root/build/release/bin}

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Whether a worker far away waits between units: its server is 50 ms there and back, over a line of
-# 100 Mbit/s that loses nothing (tests/support/wide_area_link.cpp: packets, TCP, TLS). Figures: docs/scale.md.
+# 100 Mbit/s that loses nothing (tests/support/wide_area_link.cpp: packets, TCP, TLS). Figures: docs/notes/scaling.md.
 #
 #   tests/bench/wan.sh [SPP…]     units of so many samples (8 and 56); needs root and /dev/net/tun
 #

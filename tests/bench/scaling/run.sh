@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # How a real render scales over 1, 2 and 4 worker processes pinned to the cores there are; then, with
 # what its units took, what they weighed and what merging them took, farms of 10 to 10,000 workers on
-# paper (simulate.cpp). Figures: docs/scale.md.
+# paper (simulate.cpp). Figures: docs/notes/scaling.md.
 #
 #   tests/bench/scaling/run.sh [SCENE]     quickstart.gltf; TESSERA_BIN: as tests/bench/scale.sh; SIZE: 960x576
 #

@@ -18,7 +18,7 @@ struct FarmPlan {
   std::int32_t workers = 1;  // of one thread
   double round_trip_seconds = 0.0005;
   double bytes_per_second = 1.25e9;     // into the coordinator: a line of 10 Gbit/s
-  double durable_per_second = 228e6;    // bytes, docs/performance.md
+  double durable_per_second = 228e6;    // bytes, docs/notes/coordinator.md
   double durable_after_seconds = 0.01;  // a group's commit
   /// When a worker dies without a word, and another takes its place at once; at most one.
   std::optional<double> death_seconds;
