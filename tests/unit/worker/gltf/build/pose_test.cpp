@@ -258,7 +258,7 @@ TEST(Cameras, AreSelectedByNameOrIndex) {
   EXPECT_EQ(name_of("side"), "flat");
   EXPECT_EQ(name_of("0"), "wide");
   EXPECT_EQ(name_of("1"), "flat");
-  EXPECT_NE(name_of("nobody").find("there is no \"nobody\""), std::string::npos);
+  EXPECT_NE(name_of("nobody").find("\"nobody\" not found"), std::string::npos);
   settings.camera = "flat";
   const auto scene = load_and_pose(b, settings);
   EXPECT_EQ(scene->camera.kind, Camera::Kind::orthographic);
