@@ -11,9 +11,15 @@
 #include <CLI/CLI.hpp>
 #include <cstdlib>
 #include <fstream>
+#include <optional>
+#include <string>
 #include <string_view>
 #include <thread>
+#include <tuple>
+#include <utility>
 
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
 #include "cli/version_text.h"
 #include "contract/structure_names.h"
 #include "image/codecs/library_versions.h"
@@ -36,6 +42,19 @@ struct WorkerFlags {
   std::int64_t cache_gb = 20, buffer_mb = 256, memory_mb = 0, texture_mb = quarter_of_memory_mb();
   std::int64_t unit_timeout_s = 3600, grace_s = 20;
 };
+
+/// Parses two non-negative integers with `separator` between them; nullopt if `text` is not that.
+std::optional<std::pair<std::int32_t, std::int32_t>> parse_pair(const std::string& text,
+                                                                char separator) {
+  std::pair<std::int32_t, std::int32_t> numbers;
+  const std::size_t at = text.find(separator);
+  if (at == std::string::npos || !absl::SimpleAtoi(text.substr(0, at), &numbers.first) ||
+      !absl::SimpleAtoi(text.substr(at + 1), &numbers.second) || numbers.first < 0 ||
+      numbers.second < 0) {
+    return std::nullopt;
+  }
+  return numbers;
+}
 
 std::string default_cache() {
   if (const char* folder = std::getenv("XDG_CACHE_HOME"); folder != nullptr && *folder != 0) {
@@ -163,6 +182,61 @@ void add_inspect_options(CLI::App& inspect, InspectConfig& config) {
   inspect.footer("Example: tessera-worker inspect scene.glb --json");
 }
 
+/// Validates two non-negative integers with `separator` between them.
+CLI::Validator is_pair(char separator, const char* form) {
+  return {[separator, form](const std::string& text) {
+            return parse_pair(text, separator) ? std::string()
+                                               : absl::StrCat(text, " is not ", form);
+          },
+          form};
+}
+
+/// Options of debug-pixel as typed.
+struct DebugPixelFlags {
+  std::string size = "1280x720", pixel;
+  std::int64_t seed = 0;
+  std::int32_t frame = 0;
+};
+
+void add_debug_pixel_options(CLI::App& command, DebugPixelConfig& config, DebugPixelFlags& flags) {
+  contract::RenderSettings& settings = config.settings;
+  command.add_option("scene", config.scene, "glTF file")->required();
+  command.add_option("--size", flags.size, "Frame size, pixels")
+      ->check(is_pair('x', "WxH"))
+      ->capture_default_str();
+  command.add_option("--pixel", flags.pixel, "Pixel in the full frame")
+      ->check(is_pair(',', "X,Y"))
+      ->required();
+  command.add_option("--sample", config.sample, "Index of the sample of the pixel, from 0")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command.add_option("--frame", flags.frame, "Frame number")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command.add_option("--camera", settings.camera, "Camera (default: the first)")
+      ->type_name("NAME|INDEX");
+  command.add_option("--seed", flags.seed, "Random seed")
+      ->check(CLI::Range(std::int64_t{0}, std::int64_t{4294967295}))
+      ->capture_default_str();
+  command.add_option("--max-depth", settings.max_depth, "Maximum scattering events per path")
+      ->check(CLI::Range(1, 255))
+      ->capture_default_str();
+  command.add_option("--environment", config.environment, "Environment map, latitude-longitude")
+      ->type_name("FILE");
+  command.footer(
+      "Prints the path of one sample: per vertex the hit, normals, BSDF, throughput, radiance with "
+      "MIS weights, media and Russian roulette; last the sample's radiance, exactly as it enters "
+      "the image.\nExample:\n  tessera-worker debug-pixel scene.glb --size 640x360 --pixel 320,180 "
+      "--sample 3");
+}
+
+void complete(DebugPixelConfig& config, const DebugPixelFlags& flags) {
+  std::tie(config.settings.width, config.settings.height) = *parse_pair(flags.size, 'x');
+  std::tie(config.x, config.y) = *parse_pair(flags.pixel, ',');
+  config.settings.seed = static_cast<std::uint32_t>(flags.seed);
+  config.settings.frames = {{flags.frame, flags.frame, 1}};
+}
+
 std::string version_text() {
   return contract::version_text(
       "tessera-worker", TESSERA_VERSION, render::isa_name(render::best_isa()),
@@ -218,6 +292,10 @@ std::variant<Config, int> parse_command_line(int argc, char** argv, FaultInjecto
   InspectConfig inspect_config;
   CLI::App* inspect = app.add_subcommand("inspect", "Print the features and faults of a scene");
   add_inspect_options(*inspect, inspect_config);
+  DebugPixelConfig debug_config;
+  DebugPixelFlags debug_flags;
+  CLI::App* debug = app.add_subcommand("debug-pixel", "Print the path of one sample of a pixel");
+  add_debug_pixel_options(*debug, debug_config, debug_flags);
   app.footer("Example: tessera-worker --server unix:/run/tessera/server.sock --threads 8");
   try {
     app.parse(argc, argv);
@@ -229,6 +307,10 @@ std::variant<Config, int> parse_command_line(int argc, char** argv, FaultInjecto
     return Config(renderer_options);
   }
   if (inspect->parsed()) return Config(inspect_config);
+  if (debug->parsed()) {
+    complete(debug_config, debug_flags);
+    return Config(std::move(debug_config));
+  }
   if (!complete(flags)) return kWrongUsage;
   flags.options.faults = faults.hooks();
   return Config(std::move(flags.options));

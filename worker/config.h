@@ -1,9 +1,10 @@
 #pragma once
 
-#include <optional>
+#include <cstdint>
 #include <string>
 #include <variant>
 
+#include "contract/render_settings.h"
 #include "worker/agent/agent.h"
 #include "worker/fault_injector.h"
 #include "worker/renderer/renderer.h"
@@ -21,8 +22,17 @@ struct InspectConfig {
   std::string settings_hex;         // serialised v1.RenderSettings, hexadecimal; empty: defaults
 };
 
+/// Options of tessera-worker debug-pixel SCENE.
+struct DebugPixelConfig {
+  std::string scene;
+  std::string environment;            // path of the environment map; empty: none
+  contract::RenderSettings settings;  // without environment
+  std::int32_t x = 0, y = 0, sample = 0;
+};
+
 /// The command and its options.
-using Config = std::variant<agent::AgentOptions, agent::RendererOptions, InspectConfig>;
+using Config =
+    std::variant<agent::AgentOptions, agent::RendererOptions, InspectConfig, DebugPixelConfig>;
 
 /// Parses the command line. Returns an exit code if there is no command to run: 0 after --help and
 /// --version, 2 after wrong usage, whose message has been printed. `faults` adds its options.

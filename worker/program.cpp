@@ -9,6 +9,7 @@
 #include "worker/agent/agent.h"
 #include "worker/config.h"
 #include "worker/inspect/accelerator_table.h"
+#include "worker/inspect/debug_pixel.h"
 #include "worker/inspect/inspect_report.h"
 #include "worker/inspect/solid_check.h"
 #include "worker/renderer/renderer.h"
@@ -63,6 +64,30 @@ int inspect(const InspectConfig& config) {
   return report.has_errors() ? kWrongInput : 0;
 }
 
+int debug_pixel(const DebugPixelConfig& config) {
+  render::InspectRequest request;
+  request.scene = config.scene;
+  request.environment = config.environment;
+  request.settings = config.settings;
+  absl::StatusOr<std::string> text = absl::InvalidArgumentError("the scene cannot be rendered");
+  request.examine = [&](const render::Scene& scene, render::InspectReport& /*report*/) {
+    text = render::debug_pixel(
+        scene, config.settings,
+        {config.x, config.y, config.sample, config.settings.frames.front().first});
+  };
+  const auto report = render::inspect_scene(request);
+  for (const auto& finding : report.findings) {
+    std::fprintf(stderr, "%s: %s%s%s\n", finding.file.c_str(), finding.problem.element.c_str(),
+                 finding.problem.element.empty() ? "" : ": ", finding.problem.message.c_str());
+  }
+  if (!text.ok()) {
+    std::fprintf(stderr, "tessera-worker: %s\n", std::string(text.status().message()).c_str());
+    return kWrongInput;
+  }
+  std::fputs(text->c_str(), stdout);
+  return 0;
+}
+
 }  // namespace
 
 int run_program(int argc, char** argv, FaultInjector& faults) {
@@ -74,6 +99,7 @@ int run_program(int argc, char** argv, FaultInjector& faults) {
     return agent::run_renderer(*renderer);
   }
   if (const auto* request = std::get_if<InspectConfig>(&config)) return inspect(*request);
+  if (const auto* request = std::get_if<DebugPixelConfig>(&config)) return debug_pixel(*request);
   return work(std::get<agent::AgentOptions>(config));
 }
 

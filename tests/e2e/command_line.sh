@@ -27,6 +27,14 @@ exits 2 tessera-server --listen 0.0.0.0:0 --store "$work/refused"
 [ ! -e "$work/refused/token" ] || fail "a server on a foreign address made a store"
 say "exit codes of wrong usage, bad input and no farm"
 
+exits 0 tessera-worker debug-pixel "$square" --size 64x48 --pixel 32,24 --sample 1
+says "vertex 0, depth 0"
+says "sample 1 of pixel 32,24, frame 0: radiance ("
+exits 2 tessera-worker debug-pixel "$square" --size 64x48 --pixel 64,0
+says "outside the frame of 64x48"
+exits 2 tessera-worker debug-pixel "$square" --pixel 1
+say "debug-pixel prints the path of a sample"
+
 # samples FILE OPTIONS…: samples a pixel of a render with that file of defaults.
 samples() {
   tessera --config "$1" render "$square" -o "$work/x.exr" --report "$work/x.json" --force --size 16x16 "${@:2}" \

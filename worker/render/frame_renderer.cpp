@@ -57,6 +57,8 @@ class PathTracingFrame final : public FrameRenderer {
   contract::FilmBlock render(const contract::PixelRect& rect, const contract::Pass& pass,
                              std::int32_t pass_index,
                              const ParallelFor& parallel_for) const override;
+  Sample trace_sample(std::int32_t x, std::int32_t y, std::int32_t sample,
+                      PathObserver& observer) const override;
   Timings timings() const override { return timings_; }
   const SceneAccel& accel() const override { return accel_; }
 
@@ -166,6 +168,18 @@ contract::FilmBlock PathTracingFrame::render(const contract::PixelRect& rect,
     return std::tie(a.pixel, a.replicate) < std::tie(b.pixel, b.replicate);
   });
   return block;
+}
+
+FrameRenderer::Sample PathTracingFrame::trace_sample(std::int32_t x, std::int32_t y,
+                                                     std::int32_t sample,
+                                                     PathObserver& observer) const {
+  check_float_control();
+  PathScratch scratch;
+  scratch.observer = &observer;
+  const PathId id{x, y, sample};
+  PathResult result;
+  trace_paths(context_, std::span(&id, 1), &scratch, &result);
+  return {{result.radiance.x, result.radiance.y, result.radiance.z}, result.alpha};
 }
 
 void PathTracingFrame::render_chunk(const UnitWork& unit, std::int64_t chunk,

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <memory>
 
 #include "absl/status/statusor.h"
@@ -10,6 +12,8 @@
 #include "worker/scene/scene.h"
 
 namespace tessera::render {
+
+class PathObserver;
 
 /// One frame of a job, ready to render any of its units. Immutable after creation and thread-safe.
 class FrameRenderer {
@@ -32,6 +36,16 @@ class FrameRenderer {
   virtual contract::FilmBlock render(const contract::PixelRect& rect, const contract::Pass& pass,
                                      std::int32_t pass_index,
                                      const ParallelFor& parallel_for) const = 0;
+
+  /// One sample of a pixel, before --clamp.
+  struct Sample {
+    std::array<float, 3> radiance{};
+    float alpha = 1;
+  };
+  /// Traces sample `sample` of the pixel (x, y), in full-frame coordinates, and reports its path to
+  /// `observer`. Returns exactly the values that render() adds for this sample.
+  virtual Sample trace_sample(std::int32_t x, std::int32_t y, std::int32_t sample,
+                              PathObserver& observer) const = 0;
 
   struct Timings {
     double accel_build_seconds = 0;

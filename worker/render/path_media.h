@@ -13,6 +13,7 @@
 #include "worker/media/medium_stack.h"
 #include "worker/media/medium_traversal.h"
 #include "worker/media/phase.h"
+#include "worker/render/path_observer.h"
 #include "worker/render/transparency.h"
 #include "worker/sampling/dimensions.h"
 #include "worker/sampling/equi_angular.h"
@@ -85,9 +86,11 @@ bool PathMedia<Tracer>::passes_unseen(const ShadingPoint& point, const Hit& hit,
   if ((point.material->traits & kTraitBody) == 0) return false;
   MediumStack& stack = tracer().media_.stack;
   const Body body = body_of(point);
-  const bool seen = point.material->rank != kBoundaryRank && !stack.hides(body);
-  if (seen) return false;
+  const bool visible = point.material->rank != kBoundaryRank && !stack.hides(body);
+  if (visible) return false;
   stack.cross(body, point.front);
+  if (PathObserver* observer = tracer().scratch_->observer) [[unlikely]]
+    observer->on_pass(tracer().path_.throughput);
   tracer().continue_behind(hit, position);
   return true;
 }
@@ -184,6 +187,8 @@ template <typename Tracer>
 bool PathMedia<Tracer>::scatter_in_medium(const MediumView& medium, const Vec3f& position,
                                           float weight) {
   auto& path = tracer().path_;
+  if (PathObserver* observer = tracer().scratch_->observer) [[unlikely]]
+    observer->on_medium(medium, position, path.throughput);
   if (tracer().is_cut()) return false;
   add_light_in_medium(medium, position, path.throughput * weight,
                       dimensions::light(tracer().bounce()));
@@ -217,7 +222,10 @@ void PathMedia<Tracer>::add_light_in_medium(const MediumView& medium, const Vec3
   const Vec3f visibility = tracer().light_through(ray, light);
   if (!(max_component(visibility) > 0)) return;
   const float weight = light.pdf > 0 ? power_heuristic(light.pdf, phase) : 1.0f;
-  path.result.radiance += throughput * light.radiance_over_pdf * visibility * (phase * weight);
+  const Vec3f added = throughput * light.radiance_over_pdf * visibility * (phase * weight);
+  path.result.radiance += added;
+  if (PathObserver* observer = tracer().scratch_->observer) [[unlikely]]
+    observer->on_radiance(RadianceSource::medium_light, added, weight);
 }
 
 }  // namespace tessera::render

@@ -130,6 +130,8 @@ PathResult PathTracer<kMedia>::trace(const Ray& camera_ray, const Hit* first) {
       if (passage == Passage::scattered) continue;
     }
     if (!found) {
+      if (PathObserver* observer = scratch_->observer) [[unlikely]]
+        observer->on_miss(path_.ray, path_.throughput);
       add_environment();
       break;
     }
@@ -151,6 +153,8 @@ bool PathTracer<kMedia>::is_cut() {
   if (path_.depth < max_depth_) return false;
   const bool cut = max_depth_ == kContinuedMaxDepth ||
                    sampler_.hash(dimensions::kTraceOn) % kCutPathsPerContinued != 0;
+  if (PathObserver* observer = scratch_->observer) [[unlikely]]
+    observer->on_max_depth(!cut);
   if (cut) return true;
   image_ = path_.result;
   path_.result.radiance = {};
@@ -203,6 +207,8 @@ bool PathTracer<kMedia>::step(const Hit& hit) {
   if (path_.depth == 0 && !path_.result.hit.present) record(point, position, base);
   if (point.material->source->unlit) {
     path_.result.radiance += path_.throughput * base.xyz();
+    if (PathObserver* observer = scratch_->observer) [[unlikely]]
+      observer->on_radiance(RadianceSource::unlit, path_.throughput * base.xyz(), 1);
     return false;
   }
   add_emission(point, hit.id, position.position);
@@ -211,6 +217,10 @@ bool PathTracer<kMedia>::step(const Hit& hit) {
     choose_wavelength();
   offset_shadow_terminator(-path_.ray.direction, &point, &position);
   const Bsdf bsdf = bsdf_at_hit(point, base);
+  if (PathObserver* observer = scratch_->observer) [[unlikely]] {
+    observer->on_vertex(
+        {path_.depth, path_.ray, hit, point, bsdf, position.position, path_.throughput});
+  }
   if (passes_straight(bsdf, hit, position)) return true;
   if (is_cut()) return false;
   const TriangleId left = point.raised ? TriangleId{} : hit.id;
@@ -264,6 +274,10 @@ void PathTracer<kMedia>::add_environment() {
     switch (frame_.background) {
       case contract::Background::color:
         path_.result.radiance += path_.throughput * frame_.background_color;
+        if (PathObserver* observer = scratch_->observer) [[unlikely]] {
+          observer->on_radiance(RadianceSource::environment,
+                                path_.throughput * frame_.background_color, 1);
+        }
         return;
       case contract::Background::none:
         path_.result.alpha = 0;
@@ -278,6 +292,10 @@ void PathTracer<kMedia>::add_environment() {
       frame_.lights.environment(path_.scattered_at, path_.ray.direction);
   const float weight = path_.specular_bounce ? 1 : power_heuristic(path_.pdf, environment.pdf);
   path_.result.radiance += path_.throughput * environment.radiance * weight;
+  if (PathObserver* observer = scratch_->observer) [[unlikely]] {
+    observer->on_radiance(RadianceSource::environment,
+                          path_.throughput * environment.radiance * weight, weight);
+  }
 }
 
 template <bool kMedia>
@@ -313,13 +331,17 @@ void PathTracer<kMedia>::add_emission(const ShadingPoint& point, const TriangleI
   if (!point.material->emissive) return;
   Vec3f light = path_.throughput * emission_at(frame_.shading, point, -path_.ray.direction);
   if (!(max_component(light) > 0)) return;
+  float weight = 1;
   if (!path_.specular_bounce) {
     const float distance = length(position - path_.scattered_at.point);
     const float cosine = std::fabs(dot(point.geometric_normal, path_.ray.direction));
     const float other = frame_.lights.emitter_pdf(path_.scattered_at, id, distance, cosine);
-    light *= power_heuristic(path_.pdf, other);
+    weight = power_heuristic(path_.pdf, other);
+    light *= weight;
   }
   path_.result.radiance += light;
+  if (PathObserver* observer = scratch_->observer) [[unlikely]]
+    observer->on_radiance(RadianceSource::emission, light, weight);
 }
 
 /// Passes a thin surface: this is no scattering event, so depth and roulette do not count it, and
@@ -336,6 +358,8 @@ bool PathTracer<kMedia>::passes_straight(const Bsdf& bsdf, const Hit& hit,
     return false;
   }
   path_.throughput *= share / probability;
+  if (PathObserver* observer = scratch_->observer) [[unlikely]]
+    observer->on_pass(path_.throughput);
   path_.from_camera = false;
   continue_behind(hit, position);
   return true;
@@ -370,8 +394,11 @@ void PathTracer<kMedia>::add_direct(const Bsdf& bsdf, const TriangleId& id,
   const Vec3f visibility = light_through(ray, light);
   if (!(max_component(visibility) > 0)) return;
   const float weight = light.pdf > 0 ? power_heuristic(light.pdf, value.pdf) : 1.0f;
-  path_.result.radiance +=
+  const Vec3f added =
       path_.throughput * value.f_cos * light.radiance_over_pdf * visibility * weight;
+  path_.result.radiance += added;
+  if (PathObserver* observer = scratch_->observer) [[unlikely]]
+    observer->on_radiance(RadianceSource::direct, added, weight);
 }
 
 /// Fraction of a light sample's radiance that arrives: 0 behind anything opaque.
@@ -417,8 +444,11 @@ bool PathTracer<kMedia>::survives(float u) {
   ++path_.depth;
   const float survival = max_component(path_.throughput) / kRouletteWeight;
   if (path_.depth > kRouletteDepth && !(survival >= 1)) {
-    if (!(u < survival)) return false;
-    path_.throughput = path_.throughput / survival;
+    const bool survived = u < survival;
+    if (survived) path_.throughput = path_.throughput / survival;
+    if (PathObserver* observer = scratch_->observer) [[unlikely]]
+      observer->on_roulette(survival, survived, path_.throughput);
+    if (!survived) return false;
   }
   return true;
 }
@@ -430,6 +460,8 @@ bool PathTracer<kMedia>::scatter(const ShadingPoint& point, const Bsdf& bsdf, co
   BsdfSample next;
   if (!sample_bsdf(bsdf, u.z, {u.x, u.y}, &next)) return false;
   path_.throughput *= next.weight;
+  if (PathObserver* observer = scratch_->observer) [[unlikely]]
+    observer->on_scatter(next, path_.throughput);
   if (!survives(u.w)) return false;
   if (next.transmitted && bsdf.interface == Interface::solid) {
     if constexpr (kMedia) {

@@ -10,6 +10,7 @@
 #include "worker/math/vector.h"
 #include "worker/media/media.h"
 #include "worker/render/camera/camera_rays.h"
+#include "worker/render/path_observer.h"
 #include "worker/render/transparency.h"
 #include "worker/sampling/pixel_filter.h"
 #include "worker/shading/surface/shading_scene.h"
@@ -39,6 +40,7 @@ struct PathScratch {
   ThinSurfaceStack thin_surfaces;
   std::unique_ptr<Crossings> crossings;  // allocated for the first path that tracks bodies
   MovedSurface met, passed;              // surfaces where the path is, and where a ray of it passes
+  PathObserver* observer = nullptr;      // receives the events of paths, for debugging; may be null
 };
 
 /// The first surface that a camera path hits.
