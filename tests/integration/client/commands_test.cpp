@@ -353,7 +353,7 @@ TEST_F(FetchTest, NoFinishedFrameIsAnError) {
 }
 
 TEST_F(FetchTest, DigestMismatchLeavesNoFile) {
-  farm_.frames["abc"][1].lies = true;
+  farm_.frames["abc"][1].has_wrong_bytes = true;
   const Outcome outcome = fetch();
   EXPECT_NE(outcome.exit, kExitDone);
   EXPECT_THAT(outcome.err, HasSubstr("digest"));

@@ -185,7 +185,7 @@ grpc::Status FakeFarm::FetchFrame(grpc::ServerContext*, const v1::FetchFrameRequ
   for (std::size_t at = 0; at < frame.bytes.size(); at += 1000) {
     v1::FetchFrameResponse chunk;
     chunk.set_chunk(frame.bytes.substr(at, 1000));
-    if (frame.lies) chunk.set_chunk(std::string(chunk.chunk().size(), '!'));
+    if (frame.has_wrong_bytes) chunk.set_chunk(std::string(chunk.chunk().size(), '!'));
     writer->Write(chunk);
   }
   return grpc::Status::OK;

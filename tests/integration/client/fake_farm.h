@@ -22,7 +22,7 @@ class FakeFarm final : public v1::JobService::Service {
     std::string bytes;
     bool finished = true;
     std::vector<v1::PixelRect> missing_tiles;
-    bool lies = false;  // sends bytes that do not match its digest
+    bool has_wrong_bytes = false;  // sends bytes that do not match its digest
   };
 
   FakeFarm();

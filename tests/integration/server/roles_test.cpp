@@ -249,8 +249,8 @@ TEST_F(RolesTest, WorkerReadsOnlyLeasedJobs) {
 
 TEST_F(RolesTest, WorkerCannotDeliverForAnother) {
   create_job("ann", "shot");
-  const auto honest = worker("w1", "one", token());
-  ASSERT_TRUE(honest->open());
+  const auto correct = worker("w1", "one", token());
+  ASSERT_TRUE(correct->open());
   const auto thief = worker("w2", "one", "");
   thief->send({v1::DeliverRequest()});
   EXPECT_EQ(thief->finish_deliver().error_code(), StatusCode::FAILED_PRECONDITION);

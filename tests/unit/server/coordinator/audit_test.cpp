@@ -12,35 +12,36 @@ namespace {
 class AuditTest : public CoordinatorFixture {
  protected:
   /// Selects the units for which a worker delivers wrong pixels.
-  using Lie = std::function<bool(const Leased&)>;
+  using IsWrong = std::function<bool(const Leased&)>;
   static bool never(const Leased&) { return false; }
   static bool always(const Leased&) { return true; }
 
   AuditTest() { options.policy.audit_fraction = 1; }
 
-  TestWorker& add(const std::string& id, Lie lie = never) {
+  TestWorker& add(const std::string& id, IsWrong is_wrong = never) {
     workers_.push_back(join(id));
-    lies_.push_back(std::move(lie));
+    is_wrong_.push_back(std::move(is_wrong));
     return workers_.back();
   }
 
-  void deliver_what_is_leased() {
+  void deliver_leased_units() {
     for (std::size_t i = 0; i < workers_.size(); ++i) {
       TestWorker& worker = workers_[i];
       collect(worker);
       for (const Leased& unit : std::exchange(worker.units, {})) {
         if (has_ended(view(unit.name.job_id).state)) continue;
         std::string bytes = bytes_of(unit);
-        if (lies_[i](unit)) bytes[2] = static_cast<char>(bytes[2] ^ 0x20);  // the first pixel's red
+        if (is_wrong_[i](unit))
+          bytes[2] = static_cast<char>(bytes[2] ^ 0x20);  // the first pixel's red
         deliver(worker, unit, bytes);
       }
       pump();
     }
   }
 
-  void work_together(const std::string& job_id) {
+  void run_workers(const std::string& job_id) {
     for (int round = 0; round < 200 && !has_ended(view(job_id).state); ++round) {
-      deliver_what_is_leased();
+      deliver_leased_units();
       for (TestWorker& worker : workers_) coordinator->grant_credits(worker.session, 4);
       now += std::chrono::milliseconds(100);
       for (TestWorker& worker : workers_) coordinator->record_contact(worker.session);
@@ -50,14 +51,14 @@ class AuditTest : public CoordinatorFixture {
   }
 
   /// Pixels of a job rendered by one correct worker without audits.
-  std::string honest_pixels(const JobSpec& spec) {
+  std::string correct_pixels(const JobSpec& spec) {
     const double fraction = std::exchange(options.policy.audit_fraction, 0);
     start();
     JobSpec calm = spec;
     calm.name = calm.request = calm.request_id = "calm";
     const std::string job = create(calm)->view.spec->id;
-    TestWorker worker = join("honest");
-    work_off(worker, job);
+    TestWorker worker = join("correct");
+    finish_job(worker, job);
     options.policy.audit_fraction = fraction;
     start();
     return pixels_of(job);
@@ -84,17 +85,17 @@ class AuditTest : public CoordinatorFixture {
   }
 
   std::vector<TestWorker> workers_;
-  std::vector<Lie> lies_;
+  std::vector<IsWrong> is_wrong_;
 };
 
 TEST_F(AuditTest, FrameWaitsUntilEveryUnitIsAudited) {
   const std::string job = create_job("a");
   add("w1");
   add("w2");
-  deliver_what_is_leased();
+  deliver_leased_units();
   EXPECT_EQ(view(job).committed_unit_count, 6);
   EXPECT_EQ(view(job).state, JobState::running) << "no frame is finished before its audits";
-  work_together(job);
+  run_workers(job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(audited(job), 6);
   EXPECT_EQ(coordinator->report(job)->counters.mismatched, 0);
@@ -106,7 +107,7 @@ TEST_F(AuditTest, FrameWaitsUntilEveryUnitIsAudited) {
 TEST_F(AuditTest, SingleWorkerIsNotAudited) {
   const std::string job = create_job("a");
   add("w1");
-  deliver_what_is_leased();
+  deliver_leased_units();
   EXPECT_EQ(view(job).state, JobState::done) << "at once: there is none to be waived";
   EXPECT_EQ(audited(job), 0);
 }
@@ -125,17 +126,17 @@ TEST_F(AuditTest, AuditIsWaivedWithoutOtherWorkers) {
   workers_.pop_back();
   now += std::chrono::seconds(6);
   coordinator->record_contact(workers_[0].session);
-  work_together(job);
+  run_workers(job);
   EXPECT_EQ(view(job).state, JobState::done);
 }
 
 TEST_F(AuditTest, FaultyWorkersUnitsAreRenderedAgain) {
-  const std::string truth = honest_pixels(spec_of("a"));
+  const std::string truth = correct_pixels(spec_of("a"));
   const std::string job = create_job("a");
   add("faulty", always);
   add("w2");
   add("w3");
-  work_together(job);
+  run_workers(job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(pixels_of(job), truth);
   EXPECT_TRUE(is_quarantined("faulty"));
@@ -144,25 +145,25 @@ TEST_F(AuditTest, FaultyWorkersUnitsAreRenderedAgain) {
 }
 
 TEST_F(AuditTest, DecisionsOnFalseResultsAreRepeated) {
-  const std::string truth = honest_pixels(error_spec("e"));
+  const std::string truth = correct_pixels(error_spec("e"));
   const std::string job = create(error_spec("e"))->view.spec->id;
   workers_.push_back(join("faulty"));
-  lies_.emplace_back(always);
+  is_wrong_.emplace_back(always);
   add("w2");
   add("w3");
-  work_together(job);
+  run_workers(job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(pixels_of(job), truth);
   EXPECT_TRUE(is_quarantined("faulty"));
 }
 
 TEST_F(AuditTest, SelfContradictingWorkerIsQuarantined) {
-  const std::string truth = honest_pixels(spec_of("a"));
+  const std::string truth = correct_pixels(spec_of("a"));
   const std::string job = create_job("a");
   int count = 0;
   add("w1");
   add("faulty", [&](const Leased&) { return ++count == 2; });
-  work_together(job);
+  run_workers(job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(pixels_of(job), truth);
   EXPECT_TRUE(is_quarantined("faulty"));
@@ -173,9 +174,9 @@ TEST_F(AuditTest, UnresolvedDisputeFailsJob) {
   const std::string job = create_job("a");
   add("w1");
   add("faulty", always);
-  work_together(job);  // 20 seconds, in which a third worker might come
+  run_workers(job);  // 20 seconds, in which a third worker might come
   EXPECT_EQ(view(job).state, JobState::running);
-  for (int again = 0; again < 3; ++again) work_together(job);
+  for (int again = 0; again < 3; ++again) run_workers(job);
   EXPECT_EQ(view(job).state, JobState::failed);
   EXPECT_NE(view(job).reason.find("workers disagree"), std::string::npos) << view(job).reason;
 }
@@ -184,16 +185,16 @@ TEST_F(AuditTest, OpenAuditSurvivesRestart) {
   const std::string job = create_job("a");
   add("w1");
   add("w2");
-  deliver_what_is_leased();
+  deliver_leased_units();
   ASSERT_EQ(view(job).committed_unit_count, 6);
   workers_.clear();
-  lies_.clear();
+  is_wrong_.clear();
   start();
   EXPECT_EQ(view(job).state, JobState::running);
   add("w1");
   add("w2");
   now += std::chrono::seconds(6);
-  work_together(job);
+  run_workers(job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(audited(job), 6);
 }
@@ -204,7 +205,7 @@ TEST_F(AuditTest, FirstUnitOfWorkerIsAlwaysAudited) {
   add("w1");
   add("w2");
   const std::string job = create_job("a");
-  work_together(job);
+  run_workers(job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(coordinator->report(job)->contributions.size(), 2u);
   EXPECT_EQ(audited(job), 2);
@@ -215,7 +216,7 @@ TEST_F(AuditTest, QuarantineSurvivesReconnect) {
   add("faulty", always);
   add("w2");
   add("w3");
-  work_together(job);
+  run_workers(job);
   ASSERT_TRUE(is_quarantined("faulty"));
   TestWorker again = join("faulty");
   EXPECT_TRUE(is_quarantined("faulty"));

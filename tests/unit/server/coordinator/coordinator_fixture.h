@@ -188,7 +188,7 @@ class CoordinatorFixture : public testing::Test {
     }
   }
   /// Renders as this worker until the job has ended.
-  void work_off(TestWorker& worker, const std::string& job_id) {
+  void finish_job(TestWorker& worker, const std::string& job_id) {
     for (int round = 0; round < 100 && !has_ended(view(job_id).state); ++round) {
       const std::size_t before = worker.acknowledgements.size();
       deliver_all(worker);

@@ -23,7 +23,7 @@ int count(const std::vector<Acknowledgement>& acknowledgements, AckStatus status
 TEST_F(CoordinatorTest, SingleWorkerCompletesJob) {
   const std::string job = create_job("a", 64);
   auto worker = join("w1");
-  work_off(worker, job);
+  finish_job(worker, job);
   const JobView done = view(job);
   EXPECT_EQ(done.state, JobState::done);
   EXPECT_EQ(done.committed_unit_count, 12);
@@ -69,7 +69,7 @@ TEST_F(CoordinatorTest, LogLevelsMatchSeverity) {
                                                std::to_string(unit.name.unit.tile) +
                                                ", pass 0 failed: out of luck");
   lines.clear();
-  work_off(ann, id);
+  finish_job(ann, id);
   EXPECT_EQ(lines[LogLevel::info], (std::vector<std::string>{"job " + id + ", frame 0 finished",
                                                              "job " + id + " is DONE"}));
   EXPECT_FALSE(lines[LogLevel::debug].empty()) << "commits are routine";
@@ -100,7 +100,7 @@ TEST_F(CoordinatorTest, PendingBlocksFormOneJournalGroup) {
 TEST_F(CoordinatorTest, PixelsAreDeliveryIndependent) {
   const std::string alone = create_job("a", 64);
   auto worker = join("w1");
-  work_off(worker, alone);
+  finish_job(worker, alone);
 
   const std::string shared = create_job("b", 64);
   auto second = join("w2");
@@ -218,7 +218,7 @@ TEST_F(CoordinatorTest, CancelledJobResultsAreObsolete) {
   EXPECT_EQ(worker.ended, std::vector<std::string>{job});
   ASSERT_TRUE(change(job, Coordinator::Change::retry).ok());
   coordinator->grant_credits(worker.session, 64);
-  work_off(worker, job);
+  finish_job(worker, job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(coordinator->report(job)->contributions.at("w1").units, 6);
 }
@@ -309,7 +309,7 @@ TEST_F(CoordinatorTest, NewMessageWakesConnection) {
 TEST_F(CoordinatorTest, RestartContinuesFromCommittedUnits) {
   const std::string whole = create_job("whole", 64);
   auto first = join("w1");
-  work_off(first, whole);
+  finish_job(first, whole);
 
   const std::string job = create_job("cut", 64);
   collect(first);
@@ -328,7 +328,7 @@ TEST_F(CoordinatorTest, RestartContinuesFromCommittedUnits) {
         << "an acknowledged unit is leased again";
     EXPECT_EQ(unit.lease.attempt.boot, store.boot_count());
   }
-  work_off(worker, job);
+  finish_job(worker, job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(pixels_of(job), pixels_of(whole));
   EXPECT_DOUBLE_EQ(view(job).cpu_seconds, 6) << "exact over crashes";
@@ -361,7 +361,7 @@ TEST_F(CoordinatorTest, RestartWritesCompleteFrame) {
 TEST_F(CoordinatorTest, DamagedBlockIsRenderedAgain) {
   const std::string whole = create_job("whole");
   auto worker = join("w1");
-  work_off(worker, whole);
+  finish_job(worker, whole);
   const std::string job = create_job("a");
   deliver_all(worker);
   while (coordinator->run_writer(false)) {
@@ -373,7 +373,7 @@ TEST_F(CoordinatorTest, DamagedBlockIsRenderedAgain) {
   auto again = join("w1");
   ASSERT_EQ(again.units.size(), 1u);
   EXPECT_EQ(again.units[0].name.unit, (contract::Unit{0, 4, 0}));
-  work_off(again, job);
+  finish_job(again, job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(view(job).committed_sample_count, view(whole).committed_sample_count);
   EXPECT_EQ(pixels_of(job), pixels_of(whole));
@@ -492,7 +492,7 @@ TEST_F(CoordinatorTest, OnlyEndedJobsCanBeRemoved) {
 TEST_F(CoordinatorTest, ExtendedJobMatchesLongerJob) {
   const std::string longer = create_job("longer", 64);
   auto worker = join("w1");
-  work_off(worker, longer);
+  finish_job(worker, longer);
 
   const std::string job = create_job("short", 32);  // passes 8, 24; longer: 8, 56
   collect(worker);
@@ -510,7 +510,7 @@ TEST_F(CoordinatorTest, ExtendedJobMatchesLongerJob) {
   // The units of pass 0 that it still holds stay with it; the worker seems to have died.
   coordinator->disconnect(worker.session);
   auto again = join("w1");
-  work_off(again, job);
+  finish_job(again, job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(pixels_of(job), pixels_of(longer));
 }
@@ -562,7 +562,7 @@ TEST_F(CoordinatorTest, UnstartedJobAdoptsNewContract) {
   EXPECT_EQ(view(job).state, JobState::queued);
   EXPECT_EQ(store.jobs()->front().render_contract, contract::kRenderContract) << "noted at once";
   auto worker = join("w1");
-  work_off(worker, job);
+  finish_job(worker, job);
   EXPECT_EQ(view(job).state, JobState::done);
 }
 
@@ -587,7 +587,7 @@ TEST_F(CoordinatorTest, PartialFrameListsMissingTiles) {
   EXPECT_EQ(partial->missing_tiles.size(), 4u);
   EXPECT_FALSE(partial->pixels_sha256);
   EXPECT_TRUE(partial->is_temporary);
-  work_off(worker, job);
+  finish_job(worker, job);
   for (const Leased& unit : units) deliver(worker, unit, bytes_of(unit));
   pump();
   const auto whole = fetch(false);

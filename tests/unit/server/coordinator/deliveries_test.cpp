@@ -80,7 +80,7 @@ TEST_F(Deliveries, CountEarlierFailuresAndLosses) {
                          absl::StatusCode::kInternal);
   TestWorker second = join("second", 64);
   collect(second);
-  work_off(second, job);
+  finish_job(second, job);
   for (const Delivery& told : all(job)) {
     EXPECT_EQ(told.retry_count, told.unit == unit.name.unit ? 1 : 0) << told.unit.tile;
   }

@@ -35,7 +35,7 @@ class ErrorJobTest : public CoordinatorFixture {
 TEST_F(ErrorJobTest, EndsWhenBoundIsMet) {
   const std::string job = create_error_job("a", 0.1);
   auto worker = join("w1");
-  work_off(worker, job);
+  finish_job(worker, job);
   const JobView ended = view(job);
   ASSERT_EQ(ended.state, JobState::done);
   EXPECT_EQ(ended.certainty, Certainty::converged);
@@ -53,7 +53,7 @@ TEST_F(ErrorJobTest, EndsWhenBoundIsMet) {
 TEST_F(ErrorJobTest, SampleLimitWithoutBoundIsCapped) {
   const std::string job = create_error_job("a", 0.001, 512);
   auto worker = join("w1");
-  work_off(worker, job);
+  finish_job(worker, job);
   EXPECT_EQ(view(job).certainty, Certainty::capped);
   const nlohmann::json report = report_of(job);
   EXPECT_EQ(report["status"], "CAPPED");
@@ -63,7 +63,7 @@ TEST_F(ErrorJobTest, SampleLimitWithoutBoundIsCapped) {
 TEST_F(ErrorJobTest, RestartsAndOrderKeepPixels) {
   const std::string calm = create_error_job("calm", 0.1, 4096, 1);
   auto worker = join("w1");
-  work_off(worker, calm);
+  finish_job(worker, calm);
   const nlohmann::json expected = report_of(calm)["frames"];
 
   const std::string job = create_error_job("stormy", 0.1, 4096, 1);
@@ -99,7 +99,7 @@ TEST_F(ErrorJobTest, RestartsAndOrderKeepPixels) {
 TEST_F(ErrorJobTest, LoweringErrorLaterKeepsPixels) {
   const std::string strict = create_error_job("strict", 0.05);
   auto worker = join("w1");
-  work_off(worker, strict);
+  finish_job(worker, strict);
 
   const std::string job = create_error_job("lax", 0.2);
   for (int round = 0; round < 3; ++round) {  // not to its end, where its blocks would
@@ -125,7 +125,7 @@ TEST_F(ErrorJobTest, LoweringErrorLaterKeepsPixels) {
   EXPECT_TRUE(was_asked);
   coordinator->disconnect(worker.session);
   auto again = join("w1");
-  work_off(again, job);
+  finish_job(again, job);
   ASSERT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(pixels_of(job), pixels_of(strict));
 }
@@ -133,7 +133,7 @@ TEST_F(ErrorJobTest, LoweringErrorLaterKeepsPixels) {
 TEST_F(ErrorJobTest, DamagedBlockIsRenderedAgain) {
   const std::string calm = create_error_job("calm", 0.1);
   auto worker = join("w1");
-  work_off(worker, calm);
+  finish_job(worker, calm);
 
   const std::string job = create_error_job("hurt", 0.1);
   for (int round = 0; round < 2; ++round) {
@@ -148,7 +148,7 @@ TEST_F(ErrorJobTest, DamagedBlockIsRenderedAgain) {
   start();  // reads the blocks again to decide
   pump();
   auto again = join("w1");
-  work_off(again, job);
+  finish_job(again, job);
   ASSERT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(report_of(job)["units"]["redone"], 1);
   EXPECT_EQ(pixels_of(job), pixels_of(calm));

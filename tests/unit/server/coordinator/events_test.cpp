@@ -129,7 +129,7 @@ class Events : public CoordinatorFixture {
 TEST_F(Events, JobLifecycleIsRecorded) {
   TestWorker worker = join("w");
   const std::string job = create_job("shot");
-  work_off(worker, job);
+  finish_job(worker, job);
   EXPECT_EQ(kinds(),
             (std::vector{EventKind::worker_joined, EventKind::job_submitted, EventKind::job_running,
                          EventKind::frame_finished, EventKind::job_done}));
@@ -165,7 +165,7 @@ TEST_F(Events, WorkerLogsOnlyForLeasedJobs) {
   EXPECT_EQ(told.back().text, "mine");
   EXPECT_EQ(told.back().worker_id, "w");
   for (const Event& event : told) EXPECT_NE(event.text, "not mine");
-  work_off(worker, job);
+  finish_job(worker, job);
   coordinator->take_log_lines(worker.session, {{job, "the last word"}});  // late, but accepted
   EXPECT_EQ(coordinator->events().read({0, job, ""}, 100).back().text, "the last word");
   start();
@@ -203,7 +203,7 @@ TEST_F(Events, BannedWorkerLosesUnitsAndResults) {
   for (const Acknowledgement& told : bad.acknowledgements)
     EXPECT_EQ(told.status, AckStatus::obsolete);
   EXPECT_EQ(view(job).committed_unit_count, 0);
-  work_off(good, job);
+  finish_job(good, job);
   EXPECT_EQ(view(job).state, JobState::done);
 }
 

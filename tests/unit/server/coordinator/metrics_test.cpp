@@ -63,7 +63,7 @@ TEST_F(MetricsTest, UnitsAreCountedByState) {
 
   ASSERT_TRUE(change(job, Coordinator::Change::resume).ok());
   coordinator->grant_credits(worker.session, 64);
-  work_off(worker, job);
+  finish_job(worker, job);
   values = scrape();
   EXPECT_EQ(values.at(R"(tessera_jobs{state="done"})"), 1);
   EXPECT_EQ(values.at(R"(tessera_units{state="committed"})"), 0);  // counts unfinished jobs only

@@ -34,7 +34,7 @@ TEST_F(RetentionTest, EndedJobIsRemovedAfterRetention) {
   keep_for(2 * kDayUs);
   auto worker = join("w1");
   const std::string done = create_job("done");
-  work_off(worker, done);
+  finish_job(worker, done);
   const std::string cancelled = create_job("cancelled");
   ASSERT_TRUE(change(cancelled, Coordinator::Change::cancel).ok());
   const std::string paused = create_job("paused");
@@ -93,7 +93,7 @@ TEST_F(RetentionTest, JobsAreRemovedInSmallGroups) {
 TEST_F(RetentionTest, DoneJobKeepsFiguresWithoutUnits) {
   const std::string job = create_job("a", 64);
   auto worker = join("w1");
-  work_off(worker, job);
+  finish_job(worker, job);
   const JobReport before = coordinator->report(job).value();
   ASSERT_TRUE(store.for_each_unit(job, [](const UnitRecord&) { FAIL(); }).ok());
   start();

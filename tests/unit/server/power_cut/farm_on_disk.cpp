@@ -159,7 +159,7 @@ void FarmOnDisk::send(const UnitName& name, const Lease& lease) {
   if (admission) coordinator_->deliver(kWorker, header, *admission, bytes);
 }
 
-absl::Status FarmOnDisk::work_off(const std::string& job_id) {
+absl::Status FarmOnDisk::finish_job(const std::string& job_id) {
   constexpr int kMaxRounds = 1000;
   for (int round = 0; round < kMaxRounds; ++round) {
     coordinator_->tick();

@@ -42,7 +42,7 @@ class FarmOnDisk {
   /// Connects the worker, which still holds `held`, unacknowledged by an earlier server process.
   void connect(const WorkerLog& held);
   /// Renders until the job has ended. Errors: DeadlineExceeded, it does not end.
-  absl::Status work_off(const std::string& job_id);
+  absl::Status finish_job(const std::string& job_id);
 
   int step() const { return static_cast<int>(disk_.events().size()); }
   const std::vector<testing::DiskEvent>& events() const { return disk_.events(); }

@@ -58,7 +58,7 @@ void live(Life& life) {
   life.job_id = *job;
   life.job_step = farm.step();
   farm.connect({});
-  const absl::Status done = farm.work_off(*job);
+  const absl::Status done = farm.finish_job(*job);
   ASSERT_TRUE(done.ok()) << done;
   life.done_step = farm.step();
   life.log = farm.log();
@@ -116,7 +116,7 @@ std::string restart_on(const DiskImage& image, const Life& life, int step, bool 
   if (!job_id.ok()) return job_id.status().ToString();
   if (step >= life.job_step && *job_id != life.job_id) return "the job was made twice";
   farm.connect(worker_kept_power ? held_at(life, step) : FarmOnDisk::WorkerLog());
-  if (absl::Status done = farm.work_off(*job_id); !done.ok()) return done.ToString();
+  if (absl::Status done = farm.finish_job(*job_id); !done.ok()) return done.ToString();
   for (const UnitName& name : acknowledged_at(life, step)) {
     if (farm.leased().count(name) != 0) return text(name) + " was acknowledged and leased again";
   }

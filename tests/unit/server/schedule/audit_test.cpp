@@ -11,7 +11,7 @@ namespace {
 
 using contract::Unit;
 
-const contract::Digest truth = contract::sha256("true"), lie = contract::sha256("false"),
+const contract::Digest truth = contract::sha256("true"), wrong = contract::sha256("false"),
                        other_lie = contract::sha256("other");
 
 using Names = std::vector<std::string>;
@@ -28,21 +28,21 @@ TEST(Audit, AgreementOfTwoSettles) {
 }
 
 TEST(Audit, ThirdResultDecidesDispute) {
-  for (const bool committer_lies : {false, true}) {
-    Audit audit("a", committer_lies ? lie : truth);
-    audit.answer("b", committer_lies ? truth : lie);
+  for (const bool committer_is_wrong : {false, true}) {
+    Audit audit("a", committer_is_wrong ? wrong : truth);
+    audit.answer("b", committer_is_wrong ? truth : wrong);
     EXPECT_TRUE(audit.is_disputed());
     EXPECT_FALSE(audit.is_settled());
     EXPECT_FALSE(audit.may_ask("a", true)) << "while there are others";
     audit.answer("c", truth);
     EXPECT_TRUE(audit.is_settled());
-    EXPECT_EQ(audit.faulty_workers(), Names{committer_lies ? "a" : "b"});
+    EXPECT_EQ(audit.faulty_workers(), Names{committer_is_wrong ? "a" : "b"});
   }
 }
 
 TEST(Audit, ThreeDifferentResultsNeedFourth) {
   Audit audit("a", truth);
-  audit.answer("b", lie);
+  audit.answer("b", wrong);
   audit.answer("c", other_lie);
   EXPECT_FALSE(audit.is_settled());
   audit.answer("d", truth);
@@ -52,7 +52,7 @@ TEST(Audit, ThreeDifferentResultsNeedFourth) {
 
 TEST(Audit, SelfContradictionDecidesBetweenTwo) {
   Audit audit("a", truth);
-  audit.answer("b", lie);
+  audit.answer("b", wrong);
   EXPECT_TRUE(audit.may_ask("a", false));
   audit.answer("a", truth);
   EXPECT_FALSE(audit.may_ask("a", false)) << "once";
@@ -64,9 +64,9 @@ TEST(Audit, SelfContradictionDecidesBetweenTwo) {
 
 TEST(Audit, TwoConsistentWorkersStayDisputed) {
   Audit audit("a", truth);
-  audit.answer("b", lie);
+  audit.answer("b", wrong);
   audit.answer("a", truth);
-  audit.answer("b", lie);
+  audit.answer("b", wrong);
   EXPECT_FALSE(audit.is_settled());
   EXPECT_FALSE(audit.may_ask("a", false));
   EXPECT_FALSE(audit.may_ask("b", false));
@@ -74,7 +74,7 @@ TEST(Audit, TwoConsistentWorkersStayDisputed) {
 
 TEST(Audit, SelfContradictingResultDoesNotCount) {
   Audit audit("a", truth);
-  audit.answer("b", lie);
+  audit.answer("b", wrong);
   audit.answer("c", other_lie);
   audit.answer("a", other_lie);
   audit.answer("d", truth);
@@ -86,7 +86,7 @@ TEST(Audit, SelfContradictingResultDoesNotCount) {
 
 TEST(Audit, FaultyWorkersResultsAreWithdrawn) {
   Audit audit("a", truth);
-  audit.answer("b", lie);
+  audit.answer("b", wrong);
   audit.disregard("b");
   EXPECT_FALSE(audit.is_disputed());
   EXPECT_FALSE(audit.is_settled());

@@ -267,7 +267,7 @@ TEST(Scheduler, UnsealedFailureIsIgnored) {
   const WorkerKey worker = farm.connect("w1");
   Lease lease = farm.outbox(worker).leases.at(0);
   lease.seal[0] = static_cast<char>(lease.seal[0] ^ 1);
-  farm.scheduler.fail_unit(worker, lease, lease.first_tile, {"", "lie", ""},
+  farm.scheduler.fail_unit(worker, lease, lease.first_tile, {"", "forged", ""},
                            absl::StatusCode::kInvalidArgument, farm.now);
   EXPECT_EQ(job.state, JobState::running);
 }
