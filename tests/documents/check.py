@@ -176,7 +176,7 @@ class Checks:
         if page.name == "CHANGELOG.md":
             return
         for code in INLINE_CODE.findall(text):
-            if code.startswith("cmake "):
+            if code.startswith("`cmake "):
                 continue
             for option in OPTION.findall(code):
                 if option not in known:
