@@ -26,6 +26,10 @@ void add_connection_options(CLI::App& command, Connection& connection) {
       ->type_name("FILE");
 }
 
+void add_job_argument(CLI::App& command, std::string& job) {
+  command.add_option("job", job, "Job ID, unique prefix, name, or `last`")->required();
+}
+
 std::string farm_folder() {
   const char* folder = std::getenv("XDG_RUNTIME_DIR");
   return folder != nullptr && *folder == '/' ? absl::StrCat(folder, "/tessera")

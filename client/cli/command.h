@@ -32,6 +32,9 @@ struct Invocation {
 /// holds the values of the configuration file and the environment.
 void add_connection_options(CLI::App& command, Connection& connection);
 
+/// Adds the required argument that names a job; see FarmClient::get_job().
+void add_job_argument(CLI::App& command, std::string& job);
+
 /// Returns the directory of the socket of the user's persistent farm (`tessera farm up`):
 /// $XDG_RUNTIME_DIR/tessera, else /tmp/tessera-UID. It may not exist.
 std::string farm_folder();

@@ -7,7 +7,8 @@
 namespace tessera::client {
 
 /// A TOML file with defaults for an app's options. Options on the command line and environment
-/// variables take precedence: a default that excludes one of them is ignored, as is one that needs an option without a value.
+/// variables take precedence: a default that excludes one of them is ignored, as is one that needs
+/// an option without a value.
 class ConfigFile : public CLI::ConfigTOML {
  public:
   /// `app` must outlive this object; it has parsed the command line when it reads the file.

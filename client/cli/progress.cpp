@@ -30,10 +30,7 @@ std::string figures(const v1::Job& job, double share) {
   absl::StrAppend(&text, "  ", progress.worker_count(),
                   progress.worker_count() == 1 ? " worker" : " workers");
   if (progress.has_remaining()) {
-    absl::StrAppend(&text, "  ",
-                    format_seconds(static_cast<double>(progress.remaining().seconds()) +
-                                   1e-9 * progress.remaining().nanos()),
-                    " left");
+    absl::StrAppend(&text, "  ", format_seconds(to_seconds(progress.remaining())), " left");
   }
   if (job.state() == v1::Job::STATE_PAUSED) absl::StrAppend(&text, "  paused");
   if (!job.reason().empty()) absl::StrAppend(&text, "  ", job.reason());
@@ -48,6 +45,10 @@ std::string format_count(double count) {
     count /= 1000;
   }
   return absl::StrFormat("%.1f T", count);
+}
+
+double to_seconds(const google::protobuf::Duration& span) {
+  return static_cast<double>(span.seconds()) + 1e-9 * span.nanos();
 }
 
 std::string format_seconds(double seconds) {

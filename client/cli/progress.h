@@ -1,5 +1,7 @@
 #pragma once
 
+#include <google/protobuf/duration.pb.h>
+
 #include <string>
 
 #include "tessera/v1/job_service.pb.h"
@@ -9,6 +11,9 @@ namespace tessera::client {
 /// Returns a progress line of at most `columns` characters: bar, percentage, samples, estimated
 /// error, workers, remaining time. The bar has at most 40 characters.
 std::string progress_line(const v1::Job& job, int columns);
+
+/// Converts a duration to seconds.
+double to_seconds(const google::protobuf::Duration& span);
 
 /// Formats seconds: 42 -> "42 s", 125 -> "2:05", 7384 -> "2:03:04".
 std::string format_seconds(double seconds);

@@ -84,7 +84,7 @@ void add_events_commands(CLI::App& app, Invocation& invocation) {
   const auto of_job = std::make_shared<EventsOptions>();
   CLI::App* logs =
       add_command(app, invocation, "logs", "Show the events and worker log lines of a job", of_job);
-  logs->add_option("job", of_job->job, "Job ID, unique prefix, name, or `last`")->required();
+  add_job_argument(*logs, of_job->job);
   logs->add_flag("--follow", of_job->follow, "Continuous output until the job ends");
   logs->footer(
       "The server keeps the newest lines in memory, since its last start. Workers send lines at or "

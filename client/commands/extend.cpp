@@ -50,7 +50,7 @@ void add_extend_command(CLI::App& app, Invocation& invocation) {
   CLI::App* command =
       app.add_subcommand("extend", "Raise the sample count of a job, or lower its target error");
   add_connection_options(*command, invocation.connection);
-  command->add_option("job", options->job, "Job ID, unique prefix, name, or `last`")->required();
+  add_job_argument(*command, options->job);
   command
       ->add_option("--spp", options->spp,
                    "New, higher number of samples per pixel (the maximum, with a target error)")

@@ -132,7 +132,7 @@ void add_fetch_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<FetchOptions>();
   CLI::App* command = app.add_subcommand("fetch", "Download a job's finished frames and report");
   add_connection_options(*command, invocation.connection);
-  command->add_option("job", options->job, "Job ID, unique prefix, name, or `last`")->required();
+  add_job_argument(*command, options->job);
   command->add_option("-o,--output", options->folder, "Directory for the files, created if missing")
       ->capture_default_str()
       ->type_name("DIR");

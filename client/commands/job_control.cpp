@@ -75,7 +75,7 @@ CLI::App* add_command(CLI::App& app, Invocation& invocation, const char* name,
                       const char* description, ControlOptions& options) {
   CLI::App* command = app.add_subcommand(name, description);
   add_connection_options(*command, invocation.connection);
-  command->add_option("job", options.job, "Job ID, unique prefix, name, or `last`")->required();
+  add_job_argument(*command, options.job);
   command->add_flag("--json", options.json, "JSON output");
   return command;
 }

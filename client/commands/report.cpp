@@ -179,7 +179,7 @@ void add_report_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<ReportOptions>();
   CLI::App* command = app.add_subcommand("report", "Show the results and costs of a job");
   add_connection_options(*command, invocation.connection);
-  command->add_option("job", options->job, "Job ID, unique prefix, name, or `last`")->required();
+  add_job_argument(*command, options->job);
   CLI::Option* json = command->add_flag("--json", options->json, "JSON output (tessera.report/1)");
   command->add_flag("--csv", options->csv, "CSV output of the error curves, one point per line")
       ->excludes(json);

@@ -19,10 +19,6 @@ struct StatusOptions {
   bool json = false;
 };
 
-double seconds(const google::protobuf::Duration& span) {
-  return static_cast<double>(span.seconds()) + 1e-9 * span.nanos();
-}
-
 std::string text_of(const v1::Job& job) {
   const v1::JobProgress& progress = job.progress();
   Table table({"job", absl::StrCat(job.id(), "  ", job.name())});
@@ -44,9 +40,9 @@ std::string text_of(const v1::Job& job) {
                           : "unknown"});
   table.add({"workers", std::to_string(progress.worker_count())});
   table.add({"cpu", absl::StrFormat("%.1f s", progress.cpu_seconds())});
-  table.add({"elapsed", format_seconds(seconds(progress.elapsed()))});
+  table.add({"elapsed", format_seconds(to_seconds(progress.elapsed()))});
   if (progress.has_remaining()) {
-    table.add({"remaining", format_seconds(seconds(progress.remaining()))});
+    table.add({"remaining", format_seconds(to_seconds(progress.remaining()))});
   }
   return table.text();
 }
@@ -67,7 +63,7 @@ void add_status_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<StatusOptions>();
   CLI::App* command = app.add_subcommand("status", "Show the state and progress of a job");
   add_connection_options(*command, invocation.connection);
-  command->add_option("job", options->job, "Job ID, unique prefix, name, or `last`")->required();
+  add_job_argument(*command, options->job);
   command->add_flag("--json", options->json, "JSON output (tessera.job/1)");
   command->footer("Examples:\n  tessera status last\n  tessera status 4f2a --json");
   command->callback([options, &invocation] {

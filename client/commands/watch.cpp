@@ -28,7 +28,7 @@ void add_watch_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<WatchOptions>();
   CLI::App* command = app.add_subcommand("watch", "Follow a job until it ends");
   add_connection_options(*command, invocation.connection);
-  command->add_option("job", options->job, "Job ID, unique prefix, name, or `last`")->required();
+  add_job_argument(*command, options->job);
   command->add_flag("--json", options->json, "JSON output, one object per line (tessera.job/1)");
   command->footer(
       "Exit code: 0 done, 1 failed or cancelled, 2 the scene is faulty, 4 done but the target "

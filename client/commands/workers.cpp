@@ -8,6 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/api/farm_client.h"
+#include "client/cli/progress.h"
 #include "client/cli/table.h"
 #include "client/commands/commands.h"
 
@@ -35,10 +36,6 @@ std::string state_name(v1::Worker::State state) {
   }
 }
 
-double seconds(const google::protobuf::Duration& span) {
-  return static_cast<double>(span.seconds()) + 1e-9 * span.nanos();
-}
-
 nlohmann::ordered_json document_of(const v1::Worker& worker) {
   nlohmann::ordered_json tags = nlohmann::ordered_json::array();
   for (const std::string& tag : worker.tags()) tags.push_back(tag);
@@ -53,7 +50,7 @@ nlohmann::ordered_json document_of(const v1::Worker& worker) {
           {"units_committed", worker.committed_unit_count()},
           {"cpu_seconds", worker.cpu_seconds()},
           {"rss_bytes", worker.rss_bytes()},
-          {"silence_seconds", seconds(worker.silence())}};
+          {"silence_seconds", to_seconds(worker.silence())}};
 }
 
 int run(const WorkersOptions& options, const Connection& connection) {

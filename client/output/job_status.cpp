@@ -13,10 +13,6 @@ namespace {
 
 constexpr std::chrono::milliseconds kWatchInterval{500};
 
-double seconds(const google::protobuf::Duration& span) {
-  return static_cast<double>(span.seconds()) + 1e-9 * span.nanos();
-}
-
 std::string rfc3339(const google::protobuf::Timestamp& moment) {
   return absl::FormatTime(
       "%Y-%m-%dT%H:%M:%E3SZ",
@@ -34,10 +30,10 @@ nlohmann::ordered_json progress_document(const v1::JobProgress& progress) {
                                      {"samples_committed", progress.committed_sample_count()},
                                      {"workers", progress.worker_count()},
                                      {"cpu_seconds", progress.cpu_seconds()},
-                                     {"elapsed_seconds", seconds(progress.elapsed())},
+                                     {"elapsed_seconds", to_seconds(progress.elapsed())},
                                      {"remaining_seconds", nullptr},
                                      {"estimated_error", nullptr}};
-  if (progress.has_remaining()) document["remaining_seconds"] = seconds(progress.remaining());
+  if (progress.has_remaining()) document["remaining_seconds"] = to_seconds(progress.remaining());
   if (progress.has_estimated_error()) document["estimated_error"] = progress.estimated_error();
   return document;
 }
