@@ -153,8 +153,8 @@ class Scheduler {
   /// A result that differs starts an audit, unless audits are off (audit_fraction 0).
   bool answer_audit(Job& job, const contract::Unit& unit, const Lease& lease, const Result& result,
                     const Result& committed, Time now);
-  /// Returns whether the worker is quarantined for wrong pixels or banned; its results are
-  /// rejected.
+  /// Returns whether the worker is quarantined for wrong pixels or banned; its further results are
+  /// then obsolete.
   bool is_quarantined(const std::string& worker_id) const {
     return quarantined_.count(worker_id) > 0;
   }
@@ -162,8 +162,8 @@ class Scheduler {
   // Orders ---------------------------------------------------------------------------------------
   /// Drains a worker. Returns whether it is connected.
   bool drain(const std::string& worker_id);
-  /// Bans a worker, connected or not: releases its units to others and rejects its results.
-  /// Committed results stay.
+  /// Bans a worker, connected or not: releases its units to others; its further results are
+  /// obsolete. Committed results stay.
   void ban(const std::string& worker_id);
   /// Lifts a worker's ban or quarantine. Returns whether the worker is known or had one.
   bool allow(const std::string& worker_id, Time now);
