@@ -11,8 +11,9 @@ namespace tessera::client {
 ///       auto options = std::make_shared<StatusOptions>();
 ///       CLI::App* command = app.add_subcommand("status", "Show the state and progress of a job");
 ///       add_connection_options(*command, invocation.connection);
-///       add_job_argument(*command, options->job); command->add_flag("--json", options->json, "JSON output
-///       (tessera.job/1)"); command->callback([options, &invocation] {
+///       add_job_argument(*command, options->job);
+///       command->add_flag("--json", options->json, "JSON output (tessera.job/1)");
+///       command->callback([options, &invocation] {
 ///         invocation.run = [options, &invocation] { return run(*options, invocation); };
 ///       });
 ///     }
