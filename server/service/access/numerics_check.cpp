@@ -19,8 +19,7 @@ absl::Status check_numerics(int contract_version, const std::string& numerics_sh
       absl::StrCat("numerics hash ", digest->hex(), " differs from render contract ",
                    contract::kRenderContract, "'s ", contract::kNumericsSha256,
                    ": this worker computes other pixels; use the released packages, or check the "
-                   "versions of its "
-                   "image libraries and its compiler flags"));
+                   "versions of its image libraries and its compiler flags"));
 }
 
 }  // namespace tessera::server
