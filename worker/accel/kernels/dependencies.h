@@ -9,6 +9,7 @@
 
 #include <immintrin.h>
 
+#include <cassert>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>

@@ -71,9 +71,10 @@ struct PacketRays {
   alignas(64) float slack[kPacketSize];
   alignas(64) float cull[kPacketSize];  // boxes entered after this are of no use to the ray
 
-  /// Leaves `cull` uninitialized. Lanes beyond the last ray repeat the first.
+  /// Leaves `cull` uninitialized. Lanes beyond the last ray repeat the first. Requires a ray.
   PacketRays(const RayLanes<Isa>& rays, int direction_class, const Box3f& bounds)
       : count(rays.count) {
+    assert(count > 0);
     kz = direction_class / 8;
     kx = kz == 2 ? 0 : kz + 1;
     ky = kx == 2 ? 0 : kx + 1;

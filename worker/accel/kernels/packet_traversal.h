@@ -204,9 +204,9 @@ class MeshPacket {
   /// triangle that the ray skips.
   MeshPacket(const Mesh& mesh, std::uint32_t instance, const RayLanes<Isa>& lanes,
              int direction_class, const std::uint32_t* excluded_ranks, Query* queries)
-      : mesh_(mesh),
+      : rays_(lanes, direction_class, mesh.bounds),
+        mesh_(mesh),
         instance_(instance),
-        rays_(lanes, direction_class, mesh.bounds),
         index_(lanes.index),
         excluded_ranks_(excluded_ranks),
         queries_(queries) {
@@ -293,6 +293,18 @@ class MeshPacket {
     return done;
   }
 
+  /// Offers the hits of a triangle to the accepted rays of a group; returns those that are
+  /// satisfied.
+  RayMask offer_to_rays(int first, std::uint32_t accepted, std::uint32_t rank,
+                        const RayHits<Isa>& hits) {
+    RayMask done = 0;
+    for (; accepted != 0; accepted &= accepted - 1) {
+      const int lane = __builtin_ctz(accepted);
+      if (offer(first + lane, rank, hits, lane)) done |= RayMask{1} << (first + lane);
+    }
+    return done;
+  }
+
   RayMask intersect_by_triangle(const TriangleBlock& block, std::uint32_t triangles, RayMask mask) {
     RayMask done = 0;
     for (; triangles != 0; triangles &= triangles - 1) {
@@ -301,26 +313,21 @@ class MeshPacket {
         const auto wanted = static_cast<std::uint32_t>((mask & ~done) >> first & kGroupMask<Isa>);
         if (wanted == 0) continue;
         RayHits<Isa> hits;
-        std::uint32_t accepted =
+        const std::uint32_t accepted =
             wanted & intersect_rays(rays_, first, block, triangle, limits_, hits);
-        for (; accepted != 0; accepted &= accepted - 1) {
-          const int lane = __builtin_ctz(accepted);
-          if (offer(first + lane, block.rank[triangle], hits, lane)) {
-            done |= RayMask{1} << (first + lane);
-          }
-        }
+        done |= offer_to_rays(first, accepted, block.rank[triangle], hits);
       }
     }
     return done;
   }
 
+  PacketRays<Isa> rays_;
+  alignas(64) float limits_[kPacketSize];
   const Mesh& mesh_;
   const std::uint32_t instance_;
-  PacketRays<Isa> rays_;
   const std::uint8_t* index_;
   const std::uint32_t* excluded_ranks_;
   Query* queries_;
-  alignas(64) float limits_[kPacketSize];
 };
 
 /// Groups rays by direction class: calls `packet(rays, direction_class)` for each class of
