@@ -13,14 +13,13 @@ function(tessera_precompiled name)
   set(source ${PROJECT_BINARY_DIR}/precompiled/${name}.cpp)
   file(CONFIGURE OUTPUT ${source} CONTENT "")
   add_library(tessera_precompiled_${name} OBJECT ${source})
-  target_link_libraries(tessera_precompiled_${name} PRIVATE tessera::flags Threads::Threads ${arg_LINKS})
+  target_link_libraries(tessera_precompiled_${name} PRIVATE tessera::flags ${arg_LINKS})
   target_precompile_headers(tessera_precompiled_${name} PRIVATE ${arg_HEADERS})
 endfunction()
 
 # Applied by tessera_layer().
 function(tessera_use_precompiled target)
   if(TESSERA_PRECOMPILED_HEADERS AND TESSERA_PRECOMPILED)
-    target_link_libraries(${target} PRIVATE Threads::Threads)  # the flags must be those of the header
     target_precompile_headers(${target} REUSE_FROM tessera_precompiled_${TESSERA_PRECOMPILED})
   endif()
 endfunction()
