@@ -92,18 +92,9 @@ Pair log_pair(double x) {
 
 double atan2_finite(double y, double x) {
   constexpr double kC[] = {-1.0 / 3, 1.0 / 5, -1.0 / 7, 1.0 / 9, -1.0 / 11, 1.0 / 13};
-  double small = std::fabs(y), large = std::fabs(x);
-  const bool steep = small > large;
-  if (steep) {
-    const double t = small;
-    small = large;
-    large = t;
-  }
-  if (large == kInf) {
-    small = small == large ? 1 : 0;
-    large = 1;
-  }
-  if (large == 0) large = 1;
+  const AtanSides sides = atan_sides(y, x);
+  const bool steep = sides.steep;
+  double small = sides.small, large = sides.large;
   const double scale = large > 0x1p1000 ? 0x1p-200 : large < 0x1p-800 ? 0x1p200 : 1.0;
   small *= scale;
   large *= scale;
@@ -133,16 +124,7 @@ SinCosd sincos(double x) {
   if (x == 0) return {x, 1};
   const ReducedAngle r = reduce(x);
   const double s = sin_polynomial(r.high, r.low), c = cos_polynomial(r.high, r.low);
-  switch (r.quadrant) {
-    case 0:
-      return {s, c};
-    case 1:
-      return {c, -s};
-    case 2:
-      return {-s, -c};
-    default:
-      return {-c, s};
-  }
+  return rotate_quadrants(s, c, r.quadrant);
 }
 
 double sin(double x) {

@@ -43,23 +43,10 @@ double cos_polynomial(double a) {
   return horner(kC, a * a);
 }
 
-struct SinCosWide {
-  double sin, cos;
-};
-
-SinCosWide sincos_wide(float x) {
+SinCosd sincos_wide(float x) {
   const ShortAngle r = reduce(x);
   const double s = sin_polynomial(r.angle), c = cos_polynomial(r.angle);
-  switch (r.quadrant) {
-    case 0:
-      return {s, c};
-    case 1:
-      return {c, -s};
-    case 2:
-      return {-s, -c};
-    default:
-      return {-c, s};
-  }
+  return rotate_quadrants(s, c, r.quadrant);
 }
 
 /// e^x in double, with a relative error of 2^-33. Requires |x| <= 110.
@@ -88,18 +75,7 @@ double log_wide(double x) {
 /// of magnitudes of float.
 double atan2_wide(double y, double x) {
   constexpr double kC[] = {-1.0 / 3, 1.0 / 5, -1.0 / 7, 1.0 / 9};
-  double small = std::fabs(y), large = std::fabs(x);
-  const bool steep = small > large;
-  if (steep) {
-    const double t = small;
-    small = large;
-    large = t;
-  }
-  if (large == std::numeric_limits<double>::infinity()) {
-    small = small == large ? 1 : 0;
-    large = 1;
-  }
-  if (large == 0) large = 1;
+  const auto [small, large, steep] = atan_sides(y, x);
   const double index = std::floor(std::fma(small / large, 8.0, 0.5));
   const double c = index * 0.125;
   const double a = std::fma(-c, large, small) / std::fma(c, small, large);
@@ -115,7 +91,7 @@ double atan2_wide(double y, double x) {
 SinCosf sincos(float x) {
   if (!std::isfinite(x)) return {kNan, kNan};
   if (x == 0) return {x, 1};
-  const SinCosWide r = sincos_wide(x);
+  const SinCosd r = sincos_wide(x);
   return {static_cast<float>(r.sin), static_cast<float>(r.cos)};
 }
 
@@ -130,7 +106,7 @@ float cos(float x) {
 float tan(float x) {
   if (!std::isfinite(x)) return kNan;
   if (x == 0) return x;
-  const SinCosWide r = sincos_wide(x);
+  const SinCosd r = sincos_wide(x);
   return static_cast<float>(r.sin / r.cos);
 }
 

@@ -4,6 +4,9 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
+
+#include "worker/math/elementary.h"
 
 /// Constants and steps shared by elementary_float.cpp, elementary_double.cpp and huge_angle.cpp.
 namespace tessera::render::elementary {
@@ -54,6 +57,41 @@ struct ReducedAngle {
   double high, low;
   int quadrant;
 };
+
+/// Sine and cosine of an angle from those of the reduced angle.
+inline SinCosd rotate_quadrants(double sin, double cos, int quadrant) {
+  switch (quadrant) {
+    case 0:
+      return {sin, cos};
+    case 1:
+      return {cos, -sin};
+    case 2:
+      return {-sin, -cos};
+    default:
+      return {-cos, sin};
+  }
+}
+
+/// The sides of a right triangle for atan2(y, x): small <= large, both finite, large > 0.
+struct AtanSides {
+  double small, large;
+  bool steep;  // whether |y| > |x|
+};
+inline AtanSides atan_sides(double y, double x) {
+  double small = std::fabs(y), large = std::fabs(x);
+  const bool steep = small > large;
+  if (steep) {
+    const double t = small;
+    small = large;
+    large = t;
+  }
+  if (large == std::numeric_limits<double>::infinity()) {
+    small = small == large ? 1 : 0;
+    large = 1;
+  }
+  if (large == 0) large = 1;
+  return {small, large, steep};
+}
 
 /// Largest |x| for three-part Cody-Waite reduction; larger arguments use reduce_huge_angle().
 inline constexpr double kCodyWaiteLimit = 0x1p20;

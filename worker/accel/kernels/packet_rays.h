@@ -40,7 +40,7 @@ struct RayLanes {
         {from.direction[0][i], from.direction[1][i], from.direction[2][i]}, from.index[i]);
   }
 
-  /// What the rays of a packet must have in common: the axis of the largest direction component,
+  /// The property that the rays of a packet share: the axis of the largest direction component,
   /// times eight, plus the signs of the components; or kNoDirectionClass.
   int direction_class(int i) const {
     const Vec3f o = {origin[0][i], origin[1][i], origin[2][i]};

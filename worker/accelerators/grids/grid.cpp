@@ -103,27 +103,9 @@ UniformGrid::UniformGrid(std::span<const Box3f> boxes, std::vector<std::uint32_t
 bool UniformGrid::traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
                            Mailbox& mailbox, TraversalStats& stats) const {
   if (!grid_.covers(ray)) return visit_all(shapes_, visit, mailbox);
-  const Segment part = grid_.inside(ray, limit);
-  if (part.empty()) return false;
-  GridTraversal traversal(grid_, ray, part.first);
-  do {
-    ++stats.nodes;
-    if (visit_all(cells_.of(grid_.index(traversal.cell())), visit, mailbox)) return true;
-  } while (!(static_cast<double>(limit) < traversal.exit()) && traversal.next());
-  return false;
-}
-
-bool visit_all(std::span<const std::uint32_t> shapes, const ShapeVisitor& visit, Mailbox& mailbox) {
-  for (const std::uint32_t shape : shapes) {
-    if (mailbox.add(shape) && visit(shape)) return true;
-  }
-  return false;
-}
-
-std::vector<std::uint32_t> all_shapes(std::uint32_t count) {
-  std::vector<std::uint32_t> all(count);
-  for (std::uint32_t i = 0; i < count; ++i) all[i] = i;
-  return all;
+  return traverse_cells(grid_, ray, limit, stats, [&](std::size_t cell) {
+    return visit_all(cells_.of(cell), visit, mailbox);
+  });
 }
 
 Box3d box_of(std::span<const Box3f> boxes, std::span<const std::uint32_t> shapes) {

@@ -120,6 +120,21 @@ class GridTraversal {
   std::array<double, 3> exit_{};
 };
 
+/// Calls `visit(cell)` for each cell along the ray up to the limit, which is read at every step,
+/// until it returns true; returns whether it did.
+template <typename Visit>
+bool traverse_cells(const Grid& grid, const ShapeRay& ray, const float& limit,
+                    TraversalStats& stats, const Visit& visit) {
+  const Segment part = grid.inside(ray, limit);
+  if (part.empty()) return false;
+  GridTraversal traversal(grid, ray, part.first);
+  do {
+    ++stats.nodes;
+    if (visit(grid.index(traversal.cell()))) return true;
+  } while (!(static_cast<double>(limit) < traversal.exit()) && traversal.next());
+  return false;
+}
+
 /// The shapes of each cell of a grid.
 class CellLists {
  public:
@@ -157,13 +172,6 @@ class UniformGrid {
   Grid grid_;
   CellLists cells_;
 };
-
-/// Visits the shapes that are not in the mailbox until `visit` returns true; returns whether it
-/// did.
-bool visit_all(std::span<const std::uint32_t> shapes, const ShapeVisitor& visit, Mailbox& mailbox);
-
-/// 0, 1, … count - 1.
-std::vector<std::uint32_t> all_shapes(std::uint32_t count);
 
 /// The box around the `shapes`, which are indices of `boxes`.
 Box3d box_of(std::span<const Box3f> boxes, std::span<const std::uint32_t> shapes);

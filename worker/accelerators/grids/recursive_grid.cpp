@@ -45,19 +45,11 @@ class Level {
   bool traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
                 Mailbox& mailbox, TraversalStats& stats) const {
     if (!grid_.covers(ray)) return visit_all(shapes_, visit, mailbox);
-    const Segment part = grid_.inside(ray, limit);
-    if (part.empty()) return false;
-    GridTraversal traversal(grid_, ray, part.first);
-    do {
-      ++stats.nodes;
-      const std::size_t index = grid_.index(traversal.cell());
-      const std::uint32_t below = below_[index];
-      const bool satisfied = below == 0
-                                 ? visit_all(cells_.of(index), visit, mailbox)
-                                 : levels_[below - 1]->traverse(ray, limit, visit, mailbox, stats);
-      if (satisfied) return true;
-    } while (!(static_cast<double>(limit) < traversal.exit()) && traversal.next());
-    return false;
+    return traverse_cells(grid_, ray, limit, stats, [&](std::size_t cell) {
+      const std::uint32_t below = below_[cell];
+      return below == 0 ? visit_all(cells_.of(cell), visit, mailbox)
+                        : levels_[below - 1]->traverse(ray, limit, visit, mailbox, stats);
+    });
   }
 
   std::size_t memory_bytes() const {

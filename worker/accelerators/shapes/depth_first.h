@@ -39,8 +39,8 @@ struct DepthFirstTraversal {
 };
 
 /// Visits the shapes below a node that a ray hits, those of the child that it enters first before
-/// the other's. Ends and returns true when a visit returns true. `hits(node, enter)` returns whether
-/// the ray may hit a node within the limit and sets the t (double) at which it enters.
+/// the other's. Ends and returns true when a visit returns true. `hits(node, enter)` returns
+/// whether the ray may hit a node within the limit and sets the t (double) at which it enters.
 template <typename Meets>
 bool traverse_near_first(const DepthFirstTraversal& traversal, const Meets& hits,
                          std::uint32_t index = 0) {

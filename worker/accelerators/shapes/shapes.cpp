@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace tessera::render::accelerators {
 
@@ -23,6 +24,12 @@ bool make_shape_ray(const Vec3f& origin, const Vec3f& direction, const Box3f& al
   ray.near = kNear * reach;
   ray.hull_slack = ray.near * steepest;
   return true;
+}
+
+std::vector<std::uint32_t> all_shapes(std::uint32_t count) {
+  std::vector<std::uint32_t> all(count);
+  std::iota(all.begin(), all.end(), 0u);
+  return all;
 }
 
 }  // namespace tessera::render::accelerators

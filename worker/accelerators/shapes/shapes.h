@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <vector>
 
 #include "worker/geometry/bounds.h"
 #include "worker/geometry/object_ray.h"
@@ -135,5 +136,27 @@ class Mailbox {
  private:
   std::array<std::uint32_t, 256> met_;
 };
+
+/// Arguments of a recursive traversal that do not change during it.
+struct ShapeTraversal {
+  const ShapeRay& ray;
+  const float& limit;
+  const ShapeVisitor& visit;
+  Mailbox& mailbox;
+  TraversalStats& stats;
+};
+
+/// Visits the shapes that are not in the mailbox until `visit` returns true; returns whether it
+/// did.
+inline bool visit_all(std::span<const std::uint32_t> shapes, const ShapeVisitor& visit,
+                      Mailbox& mailbox) {
+  for (const std::uint32_t shape : shapes) {
+    if (mailbox.add(shape) && visit(shape)) return true;
+  }
+  return false;
+}
+
+/// 0, 1, … count - 1.
+std::vector<std::uint32_t> all_shapes(std::uint32_t count);
 
 }  // namespace tessera::render::accelerators

@@ -105,11 +105,9 @@ class Builder {
 class KdTree final : public ShapeIndex {
  public:
   explicit KdTree(const ShapeBounds& shapes) {
-    std::vector<std::uint32_t> all(shapes.size());
-    for (std::uint32_t i = 0; i < shapes.size(); ++i) all[i] = i;
     Builder builder(shapes);
     const int depth = 8 + static_cast<int>(std::bit_width(shapes.size())) * 13 / 10;
-    builder.build(std::move(all), shapes.all(), depth);
+    builder.build(all_shapes(shapes.size()), shapes.all(), depth);
     nodes_ = std::move(builder.nodes);
     items_ = std::move(builder.items);
   }
@@ -124,25 +122,14 @@ class KdTree final : public ShapeIndex {
   }
 
  private:
-  struct Traversal {
-    const ShapeRay& ray;
-    const float& limit;
-    const ShapeVisitor& visit;
-    Mailbox& mailbox;
-    TraversalStats& stats;
-  };
-
-  bool descend(std::uint32_t index, Segment part, const Traversal& traversal) const {
+  bool descend(std::uint32_t index, Segment part, const ShapeTraversal& traversal) const {
     part.last = std::min(part.last, static_cast<double>(traversal.limit));
     if (part.empty()) return false;
     const Node& node = nodes_[index];
     ++traversal.stats.nodes;
     if (node.axis < 0) {
-      for (std::uint32_t i = 0; i < node.above; ++i) {
-        const std::uint32_t shape = items_[node.below + i];
-        if (traversal.mailbox.add(shape) && traversal.visit(shape)) return true;
-      }
-      return false;
+      return visit_all(std::span(items_).subspan(node.below, node.above), traversal.visit,
+                       traversal.mailbox);
     }
     const double plane = node.plane, near = traversal.ray.near;
     const Segment below = clip(traversal.ray, part, node.axis, plane + near, false);

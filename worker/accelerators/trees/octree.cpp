@@ -33,12 +33,10 @@ struct Cube {
 class Octree final : public ShapeIndex {
  public:
   explicit Octree(const ShapeBounds& shapes) {
-    std::vector<std::uint32_t> all(shapes.size());
-    for (std::uint32_t i = 0; i < shapes.size(); ++i) all[i] = i;
     const Box3f box = shapes.all();
     const Vec3d lo(box.lo), size = Vec3d(box.hi) - lo;
     nodes_.emplace_back();
-    build(0, shapes, std::move(all), {lo, max_component(size)}, kMaxDepth);
+    build(0, shapes, all_shapes(shapes.size()), {lo, max_component(size)}, kMaxDepth);
   }
 
   bool traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
@@ -108,11 +106,8 @@ class Octree final : public ShapeIndex {
   bool descend(const Node& node, Segment part, const Traversal& traversal) const {
     ++traversal.stats.nodes;
     if (node.children == 0) {
-      for (std::uint32_t i = 0; i < node.count; ++i) {
-        const std::uint32_t shape = items_[node.first + i];
-        if (traversal.mailbox.add(shape) && traversal.visit(shape)) return true;
-      }
-      return false;
+      return visit_all(std::span(items_).subspan(node.first, node.count), traversal.visit,
+                       traversal.mailbox);
     }
     for (std::uint32_t i = 0; i < 8; ++i) {
       const std::uint32_t octant = i ^ traversal.backwards;

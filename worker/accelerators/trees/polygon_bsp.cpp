@@ -143,10 +143,9 @@ class Builder {
 class PolygonBsp final : public ShapeIndex {
  public:
   explicit PolygonBsp(const ShapeBounds& shapes) {
-    std::vector<std::uint32_t> all(shapes.size());
-    for (std::uint32_t i = 0; i < shapes.size(); ++i) all[i] = i;
     Builder builder(shapes);
-    builder.build(std::move(all), 2 * static_cast<int>(std::bit_width(shapes.size())) + 4);
+    builder.build(all_shapes(shapes.size()),
+                  2 * static_cast<int>(std::bit_width(shapes.size())) + 4);
     nodes_ = std::move(builder.nodes);
     items_ = std::move(builder.items);
   }
@@ -161,21 +160,13 @@ class PolygonBsp final : public ShapeIndex {
   }
 
  private:
-  struct Traversal {
-    const ShapeRay& ray;
-    const float& limit;
-    const ShapeVisitor& visit;
-    Mailbox& mailbox;
-    TraversalStats& stats;
-  };
-
-  bool descend(const Node& node, const Traversal& traversal) const {
+  bool descend(const Node& node, const ShapeTraversal& traversal) const {
     const EnterLeave t = enter_leave(traversal.ray.slabs, node.box.lo, node.box.hi);
     if (!(t.enter <= t.leave) || t.leave < 0 || t.enter > traversal.limit) return false;
     ++traversal.stats.nodes;
-    for (std::uint32_t i = 0; i < node.count; ++i) {
-      const std::uint32_t shape = items_[node.first + i];
-      if (traversal.mailbox.add(shape) && traversal.visit(shape)) return true;
+    if (visit_all(std::span(items_).subspan(node.first, node.count), traversal.visit,
+                  traversal.mailbox)) {
+      return true;
     }
     if (node.front == 0 && node.back == 0) return false;
     const double slack = traversal.ray.hull_slack;
