@@ -163,10 +163,10 @@ std::string DiskModel::torn_bytes(int node, std::uint64_t seed) const {
   const auto id = static_cast<std::uint64_t>(node);
   std::string bytes = file.synced;
   // Keep none of the unsynced writes, all, torn ends, lengths only, or a mixture.
-  const std::uint64_t habit = draw(seed, id, ~std::uint64_t{0}) % 5;
+  const std::uint64_t mode = draw(seed, id, ~std::uint64_t{0}) % 5;
   for (std::size_t i = 0; i < file.unsynced.size(); ++i) {
     const Write& write = file.unsynced[i];
-    const std::uint64_t fate = habit < 4 ? habit : draw(seed, id, i) % 4;
+    const std::uint64_t fate = mode < 4 ? mode : draw(seed, id, i) % 4;
     if (write.is_truncate) {
       if (fate != 0) bytes.resize(static_cast<std::size_t>(write.offset), '\0');
       continue;

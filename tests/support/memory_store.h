@@ -208,10 +208,10 @@ class MemoryStore final : public Store {
     const std::lock_guard lock(mutex_);
     return std::vector<std::string>(banned_.begin(), banned_.end());
   }
-  absl::Status record_join(const Join& join, std::int64_t most) override {
+  absl::Status record_join(const Join& join, std::int64_t max_joins) override {
     const std::lock_guard lock(mutex_);
     std::set<std::string>& joined = joins_[join.token_id];
-    const bool is_full = most > 0 && static_cast<std::int64_t>(joined.size()) >= most;
+    const bool is_full = max_joins > 0 && static_cast<std::int64_t>(joined.size()) >= max_joins;
     if (is_full && joined.count(join.worker_id) == 0) return absl::PermissionDeniedError("used up");
     joined.insert(join.worker_id);
     return absl::OkStatus();

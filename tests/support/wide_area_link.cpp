@@ -178,22 +178,22 @@ int main(int argc, char** argv) {
   void* memory = ::mmap(nullptr, sizeof(Control), PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
   check(memory != MAP_FAILED, "mmap");
   auto& control = *static_cast<Control*>(memory);
-  const Site here = make_site(kAddresses[0], kAddresses[1]);
-  const Site there = make_site(kAddresses[1], kAddresses[0]);
-  std::printf("/proc/%d/fd/%d /proc/%d/fd/%d\n", ::getpid(), here.space, ::getpid(), there.space);
+  const Site first = make_site(kAddresses[0], kAddresses[1]);
+  const Site second = make_site(kAddresses[1], kAddresses[0]);
+  std::printf("/proc/%d/fd/%d /proc/%d/fd/%d\n", ::getpid(), first.space, ::getpid(), second.space);
   std::fflush(stdout);
 
-  std::array<Direction, 2> ways = {Direction(here.device, there.device, control, 1),
-                                   Direction(there.device, here.device, control, 2)};
-  std::array<pollfd, 2> ends = {pollfd{here.device, POLLIN, 0}, pollfd{there.device, POLLIN, 0}};
+  std::array<Direction, 2> directions = {Direction(first.device, second.device, control, 1),
+                                         Direction(second.device, first.device, control, 2)};
+  std::array<pollfd, 2> ends = {pollfd{first.device, POLLIN, 0}, pollfd{second.device, POLLIN, 0}};
   for (;;) {
     const auto now = Clock::now();
-    const auto next = std::min(ways[0].write(now), ways[1].write(now));
+    const auto next = std::min(directions[0].write(now), directions[1].write(now));
     const auto wait = std::clamp<nanoseconds>(next - now, nanoseconds(0), std::chrono::seconds(1));
     const timespec span = {wait.count() / 1'000'000'000, wait.count() % 1'000'000'000};
     if (::ppoll(ends.data(), ends.size(), &span, nullptr) < 0) return 1;
-    for (std::size_t i = 0; i < ways.size(); ++i) {
-      if ((ends[i].revents & POLLIN) != 0) ways[i].read(Clock::now());
+    for (std::size_t i = 0; i < directions.size(); ++i) {
+      if ((ends[i].revents & POLLIN) != 0) directions[i].read(Clock::now());
     }
   }
 }

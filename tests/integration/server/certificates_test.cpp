@@ -16,9 +16,9 @@ using grpc::StatusCode;
 using CertificatesTest = SecureFarm;
 
 TEST_F(CertificatesTest, EveryRoleCanConnect) {
-  EXPECT_TRUE(knock("ann").ok());
-  EXPECT_TRUE(knock("root").ok());
-  EXPECT_EQ(knock("w1").error_code(), StatusCode::PERMISSION_DENIED) << "in, but no client";
+  EXPECT_TRUE(try_call("ann").ok());
+  EXPECT_TRUE(try_call("root").ok());
+  EXPECT_EQ(try_call("w1").error_code(), StatusCode::PERMISSION_DENIED) << "in, but no client";
 }
 
 TEST_F(CertificatesTest, MissingCertificateIsRefused) {
@@ -29,38 +29,40 @@ TEST_F(CertificatesTest, MissingCertificateIsRefused) {
   options.watch_root_certs();
   const auto anonymous =
       grpc::CreateChannel(server_->address(), grpc::experimental::TlsCredentials(options));
-  EXPECT_EQ(knock(anonymous).error_code(), StatusCode::UNAVAILABLE);
+  EXPECT_EQ(try_call(anonymous).error_code(), StatusCode::UNAVAILABLE);
   const auto plain = grpc::CreateChannel(server_->address(), grpc::InsecureChannelCredentials());
-  EXPECT_EQ(knock(plain).error_code(), StatusCode::UNAVAILABLE);
+  EXPECT_EQ(try_call(plain).error_code(), StatusCode::UNAVAILABLE);
 }
 
 TEST_F(CertificatesTest, ForeignAuthorityIsRefused) {
   const std::string other = folder_ + "/other";
   ASSERT_TRUE(make_authority(other, year()).ok());
   ASSERT_TRUE(issue(other, Role::admin, "root", folder_ + "/stranger", year()).ok());
-  EXPECT_EQ(knock("stranger").error_code(), StatusCode::UNAVAILABLE) << "it distrusts the server";
+  EXPECT_EQ(try_call("stranger").error_code(), StatusCode::UNAVAILABLE)
+      << "it distrusts the server";
   ASSERT_TRUE(
       write_file(folder_ + "/stranger/ca.crt", read_file(certs_ + "/ca.crt").value(), 0644).ok());
-  EXPECT_EQ(knock("stranger").error_code(), StatusCode::UNAVAILABLE) << "the server distrusts it";
+  EXPECT_EQ(try_call("stranger").error_code(), StatusCode::UNAVAILABLE)
+      << "the server distrusts it";
 }
 
 TEST_F(CertificatesTest, ValidityPeriodIsEnforced) {
   const std::int64_t now = std::time(nullptr);
   ASSERT_TRUE(issue(certs_, Role::client, "ann", certs_of("late"), {now - 7200, now - 3600}).ok());
   ASSERT_TRUE(issue(certs_, Role::client, "ann", certs_of("early"), {now + 3600, now + 7200}).ok());
-  EXPECT_EQ(knock("late").error_code(), StatusCode::UNAVAILABLE);
-  EXPECT_EQ(knock("early").error_code(), StatusCode::UNAVAILABLE);
+  EXPECT_EQ(try_call("late").error_code(), StatusCode::UNAVAILABLE);
+  EXPECT_EQ(try_call("early").error_code(), StatusCode::UNAVAILABLE);
 }
 
 TEST_F(CertificatesTest, ExpiryEndsOpenConnections) {
   const std::int64_t now = std::time(nullptr);
   ASSERT_TRUE(issue(certs_, Role::client, "ann", certs_of("brief"), {now - 60, now + 8}).ok());
   const auto open = channel("brief");
-  ASSERT_TRUE(knock(open).ok());
+  ASSERT_TRUE(try_call(open).ok());
   grpc::Status answer;
   while (std::time(nullptr) < now + 30 && answer.ok()) {
     std::this_thread::sleep_for(std::chrono::milliseconds(200));
-    answer = knock(open);
+    answer = try_call(open);
   }
   EXPECT_EQ(answer.error_code(), StatusCode::UNAUTHENTICATED);
 }
@@ -70,44 +72,44 @@ TEST_F(CertificatesTest, ClientChecksServerName) {
   const auto server = start_server(certs_);
   ASSERT_TRUE(server.ok());
   const auto to = contract::open_channel((*server)->address(), certs_of("ann")).value();
-  EXPECT_EQ(knock(to).error_code(), StatusCode::UNAVAILABLE);
+  EXPECT_EQ(try_call(to).error_code(), StatusCode::UNAVAILABLE);
 }
 
 TEST_F(CertificatesTest, WorkerCertificateCannotServe) {
   const auto impostor = start_server(certs_of("w1"));
   ASSERT_TRUE(impostor.ok());
   const auto to = contract::open_channel((*impostor)->address(), certs_of("ann")).value();
-  EXPECT_EQ(knock(to).error_code(), StatusCode::UNAVAILABLE);
+  EXPECT_EQ(try_call(to).error_code(), StatusCode::UNAVAILABLE);
 }
 
 TEST_F(CertificatesTest, RenewalNeedsNoRestart) {
   ASSERT_TRUE(issue_server(certs_, {"elsewhere.example"}, year()).ok());
   const auto server = start_server(certs_);
   ASSERT_TRUE(server.ok());
-  const auto knock_anew = [&] {
-    return knock(contract::open_channel((*server)->address(), certs_of("ann")).value());
+  const auto try_new_connection = [&] {
+    return try_call(contract::open_channel((*server)->address(), certs_of("ann")).value());
   };
-  ASSERT_EQ(knock_anew().error_code(), StatusCode::UNAVAILABLE);
+  ASSERT_EQ(try_new_connection().error_code(), StatusCode::UNAVAILABLE);
   ASSERT_TRUE(issue_server(certs_, {"127.0.0.1"}, year()).ok());
   const auto limit = std::chrono::steady_clock::now() + std::chrono::seconds(20);
   grpc::Status status;
   do {
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
-    status = knock_anew();
+    status = try_new_connection();
   } while (!status.ok() && std::chrono::steady_clock::now() < limit);
   EXPECT_TRUE(status.ok()) << status.error_message();
 }
 
 TEST_F(CertificatesTest, RevokedNameCanBeReissued) {
   const auto open = channel("ann");
-  ASSERT_TRUE(knock(open).ok());
+  ASSERT_TRUE(try_call(open).ok());
   ASSERT_TRUE(revoke(certs_, Role::client, "ann").ok());
   std::this_thread::sleep_for(std::chrono::milliseconds(1100));  // the list is read every second
-  EXPECT_EQ(knock(open).error_code(), StatusCode::UNAUTHENTICATED) << "on the open connection";
-  EXPECT_EQ(knock("ann").error_code(), StatusCode::UNAUTHENTICATED) << "on a new one";
-  EXPECT_TRUE(knock("bob").ok());
+  EXPECT_EQ(try_call(open).error_code(), StatusCode::UNAUTHENTICATED) << "on the open connection";
+  EXPECT_EQ(try_call("ann").error_code(), StatusCode::UNAUTHENTICATED) << "on a new one";
+  EXPECT_TRUE(try_call("bob").ok());
   ASSERT_TRUE(issue(certs_, Role::client, "ann", certs_of("again"), year()).ok());
-  EXPECT_TRUE(knock("again").ok());
+  EXPECT_TRUE(try_call("again").ok());
 }
 
 TEST_F(CertificatesTest, ServerNamesMissingFiles) {

@@ -66,11 +66,11 @@ TEST_F(GreedyClient, ExcessCallsOfOneClientAreRefused) {
   const auto ann = channel("ann");
   int refused = 0;
   for (int i = 0; i < 40; ++i) {
-    refused += knock(ann).error_code() == grpc::StatusCode::UNAVAILABLE ? 1 : 0;
+    refused += try_call(ann).error_code() == grpc::StatusCode::UNAVAILABLE ? 1 : 0;
   }
   EXPECT_GE(refused, 20);
-  EXPECT_TRUE(knock("bob").ok());
-  EXPECT_TRUE(knock("root").ok());
+  EXPECT_TRUE(try_call("bob").ok());
+  EXPECT_TRUE(try_call("root").ok());
 }
 
 TEST_F(GreedyClient, ExcessUploadsAreRefused) {
@@ -98,7 +98,7 @@ TEST_F(SecureFarm, SilentConnectionsDoNotBlockClients) {
     }
   }
   const auto begun = std::chrono::steady_clock::now();
-  EXPECT_TRUE(knock("ann").ok());
+  EXPECT_TRUE(try_call("ann").ok());
   EXPECT_LT(std::chrono::steady_clock::now() - begun, std::chrono::seconds(20));
   for (const int socket : silent) ::close(socket);
 }

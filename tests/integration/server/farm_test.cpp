@@ -392,7 +392,8 @@ TEST_F(FarmTest, InvalidDeliveryEndsStream) {
       {"an empty chunk", [](auto& m) { m.mutable_parts(0)->clear_chunk(); }},
       {"a chunk too long",
        [](auto& m) { m.mutable_parts(0)->set_chunk(std::string((64 << 10) + 1, 'x')); }},
-      {"more bytes than said", [](auto& m) { m.mutable_parts(0)->mutable_chunk()->append("x"); }},
+      {"more bytes than announced",
+       [](auto& m) { m.mutable_parts(0)->mutable_chunk()->append("x"); }},
       {"a huge size",
        [](auto& m) {
          m.mutable_parts(0)->mutable_header()->set_size_bytes(std::int64_t{1} << 62);
@@ -459,7 +460,7 @@ TEST_F(FarmTest, ListDeliveriesReturnsPages) {
     ++pages;
   } while (!request.page_token().empty());
   EXPECT_EQ(units.size(), 18u);
-  EXPECT_EQ(pages, 3) << "two full ones, and one that says that there is no more";
+  EXPECT_EQ(pages, 3) << "two full pages and an empty last one";
   v1::ListDeliveriesResponse none;
   request.set_page_token("x");
   EXPECT_EQ(list(none).error_code(), grpc::StatusCode::INVALID_ARGUMENT);

@@ -64,13 +64,13 @@ class SecureFarm : public testing::Test {
     contract::prepare_call(context, "", std::chrono::seconds(20));
   }
   /// Returns the status of the simplest call under that certificate.
-  static grpc::Status knock(const std::shared_ptr<grpc::Channel>& channel) {
+  static grpc::Status try_call(const std::shared_ptr<grpc::Channel>& channel) {
     grpc::ClientContext context;
     prepare(context);
     v1::ListJobsResponse response;
     return v1::JobService::NewStub(channel)->ListJobs(&context, {}, &response);
   }
-  grpc::Status knock(const std::string& name) const { return knock(channel(name)); }
+  grpc::Status try_call(const std::string& name) const { return try_call(channel(name)); }
 
   grpc::Status upload_scene(const std::string& name) const { return upload(name, kScene); }
   grpc::Status upload(const std::string& name, const std::string& bytes) const {

@@ -141,7 +141,7 @@ TEST(HttpPoster, ClassifiesRetryableStatusCodes) {
     Receiver receiver({answer});
     const absl::Status status = poster_to(receiver)->post("{}");
     EXPECT_TRUE(absl::IsUnavailable(status)) << answer << ": " << status;
-    EXPECT_FALSE(absl::StrContains(status.message(), "hush")) << "a secret of the address is told";
+    EXPECT_FALSE(absl::StrContains(status.message(), "hush")) << "the address's secret is shown";
     EXPECT_TRUE(absl::StrContains(status.message(), "http://127.0.0.1:")) << status;
   }
   for (const char* answer : {"400 Bad Request", "404 Not Found", "410 Gone"}) {

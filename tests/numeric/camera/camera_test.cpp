@@ -315,17 +315,17 @@ TEST(Lens, BlurEqualsAverageOfPinholes) {
     }
     average.add(sum);
   }
-  double most = 0, mean_error = 0;
+  double largest = 0, mean_error = 0;
   const std::size_t count = lens.sum.size();
   for (std::size_t i = 0; i < count; ++i) {
     const double error = std::sqrt(lens.error2(i) + average.error2(i));
     mean_error += error / static_cast<double>(count);
     const double off = std::abs(lens.mean(i) - average.mean(i));
     // Equal samples have no variance, only rounding.
-    if (off > 1e-6) most = std::max(most, off / error);
+    if (off > 1e-6) largest = std::max(largest, off / error);
   }
   // The largest of 72 values of t with 31 degrees of freedom exceeds 4.5 once in 100 times.
-  EXPECT_LT(most, 4.5);
+  EXPECT_LT(largest, 4.5);
   EXPECT_LT(mean_error, 1e-3);  // small enough to detect a radius wrong by a tenth
   EXPECT_GT(mean_error, 0);
 }

@@ -246,11 +246,11 @@ contract::GridPoint lit_pixel(Scene scene, const Vec3d& p, std::int32_t width,
   add_primitive(&scene, sphere(Vec3f(p), 0.02f, 8, index));
   const Picture picture = render_picture(scene, small_settings(width, height, 16));
   contract::GridPoint best{-1, -1};
-  double most = 0;
+  double largest = 0;
   for (std::int32_t y = 0; y < height; ++y) {
     for (std::int32_t x = 0; x < width; ++x) {
-      if (picture.at(x, y).x > most) {
-        most = picture.at(x, y).x;
+      if (picture.at(x, y).x > largest) {
+        largest = picture.at(x, y).x;
         best = {x, y};
       }
     }

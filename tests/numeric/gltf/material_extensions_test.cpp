@@ -226,10 +226,11 @@ TEST(GltfSheen, DimsBaseByItsAlbedo) {
   for (const double angle : {0.5, 1.3}) {
     const Vec3d v{0, 0, 1}, l{std::sin(angle), 0, std::cos(angle)};
     for (const double roughness : {0.3, 0.6, 1.0}) {
-      const double most = std::max(fibre_albedo(1, roughness), fibre_albedo(l.z, roughness));
+      const double largest = std::max(fibre_albedo(1, roughness), fibre_albedo(l.z, roughness));
       const Vec3d color{0.8, 0.4, 0.1};
       const Vec3d want =
-          (color * fibres(v, l, roughness) + Vec3d{1, 1, 1} * (0.5 / kPi * (1 - 0.8 * most))) * l.z;
+          (color * fibres(v, l, roughness) + Vec3d{1, 1, 1} * (0.5 / kPi * (1 - 0.8 * largest))) *
+          l.z;
       const Vec3d got =
           lit(sheen(R"("sheenColorFactor": [0.8, 0.4, 0.1], "sheenRoughnessFactor": )" +
                     std::to_string(roughness)),

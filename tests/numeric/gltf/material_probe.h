@@ -51,8 +51,8 @@ inline double facets(double roughness) {
 /// The specification's dielectric in that geometry: light not reflected at F0 reaches the base
 /// colour.
 inline Vec3d dielectric(const Vec3d& base, const Vec3d& f0, double roughness) {
-  const double most = std::max({f0.x, f0.y, f0.z});
-  return base * ((1 - most) / kPi) + f0 * facets(roughness);
+  const double largest = std::max({f0.x, f0.y, f0.z});
+  return base * ((1 - largest) / kPi) + f0 * facets(roughness);
 }
 
 inline std::string with(const std::string& extension, const std::string& content,

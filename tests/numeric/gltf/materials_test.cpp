@@ -266,8 +266,9 @@ TEST(GltfMaterial, VolumeAbsorbsAlongPath) {
   const std::string clear = R"("KHR_materials_transmission": {"transmissionFactor": 1})";
   const std::string volume = R"(, "KHR_materials_volume": {"thicknessFactor": 1,
       "attenuationDistance": 0.8, "attenuationColor": [1, 0.5, 0.1]})";
-  const double way = 2 / 0.8;
-  expect_near(through_a_box(clear + volume), {0.25, std::pow(0.5, way), std::pow(0.1, way)}, 1e-5);
+  const double distance = 2 / 0.8;
+  expect_near(through_a_box(clear + volume),
+              {0.25, std::pow(0.5, distance), std::pow(0.1, distance)}, 1e-5);
   expect_near(through_a_box(clear), {0.25, 1, 1}, 1e-6);
 }
 

@@ -105,11 +105,11 @@ contract::GridPoint brightest(const GltfBuilder& file, std::int32_t frame, std::
   contract::GridPoint best{-1, -1};
   if (!scene.ok()) return best;
   const Picture picture = render_picture(*std::move(scene), settings);
-  double most = 0;
+  double largest = 0;
   for (std::int32_t y = 0; y < height; ++y) {
     for (std::int32_t x = 0; x < width; ++x) {
-      if (!(picture.at(x, y).x > most)) continue;
-      most = picture.at(x, y).x;
+      if (!(picture.at(x, y).x > largest)) continue;
+      largest = picture.at(x, y).x;
       best = {x, y};
     }
   }

@@ -109,12 +109,12 @@ Vec3d wall_behind_a_ball(double x, const std::string& ball) {
 TEST(IndexOneSolid, TransmitsAndAbsorbsSunlight) {  // hard case 41
   constexpr double kWhite = 1 / 3.14159265358979323846;
   for (const double x : {0.0, 0.5, 0.9}) {
-    const double way = 2 * 2 * std::sqrt(1 - x * x);  // to the wall and back, in metres
+    const double distance = 2 * 2 * std::sqrt(1 - x * x);  // to the wall and back, in metres
     const Vec3d bare = wall_behind_a_ball(x, ""), seen = wall_behind_a_ball(x, ", \"extras\": 0");
     EXPECT_NEAR(bare.x, kWhite, 1e-6);
     EXPECT_EQ(seen.x, bare.x) << x;
-    EXPECT_NEAR(seen.y, kWhite * std::pow(0.5, way / 2), 1e-5) << x;
-    EXPECT_NEAR(seen.z, kWhite * std::pow(0.25, way / 2), 1e-5) << x;
+    EXPECT_NEAR(seen.y, kWhite * std::pow(0.5, distance / 2), 1e-5) << x;
+    EXPECT_NEAR(seen.z, kWhite * std::pow(0.25, distance / 2), 1e-5) << x;
   }
   // A base colour tints at the surface, so the surface stays, and light of points and suns does not
   // pass.

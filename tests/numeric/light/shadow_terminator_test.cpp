@@ -126,10 +126,10 @@ Distance distance_to_sphere(const Vec3d& light, const render::Affine3d& placemen
       p.z = std::sqrt(1 - p.x * p.x - p.y * p.y);
       const double cosine = dot(p, light);
       if (!(cosine > 0 && cosine < std::cos(70 * std::numbers::pi / 180))) continue;
-      const Vec3d there = mirrored ? Vec3d{-p.x, p.y, p.z} : p;
+      const Vec3d mirrored_p = mirrored ? Vec3d{-p.x, p.y, p.z} : p;
       const Vec3d lit = mirrored ? Vec3d{-light.x, light.y, light.z} : light;
       sum.rendered += std::fabs(picture.at(x, y).x * std::numbers::pi - cosine);
-      const Cosine on_mesh = cosine_on_mesh(mesh, there, lit);
+      const Cosine on_mesh = cosine_on_mesh(mesh, mirrored_p, lit);
       sum.smooth += std::fabs(on_mesh.smooth - cosine);
       sum.flat += std::fabs(on_mesh.flat - cosine);
       ++count;
@@ -152,7 +152,7 @@ TEST(ShadowTerminator, CoarseSphereIsLitLikeSphere) {
 }
 
 /// Expects a mean over the pixels that see the mesh from outside, or from its centre.
-void expect_furnace(bool inside, double least, double most) {
+void expect_furnace(bool inside, double min, double max) {
   Scene scene = scene_of(icosphere(1), {});
   set_constant_sky(&scene, 1);
   if (inside) scene.camera.camera_to_world = {};
@@ -163,12 +163,12 @@ void expect_furnace(bool inside, double least, double most) {
     for (int x = 0; x < 24; ++x) {
       const Vec3d p = at_pixel(4 * x + 2, 4 * y + 2);
       if (p.x * p.x + p.y * p.y > 0.6) continue;
-      EXPECT_LE(picture.at(x, y).x, most);
+      EXPECT_LE(picture.at(x, y).x, max);
       sum += picture.at(x, y).x;
       ++count;
     }
   }
-  EXPECT_GE(sum / count, least);
+  EXPECT_GE(sum / count, min);
 }
 
 TEST(ShadowTerminator, CoarseWhiteSphereKeepsEnergy) {

@@ -205,8 +205,8 @@ TEST(Fog, AbsorptionFollowsBeer) {
   for (int k = 0; k < 3; ++k) {
     const double s = double{sigma[k]};
     EXPECT_NEAR(lamp_seen[k], 3 * std::exp(-5 * s), 1e-5) << k;
-    const double way = std::sqrt(5.0), back = std::sqrt(16.01);
-    EXPECT_NEAR(floor_seen[k], 1 / kPi / 5 * 2 / way * std::exp(-s * (way + back)), 1e-6) << k;
+    const double down = std::sqrt(5.0), up = std::sqrt(16.01);
+    EXPECT_NEAR(floor_seen[k], 1 / kPi / 5 * 2 / down * std::exp(-s * (down + up)), 1e-6) << k;
     EXPECT_NEAR(across[k], std::exp(-4 * s), 1e-6) << k;
     EXPECT_EQ(beside[k], 1) << k;
     EXPECT_NEAR(inside[k], std::exp(-3 * s), 1e-6) << k;

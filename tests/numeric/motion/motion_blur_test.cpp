@@ -253,19 +253,20 @@ void expect_average(std::unique_ptr<GltfBuilder> (*make)(double open, double clo
       (*file)->pose(settings, static_cast<std::int32_t>(std::lround((kOpen + kClose) / 2 / kTick)));
   ASSERT_TRUE(middle.ok()) << middle.status();
   const Picture frozen = render_picture(*middle, settings);
-  double most = 0, most_if_frozen = 0;
+  double largest = 0, largest_if_frozen = 0;
   const std::size_t count = blur.sum.size();
   for (std::size_t i = 0; i < count; ++i) {
     const double error = std::sqrt(blur.error2(i) + average.error2(i));
     const double off = std::abs(blur.mean(i) - average.mean(i));
-    if (off > 1e-6) most = std::max(most, off / error);
+    if (off > 1e-6) largest = std::max(largest, off / error);
     const double off_if_frozen = std::abs(frozen.rgb[i] - average.mean(i));
-    if (off_if_frozen > 1e-6) most_if_frozen = std::max(most_if_frozen, off_if_frozen / error);
+    if (off_if_frozen > 1e-6)
+      largest_if_frozen = std::max(largest_if_frozen, off_if_frozen / error);
   }
   // The largest of 72 values of t with 15 degrees of freedom exceeds 5.1 once in 100 times. Paths
   // deviate by at most 4/3 2^-10 of 2 m, a fiftieth of a pixel.
-  EXPECT_LT(most, 5.1);
-  EXPECT_GT(most_if_frozen, 2 * 5.1) << "what stands still would hardly be noticed";
+  EXPECT_LT(largest, 5.1);
+  EXPECT_GT(largest_if_frozen, 2 * 5.1) << "a frozen object would not be detected";
 }
 
 /// Transforms, skins, morphs and cameras.

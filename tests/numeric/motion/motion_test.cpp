@@ -150,7 +150,7 @@ TEST(MotionBounds, AllAcceleratorsFindSameHits) {
 }
 
 /// Thin objects far from their origins that rotate fast, for which world boxes matter most.
-Scene turning_things(Dice& dice) {
+Scene rotating_objects(Dice& dice) {
   Scene scene;
   scene.key_times = {0, 1};
   scene.meshes = {mesh_of({uv_sphere(3, 4, 0.01f, {1, 0, 0})})};
@@ -168,7 +168,7 @@ Scene turning_things(Dice& dice) {
 
 TEST(MotionBounds, HoldRotatingInstances) {
   Dice dice(32);
-  const Scene scene = turning_things(dice);
+  const Scene scene = rotating_objects(dice);
   const Shots shots = shoot(scene, 100, 40, dice);
   EXPECT_GT(shots.moving, 1'500);
   for (const Isa isa : {Isa::avx2, Isa::avx512}) {
@@ -200,7 +200,7 @@ Vec3d outermost(const Primitive& p, const Affine3d& placed, int axis, double sid
 /// Rays just inside the faces of the boxes at keys, where the moving objects touch them.
 TEST(MotionBounds, GrazingRaysHitMovingInstances) {
   Dice dice(33);
-  const Scene scene = turning_things(dice);
+  const Scene scene = rotating_objects(dice);
   Shots shots;
   for (std::size_t i = 0; i < scene.instances.size() * 12; ++i) {
     const std::size_t instance = i / 12, key = i % 2;

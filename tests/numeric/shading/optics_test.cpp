@@ -143,15 +143,15 @@ TEST(TesseraMaterial, GoldMatchesItsTable) {
 
 TEST(TesseraMaterial, SelectsExactOrSchlickFresnel) {
   const std::string smooth = R"({"roughnessFactor": 0, "metallicFactor": 0})";
-  double most = 0;
+  double largest = 0;
   for (float c = 0.02f; c <= 1; c += 0.02f) {
     const Vec3f exact = mirrored(R"({"fresnel": "exact"})", smooth, c);
     const Vec3f schlick = mirrored(R"({"fresnel": "schlick"})", smooth, c);
     EXPECT_NEAR(exact.x, fresnel(double{c}, {1.5, 0}), 2e-6);
     EXPECT_NEAR(schlick.x, 0.04 + 0.96 * std::pow(1 - double{c}, 5), 2e-6);
-    most = std::max(most, std::fabs(double{exact.x} - double{schlick.x}));
+    largest = std::max(largest, std::fabs(double{exact.x} - double{schlick.x}));
   }
-  EXPECT_NEAR(most, 0.0357, 2e-4);  // hard case 39
+  EXPECT_NEAR(largest, 0.0357, 2e-4);  // hard case 39
 }
 
 TEST(TesseraMaterial, RejectsInvalidProperties) {

@@ -58,22 +58,22 @@ TEST(ProceduralTexture, OctaveSumMatchesFormula) {
     f.gain = 0.4f;
     f.distortion = 0.7f;
     const auto p = point(i);
-    double signed_sum = 0, absolute = 0, most = 0, ridges = 0, weight = 1;
+    double signed_sum = 0, absolute = 0, amplitude_sum = 0, ridges = 0, weight = 1;
     for (int k = 0; k < f.octaves; ++k) {
       const double n = octave(f, p, k), amplitude = std::pow(double{f.gain}, k);
       signed_sum += amplitude * n;
       absolute += amplitude * std::fabs(n);
-      most += amplitude;
+      amplitude_sum += amplitude;
       const double signal = weight * (1 - std::fabs(n)) * (1 - std::fabs(n));
       ridges += amplitude * signal;
       weight = std::min(2 * signal, 1.0);
     }
     // A few float operations: 1e-6. The sine multiplies the error by 2 pi and by the distortion.
-    EXPECT_NEAR(pattern_at(f, p, 0), 0.5 + 0.5 * signed_sum / most, 1e-6);
+    EXPECT_NEAR(pattern_at(f, p, 0), 0.5 + 0.5 * signed_sum / amplitude_sum, 1e-6);
     f.pattern = Pattern::turbulence;
-    EXPECT_NEAR(pattern_at(f, p, 0), absolute / most, 1e-6);
+    EXPECT_NEAR(pattern_at(f, p, 0), absolute / amplitude_sum, 1e-6);
     f.pattern = Pattern::ridged;
-    EXPECT_NEAR(pattern_at(f, p, 0), ridges / most, 2e-6);
+    EXPECT_NEAR(pattern_at(f, p, 0), ridges / amplitude_sum, 2e-6);
     f.pattern = Pattern::marble;
     const double phase = 2 * kPi * (p[0] + double{f.distortion} * absolute);
     EXPECT_NEAR(pattern_at(f, p, 0), 0.5 + 0.5 * std::sin(phase), 1e-5);
@@ -88,13 +88,13 @@ double smooth_step(double low, double high, double x) {
 /// Sum of the octaves' noise, or of its absolute value, at p over the sum of their amplitudes.
 double octave_mean(const ProceduralTexture& f, const std::array<double, 4>& p, int octaves,
                    bool absolute) {
-  double sum = 0, most = 0;
+  double sum = 0, amplitude_sum = 0;
   for (int k = 0; k < octaves; ++k) {
     const double n = octave(f, p, k), amplitude = std::pow(double{f.gain}, k);
     sum += amplitude * (absolute ? std::fabs(n) : n);
-    most += amplitude;
+    amplitude_sum += amplitude;
   }
-  return sum / most;
+  return sum / amplitude_sum;
 }
 
 /// The patterns of docs/reference/extensions/TESSERA_texture.md: rings and grain, clumps, patches
@@ -122,11 +122,11 @@ TEST(ProceduralTexture, PatternsMatchFormulas) {
                 2e-5);
     f.pattern = Pattern::fire;
     p[1] = p[1] / 1000 + 0.5;
-    double most = 0;
-    for (int k = 0; k < f.octaves; ++k) most += std::pow(double{f.gain}, k);
+    double amplitude_sum = 0;
+    for (int k = 0; k < f.octaves; ++k) amplitude_sum += std::pow(double{f.gain}, k);
     const std::array<double, 4> rising = {3 * p[0], 3 * p[1] - 2 * p[3], 3 * p[2], p[3]};
     const double mean = double{render::kMeanAbsoluteNoise[static_cast<std::size_t>(f.dimensions)]};
-    const double torn = most * (octave_mean(f, rising, f.octaves, true) - mean);
+    const double torn = amplitude_sum * (octave_mean(f, rising, f.octaves, true) - mean);
     EXPECT_NEAR(pattern_at(f, p, 0), std::clamp(1 - p[1] + 2 * distortion * p[1] * torn, 0.0, 1.0),
                 1e-5);
   }

@@ -195,7 +195,7 @@ TEST(Terrain, BoundsHoldEveryHeight) {
 
 TEST(Terrain, NoiseCurvatureStaysWithinBound) {
   Dice dice(3);
-  double most = 0;
+  double largest = 0;
   NoiseCell cell;
   for (int i = 0; i < 400'000; ++i) {
     const std::array<double, 2> p = {1e3 * static_cast<double>(dice.both()),
@@ -210,10 +210,10 @@ TEST(Terrain, NoiseCurvatureStaysWithinBound) {
     const NoiseSlope next = gradient_noise_slope({p[0] + h * ux, p[1] + h * uy}, 9, cell);
     const double slope = 0.5 * ((here.dx + next.dx) * ux + (here.dy + next.dy) * uy);
     EXPECT_NEAR((next.value - here.value) / h, slope, 1e-6);
-    most = std::max(most, std::fabs((next.dx - here.dx) * ux + (next.dy - here.dy) * uy) / h);
+    largest = std::max(largest, std::fabs((next.dx - here.dx) * ux + (next.dy - here.dy) * uy) / h);
   }
-  EXPECT_LE(most, kNoiseCurvature);
-  EXPECT_GT(most, 0.8 * kNoiseCurvature);
+  EXPECT_LE(largest, kNoiseCurvature);
+  EXPECT_GT(largest, 0.8 * kNoiseCurvature);
 }
 
 TEST(Terrain, ZeroOctavesIsAPlane) {

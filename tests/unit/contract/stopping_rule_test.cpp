@@ -34,7 +34,7 @@ class MadeFrame {
   ErrorSums figures(std::int32_t tile, std::int32_t pass) const {
     const Pass& last = passes_[static_cast<std::size_t>(pass)];
     const std::size_t t = static_cast<std::size_t>(tile);
-    const double mean = (pass == 0 ? first_seems_ : 1) * variances_[t] / last.end() *
+    const double mean = (pass == 0 ? first_estimate_factor_ : 1) * variances_[t] / last.end() *
                         factors_[t * passes_.size() + static_cast<std::size_t>(pass)];
     const double sum = 3 * mean * kTilePixels;
     const double concentration = pass < concentrated_passes_ ? concentration_ : 1;
@@ -65,7 +65,7 @@ class MadeFrame {
         if (demand.is_final) ++stopped_;
         std::int32_t& count = wanted[static_cast<std::size_t>(demand.tile)];
         const bool waited = done[static_cast<std::size_t>(demand.tile)] == count;
-        EXPECT_GE(demand.pass_count, count) << "what is wanted is never taken back";
+        EXPECT_GE(demand.pass_count, count) << "pass targets never shrink";
         count = demand.pass_count;
         if (waited) open_up(demand.tile);
       }
@@ -104,12 +104,12 @@ class MadeFrame {
     concentrated_passes_ = passes;
   }
   /// Multiplies the squared errors estimated after pass 0 by this factor.
-  void first_seems(double factor) { first_seems_ = factor; }
+  void scale_first_estimate(double factor) { first_estimate_factor_ = factor; }
 
  private:
   std::vector<Pass> passes_;
   std::vector<double> variances_, factors_;
-  double concentration_ = 1, first_seems_ = 1;
+  double concentration_ = 1, first_estimate_factor_ = 1;
   std::int32_t concentrated_passes_ = 0;
   std::size_t stopped_ = 0;
   StoppingRule rule_;
@@ -211,7 +211,7 @@ TEST(StoppingRule, CappedTilesAreCounted) {
 
 TEST(StoppingRule, BetterThanForeseenIsNotEnough) {
   MadeFrame frame(spread_variances(16, 0.5), 0.01, 256);
-  frame.first_seems(8);  // the error predicted for 256 samples is reached
+  frame.scale_first_estimate(8);  // the error predicted for 256 samples is reached
   frame.render(1);
   EXPECT_EQ(frame.rule().capped_tile_count(), 16);
   EXPECT_EQ(frame.samples(), 256);

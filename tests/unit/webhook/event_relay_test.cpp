@@ -80,30 +80,31 @@ TEST(EventRelay, RetriesUntilAccepted) {
 
 TEST(EventRelay, SkipsAndLogsRefusedEvents) {
   ScriptedPoster poster({absl::FailedPreconditionError("answers 400")});
-  std::vector<std::string> said;
+  std::vector<std::string> logged;
   EventRelay relay(poster, quick(),
-                   [&](LogLevel, const std::string& line) { said.push_back(line); });
+                   [&](LogLevel, const std::string& line) { logged.push_back(line); });
   EXPECT_TRUE(relay.forward(event(v1::Event::KIND_JOB_DONE, 4)).ok());
   EXPECT_EQ(poster.posted.size(), 1);
-  ASSERT_EQ(said.size(), 1);
-  EXPECT_EQ(said[0], "event 4 (job done): answers 400; skipped");
+  ASSERT_EQ(logged.size(), 1);
+  EXPECT_EQ(logged[0], "event 4 (job done): answers 400; skipped");
 }
 
 TEST(EventRelay, BackoffDoublesOrFollowsRetryAfter) {
   ScriptedPoster poster(std::vector<absl::Status>(5, absl::UnavailableError("busy")));
-  std::vector<std::string> said;
+  std::vector<std::string> logged;
   EventRelay::Options options = quick();
   options.max_wait = absl::Milliseconds(4);
   EventRelay relay(poster, options,
-                   [&](LogLevel, const std::string& line) { said.push_back(line); });
+                   [&](LogLevel, const std::string& line) { logged.push_back(line); });
   poster.before_answer = [&](std::size_t posts) {
     poster.asked = posts == 2 ? absl::Milliseconds(9) : absl::ZeroDuration();
     if (posts == 3) poster.asked = absl::Hours(1);  // longer than the limit
   };
   EXPECT_TRUE(relay.forward(event(v1::Event::KIND_JOB_DONE, 4)).ok());
   const std::string busy = "event 4 (job done): busy; retrying in ";
-  EXPECT_EQ(said, (std::vector<std::string>{busy + "1ms", busy + "9ms", busy + "40ms", busy + "4ms",
-                                            busy + "4ms", "the receiver accepts events again"}));
+  EXPECT_EQ(logged,
+            (std::vector<std::string>{busy + "1ms", busy + "9ms", busy + "40ms", busy + "4ms",
+                                      busy + "4ms", "the receiver accepts events again"}));
 }
 
 TEST(EventRelay, PassesSelectedKindsOnly) {

@@ -33,13 +33,13 @@ TEST(DeliveryLog, KeepsNewestAndNamesOfGoneWorkers) {
     log.add({.job = 1, .unit = {0, i, 0}, .worker_id = "worker " + std::to_string(i)});
   }
   EXPECT_EQ(log.read(1, 0, 99).at(7).worker_id, "worker 7");
-  const auto most = static_cast<std::int32_t>(DeliveryLog::kMaxDeliveries);
-  for (std::int32_t i = 0; i < most; ++i) log.add(made(2, i));
+  const auto max_count = static_cast<std::int32_t>(DeliveryLog::kMaxDeliveries);
+  for (std::int32_t i = 0; i < max_count; ++i) log.add(made(2, i));
   EXPECT_TRUE(log.read(1, 0, 99).empty());
-  const auto kept = log.read(2, 0, 2 * DeliveryLog::kMaxDeliveries);
-  ASSERT_EQ(kept.size(), DeliveryLog::kMaxDeliveries);
-  EXPECT_EQ(kept.front().unit.tile, 0);
-  EXPECT_EQ(log.read(2, kept.back().sequence - 1, 9).at(0).unit.tile, most - 1);
+  const auto all_kept = log.read(2, 0, 2 * DeliveryLog::kMaxDeliveries);
+  ASSERT_EQ(all_kept.size(), DeliveryLog::kMaxDeliveries);
+  EXPECT_EQ(all_kept.front().unit.tile, 0);
+  EXPECT_EQ(log.read(2, all_kept.back().sequence - 1, 9).at(0).unit.tile, max_count - 1);
 }
 
 class Deliveries : public CoordinatorFixture {
@@ -59,15 +59,15 @@ TEST_F(Deliveries, RecordWorkerCpuTimeAndLease) {
   wall_us += 5'000'000;
   deliver_all(worker);
   pump();
-  const auto told = all(job);
-  ASSERT_EQ(told.size(), 2U);
-  EXPECT_EQ(told[0].unit, unit);
-  EXPECT_EQ(told[0].worker_id, "w");
-  EXPECT_EQ(told[0].outcome, DeliveryOutcome::committed);
-  EXPECT_EQ(told[0].end_us, wall_us);
-  EXPECT_EQ(told[0].cpu_seconds, 0.5);
-  EXPECT_EQ(told[0].lease_seconds, 3);
-  EXPECT_EQ(told[0].retry_count, 0);
+  const auto deliveries = all(job);
+  ASSERT_EQ(deliveries.size(), 2U);
+  EXPECT_EQ(deliveries[0].unit, unit);
+  EXPECT_EQ(deliveries[0].worker_id, "w");
+  EXPECT_EQ(deliveries[0].outcome, DeliveryOutcome::committed);
+  EXPECT_EQ(deliveries[0].end_us, wall_us);
+  EXPECT_EQ(deliveries[0].cpu_seconds, 0.5);
+  EXPECT_EQ(deliveries[0].lease_seconds, 3);
+  EXPECT_EQ(deliveries[0].retry_count, 0);
   EXPECT_TRUE(absl::IsNotFound(coordinator->deliveries("nosuch", 0, 9).status()));
 }
 
@@ -81,8 +81,8 @@ TEST_F(Deliveries, CountEarlierFailuresAndLosses) {
   TestWorker second = join("second", 64);
   collect(second);
   finish_job(second, job);
-  for (const Delivery& told : all(job)) {
-    EXPECT_EQ(told.retry_count, told.unit == unit.name.unit ? 1 : 0) << told.unit.tile;
+  for (const Delivery& delivery : all(job)) {
+    EXPECT_EQ(delivery.retry_count, delivery.unit == unit.name.unit ? 1 : 0) << delivery.unit.tile;
   }
 }
 
@@ -108,10 +108,10 @@ TEST_F(Deliveries, DistinguishAuditsFromRepeats) {
   ASSERT_EQ(view(job).state, JobState::done);
   std::vector<DeliveryOutcome> outcomes;
   std::vector<std::string> workers;
-  for (const Delivery& told : all(job)) {
-    if (told.unit != unit.name.unit) continue;
-    outcomes.push_back(told.outcome);
-    workers.emplace_back(told.worker_id);
+  for (const Delivery& delivery : all(job)) {
+    if (delivery.unit != unit.name.unit) continue;
+    outcomes.push_back(delivery.outcome);
+    workers.emplace_back(delivery.worker_id);
   }
   ASSERT_GE(outcomes.size(), 3U);
   EXPECT_EQ(outcomes[0], DeliveryOutcome::committed);

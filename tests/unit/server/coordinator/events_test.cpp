@@ -147,9 +147,9 @@ TEST_F(Events, FailedUnitIncludesLastRendererOutput) {
   const Leased& unit = worker.units.front();
   coordinator->fail_unit(worker.session, unit.lease, unit.name.unit.tile,
                          {"", "it broke", "first\nsecond\n"}, absl::StatusCode::kInternal);
-  const auto told = texts(coordinator->events().read({0, job, ""}, 100));
-  ASSERT_GE(told.size(), 3u);
-  const std::vector<std::string> last(told.end() - 3, told.end());
+  const auto events = texts(coordinator->events().read({0, job, ""}, 100));
+  ASSERT_GE(events.size(), 3u);
+  const std::vector<std::string> last(events.end() - 3, events.end());
   EXPECT_NE(last[0].find("failed: it broke"), std::string::npos);
   EXPECT_EQ(last[1], "renderer: first");
   EXPECT_EQ(last[2], "renderer: second");
@@ -161,10 +161,10 @@ TEST_F(Events, WorkerLogsOnlyForLeasedJobs) {
   const TestWorker stranger = join("late", 0);
   coordinator->take_log_lines(stranger.session, {{job, "not mine"}});
   coordinator->take_log_lines(worker.session, {{job, "mine"}, {"nosuch", "of no job"}});
-  const auto told = coordinator->events().read({0, job, ""}, 100);
-  EXPECT_EQ(told.back().text, "mine");
-  EXPECT_EQ(told.back().worker_id, "w");
-  for (const Event& event : told) EXPECT_NE(event.text, "not mine");
+  const auto events = coordinator->events().read({0, job, ""}, 100);
+  EXPECT_EQ(events.back().text, "mine");
+  EXPECT_EQ(events.back().worker_id, "w");
+  for (const Event& event : events) EXPECT_NE(event.text, "not mine");
   finish_job(worker, job);
   coordinator->take_log_lines(worker.session, {{job, "the last word"}});  // late, but accepted
   EXPECT_EQ(coordinator->events().read({0, job, ""}, 100).back().text, "the last word");
@@ -200,8 +200,8 @@ TEST_F(Events, BannedWorkerLosesUnitsAndResults) {
   pump();
   collect(bad);
   ASSERT_EQ(bad.acknowledgements.size(), bad.units.size());
-  for (const Acknowledgement& told : bad.acknowledgements)
-    EXPECT_EQ(told.status, AckStatus::obsolete);
+  for (const Acknowledgement& acknowledgement : bad.acknowledgements)
+    EXPECT_EQ(acknowledgement.status, AckStatus::obsolete);
   EXPECT_EQ(view(job).committed_unit_count, 0);
   finish_job(good, job);
   EXPECT_EQ(view(job).state, JobState::done);

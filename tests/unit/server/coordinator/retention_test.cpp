@@ -27,7 +27,7 @@ class RetentionTest : public CoordinatorFixture {
     coordinator->tick();
     pump();
   }
-  bool is_there(const std::string& job) { return coordinator->job(job).ok(); }
+  bool exists(const std::string& job) { return coordinator->job(job).ok(); }
 };
 
 TEST_F(RetentionTest, EndedJobIsRemovedAfterRetention) {
@@ -42,11 +42,11 @@ TEST_F(RetentionTest, EndedJobIsRemovedAfterRetention) {
   pass(kDayUs);
   const std::string later = create_job("later");
   ASSERT_TRUE(change(later, Coordinator::Change::cancel).ok());
-  EXPECT_TRUE(is_there(done) && is_there(cancelled));
+  EXPECT_TRUE(exists(done) && exists(cancelled));
   pass(kDayUs);
-  EXPECT_FALSE(is_there(done));
-  EXPECT_FALSE(is_there(cancelled));
-  EXPECT_TRUE(is_there(paused) && is_there(later));
+  EXPECT_FALSE(exists(done));
+  EXPECT_FALSE(exists(cancelled));
+  EXPECT_TRUE(exists(paused) && exists(later));
   EXPECT_EQ(store.jobs()->size(), 2u);
 }
 
@@ -55,10 +55,10 @@ TEST_F(RetentionTest, EndTimeSurvivesRestart) {
   const std::string job = create_job("a");
   ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
   pass(100 * kDayUs);
-  EXPECT_TRUE(is_there(job)) << "by default jobs stay";
+  EXPECT_TRUE(exists(job)) << "by default jobs stay";
   keep_for(kDayUs);
   pass(0);
-  EXPECT_FALSE(is_there(job));
+  EXPECT_FALSE(exists(job));
 }
 
 TEST_F(RetentionTest, RetriedJobIsKept) {
@@ -67,12 +67,12 @@ TEST_F(RetentionTest, RetriedJobIsKept) {
   ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
   ASSERT_TRUE(change(job, Coordinator::Change::retry).ok());
   pass(10 * kDayUs);
-  ASSERT_TRUE(is_there(job));
+  ASSERT_TRUE(exists(job));
   ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
   pass(kDayUs / 2);
-  EXPECT_TRUE(is_there(job)) << "counted from its last end";
+  EXPECT_TRUE(exists(job)) << "counted from its last end";
   pass(kDayUs / 2);
-  EXPECT_FALSE(is_there(job));
+  EXPECT_FALSE(exists(job));
 }
 
 TEST_F(RetentionTest, JobsAreRemovedInSmallGroups) {

@@ -40,8 +40,8 @@ std::vector<std::string> pixels_of(FarmOnDisk& farm, const std::string& job_id) 
   if (!frames.ok() || !folder.ok()) return {};
   for (const FrameRecord& frame : *frames) {
     const std::string bytes = read_file(*folder + "/" + frame.file);
-    const bool is_whole = contract::sha256(bytes) == frame.file_sha256;
-    pixels.push_back(is_whole ? frame.pixels_sha256.hex() : "damaged");
+    const bool is_intact = contract::sha256(bytes) == frame.file_sha256;
+    pixels.push_back(is_intact ? frame.pixels_sha256.hex() : "damaged");
   }
   return pixels;
 }

@@ -61,35 +61,35 @@ std::string read_file(const std::string& path) {
 }
 
 void DurabilityChecker::make(const std::string& key, int step, Test test) {
-  promises_.push_back({key, step, INT_MAX, std::move(test)});
+  confirmations_.push_back({key, step, INT_MAX, std::move(test)});
 }
 
 void DurabilityChecker::end(const std::string& key, int step) {
-  for (Promise& promise : promises_) {
-    if (promise.key == key) promise.until = std::min(promise.until, step);
+  for (Confirmation& confirmation : confirmations_) {
+    if (confirmation.key == key) confirmation.until = std::min(confirmation.until, step);
   }
 }
 
 void DurabilityChecker::end_all(const std::string& prefix, int step) {
-  for (Promise& promise : promises_) {
-    if (promise.key.compare(0, prefix.size(), prefix) == 0) {
-      promise.until = std::min(promise.until, step);
+  for (Confirmation& confirmation : confirmations_) {
+    if (confirmation.key.compare(0, prefix.size(), prefix) == 0) {
+      confirmation.until = std::min(confirmation.until, step);
     }
   }
 }
 
 std::string DurabilityChecker::check(Store& store, int step) const {
-  for (const Promise& promise : promises_) {
-    if (step < promise.from || step > promise.until) continue;
-    const std::string wrong = promise.test(store);
-    if (!wrong.empty()) return promise.key + ": " + wrong;
+  for (const Confirmation& confirmation : confirmations_) {
+    if (step < confirmation.from || step > confirmation.until) continue;
+    const std::string wrong = confirmation.test(store);
+    if (!wrong.empty()) return confirmation.key + ": " + wrong;
   }
   return "";
 }
 
 std::vector<int> DurabilityChecker::steps() const {
   std::set<int> steps;
-  for (const Promise& promise : promises_) steps.insert(promise.from);
+  for (const Confirmation& confirmation : confirmations_) steps.insert(confirmation.from);
   return {steps.begin(), steps.end()};
 }
 
@@ -104,7 +104,7 @@ Commit make_commit(const std::string& job_id, contract::Unit unit, std::string b
   return commit;
 }
 
-DurabilityChecker::Test job_is_there(const JobRecord& job) {
+DurabilityChecker::Test has_job(const JobRecord& job) {
   return [job](Store& store) -> std::string {
     for (const JobRecord& found : all_jobs(store)) {
       if (found.id != job.id) continue;
@@ -128,8 +128,8 @@ DurabilityChecker::Test id_is_taken(const std::string& job_id) {
   };
 }
 
-DurabilityChecker::Test unit_is_there(const std::string& job_id, contract::Unit unit,
-                                      std::string bytes) {
+DurabilityChecker::Test has_unit(const std::string& job_id, contract::Unit unit,
+                                 std::string bytes) {
   return [job_id, unit, bytes = std::move(bytes)](Store& store) -> std::string {
     const auto record = find_unit(store, job_id, unit);
     if (!record.has_value()) return "is lost";
@@ -140,7 +140,7 @@ DurabilityChecker::Test unit_is_there(const std::string& job_id, contract::Unit 
   };
 }
 
-DurabilityChecker::Test work_is_counted(const std::string& job_id, std::int64_t units) {
+DurabilityChecker::Test counts_units(const std::string& job_id, std::int64_t units) {
   return [job_id, units](Store& store) -> std::string {
     std::int64_t count = 0;
     double cpu_seconds = 0;
@@ -167,8 +167,8 @@ DurabilityChecker::Test worker_has_joined(const std::string& worker_id) {
   };
 }
 
-DurabilityChecker::Test frame_is_there(const std::string& job_id, const FrameRecord& frame,
-                                       std::string bytes) {
+DurabilityChecker::Test has_frame(const std::string& job_id, const FrameRecord& frame,
+                                  std::string bytes) {
   return [job_id, frame, bytes = std::move(bytes)](Store& store) -> std::string {
     const auto frames = store.frames(job_id);
     const auto folder = store.output_folder(job_id);
@@ -185,7 +185,7 @@ DurabilityChecker::Test frame_is_there(const std::string& job_id, const FrameRec
   };
 }
 
-DurabilityChecker::Test asset_is_there(std::string bytes) {
+DurabilityChecker::Test has_asset(std::string bytes) {
   return [bytes = std::move(bytes)](Store& store) -> std::string {
     const contract::Digest digest = contract::sha256(bytes);
     if (!store.has_asset(digest)) return "is lost";

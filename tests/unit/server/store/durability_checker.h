@@ -30,29 +30,28 @@ class DurabilityChecker {
   std::vector<int> steps() const;
 
  private:
-  struct Promise {
+  struct Confirmation {
     std::string key;
     int from = 0;
     int until = 0;
     Test test;
   };
-  std::vector<Promise> promises_;
+  std::vector<Confirmation> confirmations_;
 };
 
 /// A block of `bytes` for a unit, as a worker would send it.
 Commit make_commit(const std::string& job_id, contract::Unit unit, std::string bytes);
 
 /// Tests for DurabilityChecker.
-DurabilityChecker::Test job_is_there(const JobRecord& job);
+DurabilityChecker::Test has_job(const JobRecord& job);
 DurabilityChecker::Test id_is_taken(const std::string& job_id);
-DurabilityChecker::Test unit_is_there(const std::string& job_id, contract::Unit unit,
-                                      std::string bytes);
+DurabilityChecker::Test has_unit(const std::string& job_id, contract::Unit unit, std::string bytes);
 /// The job has this number of units, with a row each or in totals: none is lost or counted twice.
-DurabilityChecker::Test work_is_counted(const std::string& job_id, std::int64_t units);
+DurabilityChecker::Test counts_units(const std::string& job_id, std::int64_t units);
 DurabilityChecker::Test worker_has_joined(const std::string& worker_id);
-DurabilityChecker::Test frame_is_there(const std::string& job_id, const FrameRecord& frame,
-                                       std::string bytes);
-DurabilityChecker::Test asset_is_there(std::string bytes);
+DurabilityChecker::Test has_frame(const std::string& job_id, const FrameRecord& frame,
+                                  std::string bytes);
+DurabilityChecker::Test has_asset(std::string bytes);
 DurabilityChecker::Test worker_is_known(const std::string& worker_id);
 DurabilityChecker::Test booted_before(std::int64_t boot_count, const std::string& id,
                                       const std::string& key);

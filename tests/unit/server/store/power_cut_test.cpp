@@ -48,8 +48,8 @@ StoreOptions small_options() {
 /// Uses a store on a recording disk and records its confirmations.
 class Coordinator {
  public:
-  Coordinator(PowerCutDisk& disk, std::string root, DurabilityChecker& promises)
-      : disk_(disk), root_(std::move(root)), promises_(promises) {}
+  Coordinator(PowerCutDisk& disk, std::string root, DurabilityChecker& confirmations)
+      : disk_(disk), root_(std::move(root)), confirmations_(confirmations) {}
 
   Store& store() { return *store_; }
   int step() const { return static_cast<int>(disk_.events().size()); }
@@ -58,8 +58,8 @@ class Coordinator {
     auto store = Store::open(root_ + "/store", disk_, small_options());
     ASSERT_TRUE(store.ok()) << store.status();
     store_ = *std::move(store);
-    promises_.make("boot", step(),
-                   booted_before(store_->boot_count(), store_->id(), store_->key()));
+    confirmations_.make("boot", step(),
+                        booted_before(store_->boot_count(), store_->id(), store_->key()));
   }
 
   void close() { store_.reset(); }
@@ -70,9 +70,9 @@ class Coordinator {
     job.request_id = "request of " + id;
     job.request = some_bytes(1, 300);
     ASSERT_TRUE(store_->add_job(job).ok());
-    promises_.make("job " + id, step(), job_is_there(job));
-    promises_.make("id of " + id, step(), id_is_taken(id));
-    promises_.make("sequence of " + id, step(), sequence_was_used(job.sequence));
+    confirmations_.make("job " + id, step(), has_job(job));
+    confirmations_.make("id of " + id, step(), id_is_taken(id));
+    confirmations_.make("sequence of " + id, step(), sequence_was_used(job.sequence));
     jobs_[id] = job;
   }
 
@@ -81,14 +81,14 @@ class Coordinator {
     job.state = state;
     job.reason = "state " + std::to_string(state);
     job.wall_seconds += 1.5;
-    promises_.end("job " + id, step());
+    confirmations_.end("job " + id, step());
     ASSERT_TRUE(store_->update_job(job).ok());
-    promises_.make("job " + id, step(), job_is_there(job));
+    confirmations_.make("job " + id, step(), has_job(job));
   }
 
   void remove_job(const std::string& id) {
     for (const char* kind : {"job ", "unit ", "frame ", "work "})
-      promises_.end_all(kind + id, step());
+      confirmations_.end_all(kind + id, step());
     ASSERT_TRUE(store_->remove_job(id).ok());
   }
 
@@ -100,23 +100,23 @@ class Coordinator {
         group.push_back(make_commit(id, {0, tile, pass}, some_bytes(++block_seed_, 700)));
       }
     }
-    for (const std::string& id : ids) promises_.end("work " + id, step());
+    for (const std::string& id : ids) confirmations_.end("work " + id, step());
     ASSERT_TRUE(store_->commit(group).ok());
     for (const Commit& commit : group) {
-      promises_.make(unit_key(commit.job_id, commit.record.unit), step(),
-                     unit_is_there(commit.job_id, commit.record.unit, commit.block));
+      confirmations_.make(unit_key(commit.job_id, commit.record.unit), step(),
+                          has_unit(commit.job_id, commit.record.unit, commit.block));
     }
     for (const std::string& id : ids) {
       unit_counts_[id] += count;
-      promises_.make("work " + id, step(), work_is_counted(id, unit_counts_[id]));
+      confirmations_.make("work " + id, step(), counts_units(id, unit_counts_[id]));
     }
   }
 
   void drop(const std::string& id, contract::Unit unit) {
-    promises_.end(unit_key(id, unit), step());
-    promises_.end("work " + id, step());
+    confirmations_.end(unit_key(id, unit), step());
+    confirmations_.end("work " + id, step());
     ASSERT_TRUE(store_->drop_units(id, {unit}).ok());
-    promises_.make("work " + id, step(), work_is_counted(id, --unit_counts_[id]));
+    confirmations_.make("work " + id, step(), counts_units(id, --unit_counts_[id]));
   }
 
   void finish_frame(const std::string& id, int frame) {
@@ -135,21 +135,21 @@ class Coordinator {
     ASSERT_TRUE((*file)->append(bytes).ok());
     ASSERT_TRUE(disk_.rename(part, *folder + "/" + record.file).ok());
     ASSERT_TRUE(store_->finish_frame(id, record).ok());
-    promises_.make("frame " + id + " " + record.file, step(), frame_is_there(id, record, bytes));
+    confirmations_.make("frame " + id + " " + record.file, step(), has_frame(id, record, bytes));
   }
 
   void close_job(const std::string& id) {
-    promises_.end_all("unit " + id, step());
+    confirmations_.end_all("unit " + id, step());
     ASSERT_TRUE(store_->close_job(id).ok());
   }
 
   void join(const std::string& worker) {
     ASSERT_TRUE(store_->record_join({worker, "token", "rack"}, 0).ok());
-    promises_.make("join " + worker, step(), worker_has_joined(worker));
+    confirmations_.make("join " + worker, step(), worker_has_joined(worker));
   }
 
   void remove_stale_joins() {
-    promises_.end_all("join ", step());
+    confirmations_.end_all("join ", step());
     ASSERT_TRUE(store_->remove_stale_joins({}, 2 * kHourUs).ok());
   }
 
@@ -162,12 +162,12 @@ class Coordinator {
     ASSERT_TRUE((*file)->append(std::string_view(bytes).substr(0, half)).ok());
     ASSERT_TRUE((*file)->append(std::string_view(bytes).substr(half)).ok());
     ASSERT_TRUE(store_->publish_asset(*path, contract::sha256(bytes)).ok());
-    promises_.make("asset " + contract::sha256(bytes).hex(), step(), asset_is_there(bytes));
+    confirmations_.make("asset " + contract::sha256(bytes).hex(), step(), has_asset(bytes));
   }
 
   void collect_all_assets_but(const std::string& kept, const std::vector<std::string>& evicted) {
     for (const std::string& bytes : evicted) {
-      promises_.end("asset " + contract::sha256(bytes).hex(), step());
+      confirmations_.end("asset " + contract::sha256(bytes).hex(), step());
     }
     const std::int64_t now = 3 * kHourUs;
     ASSERT_TRUE(store_->collect_assets(now, 0, {contract::sha256(kept)}).ok());
@@ -175,11 +175,11 @@ class Coordinator {
 
   void add_worker(const std::string& id) {
     ASSERT_TRUE(store_->add_worker(id, "name").ok());
-    promises_.make("worker " + id, step(), worker_is_known(id));
+    confirmations_.make("worker " + id, step(), worker_is_known(id));
   }
 
   void remove_worker(const std::string& id) {
-    promises_.end("worker " + id, step());
+    confirmations_.end("worker " + id, step());
     ASSERT_TRUE(store_->remove_worker(id).ok());
   }
 
@@ -190,7 +190,7 @@ class Coordinator {
 
   PowerCutDisk& disk_;
   std::string root_;
-  DurabilityChecker& promises_;
+  DurabilityChecker& confirmations_;
   std::unique_ptr<Store> store_;
   std::map<std::string, JobRecord> jobs_;
   std::map<std::string, std::int64_t> unit_counts_;
@@ -215,11 +215,11 @@ std::vector<std::string> make_assets() {
 /// A recording of every operation of a store, with each step of the disk.
 struct Recording {
   std::vector<DiskEvent> events;
-  DurabilityChecker promises;
+  DurabilityChecker confirmations;
   std::vector<std::string> assets = make_assets();
 };
 
-void use_everything(Coordinator& farm, const std::vector<std::string>& assets) {
+void use_all_operations(Coordinator& farm, const std::vector<std::string>& assets) {
   farm.open();
   farm.add_job("a");
   farm.upload(assets[0]);
@@ -258,8 +258,8 @@ Recording record_a_day() {
   Recording recording;
   const ScratchFolder folder;
   PowerCutDisk disk(folder.path());
-  Coordinator farm(disk, folder.path(), recording.promises);
-  use_everything(farm, recording.assets);
+  Coordinator farm(disk, folder.path(), recording.confirmations);
+  use_all_operations(farm, recording.assets);
   recording.events = disk.events();
   return recording;
 }
@@ -275,7 +275,8 @@ class Inspector {
     auto store = Store::open(folder_.path() + "/store", disk, small_options());
     if (!store.ok()) return "cannot be opened: " + store.status().ToString();
     if (std::string wrong = check_store(**store, recording_.assets); !wrong.empty()) return wrong;
-    if (std::string wrong = recording_.promises.check(**store, step); !wrong.empty()) return wrong;
+    if (std::string wrong = recording_.confirmations.check(**store, step); !wrong.empty())
+      return wrong;
     return can_go_on(**store);
   }
 
@@ -286,7 +287,7 @@ class Inspector {
     if (absl::Status added = store.add_job(job); !added.ok()) return added.ToString();
     std::vector<Commit> group = {make_commit(job.id, {1, 2, 3}, "a block")};
     if (absl::Status added = store.commit(group); !added.ok()) return added.ToString();
-    return unit_is_there(job.id, {1, 2, 3}, "a block")(store);
+    return has_unit(job.id, {1, 2, 3}, "a block")(store);
   }
 
   const Recording& recording_;
@@ -296,8 +297,8 @@ class Inspector {
 /// Steps at which a missing sync is most likely to show: just before and after each sync, and when
 /// the store has just confirmed something.
 std::set<int> telling_steps(const Recording& recording) {
-  const std::vector<int> promised = recording.promises.steps();
-  std::set<int> steps(promised.begin(), promised.end());
+  const std::vector<int> confirmed = recording.confirmations.steps();
+  std::set<int> steps(confirmed.begin(), confirmed.end());
   const std::vector<std::string> sites = sync_sites(recording.events);
   for (std::size_t i = 0; i < recording.events.size(); ++i) {
     if (sites[i].empty()) continue;
@@ -364,11 +365,11 @@ TEST(PowerCut, KillThenCutKeepsObservedData) {
     disk.apply(recording.events[i]);
     testing::restore_image(disk.visible(), killed_folder.path());
     DiskModel second_disk = disk;
-    DurabilityChecker promises;
+    DurabilityChecker confirmations;
     std::vector<std::string> seen;
     {
       PowerCutDisk second(killed_folder.path());
-      Coordinator farm(second, killed_folder.path(), promises);
+      Coordinator farm(second, killed_folder.path(), confirmations);
       farm.open();
       seen = facts(farm.store());
       farm.add_job("late");
@@ -383,7 +384,7 @@ TEST(PowerCut, KillThenCutKeepsObservedData) {
     auto store = Store::open(cut_folder.path() + "/store", third, small_options());
     ASSERT_TRUE(store.ok()) << store.status() << " at step " << i + 1;
     ASSERT_EQ(check_store(**store, recording.assets), "") << "step " << i + 1;
-    ASSERT_EQ(promises.check(**store, 1 << 30), "") << "step " << i + 1;
+    ASSERT_EQ(confirmations.check(**store, 1 << 30), "") << "step " << i + 1;
     const std::vector<std::string> kept = facts(**store);
     const std::set<std::string> kept_set(kept.begin(), kept.end());
     for (const std::string& fact : seen) {

@@ -32,7 +32,7 @@ render::Material lamp() {
 
 /// Compares the estimate with the memory that the renderer reports. Building takes up to twice as
 /// much temporarily; lights, which pass through more forms, up to ten times.
-void expect_about_what_is_kept(Scene scene, double most) {
+void expect_near_actual_memory(Scene scene, double most) {
   const render::SceneFeatures features = features_of(scene);
   const std::int64_t estimate = features.total_bytes() - render::kProcessBytes;
   const auto made = render::FrameRenderer::create(std::move(scene), small_settings(8, 8, 4), 0,
@@ -44,14 +44,14 @@ void expect_about_what_is_kept(Scene scene, double most) {
 }
 
 TEST(MemoryEstimate, TreesScaleWithTriangles) {
-  expect_about_what_is_kept(balls(lambert({1, 1, 1})), 3);
+  expect_near_actual_memory(balls(lambert({1, 1, 1})), 3);
   EXPECT_EQ(features_of(balls(lambert({1, 1, 1}))).light_bytes, 0);
 }
 
 TEST(MemoryEstimate, LightsScaleWithEmissiveInstances) {
   Scene scene = balls(lamp());
   const std::int64_t three = features_of(scene).light_bytes;
-  expect_about_what_is_kept(scene, 10);
+  expect_near_actual_memory(scene, 10);
   scene.instances.pop_back();
   EXPECT_EQ(3 * features_of(scene).light_bytes, 2 * three);
 }
@@ -74,7 +74,7 @@ TEST(MemoryEstimate, EmissiveTexelsAreCounted) {
 
   set_sky(&scene, 128, 64, std::vector<float>(128 * 64 * 3, 1.0f));
   EXPECT_EQ(features_of(scene).light_bytes - textured.light_bytes, 128 * 64 * 8);
-  expect_about_what_is_kept(scene, 10);
+  expect_near_actual_memory(scene, 10);
 }
 
 }  // namespace

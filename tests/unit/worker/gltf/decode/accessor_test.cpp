@@ -239,11 +239,12 @@ TEST(Positions, InvalidOnesDropTrianglesWithWarning) {
   ASSERT_TRUE(scene.ok()) << scene.status();
   EXPECT_EQ(scene->meshes[0].primitives[0].triangles.size(), 1u);
   EXPECT_EQ(scene->bounds_max, (Vec3d{0.5, 0.5, 0}));
-  bool said = false;
+  bool has_warning = false;
   for (const Problem& p : (*file)->problems()) {
-    said = said || (p.element == "meshes[0].primitives[0]" && p.message.starts_with("2 triangles"));
+    has_warning = has_warning ||
+                  (p.element == "meshes[0].primitives[0]" && p.message.starts_with("2 triangles"));
   }
-  EXPECT_TRUE(said);
+  EXPECT_TRUE(has_warning);
 }
 
 TEST(Primitives, PointsAndLinesAreSkippedWithWarning) {

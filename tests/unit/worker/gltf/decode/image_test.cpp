@@ -152,10 +152,10 @@ TEST(Images, SixteenBitGreyAlphaKeepsBoth) {
 TEST(Images, ColourProfilesAreIgnored) {
   // glTF: colour spaces, gamma and ICC profiles inside images are ignored.
   const Codes codes = {3, 99, 180, 255, 128, 7};
-  const std::vector<Chunk> said = {{"gAMA", {0, 1, 0x86, 0xa0}},  // 1.0
-                                   {"gAMA", {0, 0, 0x27, 0x10}},  // 0.1
-                                   {"sRGB", {0}}};
-  for (const Chunk& chunk : said) {
+  const std::vector<Chunk> metadata = {{"gAMA", {0, 1, 0x86, 0xa0}},  // 1.0
+                                       {"gAMA", {0, 0, 0x27, 0x10}},  // 0.1
+                                       {"sRGB", {0}}};
+  for (const Chunk& chunk : metadata) {
     EXPECT_EQ(decoded(png_row(2, 8, 2, {chunk}, codes)).u8, codes) << chunk.type;
   }
 }
@@ -167,10 +167,10 @@ TEST(Images, JpegOrientationIsIgnored) {
     for (int x = 0; x < 16; ++x) halves.insert(halves.end(), 3, x < 8 ? 0 : 255);
   }
   const Image plain = decoded(encode("jpeg", 16, 8, 3, halves));
-  OIIO::ParamValueList said;
-  said.attribute("Orientation", 6);
-  said.attribute("jpeg:progressive", 1);
-  const auto file = encode("jpeg", 16, 8, 3, halves, said);
+  OIIO::ParamValueList metadata;
+  metadata.attribute("Orientation", 6);
+  metadata.attribute("jpeg:progressive", 1);
+  const auto file = encode("jpeg", 16, 8, 3, halves, metadata);
   const auto contains = [&](std::uint8_t marker) {
     const std::array<std::byte, 2> sought = {std::byte{0xff}, static_cast<std::byte>(marker)};
     return std::search(file.begin(), file.end(), sought.begin(), sought.end()) != file.end();
