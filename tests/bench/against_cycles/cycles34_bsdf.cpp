@@ -1,7 +1,7 @@
 // The BSDF of Blender Cycles 3.4 for opaque metallic-roughness materials, linked in the place of
-// worker/shading/bsdf/extended_bsdf.cpp: what differs between two pictures then is not the material.
-// Directions are drawn as Tessera draws them; only values differ. A material takes part if it has
-// any extension, however little that says; coats, sheens and the like are left out.
+// worker/shading/bsdf/extended_bsdf.cpp: what differs between two pictures then is not the
+// material. Directions are drawn as Tessera draws them; only values differ. A material takes part
+// if it has any extension, however little that says; coats, sheens and the like are left out.
 //
 // Formula: Principled v1 (Disney's diffuse, not scaled by what the layer over it reflects; real
 // Fresnel; separable Smith), as measured of Blender 3.4.1 with the importer's defaults.

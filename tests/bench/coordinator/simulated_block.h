@@ -24,7 +24,8 @@ class SimulatedFilm {
   /// The encoded block of a unit. Requires a tile and pass of the job.
   std::string block(std::int32_t tile, std::int32_t pass) const;
 
-  /// SHA-256 of the finished frame's pixels, as the report spells it (docs/reference/output-files.md).
+  /// SHA-256 of the finished frame's pixels, as the report spells it
+  /// (docs/reference/output-files.md).
   contract::Digest expected_pixels() const;
 
   std::int64_t unit_count() const;

@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <utility>
 
+#include "contract/version.h"
 #include "rpc/channel.h"
 #include "rpc/protocol_version.h"
 #include "rpc/settings_message.h"
-#include "contract/version.h"
 
 namespace tessera::bench {
 namespace {

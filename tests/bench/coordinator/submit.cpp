@@ -8,9 +8,9 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "contract/digest.h"
 #include "rpc/channel.h"
 #include "rpc/protocol_version.h"
-#include "contract/digest.h"
 #include "rpc/settings_message.h"
 #include "tessera/v1/asset_service.grpc.pb.h"
 #include "tessera/v1/job_service.grpc.pb.h"

@@ -151,7 +151,8 @@ TEST(Bench, UnsuitableReportIsRefused) {
   EXPECT_EQ(fault(report), "has no error estimate");
   report = odd_report();
   report["settings"]["fps"] = "fast";
-  EXPECT_NE(fault(report).find("not the report of a render (["), std::string::npos) << fault(report);
+  EXPECT_NE(fault(report).find("not the report of a render (["), std::string::npos)
+      << fault(report);
 }
 
 }  // namespace
