@@ -3,7 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
-namespace tessera::contract {
+namespace tessera::cli {
 
 /// Returns a validator for numbers in [least, most]. Unlike CLI::Range it rejects NaN.
 inline CLI::Validator finite_range(double least, double most) {
@@ -16,4 +16,4 @@ inline CLI::Validator finite_range(double least, double most) {
           range.get_description()};
 }
 
-}  // namespace tessera::contract
+}  // namespace tessera::cli

@@ -6,7 +6,7 @@
 
 #include "contract/version.h"
 
-namespace tessera::contract {
+namespace tessera::cli {
 
 /// A library that a program uses, with its version.
 struct LibraryVersion {
@@ -24,7 +24,7 @@ inline std::string version_text(std::string_view program, std::string_view versi
                                 const std::vector<LibraryVersion>& more = {}) {
   std::string text(program);
   text.append(" ").append(version).append(", render contract ");
-  text.append(std::to_string(kRenderContract)).append(", isa ").append(isa);
+  text.append(std::to_string(contract::kRenderContract)).append(", isa ").append(isa);
   const char* before = "\n";
   for (const auto* list : {&libraries, &more}) {
     for (const LibraryVersion& library : *list) {
@@ -35,4 +35,4 @@ inline std::string version_text(std::string_view program, std::string_view versi
   return text;
 }
 
-}  // namespace tessera::contract
+}  // namespace tessera::cli

@@ -44,8 +44,8 @@ void describe_program(CLI::App& app, Invocation& invocation) {
   app.config_formatter(std::make_shared<ConfigFile>(app));
   app.set_version_flag(
       "--version",
-      contract::version_text(
-          "tessera", TESSERA_VERSION, contract::kBaselineIsa,
+      cli::version_text(
+          "tessera", TESSERA_VERSION, cli::kBaselineIsa,
           {{"gRPC", grpc::Version()},
            {"protobuf", google::protobuf::internal::VersionString(GOOGLE_PROTOBUF_VERSION)},
            {"OpenSSL", OpenSSL_version(OPENSSL_VERSION_STRING)}},

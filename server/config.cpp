@@ -25,8 +25,8 @@ std::int64_t to_bytes(double gigabytes) {
 namespace {
 
 std::string version_text() {
-  return contract::version_text(
-      "tessera-server", TESSERA_VERSION, contract::kBaselineIsa,
+  return cli::version_text(
+      "tessera-server", TESSERA_VERSION, cli::kBaselineIsa,
       {{"gRPC", grpc::Version()},
        {"protobuf", google::protobuf::internal::VersionString(GOOGLE_PROTOBUF_VERSION)},
        {"SQLite", sqlite3_libversion()},
@@ -40,7 +40,7 @@ void add_client_limits(CLI::App& app, Config& config) {
                  "Maximum unfinished jobs per client; 0: unlimited")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{1'000'000}))
       ->capture_default_str();
-  const auto limit = contract::finite_range(0.0, 1e9);
+  const auto limit = cli::finite_range(0.0, 1e9);
   app.add_option("--client-gigasamples", config.client_gigasamples,
                  "Maximum pixels x samples of a client's unfinished jobs, 10^9; 0: unlimited")
       ->check(limit)
@@ -73,7 +73,7 @@ void add_options(CLI::App& app, Config& config) {
          "Directory with ca.crt, tls.crt and tls.key (see init-certs); TCP then accepts only "
          "callers with a certificate of that authority")
       ->type_name("DIR");
-  const auto size = contract::finite_range(0.001, 1e6);
+  const auto size = cli::finite_range(0.001, 1e6);
   app.add_option("--film-memory-gb", config.film_memory_gb, "Merged tiles kept in memory, GB")
       ->check(size)
       ->capture_default_str();
@@ -90,11 +90,11 @@ void add_options(CLI::App& app, Config& config) {
       ->capture_default_str();
   app.add_option("--job-retention-days", config.job_retention_days,
                  "Days after its end at which a job is removed, with its images; 0: never")
-      ->check(contract::finite_range(0.0, 36'500.0))
+      ->check(cli::finite_range(0.0, 36'500.0))
       ->capture_default_str();
   app.add_option("--audit-fraction", config.audit_fraction,
                  "Fraction of units re-rendered by a second worker to verify results; 0: none")
-      ->check(contract::finite_range(0.0, 1.0))
+      ->check(cli::finite_range(0.0, 1.0))
       ->capture_default_str();
   add_client_limits(app, config);
   app.add_option(

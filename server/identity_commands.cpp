@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
+#include "cli/command.h"
 #include "server/identity/authority.h"
 #include "server/identity/join_tokens.h"
 #include "server/identity/private_file.h"
@@ -89,8 +90,9 @@ absl::Status revoke_cert(const CertificateFlags& flags) {
 
 void add_certificate_commands(CLI::App& app, Run& run) {
   auto flags = std::make_shared<CertificateFlags>();
-  CLI::App* init = app.add_subcommand(
-      "init-certs", "Create the farm's CA if missing and issue or renew the server certificate");
+  CLI::App* init =
+      cli::add_command(app, "init-certs",
+                       "Create the farm's CA if missing and issue or renew the server certificate");
   add_folder(*init, *flags);
   init->add_option("--host", flags->hosts, "Host names and IP addresses of the server")
       ->required()
@@ -98,8 +100,8 @@ void add_certificate_commands(CLI::App& app, Run& run) {
   add_days(*init, *flags);
   init->callback([flags, &run] { run = [flags] { return init_certs(*flags); }; });
 
-  CLI::App* issue = app.add_subcommand(
-      "issue-cert", "Issue a certificate into a directory for --certs; prints the directory");
+  CLI::App* issue = cli::add_command(
+      app, "issue-cert", "Issue a certificate into a directory for --certs; prints the directory");
   add_folder(*issue, *flags);
   add_who(*issue, *flags);
   issue->add_option("--out", flags->out, "Directory to write to (default: DIR/ROLE-NAME)")
@@ -107,8 +109,8 @@ void add_certificate_commands(CLI::App& app, Run& run) {
   add_days(*issue, *flags);
   issue->callback([flags, &run] { run = [flags] { return issue_cert(*flags); }; });
 
-  CLI::App* revoke = app.add_subcommand(
-      "revoke", "Revoke all certificates issued to a name; takes effect within seconds");
+  CLI::App* revoke = cli::add_command(
+      app, "revoke", "Revoke all certificates issued to a name; takes effect within seconds");
   add_folder(*revoke, *flags);
   add_who(*revoke, *flags);
   revoke->callback([flags, &run] { run = [flags] { return revoke_cert(*flags); }; });
@@ -168,8 +170,9 @@ absl::Status list_tokens(const TokenFlags& flags) {
 
 void add_token_commands(CLI::App& app, Run& run) {
   auto flags = std::make_shared<TokenFlags>();
-  CLI::App* tokens = app.add_subcommand(
-      "tokens", "Manage the join tokens that workers present, with their certificate, to join");
+  CLI::App* tokens = cli::add_command(
+      app, "tokens",
+      "Manage the join tokens that workers present, with their certificate, to join");
   tokens->require_subcommand(1);
   const auto add_store = [&](CLI::App& command) {
     command.add_option("--store", flags->store, "Directory of the server's store")
@@ -177,7 +180,7 @@ void add_token_commands(CLI::App& app, Run& run) {
         ->type_name("DIR");
   };
   CLI::App* create =
-      tokens->add_subcommand("create", "Create a token and print it (shown only once)");
+      cli::add_command(*tokens, "create", "Create a token and print it (shown only once)");
   add_store(*create);
   create->add_option("--ttl", flags->ttl, "Time for which workers can join with it")
       ->type_name("DURATION")
@@ -189,12 +192,12 @@ void add_token_commands(CLI::App& app, Run& run) {
       ->type_name("FILE");
   create->callback([flags, &run] { run = [flags] { return create_token(*flags); }; });
 
-  CLI::App* list = tokens->add_subcommand("list", "List tokens without their secrets");
+  CLI::App* list = cli::add_command(*tokens, "list", "List tokens without their secrets");
   add_store(*list);
   list->callback([flags, &run] { run = [flags] { return list_tokens(*flags); }; });
 
   CLI::App* revoke =
-      tokens->add_subcommand("revoke", "Revoke a token; workers that have joined stay");
+      cli::add_command(*tokens, "revoke", "Revoke a token; workers that have joined stay");
   add_store(*revoke);
   revoke->add_option("token", flags->id, "First eight digits of the token")->required();
   revoke->callback(

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "cli/command.h"
 #include "server/store/files/filesystem.h"
 #include "server/store/maintenance/backup.h"
 #include "server/store/maintenance/check.h"
@@ -46,15 +47,15 @@ absl::Status back_up(const StoreFlags& flags) {
 
 void add_store_commands(CLI::App& app, std::function<absl::Status()>& run) {
   auto flags = std::make_shared<StoreFlags>();
-  CLI::App* checking = app.add_subcommand(
-      "check", "Verify an offline store: compare every row with its files (read-only)");
+  CLI::App* checking = cli::add_command(
+      app, "check", "Verify an offline store: compare every row with its files (read-only)");
   checking->add_option("store", flags->folder, "Directory of the store")
       ->required()
       ->type_name("DIR");
   checking->callback([flags, &run] { run = [flags] { return check(flags->folder); }; });
 
-  CLI::App* backup = app.add_subcommand(
-      "backup", "Copy a store, even while a server uses it, and verify the copy");
+  CLI::App* backup = cli::add_command(
+      app, "backup", "Copy a store, even while a server uses it, and verify the copy");
   backup->add_option("store", flags->folder, "Directory of the store")
       ->required()
       ->type_name("DIR");

@@ -141,8 +141,8 @@ void add_options(CLI::App& app, WebhookOptions& options) {
   app.set_help_all_flag("--help-all", "Print this help");
   app.set_version_flag(
       "--version",
-      contract::version_text("tessera-webhook", TESSERA_VERSION, contract::kBaselineIsa,
-                             {{"libcurl", curl_version_info(CURLVERSION_NOW)->version}}, {}));
+      cli::version_text("tessera-webhook", TESSERA_VERSION, cli::kBaselineIsa,
+                        {{"libcurl", curl_version_info(CURLVERSION_NOW)->version}}, {}));
   app.footer(
       "Posts each event as a tessera.event/1 document, as printed by `tessera events --json`, in "
       "order "

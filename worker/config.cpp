@@ -20,6 +20,7 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "cli/command.h"
 #include "cli/version_text.h"
 #include "contract/structure_names.h"
 #include "image/codecs/library_versions.h"
@@ -156,7 +157,7 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
 
 /// Adds the command with which the agent starts its renderer process; not in --help.
 CLI::App* add_renderer(CLI::App& app, agent::RendererOptions& options) {
-  CLI::App* renderer = app.add_subcommand("renderer")->group("");
+  CLI::App* renderer = cli::add_command(app, "renderer", "")->group("");
   renderer->add_option("--fd", options.fd)->required();
   renderer->add_option("--threads", options.thread_count)->required();
   renderer->add_option("--memory-bytes", options.memory_bytes);
@@ -238,7 +239,7 @@ void complete(DebugPixelConfig& config, const DebugPixelFlags& flags) {
 }
 
 std::string version_text() {
-  return contract::version_text(
+  return cli::version_text(
       "tessera-worker", TESSERA_VERSION, render::isa_name(render::best_isa()),
       {{"gRPC", grpc::Version()},
        {"protobuf", google::protobuf::internal::VersionString(GOOGLE_PROTOBUF_VERSION)},
@@ -290,11 +291,11 @@ std::variant<Config, int> parse_command_line(int argc, char** argv, FaultInjecto
   CLI::App* renderer = add_renderer(app, renderer_options);
   faults.add_options(app, *renderer);
   InspectConfig inspect_config;
-  CLI::App* inspect = app.add_subcommand("inspect", "Print the features and faults of a scene");
+  CLI::App* inspect = cli::add_command(app, "inspect", "Print the features and faults of a scene");
   add_inspect_options(*inspect, inspect_config);
   DebugPixelConfig debug_config;
   DebugPixelFlags debug_flags;
-  CLI::App* debug = app.add_subcommand("debug-pixel", "Print the path of one sample of a pixel");
+  CLI::App* debug = cli::add_command(app, "debug-pixel", "Print the path of one sample of a pixel");
   add_debug_pixel_options(*debug, debug_config, debug_flags);
   app.footer("Example: tessera-worker --server unix:/run/tessera/server.sock --threads 8");
   try {

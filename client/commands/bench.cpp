@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
+#include "cli/command.h"
 #include "client/bench/bench_reference.h"
 #include "client/bench/bench_stats.h"
 #include "client/cli/table.h"
@@ -237,7 +238,7 @@ int run(BenchOptions options) {
 
 void add_bench_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<BenchOptions>();
-  CLI::App* command = app.add_subcommand("bench", "Measure CPU time and error on this machine");
+  CLI::App* command = cli::add_command(app, "bench", "Measure CPU time and error on this machine");
   command->add_option("scene", options->scenes, "Scene files, .gltf or .glb")->required();
   command
       ->add_option(

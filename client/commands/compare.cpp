@@ -6,6 +6,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "cli/command.h"
 #include "client/cli/table.h"
 #include "client/commands/commands.h"
 #include "client/output/image_file.h"
@@ -121,7 +122,7 @@ int run(const CompareOptions& options) {
 void add_compare_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<CompareOptions>();
   CLI::App* command =
-      app.add_subcommand("compare", "Measure the difference of an image from a reference");
+      cli::add_command(app, "compare", "Measure the difference of an image from a reference");
   command->add_option("image", options->image, "Image file: EXR, HDR, PNG, JPEG or WebP")
       ->required();
   command->add_option("reference", options->reference, "Reference image")->required();

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
+#include "cli/command.h"
 #include "client/cli/shown_options.h"
 #include "client/commands/commands.h"
 
@@ -147,7 +148,7 @@ std::string completion_script(const CLI::App& app, const std::string& shell) {
 
 void add_completion_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<CompletionOptions>();
-  CLI::App* command = app.add_subcommand("completion", "Print a shell's completion script");
+  CLI::App* command = cli::add_command(app, "completion", "Print a shell's completion script");
   command->add_option("shell", options->shell, "bash, zsh or fish")
       ->required()
       ->check(CLI::IsMember({"bash", "zsh", "fish"}));

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "cli/command.h"
 #include "client/api/event_document.h"
 #include "client/api/farm_client.h"
 #include "client/api/signal_handler.h"
@@ -69,7 +70,7 @@ int run(const EventsOptions& options, const Connection& connection) {
 
 CLI::App* add_command(CLI::App& app, Invocation& invocation, const char* name,
                       const char* description, const std::shared_ptr<EventsOptions>& options) {
-  CLI::App* command = app.add_subcommand(name, description);
+  CLI::App* command = cli::add_command(app, name, description);
   add_connection_options(*command, invocation.connection);
   command->add_flag("--json", options->json, "JSON output, one object per line (tessera.event/1)");
   command->callback([options, &invocation] {

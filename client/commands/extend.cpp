@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_format.h"
+#include "cli/command.h"
 #include "cli/finite_range.h"
 #include "client/api/farm_client.h"
 #include "client/commands/commands.h"
@@ -48,7 +49,7 @@ int run(const ExtendOptions& options, const Connection& connection) {
 void add_extend_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<ExtendOptions>();
   CLI::App* command =
-      app.add_subcommand("extend", "Raise the sample count of a job, or lower its target error");
+      cli::add_command(app, "extend", "Raise the sample count of a job, or lower its target error");
   add_connection_options(*command, invocation.connection);
   add_job_argument(*command, options->job);
   command
@@ -56,7 +57,7 @@ void add_extend_command(CLI::App& app, Invocation& invocation) {
                    "New, higher number of samples per pixel (the maximum, with a target error)")
       ->check(CLI::Range(1, contract::kMaxSpp));
   command->add_option("--error", options->error, "New, lower target error")
-      ->check(contract::finite_range(1e-6, 1.0));
+      ->check(cli::finite_range(1e-6, 1.0));
   command->add_flag("--json", options->json, "JSON output (tessera.job/1)");
   command->footer(
       "The result equals a job submitted with the new settings. Fails once a finished frame's "

@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
+#include "cli/command.h"
 #include "client/api/farm_client.h"
 #include "client/commands/commands.h"
 #include "client/local_farm/farm_supervisor.h"
@@ -127,11 +128,12 @@ int run_down() {
 
 void add_farm_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<FarmOptions>();
-  CLI::App* command = app.add_subcommand("farm", "Manage a persistent farm on this machine");
+  CLI::App* command = cli::add_command(app, "farm", "Manage a persistent farm on this machine");
   command->footer("Examples:\n  tessera farm up --workers 2\n  tessera farm down");
   command->require_subcommand(1);
-  CLI::App* up = command->add_subcommand(
-      "up", "Start a server and workers for this user, which other commands use by default");
+  CLI::App* up = cli::add_command(
+      *command, "up",
+      "Start a server and workers for this user, which other commands use by default");
   up->add_option("--workers", options->workers, "Number of worker processes")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
@@ -147,8 +149,9 @@ void add_farm_command(CLI::App& app, Invocation& invocation) {
       "down` and `tessera farm up`.\n"
       "Example:\n  tessera farm up --workers 2\n  tessera submit scene.glb --wait");
   up->callback([options, &invocation] { invocation.run = [options] { return run_up(*options); }; });
-  CLI::App* down = command->add_subcommand(
-      "down", "Stop the farm; committed results are kept and jobs resume at the next start");
+  CLI::App* down = cli::add_command(
+      *command, "down",
+      "Stop the farm; committed results are kept and jobs resume at the next start");
   down->footer("Example:\n  tessera farm down");
   down->callback([&invocation] { invocation.run = run_down; });
 }

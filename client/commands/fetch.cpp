@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "cli/command.h"
 #include "client/api/farm_client.h"
 #include "client/commands/commands.h"
 #include "client/output/frame_files.h"
@@ -130,7 +131,7 @@ int run(const FetchOptions& options, const Connection& connection) {
 
 void add_fetch_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<FetchOptions>();
-  CLI::App* command = app.add_subcommand("fetch", "Download a job's finished frames and report");
+  CLI::App* command = cli::add_command(app, "fetch", "Download a job's finished frames and report");
   add_connection_options(*command, invocation.connection);
   add_job_argument(*command, options->job);
   command->add_option("-o,--output", options->folder, "Directory for the files, created if missing")

@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "cli/command.h"
 #include "client/cli/table.h"
 #include "client/commands/commands.h"
 #include "client/request/scene_report.h"
@@ -193,7 +194,7 @@ int run(const InspectOptions& options) {
 void add_inspect_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<InspectOptions>();
   CLI::App* command =
-      app.add_subcommand("inspect", "Show the features, size and faults of a scene");
+      cli::add_command(app, "inspect", "Show the features, size and faults of a scene");
   command->add_option("scene", options->scene, "glTF file (.gltf or .glb)")->required();
   command->add_option("--environment", options->environment, "Environment map of the render")
       ->type_name("FILE");

@@ -3,6 +3,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "cli/command.h"
 #include "client/api/farm_client.h"
 #include "client/commands/commands.h"
 #include "client/output/job_status.h"
@@ -73,7 +74,7 @@ int run_remove(const ControlOptions& options, const Connection& connection) {
 
 CLI::App* add_command(CLI::App& app, Invocation& invocation, const char* name,
                       const char* description, ControlOptions& options) {
-  CLI::App* command = app.add_subcommand(name, description);
+  CLI::App* command = cli::add_command(app, name, description);
   add_connection_options(*command, invocation.connection);
   add_job_argument(*command, options.job);
   command->add_flag("--json", options.json, "JSON output");

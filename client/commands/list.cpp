@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_format.h"
+#include "cli/command.h"
 #include "client/api/farm_client.h"
 #include "client/cli/table.h"
 #include "client/commands/commands.h"
@@ -71,7 +72,7 @@ int run(const ListOptions& options, const Connection& connection) {
 
 void add_list_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<ListOptions>();
-  CLI::App* command = app.add_subcommand("list", "List jobs, newest first");
+  CLI::App* command = cli::add_command(app, "list", "List jobs, newest first");
   add_connection_options(*command, invocation.connection);
   command->add_option("--limit", options->limit, "Maximum number of jobs; 0: unlimited")
       ->capture_default_str()

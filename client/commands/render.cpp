@@ -13,6 +13,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "cli/command.h"
 #include "cli/finite_range.h"
 #include "client/cli/progress.h"
 #include "client/commands/commands.h"
@@ -260,7 +261,7 @@ int run(const RenderCommandOptions& options) {
 
 void add_render_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<RenderCommandOptions>();
-  CLI::App* command = app.add_subcommand("render", "Render a scene on this machine");
+  CLI::App* command = cli::add_command(app, "render", "Render a scene on this machine");
   add_render_options(*command, options->render);
   const char* group = "Output";
   command
@@ -269,7 +270,7 @@ void add_render_command(CLI::App& app, Invocation& invocation) {
       ->type_name("FILE")
       ->group(group);
   command->add_option("--exposure", options->exposure_ev, "Exposure in stops, PNG and JPEG only")
-      ->check(contract::finite_range(-100.0, 100.0))
+      ->check(cli::finite_range(-100.0, 100.0))
       ->type_name("EV")
       ->group(group);
   command->add_option("--report", options->report, "File for the JSON report")

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "cli/command.h"
 #include "client/api/farm_client.h"
 #include "client/charts/curve_svg.h"
 #include "client/charts/tile_svg.h"
@@ -177,7 +178,7 @@ int run(const ReportOptions& options, const Connection& connection) {
 
 void add_report_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<ReportOptions>();
-  CLI::App* command = app.add_subcommand("report", "Show the results and costs of a job");
+  CLI::App* command = cli::add_command(app, "report", "Show the results and costs of a job");
   add_connection_options(*command, invocation.connection);
   add_job_argument(*command, options->job);
   CLI::Option* json = command->add_flag("--json", options->json, "JSON output (tessera.report/1)");

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "cli/command.h"
 #include "client/api/farm_client.h"
 #include "client/cli/progress.h"
 #include "client/cli/table.h"
@@ -61,7 +62,7 @@ int run(const StatusOptions& options, const Connection& connection) {
 
 void add_status_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<StatusOptions>();
-  CLI::App* command = app.add_subcommand("status", "Show the state and progress of a job");
+  CLI::App* command = cli::add_command(app, "status", "Show the state and progress of a job");
   add_connection_options(*command, invocation.connection);
   add_job_argument(*command, options->job);
   command->add_flag("--json", options->json, "JSON output (tessera.job/1)");

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "cli/command.h"
 #include "client/commands/commands.h"
 #include "client/output/job_status.h"
 #include "client/request/job_request.h"
@@ -62,7 +63,8 @@ int run(const SubmitOptions& options, const Connection& connection) {
 
 void add_submit_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<SubmitOptions>();
-  CLI::App* command = app.add_subcommand("submit", "Submit a scene to a server; prints the job ID");
+  CLI::App* command =
+      cli::add_command(app, "submit", "Submit a scene to a server; prints the job ID");
   add_render_options(*command, options->render);
   add_connection_options(*command, invocation.connection);
   command->add_option("--name", options->name, "Name of the job (default: that of the scene file)");

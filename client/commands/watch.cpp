@@ -2,6 +2,7 @@
 #include <memory>
 #include <string>
 
+#include "cli/command.h"
 #include "client/commands/commands.h"
 #include "client/output/job_status.h"
 
@@ -26,7 +27,7 @@ int run(const WatchOptions& options, const Connection& connection) {
 
 void add_watch_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<WatchOptions>();
-  CLI::App* command = app.add_subcommand("watch", "Follow a job until it ends");
+  CLI::App* command = cli::add_command(app, "watch", "Follow a job until it ends");
   add_connection_options(*command, invocation.connection);
   add_job_argument(*command, options->job);
   command->add_flag("--json", options->json, "JSON output, one object per line (tessera.job/1)");

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "cli/command.h"
 #include "client/api/farm_client.h"
 #include "client/cli/progress.h"
 #include "client/cli/table.h"
@@ -125,7 +126,7 @@ int run_order(const Order& order, const std::string& text, const Connection& con
 void add_orders(CLI::App& command, Invocation& invocation) {
   for (const Order& order : kOrders) {
     auto worker = std::make_shared<std::string>();
-    CLI::App* sub = command.add_subcommand(order.name, order.description);
+    CLI::App* sub = cli::add_command(command, order.name, order.description);
     add_connection_options(*sub, invocation.connection);
     sub->add_option("worker", *worker, "Worker ID, unique prefix, or name")->required();
     sub->footer(absl::StrCat("Example:\n  tessera workers ", order.name, " w-0f3a"));
@@ -143,7 +144,7 @@ void add_orders(CLI::App& command, Invocation& invocation) {
 void add_workers_command(CLI::App& app, Invocation& invocation) {
   auto options = std::make_shared<WorkersOptions>();
   CLI::App* command =
-      app.add_subcommand("workers", "List workers connected now or within the last hour");
+      cli::add_command(app, "workers", "List workers connected now or within the last hour");
   add_connection_options(*command, invocation.connection);
   command->add_flag("--json", options->json, "JSON output (tessera.workers/2)");
   add_orders(*command, invocation);

@@ -77,7 +77,7 @@ void add_view_options(CLI::App& command, RenderOptions& options) {
   command
       .add_option("--fps", options.fps,
                   "Frames per second: frame n shows the scene at n/fps seconds")
-      ->check(contract::finite_range(1e-6, 1e6))
+      ->check(cli::finite_range(1e-6, 1e6))
       ->type_name("N")
       ->capture_default_str()
       ->group(group);
@@ -106,7 +106,7 @@ void add_sampling_options(CLI::App& command, RenderOptions& options) {
               "--error", options.error,
               "Target error, e.g. 0.05: render until the error's 95 % upper bound is at most "
               "this")
-          ->check(contract::finite_range(1e-6, 1.0))
+          ->check(cli::finite_range(1e-6, 1.0))
           ->type_name("E")
           ->excludes(spp)
           ->group(group);
@@ -139,14 +139,14 @@ void add_sampling_options(CLI::App& command, RenderOptions& options) {
   command
       .add_option("--filter-width", options.filter_width,
                   "Width of the filter, pixels (default: box 1, others 3)")
-      ->check(contract::finite_range(1e-3, 64.0))
+      ->check(cli::finite_range(1e-3, 64.0))
       ->type_name("W")
       ->group(group);
   command
       .add_option("--clamp", options.clamp,
                   "Maximum radiance per sample and channel (default: off); clamped images are not "
                   "certified")
-      ->check(contract::finite_range(1e-30, 1e30))
+      ->check(cli::finite_range(1e-30, 1e30))
       ->type_name("V")
       ->group(group);
 }
@@ -160,13 +160,13 @@ void add_light_options(CLI::App& command, RenderOptions& options) {
   command
       .add_option("--environment-rotation", options.environment_rotation,
                   "Rotation of the environment map about +Y, degrees")
-      ->check(contract::finite_range(-1e6, 1e6))
+      ->check(cli::finite_range(-1e6, 1e6))
       ->type_name("DEG")
       ->group(group);
   command
       .add_option("--environment-strength", options.environment_strength,
                   "Factor for the radiance of the environment map")
-      ->check(contract::finite_range(0.0, 1e30))
+      ->check(cli::finite_range(0.0, 1e30))
       ->type_name("S")
       ->group(group);
   command

@@ -15,7 +15,7 @@
 
 namespace tessera::image {
 
-std::vector<contract::LibraryVersion> library_versions() {
+std::vector<cli::LibraryVersion> library_versions() {
   const int webp = WebPGetDecoderVersion();  // one byte per part
   return {{"libpng", png_get_libpng_ver(nullptr)},
           {"libjpeg-turbo", TESSERA_VALUE_TEXT(LIBJPEG_TURBO_VERSION)},

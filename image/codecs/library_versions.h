@@ -7,6 +7,6 @@
 namespace tessera::image {
 
 /// Versions of the libraries that read and write images.
-std::vector<contract::LibraryVersion> library_versions();
+std::vector<cli::LibraryVersion> library_versions();
 
 }  // namespace tessera::image
