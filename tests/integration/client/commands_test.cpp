@@ -314,7 +314,7 @@ TEST_F(FetchTest, KeepsFilesWithMatchingContent) {
 
 TEST_F(FetchTest, OverwritesOtherFilesOnlyWithForce) {
   ASSERT_EQ(fetch().exit, kExitDone);
-  std::ofstream(output_ / "my_scene_1.0001.exr") << "mine";
+  std::ofstream(output_ / "my_scene_1.0001.exr") << "own line";
   const Outcome refused = fetch();
   EXPECT_EQ(refused.exit, kExitBadInput);
   EXPECT_THAT(refused.err, HasSubstr("--force"));

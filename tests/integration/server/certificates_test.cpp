@@ -18,7 +18,8 @@ using CertificatesTest = SecureFarm;
 TEST_F(CertificatesTest, EveryRoleCanConnect) {
   EXPECT_TRUE(try_call("ann").ok());
   EXPECT_TRUE(try_call("root").ok());
-  EXPECT_EQ(try_call("w1").error_code(), StatusCode::PERMISSION_DENIED) << "in, but no client";
+  EXPECT_EQ(try_call("w1").error_code(), StatusCode::PERMISSION_DENIED)
+      << "connected, but not permitted as a client";
 }
 
 TEST_F(CertificatesTest, MissingCertificateIsRefused) {
@@ -39,11 +40,11 @@ TEST_F(CertificatesTest, ForeignAuthorityIsRefused) {
   ASSERT_TRUE(make_authority(other, year()).ok());
   ASSERT_TRUE(issue(other, Role::admin, "root", folder_ + "/stranger", year()).ok());
   EXPECT_EQ(try_call("stranger").error_code(), StatusCode::UNAVAILABLE)
-      << "it distrusts the server";
+      << "the client must reject the server";
   ASSERT_TRUE(
       write_file(folder_ + "/stranger/ca.crt", read_file(certs_ + "/ca.crt").value(), 0644).ok());
   EXPECT_EQ(try_call("stranger").error_code(), StatusCode::UNAVAILABLE)
-      << "the server distrusts it";
+      << "the server must reject the client";
 }
 
 TEST_F(CertificatesTest, ValidityPeriodIsEnforced) {

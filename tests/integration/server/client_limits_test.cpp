@@ -75,7 +75,7 @@ TEST_F(GreedyClient, ExcessCallsOfOneClientAreRefused) {
 
 TEST_F(GreedyClient, ExcessUploadsAreRefused) {
   EXPECT_TRUE(upload_scene("ann").ok());
-  EXPECT_TRUE(upload_scene("ann").ok()) << "what is here already costs nothing";
+  EXPECT_TRUE(upload_scene("ann").ok()) << "uploading an existing asset is free";
   const std::string other(sizeof kScene - 1, 'x');
   EXPECT_EQ(upload("ann", other).error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_TRUE(upload("bob", other).ok());

@@ -110,7 +110,7 @@ TEST_F(FarmTest, ReferenceGivesTrueErrorPerPass) {
   ASSERT_EQ(curve.size(), 2u);
   for (const auto& point : curve) {
     EXPECT_GT(point["error_true"].get<double>(), 0);
-    EXPECT_NE(point["error_true"], point["error"]) << "the estimate knows nothing of the reference";
+    EXPECT_NE(point["error_true"], point["error"]) << "the estimate does not use the reference";
   }
   EXPECT_EQ(frame["true"]["error"], curve[1]["error_true"]) << "the image's is that of the last";
 }
@@ -198,7 +198,7 @@ TEST_F(FarmTest, OnlyVerifiedAssetsAreVisible) {
   EXPECT_EQ(upload(id_of(bytes), bytes + "x").error_code(), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(missing(), 1);
   EXPECT_TRUE(upload(id_of(bytes), bytes).ok());
-  EXPECT_TRUE(upload(id_of(bytes), bytes).ok()) << "again is fine";
+  EXPECT_TRUE(upload(id_of(bytes), bytes).ok()) << "repeating it is harmless";
   EXPECT_EQ(missing(), 0);
 
   grpc::ClientContext context;
@@ -314,7 +314,7 @@ TEST_F(FarmTest, WorkerWithOtherNumericsIsRefused) {
   const grpc::Status status = other->close();
   EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
   EXPECT_NE(status.error_message().find("6d6d6d"), std::string::npos) << status.error_message();
-  ASSERT_TRUE(worker_of(*server_, "w1")->open()) << "one with the contract's own";
+  ASSERT_TRUE(worker_of(*server_, "w1")->open()) << "a worker with the contract's numerics";
 
   auto newer = worker_of(*server_, "w3");
   newer->hello.set_contract_version(99);
@@ -488,7 +488,7 @@ TEST_F(FarmTest, FutureEventSequenceIsRefused) {
   EXPECT_TRUE(read(newest, newest).ok());
   EXPECT_EQ(read(newest + 1, newest).error_code(), grpc::StatusCode::OUT_OF_RANGE);
   restart();
-  EXPECT_TRUE(read(newest + 1, newest).ok()) << "what another start of this server may have had";
+  EXPECT_TRUE(read(newest + 1, newest).ok()) << "sequence numbers of another server process";
 }
 
 class TokenTest : public TestFarm {

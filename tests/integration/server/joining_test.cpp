@@ -27,12 +27,13 @@ TEST_F(JoiningTest, TokenAdmitsLimitedWorkersRepeatedly) {
   EXPECT_TRUE(join("w1", "one", two).ok());
   EXPECT_TRUE(join("w1", "two", two).ok());
   EXPECT_EQ(join("w1", "three", two).error_code(), StatusCode::PERMISSION_DENIED);
-  EXPECT_TRUE(join("w1", "one", two).ok()) << "started again";
+  EXPECT_TRUE(join("w1", "one", two).ok()) << "restarted with the same token";
   server_.reset();
   running_.reset();  // only one process may hold the store
   running_ = std::make_unique<RunningCoordinator>(store_);
   server_ = start_server(certs_).value();
-  EXPECT_EQ(join("w1", "three", two).error_code(), StatusCode::PERMISSION_DENIED) << "remembered";
+  EXPECT_EQ(join("w1", "three", two).error_code(), StatusCode::PERMISSION_DENIED)
+      << "the store remembers the joins";
 }
 
 TEST_F(JoiningTest, SessionKeyOutlivesToken) {
@@ -70,7 +71,7 @@ TEST_F(JoiningTest, RevocationEndsWorkStream) {
     }
   });
   TestWorker::Unit unit;
-  EXPECT_FALSE(joined->next(unit)) << "the stream is over";
+  EXPECT_FALSE(joined->next(unit)) << "the stream has ended";
   beats.join();
   EXPECT_EQ(joined->close().error_code(), StatusCode::UNAUTHENTICATED);
 }
@@ -84,7 +85,7 @@ TEST_F(JoiningTest, SecretsAreNotLogged) {
   join("w2", "one", text);
   join("w2", "two", text + "0");
   const std::string written = log();
-  EXPECT_NE(written.find("worker one connected"), std::string::npos) << "there is a log";
+  EXPECT_NE(written.find("worker one connected"), std::string::npos) << "the log is not empty";
   for (const std::string& secret : {text.substr(9), joined->session_key}) {
     EXPECT_EQ(written.find(secret), std::string::npos);
   }

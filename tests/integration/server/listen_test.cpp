@@ -48,7 +48,7 @@ TEST_F(ListenTest, ReportsPortAndCreatesPrivateToken) {
   EXPECT_EQ(info.st_mode & 0777u, 0600u);
   const std::string token = load_or_create_token(folder_ + "/token").value();
   EXPECT_EQ(token.size(), 64u);
-  EXPECT_EQ(load_or_create_token(folder_ + "/token").value(), token) << "it stays";
+  EXPECT_EQ(load_or_create_token(folder_ + "/token").value(), token) << "it is kept";
 }
 
 TEST_F(ListenTest, ReadableTokenFileIsRefused) {

@@ -203,7 +203,7 @@ TEST_F(RolesTest, ClientStreamsAreLimitedToEight) {
   EXPECT_FALSE(open_one("ann"));
   EXPECT_EQ(watches.back()->stream->Finish().error_code(), StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_TRUE(open_one("root")) << "admins are not counted";
-  EXPECT_EQ(watch("bob", job), StatusCode::NOT_FOUND) << "another client has places of its own";
+  EXPECT_EQ(watch("bob", job), StatusCode::NOT_FOUND) << "other clients have their own limit";
   watches.front()->context.TryCancel();
   watches.front()->stream->Finish();
   bool is_free = false;
@@ -211,7 +211,7 @@ TEST_F(RolesTest, ClientStreamsAreLimitedToEight) {
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
     is_free = open_one("ann");
   }
-  EXPECT_TRUE(is_free) << "a place is given back";
+  EXPECT_TRUE(is_free) << "a reservation is released";
   for (const auto& watch : watches) watch->context.TryCancel();
 }
 
@@ -221,7 +221,8 @@ TEST_F(RolesTest, ForeignRequestIdRevealsNothing) {
   const grpc::Status status = create("bob", request_of("shot"), response);
   EXPECT_EQ(status.error_code(), StatusCode::ALREADY_EXISTS);
   EXPECT_FALSE(response.has_job());
-  EXPECT_TRUE(create("ann", request_of("shot"), response).ok()) << "its own is the same job";
+  EXPECT_TRUE(create("ann", request_of("shot"), response).ok())
+      << "its own request returns the same job";
 }
 
 TEST_F(RolesTest, WorkerReadsOnlyLeasedJobs) {

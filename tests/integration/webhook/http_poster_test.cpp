@@ -169,7 +169,7 @@ TEST(HttpPoster, ParsesRetryAfter) {
   EXPECT_FALSE(poster->post("{}").ok());
   receiver.reset();
   EXPECT_FALSE(poster->post("{}").ok());
-  EXPECT_EQ(poster->retry_after(), absl::ZeroDuration()) << "nobody answered, nobody asked";
+  EXPECT_EQ(poster->retry_after(), absl::ZeroDuration()) << "nobody was asked";
 }
 
 TEST(HttpPoster, TimesOut) {

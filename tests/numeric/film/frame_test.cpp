@@ -353,7 +353,8 @@ TEST(FrameRenderer, SharedTreesKeepEveryBit) {
   const std::string want = block_of(*alone);
   EXPECT_NE(block_of(*first), want) << "the sphere has moved";
   auto sharing = make(0.5, first.get());
-  EXPECT_EQ(sharing->accel().shared_meshes(), 1u) << "the sphere; the quad was made anew";
+  EXPECT_EQ(sharing->accel().shared_meshes(), 1u)
+      << "only the sphere is shared; the quad was rebuilt";
   EXPECT_EQ(block_of(*sharing), want);
 }
 

@@ -117,7 +117,7 @@ TEST(RayPackets, MatchSingleRays) {
   EXPECT_EQ(packet_mismatches(scene_of({terrain(40, dice)}), 300, 122, &hits), 0);
   EXPECT_EQ(packet_mismatches(scene_of({needles(1'000, dice)}), 300, 123, &hits), 0);
   EXPECT_EQ(packet_mismatches(scene_of({uv_sphere(24, 32, 1)}), 300, 124, &hits), 0);
-  EXPECT_GT(hits, 30'000) << "the rays no longer aim";
+  EXPECT_GT(hits, 30'000) << "too few rays hit: the test has lost its target";
 }
 
 TEST(RayPackets, MatchSingleRaysOnInstances) {
@@ -145,14 +145,14 @@ TEST(SceneAccel, SoupsMatchBruteForce) {
     Dice dice(seed);
     EXPECT_EQ(mismatches(scene_of({soup(150, dice), soup(50, dice)}), 8'000, seed, &hits), 0);
   }
-  EXPECT_GT(hits, 15'000) << "the rays no longer aim";
+  EXPECT_GT(hits, 15'000) << "too few rays hit: the test has lost its target";
 }
 
 TEST(SceneAccel, SplitNeedlesMatchBruteForce) {
   Dice dice(10);
   const Scene scene = scene_of({needles(3'000, dice)});
   const MeshBvh<16> tree = build_mesh_bvh<16>(scene.meshes[0], in_order());
-  ASSERT_TRUE(tree.split) << "the test no longer tests splits";
+  ASSERT_TRUE(tree.split) << "no triangle was split: the test has lost its subject";
   int hits = 0;
   EXPECT_EQ(mismatches(scene, 4'000, 11, &hits), 0);
   EXPECT_GT(hits, 2'000);

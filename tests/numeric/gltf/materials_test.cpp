@@ -370,7 +370,7 @@ TEST(GltfTextureTransform, TexCoordOverridesTexture) {
   EXPECT_EQ(read(R"(, "texCoord": 1)", ""), of_set_1);
   EXPECT_EQ(read("", R"(, "texCoord": 1)"), of_set_1);
   EXPECT_EQ(read(R"(, "texCoord": 1)", R"(, "texCoord": 0)"), of_set_0);
-  EXPECT_EQ(read(R"(, "texCoord": 5)", R"(, "texCoord": 1)"), of_set_1) << "set 5 is not asked for";
+  EXPECT_EQ(read(R"(, "texCoord": 5)", R"(, "texCoord": 1)"), of_set_1) << "set 5 is not used";
 }
 
 /// A lossless WebP of one colour.

@@ -108,7 +108,7 @@ double deviate(double a, double variance_a, double b, double variance_b) {
 /// Tests each block, with one false alarm in 1,000 for all together (Šidák: one tail of z > 3.9 has
 /// 1.4e-5 for each of 48 blocks), and their mean, which shows a bias that is small everywhere.
 void expect_agreement(const Scene& scene, std::int32_t spp, std::int32_t slow_spp) {
-  ASSERT_TRUE(scene.lights.empty()) << "a light that no ray can meet";
+  ASSERT_TRUE(scene.lights.empty()) << "a light that rays cannot hit";
   const Figures full = figures(scene, LightSampler::LightSampling::all, 1, spp);
   const Figures slow = figures(scene, LightSampler::LightSampling::none, 1'000, slow_spp);
   double sum = 0, light = 0;

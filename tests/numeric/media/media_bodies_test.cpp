@@ -271,7 +271,7 @@ TEST(MediumStack, TopIsHighestRankedBody) {
   in.enter(c);
   EXPECT_EQ(in.top()->id, 1u) << "a solid outranks what only ends a medium";
   in.enter(d);
-  EXPECT_EQ(in.top()->id, 4u) << "of equals the last";
+  EXPECT_EQ(in.top()->id, 4u) << "of equal ranks the last one";
   EXPECT_FALSE(in.hides(a));
   in.enter(b);
   EXPECT_EQ(in.top()->id, 2u);

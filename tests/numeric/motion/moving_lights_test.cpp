@@ -122,7 +122,7 @@ TEST(MovingLights, TrianglesLieWithinBounds) {
       }
     }
   }
-  EXPECT_GT(outside_of_ends, 0) << "paths have become straight";
+  EXPECT_GT(outside_of_ends, 0) << "no path bends: the test has lost its subject";
 }
 
 TEST(MovingLights, ShapesLieWithinBounds) {

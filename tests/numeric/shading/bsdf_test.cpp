@@ -444,7 +444,7 @@ TEST(Bsdf, RefractionIsReciprocalUpToEtaSquared) {  // hard case 47
     ASSERT_NEAR(there, back, 2e-3 * there + 1e-6);
     lit += there > 1e-6 ? 1 : 0;
   }
-  EXPECT_GT(lit, 2000) << "the directions no longer meet the lobe";
+  EXPECT_GT(lit, 2000) << "too few directions hit the lobe";
 }
 
 TEST(Bsdf, MirrorAndNarrowLobeMatch) {  // hard case 37

@@ -355,7 +355,7 @@ TEST(TileSvg, HatchesZeroTiles) {
   EXPECT_NE(svg.find("frame 7, error: 0.25 to 0.5, 0 hatched<"), std::string::npos) << svg;
   EXPECT_NE(svg.find("fill=\"url(#zero)\"><title>tile 0: 0<"), std::string::npos) << svg;
   EXPECT_NE(svg.find("fill=\"#440154\"><title>tile 2: 0.25<"), std::string::npos) << svg;
-  EXPECT_NE(svg.find("samples per pixel: 8 to 8<"), std::string::npos) << "none there is 0";
+  EXPECT_NE(svg.find("samples per pixel: 8 to 8<"), std::string::npos) << "no tile is 0";
   report["frames"][0]["tiles"]["error"] = {0, 0, 0};
   EXPECT_NE(tile_svg(report)->find("frame 7, error: 0 hatched<"), std::string::npos);
 }

@@ -49,7 +49,7 @@ TEST(ErrorEstimate, BoundCoversTrueErrorAt95Percent) {
     }
     EXPECT_GE(covered, 1877) << "spread " << spread;
     if (spread == 0) {
-      EXPECT_LE(covered, 1935) << "the bound is not idle: √R is exact for normal errors";
+      EXPECT_LE(covered, 1935) << "the bound must not be loose: √R is exact for normal errors";
     }
   }
 }
@@ -92,7 +92,8 @@ TEST(ErrorEstimate, OnePixelErrorIsOneEffectivePixel) {
   sums.scaled = 3;
   sums.scaled_squares = 9;
   EXPECT_EQ(effective_pixels(sums), 1);
-  EXPECT_EQ(effective_pixels(ErrorSums{100, 0, 0, 0, 0}), 0) << "no error, nothing to be bound";
+  EXPECT_EQ(effective_pixels(ErrorSums{100, 0, 0, 0, 0}), 0)
+      << "without error there is nothing to bound";
 }
 
 }  // namespace

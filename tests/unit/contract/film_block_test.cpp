@@ -141,7 +141,7 @@ TEST(FilmBlock, RandomBytesNeverCrash) {
     ++accepted;
     ASSERT_EQ(encode(*block), bytes);
   }
-  EXPECT_GT(accepted, 1000) << "the trials no longer reach past the checks";
+  EXPECT_GT(accepted, 1000) << "too few inputs pass the checks";
 }
 
 }  // namespace

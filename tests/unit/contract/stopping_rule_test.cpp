@@ -238,11 +238,11 @@ TEST(StoppingRule, PassTargetsDoNotWaitForSlowTiles) {
   rule.add(0, 1, frame.figures(0, 1));
   EXPECT_EQ(rule.pass_count(0), 2) << "pass 2 needs the look at pass 0";
   rule.add(1, 0, frame.figures(1, 0));
-  EXPECT_EQ(rule.pass_count(0), 3) << "taken, though tile 1 has no pass 1 yet";
+  EXPECT_EQ(rule.pass_count(0), 3) << "decided although tile 1 has no pass 1 yet";
   rule.add(0, 2, frame.figures(0, 2));
   EXPECT_EQ(rule.pass_count(0), 3) << "pass 3 needs the look at pass 1";
   rule.add(1, 1, frame.figures(1, 1));
-  EXPECT_EQ(rule.pass_count(0), 4) << "taken, though tile 1 has no pass 2 yet";
+  EXPECT_EQ(rule.pass_count(0), 4) << "decided although tile 1 has no pass 2 yet";
 }
 
 TEST(StoppingRule, NoiselessTilesStopAtOnce) {

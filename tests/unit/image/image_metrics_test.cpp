@@ -217,7 +217,7 @@ TEST(Flip, BlueYellowBlursMoreThanRedGreen) {
   // Both at constant luminance, so that only colour differs.
   const double red_green = mean_flip(checker({0.1f, -0.0297f, 0}).view(), grey.view());
   const double blue_yellow = mean_flip(checker({-0.0156f, -0.0156f, 0.2f}).view(), grey.view());
-  EXPECT_LT(blue_yellow, red_green) << "unblurred, its step is the larger by far";
+  EXPECT_LT(blue_yellow, red_green) << "without the filter the step is much larger";
 }
 
 TEST(Flip, LostEdgeCountsMoreThanEqualStep) {

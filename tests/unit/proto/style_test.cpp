@@ -33,7 +33,7 @@ class ProtoStyle : public testing::Test {
       ASSERT_NE(built, nullptr) << file.name();
       if (built->package() == "tessera.v1") files_.push_back(built);
     }
-    ASSERT_GE(files_.size(), 5u) << "the test no longer sees the protos";
+    ASSERT_GE(files_.size(), 5u) << "no proto files found";
   }
 
   void for_each_message(const std::function<void(const Descriptor&)>& visit) const {

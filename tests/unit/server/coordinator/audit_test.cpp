@@ -108,7 +108,7 @@ TEST_F(AuditTest, SingleWorkerIsNotAudited) {
   const std::string job = create_job("a");
   add("w1");
   deliver_leased_units();
-  EXPECT_EQ(view(job).state, JobState::done) << "at once: there is none to be waived";
+  EXPECT_EQ(view(job).state, JobState::done) << "at once: there is no audit to waive";
   EXPECT_EQ(audited(job), 0);
 }
 

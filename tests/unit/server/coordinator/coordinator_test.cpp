@@ -48,7 +48,7 @@ TEST_F(CoordinatorTest, WaitingJobExplainsMissingWorkers) {
   coordinator->begin_draining(worker.session);
   EXPECT_EQ(view(job).reason, "no workers connected");
   ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
-  EXPECT_EQ(view(job).reason, "cancelled") << "it waits for nobody";
+  EXPECT_EQ(view(job).reason, "cancelled") << "it does not wait";
 }
 
 TEST_F(CoordinatorTest, LogLevelsMatchSeverity) {
@@ -72,7 +72,7 @@ TEST_F(CoordinatorTest, LogLevelsMatchSeverity) {
   finish_job(ann, id);
   EXPECT_EQ(lines[LogLevel::info], (std::vector<std::string>{"job " + id + ", frame 0 finished",
                                                              "job " + id + " is DONE"}));
-  EXPECT_FALSE(lines[LogLevel::debug].empty()) << "commits are routine";
+  EXPECT_FALSE(lines[LogLevel::debug].empty()) << "commits are not logged at info";
   EXPECT_TRUE(lines[LogLevel::warn].empty());
   EXPECT_TRUE(lines[LogLevel::error].empty());
 }
@@ -86,7 +86,7 @@ TEST_F(CoordinatorTest, AcknowledgesOnlyDurableBlocks) {
   store.fail_commits_with(absl::UnavailableError("disk"));
   pump();
   collect(worker);
-  EXPECT_TRUE(worker.acknowledgements.empty()) << "silence: send again";
+  EXPECT_TRUE(worker.acknowledgements.empty()) << "no acknowledgement: the worker sends again";
 }
 
 TEST_F(CoordinatorTest, PendingBlocksFormOneJournalGroup) {
@@ -214,7 +214,7 @@ TEST_F(CoordinatorTest, CancelledJobResultsAreObsolete) {
   pump();
   collect(worker);
   EXPECT_EQ(count(worker.acknowledgements, AckStatus::obsolete), 2)
-      << "one delivered before, one after";
+      << "one before the restart, one after";
   EXPECT_EQ(worker.ended, std::vector<std::string>{job});
   ASSERT_TRUE(change(job, Coordinator::Change::retry).ok());
   coordinator->grant_credits(worker.session, 64);
@@ -250,7 +250,7 @@ TEST_F(CoordinatorTest, FullStoreAtFrameEndPausesJob) {
   EXPECT_EQ(view(job).state, JobState::paused);
   EXPECT_NE(view(job).reason.find("no space left"), std::string::npos);
   const auto journaled = [&] { return static_cast<JobState>(store.jobs()->front().state); };
-  EXPECT_EQ(journaled(), JobState::running) << "there was no room to say so";
+  EXPECT_EQ(journaled(), JobState::running) << "the full disk cannot record the change";
   store.fail_commits_with(absl::OkStatus());
   now += std::chrono::seconds(20);
   coordinator->tick();
@@ -424,7 +424,7 @@ TEST_F(CoordinatorTest, UnfinishedJobsPerOwnerAreLimited) {
   EXPECT_TRUE(absl::IsResourceExhausted(create(spec_of("three")).status()));
   JobSpec bobs = spec_of("bobs");
   bobs.owner = "bob";
-  EXPECT_TRUE(create(bobs).ok()) << "another owner's count apart";
+  EXPECT_TRUE(create(bobs).ok()) << "other owners are counted separately";
   EXPECT_TRUE(create(spec_of("two")).ok()) << "the same request is the same job";
   ASSERT_TRUE(change(one, Coordinator::Change::cancel).ok());
   EXPECT_TRUE(create(spec_of("three")).ok());
@@ -560,7 +560,7 @@ TEST_F(CoordinatorTest, UnstartedJobAdoptsNewContract) {
   start();
   pump();
   EXPECT_EQ(view(job).state, JobState::queued);
-  EXPECT_EQ(store.jobs()->front().render_contract, contract::kRenderContract) << "noted at once";
+  EXPECT_EQ(store.jobs()->front().render_contract, contract::kRenderContract) << "recorded at once";
   auto worker = join("w1");
   finish_job(worker, job);
   EXPECT_EQ(view(job).state, JobState::done);

@@ -23,7 +23,7 @@ TEST(Certainty, ConvergedNeedsNoContraryReason) {
   EXPECT_EQ(claim.certainty, Certainty::converged);
   EXPECT_TRUE(claim.reasons.empty());
   EXPECT_EQ(assess_convergence(good(), {9, 5, 0}, 0.1).certainty, Certainty::converged)
-      << "capped tiles do no harm if the bound holds";
+      << "capped tiles are allowed if the bound is met";
 
   const auto uncertain = [](const FrameStatistics& statistics, const StoppingStats& stopping) {
     const ConvergenceResult doubtful = assess_convergence(statistics, stopping, 0.1);

@@ -132,7 +132,7 @@ TEST_F(FilmCacheTest, RestartFromJournalKeepsBits) {
   for (const auto& [tile, pass] : all_units()) {
     ASSERT_TRUE(after.record_committed(frame_key, tile, pass).ok());
   }
-  EXPECT_EQ(reads_, 0) << "noting reads nothing";
+  EXPECT_EQ(reads_, 0) << "recording a block must not read it";
   EXPECT_EQ(*before.mean_luminance(frame_key), *after.mean_luminance(frame_key));
   EXPECT_EQ(all_pixels(before), all_pixels(after));
 }
@@ -358,7 +358,7 @@ TEST_F(ErrorFilmTest, OrderMemoryAndRestartsKeepDecisions) {
   const PassCounts expected = render(0, 0, kPlenty, expected_pixels);
   std::set<std::int32_t> kinds;
   for (const auto& [tile, count] : expected) kinds.insert(count);
-  EXPECT_GT(kinds.size(), 1u) << "tiles should differ for the test to say something";
+  EXPECT_GT(kinds.size(), 1u) << "the test needs tiles with different pass counts";
   for (std::uint32_t seed = 1; seed < 16; ++seed) {
     std::vector<float> pixels;
     const std::int64_t budget = seed % 3 == 0 ? 1 : kPlenty;

@@ -95,7 +95,8 @@ TEST_F(AuthorityTest, RevokedNameCanBeReissued) {
   ASSERT_TRUE(issue(folder_, Role::worker, "ann", out("worker"), year()).ok());
   EXPECT_TRUE(absl::IsNotFound(revoke(folder_, Role::client, "carl")));
   ASSERT_TRUE(revoke(folder_, Role::client, "ann").ok());
-  EXPECT_TRUE(absl::IsNotFound(revoke(folder_, Role::client, "ann"))) << "there is no other";
+  EXPECT_TRUE(absl::IsNotFound(revoke(folder_, Role::client, "ann")))
+      << "there is no second certificate";
   ASSERT_TRUE(issue(folder_, Role::client, "ann", out("three"), year()).ok());
   Revocations revocations(folder_ + "/revoked");
   EXPECT_TRUE(revocations.contains(issued_to("one").serial));

@@ -19,7 +19,7 @@ using Names = std::vector<std::string>;
 TEST(Audit, AgreementOfTwoSettles) {
   Audit audit("a", truth);
   EXPECT_FALSE(audit.is_settled());
-  EXPECT_FALSE(audit.may_ask("a", true)) << "its own word is no proof";
+  EXPECT_FALSE(audit.may_ask("a", true)) << "a worker cannot confirm its own result";
   EXPECT_FALSE(audit.may_ask("a", false));
   EXPECT_TRUE(audit.may_ask("b", true));
   audit.answer("b", truth);
@@ -78,7 +78,7 @@ TEST(Audit, SelfContradictingResultDoesNotCount) {
   audit.answer("c", other_lie);
   audit.answer("a", other_lie);
   audit.answer("d", truth);
-  EXPECT_FALSE(audit.is_settled()) << "a has said the same, once";
+  EXPECT_FALSE(audit.is_settled()) << "a has given this result only once";
   audit.answer("e", truth);
   EXPECT_TRUE(audit.is_settled());
   EXPECT_EQ(audit.faulty_workers(), (Names{"a", "b", "c"}));

@@ -68,7 +68,7 @@ TEST(JobPlan, UnitWaitsOnlyAfterBothHoldersReleaseIt) {
   plan.hold(unit, Holder{2, {}, std::nullopt, false, 0});
   EXPECT_TRUE(plan.release(unit, 1));
   EXPECT_EQ(plan.waiting_count(), 0);
-  EXPECT_FALSE(plan.release(unit, 1)) << "it holds it no longer";
+  EXPECT_FALSE(plan.release(unit, 1)) << "the worker no longer holds it";
   EXPECT_TRUE(plan.release(unit, 2));
   EXPECT_EQ(plan.waiting_count(), 1);
 }
@@ -145,7 +145,7 @@ TEST(JobPlan, OnDemandStartsWithTwoPasses) {
   plan.set_pass_target(0, 1, 3, false);
   EXPECT_EQ(plan.unit_count(), 13);
   const std::vector<Unit> asked = take(plan, 1, 100);
-  EXPECT_EQ(asked, (std::vector<Unit>{{0, 1, 2}})) << "of frame 0 before frame 1 is begun";
+  EXPECT_EQ(asked, (std::vector<Unit>{{0, 1, 2}})) << "frame 0 before frame 1";
   EXPECT_EQ(take(plan, 1, 100).front(), (Unit{1, 0, 0}));
 }
 
@@ -154,12 +154,12 @@ TEST(JobPlan, OnDemandFrameEndsWithLastTilePass) {
   for (const std::int32_t pass : {0, 1}) {
     for (const std::int32_t tile : {0, 1}) plan.commit({0, tile, pass});
   }
-  EXPECT_FALSE(plan.is_complete(0)) << "nothing is decided yet";
+  EXPECT_FALSE(plan.is_complete(0)) << "no decision yet";
   plan.set_pass_target(0, 0, 2, true);
   plan.set_pass_target(0, 1, 3, false);
   EXPECT_FALSE(plan.is_complete(0));
   plan.commit({0, 1, 2});
-  EXPECT_FALSE(plan.is_complete(0)) << "tile 1 may want more";
+  EXPECT_FALSE(plan.is_complete(0)) << "tile 1 may need more passes";
   plan.set_pass_target(0, 1, 3, true);
   plan.set_pass_target(0, 1, 3, true);
   EXPECT_TRUE(plan.is_complete(0));
@@ -177,7 +177,7 @@ TEST(JobPlan, OnDemandLeaseImpliesPassTarget) {
   EXPECT_EQ(plan.unit_count(), 6) << "4, and passes 2 and 3 of tile 1";
   EXPECT_EQ(plan.in_flight_count(), 1);
   plan.set_pass_target(0, 1, 4, false);
-  EXPECT_EQ(plan.unit_count(), 6) << "the film's word is no news";
+  EXPECT_EQ(plan.unit_count(), 6) << "known pass targets are not reported again";
   ASSERT_TRUE(plan.release({0, 1, 3}, 1));
   EXPECT_EQ(plan.waiting_count(), 6);
 }

@@ -66,10 +66,12 @@ TEST(SceneAffinity, OldestJobDoesNotStarve) {
   const Job& strange = farm.queue_job({.tiles = 40, .scene = "z"});
   const Job& familiar = farm.queue_job({.tiles = 40, .scene = "x"});
   farm.scheduler.offer_work(farm.now);
-  EXPECT_EQ(job_of(farm, first), strange.spec->id) << "nobody has its scene: it waits for no one";
+  EXPECT_EQ(job_of(farm, first), strange.spec->id)
+      << "no worker has its scene: it is leased at once";
   EXPECT_EQ(job_of(farm, second), familiar.spec->id);
   const WorkerKey newcomer = farm.connect("w3", {.threads = 1, .credits = 1});
-  EXPECT_EQ(job_of(farm, newcomer), strange.spec->id) << "it has no scene: the oldest job";
+  EXPECT_EQ(job_of(farm, newcomer), strange.spec->id)
+      << "it has no scene, so it gets the oldest job";
 }
 
 TEST(SceneAffinity, PriorityPrecedesAffinity) {

@@ -145,7 +145,7 @@ TEST(Scheduler, GrantsWaitForKnownWorkersUntilTimeout) {
   farm.pass(2s, {one});
   EXPECT_TRUE(farm.leased(one).empty());
   const WorkerKey two = farm.connect("w2");
-  EXPECT_FALSE(farm.leased(one).empty()) << "all are back";
+  EXPECT_FALSE(farm.leased(one).empty()) << "all known workers are back";
   EXPECT_FALSE(farm.leased(two).empty());
 
   SchedulerHarness alone({"w1", "gone"});
@@ -190,7 +190,7 @@ TEST(Scheduler, FailedUnitGoesToAnotherWorker) {
   const WorkerKey one = farm.connect("w1");
   const auto unit = farm.leased(one).at(0);
   farm.fail(one, unit);
-  EXPECT_EQ(farm.leased(one).size(), 1u) << "there is nobody else";
+  EXPECT_EQ(farm.leased(one).size(), 1u) << "there is no other worker";
   const WorkerKey two = farm.connect("w2");
   farm.fail(one, unit);
   EXPECT_TRUE(farm.leased(one).empty());

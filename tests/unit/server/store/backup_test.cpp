@@ -62,7 +62,7 @@ TEST_F(BackupTest, CopyOfLiveStoreIsComplete) {
   ASSERT_TRUE(findings.ok()) << findings.status();
   EXPECT_EQ(findings->jobs, 2);
   EXPECT_EQ(findings->units, 4);
-  EXPECT_EQ(findings->blocks, 2) << "released ones are not copied";
+  EXPECT_EQ(findings->blocks, 2) << "released blocks are not copied";
   EXPECT_EQ(findings->frames, 1);
   EXPECT_EQ(findings->assets, 1);
   EXPECT_TRUE(findings->orphans.empty()) << ::testing::PrintToString(findings->orphans);
@@ -70,7 +70,7 @@ TEST_F(BackupTest, CopyOfLiveStoreIsComplete) {
   commit("open", 2);  // the original is still in use
   const auto restored = Store::open(copy(), real_filesystem());
   ASSERT_TRUE(restored.ok()) << restored.status();
-  EXPECT_NE((*restored)->id(), store_->id()) << "a worker could take one for the other";
+  EXPECT_NE((*restored)->id(), store_->id()) << "workers could confuse the two";
   EXPECT_EQ((*restored)->key(), store_->key()) << "session keys would be void";
   int units = 0;
   const absl::Status read = (*restored)->for_each_unit("open", [&](const UnitRecord& record) {
@@ -78,7 +78,7 @@ TEST_F(BackupTest, CopyOfLiveStoreIsComplete) {
     ++units;
   });
   EXPECT_TRUE(read.ok()) << read;
-  EXPECT_EQ(units, 2) << "the rows are those of one moment";
+  EXPECT_EQ(units, 2) << "rows must be from one snapshot";
 }
 
 TEST_F(BackupTest, JoinTokensAreCopied) {

@@ -80,8 +80,8 @@ TEST_F(StoreCheckTest, SoundStoreHasNoFaults) {
   EXPECT_TRUE(found.faults.empty()) << ::testing::PrintToString(found.faults);
   EXPECT_TRUE(found.orphans.empty()) << ::testing::PrintToString(found.orphans);
   EXPECT_EQ(found.jobs, 2);
-  EXPECT_EQ(found.units, 4) << "two of them added up";
-  EXPECT_EQ(found.blocks, 2) << "released ones are not looked at";
+  EXPECT_EQ(found.units, 4) << "two of them in totals";
+  EXPECT_EQ(found.blocks, 2) << "released blocks are not checked";
   EXPECT_EQ(found.frames, 1);
   EXPECT_EQ(found.assets, 1);
 }

@@ -182,7 +182,7 @@ TEST_F(DamageTest, FirstSchemaIsMigrated) {
   std::size_t units = 0;
   EXPECT_TRUE((*store)->for_each_unit(group[0].job_id, [&](const UnitRecord&) { ++units; }).ok());
   EXPECT_EQ(units, group.size());
-  EXPECT_EQ((*store)->jobs()->front().render_contract, 10) << "the last that was not noted";
+  EXPECT_EQ((*store)->jobs()->front().render_contract, 10) << "the last unrecorded one";
 }
 
 TEST_F(DamageTest, MigrationAddsTotalsOfDoneJobs) {
@@ -253,7 +253,7 @@ TEST_F(DamageTest, FailedSegmentSyncEndsProcess) {
   EXPECT_TRUE(absl::IsDataLoss((*store)->commit(group)));
   ASSERT_EQ(deaths_.size(), 1U);
   disk.recover();
-  EXPECT_TRUE(absl::IsDataLoss((*store)->commit(group))) << "no second try";
+  EXPECT_TRUE(absl::IsDataLoss((*store)->commit(group))) << "it is not posted again";
   EXPECT_EQ(disk.syncs_after_failure(), 0);
   int count = 0;
   EXPECT_TRUE((*store)->for_each_unit("a", [&](const UnitRecord&) { ++count; }).ok());

@@ -310,7 +310,8 @@ TEST_F(StoreTest, ClosingJobsShrinksJournal) {
   commit("a", 0, 4000, 1);
   const std::int64_t full = store().used_bytes();
   EXPECT_GT(full, empty + 200'000);
-  EXPECT_GT(std::filesystem::file_size(path() + "/store.db"), 200'000U) << "the log stays short";
+  EXPECT_GT(std::filesystem::file_size(path() + "/store.db"), 200'000U)
+      << "the write-ahead log is checkpointed";
   ASSERT_TRUE(store().close_job("a").ok());
   add_job("b");  // another write, after which the rest is released
   EXPECT_LT(store().used_bytes(), empty + 100'000);

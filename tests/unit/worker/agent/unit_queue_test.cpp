@@ -86,7 +86,7 @@ TEST(UnitQueue, ReturnedUnitIsNextInLine) {
   queue.start(unit(1));
   queue.requeue(unit(1));
   EXPECT_EQ(queue.waiting().front(), unit(1));
-  EXPECT_FALSE(queue.finish(unit(1), "late", {}, 0)) << "a dead renderer's block was taken";
+  EXPECT_FALSE(queue.finish(unit(1), "late", {}, 0)) << "a dead renderer's block was accepted";
   render(queue, 1);
 }
 
@@ -155,12 +155,12 @@ TEST(UnitQueue, LeasedPlusGrantedStaysWithinWindow) {
   queue.add_lease(lease(0, 3));
   EXPECT_EQ(queue.credits_to_grant(four), 0) << "three leased, one still granted";
   render(queue, 0);
-  EXPECT_EQ(queue.credits_to_grant(four), 0) << "a block without a verdict still takes room";
+  EXPECT_EQ(queue.credits_to_grant(four), 0) << "an unacknowledged block still counts";
   queue.acknowledge(unit(0));
   EXPECT_EQ(queue.credits_to_grant(four), 1);
   queue.revoke({unit(1)});
   EXPECT_EQ(queue.credits_to_grant(four), 1);
-  EXPECT_EQ(queue.credits_to_grant({2, 2}), 0) << "a smaller window takes nothing back";
+  EXPECT_EQ(queue.credits_to_grant({2, 2}), 0) << "a smaller window does not revoke credits";
 }
 
 TEST(UnitQueue, BlocksInFlightFreePrefetchSlots) {
@@ -169,18 +169,18 @@ TEST(UnitQueue, BlocksInFlightFreePrefetchSlots) {
   EXPECT_EQ(queue.credits_to_grant(window), 2);
   queue.add_lease(lease(0, 2));
   render(queue, 0);
-  EXPECT_EQ(queue.credits_to_grant(window), 0) << "the line has not taken it";
+  EXPECT_EQ(queue.credits_to_grant(window), 0) << "it has not been sent";
   ASSERT_TRUE(queue.next_block(Time()).has_value());
   EXPECT_EQ(queue.credits_to_grant(window), 1);
   queue.add_lease(lease(2, 1));
   for (int i = 1; i <= 2; ++i) render(queue, i);
   while (queue.next_block(Time())) continue;
-  EXPECT_EQ(queue.credits_to_grant(window), 1) << "three under way: four in all";
+  EXPECT_EQ(queue.credits_to_grant(window), 1) << "three in flight: four in total";
   queue.reset_offers();
   queue.acknowledge(unit(0));
   v1::WorkerHello hello;
   queue.fill_hello(hello, window);
-  EXPECT_EQ(hello.credit_count(), 0) << "two held ones wait for a line";
+  EXPECT_EQ(hello.credit_count(), 0) << "two held units are not sent yet";
   while (queue.next_block(Time())) continue;
   queue.fill_hello(hello, window);
   EXPECT_EQ(hello.credit_count(), 2);
@@ -210,10 +210,10 @@ TEST(UnitQueue, EndedJobRemovesOnlyItsUnits) {
 }
 
 TEST(CreditWindow, CoversRoundTripWithinBuffer) {
-  EXPECT_EQ(credit_window(4, 0, 0, 0, 1'000'000).prefetch_limit, 8) << "nothing measured yet";
+  EXPECT_EQ(credit_window(4, 0, 0, 0, 1'000'000).prefetch_limit, 8) << "no measurements yet";
   EXPECT_EQ(credit_window(4, 0.1, 0.2, 0, 1'000'000).prefetch_limit, 8 + 2);
   EXPECT_EQ(credit_window(4, 0.1, 0.2, 200'000, 1'000'000).in_flight_limit, 5);
-  EXPECT_EQ(credit_window(4, 0.1, 0.2, 2'000'000, 1'000'000).in_flight_limit, 1) << "never none";
+  EXPECT_EQ(credit_window(4, 0.1, 0.2, 2'000'000, 1'000'000).in_flight_limit, 1) << "never zero";
   EXPECT_GE(credit_window(4, 0.1, 0.2, 0, 1LL << 60).in_flight_limit, 1 << 30) << "no overflow";
 }
 

@@ -172,7 +172,7 @@ TEST(LightThroughGlass, LightInsideGlassWarns) {
   ASSERT_EQ(inside.size(), 1u);
   EXPECT_EQ(inside[0].element, "nodes[2]");
   EXPECT_NE(inside[0].message.find("bulb"), std::string::npos);
-  EXPECT_TRUE(warnings(lamp(solid, "[3, 2, 0]")).empty()) << "beside the glass";
+  EXPECT_TRUE(warnings(lamp(solid, "[3, 2, 0]")).empty()) << "next to the glass";
   EXPECT_TRUE(warnings(lamp(thin, "[0, 2, 0]")).empty()) << "thin glass lets it through";
   EXPECT_TRUE(warnings(lamp("{}", "[0, 2, 0]")).empty()) << "an opaque box";
 }

@@ -133,9 +133,11 @@ TEST(Frames, ShareImagesAndRigidMeshes) {
   ASSERT_EQ(first.images.size(), 1u);
   EXPECT_TRUE(second.images[0].u8.shares(first.images[0].u8));
   EXPECT_TRUE(second.meshes[0].primitives.shares(first.meshes[0].primitives));
-  EXPECT_FALSE(second.meshes[1].primitives.shares(first.meshes[1].primitives)) << "it morphs";
+  EXPECT_FALSE(second.meshes[1].primitives.shares(first.meshes[1].primitives))
+      << "the mesh is morphed";
   EXPECT_TRUE(again.meshes[1].primitives.shares(second.meshes[1].primitives));
-  EXPECT_FALSE(again.meshes[2].primitives.shares(second.meshes[2].primitives)) << "it is bent";
+  EXPECT_FALSE(again.meshes[2].primitives.shares(second.meshes[2].primitives))
+      << "the mesh is skinned";
 }
 
 TEST(Frames, UnusedMeshesAreReleased) {
