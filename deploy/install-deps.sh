@@ -1,18 +1,18 @@
 #!/usr/bin/env bash
-# Installs the Debian 12 packages Tessera is built from. Idempotent; asks apt only for what lacks.
+# Installs the Debian 12 packages that Tessera needs and that are missing.
 #
-#   deploy/install-deps.sh           all: to build, test, lint and fuzz
-#   deploy/install-deps.sh --build   only what building and running the programs takes
-#   deploy/install-deps.sh --list    print the names and change nothing
+#   deploy/install-deps.sh           packages to build, test, lint and fuzz
+#   deploy/install-deps.sh --build   only packages to build and run the programs
+#   deploy/install-deps.sh --list    print the names of all packages and install nothing
 set -euo pipefail
 
 build_packages=(
   # Tools.
   g++ cmake ninja-build ccache pkg-config
-  # Between programs: RPC, digests, compression, journal.
+  # RPC, digests, compression, journal.
   libgrpc++-dev libgrpc-dev protobuf-compiler protobuf-compiler-grpc libprotobuf-dev libabsl-dev
   libssl-dev libzstd-dev libsqlite3-dev
-  # Scenes and images. libopenimageio-dev does not pull in OpenEXR's headers, nor its tools.
+  # Scenes and images. libopenimageio-dev depends neither on OpenEXR's headers nor on oiiotool.
   libtinygltf-dev nlohmann-json3-dev libdraco-dev libmeshoptimizer-dev
   libopenimageio-dev libopenexr-dev openimageio-tools libpng-dev libjpeg62-turbo-dev libwebp-dev
   # Threads, command lines, logs, metrics, webhooks.
@@ -47,7 +47,7 @@ case "${1:-}" in
 esac
 
 if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
-  echo "install-deps: this script knows Debian's apt only; the packages are:" "${packages[@]}" >&2
+  echo "install-deps: apt not found; install these Debian packages or their equivalents:" "${packages[@]}" >&2
   exit 1
 fi
 
@@ -64,13 +64,13 @@ fi
 as_root=()
 if [ "$(id -u)" -ne 0 ]; then
   if ! command -v sudo >/dev/null; then
-    echo "install-deps: needs root (or sudo) to install:" "${missing[@]}" >&2
+    echo "install-deps: run as root, or install sudo, to install:" "${missing[@]}" >&2
     exit 1
   fi
   as_root=(sudo)
 fi
 
-echo "install-deps: installing ${#missing[@]} packages and what they need:" "${missing[@]}"
+echo "install-deps: installing ${#missing[@]} packages and their dependencies:" "${missing[@]}"
 "${as_root[@]}" apt-get update -qq
 "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
   apt-get install -y -qq --no-install-recommends -o Dpkg::Use-Pty=0 "${missing[@]}" </dev/null >/dev/null

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# From a clean clone to a picture: installs missing packages, builds the release preset, renders on a
-# farm of two workers on this machine, and prints where the result is.
+# Builds a clone and renders an image: installs missing packages, builds the release preset, renders with
+# two workers on this machine, and prints the paths of the results.
 #
 #   deploy/quickstart.sh [SCENE.gltf|SCENE.glb|NAME] [render options]
 #
