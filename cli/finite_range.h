@@ -5,9 +5,9 @@
 
 namespace tessera::cli {
 
-/// Returns a validator for numbers in [least, most]. Unlike CLI::Range it rejects NaN.
-inline CLI::Validator finite_range(double least, double most) {
-  const CLI::Range range(least, most);
+/// Returns a validator for numbers in [min, max]. Unlike CLI::Range it rejects NaN.
+inline CLI::Validator finite_range(double min, double max) {
+  const CLI::Range range(min, max);
   return {[range](std::string& text) {
             double value = 0;
             const bool is_nan = CLI::detail::lexical_cast(text, value) && value != value;

@@ -115,8 +115,9 @@ absl::StatusOr<std::uint32_t> parse_aovs(const std::vector<std::string>& names) 
     }
     if (bit == 0 || (aovs & bit) != 0) {
       return absl::InvalidArgumentError(
-          absl::StrCat("settings.aovs: \"", name, "\" is ", bit == 0 ? "not one of" : "repeated;",
-                       " albedo, normal, depth, position, ids, samples, stderr"));
+          absl::StrCat("settings.aovs: \"", name, "\" is ",
+                       bit == 0 ? "not one of albedo, normal, depth, position, ids, samples, stderr"
+                                : "repeated"));
     }
     aovs |= bit;
   }

@@ -42,7 +42,7 @@ struct CertificateFlags {
 };
 
 void add_folder(CLI::App& command, CertificateFlags& flags) {
-  command.add_option("folder", flags.folder, "Directory of the farm's authority")
+  command.add_option("directory", flags.folder, "Directory of the farm's authority")
       ->required()
       ->type_name("DIR");
 }

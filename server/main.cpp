@@ -75,7 +75,7 @@ int fail(const absl::Status& status) {
 }
 
 /// Ticks until SIGTERM or SIGINT, which must be blocked in every thread.
-void tick_until_told(Coordinator& coordinator, const sigset_t& signals) {
+void tick_until_signal(Coordinator& coordinator, const sigset_t& signals) {
   const timespec period{0, 100'000'000};
   while (::sigtimedwait(&signals, nullptr, &period) < 0) coordinator.tick();
 }
@@ -124,7 +124,7 @@ int serve(const Config& config, const sigset_t& signals) {
   });
   std::printf("%s\n", (*server)->address().c_str());
   std::fflush(stdout);
-  tick_until_told(**coordinator, signals);
+  tick_until_signal(**coordinator, signals);
   (*server)->stop();
   (*coordinator)->stop();
   writer.join();

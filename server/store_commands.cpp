@@ -18,7 +18,7 @@ struct StoreFlags {
   std::string folder, copy;
 };
 
-void print_sums(const StoreFindings& findings) {
+void print_totals(const StoreFindings& findings) {
   std::printf("%s\n", absl::StrCat(findings.jobs, " jobs, ", findings.units, " units, ",
                                    findings.blocks, " blocks, ", findings.frames, " frames, ",
                                    findings.assets, " assets: ", findings.faults.size(), " faults")
@@ -32,14 +32,14 @@ absl::Status check(const std::string& folder) {
   for (const std::string& file : findings->orphans) {
     std::printf("orphaned file, removed at the next server start: %s\n", file.c_str());
   }
-  print_sums(*findings);
+  print_totals(*findings);
   if (findings->faults.empty()) return absl::OkStatus();
   return absl::DataLossError(absl::StrCat("store ", folder, " is damaged"));
 }
 
 absl::Status back_up(const StoreFlags& flags) {
   const auto findings = back_up_store(flags.folder, flags.copy, real_filesystem());
-  if (findings.ok()) print_sums(*findings);
+  if (findings.ok()) print_totals(*findings);
   return findings.status();
 }
 

@@ -21,7 +21,7 @@ absl::Status no_such_job(const std::string& text) {
 }
 
 /// Returns whether a caller who sees the jobs of `owner` (empty: all jobs) sees this one.
-bool is_of(const Job& job, const std::string& owner) {
+bool is_visible_to(const Job& job, const std::string& owner) {
   return owner.empty() || job.spec->owner == owner;
 }
 
@@ -83,7 +83,7 @@ void Coordinator::apply_effects(DeferredCalls& deferred) {
     connections_.erase(connected);
     scheduler_.disconnect(key);
   }
-  audits_over(effects.audited);
+  end_audits(effects.audited);
   for (const std::string& worker_id : effects.faulty_workers)
     quarantine_worker(worker_id, deferred);
   changed_.insert(effects.changed.begin(), effects.changed.end());
@@ -324,10 +324,10 @@ bool Coordinator::is_leased_asset(const contract::Digest& digest,
   return false;
 }
 
-void Coordinator::record_join(Join join, std::int64_t most,
+void Coordinator::record_join(Join join, std::int64_t max_joins,
                               std::function<void(absl::Status)> done) {
-  post_to_writer([this, join = std::move(join), most, done = std::move(done)] {
-    done(store_.record_join(join, most));
+  post_to_writer([this, join = std::move(join), max_joins, done = std::move(done)] {
+    done(store_.record_join(join, max_joins));
   });
 }
 
@@ -448,7 +448,7 @@ absl::StatusOr<JobView> Coordinator::job(const std::string& job_id) const {
 absl::Status Coordinator::check_owner(const std::string& job_id, const std::string& owner) const {
   MutexLock lock(mutex_);
   const Job* job = scheduler_.find_job(job_id);
-  return job != nullptr && is_of(*job, owner) ? absl::OkStatus() : no_such_job(job_id);
+  return job != nullptr && is_visible_to(*job, owner) ? absl::OkStatus() : no_such_job(job_id);
 }
 
 absl::StatusOr<JobView> Coordinator::find_job(const std::string& text,
@@ -460,7 +460,7 @@ absl::StatusOr<JobView> Coordinator::find_job(const std::string& text,
   const Job* named = nullptr;
   for (auto it = jobs.rbegin(); it != jobs.rend(); ++it) {
     const Job& job = it->second;
-    if (!is_of(job, owner)) continue;
+    if (!is_visible_to(job, owner)) continue;
     if (text == "last" || job.spec->id == text) return view(job);
     if (absl::StartsWith(job.spec->id, text)) fits.push_back(&job);
     if (named == nullptr && job.spec->name == text) named = &job;
@@ -473,14 +473,14 @@ absl::StatusOr<JobView> Coordinator::find_job(const std::string& text,
   return absl::InvalidArgumentError(message);
 }
 
-std::vector<JobView> Coordinator::list_jobs(JobKey before, std::int32_t most,
+std::vector<JobView> Coordinator::list_jobs(JobKey before, std::int32_t limit,
                                             const std::string& owner) const {
   MutexLock lock(mutex_);
   const auto& jobs = scheduler_.jobs();
   auto job = before > 0 ? std::make_reverse_iterator(jobs.lower_bound(before)) : jobs.rbegin();
   std::vector<JobView> views;
-  for (; job != jobs.rend() && static_cast<std::int32_t>(views.size()) < most; ++job) {
-    if (is_of(job->second, owner)) views.push_back(view(job->second));
+  for (; job != jobs.rend() && static_cast<std::int32_t>(views.size()) < limit; ++job) {
+    if (is_visible_to(job->second, owner)) views.push_back(view(job->second));
   }
   return views;
 }

@@ -160,7 +160,7 @@ class Coordinator {
   /// a ban.
   void allow_worker(const std::string& worker_id, std::function<void(absl::Status)> done);
   /// Records that a worker joined with a token, then calls `done`. Errors: as Store::record_join.
-  void record_join(Join join, std::int64_t most, std::function<void(absl::Status)> done);
+  void record_join(Join join, std::int64_t max_joins, std::function<void(absl::Status)> done);
   /// Returns the key with which a worker that has joined reconnects: an HMAC with the store's key
   /// over its ID and its certificate's name, so that no key is stored.
   std::string session_key(const std::string& worker_id, const std::string& certificate) const;
@@ -199,21 +199,21 @@ class Coordinator {
   };
   void extend_job(const std::string& job_id, const Extension& extension, OnJob done);
   void remove_job(const std::string& job_id, std::function<void(absl::Status)> done);
-  // Finds a job by ID, unique prefix, name or `last`. Errors: NotFound, InvalidArgument.
+  /// Finds a job by ID, unique prefix, name or `last`. Errors: NotFound, InvalidArgument.
   absl::StatusOr<JobView> find_job(const std::string& text, const std::string& owner = {}) const;
   /// Errors: NotFound, no such job, or it belongs to another owner.
   absl::Status check_owner(const std::string& job_id, const std::string& owner) const;
   /// Finds a job by ID only. Errors: NotFound.
   absl::StatusOr<JobView> job(const std::string& job_id) const;
-  /// Returns up to `most` jobs older than `before` (0: from the newest), newest first.
-  std::vector<JobView> list_jobs(JobKey before, std::int32_t most,
+  /// Returns up to `limit` jobs older than `before` (0: from the newest), newest first.
+  std::vector<JobView> list_jobs(JobKey before, std::int32_t limit,
                                  const std::string& owner = {}) const;
   absl::StatusOr<JobReport> report(const std::string& job_id) const;
   /// Recent events.
   const EventLog& events() const { return events_; }
-  /// Returns up to `most` recent deliveries of a job after a sequence. Errors: NotFound.
+  /// Returns up to `limit` recent deliveries of a job after a sequence. Errors: NotFound.
   absl::StatusOr<std::vector<Delivery>> deliveries(const std::string& job_id, std::int64_t after,
-                                                   std::size_t most) const;
+                                                   std::size_t limit) const;
   /// Returns the metrics for Prometheus. Visits all jobs and workers under the lock.
   std::vector<prometheus::MetricFamily> metrics() const;
   /// Finds or creates a frame's image file on the film thread, then calls `done`. The caller
@@ -330,7 +330,7 @@ class Coordinator {
   absl::Status check_room(const JobSpec& spec, std::int64_t need_bytes);
   absl::Status check_owners_quota(const JobSpec& spec) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   bool is_ready(const Job& job, std::int32_t frame) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void audits_over(const std::vector<UnitName>& units) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void end_audits(const std::vector<UnitName>& units) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void quarantine_worker(const std::string& worker_id, DeferredCalls& deferred)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void redo_units_by_worker(const FrameKey& key, const std::string& worker_id);

@@ -22,15 +22,15 @@ std::int64_t weight(const BlockHeader& header) {
 
 absl::Status check_size(const BlockHeader& header, const contract::FilmBlockShape& shape) {
   const std::int64_t fixed = contract::film_block_bytes(shape);
-  const std::int64_t most =
+  const std::int64_t max_bytes =
       fixed + kDroppedEntryBytes * shape.pixel_count() * contract::kReplicates;
   const std::int64_t extra = header.size_bytes - fixed;
-  if (extra >= 0 && header.size_bytes <= most && extra % kDroppedEntryBytes == 0) {
+  if (extra >= 0 && header.size_bytes <= max_bytes && extra % kDroppedEntryBytes == 0) {
     return absl::OkStatus();
   }
   return absl::InvalidArgumentError(absl::StrCat("size_bytes: ", header.size_bytes, ", expected ",
                                                  fixed, " plus 12 per dropped ", "entry, at most ",
-                                                 (most - fixed) / 12, " entries"));
+                                                 (max_bytes - fixed) / 12, " entries"));
 }
 
 }  // namespace
@@ -114,12 +114,12 @@ bool Coordinator::handle_duplicate(Job& job, const std::string& worker_id,
 
 std::optional<Admission> Coordinator::admit(const std::string& worker_id,
                                             const BlockHeader& header) {
-  const bool is_ours = is_seal_valid(header.lease, worker_id, store_.key());
+  const bool is_sealed = is_seal_valid(header.lease, worker_id, store_.key());
   DeferredCalls deferred;
   MutexLock lock(mutex_);
   std::optional<Admission> admission;
   Job* job = scheduler_.find_job(header.lease.job_id);
-  if (!is_ours) {
+  if (!is_sealed) {
     acknowledge(worker_id, header.lease.job_id, header.unit(), AckStatus::rejected,
                 "invalid seal: this store did not grant the lease to this worker");
   } else if (job == nullptr) {

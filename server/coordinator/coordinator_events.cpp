@@ -1,4 +1,4 @@
-// Events, and orders of operators.
+// Events and operator commands.
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -54,7 +54,7 @@ void Coordinator::note_failure(const Job& job, const std::string& worker_id,
 
 absl::StatusOr<std::vector<Delivery>> Coordinator::deliveries(const std::string& job_id,
                                                               std::int64_t after,
-                                                              std::size_t most) const {
+                                                              std::size_t limit) const {
   JobKey key = 0;
   {
     MutexLock lock(mutex_);
@@ -62,7 +62,7 @@ absl::StatusOr<std::vector<Delivery>> Coordinator::deliveries(const std::string&
     if (job == nullptr) return absl::NotFoundError(absl::StrCat("no job \"", job_id, "\""));
     key = job->key;
   }
-  return deliveries_.read(key, after, most);
+  return deliveries_.read(key, after, limit);
 }
 
 void Coordinator::take_log_lines(Session session, const std::vector<LogLine>& lines) {
@@ -73,9 +73,9 @@ void Coordinator::take_log_lines(Session session, const std::vector<LogLine>& li
     const Job* job = scheduler_.find_job(line.job_id);
     if (job == nullptr) continue;
     // Also for a job that has ended: its last lines arrive late.
-    const bool is_its =
+    const bool took_part =
         job->ever_leased_to.count(worker->key) + job->contributions.count(worker->id) > 0;
-    if (!is_its) continue;
+    if (!took_part) continue;
     note(EventKind::log_line, *job, worker->id, line.text);
   }
 }

@@ -23,7 +23,7 @@ std::string frame_file_name(std::int32_t frame) {
   return absl::StrFormat("frame.%04d.exr", frame);
 }
 
-std::string doubt_about(std::int32_t frame, const std::string& worker_id) {
+std::string suspect_frame_warning(std::int32_t frame, const std::string& worker_id) {
   return absl::StrCat("frame ", frame, " may contain wrong pixels: it was finished before worker ",
                       worker_id, ", which rendered part of the job, was quarantined");
 }
@@ -80,8 +80,8 @@ absl::StatusOr<contract::FilmBlock> Coordinator::read_block(const std::string& j
 ReferenceReader Coordinator::reference_reader(const JobSpec& spec, std::int32_t frame) {
   if (spec.references.empty()) return {};
   const std::vector<std::int32_t> frames = contract::frame_list(spec.settings.frames);
-  const auto place = std::find(frames.begin(), frames.end(), frame) - frames.begin();
-  const contract::Digest& digest = spec.references[static_cast<std::size_t>(place)];
+  const auto index = std::find(frames.begin(), frames.end(), frame) - frames.begin();
+  const contract::Digest& digest = spec.references[static_cast<std::size_t>(index)];
   return [this, id = spec.id, path = store_.asset_path(digest),
           width = std::int64_t{spec.settings.width}](
              const contract::PixelRect& rect) -> absl::StatusOr<std::vector<float>> {
@@ -262,13 +262,13 @@ absl::StatusOr<FrameRecord> Coordinator::write_finished(const FrameKey& key, con
   FrameSummary summary;
   CurvePoint point;
   for (std::size_t pass = 0; pass < progress.size() && progress[pass].committed > 0; ++pass) {
-    const auto figures = film_.after_pass(key, static_cast<std::int32_t>(pass));
+    const auto stats = film_.after_pass(key, static_cast<std::int32_t>(pass));
     point.cpu_seconds += progress[pass].cpu_seconds;
     point.wall_seconds = std::max(point.wall_seconds, progress[pass].wall_seconds);
-    point.samples = figures.samples;
-    point.relmse = figures.estimate.relmse;
-    point.error = *luminance > 0 ? std::optional(figures.estimate.error) : std::nullopt;
-    point.truth = figures.truth;
+    point.samples = stats.samples;
+    point.relmse = stats.estimate.relmse;
+    point.error = *luminance > 0 ? std::optional(stats.estimate.error) : std::nullopt;
+    point.truth = stats.truth;
     curve.push_back(point);
     summary.unit_count += progress[pass].committed;
   }
@@ -384,7 +384,7 @@ void Coordinator::frame_failed(const FrameKey& key, const absl::Status& status) 
 
 // Audits -----------------------------------------------------------------------------------------
 
-void Coordinator::audits_over(const std::vector<UnitName>& units) {
+void Coordinator::end_audits(const std::vector<UnitName>& units) {
   for (const UnitName& name : units) {
     write_tasks_.emplace_back([this, name] {
       const absl::Status status = store_.end_audits(name.job_id, {name.unit});
@@ -407,7 +407,7 @@ void Coordinator::quarantine_worker(const std::string& worker_id, DeferredCalls&
     if (job.contributions.count(worker_id) == 0) continue;
     JobFilm& film = job_film(job);
     for (const auto& [frame, record] : film.finished) {
-      film.warnings.push_back(doubt_about(frame, worker_id));
+      film.warnings.push_back(suspect_frame_warning(frame, worker_id));
     }
     if (has_ended(job.state) || !job.plan) continue;
     for (const std::int32_t frame : job.plan->frames()) {
@@ -436,7 +436,7 @@ void Coordinator::redo_units_by_worker(const FrameKey& key, const std::string& w
     if (job == nullptr || has_ended(job->state)) return;
     job_film(*job).finishing.erase(key.frame);
     if (job->plan->is_finished(key.frame)) {
-      job_film(*job).warnings.push_back(doubt_about(key.frame, worker_id));
+      job_film(*job).warnings.push_back(suspect_frame_warning(key.frame, worker_id));
       return;
     }
     const BlockIndex& block_index = open_block_index(*job);

@@ -32,7 +32,7 @@ absl::Status restore_units(const Store& store, Scheduler& scheduler, Job& job,
   return store.for_each_unit(job.spec->id, [&](const UnitRecord& unit) {
     if (!plan.contains(unit.unit)) return;
     scheduler.restore_unit(job, unit.unit, unit.worker_id, unit.cpu_seconds);
-    if (unit.audit == AuditState::over) ++job.counters.audited;
+    if (unit.audit == AuditState::ended) ++job.counters.audited;
     if (!plan.is_finished(unit.unit.frame)) visit_open(unit);
   });
 }
@@ -96,9 +96,9 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
   auto spec = options_.read_spec(record);
   if (!spec.ok()) return spec.status();
   auto state = static_cast<JobState>(record.state);
-  const bool is_of_ours = record.render_contract == contract::kRenderContract;
+  const bool is_current_contract = record.render_contract == contract::kRenderContract;
   bool started = true;
-  if (state == JobState::queued || !is_of_ours) {
+  if (state == JobState::queued || !is_current_contract) {
     const auto found = has_started(store_, record.id);
     if (!found.ok()) return found.status();
     started = *found;
@@ -114,7 +114,8 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
   film.create_time_us = record.create_time_us;
   film.end_time_us = record.end_time_us;
   film.wall_at_start = record.wall_seconds;
-  if (!started && !is_of_ours) changed_.insert(job.key);  // none of its blocks has another contract
+  if (!started && !is_current_contract)
+    changed_.insert(job.key);  // none of its blocks has another contract
   if (!started && state == JobState::queued) return absl::OkStatus();
   const auto frames = store_.frames(record.id);
   if (!frames.ok()) return frames.status();
@@ -212,14 +213,15 @@ absl::Status Coordinator::check_owners_quota(const JobSpec& spec) const {
 void Coordinator::create_now(const JobSpec& spec, const OnCreated& done) {
   Created created;
   created.store_bytes = max_job_size(spec).store_bytes;
-  const auto find_made = [&]() -> bool {
+  const auto find_existing = [&]() -> bool {
     MutexLock lock(mutex_);
-    const auto made = job_by_request_.find(spec.request_id);
-    const Job* job = made == job_by_request_.end() ? nullptr : scheduler_.find_job(made->second);
+    const auto existing = job_by_request_.find(spec.request_id);
+    const Job* job =
+        existing == job_by_request_.end() ? nullptr : scheduler_.find_job(existing->second);
     if (job != nullptr) created.view = view(*job);
     return job != nullptr;
   };
-  if (find_made()) {
+  if (find_existing()) {
     if (created.view.spec->owner == spec.owner) return done(created);
     return done(absl::AlreadyExistsError("request_id: used by another client"));
   }
@@ -249,9 +251,9 @@ void Coordinator::create_now(const JobSpec& spec, const OnCreated& done) {
   {
     DeferredCalls deferred;
     MutexLock lock(mutex_);
-    auto made = std::make_shared<JobSpec>(spec);
-    made->id = record.id;
-    Job& job = scheduler_.add_job(record.sequence, std::move(made), JobState::queued);
+    auto job_spec = std::make_shared<JobSpec>(spec);
+    job_spec->id = record.id;
+    Job& job = scheduler_.add_job(record.sequence, std::move(job_spec), JobState::queued);
     job_by_request_[spec.request_id] = record.sequence;
     job_film(job).create_time_us = record.create_time_us;
     note(EventKind::job_submitted, job, "", record.name);
@@ -350,17 +352,17 @@ void Coordinator::extend_now(const std::string& job_id, const Extension& extensi
   const std::vector<contract::Pass> before = contract::schedule(present);
   spec->request = options_.write_request(*spec);
   const auto passes = contract::schedule(spec->settings);
-  std::vector<Unit> cut;
+  std::vector<Unit> dropped;
   std::vector<UnitRecord> kept;
   absl::Status status = store_.for_each_unit(job_id, [&](const UnitRecord& record) {
     const auto pass = static_cast<std::size_t>(record.unit.pass);
     if (pass < before.size() && pass < passes.size() && before[pass] == passes[pass]) {
       kept.push_back(record);
     } else {
-      cut.push_back(record.unit);
+      dropped.push_back(record.unit);
     }
   });
-  if (status.ok() && !cut.empty()) status = store_.drop_units(job_id, cut);
+  if (status.ok() && !dropped.empty()) status = store_.drop_units(job_id, dropped);
   if (!status.ok()) return done(status);
   replan(job_id, spec, kept);
   journal_changes();

@@ -18,7 +18,7 @@
 namespace tessera::server {
 namespace {
 
-constexpr float kLargestHalf = 65504;
+constexpr float kMaxHalf = 65504;
 
 absl::Status failure(const std::string& path, int error) {
   const std::string message = absl::StrCat(path, ": ", std::strerror(error));
@@ -143,8 +143,8 @@ void ExrWriter::convert(const std::vector<float>& values, std::vector<std::uint1
   bits.resize(count);
   for (std::size_t i = 0; i < count; ++i) {
     float value = values[i];
-    if (value > kLargestHalf || value < -kLargestHalf) {
-      value = value > 0 ? kLargestHalf : -kLargestHalf;
+    if (value > kMaxHalf || value < -kMaxHalf) {
+      value = value > 0 ? kMaxHalf : -kMaxHalf;
       ++half_overflow_count_;
     }
     bits[i] = Imath::half(value).bits();

@@ -380,15 +380,15 @@ std::int32_t FilmCache::max_samples(const FrameKey& key) const {
   const auto found = frames_.find(key);
   if (found == frames_.end()) return 0;
   const Frame& frame = found->second;
-  std::int32_t most = 0;
+  std::int32_t samples = 0;
   for (std::size_t tile = 0; tile < frame.tiles.size(); ++tile) {
     const std::vector<bool>& committed = frame.tiles[tile].committed;
     const std::int32_t wanted = pass_target(frame, static_cast<std::int32_t>(tile));
     for (std::int32_t pass = 0; pass < wanted && committed[at(pass)]; ++pass) {
-      most = std::max(most, frame.passes[at(pass)].end());
+      samples = std::max(samples, frame.passes[at(pass)].end());
     }
   }
-  return most;
+  return samples;
 }
 
 std::optional<std::int64_t> FilmCache::expected_samples(const FrameKey& key) const {

@@ -90,13 +90,14 @@ struct CurvePoint {
 
 /// Returns the report's frames[] element as a JSON object (docs/reference/schema/report.json).
 /// `file` is the name of the output, `status` is DONE for a fixed sample count, else a certainty's
-/// name. `true` is the truth of the curve's last point, without FLIP, which needs the whole image.
-/// `tiles` is null for more than 16,384 tiles.
+/// name. Its member `true` is the true error at the curve's last point, without FLIP, which needs
+/// the whole image. Its member `tiles` is null for more than 16,384 tiles.
 std::string frame_entry_json(const FrameResult& result, const std::string& file,
                              const std::string& status, const std::vector<CurvePoint>& curve);
 
 /// Returns the report's warnings about a frame, without its number: dropped samples, clamped
-/// energy, half overflow, paths cut at the transparency limit.
+/// radiance, light removed by --max-depth, values clamped by --half, paths cut at the transparency
+/// limit.
 std::vector<std::string> frame_warnings(const FrameStatistics& statistics);
 
 }  // namespace tessera::server

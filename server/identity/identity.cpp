@@ -13,7 +13,7 @@ namespace tessera::server {
 namespace {
 
 constexpr char kScheme[] = "tessera://";
-constexpr std::size_t kLongestName = 64;
+constexpr std::size_t kMaxNameLength = 64;
 
 /// Returns the only tessera:// URI among the subject alternative names; empty for none or several.
 std::string uri_of(const X509* certificate) {
@@ -55,7 +55,7 @@ std::optional<Role> parse_role(std::string_view text) {
 }
 
 bool is_identity_name(std::string_view name) {
-  return name.size() <= kLongestName && is_plain_name(name);
+  return name.size() <= kMaxNameLength && is_plain_name(name);
 }
 
 std::string identity_uri(Role role, std::string_view name) {

@@ -13,7 +13,7 @@
 namespace tessera::server {
 namespace {
 
-constexpr std::size_t kLargestBytes = 64 << 20;
+constexpr std::size_t kMaxBytes = 64 << 20;
 
 absl::Status error_at(const std::string& path) {
   return absl::ErrnoToStatus(errno, path);
@@ -74,13 +74,13 @@ absl::StatusOr<std::string> read_file(const std::string& path) {
   std::string bytes;
   std::array<char, 4096> buffer{};
   ssize_t got = 0;
-  while ((got = ::read(file, buffer.data(), buffer.size())) > 0 && bytes.size() <= kLargestBytes) {
+  while ((got = ::read(file, buffer.data(), buffer.size())) > 0 && bytes.size() <= kMaxBytes) {
     bytes.append(buffer.data(), static_cast<std::size_t>(got));
   }
   absl::Status status = got < 0 ? error_at(path) : absl::OkStatus();
   ::close(file);
   if (!status.ok()) return status;
-  if (bytes.size() > kLargestBytes) return absl::OutOfRangeError(absl::StrCat(path, ": too large"));
+  if (bytes.size() > kMaxBytes) return absl::OutOfRangeError(absl::StrCat(path, ": too large"));
   return bytes;
 }
 

@@ -104,7 +104,7 @@ std::string report_json(const JobReport& report) {
     for (const std::string& warning : summary.warnings) warnings.push_back(prefix + warning);
     for (const std::string& reason : summary.reasons) reasons.push_back(prefix + reason);
   }
-  for (const std::string& doubt : report.warnings) warnings.push_back(doubt);
+  for (const std::string& warning : report.warnings) warnings.push_back(warning);
   const contract::RenderSettings& settings = view.spec->settings;
   if (const int rounded = contract::rounded_spp(settings.spp); rounded != settings.spp) {
     warnings.push_back(absl::StrCat(settings.error ? "--max-spp " : "--spp ", settings.spp,

@@ -93,10 +93,10 @@ void JobPlan::skip_taken() {
   }
 }
 
-Run JobPlan::extend_run(const Unit& first, std::int32_t most,
+Run JobPlan::extend_run(const Unit& first, std::int32_t max_tiles,
                         const std::function<bool(const Unit&)>& may_take) const {
   Run run{first.frame, first.pass, first.tile, 1};
-  while (run.tile_count < most && run.first_tile + run.tile_count < tile_count_) {
+  while (run.tile_count < max_tiles && run.first_tile + run.tile_count < tile_count_) {
     const Unit next{first.frame, run.first_tile + run.tile_count, first.pass};
     if (!is_waiting(next) || !may_take(next)) break;
     ++run.tile_count;
@@ -104,15 +104,15 @@ Run JobPlan::extend_run(const Unit& first, std::int32_t most,
   return run;
 }
 
-std::optional<Run> JobPlan::next_run(std::int32_t most,
+std::optional<Run> JobPlan::next_run(std::int32_t max_tiles,
                                      const std::function<bool(const Unit&)>& may_take) {
   for (const auto& [frame, pass, tile] : returned_) {
     const Unit unit{frame, tile, pass};
-    if (may_take(unit)) return extend_run(unit, most, may_take);
+    if (may_take(unit)) return extend_run(unit, max_tiles, may_take);
   }
   for (skip_taken(); !cursor_at_end(); skip_taken()) {
     const Unit unit = at_cursor();
-    if (may_take(unit)) return extend_run(unit, most, may_take);
+    if (may_take(unit)) return extend_run(unit, max_tiles, may_take);
     returned_.insert(position(unit));  // for another worker
     advance_cursor();
   }

@@ -83,9 +83,9 @@ class JobPlan {
   void set_pass_target(std::int32_t frame, std::int32_t tile, std::int32_t pass_count,
                        bool is_final);
 
-  /// Returns the next run of at most `most` waiting units that `may_take` accepts, nullopt if there
-  /// is none. Does not change the plan: call hold() for each unit.
-  std::optional<Run> next_run(std::int32_t most,
+  /// Returns the next run of at most `max_tiles` waiting units that `may_take` accepts, nullopt if
+  /// there is none. Does not change the plan: call hold() for each unit.
+  std::optional<Run> next_run(std::int32_t max_tiles,
                               const std::function<bool(const contract::Unit&)>& may_take);
   /// Adds a holder. Requires a contained unit that is not committed. Its pass counts as planned,
   /// since it was leased once.
@@ -139,7 +139,7 @@ class JobPlan {
   bool cursor_at_end() const { return cursor_frame_ == frames_.size(); }
   void skip_taken();
   void advance_cursor();
-  Run extend_run(const contract::Unit& first, std::int32_t most,
+  Run extend_run(const contract::Unit& first, std::int32_t max_tiles,
                  const std::function<bool(const contract::Unit&)>& may_take) const;
 
   std::vector<std::int32_t> frames_;

@@ -32,14 +32,14 @@ double JobQueue::usage(const std::string& owner) const {
 JobKey JobQueue::next(const std::function<bool(JobKey)>& may_work_for) const {
   for (const auto& [priority, owners] : jobs_) {
     JobKey best = 0;
-    double least = 0;
+    double least_usage = 0;
     for (const auto& [owner, jobs] : owners) {
       const double used = usage(owner);
-      if (best != 0 && used >= least) continue;
+      if (best != 0 && used >= least_usage) continue;
       const auto job = std::find_if(jobs.begin(), jobs.end(), may_work_for);
       if (job == jobs.end()) continue;
       best = *job;
-      least = used;
+      least_usage = used;
     }
     if (best != 0) return best;
   }

@@ -16,7 +16,7 @@ namespace {
 
 constexpr int kMaxAssets = 100'000;
 constexpr std::size_t kChunkBytes = 1 << 20;
-constexpr std::int64_t kLargestAssetBytes = std::int64_t{1} << 40;
+constexpr std::int64_t kMaxAssetBytes = std::int64_t{1} << 40;
 
 /// Writes received bytes to an upload file and publishes it if they match the announced digest.
 class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
@@ -67,7 +67,7 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
     digest_ = contract::Digest::from_binary(asset.sha256());
     if (!digest_) return absl::InvalidArgumentError("asset.sha256: expected 32 bytes");
     size_bytes_ = asset.size_bytes();
-    if (size_bytes_ < 0 || size_bytes_ > kLargestAssetBytes) {
+    if (size_bytes_ < 0 || size_bytes_ > kMaxAssetBytes) {
       return absl::InvalidArgumentError(
           absl::StrCat("asset.size_bytes: ", size_bytes_, " is not in [0, 2^40]"));
     }

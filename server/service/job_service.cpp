@@ -15,7 +15,7 @@
 namespace tessera::server {
 namespace {
 
-constexpr std::int32_t kPageSize = 100, kLargestPageSize = 1000;
+constexpr std::int32_t kPageSize = 100, kMaxPageSize = 1000;
 constexpr std::int32_t kMaxDeliveries = 10'000;  // per page: keeps messages below 1 MiB
 
 grpc::ServerUnaryReactor* finish(grpc::CallbackServerContext* context, const absl::Status& status) {
@@ -39,7 +39,7 @@ absl::StatusOr<Caller> JobService::admit(const grpc::CallbackServerContext& cont
                                          std::string_view rpc, const std::string& job_id) const {
   auto caller = access_.admit(context, rpc);
   if (!caller.ok()) return caller;
-  absl::Status status = coordinator_.check_owner(job_id, caller->sees());
+  absl::Status status = coordinator_.check_owner(job_id, caller->visible_owner());
   if (!status.ok()) return status;
   return caller;
 }
@@ -70,7 +70,7 @@ grpc::ServerUnaryReactor* JobService::GetJob(grpc::CallbackServerContext* contex
                                              v1::GetJobResponse* response) {
   const auto caller = access_.admit(*context, "JobService.GetJob");
   if (!caller.ok()) return finish(context, caller.status());
-  const auto view = coordinator_.find_job(request->job(), caller->sees());
+  const auto view = coordinator_.find_job(request->job(), caller->visible_owner());
   if (view.ok()) *response->mutable_job() = to_message(*view);
   return finish(context, view.status());
 }
@@ -85,12 +85,12 @@ grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* cont
       (!absl::SimpleAtoi(request->page_token(), &before) || before <= 0)) {
     return finish(context, absl::InvalidArgumentError("page_token: not a token of this server"));
   }
-  if (request->page_size() < 0 || request->page_size() > kLargestPageSize) {
+  if (request->page_size() < 0 || request->page_size() > kMaxPageSize) {
     return finish(context, absl::InvalidArgumentError(absl::StrCat(
                                "page_size: ", request->page_size(), " is not in [0, 1000]")));
   }
   const std::int32_t size = request->page_size() == 0 ? kPageSize : request->page_size();
-  const std::vector<JobView> views = coordinator_.list_jobs(before, size, caller->sees());
+  const std::vector<JobView> views = coordinator_.list_jobs(before, size, caller->visible_owner());
   for (const JobView& view : views) *response->add_jobs() = to_message(view);
   if (static_cast<std::int32_t>(views.size()) == size && views.back().key > 1) {
     response->set_next_page_token(absl::StrCat(views.back().key));

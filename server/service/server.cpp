@@ -25,7 +25,7 @@
 namespace tessera::server {
 namespace {
 
-constexpr std::chrono::milliseconds kGoodbye{300};
+constexpr std::chrono::milliseconds kShutdownGrace{300};
 constexpr char kUnixPrefix[] = "unix:";
 
 /// A socket is protected by its directory, which other users must not be able to enter.
@@ -34,7 +34,7 @@ absl::Status check_socket_folder(const std::string& address) {
   const std::string folder = path.has_parent_path() ? path.parent_path().string() : ".";
   struct stat info {};
   if (::stat(folder.c_str(), &info) != 0 || !S_ISDIR(info.st_mode)) {
-    return absl::UnavailableError(absl::StrCat(folder, " is not a directory for a socket"));
+    return absl::UnavailableError(absl::StrCat(folder, ": no such directory for the socket"));
   }
   if ((info.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
     return absl::PermissionDeniedError(
@@ -43,49 +43,49 @@ absl::Status check_socket_folder(const std::string& address) {
   return absl::OkStatus();
 }
 
-/// Credentials of the listener and access rules.
-struct Entrance {
+/// Credentials and access rules of the listening address.
+struct Endpoint {
   std::shared_ptr<grpc::ServerCredentials> credentials;
   Access access;
   std::optional<JoinTokens> join_tokens;
 };
 
-absl::StatusOr<Entrance> private_entrance(const std::string& address) {
+absl::StatusOr<Endpoint> unix_socket_endpoint(const std::string& address) {
   if (absl::Status status = check_socket_folder(address); !status.ok()) return status;
-  return Entrance{grpc::InsecureServerCredentials(), Access(""), std::nullopt};
+  return Endpoint{grpc::InsecureServerCredentials(), Access(""), std::nullopt};
 }
 
-absl::StatusOr<Entrance> certified_entrance(const ListenOptions& options) {
+absl::StatusOr<Endpoint> tls_endpoint(const ListenOptions& options) {
   auto credentials = contract::server_credentials(options.certs);
   if (!credentials.ok()) return credentials.status();
-  return Entrance{*std::move(credentials),
+  return Endpoint{*std::move(credentials),
                   Access(std::make_unique<Revocations>(options.certs + "/revoked"), options.rates),
                   JoinTokens(options.store)};
 }
 
-absl::StatusOr<Entrance> loopback_entrance(const ListenOptions& options) {
+absl::StatusOr<Endpoint> loopback_endpoint(const ListenOptions& options) {
   if (!contract::is_local_address(options.address)) {
     return absl::InvalidArgumentError(absl::StrCat(
         "--listen ", options.address, ": other machines can reach this address, so it needs ",
-        "certificates:\n  tessera-server init-certs certs --host NAME-OR-IP-OF-THIS-MACHINE\n",
-        "makes them; then add --certs certs"));
+        "certificates: create them with `tessera-server init-certs certs --host ",
+        "NAME-OR-IP-OF-THIS-MACHINE` and add --certs certs"));
   }
   auto token = load_or_create_token(absl::StrCat(options.store, "/token"));
   if (!token.ok()) return token.status();
-  return Entrance{grpc::InsecureServerCredentials(), Access(*std::move(token)), std::nullopt};
+  return Endpoint{grpc::InsecureServerCredentials(), Access(*std::move(token)), std::nullopt};
 }
 
-absl::StatusOr<Entrance> make_entrance(const ListenOptions& options) {
-  if (absl::StartsWith(options.address, kUnixPrefix)) return private_entrance(options.address);
-  return options.certs.empty() ? loopback_entrance(options) : certified_entrance(options);
+absl::StatusOr<Endpoint> make_endpoint(const ListenOptions& options) {
+  if (absl::StartsWith(options.address, kUnixPrefix)) return unix_socket_endpoint(options.address);
+  return options.certs.empty() ? loopback_endpoint(options) : tls_endpoint(options);
 }
 
 class GrpcFarmServer final : public FarmServer {
  public:
-  GrpcFarmServer(Coordinator& coordinator, Entrance entrance)
-      : credentials_(std::move(entrance.credentials)),
-        access_(std::move(entrance.access)),
-        admission_(coordinator, std::move(entrance.join_tokens)),
+  GrpcFarmServer(Coordinator& coordinator, Endpoint endpoint)
+      : credentials_(std::move(endpoint.credentials)),
+        access_(std::move(endpoint.access)),
+        admission_(coordinator, std::move(endpoint.join_tokens)),
         jobs_(coordinator, access_),
         assets_(coordinator, access_),
         workers_(coordinator, access_, admission_) {}
@@ -120,7 +120,7 @@ class GrpcFarmServer final : public FarmServer {
 
   void stop() override {
     if (!server_) return;
-    server_->Shutdown(std::chrono::system_clock::now() + kGoodbye);
+    server_->Shutdown(std::chrono::system_clock::now() + kShutdownGrace);
     server_.reset();
   }
 
@@ -139,9 +139,9 @@ class GrpcFarmServer final : public FarmServer {
 
 absl::StatusOr<std::unique_ptr<FarmServer>> FarmServer::start(Coordinator& coordinator,
                                                               const ListenOptions& options) {
-  auto entrance = make_entrance(options);
-  if (!entrance.ok()) return entrance.status();
-  auto server = std::make_unique<GrpcFarmServer>(coordinator, *std::move(entrance));
+  auto endpoint = make_endpoint(options);
+  if (!endpoint.ok()) return endpoint.status();
+  auto server = std::make_unique<GrpcFarmServer>(coordinator, *std::move(endpoint));
   if (absl::Status status = server->listen(options.address); !status.ok()) return status;
   return server;
 }

@@ -273,7 +273,7 @@ absl::Status DiskStore::end_audits(const std::string& job_id,
     for (const contract::Unit& unit : units) {
       absl::Status ended =
           rows.run("UPDATE units SET audit=? WHERE job=? AND frame=? AND tile=? AND pass=?",
-                   {static_cast<std::int64_t>(AuditState::over), job->sequence, unit.frame,
+                   {static_cast<std::int64_t>(AuditState::ended), job->sequence, unit.frame,
                     unit.tile, unit.pass});
       if (!ended.ok()) return ended;
     }
@@ -372,7 +372,7 @@ absl::Status DiskStore::add_up_units(Database& rows, std::int64_t job) {
       "FROM units WHERE job=?1 GROUP BY worker "
       "ON CONFLICT(job, worker) DO UPDATE SET units=units+excluded.units, "
       "cpu_seconds=cpu_seconds+excluded.cpu_seconds, audited=audited+excluded.audited",
-      {job, static_cast<std::int64_t>(AuditState::over)});
+      {job, static_cast<std::int64_t>(AuditState::ended)});
   return added.ok() ? rows.run("DELETE FROM units WHERE job=?", {job}) : added;
 }
 

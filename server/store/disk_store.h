@@ -68,7 +68,7 @@ class DiskStore final : public Store {
   absl::Status ban_worker(const std::string& worker_id) override;
   absl::Status allow_worker(const std::string& worker_id) override;
   absl::StatusOr<std::vector<std::string>> banned_workers() const override;
-  absl::Status record_join(const Join& join, std::int64_t most) override;
+  absl::Status record_join(const Join& join, std::int64_t max_joins) override;
   absl::Status remove_stale_joins(const std::vector<std::string>& valid,
                                   std::int64_t unseen_since_us) override;
 

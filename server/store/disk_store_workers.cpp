@@ -59,7 +59,7 @@ absl::StatusOr<std::vector<std::string>> DiskStore::read_ids(std::string_view sq
   return ids;
 }
 
-absl::Status DiskStore::record_join(const Join& join, std::int64_t most) {
+absl::Status DiskStore::record_join(const Join& join, std::int64_t max_joins) {
   const std::int64_t now = options_.now_us();
   return journal_->write([&](Database& rows) {
     bool is_known = false, is_taken = false;
@@ -78,7 +78,7 @@ absl::Status DiskStore::record_join(const Join& join, std::int64_t most) {
     status = rows.each("SELECT COUNT(*) FROM joins WHERE token=?", {join.token_id},
                        [&](const SqlRow& row) { count = row.integer(0); });
     if (!status.ok()) return status;
-    if (most > 0 && count >= most) {
+    if (max_joins > 0 && count >= max_joins) {
       return absl::PermissionDeniedError(
           absl::StrCat("join token ", join.token_id, " is used up by ", count, " workers"));
     }

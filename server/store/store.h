@@ -31,7 +31,7 @@ struct JobRecord {
 };
 
 /// State of a committed unit's audit; the numbers are stored.
-enum class AuditState : std::int32_t { none = 0, open = 1, over = 2 };
+enum class AuditState : std::int32_t { none = 0, open = 1, ended = 2 };
 
 /// A committed unit: location and cost of its block.
 struct UnitRecord {
@@ -115,21 +115,21 @@ class Store {
   /// Number of times the store has been opened, including this one; durable before open() returns.
   virtual std::int64_t boot_count() const = 0;
 
-  // Adds a job and sets its sequence; durable on return. Errors: AlreadyExists, its ID or
-  // request_id is or was in use; InvalidArgument, its ID is not a plain file name ([A-Za-z0-9._-],
-  // not starting with a dot). An empty request_id never conflicts.
+  /// Adds a job and sets its sequence; durable on return. Errors: AlreadyExists, its ID or
+  /// request_id is or was in use; InvalidArgument, its ID is not a plain file name ([A-Za-z0-9._-],
+  /// not starting with a dot). An empty request_id never conflicts.
   virtual absl::Status add_job(JobRecord& job) = 0;
   /// Rewrites name, owner, state, reason, request and times of a job. Errors: NotFound.
   virtual absl::Status update_job(const JobRecord& job) = 0;
   /// Deletes the job's rows, segments and outputs. Its ID stays reserved. Errors: NotFound.
   virtual absl::Status remove_job(const std::string& job_id) = 0;
-  /// All jobs in order of sequence.
+  /// Returns all jobs in order of sequence.
   virtual absl::StatusOr<std::vector<JobRecord>> jobs() const = 0;
 
-  // Appends and commits units as one group; durable on return. Sets their locations.
-  //
-  // All or nothing. Errors: NotFound, no such job; AlreadyExists, a unit is already committed;
-  // ResourceExhausted, the disk is full.
+  /// Appends and commits units as one group, all or none; durable on return. Sets their locations.
+  ///
+  /// Errors: NotFound, no such job; AlreadyExists, a unit is already committed; ResourceExhausted,
+  /// the disk is full.
   virtual absl::Status commit(std::vector<Commit>& group) = 0;
   /// Calls `visit` for each committed unit of a job in order of (frame, tile, pass). `visit` must
   /// not call the store. An unknown job has no units.
@@ -149,8 +149,8 @@ class Store {
   virtual absl::Status end_audits(const std::string& job_id,
                                   const std::vector<contract::Unit>& units) = 0;
 
-  // Returns the directory for outputs of a job, created if missing. Any thread. Errors:
-  // InvalidArgument, not a valid job ID.
+  /// Returns the directory for outputs of a job, created if missing. Any thread. Errors:
+  /// InvalidArgument, not a valid job ID.
   virtual absl::StatusOr<std::string> output_folder(const std::string& job_id) = 0;
   /// Records a finished frame whose file is complete in the output directory; syncs file and
   /// directory first; durable on return. Replaces an earlier record of the frame.
@@ -193,16 +193,16 @@ class Store {
 
   /// Records that a worker joined with a token, once per worker and token; durable on return.
   ///
-  /// Errors: PermissionDenied, `most` other workers have joined with the token (0: unlimited), or a
-  /// worker with this ID joined with another certificate.
-  virtual absl::Status record_join(const Join& join, std::int64_t most) = 0;
+  /// Errors: PermissionDenied, `max_joins` other workers have joined with the token (0: unlimited),
+  /// or a worker with this ID joined with another certificate.
+  virtual absl::Status record_join(const Join& join, std::int64_t max_joins) = 0;
   /// Removes joins of workers that are not in the roster and have not connected since
   /// `unseen_since_us`, except joins with a token in `valid`, which count towards its limit.
   virtual absl::Status remove_stale_joins(const std::vector<std::string>& valid,
                                           std::int64_t unseen_since_us) = 0;
 
-  /// Disk space of the store from its own records, without visiting directories: segments, assets,
-  /// finished frames and database, without unfinished uploads. Any thread.
+  /// Returns the disk space of segments, assets, finished frames and database, without unfinished
+  /// uploads. Uses the store's records and visits no directories. Any thread.
   virtual std::int64_t used_bytes() const = 0;
 };
 

@@ -37,9 +37,9 @@ class DeliveryLog {
   static constexpr std::size_t kMaxDeliveries = 100'000;
 
   void add(Delivery delivery);
-  /// Returns the oldest `most` deliveries of a job after this sequence (0: from the first), in
+  /// Returns the oldest `limit` deliveries of a job after this sequence (0: from the first), in
   /// order.
-  std::vector<Delivery> read(std::int64_t job, std::int64_t after, std::size_t most) const;
+  std::vector<Delivery> read(std::int64_t job, std::int64_t after, std::size_t limit) const;
 
  private:
   mutable std::mutex mutex_;  // guards what follows

@@ -17,10 +17,10 @@ auto newer_than(const std::deque<Event>& events, std::int64_t sequence) {
 
 }  // namespace
 
-std::string cut_text(std::string text, std::size_t most) {
-  if (text.size() <= most) return text;
-  while (most > 0 && (static_cast<unsigned char>(text[most]) & 0xC0) == 0x80) --most;
-  text.resize(most);
+std::string cut_text(std::string text, std::size_t max_bytes) {
+  if (text.size() <= max_bytes) return text;
+  while (max_bytes > 0 && (static_cast<unsigned char>(text[max_bytes]) & 0xC0) == 0x80) --max_bytes;
+  text.resize(max_bytes);
   return text;
 }
 
@@ -59,26 +59,26 @@ std::int64_t EventLog::newest() const {
   return last_sequence_;
 }
 
-std::vector<Event> EventLog::read(const Query& query, std::size_t most) const {
+std::vector<Event> EventLog::read(const Query& query, std::size_t limit) const {
   const std::lock_guard lock(mutex_);
   std::vector<Event> found;
-  for (auto event = newer_than(events_, query.after); event != events_.end() && found.size() < most;
-       ++event) {
+  for (auto event = newer_than(events_, query.after);
+       event != events_.end() && found.size() < limit; ++event) {
     if (!query.job_id.empty() && event->job_id != query.job_id) continue;
     if (!query.owner.empty() && !event->job_id.empty() && event->owner != query.owner) continue;
     found.push_back(*event);
   }
   const auto lines = lines_.find(query.job_id);
   if (query.job_id.empty() || lines == lines_.end()) return found;
-  // Both lists are in order: merge the oldest `most` events.
+  // Both lists are in order: merge the oldest `limit` events.
   const auto first = newer_than(lines->second, query.after);
   const auto count = std::min<std::ptrdiff_t>(std::distance(first, lines->second.end()),
-                                              static_cast<std::ptrdiff_t>(most));
+                                              static_cast<std::ptrdiff_t>(limit));
   std::vector<Event> all;
   all.reserve(found.size() + static_cast<std::size_t>(count));
   std::merge(found.begin(), found.end(), first, first + count, std::back_inserter(all),
              [](const Event& a, const Event& b) { return a.sequence < b.sequence; });
-  if (all.size() > most) all.resize(most);
+  if (all.size() > limit) all.resize(limit);
   return all;
 }
 

@@ -40,8 +40,8 @@ struct Event {
   std::string text;
 };
 
-/// Returns the first `most` bytes of UTF-8 text, without a partial character at the end.
-std::string cut_text(std::string text, std::size_t most);
+/// Returns the first `max_bytes` bytes of UTF-8 text, without a partial character at the end.
+std::string cut_text(std::string text, std::size_t max_bytes);
 
 /// Recent events and log lines. In memory and bounded: the newest kMaxEvents events, and
 /// separately, so that log lines displace no events, the newest kMaxLines lines of workers' logs,
@@ -63,8 +63,8 @@ class EventLog {
     std::string job_id;      // this job's events and lines; empty: events of all jobs, no lines
     std::string owner;       // this owner's jobs, and events without a job; empty: everybody's
   };
-  /// Returns the oldest `most` events that match, in order.
-  std::vector<Event> read(const Query& query, std::size_t most) const;
+  /// Returns the oldest `limit` events that match, in order.
+  std::vector<Event> read(const Query& query, std::size_t limit) const;
   /// Sequence of the newest event, even if it is no longer kept.
   std::int64_t newest() const;
 

@@ -109,7 +109,7 @@ class MemoryStore final : public Store {
     const std::lock_guard lock(mutex_);
     for (const contract::Unit& unit : units) {
       const auto found = units_[job_id].find(unit);
-      if (found != units_[job_id].end()) found->second.first.audit = AuditState::over;
+      if (found != units_[job_id].end()) found->second.first.audit = AuditState::ended;
     }
     return absl::OkStatus();
   }
@@ -142,7 +142,7 @@ class MemoryStore final : public Store {
       totals.worker_id = record.worker_id;
       ++totals.units;
       totals.cpu_seconds += record.cpu_seconds;
-      if (record.audit == AuditState::over) ++totals.audited;
+      if (record.audit == AuditState::ended) ++totals.audited;
     }
     units_.erase(job_id);
     return absl::OkStatus();

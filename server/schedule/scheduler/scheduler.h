@@ -159,7 +159,7 @@ class Scheduler {
     return quarantined_.count(worker_id) > 0;
   }
 
-  // Orders ---------------------------------------------------------------------------------------
+  // Operator commands ----------------------------------------------------------------------------
   /// Drains a worker. Returns whether it is connected.
   bool drain(const std::string& worker_id);
   /// Bans a worker, connected or not: releases its units to others; its further results are

@@ -130,10 +130,10 @@ void Scheduler::lease(Job& job, Worker& worker, const Run& run, Time now) {
 
 bool Scheduler::lease_run(Job& job, Worker& worker, Time now) {
   job.open_plan();
-  const std::int32_t most = run_length(job, worker);
-  if (most <= 0) return false;
+  const std::int32_t max_tiles = run_length(job, worker);
+  if (max_tiles <= 0) return false;
   const auto run =
-      job.plan->next_run(most, [&](const Unit& unit) { return may_take(worker, job, unit); });
+      job.plan->next_run(max_tiles, [&](const Unit& unit) { return may_take(worker, job, unit); });
   if (!run) return false;
   lease(job, worker, *run, now);
   return true;

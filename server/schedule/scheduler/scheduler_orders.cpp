@@ -1,4 +1,4 @@
-// Orders of operators: drain, ban, allow.
+// Operator commands: drain, ban, allow.
 #include "server/schedule/scheduler/scheduler.h"
 
 namespace tessera::server {

@@ -114,20 +114,21 @@ absl::StatusOr<Caller> Access::admit(const grpc::CallbackServerContext& context,
                                                     std::string(rpc)));
   }
   if (!is_client(*caller)) return caller;
-  if (absl::Status status = limits_->call(caller->identity->name, Clock::now()); !status.ok()) {
+  if (absl::Status status = limits_->count_call(caller->identity->name, Clock::now());
+      !status.ok()) {
     return status;
   }
   if (rule->is_stream) {
-    auto place = limits_->open(caller->identity->name);
-    if (!place.ok()) return place.status();
-    caller->stream = *std::move(place);
+    auto reservation = limits_->reserve_stream(caller->identity->name);
+    if (!reservation.ok()) return reservation.status();
+    caller->stream = *std::move(reservation);
   }
   return caller;
 }
 
 absl::Status Access::count_upload(const Caller& caller, std::int64_t bytes) const {
   if (!is_client(caller)) return absl::OkStatus();
-  return limits_->upload(caller.identity->name, bytes, Clock::now());
+  return limits_->count_upload(caller.identity->name, bytes, Clock::now());
 }
 
 absl::Status Access::recheck(const Caller& caller) const {

@@ -28,8 +28,8 @@ struct Caller {
 
   /// Owner of the jobs it creates.
   std::string owner() const { return identity ? identity->name : "local"; }
-  /// Owner of the jobs it can see; empty: all jobs.
-  std::string sees() const {
+  /// Owner of the jobs that it can see; empty: all jobs.
+  std::string visible_owner() const {
     return identity && identity->role != Role::admin ? identity->name : "";
   }
   /// Name in its certificate; empty: none.

@@ -28,19 +28,20 @@ class ClientLimits {
   explicit ClientLimits(ClientRates rates = {}) : rates_(rates) {}
 
   /// Reserves a stream until the result is destroyed. Errors: ResourceExhausted.
-  absl::StatusOr<std::shared_ptr<const void>> open(const std::string& client);
+  absl::StatusOr<std::shared_ptr<const void>> reserve_stream(const std::string& client);
   /// Counts a call. Errors: Unavailable, retry after a pause.
-  absl::Status call(const std::string& client, Time now);
-  /// Counts bytes about to be uploaded. Errors: ResourceExhausted, with what to do.
-  absl::Status upload(const std::string& client, std::int64_t bytes, Time now);
+  absl::Status count_call(const std::string& client, Time now);
+  /// Counts bytes about to be uploaded. Errors: ResourceExhausted, limit exceeded.
+  absl::Status count_upload(const std::string& client, std::int64_t bytes, Time now);
 
  private:
-  /// Amount that has not leaked yet.
+  /// A leaky bucket. `level`: the amount that has not leaked yet.
   struct Bucket {
     double level = 0;
     Time updated;
     bool take(double amount, double capacity, double leak_per_s, Time now);
   };
+  /// Use of one client.
   struct Use {
     int streams = 0;
     Bucket calls, upload_bytes;

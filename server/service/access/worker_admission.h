@@ -23,7 +23,7 @@ class WorkerAdmission {
   /// none) once the join is journaled.
   ///
   /// Errors: Unauthenticated, the token is missing, unknown, revoked or expired; PermissionDenied,
-  /// it is used up, or the worker ID belongs to another certificate.
+  /// the token is used up, or the worker ID belongs to another certificate.
   void admit(const Caller& caller, const std::string& worker_id, const std::string& token,
              const std::function<void(absl::StatusOr<std::string>)>& done) const;
 

@@ -22,11 +22,10 @@ absl::Status bad(const std::string& field, const std::string& need) {
   return absl::InvalidArgumentError(absl::StrCat(field, ": ", need));
 }
 
-absl::Status check_text(const std::string& field, const std::string& text, std::size_t least,
-                        std::size_t most) {
-  if (text.size() >= least && text.size() <= most) return absl::OkStatus();
-  return bad(field,
-             absl::StrCat("has ", text.size(), " characters, expected ", least, " to ", most));
+absl::Status check_text(const std::string& field, const std::string& text, std::size_t min,
+                        std::size_t max) {
+  if (text.size() >= min && text.size() <= max) return absl::OkStatus();
+  return bad(field, absl::StrCat("has ", text.size(), " characters, expected ", min, " to ", max));
 }
 
 absl::Status check_range(const std::string& field, std::int64_t value, std::int64_t low,

@@ -10,7 +10,7 @@
 namespace tessera::server {
 namespace {
 
-constexpr std::chrono::milliseconds kPollInterval{100};  // polling interval
+constexpr std::chrono::milliseconds kPollInterval{100};
 constexpr std::size_t kEventsPerMessage = 256;
 
 /// Polls with a timer and sends new events.
@@ -22,7 +22,7 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
         access_(access),
         caller_(caller.value_or(Caller{})),
         follow_(request.follow()),
-        query_{request.after_sequence(), request.job_id(), caller_.sees()} {
+        query_{request.after_sequence(), request.job_id(), caller_.visible_owner()} {
     const std::lock_guard lock(mutex_);
     const std::int64_t newest = coordinator_.events().newest();
     if (!caller.ok()) {

@@ -14,15 +14,15 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr milliseconds kDefaultInterval{500}, kLeastInterval{100}, kLongestInterval{60'000};
-constexpr milliseconds kPollInterval{50};  // polling interval; progress is sent less often
+constexpr milliseconds kDefaultInterval{500}, kMinInterval{100}, kMaxInterval{60'000};
+constexpr milliseconds kPollInterval{50};  // progress is sent less often
 
 milliseconds watch_interval(const v1::WatchJobRequest& request) {
   if (!request.has_interval()) return kDefaultInterval;
   const auto& interval = request.interval();
   const std::int64_t wanted =
       std::clamp<std::int64_t>(interval.seconds(), 0, 60) * 1000 + interval.nanos() / 1'000'000;
-  return std::clamp(milliseconds(wanted), kLeastInterval, kLongestInterval);
+  return std::clamp(milliseconds(wanted), kMinInterval, kMaxInterval);
 }
 
 /// Polls the job with a timer and sends changes.

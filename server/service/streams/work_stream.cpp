@@ -45,8 +45,8 @@ std::vector<LogLine> log_lines(const v1::LogLines& message) {
 
 /// Returns seconds sent by a worker; 0 for an invalid duration.
 double valid_seconds(double seconds) {
-  constexpr double kLongest = 1e9;
-  return seconds >= 0 && seconds <= kLongest ? seconds : 0;
+  constexpr double kMaxSeconds = 1e9;
+  return seconds >= 0 && seconds <= kMaxSeconds ? seconds : 0;
 }
 
 /// Converts an outbox to messages, acknowledgements first, because they free memory of the worker.

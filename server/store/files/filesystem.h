@@ -38,15 +38,16 @@ class FileLock {
 class Filesystem {
  public:
   virtual ~Filesystem() = default;
-  virtual absl::Status make_folder(
-      const std::string& path) = 0;  // mode 0700; succeeds if it exists
-  virtual absl::StatusOr<std::unique_ptr<File>> open(
-      const std::string& path) = 0;  // created if missing, mode 0600
+  /// Creates a directory of mode 0700; succeeds if it exists.
+  virtual absl::Status make_folder(const std::string& path) = 0;
+  /// Opens a file, created with mode 0600 if missing.
+  virtual absl::StatusOr<std::unique_ptr<File>> open(const std::string& path) = 0;
   /// Errors: NotFound, there is no such file.
   virtual absl::StatusOr<std::unique_ptr<File>> open_existing(const std::string& path) = 0;
   virtual absl::Status rename(const std::string& from, const std::string& to) = 0;
-  virtual absl::Status remove(const std::string& path) = 0;  // or an empty directory; succeeds if
-  // Returns the names in a directory, sorted. Errors: NotFound.
+  /// Deletes a file or an empty directory; succeeds if there is none.
+  virtual absl::Status remove(const std::string& path) = 0;
+  /// Returns the names in a directory, sorted. Errors: NotFound.
   virtual absl::StatusOr<std::vector<std::string>> list(const std::string& folder) const = 0;
   /// Makes the names in a directory durable (fsync).
   virtual absl::Status sync_folder(const std::string& path) = 0;

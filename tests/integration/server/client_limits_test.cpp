@@ -20,41 +20,42 @@ const ClientLimits::Time start_time{std::chrono::hours(1000)};
 TEST(ClientLimits, CallRateIsLimitedPerClient) {
   ClientLimits limits({10, 0});
   int taken = 0;
-  for (int ms = 0; ms < 60'000; ms += 10) {  // 100 a second, for a minute
-    taken += limits.call("ann", start_time + milliseconds(ms)).ok() ? 1 : 0;
+  for (int ms = 0; ms < 60'000; ms += 10) {  // 100 per second, for a minute
+    taken += limits.count_call("ann", start_time + milliseconds(ms)).ok() ? 1 : 0;
   }
-  EXPECT_NEAR(taken, 100 + 600, 2);  // a burst of 100, then ten a second
-  EXPECT_TRUE(absl::IsUnavailable(limits.call("ann", start_time + minutes(1))));
-  EXPECT_TRUE(limits.call("bob", start_time + minutes(1)).ok());
-  EXPECT_TRUE(limits.call("ann", start_time + minutes(2)).ok());
+  EXPECT_NEAR(taken, 100 + 600, 2);  // a burst of 100, then ten per second
+  EXPECT_TRUE(absl::IsUnavailable(limits.count_call("ann", start_time + minutes(1))));
+  EXPECT_TRUE(limits.count_call("bob", start_time + minutes(1)).ok());
+  EXPECT_TRUE(limits.count_call("ann", start_time + minutes(2)).ok());
 }
 
 TEST(ClientLimits, UploadedBytesAreLimitedPerHour) {
-  ClientLimits limits({0, 3600});  // a byte a second
-  EXPECT_TRUE(limits.upload("ann", 3000, start_time).ok());
-  EXPECT_TRUE(absl::IsResourceExhausted(limits.upload("ann", 1000, start_time)));
-  EXPECT_TRUE(limits.upload("bob", 3600, start_time).ok());
-  EXPECT_TRUE(absl::IsResourceExhausted(limits.upload("ann", 1000, start_time + minutes(6))));
-  EXPECT_TRUE(limits.upload("ann", 1000, start_time + minutes(7)).ok());
-  EXPECT_TRUE(absl::IsResourceExhausted(limits.upload("bob", 3601, start_time + minutes(600))));
+  ClientLimits limits({0, 3600});  // a byte per second
+  EXPECT_TRUE(limits.count_upload("ann", 3000, start_time).ok());
+  EXPECT_TRUE(absl::IsResourceExhausted(limits.count_upload("ann", 1000, start_time)));
+  EXPECT_TRUE(limits.count_upload("bob", 3600, start_time).ok());
+  EXPECT_TRUE(absl::IsResourceExhausted(limits.count_upload("ann", 1000, start_time + minutes(6))));
+  EXPECT_TRUE(limits.count_upload("ann", 1000, start_time + minutes(7)).ok());
+  EXPECT_TRUE(
+      absl::IsResourceExhausted(limits.count_upload("bob", 3601, start_time + minutes(600))));
 }
 
 TEST(ClientLimits, ZeroMeansUnlimited) {
   ClientLimits limits({0, 0});
-  for (int i = 0; i < 10'000; ++i) EXPECT_TRUE(limits.call("ann", start_time).ok());
-  EXPECT_TRUE(limits.upload("ann", std::int64_t{1} << 50, start_time).ok());
+  for (int i = 0; i < 10'000; ++i) EXPECT_TRUE(limits.count_call("ann", start_time).ok());
+  EXPECT_TRUE(limits.count_upload("ann", std::int64_t{1} << 50, start_time).ok());
 }
 
 TEST(ClientLimits, ClosedStreamFreesItsReservation) {
   ClientLimits limits;
-  std::vector<std::shared_ptr<const void>> places;
+  std::vector<std::shared_ptr<const void>> reservations;
   for (int i = 0; i < ClientLimits::kStreamsPerClient; ++i) {
-    places.push_back(*limits.open("ann"));
+    reservations.push_back(*limits.reserve_stream("ann"));
   }
-  EXPECT_TRUE(absl::IsResourceExhausted(limits.open("ann").status()));
-  EXPECT_TRUE(limits.open("bob").ok());
-  places.pop_back();
-  EXPECT_TRUE(limits.open("ann").ok());
+  EXPECT_TRUE(absl::IsResourceExhausted(limits.reserve_stream("ann").status()));
+  EXPECT_TRUE(limits.reserve_stream("bob").ok());
+  reservations.pop_back();
+  EXPECT_TRUE(limits.reserve_stream("ann").ok());
 }
 
 class GreedyClient : public SecureFarm {

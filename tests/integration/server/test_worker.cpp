@@ -160,9 +160,9 @@ void TestWorker::grant(int credits) {
   work_->Write(request);
 }
 
-int TestWorker::work(int most) {
+int TestWorker::work(int max_units) {
   int done = 0;
-  for (Unit unit; done < most && next(unit); ++done) {
+  for (Unit unit; done < max_units && next(unit); ++done) {
     send(messages_of(unit, block_of(unit), 5000));
     if (next_acknowledgement().status() == v1::Acknowledgement::ACK_STATUS_UNSPECIFIED) break;
     grant(1);

@@ -45,9 +45,9 @@ class TestWorker {
   /// Sends messages on the Deliver stream; returns false when it has ended.
   bool send(const std::vector<v1::DeliverRequest>& messages);
   grpc::Status finish_deliver();
-  /// Renders and delivers until the job has ended or `most` units are acknowledged; returns their
-  /// number.
-  int work(int most = 1 << 30);
+  /// Renders and delivers until the job has ended or `max_units` units are acknowledged; returns
+  /// their number.
+  int work(int max_units = 1 << 30);
   void grant(int credits);
 
  private:

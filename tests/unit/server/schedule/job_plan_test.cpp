@@ -20,8 +20,8 @@ JobPlan plan_of(std::vector<std::int32_t> frames, std::int32_t tiles, int passes
 }
 
 /// Leases the next run to `worker`.
-std::vector<Unit> take(JobPlan& plan, WorkerKey worker, std::int32_t most) {
-  const auto run = plan.next_run(most, any_unit);
+std::vector<Unit> take(JobPlan& plan, WorkerKey worker, std::int32_t max_tiles) {
+  const auto run = plan.next_run(max_tiles, any_unit);
   std::vector<Unit> units;
   if (!run) return units;
   for (std::int32_t i = 0; i < run->tile_count; ++i) {
