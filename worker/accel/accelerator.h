@@ -8,7 +8,8 @@
 namespace tessera::render {
 
 /// Ray-query interface of SceneAccel, also implemented by the structures of worker/accelerators and
-/// by RayRecorder. The contract is that of SceneAccel; `filter` may be null. Requires t_max > 0.
+/// by RayRecorder. Queries behave like those of SceneAccel; `filter` may be null. Requires
+/// t_max > 0.
 class Accelerator {
  public:
   virtual ~Accelerator() = default;

@@ -49,14 +49,14 @@ void build_instance_bvh(const Scene& scene, const InstanceSelection& choice,
   }
 }
 
-/// Whether hits depend on the time of the ray. They do not if only lights or the camera move.
+/// Returns whether hits depend on the ray's time. They do not if only lights or the camera move.
 bool surfaces_move(const Scene& scene) {
   return !scene.motions.empty() || std::any_of(scene.meshes.begin(), scene.meshes.end(),
                                                [](const Mesh& mesh) { return !mesh.keys.empty(); });
 }
 
-/// Builds a BVH for each interval between keyframes. `still` has the BVHs of the meshes that do not
-/// deform.
+/// Builds a BVH for each interval between keyframes. `still` contains the BVHs of the meshes that
+/// do not deform.
 template <int kWidth>
 void build_moving(const Scene& scene, const SceneBvh<kWidth>& still, MotionBvh<kWidth>& moving,
                   const ParallelFor& parallel_for) {
@@ -73,7 +73,7 @@ void build_moving(const Scene& scene, const SceneBvh<kWidth>& still, MotionBvh<k
   }
 }
 
-/// Takes the general code paths for features that the scene is assumed to have.
+/// Selects the general code paths for features that the scene is assumed to have.
 template <int kWidth>
 void assume_features(std::uint32_t features, SceneBvh<kWidth>& trees, MotionBvh<kWidth>& moving) {
   if ((features & kFeatureInstances) != 0) {
@@ -92,7 +92,7 @@ std::size_t bytes(const MeshBvh<kWidth>& tree) {
          tree.end_blocks.capacity_bytes();
 }
 
-/// The bytes of a scene's BVH without those of its meshes.
+/// Returns the bytes of a scene's BVH without those of its meshes.
 template <int kWidth>
 std::size_t top_bytes(const SceneBvh<kWidth>& trees) {
   return trees.nodes.capacity_bytes() + trees.placed.capacity() * sizeof(PlacedMesh) +
@@ -148,23 +148,24 @@ void SceneAccel::build(const Scene& scene, SceneBvh<kWidth>& trees, MotionBvh<kW
                        BuildQuality quality) {
   std::map<const Primitive*, const MeshBvh<kWidth>*> known;
   if (previous != nullptr && previous->isa_ == isa_) {
-    for (std::size_t i = 0; i < previous->origins_.size(); ++i) {
-      known[previous->origins_[i].data()] = &previous->trees<kWidth>().meshes[i];
+    for (std::size_t i = 0; i < previous->mesh_primitives_.size(); ++i) {
+      known[previous->mesh_primitives_[i].data()] = &previous->trees<kWidth>().meshes[i];
     }
   }
   trees.meshes.reserve(scene.meshes.size());
   const auto refit = [&](std::size_t i) -> std::optional<MeshBvh<kWidth>> {
-    if (previous == nullptr || known.empty() || i >= previous->origins_.size()) return std::nullopt;
+    if (previous == nullptr || known.empty() || i >= previous->mesh_primitives_.size())
+      return std::nullopt;
     return refit_mesh_bvh(previous->trees<kWidth>().meshes[i], scene.meshes[i]);
   };
   for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
     const Mesh& mesh = scene.meshes[i];
     if (!mesh.keys.empty()) {  // built by build_moving()
-      origins_.emplace_back();
+      mesh_primitives_.emplace_back();
       trees.meshes.push_back(build_mesh_bvh<kWidth>({}, parallel_for, quality));
       continue;
     }
-    const auto same = known.find(origins_.emplace_back(mesh.primitives).data());
+    const auto same = known.find(mesh_primitives_.emplace_back(mesh.primitives).data());
     if (same != known.end()) {
       trees.meshes.push_back(*same->second);
       ++shared_meshes_;

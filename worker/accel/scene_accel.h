@@ -25,40 +25,40 @@ struct TraceOptions {
   /// Makes the accelerator that replaces SceneAccel's own BVHs.
   using Maker = std::function<std::unique_ptr<const Accelerator>(const Scene&)>;
 
-  // Implicit: most callers choose an instruction set only.
+  // Implicit, because most callers choose only an instruction set.
   // NOLINTNEXTLINE(google-explicit-constructor)
   TraceOptions(Isa instruction_set = best_isa(), Maker accelerator = nullptr)
       : isa(instruction_set), override_accelerator(std::move(accelerator)) {}
 
   Isa isa;                     // must be supported by the processor
   Maker override_accelerator;  // null: SceneAccel's own BVHs
-  /// Features (kFeature... of scene/features.h) to assume everywhere, to compare specialised code
-  /// with the general path. docs/notes/unused-features.md lists the choices.
+  /// Features (kFeature... in scene/features.h) that the scene is assumed to have, so that tests
+  /// can compare specialised code with the general path. See docs/notes/unused-features.md.
   std::uint32_t assumed_features = 0;
 };
 
-/// Finds ray hits in a scene with a BVH over instances and one over the triangles of each mesh,
-/// which instances share. Immutable; queries are thread-safe.
+/// Finds ray hits in a scene with a two-level BVH: one over the instances and one over the
+/// triangles of each mesh, which its instances share. Immutable; queries are thread-safe.
 ///
 /// Results equal those of accel/reference/brute_force.h bit for bit, for every ray and instruction
 /// set (docs/explanation/determinism.md#closest-hit). A ray misses if its origin or direction is
 /// not finite, its direction is zero, or its t_max is not above 0.
 ///
 /// A `filter` is called as bool(const Hit&) for candidate hits, in unspecified order, and returns
-/// whether to accept the hit, which must depend on the hit alone. closest_hit only offers hits
-/// before the best one so far. any_hit offers each triangle of each instance at most once (for the
-/// first kMaxTrackedTriangles of an instance), and every hit while the filter returns false, so
-/// that a filter can collect them.
+/// whether to accept the hit, which must depend on the hit alone. closest_hit offers only hits
+/// that precede the best one so far. any_hit offers each triangle of each instance at most once
+/// (for the first kMaxTrackedTriangles of an instance), and every hit while the filter returns
+/// false, so that a filter can collect them.
 class SceneAccel {
  public:
   /// Builds the BVHs with `parallel_for`. Copies what it needs, so `scene` need not outlive it.
   /// Skips triangles that cannot be hit (is_hittable()). Ignores options.override_accelerator.
   ///
-  /// Shares the BVHs of meshes that `previous`, if given, was built from too. Refits those of other
-  /// meshes from the mesh at the same index in `previous` if refit_mesh_bvh() succeeds.
+  /// If `previous` is given, shares its BVHs of meshes that are in both scenes, and refits its BVH
+  /// at the same index for other meshes if refit_mesh_bvh() succeeds.
   SceneAccel(const Scene& scene, const ParallelFor& parallel_for, const TraceOptions& options = {},
              const SceneAccel* previous = nullptr, BuildQuality quality = BuildQuality::normal);
-  /// Builds nothing and leaves all queries to `override_accelerator`.
+  /// Builds no BVH and forwards all queries to `override_accelerator`.
   explicit SceneAccel(std::unique_ptr<const Accelerator> override_accelerator);
 
   /// Finds the first hit by (t, instance, primitive, triangle) that the filter accepts.
@@ -77,7 +77,7 @@ class SceneAccel {
                                  : general_closest_hit(ray, nullptr, hit);
   }
 
-  /// Whether the filter accepts any hit.
+  /// Returns whether the filter accepts any hit.
   template <typename Filter>
   bool any_hit(const Ray& ray, Filter&& filter) const {
     if (!valid(ray)) return false;
@@ -91,15 +91,17 @@ class SceneAccel {
     return route_ == Route::avx2 ? avx2::any_hit(eight_, ray) : general_any_hit(ray, nullptr);
   }
 
-  /// Whether it can trace packets of rays: in scenes of still meshes without an override.
+  /// Returns whether packets of rays can be traced. True in scenes of still meshes, unless an
+  /// accelerator overrides the BVHs.
   bool takes_packets() const { return route_ != Route::general; }
-  /// closest_hit and any_hit for up to kPacketSize rays: bit i of the result is set if rays[i]
-  /// hits, and hits[i] is its hit. Faster for rays of similar direction. Requires takes_packets().
+  /// Trace up to kPacketSize rays as closest_hit() and any_hit() do, faster if their directions are
+  /// similar. Bit i of the result is set if rays[i] hits; hits[i] is then its hit. Require
+  /// takes_packets().
   std::uint64_t closest_hits(std::span<const Ray> rays, Hit* hits) const;
   std::uint64_t any_hits(std::span<const Ray> rays) const;
 
   std::int64_t memory_bytes() const;
-  /// Mean over the BVHs of its meshes, weighted by placed triangles.
+  /// Returns the mean over the BVHs of the meshes, weighted by their triangles in all instances.
   TreeQuality tree_quality() const;
   /// Number of meshes whose BVH is shared with `previous`.
   std::size_t shared_meshes() const { return shared_meshes_; }
@@ -110,7 +112,7 @@ class SceneAccel {
   template <int kWidth>
   void build(const Scene& scene, SceneBvh<kWidth>& trees, MotionBvh<kWidth>& moving,
              const SceneAccel* previous, const ParallelFor& parallel_for, BuildQuality quality);
-  static bool valid(const Ray& ray) { return ray.t_max > 0; }  // kernels check the rest
+  static bool valid(const Ray& ray) { return ray.t_max > 0; }  // the kernels check the rest
 
   template <int kWidth>
   const SceneBvh<kWidth>& trees() const;
@@ -123,8 +125,8 @@ class SceneAccel {
 
   Isa isa_;
   Route route_;
-  std::unique_ptr<const Accelerator> override_;  // answers all queries unless null
-  std::vector<SharedArray<Primitive>> origins_;  // the primitives of each mesh
+  std::unique_ptr<const Accelerator> override_;          // answers all queries unless null
+  std::vector<SharedArray<Primitive>> mesh_primitives_;  // by mesh; identify shared meshes
   std::size_t shared_meshes_ = 0, refitted_meshes_ = 0;
   SceneBvh<8> eight_;     // filled for avx2
   SceneBvh<16> sixteen_;  // filled for avx512

@@ -24,8 +24,8 @@ struct Slabs {
 class ItemCutter {
  public:
   virtual ~ItemCutter() = default;
-  /// The bounding box of the part of an item with lo <= x[axis] <= hi, up to rounding; empty if
-  /// there is none.
+  /// Returns the bounding box, up to rounding, of the part of an item with lo <= x[axis] <= hi.
+  /// Empty if there is no such part.
   virtual Box3f clip(std::uint32_t item, int axis, float lo, float hi) const = 0;
   /// Extends the box of each slab by the part of the item in it. May be approximate: only cost
   /// estimates depend on it.
@@ -41,7 +41,7 @@ struct BinaryNode {
   bool leaf() const { return left == 0; }
 };
 
-/// nodes[0] is the root; there are no nodes without items. With spatial splits an item may be in
+/// nodes[0] is the root; without items there are no nodes. With spatial splits an item may be in
 /// several leaves, but only once in each.
 struct BinaryBvh {
   std::vector<BinaryNode> nodes;
@@ -52,7 +52,7 @@ struct BinaryBvhInput {
   std::span<const Box3f> boxes;  // finite
   std::uint32_t leaf_size = 1;   // maximum number of items in a leaf, which are tested together
   /// Splits items where that reduces the cost, adding up to `split_budget` references per item on
-  /// average. Null: never.
+  /// average. Null: items are not split.
   const ItemCutter* cut = nullptr;
   double split_budget = 0;
 };

@@ -10,7 +10,7 @@
 
 namespace tessera::render {
 
-/// World-space boxes of a scene's instances, for a structure over them.
+/// World-space boxes of a scene's instances, over which an acceleration structure is built.
 struct InstanceBoxes {
   std::vector<std::uint32_t> instances;  // those that can be hit; a CSG solid is represented by its
                                          // first operand
@@ -18,7 +18,7 @@ struct InstanceBoxes {
   float origin_limit = 0;                // the padding covers ray origins up to this size, per axis
 };
 
-/// A choice of instances.
+/// Selects instances by their motion.
 struct InstanceSelection {
   bool still = true;                     // those that do not move during the exposure
   std::optional<std::uint32_t> segment;  // those that move, from this keyframe to the next
@@ -31,7 +31,8 @@ struct InstanceSelection {
 InstanceBoxes bound_instances(const Scene& scene, std::span<const Box3f> meshes,
                               const InstanceSelection& choice = {});
 
-/// By instance: whether it, its mesh, or an operand of its CSG solid moves during the exposure.
+/// Returns for each instance whether it, its mesh or an operand of its CSG solid moves during the
+/// exposure.
 std::vector<bool> moving_instances(const Scene& scene);
 
 }  // namespace tessera::render

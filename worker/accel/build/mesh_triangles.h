@@ -25,7 +25,7 @@ void for_each_triangle(const Mesh& mesh, Visit&& visit) {
   }
 }
 
-/// A triangle at two successive keyframes; equal if its mesh does not deform.
+/// A triangle at two successive keyframes, which are equal if its mesh does not deform.
 struct MovingTriangle {
   std::array<Vec3f, 3> from, to;
 
@@ -33,7 +33,7 @@ struct MovingTriangle {
     return {lerp_bounded(from[0], to[0], f), lerp_bounded(from[1], to[1], f),
             lerp_bounded(from[2], to[2], f)};
   }
-  /// Contains the triangle at all times in between.
+  /// Returns a box that contains the triangle at all times between the keyframes.
   Box3f box() const {
     Box3f box;
     for (std::size_t i = 0; i < 3; ++i) {
@@ -65,7 +65,8 @@ void for_each_triangle(const Mesh& mesh, std::uint32_t segment, Visit&& visit) {
   }
 }
 
-/// Contains all triangles that can be hit, or the shape, during the whole exposure.
+/// Returns a box that contains, during the whole exposure, the shape or all triangles that can be
+/// hit.
 inline Box3f bounds_of(const Mesh& mesh) {
   Box3f box;
   if (mesh.shape != nullptr) return mesh.shape->bounds;

@@ -8,9 +8,10 @@
 namespace tessera::render {
 
 /// Refits `before`, the BVH of the same triangles at other positions (the previous frame of an
-/// animation), to `mesh`. Takes about a tenth of the time of building. Returns nullopt if other
-/// triangles can be hit, or if the SAH cost exceeds that of the originally built tree by more than
-/// 5 %; then tracing costs more than building, except in very small renders.
+/// animation), to `mesh`. Takes about a tenth of the time of building. Returns nullopt if the set
+/// of triangles that can be hit has changed, or if the SAH cost exceeds that of the originally
+/// built tree by more than 5 %: then slower tracing outweighs the time saved, except in very small
+/// renders.
 template <int kWidth>
 std::optional<MeshBvh<kWidth>> refit_mesh_bvh(const MeshBvh<kWidth>& before, const Mesh& mesh);
 

@@ -5,8 +5,8 @@
 namespace tessera::render {
 
 /// Reduces the sum of the nodes' areas by moving each subtree to its best position, largest
-/// subtrees first, in `passes` passes. The result is a function of the tree alone. Leaves a tree
-/// unchanged that would get more than kMaxLevels levels. Sequential; about 2 microseconds per node
+/// subtrees first, in `passes` passes. The result is a function of the tree alone. Leaves the tree
+/// unchanged if it would exceed kMaxLevels levels. Sequential; about 2 microseconds per node
 /// and pass. Source: D. Meister, J. Bittner, "Parallel reinsertion for bounding volume hierarchy
 /// optimization", 2018 (its search, applied to one subtree after the other).
 void reinsert_subtrees(BinaryBvh& bvh, int passes);

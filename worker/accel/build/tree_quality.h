@@ -9,14 +9,14 @@ namespace tessera::render {
 struct TreeQuality {
   /// Surface area heuristic: for uniformly distributed rays that hit nothing.
   double sah = 0;
-  /// End-point overlap: tests of boxes that contain the end of a ray on a triangle without
-  /// containing the triangle. Estimated from at most 20,000 triangles, spread over the mesh.
-  /// Source: T. Aila, T. Karras, S. Laine, "On quality metrics of bounding volume hierarchies",
-  /// 2013.
+  /// End-point overlap: additional tests for a ray that ends on a triangle, of boxes that contain
+  /// this end point but not the triangle. Estimated from at most 20,000 triangles, spread over the
+  /// mesh. Source: T. Aila, T. Karras, S. Laine, "On quality metrics of bounding volume
+  /// hierarchies", 2013.
   double end_point_overlap = 0;
 };
 
-/// TreeQuality::sah of a tree.
+/// Returns TreeQuality::sah of a tree.
 template <int kWidth>
 double sah_cost(const MeshBvh<kWidth>& tree);
 

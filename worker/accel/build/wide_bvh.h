@@ -14,7 +14,7 @@ struct BvhLeaf {
   std::uint32_t first = 0, count = 0;
 };
 
-/// A bounding volume hierarchy with its nodes, leaves and items in depth-first order. nodes[0] is
+/// A BVH whose nodes, leaves and items are in depth-first order. nodes[0] is
 /// the root; without items it has no children.
 template <int kWidth>
 struct WideBvh {
@@ -24,7 +24,7 @@ struct WideBvh {
   Box3f bounds;
 };
 
-/// Collapses a binary tree to nodes with up to kWidth children. Chooses the nodes to keep so that
+/// Collapses a binary tree into nodes with up to kWidth children. Chooses the nodes to keep so that
 /// the sum of their areas is minimal.
 /// Source: H. Ylitie, T. Karras, S. Laine, "Efficient incoherent ray traversal on GPUs through
 /// compressed wide BVHs", 2017, section 3.1.

@@ -107,18 +107,18 @@ bool intersect_solid(const SceneBvh<Query::Isa::kWidth>& scene, const PlacedMesh
                       is_identity(operand.world_to_object), kNoSolid},
                      operand_ray, all);
   };
-  // Asks for the first hit alone where that is cheap, and for all of them if it is rejected; then
-  // continues behind those that have been offered.
-  LimitedHits limited = {query.limit, scene.solids->first_is_cheap(placed.solid)};
+  // Requests only the first hit if that is cheap; if the query rejects it, requests all hits and
+  // skips those already offered.
+  HitLimits limits = {query.limit, scene.solids->first_is_cheap(placed.solid)};
   std::size_t offered = 0;
   for (;;) {
-    const auto hits = scene.solids->hits(placed.solid, ray, MeshHits(collect), limited);
+    const auto hits = scene.solids->hits(placed.solid, ray, MeshHits(collect), limits);
     for (const Hit& hit : hits.subspan(offered)) {
       if (query.offer_solid_hit(hit)) return true;
     }
-    if (!limited.first || hits.empty() || query.has_enough(hits.back())) return false;
+    if (!limits.first_only || hits.empty() || query.has_enough(hits.back())) return false;
     offered = hits.size();
-    limited.first = false;
+    limits.first_only = false;
   }
 }
 

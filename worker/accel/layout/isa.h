@@ -9,15 +9,15 @@ namespace tessera::render {
 /// Instruction sets for which the traversal is compiled. AVX2 with FMA is the baseline.
 enum class Isa : std::uint8_t { avx2, avx512 };
 
-/// Whether this processor supports it.
+/// Returns whether this processor supports `isa`.
 bool is_supported(Isa isa);
 
-/// The widest that this processor supports.
+/// Returns the widest instruction set that this processor supports.
 Isa best_isa();
 
-/// "avx2" or "avx512".
+/// Returns "avx2" or "avx512".
 std::string_view isa_name(Isa isa);
-/// Inverse of isa_name(); nullopt for other names.
+/// Inverts isa_name(); returns nullopt for other names.
 std::optional<Isa> parse_isa(std::string_view name);
 
 }  // namespace tessera::render

@@ -17,7 +17,8 @@ inline Lanes splat(float x) {
   return _mm256_set1_ps(x);
 }
 
-/// b < a ? b : a and b > a ? b : a: a where either is NaN.
+/// Minimum and maximum per lane, as b < a ? b : a and b > a ? b : a; both return a where either
+/// operand is NaN.
 inline Lanes min_lanes(Lanes a, Lanes b) {
   return _mm256_min_ps(b, a);
 }
@@ -29,19 +30,19 @@ inline Lanes fused_multiply_add(Lanes a, Lanes b, Lanes c) {
   return _mm256_fmadd_ps(a, b, c);
 }
 
-/// a * b - c * d, as difference_of_products() of math/vector.h.
+/// Computes a * b - c * d as difference_of_products() of math/vector.h does.
 inline Lanes difference_of_products(Lanes a, Lanes b, Lanes c, Lanes d) {
   const Lanes cd = _mm256_mul_ps(c, d);
   const Lanes error = _mm256_fnmadd_ps(c, d, cd);
   return _mm256_add_ps(_mm256_fmsub_ps(a, b, cd), error);
 }
 
-/// All bits of the lanes where a >= b; none where either is NaN.
+/// Sets all bits of the lanes where a >= b; clears the others and those where either is NaN.
 inline Lanes at_least(Lanes a, Lanes b) {
   return _mm256_cmp_ps(a, b, _CMP_GE_OQ);
 }
 
-/// One bit per lane of a comparison mask.
+/// Returns one bit per lane of a comparison mask.
 inline std::uint32_t bits(Lanes mask) {
   return static_cast<std::uint32_t>(_mm256_movemask_ps(mask));
 }

@@ -8,7 +8,7 @@
 
 namespace tessera::render {
 
-/// A box with its upper corner negated, so that a single minimum extends it.
+/// A box with its upper corner negated, so that one minimum instruction extends it.
 class PackedBox {
  public:
   PackedBox() : value_(_mm256_set1_ps(std::numeric_limits<float>::infinity())) {}
@@ -21,7 +21,7 @@ class PackedBox {
   PackedBox intersect(const PackedBox& b) const {
     return PackedBox(_mm256_max_ps(value_, b.value_));
   }
-  bool empty() const {  // not all of lo - hi <= 0
+  bool empty() const {  // unless lo - hi <= 0 on all axes
     const __m128 size =
         _mm_add_ps(_mm256_castps256_ps128(value_), _mm256_extractf128_ps(value_, 1));
     return (_mm_movemask_ps(_mm_cmple_ps(size, _mm_setzero_ps())) & 7) != 7;

@@ -15,25 +15,25 @@
 
 namespace tessera::render {
 
-/// The BVH of one mesh, in its object space. A leaf is a block.
+/// The BVH of one mesh, in its object space. Each leaf is one block.
 template <int kWidth>
 struct MeshBvh {
   HugeArray<WideNode<kWidth>> nodes;
   HugeArray<TriangleBlock> blocks;
-  HugeArray<TriangleBlock> end_blocks;    // of a deforming mesh: its blocks at the next keyframe
-  std::vector<std::uint32_t> first_rank;  // by primitive, and the total at the end
+  HugeArray<TriangleBlock> end_blocks;    // blocks at the next keyframe, if the mesh deforms
+  std::vector<std::uint32_t> first_rank;  // by primitive, then the number of all triangles
   Box3f bounds;
   bool split = false;                // whether a triangle may be in several leaves
   std::uint32_t triangle_count = 0;  // triangles that can be hit
   double built_sah = 0;              // sah_cost() when it was built, before any refitting
 
-  /// The id of the triangle with this rank.
+  /// Returns the id of the triangle with this rank.
   TriangleId id(std::uint32_t instance, std::uint32_t rank) const {
     const auto next = std::upper_bound(first_rank.begin(), first_rank.end(), rank);
     const auto primitive = static_cast<std::uint32_t>(next - first_rank.begin()) - 1;
     return {instance, primitive, rank - first_rank[primitive]};
   }
-  /// The rank of the triangle; UINT32_MAX if the mesh has no such triangle.
+  /// Returns the rank of the triangle, or UINT32_MAX if the mesh has no such triangle.
   std::uint32_t rank(const TriangleId& id) const {
     if (id.primitive + std::size_t{1} >= first_rank.size()) return UINT32_MAX;
     const std::uint32_t first = first_rank[id.primitive], next = first_rank[id.primitive + 1];
@@ -63,7 +63,7 @@ struct SceneBvh {
   std::vector<std::array<Affine3d, 2>> motions;  // object to world at two successive keyframes
   Box3f bounds;                                  // of the padded boxes of the placed meshes
   float origin_limit = 0;  // the padding covers ray origins up to this size, per axis
-  bool single = false;     // whether there is one placed mesh only, which needs no tree above it
+  bool single = false;     // only one placed mesh: queries skip the nodes above it
 };
 
 /// Everything that moves during the exposure: a BVH for each interval between keyframes, with boxes

@@ -13,25 +13,26 @@ namespace tessera::render {
 /// Triangles in a block.
 inline constexpr int kBlockSize = 8;
 
-/// Up to eight triangles, one per lane. Unused lanes contain a point, whose determinant is zero.
+/// Up to eight triangles, one per lane. Unused lanes contain a point, which is never hit because
+/// its determinant is zero.
 struct alignas(64) TriangleBlock {
-  /// Index in `v` of the lanes of a vertex's coordinate.
+  /// Returns the index in `v` of the lanes of a vertex's coordinate.
   static constexpr std::size_t at(std::size_t vertex, std::size_t axis) {
     return (3 * vertex + axis) * kBlockSize;
   }
 
-  void set(std::size_t lane, const std::array<Vec3f, 3>& corners, std::uint32_t of_rank) {
+  void set(std::size_t lane, const std::array<Vec3f, 3>& corners, std::uint32_t id_rank) {
     for (std::size_t vertex = 0; vertex < 3; ++vertex) {
       for (std::size_t axis = 0; axis < 3; ++axis) {
         v[at(vertex, axis) + lane] = corners[vertex][static_cast<int>(axis)];
       }
     }
-    rank[lane] = of_rank;
+    rank[lane] = id_rank;
   }
   Vec3f corner(std::size_t lane, std::size_t vertex) const {
     return {v[at(vertex, 0) + lane], v[at(vertex, 1) + lane], v[at(vertex, 2) + lane]};
   }
-  /// Whether the lane is in use: triangles that can be hit are not points.
+  /// Returns whether the lane is in use: a triangle that can be hit is not a point.
   bool has_triangle(std::size_t lane) const {
     return corner(lane, 0) != corner(lane, 1) || corner(lane, 0) != corner(lane, 2);
   }
@@ -40,20 +41,21 @@ struct alignas(64) TriangleBlock {
   std::uint32_t rank[kBlockSize] = {};  // index among all triangles of the mesh, in id order
 };
 
-/// lerp_bounded() of geometry/motion.h for all corners; does not set the ranks of `out`.
+/// Interpolates all corners as lerp_bounded() of geometry/motion.h does. Does not set the ranks of
+/// `out`.
 inline void lerp_bounded(const TriangleBlock& from, const TriangleBlock& to, float f,
                          TriangleBlock& out) {
-  const Lanes share = splat(f);
+  const Lanes fraction = splat(f);
   for (int i = 0; i < 9 * kBlockSize; i += kBlockSize) {
     const Lanes a = load(from.v + i), b = load(to.v + i);
-    const Lanes v = fused_multiply_add(share, b - a, a);
+    const Lanes v = fused_multiply_add(fraction, b - a, a);
     _mm256_store_ps(out.v + i, min_lanes(max_lanes(v, min_lanes(a, b)), max_lanes(a, b)));
   }
 }
 
 /// A ray prepared for triangle blocks.
 struct BlockRay {
-  Lanes ox, oy, oz, sx, sy;  // sheared axes
+  Lanes ox, oy, oz, sx, sy;  // origin and shear in the permuted axes kx, ky, kz
   std::size_t x, y, z;       // offsets of kx, ky and kz among a vertex's coordinates, in floats
   const ObjectRay* ray;
 

@@ -11,7 +11,7 @@ namespace tessera::render {
 inline constexpr std::uint32_t kLeafBit = 0x80000000u;
 
 /// A node with up to kWidth children, one per lane. Unused lanes come last and have empty boxes
-/// (lo = +inf, hi = -inf), which no ray meets.
+/// (lo = +inf, hi = -inf), which no ray hits.
 template <int kWidth>
 struct alignas(4 * kWidth) WideNode {
   /// Per axis the lower planes, then the upper ones, so that an offset selects the near planes.
@@ -41,13 +41,13 @@ struct alignas(4 * kWidth) WideNode {
 template <int kWidth>
 inline constexpr std::uint32_t kNodeUnits = sizeof(WideNode<kWidth>) / alignof(WideNode<kWidth>);
 
-/// The reference of the node with this index.
+/// Returns the reference of the node with this index.
 template <int kWidth>
 constexpr std::uint32_t node_reference(std::size_t index) {
   return static_cast<std::uint32_t>(index) * kNodeUnits<kWidth>;
 }
 
-/// The node with this reference.
+/// Returns the node with this reference.
 template <int kWidth>
 inline const WideNode<kWidth>& node_at(const WideNode<kWidth>* nodes, std::uint32_t reference) {
   const auto* const bytes = reinterpret_cast<const unsigned char*>(nodes);

@@ -22,7 +22,7 @@ struct OverlapPair {
 /// object space.
 std::vector<OverlapPair> self_intersections(const Mesh& mesh);
 
-/// The same for triangles of the chosen primitives only.
+/// Considers only the triangles of the selected primitives.
 std::vector<OverlapPair> self_intersections(const Mesh& mesh, const std::vector<bool>& primitives);
 
 /// Two instances with overlapping triangles.
@@ -35,10 +35,10 @@ struct InstanceOverlap {
 /// corners in world space, rounded to float.
 std::vector<InstanceOverlap> instance_overlaps(const Scene& scene);
 
-/// Counts the boundary edges of the chosen primitives: those that their triangles do not use
-/// equally often in both directions. A closed surface has none. Corners are identified if their
-/// coordinates are equal or, with `tolerance` > 0, differ by at most that per axis from the first
-/// of them.
+/// Counts the boundary edges of the selected primitives: the edges that their triangles do not use
+/// equally often in both directions. A closed surface has none. Corners count as one vertex if
+/// their coordinates are equal or, with `tolerance` > 0, differ by at most that per axis from the
+/// first of them.
 std::int64_t boundary_edges(const Mesh& mesh, const std::vector<bool>& primitives,
                             double tolerance = 0);
 

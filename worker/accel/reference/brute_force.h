@@ -9,10 +9,10 @@
 
 namespace tessera::render {
 
-/// Tests every triangle of one instance with the scalar test. Calls take(hit) for each hit with
+/// Tests every triangle of one instance with the scalar test. Calls visit(hit) for each hit with
 /// 0 <= t < t_max, in id order.
-template <typename Take>
-void brute_force_mesh_hits(const Scene& scene, std::uint32_t i, const Ray& ray, Take&& take) {
+template <typename Visit>
+void brute_force_mesh_hits(const Scene& scene, std::uint32_t i, const Ray& ray, Visit&& visit) {
   const Instance& instance = scene.instances[i];
   const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
   const KeyframePosition at =
@@ -40,33 +40,33 @@ void brute_force_mesh_hits(const Scene& scene, std::uint32_t i, const Ray& ray, 
         const auto [v0, v1, v2] = triangle.at(at.f);
         TriangleHit hit{};
         if (id == ray.origin_triangle || !intersect_triangle(object_ray, v0, v1, v2, hit)) return;
-        if (hit.t >= 0 && hit.t < ray.t_max) take(Hit{hit.t, id, hit.b0, hit.b1, hit.b2});
+        if (hit.t >= 0 && hit.t < ray.t_max) visit(Hit{hit.t, id, hit.b0, hit.b1, hit.b2});
       });
 }
 
-/// Oracle of all acceleration structures (docs/explanation/determinism.md#closest-hit): tests every
-/// triangle of every instance, and every solid. Slow. Calls take(hit) for each hit with
+/// Reference for all acceleration structures (docs/explanation/determinism.md#closest-hit): tests
+/// every triangle of every instance, and every solid. Slow. Calls visit(hit) for each hit with
 /// 0 <= t < t_max, in the order of instances.
-template <typename Take>
-void brute_force_hits(const Scene& scene, const Ray& ray, Take&& take) {
+template <typename Visit>
+void brute_force_hits(const Scene& scene, const Ray& ray, Visit&& visit) {
   if (!is_finite(ray.origin) || !is_finite(ray.direction) || !(ray.t_max > 0)) return;
   const std::shared_ptr<const Solids> solids = Solids::of(scene);
-  const auto collect = [&](const Operand& operand, const Ray& of, std::vector<Hit>& hits) {
-    brute_force_mesh_hits(scene, operand.instance, of,
+  const auto collect = [&](const Operand& operand, const Ray& mesh_ray, std::vector<Hit>& hits) {
+    brute_force_mesh_hits(scene, operand.instance, mesh_ray,
                           [&](const Hit& hit) { hits.push_back(hit); });
   };
   for (std::uint32_t i = 0; i < scene.instances.size(); ++i) {
     if (solids != nullptr && solids->at(i) != kNoSolid) {
       for (const Hit& hit : solids->hits(solids->at(i), ray, MeshHits(collect))) {
-        if (hit.t < ray.t_max) take(hit);
+        if (hit.t < ray.t_max) visit(hit);
       }
     } else if (!scene.instances[i].operand) {
-      brute_force_mesh_hits(scene, i, ray, take);
+      brute_force_mesh_hits(scene, i, ray, visit);
     }
   }
 }
 
-/// The result that SceneAccel::closest_hit must have.
+/// Returns the result that SceneAccel::closest_hit must have.
 inline bool brute_force_closest(const Scene& scene, const Ray& ray, Hit& hit) {
   bool found = false;
   brute_force_hits(scene, ray, [&](const Hit& candidate) {

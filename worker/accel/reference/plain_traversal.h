@@ -7,7 +7,7 @@
 
 namespace tessera::render {
 
-/// Readable reference of kernels/node_traversal.h: visits the nodes that the ray meets recursively,
+/// Readable reference of kernels/node_traversal.h: recursively visits the nodes that the ray hits,
 /// in storage order. Culls nodes entered after `limit`, which is read at every step. Calls
 /// `leaf(index)` for each leaf and `visit()` for each node.
 template <int kWidth, typename Leaf, typename Visit>

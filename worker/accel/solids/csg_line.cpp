@@ -8,7 +8,7 @@
 namespace tessera::render {
 namespace {
 
-/// A point projected along the ray, relative to it.
+/// A point relative to the ray, projected along it.
 struct Projected {
   float x, y;
 };
@@ -18,8 +18,8 @@ Projected project(const ObjectRay& ray, const Vec3f& v) {
   return {a[ray.kx] - ray.sx * a[ray.kz], a[ray.ky] - ray.sy * a[ray.kz]};
 }
 
-/// Returns the side of the edge from p to q on which the ray passes: 1 left, -1 right. On the edge,
-/// as if the ray were moved by an epsilon towards -x and a much smaller one towards -y.
+/// Returns the side of the edge from p to q on which the ray passes: 1 left, -1 right. Treats a ray
+/// on the edge as if it were moved by an epsilon towards -x and a much smaller one towards -y.
 int side(const Projected& p, const Projected& q) {
   const float area = difference_of_products(p.x, q.y, p.y, q.x);
   if (area != 0) return area > 0 ? 1 : -1;
@@ -78,14 +78,14 @@ void CsgLine::add_mesh(std::uint32_t operand, const Operand& mesh, const Ray& ra
 }
 
 bool CsgLine::inside(std::span<const CsgStep> steps) {
-  results_.clear();
+  stack_.clear();
   for (const CsgStep& step : steps) {
     if (step.is_operand) {
-      results_.push_back(winding_[step.number] != 0 ? 1 : 0);
+      stack_.push_back(winding_[step.number] != 0 ? 1 : 0);
       continue;
     }
-    const auto first = results_.end() - static_cast<std::ptrdiff_t>(step.number);
-    const auto count = std::count(first, results_.end(), std::uint8_t{1});
+    const auto first = stack_.end() - static_cast<std::ptrdiff_t>(step.number);
+    const auto count = std::count(first, stack_.end(), std::uint8_t{1});
     bool result = false;
     switch (step.operation) {
       case CsgOperation::unite:
@@ -102,9 +102,9 @@ bool CsgLine::inside(std::span<const CsgStep> steps) {
         break;
     }
     *first = result ? 1 : 0;
-    results_.erase(first + 1, results_.end());
+    stack_.erase(first + 1, stack_.end());
   }
-  return results_[0] != 0;
+  return stack_[0] != 0;
 }
 
 void CsgLine::finish(std::span<const CsgStep> steps, std::vector<Hit>& hits) {
@@ -112,21 +112,23 @@ void CsgLine::finish(std::span<const CsgStep> steps, std::vector<Hit>& hits) {
             [](const Crossing& a, const Crossing& b) { return precedes(a.hit, b.hit); });
   bool was_inside = inside(steps);
   for (std::size_t i = 0; i < crossings_.size();) {
-    before_ = winding_;
+    previous_winding_ = winding_;
     const std::size_t first = i;
     const float t = crossings_[i].hit.t;
     for (; i < crossings_.size() && crossings_[i].hit.t == t; ++i) {
-      winding_[crossings_[i].operand] += crossings_[i].change;
+      winding_[crossings_[i].operand] += crossings_[i].winding_change;
     }
     const bool is_inside = inside(steps);
     if (is_inside == was_inside) continue;
     was_inside = is_inside;
     if (!std::isfinite(t)) continue;
-    const auto visible = std::find_if(
-        crossings_.begin() + static_cast<std::ptrdiff_t>(first), crossings_.end(),
-        [&](const Crossing& c) { return (before_[c.operand] != 0) != (winding_[c.operand] != 0); });
+    const auto visible =
+        std::find_if(crossings_.begin() + static_cast<std::ptrdiff_t>(first), crossings_.end(),
+                     [&](const Crossing& c) {
+                       return (previous_winding_[c.operand] != 0) != (winding_[c.operand] != 0);
+                     });
     Hit hit = visible->hit;
-    if ((visible->change > 0) != is_inside) hit.id.triangle |= kFlippedSide;
+    if ((visible->winding_change > 0) != is_inside) hit.id.triangle |= kFlippedSide;
     hits.push_back(hit);
   }
 }

@@ -24,7 +24,8 @@ Scratch& scratch() {
   return memory;
 }
 
-/// The operand at a time; null if its transform is singular. A moving one is copied to `memory`.
+/// Returns the operand at a time, or null if its transform is singular. Copies a moving operand to
+/// `memory`.
 const Operand* operand_at(const Operand& operand, std::span<const float> key_times, float time,
                           Operand& memory) {
   if (operand.motion.empty()) return &operand;
@@ -57,10 +58,10 @@ void intersect_single_shape(const Operand& operand, const Ray& ray, const HitReq
   std::vector<Hit>& out = memory.hits;
   for (const ShapeHit& found : memory.shape_hits) {
     const Hit hit = to_hit(operand, found);
-    const bool left = hit.id == ray.origin_triangle && found.face != kCurvedFace;
-    if (!(found.t >= 0) || !std::isfinite(hit.t) || left) continue;
-    const bool again = !out.empty() && out.back().t == hit.t && out.back().id == hit.id;
-    if (!again) out.push_back(hit);
+    const bool origin_face = hit.id == ray.origin_triangle && found.face != kCurvedFace;
+    if (!(found.t >= 0) || !std::isfinite(hit.t) || origin_face) continue;
+    const bool duplicate = !out.empty() && out.back().t == hit.t && out.back().id == hit.id;
+    if (!duplicate) out.push_back(hit);
   }
   std::sort(out.begin(), out.end(), precedes);
 }
@@ -105,15 +106,15 @@ std::shared_ptr<const Solids> Solids::of(const Scene& scene) {
 }
 
 std::span<const Hit> Solids::hits(std::uint32_t index, const Ray& world_ray,
-                                  const MeshHits& mesh_hits, const LimitedHits& limited) const {
+                                  const MeshHits& mesh_hits, const HitLimits& limits) const {
   const Solid& solid = solids_[index];
   Scratch& memory = scratch();
   memory.hits.clear();
   if (solid.steps.empty()) {
     const Operand* const operand =
         operand_at(operands_[solid.first], key_times_, world_ray.time, memory.moved);
-    // Doubles up to the next float may round to the limit.
-    const HitRequest request = {0, double{next_up(limited.to)}, limited.first};
+    // A double above t_max but below the next float may round to t_max.
+    const HitRequest request = {0, double{next_up(limits.t_max)}, limits.first_only};
     if (operand != nullptr) intersect_single_shape(*operand, world_ray, request, memory);
     return memory.hits;
   }
@@ -130,8 +131,8 @@ std::span<const Hit> Solids::hits(std::uint32_t index, const Ray& world_ray,
       intersect_operand(operand, ray, {}, memory.shape_hits);
       for (const ShapeHit& found : memory.shape_hits) {
         const Hit hit = to_hit(operand, found);
-        const bool left = hit.id == ray.origin_triangle && found.face != kCurvedFace;
-        memory.line.add_shape(i, hit, found.enters, left || found.t < 0);
+        const bool origin_face = hit.id == ray.origin_triangle && found.face != kCurvedFace;
+        memory.line.add_shape(i, hit, found.enters, origin_face || found.t < 0);
       }
     } else {
       memory.hits.clear();

@@ -25,8 +25,8 @@ struct Operand {
 };
 
 /// Non-owning reference to a function object void(const Operand&, const Ray&, std::vector<Hit>&),
-/// which must outlive it. It appends all hits with t >= 0 of a world-space ray with the mesh of an
-/// operand, in any order.
+/// which must outlive it. The function appends all hits with t >= 0 of a world-space ray on the
+/// mesh of an operand, in any order.
 class MeshHits {
  public:
   template <typename Collect>
@@ -45,11 +45,11 @@ class MeshHits {
   void (*call_)(void*, const Operand&, const Ray&, std::vector<Hit>&);
 };
 
-/// The hits of a solid that a caller needs: those with t up to `to` and, with `first`, none after
-/// the first on a curved face.
-struct LimitedHits {
-  float to = std::numeric_limits<float>::max();
-  bool first = false;
+/// Limits the hits on a solid to those that a caller needs: those with t <= t_max and, with
+/// `first_only`, none after the first on a curved face.
+struct HitLimits {
+  float t_max = std::numeric_limits<float>::max();
+  bool first_only = false;
 };
 
 /// The placed shapes and CSG solids of a scene, which are intersected as a whole instead of
@@ -57,21 +57,23 @@ struct LimitedHits {
 /// Immutable.
 class Solids {
  public:
-  /// Null if the scene has none.
+  /// Returns null if the scene has no solids.
   static std::shared_ptr<const Solids> of(const Scene& scene);
 
-  /// The solid that replaces an instance, or kNoSolid. A CSG solid replaces its first operand.
+  /// Returns the solid that replaces an instance, or kNoSolid. A CSG solid replaces its first
+  /// operand.
   std::uint32_t at(std::uint32_t instance) const { return by_instance_[instance]; }
 
-  /// Whether the first hit is much cheaper than all hits, so that it should be requested alone.
+  /// Returns whether the first hit is much cheaper to find than all hits, so that callers should
+  /// request it alone.
   bool first_is_cheap(std::uint32_t index) const { return solids_[index].first_is_cheap; }
 
   /// Returns all hits of a world-space ray with t >= 0, whatever its t_max, ordered as by
-  /// precedes(); without the flat face on which it starts. Both entries and exits are hits; a point
-  /// where the ray touches the surface is at most one hit. Hits beyond the limit may be missing.
-  /// The result is valid until the next call on this thread.
+  /// precedes(). Omits the flat face on which the ray starts. Both entries and exits are hits; a
+  /// point where the ray touches the surface is at most one hit. Hits outside the limits may be
+  /// missing. The result is valid until the next call on this thread.
   std::span<const Hit> hits(std::uint32_t index, const Ray& world_ray, const MeshHits& mesh_hits,
-                            const LimitedHits& limited = {}) const;
+                            const HitLimits& limits = {}) const;
 
  private:
   struct Solid {
