@@ -9,16 +9,16 @@
 
 namespace tessera::render {
 
-/// Remembers the last occluder per light and depth and tests it first. Results do not change. Not
-/// used by renders: docs/notes/accelerators-compared.md has the measurements.
+/// Remembers the last occluder per light and depth and tests it first, which does not change
+/// results. Renders do not use it; docs/notes/accelerators-compared.md has the measurements.
 /// Source: E. Haines, D. Greenberg, "The light buffer: a shadow-testing accelerator", 1986 (its
 /// cache of the last occluder).
 class ShadowCache {
  public:
-  /// Both must outlive the cache.
+  /// `scene` and `accel` must outlive the cache.
   ShadowCache(const Scene& scene, const SceneAccel& accel);
 
-  /// Whether anything occludes the ray; `light` and `depth` select the cache entry.
+  /// Returns whether anything occludes the ray; `light` and `depth` select the cache entry.
   bool any_hit(const Ray& ray, std::uint32_t light, std::uint32_t depth);
 
  private:

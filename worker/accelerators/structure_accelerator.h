@@ -12,8 +12,9 @@
 
 namespace tessera::render::accelerators {
 
-/// Finds ray hits in a scene with a Structure over the triangles of each mesh and another one over
-/// the instances. Hits equal those of accel/reference/brute_force.h bit for bit.
+/// Finds ray hits in a scene with one index over the triangles of each mesh and another one over
+/// the instances, all built by the same Structure. Hits equal those of
+/// accel/reference/brute_force.h bit for bit.
 class StructureAccelerator final : public Accelerator {
  public:
   /// Copies what it needs, so `scene` need not outlive it.
@@ -23,10 +24,10 @@ class StructureAccelerator final : public Accelerator {
   bool any_hit(const Ray& ray, const HitFilter* filter) const override;
   std::size_t memory_bytes() const override;
 
-  /// The same without a filter; adds the cost to `stats`.
+  /// Query without a filter and add the cost to `stats`.
   bool closest_hit(const Ray& ray, Hit& hit, TraversalStats& stats) const;
   bool any_hit(const Ray& ray, TraversalStats& stats) const;
-  /// All hits with 0 <= t < t_max, ordered as by precedes().
+  /// Returns all hits with 0 <= t < t_max, ordered as by precedes().
   std::vector<Hit> all_hits(const Ray& ray) const;
 
  private:
@@ -44,14 +45,14 @@ class StructureAccelerator final : public Accelerator {
     Affine3d world_to_object;
     std::uint32_t part, instance;
     std::uint32_t solid;           // or kNoSolid
-    std::vector<Affine3d> motion;  // object to world by keyframe; empty: it stands still
+    std::vector<Affine3d> motion;  // object to world by keyframe; empty if it does not move
   };
-  /// The scene between two keyframes, or at its only time.
+  /// The scene between two successive keyframes, or the whole scene if nothing moves.
   struct TimeSegment {
     std::vector<Part> parts;
     std::vector<Placed> placed;
-    std::unique_ptr<ShapeIndex> top;
-    Box3f bounds;  // of the padded boxes of the placed parts
+    std::unique_ptr<ShapeIndex> top;  // over `placed`; null if it is empty
+    Box3f bounds;                     // of the padded boxes of the placed parts
     float origin_limit = 0;
   };
 

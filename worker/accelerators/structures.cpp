@@ -11,7 +11,7 @@ namespace tessera::render::accelerators {
 
 std::span<const Structure> structures() {
   static constexpr Structure kStructures[] = {
-      {"brute-force", "every triangle", build_brute_force},
+      {"brute-force", "brute force", build_brute_force},
       {"bvh2", "two-wide BVH, recursive", build_two_wide_bvh},
       {"bvh2-skip", "two-wide BVH, skip pointers", build_skip_bvh},
       {"spheres", "bounding spheres", build_sphere_tree},
@@ -20,8 +20,8 @@ std::span<const Structure> structures() {
       {"polygon-bsp", "polygon-aligned BSP", build_polygon_bsp},
       {"octree", "octree", build_octree},
       {"grid", "uniform grid", build_uniform_grid},
-      {"recursive-grid", "grids in full cells", build_recursive_grid},
-      {"hierarchical-grid", "a grid per size", build_hierarchical_grid},
+      {"recursive-grid", "recursive grid", build_recursive_grid},
+      {"hierarchical-grid", "one grid per size", build_hierarchical_grid},
       {"proximity-grid", "grid, proximity clouds", build_proximity_grid},
   };
   static_assert(std::equal(std::begin(kStructures), std::end(kStructures),

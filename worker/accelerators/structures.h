@@ -8,7 +8,7 @@
 
 namespace tessera::render::accelerators {
 
-/// An index that visits every shape.
+/// Builds an index that visits every shape.
 std::unique_ptr<ShapeIndex> build_brute_force(const ShapeBounds& shapes);
 
 /// An acceleration structure that can be selected by name.
@@ -18,10 +18,10 @@ struct Structure {
   std::unique_ptr<ShapeIndex> (*build)(const ShapeBounds& shapes);
 };
 
-/// All structures, in the order in which reports list them.
+/// Returns all structures, in the order of reports.
 std::span<const Structure> structures();
 
-/// The structure with this name; null if there is none.
+/// Returns the structure with this name, or null if there is none.
 const Structure* find_structure(std::string_view name);
 
 }  // namespace tessera::render::accelerators

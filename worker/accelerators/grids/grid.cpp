@@ -11,8 +11,8 @@ constexpr int kMaxCellsPerSide = 512;
 /// The pad as a fraction of a cell's width.
 constexpr double kPad = 1.0 / 16;
 
-/// The width of cubes of which `cells` fill a box of this size; sides shorter than a cube count as
-/// one. Found by bisection, which needs no special case for flat boxes.
+/// Returns the width of cubes such that `cells` of them fill a box of this size; a side shorter
+/// than a cube counts as one cube. Uses bisection, which needs no special case for flat boxes.
 double cell_width(const Vec3d& size, double cells) {
   double small = max_component(size) / kMaxCellsPerSide, large = max_component(size);
   if (!(small > 0)) return 1;
@@ -75,9 +75,9 @@ bool GridTraversal::skip(int radius) {
   for (int k = 0; k < 3; ++k) {
     if (k == axis || step_[at(k)] == 0) continue;
     const int cell = grid_.cell_of(k, ray_.origin[k] + out * ray_.box_direction[k]);
-    place(k, std::clamp(cell, before[at(k)] - (radius - 1), before[at(k)] + (radius - 1)));
+    set_cell(k, std::clamp(cell, before[at(k)] - (radius - 1), before[at(k)] + (radius - 1)));
   }
-  return axis >= 0 && leap(axis, radius);
+  return axis >= 0 && step_cells(axis, radius);
 }
 
 CellLists::CellLists(const Grid& grid, std::span<const Box3f> boxes,
@@ -104,7 +104,7 @@ bool UniformGrid::traverse(const ShapeRay& ray, const float& limit, const ShapeV
                            Mailbox& mailbox, TraversalStats& stats) const {
   if (!grid_.covers(ray)) return visit_all(shapes_, visit, mailbox);
   return traverse_cells(grid_, ray, limit, stats, [&](std::size_t cell) {
-    return visit_all(cells_.of(cell), visit, mailbox);
+    return visit_all(cells_.shapes_in(cell), visit, mailbox);
   });
 }
 

@@ -10,22 +10,22 @@
 
 namespace tessera::render::accelerators {
 
-/// A box divided into equal, almost cubic cells; their number is proportional to that of the
-/// shapes.
+/// A box divided into equal, almost cubic cells. The number of cells is proportional to the number
+/// of shapes.
 ///
-/// A shape is registered in every cell that its box, widened by `pad`, overlaps, so that it is in
-/// the cell in which the ray is at the hit, also at the boundaries of cells: the hit is near the
-/// box, and the rounding of the ray's position in double is much smaller than the pad. Source of
-/// the numbers of cells, proportional to the sides of the box: K. Klimaszewski, T. Sederberg,
-/// "Faster ray tracing using adaptive grids", 1997.
+/// A shape is registered in every cell that its box, widened by `pad`, overlaps. This includes the
+/// cell in which the ray is at a hit, even on cell boundaries: the hit is near the box, and the
+/// rounding of the ray's position in double is much smaller than the pad. Source of the numbers of
+/// cells, which are proportional to the sides of the box: K. Klimaszewski, T. Sederberg, "Faster
+/// ray tracing using adaptive grids", 1997.
 class Grid {
  public:
   /// Divides `region`, widened by the pad.
   Grid(const Box3d& region, std::size_t shape_count);
 
-  /// Whether the pad covers the error of this ray's hits. It does not if the origin is thousands of
-  /// cells away; then all shapes must be visited.
-  bool covers(const ShapeRay& ray) const { return 2 * ray.near <= pad_; }
+  /// Returns whether the pad covers the error of this ray's hits. It does not if the origin is
+  /// thousands of cells away; all shapes must then be visited.
+  bool covers(const ShapeRay& ray) const { return 2 * ray.hit_tolerance <= pad_; }
 
   std::size_t cell_count() const {
     return static_cast<std::size_t>(count_[0]) * static_cast<std::size_t>(count_[1]) *
@@ -41,7 +41,7 @@ class Grid {
            static_cast<std::size_t>(cell[0]);
   }
   Box3d cell_box(const std::array<int, 3>& cell) const;
-  /// The cell of a coordinate along an axis, clamped to the grid.
+  /// Returns the cell of a coordinate along an axis, clamped to the grid.
   int cell_of(int axis, double x) const {
     const double i = (x - lo_[axis]) / width_[axis];
     const int last = count(axis) - 1;
@@ -62,7 +62,7 @@ class Grid {
       }
     }
   }
-  /// The part of the ray in the grid.
+  /// Returns the part of the ray in the grid.
   Segment inside(const ShapeRay& ray, float limit) const;
 
  private:
@@ -81,32 +81,32 @@ class GridTraversal {
     for (int k = 0; k < 3; ++k) {
       const double d = ray.box_direction[k];
       step_[at(k)] = d > 0 ? 1 : d < 0 ? -1 : 0;
-      place(k, grid.cell_of(k, ray.origin[k] + first * d));
+      set_cell(k, grid.cell_of(k, ray.origin[k] + first * d));
     }
   }
 
   const std::array<int, 3>& cell() const { return cell_; }
-  /// The t at which the ray leaves the cell.
+  /// Returns the t at which the ray leaves the cell.
   double exit() const { return exit_[at(axis_of_exit())]; }
   /// Moves to the next cell; returns false outside the grid.
-  bool next() { return leap(axis_of_exit(), 1); }
+  bool next() { return step_cells(axis_of_exit(), 1); }
   /// Skips `radius` - 1 empty cells in every direction; returns false outside the grid.
   bool skip(int radius);
 
  private:
   static std::size_t at(int k) { return static_cast<std::size_t>(k); }
 
-  void place(int k, int cell) {
+  void set_cell(int k, int cell) {
     cell_[at(k)] = cell;
     const int step = step_[at(k)];
     exit_[at(k)] = step == 0 ? std::numeric_limits<double>::infinity()
                              : (grid_.plane(k, cell + (step > 0 ? 1 : 0)) - ray_.origin[k]) /
                                    ray_.box_direction[k];
   }
-  bool leap(int k, int cells) {
+  bool step_cells(int k, int cells) {
     const int cell = cell_[at(k)] + cells * step_[at(k)];
     if (step_[at(k)] == 0 || cell < 0 || cell >= grid_.count(k)) return false;
-    place(k, cell);
+    set_cell(k, cell);
     return true;
   }
   int axis_of_exit() const {
@@ -141,7 +141,7 @@ class CellLists {
   CellLists() = default;
   CellLists(const Grid& grid, std::span<const Box3f> boxes, std::span<const std::uint32_t> shapes);
 
-  std::span<const std::uint32_t> of(std::size_t cell) const {
+  std::span<const std::uint32_t> shapes_in(std::size_t cell) const {
     return std::span(shapes_).subspan(starts_[cell], starts_[cell + 1] - starts_[cell]);
   }
   std::size_t memory_bytes() const {
@@ -155,7 +155,7 @@ class CellLists {
 /// A grid with the shapes of its cells.
 class UniformGrid {
  public:
-  /// A grid of the `shapes`, which are indices of `boxes`.
+  /// Builds a grid of the `shapes`, which are indices of `boxes`.
   UniformGrid(std::span<const Box3f> boxes, std::vector<std::uint32_t> shapes);
 
   const Grid& grid() const { return grid_; }
@@ -173,7 +173,7 @@ class UniformGrid {
   CellLists cells_;
 };
 
-/// The box around the `shapes`, which are indices of `boxes`.
+/// Returns the box around the `shapes`, which are indices of `boxes`.
 Box3d box_of(std::span<const Box3f> boxes, std::span<const std::uint32_t> shapes);
 
 }  // namespace tessera::render::accelerators

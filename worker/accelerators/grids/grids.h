@@ -6,8 +6,8 @@
 
 namespace tessera::render::accelerators {
 
-// Grids; the file of each names its source. Requires at least one shape; boxes may be flat, equal
-// or overlapping.
+// Builders of grids; the .cpp file of each grid names its source. They require at least one shape;
+// boxes may be flat, equal or overlapping.
 
 std::unique_ptr<ShapeIndex> build_uniform_grid(const ShapeBounds& shapes);
 std::unique_ptr<ShapeIndex> build_recursive_grid(const ShapeBounds& shapes);

@@ -29,11 +29,11 @@ class HierarchicalGrid final : public ShapeIndex {
       const float size = max_component(shapes.boxes[i].hi - shapes.boxes[i].lo);
       by_size[(std::bit_cast<std::uint32_t>(size) >> 23) / kSizeBits].push_back(i);
     }
-    std::vector<std::uint32_t> some;
+    std::vector<std::uint32_t> pending;
     for (auto& [size, members] : by_size) {
-      some.insert(some.end(), members.begin(), members.end());
-      if (some.size() < shapes.size() / kMinShare && size != by_size.rbegin()->first) continue;
-      grids_.emplace_back(shapes.boxes, std::exchange(some, {}));
+      pending.insert(pending.end(), members.begin(), members.end());
+      if (pending.size() < shapes.size() / kMinShare && size != by_size.rbegin()->first) continue;
+      grids_.emplace_back(shapes.boxes, std::exchange(pending, {}));
     }
   }
 

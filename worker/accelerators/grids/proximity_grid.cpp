@@ -14,13 +14,14 @@ namespace {
 
 constexpr int kMaxDistance = 255;
 
-/// Chessboard distances to the nearest occupied cell, exact up to kMaxDistance: one forward and one
-/// backward pass over the grid, each using the 13 neighbours that it has already visited.
+/// Computes chessboard distances to the nearest occupied cell, exact up to kMaxDistance, in one
+/// forward and one backward pass over the grid. Each pass uses the 13 neighbours that it has
+/// already visited.
 std::vector<std::uint8_t> distances(const UniformGrid& grid) {
   const Grid& g = grid.grid();
   std::vector<std::uint8_t> out(g.cell_count());
   for (std::size_t i = 0; i < out.size(); ++i)
-    out[i] = grid.cells().of(i).empty() ? kMaxDistance : 0;
+    out[i] = grid.cells().shapes_in(i).empty() ? kMaxDistance : 0;
   const auto relax = [&](const std::array<int, 3>& cell, int direction) {
     std::uint8_t& own = out[g.index(cell)];
     for (int n = 0; n < 13; ++n) {  // half of the 26 neighbours
@@ -64,7 +65,7 @@ class ProximityGrid final : public ShapeIndex {
     while (inside) {
       ++stats.nodes;
       const std::size_t index = grid.index(traversal.cell());
-      if (visit_all(grid_.cells().of(index), visit, mailbox)) return true;
+      if (visit_all(grid_.cells().shapes_in(index), visit, mailbox)) return true;
       if (static_cast<double>(limit) < traversal.exit()) return false;
       const int distance = distances_[index];
       inside = distance > 1 ? traversal.skip(distance) : traversal.next();

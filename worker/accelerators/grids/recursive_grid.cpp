@@ -26,7 +26,7 @@ Box3d widened(const Box3d& box, double pad) {
 
 class Level {
  public:
-  /// A grid over `region`, which must contain the relevant parts of the shapes.
+  /// Builds a grid over `region`, which must contain the relevant parts of the shapes.
   Level(std::span<const Box3f> boxes, std::vector<std::uint32_t> shapes, const Box3d& region,
         int levels)
       : shapes_(std::move(shapes)),
@@ -47,7 +47,7 @@ class Level {
     if (!grid_.covers(ray)) return visit_all(shapes_, visit, mailbox);
     return traverse_cells(grid_, ray, limit, stats, [&](std::size_t cell) {
       const std::uint32_t below = below_[cell];
-      return below == 0 ? visit_all(cells_.of(cell), visit, mailbox)
+      return below == 0 ? visit_all(cells_.shapes_in(cell), visit, mailbox)
                         : levels_[below - 1]->traverse(ray, limit, visit, mailbox, stats);
     });
   }
@@ -61,10 +61,10 @@ class Level {
 
  private:
   /// Builds a grid for a cell with many shapes, around the parts of their widened boxes in the
-  /// cell. Does not if half of the shapes are larger than half the cell: smaller cells would only
-  /// multiply the references to them.
+  /// cell. Builds none if more than half of the shapes are at least half as wide as the cell,
+  /// because smaller cells would only multiply the references to them.
   void fill(std::span<const Box3f> boxes, const std::array<int, 3>& cell, int levels) {
-    const auto members = cells_.of(grid_.index(cell));
+    const auto members = cells_.shapes_in(grid_.index(cell));
     if (members.size() <= kMaxCellShapes) return;
     const Box3d box = grid_.cell_box(cell);
     const double width = max_component(box.hi - box.lo);
@@ -81,7 +81,7 @@ class Level {
   std::vector<std::uint32_t> shapes_;
   Grid grid_;
   CellLists cells_;
-  std::vector<std::uint32_t> below_;  // by cell: 0, or an index of levels_ plus 1
+  std::vector<std::uint32_t> below_;  // by cell: 1 + index in levels_; 0: no grid in the cell
   std::vector<std::unique_ptr<Level>> levels_;
 };
 

@@ -38,11 +38,11 @@ struct DepthFirstTraversal {
   TraversalStats& stats;
 };
 
-/// Visits the shapes below a node that a ray hits, those of the child that it enters first before
-/// the other's. Ends and returns true when a visit returns true. `hits(node, enter)` returns
+/// Visits the shapes below a node that a ray hits, beginning with the child that the ray enters
+/// first. Stops and returns true when a visit returns true. `hits(node, enter)` returns
 /// whether the ray may hit a node within the limit and sets the t (double) at which it enters.
-template <typename Meets>
-bool traverse_near_first(const DepthFirstTraversal& traversal, const Meets& hits,
+template <typename Hits>
+bool traverse_near_first(const DepthFirstTraversal& traversal, const Hits& hits,
                          std::uint32_t index = 0) {
   ++traversal.stats.nodes;
   const DepthFirstTree& tree = traversal.tree;

@@ -21,8 +21,8 @@ bool make_shape_ray(const Vec3f& origin, const Vec3f& direction, const Box3f& al
       steepest = std::max(steepest, std::fabs(static_cast<double>(ray.slabs.inverse[k])));
     }
   }
-  ray.near = kNear * reach;
-  ray.hull_slack = ray.near * steepest;
+  ray.hit_tolerance = kHitTolerance * reach;
+  ray.hull_slack = ray.hit_tolerance * steepest;
   return true;
 }
 

@@ -14,18 +14,20 @@
 namespace tessera::render::accelerators {
 
 /// Maximum distance of a hit from the shape that was hit, as a fraction of the ray's reach (see
-/// ShapeRay::near). The slab test accepts rays that miss a box by 2^-20 + 2^-21 + 8 u of the reach
-/// per axis (see enter_leave(); u = 2^-24). The triangle test is exact for a triangle whose corners
-/// are moved by at most 9 u of the reach: u for v - o, then 3 u for the product with a shear of at
-/// most 1 and 2 u for the difference, in two axes. The constant is more than twice either.
-inline constexpr double kNear = 0x1p-18;
+/// ShapeRay::hit_tolerance). The slab test accepts rays that miss a box by 2^-20 + 2^-21 + 8 u of
+/// the reach per axis (see enter_leave(); u = 2^-24). The triangle test is exact for a triangle
+/// whose corners are moved by at most 9 u of the reach: u for v - o, then 3 u for the product with
+/// a shear of at most 1 and 2 u for the difference, in two axes. The constant is more than twice
+/// either error.
+inline constexpr double kHitTolerance = 0x1p-18;
 
 /// The shapes over which a structure is built: anything with bounds. They are numbered from 0.
 ///
 /// The intersection test guarantees for every hit at t on the line of a ray:
 /// 1. enter_leave() of the shape's box accepts the ray and its interval contains t, so that the ray
-///    at t is within kNear * reach of the box, per axis;
-/// 2. at some s with |s - t| <= ShapeRay::hull_slack the ray is within kNear * reach of the convex
+///    at t is within kHitTolerance * reach of the box, per axis;
+/// 2. at some s with |s - t| <= ShapeRay::hull_slack the ray is within kHitTolerance * reach of the
+/// convex
 ///    hull: t is clamped to the box, which changes it by no more than the box is missed by along
 ///    the limiting axis.
 struct ShapeBounds {
@@ -37,7 +39,7 @@ struct ShapeBounds {
   std::span<const Vec3f> hull(std::uint32_t shape) const {
     return hulls.subspan(shape * points_per_hull, points_per_hull);
   }
-  /// The box around all shapes.
+  /// Returns the box around all shapes.
   Box3f all() const {
     Box3f box;
     for (const Box3f& each : boxes) box.extend(each);
@@ -49,15 +51,17 @@ struct ShapeBounds {
 struct ShapeRay {
   ObjectRay slabs;
   Vec3d origin, direction;
-  Vec3d box_direction;    // as the slab test uses it: components with an infinite inverse are 0
-  double near = 0;        // kNear * reach; reach is the distance of the farthest plane of `all`
+  Vec3d box_direction;  // direction of the slab test: components with an infinite inverse are 0
+  double hit_tolerance =
+      0;  // kHitTolerance * reach; reach is the distance of the farthest plane of `all`
   double hull_slack = 0;  // may be infinite; see ShapeBounds
 };
 
-/// Prepares a ray; `all` must contain all boxes. Returns false if make_object_ray() does.
+/// Prepares a ray for shapes whose boxes are all in `all`. Returns false if make_object_ray() does.
 bool make_shape_ray(const Vec3f& origin, const Vec3f& direction, const Box3f& all, ShapeRay& ray);
 
-/// Whether a ray may hit something in the box at a t in [0, limit]; sets the t at which it enters.
+/// Returns whether a ray may hit something in the box at a t in [0, limit]. Sets `enter` to the t
+/// at which the ray enters the box.
 inline bool may_hit(const ObjectRay& ray, const Box3f& box, float limit, float& enter) {
   const EnterLeave t = enter_leave(ray, box.lo, box.hi);
   enter = t.enter;
@@ -70,7 +74,8 @@ struct Segment {
   bool empty() const { return !(first <= last); }
 };
 
-/// Clips a segment to x[axis] <= plane or, with `above`, to x[axis] >= plane. Uses box_direction.
+/// Clips a segment of a ray to x[axis] <= plane or, with `above`, to x[axis] >= plane. Uses
+/// box_direction.
 inline Segment clip(const ShapeRay& ray, Segment part, int axis, double plane, bool above) {
   const double d = ray.box_direction[axis], o = ray.origin[axis];
   if (d == 0) {
@@ -105,7 +110,7 @@ class ShapeVisitor {
   bool (*call_)(void*, std::uint32_t);
 };
 
-/// A structure over shapes that finds those a ray may hit. Immutable and thread-safe.
+/// An acceleration structure: finds the shapes that a ray may hit. Immutable and thread-safe.
 class ShapeIndex {
  public:
   virtual ~ShapeIndex() = default;
@@ -118,23 +123,23 @@ class ShapeIndex {
 };
 
 /// Cache of recently visited shapes, so that a shape in many cells is tested less often. It belongs
-/// to the traversal, unlike ray numbers stored with each shape, so that threads can share
-/// structures.
+/// to a traversal, so that threads can share a structure; ray numbers stored with the shapes would
+/// prevent that.
 /// Source: M. Shevtsov, A. Soupikov, A. Kapustin, "Ray-triangle intersection algorithm for modern
 /// CPU architectures", GraphiCon 2007 ("inverse mailboxing").
 class Mailbox {
  public:
-  Mailbox() { met_.fill(UINT32_MAX); }
-  /// Adds a shape; returns false if it is in the cache.
+  Mailbox() { visited_.fill(UINT32_MAX); }
+  /// Adds a shape; returns false if it is already in the cache.
   bool add(std::uint32_t shape) {
-    std::uint32_t& slot = met_[shape % met_.size()];
+    std::uint32_t& slot = visited_[shape % visited_.size()];
     if (slot == shape) return false;
     slot = shape;
     return true;
   }
 
  private:
-  std::array<std::uint32_t, 256> met_;
+  std::array<std::uint32_t, 256> visited_;
 };
 
 /// Arguments of a recursive traversal that do not change during it.
@@ -156,7 +161,7 @@ inline bool visit_all(std::span<const std::uint32_t> shapes, const ShapeVisitor&
   return false;
 }
 
-/// 0, 1, … count - 1.
+/// Returns 0, 1, ..., count - 1.
 std::vector<std::uint32_t> all_shapes(std::uint32_t count);
 
 }  // namespace tessera::render::accelerators

@@ -1,9 +1,10 @@
 // A kd-tree: a BSP tree of axis-parallel planes. A shape is in every leaf that its box overlaps;
 // the ray is split at the plane, and its nearer part is traversed first. Boxes are exact, but hits
-// are only near them, so both parts extend beyond the plane by ShapeRay::near; a hit's shape is
-// then found in the leaf of the nearest point of its box. Sources: M. Kaplan, "Space-tracing: a
-// constant time ray tracer", 1985; F. Jansen, "Data structures for ray tracing", 1986 (the
-// recursion); planes by the surface area heuristic in bins.
+// may lie slightly outside them, so both parts extend beyond the plane by ShapeRay::hit_tolerance.
+// The shape of a hit is then found in the leaf that contains the point of its box nearest to the
+// hit. Sources: M. Kaplan, "Space-tracing: a constant time ray tracer", 1985; F. Jansen, "Data
+// structures for ray tracing", 1986 (the recursion). Planes are chosen by the binned surface area
+// heuristic.
 
 #include <algorithm>
 #include <bit>
@@ -67,7 +68,8 @@ class Builder {
   std::vector<std::uint32_t> items;
 
  private:
-  /// The best plane by the surface area heuristic; no axis if none is cheaper than a leaf.
+  /// Returns the best plane by the surface area heuristic; its axis is -1 if none is cheaper than a
+  /// leaf.
   Cut best_cut(const std::vector<std::uint32_t>& shapes, const Box3f& cell) const {
     const double whole = cell.half_area();
     Cut best;
@@ -131,9 +133,9 @@ class KdTree final : public ShapeIndex {
       return visit_all(std::span(items_).subspan(node.below, node.above), traversal.visit,
                        traversal.mailbox);
     }
-    const double plane = node.plane, near = traversal.ray.near;
-    const Segment below = clip(traversal.ray, part, node.axis, plane + near, false);
-    const Segment above = clip(traversal.ray, part, node.axis, plane - near, true);
+    const double plane = node.plane, tolerance = traversal.ray.hit_tolerance;
+    const Segment below = clip(traversal.ray, part, node.axis, plane + tolerance, false);
+    const Segment above = clip(traversal.ray, part, node.axis, plane - tolerance, true);
     if (traversal.ray.box_direction[node.axis] >= 0) {
       return descend(node.below, below, traversal) || descend(node.above, above, traversal);
     }

@@ -1,7 +1,7 @@
-// An octree: cells with many shapes are halved along all axes at once. A shape is in every leaf
-// that its box overlaps. Children are visited in the order given by the ray's direction and extend
-// beyond their planes by ShapeRay::near, as in kd_tree.cpp. Source: A. Glassner, "Space subdivision
-// for fast ray tracing", 1984.
+// An octree: cells with many shapes are divided into eight cells of half the size. A shape is in
+// every leaf that its box overlaps. Children are visited in the order given by the ray's direction
+// and extend beyond their planes by ShapeRay::hit_tolerance, as in kd_tree.cpp. Source: A.
+// Glassner, "Space subdivision for fast ray tracing", 1984.
 
 #include <algorithm>
 #include <array>
@@ -68,7 +68,7 @@ class Octree final : public ShapeIndex {
     std::array<std::vector<std::uint32_t>, 8> parts;
     std::size_t total = 0;
     if (items.size() > kLeafSize && depth > 0 && half > 0) {
-      for (const std::uint32_t shape : items) share(shapes.boxes[shape], middle, shape, parts);
+      for (const std::uint32_t shape : items) distribute(shapes.boxes[shape], middle, shape, parts);
       for (const auto& part : parts) total += part.size();
     }
     nodes_[index].middle = middle;
@@ -90,8 +90,8 @@ class Octree final : public ShapeIndex {
   }
 
   /// Adds a shape to each octant that its box overlaps.
-  static void share(const Box3f& box, const Vec3d& middle, std::uint32_t shape,
-                    std::array<std::vector<std::uint32_t>, 8>& parts) {
+  static void distribute(const Box3f& box, const Vec3d& middle, std::uint32_t shape,
+                         std::array<std::vector<std::uint32_t>, 8>& parts) {
     for (std::uint32_t i = 0; i < 8; ++i) {
       bool inside = true;
       for (int k = 0; k < 3; ++k) {
@@ -117,7 +117,8 @@ class Octree final : public ShapeIndex {
       inside.last = std::min(inside.last, static_cast<double>(traversal.limit));
       for (int k = 0; k < 3; ++k) {
         const bool above = (octant >> k & 1) != 0;
-        const double plane = node.middle[k] + (above ? -traversal.ray.near : traversal.ray.near);
+        const double plane =
+            node.middle[k] + (above ? -traversal.ray.hit_tolerance : traversal.ray.hit_tolerance);
         inside = clip(traversal.ray, inside, k, plane, above);
       }
       if (!inside.empty() && descend(child, inside, traversal)) return true;

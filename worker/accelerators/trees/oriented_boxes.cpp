@@ -16,12 +16,12 @@ namespace {
 
 struct OrientedBox {
   std::array<Vec3d, 3> axes = {Vec3d{1, 0, 0}, Vec3d{0, 1, 0}, Vec3d{0, 0, 1}};  // orthonormal
-  Vec3d lo, hi;  // along the axes, from the world's origin
+  Vec3d lo, hi;  // coordinates along the axes
 };
 
 using Matrix = std::array<std::array<double, 3>, 3>;
 
-/// A Jacobi rotation of rows p and q that makes m[p][q] zero.
+/// Applies the Jacobi rotation of rows and columns p and q that makes m[p][q] zero.
 void rotate(Matrix& m, std::array<Vec3d, 3>& rows, std::size_t p, std::size_t q) {
   const double theta = (m[q][q] - m[p][p]) / (2 * m[p][q]);
   const double t = (theta < 0 ? -1.0 : 1.0) / (std::fabs(theta) + std::sqrt(theta * theta + 1));
@@ -41,7 +41,7 @@ void rotate(Matrix& m, std::array<Vec3d, 3>& rows, std::size_t p, std::size_t q)
   rows[q] = a * s + b * c;
 }
 
-/// The eigenvectors of a symmetric matrix.
+/// Returns the eigenvectors of a symmetric matrix.
 std::array<Vec3d, 3> eigenvectors(Matrix m) {
   std::array<Vec3d, 3> rows = {Vec3d{1, 0, 0}, Vec3d{0, 1, 0}, Vec3d{0, 0, 1}};
   for (int sweep = 0; sweep < 12; ++sweep) {
@@ -100,8 +100,8 @@ OrientedBox box_along(const std::array<Vec3d, 3>& axes, const DepthFirstTree& tr
   return box;
 }
 
-/// The box around the hulls below a node: along their principal axes or along the coordinate axes,
-/// whichever has the smaller area.
+/// Returns a box around the hulls below a node, along their principal axes or along the coordinate
+/// axes, whichever has the smaller area.
 OrientedBox box_around(const DepthFirstTree& tree, const DepthFirstNode& node,
                        const ShapeBounds& shapes) {
   const OrientedBox turned = box_along(principal_axes(tree, node, shapes), tree, node, shapes);
@@ -135,10 +135,10 @@ class OrientedBoxes final : public ShapeIndex {
   }
 
  private:
-  /// Whether the ray's line comes within 2 sqrt(3) * near of the box: doubled for the rounding
-  /// here.
+  /// Returns whether the ray's line comes within the error of hits of the box. The error is
+  /// sqrt(3) * hit_tolerance; the margin is more than twice that, to cover the rounding here.
   static bool line_hits(const OrientedBox& box, const ShapeRay& ray) {
-    const double margin = 4 * ray.near;
+    const double margin = 4 * ray.hit_tolerance;
     double first = -std::numeric_limits<double>::infinity(), last = -first;
     for (std::size_t k = 0; k < 3; ++k) {
       const int i = static_cast<int>(k);

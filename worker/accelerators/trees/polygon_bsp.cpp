@@ -1,13 +1,12 @@
-// A BSP tree whose planes are those of the polygons, or perpendicular to them through an edge (a
-// convex body lies on one side of all its own planes). Polygons are not split: each side on which a
-// polygon lies refers to the whole polygon, so that its hits keep their bits. A polygon in the
-// plane stays at the node.
+// A BSP tree whose planes contain polygons or are perpendicular to a polygon through one of its
+// edges (the planes of a convex body's own faces would not divide it). Polygons are not split: each
+// side on which a polygon lies refers to the whole polygon, so that its hits keep their bits. A
+// polygon in the plane is stored at the node.
 //
 // The t of a hit may differ by ShapeRay::hull_slack from that of the polygon, so the parts of the
-// ray extend beyond the plane by ShapeRay::near across it and by the slack along the ray. The boxes
-// of the nodes bound t.
-// Source: H. Fuchs, Z. Kedem, B. Naylor, "On visible surface generation by a priori tree
-// structures", 1980.
+// ray extend beyond the plane by ShapeRay::hit_tolerance across it and by the slack along the ray.
+// The boxes of the nodes bound t. Source: H. Fuchs, Z. Kedem, B. Naylor, "On visible surface
+// generation by a priori tree structures", 1980.
 
 #include <algorithm>
 #include <bit>
@@ -23,8 +22,8 @@ namespace {
 
 constexpr std::size_t kLeafSize = 6;
 constexpr std::size_t kCandidates = 10, kMaxSampled = 512;
-/// Planes with a larger share() are not used.
-constexpr double kMaxShare = 0.9;
+/// Planes whose plane_cost() is not below this are not used.
+constexpr double kMaxPlaneCost = 0.9;
 
 struct Plane {
   Vec3d normal, point;
@@ -42,7 +41,7 @@ class Builder {
  public:
   explicit Builder(const ShapeBounds& shapes) : shapes_(shapes) {
     const Box3f all = shapes.all();
-    flat_ = 0x1p-40 * max_abs(Vec3d(all.hi) - Vec3d(all.lo));
+    plane_tolerance_ = 0x1p-40 * max_abs(Vec3d(all.hi) - Vec3d(all.lo));
   }
 
   std::uint32_t build(std::vector<std::uint32_t> shapes, int depth) {
@@ -52,18 +51,18 @@ class Builder {
     nodes.push_back(node);
     Plane plane;
     if (depth == 0 || shapes.size() <= kLeafSize || !choose(shapes, plane)) {
-      keep(index, shapes);
+      store(index, shapes);
       return index;
     }
-    std::vector<std::uint32_t> front, back, inside;
+    std::vector<std::uint32_t> front, back, coplanar;
     for (const std::uint32_t shape : shapes) {
       const Sides sides = sides_of(shape, plane);
       if (sides.front) front.push_back(shape);
       if (sides.back) back.push_back(shape);
-      if (!sides.front && !sides.back) inside.push_back(shape);
+      if (!sides.front && !sides.back) coplanar.push_back(shape);
     }
     std::vector<std::uint32_t>().swap(shapes);
-    keep(index, inside);
+    store(index, coplanar);
     nodes[index].plane = plane;
     if (!front.empty()) {
       const std::uint32_t child = build(std::move(front), depth - 1);
@@ -88,13 +87,13 @@ class Builder {
     Sides sides;
     for (const Vec3f& p : shapes_.hull(shape)) {
       const double side = plane.side(Vec3d(p));
-      sides.front = sides.front || side > flat_;
-      sides.back = sides.back || side < -flat_;
+      sides.front = sides.front || side > plane_tolerance_;
+      sides.back = sides.back || side < -plane_tolerance_;
     }
     return sides;
   }
 
-  void keep(std::uint32_t index, const std::vector<std::uint32_t>& shapes) {
+  void store(std::uint32_t index, const std::vector<std::uint32_t>& shapes) {
     nodes[index].first = static_cast<std::uint32_t>(items.size());
     nodes[index].count = static_cast<std::uint32_t>(shapes.size());
     items.insert(items.end(), shapes.begin(), shapes.end());
@@ -103,7 +102,7 @@ class Builder {
   /// Chooses the best plane among those of some shapes and those perpendicular to them through
   /// their edges. Returns false if none is good enough.
   bool choose(const std::vector<std::uint32_t>& shapes, Plane& best) const {
-    double least = kMaxShare;
+    double best_cost = kMaxPlaneCost;
     const std::size_t step = shapes.size() / kCandidates + 1;
     for (std::size_t i = step / 2; i < shapes.size(); i += step) {
       const std::span<const Vec3f> hull = shapes_.hull(shapes[i]);
@@ -112,18 +111,18 @@ class Builder {
       for (const Plane& plane :
            {Plane{normal, a}, Plane{normalize(cross(normal, b - a)), a},
             Plane{normalize(cross(normal, c - b)), b}, Plane{normalize(cross(normal, a - c)), c}}) {
-        const double cost = share(shapes, plane);
-        if (plane.normal == Vec3d{} || !(cost < least)) continue;
-        least = cost;
+        const double cost = plane_cost(shapes, plane);
+        if (plane.normal == Vec3d{} || !(cost < best_cost)) continue;
+        best_cost = cost;
         best = plane;
       }
     }
-    return least < kMaxShare;
+    return best_cost < kMaxPlaneCost;
   }
 
-  /// The fraction of the shapes on the larger side plus half of the fraction on both sides,
-  /// estimated from up to kMaxSampled of them.
-  double share(const std::vector<std::uint32_t>& shapes, const Plane& plane) const {
+  /// Returns the fraction of the shapes on the side with more of them, plus half of the fraction on
+  /// both sides. Estimated from up to kMaxSampled shapes.
+  double plane_cost(const std::vector<std::uint32_t>& shapes, const Plane& plane) const {
     const std::size_t step = shapes.size() / kMaxSampled + 1;
     double front = 0, back = 0, both = 0, all = 0;
     for (std::size_t i = 0; i < shapes.size(); i += step) {
@@ -137,7 +136,7 @@ class Builder {
   }
 
   const ShapeBounds& shapes_;
-  double flat_ = 0;  // maximum distance from a plane of points that lie in it
+  double plane_tolerance_ = 0;  // maximum distance from a plane of points that lie in it
 };
 
 class PolygonBsp final : public ShapeIndex {
@@ -175,7 +174,8 @@ class PolygonBsp final : public ShapeIndex {
     const double start = node.plane.side(traversal.ray.origin);
     const double speed = dot(node.plane.normal, traversal.ray.direction);
     const auto side = [&](double at) { return speed == 0 ? start : start + at * speed; };
-    const double margin = 2 * traversal.ray.near;  // sqrt(3), since near is per axis, and rounding
+    // Covers sqrt(3), because the tolerance is per axis, and rounding.
+    const double margin = 2 * traversal.ray.hit_tolerance;
     const double a = side(first), b = side(last);
     const bool front = node.front != 0 && !(std::max(a, b) < -margin);
     const bool back = node.back != 0 && !(std::min(a, b) > margin);

@@ -18,7 +18,7 @@ struct Sphere {
   double radius = 0;
 };
 
-/// The sphere around the centre of the node's box that contains the boxes of its shapes.
+/// Returns the sphere about the centre of the node's box that contains the boxes of its shapes.
 Sphere sphere_around(const DepthFirstTree& tree, const DepthFirstNode& node,
                      const ShapeBounds& shapes) {
   Sphere sphere;
@@ -56,12 +56,12 @@ class SphereTree final : public ShapeIndex {
   }
 
  private:
-  /// Whether the ray is in the sphere, widened by the maximum error of hits, at some t in [0,
-  /// limit]. That error is sqrt(3) * near; doubling it covers the rounding here, 2^-50 of the
-  /// reach.
+  /// Returns whether the ray is in the sphere, widened by the maximum error of hits, at some t in
+  /// [0, limit]. The error is sqrt(3) * hit_tolerance; more than doubling it covers the rounding
+  /// here, which is 2^-50 of the reach.
   static bool sphere_hits(const Sphere& sphere, const ShapeRay& ray, double direction_squared,
                           float limit, double& enter) {
-    const double radius = sphere.radius + 4 * ray.near;
+    const double radius = sphere.radius + 4 * ray.hit_tolerance;
     const Vec3d to_centre = sphere.centre - ray.origin;
     const double closest = dot(to_centre, ray.box_direction) / direction_squared;
     const Vec3d miss = to_centre - ray.box_direction * closest;

@@ -6,8 +6,8 @@
 
 namespace tessera::render::accelerators {
 
-// Trees; the file of each names its source. Requires at least one shape; boxes may be flat, equal
-// or overlapping.
+// Builders of trees; the .cpp file of each tree names its source. They require at least one shape;
+// boxes may be flat, equal or overlapping.
 
 std::unique_ptr<ShapeIndex> build_two_wide_bvh(const ShapeBounds& shapes);
 std::unique_ptr<ShapeIndex> build_skip_bvh(const ShapeBounds& shapes);
