@@ -9,6 +9,7 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
+#include "cli/exit_codes.h"
 #include "cli/finite_range.h"
 #include "cli/version_text.h"
 #include "image/codecs/library_versions.h"
@@ -133,7 +134,7 @@ ParsedConfig parse_config(int argc, char** argv) {
     if (!parsed.command && config.listen.empty()) throw CLI::RequiredError("--listen");
     if (!parsed.command && config.store.empty()) throw CLI::RequiredError("--store");
   } catch (const CLI::ParseError& error) {
-    parsed.exit_code = app.exit(error) == 0 ? 0 : 2;
+    parsed.exit_code = app.exit(error) == 0 ? 0 : cli::kExitBadInput;
     parsed.command = nullptr;
     return parsed;
   }

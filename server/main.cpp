@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "cli/exit_codes.h"
 #include "server/config.h"
 #include "server/coordinator/coordinator.h"
 #include "server/identity/join_tokens.h"
@@ -25,7 +26,7 @@
 namespace tessera::server {
 namespace {
 
-constexpr int kFailed = 1, kWrongUsage = 2;
+constexpr int kExitDamaged = 1;
 constexpr std::int64_t kDayUs = std::int64_t{86'400} * 1'000'000;
 constexpr std::int64_t kForgetJoinsDays = 90;
 
@@ -69,9 +70,10 @@ void raise_file_limit() {
   ::setrlimit(RLIMIT_NOFILE, &limit);
 }
 
+/// Prints the error and returns the exit code.
 int fail(const absl::Status& status) {
   std::fprintf(stderr, "tessera-server: %s\n", std::string(status.message()).c_str());
-  return absl::IsInvalidArgument(status) ? kWrongUsage : kFailed;
+  return absl::IsDataLoss(status) ? kExitDamaged : cli::exit_code(status.code());
 }
 
 /// Ticks until SIGTERM or SIGINT, which must be blocked in every thread.

@@ -21,6 +21,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "cli/command.h"
+#include "cli/exit_codes.h"
 #include "cli/version_text.h"
 #include "contract/structure_names.h"
 #include "image/codecs/library_versions.h"
@@ -30,7 +31,6 @@
 namespace tessera::worker {
 namespace {
 
-constexpr int kWrongUsage = 2;
 constexpr std::int64_t kMega = 1'000'000, kGiga = 1'000'000'000;
 
 std::int64_t quarter_of_memory_mb() {
@@ -301,7 +301,7 @@ std::variant<Config, int> parse_command_line(int argc, char** argv, FaultInjecto
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {  // CLI11 reports wrong usage, and --help, by throwing
-    return app.exit(error) == 0 ? 0 : kWrongUsage;
+    return app.exit(error) == 0 ? 0 : cli::kExitBadInput;
   }
   if (renderer->parsed()) {
     renderer_options.before_unit = faults.hooks().before_unit;
@@ -312,7 +312,7 @@ std::variant<Config, int> parse_command_line(int argc, char** argv, FaultInjecto
     complete(debug_config, debug_flags);
     return Config(std::move(debug_config));
   }
-  if (!complete(flags)) return kWrongUsage;
+  if (!complete(flags)) return cli::kExitBadInput;
   flags.options.faults = faults.hooks();
   return Config(std::move(flags.options));
 }

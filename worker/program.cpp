@@ -5,6 +5,7 @@
 #include <string>
 
 #include "absl/strings/escaping.h"
+#include "cli/exit_codes.h"
 #include "rpc/settings_message.h"
 #include "worker/agent/agent.h"
 #include "worker/config.h"
@@ -17,13 +18,13 @@
 namespace tessera::worker {
 namespace {
 
-constexpr int kWrongInput = 2, kRefused = 3;
+using cli::kExitBadInput;
 
 int work(const agent::AgentOptions& options) {
   const absl::Status status = agent::run_agent(options);
   if (status.ok()) return 0;
   std::fprintf(stderr, "tessera-worker: %s\n", std::string(status.message()).c_str());
-  return kRefused;
+  return cli::exit_code(status.code());
 }
 
 /// Adds the comparison of acceleration structures to `report`; a failure becomes a finding.
@@ -45,9 +46,9 @@ int inspect(const InspectConfig& config) {
   request.environment = config.environment;
   if (!config.settings_hex.empty()) {
     v1::RenderSettings message;
-    if (!message.ParseFromString(absl::HexStringToBytes(config.settings_hex))) return kWrongInput;
+    if (!message.ParseFromString(absl::HexStringToBytes(config.settings_hex))) return kExitBadInput;
     auto settings = contract::from_message(message);
-    if (!settings.ok()) return kWrongInput;
+    if (!settings.ok()) return kExitBadInput;
     request.settings = *std::move(settings);
   }
   request.examine = [&](const auto& scene, auto& report) {
@@ -61,7 +62,7 @@ int inspect(const InspectConfig& config) {
   const auto report = render::inspect_scene(request);
   const std::string text = to_json(report);
   std::fwrite(text.data(), 1, text.size(), stdout);
-  return report.has_errors() ? kWrongInput : 0;
+  return report.has_errors() ? kExitBadInput : 0;
 }
 
 int debug_pixel(const DebugPixelConfig& config) {
@@ -82,7 +83,7 @@ int debug_pixel(const DebugPixelConfig& config) {
   }
   if (!text.ok()) {
     std::fprintf(stderr, "tessera-worker: %s\n", std::string(text.status().message()).c_str());
-    return kWrongInput;
+    return kExitBadInput;
   }
   std::fputs(text->c_str(), stdout);
   return 0;

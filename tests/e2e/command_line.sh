@@ -25,6 +25,10 @@ exits 3 tessera list --server "unix:$work/nobody"
 exits 2 tessera list --server 192.0.2.1:7420
 exits 2 tessera-server --listen 0.0.0.0:0 --store "$work/refused"
 [ ! -e "$work/refused/token" ] || fail "a server on a foreign address made a store"
+exits 2 tessera-server check "$work/nothing"
+says "$work/nothing is not a store"
+exits 2 tessera-worker --server "unix:$work/nobody" --cache /proc/none
+says "cache directory /proc/none: "
 say "exit codes of wrong usage, bad input and no farm"
 
 exits 0 tessera-worker debug-pixel "$square" --size 64x48 --pixel 32,24 --sample 1

@@ -203,8 +203,8 @@ class Agent {
     };
     callbacks.on_response = [this](const v1::WorkResponse& response) { handle(response); };
     callbacks.refused = [this](const absl::Status& status) {
-      end_ = absl::Status(status.code(),
-                          absl::StrCat("refused by the server: ", std::string(status.message())));
+      end_ = absl::PermissionDeniedError(
+          absl::StrCat("refused by the server: ", std::string(status.message())));
     };
     return callbacks;
   }

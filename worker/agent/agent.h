@@ -42,8 +42,9 @@ struct AgentOptions {
 /// started, and exits when the rest is acknowledged or `grace` is over. A second signal ends the
 /// process at once. Call from the main thread, before any other thread is started.
 ///
-/// Errors: the server's reason for refusing the worker; InvalidArgument, an option is unusable;
-/// FailedPrecondition, the cache directory cannot be used; Internal, no renderer can be started.
+/// Errors: PermissionDenied, the server refused the worker; InvalidArgument, an option is unusable;
+/// FailedPrecondition, the cache directory or the unit log cannot be written; Unavailable, the
+/// metrics port is in use; Internal, no renderer can be started.
 absl::Status run_agent(const AgentOptions& given);
 
 }  // namespace tessera::agent

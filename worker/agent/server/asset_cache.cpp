@@ -83,7 +83,13 @@ absl::StatusOr<std::unique_ptr<AssetCache>> AssetCache::open(const std::string& 
                                                              std::int64_t limit_bytes) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
-  if (error) return absl::FailedPreconditionError(absl::StrCat(folder, ": ", error.message()));
+  if (error) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("cache directory ", folder, ": ", error.message()));
+  }
+  if (::access(folder.c_str(), W_OK | X_OK) != 0) {
+    return disk_error(absl::StrCat("cache directory ", folder));
+  }
   std::unique_ptr<AssetCache> cache(new AssetCache(folder, limit_bytes));
   cache->trim();
   return cache;

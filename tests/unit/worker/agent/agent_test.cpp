@@ -293,6 +293,12 @@ TEST(AssetCache, StalePartialFilesAreDeleted) {
   EXPECT_EQ(part_count(), 0);
 }
 
+TEST(AssetCache, UnwritableDirectoryIsReported) {
+  const auto cache = AssetCache::open("/proc/none", 1000);
+  EXPECT_TRUE(absl::IsFailedPrecondition(cache.status())) << cache.status();
+  EXPECT_EQ(cache.status().message().find("cache directory /proc/none: "), 0u) << cache.status();
+}
+
 TEST(AssetCache, EvictsLeastRecentlyUsed) {
   Folder folder;
   const auto cache = *AssetCache::open(folder.path(), 25);
