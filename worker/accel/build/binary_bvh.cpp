@@ -45,8 +45,8 @@ struct Bin {
   std::uint32_t count = 0;
 };
 
-/// By slab: the box of the parts of references in it, and the numbers of references that begin and
-/// end there.
+/// For each slab, the box of the parts of references in it and the numbers of references that begin
+/// and end in it.
 struct SlabBins {
   PackedBox boxes[kSplitBins];
   std::uint32_t entries[kSplitBins] = {}, exits[kSplitBins] = {};
@@ -62,7 +62,8 @@ struct Split {
   float plane = 0;
 };
 
-/// References [first, first + count) of one node, with space for `room` more behind them.
+/// References [first, first + count) of one node, followed by space for `room` more, which spatial
+/// splits may add.
 struct Task {
   std::uint32_t first = 0, count = 0, room = 0;
   int depth = 0;
@@ -185,7 +186,8 @@ class Builder {
     return best;
   }
 
-  /// The cost is the sum over both children of half area times leaf tests.
+  /// Returns the best split by binned centres. The cost is the sum over both children of half area
+  /// times leaf tests.
   Split best_object_split(std::span<const Reference> range, const BinScale& scale,
                           Box3f& overlap) const {
     Bin bins[3][kBins];
@@ -231,7 +233,7 @@ class Builder {
     }
   }
 
-  /// Replaces `best` by a cheaper spatial split if there is one that fits into `task.room`.
+  /// Replaces `best` by a spatial split that is cheaper and fits into `task.room`, if there is one.
   void best_spatial_split(const Task& task, std::span<const Reference> range, const Box3f& box,
                           Split& best) const {
     const Vec3f size = box.hi - box.lo;
@@ -344,7 +346,8 @@ class Builder {
     return share_room(task, left, count - left, task.room - (count - task.count));
   }
 
-  /// Moves the right child's references behind the left child's share of the room.
+  /// Divides the room between the children in proportion to their references, and moves the right
+  /// child's references behind the left child's room.
   std::array<Task, 2> share_room(const Task& task, std::uint32_t left, std::uint32_t right,
                                  std::uint32_t room) const {
     const std::uint32_t left_room = static_cast<std::uint32_t>(

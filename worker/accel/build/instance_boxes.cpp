@@ -13,14 +13,14 @@ Vec3d absolute(const Vec3d& v) {
   return {std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)};
 }
 
-/// Maximum row sum of the absolute values of the 3x3 part.
+/// Returns the maximum row sum of the absolute values of the 3x3 part.
 double norm(const Affine3d& m) {
   const Vec3d one = {1, 1, 1};
   return max_abs(Vec3d{dot(absolute(m.rows[0]), one), dot(absolute(m.rows[1]), one),
                        dot(absolute(m.rows[2]), one)});
 }
 
-/// World box of an object-space box, by its corners.
+/// Returns the world-space box of the corners of an object-space box.
 Box3d transform_box(const Affine3d& m, const Box3f& box) {
   Box3d world;
   for (int corner = 0; corner < 8; ++corner) {
@@ -54,7 +54,7 @@ PoseBounds bounds_of(const Affine3d& object_to_world, const Affine3d& world_to_o
   return out;
 }
 
-/// Bound of |F(s)^-1| for s in [0, 1/2], where F(s) = F + s (G - F). The inverse is
+/// Returns a bound of |F(s)^-1| for s in [0, 1/2], where F(s) = F + s (G - F). The inverse is
 /// (1 + s E)^-1 F^-1 with E = F^-1 (G - F), so its norm is at most |F^-1| / (1 - |E| / 2). Infinite
 /// if |E| >= 2.
 double inverse_norm_nearby(const Affine3d& f, const Affine3d& g) {
@@ -67,7 +67,7 @@ double inverse_norm_nearby(const Affine3d& f, const Affine3d& g) {
   return half < 1 ? norm(*inverted) / (1 - half) : INFINITY;
 }
 
-/// Bounds of all transforms between two keyframes.
+/// Returns bounds of all transforms between two keyframes.
 PoseBounds bounds_between(const Affine3d& f, const Affine3d& g) {
   PoseBounds out;
   for (std::size_t k = 0; k < 3; ++k) out.rows[k] = max(absolute(f.rows[k]), absolute(g.rows[k]));
@@ -78,22 +78,22 @@ PoseBounds bounds_between(const Affine3d& f, const Affine3d& g) {
   return out;
 }
 
-/// Padding of an instance's box, per world axis, such that no ray with |origin| <= `origin` per
-/// axis misses the box although it hits one of the instance's triangles in object space.
+/// Returns the padding of an instance's box, per world axis. With it, every ray with
+/// |origin| <= `origin` per axis that hits one of the instance's triangles in object space hits the
+/// box.
 ///
 /// Let W and F be the world-to-object and object-to-world transforms, u = 2^-24, and D the largest
 /// component of (box plane - object-space origin): D <= |W| origin + |t_W| + |box|.
 /// - A hit at t lies, per axis, within D (2^-20 + 2^-21 + 8 u) < D 2^-19 of the mesh's box: t is
 ///   clamped to the triangle's [enter, leave], where leave is widened (enter_leave()), and each
 ///   slab distance has three roundings.
-/// - The object-space ray has an error of u |o'| <= u (D + |box|) at its origin and of u D at t
-/// (one
-///   rounding to float), plus that of the double arithmetic before: 2^-50 (|W| origin + |t_W|) and,
-///   since |t d| <= |F| D in the world, 2^-50 |W||F| D. W F differs from the identity by rounding,
-///   which adds a term of the last kind.
-/// So e = (D + |box|) (2^-18 + 2^-47 |W||F|) is enough in object space, and |F| e in world space.
-/// There the slab test has an error of 3 u (origin + |world box|), and the corners one of 2^-50.
-/// For a moving instance, W and F are replaced by bounds over the interval.
+/// - Rounding to float gives the object-space ray an error of u |o'| <= u (D + |box|) at its origin
+///   and of u D at t. The double arithmetic before adds 2^-50 (|W| origin + |t_W|) and, since
+///   |t d| <= |F| D in the world, 2^-50 |W||F| D. W F differs from the identity by rounding, which
+///   adds another term like the last one.
+/// Therefore e = (D + |box|) (2^-18 + 2^-47 |W||F|) is enough in object space, and |F| e in world
+/// space. The slab test in world space adds an error of 3 u (origin + |world box|), and the box's
+/// corners one of 2^-50. For a moving instance, W and F are replaced by bounds over the interval.
 Vec3d world_pad(const PoseBounds& pose, const Box3f& mesh, const Box3d& world, double origin) {
   const double box = reach({Vec3d(mesh.lo), Vec3d(mesh.hi)});
   const double object_origin = pose.inverse_norm * origin + pose.inverse_translation;
@@ -105,8 +105,8 @@ Vec3d world_pad(const PoseBounds& pose, const Box3f& mesh, const Box3d& world, d
          Vec3d{slab, slab, slab};
 }
 
-/// The largest float <= x or, with `up`, the smallest float >= x; finite, so that areas are not
-/// NaN.
+/// Returns the largest float <= x or, with `up`, the smallest float >= x. The result is finite, so
+/// that areas are not NaN.
 float round_outward(double x, bool up) {
   constexpr double kFar = 0x1p126;
   if (!(x > -kFar)) return static_cast<float>(-kFar);
@@ -128,7 +128,7 @@ Box3f padded(const Box3d& box, const Vec3d& pad) {
   return out;
 }
 
-/// The box of the result of a CSG operation on operands with these boxes.
+/// Returns the box of the result of a CSG operation on operands with these boxes.
 Box3f combined(CsgOperation operation, std::span<const Box3f> boxes) {
   Box3f out = boxes[0];
   for (const Box3f& box : boxes.subspan(1)) {
@@ -148,7 +148,7 @@ Box3f combined(CsgOperation operation, std::span<const Box3f> boxes) {
   return out;
 }
 
-/// The box of a solid, from the boxes of its operands.
+/// Returns the box of a solid, given the boxes of its operands.
 Box3f solid_box(const CsgSolid& solid, std::span<const Box3f> operands) {
   std::vector<Box3f> results;
   for (const CsgStep& step : solid.steps) {
@@ -185,8 +185,8 @@ void merge_operands(const Scene& scene, const InstanceSelection& choice,
   out = std::move(merged);
 }
 
-/// World box of an instance: at the frame's time if it stands still, else over the keyframes from
-/// `first` to `last`.
+/// Returns the world box of an instance: at the frame's time if it does not move, else over the
+/// keyframes from `first` to `last`.
 Box3d world_box(const Scene& scene, const Instance& instance, const Box3f& mesh, std::size_t first,
                 std::size_t last) {
   if (instance.motion == kNone) return transform_box(instance.object_to_world, mesh);
@@ -215,7 +215,7 @@ InstanceBoxes bound_instances(const Scene& scene, std::span<const Box3f> meshes,
                               const InstanceSelection& choice) {
   const std::size_t first = choice.segment.value_or(0);
   const std::size_t last = choice.segment ? first + 1 : scene.key_times.size() - 1;
-  // Ray origins are the camera's, and points on or close to the instances.
+  // Rays start at the camera, or on or close to instances.
   double origin = max_abs(scene.camera.camera_to_world.translation);
   for (const CameraKey& key : scene.camera.keys) {
     origin = std::max(origin, max_abs(key.camera_to_world.translation));
@@ -238,9 +238,10 @@ InstanceBoxes bound_instances(const Scene& scene, std::span<const Box3f> meshes,
     const Instance& instance = scene.instances[out.instances[i]];
     const Box3f& mesh = meshes[static_cast<std::size_t>(instance.mesh)];
     const bool still = instance.motion == kNone;
-    const bool same_slabs = still && is_identity(instance.world_to_object) && !instance.operand &&
-                            scene.meshes[static_cast<std::size_t>(instance.mesh)].shape == nullptr;
-    if (same_slabs) {
+    const bool needs_no_padding =
+        still && is_identity(instance.world_to_object) && !instance.operand &&
+        scene.meshes[static_cast<std::size_t>(instance.mesh)].shape == nullptr;
+    if (needs_no_padding) {
       out.boxes.push_back(mesh);
       continue;
     }

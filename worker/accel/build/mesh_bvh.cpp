@@ -11,7 +11,7 @@
 namespace tessera::render {
 namespace {
 
-/// References that spatial splits may add, per triangle.
+/// Number of references per triangle that spatial splits may add.
 constexpr double kSplitBudget = 0.5;
 /// More passes gain little: docs/notes/rays-against-embree.md.
 constexpr int kReinsertionPasses = 2;
@@ -37,8 +37,8 @@ Triangles gather(const Mesh& mesh, const std::vector<std::uint32_t>& first_rank)
   return out;
 }
 
-/// The bounding box of the part of a triangle with lo <= x[axis] <= hi, up to the rounding of new
-/// corners.
+/// Returns the bounding box of the part of a triangle with lo <= x[axis] <= hi, up to the rounding
+/// of new corners.
 Box3f clip_triangle(const std::array<Vec3f, 3>& corners, int axis, float lo, float hi) {
   Box3f box;
   for (std::size_t i = 0; i < 3; ++i) {

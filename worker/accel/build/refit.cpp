@@ -11,7 +11,7 @@
 namespace tessera::render {
 namespace {
 
-/// Maximum SAH cost of a refitted tree, relative to when it was built.
+/// Maximum SAH cost of a refitted tree, relative to the tree as built.
 constexpr double kMaxGrowth = 1.05;
 
 /// The corners of a mesh's triangles and whether they can be hit, by rank.
@@ -34,7 +34,7 @@ Corners corners_of(const Mesh& mesh, const std::vector<std::uint32_t>& first_ran
   return out;
 }
 
-/// Whether the meshes' triangles have the same ranks.
+/// Returns whether the triangles of `mesh` have the same ranks as in the BVH with this first_rank.
 bool same_ranks(const std::vector<std::uint32_t>& first_rank, const Mesh& mesh) {
   if (first_rank.size() != mesh.primitives.size() + 1) return false;
   for (std::size_t i = 0; i < mesh.primitives.size(); ++i) {
@@ -63,7 +63,8 @@ HugeArray<T> copy_of(const HugeArray<T>& from) {
   return to;
 }
 
-/// Recomputes the boxes of all nodes from the leaves up: children are stored after their parents.
+/// Recomputes the boxes of all nodes from the leaves up. Children are stored after their parents,
+/// so reverse storage order suffices.
 template <int kWidth>
 void refit_nodes(const std::vector<Box3f>& leaves, MeshBvh<kWidth>& tree) {
   std::vector<Box3f> boxes(tree.nodes.size());

@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::uint32_t kNone = UINT32_MAX;
 
-Box3f together(Box3f a, const Box3f& b) {
+Box3f union_of(Box3f a, const Box3f& b) {
   a.extend(b);
   return a;
 }
@@ -36,7 +36,7 @@ class Reinserter {
     for (const std::uint32_t node : order) {
       // The parent moves with the subtree, so it cannot be the root.
       if (node == 0 || parents_[node] == 0) continue;
-      const std::uint32_t target = best_place(node);
+      const std::uint32_t target = best_position(node);
       if (target != kNone) move(node, target);
     }
   }
@@ -47,21 +47,22 @@ class Reinserter {
     return parent.left == node ? parent.right : parent.left;
   }
 
-  /// The node that becomes the subtree's sibling in its best position; kNone to leave it.
-  std::uint32_t best_place(std::uint32_t node) {
+  /// Returns the node that becomes the subtree's sibling in its best position, or kNone to leave
+  /// the subtree in place.
+  std::uint32_t best_position(std::uint32_t node) {
     const Box3f box = nodes_[node].box;
     const double own = box.half_area();
     const std::uint32_t parent = parents_[node];
     double saved = nodes_[parent].box.half_area();  // area saved by removing the subtree so far
     double best = saved * 1e-6;                     // smaller gains are rounding errors
-    std::uint32_t place = kNone;
+    std::uint32_t position = kNone;
     Box3f without = nodes_[sibling(node)].box;  // box below `pivot` without the subtree
     std::uint32_t pivot = parent;
     bool first = true;
     std::uint32_t start = sibling(node);
     for (;;) {
-      search(start, box, own, saved, first, best, place);
-      if (pivot == 0) return place;
+      search(start, box, own, saved, first, best, position);
+      if (pivot == 0) return position;
       if (!first) without.extend(nodes_[start].box);
       first = false;
       const std::uint32_t above = parents_[pivot];
@@ -71,9 +72,9 @@ class Reinserter {
     }
   }
 
-  /// Examines positions at and below `start`. The subtree's own sibling is no change.
+  /// Examines positions at and below `start`. Skips the subtree's own sibling, which is no change.
   void search(std::uint32_t start, const Box3f& box, double own, double saved, bool is_sibling,
-              double& best, std::uint32_t& place) {
+              double& best, std::uint32_t& position) {
     stack_.clear();
     stack_.push_back({start, saved});
     while (!stack_.empty()) {
@@ -81,10 +82,10 @@ class Reinserter {
       stack_.pop_back();
       if (so_far - own <= best) continue;  // a parent of the subtree is at least as large
       const BinaryNode& at = nodes_[node];
-      const double both = together(at.box, box).half_area();
+      const double both = union_of(at.box, box).half_area();
       if (so_far - both > best && !(is_sibling && node == start)) {
         best = so_far - both;
-        place = node;
+        position = node;
       }
       const double below = so_far - (both - at.box.half_area());
       if (at.leaf() || below - own <= best) continue;
@@ -93,7 +94,8 @@ class Reinserter {
     }
   }
 
-  /// Removes the subtree with its parent, which becomes the parent of it and `target`.
+  /// Removes the subtree together with its parent; inserts that parent above `target`, with the
+  /// subtree and `target` as its children.
   void move(std::uint32_t node, std::uint32_t target) {
     const std::uint32_t parent = parents_[node], other = sibling(node);
     replace_child(parents_[parent], parent, other);
@@ -115,42 +117,42 @@ class Reinserter {
   void refit(std::uint32_t node) {
     for (; node != kNone; node = parents_[node]) {
       BinaryNode& n = nodes_[node];
-      n.box = together(nodes_[n.left].box, nodes_[n.right].box);
+      n.box = union_of(nodes_[n.left].box, nodes_[n.right].box);
     }
   }
 
-  struct Open {
+  struct StackEntry {
     std::uint32_t node;
     double saved;
   };
   std::vector<BinaryNode>& nodes_;
   std::vector<std::uint32_t> parents_;
-  std::vector<Open> stack_;
+  std::vector<StackEntry> stack_;
 };
 
-/// The nodes in depth-first order, left children first; empty if there are more than kMaxLevels
-/// levels.
+/// Returns the nodes in depth-first order, left children first. Empty if there are more than
+/// kMaxLevels levels.
 std::vector<BinaryNode> in_depth_first_order(const std::vector<BinaryNode>& nodes) {
-  struct Open {
+  struct StackEntry {
     std::uint32_t from, parent;
     bool right;
     int level;
   };
   std::vector<BinaryNode> out;
   out.reserve(nodes.size());
-  std::vector<Open> stack = {{0, kNone, false, 1}};
+  std::vector<StackEntry> stack = {{0, kNone, false, 1}};
   while (!stack.empty()) {
-    const Open open = stack.back();
+    const StackEntry entry = stack.back();
     stack.pop_back();
-    if (open.level > kMaxLevels) return {};
+    if (entry.level > kMaxLevels) return {};
     const auto index = static_cast<std::uint32_t>(out.size());
-    const BinaryNode& node = out.emplace_back(nodes[open.from]);
-    if (open.parent != kNone) {
-      (open.right ? out[open.parent].right : out[open.parent].left) = index;
+    const BinaryNode& node = out.emplace_back(nodes[entry.from]);
+    if (entry.parent != kNone) {
+      (entry.right ? out[entry.parent].right : out[entry.parent].left) = index;
     }
     if (node.leaf()) continue;
-    stack.push_back({node.right, index, true, open.level + 1});
-    stack.push_back({node.left, index, false, open.level + 1});
+    stack.push_back({node.right, index, true, entry.level + 1});
+    stack.push_back({node.left, index, false, entry.level + 1});
   }
   return out;
 }

@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::size_t kMaxTriangles = 20'000;
 
-/// A triangle clipped to boxes: each of the six planes adds at most one corner.
+/// A triangle clipped to boxes. Each of a box's six planes adds at most one corner.
 struct Polygon {
   std::array<Vec3d, 9> corners;
   std::size_t count = 0;
@@ -25,7 +25,7 @@ struct Polygon {
   }
 };
 
-/// The part on the side of the plane where sign * (x[axis] - plane) <= 0.
+/// Returns the part of the polygon where sign * (x[axis] - plane) <= 0.
 Polygon cut(const Polygon& polygon, int axis, double plane, double sign) {
   Polygon out;
   for (std::size_t i = 0; i < polygon.count; ++i) {
@@ -47,8 +47,8 @@ Polygon cut(Polygon polygon, const Box3f& box) {
 
 /// Contribution of a triangle to the end-point overlap of the boxes at and below a child.
 struct Overlap {
-  double area = 0;     // summed over the subtrees that do not contain the triangle
-  bool holds = false;  // whether this child contains the triangle
+  double area = 0;                 // summed over the subtrees that do not contain the triangle
+  bool contains_triangle = false;  // in this child or below it
 };
 
 template <int kWidth>
@@ -95,8 +95,8 @@ class Metrics {
       const double area = inside.area();
       if (!(area > 0)) continue;
       const Overlap below = at_child(node.children[slot], rank, inside);
-      sum.holds = sum.holds || below.holds;
-      sum.area += below.area + (below.holds ? 0 : area);
+      sum.contains_triangle = sum.contains_triangle || below.contains_triangle;
+      sum.area += below.area + (below.contains_triangle ? 0 : area);
     }
     return sum;
   }

@@ -7,7 +7,7 @@
 namespace tessera::render {
 namespace {
 
-/// Minimum costs of the subtrees of a binary tree, by the number of slots they take.
+/// Minimum costs of the subtrees of a binary tree, by the number of slots that they may take.
 template <int kWidth>
 class Costs {
  public:
@@ -21,20 +21,20 @@ class Costs {
         continue;
       }
       for (int slots = 2; slots < kWidth; ++slots) {
-        cost[slots] = spread(node, slots);
+        cost[slots] = children_cost(node, slots);
         if (slots > 2) cost[slots] = std::min(cost[slots], cost[slots - 1]);
       }
-      cost[1] = area + std::min(spread(node, kWidth), cost[kWidth - 1]);
+      cost[1] = area + std::min(children_cost(node, kWidth), cost[kWidth - 1]);
       for (int slots = 2; slots < kWidth; ++slots) cost[slots] = std::min(cost[slots], cost[1]);
     }
   }
 
-  /// The nodes that become children of `index` if it becomes a node of the wide tree.
+  /// Finds the nodes that become children of `index` if it becomes a node of the wide tree.
   void children_of(std::uint32_t index, std::vector<std::uint32_t>& children) const {
     const BinaryNode& node = binary_.nodes[index];
     children.clear();
     int slots = kWidth;
-    while (slots > 2 && spread(node, slots - 1) <= spread(node, slots)) --slots;
+    while (slots > 2 && children_cost(node, slots - 1) <= children_cost(node, slots)) --slots;
     open(node, slots, children);
   }
 
@@ -53,13 +53,14 @@ class Costs {
 
   void open(const BinaryNode& node, int slots, std::vector<std::uint32_t>& children) const {
     int left = 0;
-    spread(node, slots, &left);
+    children_cost(node, slots, &left);
     place(node.left, left, children);
     place(node.right, slots - left, children);
   }
 
-  /// Minimum cost of both children in `slots` slots; *left gets the number for the left child.
-  float spread(const BinaryNode& node, int slots, int* left = nullptr) const {
+  /// Returns the minimum cost of both children in `slots` slots. Sets *left, unless null, to the
+  /// number of slots for the left child.
+  float children_cost(const BinaryNode& node, int slots, int* left = nullptr) const {
     const auto& a = costs_[node.left];
     const auto& b = costs_[node.right];
     float best = std::numeric_limits<float>::infinity();

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::uint32_t kLeafSize = 4;
 
-bool boxes_meet(const Box3f& a, const Box3f& b) {
+bool boxes_overlap(const Box3f& a, const Box3f& b) {
   return a.lo.x <= b.hi.x && b.lo.x <= a.hi.x && a.lo.y <= b.hi.y && b.lo.y <= a.hi.y &&
          a.lo.z <= b.hi.z && b.lo.z <= a.hi.z;
 }
@@ -55,27 +55,27 @@ class OverlapSearch {
   OverlapSearch(const MeshTriangles& a, const MeshTriangles& b) : a_(a), b_(b), self_(&a == &b) {}
 
   std::vector<OverlapPair> find() {
-    if (!a_.triangles.empty() && !b_.triangles.empty()) meet(0, 0);
+    if (!a_.triangles.empty() && !b_.triangles.empty()) search(0, 0);
     std::sort(pairs_.begin(), pairs_.end());
     return std::move(pairs_);
   }
 
  private:
-  void meet(std::uint32_t i, std::uint32_t j) {
+  void search(std::uint32_t i, std::uint32_t j) {
     const BinaryNode &a = a_.bvh.nodes[i], &b = b_.bvh.nodes[j];
-    if (!boxes_meet(a.box, b.box)) return;
+    if (!boxes_overlap(a.box, b.box)) return;
     if (a.leaf() && b.leaf()) {
       compare(a, b, self_ && i == j);
     } else if (self_ && i == j) {
-      meet(a.left, a.left);
-      meet(a.right, a.right);
-      meet(a.left, a.right);
+      search(a.left, a.left);
+      search(a.right, a.right);
+      search(a.left, a.right);
     } else if (b.leaf() || (!a.leaf() && a.box.half_area() > b.box.half_area())) {
-      meet(a.left, j);
-      meet(a.right, j);
+      search(a.left, j);
+      search(a.right, j);
     } else {
-      meet(i, b.left);
-      meet(i, b.right);
+      search(i, b.left);
+      search(i, b.right);
     }
   }
 
@@ -83,7 +83,7 @@ class OverlapSearch {
     for (std::uint32_t i = 0; i < a.count; ++i) {
       for (std::uint32_t j = same ? i + 1 : 0; j < b.count; ++j) {
         const std::uint32_t s = a_.bvh.order[a.first + i], t = b_.bvh.order[b.first + j];
-        if (!boxes_meet(a_.boxes[s], b_.boxes[t])) continue;
+        if (!boxes_overlap(a_.boxes[s], b_.boxes[t])) continue;
         if (!triangles_overlap(a_.triangles[s], b_.triangles[t])) continue;
         OverlapPair pair{a_.ids[s], b_.ids[t]};
         if (self_ && pair.b < pair.a) std::swap(pair.a, pair.b);
@@ -125,7 +125,7 @@ std::vector<InstanceOverlap> instance_overlaps(const Scene& scene) {
       }
     }
   }
-  std::vector<std::unique_ptr<MeshTriangles>> meshes(boxes.size());  // made when first needed
+  std::vector<std::unique_ptr<MeshTriangles>> meshes(boxes.size());  // built on first use
   const auto triangles_of = [&](std::size_t i) -> const MeshTriangles& {
     if (meshes[i] == nullptr) {
       meshes[i] = std::make_unique<MeshTriangles>(mesh_of(i), all_primitives(mesh_of(i)),
@@ -136,7 +136,7 @@ std::vector<InstanceOverlap> instance_overlaps(const Scene& scene) {
   std::vector<InstanceOverlap> out;
   for (std::size_t i = 0; i < boxes.size(); ++i) {
     for (std::size_t j = i + 1; j < boxes.size(); ++j) {
-      if (!boxes_meet(boxes[i], boxes[j])) continue;
+      if (!boxes_overlap(boxes[i], boxes[j])) continue;
       std::vector<OverlapPair> pairs = OverlapSearch(triangles_of(i), triangles_of(j)).find();
       if (pairs.empty()) continue;
       out.push_back(
@@ -164,13 +164,13 @@ class VertexWelder {
     }
     for (int i = 0; i < 27; ++i) {
       const int x = i % 3 - 1, y = i / 3 % 3 - 1, z = i / 9 - 1;
-      const Cell beside = {cell[0] + x, cell[1] + y, cell[2] + z};
-      const auto [first, last] = firsts_.equal_range(beside);
+      const Cell neighbour = {cell[0] + x, cell[1] + y, cell[2] + z};
+      const auto [first, last] = vertices_.equal_range(neighbour);
       for (auto known = first; known != last; ++known) {
         if (is_near(known->second, corner)) return known->second;
       }
     }
-    return firsts_.emplace(cell, corner)->second;
+    return vertices_.emplace(cell, corner)->second;
   }
 
  private:
@@ -185,7 +185,7 @@ class VertexWelder {
   }
 
   double tolerance_;
-  std::multimap<Cell, Corner> firsts_;
+  std::multimap<Cell, Corner> vertices_;
 };
 
 }  // namespace
@@ -199,7 +199,7 @@ std::int64_t boundary_edges(const Mesh& mesh, const std::vector<bool>& primitive
     const Primitive& primitive = mesh.primitives[p];
     const auto corner = [&](std::uint32_t i) {
       const Vec3f& v = primitive.positions[i];
-      return weld({v.x + 0.0f, v.y + 0.0f, v.z + 0.0f});  // -0 is 0
+      return weld({v.x + 0.0f, v.y + 0.0f, v.z + 0.0f});  // turns -0 into 0
     };
     for (const auto& triangle : primitive.triangles) {
       for (std::size_t i = 0; i < 3; ++i) {
