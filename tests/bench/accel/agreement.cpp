@@ -79,22 +79,22 @@ bool same_bits(const Hit& a, const Hit& b) {
   return same(a.t, b.t) && a.id == b.id && same(a.b0, b.b0) && same(a.b1, b.b1) && same(a.b2, b.b2);
 }
 
-/// Rays that are traced together, and the results of every structure.
+/// Rays that are traced in one packet, and the results of every structure.
 struct Packets {
-  struct Answer {
+  struct Result {
     std::uint64_t found, any;
     std::array<Hit, kPacketSize> hits;
   };
   std::vector<const SceneAccel*> accels;  // those with takes_packets()
   std::vector<Ray> rays;
-  std::vector<Answer> answers;
+  std::vector<Result> results;
   bool bundle = false;
 
   explicit Packets(const std::vector<std::unique_ptr<SceneAccel>>& all) {
     for (const auto& accel : all) {
       if (accel->takes_packets()) accels.push_back(accel.get());
     }
-    answers.resize(accels.size());
+    results.resize(accels.size());
   }
 
   /// Traces the next `count` rays. Every other packet consists of bundles of eight similar rays.
@@ -110,16 +110,16 @@ struct Packets {
       }
     }
     for (std::size_t a = 0; a < accels.size(); ++a) {
-      answers[a].found = accels[a]->closest_hits(rays, answers[a].hits.data());
-      answers[a].any = accels[a]->any_hits(rays);
+      results[a].found = accels[a]->closest_hits(rays, results[a].hits.data());
+      results[a].any = accels[a]->any_hits(rays);
     }
   }
 
   bool agrees(std::size_t i, bool found, const Hit& hit) const {
-    return std::all_of(answers.begin(), answers.end(), [&](const Answer& answer) {
-      return (answer.found >> i & 1) == (found ? 1u : 0u) &&
-             (answer.any >> i & 1) == (found ? 1u : 0u) &&
-             (!found || same_bits(answer.hits[i], hit));
+    return std::all_of(results.begin(), results.end(), [&](const Result& result) {
+      return (result.found >> i & 1) == (found ? 1u : 0u) &&
+             (result.any >> i & 1) == (found ? 1u : 0u) &&
+             (!found || same_bits(result.hits[i], hit));
     });
   }
 };
@@ -137,8 +137,8 @@ Scene with_duplicates(Scene scene) {
   return scene;
 }
 
-/// The production BVH for each supported instruction set and, with `references`, the structures of
-/// accelerators.
+/// Builds the production BVH for each supported instruction set and, with `references`, the
+/// structures of worker/accelerators.
 std::vector<std::unique_ptr<SceneAccel>> structures_of(const Scene& scene, bool references) {
   std::vector<std::unique_ptr<SceneAccel>> all;
   for (const Isa isa : {Isa::avx2, Isa::avx512}) {

@@ -12,7 +12,7 @@ namespace tessera::render::bench {
 /// Embree 3 with quality HIGH and one thread.
 class EmbreePeer {
  public:
-  /// Builds the structure. The scene must outlive it.
+  /// Builds Embree's BVH. The scene must outlive it.
   explicit EmbreePeer(const Scene& scene);
   ~EmbreePeer();
   EmbreePeer(const EmbreePeer&) = delete;
@@ -21,7 +21,7 @@ class EmbreePeer {
   /// Trace all rays and return the number of hits.
   std::int64_t closest_hits(std::span<const Ray> rays) const;
   std::int64_t any_hits(std::span<const Ray> rays) const;
-  /// The same in packets of 16; the last one is padded with invalid lanes.
+  /// Traces rays in packets of 16; pads the last packet with invalid lanes.
   std::int64_t closest_hits_16(std::span<const Ray> rays) const;
 
   /// Returns whether the ray hits and sets its t.

@@ -22,8 +22,8 @@ struct Figures {
   std::vector<Row> packets;  // Tessera's packets compared with its single rays
 };
 
-/// Geometric means of ours / peer by kind, above 1 where Tessera is better. "single_ray" is the
-/// mean over all kinds of rays that are traced one by one.
+/// Returns geometric means of ours / peer by kind, above 1 where Tessera is better. "single_ray" is
+/// the mean over all kinds of rays that are traced one by one.
 std::map<std::string, double> geometric_means(const Figures& figures);
 
 nlohmann::json to_json(const Figures& figures);

@@ -46,7 +46,7 @@ Order morton(int side) {
   return order;
 }
 
-/// Million rays per second, best of the rounds.
+/// Returns million rays per second in the best round.
 template <typename Run>
 double mrays(std::size_t rays, Run&& run) {
   double best = 1e30;
@@ -55,7 +55,7 @@ double mrays(std::size_t rays, Run&& run) {
   return static_cast<double>(rays) / best * 1e-6;
 }
 
-/// Fraction of pixels for which rays and item buffer find the same triangle.
+/// Returns the fraction of pixels for which rays and item buffer find the same triangle.
 double agreement(const SceneAccel& accel, const std::vector<Ray>& rays, const Order& order,
                  int side, const std::vector<TriangleId>& items) {
   std::int64_t same = 0;
@@ -89,11 +89,11 @@ nlohmann::json measure_first_hits(const std::vector<std::string>& scenes, bool q
     std::vector<Ray> along;
     for (const auto& [curve, order] : orders) {
       const std::vector<Ray> rays = centre_rays(bench, side, order);
-      const double alone = mrays(rays.size(), [&] { return closest_hits(accel, rays); });
+      const double single = mrays(rays.size(), [&] { return closest_hits(accel, rays); });
       const double packets = mrays(rays.size(), [&] { return closest_in_packets(accel, rays); });
-      row[curve] = alone;
+      row[curve] = single;
       row[std::string(curve) + "_packets"] = packets;
-      std::printf(" %8.2f %9.2f", alone, packets);
+      std::printf(" %8.2f %9.2f", single, packets);
       if (along.empty()) along = rays;
       const std::int64_t expected = closest_hits(accel, along);
       *wrong += std::abs(closest_hits(accel, rays) - expected) +

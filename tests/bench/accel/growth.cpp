@@ -21,7 +21,7 @@ constexpr int kRounds = 3;
 /// Maximum number of triangle tests in a measurement of brute force.
 constexpr std::size_t kBruteTests = 20'000'000;
 
-/// Nanoseconds per ray, best of the rounds.
+/// Returns nanoseconds per ray in the best round.
 template <typename Trace>
 double nanoseconds(std::size_t rays, Trace&& trace) {
   double best = 1e30;
@@ -30,7 +30,7 @@ double nanoseconds(std::size_t rays, Trace&& trace) {
   return best / static_cast<double>(rays) * 1e9;
 }
 
-/// A subset of the rays that brute force can trace in the time allowed.
+/// Selects evenly spaced rays, as many as kBruteTests allows but at least 10.
 std::vector<Ray> sample_of(const std::vector<Ray>& rays, std::size_t triangles) {
   const std::size_t count = std::clamp<std::size_t>(kBruteTests / triangles, 10, rays.size());
   std::vector<Ray> sample;
@@ -47,7 +47,8 @@ std::int64_t brute_hits(const Scene& scene, const std::vector<Ray>& rays) {
   return hits;
 }
 
-/// Seconds to refit the BVH to the next frame of an animation that moves every vertex a little.
+/// Measures the seconds to refit the BVH to the next frame of an animation that moves every vertex
+/// a little.
 double refit_seconds(Scene scene, const SceneAccel& before) {
   std::vector<Primitive> primitives(scene.meshes[0].primitives.begin(),
                                     scene.meshes[0].primitives.end());
@@ -100,7 +101,7 @@ nlohmann::json against_triangles(bool quick, std::int64_t* wrong) {
 
 nlohmann::json against_depth(bool quick, std::int64_t* wrong) {
   nlohmann::json rows = nlohmann::json::array();
-  std::printf("\n%10s %10s %12s\n", "layers", "hierarchy", "brute force");
+  std::printf("\n%10s %10s %12s\n", "layers", "BVH", "brute force");
   for (const int layers : {1, 10, 100, 1'000, 10'000, 100'000}) {
     if (quick && layers > 100) break;
     const BenchScene bench = make_layers(layers);

@@ -3,8 +3,9 @@
 
     tests/bench/accel/growth.py [--bin build/release/bin] [--svg docs/notes/cost-growth.svg]
 
-Runs `tessera-bench-accel --growth`, which prints the table, and draws nanoseconds per ray against
-the number of triangles and against depth complexity, on logarithmic axes, in light and dark.
+Runs `tessera-bench-accel --growth`, which prints the table, and plots nanoseconds per ray against
+the number of triangles and against depth complexity on logarithmic axes. The SVG follows the
+reader's light or dark colour scheme.
 """
 
 import argparse

@@ -9,9 +9,9 @@
 // packets and single rays find different numbers of hits, or if Embree's number differs by more
 // than kPeerMisses.
 //
-// --agreement traces this number of rays, over all scenes, with every instruction set, some of them
-// by brute force and, with --references, all of them by the structures of worker/accelerators. It
-// fails if any hit differs in any bit.
+// --agreement traces the given number of rays, divided among the scenes, with every instruction
+// set, some of the rays also by brute force and, with --references, all of them also by the
+// structures of worker/accelerators. It fails if any hit differs in any bit.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -39,11 +39,11 @@ namespace {
 /// Minimum number of rays in a measurement; smaller sets are traced repeatedly.
 constexpr std::size_t kMinRays = 400'000;
 
-/// Fraction of rays for which Embree may have another result: rays within rounding of an edge. The
-/// quick scenes have none.
+/// Fraction of rays for which Embree may have another result, because they pass an edge within the
+/// rounding error. The quick scenes have no such rays.
 constexpr double kPeerMisses = 1e-3;
 
-/// Maximum number of triangle tests by brute force in a scene: half a minute.
+/// Maximum number of triangle tests by brute force in a scene, which take half a minute.
 constexpr std::int64_t kBruteTests = 3'000'000'000;
 
 struct Options {
@@ -61,8 +61,8 @@ BuildQuality quality_named(const std::string& name) {
   return BuildQuality::normal;
 }
 
-/// Measures both, each twice per round and the peer before and after ours, and keeps the best.
-/// row.wrong gets the difference of the numbers of hits beyond `allowed`.
+/// Measures both twice per round, the peer before and after ours, and keeps the best times. Sets
+/// row.wrong to the amount by which the numbers of hits differ beyond `allowed`.
 template <typename Ours, typename Peer>
 Row compare(const Options& options, Row row, std::size_t rays, std::int64_t allowed, Ours&& ours,
             Peer&& peer) {
@@ -117,19 +117,19 @@ void run_scene(const Options& options, const std::string& name, Figures& figures
     figures.rays.push_back(
         compare(options, {name, set.kind}, set.rays.size(), peer_misses, ours,
                 [&] { return set.any ? peer.any_hits(set.rays) : peer.closest_hits(set.rays); }));
-    const auto together = [&] {
+    const auto in_packets = [&] {
       return set.any ? any_in_packets(accel, set.rays) : closest_in_packets(accel, set.rays);
     };
     if (set.camera) {
       figures.rays.push_back(compare(options, {name, set.kind + "16"}, set.rays.size(), peer_misses,
-                                     together, [&] { return peer.closest_hits_16(set.rays); }));
+                                     in_packets, [&] { return peer.closest_hits_16(set.rays); }));
     }
     figures.packets.push_back(
-        compare(options, {name, set.kind + " packets"}, set.rays.size(), 0, together, ours));
+        compare(options, {name, set.kind + " packets"}, set.rays.size(), 0, in_packets, ours));
   }
 }
 
-/// Number of triangles of all instances.
+/// Returns the number of triangles of all instances.
 std::int64_t placed_triangles(const BenchScene& bench) {
   std::int64_t count = 0;
   for (const Instance& instance : bench.scene.instances) {
@@ -221,17 +221,17 @@ int main(int argc, char** argv) {
   app.add_option("--scene", options.scenes, "Scenes to measure (default: all)")
       ->check(CLI::IsMember(tessera::render::bench::scene_names()));
   app.add_option("--kind", options.kinds, "Kinds of rays to measure (default: all)");
-  app.add_option("--rounds", options.rounds, "Number of measurements, of which the best counts");
+  app.add_option("--rounds", options.rounds, "Number of measurements; the best one is reported");
   app.add_option("--side", options.side, "Camera rays per side of the view");
   app.add_option("--agreement", options.agreement,
                  "Compare the hits of this number of rays instead of measuring");
   app.add_option("--brute", options.brute,
-                 "With --agreement: rays per scene to trace by brute force too");
+                 "With --agreement: maximum rays per scene to also trace by brute force");
   app.add_flag("--references", options.references,
-               "With --agreement: trace with the structures of worker/accelerators too");
+               "With --agreement: also trace with the structures of worker/accelerators");
   app.add_flag("--growth", options.growth, "Measure how the cost of a ray grows with the scene");
   app.add_flag("--first-hits", options.first_hits,
-               "Measure orders of camera rays and an item buffer");
+               "Compare orders of camera rays, packets and an item buffer");
   app.add_flag("--quick", options.quick, "Use small scenes, to test the benchmark itself");
   CLI11_PARSE(app, argc, argv);
   return tessera::render::bench::run(options);

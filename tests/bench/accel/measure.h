@@ -16,7 +16,8 @@ inline double cpu_seconds() {
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
-/// Mean CPU seconds of `runs` calls of `run`; *hits gets its last result.
+/// Returns the mean CPU seconds of `runs` calls of `run`. Sets *hits to the result of the last
+/// call.
 template <typename Run>
 double timed(Run&& run, std::size_t runs, std::int64_t* hits) {
   const double start = cpu_seconds();
@@ -40,7 +41,7 @@ inline std::int64_t any_hits(const SceneAccel& accel, std::span<const Ray> rays)
   return hits;
 }
 
-/// The same in packets.
+/// Traces rays in packets and returns the number of hits.
 inline std::int64_t closest_in_packets(const SceneAccel& accel, std::span<const Ray> rays) {
   std::int64_t found = 0;
   for (std::size_t first = 0; first < rays.size(); first += kPacketSize) {

@@ -20,14 +20,14 @@ struct RaySet {
 /// The square view of a scene; `half` is the tangent of half its angle of view.
 struct View {
   explicit View(const BenchScene& scene);
-  /// The ray through (x, y) in [0, 1], with y pointing downwards.
+  /// Returns the ray through (x, y), each in [0, 1]; y points downwards.
   Ray ray(float x, float y) const;
 
   Vec3f eye, forward, right, up;
   float half;
 };
 
-/// Rays through the centres of the side x side pixels of a view, in the given order.
+/// Generates rays through the centres of the side x side pixels of a view, in the given order.
 std::vector<Ray> centre_rays(const BenchScene& scene, int side,
                              const std::vector<contract::GridPoint>& order);
 

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kPi = 3.141592653589793;
 
-/// Stand-in for a scan: a finely meshed sphere with noise.
+/// Makes a finely meshed sphere with noise, similar to a scan.
 Primitive scan(std::uint32_t rows, float radius, const Vec3f& centre) {
   return grid(rows, rows, [=](double u, double v) {
     const double theta = kPi * (0.002 + 0.996 * u), phi = 2 * kPi * v;
@@ -20,7 +20,7 @@ Primitive scan(std::uint32_t rows, float radius, const Vec3f& centre) {
   });
 }
 
-/// A tube along a (2, 3) torus knot.
+/// Makes a tube along a (2, 3) torus knot.
 Primitive knot(std::uint32_t rows, std::uint32_t columns, float size, const Vec3f& centre) {
   return grid(rows, columns, [=](double u, double v) {
     const auto path = [](double t) {
@@ -35,7 +35,7 @@ Primitive knot(std::uint32_t rows, std::uint32_t columns, float size, const Vec3
   });
 }
 
-/// A ribbed surface of revolution.
+/// Makes a ribbed surface of revolution.
 Primitive lathe(std::uint32_t rows, std::uint32_t columns, float size, const Vec3f& centre) {
   return grid(rows, columns, [=](double u, double v) {
     const double phi = 2 * kPi * v;
@@ -49,7 +49,7 @@ void add_room(Primitive& p, const Vec3f& lo, const Vec3f& hi) {
   add_box(p, lo, {e.x, 0, 0}, {0, e.y, 0}, {0, 0, e.z});
 }
 
-/// Thin bars with random positions and orientations.
+/// Adds thin bars with random positions and orientations.
 void add_bars(Primitive& p, int count, Random& random) {
   for (int i = 0; i < count; ++i) {
     const Vec3f centre = Vec3f{random.both(), random.both(), random.both()} * 10.0f;
@@ -61,7 +61,7 @@ void add_bars(Primitive& p, int count, Random& random) {
   }
 }
 
-/// Flights of stairs with fences, rotated by arbitrary angles.
+/// Adds flights of stairs with fences, rotated by arbitrary angles.
 void add_stairs(Primitive& p, int flights, int steps, Random& random) {
   for (int f = 0; f < flights; ++f) {
     const float angle = 6.2831853f * random.unit();
@@ -190,7 +190,7 @@ BenchScene hair(bool quick) {
   return out;
 }
 
-/// Rotated and scaled instances of a scan and a knot on a ground plane.
+/// Makes rotated and scaled instances of a scan and a knot on a ground plane.
 BenchScene instances(bool quick) {
   BenchScene out;
   out.scene.meshes.resize(3);

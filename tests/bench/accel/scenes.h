@@ -18,19 +18,19 @@ struct BenchScene {
   float scale = 1;                // a typical length, for the offset of new rays
 };
 
-/// The names that make_scene() accepts, in the order of reports.
+/// Returns the names that make_scene() accepts, in the order of reports.
 std::vector<std::string> scene_names();
 
 /// Generates a scene by name, with a few thousand triangles if `quick`. Deterministic.
 BenchScene make_scene(const std::string& name, bool quick);
 
-/// A terrain of cells x cells squares of two triangles.
+/// Generates a terrain of cells x cells squares of two triangles each.
 BenchScene make_terrain(std::uint32_t cells);
 
-/// Parallel squares that all fill the view: two triangles per layer.
+/// Generates parallel squares, each of two triangles, that all fill the view.
 BenchScene make_layers(int layers);
 
-/// Number of triangles of all meshes, each counted once.
+/// Returns the number of triangles of all meshes, not multiplied by their instances.
 std::int64_t triangle_count(const Scene& scene);
 
 }  // namespace tessera::render::bench

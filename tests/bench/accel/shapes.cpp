@@ -5,7 +5,7 @@
 namespace tessera::render::bench {
 namespace {
 
-/// A pseudo-random number in [-1, 1] for a lattice point.
+/// Returns a pseudo-random number in [-1, 1] for a lattice point.
 float lattice(std::int32_t x, std::int32_t y, std::int32_t z) {
   auto h = static_cast<std::uint32_t>(x) * 0x8DA6B343u ^
            static_cast<std::uint32_t>(y) * 0xD8163841u ^

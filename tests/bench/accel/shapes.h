@@ -7,11 +7,13 @@
 
 namespace tessera::render::bench {
 
-/// Pseudo-random numbers from a seed, the same on every machine.
+/// Pseudo-random numbers that depend on the seed only, not on the machine.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : state_(seed * 0x9E3779B97F4A7C15u + 1) {}
+  /// Uniform in [0, 1).
   float unit();
+  /// Uniform in [-1, 1).
   float both() { return 2 * unit() - 1; }
   /// Uniform on the unit sphere.
   Vec3f direction();
@@ -20,11 +22,12 @@ class Random {
   std::uint64_t state_;
 };
 
-/// Sum of octaves of smooth noise in [-1, 1], each with half the amplitude and twice the frequency.
+/// Sums octaves of smooth noise, each with half the amplitude and twice the frequency of the one
+/// before. The result is in [-1, 1].
 float fractal_noise(const Vec3f& p, int octaves);
 
-/// A grid of (rows + 1) x (columns + 1) points of `surface`, whose arguments are in [0, 1]; two
-/// triangles per cell.
+/// Generates a grid of (rows + 1) x (columns + 1) points of `surface`, whose arguments are in [0,
+/// 1], with two triangles per cell.
 Primitive grid(std::uint32_t rows, std::uint32_t columns,
                const std::function<Vec3f(double, double)>& surface);
 
@@ -34,7 +37,6 @@ void add_box(Primitive& p, const Vec3f& corner, const Vec3f& a, const Vec3f& b, 
 /// Adds a rectangle, given by a corner and two edges: two triangles.
 void add_quad(Primitive& p, const Vec3f& corner, const Vec3f& a, const Vec3f& b);
 
-/// Adds one triangle.
 void add_triangle(Primitive& p, const Vec3f& a, const Vec3f& b, const Vec3f& c);
 
 /// Completes a unit vector n to a right-handed orthonormal frame.

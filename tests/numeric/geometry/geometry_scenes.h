@@ -29,10 +29,10 @@ class Dice {
   std::mt19937 random_;
 };
 
-/// A closed sphere of 2 * columns * (rows - 1) triangles about `centre`, wound outwards.
+/// Returns a closed sphere of 2 * columns * (rows - 1) triangles about `centre`, wound outwards.
 Primitive uv_sphere(int rows, int columns, float radius, const Vec3f& centre = {});
 
-/// The rectangle corner, corner + a, corner + a + b, corner + b as two triangles.
+/// Returns the rectangle corner, corner + a, corner + a + b, corner + b as two triangles.
 Primitive quad(const Vec3f& corner, const Vec3f& a, const Vec3f& b);
 
 Mesh mesh_of(std::vector<Primitive> primitives);
@@ -40,32 +40,33 @@ Mesh mesh_of(std::vector<Primitive> primitives);
 /// Adds an instance of mesh `mesh`.
 void place(Scene& scene, std::int32_t mesh, const Affine3d& object_to_world = {});
 
-/// A scene of one mesh, placed by the identity.
+/// Returns a scene of one mesh, placed by the identity.
 Scene scene_of(std::vector<Primitive> primitives);
 
-/// Runs loop bodies in order, or in reverse; results must not differ.
+/// Run loop bodies in order or in reverse. Results must not depend on it.
 ParallelFor in_order();
 ParallelFor in_reverse();
 
-/// A random point of a random edge of the primitive, or (edge = false) a random vertex.
+/// Returns a random point of a random edge of the primitive or, if !edge, a random vertex.
 Vec3f edge_or_vertex(const Primitive& primitive, bool edge, Dice& dice);
 
-/// Rotation about a random axis times `scale`, then `translation`; mirrored if asked.
+/// Returns a random rotation times `scale`, mirrored on request, followed by `translation`.
 Affine3d random_placement(Dice& dice, double scale, const Vec3d& translation, bool mirrored);
 
-/// Random triangles of mixed sizes; some flat along an axis, some needles, some duplicated.
+/// Returns random triangles of mixed sizes; some are axis-parallel, some needles, some duplicates.
 Primitive soup(int count, Dice& dice);
 
-/// A height field on a grid: many shared planes, edges and vertices.
+/// Returns a height field on a grid, with many shared planes, edges and vertices.
 Primitive terrain(std::uint32_t side, Dice& dice);
 
-/// Long thin slanted triangles that cross each other, for which spatial splits are made.
+/// Returns long, thin, slanted triangles that cross each other, so that the builder splits them.
 Primitive needles(int count, Dice& dice);
 
-/// A random ray (one in three), or one along an edge, through a vertex or in an axis plane.
+/// Returns a random ray (one in three) or one through an edge, through a vertex or in an axis
+/// plane.
 Ray adversarial_ray(const Scene& scene, Dice& dice);
 
-/// Whether two hits have the same bits.
+/// Returns whether two hits have the same bits.
 bool same_bits(const Hit& a, const Hit& b);
 
 }  // namespace tessera::render::testing

@@ -1,4 +1,4 @@
-// Hard case 36: exact tests of overlapping triangles and of closed surfaces.
+// Hard case 36: overlapping triangles and closed surfaces are detected exactly.
 
 #include <gtest/gtest.h>
 
@@ -14,8 +14,8 @@
 namespace tessera::render::testing {
 namespace {
 
-/// A tetrahedron of four triangles, wound outwards if d is behind a, b, c: triangle 0 is a b c; 1,
-/// 2 and 3 contain d and an edge of it.
+/// Returns a tetrahedron, wound outwards if d is behind a, b, c. Triangle 0 is a b c; triangles 1,
+/// 2 and 3 contain d and an edge of triangle 0.
 Primitive tetrahedron(const Vec3f& a, const Vec3f& b, const Vec3f& c, const Vec3f& d) {
   Primitive p;
   p.positions = {a, b, c, d};
@@ -82,7 +82,7 @@ TEST(MeshOverlap, ConvexMeshIsClosedWithoutOverlap) {
   Primitive flipped = uv_sphere(12, 16, 1);
   std::swap(flipped.triangles[40][0], flipped.triangles[40][1]);
   EXPECT_EQ(boundary_edges(mesh_of({flipped}), {true}), 3);
-  // A seam whose sides differ by rounding counts as open, if requested.
+  // A seam whose sides differ by rounding is open unless the tolerance covers it.
   Primitive cracked = sphere.primitives[0];
   const std::uint32_t moved = cracked.triangles[0][0];
   cracked.positions.push_back(cracked.positions[moved] + render::Vec3f{2e-7f, -2e-7f, 0});

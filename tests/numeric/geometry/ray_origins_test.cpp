@@ -1,4 +1,4 @@
-// Hard cases 8, 9, 10, 27, 49: rays that leave surfaces, and shading frames.
+// Hard cases 8, 9, 10, 27, 49: spawned rays and shading frames.
 
 #include <gtest/gtest.h>
 
@@ -107,8 +107,8 @@ TEST(RaySpawning, TiltedPlaneNeighboursAreNotHit) {
   EXPECT_EQ(again, 0);
 }
 
-/// 8 x 8 parallelograms with integer edges `a` and `b`, two triangles each, exactly coplanar, from
-/// `corner` on, times `scale`.
+/// Returns 8 x 8 exactly coplanar parallelograms with integer edges `a` and `b`, two triangles
+/// each, beginning at `corner`, all multiplied by `scale`.
 Primitive lattice(const Vec3f& a, const Vec3f& b, const Vec3f& corner, float scale) {
   constexpr std::uint32_t kSide = 8;
   Primitive plane;
@@ -128,8 +128,8 @@ Primitive lattice(const Vec3f& a, const Vec3f& b, const Vec3f& corner, float sca
   return plane;
 }
 
-/// A direction on either side of the plane with normal `n`: arbitrary, grazing, or in a coordinate
-/// plane.
+/// Returns a direction on either side of the plane with normal `n`: arbitrary, grazing, or in a
+/// coordinate plane.
 Vec3f departure(const Vec3f& n, Dice& dice) {
   Vec3f d = dice.direction();
   if (dice.below(2) == 0) {
@@ -212,7 +212,7 @@ TEST(RaySpawning, GrazingBouncesLeavePlane) {
     ray.origin.y = std::fabs(ray.origin.y);
     Hit hit;
     if (!accel.closest_hit(ray, hit)) continue;
-    ASSERT_EQ(hit.id.primitive, 0u) << "the wall behind is hidden by the plane";
+    ASSERT_EQ(hit.id.primitive, 0u) << "the plane must hide the wall behind it";
     ++hits;
     const Vec3f reflected = {ray.direction.x, elevation, ray.direction.z};
     Hit next;

@@ -1,5 +1,5 @@
-// Every reference structure gives the same hits as brute force, bit for bit: hard cases 13 to 16,
-// 32 and 35 for structures other than the production BVH.
+// Hard cases 13 to 16, 32 and 35 for the structures of worker/accelerators: their hits equal those
+// of brute force bit for bit.
 
 #include <gtest/gtest.h>
 
@@ -75,7 +75,7 @@ INSTANTIATE_TEST_SUITE_P(, AllStructures,
                            return name;
                          });
 
-TEST_P(AllStructures, HitsSoups) {
+TEST_P(AllStructures, SoupsMatchBruteForce) {
   Dice dice(1);
   Trial trial;
   trial.scene = scene_of({soup(150, dice), soup(60, dice)});
@@ -84,7 +84,7 @@ TEST_P(AllStructures, HitsSoups) {
   EXPECT_EQ(mismatches(trial, GetParam()), 0);
 }
 
-TEST_P(AllStructures, HitsTerrain) {
+TEST_P(AllStructures, TerrainMatchesBruteForce) {
   Dice dice(2);
   Trial trial;
   trial.scene = scene_of({terrain(10, dice)});
@@ -93,7 +93,7 @@ TEST_P(AllStructures, HitsTerrain) {
   EXPECT_EQ(mismatches(trial, GetParam()), 0);
 }
 
-TEST_P(AllStructures, HitsSlantedNeedles) {
+TEST_P(AllStructures, SlantedNeedlesMatchBruteForce) {
   Dice dice(3);
   Trial trial;
   trial.scene = scene_of({needles(250, dice)});
@@ -102,7 +102,7 @@ TEST_P(AllStructures, HitsSlantedNeedles) {
   EXPECT_EQ(mismatches(trial, GetParam()), 0);
 }
 
-TEST_P(AllStructures, HitsInstances) {
+TEST_P(AllStructures, InstancesMatchBruteForce) {
   Dice dice(4);
   Trial trial;
   trial.scene.meshes = {mesh_of({soup(20, dice), soup(10, dice)}), mesh_of({uv_sphere(4, 6, 1)}),
@@ -122,7 +122,7 @@ TEST_P(AllStructures, HitsInstances) {
   EXPECT_EQ(mismatches(trial, GetParam()), 0);
 }
 
-TEST_P(AllStructures, HitsFromAnyOrigin) {
+TEST_P(AllStructures, AnyOriginMatchesBruteForce) {
   Dice dice(5);
   Trial trial;
   trial.scene = scene_of({uv_sphere(8, 12, 1), quad({-1, 0, -1}, {2, 0, 0}, {0, 0, 2})});
@@ -142,8 +142,8 @@ TEST_P(AllStructures, HitsFromAnyOrigin) {
   EXPECT_EQ(mismatches(trial, GetParam()), 0);
 }
 
-/// Hard case 32, and meshes of one triangle or of coplanar triangles.
-TEST_P(AllStructures, HitsDegenerateMeshes) {
+/// Covers hard case 32 and meshes of one triangle or of coplanar triangles.
+TEST_P(AllStructures, DegenerateMeshesMatchBruteForce) {
   Dice dice(6);
   Primitive nested, coplanar;
   for (int i = 0; i < 60; ++i) {
@@ -166,7 +166,7 @@ TEST_P(AllStructures, HitsDegenerateMeshes) {
   }
 }
 
-/// Hard case 33: NaN, infinite and zero rays miss, and so do all rays in an empty scene.
+/// Hard case 33: rays with NaN, infinite or zero components miss, as do all rays in an empty scene.
 TEST_P(AllStructures, InvalidRaysMiss) {
   constexpr float kInf = std::numeric_limits<float>::infinity();
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
@@ -209,7 +209,7 @@ TEST_P(AllStructures, AllHitsAreOrdered) {
 }
 
 TEST(UniformGrid, DiagonalRaysVisitDiagonalCells) {
-  // 512 shapes at 2 cells per shape would give 8 cells a side without the margin; any number works.
+  // 256 shapes at 2 cells per shape give 512 cells, 8 per side without the pad. Any number works.
   const accelerators::Grid grid({{0, 0, 0}, {8, 8, 8}}, 256);
   for (const float sign : {1.0f, -1.0f}) {
     accelerators::ShapeRay ray;
@@ -217,9 +217,9 @@ TEST(UniformGrid, DiagonalRaysVisitDiagonalCells) {
     ASSERT_TRUE(
         accelerators::make_shape_ray(origin, Vec3f{1, 1, 1} * sign, {{0, 0, 0}, {8, 8, 8}}, ray));
     std::set<std::array<int, 3>> visited;
-    accelerators::GridTraversal walk(grid, ray, grid.inside(ray, 1e6f).first);
-    do visited.insert(walk.cell());
-    while (walk.next());
+    accelerators::GridTraversal traversal(grid, ray, grid.inside(ray, 1e6f).first);
+    do visited.insert(traversal.cell());
+    while (traversal.next());
     ASSERT_GE(grid.count(0), 6);
     for (int i = 0; i < grid.count(0); ++i) EXPECT_TRUE(visited.count({i, i, i})) << i;
   }
@@ -252,8 +252,8 @@ TEST(UniformGrid, RaysInCellPlanesHitQuadsOnThem) {
   }
 }
 
-/// A grid sized for the whole scene has all of a small dense mesh in one cell and tests its
-/// triangles by the thousand. Hierarchies adapt to the density and test a few.
+/// A uniform grid over the whole scene puts a small dense mesh into one cell, so that a ray tests
+/// thousands of its triangles. Hierarchies adapt to the density and test a few.
 TEST(TeapotInAStadium, SlowsGridsNotHierarchies) {
   const Scene scene = scene_of(
       {uv_sphere(40, 60, 0.5f, {0, 0.5f, 0}), quad({-200, 0, 200}, {400, 0, 0}, {0, 0, -400})});

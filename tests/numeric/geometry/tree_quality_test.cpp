@@ -37,8 +37,8 @@ std::vector<Box3f> boxes_of_needles(int count, Dice& dice) {
   return boxes;
 }
 
-/// Expects every inner node's box to be that of its children, which follow it, and every item in a
-/// leaf.
+/// Expects every inner node to have the box of its children, which follow it, and every item to be
+/// in one leaf.
 void expect_sound(const BinaryBvh& bvh, std::size_t items) {
   std::vector<int> seen(items, 0);
   for (std::uint32_t i = 0; i < bvh.nodes.size(); ++i) {
@@ -111,7 +111,7 @@ TEST(BuildQuality, ChangesTreesButNoHits) {
   const SceneAccel normal(scene, in_order());
   const SceneAccel fast(scene, in_order(), best_isa(), nullptr, BuildQuality::fast);
   const SceneAccel high(scene, in_order(), best_isa(), nullptr, BuildQuality::high);
-  EXPECT_LT(fast.memory_bytes(), normal.memory_bytes()) << "nothing was split";
+  EXPECT_LT(fast.memory_bytes(), normal.memory_bytes()) << "the test needs split triangles";
   EXPECT_LT(high.tree_quality().sah, normal.tree_quality().sah);
   int hits = 0;
   for (int i = 0; i < 20'000; ++i) {
@@ -150,7 +150,7 @@ Primitive moved(Primitive p, float by, Dice& dice) {
   return p;
 }
 
-/// Counts rays for which the tree of `now`, refitted from that of `before`, differs from brute
+/// Counts rays whose hits in the BVH of `now`, refitted from that of `before`, differ from brute
 /// force.
 int mismatches_after(const Scene& before, const Scene& now, std::size_t expected_refits,
                      Dice& dice) {
@@ -189,7 +189,7 @@ TEST(Refit, LargeMotionRebuilds) {
 TEST(Refit, ChangedTriangleSetRebuilds) {
   Dice dice(6);
   const Primitive whole = soup(40, dice);
-  // One triangle degenerates, one stops being degenerate, one replaces another; and other counts.
+  // A triangle becomes degenerate or stops being so, one replaces another, or the count changes.
   Primitive without = whole;
   without.positions[without.triangles[3][1]] = without.positions[without.triangles[3][0]];
   without.positions[without.triangles[3][2]] = without.positions[without.triangles[3][0]];

@@ -1,4 +1,4 @@
-// Hard cases 1, 2, 4, 13, 14: no ray passes through shared edges, vertices and planes.
+// Hard cases 1, 2, 4, 13, 14: no ray leaks through shared edges, vertices or planes.
 
 #include <gtest/gtest.h>
 
