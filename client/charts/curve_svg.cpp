@@ -130,7 +130,7 @@ class Plot {
   std::string body_;
 };
 
-constexpr char kStyle[] = R"(<style>
+constexpr char kCurveStyle[] = R"(<style>
 text{font:13px sans-serif;fill:#333}.grid{stroke:#ddd}.guide{stroke:#bbb;stroke-dasharray:2 5}
 polyline{fill:none;stroke-width:2}.estimate{stroke:#0b62a8}circle.estimate{fill:#0b62a8}
 .true{stroke:#c2410c}circle.true{fill:#c2410c}
@@ -172,7 +172,7 @@ std::string curve_svg(const ordered_json& report) {
   return absl::StrCat(
       absl::StrFormat("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\">\n",
                       kWidth, kHeight),
-      kStyle, plot.body(), "</svg>\n");
+      kCurveStyle, plot.body(), "</svg>\n");
 }
 
 }  // namespace tessera::client

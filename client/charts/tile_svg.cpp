@@ -79,7 +79,7 @@ void draw(const Map& map, const contract::TileGrid& grid, std::string& svg) {
   }
 }
 
-constexpr char kStyle[] = R"svg(<style>
+constexpr char kTileStyle[] = R"svg(<style>
 text{font:13px sans-serif;fill:#333}rect{shape-rendering:crispEdges}
 @media(prefers-color-scheme:dark){text{fill:#ddd}}
 </style>
@@ -116,7 +116,7 @@ absl::StatusOr<std::string> tile_svg(const ordered_json& report) {
   return absl::StrCat(
       absl::StrFormat("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\">\n",
                       3 * kMargin + 2 * kMapSide, top - kHeading),
-      kStyle, body, "</svg>\n");
+      kTileStyle, body, "</svg>\n");
 }
 
 }  // namespace tessera::client

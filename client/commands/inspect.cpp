@@ -87,7 +87,7 @@ void add_counts(Table& table, const ordered_json& report) {
 }
 
 /// Returns a number of an object as text; "-" if it has none.
-std::string figure(const ordered_json& of, const char* key) {
+std::string number_text(const ordered_json& of, const char* key) {
   const auto found = of.find(key);
   if (found == of.end() || !found->is_number()) return "-";
   return absl::StrFormat("%.4g", found->get<double>());
@@ -102,11 +102,11 @@ std::string accelerators_text(const ordered_json& accelerators) {
     const ordered_json closest = row.value("closest_hit", ordered_json::object());
     const ordered_json any = row.value("any_hit", ordered_json::object());
     table.add({row.value("name", ""), absl::StrFormat("%.3f", number(row, "build_seconds")),
-               format_bytes(number(row, "memory_bytes")), figure(row, "sah"),
-               figure(row, "end_point_overlap"), figure(closest, "mrays_per_second"),
-               figure(closest, "nodes_per_ray"), figure(closest, "triangles_per_ray"),
-               figure(any, "mrays_per_second"), figure(any, "nodes_per_ray"),
-               figure(any, "triangles_per_ray"),
+               format_bytes(number(row, "memory_bytes")), number_text(row, "sah"),
+               number_text(row, "end_point_overlap"), number_text(closest, "mrays_per_second"),
+               number_text(closest, "nodes_per_ray"), number_text(closest, "triangles_per_ray"),
+               number_text(any, "mrays_per_second"), number_text(any, "nodes_per_ray"),
+               number_text(any, "triangles_per_ray"),
                absl::StrFormat("%.0f", number(closest, "wrong") + number(any, "wrong"))});
   }
   return absl::StrFormat(

@@ -7,6 +7,7 @@
 #include "rpc/rpc_status.h"
 #include "server/report/report.h"
 #include "server/service/access/protocol_check.h"
+#include "server/service/finish.h"
 #include "server/service/messages/messages.h"
 #include "server/service/streams/event_stream.h"
 #include "server/service/streams/frame_stream.h"
@@ -17,12 +18,6 @@ namespace {
 
 constexpr std::int32_t kPageSize = 100, kMaxPageSize = 1000;
 constexpr std::int32_t kMaxDeliveries = 10'000;  // per page: keeps messages below 1 MiB
-
-grpc::ServerUnaryReactor* finish(grpc::CallbackServerContext* context, const absl::Status& status) {
-  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  reactor->Finish(contract::to_rpc(status));
-  return reactor;
-}
 
 /// Sets `job` and finishes the call when the coordinator is done.
 Coordinator::OnJob answer_with(grpc::ServerUnaryReactor* reactor, v1::Job* job) {

@@ -3,18 +3,13 @@
 #include "absl/strings/str_cat.h"
 #include "rpc/rpc_status.h"
 #include "rpc/settings_message.h"
+#include "server/service/finish.h"
 #include "server/service/messages/messages.h"
 #include "server/service/streams/deliver_stream.h"
 #include "server/service/streams/work_stream.h"
 
 namespace tessera::server {
 namespace {
-
-grpc::ServerUnaryReactor* finish(grpc::CallbackServerContext* context, const absl::Status& status) {
-  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  reactor->Finish(contract::to_rpc(status));
-  return reactor;
-}
 
 std::function<void(absl::Status)> answer_with(grpc::ServerUnaryReactor* reactor) {
   return [reactor](const absl::Status& status) { reactor->Finish(contract::to_rpc(status)); };

@@ -12,6 +12,7 @@
 #include <string>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "image/codecs/image_codec.h"
 #include "server/film/exr_file.h"
 #include "tests/support/seeded_frames.h"
@@ -37,7 +38,7 @@ contract::RenderSettings settings() {
 }
 
 std::string reference_file(const std::string& scene, const char* what) {
-  return std::string(TESSERA_GOLDEN) + "/" + scene + "." + what + ".exr";
+  return absl::StrCat(TESSERA_GOLDEN, "/", scene, ".", what, ".exr");
 }
 
 void write_exr(const std::string& path, const Image& image) {
@@ -119,7 +120,7 @@ void remake(SeededRenderer& renderer, const std::string& scene) {
 /// compared: alone in one of the tested frames it gives t = 2.1 at most.
 TEST_P(Golden, MatchesReferenceWithinNoise) {
   const std::string scene = GetParam();
-  SeededRenderer renderer(std::string(TESSERA_SCENES) + "/" + scene + ".gltf", settings());
+  SeededRenderer renderer(absl::StrCat(TESSERA_SCENES, "/", scene, ".gltf"), settings());
   ASSERT_TRUE(renderer.load().ok());
   if (std::getenv("TESSERA_GOLDEN_REMAKE") != nullptr) return remake(renderer, scene);
   const Image reference = read_exr(reference_file(scene, "mean"));

@@ -10,7 +10,7 @@
 namespace tessera::server {
 namespace {
 
-constexpr std::chrono::milliseconds kPollInterval{100};
+constexpr std::chrono::milliseconds kEventPoll{100};
 constexpr std::size_t kEventsPerMessage = 256;
 
 /// Polls with a timer and sends new events.
@@ -45,7 +45,7 @@ class EventStream final : public PollingStream<v1::WatchEventsResponse> {
   void poll() override {
     if (absl::Status status = access_.recheck(caller_); !status.ok()) return finish(status);
     const std::vector<Event> events = coordinator_.events().read(query_, kEventsPerMessage);
-    if (events.empty()) return follow_ ? wait(kPollInterval) : finish(absl::OkStatus());
+    if (events.empty()) return follow_ ? wait(kEventPoll) : finish(absl::OkStatus());
     query_.after = events.back().sequence;
     response_.Clear();
     for (const Event& event : events) *response_.add_events() = to_message(event);

@@ -15,7 +15,7 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr milliseconds kDefaultInterval{500}, kMinInterval{100}, kMaxInterval{60'000};
-constexpr milliseconds kPollInterval{50};  // progress is sent less often
+constexpr milliseconds kProgressPoll{50};  // progress is sent less often
 
 milliseconds watch_interval(const v1::WatchJobRequest& request) {
   if (!request.has_interval()) return kDefaultInterval;
@@ -71,7 +71,7 @@ class WatchStream final : public PollingStream<v1::WatchJobResponse> {
     StartWrite(&response_);
   }
 
-  void wait_for_change() { wait(std::min(interval_, kPollInterval)); }
+  void wait_for_change() { wait(std::min(interval_, kProgressPoll)); }
 
   Coordinator& coordinator_;
   const Access& access_;

@@ -9,6 +9,7 @@
 #include "rpc/channel.h"
 #include "rpc/rpc_status.h"
 #include "rpc/settings_message.h"
+#include "worker/agent/server/backoff.h"
 
 namespace tessera::agent {
 namespace {
@@ -16,7 +17,6 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr milliseconds kCallTimeout{20'000}, kDownloadTimeout{0};
-constexpr milliseconds kFirstPause{50}, kLongestPause{5'000};
 constexpr int kMaxAssets = 100'000;
 
 }  // namespace
@@ -130,7 +130,7 @@ absl::StatusOr<Descriptor> JobFetcher::fetch_asset(const v1::AssetId& id) {
 absl::Status JobFetcher::call(milliseconds timeout,
                               const std::function<absl::Status(grpc::ClientContext&)>& attempt) {
   std::mt19937 random(std::random_device{}());  // jitter only
-  for (milliseconds pause = kFirstPause;; pause = std::min(2 * pause, kLongestPause)) {
+  for (milliseconds pause = kFirstPause;; pause = std::min(2 * pause, kMaxPause)) {
     grpc::ClientContext context;
     contract::prepare_call(context, token_, timeout);
     {

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "worker/agent/server/backoff.h"
 
 namespace tessera::agent {
 namespace {
@@ -11,7 +12,6 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-constexpr milliseconds kFirstPause{50}, kLongestPause{5'000};
 constexpr seconds kHelloTimeout{10};  // from Hello to Welcome
 constexpr seconds kAckTimeout{30};    // then blocks are sent again
 constexpr std::size_t kChunkBytes = 64 << 10;
@@ -152,7 +152,7 @@ void ServerConnection::on_closed(const absl::Status& status) {
   }
   std::uniform_int_distribution<std::int64_t> jitter(pause_.count() / 2, pause_.count());
   connect_at_ = Clock::now() + milliseconds(jitter(random_));
-  pause_ = std::min(2 * pause_, kLongestPause);
+  pause_ = std::min(2 * pause_, kMaxPause);
   if (was_welcome) {
     options_.log(LogLevel::warn, absl::StrCat("connection lost (", std::string(status.message()),
                                               "); reconnecting"));

@@ -11,7 +11,6 @@
 namespace tessera::render {
 namespace {
 
-constexpr double kMaxLength = 1e18, kMinLength = 1e-18;
 /// Limits of blobs; beyond them rounding errors become visible.
 constexpr double kMaxStrength = 1e6, kMinStrength = 1e-6;
 constexpr std::size_t kMaxBlobs = 10'000;
@@ -67,12 +66,13 @@ class ShapeReader {
 
  private:
   double dimension(std::string_view key, double fallback) {
-    return object_.number(key, fallback, kMinLength, kMaxLength);
+    return object_.number(key, fallback, kMinShapeLength, kMaxShapeLength);
   }
 
   /// `count` numbers, 1 by default; further components are 0.
   Vec3d dimensions(std::string_view key, std::size_t count) {
-    return read_vector(object_, key, std::vector<double>(count, 1), kMinLength, kMaxLength, fault_);
+    return read_vector(object_, key, std::vector<double>(count, 1), kMinShapeLength,
+                       kMaxShapeLength, fault_);
   }
 
   /// Reads a surface of revolution about the y axis.
@@ -128,15 +128,15 @@ class ShapeReader {
     for (int k = 0; k < 3; ++k) {
       clip.lo[k] = lo[static_cast<std::size_t>(k)];
       clip.hi[k] = hi[static_cast<std::size_t>(k)];
-      if (!(clip.lo[k] < clip.hi[k] && clip.hi[k] - clip.lo[k] >= kMinLength)) {
+      if (!(clip.lo[k] < clip.hi[k] && clip.hi[k] - clip.lo[k] >= kMinShapeLength)) {
         fault_.report(object_.path() + ".max", "must be above min in every axis");
       }
-      if (!(clip.lo[k] >= -kMaxLength && clip.hi[k] <= kMaxLength)) {
-        fault_.report(object_.path() + ".min", absl::StrCat("lies beyond ", kMaxLength));
+      if (!(clip.lo[k] >= -kMaxShapeLength && clip.hi[k] <= kMaxShapeLength)) {
+        fault_.report(object_.path() + ".min", absl::StrCat("lies beyond ", kMaxShapeLength));
       }
     }
     for (const double c : q) {
-      if (!(c >= -kMaxLength && c <= kMaxLength)) {
+      if (!(c >= -kMaxShapeLength && c <= kMaxShapeLength)) {
         fault_.report(object_.path() + ".coefficients", absl::StrCat(c, " is too large"));
       }
     }
@@ -153,10 +153,10 @@ Blob read_blob(const JsonView& object, JsonFault& fault) {
     fault.report(object.path() + ".radii", "not allowed together with radius");
   }
   Blob blob;
-  blob.centre = read_vector(object, "center", {0, 0, 0}, -kMaxLength, kMaxLength, fault);
-  const double radius = object.number("radius", 1, kMinLength, kMaxLength);
-  blob.radii =
-      read_vector(object, "radii", {radius, radius, radius}, kMinLength, kMaxLength, fault);
+  blob.centre = read_vector(object, "center", {0, 0, 0}, -kMaxShapeLength, kMaxShapeLength, fault);
+  const double radius = object.number("radius", 1, kMinShapeLength, kMaxShapeLength);
+  blob.radii = read_vector(object, "radii", {radius, radius, radius}, kMinShapeLength,
+                           kMaxShapeLength, fault);
   blob.strength = object.number("strength", 1, -kMaxStrength, kMaxStrength);
   return blob;
 }

@@ -9,6 +9,10 @@
 
 namespace tessera::render {
 
+/// Bounds of the lengths in a shape, in units of its node; within them no product of three lengths
+/// overflows or vanishes in double.
+constexpr double kMaxShapeLength = 1e18, kMinShapeLength = 1e-18;
+
 /// Reads a TESSERA_shape object (docs/reference/extensions/TESSERA_shape.md). Null after a fault:
 /// an unknown type or property, or a dimension that is not positive or does not fit the others.
 std::shared_ptr<const Shape> read_shape(const JsonView& object, JsonFault& fault);

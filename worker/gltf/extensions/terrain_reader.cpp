@@ -11,7 +11,6 @@
 namespace tessera::render {
 namespace {
 
-constexpr double kMaxLength = 1e18, kMinLength = 1e-18;
 /// Maximum number of features of the finest octave from the origin to the corner; a feature then
 /// still has 2^12 representable positions.
 constexpr double kMaxFeatures = 0x1p40;
@@ -34,10 +33,10 @@ class TerrainReader {
     object_.allow({"pattern", "size", "height", "depth", "scale", "offset", "seed", "octaves",
                    "lacunarity", "gain", "detail", "material"});
     read_pattern();
-    form_.size = pair("size", {1, 1}, kMinLength, kMaxLength);
-    form_.height = object_.number("height", 1, kMinLength, kMaxLength);
-    form_.scale = object_.number("scale", 1, kMinLength, kMaxLength);
-    form_.offset = pair("offset", {0, 0}, -kMaxLength, kMaxLength);
+    form_.size = pair("size", {1, 1}, kMinShapeLength, kMaxShapeLength);
+    form_.height = object_.number("height", 1, kMinShapeLength, kMaxShapeLength);
+    form_.scale = object_.number("scale", 1, kMinShapeLength, kMaxShapeLength);
+    form_.offset = pair("offset", {0, 0}, -kMaxShapeLength, kMaxShapeLength);
     const std::int64_t seed = object_.integer("seed", std::int64_t{1} << 32);
     if (seed >= 0) form_.seed = static_cast<std::uint32_t>(seed);
     const std::int64_t octaves = object_.integer("octaves", kMaxTerrainOctaves + 1);
@@ -79,8 +78,8 @@ class TerrainReader {
     const std::vector<double> from = detail.numbers("from", {0, 0, 0});
     form_.seen_from = {from[0], from[1], from[2]};
     for (const double x : from) {
-      if (!(std::fabs(x) <= kMaxLength)) {
-        fault_.report(detail.path() + ".from", absl::StrCat(x, " lies beyond ", kMaxLength));
+      if (!(std::fabs(x) <= kMaxShapeLength)) {
+        fault_.report(detail.path() + ".from", absl::StrCat(x, " lies beyond ", kMaxShapeLength));
       }
     }
   }
@@ -106,7 +105,7 @@ class TerrainReader {
 std::shared_ptr<const Shape> read_terrain(const JsonView& object, JsonFault& fault) {
   const TerrainForm form = TerrainReader(object, fault).read();
   const double depth =
-      object["depth"].present() ? object.number("depth", 1, kMinLength, kMaxLength) : 0;
+      object["depth"].present() ? object.number("depth", 1, kMinShapeLength, kMaxShapeLength) : 0;
   if (!fault.status().ok()) return nullptr;
   return std::make_shared<const Shape>(make_terrain(form, depth));
 }
