@@ -15,6 +15,7 @@
 #include "server/identity/join_tokens.h"
 #include "server/identity/private_file.h"
 #include "server/store/sqlite/database.h"
+#include "server/store/sqlite/schema.h"
 
 namespace tessera::server {
 namespace {
@@ -140,6 +141,7 @@ absl::Status create_token(const TokenFlags& flags) {
 absl::StatusOr<std::map<std::string, std::int64_t>> count_joins(const std::string& store) {
   auto rows = Database::open(store + "/store.db", "", Database::Mode::reader);
   if (!rows.ok()) return rows.status();
+  if (absl::Status status = check_schema(**rows); !status.ok()) return status;
   std::map<std::string, std::int64_t> counts;
   absl::Status status =
       (*rows)->each("SELECT token, COUNT(*) FROM joins GROUP BY token", {},

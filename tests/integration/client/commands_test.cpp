@@ -114,6 +114,13 @@ TEST_F(CommandsTest, MissingServerExitsWithUnreachable) {
   EXPECT_THAT(outcome.err, HasSubstr("none"));
 }
 
+TEST_F(CommandsTest, OlderServerIsNamed) {
+  const Outcome outcome = run({"workers", "drain", "w1"});  // FakeFarm lacks DrainWorker
+  EXPECT_EQ(outcome.exit, kExitBadInput);
+  EXPECT_THAT(outcome.err, HasSubstr("does not offer this call: it is older than this client; "
+                                     "upgrade the server"));
+}
+
 TEST_F(CommandsTest, WrongUsageExitsWithBadInput) {
   EXPECT_EQ(run({"status"}).exit, kExitBadInput) << "no job";
   EXPECT_EQ(run({"list", "--colour"}).exit, kExitBadInput);

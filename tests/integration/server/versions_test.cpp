@@ -3,7 +3,9 @@
 
 #include "contract/version.h"
 #include "rpc/protocol_version.h"
+#include "server/store/sqlite/database.h"
 #include "tests/integration/server/test_farm.h"
+#include "tests/support/older_schema.h"
 
 namespace tessera::server {
 namespace {
@@ -18,6 +20,22 @@ class VersionsTest : public TestFarm {
     worker.hello = hello;
     EXPECT_FALSE(worker.open());
     return worker.close();
+  }
+  v1::ListWorkersResponse workers() {
+    grpc::ClientContext context;
+    prepare(context);
+    v1::ListWorkersResponse response;
+    EXPECT_TRUE(v1::WorkerService::NewStub(server_->channel())
+                    ->ListWorkers(&context, v1::ListWorkersRequest(), &response)
+                    .ok());
+    return response;
+  }
+  v1::ListJobsResponse jobs() {
+    grpc::ClientContext context;
+    prepare(context);
+    v1::ListJobsResponse response;
+    EXPECT_TRUE(jobs_->ListJobs(&context, v1::ListJobsRequest(), &response).ok());
+    return response;
   }
   v1::WorkerHello hello() { return TestWorker(server_->channel(), "w1").hello; }
   grpc::Status submit(int protocol_version) {
@@ -37,6 +55,32 @@ TEST_F(VersionsTest, WorkerWithoutProtocolIsRefused) {
   EXPECT_EQ(status.error_message(),
             "this worker speaks protocol version 0 (none was sent), this server version 1: upgrade "
             "the worker");
+  EXPECT_EQ(workers().workers_size(), 0) << "a refused worker is not listed";
+}
+
+// An older worker may differ in everything; the protocol version is the reason to name.
+TEST_F(VersionsTest, ProtocolIsCheckedBeforeContract) {
+  v1::WorkerHello old = hello();
+  old.clear_protocol_version();
+  old.set_contract_version(10);
+  old.clear_numerics_sha256();
+  old.clear_name();
+  const grpc::Status status = refusal(old);
+  EXPECT_EQ(status.error_code(), StatusCode::FAILED_PRECONDITION);
+  EXPECT_EQ(status.error_message(),
+            "this worker speaks protocol version 0 (none was sent), this server version 1: upgrade "
+            "the worker");
+}
+
+TEST_F(VersionsTest, RefusedWorkerDoesNotReplaceConnectedOne) {
+  TestWorker worker(server_->channel(), "w1");
+  ASSERT_TRUE(worker.open());
+  v1::WorkerHello old = hello();
+  old.clear_protocol_version();
+  EXPECT_EQ(refusal(old).error_code(), StatusCode::FAILED_PRECONDITION);
+  const std::string job = create_job("a");
+  TestWorker::Unit unit;
+  EXPECT_TRUE(worker.next(unit)) << "the first worker is still connected";
 }
 
 TEST_F(VersionsTest, WorkerWithNewerProtocolIsRefused) {
@@ -70,6 +114,15 @@ TEST_F(VersionsTest, ClientWithoutProtocolIsRefused) {
   EXPECT_EQ(status.error_message(),
             "this client speaks protocol version 0 (none was sent), this server version 1: upgrade "
             "the client");
+  EXPECT_EQ(jobs().jobs_size(), 0) << "a refused client creates no job";
+}
+
+// Only CreateJob has a version: older clients can watch and fetch their jobs.
+TEST_F(VersionsTest, OlderClientSeesExistingJobs) {
+  const std::string job = create_job("a");
+  EXPECT_EQ(submit(0).error_code(), StatusCode::FAILED_PRECONDITION);
+  ASSERT_EQ(jobs().jobs_size(), 1);
+  EXPECT_EQ(jobs().jobs(0).id(), job);
 }
 
 TEST_F(VersionsTest, ClientWithNewerProtocolIsRefused) {
@@ -83,6 +136,22 @@ TEST_F(VersionsTest, ClientWithNewerProtocolIsRefused) {
 TEST_F(VersionsTest, ClientOfThisVersionSubmits) {
   const grpc::Status status = submit(contract::kProtocolVersion);
   EXPECT_TRUE(status.ok()) << status.error_message();
+}
+
+TEST_F(VersionsTest, JobsOfOlderStoreAreKept) {
+  const std::string job = create_job("a");
+  jobs_.reset();
+  server_.reset();
+  {
+    const auto rows = Database::open(folder_ + "/store.db", "", Database::Mode::writer);
+    ASSERT_TRUE(rows.ok()) << rows.status();
+    ASSERT_TRUE((*rows)->script(sql_to_older_schema(1).c_str()).ok());
+  }
+  restart();
+  TestWorker worker(server_->channel(), "w1");
+  ASSERT_TRUE(worker.open());
+  worker.work();
+  EXPECT_EQ(watch(job).back().state(), v1::Job::STATE_DONE);
 }
 
 }  // namespace

@@ -9,7 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "server/store/sqlite/database.h"
 #include "server/store/store.h"
+#include "tests/support/older_schema.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/server/store/durability_checker.h"
 
@@ -104,6 +106,20 @@ TEST_F(BackupTest, DamagedStoreGivesNoCopy) {
   EXPECT_TRUE(absl::IsDataLoss(findings.status())) << findings.status();
   EXPECT_FALSE(std::filesystem::exists(copy()));
   EXPECT_FALSE(std::filesystem::exists(copy() + ".part"));
+}
+
+TEST_F(BackupTest, StoreOfOlderSchemaGivesNoCopy) {
+  store_.reset();
+  {
+    const auto rows = Database::open(path() + "/store.db", "", Database::Mode::writer);
+    ASSERT_TRUE(rows.ok()) << rows.status();
+    ASSERT_TRUE((*rows)->script(sql_to_older_schema(1).c_str()).ok());
+  }
+  const absl::Status status = back_up_store(path(), copy(), real_filesystem()).status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+  EXPECT_NE(status.message().find("has schema 1, written by an older version"), std::string::npos)
+      << status;
+  EXPECT_FALSE(std::filesystem::exists(copy()));
 }
 
 TEST_F(BackupTest, MissingFileGivesNoCopy) {

@@ -12,6 +12,7 @@
 
 #include "absl/strings/match.h"
 #include "server/store/sqlite/database.h"
+#include "server/store/sqlite/schema.h"
 #include "server/store/store.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/server/store/durability_checker.h"
@@ -174,14 +175,30 @@ TEST_F(StoreCheckTest, FilesWithoutRowAreOrphans) {
   EXPECT_EQ(found.orphans.size(), 2u) << ::testing::PrintToString(found.orphans);
 }
 
-TEST_F(StoreCheckTest, BusyOrOtherVersionStoreIsRefused) {
+TEST_F(StoreCheckTest, BusyOrMissingStoreIsRefused) {
   {
     const auto store = Store::open(path(), real_filesystem());
     EXPECT_TRUE(absl::IsFailedPrecondition(check_store(path(), real_filesystem()).status()));
   }
-  change_rows("PRAGMA user_version=1");
-  EXPECT_TRUE(absl::IsFailedPrecondition(check_store(path(), real_filesystem()).status()));
   EXPECT_TRUE(absl::IsNotFound(check_store(path() + "/no", real_filesystem()).status()));
+}
+
+TEST_F(StoreCheckTest, StoreOfOtherSchemaIsRefused) {
+  const std::string own = std::to_string(schema_version());
+  change_rows("PRAGMA user_version=1");
+  const absl::Status older = check_store(path(), real_filesystem()).status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(older));
+  EXPECT_EQ(older.message(),
+            "the store has schema 1, written by an older version; start this version's server on "
+            "it once, which migrates it to schema " +
+                own);
+  const std::string next = std::to_string(schema_version() + 1);
+  change_rows(("PRAGMA user_version=" + next).c_str());
+  const absl::Status newer = check_store(path(), real_filesystem()).status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(newer));
+  EXPECT_EQ(newer.message(), "the store has schema " + next +
+                                 ", written by a newer version; this version reads schema " + own +
+                                 " and older: upgrade this program");
 }
 
 TEST_F(StoreCheckTest, CheckChangesNothing) {

@@ -14,6 +14,7 @@
 #include "server/store/sqlite/schema.h"
 #include "server/store/store.h"
 #include "tests/support/failing_disk.h"
+#include "tests/support/older_schema.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/server/store/durability_checker.h"
 
@@ -156,41 +157,34 @@ TEST_F(DamageTest, NextSchemaIsRefusedAndStoreIsUnchanged) {
   EXPECT_TRUE(std::filesystem::exists(segment()));
 }
 
-TEST_F(DamageTest, PreviousSchemaIsMigrated) {
+TEST_F(DamageTest, EveryOlderSchemaIsMigrated) {
   const std::vector<Commit> group = make_store();
-  change_rows(absl::StrCat("ALTER TABLE jobs DROP COLUMN failure_code; PRAGMA user_version=",
-                           schema_version() - 1));
-  const auto store = open();
-  ASSERT_TRUE(store.ok()) << store.status();
-  EXPECT_EQ(stored_schema(), schema_version());
-  std::size_t units = 0;
-  EXPECT_TRUE((*store)->for_each_unit(group[0].job_id, [&](const UnitRecord&) { ++units; }).ok());
-  EXPECT_EQ(units, group.size());
+  for (std::int64_t version = schema_version() - 1; version >= 1; --version) {
+    change_rows(sql_to_older_schema(version));
+    ASSERT_EQ(stored_schema(), version);
+    const auto store = open();
+    ASSERT_TRUE(store.ok()) << "schema " << version << ": " << store.status();
+    EXPECT_EQ(stored_schema(), schema_version()) << "from schema " << version;
+    std::size_t units = 0;
+    EXPECT_TRUE((*store)->for_each_unit("a", [&](const UnitRecord&) { ++units; }).ok());
+    EXPECT_EQ(units, group.size()) << "from schema " << version;
+    EXPECT_EQ(*(*store)->read_block("a", group[0].record), group[0].block);
+  }
 }
 
-TEST_F(DamageTest, FirstSchemaIsMigrated) {
-  const std::vector<Commit> group = make_store();
-  change_rows(
-      "DROP TABLE joins; DROP TABLE totals; ALTER TABLE units DROP COLUMN "
-      "audit; DROP TABLE bans; "
-      "ALTER TABLE assets DROP COLUMN used_us; "
-      "ALTER TABLE jobs DROP COLUMN render_contract; ALTER TABLE jobs DROP COLUMN failure_code; "
-      "PRAGMA user_version=1");
+TEST_F(DamageTest, StoreOfFirstSchemaIsWritable) {
+  make_store();
+  change_rows(sql_to_older_schema(1));
   const auto store = open();
   ASSERT_TRUE(store.ok()) << store.status();
   EXPECT_TRUE((*store)->record_join({"worker", "token", "certificate"}, 1).ok());
-  std::size_t units = 0;
-  EXPECT_TRUE((*store)->for_each_unit(group[0].job_id, [&](const UnitRecord&) { ++units; }).ok());
-  EXPECT_EQ(units, group.size());
+  EXPECT_TRUE((*store)->ban_worker("worker").ok());
   EXPECT_EQ((*store)->jobs()->front().render_contract, 10) << "the last unrecorded one";
 }
 
 TEST_F(DamageTest, MigrationAddsTotalsOfDoneJobs) {
   make_store();
-  change_rows(
-      "DROP TABLE totals; ALTER TABLE joins DROP COLUMN seen_us; "
-      "ALTER TABLE jobs DROP COLUMN render_contract; ALTER TABLE jobs DROP COLUMN failure_code; "
-      "UPDATE jobs SET state=4; PRAGMA user_version=4");
+  change_rows(absl::StrCat("UPDATE jobs SET state=4; ", sql_to_older_schema(4)));
   const auto store = open();
   ASSERT_TRUE(store.ok()) << store.status();
   EXPECT_TRUE((*store)->for_each_unit("a", [](const UnitRecord&) { FAIL(); }).ok());
