@@ -89,7 +89,7 @@ void add_view_options(CLI::App& command, RenderOptions& options) {
       ->group(group);
   command
       .add_flag("--cull-backfaces", options.cull_backfaces,
-                "Invisibility to the camera of back faces of single-sided materials")
+                "Hide back faces of single-sided materials from the camera")
       ->group(group);
 }
 

@@ -238,6 +238,8 @@ def main(arguments):
         print_commands(arguments[1])
         return 0
     root = Path(arguments[0]).resolve() if arguments else ROOT
+    if not (root / "docs").is_dir():
+        sys.exit(f"{root}: not a checkout: no folder docs")
     repository = Repository(root)
     faults = Checks(repository).run()
     print("\n".join(faults) or f"{len(repository.pages)} pages agree with the repository")
