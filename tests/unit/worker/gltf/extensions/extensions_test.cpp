@@ -348,5 +348,51 @@ TEST(TesseraExtensions, ExampleScenesMatchSchemas) {
   EXPECT_GT(count, 20) << "the example scenes use the extensions";
 }
 
+TEST(TesseraExtensions, ExtrasAreIgnoredInEveryObject) {
+  struct Accepted {
+    std::string name, extension;
+    std::unique_ptr<GltfBuilder> file;
+  };
+  const std::string camera =
+      R"({"extras": {"note": "any"}, "extensions": {}, "shutter": {"close": 0.5, "extras": 1},
+          "lens": {"fNumber": 2, "focusDistance": 1, "extras": [1, 2]}})";
+  const std::string texture =
+      R"({"pattern": "fbm", "extras": 1, "ramp": [{"color": [0, 0, 0, 1], "extras": "any"}]})";
+  const std::string medium =
+      R"({"extras": null, "extensions": {}, "density": {"texture": 0, "extras": {}}})";
+  Accepted cases[] = {{"TESSERA_camera", camera, filmed(perspective, camera)},
+                      {"TESSERA_texture", texture, textured(texture)},
+                      {"TESSERA_medium", medium, foggy(medium)}};
+  for (const Accepted& c : cases) {
+    EXPECT_EQ(refusal(*c.file), "") << c.name;
+    const auto faults =
+        support::schema_faults(support::read_schema(c.name), json::parse(c.extension));
+    EXPECT_TRUE(faults.empty()) << c.name << " " << faults.front();
+  }
+}
+
+/// Checks that every object in a schema may have the properties that any glTF object may have.
+int check_common_properties(const json& schema, const std::string& name) {
+  if (!schema.is_structured()) return 0;
+  int count = 0;
+  if (schema.contains("additionalProperties")) {
+    ++count;
+    EXPECT_TRUE(schema["properties"].contains("extras")) << name << " " << schema.dump();
+    EXPECT_TRUE(schema["properties"].contains("extensions")) << name << " " << schema.dump();
+  }
+  for (const json& member : schema) count += check_common_properties(member, name);
+  return count;
+}
+
+TEST(TesseraExtensions, SchemasAllowExtrasInEveryObject) {
+  int count = 0;
+  for (const char* name :
+       {"blobs", "camera", "csg", "material", "medium", "shape", "terrain", "texture"}) {
+    const std::string extension = std::string("TESSERA_") + name;
+    count += check_common_properties(support::read_schema(extension), extension);
+  }
+  EXPECT_GE(count, 19) << "objects in the schemas";
+}
+
 }  // namespace
 }  // namespace tessera::testing
