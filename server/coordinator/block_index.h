@@ -52,8 +52,7 @@ class BlockIndex {
 
  private:
   struct Frame {
-    std::vector<std::vector<BlockLocation>>
-        locations;  // [pass][tile]; a pass is empty until its first
+    std::vector<std::vector<BlockLocation>> locations;  // [pass][tile]; empty: no unit of the pass
     std::vector<PassProgress> progress;
   };
 

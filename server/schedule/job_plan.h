@@ -117,7 +117,7 @@ class JobPlan {
   using Position = std::tuple<std::int32_t, std::int32_t, std::int32_t>;  // frame, pass, tile
   // State of a frame with committed units.
   struct FrameBits {
-    std::vector<std::vector<bool>> committed;  // [pass][tile]; a pass is empty until its first
+    std::vector<std::vector<bool>> committed;  // [pass][tile]; empty: no unit of the pass
     std::int64_t count = 0;
     // Adaptive plans; empty until a target exceeds the initial passes.
     std::vector<std::int32_t> wanted;  // target, by tile

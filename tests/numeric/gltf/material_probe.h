@@ -17,7 +17,7 @@ namespace tessera::testing {
 using render::Vec3d;
 
 inline constexpr double kPi = 3.14159265358979323846;
-inline constexpr double kX = 0.3, kY = 0.6;  // visible spot; not on
+inline constexpr double kX = 0.3, kY = 0.6;  // visible spot; not on the diagonal
 
 /// The linear value of an 8-bit sRGB code. Source: IEC 61966-2-1.
 inline double linear(int code) {

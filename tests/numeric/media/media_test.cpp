@@ -356,7 +356,7 @@ TEST(Fog, DenseMediumMatchesChandrasekhar) {
   EXPECT_NEAR(picture.mean(), expected, 4 * std::sqrt(3) * picture.mean_error() + 2e-3);
   double truncated = 0;
   for (const auto& block : picture.blocks) truncated += block.truncated_energy;
-  EXPECT_LT(truncated / (512 * 16), 1e-3 * expected);  // almost no path reaches
+  EXPECT_LT(truncated / (512 * 16), 1e-3 * expected);  // almost no path reaches 64 collisions
 }
 
 }  // namespace

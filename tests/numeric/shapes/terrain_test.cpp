@@ -100,7 +100,7 @@ TEST(Terrain, NoHitOfFineSteppingIsMissed) {
         off += std::fabs(above(hit.t)) <= 1e-12 ? 0 : 1;
       }
       const double step = finest / 16;
-      double let_go = -1e9;  // a root that may be missed, as both of
+      double let_go = -1e9;  // a root that may be missed, as in a pair
       const int steps = static_cast<int>(5 / step);
       for (int k = -steps; k < steps; ++k) {
         const double t = k * step;
@@ -303,7 +303,7 @@ TEST(Terrain, NormalsMatchCentralDifferences) {
       const Vec3d normal = shape_normal(shape, kCurvedFace, {at.x, field.height(at), at.y});
       off += length(normal - expected) <= 1e-4 * length(expected) ? 0 : 1;
     }
-    EXPECT_LE(off, 2);  // where a crest or the limit of a weight
+    EXPECT_LE(off, 2);  // where a crest or the limit of a weight is near
   }
 }
 

@@ -14,7 +14,7 @@ namespace {
 
 struct Difference {
   double depth = 0;  // mean difference of t of first hits, in diameters
-  double holes = 0;  // fraction of rays that hit only one of
+  double holes = 0;  // fraction of rays that hit only one of the two
 };
 
 /// Compares views from all directions at a distance of three diameters.

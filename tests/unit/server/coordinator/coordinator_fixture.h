@@ -107,7 +107,7 @@ class CoordinatorFixture : public testing::Test {
     std::string id;
     Session session;
     std::shared_ptr<RecordingConnection> link;
-    std::vector<Leased> units;  // leased but not delivered by
+    std::vector<Leased> units;  // leased but not delivered
     std::vector<Acknowledgement> acknowledgements;
     std::vector<std::string> ended;
   };

@@ -19,7 +19,7 @@ class ErrorJobTest : public CoordinatorFixture {
                                std::int32_t last_frame = 0) {
     JobSpec spec = spec_of(name, max_spp);
     spec.settings.error = error;
-    spec.settings.width = 40;  // 3 x 2 tiles with enough pixels to
+    spec.settings.width = 40;  // 3 x 2 tiles; enough pixels for a bound
     spec.settings.height = 24;
     spec.settings.tile = 16;
     spec.settings.frames = {{0, last_frame, 1}};
@@ -102,7 +102,7 @@ TEST_F(ErrorJobTest, LoweringErrorLaterKeepsPixels) {
   finish_job(worker, strict);
 
   const std::string job = create_error_job("lax", 0.2);
-  for (int round = 0; round < 3; ++round) {  // not to its end, where its blocks would
+  for (int round = 0; round < 3; ++round) {  // not to the end, which deletes the blocks
     collect(worker);
     for (int i = 0; i < 4 && !worker.units.empty(); ++i) {
       deliver(worker, worker.units.back(), bytes_of(worker.units.back()));
@@ -118,7 +118,7 @@ TEST_F(ErrorJobTest, LoweringErrorLaterKeepsPixels) {
   coordinator->extend_job(job, {{}, 0.1}, [&](const auto& view) { extended = view; });
   pump();
   EXPECT_TRUE(absl::IsInvalidArgument(extended.status())) << "more error than at present";
-  bool was_asked = false;  // the same error: answered without
+  bool was_asked = false;  // same error: `done` is called without a lock
   coordinator->extend_job(job, {{}, 0.05},
                           [&](const auto& /*view*/) { was_asked = coordinator->job(job).ok(); });
   pump();

@@ -169,7 +169,7 @@ TEST_F(Events, WorkerLogsOnlyForLeasedJobs) {
   coordinator->take_log_lines(worker.session, {{job, "the last word"}});  // late, but accepted
   EXPECT_EQ(coordinator->events().read({0, job, ""}, 100).back().text, "the last word");
   start();
-  worker = join("w");  // the server restarted; its lines had to
+  worker = join("w");  // after a restart of the server
   coordinator->take_log_lines(worker.session, {{job, "the very last"}});
   EXPECT_EQ(texts(coordinator->events().read({0, job, ""}, 100)),
             std::vector<std::string>{"the very last"});

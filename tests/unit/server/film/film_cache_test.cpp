@@ -94,7 +94,7 @@ TEST_F(FilmCacheTest, OrderDuplicatesAndMemoryKeepBits) {
   std::vector<double> errors;
   std::mt19937 rng(69);
   for (int trial = 0; trial < 12; ++trial) {
-    FilmCache cache(trial % 3 == 2 ? 1 : kPlenty);  // 1 byte: every tile is read again each
+    FilmCache cache(trial % 3 == 2 ? 1 : kPlenty);  // 1 byte: tiles are always rebuilt
     open(cache);
     auto units = all_units();
     if (trial > 0) std::shuffle(units.begin(), units.end(), rng);

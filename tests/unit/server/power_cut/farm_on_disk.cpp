@@ -11,8 +11,8 @@ namespace {
 
 constexpr char kWorker[] = "worker";
 constexpr char kScene[] = "the bytes of a scene";
-constexpr int kCredits = 7;        // odd, so that runs and groups do not end with
-constexpr std::size_t kSends = 3;  // blocks a round
+constexpr int kCredits = 7;        // odd: runs and groups do not end with passes
+constexpr std::size_t kSends = 3;  // blocks per round
 
 /// The one job: two frames of 3 × 2 tiles in two passes.
 JobSpec the_job() {

@@ -84,7 +84,7 @@ TEST(JobPlan, CommittedUnitsAreSkipped) {
 TEST(JobPlan, FinishedFrameCountsAsCommitted) {
   JobPlan plan = plan_of({0, 1}, 2, 1);
   plan.commit({0, 0, 0});
-  plan.finish(0);  // as after a restart, when its blocks are
+  plan.finish(0);  // as after a restart: its blocks are gone
   EXPECT_TRUE(plan.is_committed({0, 1, 0}));
   EXPECT_EQ(plan.committed_count(), 2);
   EXPECT_EQ(take(plan, 1, 1).front(), (Unit{1, 0, 0}));

@@ -30,7 +30,7 @@ class SchedulerHarness {
     scheduler.offer_work(now);
     return job;
   }
-  /// The same, but leases nothing of it
+  /// The same, but leases nothing of it yet.
   Job& queue_job(const JobPlanned& planned) {
     auto spec = std::make_shared<JobSpec>();
     const JobKey key = ++last_job_;
@@ -69,7 +69,7 @@ class SchedulerHarness {
   }
   WorkerKey connect(const std::string& id) { return connect(id, {}); }
 
-  /// Messages to the worker since
+  /// Returns the messages to the worker since the last call.
   Outbox outbox(WorkerKey worker) {
     return std::exchange(scheduler.find_worker(worker)->outbox, Outbox{});
   }

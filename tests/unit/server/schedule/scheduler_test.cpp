@@ -406,7 +406,7 @@ TEST(Scheduler, JobIsDoneWithLastFrame) {
 
 // End of a job ------------------------------------------------------------------------------------
 
-/// Two workers and one remaining unit, started
+/// Two workers and one remaining unit, started by the first.
 struct Tail {
   Tail() {
     units = farm.leased(slow);

@@ -17,11 +17,11 @@ class DurabilityChecker {
   /// Returns what is wrong, or an empty string.
   using Test = std::function<std::string(Store&)>;
 
-  /// `key` names the confirmation, so that
+  /// `key` names the confirmation, so that it can be ended or replaced.
   void make(const std::string& key, int step, Test test);
   /// An unknown key is no error.
   void end(const std::string& key, int step);
-  /// Ends all confirmations whose key starts with
+  /// Ends all confirmations whose key starts with `prefix`.
   void end_all(const std::string& prefix, int step);
 
   /// Returns what is wrong with a store after a power cut at `step`, or an empty string.
@@ -61,7 +61,7 @@ DurabilityChecker::Test sequence_was_used(std::int64_t sequence);
 /// file is visible. Returns what is wrong, or an empty string.
 std::string check_store(Store& store, const std::vector<std::string>& asset_bytes);
 
-/// Everything that a store contains, one fact
+/// Everything that a store contains, one fact per line.
 std::vector<std::string> facts(Store& store);
 
 std::string read_file(const std::string& path);

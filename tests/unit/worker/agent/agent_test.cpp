@@ -171,7 +171,7 @@ TEST(RenderPool, LoopRunsEveryIndexOnce) {
     {
       RenderPool pool(threads);
       const auto loop = pool.parallel_for(helper_cpu_ns);
-      pool.submit([&, loop] {  // by copy: the pool outlives this scope's
+      pool.submit([&, loop] {  // by copy: the pool outlives this scope
         loop(kCount, [&](std::int64_t i) { ++seen_inside[static_cast<std::size_t>(i)]; });
       });
       loop(kCount, [&](std::int64_t i) { ++seen_outside[static_cast<std::size_t>(i)]; });

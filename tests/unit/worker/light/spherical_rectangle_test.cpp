@@ -83,7 +83,7 @@ TEST(SphericalRectangle, ExtremeRandomNumbersAreSafe) {  // hard case 63
       for (const double u2 : {0.0, 0x1p-53, 0.5, 1 - 0x1p-53}) {
         const auto [s, t] = seen(r).sample(u1, u2);
         ASSERT_TRUE(s >= 0 && s <= 1 && t >= 0 && t <= 1) << u1 << ' ' << u2;
-        // Extreme random numbers give the ends of
+        // Extreme random numbers give the ends of the sides.
         EXPECT_NEAR(s, u1 < 0.1 ? 0 : u1 > 0.9 ? 1 : s, 1e-6);
         EXPECT_NEAR(t, u2 < 0.1 ? 0 : u2 > 0.9 ? 1 : t, 1e-6);
       }

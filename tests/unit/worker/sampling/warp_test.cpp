@@ -11,7 +11,7 @@ namespace {
 constexpr int kSide = 512;
 constexpr float kBelowOne = 1 - 0x1p-24f;
 
-/// Mean of f over midpoints of a fine grid of
+/// Mean of f over midpoints of a fine grid of the unit square.
 template <typename F>
 double grid_mean(F f) {
   double sum = 0;

@@ -264,7 +264,7 @@ TEST(Cameras, AreSelectedByNameOrIndex) {
   EXPECT_EQ(scene->camera.kind, Camera::Kind::orthographic);
   EXPECT_EQ(scene->camera.ymag, 3);
   EXPECT_EQ(scene->camera.zfar, 50);
-  // The node's scale does not affect the
+  // The node's scale does not affect the camera.
   EXPECT_EQ(scene->camera.camera_to_world.rows[0], (Vec3d{1, 0, 0}));
 }
 
@@ -394,7 +394,7 @@ TEST(Precision, SmallDistantObjectWarns) {
              p.message.find("position error up to") != std::string::npos;
     });
   };
-  EXPECT_FALSE(warned_at("1e5"));  // floats are 0.004 m apart at 5e4 m from
+  EXPECT_FALSE(warned_at("1e5"));  // floats are 0.004 m apart at 5e4 m
   EXPECT_TRUE(warned_at("1e6"));   // 0.06 m
 }
 

@@ -99,7 +99,7 @@ TEST(TesseraCamera, RejectsInvalidProperties) {
             ".shutter: open is after close"},
        }) {
     contract::RenderSettings settings;
-    settings.camera = "0";  // a camera selected by name is
+    settings.camera = "0";  // the framing camera does not replace a selected one
     const auto file = filmed(c.kind, c.extension);
     const std::string message(load_and_pose(*file, settings).status().message());
     EXPECT_NE(message.find(at + c.fault), std::string::npos) << c.extension << "\n" << message;
