@@ -325,7 +325,7 @@ TEST_F(FetchTest, OverwritesOtherFilesOnlyWithForce) {
   const Outcome refused = fetch();
   EXPECT_EQ(refused.exit, kExitBadInput);
   EXPECT_THAT(refused.err, HasSubstr("--force"));
-  EXPECT_EQ(read_file(output_ / "my_scene_1.0001.exr"), "mine");
+  EXPECT_EQ(read_file(output_ / "my_scene_1.0001.exr"), "own line");
   EXPECT_EQ(fetch({"--force"}).exit, kExitDone);
   EXPECT_EQ(read_file(output_ / "my_scene_1.0001.exr"), std::string(2500, '1'));
 }
