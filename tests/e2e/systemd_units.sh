@@ -5,10 +5,9 @@
 command -v systemd-analyze >/dev/null || skip "systemd-analyze is not installed"
 units=$(cd "$(dirname "$0")/../../deploy/systemd" && pwd)
 mkdir "$work/units"
-for unit in "$units"/*.service; do
-  # The programs lie elsewhere here, and there are no man pages to be found.
-  sed -e "s#/usr/bin/tessera#$TESSERA_BIN/tessera#" -e '/^Documentation=/d' "$unit" \
-    >"$work/units/$(basename "$unit")"
+for unit in "$units"/*.service.in; do
+  # The man pages are not installed here.
+  sed -e "s#@bindir@#$TESSERA_BIN#" -e '/^Documentation=/d' "$unit" >"$work/units/$(basename "$unit" .in)"
 done
 systemd-analyze verify "$work/units"/*.service >"$work/verify.log" 2>&1 || true
 grep "$work/units\|^tessera" "$work/verify.log" >"$work/faults.log" || true
@@ -17,7 +16,7 @@ say "systemd finds no fault"
 
 for program in server worker webhook; do
   "$TESSERA_BIN/tessera-$program" --help >"$work/help"
-  for option in $(grep -h '^ExecStart=' "$units"/tessera-$program*.service | grep -o -- '--[a-z-]*'); do
+  for option in $(grep -h '^ExecStart=' "$units"/tessera-$program*.service.in | grep -o -- '--[a-z-]*'); do
     grep -q -- "$option " "$work/help" || fail "tessera-$program has no $option"
   done
   say "tessera-$program has the options of its unit"

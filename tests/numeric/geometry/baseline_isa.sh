@@ -1,12 +1,13 @@
 #!/bin/sh
 # Fails if a function that is not named for AVX-512 has an AVX-512 instruction (EVEX prefix 0x62):
 # the linker may keep that copy of an inline function, and it would crash on a processor with AVX2
-# only. Instructions are printed on one line each, lest text in a constant look like a prefix. See worker/accel/kernels/avx512.h. Usage: baseline_isa.sh OBJECT...
+# only. See worker/accel/kernels/avx512.h. Usage: baseline_isa.sh OBJECT...
 set -eu
 command -v objdump >/dev/null || { echo "objdump is not installed"; exit 1; }
 [ "$#" -gt 0 ] || { echo "no object was given"; exit 1; }
 disassembly=$(mktemp)
 trap 'rm -f "$disassembly"' EXIT
+# One line per instruction: a wrapped line could begin with the text of a constant that equals 0x62.
 objdump -d --insn-width=15 "$@" >"$disassembly"
 awk -F'\t' '
   /^[0-9a-f]+ <.*>:$/ { name = $0; sub(/^[0-9a-f]+ </, "", name); allowed = name ~ /[Aa]vx512/ }
