@@ -19,7 +19,7 @@ endfunction()
 
 # Applied by tessera_layer().
 function(tessera_use_precompiled target)
-  if(TESSERA_PRECOMPILED_HEADERS AND TESSERA_PRECOMPILED)
+  if(TARGET tessera_precompiled_${TESSERA_PRECOMPILED})
     target_precompile_headers(${target} REUSE_FROM tessera_precompiled_${TESSERA_PRECOMPILED})
   endif()
 endfunction()

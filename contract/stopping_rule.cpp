@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "contract/index.h"
+
 namespace tessera::contract {
 namespace {
 
@@ -12,10 +14,6 @@ namespace {
 /// whole budget, so that noise in the estimates makes few tiles need another pass.
 constexpr double kFill = 0.97, kAim = 0.9;
 constexpr int kBisections = 40;
-
-std::size_t at(std::int32_t index) {
-  return static_cast<std::size_t>(index);
-}
 
 }  // namespace
 
@@ -37,11 +35,11 @@ StoppingRule::StoppingRule(double error, std::vector<Pass> passes,
 }
 
 double StoppingRule::samples_after(std::int32_t pass) const {
-  return passes_[at(pass)].end();
+  return passes_[as_index(pass)].end();
 }
 
 std::int32_t StoppingRule::pass_count(std::int32_t tile) const {
-  return tiles_[at(tile)].pass_count;
+  return tiles_[as_index(tile)].pass_count;
 }
 
 std::int64_t StoppingRule::expected_samples() const {
@@ -53,15 +51,15 @@ std::vector<StoppingRule::PassTarget> StoppingRule::take_changes() {
 }
 
 void StoppingRule::add(std::int32_t tile_index, std::int32_t pass, const ErrorSums& sums) {
-  Tile& tile = tiles_[at(tile_index)];
+  Tile& tile = tiles_[as_index(tile_index)];
   if (pass != tile.seen + 1 || pass >= tile.pass_count) return;
   tile.before = tile.newest;
   tile.newest = sums;
   tile.seen = pass;
-  --unsettled_[at(pass)];
+  --unsettled_[as_index(pass)];
   decide(tile_index);
   for (std::int32_t look = 0; look + 2 <= last_pass(); ++look) {
-    if (unsettled_[at(look)] == 0 && !look_taken_[at(look)]) take_look(look);
+    if (unsettled_[as_index(look)] == 0 && !look_taken_[as_index(look)]) take_look(look);
   }
 }
 
@@ -88,18 +86,20 @@ void StoppingRule::stop(Tile& tile) {
   tile.stopped = true;
   if (tile.seen == last_pass()) ++capped_tiles_;
   if (is_concentrated(tile.newest)) ++concentrated_tiles_;
-  for (std::int32_t later = tile.seen + 1; later <= last_pass(); ++later) --unsettled_[at(later)];
+  for (std::int32_t later = tile.seen + 1; later <= last_pass(); ++later)
+    --unsettled_[as_index(later)];
 }
 
 void StoppingRule::decide(std::int32_t index) {
-  Tile& tile = tiles_[at(index)];
+  Tile& tile = tiles_[as_index(index)];
   if (tile.stopped || tile.seen + 1 != tile.pass_count) return;
   const bool is_last = tile.seen == last_pass();
-  if (!is_last && !look_taken_[at(tile.seen - 1)]) return;  // that look has not been taken yet
+  if (!is_last && !look_taken_[as_index(tile.seen - 1)])
+    return;  // that look has not been taken yet
   if (is_last || may_stop(tile)) {
     stop(tile);
   } else {
-    wanted_samples_ += tile.pixels * passes_[at(tile.pass_count)].sample_count;
+    wanted_samples_ += tile.pixels * passes_[as_index(tile.pass_count)].sample_count;
     ++tile.pass_count;
   }
   changes_.push_back({index, tile.pass_count, tile.stopped});
@@ -112,10 +112,10 @@ StoppingRule::Seen StoppingRule::as_of(const Tile& tile, std::int32_t pass) {
 }
 
 void StoppingRule::take_look(std::int32_t pass) {
-  look_taken_[at(pass)] = true;
+  look_taken_[as_index(pass)] = true;
   set_predictions(pass, level(pass));
   for (std::int32_t tile = 0; tile < tile_count(); ++tile) {
-    if (tiles_[at(tile)].seen == pass + 1) decide(tile);
+    if (tiles_[as_index(tile)].seen == pass + 1) decide(tile);
   }
 }
 

@@ -4,13 +4,10 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
+#include "contract/index.h"
 
 namespace tessera::server {
 namespace {
-
-std::size_t at(std::int32_t index) {
-  return static_cast<std::size_t>(index);
-}
 
 template <typename Frame>
 std::int32_t pass_count(const Frame& frame) {
@@ -54,7 +51,7 @@ void FilmCache::open_frame(const FrameKey& key, const contract::RenderSettings& 
   if (reference) tile.truth.resize(passes.size());
   Frame frame{std::move(grid),      settings.aovs,
               std::move(passes),    std::move(reader),
-              std::move(reference), std::vector<Tile>(at(tile_count), tile),
+              std::move(reference), std::vector<Tile>(contract::as_index(tile_count), tile),
               tile_count,           std::nullopt,
               std::move(rule),      false};
   frames_.emplace(key, std::move(frame));
@@ -85,7 +82,7 @@ absl::StatusOr<FilmCache::Frame*> FilmCache::find(const FrameKey& key, std::int3
   if (tile < 0 || tile >= frame.grid.tile_count()) {
     return absl::InvalidArgumentError(absl::StrCat("film: ", label(key), " has no tile ", tile));
   }
-  if (pass < 0 || at(pass) >= frame.passes.size()) {
+  if (pass < 0 || contract::as_index(pass) >= frame.passes.size()) {
     return absl::InvalidArgumentError(absl::StrCat("film: ", label(key), " has no pass ", pass));
   }
   return &frame;
@@ -112,18 +109,19 @@ std::int32_t FilmCache::pass_target(const Frame& frame, std::int32_t tile) {
 /// belongs to pass end − 1; the others are read.
 absl::Status FilmCache::advance(Frame& frame, Entry& entry, const contract::FilmBlock* block,
                                 std::int32_t end) {
-  const Tile& tile = frame.tiles[at(entry.key.second)];
+  const Tile& tile = frame.tiles[contract::as_index(entry.key.second)];
   const std::int64_t bytes_before = entry.sum.bytes();
   absl::Status status;
   while (status.ok() && entry.sum.pass_count() < end &&
          entry.sum.pass_count() < pass_target(frame, entry.key.second) &&
-         tile.committed[at(entry.sum.pass_count())]) {
+         tile.committed[contract::as_index(entry.sum.pass_count())]) {
     const std::int32_t pass = entry.sum.pass_count();
     if (block != nullptr && pass == end - 1) {
-      status = entry.sum.add(*block, frame.passes[at(pass)]);
+      status = entry.sum.add(*block, frame.passes[contract::as_index(pass)]);
     } else {
       const absl::StatusOr<contract::FilmBlock> read = frame.reader(entry.key.second, pass);
-      status = read.ok() ? entry.sum.add(*read, frame.passes[at(pass)]) : read.status();
+      status =
+          read.ok() ? entry.sum.add(*read, frame.passes[contract::as_index(pass)]) : read.status();
     }
     if (status.ok()) record_pass(frame, entry);
   }
@@ -134,13 +132,13 @@ absl::Status FilmCache::advance(Frame& frame, Entry& entry, const contract::Film
 /// Records the error of a tile after its latest pass, and adds it to the stopping rule. Requires m.
 void FilmCache::measure(Frame& frame, std::int32_t tile, const TileSum& sum) {
   const std::int32_t pass = sum.pass_count() - 1;
-  Tile& state = frame.tiles[at(tile)];
-  std::optional<ErrorSums>& error = state.error[at(pass)];
+  Tile& state = frame.tiles[contract::as_index(tile)];
+  std::optional<ErrorSums>& error = state.error[contract::as_index(pass)];
   if (!error) error = sum.error_sums(*frame.mean_luminance);
-  if (frame.reference && !state.truth[at(pass)]) {
+  if (frame.reference && !state.truth[contract::as_index(pass)]) {
     const auto reference = frame.reference(frame.grid.rect(tile));
     if (reference.ok()) {
-      state.truth[at(pass)] = sum.true_sums(*reference, *frame.mean_luminance);
+      state.truth[contract::as_index(pass)] = sum.true_sums(*reference, *frame.mean_luminance);
     } else {
       frame.reference = {};
     }
@@ -150,7 +148,7 @@ void FilmCache::measure(Frame& frame, std::int32_t tile, const TileSum& sum) {
 
 /// Records what remains of a tile when its sums are evicted.
 void FilmCache::record_pass(Frame& frame, const Entry& entry) {
-  Tile& tile = frame.tiles[at(entry.key.second)];
+  Tile& tile = frame.tiles[contract::as_index(entry.key.second)];
   const std::int32_t pass = entry.sum.pass_count() - 1;
   if (pass == 0 && !tile.luminance_sum) {
     tile.luminance_sum = entry.sum.luminance_sum();
@@ -198,8 +196,8 @@ absl::Status FilmCache::add(const FrameKey& key, std::int32_t tile, std::int32_t
     return absl::InvalidArgumentError(absl::StrCat("film: ", label(key), ", tile ", tile, ", pass ",
                                                    pass, ": the block has another shape"));
   }
-  std::vector<bool>& committed = frame.tiles[at(tile)].committed;
-  committed[at(pass)] = true;
+  std::vector<bool>& committed = frame.tiles[contract::as_index(tile)].committed;
+  committed[contract::as_index(pass)] = true;
   // Ahead of its predecessors: read back once they are committed.
   if (std::find(committed.begin(), committed.begin() + pass, false) != committed.begin() + pass) {
     return absl::OkStatus();
@@ -217,7 +215,7 @@ absl::Status FilmCache::record_committed(const FrameKey& key, std::int32_t tile,
   const std::lock_guard lock(mutex_);
   const absl::StatusOr<Frame*> found = find(key, tile, pass);
   if (!found.ok()) return found.status();
-  (*found)->tiles[at(tile)].committed[at(pass)] = true;
+  (*found)->tiles[contract::as_index(tile)].committed[contract::as_index(pass)] = true;
   (*found)->has_unread_blocks = true;
   return absl::OkStatus();
 }
@@ -233,7 +231,7 @@ absl::StatusOr<double> FilmCache::mean_luminance(const FrameKey& key) {
 
 absl::Status FilmCache::read_luminance(const FrameKey& key, Frame& frame) {
   for (std::int32_t tile = 0; !frame.mean_luminance; ++tile) {
-    const Tile& state = frame.tiles[at(tile)];
+    const Tile& state = frame.tiles[contract::as_index(tile)];
     if (state.luminance_sum) continue;
     if (!state.committed[0]) {
       return absl::FailedPreconditionError(
@@ -253,8 +251,8 @@ absl::Status FilmCache::catch_up(const FrameKey& key, Frame& frame) {
   while (has_read) {  // a new target may cover passes that are already committed
     has_read = frame.has_unread_blocks = false;
     for (std::int32_t tile = 0; tile < frame.grid.tile_count(); ++tile) {
-      const Tile& state = frame.tiles[at(tile)];
-      const auto next = at(frame.rule->pass_count(tile));
+      const Tile& state = frame.tiles[contract::as_index(tile)];
+      const auto next = contract::as_index(frame.rule->pass_count(tile));
       const auto first = std::find(state.error.begin(), state.error.end(), std::nullopt);
       const auto unmeasured = static_cast<std::size_t>(first - state.error.begin());
       if (unmeasured < next && state.committed[unmeasured]) {
@@ -295,7 +293,7 @@ absl::StatusOr<std::vector<contract::StoppingRule::PassTarget>> FilmCache::take_
 bool FilmCache::is_measured(const Frame& frame, const FrameKey& key, std::int32_t tile) const {
   const auto found = index_.find({key, tile});
   if (found == index_.end() || !frame.mean_luminance) return true;
-  const auto begin = frame.tiles[at(tile)].error.begin();
+  const auto begin = frame.tiles[contract::as_index(tile)].error.begin();
   return std::all_of(begin, begin + found->second->sum.pass_count(),
                      [](const auto& error) { return error.has_value(); });
 }
@@ -351,12 +349,12 @@ FilmCache::PassStats FilmCache::stats_after(const Frame& frame, std::int32_t pas
   TrueSums truth;
   for (const Tile& tile : frame.tiles) {
     std::int32_t newest = pass;
-    while (newest >= 0 && !tile.error[at(newest)]) --newest;
-    is_truth_known = is_truth_known && newest >= 0 && tile.truth[at(newest)];
-    if (is_truth_known) truth.add(*tile.truth[at(newest)]);
+    while (newest >= 0 && !tile.error[contract::as_index(newest)]) --newest;
+    is_truth_known = is_truth_known && newest >= 0 && tile.truth[contract::as_index(newest)];
+    if (is_truth_known) truth.add(*tile.truth[contract::as_index(newest)]);
     if (newest < 0) continue;
-    const ErrorSums& error = *tile.error[at(newest)];
-    const contract::Pass& last = frame.passes[at(newest)];
+    const ErrorSums& error = *tile.error[contract::as_index(newest)];
+    const contract::Pass& last = frame.passes[contract::as_index(newest)];
     figures.samples += error.pixels * last.end();
     sums.add(error);
   }
@@ -384,8 +382,8 @@ std::int32_t FilmCache::max_samples(const FrameKey& key) const {
   for (std::size_t tile = 0; tile < frame.tiles.size(); ++tile) {
     const std::vector<bool>& committed = frame.tiles[tile].committed;
     const std::int32_t wanted = pass_target(frame, static_cast<std::int32_t>(tile));
-    for (std::int32_t pass = 0; pass < wanted && committed[at(pass)]; ++pass) {
-      samples = std::max(samples, frame.passes[at(pass)].end());
+    for (std::int32_t pass = 0; pass < wanted && committed[contract::as_index(pass)]; ++pass) {
+      samples = std::max(samples, frame.passes[contract::as_index(pass)].end());
     }
   }
   return samples;

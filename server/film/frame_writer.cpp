@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "contract/index.h"
 #include "contract/tile_grid.h"
 #include "contract/version.h"
 #include "server/film/exr_file.h"
@@ -18,14 +19,10 @@ namespace {
 using contract::PixelRect;
 using contract::RenderSettings;
 
-std::size_t at(std::int64_t index) {
-  return static_cast<std::size_t>(index);
-}
-
 /// Sums the largest values of a stream, with memory for a given number of them.
 class LargestValues {
  public:
-  explicit LargestValues(std::int64_t count) : count_(at(count)) {}
+  explicit LargestValues(std::int64_t count) : count_(contract::as_index(count)) {}
 
   void add(double value) {
     if (heap_.size() == count_) {
@@ -70,7 +67,7 @@ class Band {
       add_layer({"stderr.R", "stderr.G", "stderr.B"}, ExrType::float32);
     }
     for (ExrPlane& plane : planes_) {
-      const std::size_t size = at(std::int64_t{rows} * width_);
+      const std::size_t size = contract::as_index(std::int64_t{rows} * width_);
       if (plane.type == ExrType::uint32) {
         plane.words.resize(size);
       } else {
@@ -93,18 +90,19 @@ class Band {
     std::int64_t pixel = 0;
     for (std::int32_t row = 0; row < tile.height(); ++row) {
       for (std::int32_t column = 0; column < tile.width(); ++column, ++pixel) {
-        put_pixel(tile, pixel, at(std::int64_t{row} * width_ + x + column));
+        put_pixel(tile, pixel, contract::as_index(std::int64_t{row} * width_ + x + column));
       }
     }
   }
 
   /// Hashes R, G, B, A of the band's first `rows` rows, pixel by pixel.
   void hash(std::int32_t rows, contract::Hasher& hasher) {
-    row_.resize(4 * at(width_));
+    row_.resize(4 * contract::as_index(width_));
     for (std::int32_t row = 0; row < rows; ++row) {
       for (std::int32_t x = 0; x < width_; ++x) {
         for (std::size_t c = 0; c < 4; ++c) {
-          row_[4 * at(x) + c] = planes_[c].values[at(std::int64_t{row} * width_ + x)];
+          row_[4 * contract::as_index(x) + c] =
+              planes_[c].values[contract::as_index(std::int64_t{row} * width_ + x)];
         }
       }
       hasher.update(std::as_bytes(std::span(row_)));
@@ -133,11 +131,12 @@ class Band {
       tile.normal(pixel, xyz);
       put_values(xyz);
     }
-    if (aovs_ & contract::kAovDepth) put_values({&tile.depth()[at(pixel)], 1});
-    if (aovs_ & contract::kAovPosition) put_values({&tile.position()[3 * at(pixel)], 3});
+    if (aovs_ & contract::kAovDepth) put_values({&tile.depth()[contract::as_index(pixel)], 1});
+    if (aovs_ & contract::kAovPosition)
+      put_values({&tile.position()[3 * contract::as_index(pixel)], 3});
     if (aovs_ & contract::kAovIds) {
       for (std::size_t k = 0; k < 3; ++k) {
-        planes_[plane++].words[to] = tile.ids()[3 * at(pixel) + k];
+        planes_[plane++].words[to] = tile.ids()[3 * contract::as_index(pixel) + k];
       }
     }
     if (aovs_ & contract::kAovSamples) {
@@ -161,7 +160,7 @@ class Gatherer {
   Gatherer(const FrameSpec& spec, const contract::TileGrid& grid)
       : mean_luminance_(spec.mean_luminance.value_or(0)),
         looks_(spec.looks),
-        error_(at(grid.tile_count())),
+        error_(contract::as_index(grid.tile_count())),
         clamped_(error_.size()),
         truncated_(error_.size()),
         largest_(std::max<std::int64_t>(
@@ -180,13 +179,13 @@ class Gatherer {
     fewest_samples_ = fewest_samples_ < 0 ? samples : std::min(fewest_samples_, samples);
     statistics_.dropped_samples += tile.dropped_count();
     statistics_.transparency_limit_count += tile.transparency_limit_count();
-    clamped_[at(index)] = tile.clamped_energy();
-    truncated_[at(index)] = tile.truncated_energy();
+    clamped_[contract::as_index(index)] = tile.clamped_energy();
+    truncated_[contract::as_index(index)] = tile.truncated_energy();
     per_pixel_.clear();
-    error_[at(index)] = tile.error_sums(mean_luminance_, &per_pixel_);
+    error_[contract::as_index(index)] = tile.error_sums(mean_luminance_, &per_pixel_);
     for (const double value : per_pixel_) largest_.add(value);
-    statistics_.tiles[at(index)] = {std::sqrt(contract::mean_scaled(error_[at(index)])),
-                                    tile.sample_count()};
+    statistics_.tiles[contract::as_index(index)] = {
+        std::sqrt(contract::mean_scaled(error_[contract::as_index(index)])), tile.sample_count()};
   }
 
   /// Folds sums in tile order, whatever the order of the calls.

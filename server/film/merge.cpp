@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "absl/strings/str_cat.h"
+#include "contract/index.h"
 
 namespace tessera::server {
 namespace {
@@ -13,10 +14,6 @@ using contract::kReplicates;
 
 constexpr int kChannels = 3;
 constexpr int kRgbPerPixel = kReplicates * kChannels;
-
-std::size_t at(std::int64_t index) {
-  return static_cast<std::size_t>(index);
-}
 
 /// Returns the nearest float, clamped to the largest finite one, which a mean of few samples may
 /// exceed.
@@ -127,7 +124,7 @@ LaneErrors lane_errors(const double* rgb, std::int32_t sample_count, double floo
 
 TileSum::TileSum(std::int32_t width, std::int32_t height, std::uint32_t aovs)
     : width_(width), height_(height), aovs_(aovs) {
-  const std::size_t pixels = at(pixel_count());
+  const std::size_t pixels = contract::as_index(pixel_count());
   rgb_.resize(kRgbPerPixel * pixels);
   alpha_.resize(pixels);
   if (aovs & contract::kAovAlbedo) albedo_.resize(3 * pixels);
@@ -162,7 +159,7 @@ absl::Status TileSum::add(const contract::FilmBlock& block, const contract::Pass
     ids_ = block.ids;
   }
   if (!block.dropped.empty() && dropped_.empty()) {
-    dropped_.resize(kReplicates * at(pixel_count()));
+    dropped_.resize(kReplicates * contract::as_index(pixel_count()));
   }
   for (const contract::DroppedSamples& entry : block.dropped) {
     dropped_[std::size_t{entry.pixel} * kReplicates + entry.replicate] +=
@@ -186,13 +183,15 @@ std::int64_t TileSum::bytes() const {
 
 std::int32_t TileSum::kept(std::int64_t pixel, int r) const {
   const std::int32_t scheduled = samples_of_replicate(0, sample_count_, r);
-  return dropped_.empty() ? scheduled : scheduled - dropped_[at(pixel * kReplicates + r)];
+  return dropped_.empty() ? scheduled
+                          : scheduled - dropped_[contract::as_index(pixel * kReplicates + r)];
 }
 
 std::int32_t TileSum::kept(std::int64_t pixel) const {
   std::int32_t count = sample_count_;
   if (dropped_.empty()) return count;
-  for (int r = 0; r < kReplicates; ++r) count -= dropped_[at(pixel * kReplicates + r)];
+  for (int r = 0; r < kReplicates; ++r)
+    count -= dropped_[contract::as_index(pixel * kReplicates + r)];
   return count;
 }
 
@@ -202,7 +201,8 @@ TileSum::ReplicateMeans TileSum::replicate_means(std::int64_t pixel, int channel
     const std::int32_t count = kept(pixel, r);
     if (count <= 0) continue;
     means.value[means.count++] =
-        rgb_[at(pixel * kRgbPerPixel + std::int64_t{kChannels} * r + channel)] / count;
+        rgb_[contract::as_index(pixel * kRgbPerPixel + std::int64_t{kChannels} * r + channel)] /
+        count;
   }
   return means;
 }
@@ -213,30 +213,31 @@ void TileSum::rgba(std::int64_t pixel, std::span<float, 4> out) const {
     for (float& value : out) value = 0;
     return;
   }
-  const double* sums = &rgb_[at(pixel * kRgbPerPixel)];
+  const double* sums = &rgb_[contract::as_index(pixel * kRgbPerPixel)];
   for (int channel = 0; channel < kChannels; ++channel) {
     double sum = 0;
     for (int r = 0; r < kReplicates; ++r) sum += sums[kChannels * r + channel];
-    out[at(channel)] = to_float(sum / count);
+    out[contract::as_index(channel)] = to_float(sum / count);
   }
-  out[3] = to_float(alpha_[at(pixel)] / count);
+  out[3] = to_float(alpha_[contract::as_index(pixel)] / count);
 }
 
 void TileSum::standard_error(std::int64_t pixel, std::span<float, 3> out) const {
   for (int channel = 0; channel < kChannels; ++channel) {
     const ReplicateMeans means = replicate_means(pixel, channel);
-    out[at(channel)] =
+    out[contract::as_index(channel)] =
         means.count < 2
             ? 0.0f
-            : to_float(std::sqrt(channel_error({means.value, at(means.count)}, 0).squared));
+            : to_float(std::sqrt(
+                  channel_error({means.value, contract::as_index(means.count)}, 0).squared));
   }
 }
 
 void TileSum::over_hits(const std::vector<double>& sums, std::int64_t pixel,
                         std::span<float, 3> out) const {
-  const double hits = hits_[at(pixel)];
+  const double hits = hits_[contract::as_index(pixel)];
   for (std::size_t k = 0; k < 3; ++k) {
-    out[k] = hits > 0 ? to_float(sums[3 * at(pixel) + k] / hits) : 0.0f;
+    out[k] = hits > 0 ? to_float(sums[3 * contract::as_index(pixel) + k] / hits) : 0.0f;
   }
 }
 
@@ -256,7 +257,8 @@ double TileSum::luminance_sum() const {
     double sum[kChannels] = {};
     for (int r = 0; r < kReplicates; ++r) {
       for (int channel = 0; channel < kChannels; ++channel) {
-        sum[channel] += rgb_[at(pixel * kRgbPerPixel + std::int64_t{kChannels} * r + channel)];
+        sum[channel] +=
+            rgb_[contract::as_index(pixel * kRgbPerPixel + std::int64_t{kChannels} * r + channel)];
       }
     }
     total += (0.2126 * sum[0] + 0.7152 * sum[1] + 0.0722 * sum[2]) / count;
@@ -277,7 +279,7 @@ ErrorSums TileSum::error_sums(double mean_luminance, std::vector<double>* per_pi
   if (dropped_.empty() && sample_count_ > 0 && sample_count_ % kReplicates == 0) {
     for (; pixel + kLanes <= pixel_count(); pixel += kLanes) {
       const LaneErrors lanes =
-          lane_errors(&rgb_[at(pixel * kRgbPerPixel)], sample_count_, floor_scaled);
+          lane_errors(&rgb_[contract::as_index(pixel * kRgbPerPixel)], sample_count_, floor_scaled);
       for (std::size_t l = 0; l < kLanes; ++l) {
         sums.squared += lanes.squared[l];
         sums.relative += lanes.relative[l];
@@ -290,7 +292,8 @@ ErrorSums TileSum::error_sums(double mean_luminance, std::vector<double>* per_pi
     for (int channel = 0; channel < kChannels; ++channel) {
       const ReplicateMeans means = replicate_means(pixel, channel);
       if (means.count < 2) continue;
-      const ChannelError error = channel_error({means.value, at(means.count)}, floor_scaled);
+      const ChannelError error =
+          channel_error({means.value, contract::as_index(means.count)}, floor_scaled);
       sums.squared += error.squared;
       sums.relative += error.relative;
       scaled += error.scaled;
@@ -313,7 +316,7 @@ TrueSums TileSum::true_sums(std::span<const float> reference, double mean_lumina
     float mean[4];
     rgba(pixel, mean);
     for (std::size_t channel = 0; channel < std::size_t{kChannels}; ++channel) {
-      const double ref = reference[4 * at(pixel) + channel];
+      const double ref = reference[4 * contract::as_index(pixel) + channel];
       const double difference = mean[channel] - ref, square = difference * difference;
       sums.squared += square;
       sums.relative += square / (ref * ref + 0.01);

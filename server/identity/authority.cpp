@@ -18,7 +18,7 @@
 namespace tessera::server {
 namespace {
 
-constexpr mode_t kPublic = 0644, kPrivate = 0600;
+constexpr mode_t kPublic = 0644;
 constexpr int kSerialBits = 127;  // random, and positive in 16 bytes
 
 absl::Status openssl_failed(const char* what) {

@@ -17,7 +17,6 @@ namespace tessera::server {
 namespace {
 
 constexpr std::size_t kIdDigits = 8;
-constexpr mode_t kPrivate = 0600;
 
 /// Checks an ID, which comes from the network and becomes a file name: eight hexadecimal digits.
 bool is_token_id(const std::string& id) {

@@ -12,6 +12,8 @@ namespace tessera::server {
 // Small files with secrets and lists. Errors are those of errno with the path: NotFound,
 // PermissionDenied, ResourceExhausted, and so on.
 
+constexpr mode_t kPrivate = 0600;  // a file that only its owner reads
+
 /// Creates a directory of mode 0700 if missing.
 absl::Status make_private_folder(const std::string& path);
 

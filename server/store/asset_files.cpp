@@ -13,10 +13,6 @@ constexpr std::int64_t kPinUs =
     std::int64_t{3600} * 1'000'000;  // time for which collect_assets() spares an upload
 constexpr char kUploads[] = "upload";
 
-Blob blob(const contract::Digest& digest) {
-  return {{reinterpret_cast<const char*>(digest.bytes.data()), digest.bytes.size()}};
-}
-
 }  // namespace
 
 AssetFiles::AssetFiles(DurableFiles& files, Journal& journal, std::string folder,
@@ -58,7 +54,7 @@ absl::Status AssetFiles::clean_folder(const std::string& name,
 bool AssetFiles::has(const contract::Digest& digest) const {
   bool found = false;
   const absl::Status status = journal_.read([&](Database& rows) {
-    return rows.each("SELECT 1 FROM assets WHERE sha256=?", {blob(digest)},
+    return rows.each("SELECT 1 FROM assets WHERE sha256=?", {blob_of(digest)},
                      [&](const SqlRow&) { found = true; });
   });
   return status.ok() && found;  // if the lookup fails, the asset is uploaded again
@@ -93,7 +89,7 @@ absl::Status AssetFiles::publish(const std::string& upload_path, const contract:
     return rows.run(
         "INSERT INTO assets(sha256, bytes, kept_us) VALUES(?1, ?2, ?3) "
         "ON CONFLICT(sha256) DO UPDATE SET kept_us=?3",
-        {blob(digest), bytes, now});
+        {blob_of(digest), bytes, now});
   });
   if (status.ok() && is_new) used_bytes_ += bytes;
   return status;
@@ -113,7 +109,7 @@ absl::Status AssetFiles::release(const std::vector<contract::Digest>& digests) {
   return journal_.write([&](Database& rows) {
     for (const contract::Digest& digest : digests) {
       absl::Status noted =
-          rows.run("UPDATE assets SET used_us=? WHERE sha256=?", {now, blob(digest)});
+          rows.run("UPDATE assets SET used_us=? WHERE sha256=?", {now, blob_of(digest)});
       if (!noted.ok()) return noted;
     }
     return absl::OkStatus();
@@ -142,7 +138,7 @@ absl::Status AssetFiles::collect(std::int64_t now_us, std::int64_t quota_bytes,
   // Rows first: a file without a row is an orphan, but a row without a file is damage.
   status = journal_.write([&](Database& rows) {
     for (const auto& victim : victims) {
-      absl::Status gone = rows.run("DELETE FROM assets WHERE sha256=?", {blob(victim.first)});
+      absl::Status gone = rows.run("DELETE FROM assets WHERE sha256=?", {blob_of(victim.first)});
       if (!gone.ok()) return gone;
     }
     return absl::OkStatus();

@@ -14,6 +14,11 @@
 
 namespace tessera::server {
 
+/// Returns a digest as a value of a row. It points into `digest`.
+inline Blob blob_of(const contract::Digest& digest) {
+  return {{reinterpret_cast<const char*>(digest.bytes.data()), digest.bytes.size()}};
+}
+
 /// Assets by digest: DIRECTORY/ab/cdef…, each with a row; a file without a row does not count.
 ///
 /// One thread may write; any thread may call has(), path() and new_upload_path().

@@ -10,10 +10,6 @@
 namespace tessera::server {
 namespace {
 
-Blob blob(const contract::Digest& digest) {
-  return {{reinterpret_cast<const char*>(digest.bytes.data()), digest.bytes.size()}};
-}
-
 absl::Status read_digest(std::string_view bytes, contract::Digest& digest) {
   const auto read = contract::Digest::from_binary(bytes);
   if (!read.has_value()) return absl::DataLossError("a digest in store.db is damaged");
@@ -190,7 +186,7 @@ absl::Status DiskStore::insert_units(Database& rows, const JobRow& job,
         "INSERT INTO units(job, frame, tile, pass, segment, offset, size_bytes, stored_bytes, "
         "sha256, worker, cpu_seconds, audit) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         {job.sequence, record.unit.frame, record.unit.tile, record.unit.pass, record.segment,
-         record.offset, record.size_bytes, record.stored_bytes, blob(record.sha256),
+         record.offset, record.size_bytes, record.stored_bytes, blob_of(record.sha256),
          record.worker_id, record.cpu_seconds, static_cast<std::int64_t>(record.audit)});
     if (absl::IsAlreadyExists(inserted)) {
       return absl::AlreadyExistsError(
@@ -305,8 +301,8 @@ absl::Status DiskStore::finish_frame(const std::string& job_id, const FrameRecor
     return rows.run(
         "INSERT OR REPLACE INTO frames(job, frame, file, bytes, file_sha256, pixels_sha256, "
         "statistics_json) VALUES(?, ?, ?, ?, ?, ?, ?)",
-        {job->sequence, frame.frame, frame.file, *bytes, blob(frame.file_sha256),
-         blob(frame.pixels_sha256), frame.statistics_json});
+        {job->sequence, frame.frame, frame.file, *bytes, blob_of(frame.file_sha256),
+         blob_of(frame.pixels_sha256), frame.statistics_json});
   });
   if (status.ok()) content_bytes_ += *bytes - replaced;
   return status;

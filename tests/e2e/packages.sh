@@ -18,7 +18,7 @@ finish() {
   wait 2>/dev/null || true
   [ "$status" -eq 0 ] || { tail -n 30 "$work"/*.log >&2 2>/dev/null || true; }
   for root in "$work"/root "$work"/tar-root; do
-    for point in proc dev; do umount "$root/$point" 2>/dev/null || true; done
+    for point in proc dev; do umount --recursive --lazy "$root/$point" 2>/dev/null || true; done
   done
   rm -rf --one-file-system "$work"
 }
@@ -137,7 +137,8 @@ pids=()
 inside apt-get remove -y -qq tessera-cli tessera-server tessera-worker tessera-radiance >>"$work/apt.log" 2>&1
 [ -d "$root/var/lib/tessera/store" ] || fail "removing deleted the store"
 [ -e "$root/etc/tessera/server.toml" ] || fail "removing deleted the configuration"
-inside apt-get purge -y -qq tessera-cli tessera-server tessera-worker tessera-radiance >>"$work/apt.log" 2>&1
+# The other packages have no configuration files: they are gone already.
+inside apt-get purge -y -qq tessera-server tessera-worker >>"$work/apt.log" 2>&1
 left=$(inside sh -c 'ls -d /etc/tessera /var/lib/tessera /var/cache/tessera /usr/lib/tessera /usr/bin/tessera* 2>/dev/null' || true)
 [ -z "$left" ] || fail "purging left $left"
 say "removed with its data kept, purged without a trace"

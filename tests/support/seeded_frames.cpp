@@ -3,16 +3,11 @@
 #include <filesystem>
 #include <utility>
 
+#include "contract/index.h"
 #include "contract/pass_schedule.h"
 
 namespace tessera::testing {
-namespace {
-
-std::size_t at(std::int64_t index) {
-  return static_cast<std::size_t>(index);
-}
-
-}  // namespace
+namespace {}  // namespace
 
 absl::Status SeededRenderer::load() {
   const std::filesystem::path path(scene_);
@@ -47,7 +42,8 @@ void put_tile(const server::TileSum& sum, const contract::PixelRect& rect, std::
     float rgba[4];
     sum.rgba(pixel, rgba);
     const std::int64_t x = rect.x + pixel % rect.width, y = rect.y + pixel / rect.width;
-    for (std::size_t c = 0; c < 3; ++c) image[at(3 * (y * width + x)) + c] = rgba[c];
+    for (std::size_t c = 0; c < 3; ++c)
+      image[contract::as_index(3 * (y * width + x)) + c] = rgba[c];
   }
 }
 
@@ -63,7 +59,7 @@ FixedFrame render_fixed(const SeededRenderer& renderer, const contract::TileGrid
                         std::int32_t spp, double m) {
   const std::int32_t width = grid.window().width;
   FixedFrame frame;
-  frame.image.resize(at(std::int64_t{3} * width * grid.window().height));
+  frame.image.resize(contract::as_index(std::int64_t{3} * width * grid.window().height));
   for (std::int32_t tile = 0; tile < grid.tile_count(); ++tile) {
     const contract::PixelRect rect = grid.rect(tile);
     server::TileSum sum(rect.width, rect.height, 0);
