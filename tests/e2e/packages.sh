@@ -82,11 +82,11 @@ say "installed in a bare Debian 12; all four programs start"
 start() {
   local unit=$root/lib/systemd/system/$1
   inside sh -c 'install -d -o tessera -g tessera -m 0700 /run/tessera /var/lib/tessera /var/cache/tessera'
-  sed -n 's/^Environment=//p' "$unit" | tr ' ' '\n' >"$root/tmp/unit.env"
+  sed -n 's/^Environment=//p' "$unit" | tr ' ' '\n' >"$root/tmp/$3.env"
   local command
   command=$(sed -n 's/^ExecStart=//p' "$unit" | sed "s/%i/$2/g; s/%H/host/g")
-  printf '#!/bin/sh\nset -a\n. /tmp/unit.env\nfor f in /etc/tessera/%s.env; do [ ! -e $f ] || . $f; done\nexec %s\n' \
-    "$3" "$command" >"$root/tmp/start-$3"
+  printf '#!/bin/sh\nset -a\n. /tmp/%s.env\nfor f in /etc/tessera/%s.env; do [ ! -e $f ] || . $f; done\nexec %s\n' \
+    "$3" "$3" "$command" >"$root/tmp/start-$3"
   chmod 755 "$root/tmp/start-$3"
   chroot "$root" env -i PATH=/usr/bin:/bin LC_ALL=C.UTF-8 setpriv --reuid tessera --regid tessera --clear-groups \
     --no-new-privs --inh-caps=-all /tmp/start-"$3" >"$work/$3.log" 2>&1 &
@@ -96,6 +96,7 @@ socket=unix:/run/tessera/server.sock
 as_user() { inside setpriv --reuid tessera --regid tessera --clear-groups env TESSERA_SERVER=$socket HOME=/tmp "$@"; }
 await_farm() {
   for _ in $(seq 100); do
+    kill -0 "${pids[@]}" 2>/dev/null || break
     as_user tessera workers 2>/dev/null | grep -q idle && return
     sleep 0.2
   done
