@@ -7,16 +7,16 @@
 #include <numeric>
 #include <utility>
 
-#include "worker/accelerators/structure_accelerator.h"
 #include "worker/accelerators/shadow_cache.h"
+#include "worker/accelerators/structure_accelerator.h"
 #include "worker/inspect/ray_recorder.h"
 #include "worker/render/frame_renderer.h"
 
 namespace tessera::render {
 namespace {
 
-using accelerators::StructureAccelerator;
 using accelerators::Structure;
+using accelerators::StructureAccelerator;
 using accelerators::TraversalStats;
 
 constexpr std::int32_t kPixelsAcross = 128;

@@ -39,7 +39,8 @@ render::TraceOptions trace_options(const RendererOptions& options) {
   const auto* structure = render::accelerators::find_structure(options.accelerator);
   if (structure == nullptr) return options.isa;
   return {options.isa, [structure](const render::Scene& scene) {
-            return std::make_unique<const render::accelerators::StructureAccelerator>(scene, *structure);
+            return std::make_unique<const render::accelerators::StructureAccelerator>(scene,
+                                                                                      *structure);
           }};
 }
 
