@@ -72,7 +72,7 @@ TEST_F(VersionsTest, ProtocolIsCheckedBeforeContract) {
             "the worker");
 }
 
-TEST_F(VersionsTest, RefusedWorkerDoesNotReplaceConnectedOne) {
+TEST_F(VersionsTest, RefusedWorkerDoesNotReplaceAnother) {
   TestWorker worker(server_->channel(), "w1");
   ASSERT_TRUE(worker.open());
   v1::WorkerHello old = hello();

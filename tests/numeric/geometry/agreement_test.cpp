@@ -139,7 +139,7 @@ TEST(RayPackets, MatchSingleRaysOnInstances) {
   EXPECT_GT(hits, 10'000);
 }
 
-TEST(SceneAccel, SoupsMatchBruteForce) {
+TEST(SceneAccel, SoupsAgree) {
   int hits = 0;
   for (std::uint32_t seed = 0; seed < 6; ++seed) {
     Dice dice(seed);
@@ -158,13 +158,13 @@ TEST(SceneAccel, SplitNeedlesMatchBruteForce) {
   EXPECT_GT(hits, 2'000);
 }
 
-TEST(SceneAccel, TerrainMatchesBruteForce) {
+TEST(SceneAccel, TerrainAgrees) {
   Dice dice(20);
   EXPECT_EQ(mismatches(scene_of({terrain(12, dice)}), 20'000, 21), 0);
   EXPECT_EQ(mismatches(scene_of({terrain(48, dice)}), 2'000, 22), 0);
 }
 
-TEST(SceneAccel, InstancesMatchBruteForce) {
+TEST(SceneAccel, InstancesAgree) {
   Dice dice(30);
   Scene scene;
   scene.meshes.push_back(mesh_of({soup(20, dice), soup(10, dice)}));

@@ -75,7 +75,7 @@ INSTANTIATE_TEST_SUITE_P(, AllStructures,
                            return name;
                          });
 
-TEST_P(AllStructures, SoupsMatchBruteForce) {
+TEST_P(AllStructures, SoupsAgree) {
   Dice dice(1);
   Trial trial;
   trial.scene = scene_of({soup(150, dice), soup(60, dice)});
@@ -84,7 +84,7 @@ TEST_P(AllStructures, SoupsMatchBruteForce) {
   EXPECT_EQ(mismatches(trial, GetParam()), 0);
 }
 
-TEST_P(AllStructures, TerrainMatchesBruteForce) {
+TEST_P(AllStructures, TerrainAgrees) {
   Dice dice(2);
   Trial trial;
   trial.scene = scene_of({terrain(10, dice)});
@@ -93,7 +93,7 @@ TEST_P(AllStructures, TerrainMatchesBruteForce) {
   EXPECT_EQ(mismatches(trial, GetParam()), 0);
 }
 
-TEST_P(AllStructures, SlantedNeedlesMatchBruteForce) {
+TEST_P(AllStructures, SlantedNeedlesAgree) {
   Dice dice(3);
   Trial trial;
   trial.scene = scene_of({needles(250, dice)});
@@ -102,7 +102,7 @@ TEST_P(AllStructures, SlantedNeedlesMatchBruteForce) {
   EXPECT_EQ(mismatches(trial, GetParam()), 0);
 }
 
-TEST_P(AllStructures, InstancesMatchBruteForce) {
+TEST_P(AllStructures, InstancesAgree) {
   Dice dice(4);
   Trial trial;
   trial.scene.meshes = {mesh_of({soup(20, dice), soup(10, dice)}), mesh_of({uv_sphere(4, 6, 1)}),
@@ -122,7 +122,7 @@ TEST_P(AllStructures, InstancesMatchBruteForce) {
   EXPECT_EQ(mismatches(trial, GetParam()), 0);
 }
 
-TEST_P(AllStructures, AnyOriginMatchesBruteForce) {
+TEST_P(AllStructures, AnyOriginAgrees) {
   Dice dice(5);
   Trial trial;
   trial.scene = scene_of({uv_sphere(8, 12, 1), quad({-1, 0, -1}, {2, 0, 0}, {0, 0, 2})});
@@ -143,7 +143,7 @@ TEST_P(AllStructures, AnyOriginMatchesBruteForce) {
 }
 
 /// Covers hard case 32 and meshes of one triangle or of coplanar triangles.
-TEST_P(AllStructures, DegenerateMeshesMatchBruteForce) {
+TEST_P(AllStructures, DegenerateMeshAgrees) {
   Dice dice(6);
   Primitive nested, coplanar;
   for (int i = 0; i < 60; ++i) {
