@@ -9,9 +9,10 @@ namespace tessera::client {
 ///
 ///     void add_status_command(CLI::App& app, Invocation& invocation) {
 ///       auto options = std::make_shared<StatusOptions>();
-///       CLI::App* command = cli::add_command(app, "status", "Show the state and progress of a
-///       job"); add_connection_options(*command, invocation.connection); add_job_argument(*command,
-///       options->job); command->add_flag("--json", options->json, "JSON output (tessera.job/1)");
+///       CLI::App* command = cli::add_command(app, "status", "Show a job's state and progress");
+///       add_connection_options(*command, invocation.connection);
+///       add_job_argument(*command, options->job);
+///       command->add_flag("--json", options->json, "JSON output (tessera.job/1)");
 ///       command->callback([options, &invocation] {
 ///         invocation.run = [options, &invocation] { return run(*options, invocation); };
 ///       });

@@ -276,7 +276,8 @@ void add_render_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--report", options->report, "File for the JSON report")
       ->type_name("FILE")
       ->group(group);
-  command->add_flag("--force", options->force, "Overwrite existing files")->group(group);
+  command->add_flag("--force", options->force, "Permission to overwrite existing files")
+      ->group(group);
   command->add_flag("--json", options->json, "JSON report on stdout instead of one line")
       ->group(group);
   group = "Local farm";

@@ -89,7 +89,7 @@ void add_view_options(CLI::App& command, RenderOptions& options) {
       ->group(group);
   command
       .add_flag("--cull-backfaces", options.cull_backfaces,
-                "Hide back faces of single-sided materials from the camera")
+                "Back-face culling for the camera, single-sided materials only")
       ->group(group);
 }
 

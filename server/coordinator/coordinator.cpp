@@ -20,7 +20,7 @@ absl::Status no_such_job(const std::string& text) {
   return absl::NotFoundError(absl::StrCat("no job \"", text, "\""));
 }
 
-/// Returns whether a caller who sees the jobs of `owner` (empty: all jobs) sees this one.
+/// Returns whether `job` belongs to `owner`; an empty `owner` stands for all owners.
 bool is_visible_to(const Job& job, const std::string& owner) {
   return owner.empty() || job.spec->owner == owner;
 }

@@ -10,8 +10,8 @@
 
 namespace tessera::server {
 
-/// What a store has confirmed, and from which step: a confirmation holds from the step at which a
-/// call returned until the step at which a call that revokes it began.
+/// Records what a store has confirmed. A confirmation holds from the step at which a call returned
+/// until the step at which a call that revokes it began.
 class DurabilityChecker {
  public:
   /// Returns what is wrong, or an empty string.
