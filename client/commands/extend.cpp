@@ -60,9 +60,9 @@ void add_extend_command(CLI::App& app, Invocation& invocation) {
       ->check(cli::finite_range(1e-6, 1.0));
   command->add_flag("--json", options->json, "JSON output (tessera.job/1)");
   command->footer(
-      "The result equals a job submitted with the new settings. Fails once a finished frame's "
-      "blocks "
-      "are deleted.\nExamples:\n  tessera extend last --spp 1024\n"
+      "The result equals a job submitted with the new settings. Fails once the job is done, "
+      "because "
+      "its results are then deleted.\nExamples:\n  tessera extend last --spp 1024\n"
       "  tessera extend last --error 0.02");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };

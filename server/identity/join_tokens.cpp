@@ -32,6 +32,13 @@ absl::Status no_such_token() {
 
 absl::StatusOr<std::string> JoinTokens::create(std::int64_t expires_s,
                                                std::int64_t max_joins) const {
+  const std::filesystem::path store = std::filesystem::path(folder_).parent_path();
+  std::error_code error;
+  if (!std::filesystem::is_directory(store, error)) {
+    return absl::NotFoundError(absl::StrCat(store.string(),
+                                            ": no store; name the directory that "
+                                            "`tessera-server --store` uses"));
+  }
   contract::Digest secret, name;
   if (RAND_bytes(secret.bytes.data(), static_cast<int>(secret.bytes.size())) != 1 ||
       RAND_bytes(name.bytes.data(), static_cast<int>(name.bytes.size())) != 1) {

@@ -36,6 +36,12 @@ TEST_F(JoinTokensTest, StoreContainsNoSecret) {
   EXPECT_EQ(info.st_mode & 0777u, 0600u);
 }
 
+TEST_F(JoinTokensTest, MissingStoreIsNamed) {
+  const auto token = JoinTokens(folder_ + "/elsewhere").create(1000, 0);
+  EXPECT_TRUE(absl::IsNotFound(token.status())) << token.status();
+  EXPECT_NE(token.status().message().find("/elsewhere: no store"), std::string::npos);
+}
+
 TEST_F(JoinTokensTest, PartialSecretIsRejected) {
   const std::string text = tokens_.create(1000, 0).value();
   const std::string other = tokens_.create(1000, 0).value();
