@@ -269,15 +269,48 @@ TEST(TeapotInAStadium, SlowsGridsNotHierarchies) {
     for (const Ray& ray : rays) accel.closest_hit(ray, hit, stats);
     return static_cast<double>(stats.shapes) / static_cast<double>(rays.size());
   };
-  for (const char* grid : {"grid", "proximity-grid"})
+  for (const char* grid : {"grid", "grid-mailboxes", "proximity-grid"})
     EXPECT_GT(triangles_per_ray(grid), 1000) << grid;
-  for (const char* adaptive : {"bvh2", "bvh2-skip", "spheres", "oriented-boxes", "kd-tree",
-                               "octree", "hierarchical-grid"}) {
+  for (const char* adaptive : {"bvh2", "bvh2-skip", "bvh2-parents", "spheres", "oriented-boxes",
+                               "axis-bsp", "kd-tree", "octree", "hierarchical-grid"}) {
     EXPECT_LT(triangles_per_ray(adaptive), 50) << adaptive;
   }
-  for (const char* slower : {"recursive-grid", "polygon-bsp"}) {
+  for (const char* slower : {"recursive-grid", "polygon-bsp", "polygon-bsp-split"}) {
     EXPECT_LT(triangles_per_ray(slower), 400) << slower;
   }
+  // The ring has more triangles than the small mailbox remembers.
+  EXPECT_GT(triangles_per_ray("grid"), triangles_per_ray("grid-mailboxes"));
+  EXPECT_LE(triangles_per_ray("grid-mailboxes"), 2 * 60 * 39 + 2);
+}
+
+/// Nodes and triangles per ray of a structure in a mesh.
+accelerators::TraversalStats cost_in(const Scene& scene, std::string_view name) {
+  Dice dice(8);
+  const StructureAccelerator accel(scene, *accelerators::find_structure(name));
+  accelerators::TraversalStats stats;
+  for (int i = 0; i < 2'000; ++i) {
+    Hit hit;
+    accel.closest_hit(adversarial_ray(scene, dice), hit, stats);
+  }
+  return stats;
+}
+
+TEST(ParentBvh, VisitsFewerNodesThanSkipPointers) {
+  Dice dice(9);
+  const Scene scene = scene_of({soup(2'000, dice)});
+  EXPECT_LT(cost_in(scene, "bvh2-parents").nodes, cost_in(scene, "bvh2-skip").nodes);
+}
+
+TEST(SplittingBsp, TestsFewerTrianglesThanUnsplit) {
+  Dice dice(10);
+  const Scene scene = scene_of({soup(300, dice)});
+  EXPECT_LT(cost_in(scene, "polygon-bsp-split").shapes, cost_in(scene, "polygon-bsp").shapes);
+}
+
+TEST(KdTree, VisitsOtherNodesThanAxisBsp) {
+  Dice dice(11);
+  const Scene scene = scene_of({needles(300, dice)});
+  EXPECT_NE(cost_in(scene, "kd-tree").nodes, cost_in(scene, "axis-bsp").nodes);
 }
 
 }  // namespace

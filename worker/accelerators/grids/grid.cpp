@@ -100,14 +100,6 @@ UniformGrid::UniformGrid(std::span<const Box3f> boxes, std::vector<std::uint32_t
       grid_(box_of(boxes, shapes_), shapes_.size()),
       cells_(grid_, boxes, shapes_) {}
 
-bool UniformGrid::traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
-                           Mailbox& mailbox, TraversalStats& stats) const {
-  if (!grid_.covers(ray)) return visit_all(shapes_, visit, mailbox);
-  return traverse_cells(grid_, ray, limit, stats, [&](std::size_t cell) {
-    return visit_all(cells_.shapes_in(cell), visit, mailbox);
-  });
-}
-
 Box3d box_of(std::span<const Box3f> boxes, std::span<const std::uint32_t> shapes) {
   Box3f box;
   for (const std::uint32_t shape : shapes) box.extend(boxes[shape]);

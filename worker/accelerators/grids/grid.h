@@ -161,8 +161,15 @@ class UniformGrid {
   const Grid& grid() const { return grid_; }
   const CellLists& cells() const { return cells_; }
   std::span<const std::uint32_t> shapes() const { return shapes_; }
+  /// `mailbox` is a Mailbox or RayMailboxes.
+  template <typename AnyMailbox>
   bool traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
-                Mailbox& mailbox, TraversalStats& stats) const;
+                AnyMailbox& mailbox, TraversalStats& stats) const {
+    if (!grid_.covers(ray)) return visit_all(shapes_, visit, mailbox);
+    return traverse_cells(grid_, ray, limit, stats, [&](std::size_t cell) {
+      return visit_all(cells_.shapes_in(cell), visit, mailbox);
+    });
+  }
   std::size_t memory_bytes() const {
     return cells_.memory_bytes() + shapes_.capacity() * sizeof(std::uint32_t);
   }

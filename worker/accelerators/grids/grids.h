@@ -10,6 +10,7 @@ namespace tessera::render::accelerators {
 // boxes may be flat, equal or overlapping.
 
 std::unique_ptr<ShapeIndex> build_uniform_grid(const ShapeBounds& shapes);
+std::unique_ptr<ShapeIndex> build_mailbox_grid(const ShapeBounds& shapes);
 std::unique_ptr<ShapeIndex> build_recursive_grid(const ShapeBounds& shapes);
 std::unique_ptr<ShapeIndex> build_hierarchical_grid(const ShapeBounds& shapes);
 std::unique_ptr<ShapeIndex> build_proximity_grid(const ShapeBounds& shapes);

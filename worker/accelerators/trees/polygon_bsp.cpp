@@ -1,7 +1,10 @@
 // A BSP tree whose planes contain polygons or are perpendicular to a polygon through one of its
-// edges (the planes of a convex body's own faces would not divide it). Polygons are not split: each
-// side on which a polygon lies refers to the whole polygon, so that its hits keep their bits. A
-// polygon in the plane is stored at the node.
+// edges (the planes of a convex body's own faces would not divide it). A polygon in the plane is
+// stored at the node; one on both sides belongs to both. The splitting tree cuts it there and
+// passes on the pieces, as published; the other one passes on the whole polygon, which is cheaper
+// to build but reaches cells in which none of it lies. Hits keep their bits because a piece only
+// decides where the whole polygon is tested. Triangles that move and boxes of instances are never
+// split.
 //
 // The t of a hit may differ by ShapeRay::hull_slack from that of the polygon, so the parts of the
 // ray extend beyond the plane by ShapeRay::hit_tolerance across it and by the slack along the ray.
@@ -30,8 +33,32 @@ struct Plane {
   double side(const Vec3d& p) const { return dot(normal, p - point); }
 };
 
+/// A shape or a piece of one: the corners of a polygon, or points with a convex hull.
+struct Piece {
+  std::uint32_t shape = 0;
+  std::vector<Vec3d> points;
+};
+
+/// Returns the part of a polygon in front of the plane, or behind it. Its new corners are in the
+/// plane up to rounding. Source: I. Sutherland, G. Hodgman, "Reentrant polygon clipping", 1974.
+Piece cut(const Piece& polygon, const Plane& plane, bool front) {
+  Piece part{polygon.shape, {}};
+  Vec3d from = polygon.points.back();
+  double before = plane.side(from);
+  for (const Vec3d& to : polygon.points) {
+    const double after = plane.side(to);
+    if ((before < 0 && after > 0) || (before > 0 && after < 0)) {
+      part.points.push_back(from + (to - from) * (before / (before - after)));
+    }
+    if (front ? after >= 0 : after <= 0) part.points.push_back(to);
+    from = to;
+    before = after;
+  }
+  return part;
+}
+
 struct Node {
-  Box3f box;  // around all shapes below
+  Box3f box;  // around all shapes below, whole ones
   Plane plane;
   std::uint32_t front = 0, back = 0;   // 0: no child; both 0: a leaf
   std::uint32_t first = 0, count = 0;  // range of `items`: shapes of a leaf or in the plane
@@ -39,29 +66,51 @@ struct Node {
 
 class Builder {
  public:
-  explicit Builder(const ShapeBounds& shapes) : shapes_(shapes) {
+  Builder(const ShapeBounds& shapes, bool split)
+      : shapes_(shapes), split_(split && shapes.points_per_hull == 3) {
     const Box3f all = shapes.all();
     plane_tolerance_ = 0x1p-40 * max_abs(Vec3d(all.hi) - Vec3d(all.lo));
   }
 
-  std::uint32_t build(std::vector<std::uint32_t> shapes, int depth) {
+  void build() {
+    std::vector<Piece> pieces(shapes_.size());
+    for (std::uint32_t shape = 0; shape < shapes_.size(); ++shape) {
+      pieces[shape].shape = shape;
+      for (const Vec3f& p : shapes_.hull(shape)) pieces[shape].points.emplace_back(p);
+    }
+    const int depth = 2 * static_cast<int>(std::bit_width(shapes_.size())) + 4;
+    build(std::move(pieces), depth);
+  }
+
+  std::vector<Node> nodes;
+  std::vector<std::uint32_t> items;
+
+ private:
+  struct Sides {
+    bool front = false, back = false;
+  };
+
+  std::uint32_t build(std::vector<Piece> pieces, int depth) {
     const auto index = static_cast<std::uint32_t>(nodes.size());
     Node node;
-    for (const std::uint32_t shape : shapes) node.box.extend(shapes_.boxes[shape]);
+    for (const Piece& piece : pieces) node.box.extend(shapes_.boxes[piece.shape]);
     nodes.push_back(node);
     Plane plane;
-    if (depth == 0 || shapes.size() <= kLeafSize || !choose(shapes, plane)) {
-      store(index, shapes);
+    if (depth == 0 || pieces.size() <= kLeafSize || !choose(pieces, plane)) {
+      store(index, pieces);
       return index;
     }
-    std::vector<std::uint32_t> front, back, coplanar;
-    for (const std::uint32_t shape : shapes) {
-      const Sides sides = sides_of(shape, plane);
-      if (sides.front) front.push_back(shape);
-      if (sides.back) back.push_back(shape);
-      if (!sides.front && !sides.back) coplanar.push_back(shape);
+    std::vector<Piece> front, back, coplanar;
+    for (Piece& piece : pieces) {
+      const Sides sides = sides_of(piece, plane);
+      if (sides.front && sides.back) {
+        front.push_back(split_ ? cut(piece, plane, true) : piece);
+        back.push_back(split_ ? cut(piece, plane, false) : std::move(piece));
+      } else {
+        (sides.front ? front : sides.back ? back : coplanar).push_back(std::move(piece));
+      }
     }
-    std::vector<std::uint32_t>().swap(shapes);
+    std::vector<Piece>().swap(pieces);
     store(index, coplanar);
     nodes[index].plane = plane;
     if (!front.empty()) {
@@ -75,43 +124,35 @@ class Builder {
     return index;
   }
 
-  std::vector<Node> nodes;
-  std::vector<std::uint32_t> items;
-
- private:
-  struct Sides {
-    bool front = false, back = false;
-  };
-
-  Sides sides_of(std::uint32_t shape, const Plane& plane) const {
+  Sides sides_of(const Piece& piece, const Plane& plane) const {
     Sides sides;
-    for (const Vec3f& p : shapes_.hull(shape)) {
-      const double side = plane.side(Vec3d(p));
+    for (const Vec3d& p : piece.points) {
+      const double side = plane.side(p);
       sides.front = sides.front || side > plane_tolerance_;
       sides.back = sides.back || side < -plane_tolerance_;
     }
     return sides;
   }
 
-  void store(std::uint32_t index, const std::vector<std::uint32_t>& shapes) {
+  void store(std::uint32_t index, const std::vector<Piece>& pieces) {
     nodes[index].first = static_cast<std::uint32_t>(items.size());
-    nodes[index].count = static_cast<std::uint32_t>(shapes.size());
-    items.insert(items.end(), shapes.begin(), shapes.end());
+    nodes[index].count = static_cast<std::uint32_t>(pieces.size());
+    for (const Piece& piece : pieces) items.push_back(piece.shape);
   }
 
   /// Chooses the best plane among those of some shapes and those perpendicular to them through
   /// their edges. Returns false if none is good enough.
-  bool choose(const std::vector<std::uint32_t>& shapes, Plane& best) const {
+  bool choose(const std::vector<Piece>& pieces, Plane& best) const {
     double best_cost = kMaxPlaneCost;
-    const std::size_t step = shapes.size() / kCandidates + 1;
-    for (std::size_t i = step / 2; i < shapes.size(); i += step) {
-      const std::span<const Vec3f> hull = shapes_.hull(shapes[i]);
+    const std::size_t step = pieces.size() / kCandidates + 1;
+    for (std::size_t i = step / 2; i < pieces.size(); i += step) {
+      const std::span<const Vec3f> hull = shapes_.hull(pieces[i].shape);
       const Vec3d a(hull[0]), b(hull[1]), c(hull[2]);
       const Vec3d normal = normalize(cross(b - a, c - a));
       for (const Plane& plane :
            {Plane{normal, a}, Plane{normalize(cross(normal, b - a)), a},
             Plane{normalize(cross(normal, c - b)), b}, Plane{normalize(cross(normal, a - c)), c}}) {
-        const double cost = plane_cost(shapes, plane);
+        const double cost = plane_cost(pieces, plane);
         if (plane.normal == Vec3d{} || !(cost < best_cost)) continue;
         best_cost = cost;
         best = plane;
@@ -120,13 +161,13 @@ class Builder {
     return best_cost < kMaxPlaneCost;
   }
 
-  /// Returns the fraction of the shapes on the side with more of them, plus half of the fraction on
-  /// both sides. Estimated from up to kMaxSampled shapes.
-  double plane_cost(const std::vector<std::uint32_t>& shapes, const Plane& plane) const {
-    const std::size_t step = shapes.size() / kMaxSampled + 1;
+  /// Returns the fraction of the pieces on the side with more of them, plus half of the fraction on
+  /// both sides. Estimated from up to kMaxSampled pieces.
+  double plane_cost(const std::vector<Piece>& pieces, const Plane& plane) const {
+    const std::size_t step = pieces.size() / kMaxSampled + 1;
     double front = 0, back = 0, both = 0, all = 0;
-    for (std::size_t i = 0; i < shapes.size(); i += step) {
-      const Sides sides = sides_of(shapes[i], plane);
+    for (std::size_t i = 0; i < pieces.size(); i += step) {
+      const Sides sides = sides_of(pieces[i], plane);
       front += sides.front ? 1 : 0;
       back += sides.back ? 1 : 0;
       both += sides.front && sides.back ? 1 : 0;
@@ -136,15 +177,15 @@ class Builder {
   }
 
   const ShapeBounds& shapes_;
+  const bool split_;
   double plane_tolerance_ = 0;  // maximum distance from a plane of points that lie in it
 };
 
 class PolygonBsp final : public ShapeIndex {
  public:
-  explicit PolygonBsp(const ShapeBounds& shapes) {
-    Builder builder(shapes);
-    builder.build(all_shapes(shapes.size()),
-                  2 * static_cast<int>(std::bit_width(shapes.size())) + 4);
+  PolygonBsp(const ShapeBounds& shapes, bool split) {
+    Builder builder(shapes, split);
+    builder.build();
     nodes_ = std::move(builder.nodes);
     items_ = std::move(builder.items);
   }
@@ -194,7 +235,11 @@ class PolygonBsp final : public ShapeIndex {
 }  // namespace
 
 std::unique_ptr<ShapeIndex> build_polygon_bsp(const ShapeBounds& shapes) {
-  return std::make_unique<PolygonBsp>(shapes);
+  return std::make_unique<PolygonBsp>(shapes, false);
+}
+
+std::unique_ptr<ShapeIndex> build_splitting_bsp(const ShapeBounds& shapes) {
+  return std::make_unique<PolygonBsp>(shapes, true);
 }
 
 }  // namespace tessera::render::accelerators
