@@ -1,5 +1,6 @@
 #include "rpc/settings_message.h"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
@@ -10,6 +11,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "contract/pass_schedule.h"
+#include "contract/structure_names.h"
 
 namespace tessera::contract {
 namespace {
@@ -78,6 +80,12 @@ absl::Status check(const RenderSettings& s) {
   }
   status.Update(check_range("clamp", s.clamp, 0.0, kInf));
   if (s.error) status.Update(check_range("error_target", *s.error, 1e-6, 1.0));
+  const auto& names = kStructureNames;
+  if (!s.accelerator.empty() &&
+      std::find(names.begin(), names.end(), s.accelerator) == names.end()) {
+    status.Update(absl::InvalidArgumentError(
+        absl::StrCat("settings.accelerator: no structure is called \"", s.accelerator, "\"")));
+  }
   return status;
 }
 
@@ -176,6 +184,7 @@ v1::RenderSettings to_message(const RenderSettings& settings) {
   message.set_half(settings.half);
   message.set_clamp(settings.clamp);
   message.set_cull_backfaces(settings.cull_backfaces);
+  message.set_accelerator(settings.accelerator);
   if (settings.error) message.set_error_target(*settings.error);
   return message;
 }
@@ -224,6 +233,7 @@ absl::StatusOr<RenderSettings> from_message(const v1::RenderSettings& message) {
   settings.half = message.half();
   settings.clamp = message.clamp();
   settings.cull_backfaces = message.cull_backfaces();
+  settings.accelerator = message.accelerator();
   if (message.has_error_target()) settings.error = message.error_target();
   if (absl::Status status = check(settings); !status.ok()) return status;
   return settings;

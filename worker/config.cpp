@@ -83,16 +83,6 @@ void add_isa(CLI::App& app, render::Isa& isa) {
       });
 }
 
-CLI::Option* add_accelerator(CLI::App& app, std::string& accelerator, const char* description) {
-  return app.add_option("--accelerator", accelerator, description)
-      ->check(CLI::IsMember(contract::kStructureNames));
-}
-
-/// Adds --accelerator to a command that renders, for tests of the structures; not in --help.
-void add_hidden_accelerator(CLI::App& app, std::string& accelerator) {
-  add_accelerator(app, accelerator, "")->group("");
-}
-
 void add_worker_options(CLI::App& app, WorkerFlags& flags) {
   agent::AgentOptions& options = flags.options;
   app.add_option("--server", options.server, "Server to work for: unix:PATH or HOST:PORT")
@@ -126,7 +116,6 @@ void add_worker_options(CLI::App& app, WorkerFlags& flags) {
                  "directory (default: a quarter of RAM)")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{100'000'000}));
   add_isa(app, options.isa);
-  add_hidden_accelerator(app, options.accelerator);
   app.add_option("--id", options.worker_id,
                  "Persistent worker ID; after a restart the server reclaims the previous process's "
                  "units immediately (default: random)");
@@ -163,7 +152,6 @@ CLI::App* add_renderer(CLI::App& app, agent::RendererOptions& options) {
   renderer->add_option("--memory-bytes", options.memory_bytes);
   renderer->add_option("--texel-bytes", options.texel_bytes);
   add_isa(*renderer, options.isa);
-  add_hidden_accelerator(*renderer, options.accelerator);
   return renderer;
 }
 
@@ -175,8 +163,10 @@ void add_inspect_options(CLI::App& inspect, InspectConfig& config) {
       ->type_name("FILE");
   inspect.add_flag("--accelerators", config.accelerators,
                    "Comparison of all acceleration structures on the scene's rays");
-  add_accelerator(inspect, config.accelerator,
-                  "Comparison of the production structure with NAME only");
+  inspect
+      .add_option("--accelerator", config.accelerator,
+                  "Comparison of the production structure with NAME only")
+      ->check(CLI::IsMember(contract::kStructureNames));
   inspect.add_flag("--self-intersections", config.self_intersections,
                    "List of intersecting triangles, and which meshes are closed");
   inspect.add_option("--settings", config.settings_hex)->group("");  // passed by the client

@@ -20,7 +20,6 @@
 #include "client/output/true_error.h"
 #include "client/request/job_request.h"
 #include "contract/digest.h"
-#include "contract/structure_names.h"
 
 namespace tessera::client {
 namespace {
@@ -101,6 +100,7 @@ absl::StatusOr<Subject> open_subject(const BenchOptions& options, const std::str
     return absl::InvalidArgumentError(absl::StrCat(base, ".json: ", same.message()));
   }
   RenderOptions render = subject.reference.render;
+  render.accelerator = options.accelerator;
   render.scene = scene;
   render.environment = options.environment;
   auto job = prepare_job(render, subject.name);
@@ -208,7 +208,6 @@ int run(BenchOptions options) {
   }
   LocalFarmOptions local;
   local.threads_per_worker = options.threads;
-  local.accelerator = options.accelerator;
   auto farm = LocalFarm::start(local);  // forks: before any thread
   if (!farm.ok()) return fail(farm.status());
   if (absl::Status up = (*farm)->wait_until_up(); !up.ok()) return fail(up);
@@ -262,11 +261,7 @@ void add_bench_command(CLI::App& app, Invocation& invocation) {
       ->add_option("--environment", options->environment,
                    "Environment map of all scenes, the same file as for the references")
       ->type_name("FILE");
-  command
-      ->add_option("--accelerator", options->accelerator,
-                   "Acceleration structure (default: production's)")
-      ->check(CLI::IsMember(contract::kStructureNames))
-      ->type_name("NAME");
+  add_accelerator_option(*command, options->accelerator);
   command->add_flag("--json", options->json, "JSON output (tessera.bench/1)");
   command->footer(
       "Prints relMSE against the reference and CPU seconds (median and range over seeds), CPU "

@@ -112,9 +112,6 @@ class Supervisor {
                         "0"};
       if (!is_persistent_)
         worker.command.insert(worker.command.end(), {"--cache", folder_ + "/cache"});
-      if (!plan.accelerator.empty()) {
-        worker.command.insert(worker.command.end(), {"--accelerator", plan.accelerator});
-      }
       worker.log = folder_ + "/" + name + ".log";
       workers_.push_back(std::move(worker));
     }

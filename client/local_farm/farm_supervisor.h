@@ -13,7 +13,6 @@ struct SupervisorPlan {
   std::string folder;  // private directory of socket, logs and lock; empty: temporary
   std::string store;   // empty: temporary
   int worker_count = 1, threads_per_worker = 1;
-  std::string accelerator;  // acceleration structure of the workers; empty: production's
 };
 
 /// Supervises a local farm in the calling process, which was forked for that and has one thread.

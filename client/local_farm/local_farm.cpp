@@ -67,7 +67,6 @@ absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::start(const LocalFarmOptio
   plan.worker_program = *std::move(worker);
   plan.worker_count = options.worker_count;
   plan.threads_per_worker = options.threads_per_worker;
-  plan.accelerator = options.accelerator;
   plan.folder = options.folder;
   if (!options.store.empty()) {
     std::error_code error;

@@ -16,7 +16,6 @@ struct LocalFarmOptions {
   std::string folder;  // directory of socket and logs of a persistent farm; empty: temporary
   std::string store;   // directory of the store; empty: temporary
   int worker_count = 1, threads_per_worker = 1;
-  std::string accelerator;  // acceleration structure of the workers; empty: production's
 };
 
 /// A server and workers on this machine, reachable only by this user, with the lifetime of this

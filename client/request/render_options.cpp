@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "cli/finite_range.h"
+#include "contract/structure_names.h"
 #include "rpc/settings_message.h"
 
 namespace tessera::client {
@@ -200,6 +201,16 @@ void add_render_options(CLI::App& command, RenderOptions& options) {
       ->type_name("LIST")
       ->group(group);
   command.add_flag("--half", options.half, "Half-precision floats in EXR files")->group(group);
+  add_accelerator_option(command, options.accelerator)->group("Comparison");
+}
+
+CLI::Option* add_accelerator_option(CLI::App& command, std::string& accelerator) {
+  return command
+      .add_option("--accelerator", accelerator,
+                  "Acceleration structure for the rays (default: production's); the pixels are the "
+                  "same, the speed is not")
+      ->check(CLI::IsMember(contract::kStructureNames))
+      ->type_name("NAME");
 }
 
 absl::Status parse_size(const std::string& text, std::int32_t& width, std::int32_t& height) {
@@ -297,6 +308,7 @@ absl::StatusOr<contract::RenderSettings> settings_of(const RenderOptions& option
   settings.half = options.half;
   settings.clamp = options.clamp;
   settings.cull_backfaces = options.cull_backfaces;
+  settings.accelerator = options.accelerator;
   // from_message checks the range of every setting.
   const auto checked_settings = contract::from_message(contract::to_message(settings));
   if (!checked_settings.ok()) return checked_settings.status();

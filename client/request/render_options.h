@@ -8,7 +8,8 @@
 
 namespace CLI {
 class App;
-}
+class Option;
+}  // namespace CLI
 
 namespace tessera::client {
 
@@ -27,11 +28,15 @@ struct RenderOptions {
   double environment_rotation = 0, environment_strength = 1;
   bool half = false, cull_backfaces = false;
   double clamp = 0;
+  std::string accelerator;  // empty: the production BVH
 };
 
 /// Adds SCENE and the render options to a command. Invalid values are CLI11 errors that name the
 /// option.
 void add_render_options(CLI::App& command, RenderOptions& options);
+
+/// Adds --accelerator NAME, which must be one of contract::kStructureNames.
+CLI::Option* add_accelerator_option(CLI::App& command, std::string& accelerator);
 
 /// Converts options to settings. `environment_uri`: URI of the environment map in the manifest, or
 /// empty. Errors: InvalidArgument, naming the option.

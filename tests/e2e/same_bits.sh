@@ -100,7 +100,8 @@ for scene in same_bits shapes csg blobs motion textures fog course; do
   draw few --tile-size 16 --workers 2 --threads 1
   equal "$scene: two workers" "$(pixels "$work/few.json")" "$few"
   for name in $structures; do
-    equal "$scene: $name" "$(drawn_with --accelerator "$name")" "$few"
+    draw structure --tile-size 16 --workers 1 --threads 2 --accelerator "$name"
+    equal "$scene: $name" "$(pixels "$work/structure.json")" "$few"
   done
   for isa in avx2 avx512; do
     [ "$isa" = avx2 ] || tessera-worker --version | grep -q "isa $isa" || continue  # lacks it

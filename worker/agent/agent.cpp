@@ -94,9 +94,6 @@ RendererSupervisorOptions supervisor_options(const AgentOptions& options, JobLog
     supervisor.arguments.insert(supervisor.arguments.end(),
                                 {"--memory-bytes", absl::StrCat(options.memory_bytes)});
   }
-  if (!options.accelerator.empty()) {
-    supervisor.arguments.insert(supervisor.arguments.end(), {"--accelerator", options.accelerator});
-  }
   const auto& fault_arguments = options.faults.renderer_arguments;
   supervisor.arguments.insert(supervisor.arguments.end(), fault_arguments.begin(),
                               fault_arguments.end());
@@ -110,7 +107,6 @@ absl::StatusOr<RendererProcess::Child> fork_renderer(const AgentOptions& options
   renderer.memory_bytes = options.memory_bytes;
   renderer.texel_bytes = options.texel_bytes;
   renderer.isa = options.isa;
-  renderer.accelerator = options.accelerator;
   renderer.before_unit = options.faults.before_unit;
   return RendererProcess::fork_off([&renderer] { return run_renderer(renderer); });
 }

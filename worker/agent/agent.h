@@ -26,7 +26,6 @@ struct AgentOptions {
   std::int64_t memory_bytes = 0;            // RendererOptions::memory_bytes
   std::int64_t texel_bytes = 0;             // RendererOptions::texel_bytes
   render::Isa isa = render::best_isa();     // instruction set for ray traversal; supported
-  std::string accelerator;                  // RendererOptions::accelerator
   std::chrono::seconds unit_timeout{3600};
   std::chrono::seconds grace{20};  // from SIGTERM to exit
   std::string unit_log;            // path of the UnitLog; empty: none

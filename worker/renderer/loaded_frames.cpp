@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "rpc/settings_message.h"
+#include "worker/accelerators/structure_accelerator.h"
 #include "worker/gltf/build/loader.h"
 
 namespace tessera::agent {
@@ -13,6 +14,16 @@ using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+/// The production BVH, or the structure that the job names.
+render::TraceOptions trace_options(render::Isa isa, const contract::RenderSettings& settings) {
+  const auto* structure = render::accelerators::find_structure(settings.accelerator);
+  if (structure == nullptr) return isa;
+  return {isa, [structure](const render::Scene& scene) {
+            return std::make_unique<const render::accelerators::StructureAccelerator>(scene,
+                                                                                      *structure);
+          }};
 }
 
 }  // namespace
@@ -35,7 +46,7 @@ absl::StatusOr<LoadedFrames::Outcome> LoadedFrames::load(const v1::LoadScene& co
     const auto other = any_frame(command.job_id());
     auto made = render::FrameRenderer::create(
         *std::move(scene), *settings, command.frame(), parallel_for,
-        other == nullptr ? nullptr : other->renderer.get(), trace_options_);
+        other == nullptr ? nullptr : other->renderer.get(), trace_options(isa_, *settings));
     if (!made.ok()) return made.status();
     renderer = *std::move(made);
     outcome.build_seconds = seconds_since(build_start);

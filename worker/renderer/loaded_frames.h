@@ -29,8 +29,7 @@ struct LoadedFrame {
 class LoadedFrames {
  public:
   /// `texel_bytes`: limit of DescriptorReader.
-  LoadedFrames(render::TraceOptions trace_options, std::int64_t texel_bytes)
-      : trace_options_(std::move(trace_options)), texel_bytes_(texel_bytes) {}
+  LoadedFrames(render::Isa isa, std::int64_t texel_bytes) : isa_(isa), texel_bytes_(texel_bytes) {}
 
   struct Outcome {
     double load_seconds = 0;   // parsing, decoding, posing
@@ -64,7 +63,7 @@ class LoadedFrames {
   /// none.
   std::shared_ptr<const LoadedFrame> any_frame(const std::string& job_id);
 
-  const render::TraceOptions trace_options_;
+  const render::Isa isa_;
   const std::int64_t texel_bytes_;
   std::mutex mutex_;  // guards what follows
   std::map<std::string, std::shared_ptr<JobScene>> jobs_;

@@ -17,7 +17,6 @@
 #include "contract/version.h"
 #include "tessera/v1/renderer.pb.h"
 #include "worker/accel/layout/isa.h"
-#include "worker/accelerators/structure_accelerator.h"
 #include "worker/gltf/file/limits.h"
 #include "worker/ipc/message_socket.h"
 #include "worker/render/float_control.h"
@@ -35,15 +34,6 @@ std::int64_t peak_rss_bytes() {
   return std::int64_t{usage.ru_maxrss} * 1024;
 }
 
-render::TraceOptions trace_options(const RendererOptions& options) {
-  const auto* structure = render::accelerators::find_structure(options.accelerator);
-  if (structure == nullptr) return options.isa;
-  return {options.isa, [structure](const render::Scene& scene) {
-            return std::make_unique<const render::accelerators::StructureAccelerator>(scene,
-                                                                                      *structure);
-          }};
-}
-
 /// Size limit of the only file that may be written: the texels that exceed the memory limit, each
 /// image on a page boundary.
 constexpr rlim_t kMaxFileBytes = render::kMaxAllImageBytes * 2;
@@ -53,7 +43,7 @@ class Renderer {
   explicit Renderer(const RendererOptions& options)
       : options_(options),
         socket_(Descriptor(options.fd)),
-        frames_(trace_options(options), options.texel_bytes),
+        frames_(options.isa, options.texel_bytes),
         pool_(options.thread_count) {}
 
   int run() {

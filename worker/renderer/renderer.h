@@ -15,8 +15,6 @@ struct RendererOptions {
   std::int64_t memory_bytes = 0;  // limit without file mappings; 0: none
   std::int64_t texel_bytes = 0;   // limit of a scene's images in memory; the rest is mapped
   render::Isa isa = render::best_isa();
-  /// Name of the acceleration structure (worker/accelerators), for tests; empty: production's.
-  std::string accelerator;
   /// Called on the rendering thread before each unit, by test builds that inject faults; may be
   /// empty.
   std::function<void(const contract::Unit&)> before_unit;
