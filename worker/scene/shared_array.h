@@ -15,9 +15,8 @@ template <typename T>
 class SharedArray {
  public:
   SharedArray() = default;
-  SharedArray(
-      std::vector<T> values)  // NOLINT(google-explicit-constructor): takes ownership of a vector
-  {
+  // Implicit: takes ownership of a vector. NOLINTNEXTLINE(google-explicit-constructor)
+  SharedArray(std::vector<T> values) {
     if (values.empty()) return;
     const auto storage = std::make_shared<const std::vector<T>>(std::move(values));
     data_ = storage->data();

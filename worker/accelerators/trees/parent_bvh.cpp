@@ -31,23 +31,16 @@ class ParentBvh final : public ShapeIndex {
 
   bool traverse(const ShapeRay& ray, const float& limit, const ShapeVisitor& visit,
                 TraversalStats& stats) const override {
-    std::uint32_t node = 0;
-    for (bool from_child = false;;) {
-      if (!from_child) {
-        float enter = 0;
-        ++stats.nodes;
-        if (may_hit(ray.slabs, tree_.nodes[node].box, limit, enter)) {
-          if (!tree_.leaf(node)) {
-            node = near_child(node, ray);
-            continue;
-          }
-          if (visit_leaf(tree_.nodes[node], visit)) return true;
-        }
+    for (std::uint32_t node = 0;;) {
+      float enter = 0;
+      ++stats.nodes;
+      const bool hits = may_hit(ray.slabs, tree_.nodes[node].box, limit, enter);
+      if (hits && !tree_.leaf(node)) {
+        node = near_child(node, ray);
+        continue;
       }
-      if (node == 0) return false;  // all below the root is done
-      const std::uint32_t parent = links_[node].parent;
-      from_child = node != near_child(parent, ray);
-      node = from_child ? parent : links_[node].sibling;
+      if (hits && visit_leaf(tree_.nodes[node], visit)) return true;
+      if (!leave(node, ray)) return false;
     }
   }
   std::size_t memory_bytes() const override {
@@ -74,6 +67,19 @@ class ParentBvh final : public ShapeIndex {
     const Links& links = links_[parent];
     const bool forward = ray.box_direction[links.axis] >= 0;
     return forward == links.first_is_lower ? parent + 1 : tree_.nodes[parent + 1].skip;
+  }
+  /// Moves from a finished node to the farther sibling of it, or of the first node above that is
+  /// the nearer child. Returns false if all is done.
+  bool leave(std::uint32_t& node, const ShapeRay& ray) const {
+    while (node != 0) {
+      const Links& links = links_[node];
+      if (node == near_child(links.parent, ray)) {
+        node = links.sibling;
+        return true;
+      }
+      node = links.parent;
+    }
+    return false;
   }
   bool visit_leaf(const DepthFirstNode& leaf, const ShapeVisitor& visit) const {
     for (std::uint32_t i = 0; i < leaf.count; ++i) {
