@@ -143,6 +143,44 @@ TEST(MeshOverlap, InstanceTransformsAreApplied) {
   EXPECT_GT(overlaps[0].pairs.size(), 8u);
 }
 
+TEST(MeshOverlap, InstancesMatchExhaustiveSearch) {
+  Dice dice(10);
+  Scene scene;
+  scene.meshes = {mesh_of({uv_sphere(4, 6, 1)}), mesh_of({soup(12, dice)}), mesh_of({})};
+  for (int i = 0; i < 90; ++i) {
+    place(scene, i % 3, random_placement(dice, 0.4, Vec3d(dice.vector()), i % 2 == 0));
+  }
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> expected, found;
+  for (std::uint32_t i = 0; i < scene.instances.size(); ++i) {
+    for (std::uint32_t j = i + 1; j < scene.instances.size(); ++j) {
+      Scene pair = scene;
+      pair.instances = {scene.instances[i], scene.instances[j]};
+      if (!instance_overlaps(pair).empty()) expected.emplace_back(i, j);
+    }
+  }
+  for (const InstanceOverlap& overlap : instance_overlaps(scene)) {
+    found.emplace_back(overlap.a, overlap.b);
+  }
+  EXPECT_GT(expected.size(), 20u);
+  EXPECT_EQ(found, expected);
+}
+
+TEST(MeshOverlap, CrossingAmongManyInstancesIsFound) {
+  Scene scene;
+  scene.meshes = {mesh_of({uv_sphere(3, 4, 0.4f)})};
+  constexpr int kSide = 450;
+  for (int i = 0; i < kSide * kSide; ++i) {
+    Affine3d m;
+    m.translation = {static_cast<double>(i % kSide), static_cast<double>(i / kSide), 0};
+    place(scene, 0, m);
+  }
+  EXPECT_EQ(instance_overlaps(scene).size(), 0u);
+  Affine3d crossing;
+  crossing.translation = {10.5, 20, 0};
+  place(scene, 0, crossing);
+  EXPECT_EQ(instance_overlaps(scene).size(), 2u);
+}
+
 TEST(ExactSign, OneUlpOffPlaneIsDetected) {
   // d is an ulp off the plane x + y + z = 3 * 2^20 through a, b, c.
   const float big = 1 << 20;

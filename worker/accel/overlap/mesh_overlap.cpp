@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <map>
-#include <memory>
 #include <utility>
 
 #include "worker/accel/build/binary_bvh.h"
@@ -20,28 +19,12 @@ bool boxes_overlap(const Box3f& a, const Box3f& b) {
          a.lo.z <= b.hi.z && b.lo.z <= a.hi.z;
 }
 
-/// The triangles of a mesh that can be hit, transformed, and a BVH over them.
-struct MeshTriangles {
-  std::vector<TriangleCorners> triangles;
-  std::vector<OverlapPair::Id> ids;
+/// Boxes and a BVH over them.
+struct BoxTree {
   std::vector<Box3f> boxes;
   BinaryBvh bvh;
 
-  MeshTriangles(const Mesh& mesh, const std::vector<bool>& primitives, const Affine3d& to_world) {
-    const bool moves = !is_identity(to_world);
-    const auto place = [&](const Vec3f& p) {
-      return moves ? Vec3f(transform_point(to_world, Vec3d(p))) : p;
-    };
-    for_each_triangle(mesh, [&](std::uint32_t p, std::uint32_t t, const Vec3f& v0, const Vec3f& v1,
-                                const Vec3f& v2) {
-      if (!primitives[p]) return;
-      const TriangleCorners corners = {place(v0), place(v1), place(v2)};
-      if (!is_hittable(corners[0], corners[1], corners[2])) return;  // degenerate after rounding
-      triangles.push_back(corners);
-      ids.push_back({p, t});
-      Box3f& box = boxes.emplace_back();
-      for (const Vec3f& corner : corners) box.extend(corner);
-    });
+  void build() {
     const ParallelFor in_turn = [](std::int64_t count, const auto& body) {
       for (std::int64_t i = 0; i < count; ++i) body(i);
     };
@@ -49,15 +32,15 @@ struct MeshTriangles {
   }
 };
 
-/// Traverses two BVHs, or one BVH against itself, simultaneously.
-class OverlapSearch {
+/// Finds overlapping boxes of two trees, or of one tree with itself, by descending both at once.
+template <typename Visit>
+class PairSearch {
  public:
-  OverlapSearch(const MeshTriangles& a, const MeshTriangles& b) : a_(a), b_(b), self_(&a == &b) {}
-
-  std::vector<OverlapPair> find() {
-    if (!a_.triangles.empty() && !b_.triangles.empty()) search(0, 0);
-    std::sort(pairs_.begin(), pairs_.end());
-    return std::move(pairs_);
+  /// Calls visit(i, j) for each box i of `a` that overlaps box j of `b`. If they are the same tree:
+  /// for each two different boxes once, in either order.
+  PairSearch(const BoxTree& a, const BoxTree& b, const Visit& visit)
+      : a_(a), b_(b), self_(&a == &b), visit_(visit) {
+    if (!a.boxes.empty() && !b.boxes.empty()) search(0, 0);
   }
 
  private:
@@ -83,20 +66,55 @@ class OverlapSearch {
     for (std::uint32_t i = 0; i < a.count; ++i) {
       for (std::uint32_t j = same ? i + 1 : 0; j < b.count; ++j) {
         const std::uint32_t s = a_.bvh.order[a.first + i], t = b_.bvh.order[b.first + j];
-        if (!boxes_overlap(a_.boxes[s], b_.boxes[t])) continue;
-        if (!triangles_overlap(a_.triangles[s], b_.triangles[t])) continue;
-        OverlapPair pair{a_.ids[s], b_.ids[t]};
-        if (self_ && pair.b < pair.a) std::swap(pair.a, pair.b);
-        pairs_.push_back(pair);
+        if (boxes_overlap(a_.boxes[s], b_.boxes[t])) visit_(s, t);
       }
     }
   }
 
-  const MeshTriangles& a_;
-  const MeshTriangles& b_;
+  const BoxTree& a_;
+  const BoxTree& b_;
   const bool self_;
-  std::vector<OverlapPair> pairs_;
+  const Visit& visit_;
 };
+
+/// The triangles of a mesh that can be hit, transformed.
+struct MeshTriangles {
+  std::vector<TriangleCorners> triangles;
+  std::vector<OverlapPair::Id> ids;
+  BoxTree tree;
+
+  MeshTriangles(const Mesh& mesh, const std::vector<bool>& primitives, const Affine3d& to_world) {
+    const bool moves = !is_identity(to_world);
+    const auto place = [&](const Vec3f& p) {
+      return moves ? Vec3f(transform_point(to_world, Vec3d(p))) : p;
+    };
+    for_each_triangle(mesh, [&](std::uint32_t p, std::uint32_t t, const Vec3f& v0, const Vec3f& v1,
+                                const Vec3f& v2) {
+      if (!primitives[p]) return;
+      const TriangleCorners corners = {place(v0), place(v1), place(v2)};
+      if (!is_hittable(corners[0], corners[1], corners[2])) return;  // degenerate after rounding
+      triangles.push_back(corners);
+      ids.push_back({p, t});
+      Box3f& box = tree.boxes.emplace_back();
+      for (const Vec3f& corner : corners) box.extend(corner);
+    });
+    tree.build();
+  }
+};
+
+/// Returns the overlapping triangles of two meshes, or of one mesh with itself, in ascending order.
+std::vector<OverlapPair> overlaps_of(const MeshTriangles& a, const MeshTriangles& b) {
+  std::vector<OverlapPair> pairs;
+  const auto compare = [&](std::uint32_t i, std::uint32_t j) {
+    if (!triangles_overlap(a.triangles[i], b.triangles[j])) return;
+    OverlapPair pair{a.ids[i], b.ids[j]};
+    if (&a == &b && pair.b < pair.a) std::swap(pair.a, pair.b);
+    pairs.push_back(pair);
+  };
+  PairSearch(a.tree, b.tree, compare);
+  std::sort(pairs.begin(), pairs.end());
+  return pairs;
+}
 
 std::vector<bool> all_primitives(const Mesh& mesh) {
   return std::vector<bool>(mesh.primitives.size(), true);
@@ -106,7 +124,7 @@ std::vector<bool> all_primitives(const Mesh& mesh) {
 
 std::vector<OverlapPair> self_intersections(const Mesh& mesh, const std::vector<bool>& primitives) {
   const MeshTriangles triangles(mesh, primitives, {});
-  return OverlapSearch(triangles, triangles).find();
+  return overlaps_of(triangles, triangles);
 }
 
 std::vector<OverlapPair> self_intersections(const Mesh& mesh) {
@@ -114,35 +132,40 @@ std::vector<OverlapPair> self_intersections(const Mesh& mesh) {
 }
 
 std::vector<InstanceOverlap> instance_overlaps(const Scene& scene) {
-  const auto mesh_of = [&](std::size_t i) -> const Mesh& {
+  const auto mesh_of = [&](std::uint32_t i) -> const Mesh& {
     return scene.meshes[static_cast<std::size_t>(scene.instances[i].mesh)];
   };
-  std::vector<Box3f> boxes(scene.instances.size());
-  for (std::size_t i = 0; i < boxes.size(); ++i) {
+  BoxTree tree;
+  std::vector<std::uint32_t> instances;  // by box: those with triangles
+  for (std::uint32_t i = 0; i < scene.instances.size(); ++i) {
+    Box3f box;
     for (const Primitive& primitive : mesh_of(i).primitives) {
       for (const Vec3f& p : primitive.positions) {
-        boxes[i].extend(Vec3f(transform_point(scene.instances[i].object_to_world, Vec3d(p))));
+        box.extend(Vec3f(transform_point(scene.instances[i].object_to_world, Vec3d(p))));
       }
     }
+    if (!(box.lo.x <= box.hi.x)) continue;
+    tree.boxes.push_back(box);
+    instances.push_back(i);
   }
-  std::vector<std::unique_ptr<MeshTriangles>> meshes(boxes.size());  // built on first use
-  const auto triangles_of = [&](std::size_t i) -> const MeshTriangles& {
-    if (meshes[i] == nullptr) {
-      meshes[i] = std::make_unique<MeshTriangles>(mesh_of(i), all_primitives(mesh_of(i)),
-                                                  scene.instances[i].object_to_world);
-    }
-    return *meshes[i];
+  tree.build();
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> candidates;
+  const auto collect = [&](std::uint32_t i, std::uint32_t j) {
+    candidates.emplace_back(std::minmax(instances[i], instances[j]));
+  };
+  PairSearch(tree, tree, collect);
+  std::sort(candidates.begin(), candidates.end());
+  std::map<std::uint32_t, MeshTriangles> meshes;  // by instance, until all its pairs are done
+  const auto triangles_of = [&](std::uint32_t i) -> const MeshTriangles& {
+    return meshes
+        .try_emplace(i, mesh_of(i), all_primitives(mesh_of(i)), scene.instances[i].object_to_world)
+        .first->second;
   };
   std::vector<InstanceOverlap> out;
-  for (std::size_t i = 0; i < boxes.size(); ++i) {
-    for (std::size_t j = i + 1; j < boxes.size(); ++j) {
-      if (!boxes_overlap(boxes[i], boxes[j])) continue;
-      std::vector<OverlapPair> pairs = OverlapSearch(triangles_of(i), triangles_of(j)).find();
-      if (pairs.empty()) continue;
-      out.push_back(
-          {static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(j), std::move(pairs)});
-    }
-    meshes[i].reset();
+  for (const auto& [a, b] : candidates) {
+    meshes.erase(meshes.begin(), meshes.lower_bound(a));
+    std::vector<OverlapPair> pairs = overlaps_of(triangles_of(a), triangles_of(b));
+    if (!pairs.empty()) out.push_back({a, b, std::move(pairs)});
   }
   return out;
 }
