@@ -76,6 +76,33 @@ TEST(Terrain, WaveHitsAreExact) {
   EXPECT_EQ(hits_of(waves, {0, 0.2 + 1e-9, 0}, {1, 0, 0}).size(), 0u);
 }
 
+/// Heights far below the rounding of a position at the camera's distance, and a plane.
+TEST(Terrain, AlmostFlatGroundIsHitOnceAndLeft) {
+  for (const double height : {1e-3, 1e-7, 1e-10, 1e-14, 0.0}) {
+    TerrainForm form = form_of(Pattern::ridged, height > 0 ? 8 : 0);
+    form.size = {10, 10};
+    form.height = height > 0 ? height : 1e-10;
+    const Shape ground = make_terrain(form, 0);
+    Dice dice(26);
+    for (int i = 0; i < 2'000; ++i) {
+      const Vec2d at = place_in(form, dice);
+      const Vec3d origin = {0.1, 1.5, 5}, target = {at.x, 0, at.y};
+      const std::vector<ShapeHit> hits = hits_of(ground, origin, target - origin);
+      ASSERT_EQ(hits.size(), 1u) << height;
+      const Vec3d& p = hits[0].point;
+      ASSERT_EQ(p.y, ground.terrain->height({p.x, p.z}));
+      const Vec3f rounded(p);
+      const Vec3f normal = Vec3f(normalize(shape_normal(ground, kCurvedFace, Vec3d(rounded))));
+      const SurfacePoint surface = placed_shape_point({}, rounded, normal);
+      const Vec3f away = normalize(Vec3f{dice.both(), 0.01f + std::fabs(dice.both()), dice.both()});
+      std::vector<ShapeHit> again;
+      intersect_shape(ground, Vec3d(offset_ray_origin(surface, away)), Vec3d(away), again,
+                      {0, 1e9});
+      ASSERT_TRUE(again.empty()) << height;
+    }
+  }
+}
+
 TEST(Terrain, NoHitOfFineSteppingIsMissed) {
   Dice dice(25);
   int roots = 0, missed = 0, off = 0;

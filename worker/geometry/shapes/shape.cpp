@@ -11,6 +11,27 @@ int Shape::flat_axis() const {
   return -1;
 }
 
+namespace {
+
+/// Intersects with a terrain. A line from within its bounding sphere keeps its origin: it may start
+/// on the ground, where a rounding error of the shift would exceed the height of almost flat
+/// terrain.
+void intersect_terrain_near(const Shape& shape, const Vec3d& origin, double nearest,
+                            const Vec3d& direction, const HitRequest& request,
+                            std::vector<ShapeHit>& hits) {
+  const Vec3d size = Vec3d(shape.bounds.hi) - Vec3d(shape.bounds.lo);
+  const Vec3d from_centre = origin - (Vec3d(shape.bounds.lo) + size * 0.5);
+  if (4 * dot(from_centre, from_centre) <= dot(size, size)) {
+    return intersect_terrain(shape, origin, direction, request, hits);
+  }
+  const std::size_t first = hits.size();
+  intersect_terrain(shape, origin + direction * nearest, direction,
+                    {request.from - nearest, request.to - nearest, request.first}, hits);
+  for (std::size_t i = first; i < hits.size(); ++i) hits[i].t += nearest;
+}
+
+}  // namespace
+
 void intersect_shape(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
                      std::vector<ShapeHit>& hits, const HitRequest& request) {
   const double size2 = dot(direction, direction);
@@ -30,9 +51,7 @@ void intersect_shape(const Shape& shape, const Vec3d& origin, const Vec3d& direc
       intersect_blobs(shape, near, direction, hits);
       break;
     case Shape::Form::terrain:
-      intersect_terrain(shape, near, direction,
-                        {request.from - nearest, request.to - nearest, request.first}, hits);
-      break;
+      return intersect_terrain_near(shape, origin, nearest, direction, request, hits);
   }
   for (std::size_t i = first; i < hits.size(); ++i) hits[i].t += nearest;
 }

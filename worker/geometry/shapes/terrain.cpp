@@ -65,7 +65,11 @@ class TerrainLine {
 void TerrainLine::settle(double t, bool inside) {
   if (inside == inside_) return;
   inside_ = inside;
-  hits_.push_back({t, origin_ + direction_ * t, kCurvedFace, inside});
+  // The height is that of the ground, because y(t) is rounded relative to the distance from the
+  // origin, which may exceed the height of almost flat terrain by any factor.
+  Vec3d point = origin_ + direction_ * t;
+  point.y = field_.height({point.x, point.z});
+  hits_.push_back({t, point, kCurvedFace, inside});
   done_ = request_.first;
 }
 
@@ -132,6 +136,8 @@ void TerrainLine::find(double first, double last) {
       find(from, centre);
       find(centre, to);
     }
+    // Where t is too coarse for the height, the crossing may be lost in rounding.
+    if (high < 1 && !done_) settle(to, end);
   }
 }
 
