@@ -139,6 +139,64 @@ Distance distance_to_sphere(const Vec3d& light, const render::Affine3d& placemen
   return {sum.rendered / count, sum.smooth / count, sum.flat / count};
 }
 
+/// With a slab through the middle, which a point that slides along the surface would cross.
+Picture lit_with_slab(const Scene& placed) {
+  Scene scene = placed;
+  Primitive slab;
+  slab.material = 1;
+  slab.positions = {{-2, 0, -2}, {-2, 0, 2}, {2, 0, 2}, {2, 0, -2}};
+  slab.triangles = {{0, 1, 2}, {0, 2, 3}};
+  add_primitive(&scene, slab, {});
+  render::PunctualLight sun;
+  sun.kind = render::PunctualLight::Kind::directional;
+  sun.intensity = {1, 1, 1};
+  sun.direction = {-0.9f, -0.3f, -0.3f};
+  scene.lights.push_back(sun);
+  return render_picture(scene, small_settings(kSide, kSide, 8));
+}
+
+/// The mesh that `placement` turns into `world`. Normals are not normalised, so that interpolation
+/// weights them in object space as in world space.
+Primitive seen_through(const render::Affine3d& placement, const Primitive& world) {
+  Primitive mesh = world;
+  const render::Affine3d inverse = render::inverse(placement).value();
+  for (Vec3f& p : mesh.positions) p = Vec3f(transform_point(inverse, Vec3d(p)));
+  for (Vec3f& n : mesh.normals) n = Vec3f(transform_normal(placement, Vec3d(n)));
+  if (determinant(placement) < 0) {
+    for (auto& t : mesh.triangles) std::swap(t[1], t[2]);
+  }
+  return mesh;
+}
+
+/// However a node scales, shears or mirrors, the world's sphere is the same.
+TEST(ShadowTerminator, NodeScaleDoesNotMatter) {
+  const Primitive sphere = icosphere(1);
+  const Picture expected = lit_with_slab(scene_of(sphere, {}));
+  const std::array<std::array<Vec3d, 3>, 8> placements = {{
+      {{{1e-4, 0, 0}, {0, 1e-4, 0}, {0, 0, 1e-4}}},
+      {{{1e4, 0, 0}, {0, 1e4, 0}, {0, 0, 1e4}}},
+      {{{1, 0, 0}, {0, 50, 0}, {0, 0, 1}}},
+      {{{1e-4, 0, 0}, {0, 1, 0}, {0, 0, 1e4}}},
+      {{{1, 2, 0}, {0, 1, 0}, {0, 0, 1}}},
+      {{{1e-2, 0, 0}, {3, 100, 0}, {0, 0, 1}}},
+      {{{-1, 0, 0}, {0, 1, 0}, {0, 0, 1}}},
+      {{{0, -20, 0}, {0.1, 0, 0}, {0, 0, -5}}},
+  }};
+  for (const auto& rows : placements) {
+    render::Affine3d placement;
+    placement.rows = rows;
+    const Picture picture = lit_with_slab(scene_of(seen_through(placement, sphere), placement));
+    double difference = 0;
+    for (int y = 0; y < kSide; ++y) {
+      for (int x = 0; x < kSide; ++x) {
+        difference += std::fabs(double{picture.at(x, y).x} - double{expected.at(x, y).x});
+      }
+    }
+    // Corners are rounded to float before and after: few samples lie within 1e-7 of an edge.
+    EXPECT_LT(difference / (kSide * kSide), 1e-4) << rows[0].x << " " << rows[1].y;
+  }
+}
+
 TEST(ShadowTerminator, CoarseSphereIsLitLikeSphere) {
   for (const Vec3d& toward : {Vec3d{1, 0.3, 0.1}, Vec3d{-1, 0.2, 0.4}, Vec3d{0.2, -1, -0.3}}) {
     for (const bool mirrored : {false, true}) {  // other vertex order in memory, same in the world

@@ -192,10 +192,12 @@ void offset_shadow_terminator(const Vec3f& wo, ShadingPoint* p, SurfacePoint* po
   Vec3f lift;
   for (std::size_t k = 0; k < 3; ++k) {
     const Vec3f& normal = n[p->vertices[k]];
-    const float below = -outwards * dot(from[k], normal), squared = dot(normal, normal);
-    if (below > 0 && squared > 0) lift += normal * (outwards * share[k] * below / squared);
+    const float below = -outwards * dot(from[k], normal);  // the same in object and world space
+    if (!(below > 0)) continue;
+    const Vec3f world = transform_normal(p->instance->world_to_object, normal);
+    const float squared = dot(world, world);
+    if (squared > 0) lift += world * (outwards * share[k] * below / squared);
   }
-  lift = transform_vector(p->instance->object_to_world, lift);
   // Offsets below the error bounds gain nothing, and rays could start inside.
   const Vec3f geometric = p->front ? p->geometric_normal : -p->geometric_normal;
   float min_lift = 0;
