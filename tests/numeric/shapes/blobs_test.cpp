@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "tests/numeric/shapes/solid_scenes.h"
+#include "worker/geometry/shapes/blob_line.h"
 #include "worker/geometry/shapes/shape_surface.h"
 
 namespace tessera::render::testing {
@@ -47,6 +48,96 @@ std::vector<Blob> random_blobs(Dice& dice) {
     blob.strength = static_cast<double>(dice.unit()) * (dice.below(4) == 0 ? -2 : 2);
   }
   return blobs;
+}
+
+/// `count` blobs of radius 1 with centres within 0.3 of the origin along each axis: all overlap.
+std::vector<Blob> dense_blobs(Dice& dice, std::size_t count) {
+  std::vector<Blob> blobs(count);
+  for (Blob& blob : blobs) blob = {Vec3d(dice.vector()) * 0.3, kUnit, 1};
+  return blobs;
+}
+
+/// Blobs with radii over `octaves` octaves, so that some are much smaller than others; one in
+/// `negative` has a negative strength.
+std::vector<Blob> mixed_blobs(Dice& dice, std::size_t count, int octaves, std::uint32_t negative) {
+  std::vector<Blob> blobs(count);
+  for (Blob& blob : blobs) {
+    const double size =
+        std::ldexp(1.0, -static_cast<int>(dice.below(static_cast<std::uint32_t>(octaves))));
+    blob.centre = Vec3d(dice.vector());
+    for (int k = 0; k < 3; ++k) blob.radii[k] = size * (0.5 + static_cast<double>(dice.unit()));
+    blob.strength = static_cast<double>(dice.unit()) * (dice.below(negative) == 0 ? -2 : 2);
+  }
+  return blobs;
+}
+
+/// Shoots lines at the blobs and compares all bits of the hits with the plain search. Returns the
+/// number of hits.
+std::size_t compare_with_plain(Dice& dice, const std::vector<Blob>& blobs, double threshold,
+                               int lines) {
+  const BlobField field(blobs, threshold);
+  BlobLine fast, plain;
+  std::vector<ShapeHit> found, expected;
+  std::size_t count = 0;
+  for (int i = 0; i < lines; ++i) {
+    const Vec3d origin = Vec3d(dice.direction()) * 4.0;
+    const Vec3d direction = Vec3d(dice.vector()) * 1.2 - origin;
+    found.clear();
+    expected.clear();
+    fast.intersect(field, origin, direction, false, found);
+    plain.intersect(field, origin, direction, true, expected);
+    EXPECT_EQ(found.size(), expected.size()) << i;
+    for (std::size_t k = 0; k < std::min(found.size(), expected.size()); ++k) {
+      EXPECT_EQ(found[k].t, expected[k].t) << i;
+      EXPECT_EQ(found[k].enters, expected[k].enters) << i;
+    }
+    count += expected.size();
+  }
+  return count;
+}
+
+TEST(Blobs, HitsEqualPlainSearchBitForBit) {
+  Dice dice(31);
+  std::size_t hits = 0;
+  for (int scene = 0; scene < 60; ++scene) {
+    const std::size_t size = 20 + dice.below(400);
+    hits += compare_with_plain(dice, dense_blobs(dice, size), static_cast<double>(size) / 16, 20);
+    hits += compare_with_plain(dice, mixed_blobs(dice, size, 4, 4), 0.25, 20);
+    hits += compare_with_plain(dice, mixed_blobs(dice, size, 16, 2), 1e-6, 20);
+  }
+  EXPECT_GT(hits, 4'000u);
+}
+
+TEST(Blobs, TouchedThresholdEqualsPlainSearch) {
+  // The pairs cancel up to rounding, which leaves a field of 3 around the origin.
+  std::vector<Blob> blobs = {
+      {{}, kUnit, 1}, {{}, kUnit * std::sqrt(2.0), -6}, {{}, kUnit * 2.0, 8}};
+  Dice dice(32);
+  for (int i = 0; i < 40; ++i) {
+    const Blob blob = {Vec3d(dice.vector()), kUnit, static_cast<double>(dice.unit())};
+    blobs.push_back(blob);
+    blobs.push_back({blob.centre, blob.radii, -blob.strength});
+  }
+  EXPECT_GT(compare_with_plain(dice, blobs, 3, 500), 500u);
+}
+
+TEST(Blobs, DenseClusterTakesLinearTimeALine) {
+  Dice dice(33);
+  for (const std::size_t count : {400u, 1'600u, 6'400u}) {
+    const BlobField field(dense_blobs(dice, count), static_cast<double>(count) / 16);
+    BlobLine line;
+    std::vector<ShapeHit> hits;
+    std::size_t terms = 0;
+    for (int i = 0; i < 100; ++i) {
+      const Vec3d origin = Vec3d(dice.direction()) * 4.0;
+      line.intersect(field, origin, Vec3d(dice.vector()) - origin, false, hits);
+      terms += line.term_count();
+    }
+    EXPECT_GT(hits.size(), 100u);
+    // A line crosses the surface twice, in an interval that is summed twice; as much again for
+    // intervals so close to the surface that the bounds do not exclude it, and for the first sum.
+    EXPECT_LE(terms, 100 * 10 * count) << count;
+  }
 }
 
 TEST(Blobs, SingleBlobIsASphere) {
