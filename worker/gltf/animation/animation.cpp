@@ -62,9 +62,8 @@ TrackLayout layout_of(const GltfModel& model, const AnimationChannel& channel) {
           channel.path == AnimationPath::weights};
 }
 
-/// A pointer channel has vectors of up to four values; longer ones are stored as scalars.
 TrackLayout layout_of(const PointerChannel& channel) {
-  return {channel.input, channel.output, channel.interpolation, channel.width, channel.width > 4};
+  return {channel.input, channel.output, channel.interpolation, channel.width, channel.flat};
 }
 
 absl::StatusOr<Track> read_track(const GltfModel& model, const TrackLayout& channel,

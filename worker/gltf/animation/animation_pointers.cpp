@@ -23,13 +23,14 @@ struct Animatable {
   int width;
 };
 
-/// Properties of cameras, lights and materials, sorted by name. Source: Khronos, "glTF 2.0 Asset
-/// Object Model".
+/// Properties of cameras, lights and materials, sorted by name. Some have no effect on the image.
+/// Source: Khronos, "glTF 2.0 Asset Object Model".
 constexpr Animatable kAnimatable[] = {
     {"alphaCutoff", 1},
     {"anisotropyRotation", 1},
     {"anisotropyStrength", 1},
     {"attenuationColor", 3},
+    {"aspectRatio", 1},
     {"attenuationDistance", 1},
     {"baseColorFactor", 4},
     {"clearcoatFactor", 1},
@@ -81,7 +82,8 @@ std::size_t element_segment_count(const std::vector<std::string>& parts) {
       parts[2] == "lights") {
     return 4;
   }
-  constexpr std::string_view kSections[] = {"cameras", "materials", "nodes", "scenes", "textures"};
+  constexpr std::string_view kSections[] = {"cameras", "materials", "meshes",
+                                            "nodes",   "scenes",    "textures"};
   const bool animated = parts.size() > 2 && std::find(std::begin(kSections), std::end(kSections),
                                                       parts[0]) != std::end(kSections);
   return animated ? 2 : 0;
@@ -110,6 +112,11 @@ bool path_exists(const json& root, const std::vector<std::string>& parts, std::s
   return at->is_object();
 }
 
+bool is_visibility(const std::vector<std::string>& parts) {
+  return parts.size() == 5 && parts[0] == "nodes" && parts[3] == "KHR_node_visibility" &&
+         parts[4] == "visible";
+}
+
 /// Number of values at the pointer; 0 if it cannot be animated.
 int width_at(const json& root, const std::vector<std::string>& parts) {
   const std::size_t element = element_segment_count(parts);
@@ -131,14 +138,59 @@ int width_at(const json& root, const std::vector<std::string>& parts) {
         std::all_of(value.begin(), value.end(), [](const json& v) { return v.is_number(); });
     return numbers ? static_cast<int>(value.size()) : 0;
   }
-  if (parts[0] == "nodes" || parts[0] == "scenes" || parts[0] == "textures") return 0;
+  if (is_visibility(parts)) return 1;
+  if (parts[0] != "cameras" && parts[0] != "materials" && parts[0] != "extensions") return 0;
   if (parent == "KHR_texture_transform") {
     return name == "rotation" ? 1 : name == "offset" || name == "scale" ? 2 : 0;
   }
+  if (name == "strength") return parent == "occlusionTexture";
   if (name == "scale") return parent == "normalTexture" || parent == "clearcoatNormalTexture";
   const auto* known = std::find_if(std::begin(kAnimatable), std::end(kAnimatable),
                                    [&](const Animatable& a) { return a.name == name; });
   return known == std::end(kAnimatable) ? 0 : known->width;
+}
+
+/// Morph target weights that a pointer names: "/meshes/0/weights", "/nodes/0/weights" or one
+/// element of either.
+struct WeightsPlace {
+  std::int32_t mesh = kNone;
+  std::int32_t element = kNone;  // kNone: all
+  int count = 0;                 // morph targets of the mesh
+};
+
+/// Parses an index below `size`; kNone if it is none.
+std::int32_t parse_index(const std::string& text, std::size_t size) {
+  std::uint32_t index = 0;
+  return absl::SimpleAtoi(text, &index) && index < size ? static_cast<std::int32_t>(index) : kNone;
+}
+
+std::optional<WeightsPlace> weights_place(const GltfModel& model,
+                                          const std::vector<std::string>& parts) {
+  if (parts.size() < 3 || parts.size() > 4 || parts[2] != "weights") return std::nullopt;
+  WeightsPlace place;
+  if (parts[0] == "meshes") {
+    place.mesh = parse_index(parts[1], model.meshes.size());
+  } else if (parts[0] == "nodes") {
+    const std::int32_t node = parse_index(parts[1], model.nodes.size());
+    if (node != kNone) place.mesh = model.nodes[node].mesh;
+  }
+  if (place.mesh == kNone) return std::nullopt;
+  const auto& primitives = model.meshes[place.mesh].primitives;
+  if (primitives.empty() || primitives.front().targets.empty()) return std::nullopt;
+  place.count = static_cast<int>(primitives.front().targets.size());
+  if (parts.size() == 3) return place;
+  place.element = parse_index(parts[3], static_cast<std::size_t>(place.count));
+  return place.element == kNone ? std::nullopt : std::optional(place);
+}
+
+/// Gives a mesh or node whose weights are animated one by one the full array: its own, or else the
+/// weights of its mesh, or zeros.
+void complete_weights(const GltfModel& model, const WeightsPlace& place, json& owner) {
+  if (!owner.contains("weights")) owner["weights"] = model.meshes[place.mesh].weights;
+  json& weights = owner["weights"];
+  while (weights.is_array() && weights.size() < static_cast<std::size_t>(place.count)) {
+    weights.push_back(0);
+  }
 }
 
 /// Transform property or weights of a node; nullopt for anything else.
@@ -194,20 +246,28 @@ class PointerReader {
   void add(const JsonView& extension, PointerChannel channel, Animation& out) {
     channel.pointer = extension.text("pointer");
     const std::vector<std::string> parts = split(channel.pointer);
-    if (const auto path = node_path(parts)) {
-      std::int32_t node = kNone;
-      if (absl::SimpleAtoi(parts[1], &node) && node >= 0 &&
-          static_cast<std::size_t>(node) < model_.nodes.size()) {
-        out.channels.push_back({node, *path, channel.input, channel.output, channel.interpolation});
-        return;
-      }
+    const auto path = node_path(parts);
+    const auto weights = weights_place(model_, parts);
+    const std::int32_t node = path ? parse_index(parts[1], model_.nodes.size()) : kNone;
+    if (node != kNone && (*path != AnimationPath::weights || weights)) {
+      out.channels.push_back({node, *path, channel.input, channel.output, channel.interpolation});
+      return;
     }
-    channel.width = width_at(root_, parts);
-    if (channel.width == 0) {
-      fault_.report(extension.path() + ".pointer",
-                    absl::StrCat("\"", channel.pointer, "\" is not an animatable property"));
+    if (weights) {
+      channel.width = weights->element == kNone ? weights->count : 1;
+      channel.flat = true;
+    } else {
+      channel.width = width_at(root_, parts);
+      channel.flat = channel.width > 4;  // vectors have up to four values
+      channel.boolean = is_visibility(parts);
     }
-    out.pointers.push_back(std::move(channel));
+    if (channel.width > 0) {
+      out.pointers.push_back(std::move(channel));
+      return;
+    }
+    model_.problems.push_back(
+        {Problem::Severity::warning, extension.path() + ".pointer",
+         absl::StrCat("\"", channel.pointer, "\" is not an animatable property; channel ignored")});
   }
 
   const json& root_;
@@ -238,8 +298,16 @@ absl::Status animate_json(const GltfModel& model, const std::vector<std::int32_t
     for (const PointerChannel& channel : model.animations[animation].pointers) {
       const auto values = pointer_values(model, animation, channel, seconds);
       if (!values.ok()) return values.status();
+      const std::vector<std::string> parts = split(channel.pointer);
+      if (const auto weights = weights_place(model, parts)) {
+        const json::json_pointer owner("/" + parts[0] + "/" + parts[1]);
+        complete_weights(model, *weights, root[owner]);
+      }
       json& place = root[json::json_pointer(channel.pointer)];
-      place = channel.width == 1 ? json(values->front()) : json(*values);
+      const bool is_array = place.is_array() || channel.width > 1;
+      place = channel.boolean ? json(values->front() != 0)
+              : is_array      ? json(*values)
+                              : json(values->front());
     }
   }
   return absl::OkStatus();

@@ -52,6 +52,10 @@ class Converter {
     if (status_.ok()) status_ = absl::InvalidArgumentError(absl::StrCat(element, ": ", message));
   }
 
+  void warn(const std::string& element, const std::string& message) {
+    out_.problems.push_back({Problem::Severity::warning, element, message});
+  }
+
   /// Returns `value` if it is kNone or an index below `size`; otherwise reports a fault and returns
   /// kNone.
   std::int32_t index(int value, std::size_t size, const std::string& element) {
@@ -328,9 +332,7 @@ class Converter {
     } else if (c.target_path == "weights") {
       out.path = AnimationPath::weights;
     } else if (c.target_path != "translation") {
-      out_.problems.push_back(
-          {Problem::Severity::warning, where, "unknown target path; channel ignored"});
-      return;
+      return warn(where, "unknown target path; channel ignored");
     }
     animation.channels.push_back(out);
   }
@@ -368,21 +370,53 @@ class Converter {
     }
   }
 
+  /// Nearest listed ancestor of every node, or kNone.
+  [[nodiscard]] std::vector<std::int32_t> containers(const std::vector<bool>& is_listed) const {
+    std::vector<std::int32_t> out(out_.nodes.size(), kNone);
+    for (const std::int32_t node : parents_first(out_.nodes)) {
+      const std::int32_t parent = out_.nodes[node].parent;
+      if (parent != kNone) out[node] = is_listed[parent] ? parent : out[parent];
+    }
+    return out;
+  }
+
+  /// The listed nodes without those that another one contains, so that every node is rendered once.
+  std::vector<std::int32_t> scene_roots(const std::vector<std::int32_t>& listed,
+                                        const std::string& where) {
+    std::vector<bool> is_listed(out_.nodes.size()), is_taken(out_.nodes.size());
+    for (const std::int32_t node : listed) is_listed[node] = true;
+    const std::vector<std::int32_t> container = containers(is_listed);
+    std::vector<std::int32_t> roots;
+    for (const std::int32_t node : listed) {
+      const std::string name = absl::StrCat("nodes[", node, "]");
+      const std::int32_t parent = out_.nodes[node].parent;
+      if (is_taken[node]) {
+        warn(where, absl::StrCat(name, " is listed twice; rendered once"));
+      } else if (container[node] != kNone) {
+        warn(where, absl::StrCat(name, " is also listed as a descendant of nodes[", container[node],
+                                 "]; rendered once"));
+      } else {
+        if (parent != kNone) {
+          warn(where, absl::StrCat(name, " is not a root node; rendered where its parent nodes[",
+                                   parent, "] places it"));
+        }
+        roots.push_back(node);
+      }
+      is_taken[node] = true;
+    }
+    return roots;
+  }
+
   void convert_scenes() {
     for (std::size_t i = 0; i < in_.scenes.size(); ++i) {
-      GltfScene scene{in_.scenes[i].name, {}};
-      std::vector<bool> listed(in_.nodes.size());
+      const std::string where = absl::StrCat("scenes[", i, "].nodes");
+      std::vector<std::int32_t> listed;
       for (const int root : in_.scenes[i].nodes) {
-        const std::string where = absl::StrCat("scenes[", i, "].nodes");
         const std::int32_t node = index(root, in_.nodes.size(), where);
-        if (!status_.ok()) return;
-        if (out_.nodes[node].parent != kNone || listed[node]) {
-          return fault(where,
-                       absl::StrCat("nodes[", node, "] is not a root node, or is listed twice"));
-        }
-        listed[node] = true;
-        scene.roots.push_back(node);
+        if (node != kNone) listed.push_back(node);
       }
+      GltfScene scene{in_.scenes[i].name, {}};
+      if (status_.ok()) scene.roots = scene_roots(listed, where);
       out_.scenes.push_back(std::move(scene));
     }
     out_.default_scene = index(in_.defaultScene, in_.scenes.size(), "scene");

@@ -147,7 +147,9 @@ struct AnimationChannel {
 /// KHR_animation_pointer: animates numbers of the file named by a JSON pointer.
 struct PointerChannel {
   std::string pointer;
-  int width = 1;                               // how many numbers it animates
+  int width = 1;         // how many numbers it animates
+  bool flat = false;     // numbers are separate scalars in the output, not one element
+  bool boolean = false;  // 0 is false, anything else true
   std::int32_t input = kNone, output = kNone;  // accessors
   Interpolation interpolation = Interpolation::linear;
   std::size_t index = 0;  // index of the channel in the file

@@ -1,10 +1,25 @@
 #include "worker/gltf/model/hierarchy.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
 
 namespace tessera::render {
+
+namespace {
+
+/// Whether a node and all its ancestors are visible, by node.
+std::vector<bool> visible_nodes(const std::vector<Node>& nodes) {
+  std::vector<bool> out(nodes.size());
+  for (const std::int32_t node : parents_first(nodes)) {
+    const std::int32_t parent = nodes[node].parent;
+    out[node] = nodes[node].visible && (parent == kNone || out[parent]);
+  }
+  return out;
+}
+
+}  // namespace
 
 absl::Status link_parents(std::vector<Node>& nodes) {
   for (std::size_t i = 0; i < nodes.size(); ++i) {
@@ -56,19 +71,20 @@ Affine3d local_transform(const Node& node) {
           node.translation};
 }
 
+std::vector<std::int32_t> parents_first(const std::vector<Node>& nodes) {
+  std::vector<std::int32_t> roots;
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    if (nodes[i].parent == kNone) roots.push_back(static_cast<std::int32_t>(i));
+  }
+  return depth_first(nodes, roots, HiddenNodes::included);
+}
+
 std::vector<Affine3d> world_transforms(const std::vector<Node>& nodes) {
   std::vector<Affine3d> world(nodes.size());
-  std::vector<std::int32_t> open;
-  for (std::size_t i = 0; i < nodes.size(); ++i) {
-    if (nodes[i].parent == kNone) open.push_back(static_cast<std::int32_t>(i));
-  }
-  while (!open.empty()) {
-    const std::int32_t node = open.back();
-    open.pop_back();
+  for (const std::int32_t node : parents_first(nodes)) {
     const Affine3d local = local_transform(nodes[node]);
     const std::int32_t parent = nodes[node].parent;
     world[node] = parent == kNone ? local : world[parent] * local;
-    for (const std::int32_t child : nodes[node].children) open.push_back(child);
   }
   return world;
 }
@@ -88,6 +104,12 @@ std::vector<std::int32_t> depth_first(const std::vector<Node>& nodes,
                                       const std::vector<std::int32_t>& roots, HiddenNodes hidden) {
   std::vector<std::int32_t> order;
   std::vector<std::int32_t> open(roots.rbegin(), roots.rend());
+  const bool inner = std::any_of(roots.begin(), roots.end(),
+                                 [&](std::int32_t r) { return nodes[r].parent != kNone; });
+  if (inner && hidden == HiddenNodes::skipped) {
+    const std::vector<bool> shown = visible_nodes(nodes);
+    std::erase_if(open, [&](std::int32_t root) { return !shown[root]; });
+  }
   while (!open.empty()) {
     const std::int32_t node = open.back();
     open.pop_back();

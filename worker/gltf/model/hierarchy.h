@@ -13,6 +13,9 @@ namespace tessera::render {
 /// Errors: InvalidArgument for a node with two parents or a cycle.
 absl::Status link_parents(std::vector<Node>& nodes);
 
+/// All nodes, parents before children. Requires link_parents().
+std::vector<std::int32_t> parents_first(const std::vector<Node>& nodes);
+
 /// Local transform of a node: its matrix, or translation * rotation * scale. Quaternions are
 /// normalised; a zero quaternion is the identity.
 Affine3d local_transform(const Node& node);
@@ -28,7 +31,7 @@ Vec3d unscaled_direction(const std::vector<Node>& nodes, std::int32_t node);
 enum class HiddenNodes { skipped, included };
 
 /// Nodes below `roots` in depth-first order, parents before children. An invisible node hides its
-/// subtree (KHR_node_visibility). Requires link_parents().
+/// subtree (KHR_node_visibility), also if it is above a root. Requires link_parents().
 std::vector<std::int32_t> depth_first(const std::vector<Node>& nodes,
                                       const std::vector<std::int32_t>& roots,
                                       HiddenNodes hidden = HiddenNodes::skipped);

@@ -160,9 +160,25 @@ std::string refusal(const std::string& pointer, const std::vector<float>& to) {
   return std::string(load_and_pose(*file, {}, 36).status().message());
 }
 
-TEST(AnimationPointer, RejectsPointersToNonNumbers) {
+/// Warnings of a file that loads and renders.
+std::vector<std::string> warnings(const GltfBuilder& file) {
+  MemoryReader reader;
+  reader.put("scene.gltf", file.gltf());
+  const auto loaded = render::load_scene_file("scene.gltf", {}, reader);
+  EXPECT_TRUE(loaded.ok()) << loaded.status();
+  if (!loaded.ok()) return {};
+  const auto scene = (*loaded)->pose({}, 36);
+  EXPECT_TRUE(scene.ok()) << scene.status();
+  std::vector<std::string> out;
+  for (const render::Problem& problem : (*loaded)->problems()) {
+    out.push_back(problem.element + ": " + problem.message);
+  }
+  return out;
+}
+
+TEST(AnimationPointer, UnknownTargetIsIgnoredWithWarning) {
   const std::string at =
-      "scene.gltf: animations[0].channels[0].target.extensions.KHR_animation_pointer.pointer: ";
+      "animations[0].channels[0].target.extensions.KHR_animation_pointer.pointer: ";
   for (const char* pointer :
        {"", "cameras/0/perspective/yfov", "/cameras/1/perspective/yfov", "/cameras/0/perspective",
         "/cameras/0/perspective/yfof", "/cameras/x/perspective/yfov", "/asset/version",
@@ -170,9 +186,40 @@ TEST(AnimationPointer, RejectsPointersToNonNumbers) {
         "/materials/0/extensions/KHR_materials_ior/ior",
         "/textures/0/extensions/TESSERA_texture/seed",
         "/textures/0/extensions/TESSERA_texture/gain", "/textures/0/source",
-        "/cameras/0/extensions/TESSERA_camera/lens/blades", "/nodes/9/translation",
-        "/nodes/0/mesh"}) {
-    EXPECT_EQ(refusal(pointer, {2}), at + "\"" + pointer + "\" is not an animatable property");
+        "/cameras/0/extensions/TESSERA_camera/lens/blades", "/nodes/9/translation", "/nodes/0/mesh",
+        "/nodes/2/weights", "/meshes/0/weights/0", "/meshes/0/name"}) {
+    EXPECT_EQ(warnings(*animated(pointer, {1}, {2})),
+              std::vector<std::string>{at + "\"" + pointer +
+                                       "\" is not an animatable property; channel ignored"});
+  }
+}
+
+TEST(AnimationPointer, TargetWithoutEffectIsAccepted) {
+  for (const char* pointer : {"/cameras/0/perspective/aspectRatio", "/cameras/0/orthographic/xmag",
+                              "/materials/0/occlusionTexture/strength"}) {
+    EXPECT_EQ(warnings(*animated(pointer, {1}, {0.5f})), std::vector<std::string>{}) << pointer;
+  }
+}
+
+TEST(AnimationPointer, AnimatesVisibility) {
+  for (const float last : {0.0f, 1.0f}) {
+    const auto file =
+        animated("/nodes/2/extensions/KHR_node_visibility/visible", {last}, {0}, "STEP");
+    file->use_extension("KHR_node_visibility");
+    file->set("/nodes/2/extensions/KHR_node_visibility/visible", "true");
+    EXPECT_EQ(late(*file).instances.size(), last == 0 ? 0u : 1u);
+  }
+}
+
+TEST(AnimationPointer, AnimatesWeightsOfMeshesAndNodes) {
+  for (const char* pointer :
+       {"/meshes/0/weights", "/meshes/0/weights/0", "/nodes/2/weights", "/nodes/2/weights/0"}) {
+    const auto file = animated(pointer, {0}, {4});
+    const int offset = file->add_vec3(std::vector<render::Vec3f>(4, {2, 0, 0}));
+    file->set("/meshes/0/primitives/0/targets",
+              R"([{"POSITION": )" + std::to_string(offset) + "}]");
+    // At 1.5 of 2 s the weight is 3, which moves the quad by 6.
+    EXPECT_EQ(late(*file).center.x, 6.5) << pointer;
   }
 }
 

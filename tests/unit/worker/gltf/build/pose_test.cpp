@@ -448,6 +448,34 @@ TEST(Scenes, AreSelectedByIndexOrDefault) {
   EXPECT_EQ(load_and_pose(b, settings).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
+/// A quad below two moved nodes; scene 0 lists `nodes`.
+absl::StatusOr<Scene> pose_listed(const std::string& nodes, const std::string& top = "{}") {
+  GltfBuilder b;
+  b.use_extension("KHR_node_visibility");
+  b.add_node_with_mesh(b.add_mesh(unit_quad()), R"({"translation": [4, 0, 0]})");
+  b.add_node(R"({"children": [0], "translation": [0, 2, 0]})");
+  b.add_node(R"({"children": [1], "translation": [0, 0, 1], "extensions": )" + top + "}");
+  b.set("/scenes/0/nodes", nodes);
+  return load_and_pose(b);
+}
+
+TEST(Scenes, ListedInnerNodeIsRenderedInPlace) {
+  const auto whole = pose_listed("[2]");
+  ASSERT_TRUE(whole.ok()) << whole.status();
+  for (const char* nodes : {"[0]", "[1]", "[0, 2]", "[2, 0]", "[1, 0, 1]", "[2, 2]"}) {
+    const auto scene = pose_listed(nodes);
+    ASSERT_TRUE(scene.ok()) << nodes << ": " << scene.status();
+    ASSERT_EQ(scene->instances.size(), 1u) << nodes;
+    EXPECT_EQ(scene->center, whole->center) << nodes;
+  }
+}
+
+TEST(Scenes, InvisibleAncestorHidesListedNode) {
+  const auto scene = pose_listed("[0]", R"({"KHR_node_visibility": {"visible": false}})");
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  EXPECT_TRUE(scene->instances.empty());
+}
+
 TEST(Containers, GltfAndGlbGiveSameScene) {
   GltfBuilder b;
   b.add_mesh(unit_quad());
