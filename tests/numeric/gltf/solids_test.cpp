@@ -52,6 +52,30 @@ TEST(Csg, SurfaceUsesMaterialOfItsOperand) {
   EXPECT_EQ(colour_of("intersection", 0.1), red);  // the box's face cuts the ball
 }
 
+TEST(Csg, DeepNestingLoadsAndRenders) {
+  const auto file = probe_of(0, 0.01);
+  file->use_extension("KHR_materials_unlit");
+  file->use_extension("TESSERA_shape");
+  file->use_extension("TESSERA_csg");
+  const int green = file->add_material(
+      R"({"pbrMetallicRoughness": {"baseColorFactor": [0, 1, 0, 1]},
+          "extensions": {"KHR_materials_unlit": {}}})");
+  const auto ball = [&] {
+    return std::to_string(file->add_node(shape(R"("type": "sphere", "radius": 1)", green), false));
+  };
+  std::string inner = ball();
+  constexpr int kLevels = 100'000;  // 10 MB of stack by recursion
+  for (int level = 1; level <= kLevels; ++level) {
+    const bool outermost = level == kLevels;
+    const std::string more = level % 10'000 == 0 ? ", " + ball() : "";
+    inner = std::to_string(
+        file->add_node(R"({"children": [)" + inner + more +
+                           R"(], "extensions": {"TESSERA_csg": {"operation": "union"}}})",
+                       outermost));
+  }
+  EXPECT_EQ(seen(*file, probe_settings()), (Vec3d{0, 1, 0}));
+}
+
 /// The intersection of two balls whose centres are 1 m apart along the camera's rays, of glass
 /// visible only by absorption: 2 sqrt(1 - x^2) - 1 thick at distance x from the axis.
 TEST(Csg, GlassLensAbsorbsAlongPath) {

@@ -16,20 +16,41 @@ class SolidAssembler {
                  const std::map<std::int32_t, std::uint32_t>& instances, Scene& scene)
       : nodes_(nodes), instances_(instances), scene_(scene) {}
 
-  absl::Status add(std::int32_t index, CsgSolid& solid) {
-    const Node& node = nodes_[static_cast<std::size_t>(index)];
-    if (node.mesh != kNone || node.shape != nullptr) return add_operand(index, solid);
-    if (node.children.empty()) return fault(index, "a CSG operand needs a mesh, shape or children");
-    for (const std::int32_t child : node.children) {
-      absl::Status status = add(child, solid);
-      if (!status.ok()) return status;
+  /// Appends the steps of the node and all nodes below it. Keeps its own stack, as nodes may be
+  /// nested deeper than the program's stack allows.
+  absl::Status add(std::int32_t root, CsgSolid& solid) {
+    std::vector<Level> path;
+    absl::Status status = enter(root, solid, path);
+    while (status.ok() && !path.empty()) {
+      Level& level = path.back();
+      const Node& node = nodes_[static_cast<std::size_t>(level.node)];
+      if (level.done_count < node.children.size()) {
+        status = enter(node.children[level.done_count++], solid, path);
+        continue;
+      }
+      solid.steps.push_back({false, node.csg.value_or(CsgOperation::unite),
+                             static_cast<std::uint32_t>(node.children.size())});
+      path.pop_back();
     }
-    solid.steps.push_back({false, node.csg.value_or(CsgOperation::unite),
-                           static_cast<std::uint32_t>(node.children.size())});
-    return absl::OkStatus();
+    return status;
   }
 
  private:
+  /// A node on the path from the root, and how many of its children have been added.
+  struct Level {
+    std::int32_t node;
+    std::size_t done_count = 0;
+  };
+
+  /// Adds an operand, or appends an inner node to the path.
+  absl::Status enter(std::int32_t index, CsgSolid& solid, std::vector<Level>& path) {
+    const Node& node = nodes_[static_cast<std::size_t>(index)];
+    if (node.mesh != kNone || node.shape != nullptr) return add_operand(index, solid);
+    if (node.children.empty()) return fault(index, "a CSG operand needs a mesh, shape or children");
+    path.push_back({index});
+    return absl::OkStatus();
+  }
+
   static absl::Status fault(std::int32_t node, const std::string& message) {
     return absl::InvalidArgumentError(absl::StrCat("nodes[", node, "]: ", message));
   }
