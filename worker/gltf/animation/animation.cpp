@@ -139,6 +139,62 @@ std::string channel_path(std::int32_t animation, std::size_t channel) {
   return absl::StrCat("animations[", animation, "].channels[", channel, "]");
 }
 
+class AnimationChecker {
+ public:
+  explicit AnimationChecker(const GltfModel& model) : model_(model) {}
+
+  absl::Status check(std::int32_t animation) {
+    const auto& channels = model_.animations[animation].channels;
+    for (std::size_t k = 0; k < channels.size(); ++k) {
+      absl::Status status = check(channels[k], channel_path(animation, k));
+      if (!status.ok()) return status;
+    }
+    for (const PointerChannel& c : model_.animations[animation].pointers) {
+      absl::Status status = check_accessor_faults(c.input, c.output);
+      if (status.ok()) status = pointer_values(model_, animation, c, 0).status();
+      if (!status.ok()) return status;
+    }
+    return absl::OkStatus();
+  }
+
+ private:
+  absl::Status check(const AnimationChannel& c, const std::string& where) {
+    absl::Status valid = check_accessor_faults(c.input, c.output);
+    if (!valid.ok()) return valid;
+    const int width = track_width(model_, c);
+    const bool weights = c.path == AnimationPath::weights;
+    bytes_ += decoded_bytes(model_, c.input) + decoded_bytes(model_, c.output);
+    if (bytes_ > kMaxGeometryBytes) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(where, ": the tracks take more than ", kMaxGeometryBytes, " bytes"));
+    }
+    const auto input = std::make_pair(c.input, 0);
+    const auto output = std::make_pair(c.output, weights ? -width : width);
+    // Channels share accessors; each pair of them is read once.
+    if (checked_.contains(input) && checked_.contains(output) &&
+        model_.accessors[c.output].count == output_count(model_, c)) {
+      return absl::OkStatus();
+    }
+    const auto track = read_track(model_, layout_of(model_, c), where);
+    if (!track.ok()) return track.status();
+    checked_.insert(input);
+    checked_.insert(output);
+    return absl::OkStatus();
+  }
+
+  absl::Status check_accessor_faults(std::int32_t input, std::int32_t output) const {
+    for (const std::int32_t accessor : {input, output}) {
+      const absl::Status* fault = model_.faults.find("accessors", accessor);
+      if (fault != nullptr) return *fault;
+    }
+    return absl::OkStatus();
+  }
+
+  const GltfModel& model_;
+  std::set<std::pair<std::int32_t, std::int32_t>> checked_;  // accessor, components
+  std::uint64_t bytes_ = 0;
+};
+
 }  // namespace
 
 Vec4d slerp(const Vec4d& a, Vec4d b, double f) {
@@ -211,40 +267,18 @@ std::vector<AnimationKey> animation_keys(const GltfModel& model,
   return out;
 }
 
-absl::Status check_animations(const GltfModel& model) {
-  std::set<std::pair<std::int32_t, std::int32_t>> checked;  // accessor, components
-  std::uint64_t bytes = 0;
+void check_animations(GltfModel& model) {
+  AnimationChecker checker(model);
   for (std::size_t i = 0; i < model.animations.size(); ++i) {
-    const auto& channels = model.animations[i].channels;
-    for (std::size_t k = 0; k < channels.size(); ++k) {
-      const AnimationChannel& c = channels[k];
-      const int width = track_width(model, c);
-      const bool weights = c.path == AnimationPath::weights;
-      bytes += decoded_bytes(model, c.input) + decoded_bytes(model, c.output);
-      if (bytes > kMaxGeometryBytes) {
-        return absl::InvalidArgumentError(
-            absl::StrCat(channel_path(static_cast<std::int32_t>(i), k),
-                         ": the tracks take more than ", kMaxGeometryBytes, " bytes"));
-      }
-      const auto input = std::make_pair(c.input, 0);
-      const auto output = std::make_pair(c.output, weights ? -width : width);
-      // Channels share accessors; each pair of them is read once.
-      if (checked.contains(input) && checked.contains(output) &&
-          model.accessors[c.output].count == output_count(model, c)) {
-        continue;
-      }
-      const auto track =
-          read_track(model, layout_of(model, c), channel_path(static_cast<std::int32_t>(i), k));
-      if (!track.ok()) return track.status();
-      checked.insert(input);
-      checked.insert(output);
-    }
-    for (const PointerChannel& c : model.animations[i].pointers) {
-      const auto values = pointer_values(model, static_cast<std::int32_t>(i), c, 0);
-      if (!values.ok()) return values.status();
+    const auto index = static_cast<std::int32_t>(i);
+    const std::string where = absl::StrCat("animations[", i, "]");
+    const absl::Status status = checker.check(index);
+    if (!status.ok()) model.faults.add(where, status);
+    if (model.faults.find("animations", index) != nullptr) {
+      model.animations[i].channels.clear();
+      model.animations[i].pointers.clear();
     }
   }
-  return absl::OkStatus();
 }
 
 absl::Status animate(const GltfModel& model, std::int32_t animation, double seconds,

@@ -30,8 +30,8 @@ std::vector<AnimationKey> animation_keys(const GltfModel& model,
                                          double to);
 
 /// Checks that key times are finite and increase, and that outputs have the right shape and are
-/// finite. Errors: InvalidArgument "animations[i].channels[k]: ...".
-absl::Status check_animations(const GltfModel& model);
+/// finite. Adds animations that fail to model.faults and removes their channels.
+void check_animations(GltfModel& model);
 
 /// Sets the animated properties of `nodes` to their values at `seconds`, clamped to the keys of
 /// each channel. Interpolation (step, linear or spherical, cubic spline) follows the glTF 2.0

@@ -226,6 +226,7 @@ class PointerReader {
       const std::int32_t sampler = channels[k].index("sampler", samplers.size());
       if (sampler == kNone) continue;  // a fault has been reported
       PointerChannel channel = source(samplers[static_cast<std::size_t>(sampler)]);
+      if (channel.input == kNone || channel.output == kNone) continue;
       channel.index = k;
       add(target.extension("KHR_animation_pointer"), std::move(channel), out);
     }
@@ -278,7 +279,7 @@ class PointerReader {
 }  // namespace
 
 absl::Status read_animation_pointers(const json& root, GltfModel& model) {
-  JsonFault fault;
+  JsonFault fault(model.faults);
   PointerReader reader(root, model, fault);
   const std::vector<JsonView> animations = JsonView(root, "", fault)["animations"].items();
   for (std::size_t i = 0; i < animations.size() && i < model.animations.size(); ++i) {

@@ -154,6 +154,9 @@ absl::StatusOr<Camera> set_up_camera(const GltfModel& model,
   const GltfCamera& source = model.cameras[model.nodes[node].camera];
   Camera camera = source.camera;
   const std::string where = absl::StrCat("cameras[", model.nodes[node].camera, "]");
+  if (const absl::Status* fault = model.faults.find("cameras", model.nodes[node].camera)) {
+    return *fault;
+  }
   absl::Status valid = check_camera(camera, where);
   auto placed = place_camera(source, nodes.world[node], node, where);
   if (valid.ok()) valid = placed.status();

@@ -110,16 +110,18 @@ class LoadedScene final : public SceneFile {
     if (status.ok()) status = expand_meshopt(*root, model_);
     if (status.ok()) status = expand_draco(*root, model_);
     if (!status.ok()) return status;
-    const auto core = core_text(*root);
+    const auto core = core_text(*root, model_.faults);
     if (!core.ok()) return core.status();
     status = read_core_model(*core, model_);
-    if (status.ok()) status = check_views(model_);
-    if (status.ok()) status = check_accessors(model_);
+    if (!status.ok()) return status;
+    check_views(model_);
+    status = check_accessors(model_);
     if (status.ok()) status = read_images(*root, model_);
     if (status.ok()) status = read_extensions(*root, model_);
     if (status.ok()) status = read_animation_pointers(*root, model_);
-    if (status.ok()) status = check_animations(model_);
-    if (status.ok()) status = fetch_images(reader);
+    if (!status.ok()) return status;
+    check_animations(model_);
+    fetch_images(reader);
     const bool animated = std::any_of(model_.animations.begin(), model_.animations.end(),
                                       [](const Animation& a) { return !a.pointers.empty(); });
     if (animated) root_ = std::make_unique<nlohmann::json>(*std::move(root));
@@ -161,9 +163,10 @@ class LoadedScene final : public SceneFile {
     nlohmann::json root = *root_;
     absl::Status status = animate_json(model_, animations, seconds, root);
     if (!status.ok()) return status;
-    const auto core = core_text(root);
-    if (!core.ok()) return core.status();
     GltfModel out;
+    out.faults = model_.faults;
+    const auto core = core_text(root, out.faults);
+    if (!core.ok()) return core.status();
     out.buffers = model_.buffers;
     out.images = model_.images;
     out.texture_sources = model_.texture_sources;
@@ -175,32 +178,37 @@ class LoadedScene final : public SceneFile {
   }
 
   /// Reads the files of the images that materials use.
-  absl::Status fetch_images(ResourceReader& reader) {
+  void fetch_images(ResourceReader& reader) {
     for (Material& material : model_.materials) {
       for (const TextureRef* ref : texture_refs(material)) {
         if (!*ref) continue;
         const GltfTexture& texture = model_.texture_sources[ref->texture];
         if (texture.procedural != kNone) continue;
         if (texture.basisu_only) {
-          return absl::UnimplementedError(
-              absl::StrCat("textures[", ref->texture,
-                           "]: KHR_texture_basisu without a fallback image is not supported; "
-                           "give the texture a PNG or JPEG source too"));
+          const std::string where = absl::StrCat("textures[", ref->texture, "]");
+          model_.faults.add(where,
+                            absl::UnimplementedError(absl::StrCat(
+                                where,
+                                ": KHR_texture_basisu without a fallback image is not supported; "
+                                "give the texture a PNG or JPEG source too")));
         }
         if (texture.image != kNone) model_.images[texture.image].needed = true;
       }
     }
-    for (GltfImage& image : model_.images) {
+    for (std::size_t i = 0; i < model_.images.size(); ++i) {
+      GltfImage& image = model_.images[i];
       if (!image.needed || image.uri.empty()) continue;
+      const auto bytes = reader.read(image.uri);
+      if (!bytes.ok()) {
+        model_.faults.add(absl::StrCat("images[", i, "]"), in_file(image.name, bytes.status()));
+        continue;
+      }
+      image.bytes = *bytes;
       auto& resources = model_.resources;
       if (std::find(resources.begin(), resources.end(), image.uri) == resources.end()) {
         resources.push_back(image.uri);
       }
-      const auto bytes = reader.read(image.uri);
-      if (!bytes.ok()) return in_file(image.name, bytes.status());
-      image.bytes = *bytes;
     }
-    return absl::OkStatus();
   }
 
   absl::Status read_environment(const contract::RenderSettings& settings, ResourceReader& reader) {

@@ -15,6 +15,7 @@
 #include "worker/gltf/build/camera_setup.h"
 #include "worker/gltf/build/csg_assembly.h"
 #include "worker/gltf/build/declared_lights.h"
+#include "worker/gltf/build/part_use.h"
 #include "worker/gltf/build/precision_check.h"
 #include "worker/gltf/decode/accessor_reader.h"
 #include "worker/gltf/decode/geometry_reader.h"
@@ -47,13 +48,20 @@ class SceneBuilder {
   absl::StatusOr<Scene> build() {
     absl::Status status = pose_nodes();
     if (status.ok()) status = read_materials();
+    if (status.ok()) status = check_used_parts(model_, order_, animations_);
     for (const std::int32_t node : order_) {
       if (status.ok()) status = place(node);
     }
     if (status.ok()) status = assemble_solids(nodes_, order_, scene_);
+    for (std::size_t m = 0; m < model_.materials.size(); ++m) {
+      if (status.ok() && used_[m]) {
+        status = check_used_material(model_, static_cast<std::int32_t>(m));
+      }
+    }
     if (status.ok()) status = recenter();
     if (status.ok()) status = add_textures();
     if (!status.ok()) return status;
+    for (Problem& problem : unused_part_warnings(model_)) problems_.push_back(std::move(problem));
     add_environment();
     convert_index_matched_solids(scene_);
     cache_ = std::move(next_cache_);
@@ -100,7 +108,8 @@ class SceneBuilder {
     nodes_ = model_.nodes;
     const auto animations = choose_animations(model_, input_.settings.animation);
     if (!animations.ok()) return animations.status();
-    for (const std::int32_t animation : *animations) {
+    animations_ = *animations;
+    for (const std::int32_t animation : animations_) {
       absl::Status status = animate(model_, animation, input_.seconds, nodes_);
       if (!status.ok()) return status;
     }
@@ -568,6 +577,7 @@ class SceneBuilder {
   Scene scene_;
   std::vector<Node> nodes_;  // posed
   std::vector<Affine3d> world_;
+  std::vector<std::int32_t> animations_;
   std::vector<std::int32_t> roots_, order_;  // of the scene, and its nodes depth first
   std::int32_t variant_ = kNone;
   std::vector<bool> used_;         // by material

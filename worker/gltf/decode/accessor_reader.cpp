@@ -153,6 +153,35 @@ void read_element(const std::byte* from, const Accessor& a, float* to) {
   }
 }
 
+/// First fault of the views of an accessor; nullptr if they have none.
+const absl::Status* view_fault(const GltfModel& d, const Accessor& a) {
+  const std::int32_t sparse[] = {a.sparse ? a.sparse->index_view : kNone,
+                                 a.sparse ? a.sparse->value_view : kNone};
+  for (const std::int32_t view : {a.view, sparse[0], sparse[1]}) {
+    const absl::Status* fault = d.faults.find("bufferViews", view);
+    if (fault != nullptr) return fault;
+  }
+  return nullptr;
+}
+
+absl::Status check_view(const GltfModel& d, const BufferView& v, const std::string& where) {
+  const auto fail = [&](const std::string& message) {
+    return absl::InvalidArgumentError(absl::StrCat(where, ": ", message));
+  };
+  if (v.buffer < 0 || static_cast<std::size_t>(v.buffer) >= d.buffers.size()) {
+    return fail(absl::StrCat("buffers[", v.buffer, "] does not exist"));
+  }
+  const std::size_t size = d.buffers[v.buffer].size();
+  if (v.offset > size || v.length > size - v.offset) {
+    return fail(absl::StrCat(v.length, " bytes at offset ", v.offset, " exceed the ", size,
+                             " bytes of buffers[", v.buffer, "]"));
+  }
+  if (v.stride > kMaxStride) {
+    return fail(absl::StrCat("byteStride ", v.stride, " is above ", kMaxStride));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 int component_bytes(ComponentType type) {
@@ -170,26 +199,16 @@ int component_bytes(ComponentType type) {
   return 4;
 }
 
-absl::Status check_views(const GltfModel& d) {
+void check_views(GltfModel& d) {
   for (std::size_t i = 0; i < d.views.size(); ++i) {
-    const BufferView& v = d.views[i];
+    BufferView& view = d.views[i];
     const std::string where = absl::StrCat("bufferViews[", i, "]");
-    if (v.buffer < 0 || static_cast<std::size_t>(v.buffer) >= d.buffers.size()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(where, ": buffers[", v.buffer, "] does not exist"));
-    }
-    const std::size_t size = d.buffers[v.buffer].size();
-    if (v.offset > size || v.length > size - v.offset) {
-      return absl::InvalidArgumentError(absl::StrCat(where, ": ", v.length, " bytes at offset ",
-                                                     v.offset, " exceed the ", size,
-                                                     " bytes of buffers[", v.buffer, "]"));
-    }
-    if (v.stride > kMaxStride) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(where, ": byteStride ", v.stride, " is above ", kMaxStride));
-    }
+    const absl::Status* cause = d.faults.find("buffers", view.buffer);
+    const absl::Status status = cause != nullptr ? *cause : check_view(d, view, where);
+    if (!status.ok()) d.faults.add(where, status);
+    if (d.faults.find("bufferViews", static_cast<std::int32_t>(i)) != nullptr)
+      view.offset = view.length = 0;
   }
-  return absl::OkStatus();
 }
 
 absl::Status check_accessor(const GltfModel& d, std::int32_t index) {
@@ -222,13 +241,19 @@ std::uint64_t decoded_bytes(const GltfModel& d, std::int32_t index) {
   return static_cast<std::uint64_t>(a.count) * static_cast<std::uint64_t>(a.components()) * 4;
 }
 
-absl::Status check_accessors(const GltfModel& d) {
+absl::Status check_accessors(GltfModel& d) {
   std::uint64_t limit = kMaxAccessorBytes, total = 0;
   for (const auto& buffer : d.buffers) limit += 16 * buffer.size();
   for (std::size_t i = 0; i < d.accessors.size(); ++i) {
     const auto index = static_cast<std::int32_t>(i);
-    absl::Status status = check_accessor(d, index);
-    if (!status.ok()) return status;
+    const absl::Status* cause = view_fault(d, d.accessors[i]);
+    const absl::Status status = cause != nullptr ? *cause : check_accessor(d, index);
+    if (!status.ok()) d.faults.add(absl::StrCat("accessors[", i, "]"), status);
+    if (d.faults.find("accessors", index) != nullptr) {
+      d.accessors[i].count = 1;
+      d.accessors[i].view = kNone;
+      d.accessors[i].sparse.reset();
+    }
     total += decoded_bytes(d, index);
     if (total > limit) {
       return absl::InvalidArgumentError(absl::StrCat("accessors: the first ", i + 1, " decode to ",

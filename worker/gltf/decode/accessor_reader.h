@@ -15,15 +15,17 @@ namespace tessera::render {
 /// has a layout that glTF allows. Errors: InvalidArgument "accessors[i]: ...".
 absl::Status check_accessor(const GltfModel& model, std::int32_t index);
 
-/// Runs check_accessor() for all accessors and checks that their total decoded size is at most
-/// kMaxAccessorBytes plus 16 times the size of the buffers.
-absl::Status check_accessors(const GltfModel& model);
+/// Runs check_accessor() for all accessors and adds the results to model.faults. Errors:
+/// InvalidArgument if their total decoded size is above kMaxAccessorBytes plus 16 times the size of
+/// the buffers.
+absl::Status check_accessors(GltfModel& model);
 
 /// Decoded size of accessor `index`, bytes.
 std::uint64_t decoded_bytes(const GltfModel& model, std::int32_t index);
 
-/// Checks that every view lies within its buffer.
-absl::Status check_views(const GltfModel& model);
+/// Checks that every view lies within its buffer; adds those that do not to model.faults and makes
+/// them empty.
+void check_views(GltfModel& model);
 
 /// Elements of an accessor as floats, `components` each, in the order stored (matrices by column,
 /// without padding). Normalised integers are decoded as the specification says, others converted.

@@ -187,15 +187,15 @@ absl::Status expand_primitive(json& root, const JsonView& primitive, JsonFault& 
 }  // namespace
 
 absl::Status expand_meshopt(json& root, GltfModel& model) {
-  JsonFault fault;
+  JsonFault fault(model.faults);
   const std::vector<JsonView> views = JsonView(root, "", fault)["bufferViews"].items();
   for (std::size_t i = 0; i < views.size(); ++i) {
-    const bool compressed = views[i].extension(kMeshopt).present();
-    absl::Status status = fault.status();
-    if (status.ok() && compressed) {
-      status = expand_view(root["bufferViews"][i], views[i], fault, model);
-    }
-    if (!status.ok()) return status;
+    JsonFault own;
+    json& view = root["bufferViews"][i];
+    const JsonView json_view(view, views[i].path(), own);
+    if (!json_view.extension(kMeshopt).present()) continue;
+    const absl::Status status = expand_view(view, json_view, own, model);
+    if (!status.ok()) model.faults.add(json_view.path(), status);
   }
   return fault.status();
 }
@@ -205,14 +205,17 @@ absl::Status expand_draco(json& root, GltfModel& model) {
   const auto meshes = root.find("meshes");
   if (meshes == root.end()) return absl::OkStatus();
   const json copy = *meshes;
-  JsonFault fault;
-  for (const JsonView& mesh : JsonView(copy, "meshes", fault).items()) {
-    for (const JsonView& primitive : mesh["primitives"].items()) {
+  JsonFault fault(model.faults);
+  const std::vector<JsonView> all = JsonView(copy, "meshes", fault).items();
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    JsonFault own;
+    for (const JsonView& primitive : JsonView(copy[i], all[i].path(), own)["primitives"].items()) {
       const bool compressed = primitive.extension(kDraco).present();
-      absl::Status status = fault.status();
-      if (status.ok() && compressed) status = expand_primitive(root, primitive, fault, model);
-      if (!status.ok()) return status;
+      absl::Status status = own.status();
+      if (status.ok() && compressed) status = expand_primitive(root, primitive, own, model);
+      if (!status.ok()) model.faults.add(all[i].path(), status);
     }
+    if (!own.status().ok()) model.faults.add(all[i].path(), own.status());
   }
   return fault.status();
 }

@@ -190,7 +190,7 @@ class CameraReader {
 }  // namespace
 
 absl::Status read_camera_extensions(const nlohmann::json& root, GltfModel& model) {
-  JsonFault fault;
+  JsonFault fault(model.faults);
   const std::vector<JsonView> cameras = JsonView(root, "", fault)["cameras"].items();
   for (std::size_t i = 0; i < cameras.size() && i < model.cameras.size(); ++i) {
     const JsonView object = cameras[i].extension("TESSERA_camera");

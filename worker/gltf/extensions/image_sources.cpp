@@ -38,6 +38,10 @@ GltfImage read_image(const JsonView& image, GltfModel& model, JsonFault& fault) 
     }
   } else if (view != kNone) {
     const BufferView& v = model.views[view];
+    if (const absl::Status* cause = model.faults.find("bufferViews", view)) {
+      model.faults.add(image.path(), *cause);
+      return out;
+    }
     out.bytes = model.buffers[v.buffer].subspan(v.offset, v.length);
   } else {
     fault.report(image.path(), "has neither uri nor bufferView");
@@ -60,7 +64,7 @@ GltfTexture read_texture(const JsonView& texture, const GltfModel& model) {
 }  // namespace
 
 absl::Status read_images(const nlohmann::json& root, GltfModel& model) {
-  JsonFault fault;
+  JsonFault fault(model.faults);
   const JsonView view(root, "", fault);
   for (const JsonView& image : view["images"].items()) {
     model.images.push_back(read_image(image, model, fault));

@@ -225,7 +225,7 @@ void drop_unsupported_uv_sets(Material& material, const std::string& element, Gl
 }  // namespace
 
 absl::Status read_material_extensions(const nlohmann::json& root, GltfModel& model) {
-  JsonFault fault;
+  JsonFault fault(model.faults);
   const std::vector<JsonView> materials = JsonView(root, "", fault)["materials"].items();
   for (std::size_t i = 0; i < materials.size() && i < model.materials.size(); ++i) {
     Material& out = model.materials[i];

@@ -59,6 +59,10 @@ std::shared_ptr<const DensityGrid> read_grid(const JsonView& object, const GltfM
     fault.report(object.path(), "has no accessor");
     return nullptr;
   }
+  if (const absl::Status* cause = model.faults.find("accessors", accessor)) {
+    fault.report(object.path() + ".accessor", std::string(cause->message()));
+    return nullptr;
+  }
   if (model.accessors[static_cast<std::size_t>(accessor)].count != points) {
     fault.report(object.path() + ".accessor",
                  absl::StrCat("must have ", points, " values to match size"));

@@ -100,7 +100,7 @@ void read_mappings(const JsonView& object, GltfPrimitive& primitive, const GltfM
 }  // namespace
 
 absl::Status read_node_extensions(const nlohmann::json& root, GltfModel& model) {
-  JsonFault fault;
+  JsonFault fault(model.faults);
   const JsonView view(root, "", fault);
   for (const JsonView& light : view.extension("KHR_lights_punctual")["lights"].items()) {
     model.lights.push_back(read_light(light, fault));

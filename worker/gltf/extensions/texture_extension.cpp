@@ -133,7 +133,7 @@ class ProceduralTextureReader {
 }  // namespace
 
 absl::Status read_texture_extensions(const nlohmann::json& root, GltfModel& model) {
-  JsonFault fault;
+  JsonFault fault(model.faults);
   const std::vector<JsonView> textures = JsonView(root, "", fault)["textures"].items();
   for (std::size_t i = 0; i < textures.size() && i < model.texture_sources.size(); ++i) {
     const JsonView object = textures[i].extension("TESSERA_texture");

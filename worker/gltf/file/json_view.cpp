@@ -20,8 +20,10 @@ std::string shown(const json& value) {
 
 }  // namespace
 
-void JsonFault::report(std::string element, std::string message) {
-  if (!first_) first_ = std::move(element) + ": " + std::move(message);
+void JsonFault::report(const std::string& element, std::string message) {
+  std::string text = element + ": " + std::move(message);
+  if (parts_ != nullptr && parts_->add(element, absl::InvalidArgumentError(text))) return;
+  if (!first_) first_ = std::move(text);
 }
 
 absl::Status JsonFault::status() const {

@@ -10,19 +10,25 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "worker/gltf/file/part_faults.h"
 #include "worker/math/vector.h"
 
 namespace tessera::render {
 
-/// Keeps the first fault found while reading JSON; later ones are dropped.
+/// Keeps the first fault found while reading JSON; later ones are dropped. Faults of parts that a
+/// scene need not use go to `parts` instead, if it is given.
 class JsonFault {
  public:
-  void report(std::string element, std::string message);
+  JsonFault() = default;
+  explicit JsonFault(PartFaults& parts) : parts_(&parts) {}
+
+  void report(const std::string& element, std::string message);
   /// InvalidArgument "ELEMENT: MESSAGE", or OK.
   [[nodiscard]] absl::Status status() const;
 
  private:
   std::optional<std::string> first_;
+  PartFaults* parts_ = nullptr;
 };
 
 /// Read-only view of a JSON value that knows its path ("materials[3].extensions.X"). Reading a

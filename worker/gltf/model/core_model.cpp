@@ -28,7 +28,8 @@ namespace tessera::render {
 
 namespace {
 
-/// Converts a parsed tinygltf model to a GltfModel and checks it. Keeps the first fault.
+/// Converts a parsed tinygltf model to a GltfModel and checks it. Keeps the first fault of each
+/// part and of the whole file.
 class Converter {
  public:
   Converter(const tinygltf::Model& parsed, GltfModel& model) : in_(parsed), out_(model) {}
@@ -49,7 +50,8 @@ class Converter {
 
  private:
   void fault(const std::string& element, const std::string& message) {
-    if (status_.ok()) status_ = absl::InvalidArgumentError(absl::StrCat(element, ": ", message));
+    const auto status = absl::InvalidArgumentError(absl::StrCat(element, ": ", message));
+    if (!out_.faults.add(element, status) && status_.ok()) status_ = status;
   }
 
   void warn(const std::string& element, const std::string& message) {

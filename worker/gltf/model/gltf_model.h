@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "worker/gltf/file/part_faults.h"
 #include "worker/gltf/file/resource_reader.h"
 #include "worker/math/transform.h"
 #include "worker/math/vector.h"
@@ -190,6 +191,7 @@ struct GltfModel {
   std::vector<std::string> extensions_used, extensions_required;
   std::vector<std::string> resources;  // URIs of the files it refers to
   std::vector<Problem> problems;
+  PartFaults faults;  // a faulty part has values that are safe to read but wrong
 };
 
 }  // namespace tessera::render

@@ -248,6 +248,20 @@ void check_version(const JsonView& asset, JsonFault& fault) {
   }
 }
 
+/// Checks the types of an accessor, with whose sizes tinygltf works.
+void check_accessor_types(const JsonView& accessor, JsonFault& fault) {
+  constexpr std::string_view kTypes[] = {"SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"};
+  const std::string type = accessor.text("type");
+  if (std::find(std::begin(kTypes), std::end(kTypes), type) == std::end(kTypes)) {
+    fault.report(accessor.path() + ".type", "\"" + type + "\" is not defined by glTF");
+  }
+  const std::int64_t component = accessor.integer("componentType", std::int64_t{1} << 31);
+  if (component < 5120 || component > 5126 || component == 5124) {
+    fault.report(accessor.path(),
+                 absl::StrCat("componentType ", component, " is not defined by glTF"));
+  }
+}
+
 /// Checks kRequired, and values that tinygltf does not check or rejects without naming the element.
 void check_core(const json& core, JsonFault& fault) {
   const JsonView root(core, "", fault);
@@ -270,6 +284,7 @@ void check_core(const json& core, JsonFault& fault) {
                    absl::StrCat("byteStride ", stride, " is not a multiple of 4 from 4 to 252"));
     }
   }
+  for (const JsonView& accessor : root["accessors"].items()) check_accessor_types(accessor, fault);
   for (const JsonView& camera : root["cameras"].items()) {
     const std::string type = camera.text("type");
     if (type != "perspective" && type != "orthographic") {
@@ -359,15 +374,35 @@ absl::StatusOr<std::span<const std::byte>> buffer_bytes(const JsonView& buffer,
   }
   const auto path = relative_path(uri);
   if (!path.ok()) return at_buffer(path.status());
-  model.resources.push_back(*path);
   const auto bytes = reader.read(*path);
   if (!bytes.ok()) return at_buffer(bytes.status());
+  model.resources.push_back(*path);
   return *bytes;
 }
 
 bool is_fallback(const JsonView& buffer) {
   const JsonView extension = buffer.extension("EXT_meshopt_compression");
   return extension.present() && extension.boolean("fallback", false);
+}
+
+/// Bytes of a buffer; none if it is faulty.
+std::span<const std::byte> resolve_buffer(const JsonView& buffer, const GltfContainer& container,
+                                          bool first, JsonFault& fault, ResourceReader& reader,
+                                          GltfModel& model) {
+  const std::int64_t length = buffer.integer("byteLength", std::int64_t{1} << 40);
+  if (is_fallback(buffer) && buffer.text("uri").empty()) return {};
+  const auto bytes = buffer_bytes(buffer, container, first, reader, model);
+  if (!bytes.ok()) {
+    model.faults.add(buffer.path(), bytes.status());
+  } else if (length < 1) {
+    fault.report(buffer.path() + ".byteLength", "is missing or 0");
+  } else if (static_cast<std::uint64_t>(length) > bytes->size()) {
+    fault.report(buffer.path(), absl::StrCat("byteLength ", length, ", but the buffer has only ",
+                                             bytes->size(), " bytes: truncated?"));
+  } else {
+    return bytes->first(static_cast<std::size_t>(length));
+  }
+  return {};
 }
 
 }  // namespace
@@ -407,31 +442,42 @@ absl::Status check_extensions(const json& root, GltfModel& model) {
 
 absl::Status resolve_buffers(const json& root, const GltfContainer& container,
                              ResourceReader& reader, GltfModel& model) {
-  JsonFault fault;
+  JsonFault fault(model.faults);
   const std::vector<JsonView> buffers = JsonView(root, "", fault)["buffers"].items();
-  for (std::size_t i = 0; i < buffers.size() && fault.status().ok(); ++i) {
-    const JsonView& buffer = buffers[i];
-    const std::int64_t length = buffer.integer("byteLength", std::int64_t{1} << 40);
-    if (is_fallback(buffer) && buffer.text("uri").empty()) {
-      model.buffers.emplace_back();
-      continue;
-    }
-    auto bytes = buffer_bytes(buffer, container, i == 0, reader, model);
-    if (!fault.status().ok()) break;
-    if (!bytes.ok()) return bytes.status();
-    if (length < 1) fault.report(buffer.path() + ".byteLength", "is missing or 0");
-    if (length > 0 && static_cast<std::uint64_t>(length) > bytes->size()) {
-      fault.report(buffer.path(), absl::StrCat("byteLength ", length, ", but the buffer has only ",
-                                               bytes->size(), " bytes: truncated?"));
-    } else if (length > 0) {
-      model.buffers.push_back(bytes->first(static_cast<std::size_t>(length)));
-    }
+  for (std::size_t i = 0; i < buffers.size(); ++i) {
+    model.buffers.push_back(resolve_buffer(buffers[i], container, i == 0, fault, reader, model));
   }
   return fault.status();
 }
 
-absl::StatusOr<std::string> core_text(const json& root) {
-  JsonFault fault;
+namespace {
+
+/// Replaces the faulty parts of a core model by the smallest valid ones, so that other indices stay
+/// valid.
+void replace_faulty_parts(const PartFaults& faults, json& core) {
+  const json placeholders = {
+      {"accessors", {{"componentType", 5126}, {"count", 1}, {"type", "SCALAR"}}},
+      {"animations", {{"channels", json::array()}, {"samplers", json::array()}}},
+      {"bufferViews", {{"buffer", 0}, {"byteLength", 1}}},
+      {"cameras", {{"type", "perspective"}, {"perspective", {{"yfov", 1}, {"znear", 1}}}}},
+      {"materials", json::object()},
+      {"meshes", {{"primitives", json::array()}}},
+      {"samplers", json::object()},
+      {"skins", {{"joints", {0}}}},
+      {"textures", json::object()}};
+  for (const auto& [section, placeholder] : placeholders.items()) {
+    const auto parts = core.find(section);
+    if (parts == core.end() || !parts->is_array()) continue;
+    for (std::size_t i = 0; i < parts->size(); ++i) {
+      if (faults.find(section, static_cast<std::int32_t>(i)) != nullptr) (*parts)[i] = placeholder;
+    }
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> core_text(const json& root, PartFaults& faults) {
+  JsonFault fault(faults);
   const auto nodes = root.find("nodes");
   if (nodes != root.end() && nodes->is_array() && nodes->size() > kMaxNodes) {
     return absl::InvalidArgumentError(
@@ -447,6 +493,7 @@ absl::StatusOr<std::string> core_text(const json& root) {
   if (fault.status().ok()) check_core(core, fault);
   absl::Status valid = fault.status();
   if (!valid.ok()) return valid;
+  if (!faults.empty()) replace_faulty_parts(faults, core);
   return core.dump();
 }
 

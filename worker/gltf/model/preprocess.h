@@ -21,12 +21,13 @@ absl::StatusOr<nlohmann::json> parse_json(std::string_view text);
 absl::Status check_extensions(const nlohmann::json& root, GltfModel& model);
 
 /// Fills model.buffers from the GLB chunk, data URIs and `reader`, and lists files in
-/// model.resources. Fallback buffers of EXT_meshopt_compression stay empty.
+/// model.resources. Fallback buffers of EXT_meshopt_compression and faulty buffers stay empty.
 absl::Status resolve_buffers(const nlohmann::json& root, const GltfContainer& container,
                              ResourceReader& reader, GltfModel& model);
 
 /// The core model as text for tinygltf, without extensions, extras, buffers and images. Errors:
-/// InvalidArgument for members of a type that tinygltf would misread or ignore.
-absl::StatusOr<std::string> core_text(const nlohmann::json& root);
+/// InvalidArgument for members of a type that tinygltf would misread or ignore; those of parts are
+/// added to `faults`, and faulty parts are replaced by empty ones.
+absl::StatusOr<std::string> core_text(const nlohmann::json& root, PartFaults& faults);
 
 }  // namespace tessera::render

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -15,6 +16,7 @@ namespace {
 
 using testing::GltfBuilder;
 using testing::load_and_pose;
+using testing::MemoryReader;
 using testing::unit_quad;
 
 Vec3d world_of(const Scene& scene, std::size_t instance, const Vec3f& p) {
@@ -474,6 +476,62 @@ TEST(Scenes, InvisibleAncestorHidesListedNode) {
   const auto scene = pose_listed("[0]", R"({"KHR_node_visibility": {"visible": false}})");
   ASSERT_TRUE(scene.ok()) << scene.status();
   EXPECT_TRUE(scene->instances.empty());
+}
+
+/// A quad, and one part of each section that nothing uses and that has a fault.
+std::unique_ptr<GltfBuilder> with_unused_faults() {
+  auto b = std::make_unique<GltfBuilder>();
+  b->use_extension("KHR_lights_punctual");
+  b->add_node_with_mesh(b->add_mesh(unit_quad(b->add_material("{}"))));
+  b->add("bufferViews", R"({"buffer": 0, "byteOffset": 100000, "byteLength": 4})");
+  b->add("accessors", R"({"componentType": 1, "count": 0, "type": "VEC9"})");
+  b->add("meshes", R"({"primitives": [{"attributes": {"POSITION": 99}}]})");
+  b->add("skins", R"({"joints": []})");
+  b->add("materials", R"({"alphaMode": "GLASS"})");
+  b->add("materials", R"({"extensions": {"KHR_materials_ior": {"ior": 0.5}}})");
+  b->add("images", R"({"bufferView": 77})");
+  b->add("textures", R"({"source": 99})");
+  b->add("cameras", R"({"type": "fisheye"})");
+  b->add("animations", R"({"samplers": [], "channels": []})");
+  b->add("animations", R"({"samplers": [{"input": 0, "output": 0}],
+      "channels": [{"sampler": 5, "target": {"node": 0, "path": "scale"}}]})");
+  b->set("/extensions/KHR_lights_punctual/lights", R"([{"type": "sun"}])");
+  return b;
+}
+
+TEST(UnusedParts, FaultsAreWarnings) {
+  MemoryReader reader;
+  reader.put("scene.gltf", with_unused_faults()->gltf());
+  const auto loaded = load_scene_file("scene.gltf", {}, reader);
+  ASSERT_TRUE(loaded.ok()) << loaded.status();
+  const auto scene = (*loaded)->pose({}, 0);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  EXPECT_EQ(scene->instances.size(), 1u);
+  for (const char* part :
+       {"bufferViews[", "accessors[", "meshes[1]", "skins[0]", "materials[1]", "materials[2]",
+        "images[0]", "textures[0]", "cameras[0]", "animations[1]", "lights[0]"}) {
+    const auto& all = (*loaded)->problems();
+    EXPECT_TRUE(std::any_of(all.begin(), all.end(), [&](const Problem& p) {
+      return p.severity == Problem::Severity::warning && p.element.find(part) != std::string::npos;
+    })) << part;
+  }
+}
+
+TEST(UnusedParts, FaultsAreErrorsOnceUsed) {
+  struct Use {
+    const char *pointer, *value, *part;
+  };
+  for (const Use& use :
+       {Use{"/nodes/0/mesh", "1", "meshes[1]"}, Use{"/nodes/0/skin", "0", "skins[0]"},
+        Use{"/nodes/0/camera", "0", "cameras[0]"},
+        Use{"/nodes/0/extensions/KHR_lights_punctual/light", "0", "lights[0]"},
+        Use{"/meshes/0/primitives/0/material", "1", "materials[1]"},
+        Use{"/materials/0/emissiveTexture/index", "0", "textures[0]"}}) {
+    const auto b = with_unused_faults();
+    b->set(use.pointer, use.value);
+    const std::string message(load_and_pose(*b).status().message());
+    EXPECT_NE(message.find(use.part), std::string::npos) << use.part << ": " << message;
+  }
 }
 
 TEST(Containers, GltfAndGlbGiveSameScene) {

@@ -140,6 +140,16 @@ TEST(Meshopt, EncodedMeshRoundTrips) {
   }
 }
 
+TEST(Meshopt, UnmarkedFallbackBufferNeedsNoBytes) {
+  GltfBuilder b;
+  meshopt_grid(b, true).set("/buffers", R"([{}, {"byteLength": 4}])");
+  const auto scene = load_and_pose(b);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  b.set("/bufferViews/0/extensions", "{}");
+  const std::string message(load_and_pose(b).status().message());
+  EXPECT_NE(message.find("buffers[1]: no uri"), std::string::npos) << message;
+}
+
 TEST(Meshopt, FiltersAreDecoded) {
   GltfBuilder b;
   b.use_extension("EXT_meshopt_compression", true);
