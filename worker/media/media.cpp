@@ -172,6 +172,47 @@ std::span<const Crossing> Crossings::in_order() {
   return {all_.begin(), last};
 }
 
+namespace {
+
+/// Returns whether the last crossing of the same body before `c` was in the same direction through
+/// the same material: an edge that two triangles share, or shells that overlap.
+bool repeats(std::span<const Crossing> before, const Crossing& c) {
+  for (std::size_t i = before.size(); i-- > 0;) {
+    const Crossing& b = before[i];
+    if (b.body.id == c.body.id) return b.body.material == c.body.material && b.inwards == c.inwards;
+  }
+  return false;
+}
+
+/// Bodies that a ray has entered and not left: left as by MediumStack::cross(), without limit.
+class Entered {
+ public:
+  void add(const Crossing& c) { all_[count_++] = c.body; }
+
+  /// Returns false if the body was not entered.
+  bool remove(const Body& body) {
+    std::size_t best = count_;
+    int best_match = 0;
+    for (std::size_t i = 0; i < count_; ++i) {
+      const bool same_id = all_[i].id == body.id, same_material = all_[i].material == body.material;
+      const int match = (same_id ? 2 : 0) + (same_material ? 1 : 0);
+      if (match == 0 || match < best_match) continue;
+      best = i;
+      best_match = match;
+    }
+    if (best == count_) return false;
+    std::copy(&all_[best + 1], &all_[count_], &all_[best]);
+    --count_;
+    return true;
+  }
+
+ private:
+  std::size_t count_ = 0;
+  std::array<Body, Crossings::kMaxCrossings> all_;
+};
+
+}  // namespace
+
 MediumStack initial_medium_stack(const ShadingScene& scene, const SceneAccel& accel, const Ray& ray,
                                  Crossings* crossings) {
   MediumStack stack;
@@ -179,17 +220,24 @@ MediumStack initial_medium_stack(const ShadingScene& scene, const SceneAccel& ac
   crossings->clear();
   Ray onwards = ray;
   onwards.t_max = INFINITY;
-  accel.any_hit(onwards, [&](const Hit& hit) {
+  const bool full = accel.any_hit(onwards, [&](const Hit& hit) {
     if ((scene.primitive(hit.id).traits & kTraitBody) == 0) return false;
     return !crossings->add(scene, hit, onwards.direction, onwards.time);
   });
+  if (full) return stack;  // what was collected depends on the traversal
   const std::span<const Crossing> met = crossings->in_order();
-  // The body that is left last was entered first.
-  for (std::size_t i = met.size(); i-- > 0;) {
-    const bool first = std::none_of(met.begin(), met.begin() + static_cast<std::ptrdiff_t>(i),
-                                    [&](const Crossing& c) { return c.body.id == met[i].body.id; });
-    if (first && !met[i].inwards) stack.enter(met[i].body);
+  Entered entered;
+  std::array<const Crossing*, MediumStack::kMaxDepth> left;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < met.size() && count < left.size(); ++i) {
+    if (repeats(met.first(i), met[i])) continue;
+    if (met[i].inwards) {
+      entered.add(met[i]);
+    } else if (!entered.remove(met[i].body)) {
+      left[count++] = &met[i];
+    }
   }
+  while (count > 0) stack.enter(left[--count]->body);  // the body that is left last: entered first
   return stack;
 }
 

@@ -83,7 +83,7 @@ class Crossings {
   MovedSurface moved_;
 };
 
-/// Bodies around the start of a ray: those whose surface it first hits from inside.
+/// Bodies around the start of a ray: those that it leaves without having entered them.
 MediumStack initial_medium_stack(const ShadingScene& scene, const SceneAccel& accel, const Ray& ray,
                                  Crossings* crossings);
 

@@ -34,14 +34,19 @@ class MediumStack {
 
   /// Removes the last entered body with that id, preferably one of the same material; does nothing
   /// if there is none.
-  void leave(const Body& body) {
-    const std::uint32_t index = find(body);
-    if (index == count_) return;
-    --count_;
-    for (std::uint32_t i = index; i < count_; ++i) bodies_[i] = bodies_[i + 1];
-  }
+  void leave(const Body& body) { remove(find(body)); }
 
-  void cross(const Body& body, bool inwards) { inwards ? enter(body) : leave(body); }
+  /// Crosses a surface of `body`. If it leads out of a body that was not entered, several instances
+  /// may be the surfaces of one solid, such as the outside and the cavity of a hollow ball: then
+  /// the last entered body of the same material is left, if any.
+  void cross(const Body& body, bool inwards) {
+    if (inwards) return enter(body);
+    std::uint32_t index = find(body);
+    for (std::uint32_t i = count_; index == count_ && i-- > 0;) {
+      if (bodies_[i].material == body.material) index = i;
+    }
+    remove(index);
+  }
 
   /// Highest-ranked body, or null.
   const Body* top() const { return top_without(count_); }
@@ -56,6 +61,12 @@ class MediumStack {
   }
 
  private:
+  void remove(std::uint32_t index) {
+    if (index == count_) return;
+    --count_;
+    for (std::uint32_t i = index; i < count_; ++i) bodies_[i] = bodies_[i + 1];
+  }
+
   /// Index of the entry that leave() removes, or count_.
   std::uint32_t find(const Body& body) const {
     std::uint32_t found = count_;

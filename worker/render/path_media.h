@@ -51,7 +51,7 @@ class PathMedia {
   /// solid of higher priority; then the path continues behind it. Returns whether it did.
   bool passes_unseen(const ShadingPoint& point, const Hit& hit, const SurfacePoint& position);
 
-  /// PathTracer::light_through() for paths that track bodies.
+  /// PathTracer::light_through() for scenes with bodies that light may cross straight.
   Vec3f light_through_bodies(const Ray& ray, const LightSample& light);
 
   /// Follows the path for `distance` metres that hold no surface.
@@ -83,7 +83,7 @@ class PathMedia {
 template <typename Tracer>
 bool PathMedia<Tracer>::passes_unseen(const ShadingPoint& point, const Hit& hit,
                                       const SurfacePoint& position) {
-  if ((point.material->traits & kTraitBody) == 0) return false;
+  if ((point.material->traits & kTraitCrossed) == 0) return false;
   MediumStack& stack = tracer().media_.stack;
   const Body body = body_of(point);
   const bool visible = point.material->rank != kBoundaryRank && !stack.hides(body);
@@ -112,7 +112,7 @@ Vec3f PathMedia<Tracer>::light_through_bodies(const Ray& ray, const LightSample&
   bool full = false;
   const bool blocked = t.frame_.accel.any_hit(ray, [&](const Hit& hit) {
     if (hit.id == light.triangle) return false;
-    if ((scene.primitive(hit.id).traits & kTraitBody) == 0) return filter(hit);
+    if ((scene.primitive(hit.id).traits & kTraitCrossed) == 0) return filter(hit);
     full = !crossings.add(scene, hit, light.direction, ray.time) || full;
     return false;
   });

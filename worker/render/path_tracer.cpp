@@ -19,7 +19,6 @@
 namespace tessera::render {
 namespace {
 
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
 /// Russian roulette after the second scattering event: paths with a throughput below this end with
 /// a probability, or continue with this throughput. Measured: docs/notes/dropped-ideas.md.
 constexpr float kRouletteWeight = 0.5f;
@@ -40,13 +39,12 @@ struct Path {
   Ray ray;  // unit direction
   Vec3f throughput{1, 1, 1};
   PathResult result;
-  std::int32_t depth = 0;                // number of scattering events
-  std::int32_t passed = 0;               // number of transparent surfaces passed
-  bool from_camera = true;               // only alpha holes so far
-  bool specular_bounce = true;           // the ray cannot come from light sampling: no MIS
-  float pdf = 0;                         // of the last scattering, over solid angle
-  LightSampleContext scattered_at;       // position of the last scattering
-  const MaterialView* medium = nullptr;  // absorbing solid around the ray; without MediaState
+  std::int32_t depth = 0;           // number of scattering events
+  std::int32_t passed = 0;          // number of transparent surfaces passed
+  bool from_camera = true;          // only alpha holes so far
+  bool specular_bounce = true;      // the ray cannot come from light sampling: no MIS
+  float pdf = 0;                    // of the last scattering, over solid angle
+  LightSampleContext scattered_at;  // position of the last scattering
   float footprint = 0;   // pixel footprint at the ray's origin, metres, and its growth per metre;
   float growth = 0;      // 0 after non-specular scattering: footprints are then points
   float wavelength = 0;  // nanometres; 0 until a dispersive surface samples one
@@ -81,13 +79,12 @@ class PathTracer : PathMedia<PathTracer<kMedia>> {
   bool is_cut();
   void add_environment();
   void record(const ShadingPoint& point, const SurfacePoint& position, const Vec4f& base);
-  void absorb(const ShadingPoint& point, float distance);
   void add_emission(const ShadingPoint& point, const TriangleId& id, const Vec3f& position);
   void continue_behind(const Hit& hit, const SurfacePoint& position);
   bool passes_straight(const Bsdf& bsdf, const Hit& hit, const SurfacePoint& position);
   void add_direct(const Bsdf& bsdf, const TriangleId& id, const SurfacePoint& position);
   Vec3f light_through(const Ray& ray, const LightSample& light);
-  Vec3f medium_transmittance(const Ray& ray, const LightSample& light) const;
+  Vec3f medium_transmittance(const Ray& ray);
   Bsdf bsdf_at_hit(ShadingPoint point, const Vec4f& base) const;
   bool survives(float u);
   bool draw_light(const LightSampleContext& context, std::uint32_t set, LightSample* light);
@@ -200,8 +197,6 @@ bool PathTracer<kMedia>::step(const Hit& hit) {
   SurfacePoint position = position_of(point);
   if constexpr (kMedia) {
     if (Media::passes_unseen(point, hit, position)) return true;
-  } else {
-    absorb(point, hit.t);
   }
   const Vec4f base = base_color_at(frame_.shading, point);
   if (path_.depth == 0 && !path_.result.hit.present) record(point, position, base);
@@ -232,9 +227,10 @@ bool PathTracer<kMedia>::step(const Hit& hit) {
 template <bool kMedia>
 Bsdf PathTracer<kMedia>::bsdf_at_hit(ShadingPoint point, const Vec4f& base) const {
   if constexpr (kMedia) {
-    const Body* outside = media_.stack.top_except(body_of(point));
-    if (outside != nullptr && point.material->interface == Interface::solid) {
-      point.material = &frame_.shading.between(*point.material, *outside->material);
+    if (point.material->interface == Interface::solid) {
+      const Body* outside = media_.stack.top_except(body_of(point));
+      if (outside != nullptr)
+        point.material = &frame_.shading.between(*point.material, *outside->material);
     }
   }
   return bsdf_at(frame_.shading, point, base, -path_.ray.direction, path_.wavelength);
@@ -313,16 +309,6 @@ void PathTracer<kMedia>::record(const ShadingPoint& point, const SurfacePoint& p
   hit.material = point.primitive->material;
   hit.primitive = point.primitive->id;
   hit.time = path_.ray.time;
-}
-
-/// Applies Beer's law to the last ray segment. The inside of a solid identifies the medium by
-/// itself, so cameras may start inside one.
-template <bool kMedia>
-void PathTracer<kMedia>::absorb(const ShadingPoint& point, float distance) {
-  const MaterialView* medium = path_.medium;
-  if (!point.front && point.material->interface == Interface::solid) medium = point.material;
-  if (medium == nullptr || !medium->absorbs) return;
-  path_.throughput *= beer_transmittance(medium->extinction, distance);
 }
 
 template <bool kMedia>
@@ -404,7 +390,10 @@ void PathTracer<kMedia>::add_direct(const Bsdf& bsdf, const TriangleId& id,
 /// Fraction of a light sample's radiance that arrives: 0 behind anything opaque.
 template <bool kMedia>
 Vec3f PathTracer<kMedia>::light_through(const Ray& ray, const LightSample& light) {
-  if constexpr (kMedia) return Media::light_through_bodies(ray, light);
+  if constexpr (kMedia) {
+    if ((frame_.shading.traits & kTraitCrossed) != 0)
+      return Media::light_through_bodies(ray, light);
+  }
   const auto traits = static_cast<std::uint8_t>(frame_.shading.traits &
                                                 (kTraitAlpha | kTraitUnlit | kTraitStraight));
   if (traits == 0) {
@@ -413,7 +402,7 @@ Vec3f PathTracer<kMedia>::light_through(const Ray& ray, const LightSample& light
         target == TriangleId{}
             ? frame_.accel.any_hit(ray)
             : frame_.accel.any_hit(ray, [&](const Hit& hit) { return hit.id != target; });
-    return blocked ? Vec3f{} : medium_transmittance(ray, light);
+    return blocked ? Vec3f{} : medium_transmittance(ray);
   }
   ThinSurfaceStack& thin_surfaces = scratch_->thin_surfaces;
   thin_surfaces.passed = thin_surfaces.count = 0;
@@ -426,16 +415,16 @@ Vec3f PathTracer<kMedia>::light_through(const Ray& ray, const LightSample& light
     ++path_.result.limit_count;
     return {};
   }
-  return thin_surfaces.transmittance() * medium_transmittance(ray, light);
+  return thin_surfaces.transmittance() * medium_transmittance(ray);
 }
 
-/// Transmittance of the solid that the shadow ray is in; it cannot leave it, because glass blocks
-/// it.
+/// Transmittance of the medium that the shadow ray is in. It cannot leave its body, because the
+/// surfaces of solids block it.
 template <bool kMedia>
-Vec3f PathTracer<kMedia>::medium_transmittance(const Ray& ray, const LightSample& light) const {
-  if (path_.medium == nullptr) return {1, 1, 1};
-  return beer_transmittance(path_.medium->extinction,
-                            light.distant ? kInfinity : length(ray.direction));
+Vec3f PathTracer<kMedia>::medium_transmittance(const Ray& ray) {
+  if constexpr (kMedia)
+    return transmittance_across(frame_.shading, media_.stack, ray, {}, &media_.random);
+  return {1, 1, 1};
 }
 
 /// Counts a scattering event and applies Russian roulette.
@@ -463,14 +452,11 @@ bool PathTracer<kMedia>::scatter(const ShadingPoint& point, const Bsdf& bsdf, co
   if (PathObserver* observer = scratch_->observer) [[unlikely]]
     observer->on_scatter(next, path_.throughput);
   if (!survives(u.w)) return false;
-  if (next.transmitted && bsdf.interface == Interface::solid) {
-    if constexpr (kMedia) {
+  if constexpr (kMedia) {
+    if (next.transmitted && bsdf.interface == Interface::solid)
       media_.stack.cross(body_of(point), point.front);
-    } else {
-      path_.medium = point.front && point.material->absorbs ? point.material : nullptr;
-    }
+    media_.traversal.restart();
   }
-  if constexpr (kMedia) media_.traversal.restart();
   path_.from_camera = false;
   if (!next.delta) path_.footprint = path_.growth = 0;
   path_.specular_bounce = next.delta;

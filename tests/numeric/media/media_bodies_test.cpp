@@ -155,6 +155,100 @@ TEST(MediumBody, GlassAbsorbsLikeVolumeExtension) {
   }
 }
 
+/// Glass that neither reflects nor refracts. Russian roulette spares paths of throughput above 0.5.
+Material tinted(float extinction = 0.1f) {
+  const float c = std::exp(-extinction);
+  Material m = glass(1);
+  m.attenuation_color = {c, c, c};
+  m.attenuation_distance = 1;
+  return m;
+}
+
+TEST(CameraInside, OpaqueLampIsSeenThroughTheGlass) {
+  for (const bool priority : {false, true}) {
+    Scene scene = spot({0, 0, 5}, {0, 0, 0});
+    Material water = tinted();
+    water.optics.has_priority = priority;
+    add_slab(&scene, -7, 9, water);
+    add_slab(&scene, -1, 2, lamp(1));
+    EXPECT_NEAR(middle(scene, 1, 1, 1).mean(), std::exp(-0.3), kOffset);
+    look_at(&scene, {0, 0, 10}, {0, 0, 0});  // from outside the path enters the glass
+    EXPECT_NEAR(middle(scene, 1, 2, 1).mean(), std::exp(-0.7), kOffset);
+  }
+}
+
+TEST(CameraInside, LightOnObjectsIsAbsorbedTwice) {
+  Scene scene = spot({0, 1, 0}, {0, 0, 0});
+  look_at(&scene, {0, 1, 1e-3}, {0, 0, 0});
+  add_slab(&scene, -40, 40, tinted());
+  const auto white = add_material(&scene, lambert({1, 1, 1}));
+  add_primitive(&scene, quad({-20, 0, 20}, {40, 0, 0}, {0, 0, -40}, white));
+  PunctualLight light;
+  light.intensity = {1, 1, 1};
+  light.position = {0, 2, 0};
+  scene.lights.push_back(light);
+  const double expected = std::exp(-0.3) / 4 / kPi;  // 1 m to the camera, 2 m to the light
+  EXPECT_NEAR(middle(scene, 1, 1, 1).mean(), expected, 1e-5);
+}
+
+TEST(CameraInside, InnermostOfPlainSolidsCounts) {
+  Scene scene = spot({0, 0, 5}, {0, 0, 0});
+  add_slab(&scene, -7, 9, tinted());
+  add_slab(&scene, 3, 6, glass(1));  // clear: 2 m of the way to the lamp
+  add_slab(&scene, -1, 1, lamp(1));
+  EXPECT_NEAR(middle(scene, 1, 4, 1).mean(), std::exp(-0.2), kOffset);
+}
+
+TEST(CameraInside, MediumContinuesBehindAnInnerSolid) {
+  Scene scene = spot({0, 0, 5}, {0, 0, 0});
+  add_slab(&scene, -7, 9, tinted());
+  add_slab(&scene, 2, 4, glass(1));
+  add_slab(&scene, -1, 1, lamp(1));
+  EXPECT_NEAR(middle(scene, 1, 4, 1).mean(), std::exp(-0.2), kOffset);
+}
+
+TEST(CameraInside, SolidsOfOneMeshAreToldApart) {
+  Scene scene = spot({0, 0, 5}, {0, 0, 0});
+  const auto outer = add_material(&scene, tinted());
+  const auto inner = add_material(&scene, glass(1));
+  const auto shine = add_material(&scene, lamp(1));
+  render::Mesh mesh;
+  mesh.primitives = std::vector<render::Primitive>{box({-50, -50, -7}, {50, 50, 9}, false, outer),
+                                                   box({-50, -50, 2}, {50, 50, 4}, false, inner)};
+  scene.meshes.push_back(mesh);
+  render::Instance instance;
+  instance.mesh = static_cast<std::int32_t>(scene.meshes.size()) - 1;
+  scene.instances.push_back(instance);
+  add_primitive(&scene, box({-40, -40, -1}, {40, 40, 1}, false, shine));
+  EXPECT_NEAR(middle(scene, 1, 4, 1).mean(), std::exp(-0.2), kOffset);
+  look_at(&scene, {0, 0, 3}, {0, 0, 0});
+  EXPECT_NEAR(middle(scene, 1, 4, 1).mean(), std::exp(-0.1), kOffset);
+}
+
+TEST(CameraInside, EachLensPointHasItsOwnMedium) {
+  Scene scene = empty_scene();
+  look_at(&scene, {0, 0, 5}, {0, 0, 0});
+  scene.camera.yfov = 1e-6;
+  scene.camera.lens.radius = 1;
+  scene.camera.lens.focus_distance = 12;
+  // Half of the lens is in dense glass, the other in air.
+  const auto dense = add_material(&scene, tinted(50));
+  add_primitive(&scene, box({-50, 0, -50}, {50, 50, 50}, false, dense));
+  const auto shine = add_material(&scene, lamp(1));
+  add_primitive(&scene, box({-40, -40, -2}, {40, 40, -1}, false, shine));
+  expect_mean(middle(scene, 1024, 1), 0.5, 0.01);
+}
+
+TEST(CameraInside, OutsideOfConcaveGlassNothingIsAbsorbed) {
+  Scene scene = spot({0, 0, 0}, {0, 0, -1});
+  // A hollow ball whose inside is air: the camera is in its box but not in its glass.
+  const auto shell = add_material(&scene, tinted());
+  add_primitive(&scene, box({-9, -9, -9}, {9, 9, 9}, false, shell));
+  add_primitive(&scene, box({-8, -8, -8}, {8, 8, 8}, true, shell));
+  add_slab(&scene, -6, -5, lamp(1));
+  EXPECT_NEAR(middle(scene, 1, 1, 1).mean(), 1, 1e-6);
+}
+
 TEST(MediumBody, WhiteGlassVanishesInFurnace) {
   Scene scene = spot({0, 0, 5}, {0.3, 0, 0});
   set_constant_sky(&scene, 1);

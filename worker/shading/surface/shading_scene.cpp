@@ -56,6 +56,17 @@ bool has_holes(const Material& material, const Scene& scene) {
                                                 : !(minimum >= 1);
 }
 
+Interface interface_of(const Material& m) {
+  const bool transmits = (m.transmission > 0 || m.diffuse_transmission.factor > 0) && !m.unlit;
+  if (!transmits) return Interface::opaque;
+  return m.has_volume ? Interface::solid : Interface::thin;
+}
+
+/// Returns whether the material bounds a solid that absorbs light.
+bool is_absorbing_solid(const Material& m) {
+  return interface_of(m) == Interface::solid && max_component(volume_absorption(m)) > 0;
+}
+
 std::uint8_t traits_of(const Material& material, const MaterialView& view, const Scene& scene) {
   unsigned traits = 0;
   if (has_holes(material, scene)) traits |= kTraitAlpha;
@@ -213,7 +224,8 @@ void ShadingScene::add_atmosphere(const Scene& scene) {
   const std::vector<bool> used = used_materials(scene);
   for (std::size_t i = 0; i < scene.materials.size(); ++i) {
     const Material& m = scene.materials[i];
-    if (used[i] && (m.medium || m.optics.has_priority)) tracks_bodies = true;
+    if (used[i] && (m.medium || m.optics.has_priority || is_absorbing_solid(m)))
+      tracks_bodies = true;
   }
   if (!scene.atmosphere) return;
   atmosphere = view_of_medium(scene, &scene.atmosphere->medium, {});
@@ -233,9 +245,7 @@ void ShadingScene::add_materials(const Scene& scene) {
     view.extinction = volume_absorption(m);
     view.absorbs = m.has_volume && max_component(view.extinction) > 0;
     view.emissive = !m.unlit && max_component(m.emission) > 0;
-    if ((m.transmission > 0 || m.diffuse_transmission.factor > 0) && !m.unlit) {
-      view.interface = m.has_volume ? Interface::solid : Interface::thin;
-    }
+    view.interface = interface_of(m);
     view.dispersive = m.dispersion > 0 && view.interface == Interface::solid && m.transmission > 0;
     view.conductor = conductor_of(m.optics);
     view.extended = (is_layered(m) || view.dispersive) && !m.unlit;
@@ -247,7 +257,19 @@ void ShadingScene::add_materials(const Scene& scene) {
     if (tracks_bodies) add_volume(scene, &view);
     materials.push_back(view);
   }
-  if (tracks_bodies) add_relative();
+  if (!tracks_bodies) return;
+  add_relative();
+  mark_crossed();
+}
+
+/// Marks the bodies whose surfaces are not always visible. Nothing hides solids of the highest
+/// rank, so they block light like other surfaces.
+void ShadingScene::mark_crossed() {
+  std::int32_t highest = 0;
+  for (const MaterialView& view : materials) highest = std::max(highest, view.rank);
+  for (MaterialView& view : materials) {
+    if ((view.traits & kTraitBody) != 0 && view.rank < highest) view.traits |= kTraitCrossed;
+  }
 }
 
 /// Sets the medium that the material's surfaces enclose: of solids, inside their interface; of

@@ -28,6 +28,8 @@ inline constexpr std::uint8_t kTraitStraight =
 inline constexpr std::uint8_t kTraitEmissive = 1u << 3;
 inline constexpr std::uint8_t kTraitOneSided = 1u << 4;  // --cull-backfaces hides its back
 inline constexpr std::uint8_t kTraitBody = 1u << 5;  // bounds a body, in a scene that tracks_bodies
+inline constexpr std::uint8_t kTraitCrossed =
+    1u << 6;  // of a body; light may cross it straight, because it can be hidden or is invisible
 
 /// A glTF primitive as read by hot code. Absent attributes are null.
 struct PrimitiveView {
@@ -64,9 +66,9 @@ struct InstanceView {
 /// A material with everything precomputed that does not vary over the surface.
 struct MaterialView {
   const Material* source = nullptr;
-  Vec3f f0;          // dielectric, before specularColorTexture
-  Vec3f extinction;  // -ln(attenuationColor) / attenuationDistance, 1/m; may be infinite
-  bool absorbs = false;
+  Vec3f f0;              // dielectric, before specularColorTexture
+  Vec3f extinction;      // -ln(attenuationColor) / attenuationDistance, 1/m; may be infinite
+  bool absorbs = false;  // inside, by the extinction
   bool emissive = false;
   bool extended = false;    // has an extension of BsdfExtensions, or disperses
   bool dispersive = false;  // refracts wavelengths differently
@@ -113,7 +115,7 @@ struct ShadingScene {
   std::vector<InstanceView> instances;
   std::vector<MaterialView> materials;
   std::uint8_t traits = 0;         // of all primitives combined
-  bool tracks_bodies = false;      // has a medium or priorities: paths keep a medium stack
+  bool tracks_bodies = false;      // has a medium, absorbs or has priorities: paths keep a stack
   bool tracks_footprints = false;  // has procedural textures, which need footprints
   MediumView atmosphere;
   Vec3f atmosphere_center;
@@ -128,6 +130,7 @@ struct ShadingScene {
   void add_tables(MaterialView* view);
   void add_glass_tables(MaterialView* view);
   void add_relative();
+  void mark_crossed();
   void add_body_boxes(const Scene& scene);
 
   struct GlassTables {
