@@ -140,8 +140,8 @@ class LightSampler {
                       LightSample* sample) const;
   bool sample_special(const Entry& entry, float share, const LightSampleContext& context,
                       const LightRandom& u, LightSample* sample) const;
-  bool sample_shape(const Entry& entry, float share, const Vec3f& point, const LightRandom& u,
-                    LightSample* sample) const;
+  bool sample_shape(const Entry& entry, float share, const LightSampleContext& context,
+                    const LightRandom& u, LightSample* sample) const;
   static bool sample_point_light(const PunctualLight& light, const PunctualPose& pose, float share,
                                  const Vec3f& point, LightSample* sample);
   // Moving lights, at the time of the context:

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "worker/geometry/surface_point.h"
 #include "worker/light/emitters/moving_lights.h"
 #include "worker/light/emitters/punctual.h"
 #include "worker/light/emitters/spherical_triangle.h"
@@ -20,18 +21,24 @@ float density_over(double share, double solid_angle) {
 
 /// Samples a direction to a shape and returns the solid angle of its bounding proxy; 0 if it
 /// misses.
-double aim_at(const ShapeLight& emitter, const TriangleId& id, const Vec3f& point,
+///
+/// The shape is sought from where the shadow ray starts, off the receiving surface: the rounded
+/// position of a receiver on the shape itself may lie on its other side.
+double aim_at(const ShapeLight& emitter, const TriangleId& id, const LightSampleContext& context,
               const LightRandom& u, Hit* hit, LightSample* sample) {
-  const Vec3d from(point);
+  const Vec3d from(context.point);
   const double solid_angle = emitter.solid_angle(from);
   if (!(solid_angle > 0)) return 0;
   const Vec3d direction = emitter.sample(from, u.u1, u.u2);
+  sample->direction = Vec3f(direction);
+  const Vec3d start = context.surface == nullptr
+                          ? from
+                          : Vec3d(offset_ray_origin(*context.surface, sample->direction));
   ShapeHit found;
-  if (!emitter.find(from, direction, found)) return 0;
+  if (!emitter.find(start, direction, found)) return 0;
   const Vec3f p(found.point);
   *hit = {static_cast<float>(found.t), {id.instance, 0, found.face}, p.x, p.y, p.z};
-  sample->direction = Vec3f(direction);
-  sample->target = Vec3f(from + direction * found.t);
+  sample->target = Vec3f(start + direction * found.t);
   sample->distant = false;
   sample->triangle = hit->id;
   return solid_angle;
@@ -66,7 +73,7 @@ struct SeenCorners {
 bool LightSampler::sample_special(const Entry& entry, float share,
                                   const LightSampleContext& context, const LightRandom& u,
                                   LightSample* sample) const {
-  if (!entry.moves) return sample_shape(entry, share, context.point, u, sample);
+  if (!entry.moves) return sample_shape(entry, share, context, u, sample);
   if (entry.punctual != kNone) {
     const PunctualLight& light = punctual_[static_cast<std::size_t>(entry.punctual)];
     return sample_point_light(light, pose_of(shading_.source, light, context.time), share,
@@ -76,11 +83,11 @@ bool LightSampler::sample_special(const Entry& entry, float share,
                               : sample_moving_triangle(entry, share, context, u, sample);
 }
 
-bool LightSampler::sample_shape(const Entry& entry, float share, const Vec3f& point,
+bool LightSampler::sample_shape(const Entry& entry, float share, const LightSampleContext& context,
                                 const LightRandom& u, LightSample* sample) const {
   const ShapeLight& emitter = shapes_[static_cast<std::size_t>(entry.shape)];
   Hit hit;
-  const double solid_angle = aim_at(emitter, entry.triangle, point, u, &hit, sample);
+  const double solid_angle = aim_at(emitter, entry.triangle, context, u, &hit, sample);
   if (!(solid_angle > 0)) return false;
   sample->pdf = density_over(double{share}, solid_angle);
   return take_emission(shading_, surface_at(shading_, hit, sample->direction), sample);
@@ -94,7 +101,7 @@ bool LightSampler::sample_moving_shape(const Entry& entry, float share,
   if (!pose) return false;
   const ShapeLight emitter(pose->object_to_world, pose->world_to_object, *instance.shape);
   Hit hit;
-  const double solid_angle = aim_at(emitter, entry.triangle, context.point, u, &hit, sample);
+  const double solid_angle = aim_at(emitter, entry.triangle, context, u, &hit, sample);
   if (!(solid_angle > 0)) return false;
   sample->pdf = density_over(double{share}, solid_angle);
   MovedSurface memory;

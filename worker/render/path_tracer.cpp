@@ -370,7 +370,8 @@ void PathTracer<kMedia>::add_direct(const Bsdf& bsdf, const TriangleId& id,
                                     const SurfacePoint& position) {
   if (!frame_.lights.samples_anything() || !has_smooth_density(bsdf)) return;
   LightSample light;
-  const LightSampleContext context = light_sample_context(bsdf, position, path_.ray.time);
+  LightSampleContext context = light_sample_context(bsdf, position, path_.ray.time);
+  context.surface = &position;
   if (!draw_light(context, dimensions::light(bounce()), &light)) return;
   const BsdfValue value = evaluate_bsdf(bsdf, light.direction);
   if (!(max_component(value.f_cos) > 0)) return;

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "tests/numeric/shapes/solid_scenes.h"
+#include "tests/support/plain_scene.h"
 #include "worker/light/light_sampler.h"
 
 namespace tessera::render::testing {
@@ -203,6 +204,29 @@ TEST(ShapeLights, MatchUniformDirectionSampling) {
       }
       const double expected = sum / n;
       EXPECT_NEAR(irradiance(scene, 400), expected, 0.03 * expected + 0.01);
+    }
+  }
+}
+
+/// The far side of the shape is a receiver that lies on the lamp itself, whose rounded position may
+/// be outside.
+TEST(ShapeLights, SingleSidedShapesAreDarkInside) {
+  Dice dice(9);
+  for (const Shape& shape : {make_ellipsoid({1, 1, 1}), make_box({2, 2, 2}), make_torus(1, 0.4),
+                             make_cylinder(1, 2, false), make_cone(1, 2, true)}) {
+    for (const bool turned : {false, true}) {
+      const Affine3d turn = turned ? random_placement(dice, 1.3, {}, false) : Affine3d{};
+      Scene scene = lamp(shape, turn, 1);
+      scene.materials[0].base_color = {0.8f, 0.8f, 0.8f, 1};
+      scene.materials[0].metallic = 0;
+      const bool torus = shape.form == Shape::Form::torus;
+      const Vec3d eye = torus ? Vec3d{1, 0, 0} : Vec3d{0, 0.1, 0};
+      tessera::testing::look_at(&scene, transform_point(turn, eye),
+                                transform_point(turn, eye + Vec3d{0.3, -0.05, -1}));
+      scene.camera.yfov = 1;
+      const auto picture =
+          tessera::testing::render_picture(scene, tessera::testing::small_settings(12, 12, 32));
+      EXPECT_EQ(picture.mean(), 0) << static_cast<int>(shape.form) << turned;
     }
   }
 }

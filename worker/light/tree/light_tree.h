@@ -9,12 +9,15 @@
 
 namespace tessera::render {
 
+struct SurfacePoint;
+
 /// Shading point for light sampling.
 struct LightSampleContext {
   Vec3f point;
-  Vec3f normal;             // unit; on the side that receives light
-  bool every_side = false;  // light may come from all sides: ignore `normal`
-  float time = 0;           // [0, 1] of the exposure
+  Vec3f normal;                           // unit; on the side that receives light
+  bool every_side = false;                // light may come from all sides: ignore `normal`
+  float time = 0;                         // [0, 1] of the exposure
+  const SurfacePoint* surface = nullptr;  // where shadow rays leave from, at `point`; null in space
 };
 
 /// Bounds of a light or a group of lights: all of it lies in the box, its brightest directions lie
