@@ -95,7 +95,7 @@ MediumSegment segment_along(const ShadingScene& scene, const MediumStack& stack,
                             double begin, double end) {
   MediumSegment out;
   const Body* body = stack.top();
-  out.medium = body != nullptr ? &body->material->medium : &scene.atmosphere;
+  out.medium = &medium_in(scene, stack);
   if (!out.medium->present()) return out;
   if (body != nullptr && !out.medium->is_homogeneous())
     out.inwards = inwards_of(scene, *body, ray.time);

@@ -28,6 +28,12 @@ struct MediumSegment {
   }
 };
 
+/// The medium of the topmost body, or the scene's atmosphere; it may be absent.
+inline const MediumView& medium_in(const ShadingScene& scene, const MediumStack& stack) {
+  const Body* body = stack.top();
+  return body != nullptr ? body->material->medium : scene.atmosphere;
+}
+
 /// The part of [begin, end] along a ray (multiples of its unit direction) that lies in a medium,
 /// for a path whose nested bodies are `stack`: the medium of the topmost body, or the scene's
 /// atmosphere as far as it extends.

@@ -129,6 +129,7 @@ template <typename Tracer>
 Passage PathMedia<Tracer>::cross_medium(double distance) {
   auto& path = tracer().path_;
   MediaState& media = tracer().media_;
+  if (!medium_in(tracer().frame_.shading, media.stack).present()) return Passage::none;
   const MediumSegment segment =
       segment_along(tracer().frame_.shading, media.stack, path.ray, 0, distance);
   if (segment.empty()) return Passage::none;

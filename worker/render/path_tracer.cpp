@@ -423,8 +423,10 @@ Vec3f PathTracer<kMedia>::light_through(const Ray& ray, const LightSample& light
 /// surfaces of solids block it.
 template <bool kMedia>
 Vec3f PathTracer<kMedia>::medium_transmittance(const Ray& ray) {
-  if constexpr (kMedia)
-    return transmittance_across(frame_.shading, media_.stack, ray, {}, &media_.random);
+  if constexpr (kMedia) {
+    if (medium_in(frame_.shading, media_.stack).present())
+      return transmittance_across(frame_.shading, media_.stack, ray, {}, &media_.random);
+  }
   return {1, 1, 1};
 }
 
