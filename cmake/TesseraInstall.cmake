@@ -1,18 +1,16 @@
-# `cmake --install` and CPack: four components, one per Debian package.
+# `cmake --install` and CPack: three components, one per Debian package.
 #
 #   cli        tessera: submits jobs, renders on this machine, manages farms
 #   server     tessera-server, the coordinator, and tessera-webhook
 #   worker     tessera-worker
-#   radiance   the worker's decoder of Radiance images, apart because OpenImageIO draws in 300 libraries
 #
-# Everything is relative to the prefix: the programs find each other beside themselves and the
-# decoder in ../lib/tessera, so an installed tree may be moved.
+# Everything is relative to the prefix: the programs find each other beside themselves, so an
+# installed tree may be moved.
 include(GNUInstallDirs)
 
 install(TARGETS tessera RUNTIME COMPONENT cli)
 install(TARGETS tessera-server tessera-webhook RUNTIME COMPONENT server)
 install(TARGETS tessera-worker RUNTIME COMPONENT worker)
-install(TARGETS tessera_radiance LIBRARY DESTINATION lib/tessera COMPONENT radiance)
 
 # Man pages and completions are written by the build (target `manual`) from the tables of --help.
 set(manual ${PROJECT_BINARY_DIR}/manual)
@@ -77,7 +75,7 @@ file(WRITE ${PROJECT_BINARY_DIR}/packages/changelog
 execute_process(COMMAND gzip -9nkf changelog WORKING_DIRECTORY ${PROJECT_BINARY_DIR}/packages
   COMMAND_ERROR_IS_FATAL ANY)
 
-foreach(component IN ITEMS cli server worker radiance)
+foreach(component IN ITEMS cli server worker)
   install(FILES deploy/packages/copyright
     DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/tessera-${component} COMPONENT ${component})
   install(FILES ${PROJECT_BINARY_DIR}/packages/changelog.gz RENAME changelog.Debian.gz

@@ -8,7 +8,7 @@ set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "Render farm for glTF scenes")
 set(CPACK_RESOURCE_FILE_LICENSE ${PROJECT_SOURCE_DIR}/LICENSE)
 set(CPACK_PACKAGE_FILE_NAME tessera-${PROJECT_VERSION}-linux-x86_64)
 set(CPACK_STRIP_FILES ON)
-set(CPACK_COMPONENTS_ALL cli server worker radiance)
+set(CPACK_COMPONENTS_ALL cli server worker)
 set(CPACK_PROJECT_CONFIG_FILE ${PROJECT_SOURCE_DIR}/cmake/TesseraPackagesGenerator.cmake)
 
 # Staged by DESTDIR, so that the installation knows its final prefix.
@@ -24,7 +24,6 @@ set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_CLI_PACKAGE_NAME tessera-cli)
 set(CPACK_DEBIAN_SERVER_PACKAGE_NAME tessera-server)
 set(CPACK_DEBIAN_WORKER_PACKAGE_NAME tessera-worker)
-set(CPACK_DEBIAN_RADIANCE_PACKAGE_NAME tessera-radiance)
 set(CPACK_COMPONENT_CLI_DESCRIPTION
 "render farm for glTF scenes - command line
  Submits glTF scenes to a farm, follows and fetches jobs, and compares images.
@@ -39,16 +38,14 @@ set(CPACK_COMPONENT_WORKER_DESCRIPTION
 "render farm for glTF scenes - worker
  Path-traces tiles of glTF scenes for a coordinator, in a sandboxed process, and
  gives the same bits on every machine.")
-set(CPACK_COMPONENT_RADIANCE_DESCRIPTION
-"render farm for glTF scenes - decoder of Radiance images
- Lets workers read environment maps in Radiance format (.hdr). Without this
- package they refuse scenes with such maps.")
 # `tessera submit` and `inspect` read scenes through the worker's sandbox; `render` starts a server too.
 set(CPACK_DEBIAN_CLI_PACKAGE_DEPENDS tessera-worker)
 set(CPACK_DEBIAN_CLI_PACKAGE_RECOMMENDS tessera-server)
 set(CPACK_DEBIAN_SERVER_PACKAGE_DEPENDS adduser)
 set(CPACK_DEBIAN_WORKER_PACKAGE_DEPENDS adduser)
-set(CPACK_DEBIAN_WORKER_PACKAGE_RECOMMENDS tessera-radiance)
+# Part of 1.0, of the same version as the worker; the worker now reads Radiance images itself.
+set(CPACK_DEBIAN_WORKER_PACKAGE_CONFLICTS tessera-radiance)
+set(CPACK_DEBIAN_WORKER_PACKAGE_REPLACES tessera-radiance)
 
 foreach(component IN ITEMS server worker)
   string(TOUPPER ${component} upper)

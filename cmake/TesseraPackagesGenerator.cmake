@@ -6,8 +6,3 @@ if(CPACK_GENERATOR STREQUAL TZST)
   set(CPACK_INSTALL_PREFIX /)
   set(CPACK_INCLUDE_TOPLEVEL_DIRECTORY ON)
 endif()
-
-# The worker loads the decoder into its own process, so both must be of one version. Here, because only
-# here is a version that was given to cpack known.
-set(CPACK_DEBIAN_RADIANCE_PACKAGE_DEPENDS
-  "tessera-worker (= ${CPACK_PACKAGE_VERSION}-${CPACK_DEBIAN_PACKAGE_RELEASE})")

@@ -19,11 +19,9 @@ absl::StatusOr<Pixels> decode_jpeg(std::span<const std::byte> file, const PixelL
 absl::StatusOr<Pixels> decode_webp(std::span<const std::byte> file, const PixelLimits& limits);
 absl::StatusOr<Pixels> decode_exr(std::span<const std::byte> file, const PixelLimits& limits);
 
-/// Type of the function that OpenImageIO's module exports.
-using RadianceDecoder = absl::StatusOr<Pixels> (*)(std::span<const std::byte> file,
-                                                   const PixelLimits& limits);
-inline constexpr const char* kRadianceModule = "tessera_radiance.so";
-inline constexpr const char* kRadianceEntry = "tessera_radiance_decoder";
+/// Environment maps: as R, G, B of linear Rec. 709, upright, divided by the file's exposure and
+/// colour corrections.
+absl::StatusOr<Pixels> decode_radiance(std::span<const std::byte> file, const PixelLimits& limits);
 
 std::unique_ptr<ImageEncoder> make_png_encoder(std::int64_t width, std::int64_t height);
 std::unique_ptr<ImageEncoder> make_jpeg_encoder(std::int64_t width, std::int64_t height);

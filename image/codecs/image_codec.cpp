@@ -1,12 +1,7 @@
 #include "image/codecs/image_codec.h"
 
-#include <dlfcn.h>
-
 #include <cstring>
-#include <filesystem>
-#include <system_error>
 
-#include "absl/strings/str_cat.h"
 #include "image/codecs/formats.h"
 
 namespace tessera::image {
@@ -17,37 +12,6 @@ bool begins_with(std::span<const std::byte> file, const std::string& magic, std:
          std::memcmp(file.data() + at, magic.data(), magic.size()) == 0;
 }
 
-/// Path of the decoder module: beside the program in a build directory, in ../lib/tessera under any
-/// installation prefix.
-std::string radiance_path() {
-  std::error_code error;
-  const auto program = std::filesystem::read_symlink("/proc/self/exe", error);
-  const auto beside = program.parent_path() / kRadianceModule;
-  if (std::filesystem::exists(beside, error)) return beside.string();
-  return (program.parent_path().parent_path() / "lib/tessera" / kRadianceModule).string();
-}
-
-absl::StatusOr<RadianceDecoder> open_radiance() {
-  const std::string path = radiance_path();
-  // Never unloaded, because its objects need its code.
-  void* module = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
-  if (module == nullptr) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("cannot load the Radiance decoder (package tessera-radiance): ", dlerror()));
-  }
-  using Entry = RadianceDecoder (*)();
-  const auto entry = reinterpret_cast<Entry>(dlsym(module, kRadianceEntry));
-  if (entry == nullptr) {
-    return absl::FailedPreconditionError(absl::StrCat(path, " is not a decoder module of Tessera"));
-  }
-  return entry();
-}
-
-absl::StatusOr<Pixels> decode_radiance(std::span<const std::byte> file, const PixelLimits& limits) {
-  static const absl::StatusOr<RadianceDecoder> decoder = open_radiance();
-  return decoder.ok() ? (*decoder)(file, limits) : decoder.status();
-}
-
 }  // namespace
 
 ImageFormat image_format(std::span<const std::byte> file) {
@@ -55,7 +19,7 @@ ImageFormat image_format(std::span<const std::byte> file) {
   if (begins_with(file, "\xFF\xD8\xFF")) return ImageFormat::jpeg;
   if (begins_with(file, "RIFF") && begins_with(file, "WEBP", 8)) return ImageFormat::webp;
   if (begins_with(file, "\x76\x2F\x31\x01")) return ImageFormat::exr;
-  if (begins_with(file, "#?RADIANCE") || begins_with(file, "#?RGBE")) return ImageFormat::hdr;
+  if (begins_with(file, "#?")) return ImageFormat::hdr;  // the program's name follows
   if (begins_with(file, "\xABKTX 20\xBB")) return ImageFormat::ktx2;
   return ImageFormat::unknown;
 }

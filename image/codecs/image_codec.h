@@ -10,9 +10,8 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 
-/// Image files in memory, by libpng, libjpeg, libwebp and OpenEXR; Radiance files by OpenImageIO.
-/// OpenImageIO needs some 300 libraries (a quarter of a second of CPU time), so it is in a module
-/// of its own that is loaded for the first such file.
+/// Image files in memory, by libpng, libjpeg, libwebp and OpenEXR; Radiance files by our own
+/// reader.
 namespace tessera::image {
 
 enum class ImageFormat : std::uint8_t { unknown, png, jpeg, webp, exr, hdr, ktx2 };
@@ -51,7 +50,7 @@ class ImageEncoder {
 /// Decodes a PNG, JPEG, WebP, EXR or Radiance file.
 ///
 /// Errors: InvalidArgument for other formats, damaged files and files over `limits`; Unimplemented
-/// for KTX2; FailedPrecondition if OpenImageIO's module is not installed beside the program.
+/// for KTX2.
 absl::StatusOr<Pixels> decode(std::span<const std::byte> file, const PixelLimits& limits);
 
 /// Creates an encoder for a PNG (RGBA, not premultiplied) or JPEG (RGB) of sRGB codes.

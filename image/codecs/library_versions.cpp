@@ -1,7 +1,6 @@
 #include "image/codecs/library_versions.h"
 
 #include <OpenEXR/OpenEXRConfig.h>
-#include <OpenImageIO/oiioversion.h>
 #include <png.h>
 #include <webp/decode.h>
 
@@ -20,8 +19,7 @@ std::vector<cli::LibraryVersion> library_versions() {
   return {{"libpng", png_get_libpng_ver(nullptr)},
           {"libjpeg-turbo", TESSERA_VALUE_TEXT(LIBJPEG_TURBO_VERSION)},
           {"libwebp", absl::StrCat(webp >> 16, ".", webp >> 8 & 0xff, ".", webp & 0xff)},
-          {"OpenEXR", OPENEXR_VERSION_STRING},
-          {"OpenImageIO", OIIO_VERSION_STRING}};
+          {"OpenEXR", OPENEXR_VERSION_STRING}};
 }
 
 }  // namespace tessera::image

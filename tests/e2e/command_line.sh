@@ -53,7 +53,7 @@ equal "--spp wins over its error and max-spp" "$(samples "$work/error.toml" --sp
 
 for program in tessera tessera-server tessera-worker; do
   exits 0 "$program" --version
-  for part in "$program " "render contract " "isa " "gRPC " "protobuf " "libpng " "libjpeg-turbo " "libwebp " "OpenEXR " "OpenImageIO "; do
+  for part in "$program " "render contract " "isa " "gRPC " "protobuf " "libpng " "libjpeg-turbo " "libwebp " "OpenEXR "; do
     says "$part"
   done
   exits 0 "$program" --help

@@ -37,7 +37,7 @@ pack() {
 }
 version=$(sed -n 's/^CMAKE_PROJECT_VERSION:STATIC=//p' "$build/CMakeCache.txt")
 pack "$version"
-for package in cli server worker radiance; do
+for package in cli server worker; do
   [ -f "$work/$version/tessera-${package}_$version-1_amd64.deb" ] || fail "no package tessera-$package"
 done
 say "cpack made $(ls "$work/$version" | tr '\n' ' ')"
@@ -71,7 +71,7 @@ inside sh -c 'tessera --version && tessera-server --version && tessera-worker --
 grep -q "^tessera $version" "$work/versions.log" || fail "tessera does not say version $version"
 for file in /etc/tessera/server.toml /etc/tessera/worker.env /usr/share/man/man1/tessera-render.1.gz \
   /usr/share/bash-completion/completions/tessera /usr/share/doc/tessera-server/copyright \
-  /lib/systemd/system/tessera-server.service /usr/lib/tessera/tessera_radiance.so; do
+  /lib/systemd/system/tessera-server.service; do
   [ -e "$root$file" ] || fail "$file is not installed"
 done
 [ "$(stat -c '%U %a' --dereference "$root/var/lib/tessera" | cut -d' ' -f2)" = 700 ] || fail "/var/lib/tessera is not mode 700"
@@ -135,7 +135,7 @@ say "upgraded to $next: configuration and jobs kept, same picture"
 
 for pid in "${pids[@]}"; do kill "$pid"; wait "$pid" 2>/dev/null || true; done
 pids=()
-inside apt-get remove -y -qq tessera-cli tessera-server tessera-worker tessera-radiance >>"$work/apt.log" 2>&1
+inside apt-get remove -y -qq tessera-cli tessera-server tessera-worker >>"$work/apt.log" 2>&1
 [ -d "$root/var/lib/tessera/store" ] || fail "removing deleted the store"
 [ -e "$root/etc/tessera/server.toml" ] || fail "removing deleted the configuration"
 # The other packages have no configuration files: they are gone already.

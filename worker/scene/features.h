@@ -45,8 +45,7 @@ enum Feature : std::uint32_t {
   kFeatureMotion = 1u << 31,  // something moves during the exposure
 };
 
-/// Resident memory of a renderer before it loads a scene, measured. Loading a Radiance environment
-/// map adds about 120 MB of OpenImageIO's libraries, which all renderers of a host share.
+/// Resident memory of a renderer before it loads a scene, measured.
 inline constexpr std::int64_t kProcessBytes = 13'000'000;
 
 /// Counts and sizes of a posed scene. Sizes are the peak of a renderer process with one frame

@@ -341,6 +341,91 @@ TEST(Images, RadianceHdrIsDecodedExactly) {
   }
 }
 
+/// A Radiance file: signature, `header` lines, resolution and pixels as stored.
+absl::StatusOr<Image> radiance(const std::string& header, const std::string& resolution,
+                               const std::string& pixels) {
+  const std::string file = "#?RADIANCE\n" + header + "\n" + resolution + "\n" + pixels;
+  return decode_environment(std::as_bytes(std::span(file)), "sky");
+}
+
+/// A grey pixel of the given value, which must be below 128.
+std::string grey(int value) {
+  const char v = static_cast<char>(value);
+  return {v, v, v, static_cast<char>(136)};
+}
+
+TEST(Radiance, AllEightOrientationsAreUpright) {
+  // The picture 3 x 2 of greys 10 11 12 / 20 21 22, as each orientation stores it.
+  struct Order {
+    const char* resolution;
+    std::vector<int> stored;
+  };
+  for (const Order& order :
+       {Order{"-Y 2 +X 3", {10, 11, 12, 20, 21, 22}}, Order{"-Y 2 -X 3", {12, 11, 10, 22, 21, 20}},
+        Order{"+Y 2 +X 3", {20, 21, 22, 10, 11, 12}}, Order{"+Y 2 -X 3", {22, 21, 20, 12, 11, 10}},
+        Order{"+X 3 -Y 2", {10, 20, 11, 21, 12, 22}}, Order{"+X 3 +Y 2", {20, 10, 21, 11, 22, 12}},
+        Order{"-X 3 -Y 2", {12, 22, 11, 21, 10, 20}},
+        Order{"-X 3 +Y 2", {22, 12, 21, 11, 20, 10}}}) {
+    std::string pixels;
+    for (const int value : order.stored) pixels += grey(value);
+    const auto sky = radiance("FORMAT=32-bit_rle_rgbe\n", order.resolution, pixels);
+    ASSERT_TRUE(sky.ok()) << order.resolution << ": " << sky.status();
+    EXPECT_EQ(sky->width, 3);
+    std::vector<float> reds;
+    for (std::size_t i = 0; i < 6; ++i) reds.push_back(sky->f32[3 * i]);
+    EXPECT_EQ(reds, (std::vector<float>{10, 11, 12, 20, 21, 22})) << order.resolution;
+  }
+}
+
+TEST(Radiance, ExposureAndColorCorrectionDivide) {
+  const auto sky = radiance("EXPOSURE=4\nEXPOSURE= 2\nCOLORCORR=1 0.5 0.25\n\tEXPOSURE=100\n",
+                            "-Y 1 +X 1", grey(64));
+  ASSERT_TRUE(sky.ok()) << sky.status();
+  EXPECT_EQ(sky->f32, (std::vector<float>{8, 16, 32}));
+  for (const char* line : {"EXPOSURE=0\n", "EXPOSURE=-1\n", "EXPOSURE=x\n", "COLORCORR=1 1\n",
+                           "EXPOSURE=1e-200\nEXPOSURE=1e-200\n", "FORMAT=ascii\n"}) {
+    EXPECT_EQ(radiance(line, "-Y 1 +X 1", grey(64)).status().code(),
+              absl::StatusCode::kInvalidArgument)
+        << line;
+  }
+}
+
+TEST(Radiance, OldRunLengthsAreRead) {
+  // 1 pixel, 2 repeats, another pixel, and 1 + 256 repeats of it in two digits.
+  const std::string pixels = grey(7) + std::string("\1\1\1\2", 4) + grey(9) +
+                             std::string("\1\1\1\1", 4) + std::string("\1\1\1\1", 4);
+  const auto sky = radiance("", "-Y 1 +X 261", pixels);
+  ASSERT_TRUE(sky.ok()) << sky.status();
+  for (std::size_t x = 0; x < 261; ++x) EXPECT_EQ(sky->f32[3 * x], x < 3 ? 7 : 9) << x;
+  EXPECT_FALSE(radiance("", "-Y 1 +X 260", pixels).ok());
+  EXPECT_FALSE(radiance("", "-Y 1 +X 4", std::string("\1\1\1\4", 4)).ok()) << "nothing to repeat";
+}
+
+TEST(Radiance, XyzIsConvertedToRec709) {
+  // 0.9505, 1, 1.0890: the white point D65, with mantissas of eight bits.
+  const std::string white = {static_cast<char>(122), static_cast<char>(128), static_cast<char>(139),
+                             static_cast<char>(129)};
+  const auto sky = radiance("FORMAT=32-bit_rle_xyze\n", "-Y 1 +X 1", white);
+  ASSERT_TRUE(sky.ok()) << sky.status();
+  // Half a unit of the mantissa, 1 / 256, times the largest sum of coefficients of a row, 5.3.
+  for (const float v : sky->f32) EXPECT_NEAR(v, 1, 5.3 / 256);
+}
+
+TEST(Radiance, OtherSignatureAndNoFormatAreRead) {
+  const std::string file = "#?SOFTWARE\r\n\r\n-Y 1 +X 1\r\n" + grey(5);
+  const auto sky = decode_environment(std::as_bytes(std::span(file)), "sky");
+  ASSERT_TRUE(sky.ok()) << sky.status();
+  EXPECT_EQ(sky->f32, (std::vector<float>{5, 5, 5}));
+}
+
+TEST(Radiance, MalformedResolutionIsRejected) {
+  for (const char* line : {"", "-Y 1", "-Y 1 +X", "-Y 1 -Y 1", "Y 1 +X 1", "-Y 0 +X 1",
+                           "-Y -1 +X 1", "-Y 99999999999999999999 +X 1", "-Y 30000 +X 30000"}) {
+    EXPECT_EQ(radiance("", line, grey(1)).status().code(), absl::StatusCode::kInvalidArgument)
+        << line;
+  }
+}
+
 TEST(Images, OtherFormatsAreRejected) {
   const auto refused = [](const std::string& magic) {
     std::vector<std::byte> file(256);
