@@ -50,8 +50,12 @@ class Checker {
         for (std::size_t i = 0; value.is_array() && i < value.size(); ++i) {
           check(rule, value[i], path + "/" + std::to_string(i));
         }
-      } else if (keyword != "description" && keyword != "title" && keyword != "default" &&
-                 keyword[0] != '$') {
+      } else if (keyword == "if") {
+        Checker condition;
+        condition.check(rule, value, path);
+        if (condition.faults.empty()) check(schema.at("then"), value, path);
+      } else if (keyword != "then" && keyword != "description" && keyword != "title" &&
+                 keyword != "default" && keyword[0] != '$') {
         fault(path, "the schema's keyword " + keyword + " is not known here");
       }
     }

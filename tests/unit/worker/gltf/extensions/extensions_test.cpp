@@ -54,6 +54,10 @@ TEST(TesseraCamera, RejectsInvalidProperties) {
             ".verticalAngle: allowed only with"},
            {perspective, R"({"projection": "spherical", "horizontalAngle": 7})",
             ".horizontalAngle: 7 is not in", true},
+           {perspective, R"({"projection": "cylindrical", "verticalAngle": 3.12})",
+            ".verticalAngle: 3.12 is not in", true},
+           {perspective, R"({"projection": "spherical", "verticalAngle": 3.15})",
+            ".verticalAngle: 3.15 is not in", true},
            {perspective, R"({"projection": "equidistant", "angle": 0})", ".angle: must be above 0",
             true},
            {perspective,
@@ -106,6 +110,15 @@ TEST(TesseraCamera, RejectsInvalidProperties) {
     const json schema = support::read_schema("TESSERA_camera");
     EXPECT_EQ(!support::schema_faults(schema, json::parse(c.extension)).empty(), c.by_schema)
         << c.extension;
+  }
+}
+
+TEST(TesseraCamera, LargestVerticalAnglesAreAccepted) {
+  const json schema = support::read_schema("TESSERA_camera");
+  for (const char* extension : {R"({"projection": "cylindrical", "verticalAngle": 3.1})",
+                                R"({"projection": "spherical", "verticalAngle": 3.12})"}) {
+    EXPECT_EQ(refusal(*filmed(perspective, extension)), "");
+    EXPECT_TRUE(support::schema_faults(schema, json::parse(extension)).empty()) << extension;
   }
 }
 
