@@ -113,12 +113,22 @@ SceneAccel timed_accel(const Scene& scene, const ParallelFor& parallel_for,
   return accel;
 }
 
+CameraRays camera_rays(const Scene& scene, const contract::RenderSettings& settings,
+                       const TraceOptions& tracing) {
+  CameraRays rays(scene.camera, settings.width, settings.height, tracing.assumed_features);
+  // The scene's box is that of one time, and an atmosphere fills the way to it.
+  if (!rays.moves() && scene.key_times.empty() && !scene.atmosphere) {
+    rays.start_near(scene.bounds_min, scene.bounds_max);
+  }
+  return rays;
+}
+
 PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& settings,
                                    std::int32_t frame, const ParallelFor& parallel_for,
                                    const FrameRenderer* before, const TraceOptions& tracing)
     : scene_(std::move(scene)),
       shading_(scene_, tracing.assumed_features),
-      camera_(scene_.camera, settings.width, settings.height, tracing.assumed_features),
+      camera_(camera_rays(scene_, settings, tracing)),
       accel_(timed_accel(scene_, parallel_for, before, tracing, &timings_.accel_build_seconds)),
       lights_(scene_, shading_),
       filter_(settings.filter, settings.filter_width),

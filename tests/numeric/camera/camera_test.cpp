@@ -147,6 +147,56 @@ TEST(ObliqueCamera, ShiftGrowsWithDepth) {
   EXPECT_NEAR(far.y, -1 - 0.25 * 11, 1e-5);
 }
 
+/// Camera rays of a sphere that fills four fifths of the picture, seen from `distance` metres.
+CameraRays distant_rays(Camera::Kind kind, double distance) {
+  Scene scene = empty_scene();
+  look_at(&scene, Vec3d{0.36, 0.48, 0.8} * distance, {0, 0, 0});
+  scene.camera.kind = kind;
+  scene.camera.yfov = 2.5 / distance;
+  scene.camera.ymag = 1.25;
+  scene.camera.znear = 0.01;
+  CameraRays rays(scene.camera, kWidth, kHeight);
+  rays.start_near({-1, -1, -1}, {1, 1, 1});
+  return rays;
+}
+
+TEST(Camera, DistantRaysMissTargetByLittle) {
+  // Axes of the camera, as look_at() makes them: -Z to the target, X level.
+  const Vec3d back{0.36, 0.48, 0.8};
+  const Vec3d right = normalize(cross(Vec3d{0, 1, 0}, back)), up = cross(back, right);
+  // Rays start within two diagonals, 7 m, of the middle: origin and direction are rounded there,
+  // each by at most 7 m * 2^-24 a component. In double, positions at 1e9 m are within 2e-7 m.
+  const double tolerance = 2 * 1.8 * 7 * 0x1p-24 + 4e-7;
+  for (const Camera::Kind kind : {Camera::Kind::perspective, Camera::Kind::orthographic}) {
+    for (const double distance : {1e5, 1e7, 1e8, 1e9}) {
+      const CameraRays rays = distant_rays(kind, distance);
+      for (double y = 0.37; y < kHeight; y += 3) {
+        for (double x = 0.61; x < kWidth; x += 3) {
+          CameraRay ray;
+          ASSERT_TRUE(rays.ray(x, y, {}, &ray));
+          const Vec3d origin(ray.origin), direction(ray.direction);
+          const Vec3d hit = origin - direction * (dot(origin, back) / dot(direction, back));
+          const double pixel = 2.5 / kHeight;
+          const Vec3d expected =
+              right * ((x - kWidth / 2.0) * pixel) + up * ((kHeight / 2.0 - y) * pixel);
+          ASSERT_LT(length(hit - expected), tolerance) << distance << ": " << x << ", " << y;
+        }
+      }
+    }
+  }
+}
+
+TEST(Camera, NearbyRaysStartAtNearPlane) {
+  Scene scene = empty_scene();
+  look_at(&scene, {0, 0, 500}, {0, 0, 0});
+  scene.camera.znear = 0.5;
+  CameraRays rays(scene.camera, kWidth, kHeight);
+  rays.start_near({-1, -1, -1}, {1, 1, 1});
+  CameraRay ray;
+  ASSERT_TRUE(rays.ray(kWidth / 2.0, kHeight / 2.0, {}, &ray));
+  EXPECT_EQ(ray.origin.z, 499.5f);
+}
+
 TEST(Camera, ObjectsBehindItAreInvisible) {
   const auto seen = [](Scene scene) {
     render::Material m = lambert({0, 0, 0});

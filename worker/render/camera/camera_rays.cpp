@@ -1,6 +1,7 @@
 #include "worker/render/camera/camera_rays.h"
 
 #include <cmath>
+#include <limits>
 
 #include "worker/geometry/motion.h"
 #include "worker/math/elementary.h"
@@ -45,7 +46,11 @@ CameraRays::CameraRays(const Camera& camera, std::int32_t width, std::int32_t he
           ? elementary::sin(0.5 * camera.yfov) / elementary::cos(0.5 * camera.yfov)
           : camera.ymag;
   pixel_ = half_extent / half_height_;
-  const double angle_per_pixel = vertical_angle_ / height;
+  set_footprint();
+}
+
+void CameraRays::set_footprint() {
+  const double angle_per_pixel = vertical_angle_ / (2 * half_height_);
   if (kind_ == Camera::Kind::orthographic) {
     footprint_at_start_ = static_cast<float>(pixel_);
   } else {
@@ -53,6 +58,28 @@ CameraRays::CameraRays(const Camera& camera, std::int32_t width, std::int32_t he
     footprint_growth_ = static_cast<float>(growth);
     footprint_at_start_ = static_cast<float>(growth * near_);
   }
+}
+
+void CameraRays::start_near(const Vec3d& low, const Vec3d& high) {
+  // Rounding an origin and a direction to float moves the ray at distance D by up to 2^-23 D. Below
+  // this number of box diagonals that is less than a diagonal / 8000, below a pixel of most images.
+  constexpr double kFar = 1024;
+  const double diagonal = length(high - low);
+  double nearest = std::numeric_limits<double>::infinity();
+  for (unsigned corner = 0; corner < 8; ++corner) {
+    const Vec3d p{(corner & 1) != 0 ? high.x : low.x, (corner & 2) != 0 ? high.y : low.y,
+                  (corner & 4) != 0 ? high.z : low.z};
+    const double depth = dot(p - eye_, forward_);
+    if (depth < nearest) nearest = depth;
+  }
+  // Rays of a curved projection start on a sphere, which the box's circumsphere must not meet.
+  if (kind_ > Camera::Kind::orthographic) {
+    nearest = length((low + high) * 0.5 - eye_) - 0.5 * diagonal;
+  }
+  const double start = nearest - diagonal;
+  if (!(diagonal > 0 && start > kFar * diagonal && start > near_)) return;
+  near_ = start < far_ ? start : far_;
+  set_footprint();
 }
 
 void CameraRays::place(const Affine3d& camera_to_world) {

@@ -24,6 +24,11 @@ class CameraRays {
   CameraRays(const Camera& camera, std::int32_t width, std::int32_t height,
              std::uint32_t assumed = 0);
 
+  /// Starts rays just before the box `low` to `high` (recentred world), which contains everything
+  /// that they can meet, if the camera is so far from it that the rounding of rays at the near
+  /// plane would show. Requires !moves().
+  void start_near(const Vec3d& low, const Vec3d& high);
+
   /// Returns whether rays depend on the time.
   bool moves() const { return !keys_.empty(); }
   /// The camera at a time in [0, 1] of the exposure. Requires moves().
@@ -47,6 +52,7 @@ class CameraRays {
 
  private:
   void place(const Affine3d& camera_to_world);
+  void set_footprint();
   bool through_lens(double sideways, double upwards, Vec2f lens, CameraRay* out) const;
   bool from_curved_projection(double x, double y, CameraRay* out) const;
 
