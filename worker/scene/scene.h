@@ -256,13 +256,14 @@ struct CsgStep {
   bool is_operand = true;
   CsgOperation operation = CsgOperation::unite;  // subtract: the first without the others; exclude:
                                                  // inside an odd number of them
-  std::uint32_t number = 0;  // index of the operand, or number of results to combine
+  std::uint32_t number = 0;  // index of the operand, or number of results to combine; the union of
+                             // none is empty
 };
 
 /// TESSERA_csg: a body bounded by the surfaces of several closed, consecutive instances.
 struct CsgSolid {
   std::int32_t node = 0;               // glTF node index
-  std::uint32_t first = 0, count = 0;  // operands, in Scene::instances
+  std::uint32_t first = 0, count = 0;  // operands, in Scene::instances; at least one
   std::vector<CsgStep> steps;
 };
 

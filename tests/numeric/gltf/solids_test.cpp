@@ -30,7 +30,8 @@ void add_solid(GltfBuilder& file, const std::string& operation, const std::strin
 
 /// Colour of a solid of a box of 2 m and a sphere of 0.5 m, half in its front face, of different
 /// colours.
-Vec3d colour_of(const std::string& operation, double x) {
+Vec3d colour_of(const std::string& operation, double x, const std::string& ball_scale = "1, 1, 1",
+                const std::string& box_scale = "1, 1, 1") {
   const auto file = probe_of(x, 0.01);
   file->use_extension("KHR_materials_unlit");
   const auto paint = [&file](const std::string& color) {
@@ -38,8 +39,10 @@ Vec3d colour_of(const std::string& operation, double x) {
                               R"(}, "extensions": {"KHR_materials_unlit": {}}})");
   };
   const int red = paint("[1, 0, 0, 1]"), green = paint("[0, 1, 0, 1]");
-  add_solid(*file, operation, shape(R"("type": "box", "size": [2, 2, 2])", red),
-            shape(R"("type": "sphere", "radius": 0.5)", green, R"(, "translation": [0, 0, 1])"));
+  add_solid(*file, operation,
+            shape(R"("type": "box", "size": [2, 2, 2])", red, R"(, "scale": [)" + box_scale + "]"),
+            shape(R"("type": "sphere", "radius": 0.5)", green,
+                  R"(, "translation": [0, 0, 1], "scale": [)" + ball_scale + "]"));
   return seen(*file, probe_settings());
 }
 
@@ -50,6 +53,19 @@ TEST(Csg, SurfaceUsesMaterialOfItsOperand) {
     EXPECT_EQ(colour_of(operation, 0.8), red) << operation;
   }
   EXPECT_EQ(colour_of("intersection", 0.1), red);  // the box's face cuts the ball
+}
+
+TEST(Csg, OperandOfScaleZeroIsEmpty) {
+  const Vec3d red = {1, 0, 0}, green = {0, 1, 0}, nothing = {0, 0, 0};
+  for (const char* scale : {"0, 0, 0", "1, 0, 1"}) {
+    for (const char* operation : {"union", "subtraction", "xor"}) {
+      EXPECT_EQ(colour_of(operation, 0.1, scale), red) << operation;
+    }
+    EXPECT_EQ(colour_of("intersection", 0.1, scale), nothing);
+    EXPECT_EQ(colour_of("union", 0.1, "1, 1, 1", scale), green);
+    EXPECT_EQ(colour_of("subtraction", 0.1, "1, 1, 1", scale), nothing);
+    EXPECT_EQ(colour_of("union", 0.1, scale, scale), nothing);
+  }
 }
 
 TEST(Csg, DeepNestingLoadsAndRenders) {

@@ -130,6 +130,7 @@ Box3f padded(const Box3d& box, const Vec3d& pad) {
 
 /// Returns the box of the result of a CSG operation on operands with these boxes.
 Box3f combined(CsgOperation operation, std::span<const Box3f> boxes) {
+  if (boxes.empty()) return {};
   Box3f out = boxes[0];
   for (const Box3f& box : boxes.subspan(1)) {
     switch (operation) {
@@ -157,8 +158,9 @@ Box3f solid_box(const CsgSolid& solid, std::span<const Box3f> operands) {
       continue;
     }
     const std::size_t first = results.size() - step.number;
-    results[first] = combined(step.operation, std::span(results).subspan(first));
-    results.resize(first + 1);
+    const Box3f box = combined(step.operation, std::span(results).subspan(first));
+    results.resize(first);
+    results.push_back(box);
   }
   return results[0];
 }

@@ -101,8 +101,8 @@ bool CsgLine::inside(std::span<const CsgStep> steps) {
         result = count % 2 == 1;
         break;
     }
-    *first = result ? 1 : 0;
-    stack_.erase(first + 1, stack_.end());
+    stack_.erase(first, stack_.end());
+    stack_.push_back(result ? 1 : 0);
   }
   return stack_[0] != 0;
 }

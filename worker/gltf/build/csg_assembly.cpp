@@ -64,8 +64,9 @@ class SolidAssembler {
       return fault(index, "a CSG operand cannot have EXT_mesh_gpu_instancing");
     }
     const auto found = instances_.find(index);
-    if (found == instances_.end()) {
-      return fault(index, "this CSG operand is hidden, empty, or flattened by its transform");
+    if (found == instances_.end()) {  // hidden, empty, or flattened by its transform at this time
+      solid.steps.push_back({false, CsgOperation::unite, 0});
+      return absl::OkStatus();
     }
     Instance& instance = scene_.instances[found->second];
     const Mesh& mesh = scene_.meshes[static_cast<std::size_t>(instance.mesh)];
@@ -113,7 +114,7 @@ absl::Status assemble_solids(const std::vector<Node>& nodes, const std::vector<s
     solid.node = index;
     absl::Status status = SolidAssembler(nodes, instances, scene).add(index, solid);
     if (!status.ok()) return status;
-    scene.solids.push_back(std::move(solid));
+    if (solid.count > 0) scene.solids.push_back(std::move(solid));
   }
   return absl::OkStatus();
 }

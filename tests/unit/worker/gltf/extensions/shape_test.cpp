@@ -267,7 +267,6 @@ TEST(Csg, OpenOperandsAreRejected) {
   refused(shape_node(R"({"type": "cylinder", "capped": false})"), "the shape is open");
   refused(R"({"mesh": 0})", "the mesh is open at 4 edges");
   refused(R"({"translation": [1, 0, 0]})", "needs a mesh, shape or children");
-  refused(shape_node(R"({"type": "box"})", R"(, "scale": [1, 0, 1])"), "flattened");
 }
 
 TEST(Csg, ErrorsNameElementAndFault) {
