@@ -56,7 +56,7 @@ need_image() {
   flock "$image_lock"  # tests run side by side
   if ! podman image exists "$image"; then
     (cd "$build" && cpack -G DEB -B "$work/packages") >"$work/cpack.log" 2>&1 || fail "cpack"
-    build_image --build-arg RADIANCE=no --build-context "packages=$work/packages" \
+    build_image --build-context "packages=$work/packages" \
       >"$work/image.log" 2>&1 || fail "podman build"
     for old in $(podman image ls --format '{{.Repository}}:{{.Tag}}' localhost/tessera-test); do
       [ "$old" = "$image" ] || podman image rm "$old" >/dev/null 2>&1 || true
