@@ -45,6 +45,7 @@ enum class Wrap : std::uint8_t { repeat, clamp, mirror };
 struct ProceduralTexture {
   enum class Pattern : std::uint8_t {
     noise,
+    value_noise,
     fbm,
     turbulence,
     ridged,

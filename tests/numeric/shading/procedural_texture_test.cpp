@@ -9,6 +9,7 @@
 #include "tests/support/plain_scene.h"
 #include "worker/sampling/gradient_noise.h"
 #include "worker/sampling/hash.h"
+#include "worker/sampling/value_noise.h"
 #include "worker/shading/surface/shading_scene.h"
 #include "worker/shading/surface/surface.h"
 
@@ -19,6 +20,7 @@ using render::gradient_noise;
 using render::Material;
 using render::ProceduralTexture;
 using render::Scene;
+using render::value_noise;
 using render::Vec3d;
 using render::Vec3f;
 using render::Vec4f;
@@ -134,8 +136,8 @@ TEST(ProceduralTexture, PatternsMatchFormulas) {
 
 TEST(ProceduralTexture, StaysBetweenZeroAndOne) {
   for (const Pattern pattern :
-       {Pattern::noise, Pattern::fbm, Pattern::turbulence, Pattern::ridged, Pattern::marble,
-        Pattern::wood, Pattern::clouds, Pattern::worn_metal, Pattern::fire}) {
+       {Pattern::noise, Pattern::value_noise, Pattern::fbm, Pattern::turbulence, Pattern::ridged,
+        Pattern::marble, Pattern::wood, Pattern::clouds, Pattern::worn_metal, Pattern::fire}) {
     const ProceduralTexture f = procedural(pattern);
     double low = 1, high = 0;
     for (int i = 0; i < 20000; ++i) {
@@ -152,9 +154,40 @@ TEST(ProceduralTexture, StaysBetweenZeroAndOne) {
   }
 }
 
+TEST(ValueNoise, IsSmoothBetweenRandomNumbers) {
+  for (int dimensions = 1; dimensions <= 4; ++dimensions) {
+    double sum = 0, squares = 0;
+    constexpr int kCount = 1 << 14;
+    for (int i = 0; i < kCount; ++i) {
+      std::array<double, 4> p = point(i);
+      for (double& x : p) x = std::floor(x);
+      const double here = value_noise(dimensions, p, 5);
+      sum += here, squares += here * here;
+      if (i >= 100) continue;
+      // Value and slope are continuous across the lattice plane: the change over twice a step is
+      // twice the change over a step, up to second order.
+      for (std::size_t k = 0; k < static_cast<std::size_t>(dimensions); ++k) {
+        constexpr double kStep = 1.0 / 1024;
+        auto before = p, after = p;
+        before[k] -= kStep;
+        after[k] += kStep;
+        const double rise = value_noise(dimensions, after, 5) - here;
+        const double fall = here - value_noise(dimensions, before, 5);
+        EXPECT_NEAR(rise, fall, 11 * kStep * kStep);  // |second derivative| <= 12 / 1.25
+      }
+      EXPECT_NE(here, value_noise(dimensions, p, 6));
+    }
+    // On the lattice it is a uniform random number in [-1, 1], scaled.
+    const double scale = std::pow(double{render::kSplineOvershoot}, -dimensions);
+    EXPECT_NEAR(sum / kCount, 0, 5 * scale / std::sqrt(3.0 * kCount));
+    EXPECT_NEAR(squares / kCount, scale * scale / 3, 0.03 * scale * scale);
+  }
+  EXPECT_EQ(value_noise(3, {0, 0x1p60, 0, 0}, 5), 0);
+}
+
 TEST(ProceduralTexture, LargeFootprintGivesMean) {
   for (const Pattern pattern :
-       {Pattern::noise, Pattern::fbm, Pattern::turbulence, Pattern::marble}) {
+       {Pattern::noise, Pattern::value_noise, Pattern::fbm, Pattern::turbulence, Pattern::marble}) {
     ProceduralTexture f = procedural(pattern);
     f.octaves = 4;
     double sum = 0, squares = 0;

@@ -18,6 +18,7 @@ struct PatternName {
 };
 constexpr PatternName kPatterns[] = {
     {"noise", ProceduralTexture::Pattern::noise},
+    {"valueNoise", ProceduralTexture::Pattern::value_noise},
     {"fbm", ProceduralTexture::Pattern::fbm},
     {"turbulence", ProceduralTexture::Pattern::turbulence},
     {"ridged", ProceduralTexture::Pattern::ridged},

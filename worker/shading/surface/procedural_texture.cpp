@@ -4,6 +4,7 @@
 
 #include "worker/math/elementary.h"
 #include "worker/sampling/gradient_noise.h"
+#include "worker/sampling/value_noise.h"
 
 namespace tessera::render {
 
@@ -160,6 +161,9 @@ float pattern_at(const ProceduralTexture& procedural, const std::array<double, 4
     case Pattern::noise:
       return 0.5f + 0.5f * visible_amplitude(footprint) *
                         gradient_noise(procedural.dimensions, p, procedural.seed);
+    case Pattern::value_noise:
+      return 0.5f + 0.5f * visible_amplitude(footprint) *
+                        value_noise(procedural.dimensions, p, procedural.seed);
     case Pattern::fbm:
       return 0.5f + 0.5f * fbm(procedural, p, footprint);
     case Pattern::turbulence: {
