@@ -56,7 +56,7 @@ TEST(Csg, SurfaceUsesMaterialOfItsOperand) {
 }
 
 TEST(Csg, OperandOfScaleZeroIsEmpty) {
-  const Vec3d red = {1, 0, 0}, green = {0, 1, 0}, nothing = {0, 0, 0};
+  const Vec3d red = {1, 0, 0}, green = {0, 1, 0}, nothing = {1, 1, 1};  // the default sky
   for (const char* scale : {"0, 0, 0", "1, 0, 1"}) {
     for (const char* operation : {"union", "subtraction", "xor"}) {
       EXPECT_EQ(colour_of(operation, 0.1, scale), red) << operation;
