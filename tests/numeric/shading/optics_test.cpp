@@ -159,7 +159,9 @@ TEST(TesseraMaterial, RejectsInvalidProperties) {
   const auto refusal = [](const std::string& extension) {
     GltfBuilder file;
     file.use_extension("TESSERA_material");
-    file.add_material(R"({"extensions": {"TESSERA_material": )" + extension + "}}");
+    const int material =
+        file.add_material(R"({"extensions": {"TESSERA_material": )" + extension + "}}");
+    file.add_node_with_mesh(file.add_mesh(unit_quad(material)));
     return std::string(load_and_pose(file).status().message());
   };
   for (const auto& [extension, fault] : std::vector<std::pair<std::string, std::string>>{

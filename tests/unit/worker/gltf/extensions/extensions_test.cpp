@@ -208,8 +208,8 @@ std::unique_ptr<GltfBuilder> textured(const std::string& extension) {
 TEST(TesseraTexture, RejectsInvalidProperties) {
   const std::string at = "textures[0].extensions.TESSERA_texture";
   for (const Refused& c : {
-           Refused{"", R"({})", ".pattern: must be one of noise, fbm", true},
-           {"", R"({"pattern": "plaid"})", ".pattern: must be one of noise, fbm", true},
+           Refused{"", R"({})", ".pattern: must be one of noise, valueNoise", true},
+           {"", R"({"pattern": "plaid"})", ".pattern: must be one of noise, valueNoise", true},
            {"", R"({"pattern": "fbm", "octave": 3})",
             ".octave: unknown property; expected one of pattern", true},
            {"", R"({"pattern": "fbm", "space": "screen"})", ".space: is not object", true},
