@@ -83,11 +83,11 @@ TEST(Csg, DeepNestingLoadsAndRenders) {
   constexpr int kLevels = 100'000;  // 10 MB of stack by recursion
   for (int level = 1; level <= kLevels; ++level) {
     const bool outermost = level == kLevels;
-    const std::string more = level % 10'000 == 0 ? ", " + ball() : "";
-    inner = std::to_string(
-        file->add_node(R"({"children": [)" + inner + more +
-                           R"(], "extensions": {"TESSERA_csg": {"operation": "union"}}})",
-                       outermost));
+    std::string node = R"({"children": [)";
+    node += inner;
+    if (level % 10'000 == 0) node += ", " + ball();
+    node += R"(], "extensions": {"TESSERA_csg": {"operation": "union"}}})";
+    inner = std::to_string(file->add_node(node, outermost));
   }
   EXPECT_EQ(seen(*file, probe_settings()), (Vec3d{0, 1, 0}));
 }

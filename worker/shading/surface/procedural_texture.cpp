@@ -197,9 +197,9 @@ Vec4f ramp_at(const ProceduralTexture& procedural, float value) {
   return ramp.back().color;
 }
 
-std::array<double, 4> in_features(const ProceduralTexture& f, const Vec3d& point) {
-  const Vec3d p = point * Vec3d(f.scale) + Vec3d(f.offset);
-  return {p.x, p.y, p.z, static_cast<double>(f.time)};
+std::array<double, 4> in_features(const ProceduralTexture& procedural, const Vec3d& point) {
+  const Vec3d p = point * Vec3d(procedural.scale) + Vec3d(procedural.offset);
+  return {p.x, p.y, p.z, static_cast<double>(procedural.time)};
 }
 
 Vec4f procedural_color(const ProceduralTexture& procedural, const Vec3d& point, float footprint) {
