@@ -26,10 +26,10 @@ std::string_view part_of(std::string_view path) {
 
 }  // namespace
 
-bool PartFaults::add(std::string_view path, absl::Status fault) {
+bool PartFaults::add(std::string_view path, const absl::Status& fault) {
   const std::string_view part = part_of(path);
   if (part.empty()) return false;
-  faults_.try_emplace(std::string(part), std::move(fault));
+  faults_.try_emplace(std::string(part), fault);
   return true;
 }
 

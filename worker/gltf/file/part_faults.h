@@ -18,7 +18,7 @@ class PartFaults {
   /// Records the fault of the part in which `path` ("meshes[3].primitives[0].mode") lies, unless
   /// that part has one. Returns false if the path lies in no part: the fault concerns the whole
   /// file.
-  bool add(std::string_view path, absl::Status fault);
+  bool add(std::string_view path, const absl::Status& fault);
 
   /// Fault of an element, kNone for none, of a root array ("meshes"), or of "lights"; nullptr if it
   /// has none.
