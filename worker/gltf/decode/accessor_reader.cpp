@@ -36,18 +36,18 @@ std::size_t element_bytes(const Accessor& a) {
   return column_bytes(a) * a.columns;
 }
 
-std::size_t view_stride(const GltfModel& d, const Accessor& a) {
-  const std::size_t stride = a.view == kNone ? 0 : d.views[a.view].stride;
+std::size_t view_stride(const GltfModel& model, const Accessor& a) {
+  const std::size_t stride = a.view == kNone ? 0 : model.views[a.view].stride;
   return stride != 0 ? stride : element_bytes(a);
 }
 
 /// Checks that the range lies within its view. Counts and strides are bounded, so nothing
 /// overflows.
-absl::Status check_range(const GltfModel& d, std::int32_t index, const Range& r) {
-  if (r.view < 0 || static_cast<std::size_t>(r.view) >= d.views.size()) {
+absl::Status check_range(const GltfModel& model, std::int32_t index, const Range& r) {
+  if (r.view < 0 || static_cast<std::size_t>(r.view) >= model.views.size()) {
     return fault(index, absl::StrCat("bufferViews[", r.view, "] does not exist"));
   }
-  const BufferView& view = d.views[r.view];
+  const BufferView& view = model.views[r.view];
   if (r.count == 0) return absl::OkStatus();
   const auto need = static_cast<std::uint64_t>(r.count - 1) * r.stride + r.element_bytes;
   if (r.offset > view.length || need > view.length - r.offset) {
@@ -57,8 +57,8 @@ absl::Status check_range(const GltfModel& d, std::int32_t index, const Range& r)
   return absl::OkStatus();
 }
 
-absl::Status check_sparse(const GltfModel& d, std::int32_t index) {
-  const Accessor& a = d.accessors[index];
+absl::Status check_sparse(const GltfModel& model, std::int32_t index) {
+  const Accessor& a = model.accessors[index];
   const SparseValues& s = *a.sparse;
   if (s.count < 1 || s.count > a.count) {
     return fault(index, absl::StrCat("sparse.count ", s.count, " is not in 1..", a.count));
@@ -70,15 +70,15 @@ absl::Status check_sparse(const GltfModel& d, std::int32_t index) {
   const auto count = static_cast<std::size_t>(s.count);
   const auto index_bytes = static_cast<std::size_t>(component_bytes(s.index_type));
   absl::Status indices =
-      check_range(d, index, {s.index_view, s.index_offset, index_bytes, index_bytes, count});
+      check_range(model, index, {s.index_view, s.index_offset, index_bytes, index_bytes, count});
   if (!indices.ok()) return indices;
-  return check_range(d, index,
+  return check_range(model, index,
                      {s.value_view, s.value_offset, element_bytes(a), element_bytes(a), count});
 }
 
 /// First byte of a view's contents. Requires check_range().
-const std::byte* view_bytes(const GltfModel& d, std::int32_t view) {
-  return d.buffers[d.views[view].buffer].data() + d.views[view].offset;
+const std::byte* view_bytes(const GltfModel& model, std::int32_t view) {
+  return model.buffers[model.views[view].buffer].data() + model.views[view].offset;
 }
 
 template <typename T>
@@ -126,15 +126,16 @@ std::uint32_t read_unsigned(const std::byte* at, ComponentType type) {
 }
 
 /// Indices of the elements that a sparse accessor replaces, strictly increasing and in range.
-absl::StatusOr<std::vector<std::uint32_t>> sparse_indices(const GltfModel& d, std::int32_t index) {
-  const SparseValues& s = *d.accessors[index].sparse;
-  const std::byte* from = view_bytes(d, s.index_view) + s.index_offset;
+absl::StatusOr<std::vector<std::uint32_t>> sparse_indices(const GltfModel& model,
+                                                          std::int32_t index) {
+  const SparseValues& s = *model.accessors[index].sparse;
+  const std::byte* from = view_bytes(model, s.index_view) + s.index_offset;
   std::vector<std::uint32_t> out(static_cast<std::size_t>(s.count));
   for (std::size_t i = 0; i < out.size(); ++i) {
     out[i] = read_unsigned(from + i * component_bytes(s.index_type), s.index_type);
-    if (out[i] >= d.accessors[index].count) {
+    if (out[i] >= model.accessors[index].count) {
       return fault(index, absl::StrCat("sparse index ", out[i], " is not below the count ",
-                                       d.accessors[index].count));
+                                       model.accessors[index].count));
     }
     if (i > 0 && out[i] <= out[i - 1]) {
       return fault(index, absl::StrCat("sparse indices do not increase at ", i));
@@ -154,24 +155,24 @@ void read_element(const std::byte* from, const Accessor& a, float* to) {
 }
 
 /// First fault of the views of an accessor; nullptr if they have none.
-const absl::Status* view_fault(const GltfModel& d, const Accessor& a) {
+const absl::Status* view_fault(const GltfModel& model, const Accessor& a) {
   const std::int32_t sparse[] = {a.sparse ? a.sparse->index_view : kNone,
                                  a.sparse ? a.sparse->value_view : kNone};
   for (const std::int32_t view : {a.view, sparse[0], sparse[1]}) {
-    const absl::Status* fault = d.faults.find("bufferViews", view);
+    const absl::Status* fault = model.faults.find("bufferViews", view);
     if (fault != nullptr) return fault;
   }
   return nullptr;
 }
 
-absl::Status check_view(const GltfModel& d, const BufferView& v, const std::string& where) {
+absl::Status check_view(const GltfModel& model, const BufferView& v, const std::string& where) {
   const auto fail = [&](const std::string& message) {
     return absl::InvalidArgumentError(absl::StrCat(where, ": ", message));
   };
-  if (v.buffer < 0 || static_cast<std::size_t>(v.buffer) >= d.buffers.size()) {
+  if (v.buffer < 0 || static_cast<std::size_t>(v.buffer) >= model.buffers.size()) {
     return fail(absl::StrCat("buffers[", v.buffer, "] does not exist"));
   }
-  const std::size_t size = d.buffers[v.buffer].size();
+  const std::size_t size = model.buffers[v.buffer].size();
   if (v.offset > size || v.length > size - v.offset) {
     return fail(absl::StrCat(v.length, " bytes at offset ", v.offset, " exceed the ", size,
                              " bytes of buffers[", v.buffer, "]"));
@@ -199,20 +200,20 @@ int component_bytes(ComponentType type) {
   return 4;
 }
 
-void check_views(GltfModel& d) {
-  for (std::size_t i = 0; i < d.views.size(); ++i) {
-    BufferView& view = d.views[i];
+void check_views(GltfModel& model) {
+  for (std::size_t i = 0; i < model.views.size(); ++i) {
+    BufferView& view = model.views[i];
     const std::string where = absl::StrCat("bufferViews[", i, "]");
-    const absl::Status* cause = d.faults.find("buffers", view.buffer);
-    const absl::Status status = cause != nullptr ? *cause : check_view(d, view, where);
-    if (!status.ok()) d.faults.add(where, status);
-    if (d.faults.find("bufferViews", static_cast<std::int32_t>(i)) != nullptr)
+    const absl::Status* cause = model.faults.find("buffers", view.buffer);
+    const absl::Status status = cause != nullptr ? *cause : check_view(model, view, where);
+    if (!status.ok()) model.faults.add(where, status);
+    if (model.faults.find("bufferViews", static_cast<std::int32_t>(i)) != nullptr)
       view.offset = view.length = 0;
   }
 }
 
-absl::Status check_accessor(const GltfModel& d, std::int32_t index) {
-  const Accessor& a = d.accessors[index];
+absl::Status check_accessor(const GltfModel& model, std::int32_t index) {
+  const Accessor& a = model.accessors[index];
   if (a.count < 1) return fault(index, absl::StrCat("count ", a.count, " is below 1"));
   const std::size_t bytes = element_bytes(a);
   // Elements are decoded to floats, whatever the file stores.
@@ -224,37 +225,37 @@ absl::Status check_accessor(const GltfModel& d, std::int32_t index) {
   }
   if (a.view != kNone) {
     const std::size_t stride =
-        static_cast<std::size_t>(a.view) < d.views.size() ? view_stride(d, a) : bytes;
+        static_cast<std::size_t>(a.view) < model.views.size() ? view_stride(model, a) : bytes;
     if (stride < bytes) {
       return fault(
           index, absl::StrCat("byteStride ", stride, " is below the element's ", bytes, " bytes"));
     }
-    absl::Status range =
-        check_range(d, index, {a.view, a.offset, bytes, stride, static_cast<std::size_t>(a.count)});
+    absl::Status range = check_range(
+        model, index, {a.view, a.offset, bytes, stride, static_cast<std::size_t>(a.count)});
     if (!range.ok()) return range;
   }
-  return a.sparse ? check_sparse(d, index) : absl::OkStatus();
+  return a.sparse ? check_sparse(model, index) : absl::OkStatus();
 }
 
-std::uint64_t decoded_bytes(const GltfModel& d, std::int32_t index) {
-  const Accessor& a = d.accessors[index];
+std::uint64_t decoded_bytes(const GltfModel& model, std::int32_t index) {
+  const Accessor& a = model.accessors[index];
   return static_cast<std::uint64_t>(a.count) * static_cast<std::uint64_t>(a.components()) * 4;
 }
 
-absl::Status check_accessors(GltfModel& d) {
+absl::Status check_accessors(GltfModel& model) {
   std::uint64_t limit = kMaxAccessorBytes, total = 0;
-  for (const auto& buffer : d.buffers) limit += 16 * buffer.size();
-  for (std::size_t i = 0; i < d.accessors.size(); ++i) {
+  for (const auto& buffer : model.buffers) limit += 16 * buffer.size();
+  for (std::size_t i = 0; i < model.accessors.size(); ++i) {
     const auto index = static_cast<std::int32_t>(i);
-    const absl::Status* cause = view_fault(d, d.accessors[i]);
-    const absl::Status status = cause != nullptr ? *cause : check_accessor(d, index);
-    if (!status.ok()) d.faults.add(absl::StrCat("accessors[", i, "]"), status);
-    if (d.faults.find("accessors", index) != nullptr) {
-      d.accessors[i].count = 1;
-      d.accessors[i].view = kNone;
-      d.accessors[i].sparse.reset();
+    const absl::Status* cause = view_fault(model, model.accessors[i]);
+    const absl::Status status = cause != nullptr ? *cause : check_accessor(model, index);
+    if (!status.ok()) model.faults.add(absl::StrCat("accessors[", i, "]"), status);
+    if (model.faults.find("accessors", index) != nullptr) {
+      model.accessors[i].count = 1;
+      model.accessors[i].view = kNone;
+      model.accessors[i].sparse.reset();
     }
-    total += decoded_bytes(d, index);
+    total += decoded_bytes(model, index);
     if (total > limit) {
       return absl::InvalidArgumentError(absl::StrCat("accessors: the first ", i + 1, " decode to ",
                                                      total, " bytes, more than the limit of ",
@@ -264,17 +265,17 @@ absl::Status check_accessors(GltfModel& d) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::vector<float>> read_floats(const GltfModel& d, std::int32_t index,
+absl::StatusOr<std::vector<float>> read_floats(const GltfModel& model, std::int32_t index,
                                                int components) {
-  const Accessor& a = d.accessors[index];
+  const Accessor& a = model.accessors[index];
   if (a.components() != components) {
     return fault(index, absl::StrCat("has ", a.components(), " components, expected ", components));
   }
   const auto count = static_cast<std::size_t>(a.count);
   std::vector<float> out(count * components);
   if (a.view != kNone) {
-    const std::byte* from = view_bytes(d, a.view) + a.offset;
-    const std::size_t stride = view_stride(d, a);
+    const std::byte* from = view_bytes(model, a.view) + a.offset;
+    const std::size_t stride = view_stride(model, a);
     if (a.type == ComponentType::f32 && stride == sizeof(float) * components) {
       std::memcpy(out.data(), from, out.size() * sizeof(float));
     } else {
@@ -284,9 +285,9 @@ absl::StatusOr<std::vector<float>> read_floats(const GltfModel& d, std::int32_t 
     }
   }
   if (a.sparse) {
-    const auto places = sparse_indices(d, index);
+    const auto places = sparse_indices(model, index);
     if (!places.ok()) return places.status();
-    const std::byte* from = view_bytes(d, a.sparse->value_view) + a.sparse->value_offset;
+    const std::byte* from = view_bytes(model, a.sparse->value_view) + a.sparse->value_offset;
     for (std::size_t i = 0; i < places->size(); ++i) {
       read_element(from + i * element_bytes(a), a,
                    out.data() + static_cast<std::size_t>((*places)[i]) * components);
@@ -295,8 +296,9 @@ absl::StatusOr<std::vector<float>> read_floats(const GltfModel& d, std::int32_t 
   return out;
 }
 
-absl::StatusOr<std::vector<std::uint32_t>> read_indices(const GltfModel& d, std::int32_t index) {
-  const Accessor& a = d.accessors[index];
+absl::StatusOr<std::vector<std::uint32_t>> read_indices(const GltfModel& model,
+                                                        std::int32_t index) {
+  const Accessor& a = model.accessors[index];
   if (a.components() != 1 || a.normalized ||
       (a.type != ComponentType::u8 && a.type != ComponentType::u16 &&
        a.type != ComponentType::u32)) {
@@ -304,14 +306,14 @@ absl::StatusOr<std::vector<std::uint32_t>> read_indices(const GltfModel& d, std:
   }
   std::vector<std::uint32_t> out(static_cast<std::size_t>(a.count));
   if (a.view != kNone) {
-    const std::byte* from = view_bytes(d, a.view) + a.offset;
-    const std::size_t stride = view_stride(d, a);
+    const std::byte* from = view_bytes(model, a.view) + a.offset;
+    const std::size_t stride = view_stride(model, a);
     for (std::size_t i = 0; i < out.size(); ++i) out[i] = read_unsigned(from + i * stride, a.type);
   }
   if (a.sparse) {
-    const auto places = sparse_indices(d, index);
+    const auto places = sparse_indices(model, index);
     if (!places.ok()) return places.status();
-    const std::byte* from = view_bytes(d, a.sparse->value_view) + a.sparse->value_offset;
+    const std::byte* from = view_bytes(model, a.sparse->value_view) + a.sparse->value_offset;
     for (std::size_t i = 0; i < places->size(); ++i) {
       out[(*places)[i]] = read_unsigned(from + i * element_bytes(a), a.type);
     }
@@ -319,16 +321,16 @@ absl::StatusOr<std::vector<std::uint32_t>> read_indices(const GltfModel& d, std:
   return out;
 }
 
-absl::StatusOr<std::vector<Vec2f>> read_vec2(const GltfModel& d, std::int32_t index) {
-  const auto floats = read_floats(d, index, 2);
+absl::StatusOr<std::vector<Vec2f>> read_vec2(const GltfModel& model, std::int32_t index) {
+  const auto floats = read_floats(model, index, 2);
   if (!floats.ok()) return floats.status();
   std::vector<Vec2f> out(floats->size() / 2);
   for (std::size_t i = 0; i < out.size(); ++i) out[i] = {(*floats)[2 * i], (*floats)[2 * i + 1]};
   return out;
 }
 
-absl::StatusOr<std::vector<Vec3f>> read_vec3(const GltfModel& d, std::int32_t index) {
-  const auto floats = read_floats(d, index, 3);
+absl::StatusOr<std::vector<Vec3f>> read_vec3(const GltfModel& model, std::int32_t index) {
+  const auto floats = read_floats(model, index, 3);
   if (!floats.ok()) return floats.status();
   std::vector<Vec3f> out(floats->size() / 3);
   for (std::size_t i = 0; i < out.size(); ++i) {
@@ -338,8 +340,8 @@ absl::StatusOr<std::vector<Vec3f>> read_vec3(const GltfModel& d, std::int32_t in
   return out;
 }
 
-absl::StatusOr<std::vector<Vec4f>> read_vec4(const GltfModel& d, std::int32_t index) {
-  const auto floats = read_floats(d, index, 4);
+absl::StatusOr<std::vector<Vec4f>> read_vec4(const GltfModel& model, std::int32_t index) {
+  const auto floats = read_floats(model, index, 4);
   if (!floats.ok()) return floats.status();
   std::vector<Vec4f> out(floats->size() / 4);
   for (std::size_t i = 0; i < out.size(); ++i) {
