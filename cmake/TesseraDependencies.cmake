@@ -21,11 +21,13 @@ find_package(PkgConfig REQUIRED)
 pkg_check_modules(WebP REQUIRED IMPORTED_TARGET libwebp)  # Debian ships no CMake file of it
 pkg_check_modules(Seccomp REQUIRED IMPORTED_TARGET libseccomp)
 
-# OpenImageIO's package names an OpenCV include folder that need not exist.
-find_package(OpenImageIO CONFIG REQUIRED)
-foreach(target OpenImageIO::OpenImageIO OpenImageIO::OpenImageIO_Util)
-  set_target_properties(${target} PROPERTIES INTERFACE_INCLUDE_DIRECTORIES /usr/include)
-endforeach()
+if(TESSERA_BUILD_TESTS)  # tests write and read images with it, as an oracle
+  # OpenImageIO's package names an OpenCV include folder that need not exist.
+  find_package(OpenImageIO CONFIG REQUIRED)
+  foreach(target OpenImageIO::OpenImageIO OpenImageIO::OpenImageIO_Util)
+    set_target_properties(${target} PROPERTIES INTERFACE_INCLUDE_DIRECTORIES /usr/include)
+  endforeach()
+endif()
 
 if(TESSERA_WITH_GRPC)
   find_package(Protobuf REQUIRED)  # CMake's module: Debian ships no protobuf-config.cmake

@@ -68,8 +68,9 @@ struct RenderSettings {
   bool half = false;  // EXR of half floats; does not change pixels_sha256
   double clamp = 0;   // maximum radiance per sample and channel; 0: off
   bool cull_backfaces = false;
-  std::string
-      accelerator;  // one of kStructureNames; empty: the production BVH. Pixels do not differ
+  /// How rays find triangles: one of kStructureNames, or empty for the production BVH. Pixels do
+  /// not depend on it.
+  std::string accelerator;
 
   /// Returns the part of the frame that is rendered.
   PixelRect window() const { return crop.value_or(PixelRect{0, 0, width, height}); }

@@ -62,7 +62,9 @@ void add_extend_command(CLI::App& app, Invocation& invocation) {
   command->footer(
       "The result equals a job submitted with the new settings. Fails once the job is done, "
       "because "
-      "its results are then deleted.\nExamples:\n  tessera extend last --spp 1024\n"
+      "its results are then deleted.\n"
+      "Examples:\n"
+      "  tessera extend last --spp 1024\n"
       "  tessera extend last --error 0.02");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };

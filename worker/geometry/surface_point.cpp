@@ -9,10 +9,6 @@ namespace {
 
 constexpr double kUnitRoundoff = 0x1p-24;
 
-Vec3d absolute(const Vec3d& v) {
-  return {std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)};
-}
-
 /// |M| v without translation, for v >= 0.
 Vec3d absolute_transform(const Affine3d& m, const Vec3d& v) {
   return {dot(absolute(m.rows[0]), v), dot(absolute(m.rows[1]), v), dot(absolute(m.rows[2]), v)};

@@ -132,6 +132,10 @@ inline T length(const Vec3<T>& a) {
 
 /// Largest absolute component; NaN components count as 0.
 template <typename T>
+inline Vec3<T> absolute(const Vec3<T>& a) {
+  return {std::fabs(a.x), std::fabs(a.y), std::fabs(a.z)};
+}
+template <typename T>
 inline T max_abs(const Vec3<T>& a) {
   const T x = std::fabs(a.x), y = std::fabs(a.y), z = std::fabs(a.z);
   T largest = x > 0 ? x : 0;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <tuple>
+#include <vector>
 
 #include "worker/math/elementary.h"
 #include "worker/scene/moved_pose.h"
@@ -184,33 +185,6 @@ bool repeats(std::span<const Crossing> before, const Crossing& c) {
   return false;
 }
 
-/// Bodies that a ray has entered and not left: left as by MediumStack::cross(), without limit.
-class Entered {
- public:
-  void add(const Crossing& c) { all_[count_++] = c.body; }
-
-  /// Returns false if the body was not entered.
-  bool remove(const Body& body) {
-    std::size_t best = count_;
-    int best_match = 0;
-    for (std::size_t i = 0; i < count_; ++i) {
-      const bool same_id = all_[i].id == body.id, same_material = all_[i].material == body.material;
-      const int match = (same_id ? 2 : 0) + (same_material ? 1 : 0);
-      if (match == 0 || match < best_match) continue;
-      best = i;
-      best_match = match;
-    }
-    if (best == count_) return false;
-    std::copy(&all_[best + 1], &all_[count_], &all_[best]);
-    --count_;
-    return true;
-  }
-
- private:
-  std::size_t count_ = 0;
-  std::array<Body, Crossings::kMaxCrossings> all_;
-};
-
 }  // namespace
 
 MediumStack initial_medium_stack(const ShadingScene& scene, const SceneAccel& accel, const Ray& ray,
@@ -226,14 +200,20 @@ MediumStack initial_medium_stack(const ShadingScene& scene, const SceneAccel& ac
   });
   if (full) return stack;  // what was collected depends on the traversal
   const std::span<const Crossing> met = crossings->in_order();
-  Entered entered;
+  thread_local std::vector<Body> entered;  // and not left, without the stack's limit
+  entered.clear();
   std::array<const Crossing*, MediumStack::kMaxDepth> left;
   std::size_t count = 0;
   for (std::size_t i = 0; i < met.size() && count < left.size(); ++i) {
     if (repeats(met.first(i), met[i])) continue;
     if (met[i].inwards) {
-      entered.add(met[i]);
-    } else if (!entered.remove(met[i].body)) {
+      entered.push_back(met[i].body);
+      continue;
+    }
+    const std::size_t index = entry_left(entered, met[i].body);
+    if (index < entered.size()) {
+      entered.erase(entered.begin() + static_cast<std::ptrdiff_t>(index));
+    } else {
       left[count++] = &met[i];
     }
   }

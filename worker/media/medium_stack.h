@@ -1,7 +1,9 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "worker/shading/surface/shading_scene.h"
 #include "worker/shading/surface/surface.h"
@@ -20,6 +22,23 @@ inline Body body_of(const ShadingPoint& point) {
   return {point.instance->body, point.material, point.instance->still};
 }
 
+/// Index of the entry that ends where a path leaves `body`: the last one with its id, preferably of
+/// the same material. Several instances may be the surfaces of one solid, such as the outside and
+/// the cavity of a hollow ball: without such an entry it is the last one of the same material.
+/// entered.size() if there is none.
+inline std::size_t entry_left(std::span<const Body> entered, const Body& body) {
+  std::size_t best = entered.size();
+  int best_match = 1;
+  for (std::size_t i = 0; i < entered.size(); ++i) {
+    const int match =
+        (entered[i].id == body.id ? 2 : 0) + (entered[i].material == body.material ? 1 : 0);
+    if (match < best_match) continue;
+    best = i;
+    best_match = match;
+  }
+  return best;
+}
+
 /// Bodies that contain the current point of a path, in order of entry. Where several overlap, the
 /// one of highest rank is effective, among equals the last entered. Source: C. Schmidt and B.
 /// Budge, "Simple nested dielectrics in ray traced images", 2002.
@@ -32,20 +51,13 @@ class MediumStack {
     if (count_ < kMaxDepth) bodies_[count_++] = body;
   }
 
-  /// Removes the last entered body with that id, preferably one of the same material; does nothing
-  /// if there is none.
-  void leave(const Body& body) { remove(find(body)); }
-
-  /// Crosses a surface of `body`. If it leads out of a body that was not entered, several instances
-  /// may be the surfaces of one solid, such as the outside and the cavity of a hollow ball: then
-  /// the last entered body of the same material is left, if any.
+  /// Crosses a surface of `body`; a body that was not entered is not left (entry_left()).
   void cross(const Body& body, bool inwards) {
     if (inwards) return enter(body);
-    std::uint32_t index = find(body);
-    for (std::uint32_t i = count_; index == count_ && i-- > 0;) {
-      if (bodies_[i].material == body.material) index = i;
-    }
-    remove(index);
+    const std::size_t index = entry_left({bodies_.data(), count_}, body);
+    if (index == count_) return;
+    --count_;
+    for (std::size_t i = index; i < count_; ++i) bodies_[i] = bodies_[i + 1];
   }
 
   /// Highest-ranked body, or null.
@@ -61,13 +73,7 @@ class MediumStack {
   }
 
  private:
-  void remove(std::uint32_t index) {
-    if (index == count_) return;
-    --count_;
-    for (std::uint32_t i = index; i < count_; ++i) bodies_[i] = bodies_[i + 1];
-  }
-
-  /// Index of the entry that leave() removes, or count_.
+  /// Index of the last entry with the id of `body`, preferably of the same material; or count_.
   std::uint32_t find(const Body& body) const {
     std::uint32_t found = count_;
     for (std::uint32_t i = 0; i < count_; ++i) {

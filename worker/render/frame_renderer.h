@@ -55,7 +55,4 @@ class FrameRenderer {
   virtual const SceneAccel& accel() const = 0;
 };
 
-/// A ParallelFor that runs its body on the calling thread, in order.
-ParallelFor sequential();
-
 }  // namespace tessera::render

@@ -21,10 +21,4 @@ ParallelFor parallel_threads(int threads) {
   };
 }
 
-ParallelFor sequential() {
-  return [](std::int64_t count, const std::function<void(std::int64_t)>& body) {
-    for (std::int64_t i = 0; i < count; ++i) body(i);
-  };
-}
-
 }  // namespace tessera::render

@@ -36,7 +36,7 @@ struct MediaState {
   HashSequence random;
 };
 
-/// What happened to a path in a medium before the next surface.
+/// Whether a path scattered or ended in a medium on its way to the next surface.
 enum class Passage : std::uint8_t { none, scattered, ended };
 
 /// The members of PathTracer that only scenes with media or nested bodies use.

@@ -354,7 +354,7 @@ TEST(MediumBody, OpenSurfaceWarns) {
 }
 
 TEST(MediumStack, TopIsHighestRankedBody) {
-  MaterialView low, high, fog;
+  MaterialView low, high, fog, other;
   low.rank = 1;
   high.rank = 2;
   fog.rank = render::kBoundaryRank;
@@ -371,11 +371,11 @@ TEST(MediumStack, TopIsHighestRankedBody) {
   EXPECT_EQ(in.top()->id, 2u);
   EXPECT_TRUE(in.hides(a));
   EXPECT_EQ(in.top_except(b)->id, 4u);
-  in.leave(d);
-  in.leave(d);
+  in.cross(d, false);
+  in.cross({5, &other, nullptr}, false);  // was not entered
   EXPECT_EQ(in.top_except(b)->id, 1u);
-  in.leave(b);
-  in.leave(a);
+  in.cross(b, false);
+  in.cross(a, false);
   EXPECT_EQ(in.top()->id, 3u);
   for (std::uint32_t i = 10; i < 30; ++i) in.enter({i, &low, nullptr});
   EXPECT_EQ(in.top()->id, 16u) << "at most kMaxDepth bodies";

@@ -226,8 +226,9 @@ TEST(ProceduralTexture, FootprintRemovesFineDetail) {
     const double u = pattern_at(f, b, 0) - pattern_at(f, a, 0);
     filtered += d * d, unfiltered += u * u;
   }
-  // Of 8 octaves the first 4 have waves of two spots or more (2 f w <= 1); the others (f w of 1, 2,
-  // 4 and 8) are removed. Differences of the visible ones fall with frequency.
+  // A feature of the fourth of 8 octaves is two footprints wide, which is fully visible; one of the
+  // fifth is one footprint wide, so this and the finer octaves are removed. Coarse octaves change
+  // little from one footprint to the next.
   EXPECT_LT(filtered, 0.35 * unfiltered);
   ProceduralTexture coarse = f;
   coarse.octaves = 4;

@@ -430,6 +430,12 @@ void gather_items(std::span<const Reference> references, BinaryBvh& bvh) {
 
 }  // namespace
 
+ParallelFor sequential() {
+  return [](std::int64_t count, const std::function<void(std::int64_t)>& body) {
+    for (std::int64_t i = 0; i < count; ++i) body(i);
+  };
+}
+
 BinaryBvh build_binary_bvh(const BinaryBvhInput& input, const ParallelFor& parallel_for) {
   BinaryBvh bvh;
   if (input.boxes.empty()) return bvh;

@@ -14,6 +14,9 @@ namespace tessera::render {
 using ParallelFor =
     std::function<void(std::int64_t count, const std::function<void(std::int64_t)>& body)>;
 
+/// A ParallelFor that runs its body on the calling thread, in order.
+ParallelFor sequential();
+
 /// Adjacent slabs perpendicular to one axis: slab i is between planes[i] and planes[i + 1].
 struct Slabs {
   int axis;

@@ -9,10 +9,6 @@
 namespace tessera::render {
 namespace {
 
-Vec3d absolute(const Vec3d& v) {
-  return {std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)};
-}
-
 /// Returns the maximum row sum of the absolute values of the 3x3 part.
 double norm(const Affine3d& m) {
   const Vec3d one = {1, 1, 1};

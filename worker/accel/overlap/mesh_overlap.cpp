@@ -24,12 +24,7 @@ struct BoxTree {
   std::vector<Box3f> boxes;
   BinaryBvh bvh;
 
-  void build() {
-    const ParallelFor in_turn = [](std::int64_t count, const auto& body) {
-      for (std::int64_t i = 0; i < count; ++i) body(i);
-    };
-    bvh = build_binary_bvh({boxes, kLeafSize}, in_turn);
-  }
+  void build() { bvh = build_binary_bvh({boxes, kLeafSize}, sequential()); }
 };
 
 /// Finds overlapping boxes of two trees, or of one tree with itself, by descending both at once.

@@ -26,10 +26,7 @@ void append(const BinaryBvh& bvh, const BinaryNode& node, DepthFirstTree& tree) 
 }  // namespace
 
 DepthFirstTree build_depth_first(const ShapeBounds& shapes) {
-  const ParallelFor in_turn = [](std::int64_t count, const auto& body) {
-    for (std::int64_t i = 0; i < count; ++i) body(i);
-  };
-  const BinaryBvh bvh = build_binary_bvh({shapes.boxes, kLeafSize}, in_turn);
+  const BinaryBvh bvh = build_binary_bvh({shapes.boxes, kLeafSize}, sequential());
   DepthFirstTree tree;
   tree.nodes.reserve(bvh.nodes.size());
   tree.order.reserve(bvh.order.size());

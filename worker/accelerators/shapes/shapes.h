@@ -124,7 +124,7 @@ class ShapeIndex {
 };
 
 /// Cache of recently visited shapes, so that a shape in many cells is tested less often. It belongs
-/// to a traversal, so that threads can share a structure, and forgets the oldest of many shapes.
+/// to a traversal, so that threads can share a structure; of many shapes it forgets some.
 /// Source: M. Shevtsov, A. Soupikov, A. Kapustin, "Ray-triangle intersection algorithm for modern
 /// CPU architectures", GraphiCon 2007 ("inverse mailboxing").
 class Mailbox {

@@ -1,14 +1,16 @@
 // BSP trees of axis-parallel planes: the axis-aligned BSP tree, in which the axis of each plane is
 // chosen by cost, and the kd-tree, in which x, y and z take turns; only the position is chosen by
-// cost, and an axis on which no plane pays is passed over. A shape is in every leaf that its box
-// overlaps;
-// the ray is split at the plane, and its nearer part is traversed first. Boxes are exact, but hits
-// may lie slightly outside them, so both parts extend beyond the plane by ShapeRay::hit_tolerance.
-// The shape of a hit is then found in the leaf that contains the point of its box nearest to the
-// hit. Sources: J. Bentley, "Multidimensional binary search trees used for associative searching",
-// 1975 (axes in turn); M. Kaplan, "Space-tracing: a constant time ray tracer", 1985; F. Jansen,
-// "Data structures for ray tracing", 1986 (the recursion). Planes are chosen by the binned surface
+// cost, and an axis on which no plane pays is passed over. Planes are chosen by the binned surface
 // area heuristic.
+//
+// A shape is in every leaf that its box overlaps; the ray is split at the plane, and its nearer
+// part is traversed first. Boxes are exact, but hits may lie slightly outside them, so both parts
+// extend beyond the plane by ShapeRay::hit_tolerance. The shape of a hit is then found in the leaf
+// that contains the point of its box nearest to the hit.
+//
+// Sources: J. Bentley, "Multidimensional binary search trees used for associative searching", 1975
+// (axes in turn); M. Kaplan, "Space-tracing: a constant time ray tracer", 1985; F. Jansen, "Data
+// structures for ray tracing", 1986 (the recursion).
 
 #include <algorithm>
 #include <bit>

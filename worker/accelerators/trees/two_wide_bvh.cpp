@@ -62,10 +62,7 @@ class TwoWideBvh final : public ShapeIndex {
 }  // namespace
 
 std::unique_ptr<ShapeIndex> build_two_wide_bvh(const ShapeBounds& shapes) {
-  const ParallelFor in_turn = [](std::int64_t count, const auto& body) {
-    for (std::int64_t i = 0; i < count; ++i) body(i);
-  };
-  return std::make_unique<TwoWideBvh>(build_binary_bvh({shapes.boxes, kLeafSize}, in_turn));
+  return std::make_unique<TwoWideBvh>(build_binary_bvh({shapes.boxes, kLeafSize}, sequential()));
 }
 
 }  // namespace tessera::render::accelerators

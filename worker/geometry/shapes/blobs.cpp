@@ -12,10 +12,6 @@ namespace {
 /// saves.
 constexpr std::size_t kSumPays = 12;
 
-Vec3d absolute(const Vec3d& v) {
-  return {std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)};
-}
-
 /// The value and the slope at x in [0, 1], by de Casteljau's algorithm.
 std::array<double, 2> value_and_slope(std::array<double, 5> b, double x) {
   for (std::size_t n = 4; n > 1; --n) {

@@ -13,21 +13,17 @@ int Shape::flat_axis() const {
 
 namespace {
 
-/// Intersects with a terrain. A line from within its bounding sphere keeps its origin: it may start
-/// on the ground, where a rounding error of the shift would exceed the height of almost flat
-/// terrain.
-void intersect_terrain_near(const Shape& shape, const Vec3d& origin, double nearest,
-                            const Vec3d& direction, const HitRequest& request,
-                            std::vector<ShapeHit>& hits) {
-  const Vec3d size = Vec3d(shape.bounds.hi) - Vec3d(shape.bounds.lo);
-  const Vec3d from_centre = origin - (Vec3d(shape.bounds.lo) + size * 0.5);
-  if (4 * dot(from_centre, from_centre) <= dot(size, size)) {
-    return intersect_terrain(shape, origin, direction, request, hits);
+/// The t of the point to which a line's origin is moved: that nearest to the shape's centre. A line
+/// from within the bounding sphere of a terrain keeps its origin: it may start on the ground, where
+/// a rounding error of the move would exceed the height of almost flat terrain.
+double nearest_point(const Shape& shape, const Vec3d& origin, const Vec3d& direction) {
+  const Vec3d low(shape.bounds.lo), high(shape.bounds.hi);
+  const Vec3d to_centre = (low + high) * 0.5 - origin;
+  if (shape.form == Shape::Form::terrain &&
+      4 * dot(to_centre, to_centre) <= dot(high - low, high - low)) {
+    return 0;
   }
-  const std::size_t first = hits.size();
-  intersect_terrain(shape, origin + direction * nearest, direction,
-                    {request.from - nearest, request.to - nearest, request.first}, hits);
-  for (std::size_t i = first; i < hits.size(); ++i) hits[i].t += nearest;
+  return dot(to_centre, direction) / dot(direction, direction);
 }
 
 }  // namespace
@@ -36,8 +32,7 @@ void intersect_shape(const Shape& shape, const Vec3d& origin, const Vec3d& direc
                      std::vector<ShapeHit>& hits, const HitRequest& request) {
   const double size2 = dot(direction, direction);
   if (!(size2 > 0 && std::isfinite(size2))) return;
-  const Vec3d centre = (Vec3d(shape.bounds.lo) + Vec3d(shape.bounds.hi)) * 0.5;
-  const double nearest = dot(centre - origin, direction) / size2;
+  const double nearest = nearest_point(shape, origin, direction);
   const Vec3d near = origin + direction * nearest;
   const std::size_t first = hits.size();
   switch (shape.form) {
@@ -51,7 +46,9 @@ void intersect_shape(const Shape& shape, const Vec3d& origin, const Vec3d& direc
       intersect_blobs(shape, near, direction, hits);
       break;
     case Shape::Form::terrain:
-      return intersect_terrain_near(shape, origin, nearest, direction, request, hits);
+      intersect_terrain(shape, near, direction,
+                        {request.from - nearest, request.to - nearest, request.first}, hits);
+      break;
   }
   for (std::size_t i = first; i < hits.size(); ++i) hits[i].t += nearest;
 }

@@ -110,9 +110,6 @@ Vec4f shape_tangent(const Shape& shape, std::uint32_t face, const Vec3f& p) {
 SurfacePoint placed_shape_point(const Affine3d& object_to_world, const Vec3f& point,
                                 const Vec3f& normal) {
   const Vec3d p(point), world = transform_point(object_to_world, p);
-  const auto absolute = [](const Vec3d& v) {
-    return Vec3d{std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)};
-  };
   SurfacePoint out;
   out.position = Vec3f(world);
   out.normal = normal;
