@@ -9,8 +9,8 @@
 #include <memory>
 #include <string>
 
+#include "cli/config_file.h"
 #include "cli/version_text.h"
-#include "client/cli/config_file.h"
 #include "client/commands/commands.h"
 #include "image/codecs/library_versions.h"
 
@@ -41,7 +41,7 @@ void describe_program(CLI::App& app, Invocation& invocation) {
       ->group("");
   app.set_config("--config", config_path(),
                  "File of defaults (TOML): server = \"…\", [render] spp = 256");
-  app.config_formatter(std::make_shared<ConfigFile>(app));
+  app.config_formatter(std::make_shared<cli::ConfigFile>(app));
   app.set_version_flag(
       "--version",
       cli::version_text(

@@ -7,8 +7,10 @@
 #include <zstd.h>
 
 #include <CLI/CLI.hpp>
+#include <memory>
 #include <string>
 
+#include "cli/config_file.h"
 #include "cli/exit_codes.h"
 #include "cli/finite_range.h"
 #include "cli/version_text.h"
@@ -118,6 +120,7 @@ ParsedConfig parse_config(int argc, char** argv) {
   app.set_version_flag("--version", version_text());
   app.set_help_all_flag("--help-all", "Print the help of all commands");
   app.set_config("--config", "", "TOML file with options; the command line takes precedence");
+  app.config_formatter(std::make_shared<cli::ConfigFile>(app));
   add_options(app, config);
   add_identity_commands(app, parsed.command);
   add_store_commands(app, parsed.command);
