@@ -5,12 +5,13 @@
 
 namespace tessera::client {
 
-/// Rows of text in aligned columns, two spaces apart; the last column is not padded.
+/// Rows of text in aligned columns, two spaces apart; the last column is not padded. Control
+/// characters, which may come from other users of the farm, are escaped.
 class Table {
  public:
   explicit Table(std::vector<std::string> header) : rows_{std::move(header)} {}
   /// Adds a row. Requires as many cells as the header has.
-  void add(std::vector<std::string> row) { rows_.push_back(std::move(row)); }
+  void add(std::vector<std::string> row);
   std::string text() const;
 
  private:

@@ -12,6 +12,7 @@
 #include "client/request/scene_report.h"
 #include "contract/digest.h"
 #include "rpc/settings_message.h"
+#include "telemetry/log/printable.h"
 
 namespace tessera::client {
 namespace {
@@ -108,7 +109,7 @@ void add_remarks(const SceneReport& scene, PreparedJob& job) {
     job.remarks.push_back(problem.text());
     if (problem.severity != "warning" || job.request.scene_warnings_size() > kMaxWarnings) continue;
     job.request.add_scene_warnings(job.request.scene_warnings_size() < kMaxWarnings
-                                       ? beginning_of(problem.text(), kMaxWarningBytes)
+                                       ? beginning_of(printable(problem.text()), kMaxWarningBytes)
                                        : "further warnings of the scene are omitted");
   }
 }

@@ -5,6 +5,8 @@
 
 #include <memory>
 
+#include "telemetry/log/printable.h"
+
 namespace tessera {
 
 namespace {
@@ -41,7 +43,7 @@ Log open_log(const std::string& program, const std::string& level) {
   logger->set_level(spdlog_level(log_level(level)));
   logger->flush_on(spdlog::level::debug);
   return [logger](LogLevel of, const std::string& message) {
-    logger->log(spdlog_level(of), "{}", message);
+    logger->log(spdlog_level(of), "{}", printable(message));
   };
 }
 

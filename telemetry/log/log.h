@@ -23,7 +23,8 @@ std::vector<std::string> log_level_names();
 /// Returns the level of that name; info for unknown names.
 LogLevel log_level(const std::string& name);
 
-/// Returns a log on stderr: one line per event, with wall time, `program` and level. `level` is the
+/// Returns a log on stderr: one line per event, with wall time, `program` and level; control
+/// characters of the message are escaped. `level` is the
 /// minimum level written, one of log_level_names() (others count as info).
 Log open_log(const std::string& program, const std::string& level);
 

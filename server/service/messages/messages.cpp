@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "contract/tile_grid.h"
 #include "rpc/settings_message.h"
+#include "telemetry/log/printable.h"
 
 namespace tessera::server {
 namespace {
@@ -24,6 +25,7 @@ absl::Status bad(const std::string& field, const std::string& need) {
 
 absl::Status check_text(const std::string& field, const std::string& text, std::size_t min,
                         std::size_t max) {
+  if (has_control_characters(text)) return bad(field, "contains a control character");
   if (text.size() >= min && text.size() <= max) return absl::OkStatus();
   return bad(field, absl::StrCat("has ", text.size(), " characters, expected ", min, " to ", max));
 }
@@ -137,20 +139,20 @@ void set_progress(const JobView& view, v1::JobProgress& progress) {
   if (view.remaining_seconds) set_duration(*view.remaining_seconds, *progress.mutable_remaining());
 }
 
-absl::Status read_warnings(const v1::CreateJobRequest& request, JobSpec& spec) {
-  const auto& texts = request.scene_warnings();
-  spec.scene_warnings = {texts.begin(), texts.end()};
-  absl::Status status =
-      check_range("scene_warnings", request.scene_warnings_size(), 0, kMaxWarnings);
-  for (const std::string& text : spec.scene_warnings) {
+/// Checks what is shown or stored as it is.
+absl::Status check_texts(const v1::CreateJobRequest& request) {
+  absl::Status status = check_text("request_id", request.request_id(), 1, kMaxIdLetters);
+  status.Update(check_text("name", request.name(), 1, kMaxNameLetters));
+  status.Update(check_text("required_tag", request.required_tag(), 0, kMaxIdLetters));
+  status.Update(check_range("scene_warnings", request.scene_warnings_size(), 0, kMaxWarnings));
+  for (const std::string& text : request.scene_warnings()) {
     status.Update(check_text("scene_warnings", text, 1, kMaxWarningLetters));
   }
   return status;
 }
 
-}  // namespace
-
-absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::string& owner) {
+/// to_spec() without check_texts(): a stored job may predate a limit.
+absl::StatusOr<JobSpec> parse_spec(const v1::CreateJobRequest& request, const std::string& owner) {
   JobSpec spec;
   spec.request_id = request.request_id();
   spec.name = request.name();
@@ -158,11 +160,9 @@ absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::
   spec.priority = request.priority();
   spec.max_workers = request.max_worker_count();
   spec.required_tag = request.required_tag();
-  absl::Status status = check_text("request_id", spec.request_id, 1, kMaxIdLetters);
-  status.Update(check_text("name", spec.name, 1, kMaxNameLetters));
-  status.Update(check_range("priority", spec.priority, -100, 100));
+  spec.scene_warnings = {request.scene_warnings().begin(), request.scene_warnings().end()};
+  absl::Status status = check_range("priority", spec.priority, -100, 100);
   status.Update(check_range("max_worker_count", spec.max_workers, 0, 1'000'000));
-  status.Update(check_text("required_tag", spec.required_tag, 0, kMaxIdLetters));
   if (!status.ok()) return status;
   const auto settings = contract::from_message(request.settings());
   if (!settings.ok()) return settings.status();
@@ -170,10 +170,17 @@ absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::
   status.Update(check_tiles(spec.settings));
   status.Update(read_manifest(request.manifest(), spec));
   status.Update(read_references(request, spec));
-  status.Update(read_warnings(request, spec));
   if (!status.ok()) return status;
   spec.request = request.SerializeAsString();
   return spec;
+}
+
+}  // namespace
+
+absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::string& owner) {
+  absl::Status status = check_texts(request);
+  if (!status.ok()) return status;
+  return parse_spec(request, owner);
 }
 
 absl::StatusOr<JobSpec> read_spec(const JobRecord& record) {
@@ -181,7 +188,7 @@ absl::StatusOr<JobSpec> read_spec(const JobRecord& record) {
   if (!request.ParseFromString(record.request)) {
     return absl::DataLossError(absl::StrCat("job ", record.id, ": cannot parse its request"));
   }
-  auto spec = to_spec(request, record.owner);
+  auto spec = parse_spec(request, record.owner);
   if (!spec.ok()) {
     return absl::DataLossError(
         absl::StrCat("job ", record.id, ": ", std::string(spec.status().message())));
@@ -342,6 +349,10 @@ absl::StatusOr<Hello> from_message(const v1::WorkerHello& message) {
   status.Update(check_range("hello.thread_count", message.thread_count(), 1, kMaxThreads));
   status.Update(check_range("hello.credit_count", message.credit_count(), 0, 1 << 20));
   status.Update(check_range("hello.tags", message.tags_size(), 0, kMaxTags));
+  for (const std::string& tag : message.tags()) {
+    status.Update(check_text("hello.tags", tag, 1, kMaxIdLetters));
+  }
+  status.Update(check_text("hello.store_id", message.store_id(), 0, kMaxIdLetters));
   if (!status.ok()) return status;
   Hello hello;
   hello.worker_id = message.worker_id();

@@ -234,6 +234,10 @@ TEST_F(FarmTest, MalformedJobErrorNamesField) {
   const std::pair<const char*, Edit> cases[] = {
       {"request_id", [](auto& r) { r.clear_request_id(); }},
       {"name", [](auto& r) { r.set_name(std::string(201, 'n')); }},
+      {"name", [](auto& r) { r.set_name(std::string("a\0b", 3)); }},
+      {"name", [](auto& r) { r.set_name("a\n2026-01-01 forged"); }},
+      {"request_id", [](auto& r) { r.set_request_id("\x1b[2J"); }},
+      {"required_tag", [](auto& r) { r.set_required_tag("gpu\t"); }},
       {"priority", [](auto& r) { r.set_priority(101); }},
       {"max_worker_count", [](auto& r) { r.set_max_worker_count(-1); }},
       {"width_px", [](auto& r) { r.mutable_settings()->set_width_px(0); }},
@@ -332,10 +336,25 @@ TEST_F(FarmTest, NewWorkStreamClosesOldOne) {
   EXPECT_EQ(old->close().error_code(), grpc::StatusCode::ABORTED);
 }
 
-TEST_F(FarmTest, MalformedHelloIsRefused) {
-  auto worker = worker_of(*server_, "no spaces allowed");
-  EXPECT_FALSE(worker->open());
-  EXPECT_EQ(worker->close().error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+TEST_F(FarmTest, MalformedHelloErrorNamesField) {
+  using Edit = std::function<void(v1::WorkerHello&)>;
+  const std::pair<const char*, Edit> cases[] = {
+      {"worker_id", [](auto& h) { h.set_worker_id("no spaces allowed"); }},
+      {"name", [](auto& h) { h.set_name("line\nbreak"); }},
+      {"host", [](auto& h) { h.set_host("\x1b]0;title\x07"); }},
+      {"isa", [](auto& h) { h.set_isa(std::string("avx2\0", 5)); }},
+      {"tags", [](auto& h) { h.add_tags(std::string(65, 't')); }},
+      {"tags", [](auto& h) { h.add_tags(""); }},
+      {"tags", [](auto& h) { h.add_tags("gpu\n"); }},
+      {"store_id", [](auto& h) { h.set_store_id(std::string(65, 's')); }}};
+  for (const auto& [field, edit] : cases) {
+    auto worker = worker_of(*server_, "w1");
+    edit(worker->hello);
+    EXPECT_FALSE(worker->open()) << field;
+    const grpc::Status status = worker->close();
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT) << field;
+    EXPECT_NE(status.error_message().find(field), std::string::npos) << status.error_message();
+  }
 }
 
 TEST_F(FarmTest, BlocksMayBeSplitOrBatched) {

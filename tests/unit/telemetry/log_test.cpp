@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
+#include <functional>
 #include <regex>
 #include <set>
 #include <sstream>
@@ -12,16 +14,12 @@
 namespace tessera {
 namespace {
 
-/// Returns the output on stderr when a line of each level is logged at `level`.
-std::string written_at(const std::string& level) {
+/// Returns what `write` logs at `level`, as it appears on stderr.
+std::string written_by(const std::string& level, const std::function<void(const Log&)>& write) {
   std::FILE* const file = std::tmpfile();
   const int real = ::dup(STDERR_FILENO);
   ::dup2(::fileno(file), STDERR_FILENO);
-  const Log log = open_log("tessera-test", level);
-  log(LogLevel::debug, "d");
-  log(LogLevel::info, "i {} %s");
-  log(LogLevel::warn, "w");
-  log(LogLevel::error, "e");
+  write(open_log("tessera-test", level));
   std::fflush(stderr);
   ::dup2(real, STDERR_FILENO);
   ::close(real);
@@ -30,6 +28,16 @@ std::string written_at(const std::string& level) {
   text.resize(std::fread(text.data(), 1, text.size(), file));
   std::fclose(file);
   return text;
+}
+
+/// Returns the output when a line of each level is logged at `level`.
+std::string written_at(const std::string& level) {
+  return written_by(level, [](const Log& log) {
+    log(LogLevel::debug, "d");
+    log(LogLevel::info, "i {} %s");
+    log(LogLevel::warn, "w");
+    log(LogLevel::error, "e");
+  });
 }
 
 /// The lines without their required time stamps.
@@ -53,6 +61,13 @@ TEST(Log, WritesItsLevelAndAbove) {
   EXPECT_EQ(lines_at("info"), info);
   EXPECT_EQ(lines_at("debug"), "tessera-test debug: d\n" + info);
   EXPECT_EQ(lines_at("loud"), info);
+}
+
+TEST(Log, LineBreaksInMessagesMakeNoNewLines) {
+  const std::string forged = written_by("error", [](const Log& log) {
+    log(LogLevel::error, "job a\n2026-01-01T00:00:00.000 tessera-server info: job b is done");
+  });
+  EXPECT_EQ(std::count(forged.begin(), forged.end(), '\n'), 1) << forged;
 }
 
 TEST(Log, LevelNamesMatchOption) {
