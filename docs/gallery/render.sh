@@ -23,6 +23,7 @@ picture optics optics --size 360x200 --spp 96 --clamp 4
 picture nested nested --size 360x190 --spp 64
 picture materials materials --size 400x240 --spp 64 --clamp 4
 picture shapes shapes --size 400x240 --spp 64 --clamp 4
+picture planes planes --size 420x236 --spp 128 --clamp 4 --background 0.45,0.62,0.9
 picture lamps lamps --size 420x190 --spp 192
 picture csg csg --size 400x240 --spp 64 --clamp 4
 picture blobs blobs --size 420x270 --spp 128 --clamp 4

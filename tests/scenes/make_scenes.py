@@ -14,7 +14,7 @@ from pathlib import Path
 from maker.cameras import lens, motion, screens
 from maker.course import course
 from maker.farm import lit_square, missing_texture, quickstart, same_bits, stadium
-from maker.landscapes import fog, terrain
+from maker.landscapes import fog, planes, terrain
 from maker.solids import blobs, csg, lamps, shapes
 from maker.surfaces import materials, nested, optics, textures
 
@@ -26,7 +26,7 @@ def main():
     stale = []
     for make in (quickstart, same_bits, materials, lit_square, missing_texture, stadium, lens,
                  screens, textures, optics, nested, shapes, csg, blobs, lamps, fog, motion, terrain,
-                 course):
+                 course, planes):
         path = FOLDER / f"{make.__name__}.gltf"
         text = make().text()
         if check:

@@ -36,12 +36,17 @@ void build_instance_bvh(const Scene& scene, const InstanceSelection& choice,
   trees.nodes = std::move(bvh.nodes);
   trees.bounds = bvh.bounds;
   trees.single = bvh.leaves.size() == 1;
+  const auto place = [&](std::uint32_t index, std::vector<PlacedMesh>& to) {
+    const Instance& instance = scene.instances[index];
+    to.push_back({instance.world_to_object, static_cast<std::uint32_t>(instance.mesh), index,
+                  is_identity(instance.world_to_object),
+                  trees.solids == nullptr ? kNoSolid : trees.solids->at(index)});
+  };
+  for (const std::uint32_t index : placed.unbounded) place(index, trees.unbounded);
   for (const BvhLeaf& leaf : bvh.leaves) {
     const std::uint32_t index = placed.instances[bvh.order[leaf.first]];
+    place(index, trees.placed);
     const Instance& instance = scene.instances[index];
-    trees.placed.push_back({instance.world_to_object, static_cast<std::uint32_t>(instance.mesh),
-                            index, is_identity(instance.world_to_object),
-                            trees.solids == nullptr ? kNoSolid : trees.solids->at(index)});
     if (instance.motion == kNone) continue;
     const auto& motion = scene.motions[static_cast<std::size_t>(instance.motion)];
     trees.placed.back().motion = static_cast<std::uint32_t>(trees.motions.size());
@@ -95,7 +100,8 @@ std::size_t bytes(const MeshBvh<kWidth>& tree) {
 /// Returns the bytes of a scene's BVH without those of its meshes.
 template <int kWidth>
 std::size_t top_bytes(const SceneBvh<kWidth>& trees) {
-  return trees.nodes.capacity_bytes() + trees.placed.capacity() * sizeof(PlacedMesh) +
+  return trees.nodes.capacity_bytes() +
+         (trees.placed.capacity() + trees.unbounded.capacity()) * sizeof(PlacedMesh) +
          trees.motions.capacity() * sizeof(trees.motions[0]);
 }
 

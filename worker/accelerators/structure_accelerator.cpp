@@ -45,6 +45,9 @@ StructureAccelerator::TimeSegment StructureAccelerator::make_segment(
   if (!key_times_.empty()) all.segment = segment;
   const InstanceBoxes instances = bound_instances(scene, meshes, all);
   out.origin_limit = instances.origin_limit;
+  for (const std::uint32_t index : instances.unbounded) {
+    out.unbounded.push_back(solids_->at(index));
+  }
   if (instances.boxes.empty()) return out;
   std::vector<Vec3f> corners;
   for (std::size_t i = 0; i < instances.boxes.size(); ++i) {
@@ -142,7 +145,11 @@ template <typename Offer>
 bool StructureAccelerator::intersect(const Ray& ray, const float& limit, const Offer& offer,
                                      TraversalStats& stats) const {
   const TimeSegment& segment = segments_[keyframe_position(ray).segment];
-  if (segment.top == nullptr || !is_finite(ray.origin) || !is_finite(ray.direction)) return false;
+  if (!is_finite(ray.origin) || !is_finite(ray.direction)) return false;
+  for (const std::uint32_t solid : segment.unbounded) {
+    if (intersect_solid(solid, ray, offer, stats)) return true;
+  }
+  if (segment.top == nullptr) return false;
   const auto test = [&](std::uint32_t index) {
     const Placed& placed = segment.placed[index];
     return placed.solid == kNoSolid ? intersect_mesh(placed, ray, limit, offer, stats)

@@ -51,8 +51,9 @@ class StructureAccelerator final : public Accelerator {
   struct TimeSegment {
     std::vector<Part> parts;
     std::vector<Placed> placed;
-    std::unique_ptr<ShapeIndex> top;  // over `placed`; null if it is empty
-    Box3f bounds;                     // of the padded boxes of the placed parts
+    std::vector<std::uint32_t> unbounded;  // in Solids: beside the index
+    std::unique_ptr<ShapeIndex> top;       // over `placed`; null if it is empty
+    Box3f bounds;                          // of the padded boxes of the placed parts
     float origin_limit = 0;
   };
 

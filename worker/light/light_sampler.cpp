@@ -170,6 +170,7 @@ void LightSampler::add_shape(const Scene& scene, std::uint32_t instance,
   LightBounds light = entry.moves ? bounds_of_moving(scene, placed, radiance, material.double_sided)
                                   : shapes_.back().bounds(radiance, material.double_sided);
   entry.centre = Vec3f((light.box_min + light.box_max) * 0.5);
+  // That of a plane is infinite: left to BSDF sampling.
   if (!std::isfinite(light.strength)) light.strength = 0;
   entries_.push_back(entry);
   bounds.push_back(light);

@@ -116,8 +116,11 @@ SceneAccel timed_accel(const Scene& scene, const ParallelFor& parallel_for,
 CameraRays camera_rays(const Scene& scene, const contract::RenderSettings& settings,
                        const TraceOptions& tracing) {
   CameraRays rays(scene.camera, settings.width, settings.height, tracing.assumed_features);
-  // The scene's box is that of one time, and an atmosphere fills the way to it.
-  if (!rays.moves() && scene.key_times.empty() && !scene.atmosphere) {
+  // The scene's box is that of one time and without planes, and an atmosphere fills the way to it.
+  const bool planes = std::any_of(scene.meshes.begin(), scene.meshes.end(), [](const Mesh& mesh) {
+    return mesh.shape != nullptr && !mesh.shape->bounded();
+  });
+  if (!rays.moves() && scene.key_times.empty() && !scene.atmosphere && !planes) {
     rays.start_near(scene.bounds_min, scene.bounds_max);
   }
   return rays;

@@ -162,7 +162,9 @@ Ray adversarial_ray(const Scene& scene, Dice& dice) {
     return Vec3f(transform_point(instance.object_to_world, Vec3d(p)));
   };
   if (mesh.shape != nullptr) {  // in its box, or along one of its axes through its centre
-    const Vec3f half = (mesh.shape->bounds.hi - mesh.shape->bounds.lo) * 0.5f;
+    const Vec3f half = mesh.shape->bounded()
+                           ? (mesh.shape->bounds.hi - mesh.shape->bounds.lo) * 0.5f
+                           : Vec3f{3, 0, 3};  // of a plane, a part near its origin
     const Vec3f target = world((kind < 6 ? dice.vector() : Vec3f{}) * half);
     if (kind == 8) ray.origin = world(Vec3f{0, 0, 3});
     ray.direction = target - ray.origin;

@@ -97,6 +97,18 @@ TEST(Shutter, KeysAreAddedOnlyWherePathsBend) {
   EXPECT_NEAR(jump[2], 0.6, 1e-6);
 }
 
+TEST(Shutter, TurningPlaneNeedsFewKeys) {
+  GltfBuilder file;
+  add_camera(file, 0, 1);
+  file.use_extension("TESSERA_shape");
+  const int node = file.add_node(R"({"extensions": {"TESSERA_shape": {"type": "plane"}}})");
+  animate(file, node, "rotation", {0, 1}, "VEC4", {0, 0, 0, 1, 0, 0, 0.1f, 0.995f});
+  const auto scene = load_and_pose(file, all_animations());
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  EXPECT_GT(scene->key_times.size(), 2u);
+  EXPECT_LT(scene->key_times.size(), 10u);
+}
+
 TEST(Shutter, StepAnimationDoesNotSmear) {
   GltfBuilder file;
   add_camera(file, 0, 1);

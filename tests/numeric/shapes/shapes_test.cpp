@@ -6,8 +6,8 @@
 #include <functional>
 #include <string>
 
+#include "tests/numeric/shapes/every_accelerator.h"
 #include "tests/numeric/shapes/solid_scenes.h"
-#include "worker/accelerators/structure_accelerator.h"
 #include "worker/geometry/shapes/shape_surface.h"
 
 namespace tessera::render::testing {
@@ -360,13 +360,7 @@ TEST(Shapes, HitsMatchInEveryAccelerator) {
   Dice dice(3);
   for (int round = 0; round < 3; ++round) {
     const Scene scene = crowd(dice);
-    std::vector<SceneAccel> own;
-    own.emplace_back(scene, in_order(), Isa::avx2);
-    if (best_isa() == Isa::avx512) own.emplace_back(scene, in_order(), Isa::avx512);
-    std::vector<std::unique_ptr<accelerators::StructureAccelerator>> others;
-    for (const accelerators::Structure& structure : accelerators::structures()) {
-      others.push_back(std::make_unique<accelerators::StructureAccelerator>(scene, structure));
-    }
+    const EveryAccelerator every(scene);
     int wrong = 0, found = 0, on_solids = 0;
     Ray next;
     for (int i = 0; i < 4'000; ++i) {
@@ -374,25 +368,7 @@ TEST(Shapes, HitsMatchInEveryAccelerator) {
       if (i % 4 == 1) ray = next;  // starts at the last hit
       const std::vector<Hit> expected = all_hits(scene, ray);
       found += expected.empty() ? 0 : 1;
-      const auto check = [&](bool hits, const Hit& hit) {
-        if (hits == expected.empty() || (hits && !same_bits(hit, expected[0]))) ++wrong;
-      };
-      for (const SceneAccel& accel : own) {
-        Hit hit;
-        const bool hits = accel.closest_hit(ray, hit);
-        check(hits, hit);
-        if (accel.any_hit(ray) == expected.empty()) ++wrong;
-      }
-      for (const auto& accel : others) {
-        Hit hit;
-        accelerators::TraversalStats stats;
-        const bool hits = accel->closest_hit(ray, hit, stats);
-        check(hits, hit);
-        const std::vector<Hit> all = accel->all_hits(ray);
-        if (!std::equal(all.begin(), all.end(), expected.begin(), expected.end(), same_bits)) {
-          ++wrong;
-        }
-      }
+      wrong += every.wrong_results(ray, expected);
       if (expected.empty()) continue;
       on_solids += expected[0].id.instance > 0 ? 1 : 0;
       next.origin = ray.origin + ray.direction * expected[0].t;

@@ -3,9 +3,9 @@
 import math
 
 from maker.gltf import Gltf
-from maker.looks import plain, solid
+from maker.looks import glass, metal, plain, png, solid
 from maker.meshes import joined, quad, rounded
-from maker.settings import camera, sky, sun
+from maker.settings import camera, look_at, sky, sun, turned
 
 ALPINE = ((0, (0.06, 0.085, 0.035)), (0.4, (0.1, 0.12, 0.055)), (0.56, (0.22, 0.18, 0.13)),
           (0.8, (0.3, 0.26, 0.23)), (0.86, (0.75, 0.77, 0.82)), (1, (0.88, 0.89, 0.92)))
@@ -33,6 +33,48 @@ def terrain():
         "waves", plain(0.66, 0.46, 0.26), [4.1, 2.6], scale=0.4, height=0.7, depth=0.3, octaves=4,
         gain=0.35, offset=[0.1, 0.2]))
     camera(gltf, eye, (0, 0.7, 0), 0.5)
+    return gltf
+
+
+def planes():
+    """Infinite planes: tiled ground with a basin, water that fills it, a box with a slanted cut and
+    an octahedron of eight half-spaces."""
+    gltf = Gltf()
+    gltf.use("KHR_lights_punctual", "KHR_materials_transmission", "KHR_materials_volume",
+             "KHR_materials_ior", "KHR_texture_transform")
+    tiles = gltf.texture(png(64, 64, lambda x, y: (
+        (190, 186, 176) if (x < 32) == (y < 32) else (70, 78, 90))))
+    ground = gltf.add("materials", {"pbrMetallicRoughness": {
+        "baseColorTexture": {"index": tiles, "extensions": {
+            "KHR_texture_transform": {"scale": [0.5, 0.5]}}},
+        "metallicFactor": 0, "roughnessFactor": 0.7}})
+    basin = gltf.add("materials", plain(0.75, 0.7, 0.6))
+    water = glass([0.25, 0.75, 0.8])
+    water["extensions"]["KHR_materials_ior"]["ior"] = 1.333
+    ivory = gltf.add("materials", plain(0.8, 0.75, 0.6))
+    red = gltf.add("materials", plain(0.7, 0.1, 0.08))
+    gold = gltf.add("materials", metal(0.95, 0.75, 0.35, 0.2))
+    gltf.doc["scenes"][0]["nodes"] += [
+        gltf.csg("subtraction", gltf.shape("plane", ground), gltf.shape(
+            "ellipsoid", basin, {"translation": [1.6, 0, 1.2]}, radii=[2.2, 1.2, 1.4])),
+        gltf.csg("intersection", gltf.shape("box", ivory, size=[1.4, 2, 1.4]),
+                 gltf.shape("plane", red, {"translation": [0, 0.2, 0],
+                                           "rotation": turned((1, 0, 0), 40)[0]}),
+                 translation=[-2.2, 1, -1.5], rotation=turned((0, 1, 0), 25)[0]),
+        gltf.csg("intersection", *(gltf.shape("plane", gold, {
+            "translation": rounded(*(0.55 * s / math.sqrt(3) for s in normal)),
+            # The rotation that takes (0, 1, 0) to the normal.
+            "rotation": rounded(normal[2] / 2 ** 0.5 * math.sin(angle / 2), 0,
+                                -normal[0] / 2 ** 0.5 * math.sin(angle / 2), math.cos(angle / 2))})
+            for normal in ((x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))
+            for angle in (math.acos(normal[1] / math.sqrt(3)),)), translation=[-0.5, 0.96, 2.2])]
+    gltf.node(**gltf.shape("plane", gltf.add("materials", water), {"translation": [0, -0.25, 0]}))
+    gltf.node(**gltf.shape("sphere", gold, {"translation": [3.4, 0.9, -3]}, radius=0.9))
+    gltf.doc["extensions"] = {"KHR_lights_punctual": {"lights": [
+        {"type": "directional", "intensity": 4, "color": [1, 0.93, 0.8]}]}}
+    gltf.node(rotation=look_at((-4, 3.4, 1.2), (0, 0, 0)),
+              extensions={"KHR_lights_punctual": {"light": 0}})
+    camera(gltf, (0.3, 2.6, 8.5), (0.3, 1, 0), 0.62)
     return gltf
 
 

@@ -161,6 +161,10 @@ Box3f solid_box(const CsgSolid& solid, std::span<const Box3f> operands) {
   return results[0];
 }
 
+bool is_bounded(const Box3f& box) {
+  return is_finite(box.lo) && is_finite(box.hi);
+}
+
 /// Replaces the boxes of each solid's operands by the box of the solid.
 void merge_operands(const Scene& scene, const InstanceSelection& choice,
                     const std::vector<bool>& moving, InstanceBoxes& out) {
@@ -181,6 +185,21 @@ void merge_operands(const Scene& scene, const InstanceSelection& choice,
     merged.boxes.push_back(box);
   }
   out = std::move(merged);
+}
+
+/// Moves the instances without a finite box to `out.unbounded`.
+void separate_unbounded(InstanceBoxes& out) {
+  InstanceBoxes bounded;
+  bounded.origin_limit = out.origin_limit;
+  for (std::size_t i = 0; i < out.instances.size(); ++i) {
+    if (is_bounded(out.boxes[i])) {
+      bounded.instances.push_back(out.instances[i]);
+      bounded.boxes.push_back(out.boxes[i]);
+    } else {
+      bounded.unbounded.push_back(out.instances[i]);
+    }
+  }
+  out = std::move(bounded);
 }
 
 /// Returns the world box of an instance: at the frame's time if it does not move, else over the
@@ -220,21 +239,33 @@ InstanceBoxes bound_instances(const Scene& scene, std::span<const Box3f> meshes,
   }
   const std::vector<bool> moving = moving_instances(scene);
   InstanceBoxes out;
+  bool planes = false;
   std::vector<Box3d> worlds;
   for (std::size_t i = 0; i < scene.instances.size(); ++i) {
     const Instance& instance = scene.instances[i];
     const Box3f& mesh = meshes[static_cast<std::size_t>(instance.mesh)];
     if (mesh.empty()) continue;
-    const Box3d world = world_box(scene, instance, mesh, first, last);
-    origin = std::max(origin, reach(world));
+    Box3d world;
+    if (is_bounded(mesh)) {
+      world = world_box(scene, instance, mesh, first, last);
+      origin = std::max(origin, reach(world));
+    } else {
+      planes = true;
+    }
     if (moving[i] ? !choice.segment : !choice.still) continue;
     out.instances.push_back(static_cast<std::uint32_t>(i));
     worlds.push_back(world);
   }
-  out.origin_limit = round_outward(origin * 1.0625, false);
+  // From most of what a picture shows of a plane, too: beyond, rays cannot use the tree, but they
+  // start within a degree of the horizon.
+  out.origin_limit = round_outward(origin * (planes ? 64 : 1.0625), false);
   for (std::size_t i = 0; i < out.instances.size(); ++i) {
     const Instance& instance = scene.instances[out.instances[i]];
     const Box3f& mesh = meshes[static_cast<std::size_t>(instance.mesh)];
+    if (!is_bounded(mesh)) {
+      out.boxes.push_back(mesh);
+      continue;
+    }
     const bool still = instance.motion == kNone;
     const bool needs_no_padding =
         still && is_identity(instance.world_to_object) && !instance.operand &&
@@ -250,6 +281,7 @@ InstanceBoxes bound_instances(const Scene& scene, std::span<const Box3f> meshes,
     out.boxes.push_back(padded(worlds[i], world_pad(pose, mesh, worlds[i], out.origin_limit)));
   }
   if (!scene.solids.empty()) merge_operands(scene, choice, moving, out);
+  if (planes) separate_unbounded(out);
   return out;
 }
 

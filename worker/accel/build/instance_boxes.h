@@ -15,6 +15,8 @@ struct InstanceBoxes {
   std::vector<std::uint32_t> instances;  // those that can be hit; a CSG solid is represented by its
                                          // first operand
   std::vector<Box3f> boxes;              // by element of `instances`, padded
+  std::vector<std::uint32_t> unbounded;  // further instances that can be hit: planes, and solids as
+                                         // large as a plane, which no tree helps to find
   float origin_limit = 0;                // the padding covers ray origins up to this size, per axis
 };
 

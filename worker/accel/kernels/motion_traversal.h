@@ -54,9 +54,8 @@ bool intersect_still_and_moving(const SceneBvh<Query::Isa::kWidth>& still,
                                 Moving<Query>& query) {
   const KeyframePosition at = find_key(moving.times, ray.time);
   query.f = at.f;
-  if (!still.placed.empty() && intersect_scene(still, ray, query)) return true;
-  const SceneBvh<Query::Isa::kWidth>& segment = moving.segments.data()[at.segment];
-  return !segment.placed.empty() && intersect_scene(segment, ray, query);
+  return intersect_scene(still, ray, query) ||
+         intersect_scene(moving.segments.data()[at.segment], ray, query);
 }
 
 template <typename Isa, bool kFiltered>

@@ -53,11 +53,12 @@ struct PlacedMesh {
 };
 
 /// The two-level BVH of a scene: a tree over placed meshes, whose leaves are elements of `placed`,
-/// and the trees of the meshes.
+/// and the trees of the meshes. Solids without finite bounds are beside the tree.
 template <int kWidth>
 struct SceneBvh {
   std::vector<MeshBvh<kWidth>> meshes;
   std::vector<PlacedMesh> placed;
+  std::vector<PlacedMesh> unbounded;  // solids that every ray is tested against
   HugeArray<WideNode<kWidth>> nodes;
   std::shared_ptr<const Solids> solids;          // null in a scene without solids
   std::vector<std::array<Affine3d, 2>> motions;  // object to world at two successive keyframes

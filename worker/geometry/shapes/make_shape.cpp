@@ -74,6 +74,14 @@ Shape make_box(const Vec3d& size) {
   return shape;
 }
 
+Shape make_plane() {
+  Shape shape = make_box(Vec3d{1, 1, 1} * (2 * kPlaneReach));
+  shape.clip.hi.y = 0;
+  shape.bounds.lo = Vec3f{-1, -1, -1} * std::numeric_limits<float>::infinity();
+  shape.bounds.hi = -shape.bounds.lo;
+  return shape;
+}
+
 Shape make_cylinder(double radius, double height, bool capped) {
   return make_surface_of_revolution(0, 0, -radius * radius, {radius, height * 0.5, radius}, capped);
 }

@@ -17,6 +17,10 @@ Shape make_disc(double radius);
 /// In the plane y = 0, facing +y, `width` along x and `depth` along z.
 Shape make_rectangle(double width, double depth);
 Shape make_box(const Vec3d& size);
+/// The plane y = 0, facing +y, as the top of a block that stands for the half-space below: its
+/// other faces are kPlaneReach away, so that it is closed and every point on it is representable.
+Shape make_plane();
+inline constexpr double kPlaneReach = 1e12;
 /// From y = -height / 2 to y = height / 2, as the cone, the paraboloid and the hyperboloids.
 Shape make_cylinder(double radius, double height, bool capped);
 /// The base is below, the apex above.

@@ -13,10 +13,12 @@ int Shape::flat_axis() const {
 
 namespace {
 
-/// The t of the point to which a line's origin is moved: that nearest to the shape's centre. A line
-/// from within the bounding sphere of a terrain keeps its origin: it may start on the ground, where
-/// a rounding error of the move would exceed the height of almost flat terrain.
+/// The t of the point to which a line's origin is moved: that nearest to the shape's centre. A
+/// plane's line keeps its origin, because a plane has no centre. A line from within the bounding
+/// sphere of a terrain keeps its origin: it may start on the ground, where a rounding error of the
+/// move would exceed the height of almost flat terrain.
 double nearest_point(const Shape& shape, const Vec3d& origin, const Vec3d& direction) {
+  if (!shape.bounded()) return 0;
   const Vec3d low(shape.bounds.lo), high(shape.bounds.hi);
   const Vec3d to_centre = (low + high) * 0.5 - origin;
   if (shape.form == Shape::Form::terrain &&

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -50,10 +51,12 @@ struct Shape {
   double radius = 0, tube = 0;  // torus: radii of the centre line and of the tube; tube < radius
   std::shared_ptr<const BlobField> blobs;
   std::shared_ptr<const TerrainField> terrain;
-  Box3f bounds;  // finite
+  Box3f bounds;  // all of space for a plane, otherwise finite
 
   /// The axis along which it has no thickness, or -1.
   int flat_axis() const;
+  /// Whether it has finite bounds: false for a plane alone.
+  bool bounded() const { return std::isfinite(bounds.hi.x); }
   /// Whether it encloses a volume.
   bool closed() const {
     return (capped || form == Form::torus || form == Form::blobs) && flat_axis() < 0;
@@ -82,7 +85,8 @@ struct HitRequest {
 /// same t. A direction that is zero or not finite gives none.
 ///
 /// Computed in double relative to the point of the line nearest to the shape, so that distance does
-/// not reduce precision. Source: E. Haines et al., "Precision improvements for ray/sphere
+/// not reduce precision; for a plane, whose t is a quotient of two heights, relative to the origin.
+/// Source: E. Haines et al., "Precision improvements for ray/sphere
 /// intersection", Ray Tracing Gems, 2019, chapter 7.
 void intersect_shape(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
                      std::vector<ShapeHit>& hits, const HitRequest& request = {});

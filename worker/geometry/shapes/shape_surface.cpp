@@ -88,6 +88,7 @@ Vec2f shape_uv(const Shape& shape, std::uint32_t face, const Vec3f& p) {
     return {0.5f + elementary::atan2(p.x, p.z) / (2 * kPi), height_angle(shape, p)};
   }
   const FaceAxes axes = face_axes(face);
+  if (!shape.bounded()) return {p[axes.u], p[axes.v]};
   const auto along = [&](int axis, bool falls) {
     const float x = share(p[axis], shape.bounds.lo[axis], shape.bounds.hi[axis]);
     return falls ? 1 - x : x;

@@ -13,7 +13,8 @@ Vec3d shape_normal(const Shape& shape, std::uint32_t face, const Vec3d& point);
 /// Texture coordinates. On the curved face, u goes once around the y axis, increasing to the right
 /// as seen from outside and 0.5 at +z; v goes from 0 at the top to 1 at the bottom, by angle on an
 /// ellipsoid and by height on others. On a torus v goes around the tube and is 0.5 on the outside.
-/// On a terrain u and v follow x and z. On flat faces they span the side of the box.
+/// On a terrain u and v follow x and z. On flat faces they span the side of the box; on a plane
+/// they are x and z.
 Vec2f shape_uv(const Shape& shape, std::uint32_t face, const Vec3f& point);
 
 /// Direction of increasing u; w is the sign of the bitangent (+1: cross(normal, tangent)).

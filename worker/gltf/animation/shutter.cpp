@@ -53,6 +53,8 @@ double diagonal(const Box3d& box) {
 
 Box3d box_of(const Mesh& mesh) {
   Box3d box;
+  // A plane moves as straight as what is near its origin.
+  if (mesh.shape != nullptr && !mesh.shape->bounded()) return {{-1, -1, -1}, {1, 1, 1}};
   if (mesh.shape != nullptr) return {Vec3d(mesh.shape->bounds.lo), Vec3d(mesh.shape->bounds.hi)};
   for (const Primitive& p : mesh.primitives) {
     for (const Vec3f& v : p.positions) box.extend(Vec3d(v));

@@ -16,6 +16,7 @@
 #include "worker/gltf/build/csg_assembly.h"
 #include "worker/gltf/build/declared_lights.h"
 #include "worker/gltf/build/part_use.h"
+#include "worker/gltf/build/plane_rules.h"
 #include "worker/gltf/build/precision_check.h"
 #include "worker/gltf/decode/accessor_reader.h"
 #include "worker/gltf/decode/geometry_reader.h"
@@ -62,6 +63,7 @@ class SceneBuilder {
     if (status.ok()) status = add_textures();
     if (!status.ok()) return status;
     for (Problem& problem : unused_part_warnings(model_)) problems_.push_back(std::move(problem));
+    for (Problem& problem : emissive_plane_warnings(scene_)) problems_.push_back(problem);
     add_environment();
     convert_index_matched_solids(scene_);
     cache_ = std::move(next_cache_);
@@ -331,9 +333,8 @@ class SceneBuilder {
                            ? static_cast<std::int32_t>(scene_.materials.size()) - 1
                            : node.shape_material;
     used_[surface.material] = true;
-    const Box3f& bounds = node.shape->bounds;
     return add_mesh({node.name, std::vector<Primitive>{std::move(surface)}, node.shape},
-                    {Vec3d(bounds.lo), Vec3d(bounds.hi)});
+                    framing_box(*node.shape));
   }
 
   static bool has_influences(const GltfMesh& mesh) {

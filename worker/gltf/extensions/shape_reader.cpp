@@ -55,6 +55,10 @@ class ShapeReader {
       const Vec3d size = dimensions("size", 2);
       return make_rectangle(size.x, size.y);
     }
+    if (type == "plane") {
+      object_.allow({"type", "material"});
+      return make_plane();
+    }
     if (type == "box") {
       object_.allow({"type", "material", "size"});
       return make_box(dimensions("size", 3));
@@ -100,8 +104,8 @@ class ShapeReader {
     fault_.report(
         object_.path() + ".type",
         absl::StrCat("\"", type,
-                     "\" is not one of sphere, ellipsoid, disc, rectangle, box, cylinder, "
-                     "cone, paraboloid, hyperboloid, two-sheet-hyperboloid, quadric, "
+                     "\" is not one of sphere, ellipsoid, plane, disc, rectangle, box, "
+                     "cylinder, cone, paraboloid, hyperboloid, two-sheet-hyperboloid, quadric, "
                      "torus"));
     return {};
   }

@@ -315,9 +315,10 @@ void ShadingScene::add_relative() {
 /// tracing. If anything moves during the exposure, adds one box around everything.
 void ShadingScene::add_body_boxes(const Scene& scene) {
   const std::vector<bool> moving = moving_instances(scene);
+  constexpr float kFar = std::numeric_limits<float>::infinity();
+  constexpr Box3f kEverywhere = {{-kFar, -kFar, -kFar}, {kFar, kFar, kFar}};
   if (std::find(moving.begin(), moving.end(), true) != moving.end()) {
-    constexpr float kFar = std::numeric_limits<float>::infinity();
-    body_boxes_ = {{{-kFar, -kFar, -kFar}, {kFar, kFar, kFar}}};
+    body_boxes_ = {kEverywhere};
     return;
   }
   std::vector<Box3f> meshes(scene.meshes.size());
@@ -337,7 +338,9 @@ void ShadingScene::add_body_boxes(const Scene& scene) {
       for (const Vec3f& at : p.positions) meshes[mesh].extend(at);
     }
   }
-  body_boxes_ = bound_instances(scene, meshes).boxes;
+  InstanceBoxes bodies = bound_instances(scene, meshes);
+  body_boxes_ = std::move(bodies.boxes);
+  if (!bodies.unbounded.empty()) body_boxes_.push_back(kEverywhere);
 }
 
 bool ShadingScene::may_be_in_body(const Vec3f& p) const {

@@ -1,5 +1,6 @@
 #include "worker/shading/surface/surface_procedural.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "worker/geometry/frame.h"
@@ -67,7 +68,9 @@ class Coordinates {
     if (k == 0) return at;
     const Vec3f normal(normalize(shape_normal(*shape, point_.face, at)));
     const Frame plane = Frame::from_normal(normal);
-    const float size = max_abs(shape->bounds.hi - shape->bounds.lo);
+    // On a plane, the rounding of coordinates to float grows with the distance.
+    const float size = shape->bounded() ? max_abs(shape->bounds.hi - shape->bounds.lo)
+                                        : std::max(1.0f, max_abs(point_.local));
     return at + Vec3d((k == 1 ? plane.s : plane.t) * (size * 0x1p-10f));
   }
 

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -66,7 +67,7 @@ TEST(Shapes, AllTypesAreRead) {
         R"({"type": "hyperboloid", "waist": 0.5})",
         R"({"type": "two-sheet-hyperboloid", "gap": 0.5})",
         R"({"type": "quadric", "coefficients": [1, 0, 0, 0, 0, 0, 0, 0, 0, -1]})",
-        R"({"type": "torus", "radius": 2, "tube": 0.5, "extras": {}})"}) {
+        R"({"type": "torus", "radius": 2, "tube": 0.5, "extras": {}})", R"({"type": "plane"})"}) {
     const auto scene = with_shape(shape);
     ASSERT_TRUE(scene.ok()) << shape << scene.status();
     EXPECT_EQ(scene->instances.size(), 1u) << shape;
@@ -82,6 +83,7 @@ TEST(Shapes, ErrorsNameElementAndFault) {
            {R"({"type": "sphere", "radius": 0})", "TESSERA_shape.radius", "0 is not in"},
            {R"({"type": "sphere", "radius": "1"})", "TESSERA_shape.radius", "must be a number"},
            {R"({"type": "sphere", "height": 1})", "TESSERA_shape.height", "unknown property"},
+           {R"({"type": "plane", "size": [1, 1]})", "TESSERA_shape.size", "unknown property"},
            {R"({"type": "box", "size": [1, 1]})", "TESSERA_shape.size", "array of 3 numbers"},
            {R"({"type": "box", "size": [1, -1, 1]})", "TESSERA_shape.size[1]", "-1 is not in"},
            {R"({"type": "torus", "tube": 1})", "TESSERA_shape.tube", "below the radius"},
@@ -114,6 +116,37 @@ absl::StatusOr<Scene> with_blobs(const std::string& blobs, const std::string& mo
   b.use_extension("TESSERA_shape");
   b.add_node(R"({"extensions": {"TESSERA_blobs": )" + blobs + more + "}}");
   return load_and_pose(b);
+}
+
+TEST(Planes, CountAsTheirOriginInBounds) {
+  GltfBuilder b;
+  b.use_extension("TESSERA_shape");
+  b.add_node(shape_node(R"({"type": "sphere"})", R"(, "translation": [5, 3, 0])"));
+  b.add_node(shape_node(R"({"type": "plane"})", R"(, "translation": [5, -2, 0])"));
+  const auto scene = load_and_pose(b);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  EXPECT_EQ(scene->bounds_max + scene->center, (Vec3d{6, 4, 1}));
+  EXPECT_EQ(scene->bounds_min + scene->center, (Vec3d{4, -2, -1}));
+  EXPECT_LT(length(scene->camera.camera_to_world.translation), 20);  // frames the sphere
+}
+
+TEST(Planes, EmissionGivesAWarning) {
+  const auto warned = [](const char* type) {
+    GltfBuilder b;
+    b.use_extension("TESSERA_shape");
+    b.add_material(R"({"emissiveFactor": [1, 1, 1]})");
+    b.add_node(shape_node(std::string(R"({"type": ")") + type + R"(", "material": 0})"));
+    testing::MemoryReader reader;
+    reader.put("scene.gltf", b.gltf());
+    const auto file = load_scene_file("scene.gltf", {}, reader);
+    EXPECT_TRUE((*file)->pose({}, 0).ok());
+    const auto& problems = (*file)->problems();
+    return std::any_of(problems.begin(), problems.end(), [](const Problem& p) {
+      return p.element == "nodes[0]" && p.message.find("no finite power") != std::string::npos;
+    });
+  };
+  EXPECT_TRUE(warned("plane"));
+  EXPECT_FALSE(warned("disc"));
 }
 
 TEST(Blobs, AreReadAsShape) {
@@ -280,7 +313,7 @@ TEST(Csg, ErrorsNameElementAndFault) {
 }
 
 TEST(Schemas, AcceptExampleScenes) {
-  for (const char* name : {"shapes", "csg", "blobs", "terrain"}) {
+  for (const char* name : {"shapes", "csg", "blobs", "terrain", "planes"}) {
     std::ifstream file(std::string(TESSERA_SOURCE_DIR) + "/tests/scenes/" + name + ".gltf");
     int checked = 0;
     const auto document = nlohmann::json::parse(file);

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <vector>
+
+#include "worker/geometry/shapes/shape.h"
+#include "worker/gltf/animation/pose_cache.h"
+#include "worker/scene/problem.h"
+#include "worker/scene/scene.h"
+
+namespace tessera::render {
+
+/// The box, in object space, by which a shape counts for the bounds of the scene. A plane counts as
+/// its origin, so that it changes neither the framed camera nor the precision of other objects.
+PosedBox framing_box(const Shape& shape);
+
+/// Returns a warning for each plane that emits light, which no light sampling reaches.
+std::vector<Problem> emissive_plane_warnings(const Scene& scene);
+
+}  // namespace tessera::render
