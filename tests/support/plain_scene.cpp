@@ -204,9 +204,10 @@ contract::RenderSettings small_settings(std::int32_t width, std::int32_t height,
   return s;
 }
 
-Picture render_picture(Scene scene, const contract::RenderSettings& settings) {
-  auto renderer =
-      render::FrameRenderer::create(std::move(scene), settings, 0, render::sequential());
+Picture render_picture(Scene scene, const contract::RenderSettings& settings,
+                       const render::TraceOptions& tracing) {
+  auto renderer = render::FrameRenderer::create(std::move(scene), settings, 0, render::sequential(),
+                                                nullptr, tracing);
   Picture picture;
   if (!renderer.ok()) return picture;
   const contract::PixelRect window = settings.window();

@@ -71,7 +71,8 @@ struct Picture {
 };
 
 /// Renders all passes of `settings.spp` in one tile, on this thread.
-Picture render_picture(render::Scene scene, const contract::RenderSettings& settings);
+Picture render_picture(render::Scene scene, const contract::RenderSettings& settings,
+                       const render::TraceOptions& tracing = {});
 
 /// Small settings: size, samples, no sky options.
 contract::RenderSettings small_settings(std::int32_t width, std::int32_t height, std::int32_t spp);

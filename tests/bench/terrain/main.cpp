@@ -1,7 +1,7 @@
 /// tessera-bench-terrain: what a ray through a fractal terrain costs, and how far tessellations of
-/// it are off and cost: camera rays over mountains, and on from there towards a low sun. Fails if
-/// the tessellations do not converge to the terrain, or if leaving out detail smaller than a pixel
-/// moves the hits by more than a pixel's angle.
+/// it and QAEB tracing are off and cost: camera rays over mountains, and on from there towards a
+/// low sun. Fails if one of these does not converge to the terrain, or if leaving out detail
+/// smaller than a pixel moves the hits by more than a pixel's angle.
 
 #include <time.h>
 
@@ -12,6 +12,7 @@
 #include <memory>
 #include <vector>
 
+#include "tests/support/qaeb.h"
 #include "tests/support/tessellation.h"
 #include "worker/accel/scene_accel.h"
 #include "worker/geometry/shapes/make_shape.h"
@@ -129,12 +130,31 @@ Difference print(const char* name, std::uint64_t triangles, double build, const 
   return found;
 }
 
+/// Rows for QAEB tracing with steps of a few pixels, of one and of less.
+std::vector<Difference> print_qaeb(const Shape& terrain, const Rays& rays, const Cost& exact) {
+  std::vector<Difference> coarse_to_fine;
+  for (const double pixels : {4.0, 1.0, 0.25}) {
+    const SceneAccel accel(std::make_unique<const tessera::testing::QaebTerrain>(
+        scene_of(terrain), kEye, pixels * kSpot, 1));
+    char name[32];
+    std::snprintf(name, sizeof name, "QAEB, %g px", pixels);
+    coarse_to_fine.push_back(print(name, 0, 0, cost_of(accel, rays), exact));
+  }
+  return coarse_to_fine;
+}
+
 /// Exit code 1 if the figures cannot be right. The error of a tessellation falls with the square of
 /// the size of its cells, by 64 over the three halvings, as long as the cells are smaller than what
-/// they show; a quarter and a half leave room for the octaves that coarse cells miss.
-int check(const Difference& detail, const std::vector<Difference>& coarse_to_fine) {
+/// they show; a quarter and a half leave room for the octaves that coarse cells miss. That of QAEB
+/// tracing is a small part of its step, a few pixels and then one.
+int check(const Difference& detail, const std::vector<Difference>& coarse_to_fine,
+          const std::vector<Difference>& qaeb) {
   const Difference &coarse = coarse_to_fine.front(), &fine = coarse_to_fine.back();
   int status = 0;
+  if (!(qaeb[1].depth < kSpot / 4 && qaeb[1].depth < qaeb[0].depth / 2)) {
+    std::printf("FAILED: QAEB tracing does not converge to the terrain\n");
+    status = 1;
+  }
   if (!(detail.depth < kSpot)) {
     std::printf("FAILED: detail below a pixel moves hits by more than a pixel's angle\n");
     status = 1;
@@ -167,6 +187,7 @@ int run(int argc, char** argv) {
   const SceneAccel whole(scene_of(mountains(false)), parallel);
   const Difference detail =
       print("all detail", 0, cpu_seconds() - start, cost_of(whole, rays), exact);
+  const std::vector<Difference> qaeb = print_qaeb(band_limited, rays, exact);
   std::vector<Difference> coarse_to_fine;
   for (std::uint32_t n = finest / 8; n <= finest; n *= 2) {
     start = cpu_seconds();
@@ -178,7 +199,7 @@ int run(int argc, char** argv) {
     coarse_to_fine.push_back(print(name, std::uint64_t{2} * n * n, cpu_seconds() - start,
                                    cost_of(triangles, rays), exact));
   }
-  return check(detail, coarse_to_fine);
+  return check(detail, coarse_to_fine, qaeb);
 }
 
 }  // namespace
