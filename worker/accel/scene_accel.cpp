@@ -190,7 +190,9 @@ void SceneAccel::build(const Scene& scene, SceneBvh<kWidth>& trees, MotionBvh<kW
 SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for,
                        const TraceOptions& options, const SceneAccel* previous,
                        BuildQuality quality)
-    : isa_(options.isa), route_(Route::general) {
+    : isa_(options.counted ? Isa::avx2 : options.isa),
+      counted_(options.counted),
+      route_(Route::general) {
   const bool no_solids = (options.assumed_features & (kFeatureShapes | kFeatureCsg)) == 0;
   if (isa_ == Isa::avx512) {
     build(scene, sixteen_, sixteen_moving_, previous, parallel_for, quality);
@@ -200,7 +202,8 @@ SceneAccel::SceneAccel(const Scene& scene, const ParallelFor& parallel_for,
   } else {
     build(scene, eight_, eight_moving_, previous, parallel_for, quality);
     assume_features(options.assumed_features, eight_, eight_moving_);
-    const bool plain = no_solids && eight_.solids == nullptr && eight_moving_.times.empty();
+    const bool plain =
+        !counted_ && no_solids && eight_.solids == nullptr && eight_moving_.times.empty();
     route_ = plain ? Route::avx2 : Route::general;
   }
 }
@@ -210,6 +213,7 @@ SceneAccel::SceneAccel(std::unique_ptr<const Accelerator> override_accelerator)
 
 bool SceneAccel::general_closest_hit(const Ray& ray, const HitFilter* filter, Hit& hit) const {
   if (override_ != nullptr) return override_->closest_hit(ray, filter, hit);
+  if (counted_) return avx2::closest_hit_counted(eight_, eight_moving_, ray, filter, hit);
   if (!sixteen_moving_.times.empty()) {
     return avx512::closest_hit_moving(sixteen_, sixteen_moving_, ray, filter, hit);
   }
@@ -222,6 +226,7 @@ bool SceneAccel::general_closest_hit(const Ray& ray, const HitFilter* filter, Hi
 
 bool SceneAccel::general_any_hit(const Ray& ray, const HitFilter* filter) const {
   if (override_ != nullptr) return override_->any_hit(ray, filter);
+  if (counted_) return avx2::any_hit_counted(eight_, eight_moving_, ray, filter);
   if (!sixteen_moving_.times.empty()) {
     return avx512::any_hit_moving(sixteen_, sixteen_moving_, ray, filter);
   }

@@ -35,6 +35,9 @@ struct TraceOptions {
   /// Features (kFeature... in scene/features.h) that the scene is assumed to have, so that tests
   /// can compare specialised code with the general path. See docs/notes/unused-features.md.
   std::uint32_t assumed_features = 0;
+  /// Adds the work of queries to thread_traversal_counts(). The tree is then that of AVX2, whose
+  /// nodes have eight children, so that the counts do not depend on `isa`; packets are not taken.
+  bool counted = false;
 };
 
 /// Finds ray hits in a scene with a two-level BVH: one over the instances and one over the
@@ -91,8 +94,8 @@ class SceneAccel {
     return route_ == Route::avx2 ? avx2::any_hit(eight_, ray) : general_any_hit(ray, nullptr);
   }
 
-  /// Returns whether packets of rays can be traced. True in scenes of still meshes, unless an
-  /// accelerator overrides the BVHs.
+  /// Returns whether packets of rays can be traced. True in scenes of still meshes, unless queries
+  /// are counted or an accelerator overrides the BVHs.
   bool takes_packets() const { return route_ != Route::general; }
   /// Trace up to kPacketSize rays as closest_hit() and any_hit() do, faster if their directions are
   /// similar. Bit i of the result is set if rays[i] hits; hits[i] is then its hit. Require
@@ -120,10 +123,11 @@ class SceneAccel {
   bool general_any_hit(const Ray& ray, const HitFilter* filter) const;
 
   /// The code that answers queries: the kernels for still meshes, or the general path for solids,
-  /// motion and an override.
+  /// motion, counted queries and an override.
   enum class Route : std::uint8_t { avx512, avx2, general };
 
   Isa isa_;
+  bool counted_ = false;
   Route route_;
   std::unique_ptr<const Accelerator> override_;          // answers all queries unless null
   std::vector<SharedArray<Primitive>> mesh_primitives_;  // by mesh; identify shared meshes

@@ -5,6 +5,7 @@
 
 #include "worker/accel/build/instance_boxes.h"
 #include "worker/accel/build/mesh_triangles.h"
+#include "worker/accel/kernels/thread_counts.h"
 #include "worker/geometry/triangle.h"
 
 namespace tessera::render::accelerators {
@@ -20,6 +21,16 @@ void append_corners(const Box3f& box, std::vector<Vec3f>& corners) {
                        (i & 4) != 0 ? box.hi.z : box.lo.z});
   }
 }
+
+/// The cost of a query, added to thread_traversal_counts() at its end.
+struct CountedQuery {
+  TraversalStats stats;
+
+  CountedQuery() = default;
+  CountedQuery(const CountedQuery&) = delete;
+  CountedQuery& operator=(const CountedQuery&) = delete;
+  ~CountedQuery() { thread_traversal_counts() += {1, stats.nodes, stats.shapes}; }
+};
 
 }  // namespace
 
@@ -183,8 +194,8 @@ bool StructureAccelerator::find_closest(const Ray& ray, const HitFilter* filter,
 }
 
 bool StructureAccelerator::closest_hit(const Ray& ray, const HitFilter* filter, Hit& hit) const {
-  TraversalStats stats;
-  return find_closest(ray, filter, hit, stats);
+  CountedQuery query;
+  return find_closest(ray, filter, hit, query.stats);
 }
 
 bool StructureAccelerator::closest_hit(const Ray& ray, Hit& hit, TraversalStats& stats) const {
@@ -198,16 +209,18 @@ bool StructureAccelerator::any_hit(const Ray& ray, TraversalStats& stats) const 
 }
 
 bool StructureAccelerator::any_hit(const Ray& ray, const HitFilter* filter) const {
-  if (filter == nullptr) {
-    TraversalStats stats;
-    return any_hit(ray, stats);
-  }
-  const std::vector<Hit> hits = all_hits(ray);  // offers each hit once
+  CountedQuery query;
+  if (filter == nullptr) return any_hit(ray, query.stats);
+  const std::vector<Hit> hits = find_all(ray, query.stats);  // offers each hit once
   return std::any_of(hits.begin(), hits.end(), [&](const Hit& hit) { return (*filter)(hit); });
 }
 
 std::vector<Hit> StructureAccelerator::all_hits(const Ray& ray) const {
   TraversalStats stats;
+  return find_all(ray, stats);
+}
+
+std::vector<Hit> StructureAccelerator::find_all(const Ray& ray, TraversalStats& stats) const {
   std::vector<Hit> hits;
   const float limit = limit_of(ray);
   const auto offer = [&](const Hit& hit) {

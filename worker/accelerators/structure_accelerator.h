@@ -20,6 +20,7 @@ class StructureAccelerator final : public Accelerator {
   /// Copies what it needs, so `scene` need not outlive it.
   StructureAccelerator(const Scene& scene, const Structure& structure);
 
+  /// These add their cost to thread_traversal_counts().
   bool closest_hit(const Ray& ray, const HitFilter* filter, Hit& hit) const override;
   bool any_hit(const Ray& ray, const HitFilter* filter) const override;
   std::size_t memory_bytes() const override;
@@ -71,6 +72,7 @@ class StructureAccelerator final : public Accelerator {
   bool intersect(const Ray& ray, const float& limit, const Offer& offer,
                  TraversalStats& stats) const;
   bool find_closest(const Ray& ray, const HitFilter* filter, Hit& hit, TraversalStats& stats) const;
+  std::vector<Hit> find_all(const Ray& ray, TraversalStats& stats) const;
 
   std::vector<float> key_times_;          // empty if nothing moves
   std::shared_ptr<const Solids> solids_;  // null in a scene without solids

@@ -14,6 +14,7 @@
 #include "tests/numeric/geometry/geometry_scenes.h"
 #include "worker/accel/build/mesh_bvh.h"
 #include "worker/accel/build/wide_bvh.h"
+#include "worker/accel/kernels/thread_counts.h"
 #include "worker/accel/reference/brute_force.h"
 #include "worker/accel/reference/plain_traversal.h"
 
@@ -31,10 +32,18 @@ std::vector<Isa> supported_isas() {
   return isas;
 }
 
+/// Options of an accelerator that counts its work.
+TraceOptions counted(Isa isa = best_isa()) {
+  TraceOptions options = isa;
+  options.counted = true;
+  return options;
+}
+
 /// Counts rays for which closest_hit or any_hit differs from brute force in any bit.
 int mismatches(const Scene& scene, int rays, std::uint32_t seed, int* hits = nullptr) {
   std::vector<SceneAccel> accels;
   for (const Isa isa : supported_isas()) accels.emplace_back(scene, in_order(), isa);
+  accels.emplace_back(scene, in_order(), counted());
   Dice dice(seed);
   int wrong = 0;
   for (int i = 0; i < rays; ++i) {
@@ -342,6 +351,59 @@ TEST(SceneAccel, AxisParallelRaysVisitNoMoreNodes) {
     }
   }
   EXPECT_LE(visits[0], visits[1] + visits[1] / 2);
+}
+
+TEST(TraversalCost, MissesMatchPlainTraversal) {
+  Dice dice(71);
+  const Scene scene = scene_of({soup(3000, dice)});
+  const SceneAccel accel(scene, in_order(), counted());
+  const MeshBvh<8> tree = build_mesh_bvh<8>(scene.meshes[0], in_order(), BuildQuality::normal);
+  int misses = 0;
+  for (int i = 0; i < 4000; ++i) {
+    const Ray ray = adversarial_ray(scene, dice);
+    Hit hit;
+    contract::TraversalCounts before = thread_traversal_counts();
+    if (accel.closest_hit(ray, hit)) continue;
+    const contract::TraversalCounts closest = thread_traversal_counts() - before;
+    before = thread_traversal_counts();
+    EXPECT_FALSE(accel.any_hit(ray));
+    const contract::TraversalCounts any = thread_traversal_counts() - before;
+    ObjectRay object_ray;
+    if (!make_object_ray(ray.origin, ray.direction, tree.bounds, object_ray)) continue;
+    contract::TraversalCounts expected{1, 0, 0};
+    const float limit = std::min(ray.t_max, std::numeric_limits<float>::max());
+    traverse_plain(
+        tree.nodes.data(), 0, object_ray, limit,
+        [&](std::uint32_t block) {
+          for (std::size_t lane = 0; lane < kBlockSize; ++lane) {
+            expected.primitives += tree.blocks.data()[block].has_triangle(lane) ? 1 : 0;
+          }
+        },
+        [&] { ++expected.nodes; });
+    ASSERT_TRUE(closest == expected) << "ray " << i;
+    ASSERT_TRUE(any == expected) << "ray " << i;
+    ++misses;
+  }
+  EXPECT_GT(misses, 500);
+}
+
+TEST(TraversalCost, DoesNotDependOnProcessor) {
+  Dice dice(72);
+  const Scene scene = scene_of({needles(300, dice)});
+  std::vector<SceneAccel> accels;
+  for (const Isa isa : supported_isas()) accels.emplace_back(scene, in_order(), counted(isa));
+  for (int i = 0; i < 1000; ++i) {
+    const Ray ray = adversarial_ray(scene, dice);
+    std::vector<contract::TraversalCounts> costs;
+    for (const SceneAccel& accel : accels) {
+      const contract::TraversalCounts before = thread_traversal_counts();
+      Hit hit;
+      accel.closest_hit(ray, hit);
+      costs.push_back(thread_traversal_counts() - before);
+    }
+    ASSERT_TRUE(costs.front() == costs.back()) << "ray " << i;
+    ASSERT_EQ(costs.front().rays, 1);
+  }
 }
 
 TEST(SceneAccel, PowerOfTwoScaleKeepsEveryBit) {

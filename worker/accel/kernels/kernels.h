@@ -51,6 +51,12 @@ bool closest_hit_moving(const SceneBvh<8>& still, const MotionBvh<8>& moving, co
                         const HitFilter* filter, Hit& hit);
 bool any_hit_moving(const SceneBvh<8>& still, const MotionBvh<8>& moving, const Ray& ray,
                     const HitFilter* filter);
+// Queries of any scene that add their work to thread_traversal_counts(). Only for AVX2, so that
+// counts do not depend on the processor.
+bool closest_hit_counted(const SceneBvh<8>& still, const MotionBvh<8>& moving, const Ray& ray,
+                         const HitFilter* filter, Hit& hit);
+bool any_hit_counted(const SceneBvh<8>& still, const MotionBvh<8>& moving, const Ray& ray,
+                     const HitFilter* filter);
 }  // namespace avx2
 
 namespace avx512 {

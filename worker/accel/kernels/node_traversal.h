@@ -177,18 +177,18 @@ inline void prefetch(const WideNode<Isa::kWidth>* nodes, const LeafData* leaves,
 /// Visits `child` and the nodes below it that the ray meets, the nearest child first. Calls
 /// `leaf(index, limit)` for each leaf; it may lower the limit, beyond which nodes are culled, and
 /// ends the traversal by returning true. Returns whether it did.
-template <typename Isa, typename LeafData, typename Leaf>
-inline __attribute__((always_inline)) bool traverse_nearest(const WideNode<Isa::kWidth>* nodes,
-                                                            const LeafData* leaves,
-                                                            std::uint32_t child,
-                                                            const ObjectRay& ray, float limit,
-                                                            Leaf&& leaf) {
+template <typename Query, typename LeafData, typename Leaf>
+inline __attribute__((always_inline)) bool traverse_nearest(
+    const WideNode<Query::Isa::kWidth>* nodes, const LeafData* leaves, std::uint32_t child,
+    const ObjectRay& ray, float limit, Leaf&& leaf) {
+  using Isa = typename Query::Isa;
   const NodeTest<Isa> test(ray);
   StackMemory<Isa> memory;
   TraversalStack<Isa> stack(memory);
   do {
     while ((child & kLeafBit) == 0) {
       const WideNode<Isa::kWidth>& node = node_at(nodes, child);
+      Query::count_node();
       typename Isa::Lanes enters;
       const std::uint32_t mask = test.intersect(node, limit, enters);
       if (mask == 0) {
@@ -210,16 +210,18 @@ inline __attribute__((always_inline)) bool traverse_nearest(const WideNode<Isa::
 }
 
 /// The same in no particular order, for a limit that does not change.
-template <typename Isa, typename Leaf>
-inline __attribute__((always_inline)) bool traverse_any(const WideNode<Isa::kWidth>* nodes,
+template <typename Query, typename Leaf>
+inline __attribute__((always_inline)) bool traverse_any(const WideNode<Query::Isa::kWidth>* nodes,
                                                         std::uint32_t child, const ObjectRay& ray,
                                                         float limit, Leaf&& leaf) {
+  using Isa = typename Query::Isa;
   const NodeTest<Isa> test(ray);
   StackMemory<Isa> memory;
   TraversalStack<Isa> stack(memory);
   do {
     while ((child & kLeafBit) == 0) {
       const WideNode<Isa::kWidth>& node = node_at(nodes, child);
+      Query::count_node();
       typename Isa::Lanes enters;
       const std::uint32_t mask = test.intersect(node, limit, enters);
       if (mask == 0) {
@@ -240,9 +242,9 @@ inline __attribute__((always_inline)) bool traverse(const WideNode<Query::Isa::k
                                                     const ObjectRay& ray, float limit,
                                                     Leaf&& leaf) {
   if constexpr (Query::kOrdered) {
-    return traverse_nearest<typename Query::Isa>(nodes, leaves, child, ray, limit, leaf);
+    return traverse_nearest<Query>(nodes, leaves, child, ray, limit, leaf);
   } else {
-    return traverse_any<typename Query::Isa>(nodes, child, ray, limit, leaf);
+    return traverse_any<Query>(nodes, child, ray, limit, leaf);
   }
 }
 

@@ -8,6 +8,8 @@
 //   kVisitOnce    whether each triangle is offered at most once, also in a tree with spatial splits
 //   kSolids       whether the scene may have solids; then offer_solid_hit() and has_enough() exist
 //   kMoving       whether the scene may move; see motion_traversal.h
+//   kCounts       whether the query counts its work; see counted_queries.h
+//   count_...()   called for each node visited, block of triangles and solid tested
 //   limit         hits with t above it are of no use
 //   offer(...)    takes a candidate hit; returns true if the query needs no more of them
 
@@ -19,9 +21,17 @@ inline float initial_limit(float t_max) {
   return t_max < std::numeric_limits<float>::max() ? t_max : std::numeric_limits<float>::max();
 }
 
+/// Base of queries that do not count their work.
+struct Uncounted {
+  static constexpr bool kCounts = false;
+  static void count_node() {}
+  static void count_block(const TriangleBlock&) {}
+  static void count_solid() {}
+};
+
 /// The first hit by (t, instance, rank), among those that the filter accepts.
 template <typename IsaType, bool kFiltered>
-struct ClosestHit {
+struct ClosestHit : Uncounted {
   using Isa = IsaType;
   using Mesh = MeshBvh<Isa::kWidth>;
   static constexpr bool kOrdered = true, kVisitOnce = false, kSolids = false, kMoving = false;
@@ -71,7 +81,7 @@ struct ClosestHit {
 
 /// Whether there is a hit that the filter accepts.
 template <typename IsaType, bool kFiltered>
-struct AnyHit {
+struct AnyHit : Uncounted {
   using Isa = IsaType;
   static constexpr bool kOrdered = false, kVisitOnce = kFiltered, kSolids = false, kMoving = false;
 

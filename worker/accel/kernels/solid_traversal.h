@@ -70,7 +70,7 @@ struct AnyHitWithSolids : AnyHit<IsaType, kFiltered> {
 
 /// Collects all hits on the mesh of a CSG operand, whatever the ray's t_max.
 template <typename IsaType>
-struct CollectHits {
+struct CollectHits : Uncounted {
   using Isa = IsaType;
   static constexpr bool kOrdered = false, kVisitOnce = true, kSolids = false, kMoving = false;
 
@@ -91,10 +91,16 @@ struct CollectHits {
 template <typename Query>
 struct Moving;
 
-/// CollectHits for the operands of a solid that `Query` meets.
+/// A query that counts its work; defined in counted_queries.h.
 template <typename Query>
-using CollectHitsFor = std::conditional_t<Query::kMoving, Moving<CollectHits<typename Query::Isa>>,
-                                          CollectHits<typename Query::Isa>>;
+struct Counted;
+
+/// CollectHits for the operands of a solid that `Query` meets.
+template <typename Query,
+          typename Collect =
+              std::conditional_t<Query::kCounts, Counted<CollectHits<typename Query::Isa>>,
+                                 CollectHits<typename Query::Isa>>>
+using CollectHitsFor = std::conditional_t<Query::kMoving, Moving<Collect>, Collect>;
 
 template <typename Query>
 bool intersect_solid(const SceneBvh<Query::Isa::kWidth>& scene, const PlacedMesh& placed,
@@ -109,6 +115,7 @@ bool intersect_solid(const SceneBvh<Query::Isa::kWidth>& scene, const PlacedMesh
   };
   // Requests only the first hit if that is cheap; if the query rejects it, requests all hits and
   // skips those already offered.
+  Query::count_solid();
   HitLimits limits = {query.limit, scene.solids->first_is_cheap(placed.solid)};
   std::size_t offered = 0;
   for (;;) {

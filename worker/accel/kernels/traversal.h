@@ -27,6 +27,7 @@ inline __attribute__((always_inline)) bool intersect_mesh(const MeshBvh<Query::I
   return traverse<Query>(mesh.nodes.data(), mesh.blocks.data(), child, ray, cull(),
                          [&](std::uint32_t index, float& limit) {
                            const TriangleBlock& block = mesh.blocks.data()[index];
+                           Query::count_block(block);
                            BlockHits hits;
                            std::uint32_t mask = 0;
                            if constexpr (Query::kMoving) {

@@ -1,0 +1,10 @@
+#include "worker/accel/kernels/thread_counts.h"
+
+namespace tessera::render {
+
+contract::TraversalCounts& thread_traversal_counts() {
+  thread_local contract::TraversalCounts counts;
+  return counts;
+}
+
+}  // namespace tessera::render
