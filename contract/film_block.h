@@ -43,6 +43,7 @@ struct FilmBlock {
   std::vector<float> albedo;            // [pixel][channel], sums over camera hits
   std::vector<float> normal;            // [pixel][axis], sums over camera hits
   std::vector<float> hits;              // [pixel]: camera hits, with the albedo or normal layer
+  std::vector<float> traversal_cost;    // [pixel][rays, nodes, primitives], sums over all samples
   std::vector<float> depth;             // [pixel], pass 0
   std::vector<float> position;          // [pixel][axis], pass 0
   std::vector<std::uint32_t> ids;       // [pixel][node, material, primitive] + 1, pass 0

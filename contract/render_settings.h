@@ -31,6 +31,8 @@ enum Aov : std::uint32_t {
   kAovIds = 1u << 4,       // node, material, primitive of sample 0, plus 1; 0 is a miss
   kAovSamples = 1u << 5,   // samples kept per pixel
   kAovStdError = 1u << 6,  // standard error of R, G, B from the replicates
+  // Additive: rays, nodes visited and primitives tested of the sample's path and its shadow rays
+  kAovTraversalCost = 1u << 7,
 };
 
 /// Background seen by camera rays that leave the scene.

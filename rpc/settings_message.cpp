@@ -16,13 +16,15 @@
 namespace tessera::contract {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, Aov>, 7> kAovNames = {{{"albedo", kAovAlbedo},
-                                                                        {"normal", kAovNormal},
-                                                                        {"depth", kAovDepth},
-                                                                        {"position", kAovPosition},
-                                                                        {"ids", kAovIds},
-                                                                        {"samples", kAovSamples},
-                                                                        {"stderr", kAovStdError}}};
+constexpr std::array<std::pair<std::string_view, Aov>, 8> kAovNames = {
+    {{"albedo", kAovAlbedo},
+     {"normal", kAovNormal},
+     {"depth", kAovDepth},
+     {"position", kAovPosition},
+     {"ids", kAovIds},
+     {"samples", kAovSamples},
+     {"stderr", kAovStdError},
+     {"traversal-cost", kAovTraversalCost}}};
 constexpr std::int64_t kMaxFrames = 1'000'000;
 constexpr std::int32_t kMaxSide = 65536;
 

@@ -196,7 +196,8 @@ void add_render_options(CLI::App& command, RenderOptions& options) {
       ->group(group);
   command
       .add_option("--aov", options.aovs,
-                  "Additional layers: albedo, normal, depth, position, ids, samples, stderr")
+                  "Additional layers: albedo, normal, depth, position, ids, samples, stderr, "
+                  "traversal-cost")
       ->delimiter(',')
       ->type_name("LIST")
       ->group(group);

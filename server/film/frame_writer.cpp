@@ -66,6 +66,10 @@ class Band {
     if (aovs_ & contract::kAovStdError) {
       add_layer({"stderr.R", "stderr.G", "stderr.B"}, ExrType::float32);
     }
+    if (aovs_ & contract::kAovTraversalCost) {
+      add_layer({"traversal-cost.rays", "traversal-cost.nodes", "traversal-cost.primitives"},
+                ExrType::float32);
+    }
     for (ExrPlane& plane : planes_) {
       const std::size_t size = contract::as_index(std::int64_t{rows} * width_);
       if (plane.type == ExrType::uint32) {
@@ -144,6 +148,10 @@ class Band {
     }
     if (aovs_ & contract::kAovStdError) {
       tile.standard_error(pixel, xyz);
+      put_values(xyz);
+    }
+    if (aovs_ & contract::kAovTraversalCost) {
+      tile.traversal_cost(pixel, xyz);
       put_values(xyz);
     }
   }

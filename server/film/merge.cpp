@@ -130,6 +130,7 @@ TileSum::TileSum(std::int32_t width, std::int32_t height, std::uint32_t aovs)
   if (aovs & contract::kAovAlbedo) albedo_.resize(3 * pixels);
   if (aovs & contract::kAovNormal) normal_.resize(3 * pixels);
   if (aovs & (contract::kAovAlbedo | contract::kAovNormal)) hits_.resize(pixels);
+  if (aovs & contract::kAovTraversalCost) traversal_cost_.resize(3 * pixels);
   if (aovs & contract::kAovDepth) depth_.resize(pixels);
   if (aovs & contract::kAovPosition) position_.resize(3 * pixels);
   if (aovs & contract::kAovIds) ids_.resize(3 * pixels);
@@ -153,6 +154,7 @@ absl::Status TileSum::add(const contract::FilmBlock& block, const contract::Pass
   add_plane(block.albedo, albedo_);
   add_plane(block.normal, normal_);
   add_plane(block.hits, hits_);
+  add_plane(block.traversal_cost, traversal_cost_);
   if (pass_count_ == 0) {
     depth_ = block.depth;
     position_ = block.position;
@@ -175,8 +177,8 @@ absl::Status TileSum::add(const contract::FilmBlock& block, const contract::Pass
 }
 
 std::int64_t TileSum::bytes() const {
-  const std::size_t doubles =
-      rgb_.size() + alpha_.size() + albedo_.size() + normal_.size() + hits_.size();
+  const std::size_t doubles = rgb_.size() + alpha_.size() + albedo_.size() + normal_.size() +
+                              hits_.size() + traversal_cost_.size();
   const std::size_t words = depth_.size() + position_.size() + ids_.size() + dropped_.size();
   return static_cast<std::int64_t>(sizeof *this + 8 * doubles + 4 * words);
 }
@@ -247,6 +249,12 @@ void TileSum::albedo(std::int64_t pixel, std::span<float, 3> out) const {
 
 void TileSum::normal(std::int64_t pixel, std::span<float, 3> out) const {
   over_hits(normal_, pixel, out);
+}
+
+void TileSum::traversal_cost(std::int64_t pixel, std::span<float, 3> out) const {
+  for (std::size_t k = 0; k < 3; ++k) {
+    out[k] = to_float(traversal_cost_[3 * contract::as_index(pixel) + k] / sample_count_);
+  }
 }
 
 double TileSum::luminance_sum() const {

@@ -72,6 +72,8 @@ class TileSum {
   /// Albedo or normal: sum over camera hits ÷ hits, 0 without hits. Require their Aov bit.
   void albedo(std::int64_t pixel, std::span<float, 3> out) const;
   void normal(std::int64_t pixel, std::span<float, 3> out) const;
+  /// Mean rays, nodes and primitives of a sample, dropped samples included. Requires its Aov bit.
+  void traversal_cost(std::int64_t pixel, std::span<float, 3> out) const;
   /// Layers of sample 0; zeros before pass 0. Empty without their Aov bit.
   const std::vector<float>& depth() const { return depth_; }
   const std::vector<float>& position() const { return position_; }
@@ -111,6 +113,7 @@ class TileSum {
   std::vector<double> rgb_;    // [pixel][replicate][channel]
   std::vector<double> alpha_;  // [pixel]
   std::vector<double> albedo_, normal_, hits_;
+  std::vector<double> traversal_cost_;
   std::vector<float> depth_, position_;
   std::vector<std::uint32_t> ids_;
   std::vector<std::int32_t> dropped_;  // [pixel][replicate]; empty if nothing was dropped

@@ -64,6 +64,15 @@ oiiotool "$work/part.exr" "$work/cropped.exr" --fail 0 --failpercent 0 --hardfai
   >"$work/crop.log" 2>&1 || fail "a crop differs from that part of the whole: $(cat "$work/crop.log")"
 say "a crop"
 
+# The layer traversal-cost has the same bits for any tiles and workers, and changes no pixel.
+draw cost --tile-size 16 --workers 2 --threads 1 --aov traversal-cost
+equal "with traversal-cost" "$(pixels "$work/cost.json")" "$reference"
+draw whole_cost --tile-size 64 --workers 1 --threads 2 --aov traversal-cost
+oiiotool "$work/cost.exr" "$work/whole_cost.exr" --fail 0 --failpercent 0 --hardfail 0 --diff \
+  >"$work/cost.log" 2>&1 || fail "tiles or workers changed traversal-cost: $(cat "$work/cost.log")"
+equal "rays of both" "$(json "$work/cost.json" 'd["accelerator"]["rays"]')" \
+  "$(json "$work/whole_cost.json" 'd["accelerator"]["rays"]')"
+
 seed=8 draw seed --tile-size 16 --workers 2 --threads 1
 [ "$(pixels "$work/seed.json")" != "$reference" ] || fail "another seed gave the same pixels"
 say "another seed gives other pixels"
@@ -87,7 +96,7 @@ EOF
   pixels "$work/structure.json"
 }
 tessera inspect "$scenes/lit_square.gltf" --accelerators --json >"$work/accelerators.json"
-structures=$(json "$work/accelerators.json" '[s["name"] for s in d["accelerators"]["structures"] if s["closest_hit"]["triangles_per_ray"] is not None]')
+structures=$(json "$work/accelerators.json" '[s["name"] for s in d["accelerators"]["structures"] if not s["name"].startswith("wide-bvh")]')
 for scene in same_bits shapes csg blobs motion textures fog course; do
   case $scene in
     same_bits) job=(--size 48x40 --spp 16 --max-depth 4) ;;
@@ -102,6 +111,9 @@ for scene in same_bits shapes csg blobs motion textures fog course; do
   for name in $structures; do
     draw structure --tile-size 16 --workers 1 --threads 2 --accelerator "$name"
     equal "$scene: $name" "$(pixels "$work/structure.json")" "$few"
+    equal "$scene: the report counts visits" \
+      "$(json "$work/structure.json" '(d["accelerator"]["name"], d["accelerator"]["primitives_per_ray"] > 0)')" \
+      "('$name', True)"
   done
   for isa in avx2 avx512; do
     [ "$isa" = avx2 ] || tessera-worker --version | grep -q "isa $isa" || continue  # lacks it

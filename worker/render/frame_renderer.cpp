@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "contract/hilbert.h"
+#include "worker/accel/kernels/thread_counts.h"
 #include "worker/light/light_sampler.h"
 #include "worker/render/camera/camera_rays.h"
 #include "worker/render/float_control.h"
@@ -29,6 +30,7 @@ struct ChunkTotals {
   double clamped_energy = 0, truncated_energy = 0;
   std::int64_t limit_count = 0;
   std::vector<contract::DroppedSamples> dropped;
+  contract::TraversalCounts cost;
 };
 
 /// One unit while it is rendered.
@@ -102,15 +104,23 @@ std::int64_t scene_bytes(const Scene& scene) {
   return static_cast<std::int64_t>(bytes + scene.instances.size() * sizeof(Instance));
 }
 
+/// Counted BVHs share nothing with `before`: refitting would make the counts depend on which frames
+/// a worker has rendered.
 SceneAccel timed_accel(const Scene& scene, const ParallelFor& parallel_for,
                        const FrameRenderer* before, const TraceOptions& tracing, double* seconds) {
   const auto start = std::chrono::steady_clock::now();
-  SceneAccel accel = tracing.override_accelerator
-                         ? SceneAccel(tracing.override_accelerator(scene))
-                         : SceneAccel(scene, parallel_for, tracing,
-                                      before == nullptr ? nullptr : &before->accel());
+  SceneAccel accel =
+      tracing.override_accelerator
+          ? SceneAccel(tracing.override_accelerator(scene))
+          : SceneAccel(scene, parallel_for, tracing,
+                       before == nullptr || tracing.counted ? nullptr : &before->accel());
   *seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return accel;
+}
+
+TraceOptions with_counts(TraceOptions tracing, std::uint32_t aovs) {
+  tracing.counted = tracing.counted || (aovs & contract::kAovTraversalCost) != 0;
+  return tracing;
 }
 
 CameraRays camera_rays(const Scene& scene, const contract::RenderSettings& settings,
@@ -132,7 +142,8 @@ PathTracingFrame::PathTracingFrame(Scene scene, const contract::RenderSettings& 
     : scene_(std::move(scene)),
       shading_(scene_, tracing.assumed_features),
       camera_(camera_rays(scene_, settings, tracing)),
-      accel_(timed_accel(scene_, parallel_for, before, tracing, &timings_.accel_build_seconds)),
+      accel_(timed_accel(scene_, parallel_for, before, with_counts(tracing, settings.aovs),
+                         &timings_.accel_build_seconds)),
       lights_(scene_, shading_),
       filter_(settings.filter, settings.filter_width),
       context_{shading_,
@@ -168,6 +179,7 @@ contract::FilmBlock PathTracingFrame::render(const contract::PixelRect& rect,
   const UnitWork unit{rect, pass, contract::hilbert_curve(rect.width, rect.height), &block};
   const std::int64_t chunks = (shape.pixel_count() + kPixelsPerChunk - 1) / kPixelsPerChunk;
   std::vector<ChunkTotals> totals(static_cast<std::size_t>(chunks));
+  contract::TraversalCounts cost = thread_traversal_counts();
   parallel_for(chunks, [&](std::int64_t chunk) {
     render_chunk(unit, chunk, &totals[static_cast<std::size_t>(chunk)]);
   });
@@ -176,7 +188,9 @@ contract::FilmBlock PathTracingFrame::render(const contract::PixelRect& rect,
     block.truncated_energy += t.truncated_energy;
     block.transparency_limit_count += static_cast<std::uint64_t>(t.limit_count);
     block.dropped.insert(block.dropped.end(), t.dropped.begin(), t.dropped.end());
+    cost += t.cost;
   }
+  thread_traversal_counts() = cost;
   std::sort(block.dropped.begin(), block.dropped.end(), [](const auto& a, const auto& b) {
     return std::tie(a.pixel, a.replicate) < std::tie(b.pixel, b.replicate);
   });
@@ -198,6 +212,7 @@ FrameRenderer::Sample PathTracingFrame::trace_sample(std::int32_t x, std::int32_
 void PathTracingFrame::render_chunk(const UnitWork& unit, std::int64_t chunk,
                                     ChunkTotals* totals) const {
   check_float_control();
+  const contract::TraversalCounts before = thread_traversal_counts();
   PathScratch scratch;
   const auto first = static_cast<std::size_t>(chunk * kPixelsPerChunk);
   const std::size_t pixels = std::min<std::size_t>(kPixelsPerChunk, unit.order.size() - first);
@@ -228,6 +243,7 @@ void PathTracingFrame::render_chunk(const UnitWork& unit, std::int64_t chunk,
       sums = PixelSums();
     }
   }
+  totals->cost = thread_traversal_counts() - before;
   check_float_control();
 }
 

@@ -32,7 +32,8 @@ class FrameRenderer {
   /// Renders one unit: the samples of `pass` over the pixels of `rect`. The block is a function of
   /// the scene, the settings, the frame, `rect` and `pass` alone. `pass_index` 0 adds the layers of
   /// sample 0. `parallel_for` splits the unit's pixels, without changing any bit; pass sequential()
-  /// if units already keep all cores busy.
+  /// if units already keep all cores busy. Adds the work of all its threads to
+  /// thread_traversal_counts() of the calling thread.
   virtual contract::FilmBlock render(const contract::PixelRect& rect, const contract::Pass& pass,
                                      std::int32_t pass_index,
                                      const ParallelFor& parallel_for) const = 0;

@@ -6,6 +6,7 @@
 #include <optional>
 #include <type_traits>
 
+#include "worker/accel/kernels/thread_counts.h"
 #include "worker/geometry/surface_point.h"
 #include "worker/media/medium_stack.h"
 #include "worker/media/medium_traversal.h"
@@ -529,17 +530,22 @@ void trace_paths(const FrameContext& frame, std::span<const PathId> ids, PathScr
     scratch->crossings = std::make_unique<Crossings>();
   }
   if (known) frame.accel.closest_hits(std::span(rays).first(ids.size()), hits.data());
+  const bool counted = (frame.aovs & contract::kAovTraversalCost) != 0;
   for (std::size_t i = 0; i < ids.size(); ++i) {
     if (rays[i].t_max < 0) [[unlikely]] {
       results[i] = {};
       continue;
     }
     const Hit* first = known ? &hits[i] : nullptr;
+    const contract::TraversalCounts before =
+        counted ? thread_traversal_counts() : contract::TraversalCounts{};
     if (frame.shading.tracks_bodies) [[unlikely]] {
       results[i] = PathTracer<true>(frame, samplers[i], scratch).trace(rays[i], first);
-      continue;
+    } else {
+      results[i] = PathTracer<false>(frame, samplers[i], scratch).trace(rays[i], first);
     }
-    results[i] = PathTracer<false>(frame, samplers[i], scratch).trace(rays[i], first);
+    if (counted) [[unlikely]]
+      results[i].cost = thread_traversal_counts() - before;
   }
 }
 

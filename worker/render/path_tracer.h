@@ -5,6 +5,7 @@
 #include <span>
 
 #include "contract/render_settings.h"
+#include "contract/traversal_counts.h"
 #include "worker/accel/scene_accel.h"
 #include "worker/light/light_sampler.h"
 #include "worker/math/vector.h"
@@ -61,6 +62,7 @@ struct PathResult {
   std::int32_t limit_count = 0;  // how often kTransparencyLimit was exceeded
   /// Radiance beyond max_depth, weighted for the paths it represents; not in `radiance`.
   Vec3f truncated;
+  contract::TraversalCounts cost;  // of all its rays; zero unless its layer is requested
 };
 
 /// Identifies a path: a sample of a pixel, in full-frame coordinates.

@@ -29,6 +29,8 @@ void store_vector(const Vec3d& sum, std::size_t pixel, std::vector<float>* plane
 void PixelSums::add(const PathResult& path, std::int32_t sample, float clamp_at) {
   const auto replicate = static_cast<std::size_t>(sample % contract::kReplicates);
   limit_count_ += path.limit_count;
+  cost_ += {static_cast<double>(path.cost.rays), static_cast<double>(path.cost.nodes),
+            static_cast<double>(path.cost.primitives)};
   const CameraHit& hit = path.hit;
   if (!is_finite(path.radiance) || !is_finite(hit.albedo) || !is_finite(hit.normal)) {
     ++dropped_[replicate];
@@ -59,6 +61,7 @@ void PixelSums::store(std::size_t pixel, contract::FilmBlock* block) const {
   block->alpha[pixel] = static_cast<float>(alpha_);
   if (!block->albedo.empty()) store_vector(albedo_, pixel, &block->albedo);
   if (!block->normal.empty()) store_vector(normal_, pixel, &block->normal);
+  if (!block->traversal_cost.empty()) store_vector(cost_, pixel, &block->traversal_cost);
   if (!block->hits.empty()) block->hits[pixel] = static_cast<float>(hits_);
 }
 

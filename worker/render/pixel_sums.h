@@ -30,7 +30,7 @@ class PixelSums {
   std::array<Vec3d, contract::kReplicates> rgb_;
   std::array<std::uint32_t, contract::kReplicates> dropped_{};
   double alpha_ = 0, hits_ = 0, clamped_energy_ = 0, truncated_energy_ = 0;
-  Vec3d albedo_, normal_;
+  Vec3d albedo_, normal_, cost_;
   std::int64_t limit_count_ = 0;
 };
 

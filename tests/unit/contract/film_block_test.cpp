@@ -10,7 +10,7 @@
 namespace tessera::contract {
 namespace {
 
-constexpr std::uint32_t kAllAovs = 0x7F;
+constexpr std::uint32_t kAllAovs = 0xFF;
 
 FilmBlock random_block(const FilmBlockShape& shape, std::mt19937& rng) {
   FilmBlock block = FilmBlock::zeros(shape);

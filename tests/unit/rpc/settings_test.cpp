@@ -120,7 +120,7 @@ TEST(SettingsMessage, RangeErrorNamesField) {
 }
 
 TEST(Aovs, NamesAndBitsAreInverse) {
-  for (std::uint32_t aovs = 0; aovs < 128; ++aovs) {
+  for (std::uint32_t aovs = 0; aovs < 256; ++aovs) {
     const auto back = parse_aovs(aov_names(aovs));
     ASSERT_TRUE(back.ok()) << back.status();
     ASSERT_EQ(*back, aovs);

@@ -28,9 +28,10 @@
 namespace tessera::server {
 namespace {
 
-constexpr std::uint32_t kAllAovs =
-    contract::kAovAlbedo | contract::kAovNormal | contract::kAovDepth | contract::kAovPosition |
-    contract::kAovIds | contract::kAovSamples | contract::kAovStdError;
+constexpr std::uint32_t kAllAovs = contract::kAovAlbedo | contract::kAovNormal |
+                                   contract::kAovDepth | contract::kAovPosition |
+                                   contract::kAovIds | contract::kAovSamples |
+                                   contract::kAovStdError | contract::kAovTraversalCost;
 
 /// An image read from a file: every channel as stored, float or bits of UINT.
 struct ReadBack {
@@ -145,7 +146,7 @@ TEST_F(FrameWriterTest, EveryLayerRoundTripsExactly) {
   spec_.settings.aovs = kAllAovs;
   const FrameResult result = written(made_tiles(), "all.exr");
   const ReadBack image = read_back(path("all.exr"));
-  ASSERT_EQ(image.spec.nchannels, 4 + 3 + 3 + 1 + 3 + 3 + 1 + 3);
+  ASSERT_EQ(image.spec.nchannels, 4 + 3 + 3 + 1 + 3 + 3 + 1 + 3 + 3);
   const contract::TileGrid grid(spec_.settings);
   for (std::int32_t index = 0; index < grid.tile_count(); ++index) {
     const contract::PixelRect rect = grid.rect(index);
@@ -163,6 +164,9 @@ TEST_F(FrameWriterTest, EveryLayerRoundTripsExactly) {
       ASSERT_EQ(image.at(i, "normal.Z"), xyz[2]);
       tile.standard_error(pixel, xyz);
       ASSERT_EQ(image.at(i, "stderr.B"), xyz[2]);
+      tile.traversal_cost(pixel, xyz);
+      ASSERT_EQ(image.at(i, "traversal-cost.rays"), xyz[0]);
+      ASSERT_EQ(image.at(i, "traversal-cost.primitives"), xyz[2]);
       ASSERT_EQ(image.at(i, "depth.Z"), tile.depth()[p]);
       ASSERT_EQ(image.at(i, "position.Y"), tile.position()[3 * p + 1]);
       ASSERT_EQ(image.ids[i], tile.ids()[3 * p]);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <random>
 #include <vector>
@@ -23,6 +24,9 @@ inline contract::FilmBlock made_block(const contract::PixelRect& rect, std::uint
   for (float& value : block.albedo) value = static_cast<float>(pass.sample_count * u01());
   for (float& value : block.normal) value = static_cast<float>(pass.sample_count * (u01() - 0.5));
   for (float& value : block.hits) value = static_cast<float>(pass.sample_count);
+  for (float& value : block.traversal_cost) {
+    value = std::floor(static_cast<float>(pass.sample_count * 100 * u01()));
+  }
   for (float& value : block.depth) value = static_cast<float>(10 * u01());
   for (float& value : block.position) value = static_cast<float>(10 * u01() - 5);
   for (std::uint32_t& value : block.ids) value = static_cast<std::uint32_t>(rng());

@@ -130,6 +130,21 @@ TEST(TileSum, AovWithoutHitsIsZero) {
   EXPECT_EQ(xyz[0], 0.0f);
 }
 
+TEST(TileSum, TraversalCostCoversDroppedSamples) {
+  FilmBlock block = FilmBlock::zeros({1, 1, contract::kAovTraversalCost, true});
+  block.traversal_cost = {12, 40, 6};
+  block.dropped = {{0, 1, 1}};
+  TileSum tile(1, 1, contract::kAovTraversalCost);
+  ASSERT_TRUE(tile.add(block, {0, 4}).ok());
+  block.shape.first_pass = false;
+  ASSERT_TRUE(tile.add(block, {4, 4}).ok());
+  float cost[3];
+  tile.traversal_cost(0, cost);
+  EXPECT_EQ(cost[0], 3.0f);
+  EXPECT_EQ(cost[1], 10.0f);
+  EXPECT_EQ(cost[2], 1.5f);
+}
+
 /// The estimator of docs/explanation/error-estimation.md, written out for one channel, in long
 /// double.
 struct BruteForce {
