@@ -89,6 +89,13 @@ std::string text_of(const ordered_json& report) {
                   " s, render ", figure(report, "/render_seconds"), " s, overhead ",
                   format_share(number_at(report, "overhead_fraction"), 1), ", peak memory ",
                   format_bytes(number_at(report, "peak_rss_bytes")), "\n");
+  if (report.contains("accelerator")) {
+    absl::StrAppend(&text, "accelerator ", text_at(report["accelerator"], "name"), ", built in ",
+                    figure(report, "/accelerator/build_seconds"), " s, ",
+                    format_bytes(number_at(report["accelerator"], "memory_bytes")), ", per ray ",
+                    figure(report, "/accelerator/nodes_per_ray"), " nodes and ",
+                    figure(report, "/accelerator/primitives_per_ray"), " primitives\n");
+  }
   absl::StrAppend(&text, "units ", figure(report, "/units/total", 12), ", retried ",
                   figure(report, "/units/retried", 12), ", duplicated ",
                   figure(report, "/units/duplicated", 12), ", audited ",

@@ -276,11 +276,10 @@ void Coordinator::fail_unit(Session session, const Lease& lease, std::int32_t ti
   apply_effects(deferred);
 }
 
-void Coordinator::scene_loaded(Session session, const std::string& job_id, double load_seconds,
-                               double build_seconds, std::int64_t peak_rss_bytes) {
+void Coordinator::scene_loaded(Session session, const std::string& job_id, const SceneLoad& load) {
   MutexLock lock(mutex_);
   if (session_worker(session) == nullptr) return;
-  scheduler_.scene_loaded(session.worker, job_id, load_seconds, build_seconds, peak_rss_bytes);
+  scheduler_.scene_loaded(session.worker, job_id, load);
 }
 
 Outbox Coordinator::take_outbox(Session session) {

@@ -16,6 +16,7 @@
 #include "absl/status/statusor.h"
 #include "contract/film_block.h"
 #include "contract/tile_grid.h"
+#include "contract/traversal_counts.h"
 #include "server/coordinator/block_index.h"
 #include "server/coordinator/client_quota.h"
 #include "server/film/film_cache.h"
@@ -58,6 +59,7 @@ struct BlockHeader {
   std::int64_t size_bytes = 0;  // of the encoded block
   contract::Digest sha256;
   double cpu_seconds = 0;
+  contract::TraversalCounts cost;
 
   contract::Unit unit() const { return {lease.frame, tile, lease.pass}; }
 };
@@ -139,8 +141,7 @@ class Coordinator {
   void return_units(Session session, const std::vector<UnitName>& units);
   void fail_unit(Session session, const Lease& lease, std::int32_t tile, Failure failure,
                  absl::StatusCode code);
-  void scene_loaded(Session session, const std::string& job_id, double load_seconds,
-                    double build_seconds, std::int64_t peak_rss_bytes);
+  void scene_loaded(Session session, const std::string& job_id, const SceneLoad& load);
   /// Returns the messages to send now; empty if the session has ended.
   Outbox take_outbox(Session session);
   /// Returns workers that are connected or were lost within the last hour, each with the seconds

@@ -376,6 +376,7 @@ void Coordinator::apply_commit(CheckedGroup& checked) {
         std::int64_t{rect.width} * rect.height * block.header.lease.sample_count;
     film.committed_samples += samples;
     count_committed(*job, record, samples);
+    job->counters.cost += block.header.cost;
     scheduler_.commit(*job, record.unit, record.worker_id, record.cpu_seconds);
     if (scheduler_.is_quarantined(record.worker_id)) {  // found faulty in the meantime
       job_film(*job).finishing.insert(record.unit.frame);

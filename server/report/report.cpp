@@ -87,6 +87,23 @@ json workers_json(const JobReport& report) {
   return workers;
 }
 
+/// The structure that rays were traced through. Means are null if its work was not counted.
+json accelerator_json(const JobReport& report) {
+  const JobCounters& counters = report.counters;
+  const std::string& name = report.view.spec->settings.accelerator;
+  const auto rays = static_cast<double>(counters.cost.rays);
+  const auto per_ray = [&](std::int64_t count) {
+    return rays > 0 ? json(static_cast<double>(count) / rays) : json(nullptr);
+  };
+  return {{"name", name.empty() ? "production" : name},
+          {"builds", counters.accelerator_builds},
+          {"build_seconds", counters.accelerator_build_seconds},
+          {"memory_bytes", counters.accelerator_bytes},
+          {"rays", rays > 0 ? json(counters.cost.rays) : json(nullptr)},
+          {"nodes_per_ray", per_ray(counters.cost.nodes)},
+          {"primitives_per_ray", per_ray(counters.cost.primitives)}};
+}
+
 }  // namespace
 
 std::string report_json(const JobReport& report) {
@@ -134,6 +151,7 @@ std::string report_json(const JobReport& report) {
       // Fraction of the workers' known CPU seconds that did not produce pixels.
       {"overhead_fraction", spent > 0 ? 1 - view.cpu_seconds / spent : 0},
       {"peak_rss_bytes", counters.peak_rss_bytes},
+      {"accelerator", accelerator_json(report)},
       {"units",
        {{"total", view.unit_count},
         {"committed", view.committed_unit_count},

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "contract/traversal_counts.h"
 #include "server/schedule/audit.h"
 #include "server/schedule/job_plan.h"
 #include "server/schedule/job_spec.h"
@@ -62,6 +63,18 @@ struct JobCounters {
   std::int64_t audited = 0;  // * committed units with a finished audit
   double load_seconds = 0, build_seconds = 0;
   std::int64_t peak_rss_bytes = 0;
+  std::int64_t accelerator_builds = 0;  // frames loaded, over all workers
+  double accelerator_build_seconds = 0;
+  std::int64_t accelerator_bytes = 0;  // maximum over frames and workers
+  contract::TraversalCounts cost;      // of committed units
+};
+
+/// What loading a frame of a job cost a worker.
+struct SceneLoad {
+  double load_seconds = 0, build_seconds = 0;
+  std::int64_t peak_rss_bytes = 0;
+  double accelerator_build_seconds = 0;  // part of build_seconds
+  std::int64_t accelerator_bytes = 0;
 };
 
 /// A job with its state in memory.

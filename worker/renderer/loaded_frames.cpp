@@ -50,6 +50,8 @@ absl::StatusOr<LoadedFrames::Outcome> LoadedFrames::load(const v1::LoadScene& co
     if (!made.ok()) return made.status();
     renderer = *std::move(made);
     outcome.build_seconds = seconds_since(build_start);
+    outcome.accelerator_build_seconds = renderer->timings().accel_build_seconds;
+    outcome.accelerator_bytes = renderer->accel().memory_bytes();
   }
   auto loaded = std::make_shared<const LoadedFrame>(
       LoadedFrame{*settings, contract::TileGrid(*settings), std::move(renderer)});

@@ -34,6 +34,8 @@ class LoadedFrames {
   struct Outcome {
     double load_seconds = 0;   // parsing, decoding, posing
     double build_seconds = 0;  // acceleration structures and sampling tables
+    double accelerator_build_seconds = 0;
+    std::int64_t accelerator_bytes = 0;
   };
 
   /// Loads a frame. `descriptors`: as for DescriptorReader. One call at a time.

@@ -16,6 +16,7 @@
 #include "contract/pass_schedule.h"
 #include "contract/version.h"
 #include "tessera/v1/renderer.pb.h"
+#include "worker/accel/kernels/thread_counts.h"
 #include "worker/accel/layout/isa.h"
 #include "worker/gltf/file/limits.h"
 #include "worker/ipc/message_socket.h"
@@ -110,6 +111,8 @@ class Renderer {
       if (outcome.ok()) {
         scene.set_load_seconds(outcome->load_seconds);
         scene.set_build_seconds(outcome->build_seconds);
+        scene.set_accelerator_build_seconds(outcome->accelerator_build_seconds);
+        scene.set_accelerator_bytes(outcome->accelerator_bytes);
       } else {
         scene.set_error(std::string(outcome.status().message()));
         scene.set_error_code(static_cast<std::int32_t>(outcome.status().code()));
@@ -128,7 +131,12 @@ class Renderer {
     if (options_.before_unit) options_.before_unit({unit.frame(), unit.tile(), unit.pass()});
     v1::RenderUnitResult& result = *event.mutable_unit();
     *result.mutable_unit() = unit;
+    const contract::TraversalCounts before = render::thread_traversal_counts();
     auto block = render_block(unit, helper_cpu_ns);
+    const contract::TraversalCounts cost = render::thread_traversal_counts() - before;
+    result.set_ray_count(cost.rays);
+    result.set_visited_node_count(cost.nodes);
+    result.set_tested_primitive_count(cost.primitives);
     if (block.ok()) {
       result.set_block(*std::move(block));
     } else {

@@ -108,8 +108,7 @@ class Scheduler {
   /// The worker failed to render `tile` of `lease`. Ignored without a valid seal.
   void fail_unit(WorkerKey key, const Lease& lease, std::int32_t tile, Failure failure,
                  absl::StatusCode code, Time now);
-  void scene_loaded(WorkerKey key, const std::string& job_id, double load_seconds,
-                    double build_seconds, std::int64_t peak_rss_bytes);
+  void scene_loaded(WorkerKey key, const std::string& job_id, const SceneLoad& load);
   Worker* find_worker(WorkerKey worker);
   Worker* find_worker(const std::string& id);
   const std::map<WorkerKey, Worker>& workers() const { return workers_; }

@@ -253,19 +253,23 @@ void Scheduler::disprove(const UnitFailures& failures, const std::string& worker
   }
 }
 
-void Scheduler::scene_loaded(WorkerKey key, const std::string& job_id, double load_seconds,
-                             double build_seconds, std::int64_t peak_rss_bytes) {
+void Scheduler::scene_loaded(WorkerKey key, const std::string& job_id, const SceneLoad& load) {
   Worker* worker = find_worker(key);
   Job* job = find_job(job_id);
   if (worker == nullptr || job == nullptr) return;
   if (worker->leased_jobs.count(job->key) == 0) return;
-  if (worker->current_job == job->key) worker->load_seconds = load_seconds + build_seconds;
+  if (worker->current_job == job->key)
+    worker->load_seconds = load.load_seconds + load.build_seconds;
   std::erase(worker->scenes, job->scene);
   worker->scenes.insert(worker->scenes.begin(), job->scene);
   if (worker->scenes.size() > kMaxScenes) worker->scenes.pop_back();
-  job->counters.load_seconds += load_seconds;
-  job->counters.build_seconds += build_seconds;
-  job->counters.peak_rss_bytes = std::max(job->counters.peak_rss_bytes, peak_rss_bytes);
+  JobCounters& counters = job->counters;
+  counters.load_seconds += load.load_seconds;
+  counters.build_seconds += load.build_seconds;
+  counters.peak_rss_bytes = std::max(counters.peak_rss_bytes, load.peak_rss_bytes);
+  ++counters.accelerator_builds;
+  counters.accelerator_build_seconds += load.accelerator_build_seconds;
+  counters.accelerator_bytes = std::max(counters.accelerator_bytes, load.accelerator_bytes);
 }
 
 void Scheduler::hold(Job& job, Worker& worker, const Unit& unit, const Holder& holder) {

@@ -18,6 +18,7 @@ constexpr int kMaxAssets = 100'000;
 constexpr int kMaxTags = 64;
 constexpr std::int32_t kMaxThreads = 4096;
 constexpr double kMaxUnitSeconds = 1e9;
+constexpr std::int64_t kMaxUnitCount = std::int64_t{1} << 48;
 
 absl::Status bad(const std::string& field, const std::string& need) {
   return absl::InvalidArgumentError(absl::StrCat(field, ": ", need));
@@ -382,6 +383,14 @@ absl::StatusOr<BlockHeader> from_message(const v1::BlockHeader& message) {
   header.size_bytes = message.size_bytes();
   header.sha256 = *digest;
   header.cpu_seconds = message.cpu_seconds();
+  for (const std::int64_t count :
+       {message.ray_count(), message.visited_node_count(), message.tested_primitive_count()}) {
+    if (count < 0 || count > kMaxUnitCount) {
+      return bad("header: count", absl::StrCat(count, " is not in [0, 2^48]"));
+    }
+  }
+  header.cost = {message.ray_count(), message.visited_node_count(),
+                 message.tested_primitive_count()};
   return header;
 }
 

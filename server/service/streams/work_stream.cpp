@@ -201,8 +201,11 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
         break;
       case v1::WorkRequest::kSceneLoaded: {
         const v1::SceneLoaded& loaded = request_.scene_loaded();
-        coordinator_.scene_loaded(session, loaded.job_id(), valid_seconds(loaded.load_seconds()),
-                                  valid_seconds(loaded.build_seconds()), loaded.peak_rss_bytes());
+        coordinator_.scene_loaded(
+            session, loaded.job_id(),
+            {valid_seconds(loaded.load_seconds()), valid_seconds(loaded.build_seconds()),
+             loaded.peak_rss_bytes(), valid_seconds(loaded.accelerator_build_seconds()),
+             loaded.accelerator_bytes()});
         break;
       }
       case v1::WorkRequest::kLogLines:

@@ -64,6 +64,7 @@ TEST_F(FarmTest, JobRendersFromSubmissionToImage) {
                           "render_seconds",
                           "overhead_fraction",
                           "peak_rss_bytes",
+                          "accelerator",
                           "units",
                           "workers"}) {
     EXPECT_TRUE(report.contains(key)) << key;
@@ -82,6 +83,22 @@ TEST_F(FarmTest, JobRendersFromSubmissionToImage) {
   EXPECT_TRUE(frame["true"].is_null());
   EXPECT_EQ(frame["curve"].size(), 2u);
   EXPECT_EQ(frame["pixels_sha256"], contract::Digest::from_binary(header.pixels_sha256())->hex());
+}
+
+TEST_F(FarmTest, ReportHasWorkPerRayOfAccelerator) {
+  const std::string job = create_job("a", 64);
+  const nlohmann::json before = report_of(job)["accelerator"];
+  EXPECT_EQ(before["name"], "production");
+  EXPECT_TRUE(before["rays"].is_null());
+  EXPECT_TRUE(before["nodes_per_ray"].is_null());
+  auto worker = worker_of(*server_, "w1");
+  ASSERT_TRUE(worker->open());
+  ASSERT_EQ(worker->work(), 9 * 2);
+  watch(job);
+  const nlohmann::json after = report_of(job)["accelerator"];
+  EXPECT_EQ(after["rays"], 8 * 18);
+  EXPECT_EQ(after["nodes_per_ray"], 2.5);
+  EXPECT_EQ(after["primitives_per_ray"], 0.5);
 }
 
 TEST_F(FarmTest, ReportWarnsOfRoundedSampleCount) {
@@ -425,6 +442,7 @@ TEST_F(FarmTest, InvalidDeliveryEndsStream) {
        }},
       {"a time that is no number",
        [](auto& m) { m.mutable_parts(0)->mutable_header()->set_cpu_seconds(std::nan("")); }},
+      {"header: count", [](auto& m) { m.mutable_parts(0)->mutable_header()->set_ray_count(-1); }},
       {"a digest cut short",
        [](auto& m) { m.mutable_parts(0)->mutable_header()->set_sha256("short"); }}};
   int number = 0;

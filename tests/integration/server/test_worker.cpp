@@ -130,6 +130,9 @@ std::vector<v1::DeliverRequest> TestWorker::messages_of(const Unit& unit, const 
     header.set_wire_size_bytes(static_cast<std::int64_t>(block.size()));
     header.set_sha256(contract::sha256(block).binary());
     header.set_cpu_seconds(0.25);
+    header.set_ray_count(8);
+    header.set_visited_node_count(20);
+    header.set_tested_primitive_count(4);
   }
   return messages;
 }

@@ -264,6 +264,9 @@ void ServerConnection::add_parts(v1::DeliverRequest& request) {
       header.set_wire_size_bytes(static_cast<std::int64_t>(bytes.size()));
       header.set_sha256(sending_->sha256.binary());
       header.set_cpu_seconds(sending_->cpu_seconds);
+      header.set_ray_count(sending_->cost.rays);
+      header.set_visited_node_count(sending_->cost.nodes);
+      header.set_tested_primitive_count(sending_->cost.primitives);
     }
     const std::size_t count = std::min(room, bytes.size() - sent_bytes_);
     part.set_chunk(bytes.substr(sent_bytes_, count));

@@ -169,6 +169,8 @@ void RendererSupervisor::on_scene(const v1::LoadSceneResult& outcome) {
   loaded.set_load_seconds(outcome.load_seconds());
   loaded.set_build_seconds(outcome.build_seconds());
   loaded.set_peak_rss_bytes(outcome.peak_rss_bytes());
+  loaded.set_accelerator_build_seconds(outcome.accelerator_build_seconds());
+  loaded.set_accelerator_bytes(outcome.accelerator_bytes());
   callbacks_.scene_loaded(std::move(loaded));
 }
 
@@ -190,7 +192,10 @@ void RendererSupervisor::on_unit(v1::RenderUnitResult outcome) {
   }
   if (options_.block_rendered) options_.block_rendered(*outcome.mutable_block());
   const contract::Digest sha256 = contract::sha256(outcome.block());
-  if (!queue_.finish(key, std::move(*outcome.mutable_block()), sha256, outcome.cpu_seconds())) {
+  const contract::TraversalCounts cost{outcome.ray_count(), outcome.visited_node_count(),
+                                       outcome.tested_primitive_count()};
+  if (!queue_.finish(key, std::move(*outcome.mutable_block()), sha256, outcome.cpu_seconds(),
+                     cost)) {
     return;
   }
   log_.write("finished", key, sha256.hex());

@@ -90,13 +90,14 @@ void UnitQueue::requeue(const UnitKey& key) {
 }
 
 bool UnitQueue::finish(const UnitKey& key, std::string block, const contract::Digest& sha256,
-                       double cpu_seconds) {
+                       double cpu_seconds, const contract::TraversalCounts& cost) {
   Entry* entry = find(key, Phase::started);
   if (entry == nullptr) return false;
   entry->phase = Phase::unacknowledged;
   entry->block = std::make_shared<const std::string>(std::move(block));
   entry->sha256 = sha256;
   entry->cpu_seconds = cpu_seconds;
+  entry->cost = cost;
   to_offer_.push_back(key);
   return true;
 }
@@ -130,7 +131,7 @@ std::optional<UnitQueue::Block> UnitQueue::next_block(Time now) {
     Entry* entry = find(key, Phase::unacknowledged);
     if (entry == nullptr || entry->offered) continue;
     entry->offered = now;
-    return Block{key, entry->lease, entry->block, entry->sha256, entry->cpu_seconds};
+    return Block{key, entry->lease, entry->block, entry->sha256, entry->cpu_seconds, entry->cost};
   }
   return std::nullopt;
 }

@@ -13,6 +13,7 @@
 
 #include "absl/status/status.h"
 #include "contract/digest.h"
+#include "contract/traversal_counts.h"
 #include "contract/unit.h"
 #include "tessera/v1/worker_service.pb.h"
 
@@ -54,6 +55,7 @@ class UnitQueue {
     std::shared_ptr<const std::string> bytes;  // shared: may be acknowledged while being sent
     contract::Digest sha256;
     double cpu_seconds = 0;
+    contract::TraversalCounts cost;
   };
 
   // Leases.
@@ -77,7 +79,7 @@ class UnitQueue {
   /// Stores the block of a started unit. Returns false, and does nothing, if the unit is not
   /// started: its job may have ended.
   bool finish(const UnitKey& key, std::string block, const contract::Digest& sha256,
-              double cpu_seconds);
+              double cpu_seconds, const contract::TraversalCounts& cost = {});
   /// Removes a waiting or started unit and returns the message for the server; nullopt if there is
   /// no such unit. `code` INVALID_ARGUMENT, NOT_FOUND or UNIMPLEMENTED: the scene is at fault.
   std::optional<v1::UnitFailure> fail(const UnitKey& key, const std::string& message,
@@ -123,6 +125,7 @@ class UnitQueue {
     std::shared_ptr<const std::string> block;
     contract::Digest sha256;
     double cpu_seconds = 0;
+    contract::TraversalCounts cost;
   };
 
   std::int32_t room(const CreditWindow& window) const;

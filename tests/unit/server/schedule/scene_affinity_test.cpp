@@ -22,7 +22,7 @@ Busy connect_busy_with(SchedulerHarness& farm, const std::string& id, const std:
   const Job& job = farm.add_job({.tiles = 1, .priority = 100, .tag = id, .scene = scene});
   const auto units = farm.leased(worker);
   EXPECT_EQ(units.size(), 1u);
-  farm.scheduler.scene_loaded(worker, job.spec->id, 1, 1, 0);
+  farm.scheduler.scene_loaded(worker, job.spec->id, {1, 1});
   return {worker, units.at(0)};
 }
 

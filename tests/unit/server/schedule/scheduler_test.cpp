@@ -291,14 +291,14 @@ TEST(Scheduler, OwnersShareCpuSeconds) {
   std::vector<WorkerKey> workers;
   for (int i = 0; i < 4; ++i) {
     workers.push_back(farm.connect("w" + std::to_string(i), {.threads = 1, .credits = 1}));
-    farm.scheduler.scene_loaded(workers.back(), "j1", 0, 0, 0);
+    farm.scheduler.scene_loaded(workers.back(), "j1", {0, 0});
   }
   for (int round = 0; round < 100; ++round) {
     for (std::size_t i = 0; i < workers.size(); ++i) {
       for (const UnitName& unit : farm.leased(workers[i])) {
         const bool is_ben = unit.job_id == "j4";
         spent[is_ben ? "ben" : "ann"] += is_ben ? 3 : 1;  // ben's units cost three times as much
-        farm.scheduler.scene_loaded(workers[i], unit.job_id, 0, 0, 0);
+        farm.scheduler.scene_loaded(workers[i], unit.job_id, {0, 0});
         farm.complete(workers[i], unit, is_ben ? 3 : 1);
       }
     }
@@ -312,7 +312,7 @@ TEST(Scheduler, WorkerStaysUntilSceneLoadIsAmortised) {
   const WorkerKey worker = farm.connect("w1", {.threads = 1, .credits = 1});
   farm.add_job({.tiles = 400, .owner = "ben"});
   int stayed = 0;
-  farm.scheduler.scene_loaded(worker, "j1", 1, 1, 0);  // 2 s to load: 20 s of work
+  farm.scheduler.scene_loaded(worker, "j1", {1, 1});  // 2 s to load: 20 s of work
   auto units = farm.leased(worker);
   while (!units.empty() && units[0].job_id == "j1" && stayed < 100) {
     ++stayed;
@@ -326,7 +326,7 @@ TEST(Scheduler, PriorityJobInterruptsStay) {
   SchedulerHarness farm;
   farm.add_job({.tiles = 400});
   const WorkerKey worker = farm.connect("w1", {.threads = 1, .credits = 1});
-  farm.scheduler.scene_loaded(worker, "j1", 100, 0, 0);
+  farm.scheduler.scene_loaded(worker, "j1", {100, 0});
   farm.add_job({.tiles = 4, .priority = 1});
   farm.complete(worker, farm.leased(worker).at(0));
   EXPECT_EQ(farm.leased(worker).at(0).job_id, "j2");
