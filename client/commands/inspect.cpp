@@ -7,8 +7,10 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "cli/command.h"
+#include "client/charts/accelerators_svg.h"
 #include "client/cli/table.h"
 #include "client/commands/commands.h"
+#include "client/output/frame_files.h"
 #include "client/request/scene_report.h"
 #include "contract/structure_names.h"
 
@@ -18,7 +20,7 @@ namespace {
 using nlohmann::ordered_json;
 
 struct InspectOptions {
-  std::string scene, environment, accelerator;
+  std::string scene, environment, accelerator, plot;
   bool json = false, accelerators = false, self_intersections = false;
 };
 
@@ -171,22 +173,29 @@ std::string text_of(const ordered_json& report, const SceneReport& scene) {
   return text;
 }
 
+/// Writes the chart of the acceleration structures.
+absl::Status write_plot(const std::string& path, const ordered_json& report) {
+  const auto svg = accelerators_svg(report.value("accelerators", ordered_json::object()));
+  if (!svg.ok()) return svg.status();
+  return write_text_file(path, *svg);
+}
+
 int run(const InspectOptions& options) {
   std::vector<std::string> further;
-  if (options.accelerators) further.emplace_back("--accelerators");
   if (!options.accelerator.empty()) {
     further.insert(further.end(), {"--accelerator", options.accelerator});
+  } else if (options.accelerators || !options.plot.empty()) {
+    further.emplace_back("--accelerators");
   }
   if (options.self_intersections) further.emplace_back("--self-intersections");
   const auto scene = inspect_scene(options.scene, options.environment, nullptr, further);
   if (!scene.ok()) return fail(scene.status());
-  if (options.json) {
-    std::fputs(scene->json.c_str(), stdout);
-  } else {
-    const ordered_json report = ordered_json::parse(scene->json, nullptr, false);
-    std::fputs(text_of(report, *scene).c_str(), stdout);
-  }
-  return scene->has_errors() ? kExitBadInput : kExitDone;
+  const ordered_json report = ordered_json::parse(scene->json, nullptr, false);
+  std::fputs(options.json ? scene->json.c_str() : text_of(report, *scene).c_str(), stdout);
+  if (scene->has_errors()) return kExitBadInput;
+  if (options.plot.empty()) return kExitDone;
+  const absl::Status plotted = write_plot(options.plot, report);
+  return plotted.ok() ? kExitDone : fail(plotted);
 }
 
 }  // namespace
@@ -205,6 +214,7 @@ void add_inspect_command(CLI::App& app, Invocation& invocation) {
                    "Comparison of the production structure with NAME only")
       ->check(CLI::IsMember(contract::kStructureNames))
       ->type_name("NAME");
+  command->add_option("--plot", options->plot, "SVG file of that comparison")->type_name("FILE");
   command->add_flag(
       "--self-intersections", options->self_intersections,
       "List of intersecting triangles (primitive.triangle), and which meshes are closed");
