@@ -9,6 +9,7 @@
 #include "contract/hilbert.h"
 #include "tests/bench/accel/item_buffer.h"
 #include "tests/bench/accel/measure.h"
+#include "tests/bench/accel/pixel_orders.h"
 #include "tests/bench/accel/rays.h"
 #include "tests/bench/accel/scenes.h"
 #include "worker/render/frame_renderer.h"
@@ -23,28 +24,6 @@ constexpr int kRounds = 3;
 constexpr double kMinAgreement = 0.98;
 
 using Order = std::vector<contract::GridPoint>;
-
-Order scanlines(int side) {
-  Order order;
-  for (int y = 0; y < side; ++y) {
-    for (int x = 0; x < side; ++x) order.push_back({x, y});
-  }
-  return order;
-}
-
-/// Requires a power of two.
-Order morton(int side) {
-  Order order;
-  for (int i = 0; i < side * side; ++i) {
-    contract::GridPoint at{0, 0};
-    for (int bit = 0; (1 << bit) < side; ++bit) {
-      at.x |= (i >> (2 * bit) & 1) << bit;
-      at.y |= (i >> (2 * bit + 1) & 1) << bit;
-    }
-    order.push_back(at);
-  }
-  return order;
-}
 
 /// Returns million rays per second in the best round.
 template <typename Run>
@@ -75,8 +54,8 @@ nlohmann::json measure_first_hits(const std::vector<std::string>& scenes, bool q
                                   std::int64_t* wrong) {
   const int side = quick ? 32 : 512;
   const std::pair<const char*, Order> orders[] = {{"hilbert", contract::hilbert_curve(side, side)},
-                                                  {"morton", morton(side)},
-                                                  {"scanline", scanlines(side)}};
+                                                  {"morton", morton_order(side)},
+                                                  {"scanline", scanline_order(side)}};
   nlohmann::json rows = nlohmann::json::array();
   std::printf("%-10s", "Mrays/s");
   for (const auto& [name, order] : orders) std::printf(" %8s %9s", name, "packets");
@@ -101,7 +80,7 @@ nlohmann::json measure_first_hits(const std::vector<std::string>& scenes, bool q
     }
     std::vector<TriangleId> items;
     row["item_buffer"] = mrays(along.size(), [&] {
-      items = item_buffer(bench, side);
+      items = item_buffer(bench, side).items;
       return std::int64_t{0};
     });
     const double same = agreement(accel, along, orders[0].second, side, items);

@@ -6,10 +6,12 @@
 #include <utility>
 #include <vector>
 
+#include "tests/bench/accel/item_buffer.h"
 #include "tests/bench/accel/measure.h"
 #include "tests/bench/accel/rays.h"
 #include "tests/bench/accel/scenes.h"
 #include "tests/bench/accel/shapes.h"
+#include "worker/accel/kernels/thread_counts.h"
 #include "worker/accel/reference/brute_force.h"
 #include "worker/accel/scene_accel.h"
 #include "worker/render/frame_renderer.h"
@@ -99,9 +101,23 @@ nlohmann::json against_triangles(bool quick, std::int64_t* wrong) {
   return rows;
 }
 
+/// Side of the image of the z-buffer, whose cost per pixel does not depend on it.
+constexpr int kBufferSide = 64;
+
+/// Returns the work of the BVH for the rays.
+contract::TraversalCounts count_work(const Scene& scene, const std::vector<Ray>& rays) {
+  TraceOptions options;
+  options.counted = true;
+  const SceneAccel accel(scene, sequential(), options);
+  const contract::TraversalCounts before = thread_traversal_counts();
+  closest_hits(accel, rays);
+  return thread_traversal_counts() - before;
+}
+
 nlohmann::json against_depth(bool quick, std::int64_t* wrong) {
   nlohmann::json rows = nlohmann::json::array();
-  std::printf("\n%10s %10s %12s\n", "layers", "BVH", "brute force");
+  std::printf("\n%10s %10s %12s %10s %8s %10s %10s\n", "layers", "BVH", "brute force", "z-buffer",
+              "nodes", "triangles", "fragments");
   for (const int layers : {1, 10, 100, 1'000, 10'000, 100'000}) {
     if (quick && layers > 100) break;
     const BenchScene bench = make_layers(layers);
@@ -112,18 +128,34 @@ nlohmann::json against_depth(bool quick, std::int64_t* wrong) {
     *wrong += std::abs(closest_hits(accel, sample) - brute_hits(bench.scene, sample));
     const double brute =
         nanoseconds(sample.size(), [&] { return brute_hits(bench.scene, sample); });
-    std::printf("%10d %10.1f %12.1f\n", layers, ours, brute);
+    constexpr std::size_t kBufferPixels = std::size_t{kBufferSide} * kBufferSide;
+    std::int64_t fragments = 0;
+    const double buffer = nanoseconds(
+        kBufferPixels, [&] { return fragments = item_buffer(bench, kBufferSide).fragments; });
+    const contract::TraversalCounts work = count_work(bench.scene, rays);
+    const auto per_ray = [&](std::int64_t count) {
+      return static_cast<double>(count) / static_cast<double>(rays.size());
+    };
+    const double covered = static_cast<double>(fragments) / static_cast<double>(kBufferPixels);
+    std::printf("%10d %10.1f %12.1f %10.1f %8.2f %10.2f %10.1f\n", layers, ours, brute, buffer,
+                per_ray(work.nodes), per_ray(work.primitives), covered);
     std::fflush(stdout);
-    rows.push_back({{"layers", layers}, {"hierarchy_ns", ours}, {"brute_force_ns", brute}});
+    rows.push_back({{"layers", layers},
+                    {"hierarchy_ns", ours},
+                    {"brute_force_ns", brute},
+                    {"z_buffer_ns", buffer},
+                    {"nodes_per_ray", per_ray(work.nodes)},
+                    {"triangles_per_ray", per_ray(work.primitives)},
+                    {"fragments_per_pixel", covered}});
   }
   return rows;
 }
 
 }  // namespace
 
-nlohmann::json measure_growth(bool quick, std::int64_t* wrong) {
+nlohmann::json measure_growth(bool quick, bool depth_only, std::int64_t* wrong) {
   nlohmann::json out;
-  out["triangles"] = against_triangles(quick, wrong);
+  if (!depth_only) out["triangles"] = against_triangles(quick, wrong);
   out["depth_complexity"] = against_depth(quick, wrong);
   return out;
 }

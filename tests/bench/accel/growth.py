@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """Measures how the cost of a ray grows and draws it.
 
-    tests/bench/accel/growth.py [--bin build/release/bin] [--svg docs/notes/cost-growth.svg]
+    tests/bench/accel/growth.py [--bin build/release/bin] [--folder docs/notes] [--depth]
 
-Runs `tessera-bench-accel --growth`, which prints the table, and plots nanoseconds per ray against
-the number of triangles and against depth complexity on logarithmic axes. The SVG follows the
-reader's light or dark colour scheme.
+Runs `tessera-bench-accel --growth`, which prints the table, and plots on logarithmic axes: in
+cost-growth.svg nanoseconds per ray against the number of triangles and against depth complexity,
+in depth-complexity.svg the work and time of rays and of a z-buffer against depth complexity.
+`--depth` makes the second only. The SVGs follow the reader's light or dark colour scheme.
 """
 
 import argparse
@@ -71,7 +72,25 @@ class Plot:
                           f'<text class="c{colour}" x="{x + 30}" y="{y}">{label}</text>')
 
 
-def draw(figures):
+def svg(*plots):
+    parts = [part for plot in plots for part in plot.parts]
+    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}">\n'
+            f"<style>{STYLE}</style>\n" + "\n".join(parts) + "\n</svg>\n")
+
+
+def against_layers(left, title, layers, kinds):
+    """A plot of some columns of the rows against their depth complexity."""
+    plot = Plot(left, title, "depth complexity", [row["layers"] for row in layers],
+                [row[key] for row in layers for key, _ in kinds])
+    for colour, (key, label) in enumerate(kinds):
+        plot.line(colour, label, [(row["layers"], row[key]) for row in layers])
+    return plot
+
+
+RIGHT = LEFT + PLOT_WIDTH + GAP
+
+
+def draw_growth(figures):
     triangles, layers = figures["triangles"], figures["depth_complexity"]
     kinds = [("bounce_ns", "scattered"), ("camera_ns", "camera, single rays"),
              ("camera_packets_ns", "camera, in packets")]
@@ -80,27 +99,37 @@ def draw(figures):
                 [row[key] for row in triangles for key, _ in kinds])
     for colour, (key, label) in enumerate(kinds):
         left.line(colour, label, [(row["triangles"], row[key]) for row in triangles])
-    right = Plot(LEFT + PLOT_WIDTH + GAP, "nanoseconds per ray, parallel layers",
-                 "depth complexity", [row["layers"] for row in layers],
-                 [row[key] for row in layers for key in ("hierarchy_ns", "brute_force_ns")])
-    right.line(0, "BVH", [(row["layers"], row["hierarchy_ns"]) for row in layers])
-    right.line(1, "brute force", [(row["layers"], row["brute_force_ns"]) for row in layers])
-    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}">\n'
-            f"<style>{STYLE}</style>\n" + "\n".join(left.parts + right.parts) + "\n</svg>\n")
+    return svg(left, against_layers(RIGHT, "nanoseconds per ray, parallel layers", layers,
+                                    [("hierarchy_ns", "BVH"), ("brute_force_ns", "brute force")]))
+
+
+def draw_depth(figures):
+    layers = [dict(row, visits=row["nodes_per_ray"] + row["triangles_per_ray"])
+              for row in figures["depth_complexity"]]
+    return svg(against_layers(LEFT, "work per pixel", layers,
+                              [("visits", "BVH: nodes and triangles of a ray"),
+                               ("fragments_per_pixel", "z-buffer: fragments")]),
+               against_layers(RIGHT, "nanoseconds per pixel", layers,
+                              [("hierarchy_ns", "BVH: a ray"), ("z_buffer_ns", "z-buffer")]))
 
 
 def main():
     root = pathlib.Path(__file__).resolve().parents[3]
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--bin", type=pathlib.Path, default=root / "build/release/bin")
-    parser.add_argument("--svg", type=pathlib.Path, default=root / "docs/notes/cost-growth.svg")
+    parser.add_argument("--folder", type=pathlib.Path, default=root / "docs/notes")
+    parser.add_argument("--depth", action="store_true")
     parser.add_argument("--quick", action="store_true")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         table = pathlib.Path(folder) / "growth.json"
-        command = [args.bin / "tessera-bench-accel", "--growth", "--json", table]
+        command = [args.bin / "tessera-bench-accel", "--depth" if args.depth else "--growth",
+                   "--json", table]
         subprocess.run(command + (["--quick"] if args.quick else []), check=True)
-        args.svg.write_text(draw(json.loads(table.read_text())))
+        figures = json.loads(table.read_text())
+    if not args.depth:
+        (args.folder / "cost-growth.svg").write_text(draw_growth(figures))
+    (args.folder / "depth-complexity.svg").write_text(draw_depth(figures))
 
 
 if __name__ == "__main__":

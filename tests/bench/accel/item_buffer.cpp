@@ -19,7 +19,8 @@ struct Projected {
 class Rasteriser {
  public:
   Rasteriser(const BenchScene& bench, int side)
-      : view_(bench), side_(side), ids_(pixels()), nearest_(pixels(), 0.0) {
+      : view_(bench), side_(side), nearest_(pixels(), 0.0) {
+    out_.items.resize(pixels());
     near_ = 1e-4 * static_cast<double>(bench.scale);
   }
 
@@ -36,7 +37,7 @@ class Rasteriser {
     for (std::size_t i = 2; i < count; ++i) fill(polygon[0], polygon[i - 1], polygon[i], id);
   }
 
-  std::vector<TriangleId> ids() && { return std::move(ids_); }
+  ItemBuffer take() && { return std::move(out_); }
 
  private:
   std::size_t pixels() const {
@@ -70,12 +71,13 @@ class Rasteriser {
         const double v = ((ax - cx) * (py - cy) - (ay - cy) * (px - cx)) / area;
         const double w = 1 - u - v;
         if (!(u >= 0 && v >= 0 && w >= 0)) continue;
+        ++out_.fragments;
         const double nearness = u / a.depth + v / b.depth + w / c.depth;
         const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(side_) +
                         static_cast<std::size_t>(x);
         if (!(nearness > nearest_[at])) continue;
         nearest_[at] = nearness;
-        ids_[at] = id;
+        out_.items[at] = id;
       }
     }
   }
@@ -83,13 +85,13 @@ class Rasteriser {
   const View view_;
   const int side_;
   double near_;
-  std::vector<TriangleId> ids_;
+  ItemBuffer out_;
   std::vector<double> nearest_;  // 1 / depth
 };
 
 }  // namespace
 
-std::vector<TriangleId> item_buffer(const BenchScene& bench, int side) {
+ItemBuffer item_buffer(const BenchScene& bench, int side) {
   Rasteriser rasteriser(bench, side);
   for (std::uint32_t i = 0; i < bench.scene.instances.size(); ++i) {
     const Instance& instance = bench.scene.instances[i];
@@ -107,7 +109,7 @@ std::vector<TriangleId> item_buffer(const BenchScene& bench, int side) {
       }
     }
   }
-  return std::move(rasteriser).ids();
+  return std::move(rasteriser).take();
 }
 
 }  // namespace tessera::render::bench

@@ -8,9 +8,14 @@
 
 namespace tessera::render::bench {
 
-/// Returns the triangle visible at each pixel's centre, or TriangleId{}, by rasterising all
-/// triangles of a square view into a z-buffer. Source: H. Weghorst, G. Hooper, D. Greenberg,
+/// A z-buffer of triangle numbers.
+struct ItemBuffer {
+  std::vector<TriangleId> items;  // visible at each pixel's centre, or TriangleId{}; row-major
+  std::int64_t fragments = 0;     // pixel centres covered, summed over the triangles
+};
+
+/// Rasterises all triangles of a square view. Source: H. Weghorst, G. Hooper, D. Greenberg,
 /// "Improved computational methods for ray tracing", 1984.
-std::vector<TriangleId> item_buffer(const BenchScene& bench, int side);
+ItemBuffer item_buffer(const BenchScene& bench, int side);
 
 }  // namespace tessera::render::bench

@@ -49,7 +49,7 @@ constexpr std::int64_t kBruteTests = 3'000'000'000;
 struct Options {
   std::string peer = "embree", json, isa{isa_name(best_isa())}, quality = "default";
   std::vector<std::string> scenes, kinds;  // empty: all
-  bool quick = false, growth = false, first_hits = false, references = false;
+  bool quick = false, growth = false, depth = false, first_hits = false, references = false;
   int rounds = 4, side = 512;
   std::int64_t agreement = 0, brute = 100'000;
 };
@@ -184,8 +184,8 @@ int run(const Options& options) {
   const std::vector<std::string> scenes = options.scenes.empty() ? scene_names() : options.scenes;
   if (options.agreement > 0) return check_agreement(options, scenes);
   std::int64_t wrong = 0;
-  if (options.growth) {
-    const nlohmann::json figures = measure_growth(options.quick, &wrong);
+  if (options.growth || options.depth) {
+    const nlohmann::json figures = measure_growth(options.quick, options.depth, &wrong);
     return finish(options, figures, wrong);
   }
   if (options.first_hits) {
@@ -230,6 +230,8 @@ int main(int argc, char** argv) {
   app.add_flag("--references", options.references,
                "With --agreement: also trace with the structures of worker/accelerators");
   app.add_flag("--growth", options.growth, "Measure how the cost of a ray grows with the scene");
+  app.add_flag("--depth", options.depth,
+               "Measure only how the cost grows with depth complexity, also that of a z-buffer");
   app.add_flag("--first-hits", options.first_hits,
                "Compare orders of camera rays, packets and an item buffer");
   app.add_flag("--quick", options.quick, "Use small scenes, to test the benchmark itself");

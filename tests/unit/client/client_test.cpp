@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "client/charts/accelerators_svg.h"
 #include "client/charts/curve_svg.h"
 #include "client/charts/tile_svg.h"
 #include "client/cli/progress.h"
@@ -14,6 +15,7 @@
 #include "client/output/render_result.h"
 #include "client/request/job_request.h"
 #include "client/request/render_options.h"
+#include "contract/structure_names.h"
 
 namespace tessera::client {
 namespace {
@@ -321,6 +323,80 @@ TEST(CurveSvg, DrawsEstimateAndTrueErrorOnLogAxes) {
   EXPECT_NEAR(ys[2] - ys[1], ys[1] - ys[0], 0.2);
   EXPECT_GT(ys[1], ys[0]) << "less error is lower on the page";
   EXPECT_EQ(curve_svg(nlohmann::ordered_json::parse(R"({"frames": []})")), "");
+}
+
+/// The box of a label in an SVG; letters are taken as 6 wide and 9 high.
+struct LabelBox {
+  double x, y, width;
+  bool overlaps(const LabelBox& other) const {
+    return x < other.x + other.width && other.x < x + width && std::abs(y - other.y) < 9;
+  }
+};
+
+/// Finds `>name</text>`.
+LabelBox label_of(const std::string& svg, const std::string& name, std::size_t from) {
+  const std::size_t words = svg.find(">" + name + "</text>", from);
+  EXPECT_NE(words, std::string::npos) << name;
+  if (words == std::string::npos) return {};
+  const std::size_t element = svg.rfind("<text x=\"", words);
+  const std::size_t y = svg.find("y=\"", element);
+  return {std::stod(svg.substr(element + 9)), std::stod(svg.substr(y + 3)),
+          6.0 * static_cast<double>(name.size())};
+}
+
+TEST(AcceleratorsSvg, LabelsOfEqualStructuresDoNotOverlap) {
+  nlohmann::ordered_json table = {{"rays", {{"camera", 3}, {"bounce", 0}, {"shadow", 1}}},
+                                  {"structures", nlohmann::ordered_json::array()}};
+  std::vector<std::string> names;
+  for (const char* structure : contract::kStructureNames) {
+    names.emplace_back(structure);
+    const nlohmann::ordered_json query = {
+        {"mrays_per_second", 2}, {"nodes_per_ray", 8}, {"triangles_per_ray", 4}};
+    table["structures"].push_back({{"name", structure},
+                                   {"build_seconds", 0.5},
+                                   {"memory_bytes", 1 << 20},
+                                   {"closest_hit", query},
+                                   {"any_hit", query}});
+  }
+  const auto svg = accelerators_svg(table);
+  ASSERT_TRUE(svg.ok()) << svg.status();
+  for (const std::size_t panel : {std::size_t{0}, svg->find(">Visits<")}) {
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      const LabelBox box = label_of(*svg, names[i], panel);
+      EXPECT_GT(box.x, panel == 0 ? 84 : 624);
+      EXPECT_LT(box.x + box.width, panel == 0 ? 530 : 1070);
+      for (std::size_t k = 0; k < i; ++k) {
+        EXPECT_FALSE(box.overlaps(label_of(*svg, names[k], panel))) << names[i] << names[k];
+      }
+    }
+  }
+}
+
+TEST(AcceleratorsSvg, CostIsMeanOverAllRays) {
+  const auto table = nlohmann::ordered_json::parse(R"({
+    "rays": {"camera": 1, "bounce": 2, "shadow": 1}, "structures": [
+    {"name": "wide-bvh-avx2", "build_seconds": 0.1, "memory_bytes": 1048576,
+     "closest_hit": {"mrays_per_second": 0.1, "nodes_per_ray": null, "triangles_per_ray": null},
+     "any_hit": {"mrays_per_second": 0.1, "nodes_per_ray": null, "triangles_per_ray": null}},
+    {"name": "grid", "build_seconds": 1, "memory_bytes": 1048576,
+     "closest_hit": {"mrays_per_second": 1, "nodes_per_ray": 1, "triangles_per_ray": 1},
+     "any_hit": {"mrays_per_second": 0.1, "nodes_per_ray": 1, "triangles_per_ray": 1}},
+    {"name": "octree", "build_seconds": 10, "memory_bytes": 1048576,
+     "closest_hit": {"mrays_per_second": 0.3076923, "nodes_per_ray": 2, "triangles_per_ray": 1},
+     "any_hit": {"mrays_per_second": 0.3076923, "nodes_per_ray": 2, "triangles_per_ray": 1}}]})");
+  const auto svg = accelerators_svg(table);
+  ASSERT_TRUE(svg.ok()) << svg.status();
+  std::vector<double> heights;
+  for (std::size_t at = svg->find("cy=\""); at < svg->find(">Visits<");
+       at = svg->find("cy=\"", at + 4)) {
+    heights.push_back(std::stod(svg->substr(at + 4)));
+  }
+  ASSERT_EQ(heights.size(), 3u);
+  EXPECT_LT(heights[0], heights[1]);
+  EXPECT_EQ(heights[1], heights[2]) << "(3 * 1 + 1 * 10) / 4 = 3.25 µs";
+  EXPECT_EQ(svg->find("wide-bvh-avx2", svg->find(">Visits<")), std::string::npos) << "not counted";
+  const auto& none = nlohmann::ordered_json::object();
+  EXPECT_EQ(accelerators_svg(none).status().code(), absl::StatusCode::kFailedPrecondition);
 }
 
 TEST(TileSvg, PlacesAndColoursTiles) {
