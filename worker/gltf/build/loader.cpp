@@ -19,6 +19,7 @@
 #include "worker/gltf/file/limits.h"
 #include "worker/gltf/model/core_model.h"
 #include "worker/gltf/model/gltf_model.h"
+#include "worker/gltf/model/lax_parts.h"
 #include "worker/gltf/model/preprocess.h"
 #include "worker/scene/texture_refs.h"
 
@@ -106,6 +107,7 @@ class LoadedScene final : public SceneFile {
     auto root = parse_json(container->json);
     if (!root.ok()) return root.status();
     absl::Status status = check_extensions(*root, model_);
+    if (status.ok()) warn_of_lax_parts(*root, model_);
     if (status.ok()) status = resolve_buffers(*root, *container, reader, model_);
     if (status.ok()) status = expand_meshopt(*root, model_);
     if (status.ok()) status = expand_draco(*root, model_);

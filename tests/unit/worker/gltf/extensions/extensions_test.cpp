@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
 
 #include "tests/support/gltf_builder.h"
@@ -147,6 +148,23 @@ Camera camera_of(const GltfBuilder& file) {
   const auto scene = load_and_pose(file);
   EXPECT_TRUE(scene.ok()) << scene.status();
   return scene.ok() ? scene->camera : Camera();
+}
+
+TEST(LaxParts, UsedButInvalidPartsGiveWarnings) {
+  GltfBuilder b;
+  b.add_mesh(unit_quad(b.add_material(
+      R"({"emissiveFactor": [50, 0, 0], "extensions": {"KHR_materials_unlit": {}}})")));
+  b.add_node_with_mesh(
+      0, R"({"matrix": [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1], "translation": [1, 0, 0]})");
+  MemoryReader reader;
+  reader.put("scene.gltf", b.gltf());
+  const auto file = render::load_scene_file("scene.gltf", {}, reader);
+  ASSERT_TRUE(file.ok()) << file.status();
+  std::set<std::string> warned;
+  for (const render::Problem& problem : (*file)->problems()) warned.insert(problem.element);
+  const std::set<std::string> expected = {"materials[0].emissiveFactor", "materials[0].extensions",
+                                          "nodes[0]"};
+  EXPECT_EQ(warned, expected);
 }
 
 TEST(TesseraCamera, PropertiesAreRead) {

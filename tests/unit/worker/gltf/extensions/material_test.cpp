@@ -135,6 +135,8 @@ TEST(Materials, EveryExtensionIsRead) {
 
 TEST(Materials, ExcludedLayersAreIgnoredWithNote) {
   GltfBuilder b;
+  b.use_extension("KHR_materials_unlit");
+  b.use_extension("KHR_materials_clearcoat");
   b.add_node_with_mesh(b.add_mesh(unit_quad(b.add_material(
       R"({"extensions": {"KHR_materials_unlit": {}, "KHR_materials_clearcoat":
           {"clearcoatFactor": 1}}})"))));
