@@ -169,6 +169,7 @@ void add_inspect_options(CLI::App& inspect, InspectConfig& config) {
       ->check(CLI::IsMember(contract::kStructureNames));
   inspect.add_flag("--self-intersections", config.self_intersections,
                    "List of intersecting triangles, and which meshes are closed");
+  inspect.add_flag("--validate", config.validate, "Breaches of the glTF 2.0 specification");
   inspect.add_option("--settings", config.settings_hex)->group("");  // passed by the client
   inspect.footer("Example: tessera-worker inspect scene.glb --json");
 }

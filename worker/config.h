@@ -19,6 +19,7 @@ struct InspectConfig {
   bool accelerators = false;        // compare the acceleration structures
   std::string accelerator;          // structure to compare with production's; empty: all
   bool self_intersections = false;  // list triangles that intersect
+  bool validate = false;            // check the file against the specification
   std::string settings_hex;         // serialised v1.RenderSettings, hexadecimal; empty: defaults
 };
 

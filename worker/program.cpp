@@ -44,6 +44,7 @@ int inspect(const InspectConfig& config) {
   render::InspectRequest request;
   request.scene = config.scene;
   request.environment = config.environment;
+  request.validate = config.validate;
   if (!config.settings_hex.empty()) {
     v1::RenderSettings message;
     if (!message.ParseFromString(absl::HexStringToBytes(config.settings_hex))) return kExitBadInput;

@@ -21,7 +21,7 @@ using nlohmann::ordered_json;
 
 struct InspectOptions {
   std::string scene, environment, accelerator, plot;
-  bool json = false, accelerators = false, self_intersections = false;
+  bool json = false, accelerators = false, self_intersections = false, validate = false;
 };
 
 double number(const ordered_json& object, const char* key) {
@@ -148,6 +148,23 @@ std::string overlaps_text(const ordered_json& overlaps) {
   return text;
 }
 
+/// Returns lines such as "error: VALUE_NOT_IN_RANGE: /materials/0/alphaCutoff: …" and a summary.
+std::string validation_text(const ordered_json& validation) {
+  std::string text;
+  for (const ordered_json& each : validation.value("findings", ordered_json::array())) {
+    absl::StrAppend(&text, each.value("severity", ""), ": ", each.value("code", ""), ": ",
+                    each.value("pointer", ""), ": ", each.value("message", ""), "\n");
+  }
+  absl::StrAppendFormat(&text, "glTF 2.0: errors %.0f, warnings %.0f, information %.0f, hints %.0f",
+                        number(validation, "errors"), number(validation, "warnings"),
+                        number(validation, "information"), number(validation, "hints"));
+  if (const double omitted = number(validation, "omitted"); omitted > 0) {
+    absl::StrAppendFormat(&text, "; %.0f more are not listed", omitted);
+  }
+  if (validation.value("partial", false)) text += "; some values were not checked";
+  return text + "\n";
+}
+
 std::string text_of(const ordered_json& report, const SceneReport& scene) {
   double bytes = 0;
   const ordered_json resources = report.value("resources", ordered_json::array());
@@ -170,6 +187,7 @@ std::string text_of(const ordered_json& report, const SceneReport& scene) {
   for (const SceneReport::Problem& problem : scene.problems) {
     absl::StrAppend(&text, problem.severity, ": ", problem.text(), "\n");
   }
+  if (report.contains("validation")) text += validation_text(report["validation"]);
   return text;
 }
 
@@ -188,11 +206,13 @@ int run(const InspectOptions& options) {
     further.emplace_back("--accelerators");
   }
   if (options.self_intersections) further.emplace_back("--self-intersections");
+  if (options.validate) further.emplace_back("--validate");
   const auto scene = inspect_scene(options.scene, options.environment, nullptr, further);
   if (!scene.ok()) return fail(scene.status());
   const ordered_json report = ordered_json::parse(scene->json, nullptr, false);
   std::fputs(options.json ? scene->json.c_str() : text_of(report, *scene).c_str(), stdout);
-  if (scene->has_errors()) return kExitBadInput;
+  const bool is_invalid = number(report.value("validation", ordered_json::object()), "errors") > 0;
+  if (scene->has_errors() || is_invalid) return kExitBadInput;
   if (options.plot.empty()) return kExitDone;
   const absl::Status plotted = write_plot(options.plot, report);
   return plotted.ok() ? kExitDone : fail(plotted);
@@ -218,9 +238,12 @@ void add_inspect_command(CLI::App& app, Invocation& invocation) {
   command->add_flag(
       "--self-intersections", options->self_intersections,
       "List of intersecting triangles (primitive.triangle), and which meshes are closed");
+  command->add_flag("--validate", options->validate,
+                    "Breaches of the glTF 2.0 specification, with codes and JSON pointers");
   command->add_flag("--json", options->json, "JSON output (tessera.inspect/1)");
   command->footer(
-      "Exit code 2: the scene cannot be rendered.\nExamples:\n  tessera inspect scene.glb\n"
+      "Exit code 2: the scene cannot be rendered or, with --validate, has errors.\nExamples:\n  "
+      "tessera inspect scene.glb\n"
       "  tessera inspect scene.gltf --environment sky.exr --json");
   command->callback(
       [options, &invocation] { invocation.run = [options] { return run(*options); }; });

@@ -96,12 +96,39 @@ json contents_of(const SceneContents& c) {
           {"extensions_required", c.extensions_required}};
 }
 
+/// The member "validation" of tessera.inspect/1.
+json validation_of(const ValidationResult& result) {
+  constexpr const char* kSeverities[] = {"error", "warning", "information", "hint"};
+  const ValidationFindings& findings = result.findings;
+  json list = json::array();
+  for (const ValidationFinding& each : findings.kept()) {
+    list.push_back({{"code", each.rule->code},
+                    {"severity", kSeverities[static_cast<std::size_t>(each.rule->severity)]},
+                    {"pointer", each.pointer},
+                    {"message", each.message}});
+  }
+  return {{"errors", findings.count(FindingSeverity::error)},
+          {"warnings", findings.count(FindingSeverity::warning)},
+          {"information", findings.count(FindingSeverity::information)},
+          {"hints", findings.count(FindingSeverity::hint)},
+          {"omitted", findings.omitted()},
+          {"partial", result.is_partial},
+          {"findings", list}};
+}
+
+/// Validates the scene's file; a file that cannot be read is a finding of the loader.
+void add_validation(ResourceReader& reader, InspectReport& report) {
+  const auto bytes = reader.read(report.scene);
+  if (bytes.ok()) report.validation = validate_gltf(*bytes, reader);
+}
+
 }  // namespace
 
 bool InspectReport::has_errors() const {
-  return std::any_of(findings.begin(), findings.end(), [](const Finding& f) {
-    return f.problem.severity == Problem::Severity::error;
-  });
+  const bool is_invalid = validation && validation->findings.count(FindingSeverity::error) > 0;
+  return is_invalid || std::any_of(findings.begin(), findings.end(), [](const Finding& f) {
+           return f.problem.severity == Problem::Severity::error;
+         });
 }
 
 InspectReport inspect_scene(const InspectRequest& request) {
@@ -132,6 +159,7 @@ InspectReport inspect_scene(const InspectRequest& request) {
   } else {
     report.findings.push_back(finding_of(file.status(), report.scene));
   }
+  if (request.validate) add_validation(reader, report);
   for (const std::string& uri : reader.uris()) {
     const bool is_environment = !settings.environment.empty() && uri == settings.environment;
     add_resource(reader, uri,
@@ -175,6 +203,7 @@ std::string to_json(const InspectReport& report) {
                      {"total_bytes", report.features.total_bytes()}};
     out["bounds"] = {{"min", report.bounds_min}, {"max", report.bounds_max}};
   }
+  if (report.validation) out["validation"] = validation_of(*report.validation);
   for (const auto& [name, text] : report.extras) out[name] = json::parse(text);
   // Names come from the file: invalid UTF-8 is replaced instead of throwing.
   return out.dump(2, ' ', false, json::error_handler_t::replace) + "\n";

@@ -4,12 +4,14 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "contract/render_settings.h"
 #include "worker/gltf/build/loader.h"
+#include "worker/gltf/validate/validate.h"
 #include "worker/scene/features.h"
 
 namespace tessera::render {
@@ -33,10 +35,11 @@ struct InspectReport {
   bool posed = false;  // features and bounds are set
   SceneFeatures features;
   std::array<double, 3> bounds_min = {}, bounds_max = {};  // world, metres
+  std::optional<ValidationResult> validation;              // if it was requested
   /// Additional members of the JSON document: name and JSON text.
   std::vector<std::pair<std::string, std::string>> extras;
 
-  /// Returns whether an error was found, so that the scene cannot be rendered.
+  /// Returns whether an error was found: the scene cannot be rendered, or is not valid.
   [[nodiscard]] bool has_errors() const;
 };
 
@@ -44,6 +47,7 @@ struct InspectRequest {
   std::filesystem::path scene;        // a glTF file
   std::filesystem::path environment;  // environment map file; empty: none
   contract::RenderSettings settings;  // camera, variant, frames; `environment` names the map
+  bool validate = false;              // check the file against the specification too
   /// Examines the posed scene and extends the report; may be null.
   std::function<void(const Scene&, InspectReport&)> examine = nullptr;
 };

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -157,6 +158,37 @@ absl::StatusOr<Scene> lamp(const std::string& material, const std::string& light
   b.add_node(R"({"translation": )" + light +
              R"(, "extensions": {"KHR_lights_punctual": {"light": 0}}})");
   return load_and_pose(b);
+}
+
+TEST_F(InspectTest, ValidationFindingsFollowTheSchema) {
+  GltfBuilder b;
+  b.add_mesh(unit_quad(b.add_material(R"({"alphaCutoff": 0.5, "metallicFactor": 1})")));
+  b.add_node_with_mesh(0);
+  write("scene.gltf", b.gltf());
+  InspectRequest request{folder_ / "scene.gltf", {}, {}};
+  EXPECT_FALSE(json::parse(to_json(inspect_scene(request))).contains("validation"));
+  request.validate = true;
+  const InspectReport report = inspect_scene(request);
+  const json document = json::parse(to_json(report));
+  EXPECT_TRUE(support::document_faults(to_json(report)).empty());
+  std::map<std::string, std::string> severities;
+  for (const json& each : document["validation"]["findings"]) {
+    severities[each["code"].get<std::string>() + each["pointer"].get<std::string>()] =
+        each["severity"];
+  }
+  EXPECT_EQ(severities["MATERIAL_ALPHA_CUTOFF_INVALID_MODE/materials/0/alphaCutoff"], "warning");
+  EXPECT_EQ(severities["UNEXPECTED_PROPERTY/materials/0/metallicFactor"], "warning");
+}
+
+TEST_F(InspectTest, InvalidSceneHasErrorsOnlyIfValidated) {
+  GltfBuilder b;
+  b.add_mesh(unit_quad(b.add_material(R"({"pbrMetallicRoughness": {"metallicFactor": 7}})")));
+  b.add_node_with_mesh(0);
+  write("scene.gltf", b.gltf());
+  InspectRequest request{folder_ / "scene.gltf", {}, {}};
+  EXPECT_FALSE(inspect_scene(request).has_errors());
+  request.validate = true;
+  EXPECT_TRUE(inspect_scene(request).has_errors());
 }
 
 TEST(LightThroughGlass, LightInsideGlassWarns) {

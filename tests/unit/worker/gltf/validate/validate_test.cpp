@@ -1,0 +1,125 @@
+#include "worker/gltf/validate/validate.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <set>
+#include <sstream>
+#include <string>
+
+#include "worker/gltf/file/folder_reader.h"
+
+namespace tessera::render {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Findings of a file as "CODE<tab>POINTER".
+using Verdict = std::set<std::string>;
+
+Verdict verdict_of(const ValidationResult& result) {
+  Verdict out;
+  for (const ValidationFinding& each : result.findings.kept()) {
+    out.insert(std::string(each.rule->code) + "\t" + each.pointer);
+  }
+  return out;
+}
+
+ValidationResult validate_text(const std::string& text, std::size_t limit = 1000) {
+  FolderReader reader(fs::temp_directory_path());
+  return validate_gltf(std::as_bytes(std::span<const char>(text)), reader, limit);
+}
+
+/// The table of the Khronos glTF validator's verdicts, by file.
+std::map<std::string, Verdict> read_table() {
+  std::map<std::string, Verdict> out;
+  std::ifstream table(TESSERA_SOURCE_DIR "/tests/e2e/validator/verdicts.txt");
+  for (std::string line; std::getline(table, line);) {
+    const std::size_t tab = line.find('\t');
+    Verdict& verdict = out[line.substr(0, tab)];
+    const std::string finding = line.substr(tab + 1);
+    if (finding != "-\t") verdict.insert(finding);
+  }
+  return out;
+}
+
+TEST(Validate, VerdictsAreThoseOfTheTable) {
+  const auto table = read_table();
+  ASSERT_GT(table.size(), 200u);
+  std::set<std::string> codes;
+  for (const auto& [name, expected] : table) {
+    FolderReader reader{fs::path(TESSERA_INVALID_DIR)};
+    const auto bytes = reader.read(name);
+    ASSERT_TRUE(bytes.ok()) << bytes.status();
+    EXPECT_EQ(verdict_of(validate_gltf(*bytes, reader, 1000)), expected) << name;
+    for (const std::string& each : expected) codes.insert(each.substr(0, each.find('\t')));
+  }
+  EXPECT_EQ(codes.size(), 169u) << "the table has a case for every code";
+}
+
+TEST(Validate, FindingsBeyondTheLimitAreCounted) {
+  std::string nodes;
+  for (int i = 0; i < 150; ++i) nodes += std::string(i > 0 ? "," : "") + "{\"scale\":[1]}";
+  const std::string text = R"({"asset":{"version":"2.0"},"nodes":[)" + nodes + "]}";
+  const ValidationResult result = validate_text(text, 100);
+  EXPECT_EQ(result.findings.kept().size(), 100u);
+  EXPECT_EQ(result.findings.count(FindingSeverity::error), 150u);
+  EXPECT_EQ(result.findings.count(FindingSeverity::information), 300u);
+  EXPECT_EQ(result.findings.omitted(), 350u);
+}
+
+/// A chain of nodes in which many skins name the first and the last node as joints.
+std::string long_chain(int size) {
+  std::ostringstream text;
+  text << R"({"asset":{"version":"2.0"},"nodes":[)";
+  for (int i = 0; i + 1 < size; ++i) text << "{\"children\":[" << i + 1 << "]},";
+  text << R"({}],"skins":[)";
+  for (int i = 0; i < size; ++i) {
+    text << (i > 0 ? "," : "") << "{\"skeleton\":0,\"joints\":[0," << size - 1 << "]}";
+  }
+  text << "]}";
+  return text.str();
+}
+
+TEST(Validate, DeepNodesWithManySkinsTakeLinearTime) {
+  const auto start = std::chrono::steady_clock::now();
+  const ValidationResult result = validate_text(long_chain(100'000));
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+  EXPECT_EQ(result.findings.count(FindingSeverity::error), 0u);
+  EXPECT_LT(seconds.count(), 20) << "quadratic: 10^10 steps";
+}
+
+TEST(Validate, SharedBytesReadOftenAreCheckedInPart) {
+  // 4,000 accessors of 65,536 bytes each, all of one view of zeros.
+  std::ostringstream text;
+  text << R"({"asset":{"version":"2.0"},"buffers":[{"byteLength":65536,)"
+       << R"("uri":"data:application/octet-stream;base64,)";
+  for (int i = 0; i < 65536 / 3; ++i) text << "AAAA";
+  text << R"(AA=="}],"bufferViews":[{"buffer":0,"byteLength":65536}],"accessors":[)";
+  for (int i = 0; i < 4000; ++i) {
+    text << (i > 0 ? "," : "")
+         << R"({"bufferView":0,"componentType":5121,"count":65536,"type":"SCALAR"})";
+  }
+  text << "]}";
+  const ValidationResult result = validate_text(text.str());
+  EXPECT_EQ(result.findings.count(FindingSeverity::error), 0u);
+  EXPECT_TRUE(result.is_partial);
+}
+
+TEST(Validate, CutFilesAreReadSafely) {
+  for (const char* name : {"valid.gltf", "glb.glb", "variants.gltf", "sparse_views.gltf"}) {
+    FolderReader reader{fs::path(TESSERA_INVALID_DIR)};
+    const auto bytes = reader.read(name);
+    ASSERT_TRUE(bytes.ok()) << bytes.status();
+    for (std::size_t size = 0; size < bytes->size(); size += 7) {
+      const ValidationResult result = validate_gltf(bytes->first(size), reader);
+      EXPECT_GT(result.findings.count(FindingSeverity::error), 0u) << name << " " << size;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace tessera::render
