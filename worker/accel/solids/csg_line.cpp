@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "worker/geometry/object_ray.h"
+#include "worker/math/float_bits.h"
 
 namespace tessera::render {
 namespace {
@@ -42,20 +44,22 @@ std::int32_t crossing(const ObjectRay& ray, const Vec3f& v0, const Vec3f& v1, co
 
 void CsgLine::start(std::uint32_t operand_count) {
   crossings_.clear();
+  origin_face_.reset();
   winding_.assign(operand_count, 0);
 }
 
-void CsgLine::add_shape(std::uint32_t operand, const Hit& hit, bool enters, bool behind) {
+void CsgLine::add_shape(std::uint32_t operand, const Hit& hit, const CrossingBounds& bounds,
+                        bool enters, bool behind) {
   const std::int32_t change = enters ? 1 : -1;
   if (behind) {
     winding_[operand] += change;
   } else {
-    crossings_.push_back({hit, operand, change});
+    crossings_.push_back({bounds, hit, operand, change});
   }
 }
 
-void CsgLine::add_mesh(std::uint32_t operand, const Operand& mesh, const Ray& ray,
-                       std::span<Hit> hits) {
+void CsgLine::add_mesh(std::uint32_t operand, const Operand& mesh, const OperandLine& line,
+                       const Ray& ray, std::span<Hit> hits) {
   Vec3f origin = ray.origin, direction = ray.direction;
   if (!is_identity(mesh.world_to_object)) {
     transform_ray(mesh.world_to_object, ray.origin, ray.direction, origin, direction);
@@ -67,12 +71,13 @@ void CsgLine::add_mesh(std::uint32_t operand, const Operand& mesh, const Ray& ra
   for (const Hit& hit : hits) {
     if (hit.id == last) continue;  // a triangle in several leaves
     last = hit.id;
-    const Primitive& primitive = mesh.primitives[hit.id.primitive];
-    const auto& [i0, i1, i2] = primitive.triangles[hit.id.triangle];
-    const std::int32_t change = crossing(object_ray, primitive.positions[i0],
-                                         primitive.positions[i1], primitive.positions[i2]);
+    const auto [v0, v1, v2] = triangle_of(mesh, hit.id);
+    const std::int32_t change = crossing(object_ray, v0, v1, v2);
     if (change == 0) continue;
-    crossings_.push_back({hit, operand, change});
+    const CrossingBounds bounds = triangle_crossing(line, Vec3d(v0), Vec3d(v1), Vec3d(v2));
+    crossings_.push_back({bounds, hit, operand, change});
+    // A hit ahead of the origin by the float test is ahead, whatever the sign of the precise t.
+    crossings_.back().hit.t = bounds.t > 0 ? static_cast<float>(bounds.t) : 0;
     winding_[operand] -= change;  // at the origin, since it is 0 at infinity
   }
 }
@@ -107,30 +112,70 @@ bool CsgLine::inside(std::span<const CsgStep> steps) {
   return stack_[0] != 0;
 }
 
+void CsgLine::pass_origin_face() {
+  if (!origin_face_) return;
+  std::erase_if(crossings_, [&](const Crossing& c) {
+    if (c.operand == origin_operand_) return false;
+    const double distance = std::fabs(c.bounds.t - origin_face_->t);
+    if (!(distance <= c.bounds.error + origin_face_->error)) return false;
+    winding_[c.operand] += c.winding_change;
+    return true;
+  });
+}
+
+std::size_t CsgLine::end_of_group(std::size_t first) {
+  double reach = -std::numeric_limits<double>::infinity();
+  std::size_t i = first;
+  for (; i < crossings_.size(); ++i) {
+    const Crossing& next = crossings_[i];
+    // The faces of one operand are as distinct as they are stored: both sides of a thin wall
+    // remain.
+    const std::size_t own = latest_[next.operand];
+    const bool has_own = own >= first && own < i;
+    const CrossingBounds& other = crossings_[has_own ? own : first].bounds;
+    const bool coincides = has_own
+                               ? next.bounds.t - other.t <= next.bounds.rounding + other.rounding
+                               : next.bounds.t - next.bounds.error <= reach;
+    if (i > first && !coincides) break;
+    latest_[next.operand] = i;
+    reach = std::max(reach, next.bounds.t + next.bounds.error);
+  }
+  return i;
+}
+
 void CsgLine::finish(std::span<const CsgStep> steps, std::vector<Hit>& hits) {
-  std::sort(crossings_.begin(), crossings_.end(),
-            [](const Crossing& a, const Crossing& b) { return precedes(a.hit, b.hit); });
+  pass_origin_face();
+  std::sort(crossings_.begin(), crossings_.end(), [](const Crossing& a, const Crossing& b) {
+    return a.bounds.t < b.bounds.t || (a.bounds.t == b.bounds.t && a.hit.id < b.hit.id);
+  });
+  latest_.assign(winding_.size(), crossings_.size());
   bool was_inside = inside(steps);
-  for (std::size_t i = 0; i < crossings_.size();) {
+  float last_t = -1;
+  for (std::size_t first = 0, end = 0; first < crossings_.size(); first = end) {
+    end = end_of_group(first);
+    const std::span<const Crossing> group(crossings_.data() + first, end - first);
     previous_winding_ = winding_;
-    const std::size_t first = i;
-    const float t = crossings_[i].hit.t;
-    for (; i < crossings_.size() && crossings_[i].hit.t == t; ++i) {
-      winding_[crossings_[i].operand] += crossings_[i].winding_change;
-    }
+    for (const Crossing& c : group) winding_[c.operand] += c.winding_change;
     const bool is_inside = inside(steps);
     if (is_inside == was_inside) continue;
     was_inside = is_inside;
-    if (!std::isfinite(t)) continue;
-    const auto visible =
-        std::find_if(crossings_.begin() + static_cast<std::ptrdiff_t>(first), crossings_.end(),
-                     [&](const Crossing& c) {
-                       return (previous_winding_[c.operand] != 0) != (winding_[c.operand] != 0);
-                     });
-    Hit hit = visible->hit;
-    if ((visible->winding_change > 0) != is_inside) hit.id.triangle |= kFlippedSide;
+    const Crossing& visible = visible_in(group);
+    if (!std::isfinite(visible.hit.t)) continue;
+    Hit hit = visible.hit;
+    if (hit.t <= last_t) hit.t = next_up(last_t);
+    last_t = hit.t;
+    if ((visible.winding_change > 0) != is_inside) hit.id.triangle |= kFlippedSide;
     hits.push_back(hit);
   }
+}
+
+const CsgLine::Crossing& CsgLine::visible_in(std::span<const Crossing> group) const {
+  const Crossing* visible = nullptr;
+  for (const Crossing& c : group) {
+    if ((previous_winding_[c.operand] != 0) == (winding_[c.operand] != 0)) continue;
+    if (visible == nullptr || c.operand < visible->operand) visible = &c;
+  }
+  return *visible;
 }
 
 }  // namespace tessera::render

@@ -66,10 +66,36 @@ void intersect_single_shape(const Operand& operand, const Ray& ray, const HitReq
   std::sort(out.begin(), out.end(), precedes);
 }
 
+/// Adds the crossings of the ray with a shape to `memory.line`.
+void add_shape(std::uint32_t number, const Operand& operand, const OperandLine& line,
+               const Ray& ray, Scratch& memory) {
+  memory.shape_hits.clear();
+  intersect_shape(*operand.shape, line.origin, line.direction, memory.shape_hits);
+  for (const ShapeHit& found : memory.shape_hits) {
+    const Hit hit = to_hit(operand, found);
+    const CrossingBounds bounds = shape_crossing(line, *operand.shape, found);
+    const bool origin_face = hit.id == ray.origin_triangle && found.face != kCurvedFace;
+    if (origin_face) memory.line.start_on_face(number, bounds);
+    memory.line.add_shape(number, hit, bounds, found.enters, origin_face || found.t < 0);
+  }
+}
+
+/// Adds the crossings in `memory.hits` of the ray with a mesh to `memory.line`.
+void add_mesh(std::uint32_t number, const Operand& operand, const OperandLine& line, const Ray& ray,
+              Scratch& memory) {
+  if (ray.origin_triangle.instance == operand.instance) {
+    const auto [v0, v1, v2] = triangle_of(operand, ray.origin_triangle);
+    memory.line.start_on_face(number, triangle_crossing(line, Vec3d(v0), Vec3d(v1), Vec3d(v2)));
+  }
+  memory.line.add_mesh(number, operand, line, ray, memory.hits);
+}
+
 }  // namespace
 
 Solids::Solids(const Scene& scene)
-    : key_times_(scene.key_times), by_instance_(scene.instances.size(), kNoSolid) {
+    : recentring_(scene.center),
+      key_times_(scene.key_times),
+      by_instance_(scene.instances.size(), kNoSolid) {
   for (std::uint32_t i = 0; i < scene.instances.size(); ++i) {
     const Instance& instance = scene.instances[i];
     const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
@@ -127,17 +153,13 @@ std::span<const Hit> Solids::hits(std::uint32_t index, const Ray& world_ray,
         operand_at(operands_[solid.first + i], key_times_, ray.time, memory.moved);
     if (posed == nullptr) continue;
     const Operand& operand = *posed;
+    const OperandLine line(operand.world_to_object, ray, recentring_);
     if (operand.shape != nullptr) {
-      intersect_operand(operand, ray, {}, memory.shape_hits);
-      for (const ShapeHit& found : memory.shape_hits) {
-        const Hit hit = to_hit(operand, found);
-        const bool origin_face = hit.id == ray.origin_triangle && found.face != kCurvedFace;
-        memory.line.add_shape(i, hit, found.enters, origin_face || found.t < 0);
-      }
+      add_shape(i, operand, line, ray, memory);
     } else {
       memory.hits.clear();
       mesh_hits(operand, ray, memory.hits);
-      memory.line.add_mesh(i, operand, ray, memory.hits);
+      add_mesh(i, operand, line, ray, memory);
     }
   }
   memory.hits.clear();

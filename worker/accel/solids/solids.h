@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -23,6 +24,13 @@ struct Operand {
   SharedArray<Primitive> primitives;   // of a mesh
   std::vector<Affine3d> motion;        // object to world by keyframe, if it moves
 };
+
+/// Vertices of a triangle of a mesh, object space.
+inline std::array<Vec3f, 3> triangle_of(const Operand& mesh, const TriangleId& id) {
+  const Primitive& primitive = mesh.primitives[id.primitive];
+  const auto& [i0, i1, i2] = primitive.triangles[id.triangle];
+  return {primitive.positions[i0], primitive.positions[i1], primitive.positions[i2]};
+}
 
 /// Non-owning reference to a function object void(const Operand&, const Ray&, std::vector<Hit>&),
 /// which must outlive it. The function appends all hits with t >= 0 of a world-space ray on the
@@ -85,6 +93,7 @@ class Solids {
   explicit Solids(const Scene& scene);
   void add(const Scene& scene, std::uint32_t index);
 
+  Vec3d recentring_;  // Scene::center
   std::vector<float> key_times_;
   std::vector<Operand> operands_;
   std::vector<Solid> solids_;
