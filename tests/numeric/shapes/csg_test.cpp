@@ -180,16 +180,8 @@ TEST(CsgVolume, OverlappingBoxesMatchFormula) {
 }
 
 TEST(CsgVolume, DrilledMeshMatchesFormula) {
-  // A cube of twelve triangles minus a cylinder.
-  Primitive cube;
-  for (std::uint32_t i = 0; i < 8; ++i) {
-    cube.positions.push_back(
-        {(i & 1) != 0 ? 1.0f : -1.0f, (i & 2) != 0 ? 1.0f : -1.0f, (i & 4) != 0 ? 1.0f : -1.0f});
-  }
-  cube.triangles = {{0, 4, 6}, {0, 6, 2}, {1, 3, 7}, {1, 7, 5}, {0, 1, 5}, {0, 5, 4},
-                    {2, 6, 7}, {2, 7, 3}, {0, 2, 3}, {0, 3, 1}, {4, 5, 7}, {4, 7, 6}};
   Scene scene;
-  scene.meshes.push_back(mesh_of({cube}));
+  scene.meshes.push_back(mesh_of({cube(1)}));
   place(scene, 0);
   place_shape(scene, make_cylinder(0.5, 4, true), moved({0.25, 0, 0}));
   combine(scene, CsgOperation::subtract);

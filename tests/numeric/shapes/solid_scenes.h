@@ -49,6 +49,19 @@ inline void combine(Scene& scene, CsgOperation operation, std::uint32_t first = 
   scene.solids.push_back(solid);
 }
 
+/// The cube [-half, half]^3 of twelve triangles, wound outwards.
+inline Primitive cube(double half, const Affine3d& baked = {}) {
+  Primitive out;
+  for (std::uint32_t i = 0; i < 8; ++i) {
+    const Vec3d corner = {(i & 1) != 0 ? half : -half, (i & 2) != 0 ? half : -half,
+                          (i & 4) != 0 ? half : -half};
+    out.positions.push_back(Vec3f(transform_point(baked, corner)));
+  }
+  out.triangles = {{0, 4, 6}, {0, 6, 2}, {1, 3, 7}, {1, 7, 5}, {0, 1, 5}, {0, 5, 4},
+                   {2, 6, 7}, {2, 7, 3}, {0, 2, 3}, {0, 3, 1}, {4, 5, 7}, {4, 7, 6}};
+  return out;
+}
+
 /// All hits by brute force, in order.
 inline std::vector<Hit> all_hits(const Scene& scene, const Ray& ray) {
   std::vector<Hit> hits;
