@@ -20,11 +20,16 @@ double sum(const Vec3d& v) {
 }
 
 /// Bounds the rounding errors of the distance along `normal` between the surface and the point at
-/// t.
+/// t: they are proportional to the sum of the absolute values of the terms of both.
 double distance_rounding(const OperandLine& line, const Vec3d& normal, const Vec3d& point,
                          double t) {
-  const Vec3d terms = line.origin_terms + line.direction_terms * std::fabs(t) + absolute(point);
-  return kOperandError * dot(absolute(normal), terms);
+  const Vec3d world = absolute(Vec3d(line.ray.origin)) + absolute(line.recentring) +
+                      absolute(Vec3d(line.ray.direction)) * std::fabs(t);
+  const auto& rows = line.world_to_object.rows;
+  const Vec3d object = {dot(absolute(rows[0]), world), dot(absolute(rows[1]), world),
+                        dot(absolute(rows[2]), world)};
+  return kOperandError * dot(absolute(normal),
+                             object + absolute(line.world_to_object.translation) + absolute(point));
 }
 
 /// The smaller of both; `limit` if x is NaN.
@@ -33,16 +38,6 @@ double at_most(double x, double limit) {
 }
 
 }  // namespace
-
-OperandLine::OperandLine(const Affine3d& world_to_object, const Ray& ray, const Vec3d& recentring)
-    : origin(transform_point(world_to_object, Vec3d(ray.origin))),
-      direction(transform_vector(world_to_object, Vec3d(ray.direction))) {
-  const Affine3d terms = {{absolute(world_to_object.rows[0]), absolute(world_to_object.rows[1]),
-                           absolute(world_to_object.rows[2])},
-                          absolute(world_to_object.translation)};
-  origin_terms = transform_point(terms, absolute(Vec3d(ray.origin)) + absolute(recentring));
-  direction_terms = transform_vector(terms, absolute(Vec3d(ray.direction)));
-}
 
 CrossingBounds shape_crossing(const OperandLine& line, const Shape& shape, const ShapeHit& hit) {
   const Vec3d normal = shape_normal(shape, hit.face, hit.point);

@@ -6,15 +6,14 @@
 
 namespace tessera::render {
 
-/// A ray's line in the object space of an operand, in double.
+/// A ray's line in the object space of an operand, in double. `recentring` is the translation that
+/// was subtracted from world space, Scene::center. Refers to its arguments.
 struct OperandLine {
-  Vec3d origin, direction;
-  // Sums of the absolute values of the terms that make up origin and direction. The rounding errors
-  // of a transform are proportional to them.
-  Vec3d origin_terms, direction_terms;
-
-  /// `recentring` is the translation that was subtracted from world space, Scene::center.
-  OperandLine(const Affine3d& world_to_object, const Ray& ray, const Vec3d& recentring);
+  const Affine3d& world_to_object;
+  const Ray& ray;
+  const Vec3d& recentring;
+  Vec3d origin = transform_point(world_to_object, Vec3d(ray.origin));
+  Vec3d direction = transform_vector(world_to_object, Vec3d(ray.direction));
 };
 
 /// Where a line crosses a surface, in multiples of the ray's direction.

@@ -153,7 +153,7 @@ std::span<const Hit> Solids::hits(std::uint32_t index, const Ray& world_ray,
         operand_at(operands_[solid.first + i], key_times_, ray.time, memory.moved);
     if (posed == nullptr) continue;
     const Operand& operand = *posed;
-    const OperandLine line(operand.world_to_object, ray, recentring_);
+    const OperandLine line = {operand.world_to_object, ray, recentring_};
     if (operand.shape != nullptr) {
       add_shape(i, operand, line, ray, memory);
     } else {
