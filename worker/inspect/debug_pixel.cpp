@@ -32,6 +32,8 @@ const char* name_of(RadianceSource source) {
       return "sampled light";
     case RadianceSource::medium_light:
       return "sampled light in the medium";
+    case RadianceSource::medium_emission:
+      return "emission of the medium";
   }
   return "";
 }
@@ -88,9 +90,9 @@ class PathPrinter final : public PathObserver {
                  const Vec3f& throughput) override {
     absl::StrAppend(&text_, "collision in a medium\n");
     line("position", world(position));
-    line("medium",
-         absl::StrCat("extinction ", text_of(medium.extinction), ", scattering ",
-                      text_of(medium.scattering), ", anisotropy ", text_of(medium.anisotropy)));
+    line("medium", absl::StrCat("extinction ", text_of(medium.extinction), ", scattering ",
+                                text_of(medium.scattering), ", emission ", text_of(medium.emission),
+                                ", anisotropy ", text_of(medium.anisotropy)));
     line("throughput", text_of(throughput));
   }
 

@@ -42,6 +42,7 @@ LightSampler::LightSampler(const Scene& scene, const ShadingScene& shading, Ligh
   if (sampling == LightSampling::none) return;
   std::vector<LightBounds> bounds;
   add_emitters(scene, bounds);
+  add_volumes(scene, bounds);
   add_punctual(scene, bounds);
   tree_ = LightTree(bounds);
   const bool varies = environment_ != nullptr && !environment_->is_constant();
@@ -404,7 +405,8 @@ float LightSampler::emitter_pdf(const LightSampleContext& context, const Triangl
 
 std::int64_t LightSampler::memory_bytes() const {
   return static_cast<std::int64_t>(entries_.size() * sizeof(Entry) +
-                                   slots_.size() * sizeof(std::int64_t)) +
+                                   slots_.size() * sizeof(std::int64_t) +
+                                   volumes_.size() * sizeof(VolumeLight)) +
          tree_.memory_bytes() + (environment_ == nullptr ? 0 : environment_->memory_bytes());
 }
 

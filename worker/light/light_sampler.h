@@ -10,6 +10,7 @@
 #include "worker/light/emitters/shape_light.h"
 #include "worker/light/emitters/spherical_rectangle.h"
 #include "worker/light/emitters/spherical_triangle.h"
+#include "worker/light/emitters/volume_light.h"
 #include "worker/light/tree/light_bounds.h"
 #include "worker/light/tree/light_tree.h"
 #include "worker/math/vector.h"
@@ -26,6 +27,8 @@ class EmittedRadiance;
 struct LightRandom {
   double select = 0;  // [0, 1), at least 32 bits
   double u1 = 0, u2 = 0;
+  double u3 = 0;           // [0, 1); distance in a volume
+  std::uint64_t bits = 0;  // hash from which volumes derive another number
 };
 
 /// A direction from which light may reach a point, before visibility is tested.
@@ -33,8 +36,11 @@ struct LightSample {
   Vec3f direction;  // unit, towards the light
   Vec3f target;     // point on the light, world; unset if `distant`
   bool distant = false;
-  TriangleId triangle;      // the emitter, which does not shadow itself
-  Vec3f radiance_over_pdf;  // radiance, or irradiance of a delta light, / pdf
+  TriangleId triangle;                    // the emitter, which does not shadow itself
+  std::uint32_t body = 0;                 // of `filling`
+  const MaterialView* filling = nullptr;  // if set, `target` must be inside that body's medium
+  Vec3f radiance_over_pdf;  // radiance, or irradiance of a delta light, / pdf; of a medium, that
+                            // which a ray would gather without loss on its way
   float pdf = 0;            // over solid angle, including the choice of light; 0 for delta lights
 };
 
@@ -70,6 +76,11 @@ class LightSampler {
   /// cosine at the emitter.
   float emitter_pdf(const LightSampleContext& context, const TriangleId& id, float distance,
                     float cos_light) const;
+  /// The emissive medium of `material` inside a body; null if it is left to BSDF sampling.
+  const VolumeLight* find_volume(std::uint32_t body, const MaterialView& material) const;
+  /// Density with which sample() would have sampled, for `context`, the direction of a ray from
+  /// there that meets a light of find_volume().
+  float volume_pdf(const LightSampleContext& context, const VolumeLight& light) const;
   /// Radiance of the environment from `direction`, with the density of sample() there for
   /// `context`. Requires an environment.
   EnvironmentMap::Lookup environment(const LightSampleContext& context,
@@ -84,7 +95,8 @@ class LightSampler {
   std::int64_t memory_bytes() const;
 
  private:
-  /// An emissive triangle, two that form a rectangle, an emissive shape, or a punctual light.
+  /// An emissive triangle, two that form a rectangle, an emissive shape or medium, or a punctual
+  /// light.
   struct Entry {
     TriangleId triangle;
     std::uint32_t other = kNoTriangle;  // the second triangle of a rectangle
@@ -92,12 +104,13 @@ class LightSampler {
     std::uint8_t right_angle = 0,
                  other_right_angle = 0;  // right-angled corners of a rectangle's triangles
     std::int32_t punctual = kNone;
-    std::int32_t shape = kNone;  // index into shapes_; its instance is that of `triangle`
-    bool moves = false;          // during the exposure; evaluated at the time of the context
-    bool special = false;        // a shape, or it moves
-    bool uniform = false;        // planar and of uniform emission: only its side matters
-    Vec3f normal;                // of that plane: world_normal()
-    float density = 0;           // per area of points on it: 1 / area; 1 for punctual lights
+    std::int32_t shape = kNone;   // index into shapes_; its instance is that of `triangle`
+    std::int32_t volume = kNone;  // index into volumes_
+    bool moves = false;           // during the exposure; evaluated at the time of the context
+    bool special = false;         // a shape or a medium, or it moves
+    bool uniform = false;         // planar and of uniform emission: only its side matters
+    Vec3f normal;                 // of that plane: world_normal()
+    float density = 0;            // per area of points on it: 1 / area; 1 for punctual lights
     Vec3f centre;
     float reach2 = 0;  // squared distance from `centre` within which it subtends a large angle
   };
@@ -109,6 +122,9 @@ class LightSampler {
   void merge_rectangles(const Instance& instance, const Primitive& p, std::size_t first,
                         std::vector<LightBounds>& bounds);
   void add_shape(const Scene& scene, std::uint32_t instance, std::vector<LightBounds>& bounds);
+  void add_volumes(const Scene& scene, std::vector<LightBounds>& bounds);
+  void add_volume(const Scene& scene, std::uint32_t instance, const MaterialView& material,
+                  std::vector<LightBounds>& bounds);
   void add_punctual(const Scene& scene, std::vector<LightBounds>& bounds);
   bool has_local_lights() const { return !tree_.empty() || !distant_.empty(); }
   /// Probabilities of choosing the environment, a directional light or a light of the tree.
@@ -142,6 +158,8 @@ class LightSampler {
                       const LightRandom& u, LightSample* sample) const;
   bool sample_shape(const Entry& entry, float share, const LightSampleContext& context,
                     const LightRandom& u, LightSample* sample) const;
+  bool sample_volume(const VolumeLight& light, float share, const LightSampleContext& context,
+                     const LightRandom& u, LightSample* sample) const;
   static bool sample_point_light(const PunctualLight& light, const PunctualPose& pose, float share,
                                  const Vec3f& point, LightSample* sample);
   // Moving lights, at the time of the context:
@@ -158,11 +176,13 @@ class LightSampler {
   double environment_irradiance_ = 0;  // mean over all normals; 0: left to BSDF sampling
   std::vector<Entry> entries_;
   std::vector<ShapeLight> shapes_;
-  LightTree tree_;                         // over entries_ without directional lights
-  std::vector<std::uint32_t> distant_;     // entries of directional lights
-  DiscreteDistribution distant_choice_;    // over distant_, by irradiance
-  std::vector<std::uint32_t> slot_first_;  // per instance: index of its first slot
-  std::vector<std::int64_t> slots_;        // per instance and primitive: first entry or kNone
+  std::vector<VolumeLight> volumes_;           // by body
+  std::vector<std::uint32_t> volume_entries_;  // parallel to volumes_
+  LightTree tree_;                             // over entries_ without directional lights
+  std::vector<std::uint32_t> distant_;         // entries of directional lights
+  DiscreteDistribution distant_choice_;        // over distant_, by irradiance
+  std::vector<std::uint32_t> slot_first_;      // per instance: index of its first slot
+  std::vector<std::int64_t> slots_;            // per instance and primitive: first entry or kNone
 };
 
 /// Converts a density over area to one over solid angle.

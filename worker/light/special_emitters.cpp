@@ -73,6 +73,10 @@ struct SeenCorners {
 bool LightSampler::sample_special(const Entry& entry, float share,
                                   const LightSampleContext& context, const LightRandom& u,
                                   LightSample* sample) const {
+  if (entry.volume != kNone) {
+    return sample_volume(volumes_[static_cast<std::size_t>(entry.volume)], share, context, u,
+                         sample);
+  }
   if (!entry.moves) return sample_shape(entry, share, context, u, sample);
   if (entry.punctual != kNone) {
     const PunctualLight& light = punctual_[static_cast<std::size_t>(entry.punctual)];

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "worker/math/elementary.h"
-#include "worker/scene/moved_pose.h"
+#include "worker/sampling/exponential_distance.h"
 #include "worker/shading/surface/surface.h"
 
 namespace tessera::render {
@@ -14,6 +14,8 @@ namespace {
 
 /// Maximum number of tracking steps in one segment; paths that exceed it are terminated.
 constexpr int kMaxSteps = 1 << 16;
+/// Points of a segment at which the emission of varying density is evaluated.
+constexpr int kEmissionPoints = 16;
 /// Ratio tracking uses Russian roulette below this transmittance.
 constexpr float kFaint = 0.1f;
 
@@ -81,15 +83,6 @@ class Steps {
   double t_, densest_;
 };
 
-/// Map from world space to the object space of the body, unless the medium is given in world space.
-std::optional<Affine3d> inwards_of(const ShadingScene& scene, const Body& body, float time) {
-  const ProceduralTexture* procedural = body.material->medium.procedural;
-  if (procedural != nullptr && procedural->space == ProceduralTexture::Space::world)
-    return std::nullopt;
-  const auto pose = pose_of(scene.source, *body.instance->source, time);
-  return pose ? pose->world_to_object : body.instance->source->world_to_object;
-}
-
 }  // namespace
 
 MediumSegment segment_along(const ShadingScene& scene, const MediumStack& stack, const Ray& ray,
@@ -99,7 +92,7 @@ MediumSegment segment_along(const ShadingScene& scene, const MediumStack& stack,
   out.medium = &medium_in(scene, stack);
   if (!out.medium->present()) return out;
   if (body != nullptr && !out.medium->is_homogeneous())
-    out.inwards = inwards_of(scene, *body, ray.time);
+    out.inwards = medium_space(scene.source, *out.medium, *body->instance->source, ray.time);
   out.origin = Vec3d(ray.origin);
   out.direction = Vec3d(ray.direction);
   out.begin = begin;
@@ -112,7 +105,7 @@ MediumSegment segment_along(const ShadingScene& scene, const MediumStack& stack,
 }
 
 Vec3f transmittance(const MediumSegment& segment, HashSequence* random) {
-  if (segment.empty()) return {1, 1, 1};
+  if (segment.empty() || !(max_component(segment.medium->extinction) > 0)) return {1, 1, 1};
   if (segment.medium->is_homogeneous()) {
     return beer_transmittance(segment.medium->extinction, static_cast<float>(segment.length()));
   }
@@ -127,6 +120,28 @@ Vec3f transmittance(const MediumSegment& segment, HashSequence* random) {
     }
   }
   return passes;
+}
+
+Vec3f emission_along(const MediumSegment& segment, HashSequence* random) {
+  if (segment.empty()) return {};
+  const MediumView& medium = *segment.medium;
+  if (medium.is_homogeneous()) return emission_over(medium, static_cast<float>(segment.length()));
+  const bool endless = !(segment.end < INFINITY);
+  const double rate =
+      endless ? static_cast<double>(least_extinction(medium) * medium.typical_density) : 0;
+  const ExponentialDistance distances(rate, segment.begin, segment.end);
+  const auto u = static_cast<double>(random->next());
+  MediumSegment piece = segment;  // from one point to the next
+  Vec3f arrives{1, 1, 1}, length;
+  for (int i = 0; i < kEmissionPoints; ++i) {
+    piece.end = distances.sample((i + u) / kEmissionPoints);
+    arrives *= transmittance(piece, random);
+    if (!(max_component(arrives) > 0)) break;
+    const auto pdf = static_cast<float>(distances.pdf(piece.end) * kEmissionPoints);
+    length += arrives * (segment.density(piece.end) / pdf);
+    piece.begin = piece.end;
+  }
+  return medium.emission * length;
 }
 
 bool collides_heterogeneous(const MediumSegment& segment, HashSequence* random, Vec3f* throughput,
@@ -221,22 +236,23 @@ MediumStack initial_medium_stack(const ShadingScene& scene, const SceneAccel& ac
   return stack;
 }
 
-Vec3f transmittance_across(const ShadingScene& scene, MediumStack stack, const Ray& ray,
-                           std::span<const Crossing> crossed, HashSequence* random) {
+Vec3f transmittance_across(const ShadingScene& scene, const Ray& ray,
+                           std::span<const Crossing> crossed, MediumStack* stack,
+                           HashSequence* random) {
   const auto unit = static_cast<double>(length(ray.direction));
   Ray along = ray;
   along.direction = normalize(ray.direction);
   Vec3f passes{1, 1, 1};
   double from = 0;
   const auto pass_to = [&](double to) {
-    passes *= transmittance(segment_along(scene, stack, along, from, to), random);
+    passes *= transmittance(segment_along(scene, *stack, along, from, to), random);
     from = to;
   };
   for (const Crossing& c : crossed) {
-    const bool visible = c.body.material->rank != kBoundaryRank && !stack.hides(c.body);
+    const bool visible = c.body.material->rank != kBoundaryRank && !stack->hides(c.body);
     if (visible) return {};
     pass_to(static_cast<double>(c.t) * unit);
-    stack.cross(c.body, c.inwards);
+    stack->cross(c.body, c.inwards);
     if (!(max_component(passes) > 0)) return {};
   }
   pass_to(static_cast<double>(ray.t_max) * unit);

@@ -57,6 +57,12 @@ class HashSequence {
 /// Source: J. Novak et al., "Residual ratio tracking", 2014.
 Vec3f transmittance(const MediumSegment& segment, HashSequence* random);
 
+/// Radiance that a segment emits towards its beginning, with absorption and scattering on the way:
+/// the integral of transmittance times emission, or for varying density an estimate by one point
+/// per stratum of distance. Source: F. Simon et al., "Line integration for rendering heterogeneous
+/// emissive volumes", 2017.
+Vec3f emission_along(const MediumSegment& segment, HashSequence* random);
+
 /// Delta tracking: returns whether a path collides on a segment of a heterogeneous medium, and the
 /// distance from the ray's origin; weights `throughput` accordingly. Null collisions are chosen by
 /// one decision for all channels, whose weights keep the estimate of each channel unbiased. Source:
@@ -93,9 +99,11 @@ class Crossings {
 MediumStack initial_medium_stack(const ShadingScene& scene, const SceneAccel& accel, const Ray& ray,
                                  Crossings* crossings);
 
-/// Transmittance of all media along the ray up to its t_max, starting in `stack`, across the
-/// surfaces in `crossed`; 0 if one of them is visible.
-Vec3f transmittance_across(const ShadingScene& scene, MediumStack stack, const Ray& ray,
-                           std::span<const Crossing> crossed, HashSequence* random);
+/// Transmittance of all media along the ray up to its t_max, across the surfaces in `crossed`; 0 if
+/// one of them is visible. Turns `stack`, the bodies around the ray's start, into those around its
+/// end, unless the result is 0.
+Vec3f transmittance_across(const ShadingScene& scene, const Ray& ray,
+                           std::span<const Crossing> crossed, MediumStack* stack,
+                           HashSequence* random);
 
 }  // namespace tessera::render

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -53,6 +54,12 @@ class PathMedia {
 
   /// PathTracer::light_through() for scenes with bodies that light may cross straight.
   Vec3f light_through_bodies(const Ray& ray, const LightSample& light);
+
+  /// Adds the emission along a segment of the path, weighted against light sampling by the
+  /// densities of the direction: both strategies estimate the radiance along it. Rounding at an
+  /// edge may hide the way out of a body, so the segment ends at the hull of the body at the
+  /// latest.
+  void add_emission_along(MediumSegment segment);
 
   /// Follows the path for `distance` metres that hold no surface.
   ///
@@ -121,8 +128,41 @@ Vec3f PathMedia<Tracer>::light_through_bodies(const Ray& ray, const LightSample&
     ++t.path_.result.limit_count;
     return {};
   }
-  return thin_surfaces.transmittance() *
-         transmittance_across(scene, t.media_.stack, ray, crossings.in_order(), &t.media_.random);
+  MediumStack stack = t.media_.stack;
+  const Vec3f arrives =
+      transmittance_across(scene, ray, crossings.in_order(), &stack, &t.media_.random);
+  if (light.filling != nullptr) {
+    const Body* body = stack.top();
+    if (body == nullptr || body->id != light.body || body->material != light.filling) return {};
+  }
+  return thin_surfaces.transmittance() * arrives;
+}
+
+template <typename Tracer>
+void PathMedia<Tracer>::add_emission_along(MediumSegment segment) {
+  auto& path = tracer().path_;
+  MediaState& media = tracer().media_;
+  const LightSampler& lights = tracer().frame_.lights;
+  const Body* body = media.stack.top();
+  const VolumeLight* glow =
+      body == nullptr ? nullptr : lights.find_volume(body->id, *body->material);
+  if (glow != nullptr) {
+    const auto chord = glow->hull().chord(segment.origin, segment.direction);
+    if (!chord) return;
+    segment.begin = std::max(segment.begin, chord->begin);
+    segment.end = std::min(segment.end, chord->end);
+  }
+  if (body != nullptr && !(segment.end < INFINITY)) return;
+  Vec3f light = path.throughput * emission_along(segment, &media.random);
+  if (!(max_component(light) > 0)) return;
+  float weight = 1;
+  if (glow != nullptr && !path.specular_bounce) {
+    weight = power_heuristic(path.pdf, lights.volume_pdf(path.scattered_at, *glow));
+    light *= weight;
+  }
+  path.result.radiance += light;
+  if (PathObserver* observer = tracer().scratch_->observer) [[unlikely]]
+    observer->on_radiance(RadianceSource::medium_emission, light, weight);
 }
 
 template <typename Tracer>
@@ -134,6 +174,7 @@ Passage PathMedia<Tracer>::cross_medium(double distance) {
       segment_along(tracer().frame_.shading, media.stack, path.ray, 0, distance);
   if (segment.empty()) return Passage::none;
   const MediumView& medium = *segment.medium;
+  if (medium.emits()) add_emission_along(segment);
   if (!medium.scatters()) {
     path.throughput *= transmittance(segment, &media.random);
     return Passage::none;

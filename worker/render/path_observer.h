@@ -12,11 +12,12 @@ namespace tessera::render {
 
 /// Ways in which a path gains radiance.
 enum class RadianceSource : std::uint8_t {
-  unlit,         // colour of an unlit surface, KHR_materials_unlit
-  emission,      // of the surface that the path hits
-  environment,   // environment map or background colour, on a miss
-  direct,        // a sampled light that is scattered at the vertex
-  medium_light,  // a sampled light that is scattered in a medium
+  unlit,            // colour of an unlit surface, KHR_materials_unlit
+  emission,         // of the surface that the path hits
+  environment,      // environment map or background colour, on a miss
+  direct,           // a sampled light that is scattered at the vertex
+  medium_light,     // a sampled light that is scattered in a medium
+  medium_emission,  // of the medium that the path crosses
 };
 
 /// Receives the events of one path, for debugging. Observation does not change the path. The

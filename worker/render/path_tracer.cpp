@@ -363,6 +363,8 @@ bool PathTracer<kMedia>::draw_light(const LightSampleContext& context, std::uint
   u.u1 = x.x + fraction(bits) * 0x1p-24;
   u.u2 = x.y + fraction(bits >> 20) * 0x1p-24;
   u.select = x.z + fraction(bits >> 40) * 0x1p-24;
+  u.u3 = x.w;
+  u.bits = bits;
   return frame_.lights.sample(context, u, light);
 }
 
@@ -425,8 +427,10 @@ Vec3f PathTracer<kMedia>::light_through(const Ray& ray, const LightSample& light
 template <bool kMedia>
 Vec3f PathTracer<kMedia>::medium_transmittance(const Ray& ray) {
   if constexpr (kMedia) {
-    if (medium_in(frame_.shading, media_.stack).present())
-      return transmittance_across(frame_.shading, media_.stack, ray, {}, &media_.random);
+    if (medium_in(frame_.shading, media_.stack).present()) {
+      MediumStack stack = media_.stack;
+      return transmittance_across(frame_.shading, ray, {}, &stack, &media_.random);
+    }
   }
   return {1, 1, 1};
 }

@@ -20,8 +20,8 @@ inline constexpr std::uint32_t kSetsPerBounce = 4;
 constexpr std::uint32_t bsdf(std::uint32_t bounce) {
   return kFirstBounceSet + bounce * kSetsPerBounce;
 }
-/// Light sampling at that event. x, y: point on the light; z: choice of the light; w: choice within
-/// the light, for lights that are mixtures.
+/// Light sampling at that event. x, y: point on the light; z: choice of the light; w: distance in a
+/// light that has a volume.
 constexpr std::uint32_t light(std::uint32_t bounce) {
   return bsdf(bounce) + 1;
 }

@@ -41,7 +41,7 @@ enum Feature : std::uint32_t {
   kFeatureShapes = 1u << 27,
   kFeatureCsg = 1u << 28,
   kFeatureOptics = 1u << 29,
-  kFeatureMedia = 1u << 30,   // participating media or priorities: paths keep a medium stack
+  kFeatureMedia = 1u << 30,   // media, also emissive, or priorities: paths keep a medium stack
   kFeatureMotion = 1u << 31,  // something moves during the exposure
 };
 

@@ -152,9 +152,10 @@ struct DensityGrid {
   std::vector<float> values;                     // not negative
 };
 
-/// TESSERA_medium: a participating medium, which absorbs and scatters light.
+/// TESSERA_medium: a participating medium, which absorbs, scatters and emits light.
 struct Medium {
   Vec3f absorption, scattering;               // per metre at density 1
+  Vec3f emission;                             // nits per metre at density 1
   float anisotropy = 0;                       // mean cosine (Henyey-Greenstein), |g| <= 0.999
   std::int32_t procedural = kNone;            // density; a texture index until the scene is posed
   std::shared_ptr<const DensityGrid> grid{};  // density, used instead of `procedural`
@@ -212,6 +213,12 @@ struct Material {
   Optics optics;
   std::optional<Medium> medium = {};  // TESSERA_medium: fills the closed surfaces
 };
+
+/// Returns whether the material's surface or the medium behind it emits light.
+inline bool gives_light(const Material& m) {
+  return (!m.unlit && max_component(m.emission) > 0) ||
+         (m.medium && max_component(m.medium->emission) > 0);
+}
 
 /// One glTF primitive, as triangles. Optional arrays are empty or as long as `positions`.
 struct Primitive {

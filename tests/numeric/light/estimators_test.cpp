@@ -179,6 +179,58 @@ TEST(Estimators, MovingLampsAreSampled) {
   EXPECT_LT(noise * 10, std::accumulate(slow.variance.begin(), slow.variance.end(), 0.0));
 }
 
+/// Small bodies of glowing gas over a floor, in fog: a clear one, a dense one and one that scatters
+/// and moves; each of varying density or not.
+Scene glowing_bodies(bool noise) {
+  Scene scene = empty_scene();
+  add_primitive(&scene, quad({-3, -1, 3}, {6, 0, 0}, {0, 0, -6},
+                             add_material(&scene, lambert({0.7f, 0.6f, 0.5f}))));
+  render::ProceduralTexture texture;
+  texture.scale = {6, 6, 6};
+  texture.ramp = {{0.3f, {0, 0, 0, 1}}, {0.7f, {2, 2, 2, 1}}};
+  scene.procedural_textures.push_back(texture);
+  const auto add = [&](const render::Medium& medium, float size, const render::Affine3d& at) {
+    render::Material material = lambert({0, 0, 0});
+    material.medium = medium;
+    if (noise) material.medium->procedural = 0;
+    const auto index = add_material(&scene, material);
+    return add_primitive(&scene, box({-size, -size, -size}, {size, size, size}, false, index), at);
+  };
+  render::Medium gas;
+  gas.emission = {90, 40, 20};
+  add(gas, 0.1f, translation(-1, -0.3, 0));
+  gas.absorption = {30, 20, 40};
+  add(gas, 0.15f, translation(0, -0.4, -1));
+  gas.scattering = {5, 9, 7};
+  const auto moves = add(gas, 0.1f, translation(1, -0.5, 0.5));
+  scene.instances[static_cast<std::size_t>(moves)].motion = 0;
+  scene.key_times = {0, 1};
+  scene.motions = {{translation(0.8, -0.5, 0.5), translation(1.3, -0.3, 0.2)}};
+  scene.atmosphere = render::Atmosphere{{}, {0, 0, 0}, 6};
+  scene.atmosphere->medium.scattering = {0.03f, 0.03f, 0.03f};
+  look_at(&scene, {0, 0.6, 5}, {0, -0.4, 0});
+  return scene;
+}
+
+/// Variance of the first and last row of blocks, where the camera sees none of these bodies.
+double variance_beside_bodies(const Figures& f) {
+  constexpr auto kRow = static_cast<std::ptrdiff_t>(kValues / (kSize / kBlock));
+  const double above = std::accumulate(f.variance.begin(), f.variance.begin() + kRow, 0.0);
+  return above + std::accumulate(f.variance.end() - kRow, f.variance.end(), 0.0);
+}
+
+TEST(Estimators, GlowingBodiesAreSampled) {
+  for (const bool noise : {false, true}) {
+    const Scene scene = glowing_bodies(noise);
+    expect_agreement(scene, 16, 128);
+    const Figures full = figures(scene, LightSampler::LightSampling::all, 1, 16);
+    const Figures slow = figures(scene, LightSampler::LightSampling::none, 1'000, 16);
+    const double gain = variance_beside_bodies(slow) / variance_beside_bodies(full);
+    EXPECT_GT(gain, 10) << noise;
+    RecordProperty(noise ? "gain_noise" : "gain", std::to_string(gain));
+  }
+}
+
 // Light and BSDF sampling both find the lamp often, so their weights matter.
 TEST(Estimators, AgreeOnRoughMetalUnderLargeLamp) {
   Scene scene = empty_scene();

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "tests/numeric/media/media_scenes.h"
 #include "tests/numeric/media/simpson.h"
 #include "tests/support/plain_scene.h"
 #include "worker/inspect/solid_check.h"
@@ -30,48 +31,10 @@ using render::Vec3f;
 
 constexpr double kPi = 3.14159265358979323846;
 
-Medium medium(const Vec3f& absorption, const Vec3f& scattering = {}) {
-  Medium m;
-  m.absorption = absorption;
-  m.scattering = scattering;
-  return m;
-}
-
-/// An invisible boundary of a medium.
-Material boundary(const Medium& with) {
-  Material m = lambert({0.5f, 0.5f, 0.5f});
-  m.medium = with;
-  return m;
-}
-
-Material lamp(float radiance) {
-  Material m = lambert({0, 0, 0});
-  m.emission = {radiance, radiance, radiance};
-  return m;
-}
-
-Scene spot(const Vec3d& eye, const Vec3d& target) {
-  Scene scene = empty_scene();
-  look_at(&scene, eye, target);
-  scene.camera.yfov = 1e-6;
-  return scene;
-}
-
 /// A wall of radiance 1 at z = -9 that faces +z.
 void add_wall(Scene* scene) {
   const auto shine = add_material(scene, lamp(1));
   add_primitive(scene, quad({-90, -90, -9}, {180, 0, 0}, {0, 180, 0}, shine));
-}
-
-void add_slab(Scene* scene, float low, float high, const Material& material) {
-  const auto index = add_material(scene, material);
-  add_primitive(scene, box({-50, -50, low}, {50, 50, high}, false, index));
-}
-
-Picture middle(Scene scene, int spp, int max_depth, int width = 4) {
-  auto settings = small_settings(width, width, spp);
-  settings.max_depth = max_depth;
-  return render_picture(std::move(scene), settings);
 }
 
 void expect_mean(const Picture& picture, double expected, double largest_error) {

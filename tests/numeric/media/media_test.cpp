@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include "tests/numeric/media/media_scenes.h"
 #include "tests/numeric/media/simpson.h"
 #include "tests/support/plain_scene.h"
 #include "worker/media/medium_traversal.h"
@@ -29,14 +30,6 @@ double henyey_greenstein(double g, double cosine) {
   return (1 - g * g) / (4 * kPi * std::pow(1 + g * g - 2 * g * cosine, 1.5));
 }
 
-Medium medium(const Vec3f& absorption, const Vec3f& scattering, float anisotropy = 0) {
-  Medium m;
-  m.absorption = absorption;
-  m.scattering = scattering;
-  m.anisotropy = anisotropy;
-  return m;
-}
-
 void fill(Scene* scene, const Medium& with, double radius = INFINITY) {
   scene->atmosphere = Atmosphere{with, {0, 0, 0}, radius};
 }
@@ -46,41 +39,6 @@ PunctualLight point_light(float candela, const Vec3d& position) {
   light.intensity = {candela, candela, candela};
   light.position = position;
   return light;
-}
-
-/// A camera at `eye` that sees a tiny spot at `target`.
-Scene spot(const Vec3d& eye, const Vec3d& target) {
-  Scene scene = empty_scene();
-  look_at(&scene, eye, target);
-  scene.camera.yfov = 1e-6;
-  return scene;
-}
-
-Picture middle(Scene scene, int spp, int max_depth, int width = 4) {
-  auto settings = small_settings(width, width, spp);
-  settings.max_depth = max_depth;
-  return render_picture(std::move(scene), settings);
-}
-
-/// Mean over all pixels of one channel, with its standard error.
-struct Estimate {
-  double mean = 0, error = 0;
-};
-Estimate channel(const Picture& picture, std::size_t c) {
-  Estimate e;
-  const auto pixels = static_cast<double>(picture.alpha.size());
-  for (std::size_t i = c; i < picture.rgb.size(); i += 3) {
-    e.mean += picture.rgb[i] / pixels;
-    e.error += picture.error[i] * picture.error[i];
-  }
-  e.error = std::sqrt(e.error) / pixels;
-  return e;
-}
-
-Material lamp(float radiance) {
-  Material m = lambert({0, 0, 0});
-  m.emission = {radiance, radiance, radiance};
-  return m;
 }
 
 TEST(PhaseFunction, IntegratesToOneAndMatchesSampling) {

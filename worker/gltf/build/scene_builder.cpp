@@ -540,10 +540,9 @@ class SceneBuilder {
 
   [[nodiscard]] bool has_emitters() const {
     for (std::size_t m = 0; m < scene_.materials.size(); ++m) {
-      const Material& material = scene_.materials[m];
-      if (used_[m] && !material.unlit && max_component(material.emission) > 0) return true;
+      if (used_[m] && gives_light(scene_.materials[m])) return true;
     }
-    return false;
+    return scene_.atmosphere && max_component(scene_.atmosphere->medium.emission) > 0;
   }
 
   void add_environment() {
@@ -560,7 +559,8 @@ class SceneBuilder {
       const auto& c = settings.background_color;
       environment.constant = {c[0], c[1], c[2]};
     } else if (scene_.lights.empty() && !has_emitters()) {
-      const bool is_dark = declares_light(model_, roots_, [&](auto& p) { return material_of(p); });
+      const bool is_dark =
+          declares_light(model_, chosen_scene(), roots_, [&](auto& p) { return material_of(p); });
       scene_.has_environment = !is_dark;
       if (!is_dark) environment.constant = {1, 1, 1};
       problems_.push_back(

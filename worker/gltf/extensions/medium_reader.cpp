@@ -86,6 +86,7 @@ Medium read_coefficients(const JsonView& object, const GltfModel& model, JsonFau
   Medium out;
   out.absorption = coefficient(object, "absorption", fault);
   out.scattering = coefficient(object, "scattering", fault);
+  out.emission = coefficient(object, "emission", fault);
   out.anisotropy =
       static_cast<float>(object.number("anisotropy", 0, -kMaxAnisotropy, kMaxAnisotropy));
   const JsonView density = object["density"];
@@ -114,12 +115,23 @@ Medium read_coefficients(const JsonView& object, const GltfModel& model, JsonFau
   return out;
 }
 
+/// Returns whether a ray that meets no surface would gather infinite radiance.
+bool shines_without_end(const Atmosphere& atmosphere) {
+  const Medium& m = atmosphere.medium;
+  if (m.grid != nullptr || atmosphere.radius < std::numeric_limits<double>::infinity())
+    return false;
+  for (int k = 0; k < 3; ++k) {
+    if (m.emission[k] > 0 && !(m.absorption[k] > 0)) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 std::optional<Medium> read_medium(const JsonView& object, const GltfModel& model,
                                   JsonFault& fault) {
   if (!object.present()) return std::nullopt;
-  object.allow({"absorption", "scattering", "anisotropy", "density"});
+  object.allow({"absorption", "scattering", "emission", "anisotropy", "density"});
   return read_coefficients(object, model, fault);
 }
 
@@ -129,7 +141,8 @@ absl::Status read_atmospheres(const nlohmann::json& root, GltfModel& model) {
   for (std::size_t i = 0; i < scenes.size() && i < model.scenes.size(); ++i) {
     const JsonView object = scenes[i].extension("TESSERA_medium");
     if (!object.present()) continue;
-    object.allow({"absorption", "scattering", "anisotropy", "density", "center", "radius"});
+    object.allow(
+        {"absorption", "scattering", "emission", "anisotropy", "density", "center", "radius"});
     Atmosphere out;
     out.medium = read_coefficients(object, model, fault);
     const std::vector<double> center = object.numbers("center", {0, 0, 0});
@@ -137,6 +150,9 @@ absl::Status read_atmospheres(const nlohmann::json& root, GltfModel& model) {
     if (!(max_abs(out.center) <= kMaxCoordinate))
       fault.report(object.path(), "center is too far from the origin");
     out.radius = object.number("radius", out.radius, 0, std::numeric_limits<double>::infinity());
+    if (shines_without_end(out)) {
+      fault.report(object["emission"].path(), "without absorption needs a radius");
+    }
     model.scenes[i].atmosphere = std::move(out);
   }
   return fault.status();

@@ -189,13 +189,28 @@ Vec3d ShapeLight::sample(const Vec3d& from, double u1, double u2) const {
   return axis * (1 - height) + (s * around.cos + t * around.sin) * sine;
 }
 
-bool ShapeLight::find(const Vec3d& from, const Vec3d& direction, ShapeHit& hit) const {
+/// All intersections with the line, by ascending t; valid until the thread's next call.
+std::span<const ShapeHit> ShapeLight::hits_along(const Vec3d& from, const Vec3d& direction) const {
   thread_local std::vector<ShapeHit> hits;
   hits.clear();
   intersect_shape(shape_, transform_point(world_to_object_, from),
                   transform_vector(world_to_object_, direction), hits);
+  return hits;
+}
+
+std::optional<ShapeLight::Chord> ShapeLight::chord(const Vec3d& from,
+                                                   const Vec3d& direction) const {
+  const std::span<const ShapeHit> hits = hits_along(from, direction);
+  if (hits.empty() || !(hits.back().t > 0)) return std::nullopt;
+  const double first = hits.size() > 1 ? hits.front().t : 0;
+  const Chord chord{first > 0 ? first : 0, hits.back().t};
+  if (!(chord.begin < chord.end)) return std::nullopt;
+  return chord;
+}
+
+bool ShapeLight::find(const Vec3d& from, const Vec3d& direction, ShapeHit& hit) const {
   const ShapeHit* best = nullptr;
-  for (const ShapeHit& each : hits) {
+  for (const ShapeHit& each : hits_along(from, direction)) {
     if (each.t > 0 && (best == nullptr || each.t < best->t)) best = &each;
   }
   if (best != nullptr) hit = *best;

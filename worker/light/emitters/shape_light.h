@@ -1,6 +1,8 @@
 #pragma once
 
 #include <array>
+#include <optional>
+#include <span>
 
 #include "worker/geometry/shapes/shape.h"
 #include "worker/light/emitters/spherical_strip.h"
@@ -39,7 +41,15 @@ class ShapeLight {
   /// Finds the first point of the shape along a direction, with its t; false if it misses.
   bool find(const Vec3d& from, const Vec3d& direction, ShapeHit& hit) const;
 
+  /// Distances between which a ray may be inside the shape, which must be closed.
+  struct Chord {
+    double begin = 0, end = 0;
+  };
+  /// nullopt if the ray misses it.
+  std::optional<Chord> chord(const Vec3d& from, const Vec3d& direction) const;
+
  private:
+  std::span<const ShapeHit> hits_along(const Vec3d& from, const Vec3d& direction) const;
   void enclose_flat(int flat_axis);
   void enclose_long(const std::array<Vec3d, 3>& half);
   Box3d world_box() const;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "worker/math/elementary.h"
+#include "worker/scene/moved_pose.h"
 #include "worker/shading/surface/procedural_texture.h"
 #include "worker/shading/surface/shading_scene.h"
 
@@ -42,6 +44,7 @@ MediumView view_of_medium(const Scene& scene, const Medium* medium, const Vec3f&
   view.extinction += medium->absorption + medium->scattering;
   // A large extinction has the effect of an infinite one and keeps products with scattering finite.
   view.extinction = min(view.extinction, Vec3f{1e30f, 1e30f, 1e30f});
+  view.emission = medium->emission;
   view.anisotropy = medium->anisotropy;
   view.origin = scene.center;
   if (medium->grid != nullptr) {
@@ -59,7 +62,7 @@ MediumView view_of_medium(const Scene& scene, const Medium* medium, const Vec3f&
       view.typical_density += stop.color.x / static_cast<float>(view.procedural->ramp.size());
     }
   }
-  if (!(view.max_density > 0)) view.extinction = view.scattering = {};
+  if (!(view.max_density > 0)) view.extinction = view.scattering = view.emission = {};
   return view;
 }
 
@@ -70,6 +73,33 @@ float density_at(const MediumView& medium, const Affine3d* inwards, const Vec3d&
   }
   return medium.grid == nullptr ? 1
                                 : clamp(grid_density(*medium.grid, p), 0.0f, medium.max_density);
+}
+
+std::optional<Affine3d> medium_space(const Scene& scene, const MediumView& medium,
+                                     const Instance& instance, float time) {
+  const ProceduralTexture* procedural = medium.procedural;
+  if (procedural != nullptr && procedural->space == ProceduralTexture::Space::world)
+    return std::nullopt;
+  const auto pose = pose_of(scene, instance, time);
+  return pose ? pose->world_to_object : instance.world_to_object;
+}
+
+Vec3f emission_over(const MediumView& medium, float distance) {
+  Vec3f radiance;
+  for (int k = 0; k < 3; ++k) {
+    const float e = medium.emission[k], sigma = medium.extinction[k];
+    if (!(e > 0)) continue;  // the distance may be infinite
+    radiance[k] = e * (sigma > 0 ? -elementary::expm1(-sigma * distance) / sigma : distance);
+  }
+  return radiance;
+}
+
+float least_extinction(const MediumView& medium) {
+  float least = INFINITY;
+  for (int k = 0; k < 3; ++k) {
+    if (medium.emission[k] > 0) least = std::min(least, medium.extinction[k]);
+  }
+  return least;
 }
 
 }  // namespace tessera::render

@@ -102,6 +102,18 @@ TEST(AnimationPointer, DarkLampAddsNoDefaultSky) {
   }
 }
 
+TEST(AnimationPointer, DarkMediumAddsNoDefaultSky) {
+  const auto file = animated("/scenes/0/extensions/TESSERA_medium/emission", {0, 0, 0}, {1, 1, 1});
+  file->use_extension("TESSERA_medium");
+  file->set("/scenes/0/extensions/TESSERA_medium", R"({"emission": [0, 0, 0], "radius": 3})");
+  file->set("/materials/0", "{}");
+  file->set("/nodes/1", "{}");  // without its light
+  const auto scene = load_and_pose(*file);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  EXPECT_EQ(scene->atmosphere->medium.emission, render::Vec3f{});
+  EXPECT_FALSE(scene->has_environment);
+}
+
 TEST(AnimationPointer, AnimatesOneBlobOfMany) {
   const auto file =
       animated("/nodes/3/extensions/TESSERA_blobs/elements/1/center", {0, 0, 0}, {16, 0, 0});
@@ -125,7 +137,8 @@ TEST(AnimationPointer, AnimatesTesseraExtensions) {
       file->use_extension(name);
     }
     file->set("/materials/0/extensions/TESSERA_material", R"({"diffuseRoughness": 0})");
-    file->set("/scenes/0/extensions/TESSERA_medium", R"({"scattering": [1, 1, 1], "radius": 3})");
+    file->set("/scenes/0/extensions/TESSERA_medium",
+              R"({"scattering": [1, 1, 1], "emission": [0, 0, 0], "radius": 3})");
     file->add_node(R"({"extensions": {"TESSERA_shape": {"type": "torus", "radius": 1}}})");
     file->add_node(R"({"extensions": {"TESSERA_terrain": {"pattern": "waves", "height": 1,
         "octaves": 1}}})");
@@ -151,6 +164,10 @@ TEST(AnimationPointer, AnimatesTesseraExtensions) {
       file_with("/scenes/0/extensions/TESSERA_medium/scattering", {0, 0, 0}, {4, 0, 8});
   ASSERT_TRUE(fog.atmosphere.has_value());
   EXPECT_EQ(fog.atmosphere->medium.scattering, (render::Vec3f{3, 0, 6}));
+  const Scene glow =
+      file_with("/scenes/0/extensions/TESSERA_medium/emission", {0, 0, 0}, {4, 0, 8});
+  EXPECT_EQ(glow.atmosphere->medium.emission, (render::Vec3f{3, 0, 6}));
+  EXPECT_FALSE(glow.has_environment);
   EXPECT_EQ(file_with("/scenes/0/extensions/TESSERA_medium/radius", {1}, {5}).atmosphere->radius,
             4);
 }

@@ -422,6 +422,23 @@ TEST(Environment, DarkLightsSuppressDefaultSky) {
   EXPECT_TRUE(lit_by(dark, hidden, "{}"));
 }
 
+TEST(Environment, GlowingMediumSuppressesDefaultSky) {
+  for (const char* const emission : {"[0, 0, 0]", "[0, 0, 2]"}) {
+    const std::string medium = absl::StrCat(R"({"radius": 3, "emission": )", emission, "}");
+    const std::string filled = R"({"emission": )" + std::string(emission) + "}";
+    GltfBuilder everywhere, inside;
+    for (GltfBuilder* b : {&everywhere, &inside}) {
+      b->use_extension("TESSERA_medium");
+      b->add_node_with_mesh(b->add_mesh(unit_quad(b->add_material("{}"))));
+    }
+    everywhere.set("/scenes/0/extensions/TESSERA_medium", medium);
+    inside.set("/materials/0/extensions/TESSERA_medium", filled);
+    const bool dark = std::string_view(emission) == "[0, 0, 0]";
+    EXPECT_EQ(load_and_pose(everywhere)->has_environment, dark);
+    EXPECT_EQ(load_and_pose(inside)->has_environment, dark);
+  }
+}
+
 TEST(Environment, EmitterSuppressesDefaultSky) {
   GltfBuilder b;
   b.add_mesh(unit_quad(b.add_material(R"({"emissiveFactor": [1, 0, 0]})")));

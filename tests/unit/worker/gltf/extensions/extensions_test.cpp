@@ -300,6 +300,9 @@ TEST(TesseraMedium, RejectsInvalidProperties) {
                    ".absorb: unknown property; expected one of absorption", true},
            {"", R"({"absorption": 1})", ".absorption: must be an array of 3", true},
            {"", R"({"scattering": [1, -1, 1]})", ".scattering: is not in [0, 1e+09]", true},
+           {"", R"({"emission": [1, 1, -1]})", ".emission: is not in [0, 1e+09]", true},
+           {"", R"({"emission": [0, 1, 0], "absorption": [1, 0, 1]})",
+            ".emission: without absorption needs a radius"},
            {"", R"({"anisotropy": 1})", ".anisotropy: 1 is not in [-0.999, 0.999]", true},
            {"", R"({"radius": -1})", ".radius: -1 is not in", true},
            {"", R"({"center": [1e30, 0, 0]})", ": center is too far from the origin"},
@@ -333,11 +336,12 @@ TEST(TesseraMedium, RejectsInvalidProperties) {
 
 TEST(TesseraMedium, IsReadFromScenesAndMaterials) {
   const auto scene = load_and_pose(*foggy(R"({"absorption": [1, 2, 3], "scattering": [4, 5, 6],
-      "anisotropy": 0.5, "center": [1, 2, 3], "radius": 7, "density": {"texture": 0}})"));
+      "emission": [7, 8, 9], "anisotropy": 0.5, "center": [1, 2, 3], "radius": 7, "density": {"texture": 0}})"));
   ASSERT_TRUE(scene.ok()) << scene.status();
   ASSERT_TRUE(scene->atmosphere.has_value());
   EXPECT_EQ(scene->atmosphere->medium.absorption, (render::Vec3f{1, 2, 3}));
   EXPECT_EQ(scene->atmosphere->medium.scattering, (render::Vec3f{4, 5, 6}));
+  EXPECT_EQ(scene->atmosphere->medium.emission, (render::Vec3f{7, 8, 9}));
   EXPECT_EQ(scene->atmosphere->medium.anisotropy, 0.5f);
   EXPECT_EQ(scene->atmosphere->center + scene->center, (Vec3d{1, 2, 3}));
   EXPECT_EQ(scene->atmosphere->radius, 7);
