@@ -28,6 +28,8 @@ picture lamps lamps --size 420x190 --spp 192
 picture csg csg --size 400x240 --spp 64 --clamp 4
 picture blobs blobs --size 420x270 --spp 128 --clamp 4
 picture fog fog --size 400x225 --spp 128
+picture flame flame --size 420x236 --spp 176 --clamp 8
+picture underwater underwater --size 420x236 --spp 144 --clamp 3
 picture terrain terrain --size 400x225 --spp 64
 picture course course --size 640x360 --spp 64
 picture spherical screens --camera spherical --size 360x180 --spp 64

@@ -17,6 +17,7 @@ from maker.farm import lit_square, missing_texture, quickstart, same_bits, stadi
 from maker.landscapes import fog, planes, terrain
 from maker.solids import blobs, csg, lamps, shapes
 from maker.surfaces import materials, nested, optics, textures
+from maker.volumes import flame, underwater
 
 FOLDER = Path(__file__).resolve().parent
 
@@ -25,8 +26,8 @@ def main():
     check = "--check" in sys.argv[1:]
     stale = []
     for make in (quickstart, same_bits, materials, lit_square, missing_texture, stadium, lens,
-                 screens, textures, optics, nested, shapes, csg, blobs, lamps, fog, motion, terrain,
-                 course, planes):
+                 screens, textures, optics, nested, shapes, csg, blobs, lamps, fog, flame,
+                 underwater, motion, terrain, course, planes):
         path = FOLDER / f"{make.__name__}.gltf"
         text = make().text()
         if check:
