@@ -1,5 +1,7 @@
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <cstdint>
 #include <memory>
@@ -66,6 +68,15 @@ inline Estimate channel(const Picture& picture, std::size_t c) {
   }
   e.error = std::sqrt(e.error) / pixels;
   return e;
+}
+
+/// Checks that every channel has the mean `radiance`, with a standard error below `largest_error`.
+inline void expect_uniform(const Picture& picture, double radiance, double largest_error) {
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Estimate got = channel(picture, k);
+    EXPECT_NEAR(got.mean, radiance, 4 * got.error + 1e-5) << k;
+    EXPECT_LT(got.error, largest_error) << k;
+  }
 }
 
 }  // namespace tessera::testing
