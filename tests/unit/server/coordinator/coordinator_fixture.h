@@ -163,8 +163,12 @@ class CoordinatorFixture : public testing::Test {
     return block;
   }
   BlockHeader header_of(const Leased& unit, const std::string& bytes) const {
-    return {unit.lease, unit.name.unit.tile, static_cast<std::int64_t>(bytes.size()),
-            contract::sha256(bytes), 0.5};
+    return {unit.lease,
+            unit.name.unit.tile,
+            static_cast<std::int64_t>(bytes.size()),
+            contract::sha256(bytes),
+            0.5,
+            {}};
   }
   contract::FilmBlockShape shape_of(const Leased& unit) {
     const contract::TileGrid grid(view(unit.name.job_id).spec->settings);
