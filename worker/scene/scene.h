@@ -250,10 +250,11 @@ struct Instance {
   std::int32_t mesh = 0;
   std::int32_t node = 0;        // glTF node index
   Affine3d object_to_world;     // to the recentred world: metres minus Scene::center
-  Affine3d world_to_object;     // its inverse; nodes with a singular transform are dropped at load
+  Affine3d world_to_object;     // its inverse; unset if `flat`
   bool flips_winding = false;   // negative determinant
   bool operand = false;         // operand of one of Scene::solids: not hit on its own
   std::int32_t motion = kNone;  // index into Scene::motions; kNone: static
+  bool flat = false;            // object_to_world is singular; only if the instance has a motion
 };
 
 enum class CsgOperation : std::uint8_t { unite, intersect, subtract, exclude };

@@ -149,6 +149,33 @@ TEST(MotionBounds, AllAcceleratorsFindSameHits) {
   }
 }
 
+/// Each moving object is flattened, wholly or along an axis, at one key or at the frame's time.
+TEST(MotionBounds, FlattenedInstancesKeepTheirHits) {
+  Dice dice(33);
+  Scene scene = moving_scene(dice);
+  for (std::size_t i = 0; i < scene.motions.size(); ++i) {
+    Affine3d& key = scene.motions[i][dice.below(4) + 1u];
+    const Vec3d stays = i % 3 == 0 ? Vec3d{1, 0, 1} : Vec3d{};
+    for (Vec3d& row : key.rows) row = row * stays;
+  }
+  for (Instance& instance : scene.instances) {
+    if (instance.motion == kNone || dice.below(2) == 0) continue;
+    for (Vec3d& row : instance.object_to_world.rows) row = {};
+    instance.world_to_object = {};
+    instance.flat = true;
+  }
+  const Shots shots = shoot(scene, 60, 60, dice);
+  EXPECT_GT(shots.moving, 500);
+  for (const Isa isa : {Isa::avx2, Isa::avx512}) {
+    if (!is_supported(isa)) continue;
+    EXPECT_EQ(mismatches(SceneAccel(scene, in_order(), isa), shots), 0);
+  }
+  for (const accelerators::Structure& structure : accelerators::structures()) {
+    const Reference accel{accelerators::StructureAccelerator(scene, structure)};
+    EXPECT_EQ(mismatches(accel, shots), 0) << structure.name;
+  }
+}
+
 /// Thin objects far from their origins that rotate fast, for which world boxes matter most.
 Scene rotating_objects(Dice& dice) {
   Scene scene;

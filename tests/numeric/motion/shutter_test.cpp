@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "tests/numeric/geometry/geometry_scenes.h"
@@ -9,6 +10,7 @@
 #include "tests/support/memory_scene.h"
 #include "worker/accelerators/structure_accelerator.h"
 #include "worker/geometry/motion.h"
+#include "worker/gltf/build/loader.h"
 
 namespace tessera::render::testing {
 namespace {
@@ -138,6 +140,56 @@ TEST(Shutter, StaticSceneIsUnchanged) {
   ASSERT_TRUE(a.ok() && b.ok());
   EXPECT_TRUE(a->key_times.empty() && a->camera.keys.empty());
   EXPECT_EQ(render_picture(*a, settings).rgb, render_picture(*b, settings).rgb);
+}
+
+/// A hidden object that swings needs no keys.
+TEST(Shutter, ObjectOfScaleZeroChangesNothing) {
+  GltfBuilder plain, hidden;
+  for (GltfBuilder* file : {&plain, &hidden}) {
+    add_camera(*file, 0, 1);
+    const int mesh = file->add_mesh(tessera::testing::unit_quad());
+    const int moves = file->add_node_with_mesh(mesh);
+    animate(*file, moves, "translation", {0, 1}, "VEC3", {0, 0, 0, 4, 0, 0});
+    const std::string scale = file == &hidden ? R"("scale": [0, 0, 0])" : R"("name": "none")";
+    const std::string what = file == &hidden ? R"("mesh": )" + number(mesh) + ", " : "";
+    const int swings = file->add_node("{" + what + scale + "}");
+    animate(*file, swings, "translation", {0, 1}, "VEC3",
+            {0, 0, 0, 0, 0, 0, 3, 0, 0, 0, 3, 0, 1, 0, 0, 0, 0, 0}, "CUBICSPLINE");
+  }
+  const auto settings = all_animations();
+  tessera::testing::MemoryReader reader;
+  reader.put("hidden.gltf", hidden.gltf());
+  const auto file = load_scene_file("hidden.gltf", settings, reader);
+  ASSERT_TRUE(file.ok()) << file.status();
+  const auto a = load_and_pose(plain, settings), b = (*file)->pose(settings, 0);
+  ASSERT_TRUE(a.ok() && b.ok());
+  EXPECT_EQ(b->instances.size(), 1u);
+  EXPECT_EQ(b->key_times, a->key_times);
+  EXPECT_EQ(b->motions, a->motions);
+  const auto& problems = (*file)->problems();
+  EXPECT_TRUE(std::any_of(problems.begin(), problems.end(), [](const Problem& problem) {
+    return problem.message == "its transform is singular; skipped";
+  }));
+}
+
+/// A clip that shows an object by a scale that jumps.
+TEST(Shutter, ObjectThatAppearsIsHitOnlyThen) {
+  GltfBuilder file;
+  add_camera(file, 0, 1);
+  const int node = file.add_node_with_mesh(file.add_mesh(tessera::testing::unit_quad()));
+  animate(file, node, "scale", {0, 0.25f, 0.5f}, "VEC3", {0, 0, 0, 1, 1, 1, 0, 0, 0}, "STEP");
+  const auto scene = load_and_pose(file, all_animations());
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_EQ(scene->instances.size(), 1u);
+  EXPECT_TRUE(scene->instances[0].flat);
+  const SceneAccel accel(*scene, in_order());
+  for (std::uint32_t k = 0; k <= 0x100; ++k) {
+    Ray ray;
+    ray.origin = Vec3f(Vec3d{0.5, 0.25, 1} - scene->center);
+    ray.direction = {0, 0, -1};
+    ray.time = static_cast<float>(k) / 0x100;
+    EXPECT_EQ(accel.any_hit(ray), ray.time >= 0.25f && ray.time < 0.5f) << ray.time;
+  }
 }
 
 TEST(Shutter, MeshesWithDifferentMotionAreSplit) {

@@ -133,6 +133,7 @@ std::vector<InstanceOverlap> instance_overlaps(const Scene& scene) {
   BoxTree tree;
   std::vector<std::uint32_t> instances;  // by box: those with triangles
   for (std::uint32_t i = 0; i < scene.instances.size(); ++i) {
+    if (scene.instances[i].flat) continue;
     Box3f box;
     for (const Primitive& primitive : mesh_of(i).primitives) {
       for (const Vec3f& p : primitive.positions) {

@@ -1,6 +1,7 @@
 #include "worker/gltf/animation/shutter.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <optional>
@@ -115,7 +116,9 @@ class MotionBuilder {
     }
     for (const auto& [node, range] : instances_of_) {
       if (at_key[node].count != range.count) {
-        exclude(node, "transform is invalid during part of the exposure; motion blur disabled");
+        exclude(node,
+                "its transform is not finite or too far away during part of the exposure; motion "
+                "blur disabled");
         continue;
       }
       for (std::uint32_t k = 0; k < range.count; ++k) {
@@ -297,7 +300,12 @@ class MotionBuilder {
   /// Returns whether `truth` is within the tolerances of the interpolation between `a` and `b`.
   [[nodiscard]] bool is_near(const KeyPose& a, const KeyPose& b, float f,
                              const KeyPose& truth) const {
+    const auto is_hidden = [&](std::uint32_t i) {
+      return !inverse(object_to_world(a, i)) && !inverse(object_to_world(truth, i)) &&
+             !inverse(object_to_world(b, i));
+    };
     for (const std::uint32_t i : in_any({&a.placed, &b.placed, &truth.placed})) {
+      if (is_hidden(i)) continue;
       const Affine3d& placed = object_to_world(truth, i);
       const Box3d& box = boxes_[static_cast<std::size_t>(scene_.instances[i].mesh)];
       const Affine3d line = lerp(object_to_world(a, i), object_to_world(b, i), f);
@@ -311,6 +319,7 @@ class MotionBuilder {
       if (!(error <= kTolerance * diagonal(world))) return false;
     }
     for (const std::uint32_t i : in_any({&a.changed, &b.changed, &truth.changed})) {
+      if (is_hidden(i)) continue;
       const double tolerance =
           kTolerance * diagonal(boxes_[static_cast<std::size_t>(scene_.instances[i].mesh)]);
       if (!vertices_near(mesh(a, i), mesh(b, i), f, mesh(truth, i), tolerance)) return false;
@@ -376,6 +385,11 @@ class MotionBuilder {
                      key.camera.focus_distance != first.focus_distance ||
                      !(key.camera.camera_to_world == scene_.camera.camera_to_world);
     }
+    const auto is_hidden = [this](std::uint32_t i) {
+      return scene_.instances[i].flat && is_flat_throughout(i);
+    };
+    std::erase_if(placed, is_hidden);
+    std::erase_if(changed, is_hidden);
     const bool lights_move = store_lights();
     for (const std::uint32_t i : placed) {
       scene_.instances[i].motion = static_cast<std::int32_t>(scene_.motions.size());
@@ -390,6 +404,19 @@ class MotionBuilder {
       if (camera_moves) scene_.camera.keys.push_back(key.camera);
     }
     return absl::OkStatus();
+  }
+
+  /// Returns whether the transform of an instance is singular during the whole exposure. Between
+  /// two keys its determinant is a cubic polynomial of time, which vanishes if it has four zeros.
+  [[nodiscard]] bool is_flat_throughout(std::uint32_t instance) const {
+    for (auto key = keys_.begin(); std::next(key) != keys_.end(); ++key) {
+      const std::array<Affine3d, 2> motion = {object_to_world(key->second, instance),
+                                              object_to_world(std::next(key)->second, instance)};
+      for (const float f : {0.0f, 0.25f, 0.75f, 1.0f}) {
+        if (pose_at(motion, {0, f})) return false;
+      }
+    }
+    return true;
   }
 
   /// Stores keys of moving lights; returns whether any light moves.

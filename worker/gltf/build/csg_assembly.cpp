@@ -68,7 +68,7 @@ class SolidAssembler {
       solid.steps.push_back({false, CsgOperation::unite, 0});
       return absl::OkStatus();
     }
-    Instance& instance = scene_.instances[found->second];
+    const Instance& instance = scene_.instances[found->second];
     const Mesh& mesh = scene_.meshes[static_cast<std::size_t>(instance.mesh)];
     if (mesh.shape != nullptr) {
       if (!mesh.shape->closed()) {
@@ -83,7 +83,6 @@ class SolidAssembler {
       }
     }
     if (solid.count == 0) solid.first = found->second;
-    instance.operand = true;
     solid.steps.push_back({true, CsgOperation::unite, solid.count++});
     return absl::OkStatus();
   }
@@ -95,16 +94,25 @@ class SolidAssembler {
 
 }  // namespace
 
-absl::Status assemble_solids(const std::vector<Node>& nodes, const std::vector<std::int32_t>& order,
-                             Scene& scene) {
-  std::map<std::int32_t, std::uint32_t> instances;  // by node; built on first use
-  std::vector<bool> inside(nodes.size());           // below a node with an operation
+std::vector<bool> nodes_in_solids(const std::vector<Node>& nodes,
+                                  const std::vector<std::int32_t>& order) {
+  std::vector<bool> inside(nodes.size());
   for (const std::int32_t index : order) {
     const Node& node = nodes[static_cast<std::size_t>(index)];
-    const bool nested = inside[static_cast<std::size_t>(index)];
-    if (!node.csg && !nested) continue;
-    for (const std::int32_t child : node.children) inside[static_cast<std::size_t>(child)] = true;
-    if (nested) continue;
+    const bool nested = node.parent != kNone && inside[static_cast<std::size_t>(node.parent)];
+    inside[static_cast<std::size_t>(index)] = node.csg || nested;
+  }
+  return inside;
+}
+
+absl::Status assemble_solids(const std::vector<Node>& nodes, const std::vector<std::int32_t>& order,
+                             Scene& scene) {
+  const std::vector<bool> inside = nodes_in_solids(nodes, order);
+  std::map<std::int32_t, std::uint32_t> instances;  // by node; built on first use
+  for (const std::int32_t index : order) {
+    const Node& node = nodes[static_cast<std::size_t>(index)];
+    if (!node.csg) continue;
+    if (node.parent != kNone && inside[static_cast<std::size_t>(node.parent)]) continue;
     if (instances.empty()) {
       for (std::uint32_t i = 0; i < scene.instances.size(); ++i) {
         instances.emplace(scene.instances[i].node, i);

@@ -75,11 +75,7 @@ class LoadedScene final : public SceneFile {
                     seconds,
                     std::nullopt};
     std::vector<Problem> problems;
-    auto scene = build_scene(input, cache, problems);
-    if (scene.ok() && !animations->empty()) {
-      absl::Status status = add_exposure(*animations, input, cache, problems, *scene);
-      if (!status.ok()) scene = status;
-    }
+    auto scene = pose_over_exposure(*animations, input, cache, problems);
     remember(problems);
     if (!scene.ok()) return in_file(name_, scene.status());
     store_pose(std::move(cache));
@@ -139,6 +135,18 @@ class LoadedScene final : public SceneFile {
     return status;
   }
 
+  static absl::StatusOr<Scene> pose_over_exposure(const std::vector<std::int32_t>& animations,
+                                                  const PoseInput& input, PoseCache& cache,
+                                                  std::vector<Problem>& problems) {
+    auto posed = build_scene(input, cache, problems);
+    if (!posed.ok()) return posed.status();
+    if (!animations.empty()) {
+      absl::Status status = add_exposure(animations, input, cache, problems, posed->scene);
+      if (!status.ok()) return status;
+    }
+    return finish_scene(input.model, *std::move(posed), problems);
+  }
+
   /// Adds the motion during the shutter of the scene's camera, if it has one. Properties animated
   /// by pointers keep their values at the frame's time.
   static absl::Status add_exposure(const std::vector<std::int32_t>& animations, PoseInput input,
@@ -150,10 +158,12 @@ class LoadedScene final : public SceneFile {
     shutter.close = input.seconds + camera.shutter_close;
     shutter.changes = animation_keys(input.model, animations, shutter.open, shutter.close);
     input.center = scene.center;
-    shutter.pose = [&](double seconds) {
+    shutter.pose = [&](double seconds) -> absl::StatusOr<Scene> {
       input.seconds = seconds;
       std::vector<Problem> ignored;
-      return build_scene(input, cache, ignored);
+      auto posed = build_scene(input, cache, ignored);
+      if (!posed.ok()) return posed.status();
+      return std::move(posed->scene);
     };
     return add_motion(shutter, scene, problems);
   }

@@ -30,6 +30,12 @@ namespace tessera::render {
 
 namespace {
 
+bool is_finite(const Affine3d& m) {
+  double size = max_abs(m.translation);
+  for (const Vec3d& row : m.rows) size += max_abs(row);
+  return std::isfinite(size);
+}
+
 /// Bounding box of a transformed box.
 PosedBox transformed(const Affine3d& m, const PosedBox& box) {
   PosedBox out;
@@ -46,14 +52,13 @@ class SceneBuilder {
   SceneBuilder(const PoseInput& input, PoseCache& cache, std::vector<Problem>& problems)
       : model_(input.model), input_(input), cache_(cache), problems_(problems) {}
 
-  absl::StatusOr<Scene> build() {
+  absl::StatusOr<PosedScene> build() {
     absl::Status status = pose_nodes();
     if (status.ok()) status = read_materials();
     if (status.ok()) status = check_used_parts(model_, order_, animations_);
     for (const std::int32_t node : order_) {
       if (status.ok()) status = place(node);
     }
-    if (status.ok()) status = assemble_solids(nodes_, order_, scene_);
     for (std::size_t m = 0; m < model_.materials.size(); ++m) {
       if (status.ok() && used_[m]) {
         status = check_used_material(model_, static_cast<std::int32_t>(m));
@@ -69,7 +74,7 @@ class SceneBuilder {
     add_environment();
     convert_index_matched_solids(scene_);
     cache_ = std::move(next_cache_);
-    return std::move(scene_);
+    return PosedScene{std::move(scene_), std::move(order_)};
   }
 
  private:
@@ -125,6 +130,7 @@ class SceneBuilder {
     }
     world_ = world_transforms(nodes_);
     order_ = depth_first(nodes_, roots_);
+    in_solid_ = nodes_in_solids(nodes_, order_);
     return absl::OkStatus();
   }
 
@@ -359,17 +365,28 @@ class SceneBuilder {
   void add_instance(std::int32_t mesh, std::int32_t node, const Affine3d& world) {
     if (boxes_[mesh].is_empty()) return;
     const std::string where = absl::StrCat("nodes[", node, "]");
-    const auto inverted = inverse(world);
-    if (!inverted) return warn(where, "its transform is singular or not finite; skipped");
+    if (!is_finite(world)) return warn(where, "its transform is not finite; skipped");
     const PosedBox box = transformed(world, boxes_[mesh]);
     if (!(max_abs(box.low) <= kMaxCoordinate && max_abs(box.high) <= kMaxCoordinate)) {
       return warn(where,
                   "its position is not finite or farther than 1e18 from the origin; skipped");
     }
-    bounds_.add(box.low);
-    bounds_.add(box.high);
-    scene_.instances.push_back({mesh, node, world, *inverted, determinant(world) < 0});
-    placed_.push_back({box, node});
+    Instance instance;
+    instance.mesh = mesh;
+    instance.node = node;
+    instance.object_to_world = world;
+    instance.operand = in_solid_[node];
+    const auto inverted = inverse(world);
+    instance.flat = !inverted;
+    if (inverted) {
+      instance.world_to_object = *inverted;
+      instance.flips_winding = determinant(world) < 0;
+      placed_.push_back({box, node});
+    }
+    PosedBox& bounds = inverted ? bounds_ : flat_bounds_;
+    bounds.add(box.low);
+    bounds.add(box.high);
+    scene_.instances.push_back(instance);
   }
 
   void place_light(std::int32_t index) {
@@ -389,6 +406,7 @@ class SceneBuilder {
   }
 
   absl::Status recenter() {
+    if (bounds_.is_empty()) bounds_ = flat_bounds_;
     if (bounds_.is_empty()) {
       warn("", "the scene has no triangles");
       bounds_ = {{0, 0, 0}, {0, 0, 0}};
@@ -477,15 +495,33 @@ class SceneBuilder {
   std::vector<PosedBox> boxes_;    // by scene mesh; in world space for skinned ones
   std::map<std::pair<std::int32_t, std::vector<double>>, std::int32_t> shared_;
   std::vector<SkinnedMesh> skinned_;
-  PosedBox bounds_;
+  std::vector<bool> in_solid_;     // by node
+  PosedBox bounds_, flat_bounds_;  // of instances that are not flat, and that are
   std::uint64_t geometry_bytes_ = 0;
 };
 
 }  // namespace
 
-absl::StatusOr<Scene> build_scene(const PoseInput& input, PoseCache& cache,
-                                  std::vector<Problem>& problems) {
+absl::StatusOr<PosedScene> build_scene(const PoseInput& input, PoseCache& cache,
+                                       std::vector<Problem>& problems) {
   return SceneBuilder(input, cache, problems).build();
+}
+
+absl::StatusOr<Scene> finish_scene(const GltfModel& model, PosedScene posed,
+                                   std::vector<Problem>& problems) {
+  Scene& scene = posed.scene;
+  const auto invisible = [&](const Instance& instance) {
+    const bool skip = instance.flat && instance.motion == kNone;
+    if (skip && problems.size() <= kMaxProblems) {
+      problems.push_back({Problem::Severity::warning, absl::StrCat("nodes[", instance.node, "]"),
+                          "its transform is singular; skipped"});
+    }
+    return skip;
+  };
+  std::erase_if(scene.instances, invisible);
+  absl::Status status = assemble_solids(model.nodes, posed.order, scene);
+  if (!status.ok()) return status;
+  return std::move(scene);
 }
 
 }  // namespace tessera::render

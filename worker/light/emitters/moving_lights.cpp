@@ -79,11 +79,12 @@ LightBounds bounds_of_moving(const Scene& scene, const Instance& instance, doubl
   std::vector<LightBounds> keys;
   for (const Affine3d& place : motion_of(scene, instance)) {
     const auto inverted = inverse(place);
-    if (!inverted) continue;
-    const ShapeLight emitter(place, *inverted, *mesh_of(scene, instance).shape);
+    const Affine3d world_to_object = inverted.value_or(Affine3d());
+    const ShapeLight emitter(place, world_to_object, *mesh_of(scene, instance).shape);
     keys.push_back(emitter.bounds(radiance, both_sides));
+    if (!inverted) keys.back().strength = 0;  // invisible, but it moves from or to this place
   }
-  return keys.empty() ? LightBounds{} : bounds_over(keys);
+  return bounds_over(keys);
 }
 
 LightBounds bounds_of_moving(const PunctualLight& light) {

@@ -15,16 +15,19 @@ double angle_of_cosine(double cosine) {
 }
 
 /// Mean of the axes and the angle around it that contains their cones; all directions if the axes
-/// cancel.
+/// cancel. Poses in which the light vanishes have no direction.
 void unite_directions(const std::vector<LightBounds>& poses, LightBounds& all) {
   Vec3d sum;
-  for (const LightBounds& pose : poses) sum += pose.axis;
+  for (const LightBounds& pose : poses) {
+    if (pose.strength > 0) sum += pose.axis;
+  }
   const double size = length(sum);
   all.normal_angle = kPi;
   if (!(size > 0)) return;
   all.axis = sum / size;
   double widest = 0;
   for (const LightBounds& pose : poses) {
+    if (!(pose.strength > 0)) continue;
     widest = std::max(widest, angle_of_cosine(dot(all.axis, pose.axis)) + pose.normal_angle);
   }
   all.normal_angle = std::min(widest, kPi);
