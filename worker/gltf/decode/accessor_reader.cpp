@@ -1,5 +1,6 @@
 #include "worker/gltf/decode/accessor_reader.h"
 
+#include <algorithm>
 #include <cstring>
 #include <limits>
 
@@ -165,6 +166,30 @@ const absl::Status* view_fault(const GltfModel& model, const Accessor& a) {
   return nullptr;
 }
 
+std::uint64_t buffer_bytes(const GltfModel& model) {
+  std::uint64_t bytes = 0;
+  for (const auto& buffer : model.buffers) bytes += buffer.size();
+  return bytes;
+}
+
+/// Checks the decoded size of an accessor. Elements are decoded to floats, whatever the file
+/// stores.
+absl::Status check_decoded_size(const GltfModel& model, std::int32_t index, std::uint64_t stored) {
+  const Accessor& a = model.accessors[index];
+  const auto element = 4 * static_cast<std::uint64_t>(a.components());
+  const auto count = static_cast<std::uint64_t>(a.count);
+  if (a.view != kNone) {
+    if (count <= kMaxDecodedBytes / element) return absl::OkStatus();
+    return fault(index, absl::StrCat("count ", count, " decodes to more than the limit of ",
+                                     kMaxDecodedBytes, " bytes"));
+  }
+  const std::uint64_t limit = std::min(kMinZeroLimit + 16 * stored, kMaxZeroLimit);
+  if (count <= limit / element) return absl::OkStatus();
+  return fault(index, absl::StrCat("count ", count, " without a bufferView decodes to more than ",
+                                   limit, " bytes, the limit for ", stored,
+                                   " bytes of buffers; store its values in a bufferView"));
+}
+
 absl::Status check_view(const GltfModel& model, const BufferView& v, const std::string& where) {
   const auto fail = [&](const std::string& message) {
     return absl::InvalidArgumentError(absl::StrCat(where, ": ", message));
@@ -212,17 +237,12 @@ void check_views(GltfModel& model) {
   }
 }
 
-absl::Status check_accessor(const GltfModel& model, std::int32_t index) {
+absl::Status check_accessor(const GltfModel& model, std::int32_t index, std::uint64_t stored) {
   const Accessor& a = model.accessors[index];
   if (a.count < 1) return fault(index, absl::StrCat("count ", a.count, " is below 1"));
   const std::size_t bytes = element_bytes(a);
-  // Elements are decoded to floats, whatever the file stores.
-  const std::uint64_t limit = a.view == kNone ? kMaxZeroBytes : kMaxDecodedBytes;
-  if (static_cast<std::uint64_t>(a.count) >
-      limit / (4 * static_cast<std::uint64_t>(a.components()))) {
-    return fault(index,
-                 absl::StrCat("count ", a.count, " exceeds the limit for decoded accessors"));
-  }
+  absl::Status size = check_decoded_size(model, index, stored);
+  if (!size.ok()) return size;
   if (a.view != kNone) {
     const std::size_t stride =
         static_cast<std::size_t>(a.view) < model.views.size() ? view_stride(model, a) : bytes;
@@ -243,12 +263,12 @@ std::uint64_t decoded_bytes(const GltfModel& model, std::int32_t index) {
 }
 
 absl::Status check_accessors(GltfModel& model) {
-  std::uint64_t limit = kMaxAccessorBytes, total = 0;
-  for (const auto& buffer : model.buffers) limit += 16 * buffer.size();
+  const std::uint64_t stored = buffer_bytes(model), limit = kMaxAccessorBytes + 16 * stored;
+  std::uint64_t total = 0;
   for (std::size_t i = 0; i < model.accessors.size(); ++i) {
     const auto index = static_cast<std::int32_t>(i);
     const absl::Status* cause = view_fault(model, model.accessors[i]);
-    const absl::Status status = cause != nullptr ? *cause : check_accessor(model, index);
+    const absl::Status status = cause != nullptr ? *cause : check_accessor(model, index, stored);
     if (!status.ok()) model.faults.add(absl::StrCat("accessors[", i, "]"), status);
     if (model.faults.find("accessors", index) != nullptr) {
       model.accessors[i].count = 1;

@@ -12,8 +12,9 @@
 namespace tessera::render {
 
 /// Checks that accessor `index` lies within its views and buffers, including its sparse part, and
-/// has a layout that glTF allows. Errors: InvalidArgument "accessors[i]: ...".
-absl::Status check_accessor(const GltfModel& model, std::int32_t index);
+/// has a layout that glTF allows. `stored`: size of all buffers, bytes. Errors: InvalidArgument
+/// "accessors[i]: ...".
+absl::Status check_accessor(const GltfModel& model, std::int32_t index, std::uint64_t stored);
 
 /// Runs check_accessor() for all accessors and adds the results to model.faults. Errors:
 /// InvalidArgument if their total decoded size is above kMaxAccessorBytes plus 16 times the size of

@@ -118,6 +118,25 @@ TEST(Accessors, SparseElementsReplaceValues) {
   }
 }
 
+/// 1 MiB and 16 times the bytes of the buffers.
+TEST(Accessors, SizeOfZerosFollowsThatOfBuffers) {
+  const auto load = [](std::int64_t count) {
+    GltfBuilder b;
+    b.add_view(std::vector<std::byte>(1024));
+    b.add_accessor({.view = -1, .count = count, .type = "VEC3"});
+    b.add("meshes", R"({"primitives": [{"attributes": {"POSITION": 0}}]})");
+    b.add_node_with_mesh(0);
+    return load_and_pose(b).status();
+  };
+  constexpr std::int64_t kMost = ((1 << 20) + 16 * 1024) / 12;
+  EXPECT_TRUE(load(kMost).ok()) << load(kMost);
+  const absl::Status refused = load(kMost + 1);
+  EXPECT_NE(refused.message().find("accessors[0]: count 88747 without a bufferView decodes to more "
+                                   "than 1064960 bytes"),
+            std::string::npos)
+      << refused;
+}
+
 TEST(Accessors, EveryIndexTypeIsRead) {
   const auto positions_of = [](auto sample, int type) {
     using T = decltype(sample);
