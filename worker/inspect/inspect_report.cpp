@@ -6,6 +6,7 @@
 #include "worker/gltf/file/folder_reader.h"
 #include "worker/inspect/light_through_glass.h"
 #include "worker/inspect/solid_check.h"
+#include "worker/scene/visible_bounds.h"
 
 namespace tessera::render {
 
@@ -57,9 +58,10 @@ void add_resource(const FolderReader& reader, const std::string& uri, const char
 void add_pose(const Scene& scene, InspectReport& report) {
   report.posed = true;
   report.features = features_of(scene);
-  for (int k = 0; k < 3; ++k) {
-    report.bounds_min[static_cast<std::size_t>(k)] = scene.bounds_min[k] + scene.center[k];
-    report.bounds_max[static_cast<std::size_t>(k)] = scene.bounds_max[k] + scene.center[k];
+  const Box3d bounds = visible_bounds(scene);
+  for (int k = 0; k < 3 && !bounds.empty(); ++k) {
+    report.bounds_min[static_cast<std::size_t>(k)] = bounds.lo[k] + scene.center[k];
+    report.bounds_max[static_cast<std::size_t>(k)] = bounds.hi[k] + scene.center[k];
   }
   for (Problem& problem : check_light_through_glass(scene)) {
     report.findings.push_back({report.scene, std::move(problem)});

@@ -359,7 +359,8 @@ struct Scene {
   bool has_environment = false;  // lights the scene, even if camera rays do not see it
   Environment environment;
   Vec3d center;                  // added to recentred positions in AOVs
-  Vec3d bounds_min, bounds_max;  // recentred world box of all instances
+  Vec3d bounds_min, bounds_max;  // recentred box around the transformed boxes of all meshes; see
+                                 // visible_bounds() for a tight one
 };
 
 }  // namespace tessera::render

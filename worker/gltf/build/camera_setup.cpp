@@ -5,6 +5,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "worker/math/elementary.h"
+#include "worker/scene/visible_bounds.h"
 
 namespace tessera::render {
 
@@ -12,20 +13,30 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kFramingYfov = 0.69813170079773184;  // 40 degrees
-constexpr double kSin20Degrees = 0.34202014332566873;
+constexpr double kSin20Degrees = 0.34202014332566873, kTan20Degrees = 0.36397023426620234;
 
 Affine3d from_axes(const Vec3d& x, const Vec3d& y, const Vec3d& z, const Vec3d& origin) {
   return {{Vec3d{x.x, y.x, z.x}, Vec3d{x.y, y.y, z.y}, Vec3d{x.z, y.z, z.z}}, origin};
 }
 
-Camera frame_everything(const PosedNodes& nodes) {
+/// Sine of half the smaller angle of view.
+double sine_of_half_angle(const contract::RenderSettings& settings) {
+  if (settings.width >= settings.height) return kSin20Degrees;
+  const double tangent = kTan20Degrees * settings.width / settings.height;
+  return tangent / std::sqrt(1 + tangent * tangent);
+}
+
+/// A camera whose pyramid of view touches the sphere around the scene's box.
+Camera frame_everything(const PosedNodes& nodes, const contract::RenderSettings& settings) {
   Camera camera;
   camera.name = "framed";
   camera.yfov = kFramingYfov;
-  const double r = length(nodes.bounds_max - nodes.bounds_min) / 2;
+  Box3d box = visible_bounds(nodes.scene);
+  if (box.empty()) box = {nodes.scene.bounds_min, nodes.scene.bounds_max};
+  const double r = length(box.hi - box.lo) / 2;
   const Vec3d back = normalize(Vec3d{0.5, 0.35, 1});
-  const double distance = (r > 0 ? r : 1) / kSin20Degrees;
-  const Vec3d middle = (nodes.bounds_min + nodes.bounds_max) * 0.5;
+  const double distance = (r > 0 ? r : 1) / sine_of_half_angle(settings);
+  const Vec3d middle = (box.lo + box.hi) * 0.5;
   const Vec3d right = normalize(cross(Vec3d{0, 1, 0}, back));
   camera.camera_to_world = from_axes(right, cross(back, right), back, middle + back * distance);
   return camera;
@@ -146,7 +157,7 @@ absl::StatusOr<Camera> set_up_camera(const GltfModel& model,
                                      const PosedNodes& nodes, std::vector<Problem>& problems) {
   const std::int32_t node = find_camera_node(model, settings.camera, nodes.order);
   if (node == kNone) {
-    if (settings.camera.empty()) return frame_everything(nodes);
+    if (settings.camera.empty()) return frame_everything(nodes, settings);
     return absl::InvalidArgumentError(absl::StrCat("camera: \"", settings.camera,
                                                    "\" not found; the scene has ",
                                                    known_cameras(model, nodes.order)));
@@ -165,10 +176,10 @@ absl::StatusOr<Camera> set_up_camera(const GltfModel& model,
     if (!settings.camera.empty()) return valid;
     problems.push_back({Problem::Severity::warning, where,
                         absl::StrCat(valid.message(), "; framing the whole scene instead")});
-    return frame_everything(nodes);
+    return frame_everything(nodes, settings);
   }
   if (camera.name.empty()) camera.name = model.nodes[node].name;
-  placed->translation = placed->translation - nodes.center;
+  placed->translation = placed->translation - nodes.scene.center;
   camera.camera_to_world = *placed;
   return camera;
 }

@@ -10,11 +10,11 @@
 
 namespace tessera::render {
 
-/// Nodes of a posed scene, as needed to place a camera.
+/// A posed scene, as needed to place a camera.
 struct PosedNodes {
   const std::vector<std::int32_t>& order;  // visible nodes, depth first
   const std::vector<Affine3d>& world;      // by node index, not recentred
-  Vec3d center, bounds_min, bounds_max;    // bounds are recentred
+  const Scene& scene;                      // instances are recentred
 };
 
 /// The camera of a frame (docs/explanation/determinism.md#scene-conventions): the one that

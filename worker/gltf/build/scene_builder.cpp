@@ -434,9 +434,7 @@ class SceneBuilder {
     }
     for (PunctualLight& light : scene_.lights) light.position = light.position - center;
     if (scene_.atmosphere) scene_.atmosphere->center = scene_.atmosphere->center - center;
-    auto camera =
-        set_up_camera(model_, input_.settings,
-                      {order_, world_, center, scene_.bounds_min, scene_.bounds_max}, problems_);
+    auto camera = set_up_camera(model_, input_.settings, {order_, world_, scene_}, problems_);
     if (!camera.ok()) return camera.status();
     scene_.camera = *std::move(camera);
     return absl::OkStatus();

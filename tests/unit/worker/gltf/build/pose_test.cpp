@@ -293,6 +293,35 @@ TEST(Cameras, DefaultCameraFramesScene) {
   EXPECT_GT(m.rows[1].y, 0);
 }
 
+/// The sphere around the scene's box touches the narrower pair of sides of the pyramid of view.
+TEST(Cameras, DefaultCameraFramesScenePortrait) {
+  GltfBuilder b;
+  b.add_mesh(unit_quad());
+  b.add_node_with_mesh(0, R"({"scale": [6, 8, 1]})");
+  contract::RenderSettings settings;
+  for (const auto& [width, height] : {std::pair(60, 240), std::pair(240, 60), std::pair(50, 50)}) {
+    settings.width = width;
+    settings.height = height;
+    const auto scene = load_and_pose(b, settings);
+    ASSERT_TRUE(scene.ok());
+    const double tangent = std::tan(scene->camera.yfov / 2) * std::min(1.0, 1.0 * width / height);
+    EXPECT_NEAR(length(scene->camera.camera_to_world.translation) * std::sin(std::atan(tangent)), 5,
+                1e-12);
+  }
+}
+
+/// Its frame follows what is visible, not the box of a turned box.
+TEST(Cameras, DefaultCameraFramesTurnedScene) {
+  GltfBuilder b;
+  b.use_extension("TESSERA_shape");
+  b.add_node(R"({"rotation": [0, 0.38268343, 0, 0.92387953],
+                 "extensions": {"TESSERA_shape": {"type": "sphere", "radius": 1}}})");
+  const auto scene = load_and_pose(b);
+  ASSERT_TRUE(scene.ok());
+  const double sine = std::sin(scene->camera.yfov / 2);
+  EXPECT_NEAR(length(scene->camera.camera_to_world.translation) * sine, std::sqrt(3), 1e-6);
+}
+
 TEST(Lights, FollowNodeTransform) {
   GltfBuilder b;
   b.use_extension("KHR_lights_punctual");
