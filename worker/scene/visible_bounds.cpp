@@ -17,7 +17,13 @@ void for_each_corner(const Mesh& mesh, const Visit& visit) {
   }
 }
 
+/// An infinite plane counts as its origin.
+bool is_unbounded(const Mesh& mesh) {
+  return mesh.shape != nullptr && !mesh.shape->bounded();
+}
+
 Box3d object_box(const Mesh& mesh) {
+  if (is_unbounded(mesh)) return {{0, 0, 0}, {0, 0, 0}};
   if (mesh.shape != nullptr) return {Vec3d(mesh.shape->bounds.lo), Vec3d(mesh.shape->bounds.hi)};
   Box3d box;
   for_each_corner(mesh, [&](const Vec3d& p) { box.extend(p); });
@@ -41,6 +47,7 @@ Box3d tight_box(const Affine3d& m, const Mesh& mesh) {
     for_each_corner(mesh, [&](const Vec3d& p) { out.extend(transform_point(m, p)); });
     return out;
   }
+  if (is_unbounded(mesh)) return {m.translation, m.translation};
   for (int k = 0; k < 3; ++k) {
     const Vec3d& row = m.rows[static_cast<std::size_t>(k)];
     out.lo[k] = m.translation[k] - support(*mesh.shape, -row);
