@@ -13,7 +13,7 @@ from pathlib import Path
 
 from maker.cameras import lens, motion, screens
 from maker.course import course
-from maker.farm import lit_square, missing_texture, quickstart, same_bits, stadium
+from maker.farm import hidden_room, lit_square, missing_texture, quickstart, same_bits, stadium
 from maker.landscapes import fog, planes, terrain
 from maker.solids import blobs, csg, lamps, shapes
 from maker.surfaces import materials, nested, optics, textures
@@ -25,8 +25,8 @@ FOLDER = Path(__file__).resolve().parent
 def main():
     check = "--check" in sys.argv[1:]
     stale = []
-    for make in (quickstart, same_bits, materials, lit_square, missing_texture, stadium, lens,
-                 screens, textures, optics, nested, shapes, csg, blobs, lamps, fog, flame,
+    for make in (quickstart, same_bits, materials, lit_square, missing_texture, stadium, hidden_room,
+                 lens, screens, textures, optics, nested, shapes, csg, blobs, lamps, fog, flame,
                  underwater, motion, terrain, course, planes):
         path = FOLDER / f"{make.__name__}.gltf"
         text = make().text()

@@ -8,7 +8,7 @@
 namespace tessera::render {
 
 /// Ray-query interface of SceneAccel, also implemented by the structures of worker/accelerators and
-/// by RayRecorder. Queries behave like those of SceneAccel; `filter` may be null. Requires
+/// by record_rays(). Queries behave like those of SceneAccel; `filter` may be null. Requires
 /// t_max > 0.
 class Accelerator {
  public:

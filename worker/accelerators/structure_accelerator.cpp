@@ -1,10 +1,9 @@
 #include "worker/accelerators/structure_accelerator.h"
 
 #include <algorithm>
+#include <iterator>
 #include <limits>
 
-#include "worker/accel/build/instance_boxes.h"
-#include "worker/accel/build/mesh_triangles.h"
 #include "worker/accel/kernels/thread_counts.h"
 #include "worker/geometry/triangle.h"
 
@@ -34,20 +33,25 @@ struct CountedQuery {
 
 }  // namespace
 
-StructureAccelerator::StructureAccelerator(const Scene& scene, const Structure& structure)
+StructureAccelerator::StructureAccelerator(const Scene& scene, const Structure& structure,
+                                           std::span<const Ray> sample)
     : key_times_(scene.key_times), solids_(Solids::of(scene)) {
   const std::size_t count = key_times_.empty() ? 1 : key_times_.size() - 1;
   for (std::uint32_t s = 0; s < count; ++s) {
-    segments_.push_back(make_segment(scene, s, structure));
+    std::vector<Ray> rays;
+    std::copy_if(sample.begin(), sample.end(), std::back_inserter(rays),
+                 [&](const Ray& ray) { return keyframe_position(ray).segment == s; });
+    segments_.push_back(make_segment(scene, s, structure, rays));
   }
 }
 
 StructureAccelerator::TimeSegment StructureAccelerator::make_segment(
-    const Scene& scene, std::uint32_t segment, const Structure& structure) const {
+    const Scene& scene, std::uint32_t segment, const Structure& structure,
+    std::span<const Ray> sample) const {
   TimeSegment out;
   std::vector<Box3f> meshes;
   for (const Mesh& mesh : scene.meshes) {
-    Part part = make_part(mesh, segment, structure);
+    Part part = make_part(mesh, segment);
     const Shape* const shape = mesh.shape.get();
     meshes.push_back(shape != nullptr ? shape->bounds : part.bounds);
     out.parts.push_back(std::move(part));
@@ -56,11 +60,25 @@ StructureAccelerator::TimeSegment StructureAccelerator::make_segment(
   if (!key_times_.empty()) all.segment = segment;
   const InstanceBoxes instances = bound_instances(scene, meshes, all);
   out.origin_limit = instances.origin_limit;
+  place_instances(scene, instances, out);
+  if (!out.placed.empty()) {
+    std::vector<Vec3f> corners;
+    for (const Box3f& box : instances.boxes) append_corners(box, corners);
+    out.top = structure.build({instances.boxes, corners, 8, sample});
+  }
+  const std::vector<std::vector<Ray>> rays = rays_by_part(out, sample);
+  for (std::size_t i = 0; i < out.parts.size(); ++i) {
+    Part& part = out.parts[i];
+    part.index = build_index(part, !scene.meshes[i].keys.empty(), rays[i], structure);
+  }
+  return out;
+}
+
+void StructureAccelerator::place_instances(const Scene& scene, const InstanceBoxes& instances,
+                                           TimeSegment& out) const {
   for (const std::uint32_t index : instances.unbounded) {
     out.unbounded.push_back(solids_->at(index));
   }
-  if (instances.boxes.empty()) return out;
-  std::vector<Vec3f> corners;
   for (std::size_t i = 0; i < instances.boxes.size(); ++i) {
     const Instance& instance = scene.instances[instances.instances[i]];
     Placed& placed = out.placed.emplace_back();
@@ -72,30 +90,70 @@ StructureAccelerator::TimeSegment StructureAccelerator::make_segment(
       placed.motion = scene.motions[static_cast<std::size_t>(instance.motion)];
     }
     out.bounds.extend(instances.boxes[i]);
-    append_corners(instances.boxes[i], corners);
   }
-  out.top = structure.build({instances.boxes, corners, 8});
-  return out;
 }
 
-StructureAccelerator::Part StructureAccelerator::make_part(const Mesh& mesh, std::uint32_t segment,
-                                                           const Structure& structure) {
+StructureAccelerator::Part StructureAccelerator::make_part(const Mesh& mesh,
+                                                           std::uint32_t segment) {
   Part part;
-  std::vector<Box3f> boxes;
-  std::vector<Vec3f> corners;
-  const bool moves = !mesh.keys.empty();
   for_each_triangle(mesh, segment,
                     [&](std::uint32_t p, std::uint32_t t, const MovingTriangle& triangle) {
                       part.triangles.push_back({triangle, p, t});
-                      boxes.push_back(triangle.box());
-                      corners.insert(corners.end(), triangle.from.begin(), triangle.from.end());
-                      if (moves) {
-                        corners.insert(corners.end(), triangle.to.begin(), triangle.to.end());
-                      }
-                      part.bounds.extend(boxes.back());
+                      part.bounds.extend(triangle.box());
                     });
-  if (!boxes.empty()) part.index = structure.build({boxes, corners, moves ? 6u : 3u});
   return part;
+}
+
+/// Returns null for a part without triangles.
+std::unique_ptr<ShapeIndex> StructureAccelerator::build_index(const Part& part, bool moves,
+                                                              std::span<const Ray> sample,
+                                                              const Structure& structure) {
+  if (part.triangles.empty()) return nullptr;
+  std::vector<Box3f> boxes;
+  std::vector<Vec3f> corners;
+  for (const Triangle& triangle : part.triangles) {
+    const MovingTriangle& at = triangle.corners;
+    boxes.push_back(at.box());
+    corners.insert(corners.end(), at.from.begin(), at.from.end());
+    if (moves) corners.insert(corners.end(), at.to.begin(), at.to.end());
+  }
+  return structure.build({boxes, corners, moves ? 6u : 3u, sample});
+}
+
+/// Returns for each part the rays that may meet its instances, in its space.
+std::vector<std::vector<Ray>> StructureAccelerator::rays_by_part(
+    const TimeSegment& segment, std::span<const Ray> sample) const {
+  std::vector<std::vector<Ray>> rays(segment.parts.size());
+  for (const Ray& ray : sample) {
+    const auto add = [&](std::uint32_t index) {
+      const Placed& placed = segment.placed[index];
+      if (const auto seen = in_object_space(placed, ray)) rays[placed.part].push_back(*seen);
+      return false;
+    };
+    ShapeRay world_ray;
+    TraversalStats stats;
+    if (segment.top != nullptr &&
+        make_shape_ray(ray.origin, ray.direction, segment.bounds, world_ray)) {
+      segment.top->traverse(world_ray, ray.t_max, ShapeVisitor(add), stats);
+    }
+  }
+  return rays;
+}
+
+/// Returns the ray in the space of an instance, or nothing if it is singular at the ray's time.
+std::optional<Ray> StructureAccelerator::in_object_space(const Placed& placed,
+                                                         const Ray& ray) const {
+  Affine3d world_to_object = placed.world_to_object;
+  if (!placed.motion.empty()) {
+    const auto pose = pose_at(placed.motion, keyframe_position(ray));
+    if (!pose) return std::nullopt;
+    world_to_object = pose->world_to_object;
+  }
+  Ray out = ray;
+  if (!is_identity(world_to_object)) {
+    transform_ray(world_to_object, ray.origin, ray.direction, out.origin, out.direction);
+  }
+  return out;
 }
 
 KeyframePosition StructureAccelerator::keyframe_position(const Ray& ray) const {
@@ -107,18 +165,11 @@ bool StructureAccelerator::intersect_mesh(const Placed& placed, const Ray& ray, 
                                           const Offer& offer, TraversalStats& stats) const {
   const KeyframePosition at = keyframe_position(ray);
   const Part& part = segments_[at.segment].parts[placed.part];
-  Affine3d world_to_object = placed.world_to_object;
-  if (!placed.motion.empty()) {
-    const auto pose = pose_at(placed.motion, at);
-    if (!pose) return false;
-    world_to_object = pose->world_to_object;
-  }
-  Vec3f origin = ray.origin, direction = ray.direction;
-  if (!is_identity(world_to_object)) {
-    transform_ray(world_to_object, ray.origin, ray.direction, origin, direction);
-  }
+  const std::optional<Ray> local = in_object_space(placed, ray);
   ShapeRay object_ray;
-  if (!make_shape_ray(origin, direction, part.bounds, object_ray)) return false;
+  if (!local || !make_shape_ray(local->origin, local->direction, part.bounds, object_ray)) {
+    return false;
+  }
   const auto test = [&](std::uint32_t index) {
     const Triangle& triangle = part.triangles[index];
     const TriangleId id = {placed.instance, triangle.primitive, triangle.triangle};

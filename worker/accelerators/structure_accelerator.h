@@ -1,9 +1,12 @@
 #pragma once
 
 #include <memory>
+#include <optional>
+#include <span>
 #include <vector>
 
 #include "worker/accel/accelerator.h"
+#include "worker/accel/build/instance_boxes.h"
 #include "worker/accel/build/mesh_triangles.h"
 #include "worker/accel/solids/solids.h"
 #include "worker/accelerators/structures.h"
@@ -17,8 +20,10 @@ namespace tessera::render::accelerators {
 /// accel/reference/brute_force.h bit for bit.
 class StructureAccelerator final : public Accelerator {
  public:
-  /// Copies what it needs, so `scene` need not outlive it.
-  StructureAccelerator(const Scene& scene, const Structure& structure);
+  /// Copies what it needs, so `scene` need not outlive it. `sample` are rays that end at their
+  /// hits, for structures that take rays into account; see record_rays().
+  StructureAccelerator(const Scene& scene, const Structure& structure,
+                       std::span<const Ray> sample = {});
 
   /// These add their cost to thread_traversal_counts().
   bool closest_hit(const Ray& ray, const HitFilter* filter, Hit& hit) const override;
@@ -58,9 +63,16 @@ class StructureAccelerator final : public Accelerator {
     float origin_limit = 0;
   };
 
-  static Part make_part(const Mesh& mesh, std::uint32_t segment, const Structure& structure);
-  TimeSegment make_segment(const Scene& scene, std::uint32_t segment,
-                           const Structure& structure) const;
+  static Part make_part(const Mesh& mesh, std::uint32_t segment);
+  static std::unique_ptr<ShapeIndex> build_index(const Part& part, bool moves,
+                                                 std::span<const Ray> sample,
+                                                 const Structure& structure);
+  TimeSegment make_segment(const Scene& scene, std::uint32_t segment, const Structure& structure,
+                           std::span<const Ray> sample) const;
+  void place_instances(const Scene& scene, const InstanceBoxes& instances, TimeSegment& out) const;
+  std::vector<std::vector<Ray>> rays_by_part(const TimeSegment& segment,
+                                             std::span<const Ray> sample) const;
+  std::optional<Ray> in_object_space(const Placed& placed, const Ray& ray) const;
   KeyframePosition keyframe_position(const Ray& ray) const;
   template <typename Offer>
   bool intersect_mesh(const Placed& placed, const Ray& ray, const float& limit, const Offer& offer,

@@ -13,6 +13,7 @@ std::span<const Structure> structures() {
   static constexpr Structure kStructures[] = {
       {"brute-force", "brute force", build_brute_force},
       {"bvh2", "two-wide BVH, recursive", build_two_wide_bvh},
+      {"rdh-bvh", "two-wide BVH, guided by rays", build_rdh_bvh, true},
       {"bvh2-skip", "two-wide BVH, skip pointers", build_skip_bvh},
       {"bvh2-parents", "two-wide BVH, parent pointers", build_parent_bvh},
       {"spheres", "bounding spheres", build_sphere_tree},

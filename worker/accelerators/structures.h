@@ -16,6 +16,7 @@ struct Structure {
   std::string_view name;   // value of --accelerator
   std::string_view title;  // display name
   std::unique_ptr<ShapeIndex> (*build)(const ShapeBounds& shapes);
+  bool takes_rays = false;  // the build depends on ShapeBounds::rays
 };
 
 /// Returns all structures, in the order of reports.

@@ -8,10 +8,9 @@
 #include <utility>
 
 #include "worker/accel/kernels/thread_counts.h"
+#include "worker/accelerators/recording/recorded_rays.h"
 #include "worker/accelerators/shadow_cache.h"
 #include "worker/accelerators/structure_accelerator.h"
-#include "worker/inspect/ray_recorder.h"
-#include "worker/render/frame_renderer.h"
 
 namespace tessera::render {
 namespace {
@@ -20,8 +19,6 @@ using accelerators::Structure;
 using accelerators::StructureAccelerator;
 using accelerators::TraversalStats;
 
-constexpr std::int32_t kPixelsAcross = 128;
-constexpr std::int32_t kDepth = 3;
 /// Rays between two clock readings; consecutive ones, so that caches behave as in a render.
 constexpr std::size_t kRun = 32;
 
@@ -29,22 +26,6 @@ double cpu_seconds() {
   std::timespec t{};
   ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
-
-absl::StatusOr<RecordedRays> record_rays(const Scene& scene, contract::RenderSettings settings) {
-  settings.height = std::max(1, kPixelsAcross * settings.height / settings.width);
-  settings.height = std::min(settings.height, kPixelsAcross);
-  settings.width = kPixelsAcross;
-  settings.max_depth = kDepth;
-  settings.aovs = 0;
-  RecordedRays rays;
-  const TraceOptions recording(best_isa(), [&rays](const Scene& of) {
-    return std::make_unique<const RayRecorder>(of, &rays);
-  });
-  const auto frame = FrameRenderer::create(scene, settings, 0, sequential(), nullptr, recording);
-  if (!frame.ok()) return frame.status();
-  (*frame)->render({0, 0, settings.width, settings.height}, contract::Pass{0, 1}, 0, sequential());
-  return rays;
 }
 
 /// Calls trace(i) for i in [0, count), in runs spread evenly over the range, until `seconds` of CPU
@@ -73,6 +54,7 @@ struct RecordedQueries {
   std::vector<ShadowRay> any;
   std::vector<bool> found, blocked;
   std::vector<Hit> hits;
+  std::vector<Ray> visible;  // as in RecordedRays
 };
 
 bool same(const Hit& a, const Hit& b) {
@@ -84,6 +66,7 @@ RecordedQueries record_answers(RecordedRays rays, const SceneAccel& accel) {
   q.closest = std::move(rays.camera);
   q.closest.insert(q.closest.end(), rays.bounces.begin(), rays.bounces.end());
   q.any = std::move(rays.shadows);
+  q.visible = std::move(rays.visible);
   for (const Ray& ray : q.closest) {
     q.found.push_back(accel.closest_hit(ray, q.hits.emplace_back()));
   }
@@ -200,7 +183,7 @@ AcceleratorStats reference_row(const Scene& scene, const Structure& structure,
   row.name = structure.name;
   row.title = structure.title;
   const double start = cpu_seconds();
-  const StructureAccelerator accel(scene, structure);
+  const StructureAccelerator accel(scene, structure, q.visible);
   row.build_seconds = cpu_seconds() - start;
   row.memory_bytes = static_cast<std::int64_t>(accel.memory_bytes());
   fill(

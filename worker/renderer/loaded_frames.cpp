@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "rpc/settings_message.h"
+#include "worker/accelerators/recording/recorded_rays.h"
 #include "worker/accelerators/structure_accelerator.h"
 #include "worker/gltf/build/loader.h"
 
@@ -20,9 +21,14 @@ double seconds_since(Clock::time_point start) {
 render::TraceOptions trace_options(render::Isa isa, const contract::RenderSettings& settings) {
   const auto* structure = render::accelerators::find_structure(settings.accelerator);
   if (structure == nullptr) return isa;
-  return {isa, [structure](const render::Scene& scene) {
-            return std::make_unique<const render::accelerators::StructureAccelerator>(scene,
-                                                                                      *structure);
+  return {isa, [structure, settings](const render::Scene& scene) {
+            std::vector<render::Ray> sample;
+            if (structure->takes_rays) {
+              auto rays = render::record_rays(scene, settings);
+              if (rays.ok()) sample = std::move(rays->visible);  // else create() fails likewise
+            }
+            return std::make_unique<const render::accelerators::StructureAccelerator>(
+                scene, *structure, sample);
           }};
 }
 

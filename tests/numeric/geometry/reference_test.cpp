@@ -53,7 +53,7 @@ struct Trial {
 
 /// Counts rays whose closest or any hit differs from brute force in any bit.
 int mismatches(const Trial& trial, const Structure& structure) {
-  const StructureAccelerator accel(trial.scene, structure);
+  const StructureAccelerator accel(trial.scene, structure, trial.rays);
   int wrong = 0;
   for (std::size_t i = 0; i < trial.rays.size(); ++i) {
     Hit hit;
@@ -271,8 +271,9 @@ TEST(TeapotInAStadium, SlowsGridsNotHierarchies) {
   };
   for (const char* grid : {"grid", "grid-mailboxes", "proximity-grid"})
     EXPECT_GT(triangles_per_ray(grid), 1000) << grid;
-  for (const char* adaptive : {"bvh2", "bvh2-skip", "bvh2-parents", "spheres", "oriented-boxes",
-                               "axis-bsp", "kd-tree", "octree", "hierarchical-grid"}) {
+  for (const char* adaptive :
+       {"bvh2", "rdh-bvh", "bvh2-skip", "bvh2-parents", "spheres", "oriented-boxes", "axis-bsp",
+        "kd-tree", "octree", "hierarchical-grid"}) {
     EXPECT_LT(triangles_per_ray(adaptive), 50) << adaptive;
   }
   for (const char* slower : {"recursive-grid", "polygon-bsp", "polygon-bsp-split"}) {
@@ -311,6 +312,63 @@ TEST(KdTree, VisitsOtherNodesThanAxisBsp) {
   Dice dice(11);
   const Scene scene = scene_of({needles(300, dice)});
   EXPECT_NE(cost_in(scene, "kd-tree").nodes, cost_in(scene, "axis-bsp").nodes);
+}
+
+/// Spheres behind a wall and one in front of it, and rays that start in front.
+struct HiddenSpheres {
+  Scene scene;
+  std::vector<Ray> rays;
+
+  HiddenSpheres() {
+    std::vector<Primitive> parts = {
+        quad({-3, 0, 0}, {6, 0, 0}, {0, 2.5f, 0}), quad({-3, 0, 3}, {0, 0, -6}, {0, 2.5f, 0}),
+        quad({3, 0, 3}, {0, 0, -6}, {0, 2.5f, 0}), quad({-3, 0, 3}, {6, 0, 0}, {0, 0, -6}),
+        uv_sphere(8, 12, 0.4f, {0, 0.5f, 1.5f})};
+    for (int i = 0; i < 20; ++i) {
+      const Vec3f centre = {static_cast<float>(i % 5) - 2, static_cast<float>(i / 5 % 2) + 0.5f,
+                            -0.6f - static_cast<float>(i / 10)};
+      parts.push_back(uv_sphere(8, 12, 0.4f, centre));
+    }
+    scene = scene_of(std::move(parts));
+    Dice dice(12);
+    for (int i = 0; i < 4'000; ++i) {
+      const Vec3f origin = Vec3f{0, 1.25f, 2} + dice.vector();
+      rays.push_back({origin, dice.vector()});
+    }
+  }
+  /// The rays, each with t_max at its hit.
+  std::vector<Ray> ending_at_hits() const {
+    std::vector<Ray> out = rays;
+    for (Ray& ray : out) {
+      Hit hit;
+      if (brute_force_closest(scene, ray, hit)) ray.t_max = hit.t;
+    }
+    return out;
+  }
+  std::int64_t triangles_tested(std::string_view name, std::span<const Ray> sample) const {
+    const StructureAccelerator accel(scene, *accelerators::find_structure(name), sample);
+    accelerators::TraversalStats stats;
+    Hit hit;
+    for (const Ray& ray : rays) accel.closest_hit(ray, hit, stats);
+    return stats.shapes;
+  }
+};
+
+TEST(RdhBvh, TestsFewerTrianglesWhereMuchIsHidden) {
+  const HiddenSpheres room;
+  const std::vector<Ray> sample = room.ending_at_hits();
+  EXPECT_LT(2 * room.triangles_tested("rdh-bvh", sample), room.triangles_tested("bvh2", {}));
+}
+
+TEST(RdhBvh, WithoutRaysSplitsByArea) {
+  const HiddenSpheres room;
+  EXPECT_EQ(room.triangles_tested("rdh-bvh", {}), room.triangles_tested("bvh2", {}));
+}
+
+TEST(RdhBvh, RaysThroughTheWallAreWorseThanEndedOnes) {
+  const HiddenSpheres room;
+  EXPECT_LT(room.triangles_tested("rdh-bvh", room.ending_at_hits()),
+            room.triangles_tested("rdh-bvh", room.rays));
 }
 
 }  // namespace

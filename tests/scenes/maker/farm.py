@@ -103,3 +103,23 @@ def stadium():
     gltf.node(translation=[20, 60, 30], extensions={"KHR_lights_punctual": {"light": 0}})
     camera(gltf, (0, 1.6, 3), (0, 0.5, 0), 0.7)
     return gltf
+
+
+def hidden_room():
+    """A room full of rings behind a wall, and one ring in front of it, as one mesh: most triangles
+    are never seen. For `inspect --accelerators`."""
+    gltf = Gltf()
+    grey = gltf.add("materials", plain(0.6, 0.6, 0.55))
+    ring = torus(0.35, 0.14, 7)
+    rings = [([rounded(x + i, y + j, z - k) for x, y, z in ring[0]], *ring[1:])
+             for i, j, k in [(0, 0.5, -1.5)] + [(i, j, k) for i in (-2, -1, 0, 1, 2)
+                                                for j in (0.5, 1.5) for k in (0.6, 1.6)]]
+    walls = [quad((-3, 0, 3), (6, 0, 0), (0, 0, -6)), quad((-3, 0, 0), (6, 0, 0), (0, 2.5, 0)),
+             quad((-3, 0, 3), (0, 0, -6), (0, 2.5, 0)), quad((3, 0, -3), (0, 0, 6), (0, 2.5, 0))]
+    gltf.node(mesh=gltf.mesh(joined(*rings, *walls), grey))
+    gltf.use("KHR_lights_punctual")
+    gltf.doc["extensions"] = {"KHR_lights_punctual": {"lights": [
+        {"type": "point", "intensity": 60}]}}
+    gltf.node(translation=[1, 2.3, 2.5], extensions={"KHR_lights_punctual": {"light": 0}})
+    camera(gltf, (0, 1.4, 4.5), (0, 1, 0), 0.8)
+    return gltf

@@ -10,6 +10,7 @@
 
 #include "worker/geometry/bounds.h"
 #include "worker/geometry/object_ray.h"
+#include "worker/geometry/ray.h"
 #include "worker/math/transform.h"
 
 namespace tessera::render::accelerators {
@@ -35,6 +36,9 @@ struct ShapeBounds {
   std::span<const Box3f> boxes;  // finite
   std::span<const Vec3f> hulls;  // points_per_hull points per shape, in its box
   std::size_t points_per_hull = 0;
+  /// A sample of the rays that will be traced, in the space of the shapes, each with t_max at its
+  /// hit. Answers do not depend on it. May be empty.
+  std::span<const Ray> rays = {};
 
   std::uint32_t size() const { return static_cast<std::uint32_t>(boxes.size()); }
   std::span<const Vec3f> hull(std::uint32_t shape) const {

@@ -10,6 +10,7 @@ namespace tessera::render::accelerators {
 // boxes may be flat, equal or overlapping.
 
 std::unique_ptr<ShapeIndex> build_two_wide_bvh(const ShapeBounds& shapes);
+std::unique_ptr<ShapeIndex> build_rdh_bvh(const ShapeBounds& shapes);
 std::unique_ptr<ShapeIndex> build_skip_bvh(const ShapeBounds& shapes);
 std::unique_ptr<ShapeIndex> build_parent_bvh(const ShapeBounds& shapes);
 std::unique_ptr<ShapeIndex> build_sphere_tree(const ShapeBounds& shapes);

@@ -1,15 +1,14 @@
 // A plain BVH: two boxes per node, recursive traversal, the nearer child first. Built by
 // build_binary_bvh(). Source: T. Kay, J. Kajiya, "Ray tracing complex scenes", 1986.
 
+#include "worker/accelerators/trees/two_wide_bvh.h"
+
 #include <utility>
 
-#include "worker/accel/build/binary_bvh.h"
 #include "worker/accelerators/trees/trees.h"
 
 namespace tessera::render::accelerators {
 namespace {
-
-constexpr std::uint32_t kLeafSize = 4;
 
 class TwoWideBvh final : public ShapeIndex {
  public:
@@ -61,8 +60,12 @@ class TwoWideBvh final : public ShapeIndex {
 
 }  // namespace
 
+std::unique_ptr<ShapeIndex> make_two_wide_bvh(BinaryBvh bvh) {
+  return std::make_unique<TwoWideBvh>(std::move(bvh));
+}
+
 std::unique_ptr<ShapeIndex> build_two_wide_bvh(const ShapeBounds& shapes) {
-  return std::make_unique<TwoWideBvh>(build_binary_bvh({shapes.boxes, kLeafSize}, sequential()));
+  return make_two_wide_bvh(build_binary_bvh({shapes.boxes, kTwoWideLeafSize}, sequential()));
 }
 
 }  // namespace tessera::render::accelerators
