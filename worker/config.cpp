@@ -170,6 +170,8 @@ void add_inspect_options(CLI::App& inspect, InspectConfig& config) {
   inspect.add_flag("--self-intersections", config.self_intersections,
                    "List of intersecting triangles, and which meshes are closed");
   inspect.add_flag("--validate", config.validate, "Breaches of the glTF 2.0 specification");
+  inspect.add_flag("--vertex-distances", config.vertex_distances,
+                   "Distances between vertices, and list of those that nearly coincide");
   inspect.add_option("--settings", config.settings_hex)->group("");  // passed by the client
   inspect.footer("Example: tessera-worker inspect scene.glb --json");
 }

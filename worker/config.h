@@ -20,6 +20,7 @@ struct InspectConfig {
   std::string accelerator;          // structure to compare with production's; empty: all
   bool self_intersections = false;  // list triangles that intersect
   bool validate = false;            // check the file against the specification
+  bool vertex_distances = false;    // list vertices that nearly coincide
   std::string settings_hex;         // serialised v1.RenderSettings, hexadecimal; empty: defaults
 };
 

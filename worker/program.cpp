@@ -12,6 +12,7 @@
 #include "worker/inspect/accelerator_table.h"
 #include "worker/inspect/debug_pixel.h"
 #include "worker/inspect/inspect_report.h"
+#include "worker/inspect/near_vertices.h"
 #include "worker/inspect/solid_check.h"
 #include "worker/renderer/renderer.h"
 
@@ -58,6 +59,10 @@ int inspect(const InspectConfig& config) {
     }
     if (config.self_intersections) {
       report.extras.emplace_back("self_intersections", render::overlap_report(scene));
+    }
+    if (config.vertex_distances) {
+      report.extras.emplace_back("vertex_distances",
+                                 to_json(render::measure_vertex_distances(scene), scene));
     }
   };
   const auto report = render::inspect_scene(request);

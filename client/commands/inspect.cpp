@@ -22,6 +22,7 @@ using nlohmann::ordered_json;
 struct InspectOptions {
   std::string scene, environment, accelerator, plot;
   bool json = false, accelerators = false, self_intersections = false, validate = false;
+  bool vertex_distances = false;
 };
 
 double number(const ordered_json& object, const char* key) {
@@ -95,6 +96,19 @@ std::string number_text(const ordered_json& of, const char* key) {
   return absl::StrFormat("%.4g", found->get<double>());
 }
 
+/// Returns the cost of searches for the nearest vertex.
+std::string searches_text(const ordered_json& report) {
+  const ordered_json nearest = report.value("nearest", ordered_json::object());
+  std::string text = absl::StrFormat("nearest vertex of %.0f:", number(nearest, "searches"));
+  for (const char* tree : {"kd_tree", "bvh"}) {
+    const ordered_json cost = nearest.value(tree, ordered_json::object());
+    absl::StrAppend(&text, tree[0] == 'b' ? "; BVH " : " kd-tree ",
+                    number_text(cost, "nodes_per_search"), " nodes and ",
+                    number_text(cost, "points_per_search"), " points per search");
+  }
+  return absl::StrCat(text, "; wrong ", number(nearest, "wrong"), "\n");
+}
+
 /// The table of acceleration structures.
 std::string accelerators_text(const ordered_json& accelerators) {
   const ordered_json rays = accelerators.value("rays", ordered_json::object());
@@ -112,10 +126,12 @@ std::string accelerators_text(const ordered_json& accelerators) {
                absl::StrFormat("%.0f", number(closest, "wrong") + number(any, "wrong"))});
   }
   return absl::StrFormat(
-      "\nrays: %.0f from the camera, %.0f after a bounce, %.0f towards lights. Nodes and triangles "
-      "are "
-      "per ray. SAH and overlap are expected costs of a tree per ray.\n%s",
-      number(rays, "camera"), number(rays, "bounce"), number(rays, "shadow"), table.text());
+             "\nrays: %.0f from the camera, %.0f after a bounce, %.0f towards lights. Nodes and "
+             "triangles "
+             "are "
+             "per ray. SAH and overlap are expected costs of a tree per ray.\n%s",
+             number(rays, "camera"), number(rays, "bounce"), number(rays, "shadow"), table.text()) +
+         searches_text(accelerators);
 }
 
 /// Returns lines such as 'mesh "ring": closed, 3 intersecting triangle pairs: 0.12 and 0.40, …'.
@@ -165,6 +181,20 @@ std::string validation_text(const ordered_json& validation) {
   return text + "\n";
 }
 
+/// Returns lines such as 'vertices: 24, 1 m to the nearest other (median), ...'.
+std::string distances_text(const ordered_json& distances) {
+  std::string text = absl::StrFormat(
+      "vertices: %.0f, %.4g m to the nearest other (median), at least %.4g m\n"
+      "near vertices: %.0f pairs within %.4g m\n",
+      number(distances, "vertices"), number(distances, "median"), number(distances, "smallest"),
+      number(distances, "pair_count"), number(distances, "tolerance"));
+  for (const ordered_json& pair : distances.value("pairs", ordered_json::array())) {
+    absl::StrAppend(&text, "  ", point(pair["at"]), ": ", number_text(pair, "distance"),
+                    " m, nodes ", pair["nodes"][0].dump(), " and ", pair["nodes"][1].dump(), "\n");
+  }
+  return text + searches_text(distances);
+}
+
 std::string text_of(const ordered_json& report, const SceneReport& scene) {
   double bytes = 0;
   const ordered_json resources = report.value("resources", ordered_json::array());
@@ -183,6 +213,7 @@ std::string text_of(const ordered_json& report, const SceneReport& scene) {
   if (report.contains("self_intersections")) {
     text += overlaps_text(report["self_intersections"]);
   }
+  if (report.contains("vertex_distances")) text += distances_text(report["vertex_distances"]);
   if (report.contains("accelerators")) text += accelerators_text(report["accelerators"]);
   for (const SceneReport::Problem& problem : scene.problems) {
     absl::StrAppend(&text, problem.severity, ": ", problem.text(), "\n");
@@ -207,6 +238,7 @@ int run(const InspectOptions& options) {
   }
   if (options.self_intersections) further.emplace_back("--self-intersections");
   if (options.validate) further.emplace_back("--validate");
+  if (options.vertex_distances) further.emplace_back("--vertex-distances");
   const auto scene = inspect_scene(options.scene, options.environment, nullptr, further);
   if (!scene.ok()) return fail(scene.status());
   const ordered_json report = ordered_json::parse(scene->json, nullptr, false);
@@ -240,6 +272,8 @@ void add_inspect_command(CLI::App& app, Invocation& invocation) {
       "List of intersecting triangles (primitive.triangle), and which meshes are closed");
   command->add_flag("--validate", options->validate,
                     "Breaches of the glTF 2.0 specification, with codes and JSON pointers");
+  command->add_flag("--vertex-distances", options->vertex_distances,
+                    "Distances between vertices, and list of those that nearly coincide (cracks)");
   command->add_flag("--json", options->json, "JSON output (tessera.inspect/1)");
   command->footer(
       "Exit code 2: the scene cannot be rendered or, with --validate, has errors.\nExamples:\n  "

@@ -10,6 +10,7 @@
 #include "worker/accel/kernels/thread_counts.h"
 #include "worker/accelerators/recording/recorded_rays.h"
 #include "worker/accelerators/shadow_cache.h"
+#include "worker/accelerators/shadow_map.h"
 #include "worker/accelerators/structure_accelerator.h"
 
 namespace tessera::render {
@@ -21,6 +22,7 @@ using accelerators::TraversalStats;
 
 /// Rays between two clock readings; consecutive ones, so that caches behave as in a render.
 constexpr std::size_t kRun = 32;
+constexpr std::size_t kMaxSearches = 1u << 16;
 
 double cpu_seconds() {
   std::timespec t{};
@@ -177,6 +179,32 @@ AcceleratorStats cached_row(const Scene& scene, const SceneAccel& accel,
   return row;
 }
 
+AcceleratorStats mapped_row(const Scene& scene, const SceneAccel& accel,
+                            const AcceleratorStats& production, const RecordedQueries& q,
+                            double seconds) {
+  AcceleratorStats row = production;
+  const double start = cpu_seconds();
+  const ShadowMap map(scene);
+  row.build_seconds += cpu_seconds() - start;
+  row.memory_bytes += map.memory_bytes();
+  row.name += "+shadow-map";
+  row.title = "production, shadow map";
+  using Answer = ShadowMap::Answer;
+  fill(
+      row, q, seconds, false,
+      [&](const Ray& ray, Hit& hit, TraversalStats&) { return accel.closest_hit(ray, hit); },
+      [&](const ShadowRay& shadow, TraversalStats&) {
+        const Answer answer = map.answer(shadow.ray);
+        return answer == Answer::unknown ? accel.any_hit(shadow.ray) : answer == Answer::occluded;
+      });
+  if (q.any.empty()) return row;
+  const auto decided = std::count_if(q.any.begin(), q.any.end(), [&](const ShadowRay& shadow) {
+    return map.answer(shadow.ray) != Answer::unknown;
+  });
+  row.any.decided = static_cast<double>(decided) / static_cast<double>(q.any.size());
+  return row;
+}
+
 AcceleratorStats reference_row(const Scene& scene, const Structure& structure,
                                const RecordedQueries& q, double seconds) {
   AcceleratorStats row;
@@ -206,6 +234,7 @@ nlohmann::json to_object(const AcceleratorStats::Query& query) {
   return {{"mrays_per_second", query.mrays},
           {"nodes_per_ray", counted(query.nodes)},
           {"triangles_per_ray", counted(query.triangles)},
+          {"decided_per_ray", counted(query.decided)},
           {"compared", query.compared},
           {"wrong", query.wrong}};
 }
@@ -227,7 +256,9 @@ absl::StatusOr<AcceleratorTable> measure_accelerators(const Scene& scene,
   const RecordedQueries q = record_answers(*std::move(rays), *accel);
   table.rows.push_back(production_row(*accel, BuildQuality::normal, build_seconds, q, seconds));
   count_visits(scene, BuildQuality::normal, q, table.rows.back());
-  table.rows.push_back(cached_row(scene, *accel, table.rows.back(), q, seconds));
+  const AcceleratorStats production = table.rows.back();
+  table.rows.push_back(cached_row(scene, *accel, production, q, seconds));
+  table.rows.push_back(mapped_row(scene, *accel, production, q, seconds));
   for (const BuildQuality quality : {BuildQuality::fast, BuildQuality::high}) {
     if (!request.only.empty()) break;
     const auto other = build_production(scene, quality, &build_seconds);
@@ -238,6 +269,7 @@ absl::StatusOr<AcceleratorTable> measure_accelerators(const Scene& scene,
     if (!request.only.empty() && request.only != structure.name) continue;
     table.rows.push_back(reference_row(scene, structure, q, seconds));
   }
+  table.nearest = measure_vertex_distances(scene, kMaxSearches);
   return table;
 }
 
@@ -257,7 +289,8 @@ std::string to_json(const AcceleratorTable& table) {
                          {{"camera", table.camera_rays},
                           {"bounce", table.bounce_rays},
                           {"shadow", table.shadow_rays}}},
-                        {"structures", structures}}
+                        {"structures", structures},
+                        {"nearest", nlohmann::json::parse(search_cost_json(table.nearest))}}
       .dump();
 }
 

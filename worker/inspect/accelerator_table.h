@@ -6,6 +6,7 @@
 
 #include "absl/status/statusor.h"
 #include "contract/render_settings.h"
+#include "worker/inspect/near_vertices.h"
 #include "worker/scene/scene.h"
 
 namespace tessera::render {
@@ -16,6 +17,7 @@ struct AcceleratorStats {
     double mrays = 0;  // million rays per second
     double nodes = -1,
            triangles = -1;  // nodes visited and triangles tested per ray; negative: not counted
+    double decided = -1;    // share of rays that a shadow map answered; negative: not measured
     std::int64_t compared = 0, wrong = 0;  // rays compared with production, and those that differed
   };
   std::string name, title;
@@ -28,6 +30,7 @@ struct AcceleratorStats {
 struct AcceleratorTable {
   std::int64_t camera_rays = 0, bounce_rays = 0, shadow_rays = 0;
   std::vector<AcceleratorStats> rows;
+  VertexDistances nearest;  // searches for the nearest vertex, of at most 2^16 vertices
 };
 
 struct AcceleratorRequest {
@@ -37,8 +40,8 @@ struct AcceleratorRequest {
 
 /// Renders a small image of the scene's frame, records its rays (camera rays, rays of at most three
 /// bounces, shadow rays) and traces them again with the production structure, with variants of it
-/// (shadow cache, other build qualities) and with the reference structures. Compares their answers
-/// with production's. A structure too slow for all rays gets an evenly spaced subset.
+/// (shadow cache, shadow map, other build qualities) and with the reference structures. Compares
+/// their answers with production's. A structure too slow for all rays gets an evenly spaced subset.
 ///
 /// Errors: InvalidArgument if the scene or the settings cannot be rendered.
 absl::StatusOr<AcceleratorTable> measure_accelerators(const Scene& scene,

@@ -119,7 +119,7 @@ def hidden_room():
     gltf.node(mesh=gltf.mesh(joined(*rings, *walls), grey))
     gltf.use("KHR_lights_punctual")
     gltf.doc["extensions"] = {"KHR_lights_punctual": {"lights": [
-        {"type": "point", "intensity": 60}]}}
+        {"type": "point", "intensity": 8}]}}
     gltf.node(translation=[1, 2.3, 2.5], extensions={"KHR_lights_punctual": {"light": 0}})
     camera(gltf, (0, 1.4, 4.5), (0, 1, 0), 0.8)
     return gltf

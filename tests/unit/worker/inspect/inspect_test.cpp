@@ -15,6 +15,7 @@
 #include "worker/inspect/accelerator_table.h"
 #include "worker/inspect/inspect_report.h"
 #include "worker/inspect/light_through_glass.h"
+#include "worker/inspect/near_vertices.h"
 #include "worker/inspect/solid_check.h"
 
 namespace tessera::render {
@@ -252,17 +253,59 @@ TEST_F(InspectTest, AcceleratorTableMatchesSchema) {
   const std::string text = to_json(inspect_scene(request));
   EXPECT_EQ(support::document_faults(text), std::vector<std::string>{}) << text;
   const json report = json::parse(text);
-  EXPECT_EQ(report["accelerators"]["structures"].size(), 4 + accelerators::structures().size());
+  EXPECT_EQ(report["accelerators"]["structures"].size(), 5 + accelerators::structures().size());
   for (const json& row : report["accelerators"]["structures"]) {
     for (const char* query : {"closest_hit", "any_hit"}) EXPECT_EQ(row[query]["wrong"], 0) << row;
     EXPECT_GT(row["closest_hit"]["compared"], 0);
   }
+  EXPECT_EQ(report["accelerators"]["nearest"]["searches"], 8);
+  EXPECT_EQ(report["accelerators"]["nearest"]["wrong"], 0);
   const json& overlaps = report["self_intersections"];
   EXPECT_EQ(overlaps["meshes"][0]["closed"], false);
   EXPECT_EQ(overlaps["meshes"][0]["open_edges"], 4);
   EXPECT_EQ(overlaps["meshes"][0]["pair_count"], 0);
   ASSERT_EQ(overlaps["instances"].size(), 1u);
   EXPECT_GT(overlaps["instances"][0]["pair_count"], 0);
+}
+
+TEST_F(InspectTest, CrackBetweenMeshesIsListed) {
+  GltfBuilder b;
+  b.add_mesh(unit_quad(b.add_material("{}")));
+  b.add_node_with_mesh(0);
+  b.add_node_with_mesh(0, R"({"translation": [1, 0.000001, 0]})");
+  write("scene.gltf", b.gltf());
+  InspectRequest request{folder_ / "scene.gltf", {}, {}};
+  request.examine = [&](const Scene& scene, InspectReport& report) {
+    report.extras = {{"vertex_distances", to_json(measure_vertex_distances(scene), scene)}};
+  };
+  const std::string text = to_json(inspect_scene(request));
+  EXPECT_EQ(support::document_faults(text), std::vector<std::string>{}) << text;
+  const json distances = json::parse(text)["vertex_distances"];
+  EXPECT_EQ(distances["vertices"], 8);
+  EXPECT_EQ(distances["nearest"]["searches"], 8);
+  EXPECT_EQ(distances["pair_count"], 2);
+  EXPECT_EQ(distances["nearest"]["wrong"], 0);
+  for (const json& pair : distances["pairs"]) {
+    EXPECT_NEAR(pair["distance"].get<double>(), 1e-6, 1e-7);
+    EXPECT_NE(pair["nodes"][0], pair["nodes"][1]);
+  }
+}
+
+TEST_F(InspectTest, SharedCornersAreNoCrack) {
+  GltfBuilder b;
+  b.add_mesh(unit_quad(b.add_material("{}")));
+  b.add_node_with_mesh(0);
+  b.add_node_with_mesh(0);
+  write("scene.gltf", b.gltf());
+  InspectRequest request{folder_ / "scene.gltf", {}, {}};
+  request.examine = [&](const Scene& scene, InspectReport& /*report*/) {
+    const VertexDistances distances = measure_vertex_distances(scene);
+    EXPECT_EQ(distances.vertices, 8);
+    EXPECT_EQ(distances.places, 4);
+    EXPECT_TRUE(distances.near.empty());
+    EXPECT_EQ(distances.median, 1);
+  };
+  inspect_scene(request);
 }
 
 TEST_F(InspectTest, OpenSolidWarns) {

@@ -1,0 +1,94 @@
+// A shadow map answers only what SceneAccel answers as well.
+
+#include "worker/accelerators/shadow_map.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/numeric/geometry/geometry_scenes.h"
+
+namespace tessera::render::testing {
+namespace {
+
+void add_light(Scene& scene, const Vec3d& at) {
+  PunctualLight light;
+  light.position = at;
+  scene.lights.push_back(light);
+  scene.bounds_min = {-9, -9, -9};
+  scene.bounds_max = {9, 9, 9};
+}
+
+struct Counts {
+  int visible = 0, occluded = 0, unknown = 0, wrong = 0;
+};
+
+/// Traces rays from points of the scene's triangles, and from the space between them, to a light.
+Counts compare(const Scene& scene, int rays) {
+  const ShadowMap map(scene);
+  const SceneAccel accel(scene, sequential());
+  Dice dice(21);
+  Counts counts;
+  for (int i = 0; i < rays; ++i) {
+    const Vec3f light(
+        scene.lights[dice.below(static_cast<std::uint32_t>(scene.lights.size()))].position);
+    Ray ray{dice.vector() * 4.0f, {}};
+    Hit hit;
+    Ray probe{light, dice.vector()};
+    if (i % 2 == 0 && accel.closest_hit(probe, hit)) {  // the surface that the light sees
+      ray.origin = light + probe.direction * hit.t;
+      ray.origin_triangle = hit.id;
+    }
+    ray.direction = light - ray.origin;
+    ray.t_max = 0.9999f;
+    const bool blocked = accel.any_hit(ray);
+    switch (map.answer(ray)) {
+      case ShadowMap::Answer::visible:
+        ++counts.visible;
+        counts.wrong += blocked ? 1 : 0;
+        break;
+      case ShadowMap::Answer::occluded:
+        ++counts.occluded;
+        counts.wrong += blocked ? 0 : 1;
+        break;
+      case ShadowMap::Answer::unknown:
+        ++counts.unknown;
+    }
+  }
+  return counts;
+}
+
+TEST(ShadowMap, CertainAnswersAreThoseOfTracing) {
+  Dice dice(20);
+  Scene scene = scene_of({soup(60, dice), quad({-8, -8, -2}, {16, 0, 0}, {0, 16, 0}),
+                          quad({-1, -1, 1}, {2, 0, 0}, {0, 2, 0})});
+  add_light(scene, {0.3, 0.2, 5});
+  add_light(scene, {-4, 1, 0.5});
+  const Counts counts = compare(scene, 40'000);
+  EXPECT_EQ(counts.wrong, 0);
+  EXPECT_GT(counts.visible, 4'000);
+  EXPECT_GT(counts.occluded, 2'000);
+}
+
+TEST(ShadowMap, TurnedInstancesAgree) {
+  Dice dice(22);
+  Scene scene;
+  scene.meshes = {mesh_of({uv_sphere(4, 6, 1), quad({-2, -2, -2}, {4, 0, 0}, {0, 4, 0})})};
+  for (int i = 0; i < 6; ++i) {
+    place(scene, 0,
+          random_placement(dice, 0.5 + 0.5 * dice.unit(), Vec3d(dice.vector() * 3.0f), i % 2 == 0));
+  }
+  add_light(scene, {0, 0, 0});
+  add_light(scene, {0, 7, 1});
+  const Counts counts = compare(scene, 40'000);
+  EXPECT_EQ(counts.wrong, 0);
+  EXPECT_GT(counts.visible + counts.occluded, 4'000);
+}
+
+TEST(ShadowMap, LightOnATriangleDecidesNothing) {
+  Scene scene = scene_of({quad({-1, -1, 0}, {2, 0, 0}, {0, 2, 0})});
+  add_light(scene, {0.25, 0.125, 0});
+  const Counts counts = compare(scene, 1'000);
+  EXPECT_EQ(counts.visible + counts.occluded, 0);
+}
+
+}  // namespace
+}  // namespace tessera::render::testing
