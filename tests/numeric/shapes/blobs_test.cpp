@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "tests/numeric/shapes/solid_scenes.h"
@@ -71,44 +72,129 @@ std::vector<Blob> mixed_blobs(Dice& dice, std::size_t count, int octaves, std::u
   return blobs;
 }
 
-/// Shoots lines at the blobs and compares all bits of the hits with the plain search. Returns the
-/// number of hits.
+/// `count` small blobs in 20 clusters.
+std::vector<Blob> clustered_blobs(Dice& dice, std::size_t count) {
+  std::vector<Vec3d> clusters(20);
+  for (Vec3d& cluster : clusters) cluster = Vec3d(dice.vector());
+  std::vector<Blob> blobs(count);
+  for (Blob& blob : blobs) {
+    blob.centre = clusters[dice.below(20)] + Vec3d(dice.vector()) * 0.02;
+    blob.radii = kUnit * (0.02 + 0.05 * static_cast<double>(dice.unit()));
+  }
+  return blobs;
+}
+
+/// The field minus the threshold at a point of a line, and how far rounding may move it.
+struct Level {
+  double value = 0, error = 0;
+};
+
+/// u is 2^-53. A cell sums n blobs over at most 200 halvings, in 49 products of at most 1 times the
+/// strengths; each blob is rounded by at most 64 u before that, and each halving adds at most 12 u.
+/// The plain search sums n. A point of the line is rounded by less than 8 u of its distances, which
+/// moves the field of a blob by at most 4 times as much of its radius.
+Level level_at(const std::vector<Blob>& blobs, double threshold, const Vec3d& origin,
+               const Vec3d& direction, double t) {
+  const Vec3d p = origin + direction * t;
+  const double size = 2 * (length(origin) + length(direction) * std::fabs(t)) + 1;
+  double strengths = threshold, moved = 0, sum = 0;
+  for (const Blob& blob : blobs) {
+    const Vec3d q = (p - blob.centre) / blob.radii;
+    const double left = 1 - dot(q, q);
+    const double least = std::min({blob.radii.x, blob.radii.y, blob.radii.z});
+    if (left < -64 * 0x1p-53 * size / least) continue;
+    strengths += std::fabs(blob.strength);
+    moved += std::fabs(blob.strength) * size / least;
+    if (left > 0) sum += blob.strength * left * left;
+  }
+  const double n = static_cast<double>(blobs.size());
+  return {sum - threshold, 0x1p-53 * (49 * (n + 64 + 200 * 12) * strengths + 32 * moved)};
+}
+
+std::size_t hits_before(const std::vector<ShapeHit>& hits, double t) {
+  return static_cast<std::size_t>(
+      std::count_if(hits.begin(), hits.end(), [&](const ShapeHit& hit) { return hit.t < t; }));
+}
+
+/// Shoots lines at the blobs. All hits must lie on the surface, and between hits a line must be on
+/// the same side of it as the plain search says, both up to rounding. Returns the number of hits.
 std::size_t compare_with_plain(Dice& dice, const std::vector<Blob>& blobs, double threshold,
                                int lines) {
   const BlobField field(blobs, threshold);
   BlobLine fast, plain;
-  std::vector<ShapeHit> found, expected;
+  std::vector<ShapeHit> found, expected, all;
   std::size_t count = 0;
   for (int i = 0; i < lines; ++i) {
     const Vec3d origin = Vec3d(dice.direction()) * 4.0;
     const Vec3d direction = Vec3d(dice.vector()) * 1.2 - origin;
     found.clear();
     expected.clear();
-    fast.intersect(field, origin, direction, false, found);
-    plain.intersect(field, origin, direction, true, expected);
-    EXPECT_EQ(found.size(), expected.size()) << i;
-    for (std::size_t k = 0; k < std::min(found.size(), expected.size()); ++k) {
-      EXPECT_EQ(found[k].t, expected[k].t) << i;
-      EXPECT_EQ(found[k].enters, expected[k].enters) << i;
+    fast.intersect(field, origin, direction, {}, found);
+    plain.intersect_plain(field, origin, direction, expected);
+    count += found.size();
+    EXPECT_EQ(found.size() % 2, 0u);
+    const auto level = [&](double t) { return level_at(blobs, threshold, origin, direction, t); };
+    for (std::size_t k = 0; k < found.size(); ++k) {
+      EXPECT_EQ(found[k].enters, k % 2 == 0) << i;
+      EXPECT_LE(std::fabs(level(found[k].t).value), level(found[k].t).error) << i;
     }
-    count += expected.size();
+    all = found;
+    all.insert(all.end(), expected.begin(), expected.end());
+    std::sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.t < b.t; });
+    for (std::size_t k = 0; k + 1 < all.size(); ++k) {
+      const double t = 0.5 * (all[k].t + all[k + 1].t);
+      const bool inside = hits_before(found, t) % 2 == 1;
+      const Level here = level(t);
+      if (std::fabs(here.value) <= here.error) continue;
+      EXPECT_EQ(inside, hits_before(expected, t) % 2 == 1) << i;
+      EXPECT_EQ(inside, here.value > 0) << i;
+    }
   }
   return count;
 }
 
-TEST(Blobs, HitsEqualPlainSearchBitForBit) {
+TEST(Blobs, DenseHitsMatchPlainSearch) {
   Dice dice(31);
   std::size_t hits = 0;
-  for (int scene = 0; scene < 60; ++scene) {
+  for (int scene = 0; scene < 30; ++scene) {
     const std::size_t size = 20 + dice.below(400);
     hits += compare_with_plain(dice, dense_blobs(dice, size), static_cast<double>(size) / 16, 20);
-    hits += compare_with_plain(dice, mixed_blobs(dice, size, 4, 4), 0.25, 20);
-    hits += compare_with_plain(dice, mixed_blobs(dice, size, 16, 2), 1e-6, 20);
   }
-  EXPECT_GT(hits, 4'000u);
+  hits += compare_with_plain(dice, dense_blobs(dice, 3'000), 3'000 / 16.0, 4);
+  EXPECT_GT(hits, 500u);
 }
 
-TEST(Blobs, TouchedThresholdEqualsPlainSearch) {
+TEST(Blobs, MixedSignsMatchPlainSearch) {
+  Dice dice(34);
+  std::size_t hits = 0;
+  for (int scene = 0; scene < 30; ++scene) {
+    const std::size_t size = 20 + dice.below(400);
+    hits += compare_with_plain(dice, mixed_blobs(dice, size, 4, 4), 0.25, 20);
+    hits += compare_with_plain(dice, mixed_blobs(dice, size, 16, 2), 1e-6, 20);
+    std::vector<Blob> blobs = dense_blobs(dice, size);
+    for (std::size_t i = 0; i < size; i += 3) blobs[i].strength = -1;
+    hits += compare_with_plain(dice, blobs, static_cast<double>(size) / 64, 20);
+  }
+  EXPECT_GT(hits, 3'000u);
+}
+
+TEST(Blobs, ClusteredHitsMatchPlainSearch) {
+  Dice dice(35);
+  std::size_t hits = 0;
+  for (const double threshold : {0.25, 2.0}) {
+    hits += compare_with_plain(dice, clustered_blobs(dice, 2'000), threshold, 500);
+  }
+  EXPECT_GT(hits, 50u);
+}
+
+TEST(Blobs, SparseHitsMatchPlainSearch) {
+  Dice dice(36);
+  std::vector<Blob> blobs = mixed_blobs(dice, 5'000, 1, 10);
+  for (Blob& blob : blobs) blob.radii = blob.radii * 0.05;
+  EXPECT_GT(compare_with_plain(dice, blobs, 0.25, 300), 1'000u);
+}
+
+TEST(Blobs, TouchedThresholdMatchesPlainSearch) {
   // The pairs cancel up to rounding, which leaves a field of 3 around the origin.
   std::vector<Blob> blobs = {
       {{}, kUnit, 1}, {{}, kUnit * std::sqrt(2.0), -6}, {{}, kUnit * 2.0, 8}};
@@ -121,23 +207,76 @@ TEST(Blobs, TouchedThresholdEqualsPlainSearch) {
   EXPECT_GT(compare_with_plain(dice, blobs, 3, 500), 500u);
 }
 
-TEST(Blobs, DenseClusterTakesLinearTimeALine) {
+TEST(Blobs, RequestedHitsAreThoseOfTheLine) {
+  Dice dice(37);
+  BlobLine line;
+  std::vector<ShapeHit> all, found;
+  for (int scene = 0; scene < 40; ++scene) {
+    const BlobField field(mixed_blobs(dice, 10 + dice.below(300), 5, 4), 0.25);
+    for (int i = 0; i < 50; ++i) {
+      const Vec3d origin = Vec3d(dice.vector()) * 2.0, direction = Vec3d(dice.vector());
+      const double from = static_cast<double>(dice.unit()) - 0.5;
+      const double to = from + static_cast<double>(dice.unit());
+      const auto requested = [&](const ShapeHit& hit) { return hit.t >= from && hit.t <= to; };
+      for (const bool first : {false, true}) {
+        all.clear();
+        found.clear();
+        line.intersect(field, origin, direction, {}, all);
+        line.intersect(field, origin, direction, {from, to, first}, found);
+        std::erase_if(all, [&](const ShapeHit& hit) { return !requested(hit); });
+        std::erase_if(found, [&](const ShapeHit& hit) { return !requested(hit); });
+        if (first && all.size() > 1) all.resize(1);
+        ASSERT_EQ(found.size(), all.size()) << scene << ' ' << i;
+        for (std::size_t k = 0; k < all.size(); ++k) {
+          EXPECT_EQ(found[k].t, all[k].t);
+          EXPECT_EQ(found[k].enters, all[k].enters);
+        }
+      }
+    }
+  }
+}
+
+TEST(Blobs, DenseLineVisitsFewOfManyBlobs) {
   Dice dice(33);
   for (const std::size_t count : {400u, 1'600u, 6'400u}) {
     const BlobField field(dense_blobs(dice, count), static_cast<double>(count) / 16);
+    const auto root = static_cast<std::size_t>(std::sqrt(static_cast<double>(count)));
     BlobLine line;
     std::vector<ShapeHit> hits;
-    std::size_t terms = 0;
+    std::size_t visits = 0;
     for (int i = 0; i < 100; ++i) {
       const Vec3d origin = Vec3d(dice.direction()) * 4.0;
-      line.intersect(field, origin, Vec3d(dice.vector()) - origin, false, hits);
-      terms += line.term_count();
+      line.intersect(field, origin, Vec3d(dice.vector()) - origin, {}, hits);
+      visits += line.visit_count();
     }
     EXPECT_GT(hits.size(), 100u);
-    // A line crosses the surface twice, in an interval that is summed twice; as much again for
-    // intervals so close to the surface that the bounds do not exclude it, and for the first sum.
-    EXPECT_LE(terms, 100 * 10 * count) << count;
+    EXPECT_LE(visits, 100 * 60 * root) << count;
   }
+}
+
+TEST(Blobs, ManyBlobsHaveExactNormals) {
+  Dice dice(38);
+  const std::vector<Blob> blobs = mixed_blobs(dice, 300, 4, 4);
+  const Shape shape = make_blobs(blobs, 0.25);
+  int checked = 0;
+  for (int i = 0; i < 1'000; ++i) {
+    const Vec3d origin = Vec3d(dice.vector()) * 3.0;
+    for (const ShapeHit& hit : hits_of(shape, origin, Vec3d(dice.vector()) - origin)) {
+      Vec3d sum;
+      double size = 0;
+      for (const Blob& blob : blobs) {
+        const Vec3d p = (hit.point - blob.centre) / blob.radii;
+        const double left = 1 - dot(p, p);
+        if (!(left > 0)) continue;
+        sum += p / blob.radii * (4 * blob.strength * left);
+        size += length(p / blob.radii * (4 * blob.strength));
+      }
+      EXPECT_LE(length(shape.blobs->outward_gradient(hit.point) - sum), 1e-12 * size);
+      EXPECT_TRUE(shape.bounds.contains(Vec3f(hit.point)));
+      ++checked;
+    }
+  }
+  EXPECT_GT(checked, 500);
 }
 
 TEST(Blobs, SingleBlobIsASphere) {

@@ -104,7 +104,8 @@ Solids::Solids(const Scene& scene)
     solids_.push_back({static_cast<std::uint32_t>(operands_.size()),
                        1,
                        {},
-                       mesh.shape->form == Shape::Form::terrain});
+                       mesh.shape->form == Shape::Form::terrain ||
+                           mesh.shape->form == Shape::Form::blobs});
     add(scene, i);
   }
   for (const CsgSolid& solid : scene.solids) {

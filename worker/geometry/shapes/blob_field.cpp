@@ -1,18 +1,10 @@
 #include "worker/geometry/shapes/blob_field.h"
 
 #include <algorithm>
-#include <cmath>
-#include <numeric>
 #include <utility>
 
 namespace tessera::render {
 namespace {
-
-/// Box around an ellipsoid with scaled radii, padded for rounding.
-Box3d box_of(const Blob& blob, double scale) {
-  const Vec3d half = blob.radii * (scale * (1 + 0x1p-40));
-  return {blob.centre - half, blob.centre + half};
-}
 
 bool overlap(const Box3d& a, const Box3d& b) {
   return a.lo.x <= b.hi.x && b.lo.x <= a.hi.x && a.lo.y <= b.hi.y && b.lo.y <= a.hi.y &&
@@ -22,34 +14,10 @@ bool overlap(const Box3d& a, const Box3d& b) {
 }  // namespace
 
 BlobField::BlobField(std::vector<Blob> blobs, double threshold)
-    : blobs_(std::move(blobs)), threshold_(threshold) {
-  std::vector<std::uint32_t> all(blobs_.size());
-  std::iota(all.begin(), all.end(), 0u);
-  build(all);
-  bounds_ = surface_box();
-}
-
-void BlobField::build(std::span<std::uint32_t> blobs) {
-  const std::size_t index = nodes_.size();
-  Node node;
-  Box3d centres;
-  for (const std::uint32_t i : blobs) {
-    node.box.extend(box_of(blobs_[i], 1));
-    centres.extend(blobs_[i].centre);
-  }
-  if (blobs.size() == 1) node.blob = blobs[0];
-  nodes_.push_back(node);
-  if (blobs.size() > 1) {
-    const Vec3d size = centres.hi - centres.lo;
-    const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
-    // A total order, so that the tree does not depend on the standard library's sort.
-    std::sort(blobs.begin(), blobs.end(), [&](std::uint32_t a, std::uint32_t b) {
-      return std::pair(blobs_[a].centre[axis], a) < std::pair(blobs_[b].centre[axis], b);
-    });
-    build(blobs.first(blobs.size() / 2));
-    build(blobs.subspan(blobs.size() / 2));
-  }
-  nodes_[index].skip = static_cast<std::uint32_t>(nodes_.size());
+    : blobs_(std::move(blobs)), threshold_(threshold), cells_(blobs_, threshold) {
+  bounds_ = cells_.empty() ? surface_box() : cells_.surface_box(blobs_, threshold);
+  if (!bounds_.empty()) return;
+  for (const Blob& blob : blobs_) bounds_.extend(blob.box(1));
 }
 
 /// At a point where the field reaches the threshold T, let S be the sum of the strengths of the
@@ -59,24 +27,26 @@ Box3d BlobField::surface_box() const {
   Box3d out;
   for (const Blob& blob : blobs_) {
     if (!(blob.strength > 0)) continue;
-    const Box3d box = box_of(blob, 1);
+    const Box3d box = blob.box(1);
     double strengths = 0;
-    each([&](const Box3d& other) { return overlap(box, other); },
-         [&](const Blob& other) { strengths += std::max(other.strength, 0.0); });
-    const double least = std::sqrt(threshold_ / strengths);
-    if (least < 1) out.extend(box_of(blob, std::sqrt(1 - least)));
+    for (const Blob& other : blobs_) {
+      if (overlap(box, other.box(1))) strengths += std::max(other.strength, 0.0);
+    }
+    out.extend(blob.box_above(threshold_ / strengths));
   }
-  return out.empty() ? nodes_[0].box : out;
+  return out;
 }
 
+/// A point in no cell is not on the surface, but rounding may have moved it there.
 Vec3d BlobField::outward_gradient(const Vec3d& point) const {
+  const BlobCell* cell = cells_.empty() ? nullptr : cells_.find(point);
   Vec3d sum;
-  each([&](const Box3d& box) { return box.contains(point); },
-       [&](const Blob& blob) {
-         const Vec3d p = (point - blob.centre) / blob.radii;
-         const double left = 1 - dot(p, p);
-         if (left > 0) sum += p / blob.radii * (4 * blob.strength * left);
-       });
+  if (cell == nullptr) {
+    for (const Blob& blob : blobs_) sum += blob.outward_gradient(point);
+    return sum;
+  }
+  if (cell->has_whole) sum = -cell->whole.gradient(cell->local(point)) / cell->half;
+  for (const BlobIndex i : cell->partial) sum += cells_.unit(i).outward_gradient(point);
   return sum;
 }
 

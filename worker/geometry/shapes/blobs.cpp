@@ -1,6 +1,6 @@
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <limits>
 #include <tuple>
 
 #include "worker/geometry/shapes/blob_line.h"
@@ -8,69 +8,81 @@
 namespace tessera::render {
 namespace {
 
-/// From this number of overlapping blobs on, the running sum costs less than the pieces that it
-/// saves.
-constexpr std::size_t kSumPays = 12;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// The value and the slope at x in [0, 1], by de Casteljau's algorithm.
-std::array<double, 2> value_and_slope(std::array<double, 5> b, double x) {
+std::array<double, 2> value_and_slope(BernsteinQuartic b, double x) {
   for (std::size_t n = 4; n > 1; --n) {
     for (std::size_t i = 0; i < n; ++i) b[i] += (b[i + 1] - b[i]) * x;
   }
   return {b[0] + (b[1] - b[0]) * x, 4 * (b[1] - b[0])};
 }
 
-}  // namespace
-
-/// Splits a piece at `middle`: returns the first half and sets `piece` to the second.
-BlobLine::Piece BlobLine::take_half(Piece& piece, double middle) {
-  Piece half = piece;
-  half.last = piece.first = middle;
-  for (std::size_t n = 4; n > 0; --n) {
-    half.b[4 - n] = piece.b[0];
-    for (std::size_t i = 0; i < n; ++i) piece.b[i] = 0.5 * (piece.b[i] + piece.b[i + 1]);
-  }
-  half.b[4] = piece.b[0];
-  return half;
+bool is_constant(const BernsteinQuartic& b) {
+  return b[0] == b[1] && b[0] == b[2] && b[0] == b[3] && b[0] == b[4];
 }
 
-void BlobLine::find_spans(const BlobField& field, const Vec3d& origin, const Vec3d& direction,
-                          bool plain) {
-  spans_.clear();
-  events_.clear();
-  strengths_ = 0;
-  const Vec3d along = absolute(direction);
-  // Separating axes: the cross products of the line with the box's edges. The slack covers the
-  // rounding of both sides, which is at most 8 u of `size`.
-  const auto meets = [&](const Box3d& box) {
-    if (plain) return true;
-    const Vec3d half = (box.hi - box.lo) * 0.5, to = (box.lo + box.hi) * 0.5 - origin;
-    const Vec3d apart = absolute(cross(to, direction));
-    const Vec3d reach = absolute(to) + half;
-    for (int k = 0; k < 3; ++k) {
-      const int i = (k + 1) % 3, j = (k + 2) % 3;
-      const double size = reach[i] * along[j] + reach[j] * along[i];
-      if (apart[k] > half[i] * along[j] + half[j] * along[i] + 0x1p-49 * size) return false;
-    }
-    return true;
-  };
-  field.each(meets, [&](const Blob& blob) {
-    BlobSpan span;
-    span.direction = direction / blob.radii;
-    span.strength = blob.strength;
-    const Vec3d from = (origin - blob.centre) / blob.radii;
-    const double size2 = dot(span.direction, span.direction);
-    span.nearest = -dot(from, span.direction) / size2;
-    span.point = from + span.direction * span.nearest;
-    const double left = 1 - dot(span.point, span.point);
-    if (!(left > 0)) return;
-    const double half = std::sqrt(left / size2);
-    const auto index = static_cast<std::uint32_t>(spans_.size());
-    events_.push_back({span.nearest - half, index, true});
-    events_.push_back({span.nearest + half, index, false});
-    spans_.push_back(span);
-    strengths_ += std::fabs(span.strength);
-  });
+/// A quadratic 1 - |p|^2 by its Bernstein coefficients between the points p and q. There is no
+/// cancellation, and those of its square follow. Source: Farouki, Rajan, "Algorithms for
+/// polynomials in Bernstein form", Computer Aided Geometric Design 5(1), 1988.
+struct BlobQuadratic {
+  double start, middle, end;
+
+  BlobQuadratic(const Vec3d& p, const Vec3d& q)
+      : start(1 - dot(p, p)), middle(1 - dot(p, q)), end(1 - dot(q, q)) {}
+
+  void add_square(BernsteinQuartic& b, double strength) const {
+    b[0] += strength * (start * start);
+    b[1] += strength * (start * middle);
+    b[2] += strength * ((start * end + 2 * middle * middle) / 3);
+    b[3] += strength * (middle * end);
+    b[4] += strength * (end * end);
+  }
+};
+
+}  // namespace
+
+/// Splits the piece at t, which is `x` of its length from its start: returns the first part and
+/// keeps the second.
+BlobLine::Piece BlobLine::Piece::take_until(double t, double x) {
+  Piece part = {first, t, {}};
+  first = t;
+  for (std::size_t n = 4; n > 0; --n) {
+    part.b[4 - n] = b[0];
+    for (std::size_t i = 0; i < n; ++i) b[i] = (1 - x) * b[i] + x * b[i + 1];
+  }
+  part.b[4] = b[0];
+  return part;
+}
+
+/// The line passes through the surface at t.
+void BlobLine::pass(double t) {
+  if (done_) return;
+  inside_ = !inside_;
+  crossings_.push_back({t, origin_ + direction_ * t, kCurvedFace, inside_});
+  done_ = request_.first && t >= request_.from;
+}
+
+void BlobLine::set_inside(bool inside, double t) {
+  if (inside_ != inside) pass(t);
+}
+
+void BlobLine::add_span(const Blob& blob) {
+  ++visit_count_;
+  BlobSpan span;
+  span.direction = direction_ / blob.radii;
+  span.strength = blob.strength;
+  const Vec3d from = (origin_ - blob.centre) / blob.radii;
+  const double size2 = dot(span.direction, span.direction);
+  span.nearest = -dot(from, span.direction) / size2;
+  span.point = from + span.direction * span.nearest;
+  const double left = 1 - dot(span.point, span.point);
+  if (!(left > 0)) return;
+  const double half = std::sqrt(left / size2);
+  const auto index = static_cast<std::uint32_t>(spans_.size());
+  events_.push_back({span.nearest - half, index, true});
+  events_.push_back({span.nearest + half, index, false});
+  spans_.push_back(span);
 }
 
 /// Root of a piece with one sign change, by Newton's method safeguarded by bisection.
@@ -89,31 +101,9 @@ double BlobLine::crossing(const Piece& piece) const {
   return std::min(piece.first + (piece.last - piece.first) * x, piece.last);
 }
 
-/// The field of the blobs of active_. Each 1 - |p|^2 is a quadratic with the Bernstein coefficients
-/// 1 - p.p, 1 - p.q, 1 - q.q for its ends p and q, without cancellation; those of its square
-/// follow. Source: Farouki, Rajan, "Algorithms for polynomials in Bernstein form", Computer Aided
-/// Geometric Design 5(1), 1988.
-BlobLine::Piece BlobLine::field_between(double first, double last, double threshold) {
-  term_count_ += active_.size();
-  Piece whole = {first, last, {}};
-  whole.b.fill(-threshold);
-  for (const std::uint32_t i : active_) {
-    const BlobSpan& span = spans_[i];
-    if (!span.entered) continue;
-    const Vec3d p = span.at(first), q = span.at(last);
-    const double start = 1 - dot(p, p), middle = 1 - dot(p, q), end = 1 - dot(q, q);
-    whole.b[0] += span.strength * (start * start);
-    whole.b[1] += span.strength * (start * middle);
-    whole.b[2] += span.strength * ((start * end + 2 * middle * middle) / 3);
-    whole.b[3] += span.strength * (middle * end);
-    whole.b[4] += span.strength * (end * end);
-  }
-  return whole;
-}
-
 void BlobLine::find_crossings(const Piece& whole) {
   pieces_.assign(1, whole);
-  while (!pieces_.empty()) {
+  while (!pieces_.empty() && !done_) {
     Piece piece = pieces_.back();
     pieces_.pop_back();
     // The sign at the start is that of inside_, not that of the rounded b[0].
@@ -133,44 +123,30 @@ void BlobLine::find_crossings(const Piece& whole) {
       if (above != inside_) pass(middle);
       continue;
     }
-    const Piece half = take_half(piece, middle);
+    const Piece half = piece.take_until(middle, 0.5);
     pieces_.push_back(piece);
     pieces_.push_back(half);
   }
 }
 
-/// Whether find_crossings() is known to find nothing between first and last. It finds nothing if
-/// b[4] of the whole and of every half that it may examine has the sign of inside_: an odd number
-/// of sign changes then cannot occur. b[4] is the field minus the threshold, with these errors:
-/// field_between() rounds each blob's part by at most 70 u of its strength, and the sum once per
-/// blob; each of at most 1,100 halvings adds 4 u. The magnitudes are at most 8/3 of the strengths
-/// plus the threshold.
-bool BlobLine::has_no_crossing(double first, double last, double threshold) {
-  if (active_.size() - left_count_ < kSumPays) {
-    sum_valid_ = false;
-    return false;
+/// Takes the next part of `rest`, which ends at `last`, and adds the blobs of active_.
+BlobLine::Piece BlobLine::next_piece(Piece& rest, double first, double last) {
+  Piece whole = {first, last, rest.b};
+  if (!is_constant(rest.b)) {
+    whole = last < rest.last ? rest.take_until(last, (last - rest.first) / (rest.last - rest.first))
+                             : rest;
   }
-  const double margin =
-      (static_cast<double>(spans_.size()) + 0x1p13) * 0x1p-53 * (3 * strengths_ + threshold);
-  const auto clear = [&] { return sum_.stays(inside_, last, threshold, margin); };
-  if (sum_valid_ && clear()) return true;
-  // A new sum has no errors left from blobs that the line has passed.
-  term_count_ += active_.size();
-  sum_valid_ = true;
-  sum_.clear(first);
+  visit_count_ += active_.size();
   for (const std::uint32_t i : active_) {
-    if (spans_[i].entered) sum_.add(spans_[i], 1);
+    const BlobSpan& span = spans_[i];
+    if (!span.entered) continue;
+    BlobQuadratic(span.at(first), span.at(last)).add_square(whole.b, span.strength);
   }
-  return clear();
+  return whole;
 }
 
 void BlobLine::step_over(const Event& event) {
-  BlobSpan& span = spans_[event.span];
-  if (sum_valid_) {
-    sum_.move_to(event.t);
-    sum_.add(span, event.enters ? 1 : -1);
-  }
-  span.entered = event.enters;
+  spans_[event.span].entered = event.enters;
   if (event.enters) {
     active_.push_back(event.span);
     return;
@@ -181,41 +157,180 @@ void BlobLine::step_over(const Event& event) {
   left_count_ = 0;
 }
 
-void BlobLine::sweep(double threshold, bool plain) {
+/// Finds the crossings of the sum of `rest` and the blobs of spans_.
+void BlobLine::sweep(Piece rest) {
   active_.clear();
   left_count_ = 0;
-  sum_valid_ = inside_ = false;
-  crossings_.clear();
   std::sort(events_.begin(), events_.end(), [](const Event& a, const Event& b) {
     return std::tie(a.t, a.span, b.enters) < std::tie(b.t, b.span, a.enters);
   });
-  double last = 0;
+  const bool alone = is_constant(rest.b);
+  double last = rest.first;
   for (const Event& event : events_) {
-    const bool overlap = !active_.empty() && last < event.t;
-    if (overlap && (plain || !has_no_crossing(last, event.t, threshold))) {
-      find_crossings(field_between(last, event.t, threshold));
-    }
-    last = event.t;
+    if (done_) return;
+    const double t = std::clamp(event.t, last, rest.last);
+    if (last < t && !(alone && active_.empty())) find_crossings(next_piece(rest, last, t));
+    last = t;
+    if (event.t > rest.last) return;
     step_over(event);
-    if (active_.empty() && inside_) pass(last);  // the field is 0 behind the last blob
+    if (alone && active_.empty() && inside_) pass(last);  // the field is 0 behind the last blob
   }
+  if (last < rest.last && !alone && !done_) find_crossings(rest);
+}
+
+/// Finds the crossings of the sum of a piece and the last `count` partial blobs.
+void BlobLine::sweep_through(std::size_t count, const Piece& piece) {
+  spans_.clear();
+  events_.clear();
+  for (std::size_t i = partial_.size() - count; i < partial_.size(); ++i) {
+    add_span(field_->blobs()[partial_[i]]);
+  }
+  sweep(piece);
+}
+
+/// Sifts the last `count` partial blobs around a piece: adds those that contain it to the piece and
+/// appends those that neither contain nor miss it to partial_.
+BlobLine::Partial BlobLine::sift(Piece& piece, std::size_t count) {
+  visit_count_ += count;
+  const Vec3d start = origin_ + direction_ * piece.first, end = origin_ + direction_ * piece.last;
+  const std::size_t last = partial_.size();
+  Partial out = {0, {}, true};
+  for (std::size_t i = last - count; i < last; ++i) {
+    const UnitBlob& blob = field_->cells().unit(partial_[i]);
+    const BlobQuadratic u((start - blob.centre) * blob.scale, (end - blob.centre) * blob.scale);
+    if (u.start >= 0 && u.end >= 0) {
+      u.add_square(piece.b, blob.strength);
+      continue;
+    }
+    const double most = std::max({u.start, u.middle, u.end});
+    if (!(most > 0)) continue;
+    out.range.add(blob.strength * (most * most));
+    ++out.count;
+    partial_.push_back(partial_[i]);
+  }
+  return out;
+}
+
+/// 1 or -1 if all values of a piece and of partial blobs are above or below the threshold, else 0.
+int BlobLine::side(const Piece& piece, const FieldRange& partial) {
+  const auto& b = piece.b;
+  const auto [low, high] = std::minmax({b[0], b[1], b[2], b[3], b[4]});
+  return low + partial.low > 0 ? 1 : high + partial.high < 0 ? -1 : 0;
+}
+
+/// Finds the crossings of the sum of a piece and the last partial blobs. A list is long, so it is
+/// sifted only where neither half of the piece can be decided without.
+void BlobLine::search(Piece piece, Partial partial) {
+  if (done_) return;
+  if (const int found = side(piece, partial.range); found != 0) {
+    return set_inside(found > 0, piece.first);
+  }
+  if (partial.count == 0) return find_crossings(piece);
+  const double middle = 0.5 * (piece.first + piece.last);
+  const bool few = partial.count <= BlobField::kFew;
+  if ((few && partial.sifted) || !(piece.first < middle && middle < piece.last)) {
+    return sweep_through(partial.count, piece);
+  }
+  Piece second = piece;
+  const Piece first = second.take_until(middle, 0.5);
+  if (!few &&
+      (partial.sifted || side(first, partial.range) != 0 || side(second, partial.range) != 0)) {
+    partial.sifted = false;
+    search(first, partial);
+    return search(second, partial);
+  }
+  const std::size_t size = partial_.size();
+  const Partial sifted = sift(piece, partial.count);
+  search(piece, sifted);
+  partial_.resize(size);
+}
+
+/// Finds the crossings of a line in a cell. If the leaf before it was skipped, the field decides
+/// whether the line begins inside.
+void BlobLine::visit(const BlobCell& cell, double first, double last) {
+  Piece piece = {first, last, {}};
+  if (cell.has_whole) {
+    piece.b = cell.whole.along(cell.local(origin_ + direction_ * first),
+                               cell.local(origin_ + direction_ * last));
+  }
+  for (double& b : piece.b) b -= field_->threshold();
+  if (!known_) {
+    visit_count_ += cell.partial.size();
+    double value = piece.b[0];
+    const Vec3d start = origin_ + direction_ * first;
+    for (const BlobIndex i : cell.partial) value += field_->cells().unit(i).field(start);
+    inside_ = value > 0;
+    known_ = true;
+  }
+  partial_ = cell.partial;
+  search(piece, {partial_.size(), cell.partial_range, false});
+}
+
+void BlobLine::intersect_cells() {
+  const BlobCells& cells = field_->cells();
+  double end = 0;
+  cells.each_along(origin_, direction_, [&](std::uint32_t leaf, double first, double last) {
+    const bool decided = leaf >= BlobCells::kOutside;
+    end = last;
+    if (last < request_.from) {
+      known_ = decided;
+      inside_ = leaf == BlobCells::kInside;
+      return true;
+    }
+    if (first > request_.to) done_ = true;
+    if (done_) return false;
+    if (!decided) {
+      visit(cells.cell(leaf), first, last);
+    } else if (known_) {
+      set_inside(leaf == BlobCells::kInside, first);
+    } else {
+      inside_ = leaf == BlobCells::kInside;
+      known_ = true;
+    }
+    return !done_;
+  });
+  if (inside_ && !done_) pass(end);  // the field is 0 outside all cells
+}
+
+void BlobLine::start(const BlobField& field, const Vec3d& origin, const Vec3d& direction,
+                     const HitRequest& request) {
+  field_ = &field;
+  origin_ = origin;
+  direction_ = direction;
+  request_ = request;
+  spans_.clear();
+  events_.clear();
+  crossings_.clear();
+  inside_ = done_ = false;
+  known_ = true;  // a line begins outside all blobs
+  visit_count_ = 0;
+}
+
+void BlobLine::sweep_all() {
+  for (const Blob& blob : field_->blobs()) add_span(blob);
+  Piece whole = {-kInfinity, kInfinity, {}};
+  whole.b.fill(-field_->threshold());
+  sweep(whole);
 }
 
 void BlobLine::intersect(const BlobField& field, const Vec3d& origin, const Vec3d& direction,
-                         bool plain, std::vector<ShapeHit>& hits) {
-  term_count_ = 0;
-  find_spans(field, origin, direction, plain);
-  sweep(field.threshold(), plain);
-  for (std::size_t i = 0; i < crossings_.size(); ++i) {
-    const double t = crossings_[i];
-    hits.push_back({t, origin + direction * t, kCurvedFace, i % 2 == 0});
-  }
+                         const HitRequest& request, std::vector<ShapeHit>& hits) {
+  start(field, origin, direction, request);
+  field.cells().empty() ? sweep_all() : intersect_cells();
+  hits.insert(hits.end(), crossings_.begin(), crossings_.end());
+}
+
+void BlobLine::intersect_plain(const BlobField& field, const Vec3d& origin, const Vec3d& direction,
+                               std::vector<ShapeHit>& hits) {
+  start(field, origin, direction, {});
+  sweep_all();
+  hits.insert(hits.end(), crossings_.begin(), crossings_.end());
 }
 
 void intersect_blobs(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
-                     std::vector<ShapeHit>& hits) {
+                     const HitRequest& request, std::vector<ShapeHit>& hits) {
   thread_local BlobLine line;
-  line.intersect(*shape.blobs, origin, direction, false, hits);
+  line.intersect(*shape.blobs, origin, direction, request, hits);
 }
 
 }  // namespace tessera::render

@@ -36,6 +36,7 @@ void intersect_shape(const Shape& shape, const Vec3d& origin, const Vec3d& direc
   if (!(size2 > 0 && std::isfinite(size2))) return;
   const double nearest = nearest_point(shape, origin, direction);
   const Vec3d near = origin + direction * nearest;
+  const HitRequest moved = {request.from - nearest, request.to - nearest, request.first};
   const std::size_t first = hits.size();
   switch (shape.form) {
     case Shape::Form::quadric:
@@ -45,11 +46,10 @@ void intersect_shape(const Shape& shape, const Vec3d& origin, const Vec3d& direc
       intersect_torus(shape, near, direction, hits);
       break;
     case Shape::Form::blobs:
-      intersect_blobs(shape, near, direction, hits);
+      intersect_blobs(shape, near, direction, moved, hits);
       break;
     case Shape::Form::terrain:
-      intersect_terrain(shape, near, direction,
-                        {request.from - nearest, request.to - nearest, request.first}, hits);
+      intersect_terrain(shape, near, direction, moved, hits);
       break;
   }
   for (std::size_t i = first; i < hits.size(); ++i) hits[i].t += nearest;

@@ -97,7 +97,7 @@ void intersect_quadric(const Shape& shape, const Vec3d& origin, const Vec3d& dir
 void intersect_torus(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
                      std::vector<ShapeHit>& hits);
 void intersect_blobs(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
-                     std::vector<ShapeHit>& hits);
+                     const HitRequest& request, std::vector<ShapeHit>& hits);
 void intersect_terrain(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
                        const HitRequest& request, std::vector<ShapeHit>& hits);
 
