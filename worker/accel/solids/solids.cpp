@@ -101,11 +101,11 @@ Solids::Solids(const Scene& scene)
     const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
     if (mesh.shape == nullptr || instance.operand) continue;
     by_instance_[i] = static_cast<std::uint32_t>(solids_.size());
-    solids_.push_back({static_cast<std::uint32_t>(operands_.size()),
-                       1,
-                       {},
-                       mesh.shape->form == Shape::Form::terrain ||
-                           mesh.shape->form == Shape::Form::blobs});
+    solids_.push_back(
+        {static_cast<std::uint32_t>(operands_.size()),
+         1,
+         {},
+         mesh.shape->form == Shape::Form::terrain || mesh.shape->form == Shape::Form::blobs});
     add(scene, i);
   }
   for (const CsgSolid& solid : scene.solids) {
