@@ -279,6 +279,37 @@ TEST(Blobs, ManyBlobsHaveExactNormals) {
   EXPECT_GT(checked, 500);
 }
 
+TEST(Blobs, PolynomialOfSmallBoxHasTightRange) {
+  Dice dice(39);
+  for (int i = 0; i < 500; ++i) {
+    const Vec3d half = {0.02, 0.01, 0.03};
+    std::vector<Blob> blobs = dense_blobs(dice, 1 + dice.below(20));
+    BlobPolynomial sum;
+    for (std::size_t k = 0; k < blobs.size(); ++k) {
+      if (k % 4 == 3) blobs[k].strength = -1;
+      sum.add({blobs[k].centre, kUnit, blobs[k].strength}, half, half * 2.0);
+    }
+    // The box from 0 to 2 * half within that from -half to 3 * half.
+    for (int axis = 0; axis < 3; ++axis) sum.take_half(axis, true);
+    for (int axis = 0; axis < 3; ++axis) sum.take_half(axis, false);
+    // Now that from half to 2 * half.
+    const FieldRange range = sum.range();
+    double low = 1e9, high = -1e9;
+    for (int corner = 0; corner < 8; ++corner) {
+      Vec3d p = {-1, -1, -1};
+      for (int k = 0; k < 3; ++k) p[k] += 2 * ((corner >> k) & 1);
+      const double value = field(blobs, half * 1.5 + half * p * 0.5);
+      low = std::min(low, value);
+      high = std::max(high, value);
+      EXPECT_NEAR(sum.along(p, {})[0], value, 1e-12);
+    }
+    EXPECT_LE(range.low, low + 1e-12);
+    EXPECT_GE(range.high, high - 1e-12);
+    EXPECT_LE(range.high - range.low,
+              1.1 * (high - low) + 0.01 * static_cast<double>(blobs.size()));
+  }
+}
+
 TEST(Blobs, SingleBlobIsASphere) {
   const Shape blob = make_blobs({{{}, kUnit, 1}}, 0.25);
   const auto through = hits_of(blob, {0, 0, -3}, {0, 0, 1});

@@ -39,7 +39,7 @@ class BlobCells {
   static constexpr std::size_t kFew = 16;
 
   /// Where a leaf lies, or the index of its cell if that is less.
-  enum Leaf : std::uint32_t { kOutside = UINT32_MAX - 1, kInside = UINT32_MAX };
+  static constexpr std::uint32_t kOutside = UINT32_MAX - 1, kInside = UINT32_MAX;
 
   /// Builds no tree for kFew blobs or fewer. Requires at most 65,536 blobs.
   BlobCells(std::span<const Blob> blobs, double threshold);
