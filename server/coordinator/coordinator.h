@@ -59,7 +59,7 @@ struct BlockHeader {
   std::int64_t size_bytes = 0;  // of the encoded block
   contract::Digest sha256;
   double cpu_seconds = 0;
-  contract::TraversalCounts cost;
+  contract::TraversalCounts cost = {};
 
   contract::Unit unit() const { return {lease.frame, tile, lease.pass}; }
 };

@@ -150,9 +150,9 @@ TEST(Shutter, ObjectOfScaleZeroChangesNothing) {
     const int mesh = file->add_mesh(tessera::testing::unit_quad());
     const int moves = file->add_node_with_mesh(mesh);
     animate(*file, moves, "translation", {0, 1}, "VEC3", {0, 0, 0, 4, 0, 0});
-    const std::string scale = file == &hidden ? R"("scale": [0, 0, 0])" : R"("name": "none")";
-    const std::string what = file == &hidden ? R"("mesh": )" + number(mesh) + ", " : "";
-    const int swings = file->add_node("{" + what + scale + "}");
+    std::string node = R"({"name": "none"})";
+    if (file == &hidden) node = R"({"scale": [0, 0, 0], "mesh": )" + number(mesh) + "}";
+    const int swings = file->add_node(node);
     animate(*file, swings, "translation", {0, 1}, "VEC3",
             {0, 0, 0, 0, 0, 0, 3, 0, 0, 0, 3, 0, 1, 0, 0, 0, 0, 0}, "CUBICSPLINE");
   }

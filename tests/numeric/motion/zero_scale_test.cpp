@@ -15,12 +15,12 @@ using tessera::testing::load_and_pose;
 using Values = std::vector<float>;
 
 constexpr float kTurn = 0.3f, kEnd = 0.7f;  // seconds, within the exposure
-const Values kTimes = {0, kTurn, kEnd, 1};
-const Values kGrows = {0, 0, 0, 0, 0, 0, 1, 1, 1, 1.2f, 1.2f, 1.2f};
-const Values kShrinks = {1.2f, 1.2f, 1.2f, 1, 1, 1, 0, 0, 0, 0, 0, 0};
-const Values kAppears = {0, 0, 0, 0, 0, 0, 1, 1, 1, 0, 0, 0};
-const Values kMirrors = {-1, -1, -1, -0.5f, -0.5f, -0.5f, 0.5f, 0.5f, 0.5f, 1, 1, 1};
-const Values kFlips = {-1, 1, 1, -1, 1, 1, 1, 0.5f, 1, 1, 0.5f, 1};
+const Values turn_times = {0, kTurn, kEnd, 1};
+const Values growing_scales = {0, 0, 0, 0, 0, 0, 1, 1, 1, 1.2f, 1.2f, 1.2f};
+const Values shrinking_scales = {1.2f, 1.2f, 1.2f, 1, 1, 1, 0, 0, 0, 0, 0, 0};
+const Values appearing_scales = {0, 0, 0, 0, 0, 0, 1, 1, 1, 0, 0, 0};
+const Values mirroring_scales = {-1, -1, -1, -0.5f, -0.5f, -0.5f, 0.5f, 0.5f, 0.5f, 1, 1, 1};
+const Values flipping_scales = {-1, 1, 1, -1, 1, 1, 1, 0.5f, 1, 1, 0.5f, 1};
 
 std::string at(const std::string& place) {
   return R"({"translation": )" + place + "}";
@@ -53,20 +53,21 @@ std::unique_ptr<GltfBuilder> wall(double open, double close) {
 
 std::unique_ptr<GltfBuilder> lamps(double open, double close) {
   auto file = wall(open, close);
-  animate(*file, add_lamp(*file, "[5, 0, 0]", "[-0.6, 0.5, -0.5]"), "scale", kTimes, "VEC3",
-          kGrows);
-  animate(*file, add_lamp(*file, "[0, 5, 0]", "[0.5, -0.5, -0.4]"), "scale", kTimes, "VEC3",
-          kShrinks);
-  animate(*file, add_lamp(*file, "[0, 0, 5]", "[0, 0.6, -0.6]"), "scale", kTimes, "VEC3", kAppears);
+  animate(*file, add_lamp(*file, "[5, 0, 0]", "[-0.6, 0.5, -0.5]"), "scale", turn_times, "VEC3",
+          growing_scales);
+  animate(*file, add_lamp(*file, "[0, 5, 0]", "[0.5, -0.5, -0.4]"), "scale", turn_times, "VEC3",
+          shrinking_scales);
+  animate(*file, add_lamp(*file, "[0, 0, 5]", "[0, 0.6, -0.6]"), "scale", turn_times, "VEC3",
+          appearing_scales);
   return file;
 }
 
 std::unique_ptr<GltfBuilder> mirrored_lamps(double open, double close) {
   auto file = wall(open, close);
-  animate(*file, add_lamp(*file, "[5, 0, 0]", "[-0.6, 0.5, -0.5]"), "scale", kTimes, "VEC3",
-          kMirrors);
-  animate(*file, add_lamp(*file, "[0, 5, 0]", "[0.5, -0.5, -0.4]"), "scale", kTimes, "VEC3",
-          kFlips);
+  animate(*file, add_lamp(*file, "[5, 0, 0]", "[-0.6, 0.5, -0.5]"), "scale", turn_times, "VEC3",
+          mirroring_scales);
+  animate(*file, add_lamp(*file, "[0, 5, 0]", "[0.5, -0.5, -0.4]"), "scale", turn_times, "VEC3",
+          flipping_scales);
   return file;
 }
 
@@ -74,13 +75,14 @@ std::unique_ptr<GltfBuilder> bulbs(double open, double close) {
   auto file = wall(open, close);
   GltfBuilder& b = *file;
   const std::string ball = R"("type": "sphere", "radius": 0.15)";
-  animate(b, add_bulb(b, "[5, 0, 0]", ball, "[-0.6, 0.5, -0.5]"), "scale", kTimes, "VEC3", kGrows);
+  animate(b, add_bulb(b, "[5, 0, 0]", ball, "[-0.6, 0.5, -0.5]"), "scale", turn_times, "VEC3",
+          growing_scales);
   animate(b, add_bulb(b, "[0, 5, 0]", R"("type": "disc", "radius": 0.2)", "[0.5, 0.6, -0.6]"),
-          "scale", kTimes, "VEC3", kShrinks);
+          "scale", turn_times, "VEC3", shrinking_scales);
   animate(b,
           add_bulb(b, "[0, 0, 9]", R"("type": "cylinder", "radius": 0.01, "height": 1.2)",
                    "[0, -0.8, -0.5]"),
-          "scale", kTimes, "VEC3", kFlips);
+          "scale", turn_times, "VEC3", flipping_scales);
   return file;
 }
 
@@ -90,16 +92,16 @@ std::unique_ptr<GltfBuilder> objects(double open, double close) {
   GltfBuilder& b = *file;
   const int grows =
       b.add_node_with_mesh(add_stripe(b, -0.2f, 0.4f, shining(b, "[1, 0.2, 0]")), at("[-1, 0, 0]"));
-  animate(b, grows, "scale", kTimes, "VEC3", kGrows);
+  animate(b, grows, "scale", turn_times, "VEC3", growing_scales);
   b.use_extension("EXT_mesh_gpu_instancing");
   const int places = b.add_vec3({{-0.2f, 0, 0}, {0.3f, 0, 0}});
   const int row = b.add_node_with_mesh(
       add_stripe(b, -0.1f, 0.2f, shining(b, "[0, 1, 0.3]")),
       R"({"extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": )" +
           number(places) + "}}}}");
-  animate(b, row, "scale", kTimes, "VEC3", kShrinks);
+  animate(b, row, "scale", turn_times, "VEC3", shrinking_scales);
   const int ball = add_bulb(b, "[0.1, 0, 1]", R"("type": "sphere", "radius": 0.3)", "[0.9, 0, 0]");
-  animate(b, ball, "scale", kTimes, "VEC3", kMirrors);
+  animate(b, ball, "scale", turn_times, "VEC3", mirroring_scales);
   return file;
 }
 
@@ -120,8 +122,8 @@ std::unique_ptr<GltfBuilder> solid(double open, double close) {
   const int gone = add_operand(R"("type": "sphere", "radius": 0.4)", "[0.6, 0, 0]");
   b.add_node(R"({"children": [)" + number(body) + ", " + number(hole) + ", " + number(gone) +
              R"(], "extensions": {"TESSERA_csg": {"operation": "subtraction"}}})");
-  animate(b, hole, "scale", kTimes, "VEC3", kGrows);
-  animate(b, gone, "scale", kTimes, "VEC3", kShrinks);
+  animate(b, hole, "scale", turn_times, "VEC3", growing_scales);
+  animate(b, gone, "scale", turn_times, "VEC3", shrinking_scales);
   return file;
 }
 
@@ -140,7 +142,7 @@ std::unique_ptr<GltfBuilder> punctual_lights(double open, double close) {
                                      number(light) + "}}}",
                                  false);
     const int parent = b.add_node(R"({"children": [)" + number(child) + "]}");
-    animate(b, parent, "scale", kTimes, "VEC3", light == 0 ? kGrows : kShrinks);
+    animate(b, parent, "scale", turn_times, "VEC3", light == 0 ? growing_scales : shrinking_scales);
   }
   return file;
 }
