@@ -18,8 +18,9 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr double kWidth = 1080, kHeight = 500, kTop = 44, kBottom = 442;
-constexpr PlotArea kTimeArea = {84, kTop, 530, kBottom}, kVisitsArea = {624, kTop, 1070, kBottom};
+constexpr double kSvgWidth = 1080, kSvgHeight = 500, kAreaTop = 44, kAreaBottom = 442;
+constexpr PlotArea kTimeArea = {84, kAreaTop, 530, kAreaBottom},
+                   kVisitsArea = {624, kAreaTop, 1070, kAreaBottom};
 
 /// A structure in a panel; coordinates are decades.
 struct Mark {
@@ -172,7 +173,7 @@ absl::StatusOr<std::string> accelerators_svg(const ordered_json& accelerators) {
   }
   return absl::StrCat(
       absl::StrFormat("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\">\n",
-                      kWidth, kHeight),
+                      kSvgWidth, kSvgHeight),
       kStyle, time, work, "</svg>\n");
 }
 

@@ -11,7 +11,7 @@ namespace {
 using accelerators::Neighbour;
 using accelerators::SearchStats;
 
-constexpr std::size_t kMaxListed = 100;
+constexpr std::size_t kMaxListedPairs = 100;
 constexpr double kTolerance = 1e-5;
 
 struct Vertex {
@@ -100,7 +100,7 @@ VertexDistances measure_vertex_distances(const Scene& scene, std::size_t max_ver
 std::string to_json(const VertexDistances& distances, const Scene& scene) {
   nlohmann::json pairs = nlohmann::json::array();
   for (const NearVertices& pair : distances.near) {
-    if (pairs.size() == kMaxListed) break;
+    if (pairs.size() == kMaxListedPairs) break;
     const Vec3d at = Vec3d(pair.at) + scene.center;
     pairs.push_back({{"distance", pair.distance},
                      {"at", {at.x, at.y, at.z}},

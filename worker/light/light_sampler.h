@@ -151,7 +151,7 @@ class LightSampler {
     Vec3f radiance;
     float cosine;
   };
-  Emitted emitted(const Entry& entry, const LightPoint& position, const Vec3f& direction) const;
+  Emitted emitted(const Entry& entry, const LightPoint& light_point, const Vec3f& direction) const;
   bool sample_emitter(const Entry& entry, float share, const Vec3f& point, const LightRandom& u,
                       LightSample* sample) const;
   bool sample_special(const Entry& entry, float share, const LightSampleContext& context,

@@ -494,9 +494,9 @@ class MotionBuilder {
 
 }  // namespace
 
-absl::Status add_motion(const ShutterInterval& shutter, Scene& scene,
+absl::Status add_motion(const ShutterInterval& exposure, Scene& scene,
                         std::vector<Problem>& problems) {
-  return MotionBuilder(shutter, scene, problems).build();
+  return MotionBuilder(exposure, scene, problems).build();
 }
 
 }  // namespace tessera::render
