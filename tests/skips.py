@@ -3,8 +3,9 @@
 
     tests/skips.py REPORT.xml [--strict]
 
-REPORT.xml comes from `ctest --output-junit`. With --strict, fails if a test was skipped that
-tests/allowed_skips.txt does not list with that reason.
+REPORT.xml comes from `ctest --output-junit`. A disabled test (DISABLED_ in its name) counts as
+skipped. With --strict, fails if a test was skipped that tests/allowed_skips.txt does not list with
+that reason, or if no test ran at all.
 """
 import argparse
 import pathlib
@@ -42,27 +43,35 @@ def reason_of(case):
     return (skipped.get("message") if skipped is not None else None) or "no reason given"
 
 
-def skipped_tests(report):
-    """Returns (name, reason) for each test of a report that did not run."""
-    root = xml.etree.ElementTree.parse(report).getroot()
-    cases = root.iter("testcase")
-    return [(c.get("name"), reason_of(c)) for c in cases if c.find("skipped") is not None]
+def read_report(path):
+    """Returns the number of tests of a report that ran, and (name, reason) of each that did not."""
+    ran, skipped = 0, []
+    for case in xml.etree.ElementTree.parse(path).getroot().iter("testcase"):
+        if case.find("skipped") is not None:
+            skipped.append((case.get("name"), reason_of(case)))
+        elif case.get("status") == "disabled":  # has no element of its own in ctest's report
+            skipped.append((case.get("name"), "disabled"))
+        else:
+            ran += 1
+    return ran, skipped
 
 
-def main():
+def main(arguments=None):
     parser = argparse.ArgumentParser(description="Lists skipped tests and their reasons.")
     parser.add_argument("report", help="JUnit file of ctest")
     parser.add_argument("--strict", action="store_true", help="fail on skips that are not allowed")
-    arguments = parser.parse_args()
+    options = parser.parse_args(arguments)
     allowed = read_allowed(ALLOWED)
-    skipped = skipped_tests(arguments.report)
+    ran, skipped = read_report(options.report)
     print(f"{len(skipped)} tests skipped")
     forbidden = 0
     for name, reason in skipped:
         is_allowed = any(name == test and text in reason for test, text in allowed)
         forbidden += not is_allowed
         print(f"  {name}: {reason}{'' if is_allowed else ' (not in tests/allowed_skips.txt)'}")
-    return 1 if arguments.strict and forbidden else 0
+    if ran == 0:
+        print("no test ran")
+    return 1 if options.strict and (forbidden or ran == 0) else 0
 
 
 if __name__ == "__main__":

@@ -1,0 +1,52 @@
+#!/usr/bin/env python3
+"""Shows that skips.py --strict accepts the skips on the list and nothing else."""
+
+import contextlib
+import io
+import os
+import tempfile
+import unittest
+
+import skips
+
+RAN = '<testcase name="unit.A.Runs" status="run"/>'
+SKIPPED = ('<testcase name="{}" status="notrun"><skipped message="SKIP_RETURN_CODE=77"/>'
+           "<system-out>SKIPPED: {}\n</system-out></testcase>")
+
+
+def status_of(*cases):
+    """Exit code of skips.py --strict for a report with these test cases."""
+    with tempfile.NamedTemporaryFile("w", suffix=".xml", delete=False) as file:
+        file.write(f"<testsuite>{''.join(cases)}</testsuite>")
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            return skips.main([file.name, "--strict"])
+    finally:
+        os.unlink(file.name)
+
+
+class StrictSkips(unittest.TestCase):
+    def test_report_without_skips_passes(self):
+        self.assertEqual(status_of(RAN), 0)
+
+    def test_listed_skip_with_its_reason_passes(self):
+        self.assertEqual(status_of(RAN, SKIPPED.format("e2e.slurm", "needs root")), 0)
+
+    def test_listed_skip_with_another_reason_fails(self):
+        self.assertEqual(status_of(RAN, SKIPPED.format("e2e.slurm", "no network")), 1)
+
+    def test_unlisted_skip_fails(self):
+        self.assertEqual(status_of(RAN, SKIPPED.format("e2e.chaos", "needs root")), 1)
+
+    def test_skip_without_a_reason_fails(self):
+        self.assertEqual(status_of(RAN, '<testcase name="e2e.slurm"><skipped/></testcase>'), 1)
+
+    def test_disabled_test_fails(self):
+        self.assertEqual(status_of(RAN, '<testcase name="unit.A.DISABLED_B" status="disabled"/>'), 1)
+
+    def test_report_without_tests_fails(self):
+        self.assertEqual(status_of(), 1)
+
+
+if __name__ == "__main__":
+    unittest.main()
