@@ -1,15 +1,17 @@
 #!/usr/bin/env python3
-"""Mutation check: breaks single lines of the code in a copy and looks whether its tests fail.
+"""Mutation check: breaks single lines of the code in a copy and checks whether its tests fail.
 
     tests/mutation/run.py [--count 20] [--seed 1] [--area NAME]... [--dry-run] [--work FOLDER]
 
-The lines are chosen at random from the scheduler, the stopping rule, the BVH kernels and the BSDFs, each
-area in its turn. A mutant changes one operator, constant, comparison or condition of its line. A
-comparison is reversed; by one step (< to <=) it is changed in the scheduler only, because elsewhere it
-compares floats, for which equality is too rare to be tested. The tests of the area are built in a copy
-of the tree and run until one fails. A mutant that does not compile is replaced by another one; one that
-hangs is caught. Prints the change of each survivor and exits with 1 if fewer than nine of ten mutants
-are caught. A survivor deserves a test, or, if it cannot change any result, an entry in equivalent.txt.
+The lines are chosen at random from the scheduler, the stopping rule, the BVH kernels and the BSDFs, one
+area after the other. A mutant changes one operator, constant, comparison or condition of its line. A
+comparison is reversed. In the scheduler it is also changed by one step (< to <=); elsewhere comparisons
+are between floats, whose equality is too rare to be tested. The tests of the area are built in a copy of
+the tree and run until one fails. A test that fails is run again and must fail again, so that a test that
+depends on the load of the machine catches nothing. A mutant that does not compile is replaced by another
+one. A mutant whose tests take ten times the CPU time of the unchanged ones, or hang, is caught. Prints
+the change of each survivor and exits with 1 if fewer than nine of ten mutants are caught. A survivor
+needs a test or, if it cannot change any result, an entry in equivalent.txt.
 """
 import argparse
 import dataclasses
@@ -18,7 +20,9 @@ import os
 import pathlib
 import random
 import re
+import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -48,7 +52,8 @@ AREAS = (
     Area("traversal", ("worker/accel/kernels/*.h", "worker/accel/kernels/*.cpp"),
          ("numeric_geometry_test", "numeric_motion_test", "numeric_solids_test"),
          () if "avx512vl" in pathlib.Path("/proc/cpuinfo").read_text() else ("*avx512*",)),
-    Area("bsdf", ("worker/shading/bsdf/*.h", "worker/shading/bsdf/*.cpp"),
+    Area("bsdf", ("worker/shading/bsdf/*.h", "worker/shading/bsdf/*.cpp", "worker/shading/microfacet/*.h",
+                  "worker/shading/microfacet/*.cpp"),
          ("unit_shading_test", "numeric_bsdf_test", "numeric_optics_test", "numeric_gltf_test",
           "numeric_transparency_test", "numeric_lighting_test", "numeric_estimators_test")),
 )
@@ -190,6 +195,7 @@ class Copy:
         self.tree = folder / "tree"
         self.build = self.tree / "build" / "dev"
         self.limit = limit
+        self.cpu_limits = {}  # seconds, by test binary
         self.environment = dict(os.environ, CCACHE_BASEDIR=str(self.tree), CCACHE_NOHASHDIR="1")
         names = subprocess.run(["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"], cwd=ROOT,
                                check=True, capture_output=True, text=True).stdout.split("\0")
@@ -199,29 +205,60 @@ class Copy:
                 target.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy(source, target)
 
-    def run(self, *command):
+    def run(self, *command, cpu_limit=None):
         """Returns (status, output); a command that takes too long has status None."""
+        def limit_cpu():
+            if cpu_limit:
+                resource.setrlimit(resource.RLIMIT_CPU, (cpu_limit, cpu_limit))
         try:
             done = subprocess.run(command, cwd=self.tree, env=self.environment, timeout=self.limit, text=True,
                                   errors="replace", stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                                  stdin=subprocess.DEVNULL)
+                                  stdin=subprocess.DEVNULL, preexec_fn=limit_cpu)
         except subprocess.TimeoutExpired as late:
             return None, str(late)
+        if cpu_limit and done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
+            return None, done.stdout
         return done.returncode, done.stdout
 
     def compile(self, tests):
         return self.run("cmake", "--build", str(self.build), "--target", *tests)
 
+    def failure(self, test, name="*"):
+        """Runs a test binary, or one test of it. Returns the name of the test that fails, None if all pass."""
+        status, output = self.run(str(self.build / "bin" / test), "--gtest_fail_fast", "--gtest_brief=1",
+                                  f"--gtest_filter={name}", cpu_limit=self.cpu_limits.get(test))
+        if status == 0:
+            return None
+        if status is None:
+            return f"{test} (time limit)"
+        failed = re.search(r"\[  FAILED  \] (\S+?),? ", output + " ")
+        return failed.group(1) if failed else f"{test} (status {status})"
+
     def first_failure(self, tests):
-        """Returns the name of the first test that fails, None if all pass."""
+        """Returns the name of the first test that fails twice, None if all pass."""
         for test in tests:
-            status, output = self.run(str(self.build / "bin" / test), "--gtest_fail_fast", "--gtest_brief=1")
-            if status is None:
-                return f"{test} (time limit)"
-            if status != 0:
-                failed = re.search(r"\[  FAILED  \] (\S+)", output)
-                return failed.group(1) if failed else f"{test} (status {status})"
+            for _ in range(3):
+                name = self.failure(test)
+                if name is None:
+                    break
+                one_test = "." in name and " " not in name
+                if name.endswith("(time limit)") or self.failure(test, name if one_test else "*"):
+                    return name
+                print(f"    {name} failed and passed when it was run again", flush=True)
+            else:
+                sys.exit(f"mutation: {name} fails at times; mend it first")
         return None
+
+    def measure(self, tests):
+        """Runs the unchanged tests, which must pass, and limits their CPU time to ten times what they take."""
+        for test in tests:
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
+            failure = self.first_failure([test])
+            if failure:
+                sys.exit(f"mutation: {failure} fails without a mutation")
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
+            seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+            self.cpu_limits[test] = max(30, math.ceil(10 * seconds))
 
 
 def prepare(copy, areas):
@@ -234,9 +271,7 @@ def prepare(copy, areas):
     if status != 0:
         sys.exit(f"mutation: the unchanged tree does not build\n{output[-4000:]}")
     copy.limit = limit
-    failure = copy.first_failure(tests)
-    if failure:
-        sys.exit(f"mutation: {failure} fails without a mutation")
+    copy.measure(tests)
 
 
 def try_mutant(copy, area, mutant):
@@ -258,7 +293,7 @@ def try_mutant(copy, area, mutant):
 
 def check(copy, areas, candidates, count):
     """Tries `count` mutants that compile; returns those that survive."""
-    survivors = []
+    survivors, hung = [], 0
     for i in range(count):
         area = areas[i % len(areas)]
         while True:
@@ -269,9 +304,11 @@ def check(copy, areas, candidates, count):
                 break
         print(f"{i + 1:3} {area.name:14} {mutant.path}:{mutant.number}: {result} "
               f"({time.monotonic() - start:.0f} s)", flush=True)
+        hung += result.endswith("(time limit)")
         if result == "survived":
             survivors.append(mutant)
             print(mutant.diff(), flush=True)
+    print(f"mutation: {hung} caught by a time limit")
     return survivors
 
 
