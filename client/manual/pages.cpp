@@ -40,7 +40,7 @@ void append_option_rows(const CLI::App& command, std::string& page) {
   }
   for (const ShownOption& option : shown_options(command)) {
     absl::StrAppend(&page, "| `", absl::StrJoin(option.names, "`, `"),
-                    option.value.empty() ? "" : " " + option.value, "` | ",
+                    option.value.empty() ? "" : " " + cell(option.value), "` | ",
                     cell(option.description), " | ",
                     option.default_value.empty() ? "" : "`" + option.default_value + "`", " |\n");
   }
@@ -86,7 +86,7 @@ std::string man_page(const CLI::App& command, const std::string& program) {
       &page,
       ".SH EXIT STATUS\n"
       "0 done; 1 job failed or cancelled, or a comparison over its limit; 2 wrong "
-      "usage or bad input; 3 farm not reachable, or it refused; 4 image written, target "
+      "usage or bad input; 3 farm unreachable, or request refused; 4 image written, target "
       "error not certified; 130 interrupted.\n");
   return page;
 }

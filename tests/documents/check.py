@@ -25,7 +25,7 @@ PICTURE_SUFFIXES = {".jpg", ".png", ".svg"}
 METRICS_PAGE = "docs/reference/metrics.md"
 # A document that a source file names, or one of those that were never in this repository.
 RETIRED = re.compile(r"(?<![\w-])(?:design|farm)\.m[d]\b")
-DOCUMENT = re.compile(r"\bdocs/[\w/-]+\.(?:md|svg|jpg|json)\b|" + RETIRED.pattern)
+DOCUMENT = re.compile(r"\bdocs/[\w/-]+\.(?:md|svg|jpg|json)\b(?:#[\w-]+)?|" + RETIRED.pattern)
 
 FENCE = re.compile(r"^(```|~~~)[^\n]*\n.*?^\1[ \t]*$", re.M | re.S)
 LINK = re.compile(r"(!?)\[(?:[^\[\]]|\[[^\[\]]*\])*\]\(\s*<?([^)\s>]+)>?(?:\s+\"[^\"]*\")?\s*\)")
@@ -128,6 +128,7 @@ class Checks:
             self.check_chaos_kinds(page, prose, kinds)
             self.check_options(page, prose, options)
             self.check_shell_blocks(page, text)
+            self.check_tables(page, prose)
         self.check_metrics()
         self.check_everything_is_linked()
         self.check_documents_in_sources()
@@ -204,6 +205,15 @@ class Checks:
                 first = commands.strip().split("\n")[0]
                 self.fault(page, f"```sh block without `run` or `not run: WHY`: {first}")
 
+    def check_tables(self, page, text):
+        """Each row has as many cells as the heading. A | inside a cell is written \\|, in code too."""
+        heading = 0
+        for line in text.split("\n"):
+            cells = len(re.findall(r"(?<!\\)\|", line)) if line.startswith("|") else 0
+            if cells and heading and cells != heading:
+                self.fault(page, f"a row of {cells - 1} cells in a table of {heading - 1}: {line[:60]}")
+            heading = (heading or cells) if cells else 0
+
     def check_everything_is_linked(self):
         """A page or picture of docs/ that nothing links to cannot be found by a reader."""
         docs = self.repository.root / "docs"
@@ -218,10 +228,13 @@ class Checks:
             if path.name == "check_test.py":
                 continue  # has examples of missing documents
             for match in (RETIRED if path.suffix == ".md" else DOCUMENT).finditer(text):
-                name = match.group()
-                if RETIRED.fullmatch(name) or not (self.repository.root / name).exists():
-                    line = text.count("\n", 0, match.start()) + 1
+                name, _, heading = match.group().partition("#")
+                document = self.repository.root / name
+                line = text.count("\n", 0, match.start()) + 1
+                if RETIRED.fullmatch(name) or not document.exists():
                     self.fault(path, f"line {line} names a document that does not exist: {name}")
+                elif heading and heading not in self.repository.anchors.get(document, ()):
+                    self.fault(path, f"line {line} names a missing heading: {name}#{heading}")
 
 
 def print_commands(page):

@@ -100,11 +100,20 @@ class DocumentsCheck(unittest.TestCase):
         self.expect("docs/page.md: ```sh block without `run` or `not run: WHY`: true",
                     docs__page_md="\n```sh\ntrue\n```\n")
 
+    def test_table_row_with_an_unescaped_bar(self):
+        table = "\n| option | meaning |\n|---|---|\n| `--x A\\|B` | x |\n| `--y A%sB` | y |\n"
+        self.assertEqual(faults_of({"README.md": table % "\\|"}), [])
+        self.expect("README.md: a row of 3 cells in a table of 2: | `--y A|B` | y |", README_md=table % "|")
+
     def test_missing_document_in_a_source_file(self):
         for name in ("design." + "md", "docs/" + "no.md"):
             self.assertEqual(
                 faults_of({"tests/a_test.cpp": f"// {name}, section 3\n"}),
                 [f"tests/a_test.cpp: line 3 names a document that does not exist: {name}"])
+
+    def test_missing_heading_in_a_source_file(self):
+        self.assertEqual(faults_of({"tests/a_test.cpp": "// docs/page.md#two-words, docs/page.md#six\n"}),
+                         ["tests/a_test.cpp: line 3 names a missing heading: docs/page.md#six"])
 
 
 if __name__ == "__main__":

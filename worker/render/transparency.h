@@ -15,7 +15,7 @@ namespace tessera::render {
 inline constexpr int kTransparencyLimit = 1024;
 
 /// Random decisions of one ray. They depend on sample, bounce, kind of ray and triangle, not on the
-/// order in which surfaces are met (docs/explanation/determinism.md#order-independent-chance).
+/// order in which surfaces are met (docs/explanation/determinism.md#order-independent-decisions).
 struct RayDecisions {
   const Sampler& sampler;
   std::uint32_t bounce = 0;
