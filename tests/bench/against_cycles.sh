@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Tessera beside Blender Cycles: do the pictures agree, and what does an error of 0.01 cost?
 #
-#   tests/bench/against_cycles.sh SCENES [--bin DIR (build/release/bin)] [--only NAME]… [--out FILE.md]
+#   tests/bench/against_cycles.sh SCENES [--bin DIR (build/bench/bin)] [--only NAME]… [--out FILE.md]
 #                                 [--agreement]
 #
 # SCENES is a folder with NAME/NAME.glb for the six names in against_cycles/run.py, and env/ with the

@@ -37,11 +37,11 @@ def build(folder, replicates):
     version = tree / "contract/version.h"
     changed = re.sub(r"kReplicates = \d+;", f"kReplicates = {replicates};", version.read_text())
     version.write_text(changed)
-    for command in (["cmake", "--preset", "release"],
-                    ["cmake", "--build", "--preset", "release", "-j2", "--target",
+    for command in (["cmake", "--preset", "bench"],
+                    ["cmake", "--build", "--preset", "bench", "-j2", "--target",
                      "tessera-bench-coverage"]):
         subprocess.run(command, cwd=tree, check=True, stdout=sys.stderr)
-    shutil.copy(tree / "build/release/bin/tessera-bench-coverage", binary)
+    shutil.copy(tree / "build/bench/bin/tessera-bench-coverage", binary)
     return binary
 
 

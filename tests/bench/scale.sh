@@ -2,7 +2,7 @@
 # A server with many queued jobs: how long it takes to come up, to list, to find one, what a job costs in
 # memory, and how long it takes another job to be rendered then.
 #
-#   tests/bench/scale.sh [JOBS]     100,000; TESSERA_BIN: folder of the programs (build/release/bin)
+#   tests/bench/scale.sh [JOBS]     100,000; TESSERA_BIN: folder of the programs (build/bench/bin)
 #
 # Then tests/bench/scaling/run.sh: real renders over a few workers, and many workers on paper.
 #
@@ -10,7 +10,7 @@
 # of whole commands, the least of five: a process's start is in them. Figures: docs/notes/scaling.md.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/../.." && pwd)
-export TESSERA_BIN=${TESSERA_BIN:-$root/build/release/bin}
+export TESSERA_BIN=${TESSERA_BIN:-$root/build/bench/bin}
 . "$root/tests/e2e/farm.sh"
 jobs=${1:-100000}
 

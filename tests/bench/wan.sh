@@ -4,12 +4,12 @@
 #
 #   tests/bench/wan.sh [SPP…]     units of so many samples (8 and 56); needs root and /dev/net/tun
 #
-# TESSERA_BIN: folder of the programs (build/release/bin). Ends with 1 if the worker was busy for less than
+# TESSERA_BIN: folder of the programs (build/dev/bin). Ends with 1 if the worker was busy for less than
 # 95 % of the time, by its own log: from the first unit it takes up after the start to the last one it ends,
 # the share in which it was at one. WAN_SECONDS: for how long (30).
 set -euo pipefail
 root=$(cd "$(dirname "$0")/../.." && pwd)
-export TESSERA_BIN=${TESSERA_BIN:-$root/build/release/bin}
+export TESSERA_BIN=${TESSERA_BIN:-$root/build/dev/bin}
 . "$root/tests/e2e/farm.sh"
 [ "$(id -u)" -eq 0 ] && [ -w /dev/net/tun ] || { echo "SKIPPED: needs root and /dev/net/tun"; exit 77; }
 seconds=${WAN_SECONDS:-30}

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Measures how the cost of a ray grows and draws it.
 
-    tests/bench/accel/growth.py [--bin build/release/bin] [--folder docs/notes] [--depth]
+    tests/bench/accel/growth.py [--bin build/bench/bin] [--folder docs/notes] [--depth]
 
 Runs `tessera-bench-accel --growth`, which prints the table, and plots on logarithmic axes: in
 cost-growth.svg nanoseconds per ray against the number of triangles and against depth complexity,
@@ -116,7 +116,7 @@ def draw_depth(figures):
 def main():
     root = pathlib.Path(__file__).resolve().parents[3]
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--bin", type=pathlib.Path, default=root / "build/release/bin")
+    parser.add_argument("--bin", type=pathlib.Path, default=root / "build/bench/bin")
     parser.add_argument("--folder", type=pathlib.Path, default=root / "docs/notes")
     parser.add_argument("--depth", action="store_true")
     parser.add_argument("--quick", action="store_true")

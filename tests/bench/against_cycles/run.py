@@ -272,7 +272,7 @@ def table(rows, same_bsdf):
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("scenes", type=pathlib.Path)
-    parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/release/bin")
+    parser.add_argument("--bin", type=pathlib.Path, default=ROOT / "build/bench/bin")
     parser.add_argument("--only", action="append", choices=[*SCENES, "cm_spheres_grid"])
     parser.add_argument("--agreement", action="store_true", help="with the same BSDF alone")
     parser.add_argument("--out", type=pathlib.Path, help="the tables; beside it .json")

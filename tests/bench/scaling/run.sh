@@ -9,7 +9,7 @@
 # what share of them the renderers had.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/../../.." && pwd)
-export TESSERA_BIN=${TESSERA_BIN:-$root/build/release/bin}
+export TESSERA_BIN=${TESSERA_BIN:-$root/build/bench/bin}
 . "$root/tests/e2e/farm.sh"
 scene=${1:-$scenes/quickstart.gltf}
 job=(--size "${SIZE:-960x576}" --tile-size 64 --spp 32)
