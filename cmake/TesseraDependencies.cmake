@@ -1,4 +1,4 @@
-# Debian 12's packages, found once. Targets of ours link them by their imported names.
+# Finds the Debian 12 packages. Targets link them by their imported names.
 
 find_package(absl CONFIG REQUIRED)
 find_package(OpenSSL REQUIRED)

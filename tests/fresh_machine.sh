@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Proves that a clone is enough: makes a minimal Debian 12 in a folder, copies a clone of HEAD into
-# it, and runs tests/run.sh and deploy/quickstart.sh there, with nothing else installed.
+# Shows that a clone is sufficient: creates a minimal Debian 12 in a directory, copies a clone of HEAD into
+# it, and runs tests/run.sh and deploy/quickstart.sh there.
 #
 #   tests/fresh_machine.sh FOLDER [LOG]      as root, with debootstrap and git; FOLDER must not exist
 #
-# MIRROR: where to take Debian from (default: what this machine's apt uses). LOG (Markdown) keeps what
-# was printed, the build's progress lines left out. CACHE: a ccache folder to lend the new machine,
-# which then need not compile what this one has compiled (times are no longer those of a first build).
+# MIRROR: Debian mirror (default: that of this machine's apt). LOG: Markdown file for the output, without the
+# progress lines of the build. CACHE: ccache directory to share with the new machine; it saves the compilation
+# of unchanged files, so the times are not those of a first build.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)
 folder=${1:?where to make the machine}
@@ -47,7 +47,7 @@ inside() {
     start=$SECONDS
     status=0
     inside "$command" >"$folder/root/log" || status=$?
-    # ninja's progress, apt's chatter and passed tests one by one would be thousands of lines.
+    # Omits the progress of ninja and apt and the lines of passed tests, thousands of lines.
     grep -vE '^\[[0-9]+/[0-9]+\]|^ *[0-9]+/[0-9]+ Test|^ +Start +[0-9]+:|^debconf|invoke-rc.d|https?://' \
       "$folder/root/log" | sed "s/\r/\n/g; s#$root#~/tessera#g" | tail -n 60
     echo '```'

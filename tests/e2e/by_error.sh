@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Jobs asked for by their error: which passes a tile gets is decided from its samples alone, so the
-# image and what is claimed of it depend on neither workers nor crashes.
+# Jobs with a target error: the passes of a tile depend on its samples alone, so the image and the claim
+# about its error depend on neither workers nor crashes.
 . "$(dirname "$0")/farm.sh"
 
 size=96x64 error=0.15 loose=0.2
@@ -8,14 +8,14 @@ if [ -n "${TESSERA_E2E_SMALL:-}" ]; then size=48x48 error=0.3 loose=0.35; fi
 scene=$scenes/same_bits.gltf
 job=(--size "$size" --max-depth 5 --frames 12 --seed 7 --tile-size 16)
 
-# draw NAME OPTIONS…: renders, leaves NAME.exr and NAME.json.
+# draw NAME OPTIONS…: renders NAME.exr and NAME.json.
 draw() {
   local name=$1
   shift
   tessera render "$scene" --output "$work/$name.exr" --report "$work/$name.json" --force \
     "${job[@]}" "$@" >"$work/$name.log" 2>&1 </dev/null || fail "render $name: status $?"
 }
-# What the report says of the frame that must not depend on the farm.
+# The part of the report that must not depend on the farm.
 frame='{k: d["frames"][0][k] for k in ("pixels_sha256", "samples", "spp_mean", "status", "estimated")}'
 
 draw reference --error "$error" --workers 1 --threads 1
@@ -31,7 +31,7 @@ for count in 2 4; do
   equal "$count workers" "$(json "$work/workers.json" "$frame")" "$reference"
 done
 
-# The coordinator dies twice in mid-job, a worker once.
+# The coordinator is killed twice during the job, a worker once.
 start_server
 start_worker a
 start_worker b
@@ -49,7 +49,7 @@ equal "the same after three crashes" "$(json "$work/report.json" "$frame")" "$re
 farm status "$id" --json >"$work/status.json"
 equal "its certainty is told" "$(json "$work/status.json" 'd["certainty"]')" converged
 
-# Asked for less error half-way: as if it had been asked for from the start.
+# A lower target half-way through gives the result of a job that had it from the start.
 id=$(farm submit "$scene" "${job[@]}" --error "$loose" --name later)
 wait_until 60 "it has begun" committed_at_least "$id" 1
 farm pause "$id" >/dev/null
@@ -60,7 +60,7 @@ exits 0 farm watch "$id" --json
 farm report "$id" --json >"$work/report.json"
 equal "the same when asked for later" "$(json "$work/report.json" "$frame")" "$reference"
 
-# The true error of each round beside the estimate, told by the farm that was given a reference.
+# With a reference, the farm's report has the true error of each point of the curve beside the estimate.
 id=$(farm submit "$scene" "${job[@]/%7/8}" --spp 64 --reference "$work/reference.exr")
 exits 0 farm watch "$id" --json
 farm report "$id" --json >"$work/told.json"
@@ -73,7 +73,7 @@ equal "the last is that of the image" "$(json "$work/told.json" "'%.5g' % $curve
 exits 2 farm submit "$scene" --size 32x32 --reference "$work/reference.exr"
 says "the reference is"
 
-# More than is allowed: files are written, but exit code 4 says that nothing is certified.
+# The target needs more samples than --max-spp: files are written, and exit code 4 says that nothing is certified.
 exits 4 tessera render "$scene" --output "$work/capped.exr" --report "$work/capped.json" \
   --size 48x48 --max-depth 5 --seed 8 --tile-size 64 --error 0.001 --max-spp 36 --workers 2 --threads 1
 says CAPPED

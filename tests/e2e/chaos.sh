@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Real farms under real faults: see chaos/__main__.py. A few rounds; `--rounds 200` for a soak.
+# Chaos test: farms of real processes under injected faults; see chaos/__main__.py. `--rounds 200` is the soak.
 set -euo pipefail
 : "${TESSERA_BIN:?folder of tessera, tessera-server and tessera-worker}"
 : "${TESSERA_FAULTS:=$TESSERA_BIN/tessera_faults.so}"
 export TESSERA_BIN TESSERA_FAULTS PYTHONDONTWRITEBYTECODE=1
 unset TESSERA_SERVER TESSERA_TOKEN TESSERA_CERTS
 chaos=(python3 "$(dirname "$0")/chaos" "$@")
-# What it mounts goes with it.
+# Mounts disappear with the namespace.
 if [ "$(id -u)" -eq 0 ] && unshare --mount true 2>/dev/null; then exec unshare --mount "${chaos[@]}"; fi
 exec "${chaos[@]}"

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Exit codes, what goes to stdout, JSON documents, and the life of a job from the command line.
+# The command line: exit codes, stdout, JSON documents, and the life of a job.
 . "$(dirname "$0")/farm.sh"
 
 job=(--size 64x48 --spp 8 --tile-size 16)
@@ -24,7 +24,7 @@ says broken.gltf
 exits 3 tessera list --server "unix:$work/nobody"
 exits 2 tessera list --server 192.0.2.1:7420
 exits 2 tessera-server --listen 0.0.0.0:0 --store "$work/refused"
-[ ! -e "$work/refused/token" ] || fail "a server on a foreign address made a store"
+[ ! -e "$work/refused/token" ] || fail "a server that was refused created a store"
 exits 2 tessera-server check "$work/nothing"
 says "$work/nothing is not a store"
 exits 2 tessera-worker --server "unix:$work/nobody" --cache /proc/none
@@ -39,10 +39,10 @@ says "outside the frame of 64x48"
 exits 2 tessera-worker debug-pixel "$square" --pixel 1
 say "debug-pixel prints the path of a sample"
 
-# samples FILE OPTIONS…: samples a pixel of a render with that file of defaults.
+# samples FILE OPTIONS…: prints the samples per pixel of a render with the configuration file FILE.
 samples() {
   tessera --config "$1" render "$square" -o "$work/x.exr" --report "$work/x.json" --force --size 16x16 "${@:2}" \
-    >"$work/x.log" 2>&1 || [ $? -eq 4 ] || fail "with the defaults of $1: $(cat "$work/x.log")"
+    >"$work/x.log" 2>&1 || [ $? -eq 4 ] || fail "with the configuration of $1: $(cat "$work/x.log")"
   json "$work/x.json" 'int(d["frames"][0]["spp_mean"])'
 }
 printf '[render]\nspp = 8\n' >"$work/spp.toml"
@@ -67,7 +67,7 @@ bash -n "$work/out" || fail "bash cannot read its completion script"
 say "versions, help and completion"
 
 start_server
-# Alone, a job waits; pause, resume and cancel work without a worker.
+# Without a worker a job waits; pause, resume and cancel work all the same.
 id=$(farm submit "$square" "${job[@]}" --name first)
 [[ $id =~ ^[a-z0-9]+$ ]] || fail "stdout of submit is not a job id: $id"
 farm status "$id" --json >"$work/status.json"
@@ -87,13 +87,13 @@ exits 0 farm watch "$id" --json
 tail -n 1 "$work/out" >"$work/last.json"
 equal "retry finishes a cancelled job" "$(json "$work/last.json" 'd["state"]')" done
 
-# Results: report and files; a second fetch leaves them alone, another file needs --force.
+# Report and images; a second fetch keeps them, and another file in their place needs --force.
 exits 0 farm report "$id" --json
 cp "$work/out" "$work/report.json"
 equal "the report's schema" "$(json "$work/report.json" 'd["schema"]')" tessera.report/1
 exits 0 farm report "$id" --csv --svg "$work/curve.svg" --tiles "$work/tiles.svg" --trace "$work/trace.json"
 says frame,cpu_seconds
-for file in curve.svg tiles.svg trace.json; do [ -s "$work/$file" ] || fail "report left $file out"; done
+for file in curve.svg tiles.svg trace.json; do [ -s "$work/$file" ] || fail "report did not write $file"; done
 exits 0 farm fetch "$id" -o "$work/files" --json
 equal "one file was written" "$(json "$work/out" '[f["state"] for f in d["frames"]]')" written
 exits 0 farm fetch "$id" -o "$work/files" --json
@@ -103,7 +103,7 @@ exits 2 farm fetch "$id" -o "$work/files"
 exits 0 farm fetch "$id" -o "$work/files" --force
 [ -z "$(find "$work/files" -name '*.part')" ] || fail "a .part file was left"
 exits 0 farm fetch "$id" -o "$work/files" --format png
-[ "$(head -c 4 "$work/files/first.png" | tail -c 3)" = PNG ] || fail "the PNG is none"
+[ "$(head -c 4 "$work/files/first.png" | tail -c 3)" = PNG ] || fail "first.png is not a PNG file"
 say "fetch: files, digests, --force, PNG"
 
 # compare: equal images, a limit, images of different sizes.
@@ -115,7 +115,7 @@ exits 1 tessera compare "$work/files/first.exr" "$work/files/other.exr" --fail-a
 exits 2 tessera compare "$work/files/first.exr" "$scenes/lit_square.gltf"
 say "compare"
 
-# The reference of a crop: the whole frame's image or the crop's alone.
+# The reference of a crop may be the image of the whole frame or of the crop alone.
 crop=("${job[@]}" --crop "16,8,24,32")
 exits 0 tessera render "$square" "${job[@]}" -o "$work/whole.exr"
 exits 0 tessera render "$square" "${crop[@]}" -o "$work/part.exr"
@@ -137,7 +137,7 @@ exits 2 tessera render "$square" "${job[@]}" --reference "$work/part.exr" -o "$w
 says "part.exr: the reference is 24x32; expected 64x48"
 say "references of crops"
 
-# Every document for programs says what it is.
+# Every JSON document names its schema.
 for words in "list" "workers" "status $id" "report $id"; do
   # shellcheck disable=SC2086
   exits 0 farm $words --json
@@ -148,7 +148,7 @@ exits 0 tessera inspect "$square" --json
 [[ $(json "$work/out" 'd["schema"]') =~ ^tessera\.[a-z]+/[1-9]$ ]] || fail "inspect --json: no schema"
 say "JSON documents have a schema"
 
-# Several frames are numbered; extend needs the blocks, which a finished job no longer has.
+# Files of several frames are numbered; extend fails once a job is done, because its blocks are deleted.
 exits 0 farm submit "$scenes/same_bits.gltf" "${job[@]}" --max-depth 2 --frames 0-4x2 --name clip --wait
 exits 0 farm fetch clip -o "$work/clip"
 equal "frames get numbers" "$(cd "$work/clip" && echo *.exr)" "clip.0000.exr clip.0002.exr clip.0004.exr"
@@ -156,7 +156,7 @@ exits 0 farm remove clip
 exits 2 farm status clip
 say "several frames, remove"
 
-# Ctrl-C in watch and submit --wait leaves the job running, and says so.
+# Ctrl-C in watch and submit --wait leaves the job running and prints that it keeps running.
 kill_worker a
 id=$(farm submit "$square" "${job[@]}" --name patient)
 start_interruptible watch tessera watch --server "$socket" "$id" --json

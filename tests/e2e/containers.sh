@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # The farm of deploy/containers/compose.yaml: a server and three workers, one of which is killed during a
-# job. The image must be what its Containerfile says: not root, read-only but for its volumes, healthy,
-# and stopped by SIGTERM with status 0.
+# job. Containers must not run as root, must be read-only except for their volumes, must be healthy, and
+# must exit with 0 on SIGTERM.
 #
-#   containers.sh            with an image of the packages of the build under test
-#   containers.sh --build    with localhost/tessera, which is compiled first (many minutes)
+#   containers.sh            uses an image of the packages of the build under test
+#   containers.sh --build    compiles the image localhost/tessera first (many minutes)
 #
-# The target `containers` does the latter. Needs podman, podman-compose, cpack, dpkg-dev and file.
+# The target `containers` runs the second command. Needs podman, podman-compose, cpack, dpkg-dev and file.
 . "$(dirname "$0")/farm.sh"
 root=$(cd "$(dirname "$0")/../.." && pwd)
 
@@ -33,7 +33,7 @@ finish() {
       podman logs "${project}_${name}_1" >"$work/container-$name.log" 2>&1 || true
     done
   fi
-  # With the anonymous volumes of the caches, which podman-compose would keep.
+  # -v also removes the anonymous volumes of the caches, which podman-compose keeps.
   podman rm -fv -t 0 $(podman ps -aq --filter "name=${project}_") >"$work/rm.log" 2>&1 || true
   compose down -v || true
   podman network rm -f "${project}_default" >/dev/null 2>&1 || true

@@ -1,3 +1,3 @@
 #!/usr/bin/env bash
-# A dead worker is noticed within 6 s; how long its units wait then is printed.
+# The coordinator gives up a killed worker within 6 s. Prints how long its units then wait to be started.
 exec "$(dirname "$0")/chaos.sh" --kinds kill_worker --rounds 1

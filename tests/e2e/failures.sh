@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What must fail fails early and says why; what must not fail a job does not.
+# Faults that must fail a job fail it early and with a reason; others do not fail it.
 . "$(dirname "$0")/farm.sh"
 
 job=(--size 64x64 --spp 8 --tile-size 16)  # 16 units of one pass
@@ -17,7 +17,7 @@ says "not-here.png"
 exits 0 farm list --json
 equal "nothing was submitted" "$(json "$work/out" 'len(d["jobs"])')" 0
 
-# A worker whose numerics differ is refused by name, be it the first to come.
+# A worker with another numerics hash is refused with a message, even if it is the first to connect.
 other_hash=$(printf 'ab%.0s' {1..32})
 mkfifo "$work/stranger.in"
 bench_simulated_workers --server "$socket" --name stranger --numerics "$other_hash" \
@@ -26,12 +26,12 @@ stranger=$!
 exec {stranger_in}>"$work/stranger.in" # it stays until this is closed
 wait_until 60 "it is refused, and its numerics are named" grep -qi numerics "$work/stranger.log"
 exec {stranger_in}>&-
-wait "$stranger" || fail "the stranger ended with $?"
-grep -q '"welcomed": 0' "$work/stranger.out" || fail "a worker with other numerics was let in"
+wait "$stranger" || fail "the refused worker ended with $?"
+grep -q '"welcomed": 0' "$work/stranger.out" || fail "a worker with another numerics hash was accepted"
 say "a worker with another numerics hash is refused: $(head -n 1 "$work/stranger.log")"
 
-# A scene that only the worker finds faulty (here because the client's look at it is not honest) is
-# bad input too, with the fault in full; the farm goes on.
+# A scene whose fault only the worker finds (here because the client's inspection is replaced) is bad input
+# too, with the full message; the farm continues.
 cp "$scenes/lit_square.gltf" "$work/good.gltf"
 cp "$scenes/malformed/index_out_of_range.gltf" "$work/bad.gltf"
 stand_in tessera-worker <<EOF
@@ -51,8 +51,8 @@ exits 0 farm submit "$work/good.gltf" "${job[@]}" --wait
 say "a scene the worker finds faulty gives 2 in render, submit --wait and watch"
 kill_worker judge
 
-# A poison unit: its renderer dies each time, and with it the units beside it. Three failures of the
-# one at fault end the job, on one worker or on four; the others cost nobody anything.
+# A unit that crashes its renderer each time, together with the units that run beside it. Three failures of
+# this unit fail the job, on one worker or on four; the other units have no failure.
 threads=4
 for names in "p1" "p1 p2 p3 p4"; do
   count=$(wc -w <<<"$names")
@@ -74,8 +74,8 @@ for names in "p1" "p1 p2 p3 p4"; do
 done
 threads=1
 
-# A unit that hangs, here because its renderer is stopped while it is at one, fails once --unit-timeout
-# is over; its renderer is replaced, and the image is what it is without.
+# A unit that hangs, here because its renderer is stopped, fails after --unit-timeout. The renderer is
+# replaced, and the image is that of an undisturbed run.
 job=(--size 64x64 --spp 200 --tile-size 16)
 stop_at_a_unit() {
   local renderer
@@ -99,7 +99,7 @@ equal "the unit that hung failed, and no other" \
 grep -q "tessera-worker warning: unit .* ${hung} timed out; killing the renderer" "$work/worker-sleeper.log" ||
   fail "the log does not report that unit $hung timed out"
 grep -q "tessera-worker debug: unit .* ${hung} rendered in" "$work/worker-sleeper.log" ||
-  fail "the log at level debug does not follow units"
+  fail "the log at level debug has no lines about units"
 farm report "$id" --json >"$work/hung.json"
 kill_worker sleeper
 start_worker hush --log-level error
@@ -121,7 +121,7 @@ for fault in "--fault-crash-on 1:1:1" --fault-forge "--fault-corrupt-every 3" --
 done
 say "the shipped worker rejects the options that inject faults"
 
-# A worker that is killed again and again is a loss each time, never a failure.
+# A worker that is killed repeatedly is a loss each time, never a failure.
 job=(--size 128x128 --spp 600 --tile-size 32)
 id=$(farm submit "$scenes/lit_square.gltf" "${job[@]}" --name losses)
 for attempt in $(seq 10); do

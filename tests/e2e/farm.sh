@@ -1,7 +1,7 @@
-# Sourced by the end-to-end tests: a private folder, a farm of real processes, and checks.
+# Sourced by the end-to-end tests: a private directory, a farm of real processes, and checks.
 #
-# TESSERA_BIN names the folder of the three programs (ctest sets it). Servers listen on Unix sockets
-# in the private folder only. Whatever a test starts through here is stopped when it ends.
+# TESSERA_BIN is the directory of the programs (ctest sets it). Servers listen only on Unix sockets in the
+# private directory. Processes that a test starts with these functions are stopped when it ends.
 # shellcheck shell=bash
 set -euo pipefail
 
@@ -38,13 +38,13 @@ fail() {
   exit 1
 }
 
-# skip REASON: ends the test; ctest reports it as skipped, tests/skips.py whether CI allows that.
+# skip REASON: ends the test; ctest reports it as skipped, and tests/skips.py checks that CI allows it.
 skip() {
   echo "SKIPPED: $*"
   exit 77
 }
 
-# say TEXT: a line about a check that has passed.
+# say TEXT: prints a line about a check that has passed.
 say() {
   checks=$((checks + 1))
   echo "ok $checks - $*"
@@ -56,14 +56,14 @@ wait_until() {
   shift 2
   end=$((SECONDS + limit))
   until "$@"; do
-    [ "$SECONDS" -lt "$end" ] || fail "after $limit s still not: $what"
+    [ "$SECONDS" -lt "$end" ] || fail "timed out after $limit s: $what"
     sleep 0.05
   done
 }
 
 gone() { ! kill -0 "$1" 2>/dev/null; }
 
-# start_server [OPTIONS]: on $socket with the store $work/store.
+# start_server [OPTIONS]: starts a server on $socket with the store $work/store.
 start_server() {
   rm -f "$work/server.sock"
   tessera-server --listen "$socket" --store "$work/store" "$@" >>"$work/server.log" 2>&1 &
@@ -77,7 +77,7 @@ kill_server() {
   server_pid=
 }
 
-# start_worker NAME [OPTIONS]: $worker_program (tessera-worker) with $threads threads (1).
+# start_worker NAME [OPTIONS]: starts $worker_program (tessera-worker) with $threads threads (1).
 threads=1
 worker_program=tessera-worker
 start_worker() {
@@ -94,13 +94,13 @@ kill_worker() {
   unset "worker_pid[$1]"
 }
 
-# children_of PID: their pids.
+# children_of PID: prints the pids of its child processes.
 children_of() {
   grep -ls "^PPid:[[:space:]]*$1\$" /proc/[0-9]*/status 2>/dev/null | cut -d/ -f3 || true
 }
 
-# stand_in PROGRAM: makes $work/bin, where PROGRAM is the script on stdin and the others are ours:
-# `tessera render` runs what lies beside it.
+# stand_in PROGRAM: creates $work/bin, in which the script on stdin replaces PROGRAM. `tessera render` runs
+# the programs in its own directory.
 stand_in() {
   local program
   mkdir -p "$work/bin"
@@ -112,10 +112,10 @@ stand_in() {
   chmod +x "$work/bin/"*
 }
 
-# farm COMMAND…: a client command on this farm.
+# farm COMMAND…: runs a client command on this farm.
 farm() { tessera "$1" --server "$socket" "${@:2}"; }
 
-# json FILE EXPRESSION: a Python expression over the document `d`; lists print space-separated.
+# json FILE EXPRESSION: prints a Python expression of the document `d`; lists are separated by spaces.
 json() {
   python3 -c '
 import json, sys
@@ -132,7 +132,7 @@ equal() {
   say "$1"
 }
 
-# exits CODE COMMAND…: COMMAND ends with CODE; its output is in $work/out and $work/err.
+# exits CODE COMMAND…: checks that COMMAND exits with CODE; its output goes to $work/out and $work/err.
 exits() {
   local want=$1 status=0
   shift
@@ -143,15 +143,15 @@ exits() {
   }
 }
 
-# says TEXT: the last `exits` printed it, on either stream.
+# says TEXT: checks that the command of the last `exits` printed TEXT to stdout or stderr.
 says() {
   grep -qF -- "$1" "$work/out" "$work/err" || {
     cat "$work/out" "$work/err" >&2
-    fail "nothing was said of '$1'"
+    fail "missing message: '$1'"
   }
 }
 
-# committed JOB: units committed so far.
+# committed JOB: prints the number of units committed so far.
 committed() {
   farm status "$1" --json >"$work/status.json" 2>/dev/null || { echo 0; return; }
   json "$work/status.json" 'd["progress"]["units_committed"]'
@@ -159,8 +159,8 @@ committed() {
 
 committed_at_least() { [ "$(committed "$1")" -ge "$2" ]; }
 
-# start_interruptible NAME COMMAND…: COMMAND in the background, with SIGINT as a terminal gives it
-# (bash would have a background job ignore it). Output: $work/NAME.out and .err; pid: $started.
+# start_interruptible NAME COMMAND…: runs COMMAND in the background with SIGINT enabled, as in a terminal
+# (bash makes background jobs ignore it). Output: $work/NAME.out and .err; pid: $started.
 start_interruptible() {
   local name=$1
   shift

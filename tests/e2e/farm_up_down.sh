@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# `tessera farm up` and `down`: a farm that stays, survives its processes, and takes up its jobs again.
+# `tessera farm up` and `down`: the farm keeps running, restarts killed processes, and resumes its jobs.
 . "$(dirname "$0")/farm.sh"
 export XDG_DATA_HOME=$work/data TMPDIR=$work
 home=$XDG_RUNTIME_DIR/tessera
 
-# processes: pids of the farm's programs, by the socket that all of them name.
+# processes: prints the pids of the farm's programs, which have its socket in their arguments.
 processes() { pgrep -f -- "unix:$home/server.sock" || true; }
 server() { pgrep -f -- "--listen unix:$home/server.sock"; }
 parent_of() { awk '/^PPid/ {print $2}' "/proc/$1/status"; }
@@ -38,7 +38,7 @@ begun() {
 }
 wait_until 60 "units are committed" begun
 
-# The server and a worker are killed: both come back.
+# The server and a worker are killed; both are restarted.
 before=$(children_of "$supervisor" | sort)
 # shellcheck disable=SC2086
 kill -KILL $(head -n 2 <<<"$before") "$(server)" 2>/dev/null || true
@@ -50,16 +50,16 @@ wait_until 60 "the killed server and worker are started again" back
 say "a killed server and a killed worker are started again"
 
 tessera farm down
-nobody || fail "processes are left: $(processes)"
-[ ! -e "$home/server.sock" ] || fail "the socket is left"
+nobody || fail "processes are still running: $(processes)"
+[ ! -e "$home/server.sock" ] || fail "the socket was not removed"
 exits 3 tessera status "$job"
 say "farm down leaves no process and no socket"
 tessera farm up --workers 1 >/dev/null 2>&1
-tessera watch "$job" >/dev/null 2>&1 || fail "the job does not go on: $?"
+tessera watch "$job" >/dev/null 2>&1 || fail "the job was not resumed: $?"
 tessera report "$job" --json >"$work/report.json"
 equal "the job goes on after down and up; its pixels" "$(pixels "$work/report.json")" "$(pixels "$work/alone.json")"
 
-# The supervisor is killed: only the socket's name remains, which does not prevent the next start.
+# The supervisor is killed. Only the socket's file remains, which does not prevent the next start.
 kill -KILL "$(parent_of "$(server)")"
 wait_until 30 "all die with the supervisor" nobody
 exits 0 tessera farm up --workers 1
@@ -67,7 +67,7 @@ exits 0 tessera report "$job" --json
 say "the farm of a killed supervisor ends, and the next farm has its jobs"
 tessera farm down
 
-# What cannot be is said, and leaves nothing.
+# Errors give a message and leave nothing behind.
 chmod 755 "$home"
 exits 2 tessera farm up
 says "other users have access"
@@ -77,5 +77,5 @@ server_pid=$!
 wait_until 60 "another server holds the store" test -S "$work/run/held.sock"
 exits 3 tessera farm up
 says "the server ended with status"
-nobody || fail "a farm that did not come up left processes"
+nobody || fail "a farm that failed to start left processes"
 say "a folder that others can enter, or a store in use, is refused"

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# What Prometheus reads off a real farm in the middle of a job, against the job's report; and that
-# alerts and dashboard speak of metrics there are.
+# Compares the metrics of a farm during a job with the job's report, and checks that alerts and dashboard
+# use existing metrics only.
 . "$(dirname "$0")/farm.sh"
 deploy=$(cd "$(dirname "$0")/../../deploy" && pwd)
 
-# scrape LOG FILE: what the program that writes LOG tells, once it has said where it listens.
+# scrape LOG FILE: saves the metrics of the program that writes LOG, once its log has the address.
 scrape() {
   wait_until 60 "$1 says where" grep -q "metrics: http" "$work/$1"
   python3 -c '
@@ -14,7 +14,7 @@ sys.stdout.write(direct.open(sys.argv[1], timeout=20).read().decode())' \
     "$(grep -o 'http://[^ ]*/metrics' "$work/$1" | tail -n 1)" >"$work/$2"
 }
 
-# metric FILE NAME{LABELS}: its value, without a fraction of naught.
+# metric FILE NAME{LABELS}: prints its value, integers without a fraction.
 metric() {
   awk -v name="$2" 'substr($0, 1, length(name) + 1) == name " " { print $NF + 0; found = 1 }
     END { exit !found }' "$work/$1" || fail "$1 has no $2"
@@ -28,7 +28,7 @@ start_server --metrics 127.0.0.1:0
 start_worker one --metrics 127.0.0.1:0
 job=$(farm submit "$scenes/lit_square.gltf" --size 256x256 --spp 160 --tile-size 8 --name shot)
 wait_until 60 "units are committed" committed_at_least "$job" 3
-# Nothing moves while the worker is stopped, but what it has delivered is still committed.
+# While the worker is stopped, only results that it has delivered are still committed.
 kill -STOP "${worker_pid[one]}"
 scrape_at_rest() {
   local before
@@ -41,7 +41,7 @@ wait_until 60 "what was delivered is committed" scrape_at_rest
 kill -CONT "${worker_pid[one]}"
 done=$(json "$work/report.json" 'd["units"]["committed"]')
 total=$(json "$work/report.json" 'd["units"]["total"]')
-[ "$done" -lt "$total" ] || fail "the job was over before it was looked at"
+[ "$done" -lt "$total" ] || fail "the job was done before its metrics were read"
 equal "in mid-job: units committed" "$(metric server.txt tessera_units_committed_total)" "$done"
 waiting=$(metric server.txt 'tessera_units{state="waiting"}')
 leased=$(metric server.txt 'tessera_units{state="leased"}')
@@ -57,7 +57,7 @@ commits=$(metric server.txt tessera_commit_seconds_count)
 [ "$(metric server.txt tessera_fsync_duration_seconds_count)" -ge "$commits" ] ||
   fail "fewer fdatasyncs than the $commits commits"
 
-# A renderer that dies costs nothing but time.
+# A crash of the renderer costs only time.
 kill -KILL "$(children_of "${worker_pid[one]}")"
 died() {
   scrape worker-one.log worker.txt

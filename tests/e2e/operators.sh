@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# What an operator sees and orders: events, logs, webhooks, drain, ban.
+# Commands for operators: events, logs, webhooks, drain, ban.
 . "$(dirname "$0")/farm.sh"
 scene=$scenes/lit_square.gltf
 job=(--size 64x48 --spp 8 --tile-size 16)
 
-# worker_state ID: what `tessera workers` says of it.
+# worker_state ID: prints the worker's state as listed by `tessera workers`.
 worker_state() {
   farm workers --json >"$work/workers.json"
   json "$work/workers.json" "[w['state'] for w in d['workers'] if w['id'] == '$1']"
@@ -26,7 +26,7 @@ start_webhook() {
 }
 start_webhook
 wait_until 30 "the webhook has begun" test -s "$work/webhook.state"
-# posted: the receiver has what the follower has, in order, and nothing twice.
+# posted: checks that the receiver has the events of `events --follow`, in order and each once.
 sequences() { sed -n 's/.*"sequence":\([0-9]*\),.*/\1/p' "$1"; }
 posted() { cmp -s <(sequences "$work/events.out") <(sequences "$work/posts"); }
 at_newest() { [ "$(cat "$work/webhook.state")" = "$(sequences "$work/events.out" | tail -n 1)" ]; }
@@ -40,9 +40,9 @@ says "job $id job done"
 says "frame 0: scene loaded in"
 exits 0 farm logs shot
 grep -q "worker w-one: unit $id 0 [0-9]* [0-9]* rendered in" "$work/out" ||
-  fail "a worker at --log-level debug told nothing of its units"
+  fail "a worker at --log-level debug logged nothing about its units"
 ! grep -q "worker w-two: unit .* rendered in" "$work/out" ||
-  fail "a worker at --log-level info told of its units"
+  fail "a worker at --log-level info logged its units"
 say "logs: a job's life, and what its workers' log levels let through"
 
 exits 0 farm report shot --trace "$work/trace.json"
@@ -85,7 +85,7 @@ exits 2 farm workers drain nobody
 
 exits 0 tessera logs "$id" --server "$socket" --json
 while read -r line; do
-  check_schema <<<"$line" || fail "not what docs/reference/schema says: $line"
+  check_schema <<<"$line" || fail "does not match its schema: $line"
 done <"$work/out"
 for kind in "job submitted" "frame finished" "job done" "worker drained" "worker banned" "worker allowed"; do
   wait_until 60 "event '$kind' comes, over the restart" grep -q "\"kind\":\"$kind\"" "$work/events.out"
@@ -95,7 +95,7 @@ grep -q "http://127.0.0.1:[0-9]* responded 503; retrying in 1s" "$work/webhook.l
   fail "the receiver was not busy at first"
 kill "${worker_pid[webhook]}"
 wait "${worker_pid[webhook]}" || fail "tessera-webhook ended with $? on SIGTERM"
-# A state file of a store that had been started more often.
+# A state file with a later sequence than the store has: it belongs to another store.
 echo $((1 << 60)) >"$work/webhook.state"
 start_webhook
 wait_until 30 "the webhook goes on from the newest event" at_newest

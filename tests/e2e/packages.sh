@@ -5,8 +5,8 @@
 #
 # Packs BUILD_DIR with CPack, installs the packages in a bare root (made with mmdebstrap, or ROOT.tar),
 # runs the commands of the systemd units as their user, renders on that farm, upgrades with the farm's
-# data in place, removes and purges. Then the same picture from the tarball in a second root. Needs
-# root, mmdebstrap, lintian and Debian's packages. Nothing outside a scratch directory is written.
+# data in place, removes and purges. Then renders the same image with the tarball in a second root. Needs
+# root, mmdebstrap, lintian and Debian's packages. Writes only to a scratch directory.
 set -euo pipefail
 build=$(cd "$1" && pwd)
 source=$(cd "$(dirname "$0")/../.." && pwd)
@@ -30,7 +30,7 @@ for tool in mmdebstrap lintian cpack; do
   command -v $tool >/dev/null || { echo "SKIPPED: $tool is not installed"; exit 77; }
 done
 
-# pack VERSION: the packages of that version in $work/VERSION.
+# pack VERSION: makes packages of that version in $work/VERSION.
 pack() {
   (cd "$build" && cpack -G DEB -D CPACK_PACKAGE_VERSION="$1" -B "$work/$1" >"$work/cpack-$1.log" 2>&1)
   rm -rf "$work/$1/_CPack_Packages"
@@ -46,7 +46,7 @@ lintian --fail-on error --tag-display-limit 0 "$work/$version"/*.deb >"$work/lin
   fail "lintian: $(grep '^E:' "$work/lintian.log")"
 say "lintian finds no error, $(grep -c '^W:' "$work/lintian.log" || true) warnings"
 
-# bare_root DIR: a bare Debian 12 with /proc and /dev.
+# bare_root DIR: creates a bare Debian 12 with /proc and /dev.
 bare_root() {
   mkdir -p "$1"
   tar -C "$1" -xf "$base"
@@ -77,8 +77,8 @@ done
 [ "$(stat -c '%U %a' --dereference "$root/var/lib/tessera" | cut -d' ' -f2)" = 700 ] || fail "/var/lib/tessera is not mode 700"
 say "installed in a bare Debian 12; all four programs start"
 
-# start UNIT INSTANCE: the unit's ExecStart as its user, with its directories and environment, as
-# systemd would run it (a chroot has no systemd).
+# start UNIT INSTANCE: runs the unit's ExecStart as its user, with its directories and environment, like
+# systemd, which a chroot does not have.
 start() {
   local unit=$root/lib/systemd/system/$1
   inside sh -c 'install -d -o tessera -g tessera -m 0700 /run/tessera /var/lib/tessera /var/cache/tessera'
@@ -108,7 +108,7 @@ picture() {
   as_user tessera submit /tmp/scene.gltf --size 96x64 --spp 16 --wait >>"$work/submit.log" 2>&1 &&
     as_user tessera fetch last -o "/tmp/$1" >>"$work/submit.log" 2>&1 || fail "the farm does not render"
 }
-# same PROGRAM IMAGE: the image is bit for bit the first picture.
+# same PROGRAM IMAGE: checks that the image equals the first one bit for bit.
 same() { inside "$1" compare "$2" /tmp/first/scene.exr --fail-above largest=0 >>"$work/submit.log" 2>&1; }
 start tessera-server.service "" server
 start tessera-worker@.service 1 worker
@@ -116,7 +116,7 @@ await_farm
 picture first
 say "the units' commands start, a worker connects, a frame is rendered"
 
-# Upgrade with a farm's data in place: the job of before is still there.
+# Upgrade with a farm's data in place: its job is kept.
 for pid in "${pids[@]}"; do kill "$pid"; wait "$pid" 2>/dev/null || true; done
 pids=()
 echo '# changed by the administrator' >>"$root/etc/tessera/server.toml"
@@ -130,7 +130,7 @@ start tessera-worker@.service 1 worker
 await_farm
 as_user tessera list | grep -q done || fail "the upgrade lost the finished job"
 picture second
-same tessera /tmp/second/scene.exr || fail "another picture after the upgrade"
+same tessera /tmp/second/scene.exr || fail "the image differs after the upgrade"
 say "upgraded to $next: configuration and jobs kept, same picture"
 
 for pid in "${pids[@]}"; do kill "$pid"; wait "$pid" 2>/dev/null || true; done
@@ -138,13 +138,13 @@ pids=()
 inside apt-get remove -y -qq tessera-cli tessera-server tessera-worker >>"$work/apt.log" 2>&1
 [ -d "$root/var/lib/tessera/store" ] || fail "removing deleted the store"
 [ -e "$root/etc/tessera/server.toml" ] || fail "removing deleted the configuration"
-# The other packages have no configuration files: they are gone already.
+# The other packages have no configuration files, so removing them left nothing to purge.
 inside apt-get purge -y -qq tessera-server tessera-worker >>"$work/apt.log" 2>&1
 left=$(inside sh -c 'ls -d /etc/tessera /var/lib/tessera /var/cache/tessera /usr/lib/tessera /usr/bin/tessera* 2>/dev/null' || true)
 [ -z "$left" ] || fail "purging left $left"
 say "removed with its data kept, purged without a trace"
 
-# The tarball, in a second bare root with the runtime libraries alone.
+# The tarball in a second bare root with only the runtime libraries.
 (cd "$build" && cpack -G TZST -B "$work/tarball" >"$work/cpack-tar.log" 2>&1)
 tarball=$work/tarball/tessera-$version-linux-x86_64.tar.zst
 [ -f "$tarball" ] || fail "no $tarball"
@@ -155,5 +155,5 @@ zstd -dc "$tarball" | tar -C "$root/opt" -x
 inside sh -c "cd /tmp && /opt/tessera-$version-linux-x86_64/bin/tessera render scene.gltf --size 96x64 --spp 16 -o third.exr --force" \
   >>"$work/submit.log" 2>&1 || fail "the tarball's tessera does not render"
 same "/opt/tessera-$version-linux-x86_64/bin/tessera" /tmp/third.exr ||
-  fail "another picture from the tarball"
+  fail "the image of the tarball's programs differs"
 say "the tarball renders the same picture from /opt"

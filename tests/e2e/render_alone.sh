@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# `tessera render` leaves nothing behind, however it ends; with --store it goes on where it stopped.
+# `tessera render` leaves nothing behind, however it ends; with --store it resumes.
 . "$(dirname "$0")/farm.sh"
 
 export TMPDIR=$work/tmp
@@ -49,20 +49,20 @@ for signal in INT KILL; do
   # shellcheck disable=SC2086
   wait_until 60 "every process of it is gone after SIG$signal" all_gone $children
   wait_until 60 "its private folder is gone after SIG$signal" nothing_left
-  [ ! -e "$work/never.exr" ] && [ -z "$(find "$work" -name '*.part')" ] || fail "a file was left"
+  [ ! -e "$work/never.exr" ] && [ -z "$(find "$work" -name '*.part')" ] || fail "a file was left behind"
   say "SIG$signal: $(wc -w <<<"$children") processes gone, no folder, no file"
 done
 
-# A frame is there as soon as it is finished, and stays when the rest is broken off.
+# A frame is written as soon as it is finished and is kept if the command is interrupted.
 start_interruptible frames tessera render "$scene" -o "$work/clip.exr" --frames 0-7 \
   --size 64x64 --spp 800 --tile-size 16 --workers 1
 wait_until 120 "the first frame is there" test -s "$work/clip.0000.exr"
 interrupted frames "$started"
-[ ! -e "$work/clip.0007.exr" ] || fail "the job was over before it could be broken off"
+[ ! -e "$work/clip.0007.exr" ] || fail "the job was done before it could be interrupted"
 exits 0 tessera compare "$work/clip.0000.exr" "$work/clip.0000.exr"
 say "a frame is fetched while the next is being rendered"
 
-# A store keeps what was committed; the same command finishes the job, with the same pixels.
+# A store keeps committed units; the same command finishes the job with the same pixels.
 spp=200
 [ -z "${TESSERA_E2E_SMALL:-}" ] || spp=80
 job=(--size 96x96 --spp "$spp" --tile-size 8 --workers 1 --threads 1)
@@ -90,7 +90,7 @@ wait_until 60 "its processes are gone" all_gone $children
 before=$(rows)
 first_worker=$(journal "select worker from units")
 total=$(json "$work/straight.json" 'd["units"]["total"]')
-[ "$before" -lt "$total" ] || fail "the job was over before it could be killed"
+[ "$before" -lt "$total" ] || fail "the job was done before it could be killed"
 tessera render "$scene" -o "$work/out.exr" "${job[@]}" --store "$work/store" \
   --report "$work/resumed.json" >"$work/resumed.log" 2>&1 </dev/null || fail "the second run failed"
 equal "a resumed render has the same pixels" "$(pixels "$work/resumed.json")" \
@@ -100,7 +100,7 @@ equal "no unit was rendered twice" \
 kept=$(json "$work/resumed.json" "sum(w['units'] for w in d['workers'] if w['id'] == '$first_worker')")
 equal "the second run did only the units that were not committed" "$kept" "$before"
 
-# What is odd about a scene is said once, and kept with its report.
+# A warning about the scene is printed once and stored in the report.
 python3 -c '
 import json, sys
 scene = json.load(open(sys.argv[1]))
@@ -114,7 +114,7 @@ equal "and are in the report" "$(json "$work/odd.json" 'd["warnings"]')" \
 exits 0 tessera render "$scene" -o "$work/flat.png" --size 16x16 --spp 4 --aov albedo --half
 says "flat.png: ignoring --aov and --half, supported only for EXR"
 
-# Its server may be slow to answer: render waits while it lives, and not a moment longer.
+# render waits for a slow server as long as the server runs, and fails at once when it has died.
 listen_for=$(
   cat <<'PY'
 import socket, sys, time
@@ -142,6 +142,6 @@ started_at=$(date +%s%N)
 exits 3 "$work/bin/tessera" render "$scene" -o "$work/dead.exr" --size 16x16 --spp 4
 took_ms=$((($(date +%s%N) - started_at) / 1000000))
 says "ended with status 7: tessera-server: the disk is gone"
-[ "$took_ms" -lt 25000 ] || fail "a dead server was waited for, $took_ms ms"
-nothing_left || fail "a folder was left"
+[ "$took_ms" -lt 25000 ] || fail "render waited $took_ms ms for a dead server"
+nothing_left || fail "a directory was left behind"
 say "a server that dies ends the wait, with its last words"

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The image is a function of the job alone: not of workers, threads, tiles or the compiler.
+# The image depends on the job alone, not on workers, threads, tiles or the compiler.
 . "$(dirname "$0")/farm.sh"
 
 # At least 256 units in three passes: 90 tiles, samples 8 + 56 + 16. Sanitizer builds: 27 units.
@@ -11,7 +11,7 @@ if [ -n "${TESSERA_E2E_SMALL:-}" ]; then
 fi
 job=(--size "$size" --spp 80 --max-depth 5 --frames 12)
 
-# draw NAME OPTIONS…: renders $scene, leaves NAME.exr and NAME.json.
+# draw NAME OPTIONS…: renders $scene to NAME.exr and NAME.json.
 seed=7
 scene=same_bits
 draw() {
@@ -21,7 +21,7 @@ draw() {
     --seed "$seed" "${job[@]}" "$@" >"$work/$name.log" 2>&1 </dev/null || fail "render $name: status $?"
 }
 
-# idle COUNT: so many workers wait for units.
+# idle COUNT: succeeds if COUNT workers are idle.
 idle() { [ "$(farm workers --json | grep -c '"state": "idle"')" -eq "$1" ]; }
 
 draw reference --tile-size 16 --workers 1 --threads 1
@@ -56,12 +56,12 @@ draw one_tile --tile-size 256 --workers 1 --threads 2
 equal "one tile" "$(pixels "$work/one_tile.json")" "$reference"
 equal "one tile is one unit a pass" "$(json "$work/one_tile.json" 'd["units"]["total"]')" 3
 
-# A crop holds the same pixels as that part of the whole.
+# A crop has the same pixels as that part of the full frame.
 draw crop --tile-size 16 --workers 2 --threads 1 --crop 11,5,30,26
 oiiotool "$work/reference.exr" --ch R,G,B,A --cut 30x26+11+5 -o "$work/part.exr"
 oiiotool "$work/crop.exr" --ch R,G,B,A --cut 30x26+11+5 -o "$work/cropped.exr"
 oiiotool "$work/part.exr" "$work/cropped.exr" --fail 0 --failpercent 0 --hardfail 0 --diff \
-  >"$work/crop.log" 2>&1 || fail "a crop differs from that part of the whole: $(cat "$work/crop.log")"
+  >"$work/crop.log" 2>&1 || fail "a crop differs from that part of the full frame: $(cat "$work/crop.log")"
 say "a crop"
 
 # The layer traversal-cost has the same bits for any tiles and workers, and changes no pixel.
@@ -77,7 +77,7 @@ seed=8 draw seed --tile-size 16 --workers 2 --threads 1
 [ "$(pixels "$work/seed.json")" != "$reference" ] || fail "another seed gave the same pixels"
 say "another seed gives other pixels"
 
-# The other compiler's programs, where ctest was told of them.
+# The programs of the other compiler, if TESSERA_OTHER_BIN is set.
 if [ -n "${TESSERA_OTHER_BIN:-}" ]; then
   PATH=$TESSERA_OTHER_BIN:$PATH draw compiler --tile-size 16 --workers 2 --threads 1
   equal "another compiler" "$(pixels "$work/compiler.json")" "$reference"
@@ -123,8 +123,8 @@ done
 json "$work/accelerators.json" 'sum(s[q]["wrong"] for s in d["accelerators"]["structures"] for q in ("closest_hit", "any_hit"))' >"$work/wrong"
 equal "rays that structures of inspect answered otherwise" "$(cat "$work/wrong")" 0
 
-# Images that do not fit into the renderer's memory lie in a file: 256 MB of texels, 200 MB allowed.
-# (Sanitizers take more than any limit.)
+# Textures that exceed the renderer's memory are mapped from a file: 256 MB of texels, a limit of 200 MB.
+# Not with sanitizers, which need more memory than any limit.
 if [ -z "${TESSERA_E2E_SMALL:-}" ]; then
   python3 - "$work/many_texels.gltf" <<'PYTHON'
 import base64, json, struct, sys, zlib
@@ -160,6 +160,6 @@ PYTHON
   draw texels --tile-size 16 --workers 1 --threads 2
   texels=$(pixels "$work/texels.json")
   equal "texels in a file, in little memory" "$(drawn_with --texture-mb 64 --memory-mb 200)" "$texels"
-  (drawn_with --texture-mb 1000 --memory-mb 200) >"$work/too_little.log" 2>&1 && fail "200 MB held 256 MB of texels"
+  (drawn_with --texture-mb 1000 --memory-mb 200) >"$work/too_little.log" 2>&1 && fail "256 MB of texels fitted into 200 MB"
   say "without the file they do not fit"
 fi

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Any two of workers, tile, threads, instruction set and compiler, together, on thirteen scenes: nine
-# renders a scene hold every pair of values.
+# Pairwise combinations of workers, tile size, threads, instruction set and compiler on thirteen scenes:
+# nine renders per scene cover every pair of values.
 #
 #   same_bits_cover.sh               the thirteen scenes; sanitizer builds: the first
 #   same_bits_cover.sh --all SCENE   all 72 combinations on one scene (target same_bits_all)
 #
-# TESSERA_OTHER_BIN: the other compiler's programs; without them, as without AVX-512, the
-# combinations that want it are counted as skipped.
+# TESSERA_OTHER_BIN: programs of the other compiler. Without them, or without AVX-512, the combinations that
+# need them are counted as skipped.
 . "$(dirname "$0")/farm.sh"
 
 # workers tile threads isa compiler
@@ -40,7 +40,7 @@ for isa in avx2 avx512; do
   [ -z "${TESSERA_OTHER_BIN:-}" ] || make_programs other "$isa" "$TESSERA_OTHER_BIN"
 done
 
-# same SCENE COMBINATION…: every one gives the pixels of the first.
+# same SCENE COMBINATION…: checks that all combinations give the same pixels.
 same() {
   local scene=$1 name expected= got workers tile threads isa compiler
   name=$(basename "$scene" .gltf)

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# The image is a function of the job alone: not of crashes, restarts, joins or duplicates.
+# The image depends on the job alone, not on crashes, restarts, joins or duplicates.
 . "$(dirname "$0")/farm.sh"
 
 size=160x144
 if [ -n "${TESSERA_E2E_SMALL:-}" ]; then size=64x64; fi
 job=(--size "$size" --max-depth 5 --frames 12 --seed 7 --tile-size 8)
 
-# undisturbed hash, of a run of its own
+# The hash of an undisturbed run.
 tessera render "$scenes/same_bits.gltf" --output "$work/reference.exr" \
   --report "$work/reference.json" "${job[@]}" --spp 80 --workers 2 --threads 1 >"$work/reference.log" 2>&1
 reference=$(pixels "$work/reference.json")
@@ -17,14 +17,14 @@ start_worker a --unit-log "$work/units-a.log"
 start_worker b
 id=$(farm submit "$scenes/same_bits.gltf" "${job[@]}" --spp 80)
 
-# A worker that holds leases dies, and comes back under another name half-way.
+# A worker that holds leases is killed; another one joins half-way through the job.
 wait_until 60 "some units are committed" committed_at_least "$id" $((units / 10))
 kill_worker b
 say "killed a worker that held leases"
 start_worker c --unit-log "$work/units-c.log"
 wait_until 60 "it takes part" grep -qs "^COMMITTED" "$work/units-c.log"
 
-# The coordinator dies in mid-job and starts again on its store.
+# The coordinator is killed during the job and restarted on its store.
 kill_server
 start_server
 say "killed the coordinator and started it again"
@@ -47,11 +47,11 @@ equal "the same pixels after deliveries on purpose" "$(pixels "$work/report.json
 say "delivered twice on purpose: $(json "$work/report.json" 'd["units"]["duplicated"]') duplicates"
 kill_worker twice
 
-# A worker stops breathing for longer than the time-out (5 s); its units go to another, which
-# commits them; then it comes back with what it held: duplicates, compared bit for bit.
+# A worker is stopped for longer than the time-out (5 s). Its units go to another worker, which commits
+# them. Then it continues and delivers its results: duplicates, compared bit for bit.
 id=$(farm submit "$scenes/same_bits.gltf" "${job[@]}" --spp 4000 --name stopped)
-# Not before the third pass, of 448 samples: the units before it take 2 ms, and between two of them
-# a worker holds nothing. The reference had three passes.
+# Wait for the third pass of 448 samples: earlier units take 2 ms, and between two of them a worker holds
+# nothing. The reference had three passes.
 wait_until 60 "the third pass has begun" committed_at_least "$id" $((2 * units / 3 + 5))
 stop_at_a_unit() {
   kill -STOP "${worker_pid[a]}"

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# A farm with certificates, from the commands that make them to the ones that take them away.
+# A farm with certificates, from issuing them to revoking them.
 . "$(dirname "$0")/farm.sh"
 certs=$work/certs
 
-# start_secure_server ADDRESS: sets $address to what was bound.
+# start_secure_server ADDRESS: starts the server and sets $address to the address it listens on.
 start_secure_server() {
   : >"$work/address"
   tessera-server --listen "$1" --store "$work/store" --certs "$certs" --log-level debug \

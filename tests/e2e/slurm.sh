@@ -52,8 +52,8 @@ NodeName=n[1-3] NodeHostname=localhost NodeAddr=127.0.0.1 Port=[26821-26823] CPU
 PartitionName=render Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 CONF
 
-# Whatever happens, nothing of this cluster stays: what has its configuration in its environment is of
-# it, munged apart.
+# Stops all processes of this cluster, however the test ends: those with its configuration in their
+# environment, and munged.
 cluster_pids() {
   cat "$slurm/munged.pid" 2>/dev/null || true
   grep -lsz "^SLURM_CONF=$SLURM_CONF\$" /proc/[0-9]*/environ | cut -d/ -f3 | grep -vx "$$\|$BASHPID" || true

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The units of deploy/systemd are what systemd understands, and they name options that the programs have.
+# systemd accepts the units of deploy/systemd, and the programs have the options in them.
 . "$(dirname "$0")/farm.sh"
 
 command -v systemd-analyze >/dev/null || skip "systemd-analyze is not installed"

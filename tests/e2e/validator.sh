@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# tessera inspect --validate has the verdict of the Khronos glTF validator: on the cases of
-# tests/scenes/maker/invalid.py, whose verdicts are in validator/verdicts.txt, on the project's scenes, valid
-# and malformed, and on mutations of valid documents.
+# tessera inspect --validate gives the findings of the Khronos glTF validator: for the cases of
+# tests/scenes/maker/invalid.py, whose findings are in validator/verdicts.txt, for the project's scenes, valid
+# and malformed, and for mutations of valid documents.
 #
 # Needs node and npm, which fetches the validator in a few seconds.
 . "$(dirname "$0")/farm.sh"
