@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""Chaos: rounds of real farms under real faults. Run as tests/e2e/chaos.sh.
+"""Chaos test: rounds in which faults are injected into farms of real processes. Run by tests/e2e/chaos.sh.
 
-After each round every job is done with the pixels of the undisturbed run, no acknowledged unit was
-rendered again, the store is whole, and no process, socket or file is left behind. A round in which a
-fault took no effect does not count and is repeated with that fault; --rounds counts the others. What a
-round does follows from --seed and its number alone. --evidence FILE gets a line of JSON per round:
-which faults were injected, when, into which processes, the farm's state then, and the frames' hashes.
+After each round every job must be done with the pixels of the undisturbed run, no acknowledged unit may
+have been rendered again, the store must be intact, and no process, socket or file may be left behind. A
+round in which a fault took no effect does not count and is repeated with that fault; --rounds counts the
+others. The faults of a round depend on --seed and its number alone. --evidence FILE gets a line of JSON
+per round: the faults, when and into which processes they were injected, the state of the farm then, and
+the hashes of the frames.
 """
 
 import argparse
@@ -21,11 +22,11 @@ from evidence import Evidence
 from kinds import KINDS
 
 FAULTS_PER_ROUND = 6
-DECK = -(-len(KINDS) // FAULTS_PER_ROUND)  # rounds in which every kind has its turn
+DECK = -(-len(KINDS) // FAULTS_PER_ROUND)  # number of rounds that contain every kind once
 
 
 def plan(seed, number):
-    """Kinds of a round. Each deck of rounds has every kind once."""
+    """Returns the kinds of a round. Each deck of rounds contains every kind once."""
     deck = sorted(KINDS)
     random.Random(f"{seed} deck {number // DECK}").shuffle(deck)
     return deck[number % DECK::DECK]
@@ -65,7 +66,7 @@ class Round:
             if not self.wrong:
                 if farm.times and farm.times[0] > 6:
                     raise farms.Wrong(f"a dead worker was noticed after {farm.times[0]} s, not 6")
-                farm.kill_server()  # what was DONE is DONE after a restart, too
+                farm.kill_server()  # jobs that are DONE stay DONE after a restart
                 farm.restart_server()
                 self.evidence.frames = farm.check_results(self.expected)
                 farm.stop()
@@ -99,7 +100,7 @@ def main():
     counted, tries, effects = 0, 0, collections.Counter()
     begin = time.monotonic()
     number, attempt, repeat = given.first, 0, []
-    # A round that does not count is tried again, with the faults that took no effect.
+    # A round that does not count is repeated with the faults that took no effect.
     while counted < given.rounds and tries < 2 * given.rounds + 4:
         kinds = repeat or (given.kinds.split(",") if given.kinds else plan(given.seed, number))
         tries += 1

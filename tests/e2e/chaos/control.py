@@ -1,4 +1,4 @@
-"""Memory shared with a program of the test: what it is told and what it counts."""
+"""Memory shared with a program of the test: settings that it reads and counters that it writes."""
 
 import mmap
 import pathlib
@@ -6,7 +6,7 @@ import struct
 
 
 class Control:
-    """FIELDS of a subclass are its 64-bit integers, in the program's order; all begin as 0."""
+    """FIELDS of a subclass are its 64-bit integers, in the program's order, initially 0."""
     FIELDS = ()
 
     def __init__(self, path):

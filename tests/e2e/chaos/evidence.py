@@ -1,8 +1,8 @@
-"""What happened in a round of chaos: one record per fault, complete enough to judge the round by.
+"""Evidence of a round of chaos: one record per fault, from which the round can be judged.
 
-A record has the fault's kind, what it did ("effect"; null if it took no effect), when it began and
-ended (seconds since the round's start and wall-clock time), the processes it disturbed, and the state
-of the farm on both sides of it. A round has its faults, the hash of every frame and the expected one.
+A record has the kind of the fault, its effect (null if it took none), when it began and ended (seconds
+since the start of the round, and wall-clock time), the processes it disturbed, and the state of the farm
+before and after it. A round has its faults, and the hash and expected hash of every frame.
 """
 
 import datetime
@@ -12,7 +12,7 @@ import time
 
 
 class Evidence:
-    """Records of one round. Safe to use from the threads that disturb the farm."""
+    """Records of one round. Thread-safe."""
 
     def __init__(self, seed, number, kinds):
         self.seed, self.number, self.kinds = seed, number, kinds
@@ -21,7 +21,7 @@ class Evidence:
         self.lock = threading.Lock()
 
     def disturb(self, farm, kind, fault):
-        """Runs `fault()`, which returns its effect or None, and records it."""
+        """Runs `fault()`, which returns its effect or None, and records the result."""
         farm.disturbed.processes = []
         record = {"kind": kind, "began_s": self.seconds(), "farm_before": farm.snapshot(), "effect": None}
         with self.lock:
@@ -36,14 +36,14 @@ class Evidence:
         return round(time.monotonic() - self.start, 3)
 
     def without_effect(self):
-        """Kinds of this round that took no effect: the round does not count."""
+        """Returns the kinds that took no effect; if there are any, the round does not count."""
         return [kind for kind in self.kinds if not self.faults.get(kind, {}).get("effect")]
 
     def effect(self, kind):
         return self.faults.get(kind, {}).get("effect")
 
     def incomplete(self):
-        """Faults that took effect and whose record lacks a part."""
+        """Returns faults that took effect but whose record is incomplete."""
         return [kind for kind, record in self.faults.items() if record["effect"] and not (
             record["processes"] and record["farm_before"] and record["farm_after"])]
 

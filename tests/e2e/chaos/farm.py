@@ -1,4 +1,4 @@
-"""A farm of real processes for one round of chaos, and what must be true of it afterwards."""
+"""A farm of real processes for one round of chaos, and the checks after the round."""
 
 import collections
 import contextlib
@@ -24,8 +24,8 @@ FAULTS = pathlib.Path(os.environ["TESSERA_FAULTS"])
 SCENES = pathlib.Path(__file__).resolve().parents[2] / "scenes"
 WORKERS = 4
 SMALL_DISK = 64 << 20  # bytes
-UNIT_TIMEOUT = 8  # seconds, of the workers whose renderers are made to hang
-# name: scene and options. Small units, several passes, several frames, and one asked for its error.
+UNIT_TIMEOUT = 8  # seconds, for workers whose renderers are made to hang
+# name: scene and options. Small units, several passes, several frames, and one job with a target error.
 JOBS = {
     "passes": ("same_bits.gltf", ["--size", "64x64", "--tile-size", "8", "--spp", "250"]),
     "frames": ("same_bits.gltf", ["--size", "48x48", "--tile-size", "16", "--spp", "60", "--frames", "0-5", "--seed", "3"]),
@@ -34,7 +34,7 @@ JOBS = {
 
 
 class Wrong(Exception):
-    """Something that must hold does not."""
+    """A check failed."""
 
 
 def run(*command, check=True, timeout=120):
@@ -46,7 +46,7 @@ def run(*command, check=True, timeout=120):
 
 
 def undisturbed():
-    """Pixels and number of units of each job, from a farm of one."""
+    """Returns pixels and number of units of each job, rendered by one undisturbed worker."""
     pixels = {}
     with tempfile.TemporaryDirectory(prefix="tessera-chaos.") as folder:
         for name, (scene, options) in JOBS.items():
@@ -58,7 +58,7 @@ def undisturbed():
 
 
 class FaultsControl(Control):
-    """The memory shared with faults.cpp."""
+    """Memory shared with faults.cpp."""
     FIELDS = ("clock_offset_s", "sync_us", "disk_full", "clock_answers", "slow_syncs",
               "full_answers", "steps")
 
@@ -68,7 +68,7 @@ class Worker:
         self.slot, self.id, self.process, self.log, self.units = slot, identity, process, log, units
 
     def renderer(self):
-        """Pid of its renderer, or None."""
+        """Returns the pid of its renderer, or None."""
         for entry in pathlib.Path("/proc").iterdir():
             if entry.name.isdigit():
                 try:
@@ -80,7 +80,7 @@ class Worker:
         return None
 
     def signal(self, number):
-        """To agent and renderer."""
+        """Sends a signal to agent and renderer."""
         for pid in filter(None, (self.process.pid, self.renderer())):
             try:
                 os.kill(pid, number)
@@ -93,37 +93,37 @@ class Worker:
 
 class Farm:
     def __init__(self, kinds):
-        self.audit = "1" if "faulty_worker" in kinds else "0.01"  # a faulty worker is found before its pixels count
+        self.audit = "1" if "faulty_worker" in kinds else "0.01"  # finds a faulty worker before its pixels are used
         self.work = pathlib.Path(tempfile.mkdtemp(prefix="tessera-chaos."))
         self.mark = f"TESSERA_CHAOS_ROUND={uuid.uuid4()}"
         self.socket = self.work / "server.sock"
-        self.disk = self.work / "disk"  # the store's
+        self.disk = self.work / "disk"  # of the store
         self.disk.mkdir()
         self.is_small = "small_disk" in kinds
-        if self.is_small:  # in this process's mount namespace: goes with it, at the latest
+        if self.is_small:  # in the mount namespace of this process, with which it disappears at the latest
             subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={SMALL_DISK}", "tessera-chaos",
                             self.disk], check=True)
         self.store = self.disk / "store"
         self.control = FaultsControl(self.work / "server.control")
-        self.server_lock = threading.RLock()  # whoever disturbs the server
+        self.server_lock = threading.RLock()  # held by the fault that disturbs the server
         self.workers_lock = threading.Lock()
-        self.free = collections.deque()  # slots nobody is disturbing
+        self.free = collections.deque()  # slots that no fault is disturbing
         self.server = None
         self.workers = {}
         self.all_workers = []
         self.jobs = {}
-        self.started_at = 0.0  # when the server was
+        self.started_at = 0.0  # time at which the server was started
         self.over = False
-        self.is_alone = kinds == ["kill_worker"]  # nothing else disturbs: times can be measured
-        self.times = None  # seconds from death to loss, and from there until its units run again
+        self.is_alone = kinds == ["kill_worker"]  # no other fault: times can be measured
+        self.times = None  # seconds from death to loss, and from loss until its units run again
         self.found_faulty = False  # a faulty worker was found
         self.links = [Link(str(self.work / f"w{slot}.sock"), str(self.socket))
                       for slot in range(WORKERS)]
         for link in self.links:
             link.start()
-        self.line = None  # made by whoever needs it
-        self.has_room = True  # nobody fills the disk now
-        self.in_need = 0  # faults that are not through: the round is to last
+        self.line = None  # created when it is first needed
+        self.has_room = True  # false while a fault fills the disk
+        self.in_need = 0  # number of unfinished faults, for which the round must last
         self.more = 0  # further jobs
         self.disturbed = threading.local()  # .processes: those that this thread's fault disturbs
 
@@ -135,7 +135,7 @@ class Farm:
                 **more}
 
     def start_server(self, cut_at=0):
-        """Returns whether it listens: with `cut_at` it may be dead before that."""
+        """Returns whether it listens; with `cut_at` the power cut may come before that."""
         self.socket.unlink(missing_ok=True)
         environment = self.environment(self.control, FAULTS_STORE=str(self.store),
                                        FAULTS_LOG=str(self.work / "cuts.log"), FAULTS_CUT_AT=str(cut_at))
@@ -154,7 +154,7 @@ class Farm:
         self.server.wait()
 
     def inspect_dead_store(self):
-        """What was acknowledged must be in the store of a server that died, before any repair."""
+        """Checks that all acknowledged units are in the store of a server that died, before any repair."""
         if (self.store / "store.db").exists():
             found = run("tessera-server", "check", self.store, check=False)
             # A store whose first start did not end has no rows yet.
@@ -202,7 +202,7 @@ class Farm:
 
     @contextlib.contextmanager
     def time_needed(self):
-        """While this lasts the farm gets further jobs, so that the round does not end."""
+        """Keeps the round going: while the context is active, the farm gets further jobs."""
         with self.workers_lock:
             self.in_need += 1
         try:
@@ -221,11 +221,11 @@ class Farm:
             self.line = None
 
     def note_disturbed(self, name, **pids):
-        """Evidence: the calling thread's fault disturbs these processes."""
+        """Records as evidence that the calling thread's fault disturbs these processes."""
         self.disturbed.processes.append({"name": name, **pids})
 
     def snapshot(self):
-        """State of the farm, for the evidence."""
+        """Returns the state of the farm, for the evidence."""
         acks = self.acknowledgements()
         return {"units_committed": sum(n for (event, _), n in acks.items() if event == "COMMITTED"),
                 "units_held": {worker.id: len(self.held_by(worker)) for worker in self.workers.values()},
@@ -233,13 +233,13 @@ class Farm:
                 "workers": {worker.id: worker.process.pid for worker in self.workers.values()
                             if worker.process.poll() is None}}
 
-    # What is going on -----------------------------------------------------------------------------
+    # Observation ----------------------------------------------------------------------------------
 
     def log(self):
         return (self.work / "server.log").read_text(errors="replace")
 
     def acknowledgements(self):
-        """Counter of (acknowledgement, unit) over all workers."""
+        """Returns a counter of (acknowledgement, unit) over all workers."""
         counts = collections.Counter()
         for worker in self.all_workers:
             if worker.units.exists():
@@ -253,17 +253,17 @@ class Farm:
         return sum(n for (event, _), n in self.acknowledgements().items() if event == "COMMITTED")
 
     def settled(self):
-        """Acknowledged units."""
+        """Returns the acknowledged units."""
         return {unit for _, unit in self.acknowledgements()}
 
     def started(self, dead):
-        """Units that a worker other than the dead one has begun."""
+        """Returns the units that a worker other than the dead one has started."""
         return {tuple(line.split()[1:5]) for worker in self.all_workers if worker is not dead
                 for line in (worker.units.read_text().splitlines() if worker.units.exists() else [])
                 if line.startswith("started")}
 
     def held_by(self, worker):
-        """Units a worker has started and that are not acknowledged."""
+        """Returns the units that a worker has started and that are not acknowledged."""
         held = set()
         if worker.units.exists():
             for line in worker.units.read_text().splitlines():
@@ -275,13 +275,13 @@ class Farm:
         return held
 
     def unfinished_by(self, worker):
-        """Units a worker has started and not finished: it cannot have delivered them."""
+        """Returns the units that a worker has started and not finished, and so not delivered."""
         events = [line.split() for line in worker.units.read_text().splitlines()] if worker.units.exists() else []
         return {tuple(event[1:5]) for event in events if event[0] == "started"} - {
             tuple(event[1:5]) for event in events if event[0] != "started"}
 
     def wait(self, seconds, what, condition):
-        """Until the condition holds, or the round is over: then None."""
+        """Waits until the condition holds. Returns None if the round ends before."""
         end = time.monotonic() + seconds
         while True:
             value = condition()
@@ -296,21 +296,21 @@ class Farm:
                               "--json").stdout)
 
     def duplicated(self):
-        """Blocks that came again, of the jobs the server can be asked for."""
+        """Returns the number of duplicated blocks of the jobs that the server knows."""
         reports = [run("tessera", "report", name, "--server", f"unix:{self.socket}", "--json", check=False)
                    for name in self.jobs]
         return sum(json.loads(report.stdout)["units"]["duplicated"]
                    for report in reports if report.returncode == 0)
 
     def states(self):
-        """State and reason of each job, or None while the server cannot be asked."""
+        """Returns state and reason of each job, or None while the server does not answer."""
         done = run("tessera", "list", "--limit", 0, "--server", f"unix:{self.socket}", "--json", check=False)
         if done.returncode != 0:
             return None
         return {job["name"]: (job["state"], job.get("reason", "")) for job in json.loads(done.stdout)["jobs"]}
 
     def finish(self, seconds):
-        """Waits until all jobs are done, resuming what a full disk has paused."""
+        """Waits until all jobs are done; resumes jobs that a full disk has paused."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             states = self.states()
@@ -322,7 +322,7 @@ class Farm:
                     self.over = True
                     return
                 if open_jobs <= 1 and self.in_need:
-                    self.more += 1  # a name is never used twice: whoever gets no answer may have made it
+                    self.more += 1  # no name is used twice, because a call without an answer may have created the job
                     self.submit_one("passes", f"passes+{self.more}", check=False)
                 for name, (state, reason) in states.items():
                     if state == "paused" and "store full" in reason and self.has_room:
@@ -330,10 +330,10 @@ class Farm:
             time.sleep(0.2)
         raise Wrong(f"not done after {seconds} s: {self.states()}")
 
-    # Afterwards -----------------------------------------------------------------------------------
+    # Checks after the round -----------------------------------------------------------------------
 
     def check_results(self, expected):
-        """Raises unless every job has the expected pixels and units. Returns the hashes by job."""
+        """Checks that every job has the expected pixels and units. Returns the hashes by job."""
         hashes = {}
         for name in self.states():
             pixels, units = expected[name.split("+")[0]]
@@ -347,14 +347,14 @@ class Farm:
             if not self.found_faulty and (report["units"]["mismatched"] or report["units"]["redone"]):
                 raise Wrong(f"job {name}: units {report['units']}")
         if self.found_faulty:
-            return hashes  # what the faulty worker had delivered was rendered again
+            return hashes  # units of the faulty worker were rendered again
         twice = [unit for (event, unit), n in self.acknowledgements().items() if event == "COMMITTED" and n > 1]
         if twice:
             raise Wrong(f"acknowledged and rendered again: {twice}")
         return hashes
 
     def stop(self):
-        """Ends everything in order, and looks at what is left behind."""
+        """Stops all processes and checks that nothing is left behind."""
         for worker in self.workers.values():
             worker.process.terminate()
         for worker in self.workers.values():
@@ -371,7 +371,7 @@ class Farm:
         left = self.processes()
         if left:
             raise Wrong(f"processes left behind: {left}")
-        # A listening socket has flag 00010000; no path of ours may be bound to one.
+        # A listening socket has flag 00010000; none may be left in our directory.
         for line in pathlib.Path("/proc/net/unix").read_text().splitlines():
             if str(self.work) in line and line.split()[3] == "00010000":
                 raise Wrong(f"a socket is left behind: {line}")
@@ -396,7 +396,7 @@ class Farm:
         return found
 
     def close(self, keep=False):
-        """However the round ended: nothing runs on, nothing stays."""
+        """Kills and removes everything, however the round ended."""
         self.over = True
         for pid in self.processes():
             for number in (signal.SIGCONT, signal.SIGKILL):

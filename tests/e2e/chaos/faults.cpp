@@ -1,14 +1,14 @@
-// Faults for real programs, from outside: a library for LD_PRELOAD that stands between a program
-// and the C library. What is tested is the program as it is shipped; it has no hooks for this.
+// Faults for the shipped programs: a library for LD_PRELOAD that interposes functions of the C
+// library. The programs have no code for this.
 //
-//   FAULTS_CONTROL  file of Control, mapped: what the test turns while the program runs
-//   FAULTS_LOG      file that gets a line when the power was cut
-//   FAULTS_STORE    folder of the store, whose disk this is; none: only the clock
-//   FAULTS_CUT_AT   the power goes at the Nth change of, or sync in, the store
+//   FAULTS_CONTROL  file with a mapped Control, which the test changes while the program runs
+//   FAULTS_LOG      file to which a line is appended at a power cut
+//   FAULTS_STORE    directory of the store, whose disk has faults; unset: only the clock has
+//   FAULTS_CUT_AT   number of the change or sync of the store at which the power is cut
 //
-// A cut of the power takes back what is not synced: bytes of files whose fdatasync has not come,
-// names whose folder was not synced. This is the worst that POSIX allows (DiskModel of the unit
-// tests tries what lies between); it ends the process by SIGKILL.
+// A power cut removes everything that is not synced: bytes of files without a later fdatasync, and
+// names whose directory was not synced. This is the worst case that POSIX allows; DiskModel of the
+// unit tests covers partial loss. The process ends by SIGKILL.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <sys/mman.h>
@@ -38,9 +38,9 @@ namespace {
 struct Control {
   // Written by the test.
   std::int64_t clock_offset_s;  // added to the wall clock
-  std::int64_t sync_us;         // each sync takes so much longer
-  std::int64_t disk_full;       // not 0: nothing can be written
-  // Written here: how often each took effect, and changes and syncs of this process.
+  std::int64_t sync_us;         // additional duration of each sync
+  std::int64_t disk_full;       // not 0: writes fail
+  // Written by this library: how often each took effect, and changes and syncs of this process.
   std::int64_t clock_answers, slow_syncs, full_answers, steps;
 };
 
@@ -49,7 +49,7 @@ Function* next_of(const char* name) {
   return reinterpret_cast<Function*>(::dlsym(RTLD_NEXT, name));
 }
 
-/// The C library's function of this name, as `next`.
+/// Defines `next`, the C library's function of this name.
 #define NEXT(name) static auto* const next = next_of<decltype(::name)>(#name)
 
 int raw_open(const char* path, int flags) {
@@ -80,7 +80,7 @@ bool exists(const char* path) {
 
 using FileKey = std::pair<dev_t, ino_t>;
 
-/// The disk of one store, and what a cut of the power would take back.
+/// The disk of one store, and the changes that a power cut would undo.
 class Disk {
  public:
   Disk() {
@@ -102,14 +102,14 @@ class Disk {
   Control& control() { return *control_; }
   std::recursive_mutex& mutex() { return mutex_; }
 
-  /// Whether `path` is of the store; SQLite's shared memory is no disk.
+  /// Returns whether `path` is in the store and on disk, which SQLite's shared memory is not.
   bool owns(const std::string& path) const {
     if (root_.empty() || path.compare(0, root_.size(), root_) != 0) return false;
     if (path.size() > root_.size() && path[root_.size()] != '/') return false;
     return path.size() < 4 || path.compare(path.size() - 4, 4, "-shm") != 0;
   }
 
-  /// Path behind a descriptor if it is of the store, else nothing.
+  /// Returns the path of a descriptor if it is in the store, else nothing.
   std::string path_of(int file) const {
     if (root_.empty()) return {};
     char target[PATH_MAX];
@@ -121,17 +121,17 @@ class Disk {
 
   // The rest requires the mutex.
 
-  /// A change or sync is about to happen; the power may go instead.
+  /// Called before a change or sync, at which the power may be cut instead.
   void step(const char* what, const std::string& path) {
     if (++control_->steps == cut_at_) cut(what, path);
   }
 
-  /// A name in a folder has changed.
+  /// Records that a name in a directory has changed.
   void remember_name(const std::string& path, std::function<void()> undo) {
     if (cut_at_ > 0) undos_.push_back({path.substr(0, path.rfind('/')), {}, std::move(undo)});
   }
 
-  /// Bytes [offset, offset + count) of a file are about to be written, or cut off.
+  /// Called before bytes [offset, offset + count) of a file are written or truncated.
   void remember_bytes(int file, const std::string& path, off_t offset, std::size_t count) {
     struct stat info {};
     if (cut_at_ <= 0 || ::fstat(file, &info) != 0) return;
@@ -148,20 +148,20 @@ class Disk {
                       }});
   }
 
-  /// A file is about to be written by stdio, whose writes stay inside the C library: all of it is
-  /// at stake until it is synced.
+  /// Called before stdio writes a file. Its writes stay inside the C library, so the whole file
+  /// counts as unsynced.
   void remember_stream(FILE* stream, const std::string& path) {
     if (stream != nullptr) remember_bytes(::fileno(stream), path, 0, 0);
   }
 
-  /// Gives a file that is about to lose its name another one, outside the store.
+  /// Gives a file that is about to be unlinked another name outside the store.
   std::string keep(const std::string& path) {
     if (cut_at_ <= 0) return {};
     const std::string kept = root_ + ".lost." + std::to_string(++kept_count_);
     return ::link(path.c_str(), kept.c_str()) == 0 ? kept : std::string();
   }
 
-  /// A sync has succeeded: what it covers stays.
+  /// Called after a successful sync; the changes that it covers are durable.
   void synced(int file, const std::string& path) {
     struct stat info {};
     if (::fstat(file, &info) != 0) return;
@@ -174,8 +174,8 @@ class Disk {
 
  private:
   struct Undo {
-    std::string folder;  // whose sync makes a name durable; empty: bytes of a file
-    FileKey file;        // whose sync makes them durable
+    std::string folder;  // directory whose sync makes a name durable; empty: bytes of a file
+    FileKey file;        // file whose sync makes the bytes durable
     std::function<void()> undo;
   };
 
@@ -203,7 +203,7 @@ class Disk {
   Control nothing_{};
   Control* control_ = &nothing_;
   std::recursive_mutex mutex_;
-  std::vector<Undo> undos_;  // in the order of what they undo
+  std::vector<Undo> undos_;  // in the order of the changes
   std::map<FileKey, int> handles_;
   int kept_count_ = 0;
 };
@@ -215,7 +215,7 @@ Disk& disk() {
 
 using Lock = std::lock_guard<std::recursive_mutex>;
 
-/// How much of `count` bytes may be written now: all, a part, or (-1) nothing on a full disk.
+/// Returns how many of `count` bytes may be written now; -1: none, the disk is full.
 ssize_t room_for(std::size_t count) {
   thread_local bool was_cut_short = false;
   Control& control = disk().control();
@@ -232,7 +232,7 @@ ssize_t room_for(std::size_t count) {
   return -1;
 }
 
-/// Does a write to a file of the store: `write(count)` writes so many of `count` bytes at `offset`.
+/// Writes to a file of the store; `write(n)` writes the first n of `count` bytes at `offset`.
 template <typename Write>
 ssize_t write_to(int file, const std::string& path, std::size_t count, off_t offset,
                  const Write& write) {
@@ -271,7 +271,7 @@ int truncate_to(int file, off_t size, const Truncate& truncate_now) {
   return truncate_now();
 }
 
-/// Opens a file, which may make it.
+/// Opens a file and creates it if the flags say so.
 template <typename Open>
 auto open_or_make(const char* path, bool may_make, const Open& open_now) {
   if (!may_make || !disk().owns(path)) return open_now();
@@ -283,7 +283,7 @@ auto open_or_make(const char* path, bool may_make, const Open& open_now) {
   return opened;
 }
 
-/// Opens a stream, which may make its file.
+/// Opens a stream and creates its file if the mode says so.
 template <typename Open>
 FILE* open_stream(const char* path, const char* mode, const Open& open_now) {
   if (mode[0] == 'r' || !disk().owns(path)) return open_now();
@@ -306,7 +306,7 @@ int remove_name(const char* path, const Remove& remove_now) {
   return result;
 }
 
-/// Moves a wall clock's answer.
+/// Adds the offset to a wall-clock time.
 void shift(time_t& seconds) {
   Control& control = disk().control();
   if (control.clock_offset_s == 0) return;

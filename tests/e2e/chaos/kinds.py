@@ -1,4 +1,4 @@
-"""The faults. Each is a function (farm, rng) that returns its evidence, or None if it took no effect."""
+"""The kinds of faults. Each is a function (farm, rng) that returns its effect, or None if it took none."""
 
 import contextlib
 import os
@@ -9,7 +9,7 @@ import time
 
 import wide_area as wide_area_line
 
-SILENCE = 5.0  # seconds after which a worker is lost: its leases are others'
+SILENCE = 5.0  # seconds after which a worker is lost and its units are leased again
 LONGER = SILENCE + 1.5
 
 
@@ -20,8 +20,8 @@ def may_mount():
 
 
 class Pulse(threading.Thread):
-    """Beats as long as it is entered, and keeps how late it was at worst: for how many seconds the
-    machine held this process up, and so perhaps the farm."""
+    """Measures in a context the maximum delay of a timer, in seconds: how long the machine held up this
+    process, and so perhaps the farm."""
     EVERY = 0.05
 
     def __init__(self):
@@ -45,7 +45,7 @@ class Pulse(threading.Thread):
 
 @contextlib.contextmanager
 def a_worker(farm, slot=None):
-    """A worker nobody else disturbs; the one in `slot` if that is given."""
+    """Returns a worker that no other fault disturbs; the one in `slot` if given."""
     taken = None
     while taken is None and not farm.over:
         with farm.workers_lock:
@@ -69,25 +69,25 @@ def a_worker(farm, slot=None):
 
 @contextlib.contextmanager
 def the_server(farm):
-    """The coordinator, disturbed by nobody else."""
+    """Returns the coordinator, which no other fault may disturb meanwhile."""
     with farm.server_lock:
         farm.note_disturbed("server", pid=farm.server.pid)
         yield
 
 
 def holding(farm, worker):
-    """Waits until the worker holds units; how many, or None."""
+    """Waits until the worker holds units. Returns their number, or None."""
     return worker and farm.wait(60, f"{worker.id} holds units", lambda: len(farm.held_by(worker)))
 
 
 def held_by_all(farm):
-    """How many units the workers hold."""
+    """Returns the number of units that the workers hold."""
     return sum(len(farm.held_by(worker)) for worker in farm.workers.values())
 
 
 def loss_of(farm, worker):
-    """A question: whether the worker was lost since this call. A server that was started meanwhile has
-    never seen it, and waits for it no longer than its silence allows."""
+    """Returns a function that tells whether the worker was lost since this call. A server that was
+    started meanwhile has not seen the worker and gives it up after the same silence."""
     count = lambda: farm.log().count(f"worker {worker.id} is lost")
     before, start = count(), farm.started_at
 
@@ -118,18 +118,18 @@ def kill_worker(farm, rng):
             farm.wait(60, "its units run elsewhere",
                       lambda: units <= farm.settled() | farm.started(worker))
             again = time.monotonic()
-            if pulse.late < 0.3:  # else the server may have been held up as well, and waits longer on purpose
+            if pulse.late < 0.3:  # otherwise the server may have been held up too and waits longer on purpose
                 farm.times = (lost - killed, again - lost)
         farm.start_worker(worker.slot)
         if farm.is_alone and not farm.times:
-            return None  # it had finished all it held, or the machine stood still
+            return None  # it had finished all its units, or the machine stalled
         return f"{worker.id} held {held} units" + (
             f", lost after {farm.times[0]:.2f} s, running elsewhere {farm.times[1]:.2f} s later"
             if farm.times else "")
 
 
 def kill_renderer(farm, rng):
-    """kill -9 of the renderer in mid-unit: a failure of its unit, nothing else."""
+    """kill -9 of the renderer during a unit, which must only be a failure of this unit."""
     with a_worker(farm) as worker:
         if not holding(farm, worker):
             return None
@@ -142,7 +142,7 @@ def kill_renderer(farm, rng):
 
 
 def stop_worker(farm, rng):
-    """SIGSTOP for longer than a lease, then SIGCONT: its late results are judged."""
+    """SIGSTOP for longer than the time-out, then SIGCONT: late results get an acknowledgement."""
     with a_worker(farm) as worker:
         held = holding(farm, worker)
         if not held:
@@ -157,7 +157,7 @@ def stop_worker(farm, rng):
 
 
 def hang(farm, rng):
-    """A renderer that stops in mid-unit: its agent kills it after --unit-timeout."""
+    """A renderer is stopped during a unit; its agent kills it after --unit-timeout."""
     with a_worker(farm, slot=0) as worker:
         if not holding(farm, worker):
             return None
@@ -174,7 +174,7 @@ def hang(farm, rng):
 
 
 def slow_worker(farm, rng):
-    """A renderer that gets a tenth of the time: stopped 90 ms of every 100."""
+    """A renderer gets a tenth of the time: it is stopped for 90 of every 100 ms."""
     with a_worker(farm) as worker:
         if not holding(farm, worker):
             return None
@@ -193,8 +193,8 @@ def slow_worker(farm, rng):
 
 
 def drain_worker(farm, rng):
-    """SIGTERM to agent and renderer, as Slurm and systemd send it: the worker finishes or hands back
-    within its grace and ends with 0, no unit fails; another joins."""
+    """SIGTERM to agent and renderer, as Slurm and systemd send it: the worker finishes or returns its
+    units within --grace and exits with 0, no unit fails, and another worker joins."""
     with a_worker(farm) as worker:
         held = holding(farm, worker)
         if not held:
@@ -213,7 +213,7 @@ def drain_worker(farm, rng):
 
 
 def cut_message(farm, rng):
-    """The connection breaks in mid-message, after a random number of bytes."""
+    """The connection breaks within a message, after a random number of bytes."""
     with a_worker(farm) as worker:
         if not worker:
             return None
@@ -231,7 +231,7 @@ def cut_message(farm, rng):
 
 
 def partition(farm, rng):
-    """Nothing passes for longer than a lease, nothing is refused; then it heals."""
+    """Network partition for longer than the time-out: nothing is transmitted and nothing refused."""
     with a_worker(farm) as worker:
         held = holding(farm, worker)
         if not held:
@@ -249,7 +249,7 @@ def partition(farm, rng):
 
 
 def late_delivery(farm, rng):
-    """What a worker sends arrives seconds late, but in order."""
+    """Bytes from a worker arrive seconds late, in order."""
     with a_worker(farm) as worker:
         if not holding(farm, worker):
             return None
@@ -263,14 +263,14 @@ def late_delivery(farm, rng):
 
 
 def duplicate(farm, rng):
-    """The worker in slot 1 delivers every block twice: the second ones are known for what they are."""
+    """The worker in slot 1 delivers every block twice; the second ones must be acknowledged as duplicates."""
     farm.note_disturbed(farm.workers[1].id, agent_pid=farm.workers[1].process.pid)
     count = farm.wait(60, "blocks come again", farm.duplicated)
     return f"{count} blocks came again" if count else None
 
 
 def replaced(farm, worker, *faults):
-    """Another worker in this one's place, with faults of its own."""
+    """Replaces this worker by one with the given fault options."""
     worker.process.terminate()
     worker.process.wait(30)
     return farm.start_worker(worker.slot, *faults)
@@ -291,7 +291,7 @@ def faulty_worker(farm, rng):
 
 
 def forger(farm, rng):
-    """Before each block a worker delivers a false one under an attempt it was not given."""
+    """Before each block, a worker delivers a forged one with an attempt that it was not granted."""
     with a_worker(farm) as worker:
         if not worker:
             return None
@@ -305,7 +305,7 @@ def forger(farm, rng):
 
 
 def kill_server(farm, rng):
-    """kill -9 of the coordinator; workers keep what they have."""
+    """kill -9 of the coordinator; workers keep their units and results."""
     with the_server(farm):
         if not farm.wait(60, "units are held", lambda: held_by_all(farm)):
             return None
@@ -317,7 +317,7 @@ def kill_server(farm, rng):
 
 
 def stop_server(farm, rng):
-    """SIGSTOP of the coordinator for longer than a lease: nobody is lost for it."""
+    """SIGSTOP of the coordinator for longer than the time-out; no worker may be lost because of it."""
     with the_server(farm):
         if farm.over:
             return None
@@ -331,7 +331,7 @@ def stop_server(farm, rng):
 
 
 def power_cut(farm, rng, steps=(1, 250)):
-    """The power goes at some step of the journal: what was not synced is gone."""
+    """Power cut at a random step of the journal: everything that was not synced is lost."""
     with the_server(farm):
         if farm.over:
             return None
@@ -340,7 +340,7 @@ def power_cut(farm, rng, steps=(1, 250)):
             end = time.monotonic() + 30
             while farm.server.poll() is None and time.monotonic() < end and not farm.over:
                 time.sleep(0.02)
-            if farm.server.poll() is None:  # the step must not come when nobody expects it
+            if farm.server.poll() is None:  # prevents a later power cut outside this fault
                 farm.kill_server()
                 farm.restart_server()
                 return None
@@ -351,12 +351,12 @@ def power_cut(farm, rng, steps=(1, 250)):
 
 
 def power_cut_at_start(farm, rng):
-    """The power goes while the coordinator starts."""
+    """Power cut while the coordinator starts."""
     return power_cut(farm, rng, steps=(1, 9))
 
 
 def slow_disk(farm, rng):
-    """Each sync takes a fifth of a second more."""
+    """Each fsync takes 0.2 s longer."""
     with the_server(farm):
         if farm.over:
             return None
@@ -369,13 +369,13 @@ def slow_disk(farm, rng):
 
 
 def full_jobs(farm):
-    """Jobs that are paused for want of room."""
+    """Returns the jobs that are paused because the disk is full."""
     return [name for name, (state, reason) in (farm.states() or {}).items()
             if state == "paused" and "store full" in reason]
 
 
 def full_disk(farm, rng):
-    """No write succeeds until a job has paused for it; then there is room and it goes on."""
+    """No write succeeds until a job has paused; then there is space again and the job continues."""
     with the_server(farm):
         if not farm.wait(60, "units are held", lambda: held_by_all(farm)):
             return None
@@ -390,8 +390,8 @@ def full_disk(farm, rng):
 
 
 def small_disk(farm, rng):
-    """The store lies on a small file system; something else takes all that is left of it, and gives it
-    back once a job has paused for it."""
+    """The store is on a small file system. A large file takes all of the free space until a job has
+    paused."""
     with the_server(farm):
         if not farm.wait(60, "units are held", lambda: held_by_all(farm)):
             return None
@@ -410,8 +410,8 @@ def small_disk(farm, rng):
 
 
 def wide_area(farm, rng):
-    """A worker's way becomes a line of 100 Mbit/s, 20 ms each way, that loses one packet of a hundred;
-    then it is cut for longer than a lease, and heals."""
+    """A worker is moved behind a link of 100 Mbit/s with 20 ms each way that loses 1 % of the packets; the
+    link is cut for longer than the time-out."""
     with a_worker(farm) as worker:
         if not worker or farm.over:
             return None
@@ -436,7 +436,7 @@ def wide_area(farm, rng):
 
 
 def clock_jump(farm, rng):
-    """The wall clocks of the coordinator and of a worker jump by days, to and fro."""
+    """The wall clocks of the coordinator and of a worker jump forwards and backwards by days."""
     with a_worker(farm) as worker:
         if not worker:
             return None
@@ -457,7 +457,7 @@ KINDS = {kind.__name__: kind for kind in (
     late_delivery, duplicate, faulty_worker, forger, kill_server, stop_server, power_cut, power_cut_at_start, slow_disk,
     full_disk, small_disk, wide_area, clock_jump)}
 
-# Kinds that take rights not everybody has.
+# Kinds that need privileges.
 if not may_mount():
     print("left out: small_disk, which takes the right to mount")
     del KINDS["small_disk"]

@@ -1,4 +1,4 @@
-"""A worker's way to the server: a socket that passes bytes on, until it is told otherwise."""
+"""Proxy between a worker and the server that can cut, delay and stall connections."""
 
 import ctypes
 import os
@@ -8,11 +8,11 @@ import threading
 import time
 
 CHUNK = 16384
-MOST_QUEUED = 1 << 20  # bytes waiting one way; beyond it nothing more is read
+MOST_QUEUED = 1 << 20  # maximum number of bytes queued per direction; reading pauses above it
 
 
 class Pipe:
-    """One direction of a connection: what was read and is to be written, with the time it may go."""
+    """One direction of a connection: bytes that were read, with the time at which they may be written."""
 
     def __init__(self, source, target):
         self.source, self.target = source, target
@@ -24,28 +24,28 @@ CLONE_NEWNET = 0x40000000
 
 
 def family(address):
-    """An address is a path, or (host, port)."""
+    """Returns the socket family of an address, which is a path or (host, port)."""
     return socket.AF_UNIX if isinstance(address, str) else socket.AF_INET
 
 
 class Link(threading.Thread):
-    """Forwards connections to `path` on to `target`. The fields below may be set from any thread.
+    """Forwards connections to `path` to `target`. The fields below may be set from any thread.
 
-    With `space`, the path of a network namespace, its sockets belong to that one.
+    With `space`, the path of a network namespace, its sockets belong to that namespace.
     """
 
     def __init__(self, path, target, space=None):
         super().__init__(daemon=True)
         self.path, self.target, self.space = path, target, space
-        self.held = False  # a partition: nothing passes, nothing is refused
-        self.delay = 0.0  # seconds what the worker sends is late
-        self.cut_in = None  # bytes from the worker after which the connection is cut
-        self.bytes_up = 0  # passed on to the server
-        self.cuts = []  # (bytes of the last read that passed, bytes that did not)
-        self.held_bytes = 0  # that waited while held
-        self.late_bytes = 0  # that were late
+        self.held = False  # partition: nothing is transmitted and nothing refused
+        self.delay = 0.0  # delay of bytes from the worker, seconds
+        self.cut_in = None  # number of bytes from the worker after which the connection is cut
+        self.bytes_up = 0  # bytes forwarded to the server
+        self.cuts = []  # (bytes of the last read that were forwarded, bytes that were dropped)
+        self.held_bytes = 0  # bytes that waited while held
+        self.late_bytes = 0  # bytes that were delayed
         self.stopping = False
-        self.moved = False  # to another target: what is connected to the old one is cut
+        self.moved = False  # to another target: connections to the old one are cut
         self.pipes = []
         self.listener = None
 
@@ -55,7 +55,7 @@ class Link(threading.Thread):
 
     def run(self):
         if self.space:
-            with open(self.space, "rb") as space:  # a thread of its own: it alone enters
+            with open(self.space, "rb") as space:  # setns() affects only the calling thread
                 if ctypes.CDLL(None, use_errno=True).setns(space.fileno(), CLONE_NEWNET) != 0:
                     raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
         self.listener = socket.socket(family(self.path))
@@ -97,7 +97,7 @@ class Link(threading.Thread):
                 self.write(pipe)
 
     def count_held(self):
-        # What lies in the sockets' buffers is what the partition holds up.
+        # Bytes in the buffers of the sockets are held up by the partition.
         waiting = 0
         for pipe in self.pipes:
             try:

@@ -1,4 +1,4 @@
-"""A line between two sites under a worker's way to the server: tests/support/wide_area_link.cpp."""
+"""Simulated wide-area link between a worker and the server: tests/support/wide_area_link.cpp."""
 
 import os
 import pathlib
@@ -16,7 +16,7 @@ class LineControl(Control):
 
 
 class WideAreaLine:
-    """Connections to `path` reach the server over the line, each as one of TCP."""
+    """Carries connections to `path` over the link to the server, each as a TCP connection."""
 
     def __init__(self, folder, server_path, environment):
         self.control = LineControl(folder / "line.control")
@@ -40,6 +40,6 @@ class WideAreaLine:
 
 
 def is_possible():
-    """Whether this user may make namespaces and devices."""
+    """Returns whether this user may create namespaces and devices."""
     return (os.geteuid() == 0 and os.access("/dev/net/tun", os.W_OK) and
             subprocess.run(["unshare", "--net", "true"], stderr=subprocess.DEVNULL, check=False).returncode == 0)
