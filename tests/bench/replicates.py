@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""What does the number of replicates R cost, and what does it bring? (docs/notes/replicates.md)
+"""Measures the effect of the number of replicates R on errors and estimates (docs/notes/replicates.md).
 
     tests/bench/replicates.py [--counts 1,2,4,8] [--build DIR] [--results FILE.jsonl] [SCENE…]
 
-R is a constant of the render contract, so each is a program of its own: the sources are copied to
-DIR/tree, and tessera-bench-coverage is built there for one R after the other. Each renders scenes
-of the battery with fixed sample counts and by their error, all R with the same seeds. R = 1 has no
-estimate; it says how fast the error falls when the samples of a pixel are one sequence.
+R is a constant of the render contract, so each value needs a program of its own: the sources are copied
+to DIR/tree, and tessera-bench-coverage is built there for each R. Each program renders scenes of the
+battery with fixed sample counts and to target errors, with the same seeds. R = 1 has no estimate; it
+shows how fast the error falls if the samples of a pixel are one sequence.
 """
 
 import argparse
@@ -20,14 +20,14 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-SCENES = {"furnace": 0.06, "small_lamp": 0.08, "checker": 0.1}  # and the errors to ask for
+SCENES = {"furnace": 0.06, "small_lamp": 0.08, "checker": 0.1}  # and target errors
 FIXED = ((32, 64), (256, 16))  # samples, seeds
 ERROR_SEEDS = 32
 REFERENCE_SPP = "2048"
 
 
 def build(folder, replicates):
-    """tessera-bench-coverage for one R; as it is if an earlier run has left it."""
+    """Returns tessera-bench-coverage for one R; builds it if an earlier run has not."""
     binary = folder / f"coverage-r{replicates}"
     if binary.exists():
         return binary
@@ -46,7 +46,7 @@ def build(folder, replicates):
 
 
 class Runs:
-    """The tool's documents, kept in a file as they come."""
+    """Documents of the tool, stored in a file as they arrive."""
 
     def __init__(self, binaries, scenes, results):
         self.binaries, self.scenes, self.results = binaries, scenes, results
@@ -73,7 +73,7 @@ def geometric_mean(values):
 
 
 def table(runs, counts, scenes):
-    """A row for each R; squares and samples beside those of the first R that has them."""
+    """Returns a row for each R; squared errors and samples are relative to the first R that has them."""
     text = "| R |" + "".join(
         f" squared error at {spp} spp | estimate / true at {spp} spp | bound held |"
         for spp, _ in FIXED) + " samples by error | bound / true | held |\n"

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# A server with many queued jobs: how long it takes to come up, to list, to find one, what a job costs in
-# memory, and how long it takes another job to be rendered then.
+# Measures a server with many queued jobs: time to start, to list jobs and to find one, memory per job, and
+# the time until another job is rendered.
 #
-#   tests/bench/scale.sh [JOBS]     100,000; TESSERA_BIN: folder of the programs (build/bench/bin)
+#   tests/bench/scale.sh [JOBS]     default: 100,000. TESSERA_BIN: directory of the programs (build/bench/bin)
 #
-# Then tests/bench/scaling/run.sh: real renders over a few workers, and many workers on paper.
+# Then runs tests/bench/scaling/run.sh: real renders on a few workers, and simulated farms.
 #
-# Jobs are copies of one that was submitted, put into the store's rows while no server uses it. Times are
-# of whole commands, the least of five: a process's start is in them. Figures: docs/notes/scaling.md.
+# Jobs are copies of a submitted one, written to the rows of a store that no server uses. Times are those of
+# whole commands, the minimum of five, including the start of the process. Figures: docs/notes/scaling.md.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/../.." && pwd)
 export TESSERA_BIN=${TESSERA_BIN:-$root/build/bench/bin}
@@ -16,7 +16,7 @@ jobs=${1:-100000}
 
 now() { date +%s.%N; }
 since() { python3 -c "print(f'{$(now) - $1:.3f}')"; }
-# least COMMAND…: seconds of the fastest of five runs.
+# least COMMAND…: prints the seconds of the fastest of five runs.
 least() {
   local i begun
   for i in 1 2 3 4 5; do
@@ -28,7 +28,7 @@ least() {
 resident_kb() { awk '/^VmRSS/ {print $2}' "/proc/$server_pid/status"; }
 stop_server() { kill "$server_pid"; wait "$server_pid"; server_pid=; }
 row() { printf '| %s | %s |\n' "$1" "$2"; }
-# Starts the server; it answers once it has read its jobs: $took seconds.
+# Starts the server, which answers after it has read its jobs, in $took seconds.
 restart() {
   local begun
   begun=$(now)

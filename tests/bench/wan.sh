@@ -1,12 +1,11 @@
 #!/usr/bin/env bash
-# Whether a worker far away waits between units: its server is 50 ms there and back, over a line of
-# 100 Mbit/s that loses nothing (tests/support/wide_area_link.cpp: packets, TCP, TLS). Figures: docs/notes/scaling.md.
+# Measures whether a distant worker is idle between units. The link to its server has a round trip of 50 ms,
+# 100 Mbit/s and no loss (tests/support/wide_area_link.cpp: packets, TCP, TLS). Figures: docs/notes/wide-area.md.
 #
-#   tests/bench/wan.sh [SPP…]     units of so many samples (8 and 56); needs root and /dev/net/tun
+#   tests/bench/wan.sh [SPP…]     samples per unit (8 and 56); needs root and /dev/net/tun
 #
-# TESSERA_BIN: folder of the programs (build/dev/bin). Ends with 1 if the worker was busy for less than
-# 95 % of the time, by its own log: from the first unit it takes up after the start to the last one it ends,
-# the share in which it was at one. WAN_SECONDS: for how long (30).
+# TESSERA_BIN: directory of the programs (build/dev/bin). Exits with 1 if the worker was rendering for less
+# than 95 % of the time from its first to its last unit, according to its log. WAN_SECONDS: duration (30).
 set -euo pipefail
 root=$(cd "$(dirname "$0")/../.." && pwd)
 export TESSERA_BIN=${TESSERA_BIN:-$root/build/dev/bin}
@@ -15,7 +14,7 @@ export TESSERA_BIN=${TESSERA_BIN:-$root/build/dev/bin}
 seconds=${WAN_SECONDS:-30}
 certs=$work/certs
 
-# delay_us, loss_ppm, bits_per_s, is_cut; then what it counts.
+# delay_us, loss_ppm, bits_per_s, is_cut; then counters.
 python3 -c '
 import struct, sys
 open(sys.argv[1], "wb").write(struct.pack("8q", 25_000, 0, 100_000_000, 0, 0, 0, 0, 0))' "$work/line"
@@ -37,12 +36,12 @@ nsenter "--net=$there" tessera-worker --server "$address" --certs "$certs/worker
 worker_pid[far]=$!
 near() { nsenter "--net=$here" tessera "$1" --server "$address" --certs "$certs/client-near" "${@:2}"; }
 
-echo "| tiles of 64x64, samples | units in the time measured | each takes | blocks | delivery to verdict | busy |"
+echo "| samples per unit and pixel | units | render time per unit | data sent | from delivery to acknowledgement | busy |"
 echo "|---|---|---|---|---|---|"
 [ $# -gt 0 ] || set -- 8 56
 for spp in "$@"; do
-  # Of one frame: the tiles last for the time to be measured. Of the ground: what is sky renders faster at
-  # 8 samples than the line carries blocks.
+  # One frame, whose tiles last for the measured time. Ground only: with 8 samples, tiles of the background
+  # render faster than the link carries their blocks.
   pass=0 size=4096x2048 crop=0,1024,4096,1024
   [ "$spp" -le 8 ] || pass=1 size=1024x512 crop=0,256,1024,256
   job=$(near submit "$scenes/quickstart.gltf" --size "$size" --crop "$crop" --tile-size 64 --spp "$((pass * 8 + spp))" 2>/dev/null)
@@ -72,7 +71,7 @@ for at, unit, what in events:
         trips.append(at - rendered[unit])
 trips.sort()
 share = busy / (end - begin)
-rate = 64 * 64 * 52 * units / (end - begin) / 1e6  # 52 bytes a pixel, before compression
+rate = 64 * 64 * 52 * units / (end - begin) / 1e6  # 52 bytes per pixel, before compression
 print(f"| {spp} | {units} | {1000 * busy / units:.0f} ms | {rate:.1f} MB/s "
       f"| {1000 * trips[len(trips) // 2]:.0f} ms | {100 * share:.1f} % |", flush=True)
 sys.exit(0 if share >= 0.95 else 1)

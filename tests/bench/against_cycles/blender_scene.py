@@ -1,12 +1,12 @@
-"""Run inside Blender: one image of a glTF scene by Cycles, meaning what glTF means.
+"""Runs inside Blender: renders a glTF scene by Cycles, with the meaning that glTF specifies.
 
     blender -b --factory-startup -noaudio -P blender_scene.py -- SCENE OUT.exr '{"spp": 16, ...}'
 
 Options (JSON): spp, seed, size [w, h], depth (scattering events), sky (a latitude-longitude image).
-What Blender 3.4's importer and Cycles' defaults make of a file differs from the specification in
-places; each function below mends one of them. Prints a line CPU_SECONDS of the whole process.
-Only what the comparison's scenes use is mended: punctual lights but spots' cones, Lambert
-surfaces (specularFactor 0), emitters, smooth solid glass, Beer's law, alphaMode MASK.
+The importer of Blender 3.4 and the defaults of Cycles differ from the specification in some points;
+each function below corrects one of them. Prints a line CPU_SECONDS for the whole process. Corrected
+are only features of the compared scenes: punctual lights without the cones of spots, Lambert surfaces
+(specularFactor 0), emitters, smooth solid glass, Beer's law, alphaMode MASK.
 """
 
 import json
@@ -18,14 +18,14 @@ import sys
 
 import numpy
 
-for old in (bool, object, int, float):  # Blender 3.4 uses names that numpy has dropped
+for old in (bool, object, int, float):  # Blender 3.4 uses names that numpy has removed
     setattr(numpy, old.__name__, old)
 
 import bpy  # noqa: E402
 
 
 def gltf_of(path):
-    """The JSON of a .gltf or .glb."""
+    """Returns the JSON of a .gltf or .glb."""
     data = open(path, "rb").read()
     if data[:4] != b"glTF":
         return json.loads(data)
@@ -34,7 +34,7 @@ def gltf_of(path):
 
 
 def mend_lights(gltf):
-    """Lamps of no size; an intensity that the file leaves out is 1."""
+    """Makes punctual lights have no size, and intensity 1 where the file gives none."""
     lights = gltf.get("extensions", {}).get("KHR_lights_punctual", {}).get("lights", [])
     silent = {g.get("name") for g in lights if "intensity" not in g}
     for light in bpy.data.lights:
@@ -48,7 +48,7 @@ def mend_lights(gltf):
 
 
 def mend_meshes():
-    """Both renderers trace the triangles that are there."""
+    """Turns off the shadow terminator offsets of Cycles, which move rays off the triangles."""
     for thing in bpy.data.objects:
         if thing.type == "MESH":
             thing.cycles.shadow_terminator_geometry_offset = 0
@@ -56,7 +56,7 @@ def mend_meshes():
 
 
 class Material:
-    """A Blender material beside the glTF one it came from."""
+    """A Blender material with the glTF material it was imported from."""
 
     def __init__(self, blender, gltf):
         self.gltf = gltf
@@ -100,7 +100,7 @@ class Material:
             self.put(self.lambert())
 
     def mend_mixes(self):
-        """The importer wires a colour mix's number output."""
+        """Corrects the importer, which connects the scalar output of a colour mix."""
         for node in self.tree.nodes:
             if node.type == "MIX" and node.data_type == "RGBA":
                 for link in list(node.outputs[0].links):
@@ -109,7 +109,7 @@ class Material:
                     self.link(node.outputs[2], target)
 
     def mend_mask(self):
-        """Alpha is 0 or 1 there, not blended."""
+        """alphaMode MASK: makes alpha 0 or 1 instead of blending."""
         alpha = self.principled.inputs["Alpha"]
         if self.gltf.get("alphaMode") != "MASK" or not alpha.is_linked:
             return
@@ -120,7 +120,7 @@ class Material:
         self.link(step.outputs[0], alpha)
 
     def mend_absorption(self):
-        """sigma = -ln(colour) / distance."""
+        """Sets the absorption coefficient: sigma = -ln(colour) / distance."""
         volume = self.extension("volume")
         distance = volume.get("attenuationDistance", math.inf)
         sigma = [-math.log(max(c, 1e-6)) / distance for c in volume.get("attenuationColor", [1, 1, 1])]
@@ -135,7 +135,7 @@ class Material:
         return emission.is_linked or max(emission.default_value[:3]) > 0
 
     def mend_emission(self):
-        """Cycles emits from both sides."""
+        """Makes single-sided surfaces emit from the front only; Cycles emits from both sides."""
         strength = self.principled.inputs["Emission Strength"]
         if not self.emits() or self.gltf.get("doubleSided"):
             return
@@ -148,7 +148,7 @@ class Material:
         self.link(scale.outputs[0], strength)
 
     def lambert(self):
-        """Principled has a specular layer whatever specularFactor says."""
+        """Removes the specular layer of Principled, which ignores specularFactor."""
         diffuse = self.node("ShaderNodeBsdfDiffuse", Roughness=0)
         self.pass_color(diffuse.inputs["Color"])
         normal = self.principled.inputs["Normal"]
@@ -157,7 +157,7 @@ class Material:
         return diffuse.outputs[0]
 
     def solid_glass(self):
-        """What is reflected is not tinted; exact Fresnel, no roughness."""
+        """Smooth glass: untinted reflection with the exact Fresnel term."""
         ior = self.extension("ior").get("ior", 1.5)
         mirror = self.node("ShaderNodeBsdfGlossy", Roughness=0, Color=(1, 1, 1, 1))
         through = self.node("ShaderNodeBsdfRefraction", Roughness=0, IOR=ior)
@@ -171,7 +171,7 @@ class Material:
         return mix.outputs[0]
 
     def put(self, shader):
-        """In Principled's place, with its emission."""
+        """Replaces Principled by the given shader and keeps its emission."""
         if self.emits():
             light = self.tree.nodes.new("ShaderNodeEmission")
             for name, target in (("Emission", "Color"), ("Emission Strength", "Strength")):
@@ -196,7 +196,7 @@ def mend_materials(gltf):
 
 
 def decode_textures():
-    """Cycles filters sRGB codes; glTF asks for decoding first."""
+    """Decodes sRGB before filtering, as glTF specifies; Cycles filters encoded values."""
     for image in list(bpy.data.images):
         if image.type != "IMAGE" or not image.size[0]:
             continue
@@ -271,7 +271,7 @@ def set_sky(path):
 
 
 def set_sampling(options):
-    """No clamp, no denoiser, nothing adaptive: independent pixels of a box filter."""
+    """Independent pixels with a box filter: no clamping, denoising or adaptive sampling."""
     scene = bpy.context.scene
     render, cycles = scene.render, scene.cycles
     render.engine = "CYCLES"

@@ -1,10 +1,10 @@
-// The BSDF of Blender Cycles 3.4 for opaque metallic-roughness materials, linked in the place of
-// worker/shading/bsdf/extended_bsdf.cpp: what differs between two pictures then is not the
-// material. Directions are drawn as Tessera draws them; only values differ. A material takes part
-// if it has any extension, however little that says; coats, sheens and the like are left out.
+// The BSDF of Blender Cycles 3.4 for opaque metallic-roughness materials, linked in place of
+// worker/shading/bsdf/extended_bsdf.cpp, so that materials cause no difference between the images
+// of the two renderers. Directions are sampled as in Tessera; only values differ. It applies to
+// materials with any extension, even one without effect; clearcoat, sheen and others are ignored.
 //
-// Formula: Principled v1 (Disney's diffuse, not scaled by what the layer over it reflects; real
-// Fresnel; separable Smith), as measured of Blender 3.4.1 with the importer's defaults.
+// Formula: Principled v1 (Disney diffuse, not scaled by the reflectance of the layer above it;
+// exact Fresnel; separable Smith), as measured in Blender 3.4.1 with the importer's defaults.
 
 #include <cmath>
 

@@ -1,14 +1,14 @@
-"""Measures what tests/bench/against_cycles.sh says.
+"""Runs the comparison of tests/bench/against_cycles.sh.
 
-Per scene, both renderers in turns, one thread each, box filter, no clamp, no denoiser:
-- reference: the mean of four images of other seeds; its own relMSE comes from their spread;
+For each scene, both renderers run alternately, with one thread, a box filter, no clamping, no denoiser:
+- reference: the mean of four images with other seeds, whose spread gives its relMSE;
 - agreement: Welch's t-test of the two references, per block of 8 x 8 pixels;
-- error: relMSE of images of more and more samples against the renderer's own reference, whose
-  relMSE is taken off; the samples that 0.01 takes by interpolation between logarithms;
-- agreement with the same BSDF: scenes of opaque metallic-roughness materials once more, Tessera with
-  Cycles' own formula (tessera_render_cycles34), so that everything else is compared;
-- speed: CPU seconds of two whole processes that differ in samples alone, over that difference, so
-  that loading, building and starting drop out. The least of several.
+- error: relMSE of images with increasing sample counts against the renderer's own reference, whose
+  relMSE is subtracted; the samples for 0.01 are interpolated on logarithmic scales;
+- agreement with the same BSDF: scenes of opaque metallic-roughness materials again, with Cycles'
+  formula in Tessera (tessera_render_cycles34), so that everything else is compared;
+- speed: difference of the CPU seconds of two whole processes that differ only in their sample counts,
+  divided by the difference of samples, which excludes loading and building. The minimum of several.
 relMSE = mean of (x - r)^2 / (r^2 + 0.01) over pixels and channels.
 """
 
@@ -31,7 +31,7 @@ import OpenImageIO
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
 VENICE = "env/venice_sunset_1k.hdr"
-# name: (samples of the reference, scattering events, sky)
+# name: (samples of the reference, scattering events, environment)
 SCENES = {
     "cm_cornell_diffuse": (2048, 9, None),
     "cm_cornell_glass": (8192, 17, None),
@@ -79,7 +79,7 @@ class Runner:
         return path
 
     def tessera(self, name, spp, seed, size):
-        """The image's file and the CPU seconds of all processes."""
+        """Returns the file of the image and the CPU seconds of all processes."""
         _, depth, sky = SCENES[name]
         out = self.file(".exr")
         command = [self.binaries / "tessera", "render", self.scene(name), "-o", out, "--spp", str(spp),
@@ -94,7 +94,7 @@ class Runner:
         return out, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
     def cycles34(self, name, spp, seed, size):
-        """Tessera with the BSDF of Cycles."""
+        """Renders with Tessera and the BSDF of Cycles."""
         _, depth, sky = SAME_BSDF[name]
         marked = self.folder / f"{name}.glb"
         if not marked.exists():
@@ -121,7 +121,7 @@ class Runner:
 
 
 def mark_materials(source, target):
-    """Copies a .glb and gives its opaque materials an extension that changes nothing by itself."""
+    """Copies a .glb and gives its opaque materials an extension without effect."""
     data = source.read_bytes()
     (length,) = struct.unpack_from("<I", data, 12)
     gltf = json.loads(data[20 : 20 + length])
@@ -137,7 +137,7 @@ def mark_materials(source, target):
 
 
 def wait_for_orphans():
-    """This process is a subreaper: server and workers that outlive the command are its children."""
+    """Returns CPU seconds; as a subreaper, this process also waits for servers and workers of the command."""
     while True:
         try:
             os.waitpid(-1, 0)
@@ -154,7 +154,7 @@ def rel_mse(squares, reference):
 
 
 def student_tail(t, freedom):
-    """P(|T| > t)."""
+    """Returns P(|T| > t)."""
     theta = math.atan(t / math.sqrt(freedom))
     steps = 400
     width = (math.pi / 2 - theta) / steps
@@ -164,13 +164,13 @@ def student_tail(t, freedom):
 
 
 def blocks(image):
-    """Means over 8 x 8 pixels and the channels."""
+    """Returns means over 8 x 8 pixels and the channels."""
     height, width, _ = image.shape
     return image.mean(2).reshape(height // 8, 8, width // 8, 8).mean((1, 3)).ravel()
 
 
 def agreement(ours, theirs):
-    """Share of blocks whose means differ at 1 %, and the ratio of the whole's."""
+    """Returns the share of blocks whose means differ at the 1 % level, and the ratio of the images' means."""
     a, b = (numpy.array([blocks(image) for image in images]) for images in (ours, theirs))
     n = len(ours)
     va, vb = a.var(0, ddof=1) / n, b.var(0, ddof=1) / n
@@ -205,7 +205,7 @@ class Reference:
 
 
 def samples_to_goal(render, name, reference):
-    """Samples per pixel for relMSE GOAL, and the curve."""
+    """Returns the samples per pixel for relMSE GOAL, and the curve."""
     curve = []
     for spp in LEVELS:
         errors = [rel_mse((pixels(render(name, spp, 1000 + seed, ERROR_SIZE)[0]) - reference.mean) ** 2,
@@ -215,7 +215,7 @@ def samples_to_goal(render, name, reference):
             break
     if curve[-1][1] > GOAL:
         return math.nan, curve
-    if len(curve) == 1:  # below it from the start: as 1 / samples
+    if len(curve) == 1:  # below GOAL from the start: extrapolated as 1 / samples
         return curve[0][0] * curve[0][1] / GOAL, curve
     (n0, e0), (n1, e1) = curve[-2:]
     slope = math.log(e1 / e0) / math.log(n1 / n0)
@@ -248,7 +248,7 @@ def compare(runner, name):
 
 
 def table(rows, same_bsdf):
-    """Markdown."""
+    """Returns the tables as Markdown."""
     lines = ["| scene | blocks that differ at 1 % | Cycles / Tessera, mean radiance | comparable |",
              "|---|---|---|---|"]
     for row in rows + same_bsdf:

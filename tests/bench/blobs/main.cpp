@@ -1,6 +1,6 @@
-/// tessera-bench-blobs: what a ray through blobs costs: camera rays up to the first hit, shadow
-/// rays from there, and all hits of a line as CSG needs them, beside the plain search of all
-/// intervals. Fails if the hits of the plain search differ in number.
+/// tessera-bench-blobs: measures the cost of rays through blobs: camera rays up to the first hit,
+/// shadow rays from there, and all hits of a line, as CSG needs them, compared with the plain
+/// search of all intervals. Fails if the plain search finds another number of hits.
 
 #include <time.h>
 
@@ -55,7 +55,7 @@ Blobs dense(std::size_t count) {
   return out;
 }
 
-/// As dense(), and every third blob is negative.
+/// Like dense(), but every third blob is negative.
 Blobs mixed_signs(std::size_t count) {
   Blobs out = dense(count);
   out.name = "mixed signs";
@@ -119,7 +119,7 @@ std::vector<Line> camera_rays(const Shape& shape, int count) {
 }
 
 struct Cost {
-  double camera = 0, shadow = 0, all = 0, plain = 0;  // microseconds a ray
+  double camera = 0, shadow = 0, all = 0, plain = 0;  // microseconds per ray
   std::size_t hits = 0, other_hits = 0;
 };
 

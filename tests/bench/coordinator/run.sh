@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# What one coordinator carries: small results and bulk a second, made durable; memory a connected
-# worker; a 16k x 16k frame within 2 GiB. Simulated workers are processes of their own and speak
-# real gRPC; every image is checked against the pixels its fabricated blocks imply.
+# Measures a coordinator: durable small results per second, bytes per second of large results, memory per
+# connected worker, and a 16k x 16k frame within 2 GiB. Simulated workers in other processes use gRPC;
+# every image is compared with the pixels that follow from the fabricated blocks.
 #
 #   tests/bench/coordinator/run.sh [small|bulk|connected|large]…    default: the first three
 #
-# BIN: folder of tessera-server and the bench programs (build/dev/bin). STORE: an empty folder to
-# make the stores in, on a real file system (tmpfs has no disk to be durable on, and is refused).
+# BIN: directory of tessera-server and the bench programs (build/dev/bin). STORE: empty directory for the
+# stores, on a real file system (tmpfs is refused, because syncs cost nothing there).
 set -euo pipefail
 cd "$(dirname "$0")/../../.."
 BIN=${BIN:-$PWD/build/dev/bin}
@@ -39,8 +39,8 @@ server() {
   done
 }
 
-# simulate PROCESSES WORKERS CREDITS: that many processes, workers a process, units in flight a
-# worker. They stop when the pipe is closed.
+# simulate PROCESSES WORKERS CREDITS: starts processes with WORKERS workers each, which hold up to CREDITS
+# units each. They stop when the pipe is closed.
 simulate() {
   simulators=()
   mkfifo "$folder/hold"
@@ -64,7 +64,7 @@ stop_all() {
 
 rss_mb() { awk '/VmRSS/ {print $2 / 1024}' "/proc/$server_pid/status"; }
 
-# summary: units and megabytes a second between first lease and last acknowledgement.
+# summary: prints units and megabytes per second between the first lease and the last acknowledgement.
 summary() {
   python3 - "$folder" "$1" "$rss_peak" <<'PY'
 import glob, json, sys

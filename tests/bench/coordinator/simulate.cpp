@@ -1,5 +1,5 @@
-/// bench_simulated_workers: simulated workers in a process of their own. Runs until SIGTERM or the
-/// end of stdin, then prints one JSON line of what they did.
+/// bench_simulated_workers: runs simulated workers until SIGTERM or the end of stdin, then prints
+/// their counters as one line of JSON.
 #include <grpcpp/grpcpp.h>
 #include <unistd.h>
 
@@ -21,7 +21,7 @@ struct Options {
   int credits = 64;
 };
 
-/// A channel with a connection of its own, as a worker on a machine of its own would have.
+/// Opens a channel with a separate connection, like that of a worker on another machine.
 std::shared_ptr<grpc::Channel> own_channel(const std::string& server) {
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);

@@ -58,7 +58,7 @@ contract::Digest SimulatedFilm::expected_pixels() const {
     }
     return static_cast<float>(sum / samples);
   };
-  // One tile's pixels serve for all: only its first pixel's red tells tiles apart.
+  // All tiles share the pixels of one; only the red of the first pixel differs.
   std::vector<float> tile_rgba(side * side * 4);
   for (std::size_t pixel = 0; pixel < side * side; ++pixel) {
     for (std::size_t c = 0; c < 3; ++c) tile_rgba[pixel * 4 + c] = mean_rgb(pixel, c, 0);

@@ -11,11 +11,11 @@
 
 namespace tessera::bench {
 
-/// Film blocks that no renderer made but whose merged image is known exactly.
+/// Fabricated film blocks whose merged image is known exactly.
 ///
 /// Every tile of a pass is the same pseudo-random square, incompressible like a noisy render,
-/// except for one value that spells the tile's index, so that a block merged into the wrong place
-/// shows. Values lie in [0.5, 2) with 20 bits, so that sums over passes are exact in double.
+/// except for one value that encodes the tile's index, so that a block merged at the wrong place
+/// is detected. Values are in [0.5, 2) with 20 bits, so sums over passes are exact in double.
 class SimulatedFilm {
  public:
   /// Requires a window whose sides are multiples of the tile, and no additional layers.
@@ -24,7 +24,7 @@ class SimulatedFilm {
   /// The encoded block of a unit. Requires a tile and pass of the job.
   std::string block(std::int32_t tile, std::int32_t pass) const;
 
-  /// SHA-256 of the finished frame's pixels, as the report spells it
+  /// SHA-256 of the finished frame's pixels, in the form of the report
   /// (docs/reference/output-files.md).
   contract::Digest expected_pixels() const;
 
@@ -36,7 +36,7 @@ class SimulatedFilm {
 
   contract::RenderSettings settings_;
   std::vector<contract::Pass> passes_;
-  std::vector<contract::FilmBlock> templates_;  // one a pass
+  std::vector<contract::FilmBlock> templates_;  // one per pass
   std::int64_t block_bytes_ = 0;
 };
 

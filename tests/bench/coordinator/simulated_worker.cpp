@@ -43,8 +43,8 @@ const SimulatedFilm* FilmShelf::film(const std::string& job_id) {
   return films_.emplace(job_id, std::move(film)).first->second.get();
 }
 
-/// The control stream: writes go through a queue, one at a time. They are started outside gRPC's
-/// reactions too (heartbeats), hence the hold: without it the call could be gone by then.
+/// The control stream. Writes go through a queue, one at a time. Heartbeats start writes outside
+/// gRPC's reactions; the hold keeps the call alive until then.
 class SimulatedWorker::WorkStream
     : public grpc::ClientBidiReactor<v1::WorkRequest, v1::WorkResponse> {
  public:
@@ -91,10 +91,10 @@ class SimulatedWorker::WorkStream
   v1::WorkResponse incoming_;
   std::mutex mutex_;
   std::deque<v1::WorkRequest> queue_;
-  bool over_ = false;  // nothing may be written any more
+  bool over_ = false;  // no more writes are allowed
 };
 
-/// The bulk stream: takes its next message from the worker whenever the last one is out.
+/// The bulk stream: takes the next message from the worker when the previous one is written.
 class SimulatedWorker::DeliverStream : public grpc::ClientWriteReactor<v1::DeliverRequest> {
  public:
   explicit DeliverStream(SimulatedWorker& worker) : worker_(worker) {}
@@ -190,7 +190,7 @@ void SimulatedWorker::on_event(const v1::WorkResponse& event) {
   } else if (event.has_acknowledgements()) {
     on_acknowledgements(event.acknowledgements());
   } else if (event.has_revocation()) {
-    // Everything leased counts as started: it is on its way.
+    // All leased units count as started.
     v1::WorkRequest message;
     message.mutable_returned();
     work_->send(std::move(message));

@@ -14,7 +14,7 @@
 
 namespace tessera::bench {
 
-/// What all simulated workers of a process count together.
+/// Counters of all simulated workers of a process.
 struct Counters {
   std::atomic<std::int64_t> welcomed = 0, committed = 0, duplicate = 0, obsolete = 0, rejected = 0;
   std::atomic<std::int64_t> committed_bytes = 0;
@@ -22,7 +22,7 @@ struct Counters {
   std::atomic<std::int64_t> closed = 0;                              // streams the server ended
 };
 
-/// Films by job id, made when a job is first seen.
+/// Films by job ID, created when a job is first seen.
 class FilmShelf {
  public:
   FilmShelf(const std::shared_ptr<grpc::Channel>& channel, std::string token);
@@ -43,8 +43,8 @@ struct SimulatedWorkerOptions {
   std::int32_t credits = 64;
 };
 
-/// A worker that renders nothing: it answers each lease at once with fabricated blocks, over a
-/// connection and the two streams of its own.
+/// A worker that renders nothing: it answers each lease immediately with fabricated blocks, over
+/// its own connection and streams.
 class SimulatedWorker {
  public:
   SimulatedWorker(std::shared_ptr<grpc::Channel> channel, SimulatedWorkerOptions options,

@@ -1,5 +1,5 @@
-/// bench_coordinator_job: makes a job for simulated workers, waits for its end, and compares the
-/// hash of the merged pixels with the one that follows from the fabricated blocks.
+/// bench_coordinator_job: creates a job for simulated workers, waits for its end, and compares the
+/// hash of the merged pixels with that of the fabricated blocks.
 #include <grpcpp/grpcpp.h>
 #include <unistd.h>
 
@@ -58,7 +58,7 @@ v1::CreateJobRequest job_request(const RenderSettings& settings, const std::stri
   return request;
 }
 
-/// Watches until the job has ended; the state it ended in.
+/// Watches the job until it ends and returns its final state.
 v1::Job watch(v1::JobService::Stub& jobs, const std::string& id, const std::string& token) {
   grpc::ClientContext context;
   context.AddMetadata(tessera::contract::kTokenKey, token);

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Renders whole scenes by their error, each with many seeds: is the true error at most what was
-asked for, and what does that cost beside the fixed sample count that just reaches it?
+"""Renders scenes to a target error with many seeds. Checks that the true error is at most the target,
+and compares the samples with the fixed sample count that just reaches it.
 
     composed.py SCENE.glb… [--seeds N (40)] [--error E (0.05)] [--size PX (96)] [--tile PX (16)]
                 [--max-spp N (16384)] [--background R,G,B] [--bin DIR] [--jobs N]
                 [--results FILE.jsonl] [--out FILE.md]
 
-Fails where less than nine seeds in ten are within E, or the samples exceed twice the fixed count; a
-scene that ends CAPPED or UNCERTAIN has claimed nothing and is listed so.
+Fails if fewer than nine of ten seeds are within E, or if the samples exceed twice the fixed count. A
+scene that ends CAPPED or UNCERTAIN makes no claim and is listed as such.
 """
 
 import sys

@@ -1,7 +1,7 @@
-/// tessera-bench-coverage: does what a job asked for by its error claims hold? Renders one scene
-/// with many seeds through the film and the stopping rule of the farm, without the farm, and
-/// compares each claim with the truth, against a reference of other seeds. With --fixed it compares
-/// the estimate of frames of a fixed sample count instead.
+/// tessera-bench-coverage: tests the claims of jobs with a target error. Renders one scene with
+/// many seeds, with the film and the stopping rule of the farm but without the farm, and compares
+/// each claim with the true error, measured against a reference of other seeds. With --fixed it
+/// compares the estimates of frames with a fixed sample count instead.
 
 #include <time.h>
 
@@ -46,13 +46,13 @@ double cpu_seconds() {
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
-/// What one seed came to.
+/// Result of one seed.
 struct Outcome {
   server::Certainty certainty = server::Certainty::uncertain;
   double estimate = 0, upper = 0, true_error = 0, true_square = 0, samples = 0, luminance = 0;
 };
 
-/// The tiles' passes as the film demands them, as on a farm of one.
+/// The passes of tiles as the film requests them, as on a farm with one worker.
 absl::Status render_on_demand(const SeededRenderer& renderer, const contract::TileGrid& grid,
                               const std::vector<contract::Pass>& passes, server::FilmCache& film,
                               const server::FrameKey& key) {
@@ -79,7 +79,7 @@ absl::Status render_on_demand(const SeededRenderer& renderer, const contract::Ti
   return absl::OkStatus();
 }
 
-/// Renders one seed until the error is known; `image` becomes the frame.
+/// Renders one seed until the error is known. Sets `image` to the frame.
 absl::StatusOr<Outcome> render_by_error(const SeededRenderer& renderer,
                                         const contract::TileGrid& grid, const Options& options,
                                         const Reference& reference, Image& image) {
@@ -117,7 +117,7 @@ absl::StatusOr<Outcome> render_by_error(const SeededRenderer& renderer,
   return outcome;
 }
 
-/// A frame of a fixed count: the claim is its estimate's bound, whatever it is.
+/// Renders a frame with a fixed sample count, whose claim is the bound of its estimate.
 Outcome render_once(const SeededRenderer& renderer, const contract::TileGrid& grid,
                     const Options& options, const Reference& reference, Image& image) {
   testing::FixedFrame frame = render_fixed(renderer, grid, options.fixed_spp, reference.luminance);
@@ -135,8 +135,8 @@ Outcome render_once(const SeededRenderer& renderer, const contract::TileGrid& gr
   return outcome;
 }
 
-/// Samples a pixel at which a fixed count just reaches `error`: root mean square over a few seeds
-/// at powers of two, interpolated as a power of n.
+/// Returns the fixed number of samples per pixel that just reaches `error`: root mean square over
+/// a few seeds at powers of two, interpolated as a power of n.
 absl::StatusOr<double> fixed_samples(SeededRenderer& renderer, const contract::TileGrid& grid,
                                      const Reference& reference,
                                      const contract::RenderSettings& settings) {
@@ -182,7 +182,7 @@ Moments moments(const std::vector<double>& values) {
   return result;
 }
 
-/// How many seeds came to what.
+/// Number of seeds by result.
 ordered_json counts(const std::vector<Outcome>& outcomes, double error) {
   int claims = 0, covered = 0, within = 0, uncertain = 0, capped = 0;
   for (const Outcome& outcome : outcomes) {
@@ -200,8 +200,8 @@ ordered_json counts(const std::vector<Outcome>& outcomes, double error) {
           {"true_within_error", within}};
 }
 
-/// The document of a scene. `bias` is of the frame's mean luminance; `bias_share` is the part of
-/// the mean square error that a systematic difference of pixels from the reference makes up.
+/// Returns the document of a scene. `bias` is that of the frame's mean luminance; `bias_share` is
+/// the part of the mean squared error due to systematic differences of pixels from the reference.
 ordered_json summary(const Options& options, const std::vector<Outcome>& outcomes,
                      const Reference& reference, const ImageMean& frames) {
   std::vector<double> bounds, estimates, samples, luminances, squares;

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Writes the battery of tests/bench/coverage.sh: small scenes that are easy, hard, or out of reach
-for an error estimate.
+"""Writes the battery of tests/bench/coverage.sh: small scenes that are easy, hard or impossible for an
+error estimate.
 
     make_scenes.py FOLDER     writes FOLDER/NAME.gltf and FOLDER/battery.json
 
-battery.json lists for each scene the error to ask for, more options, and whether it is well
-behaved (its error is spread over many pixels, no event is rare).
+battery.json lists for each scene the target error, further options, and whether it is well-behaved
+(its error is spread over many pixels, and no event is rare).
 """
 
 import json
@@ -20,7 +20,7 @@ from maker.settings import camera, room  # noqa: E402
 
 
 def lamp(gltf, strength, centre, side):
-    """A square lamp that shines downwards."""
+    """A square area light that emits downwards."""
     gltf.use("KHR_materials_emissive_strength")
     material = gltf.add("materials", plain(0, 0, 0, emissiveFactor=[1, 1, 1], extensions={
         "KHR_materials_emissive_strength": {"emissiveStrength": strength}}))
@@ -39,7 +39,7 @@ def use_glass(gltf, tint=(1, 1, 1)):
 
 
 def furnace():
-    """A grey ball in a white sky: every path brings about the same."""
+    """A grey ball in a white environment: all paths carry about the same radiance."""
     gltf = Gltf()
     gltf.node(mesh=gltf.mesh(sphere(1, 24), gltf.add("materials", plain(0.6, 0.5, 0.4))))
     floor(gltf, gltf.add("materials", plain(0.5, 0.5, 0.5)))
@@ -58,7 +58,7 @@ def cornell():
 
 
 def penumbra():
-    """A ball between a large lamp and a floor."""
+    """A ball between a large area light and a floor."""
     gltf = Gltf()
     floor(gltf, gltf.add("materials", plain(0.6, 0.6, 0.6)))
     gltf.node(mesh=gltf.mesh(sphere(0.6, 16), gltf.add("materials", plain(0.5, 0.2, 0.2))),
@@ -79,7 +79,7 @@ def small_lamp():
 
 
 def glossy():
-    """Rough metal over a rough metal floor: light by way of two lobes."""
+    """Rough metal over a rough metal floor: light reflected by two lobes."""
     gltf = Gltf()
     floor(gltf, gltf.add("materials", metal(0.8, 0.8, 0.8, 0.4)))
     for x, roughness in ((-1.1, 0.25), (0, 0.45), (1.1, 0.7)):
@@ -102,7 +102,7 @@ def many_lamps():
 
 
 def points():
-    """Three point lights: what noise there is comes from bounces."""
+    """Three point lights: all noise comes from indirect light."""
     gltf = cornell()
     gltf.use("KHR_lights_punctual")
     gltf.doc["extensions"] = {"KHR_lights_punctual": {"lights": [
@@ -113,7 +113,7 @@ def points():
 
 
 def foliage():
-    """Rows of leaves with holes before a lamp."""
+    """Rows of leaves with holes in front of an area light."""
     gltf = Gltf()
     holes = gltf.texture(png(16, 16, lambda x, y: (70, 150, 60, 255 if (x // 2 + y // 2) % 2 else 0)))
     leaf = gltf.add("materials", {"pbrMetallicRoughness": {
@@ -128,7 +128,7 @@ def foliage():
 
 
 def checker():
-    """A fine pattern to the horizon: noise from edges inside the pixel."""
+    """A fine pattern up to the horizon: noise from edges within pixels."""
     gltf = Gltf()
     fine = gltf.texture(png(64, 64, lambda x, y: (230, 230, 230) if (x + y) % 2 else (20, 20, 20)))
     floor_material = gltf.add("materials", {"pbrMetallicRoughness": {
@@ -139,7 +139,7 @@ def checker():
 
 
 def window():
-    """A room lit through a hole by a bright sky outside: most paths never find it."""
+    """A room lit through a hole by a bright environment, which most paths do not find."""
     gltf = Gltf()
     white = gltf.add("materials", plain(0.7, 0.7, 0.7, doubleSided=True))
     for origin, u, v in (((-2, 0, 2), (4, 0, 0), (0, 0, -4)), ((-2, 3, -2), (4, 0, 0), (0, 0, 4)),
@@ -153,7 +153,7 @@ def window():
 
 
 def caustic():
-    """A glass ball under a small lamp: the caustic is found by chance alone."""
+    """A glass ball under a small area light: only BSDF sampling finds the caustic."""
     gltf = Gltf()
     floor(gltf, gltf.add("materials", plain(0.6, 0.6, 0.6)))
     gltf.node(mesh=gltf.mesh(sphere(0.7, 24), use_glass(gltf)), translation=[0, 0.9, 0])
@@ -163,20 +163,20 @@ def caustic():
 
 
 def caged_lamp():
-    """A tiny lamp inside a glass ball lights a room: every bit of light is a rare event."""
+    """A tiny area light inside a glass ball lights a room: all light is a rare event."""
     gltf = Gltf()
     white = gltf.add("materials", plain(0.7, 0.7, 0.7))
     floor(gltf, white)
     gltf.node(mesh=gltf.mesh(quad((-4, 0, -2), (8, 0, 0), (0, 4, 0)), white))
     lamp(gltf, 20000, (0, 1.4, 0), 0.04)
     gltf.node(mesh=gltf.mesh(sphere(0.5, 24), use_glass(gltf)), translation=[0, 1.4, 0])
-    lamp(gltf, 1, (0, 4, 1), 2)  # and a little light that is easy
+    lamp(gltf, 1, (0, 4, 1), 2)  # and a little light that is easy to sample
     camera(gltf, (0, 2.2, 5), (0, 0.8, 0), 0.8)
     return gltf
 
 
 def glint():
-    """A small bright lamp seen in mirror balls by chance: fireflies on an easy scene."""
+    """A small bright area light, reflected by mirror balls: fireflies in an easy scene."""
     gltf = Gltf()
     floor(gltf, gltf.add("materials", plain(0.5, 0.5, 0.5)))
     mirror = gltf.mesh(sphere(0.4, 24), gltf.add("materials", metal(0.95, 0.95, 0.95, 0)))
@@ -188,7 +188,7 @@ def glint():
     return gltf
 
 
-# scene: error to ask for, well behaved, more options
+# scene: target error, well-behaved, further options
 BATTERY = {
     furnace: (0.06, True, []),
     cornell: (0.15, True, []),

@@ -16,8 +16,8 @@ MEDIAN_LIMIT = 1.5
 
 
 def allowed_misses(seeds):
-    """Most seeds that may claim what does not hold: 95 % nominal, one false alarm in a hundred (of
-    400: 31). A seed that makes no claim cannot be wrong: the table says how many do."""
+    """Returns the maximum number of seeds with a wrong claim: nominal 95 %, 1 % false alarms (31 of 400).
+    A seed without a claim cannot be wrong; the table counts the claims."""
     tail, misses = 0.0, seeds
     while misses > 0:
         term = math.exp(math.lgamma(seeds + 1) - math.lgamma(misses + 1) -
@@ -31,7 +31,7 @@ def allowed_misses(seeds):
 
 
 def run_scene(options, file, scene, first_seed):
-    """The tool's document, from --results if an earlier run left it there."""
+    """Returns the document of the tool, from --results if it contains this run."""
     command = [str(options.bin / "tessera-bench-coverage"), str(file), "--error", str(scene["error"]),
                "--seeds", str(options.seeds), "--first-seed", str(first_seed), *scene["options"]]
     key = " ".join([scene["scene"], *command[2:]])
@@ -48,7 +48,7 @@ def run_scene(options, file, scene, first_seed):
 
 
 def failures(scene, rows):
-    """What does not hold of a scene's runs taken together, as text; empty if all does."""
+    """Returns the faults of the runs of a scene, taken together; empty if it passes."""
     faults = []
     claims, covered, seeds, no_claim = (
         sum(row[key] for row in rows) for key in ("claims", "covered", "seeds", "no_claim"))
@@ -64,7 +64,7 @@ def failures(scene, rows):
 
 
 def judge(options, folder, scene):
-    """Runs a scene, and once more with new seeds if it fails; both runs count."""
+    """Runs a scene, and again with new seeds if it fails; both runs count."""
     rows = []
     for first_seed in (1, 1 + options.seeds):
         row = run_scene(options, folder / f"{scene['scene']}.gltf", scene, first_seed)

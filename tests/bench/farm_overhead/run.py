@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""What the farm costs: CPU time of `tessera render` with one worker over the same frame rendered
-by tessera_render linked alone (tessera_render_once), and the time from command to first merged
-unit on a small scene.
+"""Measures the overhead of the farm: CPU time of `tessera render` with one worker / that of the same
+frame rendered by the rendering library alone (tessera_render_once), and the time from the command to
+the first committed unit of a small scene.
 
     tests/bench/farm_overhead/run.py [--bin build/dev/bin] [--rounds 3] [--spp N]
 
-Both sides run one thread, by turns, so that the machine's moods hit both; the least time of each
-side counts. Targets: at most 1.03 on a job of at least 30 s, and at most 0.5 s.
+Both run alternately with one thread, so that changes of the load affect both; the minimum of each
+counts. Targets: at most 1.03 for a job of at least 30 s, and at most 0.5 s.
 """
 
 import argparse
@@ -26,11 +26,11 @@ PR_SET_CHILD_SUBREAPER = 36
 
 
 def cpu_seconds(command, cwd):
-    """CPU seconds of a command and of everything it starts, orphans included."""
+    """Returns the CPU seconds of a command and of all processes it starts, including orphans."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(command, cwd=cwd, check=True, stdout=subprocess.DEVNULL,
                    stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL)
-    while True:  # we are a subreaper: what the command left running is our child now
+    while True:  # this process is a subreaper, so orphans of the command are its children
         try:
             os.waitpid(-1, 0)
         except ChildProcessError:
@@ -40,7 +40,7 @@ def cpu_seconds(command, cwd):
 
 
 def first_unit_seconds(tessera, scene, cwd):
-    """Wall seconds from starting `tessera render` to the first unit's row in the store's journal."""
+    """Returns the wall seconds from the start of `tessera render` to the first unit's row in the journal."""
     store = Path(tempfile.mkdtemp(dir=cwd))
     start = time.monotonic()
     process = subprocess.Popen(
@@ -54,7 +54,7 @@ def first_unit_seconds(tessera, scene, cwd):
                 if journal.execute("select count(*) from units").fetchone()[0] > 0:
                     seconds = time.monotonic() - start
         except sqlite3.Error:
-            pass  # not made yet
+            pass  # does not exist yet
         time.sleep(0.002)
     process.wait()
     shutil.rmtree(store)

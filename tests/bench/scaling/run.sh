@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
-# How a real render scales over 1, 2 and 4 worker processes pinned to the cores there are; then, with
-# what its units took, what they weighed and what merging them took, farms of 10 to 10,000 workers on
-# paper (simulate.cpp). Figures: docs/notes/scaling.md.
+# Measures a render with 1, 2 and 4 worker processes pinned to the available cores. Then simulates farms of
+# 10 to 10,000 workers (simulate.cpp) with the measured times and sizes of units and merges. Figures:
+# docs/notes/scaling.md.
 #
-#   tests/bench/scaling/run.sh [SCENE]     quickstart.gltf; TESSERA_BIN: as tests/bench/scale.sh; SIZE: 960x576
+#   tests/bench/scaling/run.sh [SCENE]     default: quickstart.gltf. TESSERA_BIN as for tests/bench/scale.sh;
+#                                          SIZE: 960x576
 #
-# Efficiency is by the clock, of the run with one worker: the cores must have nothing else to do. `busy` says
-# what share of them the renderers had.
+# Efficiency is relative to the wall time with one worker, so the cores must be otherwise idle. `busy` is the
+# fraction of their time that the renderers used.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/../../.." && pwd)
 export TESSERA_BIN=${TESSERA_BIN:-$root/build/bench/bin}
@@ -16,7 +17,7 @@ job=(--size "${SIZE:-960x576}" --tile-size 64 --spp 32)
 cores=$(nproc)
 metrics=127.0.0.1:9431
 
-# render WORKERS: leaves report-WORKERS.json, and what the server measured in metrics.txt.
+# render WORKERS: writes report-WORKERS.json, and the metrics of the server to metrics.txt.
 render() {
   local i
   rm -rf "$work/store"
@@ -50,7 +51,7 @@ print(f"| {n} | {used} | {wall:.1f} s | {100 * one['wall_seconds'] / (used * wal
 PY
 done
 
-# Of the run with one worker per core: CPU seconds of a unit by its samples (passes of 8 and 24).
+# From the run with one worker per core: CPU seconds of units by number of samples (passes of 8 and 24).
 sed -nE 's/.* unit .* ([0-9]+) rendered in ([0-9.e-]+) s of CPU time.*/\1 \2/p' "$work/worker-1-0.log" |
   awk '{ print $2 / ($1 == 0 ? 8 : 24) }' >"$work/units.txt"
 figure() { awk -v name="tessera_$1" '$1 == name { print $2 }' "$work/metrics.txt"; }

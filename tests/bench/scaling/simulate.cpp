@@ -1,9 +1,9 @@
-// A farm of 10 to 10,000 workers on paper: the coordinator's scheduler, and units that take as long
-// as real ones took. tests/bench/scale.sh measures and calls it.
+// Simulation of farms with 10 to 10,000 workers: the scheduler of the coordinator, and units that
+// take as long as measured ones. Run by tests/bench/scale.sh, which measures them.
 //
 //   bench_simulated_farm --units FILE --block-bytes N --merge-seconds S [--workers N…]
 //
-// FILE: for each unit the CPU seconds of one sample of every pixel. Prints a table in Markdown.
+// FILE: CPU seconds of one sample of every pixel, for each unit. Prints a table in Markdown.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <fstream>
@@ -50,7 +50,7 @@ void print_table(const Options& options) {
   }
 }
 
-/// What a worker's death costs: half-way, and where it hurts most, just before the end.
+/// Prints the cost of a worker's death half-way through and, the worst case, just before the end.
 void print_deaths(const Options& options) {
   std::printf("\n| workers | lost by a death half-way | by one in the tail |\n|---|---|---|\n");
   for (const std::int32_t workers : options.workers) {

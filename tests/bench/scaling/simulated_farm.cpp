@@ -36,7 +36,8 @@ Duration span_of(double seconds) {
   return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(seconds));
 }
 
-/// A number that hangs on the unit's tile alone (the finaliser of SplitMix64, Steele et al. 2014).
+/// Returns a number that depends on the unit's tile alone (the finaliser of SplitMix64, Steele et
+/// al. 2014).
 std::uint64_t scramble(const Unit& unit) {
   std::uint64_t x =
       (static_cast<std::uint64_t>(unit.frame) << 32) ^ static_cast<std::uint64_t>(unit.tile);
@@ -46,10 +47,10 @@ std::uint64_t scramble(const Unit& unit) {
   return x ^ (x >> 31);
 }
 
-/// Something that serves one after the other.
+/// A resource that serves requests one after the other.
 class Queue {
  public:
-  /// When what comes `now` and takes so long is through.
+  /// Returns when a request that arrives `now` is served.
   Time serve(Time now, double seconds) {
     free_ = std::max(free_, now) + span_of(seconds);
     busy_ += seconds;
@@ -98,7 +99,7 @@ class SimulatedFarm {
   enum class Kind : std::uint8_t { tick, lease, revoke, finish, committed, credit, death };
   struct Event {
     Time at;
-    std::int64_t number = 0;  // of equal times the earlier one goes first
+    std::int64_t number = 0;  // at equal times the event created first comes first
     Kind kind = Kind::tick;
     WorkerKey worker = 0;
     Unit unit;
@@ -134,7 +135,7 @@ class SimulatedFarm {
   }
 
   void connect_workers() {
-    // As worker/agent/units/unit_queue.cpp: what it renders, what comes next, what is on its way.
+    // As in worker/agent/units/unit_queue.cpp: units being rendered, waiting, and being sent.
     double sum = 0;
     for (const double seconds : measured_.sample_seconds) sum += seconds;
     const contract::Pass longest = contract::schedule(job_.spec->settings).back();
@@ -231,7 +232,7 @@ class SimulatedFarm {
       unit_seconds_ += seconds_of(unit);
       film_.serve(now_, measured_.merge_seconds);
     }
-    // The verdict goes to the worker, its credit comes back.
+    // The worker gets the acknowledgement and grants the credit again.
     push(now_ + span_of(farm_.round_trip_seconds), key, Kind::credit, unit);
   }
 
@@ -241,7 +242,7 @@ class SimulatedFarm {
     for (const WorkerKey key : effects.to_close) scheduler_.disconnect(key);
     for (const WorkerKey key : effects.to_wake) {
       server::Worker* worker = scheduler_.find_worker(key);
-      if (worker == nullptr) continue;  // long dead
+      if (worker == nullptr) continue;  // it has died
       const Outbox outbox = std::exchange(worker->outbox, Outbox{});
       for (const server::UnitName& name : outbox.revoked) push(there, key, Kind::revoke, name.unit);
       for (const server::Lease& lease : outbox.leases) {
@@ -253,7 +254,7 @@ class SimulatedFarm {
     }
   }
 
-  /// What is not begun goes back at once; the rest is rendered in vain.
+  /// Unstarted units are returned at once; started ones are rendered for nothing.
   void revoke(WorkerKey key, const Unit& unit) {
     Worker& worker = workers_[key];
     const auto found = std::find(worker.waiting.begin(), worker.waiting.end(), unit);

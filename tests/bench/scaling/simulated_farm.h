@@ -6,41 +6,41 @@
 
 namespace tessera::bench {
 
-/// What a real render has shown of its units and of what they cost the coordinator.
+/// Measured costs of units for workers and coordinator.
 struct MeasuredUnits {
-  std::vector<double> sample_seconds;  // CPU seconds of one sample of every pixel, by tile; some
-  double block_bytes = 0;              // of a unit's result, on the wire
-  double merge_seconds = 0;            // the film thread takes for one
+  std::vector<double> sample_seconds;  // CPU seconds of one sample of every pixel, for some tiles
+  double block_bytes = 0;              // transmitted bytes of a unit's result
+  double merge_seconds = 0;            // time of the film thread for one
 };
 
-/// The machines around them.
+/// The simulated machines.
 struct FarmPlan {
-  std::int32_t workers = 1;  // of one thread
+  std::int32_t workers = 1;  // with one thread each
   double round_trip_seconds = 0.0005;
-  double bytes_per_second = 1.25e9;     // into the coordinator: a line of 10 Gbit/s
+  double bytes_per_second = 1.25e9;     // into the coordinator: 10 Gbit/s
   double durable_per_second = 228e6;    // bytes, docs/notes/coordinator.md
-  double durable_after_seconds = 0.01;  // a group's commit
-  /// When a worker dies without a word, and another takes its place at once; at most one.
+  double durable_after_seconds = 0.01;  // commit of a group
+  /// Time at which a worker dies silently and another replaces it at once; at most one.
   std::optional<double> death_seconds;
 };
 
-/// The job: 1920x1080 in tiles of 64, say.
+/// The job, for example 1920x1080 in tiles of 64.
 struct JobPlanned {
   std::int32_t frames = 100, tiles = 510, spp = 512;
 };
 
 struct Simulated {
   double wall_seconds = 0;  // from the first lease to the last merged block
-  double unit_seconds = 0;  // rendered and wanted: the sum over the job's units
-  double tail_seconds = 0;  // from the moment a worker found nothing to do to the end
+  double unit_seconds = 0;  // render time of all units of the job
+  double tail_seconds = 0;  // from the moment when the first worker is idle to the end
   double merge_busy = 0;    // share of the wall time in which the film thread merged
-  double ingest_busy = 0;  // share of it in which the store took in bytes, or the line carried them
+  double ingest_busy = 0;   // share of it in which the store wrote, or the network carried, bytes
   std::int64_t units = 0, copies = 0;
 };
 
-/// Walks a job through the coordinator's own scheduler (server/schedule) event by event: workers
-/// take units, render them for as long as one was measured to take by its samples, and send them
-/// down one line into one store and one film thread. Equal arguments give equal results.
+/// Simulates a job event by event with the scheduler of the coordinator (server/schedule): workers
+/// take units, render them for the measured time per sample, and send them over one network link
+/// to one store and one film thread. Equal arguments give equal results.
 Simulated simulate(const MeasuredUnits& measured, const FarmPlan& farm, const JobPlanned& job);
 
 }  // namespace tessera::bench

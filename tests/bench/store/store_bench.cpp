@@ -1,10 +1,10 @@
-// How many units a second the store makes durable, and at how many bytes a second.
+// Measures how many units and bytes per second the store makes durable.
 //
-//   store_bench FOLDER       a folder on a real disk; tmpfs is refused, syncs cost nothing there
+//   store_bench FOLDER       a directory on a real disk; tmpfs is refused, syncs cost nothing there
 //
-// Prints one line per group size: a coordinator commits in one group what has arrived while the
-// last group was being written, so groups grow with the load. Film blocks hold noise, as after a
-// few samples a pixel. Compares storing them as they are with zstd over byte planes.
+// Prints one line per group size: a coordinator commits in one group all blocks that arrived while
+// the previous group was being written, so groups grow with the load. Film blocks contain noise, as
+// after a few samples per pixel. Compares uncompressed blocks with zstd over byte planes.
 
 #include <sys/vfs.h>
 #include <zstd.h>
@@ -38,7 +38,7 @@ double cpu_seconds() {
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
-/// A block as a path tracer leaves it: smooth shading times exponential noise of `samples` each.
+/// Makes a block like that of a path tracer: smooth shading times exponential noise of `samples`.
 std::string noisy_block(std::mt19937& rng, int edge, int samples) {
   contract::FilmBlock block = contract::FilmBlock::zeros({edge, edge, 0, false});
   std::exponential_distribution<double> noise(1.0);
@@ -69,7 +69,7 @@ std::vector<Commit> make_group(const std::vector<std::string>& blocks,
   return group;
 }
 
-/// Commits groups of `count` blocks for a while and prints what came through.
+/// Commits groups of `count` blocks for kSeconds and prints the rates.
 absl::Status measure(const std::string& folder, const std::vector<std::string>& blocks, int count) {
   std::filesystem::remove_all(folder + "/store");
   auto store = Store::open(folder + "/store", real_filesystem());
@@ -101,7 +101,7 @@ absl::Status measure(const std::string& folder, const std::vector<std::string>& 
   return absl::OkStatus();
 }
 
-/// Byte i of all floats together: exponents compress, mantissas do not.
+/// Groups byte i of all floats: exponents compress, mantissas do not.
 std::string byte_planes(const std::string& block) {
   const std::size_t words = block.size() / 4;
   std::string planes(block.size(), '\0');

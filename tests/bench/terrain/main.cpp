@@ -1,7 +1,7 @@
-/// tessera-bench-terrain: what a ray through a fractal terrain costs, and how far tessellations of
-/// it and QAEB tracing are off and cost: camera rays over mountains, and on from there towards a
-/// low sun. Fails if one of these does not converge to the terrain, or if leaving out detail
-/// smaller than a pixel moves the hits by more than a pixel's angle.
+/// tessera-bench-terrain: measures the cost of rays at a fractal terrain, and cost and error of
+/// tessellations of it and of QAEB tracing, for camera rays over mountains and shadow rays towards
+/// a low directional light. Fails if one of these does not converge to the terrain, or if omitting
+/// detail smaller than a pixel moves hits by more than the angle of a pixel.
 
 #include <time.h>
 
@@ -27,7 +27,7 @@ double cpu_seconds() {
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
-constexpr double kSpot = 0.0011;  // of a pixel: 0.6 radians over 540 of them
+constexpr double kSpot = 0.0011;  // angle of a pixel: 0.6 radians over 540 pixels
 constexpr Vec3d kEye = {0, 4, 22};
 
 Shape mountains(bool detail) {
@@ -46,7 +46,7 @@ struct Rays {
   std::vector<Ray> camera, sun;
 };
 
-/// Over the picture in rows; the second kind from where the first meet the terrain.
+/// Camera rays in rows of the image, and rays towards the light from their hits on the terrain.
 Rays rays_of(const SceneAccel& accel, int count) {
   Rays out;
   const int columns = static_cast<int>(std::sqrt(16.0 / 9 * count)), rows = count / columns;
@@ -68,7 +68,7 @@ Rays rays_of(const SceneAccel& accel, int count) {
 }
 
 struct Cost {
-  double camera = 0, sun = 0;  // microseconds a ray
+  double camera = 0, sun = 0;  // microseconds per ray
   std::vector<float> depths;
   std::vector<char> lit;
 };
@@ -130,7 +130,7 @@ Difference print(const char* name, std::uint64_t triangles, double build, const 
   return found;
 }
 
-/// Rows for QAEB tracing with steps of a few pixels, of one and of less.
+/// Prints rows for QAEB tracing with steps of several pixels, of one and of less.
 std::vector<Difference> print_qaeb(const Shape& terrain, const Rays& rays, const Cost& exact) {
   std::vector<Difference> coarse_to_fine;
   for (const double pixels : {4.0, 1.0, 0.25}) {
@@ -143,10 +143,10 @@ std::vector<Difference> print_qaeb(const Shape& terrain, const Rays& rays, const
   return coarse_to_fine;
 }
 
-/// Exit code 1 if the figures cannot be right. The error of a tessellation falls with the square of
-/// the size of its cells, by 64 over the three halvings, as long as the cells are smaller than what
-/// they show; a quarter and a half leave room for the octaves that coarse cells miss. That of QAEB
-/// tracing is a small part of its step, a few pixels and then one.
+/// Returns exit code 1 if the errors are implausible. The error of a tessellation falls with the
+/// square of the cell size, by 64 over three halvings, if cells are smaller than the features; the
+/// limits of a quarter and a half leave room for octaves that coarse cells miss. The error of QAEB
+/// tracing is a small part of its step, of several pixels and then of one.
 int check(const Difference& detail, const std::vector<Difference>& coarse_to_fine,
           const std::vector<Difference>& qaeb) {
   const Difference &coarse = coarse_to_fine.front(), &fine = coarse_to_fine.back();
