@@ -2,7 +2,7 @@
 #
 # A target sees the headers of the layers it links and no others: each header is staged as a link in
 # a folder of its layer, and only that folder is on the include path. An include of a layer that is
-# not linked does not build, so the picture of the layers in docs/explanation is what the code is.
+# not linked does not compile, so the picture of the layers in docs/explanation matches the code.
 #
 #   NAME      accel_layout makes the target tessera_accel_layout, known as tessera::accel_layout
 #   HEADERS   headers of the folder, all of which must compile on their own

@@ -1,5 +1,5 @@
-# Read by CPack once per generator. The tarball is whole and unpacks into a directory of its own, which
-# may lie anywhere; its systemd units name /opt/tessera.
+# Read by CPack once per generator. The tarball contains all components and unpacks into one directory, which
+# may be anywhere; its systemd units name /opt/tessera.
 if(CPACK_GENERATOR STREQUAL TZST)
   set(CPACK_ARCHIVE_COMPONENT_INSTALL OFF)
   set(CPACK_MONOLITHIC_INSTALL ON)

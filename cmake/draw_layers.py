@@ -23,7 +23,7 @@ COLORS = {"client": "#dbe9f6", "server": "#e3f1dc", "worker": "#fbe5d0", "webhoo
 
 
 def folders():
-    """Target name -> folder, of every folder with a layer."""
+    """Returns target name -> directory for every directory with a layer."""
     found = {}
     for lists in ROOT.glob("*/**/CMakeLists.txt"):
         folder = lists.parent.relative_to(ROOT)
@@ -37,7 +37,7 @@ def folders():
 
 
 def links(build):
-    """Edges between folders, as pairs (user, used), from CMake's own graph."""
+    """Returns edges between directories, as pairs (user, used), from CMake's graph."""
     with tempfile.TemporaryDirectory() as scratch:
         dot = Path(scratch) / "targets.dot"
         subprocess.run(["cmake", f"--graphviz={dot}", str(build)], check=True, capture_output=True)
@@ -53,12 +53,12 @@ def links(build):
 
 
 def drawn_name(folder):
-    """The box a folder is drawn in: at most two levels, so that the picture stays readable."""
+    """Returns the box that shows a directory: at most two levels, so that the picture stays readable."""
     return "/".join(folder.split("/")[:2])
 
 
 def reduced(edges):
-    """Without the edges that follow from others (transitive reduction)."""
+    """Removes the edges that follow from others (transitive reduction)."""
     below = {}
     for a, b in edges:
         below.setdefault(a, set()).add(b)

@@ -12,9 +12,9 @@ build_packages=(
   # RPC, digests, compression, journal.
   libgrpc++-dev libgrpc-dev protobuf-compiler protobuf-compiler-grpc libprotobuf-dev libabsl-dev
   libssl-dev libzstd-dev libsqlite3-dev
-  # Scenes and images. libopenimageio-dev depends neither on OpenEXR's headers nor on oiiotool.
+  # Scenes and images.
   libtinygltf-dev nlohmann-json3-dev libdraco-dev libmeshoptimizer-dev
-  libopenimageio-dev libopenexr-dev openimageio-tools libpng-dev libjpeg62-turbo-dev libwebp-dev
+  libopenexr-dev libpng-dev libjpeg62-turbo-dev libwebp-dev
   # Threads, command lines, logs, metrics, webhooks.
   libtbb-dev libcli11-dev libspdlog-dev prometheus-cpp-dev libcurl4-openssl-dev
   # The renderer's sandbox.
@@ -23,6 +23,7 @@ build_packages=(
 test_packages=(
   libgtest-dev libgmock-dev libembree-dev
   clang-14 libclang-rt-14-dev clang-format-14 clang-tidy-14
+  libopenimageio-dev openimageio-tools  # images from another library, as an oracle
   git python3 prometheus
   # End-to-end tests: Slurm, containers, systemd units, packages.
   slurmctld slurmd slurm-client munge

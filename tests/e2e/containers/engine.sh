@@ -1,4 +1,4 @@
-# Sourced by tests that run containers: podman with a configuration of its own, and the image. Debian
+# Sourced by tests that run containers: podman with a separate configuration, and the image. Debian
 # packages: podman runc iptables catatonit podman-compose golang-github-containernetworking-plugin-dnsname
 # mmdebstrap dpkg-dev file
 # shellcheck shell=bash
@@ -45,8 +45,8 @@ build_image() {
     -t "$image" -f "$root/deploy/containers/Containerfile" "$root"
 }
 
-# need_image: sets $image to an image with the packages of the build under test, without the Radiance
-# decoder. It is made in about a minute and kept until the programs change.
+# need_image: sets $image to an image with the packages of the build under test. Building it takes about a
+# minute; it is kept until the programs change.
 need_image() {
   local build digest old
   build=$(cd "$TESSERA_BIN/.." && pwd)

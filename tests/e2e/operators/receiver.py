@@ -1,6 +1,6 @@
-"""receiver.py SECRET_FILE POSTS: takes signed posts on loopback and appends their bodies to a file.
+"""receiver.py SECRET_FILE POSTS: receives signed posts on loopback and appends their bodies to a file.
 
-Prints its port. The first three posts get 503: a receiver that is busy."""
+Prints its port. Answers the first three posts with 503, like a busy receiver."""
 
 import hashlib
 import hmac

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 """Compares `tessera-worker inspect --validate` with the Khronos glTF validator.
 
-    compare.py table FOLDER      prints the table of the validator's verdicts on the files of a folder
-    compare.py check FOLDER      the table in verdicts.txt is what the validator says
-    compare.py both FILE...      both have the same verdict on each file
+    compare.py table FOLDER      prints the table of the validator's findings in the files of a directory
+    compare.py check FOLDER      fails if the table in verdicts.txt differs from the validator's findings
+    compare.py both FILE...      fails if the findings of the two differ for a file
 
-Needs verdicts.mjs and the npm package in the working directory. differences.txt lists files on which
-the verdicts differ.
+Needs verdicts.mjs and the npm package in the working directory. differences.txt lists files for which
+the findings differ.
 """
 
 import json
@@ -19,7 +19,7 @@ BATCH = 50
 
 
 def oracle(files):
-    """Verdicts of the validator: a set for each file, None if the validator fails."""
+    """Returns the validator's findings: a set for each file, None if the validator fails."""
     if not files:
         return {}
     try:
@@ -54,7 +54,7 @@ def differences():
 
 
 def has_wrong_pointer(pair):
-    """The validator's pointer to an unused sampler or object of an extension is wrong at times."""
+    """Returns whether the pointer may be wrong: that of an unused sampler or extension object often is."""
     code, pointer = pair
     return code == "UNUSED_OBJECT" and ("/channels/samplers/" in pointer
                                         or pointer.startswith("/animations/"))

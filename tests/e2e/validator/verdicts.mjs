@@ -1,5 +1,5 @@
-// Prints the verdict of the Khronos glTF validator on each file as JSON: file, then pairs of code and
-// JSON pointer ("@N" for a byte of a GLB). A file on which the validator fails has the value null.
+// Prints the findings of the Khronos glTF validator for each file as JSON: file, then pairs of code and
+// JSON pointer ("@N" for a byte of a GLB). A file for which the validator fails has the value null.
 //
 //   node verdicts.mjs FILE...
 

@@ -1,4 +1,4 @@
-"""Scenes in which light comes from a medium, and through one."""
+"""Scenes with emissive and absorbing media."""
 
 import math
 
@@ -16,7 +16,7 @@ def gas(gltf, emission, **more):
 
 
 def flame():
-    """A fire in a bowl before a wall with neon tubes; nothing else gives light."""
+    """A fire in a bowl in front of a wall with neon tubes; nothing else emits light."""
     gltf = Gltf()
     gltf.use("TESSERA_texture", "TESSERA_material")
     stone = gltf.add("materials", plain(0.5, 0.47, 0.44))
