@@ -3,6 +3,7 @@
 
     tests/documents/check.py [ROOT]             check every page; exit code 1 and a line per fault
     tests/documents/check.py --commands PAGE    print the commands of PAGE that a test may run
+    tests/documents/check.py --output PAGE LOG  check that LOG, their output, has the lines that PAGE shows
 
 Pages are all Markdown files of the source tree. tests/documents/check_test.py shows each check fail.
 """
@@ -33,6 +34,8 @@ OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]+")
 INLINE_CODE = re.compile(r"`[^`\n]*`")
 HTML_IMAGE = re.compile(r"<img[^>]*\ssrc=\"([^\"]+)\"")
 SHELL_BLOCK = re.compile(r"(?:<!-- (run|not run: [^\n]+) -->\n+)?```sh\n(.*?)```", re.S)
+
+OUTPUT_BLOCK = re.compile(r"<!-- output -->\n+```\n(.*?)```", re.S)
 
 
 def shell_blocks(text):
@@ -246,10 +249,33 @@ def print_commands(page):
     print("\n".join(commands for mark, commands in blocks if mark == "run"))
 
 
+def missing_output(page, log):
+    """The lines of blocks marked `output` that no line of `log` matches. An … stands for any text, and
+    the seconds that a command took may differ."""
+    lines = log.split("\n")
+    missing = []
+    for block in OUTPUT_BLOCK.findall(page):
+        for shown in filter(str.strip, block.split("\n")):
+            parts = re.split(r"(…|\b[\d.]+ s(?=,|$))", shown)
+            pattern = "".join(".*" if part == "…" else r"[\d.]+ (s|min|h)" if part.endswith(" s") else
+                              re.escape(part) for part in parts)
+            if not any(re.fullmatch(pattern, line) for line in lines):
+                missing.append(shown)
+    return missing
+
+
 def main(arguments):
     if arguments[:1] == ["--commands"]:
         print_commands(arguments[1])
         return 0
+    if arguments[:1] == ["--output"]:
+        page, log = (Path(name).read_text() for name in arguments[1:])
+        missing = missing_output(page, log)
+        for line in missing:
+            print(f"{arguments[1]}: its commands do not print: {line}")
+        if missing:
+            print(log)
+        return 1 if missing else 0
     root = Path(arguments[0]).resolve() if arguments else ROOT
     if not (root / "docs").is_dir():
         sys.exit(f"{root}: not a checkout: no folder docs")

@@ -115,6 +115,14 @@ class DocumentsCheck(unittest.TestCase):
         self.assertEqual(faults_of({"tests/a_test.cpp": "// docs/page.md#two-words, docs/page.md#six\n"}),
                          ["tests/a_test.cpp: line 3 names a missing heading: docs/page.md#six"])
 
+    def test_shown_output_is_compared(self):
+        page = "<!-- output -->\n```\na.png: 8x6, error 0.5, 1.2 s\nmemory 1 MiB, …\n```\n```\nnot compared\n```\n"
+        self.assertEqual(check.missing_output(page, "memory 1 MiB, x\na.png: 8x6, error 0.5, 10 s\n"), [])
+        self.assertEqual(check.missing_output(page, "memory 1 MiB, x\na.png: 8x6, error 0.6, 1.2 s\n"),
+                         ["a.png: 8x6, error 0.5, 1.2 s"])
+        self.assertEqual(check.missing_output(page, "memory 11 MiB, x\na.png: 8x6, error 0.5, 1 s\n"),
+                         ["memory 1 MiB, …"])
+
 
 if __name__ == "__main__":
     unittest.main()
