@@ -9,15 +9,20 @@ for unit in "$units"/*.service.in; do
   # The man pages are not installed here.
   sed -e "s#@bindir@#$TESSERA_BIN#" -e '/^Documentation=/d' "$unit" >"$work/units/$(basename "$unit" .in)"
 done
+# An unknown setting in another unit must be found; otherwise systemd-analyze has read nothing.
+printf '[Service]\nExecStart=/bin/true\nNoSuchSetting=1\n' >"$work/units/faulty.service"
 systemd-analyze verify "$work/units"/*.service >"$work/verify.log" 2>&1 || true
+grep -q "faulty.service.*NoSuchSetting" "$work/verify.log" || fail "systemd-analyze verifies no units: $(cat "$work/verify.log")"
+sed -i '/faulty\.service/d' "$work/verify.log"
 grep "$work/units\|^tessera" "$work/verify.log" >"$work/faults.log" || true
 [ ! -s "$work/faults.log" ] || fail "$(cat "$work/faults.log")"
 say "systemd finds no fault"
 
 for program in server worker webhook; do
   "$TESSERA_BIN/tessera-$program" --help >"$work/help"
-  for option in $(grep -h '^ExecStart=' "$units"/tessera-$program*.service.in | grep -o -- '--[a-z-]*'); do
+  options=$(grep -h '^ExecStart=' "$units"/tessera-$program*.service.in | grep -o -- '--[a-z-]*')
+  for option in $options; do
     grep -q -- "$option " "$work/help" || fail "tessera-$program has no $option"
   done
-  say "tessera-$program has the options of its unit"
+  say "tessera-$program has the $(wc -w <<<"$options") options of its unit"
 done
