@@ -3,18 +3,14 @@
 #include <algorithm>
 #include <bit>
 #include <cstdint>
-#include <ctime>
 #include <span>
 
+#include "tests/support/cpu_seconds.h"
 #include "worker/accel/scene_accel.h"
 
 namespace tessera::render::bench {
 
-inline double cpu_seconds() {
-  std::timespec time{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
+using tessera::testing::cpu_seconds;
 
 /// Returns the mean CPU seconds of `runs` calls of `run`. Sets *hits to the result of the last
 /// call.

@@ -2,8 +2,6 @@
 /// shadow rays from there, and all hits of a line, as CSG needs them, compared with the plain
 /// search of all intervals. Fails if the plain search finds another number of hits.
 
-#include <time.h>
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
@@ -13,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/cpu_seconds.h"
 #include "worker/geometry/shapes/blob_line.h"
 #include "worker/geometry/shapes/make_shape.h"
 #include "worker/geometry/shapes/shape_surface.h"
@@ -20,11 +19,7 @@
 namespace tessera::render::testing {
 namespace {
 
-double cpu_seconds() {
-  timespec t{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
+using tessera::testing::cpu_seconds;
 
 /// Uniform in [low, high); the same numbers with every standard library.
 class Numbers {

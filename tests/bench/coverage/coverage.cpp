@@ -3,8 +3,6 @@
 /// each claim with the true error, measured against a reference of other seeds. With --fixed it
 /// compares the estimates of frames with a fixed sample count instead.
 
-#include <time.h>
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
@@ -20,9 +18,12 @@
 #include "server/film/convergence.h"
 #include "server/film/film_cache.h"
 #include "tests/bench/coverage/reference.h"
+#include "tests/support/cpu_seconds.h"
 
 namespace tessera::bench {
 namespace {
+
+using testing::cpu_seconds;
 
 using nlohmann::ordered_json;
 using testing::ImageMean;
@@ -39,12 +40,6 @@ struct Options {
   std::uint32_t first_seed = 1;
   std::int32_t reference_spp = 8192, fixed_spp = 0;
 };
-
-double cpu_seconds() {
-  timespec t{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
 
 /// Result of one seed.
 struct Outcome {

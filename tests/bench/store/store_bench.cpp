@@ -11,7 +11,6 @@
 
 #include <chrono>
 #include <cstdio>
-#include <ctime>
 #include <filesystem>
 #include <random>
 #include <string>
@@ -20,9 +19,12 @@
 
 #include "contract/film_block.h"
 #include "server/store/store.h"
+#include "tests/support/cpu_seconds.h"
 
 namespace tessera::server {
 namespace {
+
+using testing::cpu_seconds;
 
 constexpr long kTmpfsMagic = 0x01021994;
 constexpr double kSeconds = 3;  // per line
@@ -30,12 +32,6 @@ constexpr double kSeconds = 3;  // per line
 double now_seconds() {
   using Clock = std::chrono::steady_clock;
   return std::chrono::duration<double>(Clock::now().time_since_epoch()).count();
-}
-
-double cpu_seconds() {
-  std::timespec time{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
 /// Makes a block like that of a path tracer: smooth shading times exponential noise of `samples`.

@@ -3,8 +3,6 @@
 /// a low directional light. Fails if one of these does not converge to the terrain, or if omitting
 /// detail smaller than a pixel moves hits by more than the angle of a pixel.
 
-#include <time.h>
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
@@ -12,6 +10,7 @@
 #include <memory>
 #include <vector>
 
+#include "tests/support/cpu_seconds.h"
 #include "tests/support/qaeb.h"
 #include "tests/support/tessellation.h"
 #include "worker/accel/scene_accel.h"
@@ -21,11 +20,7 @@
 namespace tessera::render::testing {
 namespace {
 
-double cpu_seconds() {
-  timespec t{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
+using tessera::testing::cpu_seconds;
 
 constexpr double kSpot = 0.0011;  // angle of a pixel: 0.6 radians over 540 pixels
 constexpr Vec3d kEye = {0, 4, 22};
