@@ -34,8 +34,9 @@ bool take_char(std::string_view& text, char c) {
   return true;
 }
 
-CLI::Validator checked(const char* form, absl::Status (*check)(const std::string&)) {
-  return {[check](const std::string& text) { return std::string(check(text).message()); }, form};
+/// A validator without a description, for options whose type_name() shows the form.
+CLI::Validator checked(absl::Status (*check)(const std::string&)) {
+  return {[check](const std::string& text) { return std::string(check(text).message()); }, ""};
 }
 
 absl::Status check_size(const std::string& text) {
@@ -56,11 +57,13 @@ absl::Status check_background(const std::string& text) {
 void add_view_options(CLI::App& command, RenderOptions& options) {
   const char* group = "Scene and camera";
   command.add_option("--size", options.size, "Frame size, pixels")
-      ->check(checked("WxH", check_size))
+      ->check(checked(check_size))
+      ->type_name("WxH")
       ->capture_default_str()
       ->group(group);
   command.add_option("--crop", options.crop, "Rectangle of the frame to render, pixels")
-      ->check(checked("X,Y,W,H", check_crop))
+      ->check(checked(check_crop))
+      ->type_name("X,Y,W,H")
       ->group(group);
   command
       .add_option("--camera", options.camera,
@@ -72,7 +75,8 @@ void add_view_options(CLI::App& command, RenderOptions& options) {
       ->type_name("N")
       ->group(group);
   command.add_option("--frames", options.frames, "Frames: 0, 1-10, 1-10x2, 1,4,9")
-      ->check(checked("RANGES", check_frames))
+      ->check(checked(check_frames))
+      ->type_name("RANGES")
       ->capture_default_str()
       ->group(group);
   command
@@ -173,7 +177,8 @@ void add_light_options(CLI::App& command, RenderOptions& options) {
   command
       .add_option("--background", options.background,
                   "Background colour or none (default: the environment map, if any)")
-      ->check(checked("R,G,B|none", check_background))
+      ->check(checked(check_background))
+      ->type_name("R,G,B|none")
       ->group(group);
 }
 
@@ -207,9 +212,10 @@ void add_render_options(CLI::App& command, RenderOptions& options) {
 
 CLI::Option* add_accelerator_option(CLI::App& command, std::string& accelerator) {
   return command
-      .add_option("--accelerator", accelerator,
-                  "Acceleration structure for the rays (default: production's); the pixels are the "
-                  "same, the speed is not")
+      .add_option(
+          "--accelerator", accelerator,
+          "Acceleration structure (default: the production BVH); pixels are the same, speed "
+          "differs")
       ->check(CLI::IsMember(contract::kStructureNames))
       ->type_name("NAME");
 }
