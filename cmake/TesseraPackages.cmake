@@ -36,8 +36,8 @@ set(CPACK_COMPONENT_SERVER_DESCRIPTION
  the webhook that posts farm events as well.")
 set(CPACK_COMPONENT_WORKER_DESCRIPTION
 "render farm for glTF scenes - worker
- Path-traces tiles of glTF scenes for a coordinator, in a sandboxed process, and
- gives the same bits on every machine.")
+ Path-traces tiles of glTF scenes for a coordinator in a sandboxed process, with
+ the same bits on every machine.")
 # `tessera submit` and `inspect` run `tessera-worker inspect` to read scenes; `render` starts a server too.
 set(CPACK_DEBIAN_CLI_PACKAGE_DEPENDS tessera-worker)
 set(CPACK_DEBIAN_CLI_PACKAGE_RECOMMENDS tessera-server)
