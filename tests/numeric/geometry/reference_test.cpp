@@ -365,7 +365,7 @@ TEST(RdhBvh, WithoutRaysSplitsByArea) {
   EXPECT_EQ(room.triangles_tested("rdh-bvh", {}), room.triangles_tested("bvh2", {}));
 }
 
-TEST(RdhBvh, RaysThroughTheWallAreWorseThanEndedOnes) {
+TEST(RdhBvh, RecordedRayEndsSaveTriangleTests) {
   const HiddenSpheres room;
   EXPECT_LT(room.triangles_tested("rdh-bvh", room.ending_at_hits()),
             room.triangles_tested("rdh-bvh", room.rays));

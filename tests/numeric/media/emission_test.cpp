@@ -227,7 +227,7 @@ TEST(Emission, InstancesAddUp) {
   EXPECT_LT(got.error, 0.02 * expected);
 }
 
-TEST(Emission, MovingBallGivesMeanOfItsPlaces) {
+TEST(Emission, MovingBallGivesMeanOfPositions) {
   Scene scene = floor_seen();
   const std::size_t ball =
       add_body(&scene, render::make_ellipsoid({0.3, 0.3, 0.3}), glow({5, 5, 5}));

@@ -170,7 +170,7 @@ TEST(CameraInside, MediumContinuesBehindAnInnerSolid) {
   EXPECT_NEAR(middle(scene, 1, 4, 1).mean(), std::exp(-0.2), kOffset);
 }
 
-TEST(CameraInside, SolidsOfOneMeshAreToldApart) {
+TEST(CameraInside, SolidsOfOneMeshAreDistinguished) {
   Scene scene = spot({0, 0, 5}, {0, 0, 0});
   const auto outer = add_material(&scene, tinted());
   const auto inner = add_material(&scene, glass(1));

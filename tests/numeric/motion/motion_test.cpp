@@ -193,7 +193,7 @@ Scene rotating_objects(Dice& dice) {
   return scene;
 }
 
-TEST(MotionBounds, HoldRotatingInstances) {
+TEST(MotionBounds, EncloseRotatingInstances) {
   Dice dice(32);
   const Scene scene = rotating_objects(dice);
   const Shots shots = shoot(scene, 100, 40, dice);

@@ -332,7 +332,7 @@ TEST(PlanePicture, ConstantSkyGivesAlbedo) {
   }
 }
 
-TEST(PlanePicture, BallCastsAnEllipse) {
+TEST(PlanePicture, ShadowOfBallIsAnEllipse) {
   Scene scene = ground(lambert({1, 1, 1}));
   const std::int32_t hidden = add_material(&scene, lambert({0, 0, 0}));
   std::vector<Primitive> surface(1);

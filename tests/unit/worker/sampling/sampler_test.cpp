@@ -201,7 +201,7 @@ TEST(Sampler, SmoothIntegrandsBeatMonteCarlo) {
   EXPECT_LT(sobol * 1000, monte_carlo);
 }
 
-TEST(Sampler, ChanceDependsOnlyOnItsArguments) {
+TEST(Sampler, DecisionDependsOnlyOnItsArguments) {
   const Sampler sampler = point(4, 1, 2);
   const float base = sampler.chance(2, RayKind::path, 3, 4, 5);
   EXPECT_EQ(base, point(4, 1, 2).chance(2, RayKind::path, 3, 4, 5));
