@@ -1,20 +1,20 @@
 #!/usr/bin/env python3
-"""Measures the cost of features that a scene does not use, and the gain of code chosen by its features.
+"""What a scene pays for features it does not use, and what it gains as things are chosen by needs.
 
     tests/bench/needs.py [--pairs 20] [--scene tests/scenes/lit_square.gltf] [FEATURE]...
     tests/bench/needs.py --general [--pairs 20] [--scene tests/scenes/quickstart.gltf] [FEATURE]...
 
-Builds tessera_render_once from two copies of the sources, one unchanged and one without the code of a
-feature (FEATURES below; an edit that no longer applies is an error), and renders a scene without that
-feature with both. Compares instructions counted by callgrind (AVX2, because valgrind does not support
-AVX-512) and CPU time in interleaved pairs (each the minimum of three alternating runs): the median
-ratio with its 95 % interval by bootstrap. The pixels must be the same. Limits: 1.005 for instructions,
-1.02 for the upper end of the interval.
+Builds tessera_render_once twice from copies of the sources, once as they are and once with a
+feature's code taken out by hand (FEATURES below; an edit that no longer applies is an error), and
+renders a scene without that feature: instructions under valgrind's callgrind (AVX2: it knows no
+AVX-512), and CPU time in interleaved pairs (each side the least of three runs by turns), the median
+ratio with its 95 % interval by bootstrap.
+The pixels must be the same. Limits: 1.005 for instructions, 1.02 for the interval's upper end.
 
---general compares general with specialised code. A scene without a feature is rendered as if everything
-in it had the feature (tessera_render_once --assume): instructions of a render with twice the samples
-minus those of one with the samples, which excludes loading and building, and the same pairs. The pixels
-must be the same, except with the extended BSDF, which rounds differently. --pairs 0 omits the pairs.
+--general: the general way against the special one. A scene without a feature is rendered as though
+everything in it had it (tessera_render_once --assume): instructions of twice the samples less those
+of once, so that loading and building do not count, and the same pairs. The pixels must be the same,
+but for the extended BSDF, which rounds otherwise. --pairs 0 leaves the pairs out.
 """
 
 import argparse
@@ -36,7 +36,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 TRAVERSAL, PACKET = "worker/accel/kernels/traversal.h", "worker/accel/kernels/packet_traversal.h"
 PATHS, FRAME = "worker/render/path_tracer.cpp", "worker/render/frame_renderer.cpp"
 RAY, SURFACE = "worker/geometry/ray.h", "worker/shading/surface/surface.h"
-FEATURES = {  # feature: (file, text to replace, replacement)
+FEATURES = {  # feature: (file, what is there, what is put in its place)
     "instances": [
         (TRAVERSAL, "if (scene.single) return intersect_placed(", "return intersect_placed("),
         (TRAVERSAL, "  return intersect_instances(scene, ray, query);\n}", "}"),
@@ -78,7 +78,7 @@ FEATURES = {  # feature: (file, text to replace, replacement)
 }
 GENERAL = ["textures", "texture-transforms", "vertex-colors", "alpha-mask", "unlit", "specular",
            "thin-transmission", "instances", "lens", "procedural-textures", "shapes", "media", "motion"]
-EXTENDED = "extended"  # the BSDF with all material extensions, for materials without extensions
+EXTENDED = "extended"  # the BSDF with all extensions of materials, where there are none
 EXTEND = [("worker/shading/surface/shading_scene.cpp", "view.extended = (is_layered(m) || view.dispersive) && !m.unlit;",
            "view.extended = (is_layered(m) || true) && !m.unlit;")]
 RENDER = ["--size", "64x48", "--spp", "8", "--threads", "1"]
@@ -113,7 +113,7 @@ def instructions(command, folder, render=RENDER):
 
 @functools.lru_cache
 def instructions_of_samples(command, folder):
-    """Returns the instructions of TWICE minus those of ONCE, and the pixels."""
+    """Of what TWICE asks for beyond ONCE; and the pixels."""
     once, pixels = instructions(command, folder, ONCE)
     twice, _ = instructions(command, folder, TWICE)
     return twice - once, pixels
@@ -133,7 +133,7 @@ def ratio_interval(ratios):
 
 
 def pairs_of(more, less, count, timed):
-    """Returns the ratios of the CPU times of two commands."""
+    """Ratios of the CPU time of two commands."""
     ratios = []
     for _ in range(count):
         least_of = {"more": math.inf, "less": math.inf}
@@ -144,7 +144,7 @@ def pairs_of(more, less, count, timed):
 
 
 def matt(scene, folder):
-    """Makes a copy of a scene whose dielectrics have no specular layer."""
+    """A copy of a scene whose dielectrics have no specular layer, for what is chosen by that."""
     gltf = json.loads(scene.read_text())
     for material in gltf["materials"]:
         extensions = material.setdefault("extensions", {})

@@ -154,7 +154,7 @@ TEST(ProceduralTexture, StaysBetweenZeroAndOne) {
   }
 }
 
-TEST(ValueNoise, IsSmoothBetweenLatticePoints) {
+TEST(ValueNoise, IsSmoothBetweenRandomNumbers) {
   for (int dimensions = 1; dimensions <= 4; ++dimensions) {
     double sum = 0, squares = 0;
     constexpr int kCount = 1 << 14;
