@@ -80,7 +80,7 @@ void build_moving(const Scene& scene, const SceneBvh<kWidth>& still, MotionBvh<k
 
 /// Selects the general code paths for features that the scene is assumed to have.
 template <int kWidth>
-void assume_features(std::uint32_t features, SceneBvh<kWidth>& trees, MotionBvh<kWidth>& moving) {
+void assume_features(std::uint64_t features, SceneBvh<kWidth>& trees, MotionBvh<kWidth>& moving) {
   if ((features & kFeatureInstances) != 0) {
     trees.single = false;
     for (PlacedMesh& placed : trees.placed) placed.identity = false;
