@@ -10,8 +10,6 @@
 
 #include "worker/geometry/frame.h"
 #include "worker/shading/microfacet/fresnel.h"
-#include "worker/shading/tables/anisotropic_albedo.h"
-#include "worker/shading/tables/sheen.h"
 
 namespace tessera::render {
 namespace {
@@ -20,12 +18,9 @@ constexpr double kPi = 3.14159265358979323846;
 
 /// Tables for one index of refraction, kept alive for the BSDFs of a test.
 struct Tables {
-  AlbedoTable reflector = AlbedoTable::reflector();
-  AlbedoTable entering = AlbedoTable::dielectric(1.5);
-  AlbedoTable leaving = AlbedoTable::dielectric(1 / 1.5);
-  AnisotropicAlbedo anisotropic;
-  SheenTable sheen;
-  BsdfTables all() const { return {&reflector, &entering, &leaving, &anisotropic, &sheen}; }
+  GlassTable entering = GlassTable(1.5);
+  GlassTable leaving = GlassTable(1 / 1.5);
+  BsdfTables all() const { return {&entering, &leaving}; }
 };
 
 const Tables& tables() {
@@ -65,8 +60,8 @@ void add_coats(std::vector<Case>* all) {
     const double least = r == 0 ? 0.999 : 0.85;
     const BsdfExtensions coat{.coat = 1, .coat_roughness = r};
     all->push_back({name + "lambert", lambert, least, 1, coat, true});
-    all->push_back({name + "metal", base(1, 0.5f), least - 0.005, 1.005, coat, true});
-    all->push_back({name + "thin", thin, least - 0.01, 1.01, coat, true});
+    all->push_back({name + "metal", base(1, 0.5f), least - 0.005, 1.001, coat, true});
+    all->push_back({name + "thin", thin, least - 0.01, 1.001, coat, true});
     all->push_back({name + "tilted", lambert, 0.5, 1, coat, true, 0.4f});
   }
   all->push_back({"half a coat", lambert, 0.99, 1, {.coat = 0.5f, .coat_roughness = 0.5f}, true});
@@ -79,11 +74,11 @@ void add_anisotropic(std::vector<Case>* all) {
       const std::string name =
           std::to_string(r).substr(0, 3) + " strength " + std::to_string(strength).substr(0, 3);
       const BsdfExtensions brushed{.anisotropy = strength};
-      all->push_back({"brushed metal " + name, base(1, r), 0.98, 1.015, brushed, true, 0, r == 0});
+      all->push_back({"brushed metal " + name, base(1, r), 0.94, 1.001, brushed, true, 0, r == 0});
       BsdfParameters thin = base(0, r);
       thin.transmission = 1;
       thin.interface = Interface::thin;
-      all->push_back({"brushed sheet " + name, thin, 0.97, 1.015, brushed, true, 0, r == 0});
+      all->push_back({"brushed sheet " + name, thin, 0.93, 1.001, brushed, true, 0, r == 0});
     }
   }
   BsdfParameters solid = base(0, 0.4f);
@@ -101,10 +96,10 @@ void add_sheen(std::vector<Case>* all) {
     BsdfExtensions sheen;
     sheen.sheen = {1, 1, 1};
     sheen.sheen_roughness = r;
-    all->push_back({name, lambert, 0.4, 1.004, sheen, true});
+    all->push_back({name, lambert, 0.4, 1.001, sheen, true});
     sheen.coat = 0.5f;
     sheen.coat_roughness = 0.3f;
-    all->push_back({name + " under a coat", lambert, 0.4, 1.004, sheen, true});
+    all->push_back({name + " under a coat", lambert, 0.4, 1.001, sheen, true});
   }
 }
 
@@ -113,16 +108,17 @@ void add_films(std::vector<Case>* all) {
     const std::string name = "film " + std::to_string(thickness).substr(0, 4) + " on ";
     BsdfExtensions film;
     film.film = {1, 1.8f, thickness};
-    all->push_back({name + "metal", base(1, 0.3f), 0.4, 1.005, film, true});
-    all->push_back({name + "dielectric", base(0, 0.5f), 0.3, 1.3, film, true});
+    film.film.cap = thin_film_cap(film.film, base(0, 0).f0, 0);
+    all->push_back({name + "metal", base(1, 0.3f), 0.4, 1.001, film, true});
+    all->push_back({name + "dielectric", base(0, 0.5f), 0.85, 1.001, film, true});
     BsdfParameters glass = base(0, 0.3f);
     glass.transmission = 1;
     glass.interface = Interface::thin;
-    all->push_back({name + "sheet", glass, 0.3, 1.01, film, true});
+    all->push_back({name + "sheet", glass, 0.3, 1.001, film, true});
     glass.interface = Interface::solid;
-    all->push_back({name + "glass", glass, 0.3, 1.015, film, true});
+    all->push_back({name + "glass", glass, 0.3, 1.001, film, true});
     glass.front = false;
-    all->push_back({name + "glass from inside", glass, 0.3, 1.03, film, true});
+    all->push_back({name + "glass from inside", glass, 0.3, 1.001, film, true});
   }
 }
 
@@ -135,14 +131,14 @@ void add_diffuse_transmission(std::vector<Case>* all) {
   all->push_back({"leaf", leaf, 0.999, 1.001, through, true});
   leaf.specular_weight = 1;
   leaf.roughness = 0.4f;
-  all->push_back({"shiny leaf", leaf, 0.3, 1.5, through, true});
+  all->push_back({"shiny leaf", leaf, 0.998, 1.001, through, true});
   leaf.transmission = 0.5f;
-  all->push_back({"half a sheet, half a leaf", leaf, 0.3, 1.3, through, true});
+  all->push_back({"half a sheet, half a leaf", leaf, 0.998, 1.001, through, true});
   leaf.transmission = 0;
   leaf.interface = Interface::solid;
-  all->push_back({"wax", leaf, 0.3, 1.5, through, true});
+  all->push_back({"wax", leaf, 0.98, 1.001, through, true});
   leaf.front = false;
-  all->push_back({"wax from inside", leaf, 0.8, 1.03, through, true});
+  all->push_back({"wax from inside", leaf, 0.9, 1.001, through, true});
   through.diffuse_transmission = 1;
   leaf.roughness = 0;
   all->push_back({"smooth wax from inside", leaf, 0.98, 1.001, through, true, 0, true});
@@ -156,10 +152,9 @@ void add_dirty_glass(std::vector<Case>* all) {
     dirty.transmission = 0.5f;
     dirty.interface = Interface::solid;
     const std::string name = "dirty glass " + std::to_string(r).substr(0, 4);
-    all->push_back({name, dirty, 0.3, 1.5});
+    all->push_back({name, dirty, 0.98, 1.001});
     dirty.front = false;
-    // Rough facets transmit light beyond the critical angle, which the diffuse half loses.
-    all->push_back({name + " from inside", dirty, r > 0.5f ? 0.55 : 0.8, 1.03});
+    all->push_back({name + " from inside", dirty, 0.95, 1.001});
     all->back().unfit_for_chi_square = r == 0;
   }
 }
@@ -172,17 +167,17 @@ void add_optics(std::vector<Case>* all) {
     BsdfExtensions rough;
     rough.diffuse_roughness = r;
     const std::string name = "rough diffuse " + std::to_string(r).substr(0, 3);
-    all->push_back({name, lambert, 0.995, 1.005, rough, true});
+    all->push_back({name, lambert, 0.995, 1.001, rough, true});
     rough.exact_fresnel = true;
-    all->push_back({name + " under a dielectric", base(0, 0.3f), 0.3, 1.5, rough, true});
+    all->push_back({name + " under a dielectric", base(0, 0.3f), 0.94, 1.001, rough, true});
     rough.coat = 0.5f;
-    all->push_back({name + " under half a coat", lambert, 0.985, 1.005, rough, true});
+    all->push_back({name + " under half a coat", lambert, 0.985, 1.001, rough, true});
   }
   BsdfExtensions metal;
   metal.conductor = {true, {0.001f, 0.001f, 0.001f}, {30, 30, 30}, {1, 1, 1}};
   for (const float r : {0.25f, 0.5f, 1.0f}) {
     all->push_back(
-        {"conductor " + std::to_string(r).substr(0, 4), base(1, r), 0.99, 1.005, metal, true});
+        {"conductor " + std::to_string(r).substr(0, 4), base(1, r), 0.99, 1.001, metal, true});
   }
 }
 
@@ -200,22 +195,22 @@ std::vector<Case> cases() {
   all.push_back({"lambert", lambert, 1, 1});
   for (const float r : {0.25f, 0.5f, 1.0f}) {
     const std::string name = std::to_string(r).substr(0, 4);
-    all.push_back({"dielectric " + name, base(0, r), 0.3, 1.5});
-    all.push_back({"metal " + name, base(1, r), 0.995, 1.005});
+    all.push_back({"dielectric " + name, base(0, r), 0.998, 1.001});
+    all.push_back({"metal " + name, base(1, r), 0.995, 1.001});
     BsdfParameters thin = base(0, r);
     thin.transmission = 1;
     thin.interface = Interface::thin;
-    all.push_back({"thin " + name, thin, 0.99, 1.01});
+    all.push_back({"thin " + name, thin, 0.99, 1.001});
     BsdfParameters solid = thin;
     solid.interface = Interface::solid;
-    all.push_back({"glass from outside " + name, solid, 0.985, 1.015});
+    all.push_back({"glass from outside " + name, solid, 0.985, 1.001});
     solid.front = false;
-    all.push_back({"glass from inside " + name, solid, 0.985, 1.03});
+    all.push_back({"glass from inside " + name, solid, 0.98, 1.001});
   }
   BsdfParameters mixed = base(0.5f, 0.4f);
   mixed.transmission = 0.5f;
   mixed.interface = Interface::thin;
-  all.push_back({"half metal, half thin", mixed, 0.3, 1.1});
+  all.push_back({"half metal, half thin", mixed, 0.995, 1.001});
   BsdfParameters gloss = base(0, 0.5f);
   gloss.specular_glossiness = true;
   gloss.f0 = {0.5f, 0.5f, 0.5f};
@@ -281,13 +276,13 @@ TEST(Bsdf, AlbedoNeverExceedsOne) {  // hard cases 38, 46
   }
 }
 
-/// Albedo of the specification's dielectric with a white base, integrated in double: (1 - F) / pi +
-/// F D V, with the (n.h)^2 form of D.
+/// Albedo of the specification's dielectric facets, integrated in double: F D V, with the (n.h)^2
+/// form of D.
 double specification_albedo(double roughness, double cos_o) {
   const double alpha = roughness * roughness, a2 = alpha * alpha;
   const Vec3d v{std::sqrt(1 - cos_o * cos_o), 0, cos_o};
   double sum = 0;
-  constexpr int kSteps = 600;
+  constexpr int kSteps = 250;
   for (int i = 0; i < kSteps; ++i) {
     const double z = (i + 0.5) / kSteps, s = std::sqrt(1 - z * z);
     for (int j = 0; j < kSteps; ++j) {
@@ -299,33 +294,35 @@ double specification_albedo(double roughness, double cos_o) {
       const double d = a2 / (kPi * q * q);
       const double vis = 0.5 / (z * std::sqrt(cos_o * cos_o * (1 - a2) + a2) +
                                 cos_o * std::sqrt(z * z * (1 - a2) + a2));
-      sum += ((1 - f) / kPi + f * d * vis) * z;
+      sum += f * d * vis * z;
     }
   }
   return sum * 2 * kPi / kSteps / kSteps;
 }
 
-TEST(Bsdf, DielectricMatchesSpecificationMix) {  // hard case 46
-  // Diffuse and specular use F at different half vectors, so a white base gains up to a few percent
-  // towards grazing angles and loses what rough facets scatter twice. This records the amount.
+// Facets as specified, and the diffuse lobe that Kulla and Conty couple with them.
+TEST(Bsdf, DielectricCouplesDiffuseWithFacets) {  // hard case 46
+  constexpr Vec3f kBase = {0.8f, 0.5f, 0.1f};
   for (const float roughness : {0.25f, 0.5f, 1.0f}) {
-    for (const double cos_o : {0.98, 0.5, 0.1}) {
-      const Bsdf bsdf = bsdf_for(base(0, roughness), cos_o);
-      Random random(8);
-      double sum = 0, squares = 0;
-      constexpr int kSamples = 60000;
-      for (int i = 0; i < kSamples; ++i) {
-        const float lobe = random.next(), u1 = random.next(), u2 = random.next();
-        BsdfSample s;
-        if (!sample_bsdf(bsdf, lobe, {u1, u2}, &s)) continue;
-        sum += static_cast<double>(s.weight.x);
-        squares += static_cast<double>(s.weight.x * s.weight.x);
-      }
-      const double mean = sum / kSamples;
-      const double error = std::sqrt((squares / kSamples - mean * mean) / kSamples);
-      EXPECT_NEAR(mean, specification_albedo(static_cast<double>(roughness), cos_o),
-                  4 * error + 5e-4)
-          << roughness << " at " << cos_o;
+    const auto r = static_cast<double>(roughness);
+    double mean = 0;
+    constexpr int kSteps = 16;  // Simpson's rule would do no better: E is steep at 0
+    for (int i = 0; i < kSteps; ++i) {
+      const double x = (i + 0.5) / kSteps;
+      mean += 4 * x * x * x / kSteps * specification_albedo(r, x * x);
+    }
+    const double a = 0.9, b = 0.3, left_a = 1 - specification_albedo(r, a),
+                 left_b = 1 - specification_albedo(r, b);
+    BsdfParameters p = base(0, roughness);
+    p.base = kBase;
+    BsdfParameters black = p;
+    black.base = {};
+    const Vec3f wi(Vec3d{0, std::sqrt(1 - b * b), b});
+    const Vec3d both(evaluate_bsdf(bsdf_for(p, a), wi).f_cos);
+    const Vec3d facets(evaluate_bsdf(bsdf_for(black, a), wi).f_cos);
+    for (int k = 0; k < 3; ++k) {
+      const double expected = static_cast<double>(kBase[k]) / kPi * left_a * left_b / (1 - mean);
+      EXPECT_NEAR((both[k] - facets[k]) / b, expected, 2e-3 * expected) << roughness;
     }
   }
 }

@@ -111,6 +111,23 @@ TEST(Glass, IndexOneSphereIsInvisible) {  // hard case 41
   }
 }
 
+TEST(Furnace, WhiteDielectricSphereVanishes) {  // hard case 46
+  for (const float roughness : {0.0f, 0.25f, 1.0f}) {
+    Scene scene = empty_scene();
+    Material m = lambert({1, 1, 1});
+    m.specular = 1;
+    m.roughness = roughness;
+    add_primitive(&scene, sphere({0, 0, 0}, 1, 64, add_material(&scene, m)));
+    set_constant_sky(&scene, 1);
+    const Picture picture = render_picture(scene, small_settings(16, 16, 256));
+    for (std::size_t i = 0; i < picture.rgb.size(); ++i) {
+      ASSERT_LE(picture.rgb[i], 1 + 1e-3 + 4 * picture.error[i]) << roughness << ", value " << i;
+    }
+    scene.camera.yfov = 0.2;  // only the sphere
+    EXPECT_NEAR(render_picture(scene, small_settings(8, 8, 256)).mean(), 1, 2e-3) << roughness;
+  }
+}
+
 TEST(Furnace, RoughMetalAndGlassKeepEnergy) {  // hard cases 38, 46
   for (const bool is_metal : {true, false}) {
     for (const float roughness : {0.3f, 0.6f, 1.0f}) {

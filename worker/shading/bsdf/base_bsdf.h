@@ -1,5 +1,6 @@
 #pragma once
 
+#include "worker/shading/bsdf/base_coupling.h"
 #include "worker/shading/bsdf/base_facets.h"
 
 /// Base layers of the specification: diffuse, dielectric microfacets, metal, transmission. Used by
@@ -14,18 +15,12 @@ inline BsdfValue evaluate_reflection(const Bsdf& b, const Vec3f& wi) {
   const Vec3f h = direction_of(b.wo + wi);
   const float c = dot(b.wo, h);
   const Layer layer = layer_at<kExtended>(b, c);
-  const bool within = b.interface == Interface::solid && b.eta < 1;
   Vec3f f;
-  if (!within) {
-    f = b.diffuse * layer.pass * kInvPi;
-  } else if (max_component(b.diffuse) > 0) {
-    f = b.diffuse * pass_of_solid<kExtended>(b, wi) * kInvPi;
-  }
+  if (max_component(b.coupled) > 0) f = b.coupled * passed_to_base<kExtended>(b, wi);
   if constexpr (kExtended) {
     if (b.extended->rough.roughness > 0) f *= rough_diffuse(b.extended->rough, b.wo, wi);
   }
-  float pdf = within ? b.cosine_probability * spread_density(wi.z, cone_index(b, true))
-                     : b.cosine_probability * wi.z * kInvPi;
+  float pdf = b.cosine_probability * spread_of(b, true).density(wi.z);
   if constexpr (kExtended) pdf *= 1 - b.extended->back_probability;
   if (!b.mirror) {
     const float d = facet_density<kExtended>(b, h);
@@ -33,7 +28,11 @@ inline BsdfValue evaluate_reflection(const Bsdf& b, const Vec3f& wi) {
     f += facet_reflectance<kExtended>(b, layer, c) * (d * v);
     pdf += (1 - b.cosine_probability) * reflect_probability<kExtended>(b, layer, c) *
            visible_normal_density(d, b.wo.z, b.root_o) * 0.25f;
-    if (b.metallic > 0) f += b.metal_multiple * (1 - facet_albedo<kExtended>(b, wi));
+    if (b.metallic > 0) {
+      const FacetAlbedo e = facet_albedo<kExtended>(b, wi);
+      const float lost = 1 - (e.a + e.b);
+      if (lost > 0) f += b.metal_multiple * lost;
+    }
   }
   return {f * wi.z, pdf};
 }
@@ -76,12 +75,10 @@ inline void add_diffuse_transmission(const Bsdf& b, const Vec3f& wi, BsdfValue* 
   const ExtendedLobes& x = *b.extended;
   if (!(x.back_probability > 0)) return;
   const float cos_i = -wi.z;
-  const float c = dot(b.wo, direction_of(b.wo + Vec3f{wi.x, wi.y, cos_i}));
-  const Vec3f pass =
-      b.interface == Interface::solid ? pass_of_solid<true>(b, wi) : layer_at<true>(b, c).pass;
-  value->f_cos += x.diffuse_transmit * pass * (kInvPi * cos_i);
-  const float index = cone_index(b, false), chosen = b.cosine_probability * x.back_probability;
-  value->pdf += index == 1 ? chosen * kInvPi * cos_i : chosen * spread_density(cos_i, index);
+  const bool solid = b.interface == Interface::solid;
+  const Vec3f seen_by_layer = solid ? wi : Vec3f{wi.x, wi.y, cos_i};
+  value->f_cos += x.diffuse_transmit * passed_to_base<true>(b, seen_by_layer) * cos_i;
+  value->pdf += b.cosine_probability * x.back_probability * spread_of(b, false).density(cos_i);
 }
 
 /// Value and density for `wi`.
@@ -152,7 +149,7 @@ inline bool draw(const Bsdf& b, float u_lobe, const Vec2f& u, BsdfSample* sample
     if constexpr (kExtended) {
       sample->transmitted = u_lobe < b.cosine_probability * b.extended->back_probability;
     }
-    *local = spread_direction(u, cone_index(b, !sample->transmitted));
+    *local = spread_of(b, !sample->transmitted).direction(u);
     if (!(local->z > 0)) return false;
     if (sample->transmitted) local->z = -local->z;
   } else {
@@ -193,9 +190,8 @@ template <bool kExtended>
 inline float scattered_albedo(const Bsdf& b) {
   const Layer layer = layer_at<kExtended>(b, b.wo.z);
   float behind = 0;
-  if constexpr (kExtended) behind = luminance(b.extended->diffuse_transmit * layer.pass);
-  return behind + luminance(b.diffuse * layer.pass) +
-         luminance(facet_reflectance<kExtended>(b, layer, b.wo.z));
+  if constexpr (kExtended) behind = b.extended->behind_albedo;
+  return behind + b.diffuse_albedo + luminance(facet_reflectance<kExtended>(b, layer, b.wo.z));
 }
 
 template <bool kExtended>

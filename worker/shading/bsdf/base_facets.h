@@ -5,10 +5,9 @@
 #include "worker/shading/bsdf/bsdf.h"
 #include "worker/shading/microfacet/fresnel.h"
 #include "worker/shading/microfacet/microfacet.h"
-#include "worker/shading/tables/anisotropic_albedo.h"
 
-/// Microfacet and Fresnel terms of the base, with and without extensions. Used by base_bsdf.h and
-/// base_prepare.h only.
+/// Microfacet and Fresnel terms of the base, with and without extensions. Used by the other
+/// base_*.h only.
 namespace tessera::render::base_bsdf {
 
 using warp::kInvPi;
@@ -37,23 +36,21 @@ inline float facet_root(const Bsdf& b, const Vec3f& w) {
   return smith_root(w.z, b.alpha);
 }
 
-/// Single-scattering albedo of perfectly reflecting facets for light leaving along `w`.
+/// Albedo of the facets for light leaving along `w`, on either side. Requires a rough lobe.
 template <bool kExtended>
-inline float facet_albedo(const Bsdf& b, const Vec3f& w) {
+inline FacetAlbedo facet_albedo(const Bsdf& b, const Vec3f& w) {
   if constexpr (kExtended) {
-    const ExtendedLobes& x = *b.extended;
-    if (x.alpha_t > 0) return x.anisotropic->at(w, b.roughness, x.anisotropy);
+    if (b.extended->alpha_t > 0) return b.extended->anisotropic.at(w);
   }
-  return b.reflector->at(w.z, b.roughness);
+  return render::facet_albedo(b.facets, std::fabs(w.z));
 }
 
 template <bool kExtended>
-inline float average_facet_albedo(const Bsdf& b) {
+inline FacetAlbedo mean_facet_albedo(const Bsdf& b) {
   if constexpr (kExtended) {
-    const ExtendedLobes& x = *b.extended;
-    if (x.alpha_t > 0) return x.anisotropic->average(b.roughness, x.anisotropy);
+    if (b.extended->alpha_t > 0) return b.extended->anisotropic.mean();
   }
-  return b.reflector->average(b.roughness);
+  return render::mean_facet_albedo(b.roughness);
 }
 
 /// Reflection and transmission of the dielectric layer at cosine `c` to its facets.
@@ -110,43 +107,36 @@ inline Layer layer_at(const Bsdf& b, float c) {
   return {reflect, {pass, pass, pass}};
 }
 
-/// Transmission of a solid's layer for light spread diffusely on the side of `wi`: its Fresnel
-/// terms in both directions, the second normalised, so that exactly the transmitted light is
-/// spread. Inside, evaluating the layer at the half vector would also transmit light that is
-/// totally reflected.
-template <bool kExtended>
-inline Vec3f pass_of_solid(const Bsdf& b, const Vec3f& wi) {
-  const bool is_dense = (b.eta < 1) == (wi.z > 0);  // the side of wi
-  const float n2 = b.eta < 1 ? 1 / (b.eta * b.eta) : b.eta * b.eta;
-  const float mean = is_dense ? b.dense_mean : b.dense_mean * n2;
-  const float exact = fresnel_dielectric(std::fabs(wi.z), wi.z > 0 ? b.eta : 1 / b.eta);
-  return layer_at<kExtended>(b, b.wo.z).pass * ((1 - exact) / mean);
-}
+/// Density of the cosine lobe on one side of a surface. On the denser side of a solid, the critical
+/// cone gets the share 1 - roughness: a smooth surface lets nothing else pass.
+struct Spread {
+  float index = 1;  // of the denser side over the other, if this is the denser one; otherwise 1
+  float share = 0;  // of the cone
 
-/// Index of the denser side over the other's, if the diffuse lobe on the side of the viewer (or the
-/// other, if not `same_side`) is on the denser side of a solid's surface, where light fills only
-/// the critical cone; otherwise 1.
-inline float cone_index(const Bsdf& b, bool same_side) {
-  if (b.interface != Interface::solid || (b.eta < 1) != same_side) return 1;
-  if (same_side && b.metallic > 0) return 1;  // the metal's part of the lobe fills the hemisphere
-  return b.eta < 1 ? 1 / b.eta : b.eta;
-}
+  float density(float z) const {
+    if (index == 1) return z * kInvPi;
+    const float eta = 1 / index;
+    const float cone = (eta - 1) * (eta + 1) + z * z > 0 ? share * (index * index) : 0;
+    return (cone + (1 - share)) * z * kInvPi;
+  }
 
-/// Density of spread_direction() for a cosine `z` > 0.
-inline float spread_density(float z, float index) {
-  const float eta = 1 / index;
-  return (eta - 1) * (eta + 1) + z * z > 0 ? index * index * kInvPi * z : 0;
-}
+  /// Samples a direction. Those in the cone are sampled on the other side, then refracted.
+  Vec3f direction(const Vec2f& u) const {
+    if (index == 1) return warp::cosine_hemisphere(u);
+    if (!(u.x < share)) return warp::cosine_hemisphere({(u.x - share) / (1 - share), u.y});
+    Vec3f w = warp::cosine_hemisphere({u.x / share, u.y});
+    w.x /= index;
+    w.y /= index;
+    w.z = std::sqrt(1 - (w.x * w.x + w.y * w.y));
+    return w;
+  }
+};
 
-/// Samples a direction with a density proportional to its cosine, within the cone into which a
-/// smooth surface refracts light from the other side: samples there, then refracts.
-inline Vec3f spread_direction(const Vec2f& u, float index) {
-  Vec3f w = warp::cosine_hemisphere(u);
-  if (index == 1) return w;
-  w.x /= index;
-  w.y /= index;
-  w.z = std::sqrt(1 - (w.x * w.x + w.y * w.y));
-  return w;
+/// The cosine lobe on the side of the viewer, or on the other if not `same_side`.
+inline Spread spread_of(const Bsdf& b, bool same_side) {
+  if (b.interface != Interface::solid || (b.eta < 1) != same_side) return {};
+  if (same_side && b.metallic > 0) return {};  // the metal's part of the lobe fills the hemisphere
+  return {b.eta < 1 ? 1 / b.eta : b.eta, b.mirror ? 1 : 1 - b.roughness};
 }
 
 inline bool transmits(const Bsdf& b) {

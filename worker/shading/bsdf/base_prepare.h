@@ -1,5 +1,6 @@
 #pragma once
 
+#include "worker/shading/bsdf/base_coupling.h"
 #include "worker/shading/bsdf/base_facets.h"
 
 /// Preparation of the base of a Bsdf for one viewer. Used by bsdf.cpp and extended_bsdf.cpp only.
@@ -7,44 +8,58 @@ namespace tessera::render::base_bsdf {
 
 /// Single-scattering albedo of rough glass; 1 if no energy is lost.
 template <bool kExtended>
-inline float single_scattering_albedo(const Bsdf& b, const BsdfTables& tables, bool front) {
+inline float single_scattering_albedo(const Bsdf& b, const GlassTable* table) {
   if (b.mirror || !transmits(b)) return 1;
+  if (b.interface == Interface::thin) {
+    const FacetAlbedo e = facet_albedo<kExtended>(b, b.wo);
+    return e.a + e.b;
+  }
   if constexpr (kExtended) {
     // There is no table for anisotropic refraction; its lost energy is not compensated.
-    if (b.extended->alpha_t > 0) {
-      return b.interface == Interface::thin ? facet_albedo<true>(b, b.wo) : 1;
-    }
+    if (b.extended->alpha_t > 0) return 1;
   }
-  const AlbedoTable* table = b.interface == Interface::thin ? tables.reflector
-                             : front                        ? tables.entering
-                                                            : tables.leaving;
-  return table == nullptr ? 1 : table->at(b.wo.z, b.roughness);
+  if (table == nullptr) return 1;
+  const ScatteredAlbedo e = table->scattered(b.wo.z, b.roughness);
+  if constexpr (kExtended) {
+    if (b.extended->film.weight > 0) return e.most;
+  }
+  const float w = b.specular_weight, albedo = e.at(w * max_component(b.f0), w);
+  if (!b.channelwise) return albedo;
+  const float least = b.f0.x < b.f0.y ? b.f0.x : b.f0.y;
+  const float other = e.at(w * (least < b.f0.z ? least : b.f0.z), w);
+  return other > albedo ? other : albedo;
 }
 
 /// Multiple-scattering term of metals (Kulla & Conty 2017).
 template <bool kExtended>
-inline Vec3f metal_multiple_scattering(const Bsdf& b) {
-  const float average = average_facet_albedo<kExtended>(b);
-  const float lost = 1 - average;
+inline Vec3f metal_multiple_scattering(const Bsdf& b, float lost) {
   if (!(lost > 0)) return {};
+  const FacetAlbedo towards = facet_albedo<kExtended>(b, b.wo);
+  const float from_o = 1 - (towards.a + towards.b);
+  if (!(from_o > 0)) return {};
   const Vec3f f = average_metal_reflectance<kExtended>(b);
-  const Vec3f colour = f * f * average / (Vec3f{1, 1, 1} - f * lost);
-  return colour * (b.metallic * kInvPi * (1 - facet_albedo<kExtended>(b, b.wo)) / lost);
+  const Vec3f colour = f * f * (1 - lost) / (Vec3f{1, 1, 1} - f * lost);
+  return colour * (b.metallic * kInvPi * from_o / lost);
 }
 
-/// Sets the probability of the cosine lobe from the estimated energy of both lobes.
+/// Part of the light that perfectly reflecting facets lose, on average.
 template <bool kExtended>
-inline void choose_lobes(Bsdf* b) {
+inline float lost_by_facets(const Bsdf& b) {
+  const FacetAlbedo mean = mean_facet_albedo<kExtended>(b);
+  return 1 - (mean.a + mean.b);
+}
+
+/// Sets the probability of the cosine lobe from the estimated energy of both lobes. `lost` is
+/// lost_by_facets() of a metal.
+template <bool kExtended>
+inline void choose_lobes(float lost, Bsdf* b) {
   const Layer layer = layer_at<kExtended>(*b, b->wo.z);
-  float cosine = luminance(b->diffuse * layer.pass);
-  if (b->metallic > 0 && !b->mirror) {
-    cosine += luminance(b->metal_multiple) * (1 - average_facet_albedo<kExtended>(*b)) / kInvPi;
-  }
+  float cosine = b->diffuse_albedo;
+  if (b->metallic > 0 && !b->mirror) cosine += luminance(b->metal_multiple) * lost / kInvPi;
   if constexpr (kExtended) {
     ExtendedLobes& x = *b->extended;
-    const float back = luminance(x.diffuse_transmit * layer.pass);
-    cosine += back;
-    x.back_probability = back > 0 ? back / cosine : 0;
+    cosine += x.behind_albedo;
+    x.back_probability = x.behind_albedo > 0 ? x.behind_albedo / cosine : 0;
   }
   float facets = luminance(facet_reflectance<kExtended>(*b, layer, b->wo.z));
   if (transmits(*b) && !(b->mirror && b->interface == Interface::thin)) {
@@ -59,6 +74,67 @@ inline void choose_lobes(Bsdf* b) {
   }
 }
 
+/// f0 of the layer's albedo, times its weight: the largest channel unless channels are apart. A
+/// film counts as the Fresnel term that covers it.
+template <bool kExtended>
+inline Vec3f cover_f0_of(const Bsdf& b, float ior) {
+  Vec3f f0 = b.f0;
+  if (!b.channelwise) {
+    const float most = max_component(f0);
+    f0 = {most, most, most};
+  }
+  if constexpr (kExtended) {
+    const ExtendedLobes& x = *b.extended;
+    if (x.film.weight > 0) f0 = lerp(f0, Vec3f{x.film.cap, x.film.cap, x.film.cap}, x.film.weight);
+    if (x.alpha_t > 0 && b.interface == Interface::solid) {
+      // Anisotropic facets have a table of Schlick's term only: raise f0 until it covers the exact.
+      const float normal = f0_from_ior(ior);
+      float excess = 0;
+      for (int i = 0; i < 16; ++i) {
+        const float c = 0.0625f * (static_cast<float>(i) + 0.5f), s = schlick_weight(c);
+        const float exact = (fresnel_dielectric(c, ior) - normal) / (1 - normal);
+        excess = exact - s > excess * (1 - s) ? (exact - s) / (1 - s) : excess;
+      }
+      f0 += (Vec3f{1, 1, 1} - f0) * (1.05f * excess);
+    }
+  }
+  return f0 * b.specular_weight;
+}
+
+/// Sets the rows of tables that only extended lobes of a solid use.
+inline void set_far_tables(const GlassTable* viewer, const GlassTable* far, Bsdf* b) {
+  if (b->interface != Interface::solid || viewer == nullptr || far == nullptr) return;
+  ExtendedLobes& x = *b->extended;
+  x.far_glass = far->row(b->roughness);
+  if (x.alpha_t > 0) x.dense_t = (b->eta < 1 ? viewer : far)->row(std::sqrt(x.alpha_t));
+}
+
+/// Couples the diffuse lobes with the layer over them; see base_coupling.h. `viewer` and `far` are
+/// the tables of both sides, if they are rough and have an exact Fresnel term.
+template <bool kExtended>
+inline void couple(float ior, const GlassTable* viewer, const GlassTable* far, Bsdf* b) {
+  const bool reflects = max_component(b->diffuse) > 0;
+  bool passes_back = false;
+  if constexpr (kExtended) passes_back = max_component(b->extended->diffuse_transmit) > 0;
+  if (!reflects && !passes_back) return;
+  b->cover_f0 = cover_f0_of<kExtended>(*b, ior);
+  if (viewer != nullptr) b->glass = viewer->row(b->roughness);
+  if constexpr (kExtended) set_far_tables(viewer, far, b);
+  const Vec3f passed_o = passed(*b, cover_at<kExtended>(*b, b->wo));
+  if (reflects) {
+    b->coupled = b->diffuse * coupling_factor<kExtended>(*b, passed_o, viewer, true);
+    b->diffuse_albedo = luminance(b->diffuse * passed_o);
+  }
+  if constexpr (kExtended) {
+    if (!passes_back) return;
+    ExtendedLobes& x = *b->extended;
+    x.behind_albedo = luminance(x.diffuse_transmit * passed_o);
+    const bool solid = b->interface == Interface::solid;
+    x.diffuse_transmit *= solid ? coupling_factor<true>(*b, passed_o, far, false)
+                                : coupling_factor<true>(*b, passed_o, viewer, true);
+  }
+}
+
 /// Moves part of the diffuse lobe, with total weight `weight`, to the other side of the surface.
 inline void transmit_diffusely(const BsdfExtensions& e, float weight, Interface interface,
                                Bsdf* b) {
@@ -68,7 +144,7 @@ inline void transmit_diffusely(const BsdfExtensions& e, float weight, Interface 
 }
 
 /// Makes the facets anisotropic, rougher along the tangent.
-inline void set_anisotropy(float anisotropy, const BsdfTables& tables, Bsdf* b) {
+inline void set_anisotropy(float anisotropy, Bsdf* b) {
   ExtendedLobes& x = *b->extended;
   const float alpha = b->alpha > kMirrorAlpha ? b->alpha : kMirrorAlpha;
   const float alpha_t = anisotropic_alpha(alpha, anisotropy);
@@ -76,7 +152,7 @@ inline void set_anisotropy(float anisotropy, const BsdfTables& tables, Bsdf* b) 
   b->alpha = alpha;
   x.alpha_t = alpha_t;
   x.anisotropy = anisotropy;
-  x.anisotropic = tables.anisotropic;
+  x.anisotropic = AnisotropicAlbedo(b->roughness, anisotropy);
 }
 
 inline void set_viewer(const BsdfFrame& frame, const Vec3f& wo, Bsdf* b) {
@@ -116,33 +192,40 @@ inline void prepare(const BsdfParameters& p, const BsdfExtensions* extensions,
   }
   if (!transmissive && p.metallic == 0 && p.specular_weight == 0 && !passes_back && !rough) {
     b.lambert = true;
+    b.diffuse_albedo = luminance(b.diffuse);
     return;
   }
   b.roughness = p.roughness;
   b.alpha = p.roughness * p.roughness;
   b.channelwise = p.specular_glossiness;
-  b.reflector = tables.reflector;
   if (b.interface == Interface::solid) {
     b.eta = p.front ? p.ior : 1 / p.ior;
     const float f0 = f0_from_ior(p.ior);
     b.plain_fresnel = p.specular_weight == 1 && p.f0 == Vec3f{f0, f0, f0};
     if (!(p.ior > 0)) b.interface = Interface::opaque;  // ior 0: everything is reflected, F = 1
     if (b.eta > 1 - kMatchedIndices && b.eta < 1 + kMatchedIndices) b.alpha = 0;
-    if (passes_back || max_component(b.diffuse) > 0) {
-      b.dense_mean = mean_transmittance_from_dense(p.ior);
-    }
   }
   if constexpr (kExtended) {
     const bool matched = b.alpha == 0 && p.roughness > 0;
-    if (extensions->anisotropy > 0 && !matched) set_anisotropy(extensions->anisotropy, tables, &b);
+    if (extensions->anisotropy > 0 && !matched) set_anisotropy(extensions->anisotropy, &b);
   }
   b.mirror = b.alpha < kMirrorAlpha;
+  if (!b.mirror) b.facets = facet_row(p.roughness);
   b.root_o = facet_root<kExtended>(b, b.wo);
-  const float kept = single_scattering_albedo<kExtended>(b, tables, p.front);
+  const bool solid = b.interface == Interface::solid;
+  const GlassTable* viewer = solid && !p.front ? tables.leaving : tables.entering;
+  const GlassTable* far = p.front ? tables.leaving : tables.entering;
+  const float kept = single_scattering_albedo<kExtended>(b, viewer);
   b.transmit_gain = 1 / kept;
   b.reflect_gain = lerp(1.0f, b.transmit_gain, transmission);
-  if (b.metallic > 0 && !b.mirror) b.metal_multiple = metal_multiple_scattering<kExtended>(b);
-  choose_lobes<kExtended>(&b);
+  const bool has_table = !b.mirror && exact_eta<kExtended>(b, true) > 0;
+  couple<kExtended>(p.ior, has_table ? viewer : nullptr, has_table ? far : nullptr, &b);
+  float lost = 0;
+  if (b.metallic > 0 && !b.mirror) {
+    lost = lost_by_facets<kExtended>(b);
+    b.metal_multiple = metal_multiple_scattering<kExtended>(b, lost);
+  }
+  choose_lobes<kExtended>(lost, &b);
 }
 
 }  // namespace tessera::render::base_bsdf

@@ -17,6 +17,7 @@ Bsdf make_lambert(const Vec3f& albedo, const BsdfFrame& frame, const Vec3f& wo) 
   Bsdf b;
   base_bsdf::set_viewer(frame, wo, &b);
   b.diffuse = albedo;
+  b.diffuse_albedo = luminance(albedo);
   b.lambert = true;
   return b;
 }

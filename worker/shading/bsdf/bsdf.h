@@ -7,12 +7,11 @@
 #include "worker/shading/microfacet/microfacet.h"
 #include "worker/shading/microfacet/rough_diffuse.h"
 #include "worker/shading/microfacet/thin_film.h"
-#include "worker/shading/tables/albedo_table.h"
+#include "worker/shading/tables/anisotropic_albedo.h"
+#include "worker/shading/tables/facet_albedo.h"
+#include "worker/shading/tables/glass_albedo.h"
 
 namespace tessera::render {
-
-class AnisotropicAlbedo;
-class SheenTable;
 
 /// Kind of interface that a surface forms.
 enum class Interface : std::uint8_t {
@@ -57,13 +56,12 @@ struct BsdfExtensions {
   float diffuse_roughness = 0;  // [0, 1]
 };
 
-/// Albedo tables of a BSDF; those it does not use may be null.
+/// Albedo tables of a BSDF that depend on the index of refraction. Rough solids need both, and if
+/// they have a diffuse lobe, reflected albedos as well; so do rough dielectric layers with an exact
+/// Fresnel term, of `entering`. Others may be null.
 struct BsdfTables {
-  const AlbedoTable* reflector = nullptr;
-  const AlbedoTable* entering = nullptr;  // dielectric(ior): transmissive solids seen from outside
-  const AlbedoTable* leaving = nullptr;   // dielectric(1 / ior)
-  const AnisotropicAlbedo* anisotropic = nullptr;
-  const SheenTable* sheen = nullptr;
+  const GlassTable* entering = nullptr;  // of ior: seen from outside
+  const GlassTable* leaving = nullptr;   // of 1 / ior
 };
 
 /// Orthonormal shading frame with the viewer on the +z side of both normals.
@@ -87,7 +85,6 @@ struct SheenLobe {
   float albedo = 0;  // of white sheen at wo
   float roughness = 1, alpha = 1;
   float lambda_o = 0;
-  const SheenTable* table = nullptr;
 };
 
 /// Lobes that only materials with an extension of BsdfExtensions have.
@@ -100,12 +97,16 @@ struct ExtendedLobes {
   ThinFilm film;
   float anisotropy = 0;
   float alpha_t = 0;  // along the tangent (Bsdf::alpha is across it); 0: isotropic
-  const AnisotropicAlbedo* anisotropic = nullptr;
+  AnisotropicAlbedo anisotropic;
   Conductor conductor;
   float exact_ior = 0;         // index of a dielectric layer with exact Fresnel term; 0: Schlick
   RoughDiffuse rough;          // makes the lobe of `diffuse` rough (EON)
-  Vec3f diffuse_transmit;      // weight of the cosine lobe on the other side
+  Vec3f diffuse_transmit;      // weight of the cosine lobe on the other side, coupled like
+                               // Bsdf::coupled
+  float behind_albedo = 0;     // luminance of the albedo of that lobe
   float back_probability = 0;  // of choosing that lobe among the two cosine lobes
+  GlassTable::Row far_glass;   // of the other side of a rough solid
+  GlassTable::Row dense_t;     // of its denser side, with alpha_t
 };
 
 /// Scattering at one point for one viewer. Plain data, made per hit.
@@ -114,6 +115,9 @@ struct Bsdf {
   Vec3f wo;  // unit, in the frame, z > 0
 
   Vec3f diffuse;   // (1 - metallic)(1 - transmission) base
+  Vec3f coupled;   // that times (1 - E(wo)) / (1 - mean of E): factor of 1 - E(wi). E is the albedo
+                   // of the dielectric layer's facets, base_coupling.h. Unset for `lambert`
+  Vec3f cover_f0;  // specular_weight times f0 of E, at most specular_weight
   Vec3f transmit;  // (1 - metallic) transmission base: colour of transmitted light
   Vec3f f0;
   Vec3f metal_f0;
@@ -121,9 +125,9 @@ struct Bsdf {
   float specular_weight = 0;
   float metallic = 0;
   float alpha = 1, roughness = 1;
-  float eta = 1;         // n(far side) / n(viewer's side) of a solid
-  float dense_mean = 1;  // mean_transmittance_from_dense() of a solid with a diffuse lobe
+  float eta = 1;  // n(far side) / n(viewer's side) of a solid
   float root_o = 1;
+  float diffuse_albedo = 0;                   // luminance of the albedo of the lobe of `diffuse`
   float reflect_gain = 1, transmit_gain = 1;  // compensation of multiple scattering in rough glass
   float cosine_probability = 1;               // of sampling the cosine lobe
   Interface interface = Interface::opaque;
@@ -131,7 +135,8 @@ struct Bsdf {
   bool mirror = false;   // the microfacet lobe is a delta
   bool channelwise = false;
   bool plain_fresnel = true;  // f0 follows from eta and the weight is 1
-  const AlbedoTable* reflector = nullptr;
+  FacetRow facets;
+  GlassTable::Row glass;  // of the viewer's side, if E has an exact Fresnel term and is rough
   std::optional<ExtendedLobes> extended;
 };
 
@@ -163,7 +168,9 @@ Bsdf make_extended_bsdf(const BsdfParameters& parameters, const BsdfExtensions& 
 /// Value and density for `wi` (world, unit).
 ///
 /// Reflection is the specification's BRDF (glTF 2.0, appendix B; KHR_materials_specular, _ior,
-/// _transmission, pbrSpecularGlossiness); metals add Kulla & Conty's multiple-scattering lobe.
+/// _transmission, pbrSpecularGlossiness) except that diffuse light is what the facets' albedo
+/// leaves, towards the viewer and from the light (Kulla & Conty 2017), which conserves energy;
+/// metals add the same authors' multiple-scattering lobe.
 /// Transmission through solids is Walter et al. 2007, equation 21, without the scaling of radiance
 /// by eta^2, which cancels for closed solids. Rough glass is divided by its single-scattering
 /// albedo at wo, and a coat uses its Fresnel term at wo alone (KHR_materials_clearcoat), so these

@@ -61,14 +61,13 @@ bool draw_coat(const Bsdf& b, const Vec2f& u, BsdfSample* sample) {
   return dot(sample->wi, b.frame.geometric_normal) > 0;
 }
 
-SheenLobe sheen_lobe(const BsdfExtensions& e, const SheenTable* table, float cos_o) {
+SheenLobe sheen_lobe(const BsdfExtensions& e, float cos_o) {
   SheenLobe sheen;
   sheen.color = e.sheen;
   sheen.roughness = e.sheen_roughness;
   sheen.alpha = sheen_alpha(e.sheen_roughness);
   sheen.lambda_o = sheen_lambda(cos_o, sheen.alpha);
-  sheen.table = table;
-  sheen.albedo = table->at(cos_o, e.sheen_roughness);
+  sheen.albedo = sheen_albedo(cos_o, e.sheen_roughness);
   return sheen;
 }
 
@@ -80,7 +79,7 @@ bool has_sheen(const SheenLobe& sheen) {
 /// Clamped to 0 where the model's albedo exceeds 1.
 float passed_by_sheen(const SheenLobe& sheen, float cos_i) {
   if (!has_sheen(sheen)) return 1;
-  const float albedo_i = sheen.table->at(cos_i, sheen.roughness);
+  const float albedo_i = sheen_albedo(cos_i, sheen.roughness);
   const float albedo = clamp(sheen.albedo > albedo_i ? sheen.albedo : albedo_i, 0.0f, 1.0f);
   return 1 - max_component(sheen.color) * albedo;
 }
@@ -92,7 +91,7 @@ Vec3f evaluate_sheen(const Bsdf& b, const Vec3f& wi) {
   const float across = h.x * h.x + h.y * h.y;
   const float d = sheen_d(across / (across + h.z * h.z), sheen.alpha);
   const float shadowing = 1 + sheen.lambda_o + sheen_lambda(wi.z, sheen.alpha);
-  const float albedo_i = sheen.table->at(wi.z, sheen.roughness);
+  const float albedo_i = sheen_albedo(wi.z, sheen.roughness);
   const float max_albedo = sheen.albedo > albedo_i ? sheen.albedo : albedo_i;
   const float f_cos = d / (4 * b.wo.z * shadowing * (max_albedo > 1 ? max_albedo : 1));
   return sheen.color * f_cos;
@@ -161,7 +160,7 @@ Bsdf make_extended_bsdf(const BsdfParameters& p, const BsdfExtensions& extension
   if (p.front || b.interface != Interface::solid) {
     if (extensions.coat > 0) x.coat = coat_lobe(extensions, coat_frame, wo);
     if (max_component(extensions.sheen) > 0) {
-      x.sheen = sheen_lobe(extensions, tables.sheen, b.wo.z);
+      x.sheen = sheen_lobe(extensions, b.wo.z);
     }
   }
   choose_layers(&b);

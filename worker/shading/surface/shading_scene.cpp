@@ -9,7 +9,9 @@
 #include "worker/math/elementary.h"
 #include "worker/scene/features.h"
 #include "worker/scene/volumes.h"
+#include "worker/shading/microfacet/dispersion.h"
 #include "worker/shading/microfacet/fresnel.h"
+#include "worker/shading/microfacet/thin_film.h"
 
 namespace tessera::render {
 namespace {
@@ -135,6 +137,50 @@ Conductor conductor_of(const Optics& optics) {
     }
   }
   return c;
+}
+
+/// Returns whether the material has a dielectric layer over a diffuse base somewhere.
+bool has_dielectric(const Material& m) {
+  return m.metallic < 1 || m.metallic_roughness_texture || m.specular_glossiness;
+}
+
+/// What a rough dielectric with an exact Fresnel term looks up.
+GlassTableParts glass_table_parts(const MaterialView& view) {
+  const Material& m = *view.source;
+  const bool solid = view.interface == Interface::solid;
+  GlassTableParts parts;
+  parts.scattered = solid && m.transmission > 0;
+  parts.reflected = !solid || m.transmission < 1 || m.transmission_texture;
+  const bool varies = m.specular_glossiness || m.metallic_roughness_texture;
+  if (!varies) parts.min_roughness = parts.max_roughness = clamp(m.roughness, 0.0f, 1.0f);
+  // The row of the other direction of anisotropic facets may be any.
+  if (m.anisotropy.strength > 0) parts.max_roughness = 1;
+  return parts;
+}
+
+/// MaterialView::film_caps of a material with a film.
+std::vector<float> film_caps(const MaterialView& view) {
+  const Material& m = *view.source;
+  const Iridescence& i = m.iridescence;
+  const float exact_ior = view.interface == Interface::solid ? m.ior : 0;
+  const int steps = i.thickness_texture ? 64 : 0;
+  // Textures, and the index of a wavelength, change f0: take the largest cap over its range.
+  const bool varies = m.specular_color_texture || m.specular_glossiness_texture || view.dispersive;
+  std::vector<float> caps;
+  for (int k = 0; k <= steps; ++k) {
+    ThinFilm film{1, i.ior, i.thickness_maximum};
+    if (steps > 0) {
+      const float share = static_cast<float>(k) / static_cast<float>(steps);
+      film.thickness = lerp(i.thickness_minimum, i.thickness_maximum, share);
+    }
+    float cap = thin_film_cap(film, view.f0, exact_ior);
+    for (const float scale : {0.0f, 0.25f, 0.5f, 0.75f, 1.2f}) {
+      if (!varies) break;
+      cap = std::max(cap, thin_film_cap(film, min(view.f0 * scale, Vec3f{1, 1, 1}), exact_ior));
+    }
+    caps.push_back(cap);
+  }
+  return caps;
 }
 
 /// Vertex colours can lower alpha below that of material and texture.
@@ -309,6 +355,7 @@ void ShadingScene::add_relative() {
       relative->view.source = &relative->material;
       relative->view.f0 = relative->material.specular_color * f0_from_ior(relative->material.ior);
       if (inside.tables.entering != nullptr) add_glass_tables(&relative->view);
+      if (!inside.film_caps.empty()) relative->view.film_caps = film_caps(relative->view);
     }
   }
   std::erase_if(relative_, [](const auto& entry) { return entry.second == nullptr; });
@@ -353,36 +400,37 @@ bool ShadingScene::may_be_in_body(const Vec3f& p) const {
 
 void ShadingScene::add_tables(MaterialView* view) {
   const Material& m = *view->source;
-  const bool metal = m.metallic > 0 && !m.specular_glossiness;
-  if (metal || view->interface == Interface::thin) {
-    if (!reflector_) reflector_ = std::make_unique<AlbedoTable>(AlbedoTable::reflector());
-    view->tables.reflector = reflector_.get();
-  }
-  if (m.anisotropy.strength > 0 && (metal || view->interface == Interface::thin)) {
-    if (!anisotropic_) anisotropic_ = std::make_unique<AnisotropicAlbedo>();
-    view->tables.anisotropic = anisotropic_.get();
-  }
-  if (max_component(m.sheen.color) > 0) {
-    if (!sheen_) sheen_ = std::make_unique<SheenTable>();
-    view->tables.sheen = sheen_.get();
-  }
-  const bool refracts = view->interface == Interface::solid && m.transmission > 0;
-  if (refracts && m.ior > 0 && m.roughness > 0) add_glass_tables(view);
+  const bool solid = view->interface == Interface::solid;
+  const bool exact = m.optics.exact_fresnel && has_dielectric(m);
+  const bool rough = m.roughness > 0 || m.specular_glossiness;
+  if ((solid || exact) && m.ior > 0 && rough) add_glass_tables(view);
+  if (m.iridescence.factor > 0 && has_dielectric(m)) view->film_caps = film_caps(*view);
 }
 
 void ShadingScene::add_glass_tables(MaterialView* view) {
-  const float ior = view->source->ior;
+  const Material& m = *view->source;
+  const float dispersion = view->dispersive ? m.dispersion : 0;
+  const GlassTableParts parts = glass_table_parts(*view);
   for (const auto& tables : glass_) {
-    if (tables->ior == ior) {
-      view->tables.entering = &tables->entering;
-      view->tables.leaving = &tables->leaving;
-      return;
+    if (tables->ior != m.ior || tables->dispersion != dispersion) continue;
+    if (!(tables->parts == parts)) continue;
+    view->tables = {&tables->entering, &tables->leaving};
+    return;
+  }
+  const double ior = m.ior;
+  GlassTableParts far = parts;  // a layer on an opaque base is never seen from inside
+  if (view->interface != Interface::solid) far.scattered = far.reflected = false;
+  auto tables = std::make_unique<GlassTables>(
+      GlassTables{m.ior, dispersion, parts, GlassTable(ior, parts), GlassTable(1 / ior, far)});
+  if (dispersion > 0) {
+    for (const float nanometres : {400.0f, 680.0f}) {  // the ends of the spectrum
+      const double end = dispersed_ior(m.ior, dispersion, nanometres);
+      tables->entering.cover(GlassTable(end, parts, ior));
+      tables->leaving.cover(GlassTable(1 / end, parts, 1 / ior));
     }
   }
-  glass_.push_back(std::make_unique<GlassTables>(
-      GlassTables{ior, AlbedoTable::dielectric(ior), AlbedoTable::dielectric(1.0 / ior)}));
-  view->tables.entering = &glass_.back()->entering;
-  view->tables.leaving = &glass_.back()->leaving;
+  glass_.push_back(std::move(tables));
+  view->tables = {&glass_.back()->entering, &glass_.back()->leaving};
 }
 
 }  // namespace tessera::render

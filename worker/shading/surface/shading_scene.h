@@ -13,9 +13,7 @@
 #include "worker/shading/bsdf/bsdf.h"
 #include "worker/shading/surface/medium.h"
 #include "worker/shading/surface/texture.h"
-#include "worker/shading/tables/albedo_table.h"
-#include "worker/shading/tables/anisotropic_albedo.h"
-#include "worker/shading/tables/sheen.h"
+#include "worker/shading/tables/glass_albedo.h"
 
 namespace tessera::render {
 
@@ -76,6 +74,7 @@ struct MaterialView {
   Interface interface = Interface::opaque;
   Conductor conductor;
   BsdfTables tables;
+  std::vector<float> film_caps;  // ThinFilm::cap at equal steps of thickness, from its minimum up
   std::uint8_t traits = 0;
   std::int32_t rank = 0;  // among overlapping bodies: the priority of solids, kBoundaryRank
   MediumView medium;      // inside the body that it bounds
@@ -135,15 +134,13 @@ struct ShadingScene {
   void add_body_boxes(const Scene& scene);
 
   struct GlassTables {
-    float ior = 0;
-    AlbedoTable entering, leaving;
+    float ior = 0, dispersion = 0;
+    GlassTableParts parts;
+    GlassTable entering, leaving;
   };
   const std::uint64_t assumed_;
   std::vector<Box3f> body_boxes_;  // around bodies, world space; see add_body_boxes()
-  std::unique_ptr<AnisotropicAlbedo> anisotropic_;  // if a metal or thin surface is anisotropic
-  std::unique_ptr<SheenTable> sheen_;
-  std::unique_ptr<AlbedoTable> reflector_;           // if a metal or thin surface needs it
-  std::vector<std::unique_ptr<GlassTables>> glass_;  // one per index of refraction
+  std::vector<std::unique_ptr<GlassTables>> glass_;  // one per index and dispersion
 
   /// Material of a solid with its index relative to another's.
   struct Relative {

@@ -1,5 +1,8 @@
 #include "worker/shading/surface/surface_extensions.h"
 
+#include <algorithm>
+#include <vector>
+
 #include "worker/math/elementary.h"
 #include "worker/shading/microfacet/dispersion.h"
 #include "worker/shading/microfacet/fresnel.h"
@@ -63,9 +66,16 @@ ThinFilm film_at(const ShadingScene& scene, const ShadingPoint& p) {
   film.weight = i.factor * read(scene, p, i.texture).x;
   film.ior = i.ior;
   film.thickness = i.thickness_maximum;
+  const std::vector<float>& caps = p.material->film_caps;
   if (i.thickness_texture) {
-    film.thickness =
-        lerp(i.thickness_minimum, i.thickness_maximum, read(scene, p, i.thickness_texture).y);
+    const float share = read(scene, p, i.thickness_texture).y;
+    film.thickness = lerp(i.thickness_minimum, i.thickness_maximum, share);
+    if (caps.size() > 1) {
+      const albedo_grid::Position at = albedo_grid::position(share, caps.size());
+      film.cap = std::max(caps[at.index], caps[at.index + 1]);
+    }
+  } else if (!caps.empty()) {
+    film.cap = caps.front();
   }
   if (!(film.thickness > 0)) film.weight = 0;
   return film;

@@ -1,41 +1,49 @@
 #pragma once
 
-#include <array>
+#include <cmath>
 #include <cstddef>
 
 #include "worker/math/vector.h"
+#include "worker/shading/tables/facet_albedo.h"
 
 namespace tessera::render {
 
 /// Alpha along the direction of anisotropy; across it, alpha is the material's. `strength` in [0,
 /// 1]. Source: KHR_materials_anisotropy.
-constexpr float anisotropic_alpha(float alpha, float strength) {
+template <typename T>
+constexpr T anisotropic_alpha(T alpha, T strength) {
   return alpha + (1 - alpha) * (strength * strength);
 }
 
-/// Directional albedo of perfectly reflecting anisotropic GGX facets; see albedo_table.h for
-/// isotropic ones.
+/// Like FacetAlbedo, for anisotropic facets; also rounded up.
 ///
-/// Grid: strength and roughness over [0, 1]; the viewer's direction in the stretched space of the
-/// facets, w = normalize(alpha_t x, alpha_b y, z), where the albedo is smooth: w.z = (i / (n -
-/// 1))^2, and the fraction (w.x^2) / (w.x^2 + w.y^2) of the tangent. Linear in between.
+/// Grid: roughness across as albedo_grid::fineness_of(); that along, between it and 1, likewise;
+/// that in the vertical plane of the viewer, between both, likewise; the cosine as
+/// albedo_grid::height_of() with the alpha in that plane. Linear in between.
 class AnisotropicAlbedo {
  public:
-  AnisotropicAlbedo();
+  static constexpr std::size_t kAlphas = 9, kRows = 17, kPlanes = 9, kHeights = 32;
 
-  /// Albedo for light leaving along `wo` (unit; the tangent is x).
-  float at(const Vec3f& wo, float roughness, float strength) const;
-  /// Cosine-weighted mean of at() over the hemisphere.
-  float average(float roughness, float strength) const;
+  /// Alpha along the tangent at coordinate `x` in [0, 1], if it is `alpha_b` across.
+  static double alpha_t_of(double x, double alpha_b) {
+    const double least = albedo_grid::fineness_of(std::sqrt(alpha_b));
+    const double root = albedo_grid::roughness_of(lerp(least, 1.0, x));
+    return root * root;
+  }
+
+  AnisotropicAlbedo() = default;
+  AnisotropicAlbedo(float roughness, float strength);
+
+  /// Albedo for light leaving along `w` (unit; the tangent is x; either side).
+  FacetAlbedo at(const Vec3f& w) const;
+  /// Cosine-weighted mean of at() over the hemisphere; not rounded up.
+  FacetAlbedo mean() const;
 
  private:
-  static constexpr int kStrengths = 9, kRoughness = 13, kHeights = 12, kAzimuths = 4;
-
-  void fill_averages();
-
-  std::array<std::array<std::array<std::array<float, kAzimuths>, kHeights>, kRoughness>, kStrengths>
-      values_{};
-  std::array<std::array<float, kRoughness>, kStrengths> averages_{};
+  std::size_t first_ = 0;  // roughness along and across below
+  float along_ = 0, row_ = 0;
+  float alpha_t_ = 1, alpha_b_ = 1;
+  float fine_t_ = 0, fine_b_ = 0;
 };
 
 }  // namespace tessera::render

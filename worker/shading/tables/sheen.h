@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstddef>
 
 #include "worker/math/elementary.h"
@@ -47,21 +46,13 @@ inline T sheen_lambda(T cos_theta, T alpha) {
 }
 
 /// Directional albedo of white sheen over (cosine, perceptual roughness). Above 1 for narrow lobes
-/// at grazing angles, for which the model was not made. Computed in double with operations that are
-/// identical on all machines.
+/// at grazing angles, for which the model was not made. Tabulated when Tessera is built
+/// (make_tables/main.cpp), rounded up.
 ///
-/// Grid: kCosines points in cos = (i / (n - 1))^4, kRoughness points in roughness from
+/// Grid: kSheenCosines points in cos = (i / (n - 1))^4, kSheenRows points in roughness from
 /// kMinSheenRoughness to 1; bilinear in between.
-class SheenTable {
- public:
-  SheenTable();
+inline constexpr std::size_t kSheenCosines = 64, kSheenRows = 32;
 
-  float at(float cos_theta, float roughness) const;
-
- private:
-  static constexpr std::size_t kCosines = 48, kRoughness = 24;
-
-  std::array<std::array<float, kCosines>, kRoughness> values_{};
-};
+float sheen_albedo(float cosine, float roughness);
 
 }  // namespace tessera::render

@@ -15,7 +15,9 @@
 #include "worker/shading/microfacet/thin_film.h"
 #include "worker/shading/surface/srgb.h"
 #include "worker/shading/surface/texture.h"
-#include "worker/shading/tables/albedo_table.h"
+#include "worker/shading/tables/facet_albedo.h"
+#include "worker/shading/tables/facet_quadrature.h"
+#include "worker/shading/tables/glass_albedo.h"
 
 namespace tessera::render {
 namespace {
@@ -118,26 +120,61 @@ TEST(Microfacet, DensityIsPreciseForTinyAlpha) {  // hard case 37
   }
 }
 
-TEST(AlbedoTable, MatchesKnownGgxAlbedos) {  // hard case 38
-  const AlbedoTable table = AlbedoTable::reflector();
-  EXPECT_NEAR(table.at(1, 1), 1 - std::log(2.0), 1e-3);
-  EXPECT_NEAR(table.at(0.5f, 1), 0.45069, 1e-3);
-  EXPECT_NEAR(table.average(1), 0.4092, 1e-3);
-  const float half = std::sqrt(0.5f), tenth = std::sqrt(0.1f);
-  EXPECT_NEAR(table.at(1, half), 0.68785, 1.5e-3);
-  EXPECT_NEAR(table.at(0.5f, half), 0.69825, 1.5e-3);
-  EXPECT_NEAR(table.at(1, tenth), 0.98839, 1.5e-3);
-  EXPECT_NEAR(table.at(0.5f, tenth), 0.96924, 1.5e-3);
+TEST(FacetAlbedo, MatchesKnownGgxAlbedos) {  // hard case 38
+  struct Known {
+    float alpha;
+    double upright, slanted, mean;  // at cosine 1, at .5, and over the hemisphere
+  };
+  constexpr Known kKnown[] = {{1, 0.30685, 0.45069, 0.40920},
+                              {0.5f, 0.68785, 0.69825, 0.70020},
+                              {0.1f, 0.98830, 0.96921, 0.97207}};
+  for (const Known& known : kKnown) {
+    const float roughness = std::sqrt(known.alpha);
+    const FacetRow row = facet_row(roughness);
+    const FacetAlbedo upright = facet_albedo(row, 1), slanted = facet_albedo(row, 0.5f),
+                      mean = mean_facet_albedo(roughness);
+    EXPECT_NEAR(upright.a + upright.b, known.upright, 1e-3) << known.alpha;
+    EXPECT_NEAR(slanted.a + slanted.b, known.slanted, 1e-3) << known.alpha;
+    EXPECT_NEAR(mean.a + mean.b, known.mean, 1e-3) << known.alpha;
+  }
 }
 
-TEST(AlbedoTable, DielectricNeverExceedsOne) {
+/// Coordinates of points in [0, 1]^2 that fill it evenly.
+Vec2f lattice_point(int i) {
+  const double x = 0.75487766624669276 * i, y = 0.56984029099805327 * i;
+  return {static_cast<float>(x - std::floor(x)), static_cast<float>(y - std::floor(y))};
+}
+
+TEST(FacetAlbedo, IsRoundedUpByAtMostOneInThousand) {  // hard case 46
+  const VisibleNormals normals(4096);
+  for (int i = 0; i < 400; ++i) {
+    const Vec2f u = lattice_point(i);
+    const float roughness = 0.0317f + 0.9683f * u.x, cosine = std::max(u.y * u.y, 1e-4f);
+    const double alpha = static_cast<double>(roughness) * static_cast<double>(roughness);
+    const double c = static_cast<double>(cosine);
+    const SchlickAlbedo exact =
+        schlick_albedo(normals, {std::sqrt((1 - c) * (1 + c)), 0, c}, alpha, alpha);
+    const FacetAlbedo table = facet_albedo(facet_row(roughness), cosine);
+    for (const double f0 : {0.0, 0.04, 0.2, 1.0}) {
+      const double excess =
+          f0 * (static_cast<double>(table.a) - exact.a) + (static_cast<double>(table.b) - exact.b);
+      ASSERT_GE(excess, -2e-5) << roughness << " " << cosine << " " << f0;
+      ASSERT_LE(excess, 1e-3) << roughness << " " << cosine << " " << f0;
+    }
+  }
+}
+
+TEST(GlassTable, CoversSingleScattering) {  // hard case 46
   for (const double eta : {1.5, 1 / 1.5, 1.01, 2.4}) {
-    const AlbedoTable table = AlbedoTable::dielectric(eta);
-    for (int r = 0; r <= 50; ++r) {
-      for (int c = 0; c <= 50; ++c) {
-        const float e = table.at(static_cast<float>(c) / 50, static_cast<float>(r) / 50);
-        ASSERT_GT(e, 0.1f);
-        ASSERT_LE(e, 1.0f);
+    const GlassTable table(eta);
+    for (int i = 0; i < 2500; ++i) {
+      const Vec2f u = lattice_point(i);
+      const ScatteredAlbedo e = table.scattered(u.y, u.x);
+      const ReflectedAlbedo reflected = GlassTable::reflected(table.row(u.x), u.y);
+      for (const float f0 : {0.0f, 0.04f, 1.0f}) {
+        ASSERT_GT(e.at(f0, 1), 0.1f);
+        ASSERT_LE(e.at(f0, 1), 1.03f);
+        ASSERT_LE(f0 * reflected.a + reflected.b + reflected.total, e.at(f0, 1) + 0.15f);
       }
     }
   }

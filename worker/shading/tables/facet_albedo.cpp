@@ -1,0 +1,24 @@
+#include "worker/shading/tables/facet_albedo.h"
+
+#include <array>
+
+#include "facet_albedo.inc"
+
+namespace tessera::render {
+
+FacetRow facet_row(float roughness) {
+  const albedo_grid::Position p =
+      albedo_grid::position(albedo_grid::fineness_of(roughness), kFacetRows);
+  constexpr auto kLeast = static_cast<float>(albedo_grid::kMinRoughness);
+  const float r = clamp(roughness, kLeast, 1.0f);
+  return {&kFacetNodes[p.index * 2 * kFacetHeights], p.fraction, r * r};
+}
+
+FacetAlbedo mean_facet_albedo(float roughness) {
+  const albedo_grid::Position p =
+      albedo_grid::position(albedo_grid::fineness_of(roughness), kFacetRows);
+  const float* mean = &kFacetMeans[2 * p.index];
+  return {lerp(mean[0], mean[2], p.fraction), lerp(mean[1], mean[3], p.fraction)};
+}
+
+}  // namespace tessera::render
