@@ -93,9 +93,9 @@ TEST(SampleSequence, SamplesPastPowerOfTwoReduceError) {
 }
 
 TEST(SampleSequence, StreamsAreDistinct) {
-  // 2^18 pixels x 4 replicates: 64-bit hashes collide by chance with probability 3e-8.
+  // 2^20 pixels x 4 replicates: 64-bit hashes collide by chance with probability 5e-7.
   std::vector<std::uint64_t> streams;
-  constexpr int kSide = 512;
+  constexpr int kSide = 1024;
   streams.reserve(std::size_t{kSide} * kSide * contract::kReplicates);
   for (int y = 0; y < kSide; ++y) {
     for (int x = 0; x < kSide; ++x) {
