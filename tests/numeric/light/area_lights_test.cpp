@@ -113,6 +113,39 @@ TEST(AreaLights, DoubleSidedSurfaceIsLitAlikeFromBehind) {  // hard case 61
   EXPECT_EQ(radiance(1, false), front);
 }
 
+TEST(AreaLights, TinyDistantMeshGivesItsLight) {  // hard case 19
+  // A ball of radius 1 at 1e6, of radiance 1e12, lights a white floor that faces it with pi: as a
+  // mesh its triangles are sampled by area. The mesh covers the disc of its outline.
+  Scene scene = floor_scene();
+  constexpr int kSegments = 24;
+  add_primitive(&scene, sphere({0, 1e6f, 0}, 1, kSegments, add_material(&scene, lamp(1e12f))));
+  auto settings = small_settings(8, 8, 1024);
+  settings.max_depth = 1;
+  const Picture picture = render_picture(scene, settings);
+  // Seen along its axis, a polygon of 24 corners. Vertices at 1e6 are multiples of 1/16 along y.
+  const double outline = kSegments / 2.0 * std::sin(2 * kPi / kSegments) / kPi;
+  const double error = std::sqrt(3) * picture.mean_error();
+  EXPECT_NEAR(picture.mean(), outline, 4 * error + 1e-5);
+  EXPECT_LT(error, 0.02);
+}
+
+TEST(AreaLights, SunBehindGlassReachesNoFloor) {  // hard case 60
+  // A directional light is no surface that a path could meet behind the glass, and shadow rays do
+  // not refract: nothing samples this light, which is documented, and no part of it is invented.
+  Scene scene = floor_scene();
+  const auto pane = add_material(&scene, glass(1.5f));
+  add_primitive(&scene, box({-50, 1, -50}, {50, 1.5f, 50}, false, pane));
+  render::PunctualLight sun;
+  sun.kind = render::PunctualLight::Kind::directional;
+  sun.intensity = {1, 1, 1};
+  sun.direction = {0, -1, 0};
+  scene.lights.push_back(sun);
+  auto settings = small_settings(2, 2, 64);
+  EXPECT_EQ(render_picture(scene, settings).mean(), 0);
+  scene.instances.pop_back();
+  EXPECT_NEAR(render_picture(scene, settings).mean(), 1 / kPi, 1e-5);
+}
+
 /// Irradiance at the origin, facing +y, from a triangle above of radiance 1. Source: J. Lambert,
 /// "Photometria", 1760: half the sum over the edges of the angle they subtend times the cosine of
 /// the normal of the plane through the origin and the edge.
