@@ -4,7 +4,7 @@
 
 # At least 256 units in three passes: 90 tiles, samples 8 + 56 + 16. Sanitizer builds: 27 units.
 size=160x144
-workers="1 2 4 8"
+workers="1 2 7 64"
 if [ -n "${TESSERA_E2E_SMALL:-}" ]; then
   size=48x48
   workers="1 2"
@@ -35,15 +35,25 @@ for count in $workers; do
   rm -rf "$work/store"
   start_server
   for ((worker = 1; worker <= count; ++worker)); do start_worker "of-$count-$worker"; done
-  wait_until 60 "$count workers have joined" idle "$count"
+  wait_until 240 "$count workers have joined" idle "$count"
   id=$(farm submit "$scenes/$scene.gltf" --tile-size 16 --seed "$seed" "${job[@]}")
+  # Of many workers, a third dies with the units that it holds; others render these again.
+  doomed=0
+  if [ "$count" -ge 7 ]; then
+    doomed=$((count / 3))
+    wait_until 60 "some units are committed" committed_at_least "$id" $((units / 20))
+    for ((worker = 1; worker <= doomed; ++worker)); do kill_worker "of-$count-$worker"; done
+  fi
   farm watch "$id" --json </dev/null >"$work/watch.log" || fail "watch: status $?"
   farm report "$id" --json >"$work/workers.json"
-  for ((worker = 1; worker <= count; ++worker)); do kill_worker "of-$count-$worker"; done
+  for ((worker = doomed + 1; worker <= count; ++worker)); do kill_worker "of-$count-$worker"; done
   kill_server
-  equal "$count workers" "$(pixels "$work/workers.json")" "$reference"
+  equal "$count workers, $doomed of them killed" "$(pixels "$work/workers.json")" "$reference"
   busy=$(json "$work/workers.json" 'sum(w["units"] > 0 for w in d["workers"])')
-  equal "each of $count workers committed units" "$busy" "$count"
+  # Runs of units are so short that not every one of 64 workers gets one.
+  [ "$busy" -ge $((count - doomed < 8 ? count - doomed : 8)) ] ||
+    fail "only $busy of $count workers committed units"
+  say "$busy of $count workers committed units"
 done
 
 draw threads --tile-size 16 --workers 1 --threads 2

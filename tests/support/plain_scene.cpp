@@ -1,5 +1,6 @@
 #include "tests/support/plain_scene.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -194,6 +195,26 @@ double Picture::mean_error() const {
   double sum = 0;
   for (const double e : error) sum += e * e;
   return std::sqrt(sum) / static_cast<double>(error.size());
+}
+
+double largest_difference(const Picture& a, const Picture& b) {
+  double largest = 0;
+  for (std::int32_t y = 0; y + 4 <= a.height; y += 4) {
+    for (std::int32_t x = 0; x + 4 <= a.width; x += 4) {
+      double difference = 0, square = 0;
+      for (std::int32_t i = 0; i < 16; ++i) {
+        const auto at = 3 * static_cast<std::size_t>((y + i / 4) * a.width + x + i % 4);
+        for (std::size_t c = at; c < at + 3; ++c) {
+          difference += a.rgb[c] - b.rgb[c];
+          square += a.error[c] * a.error[c] + b.error[c] * b.error[c];
+        }
+      }
+      // The channels of a pixel have nearly equal errors, which add up.
+      if (difference != 0)
+        largest = std::max(largest, std::fabs(difference) / std::sqrt(3 * square));
+    }
+  }
+  return largest;
 }
 
 contract::RenderSettings small_settings(std::int32_t width, std::int32_t height, std::int32_t spp) {

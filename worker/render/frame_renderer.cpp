@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <cstdio>
-#include <cstdlib>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -40,15 +38,6 @@ struct UnitWork {
   std::vector<contract::GridPoint> order;  // along the Hilbert curve
   contract::FilmBlock* block;
 };
-
-/// A wrong MXCSR would silently change pixels; some library must have set it.
-void check_float_control() {
-  if (has_ieee_floats()) return;
-  std::fprintf(stderr,
-               "tessera: MXCSR of this thread flushes denormals or changes rounding; results would "
-               "differ\n");
-  std::abort();
-}
 
 class PathTracingFrame final : public FrameRenderer {
  public:
@@ -200,7 +189,7 @@ contract::FilmBlock PathTracingFrame::render(const contract::PixelRect& rect,
 FrameRenderer::Sample PathTracingFrame::trace_sample(std::int32_t x, std::int32_t y,
                                                      std::int32_t sample,
                                                      PathObserver& observer) const {
-  check_float_control();
+  require_ieee_floats("before a sample");
   PathScratch scratch;
   scratch.observer = &observer;
   const PathId id{x, y, sample};
@@ -211,7 +200,7 @@ FrameRenderer::Sample PathTracingFrame::trace_sample(std::int32_t x, std::int32_
 
 void PathTracingFrame::render_chunk(const UnitWork& unit, std::int64_t chunk,
                                     ChunkTotals* totals) const {
-  check_float_control();
+  require_ieee_floats("before some pixels of a unit");
   const contract::TraversalCounts before = thread_traversal_counts();
   PathScratch scratch;
   const auto first = static_cast<std::size_t>(chunk * kPixelsPerChunk);
@@ -244,7 +233,7 @@ void PathTracingFrame::render_chunk(const UnitWork& unit, std::int64_t chunk,
     }
   }
   totals->cost = thread_traversal_counts() - before;
-  check_float_control();
+  require_ieee_floats("after some pixels of a unit");
 }
 
 void PathTracingFrame::store(const UnitWork& unit, std::size_t pixel, const PixelSums& sums,

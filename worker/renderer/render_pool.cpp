@@ -3,6 +3,8 @@
 #include <ctime>
 #include <utility>
 
+#include "worker/render/float_control.h"
+
 namespace tessera::agent {
 
 std::int64_t thread_cpu_ns() {
@@ -52,6 +54,7 @@ RenderPool::Loop* RenderPool::open_loop() {
 }
 
 void RenderPool::work() {
+  render::require_ieee_floats("when a thread of the renderer starts");
   std::unique_lock lock(mutex_);
   while (true) {
     if (!tasks_.empty()) {
@@ -60,6 +63,7 @@ void RenderPool::work() {
       lock.unlock();
       task();
       task = nullptr;
+      render::require_ieee_floats("after a task of the renderer");
       lock.lock();
     } else if (Loop* loop = open_loop()) {
       help(lock, *loop);
@@ -78,6 +82,7 @@ void RenderPool::help(std::unique_lock<std::mutex>& lock, Loop& loop) {
   lock.unlock();
   const std::int64_t start = thread_cpu_ns();
   loop.run();
+  render::require_ieee_floats("after a loop of the renderer");
   loop.helper_cpu_ns.fetch_add(thread_cpu_ns() - start);
   lock.lock();
   if (--loop.helpers == 0) helper_left_.notify_all();

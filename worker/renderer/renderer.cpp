@@ -157,7 +157,7 @@ class Renderer {
                                                      frame->grid.tile_count(), " tiles"));
     }
     if (!render::has_ieee_floats()) {
-      return absl::InternalError("the thread's floating-point mode is not the IEEE 754 default");
+      return absl::InternalError(render::describe_float_fault());
     }
     return contract::encode(frame->renderer->render(
         frame->grid.rect(unit.tile()), contract::Pass{unit.first_sample(), unit.sample_count()},

@@ -50,7 +50,7 @@ TEST(Contraction, SharedEdgesDoNotLeak) {
   std::mt19937 random(3);
   std::uniform_real_distribution<float> uniform(-1, 1);
   int missed = 0;
-  for (int i = 0; i < 30'000; ++i) {
+  for (int i = 0; i < 60'000; ++i) {  // as for the edges and vertices of watertight_test.cpp
     const auto& triangle = s.triangles[random() % s.triangles.size()];
     const Vec3f& a = s.vertices[triangle[random() % 3]];
     const Vec3f& b = s.vertices[triangle[random() % 3]];

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "tests/numeric/geometry/geometry_scenes.h"
 #include "worker/accel/reference/brute_force.h"
@@ -12,10 +13,14 @@
 namespace tessera::render::testing {
 namespace {
 
-/// Counts rays from inside a closed surface towards its edges or vertices that miss it.
+/// Counts rays from inside a closed surface towards its edges or vertices that miss it, in the tree
+/// of either width.
 int leaks(const Scene& scene, const Primitive& primitive, bool edge, const Vec3f& centre,
           float spread, int rays, std::uint32_t seed) {
-  const SceneAccel accel(scene, in_order());
+  std::vector<SceneAccel> accels;
+  for (const Isa isa : {Isa::avx2, Isa::avx512}) {
+    if (is_supported(isa)) accels.emplace_back(scene, in_order(), isa);
+  }
   const Affine3d& to_world = scene.instances[0].object_to_world;
   Dice dice(seed);
   int missed = 0;
@@ -25,8 +30,10 @@ int leaks(const Scene& scene, const Primitive& primitive, bool edge, const Vec3f
     Ray ray;
     ray.origin = Vec3f(transform_point(to_world, origin));
     ray.direction = Vec3f(transform_point(to_world, target)) - ray.origin;
-    Hit hit;
-    if (!accel.closest_hit(ray, hit)) ++missed;
+    for (const SceneAccel& accel : accels) {
+      Hit hit;
+      if (!accel.closest_hit(ray, hit)) ++missed;
+    }
   }
   return missed;
 }

@@ -298,6 +298,40 @@ TEST(GltfDispersion, PrismBendsBlueMoreThanRed) {
   EXPECT_EQ(through_a_prism(0), (Vec3d{0, 0, 0}));
 }
 
+TEST(GltfDispersion, ZeroKeepsEveryBit) {  // hard case 54
+  const auto prism = [](const std::string& extension) {
+    const auto file = probe_of(kX, kY);
+    file->add_node_with_mesh(file->add_mesh(box_around_unit_square(file->add_material(
+        R"({"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 0.2}, "extensions": {
+            "KHR_materials_volume": {"thicknessFactor": 1}, )" +
+        extension + R"("KHR_materials_transmission": {"transmissionFactor": 1}}})"))));
+    const int lamp = file->add_material(R"({"emissiveFactor": [1, 0.5, 0.25]})");
+    file->add_node_with_mesh(file->add_mesh(unit_quad(lamp)),
+                             R"({"scale": [9, 9, 1], "translation": [-4, -4, -5]})");
+    contract::RenderSettings settings = probe_settings();
+    settings.max_depth = 8;
+    settings.spp = 256;
+    return seen(*file, settings);
+  };
+  const Vec3d none = prism("");
+  EXPECT_GT(none.x, 0.5);
+  EXPECT_EQ(prism(R"("KHR_materials_dispersion": {"dispersion": 0}, )"), none);
+  EXPECT_NE(prism(R"("KHR_materials_dispersion": {"dispersion": 1}, )"), none);
+}
+
+TEST(GltfIridescence, ZeroThicknessKeepsEveryBit) {  // hard case 54
+  // Also under a grazing sun, 70 degrees off the normal: without thickness there is no film, while
+  // the formula of a film of index 1 has Schlick's reflectance there.
+  const std::string sun = "[0, 0.5735764364, 0, 0.8191520443]";
+  const auto under = [&](const std::string& film) {
+    return lit(with(film.empty() ? "" : "KHR_materials_iridescence", film), {0, 0, 0, 255}, sun);
+  };
+  const Vec3d bare = under("");
+  EXPECT_GT(bare.x, 0.01);
+  EXPECT_EQ(under(R"({"iridescenceFactor": 1, "iridescenceThicknessMaximum": 0})"), bare);
+  EXPECT_NE(under(R"({"iridescenceFactor": 1, "iridescenceThicknessMaximum": 300})"), bare);
+}
+
 /// The extension's film over a base of reflectance f0, at normal incidence, in double.
 double film_term(double f0, double ior, double thickness, int channel) {
   const auto square = [](double x) { return x * x; };

@@ -354,7 +354,8 @@ TEST(NonFiniteSamples, AreDroppedAndCounted) {  // hard case 70
   contract::FilmBlockShape shape;
   shape.width = shape.height = 1;
   contract::FilmBlock block = contract::FilmBlock::zeros(shape);
-  for (int i = 0; i < 4000; ++i) {
+  // One sample in a million, of each of two replicates.
+  for (int i = 0; i < 4'000'000; ++i) {
     render::PathResult path;
     path.radiance = {1, 2, 3};
     if (i == 40) path.radiance.y = std::numeric_limits<float>::quiet_NaN();
@@ -364,9 +365,9 @@ TEST(NonFiniteSamples, AreDroppedAndCounted) {  // hard case 70
   sums.store(0, &block);
   EXPECT_EQ(sums.dropped(0), 1u);
   EXPECT_EQ(sums.dropped(1), 1u);
-  EXPECT_EQ(block.rgb[1], 999 * 2.0f);
-  EXPECT_EQ(block.rgb[3], 999 * 1.0f);
-  EXPECT_EQ(block.alpha[0], 3998);
+  EXPECT_EQ(block.rgb[1], 999'999 * 2.0f);
+  EXPECT_EQ(block.rgb[3], 999'999 * 1.0f);
+  EXPECT_EQ(block.alpha[0], 3'999'998);
 }
 
 TEST(NonFiniteSamples, CountsReachTheFilmBlock) {

@@ -58,6 +58,12 @@ TEST(Csg, OneUlpShiftSeparatesFaces) {
   EXPECT_EQ(passages(stacked(CsgOperation::intersect, -step), from, up).size(), 2u);
   EXPECT_EQ(passages(stacked(CsgOperation::intersect, step), from, up).size(), 0u);
   EXPECT_EQ(passages(stacked(CsgOperation::exclude, -step), from, up).size(), 3u);
+  EXPECT_EQ(passages(stacked(CsgOperation::exclude, step), from, up).size(), 3u);
+  for (const double shift : {-step, step}) {
+    const std::vector<float> left = passages(stacked(CsgOperation::subtract, shift), from, up);
+    ASSERT_EQ(left.size(), 1u) << shift;
+    EXPECT_EQ(left[0], shift < 0 ? 0.5f - 0x1p-23f : 0.5f);
+  }
 }
 
 TEST(Csg, RayMayStartInSubtractedOperand) {

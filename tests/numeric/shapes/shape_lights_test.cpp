@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "tests/numeric/shapes/solid_scenes.h"
 #include "tests/support/plain_scene.h"
@@ -206,6 +207,75 @@ TEST(ShapeLights, MatchUniformDirectionSampling) {
       EXPECT_NEAR(irradiance(scene, 400), expected, 0.03 * expected + 0.01);
     }
   }
+}
+
+/// Area of an ellipsoid of semi-axes 1, 1 and c < 1. Source: any table of integrals; e is its
+/// eccentricity.
+double oblate_area(double c) {
+  const double e = std::sqrt(1 - c * c);
+  return 2 * kPi * (1 + c * c / e * std::atanh(e));
+}
+
+/// Flux of a lamp of radiance 1 through a sphere of radius 3 around it, estimated by light samples
+/// at random points of the sphere, and its standard error. A convex lamp hides nothing of itself.
+std::pair<double, double> flux(const Scene& scene, int samples) {
+  const ShadingScene shading(scene);
+  const LightSampler lights(scene, shading);
+  Dice dice(26);
+  double sum = 0, squares = 0;
+  for (int i = 0; i < samples; ++i) {
+    const Vec3f out = dice.direction();
+    const LightSampleContext receiver = {out * 3.0f, -out};
+    const double select = static_cast<double>(dice.unit()), u1 = static_cast<double>(dice.unit());
+    const LightRandom u = {select, u1, static_cast<double>(dice.unit())};
+    LightSample sample;
+    double irradiance = 0;
+    if (lights.sample(receiver, u, &sample)) {
+      irradiance = std::max(0.0, -static_cast<double>(sample.radiance_over_pdf.x) *
+                                     static_cast<double>(dot(sample.direction, out)));
+    }
+    sum += irradiance;
+    squares += irradiance * irradiance;
+  }
+  const double n = samples, mean = sum / n, sphere = 4 * kPi * 9;
+  return {mean * sphere, std::sqrt((squares / n - mean * mean) / n) * sphere};
+}
+
+TEST(ShapeLights, FlattenedSphereEmitsByItsArea) {  // hard case 26
+  // A diffuse lamp of radiance 1 emits pi a unit area. The shape is flat itself, or by its node.
+  for (const double c : {0.5, 0.01}) {
+    const double expected = kPi * oblate_area(c);
+    for (const auto& [shape, placement] : {std::pair{make_ellipsoid({1, 1, c}), Affine3d{}},
+                                           {make_ellipsoid({1, 1, 1}), scaled({1, 1, c})},
+                                           {make_ellipsoid({1, 1, 1}), scaled({-1, 1, c})}}) {
+      const auto [found, error] = flux(lamp(shape, placement, 1), 1'000'000);
+      EXPECT_LT(std::fabs(found - expected), 4 * error) << c;
+      EXPECT_LT(error, 2e-3 * expected) << c;
+    }
+  }
+}
+
+TEST(ShapeLights, FlattenedMeshEmitsByItsArea) {  // hard case 26
+  Scene scene = shape_scene(make_ellipsoid({1, 1, 1}));
+  scene.meshes[0] = mesh_of({uv_sphere(32, 48, 1)});
+  Material material;
+  material.emission = {1, 1, 1};
+  scene.materials.push_back(material);
+  scene.instances.clear();
+  place(scene, 0, scaled({1, 1, 0.01}));
+  double area = 0;
+  const Primitive& mesh = scene.meshes[0].primitives[0];
+  for (const auto& triangle : mesh.triangles) {
+    const auto corner = [&](std::size_t i) {
+      const Vec3d p(mesh.positions[triangle[i]]);
+      return Vec3d{p.x, p.y, p.z * 0.01};
+    };
+    area += 0.5 * length(cross(corner(1) - corner(0), corner(2) - corner(0)));
+  }
+  EXPECT_NEAR(area, oblate_area(0.01), 0.02);  // that of a polyhedron is less
+  const auto [found, error] = flux(scene, 1'000'000);
+  EXPECT_LT(std::fabs(found - kPi * area), 4 * error);
+  EXPECT_LT(error, 3e-3 * kPi * area);
 }
 
 /// The far side of the shape is a receiver that lies on the lamp itself, whose rounded position may

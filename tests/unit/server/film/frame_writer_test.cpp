@@ -355,6 +355,7 @@ TEST_F(FrameWriterTest, WarningsCountDroppedAndClamped) {
   const std::vector<std::string> warnings = frame_warnings(statistics);
   ASSERT_EQ(warnings.size(), 3u);
   EXPECT_NE(warnings[0].find("12 samples"), std::string::npos);
+  EXPECT_NE(warnings[1].find("--clamp removed a total radiance of 5"), std::string::npos);
   EXPECT_NE(warnings[2].find("34 values"), std::string::npos);
   FrameStatistics cut;
   cut.samples = 1000;
