@@ -42,8 +42,8 @@ std::uint64_t random_bits() {
   return bits;
 }
 
-CoordinatorOptions options_of(const Config& config) {
-  CoordinatorOptions options;
+FarmOptions options_of(const Config& config) {
+  FarmOptions options;
   options.policy.audit_fraction = config.audit_fraction;
   options.film_memory_bytes = to_bytes(config.film_memory_gb);
   options.ingest_bytes = to_bytes(config.ingest_memory_gb);
@@ -95,7 +95,7 @@ absl::Status forget_old_joins(Store& store, const std::string& folder) {
 }
 
 int serve(const Config& config, const sigset_t& signals) {
-  const CoordinatorOptions options = options_of(config);
+  const FarmOptions options = options_of(config);
   StoreOptions store_options;
   store_options.synced = [metrics = options.metrics](double seconds) {
     metrics->fsync_seconds.Observe(seconds);
@@ -108,8 +108,8 @@ int serve(const Config& config, const sigset_t& signals) {
   if (!coordinator.ok()) return fail(coordinator.status());
   std::unique_ptr<MetricsListener> metrics;
   if (!config.metrics.empty()) {
-    auto started =
-        MetricsListener::start(config.metrics, [&farm = **coordinator] { return farm.metrics(); });
+    auto started = MetricsListener::start(
+        config.metrics, [&farm = **coordinator] { return farm.queries().metrics(); });
     if (!started.ok()) return fail(started.status());
     metrics = *std::move(started);
     options.log(LogLevel::info, absl::StrCat("metrics: http://", metrics->address(), "/metrics"));

@@ -71,11 +71,11 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
       return absl::InvalidArgumentError(
           absl::StrCat("asset.size_bytes: ", size_bytes_, " is not in [0, 2^40]"));
     }
-    if (coordinator_.has_asset(*digest_)) return absl::OkStatus();
+    if (coordinator_.assets().has_asset(*digest_)) return absl::OkStatus();
     if (absl::Status status = access_.count_upload(caller_, size_bytes_); !status.ok()) {
       return status;
     }
-    const auto path = coordinator_.new_upload_path();
+    const auto path = coordinator_.assets().new_upload_path();
     if (!path.ok()) return path.status();
     path_ = *path;
     output_.emplace(path_, std::ios::binary | std::ios::trunc);
@@ -94,7 +94,7 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
     if (output_->fail()) {
       return Finish(contract::to_rpc(absl::ResourceExhaustedError("the upload is incomplete")));
     }
-    coordinator_.publish_asset(path_, *digest_, [this](const absl::Status& status) {
+    coordinator_.assets().publish_asset(path_, *digest_, [this](const absl::Status& status) {
       is_published_ = status.ok();
       Finish(contract::to_rpc(status));
     });
@@ -168,7 +168,7 @@ grpc::ServerUnaryReactor* AssetService::FindMissingAssets(
     if (!digest) {
       status =
           absl::InvalidArgumentError(absl::StrCat("assets[", i, "].sha256: expected 32 bytes"));
-    } else if (!coordinator_.has_asset(*digest)) {
+    } else if (!coordinator_.assets().has_asset(*digest)) {
       *response->add_missing() = asset;
     }
   }
@@ -185,7 +185,7 @@ grpc::ServerReadReactor<v1::UploadAssetRequest>* AssetService::UploadAsset(
 /// Workers may read assets of jobs leased to them; admins and callers without certificate, all.
 bool AssetService::may_read(const Caller& caller, const contract::Digest& digest) const {
   if (!caller.identity || caller.identity->role == Role::admin) return true;
-  return coordinator_.is_leased_asset(digest, caller.certificate());
+  return coordinator_.assets().is_leased_asset(digest, caller.certificate());
 }
 
 grpc::ServerWriteReactor<v1::DownloadAssetResponse>* AssetService::DownloadAsset(
@@ -198,11 +198,11 @@ grpc::ServerWriteReactor<v1::DownloadAssetResponse>* AssetService::DownloadAsset
   } else if (!digest) {
     download->Finish(
         contract::to_rpc(absl::InvalidArgumentError("asset.sha256: expected 32 bytes")));
-  } else if (!may_read(*caller, *digest) || !coordinator_.has_asset(*digest)) {
+  } else if (!may_read(*caller, *digest) || !coordinator_.assets().has_asset(*digest)) {
     download->Finish(contract::to_rpc(
         absl::NotFoundError("the asset has not been uploaded; upload it and repeat")));
   } else {
-    download->start(coordinator_.asset_path(*digest));
+    download->start(coordinator_.assets().asset_path(*digest));
   }
   return download;
 }

@@ -20,7 +20,7 @@ constexpr std::int32_t kPageSize = 100, kMaxPageSize = 1000;
 constexpr std::int32_t kMaxDeliveries = 10'000;  // per page: keeps messages below 1 MiB
 
 /// Sets `job` and finishes the call when the coordinator is done.
-Coordinator::OnJob answer_with(grpc::ServerUnaryReactor* reactor, v1::Job* job) {
+JobAdmin::OnJob answer_with(grpc::ServerUnaryReactor* reactor, v1::Job* job) {
   return [reactor, job](const absl::StatusOr<JobView>& view) {
     if (view.ok()) *job = to_message(*view);
     reactor->Finish(contract::to_rpc(view.status()));
@@ -34,7 +34,7 @@ absl::StatusOr<Caller> JobService::admit(const grpc::CallbackServerContext& cont
                                          std::string_view rpc, const std::string& job_id) const {
   auto caller = access_.admit(context, rpc);
   if (!caller.ok()) return caller;
-  absl::Status status = coordinator_.check_owner(job_id, caller->visible_owner());
+  absl::Status status = coordinator_.queries().check_owner(job_id, caller->visible_owner());
   if (!status.ok()) return status;
   return caller;
 }
@@ -50,7 +50,7 @@ grpc::ServerUnaryReactor* JobService::CreateJob(grpc::CallbackServerContext* con
   auto spec = to_spec(*request, caller->owner());
   if (!spec.ok()) return finish(context, spec.status());
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  coordinator_.create_job(*std::move(spec), [=](const auto& created) {
+  coordinator_.admission().create_job(*std::move(spec), [=](const auto& created) {
     if (created.ok()) {
       *response->mutable_job() = to_message(created->view);
       response->set_store_bytes(created->store_bytes);
@@ -65,7 +65,7 @@ grpc::ServerUnaryReactor* JobService::GetJob(grpc::CallbackServerContext* contex
                                              v1::GetJobResponse* response) {
   const auto caller = access_.admit(*context, "JobService.GetJob");
   if (!caller.ok()) return finish(context, caller.status());
-  const auto view = coordinator_.find_job(request->job(), caller->visible_owner());
+  const auto view = coordinator_.queries().find_job(request->job(), caller->visible_owner());
   if (view.ok()) *response->mutable_job() = to_message(*view);
   return finish(context, view.status());
 }
@@ -85,7 +85,8 @@ grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* cont
                                "page_size: ", request->page_size(), " is not in [0, 1000]")));
   }
   const std::int32_t size = request->page_size() == 0 ? kPageSize : request->page_size();
-  const std::vector<JobView> views = coordinator_.list_jobs(before, size, caller->visible_owner());
+  const std::vector<JobView> views =
+      coordinator_.queries().list_jobs(before, size, caller->visible_owner());
   for (const JobView& view : views) *response->add_jobs() = to_message(view);
   if (static_cast<std::int32_t>(views.size()) == size && views.back().key > 1) {
     response->set_next_page_token(absl::StrCat(views.back().key));
@@ -105,35 +106,35 @@ grpc::ServerUnaryReactor* JobService::change(grpc::CallbackServerContext* contex
   const auto caller = admit(*context, change.rpc, job_id);
   if (!caller.ok()) return finish(context, caller.status());
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  coordinator_.change_job(job_id, change.change, answer_with(reactor, job));
+  coordinator_.jobs().change_job(job_id, change.change, answer_with(reactor, job));
   return reactor;
 }
 
 grpc::ServerUnaryReactor* JobService::PauseJob(grpc::CallbackServerContext* context,
                                                const v1::PauseJobRequest* request,
                                                v1::PauseJobResponse* response) {
-  return change(context, request->job_id(), {"JobService.PauseJob", Coordinator::Change::pause},
+  return change(context, request->job_id(), {"JobService.PauseJob", JobAdmin::Change::pause},
                 response->mutable_job());
 }
 
 grpc::ServerUnaryReactor* JobService::ResumeJob(grpc::CallbackServerContext* context,
                                                 const v1::ResumeJobRequest* request,
                                                 v1::ResumeJobResponse* response) {
-  return change(context, request->job_id(), {"JobService.ResumeJob", Coordinator::Change::resume},
+  return change(context, request->job_id(), {"JobService.ResumeJob", JobAdmin::Change::resume},
                 response->mutable_job());
 }
 
 grpc::ServerUnaryReactor* JobService::CancelJob(grpc::CallbackServerContext* context,
                                                 const v1::CancelJobRequest* request,
                                                 v1::CancelJobResponse* response) {
-  return change(context, request->job_id(), {"JobService.CancelJob", Coordinator::Change::cancel},
+  return change(context, request->job_id(), {"JobService.CancelJob", JobAdmin::Change::cancel},
                 response->mutable_job());
 }
 
 grpc::ServerUnaryReactor* JobService::RetryJob(grpc::CallbackServerContext* context,
                                                const v1::RetryJobRequest* request,
                                                v1::RetryJobResponse* response) {
-  return change(context, request->job_id(), {"JobService.RetryJob", Coordinator::Change::retry},
+  return change(context, request->job_id(), {"JobService.RetryJob", JobAdmin::Change::retry},
                 response->mutable_job());
 }
 
@@ -143,7 +144,7 @@ grpc::ServerUnaryReactor* JobService::RemoveJob(grpc::CallbackServerContext* con
   const auto caller = admit(*context, "JobService.RemoveJob", request->job_id());
   if (!caller.ok()) return finish(context, caller.status());
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  coordinator_.remove_job(request->job_id(), [reactor](const absl::Status& status) {
+  coordinator_.jobs().remove_job(request->job_id(), [reactor](const absl::Status& status) {
     reactor->Finish(contract::to_rpc(status));
   });
   return reactor;
@@ -155,11 +156,11 @@ grpc::ServerUnaryReactor* JobService::ExtendJob(grpc::CallbackServerContext* con
   const auto caller = admit(*context, "JobService.ExtendJob", request->job_id());
   if (!caller.ok()) return finish(context, caller.status());
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  Coordinator::Extension extension;
+  JobAdmin::Extension extension;
   if (request->sample_count() != 0) extension.spp = request->sample_count();
   if (request->has_error_target()) extension.error = request->error_target();
-  coordinator_.extend_job(request->job_id(), extension,
-                          answer_with(reactor, response->mutable_job()));
+  coordinator_.jobs().extend_job(request->job_id(), extension,
+                                 answer_with(reactor, response->mutable_job()));
   return reactor;
 }
 
@@ -168,7 +169,7 @@ grpc::ServerUnaryReactor* JobService::GetJobReport(grpc::CallbackServerContext* 
                                                    v1::GetJobReportResponse* response) {
   const auto caller = admit(*context, "JobService.GetJobReport", request->job_id());
   if (!caller.ok()) return finish(context, caller.status());
-  const auto report = coordinator_.report(request->job_id());
+  const auto report = coordinator_.queries().report(request->job_id());
   if (report.ok()) response->set_report_json(report_json(*report));
   return finish(context, report.status());
 }
@@ -190,7 +191,7 @@ grpc::ServerUnaryReactor* JobService::ListDeliveries(grpc::CallbackServerContext
   }
   const std::int32_t size = request->page_size() == 0 ? kMaxDeliveries : request->page_size();
   const auto deliveries =
-      coordinator_.deliveries(request->job_id(), after, static_cast<std::size_t>(size));
+      coordinator_.queries().deliveries(request->job_id(), after, static_cast<std::size_t>(size));
   if (!deliveries.ok()) return finish(context, deliveries.status());
   for (const Delivery& delivery : *deliveries) *response->add_deliveries() = to_message(delivery);
   if (static_cast<std::int32_t>(deliveries->size()) == size) {

@@ -60,7 +60,7 @@ class JobService final : public v1::JobService::CallbackService {
  private:
   struct Change {
     const char* rpc;
-    Coordinator::Change change;
+    JobAdmin::Change change;
   };
   grpc::ServerUnaryReactor* change(grpc::CallbackServerContext* context, const std::string& job_id,
                                    const Change& change, v1::Job* job);

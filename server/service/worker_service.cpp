@@ -36,7 +36,8 @@ grpc::ServerUnaryReactor* WorkerService::DescribeJob(grpc::CallbackServerContext
   std::shared_ptr<const JobSpec> spec;
   if (status.ok()) {
     const bool is_worker = caller->identity && caller->identity->role == Role::worker;
-    spec = coordinator_.describe_job(request->job_id(), is_worker ? caller->certificate() : "");
+    spec = coordinator_.queries().describe_job(request->job_id(),
+                                               is_worker ? caller->certificate() : "");
   }
   if (status.ok() && !spec) {
     status = absl::NotFoundError(absl::StrCat("no job \"", request->job_id(), "\""));
@@ -53,7 +54,7 @@ grpc::ServerUnaryReactor* WorkerService::ListWorkers(grpc::CallbackServerContext
                                                      v1::ListWorkersResponse* response) {
   const absl::Status status = access_.admit(*context, "WorkerService.ListWorkers").status();
   if (status.ok()) {
-    for (const auto& [worker, silence] : coordinator_.workers()) {
+    for (const auto& [worker, silence] : coordinator_.workers().list()) {
       *response->add_workers() = to_message(worker, silence);
     }
   }
@@ -64,7 +65,7 @@ grpc::ServerUnaryReactor* WorkerService::DrainWorker(grpc::CallbackServerContext
                                                      const v1::DrainWorkerRequest* request,
                                                      v1::DrainWorkerResponse* /*response*/) {
   absl::Status status = access_.admit(*context, "WorkerService.DrainWorker").status();
-  if (status.ok()) status = coordinator_.drain_worker(request->worker_id());
+  if (status.ok()) status = coordinator_.workers().drain_worker(request->worker_id());
   return finish(context, status);
 }
 
@@ -74,7 +75,7 @@ grpc::ServerUnaryReactor* WorkerService::BanWorker(grpc::CallbackServerContext* 
   const absl::Status status = access_.admit(*context, "WorkerService.BanWorker").status();
   if (!status.ok()) return finish(context, status);
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  coordinator_.ban_worker(request->worker_id(), answer_with(reactor));
+  coordinator_.workers().ban_worker(request->worker_id(), answer_with(reactor));
   return reactor;
 }
 
@@ -84,7 +85,7 @@ grpc::ServerUnaryReactor* WorkerService::AllowWorker(grpc::CallbackServerContext
   const absl::Status status = access_.admit(*context, "WorkerService.AllowWorker").status();
   if (!status.ok()) return finish(context, status);
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  coordinator_.allow_worker(request->worker_id(), answer_with(reactor));
+  coordinator_.workers().allow_worker(request->worker_id(), answer_with(reactor));
   return reactor;
 }
 

@@ -83,13 +83,25 @@ absl::Status DiskStore::add_job(JobRecord& job) {
 }
 
 absl::Status DiskStore::update_job(const JobRecord& job) {
+  return journal_->write([&](Database& rows) { return update_row(rows, job); });
+}
+
+absl::Status DiskStore::update_row(Database& rows, const JobRecord& job) {
+  const absl::Status updated = rows.run(
+      "UPDATE jobs SET name=?, owner=?, request=?, state=?, reason=?, create_time_us=?, "
+      "end_time_us=?, wall_seconds=?, render_contract=?, failure_code=? WHERE id=? AND removed=0",
+      {job.name, job.owner, Blob{job.request}, job.state, job.reason, job.create_time_us,
+       job.end_time_us, job.wall_seconds, job.render_contract, job.failure_code, job.id});
+  return updated.ok() && rows.changes() == 0 ? no_such_job(job.id) : updated;
+}
+
+absl::Status DiskStore::rewrite_job(const JobRecord& job,
+                                    const std::vector<contract::Unit>& dropped) {
+  const auto row = find_job(job.id);
+  if (!row.ok()) return row.status();
   return journal_->write([&](Database& rows) {
-    const absl::Status updated = rows.run(
-        "UPDATE jobs SET name=?, owner=?, request=?, state=?, reason=?, create_time_us=?, "
-        "end_time_us=?, wall_seconds=?, render_contract=?, failure_code=? WHERE id=? AND removed=0",
-        {job.name, job.owner, Blob{job.request}, job.state, job.reason, job.create_time_us,
-         job.end_time_us, job.wall_seconds, job.render_contract, job.failure_code, job.id});
-    return updated.ok() && rows.changes() == 0 ? no_such_job(job.id) : updated;
+    absl::Status status = delete_units(rows, row->sequence, dropped);
+    return status.ok() ? update_row(rows, job) : status;
   });
 }
 
@@ -249,16 +261,19 @@ absl::Status DiskStore::drop_units(const std::string& job_id,
                                    const std::vector<contract::Unit>& units) {
   const auto job = find_job(job_id);
   if (!job.ok()) return job.status();
-  // Their bytes stay in the segments, and in the size, until those are released.
-  return journal_->write([&](Database& rows) {
-    for (const contract::Unit& unit : units) {
-      absl::Status dropped =
-          rows.run("DELETE FROM units WHERE job=? AND frame=? AND tile=? AND pass=?",
-                   {job->sequence, unit.frame, unit.tile, unit.pass});
-      if (!dropped.ok()) return dropped;
-    }
-    return absl::OkStatus();
-  });
+  return journal_->write([&](Database& rows) { return delete_units(rows, job->sequence, units); });
+}
+
+/// Their bytes stay in the segments, and in the size, until those are released.
+absl::Status DiskStore::delete_units(Database& rows, std::int64_t job,
+                                     const std::vector<contract::Unit>& units) {
+  for (const contract::Unit& unit : units) {
+    absl::Status dropped =
+        rows.run("DELETE FROM units WHERE job=? AND frame=? AND tile=? AND pass=?",
+                 {job, unit.frame, unit.tile, unit.pass});
+    if (!dropped.ok()) return dropped;
+  }
+  return absl::OkStatus();
 }
 
 absl::Status DiskStore::end_audits(const std::string& job_id,

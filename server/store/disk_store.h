@@ -42,6 +42,8 @@ class DiskStore final : public Store {
                              const std::function<void(const UnitRecord&)>& visit) const override;
   absl::StatusOr<std::string> read_block(const std::string& job_id,
                                          const UnitRecord& record) const override;
+  absl::Status rewrite_job(const JobRecord& job,
+                           const std::vector<contract::Unit>& dropped) override;
   absl::Status drop_units(const std::string& job_id,
                           const std::vector<contract::Unit>& units) override;
   absl::Status end_audits(const std::string& job_id,
@@ -89,6 +91,9 @@ class DiskStore final : public Store {
   absl::StatusOr<JobRow> find_job(const std::string& job_id) const;
   absl::Status append_job(const std::string& job_id, const JobRow& job,
                           const std::vector<Commit*>& units);
+  static absl::Status update_row(Database& rows, const JobRecord& job);
+  static absl::Status delete_units(Database& rows, std::int64_t job,
+                                   const std::vector<contract::Unit>& units);
   static absl::Status add_up_units(Database& rows, std::int64_t job);
   static absl::Status insert_units(Database& rows, const JobRow& job,
                                    const std::vector<Commit*>& units);

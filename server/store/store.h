@@ -141,6 +141,10 @@ class Store {
   /// removed or its blocks are released.
   virtual absl::StatusOr<std::string> read_block(const std::string& job_id,
                                                  const UnitRecord& record) const = 0;
+  /// Rewrites a job's row like update_job() and removes committed units that its new settings do
+  /// not have, in one transaction. Errors: NotFound.
+  virtual absl::Status rewrite_job(const JobRecord& job,
+                                   const std::vector<contract::Unit>& dropped) = 0;
   /// Removes committed units, to be rendered again; durable on return.
   virtual absl::Status drop_units(const std::string& job_id,
                                   const std::vector<contract::Unit>& units) = 0;

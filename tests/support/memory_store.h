@@ -18,7 +18,8 @@ class MemoryStore final : public Store {
  public:
   explicit MemoryStore(std::string folder) : folder_(std::move(folder)) {}
 
-  /// Makes commit(), update_job() and finish_frame() fail with `status` from now on; OK ends it.
+  /// Makes commit(), finish_frame() and changes of a job's row fail with `status` from now on; OK
+  /// ends it.
   void fail_commits_with(absl::Status status) {
     const std::lock_guard lock(mutex_);
     commit_fault_ = std::move(status);
@@ -53,6 +54,7 @@ class MemoryStore final : public Store {
   }
   absl::Status remove_job(const std::string& job_id) override {
     const std::lock_guard lock(mutex_);
+    if (!commit_fault_.ok()) return commit_fault_;
     std::erase_if(jobs_, [&](const auto& entry) { return entry.second.id == job_id; });
     units_.erase(job_id);
     totals_.erase(job_id);
@@ -96,6 +98,14 @@ class MemoryStore final : public Store {
     if (released_.count(job_id) > 0) return absl::NotFoundError("released");
     if (damaged_.count(record.unit) > 0) return absl::DataLossError("damaged");
     return units_.at(job_id).at(record.unit).second;
+  }
+  absl::Status rewrite_job(const JobRecord& job,
+                           const std::vector<contract::Unit>& dropped) override {
+    const std::lock_guard lock(mutex_);
+    if (!commit_fault_.ok()) return commit_fault_;
+    for (const contract::Unit& unit : dropped) units_[job.id].erase(unit);
+    jobs_.at(job.sequence) = job;
+    return absl::OkStatus();
   }
   absl::Status drop_units(const std::string& job_id,
                           const std::vector<contract::Unit>& units) override {

@@ -10,7 +10,7 @@ void WorkerAdmission::admit(const Caller& caller, const std::string& worker_id,
                             const std::string& token,
                             const std::function<void(absl::StatusOr<std::string>)>& done) const {
   if (!tokens_) return done("");
-  const std::string key = coordinator_.session_key(worker_id, caller.certificate());
+  const std::string key = coordinator_.workers().session_key(worker_id, caller.certificate());
   if (contract::equal_in_constant_time(contract::sha256(token), contract::sha256(key))) {
     return done(key);
   }
@@ -23,11 +23,11 @@ void WorkerAdmission::admit(const Caller& caller, const std::string& worker_id,
                                  .count();
   const auto found = tokens_->find(token, now_s);
   if (!found.ok()) return done(found.status());
-  coordinator_.record_join({worker_id, found->id, caller.certificate()}, found->max_joins,
-                           [done, key](const absl::Status& status) {
-                             if (status.ok()) return done(key);
-                             done(status);
-                           });
+  coordinator_.workers().record_join({worker_id, found->id, caller.certificate()}, found->max_joins,
+                                     [done, key](const absl::Status& status) {
+                                       if (status.ok()) return done(key);
+                                       done(status);
+                                     });
 }
 
 }  // namespace tessera::server

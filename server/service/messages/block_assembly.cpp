@@ -38,7 +38,7 @@ absl::Status BlockAssembly::take(v1::DeliverRequest& request) {
     }
     worker_id_ = request.worker_id();
   }
-  absl::Status status = coordinator_.check_delivery(worker_id_, certificate_);
+  absl::Status status = coordinator_.intake().check_delivery(worker_id_, certificate_);
   for (int i = 0; status.ok() && i < request.parts_size(); ++i) {
     v1::BlockPart& part = *request.mutable_parts(i);
     if (part.has_header()) status = begin(part.header());
@@ -61,7 +61,7 @@ absl::Status BlockAssembly::begin(const v1::BlockHeader& message) {
   }
   header_ = *std::move(header);
   is_open_ = true;
-  admission_ = coordinator_.admit(worker_id_, header_);
+  admission_ = coordinator_.intake().admit(worker_id_, header_);
   if (admission_ && is_compressed_ &&
       missing_bytes_ > static_cast<std::int64_t>(
                            ZSTD_compressBound(static_cast<std::size_t>(header_.size_bytes)))) {
@@ -100,7 +100,7 @@ void BlockAssembly::complete() {
   if (!admission_) return;
   if (is_compressed_) bytes_ = expand(bytes_, header_.size_bytes);
   // The digest detects wrong bytes, also after failed decompression.
-  coordinator_.deliver(worker_id_, header_, *admission_, std::exchange(bytes_, {}));
+  coordinator_.intake().deliver(worker_id_, header_, *admission_, std::exchange(bytes_, {}));
 }
 
 }  // namespace tessera::server

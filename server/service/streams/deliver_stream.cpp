@@ -45,7 +45,7 @@ class DeliverStream final : public grpc::ServerReadReactor<v1::DeliverRequest> {
       const std::lock_guard resume_lock(handle->mutex);
       if (handle->stream != nullptr) handle->stream->resume();
     };
-    if (coordinator_.has_room_or_call(resume)) this->resume();
+    if (coordinator_.intake().has_room_or_call(resume)) this->resume();
   }
 
   void OnCancel() override {

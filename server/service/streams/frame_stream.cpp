@@ -78,7 +78,7 @@ grpc::ServerWriteReactor<v1::FetchFrameResponse>* send_frame(Coordinator& coordi
   if (!caller.ok() || !query.ok()) {
     stream->start(caller.ok() ? query.status() : caller.status());
   } else {
-    coordinator.fetch_frame(*query, [stream](const auto& file) { stream->start(file); });
+    coordinator.images().fetch_frame(*query, [stream](const auto& file) { stream->start(file); });
   }
   return stream;
 }

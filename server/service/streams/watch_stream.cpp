@@ -53,7 +53,7 @@ class WatchStream final : public PollingStream<v1::WatchJobResponse> {
  private:
   void poll() override {
     if (absl::Status status = access_.recheck(caller_); !status.ok()) return finish(status);
-    const auto view = coordinator_.job(job_id_);
+    const auto view = coordinator_.queries().job(job_id_);
     if (!view.ok()) return finish(view.status());
     const auto now = std::chrono::steady_clock::now();
     const bool is_new = !sent_ || sent_->state != view->state || sent_->reason != view->reason;

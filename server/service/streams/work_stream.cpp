@@ -138,7 +138,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
 
   void OnDone() override {
     connection_->detach();
-    if (session_) coordinator_.disconnect(*session_);
+    if (session_) coordinator_.workers().disconnect(*session_);
     { const std::lock_guard lock(mutex_); }
     delete this;
   }
@@ -171,7 +171,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
  private:
   void write_next() {
     if (final_status_ || !session_) return;
-    if (out_.empty()) write_outbox(coordinator_.take_outbox(*session_), out_);
+    if (out_.empty()) write_outbox(coordinator_.workers().take_outbox(*session_), out_);
     if (out_.empty()) return;
     is_writing_ = true;
     StartWrite(&out_.front());
@@ -181,27 +181,27 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
     const Session session = *session_;
     switch (request_.event_case()) {
       case v1::WorkRequest::kHeartbeat:
-        coordinator_.heartbeat(session, unit_names(request_.heartbeat().started()),
-                               request_.heartbeat().rss_bytes());
+        coordinator_.workers().heartbeat(session, unit_names(request_.heartbeat().started()),
+                                         request_.heartbeat().rss_bytes());
         break;
       case v1::WorkRequest::kCredits:
         if (request_.credits().unit_count() < 1) {
           return absl::InvalidArgumentError("credits.unit_count: must be at least 1");
         }
-        coordinator_.grant_credits(session, request_.credits().unit_count());
+        coordinator_.workers().grant_credits(session, request_.credits().unit_count());
         break;
       case v1::WorkRequest::kFailure:
         take_failure(session, request_.failure());
         break;
       case v1::WorkRequest::kReturned:
-        coordinator_.return_units(session, unit_names(request_.returned().units()));
+        coordinator_.workers().return_units(session, unit_names(request_.returned().units()));
         break;
       case v1::WorkRequest::kDraining:
-        coordinator_.begin_draining(session);
+        coordinator_.workers().begin_draining(session);
         break;
       case v1::WorkRequest::kSceneLoaded: {
         const v1::SceneLoaded& loaded = request_.scene_loaded();
-        coordinator_.scene_loaded(
+        coordinator_.workers().scene_loaded(
             session, loaded.job_id(),
             {valid_seconds(loaded.load_seconds()), valid_seconds(loaded.build_seconds()),
              loaded.peak_rss_bytes(), valid_seconds(loaded.accelerator_build_seconds()),
@@ -209,19 +209,19 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
         break;
       }
       case v1::WorkRequest::kLogLines:
-        coordinator_.take_log_lines(session, log_lines(request_.log_lines()));
+        coordinator_.workers().take_log_lines(session, log_lines(request_.log_lines()));
         break;
       case v1::WorkRequest::kHello:
         return absl::InvalidArgumentError("hello: only allowed as the first message");
       case v1::WorkRequest::EVENT_NOT_SET:
         break;  // unknown event of a newer worker; counts as contact
     }
-    coordinator_.record_contact(session);
+    coordinator_.workers().record_contact(session);
     return absl::OkStatus();
   }
 
   void take_failure(Session session, const v1::UnitFailure& failure) {
-    coordinator_.fail_unit(
+    coordinator_.workers().fail_unit(
         session, from_message(failure.lease()), failure.tile(),
         {"", cut_text(failure.message(), kMaxLogBytes), cut_text(failure.log_tail(), kMaxLogBytes)},
         static_cast<absl::StatusCode>(failure.code()));
@@ -249,8 +249,8 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
 
   /// Sends Welcome to an admitted worker and reads on. On any thread.
   void finish_admission(const Hello& hello, const absl::StatusOr<std::string>& session_key) {
-    std::optional<Coordinator::Joined> joined;
-    if (session_key.ok()) joined = coordinator_.join(hello, connection_);
+    std::optional<WorkerRegistry::Joined> joined;
+    if (session_key.ok()) joined = coordinator_.workers().join(hello, connection_);
     const std::lock_guard lock(mutex_);
     is_being_admitted_ = false;
     if (joined) session_ = joined->session;
@@ -261,7 +261,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkRequest, v1::Wor
   }
 
   /// Requires the lock.
-  void write_welcome(const Coordinator::Joined& joined, const std::string& session_key) {
+  void write_welcome(const WorkerRegistry::Joined& joined, const std::string& session_key) {
     v1::Welcome& welcome = *out_.emplace_back().mutable_welcome();
     welcome.set_session_key(session_key);
     welcome.set_store_id(joined.store_id);

@@ -27,7 +27,7 @@ class ListenTest : public testing::Test {
   ScratchFolder scratch_;
   const std::string& folder_ = scratch_.path();
   MemoryStore store_{folder_};
-  CoordinatorOptions options_;
+  FarmOptions options_;
   std::unique_ptr<Coordinator> coordinator_;
 };
 

@@ -41,8 +41,8 @@ class RunningCoordinator {
   Coordinator& coordinator() { return *coordinator_; }
 
  private:
-  static CoordinatorOptions options(Log log) {
-    CoordinatorOptions options;
+  static FarmOptions options(Log log) {
+    FarmOptions options;
     options.policy.restart_grace = std::chrono::milliseconds(50);
     options.clock = [] { return std::chrono::steady_clock::now(); };
     options.wall_us = [] { return std::int64_t{1'700'000'000'000'000}; };

@@ -42,9 +42,9 @@ class AuditTest : public CoordinatorFixture {
   void run_workers(const std::string& job_id) {
     for (int round = 0; round < 200 && !has_ended(view(job_id).state); ++round) {
       deliver_leased_units();
-      for (TestWorker& worker : workers_) coordinator->grant_credits(worker.session, 4);
+      for (TestWorker& worker : workers_) coordinator->workers().grant_credits(worker.session, 4);
       now += std::chrono::milliseconds(100);
-      for (TestWorker& worker : workers_) coordinator->record_contact(worker.session);
+      for (TestWorker& worker : workers_) coordinator->workers().record_contact(worker.session);
       coordinator->tick();
       pump();
     }
@@ -75,10 +75,10 @@ class AuditTest : public CoordinatorFixture {
   }
 
   std::int64_t audited(const std::string& job) {
-    return coordinator->report(job)->counters.audited;
+    return coordinator->queries().report(job)->counters.audited;
   }
   bool is_quarantined(const std::string& id) {
-    for (const auto& [worker, silence] : coordinator->workers()) {
+    for (const auto& [worker, silence] : coordinator->workers().list()) {
       if (worker.id == id) return worker.quarantined;
     }
     return false;
@@ -98,7 +98,7 @@ TEST_F(AuditTest, FrameWaitsUntilEveryUnitIsAudited) {
   run_workers(job);
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(audited(job), 6);
-  EXPECT_EQ(coordinator->report(job)->counters.mismatched, 0);
+  EXPECT_EQ(coordinator->queries().report(job)->counters.mismatched, 0);
   EXPECT_FALSE(is_quarantined("w1") || is_quarantined("w2"));
   start();
   EXPECT_EQ(audited(job), 6) << "its units have no rows any more";
@@ -116,16 +116,16 @@ TEST_F(AuditTest, AuditIsWaivedWithoutOtherWorkers) {
   const std::string job = create_job("a");
   add("w1");
   TestWorker& gone = add("w2");
-  coordinator->grant_credits(workers_[0].session, 64);
+  coordinator->workers().grant_credits(workers_[0].session, 64);
   for (const Leased& unit : std::exchange(workers_[0].units, {})) {
     deliver(workers_[0], unit, bytes_of(unit));
   }
   pump();
-  coordinator->begin_draining(gone.session);
-  coordinator->disconnect(gone.session);
+  coordinator->workers().begin_draining(gone.session);
+  coordinator->workers().disconnect(gone.session);
   workers_.pop_back();
   now += std::chrono::seconds(6);
-  coordinator->record_contact(workers_[0].session);
+  coordinator->workers().record_contact(workers_[0].session);
   run_workers(job);
   EXPECT_EQ(view(job).state, JobState::done);
 }
@@ -141,7 +141,7 @@ TEST_F(AuditTest, FaultyWorkersUnitsAreRenderedAgain) {
   EXPECT_EQ(pixels_of(job), truth);
   EXPECT_TRUE(is_quarantined("faulty"));
   EXPECT_FALSE(is_quarantined("w2") || is_quarantined("w3"));
-  EXPECT_GE(coordinator->report(job)->counters.redone, 1);
+  EXPECT_GE(coordinator->queries().report(job)->counters.redone, 1);
 }
 
 TEST_F(AuditTest, DecisionsOnFalseResultsAreRepeated) {
@@ -207,7 +207,7 @@ TEST_F(AuditTest, FirstUnitOfWorkerIsAlwaysAudited) {
   const std::string job = create_job("a");
   run_workers(job);
   EXPECT_EQ(view(job).state, JobState::done);
-  EXPECT_EQ(coordinator->report(job)->contributions.size(), 2u);
+  EXPECT_EQ(coordinator->queries().report(job)->contributions.size(), 2u);
   EXPECT_EQ(audited(job), 2);
 }
 

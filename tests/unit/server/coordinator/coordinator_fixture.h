@@ -78,10 +78,10 @@ class CoordinatorFixture : public testing::Test {
     spec.settings.spp = spp;
     return spec;
   }
-  absl::StatusOr<Coordinator::Created> create(const JobSpec& spec) {
+  absl::StatusOr<JobAdmission::Created> create(const JobSpec& spec) {
     specs_[spec.request] = spec;
-    absl::StatusOr<Coordinator::Created> result = absl::UnknownError("no answer");
-    coordinator->create_job(spec, [&](const auto& created) { result = created; });
+    absl::StatusOr<JobAdmission::Created> result = absl::UnknownError("no answer");
+    coordinator->admission().create_job(spec, [&](const auto& created) { result = created; });
     pump();
     return result;
   }
@@ -90,13 +90,13 @@ class CoordinatorFixture : public testing::Test {
     EXPECT_TRUE(created.ok()) << created.status();
     return created.ok() ? created->view.spec->id : "";
   }
-  absl::StatusOr<JobView> change(const std::string& job_id, Coordinator::Change change) {
+  absl::StatusOr<JobView> change(const std::string& job_id, JobAdmin::Change change) {
     absl::StatusOr<JobView> result = absl::UnknownError("no answer");
-    coordinator->change_job(job_id, change, [&](const auto& view) { result = view; });
+    coordinator->jobs().change_job(job_id, change, [&](const auto& view) { result = view; });
     pump();
     return result;
   }
-  JobView view(const std::string& job_id) { return coordinator->job(job_id).value(); }
+  JobView view(const std::string& job_id) { return coordinator->queries().job(job_id).value(); }
 
   /// A unit with the lease that covers it.
   struct Leased {
@@ -117,13 +117,13 @@ class CoordinatorFixture : public testing::Test {
     hello.thread_count = 2;
     hello.credit_count = credits;
     TestWorker worker{id, {}, std::make_shared<RecordingConnection>(), {}, {}, {}};
-    worker.session = coordinator->join(hello, worker.link).session;
+    worker.session = coordinator->workers().join(hello, worker.link).session;
     collect(worker);
     return worker;
   }
   /// Reads the worker's messages.
   void collect(TestWorker& worker) {
-    Outbox outbox = coordinator->take_outbox(worker.session);
+    Outbox outbox = coordinator->workers().take_outbox(worker.session);
     for (const Lease& lease : outbox.leases) {
       for (std::int32_t i = 0; i < lease.tile_count; ++i) {
         worker.units.push_back(
@@ -181,8 +181,8 @@ class CoordinatorFixture : public testing::Test {
   /// Delivers `bytes` as the unit's block; returns whether it was admitted.
   bool deliver(const TestWorker& worker, const Leased& unit, const std::string& bytes) {
     const BlockHeader header = header_of(unit, bytes);
-    const auto admission = coordinator->admit(worker.id, header);
-    if (admission) coordinator->deliver(worker.id, header, *admission, bytes);
+    const auto admission = coordinator->intake().admit(worker.id, header);
+    if (admission) coordinator->intake().deliver(worker.id, header, *admission, bytes);
     return admission.has_value();
   }
   void deliver_all(TestWorker& worker) {
@@ -198,7 +198,7 @@ class CoordinatorFixture : public testing::Test {
       deliver_all(worker);
       pump();
       collect(worker);
-      coordinator->grant_credits(
+      coordinator->workers().grant_credits(
           worker.session, static_cast<std::int32_t>(worker.acknowledgements.size() - before));
     }
   }
@@ -211,7 +211,7 @@ class CoordinatorFixture : public testing::Test {
   MemoryStore store{folder.path()};
   Time now{};
   std::int64_t wall_us = 1'700'000'000'000'000;
-  CoordinatorOptions options;
+  FarmOptions options;
   double noise = 0;
   std::unique_ptr<Coordinator> coordinator;
 

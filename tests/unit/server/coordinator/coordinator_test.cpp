@@ -45,9 +45,9 @@ TEST_F(CoordinatorTest, WaitingJobExplainsMissingWorkers) {
   auto worker = join("w1", 1);
   EXPECT_EQ(view(job).reason, "");
   EXPECT_EQ(view(tagged).reason, "no connected worker has tag big");
-  coordinator->begin_draining(worker.session);
+  coordinator->workers().begin_draining(worker.session);
   EXPECT_EQ(view(job).reason, "no workers connected");
-  ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
+  ASSERT_TRUE(change(job, JobAdmin::Change::cancel).ok());
   EXPECT_EQ(view(job).reason, "cancelled") << "it does not wait";
 }
 
@@ -62,8 +62,8 @@ TEST_F(CoordinatorTest, LogLevelsMatchSeverity) {
                                       "job " + id + " is RUNNING"}));
   ASSERT_FALSE(ann.units.empty());
   const Leased unit = ann.units.front();
-  coordinator->fail_unit(ann.session, unit.lease, unit.name.unit.tile, {"", "out of luck", ""},
-                         absl::StatusCode::kInternal);
+  coordinator->workers().fail_unit(ann.session, unit.lease, unit.name.unit.tile,
+                                   {"", "out of luck", ""}, absl::StatusCode::kInternal);
   ASSERT_EQ(lines[LogLevel::warn].size(), 1u);
   EXPECT_EQ(lines[LogLevel::warn].front(), "worker ann: job " + id + ", frame 0, tile " +
                                                std::to_string(unit.name.unit.tile) +
@@ -137,7 +137,7 @@ TEST_F(CoordinatorTest, EveryBlockIsAcknowledgedOnce) {
   collect(worker);
   EXPECT_EQ(count(worker.acknowledgements, AckStatus::duplicate), 2);
   EXPECT_EQ(worker.acknowledgements.size(), 3u);
-  const auto report = coordinator->report(job);
+  const auto report = coordinator->queries().report(job);
   EXPECT_EQ(report->counters.duplicated, 2);
   EXPECT_DOUBLE_EQ(report->counters.wasted_cpu_seconds, 1);
 }
@@ -154,7 +154,7 @@ TEST_F(CoordinatorTest, MismatchedDuplicateIsRejected) {
   pump();
   collect(worker);
   EXPECT_EQ(count(worker.acknowledgements, AckStatus::rejected), 1);
-  EXPECT_EQ(coordinator->report(job)->counters.mismatched, 1);
+  EXPECT_EQ(coordinator->queries().report(job)->counters.mismatched, 1);
   EXPECT_EQ(view(job).state, JobState::running);
 }
 
@@ -186,9 +186,9 @@ TEST_F(CoordinatorTest, InvalidBlocksAreRejectedWithReason) {
   BlockHeader header = header_of(units[2], bytes_of(units[2]));
   std::string damaged = bytes_of(units[2]);
   damaged[5] = static_cast<char>(damaged[5] ^ 1);
-  const auto admission = coordinator->admit("w1", header);
+  const auto admission = coordinator->intake().admit("w1", header);
   ASSERT_TRUE(admission);
-  coordinator->deliver("w1", header, *admission, damaged);
+  coordinator->intake().deliver("w1", header, *admission, damaged);
   contract::FilmBlock poisoned = block_of(units[3], shape_of(units[3]));
   poisoned.alpha[0] = std::numeric_limits<float>::quiet_NaN();
   deliver(worker, units[3], contract::encode(poisoned));
@@ -209,18 +209,18 @@ TEST_F(CoordinatorTest, CancelledJobResultsAreObsolete) {
   deliver(worker, units[0], bytes_of(units[0]));
   pump();
   deliver(worker, units[1], bytes_of(units[1]));
-  ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
+  ASSERT_TRUE(change(job, JobAdmin::Change::cancel).ok());
   EXPECT_FALSE(deliver(worker, units[2], bytes_of(units[2])));
   pump();
   collect(worker);
   EXPECT_EQ(count(worker.acknowledgements, AckStatus::obsolete), 2)
       << "one before the restart, one after";
   EXPECT_EQ(worker.ended, std::vector<std::string>{job});
-  ASSERT_TRUE(change(job, Coordinator::Change::retry).ok());
-  coordinator->grant_credits(worker.session, 64);
+  ASSERT_TRUE(change(job, JobAdmin::Change::retry).ok());
+  coordinator->workers().grant_credits(worker.session, 64);
   finish_job(worker, job);
   EXPECT_EQ(view(job).state, JobState::done);
-  EXPECT_EQ(coordinator->report(job)->contributions.at("w1").units, 6);
+  EXPECT_EQ(coordinator->queries().report(job)->contributions.at("w1").units, 6);
 }
 
 TEST_F(CoordinatorTest, FullStorePausesJobUntilResumed) {
@@ -233,7 +233,7 @@ TEST_F(CoordinatorTest, FullStorePausesJobUntilResumed) {
   EXPECT_EQ(view(job).state, JobState::paused);
   EXPECT_NE(view(job).reason.find("no space left"), std::string::npos);
   store.fail_commits_with(absl::OkStatus());
-  ASSERT_TRUE(change(job, Coordinator::Change::resume).ok());
+  ASSERT_TRUE(change(job, JobAdmin::Change::resume).ok());
   for (const Leased& unit : units) deliver(worker, unit, bytes_of(unit));
   pump();
   EXPECT_EQ(view(job).state, JobState::done);
@@ -256,7 +256,7 @@ TEST_F(CoordinatorTest, FullStoreAtFrameEndPausesJob) {
   coordinator->tick();
   pump();
   EXPECT_EQ(journaled(), JobState::paused);
-  ASSERT_TRUE(change(job, Coordinator::Change::resume).ok());
+  ASSERT_TRUE(change(job, JobAdmin::Change::resume).ok());
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(journaled(), JobState::done);
 }
@@ -267,19 +267,19 @@ TEST_F(CoordinatorTest, BacklogStopsReading) {
   create_job("a");
   auto worker = join("w1");
   int resumed = 0;
-  EXPECT_TRUE(coordinator->has_room_or_call([&] { ++resumed; }));
+  EXPECT_TRUE(coordinator->intake().has_room_or_call([&] { ++resumed; }));
   deliver(worker, worker.units[0], bytes_of(worker.units[0]));
-  EXPECT_FALSE(coordinator->has_room_or_call([&] { ++resumed; }));
+  EXPECT_FALSE(coordinator->intake().has_room_or_call([&] { ++resumed; }));
   EXPECT_EQ(resumed, 0);
   store.fail_commits_with(absl::UnavailableError("disk"));
   pump();
   EXPECT_EQ(resumed, 1) << "also when the commit fails: the block is sent again";
   store.fail_commits_with(absl::OkStatus());
   deliver(worker, worker.units[0], bytes_of(worker.units[0]));
-  EXPECT_FALSE(coordinator->has_room_or_call([&] { ++resumed; }));
+  EXPECT_FALSE(coordinator->intake().has_room_or_call([&] { ++resumed; }));
   pump();
   EXPECT_EQ(resumed, 2);
-  EXPECT_TRUE(coordinator->has_room_or_call([&] { ++resumed; }));
+  EXPECT_TRUE(coordinator->intake().has_room_or_call([&] { ++resumed; }));
 }
 
 // Sessions ----------------------------------------------------------------------------------------
@@ -289,12 +289,13 @@ TEST_F(CoordinatorTest, NewStreamClosesOldOne) {
   auto old = join("w1");
   auto fresh = join("w1");
   EXPECT_TRUE(absl::IsAborted(old.link->closed));
-  coordinator->disconnect(old.session);  // the old stream's end must not touch the new one
-  EXPECT_TRUE(coordinator->check_delivery("w1").ok());
-  coordinator->grant_credits(old.session, 1000);
-  EXPECT_TRUE(coordinator->take_outbox(old.session).empty());
-  coordinator->disconnect(fresh.session);
-  EXPECT_FALSE(coordinator->check_delivery("w1").ok());
+  coordinator->workers().disconnect(
+      old.session);  // the old stream's end must not touch the new one
+  EXPECT_TRUE(coordinator->intake().check_delivery("w1").ok());
+  coordinator->workers().grant_credits(old.session, 1000);
+  EXPECT_TRUE(coordinator->workers().take_outbox(old.session).empty());
+  coordinator->workers().disconnect(fresh.session);
+  EXPECT_FALSE(coordinator->intake().check_delivery("w1").ok());
 }
 
 TEST_F(CoordinatorTest, NewMessageWakesConnection) {
@@ -332,7 +333,7 @@ TEST_F(CoordinatorTest, RestartContinuesFromCommittedUnits) {
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(pixels_of(job), pixels_of(whole));
   EXPECT_DOUBLE_EQ(view(job).cpu_seconds, 6) << "exact over crashes";
-  EXPECT_EQ(coordinator->report(whole)->contributions.at("w1").units, 12);
+  EXPECT_EQ(coordinator->queries().report(whole)->contributions.at("w1").units, 12);
 }
 
 TEST_F(CoordinatorTest, LeasesSurviveRestart) {
@@ -377,7 +378,7 @@ TEST_F(CoordinatorTest, DamagedBlockIsRenderedAgain) {
   EXPECT_EQ(view(job).state, JobState::done);
   EXPECT_EQ(view(job).committed_sample_count, view(whole).committed_sample_count);
   EXPECT_EQ(pixels_of(job), pixels_of(whole));
-  EXPECT_EQ(coordinator->report(job)->counters.redone, 1);
+  EXPECT_EQ(coordinator->queries().report(job)->counters.redone, 1);
 }
 
 TEST_F(CoordinatorTest, GrantsWaitForKnownWorkersAfterRestart) {
@@ -426,9 +427,9 @@ TEST_F(CoordinatorTest, UnfinishedJobsPerOwnerAreLimited) {
   bobs.owner = "bob";
   EXPECT_TRUE(create(bobs).ok()) << "other owners are counted separately";
   EXPECT_TRUE(create(spec_of("two")).ok()) << "the same request is the same job";
-  ASSERT_TRUE(change(one, Coordinator::Change::cancel).ok());
+  ASSERT_TRUE(change(one, JobAdmin::Change::cancel).ok());
   EXPECT_TRUE(create(spec_of("three")).ok());
-  EXPECT_TRUE(absl::IsResourceExhausted(change(one, Coordinator::Change::retry).status()));
+  EXPECT_TRUE(absl::IsResourceExhausted(change(one, JobAdmin::Change::retry).status()));
 }
 
 TEST_F(CoordinatorTest, SamplesPerOwnerAreLimited) {
@@ -437,10 +438,10 @@ TEST_F(CoordinatorTest, SamplesPerOwnerAreLimited) {
   const std::string one = create_job("one", 8);
   EXPECT_TRUE(absl::IsResourceExhausted(create(spec_of("more", 12)).status()));
   create_job("two", 8);
-  Coordinator::Extension extension;
+  JobAdmin::Extension extension;
   extension.spp = 12;
   absl::StatusOr<JobView> extended = absl::UnknownError("no answer");
-  coordinator->extend_job(one, extension, [&](const auto& view) { extended = view; });
+  coordinator->jobs().extend_job(one, extension, [&](const auto& view) { extended = view; });
   pump();
   EXPECT_TRUE(absl::IsResourceExhausted(extended.status()));
 }
@@ -455,22 +456,22 @@ TEST_F(CoordinatorTest, StoredBytesPerOwnerAreLimited) {
 TEST_F(CoordinatorTest, FindsJobsByIdPrefixNameAndLast) {
   const std::string one = create_job("one");
   const std::string two = create_job("two");
-  EXPECT_EQ(coordinator->find_job(one)->spec->id, one);
-  EXPECT_EQ(coordinator->find_job("two")->spec->id, two);
-  EXPECT_EQ(coordinator->find_job("last")->spec->id, two);
+  EXPECT_EQ(coordinator->queries().find_job(one)->spec->id, one);
+  EXPECT_EQ(coordinator->queries().find_job("two")->spec->id, two);
+  EXPECT_EQ(coordinator->queries().find_job("last")->spec->id, two);
   std::size_t different = 0;
   while (one[different] == two[different]) ++different;
-  EXPECT_EQ(coordinator->find_job(one.substr(0, different + 1))->spec->id, one);
-  EXPECT_TRUE(absl::IsNotFound(coordinator->find_job("nothing").status()));
-  EXPECT_TRUE(absl::IsNotFound(coordinator->find_job("").status()));
+  EXPECT_EQ(coordinator->queries().find_job(one.substr(0, different + 1))->spec->id, one);
+  EXPECT_TRUE(absl::IsNotFound(coordinator->queries().find_job("nothing").status()));
+  EXPECT_TRUE(absl::IsNotFound(coordinator->queries().find_job("").status()));
 }
 
 TEST_F(CoordinatorTest, ListsNewestFirstInPages) {
   for (const char* name : {"a", "b", "c"}) create_job(name);
-  const auto first = coordinator->list_jobs(0, 2);
+  const auto first = coordinator->queries().list_jobs(0, 2);
   ASSERT_EQ(first.size(), 2u);
   EXPECT_EQ(first[0].spec->name, "c");
-  const auto second = coordinator->list_jobs(first.back().key, 2);
+  const auto second = coordinator->queries().list_jobs(first.back().key, 2);
   ASSERT_EQ(second.size(), 1u);
   EXPECT_EQ(second[0].spec->name, "a");
 }
@@ -478,14 +479,14 @@ TEST_F(CoordinatorTest, ListsNewestFirstInPages) {
 TEST_F(CoordinatorTest, OnlyEndedJobsCanBeRemoved) {
   const std::string job = create_job("a");
   absl::Status status;
-  coordinator->remove_job(job, [&](const absl::Status& s) { status = s; });
+  coordinator->jobs().remove_job(job, [&](const absl::Status& s) { status = s; });
   pump();
   EXPECT_TRUE(absl::IsFailedPrecondition(status));
-  ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
-  coordinator->remove_job(job, [&](const absl::Status& s) { status = s; });
+  ASSERT_TRUE(change(job, JobAdmin::Change::cancel).ok());
+  coordinator->jobs().remove_job(job, [&](const absl::Status& s) { status = s; });
   pump();
   EXPECT_TRUE(status.ok());
-  EXPECT_TRUE(absl::IsNotFound(coordinator->job(job).status()));
+  EXPECT_TRUE(absl::IsNotFound(coordinator->queries().job(job).status()));
   EXPECT_TRUE(store.jobs()->empty());
 }
 
@@ -502,13 +503,13 @@ TEST_F(CoordinatorTest, ExtendedJobMatchesLongerJob) {
   worker.units.clear();
   pump();
   absl::StatusOr<JobView> extended = absl::UnknownError("");
-  coordinator->extend_job(job, {64, {}}, [&](const auto& view) { extended = view; });
+  coordinator->jobs().extend_job(job, {64, {}}, [&](const auto& view) { extended = view; });
   pump();
   ASSERT_TRUE(extended.ok()) << extended.status();
   EXPECT_EQ(extended->committed_unit_count, 5) << "pass 0 is the same in both";
-  coordinator->grant_credits(worker.session, 64);
+  coordinator->workers().grant_credits(worker.session, 64);
   // The units of pass 0 that it still holds stay with it; the worker seems to have died.
-  coordinator->disconnect(worker.session);
+  coordinator->workers().disconnect(worker.session);
   auto again = join("w1");
   finish_job(again, job);
   EXPECT_EQ(view(job).state, JobState::done);
@@ -547,9 +548,9 @@ TEST_F(CoordinatorTest, ContractChangeStopsStartedJob) {
     EXPECT_EQ(view(begun).committed_unit_count, 0) << "its blocks are read by other passes now";
     EXPECT_DOUBLE_EQ(view(begun).cpu_seconds, spent);
   }
-  EXPECT_TRUE(absl::IsFailedPrecondition(change(begun, Coordinator::Change::retry).status()));
+  EXPECT_TRUE(absl::IsFailedPrecondition(change(begun, JobAdmin::Change::retry).status()));
   absl::StatusOr<JobView> extended = absl::UnknownError("");
-  coordinator->extend_job(begun, {64, {}}, [&](const auto& view) { extended = view; });
+  coordinator->jobs().extend_job(begun, {64, {}}, [&](const auto& view) { extended = view; });
   pump();
   EXPECT_TRUE(absl::IsFailedPrecondition(extended.status())) << extended.status();
 }
@@ -571,8 +572,8 @@ TEST_F(CoordinatorTest, PartialFrameListsMissingTiles) {
   auto worker = join("w1");
   const auto fetch = [&](bool allow_partial) {
     absl::StatusOr<FrameFile> result = absl::UnknownError("no answer");
-    coordinator->fetch_frame({job, 0, FrameFormat::exr, 0, allow_partial},
-                             [&](const auto& file) { result = file; });
+    coordinator->images().fetch_frame({job, 0, FrameFormat::exr, 0, allow_partial},
+                                      [&](const auto& file) { result = file; });
     pump();
     return result;
   };

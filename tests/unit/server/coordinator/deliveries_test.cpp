@@ -45,7 +45,7 @@ TEST(DeliveryLog, KeepsNewestAndNamesOfGoneWorkers) {
 class Deliveries : public CoordinatorFixture {
  protected:
   std::vector<Delivery> all(const std::string& job) {
-    return coordinator->deliveries(job, 0, 1000).value();
+    return coordinator->queries().deliveries(job, 0, 1000).value();
   }
 };
 
@@ -68,7 +68,7 @@ TEST_F(Deliveries, RecordWorkerCpuTimeAndLease) {
   EXPECT_EQ(deliveries[0].cpu_seconds, 0.5);
   EXPECT_EQ(deliveries[0].lease_seconds, 3);
   EXPECT_EQ(deliveries[0].retry_count, 0);
-  EXPECT_TRUE(absl::IsNotFound(coordinator->deliveries("nosuch", 0, 9).status()));
+  EXPECT_TRUE(absl::IsNotFound(coordinator->queries().deliveries("nosuch", 0, 9).status()));
 }
 
 TEST_F(Deliveries, CountEarlierFailuresAndLosses) {
@@ -76,8 +76,8 @@ TEST_F(Deliveries, CountEarlierFailuresAndLosses) {
   const std::string job = create_job("a");
   collect(first);
   const Leased unit = std::exchange(first.units, {}).at(0);
-  coordinator->fail_unit(first.session, unit.lease, unit.name.unit.tile, {"first", "burnt", ""},
-                         absl::StatusCode::kInternal);
+  coordinator->workers().fail_unit(first.session, unit.lease, unit.name.unit.tile,
+                                   {"first", "burnt", ""}, absl::StatusCode::kInternal);
   TestWorker second = join("second", 64);
   collect(second);
   finish_job(second, job);
@@ -102,7 +102,7 @@ TEST_F(Deliveries, DistinguishAuditsFromRepeats) {
     for (TestWorker* worker : {&ann, &bob}) {
       deliver_all(*worker);
       pump();
-      coordinator->grant_credits(worker->session, 8);
+      coordinator->workers().grant_credits(worker->session, 8);
     }
   }
   ASSERT_EQ(view(job).state, JobState::done);

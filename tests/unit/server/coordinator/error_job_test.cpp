@@ -28,7 +28,7 @@ class ErrorJobTest : public CoordinatorFixture {
     return created.ok() ? created->view.spec->id : "";
   }
   nlohmann::json report_of(const std::string& job_id) {
-    return nlohmann::json::parse(report_json(coordinator->report(job_id).value()));
+    return nlohmann::json::parse(report_json(coordinator->queries().report(job_id).value()));
   }
 };
 
@@ -79,7 +79,7 @@ TEST_F(ErrorJobTest, RestartsAndOrderKeepPixels) {
       const Leased unit = worker.units.back();
       worker.units.pop_back();
       deliver(worker, unit, bytes_of(unit));
-      coordinator->grant_credits(worker.session, 1);
+      coordinator->workers().grant_credits(worker.session, 1);
     }
     now += std::chrono::seconds(1);
     coordinator->tick();
@@ -111,19 +111,20 @@ TEST_F(ErrorJobTest, LoweringErrorLaterKeepsPixels) {
     pump();
   }
   absl::StatusOr<JobView> extended = absl::UnknownError("");
-  coordinator->extend_job(job, {{}, 0.05}, [&](const auto& view) { extended = view; });
+  coordinator->jobs().extend_job(job, {{}, 0.05}, [&](const auto& view) { extended = view; });
   pump();
   ASSERT_TRUE(extended.ok()) << extended.status();
   EXPECT_GT(extended->committed_unit_count, 0);
-  coordinator->extend_job(job, {{}, 0.1}, [&](const auto& view) { extended = view; });
+  coordinator->jobs().extend_job(job, {{}, 0.1}, [&](const auto& view) { extended = view; });
   pump();
   EXPECT_TRUE(absl::IsInvalidArgument(extended.status())) << "more error than at present";
   bool was_asked = false;  // same error: `done` is called without a lock
-  coordinator->extend_job(job, {{}, 0.05},
-                          [&](const auto& /*view*/) { was_asked = coordinator->job(job).ok(); });
+  coordinator->jobs().extend_job(job, {{}, 0.05}, [&](const auto& /*view*/) {
+    was_asked = coordinator->queries().job(job).ok();
+  });
   pump();
   EXPECT_TRUE(was_asked);
-  coordinator->disconnect(worker.session);
+  coordinator->workers().disconnect(worker.session);
   auto again = join("w1");
   finish_job(again, job);
   ASSERT_EQ(view(job).state, JobState::done);
@@ -140,7 +141,7 @@ TEST_F(ErrorJobTest, DamagedBlockIsRenderedAgain) {
     collect(worker);
     for (const Leased& unit : std::exchange(worker.units, {})) {
       deliver(worker, unit, bytes_of(unit));
-      coordinator->grant_credits(worker.session, 1);
+      coordinator->workers().grant_credits(worker.session, 1);
     }
     pump();
   }
@@ -161,7 +162,7 @@ TEST_F(ErrorJobTest, BlackFrameIsUncertain) {
     collect(worker);
     for (const Leased& unit : std::exchange(worker.units, {})) {
       deliver(worker, unit, contract::encode(contract::FilmBlock::zeros(shape_of(unit))));
-      coordinator->grant_credits(worker.session, 1);
+      coordinator->workers().grant_credits(worker.session, 1);
     }
     pump();
   }

@@ -114,13 +114,13 @@ class Events : public CoordinatorFixture {
   }
   absl::Status ban(const std::string& id) {
     absl::Status result = absl::UnknownError("no answer");
-    coordinator->ban_worker(id, [&](const absl::Status& status) { result = status; });
+    coordinator->workers().ban_worker(id, [&](const absl::Status& status) { result = status; });
     pump();
     return result;
   }
   absl::Status allow(const std::string& id) {
     absl::Status result = absl::UnknownError("no answer");
-    coordinator->allow_worker(id, [&](const absl::Status& status) { result = status; });
+    coordinator->workers().allow_worker(id, [&](const absl::Status& status) { result = status; });
     pump();
     return result;
   }
@@ -134,7 +134,8 @@ TEST_F(Events, JobLifecycleIsRecorded) {
             (std::vector{EventKind::worker_joined, EventKind::job_submitted, EventKind::job_running,
                          EventKind::frame_finished, EventKind::job_done}));
   bool is_removed = false;
-  coordinator->remove_job(job, [&](const absl::Status& status) { is_removed = status.ok(); });
+  coordinator->jobs().remove_job(job,
+                                 [&](const absl::Status& status) { is_removed = status.ok(); });
   pump();
   EXPECT_TRUE(is_removed);
   EXPECT_EQ(kinds().back(), EventKind::job_removed);
@@ -145,8 +146,9 @@ TEST_F(Events, FailedUnitIncludesLastRendererOutput) {
   const std::string job = create_job("shot");
   collect(worker);
   const Leased& unit = worker.units.front();
-  coordinator->fail_unit(worker.session, unit.lease, unit.name.unit.tile,
-                         {"", "it broke", "first\nsecond\n"}, absl::StatusCode::kInternal);
+  coordinator->workers().fail_unit(worker.session, unit.lease, unit.name.unit.tile,
+                                   {"", "it broke", "first\nsecond\n"},
+                                   absl::StatusCode::kInternal);
   const auto events = texts(coordinator->events().read({0, job, ""}, 100));
   ASSERT_GE(events.size(), 3u);
   const std::vector<std::string> last(events.end() - 3, events.end());
@@ -159,28 +161,29 @@ TEST_F(Events, WorkerLogsOnlyForLeasedJobs) {
   TestWorker worker = join("w");
   const std::string job = create_job("shot");
   const TestWorker stranger = join("late", 0);
-  coordinator->take_log_lines(stranger.session, {{job, "not mine"}});
-  coordinator->take_log_lines(worker.session, {{job, "mine"}, {"nosuch", "of no job"}});
+  coordinator->workers().take_log_lines(stranger.session, {{job, "not mine"}});
+  coordinator->workers().take_log_lines(worker.session, {{job, "mine"}, {"nosuch", "of no job"}});
   const auto events = coordinator->events().read({0, job, ""}, 100);
   EXPECT_EQ(events.back().text, "mine");
   EXPECT_EQ(events.back().worker_id, "w");
   for (const Event& event : events) EXPECT_NE(event.text, "not mine");
   finish_job(worker, job);
-  coordinator->take_log_lines(worker.session, {{job, "the last word"}});  // late, but accepted
+  coordinator->workers().take_log_lines(worker.session,
+                                        {{job, "the last word"}});  // late, but accepted
   EXPECT_EQ(coordinator->events().read({0, job, ""}, 100).back().text, "the last word");
   start();
   worker = join("w");  // after a restart of the server
-  coordinator->take_log_lines(worker.session, {{job, "the very last"}});
+  coordinator->workers().take_log_lines(worker.session, {{job, "the very last"}});
   EXPECT_EQ(texts(coordinator->events().read({0, job, ""}, 100)),
             std::vector<std::string>{"the very last"});
 }
 
 TEST_F(Events, DrainedWorkerGetsNoLeases) {
   TestWorker worker = join("w");
-  EXPECT_TRUE(absl::IsNotFound(coordinator->drain_worker("nobody")));
-  EXPECT_TRUE(coordinator->drain_worker("w").ok());
-  EXPECT_TRUE(coordinator->take_outbox(worker.session).drain);
-  EXPECT_FALSE(coordinator->take_outbox(worker.session).drain);  // once
+  EXPECT_TRUE(absl::IsNotFound(coordinator->workers().drain_worker("nobody")));
+  EXPECT_TRUE(coordinator->workers().drain_worker("w").ok());
+  EXPECT_TRUE(coordinator->workers().take_outbox(worker.session).drain);
+  EXPECT_FALSE(coordinator->workers().take_outbox(worker.session).drain);  // once
   create_job("shot");
   collect(worker);
   EXPECT_TRUE(worker.units.empty());
@@ -213,7 +216,7 @@ TEST_F(Events, BanSurvivesRestartUntilLifted) {
   start();
   TestWorker worker = join("bad");
   now += std::chrono::seconds(6);  // known workers are not awaited any longer
-  coordinator->record_contact(worker.session);
+  coordinator->workers().record_contact(worker.session);
   coordinator->tick();
   create_job("shot");
   collect(worker);

@@ -17,7 +17,8 @@ class MetricsTest : public CoordinatorFixture {
   /// Lines of the text, name and labels → value.
   std::map<std::string, double> scrape() {
     std::map<std::string, double> values;
-    std::istringstream text(prometheus::TextSerializer().Serialize(coordinator->metrics()));
+    std::istringstream text(
+        prometheus::TextSerializer().Serialize(coordinator->queries().metrics()));
     for (std::string line; std::getline(text, line);) {
       if (line.starts_with("#")) continue;
       const std::size_t space = line.rfind(' ');
@@ -55,14 +56,14 @@ TEST_F(MetricsTest, UnitsAreCountedByState) {
   EXPECT_EQ(values.at("tessera_ingest_bytes"), 0);
   EXPECT_GT(values.at("tessera_film_bytes"), 0);
 
-  ASSERT_TRUE(change(job, Coordinator::Change::pause).ok());
+  ASSERT_TRUE(change(job, JobAdmin::Change::pause).ok());
   values = scrape();
   EXPECT_EQ(values.at(R"(tessera_units{state="waiting"})"), 0);
   EXPECT_EQ(values.at(R"(tessera_units{state="paused"})"), total - 4);
   EXPECT_EQ(values.at(R"(tessera_jobs{state="paused"})"), 1);
 
-  ASSERT_TRUE(change(job, Coordinator::Change::resume).ok());
-  coordinator->grant_credits(worker.session, 64);
+  ASSERT_TRUE(change(job, JobAdmin::Change::resume).ok());
+  coordinator->workers().grant_credits(worker.session, 64);
   finish_job(worker, job);
   values = scrape();
   EXPECT_EQ(values.at(R"(tessera_jobs{state="done"})"), 1);
@@ -78,8 +79,8 @@ TEST_F(MetricsTest, ErrorsAreCountedByKind) {
   const std::string job = create_job("a");
   collect(worker);
   const Leased unit = worker.units.at(0);
-  coordinator->fail_unit(worker.session, unit.lease, unit.name.unit.tile, {"w", "burnt", ""},
-                         absl::StatusCode::kInternal);
+  coordinator->workers().fail_unit(worker.session, unit.lease, unit.name.unit.tile,
+                                   {"w", "burnt", ""}, absl::StatusCode::kInternal);
   const Leased other = worker.units.at(1);
   deliver(worker, other, bytes_of(other).substr(1));
   pump();
@@ -113,14 +114,14 @@ TEST_F(MetricsTest, AuditsAndQuarantinesAreCounted) {
         deliver(*worker, unit, bytes);
       }
       pump();
-      coordinator->grant_credits(worker->session, 4);
-      coordinator->record_contact(worker->session);
+      coordinator->workers().grant_credits(worker->session, 4);
+      coordinator->workers().record_contact(worker->session);
     }
     now += std::chrono::milliseconds(100);
     coordinator->tick();
     pump();
   }
-  const JobReport report = coordinator->report(job).value();
+  const JobReport report = coordinator->queries().report(job).value();
   ASSERT_EQ(report.view.state, JobState::done);
   const auto values = scrape();
   EXPECT_EQ(values.at("tessera_workers_quarantined_total"), 1);

@@ -27,7 +27,7 @@ class RetentionTest : public CoordinatorFixture {
     coordinator->tick();
     pump();
   }
-  bool exists(const std::string& job) { return coordinator->job(job).ok(); }
+  bool exists(const std::string& job) { return coordinator->queries().job(job).ok(); }
 };
 
 TEST_F(RetentionTest, EndedJobIsRemovedAfterRetention) {
@@ -36,12 +36,12 @@ TEST_F(RetentionTest, EndedJobIsRemovedAfterRetention) {
   const std::string done = create_job("done");
   finish_job(worker, done);
   const std::string cancelled = create_job("cancelled");
-  ASSERT_TRUE(change(cancelled, Coordinator::Change::cancel).ok());
+  ASSERT_TRUE(change(cancelled, JobAdmin::Change::cancel).ok());
   const std::string paused = create_job("paused");
-  ASSERT_TRUE(change(paused, Coordinator::Change::pause).ok());
+  ASSERT_TRUE(change(paused, JobAdmin::Change::pause).ok());
   pass(kDayUs);
   const std::string later = create_job("later");
-  ASSERT_TRUE(change(later, Coordinator::Change::cancel).ok());
+  ASSERT_TRUE(change(later, JobAdmin::Change::cancel).ok());
   EXPECT_TRUE(exists(done) && exists(cancelled));
   pass(kDayUs);
   EXPECT_FALSE(exists(done));
@@ -53,7 +53,7 @@ TEST_F(RetentionTest, EndedJobIsRemovedAfterRetention) {
 TEST_F(RetentionTest, EndTimeSurvivesRestart) {
   keep_for(0);
   const std::string job = create_job("a");
-  ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
+  ASSERT_TRUE(change(job, JobAdmin::Change::cancel).ok());
   pass(100 * kDayUs);
   EXPECT_TRUE(exists(job)) << "by default jobs stay";
   keep_for(kDayUs);
@@ -64,11 +64,11 @@ TEST_F(RetentionTest, EndTimeSurvivesRestart) {
 TEST_F(RetentionTest, RetriedJobIsKept) {
   keep_for(kDayUs);
   const std::string job = create_job("a");
-  ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
-  ASSERT_TRUE(change(job, Coordinator::Change::retry).ok());
+  ASSERT_TRUE(change(job, JobAdmin::Change::cancel).ok());
+  ASSERT_TRUE(change(job, JobAdmin::Change::retry).ok());
   pass(10 * kDayUs);
   ASSERT_TRUE(exists(job));
-  ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
+  ASSERT_TRUE(change(job, JobAdmin::Change::cancel).ok());
   pass(kDayUs / 2);
   EXPECT_TRUE(exists(job)) << "counted from its last end";
   pass(kDayUs / 2);
@@ -79,7 +79,7 @@ TEST_F(RetentionTest, JobsAreRemovedInSmallGroups) {
   keep_for(kDayUs);
   for (int i = 0; i < 20; ++i) {
     const std::string job = create_job("j" + std::to_string(i));
-    ASSERT_TRUE(change(job, Coordinator::Change::cancel).ok());
+    ASSERT_TRUE(change(job, JobAdmin::Change::cancel).ok());
   }
   pass(kDayUs);
   EXPECT_EQ(store.jobs()->size(), 4u);
@@ -94,10 +94,10 @@ TEST_F(RetentionTest, DoneJobKeepsFiguresWithoutUnits) {
   const std::string job = create_job("a", 64);
   auto worker = join("w1");
   finish_job(worker, job);
-  const JobReport before = coordinator->report(job).value();
+  const JobReport before = coordinator->queries().report(job).value();
   ASSERT_TRUE(store.for_each_unit(job, [](const UnitRecord&) { FAIL(); }).ok());
   start();
-  const JobReport after = coordinator->report(job).value();
+  const JobReport after = coordinator->queries().report(job).value();
   EXPECT_EQ(after.view.committed_unit_count, before.view.committed_unit_count);
   EXPECT_EQ(after.view.committed_sample_count, before.view.committed_sample_count);
   EXPECT_DOUBLE_EQ(after.view.cpu_seconds, before.view.cpu_seconds);

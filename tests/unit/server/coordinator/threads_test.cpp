@@ -20,15 +20,15 @@ class CoordinatorThreads : public CoordinatorFixture {
       const std::size_t before = worker.acknowledgements.size();
       collect(worker);
       for (const Leased& unit : std::exchange(worker.units, {})) {
-        coordinator->heartbeat(worker.session, {unit.name}, 1000);
+        coordinator->workers().heartbeat(worker.session, {unit.name}, 1000);
         for (int i = 0; i <= duplicates; ++i) deliver(worker, unit, bytes_of(unit));
       }
       std::this_thread::yield();
       collect(worker);
-      coordinator->grant_credits(
+      coordinator->workers().grant_credits(
           worker.session, static_cast<std::int32_t>(worker.acknowledgements.size() - before));
     }
-    coordinator->disconnect(worker.session);
+    coordinator->workers().disconnect(worker.session);
   }
 };
 
@@ -46,9 +46,9 @@ TEST_F(CoordinatorThreads, ConcurrentUseCommitsEveryUnitOnce) {
   std::thread timer([&] {
     while (!is_over) {
       coordinator->tick();
-      coordinator->workers();
-      coordinator->list_jobs(0, 10);
-      coordinator->report(job).status().IgnoreError();
+      coordinator->workers().list();
+      coordinator->queries().list_jobs(0, 10);
+      coordinator->queries().report(job).status().IgnoreError();
       std::this_thread::yield();
     }
   });
@@ -63,7 +63,7 @@ TEST_F(CoordinatorThreads, ConcurrentUseCommitsEveryUnitOnce) {
   writer.join();
   film.join();
   EXPECT_EQ(view(job).state, JobState::done);
-  const auto report = coordinator->report(job);
+  const auto report = coordinator->queries().report(job);
   std::int64_t units = 0;
   for (const auto& [id, contribution] : report->contributions) units += contribution.units;
   EXPECT_EQ(units, 800);

@@ -64,7 +64,7 @@ absl::Status FarmOnDisk::start() {
   auto store = Store::open(root_ + "/store", disk_, store_options);
   if (!store.ok()) return store.status();
   store_ = *std::move(store);
-  CoordinatorOptions options;
+  FarmOptions options;
   options.clock = [this] { return now_ += std::chrono::milliseconds(1); };
   options.wall_us = [] { return std::int64_t{1'700'000'000'000'000}; };
   options.random = [this] {
@@ -93,12 +93,12 @@ contract::Digest FarmOnDisk::scene_digest() const {
 
 absl::StatusOr<int> FarmOnDisk::upload_scene() {
   const contract::Digest digest = scene_digest();
-  if (coordinator_->has_asset(digest)) return step();
-  const auto path = coordinator_->new_upload_path();
+  if (coordinator_->assets().has_asset(digest)) return step();
+  const auto path = coordinator_->assets().new_upload_path();
   if (!path.ok()) return path.status();
   std::ofstream(*path, std::ios::binary) << kScene;
   absl::StatusOr<int> answer = absl::UnknownError("no answer");
-  coordinator_->publish_asset(*path, digest, [&](const absl::Status& status) {
+  coordinator_->assets().publish_asset(*path, digest, [&](const absl::Status& status) {
     answer = status.ok() ? absl::StatusOr<int>(step()) : status;
   });
   pump();
@@ -107,9 +107,11 @@ absl::StatusOr<int> FarmOnDisk::upload_scene() {
 
 absl::StatusOr<std::string> FarmOnDisk::submit() {
   absl::StatusOr<std::string> answer = absl::UnknownError("no answer");
-  coordinator_->create_job(the_job(), [&](const absl::StatusOr<Coordinator::Created>& created) {
-    answer = created.ok() ? absl::StatusOr<std::string>(created->view.spec->id) : created.status();
-  });
+  coordinator_->admission().create_job(
+      the_job(), [&](const absl::StatusOr<JobAdmission::Created>& created) {
+        answer =
+            created.ok() ? absl::StatusOr<std::string>(created->view.spec->id) : created.status();
+      });
   pump();
   return answer;
 }
@@ -126,11 +128,11 @@ void FarmOnDisk::connect(const WorkerLog& held) {
     waiting_.emplace_back(name, entry.lease);
     if (attempts.insert(entry.lease.attempt).second) hello.leases.push_back(entry.lease);
   }
-  session_ = coordinator_->join(hello, link_).session;
+  session_ = coordinator_->workers().join(hello, link_).session;
 }
 
 void FarmOnDisk::collect() {
-  Outbox outbox = coordinator_->take_outbox(session_);
+  Outbox outbox = coordinator_->workers().take_outbox(session_);
   for (const Lease& lease : outbox.leases) {
     for (std::int32_t i = 0; i < lease.tile_count; ++i) {
       const UnitName name{lease.job_id, {lease.frame, lease.first_tile + i, lease.pass}};
@@ -145,7 +147,7 @@ void FarmOnDisk::collect() {
     entry.status = acknowledgement.status;
     ++acknowledged_count;
   }
-  if (acknowledged_count > 0) coordinator_->grant_credits(session_, acknowledged_count);
+  if (acknowledged_count > 0) coordinator_->workers().grant_credits(session_, acknowledged_count);
 }
 
 void FarmOnDisk::send(const UnitName& name, const Lease& lease) {
@@ -155,8 +157,8 @@ void FarmOnDisk::send(const UnitName& name, const Lease& lease) {
   WorkerEntry& entry = log_[name];
   entry.lease = lease;
   entry.sent_step = step();
-  const auto admission = coordinator_->admit(kWorker, header);
-  if (admission) coordinator_->deliver(kWorker, header, *admission, bytes);
+  const auto admission = coordinator_->intake().admit(kWorker, header);
+  if (admission) coordinator_->intake().deliver(kWorker, header, *admission, bytes);
 }
 
 absl::Status FarmOnDisk::finish_job(const std::string& job_id) {
@@ -169,7 +171,7 @@ absl::Status FarmOnDisk::finish_job(const std::string& job_id) {
     waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(count));
     pump();
     collect();
-    const auto view = coordinator_->job(job_id);
+    const auto view = coordinator_->queries().job(job_id);
     if (!view.ok()) return view.status();
     if (has_ended(view->state)) return absl::OkStatus();
   }

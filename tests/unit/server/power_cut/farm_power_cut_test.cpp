@@ -108,8 +108,10 @@ std::string restart_on(const DiskImage& image, const Life& life, int step, bool 
   }
   const auto uploaded = farm.upload_scene();
   if (!uploaded.ok()) return uploaded.status().ToString();
-  if (step >= life.job_step && !farm.coordinator().job(life.job_id).ok()) return "the job is lost";
-  if (step >= life.done_step && farm.coordinator().job(life.job_id)->state != JobState::done) {
+  if (step >= life.job_step && !farm.coordinator().queries().job(life.job_id).ok())
+    return "the job is lost";
+  if (step >= life.done_step &&
+      farm.coordinator().queries().job(life.job_id)->state != JobState::done) {
     return "the job is done no more";
   }
   const auto job_id = farm.submit();
@@ -120,7 +122,7 @@ std::string restart_on(const DiskImage& image, const Life& life, int step, bool 
   for (const UnitName& name : acknowledged_at(life, step)) {
     if (farm.leased().count(name) != 0) return text(name) + " was acknowledged and leased again";
   }
-  const auto view = farm.coordinator().job(*job_id);
+  const auto view = farm.coordinator().queries().job(*job_id);
   if (!view.ok() || view->state != JobState::done) return "the job fails";
   if (view->committed_unit_count != kUnits) return "units are counted wrongly";
   if (view->cpu_seconds != 0.5 * kUnits) return "CPU seconds are counted wrongly";

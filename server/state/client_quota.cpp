@@ -1,4 +1,4 @@
-#include "server/coordinator/client_quota.h"
+#include "server/state/client_quota.h"
 
 #include "absl/strings/str_format.h"
 #include "contract/film_block.h"

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "server/coordinator/coordinator.h"
+#include "server/queries/farm_queries.h"
 
 namespace tessera::server {
 namespace {
@@ -40,17 +40,13 @@ struct Census {
 
 }  // namespace
 
-std::vector<prometheus::MetricFamily> Coordinator::metrics() const {
-  FarmMetrics& metrics = *options_.metrics;
+std::vector<prometheus::MetricFamily> FarmQueries::metrics() const {
+  FarmMetrics& metrics = parts_.farm.metrics();
   Census census;
-  std::size_t film_queue_length = 0;
-  std::int64_t ingest_bytes = 0;
   {
-    MutexLock lock(mutex_);
-    for (const auto& [key, job] : scheduler_.jobs()) census.add(job);
-    for (const auto& [key, worker] : scheduler_.workers()) census.add(worker);
-    film_queue_length = film_tasks_.size();
-    ingest_bytes = ingest_bytes_;
+    const FarmView view(parts_.farm);
+    for (const auto& [key, job] : view.scheduler().jobs()) census.add(job);
+    for (const auto& [key, worker] : view.scheduler().workers()) census.add(worker);
   }
   const auto set = [](prometheus::Gauge& gauge, auto value) {
     gauge.Set(static_cast<double>(value));
@@ -66,10 +62,10 @@ std::vector<prometheus::MetricFamily> Coordinator::metrics() const {
   set(metrics.workers.disconnected, census.disconnected);
   set(metrics.workers.lost, census.lost);
   set(metrics.worker_threads, census.threads);
-  set(metrics.ingest_bytes, ingest_bytes);
-  set(metrics.film_queue_length, film_queue_length);
-  set(metrics.film_bytes, film_.used_bytes());
-  set(metrics.store_bytes, store_.used_bytes());
+  set(metrics.ingest_bytes, parts_.budget.used_bytes());
+  set(metrics.film_queue_length, parts_.finisher.tasks().size());
+  set(metrics.film_bytes, parts_.finisher.films().cache().used_bytes());
+  set(metrics.store_bytes, parts_.store.used_bytes());
   return metrics.collect();
 }
 

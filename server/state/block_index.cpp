@@ -1,4 +1,4 @@
-#include "server/coordinator/block_index.h"
+#include "server/state/block_index.h"
 
 #include <algorithm>
 

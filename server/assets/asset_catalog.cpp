@@ -1,0 +1,99 @@
+#include "server/assets/asset_catalog.h"
+
+#include <algorithm>
+#include <chrono>
+#include <set>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr auto kAssetPin = std::chrono::hours(1);
+
+}  // namespace
+
+bool AssetCatalog::has_asset(const contract::Digest& digest) {
+  if (!store_.has_asset(digest)) return false;
+  const Time now = farm_.now();
+  const MutexLock lock(mutex_);
+  asked_[digest] = now;
+  return true;
+}
+
+absl::Status AssetCatalog::check_present(const JobSpec& spec) {
+  for (const ManifestEntry& entry : spec.assets) {
+    if (has_asset(entry.digest)) continue;
+    return absl::FailedPreconditionError(
+        absl::StrCat("manifest: asset ", entry.digest.hex(), " (", entry.uri,
+                     ") has not been uploaded; upload it and repeat"));
+  }
+  for (const contract::Digest& digest : spec.references) {
+    if (has_asset(digest)) continue;
+    return absl::FailedPreconditionError(absl::StrCat(
+        "references: asset ", digest.hex(), " has not been uploaded; upload it and repeat"));
+  }
+  return absl::OkStatus();
+}
+
+void AssetCatalog::add_job(JobKey key, const JobSpec& spec) {
+  const MutexLock lock(mutex_);
+  for (const contract::Digest& digest : spec.references) jobs_[digest][key] = false;
+  for (const ManifestEntry& entry : spec.assets) jobs_[entry.digest][key] = true;
+}
+
+absl::Status AssetCatalog::release(JobKey key, const JobSpec& spec) {
+  const std::vector<contract::Digest> digests = spec.asset_digests();
+  const absl::Status status = store_.release_assets(digests);
+  {
+    const MutexLock lock(mutex_);
+    for (const contract::Digest& digest : digests) {
+      const auto found = jobs_.find(digest);
+      if (found == jobs_.end()) continue;
+      found->second.erase(key);
+      if (found->second.empty()) jobs_.erase(found);
+    }
+  }
+  collect();
+  return status;
+}
+
+bool AssetCatalog::is_leased_asset(const contract::Digest& digest,
+                                   const std::string& certificate) const {
+  const FarmView view(farm_);
+  const std::set<JobKey> leased = view.scheduler().leased_jobs(certificate);
+  const MutexLock lock(mutex_);
+  const auto found = jobs_.find(digest);
+  if (found == jobs_.end()) return false;
+  return std::any_of(leased.begin(), leased.end(), [jobs = &found->second](JobKey key) {
+    const auto job = jobs->find(key);
+    return job != jobs->end() && job->second;
+  });
+}
+
+void AssetCatalog::publish_asset(const std::string& upload_path, const contract::Digest& digest,
+                                 std::function<void(absl::Status)> done) {
+  pipeline_.post([this, upload_path, digest, done = std::move(done)] {
+    const absl::Status status = store_.publish_asset(upload_path, digest);
+    if (store_.used_bytes() > farm_.options().asset_quota_bytes) collect();
+    done(status);
+  });
+}
+
+/// Deletes assets that nobody needs, beyond the quota. On the writer thread.
+void AssetCatalog::collect() {
+  const Time now = farm_.now();
+  std::vector<contract::Digest> named;
+  {
+    const MutexLock lock(mutex_);
+    std::erase_if(asked_, [&](const auto& entry) { return now - entry.second > kAssetPin; });
+    for (const auto& [digest, time] : asked_) named.push_back(digest);
+    for (const auto& [digest, keys] : jobs_) named.push_back(digest);
+  }
+  const absl::Status status =
+      store_.collect_assets(farm_.options().wall_us(), farm_.options().asset_quota_bytes, named);
+  if (!status.ok()) farm_.log(LogLevel::error, absl::StrCat("assets: ", status.ToString()));
+}
+
+}  // namespace tessera::server

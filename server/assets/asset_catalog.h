@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "contract/digest.h"
+#include "server/commit/commit_pipeline.h"
+#include "server/state/farm_state.h"
+#include "server/store/store.h"
+#include "server/sync/mutex.h"
+
+namespace tessera::server {
+
+/// Assets: what is here, who may read it, what is kept, and the collection of the rest.
+/// Thread-safe; its lock may be taken while the farm is locked.
+class AssetCatalog {
+ public:
+  AssetCatalog(FarmState& farm, Store& store, CommitPipeline& pipeline)
+      : farm_(farm), store_(store), pipeline_(pipeline) {}
+
+  /// Returns whether the asset exists; protects it from deletion for an hour.
+  bool has_asset(const contract::Digest& digest) ABSL_LOCKS_EXCLUDED(mutex_);
+  absl::StatusOr<std::string> new_upload_path() { return store_.new_upload_path(); }
+  void publish_asset(const std::string& upload_path, const contract::Digest& digest,
+                     std::function<void(absl::Status)> done);
+  std::string asset_path(const contract::Digest& digest) const { return store_.asset_path(digest); }
+  /// Returns whether the asset is a scene file of a job of which units were leased to workers with
+  /// this certificate.
+  bool is_leased_asset(const contract::Digest& digest, const std::string& certificate) const
+      ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Errors: FailedPrecondition, an asset that the job refers to is missing.
+  absl::Status check_present(const JobSpec& spec);
+  /// Keeps the assets of a job.
+  void add_job(JobKey key, const JobSpec& spec) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// A removed job no longer needs its assets. On the writer thread.
+  absl::Status release(JobKey key, const JobSpec& spec) ABSL_LOCKS_EXCLUDED(mutex_);
+
+ private:
+  void collect() ABSL_LOCKS_EXCLUDED(mutex_);
+
+  FarmState& farm_;
+  Store& store_;
+  CommitPipeline& pipeline_;
+  mutable Mutex mutex_;
+  std::map<contract::Digest, Time> asked_ ABSL_GUARDED_BY(mutex_);
+  /// Jobs that refer to the asset; true: as a file of their scene, which workers read.
+  std::map<contract::Digest, std::map<JobKey, bool>> jobs_ ABSL_GUARDED_BY(mutex_);
+};
+
+}  // namespace tessera::server

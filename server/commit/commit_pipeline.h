@@ -1,0 +1,74 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/status/status.h"
+#include "server/state/farm_state.h"
+#include "server/store/store.h"
+#include "server/sync/mutex.h"
+
+namespace tessera::server {
+
+/// Writes rows and runs the tasks that write, in order, on one thread; answers carry the outcome of
+/// the write. The only part whose thread writes to the journal and to segment files.
+class CommitPipeline final : public EffectHandler {
+ public:
+  /// Gets the outcome of a write. Called without locks on the writer thread; must not block.
+  using Answer = std::function<void(absl::Status)>;
+
+  CommitPipeline(FarmState& farm, Store& store) : farm_(farm), store_(store) {}
+
+  /// Body of the writer thread: writes what is pending, after waiting for something if `wait`.
+  /// Returns whether it did anything.
+  bool run(bool wait) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Ends waiting rounds. Further rounds without waiting still write what is queued.
+  void stop() ABSL_LOCKS_EXCLUDED(mutex_);
+  bool is_stopping() const ABSL_LOCKS_EXCLUDED(mutex_);
+
+  /// Runs a task on the writer thread, after those posted before.
+  void post(std::function<void()> task) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Writes the job's row as it is at the end of this change, then calls `answer` with the outcome.
+  void answer_when_written(FarmChange& change, JobKey job, Answer answer)
+      ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Writes the job's row soon.
+  void write_row(FarmChange& change, JobKey job) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Writes the running time of jobs, and retries rows that could not be written.
+  void write_running(FarmChange& change) ABSL_LOCKS_EXCLUDED(mutex_);
+  void carry_out(FarmChange& change, const Effects& effects) override ABSL_LOCKS_EXCLUDED(mutex_);
+
+ private:
+  /// What one round of the thread writes.
+  struct Round {
+    std::set<JobKey> changed;
+    std::vector<std::pair<std::string, bool>> roster;  // worker ID; true: joined, false: gone
+    std::multimap<JobKey, Answer> answers;
+    std::deque<std::function<void()>> tasks;
+    bool is_empty() const {
+      return changed.empty() && roster.empty() && answers.empty() && tasks.empty();
+    }
+  };
+
+  void write_jobs(const Round& round);
+  absl::Status write_job(const JobRecord& record);
+  void write_roster(const Round& round);
+
+  FarmState& farm_;
+  Store& store_;
+  std::set<JobKey> unwritten_;  // rows that could not be written; writer thread only
+
+  mutable Mutex mutex_;  // taken after the farm's
+  ConditionVariable wakeup_;
+  Round next_ ABSL_GUARDED_BY(mutex_);
+  bool retry_ ABSL_GUARDED_BY(mutex_) = false;  // the unwritten rows
+  bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
+};
+
+}  // namespace tessera::server

@@ -1,0 +1,143 @@
+#include "server/coordinator/farm_loader.h"
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "contract/version.h"
+#include "server/film/frame_summary.h"
+#include "server/jobs/job_admin.h"
+
+namespace tessera::server {
+namespace {
+
+/// Restores the sums over units whose rows are deleted.
+absl::Status restore_totals(const Store& store, Scheduler& scheduler, Job& job) {
+  const auto totals = store.totals(job.spec->id);
+  if (!totals.ok()) return totals.status();
+  for (const UnitTotals& total : *totals) {
+    scheduler.restore_contribution(job, total.worker_id, {total.units, total.cpu_seconds});
+    job.counters.audited += total.audited;
+  }
+  return absl::OkStatus();
+}
+
+/// Restores a job's units from the journal; those of unfinished frames also go to `visit_open`.
+absl::Status restore_units(const Store& store, Scheduler& scheduler, Job& job,
+                           const std::function<void(const UnitRecord&)>& visit_open) {
+  if (absl::Status status = restore_totals(store, scheduler, job); !status.ok()) return status;
+  const JobPlan& plan = job.open_plan();
+  return store.for_each_unit(job.spec->id, [&](const UnitRecord& unit) {
+    if (!plan.contains(unit.unit)) return;
+    scheduler.restore_unit(job, unit.unit, unit.worker_id, unit.cpu_seconds);
+    if (unit.audit == AuditState::ended) ++job.counters.audited;
+    if (!plan.is_finished(unit.unit.frame)) visit_open(unit);
+  });
+}
+
+/// Restores the cost of a job whose units this server does not read.
+absl::Status restore_costs(const Store& store, Scheduler& scheduler, Job& job) {
+  if (absl::Status status = restore_totals(store, scheduler, job); !status.ok()) return status;
+  return store.for_each_unit(job.spec->id, [&](const UnitRecord& unit) {
+    scheduler.restore_contribution(job, unit.worker_id, {1, unit.cpu_seconds});
+  });
+}
+
+/// Returns whether any unit of the job has been rendered.
+absl::StatusOr<bool> has_started(const Store& store, const std::string& job_id) {
+  const auto frames = store.frames(job_id);
+  if (!frames.ok()) return frames.status();
+  bool started = !frames->empty();
+  if (started) return true;
+  absl::Status status = store.for_each_unit(job_id, [&](const UnitRecord&) { started = true; });
+  if (!status.ok()) return status;
+  return started;
+}
+
+}  // namespace
+
+absl::Status FarmLoader::load() {
+  const auto banned = parts_.store.banned_workers();
+  if (!banned.ok()) return banned.status();
+  const auto records = parts_.store.jobs();
+  if (!records.ok()) return records.status();
+  FarmChange change(parts_.farm);
+  for (const std::string& worker_id : *banned) change.scheduler().ban(worker_id);
+  for (const JobRecord& record : *records) {
+    if (absl::Status status = load_job(change, record); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status FarmLoader::load_job(FarmChange& change, const JobRecord& record) {
+  auto spec = parts_.farm.options().read_spec(record);
+  if (!spec.ok()) return spec.status();
+  const auto state = static_cast<JobState>(record.state);
+  const bool is_current_contract = record.render_contract == contract::kRenderContract;
+  bool started = true;
+  if (state == JobState::queued || !is_current_contract) {
+    const auto found = has_started(parts_.store, record.id);
+    if (!found.ok()) return found.status();
+    started = *found;
+  }
+  if (started) spec->render_contract = record.render_contract;
+  spec->request_id = record.request_id;
+  parts_.assets.add_job(record.sequence, *spec);
+  Job& job =
+      change.add_job(record.sequence, std::make_shared<const JobSpec>(*std::move(spec)), state);
+  job.reason = record.reason;
+  job.failure_code = static_cast<absl::StatusCode>(record.failure_code);
+  job.wall_seconds_before = record.wall_seconds;
+  JobFilm& film = change.film(job);
+  film.create_time_us = record.create_time_us;
+  film.end_time_us = record.end_time_us;
+  film.wall_at_start = record.wall_seconds;
+  if (!started && !is_current_contract) {
+    parts_.pipeline.write_row(change, job.key);  // none of its blocks has another contract
+  }
+  if (!started && state == JobState::queued) return absl::OkStatus();
+  if (absl::Status frames = load_frames(change, job); !frames.ok()) return frames;
+  const absl::Status same = check_render_contract(*job.spec);
+  if (same.ok() || state == JobState::done) return load_units(change, job, record);
+  if (!has_ended(state)) change.scheduler().fail_job(job, same, change.now());
+  return restore_costs(parts_.store, change.scheduler(), job);
+}
+
+absl::Status FarmLoader::load_frames(FarmChange& change, Job& job) {
+  const auto frames = parts_.store.frames(job.spec->id);
+  if (!frames.ok()) return frames.status();
+  JobFilm& film = change.film(job);
+  JobPlan& plan = job.open_plan();
+  for (const FrameRecord& frame : *frames) {
+    const FrameSummary summary = read_frame_summary(frame.statistics_json);
+    if (!summary.fits(job.spec->settings)) continue;
+    film.count_finished(frame, summary);
+    plan.finish(frame.frame, summary.unit_count);
+    film.committed_samples += summary.samples;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status FarmLoader::load_units(FarmChange& change, Job& job, const JobRecord& record) {
+  JobPlan& plan = job.open_plan();
+  JobFilm& film = change.film(job);
+  Scheduler& scheduler = change.scheduler();
+  absl::Status status = restore_units(parts_.store, scheduler, job, [&](const UnitRecord& unit) {
+    film.open_block_index(job).add(unit, record.wall_seconds);
+    if (unit.audit == AuditState::open) {
+      scheduler.open_audit(job, unit.unit, unit.worker_id, unit.sha256);
+    }
+    film.committed_samples += film.unit_samples(job, unit.unit);
+  });
+  if (!status.ok()) return status;
+  film.samples_at_start = film.committed_samples;
+  if (has_ended(job.state)) return absl::OkStatus();
+  parts_.finisher.catch_up(change, job);
+  if (plan.finished_frame_count() == plan.frame_count()) {
+    scheduler.end_job(job, JobState::done, "", change.now());
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace tessera::server

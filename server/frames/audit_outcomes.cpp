@@ -1,0 +1,92 @@
+#include "server/frames/audit_outcomes.h"
+
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+
+namespace tessera::server {
+
+using contract::Unit;
+
+namespace {
+
+std::string suspect_frame_warning(std::int32_t frame, const std::string& worker_id) {
+  return absl::StrCat("frame ", frame, " may contain wrong pixels: it was finished before worker ",
+                      worker_id, ", which rendered part of the job, was quarantined");
+}
+
+}  // namespace
+
+void AuditOutcomes::carry_out(FarmChange& change, const Effects& effects) {
+  farm_.metrics().audits_ended.Increment(static_cast<double>(effects.audited.size()));
+  farm_.metrics().workers_quarantined.Increment(static_cast<double>(effects.faulty_workers.size()));
+  for (const UnitName& unit : effects.audited) end_audit(change, unit);
+  for (const std::string& worker_id : effects.faulty_workers) quarantine(change, worker_id);
+}
+
+void AuditOutcomes::end_audit(FarmChange& change, const UnitName& unit) {
+  pipeline_.post([this, unit] {
+    const absl::Status status = store_.end_audits(unit.job_id, {unit.unit});
+    if (!status.ok()) farm_.log(LogLevel::error, absl::StrCat("audits: ", status.ToString()));
+  });
+  Job* job = change.find_job(unit.job_id);
+  if (job != nullptr) finisher_.finish_if_complete(change, *job, unit.unit.frame);
+}
+
+void AuditOutcomes::quarantine(FarmChange& change, const std::string& worker_id) {
+  change.note(EventKind::worker_quarantined, worker_id, "delivered wrong pixels");
+  change.log(LogLevel::error,
+             absl::StrCat("worker ", worker_id, " quarantined: delivered wrong pixels"));
+  for (const auto& [job_key, job] : change.scheduler().jobs()) {
+    if (job.contributions.count(worker_id) == 0) continue;
+    JobFilm& film = change.film(job);
+    for (const auto& [frame, record] : film.finished) {
+      film.warnings.push_back(suspect_frame_warning(frame, worker_id));
+    }
+    if (has_ended(job.state) || !job.plan || !film.block_index) continue;
+    for (const std::int32_t frame : job.plan->frames()) {
+      if (job.plan->is_finished(frame) || !film.block_index->has(frame)) continue;
+      redo_frame(change, job, frame, worker_id);
+    }
+  }
+  // After its units are dropped: a server that crashes before must detect the fault again.
+  pipeline_.post([this, worker_id] {
+    const absl::Status status = store_.ban_worker(worker_id);
+    if (!status.ok()) farm_.log(LogLevel::error, absl::StrCat("quarantine: ", status.ToString()));
+  });
+}
+
+void AuditOutcomes::redo_frame(FarmChange& change, const Job& job, std::int32_t frame,
+                               const std::string& worker_id) {
+  FrameFinisher::hold(change, job, frame);
+  pipeline_.post(
+      [this, key = FrameKey{job.spec->id, frame}, worker_id] { redo_now(key, worker_id); });
+}
+
+/// Drops a worker's units of a frame and the pass targets derived from them. On the writer thread.
+void AuditOutcomes::redo_now(const FrameKey& key, const std::string& worker_id) {
+  std::vector<Unit> units;
+  {
+    FarmChange change(farm_);
+    Job* job = change.find_job(key.job_id);
+    if (job == nullptr || has_ended(job->state)) return;
+    JobFilm& film = change.film(*job);
+    film.finishing.erase(key.frame);
+    if (job->plan->is_finished(key.frame)) {
+      film.warnings.push_back(suspect_frame_warning(key.frame, worker_id));
+      return;
+    }
+    const BlockIndex& block_index = film.open_block_index(*job);
+    bool has_any = false;
+    for (const Unit& unit : block_index.units(key.frame)) {
+      const bool is_theirs = block_index.worker(*block_index.find(unit)) == worker_id;
+      has_any = has_any || is_theirs;
+      const bool was_decided = job->plan->is_adaptive() && unit.pass >= job->plan->first_passes();
+      if (is_theirs || was_decided) units.push_back(unit);
+    }
+    if (!has_any) return finisher_.finish_if_complete(change, *job, key.frame);
+  }
+  finisher_.redo(key, units, true);
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <string>
+
+#include "server/commit/commit_pipeline.h"
+#include "server/frames/frame_finisher.h"
+#include "server/state/farm_state.h"
+#include "server/store/store.h"
+
+namespace tessera::server {
+
+/// Carries out what audits have shown: records their end, drops the units of a faulty worker and
+/// bans it, and lists finished frames that may contain some in their jobs' reports. Has no state.
+class AuditOutcomes final : public EffectHandler {
+ public:
+  AuditOutcomes(FarmState& farm, Store& store, CommitPipeline& pipeline, FrameFinisher& finisher)
+      : farm_(farm), store_(store), pipeline_(pipeline), finisher_(finisher) {}
+
+  void carry_out(FarmChange& change, const Effects& effects) override;
+  /// Drops the units of a worker in an unfinished frame, which is not finished before.
+  void redo_frame(FarmChange& change, const Job& job, std::int32_t frame,
+                  const std::string& worker_id);
+
+ private:
+  void end_audit(FarmChange& change, const UnitName& unit);
+  void quarantine(FarmChange& change, const std::string& worker_id);
+  void redo_now(const FrameKey& key, const std::string& worker_id);
+
+  FarmState& farm_;
+  Store& store_;
+  CommitPipeline& pipeline_;
+  FrameFinisher& finisher_;
+};
+
+}  // namespace tessera::server

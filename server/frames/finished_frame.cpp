@@ -1,0 +1,85 @@
+#include "server/frames/finished_frame.h"
+
+#include <algorithm>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "contract/pass_schedule.h"
+#include "server/film/frame_summary.h"
+#include "server/film/frame_writer.h"
+
+namespace tessera::server {
+namespace {
+
+std::string frame_file_name(std::int32_t frame) {
+  return absl::StrFormat("frame.%04d.exr", frame);
+}
+
+/// Returns error against cost after each pass that has units.
+std::vector<CurvePoint> curve_of(const FilmCache& film, const FrameKey& key,
+                                 const std::vector<BlockIndex::PassProgress>& progress,
+                                 double luminance) {
+  std::vector<CurvePoint> curve;
+  CurvePoint point;
+  for (std::size_t pass = 0; pass < progress.size() && progress[pass].committed > 0; ++pass) {
+    const auto stats = film.after_pass(key, static_cast<std::int32_t>(pass));
+    point.cpu_seconds += progress[pass].cpu_seconds;
+    point.wall_seconds = std::max(point.wall_seconds, progress[pass].wall_seconds);
+    point.samples = stats.samples;
+    point.relmse = stats.estimate.relmse;
+    point.error = luminance > 0 ? std::optional(stats.estimate.error) : std::nullopt;
+    point.truth = stats.truth;
+    curve.push_back(point);
+  }
+  return curve;
+}
+
+}  // namespace
+
+absl::StatusOr<FrameRecord> write_finished_frame(
+    FilmCache& film, Store& store, const FrameKey& key, const JobSpec& spec,
+    const std::vector<BlockIndex::PassProgress>& progress) {
+  const auto folder = store.output_folder(key.job_id);
+  if (!folder.ok()) return folder.status();
+  const auto luminance = film.mean_luminance(key);
+  if (!luminance.ok()) return luminance.status();
+  const StoppingStats stopping = film.stopping(key);
+  const FrameSpec frame{
+      spec.settings,         key.frame, spec.id, spec.name, *luminance, stopping.looks,
+      film.max_samples(key), false};
+  const std::string name = frame_file_name(key.frame);
+  const auto result = write_frame(
+      frame, [&](std::int32_t tile) { return film.tile(key, tile); },
+      absl::StrCat(*folder, "/", name));
+  if (!result.ok()) return result.status();
+  const std::vector<CurvePoint> curve = curve_of(film, key, progress, *luminance);
+  FrameRecord record;
+  record.frame = key.frame;
+  record.file = name;
+  record.file_sha256 = result->file_sha256;
+  record.pixels_sha256 = result->pixels_sha256;
+  FrameSummary summary;
+  for (std::size_t pass = 0; pass < curve.size(); ++pass) {
+    summary.unit_count += progress[pass].committed;
+  }
+  summary.spp = contract::rounded_spp(spec.settings.spp);
+  summary.error = spec.settings.error;
+  summary.samples = result->statistics.samples;
+  summary.warnings = frame_warnings(result->statistics);
+  std::string status = "DONE";
+  if (summary.error) {
+    ConvergenceResult convergence =
+        assess_convergence(result->statistics, stopping, *summary.error);
+    summary.certainty = convergence.certainty;
+    summary.reasons = std::move(convergence.reasons);
+    status = certainty_name(convergence.certainty);
+  }
+  summary.entry_json = frame_entry_json(*result, name, status, curve);
+  record.statistics_json = write_frame_summary(summary);
+  return record;
+}
+
+}  // namespace tessera::server

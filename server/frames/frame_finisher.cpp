@@ -1,0 +1,246 @@
+#include "server/frames/frame_finisher.h"
+
+#include <chrono>
+
+#include "absl/strings/str_cat.h"
+#include "server/film/frame_summary.h"
+#include "server/frames/finished_frame.h"
+
+namespace tessera::server {
+
+using contract::Unit;
+
+namespace {
+
+constexpr auto kEstimateEvery = std::chrono::milliseconds(250);
+
+/// Returns whether all units of a frame are committed and no audit is open.
+bool is_ready(FarmChange& change, const Job& job, std::int32_t frame) {
+  return job.plan->is_complete(frame) && !change.scheduler().has_audits(job, frame);
+}
+
+}  // namespace
+
+void FrameFinisher::merge(FilmUpdate update) {
+  tasks_.post([this, shared = std::make_shared<const FilmUpdate>(std::move(update))] {
+    merge_now(*shared);
+  });
+}
+
+void FrameFinisher::finish_if_complete(FarmChange& change, Job& job, std::int32_t frame) {
+  if (has_ended(job.state) || !is_ready(change, job, frame) || job.plan->is_finished(frame)) return;
+  if (!change.film(job).finishing.insert(frame).second) return;
+  tasks_.post([this, key = FrameKey{job.spec->id, frame}] { finish(key); });
+}
+
+void FrameFinisher::catch_up(FarmChange& change, Job& job) {
+  if (!job.plan) return;
+  for (const std::int32_t frame : job.plan->frames()) finish_if_complete(change, job, frame);
+  open_started(change, job);
+}
+
+/// Opens the started frames of a job with a target error, to restore their pass targets.
+void FrameFinisher::open_started(FarmChange& change, Job& job) {
+  if (!job.plan->is_adaptive()) return;
+  const BlockIndex& blocks = change.film(job).open_block_index(job);
+  for (const std::int32_t frame : job.plan->frames()) {
+    if (job.plan->is_finished(frame) || !blocks.has(frame)) continue;
+    tasks_.post([this, key = FrameKey{job.spec->id, frame}] { open(key); });
+  }
+}
+
+void FrameFinisher::close_frames(const Job& job) {
+  if (!job.plan) return;
+  tasks_.post([this, id = job.spec->id, frames = job.plan->frames()] {
+    for (const std::int32_t frame : frames) {
+      films_.cache().close_frame({id, frame});
+      last_estimate_.erase({id, frame});
+    }
+  });
+}
+
+void FrameFinisher::carry_out(FarmChange& change, const Effects& effects) {
+  for (const JobKey key : effects.changed) {
+    const Job* job = change.scheduler().find_job(key);
+    // The frames of a job that is done are closed one by one.
+    if (job != nullptr && has_ended(job->state) && job->state != JobState::done) close_frames(*job);
+  }
+}
+
+// The film thread --------------------------------------------------------------------------------
+
+void FrameFinisher::open(const FrameKey& key) {
+  if (films_.open(key)) decide(key);
+}
+
+/// Passes new targets of the film to the scheduler.
+void FrameFinisher::decide(const FrameKey& key) {
+  films_.take_damaged();
+  const auto demands = films_.cache().take_pass_targets(key);
+  if (!demands.ok()) {
+    if (absl::IsNotFound(demands.status())) return;  // the job has been removed
+    if (!redo_damaged(key, demands.status())) fail(key, demands.status());
+    return;
+  }
+  if (demands->empty()) return;
+  const auto expected = films_.cache().expected_samples(key);
+  FarmChange change(farm_);
+  Job* job = change.find_job(key.job_id);
+  if (job == nullptr || !job->plan || job->plan->is_finished(key.frame)) return;
+  for (const contract::StoppingRule::PassTarget& demand : *demands) {
+    change.scheduler().set_pass_target(*job, key.frame, demand.tile, demand.pass_count,
+                                       demand.is_final);
+  }
+  if (expected) change.film(*job).expected_samples[key.frame] = *expected;
+  change.scheduler().offer_work(change.now());
+  finish_if_complete(change, *job, key.frame);
+}
+
+/// If reading the frame failed because of damaged blocks, has them rendered again and returns true.
+bool FrameFinisher::redo_damaged(const FrameKey& key, const absl::Status& status) {
+  std::vector<Unit> damaged = films_.take_damaged();
+  if (damaged.empty()) return false;
+  farm_.log(LogLevel::warn, absl::StrCat("job ", key.job_id, ", frame ", key.frame, ": ",
+                                         status.ToString(), "; rendering it again"));
+  films_.cache().close_frame(key);
+  pipeline_.post([this, key, units = std::move(damaged)] { redo(key, units, false); });
+  return true;
+}
+
+void FrameFinisher::merge_now(const FilmUpdate& update) {
+  const FrameKey key{update.job_id, update.unit.frame};
+  {
+    const FarmView view(farm_);
+    const Job* job = view.find_job(update.job_id);
+    const bool is_wanted = job != nullptr && !has_ended(job->state) && job->plan &&
+                           job->plan->contains(update.unit) &&
+                           !job->plan->is_finished(update.unit.frame);
+    if (!is_wanted) return;
+  }
+  open(key);
+  const Time started = farm_.now();
+  FilmCache& cache = films_.cache();
+  const absl::Status status =
+      update.block ? cache.add(key, update.unit.tile, update.unit.pass, *update.block)
+                   : cache.record_committed(key, update.unit.tile, update.unit.pass);
+  if (update.block) {
+    farm_.metrics().film_blocks.delivered.Increment();
+    farm_.metrics().merge_seconds.Observe(seconds(farm_.now() - started));
+  }
+  if (!status.ok()) {
+    farm_.log(LogLevel::error, absl::StrCat("job ", key.job_id, ": ", status.ToString()));
+  }
+  decide(key);
+  estimate(key);
+}
+
+void FrameFinisher::estimate(const FrameKey& key) {
+  const Time now = farm_.now();
+  const auto last = last_estimate_.find(key);
+  if (last != last_estimate_.end() && now - last->second < kEstimateEvery) return;
+  last_estimate_[key] = now;
+  const ErrorEstimate estimate = films_.cache().running_estimate(key);
+  if (estimate.pixels == 0) return;
+  FarmChange change(farm_);
+  Job* job = change.find_job(key.job_id);
+  if (job != nullptr) change.film(*job).estimated_error = estimate.error;
+}
+
+void FrameFinisher::finish(const FrameKey& key) {
+  std::shared_ptr<const JobSpec> spec;
+  std::vector<BlockIndex::PassProgress> progress;
+  {
+    FarmChange change(farm_);
+    Job* job = change.find_job(key.job_id);
+    if (job == nullptr) return;
+    JobFilm& film = change.film(*job);
+    if (has_ended(job->state) || !is_ready(change, *job, key.frame)) {
+      film.finishing.erase(key.frame);
+      return;
+    }
+    spec = job->spec;
+    progress = film.open_block_index(*job).progress(key.frame);
+  }
+  open(key);
+  films_.take_damaged();
+  const Time started = farm_.now();
+  auto finished = write_finished_frame(films_.cache(), store_, key, *spec, progress);
+  farm_.metrics().frame_write_seconds.Observe(seconds(farm_.now() - started));
+  const double error = films_.cache().running_estimate(key).error;
+  films_.cache().close_frame(key);
+  last_estimate_.erase(key);
+  if (!finished.ok()) {
+    if (!redo_damaged(key, finished.status())) fail(key, finished.status());
+    return;
+  }
+  pipeline_.post([this, key, error, row = *std::move(finished)] { record(key, row, error); });
+}
+
+// The writer thread ------------------------------------------------------------------------------
+
+void FrameFinisher::record(const FrameKey& key, const FrameRecord& record, double error) {
+  {
+    FarmChange change(farm_);
+    Job* job = change.find_job(key.job_id);
+    // Units of a faulty worker may have been dropped since the image was written.
+    if (job != nullptr && !has_ended(job->state) && !is_ready(change, *job, key.frame)) {
+      change.film(*job).finishing.erase(key.frame);
+      return;
+    }
+  }
+  const absl::Status status = store_.finish_frame(key.job_id, record);
+  if (!status.ok()) return fail(key, status);
+  FarmChange change(farm_);
+  Job* job = change.find_job(key.job_id);
+  if (job == nullptr) return;
+  JobFilm& film = change.film(*job);
+  film.finishing.erase(key.frame);
+  film.count_finished(record, read_frame_summary(record.statistics_json));
+  film.estimated_error = error;
+  film.open_block_index(*job).erase(key.frame);
+  change.note(EventKind::frame_finished, *job, "", absl::StrCat("frame ", key.frame));
+  change.log(LogLevel::info, absl::StrCat("job ", key.job_id, ", frame ", key.frame, " finished"));
+  change.scheduler().finish_frame(*job, key.frame, change.now());
+}
+
+void FrameFinisher::redo(const FrameKey& key, const std::vector<Unit>& units,
+                         bool reset_pass_targets) {
+  const absl::Status status = store_.drop_units(key.job_id, units);
+  if (!status.ok()) return fail(key, status);
+  FarmChange change(farm_);
+  Job* job = change.find_job(key.job_id);
+  if (job == nullptr) return;
+  JobFilm& film = change.film(*job);
+  film.finishing.erase(key.frame);
+  for (const Unit& unit : units) {
+    BlockIndex& blocks = film.open_block_index(*job);
+    if (blocks.find(unit) == nullptr) continue;
+    blocks.remove(unit);
+    change.scheduler().redo(*job, unit);
+    film.committed_samples -= film.unit_samples(*job, unit);
+  }
+  if (reset_pass_targets) change.scheduler().reset_pass_targets(*job, key.frame);
+  tasks_.post([this, key] {  // rebuilds the film without them
+    films_.cache().close_frame(key);
+    open(key);
+  });
+  change.scheduler().offer_work(change.now());
+}
+
+/// Handles a frame that cannot be finished: pauses its job if the disk is full, else fails it.
+void FrameFinisher::fail(const FrameKey& key, const absl::Status& status) {
+  const std::string reason = absl::StrCat("frame ", key.frame, ": ", status.ToString());
+  farm_.metrics().errors.film.Increment();
+  farm_.log(LogLevel::error, absl::StrCat("job ", key.job_id, ", ", reason));
+  FarmChange change(farm_);
+  Job* job = change.find_job(key.job_id);
+  if (job == nullptr) return;
+  change.film(*job).finishing.erase(key.frame);
+  if (absl::IsResourceExhausted(status)) {
+    change.pause_for_room(*job, status);
+  } else {
+    change.scheduler().fail_job(*job, absl::Status(status.code(), reason), change.now());
+  }
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,82 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "contract/film_block.h"
+#include "contract/unit.h"
+#include "server/commit/commit_pipeline.h"
+#include "server/film/film_cache.h"
+#include "server/frames/frame_films.h"
+#include "server/state/farm_state.h"
+#include "server/store/store.h"
+#include "server/sync/task_queue.h"
+
+namespace tessera::server {
+
+/// A committed unit to merge; without a block, only its commit is noted.
+struct FilmUpdate {
+  std::string job_id;
+  contract::Unit unit;
+  std::optional<contract::FilmBlock> block;
+  /// Memory of the block, given back when the update is destroyed. Owners: copies of the update.
+  std::shared_ptr<void> memory;
+};
+
+/// Takes frames from their committed blocks to finished images, and gives units out again whose
+/// blocks are no good. Merges and writes images on the film thread, writes rows on the writer
+/// thread.
+class FrameFinisher final : public EffectHandler {
+ public:
+  FrameFinisher(FarmState& farm, Store& store, CommitPipeline& pipeline)
+      : farm_(farm), store_(store), pipeline_(pipeline), films_(farm, store) {}
+
+  /// The film thread's tasks.
+  TaskQueue& tasks() { return tasks_; }
+  FrameFilms& films() { return films_; }
+
+  /// Merges a committed unit.
+  void merge(FilmUpdate update);
+  /// Finishes a frame unless units or audits are missing.
+  void finish_if_complete(FarmChange& change, Job& job, std::int32_t frame);
+  /// Finishes frames that were completed while the job was not active, and opens the others.
+  void catch_up(FarmChange& change, Job& job);
+  /// Drops what the film holds of the job's frames.
+  void close_frames(const Job& job);
+  /// Opens a frame and passes its targets to the scheduler. On the film thread.
+  void open(const FrameKey& key);
+  /// Keeps a frame from being finished until redo() or finish_if_complete().
+  static void hold(FarmChange& change, const Job& job, std::int32_t frame) {
+    change.film(job).finishing.insert(frame);
+  }
+  /// Drops units whose blocks are unreadable or wrong; workers render them again.
+  /// `reset_pass_targets`: also withdraws the pass targets derived from them. On the writer thread.
+  void redo(const FrameKey& key, const std::vector<contract::Unit>& units, bool reset_pass_targets);
+  void carry_out(FarmChange& change, const Effects& effects) override;
+
+ private:
+  void open_started(FarmChange& change, Job& job);
+  void merge_now(const FilmUpdate& update);
+  void decide(const FrameKey& key);
+  void estimate(const FrameKey& key);
+  void finish(const FrameKey& key);
+  void record(const FrameKey& key, const FrameRecord& record, double error);
+  bool redo_damaged(const FrameKey& key, const absl::Status& status);
+  void fail(const FrameKey& key, const absl::Status& status);
+
+  FarmState& farm_;
+  Store& store_;
+  CommitPipeline& pipeline_;
+  TaskQueue tasks_;
+  // Film thread only.
+  FrameFilms films_;
+  std::map<FrameKey, Time> last_estimate_;
+};
+
+}  // namespace tessera::server

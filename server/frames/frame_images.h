@@ -1,0 +1,34 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+
+#include "absl/status/statusor.h"
+#include "server/frames/frame_finisher.h"
+#include "server/report/job_view.h"
+#include "server/state/farm_state.h"
+#include "server/store/store.h"
+
+namespace tessera::server {
+
+/// Image files for clients: finished frames, frames so far, and other formats. On the film thread.
+class FrameImages {
+ public:
+  FrameImages(FarmState& farm, Store& store, FrameFinisher& finisher)
+      : farm_(farm), store_(store), finisher_(finisher) {}
+
+  /// Finds or creates a frame's image file on the film thread, then calls `done`. The caller
+  /// removes a temporary file. Errors: as FetchFrame.
+  void fetch_frame(const FrameQuery& query, std::function<void(absl::StatusOr<FrameFile>)> done);
+
+ private:
+  absl::StatusOr<FrameFile> make_file(const FrameQuery& query);
+  absl::StatusOr<FrameFile> write_partial(const FrameQuery& query, const JobSpec& spec);
+
+  FarmState& farm_;
+  Store& store_;
+  FrameFinisher& finisher_;
+  std::int64_t partial_count_ = 0;  // film thread only
+};
+
+}  // namespace tessera::server

@@ -1,0 +1,327 @@
+#include "server/intake/block_intake.h"
+
+#include <cstddef>
+#include <iterator>
+#include <set>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+
+namespace tessera::server {
+
+using contract::Unit;
+
+namespace {
+
+constexpr std::int64_t kDroppedEntryBytes = 12;
+
+/// Memory of a waiting block: its bytes and the decoded copy.
+std::int64_t weight(const BlockHeader& header) {
+  return 2 * header.size_bytes;
+}
+
+absl::Status check_size(const BlockHeader& header, const contract::FilmBlockShape& shape) {
+  const std::int64_t fixed = contract::film_block_bytes(shape);
+  const std::int64_t max_bytes =
+      fixed + kDroppedEntryBytes * shape.pixel_count() * contract::kReplicates;
+  const std::int64_t extra = header.size_bytes - fixed;
+  if (extra >= 0 && header.size_bytes <= max_bytes && extra % kDroppedEntryBytes == 0) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(absl::StrCat("size_bytes: ", header.size_bytes, ", expected ",
+                                                 fixed, " plus 12 per dropped ", "entry, at most ",
+                                                 (max_bytes - fixed) / 12, " entries"));
+}
+
+/// Returns the seconds since the unit was leased to its worker, if this process leased it.
+std::optional<double> turnaround_seconds(FarmChange& change, Job& job, const UnitRecord& record) {
+  const Worker* worker = change.scheduler().find_worker(record.worker_id);
+  const InFlight* in_flight = job.open_plan().find_in_flight(record.unit);
+  if (worker == nullptr || in_flight == nullptr) return std::nullopt;
+  for (const Holder& holder : in_flight->holders) {
+    if (holder.worker != worker->key || !holder.leased) continue;
+    return seconds(change.now() - *holder.leased);
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+// Verdicts ---------------------------------------------------------------------------------------
+
+absl::Status BlockIntake::check_delivery(const std::string& worker_id,
+                                         const std::string& certificate) {
+  FarmChange change(farm_);
+  const Worker* worker = change.scheduler().find_worker(worker_id);
+  if (worker == nullptr || !worker->connected || worker->certificate != certificate) {
+    return absl::FailedPreconditionError("this worker has no open Work stream; open one first");
+  }
+  change.scheduler().record_contact(worker->key, change.now());
+  return absl::OkStatus();
+}
+
+void BlockIntake::acknowledge(FarmChange& change, const std::string& worker_id,
+                              const BlockHeader& header, AckStatus status,
+                              const std::string& reason) {
+  farm_.metrics().acknowledgement(status).Increment();
+  const Worker* worker = change.scheduler().find_worker(worker_id);
+  if (worker == nullptr) return;
+  change.scheduler().acknowledge(worker->key,
+                                 {{header.lease.job_id, header.unit()}, status, reason});
+}
+
+void BlockIntake::reject(FarmChange& change, const std::string& worker_id,
+                         const BlockHeader& header, const std::string& reason) {
+  Worker* worker = change.scheduler().find_worker(worker_id);
+  if (worker == nullptr) return;
+  farm_.metrics().errors.block_rejected.Increment();
+  change.log(LogLevel::warn, absl::StrCat("worker ", worker_id, ": block of job ",
+                                          header.lease.job_id, " rejected: ", reason));
+  acknowledge(change, worker_id, header, AckStatus::rejected, reason);
+  change.scheduler().fail_unit(worker->key, header.lease, header.tile,
+                               {worker_id, absl::StrCat("block rejected: ", reason), ""},
+                               absl::StatusCode::kDataLoss, change.now());
+}
+
+void BlockIntake::answer_obsolete(FarmChange& change, const std::string& worker_id,
+                                  const BlockHeader& header) {
+  acknowledge(change, worker_id, header, AckStatus::obsolete, "");
+  Job* job = change.find_job(header.lease.job_id);
+  if (job == nullptr) return;
+  job->counters.wasted_cpu_seconds += header.cpu_seconds;
+  if (job->plan) change.scheduler().release_duplicate(*job, header.unit(), worker_id);
+}
+
+/// Acknowledges a unit that is already committed; returns false if it is not.
+bool BlockIntake::answer_duplicate(FarmChange& change, Job& job, const std::string& worker_id,
+                                   const BlockHeader& header) {
+  const BlockIndex& block_index = change.film(job).open_block_index(job);
+  const BlockIndex::BlockLocation* found = block_index.find(header.unit());
+  if (found == nullptr) return false;
+  const BlockIndex::BlockLocation location = *found;
+  const bool is_answer = change.scheduler().answer_audit(
+      job, header.unit(), header.lease, {worker_id, header.sha256},
+      {block_index.worker(location), location.sha256}, change.now());
+  if (!is_answer) ++job.counters.duplicated;
+  deliveries_.add({.job = job.key,
+                   .unit = header.unit(),
+                   .worker_id = worker_id,
+                   .outcome = is_answer ? DeliveryOutcome::audit : DeliveryOutcome::duplicate,
+                   .end_us = farm_.options().wall_us(),
+                   .cpu_seconds = header.cpu_seconds});
+  job.counters.wasted_cpu_seconds += header.cpu_seconds;
+  change.scheduler().release_duplicate(job, header.unit(), worker_id);
+  if (location.sha256 == header.sha256) {
+    acknowledge(change, worker_id, header, AckStatus::duplicate, "");
+  } else {
+    ++job.counters.mismatched;
+    farm_.metrics().results_mismatched.Increment();
+    acknowledge(change, worker_id, header, AckStatus::rejected,
+                "result differs from the committed one");
+  }
+  return true;
+}
+
+// Delivery ---------------------------------------------------------------------------------------
+
+std::optional<Admission> BlockIntake::admit(const std::string& worker_id,
+                                            const BlockHeader& header) {
+  const bool is_sealed = is_seal_valid(header.lease, worker_id, store_.key());
+  FarmChange change(farm_);
+  if (!is_sealed) {
+    acknowledge(change, worker_id, header, AckStatus::rejected,
+                "invalid seal: this store did not grant the lease to this worker");
+    return std::nullopt;
+  }
+  return check_header(change, worker_id, header);
+}
+
+std::optional<Admission> BlockIntake::check_header(FarmChange& change, const std::string& worker_id,
+                                                   const BlockHeader& header) {
+  Job* job = change.find_job(header.lease.job_id);
+  if (job != nullptr && !has_ended(job->state)) job->open_plan();
+  if (job == nullptr || !change.scheduler().wants(*job, header.lease, header.unit())) {
+    answer_obsolete(change, worker_id, header);
+    return std::nullopt;
+  }
+  const contract::PixelRect rect = change.film(*job).open_grid(*job).rect(header.tile);
+  const Admission admission{
+      {rect.width, rect.height, job->spec->settings.aovs, header.lease.pass == 0},
+      header.lease.sample_count};
+  const absl::Status size = check_size(header, admission.shape);
+  if (size.ok()) return admission;
+  reject(change, worker_id, header, std::string(size.message()));
+  return std::nullopt;
+}
+
+void BlockIntake::deliver(const std::string& worker_id, const BlockHeader& header,
+                          const Admission& admission, std::string bytes) {
+  std::string fault;
+  absl::StatusOr<contract::FilmBlock> block = absl::InternalError("not decoded");
+  if (contract::sha256(bytes) != header.sha256) {
+    fault = "its bytes do not match sha256";
+  } else {
+    block = contract::decode(bytes, admission.shape, admission.sample_count);
+    if (!block.ok()) fault = std::string(block.status().message());
+  }
+  if (!fault.empty()) {
+    FarmChange change(farm_);
+    return reject(change, worker_id, header, fault);
+  }
+  budget_.take(weight(header));
+  const MutexLock lock(mutex_);
+  delivered_.push_back({worker_id, header, *std::move(block), std::move(bytes)});
+  if (!std::exchange(is_commit_posted_, true)) pipeline_.post([this] { commit_group(); });
+}
+
+// Commit, on the writer thread -------------------------------------------------------------------
+
+/// Returns the blocks to commit next, at most so many that acknowledgements do not come late.
+std::vector<BlockIntake::Delivered> BlockIntake::next_group() {
+  constexpr std::size_t kGroupUnits = 1024;
+  constexpr std::int64_t kGroupBytes = std::int64_t{64} << 20;
+  const MutexLock lock(mutex_);
+  std::int64_t bytes = 0;
+  std::size_t count = 0;
+  while (count < delivered_.size() && count < kGroupUnits && bytes < kGroupBytes) {
+    bytes += delivered_[count++].header.size_bytes;
+  }
+  const auto end = delivered_.begin() + static_cast<std::ptrdiff_t>(count);
+  std::vector<Delivered> group(std::make_move_iterator(delivered_.begin()),
+                               std::make_move_iterator(end));
+  delivered_.erase(delivered_.begin(), end);
+  is_commit_posted_ = !delivered_.empty();
+  if (is_commit_posted_) pipeline_.post([this] { commit_group(); });
+  return group;
+}
+
+void BlockIntake::commit_group() {
+  CheckedGroup group = check_group(next_group());
+  absl::Status status;
+  if (!group.commits.empty()) {
+    const Time started = farm_.now();
+    status = store_.commit(group.commits);
+    farm_.metrics().commit_seconds.Observe(seconds(farm_.now() - started));
+  }
+  budget_.give_back(group.bytes);  // takes again what waits for the film thread
+  if (status.ok()) {
+    apply_commit(group);
+    farm_.log(LogLevel::debug, absl::StrCat(group.commits.size(), " units committed in one group"));
+  } else {
+    commit_failed(group, status);
+  }
+}
+
+BlockIntake::CheckedGroup BlockIntake::check_group(std::vector<Delivered> group) {
+  CheckedGroup checked;
+  std::set<std::pair<std::string, Unit>> seen;
+  FarmChange change(farm_);
+  for (Delivered& block : group) {
+    const BlockHeader& header = block.header;
+    checked.bytes += weight(header);
+    Job* job = change.find_job(header.lease.job_id);
+    if (job == nullptr || !change.scheduler().wants(*job, header.lease, header.unit()) ||
+        change.scheduler().is_quarantined(block.worker_id)) {
+      answer_obsolete(change, block.worker_id, header);
+    } else if (answer_duplicate(change, *job, block.worker_id, header)) {
+      continue;
+    } else if (!seen.insert({header.lease.job_id, header.unit()}).second) {
+      checked.repeats.push_back(std::move(block));
+    } else {
+      Commit commit;
+      commit.job_id = header.lease.job_id;
+      commit.record.unit = header.unit();
+      commit.record.sha256 = header.sha256;
+      commit.record.worker_id = block.worker_id;
+      commit.record.cpu_seconds = header.cpu_seconds;
+      commit.record.size_bytes = header.size_bytes;
+      if (change.scheduler().wants_audit(*job, header.unit(), block.worker_id)) {
+        commit.record.audit = AuditState::open;
+      }
+      commit.block = std::move(block.bytes);
+      checked.commits.push_back(std::move(commit));
+      checked.committed.push_back(std::move(block));
+    }
+  }
+  return checked;
+}
+
+void BlockIntake::commit_failed(const CheckedGroup& group, const absl::Status& status) {
+  farm_.metrics().errors.commit.Increment();
+  farm_.log(LogLevel::error,
+            absl::StrCat("commit of ", group.commits.size(), " units: ", status.ToString()));
+  if (!absl::IsResourceExhausted(status)) return;  // not acknowledged, so the workers send again
+  FarmChange change(farm_);
+  for (const Commit& commit : group.commits) {
+    Job* job = change.find_job(commit.job_id);
+    if (job != nullptr) change.pause_for_room(*job, status);
+  }
+}
+
+void BlockIntake::apply_commit(CheckedGroup& group) {
+  FarmChange change(farm_);
+  for (std::size_t i = 0; i < group.committed.size(); ++i) {
+    Job* job = change.find_job(group.commits[i].job_id);
+    if (job != nullptr) note_committed(change, *job, group.commits[i].record, group.committed[i]);
+  }
+  for (const Delivered& block : group.repeats) {
+    Job* job = change.find_job(block.header.lease.job_id);
+    if (job == nullptr || !answer_duplicate(change, *job, block.worker_id, block.header)) {
+      answer_obsolete(change, block.worker_id, block.header);
+    }
+  }
+}
+
+/// Notes in one section what a durable unit changes: its job's plan and index, its audit, its
+/// acknowledgement and its frame. In two, a frame could be finished without its last unit.
+void BlockIntake::note_committed(FarmChange& change, Job& job, const UnitRecord& record,
+                                 Delivered& block) {
+  Scheduler& scheduler = change.scheduler();
+  JobFilm& film = change.film(job);
+  film.open_block_index(job).add(record, job.wall_seconds(change.now()));
+  const std::int64_t samples = film.unit_samples(job, record.unit);
+  film.committed_samples += samples;
+  count_committed(change, job, record, samples);
+  job.counters.cost += block.header.cost;
+  scheduler.commit(job, record.unit, record.worker_id, record.cpu_seconds);
+  if (scheduler.is_quarantined(record.worker_id)) {  // found faulty in the meantime
+    audits_.redo_frame(change, job, record.unit.frame, record.worker_id);
+  } else if (record.audit == AuditState::open) {
+    scheduler.open_audit(job, record.unit, record.worker_id, record.sha256);
+  }
+  acknowledge(change, block.worker_id, block.header, AckStatus::committed, "");
+  FilmUpdate update{job.spec->id, record.unit, std::nullopt, nullptr};
+  // If the film thread lags behind, it reads the block back later; commits do not wait.
+  if (budget_.used_bytes() < budget_.limit_bytes() / 2) {
+    update.block = std::move(block.block);
+    update.memory = budget_.hold(block.header.size_bytes);
+  }
+  finisher_.merge(std::move(update));
+  finisher_.finish_if_complete(change, job, record.unit.frame);
+}
+
+/// Call before Scheduler::commit(), which drops the unit's holders.
+void BlockIntake::count_committed(FarmChange& change, Job& job, const UnitRecord& record,
+                                  std::int64_t samples) {
+  FarmMetrics& metrics = farm_.metrics();
+  metrics.units_committed.Increment();
+  metrics.samples.Increment(static_cast<double>(samples));
+  metrics.block_bytes.Increment(static_cast<double>(record.size_bytes));
+  metrics.cpu_seconds.Increment(record.cpu_seconds);
+  const std::optional<double> leased = turnaround_seconds(change, job, record);
+  if (leased) metrics.unit_turnaround_seconds.Observe(*leased);
+  const auto failures = job.unit_failures.find(record.unit);
+  const std::int32_t retries =
+      failures == job.unit_failures.end()
+          ? 0
+          : failures->second.losses + static_cast<std::int32_t>(failures->second.failures.size());
+  deliveries_.add({.job = job.key,
+                   .unit = record.unit,
+                   .worker_id = record.worker_id,
+                   .retry_count = retries,
+                   .end_us = farm_.options().wall_us(),
+                   .cpu_seconds = record.cpu_seconds,
+                   .lease_seconds = leased});
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,128 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/status/status.h"
+#include "contract/film_block.h"
+#include "contract/traversal_counts.h"
+#include "server/commit/commit_pipeline.h"
+#include "server/frames/audit_outcomes.h"
+#include "server/frames/frame_finisher.h"
+#include "server/intake/ingest_budget.h"
+#include "server/state/farm_state.h"
+#include "server/store/store.h"
+#include "server/sync/mutex.h"
+#include "server/telemetry/delivery_log.h"
+
+namespace tessera::server {
+
+/// Description of a block, sent before its bytes.
+struct BlockHeader {
+  Lease lease;
+  std::int32_t tile = 0;
+  std::int64_t size_bytes = 0;  // of the encoded block
+  contract::Digest sha256;
+  double cpu_seconds = 0;
+  contract::TraversalCounts cost = {};
+
+  contract::Unit unit() const { return {lease.frame, tile, lease.pass}; }
+};
+
+/// Properties of a block whose header was accepted.
+struct Admission {
+  contract::FilmBlockShape shape;
+  std::int32_t sample_count = 0;
+};
+
+/// Takes a block from its header to its one verdict: checked on delivery, committed in a group on
+/// the writer thread, acknowledged once it is durable, then merged.
+class BlockIntake {
+ public:
+  /// The parts must outlive the intake.
+  struct Parts {
+    FarmState& farm;
+    Store& store;
+    CommitPipeline& pipeline;
+    IngestBudget& budget;
+    FrameFinisher& finisher;
+    AuditOutcomes& audits;
+  };
+  explicit BlockIntake(const Parts& parts)
+      : farm_(parts.farm),
+        store_(parts.store),
+        pipeline_(parts.pipeline),
+        budget_(parts.budget),
+        finisher_(parts.finisher),
+        audits_(parts.audits) {}
+
+  /// Checks that a worker with this ID has a session under this certificate, and notes the contact.
+  /// Errors: FailedPrecondition.
+  absl::Status check_delivery(const std::string& worker_id, const std::string& certificate = {});
+  /// Checks a block by its header. nullopt: it is acknowledged already and its bytes must be
+  /// skipped.
+  std::optional<Admission> admit(const std::string& worker_id, const BlockHeader& header);
+  /// Takes an admitted block; its acknowledgement follows in the outbox. Checks the bytes without
+  /// a lock.
+  void deliver(const std::string& worker_id, const BlockHeader& header, const Admission& admission,
+               std::string bytes) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Returns whether more blocks may be read now. If not, `resume` is called once there is room.
+  bool has_room_or_call(std::function<void()> resume) {
+    return budget_.has_room_or_call(std::move(resume));
+  }
+  /// Recent deliveries.
+  const DeliveryLog& deliveries() const { return deliveries_; }
+
+ private:
+  /// A delivered block that waits for the writer.
+  struct Delivered {
+    std::string worker_id;
+    BlockHeader header;
+    contract::FilmBlock block;
+    std::string bytes;
+  };
+  /// A group of delivered blocks with their outcomes.
+  struct CheckedGroup {
+    std::vector<Commit> commits;
+    std::vector<Delivered> committed;  // in the order of `commits`
+    std::vector<Delivered> repeats;    // of units earlier in the same group
+    std::int64_t bytes = 0;            // memory of the whole group
+  };
+
+  void acknowledge(FarmChange& change, const std::string& worker_id, const BlockHeader& header,
+                   AckStatus status, const std::string& reason);
+  void reject(FarmChange& change, const std::string& worker_id, const BlockHeader& header,
+              const std::string& reason);
+  void answer_obsolete(FarmChange& change, const std::string& worker_id, const BlockHeader& header);
+  bool answer_duplicate(FarmChange& change, Job& job, const std::string& worker_id,
+                        const BlockHeader& header);
+  std::optional<Admission> check_header(FarmChange& change, const std::string& worker_id,
+                                        const BlockHeader& header);
+
+  void commit_group() ABSL_LOCKS_EXCLUDED(mutex_);
+  std::vector<Delivered> next_group() ABSL_LOCKS_EXCLUDED(mutex_);
+  CheckedGroup check_group(std::vector<Delivered> group);
+  void apply_commit(CheckedGroup& group);
+  void note_committed(FarmChange& change, Job& job, const UnitRecord& record, Delivered& block);
+  void count_committed(FarmChange& change, Job& job, const UnitRecord& record,
+                       std::int64_t samples);
+  void commit_failed(const CheckedGroup& group, const absl::Status& status);
+
+  FarmState& farm_;
+  Store& store_;
+  CommitPipeline& pipeline_;
+  IngestBudget& budget_;
+  FrameFinisher& finisher_;
+  AuditOutcomes& audits_;
+  DeliveryLog deliveries_;
+
+  Mutex mutex_;  // never with the farm locked
+  std::vector<Delivered> delivered_ ABSL_GUARDED_BY(mutex_);
+  bool is_commit_posted_ ABSL_GUARDED_BY(mutex_) = false;
+};
+
+}  // namespace tessera::server

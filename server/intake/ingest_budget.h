@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "absl/base/thread_annotations.h"
+#include "server/sync/mutex.h"
+
+namespace tessera::server {
+
+/// Memory of delivered blocks; who would read more waits until there is room. Thread-safe; its lock
+/// may be taken while the farm is locked.
+class IngestBudget {
+ public:
+  explicit IngestBudget(std::int64_t limit_bytes) : limit_bytes_(limit_bytes) {}
+
+  void take(std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Gives memory back and calls those who wait, if there is room now. Not with the farm locked.
+  void give_back(std::int64_t bytes) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Takes `bytes` until the result is destroyed, which must not happen with the farm locked.
+  std::shared_ptr<void> hold(std::int64_t bytes);
+  /// Returns whether more blocks may be read now. If not, `resume` is called once there is room.
+  bool has_room_or_call(std::function<void()> resume) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Ends waiting: from now on there is room.
+  void stop() ABSL_LOCKS_EXCLUDED(mutex_);
+  std::int64_t used_bytes() const ABSL_LOCKS_EXCLUDED(mutex_);
+  std::int64_t limit_bytes() const { return limit_bytes_; }
+
+ private:
+  const std::int64_t limit_bytes_;
+  mutable Mutex mutex_;
+  std::int64_t used_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::vector<std::function<void()>> waiting_ ABSL_GUARDED_BY(mutex_);
+  bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
+};
+
+}  // namespace tessera::server

@@ -1,0 +1,248 @@
+#include "server/jobs/job_admin.h"
+
+#include <chrono>
+#include <cstddef>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "contract/pass_schedule.h"
+#include "contract/version.h"
+#include "server/jobs/job_admission.h"
+
+namespace tessera::server {
+
+using contract::Unit;
+
+namespace {
+
+constexpr std::chrono::seconds kExpiryPeriod{10};
+constexpr std::size_t kOldJobsAtOnce = 16;
+
+absl::Status no_such_job(const std::string& job_id) {
+  return absl::NotFoundError(absl::StrCat("no job \"", job_id, "\""));
+}
+
+absl::StatusOr<JobView> view_of(const FarmState& farm, const std::string& job_id) {
+  const FarmView view(farm);
+  const Job* job = view.find_job(job_id);
+  if (job == nullptr) return no_such_job(job_id);
+  return view.view(*job);
+}
+
+absl::Status not_recorded(const absl::Status& status) {
+  return {
+      status.code(),
+      absl::StrCat("the change is in effect but could not be recorded, so a restart undoes it: ",
+                   std::string(status.message()))};
+}
+
+/// Errors: InvalidArgument, the extension is shorter than `present` or out of range.
+absl::Status check_extension(const contract::RenderSettings& present,
+                             const JobAdmin::Extension& extension) {
+  const std::int32_t spp = extension.spp.value_or(present.spp);
+  if (spp < present.spp || spp > contract::kMaxSpp) {
+    return absl::InvalidArgumentError(absl::StrCat("sample_count: ", spp, " is not in [",
+                                                   present.spp, ", ", contract::kMaxSpp, "]"));
+  }
+  if (extension.error && !(*extension.error > 0 && *extension.error <= present.error.value_or(1))) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "error_target: ", *extension.error, " is not in (0, ", present.error.value_or(1), "]"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status check_render_contract(const JobSpec& spec) {
+  if (spec.render_contract == contract::kRenderContract) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("job ", spec.id, " uses render contract ", spec.render_contract,
+                   ", this server ", contract::kRenderContract, "; submit the job again"));
+}
+
+// Changes ----------------------------------------------------------------------------------------
+
+void JobAdmin::change_job(const std::string& job_id, Change what, const OnJob& done) {
+  FarmChange change(farm_);
+  Job* job = change.find_job(job_id);
+  const absl::Status status = job == nullptr ? no_such_job(job_id) : apply(change, *job, what);
+  if (!status.ok()) return change.after_unlocking([done, status] { done(status); });
+  const auto answer = [this, job_id, done](const absl::Status& written) {
+    done(written.ok() ? view_of(farm_, job_id) : not_recorded(written));
+  };
+  pipeline_.answer_when_written(change, job->key, answer);
+}
+
+absl::Status JobAdmin::apply(FarmChange& change, Job& job, Change what) {
+  Scheduler& scheduler = change.scheduler();
+  absl::Status status;
+  switch (what) {
+    case Change::pause:
+      return scheduler.pause(job, "paused by the user", change.now());
+    case Change::cancel:
+      return scheduler.cancel(job, change.now());
+    case Change::resume:
+      status = scheduler.resume(job, change.now());
+      break;
+    case Change::retry:
+      status = check_render_contract(*job.spec);
+      status.Update(check_owners_quota(change, farm_.options().client_quota, *job.spec));
+      if (status.ok()) status = scheduler.retry(job, change.now());
+      break;
+  }
+  if (status.ok()) finisher_.catch_up(change, job);
+  return status;
+}
+
+// Extension --------------------------------------------------------------------------------------
+
+void JobAdmin::extend_job(const std::string& job_id, const Extension& extension, OnJob done) {
+  pipeline_.post(
+      [this, job_id, extension, done = std::move(done)] { done(extend_now(job_id, extension)); });
+}
+
+/// Returns the spec of the extended job, if it can be extended. On the writer thread.
+absl::StatusOr<std::shared_ptr<JobSpec>> JobAdmin::spec_to_extend(
+    const std::string& job_id, const Extension& extension) const {
+  const FarmView view(farm_);
+  const Job* job = view.find_job(job_id);
+  if (job == nullptr) return no_such_job(job_id);
+  if (job->state == JobState::done) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("job ", job_id, " is done and its blocks are deleted; submit a new job"));
+  }
+  absl::Status status = check_render_contract(*job->spec);
+  if (status.ok()) status = check_extension(job->spec->settings, extension);
+  if (!status.ok()) return status;
+  auto spec = std::make_shared<JobSpec>(*job->spec);
+  if (extension.spp) spec->settings.spp = *extension.spp;
+  if (extension.error) spec->settings.error = extension.error;
+  status = check_owners_quota(view, farm_.options().client_quota, *spec);
+  if (!status.ok()) return status;
+  return spec;
+}
+
+/// Drops units that the longer schedule does not have and writes the new request in one
+/// transaction, then changes the plan: a block does not name its samples, so rows and units must
+/// never disagree. On the writer thread, which commits nothing meanwhile.
+absl::StatusOr<JobView> JobAdmin::extend_now(const std::string& job_id,
+                                             const Extension& extension) {
+  const auto found = spec_to_extend(job_id, extension);
+  if (!found.ok()) return found.status();
+  const std::shared_ptr<JobSpec>& spec = *found;
+  contract::RenderSettings present;
+  JobRecord record;
+  {
+    const FarmView view(farm_);
+    const Job& job = *view.find_job(job_id);
+    present = job.spec->settings;
+    record = view.record(job);
+    if (spec->settings.spp == present.spp && spec->settings.error == present.error) {
+      return view.view(job);
+    }
+  }
+  const std::vector<contract::Pass> before = contract::schedule(present);
+  const std::vector<contract::Pass> after = contract::schedule(spec->settings);
+  std::vector<Unit> dropped;
+  std::vector<UnitRecord> kept;
+  absl::Status status = store_.for_each_unit(job_id, [&](const UnitRecord& unit) {
+    const auto pass = static_cast<std::size_t>(unit.unit.pass);
+    if (pass < before.size() && pass < after.size() && before[pass] == after[pass]) {
+      kept.push_back(unit);
+    } else {
+      dropped.push_back(unit.unit);
+    }
+  });
+  if (!status.ok()) return status;
+  spec->request = record.request = farm_.options().write_request(*spec);
+  status = store_.rewrite_job(record, dropped);
+  if (!status.ok()) return status;
+  return replan(job_id, spec, kept);
+}
+
+/// Restarts a job with new settings, keeping the units that remain valid.
+JobView JobAdmin::replan(const std::string& job_id, const std::shared_ptr<const JobSpec>& spec,
+                         const std::vector<UnitRecord>& kept) {
+  FarmChange change(farm_);
+  Job& job = *change.find_job(job_id);  // only this thread removes jobs
+  JobFilm& film = change.film(job);
+  change.scheduler().extend(job, spec);
+  film.reset();
+  for (const UnitRecord& record : kept) {
+    change.scheduler().restore_unit(job, record.unit, record.worker_id, record.cpu_seconds);
+    film.open_block_index(job).add(record, job.wall_seconds(change.now()));
+    film.committed_samples += film.unit_samples(job, record.unit);
+  }
+  film.samples_at_start = film.committed_samples;
+  film.wall_at_start = job.wall_seconds(change.now());
+  finisher_.close_frames(job);
+  if (!has_ended(job.state)) finisher_.catch_up(change, job);
+  change.scheduler().offer_work(change.now());
+  return change.view(job);
+}
+
+// Removal ----------------------------------------------------------------------------------------
+
+void JobAdmin::remove_job(const std::string& job_id, std::function<void(absl::Status)> done) {
+  pipeline_.post([this, job_id, done = std::move(done)] { done(remove_now(job_id)); });
+}
+
+/// Removes the rows, then the job in memory: if the rows cannot be written, it stays listed.
+absl::Status JobAdmin::remove_now(const std::string& job_id) {
+  {
+    const FarmView view(farm_);
+    const Job* job = view.find_job(job_id);
+    if (job == nullptr) return no_such_job(job_id);
+    if (!has_ended(job->state)) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("job ", job_id, " has not ended; cancel it first"));
+    }
+  }
+  if (absl::Status removed = store_.remove_job(job_id); !removed.ok()) return removed;
+  JobKey key = 0;
+  std::shared_ptr<const JobSpec> spec;
+  {
+    FarmChange change(farm_);
+    Job& job = *change.find_job(job_id);  // only this thread removes jobs
+    key = job.key;
+    spec = job.spec;
+    // A client may have retried it in the meantime.
+    if (!has_ended(job.state)) {
+      change.scheduler().end_job(job, JobState::cancelled, "removed", change.now());
+    }
+    finisher_.close_frames(job);
+    change.note(EventKind::job_removed, job, "", "");
+    change.remove_job(job);
+  }
+  return assets_.release(key, *spec);
+}
+
+/// Removes a few jobs at a time, so that the writer is not blocked.
+void JobAdmin::expire_jobs(FarmChange& change) {
+  const FarmOptions& options = farm_.options();
+  if (options.job_retention_us <= 0 || change.now() - last_expiry_ < kExpiryPeriod) return;
+  last_expiry_ = change.now();
+  const std::int64_t ended_before_us = options.wall_us() - options.job_retention_us;
+  std::size_t count = 0;
+  for (const auto& [key, job] : change.scheduler().jobs()) {
+    const std::int64_t ended_us = change.film(job).end_time_us;  // 0: not ended
+    if (ended_us == 0 || ended_us > ended_before_us) continue;
+    pipeline_.post([this, id = job.spec->id] { expire(id); });
+    if (++count == kOldJobsAtOnce) break;
+  }
+}
+
+void JobAdmin::expire(const std::string& job_id) {
+  const absl::Status status = remove_now(job_id);
+  if (status.ok()) {
+    return farm_.log(LogLevel::info,
+                     absl::StrCat("job ", job_id, " removed after its retention period"));
+  }
+  // Removed or resumed by a request in the meantime.
+  if (absl::IsNotFound(status) || absl::IsFailedPrecondition(status)) return;
+  farm_.log(LogLevel::error,
+            absl::StrCat("job ", job_id,
+                         " cannot be removed after its retention period: ", status.ToString()));
+}
+
+}  // namespace tessera::server

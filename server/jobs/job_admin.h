@@ -1,0 +1,79 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "server/assets/asset_catalog.h"
+#include "server/commit/commit_pipeline.h"
+#include "server/frames/frame_finisher.h"
+#include "server/report/job_view.h"
+#include "server/state/farm_state.h"
+#include "server/store/store.h"
+
+namespace tessera::server {
+
+/// Errors: FailedPrecondition, the job's blocks have another render contract: passes and sampling
+/// may differ, and all of a frame must have one contract.
+absl::Status check_render_contract(const JobSpec& spec);
+
+/// Changes, extends and removes jobs. A change is answered when its row is written, with the
+/// outcome of that write.
+class JobAdmin {
+ public:
+  /// The parts must outlive the job admin.
+  struct Parts {
+    FarmState& farm;
+    Store& store;
+    CommitPipeline& pipeline;
+    FrameFinisher& finisher;
+    AssetCatalog& assets;
+  };
+  explicit JobAdmin(const Parts& parts)
+      : farm_(parts.farm),
+        store_(parts.store),
+        pipeline_(parts.pipeline),
+        finisher_(parts.finisher),
+        assets_(parts.assets) {}
+
+  using OnJob = std::function<void(absl::StatusOr<JobView>)>;
+  enum class Change { pause, resume, cancel, retry };
+  /// Changes a job, writes its row, then calls `done`. Errors: as the rpc of that name; if the row
+  /// cannot be written, those of the store, and a restart undoes the change.
+  void change_job(const std::string& job_id, Change change, const OnJob& done);
+  /// New settings of an extended job; absent: unchanged.
+  struct Extension {
+    std::optional<std::int32_t> spp;
+    std::optional<double> error;
+  };
+  /// Extends a job durably, then calls `done`. After an error nothing has changed.
+  void extend_job(const std::string& job_id, const Extension& extension, OnJob done);
+  /// Removes an ended job durably, then calls `done`. After an error the job is still there.
+  void remove_job(const std::string& job_id, std::function<void(absl::Status)> done);
+  /// Removes jobs that ended long ago. Call at each tick.
+  void expire_jobs(FarmChange& change);
+
+ private:
+  absl::Status apply(FarmChange& change, Job& job, Change what);
+  absl::StatusOr<std::shared_ptr<JobSpec>> spec_to_extend(const std::string& job_id,
+                                                          const Extension& extension) const;
+  absl::StatusOr<JobView> extend_now(const std::string& job_id, const Extension& extension);
+  JobView replan(const std::string& job_id, const std::shared_ptr<const JobSpec>& spec,
+                 const std::vector<UnitRecord>& kept);
+  absl::Status remove_now(const std::string& job_id);
+  void expire(const std::string& job_id);
+
+  FarmState& farm_;
+  Store& store_;
+  CommitPipeline& pipeline_;
+  FrameFinisher& finisher_;
+  AssetCatalog& assets_;
+  Time last_expiry_;  // guarded by the farm's lock
+};
+
+}  // namespace tessera::server

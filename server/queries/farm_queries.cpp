@@ -1,0 +1,134 @@
+#include "server/queries/farm_queries.h"
+
+#include <iterator>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr std::size_t kMaxMatches = 16;  // named in a message
+
+absl::Status no_such_job(const std::string& text) {
+  return absl::NotFoundError(absl::StrCat("no job \"", text, "\""));
+}
+
+/// Returns whether `job` belongs to `owner`; an empty `owner` stands for all owners.
+bool is_visible_to(const Job& job, const std::string& owner) {
+  return owner.empty() || job.spec->owner == owner;
+}
+
+/// Returns the newest of the owner's jobs, or 0.
+JobKey newest(const FarmView& farm, const std::string& owner) {
+  if (owner.empty()) {
+    const auto& jobs = farm.scheduler().jobs();
+    return jobs.empty() ? 0 : jobs.rbegin()->first;
+  }
+  const std::set<JobKey>& theirs = farm.index().of_owner(owner);
+  return theirs.empty() ? 0 : *theirs.rbegin();
+}
+
+absl::Status ambiguous(const FarmView& farm, const std::string& text,
+                       const std::vector<JobKey>& matches) {
+  std::string message = absl::StrCat("\"", text, "\" matches several jobs:");
+  for (const JobKey key : matches) {
+    absl::StrAppend(&message, " ", farm.scheduler().jobs().at(key).spec->id);
+  }
+  if (matches.size() == kMaxMatches) absl::StrAppend(&message, " ...");
+  return absl::InvalidArgumentError(message);
+}
+
+}  // namespace
+
+absl::StatusOr<JobView> FarmQueries::job(const std::string& job_id) const {
+  const FarmView view(parts_.farm);
+  const Job* job = view.find_job(job_id);
+  if (job == nullptr) return no_such_job(job_id);
+  return view.view(*job);
+}
+
+absl::Status FarmQueries::check_owner(const std::string& job_id, const std::string& owner) const {
+  const FarmView view(parts_.farm);
+  const Job* job = view.find_job(job_id);
+  return job != nullptr && is_visible_to(*job, owner) ? absl::OkStatus() : no_such_job(job_id);
+}
+
+absl::StatusOr<JobView> FarmQueries::find_job(const std::string& text,
+                                              const std::string& owner) const {
+  if (text.empty()) return no_such_job(text);
+  const FarmView view(parts_.farm);
+  const auto& jobs = view.scheduler().jobs();
+  JobKey key = text == "last" ? newest(view, owner) : view.index().with_id(text);
+  if (key != 0 && !is_visible_to(jobs.at(key), owner)) key = 0;
+  if (key == 0) {
+    const std::vector<JobKey> matches = view.index().with_prefix(text, owner, kMaxMatches);
+    key = matches.size() == 1 ? matches.front() : view.index().newest_named(text, owner);
+    if (key == 0 && matches.size() > 1) return ambiguous(view, text, matches);
+  }
+  if (key == 0) return no_such_job(text);
+  return view.view(jobs.at(key));
+}
+
+std::vector<JobView> FarmQueries::list_jobs(JobKey before, std::int32_t limit,
+                                            const std::string& owner) const {
+  const FarmView view(parts_.farm);
+  const auto& jobs = view.scheduler().jobs();
+  std::vector<JobView> views;
+  const auto list = [&](const auto& keys, const auto& job_of) {
+    auto it = before > 0 ? std::make_reverse_iterator(keys.lower_bound(before)) : keys.rbegin();
+    for (; it != keys.rend() && static_cast<std::int32_t>(views.size()) < limit; ++it) {
+      views.push_back(view.view(job_of(*it)));
+    }
+  };
+  if (owner.empty()) {
+    list(jobs, [](const auto& entry) -> const Job& { return entry.second; });
+  } else {
+    list(view.index().of_owner(owner), [&](JobKey key) -> const Job& { return jobs.at(key); });
+  }
+  return views;
+}
+
+std::shared_ptr<const JobSpec> FarmQueries::describe_job(const std::string& job_id,
+                                                         const std::string& certificate) const {
+  const FarmView view(parts_.farm);
+  const Job* job = view.find_job(job_id);
+  if (job == nullptr) return nullptr;
+  if (!certificate.empty() && view.scheduler().leased_jobs(certificate).count(job->key) == 0) {
+    return nullptr;
+  }
+  return job->spec;
+}
+
+absl::StatusOr<JobReport> FarmQueries::report(const std::string& job_id) const {
+  const FarmView view(parts_.farm);
+  const Job* job = view.find_job(job_id);
+  if (job == nullptr) return no_such_job(job_id);
+  const JobFilm& film = view.film(*job);
+  JobReport report;
+  report.view = view.view(*job);
+  report.counters = job->counters;
+  report.contributions = job->contributions;
+  report.warnings = film.warnings;
+  for (const auto& [key, worker] : view.scheduler().workers()) {
+    if (report.contributions.count(worker.id) == 0) continue;
+    report.machines[worker.id] = {worker.isa, worker.thread_count};
+  }
+  for (const auto& [frame, finished] : film.finished) report.frames.push_back(finished);
+  return report;
+}
+
+absl::StatusOr<std::vector<Delivery>> FarmQueries::deliveries(const std::string& job_id,
+                                                              std::int64_t after,
+                                                              std::size_t limit) const {
+  JobKey key = 0;
+  {
+    const FarmView view(parts_.farm);
+    const Job* job = view.find_job(job_id);
+    if (job == nullptr) return no_such_job(job_id);
+    key = job->key;
+  }
+  return parts_.deliveries.read(key, after, limit);
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "server/frames/frame_finisher.h"
+#include "server/intake/ingest_budget.h"
+#include "server/report/job_view.h"
+#include "server/state/farm_state.h"
+#include "server/store/store.h"
+#include "server/telemetry/delivery_log.h"
+
+namespace tessera::server {
+
+/// Answers questions about jobs and the farm; changes nothing. Thread-safe.
+class FarmQueries {
+ public:
+  /// The parts must outlive the queries.
+  struct Parts {
+    FarmState& farm;
+    const Store& store;
+    FrameFinisher& finisher;
+    const IngestBudget& budget;
+    const DeliveryLog& deliveries;
+  };
+  explicit FarmQueries(const Parts& parts) : parts_(parts) {}
+
+  /// Finds a job by ID, unique prefix, name or `last`. Errors: NotFound, InvalidArgument.
+  absl::StatusOr<JobView> find_job(const std::string& text, const std::string& owner = {}) const;
+  /// Errors: NotFound, no such job, or it belongs to another owner.
+  absl::Status check_owner(const std::string& job_id, const std::string& owner) const;
+  /// Finds a job by ID only. Errors: NotFound.
+  absl::StatusOr<JobView> job(const std::string& job_id) const;
+  /// Returns up to `limit` jobs older than `before` (0: from the newest), newest first.
+  std::vector<JobView> list_jobs(JobKey before, std::int32_t limit,
+                                 const std::string& owner = {}) const;
+  /// Returns a job's spec if units of it were leased to workers with this certificate (empty: any
+  /// worker), else null.
+  std::shared_ptr<const JobSpec> describe_job(const std::string& job_id,
+                                              const std::string& certificate = {}) const;
+  absl::StatusOr<JobReport> report(const std::string& job_id) const;
+  /// Returns up to `limit` recent deliveries of a job after a sequence. Errors: NotFound.
+  absl::StatusOr<std::vector<Delivery>> deliveries(const std::string& job_id, std::int64_t after,
+                                                   std::size_t limit) const;
+  /// Returns the metrics for Prometheus. Visits all jobs and workers in one section.
+  std::vector<prometheus::MetricFamily> metrics() const;
+
+ private:
+  const Parts parts_;
+};
+
+}  // namespace tessera::server

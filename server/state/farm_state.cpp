@@ -1,0 +1,167 @@
+#include "server/state/farm_state.h"
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+
+namespace tessera::server {
+namespace {
+
+/// Returns why no worker can render an active job, or "".
+std::string missing_workers(const Job& job, const std::map<WorkerKey, Worker>& workers) {
+  const std::string& tag = job.spec->required_tag;
+  bool any = false;
+  for (const auto& [key, worker] : workers) {
+    // A worker whose stream has just broken may reconnect.
+    if (worker.lost || worker.draining || worker.quarantined) continue;
+    if (tag.empty() || worker.tags.count(tag) > 0) return {};
+    any = true;
+  }
+  return any ? absl::StrCat("no connected worker has tag ", tag) : "no workers connected";
+}
+
+EventKind event_kind(JobState state) {
+  switch (state) {
+    case JobState::paused:
+      return EventKind::job_paused;
+    case JobState::done:
+      return EventKind::job_done;
+    case JobState::failed:
+      return EventKind::job_failed;
+    case JobState::cancelled:
+      return EventKind::job_cancelled;
+    case JobState::queued:
+    case JobState::running:
+      break;
+  }
+  return EventKind::job_running;
+}
+
+bool is_empty(const Effects& effects) {
+  return effects.to_wake.empty() && effects.to_close.empty() && effects.changed.empty() &&
+         effects.roster.empty() && effects.audited.empty() && effects.faulty_workers.empty();
+}
+
+}  // namespace
+
+FarmState::FarmState(const Store& store, FarmOptions options,
+                     const std::vector<std::string>& roster)
+    : options_(std::move(options)),
+      events_(store.boot_count(), options_.wall_us),
+      scheduler_({store.id(), store.key(), store.boot_count()}, options_.policy, roster,
+                 options_.clock()) {}
+
+void FarmState::log(LogLevel level, const std::string& message) const {
+  if (options_.log) options_.log(level, message);
+}
+
+// Reading ----------------------------------------------------------------------------------------
+
+FarmView::FarmView(const FarmState& farm) : farm_(farm) {
+  farm_.mutex_.lock();
+}
+
+FarmView::~FarmView() {
+  farm_.mutex_.unlock();
+  for (const auto& call : calls_) call();
+}
+
+const Job* FarmView::find_job(const std::string& job_id) const {
+  return scheduler().find_job(job_id);
+}
+
+const JobFilm& FarmView::film(const Job& job) const ABSL_NO_THREAD_SAFETY_ANALYSIS {
+  return farm_.films_.at(job.key);
+}
+
+JobView FarmView::view(const Job& job) const {
+  JobView view = film(job).view(job, now());
+  if (view.reason.empty() && (job.state == JobState::queued || job.state == JobState::running)) {
+    view.reason = missing_workers(job, scheduler().workers());
+  }
+  return view;
+}
+
+JobRecord FarmView::record(const Job& job) const {
+  return film(job).record(job, now());
+}
+
+void FarmView::log(LogLevel level, std::string message) {
+  after_unlocking([&farm = farm_, level, text = std::move(message)] { farm.log(level, text); });
+}
+
+// Changing ---------------------------------------------------------------------------------------
+
+FarmChange::FarmChange(FarmState& farm) : FarmView(farm), state_(farm) {}
+
+FarmChange::~FarmChange() {
+  settle();
+}
+
+/// Hands the scheduler's decisions to the parts, which may cause further ones.
+void FarmChange::settle() {
+  for (Effects effects = scheduler().take_effects(); !is_empty(effects);
+       effects = scheduler().take_effects()) {
+    for (EffectHandler* handler : state_.handlers_) handler->carry_out(*this, effects);
+    for (const JobKey key : effects.changed) {
+      if (const Job* job = scheduler().find_job(key)) note_state(*job);
+    }
+  }
+}
+
+/// Notes a job's new state: event, log, time of its end.
+void FarmChange::note_state(const Job& job) {
+  if (job.state != JobState::queued) note(event_kind(job.state), job, "", job.reason);
+  log(job.state == JobState::failed ? LogLevel::warn : LogLevel::info,
+      absl::StrCat("job ", job.spec->id, " is ", state_name(job.state),
+                   job.reason.empty() ? "" : ": ", job.reason));
+  JobFilm& its_film = film(job);
+  if (!has_ended(job.state)) {
+    its_film.end_time_us = 0;
+  } else if (its_film.end_time_us == 0) {
+    its_film.end_time_us = state_.options_.wall_us();
+  }
+  if (job.state == JobState::done) {  // its blocks are no longer needed
+    its_film.grid.reset();
+    its_film.block_index.reset();
+  }
+}
+
+Job* FarmChange::find_job(const std::string& job_id) {
+  return scheduler().find_job(job_id);
+}
+
+JobFilm& FarmChange::film(const Job& job) ABSL_NO_THREAD_SAFETY_ANALYSIS {
+  return state_.films_.at(job.key);
+}
+
+Job& FarmChange::add_job(JobKey key, std::shared_ptr<const JobSpec> spec,
+                         JobState state) ABSL_NO_THREAD_SAFETY_ANALYSIS {
+  state_.index_.add(key, *spec);
+  state_.films_[key];
+  return scheduler().add_job(key, std::move(spec), state);
+}
+
+void FarmChange::remove_job(const Job& job) ABSL_NO_THREAD_SAFETY_ANALYSIS {
+  const JobKey key = job.key;
+  state_.index_.remove(key, *job.spec);
+  state_.films_.erase(key);
+  scheduler().remove_job(key);
+}
+
+void FarmChange::pause_for_room(Job& job, const absl::Status& status) {
+  scheduler()
+      .pause(job, absl::StrCat("store full: ", std::string(status.message())), now())
+      .IgnoreError();
+}
+
+void FarmChange::note(EventKind kind, const Job& job, const std::string& worker_id,
+                      const std::string& text) {
+  state_.events_.add({0, 0, kind, job.spec->id, job.spec->owner, worker_id, text});
+}
+
+void FarmChange::note(EventKind kind, const std::string& worker_id, const std::string& text) {
+  state_.events_.add({0, 0, kind, "", "", worker_id, text});
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,131 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/status/status.h"
+#include "server/report/job_view.h"
+#include "server/schedule/scheduler/scheduler.h"
+#include "server/state/farm_options.h"
+#include "server/state/job_film.h"
+#include "server/state/job_index.h"
+#include "server/store/store.h"
+#include "server/sync/mutex.h"
+#include "server/telemetry/event_log.h"
+#include "telemetry/log/log.h"
+
+namespace tessera::server {
+
+class FarmChange;
+
+/// A part of the server that carries out effects of the scheduler.
+class EffectHandler {
+ public:
+  virtual ~EffectHandler() = default;
+  /// Called at the end of a change, with the farm locked. Must not wait or use the disk.
+  virtual void carry_out(FarmChange& change, const Effects& effects) = 0;
+};
+
+/// Workers, jobs, units and leases behind one lock. Its contents are only reached through a locked
+/// section: FarmView to read, FarmChange to change. Functions that need the lock held take the
+/// section as an argument.
+///
+/// Contains no gRPC: ThreadSanitizer cannot see into Debian's libgrpc, so the lock is below it,
+/// where plain threads can test it. No disk operation runs in a section. Order of locks: a
+/// stream's, the farm's, then that of a queue, a budget or a log.
+class FarmState {
+ public:
+  FarmState(const Store& store, FarmOptions options, const std::vector<std::string>& roster);
+
+  /// Adds a part, called after those that were added before. Before any other thread exists.
+  void add_handler(EffectHandler& handler) { handlers_.push_back(&handler); }
+
+  const FarmOptions& options() const { return options_; }
+  FarmMetrics& metrics() const { return *options_.metrics; }
+  Time now() const { return options_.clock(); }
+  /// Recent events; has a lock of its own.
+  EventLog& events() { return events_; }
+  /// Writes a line to the server's log. Without the farm's lock: see FarmView::log.
+  void log(LogLevel level, const std::string& message) const;
+
+ private:
+  friend class FarmView;
+  friend class FarmChange;
+
+  const FarmOptions options_;
+  EventLog events_;
+  std::vector<EffectHandler*> handlers_;
+
+  mutable Mutex mutex_;
+  Scheduler scheduler_ ABSL_GUARDED_BY(mutex_);
+  std::map<JobKey, JobFilm> films_ ABSL_GUARDED_BY(mutex_);
+  JobIndex index_ ABSL_GUARDED_BY(mutex_);
+};
+
+/// A locked section that reads the farm's state.
+class ABSL_SCOPED_LOCKABLE FarmView {
+ public:
+  explicit FarmView(const FarmState& farm) ABSL_EXCLUSIVE_LOCK_FUNCTION(farm.mutex_);
+  /// Unlocks, then makes the deferred calls.
+  ~FarmView() ABSL_UNLOCK_FUNCTION();
+  FarmView(const FarmView&) = delete;
+  FarmView& operator=(const FarmView&) = delete;
+
+  Time now() const { return farm_.now(); }
+  const Scheduler& scheduler() const ABSL_NO_THREAD_SAFETY_ANALYSIS { return farm_.scheduler_; }
+  const JobIndex& index() const ABSL_NO_THREAD_SAFETY_ANALYSIS { return farm_.index_; }
+  /// Returns nullptr if there is no such job.
+  const Job* find_job(const std::string& job_id) const;
+  const JobFilm& film(const Job& job) const;
+  /// Returns a snapshot for clients.
+  JobView view(const Job& job) const;
+  /// Returns the job's row.
+  JobRecord record(const Job& job) const;
+
+  /// Makes a call after unlocking: it may wait, or take this lock.
+  void after_unlocking(std::function<void()> call) { calls_.push_back(std::move(call)); }
+  /// Writes a line to the server's log after unlocking.
+  void log(LogLevel level, std::string message);
+
+ private:
+  const FarmState& farm_;
+  std::vector<std::function<void()>> calls_;
+};
+
+/// A locked section that changes the farm's state. At its end the parts carry out what the
+/// scheduler decided; no section can leave that out.
+class ABSL_SCOPED_LOCKABLE FarmChange : public FarmView {
+ public:
+  explicit FarmChange(FarmState& farm) ABSL_EXCLUSIVE_LOCK_FUNCTION(farm.mutex_);
+  ~FarmChange() ABSL_UNLOCK_FUNCTION();
+  FarmChange(const FarmChange&) = delete;
+  FarmChange& operator=(const FarmChange&) = delete;
+
+  Scheduler& scheduler() ABSL_NO_THREAD_SAFETY_ANALYSIS { return state_.scheduler_; }
+  using FarmView::find_job;
+  Job* find_job(const std::string& job_id);
+  using FarmView::film;
+  JobFilm& film(const Job& job);
+  Job& add_job(JobKey key, std::shared_ptr<const JobSpec> spec, JobState state);
+  /// Forgets an ended job.
+  void remove_job(const Job& job);
+  /// Pauses a job because the disk is full. Does nothing for an ended job.
+  void pause_for_room(Job& job, const absl::Status& status);
+
+  // Events.
+  void note(EventKind kind, const Job& job, const std::string& worker_id, const std::string& text);
+  void note(EventKind kind, const std::string& worker_id, const std::string& text);
+
+ private:
+  void settle();
+  void note_state(const Job& job);
+
+  FarmState& state_;
+};
+
+}  // namespace tessera::server
