@@ -22,14 +22,20 @@ struct Failure {
   std::string worker_id;
   std::string message;
   std::string log_tail;
+  std::string witness = {};  // witness_name() of the worker
 };
 
 /// Failures and losses of a unit that is not committed.
 struct UnitFailures {
   std::vector<Failure> failures;
   std::int32_t losses = 0;
-  bool failed_on(const std::string& worker_id) const;
+  std::map<std::string, std::int32_t> losses_by_witness = {};
+  /// Witnesses that failed it, or lost it so often that others should try.
+  std::set<std::string> witnesses() const;
 };
+
+/// Returns the witnesses of failures.
+std::set<std::string> witnesses_of(const std::vector<Failure>& failures);
 
 /// A worker's share of a job.
 struct Contribution {
@@ -89,6 +95,9 @@ struct Job {
   std::int32_t frame_count = 0;
   std::optional<JobPlan> plan;  // created by the first lease
   std::map<contract::Unit, UnitFailures> unit_failures;
+  /// By frame: reports that its scene is at fault, at most one by each witness.
+  std::map<std::int32_t, std::vector<Failure>> scene_faults;
+  std::set<std::string> failed_by;  // witnesses whose failures count against them until it ends
   std::map<contract::Unit, Audit> audits;  // open audits of committed units
   /// By frame: leases of passes beyond the initial ones are void up to this attempt, because the
   /// decisions behind them used results of a faulty worker.
