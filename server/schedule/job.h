@@ -83,12 +83,19 @@ struct SceneLoad {
   std::int64_t accelerator_bytes = 0;
 };
 
+/// What a job may need at most, and the sum over an owner's unfinished jobs.
+struct Demand {
+  std::int64_t jobs = 0;
+  double store_bytes = 0, samples = 0;
+};
+
 /// A job with its state in memory.
 struct Job {
   JobKey key = 0;
   std::shared_ptr<const JobSpec> spec;  // owners: the job and its current readers
   SceneKey scene;
   JobState state = JobState::queued;
+  Demand demand = {};  // set by Scheduler::set_demand()
   std::string reason;
   absl::StatusCode failure_code = absl::StatusCode::kOk;  // of a failed job
   std::int64_t unit_count = 0;                            // of the whole job

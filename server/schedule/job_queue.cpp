@@ -110,8 +110,7 @@ void JobQueue::move_to(Bucket& bucket, const std::string& owner, double position
   entry.position = position;
 }
 
-/// Sorts owners whose use has changed; late, as many charges come between two questions.
-void JobQueue::sort_dirty() {
+void JobQueue::sort() {
   for (const std::string& owner : dirty_) {
     const auto tags = tags_.find(owner);
     if (tags == tags_.end()) continue;
@@ -159,7 +158,7 @@ void JobQueue::rebuild(double factor) {
 
 void JobQueue::advance(Time now) {
   if (share_.needs_rebase(now)) rebuild(share_.rebase(now));
-  sort_dirty();
+  sort();
   const double faded = share_.step("", kFadedLift, now);
   for (auto it = buckets_.begin(); it != buckets_.end();) {
     Bucket& bucket = it->second;
@@ -171,7 +170,7 @@ void JobQueue::advance(Time now) {
   }
   share_.forget_faded(now);
   for (const auto& [owner, tags] : tags_) dirty_.insert(owner);  // some positions are 0 now
-  sort_dirty();
+  sort();
 }
 
 /// Returns the job of the owner who has waited longest, if that is too long.
@@ -204,7 +203,7 @@ JobQueue::Candidate JobQueue::front(const Bucket& bucket,
 }
 
 JobKey JobQueue::next(const Seeker& seeker, Time now) {
-  sort_dirty();
+  sort();
   if (const JobKey job = overdue(seeker, now); job != 0) return job;
   Candidate best;
   for_each_bucket(seeker, [&](Bucket& bucket) {
@@ -274,8 +273,7 @@ bool JobQueue::is_outranked(const QueueKey& key) const {
   return bucket->second.levels.begin()->first > key.priority;
 }
 
-bool JobQueue::is_beyond_share(const QueueKey& key) {
-  sort_dirty();
+bool JobQueue::is_beyond_share(const QueueKey& key) const {
   const auto bucket = buckets_.find(key.tag);
   if (bucket == buckets_.end()) return false;
   const auto level = bucket->second.levels.find(key.priority);

@@ -62,6 +62,8 @@ class JobQueue {
   void charge(const std::string& owner, double cpu_seconds, Time when = {});
   const FairShare& share() const { return share_; }
   void restore(const std::vector<UsageRow>& table, Time now);
+  /// Sorts owners whose use has changed: late, as many charges come between two questions.
+  void sort();
   /// Notes that units of the job were leased.
   void note_leased(const QueueKey& key, Time now);
   /// Keeps positions finite and forgets what has faded. Call every few minutes or more often.
@@ -86,8 +88,9 @@ class JobQueue {
 
   /// Returns whether a job of a higher priority waits for the same tag.
   bool is_outranked(const QueueKey& key) const;
-  /// Returns whether an owner with less use has a job of the same tag and priority.
-  bool is_beyond_share(const QueueKey& key);
+  /// Returns whether an owner with less use has a job of the same tag and priority, as of the last
+  /// sort().
+  bool is_beyond_share(const QueueKey& key) const;
 
  private:
   using Jobs =
@@ -121,7 +124,6 @@ class JobQueue {
   void lift(Bucket& bucket, const QueueKey& key, Time now, std::int32_t threads);
   void move_to(Bucket& bucket, const std::string& owner, double position);
   void set_since(Bucket& bucket, const std::string& owner, Time since);
-  void sort_dirty();
   void rebuild(double factor);
   JobKey overdue(const Seeker& seeker, Time now);
   Candidate front(const Bucket& bucket, const std::function<bool(JobKey)>& may_work_for) const;

@@ -33,12 +33,17 @@ struct SchedulePolicy {
   std::int32_t failing_job_limit = 3;  // jobs of which a worker failed units, none delivered in
                                        // between, that set it aside
   Duration set_aside_for = std::chrono::minutes(10);
+  std::int32_t client_priority = 100;           // maximum for jobs of clients; admins may use any
   std::size_t max_mail = std::size_t{1} << 17;  // messages that a worker may leave unread
   SharePolicy share;
   Duration audit_timeout = std::chrono::minutes(1);  // a dispute waits this long for other workers
   double audit_fraction = 0.01;  // fraction of units that another worker renders again
   double load_factor = 10;       // a worker stays with a job for this many scene load times
 };
+
+/// Checks the priority of a job that a client creates. Errors: PermissionDenied, it is above the
+/// clients' maximum.
+absl::Status check_client_priority(const SchedulePolicy& policy, std::int32_t priority);
 
 /// Actions the coordinator must carry out.
 struct Effects {
@@ -112,9 +117,14 @@ class Scheduler {
   /// Removes an ended job.
   void remove_job(JobKey key);
   /// Returns why the job is leased nothing. Cost: a few look-ups, whatever the number of jobs.
-  WaitReason wait_reason(const Job& job);
+  WaitReason wait_reason(const Job& job) const;
   /// The same for users; "" for WaitReason::none.
-  std::string wait_text(const Job& job);
+  std::string wait_text(const Job& job) const;
+
+  /// Sets what the job may need at most.
+  void set_demand(Job& job, double store_bytes, double samples);
+  /// Returns the sum over the owner's unfinished jobs. Cost: one look-up.
+  Demand demand(const std::string& owner) const;
 
   // Fair share -----------------------------------------------------------------------------------
   /// Returns what every owner has used and has not faded, for restore_usage() after a restart.
@@ -208,6 +218,9 @@ class Scheduler {
   /// Call about every `period`: expires silent workers, ends the restart grace, balances the last
   /// units.
   void tick(Time now, Duration period);
+  /// Counts everything anew and compares it with the indexes, for tests. Errors: Internal, the
+  /// first difference.
+  absl::Status verify() const;
   /// Returns the actions decided since the last call.
   Effects take_effects();
 
@@ -223,6 +236,7 @@ class Scheduler {
   static JobQueue::QueueKey queue_key(const Job& job);
   static bool is_full(const Job& job);
   void refresh(Job& job);
+  void count_demand(const Job& job, int sign);
   void set_state(Job& job, JobState state, const std::string& reason, Time now);
 
   void hold(Job& job, Worker& worker, const contract::Unit& unit, const Holder& holder);
@@ -286,6 +300,8 @@ class Scheduler {
   bool precedes(const Job& job, const Job& other) const;
   JobKey next_full_job(const Worker& worker, const std::function<bool(JobKey)>& may) const;
   JobKey next_job(const Worker& worker, const std::function<bool(JobKey)>& may);
+  absl::Status verify_job(const Job& job) const;
+  absl::Status verify_worker(const Worker& worker) const;
   JobKey choose_job(const Worker& worker, const std::set<JobKey>& refused);
   std::int32_t run_length(const Job& job, const Worker& worker) const;
   bool lease_run(Job& job, Worker& worker, Time now);
@@ -310,6 +326,7 @@ class Scheduler {
   std::set<JobKey> full_;    // with waiting units and their maximum of workers: not in queue_, as
                              // only their present workers may take more
   JobQueue queue_;
+  std::map<std::string, Demand> demands_;  // of unfinished jobs, by owner
   std::map<WorkerKey, Worker> workers_;
   std::map<std::string, WorkerKey> worker_by_id_;
   std::map<std::string, std::set<WorkerKey>> workers_by_witness_;

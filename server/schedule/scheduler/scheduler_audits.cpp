@@ -27,7 +27,7 @@ bool Scheduler::wants_audit(const Job& job, const Unit& unit, const std::string&
   const double fraction = policy_.audit_fraction;
   const bool is_drawn = (is_first && fraction > 0) ||
                         is_drawn_for_audit(identity_.store_key, job.spec->id, unit, fraction);
-  return is_drawn && has_others(job, Names{witness_of(worker_id)});
+  return is_drawn && present_.has_witness_beyond(job.spec->required_tag, {witness_of(worker_id)});
 }
 
 void Scheduler::open_audit(Job& job, const Unit& unit, const std::string& worker_id,
@@ -58,7 +58,7 @@ bool Scheduler::has_audits(const Job& job, std::int32_t frame) const {
 /// worker was lost recently: it may return, and a dispute between two consistent workers fails the
 /// job.
 bool Scheduler::has_others(const Job& job, const Audit& audit) const {
-  if (has_others(job, audit.witnesses())) return true;
+  if (present_.has_witness_beyond(job.spec->required_tag, audit.witnesses())) return true;
   if (!audit.is_disputed() || !last_tick_) return false;
   return std::any_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
     const Worker& worker = entry.second;
@@ -219,7 +219,7 @@ void Scheduler::drop_audits(Job& job) {
 /// Returns whether a worker that is present could answer the audit.
 bool Scheduler::has_candidate(const Job& job, const Audit& audit) const {
   const Names asked = audit.witnesses();
-  if (has_others(job, asked)) return true;
+  if (present_.has_witness_beyond(job.spec->required_tag, asked)) return true;
   if (!audit.is_disputed() || has_others(job, audit)) return false;
   const FarmCensus::Count* count = present_.find(job.spec->required_tag);
   return count != nullptr && std::any_of(asked.begin(), asked.end(), [&](const std::string& name) {

@@ -45,10 +45,19 @@ void add_fault(std::vector<Failure>& faults, const Failure& failure) {
 
 }  // namespace
 
-/// Returns whether a worker could be leased units of the job that answers for another witness than
-/// those asked.
+/// Returns whether a witness beyond those asked can render the job, or may be back soon: after a
+/// restart, or after a loss of its connection. Otherwise one worker could fail a job while the
+/// others are away for a moment.
 bool Scheduler::has_others(const Job& job, const Names& asked) const {
-  return present_.has_witness_beyond(job.spec->required_tag, asked);
+  const std::string& tag = job.spec->required_tag;
+  if (present_.has_witness_beyond(tag, asked)) return true;
+  if (!missing_workers_.empty() && now_ < grace_ends_) return true;
+  return std::any_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
+    const Worker& worker = entry.second;
+    return worker.lost && !worker.draining && !worker.quarantined &&
+           asked.count(worker.witness) == 0 && (tag.empty() || worker.tags.count(tag) > 0) &&
+           now_ - worker.last_contact < policy_.audit_timeout;
+  });
 }
 
 /// Returns the witnesses on which the unit failed or its frame's scene was found at fault.
@@ -161,7 +170,7 @@ void Scheduler::forgive(Job& job) {
 /// Another witness rendered what these failed.
 void Scheduler::disprove(const Names& failed, const std::string& witness) {
   for (const std::string& name : failed) {
-    if (name == witness) continue;
+    if (name == witness || workers_by_witness_.count(name) == 0) continue;
     if (++conduct_[name].disproved >= policy_.disproved_limit) set_aside(name, std::nullopt);
   }
 }

@@ -8,6 +8,13 @@ namespace tessera::server {
 
 using contract::Unit;
 
+absl::Status check_client_priority(const SchedulePolicy& policy, std::int32_t priority) {
+  if (priority <= policy.client_priority) return absl::OkStatus();
+  return absl::PermissionDeniedError(
+      absl::StrCat("priority: ", priority, " is above ", policy.client_priority,
+                   ", the maximum for clients of this farm; ask an admin"));
+}
+
 Scheduler::Scheduler(Identity identity, SchedulePolicy policy,
                      const std::vector<std::string>& roster, Time start)
     : identity_(std::move(identity)),
@@ -39,6 +46,8 @@ Job& Scheduler::add_job(JobKey key, std::shared_ptr<const JobSpec> spec, JobStat
   job.frame_count = plan.frame_count();
   job.plan.reset();  // a queued job is a row and a cursor
   if (state == JobState::running) job.open_plan();
+  job.demand = {1, 0, 0};
+  if (!has_ended(state)) count_demand(job, 1);
   refresh(job);
   return job;
 }
@@ -69,6 +78,25 @@ void Scheduler::restore_contribution(Job& job, const std::string& worker_id,
   contribution.units += done.units;
   contribution.cpu_seconds += done.cpu_seconds;
   job.counters.cpu_seconds += done.cpu_seconds;
+}
+
+void Scheduler::count_demand(const Job& job, int sign) {
+  Demand& sum = demands_[job.spec->owner];
+  sum.jobs += sign * job.demand.jobs;
+  sum.store_bytes += sign * job.demand.store_bytes;
+  sum.samples += sign * job.demand.samples;
+  if (sum.jobs == 0) demands_.erase(job.spec->owner);  // and with it what rounding has left
+}
+
+void Scheduler::set_demand(Job& job, double store_bytes, double samples) {
+  if (!has_ended(job.state)) count_demand(job, -1);
+  job.demand = {1, store_bytes, samples};
+  if (!has_ended(job.state)) count_demand(job, 1);
+}
+
+Demand Scheduler::demand(const std::string& owner) const {
+  const auto found = demands_.find(owner);
+  return found == demands_.end() ? Demand{} : found->second;
 }
 
 JobQueue::QueueKey Scheduler::queue_key(const Job& job) {
@@ -110,7 +138,9 @@ void Scheduler::refresh(Job& job) {
 void Scheduler::set_state(Job& job, JobState state, const std::string& reason, Time now) {
   if (job.state == state && job.reason == reason) return;
   const bool was_running = job.state == JobState::running;
+  if (!has_ended(job.state)) count_demand(job, -1);
   job.state = state;
+  if (!has_ended(job.state)) count_demand(job, 1);
   job.reason = reason;
   if (was_running && state != JobState::running) {
     job.wall_seconds_before = job.wall_seconds(now);
@@ -233,6 +263,7 @@ void Scheduler::remove_job(JobKey key) {
   const auto found = jobs_.find(key);
   if (found == jobs_.end()) return;
   forgive(found->second);
+  if (!has_ended(found->second.state)) count_demand(found->second, -1);
   job_by_id_.erase(found->second.spec->id);
   jobs_.erase(found);
 }
@@ -319,6 +350,7 @@ void Scheduler::finish_frame(Job& job, std::int32_t frame, Time now) {
 }
 
 Effects Scheduler::take_effects() {
+  queue_.sort();
   effects_.to_wake.assign(to_wake_.begin(), to_wake_.end());
   to_wake_.clear();
   return std::exchange(effects_, Effects{});

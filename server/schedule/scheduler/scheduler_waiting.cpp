@@ -4,7 +4,7 @@
 
 namespace tessera::server {
 
-WaitReason Scheduler::wait_reason(const Job& job) {
+WaitReason Scheduler::wait_reason(const Job& job) const {
   if (job.state != JobState::queued && job.state != JobState::running) return WaitReason::none;
   const std::string& tag = job.spec->required_tag;
   if (present_.find("") == nullptr) return WaitReason::no_workers;
@@ -13,13 +13,15 @@ WaitReason Scheduler::wait_reason(const Job& job) {
   if (!missing_workers_.empty() && now_ < grace_ends_) return WaitReason::restart;
   const JobQueue::QueueKey key = queue_key(job);
   if (queue_.is_outranked(key)) return WaitReason::priority;
+  if (!job.unit_failures.empty() && idle_tags_.count(tag) > 0) return WaitReason::other_worker;
+  // A job that has begun waits like this between any two leases.
+  if (job.state == JobState::running) return WaitReason::none;
   if (queue_.is_beyond_share(key)) return WaitReason::share;
   if (queue_.oldest_of(key) != job.key) return WaitReason::older_job;
-  if (!job.unit_failures.empty() && idle_tags_.count(tag) > 0) return WaitReason::other_worker;
   return WaitReason::farm_busy;
 }
 
-std::string Scheduler::wait_text(const Job& job) {
+std::string Scheduler::wait_text(const Job& job) const {
   switch (wait_reason(job)) {
     case WaitReason::none:
       break;
@@ -28,17 +30,17 @@ std::string Scheduler::wait_text(const Job& job) {
     case WaitReason::no_tag:
       return absl::StrCat("no connected worker has tag ", job.spec->required_tag);
     case WaitReason::restart:
-      return "waiting for workers to reconnect after the server's restart";
+      return "workers may reconnect after the server's restart";
     case WaitReason::priority:
-      return "waiting: jobs of higher priority go first";
+      return "jobs of higher priority go first";
     case WaitReason::share:
-      return "waiting: another client has used less and goes first";
+      return "another client has used less and goes first";
     case WaitReason::older_job:
-      return "waiting: an older job of the same client goes first";
+      return "an older job of the same client goes first";
     case WaitReason::other_worker:
-      return "waiting for another worker: units failed";
+      return "its failed units wait for another worker";
     case WaitReason::farm_busy:
-      return "waiting: all workers are busy";
+      return "all workers are busy";
   }
   return "";
 }
