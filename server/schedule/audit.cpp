@@ -21,32 +21,42 @@ bool Audit::Answers::is_consistent() const {
                      [this](const contract::Digest& digest) { return digest == digests.front(); });
 }
 
-Audit::Audit(std::string committer, const contract::Digest& committed)
-    : answers_{{std::move(committer), {committed}}} {}
-
-bool Audit::has_answered(const std::string& worker_id) const {
-  return std::any_of(answers_.begin(), answers_.end(),
-                     [&](const Answers& answers) { return answers.worker_id == worker_id; });
+Audit::Audit(std::string committer, const contract::Digest& committed, std::string witness)
+    : answers_{{std::move(committer), std::move(witness), {committed}}} {
+  if (answers_.front().witness.empty()) answers_.front().witness = answers_.front().worker_id;
 }
 
-bool Audit::may_ask(const std::string& worker_id, bool others) const {
+std::set<std::string> Audit::witnesses() const {
+  std::set<std::string> names;
+  for (const Answers& answers : answers_) names.insert(answers.witness);
+  return names;
+}
+
+bool Audit::has_answered(const std::string& witness) const {
+  return std::any_of(answers_.begin(), answers_.end(),
+                     [&](const Answers& answers) { return answers.witness == witness; });
+}
+
+bool Audit::may_ask(const std::string& witness, bool others) const {
   for (const Answers& answers : answers_) {
-    if (answers.worker_id != worker_id) continue;
+    if (answers.witness != witness) continue;
     return !others && is_disputed() && answers.digests.size() == 1;
   }
   return true;
 }
 
-void Audit::answer(const std::string& worker_id, const contract::Digest& digest) {
+void Audit::answer(const std::string& worker_id, const contract::Digest& digest,
+                   const std::string& witness) {
+  const std::string& name = witness.empty() ? worker_id : witness;
   for (Answers& answers : answers_) {
-    if (answers.worker_id == worker_id) return answers.digests.push_back(digest);
+    if (answers.witness == name) return answers.digests.push_back(digest);
   }
-  answers_.push_back({worker_id, {digest}});
+  answers_.push_back({worker_id, name, {digest}});
 }
 
-void Audit::disregard(const std::string& worker_id) {
-  if (worker_id == committer()) return;
-  std::erase_if(answers_, [&](const Answers& answers) { return answers.worker_id == worker_id; });
+void Audit::disregard(const std::string& witness) {
+  if (witness == answers_.front().witness) return;
+  std::erase_if(answers_, [&](const Answers& answers) { return answers.witness == witness; });
 }
 
 bool Audit::is_disputed() const {

@@ -25,20 +25,26 @@ bool is_drawn_for_audit(std::string_view store_key, const std::string& job_id,
 ///
 /// Pixels are deterministic, so correct workers agree and none contradicts itself. Until two agree,
 /// further workers are asked; if there are no others, those asked render the unit once more.
+///
+/// Results count by witness (witness_name()): workers with one certificate count as one.
 class Audit {
  public:
-  /// Starts with the committed result and its worker.
-  Audit(std::string committer, const contract::Digest& committed);
+  /// Starts with the committed result and its worker. An empty witness is the worker's ID.
+  Audit(std::string committer, const contract::Digest& committed, std::string witness = {});
 
   const std::string& committer() const { return answers_.front().worker_id; }
-  bool has_answered(const std::string& worker_id) const;
-  /// Returns whether another result of this worker would help. `others`: there are workers that
+  /// Names the committer's witness, if it was not known when the audit began.
+  void set_committers_witness(const std::string& witness) { answers_.front().witness = witness; }
+  std::set<std::string> witnesses() const;
+  bool has_answered(const std::string& witness) const;
+  /// Returns whether another result of this witness would help. `others`: there are witnesses that
   /// were not asked yet.
-  bool may_ask(const std::string& worker_id, bool others) const;
-  void answer(const std::string& worker_id, const contract::Digest& digest);
-  /// Ignores the results of a worker found faulty elsewhere. Not for the committer, whose unit is
+  bool may_ask(const std::string& witness, bool others) const;
+  void answer(const std::string& worker_id, const contract::Digest& digest,
+              const std::string& witness = {});
+  /// Ignores the results of a witness found faulty elsewhere. Not for the committer, whose unit is
   /// rendered again.
-  void disregard(const std::string& worker_id);
+  void disregard(const std::string& witness);
 
   /// Returns whether results differ.
   bool is_disputed() const;
@@ -48,12 +54,13 @@ class Audit {
   /// Returns the workers with wrong results. Requires is_settled().
   std::vector<std::string> faulty_workers() const;
 
-  std::optional<Holder> holder;     // worker that renders it now
-  std::optional<Time> alone_since;  // since when no worker can be asked
+  std::optional<Holder> holder;      // worker that renders it now
+  std::optional<Time> alone_since;   // since when no worker can be asked
+  std::optional<std::string> group;  // under which it waits for a worker, see AuditQueue
 
  private:
   struct Answers {
-    std::string worker_id;
+    std::string worker_id, witness;
     std::vector<contract::Digest> digests;
     bool is_consistent() const;
   };

@@ -40,9 +40,19 @@ std::vector<contract::Digest> JobSpec::asset_digests() const {
   return digests;
 }
 
-bool UnitFailures::failed_on(const std::string& worker_id) const {
-  return std::any_of(failures.begin(), failures.end(),
-                     [&](const Failure& failure) { return failure.worker_id == worker_id; });
+std::set<std::string> witnesses_of(const std::vector<Failure>& failures) {
+  std::set<std::string> witnesses;
+  for (const Failure& failure : failures) witnesses.insert(failure.witness);
+  return witnesses;
+}
+
+std::set<std::string> UnitFailures::witnesses() const {
+  constexpr std::int32_t kManyLosses = 3;  // by one witness
+  std::set<std::string> names = witnesses_of(failures);
+  for (const auto& [witness, count] : losses_by_witness) {
+    if (count >= kManyLosses) names.insert(witness);
+  }
+  return names;
 }
 
 void UnitTimes::add(double cpu_seconds, std::int32_t sample_count) {

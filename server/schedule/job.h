@@ -22,14 +22,20 @@ struct Failure {
   std::string worker_id;
   std::string message;
   std::string log_tail;
+  std::string witness = {};  // witness_name() of the worker
 };
 
 /// Failures and losses of a unit that is not committed.
 struct UnitFailures {
   std::vector<Failure> failures;
   std::int32_t losses = 0;
-  bool failed_on(const std::string& worker_id) const;
+  std::map<std::string, std::int32_t> losses_by_witness = {};
+  /// Witnesses that failed it, or lost it so often that others should try.
+  std::set<std::string> witnesses() const;
 };
+
+/// Returns the witnesses of failures.
+std::set<std::string> witnesses_of(const std::vector<Failure>& failures);
 
 /// A worker's share of a job.
 struct Contribution {
@@ -77,18 +83,28 @@ struct SceneLoad {
   std::int64_t accelerator_bytes = 0;
 };
 
+/// What a job may need at most, and the sum over an owner's unfinished jobs.
+struct Demand {
+  std::int64_t jobs = 0;
+  double store_bytes = 0, samples = 0;
+};
+
 /// A job with its state in memory.
 struct Job {
   JobKey key = 0;
   std::shared_ptr<const JobSpec> spec;  // owners: the job and its current readers
   SceneKey scene;
   JobState state = JobState::queued;
+  Demand demand = {};  // set by Scheduler::set_demand()
   std::string reason;
   absl::StatusCode failure_code = absl::StatusCode::kOk;  // of a failed job
   std::int64_t unit_count = 0;                            // of the whole job
   std::int32_t frame_count = 0;
   std::optional<JobPlan> plan;  // created by the first lease
   std::map<contract::Unit, UnitFailures> unit_failures;
+  /// By frame: reports that its scene is at fault, at most one by each witness.
+  std::map<std::int32_t, std::vector<Failure>> scene_faults;
+  std::set<std::string> failed_by;  // witnesses whose failures count against them until it ends
   std::map<contract::Unit, Audit> audits;  // open audits of committed units
   /// By frame: leases of passes beyond the initial ones are void up to this attempt, because the
   /// decisions behind them used results of a faulty worker.

@@ -27,6 +27,7 @@ struct Holder {
   double expected_seconds = 0;      // CPU time charged to fair share
   std::optional<Time> leased = {};  // absent: an audit, or adopted from another process of the
                                     // server
+  Time charged = {};                // when expected_seconds was charged
 };
 
 /// A unit that is leased to at least one worker.

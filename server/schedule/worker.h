@@ -42,6 +42,9 @@ struct Outbox {
     return leases.empty() && revoked.empty() && acknowledgements.empty() && ended_jobs.empty() &&
            !drain;
   }
+  std::size_t size() const {
+    return leases.size() + revoked.size() + acknowledgements.size() + ended_jobs.size();
+  }
 };
 
 /// A worker's description of itself when it connects.
@@ -61,15 +64,18 @@ struct Worker {
   WorkerKey key = 0;
   std::string id, name, host, isa;
   std::string certificate;  // name in its certificate; empty: none
+  std::string witness;      // who answers for its results: see witness_name()
   std::int32_t thread_count = 1;
   std::set<std::string> tags;
   bool connected = false;  // has a stream; without one it is lost after the timeout
   bool lost = false;
   bool draining = false;
-  bool quarantined = false;    // fails units that succeed elsewhere, delivered wrong pixels, or is
-                               // banned
-  bool has_delivered = false;  // its first unit is always audited
-  Time last_contact;           // when its last message arrived
+  bool quarantined = false;  // fails units that succeed elsewhere, delivered wrong pixels, or is
+                             // banned
+  std::optional<Time> set_aside_until = {};  // it is quarantined for a time: it failed units of
+                                             // several jobs and delivered none in between
+  bool has_delivered = false;                // its first unit is always audited
+  Time last_contact;                         // when its last message arrived
   std::int32_t credits = 0;
   std::set<std::pair<JobKey, contract::Unit>> leased_units;
   std::set<JobKey> leased_jobs;  // unfinished jobs of which it was leased units
@@ -81,11 +87,20 @@ struct Worker {
   std::int64_t committed_count = 0;
   double cpu_seconds = 0;
   std::int64_t rss_bytes = 0;
-  std::int32_t disproved_failures = 0;  // units that it failed and another worker rendered
   Outbox outbox;
+  bool is_counted = false, is_present = false;  // in the scheduler's counts
+  std::optional<double> idle_load;  // with credits: the load under which it is in the idle set
 
   /// Returns whether it may be leased units, apart from credits.
   bool is_working() const { return connected && !lost && !draining && !quarantined; }
+  /// Units per thread.
+  double load() const { return static_cast<double>(leased_units.size()) / thread_count; }
 };
+
+/// Returns the name of who answers for a worker's results and failures: its certificate, so that
+/// several workers with one certificate count once, else its ID. No ID has a space.
+inline std::string witness_name(const std::string& worker_id, const std::string& certificate) {
+  return certificate.empty() ? worker_id : "certificate " + certificate;
+}
 
 }  // namespace tessera::server

@@ -10,6 +10,8 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "server/schedule/audit_queue.h"
+#include "server/schedule/farm_census.h"
 #include "server/schedule/job.h"
 #include "server/schedule/job_queue.h"
 #include "server/schedule/worker.h"
@@ -25,21 +27,46 @@ struct SchedulePolicy {
                                                       // timeouts
   Duration forget_after = std::chrono::hours(1);      // lost workers are listed this long
   std::int32_t failure_limit = 3;                     // failures of a unit that fail its job
-  std::int32_t loss_limit = 10;                       // losses of a unit that its job survives
-  std::int32_t disproved_limit = 3;  // failures disproved by other workers that quarantine a worker
+  std::int32_t witness_limit = 2;      // of them, by independent witnesses, where there are others
+  std::int32_t loss_limit = 10;        // losses of a unit that its job survives
+  std::int32_t disproved_limit = 3;    // failures disproved by others that quarantine a worker
+  std::int32_t failing_job_limit = 3;  // jobs of which a worker failed units, none delivered in
+                                       // between, that set it aside
+  Duration set_aside_for = std::chrono::minutes(10);
+  std::int32_t client_priority = 100;           // maximum for jobs of clients; admins may use any
+  std::size_t max_mail = std::size_t{1} << 17;  // messages that a worker may leave unread
+  SharePolicy share;
   Duration audit_timeout = std::chrono::minutes(1);  // a dispute waits this long for other workers
   double audit_fraction = 0.01;  // fraction of units that another worker renders again
   double load_factor = 10;       // a worker stays with a job for this many scene load times
 };
 
+/// Checks the priority of a job that a client creates. Errors: PermissionDenied, it is above the
+/// clients' maximum.
+absl::Status check_client_priority(const SchedulePolicy& policy, std::int32_t priority);
+
 /// Actions the coordinator must carry out.
 struct Effects {
-  std::vector<WorkerKey> to_wake;   // workers with messages in the outbox
-  std::vector<WorkerKey> to_close;  // lost workers whose stream, if any, must be closed
-  std::vector<JobKey> changed;      // jobs whose row must be journaled
+  std::vector<WorkerKey> to_wake;          // workers with messages in the outbox
+  std::vector<WorkerKey> to_close;         // lost workers whose stream, if any, must be closed
+  std::vector<WorkerKey> to_close_unread;  // workers that leave their messages unread
+  std::vector<JobKey> changed;             // jobs whose row must be journaled
   std::vector<std::pair<std::string, bool>> roster;  // worker ID; true: joined, false: gone
   std::vector<UnitName> audited;                     // units whose audit has ended
   std::vector<std::string> faulty_workers;  // workers whose committed units must be dropped
+};
+
+/// Why an active job is leased nothing.
+enum class WaitReason : std::uint8_t {
+  none,          // it is being rendered, or nothing of it is waiting
+  no_workers,    // no worker at all
+  no_tag,        // no worker with the required tag
+  restart,       // after a restart, workers that hold leases may come back
+  priority,      // jobs of higher priority go first
+  share,         // an owner who has used less goes first
+  older_job,     // an older job of the same owner goes first
+  other_worker,  // its waiting units failed; they wait for another worker
+  farm_busy,     // all workers are busy
 };
 
 /// Decides which worker renders which unit: queue, leases, failures, audits
@@ -89,6 +116,20 @@ class Scheduler {
   void offer_work(Time now) { dispatch_all(now); }
   /// Removes an ended job.
   void remove_job(JobKey key);
+  /// Returns why the job is leased nothing. Cost: a few look-ups, whatever the number of jobs.
+  WaitReason wait_reason(const Job& job) const;
+  /// The same for users; "" for WaitReason::none.
+  std::string wait_text(const Job& job) const;
+
+  /// Sets what the job may need at most.
+  void set_demand(Job& job, double store_bytes, double samples);
+  /// Returns the sum over the owner's unfinished jobs. Cost: one look-up.
+  Demand demand(const std::string& owner) const;
+
+  // Fair share -----------------------------------------------------------------------------------
+  /// Returns what every owner has used and has not faded, for restore_usage() after a restart.
+  std::vector<UsageRow> usage(Time now) const { return queue_.share().table(now); }
+  void restore_usage(const std::vector<UsageRow>& table, Time now) { queue_.restore(table, now); }
 
   // Workers --------------------------------------------------------------------------------------
   /// Starts a worker's new stream: adopts running and unacknowledged units under valid seals, and
@@ -105,13 +146,16 @@ class Scheduler {
   void begin_draining(WorkerKey key);
   /// The worker returned units that it had not started.
   void return_units(WorkerKey key, const std::vector<UnitName>& units, Time now);
-  /// The worker failed to render `tile` of `lease`. Ignored without a valid seal.
+  /// The worker failed to render `tile` of `lease`. Ignored without a valid seal, and for a unit
+  /// that the worker does not hold.
   void fail_unit(WorkerKey key, const Lease& lease, std::int32_t tile, Failure failure,
                  absl::StatusCode code, Time now);
   void scene_loaded(WorkerKey key, const std::string& job_id, const SceneLoad& load);
   Worker* find_worker(WorkerKey worker);
   Worker* find_worker(const std::string& id);
   const std::map<WorkerKey, Worker>& workers() const { return workers_; }
+  /// Number of workers and jobs looked at so far. Tests of cost count steps, not time.
+  std::int64_t step_count() const { return step_count_; }
   /// Returns unfinished jobs of which units were leased to workers with this certificate.
   std::set<JobKey> leased_jobs(const std::string& certificate) const;
 
@@ -154,58 +198,110 @@ class Scheduler {
                     const Result& committed, Time now);
   /// Returns whether the worker is quarantined for wrong pixels or banned; its further results are
   /// then obsolete.
-  bool is_quarantined(const std::string& worker_id) const {
-    return quarantined_.count(worker_id) > 0;
-  }
+  bool is_quarantined(const std::string& worker_id) const;
 
   // Operator commands ----------------------------------------------------------------------------
   /// Drains a worker. Returns whether it is connected.
   bool drain(const std::string& worker_id);
-  /// Bans a worker, connected or not: releases its units to others; its further results are
-  /// obsolete. Committed results stay.
-  void ban(const std::string& worker_id);
-  /// Lifts a worker's ban or quarantine. Returns whether the worker is known or had one.
+  /// Bans a worker, connected or not, and every worker with its certificate: releases their units
+  /// to others; their further results are obsolete. Committed results stay. `name`: a worker ID, or
+  /// a name of shut_out_names().
+  void ban(const std::string& name);
+  /// Returns the names under which a worker is banned: its ID and, if it has a certificate, that of
+  /// its witness. They are journaled, and given to ban() after a restart.
+  std::vector<std::string> shut_out_names(const std::string& worker_id) const;
+  /// Lifts the ban or quarantine of a worker and of its certificate. Returns whether the worker is
+  /// known or had one.
   bool allow(const std::string& worker_id, Time now);
 
   // Time -----------------------------------------------------------------------------------------
   /// Call about every `period`: expires silent workers, ends the restart grace, balances the last
   /// units.
   void tick(Time now, Duration period);
+  /// Counts everything anew and compares it with the indexes, for tests. Errors: Internal, the
+  /// first difference.
+  absl::Status verify() const;
   /// Returns the actions decided since the last call.
   Effects take_effects();
 
  private:
+  using Names = std::set<std::string>;
+  /// How the workers of a witness behave.
+  struct Conduct {
+    std::set<JobKey> failing_jobs;  // of which they failed units; none was delivered since
+    std::int32_t disproved = 0;     // units that they failed and another witness rendered
+  };
+
+  void advance(Time now);
+  static JobQueue::QueueKey queue_key(const Job& job);
+  static bool is_full(const Job& job);
   void refresh(Job& job);
+  void count_demand(const Job& job, int sign);
   void set_state(Job& job, JobState state, const std::string& reason, Time now);
-  void charge(const Job& job, double cpu_seconds);
 
   void hold(Job& job, Worker& worker, const contract::Unit& unit, const Holder& holder);
   void remove_hold(Job& job, const contract::Unit& unit, const Holder& holder);
   bool release(Job& job, Worker& worker, const contract::Unit& unit);
   void lose_unit(Job& job, Worker& worker, const contract::Unit& unit, Time now);
   void mark_lost(Worker& worker, Time now);
+  void forget(Worker& worker);
+  void set_witness(Worker& worker, std::string witness);
+  void forget_witness(Worker& worker);
   void adopt(Worker& worker, const Hello& hello, Time now);
-  void disprove(const UnitFailures& failures, const std::string& worker_id);
-  void count_threads();
-  void wake(Worker& worker) { to_wake_.insert(worker.key); }
+  void release_unlisted(Worker& worker,
+                        const std::map<std::pair<JobKey, contract::Unit>, Attempt>& listed,
+                        Time now);
+  void count(Worker& worker);
+  void uncount(Worker& worker);
+  void recount(Worker& worker);
+  void update_idle(Worker& worker);
+  void remember_scene(Worker& worker, const SceneKey& scene);
+  void forget_scene(const Worker& worker, const SceneKey& scene);
+  void wake(Worker& worker);
   void revoke(Worker& worker, const Job& job, const contract::Unit& unit);
 
-  static bool could_audit(const Worker& worker, const Job& job);
+  static bool holds(const Worker& worker, const Job& job, const contract::Unit& unit) {
+    return worker.leased_units.count({job.key, unit}) > 0;
+  }
+  bool has_others(const Job& job, const Names& asked) const;
+  Names failed_witnesses(const Job& job, const contract::Unit& unit) const;
+  bool fails_job(const Job& job, const contract::Unit& unit) const;
+  void note_failing(Worker& worker, Job& job, Time now);
+  void forgive(Job& job);
+  void disprove(const Names& failed, const std::string& witness);
+  void disprove_failures(Job& job, const contract::Unit& unit, const std::string& witness);
+  void set_aside(const std::string& witness, std::optional<Time> until);
+  void take_back(const std::string& witness);
+  void end_set_asides(Time now);
+
+  bool could_audit(const Worker& worker, const Job& job) const;
   bool has_others(const Job& job, const Audit& audit) const;
+  std::string witness_of(const std::string& worker_id) const;
   bool may_audit(const Worker& worker, const Job& job, const Audit& audit) const;
+  void await_worker(Job& job, const contract::Unit& unit, Audit& audit);
+  void stop_waiting(Job& job, const contract::Unit& unit, Audit& audit);
   bool lease_audit(Worker& worker);
+  bool lease_audit_of(const AuditQueue::Groups& groups, Worker& worker);
+  void lease_audit(Job& job, const contract::Unit& unit, Audit& audit, Worker& worker);
   bool release_audit(Job& job, Worker& worker, const contract::Unit& unit);
   void end_audit(Job& job, const contract::Unit& unit, Time now);
+  void take_from_holder(Job& job, const contract::Unit& unit, const Audit& audit);
+  bool has_candidate(const Job& job, const Audit& audit) const;
   void quarantine(const std::string& worker_id);
+  void shut_out(Worker& worker);
   void drop_audits(Job& job);
   void fail_unresolvable_audits(Time now);
 
-  bool has_work() const { return !queue_.empty() || !waiting_audits_.empty(); }
+  bool has_work() const;
   bool may_work_for(const Worker& worker, const Job& job) const;
   bool may_take(const Worker& worker, const Job& job, const contract::Unit& unit) const;
   static bool has_scene(const Worker& worker, const Job& job);
   bool has_enough_workers(const Job& job) const;
-  JobKey next_job(const Worker& worker, const std::function<bool(JobKey)>& may) const;
+  bool precedes(const Job& job, const Job& other) const;
+  JobKey next_full_job(const Worker& worker, const std::function<bool(JobKey)>& may) const;
+  JobKey next_job(const Worker& worker, const std::function<bool(JobKey)>& may);
+  absl::Status verify_job(const Job& job) const;
+  absl::Status verify_worker(const Worker& worker) const;
   JobKey choose_job(const Worker& worker, const std::set<JobKey>& refused);
   std::int32_t run_length(const Job& job, const Worker& worker) const;
   bool lease_run(Job& job, Worker& worker, Time now);
@@ -225,21 +321,32 @@ class Scheduler {
   const SchedulePolicy policy_;
   std::map<JobKey, Job> jobs_;
   std::map<std::string, JobKey> job_by_id_;
-  std::set<JobKey> active_;  // running, with a plan
+  std::set<JobKey> tail_;    // running, without waiting units
   std::set<JobKey> queued_;  // jobs in queue_
+  std::set<JobKey> full_;    // with waiting units and their maximum of workers: not in queue_, as
+                             // only their present workers may take more
   JobQueue queue_;
+  std::map<std::string, Demand> demands_;  // of unfinished jobs, by owner
   std::map<WorkerKey, Worker> workers_;
   std::map<std::string, WorkerKey> worker_by_id_;
-  std::set<std::pair<JobKey, contract::Unit>> waiting_audits_;  // without a holder
-  std::set<std::string> quarantined_;                           // worker IDs: faulty or banned
-  std::set<WorkerKey> workers_with_credits_;                    // working, with credits
-  std::map<std::string, std::int32_t> threads_;         // of working workers, by tag; "": all
-  std::map<std::string, std::set<std::string>> hosts_;  // likewise
-  std::set<std::string> missing_workers_;               // of the roster, not connected yet
+  std::map<std::string, std::set<WorkerKey>> workers_by_witness_;
+  std::map<SceneKey, std::set<WorkerKey>> workers_by_scene_;  // that have loaded it
+  std::map<std::string, Conduct> conduct_;                    // by witness
+  AuditQueue waiting_audits_;                                 // without a holder
+  std::set<std::string> quarantined_;                         // IDs and witnesses: faulty or banned
+  FarmCensus working_;                                        // of working workers
+  FarmCensus present_;                           // the same and those whose stream has just broken
+  std::set<std::pair<double, WorkerKey>> idle_;  // working, with credits: by load
+  std::map<std::string, std::int32_t> idle_tags_;  // workers of idle_, by tag; "": all
+  std::set<WorkerKey> set_aside_;                  // for a time
+  std::set<std::string> missing_workers_;          // of the roster, not connected yet
   Time grace_ends_;
+  Time now_;  // latest time given by a caller
+  Time last_advance_;
   std::optional<Time> last_tick_;
   std::int64_t last_attempt_ = 0;
   WorkerKey last_worker_ = 0;
+  std::int64_t step_count_ = 0;
   bool work_appeared_ = false;  // since the last dispatch_all
   std::set<WorkerKey> to_wake_;
   Effects effects_;

@@ -16,10 +16,9 @@ constexpr int kAuditChecksPerTick = 64;  // audits checked per tick for having n
 }  // namespace
 
 /// Returns whether the worker could be leased units of the job, apart from its current load.
-bool Scheduler::could_audit(const Worker& worker, const Job& job) {
+bool Scheduler::could_audit(const Worker& worker, const Job& job) const {
   const std::string& tag = job.spec->required_tag;
-  return !worker.lost && !worker.draining && !worker.quarantined &&
-         (tag.empty() || worker.tags.count(tag) > 0);
+  return worker.is_present && (tag.empty() || worker.tags.count(tag) > 0);
 }
 
 bool Scheduler::wants_audit(const Job& job, const Unit& unit, const std::string& worker_id) {
@@ -28,16 +27,25 @@ bool Scheduler::wants_audit(const Job& job, const Unit& unit, const std::string&
   const double fraction = policy_.audit_fraction;
   const bool is_drawn = (is_first && fraction > 0) ||
                         is_drawn_for_audit(identity_.store_key, job.spec->id, unit, fraction);
-  return is_drawn && std::any_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
-           return entry.second.id != worker_id && could_audit(entry.second, job);
-         });
+  return is_drawn && present_.has_witness_beyond(job.spec->required_tag, {witness_of(worker_id)});
 }
 
 void Scheduler::open_audit(Job& job, const Unit& unit, const std::string& worker_id,
                            const contract::Digest& committed) {
-  if (!job.audits.try_emplace(unit, worker_id, committed).second) return;
-  waiting_audits_.emplace(job.key, unit);
+  const auto [audit, is_new] =
+      job.audits.try_emplace(unit, worker_id, committed, witness_of(worker_id));
+  if (is_new) await_worker(job, unit, audit->second);
+}
+
+/// Lets an audit without a holder wait for a worker, unless its job is paused.
+void Scheduler::await_worker(Job& job, const Unit& unit, Audit& audit) {
+  if (job.state == JobState::paused || has_ended(job.state)) return;
+  waiting_audits_.insert(job.spec->required_tag, {job.key, unit}, audit);
   work_appeared_ = true;
+}
+
+void Scheduler::stop_waiting(Job& job, const Unit& unit, Audit& audit) {
+  waiting_audits_.erase(job.spec->required_tag, {job.key, unit}, audit);
 }
 
 bool Scheduler::has_audits(const Job& job, std::int32_t frame) const {
@@ -46,44 +54,71 @@ bool Scheduler::has_audits(const Job& job, std::int32_t frame) const {
   return first != job.audits.end() && first->first.frame == frame;
 }
 
-/// Returns whether a worker that was not asked yet could be. In a dispute this includes a worker
-/// that was lost recently: it may return, and a dispute between two consistent workers fails the
+/// Returns whether a witness that was not asked yet could be. In a dispute this includes one whose
+/// worker was lost recently: it may return, and a dispute between two consistent workers fails the
 /// job.
 bool Scheduler::has_others(const Job& job, const Audit& audit) const {
-  const bool is_disputed = audit.is_disputed();
+  if (present_.has_witness_beyond(job.spec->required_tag, audit.witnesses())) return true;
+  if (!audit.is_disputed() || !last_tick_) return false;
   return std::any_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
     const Worker& worker = entry.second;
-    if (audit.has_answered(worker.id)) return false;
-    const bool may_return = is_disputed && worker.lost && !worker.draining && !worker.quarantined &&
-                            last_tick_ && *last_tick_ - worker.last_contact < policy_.audit_timeout;
-    return may_return || could_audit(worker, job);
+    return worker.lost && !worker.draining && !worker.quarantined &&
+           !audit.has_answered(worker.witness) &&
+           *last_tick_ - worker.last_contact < policy_.audit_timeout;
   });
 }
 
 bool Scheduler::may_audit(const Worker& worker, const Job& job, const Audit& audit) const {
-  if (!could_audit(worker, job) || !audit.may_ask(worker.id, has_others(job, audit))) return false;
-  const auto hosts = hosts_.find(job.spec->required_tag);
-  if (audit.is_disputed() || hosts == hosts_.end() || hosts->second.size() < 2) return true;
+  if (!could_audit(worker, job)) return false;
+  // A committer that was unknown when the audit began may have connected since.
+  if (!audit.is_disputed() && witness_of(audit.committer()) == worker.witness) return false;
+  if (audit.has_answered(worker.witness) &&
+      !audit.may_ask(worker.witness, has_others(job, audit))) {
+    return false;
+  }
+  const FarmCensus::Count* count = working_.find(job.spec->required_tag);
+  if (audit.is_disputed() || count == nullptr || count->hosts.size() < 2) return true;
   const auto committer = worker_by_id_.find(audit.committer());  // on another host if possible
   return committer == worker_by_id_.end() || workers_.at(committer->second).host != worker.host;
 }
 
 bool Scheduler::lease_audit(Worker& worker) {
-  for (const auto& [key, unit] : waiting_audits_) {
-    Job& job = jobs_.at(key);
-    if (job.state == JobState::paused) continue;
-    Audit& audit = job.audits.at(unit);
-    if (!may_audit(worker, job, audit)) continue;
-    const Lease lease = make_lease(job, worker, {unit.frame, unit.pass, unit.tile, 1});
-    audit.holder = Holder{worker.key, lease.attempt, std::nullopt, false, 0};
-    worker.leased_units.emplace(key, unit);
-    worker.leased_jobs.insert(key);
-    job.ever_leased_to.insert(worker.key);
-    waiting_audits_.erase({key, unit});
-    send_lease(worker, lease);
-    return true;
+  if (waiting_audits_.empty()) return false;
+  const auto lease_of_tag = [&](const std::string& tag) {
+    const AuditQueue::Groups* groups = waiting_audits_.find(tag);
+    return groups != nullptr && lease_audit_of(*groups, worker);
+  };
+  if (lease_of_tag("")) return true;
+  return std::any_of(worker.tags.begin(), worker.tags.end(),
+                     [&](const std::string& tag) { return !tag.empty() && lease_of_tag(tag); });
+}
+
+bool Scheduler::lease_audit_of(const AuditQueue::Groups& groups, Worker& worker) {
+  for (const auto& [committer, keys] : groups) {
+    for (const auto& [key, unit] : keys) {
+      ++step_count_;
+      Job& job = jobs_.at(key);
+      Audit& audit = job.audits.at(unit);
+      if (may_audit(worker, job, audit)) {
+        lease_audit(job, unit, audit, worker);
+        return true;
+      }
+      // A group of undisputed audits has one committer and one tag: the answer is the same for all.
+      if (!committer.empty()) break;
+    }
   }
   return false;
+}
+
+void Scheduler::lease_audit(Job& job, const Unit& audited, Audit& audit, Worker& worker) {
+  const Unit unit = audited;  // stop_waiting() invalidates the reference
+  const Lease lease = make_lease(job, worker, {unit.frame, unit.pass, unit.tile, 1});
+  audit.holder = Holder{worker.key, lease.attempt, std::nullopt, false, 0};
+  worker.leased_units.emplace(job.key, unit);
+  worker.leased_jobs.insert(job.key);
+  job.ever_leased_to.insert(worker.key);
+  stop_waiting(job, unit, audit);
+  send_lease(worker, lease);
 }
 
 bool Scheduler::release_audit(Job& job, Worker& worker, const Unit& unit) {
@@ -94,8 +129,8 @@ bool Scheduler::release_audit(Job& job, Worker& worker, const Unit& unit) {
   }
   audit->second.holder.reset();
   worker.leased_units.erase({job.key, unit});
-  waiting_audits_.emplace(job.key, unit);
-  work_appeared_ = true;
+  update_idle(worker);
+  await_worker(job, unit, audit->second);
   return true;
 }
 
@@ -113,25 +148,28 @@ bool Scheduler::answer_audit(Job& job, const Unit& unit, const Lease& lease, con
   Worker* worker = find_worker(result.worker_id);
   const bool was_asked = worker != nullptr && audit.holder && audit.holder->worker == worker->key &&
                          audit.holder->attempt == lease.attempt;
+  audit.set_committers_witness(witness_of(audit.committer()));
+  const std::string witness = witness_of(result.worker_id);
   // The worker's own result, sent again, proves nothing unless it differs.
-  if (audit.has_answered(result.worker_id) && !was_asked && !differs) return false;
+  if (audit.has_answered(witness) && !was_asked && !differs) return false;
   if (worker != nullptr) release_audit(job, *worker, unit);
-  audit.answer(result.worker_id, result.digest);
-  if (audit.is_settled()) end_audit(job, unit, now);
+  stop_waiting(job, unit, audit);
+  audit.answer(result.worker_id, result.digest, witness);
+  if (audit.is_settled()) {
+    end_audit(job, unit, now);
+  } else if (!audit.holder) {
+    await_worker(job, unit, audit);
+  }
   dispatch_all(now);
   return true;
 }
 
 /// Ends an audit whose outcome is known or that no worker can settle.
 void Scheduler::end_audit(Job& job, const Unit& unit, Time now) {
-  const auto node = job.audits.extract(unit);
-  waiting_audits_.erase({job.key, unit});
-  const Audit& audit = node.mapped();
-  if (audit.holder) {
-    Worker* worker = find_worker(audit.holder->worker);
-    if (worker != nullptr && worker->leased_units.erase({job.key, unit}) > 0)
-      revoke(*worker, job, unit);
-  }
+  auto node = job.audits.extract(unit);
+  Audit& audit = node.mapped();
+  stop_waiting(job, unit, audit);
+  take_from_holder(job, unit, audit);
   if (audit.is_settled()) {
     ++job.counters.audited;
     for (const std::string& faulty : audit.faulty_workers()) quarantine(faulty);
@@ -146,49 +184,72 @@ void Scheduler::end_audit(Job& job, const Unit& unit, Time now) {
   effects_.audited.push_back({job.spec->id, unit});
 }
 
-/// Rejects further results of a faulty worker and releases its units to others.
+/// Revokes the unit of an audit that is leased to a worker.
+void Scheduler::take_from_holder(Job& job, const Unit& unit, const Audit& audit) {
+  if (!audit.holder) return;
+  Worker* worker = find_worker(audit.holder->worker);
+  if (worker == nullptr || worker->leased_units.erase({job.key, unit}) == 0) return;
+  update_idle(*worker);
+  revoke(*worker, job, unit);
+}
+
+/// Rejects further results of a faulty worker, and of all workers with its certificate, and
+/// releases their units to others.
 void Scheduler::quarantine(const std::string& worker_id) {
-  if (quarantined_.count(worker_id) > 0) return;
-  effects_.faulty_workers.push_back(worker_id);
+  if (is_quarantined(worker_id)) return;
+  const auto peers = workers_by_witness_.find(witness_of(worker_id));
+  if (peers == workers_by_witness_.end()) {
+    effects_.faulty_workers.push_back(worker_id);
+  } else {
+    for (const WorkerKey key : peers->second) {
+      effects_.faulty_workers.push_back(workers_.at(key).id);
+    }
+  }
   ban(worker_id);
 }
 
 void Scheduler::drop_audits(Job& job) {
-  for (const auto& [unit, audit] : job.audits) {
-    waiting_audits_.erase({job.key, unit});
-    if (!audit.holder) continue;
-    Worker* worker = find_worker(audit.holder->worker);
-    if (worker != nullptr && worker->leased_units.erase({job.key, unit}) > 0)
-      revoke(*worker, job, unit);
+  for (auto& [unit, audit] : job.audits) {
+    stop_waiting(job, unit, audit);
+    take_from_holder(job, unit, audit);
   }
   job.audits.clear();
 }
 
+/// Returns whether a worker that is present could answer the audit.
+bool Scheduler::has_candidate(const Job& job, const Audit& audit) const {
+  const Names asked = audit.witnesses();
+  if (present_.has_witness_beyond(job.spec->required_tag, asked)) return true;
+  if (!audit.is_disputed() || has_others(job, audit)) return false;
+  const FarmCensus::Count* count = present_.find(job.spec->required_tag);
+  return count != nullptr && std::any_of(asked.begin(), asked.end(), [&](const std::string& name) {
+           return count->witnesses.count(name) > 0 && audit.may_ask(name, false);
+         });
+}
+
 /// Drops audits without a worker to ask; a dispute that cannot be settled fails its job.
 void Scheduler::fail_unresolvable_audits(Time now) {
-  const bool has_workers = std::any_of(workers_.begin(), workers_.end(),
-                                       [](const auto& entry) { return entry.second.is_working(); });
-  if (!has_workers || !missing_workers_.empty()) return;
-  std::vector<std::pair<JobKey, Unit>> unresolvable;
-  int checked = 0;
-  for (const auto& [key, unit] : waiting_audits_) {
-    if (++checked > kAuditChecksPerTick) break;
-    Job& job = jobs_.at(key);
-    Audit& audit = job.audits.at(unit);
-    const bool others = has_others(job, audit);
-    const bool has_candidate =
-        job.state == JobState::paused ||
-        std::any_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
-          return could_audit(entry.second, job) && audit.may_ask(entry.second.id, others);
-        });
-    if (has_candidate) {
-      audit.alone_since.reset();
-      continue;
-    }
-    // Workers that could decide may return soon.
-    if (!audit.alone_since) audit.alone_since = now;
-    if (!audit.is_disputed() || now - *audit.alone_since >= policy_.audit_timeout) {
-      unresolvable.emplace_back(key, unit);
+  if (waiting_audits_.empty() || working_.find("") == nullptr || !missing_workers_.empty()) return;
+  std::vector<AuditQueue::Key> unresolvable;
+  for (const auto& [tag, groups] : waiting_audits_.by_tag()) {
+    for (const auto& [committer, keys] : groups) {
+      int checked = 0;
+      for (const auto& [key, unit] : keys) {
+        if (++checked > kAuditChecksPerTick) break;
+        ++step_count_;
+        const Job& job = jobs_.at(key);
+        Audit& audit = jobs_.at(key).audits.at(unit);
+        if (has_candidate(job, audit)) {
+          audit.alone_since.reset();
+          if (!committer.empty()) break;  // so have the others of the group
+          continue;
+        }
+        // Workers that could decide may return soon.
+        if (!audit.alone_since) audit.alone_since = now;
+        if (!audit.is_disputed() || now - *audit.alone_since >= policy_.audit_timeout) {
+          unresolvable.emplace_back(key, unit);
+        }
+      }
     }
   }
   for (const auto& [key, unit] : unresolvable) {

@@ -1,4 +1,6 @@
 #include <algorithm>
+#include <limits>
+#include <tuple>
 #include <utility>
 
 #include "server/schedule/scheduler/scheduler.h"
@@ -15,15 +17,10 @@ bool Scheduler::may_work_for(const Worker& worker, const Job& job) const {
 }
 
 bool Scheduler::may_take(const Worker& worker, const Job& job, const Unit& unit) const {
-  const auto failures = job.unit_failures.find(unit);
-  if (failures == job.unit_failures.end() || !failures->second.failed_on(worker.id)) return true;
+  if (job.unit_failures.empty() && job.scene_faults.empty()) return true;
+  const Names failed = failed_witnesses(job, unit);
   // It failed on this worker: others go first, if there are any.
-  return std::none_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
-    const Worker& other = entry.second;
-    const std::string& tag = job.spec->required_tag;
-    return other.is_working() && !failures->second.failed_on(other.id) &&
-           (tag.empty() || other.tags.count(tag) > 0);
-  });
+  return failed.count(worker.witness) == 0 || !has_others(job, failed);
 }
 
 /// Returns whether this worker is known to have the files of the job's scene.
@@ -34,40 +31,78 @@ bool Scheduler::has_scene(const Worker& worker, const Job& job) {
 /// Returns whether a worker renders the job, or has credits and its scene.
 bool Scheduler::has_enough_workers(const Job& job) const {
   if (!job.holders.empty()) return true;
-  return std::any_of(workers_with_credits_.begin(), workers_with_credits_.end(),
-                     [&](WorkerKey key) {
-                       const Worker& worker = workers_.at(key);
-                       return has_scene(worker, job) && may_work_for(worker, job);
-                     });
+  const auto workers = workers_by_scene_.find(job.scene);
+  return workers != workers_by_scene_.end() &&
+         std::any_of(workers->second.begin(), workers->second.end(), [&](WorkerKey key) {
+           const Worker& worker = workers_.at(key);
+           return worker.idle_load && may_work_for(worker, job);
+         });
+}
+
+/// Returns whether the job is leased before the other one, in the order of JobQueue::next().
+bool Scheduler::precedes(const Job& job, const Job& other) const {
+  const auto use = [this](const Job& of) { return queue_.share().position(of.spec->owner); };
+  if (job.spec->priority != other.spec->priority) return job.spec->priority > other.spec->priority;
+  const double used = use(job), other_used = use(other);
+  return std::tie(used, job.spec->owner, job.key) <
+         std::tie(other_used, other.spec->owner, other.key);
+}
+
+/// Returns the first of the jobs that have their maximum of workers, this one among them; 0 if
+/// there is none.
+JobKey Scheduler::next_full_job(const Worker& worker,
+                                const std::function<bool(JobKey)>& may) const {
+  if (full_.empty()) return 0;
+  constexpr auto kMost = std::numeric_limits<std::int32_t>::max();
+  const Job* best = nullptr;
+  const auto& units = worker.leased_units;
+  for (auto it = units.begin(); it != units.end();
+       it = units.upper_bound({it->first, {kMost, kMost, kMost}})) {
+    const Job& job = jobs_.at(it->first);
+    if (full_.count(job.key) == 0 || job.holders.count(worker.key) == 0 || !may(job.key)) continue;
+    if (best == nullptr || precedes(job, *best)) best = &job;
+  }
+  return best == nullptr ? 0 : best->key;
 }
 
 /// Returns the next job of the queue or, if another worker serves that one, a job of the same owner
 /// and priority whose scene this worker has.
-JobKey Scheduler::next_job(const Worker& worker, const std::function<bool(JobKey)>& may) const {
-  const JobKey next = queue_.next(may);
-  if (next == 0 || worker.scenes.empty()) return next;
+JobKey Scheduler::next_job(const Worker& worker, const std::function<bool(JobKey)>& may) {
+  const JobQueue::Seeker seeker{worker.tags, may};
+  const JobKey next = queue_.next(seeker, now_);
+  const JobKey full = next_full_job(worker, may);
+  if (next == 0) return full;
   const Job& job = jobs_.at(next);
-  if (has_scene(worker, job) || !has_enough_workers(job)) return next;
+  if (full != 0 && !queue_.is_overdue(queue_key(job), now_) && precedes(jobs_.at(full), job)) {
+    return full;
+  }
+  if (worker.scenes.empty() || has_scene(worker, job) || !has_enough_workers(job)) return next;
   JobKey nearest = 0;
   for (const SceneKey& scene : worker.scenes) {
-    const JobKey found = queue_.oldest({job.spec->priority, job.spec->owner, scene}, may);
+    const JobKey found = queue_.oldest({job.spec->priority, job.spec->owner, scene}, seeker);
     if (found != 0 && (nearest == 0 || found < nearest)) nearest = found;
   }
   return nearest == 0 ? next : nearest;
 }
 
 JobKey Scheduler::choose_job(const Worker& worker, const std::set<JobKey>& refused) {
-  const auto may = [&](JobKey key) {
+  const std::function<bool(JobKey)> may = [&](JobKey key) {
+    ++step_count_;
     return refused.count(key) == 0 && may_work_for(worker, jobs_.at(key));
   };
-  const Job* current = queued_.count(worker.current_job) > 0 && may(worker.current_job)
-                           ? find_job(worker.current_job)
-                           : nullptr;
+  const bool has_waiting =
+      queued_.count(worker.current_job) > 0 || full_.count(worker.current_job) > 0;
+  const Job* current =
+      has_waiting && may(worker.current_job) ? find_job(worker.current_job) : nullptr;
   if (current == nullptr) return next_job(worker, may);
   const bool has_paid_off =
       worker.load_seconds && worker.seconds_in_job >= policy_.load_factor * *worker.load_seconds;
-  if (!has_paid_off && !queue_.has_above(current->spec->priority, may)) return current->key;
+  const JobQueue::Seeker seeker{worker.tags, may};
+  if (!has_paid_off && !queue_.has_above(current->spec->priority, seeker, now_)) {
+    return current->key;
+  }
   const JobKey next = next_job(worker, may);
+  if (next == 0) return current->key;
   const JobSpec& chosen = *jobs_.at(next).spec;
   const bool equal =
       chosen.priority == current->spec->priority && chosen.owner == current->spec->owner;
@@ -75,8 +110,7 @@ JobKey Scheduler::choose_job(const Worker& worker, const std::set<JobKey>& refus
 }
 
 std::int32_t Scheduler::run_length(const Job& job, const Worker& worker) const {
-  const auto found = threads_.find(job.spec->required_tag);
-  const std::int64_t threads = found == threads_.end() ? 1 : std::max(found->second, 1);
+  const std::int64_t threads = working_.threads(job.spec->required_tag);
   const std::int64_t waiting = job.plan->waiting_count();
   const std::int64_t open = waiting + job.plan->in_flight_count();
   const std::int64_t length = std::max<std::int64_t>(waiting / (2 * threads), 1);
@@ -105,7 +139,7 @@ Lease Scheduler::make_lease(const Job& job, const Worker& worker, const Run& run
 
 void Scheduler::send_lease(Worker& worker, const Lease& lease) {
   worker.credits -= lease.tile_count;
-  if (worker.credits <= 0) workers_with_credits_.erase(worker.key);
+  update_idle(worker);
   worker.outbox.leases.push_back(lease);
   wake(worker);
 }
@@ -135,11 +169,22 @@ bool Scheduler::lease_run(Job& job, Worker& worker, Time now) {
   const auto run =
       job.plan->next_run(max_tiles, [&](const Unit& unit) { return may_take(worker, job, unit); });
   if (!run) return false;
+  if (queued_.count(job.key) > 0) queue_.note_leased(queue_key(job), now_);
   lease(job, worker, *run, now);
   return true;
 }
 
+/// Returns whether a worker with credits could be leased something.
+bool Scheduler::has_work() const {
+  if (idle_.empty()) return false;
+  if (!full_.empty() || queue_.has_any(idle_tags_)) return true;
+  const auto& by_tag = waiting_audits_.by_tag();
+  return std::any_of(by_tag.begin(), by_tag.end(),
+                     [this](const auto& tag) { return idle_tags_.count(tag.first) > 0; });
+}
+
 bool Scheduler::dispatch_one(Worker& worker, Time now) {
+  ++step_count_;
   if (!missing_workers_.empty() && now < grace_ends_) return false;
   if (!worker.is_working() || worker.credits <= 0) return false;
   if (lease_audit(worker)) return true;  // frames wait for audits
@@ -159,41 +204,37 @@ void Scheduler::dispatch(Worker& worker, Time now) {
 /// Returns workers with credits: least loaded first, among equals those with the scene of a queued
 /// job first.
 std::vector<Worker*> Scheduler::workers_by_load_and_scene() {
-  struct Candidate {
-    double load = 0;
-    bool lacks_queued_scene = true;
-    Worker* worker = nullptr;
+  const auto has_queued_scene = [this](const Worker* worker) {
+    return std::any_of(worker->scenes.begin(), worker->scenes.end(),
+                       [this](const SceneKey& scene) { return queue_.has_scene(scene); });
   };
-  std::vector<Candidate> candidates;
-  candidates.reserve(workers_with_credits_.size());
-  for (const WorkerKey key : workers_with_credits_) {
-    Worker& worker = workers_.at(key);
-    const bool has_queued_scene =
-        std::any_of(worker.scenes.begin(), worker.scenes.end(),
-                    [this](const SceneKey& scene) { return queue_.has_scene(scene); });
-    candidates.push_back({static_cast<double>(worker.leased_units.size()) / worker.thread_count,
-                          !has_queued_scene, &worker});
-  }
-  std::stable_sort(
-      candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
-        return std::pair(a.load, a.lacks_queued_scene) < std::pair(b.load, b.lacks_queued_scene);
-      });
   std::vector<Worker*> workers;
-  workers.reserve(candidates.size());
-  for (const Candidate& candidate : candidates) workers.push_back(candidate.worker);
+  workers.reserve(idle_.size());
+  std::size_t first = 0;  // of those with the same load
+  for (auto it = idle_.begin(); it != idle_.end();) {
+    const double load = it->first;
+    for (; it != idle_.end() && it->first == load; ++it) {
+      workers.push_back(&workers_.at(it->second));
+      ++step_count_;
+    }
+    std::stable_partition(workers.begin() + static_cast<std::ptrdiff_t>(first), workers.end(),
+                          has_queued_scene);
+    first = workers.size();
+  }
   return workers;
 }
 
 void Scheduler::dispatch_all(Time now) {
-  if (!work_appeared_) return;
+  if (!work_appeared_ || (!missing_workers_.empty() && now < grace_ends_)) return;
   work_appeared_ = false;
   if (!has_work()) return;
   std::vector<Worker*> waiting = workers_by_load_and_scene();
   // In rounds, so that a small job is spread over the farm.
-  while (has_work() && !waiting.empty()) {
+  while (!waiting.empty()) {
     std::vector<Worker*> served;
     for (Worker* worker : waiting) {
-      if (has_work() && dispatch_one(*worker, now)) served.push_back(worker);
+      if (!has_work()) break;
+      if (dispatch_one(*worker, now)) served.push_back(worker);
     }
     waiting = std::move(served);
   }
@@ -202,17 +243,15 @@ void Scheduler::dispatch_all(Time now) {
 
 std::vector<Worker*> Scheduler::idle_workers() {
   std::vector<Worker*> idle;
-  for (const WorkerKey key : workers_with_credits_) {
-    Worker& worker = workers_.at(key);
-    if (static_cast<std::int32_t>(worker.leased_units.size()) < worker.thread_count) {
-      idle.push_back(&worker);
-    }
+  for (const auto& [load, key] : idle_) {
+    if (load >= 1) break;  // they have a unit for each thread
+    idle.push_back(&workers_.at(key));
   }
   return idle;
 }
 
 void Scheduler::balance_tail(Time now) {
-  if (workers_with_credits_.empty() || active_.empty() || !missing_workers_.empty()) return;
+  if (idle_.empty() || tail_.empty() || !missing_workers_.empty()) return;
   std::vector<Worker*> idle = idle_workers();
   if (idle.empty()) return;
   copy_slow_units(idle, now);
@@ -225,9 +264,8 @@ void Scheduler::balance_tail(Time now) {
 }
 
 void Scheduler::copy_slow_units(std::vector<Worker*>& idle, Time now) {
-  for (const JobKey key : active_) {
+  for (const JobKey key : tail_) {
     Job& job = jobs_.at(key);
-    if (job.state != JobState::running || job.plan->waiting_count() > 0) continue;
     std::vector<Unit> slow;
     for (const auto& [unit, in_flight] : job.plan->in_flight()) {
       const Holder& holder = in_flight.holders.front();
@@ -251,9 +289,8 @@ void Scheduler::copy_slow_units(std::vector<Worker*>& idle, Time now) {
 }
 
 void Scheduler::steal_unstarted(std::int32_t wanted) {
-  for (const JobKey key : active_) {
+  for (const JobKey key : tail_) {
     Job& job = jobs_.at(key);
-    if (job.state != JobState::running || job.plan->waiting_count() > 0) continue;
     std::map<WorkerKey, std::int32_t> surplus;  // beyond one unit per thread
     for (const auto& [holder, count] : job.holders) {
       const Worker& worker = workers_.at(holder);

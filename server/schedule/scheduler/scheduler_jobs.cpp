@@ -8,12 +8,31 @@ namespace tessera::server {
 
 using contract::Unit;
 
+absl::Status check_client_priority(const SchedulePolicy& policy, std::int32_t priority) {
+  if (priority <= policy.client_priority) return absl::OkStatus();
+  return absl::PermissionDeniedError(
+      absl::StrCat("priority: ", priority, " is above ", policy.client_priority,
+                   ", the maximum for clients of this farm; ask an admin"));
+}
+
 Scheduler::Scheduler(Identity identity, SchedulePolicy policy,
                      const std::vector<std::string>& roster, Time start)
     : identity_(std::move(identity)),
-      policy_(policy),
+      policy_(std::move(policy)),
+      queue_(policy_.share, start),
       missing_workers_(roster.begin(), roster.end()),
-      grace_ends_(start + policy.restart_grace) {}
+      grace_ends_(start + policy_.restart_grace),
+      now_(start),
+      last_advance_(start) {}
+
+/// Notes the time. Call first in every function that is given one.
+void Scheduler::advance(Time now) {
+  constexpr std::chrono::minutes kPeriod{1};
+  now_ = std::max(now_, now);
+  if (now_ - last_advance_ < kPeriod) return;
+  last_advance_ = now_;
+  queue_.advance(now_);
+}
 
 Job& Scheduler::add_job(JobKey key, std::shared_ptr<const JobSpec> spec, JobState state) {
   Job& job = jobs_[key];
@@ -26,10 +45,9 @@ Job& Scheduler::add_job(JobKey key, std::shared_ptr<const JobSpec> spec, JobStat
   job.unit_count = plan.unit_count();
   job.frame_count = plan.frame_count();
   job.plan.reset();  // a queued job is a row and a cursor
-  if (state == JobState::running) {
-    job.open_plan();
-    active_.insert(key);
-  }
+  if (state == JobState::running) job.open_plan();
+  job.demand = {1, 0, 0};
+  if (!has_ended(state)) count_demand(job, 1);
   refresh(job);
   return job;
 }
@@ -60,30 +78,69 @@ void Scheduler::restore_contribution(Job& job, const std::string& worker_id,
   contribution.units += done.units;
   contribution.cpu_seconds += done.cpu_seconds;
   job.counters.cpu_seconds += done.cpu_seconds;
-  if (!has_ended(job.state)) charge(job, done.cpu_seconds);
 }
 
-void Scheduler::charge(const Job& job, double cpu_seconds) {
-  queue_.charge(job.spec->owner, cpu_seconds);
+void Scheduler::count_demand(const Job& job, int sign) {
+  Demand& sum = demands_[job.spec->owner];
+  sum.jobs += sign * job.demand.jobs;
+  sum.store_bytes += sign * job.demand.store_bytes;
+  sum.samples += sign * job.demand.samples;
+  if (sum.jobs == 0) demands_.erase(job.spec->owner);  // and with it what rounding has left
 }
 
+void Scheduler::set_demand(Job& job, double store_bytes, double samples) {
+  if (!has_ended(job.state)) count_demand(job, -1);
+  job.demand = {1, store_bytes, samples};
+  if (!has_ended(job.state)) count_demand(job, 1);
+}
+
+Demand Scheduler::demand(const std::string& owner) const {
+  const auto found = demands_.find(owner);
+  return found == demands_.end() ? Demand{} : found->second;
+}
+
+JobQueue::QueueKey Scheduler::queue_key(const Job& job) {
+  return {job.spec->priority, job.spec->owner, job.scene, job.spec->required_tag};
+}
+
+/// Returns whether the job has its maximum of workers.
+bool Scheduler::is_full(const Job& job) {
+  const std::int32_t limit = job.spec->max_workers;
+  return limit > 0 && static_cast<std::int32_t>(job.holders.size()) >= limit;
+}
+
+/// Brings the indexes up to date. Call after the job's state, its units or their holders have
+/// changed.
 void Scheduler::refresh(Job& job) {
-  const bool runnable = job.is_runnable();
-  const bool queued = queued_.count(job.key) > 0;
-  if (runnable && !queued) {
+  const bool is_runnable = job.is_runnable();
+  const bool belongs_in_queue = is_runnable && !is_full(job);
+  const bool is_queued = queued_.count(job.key) > 0;
+  if (belongs_in_queue && !is_queued) {
     queued_.insert(job.key);
-    queue_.insert(job.key, {job.spec->priority, job.spec->owner, job.scene});
-  } else if (!runnable && queued) {
+    queue_.insert(job.key, queue_key(job), now_, working_.threads(job.spec->required_tag));
+  } else if (!belongs_in_queue && is_queued) {
     queued_.erase(job.key);
-    queue_.erase(job.key, {job.spec->priority, job.spec->owner, job.scene});
+    queue_.erase(job.key, queue_key(job));
   }
-  if (runnable) work_appeared_ = true;
+  const auto note = [&](std::set<JobKey>& jobs, bool belongs) {
+    if (belongs) {
+      jobs.insert(job.key);
+    } else {
+      jobs.erase(job.key);
+    }
+  };
+  note(full_, is_runnable && !belongs_in_queue);
+  note(tail_, job.state == JobState::running && !is_runnable && job.plan &&
+                  job.plan->in_flight_count() > 0);
+  if (is_runnable) work_appeared_ = true;
 }
 
 void Scheduler::set_state(Job& job, JobState state, const std::string& reason, Time now) {
   if (job.state == state && job.reason == reason) return;
   const bool was_running = job.state == JobState::running;
+  if (!has_ended(job.state)) count_demand(job, -1);
   job.state = state;
+  if (!has_ended(job.state)) count_demand(job, 1);
   job.reason = reason;
   if (was_running && state != JobState::running) {
     job.wall_seconds_before = job.wall_seconds(now);
@@ -92,9 +149,13 @@ void Scheduler::set_state(Job& job, JobState state, const std::string& reason, T
   if (state == JobState::running) {
     if (!job.running_since) job.running_since = now;
     job.open_plan();
-    active_.insert(job.key);
-  } else {
-    active_.erase(job.key);
+  }
+  for (auto& [unit, audit] : job.audits) {
+    if (state == JobState::paused) {
+      stop_waiting(job, unit, audit);
+    } else if (!audit.holder) {
+      await_worker(job, unit, audit);
+    }
   }
   effects_.changed.push_back(job.key);
   refresh(job);
@@ -140,7 +201,6 @@ absl::Status Scheduler::retry(Job& job, Time now) {
   job.unit_failures.clear();
   job.failure_code = absl::StatusCode::kOk;
   job.end_time_us = 0;
-  charge(job, job.counters.cpu_seconds);
   set_state(job, job.plan ? JobState::running : JobState::queued, "", now);
   dispatch_all(now);
   return absl::OkStatus();
@@ -154,6 +214,7 @@ void Scheduler::fail_job(Job& job, const absl::Status& failure, Time now) {
 
 void Scheduler::end_job(Job& job, JobState state, const std::string& reason, Time now) {
   if (has_ended(job.state)) return;
+  advance(now);
   if (job.plan) {
     std::vector<std::pair<Unit, WorkerKey>> holds;
     for (const auto& [unit, in_flight] : job.plan->in_flight()) {
@@ -175,7 +236,7 @@ void Scheduler::end_job(Job& job, JobState state, const std::string& reason, Tim
     wake(*worker);
   }
   job.ever_leased_to.clear();
-  charge(job, -job.counters.cpu_seconds);
+  forgive(job);
   set_state(job, state, reason, now);
   dispatch_all(now);
 }
@@ -192,7 +253,6 @@ void Scheduler::extend(Job& job, std::shared_ptr<const JobSpec> spec) {
     if (Worker* worker = find_worker(holder.worker)) revoke(*worker, job, unit);
   }
   // The caller restores units from the journal, which counts them again.
-  if (!has_ended(job.state)) charge(job, -job.counters.cpu_seconds);
   job.counters.cpu_seconds = 0;
   job.contributions.clear();
   refresh(job);
@@ -202,6 +262,8 @@ void Scheduler::extend(Job& job, std::shared_ptr<const JobSpec> spec) {
 void Scheduler::remove_job(JobKey key) {
   const auto found = jobs_.find(key);
   if (found == jobs_.end()) return;
+  forgive(found->second);
+  if (!has_ended(found->second.state)) count_demand(found->second, -1);
   job_by_id_.erase(found->second.spec->id);
   jobs_.erase(found);
 }
@@ -225,15 +287,16 @@ void Scheduler::commit(Job& job, const Unit& unit, const std::string& worker_id,
     Worker* other = find_worker(holder.worker);
     if (other != nullptr && other->id != worker_id) revoke(*other, job, unit);
   }
-  if (const auto failures = job.unit_failures.find(unit); failures != job.unit_failures.end()) {
-    disprove(failures->second, worker_id);
-    job.unit_failures.erase(failures);
+  const std::string witness = witness_of(worker_id);
+  disprove_failures(job, unit, witness);
+  if (const auto conduct = conduct_.find(witness); conduct != conduct_.end()) {
+    conduct->second.failing_jobs.clear();
   }
   Contribution& contribution = job.contributions[worker_id];
   ++contribution.units;
   contribution.cpu_seconds += cpu_seconds;
   job.counters.cpu_seconds += cpu_seconds;
-  if (!has_ended(job.state)) charge(job, cpu_seconds);
+  queue_.charge(job.spec->owner, cpu_seconds, now_);
   job.times.add(cpu_seconds, plan.passes()[static_cast<std::size_t>(unit.pass)].sample_count);
   if (Worker* worker = find_worker(worker_id)) {
     ++worker->committed_count;
@@ -248,7 +311,7 @@ void Scheduler::redo(Job& job, const Unit& unit) {
     if (audit->second.holder) {
       release_audit(job, workers_.at(audit->second.holder->worker), unit);
     }
-    waiting_audits_.erase({job.key, unit});
+    stop_waiting(job, unit, audit->second);
     job.audits.erase(audit);
   }
   job.open_plan().redo(unit);
@@ -287,6 +350,7 @@ void Scheduler::finish_frame(Job& job, std::int32_t frame, Time now) {
 }
 
 Effects Scheduler::take_effects() {
+  queue_.sort();
   effects_.to_wake.assign(to_wake_.begin(), to_wake_.end());
   to_wake_.clear();
   return std::exchange(effects_, Effects{});

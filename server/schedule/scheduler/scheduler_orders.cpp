@@ -12,32 +12,66 @@ bool Scheduler::drain(const std::string& worker_id) {
   return true;
 }
 
-void Scheduler::ban(const std::string& worker_id) {
-  quarantined_.insert(worker_id);
-  for (auto& [key, job] : jobs_) {
-    for (auto& [unit, audit] : job.audits) audit.disregard(worker_id);
-  }
-  Worker* worker = find_worker(worker_id);
-  if (worker == nullptr) return;
-  worker->quarantined = true;
-  workers_with_credits_.erase(worker->key);
-  const auto leased = worker->leased_units;
+bool Scheduler::is_quarantined(const std::string& worker_id) const {
+  if (quarantined_.count(worker_id) > 0) return true;
+  const auto key = worker_by_id_.find(worker_id);
+  return key != worker_by_id_.end() && quarantined_.count(workers_.at(key->second).witness) > 0;
+}
+
+std::string Scheduler::witness_of(const std::string& worker_id) const {
+  const auto key = worker_by_id_.find(worker_id);
+  return key == worker_by_id_.end() ? worker_id : workers_.at(key->second).witness;
+}
+
+std::vector<std::string> Scheduler::shut_out_names(const std::string& worker_id) const {
+  std::vector<std::string> names{worker_id};
+  const std::string witness = witness_of(worker_id);
+  if (witness != worker_id) names.push_back(witness);
+  return names;
+}
+
+/// Marks the worker quarantined and releases its units to others.
+void Scheduler::shut_out(Worker& worker) {
+  worker.quarantined = true;
+  worker.set_aside_until.reset();
+  set_aside_.erase(worker.key);
+  recount(worker);
+  const auto leased = worker.leased_units;
   for (const auto& [key, unit] : leased) {
     Job& job = jobs_.at(key);
-    if (release(job, *worker, unit)) revoke(*worker, job, unit);
+    if (release(job, worker, unit)) revoke(worker, job, unit);
   }
-  count_threads();
+}
+
+void Scheduler::ban(const std::string& name) {
+  const std::string witness = witness_of(name);
+  quarantined_.insert({name, witness});
+  for (auto& [key, job] : jobs_) {
+    for (auto& [unit, audit] : job.audits) audit.disregard(witness);
+  }
+  const auto peers = workers_by_witness_.find(witness);
+  if (peers == workers_by_witness_.end()) return;
+  for (const WorkerKey key : peers->second) shut_out(workers_.at(key));
   work_appeared_ = true;
 }
 
 bool Scheduler::allow(const std::string& worker_id, Time now) {
-  const bool was_shut_out = quarantined_.erase(worker_id) > 0;
-  Worker* worker = find_worker(worker_id);
-  if (worker == nullptr) return was_shut_out;
-  worker->quarantined = false;
-  worker->disproved_failures = 0;
-  if (worker->is_working() && worker->credits > 0) workers_with_credits_.insert(worker->key);
-  count_threads();
+  advance(now);
+  bool is_known = false;
+  for (const std::string& name : shut_out_names(worker_id)) {
+    is_known = quarantined_.erase(name) > 0 || is_known;
+  }
+  const std::string witness = witness_of(worker_id);
+  conduct_.erase(witness);
+  const auto peers = workers_by_witness_.find(witness);
+  if (peers == workers_by_witness_.end()) return is_known;
+  for (const WorkerKey key : peers->second) {
+    Worker& worker = workers_.at(key);
+    worker.quarantined = quarantined_.count(worker.id) > 0;  // its own ban may remain
+    worker.set_aside_until.reset();
+    set_aside_.erase(key);
+    recount(worker);
+  }
   work_appeared_ = true;
   dispatch_all(now);
   return true;

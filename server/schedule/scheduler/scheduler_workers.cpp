@@ -14,27 +14,6 @@ constexpr std::size_t kMaxListed = 4096;   // leases, and units, adopted from on
 constexpr std::size_t kMaxScenes = 16;     // remembered per worker
 constexpr double kUnknownUnitSeconds = 1;  // fair share's assumption before the first result
 
-std::string describe(const JobSpec& spec, const Unit& unit) {
-  return absl::StrCat("job ", spec.id, ", frame ", unit.frame, ", tile ", unit.tile, ", pass ",
-                      unit.pass);
-}
-
-/// Returns whether a unit failed because of its scene, so that every worker would fail.
-bool is_scene_fault(absl::StatusCode code) {
-  return code == absl::StatusCode::kInvalidArgument || code == absl::StatusCode::kNotFound ||
-         code == absl::StatusCode::kUnimplemented;
-}
-
-std::string failure_reason(const JobSpec& spec, const Unit& unit,
-                           const std::vector<Failure>& failures) {
-  std::string reason = absl::StrCat(describe(spec, unit), " failed ", failures.size(), " times");
-  for (const Failure& failure : failures) {
-    absl::StrAppend(&reason, "\nworker ", failure.worker_id, ": ", failure.message);
-    if (!failure.log_tail.empty()) absl::StrAppend(&reason, "\n", failure.log_tail);
-  }
-  return reason;
-}
-
 }  // namespace
 
 Worker* Scheduler::find_worker(WorkerKey worker) {
@@ -49,55 +28,127 @@ Worker* Scheduler::find_worker(const std::string& id) {
 
 std::set<JobKey> Scheduler::leased_jobs(const std::string& certificate) const {
   std::set<JobKey> jobs;
-  for (const auto& [key, worker] : workers_) {
-    if (worker.certificate != certificate) continue;
+  const auto peers = workers_by_witness_.find(witness_name("", certificate));
+  if (certificate.empty() || peers == workers_by_witness_.end()) return jobs;
+  for (const WorkerKey key : peers->second) {
+    const Worker& worker = workers_.at(key);
     jobs.insert(worker.leased_jobs.begin(), worker.leased_jobs.end());
   }
   return jobs;
 }
 
-void Scheduler::count_threads() {
-  threads_.clear();
-  hosts_.clear();
-  const auto count = [this](const Worker& worker, const std::string& tag) {
-    threads_[tag] += worker.thread_count;
-    hosts_[tag].insert(worker.host);
-  };
-  for (const auto& [key, worker] : workers_) {
-    if (!worker.is_working()) continue;
-    count(worker, "");
+/// Includes the worker in the counts that its state allows.
+void Scheduler::count(Worker& worker) {
+  const bool is_present = !worker.lost && !worker.draining && !worker.quarantined;
+  if (is_present && !worker.is_present) present_.add(worker);
+  worker.is_present = is_present;
+  if (worker.is_working() && !worker.is_counted) working_.add(worker);
+  worker.is_counted = worker.is_working();
+  update_idle(worker);
+}
+
+/// Call before the tags, threads, host or witness of a worker change.
+void Scheduler::uncount(Worker& worker) {
+  if (worker.is_present) present_.remove(worker);
+  if (worker.is_counted) working_.remove(worker);
+  worker.is_present = worker.is_counted = false;
+  update_idle(worker);
+}
+
+/// Call after the state of a worker has changed.
+void Scheduler::recount(Worker& worker) {
+  ++step_count_;
+  const bool is_present = !worker.lost && !worker.draining && !worker.quarantined;
+  if (worker.is_present != is_present || worker.is_counted != worker.is_working()) uncount(worker);
+  count(worker);
+}
+
+/// Call after a worker's credits or units have changed.
+void Scheduler::update_idle(Worker& worker) {
+  const auto count_tags = [&](std::int32_t change) {
+    const auto add = [&](const std::string& tag) {
+      std::int32_t& workers = idle_tags_[tag];
+      workers += change;
+      if (workers == 0) idle_tags_.erase(tag);
+    };
+    add("");
     for (const std::string& tag : worker.tags) {
-      if (!tag.empty()) count(worker, tag);
+      if (!tag.empty()) add(tag);
     }
-  }
+  };
+  const bool is_idle = worker.is_counted && worker.credits > 0;
+  if (is_idle && worker.idle_load == worker.load()) return;
+  if (worker.idle_load) idle_.erase({*worker.idle_load, worker.key});
+  if (worker.idle_load && !is_idle) count_tags(-1);
+  if (is_idle && !worker.idle_load) count_tags(1);
+  worker.idle_load.reset();
+  if (!is_idle) return;
+  worker.idle_load = worker.load();
+  idle_.emplace(*worker.idle_load, worker.key);
 }
 
 WorkerKey Scheduler::connect(const Hello& hello, Time now) {
+  advance(now);
   WorkerKey& key = worker_by_id_[hello.worker_id];
   if (key == 0) key = ++last_worker_;
   Worker& worker = workers_[key];
+  uncount(worker);
   worker.key = key;
   worker.id = hello.worker_id;
   worker.name = hello.name;
   worker.host = hello.host;
   worker.isa = hello.isa;
   worker.certificate = hello.certificate;
+  set_witness(worker, witness_name(hello.worker_id, hello.certificate));
   worker.thread_count = std::max(hello.thread_count, 1);
   worker.tags = {hello.tags.begin(), hello.tags.end()};
   worker.connected = true;
   worker.lost = worker.draining = false;
-  worker.quarantined = worker.quarantined || is_quarantined(worker.id);
   worker.last_contact = now;
   worker.credits = std::max(hello.credit_count, 0);
   worker.outbox = {};
-  missing_workers_.erase(worker.id);
   effects_.roster.emplace_back(worker.id, true);
+  const bool ends_grace = missing_workers_.erase(worker.id) > 0 && missing_workers_.empty();
+  recount(worker);
+  const bool had_appeared = std::exchange(work_appeared_, false);
   adopt(worker, hello, now);
-  count_threads();
-  if (worker.is_working() && worker.credits > 0) workers_with_credits_.insert(key);
-  work_appeared_ = true;
-  dispatch_all(now);
+  if (ends_grace || had_appeared || work_appeared_) {
+    work_appeared_ = true;
+    dispatch_all(now);
+  } else {
+    dispatch(worker, now);  // others have had the chance to take what is waiting
+  }
   return key;
+}
+
+/// Names who answers for the worker. One that shares its witness with a worker that is quarantined
+/// is quarantined likewise.
+void Scheduler::set_witness(Worker& worker, std::string witness) {
+  if (!worker.witness.empty() && worker.witness != witness) forget_witness(worker);
+  worker.witness = std::move(witness);
+  std::set<WorkerKey>& peers = workers_by_witness_[worker.witness];
+  for (const WorkerKey peer : peers) {
+    const Worker& other = workers_.at(peer);
+    if (!other.quarantined || worker.quarantined) continue;
+    worker.quarantined = true;
+    worker.set_aside_until = other.set_aside_until;
+    if (worker.set_aside_until) set_aside_.insert(worker.key);
+    break;
+  }
+  peers.insert(worker.key);
+  if (is_quarantined(worker.id)) {
+    worker.quarantined = true;
+    worker.set_aside_until.reset();
+  }
+}
+
+void Scheduler::forget_witness(Worker& worker) {
+  const auto peers = workers_by_witness_.find(worker.witness);
+  if (peers == workers_by_witness_.end()) return;
+  peers->second.erase(worker.key);
+  if (!peers->second.empty()) return;
+  workers_by_witness_.erase(peers);
+  conduct_.erase(worker.witness);
 }
 
 void Scheduler::adopt(Worker& worker, const Hello& hello, Time now) {
@@ -124,6 +175,21 @@ void Scheduler::adopt(Worker& worker, const Hello& hello, Time now) {
     for (const UnitName& name : hello.running) list(name);
     for (const UnitName& name : hello.unacknowledged) list(name);
   }
+  release_unlisted(worker, listed, now);
+  const bool has_returned = work_appeared_;
+  for (const auto& [key, attempt] : listed) {
+    Job& job = jobs_.at(key.first);
+    if (worker.leased_units.count(key) > 0 || has_ended(job.state)) continue;
+    hold(job, worker, key.second, Holder{worker.key, attempt, now, false, 0});
+    if (job.state == JobState::queued) set_state(job, JobState::running, "", now);
+    refresh(job);
+  }
+  work_appeared_ = has_returned;  // a unit that is held is no work for others
+}
+
+void Scheduler::release_unlisted(Worker& worker,
+                                 const std::map<std::pair<JobKey, Unit>, Attempt>& listed,
+                                 Time now) {
   const auto before = worker.leased_units;
   for (const auto& key : before) {
     if (listed.count(key) > 0) continue;
@@ -143,22 +209,16 @@ void Scheduler::adopt(Worker& worker, const Hello& hello, Time now) {
       release(job, worker, key.second);
     }
   }
-  for (const auto& [key, attempt] : listed) {
-    Job& job = jobs_.at(key.first);
-    if (worker.leased_units.count(key) > 0 || has_ended(job.state)) continue;
-    hold(job, worker, key.second, Holder{worker.key, attempt, now, false, 0});
-    if (job.state == JobState::queued) set_state(job, JobState::running, "", now);
-  }
 }
 
 void Scheduler::disconnect(WorkerKey key) {
   Worker* worker = find_worker(key);
   if (worker == nullptr || !worker->connected) return;
   worker->connected = false;
-  workers_with_credits_.erase(key);
-  count_threads();
+  recount(*worker);
   if (!worker->draining || !worker->leased_units.empty()) return;
   worker->lost = true;  // it drained and holds nothing
+  recount(*worker);
   effects_.roster.emplace_back(worker->id, false);
 }
 
@@ -187,70 +247,27 @@ void Scheduler::grant_credits(WorkerKey key, std::int32_t count, Time now) {
   Worker* worker = find_worker(key);
   if (worker == nullptr || count <= 0) return;
   worker->credits = std::min(worker->credits, kMaxCredits) + std::min(count, kMaxCredits);
-  if (!worker->is_working()) return;
-  workers_with_credits_.insert(key);
-  dispatch(*worker, now);
+  advance(now);
+  update_idle(*worker);
+  if (worker->is_working()) dispatch(*worker, now);
 }
 
 void Scheduler::begin_draining(WorkerKey key) {
   Worker* worker = find_worker(key);
   if (worker == nullptr) return;
   worker->draining = true;
-  workers_with_credits_.erase(key);
-  count_threads();
+  recount(*worker);
 }
 
 void Scheduler::return_units(WorkerKey key, const std::vector<UnitName>& units, Time now) {
   Worker* worker = find_worker(key);
   if (worker == nullptr) return;
+  advance(now);
   for (const UnitName& name : units) {
     Job* job = find_job(name.job_id);
     if (job != nullptr && job->plan) release(*job, *worker, name.unit);
   }
   dispatch_all(now);
-}
-
-void Scheduler::fail_unit(WorkerKey key, const Lease& lease, std::int32_t tile, Failure failure,
-                          absl::StatusCode code, Time now) {
-  Worker* worker = find_worker(key);
-  Job* job = find_job(lease.job_id);
-  if (worker == nullptr || job == nullptr || has_ended(job->state)) return;
-  if (!is_seal_valid(lease, worker->id, identity_.store_key)) return;
-  const Unit unit{lease.frame, tile, lease.pass};
-  job->open_plan();
-  if (!wants(*job, lease, unit)) return;
-  failure.worker_id = worker->id;
-  if (is_scene_fault(code)) {
-    fail_job(*job, absl::Status(code, absl::StrCat("bad scene: ", failure.message)), now);
-    return;
-  }
-  if (job->plan->is_committed(unit)) {
-    release_audit(*job, *worker, unit);
-    disprove(UnitFailures{{std::move(failure)}, 0}, "");
-    return;
-  }
-  release(*job, *worker, unit);
-  UnitFailures& failures = job->unit_failures[unit];
-  failures.failures.push_back(std::move(failure));
-  if (static_cast<std::int32_t>(failures.failures.size()) >= policy_.failure_limit) {
-    const std::string reason = failure_reason(*job->spec, unit, failures.failures);
-    fail_job(*job, absl::Status(code, reason), now);
-    return;
-  }
-  work_appeared_ = true;
-  dispatch_all(now);
-}
-
-void Scheduler::disprove(const UnitFailures& failures, const std::string& worker_id) {
-  for (const Failure& failure : failures.failures) {
-    Worker* worker = find_worker(failure.worker_id);
-    if (worker == nullptr || worker->id == worker_id) continue;
-    if (++worker->disproved_failures < policy_.disproved_limit || worker->quarantined) continue;
-    worker->quarantined = true;
-    workers_with_credits_.erase(worker->key);
-    count_threads();
-    for (const auto& [job, unit] : worker->leased_units) revoke(*worker, jobs_.at(job), unit);
-  }
 }
 
 void Scheduler::scene_loaded(WorkerKey key, const std::string& job_id, const SceneLoad& load) {
@@ -260,9 +277,7 @@ void Scheduler::scene_loaded(WorkerKey key, const std::string& job_id, const Sce
   if (worker->leased_jobs.count(job->key) == 0) return;
   if (worker->current_job == job->key)
     worker->load_seconds = load.load_seconds + load.build_seconds;
-  std::erase(worker->scenes, job->scene);
-  worker->scenes.insert(worker->scenes.begin(), job->scene);
-  if (worker->scenes.size() > kMaxScenes) worker->scenes.pop_back();
+  remember_scene(*worker, job->scene);
   JobCounters& counters = job->counters;
   counters.load_seconds += load.load_seconds;
   counters.build_seconds += load.build_seconds;
@@ -272,25 +287,46 @@ void Scheduler::scene_loaded(WorkerKey key, const std::string& job_id, const Sce
   counters.accelerator_bytes = std::max(counters.accelerator_bytes, load.accelerator_bytes);
 }
 
+void Scheduler::remember_scene(Worker& worker, const SceneKey& scene) {
+  std::erase(worker.scenes, scene);
+  worker.scenes.insert(worker.scenes.begin(), scene);
+  workers_by_scene_[scene].insert(worker.key);
+  if (worker.scenes.size() <= kMaxScenes) return;
+  forget_scene(worker, worker.scenes.back());
+  worker.scenes.pop_back();
+}
+
+void Scheduler::forget_scene(const Worker& worker, const SceneKey& scene) {
+  const auto workers = workers_by_scene_.find(scene);
+  if (workers == workers_by_scene_.end()) return;
+  workers->second.erase(worker.key);
+  if (workers->second.empty()) workers_by_scene_.erase(workers);
+}
+
 void Scheduler::hold(Job& job, Worker& worker, const Unit& unit, const Holder& holder) {
   Holder charged = holder;
   const auto& pass = job.plan->passes()[static_cast<std::size_t>(unit.pass)];
   charged.expected_seconds = job.times.median(pass.sample_count).value_or(kUnknownUnitSeconds);
+  charged.charged = now_;
   job.plan->hold(unit, charged);
   worker.leased_units.emplace(job.key, unit);
   ++job.holders[worker.key];
   job.ever_leased_to.insert(worker.key);
   worker.leased_jobs.insert(job.key);
   job.leased_seconds += charged.expected_seconds;
-  charge(job, charged.expected_seconds);
+  queue_.charge(job.spec->owner, charged.expected_seconds, charged.charged);
+  update_idle(worker);
 }
 
 void Scheduler::remove_hold(Job& job, const Unit& unit, const Holder& holder) {
   const auto count = job.holders.find(holder.worker);
   if (count != job.holders.end() && --count->second == 0) job.holders.erase(count);
   job.leased_seconds -= holder.expected_seconds;
-  charge(job, -holder.expected_seconds);
-  if (Worker* worker = find_worker(holder.worker)) worker->leased_units.erase({job.key, unit});
+  queue_.charge(job.spec->owner, -holder.expected_seconds, holder.charged);
+  Worker* worker = find_worker(holder.worker);
+  if (worker == nullptr) return;
+  worker->leased_units.erase({job.key, unit});
+  update_idle(*worker);
 }
 
 bool Scheduler::release(Job& job, Worker& worker, const Unit& unit) {
@@ -301,20 +337,9 @@ bool Scheduler::release(Job& job, Worker& worker, const Unit& unit) {
   return true;
 }
 
-void Scheduler::lose_unit(Job& job, Worker& worker, const Unit& unit, Time now) {
-  if (!release(job, worker, unit) || has_ended(job.state)) return;
-  UnitFailures& failures = job.unit_failures[unit];
-  if (++failures.losses <= policy_.loss_limit) return;
-  fail_job(
-      job,
-      absl::UnavailableError(absl::StrCat(describe(*job.spec, unit), " was lost with its worker ",
-                                          failures.losses, " times; the last was ", worker.id)),
-      now);
-}
-
 void Scheduler::mark_lost(Worker& worker, Time now) {
   worker.lost = true;
-  workers_with_credits_.erase(worker.key);
+  recount(worker);
   effects_.to_close.push_back(worker.key);
   effects_.roster.emplace_back(worker.id, false);
   const auto leased = worker.leased_units;
@@ -322,6 +347,14 @@ void Scheduler::mark_lost(Worker& worker, Time now) {
     if (Job* job = find_job(key)) lose_unit(*job, worker, unit, now);
   }
   worker.leased_units.clear();
+}
+
+void Scheduler::forget(Worker& worker) {
+  uncount(worker);
+  forget_witness(worker);
+  for (const SceneKey& scene : worker.scenes) forget_scene(worker, scene);
+  set_aside_.erase(worker.key);
+  worker_by_id_.erase(worker.id);
 }
 
 void Scheduler::acknowledge(WorkerKey key, Acknowledgement acknowledgement) {
@@ -332,12 +365,26 @@ void Scheduler::acknowledge(WorkerKey key, Acknowledgement acknowledgement) {
   wake(*worker);
 }
 
+/// Has the worker's messages sent. A worker that does not read them is disconnected: it lists what
+/// it has when it comes back.
+void Scheduler::wake(Worker& worker) {
+  if (worker.connected && worker.outbox.size() > policy_.max_mail) {
+    worker.outbox = {};
+    to_wake_.erase(worker.key);
+    effects_.to_close_unread.push_back(worker.key);
+    disconnect(worker.key);
+    return;
+  }
+  to_wake_.insert(worker.key);
+}
+
 void Scheduler::revoke(Worker& worker, const Job& job, const Unit& unit) {
   worker.outbox.revoked.push_back({job.spec->id, unit});
   wake(worker);
 }
 
 void Scheduler::tick(Time now, Duration period) {
+  advance(now);
   const Duration late = last_tick_ ? now - *last_tick_ - period : Duration(0);
   last_tick_ = now;
   if (late > policy_.timer_slack) {
@@ -346,22 +393,20 @@ void Scheduler::tick(Time now, Duration period) {
     grace_ends_ += late;
     return;
   }
-  bool lost_some = false;
   for (auto it = workers_.begin(); it != workers_.end();) {
     Worker& worker = it->second;
     const Duration silence = now - worker.last_contact;
     if (!worker.lost && silence > policy_.worker_timeout) {
       mark_lost(worker, now);
-      lost_some = true;
     }
     if (worker.lost && !worker.connected && silence > policy_.forget_after) {
-      worker_by_id_.erase(worker.id);
+      forget(worker);
       it = workers_.erase(it);
     } else {
       ++it;
     }
   }
-  if (lost_some) count_threads();
+  end_set_asides(now);
   if (!missing_workers_.empty() && now >= grace_ends_) {
     for (const std::string& id : missing_workers_) effects_.roster.emplace_back(id, false);
     missing_workers_.clear();

@@ -16,8 +16,9 @@ namespace tessera::server {
 /// A scheduler whose clock and workers the test controls.
 class SchedulerHarness {
  public:
-  explicit SchedulerHarness(const std::vector<std::string>& roster = {})
-      : scheduler({"store", "key", 1}, SchedulePolicy{}, roster, now) {}
+  explicit SchedulerHarness(const std::vector<std::string>& roster = {},
+                            const SchedulePolicy& policy = {})
+      : scheduler({"store", "key", 1}, policy, roster, now) {}
 
   /// A job of `tiles` 8x8 tiles in a row and of `frames` frames.
   struct JobPlanned {
@@ -54,6 +55,7 @@ class SchedulerHarness {
     std::vector<Lease> leases = {};
     std::vector<UnitName> running = {}, unacknowledged = {};
     std::string store_id = "store";
+    std::string certificate = {};
   };
   WorkerKey connect(const std::string& id, const WorkerPlanned& planned) {
     Hello hello;
@@ -62,6 +64,7 @@ class SchedulerHarness {
     hello.credit_count = planned.credits;
     hello.tags = planned.tags;
     hello.store_id = planned.store_id;
+    hello.certificate = planned.certificate;
     hello.leases = planned.leases;
     hello.running = planned.running;
     hello.unacknowledged = planned.unacknowledged;

@@ -1,0 +1,539 @@
+#include "tests/unit/server/schedule/simulated_farm.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+
+namespace tessera::server {
+namespace {
+
+using contract::Unit;
+using namespace std::chrono_literals;
+
+constexpr std::chrono::milliseconds kStep{500};
+constexpr int kOwners = 4, kMostJobs = 12, kChaosSteps = 500, kCalmSteps = 4000;
+constexpr const char* kTags[] = {"", "a", "b"};
+
+contract::Digest digest_of(const UnitName& name, bool is_lie) {
+  return contract::sha256(absl::StrCat(name.job_id, " ", name.unit.frame, " ", name.unit.tile, " ",
+                                       name.unit.pass, is_lie ? " wrong" : ""));
+}
+
+}  // namespace
+
+std::uint64_t Dice::next() {
+  std::uint64_t x = state_ += 0x9e3779b97f4a7c15;
+  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9;
+  x = (x ^ (x >> 27)) * 0x94d049bb133111eb;
+  return x ^ (x >> 31);
+}
+
+/// A unit at a worker.
+struct SimulatedFarm::Task {
+  UnitName name;
+  Lease lease;
+  std::optional<Time> ready = {};  // when its rendering ends; absent: it has not begun
+  bool is_delivered = false;       // without an acknowledgement
+  contract::Digest digest = {};
+};
+
+struct SimulatedFarm::Computer {
+  std::string id, certificate;
+  bool is_faulty = false, is_anchor = false;
+  std::int32_t threads = 1, credits = 1;
+  std::set<std::string> tags;
+  WorkerKey key = 0;
+  bool is_up = true, is_connected = false;
+  std::vector<Task> tasks;
+};
+
+struct SimulatedFarm::StoredUnit {
+  std::string worker_id;
+  contract::Digest digest;
+  bool has_audit = false;  // that has not ended
+};
+
+struct SimulatedFarm::Stored {
+  std::shared_ptr<const JobSpec> spec;
+  JobState state = JobState::queued;
+  std::map<Unit, StoredUnit> units;  // committed, acknowledged
+  std::set<std::int32_t> frames;     // finished
+};
+
+struct SimulatedFarm::Write {
+  std::string worker_id;
+  UnitName name;
+  Lease lease;
+  contract::Digest digest;
+  bool has_audit = false;
+  Time durable;
+};
+
+SimulatedFarm::SimulatedFarm(std::uint64_t seed) : dice_(seed), now_(Time{} + 100h) {
+  constexpr double kFractions[] = {0, 0.05, 0.5};
+  policy_.audit_fraction = kFractions[dice_.below(3)];
+  policy_.loss_limit = 1000;
+  policy_.audit_timeout = 1h;
+  policy_.share.half_life = 10min;
+  policy_.share.weights = {{"owner0", 2.0}};
+  start_scheduler();
+  for (const char* certificate : {"anchor1", "anchor2"}) add_computer(certificate, false, true);
+  add_job();
+}
+
+SimulatedFarm::~SimulatedFarm() = default;
+
+void SimulatedFarm::violate(const std::string& what) {
+  if (violation_.empty()) violation_ = absl::StrCat(seconds(now_ - (Time{} + 100h)), " s: ", what);
+}
+
+void SimulatedFarm::start_scheduler() {
+  const std::vector<std::string> roster(roster_.begin(), roster_.end());
+  scheduler_ = std::make_unique<Scheduler>(Scheduler::Identity{"store", "key", ++boot_}, policy_,
+                                           roster, now_);
+  scheduler_->restore_usage(usage_, now_);
+  for (const std::string& name : bans_) scheduler_->ban(name);
+  for (const auto& [key, stored] : store_) {
+    Job& job = scheduler_->add_job(key, stored->spec, stored->state);
+    if (stored->units.empty() && stored->frames.empty()) continue;
+    for (const std::int32_t frame : stored->frames) job.open_plan().finish(frame);
+    for (const auto& [unit, kept] : stored->units) {
+      scheduler_->restore_unit(job, unit, kept.worker_id, 1);
+      if (kept.has_audit) scheduler_->open_audit(job, unit, kept.worker_id, kept.digest);
+    }
+    finish_frames(job);
+  }
+  apply_effects();
+}
+
+/// The server dies: what is not durable is gone, and all streams break.
+void SimulatedFarm::restart_server() {
+  ++events_.restarts;
+  events_.lost_writes += static_cast<int>(writes_.size());
+  writes_.clear();
+  usage_ = scheduler_->usage(now_);
+  now_ += std::chrono::milliseconds(dice_.below(4000));
+  for (auto& [id, computer] : computers_) computer->is_connected = false;
+  start_scheduler();
+}
+
+void SimulatedFarm::add_job() {
+  auto spec = std::make_shared<JobSpec>();
+  const JobKey key = ++last_job_;
+  spec->id = absl::StrCat("j", key);
+  spec->owner = absl::StrCat("owner", dice_.below(kOwners));
+  spec->priority = dice_.one_in(4) ? dice_.below(5) - 2 : 0;
+  spec->max_workers = dice_.one_in(4) ? 1 + dice_.below(3) : 0;
+  spec->required_tag = kTags[dice_.below(3)];
+  spec->assets = {{"scene.glb", contract::sha256(std::to_string(dice_.below(4))), 0}};
+  spec->settings.width = 8 * (1 + dice_.below(dice_.one_in(5) ? 60 : 8));
+  spec->settings.height = 8;
+  spec->settings.tile = 8;
+  spec->settings.spp = dice_.one_in(2) ? 8 : 64;
+  spec->settings.frames = {{0, dice_.below(3), 1}};
+  store_[key] = std::make_unique<Stored>();
+  store_[key]->spec = spec;
+  scheduler_->add_job(key, spec, JobState::queued);
+  scheduler_->offer_work(now_);
+}
+
+SimulatedFarm::Computer& SimulatedFarm::add_computer(const std::string& certificate, bool is_faulty,
+                                                     bool is_anchor) {
+  auto computer = std::make_unique<Computer>();
+  computer->id = absl::StrCat("w", ++last_computer_);
+  computer->certificate = certificate;
+  computer->is_faulty = is_faulty;
+  computer->is_anchor = is_anchor;
+  computer->threads = 1 + dice_.below(4);
+  computer->credits = computer->threads + dice_.below(4);
+  for (const char* tag : {"a", "b"}) {
+    if (is_anchor || dice_.one_in(2)) computer->tags.insert(tag);
+  }
+  Computer& added = *computer;
+  computers_[added.id] = std::move(computer);
+  connect(added);
+  return added;
+}
+
+void SimulatedFarm::connect(Computer& computer) {
+  Hello hello;
+  hello.worker_id = hello.name = computer.id;
+  hello.host = absl::StrCat("host ", computer.certificate);
+  hello.certificate = computer.certificate;
+  hello.thread_count = computer.threads;
+  hello.tags = {computer.tags.begin(), computer.tags.end()};
+  hello.store_id = "store";
+  for (Task& task : computer.tasks) {
+    hello.leases.push_back(task.lease);
+    (task.is_delivered ? hello.unacknowledged : hello.running).push_back(task.name);
+    task.is_delivered = false;  // it is sent again
+  }
+  const auto held = static_cast<std::int32_t>(computer.tasks.size());
+  hello.credit_count = std::max(computer.credits - held, 0);
+  computer.key = scheduler_->connect(hello, now_);
+  computer.is_connected = true;
+}
+
+void SimulatedFarm::lose_stream(Computer& computer) {
+  if (computer.is_connected) scheduler_->disconnect(computer.key);
+  computer.is_connected = false;
+}
+
+// Workers -----------------------------------------------------------------------------------------
+
+void SimulatedFarm::read_mail(Computer& computer) {
+  Worker* worker = scheduler_->find_worker(computer.key);
+  if (worker == nullptr) return;
+  const Outbox mail = std::exchange(worker->outbox, Outbox{});
+  for (const Lease& lease : mail.leases) take_lease(computer, lease);
+  std::int32_t credits = 0;
+  for (const Acknowledgement& told : mail.acknowledgements) {
+    credits += static_cast<std::int32_t>(
+        std::erase_if(computer.tasks, [&](const Task& task) { return task.name == told.unit; }));
+  }
+  scheduler_->grant_credits(computer.key, credits, now_);
+  return_revoked(computer, mail.revoked);
+}
+
+void SimulatedFarm::take_lease(Computer& computer, const Lease& lease) {
+  const Job* job = scheduler_->find_job(lease.job_id);
+  for (std::int32_t i = 0; i < lease.tile_count; ++i) {
+    const Unit unit{lease.frame, lease.first_tile + i, lease.pass};
+    if (job != nullptr && job->plan && job->plan->is_committed(unit) &&
+        job->audits.count(unit) == 0 && store_.at(job->key)->units.count(unit) > 0) {
+      const Worker& worker = *scheduler_->find_worker(computer.key);
+      if (worker.leased_units.count({job->key, unit}) > 0) violate("a committed unit is leased");
+    }
+    computer.tasks.push_back({{lease.job_id, unit}, lease});
+  }
+}
+
+/// Gives back units that were revoked before they began.
+void SimulatedFarm::return_revoked(Computer& computer, const std::vector<UnitName>& revoked) {
+  std::vector<UnitName> returned;
+  for (const UnitName& name : revoked) {
+    const auto task = std::find_if(computer.tasks.begin(), computer.tasks.end(),
+                                   [&](const Task& held) { return held.name == name; });
+    if (task == computer.tasks.end() || task->is_delivered) continue;
+    const Job* job = scheduler_->find_job(name.job_id);
+    if (task->ready && job != nullptr && !has_ended(job->state)) continue;
+    computer.tasks.erase(task);
+    returned.push_back(name);
+  }
+  if (returned.empty()) return;
+  scheduler_->return_units(computer.key, returned, now_);
+  scheduler_->grant_credits(computer.key, static_cast<std::int32_t>(returned.size()), now_);
+}
+
+void SimulatedFarm::work(Computer& computer, bool is_calm) {
+  if (!computer.is_up) return;
+  if (!computer.is_connected) {
+    if (is_calm || computer.is_anchor || dice_.one_in(3)) connect(computer);
+    return;
+  }
+  scheduler_->record_contact(computer.key, now_);
+  if (is_calm || !dice_.one_in(4)) read_mail(computer);
+  std::int32_t running = 0;
+  std::vector<UnitName> started;
+  for (Task& task : computer.tasks) {
+    if (task.is_delivered) continue;
+    if (!task.ready && running < computer.threads) {
+      task.ready = now_ + std::chrono::milliseconds(200 + dice_.below(3000));
+      started.push_back(task.name);
+    }
+    running += task.ready ? 1 : 0;
+  }
+  scheduler_->heartbeat(computer.key, started, 0, now_);
+  for (std::size_t i = 0; i < computer.tasks.size(); ++i) {
+    Task& task = computer.tasks[i];
+    if (!task.ready || *task.ready > now_ || task.is_delivered) continue;
+    if (!is_calm && dice_.one_in(10)) continue;  // it delivers late
+    finish(computer, task, is_calm);
+  }
+  std::erase_if(computer.tasks, [](const Task& task) { return task.name.job_id.empty(); });
+}
+
+void SimulatedFarm::finish(Computer& computer, Task& task, bool is_calm) {
+  if (computer.is_faulty && !is_calm && dice_.one_in(3)) {
+    constexpr absl::StatusCode kCodes[] = {absl::StatusCode::kInternal, absl::StatusCode::kDataLoss,
+                                           absl::StatusCode::kInvalidArgument};
+    ++events_.failures;
+    const int reports = 1 + dice_.below(3);
+    for (int i = 0; i < reports; ++i) {
+      scheduler_->fail_unit(computer.key, task.lease, task.name.unit.tile, {"", "junk", ""},
+                            kCodes[dice_.below(3)], now_);
+    }
+    scheduler_->grant_credits(computer.key, 1, now_);
+    task.name.job_id.clear();
+    return;
+  }
+  const bool is_lie = computer.is_faulty && !is_calm && dice_.one_in(4);
+  events_.lies += is_lie ? 1 : 0;
+  task.digest = digest_of(task.name, is_lie);
+  task.is_delivered = true;
+  const Task copy = task;
+  deliver(computer.id, copy);
+  if (!is_calm && dice_.one_in(15)) deliver(computer.id, copy);
+}
+
+// Server ------------------------------------------------------------------------------------------
+
+void SimulatedFarm::acknowledge(const std::string& worker_id, const UnitName& name,
+                                AckStatus status) {
+  const Worker* worker = scheduler_->find_worker(worker_id);
+  if (worker != nullptr) scheduler_->acknowledge(worker->key, {name, status, ""});
+}
+
+/// Returns whether the unit is committed; its result then answers an audit or is superfluous.
+bool SimulatedFarm::answer_duplicate(Job& job, const Write& write) {
+  const auto stored = store_.at(job.key)->units.find(write.name.unit);
+  if (stored == store_.at(job.key)->units.end()) return false;
+  const StoredUnit kept = stored->second;
+  ++events_.duplicates;
+  scheduler_->answer_audit(job, write.name.unit, write.lease, {write.worker_id, write.digest},
+                           {kept.worker_id, kept.digest}, now_);
+  scheduler_->release_duplicate(job, write.name.unit, write.worker_id);
+  acknowledge(write.worker_id, write.name, AckStatus::duplicate);
+  return true;
+}
+
+void SimulatedFarm::deliver(const std::string& worker_id, const Task& task) {
+  Write write{worker_id, task.name, task.lease, task.digest, false, now_};
+  Job* job = scheduler_->find_job(task.name.job_id);
+  if (job != nullptr && !has_ended(job->state)) job->open_plan();
+  if (job == nullptr || !scheduler_->wants(*job, task.lease, task.name.unit) ||
+      scheduler_->is_quarantined(worker_id)) {
+    if (job != nullptr && job->plan) {
+      scheduler_->release_duplicate(*job, task.name.unit, worker_id);
+    }
+    acknowledge(worker_id, task.name, AckStatus::obsolete);
+  } else if (!answer_duplicate(*job, write)) {
+    write.has_audit = scheduler_->wants_audit(*job, task.name.unit, worker_id);
+    write.durable = now_ + std::chrono::milliseconds(dice_.below(1500));
+    writes_.push_back(write);
+  }
+}
+
+/// A block is durable.
+void SimulatedFarm::commit(const Write& write) {
+  Job* job = scheduler_->find_job(write.name.job_id);
+  if (job == nullptr) return;
+  if (!scheduler_->wants(*job, write.lease, write.name.unit)) {
+    return acknowledge(write.worker_id, write.name, AckStatus::obsolete);
+  }
+  if (answer_duplicate(*job, write)) return;
+  ++events_.commits;
+  store_.at(job->key)->units[write.name.unit] = {write.worker_id, write.digest, write.has_audit};
+  scheduler_->commit(*job, write.name.unit, write.worker_id, 1);
+  if (scheduler_->is_quarantined(write.worker_id)) {
+    redo_units(write.worker_id);
+  } else if (write.has_audit) {
+    scheduler_->open_audit(*job, write.name.unit, write.worker_id, write.digest);
+  }
+  acknowledge(write.worker_id, write.name, AckStatus::committed);
+  finish_frames(*job);
+}
+
+void SimulatedFarm::run_disk() {
+  std::vector<Write> durable;
+  for (const Write& write : writes_) {
+    if (write.durable <= now_) durable.push_back(write);
+  }
+  std::erase_if(writes_, [&](const Write& write) { return write.durable <= now_; });
+  for (const Write& write : durable) commit(write);
+}
+
+void SimulatedFarm::finish_frames(Job& job) {
+  if (has_ended(job.state) || !job.plan) return;
+  for (const std::int32_t frame : job.plan->frames()) {
+    if (job.plan->is_finished(frame) || !job.plan->is_complete(frame)) continue;
+    if (scheduler_->has_audits(job, frame)) continue;
+    Stored& stored = *store_.at(job.key);
+    std::erase_if(stored.units, [&](const auto& unit) { return unit.first.frame == frame; });
+    stored.frames.insert(frame);
+    scheduler_->finish_frame(job, frame, now_);
+    if (has_ended(job.state)) return;
+  }
+}
+
+/// Drops what a faulty worker committed of unfinished frames.
+void SimulatedFarm::redo_units(const std::string& worker_id) {
+  for (auto& [key, stored] : store_) {
+    Job* job = scheduler_->find_job(key);
+    if (job == nullptr || has_ended(job->state)) continue;
+    std::vector<Unit> bad;
+    for (const auto& [unit, kept] : stored->units) {
+      if (kept.worker_id == worker_id) bad.push_back(unit);
+    }
+    for (const Unit& unit : bad) {
+      ++events_.redone;
+      stored->units.erase(unit);
+      scheduler_->redo(*job, unit);
+    }
+  }
+  scheduler_->offer_work(now_);
+}
+
+void SimulatedFarm::apply_effects() {
+  for (int round = 0; round < 10; ++round) {
+    const Effects effects = scheduler_->take_effects();
+    for (const auto& [id, joined] : effects.roster) {
+      if (joined) {
+        roster_.insert(id);
+      } else {
+        roster_.erase(id);
+      }
+    }
+    for (const WorkerKey key : effects.to_close) {
+      scheduler_->disconnect(key);
+      for (auto& [id, computer] : computers_) {
+        if (computer->key == key) computer->is_connected = false;
+      }
+    }
+    for (const JobKey key : effects.changed) {
+      const Job* job = scheduler_->find_job(key);
+      if (job != nullptr) store_.at(key)->state = job->state;
+    }
+    for (const UnitName& name : effects.audited) {
+      ++events_.audits;
+      Job* job = scheduler_->find_job(name.job_id);
+      if (job == nullptr) continue;
+      auto& units = store_.at(job->key)->units;
+      if (const auto unit = units.find(name.unit); unit != units.end()) {
+        unit->second.has_audit = false;
+      }
+      finish_frames(*job);
+    }
+    for (const std::string& id : effects.faulty_workers) {
+      ++events_.quarantines;
+      const auto computer = computers_.find(id);
+      if (computer != computers_.end() && !computer->second->is_faulty) {
+        violate(absl::StrCat("honest worker ", id, " is quarantined"));
+      }
+      for (const std::string& name : scheduler_->shut_out_names(id)) bans_.insert(name);
+      redo_units(id);
+    }
+    if (effects.changed.empty() && effects.audited.empty() && effects.faulty_workers.empty()) {
+      return;
+    }
+  }
+}
+
+// Faults ------------------------------------------------------------------------------------------
+
+void SimulatedFarm::disturb_jobs() {
+  const JobKey key = 1 + dice_.below(static_cast<int>(last_job_));
+  Job* job = scheduler_->find_job(key);
+  if (job == nullptr) return;
+  switch (dice_.below(4)) {
+    case 0:
+      scheduler_->pause(*job, "asked", now_).IgnoreError();
+      break;
+    case 1:
+    case 2:
+      scheduler_->resume(*job, now_).IgnoreError();
+      break;
+    default:
+      if (dice_.one_in(3)) scheduler_->cancel(*job, now_).IgnoreError();
+      break;
+  }
+}
+
+void SimulatedFarm::disturb() {
+  if (last_job_ < kMostJobs && dice_.one_in(20)) add_job();
+  if (dice_.one_in(40)) disturb_jobs();
+  if (computers_.size() < 9 && dice_.one_in(15)) {
+    const bool is_faulty = dice_.one_in(3);
+    add_computer(is_faulty ? "faulty" : absl::StrCat("honest", dice_.below(4)), is_faulty, false);
+  }
+  if (dice_.one_in(150)) restart_server();
+  for (auto& [id, computer] : computers_) {
+    if (dice_.one_in(60)) lose_stream(*computer);
+    if (computer->is_anchor || !dice_.one_in(80)) continue;
+    ++events_.crashes;  // silent, its work is gone; it may come back
+    computer->is_up = !computer->is_up;
+    computer->tasks.clear();
+    lose_stream(*computer);
+  }
+  if (dice_.one_in(50)) {
+    const auto computer =
+        std::next(computers_.begin(), dice_.below(static_cast<int>(computers_.size())));
+    if (!computer->second->is_anchor && computer->second->is_connected) {
+      if (dice_.one_in(2)) scheduler_->drain(computer->first);
+      scheduler_->allow(computer->first, now_);
+      for (const std::string& name : scheduler_->shut_out_names(computer->first)) {
+        bans_.erase(name);
+      }
+    }
+  }
+}
+
+void SimulatedFarm::step(bool is_calm) {
+  now_ += kStep;
+  if (!is_calm && dice_.one_in(60)) {  // the process or its clock stands still
+    ++events_.late_ticks;
+    now_ += std::chrono::milliseconds(2000 + dice_.below(20'000));
+  }
+  scheduler_->tick(now_, kStep);
+  apply_effects();
+  if (!is_calm) disturb();
+  apply_effects();
+  for (auto& [id, computer] : computers_) {
+    work(*computer, is_calm);
+    apply_effects();
+  }
+  run_disk();
+  apply_effects();
+  check();
+}
+
+// Checks ------------------------------------------------------------------------------------------
+
+void SimulatedFarm::check() {
+  if (const absl::Status status = scheduler_->verify(); !status.ok()) {
+    violate(std::string(status.message()));
+  }
+  for (const auto& [key, job] : scheduler_->jobs()) {
+    if (job.state == JobState::failed) violate(absl::StrCat("job failed: ", job.reason));
+    if (job.state == JobState::failed || !job.plan) continue;
+    for (const auto& [unit, kept] : store_.at(key)->units) {
+      if (!has_ended(job.state) && !job.plan->is_committed(unit)) {
+        violate(absl::StrCat("a unit of job ", job.spec->id, " is lost"));
+      }
+    }
+  }
+  if (scheduler_->usage(now_).size() > kOwners) violate("use of more owners than there are");
+}
+
+std::string SimulatedFarm::check_end() {
+  for (const auto& [key, job] : scheduler_->jobs()) {
+    if (job.state == JobState::done || job.state == JobState::cancelled) continue;
+    return absl::StrCat("job ", job.spec->id, " is ", state_name(job.state),
+                        " at the end: ", scheduler_->wait_text(job));
+  }
+  for (const auto& [key, worker] : scheduler_->workers()) {
+    if (!worker.leased_units.empty()) return absl::StrCat(worker.id, " holds units at the end");
+  }
+  return "";
+}
+
+std::string SimulatedFarm::run() {
+  for (int i = 0; i < kChaosSteps && violation_.empty(); ++i) step(false);
+  for (const auto& [key, job] : scheduler_->jobs()) {
+    if (job.state == JobState::paused) {
+      scheduler_->resume(*scheduler_->find_job(key), now_).IgnoreError();
+    }
+  }
+  const auto is_over = [this] {
+    return std::all_of(scheduler_->jobs().begin(), scheduler_->jobs().end(),
+                       [](const auto& entry) { return has_ended(entry.second.state); });
+  };
+  for (int i = 0; i < kCalmSteps && violation_.empty() && !is_over(); ++i) step(true);
+  if (violation_.empty()) violation_ = check_end();
+  return violation_;
+}
+
+}  // namespace tessera::server

@@ -1,0 +1,98 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "server/schedule/scheduler/scheduler.h"
+
+namespace tessera::server {
+
+/// Random numbers that are the same on every machine (SplitMix64, Steele et al. 2014).
+class Dice {
+ public:
+  explicit Dice(std::uint64_t seed) : state_(seed) {}
+  std::uint64_t next();
+  /// A number in [0, count).
+  int below(int count) { return static_cast<int>(next() % static_cast<std::uint64_t>(count)); }
+  bool one_in(int count) { return below(count) == 0; }
+
+ private:
+  std::uint64_t state_;
+};
+
+/// A farm in one thread and simulated time: the scheduler, a model of the store, and workers that
+/// join, leave, crash, lie, fail, and deliver late or twice. Everything follows from the seed.
+///
+/// One certificate is faulty. Two honest workers stay, so no job may fail. run() checks after each
+/// step that the scheduler's indexes match a recount, that no committed unit is leased again but
+/// for an audit, and at the end that every job is done and owners had their shares.
+class SimulatedFarm {
+ public:
+  explicit SimulatedFarm(std::uint64_t seed);
+  ~SimulatedFarm();
+
+  /// Runs the chaos and then, without faults, until all jobs are done. Returns the first violation,
+  /// "" if there is none.
+  std::string run();
+  /// What happened, so that a test can see that faults take place.
+  struct Events {
+    int commits = 0, duplicates = 0, audits = 0, restarts = 0, crashes = 0, failures = 0, lies = 0,
+        redone = 0, quarantines = 0, late_ticks = 0, lost_writes = 0;
+  };
+  const Events& events() const { return events_; }
+
+ private:
+  struct Task;
+  struct Computer;
+  struct Stored;
+  struct StoredUnit;
+  struct Write;
+
+  void violate(const std::string& what);
+  void start_scheduler();
+  void restart_server();
+  void add_job();
+  Computer& add_computer(const std::string& certificate, bool is_faulty, bool is_anchor);
+  void connect(Computer& computer);
+  void lose_stream(Computer& computer);
+  void step(bool is_calm);
+  void disturb();
+  void disturb_jobs();
+  void work(Computer& computer, bool is_calm);
+  void read_mail(Computer& computer);
+  void take_lease(Computer& computer, const Lease& lease);
+  void return_revoked(Computer& computer, const std::vector<UnitName>& revoked);
+  void finish(Computer& computer, Task& task, bool is_calm);
+  void deliver(const std::string& worker_id, const Task& task);
+  void commit(const Write& write);
+  bool answer_duplicate(Job& job, const Write& write);
+  void acknowledge(const std::string& worker_id, const UnitName& name, AckStatus status);
+  void run_disk();
+  void apply_effects();
+  void redo_units(const std::string& worker_id);
+  void finish_frames(Job& job);
+  void check();
+  std::string check_end();
+
+  Dice dice_;
+  SchedulePolicy policy_;
+  Time now_;
+  std::int64_t boot_ = 0;
+  std::unique_ptr<Scheduler> scheduler_;
+  std::map<std::string, std::unique_ptr<Computer>> computers_;  // by worker ID
+  std::map<JobKey, std::unique_ptr<Stored>> store_;
+  std::set<std::string> bans_, roster_;
+  std::vector<UsageRow> usage_;
+  std::vector<Write> writes_;  // delivered, not durable
+  JobKey last_job_ = 0;
+  int last_computer_ = 0;
+  Events events_;
+  std::string violation_;
+};
+
+}  // namespace tessera::server

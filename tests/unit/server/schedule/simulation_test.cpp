@@ -1,0 +1,60 @@
+// Simulated farms. TESSERA_SEEDS=COUNT runs so many instead of 500, TESSERA_FIRST_SEED others.
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+
+#include "tests/unit/server/schedule/simulated_farm.h"
+
+namespace tessera::server {
+namespace {
+
+int from_environment(const char* name, int otherwise) {
+  const char* text = std::getenv(name);
+  return text == nullptr ? otherwise : std::atoi(text);
+}
+
+TEST(Simulation, InvariantsHoldForAllSeeds) {
+  const int first = from_environment("TESSERA_FIRST_SEED", 1);
+  const int count = from_environment("TESSERA_SEEDS", 500);
+  SimulatedFarm::Events sum;
+  for (int seed = first; seed < first + count; ++seed) {
+    SimulatedFarm farm(static_cast<std::uint64_t>(seed));
+    const std::string violation = farm.run();
+    EXPECT_EQ(violation, "") << "seed " << seed;
+    if (HasFailure()) break;
+    const SimulatedFarm::Events& events = farm.events();
+    sum.commits += events.commits;
+    sum.duplicates += events.duplicates;
+    sum.audits += events.audits;
+    sum.restarts += events.restarts;
+    sum.crashes += events.crashes;
+    sum.failures += events.failures;
+    sum.lies += events.lies;
+    sum.redone += events.redone;
+    sum.quarantines += events.quarantines;
+    sum.late_ticks += events.late_ticks;
+    sum.lost_writes += events.lost_writes;
+  }
+  std::printf(
+      "seeds %d to %d: %d commits, %d duplicates, %d audits, %d restarts, %d crashes, %d failures, "
+      "%d wrong results, %d redone, %d quarantined, %d late ticks, %d lost writes\n",
+      first, first + count - 1, sum.commits, sum.duplicates, sum.audits, sum.restarts, sum.crashes,
+      sum.failures, sum.lies, sum.redone, sum.quarantines, sum.late_ticks, sum.lost_writes);
+  if (count < 100) return;
+  for (const int happened : {sum.duplicates, sum.audits, sum.restarts, sum.crashes, sum.failures,
+                             sum.lies, sum.redone, sum.quarantines, sum.late_ticks}) {
+    EXPECT_GT(happened, 0) << "every kind of fault takes place";
+  }
+}
+
+TEST(Simulation, SameSeedGivesSameRun) {
+  SimulatedFarm one(7), other(7);
+  EXPECT_EQ(one.run(), other.run());
+  EXPECT_EQ(one.events().commits, other.events().commits);
+  EXPECT_EQ(one.events().duplicates, other.events().duplicates);
+}
+
+}  // namespace
+}  // namespace tessera::server
