@@ -82,15 +82,23 @@ absl::Status DiskStore::add_job(JobRecord& job) {
   });
 }
 
+absl::Status DiskStore::write_at_any_cost(const std::function<absl::Status(Database&)>& body) {
+  absl::Status status = journal_->write(body);
+  if (absl::IsResourceExhausted(status) && ballast_.give_up()) status = journal_->write(body);
+  return status;
+}
+
 absl::Status DiskStore::update_job(const JobRecord& job) {
-  return journal_->write([&](Database& rows) {
+  const auto update = [&](Database& rows) {
     const absl::Status updated = rows.run(
         "UPDATE jobs SET name=?, owner=?, request=?, state=?, reason=?, create_time_us=?, "
         "end_time_us=?, wall_seconds=?, render_contract=?, failure_code=? WHERE id=? AND removed=0",
         {job.name, job.owner, Blob{job.request}, job.state, job.reason, job.create_time_us,
          job.end_time_us, job.wall_seconds, job.render_contract, job.failure_code, job.id});
     return updated.ok() && rows.changes() == 0 ? no_such_job(job.id) : updated;
-  });
+  };
+  // Only jobs that have ended can be removed.
+  return job.end_time_us != 0 ? write_at_any_cost(update) : journal_->write(update);
 }
 
 absl::Status DiskStore::remove_job(const std::string& job_id) {
@@ -101,7 +109,7 @@ absl::Status DiskStore::remove_job(const std::string& job_id) {
       "(SELECT TOTAL(bytes) FROM frames WHERE job=?1)",
       job->sequence);
   if (!freed.ok()) return freed.status();
-  absl::Status status = journal_->write([&](Database& rows) {
+  absl::Status status = write_at_any_cost([&](Database& rows) {
     for (const std::string_view sql :
          {"DELETE FROM units WHERE job=?", "DELETE FROM totals WHERE job=?",
           "DELETE FROM segments WHERE job=?", "DELETE FROM frames WHERE job=?",
@@ -114,6 +122,7 @@ absl::Status DiskStore::remove_job(const std::string& job_id) {
   content_bytes_ -= *freed;
   status = segments_.remove_job(job_id);
   const absl::Status outputs = files_.remove_folder(absl::StrCat(folder_, "/outputs/", job_id));
+  ballast_.set_up();
   return status.ok() ? outputs : status;
 }
 

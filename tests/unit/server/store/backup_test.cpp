@@ -3,14 +3,17 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <filesystem>
 #include <fstream>
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "server/store/sqlite/database.h"
 #include "server/store/store.h"
+#include "tests/support/failing_disk.h"
 #include "tests/support/older_schema.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/server/store/durability_checker.h"
@@ -81,6 +84,37 @@ TEST_F(BackupTest, CopyOfLiveStoreIsComplete) {
   });
   EXPECT_TRUE(read.ok()) << read;
   EXPECT_EQ(units, 2) << "rows must be from one snapshot";
+}
+
+TEST_F(BackupTest, CompletesWhileFilesAreDeleted) {
+  std::atomic<bool> is_done = false;
+  std::thread server([&] {  // finishes and removes small jobs as fast as it can
+    for (int i = 0; !is_done; ++i) {
+      JobRecord job;
+      job.id = "short" + std::to_string(i);
+      EXPECT_TRUE(store_->add_job(job).ok());
+      commit(job.id, 0);
+      EXPECT_TRUE(store_->close_job(job.id).ok());
+      EXPECT_TRUE(store_->remove_job(job.id).ok());
+    }
+  });
+  for (int i = 0; i < 10; ++i) {
+    const auto findings = back_up_store(path(), copy() + std::to_string(i), real_filesystem());
+    EXPECT_TRUE(findings.ok()) << findings.status();
+  }
+  is_done = true;
+  server.join();
+  for (const auto& entry : std::filesystem::directory_iterator(path())) {
+    EXPECT_NE(entry.path().filename().string().substr(0, 6), "backup") << entry.path();
+  }
+}
+
+TEST_F(BackupTest, FullDiskLeavesNoPart) {
+  testing::FailingDisk disk;
+  disk.fail_write_after(100);
+  const auto findings = back_up_store(path(), copy(), disk);
+  EXPECT_TRUE(absl::IsResourceExhausted(findings.status())) << findings.status();
+  EXPECT_FALSE(std::filesystem::exists(copy() + ".part"));
 }
 
 TEST_F(BackupTest, JoinTokensAreCopied) {
