@@ -3,7 +3,6 @@
 #include <grpcpp/server_builder.h>
 #include <netdb.h>
 
-#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>

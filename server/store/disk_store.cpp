@@ -122,7 +122,7 @@ absl::Status DiskStore::remove_job(const std::string& job_id) {
   content_bytes_ -= *freed;
   status = segments_.remove_job(job_id);
   const absl::Status outputs = files_.remove_folder(absl::StrCat(folder_, "/outputs/", job_id));
-  ballast_.set_up();
+  set_up_ballast();
   return status.ok() ? outputs : status;
 }
 

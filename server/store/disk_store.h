@@ -22,7 +22,7 @@ namespace tessera::server {
 ///   assets/ab/cdef…    assets by digest; assets/upload: incomplete uploads
 ///   outputs/JOB/…      finished images
 ///
-///   ballast            space that is given up when the disk is full
+///   ballast, ballast.start  space that is given up when the disk is full
 ///   backup-…           hard links of a backup that is running
 ///
 /// Rows are authoritative. A file is durable before its row is written and deleted after its row,
@@ -91,6 +91,7 @@ class DiskStore final : public Store {
   absl::Status clean_up();
   absl::Status clean_outputs();
   void remove_links();
+  void set_up_ballast();
   /// Writes rows; on a full disk once more without the ballast.
   absl::Status write_at_any_cost(const std::function<absl::Status(Database&)>& body);
   absl::StatusOr<JobRow> find_job(const std::string& job_id) const;
@@ -107,7 +108,8 @@ class DiskStore final : public Store {
   StoreOptions options_;
   std::string folder_;
   DurableFiles files_;
-  Ballast ballast_;
+  Ballast ballast_;        // for removing jobs
+  Ballast start_ballast_;  // for starting: results fill what that leaves before a job is removed
   std::unique_ptr<FileLock> lock_;
   std::unique_ptr<Journal> journal_;
   Segments segments_;

@@ -73,13 +73,13 @@ absl::StatusOr<std::unique_ptr<Store>> DiskStore::open(const std::string& folder
   if (status.ok()) status = store->start();
   // A full disk shows as one of several errors of SQLite.
   if (!status.ok() && !absl::IsDataLoss(status) && !absl::IsFailedPrecondition(status) &&
-      store->ballast_.give_up()) {
+      (store->start_ballast_.give_up() || store->ballast_.give_up())) {
     store->options_.warn(absl::StrCat("the disk of the store ", clean, " is full: ",
                                       std::string(status.message()), "; remove jobs"));
     status = store->start();
   }
   if (status.ok()) status = store->clean_up();
-  if (status.ok()) store->ballast_.set_up();
+  if (status.ok()) store->set_up_ballast();
   if (!status.ok()) {
     return absl::Status(status.code(),
                         absl::StrCat("store ", clean, ": ", std::string(status.message())));
@@ -92,6 +92,8 @@ DiskStore::DiskStore(std::string folder, Filesystem& filesystem, StoreOptions op
       folder_(std::move(folder)),
       files_(filesystem, options_.fatal, options_.synced),
       ballast_(filesystem, absl::StrCat(folder_, "/ballast"), options_.ballast_bytes),
+      start_ballast_(filesystem, absl::StrCat(folder_, "/ballast.start"),
+                     options_.ballast_bytes / 4),
       segments_(files_, absl::StrCat(folder_, "/segments"), options_.segment_bytes) {}
 
 absl::Status DiskStore::make_folders() {
@@ -183,6 +185,11 @@ absl::Status DiskStore::clean_outputs() {
     if (!gone.ok()) options_.warn(absl::StrCat("skipped: ", std::string(gone.message())));
   }
   return absl::OkStatus();
+}
+
+void DiskStore::set_up_ballast() {
+  ballast_.set_up();
+  start_ballast_.set_up();
 }
 
 /// Deletes what an interrupted backup has left (maintenance/backup.cpp). One that runs meanwhile

@@ -94,7 +94,12 @@ absl::StatusOr<std::unique_ptr<server::File>> FailingDisk::open(const std::strin
   return std::make_unique<FailingFile>(*this, *std::move(file));
 }
 
+absl::Status FailingDisk::link(const std::string& from, const std::string& to) {
+  return disk_.link(from, to);
+}
+
 absl::StatusOr<std::unique_ptr<server::File>> FailingDisk::open_existing(const std::string& path) {
+  if (before_open_) before_open_(path);
   auto file = disk_.open_existing(path);
   if (!file.ok()) return file;
   return std::make_unique<FailingFile>(*this, *std::move(file));

@@ -3,12 +3,10 @@
 
 #include <gtest/gtest.h>
 
-#include <atomic>
 #include <filesystem>
 #include <fstream>
 #include <memory>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "server/store/sqlite/database.h"
@@ -86,24 +84,22 @@ TEST_F(BackupTest, CopyOfLiveStoreIsComplete) {
   EXPECT_EQ(units, 2) << "rows must be from one snapshot";
 }
 
-TEST_F(BackupTest, CompletesWhileFilesAreDeleted) {
-  std::atomic<bool> is_done = false;
-  std::thread server([&] {  // finishes and removes small jobs as fast as it can
-    for (int i = 0; !is_done; ++i) {
-      JobRecord job;
-      job.id = "short" + std::to_string(i);
-      EXPECT_TRUE(store_->add_job(job).ok());
-      commit(job.id, 0);
-      EXPECT_TRUE(store_->close_job(job.id).ok());
-      EXPECT_TRUE(store_->remove_job(job.id).ok());
-    }
+TEST_F(BackupTest, CompletesWhileJobsEnd) {
+  testing::FailingDisk disk;
+  std::string running = "open";
+  int ended_count = 0;
+  disk.before_open([&](const std::string& file) {  // before a segment of the store is copied
+    if (file.rfind(path() + "/", 0) != 0 || file.find("segments") == std::string::npos) return;
+    EXPECT_TRUE(store_->close_job(running).ok());
+    JobRecord job;
+    running = job.id = "job" + std::to_string(++ended_count);
+    EXPECT_TRUE(store_->add_job(job).ok());
+    commit(running, 0);
   });
-  for (int i = 0; i < 10; ++i) {
-    const auto findings = back_up_store(path(), copy() + std::to_string(i), real_filesystem());
-    EXPECT_TRUE(findings.ok()) << findings.status();
-  }
-  is_done = true;
-  server.join();
+  const auto findings = back_up_store(path(), copy(), disk);
+  ASSERT_TRUE(findings.ok()) << findings.status();
+  EXPECT_EQ(findings->blocks, 2) << "as of the moment at which it began";
+  EXPECT_EQ(ended_count, 1);
   for (const auto& entry : std::filesystem::directory_iterator(path())) {
     EXPECT_NE(entry.path().filename().string().substr(0, 6), "backup") << entry.path();
   }

@@ -318,11 +318,12 @@ TEST_F(DamageTest, StoreOnFullDiskStartsWithoutBallast) {
   make_store();
   FailingDisk disk;
   disk.fail_sqlite_writes("store.db-wal");
-  disk.recover_when_removed("ballast");
+  disk.recover_when_removed("ballast.start");
   const auto store = open(disk);
   ASSERT_TRUE(store.ok()) << store.status();
   ASSERT_EQ(warnings_.size(), 1U);
   EXPECT_NE(warnings_[0].find("is full"), std::string::npos) << warnings_[0];
+  EXPECT_TRUE(std::filesystem::exists(path() + "/ballast")) << "to remove jobs";
 }
 
 TEST_F(DamageTest, StrayFilesAreSkippedWithWarning) {
