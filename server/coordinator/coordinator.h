@@ -290,6 +290,8 @@ class Coordinator {
 
   absl::Status load(const std::vector<JobRecord>& records, const std::vector<std::string>& banned);
   absl::Status load_job(const JobRecord& record) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void quarantine(const JobRecord& record, const absl::Status& fault)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status load_units(Job& job, const JobRecord& record) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   void apply_effects(DeferredCalls& deferred) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

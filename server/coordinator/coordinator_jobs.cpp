@@ -86,10 +86,25 @@ absl::Status Coordinator::load(const std::vector<JobRecord>& records,
   MutexLock lock(mutex_);
   for (const std::string& worker_id : banned) scheduler_.ban(worker_id);
   for (const JobRecord& record : records) {
-    if (absl::Status status = load_job(record); !status.ok()) return status;
+    const absl::Status status = load_job(record);
+    if (!status.ok()) quarantine(record, status);
   }
   apply_effects(deferred);
   return absl::OkStatus();
+}
+
+/// Leaves out a job of which a row or file cannot be read, and starts without it. Its rows and
+/// files stay as they are.
+void Coordinator::quarantine(const JobRecord& record, const absl::Status& fault) {
+  log(LogLevel::error,
+      absl::StrCat("job ", record.id, " cannot be loaded: ", std::string(fault.message()),
+                   "; run `tessera-server check` on the stopped store"));
+  Job* job = scheduler_.find_job(record.id);
+  if (job == nullptr) return;
+  if (!has_ended(job->state)) scheduler_.fail_job(*job, fault, options_.clock());  // ends its audits
+  films_.erase(job->key);
+  scheduler_.remove_job(job->key);
+  job_by_request_.erase(record.request_id);
 }
 
 absl::Status Coordinator::load_job(const JobRecord& record) {
