@@ -11,6 +11,9 @@
 namespace tessera::contract {
 namespace {
 
+constexpr int kKeepalivePeriodMs = 1500;
+constexpr int kInteractiveTimeoutMs = 3000, kBulkTimeoutMs = 10'000;
+
 std::string host_of(const std::string& address) {
   if (absl::StartsWith(address, "[")) return address.substr(0, address.find(']') + 1);
   return address.substr(0, address.rfind(':'));
@@ -28,7 +31,8 @@ bool is_local_address(const std::string& address) {
 }
 
 absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address,
-                                                            const std::string& certs) {
+                                                            const std::string& certs,
+                                                            Keepalive keepalive) {
   const bool has_tls = !certs.empty() && !absl::StartsWith(address, "unix:");
   if (!has_tls && !is_local_address(address)) {
     return absl::InvalidArgumentError(
@@ -43,8 +47,14 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& a
   arguments.SetMaxSendMessageSize(kMaxMessageBytes);
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
   // Despite its name this is also the connection timeout; 100 ms is too short on a busy machine.
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 10'000);
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 5000);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);
+  if (!absl::StartsWith(address, "unix:")) {
+    arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepalivePeriodMs);
+    arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS,
+                     keepalive == Keepalive::bulk ? kBulkTimeoutMs : kInteractiveTimeoutMs);
+    arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);  // no maximum
+  }
   // By default the channels of a process share connections; a worker needs its own.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   return grpc::CreateCustomChannel(address, *credentials, arguments);

@@ -4,6 +4,7 @@
 #include <grpcpp/client_context.h>
 
 #include <chrono>
+#include <cstdint>
 #include <memory>
 #include <string>
 
@@ -21,12 +22,21 @@ inline constexpr int kMaxMessageBytes = 4 << 20;
 /// socket or a loopback host.
 bool is_local_address(const std::string& address);
 
+/// How soon a connection whose peer has vanished counts as lost. After 1.5 s
+/// without a message a ping is sent, whose answer has to arrive within the rest of the time.
+enum class Keepalive : std::uint8_t {
+  interactive,  // 4.5 s: streams resume within 5 s
+  bulk,         // 11.5 s: for data that delays the answers to pings on a slow line
+};
+
 /// Opens a channel to a server: plaintext over a Unix socket, or over loopback if `certs` is empty,
 /// else mutual TLS with the certificates in the directory `certs`. HTTP proxies are never used.
+/// A Unix socket needs no keepalive.
 ///
 /// Errors: InvalidArgument, a remote address without certificates; those of channel_credentials().
-absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(const std::string& address,
-                                                            const std::string& certs);
+absl::StatusOr<std::shared_ptr<grpc::Channel>> open_channel(
+    const std::string& address, const std::string& certs,
+    Keepalive keepalive = Keepalive::interactive);
 
 /// Sets the deadline that every unary call needs, and the token unless it is empty.
 void prepare_call(grpc::ClientContext& context, const std::string& token,

@@ -13,6 +13,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "cli/exit_codes.h"
+#include "rpc/certificate_dates.h"
 #include "server/config.h"
 #include "server/coordinator/coordinator.h"
 #include "server/identity/join_tokens.h"
@@ -76,10 +77,19 @@ int fail(const absl::Status& status) {
   return absl::IsDataLoss(status) ? kExitDamaged : cli::exit_code(status.code());
 }
 
-/// Ticks until SIGTERM or SIGINT, which must be blocked in every thread.
-void tick_until_signal(Coordinator& coordinator, const sigset_t& signals) {
+/// Ticks until SIGTERM or SIGINT, which must be blocked in every thread. Warns once a day of
+/// certificates that end soon.
+void tick_until_signal(Coordinator& coordinator, const sigset_t& signals, const std::string& certs,
+                       const Log& log) {
   const timespec period{0, 100'000'000};
-  while (::sigtimedwait(&signals, nullptr, &period) < 0) coordinator.tick();
+  auto due = std::chrono::steady_clock::now();
+  while (::sigtimedwait(&signals, nullptr, &period) < 0) {
+    coordinator.tick();
+    if (std::chrono::steady_clock::now() < due) continue;
+    due += std::chrono::hours(24);
+    const std::string warning = contract::expiry_warning(certs, std::chrono::system_clock::now());
+    if (!warning.empty()) log(LogLevel::warn, warning);
+  }
 }
 
 /// Forgets workers that joined with tokens that no longer exist and have not connected for long.
@@ -97,6 +107,7 @@ absl::Status forget_old_joins(Store& store, const std::string& folder) {
 int serve(const Config& config, const sigset_t& signals) {
   const FarmOptions options = options_of(config);
   StoreOptions store_options;
+  store_options.warn = [log = options.log](const std::string& line) { log(LogLevel::warn, line); };
   store_options.synced = [metrics = options.metrics](double seconds) {
     metrics->fsync_seconds.Observe(seconds);
   };
@@ -115,8 +126,8 @@ int serve(const Config& config, const sigset_t& signals) {
     options.log(LogLevel::info, absl::StrCat("metrics: http://", metrics->address(), "/metrics"));
   }
   const ClientRates rates{config.client_calls, 1e9 * config.client_upload_gb};
-  auto server =
-      FarmServer::start(**coordinator, {config.listen, config.store, config.certs, rates});
+  auto server = FarmServer::start(**coordinator,
+                                  {config.listen, config.store, config.certs, rates, options.log});
   if (!server.ok()) return fail(server.status());
   std::thread writer([&] {
     while (!(*coordinator)->is_stopping()) (*coordinator)->run_writer(true);
@@ -126,7 +137,7 @@ int serve(const Config& config, const sigset_t& signals) {
   });
   std::printf("%s\n", (*server)->address().c_str());
   std::fflush(stdout);
-  tick_until_signal(**coordinator, signals);
+  tick_until_signal(**coordinator, signals, config.certs, options.log);
   (*server)->stop();
   (*coordinator)->stop();
   writer.join();

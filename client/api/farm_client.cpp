@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <condition_variable>
+#include <cstdio>
+#include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <mutex>
@@ -10,6 +12,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "rpc/certificate_dates.h"
 #include "rpc/channel.h"
 #include "rpc/protocol_version.h"
 #include "rpc/rpc_status.h"
@@ -25,9 +28,10 @@ using Clock = std::chrono::steady_clock;
 
 constexpr milliseconds kCallTimeout{20'000};
 constexpr milliseconds kRetryTimeout{60'000};
-constexpr milliseconds kFirstPause{50}, kMaxPause{3'000};
+constexpr milliseconds kFirstPause{50}, kMaxPause{1'000};
+constexpr milliseconds kWaitSlice{100};  // after which a wait looks whether it was cancelled
 constexpr std::size_t kChunkBytes = 1 << 20;
-constexpr std::size_t kAssetsPerCall = 100'000;
+constexpr std::size_t kAssetsPerCall = 10'000;  // 40 bytes each: far below a message's limit
 
 absl::StatusOr<std::string> read_token(const Connection& connection) {
   if (connection.token_file.empty()) {
@@ -44,11 +48,13 @@ absl::StatusOr<std::string> read_token(const Connection& connection) {
 
 class Client : public FarmClient {
  public:
-  Client(std::string address, std::string token, milliseconds connect_timeout,
+  Client(std::string address, std::string token, const Connection& connection,
          const std::shared_ptr<grpc::Channel>& channel)
       : address_(std::move(address)),
         token_(std::move(token)),
-        connect_timeout_(connect_timeout),
+        certs_(connection.certs),
+        connect_timeout_(connection.connect_timeout),
+        channel_(channel),
         jobs_(v1::JobService::NewStub(channel)),
         assets_(v1::AssetService::NewStub(channel)),
         workers_(v1::WorkerService::NewStub(channel)),
@@ -129,11 +135,17 @@ class Client : public FarmClient {
   }
 
   absl::StatusOr<std::string> get_report(const std::string& job_id) override {
-    v1::GetJobReportResponse response;
-    absl::Status status = unary(jobs_, &v1::JobService::Stub::GetJobReport,
-                                naming<v1::GetJobReportRequest>(job_id), response);
+    const auto request = naming<v1::GetJobReportRequest>(job_id);
+    std::string report;
+    const absl::Status status = retry(milliseconds(0), [&](grpc::ClientContext& context) {
+      const auto stream = jobs_->GetJobReport(&context, request);
+      report.clear();
+      v1::GetJobReportResponse response;
+      while (stream->Read(&response)) report += response.report_json();
+      return contract::from_rpc(stream->Finish());
+    });
     if (!status.ok()) return status;
-    return std::move(*response.mutable_report_json());
+    return report;
   }
 
   absl::StatusOr<std::vector<v1::Delivery>> list_deliveries(const std::string& job_id) override {
@@ -155,16 +167,29 @@ class Client : public FarmClient {
     return retry(milliseconds(0), [&](grpc::ClientContext& context) {
       const auto stream = jobs_->FetchFrame(&context, request);
       v1::FetchFrameResponse response;
+      v1::FrameHeader header;  // with all missing tiles once the first chunk is here
+      bool has_header = false, has_started = false;
       absl::Status kept;
       while (kept.ok() && stream->Read(&response)) {
-        kept = response.has_header() ? sink.start(response.header()) : sink.write(response.chunk());
+        if (response.has_header()) {
+          header = std::move(*response.mutable_header());
+          has_header = true;
+          continue;
+        }
+        if (response.has_more_missing_tiles()) {
+          header.mutable_missing_tiles()->MergeFrom(response.more_missing_tiles().tiles());
+          continue;
+        }
+        if (!std::exchange(has_started, true)) kept = sink.start(header);
+        if (kept.ok()) kept = sink.write(response.chunk());
       }
       if (!kept.ok()) {
         context.TryCancel();
         stream->Finish();
         return kept;
       }
-      return contract::from_rpc(stream->Finish());
+      const absl::Status status = contract::from_rpc(stream->Finish());
+      return status.ok() && has_header && !has_started ? sink.start(header) : status;
     });
   }
 
@@ -200,11 +225,17 @@ class Client : public FarmClient {
   }
 
   absl::StatusOr<std::vector<v1::Worker>> list_workers() override {
-    v1::ListWorkersResponse response;
-    absl::Status status =
-        unary(workers_, &v1::WorkerService::Stub::ListWorkers, v1::ListWorkersRequest(), response);
-    if (!status.ok()) return status;
-    return std::vector<v1::Worker>(response.workers().begin(), response.workers().end());
+    std::vector<v1::Worker> workers;
+    v1::ListWorkersRequest request;
+    do {
+      v1::ListWorkersResponse page;
+      absl::Status status = unary(workers_, &v1::WorkerService::Stub::ListWorkers, request, page);
+      if (!status.ok()) return status;
+      std::move(page.mutable_workers()->begin(), page.mutable_workers()->end(),
+                std::back_inserter(workers));
+      request.set_page_token(page.next_page_token());
+    } while (!request.page_token().empty());
+    return workers;
   }
 
   absl::StatusOr<std::vector<v1::AssetId>> find_missing_assets(
@@ -224,11 +255,12 @@ class Client : public FarmClient {
   }
 
   absl::Status upload_asset(const v1::AssetId& asset, const std::string& path) override {
+    if (absl::Status status = open_uploads(); !status.ok()) return status;
     return retry(milliseconds(0), [&](grpc::ClientContext& context) {
       std::ifstream file(path, std::ios::binary);
       if (!file) return absl::NotFoundError(absl::StrCat(path, ": cannot read the file"));
       v1::UploadAssetResponse response;
-      const auto stream = assets_->UploadAsset(&context, &response);
+      const auto stream = uploads_->UploadAsset(&context, &response);
       v1::UploadAssetRequest request;
       *request.mutable_asset() = asset;
       bool open = stream->Write(request);
@@ -258,6 +290,14 @@ class Client : public FarmClient {
     Request request;
     request.set_job_id(job_id);
     return request;
+  }
+
+  /// Uploads have a connection of their own: on a slow line they delay the answers to pings.
+  absl::Status open_uploads() {
+    if (uploads_ != nullptr) return absl::OkStatus();
+    const auto channel = contract::open_channel(address_, certs_, contract::Keepalive::bulk);
+    if (channel.ok()) uploads_ = v1::AssetService::NewStub(*channel);
+    return channel.status();
   }
 
   template <typename Response, typename Method, typename Request>
@@ -308,7 +348,7 @@ class Client : public FarmClient {
         return absl::UnavailableError(
             absl::StrCat("no server answers at ", address_, ": ", std::string(status.message())));
       }
-      sleep(pause);
+      wait(pause);
       pause = std::min(2 * pause, kMaxPause);
     }
   }
@@ -328,10 +368,23 @@ class Client : public FarmClient {
     return status;
   }
 
-  void sleep(milliseconds pause) {
+  /// Waits for about `pause`, or until a lost connection has been made again. gRPC works on a
+  /// connection only while somebody waits for it.
+  void wait(milliseconds pause) {
     std::uniform_int_distribution<std::int64_t> jitter(pause.count() / 2, pause.count());
-    std::unique_lock lock(mutex_);
-    wake_.wait_for(lock, milliseconds(jitter(random_)), [this] { return cancelled_; });
+    const Clock::time_point end = Clock::now() + milliseconds(jitter(random_));
+    const bool was_connected = channel_->GetState(true) == GRPC_CHANNEL_READY;
+    while (!is_cancelled()) {
+      const auto left = std::chrono::duration_cast<milliseconds>(end - Clock::now());
+      if (left.count() <= 0) return;
+      const milliseconds slice = std::min(left, kWaitSlice);
+      if (was_connected) {
+        std::unique_lock lock(mutex_);
+        wake_.wait_for(lock, slice, [this] { return cancelled_; });
+      } else if (channel_->WaitForConnected(std::chrono::system_clock::now() + slice)) {
+        return;
+      }
+    }
   }
 
   bool is_cancelled() {
@@ -341,12 +394,14 @@ class Client : public FarmClient {
 
   void note_contact() { ++contacts_; }
 
-  const std::string address_, token_;
+  const std::string address_, token_, certs_;
   const milliseconds connect_timeout_;
+  const std::shared_ptr<grpc::Channel> channel_;  // owners: this and the stubs
   const std::unique_ptr<v1::JobService::Stub> jobs_;
   const std::unique_ptr<v1::AssetService::Stub> assets_;
   const std::unique_ptr<v1::WorkerService::Stub> workers_;
-  std::mt19937 random_;  // jitter only
+  std::unique_ptr<v1::AssetService::Stub> uploads_;  // null before the first upload
+  std::mt19937 random_;                              // jitter only
   std::int64_t contacts_ = 0;
 
   std::mutex mutex_;  // guards what follows
@@ -361,9 +416,12 @@ absl::StatusOr<std::unique_ptr<FarmClient>> FarmClient::connect(const Connection
   const std::string address = connection.server.empty() ? default_server() : connection.server;
   auto token = read_token(connection);
   if (!token.ok()) return token.status();
-  auto channel = contract::open_channel(address, connection.certs);
+  const auto channel = contract::open_channel(address, connection.certs);
   if (!channel.ok()) return channel.status();
-  return std::make_unique<Client>(address, *std::move(token), connection.connect_timeout, *channel);
+  const std::string warning =
+      contract::expiry_warning(connection.certs, std::chrono::system_clock::now());
+  if (!warning.empty()) std::fprintf(stderr, "warning: %s\n", warning.c_str());
+  return std::make_unique<Client>(address, *std::move(token), connection, *channel);
 }
 
 }  // namespace tessera::client

@@ -164,6 +164,14 @@ class FrameCollector {
   std::vector<std::int32_t> pending_;  // not downloaded yet, in order
 };
 
+/// A private farm pauses its job only when it cannot store results; nobody is there to resume it.
+absl::Status check_not_stopped(const v1::Job& job) {
+  if (job.state() != v1::Job::STATE_PAUSED || job.reason().empty()) return absl::OkStatus();
+  return absl::ResourceExhaustedError(
+      absl::StrCat("the job has stopped: ", job.reason(),
+                   "; free disk space, or set --store to a directory on another disk"));
+}
+
 /// Runs the job on the farm and returns its report, also if it failed. Sets `job_exit_code`.
 absl::StatusOr<nlohmann::ordered_json> render_on(FarmClient& client,
                                                  const RenderCommandOptions& options,
@@ -177,6 +185,7 @@ absl::StatusOr<nlohmann::ordered_json> render_on(FarmClient& client,
   job = client.watch_job(job->id(), kWatchInterval, [&](const v1::Job& now) {
     bar.show(now);
     collected = collector.collect(now);
+    if (collected.ok()) collected = check_not_stopped(now);
     return collected.ok();
   });
   bar.clear();

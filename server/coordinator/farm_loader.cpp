@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "contract/version.h"
 #include "server/film/frame_summary.h"
 #include "server/jobs/job_admin.h"
@@ -65,9 +66,23 @@ absl::Status FarmLoader::load() {
   FarmChange change(parts_.farm);
   for (const std::string& worker_id : *banned) change.scheduler().ban(worker_id);
   for (const JobRecord& record : *records) {
-    if (absl::Status status = load_job(change, record); !status.ok()) return status;
+    const absl::Status status = load_job(change, record);
+    if (!status.ok()) leave_out(change, record, status);
   }
   return absl::OkStatus();
+}
+
+/// Leaves out a job of which a row or file cannot be read. Its rows and files stay as they are.
+void FarmLoader::leave_out(FarmChange& change, const JobRecord& record, const absl::Status& fault) {
+  change.log(LogLevel::error,
+             absl::StrCat("job ", record.id, " cannot be loaded: ", std::string(fault.message()),
+                          "; run `tessera-server check` on the stopped store"));
+  Job* job = change.find_job(record.id);
+  if (job == nullptr) return;
+  // Ends its audits.
+  if (!has_ended(job->state)) change.scheduler().fail_job(*job, fault, change.now());
+  parts_.finisher.close_frames(*job);
+  change.remove_job(*job);
 }
 
 absl::Status FarmLoader::load_job(FarmChange& change, const JobRecord& record) {

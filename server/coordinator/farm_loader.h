@@ -21,11 +21,13 @@ class FarmLoader {
   };
   explicit FarmLoader(const Parts& parts) : parts_(parts) {}
 
-  /// Loads jobs, units, frames and bans. Errors: those of the store; DataLoss.
+  /// Loads jobs, units, frames and bans; leaves out a job that cannot be read. Errors: those of the
+  /// store.
   absl::Status load();
 
  private:
   absl::Status load_job(FarmChange& change, const JobRecord& record);
+  void leave_out(FarmChange& change, const JobRecord& record, const absl::Status& fault);
   absl::Status load_frames(FarmChange& change, Job& job);
   absl::Status load_units(FarmChange& change, Job& job, const JobRecord& record);
 

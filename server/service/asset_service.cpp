@@ -1,6 +1,10 @@
 #include "server/service/asset_service.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cstdio>
 #include <fstream>
 #include <memory>
 #include <mutex>
@@ -18,11 +22,25 @@ constexpr int kMaxAssets = 100'000;
 constexpr std::size_t kChunkBytes = 1 << 20;
 constexpr std::int64_t kMaxAssetBytes = std::int64_t{1} << 40;
 
-/// Writes received bytes to an upload file and publishes it if they match the announced digest.
+/// Makes a finished upload durable here, so that the journal's thread finds nothing left to write:
+/// the sync of a large file takes seconds, in which no result would be acknowledged. After an error
+/// the file is deleted and never synced again.
+absl::Status sync_upload(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) return absl::UnavailableError("cannot open the upload; repeat it");
+  const bool is_synced = ::fdatasync(fd) == 0;
+  ::close(fd);
+  if (is_synced) return absl::OkStatus();
+  return absl::UnavailableError("the upload could not be written to disk; repeat it");
+}
+
+/// Writes received bytes to an upload file and publishes it if they match the announced digest. All
+/// work is done by the pool, one message at a time.
 class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
  public:
-  Upload(Coordinator& coordinator, const Access& access, const absl::StatusOr<Caller>& caller)
-      : coordinator_(coordinator), access_(access), caller_(caller.value_or(Caller{})) {
+  Upload(Coordinator& coordinator, const Access& access, IoPool& io,
+         const absl::StatusOr<Caller>& caller)
+      : coordinator_(coordinator), access_(access), io_(io), caller_(caller.value_or(Caller{})) {
     if (caller.ok()) {
       StartRead(&request_);
     } else {
@@ -31,18 +49,24 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
   }
 
   void OnReadDone(bool ok) override {
-    if (!ok) return complete();
+    io_.post([this, ok] { go_on(ok); });
+  }
+
+  void OnDone() override {
+    io_.post([this] {
+      output_.reset();
+      if (!path_.empty() && !is_published_) std::remove(path_.c_str());
+      delete this;
+    });
+  }
+
+ private:
+  void go_on(bool has_message) {
+    if (!has_message) return complete();
     if (absl::Status status = take(); !status.ok()) return Finish(contract::to_rpc(status));
     StartRead(&request_);
   }
 
-  void OnDone() override {
-    output_.reset();
-    if (!path_.empty() && !is_published_) std::remove(path_.c_str());
-    delete this;
-  }
-
- private:
   absl::Status take() {
     if (request_.has_asset()) return begin(request_.asset());
     const std::string& chunk = request_.chunk();
@@ -94,6 +118,9 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
     if (output_->fail()) {
       return Finish(contract::to_rpc(absl::ResourceExhaustedError("the upload is incomplete")));
     }
+    if (absl::Status status = sync_upload(path_); !status.ok()) {
+      return Finish(contract::to_rpc(status));
+    }
     coordinator_.assets().publish_asset(path_, *digest_, [this](const absl::Status& status) {
       is_published_ = status.ok();
       Finish(contract::to_rpc(status));
@@ -106,6 +133,7 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
 
   Coordinator& coordinator_;
   const Access& access_;
+  IoPool& io_;
   const Caller caller_;  // also its reservation in the stream limit
   v1::UploadAssetRequest request_;
   std::optional<contract::Digest> digest_;
@@ -118,18 +146,20 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
 
 class Download final : public grpc::ServerWriteReactor<v1::DownloadAssetResponse> {
  public:
+  explicit Download(IoPool& io) : io_(io) {}
+
   void start(const std::string& path) {
-    input_.open(path, std::ios::binary);
-    if (!input_) {
-      return Finish(contract::to_rpc(
+    io_.post([this, path] {
+      input_.open(path, std::ios::binary);
+      if (input_) return send_next(true);
+      Finish(contract::to_rpc(
           absl::NotFoundError("the asset has not been uploaded; upload it and repeat")));
-    }
-    send_next(true);
+    });
   }
 
   void OnWriteDone(bool ok) override {
     if (!ok) return Finish(contract::to_rpc(absl::CancelledError("client disconnected")));
-    send_next(false);
+    io_.post([this] { send_next(false); });
   }
 
   void OnDone() override { delete this; }
@@ -149,6 +179,7 @@ class Download final : public grpc::ServerWriteReactor<v1::DownloadAssetResponse
     StartWrite(&response_);
   }
 
+  IoPool& io_;
   std::ifstream input_;
   v1::DownloadAssetResponse response_;
 };
@@ -162,24 +193,35 @@ grpc::ServerUnaryReactor* AssetService::FindMissingAssets(
   if (status.ok() && request->assets_size() > kMaxAssets) {
     status = absl::InvalidArgumentError("assets: more than 100000 IDs; split the list");
   }
-  for (int i = 0; status.ok() && i < request->assets_size(); ++i) {
-    const v1::AssetId& asset = request->assets(i);
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  if (!status.ok()) {
+    reactor->Finish(contract::to_rpc(status));
+    return reactor;
+  }
+  // Looks at a row and a file for each asset.
+  io_.post([this, reactor, request, response] {
+    reactor->Finish(contract::to_rpc(find_missing(*request, *response)));
+  });
+  return reactor;
+}
+
+absl::Status AssetService::find_missing(const v1::FindMissingAssetsRequest& request,
+                                        v1::FindMissingAssetsResponse& response) const {
+  for (int i = 0; i < request.assets_size(); ++i) {
+    const v1::AssetId& asset = request.assets(i);
     const auto digest = contract::Digest::from_binary(asset.sha256());
     if (!digest) {
-      status =
-          absl::InvalidArgumentError(absl::StrCat("assets[", i, "].sha256: expected 32 bytes"));
-    } else if (!coordinator_.assets().has_asset(*digest)) {
-      *response->add_missing() = asset;
+      return absl::InvalidArgumentError(absl::StrCat("assets[", i, "].sha256: expected 32 bytes"));
     }
+    if (!coordinator_.assets().has_asset(*digest)) *response.add_missing() = asset;
   }
-  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  reactor->Finish(contract::to_rpc(status));
-  return reactor;
+  return absl::OkStatus();
 }
 
 grpc::ServerReadReactor<v1::UploadAssetRequest>* AssetService::UploadAsset(
     grpc::CallbackServerContext* context, v1::UploadAssetResponse* /*response*/) {
-  return new Upload(coordinator_, access_, access_.admit(*context, "AssetService.UploadAsset"));
+  return new Upload(coordinator_, access_, io_,
+                    access_.admit(*context, "AssetService.UploadAsset"));
 }
 
 /// Workers may read assets of jobs leased to them; admins and callers without certificate, all.
@@ -190,7 +232,7 @@ bool AssetService::may_read(const Caller& caller, const contract::Digest& digest
 
 grpc::ServerWriteReactor<v1::DownloadAssetResponse>* AssetService::DownloadAsset(
     grpc::CallbackServerContext* context, const v1::DownloadAssetRequest* request) {
-  auto* download = new Download;
+  auto* download = new Download(io_);
   const auto caller = access_.admit(*context, "AssetService.DownloadAsset");
   const auto digest = contract::Digest::from_binary(request->asset().sha256());
   if (!caller.ok()) {

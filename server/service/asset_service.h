@@ -2,6 +2,7 @@
 
 #include "server/coordinator/coordinator.h"
 #include "server/service/access/access.h"
+#include "server/service/streams/io_pool.h"
 #include "tessera/v1/asset_service.grpc.pb.h"
 
 namespace tessera::server {
@@ -22,10 +23,13 @@ class AssetService final : public v1::AssetService::CallbackService {
       grpc::CallbackServerContext* context, const v1::DownloadAssetRequest* request) override;
 
  private:
+  absl::Status find_missing(const v1::FindMissingAssetsRequest& request,
+                            v1::FindMissingAssetsResponse& response) const;
   bool may_read(const Caller& caller, const contract::Digest& digest) const;
 
   Coordinator& coordinator_;
   const Access& access_;
+  IoPool io_{4};  // reads and writes assets
 };
 
 }  // namespace tessera::server

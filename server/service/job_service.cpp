@@ -8,9 +8,11 @@
 #include "server/report/report.h"
 #include "server/service/access/protocol_check.h"
 #include "server/service/finish.h"
+#include "server/service/messages/message_budget.h"
 #include "server/service/messages/messages.h"
 #include "server/service/streams/event_stream.h"
 #include "server/service/streams/frame_stream.h"
+#include "server/service/streams/report_stream.h"
 #include "server/service/streams/watch_stream.h"
 
 namespace tessera::server {
@@ -87,9 +89,16 @@ grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* cont
   const std::int32_t size = request->page_size() == 0 ? kPageSize : request->page_size();
   const std::vector<JobView> views =
       coordinator_.queries().list_jobs(before, size, caller->visible_owner());
-  for (const JobView& view : views) *response->add_jobs() = to_message(view);
-  if (static_cast<std::int32_t>(views.size()) == size && views.back().key > 1) {
-    response->set_next_page_token(absl::StrCat(views.back().key));
+  MessageBudget budget;
+  for (const JobView& view : views) {
+    v1::Job job = to_message(view);
+    if (!budget.add(job)) break;
+    *response->add_jobs() = std::move(job);
+  }
+  const auto sent = static_cast<std::size_t>(response->jobs_size());
+  const bool is_full = static_cast<std::int32_t>(sent) == size || sent < views.size();
+  if (is_full && views[sent - 1].key > 1) {
+    response->set_next_page_token(absl::StrCat(views[sent - 1].key));
   }
   return finish(context, absl::OkStatus());
 }
@@ -164,14 +173,13 @@ grpc::ServerUnaryReactor* JobService::ExtendJob(grpc::CallbackServerContext* con
   return reactor;
 }
 
-grpc::ServerUnaryReactor* JobService::GetJobReport(grpc::CallbackServerContext* context,
-                                                   const v1::GetJobReportRequest* request,
-                                                   v1::GetJobReportResponse* response) {
+grpc::ServerWriteReactor<v1::GetJobReportResponse>* JobService::GetJobReport(
+    grpc::CallbackServerContext* context, const v1::GetJobReportRequest* request) {
   const auto caller = admit(*context, "JobService.GetJobReport", request->job_id());
-  if (!caller.ok()) return finish(context, caller.status());
+  if (!caller.ok()) return send_report(caller, caller.status());
   const auto report = coordinator_.queries().report(request->job_id());
-  if (report.ok()) response->set_report_json(report_json(*report));
-  return finish(context, report.status());
+  if (!report.ok()) return send_report(caller, report.status());
+  return send_report(caller, report_json(*report));
 }
 
 grpc::ServerUnaryReactor* JobService::ListDeliveries(grpc::CallbackServerContext* context,
@@ -202,7 +210,7 @@ grpc::ServerUnaryReactor* JobService::ListDeliveries(grpc::CallbackServerContext
 
 grpc::ServerWriteReactor<v1::FetchFrameResponse>* JobService::FetchFrame(
     grpc::CallbackServerContext* context, const v1::FetchFrameRequest* request) {
-  return send_frame(coordinator_, *request,
+  return send_frame(coordinator_, io_, *request,
                     admit(*context, "JobService.FetchFrame", request->job_id()));
 }
 

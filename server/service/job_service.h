@@ -6,6 +6,7 @@
 
 #include "server/coordinator/coordinator.h"
 #include "server/service/access/access.h"
+#include "server/service/streams/io_pool.h"
 #include "tessera/v1/job_service.grpc.pb.h"
 
 namespace tessera::server {
@@ -46,9 +47,8 @@ class JobService final : public v1::JobService::CallbackService {
   grpc::ServerUnaryReactor* ExtendJob(grpc::CallbackServerContext* context,
                                       const v1::ExtendJobRequest* request,
                                       v1::ExtendJobResponse* response) override;
-  grpc::ServerUnaryReactor* GetJobReport(grpc::CallbackServerContext* context,
-                                         const v1::GetJobReportRequest* request,
-                                         v1::GetJobReportResponse* response) override;
+  grpc::ServerWriteReactor<v1::GetJobReportResponse>* GetJobReport(
+      grpc::CallbackServerContext* context, const v1::GetJobReportRequest* request) override;
   grpc::ServerUnaryReactor* ListDeliveries(grpc::CallbackServerContext* context,
                                            const v1::ListDeliveriesRequest* request,
                                            v1::ListDeliveriesResponse* response) override;
@@ -69,6 +69,7 @@ class JobService final : public v1::JobService::CallbackService {
 
   Coordinator& coordinator_;
   const Access& access_;
+  IoPool io_{2};  // reads images
 };
 
 }  // namespace tessera::server

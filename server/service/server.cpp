@@ -15,6 +15,7 @@
 #include "rpc/channel.h"
 #include "rpc/credentials.h"
 #include "server/identity/join_tokens.h"
+#include "server/service/accept_gate.h"
 #include "server/service/access/access.h"
 #include "server/service/access/token.h"
 #include "server/service/access/worker_admission.h"
@@ -27,6 +28,16 @@ namespace {
 
 constexpr std::chrono::milliseconds kShutdownGrace{300};
 constexpr char kUnixPrefix[] = "unix:";
+/// A connection that has not finished its handshakes by then is closed.
+constexpr int kHandshakeTimeoutMs = 10'000;
+/// A connection without a call is closed; the next call opens another.
+constexpr int kIdleTimeoutMs = 300'000;
+/// After this time no new call is taken on a connection, so that callers use a certificate that has
+/// been replaced. Calls in progress go on.
+constexpr int kMaxAgeMs = 300'000;
+// A peer that does not answer a ping has gone, and its calls end.
+constexpr int kKeepalivePeriodMs = 10'000, kKeepaliveTimeoutMs = 20'000;
+constexpr int kMinPingPeriodMs = 500;  // of clients' own pings; see rpc/channel.cpp
 
 /// A socket is protected by its directory, which other users must not be able to enter.
 absl::Status check_socket_folder(const std::string& address) {
@@ -41,6 +52,18 @@ absl::Status check_socket_folder(const std::string& address) {
         absl::StrCat(folder, " can be entered by other users; set its mode to 0700"));
   }
   return absl::OkStatus();
+}
+
+void limit_connections(grpc::ServerBuilder& builder) {
+  builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeTimeoutMs);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, kIdleTimeoutMs);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_AGE_MS, kMaxAgeMs);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepalivePeriodMs);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS,
+                             kMinPingPeriodMs);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PING_STRIKES, 0);  // no maximum
 }
 
 /// Credentials and access rules of the listening address.
@@ -82,8 +105,9 @@ absl::StatusOr<Endpoint> make_endpoint(const ListenOptions& options) {
 
 class GrpcFarmServer final : public FarmServer {
  public:
-  GrpcFarmServer(Coordinator& coordinator, Endpoint endpoint)
-      : credentials_(std::move(endpoint.credentials)),
+  GrpcFarmServer(Coordinator& coordinator, Endpoint endpoint, Log log)
+      : log_(std::move(log)),
+        credentials_(std::move(endpoint.credentials)),
         access_(std::move(endpoint.access)),
         admission_(coordinator, std::move(endpoint.join_tokens)),
         jobs_(coordinator, access_),
@@ -96,23 +120,35 @@ class GrpcFarmServer final : public FarmServer {
     grpc::EnableDefaultHealthCheckService(true);
     grpc::reflection::InitProtoReflectionServerBuilderPlugin();
     grpc::ServerBuilder builder;
-    int port = 0;
-    builder.AddListeningPort(address, credentials_, &port);
+    std::unique_ptr<AcceptGate::Acceptor> acceptor;
+    const bool is_unix = absl::StartsWith(address, kUnixPrefix);
+    if (is_unix) {
+      builder.AddListeningPort(address, credentials_);
+    } else {
+      auto gate = AcceptGate::bind(address);
+      if (!gate.ok()) return gate.status();
+      gate_ = *std::move(gate);
+      using Type = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
+      acceptor = builder.experimental().AddExternalConnectionAcceptor(Type::FROM_FD, credentials_);
+    }
+    if (!is_unix) limit_connections(builder);
     builder.SetMaxReceiveMessageSize(contract::kMaxMessageBytes);
     builder.SetMaxSendMessageSize(contract::kMaxMessageBytes);
     builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, ClientLimits::kStreamsPerClient);
     builder.AddChannelArgument(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
-    builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT,
-                               0);  // so that a second server on the port fails
     builder.RegisterService(&jobs_);
     builder.RegisterService(&assets_);
     builder.RegisterService(&workers_);
     server_ = builder.BuildAndStart();
-    const bool is_unix = absl::StartsWith(address, kUnixPrefix);
-    if (!server_ || (!is_unix && port == 0)) {
+    if (!server_) {
       return absl::UnavailableError(absl::StrCat("cannot listen on ", address, ": is it in use?"));
     }
-    address_ = is_unix ? address : absl::StrCat(address.substr(0, address.rfind(':')), ":", port);
+    address_ = address;
+    if (gate_ != nullptr) {
+      address_ = absl::StrCat(address.substr(0, address.rfind(':')), ":", gate_->port());
+      gate_->start(std::move(acceptor),
+                   [log = log_](const std::string& text) { log(LogLevel::warn, text); });
+    }
     return absl::OkStatus();
   }
 
@@ -120,17 +156,20 @@ class GrpcFarmServer final : public FarmServer {
 
   void stop() override {
     if (!server_) return;
+    gate_.reset();
     server_->Shutdown(std::chrono::system_clock::now() + kShutdownGrace);
     server_.reset();
   }
 
  private:
+  const Log log_;
   const std::shared_ptr<grpc::ServerCredentials> credentials_;
   const Access access_;
   const WorkerAdmission admission_;
   JobService jobs_;
   AssetService assets_;
   WorkerService workers_;
+  std::unique_ptr<AcceptGate> gate_;  // null on a Unix socket
   std::unique_ptr<grpc::Server> server_;
   std::string address_;
 };
@@ -141,7 +180,7 @@ absl::StatusOr<std::unique_ptr<FarmServer>> FarmServer::start(Coordinator& coord
                                                               const ListenOptions& options) {
   auto endpoint = make_endpoint(options);
   if (!endpoint.ok()) return endpoint.status();
-  auto server = std::make_unique<GrpcFarmServer>(coordinator, *std::move(endpoint));
+  auto server = std::make_unique<GrpcFarmServer>(coordinator, *std::move(endpoint), options.log);
   if (absl::Status status = server->listen(options.address); !status.ok()) return status;
   return server;
 }

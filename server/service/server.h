@@ -14,6 +14,7 @@ struct ListenOptions {
   std::string store;       // directory of the tokens
   std::string certs;       // directory of certificates (identity/authority.h); empty: none
   ClientRates rates = {};  // limits per client, with certificates
+  Log log = no_log;
 };
 
 /// The gRPC server: services, health and reflection on one address. A Unix socket is protected by

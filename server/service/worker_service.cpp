@@ -1,15 +1,22 @@
 #include "server/service/worker_service.h"
 
+#include <algorithm>
+#include <string>
+#include <utility>
+
 #include "absl/strings/str_cat.h"
 #include "rpc/rpc_status.h"
 #include "rpc/settings_message.h"
 #include "server/service/finish.h"
+#include "server/service/messages/message_budget.h"
 #include "server/service/messages/messages.h"
 #include "server/service/streams/deliver_stream.h"
 #include "server/service/streams/work_stream.h"
 
 namespace tessera::server {
 namespace {
+
+constexpr std::int32_t kMaxWorkersPerPage = 100'000;
 
 std::function<void(absl::Status)> answer_with(grpc::ServerUnaryReactor* reactor) {
   return [reactor](const absl::Status& status) { reactor->Finish(contract::to_rpc(status)); };
@@ -50,15 +57,33 @@ grpc::ServerUnaryReactor* WorkerService::DescribeJob(grpc::CallbackServerContext
 }
 
 grpc::ServerUnaryReactor* WorkerService::ListWorkers(grpc::CallbackServerContext* context,
-                                                     const v1::ListWorkersRequest* /*request*/,
+                                                     const v1::ListWorkersRequest* request,
                                                      v1::ListWorkersResponse* response) {
   const absl::Status status = access_.admit(*context, "WorkerService.ListWorkers").status();
-  if (status.ok()) {
-    for (const auto& [worker, silence] : coordinator_.workers().list()) {
-      *response->add_workers() = to_message(worker, silence);
-    }
+  if (!status.ok()) return finish(context, status);
+  if (request->page_size() < 0 || request->page_size() > kMaxWorkersPerPage) {
+    return finish(context, absl::InvalidArgumentError(
+                               absl::StrCat("page_size: ", request->page_size(), " is not in [0, ",
+                                            kMaxWorkersPerPage, "]")));
   }
-  return finish(context, status);
+  auto workers = coordinator_.workers().list();
+  std::sort(workers.begin(), workers.end(),
+            [](const auto& a, const auto& b) { return a.first.id < b.first.id; });
+  // The token is the last ID of the page before; a worker that has gone since does no harm.
+  auto next = std::upper_bound(
+      workers.begin(), workers.end(), request->page_token(),
+      [](const std::string& token, const auto& entry) { return token < entry.first.id; });
+  const std::int32_t size = request->page_size() == 0 ? kMaxWorkersPerPage : request->page_size();
+  MessageBudget budget;
+  for (; next != workers.end() && response->workers_size() < size; ++next) {
+    v1::Worker worker = to_message(next->first, next->second);
+    if (!budget.add(worker)) break;
+    *response->add_workers() = std::move(worker);
+  }
+  if (next != workers.end()) {
+    response->set_next_page_token(response->workers(response->workers_size() - 1).id());
+  }
+  return finish(context, absl::OkStatus());
 }
 
 grpc::ServerUnaryReactor* WorkerService::DrainWorker(grpc::CallbackServerContext* context,

@@ -16,8 +16,13 @@ constexpr char kUploads[] = "upload";
 }  // namespace
 
 AssetFiles::AssetFiles(DurableFiles& files, Journal& journal, std::string folder,
-                       std::function<std::int64_t()> now_us)
-    : files_(files), journal_(journal), folder_(std::move(folder)), now_us_(std::move(now_us)) {}
+                       std::function<std::int64_t()> now_us,
+                       std::function<void(const std::string&)> warn)
+    : files_(files),
+      journal_(journal),
+      folder_(std::move(folder)),
+      now_us_(std::move(now_us)),
+      warn_(std::move(warn)) {}
 
 absl::Status AssetFiles::clean_up() {
   std::set<contract::Digest> known;
@@ -30,34 +35,39 @@ absl::Status AssetFiles::clean_up() {
   if (!status.ok()) return status;
   const auto names = files_.filesystem().list(folder_);
   if (!names.ok()) return names.status();
-  for (const std::string& name : *names) {
-    if (status = clean_folder(name, known); !status.ok()) return status;
-  }
+  for (const std::string& name : *names) clean_folder(name, known);
   // Uploads need not survive a crash, so this directory is never synced.
   return files_.filesystem().make_folder(absl::StrCat(folder_, "/", kUploads));
 }
 
-absl::Status AssetFiles::clean_folder(const std::string& name,
-                                      const std::set<contract::Digest>& known) {
+void AssetFiles::clean_folder(const std::string& name, const std::set<contract::Digest>& known) {
   const std::string folder = absl::StrCat(folder_, "/", name);
   const auto files = files_.filesystem().list(folder);
-  if (!files.ok()) return files.status();
+  if (!files.ok()) return warn_(absl::StrCat("skipped: ", std::string(files.status().message())));
   for (const std::string& file : *files) {
     const auto digest = contract::Digest::from_hex(name + file);
     if (digest.has_value() && known.count(*digest) != 0) continue;
-    absl::Status gone = files_.filesystem().remove(absl::StrCat(folder, "/", file));
-    if (!gone.ok()) return gone;
+    const absl::Status gone = files_.filesystem().remove(absl::StrCat(folder, "/", file));
+    if (!gone.ok()) warn_(absl::StrCat("skipped: ", std::string(gone.message())));
   }
-  return absl::OkStatus();
+}
+
+absl::StatusOr<std::int64_t> AssetFiles::recorded_bytes(const contract::Digest& digest) const {
+  std::int64_t bytes = -1;
+  const absl::Status status = journal_.read([&](Database& rows) {
+    return rows.each("SELECT bytes FROM assets WHERE sha256=?", {blob_of(digest)},
+                     [&](const SqlRow& row) { bytes = row.integer(0); });
+  });
+  if (!status.ok()) return status;
+  return bytes;
 }
 
 bool AssetFiles::has(const contract::Digest& digest) const {
-  bool found = false;
-  const absl::Status status = journal_.read([&](Database& rows) {
-    return rows.each("SELECT 1 FROM assets WHERE sha256=?", {blob_of(digest)},
-                     [&](const SqlRow&) { found = true; });
-  });
-  return status.ok() && found;  // if the lookup fails, the asset is uploaded again
+  const auto recorded = recorded_bytes(digest);
+  if (!recorded.ok() || *recorded < 0) return false;  // if in doubt, it is uploaded again
+  const auto stored = files_.filesystem().size_of(path(digest));
+  // Errors but NotFound, such as a lack of descriptors, say nothing about the file.
+  return stored.ok() ? *stored == *recorded : !absl::IsNotFound(stored.status());
 }
 
 std::string AssetFiles::path(const contract::Digest& digest) const {
@@ -73,6 +83,8 @@ absl::StatusOr<std::string> AssetFiles::new_upload_path(std::int64_t boot_count)
 absl::Status AssetFiles::publish(const std::string& upload_path, const contract::Digest& digest) {
   if (absl::Status healthy = files_.check_healthy(); !healthy.ok()) return healthy;
   const bool is_new = !has(digest);
+  const auto recorded = recorded_bytes(digest);
+  if (!recorded.ok()) return recorded.status();
   auto upload = files_.filesystem().open_existing(upload_path);
   if (!upload.ok()) return upload.status();
   const std::int64_t bytes = (*upload)->size();
@@ -88,10 +100,10 @@ absl::Status AssetFiles::publish(const std::string& upload_path, const contract:
   status = journal_.write([&](Database& rows) {
     return rows.run(
         "INSERT INTO assets(sha256, bytes, kept_us) VALUES(?1, ?2, ?3) "
-        "ON CONFLICT(sha256) DO UPDATE SET kept_us=?3",
+        "ON CONFLICT(sha256) DO UPDATE SET bytes=?2, kept_us=?3",
         {blob_of(digest), bytes, now});
   });
-  if (status.ok() && is_new) used_bytes_ += bytes;
+  if (status.ok()) used_bytes_ += bytes - std::max<std::int64_t>(*recorded, 0);
   return status;
 }
 

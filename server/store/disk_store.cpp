@@ -82,8 +82,16 @@ absl::Status DiskStore::add_job(JobRecord& job) {
   });
 }
 
+absl::Status DiskStore::write_at_any_cost(const std::function<absl::Status(Database&)>& body) {
+  absl::Status status = journal_->write(body);
+  if (absl::IsResourceExhausted(status) && ballast_.give_up()) status = journal_->write(body);
+  return status;
+}
+
 absl::Status DiskStore::update_job(const JobRecord& job) {
-  return journal_->write([&](Database& rows) { return update_row(rows, job); });
+  const auto update = [&](Database& rows) { return update_row(rows, job); };
+  // Only jobs that have ended can be removed.
+  return job.end_time_us != 0 ? write_at_any_cost(update) : journal_->write(update);
 }
 
 absl::Status DiskStore::update_row(Database& rows, const JobRecord& job) {
@@ -113,7 +121,7 @@ absl::Status DiskStore::remove_job(const std::string& job_id) {
       "(SELECT TOTAL(bytes) FROM frames WHERE job=?1)",
       job->sequence);
   if (!freed.ok()) return freed.status();
-  absl::Status status = journal_->write([&](Database& rows) {
+  absl::Status status = write_at_any_cost([&](Database& rows) {
     for (const std::string_view sql :
          {"DELETE FROM units WHERE job=?", "DELETE FROM totals WHERE job=?",
           "DELETE FROM segments WHERE job=?", "DELETE FROM frames WHERE job=?",
@@ -126,6 +134,7 @@ absl::Status DiskStore::remove_job(const std::string& job_id) {
   content_bytes_ -= *freed;
   status = segments_.remove_job(job_id);
   const absl::Status outputs = files_.remove_folder(absl::StrCat(folder_, "/outputs/", job_id));
+  set_up_ballast();
   return status.ok() ? outputs : status;
 }
 

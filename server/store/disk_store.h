@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "server/store/asset_files.h"
+#include "server/store/files/ballast.h"
 #include "server/store/files/durable_files.h"
 #include "server/store/files/segments.h"
 #include "server/store/sqlite/journal.h"
@@ -20,6 +21,9 @@ namespace tessera::server {
 ///   segments/JOB/N.seg film blocks
 ///   assets/ab/cdef…    assets by digest; assets/upload: incomplete uploads
 ///   outputs/JOB/…      finished images
+///
+///   ballast, ballast.start  space that is given up when the disk is full
+///   backup-…           hard links of a backup that is running
 ///
 /// Rows are authoritative. A file is durable before its row is written and deleted after its row,
 /// so files without a row are orphans; the next open deletes them.
@@ -88,6 +92,10 @@ class DiskStore final : public Store {
   absl::Status start();
   absl::Status clean_up();
   absl::Status clean_outputs();
+  void remove_links();
+  void set_up_ballast();
+  /// Writes rows; on a full disk once more without the ballast.
+  absl::Status write_at_any_cost(const std::function<absl::Status(Database&)>& body);
   absl::StatusOr<JobRow> find_job(const std::string& job_id) const;
   absl::Status append_job(const std::string& job_id, const JobRow& job,
                           const std::vector<Commit*>& units);
@@ -105,6 +113,8 @@ class DiskStore final : public Store {
   StoreOptions options_;
   std::string folder_;
   DurableFiles files_;
+  Ballast ballast_;        // for removing jobs
+  Ballast start_ballast_;  // for starting: results fill what that leaves before a job is removed
   std::unique_ptr<FileLock> lock_;
   std::unique_ptr<Journal> journal_;
   Segments segments_;

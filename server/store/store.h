@@ -87,6 +87,12 @@ struct StoreOptions {
   /// Called with a message when a sync fails. Must not return except in a test, where all later
   /// writes fail with DataLoss. Empty: prints the message to stderr and exits with 1.
   std::function<void(const std::string&)> fatal;
+  /// Size of the file that is given up to remove jobs when the disk is full (files/ballast.h). A
+  /// second one of a quarter of it is given up to start.
+  std::int64_t ballast_bytes = std::int64_t{16} << 20;
+  /// Called with a line about a file that does not belong to the store, while it is opened. Empty:
+  /// prints the line to stderr.
+  std::function<void(const std::string&)> warn;
   /// Called with the duration of each fdatasync of blocks and assets, on any thread. May be empty.
   std::function<void(double seconds)> synced;
 };

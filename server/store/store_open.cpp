@@ -8,8 +8,10 @@
 #include <utility>
 
 #include "absl/strings/escaping.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "server/store/disk_store.h"
+#include "server/store/files/names.h"
 
 namespace tessera::server {
 namespace {
@@ -31,6 +33,11 @@ void exit_with(const std::string& message) {
 StoreOptions with_defaults(StoreOptions options) {
   if (!options.now_us) options.now_us = machine_time_us;
   if (!options.fatal) options.fatal = exit_with;
+  if (!options.warn) {
+    options.warn = [](const std::string& line) {
+      std::fprintf(stderr, "tessera-server: warning: %s\n", line.c_str());
+    };
+  }
   return options;
 }
 
@@ -64,7 +71,15 @@ absl::StatusOr<std::unique_ptr<Store>> DiskStore::open(const std::string& folder
   std::unique_ptr<DiskStore> store(new DiskStore(clean, filesystem, std::move(options)));
   absl::Status status = store->make_folders();
   if (status.ok()) status = store->start();
+  // A full disk shows as one of several errors of SQLite.
+  if (!status.ok() && !absl::IsDataLoss(status) && !absl::IsFailedPrecondition(status) &&
+      (store->start_ballast_.give_up() || store->ballast_.give_up())) {
+    store->options_.warn(absl::StrCat("the disk of the store ", clean, " is full: ",
+                                      std::string(status.message()), "; remove jobs"));
+    status = store->start();
+  }
   if (status.ok()) status = store->clean_up();
+  if (status.ok()) store->set_up_ballast();
   if (!status.ok()) {
     return absl::Status(status.code(),
                         absl::StrCat("store ", clean, ": ", std::string(status.message())));
@@ -76,6 +91,9 @@ DiskStore::DiskStore(std::string folder, Filesystem& filesystem, StoreOptions op
     : options_(std::move(options)),
       folder_(std::move(folder)),
       files_(filesystem, options_.fatal, options_.synced),
+      ballast_(filesystem, absl::StrCat(folder_, "/ballast"), options_.ballast_bytes),
+      start_ballast_(filesystem, absl::StrCat(folder_, "/ballast.start"),
+                     options_.ballast_bytes / 4),
       segments_(files_, absl::StrCat(folder_, "/segments"), options_.segment_bytes) {}
 
 absl::Status DiskStore::make_folders() {
@@ -128,7 +146,7 @@ absl::Status DiskStore::start() {
 
 absl::Status DiskStore::clean_up() {
   assets_ = std::make_unique<AssetFiles>(files_, *journal_, absl::StrCat(folder_, "/assets"),
-                                         options_.now_us);
+                                         options_.now_us, options_.warn);
   if (absl::Status cleaned = assets_->clean_up(); !cleaned.ok()) return cleaned;
   std::set<std::pair<std::string, std::int64_t>> known_segments;
   absl::Status status = journal_->read([&](Database& rows) {
@@ -139,9 +157,12 @@ absl::Status DiskStore::clean_up() {
                      });
   });
   if (!status.ok()) return status;
-  status = segments_.remove_orphans([&](const std::string& job_id, std::int64_t segment) {
-    return known_segments.count({job_id, segment}) != 0;
-  });
+  status = segments_.remove_orphans(
+      [&](const std::string& job_id, std::int64_t segment) {
+        return known_segments.count({job_id, segment}) != 0;
+      },
+      options_.warn);
+  remove_links();
   return status.ok() ? clean_outputs() : status;
 }
 
@@ -160,10 +181,26 @@ absl::Status DiskStore::clean_outputs() {
   if (!names.ok()) return names.status();
   for (const std::string& name : *names) {
     if (live_jobs.count(name) != 0) continue;
-    status = files_.remove_folder(absl::StrCat(outputs, "/", name));
-    if (!status.ok()) return status;
+    const absl::Status gone = files_.remove_folder(absl::StrCat(outputs, "/", name));
+    if (!gone.ok()) options_.warn(absl::StrCat("skipped: ", std::string(gone.message())));
   }
   return absl::OkStatus();
+}
+
+void DiskStore::set_up_ballast() {
+  ballast_.set_up();
+  start_ballast_.set_up();
+}
+
+/// Deletes what an interrupted backup has left (maintenance/backup.cpp). One that runs meanwhile
+/// begins again.
+void DiskStore::remove_links() {
+  const auto names = files_.filesystem().list(folder_);
+  if (!names.ok()) return;
+  for (const std::string& name : *names) {
+    if (!absl::StartsWith(name, kLinksPrefix)) continue;
+    files_.remove_folder(absl::StrCat(folder_, "/", name)).IgnoreError();
+  }
 }
 
 }  // namespace tessera::server

@@ -65,6 +65,8 @@ void FailingDisk::fail_sqlite_writes(const std::string& name) {
 void FailingDisk::recover() {
   bytes_left_ = kUnlimited;
   syncs_fail_ = false;
+  folders_fail_ = false;
+  ballast_.clear();
   failing_sqlite_file_.clear();
   full_sqlite_file_.clear();
 }
@@ -92,17 +94,31 @@ absl::StatusOr<std::unique_ptr<server::File>> FailingDisk::open(const std::strin
   return std::make_unique<FailingFile>(*this, *std::move(file));
 }
 
+absl::Status FailingDisk::link(const std::string& from, const std::string& to) {
+  return disk_.link(from, to);
+}
+
 absl::StatusOr<std::unique_ptr<server::File>> FailingDisk::open_existing(const std::string& path) {
+  if (before_open_) before_open_(path);
   auto file = disk_.open_existing(path);
   if (!file.ok()) return file;
   return std::make_unique<FailingFile>(*this, *std::move(file));
+}
+
+absl::StatusOr<std::int64_t> FailingDisk::size_of(const std::string& path) const {
+  return disk_.size_of(path);
 }
 
 absl::Status FailingDisk::rename(const std::string& from, const std::string& to) {
   return disk_.rename(from, to);
 }
 
+absl::Status FailingDisk::reserve(const std::string& path, std::int64_t bytes) {
+  return disk_.reserve(path, bytes);
+}
+
 absl::Status FailingDisk::remove(const std::string& path) {
+  if (!ballast_.empty() && path.substr(path.find_last_of('/') + 1) == ballast_) recover();
   return disk_.remove(path);
 }
 
@@ -110,8 +126,10 @@ absl::StatusOr<std::vector<std::string>> FailingDisk::list(const std::string& fo
   return disk_.list(folder);
 }
 
-absl::Status FailingDisk::sync_folder(const std::string& /*path*/) {
-  return grant_sync();
+absl::Status FailingDisk::sync_folder(const std::string& path) {
+  if (folders_fail_) return absl::UnavailableError("no file descriptor is free: " + path);
+  const absl::Status synced = grant_sync();
+  return synced.ok() ? synced : absl::DataLossError(synced.message());
 }
 
 absl::StatusOr<std::unique_ptr<server::FileLock>> FailingDisk::lock(const std::string& path) {

@@ -110,6 +110,10 @@ absl::StatusOr<std::unique_ptr<server::File>> PowerCutDisk::open_existing(const 
   return std::make_unique<RecordedFile>(*this, path, *std::move(file), is_foreign_[name]);
 }
 
+absl::StatusOr<std::int64_t> PowerCutDisk::size_of(const std::string& path) const {
+  return disk_.size_of(path);
+}
+
 absl::Status PowerCutDisk::rename(const std::string& from, const std::string& to) {
   record({Kind::rename, from, to, 0, ""});
   return disk_.rename(from, to);

@@ -31,6 +31,7 @@ class PowerCutDisk final : public server::Filesystem {
   absl::Status make_folder(const std::string& path) override;
   absl::StatusOr<std::unique_ptr<server::File>> open(const std::string& path) override;
   absl::StatusOr<std::unique_ptr<server::File>> open_existing(const std::string& path) override;
+  absl::StatusOr<std::int64_t> size_of(const std::string& path) const override;
   absl::Status rename(const std::string& from, const std::string& to) override;
   absl::Status remove(const std::string& path) override;
   absl::StatusOr<std::vector<std::string>> list(const std::string& folder) const override;

@@ -16,7 +16,9 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "rpc/certificate_dates.h"
 #include "rpc/channel.h"
+#include "rpc/connection_driver.h"
 #include "rpc/protocol_version.h"
 #include "telemetry/metrics/listener.h"
 #include "tessera/v1/asset_service.grpc.pb.h"
@@ -124,8 +126,7 @@ class Agent {
         metrics_(metrics),
         supervisor_(supervisor_options(options_, [this](auto... line) { log_job_line(line...); }),
                     std::move(renderer), queue_, log_, event_loop_, supervisor_callbacks()),
-        connection_(*workers_, {options_.token, options_.faults.blocks_to_send, options_.log},
-                    queue_, event_loop_, connection_callbacks()),
+        connection_(*workers_, connection_options(), queue_, event_loop_, connection_callbacks()),
         fetcher_(*workers_, *assets_, *cache_, metrics_, options_.token,
                  [this](std::string job_id, absl::StatusOr<JobInputs> files) {
                    // std::function requires copies, and JobInputs cannot be copied.
@@ -149,6 +150,7 @@ class Agent {
         wake = std::min(wake, connection_.next_due());
       }
       update_gauges();
+      check_certificates(now);
       if (draining_ && (queue_.empty() || now >= drain_deadline_)) break;
       event_loop_.run_until(wake);
     }
@@ -181,6 +183,26 @@ class Agent {
     callbacks.renderer_died = [this] { metrics_.errors.renderer_died.Increment(); };
     callbacks.failed_for_good = [this](absl::Status status) { end_ = std::move(status); };
     return callbacks;
+  }
+
+  ServerConnection::Options connection_options() {
+    ServerConnection::Options options;
+    options.token = options_.token;
+    options.blocks_to_send = options_.faults.blocks_to_send;
+    options.awaits_certificate = [this] {
+      return renewal_.explains_refusal(std::chrono::system_clock::now());
+    };
+    options.log = options_.log;
+    return options;
+  }
+
+  /// Warns once a day of certificates that end soon.
+  void check_certificates(Time now) {
+    if (now < certificates_due_) return;
+    certificates_due_ = now + std::chrono::hours(24);
+    const std::string warning =
+        contract::expiry_warning(options_.certs, std::chrono::system_clock::now());
+    if (!warning.empty()) options_.log(LogLevel::warn, warning);
   }
 
   ServerConnection::Callbacks connection_callbacks() {
@@ -327,6 +349,8 @@ class Agent {
   }
 
   const AgentOptions options_;
+  contract::CertificateRenewal renewal_{options_.certs};
+  Time certificates_due_{};
   const std::unique_ptr<v1::WorkerService::Stub> workers_;
   const std::unique_ptr<v1::AssetService::Stub> assets_;
   const std::unique_ptr<AssetCache> cache_;
@@ -373,6 +397,7 @@ absl::Status run_agent(const AgentOptions& given) {
     listener = *std::move(started);
     options.log(LogLevel::info, absl::StrCat("metrics: http://", listener->address(), "/metrics"));
   }
+  const contract::ConnectionDriver driver(*channel);
   return Agent(std::move(options), *std::move(renderer), *channel, *std::move(cache),
                std::move(log), metrics)
       .run();

@@ -191,9 +191,9 @@ int run_renderer(const RendererOptions& options) {
   const std::uint64_t memory = render::machine_memory_bytes();  // reads files
   const rlimit file_limit{kMaxFileBytes, kMaxFileBytes};
   ::setrlimit(RLIMIT_FSIZE, &file_limit);
-  if (const absl::Status confined = enter_sandbox(); !confined.ok()) {
+  if (const auto confined = enter_sandbox(); !confined.ok()) {
     std::fprintf(stderr, "warning: the renderer runs without a seccomp sandbox: %s\n",
-                 std::string(confined.message()).c_str());
+                 std::string(confined.status().message()).c_str());
   }
   return Renderer(options, memory).run();
 }

@@ -1,131 +1,166 @@
 #include "worker/renderer/sandbox.h"
 
 #include <fcntl.h>
+#include <sched.h>
 #include <seccomp.h>
+#include <sys/prctl.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
+#include <initializer_list>
 #include <memory>
+#include <utility>
 
+#include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "worker/renderer/file_rules.h"
 
-// LeakSanitizer stops the threads of the process with ptrace when it exits.
-#if defined(__SANITIZE_ADDRESS__)
-#define TESSERA_LEAK_CHECK 1
+// Sanitizers stop the threads of the process with ptrace, from a process that shares its memory,
+// and look up symbols.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define TESSERA_SANITIZER 1
 #elif defined(__has_feature)
-#if __has_feature(address_sanitizer)
-#define TESSERA_LEAK_CHECK 1
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define TESSERA_SANITIZER 1
 #endif
 #endif
 
 namespace tessera::agent {
 namespace {
 
-constexpr std::uint32_t kDeny = SCMP_ACT_ERRNO(EPERM);
-
-constexpr int kDeniedCalls[] = {
-    // Network. io_uring executes requests that no filter sees.
-    SCMP_SYS(socket),
-    SCMP_SYS(connect),
-    SCMP_SYS(bind),
-    SCMP_SYS(listen),
-    SCMP_SYS(accept),
-    SCMP_SYS(accept4),
-    SCMP_SYS(io_uring_setup),
-    SCMP_SYS(io_uring_enter),
-    SCMP_SYS(io_uring_register),
-    // Other programs and processes.
-    SCMP_SYS(execve),
-    SCMP_SYS(execveat),
-    SCMP_SYS(kill),
-    SCMP_SYS(process_vm_readv),
-    SCMP_SYS(process_vm_writev),
-    SCMP_SYS(pidfd_open),
-    SCMP_SYS(pidfd_getfd),
-    SCMP_SYS(pidfd_send_signal),
-#ifndef TESSERA_LEAK_CHECK
-    SCMP_SYS(ptrace),
+#ifdef TESSERA_SANITIZER
+constexpr bool kHasSanitizer = true;
+#else
+constexpr bool kHasSanitizer = false;
 #endif
-    // Files and names. Filters cannot see the flags of openat2.
-    SCMP_SYS(creat),
-    SCMP_SYS(openat2),
-    SCMP_SYS(open_by_handle_at),
-    SCMP_SYS(truncate),
-    SCMP_SYS(unlink),
-    SCMP_SYS(unlinkat),
-    SCMP_SYS(rename),
-    SCMP_SYS(renameat),
-    SCMP_SYS(renameat2),
-    SCMP_SYS(link),
-    SCMP_SYS(linkat),
-    SCMP_SYS(symlink),
-    SCMP_SYS(symlinkat),
-    SCMP_SYS(mkdir),
-    SCMP_SYS(mkdirat),
-    SCMP_SYS(rmdir),
-    SCMP_SYS(mknod),
-    SCMP_SYS(mknodat),
-    SCMP_SYS(chmod),
-    SCMP_SYS(fchmodat),
-    SCMP_SYS(chown),
-    SCMP_SYS(lchown),
-    SCMP_SYS(fchownat),
-    SCMP_SYS(setxattr),
-    SCMP_SYS(lsetxattr),
-    SCMP_SYS(utimensat),
-    // System.
-    SCMP_SYS(mount),
-    SCMP_SYS(umount2),
-    SCMP_SYS(chroot),
-    SCMP_SYS(pivot_root),
-    SCMP_SYS(unshare),
-    SCMP_SYS(setns),
-    SCMP_SYS(bpf),
-    SCMP_SYS(perf_event_open),
-    SCMP_SYS(userfaultfd),
-    SCMP_SYS(add_key),
-    SCMP_SYS(request_key),
-    SCMP_SYS(keyctl),
+
+constexpr int kAllowedCalls[] = {
+    // Memory.
+    SCMP_SYS(brk), SCMP_SYS(mmap), SCMP_SYS(munmap), SCMP_SYS(mprotect), SCMP_SYS(mremap),
+    SCMP_SYS(madvise), SCMP_SYS(mincore), SCMP_SYS(membarrier),
+    // Threads of this process.
+    SCMP_SYS(futex), SCMP_SYS(set_robust_list), SCMP_SYS(get_robust_list), SCMP_SYS(rseq),
+    SCMP_SYS(set_tid_address), SCMP_SYS(gettid), SCMP_SYS(getpid), SCMP_SYS(getppid),
+    SCMP_SYS(sched_yield), SCMP_SYS(sched_getaffinity), SCMP_SYS(getcpu), SCMP_SYS(exit),
+    SCMP_SYS(exit_group), SCMP_SYS(restart_syscall),
+    // Signals of this process.
+    SCMP_SYS(rt_sigaction), SCMP_SYS(rt_sigprocmask), SCMP_SYS(rt_sigreturn), SCMP_SYS(sigaltstack),
+    // Time.
+    SCMP_SYS(clock_gettime), SCMP_SYS(clock_getres), SCMP_SYS(clock_nanosleep), SCMP_SYS(nanosleep),
+    SCMP_SYS(gettimeofday), SCMP_SYS(time), SCMP_SYS(times), SCMP_SYS(getrusage),
+    // Open descriptors: scene files, the file for texels, the agent's socket, the log.
+    SCMP_SYS(read), SCMP_SYS(readv), SCMP_SYS(pread64), SCMP_SYS(preadv), SCMP_SYS(write),
+    SCMP_SYS(writev), SCMP_SYS(pwrite64), SCMP_SYS(pwritev), SCMP_SYS(lseek), SCMP_SYS(ftruncate),
+    SCMP_SYS(fadvise64), SCMP_SYS(close), SCMP_SYS(fstat), SCMP_SYS(fcntl), SCMP_SYS(dup),
+    SCMP_SYS(sendto), SCMP_SYS(recvfrom), SCMP_SYS(sendmsg), SCMP_SYS(recvmsg), SCMP_SYS(shutdown),
+    SCMP_SYS(poll), SCMP_SYS(ppoll),
+    // Reading files: libraries that are loaded late, and what the kernel says about processors and
+    // memory. Opening is restricted below and by Landlock.
+    SCMP_SYS(stat), SCMP_SYS(lstat), SCMP_SYS(newfstatat), SCMP_SYS(statx), SCMP_SYS(access),
+    SCMP_SYS(faccessat), SCMP_SYS(faccessat2), SCMP_SYS(readlink), SCMP_SYS(readlinkat),
+    SCMP_SYS(getcwd), SCMP_SYS(getdents64),
+    // The system and the user.
+    SCMP_SYS(uname), SCMP_SYS(sysinfo), SCMP_SYS(getrandom), SCMP_SYS(getrlimit), SCMP_SYS(getuid),
+    SCMP_SYS(geteuid), SCMP_SYS(getgid), SCMP_SYS(getegid)};
+
+constexpr int kSanitizerCalls[] = {SCMP_SYS(clone),      SCMP_SYS(ptrace), SCMP_SYS(wait4),
+                                   SCMP_SYS(prctl),      SCMP_SYS(pipe2),  SCMP_SYS(personality),
+                                   SCMP_SYS(arch_prctl), SCMP_SYS(tkill)};
+
+/// Flags with which opening a file changes it or allows writing. O_TMPFILE contains O_DIRECTORY,
+/// with which directories are read, but is useless without one of the first two.
+constexpr unsigned kWriteFlags = O_WRONLY | O_RDWR | O_CREAT | O_TRUNC;
+
+/// Builds the filter; keeps the first error.
+class FilterBuilder {
+ public:
+  FilterBuilder() : filter_(seccomp_init(SCMP_ACT_ERRNO(EPERM)), seccomp_release) {
+    if (filter_ == nullptr) {
+      status_ = absl::UnavailableError("seccomp_init failed");
+      return;
+    }
+    // Calls of other architectures, x32 among them, kill the process.
+    check(seccomp_attr_set(filter_.get(), SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_KILL_PROCESS),
+          "seccomp_attr_set");
+  }
+
+  void allow(int call) { add(SCMP_ACT_ALLOW, call, {}); }
+  /// Allows the call if all conditions on its arguments hold.
+  void allow_if(int call, std::initializer_list<scmp_arg_cmp> conditions) {
+    add(SCMP_ACT_ALLOW, call, conditions);
+  }
+  /// Makes the call fail with `error`.
+  void fail_with(int error, int call) {
+    add(SCMP_ACT_ERRNO(static_cast<std::uint32_t>(error)), call, {});
+  }
+  absl::Status load() {
+    if (status_.ok()) check(seccomp_load(filter_.get()), "seccomp_load");
+    return status_;
+  }
+
+ private:
+  void add(std::uint32_t action, int call, std::initializer_list<scmp_arg_cmp> conditions) {
+    if (!status_.ok()) return;
+    check(seccomp_rule_add_array(filter_.get(), action, call,
+                                 static_cast<unsigned>(conditions.size()), conditions.begin()),
+          "seccomp_rule_add");
+  }
+  void check(int error, const char* step) {
+    if (error < 0 && status_.ok()) {
+      status_ = absl::UnavailableError(absl::StrCat(step, ": ", std::strerror(-error)));
+    }
+  }
+
+  std::unique_ptr<void, void (*)(void*)> filter_;
+  absl::Status status_;
 };
 
-/// Flags with which opening a file changes it or allows writing.
-constexpr unsigned kWriteFlags[] = {O_WRONLY, O_RDWR, O_CREAT, O_TRUNC};
-
-absl::Status check(int error, const char* step) {
-  if (error >= 0) return absl::OkStatus();
-  return absl::UnavailableError(absl::StrCat(step, ": ", std::strerror(-error)));
+scmp_arg_cmp equals(unsigned index, std::uint64_t value) {
+  return {index, SCMP_CMP_EQ, value, 0};
 }
 
-/// Denies `call` if its argument `index` has any of the bits of kWriteFlags.
-absl::Status deny_writing(scmp_filter_ctx filter, int call, unsigned index) {
-  for (const unsigned flag : kWriteFlags) {
-    const scmp_arg_cmp has_flag{index, SCMP_CMP_MASKED_EQ, flag, flag};
-    absl::Status status =
-        check(seccomp_rule_add_array(filter, kDeny, call, 1, &has_flag), "seccomp_rule_add");
-    if (!status.ok()) return status;
+/// All bits of `mask` of the argument are those of `value`.
+scmp_arg_cmp has_bits(unsigned index, std::uint64_t mask, std::uint64_t value) {
+  return {index, SCMP_CMP_MASKED_EQ, mask, value};
+}
+
+absl::Status install_filter() {
+  FilterBuilder filter;
+  for (const int call : kAllowedCalls) filter.allow(call);
+  filter.allow_if(SCMP_SYS(open), {has_bits(1, kWriteFlags, 0)});
+  filter.allow_if(SCMP_SYS(openat), {has_bits(2, kWriteFlags, 0)});
+  // abort() and raise().
+  filter.allow_if(SCMP_SYS(tgkill), {equals(0, static_cast<std::uint64_t>(::getpid()))});
+  // Reading limits of this process.
+  filter.allow_if(SCMP_SYS(prlimit64), {equals(0, 0), equals(2, 0)});
+  // A filter cannot see the flags of clone3, so it fails as on an old kernel, and glibc uses clone.
+  filter.fail_with(ENOSYS, SCMP_SYS(clone3));
+  if (kHasSanitizer) {
+    for (const int call : kSanitizerCalls) filter.allow(call);
+  } else {
+    filter.allow_if(SCMP_SYS(clone), {has_bits(0, CLONE_THREAD, CLONE_THREAD)});
+    constexpr std::uint64_t kNameMemory = 0x53564d41;  // PR_SET_VMA, used by glibc
+    for (const std::uint64_t option : {std::uint64_t{PR_SET_NAME}, kNameMemory}) {
+      filter.allow_if(SCMP_SYS(prctl), {equals(0, option)});
+    }
   }
-  return absl::OkStatus();
+  return filter.load();
 }
 
 }  // namespace
 
-absl::Status enter_sandbox() {
-  const std::unique_ptr<void, void (*)(void*)> filter(seccomp_init(SCMP_ACT_ALLOW),
-                                                      seccomp_release);
-  if (filter == nullptr) return absl::UnavailableError("seccomp_init failed");
-  // Calls of other architectures, x32 among them, kill the process. seccomp_load sets no_new_privs,
-  // which lets an unprivileged process install a filter.
-  absl::Status status = check(
-      seccomp_attr_set(filter.get(), SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_KILL_PROCESS), "seccomp");
-  for (const int call : kDeniedCalls) {
-    if (!status.ok()) return status;
-    status = check(seccomp_rule_add(filter.get(), kDeny, call, 0), "seccomp_rule_add");
+absl::StatusOr<Confinement> enter_sandbox() {
+  if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) {
+    return absl::UnavailableError(absl::StrCat("no_new_privs: ", std::strerror(errno)));
   }
-  if (status.ok()) status = deny_writing(filter.get(), SCMP_SYS(open), 1);
-  if (status.ok()) status = deny_writing(filter.get(), SCMP_SYS(openat), 2);
-  if (status.ok()) status = check(seccomp_load(filter.get()), "seccomp_load");
-  return status;
+  Confinement confinement;
+  if (!kHasSanitizer) {  // whose reports name lines of source files
+    confinement.reads_are_limited = limit_file_access().value_or(false);
+  }
+  if (absl::Status status = install_filter(); !status.ok()) return status;
+  return confinement;
 }
 
 }  // namespace tessera::agent

@@ -1,17 +1,26 @@
 #pragma once
 
-#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 
 namespace tessera::agent {
 
-/// Installs a seccomp filter that denies this process for its lifetime what rendering does not
-/// need: new sockets, executing programs, access to other processes, and opening files for writing.
-/// A scene that exploits a parser can then reach neither the network nor the disk. Denied calls
-/// fail with EPERM.
+/// What enter_sandbox() achieved besides the seccomp filter.
+struct Confinement {
+  /// By Landlock: to system libraries and what /proc says of this process.
+  bool reads_are_limited = false;
+};
+
+/// Confines this process for its lifetime to what rendering needs, so that a scene that exploits a
+/// parser reaches neither the network nor the disk nor another process.
 ///
-/// Reading files stays allowed, since libraries are loaded late, as does the use of open
-/// descriptors. Call it while the process has one thread. Errors: Unavailable, the kernel does not
-/// support seccomp filters; nothing is denied then.
-absl::Status enter_sandbox();
+/// A seccomp filter allows the system calls of rendering: memory, threads of this process, reading
+/// files, and input and output on open descriptors. All others fail with EPERM: new sockets,
+/// processes and programs, signals to others, opening files for writing, changing names. Where the
+/// kernel has Landlock, files outside system directories cannot be opened at all; reading fails
+/// with EACCES. Use of open descriptors stays allowed. The process cannot gain privileges.
+///
+/// Call it while the process has one thread. Errors: Unavailable, the kernel does not support
+/// seccomp filters.
+absl::StatusOr<Confinement> enter_sandbox();
 
 }  // namespace tessera::agent

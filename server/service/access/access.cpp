@@ -26,7 +26,7 @@ constexpr AccessRule kRules[] = {
     {"JobService.RetryJob", true, false, false},
     {"JobService.RemoveJob", true, false, false},
     {"JobService.ExtendJob", true, false, false},
-    {"JobService.GetJobReport", true, false, false},
+    {"JobService.GetJobReport", true, false, true},
     {"JobService.ListDeliveries", true, false, false},
     {"JobService.FetchFrame", true, false, true},
     {"JobService.WatchEvents", true, false, true},

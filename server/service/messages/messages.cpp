@@ -1,5 +1,6 @@
 #include "server/service/messages/messages.h"
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 #include <utility>
@@ -12,9 +13,9 @@
 namespace tessera::server {
 namespace {
 
-constexpr std::size_t kMaxIdLetters = 64, kMaxNameLetters = 200, kMaxUriLetters = 4096,
-                      kMaxWarningLetters = 4000, kMaxWarnings = 101;
-constexpr int kMaxAssets = 100'000;
+constexpr std::size_t kMaxIdLetters = 64, kMaxNameLetters = 200, kMaxSceneNameLetters = 1000,
+                      kMaxUriLetters = 4096, kMaxWarningLetters = 4000, kMaxWarnings = 101;
+constexpr int kMaxAssets = 100'000, kMaxFrameRanges = 4096;
 constexpr int kMaxTags = 64;
 constexpr std::int32_t kMaxThreads = 4096;
 constexpr double kMaxUnitSeconds = 1e9;
@@ -149,6 +150,11 @@ absl::Status check_texts(const v1::CreateJobRequest& request) {
   for (const std::string& text : request.scene_warnings()) {
     status.Update(check_text("scene_warnings", text, 1, kMaxWarningLetters));
   }
+  const v1::RenderSettings& settings = request.settings();
+  status.Update(check_text("settings.camera", settings.camera(), 0, kMaxSceneNameLetters));
+  status.Update(check_text("settings.animation", settings.animation(), 0, kMaxSceneNameLetters));
+  status.Update(check_text("settings.variant", settings.variant(), 0, kMaxSceneNameLetters));
+  status.Update(check_range("settings.frames", settings.frames_size(), 0, kMaxFrameRanges));
   return status;
 }
 
@@ -322,10 +328,20 @@ v1::FrameHeader to_message(const FrameFile& file) {
   header.set_size_bytes(file.size_bytes);
   header.set_file_sha256(file.file_sha256.binary());
   if (file.pixels_sha256) header.set_pixels_sha256(file.pixels_sha256->binary());
-  for (const contract::PixelRect& tile : file.missing_tiles) {
-    *header.add_missing_tiles() = contract::to_message(tile);
+  const std::size_t count = std::min(file.missing_tiles.size(), kTilesPerMessage);
+  for (std::size_t i = 0; i < count; ++i) {
+    *header.add_missing_tiles() = contract::to_message(file.missing_tiles[i]);
   }
   return header;
+}
+
+v1::MissingTiles missing_tiles_from(const FrameFile& file, std::size_t first) {
+  v1::MissingTiles message;
+  const std::size_t end = std::min(file.missing_tiles.size(), first + kTilesPerMessage);
+  for (std::size_t i = first; i < end; ++i) {
+    *message.add_tiles() = contract::to_message(file.missing_tiles[i]);
+  }
+  return message;
 }
 
 UnitName from_message(const v1::UnitId& message) {

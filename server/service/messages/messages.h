@@ -12,6 +12,9 @@ namespace tessera::server {
 // Converts messages to and from the coordinator's plain structs. All external input is checked
 // here: ranges, lengths, digests. Errors: InvalidArgument, "field: value, requirement".
 
+/// Maximum number of missing tiles in a message, 20 bytes each.
+inline constexpr std::size_t kTilesPerMessage = 65'536;
+
 /// Converts a request to a job's spec for `owner`.
 absl::StatusOr<JobSpec> to_spec(const v1::CreateJobRequest& request, const std::string& owner);
 
@@ -29,7 +32,10 @@ v1::Worker to_message(const Worker& worker, double silence_seconds);
 v1::UnitId to_message(const UnitName& name);
 v1::Lease to_message(const Lease& lease);
 v1::Acknowledgement to_message(const Acknowledgement& acknowledgement);
+/// Lists at most kTilesPerMessage missing tiles.
 v1::FrameHeader to_message(const FrameFile& file);
+/// Lists the missing tiles from index `first`, at most kTilesPerMessage.
+v1::MissingTiles missing_tiles_from(const FrameFile& file, std::size_t first);
 
 UnitName from_message(const v1::UnitId& message);
 /// Converts a lease without checking its seal.

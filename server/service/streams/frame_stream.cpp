@@ -16,10 +16,10 @@ namespace {
 
 constexpr std::size_t kChunkBytes = 1 << 20;
 
-/// Sends the header, then chunks; one write at a time, so start() needs no lock afterwards.
+/// Sends the header, then chunks; one write or read at a time, so that it needs no lock.
 class FrameStream final : public grpc::ServerWriteReactor<v1::FetchFrameResponse> {
  public:
-  explicit FrameStream(Caller caller) : caller_(std::move(caller)) {}
+  FrameStream(IoPool& io, Caller caller) : io_(io), caller_(std::move(caller)) {}
 
   void start(const absl::StatusOr<FrameFile>& file) {
     if (!file.ok()) return Finish(contract::to_rpc(file.status()));
@@ -32,11 +32,28 @@ class FrameStream final : public grpc::ServerWriteReactor<v1::FetchFrameResponse
       }
     }
     *response_.mutable_header() = to_message(file_);
+    sent_tiles_ = static_cast<std::size_t>(response_.header().missing_tiles_size());
     StartWrite(&response_);
   }
 
   void OnWriteDone(bool ok) override {
     if (!ok) return Finish(contract::to_rpc(absl::CancelledError("client disconnected")));
+    io_.post([this] { send_next(); });
+  }
+
+  void OnDone() override {
+    std::error_code ignored;
+    if (file_.is_temporary) std::filesystem::remove(file_.path, ignored);
+    delete this;
+  }
+
+ private:
+  void send_next() {
+    if (sent_tiles_ < file_.missing_tiles.size()) {
+      *response_.mutable_more_missing_tiles() = missing_tiles_from(file_, sent_tiles_);
+      sent_tiles_ += static_cast<std::size_t>(response_.more_missing_tiles().tiles_size());
+      return StartWrite(&response_);
+    }
     const std::int64_t left = file_.size_bytes - sent_bytes_;
     if (left == 0) return Finish(grpc::Status::OK);
     const std::size_t size = std::min(static_cast<std::size_t>(left), kChunkBytes);
@@ -54,26 +71,21 @@ class FrameStream final : public grpc::ServerWriteReactor<v1::FetchFrameResponse
     StartWrite(&response_);
   }
 
-  void OnDone() override {
-    std::error_code ignored;
-    if (file_.is_temporary) std::filesystem::remove(file_.path, ignored);
-    delete this;
-  }
-
- private:
+  IoPool& io_;
   const Caller caller_;  // holds its reservation in the stream limit
   FrameFile file_;
   std::ifstream input_;
+  std::size_t sent_tiles_ = 0;
   std::int64_t sent_bytes_ = 0;
   v1::FetchFrameResponse response_;
 };
 
 }  // namespace
 
-grpc::ServerWriteReactor<v1::FetchFrameResponse>* send_frame(Coordinator& coordinator,
+grpc::ServerWriteReactor<v1::FetchFrameResponse>* send_frame(Coordinator& coordinator, IoPool& io,
                                                              const v1::FetchFrameRequest& request,
                                                              const absl::StatusOr<Caller>& caller) {
-  auto* stream = new FrameStream(caller.value_or(Caller{}));
+  auto* stream = new FrameStream(io, caller.value_or(Caller{}));
   const auto query = from_message(request);
   if (!caller.ok() || !query.ok()) {
     stream->start(caller.ok() ? query.status() : caller.status());

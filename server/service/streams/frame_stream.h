@@ -3,13 +3,14 @@
 #include "absl/status/statusor.h"
 #include "server/coordinator/coordinator.h"
 #include "server/service/access/access.h"
+#include "server/service/streams/io_pool.h"
 #include "tessera/v1/job_service.grpc.pb.h"
 
 namespace tessera::server {
 
-/// Returns a reactor that sends a frame's file (JobService.FetchFrame); it deletes itself.
-/// `caller`: the caller, or the status with which the stream ends at once.
-grpc::ServerWriteReactor<v1::FetchFrameResponse>* send_frame(Coordinator& coordinator,
+/// Returns a reactor that sends a frame's file (JobService.FetchFrame), which `io` reads; it
+/// deletes itself. `caller`: the caller, or the status with which the stream ends at once.
+grpc::ServerWriteReactor<v1::FetchFrameResponse>* send_frame(Coordinator& coordinator, IoPool& io,
                                                              const v1::FetchFrameRequest& request,
                                                              const absl::StatusOr<Caller>& caller);
 

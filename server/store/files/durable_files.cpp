@@ -39,8 +39,8 @@ absl::Status DurableFiles::sync(File& file) {
 
 absl::Status DurableFiles::sync_folder(const std::string& path) {
   absl::Status synced = filesystem_.sync_folder(path);
-  // These two errors come from opening the directory, never from fsync.
-  if (synced.ok() || absl::IsPermissionDenied(synced) || absl::IsNotFound(synced)) return synced;
+  // Other errors come from opening the directory, before any sync.
+  if (!absl::IsDataLoss(synced)) return synced;
   return fail_sync(std::string(synced.message()));
 }
 

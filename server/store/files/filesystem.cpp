@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -18,6 +19,10 @@ namespace tessera::server {
 namespace {
 
 absl::Status errno_status(const char* what, const std::string& path) {
+  // absl maps these two to ResourceExhausted, which here means that the disk is full.
+  if (errno == EMFILE || errno == ENFILE) {
+    return absl::UnavailableError(absl::StrCat(what, " ", path, ": no file descriptor is free"));
+  }
   return absl::ErrnoToStatus(errno, absl::StrCat(what, " ", path));
 }
 
@@ -110,6 +115,32 @@ class DiskFilesystem final : public Filesystem {
     return open_with(path, O_RDWR);
   }
 
+  absl::StatusOr<std::int64_t> size_of(const std::string& path) const override {
+    struct stat info {};
+    if (::stat(path.c_str(), &info) != 0) return errno_status("stat", path);
+    return info.st_size;
+  }
+
+  absl::Status link(const std::string& from, const std::string& to) override {
+    if (::link(from.c_str(), to.c_str()) == 0) return absl::OkStatus();
+    return errno_status("link", absl::StrCat(from, " to ", to));
+  }
+
+  absl::Status reserve(const std::string& path, std::int64_t bytes) override {
+    const Descriptor fd(open_retrying(path, O_RDWR | O_CREAT, 0600));
+    if (fd.get() < 0) return errno_status("open", path);
+    struct statvfs disk {};
+    if (::fstatvfs(fd.get(), &disk) != 0) return errno_status("statvfs", path);
+    const double free_bytes =
+        static_cast<double>(disk.f_bavail) * static_cast<double>(disk.f_frsize);
+    if (free_bytes < 4 * static_cast<double>(bytes)) {
+      return absl::ResourceExhaustedError(absl::StrCat(path, ": too little space is free"));
+    }
+    // Not posix_fallocate, which would write where the file system cannot reserve.
+    return ::fallocate(fd.get(), 0, 0, bytes) == 0 ? absl::OkStatus()
+                                                   : errno_status("fallocate", path);
+  }
+
   absl::Status rename(const std::string& from, const std::string& to) override {
     if (::rename(from.c_str(), to.c_str()) == 0) return absl::OkStatus();
     return errno_status("rename", absl::StrCat(from, " to ", to));
@@ -139,7 +170,8 @@ class DiskFilesystem final : public Filesystem {
   absl::Status sync_folder(const std::string& path) override {
     const Descriptor fd(open_retrying(path, O_RDONLY | O_DIRECTORY));
     if (fd.get() < 0) return errno_status("open directory", path);
-    return ::fsync(fd.get()) == 0 ? absl::OkStatus() : errno_status("fsync", path);
+    if (::fsync(fd.get()) == 0) return absl::OkStatus();
+    return absl::DataLossError(errno_status("fsync", path).message());
   }
 
   absl::StatusOr<std::unique_ptr<FileLock>> lock(const std::string& path) override {

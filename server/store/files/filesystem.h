@@ -34,7 +34,7 @@ class FileLock {
 /// disk after a power cut. Thread-safe.
 ///
 /// Errors are those of errno: NotFound, PermissionDenied, ResourceExhausted when the disk is full,
-/// and so on.
+/// and so on; Unavailable when no file descriptor is free.
 class Filesystem {
  public:
   virtual ~Filesystem() = default;
@@ -44,12 +44,24 @@ class Filesystem {
   virtual absl::StatusOr<std::unique_ptr<File>> open(const std::string& path) = 0;
   /// Errors: NotFound, there is no such file.
   virtual absl::StatusOr<std::unique_ptr<File>> open_existing(const std::string& path) = 0;
+  /// Returns the size of a file. Errors: NotFound.
+  virtual absl::StatusOr<std::int64_t> size_of(const std::string& path) const = 0;
+  /// Gives a file a second name (a hard link). Errors: Unimplemented, or any other: the file system
+  /// does not support it, or `to` is on another one; AlreadyExists; NotFound.
+  virtual absl::Status link(const std::string& /*from*/, const std::string& /*to*/) {
+    return absl::UnimplementedError("no hard links");
+  }
+  /// Creates a file that occupies `bytes` of disk, if four times as many are free.
+  virtual absl::Status reserve(const std::string& /*path*/, std::int64_t /*bytes*/) {
+    return absl::UnimplementedError("no reservations");
+  }
   virtual absl::Status rename(const std::string& from, const std::string& to) = 0;
   /// Deletes a file or an empty directory; succeeds if there is none.
   virtual absl::Status remove(const std::string& path) = 0;
   /// Returns the names in a directory, sorted. Errors: NotFound.
   virtual absl::StatusOr<std::vector<std::string>> list(const std::string& folder) const = 0;
-  /// Makes the names in a directory durable (fsync).
+  /// Makes the names in a directory durable (fsync). Errors: DataLoss, the sync failed; others, the
+  /// directory could not be opened, and nothing is lost.
   virtual absl::Status sync_folder(const std::string& path) = 0;
   /// Locks a file (flock), created if missing. Errors: FailedPrecondition, another process holds
   /// the lock.

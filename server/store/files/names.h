@@ -4,6 +4,9 @@
 
 namespace tessera::server {
 
+/// Beginning of the names of directories of links in a store, which backups make.
+inline constexpr char kLinksPrefix[] = "backup-";
+
 /// Returns whether `name` is a plain file name: 1 to 200 of [A-Za-z0-9._-], not starting with a
 /// dot.
 inline bool is_plain_name(std::string_view name) {

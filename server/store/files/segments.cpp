@@ -170,12 +170,19 @@ absl::Status Segments::remove_job(const std::string& job_id) {
 }
 
 absl::Status Segments::remove_orphans(
-    const std::function<bool(const std::string& job_id, std::int64_t segment)>& is_known) {
+    const std::function<bool(const std::string& job_id, std::int64_t segment)>& is_known,
+    const std::function<void(const std::string&)>& warn) {
+  const auto skip = [&](const absl::Status& status) {
+    warn(absl::StrCat("skipped: ", std::string(status.message())));
+  };
   const auto jobs = files_.filesystem().list(folder_);
   if (!jobs.ok()) return jobs.status();
   for (const std::string& job_id : *jobs) {
     const auto names = files_.filesystem().list(job_folder(job_id));
-    if (!names.ok()) return names.status();
+    if (!names.ok()) {
+      skip(names.status());
+      continue;
+    }
     std::size_t kept_count = 0;
     for (const std::string& name : *names) {
       if (is_known(job_id, segment_number(name))) {
@@ -183,10 +190,13 @@ absl::Status Segments::remove_orphans(
         continue;
       }
       const std::string orphan = absl::StrCat(job_folder(job_id), "/", name);
-      if (absl::Status gone = files_.filesystem().remove(orphan); !gone.ok()) return gone;
+      const absl::Status gone = files_.filesystem().remove(orphan);
+      if (gone.ok()) continue;
+      skip(gone);
+      ++kept_count;
     }
     if (kept_count != 0) continue;
-    if (absl::Status gone = files_.remove_folder(job_folder(job_id)); !gone.ok()) return gone;
+    if (const absl::Status gone = files_.remove_folder(job_folder(job_id)); !gone.ok()) skip(gone);
   }
   return absl::OkStatus();
 }

@@ -46,9 +46,11 @@ class Segments {
   absl::Status release(const std::string& job_id, std::int64_t first_kept);
   /// Deletes all segments of a job.
   absl::Status remove_job(const std::string& job_id);
-  /// Deletes segments for which `is_known` returns false.
+  /// Deletes segments for which `is_known` returns false. Skips what cannot be a segment, or cannot
+  /// be deleted, with a warning.
   absl::Status remove_orphans(
-      const std::function<bool(const std::string& job_id, std::int64_t segment)>& is_known);
+      const std::function<bool(const std::string& job_id, std::int64_t segment)>& is_known,
+      const std::function<void(const std::string&)>& warn);
 
  private:
   /// The segment to which a job appends.

@@ -12,14 +12,16 @@
 #include <vector>
 
 #include "absl/strings/escaping.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "server/store/files/names.h"
 #include "server/store/sqlite/database.h"
 #include "server/store/sqlite/schema.h"
 
 namespace tessera::server {
 namespace {
 
-constexpr int kMaxTries = 3;
+constexpr int kMaxTries = 3, kMaxSnapshots = 20;
 constexpr std::size_t kChunkBytes = std::size_t{1} << 20, kIdBytes = 16;
 
 std::string parent_directory(const std::string& path) {
@@ -27,21 +29,47 @@ std::string parent_directory(const std::string& path) {
   return slash == std::string::npos ? "." : path.substr(0, std::max<std::size_t>(slash, 1));
 }
 
+absl::StatusOr<std::string> random_hex() {
+  std::string bytes(kIdBytes, '\0');
+  if (::getentropy(bytes.data(), bytes.size()) != 0) {
+    return absl::UnavailableError("getentropy failed");
+  }
+  return absl::BytesToHexString(bytes);
+}
+
+/// Deletes a failed attempt: files in at most two levels of directories.
+void remove_all(Filesystem& filesystem, const std::string& path) {
+  if (const auto names = filesystem.list(path); names.ok()) {
+    for (const std::string& name : *names) remove_all(filesystem, absl::StrCat(path, "/", name));
+  }
+  (void)filesystem.remove(path);  // a remainder has the suffix .part
+}
+
 /// One attempt. NotFound: a file of the rows no longer exists because the server deleted it.
+///
+/// Rows are read as of one moment. Their files are linked into a directory of the store at once, in
+/// which they stay when the server deletes them, and copied from there. Only a file that goes
+/// between the moment and its link makes the attempt fail.
 class Backup {
  public:
   Backup(std::string from, std::string to, Filesystem& filesystem)
-      : from_(std::move(from)), to_(std::move(to)), filesystem_(filesystem) {}
+      : from_(std::move(from)),
+        to_(std::move(to)),
+        links_(absl::StrCat(from_, "/", kLinksPrefix, random_hex().value_or("links"))),
+        filesystem_(filesystem) {}
+
+  ~Backup() { remove_all(filesystem_, links_); }
+  Backup(const Backup&) = delete;
+  Backup& operator=(const Backup&) = delete;
 
   absl::Status run() {
     absl::Status status = filesystem_.make_folder(to_);
-    if (status.ok()) status = copy_rows();
+    if (status.ok()) status = take_snapshot();
     if (!status.ok()) return status;
     auto rows = Database::open(to_ + "/store.db", "", Database::Mode::writer);
     if (!rows.ok()) return rows.status();
     status = check_schema(**rows);
     if (status.ok()) status = assign_new_id(**rows);
-    if (status.ok()) status = list_files(**rows);
     if (status.ok()) status = (*rows)->checkpoint();
     rows->reset();
     for (auto file = files_.begin(); status.ok() && file != files_.end(); ++file) {
@@ -53,13 +81,41 @@ class Backup {
   }
 
  private:
-  /// Copies the rows: VACUUM INTO reads in one transaction and does not block the writer.
-  absl::Status copy_rows() {
+  /// Copies the rows in one transaction, which does not block the writer, and links their files.
+  absl::Status take_snapshot() {
     const auto rows = Database::open(from_ + "/store.db", "", Database::Mode::reader);
     if (!rows.ok()) return rows.status();
-    absl::Status status = (*rows)->script("PRAGMA query_only=OFF");  // it writes to another file
-    return status.ok() ? (*rows)->run("VACUUM INTO ?", {std::string_view(to_ + "/store.db")})
-                       : status;
+    absl::Status status;
+    for (int i = 0; i < kMaxSnapshots; ++i) {
+      status = (*rows)->run("BEGIN");
+      if (status.ok()) status = check_schema(**rows);
+      if (status.ok()) status = list_files(**rows);
+      if (status.ok()) status = link_files();
+      if (status.ok()) status = (*rows)->copy_to(to_ + "/store.db");
+      (*rows)->run("ROLLBACK").IgnoreError();
+      if (!absl::IsNotFound(status)) return status;
+    }
+    return status;
+  }
+
+  /// Falls back to the files themselves where there are no hard links.
+  absl::Status link_files() {
+    remove_all(filesystem_, links_);
+    has_links_ = filesystem_.make_folder(links_).ok();
+    for (auto file = files_.begin(); has_links_ && file != files_.end(); ++file) {
+      const absl::Status linked = filesystem_.link(absl::StrCat(from_, "/", *file), link_of(*file));
+      if (absl::IsNotFound(linked)) return linked;
+      has_links_ = linked.ok();
+    }
+    if (!has_links_) remove_all(filesystem_, links_);
+    return absl::OkStatus();
+  }
+
+  /// All links are in one directory, in which names of files are unique.
+  std::string link_of(const std::string& name) const {
+    std::string flat = name;
+    std::replace(flat.begin(), flat.end(), '/', '~');  // which no name of a file contains
+    return absl::StrCat(links_, "/", flat);
   }
 
   absl::Status sync_rows() {
@@ -68,16 +124,15 @@ class Backup {
   }
 
   static absl::Status assign_new_id(Database& rows) {
-    std::string id(kIdBytes, '\0');
-    if (::getentropy(id.data(), id.size()) != 0) {
-      return absl::UnavailableError("getentropy failed");
-    }
-    const std::string hex = absl::BytesToHexString(id);
-    return rows.run("UPDATE store SET id=?", {std::string_view(hex)});
+    const auto id = random_hex();
+    if (!id.ok()) return id.status();
+    return rows.run("UPDATE store SET id=?", {std::string_view(*id)});
   }
 
   absl::Status list_files(Database& rows) {
-    // Segments before the first kept one are released and may be deleted.
+    files_.clear();
+    // Segments, which are deleted soonest, come first. Segments before the first kept one are
+    // released and may be deleted.
     for (const std::string_view sql :
          {"SELECT 'segments/' || id || '/' || segment || '.seg' FROM segments JOIN jobs "
           "ON job=sequence WHERE segment >= first_segment",
@@ -88,14 +143,15 @@ class Backup {
           rows.each(sql, {}, [&](const SqlRow& row) { files_.push_back(row.text(0)); });
       if (!listed.ok()) return listed;
     }
-    std::sort(files_.begin(), files_.end());
     return absl::OkStatus();
   }
 
   /// Copies `name`, DIRECTORY/GROUP/FILE. A segment may have grown since; bytes without a row are
   /// never read.
   absl::Status copy_file(const std::string& name) {
-    const auto source = filesystem_.open_existing(absl::StrCat(from_, "/", name));
+    const bool is_linked = has_links_ && !absl::StartsWith(name, "tokens/");
+    const auto source =
+        filesystem_.open_existing(is_linked ? link_of(name) : absl::StrCat(from_, "/", name));
     if (!source.ok()) return source.status();
     const std::string group = parent_directory(name);
     absl::Status status = filesystem_.make_folder(absl::StrCat(to_, "/", parent_directory(group)));
@@ -147,18 +203,11 @@ class Backup {
     return absl::OkStatus();
   }
 
-  const std::string from_, to_;
+  const std::string from_, to_, links_;
   Filesystem& filesystem_;
   std::vector<std::string> files_;
+  bool has_links_ = false;
 };
-
-/// Deletes a failed attempt: files in at most two levels of directories.
-void remove_all(Filesystem& filesystem, const std::string& path) {
-  if (const auto names = filesystem.list(path); names.ok()) {
-    for (const std::string& name : *names) remove_all(filesystem, absl::StrCat(path, "/", name));
-  }
-  (void)filesystem.remove(path);  // a remainder has the suffix .part
-}
 
 }  // namespace
 
@@ -175,15 +224,21 @@ absl::StatusOr<StoreFindings> back_up_store(const std::string& folder, const std
   for (int i = 0; i < kMaxTries; ++i) {
     remove_all(filesystem, part);
     const absl::Status copied = Backup(folder, part, filesystem).run();
-    if (!copied.ok() && !absl::IsNotFound(copied)) return copied;
+    if (!copied.ok() && !absl::IsNotFound(copied)) {
+      remove_all(filesystem, part);
+      return copied;
+    }
     last_fault = std::string(copied.message());
     if (!copied.ok()) continue;
     auto findings = check_store(part, filesystem);
-    if (!findings.ok()) return findings;
-    if (findings->faults.empty()) {
+    if (findings.ok() && findings->faults.empty()) {
       absl::Status status = filesystem.rename(part, copy);
       if (status.ok()) status = filesystem.sync_folder(parent_directory(copy));
-      if (!status.ok()) return status;
+      if (status.ok()) return findings;
+      findings = status;
+    }
+    if (!findings.ok()) {
+      remove_all(filesystem, part);
       return findings;
     }
     last_fault = findings->faults.front();  // a frame was replaced in the meantime, or damage

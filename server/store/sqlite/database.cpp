@@ -203,6 +203,27 @@ absl::Status Database::transact(const std::function<absl::Status()>& body) {
   return status;
 }
 
+absl::Status Database::copy_to(const std::string& path) {
+  sqlite3* copy = nullptr;
+  int code =
+      sqlite3_open_v2(path.c_str(), &copy,
+                      SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_EXRESCODE, nullptr);
+  const std::unique_ptr<sqlite3, Closer> closed_later(copy);
+  if (code == SQLITE_OK) {
+    sqlite3_backup* const backup = sqlite3_backup_init(copy, "main", connection_.get(), "main");
+    if (backup == nullptr) {
+      code = sqlite3_extended_errcode(copy);
+    } else {
+      sqlite3_backup_step(backup, -1);
+      code = sqlite3_backup_finish(backup);
+    }
+  }
+  if (code == SQLITE_OK) return absl::OkStatus();
+  return absl::Status(status_code(code),
+                      absl::StrCat(path, ": copy: ", copy != nullptr ? sqlite3_errmsg(copy) : "",
+                                   " (SQLite code ", code, ")"));
+}
+
 std::int64_t Database::changes() const {
   return sqlite3_changes64(connection_.get());
 }

@@ -66,6 +66,10 @@ class Database {
   /// Runs `body` as a transaction: commits, or rolls back if it returns an error.
   absl::Status transact(const std::function<absl::Status()>& body);
 
+  /// Copies the database into a new file. Inside of a transaction that has read, the copy is of the
+  /// same snapshot.
+  absl::Status copy_to(const std::string& path);
+
   /// Rows changed by the last run().
   std::int64_t changes() const;
   std::int64_t last_row_id() const;

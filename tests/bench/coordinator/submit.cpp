@@ -101,9 +101,10 @@ int run(const Options& options) {
   grpc::ClientContext report_context;
   tessera::contract::prepare_call(report_context, options.token, std::chrono::seconds(60));
   v1::GetJobReportRequest report_request;
-  v1::GetJobReportResponse report;
+  v1::GetJobReportResponse report;  // its only part
   report_request.set_job_id(created.job().id());
-  jobs->GetJobReport(&report_context, report_request, &report);
+  const auto report_stream = jobs->GetJobReport(&report_context, report_request);
+  report_stream->Read(&report);
   const auto json = nlohmann::json::parse(report.report_json(), nullptr, false);
   std::string pixels;
   if (json.is_object() && json.contains("frames") && !json["frames"].empty()) {

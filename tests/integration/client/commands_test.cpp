@@ -198,6 +198,16 @@ TEST_F(CommandsTest, ReportPrintsTextJsonAndCurve) {
             "1,12.5,7,131072,0.002,0.042500000000000003,\n");
 }
 
+TEST_F(CommandsTest, ReportBeyondMessageLimitIsPrinted) {
+  farm_.add_job("abc", "scene", v1::Job::STATE_DONE);
+  json large = json::parse(report());
+  large["warnings"].push_back(std::string(std::size_t{5} << 20, 'w'));
+  farm_.reports["abc"] = large.dump();
+  const Outcome outcome = run({"report", "abc", "--json"});
+  EXPECT_EQ(outcome.exit, kExitDone) << outcome.err;
+  EXPECT_EQ(json::parse(outcome.out), large);
+}
+
 TEST_F(CommandsTest, ReportWritesRequestedFiles) {
   farm_.add_job("abc", "scene", v1::Job::STATE_DONE);
   json known = json::parse(report());
@@ -345,12 +355,12 @@ TEST_F(FetchTest, PartialListsMissingTiles) {
   hole.set_width_px(64);
   hole.set_height_px(32);
   farm_.frames["abc"][3].finished = false;
-  farm_.frames["abc"][3].missing_tiles = {hole};
+  farm_.frames["abc"][3].missing_tiles = {hole, hole};
   const Outcome outcome = fetch({"--partial", "--json"});
   EXPECT_EQ(outcome.exit, kExitDone);
   EXPECT_THAT(document_faults(outcome.out), IsEmpty()) << outcome.out;
-  const json expected = {{{"x", 64}, {"y", 0}, {"width", 64}, {"height", 32}}};
-  EXPECT_EQ(json::parse(outcome.out)["frames"][2]["missing_tiles"], expected);
+  const json tile = {{"x", 64}, {"y", 0}, {"width", 64}, {"height", 32}};
+  EXPECT_EQ(json::parse(outcome.out)["frames"][2]["missing_tiles"], json::array({tile, tile}));
   EXPECT_TRUE(std::filesystem::exists(output_ / "my_scene_1.0003.exr"));
 }
 

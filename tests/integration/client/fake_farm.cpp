@@ -26,9 +26,13 @@ class FakeFarm::Workers final : public v1::WorkerService::Service {
   explicit Workers(const std::vector<v1::Worker>& workers) : workers_(workers) {}
 
  private:
-  grpc::Status ListWorkers(grpc::ServerContext*, const v1::ListWorkersRequest*,
+  /// One worker per page; the token is an index.
+  grpc::Status ListWorkers(grpc::ServerContext*, const v1::ListWorkersRequest* request,
                            v1::ListWorkersResponse* response) override {
-    for (const v1::Worker& worker : workers_) *response->add_workers() = worker;
+    const std::string& token = request->page_token();
+    const std::size_t index = token.empty() ? 0 : std::stoul(token);
+    if (index < workers_.size()) *response->add_workers() = workers_[index];
+    if (index + 1 < workers_.size()) response->set_next_page_token(std::to_string(index + 1));
     return grpc::Status::OK;
   }
 
@@ -160,9 +164,14 @@ grpc::Status FakeFarm::ExtendJob(grpc::ServerContext*, const v1::ExtendJobReques
 }
 
 grpc::Status FakeFarm::GetJobReport(grpc::ServerContext*, const v1::GetJobReportRequest* request,
-                                    v1::GetJobReportResponse* response) {
+                                    grpc::ServerWriter<v1::GetJobReportResponse>* writer) {
   const auto found = reports.find(request->job_id());
-  response->set_report_json(found == reports.end() ? "{}" : found->second);
+  const std::string report = found == reports.end() ? "{}" : found->second;
+  v1::GetJobReportResponse part;
+  for (std::size_t at = 0; at < report.size(); at += 1 << 20) {
+    part.set_report_json(report.substr(at, 1 << 20));
+    writer->Write(part);
+  }
   return grpc::Status::OK;
 }
 
@@ -178,10 +187,15 @@ grpc::Status FakeFarm::FetchFrame(grpc::ServerContext*, const v1::FetchFrameRequ
   v1::FetchFrameResponse header;
   header.mutable_header()->set_size_bytes(static_cast<std::int64_t>(frame.bytes.size()));
   header.mutable_header()->set_file_sha256(contract::sha256(frame.bytes).binary());
+  // The second and later tiles arrive after the header, as in a long list.
+  v1::FetchFrameResponse more;
   for (const v1::PixelRect& rect : frame.missing_tiles) {
-    *header.mutable_header()->add_missing_tiles() = rect;
+    const bool is_first = header.header().missing_tiles().empty();
+    *(is_first ? header.mutable_header()->add_missing_tiles()
+               : more.mutable_more_missing_tiles()->add_tiles()) = rect;
   }
   writer->Write(header);
+  if (more.has_more_missing_tiles()) writer->Write(more);
   for (std::size_t at = 0; at < frame.bytes.size(); at += 1000) {
     v1::FetchFrameResponse chunk;
     chunk.set_chunk(frame.bytes.substr(at, 1000));

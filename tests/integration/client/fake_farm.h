@@ -65,7 +65,7 @@ class FakeFarm final : public v1::JobService::Service {
   grpc::Status ExtendJob(grpc::ServerContext* context, const v1::ExtendJobRequest* request,
                          v1::ExtendJobResponse* response) override;
   grpc::Status GetJobReport(grpc::ServerContext* context, const v1::GetJobReportRequest* request,
-                            v1::GetJobReportResponse* response) override;
+                            grpc::ServerWriter<v1::GetJobReportResponse>* writer) override;
   grpc::Status FetchFrame(grpc::ServerContext* context, const v1::FetchFrameRequest* request,
                           grpc::ServerWriter<v1::FetchFrameResponse>* writer) override;
 

@@ -3,8 +3,11 @@
 #include <grpcpp/security/tls_credentials_options.h>
 
 #include <chrono>
+#include <ctime>
+#include <filesystem>
 #include <thread>
 
+#include "rpc/certificate_dates.h"
 #include "server/identity/private_file.h"
 #include "tests/integration/server/secure_farm.h"
 
@@ -99,6 +102,40 @@ TEST_F(CertificatesTest, RenewalNeedsNoRestart) {
     status = try_new_connection();
   } while (!status.ok() && std::chrono::steady_clock::now() < limit);
   EXPECT_TRUE(status.ok()) << status.error_message();
+}
+
+TEST_F(CertificatesTest, EndOfCertificateIsAnnounced) {
+  const std::int64_t now = std::time(nullptr), day = 86'400;
+  const auto at = [](std::int64_t time_s) {
+    return std::chrono::system_clock::from_time_t(static_cast<std::time_t>(time_s));
+  };
+  ASSERT_TRUE(issue(certs_, Role::worker, "w1", certs_of("soon"), {now - 60, now + 30 * day}).ok());
+  const std::string folder = certs_of("soon");
+  EXPECT_EQ(contract::certificate_end(folder + "/tls.crt").value(), at(now + 30 * day));
+  EXPECT_EQ(contract::expiry_warning(folder, at(now)), "");
+  EXPECT_NE(contract::expiry_warning(folder, at(now + 10 * day)).find("soon/tls.crt"),
+            std::string::npos);
+  EXPECT_NE(contract::expiry_warning(folder, at(now + 31 * day)).find("ended at"),
+            std::string::npos);
+  EXPECT_EQ(contract::expiry_warning("", at(now)), "");
+}
+
+TEST_F(CertificatesTest, EndedCertificateExplainsRefusal) {
+  const std::int64_t now = std::time(nullptr);
+  const auto at = [](std::int64_t time_s) {
+    return std::chrono::system_clock::from_time_t(static_cast<std::time_t>(time_s));
+  };
+  const std::string folder = certs_of("brief");
+  ASSERT_TRUE(issue(certs_, Role::worker, "w1", folder, {now - 60, now + 100}).ok());
+  contract::CertificateRenewal renewal(folder);
+  EXPECT_FALSE(renewal.explains_refusal(at(now))) << "it may be revoked";
+  EXPECT_TRUE(renewal.explains_refusal(at(now + 101)));
+  ASSERT_TRUE(issue(certs_, Role::worker, "w1", certs_of("new"), year()).ok());
+  std::filesystem::copy_file(certs_of("new") + "/tls.crt", folder + "/tls.crt",
+                             std::filesystem::copy_options::overwrite_existing);
+  EXPECT_TRUE(renewal.explains_refusal(at(now + 200))) << "the old connection may still be used";
+  EXPECT_FALSE(renewal.explains_refusal(at(now + 200 + 16 * 60))) << "the new one is refused";
+  EXPECT_FALSE(contract::CertificateRenewal("").explains_refusal(at(now)));
 }
 
 TEST_F(CertificatesTest, RevokedNameCanBeReissued) {

@@ -21,9 +21,11 @@ class FarmTest : public TestFarm {
     prepare(context);
     v1::GetJobReportRequest request;
     request.set_job_id(job);
-    v1::GetJobReportResponse response;
-    EXPECT_TRUE(jobs_->GetJobReport(&context, request, &response).ok());
-    return nlohmann::json::parse(response.report_json());
+    const auto stream = jobs_->GetJobReport(&context, request);
+    std::string report;
+    for (v1::GetJobReportResponse part; stream->Read(&part);) report += part.report_json();
+    EXPECT_TRUE(stream->Finish().ok());
+    return nlohmann::json::parse(report);
   }
 };
 
@@ -264,6 +266,16 @@ TEST_F(FarmTest, MalformedJobErrorNamesField) {
          r.mutable_settings()->set_width_px(65536);
          r.mutable_settings()->set_height_px(65536);
          r.mutable_settings()->set_tile_px(8);
+       }},
+      {"camera", [](auto& r) { r.mutable_settings()->set_camera(std::string(1001, 'c')); }},
+      {"camera", [](auto& r) { r.mutable_settings()->set_camera("a\nb"); }},
+      {"animation", [](auto& r) { r.mutable_settings()->set_animation(std::string(1001, 'a')); }},
+      {"variant", [](auto& r) { r.mutable_settings()->set_variant(std::string(1001, 'v')); }},
+      {"frames",
+       [](auto& r) {
+         while (r.settings().frames_size() <= 4096) {
+           *r.mutable_settings()->add_frames() = r.settings().frames(0);
+         }
        }},
       {"fps", [](auto& r) { r.mutable_settings()->set_fps(std::nan("")); }},
       {"scene_uri", [](auto& r) { r.mutable_manifest()->set_scene_uri("other.gltf"); }},

@@ -1,6 +1,8 @@
+#include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 
@@ -56,6 +58,24 @@ TEST_F(ListenTest, ReadableTokenFileIsRefused) {
   std::filesystem::permissions(folder_ + "/token", std::filesystem::perms::others_read,
                                std::filesystem::perm_options::add);
   EXPECT_TRUE(absl::IsPermissionDenied(listen("127.0.0.1:0").status()));
+}
+
+TEST_F(ListenTest, PortInUseIsRefused) {
+  const auto first = listen("127.0.0.1:0");
+  ASSERT_TRUE(first.ok()) << first.status();
+  const absl::Status second = listen((*first)->address()).status();
+  EXPECT_TRUE(absl::IsUnavailable(second)) << second;
+  EXPECT_NE(second.message().find((*first)->address()), std::string::npos) << second;
+  EXPECT_NE(second.message().find("in use"), std::string::npos) << second;
+}
+
+TEST_F(ListenTest, HostNameIsResolved) {
+  const auto server = listen("localhost:0");
+  ASSERT_TRUE(server.ok()) << server.status();
+  const std::string port = (*server)->address().substr((*server)->address().rfind(':'));
+  const auto channel = grpc::CreateChannel("127.0.0.1" + port, grpc::InsecureChannelCredentials());
+  EXPECT_TRUE(
+      channel->WaitForConnected(std::chrono::system_clock::now() + std::chrono::seconds(20)));
 }
 
 TEST_F(ListenTest, UnixSocketNeedsPrivateFolder) {

@@ -326,6 +326,15 @@ TEST_F(ServerConnectionTest, RefusalIsFinal) {
   EXPECT_EQ(fake_.hellos.size(), 1u);
 }
 
+TEST_F(ServerConnectionTest, EndedCertificateIsAwaited) {
+  fake_.refusal = {grpc::StatusCode::UNAUTHENTICATED, "the certificate has expired"};
+  ServerConnection::Options options;
+  options.awaits_certificate = [] { return true; };
+  open(options);
+  ASSERT_TRUE(run_until([this] { return fake_.hellos.size() == 2; })) << "it tries again";
+  EXPECT_TRUE(refused_.ok());
+}
+
 TEST_F(ServerConnectionTest, SendsFaultHookBlocks) {
   ServerConnection::Options options;
   options.blocks_to_send = [](const UnitQueue::Block& block) { return std::vector{block, block}; };

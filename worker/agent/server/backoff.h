@@ -5,6 +5,6 @@
 namespace tessera::agent {
 
 /// Pauses between attempts to reach the server: each is twice the one before it.
-constexpr std::chrono::milliseconds kFirstPause{50}, kMaxPause{5'000};
+constexpr std::chrono::milliseconds kFirstPause{50}, kMaxPause{2'000};
 
 }  // namespace tessera::agent

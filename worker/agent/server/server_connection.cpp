@@ -142,10 +142,13 @@ void ServerConnection::on_closed(const absl::Status& status) {
     deliver_->cancel();
   }
   if (finishing_) return;
+  const bool awaits_certificate = absl::IsUnauthenticated(status) && options_.awaits_certificate &&
+                                  options_.awaits_certificate();
   // A different store does not know the session key but may accept the token.
-  const bool has_stale_key = absl::IsUnauthenticated(status) && !session_key_.empty();
+  const bool has_stale_key =
+      absl::IsUnauthenticated(status) && !session_key_.empty() && !awaits_certificate;
   if (has_stale_key) session_key_.clear();
-  if (is_final(status) && !has_stale_key) {
+  if (is_final(status) && !has_stale_key && !awaits_certificate) {
     finishing_ = true;
     callbacks_.refused(status);
     return;

@@ -11,6 +11,7 @@
 
 #include "server/store/sqlite/database.h"
 #include "server/store/store.h"
+#include "tests/support/failing_disk.h"
 #include "tests/support/older_schema.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/server/store/durability_checker.h"
@@ -81,6 +82,35 @@ TEST_F(BackupTest, CopyOfLiveStoreIsComplete) {
   });
   EXPECT_TRUE(read.ok()) << read;
   EXPECT_EQ(units, 2) << "rows must be from one snapshot";
+}
+
+TEST_F(BackupTest, CompletesWhileJobsEnd) {
+  testing::FailingDisk disk;
+  std::string running = "open";
+  int ended_count = 0;
+  disk.before_open([&](const std::string& file) {  // before a segment of the store is copied
+    if (file.rfind(path() + "/", 0) != 0 || file.find("segments") == std::string::npos) return;
+    EXPECT_TRUE(store_->close_job(running).ok());
+    JobRecord job;
+    running = job.id = "job" + std::to_string(++ended_count);
+    EXPECT_TRUE(store_->add_job(job).ok());
+    commit(running, 0);
+  });
+  const auto findings = back_up_store(path(), copy(), disk);
+  ASSERT_TRUE(findings.ok()) << findings.status();
+  EXPECT_EQ(findings->blocks, 2) << "as of the moment at which it began";
+  EXPECT_EQ(ended_count, 1);
+  for (const auto& entry : std::filesystem::directory_iterator(path())) {
+    EXPECT_NE(entry.path().filename().string().substr(0, 6), "backup") << entry.path();
+  }
+}
+
+TEST_F(BackupTest, FullDiskLeavesNoPart) {
+  testing::FailingDisk disk;
+  disk.fail_write_after(100);
+  const auto findings = back_up_store(path(), copy(), disk);
+  EXPECT_TRUE(absl::IsResourceExhausted(findings.status())) << findings.status();
+  EXPECT_FALSE(std::filesystem::exists(copy() + ".part"));
 }
 
 TEST_F(BackupTest, JoinTokensAreCopied) {

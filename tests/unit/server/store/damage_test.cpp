@@ -1,6 +1,7 @@
 // Damaged stores and failing disks are reported, and nothing gets worse.
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <filesystem>
 #include <fstream>
@@ -31,6 +32,7 @@ class DamageTest : public ::testing::Test {
   absl::StatusOr<std::unique_ptr<Store>> open(Filesystem& filesystem = real_filesystem()) {
     StoreOptions options;
     options.fatal = [this](const std::string& message) { deaths_.push_back(message); };
+    options.warn = [this](const std::string& line) { warnings_.push_back(line); };
     options.checkpoint_pages = checkpoint_pages_;
     return Store::open(path(), filesystem, options);
   }
@@ -77,7 +79,7 @@ class DamageTest : public ::testing::Test {
   }
 
   ScratchFolder folder_;
-  std::vector<std::string> deaths_;
+  std::vector<std::string> deaths_, warnings_;
   int checkpoint_pages_ = 2000;
 };
 
@@ -277,6 +279,104 @@ TEST_F(DamageTest, FailedAssetOrImageSyncEndsProcess) {
   EXPECT_TRUE(absl::IsDataLoss((*store)->finish_frame("a", frame)));
   EXPECT_EQ(deaths_.size(), 2U);
   EXPECT_TRUE((*store)->frames("a")->empty());
+}
+
+TEST_F(DamageTest, FolderThatCannotBeOpenedIsNoFailedSync) {
+  make_store();
+  FailingDisk disk;
+  const auto store = open(disk);
+  ASSERT_TRUE(store.ok()) << store.status();
+  disk.fail_opening_folders();
+  std::vector<Commit> group = some_units(1);
+  EXPECT_TRUE(absl::IsUnavailable((*store)->commit(group)));
+  EXPECT_TRUE(deaths_.empty());
+  disk.recover();
+  EXPECT_TRUE((*store)->commit(group).ok());
+}
+
+TEST_F(DamageTest, FullDiskGivesUpBallastToRemoveJob) {
+  make_store();
+  FailingDisk disk;
+  const auto store = open(disk);
+  ASSERT_TRUE(store.ok()) << store.status();
+  ASSERT_GT(std::filesystem::file_size(path() + "/ballast"), 1U << 20);
+  disk.fail_sqlite_writes("store.db-wal");
+  JobRecord job;
+  job.id = "a";
+  job.reason = "changed";
+  EXPECT_FALSE((*store)->update_job(job).ok()) << "only what frees space may use the ballast";
+  disk.recover_when_removed("ballast");
+  job.end_time_us = 1;
+  EXPECT_TRUE((*store)->update_job(job).ok());
+  EXPECT_FALSE(std::filesystem::exists(path() + "/ballast"));
+  EXPECT_TRUE((*store)->remove_job("a").ok());
+  EXPECT_FALSE(std::filesystem::exists(segment()));
+  EXPECT_TRUE(std::filesystem::exists(path() + "/ballast")) << "there is room again";
+}
+
+TEST_F(DamageTest, StoreOnFullDiskStartsWithoutBallast) {
+  make_store();
+  FailingDisk disk;
+  disk.fail_sqlite_writes("store.db-wal");
+  disk.recover_when_removed("ballast.start");
+  const auto store = open(disk);
+  ASSERT_TRUE(store.ok()) << store.status();
+  ASSERT_EQ(warnings_.size(), 1U);
+  EXPECT_NE(warnings_[0].find("is full"), std::string::npos) << warnings_[0];
+  EXPECT_TRUE(std::filesystem::exists(path() + "/ballast")) << "to remove jobs";
+}
+
+TEST_F(DamageTest, StrayFilesAreSkippedWithWarning) {
+  make_store();
+  const std::vector<std::string> strays = {path() + "/assets/README", path() + "/segments/notes",
+                                           path() + "/outputs/lost+found",
+                                           path() + "/segments/a/folder/file"};
+  std::filesystem::create_directory(path() + "/segments/a/folder");
+  for (const std::string& stray : strays) std::ofstream(stray) << "x";
+  const auto store = open();
+  ASSERT_TRUE(store.ok()) << store.status();
+  EXPECT_EQ(warnings_.size(), strays.size());
+  for (const std::string& stray : strays) EXPECT_TRUE(std::filesystem::exists(stray)) << stray;
+  std::vector<Commit> group = some_units(0);
+  EXPECT_TRUE(absl::IsAlreadyExists((*store)->commit(group))) << "its units are still there";
+}
+
+TEST_F(DamageTest, LostOrTruncatedAssetIsUploadedAgain) {
+  const auto store = open();
+  ASSERT_TRUE(store.ok()) << store.status();
+  const contract::Digest digest = contract::sha256("texture");
+  const auto publish = [&] {
+    const std::string upload = *(*store)->new_upload_path();
+    std::ofstream(upload) << "texture";
+    return (*store)->publish_asset(upload, digest);
+  };
+  ASSERT_TRUE(publish().ok());
+  const std::int64_t used = (*store)->used_bytes();
+  std::filesystem::remove((*store)->asset_path(digest));
+  EXPECT_FALSE((*store)->has_asset(digest));
+  ASSERT_TRUE(publish().ok());
+  EXPECT_TRUE((*store)->has_asset(digest));
+  std::filesystem::resize_file((*store)->asset_path(digest), 3);
+  EXPECT_FALSE((*store)->has_asset(digest));
+  ASSERT_TRUE(publish().ok());
+  EXPECT_TRUE((*store)->has_asset(digest));
+  EXPECT_EQ((*store)->used_bytes(), used);
+}
+
+TEST_F(DamageTest, LackOfDescriptorsIsNoFullDisk) {
+  const ScratchFolder folder;
+  rlimit before{};
+  ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &before), 0);
+  const rlimit none{0, before.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &none), 0);
+  Filesystem& disk = real_filesystem();
+  const absl::Status opened = disk.open(folder.path() + "/file").status();
+  const absl::Status listed = disk.list(folder.path()).status();
+  const absl::Status synced = disk.sync_folder(folder.path());
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &before), 0);
+  for (const absl::Status& status : {opened, listed, synced}) {
+    EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+  }
 }
 
 TEST_F(DamageTest, FailedSqliteSyncEndsProcess) {

@@ -1,17 +1,41 @@
-// enter_sandbox(), in a process that is killed or reports what it could still do.
+// enter_sandbox(), in a process that reports what it could still do.
 #include "worker/renderer/sandbox.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <linux/io_uring.h>
+#include <pthread.h>
+#include <sched.h>
+#include <sys/mman.h>
+#include <sys/mount.h>
+#include <sys/prctl.h>
+#include <sys/ptrace.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/uio.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <csignal>
+#include <cstdint>
+#include <fstream>
 #include <functional>
 #include <string>
 #include <thread>
+
+#include "tests/support/scratch_folder.h"
+
+// The sandbox of these builds allows what sanitizers need and limits no reading.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define TESSERA_SANITIZER 1
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define TESSERA_SANITIZER 1
+#endif
+#endif
 
 namespace tessera::agent {
 namespace {
@@ -30,36 +54,172 @@ void expect_refused(const std::function<long()>& act) {
   EXPECT_EXIT(::_exit(refused(act)), ::testing::ExitedWithCode(kRefused), "");
 }
 
-TEST(Sandbox, NetworkIsBlocked) {
+TEST(Sandbox, NewSocketsAreRefused) {
   expect_refused([] { return ::socket(AF_INET, SOCK_STREAM, 0); });
   expect_refused([] { return ::socket(AF_UNIX, SOCK_STREAM, 0); });
+  expect_refused([] {
+    std::array<int, 2> ends{};
+    return ::socketpair(AF_UNIX, SOCK_STREAM, 0, ends.data());
+  });
 }
 
-TEST(Sandbox, ExecAndKillAreBlocked) {
+TEST(Sandbox, InheritedSocketCannotBeConnected) {
+  // A descriptor of this kind could come from a future change of the agent.
+  const int open_socket = ::socket(AF_INET, SOCK_DGRAM, 0);
+  ASSERT_GE(open_socket, 0);
+  sockaddr where{};
+  where.sa_family = AF_INET;
+  expect_refused([&] { return ::connect(open_socket, &where, sizeof where); });
+  expect_refused([&] { return ::bind(open_socket, &where, sizeof where); });
+  expect_refused([&] { return ::listen(open_socket, 1); });
+  expect_refused([&] { return ::accept(open_socket, nullptr, nullptr); });
+  ::close(open_socket);
+}
+
+TEST(Sandbox, ProgramsAreRefused) {
   expect_refused([] { return ::execl("/bin/false", "false", nullptr); });
-  expect_refused([] { return ::kill(::getppid(), 0); });
+  expect_refused([] {
+    const int program = ::open("/bin/false", O_RDONLY);
+    std::array<char*, 1> none{};
+    return ::syscall(SYS_execveat, program, "", none.data(), none.data(), AT_EMPTY_PATH);
+  });
 }
 
-TEST(Sandbox, OpeningFilesForWritingIsBlocked) {
+#ifndef TESSERA_SANITIZER
+TEST(Sandbox, NewProcessesAreRefused) {
+  expect_refused([] { return ::syscall(SYS_fork); });
+  expect_refused([] { return ::syscall(SYS_vfork); });
+  expect_refused([] { return ::syscall(SYS_clone, SIGCHLD, 0, 0, 0, 0); });
+  expect_refused([] { return ::syscall(SYS_clone, CLONE_NEWUSER | SIGCHLD, 0, 0, 0, 0); });
+  EXPECT_EXIT(::_exit(enter_sandbox().ok() && ::fork() < 0 ? kRefused : kAllowed),
+              ::testing::ExitedWithCode(kRefused), "");
+}
+
+TEST(Sandbox, TracingIsRefused) {
+  expect_refused([] { return ::ptrace(PTRACE_TRACEME, 0, nullptr, nullptr); });
+  expect_refused([] { return ::ptrace(PTRACE_ATTACH, ::getppid(), nullptr, nullptr); });
+}
+
+TEST(Sandbox, FilesOfTheUserCannotBeRead) {
+  const tessera::ScratchFolder folder;
+  const std::string path = folder.path() + "/tls.key";
+  std::ofstream(path) << "secret";
+  const auto read = [&] {
+    const auto confined = enter_sandbox();
+    if (!confined.ok()) return kNotConfined;
+    if (!confined->reads_are_limited) return kRefused;  // a kernel without Landlock
+    const bool is_readable = ::open(path.c_str(), O_RDONLY) >= 0;
+    const bool is_listed = ::open(folder.path().c_str(), O_RDONLY | O_DIRECTORY) >= 0;
+    const bool is_known = ::open("/etc/passwd", O_RDONLY) >= 0;
+    const bool is_other = ::open("/proc/1/cmdline", O_RDONLY) >= 0;
+    return is_readable || is_listed || is_known || is_other ? kAllowed : kRefused;
+  };
+  EXPECT_EXIT(::_exit(read()), ::testing::ExitedWithCode(kRefused), "");
+}
+#endif
+
+TEST(Sandbox, SignalsToOtherProcessesAreRefused) {
+  const pid_t parent = ::getpid();  // of the confined process
+  siginfo_t info{};
+  info.si_code = SI_QUEUE;
+  expect_refused([&] { return ::kill(parent, 0); });
+  expect_refused([&] { return ::syscall(SYS_tgkill, parent, parent, 0); });
+  expect_refused([&] { return ::syscall(SYS_rt_sigqueueinfo, parent, 0, &info); });
+  expect_refused([&] { return ::syscall(SYS_rt_tgsigqueueinfo, parent, parent, 0, &info); });
+  expect_refused([&] { return ::syscall(SYS_pidfd_open, parent, 0); });
+  EXPECT_EXIT(
+      {
+        if (enter_sandbox().ok()) ::raise(SIGUSR1);
+      },
+      ::testing::KilledBySignal(SIGUSR1), "");
+}
+
+TEST(Sandbox, MemoryOfOtherProcessesIsRefused) {
+  const pid_t parent = ::getpid();
+  std::array<char, 8> bytes{};
+  iovec here{bytes.data(), bytes.size()};
+  expect_refused([&] { return ::process_vm_readv(parent, &here, 1, &here, 1, 0); });
+  expect_refused([&] { return ::process_vm_writev(parent, &here, 1, &here, 1, 0); });
+  expect_refused([] { return ::memfd_create("code", 0); });
+}
+
+TEST(Sandbox, OpeningFilesForWritingIsRefused) {
   const std::string path = ::testing::TempDir() + "/tessera-sandbox-test";
   expect_refused([&] { return ::open(path.c_str(), O_WRONLY | O_CREAT, 0600); });
   expect_refused([] { return ::open("/dev/null", O_RDWR); });
+  expect_refused([] { return ::open("/tmp", O_RDWR | O_TMPFILE, 0600); });
   expect_refused([] { return ::openat(AT_FDCWD, "/dev/null", O_WRONLY); });
+  expect_refused([&] { return ::creat(path.c_str(), 0600); });
+  expect_refused([&] {
+    const std::array<std::uint64_t, 3> how = {O_WRONLY | O_CREAT, 0600, 0};
+    return ::syscall(SYS_openat2, AT_FDCWD, path.c_str(), how.data(), sizeof how);
+  });
+}
+
+TEST(Sandbox, ChangingNamesIsRefused) {
+  const std::string path = ::testing::TempDir() + "/tessera-sandbox-test";
   expect_refused([&] { return ::mkdir(path.c_str(), 0700); });
   expect_refused([&] { return ::unlink(path.c_str()); });
   expect_refused([&] { return ::rename(path.c_str(), "x"); });
+  expect_refused([&] { return ::symlink("/", path.c_str()); });
+  expect_refused([&] { return ::link("/bin/false", path.c_str()); });
+  expect_refused([&] { return ::truncate(path.c_str(), 0); });
+  expect_refused([&] { return ::chmod(path.c_str(), 04755); });
+  expect_refused([] { return ::chdir("/"); });
+}
+
+TEST(Sandbox, ChangingTheSystemIsRefused) {
+  expect_refused([] { return ::mount("none", "/mnt", "tmpfs", 0, nullptr); });
+  expect_refused([] { return ::umount2("/", MNT_DETACH); });
+  expect_refused([] { return ::unshare(CLONE_NEWUSER); });
+  expect_refused([] { return ::setns(0, 0); });
+  expect_refused([] { return ::chroot("/"); });
+  expect_refused([] { return ::syscall(SYS_bpf, 0, 0, 0); });
+  expect_refused([] { return ::syscall(SYS_perf_event_open, 0, 0, -1, -1, 0); });
+  expect_refused([] { return ::syscall(SYS_userfaultfd, 0); });
+  expect_refused([] { return ::syscall(SYS_keyctl, 0, 0, 0, 0, 0); });
+}
+
+TEST(Sandbox, UnfilteredRequestsAreRefused) {
+  // io_uring carries out requests that no filter sees.
+  io_uring_params parameters{};
+  expect_refused([&] { return ::syscall(SYS_io_uring_setup, 4, &parameters); });
+  expect_refused([] { return ::syscall(SYS_io_setup, 4, nullptr); });
+  // A number that no kernel uses yet.
+  expect_refused([] { return ::syscall(2000); });
+}
+
+TEST(Sandbox, RaisingLimitsIsRefused) {
+  const rlimit limit{0, 0};
+  expect_refused([&] { return ::setrlimit(RLIMIT_FSIZE, &limit); });
+  expect_refused([&] { return ::setpriority(PRIO_PROCESS, 0, -1); });
+}
+
+TEST(Sandbox, PrivilegesCannotBeGained) {
+  const auto look = [] {
+    if (!enter_sandbox().ok()) return kNotConfined;
+    std::ifstream status("/proc/self/status");
+    for (std::string line; std::getline(status, line);) {
+      if (line.rfind("NoNewPrivs:", 0) == 0) return line.back() == '1' ? kRefused : kAllowed;
+    }
+    return kAllowed;
+  };
+  EXPECT_EXIT(::_exit(look()), ::testing::ExitedWithCode(kRefused), "");
 }
 
 TEST(Sandbox, RenderingCallsAreAllowed) {
   const auto work = [] {
-    int ends[2];
-    if (::socketpair(AF_UNIX, SOCK_STREAM, 0, ends) != 0 || !enter_sandbox().ok()) return 1;
+    std::array<int, 2> ends{};
+    if (::socketpair(AF_UNIX, SOCK_STREAM, 0, ends.data()) != 0 || !enter_sandbox().ok()) return 1;
     int bytes = 0;
     std::thread([&] { bytes += ::send(ends[0], "abc", 3, 0) == 3 ? 1 : 0; }).join();
-    char text[4];
-    bytes += static_cast<int>(::recv(ends[1], text, sizeof text, 0));
+    std::array<char, 4> text{};
+    bytes += static_cast<int>(::recv(ends[1], text.data(), text.size(), 0));
     const int file = ::open("/proc/self/status", O_RDONLY);
-    return bytes == 4 && file >= 0 ? 0 : 1;
+    const int library = ::open("/usr", O_RDONLY | O_DIRECTORY);
+    void* const memory =
+        ::mmap(nullptr, 4096, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    return bytes == 4 && file >= 0 && library >= 0 && memory != MAP_FAILED ? 0 : 1;
   };
   EXPECT_EXIT(::_exit(work()), ::testing::ExitedWithCode(0), "");
 }

@@ -1,0 +1,70 @@
+#include "rpc/certificate_dates.h"
+
+#include <openssl/bio.h>
+#include <openssl/pem.h>
+#include <openssl/x509.h>
+
+#include <ctime>
+#include <memory>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "absl/time/time.h"
+
+namespace tessera::contract {
+namespace {
+
+constexpr std::chrono::hours kNotice{24 * 21};
+/// Longer than a server keeps a connection without closing it (server/service/server.cpp).
+constexpr std::chrono::minutes kHandover{15};
+
+std::string day_of(WallTime time) {
+  return absl::FormatTime("%Y-%m-%d %H:%M UTC", absl::FromChrono(time), absl::UTCTimeZone());
+}
+
+}  // namespace
+
+absl::StatusOr<WallTime> certificate_end(const std::string& path) {
+  const std::unique_ptr<BIO, int (*)(BIO*)> file(BIO_new_file(path.c_str(), "r"), BIO_free);
+  if (file == nullptr) return absl::NotFoundError(absl::StrCat(path, ": cannot read the file"));
+  const std::unique_ptr<X509, void (*)(X509*)> certificate(
+      PEM_read_bio_X509(file.get(), nullptr, nullptr, nullptr), X509_free);
+  std::tm end{};
+  if (certificate == nullptr || ASN1_TIME_to_tm(X509_get0_notAfter(certificate.get()), &end) != 1) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": holds no certificate"));
+  }
+  return std::chrono::system_clock::from_time_t(::timegm(&end));
+}
+
+std::string expiry_warning(const std::string& certs, WallTime now) {
+  if (certs.empty()) return {};
+  for (const char* name : {"/tls.crt", "/ca.crt"}) {
+    const std::string path = certs + name;
+    const auto end = certificate_end(path);
+    if (!end.ok() || *end - now > kNotice) continue;
+    return absl::StrCat(path,
+                        now < *end ? ": the certificate ends at " : ": the certificate ended at ",
+                        day_of(*end), "; replace it with `tessera-server issue-cert` or ",
+                        "`init-certs`, no restart is needed");
+  }
+  return {};
+}
+
+CertificateRenewal::CertificateRenewal(std::string certs)
+    : path_(certs.empty() ? std::string() : std::move(certs) + "/tls.crt") {
+  if (!path_.empty()) end_ = certificate_end(path_).value_or(WallTime::max());
+}
+
+bool CertificateRenewal::explains_refusal(WallTime now) {
+  if (path_.empty() || now < end_) return false;
+  const auto stored = certificate_end(path_);
+  if (!stored.ok() || *stored <= now) return true;
+  if (!replaced_at_) replaced_at_ = now;
+  if (now - *replaced_at_ < kHandover) return true;
+  end_ = *stored;
+  replaced_at_.reset();
+  return false;
+}
+
+}  // namespace tessera::contract

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <grpcpp/channel.h>
+
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+namespace tessera::contract {
+
+/// Keeps the connection attempts of a channel going while no call waits on it.
+///
+/// gRPC looks at a connection only while some call waits on its channel, and otherwise once in 5 s.
+/// A TLS handshake has several steps, so without this a program that retries failed calls is
+/// connected again after half a minute.
+class ConnectionDriver {
+ public:
+  explicit ConnectionDriver(std::shared_ptr<grpc::Channel> channel);
+  ~ConnectionDriver();
+  ConnectionDriver(const ConnectionDriver&) = delete;
+  ConnectionDriver& operator=(const ConnectionDriver&) = delete;
+
+ private:
+  void run();
+  bool wait_a_moment();
+
+  const std::shared_ptr<grpc::Channel> channel_;  // owners: this and the channel's stubs
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  bool is_stopping_ = false;
+  std::thread thread_;
+};
+
+}  // namespace tessera::contract

@@ -1,0 +1,42 @@
+#include "server/service/streams/io_pool.h"
+
+#include <utility>
+
+namespace tessera::server {
+
+IoPool::IoPool(int thread_count) {
+  for (int i = 0; i < thread_count; ++i) threads_.emplace_back([this] { run(); });
+}
+
+IoPool::~IoPool() {
+  {
+    const std::lock_guard lock(mutex_);
+    is_stopping_ = true;
+  }
+  wake_.notify_all();
+  for (std::thread& thread : threads_) thread.join();
+}
+
+void IoPool::post(std::function<void()> task) {
+  {
+    const std::lock_guard lock(mutex_);
+    tasks_.push_back(std::move(task));
+  }
+  wake_.notify_one();
+}
+
+void IoPool::run() {
+  while (true) {
+    std::function<void()> task;
+    {
+      std::unique_lock lock(mutex_);
+      wake_.wait(lock, [this] { return is_stopping_ || !tasks_.empty(); });
+      if (tasks_.empty()) return;
+      task = std::move(tasks_.front());
+      tasks_.pop_front();
+    }
+    task();
+  }
+}
+
+}  // namespace tessera::server

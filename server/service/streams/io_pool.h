@@ -1,0 +1,36 @@
+#pragma once
+
+#include <condition_variable>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace tessera::server {
+
+/// Threads that read and write files for streams, so that a slow disk does not hold up gRPC's
+/// threads and with them heartbeats and acknowledgements.
+///
+/// A stream posts one task at a time, and the number of streams is limited, so the queue is too.
+class IoPool {
+ public:
+  explicit IoPool(int thread_count);
+  /// Carries out what has been posted, then ends the threads.
+  ~IoPool();
+  IoPool(const IoPool&) = delete;
+  IoPool& operator=(const IoPool&) = delete;
+
+  void post(std::function<void()> task);
+
+ private:
+  void run();
+
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  std::deque<std::function<void()>> tasks_;
+  bool is_stopping_ = false;
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace tessera::server

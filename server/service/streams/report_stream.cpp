@@ -1,0 +1,65 @@
+#include "server/service/streams/report_stream.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <utility>
+
+#include "rpc/rpc_status.h"
+
+namespace tessera::server {
+namespace {
+
+constexpr std::size_t kPartBytes = 1 << 20;
+
+/// Returns the end of the part of `text` that begins at `begin`, between two UTF-8 characters.
+std::size_t part_end(const std::string& text, std::size_t begin) {
+  std::size_t end = std::min(text.size(), begin + kPartBytes);
+  while (end < text.size() && end > begin + 1 &&
+         (static_cast<unsigned char>(text[end]) & 0xC0) == 0x80) {
+    --end;
+  }
+  return end;
+}
+
+/// Sends one part after the other; one write at a time, so it needs no lock.
+class ReportStream final : public grpc::ServerWriteReactor<v1::GetJobReportResponse> {
+ public:
+  ReportStream(Caller caller, absl::StatusOr<std::string> report) : caller_(std::move(caller)) {
+    if (!report.ok()) {
+      Finish(contract::to_rpc(report.status()));
+    } else {
+      text_ = *std::move(report);
+      write_next();
+    }
+  }
+
+  void OnWriteDone(bool ok) override {
+    if (!ok) return Finish(contract::to_rpc(absl::CancelledError("client disconnected")));
+    if (sent_bytes_ == text_.size()) return Finish(grpc::Status::OK);
+    write_next();
+  }
+
+  void OnDone() override { delete this; }
+
+ private:
+  void write_next() {
+    const std::size_t end = part_end(text_, sent_bytes_);
+    response_.set_report_json(text_.substr(sent_bytes_, end - sent_bytes_));
+    sent_bytes_ = end;
+    StartWrite(&response_);
+  }
+
+  const Caller caller_;  // holds its reservation in the stream limit
+  std::string text_;
+  std::size_t sent_bytes_ = 0;
+  v1::GetJobReportResponse response_;
+};
+
+}  // namespace
+
+grpc::ServerWriteReactor<v1::GetJobReportResponse>* send_report(
+    const absl::StatusOr<Caller>& caller, absl::StatusOr<std::string> report) {
+  return new ReportStream(caller.value_or(Caller{}), std::move(report));
+}
+
+}  // namespace tessera::server
