@@ -195,7 +195,9 @@ absl::Status Database::script(const char* sql) {
 
 absl::Status Database::transact(const std::function<absl::Status()>& body) {
   if (absl::Status status = run("BEGIN IMMEDIATE"); !status.ok()) return status;
+  undone_ = absl::OkStatus();
   absl::Status status = body();
+  if (!undone_.ok()) return undone_;
   if (status.ok()) status = run("COMMIT");
   if (!status.ok() && sqlite3_get_autocommit(connection_.get()) == 0) {
     run("ROLLBACK").IgnoreError();  // the first error is returned
@@ -222,6 +224,21 @@ absl::Status Database::copy_to(const std::string& path) {
   return absl::Status(status_code(code),
                       absl::StrCat(path, ": copy: ", copy != nullptr ? sqlite3_errmsg(copy) : "",
                                    " (SQLite code ", code, ")"));
+}
+
+absl::Status Database::transact_part(const std::function<absl::Status()>& body) {
+  if (!undone_.ok()) return undone_;
+  if (absl::Status status = run("SAVEPOINT part"); !status.ok()) return status;
+  absl::Status status = body();
+  if (status.ok()) status = run("RELEASE part");
+  if (status.ok()) return status;
+  if (sqlite3_get_autocommit(connection_.get()) != 0) {
+    undone_ = status;
+  } else {
+    run("ROLLBACK TO part").IgnoreError();  // the first error is returned
+    run("RELEASE part").IgnoreError();
+  }
+  return status;
 }
 
 std::int64_t Database::changes() const {
