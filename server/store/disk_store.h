@@ -129,6 +129,7 @@ class DiskStore final : public Store {
   std::int64_t boot_count_ = 0;
   std::atomic<std::int64_t> content_bytes_ = 0;                // segments and finished frames
   std::vector<std::function<absl::Status()>> after_together_;  // once the transaction is durable
+  bool at_any_cost_ = false;  // write_together() includes a write_at_any_cost()
 };
 
 }  // namespace tessera::server

@@ -123,7 +123,8 @@ class Store {
 
   /// Runs `body`, whose calls of writing functions make up one transaction with one sync of the
   /// journal: "durable on return" then means on return of this function. A call that fails leaves
-  /// the others. Not for publish_asset() and collect_assets(); not within another.
+  /// the others. On a full disk, a body that removes jobs may run twice. Not for publish_asset()
+  /// and collect_assets(); not within another.
   ///
   /// Errors: ResourceExhausted, the disk is full, and those of a write; then nothing is written,
   /// whatever the calls returned.
