@@ -100,7 +100,7 @@ TEST(PixelSums, LongSumsStayWithinRounding) {  // hard case 67
   // sums in double round. A long double holds them to 2^-64.
   std::array<long double, contract::kReplicates> exact{};
   for (std::int32_t i = 0; i < kCount; ++i) {
-    const auto step = static_cast<std::uint32_t>(render::mix(static_cast<std::uint64_t>(i)) >> 40);
+    const auto step = static_cast<float>(render::mix(static_cast<std::uint64_t>(i)) >> 40);
     const float radiance = (i % 1'000'000 == 7 ? 1e6f : 1) * (0.1f + 0.1f * 0x1p-24f * step);
     path.radiance = {radiance, 0.5f, 0};
     path.truncated = {radiance, 0, 0};

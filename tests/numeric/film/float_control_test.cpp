@@ -62,7 +62,7 @@ TEST(FloatControlDeathTest, ChangedModeAborts) {
   }
 }
 
-TEST(FloatControlDeathTest, LibraryLoadedBetweenUnitsIsNamed) {
+TEST(FloatControlDeathTest, LibraryLoadedBeforeUnitIsNamed) {
   EXPECT_DEATH(
       {
         render_picture(empty_scene(), small_settings(8, 8, 4));

@@ -94,6 +94,12 @@ TEST(GltfTextureSettings, AxesWrapIndependently) {  // hard case 75
   }
 }
 
+/// A colour as a property `name` of a material, with an alpha of 1 if it has one.
+std::string factor(const std::string& name, const Vec3d& rgb, bool has_alpha = true) {
+  return "\"" + name + "\": [" + std::to_string(rgb.x) + ", " + std::to_string(rgb.y) + ", " +
+         std::to_string(rgb.z) + (has_alpha ? ", 1]" : "]");
+}
+
 /// A texture reference with a transform, as in the file and as `texel` applies it.
 struct Moved {
   double offset_u, offset_v, rotation, scale_u, scale_v;
@@ -156,52 +162,55 @@ TEST(GltfTextureTransform, SlotsMoveIndependently) {  // hard case 75
     return seen(*file, probe_settings());
   };
   const Vec3d reflected = radiance(false), emitted = radiance(true);
-  const double roughness = code(rough, 1) / 255.0;  // linear, in green
+  // The same numbers as factors; roughness is linear, in green.
+  const auto colour = [&](const Moved& m, std::size_t c) { return linear(code(m, c)); };
+  const Vec3d want = lit(
+      with("", "", factor("baseColorFactor", {colour(base, 0), colour(base, 1), colour(base, 2)}),
+           code(rough, 1) / 255.0));
   for (int c = 0; c < 3; ++c) {
-    const auto channel = static_cast<std::size_t>(c);
-    const double colour = linear(code(base, channel));
-    const double want = dielectric({colour, colour, colour}, kPlain, roughness).x;
     // Code 128 is not quite flat: the normal is tilted by 5.5e-3.
-    EXPECT_NEAR(reflected[c], want, 2e-3 * want) << c;
-    EXPECT_NEAR(emitted[c], linear(code(glow, channel)), 1e-6) << c;
+    EXPECT_NEAR(reflected[c], want[c], 2e-3 * want[c]) << c;
+    EXPECT_NEAR(emitted[c], colour(glow, static_cast<std::size_t>(c)), 1e-6) << c;
   }
 }
 
 TEST(GltfTextureEncoding, OnlyColoursAreSrgb) {  // hard case 75
+  // Each texture looks like a factor of the value that its code stands for.
   constexpr int kCode = 100;
   const std::vector<std::uint8_t> texel = {kCode, kCode, kCode, kCode};
   const Vec3d decoded{linear(kCode), linear(kCode), linear(kCode)};
   const double plain = kCode / 255.0;
-  const std::string texture = R"({"index": 0})";
+  const std::string texture = R"({"index": 0})", number = std::to_string(plain);
+  constexpr double kDigits =
+      2e-5;  // of the six decimals in the file, and of a few dozen operations
   // Base colour and emission are sRGB.
-  const Vec3d base = lit(with("", "", R"("baseColorTexture": )" + texture), texel);
-  expect_near(base, dielectric(decoded, kPlain, 0.5), kRounding);
+  expect_near(lit(with("", "", R"("baseColorTexture": )" + texture), texel),
+              lit(with("", "", factor("baseColorFactor", decoded))), kDigits);
   const Vec3d glow = lit(R"({"emissiveFactor": [1, 1, 1], "emissiveTexture": )" + texture +
                              R"(, "pbrMetallicRoughness":
                                   {"baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0},
                                 "extensions": {"KHR_materials_specular": {"specularFactor": 0}}})",
                          texel);
-  expect_near(glow, decoded, kRounding);
+  expect_near(glow, decoded, kDigits);
   // Roughness is linear, in green.
-  const Vec3d rough =
-      lit(with("", "", R"("baseColorFactor": [1, 1, 1, 1], "metallicRoughnessTexture": )" + texture,
-               1, 0),
-          texel);
-  expect_near(rough, dielectric({1, 1, 1}, kPlain, plain), kRounding);
+  const std::string white = R"("baseColorFactor": [1, 1, 1, 1])";
+  expect_near(lit(with("", "", white + R"(, "metallicRoughnessTexture": )" + texture, 1), texel),
+              lit(with("", "", white, plain)), kDigits);
   // Alpha is linear: 0.39 is above the cutoff, the 0.13 of an sRGB code would not be.
   const Vec3d masked = lit(R"({"alphaMode": "MASK", "alphaCutoff": 0.3,
                               "extensions": {"KHR_materials_unlit": {}},
                               "pbrMetallicRoughness": {"baseColorTexture": )" +
                                texture + "}}",
                            texel);
-  expect_near(masked, decoded, kRounding);
+  expect_near(masked, decoded, kDigits);
   // The colours of extensions are sRGB, their factors linear.
-  const Vec3d tint =
-      lit(with("KHR_materials_specular", R"({"specularColorTexture": )" + texture + "}"), texel);
-  expect_near(tint, dielectric(kBase, kPlain * linear(kCode), 0.5), kRounding);
-  const Vec3d strength =
-      lit(with("KHR_materials_specular", R"({"specularTexture": )" + texture + "}"), texel);
-  expect_near(strength, dielectric(kBase, kPlain * plain, 0.5), kRounding);
+  const auto specular = [&](const std::string& content) {
+    return lit(with("KHR_materials_specular", "{" + content + "}"), texel);
+  };
+  expect_near(specular(R"("specularColorTexture": )" + texture),
+              specular(factor("specularColorFactor", decoded, false)), kDigits);
+  expect_near(specular(R"("specularTexture": )" + texture),
+              specular(R"("specularFactor": )" + number), kDigits);
 }
 
 TEST(Texture, CheckerAtPoleOfSphereKeepsItsMean) {  // hard case 74

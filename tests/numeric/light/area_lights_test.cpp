@@ -35,14 +35,19 @@ Material lamp(float radiance) {
 }
 
 /// A unit room that two sheets 1e-5 apart divide at z = 0, with a lamp at z = -0.4 and the camera
-/// at z = `eye`, looking along z at the sheets.
+/// at z = `eye`, looking along z at the sheets. The sheet on the camera's side passes all the light
+/// that it scatters, so that paths and shadow rays leave it towards the lamp; the other is opaque.
 Scene divided_room(const render::Affine3d& placement, double eye) {
   Scene scene = empty_scene();
   const auto white = add_material(&scene, lambert({0.9f, 0.9f, 0.9f}));
   const auto light = add_material(&scene, lamp(1e6f));
+  Material thin = lambert({0.9f, 0.9f, 0.9f});
+  thin.diffuse_transmission.factor = 1;
+  const auto passing = add_material(&scene, thin);
   add_primitive(&scene, box({-0.5f, -0.5f, -0.5f}, {0.5f, 0.5f, 0.5f}, true, white), placement);
   for (const float z : {0.0f, -1e-5f}) {
-    add_primitive(&scene, quad({-0.6f, -0.6f, z}, {1.2f, 0, 0}, {0, 1.2f, 0}, white), placement);
+    const auto material = z == 0 ? passing : white;
+    add_primitive(&scene, quad({-0.6f, -0.6f, z}, {1.2f, 0, 0}, {0, 1.2f, 0}, material), placement);
   }
   add_primitive(&scene, quad({-0.2f, -0.2f, -0.4f}, {0.4f, 0, 0}, {0, 0.4f, 0}, light), placement);
   look_at(&scene, {0.1, -0.05, eye}, {0, 0.02, 0});

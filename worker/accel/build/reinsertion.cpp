@@ -59,7 +59,6 @@ class Reinserter {
   /// the subtree in place.
   std::uint32_t best_position(std::uint32_t node) {
     const Box3f box = nodes_[node].box;
-    const double own = box.half_area();
     const std::uint32_t parent = parents_[node];
     double saved = nodes_[parent].box.half_area();  // area saved by removing the subtree so far
     double best = saved * 1e-6;                     // smaller gains are rounding errors
@@ -69,7 +68,7 @@ class Reinserter {
     bool first = true;
     std::uint32_t start = sibling(node);
     for (;;) {
-      search(start, box, own, saved, first, best, position);
+      search(start, box, saved, first, best, position);
       if (pivot == 0) return position;
       if (!first) without.extend(nodes_[start].box);
       first = false;
@@ -81,8 +80,9 @@ class Reinserter {
   }
 
   /// Examines positions at and below `start`. Skips the subtree's own sibling, which is no change.
-  void search(std::uint32_t start, const Box3f& box, double own, double saved, bool is_sibling,
-              double& best, std::uint32_t& position) {
+  void search(std::uint32_t start, const Box3f& box, double saved, bool is_sibling, double& best,
+              std::uint32_t& position) {
+    const double own = box.half_area();
     stack_.clear();
     stack_.push_back({start, saved});
     while (!stack_.empty() && visits_left_ > 0) {
