@@ -61,8 +61,8 @@ struct FrameStatistics {
   double clamped_energy = 0;
   double truncated_energy = 0;  // Σ over samples and channels of radiance cut at --max-depth
   std::uint64_t transparency_limit_count = 0;
-  std::int64_t half_overflow_count = 0;  // values clamped to 65504 in a half file
-  std::vector<TileStats> tiles;          // in tile order; zeros for missing tiles
+  std::int64_t half_overflow_count = 0;        // values clamped to 65504 in a half file
+  std::vector<TileStats> tiles;                // in tile order; zeros for missing tiles
   std::optional<DenoisedStatistics> denoised;  // with RenderSettings::denoise
 };
 
