@@ -24,6 +24,7 @@ void for_each_plane(Block& block, const Visit& visit) {
   if (shape.aovs & kAovAlbedo) visit(block.albedo, 3);
   if (shape.aovs & kAovNormal) visit(block.normal, 3);
   if (shape.aovs & (kAovAlbedo | kAovNormal)) visit(block.hits, 1);
+  if (shape.aovs & kAovDenoising) visit(block.features, kFeatures * kReplicates);
   if (shape.aovs & kAovTraversalCost) visit(block.traversal_cost, 3);
   if (!shape.first_pass) return;
   if (shape.aovs & kAovDepth) visit(block.depth, 1);

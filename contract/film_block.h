@@ -13,6 +13,9 @@
 
 namespace tessera::contract {
 
+/// Values per pixel and replicate of FilmBlock::features.
+constexpr int kFeatures = 8;
+
 /// Determines a block's size. Only pass 0 has the layers of sample 0.
 struct FilmBlockShape {
   std::int32_t width = 0, height = 0;  // pixels of the tile, [1, 256]
@@ -38,11 +41,14 @@ struct DroppedSamples {
 /// docs/explanation/determinism.md.
 struct FilmBlock {
   FilmBlockShape shape;
-  std::vector<float> rgb;               // [pixel][replicate][channel]: 3 * kReplicates per pixel
-  std::vector<float> alpha;             // [pixel]: sum over all samples
-  std::vector<float> albedo;            // [pixel][channel], sums over camera hits
-  std::vector<float> normal;            // [pixel][axis], sums over camera hits
-  std::vector<float> hits;              // [pixel]: camera hits, with the albedo or normal layer
+  std::vector<float> rgb;     // [pixel][replicate][channel]: 3 * kReplicates per pixel
+  std::vector<float> alpha;   // [pixel]: sum over all samples
+  std::vector<float> albedo;  // [pixel][channel], sums over camera hits
+  std::vector<float> normal;  // [pixel][axis], sums over camera hits
+  std::vector<float> hits;    // [pixel]: camera hits, with the albedo or normal layer
+  /// [pixel][replicate][albedo 3, normal 3, depth, hits]: sums over camera hits, with the denoising
+  /// layer. By replicate, so that a half of the samples can be denoised without the other half.
+  std::vector<float> features;
   std::vector<float> traversal_cost;    // [pixel][rays, nodes, primitives], sums over all samples
   std::vector<float> depth;             // [pixel], pass 0
   std::vector<float> position;          // [pixel][axis], pass 0

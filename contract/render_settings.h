@@ -33,6 +33,8 @@ enum Aov : std::uint32_t {
   kAovStdError = 1u << 6,  // standard error of R, G, B from the replicates
   // Additive: rays, nodes visited and primitives tested of the sample's path and its shadow rays
   kAovTraversalCost = 1u << 7,
+  // What denoising needs: means of the replicates, and albedo, normal and depth of each
+  kAovDenoising = 1u << 8,
 };
 
 /// Background seen by camera rays that leave the scene.
@@ -67,6 +69,9 @@ struct RenderSettings {
   Background background = Background::automatic;
   std::array<float, 3> background_color = {0, 0, 0};  // linear Rec. 709
   std::uint32_t aovs = 0;                             // Aov bits
+  /// R, G, B of the output are denoised, and its kAovDenoising layers are replaced by the raw
+  /// image, its variance and the features. Implies kAovDenoising; does not change samples.
+  bool denoise = false;
   bool half = false;  // EXR of half floats; does not change pixels_sha256
   double clamp = 0;   // maximum radiance per sample and channel; 0: off
   bool cull_backfaces = false;

@@ -16,7 +16,7 @@
 namespace tessera::contract {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, Aov>, 8> kAovNames = {
+constexpr std::array<std::pair<std::string_view, Aov>, 9> kAovNames = {
     {{"albedo", kAovAlbedo},
      {"normal", kAovNormal},
      {"depth", kAovDepth},
@@ -24,7 +24,8 @@ constexpr std::array<std::pair<std::string_view, Aov>, 8> kAovNames = {
      {"ids", kAovIds},
      {"samples", kAovSamples},
      {"stderr", kAovStdError},
-     {"traversal-cost", kAovTraversalCost}}};
+     {"traversal-cost", kAovTraversalCost},
+     {"denoising", kAovDenoising}}};
 constexpr std::int64_t kMaxFrames = 1'000'000;
 constexpr std::int32_t kMaxSide = 65536;
 
@@ -124,10 +125,11 @@ absl::StatusOr<std::uint32_t> parse_aovs(const std::vector<std::string>& names) 
       if (name == known) bit = aov;
     }
     if (bit == 0 || (aovs & bit) != 0) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("settings.aovs: \"", name, "\" is ",
-                       bit == 0 ? "not one of albedo, normal, depth, position, ids, samples, stderr"
-                                : "repeated"));
+      return absl::InvalidArgumentError(absl::StrCat(
+          "settings.aovs: \"", name, "\" is ",
+          bit == 0 ? "not one of albedo, normal, depth, position, ids, samples, stderr, "
+                     "traversal-cost, denoising"
+                   : "repeated"));
     }
     aovs |= bit;
   }
@@ -183,6 +185,7 @@ v1::RenderSettings to_message(const RenderSettings& settings) {
     for (const float value : settings.background_color) message.add_background_color(value);
   }
   for (const std::string& name : aov_names(settings.aovs)) message.add_aovs(name);
+  message.set_denoise(settings.denoise);
   message.set_half(settings.half);
   message.set_clamp(settings.clamp);
   message.set_cull_backfaces(settings.cull_backfaces);
@@ -232,6 +235,8 @@ absl::StatusOr<RenderSettings> from_message(const v1::RenderSettings& message) {
   const auto aovs = parse_aovs({message.aovs().begin(), message.aovs().end()});
   if (!aovs.ok()) return aovs.status();
   settings.aovs = *aovs;
+  settings.denoise = message.denoise();
+  if (settings.denoise) settings.aovs |= kAovDenoising;
   settings.half = message.half();
   settings.clamp = message.clamp();
   settings.cull_backfaces = message.cull_backfaces();

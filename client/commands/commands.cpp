@@ -17,6 +17,7 @@ void add_all_commands(CLI::App& app, Invocation& invocation) {
   add_farm_command(app, invocation);
   add_inspect_command(app, invocation);
   add_compare_command(app, invocation);
+  add_denoise_command(app, invocation);
   add_bench_command(app, invocation);
   add_completion_command(app, invocation);
 }

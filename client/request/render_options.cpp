@@ -202,9 +202,13 @@ void add_render_options(CLI::App& command, RenderOptions& options) {
   command
       .add_option("--aov", options.aovs,
                   "Additional layers: albedo, normal, depth, position, ids, samples, stderr, "
-                  "traversal-cost")
+                  "traversal-cost, denoising")
       ->delimiter(',')
       ->type_name("LIST")
+      ->group(group);
+  command
+      .add_flag("--denoise", options.denoise,
+                "Denoise the frames, with an error bound; the EXR keeps the raw image")
       ->group(group);
   command.add_flag("--half", options.half, "Half-precision floats in EXR files")->group(group);
   add_accelerator_option(command, options.accelerator)->group("Comparison");
@@ -312,6 +316,8 @@ absl::StatusOr<contract::RenderSettings> settings_of(const RenderOptions& option
   settings.environment = environment_uri;
   settings.environment_rotation = options.environment_rotation;
   settings.environment_strength = options.environment_strength;
+  settings.denoise = options.denoise;
+  if (settings.denoise) settings.aovs |= contract::kAovDenoising;
   settings.half = options.half;
   settings.clamp = options.clamp;
   settings.cull_backfaces = options.cull_backfaces;

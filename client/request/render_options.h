@@ -26,7 +26,7 @@ struct RenderOptions {
   std::int64_t seed = 0;
   double filter_width = 0;  // pixels; 0: the default of the filter
   double environment_rotation = 0, environment_strength = 1;
-  bool half = false, cull_backfaces = false;
+  bool half = false, denoise = false, cull_backfaces = false;
   double clamp = 0;
   std::string accelerator;  // empty: the production BVH
 };

@@ -40,6 +40,19 @@ ordered_json truth_json(const std::optional<TrueErrorStats>& truth) {
           {"flip", nullptr}};
 }
 
+ordered_json denoised_json(const FrameStatistics& statistics, bool has_scale) {
+  if (!statistics.denoised) return nullptr;
+  const DenoisedStatistics& d = *statistics.denoised;
+  const auto if_scaled = [&](double value) {
+    return has_scale ? ordered_json(value) : ordered_json(nullptr);
+  };
+  return {{"error_denoised", if_scaled(d.error)},
+          {"error_denoised_upper95", if_scaled(d.error_upper95)},
+          {"n_eff", if_scaled(d.n_eff)},
+          {"raw_tile_share", d.raw_tile_share},
+          {"raw_pixels_sha256", d.raw_pixels_sha256.hex()}};
+}
+
 }  // namespace
 
 std::string frame_entry_json(const FrameResult& result, const std::string& file,
@@ -77,6 +90,7 @@ std::string frame_entry_json(const FrameResult& result, const std::string& file,
                                 {"error", if_scaled(s.estimated.error)},
                                 {"error_upper95", if_scaled(s.estimated.error_upper95)},
                                 {"n_eff", if_scaled(s.estimated.n_eff)}}},
+                              {"denoised", denoised_json(s, has_scale)},
                               {"true", curve.empty() ? nullptr : truth_json(curve.back().truth)},
                               {"heavy_tail_share", if_scaled(s.heavy_tail_share)},
                               {"unseen_event_bound", s.unseen_event_bound},

@@ -5,19 +5,26 @@
 #include <functional>
 #include <memory>
 #include <span>
+#include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "contract/index.h"
 #include "contract/tile_grid.h"
 #include "contract/version.h"
-#include "server/film/exr_file.h"
+#include "image/denoise/frame_denoiser.h"
+#include "image/denoise/layers.h"
+#include "image/exr/exr_file.h"
 
 namespace tessera::server {
 namespace {
 
 using contract::PixelRect;
 using contract::RenderSettings;
+using image::ExrHeader;
+using image::ExrPlane;
+using image::ExrType;
+using image::ExrWriter;
 
 /// Sums the largest values of a stream, with memory for a given number of them.
 class LargestValues {
@@ -70,6 +77,7 @@ class Band {
       add_layer({"traversal-cost.rays", "traversal-cost.nodes", "traversal-cost.primitives"},
                 ExrType::float32);
     }
+    if (aovs_ & contract::kAovDenoising) add_denoising_layers();
     for (ExrPlane& plane : planes_) {
       const std::size_t size = contract::as_index(std::int64_t{rows} * width_);
       if (plane.type == ExrType::uint32) {
@@ -99,23 +107,18 @@ class Band {
     }
   }
 
-  /// Hashes R, G, B, A of the band's first `rows` rows, pixel by pixel.
-  void hash(std::int32_t rows, contract::Hasher& hasher) {
-    row_.resize(4 * contract::as_index(width_));
-    for (std::int32_t row = 0; row < rows; ++row) {
-      for (std::int32_t x = 0; x < width_; ++x) {
-        for (std::size_t c = 0; c < 4; ++c) {
-          row_[4 * contract::as_index(x) + c] =
-              planes_[c].values[contract::as_index(std::int64_t{row} * width_ + x)];
-        }
-      }
-      hasher.update(std::as_bytes(std::span(row_)));
-    }
-  }
-
  private:
   void add_layer(std::initializer_list<const char*> names, ExrType type) {
     for (const char* name : names) planes_.push_back({name, type, {}, {}});
+  }
+
+  void add_denoising_layers() {
+    for (int r = 0; r < contract::kReplicates; ++r) {
+      for (const char* name : image::kDenoisingChannels) {
+        planes_.push_back(
+            {absl::StrCat(image::kDenoisingPrefix, r, ".", name), ExrType::float32, {}, {}});
+      }
+    }
   }
 
   void put_pixel(const TileSum& tile, std::int64_t pixel, std::size_t to) {
@@ -154,12 +157,18 @@ class Band {
       tile.traversal_cost(pixel, xyz);
       put_values(xyz);
     }
+    if (aovs_ & contract::kAovDenoising) {
+      const TileSum::DenoisingValues values = tile.denoising_values(pixel);
+      for (std::size_t r = 0; r < contract::kReplicates; ++r) {
+        put_values(values.rgb[r]);
+        put_values(values.features[r]);
+      }
+    }
   }
 
   std::uint32_t aovs_;
   std::int32_t width_;
   std::vector<ExrPlane> planes_;  // R, G, B, A first
-  std::vector<float> row_;
 };
 
 /// Collects a frame's statistics from its tiles.
@@ -233,6 +242,9 @@ ExrHeader header_of(const FrameSpec& spec, const PixelRect& window) {
   header.numbers = {{"tessera:contract", contract::kRenderContract},
                     {"tessera:frame", spec.frame},
                     {"tessera:samples", spec.max_samples}};
+  if ((settings.aovs & contract::kAovDenoising) != 0 && !settings.denoise) {
+    header.reals = {{image::kMeanLuminanceAttribute, spec.mean_luminance.value_or(0)}};
+  }
   return header;
 }
 
@@ -286,6 +298,70 @@ absl::Status fill_band(Assembly& assembly, std::int32_t row) {
   return absl::OkStatus();
 }
 
+/// Hashes R, G, B, A of the first `rows` rows, pixel by pixel.
+void hash_pixels(const std::vector<ExrPlane>& planes, std::int32_t width, std::int32_t rows,
+                 contract::Hasher& hasher) {
+  std::vector<float> row(4 * contract::as_index(width));
+  for (std::int32_t y = 0; y < rows; ++y) {
+    for (std::int32_t x = 0; x < width; ++x) {
+      for (std::size_t c = 0; c < 4; ++c) {
+        row[4 * contract::as_index(x) + c] =
+            planes[c].values[contract::as_index(std::int64_t{y} * width + x)];
+      }
+    }
+    hasher.update(std::as_bytes(std::span(row)));
+  }
+}
+
+/// Writes the bands of a frame, denoised if the job asks for it.
+class Output {
+ public:
+  Output(const FrameSpec& spec, const PixelRect& window, const std::vector<ExrPlane>& planes)
+      : width_(window.width) {
+    if (!spec.settings.denoise) return;
+    const int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+    denoiser_.emplace(window.width, window.height, spec.mean_luminance.value_or(0), planes,
+                      threads);
+  }
+
+  absl::Status open(const std::string& path, const ExrHeader& header,
+                    const std::vector<ExrPlane>& planes) {
+    auto writer = ExrWriter::open(path, header, denoiser_ ? denoiser_->planes() : planes);
+    if (!writer.ok()) return writer.status();
+    writer_ = *std::move(writer);
+    return absl::OkStatus();
+  }
+
+  absl::Status write(std::int32_t rows, const std::vector<ExrPlane>& planes) {
+    hash_pixels(planes, width_, rows, raw_pixels_);
+    if (!denoiser_) return writer_->write_rows(rows, planes);
+    return denoiser_->push(rows, planes,
+                           [this](std::int32_t count, const std::vector<ExrPlane>& denoised) {
+                             hash_pixels(denoised, width_, count, denoised_pixels_);
+                             return writer_->write_rows(count, denoised);
+                           });
+  }
+
+  /// Completes the file and enters the digests and, after denoising, the error.
+  absl::Status close(FrameResult& result) {
+    if (absl::Status status = writer_->close(); !status.ok()) return status;
+    result.statistics.half_overflow_count = writer_->half_overflow_count();
+    result.pixels_sha256 = raw_pixels_.finish();
+    if (!denoiser_) return absl::OkStatus();
+    const image::DenoisedError error = denoiser_->error();
+    result.statistics.denoised = {error.error, error.error_upper95, error.n_eff, error.raw_share,
+                                  result.pixels_sha256};
+    result.pixels_sha256 = denoised_pixels_.finish();
+    return absl::OkStatus();
+  }
+
+ private:
+  std::int32_t width_;
+  std::optional<image::FrameDenoiser> denoiser_;
+  std::unique_ptr<ExrWriter> writer_;
+  contract::Hasher raw_pixels_, denoised_pixels_;
+};
+
 }  // namespace
 
 absl::StatusOr<FrameResult> write_frame(const FrameSpec& spec, const TileReader& read_tile,
@@ -298,21 +374,18 @@ absl::StatusOr<FrameResult> write_frame(const FrameSpec& spec, const TileReader&
                     Band(spec.settings, std::min(spec.settings.tile, window.height)),
                     Gatherer(spec, grid),
                     {}};
-  auto writer = ExrWriter::open(path, header_of(spec, window), assembly.band.planes());
-  if (!writer.ok()) return writer.status();
-  contract::Hasher pixels;
+  Output output(spec, window, assembly.band.planes());
+  absl::Status opened = output.open(path, header_of(spec, window), assembly.band.planes());
+  if (!opened.ok()) return opened;
   for (std::int32_t row = 0; row < grid.rows(); ++row) {
     if (absl::Status status = fill_band(assembly, row); !status.ok()) return status;
     const std::int32_t rows = grid.rect(grid.index_at(0, row)).height;
-    assembly.band.hash(rows, pixels);
-    absl::Status status = (*writer)->write_rows(rows, assembly.band.planes());
+    absl::Status status = output.write(rows, assembly.band.planes());
     if (!status.ok()) return status;
   }
-  if (absl::Status status = (*writer)->close(); !status.ok()) return status;
   FrameResult result;
-  result.pixels_sha256 = pixels.finish();
   result.statistics = assembly.gatherer.finish();
-  result.statistics.half_overflow_count = (*writer)->half_overflow_count();
+  if (absl::Status status = output.close(result); !status.ok()) return status;
   result.missing_tiles = std::move(assembly.missing_tiles);
   if (absl::Status status = hash_file(path, result); !status.ok()) return status;
   return result;

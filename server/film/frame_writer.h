@@ -39,6 +39,14 @@ struct TileStats {
   std::int32_t sample_count = 0;
 };
 
+/// Error of a denoised frame (docs/explanation/error-estimation.md).
+struct DenoisedStatistics {
+  double error = 0, error_upper95 = 0;  // undefined unless mean_luminance > 0
+  double n_eff = 0;                     // effective number of pixels that carry the estimate
+  double raw_tile_share = 0;            // share of the denoiser's tiles that are left raw
+  contract::Digest raw_pixels_sha256;   // as FrameResult::pixels_sha256, before denoising
+};
+
 /// Statistics of a frame for the report's frames[] element.
 struct FrameStatistics {
   std::int32_t frame = 0, width = 0, height = 0;  // of the window
@@ -53,8 +61,9 @@ struct FrameStatistics {
   double clamped_energy = 0;
   double truncated_energy = 0;  // Σ over samples and channels of radiance cut at --max-depth
   std::uint64_t transparency_limit_count = 0;
-  std::int64_t half_overflow_count = 0;  // values clamped to 65504 in a half file
-  std::vector<TileStats> tiles;          // in tile order; zeros for missing tiles
+  std::int64_t half_overflow_count = 0;        // values clamped to 65504 in a half file
+  std::vector<TileStats> tiles;                // in tile order; zeros for missing tiles
+  std::optional<DenoisedStatistics> denoised;  // with RenderSettings::denoise
 };
 
 struct FrameResult {

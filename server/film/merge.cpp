@@ -130,6 +130,9 @@ TileSum::TileSum(std::int32_t width, std::int32_t height, std::uint32_t aovs)
   if (aovs & contract::kAovAlbedo) albedo_.resize(3 * pixels);
   if (aovs & contract::kAovNormal) normal_.resize(3 * pixels);
   if (aovs & (contract::kAovAlbedo | contract::kAovNormal)) hits_.resize(pixels);
+  if (aovs & contract::kAovDenoising) {
+    features_.resize(std::size_t{kReplicates * contract::kFeatures} * pixels);
+  }
   if (aovs & contract::kAovTraversalCost) traversal_cost_.resize(3 * pixels);
   if (aovs & contract::kAovDepth) depth_.resize(pixels);
   if (aovs & contract::kAovPosition) position_.resize(3 * pixels);
@@ -154,6 +157,7 @@ absl::Status TileSum::add(const contract::FilmBlock& block, const contract::Pass
   add_plane(block.albedo, albedo_);
   add_plane(block.normal, normal_);
   add_plane(block.hits, hits_);
+  add_plane(block.features, features_);
   add_plane(block.traversal_cost, traversal_cost_);
   if (pass_count_ == 0) {
     depth_ = block.depth;
@@ -178,7 +182,7 @@ absl::Status TileSum::add(const contract::FilmBlock& block, const contract::Pass
 
 std::int64_t TileSum::bytes() const {
   const std::size_t doubles = rgb_.size() + alpha_.size() + albedo_.size() + normal_.size() +
-                              hits_.size() + traversal_cost_.size();
+                              hits_.size() + features_.size() + traversal_cost_.size();
   const std::size_t words = depth_.size() + position_.size() + ids_.size() + dropped_.size();
   return static_cast<std::int64_t>(sizeof *this + 8 * doubles + 4 * words);
 }
@@ -255,6 +259,23 @@ void TileSum::traversal_cost(std::int64_t pixel, std::span<float, 3> out) const 
   for (std::size_t k = 0; k < 3; ++k) {
     out[k] = to_float(traversal_cost_[3 * contract::as_index(pixel) + k] / sample_count_);
   }
+}
+
+TileSum::DenoisingValues TileSum::denoising_values(std::int64_t pixel) const {
+  DenoisingValues values;
+  for (std::size_t r = 0; r < kReplicates; ++r) {
+    const std::int32_t count = kept(pixel, static_cast<int>(r));
+    if (count <= 0) continue;
+    const std::size_t at = contract::as_index(pixel) * kReplicates + r;
+    for (std::size_t c = 0; c < 3; ++c) values.rgb[r][c] = to_float(rgb_[3 * at + c] / count);
+    const double* sums = &features_[contract::kFeatures * at];
+    const double hits = sums[7];
+    for (std::size_t k = 0; k < contract::kFeatures; ++k) {
+      values.features[r][k] = to_float(sums[k] / count);
+    }
+    values.features[r][6] = hits > 0 ? to_float(sums[6] / hits) : 0.0f;
+  }
+  return values;
 }
 
 double TileSum::luminance_sum() const {

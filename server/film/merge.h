@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -72,6 +73,15 @@ class TileSum {
   /// Albedo or normal: sum over camera hits ÷ hits, 0 without hits. Require their Aov bit.
   void albedo(std::int64_t pixel, std::span<float, 3> out) const;
   void normal(std::int64_t pixel, std::span<float, 3> out) const;
+  /// What denoising needs of a pixel. Requires kAovDenoising.
+  struct DenoisingValues {
+    /// Means of R, G, B over the samples that each replicate kept.
+    std::array<std::array<float, 3>, contract::kReplicates> rgb{};
+    /// Albedo and normal ÷ kept samples (0 for samples that hit nothing), depth ÷ hits, and the
+    /// share of samples that hit something.
+    std::array<std::array<float, contract::kFeatures>, contract::kReplicates> features{};
+  };
+  DenoisingValues denoising_values(std::int64_t pixel) const;
   /// Mean rays, nodes and primitives of a sample, dropped samples included. Requires its Aov bit.
   void traversal_cost(std::int64_t pixel, std::span<float, 3> out) const;
   /// Layers of sample 0; zeros before pass 0. Empty without their Aov bit.
@@ -113,6 +123,7 @@ class TileSum {
   std::vector<double> rgb_;    // [pixel][replicate][channel]
   std::vector<double> alpha_;  // [pixel]
   std::vector<double> albedo_, normal_, hits_;
+  std::vector<double> features_;  // [pixel][replicate][kFeatures]
   std::vector<double> traversal_cost_;
   std::vector<float> depth_, position_;
   std::vector<std::uint32_t> ids_;

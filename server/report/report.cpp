@@ -65,6 +65,7 @@ json settings_json(const contract::RenderSettings& s) {
                    {"environment_strength", s.environment_strength},
                    {"background", background_json(s)},
                    {"half", s.half},
+                   {"denoise", s.denoise},
                    {"clamp", s.clamp},
                    {"cull_backfaces", s.cull_backfaces},
                    {"aov_bits", s.aovs}};

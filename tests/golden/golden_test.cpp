@@ -14,7 +14,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "image/codecs/image_codec.h"
-#include "server/film/exr_file.h"
+#include "image/exr/exr_file.h"
 #include "tests/support/seeded_frames.h"
 
 namespace tessera::testing {
@@ -43,15 +43,15 @@ std::string reference_file(const std::string& scene, const char* what) {
 
 void write_exr(const std::string& path, const Image& image) {
   const contract::PixelRect window{0, 0, kSize, kSize};
-  std::vector<server::ExrPlane> planes;
+  std::vector<image::ExrPlane> planes;
   for (std::size_t c = 0; c < 3; ++c) {
-    server::ExrPlane plane{std::string(1, "RGB"[c]), server::ExrType::float32, {}, {}};
+    image::ExrPlane plane{std::string(1, "RGB"[c]), image::ExrType::float32, {}, {}};
     for (std::size_t i = c; i < image.size(); i += 3) {
       plane.values.push_back(static_cast<float>(image[i]));
     }
     planes.push_back(std::move(plane));
   }
-  const auto file = server::ExrWriter::open(path, {window, window, {}, {}}, planes);
+  const auto file = image::ExrWriter::open(path, {window, window, {}, {}}, planes);
   ASSERT_TRUE(file.ok()) << file.status();
   ASSERT_TRUE((*file)->write_rows(kSize, planes).ok() && (*file)->close().ok()) << path;
 }

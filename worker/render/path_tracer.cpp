@@ -301,7 +301,7 @@ void PathTracer<kMedia>::record(const ShadingPoint& point, const SurfacePoint& p
   CameraHit& hit = path_.result.hit;
   hit.present = true;
   hit.albedo = base.xyz();
-  if ((frame_.aovs & contract::kAovNormal) != 0) {
+  if ((frame_.aovs & (contract::kAovNormal | contract::kAovDenoising)) != 0) {
     const Vec3f normal = shading_normal_at(frame_.shading, point);
     hit.normal = point.front ? normal : -normal;
   }
@@ -310,6 +310,11 @@ void PathTracer<kMedia>::record(const ShadingPoint& point, const SurfacePoint& p
   hit.material = point.primitive->material;
   hit.primitive = point.primitive->id;
   hit.time = path_.ray.time;
+  if ((frame_.aovs & contract::kAovDenoising) != 0) {
+    const CameraRays& camera = frame_.camera;
+    hit.depth = static_cast<float>(camera.moves() ? camera.at(hit.time).depth(hit.position)
+                                                  : camera.depth(hit.position));
+  }
 }
 
 template <bool kMedia>

@@ -48,10 +48,11 @@ struct PathScratch {
 struct CameraHit {
   bool present = false;
   Vec3f albedo;    // base colour
-  Vec3f normal;    // shading normal on the viewer's side; zero unless its layer is requested
+  Vec3f normal;    // shading normal on the viewer's side; zero unless a layer needs it
   Vec3f position;  // recentred world
   std::int32_t node = 0, material = 0, primitive = 0;
-  float time = 0;  // of the ray that met it
+  float time = 0;   // of the ray that met it
+  float depth = 0;  // along the view axis; zero unless the denoising layer is requested
 };
 
 /// One sample of a pixel.

@@ -1,5 +1,6 @@
 #include "worker/render/pixel_sums.h"
 
+#include <cmath>
 #include <limits>
 
 namespace tessera::render {
@@ -32,7 +33,8 @@ void PixelSums::add(const PathResult& path, std::int32_t sample, float clamp_at)
   cost_ += {static_cast<double>(path.cost.rays), static_cast<double>(path.cost.nodes),
             static_cast<double>(path.cost.primitives)};
   const CameraHit& hit = path.hit;
-  if (!is_finite(path.radiance) || !is_finite(hit.albedo) || !is_finite(hit.normal)) {
+  if (!is_finite(path.radiance) || !is_finite(hit.albedo) || !is_finite(hit.normal) ||
+      !std::isfinite(hit.depth)) {
     ++dropped_[replicate];
     return;
   }
@@ -52,6 +54,9 @@ void PixelSums::add(const PathResult& path, std::int32_t sample, float clamp_at)
   hits_ += 1;
   albedo_ += Vec3d(hit.albedo);
   normal_ += Vec3d(hit.normal);
+  const float values[contract::kFeatures] = {hit.albedo.x, hit.albedo.y, hit.albedo.z, hit.normal.x,
+                                             hit.normal.y, hit.normal.z, hit.depth,    1};
+  for (std::size_t k = 0; k < contract::kFeatures; ++k) features_[replicate][k] += values[k];
 }
 
 void PixelSums::store(std::size_t pixel, contract::FilmBlock* block) const {
@@ -62,6 +67,12 @@ void PixelSums::store(std::size_t pixel, contract::FilmBlock* block) const {
   if (!block->albedo.empty()) store_vector(albedo_, pixel, &block->albedo);
   if (!block->normal.empty()) store_vector(normal_, pixel, &block->normal);
   if (!block->traversal_cost.empty()) store_vector(cost_, pixel, &block->traversal_cost);
+  if (!block->features.empty()) {
+    float* to = &block->features[contract::kReplicates * contract::kFeatures * pixel];
+    for (const auto& replicate : features_) {
+      for (const double sum : replicate) *to++ = rounded(sum);
+    }
+  }
   if (!block->hits.empty()) block->hits[pixel] = static_cast<float>(hits_);
 }
 

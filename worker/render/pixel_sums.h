@@ -31,6 +31,7 @@ class PixelSums {
   std::array<std::uint32_t, contract::kReplicates> dropped_{};
   double alpha_ = 0, hits_ = 0, clamped_energy_ = 0, truncated_energy_ = 0;
   Vec3d albedo_, normal_, cost_;
+  std::array<std::array<double, contract::kFeatures>, contract::kReplicates> features_{};
   std::int64_t limit_count_ = 0;
 };
 

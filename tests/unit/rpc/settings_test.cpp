@@ -31,7 +31,8 @@ RenderSettings unusual() {
   settings.environment_strength = 0.5;
   settings.background = Background::color;
   settings.background_color = {0.1f, 0.2f, 0.3f};
-  settings.aovs = kAovAlbedo | kAovIds | kAovStdError;
+  settings.aovs = kAovAlbedo | kAovIds | kAovStdError | kAovDenoising;
+  settings.denoise = true;
   settings.half = true;
   settings.clamp = 10;
   settings.cull_backfaces = true;
@@ -64,6 +65,7 @@ TEST(SettingsMessage, EveryFieldRoundTrips) {
     EXPECT_EQ(back->background, settings.background);
     EXPECT_EQ(back->background_color, settings.background_color);
     EXPECT_EQ(back->aovs, settings.aovs);
+    EXPECT_EQ(back->denoise, settings.denoise);
     EXPECT_EQ(back->half, settings.half);
     EXPECT_EQ(back->clamp, settings.clamp);
     EXPECT_EQ(back->cull_backfaces, settings.cull_backfaces);
@@ -119,8 +121,16 @@ TEST(SettingsMessage, RangeErrorNamesField) {
   }
 }
 
+TEST(SettingsMessage, DenoiseImpliesItsLayers) {
+  v1::RenderSettings message = to_message(RenderSettings{});
+  message.set_denoise(true);
+  const absl::StatusOr<RenderSettings> settings = from_message(message);
+  ASSERT_TRUE(settings.ok()) << settings.status();
+  EXPECT_EQ(settings->aovs, kAovDenoising);
+}
+
 TEST(Aovs, NamesAndBitsAreInverse) {
-  for (std::uint32_t aovs = 0; aovs < 256; ++aovs) {
+  for (std::uint32_t aovs = 0; aovs < 512; ++aovs) {
     const auto back = parse_aovs(aov_names(aovs));
     ASSERT_TRUE(back.ok()) << back.status();
     ASSERT_EQ(*back, aovs);

@@ -176,6 +176,55 @@ TEST_F(FrameWriterTest, EveryLayerRoundTripsExactly) {
   EXPECT_EQ(result.statistics.samples, 70 * 50 * 8);
 }
 
+TEST_F(FrameWriterTest, DenoisedFileHasRawImageAndLessNoise) {
+  spec_.settings.aovs = contract::kAovDenoising;
+  const FrameResult raw = written(made_tiles(), "layers.exr");
+  spec_.settings.denoise = true;
+  const FrameResult denoised = written(made_tiles(), "denoised.exr");
+  const ReadBack before = read_back(path("layers.exr")), after = read_back(path("denoised.exr"));
+  ASSERT_EQ(before.spec.nchannels, 4 + 44);
+  ASSERT_EQ(after.spec.nchannels, 4 + 3 + 3 + 3 + 3);
+  double raw_spread = 0, spread = 0;  // about the mean of made blocks, 0.75
+  for (std::size_t i = 0; i < 70 * 50; ++i) {
+    ASSERT_EQ(after.at(i, "raw.G"), before.at(i, "G"));
+    ASSERT_EQ(after.at(i, "A"), before.at(i, "A"));
+    raw_spread += std::pow(after.at(i, "raw.G") - 0.75, 2);
+    spread += std::pow(after.at(i, "G") - 0.75, 2);
+  }
+  EXPECT_LT(spread, 0.3 * raw_spread);
+  ASSERT_TRUE(denoised.statistics.denoised.has_value());
+  EXPECT_FALSE(raw.statistics.denoised.has_value());
+  EXPECT_EQ(denoised.statistics.denoised->raw_pixels_sha256, raw.pixels_sha256);
+  EXPECT_NE(denoised.pixels_sha256, raw.pixels_sha256);
+  EXPECT_LT(denoised.statistics.denoised->error, raw.statistics.estimated.error);
+}
+
+TEST_F(FrameWriterTest, DenoisedFileHasTheSameBytesForAnyTiles) {
+  spec_.settings.aovs = contract::kAovDenoising;
+  spec_.settings.denoise = true;
+  const auto gradient = [this](std::int32_t index) -> absl::StatusOr<TileSum> {
+    const contract::PixelRect rect = contract::TileGrid(spec_.settings).rect(index);
+    const std::uint32_t aovs = spec_.settings.aovs;
+    TileSum tile(rect.width, rect.height, aovs);
+    contract::FilmBlock block = contract::FilmBlock::zeros({rect.width, rect.height, aovs, true});
+    std::size_t value = 0;
+    for (int y = rect.y; y < rect.y + rect.height; ++y) {
+      for (int x = rect.x; x < rect.x + rect.width; ++x) {
+        for (int k = 0; k < 12; ++k) {
+          block.rgb[value++] = static_cast<float>((x * 7 + y * 13 + k * 29) % 31 + x);
+        }
+      }
+    }
+    if (absl::Status status = tile.add(block, {0, 4}); !status.ok()) return status;
+    return tile;
+  };
+  spec_.settings.tile = 8;
+  written(gradient, "small.exr");
+  spec_.settings.tile = 64;
+  written(gradient, "large.exr");
+  EXPECT_EQ(bytes_of(path("small.exr")), bytes_of(path("large.exr")));
+}
+
 TEST_F(FrameWriterTest, HashCoversFloatsInRowOrder) {
   const FrameResult result = written(made_tiles(), "hash.exr");
   const ReadBack image = read_back(path("hash.exr"));

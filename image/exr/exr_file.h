@@ -11,7 +11,7 @@
 #include "absl/status/statusor.h"
 #include "contract/render_settings.h"
 
-namespace tessera::server {
+namespace tessera::image {
 
 enum class ExrType : std::uint8_t { half, float32, uint32 };
 
@@ -28,6 +28,7 @@ struct ExrHeader {
   contract::PixelRect data_window, display_window;
   std::vector<std::pair<std::string, std::string>> texts;  // attributes
   std::vector<std::pair<std::string, int>> numbers;
+  std::vector<std::pair<std::string, double>> reals;
 };
 
 /// Writes an OpenEXR file: one part, scanlines from the top, ZIP. The file contains only what is
@@ -66,4 +67,35 @@ class ExrWriter {
   std::unique_ptr<File> file_;
 };
 
-}  // namespace tessera::server
+/// Reads an OpenEXR file of scanlines in bands.
+class ExrReader {
+ public:
+  /// Opens a file whose channels all have full resolution.
+  ///
+  /// Errors: NotFound, no such file; InvalidArgument, it is not such a file, or a side exceeds
+  /// 65,536 pixels (the messages say why).
+  static absl::StatusOr<std::unique_ptr<ExrReader>> open(const std::string& path);
+  ~ExrReader();
+  ExrReader(const ExrReader&) = delete;
+  ExrReader& operator=(const ExrReader&) = delete;
+
+  /// Windows, and the attributes whose names begin with "tessera:".
+  const ExrHeader& header() const { return header_; }
+  /// The channels in alphabetical order, without pixels.
+  const std::vector<ExrPlane>& planes() const { return planes_; }
+  /// Reads the next `rows` rows into `planes`, which has the names and types of planes(), in any
+  /// order and number; resizes their pixels. Errors: InvalidArgument, damaged.
+  absl::Status read_rows(std::int32_t rows, std::vector<ExrPlane>& planes);
+
+ private:
+  class File;
+  ExrReader();
+
+  std::string path_;
+  ExrHeader header_;
+  std::vector<ExrPlane> planes_;
+  std::int32_t rows_read_ = 0;
+  std::unique_ptr<File> file_;
+};
+
+}  // namespace tessera::image

@@ -1,12 +1,15 @@
-#include "server/film/exr_file.h"
+#include "image/exr/exr_file.h"
 
 #include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfDoubleAttribute.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfHeader.h>
 #include <OpenEXR/ImfIO.h>
+#include <OpenEXR/ImfInputFile.h>
 #include <OpenEXR/ImfIntAttribute.h>
 #include <OpenEXR/ImfOutputFile.h>
 #include <OpenEXR/ImfStringAttribute.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstdio>
@@ -15,7 +18,7 @@
 
 #include "absl/strings/str_cat.h"
 
-namespace tessera::server {
+namespace tessera::image {
 namespace {
 
 constexpr float kMaxHalf = 65504;
@@ -129,6 +132,7 @@ absl::StatusOr<std::unique_ptr<ExrWriter>> ExrWriter::open(const std::string& pa
     }
     for (const auto& [name, text] : header.texts) exr.insert(name, Imf::StringAttribute(text));
     for (const auto& [name, number] : header.numbers) exr.insert(name, Imf::IntAttribute(number));
+    for (const auto& [name, real] : header.reals) exr.insert(name, Imf::DoubleAttribute(real));
     std::unique_ptr<ExrWriter> writer(new ExrWriter);
     writer->window_ = header.data_window;
     writer->file_ = std::make_unique<File>(path, exr);
@@ -184,4 +188,104 @@ absl::Status ExrWriter::close() {
   return error == 0 ? absl::OkStatus() : failure(file_->path(), error);
 }
 
-}  // namespace tessera::server
+class ExrReader::File {
+ public:
+  explicit File(const std::string& path) : input(path.c_str(), 0) {}
+  Imf::InputFile input;
+};
+
+ExrReader::ExrReader() = default;
+ExrReader::~ExrReader() = default;
+
+namespace {
+
+contract::PixelRect rect(const Imath::Box2i& window) {
+  return {window.min.x, window.min.y, window.max.x - window.min.x + 1,
+          window.max.y - window.min.y + 1};
+}
+
+/// Whether sides and coordinates are within what a frame may have, so that they can be subtracted.
+bool is_sane(const Imath::Box2i& window) {
+  constexpr int kLimit = 65'536;
+  return window.min.x >= 0 && window.min.y >= 0 && window.max.x >= window.min.x &&
+         window.max.y >= window.min.y && window.max.x < kLimit && window.max.y < kLimit;
+}
+
+void read_attributes(const Imf::Header& from, ExrHeader& header) {
+  header.data_window = rect(from.dataWindow());
+  header.display_window = rect(from.displayWindow());
+  for (auto it = from.begin(); it != from.end(); ++it) {
+    const std::string name = it.name();
+    if (name.rfind("tessera:", 0) != 0) continue;
+    if (const auto* text = dynamic_cast<const Imf::StringAttribute*>(&it.attribute())) {
+      header.texts.emplace_back(name, text->value());
+    } else if (const auto* number = dynamic_cast<const Imf::IntAttribute*>(&it.attribute())) {
+      header.numbers.emplace_back(name, number->value());
+    } else if (const auto* real = dynamic_cast<const Imf::DoubleAttribute*>(&it.attribute())) {
+      header.reals.emplace_back(name, real->value());
+    }
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<ExrReader>> ExrReader::open(const std::string& path) {
+  if (::access(path.c_str(), R_OK) != 0) {
+    return absl::NotFoundError(absl::StrCat(path, ": ", std::strerror(errno)));
+  }
+  try {
+    std::unique_ptr<ExrReader> reader(new ExrReader);
+    reader->path_ = path;
+    reader->file_ = std::make_unique<File>(path);
+    const Imf::Header& header = reader->file_->input.header();
+    if (!is_sane(header.dataWindow()) || !is_sane(header.displayWindow())) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          path, ": the data or display window is not within 0 to 65,535; render it with tessera"));
+    }
+    read_attributes(header, reader->header_);
+    const Imf::ChannelList& channels = header.channels();
+    for (auto it = channels.begin(); it != channels.end(); ++it) {
+      const Imf::Channel& channel = it.channel();
+      if (channel.xSampling != 1 || channel.ySampling != 1) {
+        return absl::InvalidArgumentError(absl::StrCat(
+            path, ": channel ", it.name(), " has fewer samples than the image has pixels"));
+      }
+      const ExrType type = channel.type == Imf::HALF   ? ExrType::half
+                           : channel.type == Imf::UINT ? ExrType::uint32
+                                                       : ExrType::float32;
+      reader->planes_.push_back({it.name(), type, {}, {}});
+    }
+    return reader;
+  } catch (const std::exception& error) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": ", error.what()));
+  }
+}
+
+absl::Status ExrReader::read_rows(std::int32_t rows, std::vector<ExrPlane>& planes) {
+  const contract::PixelRect& window = header_.data_window;
+  const Imath::Box2i band = box({window.x, window.y + rows_read_, window.width, rows});
+  const std::size_t pixels =
+      static_cast<std::size_t>(rows) * static_cast<std::size_t>(window.width);
+  Imf::FrameBuffer frame_buffer;
+  for (ExrPlane& plane : planes) {
+    const bool whole = plane.type == ExrType::uint32;
+    if (whole) {
+      plane.words.resize(pixels);
+    } else {
+      plane.values.resize(pixels);
+    }
+    void* data = whole ? static_cast<void*>(plane.words.data()) : plane.values.data();
+    frame_buffer.insert(plane.name, Imf::Slice::Make(whole ? Imf::UINT : Imf::FLOAT, data, band, 4,
+                                                     4 * static_cast<std::size_t>(window.width)));
+  }
+  try {
+    file_->input.setFrameBuffer(frame_buffer);
+    file_->input.readPixels(band.min.y, band.max.y);
+  } catch (const std::exception& error) {
+    return absl::InvalidArgumentError(absl::StrCat(path_, ": ", error.what()));
+  }
+  rows_read_ += rows;
+  return absl::OkStatus();
+}
+
+}  // namespace tessera::image

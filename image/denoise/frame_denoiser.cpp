@@ -1,0 +1,266 @@
+#include "image/denoise/frame_denoiser.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstring>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "image/denoise/layers.h"
+
+namespace tessera::image {
+namespace {
+
+constexpr std::size_t kReplicates = 4, kPerReplicate = kDenoisingChannels.size();
+static_assert(kReplicates * kPerReplicate == kDenoiseInputs);
+
+std::string channel_name(std::size_t replicate, std::size_t channel) {
+  return absl::StrCat(kDenoisingPrefix, replicate, ".", kDenoisingChannels[channel]);
+}
+
+std::size_t position(const std::vector<ExrPlane>& planes, const std::string& name) {
+  const auto found = std::find_if(planes.begin(), planes.end(),
+                                  [&](const ExrPlane& plane) { return plane.name == name; });
+  return static_cast<std::size_t>(found - planes.begin());
+}
+
+std::size_t as_size(std::int32_t value) {
+  return static_cast<std::size_t>(value);
+}
+
+}  // namespace
+
+class FrameDenoiser::State {
+ public:
+  State(std::int32_t width, std::int32_t height, double mean_luminance,
+        const std::vector<ExrPlane>& inputs, int threads)
+      : width_(width),
+        height_(height),
+        mean_luminance_(mean_luminance > 0 ? mean_luminance : 1),
+        threads_(threads) {
+    for (std::size_t r = 0; r < kReplicates; ++r) {
+      for (std::size_t c = 0; c < kPerReplicate; ++c) {
+        inputs_.push_back(position(inputs, channel_name(r, c)));
+      }
+    }
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      if (inputs[i].name.rfind(kDenoisingPrefix, 0) == 0) continue;
+      kept_.push_back(i);
+      planes_.push_back({inputs[i].name, inputs[i].type, {}, {}});
+    }
+    for (std::size_t c = 0; c < 3; ++c) colour_[c] = position(planes_, std::string(1, "RGB"[c]));
+    const ExrType type = planes_[colour_[0]].type;
+    raw_ = planes_.size();
+    for (const char* name : {"raw.R", "raw.G", "raw.B"}) planes_.push_back({name, type, {}, {}});
+    variance_ = planes_.size();
+    for (const char* name : {"variance.R", "variance.G", "variance.B"}) {
+      planes_.push_back({name, ExrType::float32, {}, {}});
+    }
+    albedo_ = add_feature({"albedo.R", "albedo.G", "albedo.B"}, type);
+    normal_ = add_feature({"normal.X", "normal.Y", "normal.Z"}, type);
+    rows_.resize(inputs_.size());
+    waiting_ = planes_;
+  }
+
+  const std::vector<ExrPlane>& planes() const { return planes_; }
+  const DenoiseSums& sums() const { return sums_; }
+
+  absl::Status push(std::int32_t rows, const std::vector<ExrPlane>& inputs, const Sink& sink) {
+    const std::size_t count = as_size(rows) * as_size(width_);
+    for (std::size_t k = 0; k < inputs_.size(); ++k) {
+      const std::vector<float>& from = inputs[inputs_[k]].values;
+      rows_[k].insert(rows_[k].end(), from.begin(),
+                      from.begin() + static_cast<std::ptrdiff_t>(count));
+    }
+    for (std::size_t k = 0; k < kept_.size(); ++k) {
+      const ExrPlane& from = inputs[kept_[k]];
+      ExrPlane& to = waiting_[k];
+      const auto size = static_cast<std::ptrdiff_t>(count);
+      if (from.type == ExrType::uint32) {
+        to.words.insert(to.words.end(), from.words.begin(), from.words.begin() + size);
+      } else {
+        to.values.insert(to.values.end(), from.values.begin(), from.values.begin() + size);
+      }
+    }
+    end_row_ += rows;
+    while (next_row_ < height_) {
+      const std::int32_t next = std::min(height_, next_row_ + kDenoiseTile);
+      if (end_row_ < std::min(height_, next + kDenoiseMargin)) break;
+      if (absl::Status status = emit(next - next_row_, sink); !status.ok()) return status;
+    }
+    return absl::OkStatus();
+  }
+
+ private:
+  static constexpr std::size_t kNone = ~std::size_t{0};
+
+  /// Adds a layer unless the file has it; returns its first plane or kNone.
+  std::size_t add_feature(std::initializer_list<const char*> names, ExrType type) {
+    if (position(planes_, *names.begin()) < planes_.size()) return kNone;
+    const std::size_t first = planes_.size();
+    for (const char* name : names) planes_.push_back({name, type, {}, {}});
+    return first;
+  }
+
+  /// Denoises the next rows and passes them on.
+  absl::Status emit(std::int32_t rows, const Sink& sink) {
+    DenoiseRows input;
+    input.width = width_;
+    input.height = height_;
+    input.first_row = first_row_;
+    input.rows = end_row_ - first_row_;
+    input.mean_luminance = mean_luminance_;
+    for (std::size_t k = 0; k < inputs_.size(); ++k) input.planes[k] = rows_[k].data();
+    const std::vector<DenoisedTile> tiles = denoise_tiles(input);
+
+    const std::size_t count = as_size(rows) * as_size(width_);
+    std::vector<ExrPlane> output = planes_;
+    for (std::size_t k = 0; k < kept_.size(); ++k) {
+      move_front(waiting_[k].values, output[k].values, count);
+      move_front(waiting_[k].words, output[k].words, count);
+    }
+    for (std::size_t c = 0; c < 3; ++c) output[raw_ + c].values = output[colour_[c]].values;
+    put_tiles(tiles, output);
+    put_variance(count, output);
+    if (albedo_ != kNone) put_feature(0, albedo_, count, output);
+    if (normal_ != kNone) put_feature(3, normal_, count, output);
+    if (absl::Status status = sink(rows, output); !status.ok()) return status;
+    next_row_ += rows;
+    drop_rows(std::max(0, next_row_ - kDenoiseMargin));
+    return absl::OkStatus();
+  }
+
+  static void move_front(auto& from, auto& to, std::size_t count) {
+    if (from.empty()) return;
+    const auto size = static_cast<std::ptrdiff_t>(count);
+    to.assign(from.begin(), from.begin() + size);
+    from.erase(from.begin(), from.begin() + size);
+  }
+
+  void drop_rows(std::int32_t first_row) {
+    const auto gone =
+        static_cast<std::ptrdiff_t>(as_size(first_row - first_row_) * as_size(width_));
+    for (std::vector<float>& plane : rows_) plane.erase(plane.begin(), plane.begin() + gone);
+    first_row_ = first_row;
+  }
+
+  /// The tiles of a row of tiles, in order.
+  std::vector<DenoisedTile> denoise_tiles(const DenoiseRows& input) {
+    const std::int32_t columns = (width_ + kDenoiseTile - 1) / kDenoiseTile;
+    std::vector<DenoisedTile> tiles(as_size(columns));
+    std::atomic<std::int32_t> next{0};
+    const auto work = [&] {
+      for (std::int32_t column = next++; column < columns; column = next++) {
+        tiles[as_size(column)] = denoise_tile(input, column * kDenoiseTile, next_row_);
+      }
+    };
+    std::vector<std::thread> others;
+    for (int i = 1; i < std::min(threads_, columns); ++i) others.emplace_back(work);
+    work();
+    for (std::thread& thread : others) thread.join();
+    for (const DenoisedTile& tile : tiles) sums_.add(tile.sums);
+    return tiles;
+  }
+
+  /// Replaces R, G, B, but for pixels that are left raw.
+  void put_tiles(const std::vector<DenoisedTile>& tiles, std::vector<ExrPlane>& output) const {
+    std::size_t x = 0;
+    for (const DenoisedTile& tile : tiles) {
+      for (std::size_t i = 0; i < tile.is_raw.size(); ++i) {
+        if (tile.is_raw[i] != 0) continue;
+        const std::size_t row = i / as_size(tile.width), column = i % as_size(tile.width);
+        for (std::size_t c = 0; c < 3; ++c) {
+          output[colour_[c]].values[row * as_size(width_) + x + column] = tile.rgb[c][i];
+        }
+      }
+      x += as_size(tile.width);
+    }
+  }
+
+  /// Index in rows_ of the first value of the row to be passed on.
+  std::size_t offset() const { return as_size(next_row_ - first_row_) * as_size(width_); }
+
+  /// Variance of the raw mean, from the spread of the replicates.
+  void put_variance(std::size_t count, std::vector<ExrPlane>& output) const {
+    for (std::size_t c = 0; c < 3; ++c) {
+      std::vector<float>& to = output[variance_ + c].values;
+      to.resize(count);
+      for (std::size_t i = 0; i < count; ++i) {
+        double mean = 0, sum = 0;
+        for (std::size_t r = 0; r < kReplicates; ++r) {
+          mean += static_cast<double>(rows_[r * kPerReplicate + c][offset() + i]) / kReplicates;
+        }
+        for (std::size_t r = 0; r < kReplicates; ++r) {
+          const double difference = rows_[r * kPerReplicate + c][offset() + i] - mean;
+          sum += difference * difference;
+        }
+        to[i] = static_cast<float>(sum / (kReplicates * (kReplicates - 1)));
+      }
+    }
+  }
+
+  /// A feature's mean over the samples that hit something.
+  void put_feature(std::size_t first, std::size_t to, std::size_t count,
+                   std::vector<ExrPlane>& output) const {
+    for (std::size_t c = 0; c < 3; ++c) {
+      std::vector<float>& values = output[to + c].values;
+      values.resize(count);
+      for (std::size_t i = 0; i < count; ++i) {
+        double sum = 0, hits = 0;
+        for (std::size_t r = 0; r < kReplicates; ++r) {
+          sum += rows_[r * kPerReplicate + 3 + first + c][offset() + i];
+          hits += rows_[r * kPerReplicate + kPerReplicate - 1][offset() + i];
+        }
+        values[i] = hits > 0 ? static_cast<float>(sum / hits) : 0.0f;
+      }
+    }
+  }
+
+  const std::int32_t width_, height_;
+  const double mean_luminance_;
+  const int threads_;
+  std::vector<std::size_t> inputs_;  // positions of the denoising channels among the inputs
+  std::vector<std::size_t> kept_;    // positions of the other channels
+  std::vector<ExrPlane> planes_;     // of the output: the kept channels, then new ones
+  std::array<std::size_t, 3> colour_{};
+  std::size_t raw_ = 0, variance_ = 0, albedo_ = kNone, normal_ = kNone;
+  std::vector<std::vector<float>> rows_;  // denoising channels of rows [first_row_, end_row_)
+  std::vector<ExrPlane> waiting_;         // kept channels of rows [next_row_, end_row_)
+  std::int32_t first_row_ = 0, next_row_ = 0, end_row_ = 0;
+  DenoiseSums sums_;
+};
+
+FrameDenoiser::FrameDenoiser(std::int32_t width, std::int32_t height, double mean_luminance,
+                             const std::vector<ExrPlane>& inputs, int threads)
+    : state_(std::make_unique<State>(width, height, mean_luminance, inputs, threads)) {}
+
+FrameDenoiser::~FrameDenoiser() = default;
+
+bool FrameDenoiser::has_layers(const std::vector<ExrPlane>& inputs) {
+  std::vector<std::string> names = {"R", "G", "B"};
+  for (std::size_t r = 0; r < kReplicates; ++r) {
+    for (std::size_t c = 0; c < kPerReplicate; ++c) names.push_back(channel_name(r, c));
+  }
+  return std::all_of(names.begin(), names.end(), [&](const std::string& name) {
+    const std::size_t found = position(inputs, name);
+    return found < inputs.size() && inputs[found].type != ExrType::uint32;
+  });
+}
+
+const std::vector<ExrPlane>& FrameDenoiser::planes() const {
+  return state_->planes();
+}
+
+absl::Status FrameDenoiser::push(std::int32_t rows, const std::vector<ExrPlane>& inputs,
+                                 const Sink& sink) {
+  return state_->push(rows, inputs, sink);
+}
+
+DenoisedError FrameDenoiser::error() const {
+  return denoised_error(state_->sums());
+}
+
+}  // namespace tessera::image

@@ -1,0 +1,291 @@
+// Denoising: the vectorised filter against the plain one, the same bits for any bands and threads,
+// and what the filter and its error estimate do to images whose truth is known.
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <functional>
+#include <random>
+#include <string>
+#include <utility>
+
+#include "image/denoise/denoiser.h"
+#include "image/denoise/frame_denoiser.h"
+#include "image/denoise/half_filter.h"
+#include "image/denoise/layers.h"
+#include "tests/support/scratch_folder.h"
+#include "tests/unit/image/half_filter_reference.h"
+
+namespace tessera::image {
+namespace {
+
+/// The true value of a channel, and the features of a pixel.
+struct Truth {
+  std::function<float(int x, int y)> colour, albedo;
+};
+
+/// A frame of four noisy replicates, as EXR planes: R, G, B, A, then the denoising channels.
+struct NoisyFrame {
+  std::int32_t width = 0, height = 0;
+  std::vector<ExrPlane> planes;
+
+  NoisyFrame(std::int32_t w, std::int32_t h, const Truth& truth, float noise, std::uint32_t seed)
+      : width(w), height(h) {
+    for (const char* name : {"R", "G", "B", "A"})
+      planes.push_back({name, ExrType::float32, {}, {}});
+    for (int r = 0; r < 4; ++r) {
+      for (const char* name : kDenoisingChannels) {
+        planes.push_back(
+            {kDenoisingPrefix + std::to_string(r) + "." + name, ExrType::float32, {}, {}});
+      }
+    }
+    for (ExrPlane& plane : planes) plane.values.resize(static_cast<std::size_t>(w * h));
+    std::mt19937 random(seed);
+    std::normal_distribution<float> normal(0, noise);
+    for (int y = 0; y < h; ++y) {
+      for (int x = 0; x < w; ++x) {
+        const auto i = static_cast<std::size_t>(y * w + x);
+        planes[3].values[i] = 1;
+        for (std::size_t r = 0; r < 4; ++r) {
+          for (std::size_t c = 0; c < 3; ++c) {
+            const float value = truth.colour(x, y) + normal(random);
+            planes[4 + 11 * r + c].values[i] = value;
+            planes[c].values[i] += value / 4;
+            planes[7 + 11 * r + c].values[i] = truth.albedo(x, y);
+          }
+          planes[12 + 11 * r].values[i] = 1;  // normal.Z
+          planes[13 + 11 * r].values[i] = 2;  // depth
+          planes[14 + 11 * r].values[i] = 1;  // hits
+        }
+      }
+    }
+  }
+
+  DenoiseRows rows(std::int32_t first, std::int32_t count) const {
+    DenoiseRows rows;
+    rows.width = width;
+    rows.height = height;
+    rows.first_row = first;
+    rows.rows = count;
+    for (std::size_t k = 0; k < rows.planes.size(); ++k) {
+      rows.planes[k] = planes[4 + k].values.data() + first * width;
+    }
+    return rows;
+  }
+};
+
+float edge(int x, int y) {
+  return x + y / 3 > 40 ? 1.5f : 0.5f;
+}
+float flat(int, int) {
+  return 1;
+}
+
+/// Passes a frame through a FrameDenoiser in bands and returns its output.
+std::vector<ExrPlane> denoise(const NoisyFrame& frame, std::int32_t band, int threads,
+                              DenoisedError* error = nullptr) {
+  FrameDenoiser denoiser(frame.width, frame.height, 1, frame.planes, threads);
+  std::vector<ExrPlane> output = denoiser.planes();
+  for (std::int32_t row = 0; row < frame.height; row += band) {
+    const std::int32_t count = std::min(band, frame.height - row);
+    std::vector<ExrPlane> rows = frame.planes;
+    for (ExrPlane& plane : rows) {
+      plane.values.erase(plane.values.begin(), plane.values.begin() + row * frame.width);
+    }
+    const absl::Status status = denoiser.push(count, rows, [&](std::int32_t n, const auto& planes) {
+      for (std::size_t k = 0; k < planes.size(); ++k) {
+        output[k].values.insert(output[k].values.end(), planes[k].values.begin(),
+                                planes[k].values.begin() + n * frame.width);
+      }
+      return absl::OkStatus();
+    });
+    EXPECT_TRUE(status.ok()) << status;
+  }
+  if (error != nullptr) *error = denoiser.error();
+  return output;
+}
+
+double mean_square(const std::vector<ExrPlane>& planes, const NoisyFrame& frame, const Truth& truth,
+                   const std::string& prefix) {
+  double sum = 0;
+  for (const ExrPlane& plane : planes) {
+    if (plane.name != prefix + "R" && plane.name != prefix + "G" && plane.name != prefix + "B")
+      continue;
+    for (std::size_t i = 0; i < plane.values.size(); ++i) {
+      const int x = static_cast<int>(i) % frame.width, y = static_cast<int>(i) / frame.width;
+      const double difference = plane.values[i] - truth.colour(x, y);
+      sum += difference * difference / (truth.colour(x, y) * truth.colour(x, y) + 0.01);
+    }
+  }
+  return sum / (3.0 * frame.width * frame.height);
+}
+
+Half random_half(std::int32_t width, std::int32_t height) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<float> uniform(0, 1);
+  const auto pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  const auto fill = [&](Plane& plane) {
+    plane.resize(pixels);
+    for (float& value : plane) value = uniform(random);
+  };
+  Half half;
+  half.width = width;
+  half.height = height;
+  for (Plane& plane : half.streams.a) fill(plane);
+  for (Plane& plane : half.streams.b) fill(plane);
+  std::array<Plane, kHalfFeatures> a, b;
+  for (std::size_t k = 0; k < a.size(); ++k) {
+    fill(a[k]);
+    b[k] = a[k];
+    for (float& value : b[k]) value += 0.1f * uniform(random);
+  }
+  half.valid.assign(pixels, 1);
+  for (std::size_t i = 0; i < pixels; i += 11) half.valid[i] = 0;
+  for (std::size_t i = 0; i < pixels; i += 7) a[6][i] = b[6][i] = 0;  // misses
+  prepare(a, b, half);
+  return half;
+}
+
+/// Compares the pixels that are at least `inset` from the border.
+void expect_equal(const ColourPlanes& x, const ColourPlanes& y, const Half& half) {
+  for (std::size_t c = 0; c < 3; ++c) {
+    for (std::int32_t row = kFilterInset; row < half.height - kFilterInset; ++row) {
+      for (std::int32_t column = kFilterInset; column < half.width - kFilterInset; ++column) {
+        const auto i = static_cast<std::size_t>(row * half.width + column);
+        ASSERT_EQ(x[c][i], y[c][i]) << "channel " << c << " at " << column << ", " << row;
+      }
+    }
+  }
+}
+
+TEST(Denoise, VectorisedFilterEqualsThePlainOne) {
+  const Half half = random_half(56, 52);
+  const FilteredHalf fast = filter_half(half), plain = reference_filter_half(half);
+  expect_equal(fast.guide, plain.guide, half);
+  expect_equal(fast.zero_order.a, plain.zero_order.a, half);
+  expect_equal(fast.zero_order.b, plain.zero_order.b, half);
+  expect_equal(fast.first_order.a, plain.first_order.a, half);
+  expect_equal(fast.first_order.b, plain.first_order.b, half);
+}
+
+TEST(Denoise, TileDependsOnItsMarginOnly) {
+  const NoisyFrame frame(140, 300, {edge, flat}, 0.2f, 1);
+  const DenoisedTile whole = denoise_tile(frame.rows(0, 300), 0, 128);
+  const DenoisedTile part =
+      denoise_tile(frame.rows(128 - kDenoiseMargin, 128 + 2 * kDenoiseMargin), 0, 128);
+  EXPECT_EQ(whole.rgb, part.rgb);
+  EXPECT_EQ(whole.sums.scaled, part.sums.scaled);
+}
+
+TEST(FrameDenoiser, BandsAndThreadsDoNotChangeBits) {
+  const NoisyFrame frame(150, 170, {edge, flat}, 0.2f, 2);
+  const std::vector<ExrPlane> one = denoise(frame, 170, 1), many = denoise(frame, 33, 3);
+  ASSERT_EQ(one.size(), many.size());
+  for (std::size_t k = 0; k < one.size(); ++k) {
+    ASSERT_EQ(one[k].values.size(), 150u * 170u) << one[k].name;
+    EXPECT_EQ(one[k].values, many[k].values) << one[k].name;
+  }
+}
+
+TEST(FrameDenoiser, NoiseOfFlatAreaFallsTenfold) {
+  const Truth truth{edge, flat};
+  const NoisyFrame frame(96, 96, truth, 0.2f, 3);
+  const auto output = denoise(frame, 96, 1);
+  EXPECT_LT(mean_square(output, frame, truth, ""), 0.1 * mean_square(output, frame, truth, "raw."));
+}
+
+TEST(FrameDenoiser, MeanOfImageIsKept) {
+  const NoisyFrame frame(96, 96, {edge, flat}, 0.2f, 4);
+  const auto output = denoise(frame, 96, 1);
+  double raw = 0, denoised = 0;
+  for (const ExrPlane& plane : output) {
+    double& sum = plane.name == "R" ? denoised : raw;
+    if (plane.name != "R" && plane.name != "raw.R") continue;
+    for (const float value : plane.values) sum += value;
+  }
+  EXPECT_NEAR(denoised / raw, 1, 0.004);
+}
+
+TEST(FrameDenoiser, PatternThatNoFeatureHasIsLeftRaw) {
+  const auto random = [](int x, int y) {
+    const auto hash = static_cast<std::uint32_t>(x * 7919 + y * 104729) * 2654435761u;
+    return 0.2f + static_cast<float>(hash >> 8) * (1.0f / (1 << 24));
+  };
+  DenoisedError error;
+  const NoisyFrame frame(64, 64, {random, flat}, 0.01f, 5);
+  const auto output = denoise(frame, 64, 1, &error);
+  const Truth truth{random, flat};
+  EXPECT_LE(mean_square(output, frame, truth, ""),
+            1.02 * mean_square(output, frame, truth, "raw."));
+  EXPECT_GT(error.raw_share, 0.1);
+}
+
+TEST(FrameDenoiser, TextureOfAlbedoIsKept) {
+  const auto stripes = [](int x, int y) { return (x / 2 + y / 3) % 2 == 0 ? 0.9f : 0.2f; };
+  const Truth truth{stripes, stripes};
+  const NoisyFrame frame(64, 64, truth, 0.1f, 6);
+  const auto output = denoise(frame, 64, 1);
+  EXPECT_LT(mean_square(output, frame, truth, ""), 0.3 * mean_square(output, frame, truth, "raw."));
+}
+
+TEST(FrameDenoiser, ErrorIsEstimatedWithoutBias) {
+  const Truth truth{edge, flat};
+  double sum = 0, squares = 0, bounded = 0;
+  constexpr int kSeeds = 24;
+  for (std::uint32_t seed = 0; seed < kSeeds; ++seed) {
+    const NoisyFrame frame(48, 48, truth, 0.2f, 100 + seed);
+    DenoisedError error;
+    const double square = mean_square(denoise(frame, 48, 1, &error), frame, truth, "");
+    const double difference = error.error * error.error - square;
+    sum += difference;
+    squares += difference * difference;
+    bounded += error.error_upper95 * error.error_upper95 >= square ? 1 : 0;
+  }
+  EXPECT_LT(std::fabs(sum), 4 * std::sqrt(squares)) << "4 standard errors";
+  EXPECT_GE(bounded, kSeeds - 5);
+}
+
+TEST(FrameDenoiser, FilesWithoutItsChannelsAreRecognised) {
+  const NoisyFrame frame(8, 8, {flat, flat}, 0, 1);
+  EXPECT_TRUE(FrameDenoiser::has_layers(frame.planes));
+  const std::vector<ExrPlane> few(frame.planes.begin(), frame.planes.end() - 1);
+  EXPECT_FALSE(FrameDenoiser::has_layers(few));
+}
+
+TEST(ExrFile, ReaderReturnsWhatTheWriterWrote) {
+  const ScratchFolder folder;
+  const std::string path = folder.path() + "/frame.exr";
+  std::vector<ExrPlane> planes = {{"A", ExrType::float32, {1, 2, 3, 4, 5, 6}, {}},
+                                  {"ids", ExrType::uint32, {}, {9, 8, 7, 6, 5, 4}}};
+  const ExrHeader header{{1, 2, 3, 2},
+                         {0, 0, 8, 8},
+                         {{"tessera:name", "x"}},
+                         {{"tessera:frame", 3}},
+                         {{"tessera:meanLuminance", 0.1}}};
+  auto writer = ExrWriter::open(path, header, planes);
+  ASSERT_TRUE(writer.ok() && (*writer)->write_rows(2, planes).ok() && (*writer)->close().ok());
+  auto reader = ExrReader::open(path);
+  ASSERT_TRUE(reader.ok()) << reader.status();
+  EXPECT_EQ((*reader)->header().data_window, header.data_window);
+  EXPECT_EQ((*reader)->header().reals, header.reals);
+  EXPECT_EQ((*reader)->header().numbers, header.numbers);
+  std::vector<ExrPlane> read = (*reader)->planes();
+  ASSERT_TRUE((*reader)->read_rows(1, read).ok());
+  ASSERT_TRUE((*reader)->read_rows(1, read).ok());
+  EXPECT_EQ(read[0].values, (std::vector<float>{4, 5, 6}));
+  EXPECT_EQ(read[1].words, (std::vector<std::uint32_t>{6, 5, 4}));
+}
+
+TEST(ExrFile, TextIsNoExrFile) {
+  const ScratchFolder folder;
+  const std::string path = folder.path() + "/text.exr";
+  std::FILE* file = std::fopen(path.c_str(), "wb");
+  std::fputs("text", file);
+  std::fclose(file);
+  EXPECT_EQ(ExrReader::open(path).status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(ExrReader::open(path + ".no").status().code(), absl::StatusCode::kNotFound);
+}
+
+}  // namespace
+}  // namespace tessera::image
