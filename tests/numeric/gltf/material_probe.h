@@ -48,11 +48,53 @@ inline double facets(double roughness) {
   return 1 / (4 * kPi * std::pow(roughness, 4));
 }
 
-/// The specification's dielectric in that geometry: light not reflected at F0 reaches the base
-/// colour.
-inline Vec3d dielectric(const Vec3d& base, const Vec3d& f0, double roughness) {
+/// Albedo of the specification's facets under Schlick's term of `f0`, in double, for a viewer at
+/// `cosine`: over the visible normals, sampled in the space where the facets are a hemisphere.
+/// Source: E. Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 7(4), 2018.
+inline double facet_albedo(double cosine, double f0, double alpha) {
+  constexpr int kRings = 96, kSpokes = 48;
+  const double sine = std::sqrt((1 - cosine) * (1 + cosine)), a2 = alpha * alpha;
+  const Vec3d view = normalize(Vec3d{alpha * sine, 0, cosine});
+  const Vec3d across{0, 1, 0}, along = cross(view, across);
+  const double root_o = std::sqrt(a2 + (1 - a2) * cosine * cosine);
+  double sum = 0;
+  for (int i = 0; i < kRings; ++i) {
+    const double v = (i + 0.5) / kRings, r = std::sqrt((1 - v) * (1 + v)), weight = 2 * v;
+    for (int j = 0; j < kSpokes; ++j) {
+      const double phi = 2 * kPi * (j + 0.5 + 0.618 * i) / kSpokes;
+      const double x = r * std::sin(phi), rim = std::sqrt((1 - x) * (1 + x));
+      const double y = (1 - (1 + view.z) / 2) * rim + (1 + view.z) / 2 * r * std::cos(phi);
+      const double z = std::sqrt(std::max(0.0, 1 - x * x - y * y));
+      const Vec3d n = across * x + along * y + view * z;
+      const Vec3d h = normalize(Vec3d{alpha * n.x, alpha * n.y, std::max(1e-9, n.z)});
+      const double c = sine * h.x + cosine * h.z, l = 2 * c * h.z - cosine;
+      if (!(l > 0)) continue;
+      const double root_l = std::sqrt(a2 + (1 - a2) * l * l);
+      sum += weight * (f0 + (1 - f0) * std::pow(1 - c, 5)) * l * (cosine + root_o) /
+             (l * root_o + cosine * root_l);
+    }
+  }
+  return sum / (kRings * kSpokes);
+}
+
+/// Share of the light that a layer of reflectance `f0` at normal incidence leaves to the base, for
+/// light and view along the normal: (1 - E)^2 / (1 - mean of E), times the layer's weight in E.
+inline double left_to_base(double f0, double roughness, double weight = 1) {
+  const double alpha = roughness * roughness, e = weight * facet_albedo(1, f0, alpha);
+  constexpr int kSteps = 48;
+  double mean = 0;
+  for (int i = 0; i < kSteps; ++i) {
+    const double x = (i + 0.5) / kSteps;  // the cosine is its square
+    mean += weight * 4 * x * x * x / kSteps * facet_albedo(x * x, f0, alpha);
+  }
+  return (1 - e) * (1 - e) / (1 - mean);
+}
+
+/// The dielectric in that geometry: facets as specified, and the base coupled with them.
+inline Vec3d dielectric(const Vec3d& base, const Vec3d& f0, double roughness, double weight = 1) {
   const double largest = std::max({f0.x, f0.y, f0.z});
-  return base * ((1 - largest) / kPi) + f0 * facets(roughness);
+  return base * (left_to_base(largest, roughness, weight) / kPi) +
+         f0 * (weight * facets(roughness));
 }
 
 inline std::string with(const std::string& extension, const std::string& content,
@@ -80,5 +122,7 @@ inline TriangleMesh box_around_unit_square(int material) {
 inline constexpr Vec3d kBase{0.8, 0.4, 0.2};
 inline constexpr Vec3d kPlain{0.04, 0.04, 0.04};  // F0 of index 1.5
 inline constexpr double kRounding = 1e-5;         // of a few dozen float operations
+inline constexpr double kCoupled =
+    2e-3;  // of tables of albedos, for the light that reaches the base
 
 }  // namespace tessera::testing

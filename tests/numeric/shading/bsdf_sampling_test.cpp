@@ -297,7 +297,7 @@ TEST(BsdfReciprocity, ReflectionIsSymmetric) {  // hard case 47
 
 // Radiance in a medium of index n is scaled by n^2. The compensation of rough glass and of sheets
 // depends on one direction alone and is divided out.
-TEST(BsdfReciprocity, TransmissionIsSymmetricUpToEtaSquared) {  // hard case 47
+TEST(BsdfReciprocity, TransmissionIsSymmetricUpToEta2) {  // hard case 47
   Random random(4);
   const Lobe lobes[] = {transmissive("sheet", Interface::thin, 0.4f, 1),
                         transmissive("glass", Interface::solid, 0.5f, 1),

@@ -121,6 +121,46 @@ TEST(Surface, DegenerateNormalMapsGainNoEnergy) {  // hard case 50
   }
 }
 
+/// A square of `m` with a normal map of one float texel, whose decoded normal is 2 texel - 1.
+double mean_of_mapped_square(Material m, const Vec3f& texel, const Vec4f& tangent) {
+  Scene scene = empty_scene();
+  render::Image image;
+  image.width = image.height = 1;
+  image.channels = 3;
+  image.storage = render::Image::Storage::f32;
+  image.f32 = {texel.x, texel.y, texel.z};
+  scene.images.push_back(std::move(image));
+  scene.textures.push_back({0, render::Wrap::repeat, render::Wrap::repeat, false});
+  m.normal_texture.texture = static_cast<std::int32_t>(scene.textures.size()) - 1;
+  Primitive square = quad({-9, -9, 0}, {18, 0, 0}, {0, 18, 0}, add_material(&scene, m));
+  square.tangents.assign(4, tangent);
+  square.normals.assign(4, Vec3f{0, 0, 1});
+  add_primitive(&scene, square);
+  set_constant_sky(&scene, 1);
+  look_at(&scene, {3, 1, 2}, {0, 0, 0});
+  const Picture picture = render_picture(scene, small_settings(6, 6, 64));
+  EXPECT_TRUE(picture.blocks[0].dropped.empty());
+  EXPECT_LE(picture.mean(), 1.001 + 4 * picture.mean_error());
+  return picture.mean();
+}
+
+TEST(Surface, ExactlyDegenerateNormalsGainNoEnergy) {  // hard case 50
+  const Vec3f texels[] = {{0.5f, 0.5f, 0},             // straight down
+                          {0.5f, 0.5f, 0.5f},          // of length 0
+                          {1, 0.5f, 0.5f}};            // along the tangent
+  for (const Vec3f& texel : texels) {
+    for (const Vec4f& tangent : {Vec4f{1, 0, 0, 1}, Vec4f{1, 0, 0, -1}, Vec4f{0, 0, 1, 1}}) {
+      for (const float roughness : {0.0f, 0.4f}) {
+        Material plastic = lambert({1, 1, 1});
+        plastic.specular = 1;
+        plastic.roughness = roughness;
+        EXPECT_GT(mean_of_mapped_square(metal(roughness), texel, tangent), 0.2);
+        EXPECT_GT(mean_of_mapped_square(plastic, texel, tangent), 0.2);
+      }
+    }
+  }
+}
+
 TEST(Surface, NormalMapTiltsShadingNormal) {
   Scene scene = empty_scene();
   Material m;
