@@ -5,7 +5,6 @@
 #include <grpcpp/grpcpp.h>
 #include <oneapi/tbb/version.h>
 #include <openssl/crypto.h>
-#include <unistd.h>
 #include <zstd.h>
 
 #include <CLI/CLI.hpp>
@@ -27,6 +26,7 @@
 #include "image/codecs/library_versions.h"
 #include "telemetry/log/log.h"
 #include "worker/accel/layout/isa.h"
+#include "worker/gltf/file/memory_budget.h"
 
 namespace tessera::worker {
 namespace {
@@ -34,7 +34,7 @@ namespace {
 constexpr std::int64_t kMega = 1'000'000, kGiga = 1'000'000'000;
 
 std::int64_t quarter_of_memory_mb() {
-  return ::sysconf(_SC_PHYS_PAGES) * ::sysconf(_SC_PAGESIZE) / 4 / kMega;
+  return static_cast<std::int64_t>(render::machine_memory_bytes()) / 4 / kMega;
 }
 
 struct WorkerFlags {

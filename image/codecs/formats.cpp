@@ -31,6 +31,12 @@ absl::Status check_size(std::int64_t width, std::int64_t height, int channels,
     return absl::InvalidArgumentError(absl::StrCat(
         "the image takes ", bytes, " bytes decoded, more than the limit of ", limits.bytes));
   }
+  if (bytes > limits.memory) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("the image takes ", bytes, " bytes decoded, more than the ", limits.memory,
+                     " bytes of memory that are left; use smaller images, or a machine with more "
+                     "memory or a higher memory limit"));
+  }
   return absl::OkStatus();
 }
 

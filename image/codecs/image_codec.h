@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
 #include <string>
@@ -35,6 +36,7 @@ struct PixelLimits {
   std::int64_t side = 32'768;
   std::int64_t bytes = std::int64_t{2} << 30;  // decoded
   std::int64_t pixels = std::int64_t{1} << 30;
+  std::int64_t memory = std::numeric_limits<std::int64_t>::max();  // bytes that are left
 };
 
 /// Writes an 8-bit image in bands of rows.
@@ -49,8 +51,8 @@ class ImageEncoder {
 
 /// Decodes a PNG, JPEG, WebP, EXR or Radiance file.
 ///
-/// Errors: InvalidArgument for other formats, damaged files and files over `limits`; Unimplemented
-/// for KTX2.
+/// Errors: InvalidArgument for other formats, damaged files and files over `limits`;
+/// ResourceExhausted if only the memory does not suffice; Unimplemented for KTX2.
 absl::StatusOr<Pixels> decode(std::span<const std::byte> file, const PixelLimits& limits);
 
 /// Creates an encoder for a PNG (RGBA, not premultiplied) or JPEG (RGB) of sRGB codes.

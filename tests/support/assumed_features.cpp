@@ -72,7 +72,7 @@ void change_primitives(Scene* scene, const Change& change) {
 
 }  // namespace
 
-render::TraceOptions assume(std::uint32_t features, Scene* scene, render::Isa isa) {
+render::TraceOptions assume(std::uint64_t features, Scene* scene, render::Isa isa) {
   if ((features & render::kFeatureTextures) != 0) {
     const std::int32_t white = add_white_texture(scene);
     change_primitives(scene, [scene](Primitive* p) { add_coordinates(*scene, p); });
@@ -93,8 +93,8 @@ render::TraceOptions assume(std::uint32_t features, Scene* scene, render::Isa is
   return tracing;
 }
 
-std::uint32_t feature_named(std::string_view name) {
-  for (std::uint32_t bit = 1; bit != 0; bit <<= 1) {
+std::uint64_t feature_named(std::string_view name) {
+  for (std::uint64_t bit = 1; bit != 0; bit <<= 1) {
     if (render::feature_names(bit).front() == name) return bit;
   }
   return 0;

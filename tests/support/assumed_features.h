@@ -14,10 +14,10 @@ namespace tessera::testing {
 /// TraceOptions::assumed_features. Features that loading removes are added to the scene: for
 /// kFeatureTextures a white texture of 2 x 2 texels with coordinates for each factor, an identity
 /// transform for textures, white vertex colours.
-render::TraceOptions assume(std::uint32_t features, render::Scene* scene,
+render::TraceOptions assume(std::uint64_t features, render::Scene* scene,
                             render::Isa isa = render::best_isa());
 
 /// The feature with this name in render::feature_names(); 0 if there is none.
-std::uint32_t feature_named(std::string_view name);
+std::uint64_t feature_named(std::string_view name);
 
 }  // namespace tessera::testing

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <string>
 
@@ -13,8 +14,11 @@ class MemoryReader final : public render::ResourceReader {
  public:
   void put(std::string uri, std::string bytes) { files_[std::move(uri)] = std::move(bytes); }
   absl::StatusOr<std::span<const std::byte>> read(std::string_view uri) override;
+  void limit_memory(std::uint64_t bytes) { memory_bytes_ = bytes; }
+  std::uint64_t memory_bytes() const override { return memory_bytes_; }
 
  private:
+  std::uint64_t memory_bytes_ = UINT64_MAX;
   std::map<std::string, std::string, std::less<>> files_;
 };
 

@@ -159,7 +159,7 @@ int run(Options options) {
   }
   auto scene = (*file)->pose(options.settings, options.frame);
   if (!scene.ok()) return fail(scene.status());
-  std::uint32_t assumed = 0;
+  std::uint64_t assumed = 0;
   for (const std::string& name : options.assumed) assumed |= feature_named(name);
   const render::TraceOptions tracing = assume(assumed, &*scene);
   const double loaded = seconds(CLOCK_MONOTONIC);

@@ -16,11 +16,25 @@
 namespace tessera::render {
 namespace {
 
+/// Returns the boxes below the root of a mesh's BVH. None for a BVH with spatial splits, where they
+/// contain only pieces of triangles.
+template <int kWidth>
+std::vector<Box3f> parts_of(const MeshBvh<kWidth>& tree) {
+  std::vector<Box3f> parts;
+  if (tree.split || tree.nodes.empty()) return parts;
+  const WideNode<kWidth>& root = tree.nodes.data()[0];
+  for (int slot = 0; slot < kWidth; ++slot) {
+    if (!root.box(slot).empty()) parts.push_back(root.box(slot));
+  }
+  return parts;
+}
+
 /// Builds the BVH over the selected instances.
 template <int kWidth>
 void build_instance_bvh(const Scene& scene, const InstanceSelection& choice,
                         SceneBvh<kWidth>& trees, const ParallelFor& parallel_for) {
   std::vector<Box3f> meshes;
+  std::vector<std::vector<Box3f>> parts;
   for (std::size_t i = 0; i < trees.meshes.size(); ++i) {
     const MeshBvh<kWidth>& tree = trees.meshes[i];
     const Mesh& mesh = scene.meshes[i];
@@ -29,8 +43,9 @@ void build_instance_bvh(const Scene& scene, const InstanceSelection& choice,
                      : !known              ? bounds_of(mesh)
                      : tree.blocks.empty() ? Box3f{}
                                            : tree.bounds);
+    parts.push_back(mesh.shape != nullptr || !known ? std::vector<Box3f>() : parts_of(tree));
   }
-  const InstanceBoxes placed = bound_instances(scene, meshes, choice);
+  const InstanceBoxes placed = bound_instances(scene, meshes, choice, parts);
   trees.origin_limit = placed.origin_limit;
   WideBvh<kWidth> bvh = collapse<kWidth>(build_binary_bvh({placed.boxes}, parallel_for));
   trees.nodes = std::move(bvh.nodes);
@@ -80,7 +95,7 @@ void build_moving(const Scene& scene, const SceneBvh<kWidth>& still, MotionBvh<k
 
 /// Selects the general code paths for features that the scene is assumed to have.
 template <int kWidth>
-void assume_features(std::uint32_t features, SceneBvh<kWidth>& trees, MotionBvh<kWidth>& moving) {
+void assume_features(std::uint64_t features, SceneBvh<kWidth>& trees, MotionBvh<kWidth>& moving) {
   if ((features & kFeatureInstances) != 0) {
     trees.single = false;
     for (PlacedMesh& placed : trees.placed) placed.identity = false;

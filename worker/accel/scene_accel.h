@@ -34,7 +34,7 @@ struct TraceOptions {
   Maker override_accelerator;  // null: SceneAccel's own BVHs
   /// Features (kFeature... in scene/features.h) that the scene is assumed to have, so that tests
   /// can compare specialised code with the general path. See docs/notes/unused-features.md.
-  std::uint32_t assumed_features = 0;
+  std::uint64_t assumed_features = 0;
   /// Adds the work of queries to thread_traversal_counts(). The tree is then that of AVX2, whose
   /// nodes have eight children, so that the counts do not depend on `isa`; packets are not taken.
   bool counted = false;

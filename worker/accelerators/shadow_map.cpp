@@ -19,37 +19,52 @@ constexpr double kMaxOff = 0x1p-10;
 /// By how many texels the lines of a texel are widened: one for the difference between a ray and
 /// the line through its origin, and a half as margin.
 constexpr double kWiden = 1.5;
-constexpr int kSide = 64;               // texels along a face
-constexpr double kTexel = 2.0 / kSide;  // width of a texel
-constexpr double kEdge = 1 + kWiden * kTexel;
 
-/// A rectangle of a face: u and v are coordinates divided by the depth.
+/// The texels of a face, whose coordinates are -1 to 1.
+struct TexelGrid {
+  int side;
+
+  double texel() const { return 2.0 / side; }
+  double edge() const { return 1 + kWiden * texel(); }
+  int at(double u) const {
+    const double x = (u + 1) / texel();
+    return x > 0 ? (x < side - 1 ? static_cast<int>(x) : side - 1) : 0;
+  }
+  std::size_t index(int face, int x, int y) const {
+    const int row = face * side + y;
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(side) +
+           static_cast<std::size_t>(x);
+  }
+};
+
+/// A rectangle of a face.
 struct Window {
   double u0, u1, v0, v1;
 };
 
-/// Coordinates on a face of the cube: 2 * axis, or 2 * axis + 1 for its negative side.
-Vec3d on_face(const Vec3d& p, int face) {
-  const int axis = face / 2;
-  return {p[(axis + 1) % 3], p[(axis + 2) % 3], face % 2 == 0 ? p[axis] : -p[axis]};
+/// Returns the widened window of a texel.
+Window texel_window(const TexelGrid& grid, int x, int y) {
+  const double size = grid.texel(), u = x * size - 1, v = y * size - 1, w = kWiden * size;
+  return {u - w, u + size + w, v - w, v + size + w};
 }
 
-int face_of(const Vec3d& p) {
-  int axis = 0;
-  for (int k = 1; k < 3; ++k) axis = std::fabs(p[k]) > std::fabs(p[axis]) ? k : axis;
-  return 2 * axis + (p[axis] < 0 ? 1 : 0);
-}
+/// A corner on a face: coordinates across are across.x / across.z and across.y / across.z.
+struct Corner {
+  Vec3d across;
+  double depth = 0;
+};
+using Polygon = std::vector<Corner>;
 
-using Polygon = std::vector<Vec3d>;
-
-/// Keeps the part of a polygon with dot(normal, p) >= 0.
+/// Keeps the part of a polygon with dot(normal, across) >= 0.
 Polygon halve(const Polygon& polygon, const Vec3d& normal) {
   Polygon out;
   for (std::size_t i = 0; i < polygon.size(); ++i) {
-    const Vec3d &a = polygon[i], &b = polygon[(i + 1) % polygon.size()];
-    const double at_a = dot(normal, a), at_b = dot(normal, b);
+    const Corner &a = polygon[i], &b = polygon[(i + 1) % polygon.size()];
+    const double at_a = dot(normal, a.across), at_b = dot(normal, b.across);
     if (at_a >= 0) out.push_back(a);
-    if ((at_a < 0) != (at_b < 0)) out.push_back(a + (b - a) * (at_a / (at_a - at_b)));
+    if ((at_a < 0) == (at_b < 0)) continue;
+    const double s = at_a / (at_a - at_b);
+    out.push_back({a.across + (b.across - a.across) * s, a.depth + (b.depth - a.depth) * s});
   }
   return out;
 }
@@ -61,13 +76,14 @@ Polygon clip(const Polygon& polygon, const Window& window) {
   return halve(upper, {0, -1, window.v1});
 }
 
-/// Returns whether all lines from the light through the window meet the triangle.
+/// Returns whether all lines of light through the window meet the triangle.
 bool covers(const Polygon& triangle, const Window& window) {
   for (const double u : {window.u0, window.u1}) {
     for (const double v : {window.v0, window.v1}) {
       int positive = 0, negative = 0;
       for (std::size_t i = 0; i < 3; ++i) {
-        const double side = dot(cross(triangle[i], triangle[(i + 1) % 3]), Vec3d{u, v, 1});
+        const double side =
+            dot(cross(triangle[i].across, triangle[(i + 1) % 3].across), Vec3d{u, v, 1});
         positive += side > 0 ? 1 : 0;
         negative += side < 0 ? 1 : 0;
       }
@@ -75,41 +91,27 @@ bool covers(const Polygon& triangle, const Window& window) {
       if (positive != 3 && negative != 3) return false;
     }
   }
-  return std::all_of(triangle.begin(), triangle.end(), [](const Vec3d& p) { return p.z > 0; });
+  return std::all_of(triangle.begin(), triangle.end(),
+                     [](const Corner& p) { return p.across.z > 0; });
 }
 
-int texel_at(double u) {
-  const double x = (u + 1) / kTexel;
-  return x > 0 ? (x < kSide - 1 ? static_cast<int>(x) : kSide - 1) : 0;
-}
-
-std::size_t index_of(int face, int x, int y) {
-  const int row = face * kSide + y;
-  return static_cast<std::size_t>(row) * kSide + static_cast<std::size_t>(x);
-}
-
-/// Returns the widened window of a texel.
-Window texel_window(int x, int y) {
-  const double u = x * kTexel - 1, v = y * kTexel - 1, w = kWiden * kTexel;
-  return {u - w, u + kTexel + w, v - w, v + kTexel + w};
-}
-
-/// Returns the smallest and the largest depth of a polygon in a window; (kFar, 0) if there is none.
+/// Returns the smallest and the largest depth of a polygon in a window; (kFar, -kFar) if there is
+/// none.
 std::pair<double, double> depths_in(const Polygon& polygon, const Window& window) {
-  double low = kFar, high = 0;
-  for (const Vec3d& p : clip(polygon, window)) {
-    low = std::min(low, p.z);
-    high = std::max(high, p.z);
+  double low = kFar, high = -kFar;
+  for (const Corner& p : clip(polygon, window)) {
+    low = std::min(low, p.depth);
+    high = std::max(high, p.depth);
   }
   return {low, high};
 }
 
 /// Returns a window that contains a polygon, which lies on the face.
-Window window_around(const Polygon& polygon) {
-  Window all = {kEdge, -kEdge, kEdge, -kEdge};
-  for (const Vec3d& p : polygon) {
-    if (!(p.z > 0)) return {-kEdge, kEdge, -kEdge, kEdge};  // it contains the light
-    const double u = p.x / p.z, v = p.y / p.z;
+Window window_around(const Polygon& polygon, double edge) {
+  Window all = {edge, -edge, edge, -edge};
+  for (const Corner& p : polygon) {
+    if (!(p.across.z > 0)) return {-edge, edge, -edge, edge};  // it contains the light
+    const double u = p.across.x / p.across.z, v = p.across.y / p.across.z;
     all = {std::min(all.u0, u), std::max(all.u1, u), std::min(all.v0, v), std::max(all.v1, v)};
   }
   return all;
@@ -135,46 +137,101 @@ ShadowMap::ShadowMap(const Scene& scene) : size_(max_abs(scene.bounds_max - scen
     stretch_ = std::max(stretch_,
                         frobenius(instance.object_to_world) * frobenius(instance.world_to_object));
   }
+  Box3d box;
+  for_each_placed(scene, [&](const Corners& placed, const TriangleId&, double reach) {
+    size_ = std::max(size_, reach);
+    for (const Vec3d& corner : placed) box.extend(corner);
+  });
   for (const PunctualLight& light : scene.lights) {
-    const bool usable = light.kind != PunctualLight::Kind::directional && light.keys.empty();
-    if (!usable || maps_.size() == kMaxMaps) continue;
-    const std::vector<Texel> texels(index_of(6, 0, 0), Texel{kFar, kFar, {}, kFar});
-    maps_.push_back({Vec3d(light.position), kFar, texels});
+    if (light.keys.empty() && maps_.size() < kMaxMaps && !box.empty()) add_map(light, box);
   }
-  for (std::uint32_t i = 0; i < scene.instances.size(); ++i) add(scene, i);
+  for_each_placed(scene, [&](const Corners& placed, const TriangleId& id, double) {
+    for (Map& map : maps_) add(placed, id, map);
+  });
 }
 
-void ShadowMap::add(const Scene& scene, std::uint32_t number) {
-  const Instance& instance = scene.instances[number];
-  const double scale = frobenius(instance.object_to_world);
-  for_each_triangle(
-      scene.meshes[static_cast<std::size_t>(instance.mesh)],
-      [&](std::uint32_t p, std::uint32_t t, const Vec3f& v0, const Vec3f& v1, const Vec3f& v2) {
-        Corners placed;
-        for (std::size_t k = 0; k < 3; ++k) {
-          const Vec3d corner(k == 0 ? v0 : k == 1 ? v1 : v2);
-          size_ = std::max(size_, scale * max_abs(corner));
-          placed[k] = transform_point(instance.object_to_world, corner);
-        }
-        for (Map& map : maps_) add(placed, {number, p, t}, map);
-      });
+void ShadowMap::add_map(const PunctualLight& light, const Box3d& box) {
+  Map map;
+  map.nearest = kFar;
+  map.light = Vec3d(light.position);
+  map.distant = light.kind == PunctualLight::Kind::directional;
+  if (map.distant) {
+    map.to_light = -light.direction;
+    map.light = (box.lo + box.hi) * 0.5;
+    map.half = 0.5 * length(box.hi - box.lo);
+    if (!(map.half > 0)) return;
+    const Vec3d along = normalize(Vec3d(light.direction));
+    const Vec3d other = std::fabs(along.x) < 0.5 ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0};
+    const Vec3d u = normalize(cross(along, other));
+    map.axes = {u / map.half, cross(along, u) / map.half, along};
+  }
+  map.texels.assign(TexelGrid{map.side()}.index(map.faces(), 0, 0), Texel{kFar, kFar, {}, kFar});
+  maps_.push_back(std::move(map));
+}
+
+/// Calls visit(corners, id, reach) for each triangle, placed in the world; `reach` bounds its
+/// coordinates before and after.
+template <typename Visit>
+void ShadowMap::for_each_placed(const Scene& scene, const Visit& visit) {
+  for (std::uint32_t i = 0; i < scene.instances.size(); ++i) {
+    const Instance& instance = scene.instances[i];
+    const double scale = frobenius(instance.object_to_world);
+    for_each_triangle(
+        scene.meshes[static_cast<std::size_t>(instance.mesh)],
+        [&](std::uint32_t p, std::uint32_t t, const Vec3f& v0, const Vec3f& v1, const Vec3f& v2) {
+          Corners placed;
+          double reach = 0;
+          for (std::size_t k = 0; k < 3; ++k) {
+            const Vec3d corner(k == 0 ? v0 : k == 1 ? v1 : v2);
+            reach = std::max(reach, scale * max_abs(corner));
+            placed[k] = transform_point(instance.object_to_world, corner);
+          }
+          visit(placed, TriangleId{i, p, t}, reach);
+        });
+  }
+}
+
+/// Faces of a cube: 2 * axis, or 2 * axis + 1 for its negative side.
+ShadowMap::Map::OnFace ShadowMap::Map::place(const Vec3d& point, int face) const {
+  const Vec3d p = point - light;
+  if (distant) return {{dot(axes[0], p), dot(axes[1], p), 1}, dot(axes[2], p)};
+  const int axis = face / 2;
+  const double depth = face % 2 == 0 ? p[axis] : -p[axis];
+  return {{p[(axis + 1) % 3], p[(axis + 2) % 3], depth}, depth};
+}
+
+int ShadowMap::Map::face_of(const Vec3d& point) const {
+  if (distant) return 0;
+  const Vec3d p = point - light;
+  int axis = 0;
+  for (int k = 1; k < 3; ++k) axis = std::fabs(p[k]) > std::fabs(p[axis]) ? k : axis;
+  return 2 * axis + (p[axis] < 0 ? 1 : 0);
+}
+
+bool ShadowMap::Map::resolves(double error) const {
+  const double width = distant ? half : nearest - 3 * error;
+  return 2 * error * side() <= width;
 }
 
 void ShadowMap::add(const Corners& placed, const TriangleId& id, Map& map) {
-  for (int face = 0; face < 6; ++face) {
-    const Polygon triangle = {on_face(placed[0] - map.light, face),
-                              on_face(placed[1] - map.light, face),
-                              on_face(placed[2] - map.light, face)};
-    const Polygon part = clip(triangle, Window{-kEdge, kEdge, -kEdge, kEdge});
+  const TexelGrid grid{map.side()};
+  const double edge = grid.edge();
+  for (int face = 0; face < map.faces(); ++face) {
+    Polygon triangle;
+    for (const Vec3d& corner : placed) {
+      const Map::OnFace at = map.place(corner, face);
+      triangle.push_back({at.across, at.depth});
+    }
+    const Polygon part = clip(triangle, Window{-edge, edge, -edge, edge});
     if (part.empty()) continue;
-    const Window all = window_around(part);
-    const double widen = (kWiden + 1) * kTexel;
-    for (int y = texel_at(all.v0 - widen); y <= texel_at(all.v1 + widen); ++y) {
-      for (int x = texel_at(all.u0 - widen); x <= texel_at(all.u1 + widen); ++x) {
-        const Window window = texel_window(x, y);
+    const Window all = window_around(part, edge);
+    const double widen = (kWiden + 1) * grid.texel();
+    for (int y = grid.at(all.v0 - widen); y <= grid.at(all.v1 + widen); ++y) {
+      for (int x = grid.at(all.u0 - widen); x <= grid.at(all.u1 + widen); ++x) {
+        const Window window = texel_window(grid, x, y);
         const auto [low, high] = depths_in(part, window);
         if (!(low <= high)) continue;
-        Texel& texel = map.texels[index_of(face, x, y)];
+        Texel& texel = map.texels[grid.index(face, x, y)];
         texel.add(id, low);
         if (covers(triangle, window)) texel.covered = std::min(texel.covered, high);
         map.nearest = std::min(map.nearest, low);
@@ -195,26 +252,37 @@ void ShadowMap::Texel::add(const TriangleId& triangle, double depth) {
 
 ShadowMap::Answer ShadowMap::answer(const Ray& ray) const {
   const Vec3d origin(ray.origin);
+  const bool endless = !(ray.t_max < std::numeric_limits<float>::max());
   const Vec3d end = origin + Vec3d(ray.direction) * static_cast<double>(ray.t_max);
   for (const Map& map : maps_) {
-    const Vec3d seen = origin - map.light;
-    const double reach = length(seen);
-    const double off = length(end - map.light);
-    if (!(off <= kMaxOff * reach)) continue;
-    // A hit is at most `error` from the line between the light and the origin. Lines that differ
-    // by it differ by at most one texel where they meet triangles.
-    const double error = off + kError * stretch_ * (reach + size_);
-    if (!(2 * error * kSide <= map.nearest - 3 * error)) return Answer::unknown;
-    const int face = face_of(seen);
-    const Vec3d p = on_face(seen, face);
-    const int x = texel_at(p.x / p.z), y = texel_at(p.y / p.z);
-    const Texel& texel = map.texels[index_of(face, x, y)];
-    if (texel.covered < p.z - 2 * error) return Answer::occluded;
-    const bool own = texel.id == ray.origin_triangle;  // cannot be hit
-    const double first = own ? texel.second : texel.nearest;
-    return first > p.z + 2 * error ? Answer::visible : Answer::unknown;
+    const double reach = length(origin - map.light);
+    double off = 0;
+    if (map.distant) {
+      if (!endless || !(ray.direction == map.to_light)) continue;
+    } else {
+      off = length(end - map.light);
+      if (!(off <= kMaxOff * reach)) continue;
+    }
+    return answer(map, ray, off + kError * stretch_ * (reach + size_));
   }
   return Answer::unknown;
+}
+
+/// A hit is at most `error` from the line of light through the origin. Lines that differ by it
+/// differ by at most one texel where they meet triangles.
+ShadowMap::Answer ShadowMap::answer(const Map& map, const Ray& ray, double error) const {
+  if (!map.resolves(error)) return Answer::unknown;
+  const TexelGrid grid{map.side()};
+  const Vec3d origin(ray.origin);
+  const int face = map.face_of(origin);
+  const Map::OnFace p = map.place(origin, face);
+  const double u = p.across.x / p.across.z, v = p.across.y / p.across.z;
+  if (!(std::fabs(u) <= 1 && std::fabs(v) <= 1)) return Answer::unknown;
+  const Texel& texel = map.texels[grid.index(face, grid.at(u), grid.at(v))];
+  if (texel.covered < p.depth - 2 * error) return Answer::occluded;
+  const bool own = texel.id == ray.origin_triangle;  // cannot be hit
+  const double first = own ? texel.second : texel.nearest;
+  return first > p.depth + 2 * error ? Answer::visible : Answer::unknown;
 }
 
 std::int64_t ShadowMap::memory_bytes() const {

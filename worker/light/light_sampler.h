@@ -124,7 +124,7 @@ class LightSampler {
   void add_shape(const Scene& scene, std::uint32_t instance, std::vector<LightBounds>& bounds);
   void add_volumes(const Scene& scene, std::vector<LightBounds>& bounds);
   void add_volume(const Scene& scene, std::uint32_t instance, const MaterialView& material,
-                  std::vector<LightBounds>& bounds);
+                  MeshBoxes& boxes, std::vector<LightBounds>& bounds);
   void add_punctual(const Scene& scene, std::vector<LightBounds>& bounds);
   bool has_local_lights() const { return !tree_.empty() || !distant_.empty(); }
   /// Probabilities of choosing the environment, a directional light or a light of the tree.

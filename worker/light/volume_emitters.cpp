@@ -61,6 +61,7 @@ void LightSampler::add_volumes(const Scene& scene, std::vector<LightBounds>& bou
   };
   const auto& materials = shading_.materials;
   if (std::none_of(materials.begin(), materials.end(), shines)) return;
+  MeshBoxes boxes(scene);
   for (std::uint32_t i = 0; i < scene.instances.size(); ++i) {
     if (scene.instances[i].operand) continue;
     const Mesh& mesh = scene.meshes[static_cast<std::size_t>(scene.instances[i].mesh)];
@@ -70,14 +71,15 @@ void LightSampler::add_volumes(const Scene& scene, std::vector<LightBounds>& bou
       const bool added = std::any_of(
           volumes_.begin() + static_cast<std::ptrdiff_t>(first), volumes_.end(),
           [&material](const VolumeLight& light) { return &light.material() == &material; });
-      if (shines(material) && !added) add_volume(scene, i, material, bounds);
+      if (shines(material) && !added) add_volume(scene, i, material, boxes, bounds);
     }
   }
 }
 
 void LightSampler::add_volume(const Scene& scene, std::uint32_t instance,
-                              const MaterialView& material, std::vector<LightBounds>& bounds) {
-  auto volume = VolumeLight::make(scene, shading_.instances[instance], material);
+                              const MaterialView& material, MeshBoxes& boxes,
+                              std::vector<LightBounds>& bounds) {
+  auto volume = VolumeLight::make(scene, shading_.instances[instance], material, boxes);
   if (!volume) return;
   LightBounds light = volume->bounds();
   if (!std::isfinite(light.strength)) light.strength = 0;

@@ -131,7 +131,7 @@ Vec3f PathMedia<Tracer>::light_through_bodies(const Ray& ray, const LightSample&
   MediumStack stack = t.media_.stack;
   const Vec3f arrives =
       transmittance_across(scene, ray, crossings.in_order(), &stack, &t.media_.random);
-  if (light.filling != nullptr) {
+  if (light.filling != nullptr) [[unlikely]] {
     const Body* body = stack.top();
     if (body == nullptr || body->id != light.body || body->material != light.filling) return {};
   }
@@ -174,7 +174,8 @@ Passage PathMedia<Tracer>::cross_medium(double distance) {
       segment_along(tracer().frame_.shading, media.stack, path.ray, 0, distance);
   if (segment.empty()) return Passage::none;
   const MediumView& medium = *segment.medium;
-  if (medium.emits()) add_emission_along(segment);
+  if (tracer().frame_.shading.has_emissive_media && medium.emits()) [[unlikely]]
+    add_emission_along(segment);
   if (!medium.scatters()) {
     path.throughput *= transmittance(segment, &media.random);
     return Passage::none;

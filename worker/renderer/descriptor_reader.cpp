@@ -13,8 +13,10 @@
 namespace tessera::agent {
 
 DescriptorReader::DescriptorReader(const v1::SceneManifest& manifest,
-                                   std::vector<Descriptor> descriptors, std::int64_t texel_bytes)
-    : scratch_(std::move(descriptors.back())), texel_bytes_left_(texel_bytes) {
+                                   std::vector<Descriptor> descriptors, const SceneMemory& memory)
+    : scratch_(std::move(descriptors.back())),
+      memory_bytes_(memory.all),
+      texel_bytes_left_(memory.texels) {
   for (int i = 0; i < manifest.assets_size(); ++i) {
     const v1::ManifestEntry& entry = manifest.assets(i);
     resources_.emplace(entry.uri(), Resource{std::move(descriptors[static_cast<std::size_t>(i)]),

@@ -12,13 +12,19 @@
 
 namespace tessera::agent {
 
+/// Memory of a scene, bytes.
+struct SceneMemory {
+  std::int64_t texels = 0;  // of images; those beyond are mapped from a file
+  std::uint64_t all = 0;    // of everything kept without file mappings
+};
+
 /// Reads a scene's resources from descriptors received from the agent, and from nothing else.
 class DescriptorReader : public render::ResourceReader {
  public:
   /// `descriptors`: the manifest's assets in its order, each closed once it is mapped, then an
-  /// unnamed file for the texels that exceed `texel_bytes` in total.
+  /// unnamed file for the texels that exceed `memory.texels` in total.
   DescriptorReader(const v1::SceneManifest& manifest, std::vector<Descriptor> descriptors,
-                   std::int64_t texel_bytes);
+                   const SceneMemory& memory);
   ~DescriptorReader() override;
   DescriptorReader(const DescriptorReader&) = delete;
   DescriptorReader& operator=(const DescriptorReader&) = delete;
@@ -30,6 +36,7 @@ class DescriptorReader : public render::ResourceReader {
   /// evict. Errors: ResourceExhausted, the file cannot be written or mapped.
   absl::StatusOr<std::shared_ptr<const std::byte>> spill(
       std::span<const std::byte> texels) override;
+  std::uint64_t memory_bytes() const override { return memory_bytes_; }
 
  private:
   struct Resource {
@@ -39,6 +46,7 @@ class DescriptorReader : public render::ResourceReader {
   };
   std::map<std::string, Resource, std::less<>> resources_;
   const Descriptor scratch_;
+  const std::uint64_t memory_bytes_;
   std::mutex mutex_;  // guards what follows
   std::int64_t texel_bytes_left_;
 };

@@ -76,7 +76,7 @@ absl::StatusOr<std::shared_ptr<LoadedFrames::JobScene>> LoadedFrames::job_scene(
   }
   auto job = std::make_shared<JobScene>();
   job->reader =
-      std::make_unique<DescriptorReader>(command.manifest(), std::move(descriptors), texel_bytes_);
+      std::make_unique<DescriptorReader>(command.manifest(), std::move(descriptors), memory_);
   auto file = render::load_scene_file(command.manifest().scene_uri(), settings, *job->reader);
   if (!file.ok()) return file.status();
   job->file = *std::move(file);

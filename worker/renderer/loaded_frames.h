@@ -28,8 +28,8 @@ struct LoadedFrame {
 /// and this table share ownership.
 class LoadedFrames {
  public:
-  /// `texel_bytes`: limit of DescriptorReader.
-  LoadedFrames(render::Isa isa, std::int64_t texel_bytes) : isa_(isa), texel_bytes_(texel_bytes) {}
+  /// `memory`: of each scene.
+  LoadedFrames(render::Isa isa, const SceneMemory& memory) : isa_(isa), memory_(memory) {}
 
   struct Outcome {
     double load_seconds = 0;   // parsing, decoding, posing
@@ -66,7 +66,7 @@ class LoadedFrames {
   std::shared_ptr<const LoadedFrame> any_frame(const std::string& job_id);
 
   const render::Isa isa_;
-  const std::int64_t texel_bytes_;
+  const SceneMemory memory_;
   std::mutex mutex_;  // guards what follows
   std::map<std::string, std::shared_ptr<JobScene>> jobs_;
   std::map<std::pair<std::string, std::int32_t>, std::shared_ptr<const LoadedFrame>> frames_;

@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -19,6 +20,7 @@
 #include "worker/accel/kernels/thread_counts.h"
 #include "worker/accel/layout/isa.h"
 #include "worker/gltf/file/limits.h"
+#include "worker/gltf/file/memory_budget.h"
 #include "worker/ipc/message_socket.h"
 #include "worker/render/float_control.h"
 #include "worker/render/numerics/numerics_check.h"
@@ -41,10 +43,10 @@ constexpr rlim_t kMaxFileBytes = render::kMaxAllImageBytes * 2;
 
 class Renderer {
  public:
-  explicit Renderer(const RendererOptions& options)
+  Renderer(const RendererOptions& options, std::uint64_t memory_bytes)
       : options_(options),
         socket_(Descriptor(options.fd)),
-        frames_(options.isa, options.texel_bytes),
+        frames_(options.isa, {options.texel_bytes, memory_bytes}),
         pool_(options.thread_count) {}
 
   int run() {
@@ -186,13 +188,14 @@ int run_renderer(const RendererOptions& options) {
     const rlimit limit{bytes, bytes};
     ::setrlimit(RLIMIT_DATA, &limit);  // file mappings do not count
   }
+  const std::uint64_t memory = render::machine_memory_bytes();  // reads files
   const rlimit file_limit{kMaxFileBytes, kMaxFileBytes};
   ::setrlimit(RLIMIT_FSIZE, &file_limit);
   if (const absl::Status confined = enter_sandbox(); !confined.ok()) {
     std::fprintf(stderr, "warning: the renderer runs without a seccomp sandbox: %s\n",
                  std::string(confined.message()).c_str());
   }
-  return Renderer(options).run();
+  return Renderer(options, memory).run();
 }
 
 }  // namespace tessera::agent

@@ -18,32 +18,33 @@ constexpr std::int64_t kLightBytesPerTriangle = 700;   // emissive triangles, pe
 constexpr std::int64_t kLightBytesPerTexel = 12;       // of emissive textures
 constexpr std::int64_t kLightBytesPerEnvironmentTexel = 8;
 
+constexpr std::uint64_t kNoFeature = 0;
+
 template <typename Array>
 std::int64_t bytes_in(const Array& v) {
   return static_cast<std::int64_t>(v.size() * sizeof(*v.data()));
 }
 
-std::int64_t bytes_of_primitive(const Primitive& p) {
-  return bytes_in(p.positions) + bytes_in(p.triangles) + bytes_in(p.normals) +
-         bytes_in(p.tangents) + bytes_in(p.uv[0]) + bytes_in(p.uv[1]) + bytes_in(p.colors);
-}
-
-std::uint32_t texture_features(const TextureRef& ref) {
+std::uint64_t texture_features(const TextureRef& ref) {
   if (!ref) return 0;
-  return kFeatureTextures | (ref.has_transform ? kFeatureTextureTransforms : 0u) |
-         (ref.uv_set == 1 ? kFeatureSecondUvSet : 0u);
+  return kFeatureTextures | (ref.has_transform ? kFeatureTextureTransforms : kNoFeature) |
+         (ref.uv_set == 1 ? kFeatureSecondUvSet : kNoFeature);
 }
 
 bool emits(const Material& m) {
   return !m.unlit && max_component(m.emission) > 0;
 }
 
+bool glows(const Medium& m) {
+  return max_component(m.emission) > 0;
+}
+
 bool is_solid_glass(const Material& m) {
   return m.transmission > 0 && m.has_volume;
 }
 
-std::uint32_t material_features(const Material& m) {
-  std::uint32_t f = 0;
+std::uint64_t material_features(const Material& m) {
+  std::uint64_t f = 0;
   for (const TextureRef* ref : texture_refs(m)) f |= texture_features(*ref);
   if (m.normal_texture || m.clearcoat.normal_texture) f |= kFeatureNormalMaps;
   if (m.alpha_mode == AlphaMode::mask) f |= kFeatureAlphaMask;
@@ -65,14 +66,15 @@ std::uint32_t material_features(const Material& m) {
     f |= kFeatureOptics;
   }
   if (m.medium || m.optics.has_priority) f |= kFeatureMedia;
+  if (m.medium && glows(*m.medium)) f |= kFeatureEmissiveMedia;
   if (m.diffuse_transmission.factor > 0) {
-    f |= kFeatureDiffuseTransmission | (m.has_volume ? kFeatureVolumes : 0u);
+    f |= kFeatureDiffuseTransmission | (m.has_volume ? kFeatureVolumes : kNoFeature);
   }
   return f;
 }
 
-std::uint32_t scene_features(const Scene& scene) {
-  std::uint32_t f = 0;
+std::uint64_t scene_features(const Scene& scene) {
+  std::uint64_t f = 0;
   if (!scene.lights.empty()) f |= kFeaturePunctualLights;
   if (scene.has_environment) {
     f |= scene.environment.image == kNone ? kFeatureConstantEnvironment : kFeatureEnvironmentMap;
@@ -84,6 +86,7 @@ std::uint32_t scene_features(const Scene& scene) {
   if (scene.camera.lens.radius > 0) f |= kFeatureLens;
   if (!scene.procedural_textures.empty()) f |= kFeatureProceduralTextures;
   if (scene.atmosphere) f |= kFeatureMedia;
+  if (scene.atmosphere && glows(scene.atmosphere->medium)) f |= kFeatureEmissiveMedia;
   if (!scene.key_times.empty() || !scene.camera.keys.empty()) f |= kFeatureMotion;
   return f;
 }
@@ -109,6 +112,11 @@ std::int64_t light_table_bytes(const Scene& scene, const std::vector<bool>& used
 
 }  // namespace
 
+std::int64_t geometry_bytes(const Primitive& p) {
+  return bytes_in(p.positions) + bytes_in(p.triangles) + bytes_in(p.normals) +
+         bytes_in(p.tangents) + bytes_in(p.uv[0]) + bytes_in(p.uv[1]) + bytes_in(p.colors);
+}
+
 SceneFeatures features_of(const Scene& scene) {
   SceneFeatures result;
   result.features = scene_features(scene);
@@ -125,18 +133,20 @@ SceneFeatures features_of(const Scene& scene) {
       if (surface) result.features |= material_features(material);
       if (!p.colors.empty()) result.features |= kFeatureVertexColors;
       result.vertices += static_cast<std::int64_t>(p.positions.size());
-      result.geometry_bytes += bytes_of_primitive(p);
+      result.geometry_bytes += geometry_bytes(p);
       ++result.primitives;
     }
     result.triangles += triangles[i];
     for (const SharedArray<Primitive>& key : scene.meshes[i].keys) {
-      for (const Primitive& p : key) result.geometry_bytes += bytes_of_primitive(p);
+      for (const Primitive& p : key) result.geometry_bytes += geometry_bytes(p);
     }
     if (!scene.meshes[i].keys.empty()) {  // one tree per motion segment, which bounds both ends
       result.acceleration_bytes += static_cast<std::int64_t>(scene.meshes[i].keys.size() - 1) *
                                    triangles[i] * kMovingBytesPerTriangle;
     }
-    if (scene.meshes[i].shape != nullptr) result.features |= kFeatureShapes;
+    if (const Shape* shape = scene.meshes[i].shape.get(); shape != nullptr) {
+      result.features |= kFeatureShapes | (shape->bounded() ? kNoFeature : kFeaturePlanes);
+    }
   }
   for (const Instance& instance : scene.instances) {
     result.instanced_triangles += triangles[instance.mesh];
@@ -165,7 +175,7 @@ SceneFeatures features_of(const Scene& scene) {
   return result;
 }
 
-std::vector<std::string> feature_names(std::uint32_t features) {
+std::vector<std::string> feature_names(std::uint64_t features) {
   static constexpr const char* kNames[] = {"textures",
                                            "normal-maps",
                                            "texture-transforms",
@@ -197,7 +207,9 @@ std::vector<std::string> feature_names(std::uint32_t features) {
                                            "csg",
                                            "exact-optics",
                                            "media",
-                                           "motion"};
+                                           "motion",
+                                           "emissive-media",
+                                           "planes"};
   std::vector<std::string> out;
   for (std::size_t bit = 0; bit < std::size(kNames); ++bit) {
     if ((features >> bit & 1) != 0) out.emplace_back(kNames[bit]);

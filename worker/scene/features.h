@@ -10,39 +10,41 @@ namespace tessera::render {
 
 /// Features that a posed scene uses; bits of SceneFeatures::features. A scene pays only for the
 /// features it uses (docs/explanation/performance.md#features-cost-only-when-used).
-enum Feature : std::uint32_t {
-  kFeatureTextures = 1u << 0,
-  kFeatureNormalMaps = 1u << 1,
-  kFeatureTextureTransforms = 1u << 2,
-  kFeatureSecondUvSet = 1u << 3,
-  kFeatureVertexColors = 1u << 4,
-  kFeatureAlphaMask = 1u << 5,
-  kFeatureAlphaBlend = 1u << 6,
-  kFeatureUnlit = 1u << 7,
-  kFeatureSpecularGlossiness = 1u << 8,
-  kFeatureSpecular = 1u << 9,
-  kFeatureThinTransmission = 1u << 10,
-  kFeatureVolumes = 1u << 11,
-  kFeatureEmissiveTriangles = 1u << 12,
-  kFeaturePunctualLights = 1u << 13,
-  kFeatureEnvironmentMap = 1u << 14,
-  kFeatureConstantEnvironment = 1u << 15,
-  kFeatureInstances = 1u << 16,  // some mesh is placed more than once
-  kFeatureOrthographicCamera = 1u << 17,
-  kFeatureClearcoat = 1u << 18,
-  kFeatureAnisotropy = 1u << 19,
-  kFeatureSheen = 1u << 20,
-  kFeatureDispersion = 1u << 21,
-  kFeatureIridescence = 1u << 22,
-  kFeatureDiffuseTransmission = 1u << 23,
-  kFeatureCurvedProjection = 1u << 24,
-  kFeatureLens = 1u << 25,
-  kFeatureProceduralTextures = 1u << 26,
-  kFeatureShapes = 1u << 27,
-  kFeatureCsg = 1u << 28,
-  kFeatureOptics = 1u << 29,
-  kFeatureMedia = 1u << 30,   // media, also emissive, or priorities: paths keep a medium stack
-  kFeatureMotion = 1u << 31,  // something moves during the exposure
+enum Feature : std::uint64_t {
+  kFeatureTextures = 1ull << 0,
+  kFeatureNormalMaps = 1ull << 1,
+  kFeatureTextureTransforms = 1ull << 2,
+  kFeatureSecondUvSet = 1ull << 3,
+  kFeatureVertexColors = 1ull << 4,
+  kFeatureAlphaMask = 1ull << 5,
+  kFeatureAlphaBlend = 1ull << 6,
+  kFeatureUnlit = 1ull << 7,
+  kFeatureSpecularGlossiness = 1ull << 8,
+  kFeatureSpecular = 1ull << 9,
+  kFeatureThinTransmission = 1ull << 10,
+  kFeatureVolumes = 1ull << 11,
+  kFeatureEmissiveTriangles = 1ull << 12,
+  kFeaturePunctualLights = 1ull << 13,
+  kFeatureEnvironmentMap = 1ull << 14,
+  kFeatureConstantEnvironment = 1ull << 15,
+  kFeatureInstances = 1ull << 16,  // some mesh is placed more than once
+  kFeatureOrthographicCamera = 1ull << 17,
+  kFeatureClearcoat = 1ull << 18,
+  kFeatureAnisotropy = 1ull << 19,
+  kFeatureSheen = 1ull << 20,
+  kFeatureDispersion = 1ull << 21,
+  kFeatureIridescence = 1ull << 22,
+  kFeatureDiffuseTransmission = 1ull << 23,
+  kFeatureCurvedProjection = 1ull << 24,
+  kFeatureLens = 1ull << 25,
+  kFeatureProceduralTextures = 1ull << 26,
+  kFeatureShapes = 1ull << 27,
+  kFeatureCsg = 1ull << 28,
+  kFeatureOptics = 1ull << 29,
+  kFeatureMedia = 1ull << 30,          // media or priorities: paths keep a medium stack
+  kFeatureMotion = 1ull << 31,         // something moves during the exposure
+  kFeatureEmissiveMedia = 1ull << 32,  // some medium glows
+  kFeaturePlanes = 1ull << 33,         // some shape is an infinite plane
 };
 
 /// Resident memory of a renderer before it loads a scene, measured.
@@ -52,7 +54,7 @@ inline constexpr std::int64_t kProcessBytes = 13'000'000;
 /// loaded, reached while it builds its tables. Sizes of arrays in the scene are exact, all others
 /// are estimates.
 struct SceneFeatures {
-  std::uint32_t features = 0;
+  std::uint64_t features = 0;
   std::int64_t triangles = 0;            // stored
   std::int64_t instanced_triangles = 0;  // counted once per instance
   std::int64_t vertices = 0, meshes = 0, primitives = 0, instances = 0;
@@ -67,10 +69,13 @@ struct SceneFeatures {
   }
 };
 
+/// Size of the arrays of a primitive, bytes.
+std::int64_t geometry_bytes(const Primitive& primitive);
+
 /// Determines the features and sizes of `scene`.
 SceneFeatures features_of(const Scene& scene);
 
 /// Names of the bits set in `features`, in ascending order ("textures", "alpha-mask", ...).
-std::vector<std::string> feature_names(std::uint32_t features);
+std::vector<std::string> feature_names(std::uint64_t features);
 
 }  // namespace tessera::render

@@ -16,6 +16,19 @@ struct Projected {
   double x, y, depth;
 };
 
+struct Point {
+  double x, y;
+};
+
+/// Twice the area of the triangle (a, b, p). The two triangles at an edge compute the same number
+/// with opposite signs, so that no pixel centre on the edge is left out.
+double edge(const Point& a, const Point& b, const Point& p) {
+  const bool swapped = b.x < a.x || (b.x == a.x && b.y < a.y);
+  const Point &from = swapped ? b : a, &to = swapped ? a : b;
+  const double area = (to.x - from.x) * (p.y - from.y) - (to.y - from.y) * (p.x - from.x);
+  return swapped ? -area : area;
+}
+
 class Rasteriser {
  public:
   Rasteriser(const BenchScene& bench, int side)
@@ -54,25 +67,26 @@ class Rasteriser {
 
   /// Rasterises a triangle by edge functions; 1 / depth is linear in image space.
   void fill(const Projected& a, const Projected& b, const Projected& c, const TriangleId& id) {
-    const double ax = a.x / a.depth, ay = a.y / a.depth, bx = b.x / b.depth, by = b.y / b.depth,
-                 cx = c.x / c.depth, cy = c.y / c.depth;
-    const double area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax);
+    const Point at_a = {a.x / a.depth, a.y / a.depth}, at_b = {b.x / b.depth, b.y / b.depth},
+                at_c = {c.x / c.depth, c.y / c.depth};
+    const double area = edge(at_a, at_b, at_c);
     if (!(std::fabs(area) > 0)) return;
+    const double side = area > 0 ? 1 : -1;
     const auto pixel = [&](double x) {
       return static_cast<int>(clamp(std::floor(x), 0.0, static_cast<double>(side_ - 1)));
     };
-    const int x0 = pixel(std::min({ax, bx, cx})), x1 = pixel(std::max({ax, bx, cx}));
-    const int y0 = pixel(std::min({ay, by, cy})), y1 = pixel(std::max({ay, by, cy}));
+    const int x0 = pixel(std::min({at_a.x, at_b.x, at_c.x}));
+    const int x1 = pixel(std::max({at_a.x, at_b.x, at_c.x}));
+    const int y0 = pixel(std::min({at_a.y, at_b.y, at_c.y}));
+    const int y1 = pixel(std::max({at_a.y, at_b.y, at_c.y}));
     for (int y = y0; y <= y1; ++y) {
-      const double py = y + 0.5;
       for (int x = x0; x <= x1; ++x) {
-        const double px = x + 0.5;
-        const double u = ((cx - bx) * (py - by) - (cy - by) * (px - bx)) / area;
-        const double v = ((ax - cx) * (py - cy) - (ay - cy) * (px - cx)) / area;
-        const double w = 1 - u - v;
+        const Point p = {x + 0.5, y + 0.5};
+        const double u = side * edge(at_b, at_c, p), v = side * edge(at_c, at_a, p),
+                     w = side * edge(at_a, at_b, p);
         if (!(u >= 0 && v >= 0 && w >= 0)) continue;
         ++out_.fragments;
-        const double nearness = u / a.depth + v / b.depth + w / c.depth;
+        const double nearness = (u / a.depth + v / b.depth + w / c.depth) / (side * area);
         const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(side_) +
                         static_cast<std::size_t>(x);
         if (!(nearness > nearest_[at])) continue;

@@ -25,7 +25,7 @@ using render::Scene;
 using render::ShadingScene;
 
 /// Features whose absence selects specialised code with the same bits.
-constexpr std::uint32_t kChoices[] = {
+constexpr std::uint64_t kChoices[] = {
     render::kFeatureTextures,
     render::kFeatureTextureTransforms,
     render::kFeatureVertexColors,
@@ -41,11 +41,12 @@ constexpr std::uint32_t kChoices[] = {
     render::kFeatureCsg,
     render::kFeatureMedia,
     render::kFeatureMotion,
+    render::kFeatureEmissiveMedia,
 };
 
-std::uint32_t all_choices() {
-  std::uint32_t all = 0;
-  for (const std::uint32_t feature : kChoices) all |= feature;
+std::uint64_t all_choices() {
+  std::uint64_t all = 0;
+  for (const std::uint64_t feature : kChoices) all |= feature;
   return all;
 }
 
@@ -82,7 +83,7 @@ Scene scene_named(const std::string& name) {
 }
 
 /// Film blocks of all passes.
-std::vector<FilmBlock> blocks_of(Scene scene, Isa isa, std::uint32_t assumed) {
+std::vector<FilmBlock> blocks_of(Scene scene, Isa isa, std::uint64_t assumed) {
   const render::TraceOptions tracing = assume(assumed, &scene, isa);
   const auto renderer = render::FrameRenderer::create(std::move(scene), settings(), 0,
                                                       render::sequential(), nullptr, tracing);
@@ -96,14 +97,14 @@ std::vector<FilmBlock> blocks_of(Scene scene, Isa isa, std::uint32_t assumed) {
 }
 
 /// Expects the same bits from renders with each set of assumed features.
-void expect_same_bits(const Scene& scene, const std::vector<std::uint32_t>& assumed) {
+void expect_same_bits(const Scene& scene, const std::vector<std::uint64_t>& assumed) {
   const std::vector<FilmBlock> special = blocks_of(scene, Isa::avx2, 0);
   double light = 0;
   for (const auto value : special[0].rgb) light += static_cast<double>(value);
   EXPECT_GT(light, 0);
   for (const Isa isa : {Isa::avx2, Isa::avx512}) {
     if (!render::is_supported(isa)) continue;
-    for (const std::uint32_t features : assumed) {
+    for (const std::uint64_t features : assumed) {
       EXPECT_TRUE(blocks_of(scene, isa, features) == special)
           << isa_name(isa) << ", from " << render::feature_names(features).front() << " on";
     }
@@ -113,7 +114,7 @@ void expect_same_bits(const Scene& scene, const std::vector<std::uint32_t>& assu
 class GeneralPath : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(GeneralPath, MatchesSpecialisedBits) {
-  std::vector<std::uint32_t> each(std::begin(kChoices), std::end(kChoices));
+  std::vector<std::uint64_t> each(std::begin(kChoices), std::end(kChoices));
   each.push_back(all_choices());
   expect_same_bits(scene_named(GetParam()), each);
 }
@@ -128,7 +129,7 @@ TEST(AssumedFeatures, MaterialBitsAreUnchanged) {
 }
 
 /// Returns whether a frame of the scene is prepared for the feature.
-bool is_ready_for(std::uint32_t feature, Scene scene, std::uint32_t assumed) {
+bool is_ready_for(std::uint64_t feature, Scene scene, std::uint64_t assumed) {
   const render::TraceOptions tracing = assume(assumed, &scene);
   const ShadingScene shading(scene, assumed);
   const render::SceneAccel accel(scene, render::sequential(), tracing);
@@ -154,6 +155,8 @@ bool is_ready_for(std::uint32_t feature, Scene scene, std::uint32_t assumed) {
       return shading.tracks_footprints;
     case render::kFeatureMedia:
       return shading.tracks_bodies;
+    case render::kFeatureEmissiveMedia:
+      return shading.has_emissive_media;
     case render::kFeatureShapes:
     case render::kFeatureCsg:
       return any_of(shading.instances, [](const auto& i) { return i.solid; }) &&
@@ -168,7 +171,7 @@ bool is_ready_for(std::uint32_t feature, Scene scene, std::uint32_t assumed) {
 
 // Without this test, the tests above would pass even if assumed features had no effect.
 TEST(AssumedFeatures, FrameEnablesAssumedFeature) {
-  for (const std::uint32_t feature : kChoices) {
+  for (const std::uint64_t feature : kChoices) {
     if (feature == render::kFeatureInstances) continue;  // only ray queries depend on it
     const std::string name = render::feature_names(feature).front();
     const bool of_textures = feature == render::kFeatureTextureTransforms;

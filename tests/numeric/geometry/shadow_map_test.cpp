@@ -17,6 +17,12 @@ void add_light(Scene& scene, const Vec3d& at) {
   scene.bounds_max = {9, 9, 9};
 }
 
+void add_sun(Scene& scene, const Vec3f& direction) {
+  add_light(scene, {0, 0, 0});
+  scene.lights.back().kind = PunctualLight::Kind::directional;
+  scene.lights.back().direction = normalize(direction);
+}
+
 struct Counts {
   int visible = 0, occluded = 0, unknown = 0, wrong = 0;
 };
@@ -28,17 +34,19 @@ Counts compare(const Scene& scene, int rays) {
   Dice dice(21);
   Counts counts;
   for (int i = 0; i < rays; ++i) {
-    const Vec3f light(
-        scene.lights[dice.below(static_cast<std::uint32_t>(scene.lights.size()))].position);
+    const PunctualLight& light =
+        scene.lights[dice.below(static_cast<std::uint32_t>(scene.lights.size()))];
+    const bool sun = light.kind == PunctualLight::Kind::directional;
     Ray ray{dice.vector() * 4.0f, {}};
     Hit hit;
-    Ray probe{light, dice.vector()};
+    Ray probe{Vec3f(light.position), dice.vector()};
+    if (sun) probe = {dice.vector() * 4.0f - light.direction * 20.0f, light.direction};
     if (i % 2 == 0 && accel.closest_hit(probe, hit)) {  // the surface that the light sees
-      ray.origin = light + probe.direction * hit.t;
+      ray.origin = probe.origin + probe.direction * hit.t;
       ray.origin_triangle = hit.id;
     }
-    ray.direction = light - ray.origin;
-    ray.t_max = 0.9999f;
+    ray.direction = sun ? -light.direction : probe.origin - ray.origin;
+    if (!sun) ray.t_max = 0.9999f;
     const bool blocked = accel.any_hit(ray);
     switch (map.answer(ray)) {
       case ShadowMap::Answer::visible:
@@ -81,6 +89,21 @@ TEST(ShadowMap, TurnedInstancesAgree) {
   const Counts counts = compare(scene, 40'000);
   EXPECT_EQ(counts.wrong, 0);
   EXPECT_GT(counts.visible + counts.occluded, 4'000);
+}
+
+TEST(ShadowMap, SunsAgree) {
+  Dice dice(23);
+  Scene scene = scene_of({soup(60, dice), quad({-8, -8, -2}, {16, 0, 0}, {0, 16, 0}),
+                          quad({-1, -1, 1}, {2, 0, 0}, {0, 2, 0})});
+  for (int i = 0; i < 3; ++i) {
+    place(scene, 0, random_placement(dice, 0.1, Vec3d(dice.vector() * 4.0f), i == 0));
+  }
+  add_sun(scene, {0, 0, -1});
+  add_sun(scene, {0.5f, -0.25f, -1});
+  const Counts counts = compare(scene, 40'000);
+  EXPECT_EQ(counts.wrong, 0);
+  EXPECT_GT(counts.visible, 4'000);
+  EXPECT_GT(counts.occluded, 2'000);
 }
 
 TEST(ShadowMap, LightOnATriangleDecidesNothing) {

@@ -16,16 +16,26 @@ double norm(const Affine3d& m) {
                        dot(absolute(m.rows[2]), one)});
 }
 
-/// Returns the world-space box of the corners of an object-space box.
-Box3d transform_box(const Affine3d& m, const Box3f& box) {
-  Box3d world;
+/// Extends a world-space box by the corners of an object-space box.
+void extend_by(Box3d& world, const Affine3d& m, const Box3f& box) {
   for (int corner = 0; corner < 8; ++corner) {
     const Vec3d p = {(corner & 1) != 0 ? box.hi.x : box.lo.x,
                      (corner & 2) != 0 ? box.hi.y : box.lo.y,
                      (corner & 4) != 0 ? box.hi.z : box.lo.z};
     world.extend(transform_point(m, p));
   }
-  return world;
+}
+
+/// Object-space bounds of a mesh: a box, or several.
+struct MeshBounds {
+  const Box3f& box;
+  std::span<const Box3f> parts;
+};
+
+/// Extends a world-space box by a mesh, where `m` places it.
+void extend_by(Box3d& world, const Affine3d& m, const MeshBounds& mesh) {
+  if (mesh.parts.empty()) extend_by(world, m, mesh.box);
+  for (const Box3f& part : mesh.parts) extend_by(world, m, part);
 }
 
 double reach(const Box3d& box) {
@@ -80,9 +90,9 @@ PoseBounds bounds_between(const Affine3d& f, const Affine3d& g) {
 ///
 /// Let W and F be the world-to-object and object-to-world transforms, u = 2^-24, and D the largest
 /// component of (box plane - object-space origin): D <= |W| origin + |t_W| + |box|.
-/// - A hit at t lies, per axis, within D (2^-20 + 2^-21 + 8 u) < D 2^-19 of the mesh's box: t is
-///   clamped to the triangle's [enter, leave], where leave is widened (enter_leave()), and each
-///   slab distance has three roundings.
+/// - A hit at t lies, per axis, within D (2^-20 + 2^-21 + 8 u) < D 2^-19 of the triangle's box, and
+///   so of the mesh's box or part that contains it: t is clamped to the triangle's [enter, leave],
+///   where leave is widened (enter_leave()), and each slab distance has three roundings.
 /// - Rounding to float gives the object-space ray an error of u |o'| <= u (D + |box|) at its origin
 ///   and of u D at t. The double arithmetic before adds 2^-50 (|W| origin + |t_W|) and, since
 ///   |t d| <= |F| D in the world, 2^-50 |W||F| D. W F differs from the identity by rounding, which
@@ -204,12 +214,15 @@ void separate_unbounded(InstanceBoxes& out) {
 
 /// Returns the world box of an instance: at the frame's time if it does not move, else over the
 /// keyframes from `first` to `last`.
-Box3d world_box(const Scene& scene, const Instance& instance, const Box3f& mesh, std::size_t first,
-                std::size_t last) {
-  if (instance.motion == kNone) return transform_box(instance.object_to_world, mesh);
-  const auto& motion = scene.motions[static_cast<std::size_t>(instance.motion)];
+Box3d world_box(const Scene& scene, const Instance& instance, const MeshBounds& mesh,
+                std::size_t first, std::size_t last) {
   Box3d box;
-  for (std::size_t k = first; k <= last; ++k) box.extend(transform_box(motion[k], mesh));
+  if (instance.motion == kNone) {
+    extend_by(box, instance.object_to_world, mesh);
+    return box;
+  }
+  const auto& motion = scene.motions[static_cast<std::size_t>(instance.motion)];
+  for (std::size_t k = first; k <= last; ++k) extend_by(box, motion[k], mesh);
   return box;
 }
 
@@ -229,7 +242,8 @@ std::vector<bool> moving_instances(const Scene& scene) {
 }
 
 InstanceBoxes bound_instances(const Scene& scene, std::span<const Box3f> meshes,
-                              const InstanceSelection& choice) {
+                              const InstanceSelection& choice,
+                              std::span<const std::vector<Box3f>> parts) {
   const std::size_t first = choice.segment.value_or(0);
   const std::size_t last = choice.segment ? first + 1 : scene.key_times.size() - 1;
   // Rays start at the camera, or on or close to instances.
@@ -243,11 +257,13 @@ InstanceBoxes bound_instances(const Scene& scene, std::span<const Box3f> meshes,
   std::vector<Box3d> worlds;
   for (std::size_t i = 0; i < scene.instances.size(); ++i) {
     const Instance& instance = scene.instances[i];
-    const Box3f& mesh = meshes[static_cast<std::size_t>(instance.mesh)];
+    const auto number = static_cast<std::size_t>(instance.mesh);
+    const Box3f& mesh = meshes[number];
     if (mesh.empty()) continue;
     Box3d world;
     if (is_bounded(mesh)) {
-      world = world_box(scene, instance, mesh, first, last);
+      const MeshBounds bounds = {mesh, parts.empty() ? std::span<const Box3f>() : parts[number]};
+      world = world_box(scene, instance, bounds, first, last);
       origin = std::max(origin, reach(world));
     } else {
       planes = true;

@@ -30,8 +30,13 @@ struct InstanceSelection {
 /// scene's meshes during the selected interval, empty for those that cannot be hit. Boxes are
 /// padded so that every ray that hits a mesh in object space meets its box. A mesh with the
 /// identity as its transform needs no padding, unlike a shape, whose hits are not clamped to a box.
+///
+/// `parts`, if given, are boxes within those of the meshes, of which one or the other contains each
+/// triangle; none for a mesh that has only its own. The box of a turned instance is that of its
+/// turned parts, which is smaller than that of the turned box.
 InstanceBoxes bound_instances(const Scene& scene, std::span<const Box3f> meshes,
-                              const InstanceSelection& choice = {});
+                              const InstanceSelection& choice = {},
+                              std::span<const std::vector<Box3f>> parts = {});
 
 /// Returns for each instance whether it, its mesh or an operand of its CSG solid moves during the
 /// exposure.

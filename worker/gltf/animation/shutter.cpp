@@ -206,6 +206,12 @@ class MotionBuilder {
           absl::StrCat("the poses of deforming meshes during the exposure exceed ",
                        kMaxGeometryBytes, " bytes; shorten the exposure"));
     }
+    if (bytes_ > shutter_.memory_bytes) {
+      return absl::ResourceExhaustedError(absl::StrCat(
+          "animations: the poses of deforming meshes during the exposure exceed the ",
+          shutter_.memory_bytes,
+          " bytes of memory; shorten the exposure, or give the scene a machine with more memory"));
+    }
     keys_[time] = *std::move(posed);
     return absl::OkStatus();
   }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <vector>
 
@@ -17,6 +18,7 @@ struct ShutterInterval {
   std::vector<AnimationKey> changes;  // animation keys in between, sorted
   /// Returns the scene at a time, with the centre of the frame's own time.
   std::function<absl::StatusOr<Scene>(double seconds)> pose;
+  std::uint64_t memory_bytes = UINT64_MAX;  // that the poses may take
 };
 
 /// Adds the motion during the exposure to `scene`: Scene::key_times and motions, and keys of
@@ -29,7 +31,8 @@ struct ShutterInterval {
 /// (1 - s) (a + b s) known at 1/4 and 3/4, |e| <= 4/3 max in [0, 1]. At kMaxKeys keys it stops with
 /// a warning. A jump (STEP) is two keys with no representable ray time in between.
 ///
-/// Errors: InvalidArgument if a pose fails or the keys need too much memory.
+/// Errors: those of a pose; InvalidArgument or, if only this machine has too little memory for the
+/// keys, ResourceExhausted.
 absl::Status add_motion(const ShutterInterval& exposure, Scene& scene,
                         std::vector<Problem>& problems);
 

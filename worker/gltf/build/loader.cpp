@@ -157,6 +157,7 @@ class LoadedScene final : public SceneFile {
     shutter.open = input.seconds + camera.shutter_open;
     shutter.close = input.seconds + camera.shutter_close;
     shutter.changes = animation_keys(input.model, animations, shutter.open, shutter.close);
+    shutter.memory_bytes = input.reader.memory_bytes();
     input.center = scene.center;
     shutter.pose = [&](double seconds) -> absl::StatusOr<Scene> {
       input.seconds = seconds;
@@ -226,7 +227,7 @@ class LoadedScene final : public SceneFile {
   absl::Status read_environment(const contract::RenderSettings& settings, ResourceReader& reader) {
     const auto file = reader.read(settings.environment);
     if (!file.ok()) return in_file(settings.environment, file.status());
-    auto environment = decode_environment(*file, settings.environment);
+    auto environment = decode_environment(*file, settings.environment, reader.memory_bytes());
     if (!environment.ok()) return in_file(settings.environment, environment.status());
     environment_ = *std::move(environment);
     has_environment_ = true;

@@ -22,7 +22,9 @@
 #include "worker/gltf/decode/accessor_reader.h"
 #include "worker/gltf/decode/geometry_reader.h"
 #include "worker/gltf/file/limits.h"
+#include "worker/gltf/file/memory_budget.h"
 #include "worker/gltf/model/hierarchy.h"
+#include "worker/scene/features.h"
 #include "worker/scene/texture_refs.h"
 #include "worker/scene/volumes.h"
 
@@ -50,7 +52,13 @@ PosedBox transformed(const Affine3d& m, const PosedBox& box) {
 class SceneBuilder {
  public:
   SceneBuilder(const PoseInput& input, PoseCache& cache, std::vector<Problem>& problems)
-      : model_(input.model), input_(input), cache_(cache), problems_(problems) {}
+      : model_(input.model),
+        input_(input),
+        cache_(cache),
+        problems_(problems),
+        memory_(input.reader.memory_bytes()) {
+    if (input.environment != nullptr) memory_.take(4 * input.environment->f32.size());
+  }
 
   absl::StatusOr<PosedScene> build() {
     absl::Status status = pose_nodes();
@@ -66,7 +74,8 @@ class SceneBuilder {
     }
     if (status.ok()) status = recenter();
     if (status.ok()) {
-      status = add_textures({model_, input_.reader, used_, cache_, next_cache_}, scene_, problems_);
+      status = add_textures({model_, input_.reader, used_, cache_, next_cache_, memory_}, scene_,
+                            problems_);
     }
     if (!status.ok()) return status;
     for (Problem& problem : unused_part_warnings(model_)) problems_.push_back(std::move(problem));
@@ -173,18 +182,21 @@ class SceneBuilder {
     return usage;
   }
 
-  /// Adds the decoded size of a primitive. Errors: InvalidArgument if the scene becomes too large.
+  /// Adds the decoded size of a primitive. Errors: InvalidArgument if the scene becomes too large,
+  /// ResourceExhausted if the primitive does not fit into the memory.
   absl::Status count_bytes(const GltfPrimitive& primitive, std::int32_t mesh) {
-    if (primitive.indices != kNone) geometry_bytes_ += decoded_bytes(model_, primitive.indices);
+    std::uint64_t bytes = 0;
+    if (primitive.indices != kNone) bytes += decoded_bytes(model_, primitive.indices);
     for (const auto& [name, accessor] : primitive.attributes) {
-      geometry_bytes_ += decoded_bytes(model_, accessor);
+      bytes += decoded_bytes(model_, accessor);
     }
     for (const Attributes& target : primitive.targets) {
-      for (const auto& [name, accessor] : target) {
-        geometry_bytes_ += decoded_bytes(model_, accessor);
-      }
+      for (const auto& [name, accessor] : target) bytes += decoded_bytes(model_, accessor);
     }
-    if (geometry_bytes_ <= kMaxGeometryBytes) return absl::OkStatus();
+    geometry_bytes_ += bytes;
+    if (geometry_bytes_ <= kMaxGeometryBytes) {
+      return memory_.check(absl::StrCat("meshes[", mesh, "]"), bytes);
+    }
     return absl::InvalidArgumentError(absl::StrCat("meshes[", mesh,
                                                    "]: the scene's meshes decode to more than ",
                                                    kMaxGeometryBytes, " bytes"));
@@ -234,11 +246,13 @@ class SceneBuilder {
         posed.positions[v] = Vec3f(skinned_primitive->world_positions[v]);
       }
       skinned->worlds.push_back(std::move(skinned_primitive->world_positions));
+      memory_.take(skinned->worlds.back().size() * sizeof(Vec3d));
     }
     if (const std::size_t gone = drop_invalid_triangles(posed); gone > 0) {
       warn(where, absl::StrCat(gone, " triangles exceed the range of float after posing; skipped"));
     }
     posed.material = material_of(source);
+    memory_.take(static_cast<std::uint64_t>(geometry_bytes(posed)));
     return std::optional<Primitive>(std::move(posed));
   }
 
@@ -496,6 +510,7 @@ class SceneBuilder {
   std::vector<bool> in_solid_;     // by node
   PosedBox bounds_, flat_bounds_;  // of instances that are not flat, and that are
   std::uint64_t geometry_bytes_ = 0;
+  MemoryBudget memory_;
 };
 
 }  // namespace

@@ -31,7 +31,8 @@ struct PosedScene {
 
 /// Builds the scene at one time. Reuses entries of `cache`, left by any earlier pose of the same
 /// file, and replaces them by those it used. Appends warnings and notes to `problems`, except those
-/// already given for cached data. Errors: InvalidArgument "ELEMENT: FAULT".
+/// already given for cached data. Errors: InvalidArgument or, beyond the memory, ResourceExhausted,
+/// "ELEMENT: FAULT".
 absl::StatusOr<PosedScene> build_scene(const PoseInput& input, PoseCache& cache,
                                        std::vector<Problem>& problems);
 

@@ -97,7 +97,10 @@ class TextureBuilder {
   absl::Status spill(SharedArray<T>& texels) {
     auto spilled = input_.reader.spill(std::as_bytes(std::span(texels.data(), texels.size())));
     if (!spilled.ok()) return spilled.status();
-    if (*spilled == nullptr) return absl::OkStatus();
+    if (*spilled == nullptr) {
+      input_.memory.take(texels.size() * sizeof(T));
+      return absl::OkStatus();
+    }
     const auto* const first = reinterpret_cast<const T*>(spilled->get());
     texels = SharedArray<T>(*std::move(spilled), first, texels.size());
     return absl::OkStatus();
@@ -118,7 +121,7 @@ class TextureBuilder {
     if (const auto before = input_.cache.images.find(index); before != input_.cache.images.end()) {
       image = before->second;
     } else {
-      auto decoded = decode_image(source.bytes, source.name);
+      auto decoded = decode_image(source.bytes, source.name, input_.memory.left());
       absl::Status status = decoded.ok() ? store_texels(*decoded) : decoded.status();
       if (!status.ok()) {
         return absl::Status(status.code(), absl::StrCat(source.name, ": ", status.message()));

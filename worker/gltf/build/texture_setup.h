@@ -4,6 +4,7 @@
 
 #include "absl/status/status.h"
 #include "worker/gltf/animation/pose_cache.h"
+#include "worker/gltf/file/memory_budget.h"
 #include "worker/gltf/file/resource_reader.h"
 #include "worker/gltf/model/gltf_model.h"
 #include "worker/scene/problem.h"
@@ -18,11 +19,13 @@ struct TextureInput {
   const std::vector<bool>& used;  // by material
   const PoseCache& cache;         // of the previous pose
   PoseCache& next_cache;          // receives the images
+  MemoryBudget& memory;           // of the scene
 };
 
 /// Sets Scene::textures, images and procedural_textures. Decodes each image that a used material
 /// reads, once, and copies each procedural texture that it uses; clears all other references.
-/// Errors: InvalidArgument if an image cannot be decoded or all together are too large.
+/// Errors: InvalidArgument if an image cannot be decoded or all together are too large;
+/// ResourceExhausted if they exceed the memory.
 absl::Status add_textures(const TextureInput& input, Scene& scene, std::vector<Problem>& problems);
 
 }  // namespace tessera::render

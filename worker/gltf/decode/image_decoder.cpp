@@ -1,6 +1,8 @@
 #include "worker/gltf/decode/image_decoder.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -9,8 +11,12 @@
 
 namespace tessera::render {
 
-absl::StatusOr<Image> decode_image(std::span<const std::byte> file, const std::string& name) {
-  auto pixels = image::decode(file, {kMaxImageSide, kMaxImageBytes, kMaxImageSide * kMaxImageSide});
+absl::StatusOr<Image> decode_image(std::span<const std::byte> file, const std::string& name,
+                                   std::uint64_t memory_bytes) {
+  constexpr std::uint64_t kMost = std::numeric_limits<std::int64_t>::max();
+  const auto memory = static_cast<std::int64_t>(std::min(memory_bytes, kMost));
+  auto pixels =
+      image::decode(file, {kMaxImageSide, kMaxImageBytes, kMaxImageSide * kMaxImageSide, memory});
   if (!pixels.ok()) return pixels.status();
   Image image;
   image.name = name;
@@ -26,12 +32,13 @@ absl::StatusOr<Image> decode_image(std::span<const std::byte> file, const std::s
   return image;
 }
 
-absl::StatusOr<Image> decode_environment(std::span<const std::byte> file, const std::string& name) {
+absl::StatusOr<Image> decode_environment(std::span<const std::byte> file, const std::string& name,
+                                         std::uint64_t memory_bytes) {
   const image::ImageFormat format = image::image_format(file);
   if (format != image::ImageFormat::exr && format != image::ImageFormat::hdr) {
     return absl::InvalidArgumentError("not an EXR or Radiance HDR image (by its first bytes)");
   }
-  auto decoded = decode_image(file, name);
+  auto decoded = decode_image(file, name, memory_bytes);
   if (!decoded.ok()) return decoded.status();
   Image map;
   map.name = name;

@@ -9,6 +9,7 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
+#include "worker/gltf/file/memory_budget.h"
 
 namespace tessera::render {
 
@@ -40,7 +41,7 @@ bool is_beneath(const fs::path& path, const fs::path& folder) {
 
 }  // namespace
 
-FolderReader::FolderReader(const fs::path& folder) {
+FolderReader::FolderReader(const fs::path& folder) : memory_bytes_(machine_memory_bytes()) {
   std::error_code error;
   folder_ = fs::canonical(folder.empty() ? fs::path(".") : folder, error);
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <map>
 #include <span>
@@ -25,6 +26,8 @@ class FolderReader final : public ResourceReader {
   /// Errors: NotFound; PermissionDenied if the file is outside the directory, not regular or not
   /// readable.
   absl::StatusOr<std::span<const std::byte>> read(std::string_view uri) override;
+  /// That of machine_memory_bytes().
+  std::uint64_t memory_bytes() const override { return memory_bytes_; }
 
   /// Path of `uri` on disk; empty if it has not been read.
   [[nodiscard]] std::filesystem::path path_of(std::string_view uri) const;
@@ -43,6 +46,7 @@ class FolderReader final : public ResourceReader {
   std::map<std::string, std::filesystem::path, std::less<>> allowed_;
   std::map<std::string, Mapping, std::less<>> files_;
   std::vector<std::string> uris_;
+  std::uint64_t memory_bytes_;
 };
 
 }  // namespace tessera::render

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <string_view>
@@ -23,6 +24,8 @@ class ResourceReader {
       std::span<const std::byte> /*texels*/) {
     return nullptr;
   }
+  /// Memory that a scene may take, without files and what spill() returns, bytes.
+  virtual std::uint64_t memory_bytes() const { return UINT64_MAX; }
 };
 
 }  // namespace tessera::render

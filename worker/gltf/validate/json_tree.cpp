@@ -6,6 +6,8 @@
 #include <numeric>
 #include <utility>
 
+#include "worker/gltf/validate/findings.h"
+
 namespace tessera::render {
 
 namespace {
@@ -15,7 +17,8 @@ using nlohmann::json;
 /// Builds a tree from the events of the parser.
 class TreeBuilder final : public nlohmann::json_sax<json> {
  public:
-  explicit TreeBuilder(JsonNode& root) : root_(root) {}
+  TreeBuilder(JsonNode& root, const std::function<void(std::string)>& on_repeated)
+      : root_(root), on_repeated_(on_repeated) {}
 
   bool null() override { return add(JsonNode(JsonNode::Kind::null)); }
   bool boolean(bool value) override {
@@ -38,7 +41,9 @@ class TreeBuilder final : public nlohmann::json_sax<json> {
     return true;
   }
   bool end_object() override {
-    open_.back()->drop_repeated_keys();
+    for (const std::string& key : open_.back()->drop_repeated_keys()) {
+      on_repeated_(pointer_to(open_pointer(), key));
+    }
     return close();
   }
   bool start_array(std::size_t /*size*/) override { return open(JsonNode::Kind::array); }
@@ -71,7 +76,19 @@ class TreeBuilder final : public nlohmann::json_sax<json> {
     return true;
   }
 
+  /// JSON pointer of the innermost open container.
+  [[nodiscard]] std::string open_pointer() const {
+    std::string pointer;
+    for (std::size_t i = 0; i + 1 < open_.size(); ++i) {
+      const JsonNode& outer = *open_[i];
+      pointer = outer.is(JsonNode::Kind::object) ? pointer_to(pointer, outer.keys().back())
+                                                 : pointer_to(pointer, outer.size() - 1);
+    }
+    return pointer;
+  }
+
   JsonNode& root_;
+  const std::function<void(std::string)>& on_repeated_;
   std::vector<JsonNode*> open_;  // containers; a container grows only when it is the last
   std::string message_;
 };
@@ -156,8 +173,8 @@ void JsonNode::add_key(std::string key) {
   compound().keys.push_back(std::move(key));
 }
 
-void JsonNode::drop_repeated_keys() {
-  if (!compound_ || compound_->keys.size() < 2) return;
+std::vector<std::string> JsonNode::drop_repeated_keys() {
+  if (!compound_ || compound_->keys.size() < 2) return {};
   std::vector<JsonNode>& items = compound_->items;
   std::vector<std::string>& keys = compound_->keys;
   std::vector<std::size_t> order(keys.size());
@@ -167,13 +184,14 @@ void JsonNode::drop_repeated_keys() {
     return compared != 0 ? compared < 0 : a < b;
   });
   std::vector<bool> repeated(keys.size(), false);
-  bool any = false;
+  std::vector<std::string> names;
   for (std::size_t i = order.size() - 1; i > 0; --i) {
     if (keys[order[i]] != keys[order[i - 1]]) continue;
     std::swap(items[order[i - 1]], items[order[i]]);
-    repeated[order[i]] = any = true;
+    repeated[order[i]] = true;
+    if (names.empty() || names.back() != keys[order[i]]) names.push_back(keys[order[i]]);
   }
-  if (!any) return;
+  if (names.empty()) return names;
   std::size_t kept = 0;
   for (std::size_t i = 0; i < keys.size(); ++i) {
     if (repeated[i]) continue;
@@ -185,10 +203,12 @@ void JsonNode::drop_repeated_keys() {
   }
   keys.resize(kept);
   items.resize(kept);
+  return names;
 }
 
-std::string parse_json_tree(std::string_view text, JsonNode& root) {
-  TreeBuilder builder(root);
+std::string parse_json_tree(std::string_view text, JsonNode& root,
+                            const std::function<void(std::string pointer)>& on_repeated) {
+  TreeBuilder builder(root, on_repeated);
   if (json::sax_parse(text.begin(), text.end(), &builder)) return "";
   return builder.message().empty() ? "not valid JSON" : builder.message();
 }

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -58,8 +59,8 @@ class JsonNode {
   void set_text(std::string text);
   JsonNode& add_item(JsonNode item);
   void add_key(std::string key);
-  /// Keeps the last value of each repeated key.
-  void drop_repeated_keys();
+  /// Keeps the last value of each repeated key. Returns these keys.
+  std::vector<std::string> drop_repeated_keys();
 
  private:
   struct Compound {
@@ -75,7 +76,8 @@ class JsonNode {
 };
 
 /// Parses JSON text. Returns the parser's message if it is not valid, and an empty string
-/// otherwise.
-std::string parse_json_tree(std::string_view text, JsonNode& root);
+/// otherwise. Calls `on_repeated` with the JSON pointer of each repeated key.
+std::string parse_json_tree(std::string_view text, JsonNode& root,
+                            const std::function<void(std::string pointer)>& on_repeated);
 
 }  // namespace tessera::render

@@ -153,6 +153,7 @@ struct LinkedDocument {
   std::vector<ValueCheck> value_checks;
   std::set<std::int64_t> sharing_accessors;  // attributes that share a view without a stride
   std::vector<BufferBytes> buffer_bytes;
+  bool is_partial = false;  // some links were not followed, as they would take too long
   std::vector<std::string_view> image_types;  // media types of the images that were read
 
   /// Looks up element `index` of `in` for the member `key` of `path`, and marks it as used. Returns

@@ -174,6 +174,9 @@ class SceneMembers {
     return std::includes(of_other.begin(), of_other.end(), of_node.begin(), of_node.end());
   }
 
+  /// Whether nodes were left out.
+  [[nodiscard]] bool is_partial() const { return is_partial_; }
+
  private:
   static constexpr std::size_t kMaxVisits = std::size_t{1} << 24U;
 
@@ -182,7 +185,9 @@ class SceneMembers {
     if (json == nullptr) return;
     std::vector<std::int64_t> open;
     for (const JsonNode& root : (*json)["nodes"].items()) open.push_back(root.as_integer());
-    while (!open.empty() && visits_ < kMaxVisits) {
+    while (!open.empty()) {
+      is_partial_ = is_partial_ || visits_ == kMaxVisits;
+      if (is_partial_) return;
       const std::int64_t at = open.back();
       open.pop_back();
       const JsonNode* node = document_.nodes.get(at);
@@ -198,6 +203,7 @@ class SceneMembers {
   const LinkedDocument& document_;
   std::vector<std::vector<std::size_t>> scenes_of_;
   std::size_t visits_ = 0;
+  bool is_partial_ = false;
 };
 
 /// Checks a node with a skin after all links are known.
@@ -263,6 +269,7 @@ void link_scenes(LinkedDocument& document) {
     document.findings.add(rules::kUnresolvedReference, "/scene", std::to_string(scene));
   }
   const SceneMembers members(document);
+  document.is_partial = document.is_partial || members.is_partial();
   const std::vector<std::int64_t> skin_roots = roots_of_skins(document);
   for (std::size_t i = 0; i < document.nodes.size(); ++i) {
     const JsonNode* json = document.nodes.get(static_cast<std::int64_t>(i));

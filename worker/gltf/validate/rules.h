@@ -11,6 +11,9 @@ inline constexpr ValidationRule kArrayLengthNotInList{
     "ARRAY_LENGTH_NOT_IN_LIST", FindingSeverity::error, "the array has the wrong length"};
 inline constexpr ValidationRule kArrayTypeMismatch{"ARRAY_TYPE_MISMATCH", FindingSeverity::error,
                                                    "an element of the array has the wrong type"};
+/// Of Tessera alone: the Khronos validator does not see repeated keys.
+inline constexpr ValidationRule kDuplicateKey{"DUPLICATE_KEY", FindingSeverity::error,
+                                              "the object has this key more than once"};
 inline constexpr ValidationRule kDuplicateElements{"DUPLICATE_ELEMENTS", FindingSeverity::error,
                                                    "the element occurs before in the array"};
 inline constexpr ValidationRule kEmptyEntity{"EMPTY_ENTITY", FindingSeverity::error,

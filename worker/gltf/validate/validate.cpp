@@ -2,6 +2,7 @@
 
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "worker/gltf/file/container.h"
 #include "worker/gltf/file/limits.h"
@@ -27,7 +28,9 @@ bool parse(std::string_view text, CheckedDocument& document, ValidationFindings&
   if (text.size() > kMaxJsonBytes || json_depth(text) > kMaxJsonDepth) {
     fault = "too large or nested too deeply";
   } else {
-    fault = parse_json_tree(text, document.root);
+    fault = parse_json_tree(text, document.root, [&findings](std::string pointer) {
+      findings.add(rules::kDuplicateKey, std::move(pointer));
+    });
   }
   if (!fault.empty()) {
     findings.add(rules::kInvalidJson, "", fault);
@@ -80,7 +83,7 @@ ValidationResult validate_gltf(std::span<const std::byte> file, ResourceReader& 
   ValueBudget budget(kValuesPerByte * bytes + kSpareValues);
   check_accessor_values(linked, budget);
   check_skinned_vertices(linked, budget);
-  result.is_partial = budget.is_exhausted();
+  result.is_partial = budget.is_exhausted() || linked.is_partial;
   return result;
 }
 

@@ -14,7 +14,7 @@ inline constexpr std::size_t kMaxFindings = 100;
 /// Result of the validation of a file.
 struct ValidationResult {
   ValidationFindings findings;
-  /// The values of some accessors were not checked, as they would take too long.
+  /// Some values of accessors or nodes of scenes were not checked, as they would take too long.
   bool is_partial = false;
 };
 

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <vector>
 
-#include "worker/geometry/bounds.h"
 #include "worker/geometry/shapes/make_shape.h"
 
 namespace tessera::render {
@@ -72,6 +71,12 @@ Affine3d moved_by(const Affine3d& m, const Vec3d& offset) {
 
 }  // namespace
 
+const Box3d& MeshBoxes::of(std::int32_t mesh) {
+  const auto index = static_cast<std::size_t>(mesh);
+  if (!boxes_[index]) boxes_[index] = box_of(scene_.meshes[index]);
+  return *boxes_[index];
+}
+
 VolumeLight::VolumeLight(const InstanceView& instance, const MaterialView& material,
                          const Shape& shape, const Affine3d& object_to_world,
                          const Affine3d& world_to_object)
@@ -82,7 +87,7 @@ VolumeLight::VolumeLight(const InstanceView& instance, const MaterialView& mater
                                          placed_->shape)) {}
 
 std::optional<VolumeLight> VolumeLight::make(const Scene& scene, const InstanceView& instance,
-                                             const MaterialView& material) {
+                                             const MaterialView& material, MeshBoxes& boxes) {
   const Instance& source = *instance.source;
   const Mesh& mesh = scene.meshes[static_cast<std::size_t>(source.mesh)];
   const bool moves = source.motion != kNone || !mesh.keys.empty();
@@ -90,7 +95,7 @@ std::optional<VolumeLight> VolumeLight::make(const Scene& scene, const InstanceV
     return VolumeLight(instance, material, *mesh.shape, source.object_to_world,
                        source.world_to_object);
   }
-  Box3d box = box_of(mesh);
+  Box3d box = boxes.of(source.mesh);
   Affine3d place = source.object_to_world;
   if (moves) {
     box = box_of_motion(scene, source, box);

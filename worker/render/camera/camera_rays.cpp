@@ -25,7 +25,7 @@ Affine3d upright(const Affine3d& m) {
 }  // namespace
 
 CameraRays::CameraRays(const Camera& camera, std::int32_t width, std::int32_t height,
-                       std::uint32_t assumed)
+                       std::uint64_t assumed)
     : half_width_(0.5 * width),
       half_height_(0.5 * height),
       center_x_(camera.center_x),

@@ -22,7 +22,7 @@ class CameraRays {
  public:
   /// `assumed`: see TraceOptions.
   CameraRays(const Camera& camera, std::int32_t width, std::int32_t height,
-             std::uint32_t assumed = 0);
+             std::uint64_t assumed = 0);
 
   /// Starts rays just before the box `low` to `high` (recentred world), which contains everything
   /// that they can meet, if the camera is so far from it that the rounding of rays at the near

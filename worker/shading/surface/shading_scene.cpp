@@ -157,7 +157,7 @@ std::vector<bool> used_materials(const Scene& scene) {
 
 }  // namespace
 
-ShadingScene::ShadingScene(const Scene& scene, std::uint32_t assumed)
+ShadingScene::ShadingScene(const Scene& scene, std::uint64_t assumed)
     : source(scene), textures(scene), assumed_(assumed) {
   tracks_footprints = textures.has_procedural() || assumes(kFeatureProceduralTextures);
   add_atmosphere(scene);
@@ -221,6 +221,7 @@ std::uint8_t ShadingScene::assumed_traits() const {
 
 void ShadingScene::add_atmosphere(const Scene& scene) {
   tracks_bodies = assumes(kFeatureMedia);
+  has_emissive_media = assumes(kFeatureEmissiveMedia);
   const std::vector<bool> used = used_materials(scene);
   for (std::size_t i = 0; i < scene.materials.size(); ++i) {
     const Material& m = scene.materials[i];
@@ -232,6 +233,7 @@ void ShadingScene::add_atmosphere(const Scene& scene) {
   atmosphere_center = Vec3f(scene.atmosphere->center);
   atmosphere_radius = static_cast<float>(scene.atmosphere->radius);
   tracks_bodies = tracks_bodies || atmosphere.present();
+  has_emissive_media = has_emissive_media || atmosphere.emits();
 }
 
 void ShadingScene::add_materials(const Scene& scene) {
@@ -281,6 +283,7 @@ void ShadingScene::add_volume(const Scene& scene, MaterialView* view) {
   view->rank = solid ? m.optics.priority : kBoundaryRank;
   view->medium = view_of_medium(scene, m.medium ? &*m.medium : nullptr,
                                 solid && view->absorbs ? view->extinction : Vec3f{});
+  has_emissive_media = has_emissive_media || view->medium.emits();
   view->traits |= kTraitBody;
   if (solid) return;
   view->traits = kTraitBody;

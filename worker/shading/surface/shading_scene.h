@@ -87,7 +87,7 @@ inline constexpr std::int32_t kBoundaryRank = -1;
 /// A scene flattened for shading. Refers to `Scene`, which must outlive it.
 struct ShadingScene {
   /// `assumed`: see TraceOptions.
-  explicit ShadingScene(const Scene& scene, std::uint32_t assumed = 0);
+  explicit ShadingScene(const Scene& scene, std::uint64_t assumed = 0);
   ShadingScene(const ShadingScene&) = delete;
   ShadingScene& operator=(const ShadingScene&) = delete;
 
@@ -96,7 +96,7 @@ struct ShadingScene {
   }
 
   /// Returns whether the scene is treated as using one of `features` throughout.
-  bool assumes(std::uint32_t features) const { return (assumed_ & features) != 0; }
+  bool assumes(std::uint64_t features) const { return (assumed_ & features) != 0; }
 
   /// Material of the solid `inside` where its surface borders the solid `outside`: its index of
   /// refraction is relative to that of `outside`. Without priorities, and for dispersive materials,
@@ -114,8 +114,9 @@ struct ShadingScene {
   std::vector<PrimitiveView> primitives;
   std::vector<InstanceView> instances;
   std::vector<MaterialView> materials;
-  std::uint8_t traits = 0;         // of all primitives combined
-  bool tracks_bodies = false;      // has a medium, absorbs or has priorities: paths keep a stack
+  std::uint8_t traits = 0;     // of all primitives combined
+  bool tracks_bodies = false;  // has a medium, absorbs or has priorities: paths keep a stack
+  bool has_emissive_media = false;
   bool tracks_footprints = false;  // has procedural textures, which need footprints
   MediumView atmosphere;
   Vec3f atmosphere_center;
@@ -137,7 +138,7 @@ struct ShadingScene {
     float ior = 0;
     AlbedoTable entering, leaving;
   };
-  const std::uint32_t assumed_;
+  const std::uint64_t assumed_;
   std::vector<Box3f> body_boxes_;  // around bodies, world space; see add_body_boxes()
   std::unique_ptr<AnisotropicAlbedo> anisotropic_;  // if a metal or thin surface is anisotropic
   std::unique_ptr<SheenTable> sheen_;

@@ -502,6 +502,16 @@ TEST(Images, SizeLimitsAreCheckedInHeader) {
       << message(30000, 30000);
 }
 
+TEST(Images, MemoryLimitIsCheckedInHeader) {
+  const auto refused = decode_image(png_claiming(1000, 1000), "large", 3'999'999).status();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_NE(refused.message().find("more than the 3999999 bytes of memory that are left"),
+            std::string::npos)
+      << refused;
+  EXPECT_EQ(decode_image(png_claiming(1000, 1000), "cut", 4'000'000).status().code(),
+            absl::StatusCode::kInvalidArgument);  // no pixels follow
+}
+
 TEST(Images, PixelLimitIsEnforced) {
   const auto refused = image::decode(png_claiming(100, 100), {1000, 1 << 20, 9999});
   EXPECT_NE(std::string(refused.status().message()).find("limit of 9999 pixels"), std::string::npos)

@@ -10,6 +10,7 @@
 #include "tests/support/gltf_builder.h"
 #include "tests/support/json_schema.h"
 #include "tests/support/memory_scene.h"
+#include "worker/scene/features.h"
 
 namespace tessera::testing {
 namespace {
@@ -290,6 +291,21 @@ std::unique_ptr<GltfBuilder> foggy(const std::string& extension, bool on_materia
                         : "/scenes/0/extensions/TESSERA_medium",
             text);
   return file;
+}
+
+TEST(TesseraMedium, OnlyEmissionNeedsEmissiveMedia) {
+  for (const bool on_material : {false, true}) {
+    const auto clear = load_and_pose(*foggy(R"({"scattering": [1, 1, 1]})", on_material));
+    ASSERT_TRUE(clear.ok()) << clear.status();
+    EXPECT_EQ(
+        features_of(*clear).features & (render::kFeatureMedia | render::kFeatureEmissiveMedia),
+        render::kFeatureMedia);
+    const auto glowing =
+        load_and_pose(*foggy(R"({"absorption": [1, 1, 1], "emission": [0, 0, 1]})", on_material));
+    ASSERT_TRUE(glowing.ok()) << glowing.status();
+    EXPECT_NE(features_of(*glowing).features & render::kFeatureEmissiveMedia, 0u);
+    EXPECT_EQ(render::feature_names(features_of(*glowing).features).back(), "emissive-media");
+  }
 }
 
 TEST(TesseraMedium, RejectsInvalidProperties) {

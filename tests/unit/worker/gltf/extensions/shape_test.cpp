@@ -53,8 +53,9 @@ TEST(Shapes, AreInstancesWithMaterial) {
   EXPECT_EQ(scene->meshes[1].primitives[0].material, 1);  // glTF's default material
   // From the torus at -1.25 to the sphere at 7: the centre is that of the visible objects.
   EXPECT_NEAR(scene->center.x, (7 - 1.25) / 2, 1e-6);
-  const std::uint32_t features = features_of(*scene).features;
+  const std::uint64_t features = features_of(*scene).features;
   EXPECT_NE(features & kFeatureShapes, 0u);
+  EXPECT_EQ(features & kFeaturePlanes, 0u);
   EXPECT_EQ(features & kFeatureCsg, 0u);
 }
 
@@ -128,6 +129,8 @@ TEST(Planes, CountAsTheirOriginInBounds) {
   EXPECT_EQ(scene->bounds_max + scene->center, (Vec3d{6, 4, 1}));
   EXPECT_EQ(scene->bounds_min + scene->center, (Vec3d{4, -2, -1}));
   EXPECT_LT(length(scene->camera.camera_to_world.translation), 20);  // frames the sphere
+  EXPECT_EQ(features_of(*scene).features & (kFeatureShapes | kFeaturePlanes),
+            kFeatureShapes | kFeaturePlanes);
 }
 
 TEST(Planes, EmissionGivesAWarning) {

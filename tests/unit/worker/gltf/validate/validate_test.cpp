@@ -46,6 +46,19 @@ std::map<std::string, Verdict> read_table() {
   return out;
 }
 
+TEST(Validate, RepeatedKeysAreErrors) {
+  const auto result = validate_text(
+      R"({"asset": {"version": "1.0", "version": "2.0"},
+          "nodes": [{"name": "a"}, {"extras": {"a/b": 1, "c": 2, "a/b": 3, "a/b": 4}}],
+          "scene": 0, "scenes": [{"nodes": [0, 1]}], "scene": 0})");
+  Verdict repeated;
+  for (const std::string& each : verdict_of(result)) {
+    if (each.find("DUPLICATE_KEY") == 0) repeated.insert(each.substr(each.find('\t') + 1));
+  }
+  EXPECT_EQ(repeated, (Verdict{"/asset/version", "/nodes/1/extras/a~1b", "/scene"}));
+  EXPECT_EQ(result.findings.count(FindingSeverity::error), 3u);
+}
+
 TEST(Validate, VerdictsAreThoseOfTheTable) {
   const auto table = read_table();
   ASSERT_GT(table.size(), 200u);
@@ -107,6 +120,20 @@ TEST(Validate, SharedBytesReadOftenAreCheckedInPart) {
   const ValidationResult result = validate_text(text.str());
   EXPECT_EQ(result.findings.count(FindingSeverity::error), 0u);
   EXPECT_TRUE(result.is_partial);
+}
+
+TEST(Validate, ManyScenesOfManyNodesAreCheckedInPart) {
+  constexpr int kSize = 4200;  // 2^24 visits are fewer than its square
+  std::ostringstream text;
+  text << R"({"asset":{"version":"2.0"},"nodes":[{"children":[)";
+  for (int i = 1; i < kSize; ++i) text << (i > 1 ? "," : "") << i;
+  text << "]}";
+  for (int i = 1; i < kSize; ++i) text << ",{}";
+  text << R"(],"scenes":[)";
+  for (int i = 0; i < kSize; ++i) text << (i > 0 ? "," : "") << R"({"nodes":[0]})";
+  text << "]}";
+  EXPECT_TRUE(validate_text(text.str()).is_partial);
+  EXPECT_FALSE(validate_text(long_chain(10)).is_partial);
 }
 
 TEST(Validate, CutFilesAreReadSafely) {
