@@ -128,7 +128,7 @@ TEST(DescriptorReader, ReadsOnlyManifestFiles) {
     files.push_back(file_with(text));
   }
   files.push_back(file_with(""));
-  DescriptorReader reader(manifest, std::move(files), 0);
+  DescriptorReader reader(manifest, std::move(files), SceneMemory{});
   const auto bytes = reader.read("uri of gltf");
   ASSERT_TRUE(bytes.ok());
   EXPECT_EQ(std::string(reinterpret_cast<const char*>(bytes->data()), bytes->size()), "gltf");
@@ -144,7 +144,8 @@ TEST(DescriptorReader, TexelsOverLimitAreSpilled) {
   const auto reader_of = [&](std::int64_t texel_bytes) {
     std::vector<Descriptor> files;
     files.emplace_back(::dup(scratch.get()));
-    return std::make_unique<DescriptorReader>(v1::SceneManifest(), std::move(files), texel_bytes);
+    return std::make_unique<DescriptorReader>(v1::SceneManifest(), std::move(files),
+                                              SceneMemory{texel_bytes, 0});
   };
   auto reader = reader_of(100);
   EXPECT_EQ(*reader->spill(first), nullptr) << "within the limit";
