@@ -30,7 +30,8 @@ class TogetherTest : public ::testing::Test {
   }
   std::vector<std::string> jobs() {
     std::vector<std::string> ids;
-    for (const JobRecord& record : store_->jobs().value()) ids.push_back(record.id);
+    const auto records = store_->jobs();
+    for (const JobRecord& record : *records) ids.push_back(record.id);
     return ids;
   }
   absl::Status commit(const std::string& job_id, std::int32_t tile) {
