@@ -76,18 +76,19 @@ void AssetCatalog::publish_asset(const std::string& upload_path, const contract:
                                  std::function<void(absl::Status)> done) {
   pipeline_.post([this, upload_path, digest, done = std::move(done)] {
     const absl::Status status = store_.publish_asset(upload_path, digest);
-    if (store_.used_bytes() > farm_.options().asset_quota_bytes) collect();
+    collect();
     done(status);
   });
 }
 
-/// Deletes assets that nobody needs, beyond the quota. On the writer thread.
+/// If the assets exceed their quota, deletes some that nobody needs. On the writer thread.
 void AssetCatalog::collect() {
   const Time now = farm_.now();
   std::vector<contract::Digest> named;
   {
     const MutexLock lock(mutex_);
     std::erase_if(asked_, [&](const auto& entry) { return now - entry.second > kAssetPin; });
+    if (store_.asset_bytes() <= farm_.options().asset_quota_bytes) return;
     for (const auto& [digest, time] : asked_) named.push_back(digest);
     for (const auto& [digest, keys] : jobs_) named.push_back(digest);
   }

@@ -14,10 +14,31 @@ bool CommitPipeline::run(bool wait) {
     if (retry_) round.changed.merge(unwritten_);
     retry_ = false;
   }
-  write_jobs(round);
-  write_roster(round);
-  for (const auto& task : round.tasks) task();
+  post_rows(round);
+  while (!round.tasks.empty()) {
+    if (round.tasks.front().write) {
+      write_together(round.tasks);
+    } else {
+      round.tasks.front().apart();
+      round.tasks.pop_front();
+    }
+  }
   return true;
+}
+
+/// Runs the tasks up to the next one that runs apart, as one transaction.
+void CommitPipeline::write_together(std::deque<Task>& tasks) {
+  std::vector<std::pair<Answer, absl::Status>> outcomes;
+  const auto each = [&](const std::function<absl::Status(const Task&)>& outcome) {
+    for (; !tasks.empty() && tasks.front().write; tasks.pop_front()) {
+      absl::Status status = outcome(tasks.front());
+      outcomes.emplace_back(std::move(tasks.front().done), std::move(status));
+    }
+  };
+  const absl::Status together =
+      store_.write_together([&] { each([](const Task& task) { return task.write(); }); });
+  each([&](const Task&) { return together; });  // those that were not tried
+  for (const auto& [done, status] : outcomes) done(status.ok() ? together : status);
 }
 
 void CommitPipeline::stop() {
@@ -33,7 +54,13 @@ bool CommitPipeline::is_stopping() const {
 
 void CommitPipeline::post(std::function<void()> task) {
   const MutexLock lock(mutex_);
-  next_.tasks.push_back(std::move(task));
+  next_.tasks.push_back({{}, {}, std::move(task)});
+  wakeup_.notify_all();
+}
+
+void CommitPipeline::post_write(std::function<absl::Status()> write, Answer done) {
+  const MutexLock lock(mutex_);
+  next_.tasks.push_back({std::move(write), std::move(done), {}});
   wakeup_.notify_all();
 }
 
@@ -69,28 +96,45 @@ void CommitPipeline::carry_out(FarmChange& /*change*/, const Effects& effects) {
   wakeup_.notify_all();
 }
 
-void CommitPipeline::write_jobs(const Round& round) {
-  std::vector<std::pair<JobKey, JobRecord>> records;
+/// Puts the round's rows before its tasks.
+void CommitPipeline::post_rows(Round& round) {
+  std::deque<Task> rows;
   {
     const FarmView view(farm_);
     for (const JobKey key : round.changed) {
+      std::vector<Answer> answers;
+      const auto [first, last] = round.answers.equal_range(key);
+      for (auto answer = first; answer != last; ++answer) answers.push_back(answer->second);
       const auto job = view.scheduler().jobs().find(key);
-      if (job != view.scheduler().jobs().end()) records.emplace_back(key, view.record(job->second));
+      if (job != view.scheduler().jobs().end()) {
+        rows.push_back(row_task(key, view.record(job->second), std::move(answers)));
+      } else {  // removed: it has no row
+        for (Answer& answer : answers) {
+          rows.push_back({[] { return absl::OkStatus(); }, std::move(answer), {}});
+        }
+      }
     }
   }
-  std::map<JobKey, absl::Status> failed;
-  for (const auto& [key, record] : records) {
-    absl::Status status = write_job(record);
-    if (status.ok()) continue;
-    farm_.metrics().errors.journal.Increment();
-    farm_.log(LogLevel::error, absl::StrCat("job ", record.id, ": ", status.ToString()));
-    unwritten_.insert(key);
-    failed[key] = std::move(status);
+  for (const auto& [worker_id, joined] : round.roster) {
+    rows.push_back(roster_task(worker_id, joined));
   }
-  for (const auto& [key, answer] : round.answers) {
-    const auto failure = failed.find(key);
-    answer(failure == failed.end() ? absl::OkStatus() : failure->second);
-  }
+  for (Task& task : round.tasks) rows.push_back(std::move(task));
+  round.tasks.swap(rows);
+}
+
+CommitPipeline::Task CommitPipeline::row_task(JobKey key, JobRecord record,
+                                              std::vector<Answer> answers) {
+  const std::string id = record.id;
+  const auto write = [this, row = std::move(record)] { return write_job(row); };
+  const auto done = [this, key, id, called = std::move(answers)](const absl::Status& status) {
+    if (!status.ok()) {
+      farm_.metrics().errors.journal.Increment();
+      farm_.log(LogLevel::error, absl::StrCat("job ", id, ": ", status.ToString()));
+      unwritten_.insert(key);
+    }
+    for (const Answer& answer : called) answer(status);
+  };
+  return {write, done, {}};
 }
 
 absl::Status CommitPipeline::write_job(const JobRecord& record) {
@@ -102,14 +146,15 @@ absl::Status CommitPipeline::write_job(const JobRecord& record) {
   return store_.update_job(record);
 }
 
-void CommitPipeline::write_roster(const Round& round) {
-  for (const auto& [worker_id, joined] : round.roster) {
-    const absl::Status status =
-        joined ? store_.add_worker(worker_id, worker_id) : store_.remove_worker(worker_id);
-    if (!status.ok()) {
-      farm_.log(LogLevel::error, absl::StrCat("worker ", worker_id, ": ", status.ToString()));
-    }
-  }
+CommitPipeline::Task CommitPipeline::roster_task(const std::string& worker_id, bool joined) {
+  const auto write = [this, worker_id, joined] {
+    return joined ? store_.add_worker(worker_id, worker_id) : store_.remove_worker(worker_id);
+  };
+  const auto done = [this, worker_id](const absl::Status& status) {
+    if (status.ok()) return;
+    farm_.log(LogLevel::error, absl::StrCat("worker ", worker_id, ": ", status.ToString()));
+  };
+  return {write, done, {}};
 }
 
 }  // namespace tessera::server

@@ -17,8 +17,8 @@
 
 namespace tessera::server {
 
-/// Writes rows and runs the tasks that write, in order, on one thread; answers carry the outcome of
-/// the write. The only part whose thread writes to the journal and to segment files.
+/// Writes rows and runs what else writes, in order, on one thread, a transaction a round; answers
+/// carry the outcome. The only part whose thread writes to the journal and to segment files.
 class CommitPipeline final : public EffectHandler {
  public:
   /// Gets the outcome of a write. Called without locks on the writer thread; must not block.
@@ -33,7 +33,11 @@ class CommitPipeline final : public EffectHandler {
   void stop() ABSL_LOCKS_EXCLUDED(mutex_);
   bool is_stopping() const ABSL_LOCKS_EXCLUDED(mutex_);
 
-  /// Runs a task on the writer thread, after those posted before.
+  /// Runs `write`, which calls writing functions of the store, within the transaction of a round,
+  /// then `done` with the outcome: `write`'s own error, else the transaction's. In order with what
+  /// was posted before. If the transaction cannot begin, only `done` runs.
+  void post_write(std::function<absl::Status()> write, Answer done) ABSL_LOCKS_EXCLUDED(mutex_);
+  /// Runs a task on the writer thread between transactions, in order with what was posted before.
   void post(std::function<void()> task) ABSL_LOCKS_EXCLUDED(mutex_);
   /// Writes the job's row as it is at the end of this change, then calls `answer` with the outcome.
   void answer_when_written(FarmChange& change, JobKey job, Answer answer)
@@ -45,20 +49,27 @@ class CommitPipeline final : public EffectHandler {
   void carry_out(FarmChange& change, const Effects& effects) override ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:
+  struct Task {
+    std::function<absl::Status()> write;  // empty: `apart`
+    Answer done;
+    std::function<void()> apart;
+  };
   /// What one round of the thread writes.
   struct Round {
     std::set<JobKey> changed;
     std::vector<std::pair<std::string, bool>> roster;  // worker ID; true: joined, false: gone
     std::multimap<JobKey, Answer> answers;
-    std::deque<std::function<void()>> tasks;
+    std::deque<Task> tasks;
     bool is_empty() const {
       return changed.empty() && roster.empty() && answers.empty() && tasks.empty();
     }
   };
 
-  void write_jobs(const Round& round);
+  void post_rows(Round& round);
+  Task row_task(JobKey key, JobRecord record, std::vector<Answer> answers);
+  Task roster_task(const std::string& worker_id, bool joined);
+  void write_together(std::deque<Task>& tasks);
   absl::Status write_job(const JobRecord& record);
-  void write_roster(const Round& round);
 
   FarmState& farm_;
   Store& store_;

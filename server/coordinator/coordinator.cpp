@@ -43,7 +43,7 @@ absl::StatusOr<std::unique_ptr<Coordinator>> Coordinator::open(Store& store, Far
 void Coordinator::tick() {
   FarmChange change(farm_);
   change.scheduler().tick(change.now(), farm_.options().tick_period);
-  jobs_.expire_jobs(change);
+  jobs_.tick(change);
   if (change.now() - last_running_write_ < kWriteRunningEvery) return;
   last_running_write_ = change.now();
   pipeline_.write_running(change);

@@ -1,5 +1,7 @@
 #include "server/coordinator/farm_loader.h"
 
+#include <algorithm>
+#include <chrono>
 #include <functional>
 #include <memory>
 #include <string>
@@ -92,6 +94,10 @@ absl::Status FarmLoader::load_job(FarmChange& change, const JobRecord& record) {
   JobFilm& film = change.film(job);
   film.create_time_us = record.create_time_us;
   film.end_time_us = record.end_time_us;
+  if (record.end_time_us > 0) {
+    const std::int64_t age_us = parts_.farm.options().wall_us() - record.end_time_us;
+    film.end_time = change.now() - std::chrono::microseconds(std::max<std::int64_t>(age_us, 0));
+  }
   film.wall_at_start = record.wall_seconds;
   if (!started && !is_current_contract) {
     parts_.pipeline.write_row(change, job.key);  // none of its blocks has another contract

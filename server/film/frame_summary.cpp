@@ -17,6 +17,8 @@ std::string write_frame_summary(const FrameSummary& summary) {
                    {"units", summary.unit_count}, {"warnings", summary.warnings},
                    {"reasons", summary.reasons},  {"entry", json::parse(summary.entry_json)}};
   if (summary.error) document["error"] = *summary.error;
+  if (summary.estimated_error) document["estimated_error"] = *summary.estimated_error;
+  if (!summary.doubts.empty()) document["doubts"] = summary.doubts;
   if (summary.certainty) document["certainty"] = certainty_name(*summary.certainty);
   return document.dump();
 }
@@ -32,6 +34,10 @@ FrameSummary read_frame_summary(const std::string& text) {
   summary.reasons = document.value("reasons", summary.reasons);
   summary.entry_json = document.value("entry", json::object()).dump();
   if (document.contains("error")) summary.error = document["error"].get<double>();
+  if (document.contains("estimated_error")) {
+    summary.estimated_error = document["estimated_error"].get<double>();
+  }
+  summary.doubts = document.value("doubts", summary.doubts);
   if (document.contains("certainty")) {
     summary.certainty = parse_certainty(document["certainty"].get<std::string>());
   }

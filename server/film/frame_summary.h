@@ -17,7 +17,9 @@ struct FrameSummary {
   std::int64_t samples = 0, unit_count = 0;
   std::optional<Certainty> certainty;  // with a target error
   std::vector<std::string> warnings, reasons;
-  std::string entry_json;  // element of the report's frames[]
+  std::optional<double> estimated_error;  // of the whole frame
+  std::vector<std::string> doubts;        // why it may contain results of a faulty worker
+  std::string entry_json;                 // element of the report's frames[]
 
   bool operator==(const FrameSummary&) const = default;
   /// Returns whether the frame was finished under these settings.

@@ -1,8 +1,10 @@
 #include "server/frames/audit_outcomes.h"
 
+#include <algorithm>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "server/film/frame_summary.h"
 
 namespace tessera::server {
 
@@ -25,10 +27,8 @@ void AuditOutcomes::carry_out(FarmChange& change, const Effects& effects) {
 }
 
 void AuditOutcomes::end_audit(FarmChange& change, const UnitName& unit) {
-  pipeline_.post([this, unit] {
-    const absl::Status status = store_.end_audits(unit.job_id, {unit.unit});
-    if (!status.ok()) farm_.log(LogLevel::error, absl::StrCat("audits: ", status.ToString()));
-  });
+  pipeline_.post_write([this, unit] { return store_.end_audits(unit.job_id, {unit.unit}); },
+                       [this](const absl::Status& status) { log_failure("audits", status); });
   Job* job = change.find_job(unit.job_id);
   if (job != nullptr) finisher_.finish_if_complete(change, *job, unit.unit.frame);
 }
@@ -40,9 +40,9 @@ void AuditOutcomes::quarantine(FarmChange& change, const std::string& worker_id)
   for (const auto& [job_key, job] : change.scheduler().jobs()) {
     if (job.contributions.count(worker_id) == 0) continue;
     JobFilm& film = change.film(job);
-    for (const auto& [frame, record] : film.finished) {
-      film.warnings.push_back(suspect_frame_warning(frame, worker_id));
-    }
+    std::vector<std::int32_t> finished;
+    for (const auto& [frame, record] : film.finished) finished.push_back(frame);
+    doubt_frames(change, job, finished, worker_id);
     if (has_ended(job.state) || !job.plan || !film.block_index) continue;
     for (const std::int32_t frame : job.plan->frames()) {
       if (job.plan->is_finished(frame) || !film.block_index->has(frame)) continue;
@@ -50,10 +50,12 @@ void AuditOutcomes::quarantine(FarmChange& change, const std::string& worker_id)
     }
   }
   // After its units are dropped: a server that crashes before must detect the fault again.
-  pipeline_.post([this, worker_id] {
-    const absl::Status status = store_.ban_worker(worker_id);
-    if (!status.ok()) farm_.log(LogLevel::error, absl::StrCat("quarantine: ", status.ToString()));
-  });
+  pipeline_.post_write([this, worker_id] { return store_.ban_worker(worker_id); },
+                       [this](const absl::Status& status) { log_failure("quarantine", status); });
+}
+
+void AuditOutcomes::log_failure(const char* what, const absl::Status& status) const {
+  if (!status.ok()) farm_.log(LogLevel::error, absl::StrCat(what, ": ", status.ToString()));
 }
 
 void AuditOutcomes::redo_frame(FarmChange& change, const Job& job, std::int32_t frame,
@@ -61,6 +63,38 @@ void AuditOutcomes::redo_frame(FarmChange& change, const Job& job, std::int32_t 
   FrameFinisher::hold(change, job, frame);
   pipeline_.post(
       [this, key = FrameKey{job.spec->id, frame}, worker_id] { redo_now(key, worker_id); });
+}
+
+/// Lists finished frames that may contain units of a faulty worker, and records that.
+void AuditOutcomes::doubt_frames(FarmChange& change, const Job& job,
+                                 const std::vector<std::int32_t>& frames,
+                                 const std::string& worker_id) {
+  if (frames.empty()) return;
+  for (const std::int32_t frame : frames) {
+    change.film(job).warnings.push_back(suspect_frame_warning(frame, worker_id));
+  }
+  pipeline_.post([this, id = job.spec->id, frames, worker_id] {
+    log_failure("warnings of finished frames", write_doubts(id, frames, worker_id));
+  });
+}
+
+/// Adds a doubt to the rows of finished frames. On the writer thread.
+absl::Status AuditOutcomes::write_doubts(const std::string& job_id,
+                                         const std::vector<std::int32_t>& frames,
+                                         const std::string& worker_id) {
+  auto rows = store_.frames(job_id);
+  if (!rows.ok()) return rows.status();
+  absl::Status written;
+  const absl::Status together = store_.write_together([&] {
+    for (FrameRecord& row : *rows) {
+      if (std::find(frames.begin(), frames.end(), row.frame) == frames.end()) continue;
+      FrameSummary summary = read_frame_summary(row.statistics_json);
+      summary.doubts.push_back(suspect_frame_warning(row.frame, worker_id));
+      row.statistics_json = write_frame_summary(summary);
+      written.Update(store_.finish_frame(job_id, row));
+    }
+  });
+  return together.ok() ? written : together;
 }
 
 /// Drops a worker's units of a frame and the pass targets derived from them. On the writer thread.
@@ -73,8 +107,7 @@ void AuditOutcomes::redo_now(const FrameKey& key, const std::string& worker_id) 
     JobFilm& film = change.film(*job);
     film.finishing.erase(key.frame);
     if (job->plan->is_finished(key.frame)) {
-      film.warnings.push_back(suspect_frame_warning(key.frame, worker_id));
-      return;
+      return doubt_frames(change, *job, {key.frame}, worker_id);
     }
     const BlockIndex& block_index = film.open_block_index(*job);
     bool has_any = false;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "server/commit/commit_pipeline.h"
 #include "server/frames/frame_finisher.h"
@@ -24,6 +25,11 @@ class AuditOutcomes final : public EffectHandler {
  private:
   void end_audit(FarmChange& change, const UnitName& unit);
   void quarantine(FarmChange& change, const std::string& worker_id);
+  void log_failure(const char* what, const absl::Status& status) const;
+  void doubt_frames(FarmChange& change, const Job& job, const std::vector<std::int32_t>& frames,
+                    const std::string& worker_id);
+  absl::Status write_doubts(const std::string& job_id, const std::vector<std::int32_t>& frames,
+                            const std::string& worker_id);
   void redo_now(const FrameKey& key, const std::string& worker_id);
 
   FarmState& farm_;

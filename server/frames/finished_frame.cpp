@@ -68,6 +68,8 @@ absl::StatusOr<FrameRecord> write_finished_frame(
   summary.spp = contract::rounded_spp(spec.settings.spp);
   summary.error = spec.settings.error;
   summary.samples = result->statistics.samples;
+  const ErrorEstimate estimate = film.running_estimate(key);
+  if (estimate.pixels > 0) summary.estimated_error = estimate.error;
   summary.warnings = frame_warnings(result->statistics);
   std::string status = "DONE";
   if (summary.error) {

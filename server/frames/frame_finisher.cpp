@@ -166,37 +166,43 @@ void FrameFinisher::finish(const FrameKey& key) {
   const Time started = farm_.now();
   auto finished = write_finished_frame(films_.cache(), store_, key, *spec, progress);
   farm_.metrics().frame_write_seconds.Observe(seconds(farm_.now() - started));
-  const double error = films_.cache().running_estimate(key).error;
   films_.cache().close_frame(key);
   last_estimate_.erase(key);
   if (!finished.ok()) {
     if (!redo_damaged(key, finished.status())) fail(key, finished.status());
     return;
   }
-  pipeline_.post([this, key, error, row = *std::move(finished)] { record(key, row, error); });
+  const auto row = std::make_shared<const FrameRecord>(*std::move(finished));
+  pipeline_.post_write(
+      [this, key, row] {
+        if (!may_record(key)) return absl::CancelledError("its units are rendered again");
+        return store_.finish_frame(key.job_id, *row);
+      },
+      [this, key, row](const absl::Status& status) {
+        if (status.ok()) return note_finished(key, *row);
+        if (!absl::IsCancelled(status)) fail(key, status);
+      });
 }
 
 // The writer thread ------------------------------------------------------------------------------
 
-void FrameFinisher::record(const FrameKey& key, const FrameRecord& record, double error) {
-  {
-    FarmChange change(farm_);
-    Job* job = change.find_job(key.job_id);
-    // Units of a faulty worker may have been dropped since the image was written.
-    if (job != nullptr && !has_ended(job->state) && !is_ready(change, *job, key.frame)) {
-      change.film(*job).finishing.erase(key.frame);
-      return;
-    }
-  }
-  const absl::Status status = store_.finish_frame(key.job_id, record);
-  if (!status.ok()) return fail(key, status);
+/// Returns false if units of a faulty worker have been dropped since the image was written.
+bool FrameFinisher::may_record(const FrameKey& key) {
+  FarmChange change(farm_);
+  Job* job = change.find_job(key.job_id);
+  if (job == nullptr) return false;
+  if (has_ended(job->state) || is_ready(change, *job, key.frame)) return true;
+  change.film(*job).finishing.erase(key.frame);
+  return false;
+}
+
+void FrameFinisher::note_finished(const FrameKey& key, const FrameRecord& record) {
   FarmChange change(farm_);
   Job* job = change.find_job(key.job_id);
   if (job == nullptr) return;
   JobFilm& film = change.film(*job);
   film.finishing.erase(key.frame);
   film.count_finished(record, read_frame_summary(record.statistics_json));
-  film.estimated_error = error;
   film.open_block_index(*job).erase(key.frame);
   change.note(EventKind::frame_finished, *job, "", absl::StrCat("frame ", key.frame));
   change.log(LogLevel::info, absl::StrCat("job ", key.job_id, ", frame ", key.frame, " finished"));

@@ -66,7 +66,8 @@ class FrameFinisher final : public EffectHandler {
   void decide(const FrameKey& key);
   void estimate(const FrameKey& key);
   void finish(const FrameKey& key);
-  void record(const FrameKey& key, const FrameRecord& record, double error);
+  bool may_record(const FrameKey& key);
+  void note_finished(const FrameKey& key, const FrameRecord& record);
   bool redo_damaged(const FrameKey& key, const absl::Status& status);
   void fail(const FrameKey& key, const absl::Status& status);
 

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <iterator>
+#include <memory>
 #include <set>
 #include <utility>
 
@@ -171,13 +172,23 @@ void BlockIntake::deliver(const std::string& worker_id, const BlockHeader& heade
   budget_.take(weight(header));
   const MutexLock lock(mutex_);
   delivered_.push_back({worker_id, header, *std::move(block), std::move(bytes)});
-  if (!std::exchange(is_commit_posted_, true)) pipeline_.post([this] { commit_group(); });
+  if (!std::exchange(is_commit_posted_, true)) post_commit();
 }
 
 // Commit, on the writer thread -------------------------------------------------------------------
 
+void BlockIntake::post_commit() {
+  const auto group = std::make_shared<Group>();
+  pipeline_.post_write(
+      [this, group] {
+        commit_group(*group);
+        return absl::OkStatus();  // each job has its own status
+      },
+      [this, group](const absl::Status& status) { answer_group(*group, status); });
+}
+
 /// Returns the blocks to commit next, at most so many that acknowledgements do not come late.
-std::vector<BlockIntake::Delivered> BlockIntake::next_group() {
+std::vector<BlockIntake::Delivered> BlockIntake::next_blocks() {
   constexpr std::size_t kGroupUnits = 1024;
   constexpr std::int64_t kGroupBytes = std::int64_t{64} << 20;
   const MutexLock lock(mutex_);
@@ -187,38 +198,30 @@ std::vector<BlockIntake::Delivered> BlockIntake::next_group() {
     bytes += delivered_[count++].header.size_bytes;
   }
   const auto end = delivered_.begin() + static_cast<std::ptrdiff_t>(count);
-  std::vector<Delivered> group(std::make_move_iterator(delivered_.begin()),
-                               std::make_move_iterator(end));
+  std::vector<Delivered> blocks(std::make_move_iterator(delivered_.begin()),
+                                std::make_move_iterator(end));
   delivered_.erase(delivered_.begin(), end);
   is_commit_posted_ = !delivered_.empty();
-  if (is_commit_posted_) pipeline_.post([this] { commit_group(); });
-  return group;
+  if (is_commit_posted_) post_commit();
+  return blocks;
 }
 
-void BlockIntake::commit_group() {
-  CheckedGroup group = check_group(next_group());
-  absl::Status status;
-  if (!group.commits.empty()) {
-    const Time started = farm_.now();
-    status = store_.commit(group.commits);
-    farm_.metrics().commit_seconds.Observe(seconds(farm_.now() - started));
-  }
-  budget_.give_back(group.bytes);  // takes again what waits for the film thread
-  if (status.ok()) {
-    apply_commit(group);
-    farm_.log(LogLevel::debug, absl::StrCat(group.commits.size(), " units committed in one group"));
-  } else {
-    commit_failed(group, status);
-  }
+/// Commits the next blocks as a part of the round's transaction. A job whose blocks cannot be
+/// written leaves the others.
+void BlockIntake::commit_group(Group& group) {
+  group.started = farm_.now();
+  check_group(group);
+  for (auto& [job_id, job] : group.jobs) job.status = store_.commit(job.commits);
 }
 
-BlockIntake::CheckedGroup BlockIntake::check_group(std::vector<Delivered> group) {
-  CheckedGroup checked;
+void BlockIntake::check_group(Group& group) {
   std::set<std::pair<std::string, Unit>> seen;
+  std::vector<Delivered> blocks = next_blocks();
+  group.is_checked = true;
   FarmChange change(farm_);
-  for (Delivered& block : group) {
+  for (Delivered& block : blocks) {
     const BlockHeader& header = block.header;
-    checked.bytes += weight(header);
+    group.bytes += weight(header);
     Job* job = change.find_job(header.lease.job_id);
     if (job == nullptr || !change.scheduler().wants(*job, header.lease, header.unit()) ||
         change.scheduler().is_quarantined(block.worker_id)) {
@@ -226,7 +229,7 @@ BlockIntake::CheckedGroup BlockIntake::check_group(std::vector<Delivered> group)
     } else if (answer_duplicate(change, *job, block.worker_id, header)) {
       continue;
     } else if (!seen.insert({header.lease.job_id, header.unit()}).second) {
-      checked.repeats.push_back(std::move(block));
+      group.repeats.push_back(std::move(block));
     } else {
       Commit commit;
       commit.job_id = header.lease.job_id;
@@ -239,36 +242,51 @@ BlockIntake::CheckedGroup BlockIntake::check_group(std::vector<Delivered> group)
         commit.record.audit = AuditState::open;
       }
       commit.block = std::move(block.bytes);
-      checked.commits.push_back(std::move(commit));
-      checked.committed.push_back(std::move(block));
+      JobGroup& of_job = group.jobs[commit.job_id];
+      of_job.commits.push_back(std::move(commit));
+      of_job.blocks.push_back(std::move(block));
     }
   }
-  return checked;
 }
 
-void BlockIntake::commit_failed(const CheckedGroup& group, const absl::Status& status) {
-  farm_.metrics().errors.commit.Increment();
-  farm_.log(LogLevel::error,
-            absl::StrCat("commit of ", group.commits.size(), " units: ", status.ToString()));
-  if (!absl::IsResourceExhausted(status)) return;  // not acknowledged, so the workers send again
+/// Acknowledges what is durable now. `status`: of the round's transaction.
+void BlockIntake::answer_group(Group& group, const absl::Status& status) {
+  if (!group.is_checked) check_group(group);  // the transaction did not begin
+  farm_.metrics().commit_seconds.Observe(seconds(farm_.now() - group.started));
+  budget_.give_back(group.bytes);  // takes again what waits for the film thread
   FarmChange change(farm_);
-  for (const Commit& commit : group.commits) {
-    Job* job = change.find_job(commit.job_id);
-    if (job != nullptr) change.pause_for_room(*job, status);
-  }
-}
-
-void BlockIntake::apply_commit(CheckedGroup& group) {
-  FarmChange change(farm_);
-  for (std::size_t i = 0; i < group.committed.size(); ++i) {
-    Job* job = change.find_job(group.commits[i].job_id);
-    if (job != nullptr) note_committed(change, *job, group.commits[i].record, group.committed[i]);
+  for (auto& [job_id, of_job] : group.jobs) {
+    if (of_job.status.ok()) of_job.status = status;
+    if (!of_job.status.ok()) {
+      note_failed(change, job_id, of_job);
+      continue;
+    }
+    change.log(LogLevel::debug, absl::StrCat("job ", job_id, ": ", of_job.commits.size(),
+                                             " units committed in one group"));
+    Job* job = change.find_job(job_id);
+    for (std::size_t i = 0; job != nullptr && i < of_job.blocks.size(); ++i) {
+      note_committed(change, *job, of_job.commits[i].record, of_job.blocks[i]);
+    }
   }
   for (const Delivered& block : group.repeats) {
+    const auto of_job = group.jobs.find(block.header.lease.job_id);
+    if (of_job != group.jobs.end() && !of_job->second.status.ok()) continue;
     Job* job = change.find_job(block.header.lease.job_id);
     if (job == nullptr || !answer_duplicate(change, *job, block.worker_id, block.header)) {
       answer_obsolete(change, block.worker_id, block.header);
     }
+  }
+}
+
+/// Blocks that could not be committed are not acknowledged, so the workers send them again.
+void BlockIntake::note_failed(FarmChange& change, const std::string& job_id,
+                              const JobGroup& group) {
+  farm_.metrics().errors.commit.Increment();
+  change.log(LogLevel::error, absl::StrCat("job ", job_id, ": commit of ", group.commits.size(),
+                                           " units: ", group.status.ToString()));
+  Job* job = change.find_job(job_id);
+  if (job != nullptr && absl::IsResourceExhausted(group.status)) {
+    change.pause_for_room(*job, group.status);
   }
 }
 

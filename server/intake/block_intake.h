@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -85,12 +86,19 @@ class BlockIntake {
     contract::FilmBlock block;
     std::string bytes;
   };
-  /// A group of delivered blocks with their outcomes.
-  struct CheckedGroup {
+  /// Blocks of one job to commit, all or none.
+  struct JobGroup {
     std::vector<Commit> commits;
-    std::vector<Delivered> committed;  // in the order of `commits`
-    std::vector<Delivered> repeats;    // of units earlier in the same group
-    std::int64_t bytes = 0;            // memory of the whole group
+    std::vector<Delivered> blocks;  // in the order of `commits`
+    absl::Status status;
+  };
+  /// A group of delivered blocks.
+  struct Group {
+    bool is_checked = false;
+    Time started;
+    std::map<std::string, JobGroup> jobs;  // by job ID
+    std::vector<Delivered> repeats;        // of units earlier in the same group
+    std::int64_t bytes = 0;                // memory of the whole group
   };
 
   void acknowledge(FarmChange& change, const std::string& worker_id, const BlockHeader& header,
@@ -103,14 +111,15 @@ class BlockIntake {
   std::optional<Admission> check_header(FarmChange& change, const std::string& worker_id,
                                         const BlockHeader& header);
 
-  void commit_group() ABSL_LOCKS_EXCLUDED(mutex_);
-  std::vector<Delivered> next_group() ABSL_LOCKS_EXCLUDED(mutex_);
-  CheckedGroup check_group(std::vector<Delivered> group);
-  void apply_commit(CheckedGroup& group);
+  void post_commit();
+  void commit_group(Group& group) ABSL_LOCKS_EXCLUDED(mutex_);
+  void answer_group(Group& group, const absl::Status& status);
+  std::vector<Delivered> next_blocks() ABSL_LOCKS_EXCLUDED(mutex_);
+  void check_group(Group& group) ABSL_LOCKS_EXCLUDED(mutex_);
   void note_committed(FarmChange& change, Job& job, const UnitRecord& record, Delivered& block);
   void count_committed(FarmChange& change, Job& job, const UnitRecord& record,
                        std::int64_t samples);
-  void commit_failed(const CheckedGroup& group, const absl::Status& status);
+  void note_failed(FarmChange& change, const std::string& job_id, const JobGroup& group);
 
   FarmState& farm_;
   Store& store_;

@@ -15,7 +15,10 @@ using contract::Unit;
 
 namespace {
 
-constexpr std::chrono::seconds kExpiryPeriod{10};
+constexpr std::chrono::seconds kCheckPeriod{10};
+/// Free space at which jobs resume that were paused because the disk was full: a few groups of
+/// blocks and images.
+constexpr std::int64_t kRoomToResume = std::int64_t{256} << 20;
 constexpr std::size_t kOldJobsAtOnce = 16;
 
 absl::Status no_such_job(const std::string& job_id) {
@@ -217,16 +220,35 @@ absl::Status JobAdmin::remove_now(const std::string& job_id) {
   return assets_.release(key, *spec);
 }
 
+void JobAdmin::tick(FarmChange& change) {
+  if (change.now() - last_tick_ < kCheckPeriod) return;
+  last_tick_ = change.now();
+  expire_jobs(change);
+  for (const auto& [key, job] : change.scheduler().jobs()) {
+    if (FarmChange::waits_for_room(job)) return pipeline_.post([this] { resume_waiting(); });
+  }
+}
+
+/// Resumes the jobs that wait for room, if there is some. On the writer thread.
+void JobAdmin::resume_waiting() {
+  if (store_.free_bytes() < kRoomToResume) return;
+  FarmChange change(farm_);
+  std::vector<Job*> waiting;
+  for (const auto& [key, job] : change.scheduler().jobs()) {
+    if (FarmChange::waits_for_room(job)) waiting.push_back(change.scheduler().find_job(key));
+  }
+  for (Job* job : waiting) apply(change, *job, Change::resume).IgnoreError();  // none has ended
+}
+
 /// Removes a few jobs at a time, so that the writer is not blocked.
 void JobAdmin::expire_jobs(FarmChange& change) {
   const FarmOptions& options = farm_.options();
-  if (options.job_retention_us <= 0 || change.now() - last_expiry_ < kExpiryPeriod) return;
-  last_expiry_ = change.now();
-  const std::int64_t ended_before_us = options.wall_us() - options.job_retention_us;
+  if (options.job_retention_us <= 0) return;
+  const auto retention = std::chrono::microseconds(options.job_retention_us);
   std::size_t count = 0;
   for (const auto& [key, job] : change.scheduler().jobs()) {
-    const std::int64_t ended_us = change.film(job).end_time_us;  // 0: not ended
-    if (ended_us == 0 || ended_us > ended_before_us) continue;
+    const std::optional<Time> ended = change.film(job).end_time;
+    if (!ended || change.now() - *ended < retention) continue;
     pipeline_.post([this, id = job.spec->id] { expire(id); });
     if (++count == kOldJobsAtOnce) break;
   }

@@ -22,8 +22,8 @@ namespace tessera::server {
 /// may differ, and all of a frame must have one contract.
 absl::Status check_render_contract(const JobSpec& spec);
 
-/// Changes, extends and removes jobs. A change is answered when its row is written, with the
-/// outcome of that write.
+/// Changes, extends, removes and expires jobs. A change is answered when its row is written, with
+/// the outcome of that write.
 class JobAdmin {
  public:
   /// The parts must outlive the job admin.
@@ -55,8 +55,9 @@ class JobAdmin {
   void extend_job(const std::string& job_id, const Extension& extension, OnJob done);
   /// Removes an ended job durably, then calls `done`. After an error the job is still there.
   void remove_job(const std::string& job_id, std::function<void(absl::Status)> done);
-  /// Removes jobs that ended long ago. Call at each tick.
-  void expire_jobs(FarmChange& change);
+  /// Removes jobs that ended long ago, and resumes jobs that were paused because the disk was full
+  /// when it has room. Call at each tick.
+  void tick(FarmChange& change);
 
  private:
   absl::Status apply(FarmChange& change, Job& job, Change what);
@@ -66,14 +67,16 @@ class JobAdmin {
   JobView replan(const std::string& job_id, const std::shared_ptr<const JobSpec>& spec,
                  const std::vector<UnitRecord>& kept);
   absl::Status remove_now(const std::string& job_id);
+  void expire_jobs(FarmChange& change);
   void expire(const std::string& job_id);
+  void resume_waiting();
 
   FarmState& farm_;
   Store& store_;
   CommitPipeline& pipeline_;
   FrameFinisher& finisher_;
   AssetCatalog& assets_;
-  Time last_expiry_;  // guarded by the farm's lock
+  Time last_tick_;  // guarded by the farm's lock
 };
 
 }  // namespace tessera::server

@@ -25,10 +25,9 @@ JobRecord new_record(const JobSpec& spec, std::int64_t create_time_us) {
 
 }  // namespace
 
-absl::Status check_owners_quota(const FarmView& farm, const ClientQuota& quota,
-                                const JobSpec& spec) {
+absl::Status check_owners_quota(const FarmView& farm, const ClientQuota& quota, const JobSpec& spec,
+                                OwnerUse use) {
   if (!quota.has_limits()) return absl::OkStatus();
-  OwnerUse use;
   for (const JobKey key : farm.index().of_owner(spec.owner)) {
     const Job& job = farm.scheduler().jobs().at(key);
     if (job.spec->id != spec.id && !has_ended(job.state)) use.add(*job.spec);
@@ -37,8 +36,19 @@ absl::Status check_owners_quota(const FarmView& farm, const ClientQuota& quota,
 }
 
 void JobAdmission::create_job(JobSpec spec, OnCreated done) {
-  pipeline_.post(
-      [this, spec = std::move(spec), done = std::move(done)] { done(create_now(spec)); });
+  const std::int64_t store_bytes = max_job_size(spec).store_bytes;
+  const auto request = std::make_shared<Request>(Request{std::move(spec), {}, store_bytes});
+  pipeline_.post_write(
+      [this, request] {
+        absl::Status status = check_room(*request);
+        if (status.ok()) status = add_row(*request);
+        if (status.ok()) written_.push_back(request);
+        return status;
+      },
+      [this, request, done = std::move(done)](const absl::Status& status) {
+        std::erase(written_, request);
+        done(answer(*request, status));
+      });
 }
 
 /// Returns the job that the same request created before. Errors: AlreadyExists, it belongs to
@@ -52,16 +62,30 @@ absl::StatusOr<std::optional<JobView>> JobAdmission::find_existing(const JobSpec
   return absl::AlreadyExistsError("request_id: used by another client");
 }
 
-absl::Status JobAdmission::check_room(const JobSpec& spec, std::int64_t need_bytes) {
+/// Errors: AlreadyExists, the request has created a job; FailedPrecondition, an asset is missing;
+/// ResourceExhausted, no room for the job.
+absl::Status JobAdmission::check_room(const Request& request) {
+  const JobSpec& spec = request.spec;
+  const bool is_repeated = std::any_of(written_.begin(), written_.end(), [&](const auto& other) {
+    return !spec.request_id.empty() && other->spec.request_id == spec.request_id;
+  });
+  const auto existing = find_existing(spec);
+  if (is_repeated || !existing.ok() || existing->has_value()) {
+    return absl::AlreadyExistsError("request_id");
+  }
   if (absl::Status missing = assets_.check_present(spec); !missing.ok()) return missing;
   const std::int64_t left = farm_.options().quota_bytes - store_.used_bytes();
-  if (need_bytes > left) {
-    return absl::ResourceExhaustedError(absl::StrCat("the job needs up to ", need_bytes, " bytes; ",
-                                                     std::max<std::int64_t>(left, 0),
+  if (request.store_bytes > left) {
+    return absl::ResourceExhaustedError(absl::StrCat("the job needs up to ", request.store_bytes,
+                                                     " bytes; ", std::max<std::int64_t>(left, 0),
                                                      " bytes remain of --quota-gb"));
   }
+  OwnerUse use;
+  for (const auto& other : written_) {
+    if (other->spec.owner == spec.owner) use.add(other->spec);
+  }
   const FarmView view(farm_);
-  return check_owners_quota(view, farm_.options().client_quota, spec);
+  return check_owners_quota(view, farm_.options().client_quota, spec, use);
 }
 
 std::string JobAdmission::new_job_id() {
@@ -77,33 +101,40 @@ std::string JobAdmission::new_job_id() {
 }
 
 /// Adds a row under a new ID.
-absl::Status JobAdmission::add_row(JobRecord& record) {
+absl::Status JobAdmission::add_row(Request& request) {
+  request.record = new_record(request.spec, farm_.options().wall_us());
   absl::Status status;
   for (int attempt = 0; attempt < 4; ++attempt) {  // the ID of a removed job may be drawn again
-    record.id = new_job_id();
-    status = store_.add_job(record);
+    request.record.id = new_job_id();
+    status = store_.add_job(request.record);
     if (!absl::IsAlreadyExists(status)) break;
   }
   return status;
 }
 
-absl::StatusOr<JobAdmission::Created> JobAdmission::create_now(const JobSpec& spec) {
-  const std::int64_t store_bytes = max_job_size(spec).store_bytes;
-  auto existing = find_existing(spec);
+/// Returns the answer to a request, whose row was written with this outcome.
+absl::StatusOr<JobAdmission::Created> JobAdmission::answer(const Request& request,
+                                                           const absl::Status& status) {
+  if (status.ok()) return Created{add(request), request.store_bytes};
+  if (!absl::IsAlreadyExists(status)) return status;
+  auto existing = find_existing(request.spec);
   if (!existing.ok()) return existing.status();
-  if (*existing) return Created{**std::move(existing), store_bytes};
-  if (absl::Status room = check_room(spec, store_bytes); !room.ok()) return room;
-  JobRecord record = new_record(spec, farm_.options().wall_us());
-  if (absl::Status added = add_row(record); !added.ok()) return added;
-  auto job_spec = std::make_shared<JobSpec>(spec);
-  job_spec->id = record.id;
-  assets_.add_job(record.sequence, *job_spec);
+  if (!existing->has_value()) return status;
+  return Created{**std::move(existing), request.store_bytes};
+}
+
+/// Adds the job of a row that is durable.
+JobView JobAdmission::add(const Request& request) {
+  const JobRecord& record = request.record;
+  auto spec = std::make_shared<JobSpec>(request.spec);
+  spec->id = record.id;
+  assets_.add_job(record.sequence, *spec);
   FarmChange change(farm_);
-  Job& job = change.add_job(record.sequence, std::move(job_spec), JobState::queued);
+  Job& job = change.add_job(record.sequence, std::move(spec), JobState::queued);
   change.film(job).create_time_us = record.create_time_us;
   change.note(EventKind::job_submitted, job, "", record.name);
   change.scheduler().offer_work(change.now());
-  return Created{change.view(job), store_bytes};
+  return change.view(job);
 }
 
 }  // namespace tessera::server

@@ -2,8 +2,10 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -15,12 +17,12 @@
 
 namespace tessera::server {
 
-/// Checks the quota of the owner of `spec` with this job in its new form. Errors:
-/// ResourceExhausted.
-absl::Status check_owners_quota(const FarmView& farm, const ClientQuota& quota,
-                                const JobSpec& spec);
+/// Checks the quota of the owner of `spec` with this job in its new form, and with what it uses
+/// besides the farm's jobs. Errors: ResourceExhausted.
+absl::Status check_owners_quota(const FarmView& farm, const ClientQuota& quota, const JobSpec& spec,
+                                OwnerUse use = {});
 
-/// Creates jobs: who may have which, once per request, durable before the answer. Has no state.
+/// Creates jobs: who may have which, once per request, durable before the answer.
 class JobAdmission {
  public:
   JobAdmission(FarmState& farm, Store& store, CommitPipeline& pipeline, AssetCatalog& assets)
@@ -35,16 +37,25 @@ class JobAdmission {
   void create_job(JobSpec spec, OnCreated done);
 
  private:
-  absl::StatusOr<Created> create_now(const JobSpec& spec);
+  /// A job that is being created.
+  struct Request {
+    JobSpec spec;
+    JobRecord record;
+    std::int64_t store_bytes = 0;
+  };
   absl::StatusOr<std::optional<JobView>> find_existing(const JobSpec& spec) const;
-  absl::Status check_room(const JobSpec& spec, std::int64_t need_bytes);
-  absl::Status add_row(JobRecord& record);
+  absl::Status check_room(const Request& request);
+  absl::Status add_row(Request& request);
+  absl::StatusOr<Created> answer(const Request& request, const absl::Status& status);
+  JobView add(const Request& request);
   std::string new_job_id();
 
   FarmState& farm_;
   Store& store_;
   CommitPipeline& pipeline_;
   AssetCatalog& assets_;
+  std::vector<std::shared_ptr<Request>>
+      written_;  // rows of the open transaction; writer thread only
 };
 
 }  // namespace tessera::server

@@ -1,6 +1,8 @@
 #include "server/queries/farm_queries.h"
 
 #include <iterator>
+#include <map>
+#include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -101,20 +103,28 @@ std::shared_ptr<const JobSpec> FarmQueries::describe_job(const std::string& job_
 }
 
 absl::StatusOr<JobReport> FarmQueries::report(const std::string& job_id) const {
-  const FarmView view(parts_.farm);
-  const Job* job = view.find_job(job_id);
-  if (job == nullptr) return no_such_job(job_id);
-  const JobFilm& film = view.film(*job);
   JobReport report;
-  report.view = view.view(*job);
-  report.counters = job->counters;
-  report.contributions = job->contributions;
-  report.warnings = film.warnings;
-  for (const auto& [key, worker] : view.scheduler().workers()) {
-    if (report.contributions.count(worker.id) == 0) continue;
-    report.machines[worker.id] = {worker.isa, worker.thread_count};
+  std::map<std::int32_t, FrameRecord> finished;
+  {
+    const FarmView view(parts_.farm);
+    const Job* job = view.find_job(job_id);
+    if (job == nullptr) return no_such_job(job_id);
+    report.view = view.view(*job);
+    report.counters = job->counters;
+    report.contributions = job->contributions;
+    report.warnings = view.film(*job).warnings;
+    for (const auto& [key, worker] : view.scheduler().workers()) {
+      if (report.contributions.count(worker.id) == 0) continue;
+      report.machines[worker.id] = {worker.isa, worker.thread_count};
+    }
+    finished = view.film(*job).finished;
   }
-  for (const auto& [frame, finished] : film.finished) report.frames.push_back(finished);
+  const auto frames = parts_.store.frames(job_id);
+  if (!frames.ok()) return frames.status();
+  for (const FrameRecord& frame : *frames) {
+    // Frames that were finished under other settings or just now are not in this report.
+    if (finished.count(frame.frame) > 0) report.frames.push_back(frame);
+  }
   return report;
 }
 

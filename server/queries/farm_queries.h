@@ -43,6 +43,7 @@ class FarmQueries {
   /// worker), else null.
   std::shared_ptr<const JobSpec> describe_job(const std::string& job_id,
                                               const std::string& certificate = {}) const;
+  /// Reads the statistics of finished frames from the store. Errors: NotFound; those of the store.
   absl::StatusOr<JobReport> report(const std::string& job_id) const;
   /// Returns up to `limit` recent deliveries of a job after a sequence. Errors: NotFound.
   absl::StatusOr<std::vector<Delivery>> deliveries(const std::string& job_id, std::int64_t after,

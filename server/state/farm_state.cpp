@@ -2,10 +2,13 @@
 
 #include <utility>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 
 namespace tessera::server {
 namespace {
+
+constexpr char kStoreFull[] = "store full: ";  // begins the reason of a job that waits for room
 
 /// Returns why no worker can render an active job, or "".
 std::string missing_workers(const Job& job, const std::map<WorkerKey, Worker>& workers) {
@@ -118,8 +121,10 @@ void FarmChange::note_state(const Job& job) {
   JobFilm& its_film = film(job);
   if (!has_ended(job.state)) {
     its_film.end_time_us = 0;
+    its_film.end_time.reset();
   } else if (its_film.end_time_us == 0) {
     its_film.end_time_us = state_.options_.wall_us();
+    its_film.end_time = now();
   }
   if (job.state == JobState::done) {  // its blocks are no longer needed
     its_film.grid.reset();
@@ -149,9 +154,13 @@ void FarmChange::remove_job(const Job& job) ABSL_NO_THREAD_SAFETY_ANALYSIS {
   scheduler().remove_job(key);
 }
 
+bool FarmChange::waits_for_room(const Job& job) {
+  return job.state == JobState::paused && absl::StartsWith(job.reason, kStoreFull);
+}
+
 void FarmChange::pause_for_room(Job& job, const absl::Status& status) {
   scheduler()
-      .pause(job, absl::StrCat("store full: ", std::string(status.message())), now())
+      .pause(job, absl::StrCat(kStoreFull, std::string(status.message())), now())
       .IgnoreError();
 }
 

@@ -116,6 +116,8 @@ class ABSL_SCOPED_LOCKABLE FarmChange : public FarmView {
   void remove_job(const Job& job);
   /// Pauses a job because the disk is full. Does nothing for an ended job.
   void pause_for_room(Job& job, const absl::Status& status);
+  /// Returns whether a job was paused by pause_for_room(), also by an earlier server.
+  static bool waits_for_room(const Job& job);
 
   // Events.
   void note(EventKind kind, const Job& job, const std::string& worker_id, const std::string& text);

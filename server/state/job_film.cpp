@@ -28,7 +28,10 @@ std::int64_t JobFilm::unit_samples(Job& job, const Unit& unit) {
 }
 
 void JobFilm::count_finished(const FrameRecord& record, const FrameSummary& summary) {
-  finished[record.frame] = record;
+  FrameRecord& kept = finished[record.frame] = record;
+  kept.statistics_json.clear();
+  if (summary.estimated_error) estimated_error = summary.estimated_error;
+  warnings.insert(warnings.end(), summary.doubts.begin(), summary.doubts.end());
   expected_samples.erase(record.frame);
   finished_samples += summary.samples;
   if (summary.certainty) {

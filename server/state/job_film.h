@@ -21,8 +21,8 @@ namespace tessera::server {
 struct JobFilm {
   std::shared_ptr<const contract::TileGrid> grid;  // owners: the job and current users
   std::optional<BlockIndex> block_index;
-  std::map<std::int32_t, FrameRecord> finished;
-  std::set<std::int32_t> finishing;  // complete, image being written
+  std::map<std::int32_t, FrameRecord> finished;  // without their statistics, which the store has
+  std::set<std::int32_t> finishing;              // complete, image being written
   std::int64_t committed_samples = 0;
   std::int64_t samples_at_start = 0;  // committed before this process started
   // With a target error: samples of finished frames, and predictions for the others.
@@ -35,6 +35,8 @@ struct JobFilm {
   double wall_at_start = 0;
   std::optional<double> estimated_error;
   std::int64_t create_time_us = 0, end_time_us = 0;
+  /// When it ended, by the monotonic clock: a jump of the wall clock does not age it.
+  std::optional<Time> end_time;
 
   /// Returns the job's tiles, created if missing.
   const contract::TileGrid& open_grid(const Job& job);

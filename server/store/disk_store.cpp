@@ -1,7 +1,9 @@
 #include "server/store/disk_store.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <map>
+#include <system_error>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -60,6 +62,21 @@ absl::Status read_unit(const SqlRow& row, UnitRecord& record) {
 }
 
 }  // namespace
+
+absl::Status DiskStore::write_together(const std::function<void()>& body) {
+  absl::Status status = journal_->write_together(body);
+  const auto actions = std::exchange(after_together_, {});
+  if (!status.ok()) return status;
+  for (const auto& action : actions) status.Update(action());
+  return status;
+}
+
+/// Does what must follow a write that is durable: now, or at the end of write_together().
+absl::Status DiskStore::after_write(std::function<absl::Status()> action) {
+  if (!journal_->is_together()) return action();
+  after_together_.push_back(std::move(action));
+  return absl::OkStatus();
+}
 
 absl::Status DiskStore::add_job(JobRecord& job) {
   if (!is_plain_name(job.id)) {
@@ -123,10 +140,12 @@ absl::Status DiskStore::remove_job(const std::string& job_id) {
     return absl::OkStatus();
   });
   if (!status.ok()) return status;
-  content_bytes_ -= *freed;
-  status = segments_.remove_job(job_id);
-  const absl::Status outputs = files_.remove_folder(absl::StrCat(folder_, "/outputs/", job_id));
-  return status.ok() ? outputs : status;
+  return after_write([this, job_id, bytes = *freed] {
+    content_bytes_ -= bytes;
+    absl::Status removed = segments_.remove_job(job_id);
+    removed.Update(files_.remove_folder(absl::StrCat(folder_, "/outputs/", job_id)));
+    return removed;
+  });
 }
 
 absl::StatusOr<std::vector<JobRecord>> DiskStore::jobs() const {
@@ -166,8 +185,11 @@ absl::Status DiskStore::commit(std::vector<Commit>& group) {
     }
     return absl::OkStatus();
   });
-  if (status.ok()) content_bytes_ += added;
-  return status;
+  if (!status.ok()) return status;
+  return after_write([this, added] {
+    content_bytes_ += added;
+    return absl::OkStatus();
+  });
 }
 
 absl::Status DiskStore::append_job(const std::string& job_id, const JobRow& job,
@@ -319,8 +341,11 @@ absl::Status DiskStore::finish_frame(const std::string& job_id, const FrameRecor
         {job->sequence, frame.frame, frame.file, *bytes, blob_of(frame.file_sha256),
          blob_of(frame.pixels_sha256), frame.statistics_json});
   });
-  if (status.ok()) content_bytes_ += *bytes - replaced;
-  return status;
+  if (!status.ok()) return status;
+  return after_write([this, gained = *bytes - replaced] {
+    content_bytes_ += gained;
+    return absl::OkStatus();
+  });
 }
 
 absl::StatusOr<std::int64_t> DiskStore::make_output_durable(const std::string& job_id,
@@ -372,8 +397,10 @@ absl::Status DiskStore::close_job(const std::string& job_id) {
     return rows.run("DELETE FROM segments WHERE job=?", {job->sequence});
   });
   if (!status.ok()) return status;
-  content_bytes_ -= *freed;
-  return segments_.release(job_id, job->next_segment);
+  return after_write([this, job_id, bytes = *freed, end = job->next_segment] {
+    content_bytes_ -= bytes;
+    return segments_.release(job_id, end);
+  });
 }
 
 absl::Status DiskStore::add_up_units(Database& rows, std::int64_t job) {
@@ -421,6 +448,12 @@ absl::Status DiskStore::release_assets(const std::vector<contract::Digest>& dige
 absl::Status DiskStore::collect_assets(std::int64_t now_us, std::int64_t quota_bytes,
                                        const std::vector<contract::Digest>& named) {
   return assets_->collect(now_us, quota_bytes, named);
+}
+
+std::int64_t DiskStore::free_bytes() const {
+  std::error_code error;
+  const std::filesystem::space_info space = std::filesystem::space(folder_, error);
+  return error ? 0 : static_cast<std::int64_t>(space.available);
 }
 
 std::int64_t DiskStore::used_bytes() const {

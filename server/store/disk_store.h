@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -32,6 +33,7 @@ class DiskStore final : public Store {
   const std::string& key() const override { return key_; }
   std::int64_t boot_count() const override { return boot_count_; }
 
+  absl::Status write_together(const std::function<void()>& body) override;
   absl::Status add_job(JobRecord& job) override;
   absl::Status update_job(const JobRecord& job) override;
   absl::Status remove_job(const std::string& job_id) override;
@@ -74,6 +76,8 @@ class DiskStore final : public Store {
   absl::Status remove_stale_joins(const std::vector<std::string>& valid,
                                   std::int64_t unseen_since_us) override;
 
+  std::int64_t asset_bytes() const override { return assets_->used_bytes(); }
+  std::int64_t free_bytes() const override;
   std::int64_t used_bytes() const override;
 
  private:
@@ -88,6 +92,7 @@ class DiskStore final : public Store {
   absl::Status start();
   absl::Status clean_up();
   absl::Status clean_outputs();
+  absl::Status after_write(std::function<absl::Status()> action);
   absl::StatusOr<JobRow> find_job(const std::string& job_id) const;
   absl::Status append_job(const std::string& job_id, const JobRow& job,
                           const std::vector<Commit*>& units);
@@ -111,7 +116,8 @@ class DiskStore final : public Store {
   std::unique_ptr<AssetFiles> assets_;
   std::string id_, key_;
   std::int64_t boot_count_ = 0;
-  std::atomic<std::int64_t> content_bytes_ = 0;  // segments and finished frames
+  std::atomic<std::int64_t> content_bytes_ = 0;                // segments and finished frames
+  std::vector<std::function<absl::Status()>> after_together_;  // once the transaction is durable
 };
 
 }  // namespace tessera::server

@@ -115,6 +115,14 @@ class Store {
   /// Number of times the store has been opened, including this one; durable before open() returns.
   virtual std::int64_t boot_count() const = 0;
 
+  /// Runs `body`, whose calls of writing functions make up one transaction with one sync of the
+  /// journal: "durable on return" then means on return of this function. A call that fails leaves
+  /// the others. Not for publish_asset() and collect_assets(); not within another.
+  ///
+  /// Errors: ResourceExhausted, the disk is full, and those of a write; then nothing is written,
+  /// whatever the calls returned.
+  virtual absl::Status write_together(const std::function<void()>& body) = 0;
+
   /// Adds a job and sets its sequence; durable on return. Errors: AlreadyExists, its ID or
   /// request_id is or was in use; InvalidArgument, its ID is not a plain file name ([A-Za-z0-9._-],
   /// not starting with a dot). An empty request_id never conflicts.
@@ -205,6 +213,10 @@ class Store {
   virtual absl::Status remove_stale_joins(const std::vector<std::string>& valid,
                                           std::int64_t unseen_since_us) = 0;
 
+  /// Returns the disk space of published assets. Any thread.
+  virtual std::int64_t asset_bytes() const = 0;
+  /// Returns the free space of the disk, for this process; 0 if it cannot be told. Any thread.
+  virtual std::int64_t free_bytes() const = 0;
   /// Returns the disk space of segments, assets, finished frames and database, without unfinished
   /// uploads. Uses the store's records and visits no directories. Any thread.
   virtual std::int64_t used_bytes() const = 0;

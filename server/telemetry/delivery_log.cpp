@@ -1,17 +1,28 @@
 #include "server/telemetry/delivery_log.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace tessera::server {
 
 void DeliveryLog::add(Delivery delivery) {
   const std::lock_guard lock(mutex_);
-  const auto known = workers_.find(delivery.worker_id);
-  delivery.worker_id =
-      known != workers_.end() ? *known : *workers_.emplace(delivery.worker_id).first;
+  Known& worker = workers_[std::string(delivery.worker_id)];
+  if (!worker.id) worker.id = std::make_shared<const std::string>(delivery.worker_id);
+  ++worker.count;
+  delivery.worker_text = worker.id;
+  delivery.worker_id = *worker.id;
   delivery.sequence = ++last_sequence_;
-  deliveries_.push_back(delivery);
-  if (deliveries_.size() > kMaxDeliveries) deliveries_.pop_front();
+  deliveries_.push_back(std::move(delivery));
+  if (deliveries_.size() <= kMaxDeliveries) return;
+  const auto oldest = workers_.find(deliveries_.front().worker_id);
+  if (--oldest->second.count == 0) workers_.erase(oldest);
+  deliveries_.pop_front();
+}
+
+std::size_t DeliveryLog::worker_count() const {
+  const std::lock_guard lock(mutex_);
+  return workers_.size();
 }
 
 std::vector<Delivery> DeliveryLog::read(std::int64_t job, std::int64_t after,

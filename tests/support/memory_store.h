@@ -24,6 +24,13 @@ class MemoryStore final : public Store {
     const std::lock_guard lock(mutex_);
     commit_fault_ = std::move(status);
   }
+  /// Makes write_together() fail, with nothing written, from now on; OK ends it.
+  void fail_transactions_with(absl::Status status) {
+    const std::lock_guard lock(mutex_);
+    transaction_fault_ = std::move(status);
+  }
+  /// Number of calls of write_together().
+  int transaction_count() const { return transaction_count_; }
   /// Makes reading this unit's block fail with DataLoss until the unit is committed again.
   void damage(const contract::Unit& unit) {
     const std::lock_guard lock(mutex_);
@@ -34,11 +41,30 @@ class MemoryStore final : public Store {
   void add_asset(const contract::Digest& digest) { assets_.insert(digest); }
   void reboot() { ++boot_count_; }
   void set_used_bytes(std::int64_t bytes) { used_bytes_ = bytes; }
+  void set_asset_bytes(std::int64_t bytes) { asset_bytes_ = bytes; }
+  void set_free_bytes(std::int64_t bytes) { free_bytes_ = bytes; }
+  /// Number of calls of collect_assets().
+  int collection_count() const { return collection_count_; }
+  /// Makes commits of this job fail with `status`.
+  void fail_commits_of(const std::string& job_id, absl::Status status) {
+    const std::lock_guard lock(mutex_);
+    job_faults_[job_id] = std::move(status);
+  }
 
   const std::string& id() const override { return id_; }
   const std::string& key() const override { return key_; }
   std::int64_t boot_count() const override { return boot_count_; }
 
+  absl::Status write_together(const std::function<void()>& body) override {
+    absl::Status fault;
+    {
+      const std::lock_guard lock(mutex_);
+      ++transaction_count_;
+      fault = transaction_fault_;
+    }
+    if (fault.ok()) body();
+    return fault;
+  }
   absl::Status add_job(JobRecord& job) override {
     const std::lock_guard lock(mutex_);
     if (!used_ids_.insert(job.id).second) return absl::AlreadyExistsError("id");
@@ -71,6 +97,8 @@ class MemoryStore final : public Store {
   absl::Status commit(std::vector<Commit>& group) override {
     const std::lock_guard lock(mutex_);
     if (!commit_fault_.ok()) return commit_fault_;
+    const auto fault = job_faults_.find(group.front().job_id);
+    if (fault != job_faults_.end()) return fault->second;
     ++group_count_;
     for (Commit& commit : group) {
       commit.record.segment = 0;
@@ -187,6 +215,7 @@ class MemoryStore final : public Store {
   }
   absl::Status collect_assets(std::int64_t, std::int64_t,
                               const std::vector<contract::Digest>&) override {
+    ++collection_count_;
     return absl::OkStatus();
   }
 
@@ -229,16 +258,21 @@ class MemoryStore final : public Store {
   absl::Status remove_stale_joins(const std::vector<std::string>&, std::int64_t) override {
     return absl::OkStatus();
   }
+  std::int64_t asset_bytes() const override { return asset_bytes_; }
+  std::int64_t free_bytes() const override { return free_bytes_; }
   std::int64_t used_bytes() const override { return used_bytes_; }
 
  private:
   const std::string folder_;
   const std::string id_ = "0123456789abcdef0123456789abcdef";
   const std::string key_ = "thirty-two bytes of a secret key";
-  std::int64_t boot_count_ = 1, used_bytes_ = 0;
+  std::int64_t boot_count_ = 1, used_bytes_ = 0, asset_bytes_ = 0;
+  std::int64_t free_bytes_ = std::int64_t{1} << 40;
+  int collection_count_ = 0;
+  std::map<std::string, absl::Status> job_faults_;
   mutable std::mutex mutex_;
-  absl::Status commit_fault_;
-  int group_count_ = 0;
+  absl::Status commit_fault_, transaction_fault_;
+  int group_count_ = 0, transaction_count_ = 0;
   std::int64_t last_sequence_ = 0, next_offset_ = 0;
   std::set<std::string> used_ids_, released_, roster_, banned_;
   std::map<std::string, std::set<std::string>> joins_;  // by token

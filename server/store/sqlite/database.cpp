@@ -195,10 +195,27 @@ absl::Status Database::script(const char* sql) {
 
 absl::Status Database::transact(const std::function<absl::Status()>& body) {
   if (absl::Status status = run("BEGIN IMMEDIATE"); !status.ok()) return status;
+  undone_ = absl::OkStatus();
   absl::Status status = body();
+  if (!undone_.ok()) return undone_;
   if (status.ok()) status = run("COMMIT");
   if (!status.ok() && sqlite3_get_autocommit(connection_.get()) == 0) {
     run("ROLLBACK").IgnoreError();  // the first error is returned
+  }
+  return status;
+}
+
+absl::Status Database::transact_part(const std::function<absl::Status()>& body) {
+  if (!undone_.ok()) return undone_;
+  if (absl::Status status = run("SAVEPOINT part"); !status.ok()) return status;
+  absl::Status status = body();
+  if (status.ok()) status = run("RELEASE part");
+  if (status.ok()) return status;
+  if (sqlite3_get_autocommit(connection_.get()) != 0) {
+    undone_ = status;
+  } else {
+    run("ROLLBACK TO part").IgnoreError();  // the first error is returned
+    run("RELEASE part").IgnoreError();
   }
   return status;
 }

@@ -65,6 +65,10 @@ class Database {
 
   /// Runs `body` as a transaction: commits, or rolls back if it returns an error.
   absl::Status transact(const std::function<absl::Status()>& body);
+  /// Runs `body` as a part of the transaction that is open: if it returns an error, only the part
+  /// is undone. If SQLite has undone the whole transaction, all further parts and the transaction
+  /// fail with that error. Requires: within transact().
+  absl::Status transact_part(const std::function<absl::Status()>& body);
 
   /// Rows changed by the last run().
   std::int64_t changes() const;
@@ -92,6 +96,7 @@ class Database {
   std::unique_ptr<sqlite3, Closer> connection_;
   std::map<std::string, std::unique_ptr<sqlite3_stmt, Finalizer>, std::less<>> statements_;
   int wal_pages_ = 0;
+  absl::Status undone_;  // why SQLite has undone the open transaction; OK: it has not
 };
 
 }  // namespace tessera::server

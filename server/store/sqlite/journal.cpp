@@ -34,7 +34,20 @@ absl::StatusOr<std::unique_ptr<Journal>> Journal::open(const std::string& path, 
 
 absl::Status Journal::write(const std::function<absl::Status(Database&)>& body) {
   if (absl::Status healthy = files_.check_healthy(); !healthy.ok()) return healthy;
+  if (is_together_) return writer_->transact_part([&] { return body(*writer_); });
   absl::Status status = after_sync(writer_->transact([&] { return body(*writer_); }));
+  if (!status.ok()) return status;
+  return maintain();
+}
+
+absl::Status Journal::write_together(const std::function<void()>& body) {
+  if (absl::Status healthy = files_.check_healthy(); !healthy.ok()) return healthy;
+  absl::Status status = after_sync(writer_->transact([&] {
+    is_together_ = true;
+    body();
+    is_together_ = false;
+    return absl::OkStatus();
+  }));
   if (!status.ok()) return status;
   return maintain();
 }

@@ -32,6 +32,14 @@ class Journal {
   /// the process (DurableFiles).
   absl::Status write(const std::function<absl::Status(Database&)>& body);
 
+  /// Runs `body`, whose calls of write() are parts of one transaction, durable on return; a part
+  /// that fails leaves the others. On the writing thread; not within another.
+  ///
+  /// Errors: those of Database; then nothing has changed, whatever the parts returned.
+  absl::Status write_together(const std::function<void()>& body);
+  /// Whether write_together() runs.
+  bool is_together() const { return is_together_; }
+
   /// Runs queries. Any thread, one at a time; `body` must not call the journal.
   absl::Status read(const std::function<absl::Status(Database&)>& body) const;
 
@@ -54,6 +62,7 @@ class Journal {
   std::unique_ptr<Database> writer_;
   mutable Mutex reader_mutex_;
   std::unique_ptr<Database> reader_ ABSL_PT_GUARDED_BY(reader_mutex_);
+  bool is_together_ = false;
   std::int64_t page_count_ = 0, free_page_count_ = 0;
   std::atomic<std::int64_t> used_bytes_ = 0;
 };

@@ -211,6 +211,26 @@ TEST_F(AuditTest, FirstUnitOfWorkerIsAlwaysAudited) {
   EXPECT_EQ(audited(job), 2);
 }
 
+TEST_F(AuditTest, DoubtsOfFinishedFramesSurviveRestart) {
+  bool is_faulty = false;
+  const std::string done = create_job("done");
+  add("faulty", [&](const Leased&) { return is_faulty; });
+  run_workers(done);
+  ASSERT_EQ(view(done).state, JobState::done);
+  is_faulty = true;
+  const std::string job = create_job("a");
+  add("w2");
+  add("w3");
+  run_workers(job);
+  ASSERT_TRUE(is_quarantined("faulty"));
+  for (int restart = 0; restart < 2; ++restart) {
+    const std::vector<std::string> warnings = coordinator->queries().report(done)->warnings;
+    ASSERT_EQ(warnings.size(), 1u);
+    EXPECT_NE(warnings[0].find("worker faulty"), std::string::npos) << warnings[0];
+    start();
+  }
+}
+
 TEST_F(AuditTest, QuarantineSurvivesReconnect) {
   const std::string job = create_job("a");
   add("faulty", always);

@@ -246,6 +246,7 @@ TEST_F(CoordinatorTest, FullStoreAtFrameEndPausesJob) {
   while (coordinator->run_writer(false)) {  // all units are committed, the image is not written
   }
   store.fail_commits_with(absl::ResourceExhaustedError("no space left"));
+  store.set_free_bytes(0);  // or it would resume by itself
   pump();
   EXPECT_EQ(view(job).state, JobState::paused);
   EXPECT_NE(view(job).reason.find("no space left"), std::string::npos);

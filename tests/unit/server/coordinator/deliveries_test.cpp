@@ -36,6 +36,7 @@ TEST(DeliveryLog, KeepsNewestAndNamesOfGoneWorkers) {
   const auto max_count = static_cast<std::int32_t>(DeliveryLog::kMaxDeliveries);
   for (std::int32_t i = 0; i < max_count; ++i) log.add(made(2, i));
   EXPECT_TRUE(log.read(1, 0, 99).empty());
+  EXPECT_EQ(log.worker_count(), 1U) << "IDs of workers without kept deliveries are forgotten";
   const auto all_kept = log.read(2, 0, 2 * DeliveryLog::kMaxDeliveries);
   ASSERT_EQ(all_kept.size(), DeliveryLog::kMaxDeliveries);
   EXPECT_EQ(all_kept.front().unit.tile, 0);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <random>
 #include <utility>
 
@@ -48,6 +49,16 @@ TEST_F(ErrorJobTest, EndsWhenBoundIsMet) {
   EXPECT_EQ(frame["samples"], ended.committed_sample_count);
   EXPECT_LT(frame["spp_mean"], frame["spp_max"]) << "tiles with less noise have fewer samples";
   EXPECT_EQ(frame["curve"].back()["samples"], ended.committed_sample_count);
+}
+
+TEST_F(ErrorJobTest, EstimateOfDoneJobSurvivesRestart) {
+  const std::string job = create_error_job("a", 0.1);
+  auto worker = join("w1");
+  finish_job(worker, job);
+  const std::optional<double> estimate = view(job).estimated_error;
+  ASSERT_TRUE(estimate);
+  start();
+  EXPECT_EQ(view(job).estimated_error, estimate);
 }
 
 TEST_F(ErrorJobTest, SampleLimitWithoutBoundIsCapped) {

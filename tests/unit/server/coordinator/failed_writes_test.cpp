@@ -1,6 +1,8 @@
 // Answers to changes whose rows cannot be written, as on a full disk.
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <fstream>
 #include <string>
 
 #include "tests/unit/server/coordinator/coordinator_fixture.h"
@@ -82,6 +84,110 @@ TEST_F(FailedWriteTest, FailedRemovalKeepsJob) {
   free_disk();
   EXPECT_TRUE(remove(job).ok());
   EXPECT_TRUE(coordinator->queries().list_jobs(0, 10).empty());
+}
+
+TEST_F(FailedWriteTest, FaultOfOneJobLeavesOtherJobs) {
+  const std::string faulty = create_job("a"), other = create_job("b");
+  auto worker = join("w1");
+  store.fail_commits_of(faulty, absl::InternalError("cannot open its segment"));
+  deliver_all(worker);
+  pump();
+  EXPECT_EQ(view(faulty).committed_unit_count, 0);
+  EXPECT_EQ(view(other).state, JobState::done);
+}
+
+TEST_F(FailedWriteTest, FailedTransactionAcknowledgesNothing) {
+  const std::string job = create_job("a");
+  auto worker = join("w1");
+  const auto units = worker.units;
+  deliver_all(worker);
+  store.fail_transactions_with(absl::ResourceExhaustedError("disk full"));
+  pump();
+  collect(worker);
+  EXPECT_TRUE(worker.acknowledgements.empty());
+  EXPECT_EQ(view(job).state, JobState::paused);
+  EXPECT_TRUE(absl::IsResourceExhausted(create(spec_of("b")).status()));
+  EXPECT_EQ(coordinator->queries().list_jobs(0, 10).size(), 1u);
+  store.fail_transactions_with(absl::OkStatus());
+  for (const Leased& unit : units) deliver(worker, unit, bytes_of(unit));
+  pump();
+  EXPECT_EQ(view(job).state, JobState::done) << "blocks sent again are committed";
+}
+
+TEST_F(FailedWriteTest, RoundWritesOneTransaction) {
+  const std::string job = create_job("a");
+  for (int i = 0; i < 20; ++i) join("w" + std::to_string(i));
+  const int before = store.transaction_count();
+  coordinator->run_writer(false);
+  EXPECT_EQ(store.transaction_count(), before + 1) << "20 workers and a job";
+  int created = 0;
+  for (int i = 0; i < 20; ++i) {
+    coordinator->admission().create_job(spec_of("job" + std::to_string(i)),
+                                        [&](const auto& view) { created += view.ok() ? 1 : 0; });
+  }
+  coordinator->run_writer(false);
+  EXPECT_EQ(created, 20);
+  EXPECT_EQ(store.transaction_count(), before + 2);
+}
+
+TEST_F(FailedWriteTest, QuotaCountsJobsOfSameTransaction) {
+  options.client_quota.jobs = 2;
+  start();
+  int created = 0, repeated = 0;
+  for (int i = 0; i < 4; ++i) {
+    coordinator->admission().create_job(spec_of("job" + std::to_string(i)),
+                                        [&](const auto& view) { created += view.ok() ? 1 : 0; });
+    coordinator->admission().create_job(spec_of("job" + std::to_string(i)),
+                                        [&](const auto& view) { repeated += view.ok() ? 1 : 0; });
+  }
+  coordinator->run_writer(false);
+  EXPECT_EQ(created, 2);
+  EXPECT_EQ(repeated, 2) << "the same request is the same job";
+  EXPECT_EQ(coordinator->queries().list_jobs(0, 10).size(), 2u);
+}
+
+TEST_F(FailedWriteTest, JobResumesWhenDiskHasRoom) {
+  const std::string job = create_job("a");
+  auto worker = join("w1");
+  deliver_all(worker);
+  fill_disk();
+  store.set_free_bytes(0);
+  pump();
+  ASSERT_EQ(view(job).state, JobState::paused);
+  const auto later = [&] {
+    now += std::chrono::seconds(10);
+    coordinator->tick();
+    pump();
+  };
+  later();
+  EXPECT_EQ(view(job).state, JobState::paused);
+  free_disk();
+  store.set_free_bytes(std::int64_t{1} << 40);
+  later();
+  EXPECT_EQ(view(job).state, JobState::running);
+  ASSERT_TRUE(change(job, JobAdmin::Change::pause).ok());
+  later();
+  EXPECT_EQ(view(job).state, JobState::paused) << "paused by the user";
+}
+
+TEST_F(FailedWriteTest, AssetsAreCollectedOnlyOverTheirQuota) {
+  options.asset_quota_bytes = 1000;
+  start();
+  store.set_used_bytes(1 << 20);
+  const auto publish = [&](const std::string& text) {
+    const std::string path = coordinator->assets().new_upload_path().value();
+    std::ofstream(path) << text;
+    coordinator->assets().publish_asset(path, contract::sha256(text), [](const auto& status) {
+      EXPECT_TRUE(status.ok()) << status;
+    });
+    pump();
+  };
+  store.set_asset_bytes(1000);
+  publish("a");
+  EXPECT_EQ(store.collection_count(), 0) << "blocks fill the store, not assets";
+  store.set_asset_bytes(1001);
+  publish("b");
+  EXPECT_EQ(store.collection_count(), 1);
 }
 
 }  // namespace

@@ -20,10 +20,10 @@ class RetentionTest : public CoordinatorFixture {
     options.job_retention_us = span_us;
     start();
   }
-  /// Advances the wall clock and runs the coordinator's timer.
+  /// Advances both clocks and runs the coordinator's timer.
   void pass(std::int64_t span_us) {
     wall_us += span_us;
-    now += std::chrono::seconds(10);
+    now += std::chrono::microseconds(span_us) + std::chrono::seconds(10);
     coordinator->tick();
     pump();
   }
@@ -58,6 +58,17 @@ TEST_F(RetentionTest, EndTimeSurvivesRestart) {
   EXPECT_TRUE(exists(job)) << "by default jobs stay";
   keep_for(kDayUs);
   pass(0);
+  EXPECT_FALSE(exists(job));
+}
+
+TEST_F(RetentionTest, JumpOfWallClockRemovesNoJob) {
+  keep_for(kDayUs);
+  const std::string job = create_job("a");
+  ASSERT_TRUE(change(job, JobAdmin::Change::cancel).ok());
+  wall_us += 1000 * kDayUs;
+  pass(kDayUs / 2);
+  EXPECT_TRUE(exists(job));
+  pass(kDayUs / 2);
   EXPECT_FALSE(exists(job));
 }
 
