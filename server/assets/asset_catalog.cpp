@@ -45,7 +45,7 @@ void AssetCatalog::add_job(JobKey key, const JobSpec& spec) {
 
 absl::Status AssetCatalog::release(JobKey key, const JobSpec& spec) {
   const std::vector<contract::Digest> digests = spec.asset_digests();
-  const absl::Status status = store_.release_assets(digests);
+  absl::Status status = store_.release_assets(digests);
   {
     const MutexLock lock(mutex_);
     for (const contract::Digest& digest : digests) {

@@ -35,9 +35,9 @@ void CommitPipeline::write_together(std::deque<Task>& tasks) {
       outcomes.emplace_back(std::move(tasks.front().done), std::move(status));
     }
   };
-  const absl::Status together =
+  absl::Status together =
       store_.write_together([&] { each([](const Task& task) { return task.write(); }); });
-  each([&](const Task&) { return together; });  // those that were not tried
+  each([&](const Task&) -> absl::Status { return together; });  // those that were not tried
   for (const auto& [done, status] : outcomes) done(status.ok() ? together : status);
 }
 
@@ -106,13 +106,10 @@ void CommitPipeline::post_rows(Round& round) {
       const auto [first, last] = round.answers.equal_range(key);
       for (auto answer = first; answer != last; ++answer) answers.push_back(answer->second);
       const auto job = view.scheduler().jobs().find(key);
-      if (job != view.scheduler().jobs().end()) {
-        rows.push_back(row_task(key, view.record(job->second), std::move(answers)));
-      } else {  // removed: it has no row
-        for (Answer& answer : answers) {
-          rows.push_back({[] { return absl::OkStatus(); }, std::move(answer), {}});
-        }
-      }
+      const bool is_removed = job == view.scheduler().jobs().end();  // it has no row
+      rows.push_back(row_task(key,
+                              is_removed ? std::nullopt : std::optional(view.record(job->second)),
+                              std::move(answers)));
     }
   }
   for (const auto& [worker_id, joined] : round.roster) {
@@ -122,10 +119,12 @@ void CommitPipeline::post_rows(Round& round) {
   round.tasks.swap(rows);
 }
 
-CommitPipeline::Task CommitPipeline::row_task(JobKey key, JobRecord record,
+CommitPipeline::Task CommitPipeline::row_task(JobKey key, std::optional<JobRecord> record,
                                               std::vector<Answer> answers) {
-  const std::string id = record.id;
-  const auto write = [this, row = std::move(record)] { return write_job(row); };
+  const std::string id = record ? record->id : "";
+  const auto write = [this, row = std::move(record)] {
+    return row ? write_job(*row) : absl::OkStatus();
+  };
   const auto done = [this, key, id, called = std::move(answers)](const absl::Status& status) {
     if (!status.ok()) {
       farm_.metrics().errors.journal.Increment();

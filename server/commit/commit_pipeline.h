@@ -4,6 +4,7 @@
 #include <deque>
 #include <functional>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -66,7 +67,7 @@ class CommitPipeline final : public EffectHandler {
   };
 
   void post_rows(Round& round);
-  Task row_task(JobKey key, JobRecord record, std::vector<Answer> answers);
+  Task row_task(JobKey key, std::optional<JobRecord> record, std::vector<Answer> answers);
   Task roster_task(const std::string& worker_id, bool joined);
   void write_together(std::deque<Task>& tasks);
   absl::Status write_job(const JobRecord& record);

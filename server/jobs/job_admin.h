@@ -45,7 +45,7 @@ class JobAdmin {
   enum class Change { pause, resume, cancel, retry };
   /// Changes a job, writes its row, then calls `done`. Errors: as the rpc of that name; if the row
   /// cannot be written, those of the store, and a restart undoes the change.
-  void change_job(const std::string& job_id, Change change, const OnJob& done);
+  void change_job(const std::string& job_id, Change what, const OnJob& done);
   /// New settings of an extended job; absent: unchanged.
   struct Extension {
     std::optional<std::int32_t> spp;

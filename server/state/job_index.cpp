@@ -62,9 +62,8 @@ JobKey JobIndex::newest_named(const std::string& name, const std::string& owner)
 }
 
 const std::set<JobKey>& JobIndex::of_owner(const std::string& owner) const {
-  static const std::set<JobKey> kNone;
   const auto found = by_owner_.find(owner);
-  return found == by_owner_.end() ? kNone : found->second;
+  return found == by_owner_.end() ? none_ : found->second;
 }
 
 }  // namespace tessera::server

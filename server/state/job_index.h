@@ -41,6 +41,7 @@ class JobIndex {
   std::map<std::string, JobKey> by_request_;
   std::map<std::string, std::map<JobKey, std::string>> by_name_;  // job → owner
   Keys by_owner_;
+  std::set<JobKey> none_;  // what of_owner() returns for an unknown owner
 };
 
 }  // namespace tessera::server
