@@ -1,13 +1,11 @@
 #pragma once
 
-#include <cmath>
-
 namespace tessera::image {
 
 /// Constants of the filter, in units of the frame's mean luminance where they are radiances. Tuned
 /// on the scenes of tests/bench/coverage.
 struct FilterParameters {
-  static constexpr int kGuideRadius = 5, kFilterRadius = 7, kRegressionRadius = 5;
+  static constexpr int kGuideRadius = 5, kFilterRadius = 5, kRegressionRadius = 5;
   static constexpr float kGuideNoise = 1, kFilterNoise = 4;  // squared multiples of the noise
   static constexpr float kGuideTolerance = 1e-4f, kFilterTolerance = 1e-3f;  // of squared colour
   static constexpr float kMinSquare = 1e-9f;
@@ -22,15 +20,11 @@ struct FilterParameters {
   static constexpr float kErrorFloor = 0.01f;  // as in the contract's error
 };
 
-/// max(value, 0) without a branch, which would keep loops from being vectorised. Exact for finite
-/// values below the largest float / 2.
-inline float positive_part(float value) {
-  return 0.5f * (value + std::fabs(value));
-}
-
-/// (1 − d/8)⁸, close to e⁻ᵈ, and 0 from d = 8 on.
-inline float filter_weight(float distance) {
-  float t = positive_part(1.0f - distance * 0.125f);
+/// (1 − d/8)⁸, close to e⁻ᵈ, and 0 from d = 8 on. T is float or a vector of floats.
+template <typename T>
+T filter_weight(T distance) {
+  T t = 1.0f - distance * 0.125f;
+  t = t > 0 ? t : T{};
   t *= t;
   t *= t;
   return t * t;

@@ -14,7 +14,7 @@ constexpr std::size_t kLanes = 8;
 constexpr std::size_t kTerms = kHalfFeatures + 1;          // of the regression: 1 and the features
 constexpr std::size_t kPairs = kTerms * (kTerms + 1) / 2;  // of the normal matrix, row by row
 constexpr std::size_t kSides = 6;                          // right-hand sides: two streams of RGB
-constexpr std::int32_t kGuideInset = 7, kNoiseInset = 9;
+constexpr std::int32_t kGuideInset = 8, kNoiseInset = 10;  // the rest a multiple of kLanes
 constexpr int kPatch = 1;
 
 /// kLanes neighbouring pixels of a row. GCC does not make vectors of loops this short.
@@ -24,6 +24,10 @@ Lanes load_lanes(const float* from) {
   Lanes lanes;
   std::memcpy(&lanes, from, sizeof lanes);
   return lanes;
+}
+
+void store_lanes(Lanes lanes, float* to) {
+  std::memcpy(to, &lanes, sizeof lanes);
 }
 
 std::size_t size_of(std::int32_t value) {
@@ -83,31 +87,38 @@ class WindowFilter {
         side_(size_of(2 * radius + 1)),
         patches_(3 * side_ * side_ * count_),
         ratio_(count_ + 2),
-        sums_(7 * count_),
-        features_(count_),
-        ones_(count_, 1.0f) {}
+        weights_(side_ * side_ * kLanes) {}
 
   /// Zero-order filter of rows [inset, height - inset); with `first_order`, the regression too.
   void run(StreamPair& zero_order, StreamPair* first_order) {
     const auto inset = static_cast<std::int32_t>(begin_);
-    weights_.resize((first_order != nullptr ? side_ * side_ : 1) * count_);
     for (std::int32_t y = inset - kPatch; y < half_.height - inset + kPatch; ++y) {
       add_patches(y);
-      if (y >= inset + kPatch) filter_row(y - kPatch, zero_order, first_order);
+      if (y < inset + kPatch) continue;
+      for (std::size_t x = 0; x < count_; x += kLanes) {
+        filter(y - kPatch, x, zero_order);
+        if (first_order != nullptr) regress(y - kPatch, x, *first_order);
+      }
     }
   }
 
  private:
-  /// Sums of three ratios beside each other for each offset: a row of the 3x3 patches.
-  float* patch(std::int32_t y, std::size_t offset) {
-    return &patches_[(size_of(y) % 3 * side_ * side_ + offset) * count_];
+  /// Sums of three ratios beside each other: a row of the 3x3 patches. For kLanes pixels from x on,
+  /// all offsets in turn.
+  float* patch(std::int32_t y, std::size_t x) {
+    return &patches_[(size_of(y) % 3 * count_ + x) * side_ * side_];
   }
 
   void add_patches(std::int32_t y) {
     std::size_t offset = 0;
     for (int dy = -radius_; dy <= radius_; ++dy) {
       for (int dx = -radius_; dx <= radius_; ++dx, ++offset) {
-        add_patch(row(y) - 1, row(y + dy) - 1 + dx, patch(y, offset));
+        add_ratios(row(y) - 1, row(y + dy) - 1 + dx);
+        for (std::size_t x = 0; x < count_; x += kLanes) {
+          const float* ratio = &ratio_[x];
+          store_lanes((load_lanes(ratio) + load_lanes(ratio + 1)) + load_lanes(ratio + 2),
+                      patch(y, x) + kLanes * offset);
+        }
       }
     }
   }
@@ -118,7 +129,7 @@ class WindowFilter {
   }
 
   /// Squared difference of colours beyond what noise explains, relative to the tolerance.
-  void add_patch(std::ptrdiff_t p, std::ptrdiff_t q, float* sums) {
+  void add_ratios(std::ptrdiff_t p, std::ptrdiff_t q) {
     const float *p0 = guide_.colour[0] + p, *p1 = guide_.colour[1] + p, *p2 = guide_.colour[2] + p;
     const float *q0 = guide_.colour[0] + q, *q1 = guide_.colour[1] + q, *q2 = guide_.colour[2] + q;
     const float *noise_p = guide_.noise + p, *noise_q = guide_.noise + q;
@@ -130,67 +141,64 @@ class WindowFilter {
       const float noise = noise_p[x] + (noise_p[x] < noise_q[x] ? noise_p[x] : noise_q[x]);
       ratio[x] = (((d0 * d0 + d1 * d1) + d2 * d2) - noise) / (tolerance_p[x] + tolerance_q[x]);
     }
-    for (std::size_t x = 0; x < count_; ++x) sums[x] = (ratio[x] + ratio[x + 1]) + ratio[x + 2];
   }
 
-  /// Squared difference of the features, relative to the tolerance of the pixel at p.
-  void compare_features(std::ptrdiff_t p, std::ptrdiff_t q) {
-    float* out = features_.data();
-    const auto square = [&](std::size_t k, std::size_t x) {
-      const float* plane = half_.features[k].data();
-      const float d =
-          plane[p + static_cast<std::ptrdiff_t>(x)] - plane[q + static_cast<std::ptrdiff_t>(x)];
-      return d * d;
+  /// Features of kLanes pixels, and their tolerances.
+  struct Features {
+    Lanes value[kHalfFeatures], albedo_weight, normal_weight, depth_weight;
+  };
+
+  Features features_at(std::ptrdiff_t p) const {
+    Features at;
+    for (std::size_t k = 0; k < kHalfFeatures; ++k) {
+      at.value[k] = load_lanes(half_.features[k].data() + p);
+    }
+    at.albedo_weight = load_lanes(half_.albedo_weight.data() + p);
+    at.normal_weight = load_lanes(half_.normal_weight.data() + p);
+    at.depth_weight = load_lanes(half_.depth_weight.data() + p);
+    return at;
+  }
+
+  /// Squared difference of the features, relative to the tolerance of the pixels `at`.
+  static Lanes feature_distance(const Features& at, const float* const (&planes)[kHalfFeatures],
+                                std::ptrdiff_t q) {
+    const auto square = [&](std::size_t k) {
+      const Lanes difference = at.value[k] - load_lanes(planes[k] + q);
+      return difference * difference;
     };
-    const float *albedo = half_.albedo_weight.data() + p, *normal = half_.normal_weight.data() + p,
-                *depth = half_.depth_weight.data() + p;
-    for (std::size_t x = 0; x < count_; ++x) {
-      out[x] = ((square(0, x) + square(1, x)) + (square(2, x) + square(7, x))) * albedo[x];
-    }
-    for (std::size_t x = 0; x < count_; ++x) {
-      out[x] += ((square(3, x) + square(4, x)) + square(5, x)) * normal[x];
-    }
-    for (std::size_t x = 0; x < count_; ++x) out[x] += square(6, x) * depth[x];
+    Lanes sum = ((square(0) + square(1)) + (square(2) + square(7))) * at.albedo_weight;
+    sum += ((square(3) + square(4)) + square(5)) * at.normal_weight;
+    sum += square(6) * at.depth_weight;
+    return sum;
   }
 
-  void filter_row(std::int32_t y, StreamPair& zero_order, StreamPair* first_order) {
-    std::fill(sums_.begin(), sums_.end(), 0.0f);
-    std::size_t offset = 0;
+  /// Filters kLanes pixels, and keeps the weights by colour alone for the regression.
+  void filter(std::int32_t y, std::size_t x, StreamPair& out) {
+    const std::ptrdiff_t p = row(y) + static_cast<std::ptrdiff_t>(x);
+    const Features at = features_at(p);
+    const float *above = patch(y - 1, x), *here = patch(y, x), *below = patch(y + 1, x);
+    const float *planes[kHalfFeatures], *streams[kSides], *valid = half_.valid.data();
+    for (std::size_t k = 0; k < kHalfFeatures; ++k) planes[k] = half_.features[k].data();
+    for (std::size_t k = 0; k < kSides; ++k) streams[k] = stream(k);
+    float* kept = weights_.data();
+    Lanes total = {}, sums[kSides] = {};
+    std::size_t to = 0;
     for (int dy = -radius_; dy <= radius_; ++dy) {
-      for (int dx = -radius_; dx <= radius_; ++dx, ++offset)
-        add_offset(y, dx, dy, offset, first_order != nullptr);
+      for (int dx = -radius_; dx <= radius_; ++dx, to += kLanes) {
+        const std::ptrdiff_t q = p + dy * std::ptrdiff_t{half_.width} + dx;
+        // The pixel itself has weight 1.
+        const Lanes in_frame = q == p ? Lanes{} + 1 : load_lanes(valid + q);
+        Lanes colour = ((load_lanes(above + to) + load_lanes(here + to)) + load_lanes(below + to)) *
+                       (1.0f / 9);
+        colour = colour > 0 ? colour : Lanes{};
+        store_lanes(filter_weight(colour) * in_frame, kept + to);
+        const Lanes weight = filter_weight(colour + feature_distance(at, planes, q)) * in_frame;
+        total += weight;
+        for (std::size_t k = 0; k < kSides; ++k) sums[k] += weight * load_lanes(streams[k] + q);
+      }
     }
-    const float* weight = sums_.data();
     for (std::size_t k = 0; k < kSides; ++k) {
-      Plane& plane = k < 3 ? zero_order.a[k] : zero_order.b[k - 3];
-      float* to = plane.data() + row(y);
-      const float* sum = &sums_[(k + 1) * count_];
-      for (std::size_t x = 0; x < count_; ++x) to[x] = sum[x] / weight[x];
-    }
-    if (first_order == nullptr) return;
-    for (std::size_t x = 0; x < count_; x += kLanes) regress(y, x, *first_order);
-  }
-
-  /// Adds the neighbours at (dx, dy) of a row. The pixel itself has weight 1.
-  void add_offset(std::int32_t y, int dx, int dy, std::size_t offset, bool keeps) {
-    const std::ptrdiff_t p = row(y), q = row(y + dy) + dx;
-    compare_features(p, q);
-    const float *above = patch(y - 1, offset), *here = patch(y, offset),
-                *below = patch(y + 1, offset);
-    const bool centre = dx == 0 && dy == 0;
-    const float* in_frame = centre ? ones_.data() : half_.valid.data() + q;
-    float *features = features_.data(), *total = sums_.data();
-    float* kept = &weights_[keeps ? offset * count_ : 0];
-    for (std::size_t x = 0; x < count_; ++x) {
-      const float colour = positive_part(((above[x] + here[x]) + below[x]) * (1.0f / 9));
-      kept[x] = filter_weight(colour) * in_frame[x];
-      features[x] = filter_weight(colour + features[x]) * in_frame[x];
-    }
-    for (std::size_t x = 0; x < count_; ++x) total[x] += features[x];
-    for (std::size_t k = 0; k < kSides; ++k) {
-      const float* from = stream(k) + q;
-      float* sum = &sums_[(k + 1) * count_];
-      for (std::size_t x = 0; x < count_; ++x) sum[x] += features[x] * from[x];
+      store_lanes(sums[k] / total, (k < 3 ? out.a[k] : out.b[k - 3]).data() + p);
     }
   }
 
@@ -205,17 +213,14 @@ class WindowFilter {
     Lanes& at(std::size_t a, std::size_t b) { return matrix[a * (a + 1) / 2 + b]; }
   };
 
-  /// Calls visit(q, weights) for the neighbours at even distance from the corner of the window:
-  /// half of them are enough, at half the time.
+  /// Calls visit(q, weights) for the neighbours that the regression is fitted to.
   template <typename Visit>
-  void for_each_neighbour(std::ptrdiff_t p, std::size_t x, const Visit& visit) const {
+  void for_each_neighbour(std::ptrdiff_t p, const Visit& visit) const {
     constexpr int kRadius = P::kRegressionRadius;
     for (int dy = -kRadius; dy <= kRadius; ++dy) {
-      const int odd = (dy + kRadius) % 2 != 0 ? 1 : 0;
-      for (int dx = -kRadius + odd; dx <= kRadius; dx += 2) {
+      for (int dx = -kRadius; dx <= kRadius; ++dx) {
         const std::size_t offset = size_of(dy + radius_) * side_ + size_of(dx + radius_);
-        visit(p + dy * std::ptrdiff_t{half_.width} + dx,
-              load_lanes(&weights_[offset * count_ + x]));
+        visit(p + dy * std::ptrdiff_t{half_.width} + dx, load_lanes(&weights_[offset * kLanes]));
       }
     }
   }
@@ -226,13 +231,13 @@ class WindowFilter {
     Equations equations;
     const std::ptrdiff_t p = row(y) + static_cast<std::ptrdiff_t>(x);
     const Lanes depth = load_lanes(half_.features[6].data() + p);
-    const Lanes depth_scale = depth > 0 ? P::kDepthScale / depth : 0 * depth;
-    for_each_neighbour(p, x, [&](std::ptrdiff_t q, Lanes weight) {
+    const Lanes depth_scale = depth > 0 ? P::kDepthScale / depth : Lanes{};
+    for_each_neighbour(p, [&](std::ptrdiff_t q, Lanes weight) {
       add_equation(p, q, weight, depth_scale, equations);
     });
     solve(equations);
     Lanes sums[kSides] = {};
-    for_each_neighbour(p, x, [&](std::ptrdiff_t q, Lanes weight) {
+    for_each_neighbour(p, [&](std::ptrdiff_t q, Lanes weight) {
       Lanes terms[kTerms];
       find_terms(p, q, depth_scale, terms);
       Lanes factor = equations.solution[0];
@@ -241,7 +246,7 @@ class WindowFilter {
       for (std::size_t k = 0; k < kSides; ++k) sums[k] += factor * load_lanes(stream(k) + q);
     });
     for (std::size_t k = 0; k < kSides; ++k) {
-      std::memcpy((k < 3 ? out.a[k] : out.b[k - 3]).data() + p, &sums[k], sizeof sums[k]);
+      store_lanes(sums[k], (k < 3 ? out.a[k] : out.b[k - 3]).data() + p);
     }
   }
 
@@ -303,7 +308,7 @@ class WindowFilter {
   const Guidance& guide_;
   const int radius_;
   const std::size_t begin_, count_, side_;
-  std::vector<float> patches_, ratio_, sums_, features_, ones_, weights_;
+  std::vector<float> patches_, ratio_, weights_;
 };
 
 StreamPair empty_pair(std::size_t pixels) {

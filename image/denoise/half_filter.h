@@ -32,7 +32,7 @@ struct FilteredHalf {
 };
 
 /// Distance from the border of a Half to where its candidates are defined.
-constexpr std::int32_t kFilterInset = 20;
+constexpr std::int32_t kFilterInset = 16;
 
 /// Computes features and weights of a half from the features of its streams.
 void prepare(const std::array<Plane, kHalfFeatures>& features_a,

@@ -142,7 +142,6 @@ void first_order(const Half& half, const Pixels& pixels, const Guide& guide, int
   float matrix[kTerms][kTerms] = {}, solution[kTerms] = {};
   for (int dy = -kRadius; dy <= kRadius; ++dy) {
     for (int dx = -kRadius; dx <= kRadius; ++dx) {
-      if ((dx + dy) % 2 != 0) continue;
       const std::size_t q = pixels.index(x + dx, y + dy);
       Neighbour n{q, filter_weight(patch_distance(pixels, guide, x, y, dx, dy)), {1}};
       n.weight *= p == q ? 1 : half.valid[q];
