@@ -12,7 +12,9 @@
 namespace tessera::testing {
 namespace {
 
-const std::string kGrey = R"("baseColorFactor": [0.5, 0.5, 0.5, 1])";
+std::string grey() {
+  return R"("baseColorFactor": [0.5, 0.5, 0.5, 1])";
+}
 
 /// A quaternion (JSON) that turns the sun by `angle` radians, so that light comes from (sin, 0,
 /// cos) if `towards_x`, else from (0, sin, cos).
@@ -65,7 +67,8 @@ TEST(GltfClearcoat, FresnelUsesCoatNormal) {
     return Vec3d{1, 1, 1} * ((1 - w) * 0.5 / kPi + coat);
   };
   const auto coated = [&](const std::string& scale) {
-    return lit(R"({"pbrMetallicRoughness": {)" + kGrey + R"(, "metallicFactor": 0}, "extensions": {
+    return lit(R"({"pbrMetallicRoughness": {)" + grey() +
+                   R"(, "metallicFactor": 0}, "extensions": {
         "KHR_materials_specular": {"specularFactor": 0}, "KHR_materials_clearcoat":
         {"clearcoatFactor": 1, "clearcoatRoughnessFactor": 0.6, "clearcoatNormalTexture":
         {"index": 0)" +
@@ -121,7 +124,7 @@ void expect_texture(const std::string& slot, const std::string& plain,
 TEST(GltfClearcoat, TextureChannelsScaleFactors) {
   const std::vector<std::uint8_t> texel = {51, 102, 204, 128};
   const auto coat = [](const std::string& content) {
-    return with("KHR_materials_clearcoat", "{" + content + "}", kGrey);
+    return with("KHR_materials_clearcoat", "{" + content + "}", grey());
   };
   expect_texture(coat(R"("clearcoatFactor": 0.5, "clearcoatRoughnessFactor": 0.4,
                          "clearcoatTexture": {"index": 0})"),
@@ -218,7 +221,8 @@ double fibre_albedo(double cosine, double roughness) {
 }
 
 std::string sheen(const std::string& content) {
-  return R"({"pbrMetallicRoughness": {)" + kGrey + R"(, "metallicFactor": 0}, "extensions": {
+  return R"({"pbrMetallicRoughness": {)" + grey() +
+         R"(, "metallicFactor": 0}, "extensions": {
       "KHR_materials_specular": {"specularFactor": 0}, "KHR_materials_sheen": {)" +
          content + "}}}";
 }
