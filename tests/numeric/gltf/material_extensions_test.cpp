@@ -67,7 +67,8 @@ TEST(GltfClearcoat, FresnelUsesCoatNormal) {
     return Vec3d{1, 1, 1} * ((1 - w) * 0.5 / kPi + coat);
   };
   const auto coated = [&](const std::string& scale) {
-    return lit(R"({"pbrMetallicRoughness": {)" + grey() + R"(, "metallicFactor": 0}, "extensions": {
+    return lit(R"({"pbrMetallicRoughness": {)" + grey() +
+                   R"(, "metallicFactor": 0}, "extensions": {
         "KHR_materials_specular": {"specularFactor": 0}, "KHR_materials_clearcoat":
         {"clearcoatFactor": 1, "clearcoatRoughnessFactor": 0.6, "clearcoatNormalTexture":
         {"index": 0)" +
@@ -220,7 +221,8 @@ double fibre_albedo(double cosine, double roughness) {
 }
 
 std::string sheen(const std::string& content) {
-  return R"({"pbrMetallicRoughness": {)" + grey() + R"(, "metallicFactor": 0}, "extensions": {
+  return R"({"pbrMetallicRoughness": {)" + grey() +
+         R"(, "metallicFactor": 0}, "extensions": {
       "KHR_materials_specular": {"specularFactor": 0}, "KHR_materials_sheen": {)" +
          content + "}}}";
 }

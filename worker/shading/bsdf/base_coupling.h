@@ -123,7 +123,11 @@ inline CoverAlbedo mean_cover(const Bsdf& b, const GlassTable* table, bool same_
 /// The share 1 - E that the layer leaves.
 inline Vec3f passed(const Bsdf& b, const CoverAlbedo& e) {
   const float rest = 1 - (b.specular_weight * e.b + e.total);
-  return max(Vec3f{rest, rest, rest} - b.cover_f0 * e.a, Vec3f{});
+  if (b.channelwise) [[unlikely]]
+    return max(Vec3f{rest, rest, rest} - b.cover_f0 * e.a, Vec3f{});
+  const float left = rest - b.cover_f0.x * e.a;
+  const float share = left > 0 ? left : 0;
+  return {share, share, share};
 }
 
 /// Factor of the diffuse lobe for light along `wi`: (1 - E(wi)) / pi.
@@ -145,9 +149,12 @@ inline Vec3f coupling_factor(const Bsdf& b, const Vec3f& passed_o, const GlassTa
       left += (Vec3f{1, 1, 1} - left) * (kMostShift * b.extended->rough.roughness);
     }
   }
-  Vec3f factor;
-  for (int k = 0; k < 3; ++k) factor[k] = left[k] > 0 ? passed_o[k] / left[k] : 0;
-  return factor;
+  const auto share = [&](float o, float all) { return all > 0 ? o / all : 0; };
+  if (b.channelwise) [[unlikely]] {
+    return {share(passed_o.x, left.x), share(passed_o.y, left.y), share(passed_o.z, left.z)};
+  }
+  const float factor = share(passed_o.x, left.x);
+  return {factor, factor, factor};
 }
 
 }  // namespace tessera::render::base_bsdf

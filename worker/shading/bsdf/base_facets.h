@@ -50,7 +50,7 @@ inline FacetAlbedo mean_facet_albedo(const Bsdf& b) {
   if constexpr (kExtended) {
     if (b.extended->alpha_t > 0) return b.extended->anisotropic.mean();
   }
-  return render::mean_facet_albedo(b.roughness);
+  return render::mean_facet_albedo(b.facets);
 }
 
 /// Reflection and transmission of the dielectric layer at cosine `c` to its facets.

@@ -161,6 +161,27 @@ inline void set_viewer(const BsdfFrame& frame, const Vec3f& wo, Bsdf* b) {
   if (b->wo.z < 1e-6f) b->wo.z = 1e-6f;  // rounding only: frame and wo share a side
 }
 
+/// Sets the factors and probabilities of the lobes, whose shapes are known.
+template <bool kExtended>
+inline void set_weights(const BsdfParameters& p, const BsdfTables& tables, float transmission,
+                        Bsdf* out) {
+  Bsdf& b = *out;
+  const bool solid = b.interface == Interface::solid;
+  const GlassTable* viewer = solid && !p.front ? tables.leaving : tables.entering;
+  const GlassTable* far = p.front ? tables.leaving : tables.entering;
+  const float kept = single_scattering_albedo<kExtended>(b, viewer);
+  b.transmit_gain = 1 / kept;
+  b.reflect_gain = lerp(1.0f, b.transmit_gain, transmission);
+  const bool has_table = !b.mirror && exact_eta<kExtended>(b, true) > 0;
+  couple<kExtended>(p.ior, has_table ? viewer : nullptr, has_table ? far : nullptr, out);
+  float lost = 0;
+  if (b.metallic > 0 && !b.mirror) {
+    lost = lost_by_facets<kExtended>(b);
+    b.metal_multiple = metal_multiple_scattering<kExtended>(b, lost);
+  }
+  choose_lobes<kExtended>(lost, out);
+}
+
 /// Fills the base layers of `b`; see make_bsdf(). `extensions` may be null without kExtended.
 template <bool kExtended>
 inline void prepare(const BsdfParameters& p, const BsdfExtensions* extensions,
@@ -212,20 +233,7 @@ inline void prepare(const BsdfParameters& p, const BsdfExtensions* extensions,
   b.mirror = b.alpha < kMirrorAlpha;
   if (!b.mirror) b.facets = facet_row(p.roughness);
   b.root_o = facet_root<kExtended>(b, b.wo);
-  const bool solid = b.interface == Interface::solid;
-  const GlassTable* viewer = solid && !p.front ? tables.leaving : tables.entering;
-  const GlassTable* far = p.front ? tables.leaving : tables.entering;
-  const float kept = single_scattering_albedo<kExtended>(b, viewer);
-  b.transmit_gain = 1 / kept;
-  b.reflect_gain = lerp(1.0f, b.transmit_gain, transmission);
-  const bool has_table = !b.mirror && exact_eta<kExtended>(b, true) > 0;
-  couple<kExtended>(p.ior, has_table ? viewer : nullptr, has_table ? far : nullptr, &b);
-  float lost = 0;
-  if (b.metallic > 0 && !b.mirror) {
-    lost = lost_by_facets<kExtended>(b);
-    b.metal_multiple = metal_multiple_scattering<kExtended>(b, lost);
-  }
-  choose_lobes<kExtended>(lost, &b);
+  set_weights<kExtended>(p, tables, transmission, &b);
 }
 
 }  // namespace tessera::render::base_bsdf

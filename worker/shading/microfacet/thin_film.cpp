@@ -89,12 +89,12 @@ Vec3f thin_film_reflectance(const ThinFilm& film, const Vec3f& f0, float cos_the
 }
 
 float thin_film_cap(const ThinFilm& film, const Vec3f& f0, float exact_ior) {
-  constexpr int kSteps = 32;
+  constexpr int kSteps = 40;
   const float normal = f0_from_ior(exact_ior);
   float cap = 0;
   for (int i = 0; i < kSteps; ++i) {
-    // Up to 89 degrees: beyond, both terms are near 1 and their ratio is rounding.
-    const float c = 0.02f + 0.98f * (static_cast<float>(i) / (kSteps - 1));
+    // Up to 89.95 degrees, densest there, where both terms come near 1.
+    const float x = 0.03f + 0.97f * (static_cast<float>(i) / (kSteps - 1)), c = x * x;
     const float s = exact_ior > 0 ? (fresnel_dielectric(c, exact_ior) - normal) / (1 - normal)
                                   : schlick_weight(c);
     const float f = max_component(thin_film_reflectance(film, f0, c));

@@ -23,7 +23,7 @@ Vec3f thin_film_reflectance(const ThinFilm& film, const Vec3f& f0, float cos_the
 
 /// The reflectance at normal incidence with which a Fresnel term is nowhere below the film's, in
 /// any channel: Schlick's term, or the exact one of index `exact_ior` if that is not 0, scaled to
-/// start there. Ignores the weight. Takes as long as 32 reflectances.
+/// start there. Ignores the weight. Takes as long as 40 reflectances.
 float thin_film_cap(const ThinFilm& film, const Vec3f& f0, float exact_ior);
 
 }  // namespace tessera::render

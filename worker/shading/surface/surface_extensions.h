@@ -4,10 +4,10 @@
 
 namespace tessera::render {
 
-/// bsdf_at() for a material with extensions, whose textures it reads. `parameters` are those of the
-/// core material, `frame` is that of the base normal.
+/// bsdf_at() for a material with extensions, whose textures it reads. `plain` are those of the core
+/// material, `plain_frame` is that of the base normal.
 Bsdf extended_bsdf_at(const ShadingScene& scene, const ShadingPoint& point,
-                      const BsdfParameters& parameters, const BsdfFrame& frame, const Vec3f& wo,
+                      const BsdfParameters& plain, const BsdfFrame& plain_frame, const Vec3f& wo,
                       float wavelength);
 
 /// Fraction of a surface's emission towards `wo` that passes the layers above it.

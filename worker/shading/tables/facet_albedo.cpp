@@ -11,14 +11,7 @@ FacetRow facet_row(float roughness) {
       albedo_grid::position(albedo_grid::fineness_of(roughness), kFacetRows);
   constexpr auto kLeast = static_cast<float>(albedo_grid::kMinRoughness);
   const float r = clamp(roughness, kLeast, 1.0f);
-  return {&kFacetNodes[p.index * 2 * kFacetHeights], p.fraction, r * r};
-}
-
-FacetAlbedo mean_facet_albedo(float roughness) {
-  const albedo_grid::Position p =
-      albedo_grid::position(albedo_grid::fineness_of(roughness), kFacetRows);
-  const float* mean = &kFacetMeans[2 * p.index];
-  return {lerp(mean[0], mean[2], p.fraction), lerp(mean[1], mean[3], p.fraction)};
+  return {&kFacetNodes[p.index * 2 * kFacetHeights], &kFacetMeans[2 * p.index], p.fraction, r * r};
 }
 
 }  // namespace tessera::render

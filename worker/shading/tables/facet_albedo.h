@@ -18,7 +18,8 @@ struct FacetAlbedo {
 /// The tabulated roughness next to that of a lobe.
 struct FacetRow {
   const float* nodes = nullptr;  // null: a mirror
-  float fraction = 0;            // position between this row and the next
+  const float* means = nullptr;
+  float fraction = 0;  // position between this row and the next
   float alpha = 1;
 };
 
@@ -28,7 +29,10 @@ inline constexpr std::size_t kFacetHeights = 96, kFacetRows = 64;
 FacetRow facet_row(float roughness);
 
 /// Cosine-weighted mean of facet_albedo() over the hemisphere; not rounded up.
-FacetAlbedo mean_facet_albedo(float roughness);
+inline FacetAlbedo mean_facet_albedo(const FacetRow& row) {
+  return {lerp(row.means[0], row.means[2], row.fraction),
+          lerp(row.means[1], row.means[3], row.fraction)};
+}
 
 /// Albedo for light leaving at `cosine` in [0, 1].
 inline FacetAlbedo facet_albedo(const FacetRow& row, float cosine) {

@@ -132,7 +132,7 @@ TEST(FacetAlbedo, MatchesKnownGgxAlbedos) {  // hard case 38
     const float roughness = std::sqrt(known.alpha);
     const FacetRow row = facet_row(roughness);
     const FacetAlbedo upright = facet_albedo(row, 1), slanted = facet_albedo(row, 0.5f),
-                      mean = mean_facet_albedo(roughness);
+                      mean = mean_facet_albedo(row);
     EXPECT_NEAR(upright.a + upright.b, known.upright, 1e-3) << known.alpha;
     EXPECT_NEAR(slanted.a + slanted.b, known.slanted, 1e-3) << known.alpha;
     EXPECT_NEAR(mean.a + mean.b, known.mean, 1e-3) << known.alpha;
