@@ -25,19 +25,6 @@ bool is_visible_to(const Job& job, const std::string& owner) {
   return owner.empty() || job.spec->owner == owner;
 }
 
-/// Returns why no worker can render an active job, or "".
-std::string missing_workers(const Job& job, const std::map<WorkerKey, Worker>& workers) {
-  const std::string& tag = job.spec->required_tag;
-  bool any = false;
-  for (const auto& [key, worker] : workers) {
-    // A worker whose stream has just broken may reconnect.
-    if (worker.lost || worker.draining || worker.quarantined) continue;
-    if (tag.empty() || worker.tags.count(tag) > 0) return {};
-    any = true;
-  }
-  return any ? absl::StrCat("no connected worker has tag ", tag) : "no workers connected";
-}
-
 }  // namespace
 
 Coordinator::Coordinator(Store& store, CoordinatorOptions options,
@@ -68,6 +55,15 @@ void Coordinator::apply_effects(DeferredCalls& deferred) {
   options_.metrics->audits_ended.Increment(static_cast<double>(effects.audited.size()));
   options_.metrics->workers_quarantined.Increment(
       static_cast<double>(effects.faulty_workers.size()));
+  for (const WorkerKey key : effects.to_close_unread) {
+    const auto connected = connections_.find(key);
+    if (connected == connections_.end()) continue;
+    deferred.add([connection = connected->second.connection] {
+      connection->close(
+          absl::ResourceExhaustedError("too many unread messages for this worker; reconnect"));
+    });
+    connections_.erase(connected);
+  }
   for (const WorkerKey key : effects.to_close) {
     if (const Worker* worker = scheduler_.find_worker(key)) {
       note(EventKind::worker_lost, worker->id, "");
@@ -391,7 +387,7 @@ JobView Coordinator::view(const Job& job) const {
   view.reason = job.reason;
   view.failure_code = job.failure_code;
   if (view.reason.empty() && (job.state == JobState::queued || job.state == JobState::running)) {
-    view.reason = missing_workers(job, scheduler_.workers());
+    view.reason = scheduler_.wait_text(job);
   }
   view.create_time_us = film.create_time_us;
   view.end_time_us = film.end_time_us;

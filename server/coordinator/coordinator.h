@@ -191,6 +191,10 @@ class Coordinator {
 
   /// Creates a job durably, then calls `done`. Errors: as CreateJob in job_service.proto.
   void create_job(JobSpec spec, OnCreated done);
+  /// See tessera::server::check_client_priority().
+  absl::Status check_client_priority(std::int32_t priority) const {
+    return server::check_client_priority(options_.policy, priority);
+  }
   /// Changes a job, journals it, then calls `done`. Errors: as the rpc of that name.
   void change_job(const std::string& job_id, Change change, const OnJob& done);
   /// New settings of an extended job; absent: unchanged.
@@ -330,6 +334,7 @@ class Coordinator {
   void create_now(const JobSpec& spec, const OnCreated& done);
   absl::Status check_room(const JobSpec& spec, std::int64_t need_bytes);
   absl::Status check_owners_quota(const JobSpec& spec) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void note_demand(Job& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   bool is_ready(const Job& job, std::int32_t frame) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void end_audits(const std::vector<UnitName>& units) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void quarantine_worker(const std::string& worker_id, DeferredCalls& deferred)

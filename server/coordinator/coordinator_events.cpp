@@ -95,11 +95,15 @@ absl::Status Coordinator::drain_worker(const std::string& worker_id) {
 void Coordinator::ban_worker(const std::string& worker_id, std::function<void(absl::Status)> done) {
   post_to_writer([this, worker_id, done = std::move(done)] {
     absl::Status status;
+    std::vector<std::string> names;
     {
       MutexLock lock(mutex_);
       if (scheduler_.find_worker(worker_id) == nullptr) status = no_such_worker(worker_id);
+      names = scheduler_.shut_out_names(worker_id);
     }
-    if (status.ok()) status = store_.ban_worker(worker_id);
+    for (const std::string& name : names) {
+      if (status.ok()) status = store_.ban_worker(name);
+    }
     if (!status.ok()) return done(status);
     {
       DeferredCalls deferred;
@@ -119,7 +123,15 @@ void Coordinator::ban_worker(const std::string& worker_id, std::function<void(ab
 void Coordinator::allow_worker(const std::string& worker_id,
                                std::function<void(absl::Status)> done) {
   post_to_writer([this, worker_id, done = std::move(done)] {
-    absl::Status status = store_.allow_worker(worker_id);
+    std::vector<std::string> names;
+    {
+      MutexLock lock(mutex_);
+      names = scheduler_.shut_out_names(worker_id);
+    }
+    absl::Status status;
+    for (const std::string& name : names) {
+      if (status.ok()) status = store_.allow_worker(name);
+    }
     if (!status.ok()) return done(status);
     {
       DeferredCalls deferred;

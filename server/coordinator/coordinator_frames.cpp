@@ -420,9 +420,11 @@ void Coordinator::quarantine_worker(const std::string& worker_id, DeferredCalls&
     }
   }
   // After its units are dropped: a server that crashes before must detect the fault again.
-  write_tasks_.emplace_back([this, worker_id] {
-    const absl::Status status = store_.ban_worker(worker_id);
-    if (!status.ok()) log(LogLevel::error, absl::StrCat("quarantine: ", status.ToString()));
+  write_tasks_.emplace_back([this, names = scheduler_.shut_out_names(worker_id)] {
+    for (const std::string& name : names) {
+      const absl::Status status = store_.ban_worker(name);
+      if (!status.ok()) log(LogLevel::error, absl::StrCat("quarantine: ", status.ToString()));
+    }
   });
   writer_wakeup_.notify_all();
 }

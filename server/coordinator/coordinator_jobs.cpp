@@ -106,6 +106,7 @@ absl::Status Coordinator::load_job(const JobRecord& record) {
   if (started) spec->render_contract = record.render_contract;
   Job& job =
       scheduler_.add_job(record.sequence, std::make_shared<const JobSpec>(*std::move(spec)), state);
+  note_demand(job);
   job.reason = record.reason;
   job.failure_code = static_cast<absl::StatusCode>(record.failure_code);
   job.wall_seconds_before = record.wall_seconds;
@@ -199,14 +200,23 @@ absl::Status Coordinator::check_room(const JobSpec& spec, std::int64_t need_byte
                                                    " bytes remain of --quota-gb"));
 }
 
+/// Tells the scheduler what the job may need at most, for the owner's quota.
+void Coordinator::note_demand(Job& job) {
+  const JobSize size = max_job_size(*job.spec);
+  scheduler_.set_demand(job, static_cast<double>(size.store_bytes), size.samples);
+}
+
 /// Checks the owner's quota with this job in its new form.
 absl::Status Coordinator::check_owners_quota(const JobSpec& spec) const {
   if (!options_.client_quota.has_limits()) return absl::OkStatus();
-  OwnerUse use;
-  for (const auto& [key, job] : scheduler_.jobs()) {
-    const bool is_other = job.spec->owner == spec.owner && job.spec->id != spec.id;
-    if (is_other && !has_ended(job.state)) use.add(*job.spec);
+  Demand sum = scheduler_.demand(spec.owner);
+  const Job* job = spec.id.empty() ? nullptr : scheduler_.find_job(spec.id);
+  if (job != nullptr && !has_ended(job->state)) {  // only the others count
+    sum.jobs -= job->demand.jobs;
+    sum.store_bytes -= job->demand.store_bytes;
+    sum.samples -= job->demand.samples;
   }
+  const OwnerUse use{sum.jobs, sum.store_bytes, sum.samples};
   return check_quota(options_.client_quota, use, spec);
 }
 
@@ -254,6 +264,7 @@ void Coordinator::create_now(const JobSpec& spec, const OnCreated& done) {
     auto job_spec = std::make_shared<JobSpec>(spec);
     job_spec->id = record.id;
     Job& job = scheduler_.add_job(record.sequence, std::move(job_spec), JobState::queued);
+    note_demand(job);
     job_by_request_[spec.request_id] = record.sequence;
     job_film(job).create_time_us = record.create_time_us;
     note(EventKind::job_submitted, job, "", record.name);
@@ -377,6 +388,7 @@ void Coordinator::replan(const std::string& job_id, const std::shared_ptr<const 
   Job* job = scheduler_.find_job(job_id);
   JobFilm& film = job_film(*job);
   scheduler_.extend(*job, spec);
+  note_demand(*job);
   film.block_index.reset();
   film.finished.clear();
   film.expected_samples.clear();
