@@ -50,9 +50,11 @@ void AuditOutcomes::quarantine(FarmChange& change, const std::string& worker_id)
     }
   }
   // After its units are dropped: a server that crashes before must detect the fault again.
-  pipeline_.post([this, worker_id] {
-    const absl::Status status = store_.ban_worker(worker_id);
-    if (!status.ok()) farm_.log(LogLevel::error, absl::StrCat("quarantine: ", status.ToString()));
+  pipeline_.post([this, names = change.scheduler().shut_out_names(worker_id)] {
+    for (const std::string& name : names) {
+      const absl::Status status = store_.ban_worker(name);
+      if (!status.ok()) farm_.log(LogLevel::error, absl::StrCat("quarantine: ", status.ToString()));
+    }
   });
 }
 
