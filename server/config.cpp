@@ -10,6 +10,8 @@
 #include <memory>
 #include <string>
 
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
 #include "cli/config_file.h"
 #include "cli/exit_codes.h"
 #include "cli/finite_range.h"
@@ -52,6 +54,17 @@ void add_client_limits(CLI::App& app, Config& config) {
                  "Maximum store for a client's unfinished jobs, GB; 0: unlimited")
       ->check(limit)
       ->capture_default_str();
+  app.add_option("--client-priority", config.client_priority,
+                 "With --certs: maximum priority of clients' jobs; admins may use any")
+      ->check(CLI::Range(-100, 100))
+      ->capture_default_str();
+  app.add_option("--client-share", config.client_shares,
+                 "Weight of a client in fair share, 0.001 to 1000; others have 1; repeatable")
+      ->type_name("NAME=WEIGHT")
+      ->allow_extra_args(false)
+      ->check([](const std::string& share) {
+        return std::string(parse_shares({share}).status().message());
+      });
   app.add_option("--client-calls", config.client_calls,
                  "With --certs: maximum calls per second per client; 0: unlimited")
       ->check(limit)
@@ -111,6 +124,23 @@ void add_options(CLI::App& app, Config& config) {
 }
 
 }  // namespace
+
+absl::StatusOr<std::map<std::string, double>> parse_shares(const std::vector<std::string>& shares) {
+  constexpr double kMinWeight = 1e-3, kMaxWeight = 1e3;
+  std::map<std::string, double> weights;
+  for (const std::string& share : shares) {
+    const std::size_t equals = share.rfind('=');
+    double weight = 0;
+    if (equals == std::string::npos || equals == 0 ||
+        !absl::SimpleAtod(share.substr(equals + 1), &weight) || !(weight >= kMinWeight) ||
+        !(weight <= kMaxWeight)) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "client-share: \"", share, "\" is not NAME=WEIGHT with a weight of 0.001 to 1000"));
+    }
+    weights[share.substr(0, equals)] = weight;
+  }
+  return weights;
+}
 
 ParsedConfig parse_config(int argc, char** argv) {
   ParsedConfig parsed;

@@ -2,10 +2,12 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
-#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 
 namespace tessera::server {
 
@@ -23,6 +25,8 @@ struct Config {
   // Limits of each owner's unfinished jobs; 0: unlimited.
   std::int64_t client_jobs = 0;
   double client_gigasamples = 0, client_gb = 0;
+  std::int32_t client_priority = 100;      // maximum priority of clients' jobs; admins: any
+  std::vector<std::string> client_shares;  // NAME=WEIGHT: weights of fair share; others have 1
   // Limits per client, with certificates; 0: unlimited.
   double client_calls = 500, client_upload_gb = 50;
   std::string log_level = "info";
@@ -37,6 +41,10 @@ struct ParsedConfig {
   int exit_code = 0;
 };
 ParsedConfig parse_config(int argc, char** argv);
+
+/// Returns the weights in `NAME=WEIGHT`, by name. Errors: InvalidArgument, no name, or a weight
+/// outside [0.001, 1000].
+absl::StatusOr<std::map<std::string, double>> parse_shares(const std::vector<std::string>& shares);
 
 /// Converts gigabytes to bytes.
 std::int64_t to_bytes(double gigabytes);

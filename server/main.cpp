@@ -46,6 +46,8 @@ std::uint64_t random_bits() {
 FarmOptions options_of(const Config& config) {
   FarmOptions options;
   options.policy.audit_fraction = config.audit_fraction;
+  options.policy.client_priority = config.client_priority;
+  options.policy.share.weights = parse_shares(config.client_shares).value();  // checked when parsed
   options.film_memory_bytes = to_bytes(config.film_memory_gb);
   options.ingest_bytes = to_bytes(config.ingest_memory_gb);
   options.quota_bytes = to_bytes(config.quota_gb);

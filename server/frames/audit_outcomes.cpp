@@ -50,8 +50,13 @@ void AuditOutcomes::quarantine(FarmChange& change, const std::string& worker_id)
     }
   }
   // After its units are dropped: a server that crashes before must detect the fault again.
-  pipeline_.post_write([this, worker_id] { return store_.ban_worker(worker_id); },
-                       [this](const absl::Status& status) { log_failure("quarantine", status); });
+  pipeline_.post_write(
+      [this, names = change.scheduler().shut_out_names(worker_id)] {
+        absl::Status status;
+        for (const std::string& name : names) status.Update(store_.ban_worker(name));
+        return status;
+      },
+      [this](const absl::Status& status) { log_failure("quarantine", status); });
 }
 
 void AuditOutcomes::log_failure(const char* what, const absl::Status& status) const {

@@ -170,6 +170,7 @@ JobView JobAdmin::replan(const std::string& job_id, const std::shared_ptr<const 
   Job& job = *change.find_job(job_id);  // only this thread removes jobs
   JobFilm& film = change.film(job);
   change.scheduler().extend(job, spec);
+  change.note_demand(job);
   film.reset();
   for (const UnitRecord& record : kept) {
     change.scheduler().restore_unit(job, record.unit, record.worker_id, record.cpu_seconds);

@@ -28,10 +28,16 @@ JobRecord new_record(const JobSpec& spec, std::int64_t create_time_us) {
 absl::Status check_owners_quota(const FarmView& farm, const ClientQuota& quota, const JobSpec& spec,
                                 OwnerUse use) {
   if (!quota.has_limits()) return absl::OkStatus();
-  for (const JobKey key : farm.index().of_owner(spec.owner)) {
-    const Job& job = farm.scheduler().jobs().at(key);
-    if (job.spec->id != spec.id && !has_ended(job.state)) use.add(*job.spec);
+  Demand sum = farm.scheduler().demand(spec.owner);
+  const Job* job = spec.id.empty() ? nullptr : farm.find_job(spec.id);
+  if (job != nullptr && !has_ended(job->state)) {  // only the others count
+    sum.jobs -= job->demand.jobs;
+    sum.store_bytes -= job->demand.store_bytes;
+    sum.samples -= job->demand.samples;
   }
+  use.jobs += sum.jobs;
+  use.store_bytes += sum.store_bytes;
+  use.samples += sum.samples;
   return check_quota(quota, use, spec);
 }
 

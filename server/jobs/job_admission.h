@@ -28,6 +28,10 @@ class JobAdmission {
   JobAdmission(FarmState& farm, Store& store, CommitPipeline& pipeline, AssetCatalog& assets)
       : farm_(farm), store_(store), pipeline_(pipeline), assets_(assets) {}
 
+  /// See tessera::server::check_client_priority().
+  absl::Status check_client_priority(std::int32_t priority) const {
+    return server::check_client_priority(farm_.options().policy, priority);
+  }
   struct Created {
     JobView view;
     std::int64_t store_bytes = 0;

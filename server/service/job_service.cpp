@@ -51,6 +51,10 @@ grpc::ServerUnaryReactor* JobService::CreateJob(grpc::CallbackServerContext* con
   }
   auto spec = to_spec(*request, caller->owner());
   if (!spec.ok()) return finish(context, spec.status());
+  if (!caller->visible_owner().empty()) {  // not an admin
+    const absl::Status allowed = coordinator_.admission().check_client_priority(spec->priority);
+    if (!allowed.ok()) return finish(context, allowed);
+  }
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   coordinator_.admission().create_job(*std::move(spec), [=](const auto& created) {
     if (created.ok()) {

@@ -10,19 +10,6 @@ namespace {
 
 constexpr char kStoreFull[] = "store full: ";  // begins the reason of a job that waits for room
 
-/// Returns why no worker can render an active job, or "".
-std::string missing_workers(const Job& job, const std::map<WorkerKey, Worker>& workers) {
-  const std::string& tag = job.spec->required_tag;
-  bool any = false;
-  for (const auto& [key, worker] : workers) {
-    // A worker whose stream has just broken may reconnect.
-    if (worker.lost || worker.draining || worker.quarantined) continue;
-    if (tag.empty() || worker.tags.count(tag) > 0) return {};
-    any = true;
-  }
-  return any ? absl::StrCat("no connected worker has tag ", tag) : "no workers connected";
-}
-
 EventKind event_kind(JobState state) {
   switch (state) {
     case JobState::paused:
@@ -41,8 +28,9 @@ EventKind event_kind(JobState state) {
 }
 
 bool is_empty(const Effects& effects) {
-  return effects.to_wake.empty() && effects.to_close.empty() && effects.changed.empty() &&
-         effects.roster.empty() && effects.audited.empty() && effects.faulty_workers.empty();
+  return effects.to_wake.empty() && effects.to_close.empty() && effects.to_close_unread.empty() &&
+         effects.changed.empty() && effects.roster.empty() && effects.audited.empty() &&
+         effects.faulty_workers.empty();
 }
 
 }  // namespace
@@ -80,7 +68,7 @@ const JobFilm& FarmView::film(const Job& job) const ABSL_NO_THREAD_SAFETY_ANALYS
 JobView FarmView::view(const Job& job) const {
   JobView view = film(job).view(job, now());
   if (view.reason.empty() && (job.state == JobState::queued || job.state == JobState::running)) {
-    view.reason = missing_workers(job, scheduler().workers());
+    view.reason = scheduler().wait_text(job);
   }
   return view;
 }
@@ -144,7 +132,14 @@ Job& FarmChange::add_job(JobKey key, std::shared_ptr<const JobSpec> spec,
                          JobState state) ABSL_NO_THREAD_SAFETY_ANALYSIS {
   state_.index_.add(key, *spec);
   state_.films_[key];
-  return scheduler().add_job(key, std::move(spec), state);
+  Job& job = scheduler().add_job(key, std::move(spec), state);
+  note_demand(job);
+  return job;
+}
+
+void FarmChange::note_demand(Job& job) {
+  const JobSize size = max_job_size(*job.spec);
+  scheduler().set_demand(job, static_cast<double>(size.store_bytes), size.samples);
 }
 
 void FarmChange::remove_job(const Job& job) ABSL_NO_THREAD_SAFETY_ANALYSIS {

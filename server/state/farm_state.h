@@ -112,6 +112,8 @@ class ABSL_SCOPED_LOCKABLE FarmChange : public FarmView {
   using FarmView::film;
   JobFilm& film(const Job& job);
   Job& add_job(JobKey key, std::shared_ptr<const JobSpec> spec, JobState state);
+  /// Tells the scheduler what a job with new settings may need at most, for its owner's quota.
+  void note_demand(Job& job);
   /// Forgets an ended job.
   void remove_job(const Job& job);
   /// Pauses a job because the disk is full. Does nothing for an ended job.

@@ -77,6 +77,18 @@ void WorkerRegistry::carry_out(FarmChange& change, const Effects& effects) {
     change.after_unlocking([connection = connected->second.connection] { connection->wake(); });
   }
   for (const WorkerKey key : effects.to_close) close_lost(change, key);
+  for (const WorkerKey key : effects.to_close_unread) close_unread(change, key);
+}
+
+/// Closes the stream of a worker that the scheduler has disconnected already.
+void WorkerRegistry::close_unread(FarmChange& change, WorkerKey key) {
+  const auto connected = connections_.find(key);
+  if (connected == connections_.end()) return;
+  change.after_unlocking([connection = connected->second.connection] {
+    connection->close(
+        absl::ResourceExhaustedError("too many unread messages for this worker; reconnect"));
+  });
+  connections_.erase(connected);
 }
 
 void WorkerRegistry::close_lost(FarmChange& change, WorkerKey key) {
@@ -196,11 +208,15 @@ void WorkerRegistry::ban_worker(const std::string& worker_id,
 }
 
 absl::Status WorkerRegistry::ban_now(const std::string& worker_id) {
+  std::vector<std::string> names;
   {
     FarmChange change(farm_);
     if (change.scheduler().find_worker(worker_id) == nullptr) return no_such_worker(worker_id);
+    names = change.scheduler().shut_out_names(worker_id);
   }
-  if (absl::Status status = store_.ban_worker(worker_id); !status.ok()) return status;
+  for (const std::string& name : names) {
+    if (absl::Status status = store_.ban_worker(name); !status.ok()) return status;
+  }
   FarmChange change(farm_);
   change.scheduler().ban(worker_id);
   change.scheduler().offer_work(change.now());
@@ -215,7 +231,14 @@ void WorkerRegistry::allow_worker(const std::string& worker_id,
 }
 
 absl::Status WorkerRegistry::allow_now(const std::string& worker_id) {
-  if (absl::Status status = store_.allow_worker(worker_id); !status.ok()) return status;
+  std::vector<std::string> names;
+  {
+    const FarmView view(farm_);
+    names = view.scheduler().shut_out_names(worker_id);
+  }
+  for (const std::string& name : names) {
+    if (absl::Status status = store_.allow_worker(name); !status.ok()) return status;
+  }
   FarmChange change(farm_);
   if (!change.scheduler().allow(worker_id, change.now())) return no_such_worker(worker_id);
   change.note(EventKind::worker_allowed, worker_id, "");

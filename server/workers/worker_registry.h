@@ -101,6 +101,7 @@ class WorkerRegistry final : public EffectHandler {
   bool is_open(const FarmView& farm, Session session) const;
   Worker* session_worker(FarmChange& change, Session session);
   void close_lost(FarmChange& change, WorkerKey key);
+  void close_unread(FarmChange& change, WorkerKey key);
   absl::Status ban_now(const std::string& worker_id);
   absl::Status allow_now(const std::string& worker_id);
 

@@ -282,7 +282,7 @@ class Scheduler {
   void stop_waiting(Job& job, const contract::Unit& unit, Audit& audit);
   bool lease_audit(Worker& worker);
   bool lease_audit_of(const AuditQueue::Groups& groups, Worker& worker);
-  void lease_audit(Job& job, const contract::Unit& unit, Audit& audit, Worker& worker);
+  void lease_audit(Job& job, const contract::Unit& audited, Audit& audit, Worker& worker);
   bool release_audit(Job& job, Worker& worker, const contract::Unit& unit);
   void end_audit(Job& job, const contract::Unit& unit, Time now);
   void take_from_holder(Job& job, const contract::Unit& unit, const Audit& audit);
@@ -290,6 +290,7 @@ class Scheduler {
   void quarantine(const std::string& worker_id);
   void shut_out(Worker& worker);
   void drop_audits(Job& job);
+  std::vector<AuditQueue::Key> unresolvable(const std::set<AuditQueue::Key>& group, Time now);
   void fail_unresolvable_audits(Time now);
 
   bool has_work() const;

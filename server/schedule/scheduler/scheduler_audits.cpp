@@ -227,32 +227,41 @@ bool Scheduler::has_candidate(const Job& job, const Audit& audit) const {
          });
 }
 
+/// Returns the audits of a group of AuditQueue that no worker can settle. Looks at a few only.
+std::vector<AuditQueue::Key> Scheduler::unresolvable(const std::set<AuditQueue::Key>& group,
+                                                     Time now) {
+  std::vector<AuditQueue::Key> found;
+  int checked = 0;
+  for (const auto& [key, unit] : group) {
+    if (++checked > kAuditChecksPerTick) break;
+    ++step_count_;
+    Job& job = jobs_.at(key);
+    Audit& audit = job.audits.at(unit);
+    if (has_candidate(job, audit)) {
+      audit.alone_since.reset();
+      if (!audit.group->empty()) break;  // so have the others with this committer
+      continue;
+    }
+    // Workers that could decide may return soon.
+    if (!audit.alone_since) audit.alone_since = now;
+    if (!audit.is_disputed() || now - *audit.alone_since >= policy_.audit_timeout) {
+      found.emplace_back(key, unit);
+    }
+  }
+  return found;
+}
+
 /// Drops audits without a worker to ask; a dispute that cannot be settled fails its job.
 void Scheduler::fail_unresolvable_audits(Time now) {
   if (waiting_audits_.empty() || working_.find("") == nullptr || !missing_workers_.empty()) return;
-  std::vector<AuditQueue::Key> unresolvable;
+  std::vector<AuditQueue::Key> ended;
   for (const auto& [tag, groups] : waiting_audits_.by_tag()) {
-    for (const auto& [committer, keys] : groups) {
-      int checked = 0;
-      for (const auto& [key, unit] : keys) {
-        if (++checked > kAuditChecksPerTick) break;
-        ++step_count_;
-        const Job& job = jobs_.at(key);
-        Audit& audit = jobs_.at(key).audits.at(unit);
-        if (has_candidate(job, audit)) {
-          audit.alone_since.reset();
-          if (!committer.empty()) break;  // so have the others of the group
-          continue;
-        }
-        // Workers that could decide may return soon.
-        if (!audit.alone_since) audit.alone_since = now;
-        if (!audit.is_disputed() || now - *audit.alone_since >= policy_.audit_timeout) {
-          unresolvable.emplace_back(key, unit);
-        }
-      }
+    for (const auto& [committer, group] : groups) {
+      const std::vector<AuditQueue::Key> found = unresolvable(group, now);
+      ended.insert(ended.end(), found.begin(), found.end());
     }
   }
-  for (const auto& [key, unit] : unresolvable) {
+  for (const auto& [key, unit] : ended) {
     Job& job = jobs_.at(key);
     if (job.audits.count(unit) > 0) end_audit(job, unit, now);
   }

@@ -7,6 +7,7 @@
 
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "tests/integration/server/secure_farm.h"
 
 namespace tessera::server {
@@ -80,6 +81,22 @@ TEST_F(GreedyClient, ExcessUploadsAreRefused) {
   const std::string other(sizeof kScene - 1, 'x');
   EXPECT_EQ(upload("ann", other).error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_TRUE(upload("bob", other).ok());
+}
+
+TEST_F(SecureFarm, PriorityAboveMaximumNeedsAdmin) {
+  for (const char* name : {"ann", "root"}) {
+    ASSERT_TRUE(upload_scene(name).ok());
+    for (const int priority : {50, 51}) {
+      v1::CreateJobRequest request = request_of(absl::StrCat(name, "-", priority));
+      request.set_priority(priority);
+      v1::CreateJobResponse response;
+      const grpc::Status status = create(name, request, response);
+      const bool is_refused = std::string(name) == "ann" && priority > 50;
+      EXPECT_EQ(status.error_code(),
+                is_refused ? grpc::StatusCode::PERMISSION_DENIED : grpc::StatusCode::OK)
+          << name << " " << priority << ": " << status.error_message();
+    }
+  }
 }
 
 /// Opens connections that send nothing, or only the start of a handshake.

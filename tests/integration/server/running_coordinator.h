@@ -44,6 +44,7 @@ class RunningCoordinator {
   static FarmOptions options(Log log) {
     FarmOptions options;
     options.policy.restart_grace = std::chrono::milliseconds(50);
+    options.policy.client_priority = 50;
     options.clock = [] { return std::chrono::steady_clock::now(); };
     options.wall_us = [] { return std::int64_t{1'700'000'000'000'000}; };
     options.random = [state = std::uint64_t{7}]() mutable {

@@ -111,9 +111,11 @@ class CoordinatorFixture : public testing::Test {
     std::vector<Acknowledgement> acknowledgements;
     std::vector<std::string> ended;
   };
-  TestWorker join(const std::string& id, std::int32_t credits = 64) {
+  TestWorker join(const std::string& id, std::int32_t credits = 64,
+                  const std::string& certificate = {}) {
     Hello hello;
     hello.worker_id = hello.name = id;
+    hello.certificate = certificate;
     hello.thread_count = 2;
     hello.credit_count = credits;
     TestWorker worker{id, {}, std::make_shared<RecordingConnection>(), {}, {}, {}};

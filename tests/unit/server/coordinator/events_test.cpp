@@ -141,6 +141,20 @@ TEST_F(Events, JobLifecycleIsRecorded) {
   EXPECT_EQ(kinds().back(), EventKind::job_removed);
 }
 
+TEST_F(Events, BanHoldsForCertificateAfterRestart) {
+  join("w", 64, "one");
+  ASSERT_TRUE(ban("w").ok());
+  start();
+  join("w", 64, "one");  // the farm waits for workers that it knows
+  TestWorker again = join("other", 64, "one");
+  create_job("shot");
+  collect(again);
+  EXPECT_TRUE(again.units.empty());
+  EXPECT_TRUE(allow("other").ok());
+  collect(again);
+  EXPECT_FALSE(again.units.empty());
+}
+
 TEST_F(Events, FailedUnitIncludesLastRendererOutput) {
   TestWorker worker = join("w");
   const std::string job = create_job("shot");
