@@ -51,7 +51,7 @@ void write_exr(const std::string& path, const Image& image) {
     }
     planes.push_back(std::move(plane));
   }
-  const auto file = image::ExrWriter::open(path, {window, window, {}, {}}, planes);
+  const auto file = image::ExrWriter::open(path, {window, window, {}, {}, {}}, planes);
   ASSERT_TRUE(file.ok()) << file.status();
   ASSERT_TRUE((*file)->write_rows(kSize, planes).ok() && (*file)->close().ok()) << path;
 }
