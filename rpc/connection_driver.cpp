@@ -1,13 +1,17 @@
 #include "rpc/connection_driver.h"
 
+#include <grpc/support/time.h>
+#include <grpcpp/support/time.h>
+
 #include <chrono>
 #include <utility>
 
 namespace tessera::contract {
 namespace {
 
-constexpr std::chrono::milliseconds kLook{200};   // between looks at an established connection
-constexpr std::chrono::milliseconds kSlice{100};  // of waiting for one: limits the destructor
+constexpr std::chrono::milliseconds kLook{200};  // between looks at an established connection
+// Of waiting for one: limits the destructor. 100 ms.
+constexpr gpr_timespec kSlice{0, 100'000'000, GPR_TIMESPAN};
 
 }  // namespace
 
@@ -31,7 +35,8 @@ void ConnectionDriver::run() {
       if (wait_a_moment()) return;
       continue;
     }
-    channel_->WaitForStateChange(state, std::chrono::system_clock::now() + kSlice);
+    // By the monotonic clock: a jump of the wall clock must not stretch the wait.
+    channel_->WaitForStateChange(state, gpr_time_add(gpr_now(GPR_CLOCK_MONOTONIC), kSlice));
     const std::lock_guard lock(mutex_);
     if (is_stopping_) return;
   }

@@ -13,7 +13,8 @@ namespace tessera::contract {
 ///
 /// gRPC looks at a connection only while some call waits on its channel, and otherwise once in 5 s.
 /// A TLS handshake has several steps, so without this a program that retries failed calls is
-/// connected again after half a minute.
+/// connected again after half a minute. Unix sockets have no handshake and do not need it: its
+/// waits end by gRPC's timers, which stand still after the wall clock has jumped backwards.
 class ConnectionDriver {
  public:
   explicit ConnectionDriver(std::shared_ptr<grpc::Channel> channel);

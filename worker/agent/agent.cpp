@@ -397,7 +397,8 @@ absl::Status run_agent(const AgentOptions& given) {
     listener = *std::move(started);
     options.log(LogLevel::info, absl::StrCat("metrics: http://", listener->address(), "/metrics"));
   }
-  const contract::ConnectionDriver driver(*channel);
+  std::optional<contract::ConnectionDriver> driver;
+  if (!options.certs.empty()) driver.emplace(*channel);
   return Agent(std::move(options), *std::move(renderer), *channel, *std::move(cache),
                std::move(log), metrics)
       .run();

@@ -11,15 +11,16 @@ command -v nm >/dev/null || { echo "nm is not installed (package binutils)"; exi
 found=0 count=0
 for object in "$@"; do
   [ -f "$object" ] || { echo "$object: not found"; exit 1; }
+  all=$(nm --format=posix "$object" | wc -l)
+  # A stripped object has no symbols to look for.
+  [ "$all" -gt 0 ] || { echo "$object: nm found no symbols"; exit 1; }
   symbols=$(nm --undefined-only --format=posix "$object")
-  count=$((count + $(wc -l <<<"$symbols")))
+  count=$((count + all))
   names=$(cut -d' ' -f1 <<<"$symbols" | grep -E "^(__)?($functions)(f|l|f32|f64)?(_finite)?$" || true)
   if [ -n "$names" ]; then
     echo "$object: $(tr '\n' ' ' <<<"$names")"
     found=1
   fi
 done
-# An object of the renderer calls dozens of functions on average. With fewer than two, nm has read no symbols.
-[ "$count" -ge $((2 * $#)) ] || { echo "nm found only $count symbols in $# objects"; exit 1; }
-echo "$# objects with $count undefined symbols checked"
+echo "$# objects with $count symbols checked"
 exit $found
