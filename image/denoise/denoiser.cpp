@@ -55,7 +55,7 @@ Plane cut(const DenoiseRows& rows, const Place& place, std::size_t plane, float 
 }
 
 /// A colour beyond this, in units of the mean luminance, would overflow when it is squared.
-constexpr float kLargestColour = 1e15f, kLargestFeature = 1e12f;
+constexpr float kLargestColour = 1e15f;
 
 Half load(const DenoiseRows& rows, const Place& place, std::size_t first_stream) {
   const auto scale = static_cast<float>(1 / rows.mean_luminance);

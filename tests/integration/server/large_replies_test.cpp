@@ -66,7 +66,7 @@ TEST(LargeReplies, PartsOfReportHoldWholeCharacters) {
   for (const std::string& part : parts) EXPECT_EQ(part.size() % 3, &part == &parts[0] ? 1u : 0u);
 }
 
-TEST(LargeReplies, MissingTilesAreListedInSeveralMessages) {
+TEST(LargeReplies, MissingTilesComeInSeveralMessages) {
   FrameFile file;
   file.missing_tiles.assign(4 * kTilesPerMessage + 1, {8, 8, 8, 8});
   const v1::FrameHeader header = to_message(file);
