@@ -145,9 +145,22 @@ std::array<std::vector<double>, kCandidates> cell_errors(const HalfResult& half,
   return errors;
 }
 
-/// Chooses the candidate with the least error over the cells around, near ones counting more.
-void choose(const Half& input, const Place& place, HalfResult& half) {
+/// Sum of a candidate's errors over the cells around one, near ones counting more.
+double pooled_error(const std::vector<double>& errors, const Choice& cells, std::int32_t column,
+                    std::int32_t row) {
   constexpr double kWeights[] = {1, 2, 3, 2, 1};
+  double sum = 0;
+  for (std::int32_t dy = -kPooledCells; dy <= kPooledCells; ++dy) {
+    for (std::int32_t dx = -kPooledCells; dx <= kPooledCells; ++dx) {
+      sum += kWeights[dy + kPooledCells] * kWeights[dx + kPooledCells] *
+             errors[at(row + dy) * at(cells.columns) + at(column + dx)];
+    }
+  }
+  return sum;
+}
+
+/// Chooses the candidate with the least error over the cells around.
+void choose(const Half& input, const Place& place, HalfResult& half) {
   Choice& cells = half.choice;
   const auto count = [](std::int32_t side) {
     return (side + kDenoiseCell - 1) / kDenoiseCell + 2 * kChoiceMargin / kDenoiseCell;
@@ -161,13 +174,7 @@ void choose(const Half& input, const Place& place, HalfResult& half) {
     for (std::int32_t column = kPooledCells; column < cells.columns - kPooledCells; ++column) {
       double least = 0;
       for (int k = 0; k < kCandidates; ++k) {
-        double sum = 0;
-        for (std::int32_t dy = -kPooledCells; dy <= kPooledCells; ++dy) {
-          for (std::int32_t dx = -kPooledCells; dx <= kPooledCells; ++dx) {
-            sum += kWeights[dy + kPooledCells] * kWeights[dx + kPooledCells] *
-                   errors[at(k)][at(row + dy) * at(cells.columns) + at(column + dx)];
-          }
-        }
+        const double sum = pooled_error(errors[at(k)], cells, column, row);
         if (k > 0 && !(sum < least)) continue;
         least = sum;
         cells.candidate[at(row) * at(cells.columns) + at(column)] = static_cast<std::uint8_t>(k);
@@ -191,6 +198,17 @@ struct CellShares {
   }
 };
 
+/// Weighted sum of the candidates at a pixel.
+float blended_colour(const HalfResult& half, const float (&weights)[kCandidates], std::size_t c,
+                     std::size_t i) {
+  float sum = 0;
+  for (int k = 0; k < kCandidates; ++k) {
+    const StreamPair& pair = candidate(half, k);
+    sum += weights[k] * (0.5f * (pair.a[c][i] + pair.b[c][i]));
+  }
+  return sum;
+}
+
 /// Blends the chosen candidates.
 void blend(const Place& place, HalfResult& half) {
   for (Plane& plane : half.colour) plane.resize(half.raw.a[0].size());
@@ -204,14 +222,7 @@ void blend(const Place& place, HalfResult& half) {
             (right ? shares.across : 1 - shares.across) * (lower ? shares.down : 1 - shares.down);
       }
       const std::size_t i = place.index(x, y);
-      for (std::size_t c = 0; c < 3; ++c) {
-        float sum = 0;
-        for (int k = 0; k < kCandidates; ++k) {
-          const StreamPair& pair = candidate(half, k);
-          sum += weights[k] * (0.5f * (pair.a[c][i] + pair.b[c][i]));
-        }
-        half.colour[c][i] = sum;
-      }
+      for (std::size_t c = 0; c < 3; ++c) half.colour[c][i] = blended_colour(half, weights, c, i);
     }
   }
 }
