@@ -365,11 +365,13 @@ TEST_F(DamageTest, LostOrTruncatedAssetIsUploadedAgain) {
 
 TEST_F(DamageTest, LackOfDescriptorsIsNoFullDisk) {
   const ScratchFolder folder;
+  Filesystem& disk = real_filesystem();
+  // UndefinedBehaviorSanitizer takes descriptors for its first look at a type.
+  ASSERT_TRUE(disk.list(folder.path()).ok());
   rlimit before{};
   ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &before), 0);
   const rlimit none{0, before.rlim_max};
   ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &none), 0);
-  Filesystem& disk = real_filesystem();
   const absl::Status opened = disk.open(folder.path() + "/file").status();
   const absl::Status listed = disk.list(folder.path()).status();
   const absl::Status synced = disk.sync_folder(folder.path());
