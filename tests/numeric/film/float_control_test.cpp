@@ -13,7 +13,6 @@
 
 #include "tests/support/plain_scene.h"
 #include "worker/accel/accelerator.h"
-#include "worker/renderer/render_pool.h"
 
 namespace tessera::testing {
 namespace {
@@ -80,21 +79,6 @@ TEST(FloatControlDeathTest, LibraryLoadedInsideUnitIsNamed) {
   EXPECT_DEATH(render_picture(empty_scene(), small_settings(8, 8, 4), tracing),
                "after some pixels of a unit, .*flushes denormals.*since the thread's last check: "
                "[^ ]*tessera_flushing_library.so\n");
-}
-
-TEST(FloatControlDeathTest, RendererThreadsAreChecked) {
-  EXPECT_DEATH(
-      {
-        load_library();
-        const agent::RenderPool pool(1);  // its threads inherit the mode
-      },
-      "when a thread of the renderer starts, .*tessera_flushing_library.so");
-  EXPECT_DEATH(
-      {
-        agent::RenderPool pool(1);
-        pool.submit([] { load_library(); });
-      },
-      "after a task of the renderer, .*tessera_flushing_library.so");
 }
 
 TEST(FloatControl, OlderLibrariesAreNotNamed) {
