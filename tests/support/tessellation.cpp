@@ -6,6 +6,7 @@
 #include <functional>
 #include <vector>
 
+#include "worker/geometry/shapes/intersect_shape.h"
 #include "worker/geometry/shapes/terrain_field.h"
 
 namespace tessera::testing {

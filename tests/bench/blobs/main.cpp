@@ -13,6 +13,7 @@
 
 #include "tests/support/cpu_seconds.h"
 #include "worker/geometry/shapes/blob_line.h"
+#include "worker/geometry/shapes/intersect_shape.h"
 #include "worker/geometry/shapes/make_shape.h"
 #include "worker/geometry/shapes/shape_surface.h"
 

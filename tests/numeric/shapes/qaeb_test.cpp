@@ -8,6 +8,7 @@
 
 #include "tests/numeric/shapes/solid_scenes.h"
 #include "tests/support/plain_scene.h"
+#include "worker/geometry/shapes/intersect_shape.h"
 
 namespace tessera::render::testing {
 namespace {

@@ -8,6 +8,7 @@
 
 #include "tests/numeric/shapes/every_accelerator.h"
 #include "tests/numeric/shapes/solid_scenes.h"
+#include "worker/geometry/shapes/intersect_shape.h"
 #include "worker/geometry/shapes/shape_surface.h"
 
 namespace tessera::render::testing {

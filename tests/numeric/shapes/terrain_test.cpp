@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "tests/numeric/shapes/solid_scenes.h"
+#include "worker/geometry/shapes/intersect_shape.h"
 #include "worker/geometry/shapes/shape_surface.h"
 #include "worker/sampling/gradient_noise.h"
 #include "worker/shading/surface/procedural_texture.h"

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "tests/numeric/shapes/solid_scenes.h"
+#include "worker/geometry/shapes/intersect_shape.h"
 #include "worker/geometry/shapes/shape_support.h"
 
 namespace tessera::render::testing {

@@ -6,6 +6,7 @@
 
 #include "worker/accel/solids/csg_line.h"
 #include "worker/geometry/motion.h"
+#include "worker/geometry/shapes/intersect_shape.h"
 #include "worker/math/float_bits.h"
 
 namespace tessera::render {

@@ -101,4 +101,8 @@ class BlobLine {
   std::size_t visit_count_ = 0;
 };
 
+/// intersect_shape() for blobs. Requires an `origin` near the shape.
+void intersect_blobs(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
+                     const HitRequest& request, std::vector<ShapeHit>& hits);
+
 }  // namespace tessera::render

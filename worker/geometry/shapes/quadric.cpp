@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "worker/geometry/shapes/clip_line.h"
-#include "worker/geometry/shapes/shape.h"
+#include "worker/geometry/shapes/intersect_shape.h"
 
 namespace tessera::render {
 namespace {

@@ -1,15 +1,10 @@
-#include "worker/geometry/shapes/shape.h"
-
 #include <cmath>
 
-namespace tessera::render {
+#include "worker/geometry/shapes/blob_line.h"
+#include "worker/geometry/shapes/intersect_shape.h"
+#include "worker/geometry/shapes/terrain_line.h"
 
-int Shape::flat_axis() const {
-  for (int k = 0; k < 3; ++k) {
-    if (form == Form::quadric && clip.lo[k] == clip.hi[k]) return k;
-  }
-  return -1;
-}
+namespace tessera::render {
 
 namespace {
 

@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
-#include <vector>
 
 #include "worker/geometry/bounds.h"
 #include "worker/math/vector.h"
@@ -54,7 +53,12 @@ struct Shape {
   Box3f bounds;  // all of space for a plane, otherwise finite
 
   /// The axis along which it has no thickness, or -1.
-  int flat_axis() const;
+  int flat_axis() const {
+    for (int k = 0; k < 3; ++k) {
+      if (form == Form::quadric && clip.lo[k] == clip.hi[k]) return k;
+    }
+    return -1;
+  }
   /// Whether it has finite bounds: false for a plane alone.
   bool bounded() const { return std::isfinite(bounds.hi.x); }
   /// Whether it encloses a volume.
@@ -78,27 +82,5 @@ struct HitRequest {
   double to = std::numeric_limits<double>::infinity();
   bool first = false;
 };
-
-/// Appends to `hits` all intersections of the line origin + t direction with the shape, by
-/// ascending t of either sign; hits that are not requested may be missing. t is in multiples of the
-/// direction, which need not be unit. A line that touches a closed shape may give two hits with the
-/// same t. A direction that is zero or not finite gives none.
-///
-/// Computed in double relative to the point of the line nearest to the shape, so that distance does
-/// not reduce precision; for a plane, whose t is a quotient of two heights, relative to the origin.
-/// Source: E. Haines et al., "Precision improvements for ray/sphere
-/// intersection", Ray Tracing Gems, 2019, chapter 7.
-void intersect_shape(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
-                     std::vector<ShapeHit>& hits, const HitRequest& request = {});
-
-/// intersect_shape() for each form. Requires an `origin` near the shape.
-void intersect_quadric(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
-                       std::vector<ShapeHit>& hits);
-void intersect_torus(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
-                     std::vector<ShapeHit>& hits);
-void intersect_blobs(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
-                     const HitRequest& request, std::vector<ShapeHit>& hits);
-void intersect_terrain(const Shape& shape, const Vec3d& origin, const Vec3d& direction,
-                       const HitRequest& request, std::vector<ShapeHit>& hits);
 
 }  // namespace tessera::render

@@ -11,8 +11,8 @@
 #include <cmath>
 
 #include "worker/geometry/shapes/clip_line.h"
-#include "worker/geometry/shapes/shape.h"
 #include "worker/geometry/shapes/terrain_field.h"
+#include "worker/geometry/shapes/terrain_line.h"
 
 namespace tessera::render {
 namespace {

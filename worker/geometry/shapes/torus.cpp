@@ -3,8 +3,8 @@
 #include <array>
 #include <cmath>
 
+#include "worker/geometry/shapes/intersect_shape.h"
 #include "worker/geometry/shapes/polynomial_roots.h"
-#include "worker/geometry/shapes/shape.h"
 
 namespace tessera::render {
 

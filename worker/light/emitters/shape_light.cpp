@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "worker/geometry/shapes/intersect_shape.h"
 #include "worker/light/emitters/spherical_triangle.h"
 #include "worker/math/elementary.h"
 

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <vector>
 
+#include "worker/geometry/shapes/intersect_shape.h"
 #include "worker/geometry/shapes/make_shape.h"
 
 namespace tessera::render {
