@@ -4,7 +4,7 @@
 #include <span>
 
 #include "worker/gltf/file/resource_reader.h"
-#include "worker/gltf/validate/findings.h"
+#include "worker/gltf/validate/findings/findings.h"
 
 namespace tessera::render {
 
