@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "worker/geometry/shapes/clip_line.h"
+#include "worker/geometry/clip_line.h"
 
 namespace tessera::testing {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "worker/geometry/shapes/intersect_shape.h"
-#include "worker/geometry/shapes/terrain_field.h"
+#include "worker/geometry/shapes/terrain/terrain_field.h"
 
 namespace tessera::testing {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "worker/geometry/shapes/shape.h"
+#include "worker/geometry/shape.h"
 #include "worker/scene/scene.h"
 
 namespace tessera::testing {

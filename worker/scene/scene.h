@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "worker/geometry/motion.h"
-#include "worker/geometry/shapes/shape.h"
+#include "worker/geometry/shape.h"
 #include "worker/math/transform.h"
 #include "worker/math/vector.h"
 #include "worker/scene/shared_array.h"

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "tests/support/cpu_seconds.h"
-#include "worker/geometry/shapes/blob_line.h"
+#include "worker/geometry/shapes/blobs/blob_line.h"
 #include "worker/geometry/shapes/intersect_shape.h"
 #include "worker/geometry/shapes/make_shape.h"
 #include "worker/geometry/shapes/shape_surface.h"

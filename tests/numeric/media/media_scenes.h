@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "tests/support/plain_scene.h"
-#include "worker/geometry/shapes/shape.h"
+#include "worker/geometry/shape.h"
 
 namespace tessera::testing {
 

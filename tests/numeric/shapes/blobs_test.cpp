@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "tests/numeric/shapes/solid_scenes.h"
-#include "worker/geometry/shapes/blob_line.h"
+#include "worker/geometry/shapes/blobs/blob_line.h"
 #include "worker/geometry/shapes/intersect_shape.h"
 #include "worker/geometry/shapes/shape_surface.h"
 

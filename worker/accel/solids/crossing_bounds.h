@@ -1,7 +1,7 @@
 #pragma once
 
 #include "worker/geometry/ray.h"
-#include "worker/geometry/shapes/shape.h"
+#include "worker/geometry/shape.h"
 #include "worker/math/transform.h"
 
 namespace tessera::render {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "worker/geometry/ray.h"
-#include "worker/geometry/shapes/shape.h"
+#include "worker/geometry/shape.h"
 #include "worker/math/transform.h"
 #include "worker/scene/scene.h"
 

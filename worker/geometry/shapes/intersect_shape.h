@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "worker/geometry/shapes/shape.h"
+#include "worker/geometry/shape.h"
 
 namespace tessera::render {
 

@@ -2,9 +2,9 @@
 
 #include <vector>
 
-#include "worker/geometry/shapes/blob_field.h"
-#include "worker/geometry/shapes/shape.h"
-#include "worker/geometry/shapes/terrain_field.h"
+#include "worker/geometry/shapes/blobs/blob_field.h"
+#include "worker/geometry/shape.h"
+#include "worker/geometry/shapes/terrain/terrain_field.h"
 
 namespace tessera::render {
 

@@ -5,7 +5,7 @@
 #include <limits>
 #include <utility>
 
-#include "worker/geometry/shapes/clip_line.h"
+#include "worker/geometry/clip_line.h"
 #include "worker/geometry/shapes/intersect_shape.h"
 
 namespace tessera::render {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "worker/geometry/shapes/shape.h"
+#include "worker/geometry/shape.h"
 
 namespace tessera::render {
 

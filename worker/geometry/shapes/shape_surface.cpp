@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "worker/geometry/shapes/blob_field.h"
-#include "worker/geometry/shapes/terrain_field.h"
+#include "worker/geometry/shapes/blobs/blob_field.h"
+#include "worker/geometry/shapes/terrain/terrain_field.h"
 #include "worker/math/elementary.h"
 
 namespace tessera::render {

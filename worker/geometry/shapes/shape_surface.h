@@ -1,6 +1,6 @@
 #pragma once
 
-#include "worker/geometry/shapes/shape.h"
+#include "worker/geometry/shape.h"
 #include "worker/geometry/surface_point.h"
 #include "worker/math/transform.h"
 

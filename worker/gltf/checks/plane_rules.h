@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "worker/geometry/shapes/shape.h"
+#include "worker/geometry/shape.h"
 #include "worker/gltf/animation/pose_cache.h"
 #include "worker/scene/problem.h"
 #include "worker/scene/scene.h"

@@ -3,7 +3,7 @@
 #include <memory>
 #include <optional>
 
-#include "worker/geometry/shapes/shape.h"
+#include "worker/geometry/shape.h"
 #include "worker/gltf/file/json_view.h"
 #include "worker/scene/scene.h"
 

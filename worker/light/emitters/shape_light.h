@@ -4,7 +4,7 @@
 #include <optional>
 #include <span>
 
-#include "worker/geometry/shapes/shape.h"
+#include "worker/geometry/shape.h"
 #include "worker/light/emitters/spherical_strip.h"
 #include "worker/light/tree/light_tree.h"
 #include "worker/math/transform.h"

@@ -10,7 +10,7 @@
 #include "tests/support/gltf_builder.h"
 #include "tests/support/json_schema.h"
 #include "tests/support/memory_scene.h"
-#include "worker/geometry/shapes/terrain_field.h"
+#include "worker/geometry/shapes/terrain/terrain_field.h"
 #include "worker/scene/features.h"
 
 namespace tessera::render {

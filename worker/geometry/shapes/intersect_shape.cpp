@@ -1,8 +1,8 @@
 #include <cmath>
 
-#include "worker/geometry/shapes/blob_line.h"
+#include "worker/geometry/shapes/blobs/blob_line.h"
 #include "worker/geometry/shapes/intersect_shape.h"
-#include "worker/geometry/shapes/terrain_line.h"
+#include "worker/geometry/shapes/terrain/terrain_line.h"
 
 namespace tessera::render {
 

@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "worker/geometry/bounds.h"
-#include "worker/geometry/shapes/blob.h"
-#include "worker/geometry/shapes/blob_cells.h"
+#include "worker/geometry/shapes/blobs/blob.h"
+#include "worker/geometry/shapes/blobs/blob_cells.h"
 #include "worker/math/vector.h"
 
 namespace tessera::render {

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "worker/geometry/bounds.h"
-#include "worker/geometry/shapes/shape.h"
+#include "worker/geometry/shape.h"
 
 namespace tessera::render {
 

@@ -1,4 +1,4 @@
-#include "worker/geometry/shapes/blob_polynomial.h"
+#include "worker/geometry/shapes/blobs/blob_polynomial.h"
 
 #include <cmath>
 #include <cstddef>

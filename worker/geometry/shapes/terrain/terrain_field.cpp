@@ -1,4 +1,4 @@
-#include "worker/geometry/shapes/terrain_field.h"
+#include "worker/geometry/shapes/terrain/terrain_field.h"
 
 #include <algorithm>
 #include <cmath>

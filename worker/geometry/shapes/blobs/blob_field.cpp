@@ -1,4 +1,4 @@
-#include "worker/geometry/shapes/blob_field.h"
+#include "worker/geometry/shapes/blobs/blob_field.h"
 
 #include <algorithm>
 #include <utility>

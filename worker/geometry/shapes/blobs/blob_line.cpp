@@ -3,7 +3,7 @@
 #include <limits>
 #include <tuple>
 
-#include "worker/geometry/shapes/blob_line.h"
+#include "worker/geometry/shapes/blobs/blob_line.h"
 
 namespace tessera::render {
 namespace {

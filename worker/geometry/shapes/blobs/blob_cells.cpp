@@ -1,4 +1,4 @@
-#include "worker/geometry/shapes/blob_cells.h"
+#include "worker/geometry/shapes/blobs/blob_cells.h"
 
 #include <cmath>
 #include <tuple>

@@ -10,9 +10,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "worker/geometry/shapes/clip_line.h"
-#include "worker/geometry/shapes/terrain_field.h"
-#include "worker/geometry/shapes/terrain_line.h"
+#include "worker/geometry/clip_line.h"
+#include "worker/geometry/shapes/terrain/terrain_field.h"
+#include "worker/geometry/shapes/terrain/terrain_line.h"
 
 namespace tessera::render {
 namespace {

@@ -3,7 +3,7 @@
 #include <array>
 
 #include "worker/geometry/bounds.h"
-#include "worker/geometry/shapes/blob.h"
+#include "worker/geometry/shapes/blobs/blob.h"
 #include "worker/math/vector.h"
 
 namespace tessera::render {

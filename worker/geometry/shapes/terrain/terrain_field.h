@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "worker/geometry/shapes/affine_form.h"
+#include "worker/geometry/shapes/terrain/affine_form.h"
 #include "worker/math/vector.h"
 #include "worker/sampling/gradient_noise.h"
 
