@@ -33,7 +33,7 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-TRAVERSAL, PACKET = "worker/accel/kernels/traversal.h", "worker/accel/kernels/packet_traversal.h"
+TRAVERSAL, PACKET = "worker/accel/traversal/traversal.h", "worker/accel/traversal/packet_traversal.h"
 MEDIA = "worker/render/path_media.h"
 PATHS, FRAME = "worker/render/path_tracer.cpp", "worker/render/frame_renderer.cpp"
 RAY, SURFACE = "worker/geometry/ray.h", "worker/shading/surface/surface.h"

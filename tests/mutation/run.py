@@ -49,7 +49,7 @@ AREAS = (
          ("unit_schedule_test", "unit_coordinator_test"), has_integers=True),
     Area("stopping-rule", ("contract/stopping_rule.cpp",),
          ("unit_contract_test", "unit_film_test", "unit_coordinator_test")),
-    Area("traversal", ("worker/accel/kernels/*.h", "worker/accel/kernels/*.cpp"),
+    Area("traversal", ("worker/accel/traversal/*.h", "worker/accel/kernels/*.h", "worker/accel/kernels/*.cpp"),
          ("numeric_geometry_test", "numeric_motion_test", "numeric_solids_test"),
          () if "avx512vl" in pathlib.Path("/proc/cpuinfo").read_text() else ("*avx512*",)),
     Area("bsdf", ("worker/shading/bsdf/*.h", "worker/shading/bsdf/*.cpp", "worker/shading/microfacet/*.h",

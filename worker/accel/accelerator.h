@@ -2,7 +2,7 @@
 
 #include <cstddef>
 
-#include "worker/accel/kernels/hit_filter.h"
+#include "worker/accel/traversal/hit_filter.h"
 #include "worker/geometry/ray.h"
 
 namespace tessera::render {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "worker/accel/accelerator.h"
-#include "worker/accel/build/binary_bvh.h"
+#include "worker/accel/binary_bvh/binary_bvh.h"
 #include "worker/accel/build/build_quality.h"
 #include "worker/accel/build/tree_quality.h"
 #include "worker/accel/kernels/kernels.h"

@@ -4,7 +4,7 @@
 #include <iterator>
 #include <limits>
 
-#include "worker/accel/kernels/thread_counts.h"
+#include "worker/accel/traversal/thread_counts.h"
 #include "worker/geometry/triangle.h"
 
 namespace tessera::render::accelerators {

@@ -7,7 +7,7 @@
 #include <numeric>
 #include <utility>
 
-#include "worker/accel/kernels/thread_counts.h"
+#include "worker/accel/traversal/thread_counts.h"
 #include "worker/accelerators/recording/recorded_rays.h"
 #include "worker/accelerators/shadow_cache.h"
 #include "worker/accelerators/shadow_map.h"

@@ -9,7 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "contract/hilbert.h"
-#include "worker/accel/kernels/thread_counts.h"
+#include "worker/accel/traversal/thread_counts.h"
 #include "worker/light/light_sampler.h"
 #include "worker/render/camera/camera_rays.h"
 #include "worker/render/float_control.h"

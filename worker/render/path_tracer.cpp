@@ -6,7 +6,7 @@
 #include <optional>
 #include <type_traits>
 
-#include "worker/accel/kernels/thread_counts.h"
+#include "worker/accel/traversal/thread_counts.h"
 #include "worker/geometry/surface_point.h"
 #include "worker/media/medium_stack.h"
 #include "worker/media/medium_traversal.h"

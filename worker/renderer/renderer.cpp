@@ -17,7 +17,7 @@
 #include "contract/pass_schedule.h"
 #include "contract/version.h"
 #include "tessera/v1/renderer.pb.h"
-#include "worker/accel/kernels/thread_counts.h"
+#include "worker/accel/traversal/thread_counts.h"
 #include "worker/accel/layout/isa.h"
 #include "worker/gltf/file/limits.h"
 #include "worker/gltf/file/memory_budget.h"

@@ -11,7 +11,7 @@
 #include "tests/bench/accel/rays.h"
 #include "tests/bench/accel/scenes.h"
 #include "tests/bench/accel/shapes.h"
-#include "worker/accel/kernels/thread_counts.h"
+#include "worker/accel/traversal/thread_counts.h"
 #include "worker/accel/reference/brute_force.h"
 #include "worker/accel/scene_accel.h"
 #include "worker/render/frame_renderer.h"

@@ -4,7 +4,7 @@
 
 #include "contract/structure_names.h"
 #include "tests/support/plain_scene.h"
-#include "worker/accel/kernels/thread_counts.h"
+#include "worker/accel/traversal/thread_counts.h"
 #include "worker/accelerators/structure_accelerator.h"
 #include "worker/render/parallel_threads.h"
 

@@ -7,7 +7,7 @@
 #include "tests/bench/accel/item_buffer.h"
 #include "tests/bench/accel/pixel_orders.h"
 #include "tests/bench/accel/rays.h"
-#include "worker/accel/kernels/thread_counts.h"
+#include "worker/accel/traversal/thread_counts.h"
 #include "worker/accel/reference/brute_force.h"
 #include "worker/render/frame_renderer.h"
 

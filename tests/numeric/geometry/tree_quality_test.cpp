@@ -10,7 +10,7 @@
 
 #include "tests/numeric/geometry/geometry_scenes.h"
 #include "worker/accel/build/mesh_bvh.h"
-#include "worker/accel/build/reinsertion.h"
+#include "worker/accel/binary_bvh/reinsertion.h"
 #include "worker/accel/build/wide_bvh.h"
 #include "worker/accel/reference/brute_force.h"
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "worker/accel/build/binary_bvh.h"
+#include "worker/accel/binary_bvh/binary_bvh.h"
 #include "worker/accel/build/build_quality.h"
 #include "worker/accel/layout/scene_bvh.h"
 #include "worker/scene/scene.h"

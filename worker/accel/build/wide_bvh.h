@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "worker/accel/build/binary_bvh.h"
+#include "worker/accel/binary_bvh/binary_bvh.h"
 #include "worker/accel/layout/huge_array.h"
 #include "worker/accel/layout/wide_node.h"
 

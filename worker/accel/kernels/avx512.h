@@ -1,6 +1,6 @@
 #pragma once
 
-#include "worker/accel/kernels/dependencies.h"
+#include "worker/accel/traversal/dependencies.h"
 
 // Functions between these two macros may use AVX-512 (F, BW, DQ and VL); everything else in the
 // program is compiled for the baseline, so that it runs on every supported processor.

@@ -1,5 +1,5 @@
 #include "worker/accel/kernels/avx2.h"
-#include "worker/accel/kernels/counted_queries.h"
+#include "worker/accel/traversal/counted_queries.h"
 #include "worker/accel/kernels/kernels.h"
 
 namespace tessera::render::avx2 {

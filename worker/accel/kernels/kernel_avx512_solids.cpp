@@ -3,7 +3,7 @@
 
 TESSERA_BEGIN_AVX512
 
-#include "worker/accel/kernels/solid_traversal.h"
+#include "worker/accel/traversal/solid_traversal.h"
 
 namespace tessera::render::avx512 {
 namespace {

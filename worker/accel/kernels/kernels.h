@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <span>
 
-#include "worker/accel/kernels/hit_filter.h"
+#include "worker/accel/traversal/hit_filter.h"
 #include "worker/accel/layout/scene_bvh.h"
 #include "worker/geometry/ray.h"
 

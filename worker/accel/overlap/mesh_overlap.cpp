@@ -6,7 +6,7 @@
 #include <map>
 #include <utility>
 
-#include "worker/accel/build/binary_bvh.h"
+#include "worker/accel/binary_bvh/binary_bvh.h"
 #include "worker/accel/build/mesh_triangles.h"
 
 namespace tessera::render {

@@ -4,7 +4,7 @@
 
 #include <utility>
 
-#include "worker/accel/build/binary_bvh.h"
+#include "worker/accel/binary_bvh/binary_bvh.h"
 #include "worker/accelerators/points/nearest.h"
 
 namespace tessera::render::accelerators {

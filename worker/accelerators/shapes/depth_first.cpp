@@ -1,6 +1,6 @@
 #include "worker/accelerators/shapes/depth_first.h"
 
-#include "worker/accel/build/binary_bvh.h"
+#include "worker/accel/binary_bvh/binary_bvh.h"
 
 namespace tessera::render::accelerators {
 namespace {

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "worker/accel/build/binary_bvh.h"
+#include "worker/accel/binary_bvh/binary_bvh.h"
 #include "worker/accelerators/shapes/shapes.h"
 
 namespace tessera::render::accelerators {

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "worker/accel/kernels/dependencies.h"
-#include "worker/accel/kernels/motion_traversal.h"
-#include "worker/accel/kernels/thread_counts.h"
+#include "worker/accel/traversal/dependencies.h"
+#include "worker/accel/traversal/motion_traversal.h"
+#include "worker/accel/traversal/thread_counts.h"
 
 // Queries that count the work of their traversal. Compiled into a file of its own, so that other
 // queries pay nothing for it.

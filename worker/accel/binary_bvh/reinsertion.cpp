@@ -1,4 +1,4 @@
-#include "worker/accel/build/reinsertion.h"
+#include "worker/accel/binary_bvh/reinsertion.h"
 
 #include <algorithm>
 #include <numeric>

@@ -1,4 +1,4 @@
-#include "worker/accel/build/binary_bvh.h"
+#include "worker/accel/binary_bvh/binary_bvh.h"
 
 #include <algorithm>
 #include <array>

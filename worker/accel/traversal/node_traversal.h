@@ -1,6 +1,6 @@
 #pragma once
 
-#include "worker/accel/kernels/dependencies.h"
+#include "worker/accel/traversal/dependencies.h"
 
 // Traversal of the nodes of one BVH by one ray. `Isa` is Avx2 or Avx512, or derives from one.
 

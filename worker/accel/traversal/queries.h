@@ -1,6 +1,6 @@
 #pragma once
 
-#include "worker/accel/kernels/dependencies.h"
+#include "worker/accel/traversal/dependencies.h"
 
 // Queries that a traversal answers. A query has
 //   Isa           the instruction set

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "worker/accel/kernels/dependencies.h"
-#include "worker/accel/kernels/traversal.h"
+#include "worker/accel/traversal/dependencies.h"
+#include "worker/accel/traversal/traversal.h"
 
 // Traversal of scenes with solids (shapes and CSG): traversal.h with queries that take hits on
 // solids too. Compiled into files of its own, so that scenes without solids pay nothing for it.

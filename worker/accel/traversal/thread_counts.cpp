@@ -1,4 +1,4 @@
-#include "worker/accel/kernels/thread_counts.h"
+#include "worker/accel/traversal/thread_counts.h"
 
 namespace tessera::render {
 

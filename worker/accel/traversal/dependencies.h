@@ -18,7 +18,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "worker/accel/kernels/hit_filter.h"
+#include "worker/accel/traversal/hit_filter.h"
 #include "worker/accel/layout/lanes.h"
 #include "worker/accel/layout/scene_bvh.h"
 #include "worker/accel/layout/triangle_block.h"

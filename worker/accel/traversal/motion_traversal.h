@@ -1,7 +1,7 @@
 #pragma once
 
-#include "worker/accel/kernels/dependencies.h"
-#include "worker/accel/kernels/solid_traversal.h"
+#include "worker/accel/traversal/dependencies.h"
+#include "worker/accel/traversal/solid_traversal.h"
 
 // Traversal of scenes in which something moves during the exposure: solid_traversal.h with meshes
 // and transforms interpolated to the ray's time. Compiled into files of its own, so that scenes

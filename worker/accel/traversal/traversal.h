@@ -1,8 +1,8 @@
 #pragma once
 
-#include "worker/accel/kernels/dependencies.h"
-#include "worker/accel/kernels/node_traversal.h"
-#include "worker/accel/kernels/queries.h"
+#include "worker/accel/traversal/dependencies.h"
+#include "worker/accel/traversal/node_traversal.h"
+#include "worker/accel/traversal/queries.h"
 
 // Traversal of a scene's BVHs by one ray, for any query of queries.h.
 // accel/reference/plain_traversal.h is a readable version of it; results equal those of

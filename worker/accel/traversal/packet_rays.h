@@ -1,7 +1,7 @@
 #pragma once
 
-#include "worker/accel/kernels/dependencies.h"
-#include "worker/accel/kernels/node_traversal.h"
+#include "worker/accel/traversal/dependencies.h"
+#include "worker/accel/traversal/node_traversal.h"
 
 // The rays of a packet, one per lane, and their common bounds.
 //

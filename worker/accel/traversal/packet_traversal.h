@@ -1,8 +1,8 @@
 #pragma once
 
-#include "worker/accel/kernels/dependencies.h"
-#include "worker/accel/kernels/packet_rays.h"
-#include "worker/accel/kernels/traversal.h"
+#include "worker/accel/traversal/dependencies.h"
+#include "worker/accel/traversal/packet_rays.h"
+#include "worker/accel/traversal/traversal.h"
 
 // Packets: rays of similar direction, one per lane, traverse the BVHs together. Every ray finds the
 // hit that it would find alone.
