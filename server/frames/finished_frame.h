@@ -4,7 +4,7 @@
 
 #include "absl/status/statusor.h"
 #include "server/film/film_cache.h"
-#include "server/schedule/job_spec.h"
+#include "server/schedule/plan/job_spec.h"
 #include "server/state/block_index.h"
 #include "server/store/store.h"
 

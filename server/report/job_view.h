@@ -9,7 +9,7 @@
 
 #include "contract/digest.h"
 #include "server/film/convergence.h"
-#include "server/schedule/job.h"
+#include "server/schedule/plan/job.h"
 #include "server/store/store.h"
 
 namespace tessera::server {

@@ -3,7 +3,7 @@
 #include <cstdint>
 
 #include "absl/status/status.h"
-#include "server/schedule/job_spec.h"
+#include "server/schedule/plan/job_spec.h"
 
 namespace tessera::server {
 

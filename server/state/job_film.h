@@ -11,7 +11,7 @@
 #include "contract/tile_grid.h"
 #include "server/film/frame_summary.h"
 #include "server/report/job_view.h"
-#include "server/schedule/job.h"
+#include "server/schedule/plan/job.h"
 #include "server/state/block_index.h"
 #include "server/store/store.h"
 

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "absl/strings/ascii.h"
-#include "server/schedule/job_spec.h"
+#include "server/schedule/plan/job_spec.h"
 #include "telemetry/registry/families.h"
 
 namespace tessera::server {

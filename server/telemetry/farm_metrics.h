@@ -10,7 +10,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "server/schedule/worker.h"
+#include "server/schedule/workers/worker.h"
 
 namespace tessera::server {
 

@@ -34,8 +34,8 @@ import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 TRAVERSAL, PACKET = "worker/accel/traversal/traversal.h", "worker/accel/traversal/packet_traversal.h"
-MEDIA = "worker/render/path_media.h"
-PATHS, FRAME = "worker/render/path_tracer.cpp", "worker/render/frame_renderer.cpp"
+MEDIA = "worker/render/path/path_media.h"
+PATHS, FRAME = "worker/render/path/path_tracer.cpp", "worker/render/frame_renderer.cpp"
 RAY, SURFACE = "worker/geometry/ray.h", "worker/shading/surface/surface.h"
 FEATURES = {  # feature: (file, what is there, what is put in its place)
     "instances": [
@@ -59,7 +59,7 @@ FEATURES = {  # feature: (file, what is there, what is put in its place)
         (PATHS, "frame.moves ? begin_paths<true>(frame, ids, samplers, rays)\n"
          "              : begin_paths<false>(", "begin_paths<false>("),
         (PATHS, "  hit.time = path_.ray.time;", ""),
-        ("worker/render/path_tracer.h", "  float time = 0;  // of the ray that met it", ""),
+        ("worker/render/path/path_tracer.h", "  float time = 0;  // of the ray that met it", ""),
         (FRAME, "camera_.moves() ? camera_.at(hit.time).depth(hit.position) : ", ""),
         (SURFACE, "return instance.moves ? moved_at(scene, hit, direction, time, memory)\n"
          "                          : solid_at(", "return solid_at("),

@@ -5,7 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "worker/render/frame_renderer.h"
-#include "worker/render/path_observer.h"
+#include "worker/render/path/path_observer.h"
 #include "worker/shading/surface/shading_scene.h"
 
 namespace tessera::render {

@@ -13,7 +13,7 @@
 #include "worker/light/light_sampler.h"
 #include "worker/render/camera/camera_rays.h"
 #include "worker/render/float_control.h"
-#include "worker/render/path_tracer.h"
+#include "worker/render/path/path_tracer.h"
 #include "worker/render/pixel_sums.h"
 #include "worker/scene/features.h"
 #include "worker/shading/surface/shading_scene.h"

@@ -5,7 +5,7 @@
 
 #include "contract/film_block.h"
 #include "worker/math/vector.h"
-#include "worker/render/path_tracer.h"
+#include "worker/render/path/path_tracer.h"
 
 namespace tessera::render {
 

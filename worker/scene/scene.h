@@ -41,7 +41,7 @@ struct Image {
 enum class Wrap : std::uint8_t { repeat, clamp, mirror };
 
 /// Procedural texture (TESSERA_texture), evaluated at each lookup
-/// (worker/shading/surface/procedural_texture.h).
+/// (worker/shading/texture/procedural_texture.h).
 struct ProceduralTexture {
   enum class Pattern : std::uint8_t {
     noise,

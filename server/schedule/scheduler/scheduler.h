@@ -10,11 +10,11 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "server/schedule/audit_queue.h"
-#include "server/schedule/farm_census.h"
-#include "server/schedule/job.h"
-#include "server/schedule/job_queue.h"
-#include "server/schedule/worker.h"
+#include "server/schedule/queue/audit_queue.h"
+#include "server/schedule/workers/farm_census.h"
+#include "server/schedule/plan/job.h"
+#include "server/schedule/queue/job_queue.h"
+#include "server/schedule/workers/worker.h"
 
 namespace tessera::server {
 

@@ -10,7 +10,7 @@
 #include "worker/render/numerics/numerics_check.h"
 #include "worker/render/parallel_tbb.h"
 #include "worker/render/parallel_threads.h"
-#include "worker/render/path_observer.h"
+#include "worker/render/path/path_observer.h"
 
 namespace tessera::testing {
 namespace {

@@ -13,7 +13,7 @@
 #include "tests/support/plain_scene.h"
 #include "worker/gltf/build/loader.h"
 #include "worker/light/light_sampler.h"
-#include "worker/render/path_tracer.h"
+#include "worker/render/path/path_tracer.h"
 
 namespace tessera::testing {
 namespace {

@@ -9,7 +9,7 @@
 #include "tests/support/plain_scene.h"
 #include "worker/media/medium_traversal.h"
 #include "worker/media/phase.h"
-#include "worker/render/transparency.h"
+#include "worker/render/path/transparency.h"
 #include "worker/sampling/equi_angular.h"
 
 namespace tessera::testing {

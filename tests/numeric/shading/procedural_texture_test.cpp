@@ -1,5 +1,5 @@
 /// TESSERA_texture: values of its patterns, filtering with distance, and use on surfaces.
-#include "worker/shading/surface/procedural_texture.h"
+#include "worker/shading/texture/procedural_texture.h"
 
 #include <gtest/gtest.h>
 

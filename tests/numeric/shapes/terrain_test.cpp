@@ -8,7 +8,7 @@
 #include "worker/geometry/shapes/intersect_shape.h"
 #include "worker/geometry/shapes/shape_surface.h"
 #include "worker/sampling/gradient_noise.h"
-#include "worker/shading/surface/procedural_texture.h"
+#include "worker/shading/texture/procedural_texture.h"
 
 namespace tessera::render::testing {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "worker/math/elementary.h"
 #include "worker/scene/moved_pose.h"
-#include "worker/shading/surface/procedural_texture.h"
+#include "worker/shading/texture/procedural_texture.h"
 #include "worker/shading/surface/shading_scene.h"
 
 namespace tessera::render {

@@ -12,7 +12,7 @@
 #include "worker/scene/scene.h"
 #include "worker/shading/bsdf/bsdf.h"
 #include "worker/shading/surface/medium.h"
-#include "worker/shading/surface/texture.h"
+#include "worker/shading/texture/texture.h"
 #include "worker/shading/tables/glass_albedo.h"
 
 namespace tessera::render {

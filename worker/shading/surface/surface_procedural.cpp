@@ -5,7 +5,7 @@
 
 #include "worker/geometry/frame.h"
 #include "worker/geometry/shapes/shape_surface.h"
-#include "worker/shading/surface/procedural_texture.h"
+#include "worker/shading/texture/procedural_texture.h"
 
 namespace tessera::render {
 

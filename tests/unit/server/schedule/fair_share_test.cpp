@@ -1,5 +1,5 @@
 // Fair share: use that fades, weights, and waits that end.
-#include "server/schedule/fair_share.h"
+#include "server/schedule/queue/fair_share.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/schedule/lease.h"
+#include "server/schedule/plan/lease.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/schedule/job_queue.h"
+#include "server/schedule/queue/job_queue.h"
 
 #include <algorithm>
 

@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "server/schedule/fair_share.h"
-#include "server/schedule/job_spec.h"
+#include "server/schedule/queue/fair_share.h"
+#include "server/schedule/plan/job_spec.h"
 
 namespace tessera::server {
 

@@ -1,4 +1,4 @@
-#include "server/schedule/job_plan.h"
+#include "server/schedule/plan/job_plan.h"
 
 #include <algorithm>
 #include <utility>

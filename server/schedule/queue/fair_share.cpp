@@ -1,4 +1,4 @@
-#include "server/schedule/fair_share.h"
+#include "server/schedule/queue/fair_share.h"
 
 #include <algorithm>
 #include <cmath>

@@ -11,9 +11,9 @@
 
 #include "absl/status/status.h"
 #include "contract/traversal_counts.h"
-#include "server/schedule/audit.h"
-#include "server/schedule/job_plan.h"
-#include "server/schedule/job_spec.h"
+#include "server/schedule/plan/audit.h"
+#include "server/schedule/plan/job_plan.h"
+#include "server/schedule/plan/job_spec.h"
 
 namespace tessera::server {
 

@@ -1,4 +1,4 @@
-#include "worker/render/transparency.h"
+#include "worker/render/path/transparency.h"
 
 #include <algorithm>
 #include <tuple>

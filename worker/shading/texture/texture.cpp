@@ -1,8 +1,8 @@
-#include "worker/shading/surface/texture.h"
+#include "worker/shading/texture/texture.h"
 
 #include <cmath>
 
-#include "worker/shading/surface/srgb.h"
+#include "worker/shading/texture/srgb.h"
 
 namespace tessera::render {
 namespace {

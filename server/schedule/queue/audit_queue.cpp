@@ -1,4 +1,4 @@
-#include "server/schedule/audit_queue.h"
+#include "server/schedule/queue/audit_queue.h"
 
 namespace tessera::server {
 

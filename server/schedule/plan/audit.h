@@ -10,7 +10,7 @@
 
 #include "contract/digest.h"
 #include "contract/unit.h"
-#include "server/schedule/job_plan.h"
+#include "server/schedule/plan/job_plan.h"
 
 namespace tessera::server {
 

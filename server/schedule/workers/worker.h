@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "contract/unit.h"
-#include "server/schedule/job_plan.h"
-#include "server/schedule/job_spec.h"
-#include "server/schedule/lease.h"
+#include "server/schedule/plan/job_plan.h"
+#include "server/schedule/plan/job_spec.h"
+#include "server/schedule/plan/lease.h"
 
 namespace tessera::server {
 

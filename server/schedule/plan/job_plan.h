@@ -10,8 +10,8 @@
 
 #include "contract/pass_schedule.h"
 #include "contract/unit.h"
-#include "server/schedule/job_spec.h"
-#include "server/schedule/lease.h"
+#include "server/schedule/plan/job_spec.h"
+#include "server/schedule/plan/lease.h"
 
 namespace tessera::server {
 

@@ -1,4 +1,4 @@
-#include "server/schedule/audit.h"
+#include "server/schedule/plan/audit.h"
 
 #include <algorithm>
 #include <cmath>

@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "contract/unit.h"
-#include "server/schedule/audit.h"
-#include "server/schedule/job_spec.h"
+#include "server/schedule/plan/audit.h"
+#include "server/schedule/plan/job_spec.h"
 
 namespace tessera::server {
 

@@ -1,4 +1,4 @@
-#include "server/schedule/farm_census.h"
+#include "server/schedule/workers/farm_census.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "server/schedule/job.h"
+#include "server/schedule/plan/job.h"
 
 #include <algorithm>
 

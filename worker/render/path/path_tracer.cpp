@@ -1,4 +1,4 @@
-#include "worker/render/path_tracer.h"
+#include "worker/render/path/path_tracer.h"
 
 #include <array>
 #include <cmath>
@@ -11,7 +11,7 @@
 #include "worker/media/medium_stack.h"
 #include "worker/media/medium_traversal.h"
 #include "worker/media/phase.h"
-#include "worker/render/path_media.h"
+#include "worker/render/path/path_media.h"
 #include "worker/sampling/dimensions.h"
 #include "worker/sampling/equi_angular.h"
 #include "worker/sampling/sampler.h"

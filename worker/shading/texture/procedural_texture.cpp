@@ -1,4 +1,4 @@
-#include "worker/shading/surface/procedural_texture.h"
+#include "worker/shading/texture/procedural_texture.h"
 
 #include <cmath>
 

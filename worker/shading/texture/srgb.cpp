@@ -1,4 +1,4 @@
-#include "worker/shading/surface/srgb.h"
+#include "worker/shading/texture/srgb.h"
 
 #include <cstddef>
 

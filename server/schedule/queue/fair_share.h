@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "server/schedule/job_spec.h"
+#include "server/schedule/plan/job_spec.h"
 
 namespace tessera::server {
 

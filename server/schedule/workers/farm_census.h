@@ -5,7 +5,7 @@
 #include <set>
 #include <string>
 
-#include "server/schedule/worker.h"
+#include "server/schedule/workers/worker.h"
 
 namespace tessera::server {
 
