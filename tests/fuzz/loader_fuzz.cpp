@@ -3,7 +3,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "tests/support/memory_scene.h"
+#include "tests/support/scene/memory_scene.h"
 
 // Loads and poses scene files, which come from strangers. Any file may be refused as bad input; an
 // accepted one must meet the guarantees of scene.h: indices in range, positions finite, a material

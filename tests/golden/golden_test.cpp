@@ -15,7 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "image/codecs/image_codec.h"
 #include "image/exr/exr_file.h"
-#include "tests/support/seeded_frames.h"
+#include "tests/support/render/seeded_frames.h"
 
 namespace tessera::testing {
 namespace {

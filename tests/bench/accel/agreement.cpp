@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "tests/bench/accel/shapes.h"
+#include "tests/bench/accel/workload/shapes.h"
 #include "worker/accel/reference/brute_force.h"
 #include "worker/accel/scene_accel.h"
 #include "worker/accelerators/structure_accelerator.h"

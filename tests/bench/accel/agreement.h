@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "tests/bench/accel/scenes.h"
+#include "tests/bench/accel/workload/scenes.h"
 
 namespace tessera::render::bench {
 

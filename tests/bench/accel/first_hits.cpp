@@ -7,11 +7,11 @@
 #include <utility>
 
 #include "contract/hilbert.h"
-#include "tests/bench/accel/item_buffer.h"
+#include "tests/bench/accel/workload/item_buffer.h"
 #include "tests/bench/accel/measure.h"
-#include "tests/bench/accel/pixel_orders.h"
-#include "tests/bench/accel/rays.h"
-#include "tests/bench/accel/scenes.h"
+#include "tests/bench/accel/workload/pixel_orders.h"
+#include "tests/bench/accel/workload/rays.h"
+#include "tests/bench/accel/workload/scenes.h"
 #include "worker/render/frame_renderer.h"
 
 namespace tessera::render::bench {

@@ -6,11 +6,11 @@
 #include <utility>
 #include <vector>
 
-#include "tests/bench/accel/item_buffer.h"
+#include "tests/bench/accel/workload/item_buffer.h"
 #include "tests/bench/accel/measure.h"
-#include "tests/bench/accel/rays.h"
-#include "tests/bench/accel/scenes.h"
-#include "tests/bench/accel/shapes.h"
+#include "tests/bench/accel/workload/rays.h"
+#include "tests/bench/accel/workload/scenes.h"
+#include "tests/bench/accel/workload/shapes.h"
 #include "worker/accel/traversal/thread_counts.h"
 #include "worker/accel/reference/brute_force.h"
 #include "worker/accel/scene_accel.h"

@@ -28,8 +28,8 @@
 #include "tests/bench/accel/first_hits.h"
 #include "tests/bench/accel/growth.h"
 #include "tests/bench/accel/measure.h"
-#include "tests/bench/accel/rays.h"
-#include "tests/bench/accel/scenes.h"
+#include "tests/bench/accel/workload/rays.h"
+#include "tests/bench/accel/workload/scenes.h"
 #include "worker/accel/scene_accel.h"
 #include "worker/render/frame_renderer.h"
 

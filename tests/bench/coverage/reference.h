@@ -2,7 +2,7 @@
 
 #include "absl/status/statusor.h"
 #include "contract/tile_grid.h"
-#include "tests/support/seeded_frames.h"
+#include "tests/support/render/seeded_frames.h"
 
 namespace tessera::bench {
 

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "tests/support/cpu_seconds.h"
-#include "tests/support/qaeb.h"
-#include "tests/support/tessellation.h"
+#include "tests/support/render/qaeb.h"
+#include "tests/support/scene/tessellation.h"
 #include "worker/accel/scene_accel.h"
 #include "worker/geometry/shapes/make_shape.h"
 #include "worker/render/frame_renderer.h"

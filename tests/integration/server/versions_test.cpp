@@ -5,7 +5,7 @@
 #include "rpc/protocol_version.h"
 #include "server/store/sqlite/database.h"
 #include "tests/integration/server/test_farm.h"
-#include "tests/support/older_schema.h"
+#include "tests/support/disk/older_schema.h"
 
 namespace tessera::server {
 namespace {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/render/camera/aperture.h"
 #include "worker/render/camera/camera_rays.h"
 

@@ -1,6 +1,6 @@
 // Code specialised for scenes without a feature gives the same bits as the general code.
 
-#include "tests/support/assumed_features.h"
+#include "tests/support/render/assumed_features.h"
 
 #include <gtest/gtest.h>
 
@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "tests/support/folder_reader.h"
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/folder_reader.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/render/camera/camera_rays.h"
 #include "worker/scene/features.h"
 #include "worker/shading/surface/shading_scene.h"

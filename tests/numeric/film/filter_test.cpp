@@ -7,7 +7,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/render/pixel_sums.h"
 #include "worker/sampling/hash.h"
 

@@ -11,7 +11,7 @@
 #include <string>
 #include <thread>
 
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/accel/accelerator.h"
 
 namespace tessera::testing {

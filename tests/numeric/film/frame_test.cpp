@@ -6,7 +6,7 @@
 
 #include "contract/tile_grid.h"
 #include "contract/version.h"
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/render/numerics/numerics_check.h"
 #include "worker/render/parallel_tbb.h"
 #include "worker/render/parallel_threads.h"

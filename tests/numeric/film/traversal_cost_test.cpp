@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "contract/structure_names.h"
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/accel/traversal/thread_counts.h"
 #include "worker/accelerators/structure_accelerator.h"
 #include "worker/render/parallel_threads.h"

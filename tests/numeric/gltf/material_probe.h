@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/gltf_probe.h"
+#include "tests/support/render/gltf_probe.h"
 
 /// Squares of one material under one light, viewed along the normal, and the values of the
 /// specification's layers there.

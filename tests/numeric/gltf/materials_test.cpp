@@ -9,7 +9,7 @@
 #include <string>
 
 #include "tests/numeric/gltf/material_probe.h"
-#include "tests/support/gltf_probe.h"
+#include "tests/support/render/gltf_probe.h"
 
 namespace tessera::testing {
 namespace {

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "tests/numeric/gltf/material_probe.h"
-#include "tests/support/memory_scene.h"
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/memory_scene.h"
+#include "tests/support/scene/plain_scene.h"
 
 namespace tessera::testing {
 namespace {

@@ -8,9 +8,9 @@
 #include <string>
 
 #include "contract/hilbert.h"
-#include "tests/support/gltf_probe.h"
-#include "tests/support/memory_scene.h"
-#include "tests/support/plain_scene.h"
+#include "tests/support/render/gltf_probe.h"
+#include "tests/support/scene/memory_scene.h"
+#include "tests/support/scene/plain_scene.h"
 
 namespace tessera::testing {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <string>
 
-#include "tests/support/gltf_probe.h"
+#include "tests/support/render/gltf_probe.h"
 
 namespace tessera::testing {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "tests/numeric/gltf/material_probe.h"
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 
 namespace tessera::testing {
 namespace {

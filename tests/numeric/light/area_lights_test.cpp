@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "tests/numeric/geometry/geometry_scenes.h"
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/light/light_sampler.h"
 #include "worker/shading/surface/surface.h"
 

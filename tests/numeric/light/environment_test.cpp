@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/light/emitters/environment_map.h"
 
 namespace tessera::testing {

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/folder_reader.h"
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/folder_reader.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/gltf/build/loader.h"
 #include "worker/light/light_sampler.h"
 #include "worker/render/path/path_tracer.h"

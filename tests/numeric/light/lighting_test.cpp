@@ -3,7 +3,7 @@
 #include <array>
 #include <cmath>
 
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/light/emitters/punctual.h"
 #include "worker/light/light_sampler.h"
 

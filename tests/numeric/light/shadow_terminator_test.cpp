@@ -8,7 +8,7 @@
 #include <numbers>
 #include <utility>
 
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 
 namespace tessera::testing {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "tests/numeric/media/media_scenes.h"
 #include "tests/numeric/media/simpson.h"
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/inspect/solid_check.h"
 #include "worker/media/media.h"
 #include "worker/media/medium_stack.h"

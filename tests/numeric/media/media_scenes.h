@@ -7,7 +7,7 @@
 #include <memory>
 #include <utility>
 
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/geometry/shape.h"
 
 namespace tessera::testing {

@@ -6,7 +6,7 @@
 
 #include "tests/numeric/media/media_scenes.h"
 #include "tests/numeric/media/simpson.h"
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/media/medium_traversal.h"
 #include "worker/media/phase.h"
 #include "worker/render/path/transparency.h"

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "tests/numeric/motion/motion_files.h"
-#include "tests/support/memory_scene.h"
+#include "tests/support/scene/memory_scene.h"
 #include "worker/gltf/build/loader.h"
 
 namespace tessera::render::testing {

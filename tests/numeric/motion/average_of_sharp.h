@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "tests/support/gltf_builder.h"
+#include "tests/support/scene/gltf_builder.h"
 
 namespace tessera::render::testing {
 

@@ -7,7 +7,7 @@
 
 #include "tests/numeric/motion/average_of_sharp.h"
 #include "tests/numeric/motion/motion_files.h"
-#include "tests/support/memory_scene.h"
+#include "tests/support/scene/memory_scene.h"
 #include "worker/accel/scene_accel.h"
 #include "worker/gltf/build/loader.h"
 #include "worker/scene/features.h"

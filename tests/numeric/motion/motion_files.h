@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/gltf_builder.h"
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/gltf_builder.h"
+#include "tests/support/scene/plain_scene.h"
 
 namespace tessera::render::testing {
 

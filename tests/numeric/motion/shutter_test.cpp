@@ -7,7 +7,7 @@
 
 #include "tests/numeric/geometry/geometry_scenes.h"
 #include "tests/numeric/motion/motion_files.h"
-#include "tests/support/memory_scene.h"
+#include "tests/support/scene/memory_scene.h"
 #include "worker/accelerators/structure_accelerator.h"
 #include "worker/geometry/motion.h"
 #include "worker/gltf/build/loader.h"

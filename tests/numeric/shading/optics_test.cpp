@@ -6,8 +6,8 @@
 #include <cmath>
 #include <complex>
 
-#include "tests/support/gltf_builder.h"
-#include "tests/support/memory_scene.h"
+#include "tests/support/scene/gltf_builder.h"
+#include "tests/support/scene/memory_scene.h"
 #include "worker/shading/bsdf/bsdf.h"
 #include "worker/shading/microfacet/fresnel.h"
 #include "worker/shading/microfacet/rough_diffuse.h"

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/sampling/gradient_noise.h"
 #include "worker/sampling/hash.h"
 #include "worker/sampling/value_noise.h"

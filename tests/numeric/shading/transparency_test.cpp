@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/render/pixel_sums.h"
 #include "worker/scene/volumes.h"
 #include "worker/shading/surface/surface.h"

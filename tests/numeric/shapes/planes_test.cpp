@@ -8,7 +8,7 @@
 #include "tests/numeric/motion/moving_scenes.h"
 #include "tests/numeric/shapes/every_accelerator.h"
 #include "tests/numeric/shapes/solid_scenes.h"
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/accel/build/instance_boxes.h"
 #include "worker/geometry/shapes/shape_surface.h"
 

@@ -1,13 +1,13 @@
 // QAEB tracing of terrain against production's interval bounds.
 
-#include "tests/support/qaeb.h"
+#include "tests/support/render/qaeb.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "tests/numeric/shapes/solid_scenes.h"
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/geometry/shapes/intersect_shape.h"
 
 namespace tessera::render::testing {

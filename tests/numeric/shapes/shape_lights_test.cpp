@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "tests/numeric/shapes/solid_scenes.h"
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/light/light_sampler.h"
 
 namespace tessera::render::testing {

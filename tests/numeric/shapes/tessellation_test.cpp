@@ -1,6 +1,6 @@
 // Every shape against its tessellation, whose error falls with the square of the cell size.
 
-#include "tests/support/tessellation.h"
+#include "tests/support/scene/tessellation.h"
 
 #include <gtest/gtest.h>
 

@@ -14,7 +14,7 @@
 
 #include "contract/pass_schedule.h"
 #include "server/coordinator/coordinator.h"
-#include "tests/support/memory_store.h"
+#include "tests/support/disk/memory_store.h"
 #include "tests/support/scratch_folder.h"
 
 namespace tessera::server {

@@ -9,7 +9,7 @@
 
 #include "server/coordinator/coordinator.h"
 #include "server/store/store.h"
-#include "tests/support/power_cut.h"
+#include "tests/support/disk/power_cut.h"
 
 namespace tessera::server {
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/disk_model.h"
+#include "tests/support/disk/disk_model.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/server/power_cut/farm_on_disk.h"
 #include "tests/unit/server/store/durability_checker.h"

@@ -14,8 +14,8 @@
 #include "server/store/sqlite/database.h"
 #include "server/store/sqlite/schema.h"
 #include "server/store/store.h"
-#include "tests/support/failing_disk.h"
-#include "tests/support/older_schema.h"
+#include "tests/support/disk/failing_disk.h"
+#include "tests/support/disk/older_schema.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/server/store/durability_checker.h"
 

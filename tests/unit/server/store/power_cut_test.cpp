@@ -1,7 +1,7 @@
 // A power cut at every step: the disk is rebuilt from the synced data, and the store must still
 // have everything it confirmed. Then each kind of sync is removed in turn, which must cause a loss.
 
-#include "tests/support/power_cut.h"
+#include "tests/support/disk/power_cut.h"
 
 #include <gtest/gtest.h>
 
@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "server/store/store.h"
-#include "tests/support/disk_model.h"
+#include "tests/support/disk/disk_model.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/server/store/durability_checker.h"
 #include "tests/unit/server/store/sync_sites.h"

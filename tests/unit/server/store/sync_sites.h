@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/disk_model.h"
+#include "tests/support/disk/disk_model.h"
 
 namespace tessera::server {
 

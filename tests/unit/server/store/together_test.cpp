@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "server/store/store.h"
-#include "tests/support/failing_disk.h"
+#include "tests/support/disk/failing_disk.h"
 #include "tests/support/scratch_folder.h"
 
 namespace tessera::server {

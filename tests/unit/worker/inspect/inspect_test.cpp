@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "tests/support/gltf_builder.h"
+#include "tests/support/scene/gltf_builder.h"
 #include "tests/support/json_schema.h"
-#include "tests/support/memory_scene.h"
+#include "tests/support/scene/memory_scene.h"
 #include "tests/support/scratch_folder.h"
 #include "worker/accelerators/structures.h"
 #include "worker/inspect/accelerator_table.h"

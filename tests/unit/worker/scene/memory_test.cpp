@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 #include "worker/render/frame_renderer.h"
 #include "worker/scene/features.h"
 

@@ -5,8 +5,8 @@
 #include <memory>
 #include <string>
 
-#include "tests/support/gltf_builder.h"
-#include "tests/support/memory_scene.h"
+#include "tests/support/scene/gltf_builder.h"
+#include "tests/support/scene/memory_scene.h"
 
 namespace tessera::testing {
 namespace {

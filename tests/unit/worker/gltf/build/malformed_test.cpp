@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/gltf_builder.h"
-#include "tests/support/memory_scene.h"
+#include "tests/support/scene/gltf_builder.h"
+#include "tests/support/scene/memory_scene.h"
 #include "tests/support/scratch_folder.h"
 #include "worker/gltf/file/folder_reader.h"
 

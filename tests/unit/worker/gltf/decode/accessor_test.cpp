@@ -3,8 +3,8 @@
 #include <cstring>
 #include <string>
 
-#include "tests/support/gltf_builder.h"
-#include "tests/support/memory_scene.h"
+#include "tests/support/scene/gltf_builder.h"
+#include "tests/support/scene/memory_scene.h"
 #include "worker/gltf/decode/geometry_reader.h"
 
 namespace tessera::render {

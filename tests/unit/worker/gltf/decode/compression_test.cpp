@@ -13,8 +13,8 @@
 #include <draco/mesh/triangle_soup_mesh_builder.h>
 #pragma GCC diagnostic pop
 
-#include "tests/support/gltf_builder.h"
-#include "tests/support/memory_scene.h"
+#include "tests/support/scene/gltf_builder.h"
+#include "tests/support/scene/memory_scene.h"
 
 namespace tessera::render {
 namespace {

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <string>
 
-#include "tests/support/gltf_builder.h"
-#include "tests/support/memory_scene.h"
+#include "tests/support/scene/gltf_builder.h"
+#include "tests/support/scene/memory_scene.h"
 
 namespace tessera::render {
 namespace {

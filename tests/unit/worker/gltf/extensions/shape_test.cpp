@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/gltf_builder.h"
+#include "tests/support/scene/gltf_builder.h"
 #include "tests/support/json_schema.h"
-#include "tests/support/memory_scene.h"
+#include "tests/support/scene/memory_scene.h"
 #include "worker/geometry/shapes/terrain/terrain_field.h"
 #include "worker/scene/features.h"
 

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "tests/support/gltf_builder.h"
+#include "tests/support/scene/gltf_builder.h"
 #include "worker/gltf/file/uri.h"
 
 namespace tessera::render {

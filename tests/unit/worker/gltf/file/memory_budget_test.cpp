@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/gltf_builder.h"
-#include "tests/support/memory_scene.h"
+#include "tests/support/scene/gltf_builder.h"
+#include "tests/support/scene/memory_scene.h"
 #include "tests/support/scratch_folder.h"
 
 namespace tessera::render {

@@ -4,7 +4,7 @@
 #include <map>
 #include <string>
 
-#include "tests/support/gltf_builder.h"
+#include "tests/support/scene/gltf_builder.h"
 #include "worker/gltf/build/loader.h"
 
 namespace tessera::testing {

@@ -1,4 +1,4 @@
-#include "tests/support/gltf_builder.h"
+#include "tests/support/scene/gltf_builder.h"
 
 #include <cstring>
 #include <nlohmann/json.hpp>

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "contract/hilbert.h"
-#include "tests/bench/accel/scenes.h"
+#include "tests/bench/accel/workload/scenes.h"
 #include "worker/accel/scene_accel.h"
 
 namespace tessera::render::bench {

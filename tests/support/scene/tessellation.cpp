@@ -1,4 +1,4 @@
-#include "tests/support/tessellation.h"
+#include "tests/support/scene/tessellation.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "tests/support/assumed_features.h"
+#include "tests/support/render/assumed_features.h"
 
 #include <algorithm>
 #include <string>

@@ -1,4 +1,4 @@
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/plain_scene.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "tests/bench/accel/shapes.h"
+#include "tests/bench/accel/workload/shapes.h"
 
 #include <cmath>
 

@@ -1,4 +1,4 @@
-#include "tests/support/disk_model.h"
+#include "tests/support/disk/disk_model.h"
 
 #include <algorithm>
 #include <cstdio>

@@ -1,4 +1,4 @@
-#include "tests/support/power_cut.h"
+#include "tests/support/disk/power_cut.h"
 
 #include <unistd.h>
 
@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <utility>
 
-#include "tests/support/recording_vfs.h"
+#include "tests/support/disk/recording_vfs.h"
 
 namespace tessera::testing {
 namespace {

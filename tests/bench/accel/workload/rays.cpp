@@ -1,9 +1,9 @@
-#include "tests/bench/accel/rays.h"
+#include "tests/bench/accel/workload/rays.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "tests/bench/accel/shapes.h"
+#include "tests/bench/accel/workload/shapes.h"
 
 namespace tessera::render::bench {
 namespace {

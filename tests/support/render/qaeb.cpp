@@ -1,4 +1,4 @@
-#include "tests/support/qaeb.h"
+#include "tests/support/render/qaeb.h"
 
 #include <algorithm>
 #include <cmath>

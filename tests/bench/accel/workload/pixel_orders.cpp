@@ -1,4 +1,4 @@
-#include "tests/bench/accel/pixel_orders.h"
+#include "tests/bench/accel/workload/pixel_orders.h"
 
 namespace tessera::render::bench {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "server/store/files/filesystem.h"
-#include "tests/support/disk_model.h"
+#include "tests/support/disk/disk_model.h"
 
 namespace tessera::testing {
 

@@ -1,11 +1,11 @@
-#include "tests/bench/accel/item_buffer.h"
+#include "tests/bench/accel/workload/item_buffer.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 
-#include "tests/bench/accel/rays.h"
+#include "tests/bench/accel/workload/rays.h"
 
 namespace tessera::render::bench {
 namespace {

@@ -1,9 +1,9 @@
-#include "tests/bench/accel/scenes.h"
+#include "tests/bench/accel/workload/scenes.h"
 
 #include <cmath>
 #include <utility>
 
-#include "tests/bench/accel/shapes.h"
+#include "tests/bench/accel/workload/shapes.h"
 
 namespace tessera::render::bench {
 namespace {

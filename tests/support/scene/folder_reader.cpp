@@ -1,4 +1,4 @@
-#include "tests/support/folder_reader.h"
+#include "tests/support/scene/folder_reader.h"
 
 #include <fstream>
 #include <sstream>

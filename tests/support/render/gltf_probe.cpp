@@ -1,12 +1,12 @@
-#include "tests/support/gltf_probe.h"
+#include "tests/support/render/gltf_probe.h"
 
 #include <gtest/gtest.h>
 
 #include <limits>
 
 #include "image/codecs/image_codec.h"
-#include "tests/support/memory_scene.h"
-#include "tests/support/plain_scene.h"
+#include "tests/support/scene/memory_scene.h"
+#include "tests/support/scene/plain_scene.h"
 
 namespace tessera::testing {
 

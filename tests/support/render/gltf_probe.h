@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "contract/render_settings.h"
-#include "tests/support/gltf_builder.h"
+#include "tests/support/scene/gltf_builder.h"
 #include "worker/math/vector.h"
 
 namespace tessera::testing {

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "tests/bench/accel/scenes.h"
+#include "tests/bench/accel/workload/scenes.h"
 #include "worker/geometry/ray.h"
 
 namespace tessera::render::bench {

@@ -1,4 +1,4 @@
-#include "tests/support/seeded_frames.h"
+#include "tests/support/render/seeded_frames.h"
 
 #include <filesystem>
 #include <utility>

@@ -10,7 +10,7 @@
 #include "contract/error_estimate.h"
 #include "contract/tile_grid.h"
 #include "server/film/merge.h"
-#include "tests/support/folder_reader.h"
+#include "tests/support/scene/folder_reader.h"
 #include "worker/gltf/build/loader.h"
 #include "worker/render/frame_renderer.h"
 

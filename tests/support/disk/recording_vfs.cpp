@@ -1,4 +1,4 @@
-#include "tests/support/recording_vfs.h"
+#include "tests/support/disk/recording_vfs.h"
 
 #include <sqlite3.h>
 

@@ -1,10 +1,10 @@
-#include "tests/support/failing_disk.h"
+#include "tests/support/disk/failing_disk.h"
 
 #include <limits>
 #include <utility>
 
 #include "absl/status/status.h"
-#include "tests/support/recording_vfs.h"
+#include "tests/support/disk/recording_vfs.h"
 
 namespace tessera::testing {
 namespace {

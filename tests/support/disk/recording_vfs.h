@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "tests/support/disk_model.h"
+#include "tests/support/disk/disk_model.h"
 
 namespace tessera::testing {
 

@@ -1,4 +1,4 @@
-#include "tests/support/memory_scene.h"
+#include "tests/support/scene/memory_scene.h"
 
 namespace tessera::testing {
 
