@@ -13,14 +13,6 @@ for who in client:ann worker:rack; do
   tessera-server issue-cert "$certs" --role "${who%:*}" --name "${who#*:}" >>"$work/issued"
 done
 
-start_secure_server() {
-  : >"$work/address"
-  tessera-server --listen "$1" --store "$work/store" --certs "$certs" --log-level debug \
-    >"$work/address" 2>>"$work/server.log" &
-  server_pid=$!
-  wait_until 60 "the server listens" grep -q : "$work/address"
-  address=$(cat "$work/address")
-}
 ann() { tessera "$1" --server "$address" --certs "$certs/client-ann" "${@:2}"; }
 now_ms() { date +%s%3N; }
 joins() { grep -c "connected: one" "$work/server.log"; }

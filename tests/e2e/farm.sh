@@ -71,6 +71,17 @@ start_server() {
   wait_until 60 "the server listens" test -S "$work/server.sock"
 }
 
+# start_secure_server ADDRESS: starts a server with the certificates in $work/certs and sets $address to
+# the address it listens on.
+start_secure_server() {
+  : >"$work/address"
+  tessera-server --listen "$1" --store "$work/store" --certs "$work/certs" --log-level debug \
+    >"$work/address" 2>>"$work/server.log" &
+  server_pid=$!
+  wait_until 60 "the server listens" grep -q : "$work/address"
+  address=$(cat "$work/address")
+}
+
 kill_server() {
   kill -KILL "$server_pid"
   wait "$server_pid" 2>/dev/null || true

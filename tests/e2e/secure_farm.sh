@@ -3,15 +3,6 @@
 . "$(dirname "$0")/farm.sh"
 certs=$work/certs
 
-# start_secure_server ADDRESS: starts the server and sets $address to the address it listens on.
-start_secure_server() {
-  : >"$work/address"
-  tessera-server --listen "$1" --store "$work/store" --certs "$certs" --log-level debug \
-    >"$work/address" 2>>"$work/server.log" &
-  server_pid=$!
-  wait_until 60 "the server listens" grep -q : "$work/address"
-  address=$(cat "$work/address")
-}
 as() { tessera "$2" --server "$address" --certs "$certs/$1" "${@:3}"; }
 is_connected() { as client-ann workers --json | grep -q '"name": *"one"'; }
 

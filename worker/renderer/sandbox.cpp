@@ -17,24 +17,8 @@
 #include "absl/strings/str_cat.h"
 #include "worker/renderer/file_rules.h"
 
-// Sanitizers stop the threads of the process with ptrace, from a process that shares its memory,
-// and look up symbols.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define TESSERA_SANITIZER 1
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define TESSERA_SANITIZER 1
-#endif
-#endif
-
 namespace tessera::agent {
 namespace {
-
-#ifdef TESSERA_SANITIZER
-constexpr bool kHasSanitizer = true;
-#else
-constexpr bool kHasSanitizer = false;
-#endif
 
 constexpr int kAllowedCalls[] = {
     // Memory.

@@ -2,7 +2,23 @@
 
 #include "absl/status/statusor.h"
 
+// Sanitizers stop the threads of the process with ptrace, from a process that shares its memory,
+// and look up symbols. The sandbox of builds with them allows this and limits no reading.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define TESSERA_SANITIZER 1
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define TESSERA_SANITIZER 1
+#endif
+#endif
+
 namespace tessera::agent {
+
+#ifdef TESSERA_SANITIZER
+inline constexpr bool kHasSanitizer = true;
+#else
+inline constexpr bool kHasSanitizer = false;
+#endif
 
 /// What enter_sandbox() achieved besides the seccomp filter.
 struct Confinement {

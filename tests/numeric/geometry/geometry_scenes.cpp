@@ -136,14 +136,18 @@ Primitive terrain(std::uint32_t side, Dice& dice) {
                              static_cast<float>(z) * scale - 1});
     }
   }
-  for (std::uint32_t z = 0; z < side; ++z) {
-    for (std::uint32_t x = 0; x < side; ++x) {
-      const std::uint32_t a = z * (side + 1) + x, b = a + side + 1;
-      p.triangles.push_back({a, a + 1, b + 1});
-      p.triangles.push_back({a, b + 1, b});
+  add_grid_triangles(p, side);
+  return p;
+}
+
+void add_grid_triangles(Primitive& primitive, std::uint32_t side) {
+  for (std::uint32_t row = 0; row < side; ++row) {
+    for (std::uint32_t column = 0; column < side; ++column) {
+      const std::uint32_t a = row * (side + 1) + column, b = a + side + 1;
+      primitive.triangles.push_back({a, a + 1, b + 1});
+      primitive.triangles.push_back({a, b + 1, b});
     }
   }
-  return p;
 }
 
 Ray adversarial_ray(const Scene& scene, Dice& dice) {

@@ -59,6 +59,9 @@ Primitive soup(int count, Dice& dice);
 /// Returns a height field on a grid, with many shared planes, edges and vertices.
 Primitive terrain(std::uint32_t side, Dice& dice);
 
+/// Adds the triangles, two for each cell, of a grid of (side + 1)^2 positions, row by row.
+void add_grid_triangles(Primitive& primitive, std::uint32_t side);
+
 /// Returns long, thin, slanted triangles that cross each other, so that the builder splits them.
 Primitive needles(int count, Dice& dice);
 

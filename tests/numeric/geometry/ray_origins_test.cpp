@@ -118,13 +118,7 @@ Primitive lattice(const Vec3f& a, const Vec3f& b, const Vec3f& corner, float sca
       plane.positions.push_back(p * scale);
     }
   }
-  for (std::uint32_t y = 0; y < kSide; ++y) {
-    for (std::uint32_t x = 0; x < kSide; ++x) {
-      const std::uint32_t at = y * (kSide + 1) + x, above = at + kSide + 1;
-      plane.triangles.push_back({at, at + 1, above + 1});
-      plane.triangles.push_back({at, above + 1, above});
-    }
-  }
+  add_grid_triangles(plane, kSide);
   return plane;
 }
 

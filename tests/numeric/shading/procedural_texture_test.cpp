@@ -50,43 +50,6 @@ double octave(const ProceduralTexture& f, std::array<double, 4> p, int i) {
   return gradient_noise(f.dimensions, p, f.seed + static_cast<std::uint32_t>(i));
 }
 
-TEST(ProceduralTexture, OctaveSumMatchesFormula) {
-  for (int i = 0; i < 1000; ++i) {
-    ProceduralTexture f = procedural(Pattern::fbm);
-    f.dimensions = 1 + i % 4;
-    f.seed = 7;
-    f.octaves = 1 + i % 5;
-    f.lacunarity = 2.5f;
-    f.gain = 0.4f;
-    f.distortion = 0.7f;
-    const auto p = point(i);
-    double signed_sum = 0, absolute = 0, amplitude_sum = 0, ridges = 0, weight = 1;
-    for (int k = 0; k < f.octaves; ++k) {
-      const double n = octave(f, p, k), amplitude = std::pow(double{f.gain}, k);
-      signed_sum += amplitude * n;
-      absolute += amplitude * std::fabs(n);
-      amplitude_sum += amplitude;
-      const double signal = weight * (1 - std::fabs(n)) * (1 - std::fabs(n));
-      ridges += amplitude * signal;
-      weight = std::min(2 * signal, 1.0);
-    }
-    // A few float operations: 1e-6. The sine multiplies the error by 2 pi and by the distortion.
-    EXPECT_NEAR(pattern_at(f, p, 0), 0.5 + 0.5 * signed_sum / amplitude_sum, 1e-6);
-    f.pattern = Pattern::turbulence;
-    EXPECT_NEAR(pattern_at(f, p, 0), absolute / amplitude_sum, 1e-6);
-    f.pattern = Pattern::ridged;
-    EXPECT_NEAR(pattern_at(f, p, 0), ridges / amplitude_sum, 2e-6);
-    f.pattern = Pattern::marble;
-    const double phase = 2 * kPi * (p[0] + double{f.distortion} * absolute);
-    EXPECT_NEAR(pattern_at(f, p, 0), 0.5 + 0.5 * std::sin(phase), 1e-5);
-  }
-}
-
-double smooth_step(double low, double high, double x) {
-  const double f = std::min(std::max((x - low) / (high - low), 0.0), 1.0);
-  return f * f * (3 - 2 * f);
-}
-
 /// Sum of the octaves' noise, or of its absolute value, at p over the sum of their amplitudes.
 double octave_mean(const ProceduralTexture& f, const std::array<double, 4>& p, int octaves,
                    bool absolute) {
@@ -97,6 +60,42 @@ double octave_mean(const ProceduralTexture& f, const std::array<double, 4>& p, i
     amplitude_sum += amplitude;
   }
   return sum / amplitude_sum;
+}
+
+TEST(ProceduralTexture, OctaveSumMatchesFormula) {
+  for (int i = 0; i < 1000; ++i) {
+    ProceduralTexture f = procedural(Pattern::fbm);
+    f.dimensions = 1 + i % 4;
+    f.seed = 7;
+    f.octaves = 1 + i % 5;
+    f.lacunarity = 2.5f;
+    f.gain = 0.4f;
+    f.distortion = 0.7f;
+    const auto p = point(i);
+    double amplitude_sum = 0, ridges = 0, weight = 1;
+    for (int k = 0; k < f.octaves; ++k) {
+      const double n = octave(f, p, k), amplitude = std::pow(double{f.gain}, k);
+      amplitude_sum += amplitude;
+      const double signal = weight * (1 - std::fabs(n)) * (1 - std::fabs(n));
+      ridges += amplitude * signal;
+      weight = std::min(2 * signal, 1.0);
+    }
+    // A few float operations: 1e-6. The sine multiplies the error by 2 pi and by the distortion.
+    EXPECT_NEAR(pattern_at(f, p, 0), 0.5 + 0.5 * octave_mean(f, p, f.octaves, false), 1e-6);
+    f.pattern = Pattern::turbulence;
+    const double absolute = octave_mean(f, p, f.octaves, true);
+    EXPECT_NEAR(pattern_at(f, p, 0), absolute, 1e-6);
+    f.pattern = Pattern::ridged;
+    EXPECT_NEAR(pattern_at(f, p, 0), ridges / amplitude_sum, 2e-6);
+    f.pattern = Pattern::marble;
+    const double phase = 2 * kPi * (p[0] + double{f.distortion} * amplitude_sum * absolute);
+    EXPECT_NEAR(pattern_at(f, p, 0), 0.5 + 0.5 * std::sin(phase), 1e-5);
+  }
+}
+
+double smooth_step(double low, double high, double x) {
+  const double f = std::min(std::max((x - low) / (high - low), 0.0), 1.0);
+  return f * f * (3 - 2 * f);
 }
 
 /// The patterns of docs/reference/extensions/TESSERA_texture.md: rings and grain, clumps, patches

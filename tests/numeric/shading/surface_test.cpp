@@ -91,6 +91,19 @@ TEST(Surface, VertexColourScalesTexture) {
   EXPECT_EQ(seen(scene, square), (Vec3d{0.125, 0.5, 1}));
 }
 
+/// Renders a square of `m` under a constant environment of radiance 1. `scene` has the textures.
+Picture render_square(Scene scene, const Material& m, const Vec4f& tangent) {
+  Primitive square = quad({-9, -9, 0}, {18, 0, 0}, {0, 18, 0}, add_material(&scene, m));
+  square.tangents.assign(4, tangent);
+  square.normals.assign(4, Vec3f{0, 0, 1});
+  add_primitive(&scene, square);
+  set_constant_sky(&scene, 1);
+  look_at(&scene, {3, 1, 2}, {0, 0, 0});
+  Picture picture = render_picture(scene, small_settings(6, 6, 64));
+  EXPECT_TRUE(picture.blocks[0].dropped.empty());
+  return picture;
+}
+
 TEST(Surface, DegenerateNormalMapsGainNoEnergy) {  // hard case 50
   const std::uint8_t texels[][4] = {
       {128, 128, 0, 255},    // straight down
@@ -105,15 +118,8 @@ TEST(Surface, DegenerateNormalMapsGainNoEnergy) {  // hard case 50
         Material m = metal(roughness);
         m.normal_texture.texture =
             add_texture(&scene, 1, 1, {texel[0], texel[1], texel[2], texel[3]});
-        Primitive square = quad({-9, -9, 0}, {18, 0, 0}, {0, 18, 0}, add_material(&scene, m));
         const Vec4f tangent = bad_tangent ? Vec4f{0, 0, 1, 1} : Vec4f{1, 0, 0, -1};
-        square.tangents.assign(4, tangent);
-        square.normals.assign(4, Vec3f{0, 0, 1});
-        add_primitive(&scene, square);
-        set_constant_sky(&scene, 1);
-        look_at(&scene, {3, 1, 2}, {0, 0, 0});
-        const Picture picture = render_picture(scene, small_settings(6, 6, 64));
-        EXPECT_TRUE(picture.blocks[0].dropped.empty());
+        const Picture picture = render_square(scene, m, tangent);
         EXPECT_LE(picture.mean(), 1.005 + 4 * picture.mean_error());
         EXPECT_GT(picture.mean(), 0.2);
       }
@@ -132,14 +138,7 @@ double mean_of_mapped_square(Material m, const Vec3f& texel, const Vec4f& tangen
   scene.images.push_back(std::move(image));
   scene.textures.push_back({0, render::Wrap::repeat, render::Wrap::repeat, false});
   m.normal_texture.texture = static_cast<std::int32_t>(scene.textures.size()) - 1;
-  Primitive square = quad({-9, -9, 0}, {18, 0, 0}, {0, 18, 0}, add_material(&scene, m));
-  square.tangents.assign(4, tangent);
-  square.normals.assign(4, Vec3f{0, 0, 1});
-  add_primitive(&scene, square);
-  set_constant_sky(&scene, 1);
-  look_at(&scene, {3, 1, 2}, {0, 0, 0});
-  const Picture picture = render_picture(scene, small_settings(6, 6, 64));
-  EXPECT_TRUE(picture.blocks[0].dropped.empty());
+  const Picture picture = render_square(scene, m, tangent);
   EXPECT_LE(picture.mean(), 1.001 + 4 * picture.mean_error());
   return picture.mean();
 }

@@ -82,6 +82,16 @@ Scene stacked(CsgOperation operation, const Affine3d& solid, Make first, Make se
 
 constexpr int kRays = 400;
 
+/// Number of random rays that hit a scene more than `expected` times.
+int rays_with_more_hits(const Scene& scene, std::size_t expected, const Affine3d& solid,
+                        Dice& dice) {
+  int rays = 0;
+  for (int i = 0; i < kRays; ++i) {
+    rays += all_hits(scene, random_ray(solid, 0.5, dice)).size() > expected ? 1 : 0;
+  }
+  return rays;
+}
+
 TEST(CoincidentFaces, CubeXorItselfIsEmpty) {
   for_all_pairs([](const Affine3d& solid, Make first, Make second, Dice& dice) {
     Scene scene;
@@ -89,33 +99,21 @@ TEST(CoincidentFaces, CubeXorItselfIsEmpty) {
     add_cube(scene, first, 0.35, solid, turned);
     add_cube(scene, second, 0.35, solid, turned);
     combine(scene, CsgOperation::exclude);
-    int films = 0;
-    for (int i = 0; i < kRays; ++i) {
-      films += all_hits(scene, random_ray(solid, 0.5, dice)).empty() ? 0 : 1;
-    }
-    EXPECT_EQ(films, 0);
+    EXPECT_EQ(rays_with_more_hits(scene, 0, solid, dice), 0);
   });
 }
 
 TEST(CoincidentFaces, UnionHasNoInnerFace) {
   for_all_pairs([](const Affine3d& solid, Make first, Make second, Dice& dice) {
     const Scene scene = stacked(CsgOperation::unite, solid, first, second);
-    int films = 0;
-    for (int i = 0; i < kRays; ++i) {
-      films += all_hits(scene, random_ray(solid, 0.5, dice)).size() > 2 ? 1 : 0;
-    }
-    EXPECT_EQ(films, 0);
+    EXPECT_EQ(rays_with_more_hits(scene, 2, solid, dice), 0);
   });
 }
 
 TEST(CoincidentFaces, IntersectionOfNeighboursIsEmpty) {
   for_all_pairs([](const Affine3d& solid, Make first, Make second, Dice& dice) {
     const Scene scene = stacked(CsgOperation::intersect, solid, first, second);
-    int films = 0;
-    for (int i = 0; i < kRays; ++i) {
-      films += all_hits(scene, random_ray(solid, 0.5, dice)).empty() ? 0 : 1;
-    }
-    EXPECT_EQ(films, 0);
+    EXPECT_EQ(rays_with_more_hits(scene, 0, solid, dice), 0);
   });
 }
 
@@ -177,11 +175,7 @@ TEST(CoincidentFaces, NestedSolidsLeaveNoFilm) {
                              {false, CsgOperation::unite, 2},
                              {true, {}, 3},
                              {false, CsgOperation::exclude, 2}};
-    int films = 0;
-    for (int i = 0; i < kRays; ++i) {
-      films += all_hits(scene, random_ray(solid, 0.5, dice)).empty() ? 0 : 1;
-    }
-    EXPECT_EQ(films, 0);
+    EXPECT_EQ(rays_with_more_hits(scene, 0, solid, dice), 0);
   });
 }
 

@@ -8,6 +8,16 @@ FLOAT, UNSIGNED_SHORT = 5126, 5123
 VERTICES, INDICES = 34962, 34963
 
 
+def append_view(data, payload, target=None):
+    """Appends `payload` to the bytes `data` of a buffer, aligned, and returns its buffer view."""
+    data += b"\0" * (-len(data) % 4)
+    view = {"buffer": 0, "byteOffset": len(data), "byteLength": len(payload)}
+    if target:
+        view["target"] = target
+    data += payload
+    return view
+
+
 class Gltf:
     """A glTF document with one buffer, to which meshes are appended."""
 
@@ -31,13 +41,7 @@ class Gltf:
         return len(self.doc[kind]) - 1
 
     def view(self, payload, target=None):
-        while len(self.bytes) % 4:
-            self.bytes.append(0)
-        view = {"buffer": 0, "byteOffset": len(self.bytes), "byteLength": len(payload)}
-        if target:
-            view["target"] = target
-        self.bytes += payload
-        return self.add("bufferViews", view)
+        return self.add("bufferViews", append_view(self.bytes, payload, target))
 
     def floats(self, rows, kind, bounds=False, target=VERTICES):
         flat = [value for row in rows for value in row]

@@ -6,6 +6,8 @@ import json
 import struct
 import zlib
 
+from maker.gltf import append_view
+
 BYTE, UBYTE, SHORT, USHORT, UINT, FLOAT = 5120, 5121, 5122, 5123, 5125, 5126
 VERTICES, INDICES = 34962, 34963
 REMOVED = object()
@@ -80,13 +82,7 @@ class Doc:
                                       "target": {"node": node, "path": path}})
 
     def accessor(self, kind, component, payload, count, target=None):
-        while len(self.bytes) % 4:
-            self.bytes.append(0)
-        view = {"buffer": 0, "byteOffset": len(self.bytes), "byteLength": len(payload)}
-        if target:
-            view["target"] = target
-        self.bytes += payload
-        self.doc["bufferViews"].append(view)
+        self.doc["bufferViews"].append(append_view(self.bytes, payload, target))
         self.doc["accessors"].append({"bufferView": len(self.doc["bufferViews"]) - 1,
                                       "componentType": component, "count": count, "type": kind})
         return len(self.doc["accessors"]) - 1

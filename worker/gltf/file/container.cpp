@@ -1,27 +1,15 @@
 #include "worker/gltf/file/container.h"
 
 #include <cstdint>
-#include <cstring>
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "worker/gltf/file/glb_layout.h"
 #include "worker/gltf/file/limits.h"
 
 namespace tessera::render {
 
 namespace {
-
-constexpr std::uint32_t kGlbMagic = 0x46546C67;   // "glTF"
-constexpr std::uint32_t kJsonChunk = 0x4E4F534A;  // "JSON"
-constexpr std::uint32_t kBinChunk = 0x004E4942;   // "BIN\0"
-constexpr std::size_t kHeaderBytes = 12, kChunkHeaderBytes = 8;
-
-std::uint32_t read_u32(std::span<const std::byte> bytes, std::size_t at) {
-  std::uint32_t value = 0;
-  std::memcpy(&value, bytes.data() + at,
-              sizeof value);  // glTF and all supported hosts are little endian
-  return value;
-}
 
 std::string_view as_text(std::span<const std::byte> bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
@@ -40,36 +28,36 @@ absl::Status check_json(std::string_view json) {
 }
 
 absl::StatusOr<GltfContainer> split_glb(std::span<const std::byte> file) {
-  if (file.size() < kHeaderBytes + kChunkHeaderBytes) {
+  if (file.size() < glb::kHeaderBytes + glb::kChunkHeaderBytes) {
     return absl::InvalidArgumentError("GLB header: the file is truncated");
   }
-  const std::uint32_t version = read_u32(file, 4);
+  const std::uint32_t version = glb::read_u32(file, 4);
   if (version != 2) {
     return absl::InvalidArgumentError(
         absl::StrCat("GLB header: version ", version, ", expected 2"));
   }
-  const std::uint32_t length = read_u32(file, 8);
-  if (length > file.size() || length < kHeaderBytes + kChunkHeaderBytes) {
+  const std::uint32_t length = glb::read_u32(file, 8);
+  if (length > file.size() || length < glb::kHeaderBytes + glb::kChunkHeaderBytes) {
     return absl::InvalidArgumentError(
         absl::StrCat("GLB header: length ", length, ", but the file has ", file.size(), " bytes"));
   }
   GltfContainer parts;
-  std::size_t at = kHeaderBytes;
-  for (int chunk = 0; at + kChunkHeaderBytes <= length; ++chunk) {
-    const std::uint32_t size = read_u32(file, at);
-    const std::uint32_t type = read_u32(file, at + 4);
-    at += kChunkHeaderBytes;
+  std::size_t at = glb::kHeaderBytes;
+  for (int chunk = 0; at + glb::kChunkHeaderBytes <= length; ++chunk) {
+    const std::uint32_t size = glb::read_u32(file, at);
+    const std::uint32_t type = glb::read_u32(file, at + 4);
+    at += glb::kChunkHeaderBytes;
     if (size > length - at) {
       return absl::InvalidArgumentError(absl::StrCat("GLB chunk ", chunk, ": ", size,
                                                      " bytes, but only ", length - at,
                                                      " remain in the file"));
     }
     const auto body = file.subspan(at, size);
-    if (chunk == 0 && type != kJsonChunk) {
+    if (chunk == 0 && type != glb::kJsonChunk) {
       return absl::InvalidArgumentError("GLB chunk 0: not a JSON chunk");
     }
     if (chunk == 0) parts.json = as_text(body);
-    if (chunk == 1 && type == kBinChunk) {
+    if (chunk == 1 && type == glb::kBinChunk) {
       parts.bin = body;
       parts.has_bin = true;
     }
@@ -101,7 +89,7 @@ int json_depth(std::string_view json) {
 
 absl::StatusOr<GltfContainer> split_container(std::span<const std::byte> file) {
   GltfContainer parts;
-  if (file.size() >= 4 && read_u32(file, 0) == kGlbMagic) {
+  if (file.size() >= 4 && glb::read_u32(file, 0) == glb::kMagic) {
     auto glb = split_glb(file);
     if (!glb.ok()) return glb.status();
     parts = *glb;

@@ -28,15 +28,6 @@
 
 #include "tests/support/scratch_folder.h"
 
-// The sandbox of these builds allows what sanitizers need and limits no reading.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define TESSERA_SANITIZER 1
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define TESSERA_SANITIZER 1
-#endif
-#endif
-
 namespace tessera::agent {
 namespace {
 

@@ -2,19 +2,14 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <cstring>
 #include <string>
 
+#include "worker/gltf/file/glb_layout.h"
 #include "worker/gltf/validate/findings/rules.h"
 
 namespace tessera::render {
 
 namespace {
-
-constexpr std::uint32_t kMagic = 0x46546C67;  // "glTF"
-constexpr std::uint32_t kJson = 0x4E4F534A;   // "JSON"
-constexpr std::uint32_t kBin = 0x004E4942;    // "BIN\0"
-constexpr std::size_t kHeaderBytes = 12, kChunkHeaderBytes = 8;
 
 class GlbCheck {
  public:
@@ -23,14 +18,14 @@ class GlbCheck {
 
   GlbChunks run() {
     if (!check_header()) return chunks_;
-    std::size_t at = kHeaderBytes;
+    std::size_t at = glb::kHeaderBytes;
     for (int index = 0; at < file_.size(); ++index) {
       if (at == length_) {
         add(rules::kGlbExtraData, at);
         chunks_.is_complete = true;
         return chunks_;
       }
-      if (file_.size() - at < kChunkHeaderBytes) {
+      if (file_.size() - at < glb::kChunkHeaderBytes) {
         add(rules::kGlbUnexpectedEndOfChunkHeader, file_.size());
         return chunks_;
       }
@@ -46,19 +41,15 @@ class GlbCheck {
     findings_.add(rule, "@" + std::to_string(offset));
   }
 
-  [[nodiscard]] std::uint32_t word(std::size_t at) const {
-    std::uint32_t value = 0;
-    std::memcpy(&value, file_.data() + at, sizeof value);
-    return value;
-  }
+  [[nodiscard]] std::uint32_t word(std::size_t at) const { return glb::read_u32(file_, at); }
 
   bool check_header() {
     const ValidationRule* fault = nullptr;
     std::size_t at = 0;
-    if (file_.size() < kHeaderBytes) {
+    if (file_.size() < glb::kHeaderBytes) {
       fault = &rules::kGlbUnexpectedEndOfHeader;
       at = file_.size();
-    } else if (word(0) != kMagic) {
+    } else if (word(0) != glb::kMagic) {
       fault = &rules::kGlbInvalidMagic;
     } else if (word(4) != 2) {
       fault = &rules::kGlbInvalidVersion;
@@ -69,7 +60,7 @@ class GlbCheck {
       return false;
     }
     length_ = word(8);
-    if (length_ <= kHeaderBytes) add(rules::kGlbLengthTooSmall, 8);
+    if (length_ <= glb::kHeaderBytes) add(rules::kGlbLengthTooSmall, 8);
     return true;
   }
 
@@ -77,22 +68,24 @@ class GlbCheck {
   bool check_chunk(std::size_t& at, int index) {
     const std::size_t size = word(at), header = at;
     const std::uint32_t type = word(at + 4);
-    at += kChunkHeaderBytes;
+    at += glb::kChunkHeaderBytes;
     if (size % 4 != 0) add(rules::kGlbChunkLengthUnaligned, header);
     if (at + size > length_) add(rules::kGlbChunkTooBig, header);
-    if (index == 0 && type != kJson) add(rules::kGlbUnexpectedFirstChunk, header);
-    if (type == kBin && index > 1 && !chunks_.binary) add(rules::kGlbUnexpectedBinChunk, header);
-    if (type != kJson && type != kBin) add(rules::kGlbUnknownChunkType, header);
-    if (type == kJson && size == 0) add(rules::kGlbEmptyChunk, header);
-    if (type == kBin && size == 0) add(rules::kGlbEmptyBinChunk, header);
-    const bool repeated = (type == kJson && chunks_.json) || (type == kBin && chunks_.binary);
+    if (index == 0 && type != glb::kJsonChunk) add(rules::kGlbUnexpectedFirstChunk, header);
+    if (type == glb::kBinChunk && index > 1 && !chunks_.binary)
+      add(rules::kGlbUnexpectedBinChunk, header);
+    if (type != glb::kJsonChunk && type != glb::kBinChunk) add(rules::kGlbUnknownChunkType, header);
+    if (type == glb::kJsonChunk && size == 0) add(rules::kGlbEmptyChunk, header);
+    if (type == glb::kBinChunk && size == 0) add(rules::kGlbEmptyBinChunk, header);
+    const bool repeated =
+        (type == glb::kJsonChunk && chunks_.json) || (type == glb::kBinChunk && chunks_.binary);
     if (repeated) add(rules::kGlbDuplicateChunk, header);
     const auto body = file_.subspan(at, std::min(size, file_.size() - at));
     at += body.size();
-    if (type == kJson && !repeated) {
+    if (type == glb::kJsonChunk && !repeated) {
       chunks_.json = std::string_view(reinterpret_cast<const char*>(body.data()), body.size());
     }
-    if (type == kBin && !repeated) chunks_.binary = body;
+    if (type == glb::kBinChunk && !repeated) chunks_.binary = body;
     if (body.size() == size) return true;
     add(rules::kGlbUnexpectedEndOfChunkData, file_.size());
     return false;
