@@ -183,10 +183,10 @@ double StoppingRule::level(std::int32_t pass) const {
 /// Returns the factor by which the predicted squares of active tiles may grow until the bound is
 /// kFill E²; 1 if it is above that already.
 double StoppingRule::scale_to_fill(const Prediction& predicted) const {
-  constexpr double kMost = 1024;
+  constexpr double kMaxFactor = 1024;
   const double room = kFill * target_;
   if (bound(predicted) >= room) return 1;
-  double low = 1, high = kMost;
+  double low = 1, high = kMaxFactor;
   for (int i = 0; i < kBisections; ++i) {
     const double middle = std::sqrt(low * high);
     (bound(predicted, middle) <= room ? low : high) = middle;

@@ -17,8 +17,8 @@ namespace {
 using nlohmann::ordered_json;
 
 /// Returns a time in µs, the unit of the format.
-template <typename Span>  // google.protobuf.Timestamp or Duration
-std::int64_t micros(const Span& span) {
+template <typename TimeMessage>  // google.protobuf.Timestamp or Duration
+std::int64_t micros(const TimeMessage& span) {
   return span.seconds() * 1'000'000 + span.nanos() / 1000;
 }
 

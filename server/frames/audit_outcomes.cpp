@@ -51,7 +51,7 @@ void AuditOutcomes::quarantine(FarmChange& change, const std::string& worker_id)
   }
   // After its units are dropped: a server that crashes before must detect the fault again.
   pipeline_.post_write(
-      [this, names = change.scheduler().shut_out_names(worker_id)] {
+      [this, names = change.scheduler().names_to_ban(worker_id)] {
         absl::Status status;
         for (const std::string& name : names) status.Update(store_.ban_worker(name));
         return status;

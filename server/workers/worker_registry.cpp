@@ -212,7 +212,7 @@ absl::Status WorkerRegistry::ban_now(const std::string& worker_id) {
   {
     FarmChange change(farm_);
     if (change.scheduler().find_worker(worker_id) == nullptr) return no_such_worker(worker_id);
-    names = change.scheduler().shut_out_names(worker_id);
+    names = change.scheduler().names_to_ban(worker_id);
   }
   for (const std::string& name : names) {
     if (absl::Status status = store_.ban_worker(name); !status.ok()) return status;
@@ -234,7 +234,7 @@ absl::Status WorkerRegistry::allow_now(const std::string& worker_id) {
   std::vector<std::string> names;
   {
     const FarmView view(farm_);
-    names = view.scheduler().shut_out_names(worker_id);
+    names = view.scheduler().names_to_ban(worker_id);
   }
   for (const std::string& name : names) {
     if (absl::Status status = store_.allow_worker(name); !status.ok()) return status;

@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "server/schedule/queue/audit_queue.h"
-#include "server/schedule/workers/farm_census.h"
 #include "server/schedule/plan/job.h"
+#include "server/schedule/queue/audit_queue.h"
 #include "server/schedule/queue/job_queue.h"
+#include "server/schedule/workers/farm_census.h"
 #include "server/schedule/workers/worker.h"
 
 namespace tessera::server {
@@ -31,10 +31,10 @@ struct SchedulePolicy {
   std::int32_t loss_limit = 10;        // losses of a unit that its job survives
   std::int32_t disproved_limit = 3;    // failures disproved by others that quarantine a worker
   std::int32_t failing_job_limit = 3;  // jobs of which a worker failed units, none delivered in
-                                       // between, that set it aside
-  Duration set_aside_for = std::chrono::minutes(10);
-  std::int32_t client_priority = 100;           // maximum for jobs of clients; admins may use any
-  std::size_t max_mail = std::size_t{1} << 17;  // messages that a worker may leave unread
+                                       // between, that quarantine it
+  Duration quarantine_time = std::chrono::minutes(10);
+  std::int32_t client_priority = 100;             // maximum for jobs of clients; admins may use any
+  std::size_t max_outbox = std::size_t{1} << 17;  // messages that a worker may leave unread
   SharePolicy share;
   Duration audit_timeout = std::chrono::minutes(1);  // a dispute waits this long for other workers
   double audit_fraction = 0.01;  // fraction of units that another worker renders again
@@ -205,11 +205,11 @@ class Scheduler {
   bool drain(const std::string& worker_id);
   /// Bans a worker, connected or not, and every worker with its certificate: releases their units
   /// to others; their further results are obsolete. Committed results stay. `name`: a worker ID, or
-  /// a name of shut_out_names().
+  /// a name of names_to_ban().
   void ban(const std::string& name);
   /// Returns the names under which a worker is banned: its ID and, if it has a certificate, that of
   /// its witness. They are journaled, and given to ban() after a restart.
-  std::vector<std::string> shut_out_names(const std::string& worker_id) const;
+  std::vector<std::string> names_to_ban(const std::string& worker_id) const;
   /// Lifts the ban or quarantine of a worker and of its certificate. Returns whether the worker is
   /// known or had one.
   bool allow(const std::string& worker_id, Time now);
@@ -270,9 +270,9 @@ class Scheduler {
   void forgive(Job& job);
   void disprove(const Names& failed, const std::string& witness);
   void disprove_failures(Job& job, const contract::Unit& unit, const std::string& witness);
-  void set_aside(const std::string& witness, std::optional<Time> until);
-  void take_back(const std::string& witness);
-  void end_set_asides(Time now);
+  void quarantine_witness(const std::string& witness, std::optional<Time> until);
+  void end_quarantine(const std::string& witness);
+  void end_timed_quarantines(Time now);
 
   bool could_audit(const Worker& worker, const Job& job) const;
   bool has_others(const Job& job, const Audit& audit) const;
@@ -288,7 +288,7 @@ class Scheduler {
   void take_from_holder(Job& job, const contract::Unit& unit, const Audit& audit);
   bool has_candidate(const Job& job, const Audit& audit) const;
   void quarantine(const std::string& worker_id);
-  void shut_out(Worker& worker);
+  void exclude(Worker& worker);
   void drop_audits(Job& job);
   std::vector<AuditQueue::Key> unresolvable(const std::set<AuditQueue::Key>& group, Time now);
   void fail_unresolvable_audits(Time now);
@@ -339,7 +339,7 @@ class Scheduler {
   FarmCensus present_;                           // the same and those whose stream has just broken
   std::set<std::pair<double, WorkerKey>> idle_;  // working, with credits: by load
   std::map<std::string, std::int32_t> idle_tags_;  // workers of idle_, by tag; "": all
-  std::set<WorkerKey> set_aside_;                  // for a time
+  std::set<WorkerKey> timed_quarantines_;          // for a time
   std::set<std::string> missing_workers_;          // of the roster, not connected yet
   Time grace_ends_;
   Time now_;  // latest time given by a caller

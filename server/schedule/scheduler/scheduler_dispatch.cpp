@@ -53,11 +53,11 @@ bool Scheduler::precedes(const Job& job, const Job& other) const {
 JobKey Scheduler::next_full_job(const Worker& worker,
                                 const std::function<bool(JobKey)>& may) const {
   if (full_.empty()) return 0;
-  constexpr auto kMost = std::numeric_limits<std::int32_t>::max();
+  constexpr auto kMax = std::numeric_limits<std::int32_t>::max();
   const Job* best = nullptr;
   const auto& units = worker.leased_units;
   for (auto it = units.begin(); it != units.end();
-       it = units.upper_bound({it->first, {kMost, kMost, kMost}})) {
+       it = units.upper_bound({it->first, {kMax, kMax, kMax}})) {
     const Job& job = jobs_.at(it->first);
     if (full_.count(job.key) == 0 || job.holders.count(worker.key) == 0 || !may(job.key)) continue;
     if (best == nullptr || precedes(job, *best)) best = &job;

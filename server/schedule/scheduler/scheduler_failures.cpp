@@ -143,14 +143,14 @@ void Scheduler::lose_unit(Job& job, Worker& worker, const Unit& unit, Time now) 
 }
 
 /// Counts a failure against the worker until it delivers a unit or the job ends. One that fails
-/// units of several jobs is set aside if there is another.
+/// units of several jobs is quarantined for a time if there is another.
 void Scheduler::note_failing(Worker& worker, Job& job, Time now) {
   Conduct& conduct = conduct_[worker.witness];
   conduct.failing_jobs.insert(job.key);
   job.failed_by.insert(worker.witness);
   if (static_cast<std::int32_t>(conduct.failing_jobs.size()) < policy_.failing_job_limit) return;
   if (working_.has_witness_beyond("", {worker.witness})) {
-    set_aside(worker.witness, now + policy_.set_aside_for);
+    quarantine_witness(worker.witness, now + policy_.quarantine_time);
   }
 }
 
@@ -162,7 +162,7 @@ void Scheduler::forgive(Job& job) {
     if (conduct == conduct_.end()) continue;
     conduct->second.failing_jobs.erase(job.key);
     const auto count = static_cast<std::int32_t>(conduct->second.failing_jobs.size());
-    if (count < policy_.failing_job_limit) take_back(witness);
+    if (count < policy_.failing_job_limit) end_quarantine(witness);
   }
   job.scene_faults.clear();
 }
@@ -171,7 +171,8 @@ void Scheduler::forgive(Job& job) {
 void Scheduler::disprove(const Names& failed, const std::string& witness) {
   for (const std::string& name : failed) {
     if (name == witness || workers_by_witness_.count(name) == 0) continue;
-    if (++conduct_[name].disproved >= policy_.disproved_limit) set_aside(name, std::nullopt);
+    if (++conduct_[name].disproved >= policy_.disproved_limit)
+      quarantine_witness(name, std::nullopt);
   }
 }
 
@@ -190,19 +191,19 @@ void Scheduler::disprove_failures(Job& job, const Unit& unit, const std::string&
 }
 
 /// Quarantines the workers of a witness, until then or until they are allowed again.
-void Scheduler::set_aside(const std::string& witness, std::optional<Time> until) {
+void Scheduler::quarantine_witness(const std::string& witness, std::optional<Time> until) {
   const auto peers = workers_by_witness_.find(witness);
   if (peers == workers_by_witness_.end()) return;
   for (const WorkerKey key : peers->second) {
     Worker& worker = workers_.at(key);
     const bool is_new = !worker.quarantined;
-    if (!is_new && !worker.set_aside_until) continue;  // for a graver reason
+    if (!is_new && !worker.quarantined_until) continue;  // for a graver reason
     worker.quarantined = true;
-    worker.set_aside_until = until;
+    worker.quarantined_until = until;
     if (until) {
-      set_aside_.insert(key);
+      timed_quarantines_.insert(key);
     } else {
-      set_aside_.erase(key);
+      timed_quarantines_.erase(key);
     }
     if (!is_new) continue;
     recount(worker);
@@ -210,29 +211,29 @@ void Scheduler::set_aside(const std::string& witness, std::optional<Time> until)
   }
 }
 
-/// Ends what set_aside() began with a time.
-void Scheduler::take_back(const std::string& witness) {
+/// Ends a quarantine that quarantine_witness() began with a time.
+void Scheduler::end_quarantine(const std::string& witness) {
   const auto peers = workers_by_witness_.find(witness);
   if (peers == workers_by_witness_.end()) return;
   for (const WorkerKey key : peers->second) {
     Worker& worker = workers_.at(key);
-    if (!worker.set_aside_until) continue;
+    if (!worker.quarantined_until) continue;
     worker.quarantined = false;
-    worker.set_aside_until.reset();
-    set_aside_.erase(key);
+    worker.quarantined_until.reset();
+    timed_quarantines_.erase(key);
     recount(worker);
     work_appeared_ = true;
   }
 }
 
-void Scheduler::end_set_asides(Time now) {
-  const std::set<WorkerKey> keys = set_aside_;
+void Scheduler::end_timed_quarantines(Time now) {
+  const std::set<WorkerKey> keys = timed_quarantines_;
   for (const WorkerKey key : keys) {
     const Worker& worker = workers_.at(key);
-    if (!worker.set_aside_until || *worker.set_aside_until > now) continue;
+    if (!worker.quarantined_until || *worker.quarantined_until > now) continue;
     const std::string witness = worker.witness;
     conduct_[witness].failing_jobs.clear();
-    take_back(witness);
+    end_quarantine(witness);
   }
 }
 

@@ -23,7 +23,7 @@ std::string Scheduler::witness_of(const std::string& worker_id) const {
   return key == worker_by_id_.end() ? worker_id : workers_.at(key->second).witness;
 }
 
-std::vector<std::string> Scheduler::shut_out_names(const std::string& worker_id) const {
+std::vector<std::string> Scheduler::names_to_ban(const std::string& worker_id) const {
   std::vector<std::string> names{worker_id};
   const std::string witness = witness_of(worker_id);
   if (witness != worker_id) names.push_back(witness);
@@ -31,10 +31,10 @@ std::vector<std::string> Scheduler::shut_out_names(const std::string& worker_id)
 }
 
 /// Marks the worker quarantined and releases its units to others.
-void Scheduler::shut_out(Worker& worker) {
+void Scheduler::exclude(Worker& worker) {
   worker.quarantined = true;
-  worker.set_aside_until.reset();
-  set_aside_.erase(worker.key);
+  worker.quarantined_until.reset();
+  timed_quarantines_.erase(worker.key);
   recount(worker);
   const auto leased = worker.leased_units;
   for (const auto& [key, unit] : leased) {
@@ -51,14 +51,14 @@ void Scheduler::ban(const std::string& name) {
   }
   const auto peers = workers_by_witness_.find(witness);
   if (peers == workers_by_witness_.end()) return;
-  for (const WorkerKey key : peers->second) shut_out(workers_.at(key));
+  for (const WorkerKey key : peers->second) exclude(workers_.at(key));
   work_appeared_ = true;
 }
 
 bool Scheduler::allow(const std::string& worker_id, Time now) {
   advance(now);
   bool is_known = false;
-  for (const std::string& name : shut_out_names(worker_id)) {
+  for (const std::string& name : names_to_ban(worker_id)) {
     is_known = quarantined_.erase(name) > 0 || is_known;
   }
   const std::string witness = witness_of(worker_id);
@@ -68,8 +68,8 @@ bool Scheduler::allow(const std::string& worker_id, Time now) {
   for (const WorkerKey key : peers->second) {
     Worker& worker = workers_.at(key);
     worker.quarantined = quarantined_.count(worker.id) > 0;  // its own ban may remain
-    worker.set_aside_until.reset();
-    set_aside_.erase(key);
+    worker.quarantined_until.reset();
+    timed_quarantines_.erase(key);
     recount(worker);
   }
   work_appeared_ = true;

@@ -63,7 +63,7 @@ absl::Status Scheduler::verify_worker(const Worker& worker) const {
   if (worker.is_counted != worker.is_working()) return wrong("working");
   if (worker.idle_load.has_value() != is_idle) return wrong("idle");
   if (is_idle && idle_.count({worker.load(), worker.key}) == 0) return wrong("load");
-  if (worker.outbox.size() > policy_.max_mail + 1) return wrong("mail");
+  if (worker.outbox.size() > policy_.max_outbox + 1) return wrong("outbox");
   for (const auto& [key, unit] : worker.leased_units) {
     const auto job = jobs_.find(key);
     if (job == jobs_.end()) return wrong("unit of a job that is gone");

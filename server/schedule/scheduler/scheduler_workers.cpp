@@ -131,14 +131,14 @@ void Scheduler::set_witness(Worker& worker, std::string witness) {
     const Worker& other = workers_.at(peer);
     if (!other.quarantined || worker.quarantined) continue;
     worker.quarantined = true;
-    worker.set_aside_until = other.set_aside_until;
-    if (worker.set_aside_until) set_aside_.insert(worker.key);
+    worker.quarantined_until = other.quarantined_until;
+    if (worker.quarantined_until) timed_quarantines_.insert(worker.key);
     break;
   }
   peers.insert(worker.key);
   if (is_quarantined(worker.id)) {
     worker.quarantined = true;
-    worker.set_aside_until.reset();
+    worker.quarantined_until.reset();
   }
 }
 
@@ -353,7 +353,7 @@ void Scheduler::forget(Worker& worker) {
   uncount(worker);
   forget_witness(worker);
   for (const SceneKey& scene : worker.scenes) forget_scene(worker, scene);
-  set_aside_.erase(worker.key);
+  timed_quarantines_.erase(worker.key);
   worker_by_id_.erase(worker.id);
 }
 
@@ -368,7 +368,7 @@ void Scheduler::acknowledge(WorkerKey key, Acknowledgement acknowledgement) {
 /// Has the worker's messages sent. A worker that does not read them is disconnected: it lists what
 /// it has when it comes back.
 void Scheduler::wake(Worker& worker) {
-  if (worker.connected && worker.outbox.size() > policy_.max_mail) {
+  if (worker.connected && worker.outbox.size() > policy_.max_outbox) {
     worker.outbox = {};
     to_wake_.erase(worker.key);
     effects_.to_close_unread.push_back(worker.key);
@@ -406,7 +406,7 @@ void Scheduler::tick(Time now, Duration period) {
       ++it;
     }
   }
-  end_set_asides(now);
+  end_timed_quarantines(now);
   if (!missing_workers_.empty() && now >= grace_ends_) {
     for (const std::string& id : missing_workers_) effects_.roster.emplace_back(id, false);
     missing_workers_.clear();

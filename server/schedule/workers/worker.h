@@ -72,10 +72,10 @@ struct Worker {
   bool draining = false;
   bool quarantined = false;  // fails units that succeed elsewhere, delivered wrong pixels, or is
                              // banned
-  std::optional<Time> set_aside_until = {};  // it is quarantined for a time: it failed units of
-                                             // several jobs and delivered none in between
-  bool has_delivered = false;                // its first unit is always audited
-  Time last_contact;                         // when its last message arrived
+  std::optional<Time> quarantined_until = {};  // it is quarantined for a time: it failed units of
+                                               // several jobs and delivered none in between
+  bool has_delivered = false;                  // its first unit is always audited
+  Time last_contact;                           // when its last message arrived
   std::int32_t credits = 0;
   std::set<std::pair<JobKey, contract::Unit>> leased_units;
   std::set<JobKey> leased_jobs;  // unfinished jobs of which it was leased units

@@ -13,8 +13,8 @@ namespace tessera::render {
 
 absl::StatusOr<Image> decode_image(std::span<const std::byte> file, const std::string& name,
                                    std::uint64_t memory_bytes) {
-  constexpr std::uint64_t kMost = std::numeric_limits<std::int64_t>::max();
-  const auto memory = static_cast<std::int64_t>(std::min(memory_bytes, kMost));
+  constexpr std::uint64_t kMax = std::numeric_limits<std::int64_t>::max();
+  const auto memory = static_cast<std::int64_t>(std::min(memory_bytes, kMax));
   auto pixels =
       image::decode(file, {kMaxImageSide, kMaxImageBytes, kMaxImageSide * kMaxImageSide, memory});
   if (!pixels.ok()) return pixels.status();

@@ -8,11 +8,11 @@ namespace {
 
 /// Range [first, last] of texels that lookups between two coordinates may touch; the whole image if
 /// the interval leaves it or is not finite. Never too small.
-struct Span {
+struct TexelRange {
   std::int32_t first, last;
 };
-Span texel_span(float low, float high, std::int32_t size, bool repeats) {
-  const Span whole{0, size - 1};
+TexelRange texel_span(float low, float high, std::int32_t size, bool repeats) {
+  const TexelRange whole{0, size - 1};
   if (!(std::fabs(low) < 1e6f) || !(std::fabs(high) < 1e6f)) return whole;
   const float shift = repeats ? std::floor(low) : 0.0f;
   // One texel of margin on each side for the filter, and one for rounding.
@@ -72,9 +72,9 @@ double EmissiveTextureSums::box(std::int32_t x0, std::int32_t x1, std::int32_t y
 double EmissiveTextureSums::mean(const Vec2f& a, const Vec2f& b, const Vec2f& c) const {
   if (width_ == 0) return 1;
   const Vec2f p = transformed_uv(ref_, a), q = transformed_uv(ref_, b), r = transformed_uv(ref_, c);
-  const Span x =
+  const TexelRange x =
       texel_span(std::min({p.x, q.x, r.x}), std::max({p.x, q.x, r.x}), width_, repeats_u_);
-  const Span y =
+  const TexelRange y =
       texel_span(std::min({p.y, q.y, r.y}), std::max({p.y, q.y, r.y}), height_, repeats_v_);
   return box(x.first, x.last, y.first, y.last);
 }

@@ -144,9 +144,9 @@ inline Vec3f coupling_factor(const Bsdf& b, const Vec3f& passed_o, const GlassTa
   Vec3f left = passed(b, mean);
   if constexpr (kExtended) {
     // A rough diffuse lobe may send more light than Lambert's to where the layer reflects less.
-    constexpr float kMostShift = 0.25f;
+    constexpr float kMaxShift = 0.25f;
     if (same_side && b.extended->rough.roughness > 0) {
-      left += (Vec3f{1, 1, 1} - left) * (kMostShift * b.extended->rough.roughness);
+      left += (Vec3f{1, 1, 1} - left) * (kMaxShift * b.extended->rough.roughness);
     }
   }
   const auto share = [&](float o, float all) { return all > 0 ? o / all : 0; };

@@ -14,7 +14,7 @@ using contract::Unit;
 using namespace std::chrono_literals;
 
 constexpr std::chrono::milliseconds kStep{500};
-constexpr int kOwners = 4, kMostJobs = 12, kChaosSteps = 500, kCalmSteps = 4000;
+constexpr int kOwners = 4, kMaxJobs = 12, kChaosSteps = 500, kCalmSteps = 4000;
 constexpr const char* kTags[] = {"", "a", "b"};
 
 contract::Digest digest_of(const UnitName& name, bool is_lie) {
@@ -413,7 +413,7 @@ void SimulatedFarm::apply_effects() {
       if (computer != computers_.end() && !computer->second->is_faulty) {
         violate(absl::StrCat("honest worker ", id, " is quarantined"));
       }
-      for (const std::string& name : scheduler_->shut_out_names(id)) bans_.insert(name);
+      for (const std::string& name : scheduler_->names_to_ban(id)) bans_.insert(name);
       redo_units(id);
     }
     if (effects.changed.empty() && effects.audited.empty() && effects.faulty_workers.empty()) {
@@ -443,7 +443,7 @@ void SimulatedFarm::disturb_jobs() {
 }
 
 void SimulatedFarm::disturb() {
-  if (last_job_ < kMostJobs && dice_.one_in(20)) add_job();
+  if (last_job_ < kMaxJobs && dice_.one_in(20)) add_job();
   if (dice_.one_in(40)) disturb_jobs();
   if (computers_.size() < 9 && dice_.one_in(15)) {
     const bool is_faulty = dice_.one_in(3);
@@ -464,7 +464,7 @@ void SimulatedFarm::disturb() {
     if (!computer->second->is_anchor && computer->second->is_connected) {
       if (dice_.one_in(2)) scheduler_->drain(computer->first);
       scheduler_->allow(computer->first, now_);
-      for (const std::string& name : scheduler_->shut_out_names(computer->first)) {
+      for (const std::string& name : scheduler_->names_to_ban(computer->first)) {
         bans_.erase(name);
       }
     }

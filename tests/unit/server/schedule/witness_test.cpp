@@ -206,14 +206,15 @@ TEST(Witness, BrokenJobsDoNotSetWorkersAside) {
 TEST(Witness, CertificateCannotConfirmItsOwnResult) {
   SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 1});
-  const WorkerKey liar = farm.connect("liar", {.threads = 1, .credits = 1, .certificate = "one"});
-  const auto unit = farm.leased(liar).at(0);
+  const WorkerKey faulty =
+      farm.connect("faulty", {.threads = 1, .credits = 1, .certificate = "one"});
+  const auto unit = farm.leased(faulty).at(0);
   const WorkerKey twin = farm.connect("twin", {.threads = 1, .credits = 1, .certificate = "one"});
-  EXPECT_FALSE(farm.scheduler.wants_audit(job, unit.unit, "liar")) << "nobody else could decide";
+  EXPECT_FALSE(farm.scheduler.wants_audit(job, unit.unit, "faulty")) << "nobody else could decide";
   const WorkerKey honest = farm.connect("honest", {.threads = 1, .credits = 1});
-  farm.commit(liar, unit);
-  farm.scheduler.open_audit(job, unit.unit, "liar", wrong);
-  farm.pass(200ms, {liar, twin, honest});
+  farm.commit(faulty, unit);
+  farm.scheduler.open_audit(job, unit.unit, "faulty", wrong);
+  farm.pass(200ms, {faulty, twin, honest});
   EXPECT_TRUE(farm.leased(twin).empty());
   EXPECT_EQ(farm.leased(honest), std::vector<UnitName>{unit});
 }
@@ -221,17 +222,18 @@ TEST(Witness, CertificateCannotConfirmItsOwnResult) {
 TEST(Witness, CertificateCannotOutvoteHonestWorker) {
   SchedulerHarness farm;
   Job& job = farm.add_job({.tiles = 1});
-  const WorkerKey liar = farm.connect("liar", {.threads = 1, .credits = 1, .certificate = "one"});
-  const auto unit = farm.leased(liar).at(0);
+  const WorkerKey faulty =
+      farm.connect("faulty", {.threads = 1, .credits = 1, .certificate = "one"});
+  const auto unit = farm.leased(faulty).at(0);
   const WorkerKey honest = farm.connect("honest", {.threads = 1, .credits = 1, .certificate = "h"});
-  farm.commit(liar, unit);
-  farm.scheduler.open_audit(job, unit.unit, "liar", wrong);
-  farm.pass(100ms, {liar, honest});
+  farm.commit(faulty, unit);
+  farm.scheduler.open_audit(job, unit.unit, "faulty", wrong);
+  farm.pass(100ms, {faulty, honest});
   ASSERT_EQ(farm.leased(honest).size(), 1u);
   const auto answer = [&](WorkerKey worker, const contract::Digest& digest) {
     const std::string id = farm.scheduler.find_worker(worker)->id;
     farm.scheduler.answer_audit(job, unit.unit, farm.leases.at({worker, unit}), {id, digest},
-                                {"liar", wrong}, farm.now);
+                                {"faulty", wrong}, farm.now);
   };
   answer(honest, truth);
   const WorkerKey third = farm.connect("third", {.threads = 1, .credits = 0, .certificate = "t"});
@@ -244,10 +246,10 @@ TEST(Witness, CertificateCannotOutvoteHonestWorker) {
   ASSERT_EQ(farm.leased(third).size(), 1u);
   answer(third, truth);
   EXPECT_FALSE(farm.scheduler.is_quarantined("honest"));
-  EXPECT_TRUE(farm.scheduler.is_quarantined("liar"));
+  EXPECT_TRUE(farm.scheduler.is_quarantined("faulty"));
   EXPECT_TRUE(farm.scheduler.is_quarantined("twin"));
   const auto effects = farm.scheduler.take_effects();
-  EXPECT_EQ(effects.faulty_workers, (std::vector<std::string>{"liar", "twin"}));
+  EXPECT_EQ(effects.faulty_workers, (std::vector<std::string>{"faulty", "twin"}));
 }
 
 TEST(Witness, BanHoldsForCertificate) {
@@ -255,7 +257,7 @@ TEST(Witness, BanHoldsForCertificate) {
   farm.add_job({.tiles = 40});
   const WorkerKey worker = farm.connect("w1", {.certificate = "one"});
   EXPECT_FALSE(farm.leased(worker).empty());
-  const auto names = farm.scheduler.shut_out_names("w1");
+  const auto names = farm.scheduler.names_to_ban("w1");
   farm.scheduler.ban("w1");
   const WorkerKey again = farm.connect("w2", {.certificate = "one"});
   EXPECT_TRUE(farm.leased(again).empty());
@@ -273,11 +275,11 @@ TEST(Witness, BanHoldsForCertificate) {
   EXPECT_FALSE(farm.leased(again).empty());
 }
 
-// Mail --------------------------------------------------------------------------------------------
+// Outbox ------------------------------------------------------------------------------------------
 
-TEST(Witness, UnreadMailClosesWorker) {
+TEST(Witness, FullOutboxClosesWorker) {
   SchedulePolicy policy;
-  policy.max_mail = 100;
+  policy.max_outbox = 100;
   SchedulerHarness farm({}, policy);
   farm.add_job({.tiles = 4});
   const WorkerKey worker = farm.connect("w1");
@@ -286,7 +288,7 @@ TEST(Witness, UnreadMailClosesWorker) {
     farm.scheduler.acknowledge(worker, {unit, AckStatus::duplicate, ""});
   }
   EXPECT_FALSE(farm.scheduler.find_worker(worker)->connected);
-  EXPECT_LE(farm.scheduler.find_worker(worker)->outbox.size(), policy.max_mail);
+  EXPECT_LE(farm.scheduler.find_worker(worker)->outbox.size(), policy.max_outbox);
   EXPECT_EQ(farm.scheduler.take_effects().to_close_unread, std::vector<WorkerKey>{worker});
   EXPECT_EQ(farm.connect("w1"), worker);
   EXPECT_TRUE(farm.scheduler.find_worker(worker)->connected);

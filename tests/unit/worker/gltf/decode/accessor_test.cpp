@@ -128,9 +128,9 @@ TEST(Accessors, SizeOfZerosFollowsThatOfBuffers) {
     b.add_node_with_mesh(0);
     return load_and_pose(b).status();
   };
-  constexpr std::int64_t kMost = ((1 << 20) + 16 * 1024) / 12;
-  EXPECT_TRUE(load(kMost).ok()) << load(kMost);
-  const absl::Status refused = load(kMost + 1);
+  constexpr std::int64_t kMaxCount = ((1 << 20) + 16 * 1024) / 12;
+  EXPECT_TRUE(load(kMaxCount).ok()) << load(kMaxCount);
+  const absl::Status refused = load(kMaxCount + 1);
   EXPECT_NE(refused.message().find("accessors[0]: count 88747 without a bufferView decodes to more "
                                    "than 1064960 bytes"),
             std::string::npos)
