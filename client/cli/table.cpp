@@ -1,6 +1,7 @@
 #include "client/cli/table.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -51,6 +52,21 @@ std::string format_bytes(double bytes) {
   }
   return unit == 0 ? absl::StrFormat("%.0f B", bytes)
                    : absl::StrFormat("%.1f %s", bytes, kUnits[unit]);
+}
+
+std::string format_box(const std::array<double, 3>& low, const std::array<double, 3>& high) {
+  double largest = 0;
+  for (const auto* corner : {&low, &high}) {
+    for (const double each : *corner) largest = std::max(largest, std::fabs(each));
+  }
+  const double step = largest * 0x1p-23;
+  const auto rounded = [step](double value) {
+    return step > 0 ? std::round(value / step) * step + 0.0 : 0.0;  // + 0.0 turns -0 into 0
+  };
+  const auto point = [&rounded](const std::array<double, 3>& p) {
+    return absl::StrFormat("(%.4g, %.4g, %.4g)", rounded(p[0]), rounded(p[1]), rounded(p[2]));
+  };
+  return absl::StrCat(point(low), " to ", point(high));
 }
 
 std::string format_share(double part, double total) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,10 @@ class Table {
 
 /// Formats bytes with one decimal: 1536 -> "1.5 KiB".
 std::string format_bytes(double bytes);
+
+/// Formats a box as "(0, 0, 0) to (1, 2, 3)". Coordinates are rounded to 2^-23 of the largest, the
+/// precision of vertices, so that 0 is printed where only rounding errors are left.
+std::string format_box(const std::array<double, 3>& low, const std::array<double, 3>& high);
 
 /// Formats part / total as "12.3 %"; "-" if `total` is 0.
 std::string format_share(double part, double total);

@@ -1,4 +1,6 @@
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -42,12 +44,13 @@ std::string joined(const ordered_json& list) {
   return absl::StrJoin(words, ", ");
 }
 
-std::string point(const ordered_json& coordinates) {
-  std::vector<std::string> words;
-  for (const ordered_json& each : coordinates) {
-    words.push_back(absl::StrFormat("%.4g", each.is_number() ? each.get<double>() : 0.0));
+std::array<double, 3> coordinates_of(const ordered_json& object, const char* key) {
+  std::array<double, 3> point = {};
+  const ordered_json list = object.value(key, ordered_json::array());
+  for (std::size_t k = 0; k < std::min(point.size(), list.size()); ++k) {
+    if (list[k].is_number()) point[k] = list[k].get<double>();
   }
-  return absl::StrCat("(", absl::StrJoin(words, ", "), ")");
+  return point;
 }
 
 /// Adds a row for a list in the report unless it is empty.
@@ -84,8 +87,8 @@ void add_counts(Table& table, const ordered_json& report) {
   }
   const ordered_json bounds = report.value("bounds", ordered_json());
   if (bounds.is_object()) {
-    table.add({"bounds", absl::StrCat(point(bounds.value("min", ordered_json())), " to ",
-                                      point(bounds.value("max", ordered_json())), " m")});
+    table.add({"bounds",
+               format_box(coordinates_of(bounds, "min"), coordinates_of(bounds, "max")) + " m"});
   }
 }
 
@@ -189,8 +192,10 @@ std::string distances_text(const ordered_json& distances) {
       number(distances, "vertices"), number(distances, "median"), number(distances, "smallest"),
       number(distances, "pair_count"), number(distances, "tolerance"));
   for (const ordered_json& pair : distances.value("pairs", ordered_json::array())) {
-    absl::StrAppend(&text, "  ", point(pair["at"]), ": ", number_text(pair, "distance"),
-                    " m, nodes ", pair["nodes"][0].dump(), " and ", pair["nodes"][1].dump(), "\n");
+    const auto [x, y, z] = coordinates_of(pair, "at");
+    absl::StrAppend(&text, absl::StrFormat("  (%.4g, %.4g, %.4g): ", x, y, z),
+                    number_text(pair, "distance"), " m, nodes ", pair["nodes"][0].dump(), " and ",
+                    pair["nodes"][1].dump(), "\n");
   }
   return text + searches_text(distances);
 }

@@ -137,7 +137,7 @@ void add_sampling_options(CLI::App& command, RenderOptions& options) {
       ->capture_default_str()
       ->group(group);
   command.add_option("--filter", options.filter, "Pixel filter")
-      ->check(CLI::IsMember({"box", "gaussian", "blackman-harris"}))
+      ->check(CLI::IsMember({"box", "gaussian", "blackman-harris"}).description(""))
       ->type_name("box|gaussian|blackman-harris")
       ->capture_default_str()
       ->group(group);
@@ -160,7 +160,7 @@ void add_light_options(CLI::App& command, RenderOptions& options) {
   const char* group = "Environment";
   command.add_option("--environment", options.environment, "Environment map, latitude-longitude")
       ->type_name("FILE.(exr|hdr)")
-      ->check(CLI::ExistingFile)
+      ->check(CLI::Validator(CLI::ExistingFile).description(""))
       ->group(group);
   command
       .add_option("--environment-rotation", options.environment_rotation,

@@ -81,7 +81,7 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
     }
     hasher_.update(chunk);
     if (output_ && !output_->write(chunk.data(), static_cast<std::streamsize>(chunk.size()))) {
-      return absl::ResourceExhaustedError("cannot write the upload (store full?)");
+      return write_error();
     }
     return absl::OkStatus();
   }
@@ -103,7 +103,7 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
     if (!path.ok()) return path.status();
     path_ = *path;
     output_.emplace(path_, std::ios::binary | std::ios::trunc);
-    if (!*output_) return absl::ResourceExhaustedError(absl::StrCat("cannot write ", path_));
+    if (!*output_) return write_error();
     return absl::OkStatus();
   }
 
@@ -116,7 +116,7 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
     if (!output_) return Finish(grpc::Status::OK);
     output_->close();
     if (output_->fail()) {
-      return Finish(contract::to_rpc(absl::ResourceExhaustedError("the upload is incomplete")));
+      return Finish(contract::to_rpc(write_error()));
     }
     if (absl::Status status = sync_upload(path_); !status.ok()) {
       return Finish(contract::to_rpc(status));
@@ -125,6 +125,11 @@ class Upload final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
       is_published_ = status.ok();
       Finish(contract::to_rpc(status));
     });
+  }
+
+  static absl::Status write_error() {
+    return absl::ResourceExhaustedError(
+        "cannot write the upload: the disk of the store may be full");
   }
 
   void fail(const std::string& message) {

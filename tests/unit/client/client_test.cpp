@@ -10,6 +10,7 @@
 #include "client/charts/curve_svg.h"
 #include "client/charts/tile_svg.h"
 #include "client/cli/progress.h"
+#include "client/cli/table.h"
 #include "client/output/frame_files.h"
 #include "client/output/job_status.h"
 #include "client/output/render_result.h"
@@ -219,6 +220,12 @@ TEST(Figures, AreRoundedForReaders) {
   EXPECT_EQ(format_seconds(7384), "2:03:04");
   EXPECT_EQ(format_count(950), "950");
   EXPECT_EQ(format_count(59e6), "59.0 M");
+}
+
+TEST(Figures, BoxesShowNoRoundingErrors) {
+  EXPECT_EQ(format_box({-1.4e-08, -1, 0}, {1, 2.5, -3e-9}), "(0, -1, 0) to (1, 2.5, 0)");
+  EXPECT_EQ(format_box({-1.4e-08, 0, 0}, {1.5e-08, 0, 0}), "(-1.4e-08, 0, 0) to (1.5e-08, 0, 0)");
+  EXPECT_EQ(format_box({0, 0, 0}, {0, 0, 0}), "(0, 0, 0) to (0, 0, 0)");
 }
 
 TEST(ExitCode, FollowsStateAndFailureCode) {
