@@ -17,7 +17,7 @@
 
 namespace tessera::server {
 
-/// Assets: what is here, who may read it, what is kept, and the collection of the rest.
+/// Assets: which are stored, who may read them, which are kept; deletes the others.
 /// Thread-safe; its lock may be taken while the farm is locked.
 class AssetCatalog {
  public:

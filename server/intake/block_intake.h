@@ -40,8 +40,8 @@ struct Admission {
   std::int32_t sample_count = 0;
 };
 
-/// Takes a block from its header to its one verdict: checked on delivery, committed in a group on
-/// the writer thread, acknowledged once it is durable, then merged.
+/// Takes a block from its header to its acknowledgement: checked on delivery, committed in a group
+/// on the writer thread, acknowledged once it is durable, then merged.
 class BlockIntake {
  public:
   /// The parts must outlive the intake.
