@@ -18,8 +18,8 @@
 
 namespace tessera::server {
 
-/// Writes rows and runs what else writes, in order, on one thread, a transaction a round; answers
-/// carry the outcome. The only part whose thread writes to the journal and to segment files.
+/// Writes rows and runs tasks that write, in order, on one thread, with one transaction per round;
+/// answers carry the outcome. No other thread writes to the journal or to segment files.
 class CommitPipeline final : public EffectHandler {
  public:
   /// Gets the outcome of a write. Called without locks on the writer thread; must not block.

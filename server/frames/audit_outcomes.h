@@ -11,7 +11,8 @@
 namespace tessera::server {
 
 /// Carries out what audits have shown: records their end, drops the units of a faulty worker and
-/// bans it, and lists finished frames that may contain some in their jobs' reports. Has no state.
+/// bans it, and warns in the reports of jobs whose finished frames may contain its units. Has no
+/// state.
 class AuditOutcomes final : public EffectHandler {
  public:
   AuditOutcomes(FarmState& farm, Store& store, CommitPipeline& pipeline, FrameFinisher& finisher)

@@ -29,8 +29,8 @@ struct FilmUpdate {
   std::shared_ptr<void> memory;
 };
 
-/// Takes frames from their committed blocks to finished images, and gives units out again whose
-/// blocks are no good. Merges and writes images on the film thread, writes rows on the writer
+/// Takes frames from their committed blocks to finished images, and has units rendered again whose
+/// blocks are damaged. Merges and writes images on the film thread, writes rows on the writer
 /// thread.
 class FrameFinisher final : public EffectHandler {
  public:

@@ -11,7 +11,7 @@
 
 namespace tessera::server {
 
-/// Memory of delivered blocks; who would read more waits until there is room. Thread-safe; its lock
+/// Memory of delivered blocks; streams that would read more wait for room. Thread-safe; its lock
 /// may be taken while the farm is locked.
 class IngestBudget {
  public:

@@ -33,7 +33,7 @@ constexpr int kHandshakeTimeoutMs = 10'000;
 /// A connection without a call is closed; the next call opens another.
 constexpr int kIdleTimeoutMs = 300'000;
 /// After this time no new call is taken on a connection, so that callers use a certificate that has
-/// been replaced. Calls in progress go on.
+/// been replaced. Calls in progress continue.
 constexpr int kMaxAgeMs = 300'000;
 // A peer that does not answer a ping has gone, and its calls end.
 constexpr int kKeepalivePeriodMs = 10'000, kKeepaliveTimeoutMs = 20'000;

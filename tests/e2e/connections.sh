@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Connections with certificates that break: streams resume soon, and a server that is flooded with
-# silent connections goes on.
+# silent connections continues.
 . "$(dirname "$0")/farm.sh"
 tools=$(cd "$(dirname "$0")" && pwd)/connections
 certs=$work/certs
@@ -106,4 +106,4 @@ job=$(ann submit "$scenes/lit_square.gltf" --size 48x32 --spp 8 --tile-size 16)
 ann watch "$job" >/dev/null
 ann fetch "$job" -o "$image" >/dev/null
 gone "$server_pid" && fail "the server has ended"
-say "a server that is out of descriptors refuses connections, goes on and recovers"
+say "a server that is out of descriptors refuses connections, continues and recovers"

@@ -57,7 +57,7 @@ say "farm down leaves no process and no socket"
 tessera farm up --workers 1 >/dev/null 2>&1
 tessera watch "$job" >/dev/null 2>&1 || fail "the job was not resumed: $?"
 tessera report "$job" --json >"$work/report.json"
-equal "the job goes on after down and up; its pixels" "$(pixels "$work/report.json")" "$(pixels "$work/alone.json")"
+equal "the job continues after down and up, with the same pixels" "$(pixels "$work/report.json")" "$(pixels "$work/alone.json")"
 
 # The supervisor is killed. Only the socket's file remains, which does not prevent the next start.
 kill -KILL "$(parent_of "$(server)")"

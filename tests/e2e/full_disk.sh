@@ -56,4 +56,4 @@ say "remove frees space on a full disk"
 rm "$disk/filler"
 job=$(on submit "$scene" --size 32x32 --spp 4 --tile-size 16)
 on watch "$job" >/dev/null
-say "the farm goes on when there is room"
+say "the farm continues when there is room"

@@ -32,7 +32,7 @@ posted() { cmp -s <(sequences "$work/events.out") <(sequences "$work/posts"); }
 at_newest() { [ "$(cat "$work/webhook.state")" = "$(sequences "$work/events.out" | tail -n 1)" ]; }
 start_worker one --id w-one --log-level debug
 start_worker two --id w-two
-wait_until 60 "both workers are here" both_idle
+wait_until 60 "both workers are connected" both_idle
 id=$(farm submit "$scene" "${job[@]}" --name shot)
 exits 0 farm logs shot --follow
 says "job $id job submitted: shot"
@@ -98,7 +98,7 @@ wait "${worker_pid[webhook]}" || fail "tessera-webhook ended with $? on SIGTERM"
 # A state file with a later sequence than the store has: it belongs to another store.
 echo $((1 << 60)) >"$work/webhook.state"
 start_webhook
-wait_until 30 "the webhook goes on from the newest event" at_newest
+wait_until 30 "the webhook continues from the newest event" at_newest
 grep -q "continuing with new events only" "$work/webhook.log" ||
   fail "the webhook does not log that events are missing: $(tail -n 2 "$work/webhook.log")"
 kill "${worker_pid[webhook]}"

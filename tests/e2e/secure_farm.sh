@@ -55,7 +55,7 @@ exits 2 as client-bob status "$job"
 exits 2 as client-bob status last
 exits 2 as client-bob remove "$job"
 exits 0 as client-ann status "$job"
-say "another client's job is not there"
+say "another client's job is not found"
 
 token_id=$(cut -c1-8 "$worker_token")
 tessera-server tokens list --store "$work/store" | grep -q "^$token_id .* 1 of 1$" ||

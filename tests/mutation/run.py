@@ -162,7 +162,7 @@ def read_equivalent():
         if line.startswith("=> "):
             path, _, before = old.partition(": ")
             if before.strip() not in map(str.strip, (ROOT / path).read_text().splitlines()):
-                sys.exit(f"mutation: {EQUIVALENT.name} names a line that is not there: {old}")
+                sys.exit(f"mutation: {EQUIVALENT.name} names a line that does not exist: {old}")
             keys.add((path, before.strip(), line[3:].strip()))
         elif line.strip() and not line.startswith("#"):
             old = line

@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "server/schedule/queue/fair_share.h"
 #include "server/schedule/plan/job_spec.h"
+#include "server/schedule/queue/fair_share.h"
 
 namespace tessera::server {
 
@@ -62,7 +62,7 @@ class JobQueue {
   void charge(const std::string& owner, double cpu_seconds, Time when = {});
   const FairShare& share() const { return share_; }
   void restore(const std::vector<UsageRow>& table, Time now);
-  /// Sorts owners whose use has changed: late, as many charges come between two questions.
+  /// Sorts owners whose use has changed. Once for many charges, before the next question.
   void sort();
   /// Notes that units of the job were leased.
   void note_leased(const QueueKey& key, Time now);

@@ -127,7 +127,7 @@ class Scheduler {
   Demand demand(const std::string& owner) const;
 
   // Fair share -----------------------------------------------------------------------------------
-  /// Returns what every owner has used and has not faded, for restore_usage() after a restart.
+  /// Returns every owner's use that has not faded, for restore_usage() after a restart.
   std::vector<UsageRow> usage(Time now) const { return queue_.share().table(now); }
   void restore_usage(const std::vector<UsageRow>& table, Time now) { queue_.restore(table, now); }
 
@@ -218,7 +218,7 @@ class Scheduler {
   /// Call about every `period`: expires silent workers, ends the restart grace, balances the last
   /// units.
   void tick(Time now, Duration period);
-  /// Counts everything anew and compares it with the indexes, for tests. Errors: Internal, the
+  /// Counts everything again and compares it with the indexes, for tests. Errors: Internal, the
   /// first difference.
   absl::Status verify() const;
   /// Returns the actions decided since the last call.

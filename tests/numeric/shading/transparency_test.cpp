@@ -123,7 +123,7 @@ TEST(Glass, SlabReportsTruncatedEnergy) {  // hard case 44
   for (const contract::FilmBlock& block : picture.blocks) truncated += block.truncated_energy;
   const double samples = 32.0 * 32 * 256, reported = truncated / (3 * samples);
   EXPECT_GT(reported, 0);
-  // One path in 64 goes on and counts 64 times.
+  // One path in 64 continues and counts 64 times.
   const double error = std::sqrt(3) * picture.mean_error() + std::sqrt(64 * reported / samples);
   EXPECT_NEAR(picture.mean() + reported, 0.923077, 4 * error);
 }
