@@ -149,9 +149,8 @@ void add_fetch_command(CLI::App& app, Invocation& invocation) {
   command->add_flag("--json", options->json, "JSON output (tessera.fetch/1)");
   command->footer(
       "Several frames become NAME.FFFF.exr; the report is NAME.report.json. Existing files with "
-      "the "
-      "right content are kept. Exit code 2: no frame is available.\nExamples:\n  tessera fetch "
-      "last -o frames\n"
+      "the right content are kept. Exit code 2: no frame is available.\nExamples:\n"
+      "  tessera fetch last -o frames\n"
       "  tessera fetch shot42 -o previews --format png --exposure 1 --partial");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };

@@ -33,8 +33,7 @@ void add_watch_command(CLI::App& app, Invocation& invocation) {
   command->add_flag("--json", options->json, "JSON output, one object per line (tessera.job/1)");
   command->footer(
       "Exit code: 0 done, 1 failed or cancelled, 2 the scene is faulty, 4 done but the target "
-      "error "
-      "is not certified. Ctrl-C leaves the job running.\nExample:\n  tessera watch last");
+      "error is not certified. Ctrl-C leaves the job running.\nExample:\n  tessera watch last");
   command->callback([options, &invocation] {
     invocation.run = [options, &invocation] { return run(*options, invocation.connection); };
   });

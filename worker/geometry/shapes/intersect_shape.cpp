@@ -1,7 +1,8 @@
+#include "worker/geometry/shapes/intersect_shape.h"
+
 #include <cmath>
 
 #include "worker/geometry/shapes/blobs/blob_line.h"
-#include "worker/geometry/shapes/intersect_shape.h"
 #include "worker/geometry/shapes/terrain/terrain_line.h"
 
 namespace tessera::render {

@@ -1,9 +1,9 @@
+#include "worker/geometry/shapes/blobs/blob_line.h"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <tuple>
-
-#include "worker/geometry/shapes/blobs/blob_line.h"
 
 namespace tessera::render {
 namespace {

@@ -7,12 +7,13 @@
 // "QAEB rendering for procedural models" (Texturing & Modeling: A Procedural Approach, 3rd edition,
 // 2003, chapter 17).
 
+#include "worker/geometry/shapes/terrain/terrain_line.h"
+
 #include <algorithm>
 #include <cmath>
 
 #include "worker/geometry/clip_line.h"
 #include "worker/geometry/shapes/terrain/terrain_field.h"
-#include "worker/geometry/shapes/terrain/terrain_line.h"
 
 namespace tessera::render {
 namespace {
