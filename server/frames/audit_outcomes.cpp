@@ -91,12 +91,11 @@ absl::Status AuditOutcomes::write_doubts(const std::string& job_id,
   if (!rows.ok()) return rows.status();
   absl::Status written;
   const absl::Status together = store_.write_together([&] {
-    for (FrameRecord& row : *rows) {
+    for (const FrameRecord& row : *rows) {
       if (std::find(frames.begin(), frames.end(), row.frame) == frames.end()) continue;
       FrameSummary summary = read_frame_summary(row.statistics_json);
       summary.doubts.push_back(suspect_frame_warning(row.frame, worker_id));
-      row.statistics_json = write_frame_summary(summary);
-      written.Update(store_.finish_frame(job_id, row));
+      written.Update(store_.update_statistics(job_id, row.frame, write_frame_summary(summary)));
     }
   });
   return together.ok() ? written : together;

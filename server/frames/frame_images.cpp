@@ -1,6 +1,7 @@
 #include "server/frames/frame_images.h"
 
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <optional>
 #include <string>
@@ -51,26 +52,48 @@ absl::StatusOr<FrameFile> FrameImages::make_file(const FrameQuery& query) {
       return absl::NotFoundError(absl::StrCat("job ", query.job_id, " has no frame ", query.frame));
     }
   }
-  const auto folder = store_.output_folder(query.job_id);
-  if (!folder.ok()) return folder.status();
-  FrameFile file;
-  if (finished) {
-    file.path = absl::StrCat(*folder, "/", finished->file);
-    file.file_sha256 = finished->file_sha256;
-    file.pixels_sha256 = finished->pixels_sha256;
-  } else if (query.allow_partial) {
-    const auto partial = write_partial(query, *spec);
-    if (!partial.ok()) return partial.status();
-    file = *partial;
-  } else {
+  if (!finished && !query.allow_partial) {
     return absl::FailedPreconditionError(
         absl::StrCat("frame ", query.frame, " of job ", query.job_id, " is not finished"));
   }
-  if (query.format != FrameFormat::exr) return converted(std::move(file), query);
+  auto file = finished ? find_finished(query, *finished) : write_partial(query, *spec);
+  if (!file.ok() || query.format == FrameFormat::exr) return file;
+  return converted(*std::move(file), query);
+}
+
+/// A small image is in memory, for another format in a temporary file.
+absl::StatusOr<FrameFile> FrameImages::find_finished(const FrameQuery& query,
+                                                     const FrameRecord& finished) {
+  auto image = store_.row_image(query.job_id, query.frame);
+  if (!image.ok()) return image.status();
+  const auto folder = store_.output_folder(query.job_id);
+  if (!folder.ok()) return folder.status();
+  FrameFile file;
+  file.file_sha256 = finished.file_sha256;
+  file.pixels_sha256 = finished.pixels_sha256;
+  if (*image && query.format == FrameFormat::exr) {
+    file.bytes = *std::move(*image);
+    file.size_bytes = static_cast<std::int64_t>(file.bytes.size());
+    return file;
+  }
+  if (*image) {
+    file.path = new_temporary_path(*folder);
+    file.is_temporary = true;
+    std::ofstream out(file.path, std::ios::binary);
+    out << **image;
+    out.close();
+    if (!out) return absl::UnavailableError(absl::StrCat("cannot write ", file.path));
+  } else {
+    file.path = absl::StrCat(*folder, "/", finished.file);
+  }
   std::error_code error;
   file.size_bytes = static_cast<std::int64_t>(std::filesystem::file_size(file.path, error));
   if (error) return absl::NotFoundError(absl::StrCat(file.path, ": ", error.message()));
   return file;
+}
+
+std::string FrameImages::new_temporary_path(const std::string& folder) {
+  return absl::StrCat(folder, "/partial.", ++partial_count_, ".exr");
 }
 
 absl::StatusOr<FrameFile> FrameImages::write_partial(const FrameQuery& query, const JobSpec& spec) {
@@ -88,7 +111,7 @@ absl::StatusOr<FrameFile> FrameImages::write_partial(const FrameQuery& query, co
   finisher_.open(key);
   const auto folder = store_.output_folder(query.job_id);
   if (!folder.ok()) return folder.status();
-  const std::string path = absl::StrCat(*folder, "/partial.", ++partial_count_, ".exr");
+  const std::string path = new_temporary_path(*folder);
   const auto luminance = film.mean_luminance(key);
   const FrameSpec frame{spec.settings,
                         query.frame,

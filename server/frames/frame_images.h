@@ -23,6 +23,8 @@ class FrameImages {
 
  private:
   absl::StatusOr<FrameFile> make_file(const FrameQuery& query);
+  absl::StatusOr<FrameFile> find_finished(const FrameQuery& query, const FrameRecord& finished);
+  std::string new_temporary_path(const std::string& folder);
   absl::StatusOr<FrameFile> write_partial(const FrameQuery& query, const JobSpec& spec);
 
   FarmState& farm_;

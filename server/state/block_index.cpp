@@ -31,7 +31,7 @@ void BlockIndex::remove(const contract::Unit& unit) {
   if (find(unit) == nullptr) return;
   Frame& frame = frames_.at(unit.frame);
   const auto pass = static_cast<std::size_t>(unit.pass);
-  frame.locations[pass][static_cast<std::size_t>(unit.tile)].segment = -1;
+  frame.locations[pass][static_cast<std::size_t>(unit.tile)].segment = kNotCommitted;
   --frame.progress[pass].committed;
 }
 
@@ -41,7 +41,7 @@ const BlockIndex::BlockLocation* BlockIndex::find(const contract::Unit& unit) co
   const auto& locations = frame->second.locations[static_cast<std::size_t>(unit.pass)];
   if (locations.empty()) return nullptr;
   const BlockLocation& location = locations[static_cast<std::size_t>(unit.tile)];
-  return location.segment < 0 ? nullptr : &location;
+  return location.segment == kNotCommitted ? nullptr : &location;
 }
 
 std::optional<UnitRecord> BlockIndex::record(const contract::Unit& unit) const {
@@ -69,7 +69,7 @@ std::vector<contract::Unit> BlockIndex::units(std::int32_t frame) const {
   for (std::int32_t pass = 0; pass < pass_count_; ++pass) {
     const auto& locations = found->second.locations[static_cast<std::size_t>(pass)];
     for (std::size_t tile = 0; tile < locations.size(); ++tile) {
-      if (locations[tile].segment < 0) continue;
+      if (locations[tile].segment == kNotCommitted) continue;
       units.push_back({frame, static_cast<std::int32_t>(tile), pass});
     }
   }

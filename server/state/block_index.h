@@ -15,9 +15,10 @@ namespace tessera::server {
 /// to recognise duplicates. 64 bytes per unit, released with the frame.
 class BlockIndex {
  public:
+  static constexpr std::int64_t kNotCommitted = -2;  // in place of a segment
   struct BlockLocation {
     contract::Digest sha256;
-    std::int64_t segment = -1, offset = 0;  // segment -1: not committed
+    std::int64_t segment = kNotCommitted, offset = 0;
     std::int32_t size_bytes = 0, stored_bytes = 0;
     std::int32_t worker = 0;  // index into workers_
   };

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <map>
+#include <set>
 #include <system_error>
 #include <utility>
 
@@ -11,6 +12,8 @@
 
 namespace tessera::server {
 namespace {
+
+constexpr std::int64_t kInRow = -1;  // number of the segment of a block in the table blocks
 
 absl::Status read_digest(std::string_view bytes, contract::Digest& digest) {
   const auto read = contract::Digest::from_binary(bytes);
@@ -147,7 +150,8 @@ absl::Status DiskStore::remove_job(const std::string& job_id) {
   absl::Status status = write_at_any_cost([&](Database& rows) {
     for (const std::string_view sql :
          {"DELETE FROM units WHERE job=?", "DELETE FROM totals WHERE job=?",
-          "DELETE FROM segments WHERE job=?", "DELETE FROM frames WHERE job=?",
+          "DELETE FROM segments WHERE job=?", "DELETE FROM blocks WHERE job=?",
+          "DELETE FROM frames WHERE job=?", "DELETE FROM images WHERE job=?",
           "UPDATE jobs SET removed=1, name='', owner='', request='', reason='' WHERE sequence=?"}) {
       if (absl::Status gone = rows.run(sql, {job->sequence}); !gone.ok()) return gone;
     }
@@ -155,6 +159,7 @@ absl::Status DiskStore::remove_job(const std::string& job_id) {
   });
   if (!status.ok()) return status;
   return after_write([this, job_id, bytes = *freed] {
+    row_bytes_.erase(job_id);
     content_bytes_ -= bytes;
     absl::Status removed = segments_.remove_job(job_id);
     removed.Update(files_.remove_folder(absl::StrCat(folder_, "/outputs/", job_id)));
@@ -187,24 +192,47 @@ absl::Status DiskStore::commit(std::vector<Commit>& group) {
     if (!job.ok()) return job.status();
     jobs[job_id] = *job;
   }
+  std::set<std::string> in_rows;
   for (auto& [job_id, units] : by_job) {
+    if (fits_rows(job_id, units)) {
+      in_rows.insert(job_id);
+      continue;
+    }
     absl::Status appended = append_job(job_id, jobs[job_id], units);
     if (!appended.ok()) return appended;
   }
-  std::int64_t added = 0;
-  for (const Commit& commit : group) added += commit.record.stored_bytes;
   absl::Status status = journal_->write([&](Database& rows) {
     for (const auto& [job_id, units] : by_job) {
-      absl::Status inserted = insert_units(rows, jobs[job_id], units);
+      absl::Status inserted;
+      if (in_rows.count(job_id) > 0) inserted = insert_blocks(rows, jobs[job_id].sequence, units);
+      if (inserted.ok()) inserted = insert_units(rows, jobs[job_id], units);
       if (!inserted.ok()) return inserted;
     }
     return absl::OkStatus();
   });
   if (!status.ok()) return status;
+  std::int64_t added = 0;  // to segments
+  for (const Commit& commit : group) {
+    const std::int64_t bytes = commit.record.stored_bytes;
+    (commit.record.segment == kInRow ? row_bytes_[commit.job_id] : added) += bytes;
+  }
   return after_write([this, added] {
     content_bytes_ += added;
     return absl::OkStatus();
   });
+}
+
+/// Whether these blocks are small, and with them the job's blocks in rows. A job that has outgrown
+/// the rows does not return to them in this process.
+bool DiskStore::fits_rows(const std::string& job_id, const std::vector<Commit*>& units) const {
+  const auto found = row_bytes_.find(job_id);
+  std::int64_t sum = found == row_bytes_.end() ? 0 : found->second;
+  for (const Commit* unit : units) {
+    const auto bytes = static_cast<std::int64_t>(unit->block.size());
+    if (bytes > options_.row_block_bytes) return false;
+    sum += bytes;
+  }
+  return sum <= options_.row_blocks_per_job_bytes;
 }
 
 absl::Status DiskStore::append_job(const std::string& job_id, const JobRow& job,
@@ -221,6 +249,20 @@ absl::Status DiskStore::append_job(const std::string& job_id, const JobRow& job,
     record.offset = positions[i].offset;
     record.size_bytes = static_cast<std::int64_t>(blocks[i].size());
     record.stored_bytes = record.size_bytes;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status DiskStore::insert_blocks(Database& rows, std::int64_t job,
+                                      const std::vector<Commit*>& units) {
+  for (Commit* unit : units) {
+    absl::Status inserted =
+        rows.run("INSERT INTO blocks(job, block) VALUES(?, ?)", {job, Blob{unit->block}});
+    if (!inserted.ok()) return inserted;
+    UnitRecord& record = unit->record;
+    record.segment = kInRow;
+    record.offset = rows.last_row_id();
+    record.size_bytes = record.stored_bytes = static_cast<std::int64_t>(unit->block.size());
   }
   return absl::OkStatus();
 }
@@ -244,6 +286,7 @@ absl::Status DiskStore::insert_units(Database& rows, const JobRow& job,
     }
     if (!inserted.ok()) return inserted;
   }
+  if (units.front()->record.segment == kInRow) return absl::OkStatus();
   return rows.run(
       "INSERT INTO segments(job, segment, bytes) VALUES(?1, ?2, ?3) "
       "ON CONFLICT(job, segment) DO UPDATE SET bytes=bytes+?3",
@@ -272,7 +315,9 @@ absl::Status DiskStore::for_each_unit(const std::string& job_id,
 
 absl::StatusOr<std::string> DiskStore::read_block(const std::string& job_id,
                                                   const UnitRecord& record) const {
-  auto block = segments_.read(job_id, {record.segment, record.offset}, record.stored_bytes);
+  auto block = record.segment == kInRow
+                   ? read_row_block(record.offset)
+                   : segments_.read(job_id, {record.segment, record.offset}, record.stored_bytes);
   const std::string unit =
       absl::StrCat("block of unit (", record.unit.frame, ", ", record.unit.tile, ", ",
                    record.unit.pass, ") of job ", job_id);
@@ -283,7 +328,7 @@ absl::StatusOr<std::string> DiskStore::read_block(const std::string& job_id,
   if (absl::IsOutOfRange(block.status())) {
     return absl::DataLossError(absl::StrCat(unit, ": ", std::string(block.status().message())));
   }
-  if (!absl::IsNotFound(block.status())) return block.status();
+  if (!absl::IsNotFound(block.status()) || record.segment == kInRow) return block.status();
   bool wanted = false;
   absl::Status status = journal_->read([&](Database& rows) {
     return rows.each("SELECT 1 FROM jobs WHERE id=? AND removed=0 AND first_segment<=?",
@@ -294,6 +339,17 @@ absl::StatusOr<std::string> DiskStore::read_block(const std::string& job_id,
   return absl::NotFoundError(absl::StrCat(unit, " was released"));
 }
 
+absl::StatusOr<std::string> DiskStore::read_row_block(std::int64_t id) const {
+  std::optional<std::string> block;
+  absl::Status status = journal_->read([&](Database& rows) {
+    return rows.each("SELECT block FROM blocks WHERE id=?", {id},
+                     [&](const SqlRow& row) { block = row.text(0); });
+  });
+  if (!status.ok()) return status;
+  if (!block) return absl::NotFoundError("the block was released");
+  return *std::move(block);
+}
+
 absl::Status DiskStore::drop_units(const std::string& job_id,
                                    const std::vector<contract::Unit>& units) {
   const auto job = find_job(job_id);
@@ -301,7 +357,7 @@ absl::Status DiskStore::drop_units(const std::string& job_id,
   return journal_->write([&](Database& rows) { return delete_units(rows, job->sequence, units); });
 }
 
-/// Their bytes stay in the segments, and in the size, until those are released.
+/// Their bytes stay in the segments or rows, and in the size, until those are released.
 absl::Status DiskStore::delete_units(Database& rows, std::int64_t job,
                                      const std::vector<contract::Unit>& units) {
   for (const contract::Unit& unit : units) {
@@ -327,54 +383,6 @@ absl::Status DiskStore::end_audits(const std::string& job_id,
     }
     return absl::OkStatus();
   });
-}
-
-absl::StatusOr<std::string> DiskStore::output_folder(const std::string& job_id) {
-  if (!is_plain_name(job_id)) {
-    return absl::InvalidArgumentError(absl::StrCat("\"", job_id, "\" is not a valid job ID"));
-  }
-  const std::string outputs = absl::StrCat(folder_, "/outputs");
-  if (absl::Status made = files_.ensure_folder(outputs, job_id); !made.ok()) return made;
-  return absl::StrCat(outputs, "/", job_id);
-}
-
-absl::Status DiskStore::finish_frame(const std::string& job_id, const FrameRecord& frame) {
-  if (absl::Status healthy = files_.check_healthy(); !healthy.ok()) return healthy;
-  const auto job = find_job(job_id);
-  if (!job.ok()) return job.status();
-  const auto bytes = make_output_durable(job_id, frame.file);
-  if (!bytes.ok()) return bytes.status();
-  std::int64_t replaced = 0;
-  absl::Status status = journal_->write([&](Database& rows) {
-    absl::Status read =
-        rows.each("SELECT bytes FROM frames WHERE job=? AND frame=?", {job->sequence, frame.frame},
-                  [&](const SqlRow& row) { replaced = row.integer(0); });
-    if (!read.ok()) return read;
-    return rows.run(
-        "INSERT OR REPLACE INTO frames(job, frame, file, bytes, file_sha256, pixels_sha256, "
-        "statistics_json) VALUES(?, ?, ?, ?, ?, ?, ?)",
-        {job->sequence, frame.frame, frame.file, *bytes, blob_of(frame.file_sha256),
-         blob_of(frame.pixels_sha256), frame.statistics_json});
-  });
-  if (!status.ok()) return status;
-  return after_write([this, gained = *bytes - replaced] {
-    content_bytes_ += gained;
-    return absl::OkStatus();
-  });
-}
-
-absl::StatusOr<std::int64_t> DiskStore::make_output_durable(const std::string& job_id,
-                                                            const std::string& file) {
-  if (!is_plain_name(file)) {
-    return absl::InvalidArgumentError(absl::StrCat("\"", file, "\" is not a valid output name"));
-  }
-  const auto folder = output_folder(job_id);
-  if (!folder.ok()) return folder.status();
-  auto output = files_.filesystem().open_existing(absl::StrCat(*folder, "/", file));
-  if (!output.ok()) return output.status();
-  if (absl::Status synced = files_.sync(**output); !synced.ok()) return synced;
-  if (absl::Status synced = files_.sync_folder(*folder); !synced.ok()) return synced;
-  return (*output)->size();
 }
 
 absl::StatusOr<std::vector<FrameRecord>> DiskStore::frames(const std::string& job_id) const {
@@ -409,10 +417,13 @@ absl::Status DiskStore::close_job(const std::string& job_id) {
     absl::Status moved = rows.run("UPDATE jobs SET first_segment=? WHERE sequence=?",
                                   {job->next_segment, job->sequence});
     if (!moved.ok()) return moved;
+    moved = rows.run("DELETE FROM blocks WHERE job=?", {job->sequence});
+    if (!moved.ok()) return moved;
     return rows.run("DELETE FROM segments WHERE job=?", {job->sequence});
   });
   if (!status.ok()) return status;
   return after_write([this, job_id, bytes = *freed, end = job->next_segment] {
+    row_bytes_.erase(job_id);
     content_bytes_ -= bytes;
     return segments_.release(job_id, end);
   });

@@ -2,7 +2,9 @@
 
 #include <atomic>
 #include <functional>
+#include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,7 +20,7 @@ namespace tessera::server {
 /// The store in a directory (see Store):
 ///
 ///   lock               held by the process that uses the store
-///   store.db           rows; -wal and -shm beside it are SQLite's
+///   store.db           rows, small film blocks, small images; -wal and -shm beside it are SQLite's
 ///   segments/JOB/N.seg film blocks
 ///   assets/ab/cdef…    assets by digest; assets/upload: incomplete uploads
 ///   outputs/JOB/…      finished images
@@ -57,6 +59,10 @@ class DiskStore final : public Store {
 
   absl::StatusOr<std::string> output_folder(const std::string& job_id) override;
   absl::Status finish_frame(const std::string& job_id, const FrameRecord& frame) override;
+  absl::Status update_statistics(const std::string& job_id, std::int32_t frame,
+                                 const std::string& statistics_json) override;
+  absl::StatusOr<std::optional<std::string>> row_image(const std::string& job_id,
+                                                       std::int32_t frame) const override;
   absl::StatusOr<std::vector<FrameRecord>> frames(const std::string& job_id) const override;
   absl::Status close_job(const std::string& job_id) override;
   absl::StatusOr<std::vector<UnitTotals>> totals(const std::string& job_id) const override;
@@ -103,16 +109,19 @@ class DiskStore final : public Store {
   absl::Status write_at_any_cost(const std::function<absl::Status(Database&)>& body);
   absl::Status after_write(std::function<absl::Status()> action);
   absl::StatusOr<JobRow> find_job(const std::string& job_id) const;
+  bool fits_rows(const std::string& job_id, const std::vector<Commit*>& units) const;
   absl::Status append_job(const std::string& job_id, const JobRow& job,
                           const std::vector<Commit*>& units);
   static absl::Status update_row(Database& rows, const JobRecord& job);
   static absl::Status delete_units(Database& rows, std::int64_t job,
                                    const std::vector<contract::Unit>& units);
   static absl::Status add_up_units(Database& rows, std::int64_t job);
+  static absl::Status insert_blocks(Database& rows, std::int64_t job,
+                                    const std::vector<Commit*>& units);
   static absl::Status insert_units(Database& rows, const JobRow& job,
                                    const std::vector<Commit*>& units);
-  absl::StatusOr<std::int64_t> make_output_durable(const std::string& job_id,
-                                                   const std::string& file);
+  absl::StatusOr<std::string> read_row_block(std::int64_t id) const;
+  absl::Status sync_output(const std::string& job_id, File& output);
   absl::StatusOr<std::vector<std::string>> read_ids(std::string_view sql) const;
   absl::StatusOr<std::int64_t> sum_bytes(std::string_view sql, std::int64_t job) const;
 
@@ -130,6 +139,8 @@ class DiskStore final : public Store {
   std::atomic<std::int64_t> content_bytes_ = 0;                // segments and finished frames
   std::vector<std::function<absl::Status()>> after_together_;  // once the transaction is durable
   bool at_any_cost_ = false;  // write_together() includes a write_at_any_cost()
+  // Bytes of blocks that this process put into rows, by jobs that are not closed; writer only.
+  std::map<std::string, std::int64_t> row_bytes_;
 };
 
 }  // namespace tessera::server

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -39,7 +40,7 @@ struct UnitRecord {
   contract::Digest sha256;  // of the encoded block
   std::string worker_id;
   double cpu_seconds = 0;
-  std::int64_t segment = 0, offset = 0, size_bytes = 0;  // set by the store
+  std::int64_t segment = 0, offset = 0, size_bytes = 0;  // set by the store; segment -1: in a row
   std::int64_t stored_bytes = 0;                         // size on disk
   AuditState audit = AuditState::none;
 };
@@ -51,7 +52,7 @@ struct UnitTotals {
   double cpu_seconds = 0;
 };
 
-/// A finished frame: its output file is durable; its blocks may be deleted.
+/// A finished frame: its image is durable; its blocks may be deleted.
 struct FrameRecord {
   std::int32_t frame = 0;
   std::string file;  // name within the job's output directory
@@ -77,6 +78,10 @@ struct Commit {
 struct StoreOptions {
   /// Size at which a segment file is closed and a new one started.
   std::int64_t segment_bytes = std::int64_t{256} << 20;
+  /// Sizes up to which a block and an image are stored in the database, where a group of them needs
+  /// one sync, and the total of such blocks of a job; larger ones have files. 0: always files.
+  std::int64_t row_block_bytes = 16 << 10, row_image_bytes = 64 << 10;
+  std::int64_t row_blocks_per_job_bytes = 128 << 10;
   /// Pages of SQLite's write-ahead log at which it is copied into the database file.
   int checkpoint_pages = 2000;
   /// Free pages that the database file may keep; with more, and more than a quarter of the file, it
@@ -98,7 +103,8 @@ struct StoreOptions {
 };
 
 /// The coordinator's durable state in one directory: SQLite rows, append-only segment files of film
-/// blocks per job, assets, and finished images.
+/// blocks per job, assets, and finished images. Small blocks and images are in rows, so that many
+/// small jobs share a sync.
 ///
 /// Order of a commit: append blocks, fdatasync, commit rows (fsync by SQLite), return. A failed
 /// fsync is never retried: the process ends (docs/explanation/fault-tolerance.md). One thread at a
@@ -171,11 +177,19 @@ class Store {
   /// Returns the directory for outputs of a job, created if missing. Any thread. Errors:
   /// InvalidArgument, not a valid job ID.
   virtual absl::StatusOr<std::string> output_folder(const std::string& job_id) = 0;
-  /// Records a finished frame whose file is complete in the output directory; syncs file and
-  /// directory first; durable on return. Replaces an earlier record of the frame.
+  /// Records a finished frame whose file is complete in the output directory; durable on return.
+  /// Syncs file and directory first, or, if the file is small, moves its contents into a row.
+  /// Replaces an earlier record of the frame.
   ///
   /// Errors: NotFound, no such job or file; InvalidArgument, `file` is not a plain file name.
   virtual absl::Status finish_frame(const std::string& job_id, const FrameRecord& frame) = 0;
+  /// Rewrites the statistics of a finished frame. Errors: NotFound.
+  virtual absl::Status update_statistics(const std::string& job_id, std::int32_t frame,
+                                         const std::string& statistics_json) = 0;
+  /// Returns the image of a finished frame that is stored in a row; nothing if it is a file in the
+  /// output directory. Any thread.
+  virtual absl::StatusOr<std::optional<std::string>> row_image(const std::string& job_id,
+                                                               std::int32_t frame) const = 0;
   virtual absl::StatusOr<std::vector<FrameRecord>> frames(const std::string& job_id) const = 0;
   /// Closes a job whose frames are all finished: deletes its segments and replaces the rows of its
   /// units by sums per worker, so that the journal grows with jobs and not with units. Idempotent;

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <map>
 #include <set>
 #include <utility>
 
@@ -176,10 +177,22 @@ absl::Status DiskStore::clean_outputs() {
                      [&](const SqlRow& row) { content_bytes_ += row.integer(0); });
   });
   if (!status.ok()) return status;
+  std::multimap<std::string, std::string> in_rows;  // files by job that rows have replaced
+  status = journal_->read([&](Database& rows) {
+    return rows.each("SELECT id, file FROM frames JOIN jobs ON job=sequence WHERE bytes=0", {},
+                     [&](const SqlRow& row) { in_rows.emplace(row.text(0), row.text(1)); });
+  });
+  if (!status.ok()) return status;
   const std::string outputs = absl::StrCat(folder_, "/outputs");
   const auto names = files_.filesystem().list(outputs);
   if (!names.ok()) return names.status();
   for (const std::string& name : *names) {
+    const auto [first, last] = in_rows.equal_range(name);
+    for (auto file = first; file != last; ++file) {
+      const absl::Status gone =
+          files_.filesystem().remove(absl::StrCat(outputs, "/", name, "/", file->second));
+      if (!gone.ok()) options_.warn(absl::StrCat("skipped: ", std::string(gone.message())));
+    }
     if (live_jobs.count(name) != 0) continue;
     const absl::Status gone = files_.remove_folder(absl::StrCat(outputs, "/", name));
     if (!gone.ok()) options_.warn(absl::StrCat("skipped: ", std::string(gone.message())));

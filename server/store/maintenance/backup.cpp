@@ -136,7 +136,8 @@ class Backup {
     for (const std::string_view sql :
          {"SELECT 'segments/' || id || '/' || segment || '.seg' FROM segments JOIN jobs "
           "ON job=sequence WHERE segment >= first_segment",
-          "SELECT 'outputs/' || id || '/' || file FROM frames JOIN jobs ON job=sequence",
+          "SELECT 'outputs/' || id || '/' || file FROM frames JOIN jobs ON job=sequence "
+          "WHERE bytes > 0",
           "SELECT 'assets/' || substr(lower(hex(sha256)), 1, 2) || '/' || "
           "substr(lower(hex(sha256)), 3) FROM assets"}) {
       absl::Status listed =

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdlib>
 #include <map>
+#include <optional>
 #include <set>
 #include <span>
 #include <utility>
@@ -113,6 +114,7 @@ class Check {
     if (job == jobs_.end()) return fault(unit, ": no such job");
     if (job->second.is_done) return fault(unit, ": not in the totals of its finished job");
     const std::int64_t segment = row.integer(4), offset = row.integer(5), bytes = row.integer(7);
+    if (segment < 0) return look_at_row_block(unit, offset, row.bytes(8));
     if (segment < job->second.first_segment) {
       if (finished_.count({row.integer(0), row.integer(1)}) > 0) return;
       return fault(unit, ": block released although its frame is not finished");
@@ -127,6 +129,15 @@ class Check {
     if (contract::sha256(*block).binary() != row.bytes(8)) {
       fault(unit, ": digest mismatch");
     }
+  }
+
+  void look_at_row_block(const std::string& unit, std::int64_t id, std::string_view sha256) {
+    std::optional<std::string> block;
+    const absl::Status status = rows_.each("SELECT block FROM blocks WHERE id=?", {id},
+                                           [&](const SqlRow& row) { block = row.text(0); });
+    if (!status.ok() || !block) return fault(unit, ": its block is missing");
+    ++findings_.blocks;
+    if (contract::sha256(*block).binary() != sha256) fault(unit, ": digest mismatch");
   }
 
   absl::Status look_at_totals() {
@@ -180,6 +191,7 @@ class Check {
           if (job == jobs_.end()) {
             return fault("frame ", row.integer(1), ": no job ", row.integer(0));
           }
+          if (row.integer(3) == 0) return look_at_row_image(row);
           known.emplace(job->second.id, row.text(2));
           check_file(absl::StrCat("outputs/", job->second.id, "/", row.text(2)), row.integer(3),
                      row.bytes(4));
@@ -188,6 +200,18 @@ class Check {
       return known.count({job, name}) > 0;
     });
     return status;
+  }
+
+  /// `frame`: a row of look_at_frames() without a file.
+  void look_at_row_image(const SqlRow& frame) {
+    const std::string name =
+        absl::StrCat("image of job ", frame.integer(0), ", frame ", frame.integer(1));
+    std::optional<std::string> image;
+    const absl::Status status = rows_.each("SELECT image FROM images WHERE job=? AND frame=?",
+                                           {frame.integer(0), frame.integer(1)},
+                                           [&](const SqlRow& row) { image = row.text(0); });
+    if (!status.ok() || !image) return fault(name, ": missing");
+    if (contract::sha256(*image).binary() != frame.bytes(4)) fault(name, ": digest mismatch");
   }
 
   absl::Status look_at_assets() {

@@ -103,6 +103,18 @@ ALTER TABLE jobs ADD COLUMN render_contract INTEGER NOT NULL DEFAULT 10;  -- tha
 ALTER TABLE jobs ADD COLUMN failure_code INTEGER NOT NULL DEFAULT 0;  -- status code of a failed job
 UPDATE jobs SET failure_code=3 WHERE state=5 AND reason LIKE 'bad scene:%';  -- INVALID_ARGUMENT
 )sql",
+    R"sql(
+CREATE TABLE blocks(  -- small blocks; units.segment is -1 and units.offset is the id
+  id INTEGER PRIMARY KEY AUTOINCREMENT,
+  job INTEGER NOT NULL,
+  block BLOB NOT NULL);
+CREATE INDEX blocks_of_job ON blocks(job);
+CREATE TABLE images(  -- small images, which have no file; their frames.bytes is 0
+  job INTEGER NOT NULL,
+  frame INTEGER NOT NULL,
+  image BLOB NOT NULL,
+  PRIMARY KEY (job, frame));
+)sql",
 };
 
 constexpr std::int64_t kSchemaVersion = std::size(kSteps);

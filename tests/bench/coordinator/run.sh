@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # Measures a coordinator: durable small results per second, bytes per second of large results, memory per
-# connected worker, and a 16k x 16k frame within 2 GiB. Simulated workers in other processes use gRPC;
-# every image is compared with the pixels that follow from the fabricated blocks.
+# connected worker, a 16k x 16k frame within 2 GiB, and small jobs per second. Simulated workers in other processes
+# use gRPC; the image of a large job is compared with the pixels that follow from the fabricated blocks.
 #
-#   tests/bench/coordinator/run.sh [small|bulk|connected|large]…    default: the first three
+#   tests/bench/coordinator/run.sh [small|bulk|connected|large|jobs]…    default: the first three
 #
 # BIN: directory of tessera-server and the bench programs (build/dev/bin). STORE: empty directory for the
 # stores, on a real file system (tmpfs is refused, because syncs cost nothing there).
@@ -110,6 +110,20 @@ bench_large() {
   job --width 16384 --height 16384 --tile 64 --spp 8
   stop_all
   summary "a frame of 16384 x 16384"
+}
+
+# Jobs of four units each, first with an empty queue, then with jobs waiting that no worker can serve.
+bench_jobs() {
+  local queued
+  for queued in 0 ${QUEUED:-100000}; do
+    server
+    simulate 2 4 64
+    echo "small jobs: $("$BIN/bench_coordinator_small_jobs" --server "unix:$folder/s" \
+      --jobs "${JOBS:-10000}" --queued "$queued")"
+    stop_all
+    echo "small jobs: server at most $rss_peak MiB"
+    rm -rf "${folder:?}"/*
+  done
 }
 
 bench_connected() {

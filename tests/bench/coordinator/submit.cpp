@@ -8,12 +8,10 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "contract/digest.h"
 #include "rpc/channel.h"
 #include "rpc/protocol_version.h"
 #include "rpc/settings_message.h"
-#include "tessera/v1/asset_service.grpc.pb.h"
-#include "tessera/v1/job_service.grpc.pb.h"
+#include "tests/bench/coordinator/scene_upload.h"
 #include "tests/bench/coordinator/simulated_block.h"
 
 namespace {
@@ -26,24 +24,6 @@ struct Options {
   int width = 2048, height = 1024, tile = 8, spp = 8;
 };
 
-bool upload(const std::shared_ptr<grpc::Channel>& channel, const std::string& token,
-            const std::string& bytes) {
-  grpc::ClientContext context;
-  tessera::contract::prepare_call(context, token, std::chrono::seconds(20));
-  v1::UploadAssetResponse response;
-  auto writer = v1::AssetService::NewStub(channel)->UploadAsset(&context, &response);
-  v1::UploadAssetRequest part;
-  part.mutable_asset()->set_sha256(tessera::contract::sha256(bytes).binary());
-  part.mutable_asset()->set_size_bytes(static_cast<std::int64_t>(bytes.size()));
-  writer->Write(part);
-  part.set_chunk(bytes);
-  writer->Write(part);
-  writer->WritesDone();
-  const grpc::Status status = writer->Finish();
-  if (!status.ok()) fprintf(stderr, "upload: %s\n", status.error_message().c_str());
-  return status.ok();
-}
-
 v1::CreateJobRequest job_request(const RenderSettings& settings, const std::string& scene) {
   v1::CreateJobRequest request;
   request.set_protocol_version(tessera::contract::kProtocolVersion);
@@ -51,10 +31,7 @@ v1::CreateJobRequest job_request(const RenderSettings& settings, const std::stri
   request.set_name("bench");
   *request.mutable_settings() = tessera::contract::to_message(settings);
   request.mutable_manifest()->set_scene_uri("bench.gltf");
-  v1::ManifestEntry& entry = *request.mutable_manifest()->add_assets();
-  entry.set_uri("bench.gltf");
-  entry.mutable_asset()->set_sha256(tessera::contract::sha256(scene).binary());
-  entry.mutable_asset()->set_size_bytes(static_cast<std::int64_t>(scene.size()));
+  *request.mutable_manifest()->add_assets() = tessera::bench::manifest_entry("bench.gltf", scene);
   return request;
 }
 
@@ -84,7 +61,7 @@ int run(const Options& options) {
     return 2;
   }
   const std::string scene = "{\"asset\": {\"version\": \"2.0\"}}";
-  if (!upload(*channel, options.token, scene)) return 1;
+  if (!tessera::bench::upload(*channel, options.token, scene)) return 1;
   const auto jobs = v1::JobService::NewStub(*channel);
   grpc::ClientContext context;
   tessera::contract::prepare_call(context, options.token, std::chrono::seconds(20));

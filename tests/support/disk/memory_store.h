@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -162,6 +163,17 @@ class MemoryStore final : public Store {
     if (!commit_fault_.ok()) return commit_fault_;
     frames_[job_id][frame.frame] = frame;
     return absl::OkStatus();
+  }
+  absl::Status update_statistics(const std::string& job_id, std::int32_t frame,
+                                 const std::string& statistics_json) override {
+    const std::lock_guard lock(mutex_);
+    if (!commit_fault_.ok()) return commit_fault_;
+    frames_.at(job_id).at(frame).statistics_json = statistics_json;
+    return absl::OkStatus();
+  }
+  absl::StatusOr<std::optional<std::string>> row_image(const std::string&,
+                                                       std::int32_t) const override {
+    return std::nullopt;
   }
   absl::StatusOr<std::vector<FrameRecord>> frames(const std::string& job_id) const override {
     const std::lock_guard lock(mutex_);

@@ -49,8 +49,8 @@ class FarmOnDisk::Link final : public WorkerConnection {
   void close(const absl::Status& /*reason*/) override {}
 };
 
-FarmOnDisk::FarmOnDisk(const std::string& root)
-    : root_(root), disk_(root), link_(std::make_shared<Link>()) {}
+FarmOnDisk::FarmOnDisk(const std::string& root, bool uses_rows)
+    : root_(root), uses_rows_(uses_rows), disk_(root), link_(std::make_shared<Link>()) {}
 
 FarmOnDisk::~FarmOnDisk() {
   coordinator_.reset();
@@ -61,6 +61,7 @@ absl::Status FarmOnDisk::start() {
   StoreOptions store_options;
   store_options.checkpoint_pages = 40;  // only after the scene is acknowledged
   store_options.segment_bytes = 20'000;
+  if (!uses_rows_) store_options.row_block_bytes = store_options.row_image_bytes = 0;
   auto store = Store::open(root_ + "/store", disk_, store_options);
   if (!store.ok()) return store.status();
   store_ = *std::move(store);

@@ -26,8 +26,9 @@ class FarmOnDisk {
   };
   using WorkerLog = std::map<UnitName, WorkerEntry>;
 
+  /// `uses_rows`: blocks and images are small enough for the database; otherwise they are files.
   /// Requires: the folder `root` exists.
-  explicit FarmOnDisk(const std::string& root);
+  FarmOnDisk(const std::string& root, bool uses_rows);
   ~FarmOnDisk();
   FarmOnDisk(const FarmOnDisk&) = delete;
   FarmOnDisk& operator=(const FarmOnDisk&) = delete;
@@ -60,6 +61,7 @@ class FarmOnDisk {
   void send(const UnitName& name, const Lease& lease);
 
   std::string root_;
+  const bool uses_rows_;
   testing::PowerCutDisk disk_;
   std::unique_ptr<Store> store_;
   std::unique_ptr<Coordinator> coordinator_;

@@ -24,6 +24,7 @@ constexpr int kUnits = 24;  // 2 frames of 6 tiles in 2 passes
 
 /// A job without failures, and the steps at which clients and workers were answered.
 struct Life {
+  bool uses_rows = false;
   std::vector<testing::DiskEvent> events;
   std::string job_id;
   int asset_step = 0;  // when the client was told
@@ -39,7 +40,9 @@ std::vector<std::string> pixels_of(FarmOnDisk& farm, const std::string& job_id) 
   const auto folder = farm.store().output_folder(job_id);
   if (!frames.ok() || !folder.ok()) return {};
   for (const FrameRecord& frame : *frames) {
-    const std::string bytes = read_file(*folder + "/" + frame.file);
+    const auto image = farm.store().row_image(job_id, frame.frame);
+    if (!image.ok()) return {};
+    const std::string bytes = image->has_value() ? **image : read_file(*folder + "/" + frame.file);
     const bool is_intact = contract::sha256(bytes) == frame.file_sha256;
     pixels.push_back(is_intact ? frame.pixels_sha256.hex() : "damaged");
   }
@@ -48,7 +51,7 @@ std::vector<std::string> pixels_of(FarmOnDisk& farm, const std::string& job_id) 
 
 void live(Life& life) {
   const ScratchFolder folder;
-  FarmOnDisk farm(folder.path());
+  FarmOnDisk farm(folder.path(), life.uses_rows);
   ASSERT_TRUE(farm.start().ok());
   const auto uploaded = farm.upload_scene();
   ASSERT_TRUE(uploaded.ok()) << uploaded.status();
@@ -98,7 +101,7 @@ std::string text(const UnitName& name) {
 std::string restart_on(const DiskImage& image, const Life& life, int step, bool worker_kept_power) {
   const ScratchFolder folder;
   testing::restore_image(image, folder.path());
-  FarmOnDisk farm(folder.path());
+  FarmOnDisk farm(folder.path(), life.uses_rows);
   if (absl::Status started = farm.start(); !started.ok()) return started.ToString();
   const contract::Digest scene = farm.scene_digest();
   const bool has_scene = farm.store().has_asset(scene);
@@ -123,14 +126,21 @@ std::string restart_on(const DiskImage& image, const Life& life, int step, bool 
     if (farm.leased().count(name) != 0) return text(name) + " was acknowledged and leased again";
   }
   const auto view = farm.coordinator().queries().job(*job_id);
-  if (!view.ok() || view->state != JobState::done) return "the job fails";
+  if (!view.ok()) return "the job fails";
+  if (view->state != JobState::done) return "the job fails: " + view->reason;
   if (view->committed_unit_count != kUnits) return "units are counted wrongly";
   if (view->cpu_seconds != 0.5 * kUnits) return "CPU seconds are counted wrongly";
   return pixels_of(farm, *job_id) == life.pixels ? "" : "the pixels are others";
 }
 
-TEST(FarmPowerCut, NoStepLosesAcknowledgedUnit) {
+class FarmPowerCut : public ::testing::TestWithParam<bool> {};
+
+INSTANTIATE_TEST_SUITE_P(Storage, FarmPowerCut, ::testing::Bool(),
+                         [](const auto& tested) { return tested.param ? "Rows" : "Files"; });
+
+TEST_P(FarmPowerCut, NoStepLosesAcknowledgedUnit) {
   Life life;
+  life.uses_rows = GetParam();
   live(life);
   ASSERT_FALSE(HasFatalFailure());
   DiskModel disk;
@@ -142,8 +152,9 @@ TEST(FarmPowerCut, NoStepLosesAcknowledgedUnit) {
   }
 }
 
-TEST(FarmPowerCut, EveryRemovedSyncIsDetected) {
+TEST_P(FarmPowerCut, EveryRemovedSyncIsDetected) {
   Life life;
+  life.uses_rows = GetParam();
   live(life);
   ASSERT_FALSE(HasFatalFailure());
   const std::vector<std::string> sites = sync_sites(life.events);

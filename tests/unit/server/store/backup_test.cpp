@@ -27,7 +27,7 @@ void write(const std::string& file, const std::string& bytes) {
 class BackupTest : public ::testing::Test {
  protected:
   BackupTest() {
-    auto opened = Store::open(path(), real_filesystem());
+    auto opened = Store::open(path(), real_filesystem(), files_only());
     EXPECT_TRUE(opened.ok()) << opened.status();
     store_ = *std::move(opened);
     for (const char* id : {"open", "done"}) {

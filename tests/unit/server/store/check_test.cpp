@@ -24,7 +24,7 @@ class StoreCheckTest : public ::testing::Test {
  protected:
   /// A store with an asset, a job with two blocks, and a done and released job.
   StoreCheckTest() {
-    auto store = Store::open(path(), real_filesystem());
+    auto store = Store::open(path(), real_filesystem(), files_only());
     EXPECT_TRUE(store.ok()) << store.status();
     for (const char* id : {"open", "done"}) {
       JobRecord job;

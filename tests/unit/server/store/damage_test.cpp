@@ -30,7 +30,7 @@ class DamageTest : public ::testing::Test {
   std::string segment() const { return path() + "/segments/a/0.seg"; }
 
   absl::StatusOr<std::unique_ptr<Store>> open(Filesystem& filesystem = real_filesystem()) {
-    StoreOptions options;
+    StoreOptions options = files_only();
     options.fatal = [this](const std::string& message) { deaths_.push_back(message); };
     options.warn = [this](const std::string& line) { warnings_.push_back(line); };
     options.checkpoint_pages = checkpoint_pages_;

@@ -10,6 +10,13 @@
 
 namespace tessera::server {
 
+/// Options of a store that keeps blocks and images in files, however small they are.
+inline StoreOptions files_only() {
+  StoreOptions options;
+  options.row_block_bytes = options.row_image_bytes = 0;
+  return options;
+}
+
 /// Records what a store has confirmed. A confirmation holds from the step at which a call returned
 /// until the step at which a call that revokes it began.
 class DurabilityChecker {

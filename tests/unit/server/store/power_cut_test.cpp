@@ -36,7 +36,7 @@ std::string some_bytes(int seed, int count) {
 }
 
 StoreOptions small_options() {
-  StoreOptions options;
+  StoreOptions options = files_only();
   options.segment_bytes = 3000;   // a few blocks
   options.checkpoint_pages = 24;  // a few commits
   options.slack_pages = 0;        // no slack: at most a quarter of the file

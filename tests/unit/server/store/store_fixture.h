@@ -24,7 +24,7 @@ class StoreFixture : public ::testing::Test {
 
   void open() {
     store_.reset();
-    StoreOptions options;
+    StoreOptions options = uses_rows_ ? StoreOptions() : files_only();
     options.segment_bytes = segment_bytes_;
     options.slack_pages = slack_pages_;
     options.checkpoint_pages = checkpoint_pages_;
@@ -95,6 +95,7 @@ class StoreFixture : public ::testing::Test {
   }
 
   ScratchFolder folder_;
+  bool uses_rows_ = false;  // for small blocks and images
   std::unique_ptr<Store> store_;
   std::int64_t segment_bytes_ = 1 << 20;
   int slack_pages_ = 256, checkpoint_pages_ = 2000;

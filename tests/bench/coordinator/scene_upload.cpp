@@ -1,0 +1,36 @@
+#include "tests/bench/coordinator/scene_upload.h"
+
+#include <cstdio>
+
+#include "contract/digest.h"
+#include "rpc/channel.h"
+
+namespace tessera::bench {
+
+bool upload(const std::shared_ptr<grpc::Channel>& channel, const std::string& token,
+            const std::string& bytes) {
+  grpc::ClientContext context;
+  contract::prepare_call(context, token, std::chrono::seconds(20));
+  v1::UploadAssetResponse response;
+  auto writer = v1::AssetService::NewStub(channel)->UploadAsset(&context, &response);
+  v1::UploadAssetRequest part;
+  part.mutable_asset()->set_sha256(contract::sha256(bytes).binary());
+  part.mutable_asset()->set_size_bytes(static_cast<std::int64_t>(bytes.size()));
+  writer->Write(part);
+  part.set_chunk(bytes);
+  writer->Write(part);
+  writer->WritesDone();
+  const grpc::Status status = writer->Finish();
+  if (!status.ok()) fprintf(stderr, "upload: %s\n", status.error_message().c_str());
+  return status.ok();
+}
+
+v1::ManifestEntry manifest_entry(const std::string& uri, const std::string& bytes) {
+  v1::ManifestEntry entry;
+  entry.set_uri(uri);
+  entry.mutable_asset()->set_sha256(contract::sha256(bytes).binary());
+  entry.mutable_asset()->set_size_bytes(static_cast<std::int64_t>(bytes.size()));
+  return entry;
+}
+
+}  // namespace tessera::bench

@@ -1,0 +1,253 @@
+/// bench_coordinator_small_jobs: many clients create many small jobs, which simulated workers finish.
+/// Prints jobs per second from the first CreateJob to the last finished job, and percentiles of the
+/// latency of CreateJob and of the time from CreateJob's answer to the end of the job.
+#include <grpcpp/grpcpp.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstdio>
+#include <map>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "contract/digest.h"
+#include "rpc/channel.h"
+#include "rpc/protocol_version.h"
+#include "rpc/settings_message.h"
+#include "tests/bench/coordinator/scene_upload.h"
+
+namespace {
+
+namespace v1 = tessera::v1;
+using Clock = std::chrono::steady_clock;
+
+struct Options {
+  std::string server, token;
+  int clients = 16, jobs = 10'000, queued = 0, open = 256;
+};
+
+double seconds(Clock::duration span) {
+  return std::chrono::duration<double>(span).count();
+}
+
+/// Prints the median, the 99th percentile and the maximum in milliseconds, as members of an object.
+void print_percentiles(const char* name, std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const auto at = [&](double share) {
+    const auto index = static_cast<std::size_t>(share * static_cast<double>(values.size()));
+    return values.empty() ? 0.0 : 1e3 * values[std::min(index, values.size() - 1)];
+  };
+  printf("\"%s_ms\": {\"p50\": %.2f, \"p99\": %.2f, \"max\": %.2f}, ", name, at(0.5), at(0.99),
+         at(1));
+}
+
+/// The jobs that are created and not yet finished, by ID. Thread-safe.
+class OpenJobs {
+ public:
+  explicit OpenJobs(int limit) : limit_(limit) {}
+
+  /// Waits until another job may be opened.
+  void reserve() {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return open_ < limit_; });
+    ++open_;
+  }
+  void created(const std::string& id) {
+    const std::lock_guard lock(mutex_);
+    if (finished_early_.erase(id) > 0) {  // its event was faster than the answer
+      turnaround_.push_back(0);
+      return;
+    }
+    created_[id] = Clock::now();
+  }
+  /// Counts a job that ended; ignores jobs of other clients.
+  void finished(const std::string& id) {
+    const std::lock_guard lock(mutex_);
+    if (const auto found = created_.find(id); found != created_.end()) {
+      turnaround_.push_back(seconds(Clock::now() - found->second));
+      created_.erase(found);
+    } else {
+      finished_early_.insert({id, 0});
+    }
+    --open_;
+    ++count_;
+    last_ = Clock::now();
+    changed_.notify_all();
+  }
+  /// Waits until this many jobs have ended; returns false after a minute without any.
+  bool wait_for(std::int64_t count) {
+    std::unique_lock lock(mutex_);
+    for (std::int64_t seen = -1; count_ < count;) {
+      if (seen == count_) return false;
+      seen = count_;
+      changed_.wait_for(lock, std::chrono::minutes(1), [&] { return count_ >= count; });
+    }
+    return true;
+  }
+  Clock::time_point last() const { return last_; }
+  std::vector<double> turnaround() const { return turnaround_; }
+
+ private:
+  const int limit_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::map<std::string, Clock::time_point> created_;
+  std::map<std::string, int> finished_early_;
+  std::vector<double> turnaround_;
+  int open_ = 0;
+  std::int64_t count_ = 0;
+  Clock::time_point last_;
+};
+
+v1::CreateJobRequest job_request(const std::string& scene, const std::string& request_id) {
+  tessera::contract::RenderSettings settings;
+  settings.width = settings.height = 16;
+  settings.tile = 8;
+  settings.spp = 4;
+  v1::CreateJobRequest request;
+  request.set_protocol_version(tessera::contract::kProtocolVersion);
+  request.set_request_id(request_id);
+  request.set_name("small");
+  *request.mutable_settings() = tessera::contract::to_message(settings);
+  request.mutable_manifest()->set_scene_uri("bench.gltf");
+  *request.mutable_manifest()->add_assets() = tessera::bench::manifest_entry("bench.gltf", scene);
+  return request;
+}
+
+/// Creates a job and returns its ID; empty if that failed.
+std::string create(v1::JobService::Stub& stub, const Options& options,
+                   const v1::CreateJobRequest& request) {
+  grpc::ClientContext context;
+  tessera::contract::prepare_call(context, options.token, std::chrono::seconds(60));
+  v1::CreateJobResponse response;
+  const grpc::Status status = stub.CreateJob(&context, request, &response);
+  if (!status.ok()) fprintf(stderr, "CreateJob: %s\n", status.error_message().c_str());
+  return status.ok() ? response.job().id() : "";
+}
+
+/// Creates jobs that no worker can serve.
+bool fill_queue(const Options& options, const std::shared_ptr<grpc::Channel>& channel,
+                const std::string& scene) {
+  std::atomic<int> next = 0;
+  std::atomic<bool> failed = false;
+  std::vector<std::thread> threads;
+  for (int i = 0; i < options.clients; ++i) {
+    threads.emplace_back([&] {
+      const auto stub = v1::JobService::NewStub(channel);
+      for (int k = next++; k < options.queued && !failed; k = next++) {
+        auto request = job_request(
+            scene, "queued-" + std::to_string(getpid()) + "-" + std::to_string(k));
+        request.set_required_tag("nobody");
+        if (create(*stub, options, request).empty()) failed = true;
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  return !failed;
+}
+
+/// Reports the end of jobs until the stream is cancelled.
+void watch_events(v1::JobService::Stub& stub, grpc::ClientContext& context, OpenJobs& open) {
+  v1::WatchEventsRequest request;
+  request.set_follow(true);
+  const auto reader = stub.WatchEvents(&context, request);
+  v1::WatchEventsResponse message;
+  while (reader->Read(&message)) {
+    for (const v1::Event& event : message.events()) {
+      if (event.kind() == v1::Event::KIND_JOB_DONE) open.finished(event.job_id());
+    }
+  }
+  reader->Finish();
+}
+
+/// What the clients saw.
+struct Outcome {
+  std::vector<double> create;
+  Clock::time_point start;
+  bool complete = false;
+};
+
+Outcome run_clients(const Options& options, const std::string& scene, OpenJobs& open) {
+  std::atomic<int> next = 0;
+  std::atomic<int> failed = 0;
+  std::mutex mutex;
+  Outcome outcome;
+  outcome.start = Clock::now();
+  std::vector<std::thread> threads;
+  for (int i = 0; i < options.clients; ++i) {
+    threads.emplace_back([&] {
+      const auto channel = tessera::contract::open_channel(options.server, "");
+      const auto stub = v1::JobService::NewStub(*channel);
+      std::vector<double> times;
+      for (int k = next++; k < options.jobs; k = next++) {
+        open.reserve();
+        const auto request =
+            job_request(scene, "small-" + std::to_string(getpid()) + "-" + std::to_string(k));
+        const auto start = Clock::now();
+        const std::string id = create(*stub, options, request);
+        times.push_back(seconds(Clock::now() - start));
+        if (id.empty()) {
+          ++failed;
+          break;
+        }
+        open.created(id);
+      }
+      const std::lock_guard lock(mutex);
+      outcome.create.insert(outcome.create.end(), times.begin(), times.end());
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  outcome.complete = failed == 0 && open.wait_for(options.jobs);
+  return outcome;
+}
+
+int run(const Options& options) {
+  const auto channel = tessera::contract::open_channel(options.server, "");
+  if (!channel.ok()) {
+    fprintf(stderr, "%s\n", std::string(channel.status().message()).c_str());
+    return 2;
+  }
+  const std::string scene = "{\"asset\": {\"version\": \"2.0\"}}";
+  if (!tessera::bench::upload(*channel, options.token, scene)) return 1;
+  if (!fill_queue(options, *channel, scene)) return 1;
+
+  OpenJobs open(options.open);
+  const auto events = v1::JobService::NewStub(*channel);
+  grpc::ClientContext context;
+  context.AddMetadata(tessera::contract::kTokenKey, options.token);
+  std::thread watcher([&] { watch_events(*events, context, open); });
+  const Outcome outcome = run_clients(options, scene, open);
+  context.TryCancel();
+  watcher.join();
+
+  printf("{\"jobs\": %d, \"clients\": %d, \"queued\": %d, \"complete\": %s, ", options.jobs,
+         options.clients, options.queued, outcome.complete ? "true" : "false");
+  print_percentiles("create", outcome.create);
+  print_percentiles("turnaround", open.turnaround());
+  const double wall = seconds(open.last() - outcome.start);
+  printf("\"wall_seconds\": %.3f, \"jobs_per_second\": %.0f}\n", wall, options.jobs / wall);
+  return outcome.complete ? 0 : 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {  // NOLINT(bugprone-exception-escape): a bench may die of one
+  Options options;
+  CLI::App app("Many small jobs for tests/bench/coordinator.");
+  app.add_option("--server", options.server, "unix:PATH or HOST:PORT")->required();
+  app.add_option("--token", options.token, "the server's token");
+  app.add_option("--clients", options.clients, "clients that create jobs")->capture_default_str();
+  app.add_option("--jobs", options.jobs, "jobs to create and finish")->capture_default_str();
+  app.add_option("--queued", options.queued, "jobs created before, which no worker can serve")
+      ->capture_default_str();
+  app.add_option("--open", options.open, "most jobs created and not finished")
+      ->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  return run(options);
+}
