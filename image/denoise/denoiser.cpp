@@ -14,7 +14,6 @@ constexpr int kStreamPlanes = 11, kCandidates = 3;  // raw, zero-order, first-or
 constexpr std::int32_t kChoiceMargin = 16;          // pixels around the tile where errors are known
 constexpr std::int32_t kBlurMargin = 2;  // pixels around the tile where the result is known
 constexpr std::int32_t kPooledCells = 2;
-constexpr double kNormalQuantile95 = 1.6448536270;
 static_assert(kDenoiseMargin == kFilterInset + kChoiceMargin && kChoiceMargin % kDenoiseCell == 0);
 
 std::size_t at(std::int32_t value) {
@@ -312,11 +311,11 @@ void DenoiseSums::add(const DenoiseSums& other) {
   raw_cells += other.raw_cells;
 }
 
-DenoisedError denoised_error(const DenoiseSums& sums) {
+DenoisedError denoised_error(const DenoiseSums& sums, double quantile) {
   DenoisedError error;
   if (sums.pixels == 0) return error;
   const double terms = 3 * static_cast<double>(sums.pixels);
-  const double upper = sums.scaled + kNormalQuantile95 * std::sqrt(sums.spread);
+  const double upper = sums.scaled + quantile * std::sqrt(sums.spread);
   error.error = std::sqrt(std::max(sums.scaled, 0.0) / terms);
   error.error_upper95 = std::sqrt(std::max(upper, 0.0) / terms);
   if (sums.magnitude_squares > 0) {

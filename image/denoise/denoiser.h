@@ -43,7 +43,11 @@ struct DenoisedError {
   double n_eff = 0;  // effective number of pixels that carry the estimate
   double raw_share = 0;
 };
-DenoisedError denoised_error(const DenoiseSums& sums);
+
+/// One-sided quantile of the normal distribution at 95 %.
+inline constexpr double kNormalQuantile95 = 1.6448536270;
+/// `quantile` is that of the normal distribution at the bound's confidence.
+DenoisedError denoised_error(const DenoiseSums& sums, double quantile = kNormalQuantile95);
 
 /// A denoised tile: R, G, B, row by row from the top, in the frame's unit.
 struct DenoisedTile {
