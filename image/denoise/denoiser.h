@@ -11,7 +11,7 @@ constexpr int kDenoiseInputs = 44;
 /// Side of the tiles that denoise_tile() works on; tiles are aligned to the frame's top left.
 constexpr std::int32_t kDenoiseTile = 128;
 /// Pixels around a tile on which its result depends.
-constexpr std::int32_t kDenoiseMargin = 32;
+constexpr std::int32_t kDenoiseMargin = 28;
 /// Side of the squares for which the filter is chosen.
 constexpr std::int32_t kDenoiseCell = 4;
 
