@@ -45,6 +45,11 @@ double mean_scaled(const ErrorSums& sums) {
   return sums.scaled / (kChannels * static_cast<double>(sums.pixels));
 }
 
+double look_quantile(int looks) {
+  const int row = std::clamp(looks, 1, static_cast<int>(kQuantiles.size())) - 1;
+  return kQuantiles[static_cast<std::size_t>(row)];
+}
+
 double upper_mean(const ErrorSums& sums, int looks) {
   const auto pixels = static_cast<double>(sums.pixels);
   const double mean = mean_scaled(sums);
@@ -54,9 +59,7 @@ double upper_mean(const ErrorSums& sums, int looks) {
     const double spread = sums.scaled_squares / pixels - per_pixel * per_pixel;
     standard_error = spread > 0 ? std::sqrt(spread / (pixels - 1)) / kChannels : 0;
   }
-  const int row = std::clamp(looks, 1, static_cast<int>(kQuantiles.size())) - 1;
-  const double quantile = kQuantiles[static_cast<std::size_t>(row)];
-  return mean + quantile * std::sqrt(static_cast<double>(kReplicates)) * standard_error;
+  return mean + look_quantile(looks) * std::sqrt(static_cast<double>(kReplicates)) * standard_error;
 }
 
 double effective_pixels(const ErrorSums& sums) {

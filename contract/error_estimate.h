@@ -34,8 +34,12 @@ struct ErrorEstimate {
 /// ErrorEstimate::error. Requires pixels > 0.
 double mean_scaled(const ErrorSums& sums);
 
-/// Returns the upper bound of the true mean square at 95 % confidence after one of `looks` looks,
-/// each of which spends 5 %/looks (a union bound). Requires pixels > 0.
+/// Returns the quantile of the normal distribution for one of `looks` looks, each of which spends
+/// 5 %/looks (a union bound).
+double look_quantile(int looks);
+
+/// Returns the upper bound of the true mean square at 95 % confidence after one of `looks` looks.
+/// Requires pixels > 0.
 ///
 /// The standard error of the estimate follows from the spread over pixels, times √R: with R
 /// replicates and normal errors a pixel's estimate is σ²/R · χ²(R−1)/(R−1), while the true square

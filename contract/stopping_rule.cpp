@@ -46,7 +46,7 @@ std::int64_t StoppingRule::expected_samples() const {
   return std::max(wanted_samples_, predicted_samples_);
 }
 
-std::vector<StoppingRule::PassTarget> StoppingRule::take_changes() {
+std::vector<PassRule::PassTarget> StoppingRule::take_changes() {
   return std::exchange(changes_, {});
 }
 

@@ -4,18 +4,16 @@
 #include <optional>
 #include <vector>
 
-#include "contract/error_estimate.h"
+#include "contract/pass_rule.h"
 #include "contract/pass_schedule.h"
 
 namespace tessera::contract {
 
-/// Decides how many passes each tile of a frame gets in a job with a target error
-/// (docs/explanation/error-estimation.md).
+/// Decides on passes by the raw image, tile by tile.
 ///
-/// A pure function of the sums added, in any order. Tiles stop as a whole, not single pixels. Every
-/// tile gets passes 0 and 1. Whether a tile gets pass p + 1 depends on its sums after pass p and on
-/// look p − 1, which is taken when every tile is settled at p − 1; so no tile waits for the slowest
-/// one. Uses only + − × ÷ √ and a table of quantiles.
+/// Tiles stop as a whole, not single pixels. Whether a tile gets pass p + 1 depends on its sums
+/// after pass p and on look p − 1, which is taken when every tile is settled at p − 1; so no tile
+/// waits for the slowest one.
 ///
 /// Each look predicts, with squared error falling as 1/n, where every active tile should stop to
 /// meet the frame's bound with fewest samples (∝ σ: the ratio of square to samples is at most one λ
@@ -23,39 +21,19 @@ namespace tessera::contract {
 /// sums, with the others as predicted, meet the frame's bound, so tiles that stop never use up the
 /// budget of others. A tile whose error is concentrated in fewer than 30 pixels continues while it
 /// has more than a thirtieth of the frame's budget.
-class StoppingRule {
+class StoppingRule final : public PassRule {
  public:
   /// `error` is the target E > 0. Requires at least one pass, one tile, and pixels > 0 for each
   /// tile.
   StoppingRule(double error, std::vector<Pass> passes, std::vector<std::int64_t> tile_pixels);
 
-  /// Adds a tile's sums after pass `pass`. Calls for a tile count in the order of passes; others
-  /// are ignored. Idempotent.
-  void add(std::int32_t tile_index, std::int32_t pass, const ErrorSums& sums);
-
-  /// Number of passes that a tile is known to get.
-  struct PassTarget {
-    std::int32_t tile = 0;
-    std::int32_t pass_count = 0;
-    bool is_final = false;  // the tile has stopped
-  };
-  /// Returns the targets that have changed since the last call.
-  std::vector<PassTarget> take_changes();
-  /// Passes that the tile gets, as far as is known.
-  std::int32_t pass_count(std::int32_t tile) const;
-
-  /// Samples of the whole frame, done and predicted.
-  std::int64_t expected_samples() const;
-  /// Number of looks among which the confidence is divided.
-  int looks() const { return looks_; }
-  /// Tiles that stopped because the passes ended.
-  std::int32_t capped_tile_count() const { return capped_tiles_; }
-  /// Tiles whose error was concentrated in fewer than kMinEffectivePixels pixels, and had more than
-  /// a thirtieth of the frame's budget, when they stopped.
-  std::int32_t concentrated_tile_count() const { return concentrated_tiles_; }
-
-  /// Effective number of pixels below which no error bound is given.
-  static constexpr double kMinEffectivePixels = 30;
+  void add(std::int32_t tile_index, std::int32_t pass, const ErrorSums& sums) override;
+  std::vector<PassTarget> take_changes() override;
+  std::int32_t pass_count(std::int32_t tile) const override;
+  std::int64_t expected_samples() const override;
+  int looks() const override { return looks_; }
+  std::int32_t capped_tile_count() const override { return capped_tiles_; }
+  std::int32_t concentrated_tile_count() const override { return concentrated_tiles_; }
 
  private:
   struct Tile {

@@ -11,10 +11,9 @@ namespace tessera::image {
 namespace {
 
 constexpr int kStreamPlanes = 11, kCandidates = 3;  // raw, zero-order, first-order
-constexpr std::int32_t kChoiceMargin = 16;          // pixels around the tile where errors are known
+constexpr std::int32_t kChoiceMargin = 12;          // pixels around the tile where errors are known
 constexpr std::int32_t kBlurMargin = 2;  // pixels around the tile where the result is known
 constexpr std::int32_t kPooledCells = 2;
-constexpr double kNormalQuantile95 = 1.6448536270;
 static_assert(kDenoiseMargin == kFilterInset + kChoiceMargin && kChoiceMargin % kDenoiseCell == 0);
 
 std::size_t at(std::int32_t value) {
@@ -89,13 +88,16 @@ Half load(const DenoiseRows& rows, const Place& place, std::size_t first_stream)
   return half;
 }
 
-/// The choice of each cell within kChoiceMargin of a tile.
+/// Shares of the candidates.
+using Shares = std::array<float, kCandidates>;
+
+/// The shares of the candidates in each cell within kChoiceMargin of a tile.
 struct Choice {
   std::int32_t columns = 0, rows = 0;  // cells, the first at -kChoiceMargin
-  std::vector<std::uint8_t> candidate;
+  std::vector<Shares> shares;
 
-  std::uint8_t of(std::int32_t column, std::int32_t row) const {
-    return candidate[at(row) * at(columns) + at(column)];
+  const Shares& of(std::int32_t column, std::int32_t row) const {
+    return shares[at(row) * at(columns) + at(column)];
   }
 };
 
@@ -111,55 +113,136 @@ const StreamPair& candidate(const HalfResult& half, int k) {
   return k == 0 ? half.raw : k == 1 ? half.filtered.zero_order : half.filtered.first_order;
 }
 
-/// Relative squared error of a pixel of a candidate, up to a constant that all candidates share:
-/// one stream measures the other's error. `handicap` is a share of the raw image's variance.
-double cross_error(const StreamPair& pair, const HalfResult& half, double handicap, std::size_t i) {
-  double sum = 0;
-  for (std::size_t c = 0; c < 3; ++c) {
-    const double a = pair.a[c][i], b = pair.b[c][i], guide = half.filtered.guide[c][i];
-    const double first = a - half.raw.b[c][i], second = b - half.raw.a[c][i], spread = a - b;
-    const double noise = static_cast<double>(half.raw.a[c][i]) - half.raw.b[c][i];
-    sum += (0.5 * (first * first + second * second) - 0.25 * (spread * spread) +
-            handicap * 0.25 * (noise * noise)) /
-           (guide * guide + static_cast<double>(FilterParameters::kErrorFloor));
-  }
-  return sum;
+/// Products of the errors of the candidates: row by row, the lower half of a symmetric matrix.
+constexpr int kProducts = kCandidates * (kCandidates + 1) / 2;
+using Products = std::array<double, kProducts>;
+
+double product(const Products& products, int k, int l) {
+  const int row = std::max(k, l), column = std::min(k, l);
+  return products[at(row * (row + 1) / 2 + column)];
 }
 
-/// Cross-validated errors of each candidate, summed over cells.
-std::array<std::vector<double>, kCandidates> cell_errors(const HalfResult& half, const Half& input,
-                                                         const Place& place, const Choice& cells) {
-  std::array<std::vector<double>, kCandidates> errors;
-  for (int k = 0; k < kCandidates; ++k) {
-    std::vector<double>& sums = errors[at(k)];
-    sums.assign(at(cells.columns) * at(cells.rows), 0);
-    for (std::int32_t row = 0; row < cells.rows * kDenoiseCell; ++row) {
-      for (std::int32_t column = 0; column < cells.columns * kDenoiseCell; ++column) {
-        const std::size_t i = place.index(column - kChoiceMargin, row - kChoiceMargin);
-        if (input.valid[i] == 0) continue;
-        sums[at(row / kDenoiseCell) * at(cells.columns) + at(column / kDenoiseCell)] +=
-            cross_error(candidate(half, k), half, k == 0 ? 0 : FilterParameters::kRawAdvantage, i);
+/// Adds the products of the candidates' relative errors at a pixel, up to a constant that all
+/// share: one stream measures the other's error.
+void add_products(const HalfResult& half, std::size_t i, Products& sums) {
+  for (std::size_t c = 0; c < 3; ++c) {
+    const double guide = half.filtered.guide[c][i];
+    const double scale = 1 / (guide * guide + static_cast<double>(FilterParameters::kErrorFloor));
+    const double raw_a = half.raw.a[c][i], raw_b = half.raw.b[c][i];
+    const double handicap =
+        FilterParameters::kRawAdvantage * 0.25 * ((raw_a - raw_b) * (raw_a - raw_b));
+    double first[kCandidates], second[kCandidates], spread[kCandidates];
+    for (int k = 0; k < kCandidates; ++k) {
+      const StreamPair& pair = candidate(half, k);
+      const double a = pair.a[c][i], b = pair.b[c][i];
+      first[k] = a - raw_b;
+      second[k] = b - raw_a;
+      spread[k] = a - b;
+    }
+    std::size_t to = 0;
+    for (int k = 0; k < kCandidates; ++k) {
+      for (int l = 0; l <= k; ++l) {
+        sums[to++] += (0.5 * (first[k] * first[l] + second[k] * second[l]) -
+                       0.25 * (spread[k] * spread[l]) + (l > 0 ? handicap : 0)) *
+                      scale;
       }
     }
   }
-  return errors;
 }
 
-/// Sum of a candidate's errors over the cells around one, near ones counting more.
-double pooled_error(const std::vector<double>& errors, const Choice& cells, std::int32_t column,
-                    std::int32_t row) {
+/// The products of each cell.
+std::vector<Products> cell_products(const HalfResult& half, const Half& input, const Place& place,
+                                    const Choice& cells) {
+  std::vector<Products> sums(at(cells.columns) * at(cells.rows), Products{});
+  for (std::int32_t row = 0; row < cells.rows * kDenoiseCell; ++row) {
+    for (std::int32_t column = 0; column < cells.columns * kDenoiseCell; ++column) {
+      const std::size_t i = place.index(column - kChoiceMargin, row - kChoiceMargin);
+      if (input.valid[i] == 0) continue;
+      add_products(half, i,
+                   sums[at(row / kDenoiseCell) * at(cells.columns) + at(column / kDenoiseCell)]);
+    }
+  }
+  return sums;
+}
+
+/// Sum of the products of the cells around one, near ones counting more.
+Products pooled_products(const std::vector<Products>& all, const Choice& cells, std::int32_t column,
+                         std::int32_t row) {
   constexpr double kWeights[] = {1, 2, 3, 2, 1};
-  double sum = 0;
+  Products sum{};
   for (std::int32_t dy = -kPooledCells; dy <= kPooledCells; ++dy) {
     for (std::int32_t dx = -kPooledCells; dx <= kPooledCells; ++dx) {
-      sum += kWeights[dy + kPooledCells] * kWeights[dx + kPooledCells] *
-             errors[at(row + dy) * at(cells.columns) + at(column + dx)];
+      const Products& from = all[at(row + dy) * at(cells.columns) + at(column + dx)];
+      for (int k = 0; k < kProducts; ++k)
+        sum[at(k)] += kWeights[dy + kPooledCells] * kWeights[dx + kPooledCells] * from[at(k)];
     }
   }
   return sum;
 }
 
-/// Chooses the candidate with the least error over the cells around.
+/// Finds the shares, at least 0 and 1 in sum, with the least squared error.
+class BestShares {
+ public:
+  explicit BestShares(const Products& products) : products_(products) {
+    for (int k = 0; k < kCandidates; ++k) {
+      double alone[kCandidates] = {};
+      alone[k] = 1;
+      consider(alone);
+    }
+    for (int k = 0; k < kCandidates; ++k) {
+      for (int l = 0; l < k; ++l) consider_pair(k, l);
+    }
+    consider_all();
+  }
+
+  Shares shares() const {
+    const double raw_variance = at(0, 0) / 3;  // ¼ (a − b)², where at(0, 0) sums ¾ (a − b)²
+    if (!(least_ < at(0, 0) - FilterParameters::kLeastGain * raw_variance)) return {1, 0, 0};
+    return {static_cast<float>(best_[0]), static_cast<float>(best_[1]),
+            static_cast<float>(best_[2])};
+  }
+
+ private:
+  double at(int k, int l) const { return product(products_, k, l); }
+
+  void consider(const double (&shares)[kCandidates]) {
+    double square = 0;
+    for (int k = 0; k < kCandidates; ++k) {
+      for (int l = 0; l < kCandidates; ++l) square += shares[k] * shares[l] * at(k, l);
+    }
+    if (has_best_ && !(square < least_)) return;
+    has_best_ = true;
+    least_ = square;
+    std::copy_n(shares, kCandidates, best_);
+  }
+
+  /// The best mixture of two, unless one of them is better alone.
+  void consider_pair(int k, int l) {
+    const double first = at(k, k) - at(k, l), second = at(l, l) - at(k, l);
+    if (!(first > 0 && second > 0)) return;
+    double shares[kCandidates] = {};
+    shares[l] = first / (first + second);
+    shares[k] = 1 - shares[l];
+    consider(shares);
+  }
+
+  /// The mixture (1 − u − v, u, v) at which both derivatives are 0.
+  void consider_all() {
+    const double uu = at(0, 0) - 2 * at(0, 1) + at(1, 1), vv = at(0, 0) - 2 * at(0, 2) + at(2, 2);
+    const double uv = at(0, 0) - at(0, 1) - at(0, 2) + at(1, 2);
+    const double u0 = at(0, 0) - at(0, 1), v0 = at(0, 0) - at(0, 2);
+    const double determinant = uu * vv - uv * uv;
+    if (!(determinant > 0 && uu > 0)) return;
+    const double u = (u0 * vv - v0 * uv) / determinant, v = (v0 * uu - u0 * uv) / determinant;
+    if (u > 0 && v > 0 && u + v < 1) consider({1 - u - v, u, v});
+  }
+
+  const Products& products_;
+  bool has_best_ = false;
+  double least_ = 0, best_[kCandidates] = {};
+};
+
+/// Chooses the shares with the least error over the cells around.
 void choose(const Half& input, const Place& place, HalfResult& half) {
   Choice& cells = half.choice;
   const auto count = [](std::int32_t side) {
@@ -168,17 +251,12 @@ void choose(const Half& input, const Place& place, HalfResult& half) {
   // Pixels to the right of and below the last whole cell are within the margin.
   cells.columns = count(place.tile_width);
   cells.rows = count(place.tile_height);
-  const auto errors = cell_errors(half, input, place, cells);
-  cells.candidate.assign(at(cells.columns) * at(cells.rows), 0);
+  const auto products = cell_products(half, input, place, cells);
+  cells.shares.assign(at(cells.columns) * at(cells.rows), {1, 0, 0});
   for (std::int32_t row = kPooledCells; row < cells.rows - kPooledCells; ++row) {
     for (std::int32_t column = kPooledCells; column < cells.columns - kPooledCells; ++column) {
-      double least = 0;
-      for (int k = 0; k < kCandidates; ++k) {
-        const double sum = pooled_error(errors[at(k)], cells, column, row);
-        if (k > 0 && !(sum < least)) continue;
-        least = sum;
-        cells.candidate[at(row) * at(cells.columns) + at(column)] = static_cast<std::uint8_t>(k);
-      }
+      cells.shares[at(row) * at(cells.columns) + at(column)] =
+          BestShares(pooled_products(products, cells, column, row)).shares();
     }
   }
 }
@@ -218,8 +296,11 @@ void blend(const Place& place, HalfResult& half) {
       float weights[kCandidates] = {};
       for (int k = 0; k < 4; ++k) {
         const bool right = k % 2 != 0, lower = k / 2 != 0;
-        weights[half.choice.of(shares.column + (right ? 1 : 0), shares.row + (lower ? 1 : 0))] +=
+        const Shares& of =
+            half.choice.of(shares.column + (right ? 1 : 0), shares.row + (lower ? 1 : 0));
+        const float share =
             (right ? shares.across : 1 - shares.across) * (lower ? shares.down : 1 - shares.down);
+        for (std::size_t j = 0; j < of.size(); ++j) weights[j] += share * of[j];
       }
       const std::size_t i = place.index(x, y);
       for (std::size_t c = 0; c < 3; ++c) half.colour[c][i] = blended_colour(half, weights, c, i);
@@ -281,7 +362,7 @@ bool is_raw(const HalfResult (&halves)[2], std::int32_t x, std::int32_t y) {
   const CellShares shares(x, y);
   for (const HalfResult& half : halves) {
     for (int k = 0; k < 4; ++k) {
-      if (half.choice.of(shares.column + k % 2, shares.row + k / 2) != 0) return false;
+      if (half.choice.of(shares.column + k % 2, shares.row + k / 2)[0] != 1) return false;
     }
   }
   return true;
@@ -293,7 +374,7 @@ void count_cells(const HalfResult (&halves)[2], const Place& place, DenoiseSums&
     for (std::int32_t x = 0; x < place.tile_width; x += kDenoiseCell) {
       const std::int32_t column = kFirst + x / kDenoiseCell, row = kFirst + y / kDenoiseCell;
       const bool raw =
-          halves[0].choice.of(column, row) == 0 && halves[1].choice.of(column, row) == 0;
+          halves[0].choice.of(column, row)[0] == 1 && halves[1].choice.of(column, row)[0] == 1;
       ++sums.cells;
       sums.raw_cells += raw ? 1 : 0;
     }
@@ -312,11 +393,11 @@ void DenoiseSums::add(const DenoiseSums& other) {
   raw_cells += other.raw_cells;
 }
 
-DenoisedError denoised_error(const DenoiseSums& sums) {
+DenoisedError denoised_error(const DenoiseSums& sums, double quantile) {
   DenoisedError error;
   if (sums.pixels == 0) return error;
   const double terms = 3 * static_cast<double>(sums.pixels);
-  const double upper = sums.scaled + kNormalQuantile95 * std::sqrt(sums.spread);
+  const double upper = sums.scaled + quantile * std::sqrt(sums.spread);
   error.error = std::sqrt(std::max(sums.scaled, 0.0) / terms);
   error.error_upper95 = std::sqrt(std::max(upper, 0.0) / terms);
   if (sums.magnitude_squares > 0) {

@@ -11,7 +11,7 @@ constexpr int kDenoiseInputs = 44;
 /// Side of the tiles that denoise_tile() works on; tiles are aligned to the frame's top left.
 constexpr std::int32_t kDenoiseTile = 128;
 /// Pixels around a tile on which its result depends.
-constexpr std::int32_t kDenoiseMargin = 32;
+constexpr std::int32_t kDenoiseMargin = 28;
 /// Side of the squares for which the filter is chosen.
 constexpr std::int32_t kDenoiseCell = 4;
 
@@ -43,7 +43,11 @@ struct DenoisedError {
   double n_eff = 0;  // effective number of pixels that carry the estimate
   double raw_share = 0;
 };
-DenoisedError denoised_error(const DenoiseSums& sums);
+
+/// One-sided quantile of the normal distribution at 95 %.
+inline constexpr double kNormalQuantile95 = 1.6448536270;
+/// `quantile` is that of the normal distribution at the bound's confidence.
+DenoisedError denoised_error(const DenoiseSums& sums, double quantile = kNormalQuantile95);
 
 /// A denoised tile: R, G, B, row by row from the top, in the frame's unit.
 struct DenoisedTile {

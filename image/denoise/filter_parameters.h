@@ -5,18 +5,20 @@ namespace tessera::image {
 /// Constants of the filter, in units of the frame's mean luminance where they are radiances. Tuned
 /// on the scenes of tests/bench/coverage.
 struct FilterParameters {
-  static constexpr int kGuideRadius = 5, kFilterRadius = 5, kRegressionRadius = 5;
+  static constexpr int kGuideRadius = 5, kFilterRadius = 5, kRegressionRadius = 3;
   static constexpr float kGuideNoise = 1, kFilterNoise = 4;  // squared multiples of the noise
   static constexpr float kGuideTolerance = 1e-4f, kFilterTolerance = 1e-3f;  // of squared colour
   static constexpr float kMinSquare = 1e-9f;
-  static constexpr float kAlbedoSquare = 0.01f, kNormalSquare = 0.05f, kDepthSquare = 0.05f;
+  static constexpr float kAlbedoSquare = 0.01f, kNormalSquare = 0.05f, kDepthSquare = 0.01f;
   /// Scales of the regression's features: 1/√0.1 for albedo and hits, 1/√0.3 for normals, and
   /// 1/(0.2 z) for depth.
   static constexpr float kAlbedoScale = 3.1622777f, kNormalScale = 1.8257419f, kDepthScale = 5;
-  static constexpr float kRidge = 0.003f, kMinPivot = 1e-6f;
-  /// A filter must be better than the raw image by this share of the raw image's variance: it has
-  /// seen the samples that it is judged by.
-  static constexpr double kRawAdvantage = 0.25;
+  static constexpr float kRidge = 0.1f, kMinPivot = 1e-6f;
+  /// Share of the raw image's variance that is added to the error of a filter: it has seen the
+  /// samples that it is judged by.
+  static constexpr double kRawAdvantage = 0.05;
+  /// Share of the raw image's variance by which a mixture must be better than the raw image.
+  static constexpr double kLeastGain = 0.1;
   static constexpr float kErrorFloor = 0.01f;  // as in the contract's error
 };
 

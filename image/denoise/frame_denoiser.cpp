@@ -238,6 +238,7 @@ FrameDenoiser::FrameDenoiser(std::int32_t width, std::int32_t height, double mea
     : state_(std::make_unique<State>(width, height, mean_luminance, inputs, threads)) {}
 
 FrameDenoiser::~FrameDenoiser() = default;
+FrameDenoiser::FrameDenoiser(FrameDenoiser&&) noexcept = default;
 
 bool FrameDenoiser::has_layers(const std::vector<ExrPlane>& inputs) {
   std::vector<std::string> names = {"R", "G", "B"};
@@ -259,8 +260,8 @@ absl::Status FrameDenoiser::push(std::int32_t rows, const std::vector<ExrPlane>&
   return state_->push(rows, inputs, sink);
 }
 
-DenoisedError FrameDenoiser::error() const {
-  return denoised_error(state_->sums());
+DenoisedError FrameDenoiser::error(double quantile) const {
+  return denoised_error(state_->sums(), quantile);
 }
 
 }  // namespace tessera::image

@@ -24,6 +24,7 @@ class FrameDenoiser {
   FrameDenoiser(std::int32_t width, std::int32_t height, double mean_luminance,
                 const std::vector<ExrPlane>& inputs, int threads);
   ~FrameDenoiser();
+  FrameDenoiser(FrameDenoiser&&) noexcept;
   FrameDenoiser(const FrameDenoiser&) = delete;
   FrameDenoiser& operator=(const FrameDenoiser&) = delete;
 
@@ -35,8 +36,8 @@ class FrameDenoiser {
   /// Takes the next `rows` rows of all inputs and passes on the rows that are finished. Errors: the
   /// sink's.
   absl::Status push(std::int32_t rows, const std::vector<ExrPlane>& inputs, const Sink& sink);
-  /// Error of the rows passed on; tiles in order, row by row from the top.
-  DenoisedError error() const;
+  /// Error of the rows passed on, as denoised_error(); tiles in order, row by row from the top.
+  DenoisedError error(double quantile = kNormalQuantile95) const;
 
  private:
   class State;

@@ -1,8 +1,12 @@
 #include "image/denoise/half_filter.h"
 
+#include <immintrin.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <initializer_list>
+#include <utility>
 
 #include "image/denoise/filter_parameters.h"
 
@@ -28,6 +32,11 @@ Lanes load_lanes(const float* from) {
 
 void store_lanes(Lanes lanes, float* to) {
   std::memcpy(to, &lanes, sizeof lanes);
+}
+
+/// a · b + c, rounded once.
+Lanes multiply_add(Lanes a, Lanes b, Lanes c) {
+  return _mm256_fmadd_ps(a, b, c);
 }
 
 std::size_t size_of(std::int32_t value) {
@@ -86,8 +95,7 @@ class WindowFilter {
         count_(size_of(half.width - 2 * inset)),
         side_(size_of(2 * radius + 1)),
         patches_(3 * side_ * side_ * count_),
-        ratio_(count_ + 2),
-        weights_(side_ * side_ * kLanes) {}
+        ratio_(count_ + 2) {}
 
   /// Zero-order filter of rows [inset, height - inset); with `first_order`, the regression too.
   void run(StreamPair& zero_order, StreamPair* first_order) {
@@ -162,39 +170,59 @@ class WindowFilter {
   /// Squared difference of the features, relative to the tolerance of the pixels `at`.
   static Lanes feature_distance(const Features& at, const float* const (&planes)[kHalfFeatures],
                                 std::ptrdiff_t q) {
-    const auto square = [&](std::size_t k) {
-      const Lanes difference = at.value[k] - load_lanes(planes[k] + q);
-      return difference * difference;
+    Lanes difference[kHalfFeatures];
+    for (std::size_t k = 0; k < kHalfFeatures; ++k)
+      difference[k] = at.value[k] - load_lanes(planes[k] + q);
+    const auto squares = [&](std::initializer_list<std::size_t> features) {
+      Lanes sum = {};
+      for (const std::size_t k : features) sum = multiply_add(difference[k], difference[k], sum);
+      return sum;
     };
-    Lanes sum = ((square(0) + square(1)) + (square(2) + square(7))) * at.albedo_weight;
-    sum += ((square(3) + square(4)) + square(5)) * at.normal_weight;
-    sum += square(6) * at.depth_weight;
-    return sum;
+    const Lanes depth = squares({6}) * at.depth_weight;
+    const Lanes normal = multiply_add(squares({3, 4, 5}), at.normal_weight, depth);
+    return multiply_add(squares({0, 1, 2, 7}), at.albedo_weight, normal);
   }
 
-  /// Filters kLanes pixels, and keeps the weights by colour alone for the regression.
+  /// Mean distance of the colours of two patches: of kLanes pixels from x on, and of their
+  /// neighbours at one offset.
+  struct Patches {
+    const float *above, *here, *below;
+
+    Lanes distance(std::size_t offset) const {
+      const std::size_t at = offset * kLanes;
+      const Lanes mean =
+          ((load_lanes(above + at) + load_lanes(here + at)) + load_lanes(below + at)) * (1.0f / 9);
+      return mean > 0 ? mean : Lanes{};
+    }
+  };
+
+  Patches patches_at(std::int32_t y, std::size_t x) {
+    return {patch(y - 1, x), patch(y, x), patch(y + 1, x)};
+  }
+
+  /// Share of a neighbour's weight that counts: 0 outside the frame; the pixel itself has weight 1.
+  Lanes in_frame(std::ptrdiff_t p, std::ptrdiff_t q) const {
+    return q == p ? Lanes{} + 1 : load_lanes(half_.valid.data() + q);
+  }
+
+  /// Filters kLanes pixels.
   void filter(std::int32_t y, std::size_t x, StreamPair& out) {
     const std::ptrdiff_t p = row(y) + static_cast<std::ptrdiff_t>(x);
     const Features at = features_at(p);
-    const float *above = patch(y - 1, x), *here = patch(y, x), *below = patch(y + 1, x);
-    const float *planes[kHalfFeatures], *streams[kSides], *valid = half_.valid.data();
+    const Patches patches = patches_at(y, x);
+    const float *planes[kHalfFeatures], *streams[kSides];
     for (std::size_t k = 0; k < kHalfFeatures; ++k) planes[k] = half_.features[k].data();
     for (std::size_t k = 0; k < kSides; ++k) streams[k] = stream(k);
-    float* kept = weights_.data();
     Lanes total = {}, sums[kSides] = {};
-    std::size_t to = 0;
+    std::size_t offset = 0;
     for (int dy = -radius_; dy <= radius_; ++dy) {
-      for (int dx = -radius_; dx <= radius_; ++dx, to += kLanes) {
+      for (int dx = -radius_; dx <= radius_; ++dx, ++offset) {
         const std::ptrdiff_t q = p + dy * std::ptrdiff_t{half_.width} + dx;
-        // The pixel itself has weight 1.
-        const Lanes in_frame = q == p ? Lanes{} + 1 : load_lanes(valid + q);
-        Lanes colour = ((load_lanes(above + to) + load_lanes(here + to)) + load_lanes(below + to)) *
-                       (1.0f / 9);
-        colour = colour > 0 ? colour : Lanes{};
-        store_lanes(filter_weight(colour) * in_frame, kept + to);
-        const Lanes weight = filter_weight(colour + feature_distance(at, planes, q)) * in_frame;
+        const Lanes distance = patches.distance(offset) + feature_distance(at, planes, q);
+        const Lanes weight = filter_weight(distance) * in_frame(p, q);
         total += weight;
-        for (std::size_t k = 0; k < kSides; ++k) sums[k] += weight * load_lanes(streams[k] + q);
+        for (std::size_t k = 0; k < kSides; ++k)
+          sums[k] = multiply_add(weight, load_lanes(streams[k] + q), sums[k]);
       }
     }
     for (std::size_t k = 0; k < kSides; ++k) {
@@ -213,65 +241,85 @@ class WindowFilter {
     Lanes& at(std::size_t a, std::size_t b) { return matrix[a * (a + 1) / 2 + b]; }
   };
 
-  /// Calls visit(q, weights) for the neighbours that the regression is fitted to.
-  template <typename Visit>
-  void for_each_neighbour(std::ptrdiff_t p, const Visit& visit) const {
+  /// A neighbour that the regression is fitted to: its weight by colour alone, and the scaled
+  /// differences of the features, without term 0, which is 1.
+  struct Neighbour {
+    std::ptrdiff_t position;
+    Lanes weight, terms[kHalfFeatures];
+  };
+  static constexpr std::size_t kNeighbours =
+      (2 * P::kRegressionRadius + 1) * (2 * P::kRegressionRadius + 1);
+
+  void find_neighbours(std::int32_t y, std::size_t x, std::ptrdiff_t p,
+                       Neighbour (&neighbours)[kNeighbours]) {
     constexpr int kRadius = P::kRegressionRadius;
+    const Patches patches = patches_at(y, x);
+    const Lanes depth = load_lanes(half_.features[6].data() + p);
+    const Lanes depth_scale = depth > 0 ? P::kDepthScale / depth : Lanes{};
+    Neighbour* to = neighbours;
     for (int dy = -kRadius; dy <= kRadius; ++dy) {
       for (int dx = -kRadius; dx <= kRadius; ++dx) {
         const std::size_t offset = size_of(dy + radius_) * side_ + size_of(dx + radius_);
-        visit(p + dy * std::ptrdiff_t{half_.width} + dx, load_lanes(&weights_[offset * kLanes]));
+        const std::ptrdiff_t q = p + dy * std::ptrdiff_t{half_.width} + dx;
+        to->position = q;
+        to->weight = filter_weight(patches.distance(offset)) * in_frame(p, q);
+        find_terms(p, q, depth_scale, to->terms);
+        ++to;
       }
     }
   }
 
   /// The regression's value at a pixel is linear in the neighbours' colours: their factors are
   /// weight · solution · terms.
-  void regress(std::int32_t y, std::size_t x, StreamPair& out) const {
+  void regress(std::int32_t y, std::size_t x, StreamPair& out) {
     Equations equations;
     const std::ptrdiff_t p = row(y) + static_cast<std::ptrdiff_t>(x);
-    const Lanes depth = load_lanes(half_.features[6].data() + p);
-    const Lanes depth_scale = depth > 0 ? P::kDepthScale / depth : Lanes{};
-    for_each_neighbour(p, [&](std::ptrdiff_t q, Lanes weight) {
-      add_equation(p, q, weight, depth_scale, equations);
-    });
+    Neighbour neighbours[kNeighbours];
+    find_neighbours(y, x, p, neighbours);
+    add_rows(neighbours, equations, std::make_index_sequence<kTerms>());
     solve(equations);
     Lanes sums[kSides] = {};
-    for_each_neighbour(p, [&](std::ptrdiff_t q, Lanes weight) {
-      Lanes terms[kTerms];
-      find_terms(p, q, depth_scale, terms);
+    for (const Neighbour& each : neighbours) {
       Lanes factor = equations.solution[0];
-      for (std::size_t a = 1; a < kTerms; ++a) factor += equations.solution[a] * terms[a];
-      factor *= weight;
-      for (std::size_t k = 0; k < kSides; ++k) sums[k] += factor * load_lanes(stream(k) + q);
-    });
+      for (std::size_t a = 1; a < kTerms; ++a)
+        factor = multiply_add(equations.solution[a], each.terms[a - 1], factor);
+      factor *= each.weight;
+      for (std::size_t k = 0; k < kSides; ++k)
+        sums[k] = multiply_add(factor, load_lanes(stream(k) + each.position), sums[k]);
+    }
     for (std::size_t k = 0; k < kSides; ++k) {
       store_lanes(sums[k], (k < 3 ? out.a[k] : out.b[k - 3]).data() + p);
     }
   }
 
-  /// The scaled differences of the features; terms[0], which is 1, is left out.
   void find_terms(std::ptrdiff_t p, std::ptrdiff_t q, Lanes depth_scale,
-                  Lanes (&terms)[kTerms]) const {
+                  Lanes (&terms)[kHalfFeatures]) const {
     for (std::size_t k = 0; k < kHalfFeatures; ++k) {
       const float* plane = half_.features[k].data();
       const Lanes difference = load_lanes(plane + q) - load_lanes(plane + p);
-      terms[k + 1] = k == 6 ? difference * depth_scale
-                            : difference * (k >= 3 && k < 6 ? P::kNormalScale : P::kAlbedoScale);
+      terms[k] = k == 6 ? difference * depth_scale
+                        : difference * (k >= 3 && k < 6 ? P::kNormalScale : P::kAlbedoScale);
     }
   }
 
-  void add_equation(std::ptrdiff_t p, std::ptrdiff_t q, Lanes weight, Lanes depth_scale,
-                    Equations& equations) const {
-    Lanes terms[kTerms];
-    find_terms(p, q, depth_scale, terms);
-    equations.matrix[0] += weight;
-    std::size_t pair = 1;
-    for (std::size_t a = 1; a < kTerms; ++a) {
-      const Lanes weighted = weight * terms[a];
-      equations.matrix[pair++] += weighted;
-      for (std::size_t b = 1; b <= a; ++b) equations.matrix[pair++] += weighted * terms[b];
+  /// Row A of the normal matrix; its sums stay in registers.
+  template <std::size_t A>
+  static void add_row(const Neighbour (&neighbours)[kNeighbours], Equations& equations) {
+    Lanes sums[A + 1] = {};
+    for (const Neighbour& each : neighbours) {
+      Lanes weighted = each.weight;
+      if constexpr (A > 0) weighted *= each.terms[A - 1];
+      sums[0] += weighted;
+      for (std::size_t b = 1; b <= A; ++b)
+        sums[b] = multiply_add(weighted, each.terms[b - 1], sums[b]);
     }
+    for (std::size_t b = 0; b <= A; ++b) equations.at(A, b) = sums[b];
+  }
+
+  template <std::size_t... kRows>
+  static void add_rows(const Neighbour (&neighbours)[kNeighbours], Equations& equations,
+                       std::index_sequence<kRows...>) {
+    (add_row<kRows>(neighbours, equations), ...);
   }
 
   /// Solves for the unit vector of the constant term by Cholesky's decomposition, with a ridge.
@@ -308,7 +356,7 @@ class WindowFilter {
   const Guidance& guide_;
   const int radius_;
   const std::size_t begin_, count_, side_;
-  std::vector<float> patches_, ratio_, weights_;
+  std::vector<float> patches_, ratio_;
 };
 
 StreamPair empty_pair(std::size_t pixels) {

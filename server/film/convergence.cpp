@@ -1,8 +1,10 @@
 #include "server/film/convergence.h"
 
+#include <algorithm>
+
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "contract/stopping_rule.h"
+#include "contract/pass_rule.h"
 
 namespace tessera::server {
 
@@ -25,9 +27,20 @@ std::optional<Certainty> parse_certainty(const std::string& name) {
   return std::nullopt;
 }
 
+ClaimedError::ClaimedError(const FrameStatistics& statistics)
+    : error_upper95(statistics.estimated.error_upper95), n_eff(statistics.estimated.n_eff) {
+  if (!statistics.denoised) return;
+  error_upper95 = statistics.denoised->error_upper95;
+  n_eff = std::min(n_eff, statistics.denoised->n_eff);
+}
+
+bool ClaimedError::is_concentrated() const {
+  return n_eff > 0 && n_eff < contract::PassRule::kMinEffectivePixels;
+}
+
 ConvergenceResult assess_convergence(const FrameStatistics& s, const StoppingStats& stopping,
                                      double error) {
-  constexpr double kMinPixels = contract::StoppingRule::kMinEffectivePixels;
+  constexpr double kMinPixels = contract::PassRule::kMinEffectivePixels;
   ConvergenceResult result;
   const auto add_reason = [&](const std::string& reason) { result.reasons.push_back(reason); };
   if (s.mean_luminance.value_or(0) <= 0) {
@@ -37,10 +50,11 @@ ConvergenceResult assess_convergence(const FrameStatistics& s, const StoppingSta
     add_reason(absl::StrCat(s.dropped_samples, " samples were not finite and were dropped"));
   }
   if (s.clamped_energy > 0) add_reason("--clamp removed radiance");
-  if (s.estimated.n_eff > 0 && s.estimated.n_eff < kMinPixels) {
+  const ClaimedError claimed(s);
+  if (claimed.is_concentrated()) {
     add_reason(absl::StrFormat(
         "the error is concentrated in about %.3g pixels, too few for a confidence bound",
-        s.estimated.n_eff));
+        claimed.n_eff));
   }
   if (stopping.concentrated_tiles > 0) {
     add_reason(absl::StrCat(stopping.concentrated_tiles,
@@ -48,10 +62,10 @@ ConvergenceResult assess_convergence(const FrameStatistics& s, const StoppingSta
                             " pixels each, too few for a confidence bound"));
   }
   const bool is_uncertain = !result.reasons.empty();
-  const bool holds = s.estimated.error_upper95 <= error, is_capped = stopping.capped_tiles > 0;
+  const bool holds = claimed.error_upper95 <= error, is_capped = stopping.capped_tiles > 0;
   if (!holds) {
     std::string bound = absl::StrFormat("the 95 %% error bound is %.4g, above the target %.4g",
-                                        s.estimated.error_upper95, error);
+                                        claimed.error_upper95, error);
     if (is_capped) {
       absl::StrAppend(&bound, "; ", stopping.capped_tiles, " tiles reached --max-spp");
     }

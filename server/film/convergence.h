@@ -8,7 +8,7 @@
 
 namespace tessera::server {
 
-/// How the tiles of a frame with a target error stopped (contract::StoppingRule).
+/// How the tiles of a frame with a target error stopped (contract::PassRule).
 struct StoppingStats {
   int looks = 1;
   std::int32_t capped_tiles = 0, concentrated_tiles = 0;
@@ -26,6 +26,16 @@ std::optional<Certainty> parse_certainty(const std::string& name);
 struct ConvergenceResult {
   Certainty certainty = Certainty::uncertain;
   std::vector<std::string> reasons;  // in words; empty if converged
+};
+
+/// The figures of a frame that its claim rests on: of the denoised image if there is one.
+struct ClaimedError {
+  double error_upper95 = 0;
+  double n_eff = 0;  // the smaller one of the raw and the denoised image; 0 without error
+
+  explicit ClaimedError(const FrameStatistics& statistics);
+  /// Whether so few pixels carry the error that no bound is given.
+  bool is_concentrated() const;
 };
 
 /// Assesses a finished frame: CONVERGED only if the bound is at most `error` and nothing

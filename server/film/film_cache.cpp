@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "contract/index.h"
+#include "contract/stopping_rule.h"
 
 namespace tessera::server {
 namespace {
@@ -35,26 +36,37 @@ void FilmCache::open_frame(const FrameKey& key, const contract::RenderSettings& 
   const std::lock_guard lock(mutex_);
   contract::TileGrid grid(settings);
   std::vector<contract::Pass> passes = contract::schedule(settings);
-  std::optional<contract::StoppingRule> rule;
-  if (settings.error) {
-    std::vector<std::int64_t> pixels;
-    for (std::int32_t tile = 0; tile < grid.tile_count(); ++tile) {
-      const contract::PixelRect rect = grid.rect(tile);
-      pixels.push_back(std::int64_t{rect.width} * rect.height);
-    }
-    rule.emplace(*settings.error, passes, std::move(pixels));
-  }
   const std::int32_t tile_count = grid.tile_count();
   Tile tile;
   tile.committed.resize(passes.size());
   tile.error.resize(passes.size());
   if (reference) tile.truth.resize(passes.size());
-  Frame frame{std::move(grid),      settings.aovs,
-              std::move(passes),    std::move(reader),
-              std::move(reference), std::vector<Tile>(contract::as_index(tile_count), tile),
-              tile_count,           std::nullopt,
-              std::move(rule),      false};
+  Frame frame{std::move(grid),
+              settings.aovs,
+              std::move(passes),
+              std::move(reader),
+              std::move(reference),
+              std::vector<Tile>(contract::as_index(tile_count), tile),
+              tile_count};
+  if (settings.error) add_rule(settings, frame);
   frames_.emplace(key, std::move(frame));
+}
+
+void FilmCache::add_rule(const contract::RenderSettings& settings, Frame& frame) {
+  std::vector<std::int64_t> pixels;
+  for (std::int32_t tile = 0; tile < frame.grid.tile_count(); ++tile) {
+    const contract::PixelRect rect = frame.grid.rect(tile);
+    pixels.push_back(std::int64_t{rect.width} * rect.height);
+  }
+  if (settings.denoise) {
+    auto rule = std::make_unique<contract::FrameStoppingRule>(*settings.error, frame.passes,
+                                                              std::move(pixels));
+    frame.frame_rule = rule.get();
+    frame.rule = std::move(rule);
+  } else {
+    frame.rule =
+        std::make_unique<contract::StoppingRule>(*settings.error, frame.passes, std::move(pixels));
+  }
 }
 
 void FilmCache::close_frame(const FrameKey& key) {
@@ -270,17 +282,16 @@ absl::Status FilmCache::catch_up(const FrameKey& key, Frame& frame) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::vector<contract::StoppingRule::PassTarget>> FilmCache::take_pass_targets(
+absl::StatusOr<std::vector<contract::PassRule::PassTarget>> FilmCache::take_pass_targets(
     const FrameKey& key) {
   const std::lock_guard lock(mutex_);
   const absl::StatusOr<Frame*> found = find(key, 0, 0);
   if (!found.ok()) return found.status();
   Frame& frame = **found;
-  if (!frame.rule) return std::vector<contract::StoppingRule::PassTarget>();
+  if (!frame.rule) return std::vector<contract::PassRule::PassTarget>();
   if (!frame.mean_luminance) {
     const absl::Status status = read_luminance(key, frame);
-    if (absl::IsFailedPrecondition(status))
-      return std::vector<contract::StoppingRule::PassTarget>();
+    if (absl::IsFailedPrecondition(status)) return std::vector<contract::PassRule::PassTarget>();
     if (!status.ok()) return status;
   }
   if (frame.has_unread_blocks) {
@@ -365,11 +376,25 @@ FilmCache::PassStats FilmCache::stats_after(const Frame& frame, std::int32_t pas
   return figures;
 }
 
+bool FilmCache::is_look_due(const FrameKey& key) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = frames_.find(key);
+  return found != frames_.end() && found->second.frame_rule != nullptr &&
+         found->second.frame_rule->due_look().has_value();
+}
+
+void FilmCache::end_look(const FrameKey& key, bool is_met, double bound) {
+  const std::lock_guard lock(mutex_);
+  const auto found = frames_.find(key);
+  if (found == frames_.end() || found->second.frame_rule == nullptr) return;
+  found->second.frame_rule->end_look(is_met, bound);
+}
+
 StoppingStats FilmCache::stopping(const FrameKey& key) const {
   const std::lock_guard lock(mutex_);
   const auto found = frames_.find(key);
   if (found == frames_.end() || !found->second.rule) return {};
-  const contract::StoppingRule& rule = *found->second.rule;
+  const contract::PassRule& rule = *found->second.rule;
   return {rule.looks(), rule.capped_tile_count(), rule.concentrated_tile_count()};
 }
 

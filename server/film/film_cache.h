@@ -4,6 +4,7 @@
 #include <functional>
 #include <list>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -13,8 +14,9 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "contract/film_block.h"
+#include "contract/frame_stopping_rule.h"
+#include "contract/pass_rule.h"
 #include "contract/render_settings.h"
-#include "contract/stopping_rule.h"
 #include "contract/tile_grid.h"
 #include "server/film/convergence.h"
 #include "server/film/merge.h"
@@ -76,8 +78,13 @@ class FilmCache {
   /// With a target error: returns the pass targets that changed since the last call; empty for
   /// other jobs. Reads blocks as needed. Errors: as mean_luminance(), except for an incomplete pass
   /// 0.
-  absl::StatusOr<std::vector<contract::StoppingRule::PassTarget>> take_pass_targets(
+  absl::StatusOr<std::vector<contract::PassRule::PassTarget>> take_pass_targets(
       const FrameKey& key);
+  /// Whether the frame must be denoised before take_pass_targets() has more targets. tile() then
+  /// returns the sums to be denoised.
+  bool is_look_due(const FrameKey& key) const;
+  /// Reports whether the denoised frame meets its bound. Ignored if no look is due.
+  void end_look(const FrameKey& key, bool is_met, double bound);
   /// Returns how the frame's tiles stopped; with a fixed sample count looks is 1 and the rest 0.
   StoppingStats stopping(const FrameKey& key) const;
   /// Maximum number of samples per pixel; 0 before the first block or if the frame is not open.
@@ -125,9 +132,10 @@ class FilmCache {
     ReferenceReader reference;  // empty: none
     std::vector<Tile> tiles;
     std::int32_t tiles_without_luminance;
-    std::optional<double> mean_luminance;
-    std::optional<contract::StoppingRule> rule;  // with a target error
-    bool has_unread_blocks = false;              // committed blocks that the rule has not received
+    std::optional<double> mean_luminance = {};
+    std::unique_ptr<contract::PassRule> rule = {};      // with a target error
+    contract::FrameStoppingRule* frame_rule = nullptr;  // `rule`, if the frame is denoised
+    bool has_unread_blocks = false;  // committed blocks that the rule has not received
   };
   using TileKey = std::pair<FrameKey, std::int32_t>;
   struct Entry {
@@ -136,6 +144,7 @@ class FilmCache {
   };
   using Entries = std::list<Entry>;  // most recently used first
 
+  static void add_rule(const contract::RenderSettings& settings, Frame& frame);
   absl::StatusOr<Frame*> find(const FrameKey& key, std::int32_t tile, std::int32_t pass);
   Entry& fetch_entry(const FrameKey& key, Frame& frame, std::int32_t tile);
   absl::Status advance(Frame& frame, Entry& entry, const contract::FilmBlock* block,

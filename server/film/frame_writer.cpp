@@ -275,6 +275,13 @@ struct Assembly {
   Band band;
   Gatherer gatherer;
   std::vector<PixelRect> missing_tiles;
+
+  Assembly(const FrameSpec& frame, const contract::TileGrid& tiles, const TileReader& reader)
+      : spec(frame),
+        grid(tiles),
+        read_tile(reader),
+        band(frame.settings, std::min(frame.settings.tile, tiles.window().height)),
+        gatherer(frame, tiles) {}
 };
 
 /// Reads one row of tiles into the band.
@@ -313,15 +320,23 @@ void hash_pixels(const std::vector<ExrPlane>& planes, std::int32_t width, std::i
   }
 }
 
+image::FrameDenoiser denoiser_of(const FrameSpec& spec, const PixelRect& window,
+                                 const std::vector<ExrPlane>& planes) {
+  const int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  return {window.width, window.height, spec.mean_luminance.value_or(0), planes, threads};
+}
+
+DenoisedStatistics denoised_statistics(const image::FrameDenoiser& denoiser, int looks) {
+  const image::DenoisedError error = denoiser.error(contract::look_quantile(looks));
+  return {error.error, error.error_upper95, error.n_eff, error.raw_share, {}};
+}
+
 /// Writes the bands of a frame, denoised if the job asks for it.
 class Output {
  public:
   Output(const FrameSpec& spec, const PixelRect& window, const std::vector<ExrPlane>& planes)
-      : width_(window.width) {
-    if (!spec.settings.denoise) return;
-    const int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-    denoiser_.emplace(window.width, window.height, spec.mean_luminance.value_or(0), planes,
-                      threads);
+      : width_(window.width), looks_(spec.looks) {
+    if (spec.settings.denoise) denoiser_.emplace(denoiser_of(spec, window, planes));
   }
 
   absl::Status open(const std::string& path, const ExrHeader& header,
@@ -348,15 +363,15 @@ class Output {
     result.statistics.half_overflow_count = writer_->half_overflow_count();
     result.pixels_sha256 = raw_pixels_.finish();
     if (!denoiser_) return absl::OkStatus();
-    const image::DenoisedError error = denoiser_->error();
-    result.statistics.denoised = {error.error, error.error_upper95, error.n_eff, error.raw_share,
-                                  result.pixels_sha256};
+    result.statistics.denoised = denoised_statistics(*denoiser_, looks_);
+    result.statistics.denoised->raw_pixels_sha256 = result.pixels_sha256;
     result.pixels_sha256 = denoised_pixels_.finish();
     return absl::OkStatus();
   }
 
  private:
   std::int32_t width_;
+  int looks_;
   std::optional<image::FrameDenoiser> denoiser_;
   std::unique_ptr<ExrWriter> writer_;
   contract::Hasher raw_pixels_, denoised_pixels_;
@@ -368,12 +383,7 @@ absl::StatusOr<FrameResult> write_frame(const FrameSpec& spec, const TileReader&
                                         const std::string& path) {
   const contract::TileGrid grid(spec.settings);
   const PixelRect& window = grid.window();
-  Assembly assembly{spec,
-                    grid,
-                    read_tile,
-                    Band(spec.settings, std::min(spec.settings.tile, window.height)),
-                    Gatherer(spec, grid),
-                    {}};
+  Assembly assembly(spec, grid, read_tile);
   Output output(spec, window, assembly.band.planes());
   absl::Status opened = output.open(path, header_of(spec, window), assembly.band.planes());
   if (!opened.ok()) return opened;
@@ -389,6 +399,23 @@ absl::StatusOr<FrameResult> write_frame(const FrameSpec& spec, const TileReader&
   result.missing_tiles = std::move(assembly.missing_tiles);
   if (absl::Status status = hash_file(path, result); !status.ok()) return status;
   return result;
+}
+
+absl::StatusOr<FrameStatistics> measure_denoised(const FrameSpec& spec,
+                                                 const TileReader& read_tile) {
+  const contract::TileGrid grid(spec.settings);
+  Assembly assembly(spec, grid, read_tile);
+  image::FrameDenoiser denoiser = denoiser_of(spec, grid.window(), assembly.band.planes());
+  const auto ignore = [](std::int32_t, const std::vector<ExrPlane>&) { return absl::OkStatus(); };
+  for (std::int32_t row = 0; row < grid.rows(); ++row) {
+    if (absl::Status status = fill_band(assembly, row); !status.ok()) return status;
+    const std::int32_t rows = grid.rect(grid.index_at(0, row)).height;
+    absl::Status status = denoiser.push(rows, assembly.band.planes(), ignore);
+    if (!status.ok()) return status;
+  }
+  FrameStatistics statistics = assembly.gatherer.finish();
+  statistics.denoised = denoised_statistics(denoiser, spec.looks);
+  return statistics;
 }
 
 }  // namespace tessera::server

@@ -88,6 +88,11 @@ struct FrameResult {
 absl::StatusOr<FrameResult> write_frame(const FrameSpec& spec, const TileReader& read_tile,
                                         const std::string& path);
 
+/// Denoises a frame and returns the statistics that write_frame() would, except for digests and
+/// what concerns the file. Requires settings.denoise. Errors: as write_frame(), except for files.
+absl::StatusOr<FrameStatistics> measure_denoised(const FrameSpec& spec,
+                                                 const TileReader& read_tile);
+
 /// A point of the curve in a frames[] element of the report.
 struct CurvePoint {
   double cpu_seconds = 0, wall_seconds = 0;

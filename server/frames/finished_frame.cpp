@@ -37,6 +37,12 @@ std::vector<CurvePoint> curve_of(const FilmCache& film, const FrameKey& key,
   return curve;
 }
 
+FrameSpec frame_spec(const FilmCache& film, const FrameKey& key, const JobSpec& spec,
+                     double luminance) {
+  return {spec.settings,         key.frame, spec.id, spec.name, luminance, film.stopping(key).looks,
+          film.max_samples(key), false};
+}
+
 }  // namespace
 
 absl::StatusOr<FrameRecord> write_finished_frame(
@@ -47,9 +53,7 @@ absl::StatusOr<FrameRecord> write_finished_frame(
   const auto luminance = film.mean_luminance(key);
   if (!luminance.ok()) return luminance.status();
   const StoppingStats stopping = film.stopping(key);
-  const FrameSpec frame{
-      spec.settings,         key.frame, spec.id, spec.name, *luminance, stopping.looks,
-      film.max_samples(key), false};
+  const FrameSpec frame = frame_spec(film, key, spec, *luminance);
   const std::string name = frame_file_name(key.frame);
   const auto result = write_frame(
       frame, [&](std::int32_t tile) { return film.tile(key, tile); },
@@ -82,6 +86,18 @@ absl::StatusOr<FrameRecord> write_finished_frame(
   summary.entry_json = frame_entry_json(*result, name, status, curve);
   record.statistics_json = write_frame_summary(summary);
   return record;
+}
+
+absl::Status take_denoised_look(FilmCache& film, const FrameKey& key, const JobSpec& spec) {
+  const auto luminance = film.mean_luminance(key);
+  if (!luminance.ok()) return luminance.status();
+  const auto statistics = measure_denoised(frame_spec(film, key, spec, *luminance),
+                                           [&](std::int32_t tile) { return film.tile(key, tile); });
+  if (!statistics.ok()) return statistics.status();
+  const ClaimedError claimed(*statistics);
+  const bool is_met = claimed.error_upper95 <= *spec.settings.error && !claimed.is_concentrated();
+  film.end_look(key, is_met, claimed.error_upper95);
+  return absl::OkStatus();
 }
 
 }  // namespace tessera::server

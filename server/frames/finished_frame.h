@@ -18,4 +18,8 @@ absl::StatusOr<FrameRecord> write_finished_frame(
     FilmCache& film, Store& store, const FrameKey& key, const JobSpec& spec,
     const std::vector<BlockIndex::PassProgress>& progress);
 
+/// Takes the look that is due: denoises the frame and reports whether it meets its bound.
+/// Errors: as FilmCache::tile().
+absl::Status take_denoised_look(FilmCache& film, const FrameKey& key, const JobSpec& spec);
+
 }  // namespace tessera::server

@@ -76,24 +76,42 @@ void FrameFinisher::open(const FrameKey& key) {
 /// Passes new targets of the film to the scheduler.
 void FrameFinisher::decide(const FrameKey& key) {
   films_.take_damaged();
-  const auto demands = films_.cache().take_pass_targets(key);
-  if (!demands.ok()) {
-    if (absl::IsNotFound(demands.status())) return;  // the job has been removed
-    if (!redo_damaged(key, demands.status())) fail(key, demands.status());
-    return;
+  absl::Status status = pass_targets(key);
+  while (status.ok() && films_.cache().is_look_due(key)) {
+    status = take_look(key);
+    if (status.ok()) status = pass_targets(key);
   }
-  if (demands->empty()) return;
+  if (status.ok() || absl::IsNotFound(status)) return;  // NotFound: the job has been removed
+  if (!redo_damaged(key, status)) fail(key, status);
+}
+
+absl::Status FrameFinisher::take_look(const FrameKey& key) {
+  std::shared_ptr<const JobSpec> spec;
+  {
+    const FarmView view(farm_);
+    const Job* job = view.find_job(key.job_id);
+    if (job == nullptr) return absl::NotFoundError("the job has been removed");
+    spec = job->spec;
+  }
+  return take_denoised_look(films_.cache(), key, *spec);
+}
+
+absl::Status FrameFinisher::pass_targets(const FrameKey& key) {
+  const auto demands = films_.cache().take_pass_targets(key);
+  if (!demands.ok()) return demands.status();
+  if (demands->empty()) return absl::OkStatus();
   const auto expected = films_.cache().expected_samples(key);
   FarmChange change(farm_);
   Job* job = change.find_job(key.job_id);
-  if (job == nullptr || !job->plan || job->plan->is_finished(key.frame)) return;
-  for (const contract::StoppingRule::PassTarget& demand : *demands) {
+  if (job == nullptr || !job->plan || job->plan->is_finished(key.frame)) return absl::OkStatus();
+  for (const contract::PassRule::PassTarget& demand : *demands) {
     change.scheduler().set_pass_target(*job, key.frame, demand.tile, demand.pass_count,
                                        demand.is_final);
   }
   if (expected) change.film(*job).expected_samples[key.frame] = *expected;
   change.scheduler().offer_work(change.now());
   finish_if_complete(change, *job, key.frame);
+  return absl::OkStatus();
 }
 
 /// If reading the frame failed because of damaged blocks, has them rendered again and returns true.

@@ -64,6 +64,8 @@ class FrameFinisher final : public EffectHandler {
   void open_started(FarmChange& change, Job& job);
   void merge_now(const FilmUpdate& update);
   void decide(const FrameKey& key);
+  absl::Status pass_targets(const FrameKey& key);
+  absl::Status take_look(const FrameKey& key);
   void estimate(const FrameKey& key);
   void finish(const FrameKey& key);
   bool may_record(const FrameKey& key);

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <functional>
+#include <initializer_list>
 
 #include "image/denoise/filter_parameters.h"
 
@@ -69,14 +70,17 @@ float patch_distance(const Pixels& pixels, const Guide& guide, int x, int y, int
 }
 
 float feature_distance(const Half& half, std::size_t p, std::size_t q) {
-  const auto square = [&](std::size_t k) {
-    const float d = half.features[k][p] - half.features[k][q];
-    return d * d;
+  const auto squares = [&](std::initializer_list<std::size_t> features) {
+    float sum = 0;
+    for (const std::size_t k : features) {
+      const float d = half.features[k][p] - half.features[k][q];
+      sum = std::fma(d, d, sum);
+    }
+    return sum;
   };
-  float sum = ((square(0) + square(1)) + (square(2) + square(7))) * half.albedo_weight[p];
-  sum += ((square(3) + square(4)) + square(5)) * half.normal_weight[p];
-  sum += square(6) * half.depth_weight[p];
-  return sum;
+  const float depth = squares({6}) * half.depth_weight[p];
+  const float normal = std::fma(squares({3, 4, 5}), half.normal_weight[p], depth);
+  return std::fma(squares({0, 1, 2, 7}), half.albedo_weight[p], normal);
 }
 
 const Plane& stream(const StreamPair& pair, std::size_t k) {
@@ -100,7 +104,8 @@ void zero_order(const Half& half, const Pixels& pixels, const Guide& guide, int 
                                          feature_distance(half, p, q)) *
                            in_frame;
       total += weight;
-      for (std::size_t k = 0; k < 6; ++k) sums[k] += weight * stream(half.streams, k)[q];
+      for (std::size_t k = 0; k < 6; ++k)
+        sums[k] = std::fma(weight, stream(half.streams, k)[q], sums[k]);
     }
   }
   for (std::size_t k = 0; k < 6; ++k) set(out, k, p, sums[k] / total);
@@ -152,7 +157,9 @@ void first_order(const Half& half, const Pixels& pixels, const Guide& guide, int
         n.terms[k + 1] = (half.features[k][q] - half.features[k][p]) * scale;
       }
       for (std::size_t a = 0; a < kTerms; ++a) {
-        for (std::size_t b = 0; b <= a; ++b) matrix[a][b] += n.weight * n.terms[a] * n.terms[b];
+        for (std::size_t b = 0; b <= a; ++b) {
+          matrix[a][b] = std::fma(n.weight * n.terms[a], n.terms[b], matrix[a][b]);
+        }
       }
       neighbours.push_back(n);
     }
@@ -161,9 +168,10 @@ void first_order(const Half& half, const Pixels& pixels, const Guide& guide, int
   float sums[6] = {};
   for (const Neighbour& n : neighbours) {
     float factor = solution[0];
-    for (std::size_t a = 1; a < kTerms; ++a) factor += solution[a] * n.terms[a];
+    for (std::size_t a = 1; a < kTerms; ++a) factor = std::fma(solution[a], n.terms[a], factor);
     factor *= n.weight;
-    for (std::size_t k = 0; k < 6; ++k) sums[k] += factor * stream(half.streams, k)[n.q];
+    for (std::size_t k = 0; k < 6; ++k)
+      sums[k] = std::fma(factor, stream(half.streams, k)[n.q], sums[k]);
   }
   for (std::size_t k = 0; k < 6; ++k) set(out, k, p, sums[k]);
 }

@@ -18,6 +18,22 @@ FrameStatistics good() {
   return statistics;
 }
 
+TEST(Certainty, BoundOfDenoisedImageDecides) {
+  FrameStatistics statistics = good();
+  statistics.estimated.error_upper95 = 0.3;
+  statistics.denoised = DenoisedStatistics{0.05, 0.09, 200, 0, {}};
+  EXPECT_EQ(assess_convergence(statistics, {9, 0, 0}, 0.1).certainty, Certainty::converged);
+  statistics.denoised->error_upper95 = 0.11;
+  EXPECT_EQ(assess_convergence(statistics, {9, 6, 0}, 0.1).certainty, Certainty::capped);
+  statistics.denoised = DenoisedStatistics{0.05, 0.09, 20, 0, {}};
+  EXPECT_EQ(assess_convergence(statistics, {9, 0, 0}, 0.1).certainty, Certainty::uncertain)
+      << "few pixels carry the error of the denoised image";
+  statistics.denoised = DenoisedStatistics{0.05, 0.09, 200, 0, {}};
+  statistics.estimated.n_eff = 20;
+  EXPECT_EQ(assess_convergence(statistics, {9, 0, 0}, 0.1).certainty, Certainty::uncertain)
+      << "few pixels carry the error of the raw image";
+}
+
 TEST(Certainty, ConvergedNeedsNoContraryReason) {
   const ConvergenceResult claim = assess_convergence(good(), {9, 0, 0}, 0.1);
   EXPECT_EQ(claim.certainty, Certainty::converged);
