@@ -27,6 +27,21 @@ struct Counts {
   int visible = 0, occluded = 0, unknown = 0, wrong = 0;
 };
 
+void add_answer(ShadowMap::Answer answer, bool blocked, Counts& counts) {
+  switch (answer) {
+    case ShadowMap::Answer::visible:
+      ++counts.visible;
+      counts.wrong += blocked ? 1 : 0;
+      break;
+    case ShadowMap::Answer::occluded:
+      ++counts.occluded;
+      counts.wrong += blocked ? 0 : 1;
+      break;
+    case ShadowMap::Answer::unknown:
+      ++counts.unknown;
+  }
+}
+
 /// Traces rays from points of the scene's triangles, and from the space between them, to a light.
 Counts compare(const Scene& scene, int rays) {
   const ShadowMap map(scene);
@@ -47,19 +62,7 @@ Counts compare(const Scene& scene, int rays) {
     }
     ray.direction = sun ? -light.direction : probe.origin - ray.origin;
     if (!sun) ray.t_max = 0.9999f;
-    const bool blocked = accel.any_hit(ray);
-    switch (map.answer(ray)) {
-      case ShadowMap::Answer::visible:
-        ++counts.visible;
-        counts.wrong += blocked ? 1 : 0;
-        break;
-      case ShadowMap::Answer::occluded:
-        ++counts.occluded;
-        counts.wrong += blocked ? 0 : 1;
-        break;
-      case ShadowMap::Answer::unknown:
-        ++counts.unknown;
-    }
+    add_answer(map.answer(ray), accel.any_hit(ray), counts);
   }
   return counts;
 }
@@ -104,6 +107,39 @@ TEST(ShadowMap, SunsAgree) {
   EXPECT_EQ(counts.wrong, 0);
   EXPECT_GT(counts.visible, 4'000);
   EXPECT_GT(counts.occluded, 2'000);
+}
+
+/// The edge of the square, at depth 1, is close to the border between two texels, and the rays,
+/// from depth 8, end beside the light. Such a ray can meet the square although the line from its
+/// origin to the light passes it by, and the other way round.
+TEST(ShadowMap, RaysBesideTheLightAgree) {
+  Dice dice(24);
+  int others = 0;  // rays that differ from the line to the light
+  for (const bool turned : {false, true}) {
+    for (const float edge : {-0x1p-12f, 0x1p-12f}) {
+      const auto at = [turned](float u, float v, float depth) {
+        return turned ? Vec3f{v, u, depth} : Vec3f{u, v, depth};
+      };
+      Scene scene = scene_of({quad(at(edge, -1, 1), at(1, 0, 0), at(0, 2, 0))});
+      add_light(scene, {0, 0, 0});
+      const ShadowMap map(scene);
+      const SceneAccel accel(scene, sequential());
+      Counts counts;
+      for (int i = 0; i < 4'000; ++i) {
+        // Less than the 2^-10 of its length by which a ray may miss the light.
+        const float off = 0x1.8p-11f * 8 * dice.both();
+        const float u = 0.05f * dice.both(), v = 4 * dice.both();
+        Ray ray{at(u, v, 8), {}};
+        ray.direction = at(off, 0, 0) - ray.origin;
+        ray.t_max = 1;
+        const bool blocked = accel.any_hit(ray);
+        add_answer(map.answer(ray), blocked, counts);
+        others += blocked != (u > 8 * edge) ? 1 : 0;
+      }
+      EXPECT_EQ(counts.wrong, 0) << "edge at " << edge;
+    }
+  }
+  EXPECT_GT(others, 2'000);
 }
 
 TEST(ShadowMap, LightOnATriangleDecidesNothing) {

@@ -1,6 +1,7 @@
 // Several writes as one transaction.
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <utility>
@@ -49,6 +50,8 @@ class TogetherTest : public ::testing::Test {
     return count;
   }
 
+  bool has_ballast() const { return std::filesystem::exists(folder_.path() + "/store/ballast"); }
+
   ScratchFolder folder_;
   testing::FailingDisk disk_;
   std::unique_ptr<Store> store_;
@@ -93,6 +96,42 @@ TEST_F(TogetherTest, FullDiskWritesNothing) {
   open();
   EXPECT_EQ(jobs(), (std::vector<std::string>{"a", "b"}));
   EXPECT_EQ(unit_count("a"), 2);
+}
+
+TEST_F(TogetherTest, FullDiskGivesUpBallastToRemoveJob) {
+  JobRecord a = job("a"), b = job("b");
+  ASSERT_TRUE(store_->add_job(a).ok());
+  ASSERT_TRUE(store_->add_job(b).ok());
+  ASSERT_TRUE(commit("a", 0).ok());
+  ASSERT_TRUE(commit("a", 1).ok());
+  ASSERT_TRUE(has_ballast());
+  disk_.fail_sqlite_writes("store.db-wal");
+  disk_.recover_when_removed("ballast");
+  int calls = 0;
+  const absl::Status together = store_->write_together([&] {
+    ++calls;
+    commit("b", 0).IgnoreError();
+    store_->remove_job("a").IgnoreError();
+  });
+  ASSERT_TRUE(together.ok()) << together;
+  EXPECT_EQ(calls, 2) << "all parts are written again";
+  EXPECT_EQ(jobs(), std::vector<std::string>{"b"});
+  EXPECT_EQ(unit_count("b"), 1);
+  EXPECT_TRUE(has_ballast()) << "there is room again";
+  const std::int64_t used_bytes = store_->used_bytes();
+  open();
+  EXPECT_EQ(store_->used_bytes(), used_bytes) << "the failed attempt does not count";
+}
+
+TEST_F(TogetherTest, FullDiskKeepsBallastIfNothingIsFreed) {
+  JobRecord a = job("a"), b = job("b");
+  ASSERT_TRUE(store_->add_job(a).ok());
+  ASSERT_TRUE(store_->add_job(b).ok());
+  ASSERT_TRUE(store_->remove_job("a").ok()) << "an earlier removal has no effect on later writes";
+  disk_.fail_sqlite_writes("store.db-wal");
+  const absl::Status together = store_->write_together([&] { commit("b", 0).IgnoreError(); });
+  EXPECT_TRUE(absl::IsResourceExhausted(together)) << together;
+  EXPECT_TRUE(has_ballast());
 }
 
 TEST_F(TogetherTest, BlocksOfClosedJobLastUntilTheEnd) {
