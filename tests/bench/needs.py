@@ -59,7 +59,9 @@ FEATURES = {  # feature: (file, what is there, what is put in its place)
         (PATHS, "frame.moves ? begin_paths<true>(frame, ids, samplers, rays)\n"
          "              : begin_paths<false>(", "begin_paths<false>("),
         (PATHS, "  hit.time = path_.ray.time;", ""),
-        ("worker/render/path/path_tracer.h", "  float time = 0;  // of the ray that met it", ""),
+        ("worker/render/path/path_tracer.h", "  float time = 0;   // of the ray that met it", ""),
+        (PATHS, "camera.moves() ? camera.at(hit.time).depth(hit.position)\n"
+         "                                                  : ", ""),
         (FRAME, "camera_.moves() ? camera_.at(hit.time).depth(hit.position) : ", ""),
         (SURFACE, "return instance.moves ? moved_at(scene, hit, direction, time, memory)\n"
          "                          : solid_at(", "return solid_at("),
