@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "contract/hilbert.h"
-#include "tests/bench/accel/workload/item_buffer.h"
 #include "tests/bench/accel/measure.h"
+#include "tests/bench/accel/workload/item_buffer.h"
 #include "tests/bench/accel/workload/pixel_orders.h"
 #include "tests/bench/accel/workload/rays.h"
 #include "tests/bench/accel/workload/scenes.h"

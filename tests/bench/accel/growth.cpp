@@ -6,14 +6,14 @@
 #include <utility>
 #include <vector>
 
-#include "tests/bench/accel/workload/item_buffer.h"
 #include "tests/bench/accel/measure.h"
+#include "tests/bench/accel/workload/item_buffer.h"
 #include "tests/bench/accel/workload/rays.h"
 #include "tests/bench/accel/workload/scenes.h"
 #include "tests/bench/accel/workload/shapes.h"
-#include "worker/accel/traversal/thread_counts.h"
 #include "worker/accel/reference/brute_force.h"
 #include "worker/accel/scene_accel.h"
+#include "worker/accel/traversal/thread_counts.h"
 #include "worker/render/frame_renderer.h"
 
 namespace tessera::render::bench {

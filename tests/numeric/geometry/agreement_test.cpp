@@ -15,9 +15,9 @@
 #include "tests/support/full_size.h"
 #include "worker/accel/build/mesh_bvh.h"
 #include "worker/accel/build/wide_bvh.h"
-#include "worker/accel/traversal/thread_counts.h"
 #include "worker/accel/reference/brute_force.h"
 #include "worker/accel/reference/plain_traversal.h"
+#include "worker/accel/traversal/thread_counts.h"
 
 namespace tessera::render::testing {
 namespace {

@@ -7,8 +7,8 @@
 #include "tests/bench/accel/workload/item_buffer.h"
 #include "tests/bench/accel/workload/pixel_orders.h"
 #include "tests/bench/accel/workload/rays.h"
-#include "worker/accel/traversal/thread_counts.h"
 #include "worker/accel/reference/brute_force.h"
+#include "worker/accel/traversal/thread_counts.h"
 #include "worker/render/frame_renderer.h"
 
 namespace tessera::render::bench {

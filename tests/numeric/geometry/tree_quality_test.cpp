@@ -9,8 +9,8 @@
 #include <cmath>
 
 #include "tests/numeric/geometry/geometry_scenes.h"
-#include "worker/accel/build/mesh_bvh.h"
 #include "worker/accel/binary_bvh/reinsertion.h"
+#include "worker/accel/build/mesh_bvh.h"
 #include "worker/accel/build/wide_bvh.h"
 #include "worker/accel/reference/brute_force.h"
 

@@ -12,7 +12,8 @@ namespace tessera::testing {
 /// Quasi-analytic, error-bounded ray tracing of a terrain, as published: the ray advances in steps
 /// that are a fixed fraction of the distance from the camera until it is on the other side of the
 /// ground, and the hit is interpolated linearly between the last two heights. It evaluates heights
-/// at points only and knows no bounds of them. worker/geometry/shapes/terrain/terrain_line.cpp replaces it.
+/// at points only and knows no bounds of them. worker/geometry/shapes/terrain/terrain_line.cpp
+/// replaces it.
 ///
 /// Where the ray changes sides between two samples it has a hit in between, so the error of t is at
 /// most one step. Ground that the ray enters and leaves between two samples is missed.

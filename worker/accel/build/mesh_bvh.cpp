@@ -3,8 +3,8 @@
 #include <array>
 #include <vector>
 
-#include "worker/accel/build/mesh_triangles.h"
 #include "worker/accel/binary_bvh/reinsertion.h"
+#include "worker/accel/build/mesh_triangles.h"
 #include "worker/accel/build/tree_quality.h"
 #include "worker/accel/build/wide_bvh.h"
 

@@ -1,6 +1,6 @@
 #include "worker/accel/kernels/avx2.h"
-#include "worker/accel/traversal/counted_queries.h"
 #include "worker/accel/kernels/kernels.h"
+#include "worker/accel/traversal/counted_queries.h"
 
 namespace tessera::render::avx2 {
 namespace {

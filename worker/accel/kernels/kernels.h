@@ -3,8 +3,8 @@
 #include <cstdint>
 #include <span>
 
-#include "worker/accel/traversal/hit_filter.h"
 #include "worker/accel/layout/scene_bvh.h"
+#include "worker/accel/traversal/hit_filter.h"
 #include "worker/geometry/ray.h"
 
 namespace tessera::render {

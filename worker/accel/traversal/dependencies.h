@@ -18,12 +18,12 @@
 #include <type_traits>
 #include <vector>
 
-#include "worker/accel/traversal/hit_filter.h"
 #include "worker/accel/layout/lanes.h"
 #include "worker/accel/layout/scene_bvh.h"
 #include "worker/accel/layout/triangle_block.h"
 #include "worker/accel/layout/wide_node.h"
 #include "worker/accel/solids/solids.h"
+#include "worker/accel/traversal/hit_filter.h"
 #include "worker/geometry/motion.h"
 #include "worker/geometry/object_ray.h"
 #include "worker/geometry/ray.h"

@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "worker/geometry/shapes/blobs/blob_field.h"
 #include "worker/geometry/shape.h"
+#include "worker/geometry/shapes/blobs/blob_field.h"
 #include "worker/geometry/shapes/terrain/terrain_field.h"
 
 namespace tessera::render {

@@ -6,10 +6,10 @@
 
 #include "worker/gltf/file/container.h"
 #include "worker/gltf/file/limits.h"
+#include "worker/gltf/validate/findings/rules.h"
 #include "worker/gltf/validate/formats/glb_check.h"
 #include "worker/gltf/validate/links/linked_document.h"
 #include "worker/gltf/validate/links/resources.h"
-#include "worker/gltf/validate/findings/rules.h"
 #include "worker/gltf/validate/schema/schema_check.h"
 #include "worker/gltf/validate/values/value_checks.h"
 

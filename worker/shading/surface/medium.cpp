@@ -5,8 +5,8 @@
 
 #include "worker/math/elementary.h"
 #include "worker/scene/moved_pose.h"
-#include "worker/shading/texture/procedural_texture.h"
 #include "worker/shading/surface/shading_scene.h"
+#include "worker/shading/texture/procedural_texture.h"
 
 namespace tessera::render {
 namespace {

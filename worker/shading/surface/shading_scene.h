@@ -12,8 +12,8 @@
 #include "worker/scene/scene.h"
 #include "worker/shading/bsdf/bsdf.h"
 #include "worker/shading/surface/medium.h"
-#include "worker/shading/texture/texture.h"
 #include "worker/shading/tables/glass_albedo.h"
+#include "worker/shading/texture/texture.h"
 
 namespace tessera::render {
 

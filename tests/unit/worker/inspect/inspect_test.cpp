@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "tests/support/scene/gltf_builder.h"
 #include "tests/support/json_schema.h"
+#include "tests/support/scene/gltf_builder.h"
 #include "tests/support/scene/memory_scene.h"
 #include "tests/support/scratch_folder.h"
 #include "worker/accelerators/structures.h"

@@ -13,11 +13,11 @@
 #include "worker/shading/microfacet/fresnel.h"
 #include "worker/shading/microfacet/microfacet.h"
 #include "worker/shading/microfacet/thin_film.h"
-#include "worker/shading/texture/srgb.h"
-#include "worker/shading/texture/texture.h"
 #include "worker/shading/tables/facet_albedo.h"
 #include "worker/shading/tables/facet_quadrature.h"
 #include "worker/shading/tables/glass_albedo.h"
+#include "worker/shading/texture/srgb.h"
+#include "worker/shading/texture/texture.h"
 
 namespace tessera::render {
 namespace {

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "worker/geometry/bounds.h"
+#include "worker/geometry/clip_line.h"
 #include "worker/geometry/shapes/blobs/blob.h"
 #include "worker/geometry/shapes/blobs/blob_polynomial.h"
-#include "worker/geometry/clip_line.h"
 #include "worker/math/vector.h"
 
 namespace tessera::render {

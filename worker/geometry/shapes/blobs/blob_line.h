@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "worker/geometry/shapes/blobs/blob_field.h"
 #include "worker/geometry/shape.h"
+#include "worker/geometry/shapes/blobs/blob_field.h"
 
 namespace tessera::render {
 

@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <map>
 
-#include "worker/gltf/validate/links/linked_document.h"
 #include "worker/gltf/validate/findings/rules.h"
+#include "worker/gltf/validate/links/linked_document.h"
 
 namespace tessera::render {
 

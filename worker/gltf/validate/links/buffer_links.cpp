@@ -1,5 +1,5 @@
-#include "worker/gltf/validate/links/linked_document.h"
 #include "worker/gltf/validate/findings/rules.h"
+#include "worker/gltf/validate/links/linked_document.h"
 
 namespace tessera::render {
 

@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "worker/gltf/validate/findings/findings.h"
-#include "worker/gltf/validate/formats/image_header.h"
 #include "worker/gltf/validate/findings/json_tree.h"
+#include "worker/gltf/validate/formats/image_header.h"
 #include "worker/gltf/validate/schema/schema_check.h"
 
 namespace tessera::render {

@@ -1,7 +1,7 @@
 #include <algorithm>
 
-#include "worker/gltf/validate/links/linked_document.h"
 #include "worker/gltf/validate/findings/rules.h"
+#include "worker/gltf/validate/links/linked_document.h"
 
 namespace tessera::render {
 

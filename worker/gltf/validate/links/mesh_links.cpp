@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <set>
 
-#include "worker/gltf/validate/schema/attribute_names.h"
-#include "worker/gltf/validate/links/linked_document.h"
 #include "worker/gltf/validate/findings/rules.h"
+#include "worker/gltf/validate/links/linked_document.h"
+#include "worker/gltf/validate/schema/attribute_names.h"
 
 namespace tessera::render {
 

@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "worker/gltf/validate/findings/rules.h"
 #include "worker/gltf/validate/links/linked_document.h"
 #include "worker/gltf/validate/schema/matrix_rules.h"
-#include "worker/gltf/validate/findings/rules.h"
 
 namespace tessera::render {
 

@@ -2,12 +2,12 @@
 #include <cmath>
 #include <string>
 
-#include "worker/gltf/validate/schema/attribute_names.h"
-#include "worker/gltf/validate/formats/image_header.h"
-#include "worker/gltf/validate/schema/matrix_rules.h"
 #include "worker/gltf/validate/findings/rules.h"
-#include "worker/gltf/validate/schema/schema_check.h"
+#include "worker/gltf/validate/formats/image_header.h"
 #include "worker/gltf/validate/formats/uri_rules.h"
+#include "worker/gltf/validate/schema/attribute_names.h"
+#include "worker/gltf/validate/schema/matrix_rules.h"
+#include "worker/gltf/validate/schema/schema_check.h"
 
 namespace tessera::render {
 

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
-#include "worker/gltf/validate/schema/attribute_names.h"
 #include "worker/gltf/validate/findings/rules.h"
+#include "worker/gltf/validate/schema/attribute_names.h"
 
 namespace tessera::render {
 

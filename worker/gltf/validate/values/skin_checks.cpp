@@ -3,8 +3,8 @@
 #include <set>
 #include <string>
 
-#include "worker/gltf/validate/values/accessor_values.h"
 #include "worker/gltf/validate/findings/rules.h"
+#include "worker/gltf/validate/values/accessor_values.h"
 #include "worker/gltf/validate/values/value_checks.h"
 
 namespace tessera::render {

@@ -6,9 +6,9 @@
 #include <limits>
 #include <string>
 
-#include "worker/gltf/validate/values/accessor_values.h"
-#include "worker/gltf/validate/schema/matrix_rules.h"
 #include "worker/gltf/validate/findings/rules.h"
+#include "worker/gltf/validate/schema/matrix_rules.h"
+#include "worker/gltf/validate/values/accessor_values.h"
 
 namespace tessera::render {
 

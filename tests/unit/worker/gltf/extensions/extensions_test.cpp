@@ -7,8 +7,8 @@
 #include <set>
 #include <string>
 
-#include "tests/support/scene/gltf_builder.h"
 #include "tests/support/json_schema.h"
+#include "tests/support/scene/gltf_builder.h"
 #include "tests/support/scene/memory_scene.h"
 #include "worker/scene/features.h"
 

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/scene/gltf_builder.h"
 #include "tests/support/json_schema.h"
+#include "tests/support/scene/gltf_builder.h"
 #include "tests/support/scene/memory_scene.h"
 #include "worker/geometry/shapes/terrain/terrain_field.h"
 #include "worker/scene/features.h"
