@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <tuple>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -19,6 +20,29 @@ void name_files(nlohmann::ordered_json& report, const std::vector<std::string>& 
   }
 }
 
+namespace {
+
+/// Error and bound of a frame: of the denoised image if there is one.
+struct FrameError {
+  std::optional<double> error;
+  double upper = 0;
+};
+
+FrameError error_of(const nlohmann::ordered_json& frame) {
+  for (const auto& [object, error, upper] :
+       {std::tuple("denoised", "error_denoised", "error_denoised_upper95"),
+        std::tuple("estimated", "error", "error_upper95")}) {
+    const auto found = frame.find(object);
+    if (found == frame.end() || !found->is_object()) continue;
+    const auto value = found->find(error);
+    if (value == found->end() || !value->is_number()) continue;
+    return {value->get<double>(), found->value(upper, 0.0)};
+  }
+  return {};
+}
+
+}  // namespace
+
 std::string result_line(const nlohmann::ordered_json& report, double wall_seconds) {
   const auto frames = report.value("frames", nlohmann::ordered_json::array());
   if (frames.empty()) return "no frames";
@@ -26,12 +50,10 @@ std::string result_line(const nlohmann::ordered_json& report, double wall_second
   std::optional<double> error, upper;
   for (const auto& frame : frames) {
     samples += frame.value("samples", 0.0);
-    const auto estimated = frame.value("estimated", nlohmann::ordered_json::object());
-    if (!estimated.is_object() || !estimated.contains("error") || !estimated["error"].is_number()) {
-      continue;
-    }
-    error = std::max(error.value_or(0), estimated["error"].get<double>());
-    upper = std::max(upper.value_or(0), estimated.value("error_upper95", 0.0));
+    const FrameError of_frame = error_of(frame);
+    if (!of_frame.error) continue;
+    error = std::max(error.value_or(0), *of_frame.error);
+    upper = std::max(upper.value_or(0), of_frame.upper);
   }
   const auto& first = frames.front();
   std::string line = first.value("file", "");

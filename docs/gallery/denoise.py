@@ -1,15 +1,16 @@
 #!/usr/bin/env python3
 """Draws before, after, reference and error maps of denoising side by side.
 
-    docs/gallery/denoise.py OUT.png SCENE [--spp N (16)] [--reference-spp N (1024)] [--size WxH (240x180)]
+    docs/gallery/denoise.py OUT.png SCENE… [--spp N (16)] [--reference-spp N (1024)] [--size WxH (240x180)]
                             [--bin DIR (build/dev/bin)] [-- RENDER OPTIONS]
 
-Columns: raw, denoised, reference, and ten times the difference from the reference of raw and denoised.
+One row for each scene. Columns: raw, denoised, reference, and ten times the difference from the reference of raw and denoised.
 """
 
 import argparse
 import struct
 import subprocess
+import sys
 import tempfile
 import zlib
 from pathlib import Path
@@ -65,29 +66,35 @@ def difference(rows, reference):
             for row, other in zip(rows, reference)]
 
 
+def row_of(options, extra, scene):
+    """Width of an image, and the rows of pixels of a scene's five images."""
+    images = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name, samples in (("raw", ["--spp", str(options.spp)]),
+                              ("denoised", ["--spp", str(options.spp), "--denoise"]),
+                              ("reference", ["--spp", str(options.reference_spp), "--seed", "9"])):
+            file = Path(folder) / f"{name}.png"
+            subprocess.run([options.bin / "tessera", "render", scene, "-o", file, "--size",
+                            options.size, *samples, *extra], check=True)
+            width, rows = read_png(file)
+            images.append(rows)
+    images += [difference(images[0], images[2]), difference(images[1], images[2])]
+    return width, [b"".join(rows) for rows in zip(*images)]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("output", type=Path)
-    parser.add_argument("scene")
+    parser.add_argument("scenes", nargs="+")
     parser.add_argument("--spp", type=int, default=16)
     parser.add_argument("--reference-spp", type=int, default=1024)
     parser.add_argument("--size", default="240x180")
     parser.add_argument("--bin", type=Path, default=ROOT / "build/dev/bin")
-    parser.add_argument("options", nargs="*")
-    options = parser.parse_args()
-    images = []
-    with tempfile.TemporaryDirectory() as folder:
-        for name, extra in (("raw", ["--spp", str(options.spp)]),
-                            ("denoised", ["--spp", str(options.spp), "--denoise"]),
-                            ("reference", ["--spp", str(options.reference_spp), "--seed", "9"])):
-            file = Path(folder) / f"{name}.png"
-            subprocess.run([options.bin / "tessera", "render", options.scene, "-o", file, "--size",
-                            options.size, *extra, *options.options], check=True)
-            width, rows = read_png(file)
-            images.append(rows)
-    images += [difference(images[0], images[2]), difference(images[1], images[2])]
-    write_png(options.output, width * len(images), [b"".join(rows) for rows in zip(*images)])
+    at = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
+    options, extra = parser.parse_args(sys.argv[1:at]), sys.argv[at + 1:]
+    results = [row_of(options, extra, scene) for scene in options.scenes]
+    write_png(options.output, 5 * results[0][0], sum((rows for _, rows in results), []))
 
 
 if __name__ == "__main__":

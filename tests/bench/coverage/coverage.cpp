@@ -3,6 +3,8 @@
 /// each claim with the true error, measured against a reference of other seeds. With --fixed it
 /// compares the estimates of frames with a fixed sample count instead.
 
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
@@ -15,8 +17,11 @@
 #include <vector>
 
 #include "contract/pass_schedule.h"
+#include "image/exr/exr_file.h"
 #include "server/film/convergence.h"
 #include "server/film/film_cache.h"
+#include "server/film/frame_writer.h"
+#include "server/frames/finished_frame.h"
 #include "tests/bench/coverage/reference.h"
 #include "tests/support/cpu_seconds.h"
 
@@ -49,8 +54,9 @@ struct Outcome {
 
 /// The passes of tiles as the film requests them, as on a farm with one worker.
 absl::Status render_on_demand(const SeededRenderer& renderer, const contract::TileGrid& grid,
-                              const std::vector<contract::Pass>& passes, server::FilmCache& film,
+                              const server::JobSpec& spec, server::FilmCache& film,
                               const server::FrameKey& key) {
+  const auto passes = contract::schedule(spec.settings);
   const auto at = [](std::int32_t index) { return static_cast<std::size_t>(index); };
   std::vector<std::pair<std::int32_t, std::int32_t>> waiting;  // tile, pass
   std::vector<std::int32_t> counts(at(grid.tile_count()), 0);
@@ -66,12 +72,45 @@ absl::Status render_on_demand(const SeededRenderer& renderer, const contract::Ti
     const auto [tile, pass] = waiting[i];
     absl::Status status =
         film.add(key, tile, pass, renderer.render(grid.rect(tile), passes[at(pass)], pass));
+    const auto take_targets = [&] {
+      const auto demands = film.take_pass_targets(key);
+      if (!demands.ok()) return demands.status();
+      for (const auto& demand : *demands) want(demand.tile, demand.pass_count);
+      return absl::OkStatus();
+    };
+    if (status.ok()) status = take_targets();
+    while (status.ok() && film.is_look_due(key)) {
+      status = server::take_denoised_look(film, key, spec);
+      if (status.ok()) status = take_targets();
+    }
     if (!status.ok()) return status;
-    const auto demands = film.take_pass_targets(key);
-    if (!demands.ok()) return demands.status();
-    for (const auto& demand : *demands) want(demand.tile, demand.pass_count);
   }
   return absl::OkStatus();
+}
+
+/// Writes the finished frame as the server does and reads the denoised image back.
+absl::Status denoise_frame(server::FilmCache& film, const server::FrameKey& key,
+                           const server::JobSpec& spec, double m, Image& image,
+                           server::FrameStatistics& statistics) {
+  const std::string path =
+      std::filesystem::temp_directory_path() / ("coverage-" + std::to_string(getpid()) + ".exr");
+  const server::FrameSpec frame{spec.settings,         0,    "", "", m, film.stopping(key).looks,
+                                film.max_samples(key), false};
+  const auto result = server::write_frame(
+      frame, [&](std::int32_t tile) { return film.tile(key, tile); }, path);
+  if (!result.ok()) return result.status();
+  statistics = result->statistics;
+  auto reader = image::ExrReader::open(path);
+  if (!reader.ok()) return reader.status();
+  std::vector<image::ExrPlane> planes = (*reader)->planes();
+  absl::Status status = (*reader)->read_rows(statistics.height, planes);
+  std::filesystem::remove(path);
+  for (const image::ExrPlane& plane : planes) {
+    const std::size_t channel = std::string("RGB").find(plane.name);
+    if (plane.name.size() != 1 || channel > 2) continue;
+    for (std::size_t i = 0; i < plane.values.size(); ++i) image[3 * i + channel] = plane.values[i];
+  }
+  return status;
 }
 
 /// Renders one seed until the error is known. Sets `image` to the frame.
@@ -79,13 +118,14 @@ absl::StatusOr<Outcome> render_by_error(const SeededRenderer& renderer,
                                         const contract::TileGrid& grid, const Options& options,
                                         const Reference& reference, Image& image) {
   const server::FrameKey key{"job", 0};
-  const auto passes = contract::schedule(options.settings);
+  server::JobSpec spec;
+  spec.settings = options.settings;
   server::FilmCache film(std::int64_t{1} << 30);
   // Pass 0 of every tile comes before any pass 1, so no tile is read back.
   film.open_frame(key, options.settings, [](std::int32_t, std::int32_t) {
     return absl::StatusOr<contract::FilmBlock>(absl::InternalError("the film is kept whole"));
   });
-  absl::Status status = render_on_demand(renderer, grid, passes, film, key);
+  absl::Status status = render_on_demand(renderer, grid, spec, film, key);
   if (!status.ok()) return status;
   Outcome outcome;
   server::FrameStatistics statistics;
@@ -103,10 +143,14 @@ absl::StatusOr<Outcome> render_by_error(const SeededRenderer& renderer,
     statistics.dropped_samples += sum->dropped_count();
     testing::put_tile(*sum, grid.rect(tile), width, image);
   }
+  if (options.settings.denoise) {
+    status = denoise_frame(film, key, spec, *m, image, statistics);
+    if (!status.ok()) return status;
+  }
   outcome.certainty =
       server::assess_convergence(statistics, film.stopping(key), *options.settings.error).certainty;
-  outcome.estimate = statistics.estimated.error;
-  outcome.upper = statistics.estimated.error_upper95;
+  outcome.estimate = statistics.denoised ? statistics.denoised->error : statistics.estimated.error;
+  outcome.upper = server::ClaimedError(statistics).error_upper95;
   outcome.true_square = true_square(image, reference, *m);
   outcome.luminance = testing::mean_luminance(image);
   return outcome;
@@ -118,7 +162,7 @@ Outcome render_once(const SeededRenderer& renderer, const contract::TileGrid& gr
   testing::FixedFrame frame = render_fixed(renderer, grid, options.fixed_spp, reference.luminance);
   const contract::ErrorEstimate estimate = contract::estimate_error(frame.sums);
   Outcome outcome;
-  outcome.certainty = estimate.n_eff < contract::StoppingRule::kMinEffectivePixels
+  outcome.certainty = estimate.n_eff < contract::PassRule::kMinEffectivePixels
                           ? server::Certainty::uncertain
                           : server::Certainty::converged;
   outcome.estimate = estimate.error;
@@ -256,7 +300,9 @@ absl::StatusOr<ordered_json> measure(const Options& options) {
   }
   ordered_json document = summary(options, outcomes, *reference, frames);
   document["cpu_seconds_per_seed"] = (cpu_seconds() - reference_done) / options.seeds;
-  if (options.fixed_spp == 0) {
+  if (options.settings.denoise) {
+    document["fixed_samples"] = nullptr;
+  } else if (options.fixed_spp == 0) {
     const auto fixed = fixed_samples(renderer, grid, *reference, options.settings);
     document["fixed_samples"] = fixed.ok() ? ordered_json(*fixed) : nullptr;
   }
@@ -289,6 +335,8 @@ int main(int argc, char** argv) {
   app.add_option("--error", error);
   app.add_option("--fixed", o.fixed_spp, "Frames of so many samples, whatever their error")
       ->check(CLI::Range(1, 1 << 20));
+  app.add_flag("--denoise", o.settings.denoise, "Claims about denoised frames")
+      ->excludes("--fixed");
   app.add_option("--max-spp", o.settings.spp);
   app.add_option("--seeds", o.seeds)->check(CLI::Range(2, 1'000'000));
   app.add_option("--first-seed", o.first_seed);
@@ -306,6 +354,7 @@ int main(int argc, char** argv) {
     o.settings.background = tessera::contract::Background::color;
     std::copy(background.begin(), background.end(), o.settings.background_color.begin());
   }
+  if (o.settings.denoise) o.settings.aovs = tessera::contract::kAovDenoising;
   if (o.fixed_spp == 0) o.settings.error = error;
   return tessera::bench::run(o);
 }

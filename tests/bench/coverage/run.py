@@ -33,7 +33,8 @@ def allowed_misses(seeds):
 def run_scene(options, file, scene, first_seed):
     """Returns the document of the tool, from --results if it contains this run."""
     command = [str(options.bin / "tessera-bench-coverage"), str(file), "--error", str(scene["error"]),
-               "--seeds", str(options.seeds), "--first-seed", str(first_seed), *scene["options"]]
+               "--seeds", str(options.seeds), "--first-seed", str(first_seed), *options.extra,
+               *scene["options"]]
     key = " ".join([scene["scene"], *command[2:]])
     if options.results and options.results.exists():
         for line in options.results.read_text().splitlines():
@@ -47,14 +48,15 @@ def run_scene(options, file, scene, first_seed):
     return row
 
 
-def failures(scene, rows):
-    """Returns the faults of the runs of a scene, taken together; empty if it passes."""
+def failures(options, scene, rows):
+    """Returns the faults of the runs of a scene, taken together; empty if it passes. The bound of a denoised
+    frame is wide in small frames, so that only the claims made are judged."""
     faults = []
     claims, covered, seeds, no_claim = (
         sum(row[key] for row in rows) for key in ("claims", "covered", "seeds", "no_claim"))
     if claims - covered > allowed_misses(seeds):
         faults.append(f"{claims - covered} of {claims} claims do not hold")
-    if scene["well_behaved"]:
+    if scene["well_behaved"] and not options.denoise:
         if no_claim > max(1, seeds // 100):
             faults.append(f"no claim for {no_claim} of {seeds} seeds")
         ratio = max(row["median_upper_over_true"] for row in rows)
@@ -70,7 +72,7 @@ def judge(options, folder, scene):
         row = run_scene(options, folder / f"{scene['scene']}.gltf", scene, first_seed)
         row["no_claim"] = row["uncertain"] + row["capped"]
         rows.append(row)
-        faults = failures(scene, rows)
+        faults = failures(options, scene, rows)
         print(f"{scene['scene']}: {'; '.join(faults) or 'holds'} ({row['cpu_seconds']:.0f} s of CPU)",
               file=sys.stderr, flush=True)
         if not faults:
@@ -107,13 +109,20 @@ def parser_of(description, seeds):
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--results", type=Path)
     parser.add_argument("--out", type=Path)
+    parser.set_defaults(extra=[])  # further options of the tool
     return parser
 
 
 def main():
     parser = parser_of(__doc__, seeds=400)
     parser.add_argument("scenes", nargs="*")
+    parser.add_argument("--denoise", action="store_true")
+    parser.add_argument("--size", default="64x64")
     options = parser.parse_args()
+    width, height = options.size.split("x")
+    options.extra = [] if options.size == "64x64" else ["--width", width, "--height", height]
+    if options.denoise:
+        options.extra.append("--denoise")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         subprocess.run([sys.executable, str(Path(__file__).with_name("make_scenes.py")), name],

@@ -462,6 +462,17 @@ TEST(ResultLine, ErrorTargetPrintsBoundAndCertainty) {
       "1.5 s");
 }
 
+TEST(ResultLine, DenoisedFramePrintsItsOwnBound) {
+  const auto report = nlohmann::ordered_json::parse(R"({"status": "CONVERGED", "frames": [
+    {"file": "out.exr", "width": 64, "height": 48, "samples": 3072,
+     "estimated": {"error": 0.1, "error_upper95": 0.125},
+     "denoised": {"error_denoised": 0.03, "error_denoised_upper95": 0.05}}]})");
+  EXPECT_EQ(
+      result_line(report, 1.5),
+      "out.exr: 64x48, 3.1 k samples, estimated error 0.03, ≤ 0.05 at 95 % confidence, CONVERGED, "
+      "1.5 s");
+}
+
 TEST(ResultLine, UncertainErrorIsNotClaimed) {
   const auto report = nlohmann::ordered_json::parse(R"({"status": "UNCERTAIN",
     "reasons": ["frame 0: --clamp removed radiance"], "warnings": ["--max-depth cut light"],

@@ -378,5 +378,44 @@ TEST_F(ErrorFilmTest, FixedCountHasNoPassTargets) {
   EXPECT_EQ(cache.stopping(frame_key).looks, 1);
 }
 
+TEST_F(ErrorFilmTest, DenoisedFrameWaitsForItsLook) {
+  settings_.denoise = true;
+  FilmCache cache(kPlenty);
+  open(cache);
+  const auto add_pass = [&](std::int32_t pass) {
+    for (std::int32_t tile = 0; tile < grid_->tile_count(); ++tile) {
+      EXPECT_FALSE(cache.is_look_due(frame_key)) << "tile " << tile << " of pass " << pass;
+      EXPECT_TRUE(cache.add(frame_key, tile, pass, block(tile, pass)).ok());
+      EXPECT_TRUE(cache.take_pass_targets(frame_key)->empty());
+    }
+  };
+  add_pass(0);
+  add_pass(1);
+  ASSERT_TRUE(cache.is_look_due(frame_key));
+  cache.end_look(frame_key, false, 0.2);
+  const auto targets = cache.take_pass_targets(frame_key);
+  ASSERT_TRUE(targets.ok());
+  ASSERT_EQ(targets->size(), static_cast<std::size_t>(grid_->tile_count()));
+  EXPECT_EQ(targets->front().pass_count, 3);
+  EXPECT_FALSE(targets->front().is_final);
+
+  // After a restart the looks are taken again, on the sums that they were taken on.
+  FilmCache restarted(kPlenty);
+  open(restarted);
+  add_pass(2);
+  for (std::int32_t tile = 0; tile < grid_->tile_count(); ++tile) {
+    for (std::int32_t pass = 0; pass < 3; ++pass) {
+      ASSERT_TRUE(restarted.record_committed(frame_key, tile, pass).ok());
+    }
+  }
+  ASSERT_TRUE(restarted.take_pass_targets(frame_key).ok());
+  ASSERT_TRUE(restarted.is_look_due(frame_key));
+  EXPECT_EQ(restarted.tile(frame_key, 0)->pass_count(), 2);
+  restarted.end_look(frame_key, false, 0.2);
+  ASSERT_TRUE(restarted.take_pass_targets(frame_key).ok());
+  ASSERT_TRUE(restarted.is_look_due(frame_key));
+  EXPECT_EQ(restarted.tile(frame_key, 0)->pass_count(), 3);
+}
+
 }  // namespace
 }  // namespace tessera::server
